@@ -1,0 +1,1 @@
+"""The substrate shared by the simulators: it knows no physics."""

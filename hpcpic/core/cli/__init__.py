@@ -1,0 +1,1 @@
+"""WHICH VERB: the commands that every simulator answers."""

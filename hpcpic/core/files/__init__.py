@@ -1,0 +1,1 @@
+"""WHICH FILE: case files, run folders, series and snapshots."""

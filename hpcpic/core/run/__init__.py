@@ -1,0 +1,1 @@
+"""WHEN: the run loop, its triggers, guards, signals, checkpoints and summary."""

@@ -1,0 +1,1 @@
+"""Loops over particles and grid rows: arrays in, arrays out."""
