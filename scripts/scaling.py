@@ -1,0 +1,144 @@
+"""What the two scaling scripts share: run a case for ranks x threads, repeat until the mean is known, tabulate, draw.
+
+A point is repeated until the standard error of the mean step time is 1 % of the mean (the rule of the thesis,
+`stop_SEM`) or the repeats are used up. The points of one table are interleaved, so that a slow minute of the machine
+hits all of them. The first steps of each run (cold caches, first touch) are dropped by the run itself.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import shutil
+import statistics
+import subprocess
+import sys
+import tempfile
+from dataclasses import dataclass, field
+from pathlib import Path
+
+STANDARD_ERROR = 0.01
+
+
+@dataclass
+class Point:
+    """One ranks x threads setting and the step times [s] its repeats measured."""
+
+    ranks: int
+    threads: int
+    sets: tuple[str, ...]
+    estimate: float = float("nan")  # s per step, predicted before the runs
+    seconds: list[float] = field(default_factory=list)
+
+    @property
+    def cores(self) -> int:
+        return self.ranks * self.threads
+
+    def median(self) -> float:
+        return statistics.median(self.seconds)
+
+    def half_interval(self) -> float:
+        """Half the 95 % interval of the mean, Student's t."""
+        n = len(self.seconds)
+        if n < 2:
+            return float("inf")
+        from scipy.stats import t
+
+        return float(t.ppf(0.975, n - 1)) * statistics.stdev(self.seconds) / n**0.5
+
+    def settled(self) -> bool:
+        n = len(self.seconds)
+        return n >= 3 and statistics.stdev(self.seconds) / n**0.5 < STANDARD_ERROR * statistics.mean(self.seconds)
+
+
+def mpirun() -> str:
+    """The launcher beside this Python: another MPI's would start silent single ranks."""
+    beside = Path(sys.executable).with_name("mpirun")
+    return str(beside) if beside.exists() else shutil.which("mpirun") or "mpirun"
+
+
+def measure(app: str, case: str, point: Point, steps: int) -> None:
+    """Run the case once at this point and append its median step time."""
+    with tempfile.TemporaryDirectory(prefix="scaling-") as folder:
+        out = Path(folder) / "run"
+        sets = [argument for s in (*point.sets, f"simulation.cycles={steps}") for argument in ("--set", s)]
+        command = [mpirun(), "-n", str(point.ranks), sys.executable, "-m", app, "run", case, "-o", str(out)]
+        command += ["--threads", str(point.threads), *sets]
+        done = subprocess.run(command, capture_output=True, text=True, env=dict(os.environ, OMP_NUM_THREADS="1"))
+        if done.returncode != 0:
+            sys.exit(f"{' '.join(command)}\nended with {done.returncode}\n{done.stdout[-2000:]}{done.stderr[-2000:]}")
+        summary = json.loads((out / "run.json").read_text())
+    point.seconds.append(summary["step_seconds"]["median"])
+    point.estimate = summary["estimate"]["step_seconds"]
+
+
+def measure_all(app: str, case: str, points: list[Point], steps: int, repeats: int) -> None:
+    """Interleave the points until each is settled or the repeats are used up."""
+    for repeat in range(repeats):
+        for point in points:
+            if not point.settled():
+                measure(app, case, point, steps)
+                print(
+                    f"  repeat {repeat + 1}: {point.ranks} ranks x {point.threads} threads  "
+                    f"{1e3 * point.seconds[-1]:.3f} ms per step",
+                    flush=True,
+                )
+
+
+def table(points: list[Point], efficiency) -> list[dict]:
+    """One row a point; efficiency(point, first) is the law of the script."""
+    first = points[0]
+    return [
+        {
+            "ranks": p.ranks,
+            "threads": p.threads,
+            "step_ms": 1e3 * p.median(),
+            "interval_ms": 1e3 * p.half_interval(),
+            "repeats": len(p.seconds),
+            "efficiency": efficiency(p, first),
+            "estimate_ms": 1e3 * p.estimate,
+            "estimate_error": p.estimate / p.median() - 1,
+        }
+        for p in points
+    ]
+
+
+def report(title: str, rows: list[dict], out: Path) -> None:
+    """Print the table and write it as JSON and as a picture beside each other."""
+    print(f"\n{title}\nranks threads   ms per step   +- (95 %)   efficiency   estimate ms   off by")
+    for r in rows:
+        print(
+            f"{r['ranks']:5d} {r['threads']:7d} {r['step_ms']:13.3f} {r['interval_ms']:12.3f} {r['efficiency']:11.1%}"
+            f" {r['estimate_ms']:13.3f} {r['estimate_error']:+8.1%}"
+        )
+    out.parent.mkdir(parents=True, exist_ok=True)
+    out.with_suffix(".json").write_text(json.dumps({"title": title, "rows": rows}, indent=1) + "\n")
+    draw(title, rows, out.with_suffix(".png"))
+    print(f"\nwritten: {out.with_suffix('.json')}  {out.with_suffix('.png')}")
+
+
+def draw(title: str, rows: list[dict], path: Path) -> None:
+    import matplotlib
+
+    matplotlib.use("Agg")
+    import matplotlib.pyplot as plt
+
+    figure, axes = plt.subplots(figsize=(6, 3.6), layout="constrained")
+    for kind, marker, keep in (
+        ("MPI ranks, one thread each", "o-", lambda r: r["threads"] == 1),
+        ("one rank, threads", "s--", lambda r: r["ranks"] == 1),
+        ("ranks x threads", "^", lambda r: r["ranks"] > 1 and r["threads"] > 1),
+    ):
+        chosen = [r for r in rows if keep(r)]
+        if chosen:
+            cores = [r["ranks"] * r["threads"] for r in chosen]
+            axes.plot(cores, [r["efficiency"] for r in chosen], marker, label=kind)
+    axes.axhline(1, color="0.7", linewidth=0.8)
+    axes.set(xlabel="ranks x threads", ylabel="efficiency", ylim=(0, 1.15), title=title)
+    axes.legend(frameon=False, fontsize=8)
+    figure.savefig(path, dpi=120)
+
+
+def parse_points(text: str) -> list[tuple[int, int]]:
+    """'1x1,2x1,1x2' -> [(1, 1), (2, 1), (1, 2)]"""
+    return [tuple(int(n) for n in part.split("x")) for part in text.split(",")]
