@@ -1,0 +1,262 @@
+"""Typed, frozen configurations: validation of a tree with the place of every fault, and the way back to text."""
+
+import difflib
+import typing
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import Annotated, Any, ClassVar, Self, TypeVar
+
+from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, ValidationError
+from pydantic.fields import FieldInfo
+from pydantic_core import PydanticUndefined
+
+from hpcpic.core.errors import ConfigError
+from hpcpic.core.files.config import Path, Tree, dotted
+
+REQUIRED = ...
+
+
+class Section(BaseModel):
+    """A group of settings: frozen, unknown keys forbidden, an integer widens to float and nothing else converts."""
+
+    model_config = ConfigDict(frozen=True, extra="forbid", strict=True, allow_inf_nan=False)
+
+    # dotted keys ("plot", "species.charge_mass_ratio") that are accepted and have no effect
+    ignored: ClassVar[tuple[str, ...]] = ()
+
+    @classmethod
+    def modernised(cls, tree: Tree) -> None:
+        """Rewrite older spellings in the tree before it is validated; notes go to tree.warnings."""
+
+    def faults(self) -> Iterator[tuple[Path, str]]:
+        """What is wrong between settings that are each right, with the key to change."""
+        return iter(())
+
+    def completed(self) -> Self:
+        """The same configuration with everything filled in that other settings determine."""
+        return self
+
+
+Model = TypeVar("Model", bound=Section)
+
+
+def setting(default: Any, text: str, unit: str = "", **limits: Any) -> Any:
+    """A field with its sentence and unit for `show`; limits are pydantic's (gt, ge, le, min_length ...)."""
+    return Field(default, description=text, json_schema_extra={"unit": unit}, **limits)
+
+
+def as_tuple(value: Any) -> Any:
+    """Lists and lone scalars become tuples: `space_length = 64.0` is a vector of one component."""
+    if isinstance(value, list):
+        return tuple(value)
+    return value if isinstance(value, (tuple, dict)) else (value,)
+
+
+Vector = Annotated[tuple[float, ...], BeforeValidator(as_tuple)]
+Counts = Annotated[tuple[Annotated[int, Field(ge=1)], ...], BeforeValidator(as_tuple)]
+Integers = Annotated[tuple[int, ...], BeforeValidator(as_tuple)]
+Lengths = Annotated[tuple[Annotated[float, Field(gt=0)], ...], BeforeValidator(as_tuple)]
+
+
+def validate(model: type[Model], tree: Tree) -> Model:
+    """The typed configuration. Raises ConfigError with every fault of the tree, each with its place and key."""
+    model.modernised(tree)
+    drop_ignored(model, tree)
+    messages = list(tree.faults)
+    try:
+        config = model.model_validate(tree.data)
+    except ValidationError as error:
+        raise ConfigError(messages + [described(model, tree, fault) for fault in error.errors()]) from None
+    messages += [f"{tree.where(path)}: {dotted(path)}: {text}" for path, text in config.faults()]
+    if messages:
+        raise ConfigError(messages)
+    return config.completed()
+
+
+def drop_ignored(model: type[Section], tree: Tree) -> None:
+    """Take the keys that have no meaning here out of the tree, with one warning that lists them."""
+    found = []
+    for key in model.ignored:
+        *groups, name = key.split(".")
+        for path in matching(tree.data, tuple(groups)):
+            if tree.has((*path, name)):
+                tree.drop((*path, name))
+                found.append(dotted((*path, name)))
+    if found:
+        tree.warnings.append(f"keys without meaning here, ignored: {', '.join(found)}")
+
+
+def matching(data: Any, groups: tuple[str, ...]) -> list[Path]:
+    """The paths of the groups called so; a list of groups gives one path for each element."""
+    paths: list[Path] = [()]
+    for name in groups:
+        following: list[Path] = []
+        for path in paths:
+            value = data
+            for key in path:
+                value = value[key]
+            inner = value.get(name)
+            if isinstance(inner, dict):
+                following.append((*path, name))
+            elif isinstance(inner, (tuple, list)):
+                following += [(*path, name, i) for i, item in enumerate(inner) if isinstance(item, dict)]
+        paths = following
+    return paths
+
+
+def described(model: type[Section], tree: Tree, fault: Any) -> str:
+    """One line: place, key, what is wrong, what was got, what may have been meant."""
+    path = fault["loc"]
+    while path and not tree.has(path) and fault["type"] != "missing":
+        path = path[:-1]  # pydantic adds the names of the alternatives of a union
+    got, kind = fault["input"], fault["type"]
+    if kind == "missing":
+        text, hint, shown = "missing, and there is no default", "", ""
+    elif kind == "extra_forbidden":
+        text, hint, shown = "unknown key", nearest_key(model, path), ""
+    else:
+        text = fault["msg"].replace("Input should be ", "must be ").replace("Value error, ", "")
+        text, shown = plain_words(text), f" (got {abridged(got)})"
+        choices = [word.strip("'") for word in fault.get("ctx", {}).get("expected", "").replace(" or ", ", ").split(", ")]
+        near = difflib.get_close_matches(got, choices, 1, 0.3) if isinstance(got, str) else []
+        hint = f"; did you mean {near[0]!r}?" if near and kind == "literal_error" else ""
+    return f"{tree.where(path)}: {dotted(path) or 'case'}: {text}{shown}{hint}"
+
+
+def plain_words(text: str) -> str:
+    for words, plain in (("a valid dictionary or instance of", "a group { } for"), ("a valid tuple", "a list ( )"),
+                         ("a valid integer", "an integer"), ("a valid number", "a number"),
+                         ("a valid string", 'a text in " "'), ("a valid boolean", "true or false")):
+        text = text.replace(words, plain)
+    return text
+
+
+def abridged(value: Any) -> str:
+    """A value as shown in a message: one line, 60 characters at most, nothing a terminal would obey."""
+    if isinstance(value, bool):
+        return "true" if value else "false"
+    text = "a group { }" if isinstance(value, dict) else ascii(value)
+    return text if len(text) <= 60 else text[:57] + "..."
+
+
+def nearest_key(model: type[Section], path: Path) -> str:
+    """The known key most like the last one of `path`: first in its own group, then anywhere."""
+    *_, name = path
+    own = model
+    for part in path[:-1]:
+        own = section_of(own.model_fields[part]) if isinstance(part, str) else own
+    near = difflib.get_close_matches(str(name), own.model_fields, 1, 0.6)
+    if near:
+        return f"; did you mean {near[0]!r}?"
+    elsewhere = [row.key for row in describe(model) if row.key.rpartition(".")[2] == name]
+    return f"; did you mean {elsewhere[0]!r}?" if elsewhere else ""
+
+
+def section_of(field: FieldInfo) -> type[Section] | None:
+    """The Section inside a field's type (itself, optional or in a tuple), or None."""
+    waiting = [field.annotation]
+    while waiting:
+        kind = waiting.pop()
+        if isinstance(kind, type) and issubclass(kind, Section):
+            return kind
+        waiting += [inner for inner in typing.get_args(kind) if inner is not Ellipsis]
+    return None
+
+
+@dataclass(frozen=True, slots=True)
+class Row:
+    """One key of a schema for `show`."""
+
+    key: str
+    type: str
+    unit: str
+    default: str
+    limits: str
+    text: str
+
+
+def describe(model: type[Section], prefix: str = "") -> list[Row]:
+    """Every key of a schema in order, those of groups in lists as species[].charge."""
+    rows = []
+    for name, field in model.model_fields.items():
+        inner = section_of(field)
+        if inner:
+            mark = "[]" if "tuple" in str(field.annotation) else ""
+            rows += describe(inner, f"{prefix}{name}{mark}.")
+            continue
+        unit = (field.json_schema_extra or {}).get("unit", "")
+        default = "required" if field.is_required() else "" if field.default is None else value_text(field.default)
+        rows.append(Row(prefix + name, type_words(field.annotation), unit, default, limit_words(field), field.description or ""))
+    return rows
+
+
+def limit_words(field: FieldInfo) -> str:
+    """The limits of a field, those of the elements of a vector included."""
+    marks = {"ge": ">=", "gt": ">", "le": "<=", "lt": "<"}
+    inner = typing.get_args(field.annotation)[:1] if typing.get_origin(field.annotation) is tuple else ()
+    limits = [*field.metadata, *(limit for kind in inner for info in typing.get_args(kind)[1:] for limit in info.metadata)]
+    return ", ".join(f"{mark} {getattr(limit, name):g}" for limit in limits for name, mark in marks.items() if hasattr(limit, name))
+
+
+def type_words(annotation: Any) -> str:
+    """A type as users call it."""
+    words = {int: "integer", float: "number", str: "text", bool: "true|false", type(None): ""}
+    if annotation in words:
+        return words[annotation]
+    arguments = typing.get_args(annotation)
+    origin = typing.get_origin(annotation)
+    if origin is typing.Literal:
+        return "|".join(value_text(value) for value in arguments)
+    if origin is tuple:
+        return f"[{type_words(arguments[0])}, ..]"
+    if origin is Annotated:
+        return type_words(arguments[0])
+    return "|".join(filter(None, (type_words(argument) for argument in arguments)))
+
+
+def dump(config: Section) -> str:
+    """libconfig text with every default filled in, which reads back to the same configuration."""
+    return "\n".join(group_lines(config, "")) + "\n"
+
+
+def group_lines(config: Section, indent: str) -> list[str]:
+    lines = []
+    for name, field in type(config).model_fields.items():
+        value = getattr(config, name)
+        if value is None:
+            continue
+        if isinstance(value, Section):
+            lines += [f"{indent}{name} = {{", *group_lines(value, indent + "  "), f"{indent}}};"]
+        elif isinstance(value, tuple) and section_of(field):
+            lines += [f"{indent}{name} = (", *list_lines(value, indent + "  "), f"{indent});"]
+        else:
+            unit = (field.json_schema_extra or {}).get("unit", "")
+            lines.append(f"{indent}{name} = {value_text(value)};" + (f"  # {unit}" if unit else ""))
+    return lines
+
+
+def list_lines(groups: tuple[Section, ...], indent: str) -> list[str]:
+    lines = []
+    for i, group in enumerate(groups):
+        comma = "," if i + 1 < len(groups) else ""
+        lines += [f"{indent}{{", *group_lines(group, indent + "  "), f"{indent}}}{comma}"]
+    return lines
+
+
+def value_text(value: Any) -> str:
+    """A value in libconfig syntax."""
+    if isinstance(value, bool):
+        return "true" if value else "false"
+    if isinstance(value, int):
+        return f"{value}" if -(2**31) <= value < 2**31 else f"{value}L"
+    if isinstance(value, float):
+        return repr(value)
+    if isinstance(value, str):
+        escaped = "".join(ESCAPED.get(c) or (c if c >= " " and c != "\x7f" else f"\\x{ord(c):02x}") for c in value)
+        return f'"{escaped}"'
+    if value is PydanticUndefined:
+        return ""
+    return "[" + ", ".join(value_text(item) for item in value) + "]"
+
+
+ESCAPED = {"\n": "\\n", "\t": "\\t", "\r": "\\r", "\f": "\\f", "\\": "\\\\", '"': '\\"'}

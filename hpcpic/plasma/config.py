@@ -1,0 +1,255 @@
+"""What a plasma case says: the thesis's vocabulary (chapter 11) as a typed, frozen configuration.
+
+Physical order (x, y, z) everywhere. One-dimensional cases have x only. The older spellings of the thesis author's
+program (grid.blocks x blocksize, simulation.method, output.period, scalars for vectors of one component) are
+understood; `completed` replaces them by the present ones.
+"""
+
+import math
+from collections.abc import Iterator
+from typing import Annotated, ClassVar, Literal
+
+from pydantic import Field
+
+from hpcpic.core.files.config import Path, Tree
+from hpcpic.core.files.schema import REQUIRED, Counts, Integers, Lengths, Section, Vector, setting
+
+InitMethod = Literal["default", "random position", "position delta", "harmonic two electrons", "quiet"]
+Period = Annotated[int, Field(ge=0)]
+
+
+class SeriesPeriod(Section):
+    energy: int = setting(1, "steps between samples of the series, 0 = never", "steps", ge=0)
+    field: int | None = setting(None, "steps between snapshots of the fields, 0 = never", "steps", ge=0)
+    particle: int | None = setting(None, "steps between snapshots of the particles, 0 = never", "steps", ge=0)
+
+
+class SnapshotPeriod(Section):
+    field: int | None = setting(None, "steps between snapshots of the fields, 0 = never", "steps", ge=0)
+    particle: int | None = setting(None, "steps between snapshots of the particles, 0 = never", "steps", ge=0)
+
+
+class Simulation(Section):
+    dimensions: Literal[1, 2] | None = setting(None, "1 or 2; by default as many as space_length has")
+    solver: Literal["MFT", "LU"] = setting("MFT", "field solver: multiple Fourier transform, or LU for small grids")
+    cycles: int = setting(REQUIRED, "number of steps", "steps", ge=1)
+    time_step: float = setting(REQUIRED, "time step, negative runs backwards", "s")
+    space_length: Lengths = setting(REQUIRED, "size of the box, [Lx] or [Lx, Ly]", "m", min_length=1, max_length=2)
+    plasma_chunks: int = setting(0, "task blocks per rank, 0 = automatic", ge=0)
+    random_seed: int = setting(1, "seed of the random numbers", ge=0)
+    stop_SEM: float = setting(0.0, "stop when the standard error of the mean step time, times 1.96, is below this "
+                                   "fraction of the mean; 0 = never", ge=0)
+    sampling_period: SeriesPeriod = SeriesPeriod()
+
+
+class Grid(Section):
+    points: Counts | None = setting(None, "grid points, [Nx] or [Nx, Ny]", min_length=1, max_length=2)
+    blocks: Counts | None = setting(None, "older spelling of points: blocks x blocksize", min_length=1, max_length=2)
+    blocksize: Counts | None = setting(None, "older spelling of points: blocks x blocksize", min_length=1, max_length=2)
+
+
+class FieldSection(Section):
+    magnetic: Vector = setting((0.0, 0.0, 0.0), "uniform background magnetic field [Bx, By, Bz]", "T")
+    electric: Vector = setting((0.0, 0.0, 0.0), "uniform external electric field [Ex, Ey, Ez]", "V/m")
+
+
+class Constants(Section):
+    vacuum_permittivity: float = setting(1.0, "permittivity of free space", "F/m", gt=0)
+
+
+class Perturbation(Section):
+    mode: Integers = setting(REQUIRED, "whole wavelengths across the box, [nx] or [nx, ny]; k = 2 pi n / L")
+    amplitude: float = setting(0.0, "relative density a: positions move by (a/k) sin(k.x) along k", gt=-1, lt=1)
+    velocity_amplitude: float = setting(0.0, "velocities change by b sin(k.x) along k", "m/s")
+
+
+class Species(Section):
+    name: str = setting("", "name in the output; by default species_1, species_2, ...")
+    particles: int = setting(REQUIRED, "number of macro-particles", ge=0)
+    charge: float = setting(REQUIRED, "charge of a macro-particle", "C")
+    mass: float = setting(REQUIRED, "mass of a macro-particle", "kg", gt=0)
+    drift_velocity: Vector = setting((), "mean velocity; for \"random position\" without a thermal velocity the "
+                                         "bound v of a uniform distribution in [-v, v]; for \"default\" the speed "
+                                         "of two opposite beams", "m/s", max_length=3)
+    thermal_velocity: float = setting(0.0, "standard deviation of each velocity component", "m/s", ge=0)
+    init_method: InitMethod = setting("default", "how positions and velocities are chosen")
+    position_init: Vector = setting((), "\"position delta\": position of the first particle", "m")
+    position_delta: Vector = setting((), "\"position delta\": step from one particle to the next", "m")
+    perturbation: Perturbation | None = None
+    plasma_frequency: float = setting(0.0, "sets the macro-charge and macro-mass at the given charge-to-mass ratio; "
+                                           "0 = take charge and mass as they are", "rad/s", ge=0)
+
+
+class Output(Section):
+    path: str | None = setting(None, "run folder, when the command line names none")
+    sampling_period: SnapshotPeriod = SnapshotPeriod()
+    openpmd: bool = setting(False, "write snapshots as openPMD too")
+    checkpoint: int = setting(0, "steps between checkpoints, 0 = only at the end and at an early stop", "steps", ge=0)
+
+
+class Numerics(Section):
+    shape: Literal["NGP", "CIC", "TSC"] = setting("CIC", "particle shape: order 0, 1 (the thesis) or 2")
+    gradient: Literal["difference", "spectral"] = setting("difference", "E = -grad phi by (5.13), or by ik and k^2")
+    precision: Literal["double", "single"] = setting("double", "arithmetic of the particles")
+    exact_phase: bool = setting(False, "Boris rotation with t = tan(wc dt/2): exact gyro-phase")
+    reproducible: Literal[True] = setting(True, "same bits for any ranks, threads and task blocks")
+
+
+class PlasmaConfig(Section):
+    """A whole plasma case."""
+
+    ignored: ClassVar[tuple[str, ...]] = (
+        "plot", "constants.light_speed", "constants.boltzmann_constant", "simulation.enable_fftw_threads",
+        "simulation.mft_tap_workers", "simulation.pblock_nmax", "simulation.realtime_plot", "output.slices",
+        "output.alignment", "species.cyclotron_frequency", "species.charge_mass_ratio",
+    )
+
+    description: str = setting("", "one sentence")
+    simulation: Simulation
+    grid: Grid
+    field: FieldSection = FieldSection()
+    constants: Constants = Constants()
+    species: tuple[Species, ...] = ()
+    numerics: Numerics = Numerics()
+    output: Output = Output()
+
+    @property
+    def dimensions(self) -> int:
+        return self.simulation.dimensions or len(self.simulation.space_length)
+
+    @property
+    def periods(self) -> dict[str, int]:
+        """Steps between samples of series, field and particle; 0 = never."""
+        asked, written = self.simulation.sampling_period, self.output.sampling_period
+        return {"series": asked.energy, "field": written.field or 0, "particle": written.particle or 0}
+
+    @classmethod
+    def modernised(cls, tree: Tree) -> None:
+        rename(tree, ("simulation", "method"), ("simulation", "solver"), prefer_old=True)
+        rename(tree, ("output", "period"), ("output", "sampling_period"), prefer_old=False)
+        if tree.has(("simulation", "solver")) and tree.data["simulation"]["solver"] == "MFT_TAP":
+            tree.data["simulation"]["solver"] = "MFT"
+            tree.warnings.append("simulation.solver: MFT_TAP is read as MFT, which has no separate workers here")
+        if tree.has(("simulation", "realtime_plot")):
+            for name in ("field", "particle"):
+                if tree.has(("simulation", "sampling_period", name)):
+                    tree.drop(("simulation", "sampling_period", name))
+                    tree.warnings.append(f"simulation.sampling_period.{name} drove the live plot of realtime_plot; "
+                                         "output.sampling_period asks for snapshots")
+
+    def faults(self) -> Iterator[tuple[Path, str]]:
+        d = self.dimensions
+        simulation = self.simulation
+        if len(simulation.space_length) != d:
+            yield ("simulation", "space_length"), f"needs {d} number(s) in {d}D (got {len(simulation.space_length)})"
+        if simulation.time_step == 0:
+            yield ("simulation", "time_step"), "must not be 0"
+        yield from self.grid_faults(d)
+        for name in ("magnetic", "electric"):
+            vector = getattr(self.field, name)
+            if len(vector) != 3:
+                yield ("field", name), f"needs 3 numbers, one per axis x, y, z (got {len(vector)})"
+        names = [species.name for species in self.species]
+        for i, species in enumerate(self.species):
+            if species.name and species.name in names[:i]:
+                yield ("species", i, "name"), f"{species.name!r} is taken by an earlier species"
+            for key, text in species_faults(species, d):
+                yield ("species", i, *key), text
+
+    def grid_faults(self, d: int) -> Iterator[tuple[Path, str]]:
+        grid = self.grid
+        older = [name for name in ("blocks", "blocksize") if getattr(grid, name) is not None]
+        if grid.points is not None and older:
+            yield ("grid", older[0]), "give either points, or blocks and blocksize"
+        elif grid.points is None and len(older) < 2:
+            yield ("grid", *older), "needs points = [..] (or blocks and blocksize)"
+        for name in ("points", *older):
+            vector = getattr(grid, name)
+            if vector is not None and len(vector) != d:
+                yield ("grid", name), f"needs {d} number(s) in {d}D (got {len(vector)})"
+
+    def completed(self) -> "PlasmaConfig":
+        d, grid = self.dimensions, self.grid
+        points = grid.points or tuple(n * m for n, m in zip(grid.blocks, grid.blocksize))
+        asked, written = self.simulation.sampling_period, self.output.sampling_period
+        written = SnapshotPeriod(
+            field=first_given(written.field, asked.field), particle=first_given(written.particle, asked.particle)
+        )
+        simulation = self.simulation.model_copy(
+            update={"dimensions": d, "sampling_period": SeriesPeriod(energy=asked.energy)}
+        )
+        return self.model_copy(update={
+            "simulation": simulation,
+            "grid": Grid(points=points),
+            "species": tuple(completed_species(species, i, d) for i, species in enumerate(self.species)),
+            "output": self.output.model_copy(update={"sampling_period": written}),
+        })
+
+
+def species_faults(species: Species, d: int) -> Iterator[tuple[Path, str]]:
+    """What does not fit together in one species, in d dimensions."""
+    if species.drift_velocity and len(species.drift_velocity) < d:
+        yield ("drift_velocity",), f"needs {d} numbers in {d}D, or 3 (got {len(species.drift_velocity)})"
+    for name in ("position_init", "position_delta"):
+        vector = getattr(species, name)
+        if vector and len(vector) != d:
+            yield (name,), f"needs {d} number(s) in {d}D (got {len(vector)})"
+    if species.init_method == "position delta":
+        for name in ("position_init", "position_delta"):
+            if not getattr(species, name):
+                yield (), f"{name} is missing, which init_method \"position delta\" needs"
+    if species.init_method == "harmonic two electrons" and species.particles != 2:
+        yield ("particles",), f"must be 2 for init_method \"harmonic two electrons\" (got {species.particles})"
+    if species.plasma_frequency and species.charge == 0:
+        yield ("charge",), "must not be 0 where plasma_frequency is given"
+    if species.perturbation:
+        mode = species.perturbation.mode
+        if len(mode) != d:
+            yield ("perturbation", "mode"), f"needs {d} number(s) in {d}D (got {len(mode)})"
+        elif not any(mode):
+            yield ("perturbation", "mode"), "must not be zero on every axis"
+
+
+def completed_species(species: Species, i: int, d: int) -> Species:
+    """Name given and vectors of full length."""
+    zeros = (0.0,) * 3
+    return species.model_copy(update={
+        "name": species.name or f"species_{i + 1}",
+        "drift_velocity": (species.drift_velocity + zeros)[:3],
+        "position_init": species.position_init or zeros[:d],
+        "position_delta": species.position_delta or zeros[:d],
+    })
+
+
+def first_given(*periods: int | None) -> int:
+    return next((period for period in periods if period is not None), 0)
+
+
+def rename(tree: Tree, old: Path, new: Path, *, prefer_old: bool) -> None:
+    """Move a setting to its present name. prefer_old: which of the two counts when both are there."""
+    if not tree.has(old):
+        return
+    value, place = tree.drop(old), tree.where(old)
+    if tree.has(new) and not prefer_old:
+        return
+    tree.data[new[0]][new[1]] = value
+    for path in [path for path in tree.places if path[: len(old)] == old]:
+        tree.places[(*new, *path[len(old) :])] = tree.places[path]
+    tree.places[new] = place
+
+
+def velocity_components(config: PlasmaConfig) -> int:
+    """Velocity components that the motion needs: 1 or 3 in 1D, 2 or 3 in 2D.
+
+    A third component is there when the magnetic field turns velocities out of the plane (any B in 1D, an in-plane B
+    in 2D), or when something pushes or drifts along an axis that has no grid.
+    """
+    d = config.dimensions
+    bends = any(config.field.magnetic) if d == 1 else any(config.field.magnetic[:2])
+    pushed = any(config.field.electric[d:]) or any(any(s.drift_velocity[d:]) for s in config.species)
+    return 3 if bends or pushed else d
+
+
+def volume(config: PlasmaConfig) -> float:
+    """Length (1D, m) or area (2D, m2) of the box."""
+    return math.prod(config.simulation.space_length)
