@@ -1,6 +1,6 @@
 """What a plasma case says: the thesis's vocabulary (chapter 11) as a typed, frozen configuration.
 
-Physical order (x, y, z) everywhere. One-dimensional cases have x only. The older spellings of the thesis author's
+Vectors are in physical order (x, y, z); one-dimensional cases have x only. Older spellings of the thesis author's
 program (grid.blocks x blocksize, simulation.method, output.period, scalars for vectors of one component) are
 understood; `completed` replaces them by the present ones.
 """
@@ -31,21 +31,33 @@ class SnapshotPeriod(Section):
 
 class Simulation(Section):
     dimensions: Literal[1, 2] | None = setting(None, "1 or 2; by default as many as space_length has")
-    solver: Literal["MFT", "LU"] = setting("MFT", "field solver: multiple Fourier transform, or LU for small grids")
+    solver: Literal["MFT", "LU"] = setting(
+        "MFT", "field solver: multiple Fourier transform, or LU for small grids"
+    )
     cycles: int = setting(REQUIRED, "number of steps", "steps", ge=1)
     time_step: float = setting(REQUIRED, "time step, negative runs backwards", "s")
-    space_length: Lengths = setting(REQUIRED, "size of the box, [Lx] or [Lx, Ly]", "m", min_length=1, max_length=2)
+    space_length: Lengths = setting(
+        REQUIRED, "size of the box, [Lx] or [Lx, Ly]", "m", min_length=1, max_length=2
+    )
     plasma_chunks: int = setting(0, "task blocks per rank, 0 = automatic", ge=0)
     random_seed: int = setting(1, "seed of the random numbers", ge=0)
-    stop_SEM: float = setting(0.0, "stop when the standard error of the mean step time, times 1.96, is below this "
-                                   "fraction of the mean; 0 = never", ge=0)
+    stop_SEM: float = setting(
+        0.0,
+        "stop when the standard error of the mean step time, times 1.96, is below this "
+        "fraction of the mean; 0 = never",
+        ge=0,
+    )
     sampling_period: SeriesPeriod = SeriesPeriod()
 
 
 class Grid(Section):
     points: Counts | None = setting(None, "grid points, [Nx] or [Nx, Ny]", min_length=1, max_length=2)
-    blocks: Counts | None = setting(None, "older spelling of points: blocks x blocksize", min_length=1, max_length=2)
-    blocksize: Counts | None = setting(None, "older spelling of points: blocks x blocksize", min_length=1, max_length=2)
+    blocks: Counts | None = setting(
+        None, "older spelling of points: blocks x blocksize", min_length=1, max_length=2
+    )
+    blocksize: Counts | None = setting(
+        None, "older spelling of points: blocks x blocksize", min_length=1, max_length=2
+    )
 
 
 class FieldSection(Section):
@@ -59,7 +71,9 @@ class Constants(Section):
 
 class Perturbation(Section):
     mode: Integers = setting(REQUIRED, "whole wavelengths across the box, [nx] or [nx, ny]; k = 2 pi n / L")
-    amplitude: float = setting(0.0, "relative density a: positions move by (a/k) sin(k.x) along k", gt=-1, lt=1)
+    amplitude: float = setting(
+        0.0, "relative density a: positions move by (a/k) sin(k.x) along k", gt=-1, lt=1
+    )
     velocity_amplitude: float = setting(0.0, "velocities change by b sin(k.x) along k", "m/s")
 
 
@@ -68,28 +82,42 @@ class Species(Section):
     particles: int = setting(REQUIRED, "number of macro-particles", ge=0)
     charge: float = setting(REQUIRED, "charge of a macro-particle", "C")
     mass: float = setting(REQUIRED, "mass of a macro-particle", "kg", gt=0)
-    drift_velocity: Vector = setting((), "mean velocity; for \"random position\" without a thermal velocity the "
-                                         "bound v of a uniform distribution in [-v, v]; for \"default\" the speed "
-                                         "of two opposite beams", "m/s", max_length=3)
+    drift_velocity: Vector = setting(
+        (),
+        'mean velocity; for "random position" without a thermal velocity the '
+        'bound v of a uniform distribution in [-v, v]; for "default" the speed '
+        "of two opposite beams",
+        "m/s",
+        max_length=3,
+    )
     thermal_velocity: float = setting(0.0, "standard deviation of each velocity component", "m/s", ge=0)
     init_method: InitMethod = setting("default", "how positions and velocities are chosen")
-    position_init: Vector = setting((), "\"position delta\": position of the first particle", "m")
-    position_delta: Vector = setting((), "\"position delta\": step from one particle to the next", "m")
+    position_init: Vector = setting((), '"position delta": position of the first particle', "m")
+    position_delta: Vector = setting((), '"position delta": step from one particle to the next', "m")
     perturbation: Perturbation | None = None
-    plasma_frequency: float = setting(0.0, "sets the macro-charge and macro-mass at the given charge-to-mass ratio; "
-                                           "0 = take charge and mass as they are", "rad/s", ge=0)
+    plasma_frequency: float = setting(
+        0.0,
+        "sets the macro-charge and macro-mass at the given charge-to-mass ratio; "
+        "0 = take charge and mass as they are",
+        "rad/s",
+        ge=0,
+    )
 
 
 class Output(Section):
     path: str | None = setting(None, "run folder, when the command line names none")
     sampling_period: SnapshotPeriod = SnapshotPeriod()
     openpmd: bool = setting(False, "write snapshots as openPMD too")
-    checkpoint: int = setting(0, "steps between checkpoints, 0 = only at the end and at an early stop", "steps", ge=0)
+    checkpoint: int = setting(
+        0, "steps between checkpoints, 0 = only at the end and at an early stop", "steps", ge=0
+    )
 
 
 class Numerics(Section):
     shape: Literal["NGP", "CIC", "TSC"] = setting("CIC", "particle shape: order 0, 1 (the thesis) or 2")
-    gradient: Literal["difference", "spectral"] = setting("difference", "E = -grad phi by (5.13), or by ik and k^2")
+    gradient: Literal["difference", "spectral"] = setting(
+        "difference", "E = -grad phi by (5.13), or by ik and k^2"
+    )
     precision: Literal["double", "single"] = setting("double", "arithmetic of the particles")
     exact_phase: bool = setting(False, "Boris rotation with t = tan(wc dt/2): exact gyro-phase")
     reproducible: Literal[True] = setting(True, "same bits for any ranks, threads and task blocks")
@@ -99,9 +127,17 @@ class PlasmaConfig(Section):
     """A whole plasma case."""
 
     ignored: ClassVar[tuple[str, ...]] = (
-        "plot", "constants.light_speed", "constants.boltzmann_constant", "simulation.enable_fftw_threads",
-        "simulation.mft_tap_workers", "simulation.pblock_nmax", "simulation.realtime_plot", "output.slices",
-        "output.alignment", "species.cyclotron_frequency", "species.charge_mass_ratio",
+        "plot",
+        "constants.light_speed",
+        "constants.boltzmann_constant",
+        "simulation.enable_fftw_threads",
+        "simulation.mft_tap_workers",
+        "simulation.pblock_nmax",
+        "simulation.realtime_plot",
+        "output.slices",
+        "output.alignment",
+        "species.cyclotron_frequency",
+        "species.charge_mass_ratio",
     )
 
     description: str = setting("", "one sentence")
@@ -129,19 +165,26 @@ class PlasmaConfig(Section):
         rename(tree, ("output", "period"), ("output", "sampling_period"), prefer_old=False)
         if tree.has(("simulation", "solver")) and tree.data["simulation"]["solver"] == "MFT_TAP":
             tree.data["simulation"]["solver"] = "MFT"
-            tree.warnings.append("simulation.solver: MFT_TAP is read as MFT, which has no separate workers here")
+            tree.warnings.append(
+                "simulation.solver: MFT_TAP is read as MFT, which has no separate workers here"
+            )
         if tree.has(("simulation", "realtime_plot")):
             for name in ("field", "particle"):
                 if tree.has(("simulation", "sampling_period", name)):
                     tree.drop(("simulation", "sampling_period", name))
-                    tree.warnings.append(f"simulation.sampling_period.{name} drove the live plot of realtime_plot; "
-                                         "output.sampling_period asks for snapshots")
+                    tree.warnings.append(
+                        f"simulation.sampling_period.{name} drove the live plot of realtime_plot; "
+                        "output.sampling_period asks for snapshots"
+                    )
 
     def faults(self) -> Iterator[tuple[Path, str]]:
         d = self.dimensions
         simulation = self.simulation
         if len(simulation.space_length) != d:
-            yield ("simulation", "space_length"), f"needs {d} number(s) in {d}D (got {len(simulation.space_length)})"
+            yield (
+                ("simulation", "space_length"),
+                f"needs {d} number(s) in {d}D (got {len(simulation.space_length)})",
+            )
         if simulation.time_step == 0:
             yield ("simulation", "time_step"), "must not be 0"
         yield from self.grid_faults(d)
@@ -173,17 +216,20 @@ class PlasmaConfig(Section):
         points = grid.points or tuple(n * m for n, m in zip(grid.blocks, grid.blocksize))
         asked, written = self.simulation.sampling_period, self.output.sampling_period
         written = SnapshotPeriod(
-            field=first_given(written.field, asked.field), particle=first_given(written.particle, asked.particle)
+            field=first_given(written.field, asked.field),
+            particle=first_given(written.particle, asked.particle),
         )
         simulation = self.simulation.model_copy(
             update={"dimensions": d, "sampling_period": SeriesPeriod(energy=asked.energy)}
         )
-        return self.model_copy(update={
-            "simulation": simulation,
-            "grid": Grid(points=points),
-            "species": tuple(completed_species(species, i, d) for i, species in enumerate(self.species)),
-            "output": self.output.model_copy(update={"sampling_period": written}),
-        })
+        return self.model_copy(
+            update={
+                "simulation": simulation,
+                "grid": Grid(points=points),
+                "species": tuple(completed_species(species, i, d) for i, species in enumerate(self.species)),
+                "output": self.output.model_copy(update={"sampling_period": written}),
+            }
+        )
 
 
 def species_faults(species: Species, d: int) -> Iterator[tuple[Path, str]]:
@@ -197,9 +243,9 @@ def species_faults(species: Species, d: int) -> Iterator[tuple[Path, str]]:
     if species.init_method == "position delta":
         for name in ("position_init", "position_delta"):
             if not getattr(species, name):
-                yield (), f"{name} is missing, which init_method \"position delta\" needs"
+                yield (), f'{name} is missing, which init_method "position delta" needs'
     if species.init_method == "harmonic two electrons" and species.particles != 2:
-        yield ("particles",), f"must be 2 for init_method \"harmonic two electrons\" (got {species.particles})"
+        yield ("particles",), f'must be 2 for init_method "harmonic two electrons" (got {species.particles})'
     if species.plasma_frequency and species.charge == 0:
         yield ("charge",), "must not be 0 where plasma_frequency is given"
     if species.perturbation:
@@ -213,12 +259,14 @@ def species_faults(species: Species, d: int) -> Iterator[tuple[Path, str]]:
 def completed_species(species: Species, i: int, d: int) -> Species:
     """Name given and vectors of full length."""
     zeros = (0.0,) * 3
-    return species.model_copy(update={
-        "name": species.name or f"species_{i + 1}",
-        "drift_velocity": (species.drift_velocity + zeros)[:3],
-        "position_init": species.position_init or zeros[:d],
-        "position_delta": species.position_delta or zeros[:d],
-    })
+    return species.model_copy(
+        update={
+            "name": species.name or f"species_{i + 1}",
+            "drift_velocity": (species.drift_velocity + zeros)[:3],
+            "position_init": species.position_init or zeros[:d],
+            "position_delta": species.position_delta or zeros[:d],
+        }
+    )
 
 
 def first_given(*periods: int | None) -> int:
@@ -241,8 +289,8 @@ def rename(tree: Tree, old: Path, new: Path, *, prefer_old: bool) -> None:
 def velocity_components(config: PlasmaConfig) -> int:
     """Velocity components that the motion needs: 1 or 3 in 1D, 2 or 3 in 2D.
 
-    A third component is there when the magnetic field turns velocities out of the plane (any B in 1D, an in-plane B
-    in 2D), or when something pushes or drifts along an axis that has no grid.
+    All three are there when the magnetic field turns velocities out of the plane (any B in 1D, an in-plane B in
+    2D), or when something pushes or drifts along an axis that has no grid.
     """
     d = config.dimensions
     bends = any(config.field.magnetic) if d == 1 else any(config.field.magnetic[:2])

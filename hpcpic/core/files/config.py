@@ -1,6 +1,6 @@
-"""Case files: libconfig text, its @include files and the --set list become one tree that knows where each key stands.
+"""Case files: libconfig text, @include files and the --set list become one tree that knows where each key stands.
 
-A file that comes later merges key by key into what came before it; the same key twice in one file is an error.
+A later file merges key by key into what came before it; the same key twice in one file is an error.
 Limits: 16 files, @include 4 deep, 1 MiB each, 32 nested brackets, and nothing outside the main file's folder.
 """
 
@@ -127,7 +127,10 @@ class Reader:
         try:
             text = content.decode("utf-8-sig")
         except UnicodeDecodeError as error:
-            line, column = content.count(b"\n", 0, error.start) + 1, error.start - content.rfind(b"\n", 0, error.start)
+            line, column = (
+                content.count(b"\n", 0, error.start) + 1,
+                error.start - content.rfind(b"\n", 0, error.start),
+            )
             self.broken = True
             self.fault(Place(name, line, column), "not UTF-8 text")
             return
@@ -142,7 +145,7 @@ class Reader:
         self.merge(node, group, path, name, within)
 
     def merge(self, node: Node, group: dict, path: Path, file: str, within: tuple[str, ...]) -> None:
-        """Settings of one group into `group`: groups merge, anything else replaces what an earlier file set."""
+        """Settings of one group into `group`: groups merge, all else replaces what an earlier file set."""
         first: dict[str, Place] = {}
         for entry in node.value:
             place = Place(file, entry.line, entry.column)
@@ -178,7 +181,9 @@ class Reader:
         for other in below:
             del self.tree.places[other]
 
-    def include(self, name: str, place: Place, group: dict, path: Path, file: str, within: tuple[str, ...]) -> None:
+    def include(
+        self, name: str, place: Place, group: dict, path: Path, file: str, within: tuple[str, ...]
+    ) -> None:
         target = os.path.normpath(os.path.join(os.path.dirname(file), name))
         real = os.path.realpath(target)
         problem = None
@@ -199,7 +204,7 @@ class Reader:
 
 
 def file_bytes(path: str) -> bytes:
-    """The content of a regular file of at most MAX_BYTES; a pipe or a device is refused without waiting for it."""
+    """The content of a regular file of at most MAX_BYTES; a pipe or device is refused without waiting."""
     handle = os.open(path, os.O_RDONLY | os.O_NONBLOCK | os.O_CLOEXEC | os.O_NOFOLLOW)
     with os.fdopen(handle, "rb") as stream:
         if not stat.S_ISREG(os.fstat(handle).st_mode):
@@ -242,7 +247,11 @@ def apply_set(tree: Tree, assignment: str) -> str | None:
     last = path[-1]
     if isinstance(parent, tuple) and isinstance(last, int) and last < len(parent):
         return "a list element is a group: set one of its keys"
-    fits = isinstance(last, str) if isinstance(parent, dict) else isinstance(parent, list) and isinstance(last, int)
+    fits = (
+        isinstance(last, str)
+        if isinstance(parent, dict)
+        else isinstance(parent, list) and isinstance(last, int)
+    )
     if not fits or (isinstance(parent, list) and last >= len(parent)):
         return f"there is no {dotted(path)}"
     parent[last] = value

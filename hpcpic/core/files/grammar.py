@@ -1,10 +1,11 @@
 """The libconfig grammar: text of one file to a tree of nodes that know their line and column.
 
 Source: libconfig manual, "Configuration Files" and "Grammar". Stricter than the C library in three points that
-hide mistakes: two settings on one line need a `;` or `,` between them, strings end on the line they start on,
+hide mistakes: two settings on one line need a `;` or `,` between them, a string ends on the line it begins on,
 and a number that does not fit its type (more than 64 bits, more than 1.8e308) is an error.
 """
 
+import itertools
 import re
 from dataclasses import dataclass, field
 from functools import cache
@@ -78,7 +79,7 @@ class Include:
 
 @dataclass(slots=True)
 class Faults:
-    """What is wrong, as (line, column, sentence); a fault that does not hide the rest does not stop the reading."""
+    """What is wrong, as (line, column, sentence); most faults do not stop the reading."""
 
     found: list[tuple[int, int, str]] = field(default_factory=list)
 
@@ -95,14 +96,14 @@ class Builder:
         return Node("group", children[0], 1, 1)
 
     def entries(self, children: list) -> list[Entry | Include]:
-        for one, following in zip(children, children[1:]):
+        for one, following in itertools.pairwise(children):
             entry, ended, end_line = one
             if not ended and end_line == following[0].line:
                 self.faults.add(following[0], f"missing ; after the value of {entry.name!r}")
         return [entry for entry, _, _ in children]
 
     def setting(self, children: list) -> tuple[Entry, bool, int]:
-        name, equal, (node, end_line), ended = children
+        name, _, (node, end_line), ended = children
         return Entry(str(name), node, name.line, name.column), ended, end_line
 
     def separator(self, children: list) -> bool:
@@ -116,7 +117,9 @@ class Builder:
         (token,) = children
         text = token.rstrip("L")
         digits = text.lstrip("+-").lower().replace("q", "o")
-        value = int(digits[:400], 0 if digits[:2] in ("0x", "0b", "0o") else 10) if len(digits) < 400 else 2**64
+        value = (
+            int(digits[:400], 0 if digits[:2] in ("0x", "0b", "0o") else 10) if len(digits) < 400 else 2**64
+        )
         value = -value if text.startswith("-") else value
         if not -(2**63) <= value < 2**63:
             self.faults.add(token, f"the integer {token[:24]} does not fit into 64 bits")
@@ -184,7 +187,7 @@ def parser() -> tuple[Any, Builder]:
 
 
 def parse(text: str) -> tuple[Node, list[tuple[int, int, str]]]:
-    """The root group of `text` and the faults (line, column, sentence); after a fault of syntax the root is empty."""
+    """The root group of `text` and the faults (line, column, sentence); a fault of syntax leaves the root empty."""
     from lark.exceptions import UnexpectedCharacters, UnexpectedToken
 
     faults = Faults()
@@ -251,4 +254,3 @@ def unreadable(text: str, start: int, expected: str) -> str:
 def place_of(text: str, offset: int) -> tuple[int, int]:
     """Line and column, from 1, of a character."""
     return text.count("\n", 0, offset) + 1, offset - text.rfind("\n", 0, offset)
-

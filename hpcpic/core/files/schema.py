@@ -1,4 +1,4 @@
-"""Typed, frozen configurations: validation of a tree with the place of every fault, and the way back to text."""
+"""Typed, frozen configurations: validation of a tree with the place of every fault, and back to text."""
 
 import difflib
 import typing
@@ -17,7 +17,7 @@ REQUIRED = ...
 
 
 class Section(BaseModel):
-    """A group of settings: frozen, unknown keys forbidden, an integer widens to float and nothing else converts."""
+    """A group of settings: frozen, no unknown keys, an integer widens to float and nothing else converts."""
 
     model_config = ConfigDict(frozen=True, extra="forbid", strict=True, allow_inf_nan=False)
 
@@ -59,7 +59,7 @@ Lengths = Annotated[tuple[Annotated[float, Field(gt=0)], ...], BeforeValidator(a
 
 
 def validate(model: type[Model], tree: Tree) -> Model:
-    """The typed configuration. Raises ConfigError with every fault of the tree, each with its place and key."""
+    """The typed configuration. Raises ConfigError with every fault, each with its place and key."""
     model.modernised(tree)
     drop_ignored(model, tree)
     messages = list(tree.faults)
@@ -117,16 +117,24 @@ def described(model: type[Section], tree: Tree, fault: Any) -> str:
     else:
         text = fault["msg"].replace("Input should be ", "must be ").replace("Value error, ", "")
         text, shown = plain_words(text), f" (got {abridged(got)})"
-        choices = [word.strip("'") for word in fault.get("ctx", {}).get("expected", "").replace(" or ", ", ").split(", ")]
+        choices = [
+            word.strip("'")
+            for word in fault.get("ctx", {}).get("expected", "").replace(" or ", ", ").split(", ")
+        ]
         near = difflib.get_close_matches(got, choices, 1, 0.3) if isinstance(got, str) else []
         hint = f"; did you mean {near[0]!r}?" if near and kind == "literal_error" else ""
     return f"{tree.where(path)}: {dotted(path) or 'case'}: {text}{shown}{hint}"
 
 
 def plain_words(text: str) -> str:
-    for words, plain in (("a valid dictionary or instance of", "a group { } for"), ("a valid tuple", "a list ( )"),
-                         ("a valid integer", "an integer"), ("a valid number", "a number"),
-                         ("a valid string", 'a text in " "'), ("a valid boolean", "true or false")):
+    for words, plain in (
+        ("a valid dictionary or instance of", "a group { } for"),
+        ("a valid tuple", "a list ( )"),
+        ("a valid integer", "an integer"),
+        ("a valid number", "a number"),
+        ("a valid string", 'a text in " "'),
+        ("a valid boolean", "true or false"),
+    ):
         text = text.replace(words, plain)
     return text
 
@@ -185,8 +193,19 @@ def describe(model: type[Section], prefix: str = "") -> list[Row]:
             rows += describe(inner, f"{prefix}{name}{mark}.")
             continue
         unit = (field.json_schema_extra or {}).get("unit", "")
-        default = "required" if field.is_required() else "" if field.default is None else value_text(field.default)
-        rows.append(Row(prefix + name, type_words(field.annotation), unit, default, limit_words(field), field.description or ""))
+        default = (
+            "required" if field.is_required() else "" if field.default is None else value_text(field.default)
+        )
+        rows.append(
+            Row(
+                prefix + name,
+                type_words(field.annotation),
+                unit,
+                default,
+                limit_words(field),
+                field.description or "",
+            )
+        )
     return rows
 
 
@@ -194,8 +213,16 @@ def limit_words(field: FieldInfo) -> str:
     """The limits of a field, those of the elements of a vector included."""
     marks = {"ge": ">=", "gt": ">", "le": "<=", "lt": "<"}
     inner = typing.get_args(field.annotation)[:1] if typing.get_origin(field.annotation) is tuple else ()
-    limits = [*field.metadata, *(limit for kind in inner for info in typing.get_args(kind)[1:] for limit in info.metadata)]
-    return ", ".join(f"{mark} {getattr(limit, name):g}" for limit in limits for name, mark in marks.items() if hasattr(limit, name))
+    limits = [
+        *field.metadata,
+        *(limit for kind in inner for info in typing.get_args(kind)[1:] for limit in info.metadata),
+    ]
+    return ", ".join(
+        f"{mark} {getattr(limit, name):g}"
+        for limit in limits
+        for name, mark in marks.items()
+        if hasattr(limit, name)
+    )
 
 
 def type_words(annotation: Any) -> str:
@@ -252,7 +279,9 @@ def value_text(value: Any) -> str:
     if isinstance(value, float):
         return repr(value)
     if isinstance(value, str):
-        escaped = "".join(ESCAPED.get(c) or (c if c >= " " and c != "\x7f" else f"\\x{ord(c):02x}") for c in value)
+        escaped = "".join(
+            ESCAPED.get(c) or (c if c >= " " and c != "\x7f" else f"\\x{ord(c):02x}") for c in value
+        )
         return f'"{escaped}"'
     if value is PydanticUndefined:
         return ""
