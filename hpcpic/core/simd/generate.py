@@ -1,0 +1,46 @@
+"""Kernels written as text for one scene: a module file named by the hash of its content.
+
+Straight-line generated source keeps numba's disk cache and LLVM's vectoriser at work, where closures over
+compiled functions would not.
+"""
+
+import hashlib
+import importlib.util
+import os
+import sys
+import tempfile
+from types import ModuleType
+
+from hpcpic.core.simd.jit import cache_directory
+
+
+def module_from_source(source: str, stem: str) -> ModuleType:
+    """Import `source` as the module `<stem>_<hash>` kept in the cache folder; same text, same module.
+
+    Several processes may do this at once: the file appears complete or not at all, and the first one stays
+    (numba takes a newer file for an edited one).
+    """
+    name = f"{stem}_{hashlib.sha256(source.encode()).hexdigest()[:32]}"
+    if name in sys.modules:
+        return sys.modules[name]
+    path = cache_directory() / f"{name}.py"
+    if not path.exists():
+        descriptor, draft = tempfile.mkstemp(dir=path.parent, prefix=name, suffix=".draft")
+        with os.fdopen(descriptor, "w", encoding="utf-8") as file:
+            file.write(source)
+        try:
+            os.link(draft, path)
+        except FileExistsError:
+            pass  # another process was first, with the same text
+        finally:
+            os.unlink(draft)
+    spec = importlib.util.spec_from_file_location(name, path)
+    assert spec is not None and spec.loader is not None
+    module = importlib.util.module_from_spec(spec)
+    sys.modules[name] = module
+    try:
+        spec.loader.exec_module(module)
+    except BaseException:
+        del sys.modules[name]
+        raise
+    return module
