@@ -1,0 +1,36 @@
+"""Message tags that carry the iteration, so that a late message never matches another iteration's receive."""
+
+from enum import IntEnum
+
+CHANNELS = 64
+WINDOW = 512  # CHANNELS * WINDOW = 32768: the largest tag is the 32767 that MPI guarantees
+
+
+class Channel(IntEnum):
+    """One channel per exchange of a program: at most one message each way between two ranks at a time."""
+
+    POTENTIAL = 0
+    CHARGE = 1
+    FIELD = 2
+    FIELD_2 = 3
+    FIELD_3 = 4
+    FIELD_4 = 5
+    PARTICLES = 8
+    PARTICLES_FAR = 9
+    PARTICLES_2 = 10
+    PARTICLES_2_FAR = 11
+    GHOSTS = 12
+    GHOSTS_VALUES = 13
+    SHARDS = 16
+    RECUT = 17
+    TRANSPOSE = 32  # and the channels after it, one per chunk
+
+    @property
+    def far(self) -> "Channel":
+        """The channel of the second, general round of a migration."""
+        return Channel(self + 1)
+
+
+def tag(iteration: int, channel: int) -> int:
+    """The tag of `channel` at `iteration` >= -2; iterations differ in tag unless they are 512 apart."""
+    return (iteration % WINDOW) * CHANNELS + channel

@@ -1,0 +1,103 @@
+"""The box, its grid and the cuts that share its rows among ranks; arithmetic only."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from itertools import pairwise
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+
+def block_ranges(n: int, parts: int) -> list[tuple[int, int]]:
+    """Ranges (low, high) of n items in `parts` parts; the first ones get the extra items, some may be empty."""
+    size, extra = divmod(n, parts)
+    edges = [part * size + min(part, extra) for part in range(parts + 1)]
+    return list(pairwise(edges))
+
+
+def even_cuts(rows: int, ranks: int) -> tuple[int, ...]:
+    """The ranks + 1 row numbers that share `rows` evenly."""
+    return (0, *(high for _, high in block_ranges(rows, ranks)))
+
+
+def balanced_cuts(cost_per_row: ArrayLike, ranks: int, minimum: int = 0) -> tuple[int, ...]:
+    """Cuts where the prefix sum of the cost is nearest to k/ranks of the total.
+
+    Every slab has at least `minimum` rows; with minimum = 0 none costs more than the mean plus one row.
+    """
+    cost = np.asarray(cost_per_row)
+    rows = len(cost)
+    if rows < minimum * ranks:
+        raise ValueError(f"{rows} rows do not give {ranks} ranks {minimum} rows each")
+    prefix = np.concatenate(([0], np.cumsum(cost)))
+    if prefix[-1] <= 0:
+        return even_cuts(rows, ranks)
+    cuts = [0]
+    for k in range(1, ranks):
+        target = prefix[-1] * (k / ranks)
+        above = int(np.searchsorted(prefix, target))
+        nearest = above - 1 if above > 0 and target - prefix[above - 1] <= prefix[above] - target else above
+        cuts.append(min(max(nearest, cuts[-1] + minimum), rows - (ranks - k) * minimum))
+    return (*cuts, rows)
+
+
+def wrap(x: ArrayLike, length: float) -> NDArray:
+    """x modulo length, in [0, length): what rounds up to length (as -1e-20 does) becomes 0."""
+    y = np.mod(x, length)
+    return np.where(y < length, y, y.dtype.type(0))[()]
+
+
+@dataclass(frozen=True, slots=True)
+class Domain:
+    """Box, grid and slabs in storage order (slab axis first): rank r owns rows cuts[r] to cuts[r + 1] - 1."""
+
+    lengths: tuple[float, ...]
+    points: tuple[int, ...]
+    periodic: tuple[bool, ...]
+    cuts: tuple[int, ...]
+
+    def __post_init__(self) -> None:
+        if not len(self.lengths) == len(self.points) == len(self.periodic):
+            raise ValueError(f"axes differ: {self.lengths}, {self.points}, {self.periodic}")
+        if self.cuts[0] != 0 or self.cuts[-1] != self.points[0] or list(self.cuts) != sorted(self.cuts):
+            raise ValueError(f"cuts {self.cuts} do not share {self.points[0]} rows")
+
+    @property
+    def ndim(self) -> int:
+        return len(self.points)
+
+    @property
+    def ranks(self) -> int:
+        return len(self.cuts) - 1
+
+    @property
+    def spacing(self) -> tuple[float, ...]:
+        return tuple(length / points for length, points in zip(self.lengths, self.points))
+
+    def row_range(self, rank: int) -> tuple[int, int]:
+        """First row of the rank and first row after it."""
+        return self.cuts[rank], self.cuts[rank + 1]
+
+    def shape(self, rank: int) -> tuple[int, ...]:
+        """Points of the rank, without ghosts."""
+        return (self.cuts[rank + 1] - self.cuts[rank], *self.points[1:])
+
+    def owner(self, rows: ArrayLike) -> NDArray[np.int64] | int:
+        """The rank that owns each row (0 <= row < points[0]); never a rank with an empty slab."""
+        ranks = np.searchsorted(self.cuts[1:], rows, side="right")
+        return int(ranks) if np.ndim(rows) == 0 else ranks
+
+    def with_cuts(self, cuts: Sequence[int]) -> "Domain":
+        return replace(self, cuts=tuple(int(cut) for cut in cuts))
+
+
+def ring_neighbours(cuts: Sequence[int], rank: int) -> tuple[int, ...]:
+    """The previous and the next rank with rows on the ring of slabs, each once, and never `rank` itself.
+
+    Empty for a rank without rows: then nobody counts it as a neighbour either.
+    """
+    full = [r for r in range(len(cuts) - 1) if cuts[r + 1] > cuts[r]]
+    if rank not in full:
+        return ()
+    at = full.index(rank)
+    return tuple(sorted({full[at - 1], full[(at + 1) % len(full)]} - {rank}))
