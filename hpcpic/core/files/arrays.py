@@ -1,0 +1,37 @@
+"""What the ranks hand to the writers: every rank its part, with the place of that part in the whole."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+
+@dataclass(frozen=True, slots=True)
+class Shard:
+    """Rows [offset, offset + len(local)) of a global array of `total` rows; the first axis is the cut one."""
+
+    local: NDArray
+    offset: int
+    total: int
+
+
+@dataclass(frozen=True, slots=True)
+class FieldArray:
+    """One field of this rank's slab in storage order: values[rows, ...], a vector has its components last.
+
+    The rows are those of `domain.row_range(rank)`, without ghosts; any strides.
+    """
+
+    values: NDArray
+    unit: str = ""
+
+
+@dataclass(frozen=True, slots=True)
+class ParticleArray:
+    """The particles of one species on this rank, in any order: ids[n], position[n, 3] m, columns[name][n, ...]."""
+
+    ids: NDArray[np.int64]
+    position: NDArray
+    columns: Mapping[str, NDArray] = field(default_factory=dict)
+    units: Mapping[str, str] = field(default_factory=dict)
