@@ -1,7 +1,7 @@
 """What a plasma case says: the thesis's vocabulary (chapter 11) as a typed, frozen configuration.
 
-Vectors are in physical order (x, y, z); one-dimensional cases have x only. Older spellings of the thesis author's
-program (grid.blocks x blocksize, simulation.method, output.period, scalars for vectors of one component) are
+Vectors are in physical order (x, y, z); 1D cases have x only. Older spellings of the thesis author's program
+(grid.blocks x blocksize, simulation.method, output.period, scalars for vectors of one component) are
 understood; `completed` replaces them by the present ones.
 """
 
@@ -289,8 +289,8 @@ def rename(tree: Tree, old: Path, new: Path, *, prefer_old: bool) -> None:
 def velocity_components(config: PlasmaConfig) -> int:
     """Velocity components that the motion needs: 1 or 3 in 1D, 2 or 3 in 2D.
 
-    All three are there when the magnetic field turns velocities out of the plane (any B in 1D, an in-plane B in
-    2D), or when something pushes or drifts along an axis that has no grid.
+    All three are there when the magnetic field turns velocities out of the plane (any B in 1D, an in-plane
+    B in 2D), or when something pushes or drifts along an axis that has no grid.
     """
     d = config.dimensions
     bends = any(config.field.magnetic) if d == 1 else any(config.field.magnetic[:2])

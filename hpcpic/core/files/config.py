@@ -1,4 +1,4 @@
-"""Case files: libconfig text, @include files and the --set list become one tree that knows where each key stands.
+"""Case files: libconfig text, @include files and the --set list as one tree that knows where each key stands.
 
 A later file merges key by key into what came before it; the same key twice in one file is an error.
 Limits: 16 files, @include 4 deep, 1 MiB each, 32 nested brackets, and nothing outside the main file's folder.

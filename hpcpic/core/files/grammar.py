@@ -1,8 +1,8 @@
 """The libconfig grammar: text of one file to a tree of nodes that know their line and column.
 
-Source: libconfig manual, "Configuration Files" and "Grammar". Stricter than the C library in three points that
-hide mistakes: two settings on one line need a `;` or `,` between them, a string ends on the line it begins on,
-and a number that does not fit its type (more than 64 bits, more than 1.8e308) is an error.
+Source: libconfig manual, "Configuration Files" and "Grammar". Stricter than the C library where that hides
+mistakes: two settings on one line need a `;` or `,` between them, a string ends on the line it begins on, and
+a number that does not fit its type (more than 64 bits, more than 1.8e308) is an error.
 """
 
 import itertools
@@ -187,7 +187,7 @@ def parser() -> tuple[Any, Builder]:
 
 
 def parse(text: str) -> tuple[Node, list[tuple[int, int, str]]]:
-    """The root group of `text` and the faults (line, column, sentence); a fault of syntax leaves the root empty."""
+    """The root group of `text`, empty after a fault of syntax, and the faults (line, column, sentence)."""
     from lark.exceptions import UnexpectedCharacters, UnexpectedToken
 
     faults = Faults()
