@@ -149,7 +149,7 @@ class SceneSpecies:
     def quiet_fractions(self, index: NDArray) -> NDArray[np.float64]:
         """Even positions[n, d] in (0, 1).
 
-        1D, and x of a warm 2D species: equal steps. A cold 2D species is a lattice; the y of a warm one, or of
+        1D, and x of a warm 2D species: equal steps. A cold 2D species: a lattice; the y of a warm one, or of
         a number that makes no lattice, is in bit-reversed order.
         """
         even = (index + 0.5) / max(self.n, 1)

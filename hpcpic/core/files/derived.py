@@ -1,0 +1,48 @@
+"""Numbers that follow from a case, with limits: what `check` prints and what stops a run before it starts."""
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+from typing import Literal
+
+from hpcpic.core.errors import ConfigError
+from hpcpic.core.files.config import Path, Tree, dotted
+
+
+@dataclass(frozen=True, slots=True)
+class Derived:
+    """One number. limit: in words, as "< 2". cure: what to change, with a value that is legal.
+
+    verdict "fail" refuses the run; forceable: --force turns that into a warning. key: the setting to change.
+    """
+
+    name: str
+    symbol: str
+    value: float
+    unit: str = ""
+    limit: str = ""
+    verdict: Literal["ok", "warn", "fail"] = "ok"
+    source: str = ""
+    cure: str = ""
+    key: Path = ()
+    forceable: bool = False
+
+    def __str__(self) -> str:
+        unit = f" {self.unit}" if self.unit else ""
+        limit = f" (limit {self.limit}; {self.source})" if self.limit else ""
+        cure = f": {self.cure}" if self.cure else ""
+        return f"{self.name} {self.symbol} = {self.value:.4g}{unit}{limit}{cure}"
+
+
+def enforce(numbers: Iterable[Derived], tree: Tree, force: bool = False) -> list[str]:
+    """The warnings of a case. Raises ConfigError with every refusal, placed at the key to change."""
+    warnings, refusals = [], []
+    for number in numbers:
+        forced = force and number.forceable
+        if number.verdict == "fail" and not forced:
+            hint = " (--force runs it all the same)" if number.forceable else ""
+            refusals.append(f"{tree.where(number.key)}: {dotted(number.key) or 'case'}: {number}{hint}")
+        elif number.verdict != "ok":
+            warnings.append(f"{number} (refused without --force)" if forced else str(number))
+    if refusals:
+        raise ConfigError(refusals)
+    return warnings
