@@ -7,6 +7,7 @@ The result is one ordinary HDF5 file. A process killed at any moment leaves the 
 """
 
 import json
+import math
 import os
 import struct
 from collections.abc import Callable, Iterator, Mapping
@@ -20,7 +21,7 @@ from numpy.typing import NDArray
 
 from hpcpic.core.files.arrays import Shard
 from hpcpic.core.files.safe_hdf5 import import_h5py
-from hpcpic.core.files.together import together
+from hpcpic.core.files.together import Alone, together
 
 if TYPE_CHECKING:
     import h5py
@@ -146,7 +147,7 @@ def structure(image: Image, mode: str) -> Iterator["h5py.File"]:
 def contiguous(group: "h5py.Group", name: str, shape: tuple[int, ...], dtype: Any) -> Slot:
     """A data set of fixed shape whose values the ranks write."""
     dataset = _create(group, name, shape, shape, None, np.dtype(dtype))
-    row_bytes = int(np.prod(shape[1:], dtype=np.int64)) * np.dtype(dtype).itemsize
+    row_bytes = math.prod(shape[1:]) * np.dtype(dtype).itemsize
     return Slot(0, row_bytes, max(1, shape[0]), (dataset.id.get_offset() or 0,))
 
 
@@ -182,7 +183,7 @@ def rows_slot(dataset: "h5py.Dataset", first: int, rows: int) -> Slot:
     chunk_rows = dataset.chunks[0]
     rest = (0,) * (dataset.ndim - 1)
     numbers = range(first // chunk_rows, -(-(first + rows) // chunk_rows))
-    row_bytes = int(np.prod(dataset.shape[1:], dtype=np.int64)) * dataset.dtype.itemsize
+    row_bytes = math.prod(dataset.shape[1:]) * dataset.dtype.itemsize
     return Slot(first, row_bytes, chunk_rows, _addresses(dataset, [(k * chunk_rows, *rest) for k in numbers]))
 
 
@@ -195,7 +196,7 @@ def layer_slot(dataset: "h5py.Dataset", layer: int, axis: int) -> Slot:
         corner = [layer] + [0] * (dataset.ndim - 1)
         corner[axis] = row
         corners.append(tuple(corner))
-    row_bytes = int(np.prod(dataset.shape[axis + 1 :], dtype=np.int64)) * dataset.dtype.itemsize
+    row_bytes = math.prod(dataset.shape[axis + 1 :]) * dataset.dtype.itemsize
     return Slot(0, row_bytes, chunk_rows, _addresses(dataset, corners))
 
 
@@ -203,12 +204,13 @@ def _addresses(dataset: "h5py.Dataset", corners: list[tuple[int, ...]]) -> tuple
     return tuple(dataset.id.get_chunk_info_by_coord(corner).byte_offset for corner in corners)
 
 
-def share_slots(world: "World", slots: Mapping[str, Slot] | None) -> dict[str, Slot]:
+def share_slots(world: "World | Alone", slots: Mapping[str, Slot] | None) -> dict[str, Slot]:
     """The slots of rank 0, on all ranks."""
     text = json.dumps({name: asdict(slot) for name, slot in slots.items()}) if slots is not None else ""
     described = json.loads(world.bcast(text.encode()))
     return {
-        name: Slot(d["first"], d["row_bytes"], d["chunk_rows"], tuple(d["addresses"])) for name, d in described.items()
+        name: Slot(d["first"], d["row_bytes"], d["chunk_rows"], tuple(d["addresses"]))
+        for name, d in described.items()
     }
 
 
@@ -230,7 +232,7 @@ def create(path: Path, build: Callable[["h5py.File"], Mapping[str, Slot]]) -> di
 
 
 def append(
-    world: "World",
+    world: "World | Alone",
     path: Path,
     grow: Callable[["h5py.File"], Mapping[str, Slot]],
     shards: Mapping[str, Shard],
@@ -269,7 +271,9 @@ def append(
             _change(path, announce)
 
 
-def append_alone(path: Path, grow: Callable[["h5py.File"], None], announce: Callable[["h5py.File"], None]) -> None:
+def append_alone(
+    path: Path, grow: Callable[["h5py.File"], None], announce: Callable[["h5py.File"], None]
+) -> None:
     """`append` for one rank and few data, which `grow` writes itself. Raises OSError; the file is then as before."""
     _change(path, grow)
     _change(path, announce)

@@ -6,6 +6,7 @@ from contextlib import contextmanager
 from typing import TYPE_CHECKING
 
 import numpy as np
+from numpy.typing import NDArray
 
 from hpcpic.core.errors import FileError
 
@@ -21,8 +22,33 @@ CURES = {
 }
 
 
+class Alone:
+    """A world of one process, without MPI: for export, plots and reading."""
+
+    rank = 0
+    size = 1
+
+    def bcast(self, content: bytes | None) -> bytes:
+        return content or b""
+
+    def barrier(self) -> None:
+        """Nobody to wait for."""
+
+    def any(self, flag: bool) -> bool:
+        return flag
+
+    def max(self, value: float) -> float:
+        return value
+
+    def sum_int(self, values: NDArray[np.int64]) -> NDArray[np.int64]:
+        return values.copy()
+
+
+ALONE = Alone()
+
+
 @contextmanager
-def together(world: "World", doing: str) -> Iterator[None]:
+def together(world: "World | Alone", doing: str = "") -> Iterator[None]:
     """Run the body on every rank; when it fails on some, all ranks raise the error of the lowest of them.
 
     OSError and FileError become a FileError "doing: what the system says; cure"; any other exception is a bug and
@@ -39,14 +65,18 @@ def together(world: "World", doing: str) -> Iterator[None]:
     raise RuntimeError(message) if is_bug else FileError(message) from error
 
 
-def _spread(world: "World", error: Exception | None, doing: str) -> tuple[str, bool]:
+def _spread(world: "World | Alone", error: Exception | None, doing: str) -> tuple[str, bool]:
     """Message and kind of the error of the lowest failing rank."""
     failing = world.size - int(world.max(float(world.size - world.rank) if error else 0.0))
     buffer = np.zeros(MESSAGE_BYTES, np.uint8)
     if world.rank == failing:
         assert error is not None
         bug = not isinstance(error, OSError | FileError)
-        text = f"{doing}: {explain(error)}" + (f" (rank {failing})" if world.size > 1 else "")
+        text = (
+            (f"{doing}: " if doing else "")
+            + explain(error)
+            + (f" (rank {failing})" if world.size > 1 else "")
+        )
         content = text.encode()[: MESSAGE_BYTES - 1]
         buffer[0] = bug
         buffer[1 : 1 + len(content)] = np.frombuffer(content, np.uint8)

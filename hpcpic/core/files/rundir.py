@@ -1,0 +1,333 @@
+"""The folder of a run: made once, never overwritten unasked, held by one run at a time."""
+
+import csv
+import fcntl
+import io
+import json
+import math
+import os
+import platform
+import shutil
+import subprocess
+import sys
+from collections.abc import Mapping, Sequence
+from datetime import UTC, datetime
+from importlib.metadata import PackageNotFoundError, version
+from pathlib import Path
+from typing import IO, Any
+
+import hpcpic
+from hpcpic.core.errors import FileError
+from hpcpic.core.files.together import explain
+
+RUN_NAMES = (
+    "run.json",
+    "config.conf",
+    "given",
+    "log.txt",
+    "timers.csv",
+    "series.h5",
+    "series.csv",
+    "fields.vtkhdf",
+    "particles.vtkhdf",
+    "openpmd",
+    "checkpoints",
+    "STOP",
+    "report.html",
+)
+LOCK = ".lock"
+PACKAGES = ("numpy", "numba", "mpi4py", "h5py", "pyfftw", "scipy", "mpich", "openmpi")
+
+
+def temporary(path: Path, pid: int | str | None = None) -> Path:
+    """The name a file has while this process writes it."""
+    return path.with_name(f".{path.name}.{pid or os.getpid()}.tmp")
+
+
+def write_atomic(path: Path, content: str | bytes) -> None:
+    """Replace a file: all of it is there, or the old one is. Raises FileError."""
+    made = temporary(path)
+    try:
+        with open(made, "wb") as file:
+            file.write(content.encode() if isinstance(content, str) else content)
+            file.flush()
+            os.fsync(file.fileno())
+        os.replace(made, path)
+        descriptor = os.open(path.parent, os.O_RDONLY | os.O_CLOEXEC)
+        try:
+            os.fsync(descriptor)
+        finally:
+            os.close(descriptor)
+    except OSError as error:
+        made.unlink(missing_ok=True)
+        raise FileError(f"cannot write {path}: {explain(error)}") from error
+
+
+class RunDir:
+    """Names inside a run folder. `RunDir(path)` only names; `create` and `open` look, and `create` and `lock` hold it.
+
+    Written by rank 0; the other ranks use RunDir(path) for the names.
+    """
+
+    def __init__(self, path: Path | str) -> None:
+        self.path = Path(path)
+        self.run_json = self.path / "run.json"
+        self.config = self.path / "config.conf"
+        self.given = self.path / "given"
+        self.log = self.path / "log.txt"
+        self.timers = self.path / "timers.csv"
+        self.fields = self.path / "fields.vtkhdf"
+        self.particles = self.path / "particles.vtkhdf"
+        self.openpmd = self.path / "openpmd"
+        self.checkpoints = self.path / "checkpoints"
+        self.stop_file = self.path / "STOP"
+        self._lock: IO[bytes] | None = None
+
+    @classmethod
+    def create(
+        cls,
+        path: Path | str,
+        force: bool = False,
+        *,
+        config: str,
+        given: Mapping[str, str | bytes] | None = None,
+        sets: Sequence[str] = (),
+        facts: Mapping[str, Any] | None = None,
+    ) -> "RunDir":
+        """Make the folder with config.conf, given/ and run.json (status "running" and `facts`), and hold its lock.
+
+        `given` maps file names (paths relative to the case's folder) to contents. A folder that holds a run is refused
+        unless `force`, which removes that run's files and nothing else. Raises FileError; nothing is left behind then.
+        """
+        rundir = cls(path)
+        made = _missing_parents(rundir.path)
+        try:
+            rundir.path.mkdir(parents=True, exist_ok=True)
+            rundir._refuse_run(force)
+            rundir.lock()
+            rundir._refuse_run(force)
+            _probe(rundir.path)
+            for name in RUN_NAMES:
+                _remove(rundir.path / name)
+            rundir._fill(config, given or {}, sets)
+            rundir.update(status="running", started=_now(), **(facts or {}))
+        except BaseException as error:
+            rundir._undo(made)
+            if isinstance(error, OSError):
+                raise FileError(f"cannot make the run folder {rundir.path}: {explain(error)}") from error
+            raise
+        return rundir
+
+    @classmethod
+    def open(cls, path: Path | str) -> "RunDir":
+        """A folder that holds a run. Raises FileError when it does not."""
+        rundir = cls(path)
+        if not rundir.path.is_dir():
+            raise FileError(f"{path}: no such folder; `run` makes one")
+        if not rundir.run_json.is_file():
+            raise FileError(f"{path}: not a run folder (no run.json in it)")
+        return rundir
+
+    def _refuse_run(self, force: bool) -> None:
+        found = [name for name in RUN_NAMES if (self.path / name).exists() and name != "STOP"]
+        if found and not force:
+            raise FileError(
+                f"{self.path} holds a run already ({', '.join(found[:4])}{', ...' if len(found) > 4 else ''}); "
+                "choose another folder with -o, go on with `restart`, or replace that run with --force"
+            )
+
+    def _fill(self, config: str, given: Mapping[str, str | bytes], sets: Sequence[str]) -> None:
+        self.given.mkdir()
+        for name, content in given.items():
+            target = self.given / Path(name)
+            if not target.resolve().is_relative_to(self.given.resolve()):
+                target = self.given / Path(name).name
+            target.parent.mkdir(parents=True, exist_ok=True)
+            write_atomic(target, content)
+        write_atomic(self.given / "set.txt", "".join(f"{line}\n" for line in sets))
+        write_atomic(self.config, config)
+
+    def _undo(self, made: list[Path]) -> None:
+        """Remove what `create` made, if it was at it: the lock is held from the first change on."""
+        if self._lock is not None:
+            for name in ("given", "config.conf", "run.json"):
+                _remove(self.path / name)
+            self.unlock()
+        for folder in made:
+            if folder.is_dir() and not any(folder.iterdir()):
+                folder.rmdir()
+
+    def lock(self) -> None:
+        """Hold the folder until `unlock` or the end of the process; clean up after dead ones. Raises FileError."""
+        path = self.path / LOCK
+        while True:
+            file = open(path, "a+b")  # noqa: SIM115 - stays open as long as the lock is held
+            try:
+                fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+            except BlockingIOError:
+                file.seek(0)
+                owner = file.read(200).decode(errors="replace").strip() or "another process"
+                file.close()
+                raise FileError(
+                    f"{self.path} is in use by {owner}; wait for it or choose another folder"
+                ) from None
+            if path.exists() and os.path.samestat(os.fstat(file.fileno()), os.stat(path)):
+                break
+            file.close()  # its holder has just removed it
+        file.truncate(0)
+        file.write(f"process {os.getpid()} on {platform.node()}\n".encode())
+        file.flush()
+        self._lock = file
+        self._sweep()
+
+    def unlock(self) -> None:
+        if self._lock is not None:
+            (self.path / LOCK).unlink(missing_ok=True)
+            self._lock.close()
+            self._lock = None
+
+    def _sweep(self) -> None:
+        """Remove temporary files of processes that are gone."""
+        for path in [*self.path.glob(".*.tmp"), *self.path.glob("*/.*.tmp")]:
+            pid = path.name.split(".")[-2]
+            if pid.isdigit() and not _alive(int(pid)):
+                path.unlink(missing_ok=True)
+
+    def read_run(self) -> dict[str, Any]:
+        """Content of run.json. Raises FileError."""
+        try:
+            content = json.loads(self.run_json.read_bytes())
+        except FileNotFoundError as error:
+            raise FileError(f"{self.path}: not a run folder (no run.json in it)") from error
+        except (OSError, ValueError, RecursionError) as error:
+            raise FileError(f"{self.run_json}: cannot be read ({error})") from error
+        if not isinstance(content, dict):
+            raise FileError(f"{self.run_json}: not a JSON object")
+        return content
+
+    def update(self, **facts: Any) -> None:
+        """Set keys of run.json; the file is replaced as a whole. Numbers that are not finite become null."""
+        content = self.read_run() if self.run_json.exists() else {}
+        content.update({key: _plain(value) for key, value in facts.items()})
+        write_atomic(self.run_json, json.dumps(content, indent=1, allow_nan=False) + "\n")
+
+    def finish(self, status: str, exit_code: int, **facts: Any) -> None:
+        """Last entry in run.json: how the run ended."""
+        self.update(status=status, exit_code=exit_code, finished=_now(), **facts)
+
+    def write_timers(self, sections: Mapping[str, Mapping[str, float]]) -> None:
+        """timers.csv: a row per section; the columns are the keys (min, avg, max in seconds, share, ...)."""
+        columns = list(dict.fromkeys(key for row in sections.values() for key in row))
+        text = io.StringIO()
+        writer = csv.writer(text, lineterminator="\n")
+        writer.writerow(["section", *columns])
+        writer.writerows([name, *(row.get(key, "") for key in columns)] for name, row in sections.items())
+        write_atomic(self.timers, text.getvalue())
+
+    def stop_asked(self) -> bool:
+        """Whether the user has put a file STOP there."""
+        return self.stop_file.exists()
+
+
+def _missing_parents(path: Path) -> list[Path]:
+    """The folders that do not exist yet, innermost first."""
+    return [folder for folder in (path, *path.parents) if not folder.exists()]
+
+
+def _probe(folder: Path) -> None:
+    """Fail now rather than at the first output: no permission, read-only, full. Raises OSError."""
+    probe = temporary(folder / "probe")
+    try:
+        with open(probe, "wb") as file:
+            os.posix_fallocate(file.fileno(), 0, 65536)
+    finally:
+        probe.unlink(missing_ok=True)
+
+
+def _remove(path: Path) -> None:
+    if path.is_dir() and not path.is_symlink():
+        shutil.rmtree(path)
+    else:
+        path.unlink(missing_ok=True)
+
+
+def _alive(pid: int) -> bool:
+    try:
+        os.kill(pid, 0)
+    except ProcessLookupError:
+        return False
+    except PermissionError:
+        return True
+    return True
+
+
+def _now() -> str:
+    return datetime.now(UTC).isoformat(timespec="seconds")
+
+
+def _plain(value: Any) -> Any:
+    """What JSON can hold."""
+    if isinstance(value, Mapping):
+        return {str(key): _plain(item) for key, item in value.items()}
+    if isinstance(value, str | bool | int) or value is None:
+        return value
+    if isinstance(value, float):
+        return float(value) if math.isfinite(value) else None
+    if isinstance(value, list | tuple):
+        return [_plain(item) for item in value]
+    if hasattr(value, "tolist"):  # numpy scalars and arrays
+        return _plain(value.tolist())
+    return str(value)
+
+
+def provenance(mpi_library: str = "") -> dict[str, Any]:
+    """What produced a run: versions, git state of the program, machine, command line. No environment variables."""
+    return {
+        "versions": {"hpcpic": hpcpic.__version__, "python": platform.python_version(), **_versions()},
+        "git": _git(Path(hpcpic.__file__).resolve().parent),
+        "mpi": " ".join(mpi_library.split()),
+        "cpu": _cpu(),
+        "cores": os.cpu_count(),
+        "host": platform.node(),
+        "system": platform.platform(),
+        "command": list(sys.argv),
+        "python": sys.executable,
+    }
+
+
+def _versions() -> dict[str, str]:
+    found = {}
+    for name in PACKAGES:
+        try:
+            found[name] = version(name)
+        except PackageNotFoundError:
+            continue
+    return found
+
+
+def _git(folder: Path) -> dict[str, Any] | None:
+    """Commit of the repository that holds the package, and whether files differ from it; None for an installed copy."""
+    if not (folder.parent / ".git").exists():
+        return None
+
+    def ask(*words: str) -> str:
+        run = subprocess.run(
+            ["git", "-C", folder, *words], capture_output=True, text=True, timeout=10, check=True
+        )
+        return run.stdout.strip()
+
+    try:
+        return {"commit": ask("rev-parse", "HEAD"), "dirty": bool(ask("status", "--porcelain", "--", "."))}
+    except (OSError, subprocess.SubprocessError):
+        return None
+
+
+def _cpu() -> str:
+    try:
+        lines = Path("/proc/cpuinfo").read_text().splitlines()
+    except OSError:
+        return platform.processor()
+    return next(
+        (line.partition(":")[2].strip() for line in lines if line.startswith("model name")),
+        platform.machine(),
+    )
