@@ -1,0 +1,56 @@
+"""Shipped cases: their names, and the header at the top of each file.
+
+A header is a block of comments `# what: ...`, `# source: ...`, `# expected: ...`, `# time: ...`; a comment line
+that starts with more than one space goes on with the line before it.
+"""
+
+import difflib
+import os
+import re
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+
+from hpcpic.core.errors import ConfigError
+
+
+@dataclass(frozen=True, slots=True)
+class Header:
+    what: str = ""
+    source: str = ""
+    expected: str = ""
+    time: str = ""
+
+
+def read_header(path: str | os.PathLike) -> Header:
+    """The header of a case file; what the file does not say is empty."""
+    parts: dict[str, str] = {}
+    key = ""
+    for line in Path(path).read_text(encoding="utf-8", errors="replace").splitlines():
+        started = re.fullmatch(r"# (what|source|expected|time): *(.*)", line)
+        if started:
+            key = started[1]
+            parts[key] = started[2].strip()
+        elif key and re.match(r"#  +\S", line):
+            parts[key] += " " + line[1:].strip()
+        else:
+            break
+    return Header(**parts)
+
+
+def cases_in(*folders: Path) -> dict[str, Path]:
+    """Name and file of every case in the first of the folders that exists."""
+    folder = next((folder for folder in folders if folder.is_dir()), None)
+    return {path.stem: path for path in sorted(folder.glob("*.conf"))} if folder else {}
+
+
+def find_case(case: str, shipped: Mapping[str, Path]) -> Path:
+    """The file of a case given by path or by the name of a shipped case. Raises ConfigError."""
+    path = Path(case)
+    if path.is_file():
+        return path
+    if case in shipped:
+        return shipped[case]
+    near = difflib.get_close_matches(case, shipped, 1)
+    hint = f"; did you mean {near[0]!r}?" if near else f"; shipped cases: {', '.join(shipped)}"
+    raise ConfigError(f"{case}: no such file, and no shipped case is called so{hint}")
