@@ -1,0 +1,167 @@
+"""Scalars in time: series.h5 and series.csv, written by rank 0.
+
+Rows are buffered and appended by a short open-write-close, so a process killed at any moment leaves readable files. In the
+HDF5 file `step` grows last and tells how many rows are valid.
+"""
+
+import csv
+import os
+import time as clock
+from collections.abc import Mapping
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hpcpic.core.errors import FileError
+from hpcpic.core.files import image
+from hpcpic.core.files.rundir import RunDir, temporary, write_atomic
+from hpcpic.core.files.safe_hdf5 import open_checked
+from hpcpic.core.files.together import explain
+
+if TYPE_CHECKING:
+    import h5py
+
+CHUNK_ROWS = 512
+FLUSH_SECONDS = 5.0
+STEP, TIME = "step", "time"
+
+
+class Series(dict[str, NDArray]):
+    """name -> values[rows], with `units` of each name and `step`, `time` of the rows."""
+
+    def __init__(self, values: Mapping[str, NDArray], units: Mapping[str, str], step: NDArray, time: NDArray) -> None:
+        super().__init__(values)
+        self.units = dict(units)
+        self.step = step
+        self.time = time
+
+
+class SeriesWriter:
+    """Appends rows to the series of a run. For rank 0."""
+
+    def __init__(self, rundir: RunDir, units: Mapping[str, str], after: int | None = None) -> None:
+        """A new series; at a restart the rows up to step `after` of the present one are kept, later ones dropped.
+
+        A scalar that one part of the run lacks is NaN there. Raises FileError.
+        """
+        self._h5 = rundir.path / "series.h5"
+        self._csv = rundir.path / "series.csv"
+        self._units = dict(units)
+        self._rows: list[tuple[int, float, list[float]]] = []
+        self._flushed = clock.monotonic()
+        kept = read_series(rundir.path) if after is not None and self._h5.exists() else None
+        self._start(_cut(kept, after) if kept is not None and after is not None else None)
+
+    def _start(self, kept: Series | None) -> None:
+        if kept is not None:
+            self._units = {**kept.units, **self._units}
+            rows = len(kept.step)
+            columns = [kept.get(name, np.full(rows, np.nan)) for name in self._units]
+            self._rows = [
+                (int(kept.step[k]), float(kept.time[k]), [float(column[k]) for column in columns]) for k in range(rows)
+            ]
+        made = temporary(self._h5)
+        try:
+            made.unlink(missing_ok=True)
+            image.create(made, self._build)
+            os.replace(made, self._h5)
+        except OSError as error:
+            made.unlink(missing_ok=True)
+            raise FileError(f"cannot make {self._h5}: {explain(error)}") from error
+        write_atomic(self._csv, _lines([[STEP, TIME, *self._units], ["1", "s", *self._units.values()]]))
+        self.flush()
+
+    def _build(self, file: "h5py.File") -> dict[str, image.Slot]:
+        for name, dtype, unit in [
+            (STEP, np.int64, "1"),
+            (TIME, np.float64, "s"),
+            *((name, np.float64, unit) for name, unit in self._units.items()),
+        ]:
+            image.growing(file, name, (), dtype, (CHUNK_ROWS,)).attrs["units"] = unit
+        return {}
+
+    def append(self, step: int, time: float, values: Mapping[str, float]) -> None:
+        """Add a row; every few seconds the buffer goes to the files. A missing value is NaN. Raises FileError."""
+        self._rows.append((int(step), float(time), [float(values.get(name, np.nan)) for name in self._units]))
+        if clock.monotonic() - self._flushed > FLUSH_SECONDS:
+            self.flush()
+
+    def flush(self) -> None:
+        """Bring the buffered rows to the files. Raises FileError; the files keep the rows they had."""
+        if not self._rows:
+            return
+        rows, self._rows = self._rows, []
+        self._flushed = clock.monotonic()
+        steps = np.array([row[0] for row in rows], np.int64)
+        columns = {
+            TIME: np.array([row[1] for row in rows]),
+            **{name: np.array([row[2][k] for row in rows]) for k, name in enumerate(self._units)},
+        }
+        try:
+            image.append_alone(self._h5, lambda file: _extend(file, columns), lambda file: _announce(file, steps))
+        except OSError as error:
+            raise FileError(f"cannot append to {self._h5}: {explain(error)}") from error
+        self._append_csv(_lines([[repr(step), repr(time), *map(repr, values)] for step, time, values in rows]))
+
+    def _append_csv(self, text: str) -> None:
+        with open(self._csv, "r+b", buffering=0) as file:
+            old = file.seek(0, os.SEEK_END)
+            try:
+                image.write_all(file.fileno(), text.encode(), old)
+            except OSError as error:
+                file.truncate(old)
+                raise FileError(f"cannot append to {self._csv}: {explain(error)}") from error
+
+
+def _extend(file: "h5py.File", columns: Mapping[str, NDArray]) -> None:
+    first = len(file[STEP])
+    for name, values in columns.items():
+        image.extend(file[name], first + len(values))
+        file[name][first : first + len(values)] = values
+
+
+def _announce(file: "h5py.File", steps: NDArray[np.int64]) -> None:
+    first = len(file[STEP])
+    image.extend(file[STEP], first + len(steps))
+    file[STEP][first:] = steps
+
+
+def _lines(rows: list[list[str]]) -> str:
+    return "".join(",".join(row) + "\n" for row in rows)
+
+
+def _cut(series: Series, after: int) -> Series:
+    keep = series.step <= after
+    return Series(
+        {name: values[keep] for name, values in series.items()}, series.units, series.step[keep], series.time[keep]
+    )
+
+
+def read_series(folder: Path | str) -> Series:
+    """The series of a run folder, up to the last complete row. Raises FileError."""
+    with open_checked(Path(folder) / "series.h5") as file:
+        step = file.dataset(STEP, np.int64, (None,))[:]
+        rows = len(step)
+        time = file.dataset(TIME, np.float64, (None,))[:rows]
+        values, units = {}, {}
+        for name in file.names():
+            if name in (STEP, TIME):
+                continue
+            values[name] = file.dataset(name, np.float64, (None,))[:rows]
+            units[name] = str(file.attribute(name, "units"))
+        return Series(values, units, step, time)
+
+
+def read_csv(path: Path | str) -> Series:
+    """A series.csv: a row of names, a row of units, numbers. Raises FileError."""
+    try:
+        with open(path, newline="") as file:
+            names, units, *rows = list(csv.reader(file))
+        table = np.array(rows, np.float64).reshape(len(rows), len(names))
+    except (OSError, ValueError) as error:
+        raise FileError(f"{path}: cannot be read as a series ({error})") from error
+    columns = dict(zip(names, table.T, strict=True))
+    step, time = columns.pop(STEP).astype(np.int64), columns.pop(TIME)
+    return Series(columns, dict(zip(names, units, strict=True)), step, time)
