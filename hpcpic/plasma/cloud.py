@@ -1,0 +1,274 @@
+"""All particles of one rank, and the kernels of the scene that move them."""
+
+import inspect
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import DTypeLike, NDArray
+
+from hpcpic.core.comm.tags import Channel
+from hpcpic.core.comm.world import World
+from hpcpic.core.errors import Diverged
+from hpcpic.core.space.domain import Domain
+from hpcpic.core.tasks import Bound, Pool, TaskError, bind
+from hpcpic.plasma.kernels.specialise import specialise
+from hpcpic.plasma.tiles import PAGE, Pages, Tiles
+
+NODES = {"NGP": 1, "CIC": 2, "TSC": 3}
+GHOSTS = {"NGP": (0, 1), "CIC": (0, 1), "TSC": (1, 2)}  # layers of nodes below and above that a shape reaches
+CHUNK = 1 << 16  # particles placed or read at a time
+WHOLE_BITS = {8: 44, 4: 20}  # a particle's charge is 2^44 parts, in single precision 2^20 (that of its position)
+
+
+@dataclass(frozen=True, slots=True)
+class Law:
+    """What the kernels are made for: axes, shape, velocity components, rotation 0 none, 1 about z, 2 any; type."""
+
+    dimensions: int
+    shape: str
+    velocities: int
+    rotation: int
+    dtype: DTypeLike
+
+    @property
+    def components(self) -> int:
+        return self.dimensions + self.velocities
+
+    def kernels(self, plain: bool = False):
+        """The compiled module of this law; `plain` for the reference where there is a vector one."""
+        dtype = np.dtype(self.dtype)
+        return specialise(
+            ("pages", "plain"),
+            DIM=self.dimensions,
+            NODES=NODES[self.shape],
+            VELOCITIES=self.velocities,
+            COMPONENTS=self.components,
+            ROTATION=self.rotation,
+            REAL=f"np.{dtype.name}",
+            LANES=64 // dtype.itemsize,
+        )
+
+
+class Cloud:
+    """Particles of one rank in pages; `patches` holds the charge of each block after `push` and `deliver`.
+
+    e[axis] is E of the slab [rows, columns] with the ghosts of the shape on the axes that have neighbours, scaled in
+    the kernels by `scale`, a power of two; mover[species, 10] see kernels.plain.boris; charge[species] =
+    (group, parts of one particle with sign).
+    """
+
+    def __init__(
+        self,
+        world: World,
+        pool: Pool,
+        domain: Domain,
+        law: Law,
+        blocks: int,
+        mover: NDArray,
+        charge: NDArray[np.int64],
+        e: Sequence[NDArray[np.float64]],
+        scale: float,
+        capacity: int,
+        plain: bool = False,
+    ) -> None:
+        self.world, self.pool, self.law = world, pool, law
+        self.n_species = len(charge)
+        self.tiles = tiles = Tiles(domain, world.rank, blocks)
+        self.blocks = blocks
+        slots = len(tiles.parts) * self.n_species
+        self.pages = Pages(slots, blocks, law.components, law.dtype, capacity // PAGE + slots + 64)
+        self.record_bytes = law.components * np.dtype(law.dtype).itemsize + 8
+        if world.size > 1:
+            from hpcpic.core.comm.migrate import Migrate
+        self.messages = Migrate(world, self.record_bytes, Channel.PARTICLES) if world.size > 1 else None
+        self.owner = np.asarray(domain.owner(np.arange(domain.points[0])), np.int32)
+        below, above = GHOSTS[law.shape]
+        self._patches(int(charge[:, 0].max(initial=-1)) + 1, below, above)
+        lead = below if domain.ndim == 2 else 0
+        self.names = dict(
+            n_species=self.n_species,
+            points=tiles.points,
+            origin=np.array([tiles.rows[0] - lead, tiles.columns[0] - below]),
+            row_part=tiles.row_part,
+            column_part=tiles.column_part,
+            column_stride=tiles.column_stride,
+            parts=tiles.parts,
+            e_x=e[0],
+            e_y=e[-1],
+            scale=float(scale),
+            mover=np.ascontiguousarray(mover, law.dtype),
+            charge=charge,
+            head=self.pages.head,
+            count=self.pages.count,
+            counters=self.pages.counters,
+            lists=self.pages.lists,
+        )
+        self.kernels = law.kernels(plain)
+        self._bounds: list[tuple[Bound, list[tuple[int, str]]]] = []
+        with world.first_on_node():
+            self._compile()
+        self._version = self.pages.moved
+
+    def _patches(self, groups: int, below: int, above: int) -> None:
+        """Patches of all blocks in one array: group, rows and columns with ghosts; `places` see kernels.charge."""
+        tiles = self.tiles
+        lead = below if self.law.dimensions == 2 else 0
+        rows = tiles.rows[1] - tiles.rows[0] + (below + above if self.law.dimensions == 2 else 0)
+        widths = [b - a + below + above for a, b in tiles.block_columns]
+        starts = np.cumsum([0] + [-(-groups * rows * width // 8) * 8 for width in widths])
+        self.patches = np.zeros(starts[-1], np.int64)
+        slab = tiles.columns[0] - below if self.law.dimensions == 1 else 0  # first column of the slab's array
+        self.places = np.array(
+            [(start, a - below - slab, width) for start, (a, _), width in zip(starts, tiles.block_columns, widths)]
+        )
+        self.patch = [
+            self.patches[start : start + groups * rows * width].reshape(groups, rows, width)
+            for start, width in zip(starts, widths)
+        ]
+        self.corner = [np.array([tiles.rows[0] - lead, a - below]) for a, _ in tiles.block_columns]
+
+    def _compile(self) -> None:
+        """Bind the kernels of the step, and load those that Python calls."""
+        blocks, ranges = range(self.blocks), self.tiles.ranges
+        self._push = [
+            self._bound(
+                self.kernels.push, block=b, first=ranges[b][0], last=ranges[b][1], corner=self.corner[b],
+                patch=self.patch[b],
+            )
+            for b in blocks
+        ]  # fmt: skip
+        self._deliver = [
+            self._bound(self.kernels.deliver, block=b, corner=self.corner[b], patch=self.patch[b]) for b in blocks
+        ]
+        self._rewind = [
+            self._bound(self.kernels.rewind, first=ranges[b][0], last=ranges[b][1]) for b in blocks
+        ]
+        nothing = np.zeros((0, self.record_bytes), np.uint8)
+        self.place(0, np.zeros((0, self.law.dimensions)), np.zeros((0, self.law.velocities)), np.zeros(0))
+        self._unpack(nothing)
+        self._outgoing()
+        self.export(0)
+
+    def _bound(self, kernel, **more) -> Bound:
+        """The kernel with its arguments by name: `more`, those of this object, or arrays of the pages."""
+        values = self.names | more
+        names = list(inspect.signature(kernel.py_func).parameters)
+        bound = bind(kernel, *(values[name] if name in values else getattr(self.pages, name) for name in names))
+        self._bounds.append((bound, [(k, name) for k, name in enumerate(names) if name in Pages.GROWING]))
+        return bound
+
+    def _each(self, bounds: list[Bound]) -> None:
+        """Run tasks after telling them where the arrays are now. Raises Diverged."""
+        if self._version != self.pages.moved:
+            for bound, places in self._bounds:
+                for k, name in places:
+                    bound.update(k, getattr(self.pages, name))
+            self._version = self.pages.moved
+        try:
+            self.pool.each(bounds)
+        except TaskError as error:
+            if error.code == self.kernels.DIVERGED:
+                raise Diverged("a particle's position is not a number, or it moved 2^31 cells in a step") from error
+            raise
+
+    @property
+    def n(self) -> int:
+        """Particles of this rank."""
+        return int(self.pages.count.sum())
+
+    def place(self, species: int, x: NDArray, v: NDArray, numbers: NDArray) -> None:
+        """Take in new particles: x[n, d] in cells of the grid, v[n, v] in cells per step; migrate and deliver next."""
+        self.pages.room(int(self.pages.counters[-1, 1]) + len(x))
+        code = self.kernels.place(
+            np.ascontiguousarray(x, np.float64), np.ascontiguousarray(v, self.law.dtype),
+            np.ascontiguousarray(numbers, np.uint32), species, *self._grid, *self._box(-1), self.pages.counters[-1],
+        )  # fmt: skip
+        if code:
+            raise Diverged("an initial position is not a finite number")
+
+    def push(self) -> None:
+        """x^n, v^(n-1/2) -> x^(n+1), v^(n+1/2); charge of those who stay in their tile part."""
+        counts = self.pages.count
+        slots = [counts[a * self.n_species : b * self.n_species].sum() for a, b in self.tiles.ranges]
+        self.pages.room(int(max(slots)))
+        self._each(self._push)
+
+    def rewind(self, mover: NDArray) -> None:
+        """v^0 -> v^(-1/2) with a mover of half a step backwards."""
+        forwards = self.names["mover"].copy()
+        self.names["mover"][:] = mover
+        self._each(self._rewind)
+        self.names["mover"][:] = forwards
+
+    def migrate(self, iteration: int) -> None:
+        """Particles bound for other ranks go there; theirs come into the box from outside."""
+        if self.messages is None:
+            return
+        self.messages.start(iteration, self._outgoing())
+        for records in self.messages.finish():
+            self._take_in(records)
+
+    def admit(self, records: NDArray[np.uint8]) -> None:
+        """Take in particles from records (see kernels.pages.pack); migrate and deliver next."""
+        self._take_in(records)
+
+    def _take_in(self, records: NDArray[np.uint8]) -> None:
+        """Records into the box from outside; when it is full, deliver what is there first."""
+        if int(self.pages.counters[-1, 1]) + len(records) > self.pages.box_size:
+            self.deliver()
+            self.pages.room(len(records))
+        self._unpack(records)
+
+    def deliver(self) -> None:
+        """Particles from all boxes into their slots, with their charge; the boxes are empty then."""
+        arrivals = self.pages.lists[:, 1, :].sum(axis=0)
+        for block, (a, b) in enumerate(self.tiles.ranges):
+            n = int(arrivals[block])
+            self.pages.need(block, n // PAGE + min(n, (b - a) * self.n_species) + 1)
+        self._each(self._deliver)
+        self.pages.clear()
+
+    def _box(self, box: int) -> tuple[NDArray, ...]:
+        pages = self.pages
+        return pages.moving[box], pages.moving_id[box], pages.moving_slot[box], pages.link[box], pages.lists[box]
+
+    @property
+    def _grid(self) -> tuple:
+        tiles = self.tiles
+        return (
+            self.n_species, tiles.points, tiles.row_part, tiles.column_part, tiles.column_stride, tiles.parts,
+        )  # fmt: skip
+
+    def _views(self, records: NDArray[np.uint8]) -> tuple[NDArray, NDArray]:
+        return records.view(self.law.dtype), records.view(np.int32)
+
+    def _outgoing(self) -> dict[int, NDArray[np.uint8]]:
+        """Records by rank of all that is bound for other ranks."""
+        records = np.empty((0, self.record_bytes), np.uint8)
+        ends = np.zeros(self.world.size, np.int64)
+        for counting in (True, False):
+            if not counting:
+                starts = np.cumsum(ends) - ends
+                records, ends = np.empty((ends.sum(), self.record_bytes), np.uint8), starts.copy()
+            for box in range(len(self.pages.lists)):
+                self.kernels.pack(
+                    self.owner, self.n_species, self.tiles.points, *self._views(records), ends, *self._box(box)
+                )
+        self.pages.lists[:, 0, -1], self.pages.lists[:, 1, -1] = -1, 0
+        return {int(rank): records[starts[rank] : ends[rank]] for rank in np.flatnonzero(ends > starts)}
+
+    def _unpack(self, records: NDArray[np.uint8]) -> None:
+        self.kernels.unpack(*self._views(records), *self._grid, *self._box(-1), self.pages.counters[-1])
+
+    def export(self, species: int) -> tuple[NDArray, NDArray, NDArray]:
+        """Numbers[n], tiles[n] and components[n, c] of this rank's particles of a species, in any order."""
+        pages = self.pages
+        n = int(pages.count[species :: self.n_species].sum())
+        numbers, tiles = np.empty(n, np.int64), np.empty(n, np.int64)
+        components = np.empty((n, self.law.components), self.law.dtype)
+        self.kernels.export(
+            species, self.n_species, self.tiles.parts, pages.pool, pages.ids, pages.chain, pages.head, pages.count,
+            numbers, tiles, components,
+        )  # fmt: skip
+        return numbers, tiles, components

@@ -1,0 +1,58 @@
+"""Charge from the blocks' patches to the rows of the slab, as integers, and to rho as numbers."""
+
+import numpy as np
+
+from hpcpic.core.simd.jit import njit
+
+GOOD, OVERFLOW = 0, 3
+LARGEST = 2**62  # parts of a particle on a node
+
+
+@njit
+def add_row(row, patch):
+    """row += patch, equally long."""
+    for i in range(row.size):
+        row[i] += patch[i]
+
+
+@njit
+def collect(first, last, ring, patches, places, slab):
+    """slab[group, first:last, columns] = sum of the blocks' patches, whose edges overlap.
+
+    places[block] = (where its patch [group, row, column] starts in `patches`, its first column, its columns); the
+    columns of the slab are a ring, or lie between ghosts and none is outside.
+    """
+    groups, rows, columns = slab.shape
+    for group in range(groups):
+        for r in range(first, last):
+            line = slab[group, r]
+            line[:] = 0
+            for block in range(places.shape[0]):
+                width = places[block, 2]
+                start = places[block, 0] + (group * rows + r) * width
+                done = 0
+                while done < width:
+                    column = places[block, 1] + done
+                    if ring:
+                        column %= columns
+                    n = min(width - done, columns - column)
+                    add_row(line[column : column + n], patches[start + done : start + done + n])
+                    done += n
+
+
+@njit
+def density(first, last, below, weight, slab, rho):
+    """rho[first:last, columns] = sum over groups of weight[group] x slab, `below` ghost rows apart (5.1), C/m^d.
+
+    Returns OVERFLOW when a node holds so many parts that the next step could exceed an integer.
+    """
+    for r in range(first, last):
+        for c in range(rho.shape[1]):
+            total = 0.0
+            for group in range(slab.shape[0]):
+                parts = slab[group, below + r, c]
+                if abs(parts) > LARGEST:
+                    return OVERFLOW
+                total += weight[group] * parts
+            rho[r, c] = total
+    return GOOD

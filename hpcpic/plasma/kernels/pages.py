@@ -1,0 +1,193 @@
+"""Particles of a slot (tile part, species) in a chain of pages, and the boxes of those that change their slot.
+
+A page holds PAGE particles as packs of lanes, `pool[page, pack, component, lane]` (components x, y, vx, vy, vz as
+far as the scene has them; positions in cells from the anchor of the tile, velocities in cells per step), and their
+numbers `ids[page, particle]`. `head[slot]` is the youngest page, the only one not full; `chain[page]` the next older
+one. A block takes pages from and gives them to its own stack `free[: counters[0]]`.
+
+A box holds particles under way: components `moving[k]`, number `moving_id[k]`, where to `moving_slot[k]`; its lists,
+one per block of this rank and a last one for other ranks, start at `lists[0, block]` and go on by `link[k]`; -1 ends;
+`lists[1, block]` is their length. `counters[1]` counts a box's particles. To other ranks, `moving_slot` is global: tile number x species + species.
+"""
+
+import numpy as np
+
+from hpcpic.core.simd.jit import njit
+
+DIM = 2  # axes of the grid
+COMPONENTS = 4  # of a particle: positions and velocities
+REAL = np.float64  # precision of a particle
+LANES = 8  # of a pack: one cache line
+
+PAGE = 128
+TILE = 16 if DIM == 2 else 256  # cells of a tile along an axis; in 1D one row
+GOOD, DIVERGED, NO_PAGE = 0, 1, 2
+FARTHEST = 2.0**31  # cells in one step; beyond it, or not a number, is no motion
+
+
+@njit
+def append(slot, pool, ids, chain, head, count, free, counters):
+    """Page and place for one more particle of the slot; (-1, 0) when the block has no free page."""
+    place = count[slot] % PAGE
+    page = np.int64(head[slot])
+    if place == 0:
+        if counters[0] == 0:
+            return np.int64(-1), place
+        counters[0] -= 1
+        page = np.int64(free[counters[0]])
+        chain[page] = head[slot]
+        head[slot] = page
+    count[slot] += 1
+    return page, place
+
+
+@njit
+def fill_holes(slot, holes, n, pool, ids, chain, head, count, free, counters):
+    """Move the last particles of the slot into the places `holes[:n]` = page x PAGE + place, last place first."""
+    for k in range(n):
+        count[slot] -= 1
+        last, page = count[slot] % PAGE, np.int64(head[slot])
+        to, place = holes[k] // PAGE, holes[k] % PAGE
+        if to != page or place != last:
+            for c in range(COMPONENTS):
+                pool[to, place // LANES, c, place % LANES] = pool[page, last // LANES, c, last % LANES]
+            ids[to, place] = ids[page, last]
+        if last == 0:
+            head[slot] = chain[page]
+            free[counters[0]] = page
+            counters[0] += 1
+
+
+@njit
+def settle(x, anchor, n):
+    """Global cell and position from its tile's anchor of a particle at `x` from `anchor` on a ring of n cells.
+
+    A position inside the tile keeps its bits; elsewhere the fraction is carried over, and what rounds up to the
+    next cell is in the next cell, so that no position ever equals the end of its tile.
+    """
+    k = np.floor(x)
+    if k >= 0 and k < min(TILE, n - anchor) and REAL(x) == x:
+        return anchor + np.int64(k), REAL(x)
+    fraction = x - k
+    cell = anchor + np.int64(k)
+    if fraction >= 1:
+        cell, fraction = cell + 1, fraction * 0
+    cell %= n
+    position = REAL(cell % TILE + fraction)
+    if position >= cell % TILE + 1:
+        cell = (cell + 1) % n
+        position = REAL(cell % TILE)
+    return cell, position
+
+
+@njit
+def destination(row, column, species, n_species, points, row_part, column_part, column_stride, parts, lists):
+    """Slot and list of a global cell: of this rank, or the global slot in the last list."""
+    if row_part[row] >= 0 and column_part[column] >= 0:
+        part = np.int64(column_part[column]) + np.int64(row_part[row]) * np.int64(column_stride[column])
+        return part * n_species + species, parts[part, 7]
+    tiles = (points[1] + TILE - 1) // TILE
+    tile = (row // TILE) * tiles + column // TILE if DIM == 2 else column // TILE
+    return tile * n_species + species, np.int64(lists.shape[1] - 1)
+
+
+@njit
+def list_up(slot, target, moving_slot, link, lists, counters):
+    """Enter the next particle of the box, bound for `slot`, in list `target`; its number in the box."""
+    k = counters[1]
+    counters[1] += 1
+    moving_slot[k] = slot
+    link[k] = lists[0, target]
+    lists[0, target] = k
+    lists[1, target] += 1
+    return k
+
+
+@njit
+def place(x, v, numbers, species, n_species, points, row_part, column_part, column_stride, parts,
+          moving, moving_id, moving_slot, link, lists, counters):  # fmt: skip
+    """Put new particles into the box: x[n, DIM] in cells of the grid, v[n, COMPONENTS - DIM], numbers[n].
+
+    Returns DIVERGED for a position that is not finite.
+    """
+    for p in range(x.shape[0]):
+        for d in range(DIM):
+            if not abs(x[p, d]) < FARTHEST:
+                return DIVERGED
+        column, position_x = settle(x[p, 0], 0, points[1])
+        row, position_y = np.int64(0), REAL(0)
+        if DIM == 2:
+            row, position_y = settle(x[p, DIM - 1], 0, points[0])
+        slot, target = destination(
+            row, column, species, n_species, points, row_part, column_part, column_stride, parts, lists
+        )
+        k = list_up(slot, target, moving_slot, link, lists, counters)
+        moving[k, 0] = position_x
+        if DIM == 2:
+            moving[k, 1] = position_y
+        for c in range(v.shape[1]):
+            moving[k, DIM + c] = v[p, c]
+        moving_id[k] = numbers[p]
+    return GOOD
+
+
+@njit
+def pack(owner, n_species, points, records_real, records_int, at, moving, moving_id, moving_slot, link,
+         lists):  # fmt: skip
+    """Records of the box's particles bound for other ranks; at[rank] is where the rank's next record goes.
+
+    A record is the components, the global slot and the number; `records_real` and `records_int` are the same
+    memory. Without room (no records) they are only counted. `owner[row]` (1D: column) is the rank.
+    """
+    tiles = (points[1] + TILE - 1) // TILE
+    k = np.int64(lists[0, lists.shape[1] - 1])
+    while k >= 0:
+        tile = np.int64(moving_slot[k]) // n_species
+        if DIM == 2:
+            rank = owner[tile // tiles * TILE + np.int64(moving[k, DIM - 1])]
+        else:
+            rank = owner[tile * TILE + np.int64(moving[k, 0])]
+        n = at[rank]
+        if records_real.shape[0] > 0:
+            for c in range(COMPONENTS):
+                records_real[n, c] = moving[k, c]
+            records_int[n, records_int.shape[1] - 2] = moving_slot[k]
+            records_int[n, records_int.shape[1] - 1] = np.int32(moving_id[k])
+        at[rank] = n + 1
+        k = np.int64(link[k])
+
+
+@njit
+def unpack(records_real, records_int, n_species, points, row_part, column_part, column_stride, parts,
+           moving, moving_id, moving_slot, link, lists, counters):  # fmt: skip
+    """Put the particles of records into the box."""
+    tiles = (points[1] + TILE - 1) // TILE
+    for p in range(records_real.shape[0]):
+        tile, species = divmod(np.int64(records_int[p, records_int.shape[1] - 2]), n_species)
+        row, column = np.int64(0), tile * TILE + np.int64(records_real[p, 0])
+        if DIM == 2:
+            row = tile // tiles * TILE + np.int64(records_real[p, DIM - 1])
+            column = tile % tiles * TILE + np.int64(records_real[p, 0])
+        slot, target = destination(
+            row, column, species, n_species, points, row_part, column_part, column_stride, parts, lists
+        )
+        k = list_up(slot, target, moving_slot, link, lists, counters)
+        for c in range(COMPONENTS):
+            moving[k, c] = records_real[p, c]
+        moving_id[k] = np.uint32(records_int[p, records_int.shape[1] - 1])
+
+
+@njit
+def export(species, n_species, parts, pool, ids, chain, head, count, numbers, tiles, components):
+    """All particles of a species: numbers[n], tiles[n] and components[n, COMPONENTS], in the order of the pages."""
+    n = 0
+    for part in range(parts.shape[0]):
+        slot = part * n_species + species
+        page, used = np.int64(head[slot]), (count[slot] - 1) % PAGE + 1
+        while page >= 0:
+            for place in range(used):
+                numbers[n], tiles[n] = ids[page, place], parts[part, 0]
+                for c in range(COMPONENTS):
+                    components[n, c] = pool[page, place // LANES, c, place % LANES]
+                n += 1
+            page, used = np.int64(chain[page]), PAGE

@@ -1,0 +1,273 @@
+"""The particle kernels of one block, one particle after the other: the reference, for every shape and dimension.
+
+Every kernel works on the tile parts `parts[first:last]` = (tile, anchor row, anchor column, rows from and to,
+columns from and to relative to the anchor, block). Fields e_x, e_y [rows, columns] carry the ghosts the shape needs,
+their first node is (origin[0], origin[1]) of the grid; `scale` is a power of two that brings them to numbers near one.
+Charge goes to the block's patch[group, row, column], whose first node is (corner[0], corner[1]), in integer parts of
+a particle: charge[species] = (group, parts of one particle with the sign of its charge).
+In 1D there is one row.
+"""
+
+import numpy as np
+
+from hpcpic.core.simd.jit import njit
+from hpcpic.plasma.kernels.lanes import fma
+from hpcpic.plasma.kernels.pages import (
+    COMPONENTS,
+    DIVERGED,
+    FARTHEST,
+    GOOD,
+    LANES,
+    NO_PAGE,
+    PAGE,
+    append,
+    destination,
+    fill_holes,
+    list_up,
+    settle,
+)
+
+DIM = 2  # axes of the grid
+NODES = 2  # of the shape along an axis: 1 NGP, 2 CIC, 3 TSC
+VELOCITIES = 2  # components
+ROTATION = 0  # 0 no magnetic field, 1 along z, 2 any direction
+REAL = np.float64  # precision of a particle
+
+ZERO, HALF, ONE, THREE_QUARTERS = REAL(0), REAL(0.5), REAL(1), REAL(0.75)
+
+
+@njit
+def support(x):
+    """First node and weights of the shape at x: W of (5.2) for CIC, the nearest node (NGP), the parabola (TSC)."""
+    if NODES == 2:
+        node = np.floor(x)
+        return np.int64(node), ONE - (x - node), x - node, ZERO
+    node = np.floor(x + HALF)
+    if NODES == 1:
+        return np.int64(node), ONE, ZERO, ZERO
+    d = x - node
+    left, right = HALF - d, HALF + d
+    return np.int64(node) - 1, HALF * (left * left), THREE_QUARTERS - d * d, HALF * (right * right)
+
+
+@njit
+def gather(e, row, column, x, y, scale):
+    """E at the particle (5.14); (row, column) of the tile's anchor in e. CIC in the form a + b f + (c + d f) g."""
+    i, u0, u1, u2 = support(x)
+    i += column
+    if DIM == 1 and NODES == 2:
+        left, right = e[row, i] * scale, e[row, i + 1] * scale
+        return fma(u1, REAL(right - left), REAL(left))
+    if DIM == 1:
+        u = (u0, u1, u2)
+        total = ZERO
+        for a in range(NODES):
+            total = fma(u[a], REAL(e[row, i + a] * scale), total)
+        return total
+    j, w0, w1, w2 = support(y)
+    j += row
+    if NODES == 2:
+        e00, e10, e01, e11 = e[j, i] * scale, e[j, i + 1] * scale, e[j + 1, i] * scale, e[j + 1, i + 1] * scale
+        a, b, c, d = REAL(e00), REAL(e10 - e00), REAL(e01 - e00), REAL((e11 - e10) - (e01 - e00))
+        return fma(w1, fma(u1, d, c), fma(u1, b, a))
+    u, w = (u0, u1, u2), (w0, w1, w2)
+    total = ZERO
+    for b in range(NODES):
+        line = ZERO
+        for a in range(NODES):
+            line = fma(u[a], REAL(e[j + b, i + a] * scale), line)
+        total = fma(w[b], line, total)
+    return total
+
+
+@njit
+def boris(vx, vy, vz, ex, ey, m):
+    """Boris (5.4.1): half of the electric impulse, rotation about B, the other half.
+
+    m = (impulse of E along x, y; of the uniform field along an axis y, z without a grid; t and s of the rotations
+    about z, y, x). Without a magnetic field the impulse is the whole one. Each rotation is three shears, with the
+    ratio of the cell sides in t and s: exactly reversible, and |v| does not drift however s is rounded.
+    """
+    ux = fma(m[0], ex, vx)  # v-
+    uy = fma(m[1], ey, vy) if DIM == 2 else vy + m[2]
+    uz = vz + m[3]
+    if ROTATION == 0:
+        return ux, uy, uz
+    if ROTATION == 2:
+        uy = fma(m[8], uz, uy)
+        uz = fma(m[9], uy, uz)
+        uy = fma(m[8], uz, uy)
+        uz = fma(m[6], ux, uz)
+        ux = fma(m[7], uz, ux)
+        uz = fma(m[6], ux, uz)
+    ux = fma(m[4], uy, ux)
+    uy = fma(m[5], ux, uy)
+    ux = fma(m[4], uy, ux)
+    return fma(m[0], ex, ux), (fma(m[1], ey, uy) if DIM == 2 else uy + m[2]), uz + m[3]
+
+
+@njit
+def deposit(patch, group, unit, row, column, x, y):
+    """Charge of one particle (5.1), `unit` parts in all, exactly; (row, column) of the tile's anchor in the patch."""
+    whole = REAL(unit)
+    i, u0, u1, u2 = support(x)
+    i += column
+    j, w0, w1, w2 = (np.int64(0), ONE, ZERO, ZERO) if DIM == 1 else support(y)
+    j += row
+    if NODES == 1:
+        patch[group, j, i] += unit
+    elif NODES == 2:
+        along = np.int64(np.rint(u1 * whole))
+        if DIM == 1:
+            patch[group, j, i] += unit - along
+            patch[group, j, i + 1] += along
+        else:
+            across, both = np.int64(np.rint(w1 * whole)), np.int64(np.rint(u1 * (w1 * whole)))
+            patch[group, j, i] += unit - along - across + both
+            patch[group, j, i + 1] += along - both
+            patch[group, j + 1, i] += across - both
+            patch[group, j + 1, i + 1] += both
+    else:
+        rest, middle = unit, 1 if DIM == 2 else 0
+        u, w = (u0, u1, u2), (w0, w1, w2)
+        for b in range(3 if DIM == 2 else 1):
+            for a in range(3):
+                if a != 1 or b != middle:
+                    share = np.int64(np.rint(u[a] * (w[b] * whole)))
+                    rest -= share
+                    patch[group, j + b, i + a] += share
+        patch[group, j + middle, i + 1] += rest
+
+
+@njit
+def depart(page, place, slot, part, n_species, points, row_part, column_part, column_stride, parts, pool, ids,
+           moving, moving_id, moving_slot, link, lists, counters):  # fmt: skip
+    """Enter a particle that left its tile part in the block's box, whatever its speed."""
+    pack, lane = place // LANES, place % LANES
+    x, y = pool[page, pack, 0, lane], pool[page, pack, DIM - 1, lane]
+    if not (abs(x) < FARTHEST and abs(y) < FARTHEST):
+        return DIVERGED
+    column, x = settle(x, parts[part, 2], points[1])
+    row = np.int64(0)
+    if DIM == 2:
+        row, y = settle(y, parts[part, 1], points[0])
+    target_slot, target = destination(
+        row, column, slot % n_species, n_species, points, row_part, column_part, column_stride, parts, lists
+    )
+    k = list_up(target_slot, target, moving_slot, link, lists, counters)
+    moving_id[k] = ids[page, place]
+    for c in range(DIM, COMPONENTS):
+        moving[k, c] = pool[page, pack, c, lane]
+    if DIM == 2:
+        moving[k, DIM - 1] = y
+    moving[k, 0] = x
+    return GOOD
+
+
+@njit
+def push(block, first, last, n_species, points, origin, corner, row_part, column_part, column_stride, parts, e_x, e_y, scale,
+         mover, charge, pool, ids, chain, head, count, free, holes,
+         moving, moving_id, moving_slot, link, lists, counters, patch):  # fmt: skip
+    """x^n, v^(n-1/2) -> x^(n+1), v^(n+1/2) (5.18), (5.19); those who stay leave their charge, the others depart."""
+    free, holes, moving, moving_id = free[block], holes[block], moving[block], moving_id[block]
+    moving_slot, link, lists, counters = moving_slot[block], link[block], lists[block], counters[block]
+    lists[0, :] = -1
+    lists[1, :] = 0
+    counters[1] = 0
+    patch[:] = 0
+    for part in range(first, last):
+        row, column = parts[part, 1], parts[part, 2]
+        for slot in range(part * n_species, (part + 1) * n_species):
+            m = mover[slot % n_species]
+            group, unit = charge[slot % n_species, 0], charge[slot % n_species, 1]
+            page, used, n_holes = np.int64(head[slot]), (count[slot] - 1) % PAGE + 1, 0
+            while page >= 0:
+                for place in range(used - 1, -1, -1):
+                    pack, lane = place // LANES, place % LANES
+                    x, y, vy, vz = pool[page, pack, 0, lane], ZERO, ZERO, ZERO
+                    ey = ZERO
+                    vx = pool[page, pack, DIM, lane]
+                    if VELOCITIES > 1:
+                        vy = pool[page, pack, DIM + 1, lane]
+                    if VELOCITIES > 2:
+                        vz = pool[page, pack, DIM + 2, lane]
+                    if DIM == 2:
+                        y = pool[page, pack, 1, lane]
+                        ey = gather(e_y, row - origin[0], column - origin[1], x, y, scale)
+                    ex = gather(e_x, row - origin[0], column - origin[1], x, y, scale)
+                    vx, vy, vz = boris(vx, vy, vz, ex, ey, m)
+                    x += vx
+                    pool[page, pack, 0, lane] = x
+                    pool[page, pack, DIM, lane] = vx
+                    if VELOCITIES > 1:
+                        pool[page, pack, DIM + 1, lane] = vy
+                    if VELOCITIES > 2:
+                        pool[page, pack, DIM + 2, lane] = vz
+                    inside = x >= parts[part, 5] and x < parts[part, 6]
+                    if DIM == 2:
+                        y += vy
+                        pool[page, pack, 1, lane] = y
+                        inside = inside and y >= parts[part, 3] and y < parts[part, 4]
+                    if inside:
+                        deposit(patch, group, unit, row - corner[0], column - corner[1], x, y)
+                        continue
+                    if depart(page, place, slot, part, n_species, points, row_part, column_part, column_stride, parts,
+                              pool, ids, moving, moving_id, moving_slot, link, lists, counters) != GOOD:  # fmt: skip
+                        return DIVERGED
+                    holes[n_holes] = page * PAGE + place
+                    n_holes += 1
+                page, used = np.int64(chain[page]), PAGE
+            fill_holes(slot, holes, n_holes, pool, ids, chain, head, count, free, counters)
+    return GOOD
+
+
+@njit
+def deliver(block, n_species, corner, parts, charge, pool, ids, chain, head, count, free, counters,
+            moving, moving_id, moving_slot, link, lists, patch):  # fmt: skip
+    """Take the particles that all boxes have for this block into their slots, with their charge."""
+    free, counters = free[block], counters[block]
+    for box in range(lists.shape[0]):
+        k = np.int64(lists[box, 0, block])
+        while k >= 0:
+            slot = np.int64(moving_slot[box, k])
+            page, place = append(slot, pool, ids, chain, head, count, free, counters)
+            if page < 0:
+                return NO_PAGE
+            for c in range(COMPONENTS):
+                pool[page, place // LANES, c, place % LANES] = moving[box, k, c]
+            ids[page, place] = moving_id[box, k]
+            part, species = slot // n_species, slot % n_species
+            deposit(patch, charge[species, 0], charge[species, 1], parts[part, 1] - corner[0],
+                    parts[part, 2] - corner[1], moving[box, k, 0], moving[box, k, DIM - 1])  # fmt: skip
+            k = np.int64(link[box, k])
+    return GOOD
+
+
+@njit
+def rewind(first, last, n_species, origin, parts, e_x, e_y, scale, mover, pool, chain, head, count):
+    """v^0 -> v^(-1/2): the velocity alone, with a mover of half a step backwards (9.2.1)."""
+    for part in range(first, last):
+        row, column = parts[part, 1] - origin[0], parts[part, 2] - origin[1]
+        for slot in range(part * n_species, (part + 1) * n_species):
+            m = mover[slot % n_species]
+            page, used = np.int64(head[slot]), (count[slot] - 1) % PAGE + 1
+            while page >= 0:
+                for place in range(used):
+                    pack, lane = place // LANES, place % LANES
+                    x, y, vy, vz, ey = pool[page, pack, 0, lane], ZERO, ZERO, ZERO, ZERO
+                    if DIM == 2:
+                        y = pool[page, pack, 1, lane]
+                        ey = gather(e_y, row, column, x, y, scale)
+                    ex = gather(e_x, row, column, x, y, scale)
+                    if VELOCITIES > 1:
+                        vy = pool[page, pack, DIM + 1, lane]
+                    if VELOCITIES > 2:
+                        vz = pool[page, pack, DIM + 2, lane]
+                    vx, vy, vz = boris(pool[page, pack, DIM, lane], vy, vz, ex, ey, m)
+                    pool[page, pack, DIM, lane] = vx
+                    if VELOCITIES > 1:
+                        pool[page, pack, DIM + 1, lane] = vy
+                    if VELOCITIES > 2:
+                        pool[page, pack, DIM + 2, lane] = vz
+                page, used = np.int64(chain[page]), PAGE
+    return GOOD
