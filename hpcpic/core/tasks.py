@@ -1,8 +1,8 @@
 """Tasks with data dependences (the rule of OmpSs-2), run by pinned threads that stay outside the GIL.
 
-A step is a graph built once and replayed. Kernels are compiled functions that return an error code; messages are
-nodes of the same graph that hold no core (the idea of TAMPI: Sala et al. 2019). The order of execution is free
-within the dependences, so a graph must not let results depend on it.
+A step is a graph built once and replayed. Kernels are compiled functions that return an error code; messages
+are nodes of the same graph that hold no core (the idea of TAMPI: Sala et al. 2019). The order of execution is
+free within the dependences, so a graph must not let results depend on it.
 """
 
 import ctypes
@@ -30,7 +30,7 @@ _ALONE_ROUNDS = 4000  # idle rounds before a worker with its own core offers it 
 
 
 class TaskError(HpcpicError):
-    """A task returned a code other than 0, or raised (`code == RAISED`). The rest of the graph was skipped."""
+    """A task returned a code other than 0, or raised (`code == RAISED`); the rest was skipped."""
 
     def __init__(self, name: str, code: int) -> None:
         what = "raised an exception" if code == RAISED else f"returned the error code {code}"
@@ -78,9 +78,9 @@ def _type_of(argument: Any) -> types.Type:
 def _adapter(kernel_type: ir.FunctionType, result_bits: int) -> tuple[int, Any]:
     """Compiled int64(int64 context): loads the arguments from the context and calls the kernel named there.
 
-    The context is [kernel address, words of the arguments]. One adapter serves all kernels of a signature. numba's
-    calling convention: status kernel(result*, exception**, flat arguments...), status 0 or -2 (None) when good.
-    Also returns the library, which must live as long as the code.
+    The context is [kernel address, words of the arguments]. One adapter serves all kernels of a signature.
+    numba's calling convention: status kernel(result*, exception**, flat arguments...), status 0 or -2 (None)
+    when good. Also returns the library, which must live as long as the code.
     """
     i64 = ir.IntType(64)
     library = cpu_target.target_context.codegen().create_library("task adapter")
@@ -141,9 +141,9 @@ class Bound:
 
 
 def bind(kernel: Any, *arguments: Any) -> Bound:
-    """Fix the arguments of a compiled kernel: C-contiguous arrays (data and shape fixed now), ints, floats, bools.
+    """Fix the arguments of a compiled kernel: C-contiguous arrays (data and shape), ints, floats, bools.
 
-    The kernel returns an integer error code (0 is good) or nothing; an exception inside counts as the code RAISED.
+    The kernel returns an integer error code (0 is good) or nothing; an exception inside gives the code RAISED.
     Compiles the kernel for these types if need be.
     """
     return Bound(kernel, arguments)
@@ -152,9 +152,9 @@ def bind(kernel: Any, *arguments: Any) -> Bound:
 class Graph:
     """Tasks and messages with the dependences that follow from what they read and write.
 
-    Handles are any hashables naming pieces of data. A reader waits for the last writer before it; a writer for
-    the last writer and all readers since. Add nodes in the order a serial program would run them, then `freeze`;
-    a frozen graph runs any number of times.
+    Handles are any hashables naming pieces of data. A reader waits for the last writer before it; a writer
+    for the last writer and all readers since. Add nodes in the order a serial program would run them, then
+    `freeze`; a frozen graph runs any number of times.
     """
 
     def __init__(self) -> None:
@@ -267,9 +267,9 @@ def _aligned(n: int) -> NDArray[np.int64]:
 class Pool:
     """Threads that run graphs; the caller is worker 0.
 
-    With `cpus`, one core per worker that nobody else uses: workers are pinned and wait busily for a while, which
-    makes launches cheap. Without, the cores are shared: nothing is pinned, and who has nothing to do yields.
-    `spin_limit_s`: a run in which no task runs and no message arrives for that long ends as Stuck.
+    With `cpus`, one core per worker that nobody else uses: workers are pinned and wait busily for a while,
+    which makes launches cheap. Without, the cores are shared: nothing is pinned, and who has nothing to do
+    yields. `spin_limit_s`: a run in which no task runs and no message arrives for that long ends as Stuck.
     """
 
     def __init__(self, threads: int, cpus: Sequence[int] | None = None, spin_limit_s: float = 60.0) -> None:

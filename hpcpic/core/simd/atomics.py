@@ -1,7 +1,7 @@
 """Atomic operations, waiting and calls by address for compiled code that runs without the GIL.
 
-All atomics are sequentially consistent: on x86 that costs nothing over weaker orders for loads and read-modify-write.
-They act on element `index` of a C-contiguous int64 array.
+All atomics are sequentially consistent: on x86 that costs nothing over weaker orders for loads and
+read-modify-write. They act on element `index` of a C-contiguous int64 array.
 """
 
 from typing import Any
@@ -130,7 +130,7 @@ def semaphore_post(typing_context, address):
 
 
 def _function_call(n_integers: int, result: Any, result_type: Any) -> Any:
-    """Call of the function at an address with int64 arguments (a callee that takes less reads the low part)."""
+    """Call of the function at an address with int64 arguments (callees of less read the low part)."""
 
     def codegen(context, builder, signature, args):
         function_type = ir.FunctionType(result, [_I64] * n_integers)

@@ -1,4 +1,4 @@
-"""The compiled worker of task graphs: takes ready tasks, calls them, releases their successors, drives messages.
+"""The compiled worker of task graphs: takes ready tasks, calls them, releases their successors.
 
 Worker threads live in `serve`, one call without the GIL: they spin for a moment after a launch and sleep on a
 semaphore afterwards. A launch never waits for a sleeper: whoever comes late finds it closed.
@@ -263,7 +263,7 @@ def _next_generation(pool, worker, seen):
 
 @njit("int64(int64, int64)")
 def launch(pool_address, graph):
-    """Run the graph to its end with worker 0 (the caller) and the helpers that come in time; 0, FAILED or STUCK."""
+    """Run the graph with worker 0 (the caller) and the helpers that come in time; 0, FAILED or STUCK."""
     pool = _words(pool_address, WORKERS)
     pool = _words(pool_address, WORKERS + WORKER_WORDS * pool[THREADS])
     g = _views(graph)
@@ -283,7 +283,7 @@ def launch(pool_address, graph):
 
 @njit("void(int64, int64)")
 def serve(pool_address, worker):
-    """Life of a helper: enter each launch that is open, linger, sleep; ends when the generation is negative."""
+    """Life of a helper: enter each launch that is open, linger, sleep; ends at a negative generation."""
     pool = _words(pool_address, WORKERS)
     pool = _words(pool_address, WORKERS + WORKER_WORDS * pool[THREADS])
     seen = 0

@@ -1,0 +1,123 @@
+"""Short lines of memory, one for each lane: gathered into vectors and added from vectors, by transposition.
+
+A lane's line is m consecutive values (the corners of its cell); a gather of lines is one load for each lane
+and log2 m shuffles for each vector, several times faster than the gather instruction.
+"""
+
+from typing import Any
+
+from llvmlite import ir
+from numba import types
+from numba.core import cgutils
+from numba.extending import intrinsic
+
+from hpcpic.core.simd.kinds import I64, KIND, load_from, offset, pointer, shuffle, store_to
+
+
+def _butterfly(builder: Any, rows: list, stages: list[int]) -> list:
+    """Transpose blocks of len(rows) lanes: lane m g + r of output k is lane m g + k of row r, m rows."""
+    rows = list(rows)
+    n = rows[0].type.count
+    for s in stages:
+        for j in range(len(rows)):
+            if j & s:
+                continue
+            a, b = rows[j], rows[j + s]
+            rows[j] = shuffle(builder, a, b, [e if not e & s else n + e - s for e in range(n)])
+            rows[j + s] = shuffle(builder, a, b, [e + s if not e & s else n + e for e in range(n)])
+    return rows
+
+
+def _stages(m: int) -> list[int]:
+    """Largest block first: the loads of the first stage combine with the insertions of halves."""
+    return [1 << k for k in reversed(range(m.bit_length() - 1))]
+
+
+def _lane_words(builder: Any, vector: Any) -> list:
+    """The lanes of an integer vector as int64, through memory: one store and n loads beat n extractions."""
+    kind = vector.type
+    slot = cgutils.alloca_once(builder, kind)
+    slot.align = kind.count * kind.element.width // 8
+    builder.store(vector, slot)
+    address = builder.ptrtoint(slot, I64)  # keeps LLVM from undoing it
+    size = kind.element.width // 8
+    places = [offset(builder, address, size * k) for k in range(kind.count)]
+    found = [builder.load(pointer(builder, place, kind.element)) for place in places]
+    return found if kind.element == I64 else [builder.sext(lane, I64) for lane in found]
+
+
+def _pieces(m: int, n: int) -> list[tuple[int, int]]:
+    """Blocks (first value, values) in which m values of n lanes are transposed: at most n values at a
+    time."""
+    width = min(m, n)
+    return [(first, width) for first in range(0, m, width)]
+
+
+def _joined(builder: Any, parts: list) -> Any:
+    """One vector of the lanes of several."""
+    while len(parts) > 1:
+        n = parts[0].type.count
+        parts = [shuffle(builder, a, b, list(range(2 * n))) for a, b in zip(parts[::2], parts[1::2])]
+    return parts[0]
+
+
+@intrinsic(prefer_literal=True)
+def gather_lines(typing_context, kind, m, base, offsets):
+    """m vectors: lane k of vector j is value j of the line at address base + offsets[k] (bytes, int vector).
+
+    m is a literal power of two. Lines are aligned to their own size.
+    """
+    vec, n_values = kind.instance_type, m.literal_value
+
+    def codegen(context, builder, sig, args):
+        starts = [builder.add(args[2], word) for word in _lane_words(builder, args[3])]
+        found = []
+        for first, width in _pieces(n_values, vec.n):
+            line = ir.VectorType(KIND[vec.dtype], width)
+            places = [offset(builder, start, first * vec.size) for start in starts]
+            lines = [load_from(builder, place, line, width * vec.size) for place in places]
+            rows = [_joined(builder, lines[row::width]) for row in range(width)]
+            found += _butterfly(builder, rows, _stages(width))
+        return context.make_tuple(builder, sig.return_type, found)
+
+    return types.UniTuple(vec, n_values)(kind, m, types.int64, offsets), codegen
+
+
+@intrinsic
+def add_lines(typing_context, base, offsets, vectors):
+    """Add lane k of vector j to value j of the line at address base + offsets[k]; lane after lane, so lines
+    may coincide. `vectors` is a tuple of a power of two of float or integer vectors; lines are aligned to
+    their size.
+    """
+    vec, n_values = vectors.dtype, vectors.count
+
+    def codegen(context, builder, sig, args):
+        starts = [builder.add(args[0], word) for word in _lane_words(builder, args[1])]
+        values = cgutils.unpack_tuple(builder, args[2])
+        add = builder.fadd if vec.real else builder.add
+        blocks = [
+            (first, width, _butterfly(builder, values[first : first + width], _stages(width)))
+            for first, width in _pieces(n_values, vec.n)
+        ]
+        for lane, start in enumerate(starts):
+            for first, width, rows in blocks:
+                group, row = divmod(lane, width)
+                line = shuffle(
+                    builder, rows[row], rows[row], list(range(group * width, group * width + width))
+                )
+                place = offset(builder, start, first * vec.size)
+                before = load_from(builder, place, line.type, width * vec.size)
+                store_to(builder, place, add(before, line), width * vec.size)
+        return context.get_dummy_value()
+
+    return types.void(types.int64, offsets, vectors), codegen
+
+
+@intrinsic
+def lane_values(typing_context, a):
+    """The lanes of an integer vector as a tuple of int64."""
+
+    def codegen(context, builder, sig, args):
+        return context.make_tuple(builder, sig.return_type, _lane_words(builder, args[0]))
+
+    return types.UniTuple(types.int64, a.n)(a), codegen
