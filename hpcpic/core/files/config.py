@@ -79,6 +79,8 @@ def load(path: str | os.PathLike, sets: tuple[str, ...] | list[str] = ()) -> Tre
     Raises ConfigError with all faults of syntax; other faults stay in Tree.faults.
     """
     name = os.fspath(path)
+    if "\0" in name:
+        raise ConfigError(f"cannot read {name!r}: no file is called so")
     reader = Reader(os.path.dirname(os.path.realpath(name)))
     reader.read(name, (), reader.tree.data, (), Place(name))
     return finish(reader, sets)
