@@ -143,7 +143,7 @@ class Bound:
 def bind(kernel: Any, *arguments: Any) -> Bound:
     """Fix the arguments of a compiled kernel: C-contiguous arrays (data and shape), ints, floats, bools.
 
-    The kernel returns an integer error code (0 is good) or nothing; an exception inside gives the code RAISED.
+    The kernel returns an integer error code (0 is good) or nothing; an exception gives the code RAISED.
     Compiles the kernel for these types if need be.
     """
     return Bound(kernel, arguments)

@@ -1,0 +1,38 @@
+import time
+
+import pytest
+
+from hpcpic.core.timers import Timers
+
+
+def test_sections_nest_and_count():
+    timers = Timers()
+    for _ in range(3):
+        with timers.section("outer"), timers.section("inner"):
+            time.sleep(0.002)
+    totals = timers.totals()
+    assert [totals[name][1] for name in ("inner", "outer")] == [3, 3]
+    assert 0.006 <= totals["inner"][0] <= totals["outer"][0] <= timers.wall
+
+
+def test_a_section_that_raises_is_counted():
+    timers = Timers()
+    with pytest.raises(KeyError), timers.section("bad"):
+        raise KeyError
+    assert timers.totals()["bad"][1] == 1
+
+
+def test_a_section_may_contain_itself():
+    timers = Timers()
+    with timers.section("a"), timers.section("a"):
+        pass
+    assert timers.totals()["a"][1] == 2
+
+
+def test_reset_forgets():
+    timers = Timers()
+    with timers.section("a"):
+        time.sleep(0.05)
+    timers.reset()
+    assert timers.totals() == {}
+    assert timers.wall < 0.05
