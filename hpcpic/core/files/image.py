@@ -188,11 +188,11 @@ def rows_slot(dataset: "h5py.Dataset", first: int, rows: int) -> Slot:
 
 
 def layer_slot(dataset: "h5py.Dataset", layer: int, axis: int) -> Slot:
-    """The slot of dataset[layer], made to exist, cut in chunks along `axis`."""
+    """The slot of dataset[layer], made to exist, cut in chunks along `axis`; axis 0 means one chunk per layer."""
     extend(dataset, layer + 1)
     chunk_rows = dataset.chunks[axis]
     corners = []
-    for row in range(0, dataset.shape[axis], chunk_rows):
+    for row in range(0, dataset.shape[axis], chunk_rows) if axis else [layer]:
         corner = [layer] + [0] * (dataset.ndim - 1)
         corner[axis] = row
         corners.append(tuple(corner))

@@ -31,7 +31,9 @@ STEP, TIME = "step", "time"
 class Series(dict[str, NDArray]):
     """name -> values[rows], with `units` of each name and `step`, `time` of the rows."""
 
-    def __init__(self, values: Mapping[str, NDArray], units: Mapping[str, str], step: NDArray, time: NDArray) -> None:
+    def __init__(
+        self, values: Mapping[str, NDArray], units: Mapping[str, str], step: NDArray, time: NDArray
+    ) -> None:
         super().__init__(values)
         self.units = dict(units)
         self.step = step
@@ -60,7 +62,8 @@ class SeriesWriter:
             rows = len(kept.step)
             columns = [kept.get(name, np.full(rows, np.nan)) for name in self._units]
             self._rows = [
-                (int(kept.step[k]), float(kept.time[k]), [float(column[k]) for column in columns]) for k in range(rows)
+                (int(kept.step[k]), float(kept.time[k]), [float(column[k]) for column in columns])
+                for k in range(rows)
             ]
         made = temporary(self._h5)
         try:
@@ -100,10 +103,14 @@ class SeriesWriter:
             **{name: np.array([row[2][k] for row in rows]) for k, name in enumerate(self._units)},
         }
         try:
-            image.append_alone(self._h5, lambda file: _extend(file, columns), lambda file: _announce(file, steps))
+            image.append_alone(
+                self._h5, lambda file: _extend(file, columns), lambda file: _announce(file, steps)
+            )
         except OSError as error:
             raise FileError(f"cannot append to {self._h5}: {explain(error)}") from error
-        self._append_csv(_lines([[repr(step), repr(time), *map(repr, values)] for step, time, values in rows]))
+        self._append_csv(
+            _lines([[repr(step), repr(time), *map(repr, values)] for step, time, values in rows])
+        )
 
     def _append_csv(self, text: str) -> None:
         with open(self._csv, "r+b", buffering=0) as file:
@@ -135,7 +142,10 @@ def _lines(rows: list[list[str]]) -> str:
 def _cut(series: Series, after: int) -> Series:
     keep = series.step <= after
     return Series(
-        {name: values[keep] for name, values in series.items()}, series.units, series.step[keep], series.time[keep]
+        {name: values[keep] for name, values in series.items()},
+        series.units,
+        series.step[keep],
+        series.time[keep],
     )
 
 
