@@ -50,10 +50,24 @@ def test_every_notation_of_libconfig():
     """)
     assert tree.faults == []
     assert tree.data == {
-        "a": 42, "b": -3, "h": 31, "n": 5, "o": 15, "q": 15, "z": 7, "f": 1.5e-3, "g": 0.5, "e": 300.0, "t": True,
-        "s": 'x\tyzA"', "array": [1, 2.5, 3], "empty": [], "list": (1, "two", [3], {"four": 4}), "none": (),
+        "a": 42,
+        "b": -3,
+        "h": 31,
+        "n": 5,
+        "o": 15,
+        "q": 15,
+        "z": 7,
+        "f": 1.5e-3,
+        "g": 0.5,
+        "e": 300.0,
+        "t": True,
+        "s": 'x\tyzA"',
+        "array": [1, 2.5, 3],
+        "empty": [],
+        "list": (1, "two", [3], {"four": 4}),
+        "none": (),
         "nested": {"deeper": {"value": 1}},
-    }  # fmt: skip
+    }
     assert type(tree.data["t"]) is bool and type(tree.data["array"][0]) is int
 
 
@@ -221,18 +235,35 @@ def test_set_overrides_by_path_with_the_same_grammar():
     tree = loads('a = 1; species = ({ particles = 1 }, { name = "e" }); v = [1, 2];', sets=sets)
     assert tree.faults == []
     assert tree.data == {
-        "a": 4, "species": ({"particles": 16}, {"name": "x y"}), "v": [1, 7], "new": {"group": {"key": [1, 2]}},
+        "a": 4,
+        "species": ({"particles": 16}, {"name": "x y"}),
+        "v": [1, 7],
+        "new": {"group": {"key": [1, 2]}},
         "b": "TSC",
-    }  # fmt: skip
+    }
     assert str(tree.where(("species", 0, "particles"))) == "--set species[0].particles=0x10"
     assert tree.sets == tuple(sets)
 
 
 @pytest.mark.parametrize(
     "assignment",
-    ["a", "=1", "a=", "a=1 b=2", "a=1;b=2", "a=[1,", "v[2]=1", "species[1].x=1", "species[0]=1", "a.b=1", "a..b=1",
-     "a=1e999", "v[-1]=1", "species.x=1"],
-)  # fmt: skip
+    [
+        "a",
+        "=1",
+        "a=",
+        "a=1 b=2",
+        "a=1;b=2",
+        "a=[1,",
+        "v[2]=1",
+        "species[1].x=1",
+        "species[0]=1",
+        "a.b=1",
+        "a..b=1",
+        "a=1e999",
+        "v[-1]=1",
+        "species.x=1",
+    ],
+)
 def test_set_faults_are_told_with_the_assignment(assignment):
     tree = loads("a = 1; v = [1, 2]; species = ({ x = 1; });", sets=[assignment])
     assert len(tree.faults) == 1 and tree.faults[0].startswith(f"--set {assignment}: ")
@@ -246,10 +277,25 @@ def test_values_parse_as_in_a_file():
             parse_value(text)
 
 
-fragments = st.sampled_from(
-    ["a", "b.c", "=", ":", ";", ",", "{", "}", "(", ")", "[", "]", '"', "\\", "@include", "#", "/*", "*/", "//", "\n",
-     "\r", "\0", "1", "-", ".5", "1e9", "1e999", "0x", "9" * 30, "true", " ", "\t", "é", "\ufeff", "\u202e", "L"]
-)  # fmt: skip
+marks = '=:;,{}()[]"\\#-\n\r\t\0 \ufeff\u202e'
+words = [
+    "a",
+    "b.c",
+    "@include",
+    "/*",
+    "*/",
+    "//",
+    "1",
+    ".5",
+    "1e9",
+    "1e999",
+    "0x",
+    "9" * 30,
+    "true",
+    "é",
+    "L",
+]
+fragments = st.sampled_from([*marks, *words])
 
 
 @settings(max_examples=300)

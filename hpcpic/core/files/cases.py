@@ -1,7 +1,7 @@
 """Shipped cases: their names, and the header at the top of each file.
 
-A header is a block of comments `# what: ...`, `# source: ...`, `# expected: ...`, `# time: ...`; a comment line
-that starts with more than one space goes on with the line before it.
+A header is a block of comments `# what: ...`, `# source: ...`, `# expected: ...`, `# time: ...`; a comment
+line that starts with more than one space goes on with the line before it.
 """
 
 import difflib

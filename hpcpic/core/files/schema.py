@@ -134,6 +134,7 @@ def plain_words(text: str) -> str:
         ("a valid number", "a number"),
         ("a valid string", 'a text in " "'),
         ("a valid boolean", "true or false"),
+        ("must be True", "must be true"),
     ):
         text = text.replace(words, plain)
     return text

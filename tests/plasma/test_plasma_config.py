@@ -1,0 +1,254 @@
+"""The plasma case: its keys, its older spellings, and every refusal with the place of the key to change."""
+
+from pathlib import Path
+
+import pytest
+
+from hpcpic.core.errors import ConfigError
+from hpcpic.core.files.config import load, loads
+from hpcpic.core.files.derived import enforce
+from hpcpic.core.files.schema import dump, validate
+from hpcpic.plasma.config import PlasmaConfig, velocity_components
+from hpcpic.plasma.derived import derived
+
+CPIC = Path(__file__).parents[1] / "data" / "cpic"
+
+CASE = """
+simulation = {
+  cycles = 10;
+  time_step = 0.1;
+  space_length = [8.0, 4.0];
+};
+grid = { points = [16, 8]; };
+species = (
+  {
+    particles = 64;
+    charge = -1.0;
+    mass = 1.0;
+    thermal_velocity = 1.0;
+    init_method = "quiet";
+  }
+);
+"""
+
+
+def read(text=CASE, sets=()):
+    tree = loads(text, sets=sets)
+    return validate(PlasmaConfig, tree), tree
+
+
+def faults_of(text, sets=()):
+    with pytest.raises(ConfigError) as caught:
+        read(text, sets)
+    return caught.value.messages
+
+
+def test_defaults_are_filled_in():
+    config, tree = read()
+    assert tree.warnings == []
+    assert config.dimensions == config.simulation.dimensions == 2
+    assert config.simulation.solver == "MFT" and config.numerics.shape == "CIC"
+    assert config.species[0].name == "species_1" and config.species[0].drift_velocity == (0.0, 0.0, 0.0)
+    assert config.periods == {"series": 1, "field": 0, "particle": 0}
+
+
+def test_the_configuration_as_used_gives_the_same_run():
+    for sets in (
+        (),
+        [
+            "species[0].perturbation={mode=[1,0]; amplitude=0.1}",
+            "output.path=there",
+            "field.magnetic=[0,0,1]",
+        ],
+    ):
+        config, _ = read(sets=sets)
+        again, tree = read(dump(config))
+        assert again == config and tree.warnings == []
+
+
+def test_both_spellings_of_the_grid_are_one():
+    older = CASE.replace("points = [16, 8]", "blocks = [4, 2]; blocksize = [4, 4]")
+    assert read(older)[0] == read()[0]
+
+
+@pytest.mark.parametrize(
+    "name, points, species, ignored",
+    [
+        ("two-beams-1d-old", (64,), 1, "plot, constants.light_speed, constants.boltzmann_constant"),
+        ("two-electrons-1d", (32,), 2, "simulation.realtime_plot"),
+        ("two-species-2d", (32, 32), 2, "simulation.realtime_plot"),
+        (
+            "pair-2d",
+            (16, 32),
+            2,
+            "simulation.enable_fftw_threads, simulation.mft_tap_workers, simulation.pblock_nmax",
+        ),
+    ],
+)
+def test_files_in_the_style_of_the_thesis_author_are_read(name, points, species, ignored):
+    tree = load(CPIC / f"{name}.conf")
+    config = validate(PlasmaConfig, tree)
+    assert config.grid.points == points and len(config.species) == species
+    listing = [
+        warning for warning in tree.warnings if warning.startswith("keys without meaning here, ignored: ")
+    ]
+    assert len(listing) == 1 and ignored in listing[0]
+    enforce(derived(config), tree)  # and none of them is refused
+
+
+def test_an_included_default_is_overridden_key_by_key():
+    config = validate(PlasmaConfig, load(CPIC / "two-species-2d.conf"))
+    assert config.simulation.solver == "LU"  # `method` of the case over `solver` of the defaults
+    assert config.simulation.cycles == 10 and config.simulation.random_seed == 138
+    assert config.simulation.space_length == (1.0, 1.0)
+
+
+def test_periods_of_the_live_plot_ask_for_no_snapshots():
+    config = validate(PlasmaConfig, load(CPIC / "two-electrons-1d.conf"))
+    assert config.periods == {"series": 10, "field": 0, "particle": 0}
+    config = validate(PlasmaConfig, load(CPIC / "pair-2d.conf"))
+    assert config.periods == {"series": 0, "field": 5, "particle": 25}
+
+
+def test_snapshots_are_asked_for_in_either_group():
+    config, _ = read(
+        sets=["simulation.sampling_period={energy=2; field=3; particle=4}", "output.sampling_period.field=5"]
+    )
+    assert config.periods == {"series": 2, "field": 5, "particle": 4}
+
+
+@pytest.mark.parametrize(
+    "sets, components",
+    [
+        ([], 2),
+        (["field.magnetic=[0, 0, 1]"], 2),
+        (["field.magnetic=[0, 1e-300, 1]"], 3),
+        (["field.electric=[1, 1, 0]"], 2),
+        (["field.electric=[0, 0, 1]"], 3),
+        (["species[0].drift_velocity=[1, 1]"], 2),
+        (["species[0].drift_velocity=[0, 0, 1]"], 3),
+    ],
+)
+def test_a_third_velocity_component_only_where_something_needs_it(sets, components):
+    assert velocity_components(read(sets=sets)[0]) == components
+
+
+def test_one_dimension_has_one_velocity_component_without_a_magnetic_field():
+    sets = ["simulation.space_length=8.0", "grid.points=16"]
+    assert velocity_components(read(sets=sets)[0]) == 1
+    assert velocity_components(read(sets=[*sets, "field.magnetic=[0, 0, 1]"])[0]) == 3
+
+
+BAD = """
+simulation = {
+  cycles = 0;
+  time_step = 0.1; solver = "MTF";
+  space_length = [8.0, -4.0]; cycles = 5 dimensions = 3;
+};
+grid = { points = [16, 0]; };
+species = ( { particles = -1; charge = "x"; mass = -1.0; drift_velocty = [1.0, 0.0]; particles = 2; } );
+constants = { vacuum_permittivity = 1e999; };
+oputput = { path = "x"; };
+"""
+
+
+def test_all_bad_settings_are_told_at_once_with_their_places():
+    starts = [
+        "case:5:31: simulation.cycles: set twice, first at case:3:3",
+        "case:5:42: missing ; after the value of 'cycles'",
+        "case:8:86: species[0].particles: set twice",
+        "case:9:37: the number 1e999 is too large",
+        "case:3:3: simulation.cycles: must be greater than or equal to 1 (got 0)",
+        "case:4:20: simulation.solver: must be 'MFT' or 'LU' (got 'MTF'); did you mean 'MFT'?",
+        "case:5:24: simulation.space_length[1]: must be greater than 0 (got -4.0)",
+        "case:5:42: simulation.dimensions: must be 1 or 2 (got 3)",
+        "case:7:24: grid.points[1]: must be greater than or equal to 1 (got 0)",
+        "case:8:15: species[0].particles: must be greater than or equal to 0 (got -1)",
+        "case:8:31: species[0].charge: must be a number (got 'x')",
+        "case:8:45: species[0].mass: must be greater than 0 (got -1.0)",
+        "case:8:58: species[0].drift_velocty: unknown key; did you mean 'drift_velocity'?",
+        "case:9:15: constants.vacuum_permittivity: must be greater than 0 (got 0.0)",
+        "case:10:1: oputput: unknown key; did you mean 'output'?",
+    ]
+    messages = faults_of(BAD)
+    assert len(messages) == len(starts)
+    for start in starts:
+        assert any(message.startswith(start) for message in messages), (start, messages)
+
+
+@pytest.mark.parametrize(
+    "assignment, message",
+    [
+        ("simulation.time_step=0", "simulation.time_step: must not be 0"),
+        ("simulation.dimensions=1", "simulation.space_length: needs 1 number(s) in 1D (got 2)"),
+        ("grid.points=[16]", "grid.points: needs 2 number(s) in 2D (got 1)"),
+        ("grid.blocks=[16, 8]", "grid.blocks: give either points, or blocks and blocksize"),
+        ("grid={}", "grid: needs points"),
+        ("grid={blocks=[4,4]}", "grid.blocks: needs points"),
+        ("field.magnetic=[0, 1]", "field.magnetic: needs 3 numbers"),
+        ("field.electric=1.0", "field.electric: needs 3 numbers"),
+        ("species[0].drift_velocity=[1.0]", "species[0].drift_velocity: needs 2 numbers in 2D, or 3 (got 1)"),
+        ("species[0].drift_velocity=[1, 1, 1, 1]", "species[0].drift_velocity: "),
+        ("species[0].position_init=[1.0]", "species[0].position_init: needs 2 number(s)"),
+        ('species[0].init_method="position delta"', "species[0]: position_init is missing"),
+        ('species[0].init_method="harmonic two electrons"', "species[0].particles: must be 2"),
+        (
+            "species[0].perturbation={mode=[1]}",
+            "species[0].perturbation.mode: needs 2 number(s) in 2D (got 1)",
+        ),
+        ("species[0].perturbation={mode=[0, 0]}", "species[0].perturbation.mode: must not be zero"),
+        (
+            "species[0].perturbation={mode=[1, 0]; amplitude=1.0}",
+            "species[0].perturbation.amplitude: must be less",
+        ),
+        ("species[0].thermal_velocity=-1", "species[0].thermal_velocity: must be greater than or equal to 0"),
+        ("numerics.reproducible=false", "numerics.reproducible: must be true"),
+        ("numerics.shape=PQS", "numerics.shape: must be 'NGP', 'CIC' or 'TSC' (got 'PQS')"),
+        ("simulation.random_seed=-1", "simulation.random_seed: must be greater than or equal to 0"),
+    ],
+)
+def test_settings_that_do_not_fit_are_refused(assignment, message):
+    messages = faults_of(CASE, [assignment])
+    assert any(message in fault for fault in messages), messages
+    assert len(messages) <= 2
+
+
+def test_a_charge_of_zero_has_no_plasma_frequency():
+    (message,) = faults_of(CASE, ["species[0].charge=0", "species[0].plasma_frequency=1"])
+    assert "species[0].charge: must not be 0 where plasma_frequency is given" in message
+
+
+def test_two_species_of_one_name_are_refused():
+    text = CASE.replace(
+        ");\n",
+        ', { name = "a"; particles = 0; charge = 1; mass = 1; }, '
+        '{ name = "a"; particles = 0; charge = 1; mass = 1; });\n',
+    )
+    (message,) = faults_of(text)
+    assert "species[2].name: 'a' is taken by an earlier species" in message
+
+
+def test_no_particles_and_no_species_are_cases_too():
+    assert read(sets=["species[0].particles=0"])[0].species[0].particles == 0
+    assert read(CASE.partition("species")[0])[0].species == ()
+
+
+def test_time_may_run_backwards():
+    assert read(sets=["simulation.time_step=-0.1"])[0].simulation.time_step == -0.1
+
+
+def test_checking_a_case_loads_no_heavy_library():
+    import subprocess
+    import sys
+
+    code = (
+        "import sys\n"
+        "from hpcpic.core.files.config import load\n"
+        "from hpcpic.core.files.schema import validate, describe, dump\n"
+        "from hpcpic.plasma.config import PlasmaConfig\n"
+        "from hpcpic.plasma.derived import derived\n"
+        f"derived(validate(PlasmaConfig, load({str(CPIC / 'pair-2d.conf')!r})))\n"
+        "print({'mpi4py', 'numba', 'h5py', 'pyfftw', 'matplotlib', 'scipy'} & set(sys.modules))\n"
+    )
+    out = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True)
+    assert out.stdout == "set()\n", out.stderr
