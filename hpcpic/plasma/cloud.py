@@ -13,7 +13,7 @@ from hpcpic.core.errors import Diverged
 from hpcpic.core.space.domain import Domain
 from hpcpic.core.tasks import Bound, Pool, TaskError, bind
 from hpcpic.plasma.kernels.specialise import specialise
-from hpcpic.plasma.tiles import PAGE, Pages, Tiles
+from hpcpic.plasma.tiles import PAGE, Pages, Tiles, aligned
 
 NODES = {"NGP": 1, "CIC": 2, "TSC": 3}
 GHOSTS = {"NGP": (0, 1), "CIC": (0, 1), "TSC": (1, 2)}  # layers of nodes below and above that a shape reaches
@@ -39,7 +39,7 @@ class Law:
         """The compiled module of this law; `plain` for the reference where there is a vector one."""
         dtype = np.dtype(self.dtype)
         return specialise(
-            ("pages", "plain"),
+            ("pages", "plain") if plain or self.shape != "CIC" else ("pages", "plain", "push"),
             DIM=self.dimensions,
             NODES=NODES[self.shape],
             VELOCITIES=self.velocities,
@@ -116,7 +116,7 @@ class Cloud:
         lead = below if self.law.dimensions == 2 else 0
         rows = tiles.rows[1] - tiles.rows[0] + (below + above if self.law.dimensions == 2 else 0)
         widths = [b - a + below + above for a, b in tiles.block_columns]
-        starts = np.cumsum([0] + [-(-groups * rows * width // 8) * 8 for width in widths])
+        starts = np.cumsum([0] + [-(-groups * rows * width // 8) * 8 + 8 for width in widths])  # vectors overrun
         self.patches = np.zeros(starts[-1], np.int64)
         slab = tiles.columns[0] - below if self.law.dimensions == 1 else 0  # first column of the slab's array
         self.places = np.array(
@@ -131,10 +131,12 @@ class Cloud:
     def _compile(self) -> None:
         """Bind the kernels of the step, and load those that Python calls."""
         blocks, ranges = range(self.blocks), self.tiles.ranges
+        self._lines = aligned((self.blocks, 264 * 8), self.law.dtype)
+        self._sums = aligned((self.blocks, 264 * 4), f"i{np.dtype(self.law.dtype).itemsize}")
         self._push = [
             self._bound(
                 self.kernels.push, block=b, first=ranges[b][0], last=ranges[b][1], corner=self.corner[b],
-                patch=self.patch[b],
+                patch=self.patch[b], lines=self._lines[b], sums=self._sums[b],
             )
             for b in blocks
         ]  # fmt: skip
@@ -223,9 +225,8 @@ class Cloud:
     def deliver(self) -> None:
         """Particles from all boxes into their slots, with their charge; the boxes are empty then."""
         arrivals = self.pages.lists[:, 1, :].sum(axis=0)
-        for block, (a, b) in enumerate(self.tiles.ranges):
-            n = int(arrivals[block])
-            self.pages.need(block, n // PAGE + min(n, (b - a) * self.n_species) + 1)
+        slots = np.array([(b - a) * self.n_species for a, b in self.tiles.ranges])
+        self.pages.need(arrivals[:-1] // PAGE + np.minimum(arrivals[:-1], slots))
         self._each(self._deliver)
         self.pages.clear()
 

@@ -130,22 +130,23 @@ class Pages:
         self.lists[:, 1] = 0
         self.counters[:, 1] = 0
 
-    def need(self, block: int, pages: int) -> None:
-        """At least `pages` free pages on the block's stack: from other stacks, never used ones, or by growth."""
-        missing = pages - int(self.counters[block, 0])
-        for other in range(len(self.lists)):
-            surplus = int(self.counters[other, 0]) // 2
-            if missing > 0 and other != block and surplus > 32:
-                n = min(surplus, missing)
+    def need(self, pages: NDArray[np.int64]) -> None:
+        """At least pages[block] free pages on each block's stack: unused ones of other blocks, new ones, by growth."""
+        spare = self.counters[:, 0].copy()
+        spare[: len(pages)] -= pages
+        for block in np.flatnonzero(spare < 0):
+            for other in np.flatnonzero(spare > 0):
+                n = int(min(spare[other], -spare[block]))
                 self.counters[other, 0] -= n
                 top = self.counters[other, 0]
                 self._push(block, self.free[other, top : top + n])
-                missing -= n
-        if missing > 0:
-            if self.fresh + missing > self.capacity:
-                self._hold(max(self.fresh + missing, self.capacity + self.capacity // 2) + 64)
-            self._push(block, np.arange(self.fresh + missing - 1, self.fresh - 1, -1))
-            self.fresh += missing
+                spare[[block, other]] += n, -n
+            if spare[block] < 0:
+                n = -int(spare[block])
+                if self.fresh + n > self.capacity:
+                    self._hold(max(self.fresh + n, self.capacity + self.capacity // 2) + 64)
+                self._push(block, np.arange(self.fresh + n - 1, self.fresh - 1, -1))
+                self.fresh += n
 
     def _push(self, block: int, pages: NDArray) -> None:
         top = self.counters[block, 0]

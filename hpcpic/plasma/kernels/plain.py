@@ -11,7 +11,7 @@ In 1D there is one row.
 import numpy as np
 
 from hpcpic.core.simd.jit import njit
-from hpcpic.plasma.kernels.lanes import fma
+from hpcpic.core.simd.vector import fma
 from hpcpic.plasma.kernels.pages import (
     COMPONENTS,
     DIVERGED,
@@ -34,6 +34,7 @@ ROTATION = 0  # 0 no magnetic field, 1 along z, 2 any direction
 REAL = np.float64  # precision of a particle
 
 ZERO, HALF, ONE, THREE_QUARTERS = REAL(0), REAL(0.5), REAL(1), REAL(0.75)
+MAGIC = REAL(1.5 * 2.0 ** np.finfo(REAL).nmant)  # adding it rounds to a whole number
 
 
 @njit
@@ -107,6 +108,12 @@ def boris(vx, vy, vz, ex, ey, m):
 
 
 @njit
+def parts_of(a, b):
+    """The product of a share and a number of parts, as a whole number."""
+    return np.int64(fma(a, b, MAGIC) - MAGIC)
+
+
+@njit
 def deposit(patch, group, unit, row, column, x, y):
     """Charge of one particle (5.1), `unit` parts in all, exactly; (row, column) of the tile's anchor in the patch."""
     whole = REAL(unit)
@@ -117,12 +124,12 @@ def deposit(patch, group, unit, row, column, x, y):
     if NODES == 1:
         patch[group, j, i] += unit
     elif NODES == 2:
-        along = np.int64(np.rint(u1 * whole))
+        along = parts_of(u1, whole)
         if DIM == 1:
             patch[group, j, i] += unit - along
             patch[group, j, i + 1] += along
         else:
-            across, both = np.int64(np.rint(w1 * whole)), np.int64(np.rint(u1 * (w1 * whole)))
+            across, both = parts_of(w1, whole), parts_of(u1, w1 * whole)
             patch[group, j, i] += unit - along - across + both
             patch[group, j, i + 1] += along - both
             patch[group, j + 1, i] += across - both
@@ -133,7 +140,7 @@ def deposit(patch, group, unit, row, column, x, y):
         for b in range(3 if DIM == 2 else 1):
             for a in range(3):
                 if a != 1 or b != middle:
-                    share = np.int64(np.rint(u[a] * (w[b] * whole)))
+                    share = parts_of(u[a], w[b] * whole)
                     rest -= share
                     patch[group, j + b, i + a] += share
         patch[group, j + middle, i + 1] += rest
