@@ -1,0 +1,316 @@
+"""Real-to-complex transforms of slabs, built of tasks: rows, transpose, columns, and back (Poisson and its kind).
+
+The grid [N0, N1] (or [N0, N1, N2]) is cut into slabs of rows. A rank transforms its rows block by block and writes
+each block transposed to the ranks that own its columns; the columns are contiguous there, and the spectrum stays in
+that order (as FFTW_MPI_TRANSPOSED_OUT), so that nothing is transposed twice. The way back reads the same places.
+In 3D a row is a plane [N1, N2] and the spectrum is cut along N1.
+
+Inside a node the columns lie in a window that all its ranks share: one copy, straight from the block in cache to its
+place. Rank r writes and reads only the part [columns of p, rows of r] of p's columns, and p touches them only between
+two tokens: "your rows are in" from r, "your columns are done" from p. So nothing is overwritten too early: r fills its
+part anew only after it has read it, which is its own order of tasks, and p starts only on r's next token.
+Between nodes the same parts travel as persistent messages, in chunks of columns: the transform of a chunk runs while
+the next one arrives, and it leaves while the next one is transformed.
+"""
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+from mpi4py import MPI
+from numpy.typing import DTypeLike, NDArray
+
+from hpcpic.core.comm import fftw
+from hpcpic.core.comm import transpose_kernels as kernels
+from hpcpic.core.comm.requests import RequestSet
+from hpcpic.core.comm.tags import Channel, tag
+from hpcpic.core.comm.world import World
+from hpcpic.core.space.domain import block_ranges
+from hpcpic.core.tasks import Graph, Pool, bind
+
+_LINE = 64  # bytes; every row and column starts a cache line, so that FFTW treats all of them alike
+_CACHE = 400_000  # bytes of one block of rows: input and transform stay in the second-level cache
+_CHUNKED = 1 << 18  # bytes for one peer from which messages go in chunks
+_TOKEN_ROWS, _TOKEN_COLUMNS, _FORWARD = 0, 1, 2  # channels after Channel.TRANSPOSE; chunks follow _FORWARD
+
+
+def spectrum_range(points: Sequence[int], ranks: int, rank: int) -> tuple[int, int]:
+    """The part (lo, hi) of the second axis of the spectrum that `rank` owns: kx in 2D, ky in 3D."""
+    second = points[1] // 2 + 1 if len(points) == 2 else points[1]
+    return block_ranges(second, ranks)[rank]
+
+
+def aligned(shape: tuple[int, ...], dtype: DTypeLike) -> NDArray:
+    """Zeros[shape] that start a cache line."""
+    size = int(np.prod(shape, dtype=np.int64)) * np.dtype(dtype).itemsize
+    raw = np.zeros(size + _LINE, np.uint8)
+    skip = -raw.ctypes.data % _LINE
+    return raw[skip : skip + size].view(dtype).reshape(shape)
+
+
+def padded(n: int, dtype: DTypeLike) -> int:
+    """n items rounded up to whole cache lines, and never a multiple of 4096 bytes: such rows would share few sets."""
+    per_line = _LINE // np.dtype(dtype).itemsize
+    lines = -(-n // per_line)
+    return (lines + (lines % (4096 // _LINE) == 0)) * per_line
+
+
+def blocks_of(lo: int, hi: int, block: int) -> list[tuple[int, int]]:
+    return [(first, min(hi, first + block)) for first in range(lo, hi, block)]
+
+
+class SlabFFT:
+    """Transform of real rows [n0, N1(, N2)] of this rank into its part of the transposed spectrum, and back.
+
+    real, results[k]   real[n0, N1(, N2)] views: input, and what `solve` and `backward` give
+    spectrum           complex[m1, N0] in 2D, kx-major; complex[m1, M, N0] in 3D; M = N_last // 2 + 1;
+                       m1 by `spectrum_range`. Valid between forward() and the next call.
+    multiplier         [m1, N0] ([m1, M, N0]) real or complex, or several of them stacked in front: `solve` gives one
+                       result for each. It holds the normalisation 1 / (N0 N1 ...): no transform here is normalised.
+
+    cuts: ranks + 1 row numbers, slabs may be empty. messages: use no shared window (for tests).
+    All ranks must make the same calls. The bits of a result depend neither on ranks, threads nor cuts.
+    """
+
+    def __init__(
+        self,
+        world: World,
+        pool: Pool,
+        points: Sequence[int],
+        cuts: Sequence[int],
+        dtype: DTypeLike = np.float64,
+        multiplier: NDArray | None = None,
+        *,
+        messages: bool = False,
+    ) -> None:
+        self._world, self._pool = world, pool
+        self._n0, self._row_shape = points[0], tuple(points[1:])
+        self._real_type = np.dtype(dtype)
+        self._type = np.dtype(np.complex64 if self._real_type == np.float32 else np.complex128)
+        self._rows = [(cuts[p], cuts[p + 1]) for p in range(world.size)]
+        inner = 1 if len(points) == 2 else points[2] // 2 + 1
+        self._width = inner * (points[1] // 2 + 1 if len(points) == 2 else points[1])  # columns of the whole spectrum
+        ranges = [spectrum_range(points, world.size, p) for p in range(world.size)]
+        self._columns = [(inner * lo, inner * hi) for lo, hi in ranges]
+        stacked = multiplier is not None and multiplier.ndim == len(points) + 1
+        outputs = len(multiplier) if stacked and multiplier is not None else 1
+        self._allocate(outputs, () if messages else self._node_ranks())
+        lo, hi = ranges[world.rank]
+        shape = (hi - lo, points[0]) if len(points) == 2 else (hi - lo, inner, points[0])
+        self.spectrum = self._spectrum[0, :, : points[0]].reshape(shape)
+        self._multiplier = None
+        if multiplier is not None:
+            kind = self._type if np.iscomplexobj(multiplier) else self._real_type
+            self._multiplier = np.ascontiguousarray(multiplier, kind).reshape(outputs, -1, points[0])
+        self._plan()
+        self._connect()
+        self._graphs: dict[str, Graph] = {}
+        self._exposed = False
+
+    def forward(self) -> None:
+        """real -> spectrum."""
+        self._world.barrier()  # a neighbour may still read the spectrum that we are about to replace
+        self._run("forward")
+        self._exposed = True
+
+    def backward(self) -> None:
+        """spectrum -> results[0], not normalised; the spectrum is lost."""
+        self._world.barrier()
+        self._run("backward")
+
+    def solve(self) -> None:
+        """real -> results[k], each through multiplier[k]: one launch, and no barrier."""
+        if self._exposed:
+            self._world.barrier()
+            self._exposed = False
+        self._run("solve")
+
+    def close(self) -> None:
+        """Free requests and window (all ranks together)."""
+        for requests in self._sets.values():
+            requests.free()
+        if self._window is not None:
+            self._window.Unlock_all()
+            self._window.Free()
+            self._window = None
+
+    def _run(self, what: str) -> None:
+        if what not in self._graphs:
+            self._graphs[what] = self._build(what).freeze()
+        self._pool.run(self._graphs[what])
+
+    # --- memory ---------------------------------------------------------------------------------------------------
+
+    def _node_ranks(self) -> tuple[int, ...]:
+        """Ranks of this node in the order of its communicator."""
+        if self._world.node_size == 1:
+            return ()
+        ranks = np.empty(self._world.node_size, np.int64)
+        self._world.node.Allgather(np.array([self._world.rank], np.int64), ranks)
+        return tuple(map(int, ranks))
+
+    def _allocate(self, outputs: int, node: tuple[int, ...]) -> None:
+        """Rows, columns (shared with the ranks of `node`) and message buffers."""
+        rank = self._world.rank
+        lo, hi = self._rows[rank]
+        row = int(np.prod(self._row_shape))
+        arrays = [aligned((hi - lo, padded(row, self._real_type)), self._real_type) for _ in range(1 + outputs)]
+        views = [array[:, :row].reshape(hi - lo, *self._row_shape) for array in arrays]
+        self._real_rows, self._result_rows = arrays[0], arrays[1:]
+        self.real, self.results = views[0], views[1:]
+        pitch = padded(self._n0, self._type)
+        shapes = {p: (outputs, b - a, pitch) for p, (a, b) in enumerate(self._columns)}
+        self._window = None
+        if node:
+            homes = self._shared(shapes, node)
+        else:
+            homes = {rank: aligned(shapes[rank], self._type)}
+        self._homes, self._spectrum = homes, homes[rank]
+        self._near = [p for p in homes if p != rank]
+        far = [p for p in range(self._world.size) if p not in homes]
+        own = self._columns[rank]
+        self._sent = {p: aligned((outputs, shapes[p][1], hi - lo), self._type) for p in far}
+        self._got = {p: aligned((outputs, own[1] - own[0], b - a), self._type) for p in far for a, b in [self._rows[p]]}
+
+    def _shared(self, shapes: dict[int, tuple[int, ...]], node: tuple[int, ...]) -> dict[int, NDArray]:
+        """The columns of every rank of the node in one shared window, each on pages of its own."""
+        item = self._type.itemsize
+        info = MPI.Info.Create({"alloc_shared_noncontig": "true"})
+        size = int(np.prod(shapes[self._world.rank])) * item + _LINE
+        self._window = MPI.Win.Allocate_shared(size, 1, info, self._world.node)
+        info.Free()
+        self._window.Lock_all()
+        homes = {}
+        for place, p in enumerate(node):
+            memory, _ = self._window.Shared_query(place)
+            raw = np.frombuffer(memory, np.uint8)
+            skip = -raw.ctypes.data % _LINE
+            homes[p] = raw[skip : skip + int(np.prod(shapes[p])) * item].view(self._type).reshape(shapes[p])
+        homes[self._world.rank][:] = 0  # touched once here: 4 KiB pages are slow to come
+        return homes
+
+    def _plan(self) -> None:
+        self._to_rows = fftw.complex_to_real(self._row_shape, self._real_type)
+        self._from_rows = fftw.real_to_complex(self._row_shape, self._real_type)
+        self._forward = fftw.complex_to_complex(self._n0, -1, self._type)
+        self._backward = fftw.complex_to_complex(self._n0, 1, self._type)
+        threads = self._pool.threads
+        self._block_pitch = padded(self._width, self._type)
+        row_bytes = self._block_pitch * self._type.itemsize + self._real_rows.shape[1] * self._real_type.itemsize
+        n_rows = len(self._real_rows)
+        wanted = max(8, min(_CACHE // row_bytes, -(-n_rows // (4 * threads)), 64))
+        self._row_blocks = blocks_of(0, n_rows, wanted // 8 * 8)
+        height = max((last - first for first, last in self._row_blocks), default=0)
+        size = max(height * self._block_pitch, 2 * padded(self._n0, self._type))
+        self._workspace = aligned((threads, padded(size, self._type)), self._type)
+        self._busy = np.zeros(8 * threads, np.int64)
+
+    # --- messages -------------------------------------------------------------------------------------------------
+
+    def _connect(self) -> None:
+        """Persistent requests by (what, number of the chunk), and the chunks of our columns."""
+        peer_bytes = self._n0 * self._width * self._type.itemsize // self._world.size**2
+        self._n_chunks = 4 if self._sent and peer_bytes >= _CHUNKED else 1
+        columns = {p: block_ranges(b - a, self._n_chunks) for p, (a, b) in enumerate(self._columns)}
+        own = columns[self._world.rank]
+        size = len(own) and max(1, min(16384 // self._n0, -(-self._spectrum.shape[1] // (4 * self._pool.threads))))
+        self._column_blocks = [blocks_of(lo, hi, size) for lo, hi in own]
+        self._token = np.zeros(1 + self._world.size, np.int64)  # what tokens carry is never read
+        self._sets: dict[Any, RequestSet] = {}
+        for what, channel in (("rows in", _TOKEN_ROWS), ("columns done", _TOKEN_COLUMNS)):
+            pairs = [(p, [self._token[:1]], [self._token[1 + p : 2 + p]]) for p in self._near]
+            self._request(what, 0, channel, pairs)
+        for j in range(self._n_chunks):
+            to = {p: [plane[slice(*columns[p][j])] for plane in self._sent[p]] for p in self._sent}
+            back = {p: [plane[slice(*own[j])] for plane in self._got[p]] for p in self._got}
+            channel = _FORWARD + j
+            self._request("forward", j, channel, [(p, to[p][:1], back[p][:1]) for p in to])
+            channel += self._n_chunks
+            self._request("backward", j, channel, [(p, back[p], to[p]) for p in to], step=self._n_chunks)
+
+    def _request(self, what: str, j: int, channel: int, pairs: list[tuple], step: int = 1) -> None:
+        """Requests of one exchange: (peer, arrays to send, arrays to receive); empty arrays need no message."""
+        comm = self._world.comm
+
+        def number(k: int) -> int:
+            assert Channel.TRANSPOSE + channel + k * step < 64
+            return tag(0, Channel.TRANSPOSE + channel + k * step)
+
+        sends = [comm.Send_init(a, p, number(k)) for p, s, _ in pairs for k, a in enumerate(s) if a.size]
+        receives = [comm.Recv_init(a, p, number(k)) for p, _, r in pairs for k, a in enumerate(r) if a.size]
+        if sends:
+            self._sets[f"send {what}", j] = RequestSet(sends)
+        if receives:
+            self._sets[f"receive {what}", j] = RequestSet(receives)
+
+    # --- tasks ----------------------------------------------------------------------------------------------------
+
+    def _build(self, what: str) -> Graph:
+        graph = Graph()
+        if what != "backward":
+            self._add_rows_forward(graph)
+        self._add_columns(graph, what)
+        if what != "forward":
+            self._add_rows_backward(graph)
+        return graph
+
+    def _message(self, graph: Graph, what: str, j: int, **handles: Any) -> None:
+        if (what, j) in self._sets:
+            graph.message(self._sets[what, j], name=f"{what} {j} of a transform", **handles)
+
+    def _home_table(self, output: int) -> NDArray[np.int64]:
+        """int64[ranks, 5] as `rows_forward` wants it: where the columns of each rank are written to and read from."""
+        lo, _ = self._rows[self._world.rank]
+        table = []
+        ranks = range(self._world.size)
+        for p in sorted(ranks, key=lambda p: (p - self._world.rank) % len(ranks)):  # not all at one rank at a time
+            near = p in self._homes
+            home = (self._homes if near else self._sent)[p][output]
+            if home.size:
+                table.append((home.ctypes.data, home.shape[1], lo if near else 0, *self._columns[p]))
+        return np.array(table, np.int64).reshape(-1, 5)
+
+    def _add_rows_forward(self, graph: Graph) -> None:
+        for j in range(self._n_chunks):
+            self._message(graph, "receive forward", j, outs=[("in", j)])
+        self._message(graph, "receive rows in", 0, outs=["near rows"])
+        plan, homes = self._from_rows, self._home_table(0)
+        for first, last in self._row_blocks:
+            arguments = (first, last, self._real_rows, plan.execute, plan.plan, self._workspace, self._busy)
+            task = bind(kernels.rows_forward, *arguments, self._block_pitch, homes)
+            graph.task(task, outs=[("row", first)])
+        graph.task(bind(kernels.join, 0), ins=[("row", first) for first, _ in self._row_blocks], outs=["rows"])
+        self._message(graph, "send rows in", 0, ins=["rows"])
+        for j in range(self._n_chunks):
+            self._message(graph, "send forward", j, ins=["rows"], outs=[("sent", j)])
+
+    def _add_columns(self, graph: Graph, what: str) -> None:
+        parts = [(a.ctypes.data, a.shape[2], self._rows[p][0]) for p, a in self._got.items() if a.shape[2]]
+        table = np.array(parts, np.int64).reshape(-1, 3)
+        plans = {"forward": (self._forward.plan,), "backward": (self._backward.plan,)}
+        plans["solve"] = plans["forward"] + plans["backward"]
+        kernel = getattr(kernels, f"columns_{what}")
+        extra = (self._multiplier,) if what == "solve" else ()
+        for j, blocks in enumerate(self._column_blocks):
+            for first, last in blocks:
+                arguments = (first, last, self._spectrum, self._n0, self._forward.execute, *plans[what])
+                task = bind(kernel, *arguments, self._workspace, self._busy, table, *extra)
+                graph.task(task, ins=["rows", "near rows", ("in", j)], outs=[("column", first)])
+
+    def _add_rows_backward(self, graph: Graph) -> None:
+        done = [[("column", first) for first, _ in blocks] for blocks in self._column_blocks]
+        for j, columns in enumerate(done):
+            self._message(graph, "receive backward", j, ins=[("sent", j)], outs=[("back", j)])
+            self._message(graph, "send backward", j, ins=columns)
+        own = [handle for columns in done for handle in columns]
+        graph.task(bind(kernels.join, 0), ins=own, outs=["columns"])
+        self._message(graph, "send columns done", 0, ins=["columns"])
+        self._message(graph, "receive columns done", 0, outs=["near columns"])
+        needed = ["columns", "near columns", *(("back", j) for j in range(self._n_chunks))]
+        plan = self._to_rows
+        for k, result in enumerate(self._result_rows):
+            homes = self._home_table(k)
+            for first, last in self._row_blocks:
+                arguments = (first, last, result, plan.execute, plan.plan, self._workspace, self._busy)
+                task = bind(kernels.rows_backward, *arguments, self._block_pitch, homes)
+                graph.task(task, ins=needed)
