@@ -116,10 +116,9 @@ def cast_scalar(context: Any, builder: Any, from_type: Any, to_type: Vec, value:
 
 
 def _operator(symbol: Any, emit: Callable, accepts: Callable, result: Callable = lambda vec: vec) -> None:
-    """Define a unary or binary operator: emit(builder, vec, *operands), for the types that `accepts`."""
+    """Define an operator: emit(builder, vec, *operands), for the types that `accepts`; with its in-place form."""
 
-    @infer_global(symbol)
-    class _Template(AbstractTemplate):
+    class Template(AbstractTemplate):
         def generic(self, args: tuple, keywords: dict) -> Any:
             vec = next((arg for arg in args if isinstance(arg, Vec)), None)
             if vec is None or not accepts(vec):
@@ -131,8 +130,11 @@ def _operator(symbol: Any, emit: Callable, accepts: Callable, result: Callable =
     def lower(context: Any, builder: Any, sig: Any, args: Any) -> Any:
         return emit(builder, sig.args[0], *args)
 
-    for n_operands in (1, 2):
-        lower_builtin(symbol, *[Vec] * n_operands)(lower)
+    for form in (symbol, getattr(operator, f"i{symbol.__name__.rstrip('_')}", None)):
+        if form is not None:
+            infer_global(form)(type("Template", (Template,), {}))
+            for n_operands in (1, 2):
+                lower_builtin(form, *[Vec] * n_operands)(lower)
 
 
 def _mask_of(vec: Vec) -> Vec:

@@ -20,6 +20,7 @@ import numpy as np
 from llvmlite import binding, ir
 from numba import types
 from numba.core import cgutils
+from numba.core.errors import TypingError
 from numba.extending import intrinsic
 
 from hpcpic.core.simd.kinds import (
@@ -152,8 +153,10 @@ maximum = intrinsic(_pick(">"))
 
 @intrinsic
 def select(typing_context, mask, a, b):
-    """a where the mask is true, else b."""
+    """a where the mask is true, else b; one of them may be a scalar."""
     kind = a if isinstance(a, Vec) else b
+    if not isinstance(kind, Vec):
+        raise TypingError("one choice of select must be a vector: splat it")
     return kind(mask, kind, kind), lambda context, builder, sig, args: builder.select(*args)
 
 
@@ -241,7 +244,7 @@ def to_fixed(typing_context, a, scale):
         return builder.sub(moved, builder.bitcast(magic, words))
 
     if a.dtype != types.float64:
-        return None
+        raise TypingError(f"to_fixed takes float64 lanes, not {a}")
     return whole(a, a), codegen
 
 
@@ -251,6 +254,11 @@ def to_fixed(typing_context, a, scale):
 def _element_address(context: Any, builder: Any, array_type: Any, array: Any, index: Any) -> Any:
     data = context.make_array(array_type)(context, builder, array).data
     return builder.ptrtoint(builder.gep(data, [index]), I64)
+
+
+def _check_elements(array: types.Array, vec: Any) -> None:
+    if not isinstance(vec, Vec) or (array.dtype, array.ndim, array.layout) != (vec.dtype, 1, "C"):
+        raise TypingError(f"{vec} is not made of elements of the contiguous line {array}")
 
 
 @intrinsic
@@ -272,8 +280,7 @@ def load(typing_context, kind, array, index):
         address = _element_address(context, builder, array, *args[1:])
         return load_from(builder, address, context.get_value_type(vec), vec.size)
 
-    if array.dtype != vec.dtype or array.layout != "C":
-        return None
+    _check_elements(array, vec)
     return vec(kind, array, types.int64), codegen
 
 
@@ -286,8 +293,7 @@ def store(typing_context, array, index, a):
         store_to(builder, address, args[2], a.size)
         return context.get_dummy_value()
 
-    if array.dtype != a.dtype or array.layout != "C":
-        return None
+    _check_elements(array, a)
     return types.void(array, types.int64, a), codegen
 
 
