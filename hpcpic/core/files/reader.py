@@ -1,0 +1,173 @@
+"""A run folder as arrays, for notebooks, plots and comparisons:
+
+run = open_run("runs/two-stream")
+run.series["energy_field"], run.series.time, run.field("rho", time=1.5), run.particles("electrons", step=100)["velocity"]
+"""
+
+from collections.abc import Iterable, Iterator
+from contextlib import contextmanager
+from functools import cached_property
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hpcpic.core.errors import FileError
+from hpcpic.core.files.rundir import RunDir
+from hpcpic.core.files.safe_hdf5 import Checked, open_checked
+from hpcpic.core.files.series import Series, read_series
+
+ROOT = "VTKHDF"
+
+
+def open_run(path: Path | str) -> "Run":
+    """A run folder, running or ended. Raises FileError when it is none."""
+    return Run(RunDir.open(path))
+
+
+class Snapshots:
+    """The steps of one temporal VTKHDF file. `steps` and `times` [n]; `units` of every array."""
+
+    def __init__(self, path: Path) -> None:
+        self.path = path
+        with self._open() as file:
+            count = int(file.attribute(f"{ROOT}/Steps", "NSteps"))
+            self.steps = file.dataset("step", np.int64, (None,))[:count]
+            self.times = file.dataset(f"{ROOT}/Steps/Values", np.float64, (None,))[:count]
+            self.names = file.names(f"{ROOT}/PointData")
+            self.units = {
+                name: str(file.attribute(f"{ROOT}/PointData/{name}", "units")) for name in self.names
+            }
+
+    @contextmanager
+    def _open(self) -> Iterator[Checked]:
+        with open_checked(self.path) as file:
+            yield file
+
+    def index(self, step: int | None = None, time: float | None = None) -> int:
+        """Number of the snapshot at `step`, or nearest to `time`; the last one when neither is asked for."""
+        if not len(self.steps):
+            raise FileError(f"{self.path}: holds no step yet")
+        if step is not None:
+            found = np.flatnonzero(self.steps == step)
+            if not len(found):
+                raise FileError(f"{self.path}: no step {step}; there are {_listed(self.steps)}")
+            return int(found[-1])
+        return int(np.argmin(np.abs(self.times - time))) if time is not None else len(self.steps) - 1
+
+    def _require(self, name: str) -> None:
+        if name not in self.names:
+            raise FileError(f"{self.path}: no array {name}; there are {', '.join(self.names)}")
+
+
+class Fields(Snapshots):
+    """fields.vtkhdf. `spacing` in the order of the array axes, slab axis first."""
+
+    def __init__(self, path: Path) -> None:
+        super().__init__(path)
+        with self._open() as file:
+            extent = np.asarray(file.attribute(ROOT, "WholeExtent"))
+            self.points = tuple(int(n) for n in (extent[1::2] - extent[::2] + 1)[::-1] if n > 1)
+            spacing = np.asarray(file.attribute(ROOT, "Spacing"))[::-1]
+            used = (extent[1::2] > extent[::2])[::-1]
+            self.spacing = tuple(float(d) for d in spacing[used])
+
+    def read(self, name: str, index: int) -> NDArray:
+        """values[rows, ...] of a snapshot; axes with one point are left out."""
+        self._require(name)
+        with self._open() as file:
+            vector = len(file.file[ROOT]["PointData"][name].shape) - 1 - len(self.points)
+            values = file.dataset(f"{ROOT}/PointData/{name}", None, (None, *self.points, *(None,) * vector))
+            offsets = file.dataset(f"{ROOT}/Steps/PointDataOffsets/{name}", np.int64, (None,))
+            return values[int(offsets[index])]
+
+
+class Particles(Snapshots):
+    """particles.vtkhdf. `species`: the names."""
+
+    def __init__(self, path: Path) -> None:
+        super().__init__(path)
+        with self._open() as file:
+            self.species = list(file.attribute(f"{ROOT}/PointData/species", "names"))
+
+    def read(self, species: str, index: int) -> dict[str, NDArray]:
+        """position[n, 3], id[n] and the other columns of one species, in the order of the ids."""
+        if species not in self.species:
+            raise FileError(f"{self.path}: no species {species}; there are {', '.join(self.species)}")
+        with self._open() as file:
+            first = int(file.dataset(f"{ROOT}/Steps/PointOffsets", np.int64, (None,))[index])
+            rows = slice(first, first + int(file.dataset(f"{ROOT}/NumberOfPoints", np.int64, (None,))[index]))
+            number = file.dataset(f"{ROOT}/PointData/species", np.int32, (None,))[rows]
+            ids = file.dataset(f"{ROOT}/PointData/id", np.int64, (None,))[rows]
+            own = np.flatnonzero(number == self.species.index(species))
+            own = own[np.argsort(ids[own], kind="stable")]
+            result = {"id": ids[own], "position": _rows(file, f"{ROOT}/Points", rows)[own]}
+            for name in self.names:
+                if name not in ("id", "species"):
+                    result[name] = _rows(file, f"{ROOT}/PointData/{name}", rows)[own]
+            return result
+
+
+def _rows(file: Checked, name: str, rows: slice) -> NDArray:
+    shape = file.file[name].shape
+    return file.dataset(name, None, (None,) * len(shape))[rows]
+
+
+def _listed(steps: NDArray) -> str:
+    shown = [str(step) for step in steps]
+    return ", ".join(shown if len(shown) <= 8 else [*shown[:4], "...", *shown[-3:]])
+
+
+class Run:
+    """One run folder. Read when asked for, and then kept."""
+
+    def __init__(self, rundir: RunDir) -> None:
+        self.rundir = rundir
+        self.path = rundir.path
+
+    @cached_property
+    def summary(self) -> dict[str, Any]:
+        """run.json."""
+        return self.rundir.read_run()
+
+    @cached_property
+    def config(self) -> str:
+        """config.conf, as used."""
+        try:
+            return self.rundir.config.read_text()
+        except (OSError, UnicodeDecodeError) as error:
+            raise FileError(f"{self.rundir.config}: cannot be read ({error})") from error
+
+    @cached_property
+    def series(self) -> Series:
+        return read_series(self.path)
+
+    @cached_property
+    def field_snapshots(self) -> Fields:
+        return Fields(self.rundir.fields)
+
+    @cached_property
+    def particle_snapshots(self) -> Particles:
+        return Particles(self.rundir.particles)
+
+    def field(self, name: str, step: int | None = None, time: float | None = None) -> NDArray:
+        """One field at a step, at the snapshot nearest to a time, or at the last one."""
+        return self.field_snapshots.read(name, self.field_snapshots.index(step, time))
+
+    def fields(
+        self, names: Iterable[str] | None = None, steps: Iterable[int] | None = None
+    ) -> dict[str, NDArray]:
+        """name -> values[snapshots, rows, ...]; all names and all steps by default."""
+        snapshots = self.field_snapshots
+        asked = snapshots.steps.tolist() if steps is None else list(steps)
+        return {
+            name: np.array([self.field(name, step) for step in asked])
+            for name in (snapshots.names if names is None else names)
+        }
+
+    def particles(
+        self, species: str, step: int | None = None, time: float | None = None
+    ) -> dict[str, NDArray]:
+        """Columns of one species, in the order of the ids."""
+        return self.particle_snapshots.read(species, self.particle_snapshots.index(step, time))
