@@ -1,0 +1,170 @@
+"""The numbers of a case against theory, their verdicts at the limits, and cures that cure."""
+
+import math
+
+import pytest
+
+from hpcpic.core.errors import ConfigError
+from hpcpic.core.files.config import loads
+from hpcpic.core.files.derived import enforce
+from hpcpic.core.files.schema import validate
+from hpcpic.plasma.config import PlasmaConfig
+from hpcpic.plasma.derived import HEATING, derived
+
+CASE = """
+simulation = { cycles = 1000; time_step = 0.2; space_length = [64.0, 32.0]; };
+grid = { points = [64, 32]; };
+species = (
+  { name = "electrons"; particles = 32768; charge = -1.0; mass = 1.0; thermal_velocity = 1.0;
+    init_method = "random position"; plasma_frequency = 1.0; }
+);
+"""
+
+
+def numbers(sets=(), text=CASE, ranks=1):
+    tree = loads(text, sets=sets)
+    config = validate(PlasmaConfig, tree)
+    return {number.symbol: number for number in derived(config, ranks)}, tree
+
+
+def test_plasma_frequency_from_macro_particles_and_as_given():
+    # 4 pi^2 = n q^2 / (eps0 m): 32768 particles of charge q and mass 1 on 2048 m2
+    q = -2 * math.pi / 4
+    macro, _ = numbers([f"species[0].charge={q}", "species[0].plasma_frequency=0"])
+    assert macro["wp"].value == pytest.approx(2 * math.pi, rel=1e-15)
+    given, _ = numbers(["species[0].plasma_frequency=3.5"])
+    assert given["wp"].value == 3.5 and given["wp dt"].value == 3.5 * 0.2
+
+
+@pytest.mark.parametrize(
+    "step, verdict, forceable",
+    [
+        (0.5, "ok", True),
+        (0.51, "warn", True),
+        (1.19, "warn", True),
+        (1.2, "fail", True),
+        (1.99, "fail", True),
+        (2.0, "fail", False),
+        (50.0, "fail", False),
+        (-0.3, "ok", True),
+        (-2.5, "fail", False),
+    ],
+)
+def test_the_time_step_is_refused_where_the_scheme_is_unstable(step, verdict, forceable):
+    found, tree = numbers([f"simulation.time_step={step}"])
+    assert (found["wp dt"].verdict, found["wp dt"].forceable) == (verdict, forceable)
+    if verdict != "fail":
+        return
+    with pytest.raises(
+        ConfigError, match=r"--set simulation.time_step=.*: simulation.time_step: time step wp dt = "
+    ):
+        enforce(found.values(), tree)
+    if forceable:
+        assert any(
+            "refused without --force" in warning for warning in enforce(found.values(), tree, force=True)
+        )
+    else:
+        with pytest.raises(ConfigError):
+            enforce(found.values(), tree, force=True)
+
+
+def test_the_time_step_that_a_refusal_names_is_accepted():
+    for step, wp in ((2.5, 1.0), (-2.5, 1.0), (3e-12, 1e12), (1e9, 2.7e-9)):
+        sets = [f"simulation.time_step={step}", f"species[0].plasma_frequency={wp}"]
+        cure = numbers(sets)[0]["wp dt"].cure
+        legal, accurate = (float(part.split()[0]) for part in cure.replace("time_step = ", "").split(", "))
+        for better, verdict in ((legal, "warn"), (accurate, "ok")):
+            assert math.copysign(1, better) == math.copysign(1, step)
+            found, _ = numbers([f"simulation.time_step={better}", sets[1]])
+            assert found["wp dt"].verdict == verdict
+
+
+@pytest.mark.parametrize(
+    "thermal, verdict", [(1.0, "ok"), (0.5, "ok"), (0.4, "warn"), (0.04, "warn"), (0.02, "fail")]
+)
+def test_the_debye_length_against_the_grid(thermal, verdict):
+    found, _ = numbers([f"species[0].thermal_velocity={thermal}"])
+    number = found["lambda_D/dx"]
+    assert number.value == pytest.approx(thermal) and number.verdict == verdict and number.forceable
+
+
+def test_a_cold_start_has_no_debye_length():
+    found, _ = numbers(["species[0].thermal_velocity=0"])
+    assert "lambda_D/dx" not in found
+
+
+def test_the_uniform_distribution_of_the_thesis_has_a_debye_length():
+    found, _ = numbers(["species[0].thermal_velocity=0", "species[0].drift_velocity=[3.0, 0.0]"])
+    assert found["lambda_D/dx"].value == pytest.approx(math.sqrt(3))
+
+
+@pytest.mark.parametrize("ratio, rate", HEATING)
+def test_heating_follows_the_measured_table(ratio, rate):
+    found, _ = numbers([f"species[0].thermal_velocity={ratio}"])
+    assert math.log1p(found["dW/W"].value) == pytest.approx(
+        rate / 16 * 200, rel=1e-9
+    )  # 16 per cell, wp t = 200
+
+
+def test_heating_falls_as_one_over_the_particles_per_cell():
+    few, many = (numbers([f"species[0].particles={n}"])[0]["dW/W"].value for n in (2048, 65536))
+    assert math.log1p(few) == pytest.approx(32 * math.log1p(many), rel=1e-9)
+
+
+@pytest.mark.parametrize(
+    "sets, symbol, verdict",
+    [
+        (["field.magnetic=[0, 0, 1]"], "wc dt", "ok"),
+        (["field.magnetic=[0, 3, 4]"], "wc dt", "warn"),
+        (["field.magnetic=[0, 3, 4]", "numerics.exact_phase=true"], "wc dt", "ok"),
+        (["field.magnetic=[0, 0, 16]", "numerics.exact_phase=true"], "wc dt", "fail"),
+        (["species[0].drift_velocity=[6.0, 0.0]"], "v dt/dx", "warn"),
+        (["simulation.time_step=0.1"], "v dt/dx", "ok"),
+        (["species[0].perturbation={mode=[4, 0]}"], "k dx", "ok"),
+        (["species[0].perturbation={mode=[0, 4]}"], "k dx", "warn"),
+        (["species[0].perturbation={mode=[0, 17]}"], "k dx", "fail"),
+        (["grid.points=[1, 1]", "species[0].particles=600000"], "N/cells", "fail"),
+        (["grid.points=[1, 1]", "species[0].particles=200000"], "N/cells", "warn"),
+        (["simulation.plasma_chunks=65"], "Nx/chunks", "warn"),
+        (["simulation.solver=LU"], "Nx Ny", "ok"),
+        (["simulation.solver=LU", "grid.points=[128, 64]"], "Nx Ny", "warn"),
+        (["simulation.solver=LU", "grid.points=[256, 256]"], "Nx Ny", "fail"),
+    ],
+)
+def test_verdicts_at_the_limits(sets, symbol, verdict):
+    assert numbers(sets)[0][symbol].verdict == verdict
+
+
+def test_more_ranks_than_rows_are_refused_with_the_largest_number():
+    found, tree = numbers(ranks=33)
+    assert "rows/R" in found and numbers(ranks=32)[0]["rows/R"].verdict == "ok"
+    with pytest.raises(ConfigError, match=r"case:3:10: grid.points: rows per rank .* at most 32 ranks"):
+        enforce(found.values(), tree)
+
+
+def test_units_beyond_floating_point_are_refused():
+    found, tree = numbers(
+        ["species[0].charge=1e200", "species[0].mass=1e-200", "species[0].plasma_frequency=0"]
+    )
+    with pytest.raises(ConfigError, match="choose other units"):
+        enforce(found.values(), tree, force=True)
+
+
+def test_every_case_has_numbers_even_without_particles():
+    for sets in (["species[0].particles=0"], ["species=()"]):
+        found, tree = numbers(sets)
+        assert found["wp"].value == 0 and enforce(found.values(), tree) == []
+
+
+def test_the_numbers_do_not_depend_on_the_units():
+    second, metre, volt = 2.0**20, 2.0**-30, 2.0**15  # new units are so many old ones
+    scaled = [
+        f"simulation.time_step={0.2 / second!r}",
+        f"simulation.space_length=[{64 / metre!r}, {32 / metre!r}]",
+        f"species[0].thermal_velocity={1 / metre * second!r}",
+        f"species[0].plasma_frequency={second!r}",
+        f"species[0].charge={-volt!r}",
+    ]
+    for symbol, number in numbers()[0].items():
+        if not number.unit or number.unit == "cells":
+            assert numbers(scaled)[0][symbol].value == number.value
