@@ -1,0 +1,232 @@
+"""What theory says an electrostatic plasma does: continuum roots, and the exact dispersion of the scheme.
+
+Units are whatever the caller uses, all alike: frequencies in rad/s, velocities in m/s, wave numbers in
+rad/m, or all of them normalised. Waves are exp(i k x - i omega t): a positive imaginary part of omega grows.
+
+Sources
+* Landau (1946); Fried & Conte, The Plasma Dispersion Function (1961): Z' and the roots of a Maxwellian.
+* Birdsall & Langdon, Plasma Physics via Computer Simulation (1985), chapters 4, 5, 8: leapfrog, cold beams,
+  and the dispersion of the particle-mesh scheme with its aliases.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+ALIASES = 24          # the shape falls as 1/p^2 or faster: what is left out is under 1e-6 of the sum for CIC
+SHAPE_ORDER = {"NGP": 1, "CIC": 2, "TSC": 3}
+
+
+class NoRoot(ArithmeticError):
+    """Newton's method did not settle on a root."""
+
+
+@dataclass(frozen=True, slots=True)
+class Beam:
+    """A Maxwellian (or, without spread, cold) species; thermal velocity is the standard deviation along k."""
+
+    plasma_frequency: float
+    drift: float = 0.0
+    thermal_velocity: float = 0.0
+
+
+@dataclass(frozen=True, slots=True)
+class Mesh:
+    """What the discrete dispersion needs to know of the scheme."""
+
+    dx: float
+    dt: float
+    shape: str = "CIC"
+    spectral: bool = False
+
+
+# ---------------------------------------------------------------------------------------------- continuum
+
+def plasma_dispersion_prime(zeta: complex) -> complex:
+    """Z'(zeta) = -2 (1 + zeta Z), the derivative of the function of Fried and Conte, on both half planes."""
+    from scipy.special import wofz
+
+    return -2.0 * (1.0 + zeta * 1j * np.sqrt(np.pi) * wofz(zeta))
+
+
+def susceptibility(omega: complex, k: float, beams: Sequence[Beam]) -> complex:
+    """Sum over species of wp^2/(omega - k v)^2, or of wp^2 Z'/(2 k^2 vth^2) where there is thermal spread."""
+    total = 0.0 + 0.0j
+    for beam in beams:
+        shifted = omega - k * beam.drift
+        wp_sq = beam.plasma_frequency**2
+        if beam.thermal_velocity == 0.0:
+            total += wp_sq / shifted**2
+        else:
+            spread = k * beam.thermal_velocity
+            zeta = shifted / (np.sqrt(2.0) * abs(spread))
+            total += wp_sq * plasma_dispersion_prime(zeta) / (2.0 * spread**2)
+    return total
+
+
+def cold_roots(k: float, beams: Sequence[Beam]) -> np.ndarray:
+    """All roots of 1 = sum wp^2/(omega - k v)^2 as complex[2 n], most unstable first, spread ignored."""
+    squares = [np.poly1d([1.0, -k * b.drift]) ** 2 for b in beams]
+    polynomial = np.poly1d([1.0])
+    for square in squares:
+        polynomial = polynomial * square
+    for i, beam in enumerate(beams):
+        others = np.poly1d([beam.plasma_frequency**2])
+        for j, square in enumerate(squares):
+            if j != i:
+                others = others * square
+        polynomial = polynomial - others
+    roots = polynomial.roots
+    return roots[np.argsort(-roots.imag, kind="stable")]
+
+
+def root_near(guess: complex, equation: Callable[[complex], complex], tolerance: float = 1e-14) -> complex:
+    """Newton's method on an analytic equation(omega) = 0. Raises NoRoot when 60 steps do not settle."""
+    omega = complex(guess)
+    for _ in range(60):
+        h = 1e-6 * (abs(omega) + 1e-3)
+        with np.errstate(over="ignore", invalid="ignore"):   # Z' overflows far below the axis
+            value = equation(omega)
+            slope = (equation(omega + h) - equation(omega - h)) / (2.0 * h)
+        if not np.isfinite(value) or not np.isfinite(slope) or slope == 0.0:
+            break
+        step = value / slope
+        omega -= step
+        if abs(step) <= tolerance * (abs(omega) + 1e-300):
+            return omega
+        if abs(step) <= 1e-11 * abs(omega) and abs(equation(omega)) >= abs(value):
+            return omega                                      # round-off of the equation itself
+    raise NoRoot(f"no root near {guess}")
+
+
+def landau(k_lambda_d: float) -> complex:
+    """omega/wp of the least damped electron wave of a Maxwellian at k lambda_D (ions at rest).
+
+    1 = Z'(omega/(sqrt2 k vth))/(2 k^2 lambda_D^2). Followed upwards from Bohm and Gross.
+    """
+    beam = (Beam(1.0, 0.0, 1.0),)
+    omega = np.sqrt(1.0 + 3.0 * 0.04) + 0j
+    for k in np.append(np.arange(0.2, k_lambda_d, 0.05), k_lambda_d) if k_lambda_d > 0.2 else (k_lambda_d,):
+        if k <= 0.2:
+            omega = np.sqrt(1.0 + 3.0 * k * k) - 1e-9j
+        omega = root_near(omega, lambda w, k=k: 1.0 - susceptibility(w, k, beam))
+    return omega
+
+
+def unstable_root(k: float, beams: Sequence[Beam]) -> complex:
+    """The fastest growing root of warm beams at wave number k; raises NoRoot when nothing grows.
+
+    Newton's method from the cold roots and from a net of points over the band of resonant frequencies.
+    """
+    if all(b.thermal_velocity == 0.0 for b in beams):
+        best = complex(cold_roots(k, beams)[0])
+        if best.imag <= 1e-7 * abs(best):
+            raise NoRoot(f"nothing grows at k = {k}")
+        return best
+    wp = np.sqrt(sum(b.plasma_frequency**2 for b in beams))
+    resonances = [k * b.drift for b in beams]
+    low, high = min(*resonances, -wp) - wp, max(*resonances, wp) + wp
+    starts = [complex(w.real, abs(w.imag) + 0.01 * wp) for w in cold_roots(k, beams)]
+    starts += [complex(re, im * wp) for im in (0.02, 0.1, 0.3, 0.6) for re in np.linspace(low, high, 25)]
+    found = []
+    for start in starts:
+        try:
+            omega = root_near(start, lambda w: 1.0 - susceptibility(w, k, beams))
+        except NoRoot:
+            continue
+        if omega.imag > 1e-9 * wp:
+            found.append(omega)
+    if not found:
+        raise NoRoot(f"nothing grows at k = {k}")
+    return max(found, key=lambda w: w.imag)
+
+
+def two_stream_growth(k_v0: float, wb: float) -> float:
+    """Growth rate of two equal cold beams +-v0, each of plasma frequency wb (Birdsall & Langdon 5-6).
+
+    Zero where nothing grows; the maximum is wb/2 at k v0 = sqrt(3)/2 wb.
+    """
+    gamma_sq = wb * np.sqrt(4.0 * k_v0**2 + wb**2) - k_v0**2 - wb**2
+    return float(np.sqrt(max(gamma_sq, 0.0)))
+
+
+# ------------------------------------------------------------------------------------------ discrete scheme
+
+def leapfrog_frequency(omega: float, dt: float) -> float:
+    """Frequency of an oscillator under leapfrog: (2/dt) asin(omega dt/2), stable for omega dt < 2."""
+    return 2.0 / dt * float(np.arcsin(0.5 * omega * dt))
+
+
+def cold_wave_frequency(wp: float, dt: float, k: float, dx: float) -> float:
+    """Frequency of a cold wave in CIC, 3- or 5-point Poisson, centred E, leapfrog.
+
+    The sum over aliases closes to cos^2(k dx/2) exactly: omega = (2/dt) asin((wp dt/2) cos(k dx/2)).
+    """
+    return leapfrog_frequency(wp * abs(np.cos(0.5 * k * dx)), dt)
+
+
+def boris_angle(wc: float, dt: float, exact_phase: bool = False) -> float:
+    """Angle turned per step: 2 atan(wc dt/2), or wc dt when the rotation uses t = tan(wc dt/2) b."""
+    return wc * dt if exact_phase else 2.0 * float(np.arctan(0.5 * wc * dt))
+
+
+def gyration_radius(speed: float, wc: float, dt: float, exact_phase: bool = False) -> float:
+    """Radius of the circle through the leapfrogged positions: v dt/(2 sin(theta/2))."""
+    return speed * dt / (2.0 * abs(np.sin(0.5 * boris_angle(wc, dt, exact_phase))))
+
+
+def upper_hybrid_frequency(wp: float, wc: float, dt: float, k: float = 0.0, dx: float = 0.0,
+                           exact_phase: bool = False) -> float:
+    """Frequency of the cold wave across B as the scheme makes it: half kick, turn by theta, half kick, drift.
+
+    The linear map of (x, vx, vy) over a step has eigenvalues 1 and exp(+-i omega dt) with
+    sin^2(omega dt/2) = sin^2(theta/2) + cos^2(theta/2) (wp cos(k dx/2) dt/2)^2,
+    which tends to omega^2 = wp^2 + wc^2.
+    """
+    half = 0.5 * boris_angle(wc, dt, exact_phase)
+    kick = 0.5 * wp * dt * np.cos(0.5 * k * dx)
+    return 2.0 / dt * float(np.arcsin(np.sqrt(np.sin(half) ** 2 + (np.cos(half) * kick) ** 2)))
+
+
+def mesh_factors(k: float, mesh: Mesh) -> tuple[np.ndarray, np.ndarray]:
+    """Wave numbers k_p = k + 2 pi p/dx and their weights S^2(k_p) k_p kappa/K^2 in the force of the scheme.
+
+    S is the transform of the particle shape, kappa of the gradient, K^2 of the Laplacian (Birdsall & Langdon,
+    chapter 8), in one dimension: the field along k.
+    """
+    aliases = k + 2.0 * np.pi / mesh.dx * np.arange(-ALIASES, ALIASES + 1)
+    shape = np.sinc(0.5 * aliases * mesh.dx / np.pi) ** SHAPE_ORDER[mesh.shape]
+    half = 0.5 * k * mesh.dx
+    inverse_gradient = 1.0 / k if mesh.spectral else 0.5 * mesh.dx / np.tan(half)
+    return aliases, shape**2 * aliases * inverse_gradient
+
+
+def mesh_susceptibility(omega: complex, k: float, beams: Sequence[Beam], mesh: Mesh) -> complex:
+    """Response of the scheme to its own field; 1 = mesh_susceptibility is its dispersion, exact in dx and dt.
+
+    A kick displaces by s dt after s steps, and a Maxwellian forgets it as exp(-(k_p vth s dt)^2/2):
+    - wp^2 dt^2 sum_p F_p sum_s s exp(i (omega - k_p v) s dt) exp(-(k_p vth s dt)^2/2).
+    Without spread the inner sum is -1/(4 sin^2((omega - k_p v) dt/2)).
+    """
+    waves, weights = mesh_factors(k, mesh)
+    total = 0.0 + 0.0j
+    for beam in beams:
+        phase = (omega - waves * beam.drift) * mesh.dt
+        if beam.thermal_velocity == 0.0:
+            response = 1.0 / (4.0 * np.sin(0.5 * phase) ** 2)
+        else:
+            slowest = np.abs(waves).min() * beam.thermal_velocity * mesh.dt
+            peak = abs(min(omega.imag * mesh.dt, 0.0)) / slowest**2    # largest terms of a damped wave
+            s = np.arange(1.0, np.ceil(peak + 12.0 / slowest) + 2.0)
+            decay = 0.5 * (waves * beam.thermal_velocity * mesh.dt)[:, None] ** 2 * s**2
+            response = -(s * np.exp(1j * phase[:, None] * s - decay)).sum(axis=1)
+        total += (beam.plasma_frequency * mesh.dt) ** 2 * np.dot(weights, response)
+    return total
+
+
+def mesh_root(guess: complex, k: float, beams: Sequence[Beam], mesh: Mesh) -> complex:
+    """The root of the scheme's own dispersion relation next to guess (usually the continuum root)."""
+    return root_near(guess, lambda w: 1.0 - mesh_susceptibility(w, k, beams, mesh), tolerance=1e-13)
