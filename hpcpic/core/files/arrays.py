@@ -29,7 +29,7 @@ class FieldArray:
 
 @dataclass(frozen=True, slots=True)
 class ParticleArray:
-    """The particles of one species on this rank, in any order: ids[n], position[n, 3] m, columns[name][n, ...]."""
+    """Particles of one species on this rank in any order: ids[n], position[n, 3] m, columns[name][n, ...]."""
 
     ids: NDArray[np.int64]
     position: NDArray

@@ -1,9 +1,10 @@
 """HDF5 files laid out in memory, whose raw data the ranks write themselves.
 
-On a full disk HDF5 dies of a signal (chunked data) or loses values without a word (contiguous data). So it never meets the
-disk when we write: it works on an Image, the structure of the file; the space is allocated first, which is where a full
-disk shows, cleanly; every rank writes its rows at the addresses HDF5 has chosen; the structure is changed last.
-The result is one ordinary HDF5 file. A process killed at any moment leaves the old contents readable.
+On a full disk HDF5 dies of a signal (chunked data) or loses values without a word (contiguous data). So it
+never meets the disk when we write: it works on an Image, the structure of the file; the space is allocated
+first, which is where a full disk shows, cleanly; every rank writes its rows at the addresses HDF5 has chosen;
+the structure is changed last. The result is one ordinary HDF5 file. A process killed at any moment leaves the
+old contents readable.
 """
 
 import json
@@ -40,7 +41,7 @@ class Image:
     """
 
     def __init__(self, path: Path | None = None) -> None:
-        self._disk = open(path, "rb") if path else None
+        self._disk = open(path, "rb") if path else None  # noqa: SIM115 - until close()
         self.old_size = self.size = os.fstat(self._disk.fileno()).st_size if self._disk else 0
         self._at = 0
         self._writes: list[tuple[int, bytes]] = []
@@ -115,8 +116,8 @@ class Image:
 class Slot:
     """Where a stretch of rows of one data set lies in the file.
 
-    Row r of the stretch is row first + r of the data set; `addresses` are those of the chunk that holds row `first`
-    and of the following ones, each of `chunk_rows` rows. A contiguous data set is one chunk.
+    Row r of the stretch is row first + r of the data set; `addresses` are those of the chunk that holds row
+    `first` and of the following ones, each of `chunk_rows` rows. A contiguous data set is one chunk.
     """
 
     first: int
@@ -178,7 +179,7 @@ def extend(dataset: "h5py.Dataset", rows: int) -> None:
 
 
 def rows_slot(dataset: "h5py.Dataset", first: int, rows: int) -> Slot:
-    """The slot of rows [first, first + rows), made to exist, of a data set cut in chunks along its first axis."""
+    """The slot of rows [first, first + rows), which are made to exist; chunks cut the first axis."""
     extend(dataset, first + rows)
     chunk_rows = dataset.chunks[0]
     rest = (0,) * (dataset.ndim - 1)
@@ -188,7 +189,7 @@ def rows_slot(dataset: "h5py.Dataset", first: int, rows: int) -> Slot:
 
 
 def layer_slot(dataset: "h5py.Dataset", layer: int, axis: int) -> Slot:
-    """The slot of dataset[layer], made to exist, cut in chunks along `axis`; axis 0 means one chunk per layer."""
+    """The slot of dataset[layer], made to exist; chunks are cut along `axis`, 0 means one per layer."""
     extend(dataset, layer + 1)
     chunk_rows = dataset.chunks[axis]
     corners = []
@@ -238,10 +239,11 @@ def append(
     shards: Mapping[str, Shard],
     announce: Callable[["h5py.File"], None],
 ) -> None:
-    """Add data to a file, all ranks together: either everything is there afterwards, or the file is as before.
+    """Add data to a file, all ranks together: either everything is there afterwards, or the file is as
+    before.
 
-    `grow` (rank 0) makes room and says where each shard goes; `announce` (rank 0) then changes what makes readers
-    look at the new data. Raises FileError on all ranks.
+    `grow` (rank 0) makes room and says where each shard goes; `announce` (rank 0) then changes what makes
+    readers look at the new data. Raises FileError on all ranks.
     """
     image: Image | None = None
     slots: dict[str, Slot] | None = None
@@ -274,7 +276,7 @@ def append(
 def append_alone(
     path: Path, grow: Callable[["h5py.File"], None], announce: Callable[["h5py.File"], None]
 ) -> None:
-    """`append` for one rank and few data, which `grow` writes itself. Raises OSError; the file is then as before."""
+    """`append` for one rank and few data, which `grow` writes. Raises OSError; the file is then as before."""
     _change(path, grow)
     _change(path, announce)
 
@@ -298,7 +300,7 @@ def _change(path: Path, edit: Callable[["h5py.File"], None]) -> None:
 
 
 def drop_tail(path: Path) -> None:
-    """Cut off what a killed writer allocated behind the end that the superblock knows (version 2 or 3, at byte 28)."""
+    """Cut off what a killed writer left behind the end that the superblock (version 2, 3; byte 28) tells."""
     with open(path, "rb") as file:
         head = file.read(36)
     if head[:8] == b"\x89HDF\r\n\x1a\n" and head[8] in (2, 3):

@@ -1,4 +1,5 @@
-"""Arrays in time as openPMD 1.1.0 (https://github.com/openPMD/openPMD-standard): openpmd/dataNNNNNNNN.h5, one per step.
+"""Arrays in time as openPMD 1.1.0 (https://github.com/openPMD/openPMD-standard): openpmd/dataNNNNNNNN.h5, one
+per step.
 
 Every file is laid out by rank 0, written by all ranks and put in place by a rename.
 """

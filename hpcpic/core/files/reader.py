@@ -1,7 +1,8 @@
 """A run folder as arrays, for notebooks, plots and comparisons:
 
 run = open_run("runs/two-stream")
-run.series["energy_field"], run.series.time, run.field("rho", time=1.5), run.particles("electrons", step=100)["velocity"]
+run.series["energy_field"], run.series.time
+run.field("rho", time=1.5), run.particles("electrons", step=100)["velocity"]
 """
 
 from collections.abc import Iterable, Iterator

@@ -64,7 +64,8 @@ def write_atomic(path: Path, content: str | bytes) -> None:
 
 
 class RunDir:
-    """Names inside a run folder. `RunDir(path)` only names; `create` and `open` look, and `create` and `lock` hold it.
+    """Names inside a run folder. `RunDir(path)` only names; `create` and `open` look, and `create` and `lock`
+    hold it.
 
     Written by rank 0; the other ranks use RunDir(path) for the names.
     """
@@ -94,10 +95,12 @@ class RunDir:
         sets: Sequence[str] = (),
         facts: Mapping[str, Any] | None = None,
     ) -> "RunDir":
-        """Make the folder with config.conf, given/ and run.json (status "running" and `facts`), and hold its lock.
+        """Make the folder with config.conf, given/ and run.json (status "running" and `facts`), and hold its
+        lock.
 
-        `given` maps file names (paths relative to the case's folder) to contents. A folder that holds a run is refused
-        unless `force`, which removes that run's files and nothing else. Raises FileError; nothing is left behind then.
+        `given` maps file names (paths relative to the case's folder) to contents. A folder that holds a run
+        is refused unless `force`, which removes that run's files and nothing else. Raises FileError; nothing
+        is left behind then.
         """
         rundir = cls(path)
         made = _missing_parents(rundir.path)
@@ -132,7 +135,7 @@ class RunDir:
         found = [name for name in RUN_NAMES if (self.path / name).exists() and name != "STOP"]
         if found and not force:
             raise FileError(
-                f"{self.path} holds a run already ({', '.join(found[:4])}{', ...' if len(found) > 4 else ''}); "
+                f"{self.path} holds a run already ({', '.join(found[:4])}{', ...' if found[4:] else ''}); "
                 "choose another folder with -o, go on with `restart`, or replace that run with --force"
             )
 
@@ -158,7 +161,7 @@ class RunDir:
                 folder.rmdir()
 
     def lock(self) -> None:
-        """Hold the folder until `unlock` or the end of the process; clean up after dead ones. Raises FileError."""
+        """Hold the folder until `unlock` or the end of the process; clean up after dead ones. FileError."""
         path = self.path / LOCK
         while True:
             file = open(path, "a+b")  # noqa: SIM115 - stays open as long as the lock is held
@@ -281,7 +284,7 @@ def _plain(value: Any) -> Any:
 
 
 def provenance(mpi_library: str = "") -> dict[str, Any]:
-    """What produced a run: versions, git state of the program, machine, command line. No environment variables."""
+    """What produced a run: versions, git state, machine, command line. No environment variables."""
     return {
         "versions": {"hpcpic": hpcpic.__version__, "python": platform.python_version(), **_versions()},
         "git": _git(Path(hpcpic.__file__).resolve().parent),
@@ -306,7 +309,7 @@ def _versions() -> dict[str, str]:
 
 
 def _git(folder: Path) -> dict[str, Any] | None:
-    """Commit of the repository that holds the package, and whether files differ from it; None for an installed copy."""
+    """Commit of the package's repository, and whether files differ from it; None for an installed copy."""
     if not (folder.parent / ".git").exists():
         return None
 

@@ -1,8 +1,9 @@
-"""Reading HDF5 that others may have made: nothing outside the file is touched, nothing unexpected is allocated.
+"""Reading HDF5 that others may have made: nothing outside the file is touched, nothing unexpected is
+allocated.
 
-A plain h5py read follows external links, external raw storage and virtual data sets to any file of the system, loads filter
-plugins, and allocates what the file declares. Here a data set is found through hard links only and must have the type,
-the shape and the storage that the caller expects.
+A plain h5py read follows external links, external raw storage and virtual data sets to any file of the
+system, loads filter plugins, and allocates what the file declares. Here a data set is found through hard
+links only and must have the type, the shape and the storage that the caller expects.
 """
 
 import os
@@ -35,7 +36,7 @@ def import_h5py() -> ModuleType:
 
 
 class Checked:
-    """An open file whose data sets are handed out only after inspection. Every refusal is a FileError naming it."""
+    """An open file that hands out data sets after inspection only. Every refusal is a FileError naming it."""
 
     def __init__(self, file: "h5py.File", path: Path) -> None:
         self.file = file

@@ -1,7 +1,7 @@
 """Scalars in time: series.h5 and series.csv, written by rank 0.
 
-Rows are buffered and appended by a short open-write-close, so a process killed at any moment leaves readable files. In the
-HDF5 file `step` grows last and tells how many rows are valid.
+Rows are buffered and appended by a short open-write-close, so a process killed at any moment leaves readable
+files. In the HDF5 file `step` grows last and tells how many rows are valid.
 """
 
 import csv
@@ -44,7 +44,8 @@ class SeriesWriter:
     """Appends rows to the series of a run. For rank 0."""
 
     def __init__(self, rundir: RunDir, units: Mapping[str, str], after: int | None = None) -> None:
-        """A new series; at a restart the rows up to step `after` of the present one are kept, later ones dropped.
+        """A new series; at a restart the rows up to step `after` of the present one are kept, later ones
+        dropped.
 
         A scalar that one part of the run lacks is NaN there. Raises FileError.
         """
@@ -86,7 +87,7 @@ class SeriesWriter:
         return {}
 
     def append(self, step: int, time: float, values: Mapping[str, float]) -> None:
-        """Add a row; every few seconds the buffer goes to the files. A missing value is NaN. Raises FileError."""
+        """Add a row; every few seconds the rows go to the files. A missing value is NaN. Raises FileError."""
         self._rows.append((int(step), float(time), [float(values.get(name, np.nan)) for name in self._units]))
         if clock.monotonic() - self._flushed > FLUSH_SECONDS:
             self.flush()

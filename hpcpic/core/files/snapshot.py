@@ -1,8 +1,10 @@
-"""Arrays in time as temporal VTKHDF, which ParaView opens as it is: fields.vtkhdf (ImageData), particles.vtkhdf (PolyData).
+"""Arrays in time as temporal VTKHDF, which ParaView opens as it is: fields.vtkhdf (ImageData),
+particles.vtkhdf (PolyData).
 
-All ranks write their part of a step at its place (core.files.image); `NSteps`, which is what readers look at, changes last,
-so a file is readable at any moment. Values are stored in the type they have. `/step` holds the step numbers beside the
-times in `/VTKHDF/Steps/Values`. https://docs.vtk.org/en/latest/vtk_file_formats/vtkhdf_file_format
+All ranks write their part of a step at its place (core.files.image); `NSteps`, which is what readers look at,
+changes last, so a file is readable at any moment. Values are stored in the type they have. `/step` holds the
+step numbers beside the times in `/VTKHDF/Steps/Values`.
+https://docs.vtk.org/en/latest/vtk_file_formats/vtkhdf_file_format
 """
 
 import math
@@ -101,7 +103,7 @@ class _Temporal:
 
 
 class FieldsWriter(_Temporal):
-    """fields.vtkhdf: fields on the grid points, x fastest; a 1D or 2D grid has one point along the other axes."""
+    """fields.vtkhdf: fields on the grid points, x fastest; a 1D or 2D grid has one point along other axes."""
 
     def append(self, step: int, time: float, domain: Domain, fields: Mapping[str, FieldArray]) -> None:
         """Add a step, all ranks together. Raises FileError on all ranks; the file is then as before."""
@@ -152,7 +154,8 @@ def _slab_axis(domain: Domain) -> int:
 
 
 class ParticlesWriter(_Temporal):
-    """particles.vtkhdf: one point and one vertex per particle, all species in one set told apart by `species`.
+    """particles.vtkhdf: one point and one vertex per particle, all species in one set told apart by
+    `species`.
 
     `species` numbers the species in the order of the dict; their names are its attribute `names`.
     The order of particles is that of species, then ranks; `id` identifies them.

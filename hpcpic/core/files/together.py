@@ -51,8 +51,8 @@ ALONE = Alone()
 def together(world: "World | Alone", doing: str = "") -> Iterator[None]:
     """Run the body on every rank; when it fails on some, all ranks raise the error of the lowest of them.
 
-    OSError and FileError become a FileError "doing: what the system says; cure"; any other exception is a bug and
-    becomes a RuntimeError, on the rank itself with its cause.
+    OSError and FileError become a FileError "doing: what the system says; cure"; any other exception is a bug
+    and becomes a RuntimeError, on the rank itself with its cause.
     """
     error: Exception | None = None
     try:

@@ -1,13 +1,7 @@
 """Checkpoints: one logical file, independent of ranks, complete and verified, or absent.
 
-checkpoints/NNNNNNNN.h5 is a plain HDF5 file with contiguous data sets, written by all ranks (see core.files.image), with a
-manifest behind its end:
-
-    HDF5 | manifest (JSON) | magic (16 bytes) | length of the manifest (8) | BLAKE2b of the manifest (32)
-
-The manifest holds names, shapes, types and places of the data sets and the BLAKE2b of every CHUNK of them and of all the
-bytes between them, so a single flipped bit anywhere is found, by any number of ranks together. It is in the same file
-because one rename then makes the whole checkpoint appear.
+All ranks write their part of checkpoints/NNNNNNNN.h5 (core.files.image, core.files.sealed) under a temporary
+name; a rename makes it appear. It is read on any number of ranks.
 """
 
 import contextlib
@@ -17,9 +11,7 @@ import logging
 import math
 import os
 import re
-import struct
-from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
+from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -28,9 +20,10 @@ from numpy.typing import NDArray
 
 import hpcpic
 from hpcpic.core.errors import FileError
-from hpcpic.core.files import image
+from hpcpic.core.files import image, sealed
 from hpcpic.core.files.arrays import Shard
 from hpcpic.core.files.rundir import RunDir, temporary
+from hpcpic.core.files.sealed import CHUNK, Array, Reader
 from hpcpic.core.files.together import ALONE, Alone, together
 
 if TYPE_CHECKING:
@@ -42,40 +35,9 @@ __all__ = ["Reader", "Shard", "digest", "newest", "write"]
 
 log = logging.getLogger(__name__)
 
-SCHEMA = 1
-MAGIC = b"hpcpic-manifest\n"
-FOOTER = struct.Struct("<16sQ32s")
-CHUNK = 4 << 20
 BLOCK = 16 << 20
-DIGEST = 16
 KEPT = 2
 NAME = re.compile(r"\d{8,}\.h5")
-STRUCTURE = "the structure of the file"
-
-
-@dataclass(frozen=True, slots=True)
-class _Array:
-    """One data set: its shape, its type, and the address of its first byte."""
-
-    shape: tuple[int, ...]
-    dtype: np.dtype
-    address: int
-
-    @property
-    def row_bytes(self) -> int:
-        return math.prod(self.shape[1:]) * self.dtype.itemsize
-
-    @property
-    def slot(self) -> image.Slot:
-        return image.Slot(0, self.row_bytes, max(1, self.shape[0]), (self.address,))
-
-    @property
-    def size(self) -> int:
-        return self.shape[0] * self.row_bytes
-
-    @property
-    def n_chunks(self) -> int:
-        return -(-self.size // CHUNK)
 
 
 def write(
@@ -88,8 +50,8 @@ def write(
 ) -> Path:
     """Write the state at `step`, all ranks together; then keep the newest two.
 
-    `attributes` are what JSON can hold. Raises FileError on all ranks (disk full, no permission, a read-back that
-    differs); the temporary file is gone then and the older checkpoints are untouched.
+    `attributes` are what JSON can hold. Raises FileError on all ranks (disk full, no permission, a read-back
+    that differs); the temporary file is gone then and the older checkpoints are untouched.
     """
     final = rundir.checkpoints / f"{step:08d}.h5"
     made = temporary(final, world.bcast(str(os.getpid()).encode()).decode())
@@ -122,7 +84,7 @@ def write(
 
 
 def _layout(world: "World | Alone", shards: Mapping[str, Shard]) -> NDArray[np.int64]:
-    """Per array the (offset, rows) of every rank [arrays, ranks, 2]; raises ValueError on all ranks unless they tile the whole."""
+    """(offset, rows) of every array and rank [arrays, ranks, 2]; ValueError unless they tile it."""
     places = np.zeros((len(shards), world.size, 2), np.int64)
     for k, shard in enumerate(shards.values()):
         places[k, world.rank] = shard.offset, len(shard.local)
@@ -141,18 +103,18 @@ def _layout(world: "World | Alone", shards: Mapping[str, Shard]) -> NDArray[np.i
 
 def _lay_out(
     world: "World | Alone", made: Path, shards: Mapping[str, Shard], facts: Mapping[str, Any], doing: str
-) -> dict[str, _Array]:
+) -> dict[str, Array]:
     """Make the file with room for every array; where they are, on all ranks."""
-    arrays: dict[str, _Array] = {}
+    arrays: dict[str, Array] = {}
 
     def build(file: "h5py.File") -> dict[str, image.Slot]:
         file.attrs["step"], file.attrs["time"] = facts["step"], facts["time"]
-        file.attrs["schema"], file.attrs["version"] = SCHEMA, hpcpic.__version__
+        file.attrs["schema"], file.attrs["version"] = sealed.SCHEMA, hpcpic.__version__
         slots = {}
         for name, shard in shards.items():
             shape = (shard.total, *shard.local.shape[1:])
             slots[name] = image.contiguous(file, name, shape, shard.local.dtype)
-            arrays[name] = _Array(shape, shard.local.dtype, slots[name].addresses[0])
+            arrays[name] = Array(shape, shard.local.dtype, slots[name].addresses[0])
         return slots
 
     with together(world, doing):
@@ -160,24 +122,7 @@ def _lay_out(
             made.parent.mkdir(exist_ok=True)
             _sweep(made.parent)
             image.create(made, build)
-    return _arrays(json.loads(world.bcast(json.dumps(_described(arrays)).encode())))
-
-
-def _described(arrays: Mapping[str, _Array]) -> dict[str, Any]:
-    return {
-        name: {"shape": a.shape, "dtype": a.dtype.str, "address": a.address} for name, a in arrays.items()
-    }
-
-
-def _arrays(described: Mapping[str, Any]) -> dict[str, _Array]:
-    """Back from JSON. Raises ValueError, KeyError or TypeError when it is not what `_described` makes."""
-    arrays = {}
-    for name, entry in described.items():
-        array = _Array(tuple(map(int, entry["shape"])), np.dtype(str(entry["dtype"])), int(entry["address"]))
-        if array.dtype.kind not in "iufcb" or not array.shape or min(*array.shape, array.address) < 0:
-            raise ValueError(f"{name}: not an array of plain numbers")
-        arrays[name] = array
-    return arrays
+    return sealed.arrays_of(json.loads(world.bcast(json.dumps(sealed.describe(arrays)).encode())))
 
 
 def _read_back(made: Path, slots: Mapping[str, image.Slot], shards: Mapping[str, Shard]) -> None:
@@ -192,65 +137,15 @@ def _read_back(made: Path, slots: Mapping[str, image.Slot], shards: Mapping[str,
 
 
 def _seal(
-    world: "World | Alone", made: Path, arrays: Mapping[str, _Array], facts: Mapping[str, Any], doing: str
+    world: "World | Alone", made: Path, arrays: Mapping[str, Array], facts: Mapping[str, Any], doing: str
 ) -> None:
-    """Append the manifest; the file is on the disk afterwards."""
+    """Hash what is in the file, shared among ranks, and append the manifest."""
     with together(world, doing):
-        end = os.path.getsize(made)
-        own = _hash_own(made, arrays, end, world.rank, world.size)
+        own = sealed.hash_own(made, arrays, os.path.getsize(made), world.rank, world.size)
     hashes = world.sum_int(own.view(np.int64)).view(np.uint8)
-    manifest = {
-        "schema": SCHEMA,
-        "version": hpcpic.__version__,
-        **facts,
-        "size": end,
-        "arrays": _described(arrays),
-        "chunk": CHUNK,
-        "blake2b": hashes.tobytes().hex(),
-    }
     with together(world, doing):
         if world.rank == 0:
-            text = json.dumps(manifest).encode()
-            footer = FOOTER.pack(MAGIC, len(text), hashlib.blake2b(text, digest_size=32).digest())
-            with open(made, "ab") as file:
-                file.write(text + footer)
-                file.flush()
-                os.fsync(file.fileno())
-
-
-def _hash_own(path: Path, arrays: Mapping[str, _Array], end: int, rank: int, ranks: int) -> NDArray[np.uint8]:
-    """[1 + chunks, DIGEST]: BLAKE2b of the bytes outside the arrays, then of their chunks; zero where another rank's turn."""
-    hashes = np.zeros((1 + sum(array.n_chunks for array in arrays.values()), DIGEST), np.uint8)
-    with open(path, "rb") as file:
-        if rank == 0:
-            hashes[0] = _digest_of(file.fileno(), _gaps(arrays, end))
-        for k, (low, high) in enumerate(_chunks(arrays), start=1):
-            if k % ranks == rank:
-                hashes[k] = _digest_of(file.fileno(), [(low, high)])
-    return hashes
-
-
-def _chunks(arrays: Mapping[str, _Array]) -> Iterator[tuple[int, int]]:
-    for array in arrays.values():
-        for start in range(0, array.size, CHUNK):
-            yield array.address + start, array.address + min(start + CHUNK, array.size)
-
-
-def _gaps(arrays: Mapping[str, _Array], end: int) -> Iterator[tuple[int, int]]:
-    """The stretches of [0, end) outside the arrays."""
-    at = 0
-    for array in sorted((array for array in arrays.values() if array.size), key=lambda array: array.address):
-        yield at, array.address
-        at = array.address + array.size
-    yield at, end
-
-
-def _digest_of(descriptor: int, stretches: Any) -> NDArray[np.uint8]:
-    state = hashlib.blake2b(digest_size=DIGEST)
-    for low, high in stretches:
-        for start in range(low, high, CHUNK):
-            state.update(os.pread(descriptor, min(CHUNK, high - start), start))
-    return np.frombuffer(state.digest(), np.uint8)
+            sealed.seal(made, arrays, facts, hashes)
 
 
 def _sync(path: Path) -> None:
@@ -284,106 +179,11 @@ def _forget_old(folder: Path, step: int) -> None:
                 path.unlink()
 
 
-class Reader:
-    """A checkpoint whose manifest is sound; `newest` hands out only those whose every byte is verified.
-
-    `step`, `time`, `attributes`, `version`, `names` (in the order they were written).
-    """
-
-    def __init__(self, path: Path) -> None:
-        """Raises FileError when it is cut off, damaged or of a newer program."""
-        self.path = path
-        manifest = _manifest(path)
-        try:
-            if manifest["schema"] != SCHEMA:
-                raise FileError(
-                    f"{path}: written by version {manifest['version']} in format {manifest['schema']}; "
-                    f"this is version {hpcpic.__version__}, which reads format {SCHEMA}"
-                )
-            self._arrays = _arrays(manifest["arrays"])
-            self._end = int(manifest["size"])
-            self._hashes = np.frombuffer(bytes.fromhex(manifest["blake2b"]), np.uint8).reshape(-1, DIGEST)
-            self.step = int(manifest["step"])
-            self.time = float.fromhex(manifest["time_hex"])
-            self.attributes: dict[str, Any] = dict(manifest["attributes"])
-            self.version = str(manifest["version"])
-        except (KeyError, TypeError, ValueError, AttributeError) as error:
-            raise FileError(f"{path}: the manifest is not one of ours ({error})") from error
-        if any(array.address + array.size > self._end for array in self._arrays.values()):
-            raise FileError(f"{path}: an array reaches beyond the end of the file")
-        if len(self._hashes) != 1 + sum(array.n_chunks for array in self._arrays.values()):
-            raise FileError(
-                f"{path}: the manifest has another number of checksums than the arrays have chunks"
-            )
-
-    @property
-    def names(self) -> list[str]:
-        return list(self._arrays)
-
-    def total(self, name: str) -> int:
-        """Rows of an array."""
-        return self._array(name).shape[0]
-
-    def read(self, name: str, lo: int = 0, hi: int | None = None) -> NDArray:
-        """Rows [lo, hi) of an array. Raises FileError."""
-        array = self._array(name)
-        hi = array.shape[0] if hi is None else hi
-        if not 0 <= lo <= hi <= array.shape[0]:
-            raise FileError(f"{self.path}: {name} has {array.shape[0]} rows, asked for {lo}..{hi}")
-        rows = np.empty((hi - lo, *array.shape[1:]), array.dtype)
-        target = image.as_bytes(rows)
-        with open(self.path, "rb") as file:
-            file.seek(array.address + lo * array.row_bytes)
-            if file.readinto(target) != len(target):
-                raise FileError(f"{self.path}: {name}: the file ends too early")
-        return rows
-
-    def _array(self, name: str) -> _Array:
-        if name not in self._arrays:
-            raise FileError(f"{self.path}: no array {name}; there are {', '.join(self._arrays)}")
-        return self._arrays[name]
-
-    def faults(self, rank: int = 0, ranks: int = 1) -> NDArray[np.bool_]:
-        """Which of the checksums that are this rank's turn differ."""
-        own = _hash_own(self.path, self._arrays, self._end, rank, ranks)
-        wrong = (own != self._hashes).any(axis=1)
-        turn = np.arange(len(own)) % ranks == rank
-        return wrong & turn
-
-    def names_of(self, faults: NDArray[np.bool_]) -> list[str]:
-        """The arrays that the checksums at these places are of."""
-        owners = [STRUCTURE] + [name for name, array in self._arrays.items() for _ in range(array.n_chunks)]
-        return list(dict.fromkeys(owners[k] for k in np.flatnonzero(faults)))
-
-
-def _manifest(path: Path) -> dict[str, Any]:
-    try:
-        with open(path, "rb") as file:
-            size = os.fstat(file.fileno()).st_size
-            if size < FOOTER.size:
-                raise FileError(f"{path}: cut off, or not a checkpoint")
-            magic, length, expected = FOOTER.unpack(os.pread(file.fileno(), FOOTER.size, size - FOOTER.size))
-            if magic != MAGIC or length > size - FOOTER.size:
-                raise FileError(f"{path}: cut off, or not a checkpoint")
-            text = os.pread(file.fileno(), length, size - FOOTER.size - length)
-    except OSError as error:
-        raise FileError(f"{path}: {error.strerror}") from error
-    if hashlib.blake2b(text, digest_size=32).digest() != expected:
-        raise FileError(f"{path}: damaged (checksum of the manifest)")
-    try:
-        manifest = json.loads(text)
-    except (ValueError, RecursionError) as error:
-        raise FileError(f"{path}: the manifest is not one of ours") from error
-    if not isinstance(manifest, dict) or manifest.get("size") != size - FOOTER.size - length:
-        raise FileError(f"{path}: damaged (length)")
-    return manifest
-
-
 def newest(rundir: RunDir, world: "World | Alone" = ALONE) -> Reader:
     """The newest checkpoint of which every byte is as written, with a warning for each newer one that is not.
 
-    All ranks of `world` call it, share the verification and get the same one. Raises FileError listing the reasons
-    when there is none.
+    All ranks of `world` call it, share the verification and get the same one. Raises FileError listing the
+    reasons when there is none.
     """
     listed = "\n".join(path.name for path in _found(rundir.checkpoints)) if world.rank == 0 else ""
     reasons = []
