@@ -54,11 +54,12 @@ def test_a_case_is_found_by_path_first_then_by_name(tmp_path):
         find_case("zzz", SHIPPED)
 
 
-def test_cases_come_from_the_first_folder_that_exists(tmp_path):
-    (tmp_path / "b").mkdir()
-    (tmp_path / "b" / "x.conf").write_text("")
-    assert cases_in(tmp_path / "a", tmp_path / "b") == {"x": tmp_path / "b" / "x.conf"}
-    assert cases_in(tmp_path / "a") == {}
+def test_cases_are_the_conf_files_of_a_folder(tmp_path):
+    (tmp_path / "b.conf").write_text("")
+    (tmp_path / "a.conf").write_text("")
+    (tmp_path / "README.md").write_text("")
+    assert list(cases_in(tmp_path).items()) == [("a", tmp_path / "a.conf"), ("b", tmp_path / "b.conf")]
+    assert cases_in(tmp_path / "missing") == {}
 
 
 def test_a_header_may_run_over_lines_and_be_missing(tmp_path):

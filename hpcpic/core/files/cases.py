@@ -38,10 +38,9 @@ def read_header(path: str | os.PathLike) -> Header:
     return Header(**parts)
 
 
-def cases_in(*folders: Path) -> dict[str, Path]:
-    """Name and file of every case in the first of the folders that exists."""
-    folder = next((folder for folder in folders if folder.is_dir()), None)
-    return {path.stem: path for path in sorted(folder.glob("*.conf"))} if folder else {}
+def cases_in(folder: Path) -> dict[str, Path]:
+    """Name and file of every case in a folder, by name."""
+    return {path.stem: path for path in sorted(folder.glob("*.conf"))}
 
 
 def find_case(case: str, shipped: Mapping[str, Path]) -> Path:
