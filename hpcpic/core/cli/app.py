@@ -1,0 +1,47 @@
+"""What the command line knows of a simulator. Each field is a function, so that nothing heavy is imported
+early.
+"""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+from hpcpic.core.files.derived import Derived
+from hpcpic.core.files.schema import Section
+
+
+@dataclass(frozen=True, slots=True)
+class App:
+    """One simulator. `config` below is an instance of the schema.
+
+    derived(config, ranks): the numbers `check` prints. estimate(config, ranks, threads, rates): memory, disk,
+    time. load(): the class with the closed shape. until(config, t): the --set list that ends the run at time
+    t [s]. free: keys, or groups of keys, that a restart may change. bench(quick): kernel rates of this
+    machine. plan(config, ranks, threads): lines on kernels, arrays and messages. command: what starts this
+    program.
+    """
+
+    name: str
+    title: str
+    schema: Callable[[], type[Section]]
+    cases: Callable[[], Mapping[str, Path]]
+    derived: Callable[[Any, int], list[Derived]]
+    estimate: Callable[[Any, int, int, Mapping[str, float]], Any]
+    load: Callable[[], type]
+    until: Callable[[Any, float], tuple[str, ...]]
+    free: tuple[str, ...] = ()
+    bench: Callable[[bool], Mapping[str, float]] | None = None
+    plan: Callable[[Any, int, int], list[str]] | None = None
+    command: tuple[str, ...] = field(default=())
+
+    @property
+    def program(self) -> tuple[str, ...]:
+        """The words that start this program with this Python."""
+        return self.command or (sys.executable, "-m", self.name)
+
+
+AppLoader = Callable[[], App]

@@ -1,0 +1,56 @@
+"""check: is the case sound? No step is taken."""
+
+from __future__ import annotations
+
+import click
+
+from hpcpic.core.cli.app import App, AppLoader
+from hpcpic.core.cli.read import Case, read_case, set_option, shape_options
+from hpcpic.core.cli.text import table
+from hpcpic.core.errors import CheckFailed
+from hpcpic.core.files.derived import Derived
+
+
+def print_derived(numbers: list[Derived]) -> None:
+    rows = [
+        (n.name, n.symbol, f"{n.value:.5g}", n.unit, n.limit, n.verdict if n.limit else "", n.source)
+        for n in numbers
+    ]
+    table(("number", "", "value", "unit", "limit", "verdict", "source"), rows, right=("value",))
+
+
+def print_check(app: App, read: Case, ranks: int) -> list[Derived]:
+    """Print warnings, derived numbers and what to change; returns the numbers."""
+    for warning in read.tree.warnings:
+        click.echo(f"warning: {warning}", err=True)
+    numbers = app.derived(read.config, ranks)
+    print_derived(numbers)
+    for number in numbers:
+        if number.verdict != "ok":
+            click.echo(f"{number.verdict}: {number}")
+    return numbers
+
+
+def make_check_command(app_loader: AppLoader) -> click.Command:
+    @click.command("check")
+    @click.argument("case")
+    @set_option
+    @shape_options
+    @click.option("--plan", is_flag=True, help="Also list kernels, arrays and messages of a step.")
+    def check(case: str, sets: tuple[str, ...], ranks: int, threads: int, plan: bool) -> None:
+        """Validate a case; print every derived number with its limit, verdict and source.
+
+        Exit code 2 when a key is wrong, 3 when a number is beyond its limit.
+        """
+        app = app_loader()
+        read = read_case(app, case, sets)
+        numbers = print_check(app, read, ranks)
+        if plan and app.plan:
+            click.echo()
+            for line in app.plan(read.config, ranks, threads):
+                click.echo(line)
+        failed = [number for number in numbers if number.verdict == "fail"]
+        if failed:
+            raise CheckFailed(f"{len(failed)} of {len(numbers)} derived numbers are beyond their limits")
+
+    return check

@@ -1,0 +1,64 @@
+"""estimate: memory, disk and time of a run before it is started, for any ranks x threads."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import click
+
+from hpcpic.core.cli.app import App, AppLoader
+from hpcpic.core.cli.rates import rates_file, read_rates
+from hpcpic.core.cli.read import read_case, set_option, shape_options
+from hpcpic.core.cli.text import amount, duration, table
+
+MIB = 2.0**20
+
+
+def numbers(estimate: Any) -> dict[str, float]:
+    """The estimate in the units of run.json."""
+    return {
+        "step_seconds": estimate.step_seconds,
+        "step_ms": 1e3 * estimate.step_seconds,
+        "seconds": estimate.seconds,
+        "memory_mib_per_rank": sum(estimate.memory.values()) / MIB,
+        "disk_mib": sum(estimate.disk.values()) / MIB,
+    }
+
+
+def print_estimate(app: App, config: Any, ranks: int, threads: int) -> None:
+    rates = read_rates()
+    estimate = app.estimate(config, ranks, threads, rates)
+    total = sum(estimate.memory.values())
+    rows = [(name, amount(size), f"{size / total:.1%}") for name, size in estimate.memory.items()]
+    table(
+        ("memory per rank", "size", "share"), [*rows, ("total", amount(total), "")], right=("size", "share")
+    )
+    click.echo()
+    disk = sum(estimate.disk.values())
+    rows = [(name, amount(size)) for name, size in estimate.disk.items()]
+    table(("disk", "size"), [*rows, ("total", amount(disk))], right=("size",))
+    click.echo()
+    one = app.estimate(config, 1, 1, rates)
+    efficiency = one.step_seconds / (ranks * threads * estimate.step_seconds)
+    click.echo(
+        f"time        {duration(estimate.seconds)} on {ranks} ranks x {threads} threads, "
+        f"{1e3 * estimate.step_seconds:.4g} ms per step, efficiency {efficiency:.0%} of 1 x 1"
+    )
+    click.echo(
+        f"rates       measured on this machine ({rates_file()})"
+        if rates
+        else f"rates       of the machine of the authors; `{app.name} bench --quick` measures this one"
+    )
+
+
+def make_estimate_command(app_loader: AppLoader) -> click.Command:
+    @click.command("estimate")
+    @click.argument("case")
+    @set_option
+    @shape_options
+    def estimate(case: str, sets: tuple[str, ...], ranks: int, threads: int) -> None:
+        """Memory by item, disk and time of a case on any ranks x threads; works on one process."""
+        app = app_loader()
+        print_estimate(app, read_case(app, case, sets).config, ranks, threads)
+
+    return estimate

@@ -1,0 +1,182 @@
+"""The main job of `run` and `restart`: all ranks agree on the case, make the app, and go through the loop."""
+
+from __future__ import annotations
+
+import json
+import logging
+import shlex
+import sys
+import time
+from collections.abc import Callable, Mapping
+from dataclasses import asdict, dataclass, field
+from pathlib import Path
+from typing import Any
+
+from hpcpic.core.cli.app import App, AppLoader
+from hpcpic.core.cli.rates import read_rates
+from hpcpic.core.comm.world import World
+from hpcpic.core.errors import HpcpicError
+from hpcpic.core.files.config import loads
+from hpcpic.core.files.rundir import RunDir
+from hpcpic.core.files.schema import validate
+from hpcpic.core.run import checkpoint, log, summary
+from hpcpic.core.run.failure import Failure, everywhere, guarded, share
+from hpcpic.core.run.signals import Stop, WallLimit
+from hpcpic.core.run.triggers import Every, EverySeconds, parse_interval, parse_wall
+
+
+@dataclass(frozen=True, slots=True)
+class Flags:
+    """What `run` and `restart` have in common on the command line."""
+
+    threads: int | None = None
+    wall: str | None = None
+    checkpoint_every: str | None = None
+    quiet: bool = False
+
+    def interval(self) -> Every | EverySeconds | None:
+        return None if self.checkpoint_every is None else parse_interval(self.checkpoint_every)
+
+    def seconds(self) -> float | None:
+        return None if self.wall is None else parse_wall(self.wall)
+
+
+@dataclass(slots=True)
+class Plan:
+    """What rank 0 has made ready and tells the others: texts and numbers only."""
+
+    folder: str
+    config: str  # with every default filled in
+    restart: bool = False
+    warnings: list[str] = field(default_factory=list)
+    history: list[Mapping[str, Any]] = field(default_factory=list)
+    conserved: dict[str, dict[str, float]] = field(default_factory=dict)
+
+
+LEFT = (".failed", "post-mortem.txt", "STOP")  # by an earlier part of the run
+
+Prepare = Callable[[App], tuple[RunDir, Plan]]
+
+
+def job(app_loader: AppLoader, prepare: Prepare, flags: Flags) -> int:
+    """Start MPI and do the job; the exit code, the same on all ranks. `prepare` runs on rank 0 and holds the
+    folder.
+    """
+    started = time.monotonic()
+    flags.interval(), flags.seconds()  # a wrong one is told before anything starts
+    world = World.start()
+    return guarded(world, lambda failure: _Job(app_loader(), world, failure, flags, started).do(prepare))
+
+
+class _Job:
+    def __init__(self, app: App, world: World, failure: Failure, flags: Flags, started: float) -> None:
+        self.app, self.world, self.failure, self.flags = app, world, failure, flags
+        self.started = started
+        self.rundir: RunDir | None = None
+
+    def do(self, prepare: Prepare) -> int:
+        collected = log.start(
+            self.world.rank, self.world.size, logging.WARNING if self.flags.quiet else logging.INFO
+        )
+        stop = Stop(self.failure.stop_now)
+        file = None
+        try:
+            plan = Plan(**json.loads(share(self.world, lambda: self._prepared(prepare))))
+            self.rundir = self.rundir or RunDir(plan.folder)
+            self.failure.folder = self.rundir.path
+            self.failure.on_failure = self._note_failure
+            if self.world.rank == 0:
+                file = log.to_file(self.rundir.log)
+            for warning in plan.warnings:
+                collected.messages.append(warning)
+                if self.world.rank == 0:
+                    log.ROOT.warning(warning)
+            return self._run(plan, stop, collected)
+        finally:
+            stop.close()
+            if file:
+                log.ROOT.removeHandler(file)
+                file.close()
+            if self.rundir:
+                self.rundir.unlock()
+
+    def _prepared(self, prepare: Prepare) -> bytes:
+        self.rundir, plan = prepare(self.app)
+        folder = self.rundir.path
+        for left in (*map(folder.joinpath, LEFT), *folder.glob("trace-rank-*.txt")):
+            left.unlink(missing_ok=True)
+        return json.dumps(asdict(plan)).encode()
+
+    def _run(self, plan: Plan, stop: Stop, collected: log.Collected) -> int:
+        from hpcpic.core.run import loop
+        from hpcpic.core.tasks import Pool
+        from hpcpic.core.timers import Timers
+
+        assert self.rundir is not None
+        config = validate(self.app.schema(), loads(plan.config))
+        threads = self.flags.threads or self.world.default_threads()
+        timers = Timers()
+        with everywhere():
+            reader = checkpoint.newest(self.rundir, self.world) if plan.restart else None
+        pool = Pool(threads, self.world.cpus(threads))
+        try:
+            app = self.app.load()(config, self.world, pool, timers)
+            if reader:
+                app.restore(reader)
+            options = loop.Options(
+                stop=stop,
+                wall=WallLimit(self.flags.seconds(), self.started),
+                timers=timers,
+                threads=threads,
+                screen=sys.stdout,
+                stop_sem=getattr(app, "stop_sem", 0.0),
+                restarted_from=reader.step if reader else None,
+                history=plan.history,
+                conserved=plan.conserved,
+                estimate=self._estimate(config, threads),
+                warnings=collected.messages,
+                started=self.started,
+                replay=f"{self.app.name} restart {shlex.quote(plan.folder)}",
+            )
+            options.checkpoint_every = self.flags.interval() or _asked(app) or options.checkpoint_every
+            outcome = loop.run(app, self.world, self.rundir, options)
+        finally:
+            pool.close()
+        if self.world.rank == 0:
+            self._say(summary.render(outcome.facts))
+        return outcome.exit_code
+
+    def _estimate(self, config: Any, threads: int) -> dict[str, float]:
+        """Of this run, in the units of the summary; on rank 0."""
+        if self.world.rank:
+            return {}
+        from hpcpic.core.cli.estimate import numbers
+
+        return numbers(self.app.estimate(config, self.world.size, threads, read_rates()))
+
+    def _say(self, text: str) -> None:
+        assert self.rundir is not None
+        sys.stdout.write(text + "\n")
+        sys.stdout.flush()
+        with open(self.rundir.log, "a", encoding="utf-8") as file:
+            file.write(text + "\n")
+
+    def _note_failure(self, text: str, code: int) -> None:
+        """From the one rank that tells the failure: the folder says so too, if it still can."""
+        assert self.rundir is not None
+        try:
+            self.rundir.finish("diverged" if code == 4 else "failed", code, reason=text)
+        except HpcpicError:
+            sys.stderr.write(f"{self.rundir.run_json} could not be written\n")
+
+
+def _asked(app: Any) -> Every | None:
+    """The checkpoint period of the case, if it has one."""
+    steps = app.periods.get("checkpoint", 0)
+    return Every(steps) if steps else None
+
+
+def given_files(files: list[tuple[str, str]]) -> dict[str, str]:
+    """name relative to the main file's folder -> text"""
+    main = Path(files[0][0]).resolve().parent
+    return {str(Path(name).resolve().relative_to(main)): text for name, text in files}

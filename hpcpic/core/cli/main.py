@@ -1,0 +1,85 @@
+"""One face for every simulator: the verbs, and the exit codes they leave with."""
+
+from __future__ import annotations
+
+import os
+import sys
+from collections.abc import Callable, Sequence
+from importlib import import_module
+from typing import Any
+
+import click
+
+from hpcpic.core.cli.app import AppLoader
+from hpcpic.core.errors import HpcpicError
+
+VERBS = {  # verb -> the module of core.cli that makes it
+    "list": "cases",
+    "show": "cases",
+    "check": "check",
+    "estimate": "estimate",
+    "run": "run",
+    "restart": "restart",
+    "sweep": "sweep",
+    "compare": "compare",
+    "plot": "plot",
+    "report": "report",
+    "export": "export",
+    "bench": "bench",
+    "doctor": "doctor",
+}
+PARALLEL = ("run", "restart", "bench", "doctor")  # verbs in which all ranks take part
+
+
+def launcher_rank() -> int:
+    """The rank the launcher gave this process, known before MPI starts; 0 without a launcher."""
+    for name in ("PMI_RANK", "OMPI_COMM_WORLD_RANK", "PMIX_RANK"):
+        if os.environ.get(name, "").isdigit():
+            return int(os.environ[name])
+    return 0
+
+
+class Face(click.Group):
+    """Imports a verb when it is asked for; says known errors once, and leaves with their code."""
+
+    def __init__(self, app_loader: AppLoader, name: str, title: str) -> None:
+        super().__init__(name=name, help=f"{title[:1].upper()}{title[1:]}.")
+        self.app_loader = app_loader
+
+    def list_commands(self, context: click.Context) -> list[str]:
+        return list(VERBS)
+
+    def get_command(self, context: click.Context, verb: str) -> click.Command | None:
+        if verb not in VERBS:
+            return None
+        make: Callable[[AppLoader], click.Command] = getattr(
+            import_module(f"hpcpic.core.cli.{VERBS[verb]}"), f"make_{verb}_command"
+        )
+        return make(self.app_loader)
+
+    def resolve_command(self, context: click.Context, arguments: list[str]) -> Any:
+        if launcher_rank() and arguments and arguments[0] not in PARALLEL:
+            sys.stdout = sys.stderr = open(os.devnull, "w")  # noqa: SIM115  (rank 0 says it)
+        return super().resolve_command(context, arguments)
+
+    def main(self, args: Sequence[str] | None = None, *rest: Any, **settings: Any) -> Any:
+        settings["standalone_mode"] = False
+        settings["prog_name"] = self.name
+        try:
+            sys.exit(super().main(args, *rest, **settings) or 0)
+        except click.ClickException as error:
+            if not launcher_rank():
+                error.show()
+            sys.exit(error.exit_code)
+        except click.Abort:
+            sys.exit(1)
+        except HpcpicError as error:
+            if not launcher_rank():
+                click.echo(error.message, err=True)
+            sys.exit(error.exit_code)
+
+
+def build(app_loader: AppLoader, name: str, title: str) -> click.Group:
+    """The command group of one simulator; `app_loader` is called by the verbs that need the app."""
+    face = Face(app_loader, name, title)
+    return click.version_option(package_name="hpcpic", prog_name=name)(face)

@@ -1,0 +1,42 @@
+"""The measured rates of this machine, kept by `bench` and used by `estimate`."""
+
+from __future__ import annotations
+
+import json
+import os
+import platform
+from collections.abc import Mapping
+from pathlib import Path
+
+from hpcpic.core.files.rundir import write_atomic
+
+
+def rates_file() -> Path:
+    """rates.json in the private folder of the compiled kernels."""
+    caches = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache")
+    root = Path(os.environ.get("HPCPIC_CACHE_DIR") or caches / "hpcpic")
+    return root / str(os.getuid()) / "rates.json"
+
+
+def read_rates() -> dict[str, float]:
+    """name -> rate measured on this host; {} when `bench` has not run here."""
+    try:
+        content = json.loads(rates_file().read_bytes())
+        rates = content[platform.node()]
+        return {str(name): float(value) for name, value in rates.items()}
+    except (OSError, ValueError, KeyError, TypeError, AttributeError):
+        return {}
+
+
+def keep_rates(rates: Mapping[str, float]) -> Path:
+    """Merge the rates into those of this host. Raises FileError."""
+    path = rates_file()
+    path.parent.mkdir(mode=0o700, parents=True, exist_ok=True)
+    try:
+        content = json.loads(path.read_bytes())
+    except (OSError, ValueError):
+        content = {}
+    content = content if isinstance(content, dict) else {}
+    content[platform.node()] = read_rates() | dict(rates)
+    write_atomic(path, json.dumps(content, indent=1) + "\n")
+    return path

@@ -1,0 +1,107 @@
+"""run: the main job."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable
+from pathlib import Path
+
+import click
+
+from hpcpic.core.cli.app import App, AppLoader
+from hpcpic.core.cli.read import Case, read_case, set_option
+from hpcpic.core.files.derived import enforce
+
+
+def job_options(command: Callable) -> Callable:
+    """The options that `run` and `restart` share."""
+    for option in (
+        click.option("--quiet", is_flag=True, help="Only warnings, errors and the summary."),
+        click.option(
+            "--checkpoint-every",
+            metavar="INTERVAL",
+            help="500 (steps), 30s, 15m or 2h.  [default: the case's, or 15m]",
+        ),
+        click.option(
+            "--wall", metavar="HH:MM:SS", help="Stop with a checkpoint before this much time is over."
+        ),
+        click.option(
+            "--threads", type=click.IntRange(1), help="Threads per rank.  [default: the node's cores shared]"
+        ),
+    ):
+        command = option(command)
+    return command
+
+
+def make_run_command(app_loader: AppLoader) -> click.Command:
+    @click.command("run")
+    @click.argument("case")
+    @click.option(
+        "-o", "--output", metavar="DIR", help="Run folder.  [default: the case's output.path, or runs/CASE]"
+    )
+    @set_option
+    @job_options
+    @click.option("--dry", is_flag=True, help="Check and estimate only; take no step and make no folder.")
+    @click.option(
+        "--force", is_flag=True, help="Replace the run in DIR; run in spite of limits that allow it."
+    )
+    def run(
+        case: str,
+        output: str | None,
+        sets: tuple[str, ...],
+        threads: int | None,
+        wall: str | None,
+        checkpoint_every: str | None,
+        quiet: bool,
+        dry: bool,
+        force: bool,
+    ) -> int:
+        """Run a case; `mpirun -n N` in front runs it on N ranks."""
+        if dry:
+            return _dry(app_loader(), case, sets, threads or 1)
+        from hpcpic.core.cli.job import Flags, Plan, given_files, job
+        from hpcpic.core.files.rundir import RunDir, provenance
+        from hpcpic.core.files.schema import dump
+
+        def prepare(app: App) -> tuple[RunDir, Plan]:
+            read = read_case(app, case, sets)
+            numbers = app.derived(read.config, 1)
+            warnings = read.tree.warnings + enforce(numbers, read.tree, force)
+            folder = output or _folder(read)
+            text = dump(read.config)
+            facts = provenance() | {
+                "case": read.path,
+                "sets": list(sets),
+                "derived": [
+                    {"name": n.name, "value": n.value, "unit": n.unit, "limit": n.limit, "verdict": n.verdict}
+                    for n in numbers
+                ],
+            }
+            rundir = RunDir.create(
+                folder, force, config=text, given=given_files(read.tree.files), sets=sets, facts=facts
+            )
+            return rundir, Plan(folder=folder, config=text, warnings=warnings)
+
+        return job(app_loader, prepare, Flags(threads, wall, checkpoint_every, quiet))
+
+    return run
+
+
+def _folder(read: Case) -> str:
+    asked = getattr(getattr(read.config, "output", None), "path", None)
+    return asked or str(Path("runs") / Path(read.path).stem)
+
+
+def _dry(app: App, case: str, sets: tuple[str, ...], threads: int) -> int:
+    from hpcpic.core.cli.check import print_check
+    from hpcpic.core.cli.estimate import print_estimate
+    from hpcpic.core.cli.main import launcher_rank
+    from hpcpic.core.comm.world import launched_size
+
+    if launcher_rank() == 0:
+        read = read_case(app, case, sets)
+        ranks = launched_size(os.environ)
+        print_check(app, read, ranks)
+        click.echo()
+        print_estimate(app, read.config, ranks, threads)
+    return 0

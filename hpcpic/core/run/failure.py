@@ -1,0 +1,187 @@
+"""Whatever goes wrong on any rank is told once, and all ranks leave with one code; nobody is left waiting.
+
+Three kinds of failure:
+* an error all ranks know of (`share`, `Agreed`): rank 0 tells it, every rank returns its code;
+* an error on one rank, or on several before they can talk: the first to take a token file tells it, in one
+  write, and ends the others through MPI;
+* an exception in a worker thread: as the second kind.
+Errors of `hpcpic.core.errors` are one message, anything else is a bug and shows its traceback.
+"""
+
+from __future__ import annotations
+
+import faulthandler
+import os
+import shutil
+import tempfile
+import threading
+import time
+import traceback
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+from hpcpic.core.comm.world import World
+from hpcpic.core.errors import CheckFailed, ConfigError, Diverged, FileError, HpcpicError
+
+LOSER_SECONDS = 5.0  # how long a rank waits for the one that tells to end it
+_BY_CODE = {error.exit_code: error for error in (ConfigError, CheckFailed, Diverged, FileError)}
+
+
+class Agreed(Exception):
+    """An error that every rank raises at the same place: no rank needs to be ended by another."""
+
+    def __init__(self, error: HpcpicError) -> None:
+        super().__init__(error.message)
+        self.error = error
+
+
+def share(world: World, make: Callable[[], bytes]) -> bytes:
+    """Collective: rank 0 makes bytes, all get them; when it fails with a known error all raise Agreed."""
+    told = None
+    if world.rank == 0:
+        try:
+            told = b"\0" + make()
+        except HpcpicError as error:
+            told = bytes([error.exit_code]) + error.message.encode()
+    told = bytes(world.bcast(told))
+    if told[0]:
+        raise Agreed(_BY_CODE[told[0]](told[1:].decode()))
+    return told[1:]
+
+
+@contextmanager
+def everywhere() -> Iterator[None]:
+    """The body is collective and raises a known error on all ranks or on none."""
+    try:
+        yield
+    except HpcpicError as error:
+        raise Agreed(error) from error
+
+
+class Failure:
+    """Tells of failures. `folder` is where the token of the one who tells is taken: any folder all ranks
+    share.
+    """
+
+    def __init__(self, world: World) -> None:
+        self.world = world
+        own = tempfile.mkdtemp(prefix="hpcpic-") if world.rank == 0 else None
+        self._own = own
+        self.folder = Path(bytes(world.bcast(own.encode() if own else None)).decode())
+        self.on_failure: Callable[[str, int], None] | None = None  # text, code: the run folder notes it
+        self._lock = threading.Lock()
+        self._thread_hook = threading.excepthook
+        threading.excepthook = self._thread_failed
+
+    def close(self) -> None:
+        threading.excepthook = self._thread_hook
+        if self._own:
+            shutil.rmtree(self._own, ignore_errors=True)
+
+    def fail(self, error: BaseException, where: str = "") -> int:
+        """Tell the failure and end all ranks. Returns the code only when this is the only rank."""
+        code = error.exit_code if isinstance(error, HpcpicError) else 1
+        who = f"rank {self.world.rank} of {self.world.size}{where}"
+        if isinstance(error, HpcpicError):
+            text = f"{who}: {error.message}\n"
+        elif isinstance(error, SystemExit):
+            text, code = f"{who} left by sys.exit({error.code!r})\n", _exit_code(error)
+        else:
+            text = f"{who} failed:\n" + "".join(traceback.format_exception(error))
+        self.end(text, code)
+        return code
+
+    def end(self, text: str, code: int) -> None:
+        """Write the text if nobody else has, then end all ranks; returns when this is the only rank."""
+        if not self._lock.acquire(blocking=False):
+            time.sleep(LOSER_SECONDS)  # another thread of this rank is telling
+        if self._first():
+            os.write(2, text.encode())
+            if self.on_failure:
+                self.on_failure(text, code)
+        else:
+            time.sleep(LOSER_SECONDS)
+        if self._own:
+            shutil.rmtree(self._own, ignore_errors=True)
+        if self.world.size > 1:
+            self.world.abort(code)
+
+    def stop_now(self, sentence: str) -> None:
+        """End all ranks at once from any thread, also the only rank."""
+        self.end(f"rank {self.world.rank} of {self.world.size}: {sentence}\n", 1)
+        os._exit(1)
+
+    def _first(self) -> bool:
+        try:
+            os.close(
+                os.open(self.folder / ".failed", os.O_CREAT | os.O_EXCL | os.O_WRONLY | os.O_NOFOLLOW, 0o600)
+            )
+        except FileExistsError:
+            return False
+        except OSError:
+            return True  # a folder this node cannot see: better told twice than never
+        return True
+
+    def _thread_failed(self, args: threading.ExceptHookArgs) -> None:
+        if args.exc_value is not None:
+            name = args.thread.name if args.thread else "?"
+            code = self.fail(args.exc_value, f" (thread {name})")
+            os._exit(code)
+
+
+def _exit_code(error: SystemExit) -> int:
+    return error.code if isinstance(error.code, int) else int(error.code is not None)
+
+
+def guarded(world: World, main: Callable[[Failure], int]) -> int:
+    """Run `main` on all ranks; return the exit code that every rank leaves with.
+
+    A failure of one rank of several does not return: all ranks are ended with its code.
+    """
+    failure = Failure(world)
+    try:
+        return main(failure)
+    except Agreed as agreed:
+        if world.rank == 0:
+            os.write(2, (agreed.error.message + "\n").encode())
+        return agreed.error.exit_code
+    except (
+        BaseException
+    ) as error:  # also SystemExit and KeyboardInterrupt: the others must not wait for this rank
+        return failure.fail(error)
+    finally:
+        failure.close()
+
+
+class Watchdog:
+    """Ends a run that stands still, with the Python stack of every thread in a file of each rank.
+
+    Works while the main thread is blocked in MPI. Rearming costs about half a millisecond: at most once a
+    second. The file disappears when nothing was written.
+    """
+
+    def __init__(self, folder: Path, rank: int, least: float = 60.0) -> None:
+        self.path = folder / f"trace-rank-{rank}.txt"
+        self._file = open(self.path, "wb", buffering=0)  # noqa: SIM115  (lives as long as the run)
+        self._least = least
+        self._armed = 0.0
+        faulthandler.enable(self._file)
+
+    def feed(self, step_seconds: float) -> None:
+        now = time.monotonic()
+        if now - self._armed >= 1.0:
+            self._armed = now
+            faulthandler.dump_traceback_later(max(self._least, 20 * step_seconds), file=self._file, exit=True)
+
+    def rest(self) -> None:
+        """Not watching: writing files may take any time."""
+        faulthandler.cancel_dump_traceback_later()
+        self._armed = 0.0
+
+    def close(self) -> None:
+        self.rest()
+        faulthandler.enable()
+        self._file.close()
+        if self.path.exists() and self.path.stat().st_size == 0:
+            self.path.unlink()

@@ -1,0 +1,54 @@
+"""What the program says while it runs: rank 0 to the screen and log.txt, the other ranks only warnings, with
+the rank.
+"""
+
+from __future__ import annotations
+
+import logging
+import os
+import sys
+from pathlib import Path
+
+_FORMAT = "%(asctime)s %(levelname)s %(name)s: %(message)s"
+ROOT = logging.getLogger("hpcpic")
+
+
+class _Whole(logging.Handler):
+    """One write per record, so that lines of several ranks do not mix."""
+
+    def emit(self, record: logging.LogRecord) -> None:
+        sys.stderr.flush()
+        os.write(2, (self.format(record) + "\n").encode(errors="replace"))
+
+
+class Collected(logging.Handler):
+    """Keeps warnings, for the summary to repeat them."""
+
+    def __init__(self) -> None:
+        super().__init__(logging.WARNING)
+        self.messages: list[str] = []
+
+    def emit(self, record: logging.LogRecord) -> None:
+        text = record.getMessage()
+        if text not in self.messages:
+            self.messages.append(text)
+
+
+def start(rank: int, size: int, level: int = logging.INFO) -> Collected:
+    """Send records to the screen; returns where this rank's warnings are kept."""
+    collected = Collected()
+    screen = _Whole(level if rank == 0 else logging.WARNING)
+    prefix = f"rank {rank}: " if rank and size > 1 else ""
+    screen.setFormatter(logging.Formatter(prefix + _FORMAT, "%H:%M:%S"))
+    ROOT.setLevel(logging.INFO)
+    ROOT.handlers = [screen, collected]
+    ROOT.propagate = False
+    return collected
+
+
+def to_file(path: Path) -> logging.Handler:
+    """From now on to this file too, appended; close the returned handler at the end."""
+    handler = logging.FileHandler(path, mode="a", encoding="utf-8")
+    handler.setFormatter(logging.Formatter(_FORMAT, "%H:%M:%S"))
+    ROOT.addHandler(handler)
+    return handler

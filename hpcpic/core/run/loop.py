@@ -1,0 +1,288 @@
+"""The step loop of every simulator: step, observe, agree whether to go on, checkpoint, end."""
+
+from __future__ import annotations
+
+import logging
+import time
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import Any, TextIO
+
+from hpcpic.core.comm.world import World
+from hpcpic.core.errors import FileError
+from hpcpic.core.files.rundir import RunDir
+from hpcpic.core.run import checkpoint, summary
+from hpcpic.core.run.failure import Agreed, Watchdog
+from hpcpic.core.run.guard import Guard, Verdict
+from hpcpic.core.run.outputs import Outputs
+from hpcpic.core.run.progress import Progress
+from hpcpic.core.run.signals import Reason, Stop, WallLimit
+from hpcpic.core.run.summary import Conserved, StepTimes
+from hpcpic.core.run.triggers import Every, EverySeconds
+from hpcpic.core.timers import Timers
+
+log = logging.getLogger("hpcpic.run")
+
+CHECKPOINT_SECONDS = 900.0
+CHECKPOINT_TRIES = 3
+LOOK_SECONDS = 0.1  # between two looks for the file STOP
+
+
+@dataclass(slots=True)
+class Options:
+    """How to run; the same on all ranks."""
+
+    stop: Stop
+    wall: WallLimit
+    timers: Timers
+    threads: int
+    screen: TextIO
+    checkpoint_every: Every | EverySeconds = field(default_factory=lambda: EverySeconds(CHECKPOINT_SECONDS))
+    stop_sem: float = 0.0
+    restarted_from: int | None = None  # step of the checkpoint
+    history: Sequence[Mapping[str, Any]] = ()
+    conserved: Mapping[str, Mapping[str, float]] | None = None  # of the earlier parts of the run
+    estimate: Mapping[str, float] | None = None
+    warnings: list[str] = field(default_factory=list)  # grows while the run goes
+    started: float = field(default_factory=time.monotonic)
+    replay: str = ""  # command that goes on from the newest checkpoint
+
+
+@dataclass(frozen=True, slots=True)
+class Outcome:
+    """How the run ended: the same on all ranks. `facts` (rank 0 has all of them) are what run.json got."""
+
+    exit_code: int
+    status: str
+    reason: str
+    facts: Mapping[str, Any]
+
+
+def run(app: Any, world: World, rundir: RunDir, options: Options) -> Outcome:
+    """Step the app to its last step or to a reason to stop. Collective; raises Agreed and whatever the app
+    raises.
+    """
+    watchdog = Watchdog(rundir.path, world.rank)
+    try:
+        return _Run(app, world, rundir, options, watchdog).to_the_end()
+    finally:
+        watchdog.close()
+
+
+class _Run:
+    def __init__(self, app: Any, world: World, rundir: RunDir, options: Options, watchdog: Watchdog) -> None:
+        self.app, self.world, self.rundir, self.options, self.watchdog = app, world, rundir, options, watchdog
+        self.first = app.iteration
+        self.step_times = StepTimes()
+        self.conserved = Conserved(options.conserved)
+        self.progress = Progress(
+            options.screen,
+            self.first,
+            app.n_steps,
+            app.work_items,
+            "p" if app.work_unit == "particle" else "n",
+        )
+        self.outputs = Outputs(
+            app,
+            world,
+            rundir,
+            options.timers,
+            progress=self.progress,
+            conserved=self.conserved,
+            after=options.restarted_from,
+        )
+        self.guard = Guard(world, app.guard, app.iteration)
+        self.checkpoint_failures = 0
+        self.checkpoint_seconds = 0.0
+        self.saved: int | None = options.restarted_from
+        self.looked = 0.0
+
+    def to_the_end(self) -> Outcome:
+        app, options = self.app, self.options
+        options.timers.reset()
+        started = time.perf_counter()
+        self.outputs.look(app.iteration)
+        verdict = self.agree()
+        while not self.over(verdict):
+            begin = time.perf_counter()
+            app.step()
+            self.step_times.add(time.perf_counter() - begin)
+            self.outputs.look(app.iteration)
+            verdict = self.agree() if self.agreement_due() else None
+            if verdict and verdict.checkpoint and not self.over(verdict):
+                self.write_checkpoint()
+            if self.world.rank == 0 and self.progress.due(app.iteration):
+                self.progress.show(app.iteration, app.time, self.time_step(), self.end_time())
+        options.stop.acknowledge()
+        return self.finish(verdict, time.perf_counter() - started)
+
+    def time_step(self) -> float:
+        return self.app.time / self.app.iteration if self.app.iteration else 0.0
+
+    def end_time(self) -> float:
+        return self.time_step() * self.app.n_steps
+
+    def agreement_due(self) -> bool:
+        step, every = self.app.iteration, self.options.checkpoint_every
+        return (
+            self.guard.due(step) or step >= self.app.n_steps or (isinstance(every, Every) and every.due(step))
+        )
+
+    def agree(self) -> Verdict:
+        """Collective: divergence, reasons to stop, and whether a checkpoint is due."""
+        every, step = self.options.checkpoint_every, self.app.iteration
+        due = every.due(step) if isinstance(every, Every) else self.world.rank == 0 and every.due()
+        with self.options.timers.section("guard"):
+            verdict = self.guard.agree(step, self.reason(), due and step > self.first)
+        self.options.stop.step_seconds = self.guard.step_seconds
+        self.watchdog.feed(self.guard.step_seconds)
+        return verdict
+
+    def reason(self) -> Reason:
+        """Why this rank would stop now."""
+        heard = self.options.stop.reason
+        now = time.monotonic()
+        if self.world.rank != 0 or heard or now - self.looked < LOOK_SECONDS:
+            return heard
+        self.looked = now
+        if self.rundir.stop_asked():
+            return Reason.STOP_FILE
+        if self.options.wall.over(self.guard.interval, self.checkpoint_seconds):
+            return Reason.WALL
+        return Reason.MEAN_KNOWN if self.step_times.known(self.options.stop_sem) else Reason.NONE
+
+    def over(self, verdict: Verdict | None) -> bool:
+        if verdict is None:
+            return False
+        return (
+            bool(verdict.diverged)
+            or verdict.reason is not Reason.NONE
+            or self.app.iteration >= self.app.n_steps
+        )
+
+    def write_checkpoint(self, last: bool = False) -> None:
+        """Collective. A failure is a warning, until the third one in a row or the one at the end."""
+        self.outputs.flush()
+        app, options = self.app, self.options
+        self.watchdog.rest()
+        begin = time.perf_counter()
+        try:
+            with options.timers.section("checkpoint"):
+                checkpoint.write(self.world, self.rundir, app.iteration, app.time, app.state())
+        except FileError as error:
+            self.checkpoint_failures += 1
+            if last or self.checkpoint_failures == CHECKPOINT_TRIES:
+                raise Agreed(error) from error
+            log.warning("checkpoint at step %d: %s", app.iteration, error.message)
+        else:
+            self.checkpoint_failures = 0
+            self.saved = app.iteration
+        self.checkpoint_seconds = time.perf_counter() - begin
+        if isinstance(options.checkpoint_every, EverySeconds):
+            options.checkpoint_every.done()
+        self.watchdog.feed(self.guard.step_seconds)
+
+    def finish(self, verdict: Verdict | None, loop_seconds: float) -> Outcome:
+        assert verdict is not None
+        self.watchdog.rest()
+        status, code, reason = self.ending(verdict)
+        if code == 0:
+            self.outputs.look(self.app.iteration, at_end=True)
+        self.outputs.flush()
+        if code != 4 and self.saved != self.app.iteration:
+            self.write_checkpoint(last=True)
+            self.watchdog.rest()
+        digest = "" if code == 4 else checkpoint.digest(self.world, self.app.state())
+        if code == 0 and self.world.any(bool(self.outputs.broken)):
+            code, reason = 6, "the steps are all done, but output is missing (see the warnings)"
+        facts = self.facts(status, code, reason, loop_seconds) | {"state_digest": digest or None}
+        if self.world.rank == 0:
+            self.progress.clear()
+            if code == 4:
+                self.write_post_mortem(verdict)
+            self.write_facts(facts)
+        self.world.barrier()  # the folder is complete when any rank leaves
+        return Outcome(code, status, reason, facts)
+
+    def ending(self, verdict: Verdict) -> tuple[str, int, str]:
+        """status, exit code, reason"""
+        step = self.app.iteration
+        if verdict.diverged:
+            return (
+                "diverged",
+                4,
+                f"step {step}, t = {self.app.time:.6g} s, rank {verdict.rank}: {verdict.diverged}",
+            )
+        if step >= self.app.n_steps or verdict.reason is Reason.NONE:
+            return "finished", 0, ""
+        if verdict.reason is Reason.MEAN_KNOWN:
+            return "finished", 0, verdict.reason.text
+        return "stopped", 5, f"{verdict.reason.text}; go on with: {self.options.replay}"
+
+    def facts(self, status: str, code: int, reason: str, loop_seconds: float) -> dict[str, Any]:
+        """What run.json says at the end. Collective; timers are on rank 0 only."""
+        app, options, world = self.app, self.options, self.world
+        now = datetime.now(UTC)
+        wall = time.monotonic() - options.started
+        steps = app.iteration - self.first
+        facts: dict[str, Any] = {
+            "status": status,
+            "exit_code": code,
+            "reason": reason,
+            "steps": app.iteration,
+            "first_step": self.first,
+            "steps_done": steps,
+            "time": app.time,
+            "wall_seconds": wall,
+            "loop_seconds": loop_seconds,
+            "started": datetime.fromtimestamp(now.timestamp() - wall, UTC).isoformat(timespec="seconds"),
+            "ranks": world.size,
+            "threads": options.threads,
+            "work_items": app.work_items,
+            "work_unit": app.work_unit,
+            "step_seconds": self.step_times.facts(),
+            "peak_memory_mib_per_rank": summary.peak_memory_mib(world),
+            "load": summary.load(world, getattr(app, "local_items", None)),
+            "timers": summary.sections(world, options.timers, options.timers.wall),
+            "conservation": self.conserved.facts(),
+            "estimate": dict(options.estimate or {}),
+            "warnings": list(options.warnings),
+            "folder": str(self.rundir.path),
+        }
+        return facts | _rates(facts)
+
+    def write_facts(self, facts: dict[str, Any]) -> None:
+        facts["history"] = summary.history(self.options.history, facts)
+        self.rundir.write_timers(facts["timers"])
+        self.rundir.finish(**facts)
+
+    def write_post_mortem(self, verdict: Verdict) -> None:
+        newest = (
+            f"checkpoint of step {self.saved}" if self.saved is not None else "none: start again with `run`"
+        )
+        text = (
+            f"what       {verdict.diverged}\n"
+            f"where      rank {verdict.rank} of {self.world.size}\n"
+            f"when       seen at step {self.app.iteration}, t = {self.app.time!r} s\n"
+            f"kept       {newest}\n"
+            f"replay     {self.options.replay}\n"
+        )
+        post_mortem(self.rundir.path).write_text(text)
+
+
+def post_mortem(folder: Path) -> Path:
+    return folder / "post-mortem.txt"
+
+
+def _rates(facts: Mapping[str, Any]) -> dict[str, Any]:
+    """The names that users rely on: particles or nodes, ns_per_particle_step or mlups, of the median step."""
+    items, seconds = facts["work_items"], facts["step_seconds"]["median"]
+    if facts["steps_done"] == 0 or items == 0:
+        return {"particles" if facts["work_unit"] == "particle" else "nodes": items}
+    if not seconds > 0:
+        seconds = facts["loop_seconds"] / facts["steps_done"]
+    if facts["work_unit"] == "particle":
+        return {"particles": items, "ns_per_particle_step": 1e9 * seconds / items, "step_ms": 1e3 * seconds}
+    return {"nodes": items, "mlups": 1e-6 * items / seconds, "step_ms": 1e3 * seconds}

@@ -1,0 +1,101 @@
+"""What a run writes while it goes: series, fields, particles. Output never changes the state.
+
+A full disk ends the output, not the physics: the writer that failed is put aside with a warning, and the run
+ends with the code of file errors.
+"""
+
+from __future__ import annotations
+
+import logging
+from collections.abc import Callable, Mapping
+from typing import Any
+
+from hpcpic.core.comm.world import World
+from hpcpic.core.errors import FileError
+from hpcpic.core.files.rundir import RunDir
+from hpcpic.core.run.progress import Progress
+from hpcpic.core.run.summary import Conserved
+from hpcpic.core.run.triggers import Every, Observer
+from hpcpic.core.timers import Timers
+
+log = logging.getLogger("hpcpic.output")
+
+
+class Outputs:
+    """`after`: the step of a restart; what was written later than that is dropped."""
+
+    def __init__(
+        self,
+        app: Any,
+        world: World,
+        rundir: RunDir,
+        timers: Timers,
+        *,
+        progress: Progress,
+        conserved: Conserved,
+        after: int | None = None,
+    ) -> None:
+        self.app, self.world, self.rundir, self.timers = app, world, rundir, timers
+        self.progress, self.conserved = progress, conserved
+        self.after = after
+        self.broken: list[str] = []
+        self._series: Any = None
+        makers: Mapping[str, Callable[[], Callable[[], None]]] = {
+            "series": self._series_observer,
+            "field": self._field_observer,
+            "particle": self._particle_observer,
+        }
+        self.observers = [
+            Observer(kind, Every(app.periods[kind]), self._kept_going(kind, make()), seen=after)
+            for kind, make in makers.items()
+            if app.periods.get(kind)
+        ]
+
+    def look(self, step: int, at_end: bool = False) -> None:
+        for observer in self.observers:
+            if observer.name not in self.broken:
+                observer.look(step, at_end)
+
+    def flush(self) -> None:
+        """The series so far is in the files afterwards."""
+        if self._series is not None and "series" not in self.broken:
+            self._kept_going("series", self._series.flush)()
+
+    def _kept_going(self, kind: str, observe: Callable[[], None]) -> Callable[[], None]:
+        def attempt() -> None:
+            with self.timers.section(f"output {kind}"):
+                try:
+                    observe()
+                except FileError as error:
+                    self.broken.append(kind)
+                    log.warning("no %s output from step %d on: %s", kind, self.app.iteration, error.message)
+
+        return attempt
+
+    def _series_observer(self) -> Callable[[], None]:
+        app = self.app
+        if self.world.rank == 0:
+            from hpcpic.core.files.series import SeriesWriter
+
+            self._series = SeriesWriter(self.rundir, app.scalar_units, after=self.after)
+
+        def observe() -> None:
+            values = app.scalars()
+            self.progress.scalars(values)
+            self.conserved.add(values)
+            if self._series is not None and "series" not in self.broken:
+                self._series.append(app.iteration, app.time, values)
+
+        return observe
+
+    def _field_observer(self) -> Callable[[], None]:
+        from hpcpic.core.files.snapshot import FieldsWriter
+
+        app, writer = self.app, FieldsWriter(self.world, self.rundir.fields, after=self.after)
+        return lambda: writer.append(app.iteration, app.time, app.domain, app.arrays("field"))
+
+    def _particle_observer(self) -> Callable[[], None]:
+        from hpcpic.core.files.snapshot import ParticlesWriter
+
+        app, writer = self.app, ParticlesWriter(self.world, self.rundir.particles, after=self.after)
+        return lambda: writer.append(app.iteration, app.time, app.arrays("particle"))

@@ -1,0 +1,90 @@
+"""How far the run is: one rewritten line on a terminal, otherwise few lines.
+
+Elsewhere a line per 5 % of the run, at least 2 s apart, and one in ten minutes whatever the progress: at most
+about twenty lines for a short run, and a long one is never silent.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Mapping
+from typing import TextIO
+
+PERCENT = 5.0
+LEAST_SECONDS = 2.0
+MOST_SECONDS = 600.0
+REWRITE_SECONDS = 0.2
+
+
+def clock(seconds: float) -> str:
+    """00:12:34; days are hours."""
+    s = max(0, round(seconds))
+    return f"{s // 3600:02d}:{s // 60 % 60:02d}:{s % 60:02d}"
+
+
+def rate(per_second: float, unit: str) -> str:
+    """32.5 M<unit>/s with a prefix that keeps one to three digits before the point."""
+    for prefix, scale in (("T", 1e12), ("G", 1e9), ("M", 1e6), ("k", 1e3)):
+        if per_second >= scale:
+            return f"{per_second / scale:.3g} {prefix}{unit}/s"
+    return f"{per_second:.3g} {unit}/s"
+
+
+class Progress:
+    """Of one run from `first` to `last` step; `items` are worked on in every step, `unit` is their letter."""
+
+    def __init__(self, stream: TextIO, first: int, last: int, items: int, unit: str) -> None:
+        self.stream = stream
+        self.first, self.last = first, last
+        self.items, self.unit = items, unit
+        self.live = stream.isatty()
+        self.lines = 0
+        self._start = self._shown = time.monotonic()
+        self._shown_step = first
+        self._width = 0
+        self._energy: float | None = None
+        self._change = ""
+
+    def scalars(self, values: Mapping[str, float]) -> None:
+        """Newest values of the series: the change of the total energy is shown."""
+        energy = values.get("energy_total")
+        if energy is None:
+            return
+        if self._energy is None:
+            self._energy = energy
+        elif self._energy:
+            self._change = f"  dE/E {(energy - self._energy) / abs(self._energy):.1e}"
+
+    def due(self, step: int) -> bool:
+        since = time.monotonic() - self._shown
+        if self.live:
+            return since >= REWRITE_SECONDS
+        moved = 100.0 * (step - self._shown_step) >= PERCENT * (self.last - self.first)
+        return since >= MOST_SECONDS or (moved and since >= LEAST_SECONDS)
+
+    def show(self, step: int, t: float, dt: float, end: float) -> None:
+        """Write the line of `step` at time t [s]; a step is dt [s], the run ends at time `end` [s]."""
+        now = time.monotonic()
+        speed = (step - self._shown_step) / max(now - self._shown, 1e-9)
+        whole = (step - self.first) / max(now - self._start, 1e-9)
+        left = clock((self.last - step) / whole) if whole > 0 else "--:--:--"
+        done = 100.0 * step / self.last if self.last else 100.0
+        line = (
+            f"step {step}/{self.last}  t {t:.3e}/{end:.3e} s  {done:.1f} %  dt {dt:.2e}  {speed:.3g} step/s  "
+            f"{rate(speed * self.items, self.unit)}{self._change}  left {left}"
+        )
+        self._shown, self._shown_step = now, step
+        self.lines += 1
+        if self.live:
+            self.stream.write("\r" + line.ljust(self._width))
+            self._width = len(line)
+        else:
+            self.stream.write(line + "\n")
+        self.stream.flush()
+
+    def clear(self) -> None:
+        """Take the rewritten line away before something else is written."""
+        if self.live and self._width:
+            self.stream.write("\r" + " " * self._width + "\r")
+            self.stream.flush()
+            self._width = 0

@@ -1,0 +1,131 @@
+"""Reasons to stop early, heard at once whatever the main thread is doing.
+
+A Python signal handler runs only when the running C call returns: seconds late inside a kernel or a blocking
+MPI call. The wakeup descriptor is written by the C handler itself, and a daemon thread reads it, so a signal
+is heard in milliseconds. Hearing sets `reason`; the step loop agrees on it with the other ranks (`guard`), so
+that all ranks stop after the same step.
+"""
+
+from __future__ import annotations
+
+import os
+import signal
+import threading
+import time
+from collections.abc import Callable
+from enum import IntEnum
+
+GRACE_SECONDS = 60.0
+ECHO_SECONDS = 0.5  # the launcher and the terminal may both deliver one Ctrl-C
+
+
+class Reason(IntEnum):
+    """Why a run stops before its last step; when ranks differ, the largest is told."""
+
+    NONE = 0
+    MEAN_KNOWN = 1  # the mean step time is known well enough (simulation.stop_SEM)
+    STOP_FILE = 2
+    WALL = 3
+    SIGUSR1 = 4
+    SIGTERM = 5
+    SIGINT = 6
+
+    @property
+    def text(self) -> str:
+        return _TEXTS[self]
+
+
+_TEXTS = {
+    Reason.NONE: "",
+    Reason.MEAN_KNOWN: "the mean step time is known as well as simulation.stop_SEM asks",
+    Reason.STOP_FILE: "a file STOP in the run folder",
+    Reason.WALL: "the wall clock limit",
+    Reason.SIGUSR1: "SIGUSR1",
+    Reason.SIGTERM: "SIGTERM",
+    Reason.SIGINT: "SIGINT",
+}
+_SIGNALS = {n: Reason[signal.Signals(n).name] for n in (signal.SIGUSR1, signal.SIGTERM, signal.SIGINT)}
+
+
+class Stop:
+    """Listens from construction to `close`. Only the main thread may construct and close it.
+
+    `abort(sentence)` is called, from the listening thread, when a second Ctrl-C arrives or when the run has
+    not acknowledged a signal within the grace time: the larger of 60 s and 20 steps.
+    """
+
+    def __init__(self, abort: Callable[[str], None], grace: float = GRACE_SECONDS) -> None:
+        self.reason = Reason.NONE
+        self.step_seconds = 0.0
+        self._abort = abort
+        self._grace = grace
+        self._interrupted = 0.0
+        self._acknowledged = threading.Event()
+        self._read, self._write = os.pipe()
+        os.set_blocking(self._write, False)
+        self._before = {n: signal.signal(n, lambda *_: None) for n in _SIGNALS}
+        self._fd_before = signal.set_wakeup_fd(self._write, warn_on_full_buffer=False)
+        self._thread = threading.Thread(target=self._listen, name="signals", daemon=True)
+        self._thread.start()
+
+    def acknowledge(self) -> None:
+        """The ranks have agreed to stop (or the run is over): no abort by the grace time any more."""
+        self._acknowledged.set()
+
+    def close(self) -> None:
+        self.acknowledge()
+        signal.set_wakeup_fd(self._fd_before)
+        for number, handler in self._before.items():
+            signal.signal(number, handler)
+        os.write(self._write, b"\0")
+        self._thread.join()
+        os.close(self._read)
+        os.close(self._write)
+
+    def _listen(self) -> None:
+        while True:
+            for number in os.read(self._read, 64):
+                if number == 0:
+                    return
+                if number in _SIGNALS:
+                    self._hear(_SIGNALS[signal.Signals(number)])
+
+    def _hear(self, reason: Reason) -> None:
+        now = time.monotonic()
+        if reason is Reason.SIGINT:
+            if self._interrupted and now - self._interrupted > ECHO_SECONDS:
+                self._abort("second interrupt: no checkpoint is written")
+            self._interrupted = self._interrupted or now
+        if self.reason is Reason.NONE:
+            threading.Thread(target=self._lose_patience, name="grace", daemon=True).start()
+        self.reason = max(self.reason, reason)
+
+    def _lose_patience(self) -> None:
+        grace = max(self._grace, 20 * self.step_seconds)
+        if not self._acknowledged.wait(grace):
+            self._abort(f"{self.reason.text}: the step did not end within {grace:.0f} s")
+
+
+class WallLimit:
+    """Decides on rank 0 when to stop so that the checkpoint and the summary end before `limit` seconds are
+    over.
+
+    `limit` counts from `started` (time.monotonic() at the start of the program). A SLURM job's own end counts
+    too.
+    """
+
+    EXIT_SECONDS = 0.5  # summary and leaving
+
+    def __init__(self, limit: float | None, started: float) -> None:
+        ends = [] if limit is None else [started + limit]
+        if "SLURM_JOB_END_TIME" in os.environ:
+            ends.append(time.monotonic() + float(os.environ["SLURM_JOB_END_TIME"]) - time.time())
+        self.end = min(ends, default=None)
+
+    def over(self, interval: float, checkpoint: float) -> bool:
+        """interval: longest time between two looks at the clock so far; checkpoint: what the last one took
+        [s].
+        """
+        if self.end is None:
+            return False
+        return time.monotonic() + 2 * interval + 1.5 * checkpoint + self.EXIT_SECONDS > self.end

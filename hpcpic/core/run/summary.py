@@ -1,0 +1,224 @@
+"""What a run took: sections over ranks, time per step, memory, conserved quantities, estimate beside
+measurement.
+"""
+
+from __future__ import annotations
+
+import math
+import resource
+import statistics
+from array import array
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+
+from hpcpic.core.comm.world import World
+from hpcpic.core.run.progress import rate
+from hpcpic.core.timers import Timers
+
+WARM_UP = 5  # steps left out of the statistics: compilation, first touch, cold caches
+KEPT = 1 << 16
+CONSERVED = ("energy_total", "charge", "mass", "momentum_x", "momentum_y", "momentum_z")
+
+
+class StepTimes:
+    """Seconds of the steps on this rank: mean and its standard error of all, median of an even selection of
+    them.
+    """
+
+    def __init__(self) -> None:
+        self.n = 0
+        self.mean = 0.0
+        self._square = 0.0
+        self._seen = 0
+        self._stride = 1
+        self._kept = array("d")
+
+    def add(self, seconds: float) -> None:
+        self._seen += 1
+        if self._seen <= WARM_UP:
+            return
+        self.n += 1
+        change = seconds - self.mean
+        self.mean += change / self.n
+        self._square += change * (seconds - self.mean)  # Welford
+        if self.n % self._stride == 0:
+            self._kept.append(seconds)
+            if len(self._kept) == KEPT:
+                self._kept = self._kept[1::2]
+                self._stride *= 2
+
+    @property
+    def error(self) -> float:
+        """Standard error of the mean."""
+        return math.sqrt(self._square / (self.n - 1) / self.n) if self.n > 1 else math.inf
+
+    def known(self, fraction: float) -> bool:
+        """The rule of the thesis (stop_SEM): 1.96 standard errors under this fraction of the mean, after 30
+        steps.
+        """
+        return fraction > 0 and self.n >= 30 and 1.96 * self.error < fraction * self.mean
+
+    def facts(self) -> dict[str, float | int]:
+        median = statistics.median(self._kept) if self._kept else math.nan
+        return {"n": self.n, "mean": self.mean, "standard_error": self.error, "median": median}
+
+
+class Conserved:
+    """First, last and largest change of the scalars that should not change."""
+
+    def __init__(self, before: Mapping[str, Mapping[str, float]] | None = None) -> None:
+        """`before`: the facts of the earlier part of a run that is restarted."""
+        self._found: dict[str, dict[str, float]] = {
+            name: dict(values) for name, values in (before or {}).items()
+        }
+
+    def add(self, scalars: Mapping[str, float]) -> None:
+        for name in CONSERVED:
+            if name in scalars:
+                value = scalars[name]
+                entry = self._found.setdefault(name, {"first": value, "last": value, "change": 0.0})
+                entry["last"] = value
+                change = abs(value - entry["first"])
+                entry["change"] = max(entry["change"], change) if math.isfinite(change) else math.inf
+
+    def facts(self) -> dict[str, dict[str, float]]:
+        """name -> first, last, change (largest, absolute), relative (to the first; left out when that is 0)."""
+        return {
+            name: entry | ({"relative": entry["change"] / abs(entry["first"])} if entry["first"] else {})
+            for name, entry in self._found.items()
+        }
+
+
+def sections(world: World, timers: Timers, wall: float) -> dict[str, dict[str, float]]:
+    """section -> min, avg, max over ranks [s], share of the wall time, calls. Collective; rank 0 gets them,
+    others {}.
+
+    A section that some rank never entered counts as 0 s there, if rank 0 entered it.
+    """
+    totals = timers.totals()
+    names = world.bcast("\n".join(totals).encode()).decode().split("\n")
+    mine = np.array([[totals.get(name, (0.0, 0))[0] for name in names]])
+    rows = world.gather_rows(mine)
+    if rows is None or not totals:
+        return {}
+    result = {}
+    for k, name in enumerate(names):
+        seconds = rows[:, k]
+        result[name] = {
+            "min": float(seconds.min()),
+            "avg": float(seconds.mean()),
+            "max": float(seconds.max()),
+            "share": float(seconds.mean()) / wall,
+            "calls": totals[name][1],
+        }
+    rest = max(0.0, wall - sum(row["avg"] for row in result.values()))
+    result["other"] = {"min": rest, "avg": rest, "max": rest, "share": rest / wall, "calls": 0}
+    return dict(sorted(result.items(), key=lambda item: (item[0] == "other", -item[1]["avg"])))
+
+
+def peak_memory_mib(world: World) -> float:
+    """Largest resident memory of any rank so far. Collective."""
+    return world.max(resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024.0)
+
+
+def load(world: World, items: int | None) -> dict[str, int]:
+    """Fewest and most work items of a rank. Collective; {} when the app does not tell."""
+    if items is None:
+        return {}
+    most = world.max_array(np.array([items, -items], np.int64))
+    return {"min": -int(most[1]), "max": int(most[0])}
+
+
+def count(n: float) -> str:
+    """50 000"""
+    return f"{round(n):,}".replace(",", " ")
+
+
+def render(facts: Mapping[str, Any]) -> str:
+    """The table that ends a run, as text."""
+    lines = [*_head(facts), *_section_table(facts)]
+    spread = facts.get("load")
+    if spread and spread["max"]:
+        share = (spread["max"] - spread["min"]) / spread["max"]
+        lines.append(_row("load", f"{count(spread['min'])} .. {count(spread['max'])} per rank ({share:.1%})"))
+    lines.append(
+        _row(
+            "memory", _beside(facts, "peak_memory_mib_per_rank", "memory_mib_per_rank", "MiB per rank, peak")
+        )
+    )
+    lines.append(_row("step", _beside(facts, "step_ms", "step_ms", "ms, median")))
+    conserved = facts.get("conservation") or {}
+    if conserved:
+        told = [f"{name} {_change(entry)}" for name, entry in conserved.items()]
+        lines.append(_row("conserved", "   ".join(told)))
+    for k, text in enumerate(facts.get("warnings", ())):
+        lines.append(_row(f"warning {k + 1}", text))
+    lines.append(_row("results", str(facts["folder"])))
+    return "\n".join(lines)
+
+
+def _head(facts: Mapping[str, Any]) -> list[str]:
+    speed = facts["steps_done"] / facts["loop_seconds"] if facts["loop_seconds"] > 0 else 0.0
+    work = rate(speed * facts["work_items"], facts["work_unit"][0])
+    where = f"{_several(facts['ranks'], 'rank')} x {_several(facts['threads'], 'thread')}"
+    return [
+        f"{facts['status']}: {facts['reason']}" if facts["reason"] else facts["status"],
+        f"{count(facts['steps'])} steps, t = {facts['time']:.4g} s, {facts['wall_seconds']:.3g} s on {where}"
+        f"   {speed:.4g} step/s   {work}",
+    ]
+
+
+def _several(n: int, word: str) -> str:
+    return f"{n} {word}{'s' if n != 1 else ''}"
+
+
+def _section_table(facts: Mapping[str, Any]) -> list[str]:
+    table = facts["timers"]
+    if not table:
+        return []
+    item_steps = max(1, facts["steps_done"] * facts["work_items"])
+    lines = [
+        f"{'section':<16}{'min s':>10}{'avg s':>10}{'max s':>10}{'spread':>9}{'share':>8}{'calls':>10}"
+        f"   per {facts['work_unit']}-step"
+    ]
+    for name, row in table.items():
+        spread = (row["max"] - row["min"]) / row["avg"] if row["avg"] else 0.0
+        lines.append(
+            f"{name:<16}{row['min']:>10.3f}{row['avg']:>10.3f}{row['max']:>10.3f}"
+            f"{spread:>9.1%}{row['share']:>8.1%}"
+            f"{count(row['calls']) if row['calls'] else '':>10}   {1e9 * row['avg'] / item_steps:.3g} ns"
+        )
+    return lines
+
+
+def _row(name: str, text: str) -> str:
+    return f"{name:<12}{text}"
+
+
+def _beside(facts: Mapping[str, Any], measured: str, estimated: str, unit: str) -> str:
+    value = facts.get(measured)
+    guess = (facts.get("estimate") or {}).get(estimated)
+    text = f"{value:.4g} {unit}" if value is not None else "not measured"
+    return text + (f" (estimate {guess:.4g})" if guess else "")
+
+
+def _change(entry: Mapping[str, float]) -> str:
+    return f"{entry['relative']:.1e}" if "relative" in entry else f"{entry['change']:.1e} (from 0)"
+
+
+def history(before: Sequence[Mapping[str, Any]], facts: Mapping[str, Any]) -> list[Mapping[str, Any]]:
+    """The parts of a run: one entry for `run`, one for each `restart`."""
+    keys = (
+        "first_step",
+        "steps",
+        "ranks",
+        "threads",
+        "wall_seconds",
+        "status",
+        "exit_code",
+        "reason",
+        "started",
+    )
+    return [*before, {key: facts[key] for key in keys}]

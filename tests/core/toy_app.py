@@ -1,0 +1,195 @@
+"""A tiny simulator of the closed shape, for tests of the run loop: a field carried round a periodic ring.
+
+u_i <- (1 - c) u_i + c u_(i-1), rows cut over the ranks, one ghost row by message. It can be told to fail at a
+step. `python toy_app.py run CASE` is the whole command line.
+"""
+
+from __future__ import annotations
+
+import os
+import signal
+import sys
+import threading
+import time
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Literal
+
+import numpy as np
+
+from hpcpic.core.cli.app import App
+from hpcpic.core.cli.main import build
+from hpcpic.core.files.arrays import FieldArray, ParticleArray, Shard
+from hpcpic.core.files.derived import Derived
+from hpcpic.core.files.schema import REQUIRED, Section, setting
+from hpcpic.core.space.domain import Domain, even_cuts
+
+
+class Fault(Section):
+    kind: Literal[
+        "none", "raise", "raise everywhere", "exit", "thread", "nan", "kill", "kill in checkpoint", "hang"
+    ] = setting("none", "what goes wrong")
+    rank: int = setting(0, "on which rank")
+    step: int = setting(0, "at the beginning of which step")
+
+
+class Output(Section):
+    series: int = setting(1, "steps between rows of the series", ge=0)
+    field: int = setting(0, "steps between snapshots of the field", ge=0)
+    particle: int = setting(0, "steps between snapshots of the particles", ge=0)
+
+
+class ToyConfig(Section):
+    steps: int = setting(REQUIRED, "number of steps", ge=0)
+    rows: int = setting(64, "points of the ring", ge=1)
+    courant: float = setting(0.25, "c")
+    pause: float = setting(0.0, "sleep in every step", "s", ge=0)
+    stop_SEM: float = setting(0.0, "as in the plasma", ge=0)
+    fault: Fault = Fault()
+    output: Output = Output()
+
+
+class Toy:
+    name, title = "toy", "a field carried round a ring"
+    scalar_units: Mapping[str, str] = {"mass": "1", "energy_total": "J"}
+    work_unit = "node"
+
+    def __init__(self, config: ToyConfig, world: Any, pool: Any, timers: Any) -> None:
+        self.config, self.world, self.timers = config, world, timers
+        self.domain = Domain((1.0,), (config.rows,), (True,), even_cuts(config.rows, world.size))
+        self.low, self.high = self.domain.row_range(world.rank)
+        self.u = 1.0 + 0.5 * np.sin(2 * np.pi * np.arange(self.low, self.high) / config.rows)
+        self.iteration = 0
+        self.n_steps = config.steps
+        self.work_items, self.local_items = config.rows, self.high - self.low
+        self.stop_sem = config.stop_SEM
+        self.periods = {name: getattr(config.output, name) for name in ("series", "field", "particle")}
+        self.replace_faulty_parts()
+
+    @property
+    def time(self) -> float:
+        return self.iteration / 1024
+
+    def step(self) -> None:
+        self.fail_if_asked()
+        with self.timers.section("advect"):
+            before = np.concatenate([self.row_before(), self.u])
+            self.u = (1 - self.config.courant) * before[1:] + self.config.courant * before[:-1]
+        if self.config.pause:
+            time.sleep(self.config.pause)
+        self.iteration += 1
+
+    def row_before(self) -> np.ndarray:
+        """The last row of the rank before, round the ring; every rank has rows here."""
+        ghost = np.empty(1)
+        size, rank = self.world.size, self.world.rank
+        self.world.comm.Sendrecv(self.u[-1:].copy(), (rank + 1) % size, 0, ghost, (rank - 1) % size, 0)
+        return ghost
+
+    def scalars(self) -> dict[str, float]:
+        whole = self.world.gather_rows(self.u)
+        mass = float(whole.sum()) if whole is not None else 0.0
+        mass = float(np.frombuffer(self.world.bcast(np.float64(mass).tobytes()))[0])
+        return {"mass": mass, "energy_total": mass / 2}
+
+    def arrays(self, what: str) -> dict[str, Any]:
+        if what == "field":
+            return {"u": FieldArray(self.u, "1")}
+        ids = np.arange(self.low, self.high)
+        place = np.zeros((len(ids), 3))
+        place[:, 0] = ids / self.config.rows
+        return {"points": ParticleArray(ids, place, {"u": self.u}, {"u": "1"})}
+
+    def state(self) -> dict[str, Shard]:
+        rows = self.config.rows
+        return {
+            "id": Shard(np.arange(self.low, self.high), self.low, rows),
+            "u": Shard(self.u, self.low, rows),
+        }
+
+    def restore(self, reader: Any) -> None:
+        self.iteration = reader.step
+        self.u = reader.read("u", self.low, self.high)
+
+    def guard(self) -> str | None:
+        if np.isfinite(self.u).all():
+            return None
+        return f"u is not finite in row {self.low + int(np.argmin(np.isfinite(self.u)))}"
+
+    def fail_if_asked(self) -> None:
+        fault = self.config.fault
+        here = fault.rank == self.world.rank or fault.kind == "raise everywhere"
+        if not here or self.iteration != fault.step:
+            return
+        if fault.kind in ("raise", "raise everywhere"):
+            raise ZeroDivisionError("the toy was told to fail")
+        if fault.kind == "exit":
+            sys.exit(3)
+        if fault.kind == "thread":
+            thread = threading.Thread(target=lambda: 1 / 0, name="worker")
+            thread.start()
+            thread.join()
+        if fault.kind == "nan":
+            self.u[0] = np.nan
+        if fault.kind == "kill":
+            os.kill(os.getpid(), signal.SIGKILL)
+        if fault.kind == "hang":
+            threading.Event().wait()
+
+    def replace_faulty_parts(self) -> None:
+        """ "kill in checkpoint": this rank dies when the file is half written."""
+        if self.config.fault.kind == "kill in checkpoint":
+            from hpcpic.core.files import image
+
+            write = image.write_shards
+
+            def half(path: Any, slots: Any, shards: Any) -> None:
+                write(path, slots, dict(list(shards.items())[:1]))
+                if self.world.rank == self.config.fault.rank and self.iteration >= self.config.fault.step:
+                    os.kill(os.getpid(), signal.SIGKILL)
+                write(path, slots, shards)
+
+            image.write_shards = half
+
+
+@dataclass(frozen=True)
+class Estimate:
+    memory: Mapping[str, float]
+    disk: Mapping[str, float]
+    step_seconds: float
+    seconds: float
+
+
+def estimate(config: ToyConfig, ranks: int, threads: int, rates: Mapping[str, float]) -> Estimate:
+    step = config.rows * rates.get("toy", 1e-9) / ranks + 1e-5
+    return Estimate(
+        {"u": 8.0 * config.rows / ranks}, {"checkpoints": 32.0 * config.rows}, step, step * config.steps
+    )
+
+
+def derived(config: ToyConfig, ranks: int) -> list[Derived]:
+    verdict = "ok" if 0 <= config.courant <= 1 else "fail"
+    return [
+        Derived("Courant number", "c", config.courant, limit="<= 1", verdict=verdict, source="CFL",
+                cure="take courant = 1", key=("courant",), forceable=True),
+        Derived("rows per rank", "n", config.rows / ranks),
+    ]  # fmt: skip
+
+
+APP = App(
+    name="toy",
+    title=Toy.title,
+    schema=lambda: ToyConfig,
+    cases=lambda: {},
+    derived=derived,
+    estimate=estimate,
+    load=lambda: Toy,
+    until=lambda config, t: (f"steps={round(1024 * t)}",),
+    free=("steps", "output", "fault", "pause", "stop_SEM"),
+    bench=lambda quick: {"toy": 2e-9},
+    command=(sys.executable, str(Path(__file__).resolve())),
+)
+
+if __name__ == "__main__":
+    build(lambda: APP, "toy", Toy.title)()
