@@ -58,7 +58,7 @@ class Tree:
 
     def drop(self, path: Path) -> Any:
         """Take a setting out of the tree and return its value; the path must exist."""
-        parent = self.data
+        parent: Any = self.data
         for key in path[:-1]:
             parent = parent[key]
         return parent.pop(path[-1])

@@ -19,9 +19,9 @@ entries: (setting | include)*
 setting: NAME (EQUAL | COLON) value separator
 separator: (SEMICOLON | COMMA)?
 include: INCLUDE STRING
-?value: INTEGER -> integer | FLOAT -> real | BOOLEAN -> boolean | STRING+ -> text | array | list | group
+?value: INTEGER -> integer | FLOAT -> real | BOOLEAN -> boolean | STRING+ -> text | array | items | group
 array: LSQB [value (COMMA value)* COMMA?] RSQB
-list: LPAR [value (COMMA value)* COMMA?] RPAR
+items: LPAR [value (COMMA value)* COMMA?] RPAR
 group: LBRACE entries RBRACE
 EQUAL: "="
 COLON: ":"
@@ -158,7 +158,7 @@ class Builder:
         opening, entries, closing = children
         return Node("group", entries, opening.line, opening.column), closing.line
 
-    def list(self, children: list) -> tuple[Node, int]:
+    def items(self, children: list) -> tuple[Node, int]:
         return self.sequence("list", children)
 
     def array(self, children: list) -> tuple[Node, int]:
@@ -219,7 +219,7 @@ def parse(text: str) -> tuple[Node, list[tuple[int, int, str]]]:
         else:
             faults.add(error.token, f"{wanted(state, opened)}, found {str(error.token)[:24]!r}")
     except UnexpectedCharacters as error:
-        faults.add(error, unreadable(text, error.pos_in_stream, wanted(state, opened)))
+        faults.add(error, unreadable(text, error.pos_in_stream or 0, wanted(state, opened)))
     return nothing, faults.found
 
 

@@ -8,7 +8,6 @@ from typing import Annotated, Any, ClassVar, Self, TypeVar
 
 from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, ValidationError
 from pydantic.fields import FieldInfo
-from pydantic_core import PydanticUndefined
 
 from hpcpic.core.errors import ConfigError
 from hpcpic.core.files.config import Path, Tree, dotted
@@ -153,7 +152,7 @@ def nearest_key(model: type[Section], path: Path) -> str:
     *_, name = path
     own = model
     for part in path[:-1]:
-        own = section_of(own.model_fields[part]) if isinstance(part, str) else own
+        own = (section_of(own.model_fields[part]) or own) if isinstance(part, str) else own
     near = difflib.get_close_matches(str(name), own.model_fields, 1, 0.6)
     if near:
         return f"; did you mean {near[0]!r}?"
@@ -193,21 +192,15 @@ def describe(model: type[Section], prefix: str = "") -> list[Row]:
             mark = "[]" if "tuple" in str(field.annotation) else ""
             rows += describe(inner, f"{prefix}{name}{mark}.")
             continue
-        unit = (field.json_schema_extra or {}).get("unit", "")
-        default = (
-            "required" if field.is_required() else "" if field.default is None else value_text(field.default)
-        )
-        rows.append(
-            Row(
-                prefix + name,
-                type_words(field.annotation),
-                unit,
-                default,
-                limit_words(field),
-                field.description or "",
-            )
-        )
+        default = "required" if field.is_required() else value_text(field.default)
+        kind, limits = type_words(field.annotation), limit_words(field)
+        rows.append(Row(prefix + name, kind, unit_of(field), default, limits, field.description or ""))
     return rows
+
+
+def unit_of(field: FieldInfo) -> str:
+    extra = field.json_schema_extra
+    return str(extra.get("unit", "")) if isinstance(extra, dict) else ""
 
 
 def limit_words(field: FieldInfo) -> str:
@@ -258,8 +251,8 @@ def group_lines(config: Section, indent: str) -> list[str]:
         elif isinstance(value, tuple) and section_of(field):
             lines += [f"{indent}{name} = (", *list_lines(value, indent + "  "), f"{indent});"]
         else:
-            unit = (field.json_schema_extra or {}).get("unit", "")
-            lines.append(f"{indent}{name} = {value_text(value)};" + (f"  # {unit}" if unit else ""))
+            comment = f"  # {unit_of(field)}" if unit_of(field) else ""
+            lines.append(f"{indent}{name} = {value_text(value)};{comment}")
     return lines
 
 
@@ -272,7 +265,9 @@ def list_lines(groups: tuple[Section, ...], indent: str) -> list[str]:
 
 
 def value_text(value: Any) -> str:
-    """A value in libconfig syntax."""
+    """A value in libconfig syntax; None, which it cannot say, is empty."""
+    if value is None:
+        return ""
     if isinstance(value, bool):
         return "true" if value else "false"
     if isinstance(value, int):
@@ -284,8 +279,6 @@ def value_text(value: Any) -> str:
             ESCAPED.get(c) or (c if c >= " " and c != "\x7f" else f"\\x{ord(c):02x}") for c in value
         )
         return f'"{escaped}"'
-    if value is PydanticUndefined:
-        return ""
     return "[" + ", ".join(value_text(item) for item in value) + "]"
 
 
