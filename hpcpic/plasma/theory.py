@@ -16,7 +16,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-ALIASES = 24          # the shape falls as 1/p^2 or faster: what is left out is under 1e-6 of the sum for CIC
+ALIASES = 24  # the shape falls as 1/p^2 or faster: what is left out is under 1e-6 of the sum for CIC
 SHAPE_ORDER = {"NGP": 1, "CIC": 2, "TSC": 3}
 
 
@@ -44,6 +44,7 @@ class Mesh:
 
 
 # ---------------------------------------------------------------------------------------------- continuum
+
 
 def plasma_dispersion_prime(zeta: complex) -> complex:
     """Z'(zeta) = -2 (1 + zeta Z), the derivative of the function of Fried and Conte, on both half planes."""
@@ -88,7 +89,7 @@ def root_near(guess: complex, equation: Callable[[complex], complex], tolerance:
     omega = complex(guess)
     for _ in range(60):
         h = 1e-6 * (abs(omega) + 1e-3)
-        with np.errstate(over="ignore", invalid="ignore"):   # Z' overflows far below the axis
+        with np.errstate(over="ignore", invalid="ignore"):  # Z' overflows far below the axis
             value = equation(omega)
             slope = (equation(omega + h) - equation(omega - h)) / (2.0 * h)
         if not np.isfinite(value) or not np.isfinite(slope) or slope == 0.0:
@@ -98,7 +99,7 @@ def root_near(guess: complex, equation: Callable[[complex], complex], tolerance:
         if abs(step) <= tolerance * (abs(omega) + 1e-300):
             return omega
         if abs(step) <= 1e-11 * abs(omega) and abs(equation(omega)) >= abs(value):
-            return omega                                      # round-off of the equation itself
+            return omega  # round-off of the equation itself
     raise NoRoot(f"no root near {guess}")
 
 
@@ -155,6 +156,7 @@ def two_stream_growth(k_v0: float, wb: float) -> float:
 
 # ------------------------------------------------------------------------------------------ discrete scheme
 
+
 def leapfrog_frequency(omega: float, dt: float) -> float:
     """Frequency of an oscillator under leapfrog: (2/dt) asin(omega dt/2), stable for omega dt < 2."""
     return 2.0 / dt * float(np.arcsin(0.5 * omega * dt))
@@ -178,8 +180,9 @@ def gyration_radius(speed: float, wc: float, dt: float, exact_phase: bool = Fals
     return speed * dt / (2.0 * abs(np.sin(0.5 * boris_angle(wc, dt, exact_phase))))
 
 
-def upper_hybrid_frequency(wp: float, wc: float, dt: float, k: float = 0.0, dx: float = 0.0,
-                           exact_phase: bool = False) -> float:
+def upper_hybrid_frequency(
+    wp: float, wc: float, dt: float, k: float = 0.0, dx: float = 0.0, exact_phase: bool = False
+) -> float:
     """Frequency of the cold wave across B as the scheme makes it: half kick, turn by theta, half kick, drift.
 
     The linear map of (x, vx, vy) over a step has eigenvalues 1 and exp(+-i omega dt) with
@@ -219,7 +222,7 @@ def mesh_susceptibility(omega: complex, k: float, beams: Sequence[Beam], mesh: M
             response = 1.0 / (4.0 * np.sin(0.5 * phase) ** 2)
         else:
             slowest = np.abs(waves).min() * beam.thermal_velocity * mesh.dt
-            peak = abs(min(omega.imag * mesh.dt, 0.0)) / slowest**2    # largest terms of a damped wave
+            peak = abs(min(omega.imag * mesh.dt, 0.0)) / slowest**2  # largest terms of a damped wave
             s = np.arange(1.0, np.ceil(peak + 12.0 / slowest) + 2.0)
             decay = 0.5 * (waves * beam.thermal_velocity * mesh.dt)[:, None] ** 2 * s**2
             response = -(s * np.exp(1j * phase[:, None] * s - decay)).sum(axis=1)

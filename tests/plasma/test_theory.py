@@ -20,7 +20,7 @@ LANDAU = {  # k lambda_D: (omega, gamma)/wp, computed with the Faddeeva function
     0.80: (1.7998993183, -5.3455236160e-01),
     1.00: (2.0459048657, -8.5133045869e-01),
 }
-WB = 1.0 / math.sqrt(2.0)                      # each of two equal beams, total plasma frequency 1
+WB = 1.0 / math.sqrt(2.0)  # each of two equal beams, total plasma frequency 1
 
 
 def pair(v0: float, vth: float = 0.0) -> tuple[Beam, Beam]:
@@ -40,12 +40,21 @@ def test_landau_root_solves_its_equation_beyond_the_table():
 
 
 def test_weakly_damped_wave_is_bohm_and_gross():
-    k = 0.05                                   # next term of the expansion is 15 k^4
+    k = 0.05  # next term of the expansion is 15 k^4
     assert theory.landau(k).real ** 2 == pytest.approx(1 + 3 * k**2, abs=2 * 15 * k**4)
 
 
-@pytest.mark.parametrize("x, gamma", [(0.2, 0.136075276), (0.4, 0.245585879), (0.5, 0.286542809),
-                                      (1.0, 0.343560750), (1.2, 0.282842712), (1.4, 0.081282684)])
+@pytest.mark.parametrize(
+    "x, gamma",
+    [
+        (0.2, 0.136075276),
+        (0.4, 0.245585879),
+        (0.5, 0.286542809),
+        (1.0, 0.343560750),
+        (1.2, 0.282842712),
+        (1.4, 0.081282684),
+    ],
+)
 def test_cold_two_stream(x, gamma):
     assert theory.two_stream_growth(x * WB, WB) == pytest.approx(gamma, abs=1e-9)
     assert theory.unstable_root(x * WB, pair(1.0)).imag == pytest.approx(gamma, abs=1e-9)
@@ -59,16 +68,23 @@ def test_cold_two_stream_maximum_and_edge():
         theory.unstable_root(1.000001, pair(1.0))
 
 
-@pytest.mark.parametrize("v0, vth, k, gamma", [(1, 0.05, math.sqrt(0.375), 0.352546949),
-                                               (1, 0.1, math.sqrt(0.375), 0.349379476),
-                                               (1, 0.2, 0.5, 0.319943509), (3, 1, 0.2, 0.284509686),
-                                               (2.4, 1, 0.2, 0.225844255)])
+@pytest.mark.parametrize(
+    "v0, vth, k, gamma",
+    [
+        (1, 0.05, math.sqrt(0.375), 0.352546949),
+        (1, 0.1, math.sqrt(0.375), 0.349379476),
+        (1, 0.2, 0.5, 0.319943509),
+        (3, 1, 0.2, 0.284509686),
+        (2.4, 1, 0.2, 0.225844255),
+    ],
+)
 def test_warm_two_stream(v0, vth, k, gamma):
     assert theory.unstable_root(k, pair(v0, vth)).imag == pytest.approx(gamma, abs=1e-9)
 
 
-@pytest.mark.parametrize("fraction, k, gamma", [(0.001, 1.00875, 0.066103), (0.01, 1.0365, 0.136206),
-                                                (0.1, 1.13075, 0.264021)])
+@pytest.mark.parametrize(
+    "fraction, k, gamma", [(0.001, 1.00875, 0.066103), (0.01, 1.0365, 0.136206), (0.1, 1.13075, 0.264021)]
+)
 def test_weak_cold_beam(fraction, k, gamma):
     beams = Beam(math.sqrt(1 - fraction)), Beam(math.sqrt(fraction), 1.0)
     assert theory.unstable_root(k, beams).imag == pytest.approx(gamma, abs=1e-6)
@@ -92,8 +108,10 @@ def test_a_common_drift_only_shifts_the_frequency():
 
 # ------------------------------------------------------------------------------------------ discrete scheme
 
-@pytest.mark.parametrize("wp_dt, factor", [(0.1, 1.0004171361), (0.2, 1.0016742116), (0.5, 1.0107210206),
-                                           (1.0, 1.0471975512)])
+
+@pytest.mark.parametrize(
+    "wp_dt, factor", [(0.1, 1.0004171361), (0.2, 1.0016742116), (0.5, 1.0107210206), (1.0, 1.0471975512)]
+)
 def test_leapfrog_factor(wp_dt, factor):
     assert theory.leapfrog_frequency(1.0, wp_dt) == pytest.approx(factor, abs=1e-10)
 
@@ -119,8 +137,10 @@ def test_spectral_gradient_reference():
 @pytest.mark.parametrize("k", [0.3, 0.5])
 def test_discrete_landau_tends_to_the_continuum_with_second_order(k):
     beams, exact = (Beam(1.0, 0.0, 1.0),), theory.landau(k)
-    errors = [abs(theory.mesh_root(exact, k, beams, Mesh(2 * math.pi / k / cells, 6.4 / cells)) - exact)
-              for cells in (32, 64, 128)]
+    errors = [
+        abs(theory.mesh_root(exact, k, beams, Mesh(2 * math.pi / k / cells, 6.4 / cells)) - exact)
+        for cells in (32, 64, 128)
+    ]
     assert np.log2(errors[0] / errors[1]) == pytest.approx(2.0, abs=0.1)
     assert np.log2(errors[1] / errors[2]) == pytest.approx(2.0, abs=0.05)
 
