@@ -153,8 +153,8 @@ def fit_oscillation(
 def signed(amplitude: np.ndarray) -> np.ndarray:
     """The oscillation behind its absolute value: the sign turns at each minimum that reaches towards zero.
 
-    Which side of a zero a sample belongs to is decided by the smaller fourth difference. A minimum counts when
-    it lies below half of both neighbouring maxima.
+    Which side of a zero a sample belongs to is decided by the smaller fourth difference. A minimum counts
+    when it lies below half of both neighbouring maxima.
     """
     y = np.asarray(amplitude, float)
     if y.size < 5:
