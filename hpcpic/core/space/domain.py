@@ -9,7 +9,7 @@ from numpy.typing import ArrayLike, NDArray
 
 
 def block_ranges(n: int, parts: int) -> list[tuple[int, int]]:
-    """Ranges (low, high) of n items in `parts` parts; the first ones get the extra items, some may be empty."""
+    """Ranges (low, high) of n items in `parts` parts; the first get the extra items, some may be empty."""
     size, extra = divmod(n, parts)
     edges = [part * size + min(part, extra) for part in range(parts + 1)]
     return list(pairwise(edges))
