@@ -1,11 +1,14 @@
 """The numbers of a case against theory, their verdicts at the limits, and cures that cure."""
 
 import math
+import re
 
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
 
 from hpcpic.core.errors import ConfigError
-from hpcpic.core.files.config import loads
+from hpcpic.core.files.config import Tree, loads
 from hpcpic.core.files.derived import enforce
 from hpcpic.core.files.schema import validate
 from hpcpic.plasma.config import PlasmaConfig
@@ -168,3 +171,58 @@ def test_the_numbers_do_not_depend_on_the_units():
     for symbol, number in numbers()[0].items():
         if not number.unit or number.unit == "cells":
             assert numbers(scaled)[0][symbol].value == number.value
+
+
+positive = st.floats(5e-324, 1.7e308, allow_subnormal=True) | st.floats(1e-3, 1e3)
+real = st.floats(allow_nan=False, allow_infinity=False) | st.floats(-10, 10)
+count = st.integers(0, 2**62) | st.integers(0, 100)
+
+
+def pairs(values, most=2):
+    return st.lists(values, min_size=2, max_size=most)
+
+
+cases = st.fixed_dictionaries(
+    {
+        "simulation": st.fixed_dictionaries(
+            {"cycles": st.integers(1, 2**62), "time_step": real, "space_length": pairs(positive)}
+        ),
+        "grid": st.fixed_dictionaries({"points": pairs(st.integers(1, 2**62) | st.integers(1, 64))}),
+        "constants": st.fixed_dictionaries({"vacuum_permittivity": positive}),
+        "field": st.fixed_dictionaries({"magnetic": st.lists(real, min_size=3, max_size=3)}),
+        "numerics": st.fixed_dictionaries({"exact_phase": st.booleans()}),
+        "species": st.lists(
+            st.fixed_dictionaries(
+                {
+                    "particles": count,
+                    "charge": real,
+                    "mass": positive,
+                    "thermal_velocity": st.just(0.0) | positive,
+                    "plasma_frequency": st.just(0.0) | positive,
+                    "drift_velocity": pairs(real, 3),
+                    "init_method": st.sampled_from(["random position", "quiet", "default"]),
+                    "perturbation": st.fixed_dictionaries({"mode": pairs(st.integers(-(2**62), 2**62))}),
+                }
+            ),
+            max_size=2,
+        ).map(tuple),
+    }
+)
+
+
+@settings(max_examples=500)
+@given(cases)
+def test_no_numbers_break_the_check(data):
+    tree = Tree(data=data)
+    try:
+        enforce(derived(validate(PlasmaConfig, tree)), tree)
+    except ConfigError as error:
+        assert error.messages
+
+
+@pytest.mark.parametrize("key", ["simulation.time_step", "species[0].mass", "constants.vacuum_permittivity"])
+@pytest.mark.parametrize("value", ["1e-80", "1e80"])
+def test_magnitudes_that_products_would_overflow_are_refused(key, value):
+    found, tree = numbers([f"{key}={value}"])
+    with pytest.raises(ConfigError, match=f"--set {re.escape(key)}=.*choose other units"):
+        enforce(found.values(), tree, force=True)
