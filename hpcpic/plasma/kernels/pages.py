@@ -66,17 +66,18 @@ def settle(x, anchor, n):
     next cell is in the next cell, so that no position ever equals the end of its tile.
     """
     k = np.floor(x)
-    if k >= 0 and k < min(TILE, n - anchor) and REAL(x) == x:
-        return anchor + np.int64(k), REAL(x)
-    fraction = x - k
     cell = anchor + np.int64(k)
+    if k >= 0 and k < TILE and cell < n and REAL(x) == x:
+        return cell, REAL(x)
+    fraction = x - k
     if fraction >= 1:
         cell, fraction = cell + 1, fraction * 0
-    cell %= n
-    position = REAL(cell % TILE + fraction)
-    if position >= cell % TILE + 1:
-        cell = (cell + 1) % n
-        position = REAL(cell % TILE)
+    if cell < 0 or cell >= n:
+        cell %= n
+    position = REAL((cell & (TILE - 1)) + fraction)
+    if position >= (cell & (TILE - 1)) + 1:
+        cell = cell + 1 if cell + 1 < n else 0 * cell
+        position = REAL(cell & (TILE - 1))
     return cell, position
 
 
@@ -92,15 +93,12 @@ def destination(row, column, species, n_species, points, row_part, column_part, 
 
 
 @njit
-def list_up(slot, target, moving_slot, link, lists, counters):
-    """Enter the next particle of the box, bound for `slot`, in list `target`; its number in the box."""
-    k = counters[1]
-    counters[1] += 1
+def list_up(k, slot, target, moving_slot, link, lists):
+    """Enter particle k of the box, bound for `slot`, in list `target`."""
     moving_slot[k] = slot
     link[k] = lists[0, target]
     lists[0, target] = k
     lists[1, target] += 1
-    return k
 
 
 @njit
@@ -121,7 +119,9 @@ def place(x, v, numbers, species, n_species, points, row_part, column_part, colu
         slot, target = destination(
             row, column, species, n_species, points, row_part, column_part, column_stride, parts, lists
         )
-        k = list_up(slot, target, moving_slot, link, lists, counters)
+        k = counters[1]
+        counters[1] += 1
+        list_up(k, slot, target, moving_slot, link, lists)
         moving[k, 0] = position_x
         if DIM == 2:
             moving[k, 1] = position_y
@@ -171,7 +171,9 @@ def unpack(records_real, records_int, n_species, points, row_part, column_part, 
         slot, target = destination(
             row, column, species, n_species, points, row_part, column_part, column_stride, parts, lists
         )
-        k = list_up(slot, target, moving_slot, link, lists, counters)
+        k = counters[1]
+        counters[1] += 1
+        list_up(k, slot, target, moving_slot, link, lists)
         for c in range(COMPONENTS):
             moving[k, c] = records_real[p, c]
         moving_id[k] = np.uint32(records_int[p, records_int.shape[1] - 1])

@@ -11,7 +11,8 @@ In 1D there is one row.
 import numpy as np
 
 from hpcpic.core.simd.jit import njit
-from hpcpic.core.simd.vector import fma
+from hpcpic.core.simd.vector import fma, prefetch_to_write
+from hpcpic.plasma.kernels.lanes import address
 from hpcpic.plasma.kernels.pages import (
     COMPONENTS,
     DIVERGED,
@@ -33,6 +34,7 @@ VELOCITIES = 2  # components
 ROTATION = 0  # 0 no magnetic field, 1 along z, 2 any direction
 REAL = np.float64  # precision of a particle
 
+AHEAD = 6
 ZERO, HALF, ONE, THREE_QUARTERS = REAL(0), REAL(0.5), REAL(1), REAL(0.75)
 MAGIC = REAL(1.5 * 2.0 ** np.finfo(REAL).nmant)  # adding it rounds to a whole number
 
@@ -147,27 +149,35 @@ def deposit(patch, group, unit, row, column, x, y):
 
 
 @njit
-def depart(page, place, slot, part, n_species, points, row_part, column_part, column_stride, parts, pool, ids,
-           moving, moving_id, moving_slot, link, lists, counters):  # fmt: skip
-    """Enter a particle that left its tile part in the block's box, whatever its speed."""
-    pack, lane = place // LANES, place % LANES
-    x, y = pool[page, pack, 0, lane], pool[page, pack, DIM - 1, lane]
-    if not (abs(x) < FARTHEST and abs(y) < FARTHEST):
-        return DIVERGED
-    column, x = settle(x, parts[part, 2], points[1])
-    row = np.int64(0)
-    if DIM == 2:
-        row, y = settle(y, parts[part, 1], points[0])
-    target_slot, target = destination(
-        row, column, slot % n_species, n_species, points, row_part, column_part, column_stride, parts, lists
-    )
-    k = list_up(target_slot, target, moving_slot, link, lists, counters)
-    moving_id[k] = ids[page, place]
-    for c in range(DIM, COMPONENTS):
-        moving[k, c] = pool[page, pack, c, lane]
-    if DIM == 2:
-        moving[k, DIM - 1] = y
-    moving[k, 0] = x
+def lift(page, place, pool, moving, counters):
+    """Copy a particle that left its tile part into the block's box, as it is."""
+    k = counters[1]
+    counters[1] += 1
+    for c in range(COMPONENTS):
+        moving[k, c] = pool[page, place // LANES, c, place % LANES]
+
+
+@njit
+def send(slot, n, holes, n_species, points, row_part, column_part, column_stride, parts, ids,
+         moving, moving_id, moving_slot, link, lists, counters):  # fmt: skip
+    """Find where the box's last n particles, which came from `holes` of a slot, belong, whatever their speed."""
+    part, first = slot // n_species, counters[1] - n
+    row, y = np.int64(0), ZERO
+    for i in range(n):
+        k = first + i
+        moving_id[k] = ids[holes[i] // PAGE, holes[i] % PAGE]
+        for d in range(DIM):
+            if not abs(moving[k, d]) < FARTHEST:
+                return DIVERGED
+        column, x = settle(moving[k, 0], parts[part, 2], points[1])
+        if DIM == 2:
+            row, y = settle(moving[k, DIM - 1], parts[part, 1], points[0])
+            moving[k, DIM - 1] = y
+        moving[k, 0] = x
+        target_slot, target = destination(
+            row, column, slot % n_species, n_species, points, row_part, column_part, column_stride, parts, lists
+        )
+        list_up(k, target_slot, target, moving_slot, link, lists)
     return GOOD
 
 
@@ -218,12 +228,13 @@ def push(block, first, last, n_species, points, origin, corner, row_part, column
                     if inside:
                         deposit(patch, group, unit, row - corner[0], column - corner[1], x, y)
                         continue
-                    if depart(page, place, slot, part, n_species, points, row_part, column_part, column_stride, parts,
-                              pool, ids, moving, moving_id, moving_slot, link, lists, counters) != GOOD:  # fmt: skip
-                        return DIVERGED
+                    lift(page, place, pool, moving, counters)
                     holes[n_holes] = page * PAGE + place
                     n_holes += 1
                 page, used = np.int64(chain[page]), PAGE
+            if send(slot, n_holes, holes, n_species, points, row_part, column_part, column_stride, parts, ids, moving,
+                    moving_id, moving_slot, link, lists, counters) != GOOD:  # fmt: skip
+                return DIVERGED
             fill_holes(slot, holes, n_holes, pool, ids, chain, head, count, free, counters)
     return GOOD
 
@@ -235,7 +246,13 @@ def deliver(block, n_species, corner, parts, charge, pool, ids, chain, head, cou
     free, counters = free[block], counters[block]
     for box in range(lists.shape[0]):
         k = np.int64(lists[box, 0, block])
+        scout = k  # looks AHEAD particles ahead for the lines that will be written
+        for _ in range(AHEAD):
+            scout = np.int64(link[box, scout]) if scout >= 0 else scout
         while k >= 0:
+            if scout >= 0:
+                foresee(np.int64(moving_slot[box, scout]), pool, ids, head, count)
+                scout = np.int64(link[box, scout])
             slot = np.int64(moving_slot[box, k])
             page, place = append(slot, pool, ids, chain, head, count, free, counters)
             if page < 0:
@@ -248,6 +265,18 @@ def deliver(block, n_species, corner, parts, charge, pool, ids, chain, head, cou
                     parts[part, 2] - corner[1], moving[box, k, 0], moving[box, k, DIM - 1])  # fmt: skip
             k = np.int64(link[box, k])
     return GOOD
+
+
+@njit
+def foresee(slot, pool, ids, head, count):
+    """Ask for the lines of the next place of a slot."""
+    page = np.int64(head[slot])
+    if page >= 0:
+        place = count[slot] % PAGE
+        at = address(pool) + page * pool.strides[0] + place // LANES * pool.strides[1]
+        for c in range(COMPONENTS):
+            prefetch_to_write(at + c * 64)
+        prefetch_to_write(address(ids) + page * ids.strides[0] + place * 4)
 
 
 @njit

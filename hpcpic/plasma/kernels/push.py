@@ -13,7 +13,6 @@ from hpcpic.core.simd.vector import (
     add_lines,
     bitmask,
     convert,
-    first_bit,
     floor,
     fma,
     gather_lines,
@@ -23,9 +22,9 @@ from hpcpic.core.simd.vector import (
     splat,
     store_at,
 )
-from hpcpic.plasma.kernels.lanes import address, bits_of, store_lines
+from hpcpic.plasma.kernels.lanes import address, bits_of, last_bit, store_lines
 from hpcpic.plasma.kernels.pages import COMPONENTS, DIVERGED, GOOD, LANES, PAGE, TILE, fill_holes
-from hpcpic.plasma.kernels.plain import MAGIC, boris, depart
+from hpcpic.plasma.kernels.plain import MAGIC, boris, lift, send
 
 DIM = 2  # axes of the grid
 REAL = np.float64  # precision of a particle
@@ -37,6 +36,7 @@ F, I, WIDE = Vec(LANES, REAL), Vec(LANES, PART), Vec(8, np.int64)
 E8, R8, P8 = Vec(8, np.float64), Vec(8, REAL), Vec(8, PART)
 CORNERS = 4 if DIM == 2 else 2
 CELLS = 256
+ALL = (1 << LANES) - 1
 LINE, SUM = 2 * CORNERS * SIZE // (3 - DIM), CORNERS * SIZE  # bytes of a cell's coefficients and corner sums
 PACK_BYTES, PAGE_BYTES = 64 * COMPONENTS, PAGE * SIZE * COMPONENTS
 MAGIC_BITS = int(np.array(MAGIC).view(PART))
@@ -183,7 +183,7 @@ def push(block, first, last, n_species, points, origin, corner, row_part, column
     lists[1, :] = 0
     counters[1] = 0
     patch[:] = 0
-    base, to_lines, to_sums = address(pool), address(lines), address(sums)
+    base, to_ids, to_lines, to_sums = address(pool), address(ids), address(lines), address(sums)
     zero_sums(to_sums)
     for part in range(first, last):
         spread_field(part, origin, parts, e_x, e_y, scale, to_lines)
@@ -201,34 +201,33 @@ def push(block, first, last, n_species, points, origin, corner, row_part, column
                 for place in range(used, (used + LANES - 1) // LANES * LANES):
                     park(pool, page, place)
             while page >= 0:
-                at, packs, before = base + page * PAGE_BYTES, (used + LANES - 1) // LANES, n_holes
+                at, packs = base + page * PAGE_BYTES, (used + LANES - 1) // LANES
                 following = np.int64(chain[page])
                 ahead = (base + following * PAGE_BYTES) if following >= 0 else at
-                for pack in range(packs):
+                for pack in range(packs - 1, -1, -1):
                     for c in range(COMPONENTS):
                         prefetch_to_write(ahead + pack * PACK_BYTES + 64 * c)
-                    gone = ~push_pack(at + pack * PACK_BYTES, to_lines, m, low_x, high_x, low_y, high_y)
-                    gone &= (1 << LANES) - 1
-                    while gone != 0:
-                        place = pack * LANES + first_bit(gone)
-                        gone &= gone - 1
+                    gone = ALL ^ push_pack(at + pack * PACK_BYTES, to_lines, m, low_x, high_x, low_y, high_y)
+                    while gone != 0:  # last place first
+                        lane = last_bit(gone)
+                        gone ^= 1 << lane
+                        place = pack * LANES + lane
                         if place < used:
-                            if depart(page, place, slot, part, n_species, points, row_part, column_part, column_stride,
-                                      parts, pool, ids, moving, moving_id, moving_slot, link, lists, counters) != GOOD:  # fmt: skip
-                                return DIVERGED
+                            lift(page, place, pool, moving, counters)
                             holes[n_holes] = page * PAGE + place
                             n_holes += 1
+                            prefetch_to_write(to_ids + holes[n_holes - 1] * 4)
                         park(pool, page, place)
                 for pack in range(packs):
                     deposit_pack(at + pack * PACK_BYTES, to_sums, unit, biased_unit)
-                for k in range((n_holes - before) // 2):
-                    a, b = before + k, n_holes - 1 - k
-                    holes[a], holes[b] = holes[b], holes[a]
                 batch += 1
                 if batch == BATCH:
                     gather_sums(part, corner, parts, to_sums, patch, charge[species, 0])
                     batch = 0
                 page, used = following, PAGE
+            if send(slot, n_holes, holes, n_species, points, row_part, column_part, column_stride, parts, ids, moving,
+                    moving_id, moving_slot, link, lists, counters) != GOOD:  # fmt: skip
+                return DIVERGED
             fill_holes(slot, holes, n_holes, pool, ids, chain, head, count, free, counters)
             if species + 1 == n_species or charge[species + 1, 0] != charge[species, 0]:
                 gather_sums(part, corner, parts, to_sums, patch, charge[species, 0])
