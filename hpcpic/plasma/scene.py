@@ -7,12 +7,12 @@ by powers of two gives the same bits. An axis without grid (y and z in 1D, z in 
 from dataclasses import dataclass
 
 import numpy as np
-from hpcpic.core.space.rng import normals, uniforms
+from hpcpic.core.space.rng import normal_quantile, normals, uniforms
 from numpy.typing import NDArray
 
 from hpcpic.core.space.domain import wrap
 from hpcpic.plasma import config as case
-from hpcpic.plasma.quiet import BASES, inverse_normal, lattice, radical_inverse
+from hpcpic.plasma.quiet import BASES, lattice, radical_inverse
 
 POSITION, VELOCITY = 1, 2  # streams of random numbers
 
@@ -186,7 +186,7 @@ class SceneSpecies:
         if self.section.init_method == "quiet":
             bases = BASES[d - 1 : d - 1 + v]
             fractions = (radical_inverse(ids - self.first, base, self.n) for base in bases)
-            return np.stack([inverse_normal(u) for u in fractions], axis=1)
+            return np.stack([normal_quantile(u) for u in fractions], axis=1)
         return normals(self.scene.config.simulation.random_seed, VELOCITY, ids, v)
 
     def wave(self, x: NDArray) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
