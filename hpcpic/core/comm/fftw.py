@@ -1,8 +1,8 @@
 """FFTW as addresses: plans made once, executed from compiled tasks.
 
-The library is the one that the pyfftw wheel carries, called through ctypes: importing pyfftw itself costs 160 ms.
-Plans are made with ESTIMATE for one transform at a time, one thread each, so that the bits of a row depend on the row
-alone: not on ranks, threads, blocks or on what the planner measured. Rows must start on 64-byte boundaries.
+The library is the one that the pyfftw wheel carries, called through ctypes: importing pyfftw costs 160 ms.
+Plans are made with ESTIMATE for one transform at a time, one thread each, so that the bits of a row depend on
+the row alone: not on ranks, threads, blocks or what the planner measured. Rows start on 64-byte boundaries.
 """
 
 import ctypes
@@ -55,14 +55,13 @@ def _plan(kind: str, shape: tuple[int, ...], dtype: DTypeLike, *tail: int) -> Pl
     single = np.dtype(dtype) in (np.float32, np.complex64)
     library, prefix = _library(single), "fftwf" if single else "fftw"
     places = np.empty(2 * (16 * math.prod((*shape[:-1], shape[-1] + 2)) + 64), np.uint8)
-    start = places.ctypes.data + (-places.ctypes.data) % 64
-    stop = start + (places.nbytes // 2 & ~63)
+    source = places.ctypes.data + (-places.ctypes.data) % 64
+    target = source + (places.nbytes // 2 & ~63)
+    sizes = (ctypes.c_int * len(shape))(*shape)
     make = getattr(library, f"{prefix}_plan_{kind}")
     make.restype = ctypes.c_void_p
     with _planner:
-        plan = make(
-            len(shape), (ctypes.c_int * len(shape))(*shape), ctypes.c_void_p(start), ctypes.c_void_p(stop), *tail
-        )
+        plan = make(len(shape), sizes, ctypes.c_void_p(source), ctypes.c_void_p(target), *tail)
     if not plan:
         raise ValueError(f"FFTW makes no plan for {kind} of shape {shape}")
     execute = ctypes.cast(getattr(library, f"{prefix}_execute_{kind}"), ctypes.c_void_p).value
@@ -72,7 +71,7 @@ def _plan(kind: str, shape: tuple[int, ...], dtype: DTypeLike, *tail: int) -> Pl
 
 @functools.cache
 def real_to_complex(shape: tuple[int, ...], dtype: DTypeLike) -> Plan:
-    """Forward transform of one contiguous real[shape] into complex[..., shape[-1] // 2 + 1]. Keeps its input."""
+    """Forward: contiguous real[shape] into complex[..., shape[-1] // 2 + 1]. Keeps its input."""
     return _plan("dft_r2c", shape, dtype, _ESTIMATE | _PRESERVE_INPUT)
 
 
@@ -84,5 +83,5 @@ def complex_to_real(shape: tuple[int, ...], dtype: DTypeLike) -> Plan:
 
 @functools.cache
 def complex_to_complex(n: int, sign: int, dtype: DTypeLike) -> Plan:
-    """Transform of one contiguous complex[n], exponent `sign` (-1 forward, 1 inverse, not normalised). Keeps its input."""
+    """Contiguous complex[n], exponent of `sign`: -1 forward, 1 inverse (not normalised). Keeps its input."""
     return _plan("dft", (n,), dtype, sign, _ESTIMATE | _PRESERVE_INPUT)

@@ -1,16 +1,19 @@
-"""Real-to-complex transforms of slabs, built of tasks: rows, transpose, columns, and back (Poisson and its kind).
+"""Real-to-complex transforms of slabs, built of tasks: rows, transpose, columns, and back.
 
-The grid [N0, N1] (or [N0, N1, N2]) is cut into slabs of rows. A rank transforms its rows block by block and writes
-each block transposed to the ranks that own its columns; the columns are contiguous there, and the spectrum stays in
-that order (as FFTW_MPI_TRANSPOSED_OUT), so that nothing is transposed twice. The way back reads the same places.
-In 3D a row is a plane [N1, N2] and the spectrum is cut along N1.
+The grid [N0, N1] (or [N0, N1, N2]) is cut into slabs of rows. A rank transforms its rows block by block and
+writes each block transposed to the ranks that own its columns; the columns are contiguous there, and the
+spectrum stays in that order (as FFTW_MPI_TRANSPOSED_OUT), so that nothing is transposed twice. The way back
+reads the same places. In 3D a row is a plane [N1, N2] and the spectrum is cut along N1.
 
-Inside a node the columns lie in a window that all its ranks share: one copy, straight from the block in cache to its
-place. Rank r writes and reads only the part [columns of p, rows of r] of p's columns, and p touches them only between
-two tokens: "your rows are in" from r, "your columns are done" from p. So nothing is overwritten too early: r fills its
-part anew only after it has read it, which is its own order of tasks, and p starts only on r's next token.
-Between nodes the same parts travel as persistent messages, in chunks of columns: the transform of a chunk runs while
-the next one arrives, and it leaves while the next one is transformed.
+Inside a node the columns lie in a window that all its ranks share: one copy, straight from the block in cache
+to its place. Rank r writes and reads only the part [columns of p, rows of r] of p's columns, and p touches
+them only between two tokens: "your rows are in" from r, "your columns are done" to r. So nothing is
+overwritten too early: r fills its part anew only after it has read it, which is its own order of tasks, and p
+starts only on r's next token. (A token is an MPI message, which orders the stores to shared memory before
+it.)
+
+Between nodes the same parts travel as persistent messages, in chunks of columns: the transform of a chunk
+runs while the next one arrives, and it leaves while the next one is transformed.
 """
 
 from collections.abc import Sequence
@@ -26,11 +29,12 @@ from hpcpic.core.comm.requests import RequestSet
 from hpcpic.core.comm.tags import Channel, tag
 from hpcpic.core.comm.world import World
 from hpcpic.core.space.domain import block_ranges
+from hpcpic.core.space.fields import ALIGNMENT, aligned_zeros
 from hpcpic.core.tasks import Graph, Pool, bind
 
-_LINE = 64  # bytes; every row and column starts a cache line, so that FFTW treats all of them alike
 _CACHE = 400_000  # bytes of one block of rows: input and transform stay in the second-level cache
-_CHUNKED = 1 << 18  # bytes for one peer from which messages go in chunks
+_COLUMN_BLOCK = 1 << 14  # points of one block of columns: some 50 us of work
+_CHUNKED = 1 << 17  # bytes for one peer from which messages go in chunks
 _TOKEN_ROWS, _TOKEN_COLUMNS, _FORWARD = 0, 1, 2  # channels after Channel.TRANSPOSE; chunks follow _FORWARD
 
 
@@ -40,19 +44,14 @@ def spectrum_range(points: Sequence[int], ranks: int, rank: int) -> tuple[int, i
     return block_ranges(second, ranks)[rank]
 
 
-def aligned(shape: tuple[int, ...], dtype: DTypeLike) -> NDArray:
-    """Zeros[shape] that start a cache line."""
-    size = int(np.prod(shape, dtype=np.int64)) * np.dtype(dtype).itemsize
-    raw = np.zeros(size + _LINE, np.uint8)
-    skip = -raw.ctypes.data % _LINE
-    return raw[skip : skip + size].view(dtype).reshape(shape)
-
-
 def padded(n: int, dtype: DTypeLike) -> int:
-    """n items rounded up to whole cache lines, and never a multiple of 4096 bytes: such rows would share few sets."""
-    per_line = _LINE // np.dtype(dtype).itemsize
+    """n items rounded up so that every row starts a cache line: FFTW treats all of them alike then.
+
+    Never a multiple of 4096 bytes: such rows would fall into few sets of the cache.
+    """
+    per_line = ALIGNMENT // np.dtype(dtype).itemsize
     lines = -(-n // per_line)
-    return (lines + (lines % (4096 // _LINE) == 0)) * per_line
+    return (lines + (lines % (4096 // ALIGNMENT) == 0)) * per_line
 
 
 def blocks_of(lo: int, hi: int, block: int) -> list[tuple[int, int]]:
@@ -65,8 +64,8 @@ class SlabFFT:
     real, results[k]   real[n0, N1(, N2)] views: input, and what `solve` and `backward` give
     spectrum           complex[m1, N0] in 2D, kx-major; complex[m1, M, N0] in 3D; M = N_last // 2 + 1;
                        m1 by `spectrum_range`. Valid between forward() and the next call.
-    multiplier         [m1, N0] ([m1, M, N0]) real or complex, or several of them stacked in front: `solve` gives one
-                       result for each. It holds the normalisation 1 / (N0 N1 ...): no transform here is normalised.
+    multiplier         [m1, N0] ([m1, M, N0]) real or complex, or several stacked in front: `solve` gives one
+                       result for each. It holds the normalisation 1 / (N0 N1 ...), transforms do not.
 
     cuts: ranks + 1 row numbers, slabs may be empty. messages: use no shared window (for tests).
     All ranks must make the same calls. The bits of a result depend neither on ranks, threads nor cuts.
@@ -88,10 +87,10 @@ class SlabFFT:
         self._real_type = np.dtype(dtype)
         self._type = np.dtype(np.complex64 if self._real_type == np.float32 else np.complex128)
         self._rows = [(cuts[p], cuts[p + 1]) for p in range(world.size)]
-        inner = 1 if len(points) == 2 else points[2] // 2 + 1
-        self._width = inner * (points[1] // 2 + 1 if len(points) == 2 else points[1])  # columns of the whole spectrum
+        inner = 1 if len(points) == 2 else points[2] // 2 + 1  # columns per index of the second axis
         ranges = [spectrum_range(points, world.size, p) for p in range(world.size)]
         self._columns = [(inner * lo, inner * hi) for lo, hi in ranges]
+        self._width = self._columns[-1][1]
         stacked = multiplier is not None and multiplier.ndim == len(points) + 1
         outputs = len(multiplier) if stacked and multiplier is not None else 1
         self._allocate(outputs, () if messages else self._node_ranks())
@@ -139,8 +138,6 @@ class SlabFFT:
             self._graphs[what] = self._build(what).freeze()
         self._pool.run(self._graphs[what])
 
-    # --- memory ---------------------------------------------------------------------------------------------------
-
     def _node_ranks(self) -> tuple[int, ...]:
         """Ranks of this node in the order of its communicator."""
         if self._world.node_size == 1:
@@ -154,7 +151,8 @@ class SlabFFT:
         rank = self._world.rank
         lo, hi = self._rows[rank]
         row = int(np.prod(self._row_shape))
-        arrays = [aligned((hi - lo, padded(row, self._real_type)), self._real_type) for _ in range(1 + outputs)]
+        shape = (hi - lo, padded(row, self._real_type))
+        arrays = [aligned_zeros(shape, self._real_type) for _ in range(1 + outputs)]
         views = [array[:, :row].reshape(hi - lo, *self._row_shape) for array in arrays]
         self._real_rows, self._result_rows = arrays[0], arrays[1:]
         self.real, self.results = views[0], views[1:]
@@ -164,19 +162,19 @@ class SlabFFT:
         if node:
             homes = self._shared(shapes, node)
         else:
-            homes = {rank: aligned(shapes[rank], self._type)}
+            homes = {rank: aligned_zeros(shapes[rank], self._type)}
         self._homes, self._spectrum = homes, homes[rank]
         self._near = [p for p in homes if p != rank]
         far = [p for p in range(self._world.size) if p not in homes]
-        own = self._columns[rank]
-        self._sent = {p: aligned((outputs, shapes[p][1], hi - lo), self._type) for p in far}
-        self._got = {p: aligned((outputs, own[1] - own[0], b - a), self._type) for p in far for a, b in [self._rows[p]]}
+        heights = {p: self._rows[p][1] - self._rows[p][0] for p in far}
+        self._sent = {p: aligned_zeros((outputs, shapes[p][1], hi - lo), self._type) for p in far}
+        self._got = {p: aligned_zeros((outputs, shapes[rank][1], heights[p]), self._type) for p in far}
 
     def _shared(self, shapes: dict[int, tuple[int, ...]], node: tuple[int, ...]) -> dict[int, NDArray]:
         """The columns of every rank of the node in one shared window, each on pages of its own."""
         item = self._type.itemsize
         info = MPI.Info.Create({"alloc_shared_noncontig": "true"})
-        size = int(np.prod(shapes[self._world.rank])) * item + _LINE
+        size = int(np.prod(shapes[self._world.rank])) * item + ALIGNMENT
         self._window = MPI.Win.Allocate_shared(size, 1, info, self._world.node)
         info.Free()
         self._window.Lock_all()
@@ -184,9 +182,10 @@ class SlabFFT:
         for place, p in enumerate(node):
             memory, _ = self._window.Shared_query(place)
             raw = np.frombuffer(memory, np.uint8)
-            skip = -raw.ctypes.data % _LINE
+            skip = -raw.ctypes.data % ALIGNMENT
             homes[p] = raw[skip : skip + int(np.prod(shapes[p])) * item].view(self._type).reshape(shapes[p])
         homes[self._world.rank][:] = 0  # touched once here: 4 KiB pages are slow to come
+        self._world.node.Barrier()  # nobody's columns may come before these zeros
         return homes
 
     def _plan(self) -> None:
@@ -196,16 +195,14 @@ class SlabFFT:
         self._backward = fftw.complex_to_complex(self._n0, 1, self._type)
         threads = self._pool.threads
         self._block_pitch = padded(self._width, self._type)
-        row_bytes = self._block_pitch * self._type.itemsize + self._real_rows.shape[1] * self._real_type.itemsize
-        n_rows = len(self._real_rows)
+        n_rows, real_pitch = self._real_rows.shape
+        row_bytes = self._block_pitch * self._type.itemsize + real_pitch * self._real_type.itemsize
         wanted = max(8, min(_CACHE // row_bytes, -(-n_rows // (4 * threads)), 64))
         self._row_blocks = blocks_of(0, n_rows, wanted // 8 * 8)
         height = max((last - first for first, last in self._row_blocks), default=0)
         size = max(height * self._block_pitch, 2 * padded(self._n0, self._type))
-        self._workspace = aligned((threads, padded(size, self._type)), self._type)
+        self._workspace = aligned_zeros((threads, padded(size, self._type)), self._type)
         self._busy = np.zeros(8 * threads, np.int64)
-
-    # --- messages -------------------------------------------------------------------------------------------------
 
     def _connect(self) -> None:
         """Persistent requests by (what, number of the chunk), and the chunks of our columns."""
@@ -213,7 +210,8 @@ class SlabFFT:
         self._n_chunks = 4 if self._sent and peer_bytes >= _CHUNKED else 1
         columns = {p: block_ranges(b - a, self._n_chunks) for p, (a, b) in enumerate(self._columns)}
         own = columns[self._world.rank]
-        size = len(own) and max(1, min(16384 // self._n0, -(-self._spectrum.shape[1] // (4 * self._pool.threads))))
+        n_own = self._spectrum.shape[1]
+        size = max(1, min(_COLUMN_BLOCK // self._n0, -(-n_own // (4 * self._pool.threads))))
         self._column_blocks = [blocks_of(lo, hi, size) for lo, hi in own]
         self._token = np.zeros(1 + self._world.size, np.int64)  # what tokens carry is never read
         self._sets: dict[Any, RequestSet] = {}
@@ -229,7 +227,7 @@ class SlabFFT:
             self._request("backward", j, channel, [(p, back[p], to[p]) for p in to], step=self._n_chunks)
 
     def _request(self, what: str, j: int, channel: int, pairs: list[tuple], step: int = 1) -> None:
-        """Requests of one exchange: (peer, arrays to send, arrays to receive); empty arrays need no message."""
+        """Requests of one exchange from (peer, arrays to send, to receive); empty arrays are not sent."""
         comm = self._world.comm
 
         def number(k: int) -> int:
@@ -242,8 +240,6 @@ class SlabFFT:
             self._sets[f"send {what}", j] = RequestSet(sends)
         if receives:
             self._sets[f"receive {what}", j] = RequestSet(receives)
-
-    # --- tasks ----------------------------------------------------------------------------------------------------
 
     def _build(self, what: str) -> Graph:
         graph = Graph()
@@ -259,11 +255,11 @@ class SlabFFT:
             graph.message(self._sets[what, j], name=f"{what} {j} of a transform", **handles)
 
     def _home_table(self, output: int) -> NDArray[np.int64]:
-        """int64[ranks, 5] as `rows_forward` wants it: where the columns of each rank are written to and read from."""
+        """int64[ranks, 5] as `rows_forward` wants it: where the columns of each rank are written and read."""
         lo, _ = self._rows[self._world.rank]
         table = []
-        ranks = range(self._world.size)
-        for p in sorted(ranks, key=lambda p: (p - self._world.rank) % len(ranks)):  # not all at one rank at a time
+        for step in range(self._world.size):
+            p = (self._world.rank + step) % self._world.size  # not all ranks at one rank's memory
             near = p in self._homes
             home = (self._homes if near else self._sent)[p][output]
             if home.size:
@@ -279,7 +275,8 @@ class SlabFFT:
             arguments = (first, last, self._real_rows, plan.execute, plan.plan, self._workspace, self._busy)
             task = bind(kernels.rows_forward, *arguments, self._block_pitch, homes)
             graph.task(task, outs=[("row", first)])
-        graph.task(bind(kernels.join, 0), ins=[("row", first) for first, _ in self._row_blocks], outs=["rows"])
+        handles = [("row", first) for first, _ in self._row_blocks]
+        graph.task(bind(kernels.join, 0), ins=handles, outs=["rows"])
         self._message(graph, "send rows in", 0, ins=["rows"])
         for j in range(self._n_chunks):
             self._message(graph, "send forward", j, ins=["rows"], outs=[("sent", j)])

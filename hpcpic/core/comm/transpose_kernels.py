@@ -1,7 +1,7 @@
 """Compiled tasks of the slab transform: blocks of rows, blocks of columns, and the transpose between them.
 
-A block of rows is transformed in a workspace that stays in cache and is written transposed straight to where its
-columns live; the columns are contiguous there, are transformed in place, and are read back the same way.
+A block of rows is transformed in a workspace that stays in cache and is written transposed straight to where
+its columns live; the columns are contiguous there, are transformed in place, and are read back the same way.
 """
 
 import numpy as np
@@ -12,7 +12,8 @@ from numba.extending import intrinsic, overload
 from hpcpic.core.simd.atomics import atomic_cas, atomic_store, cpu_pause
 from hpcpic.core.simd.jit import njit
 
-_0, _1, _2, _3, _4, _32 = (np.uint64(k) for k in (0, 1, 2, 3, 4, 32))  # signed indices would keep loops scalar
+# signed indices would keep the loops scalar
+_0, _1, _2, _3, _4, _32 = (np.uint64(k) for k in (0, 1, 2, 3, 4, 32))
 
 
 @intrinsic
@@ -38,7 +39,7 @@ def _pointer(typing_context, address):
 
 @njit
 def _take(busy):
-    """Number of a free workspace, now ours. busy[8 * slots] int64, one cache line each; as many slots as workers."""
+    """Number of a free workspace, now ours. busy[8 * slots] int64, a cache line each, one per worker."""
     while True:
         for slot in range(busy.size // 8):
             if atomic_cas(busy, 8 * slot, 0, 1):
@@ -48,9 +49,9 @@ def _take(busy):
 
 @njit
 def transpose(source, i, c, target, d, e, n, m):
-    """target[d + k, e + l] = source[i + l, c + k] for l < n, k < m: 4 x 4 tiles in registers, 32 x 32 in cache.
+    """target[d + k, e + l] = source[i + l, c + k] for l < n, k < m.
 
-    source, target: 2D, C order; all numbers uint64.
+    4 x 4 tiles in registers, 32 x 32 in cache. source, target: 2D, C order; all numbers uint64.
     """
     n4, m4 = n // _4 * _4, m // _4 * _4
     for ll in range(_0, n4, _32):
@@ -84,19 +85,18 @@ def transpose(source, i, c, target, d, e, n, m):
 def rows_forward(first, last, real, execute, plan, workspace, busy, width, homes):
     """Transform rows first..last of real[n0, pitch] and write them transposed to the homes of their columns.
 
-    workspace[slots, at least (last - first) * width] complex. homes int64[ranks, 5]: address of complex[columns,
-    pitch], its pitch, the place of our row 0 in it, the columns lo, hi that live there.
+    workspace[slots, at least (last - first) * width] complex. homes int64[ranks, 5]: address of
+    complex[columns, pitch], its pitch, the place of our row 0 in it, the columns lo, hi that live there.
     """
     slot = _take(busy)
     block = workspace[slot, : (last - first) * width].reshape(last - first, width)
+    height = np.uint64(last - first)
     for i in range(last - first):
         _execute(execute, plan, real[first + i].ctypes.data, block[i].ctypes.data)
     for h in range(homes.shape[0]):
         address, pitch, offset, lo, hi = homes[h]
         home = carray(_pointer(address), (hi - lo, pitch), block.dtype)
-        transpose(
-            block, _0, np.uint64(lo), home, _0, np.uint64(offset + first), np.uint64(last - first), np.uint64(hi - lo)
-        )
+        transpose(block, _0, np.uint64(lo), home, _0, np.uint64(offset + first), height, np.uint64(hi - lo))
     atomic_store(busy, 8 * slot, 0)
     return 0
 
@@ -106,12 +106,11 @@ def rows_backward(first, last, real, execute, plan, workspace, busy, width, home
     """Read rows first..last back from the homes of their columns and transform them into real[n0, pitch]."""
     slot = _take(busy)
     block = workspace[slot, : (last - first) * width].reshape(last - first, width)
+    height = np.uint64(last - first)
     for h in range(homes.shape[0]):
         address, pitch, offset, lo, hi = homes[h]
         home = carray(_pointer(address), (hi - lo, pitch), block.dtype)
-        transpose(
-            home, _0, np.uint64(offset + first), block, _0, np.uint64(lo), np.uint64(hi - lo), np.uint64(last - first)
-        )
+        transpose(home, _0, np.uint64(offset + first), block, _0, np.uint64(lo), np.uint64(hi - lo), height)
     for i in range(last - first):
         _execute(execute, plan, block[i].ctypes.data, real[first + i].ctypes.data)
     atomic_store(busy, 8 * slot, 0)
@@ -122,7 +121,8 @@ def rows_backward(first, last, real, execute, plan, workspace, busy, width, home
 def _bring(column, c, parts):
     """Put the parts of column c that came as messages into column[N0].
 
-    parts int64[senders, 3]: address of complex[outputs, columns, n], n rows of the sender, their place in the column.
+    parts int64[senders, 3]: address of complex[outputs, columns, n], n rows of the sender, their place in the
+    column.
     """
     for s in range(parts.shape[0]):
         address, n, offset = parts[s]
@@ -185,7 +185,7 @@ def columns_backward(first, last, spectrum, n, execute, plan, workspace, busy, p
 
 @njit
 def columns_solve(first, last, spectrum, n, execute, forward, backward, workspace, busy, parts, multiplier):
-    """Columns first..last: transform, times multiplier[outputs, m, n], transform back, once for each output."""
+    """Columns first..last: transform, times multiplier[outputs, m, n], transform back for each output."""
     slot = _take(busy)
     half = workspace.shape[1] // 2
     transformed, product = workspace[slot, :n], workspace[slot, half : half + n]
@@ -200,6 +200,19 @@ def columns_solve(first, last, spectrum, n, execute, forward, backward, workspac
             _send(result, k, c, spectrum.shape[1], parts)
     atomic_store(busy, 8 * slot, 0)
     return 0
+
+
+@njit
+def line(execute, plan, source, target):
+    """One transform."""
+    _execute(execute, plan, source.ctypes.data, target.ctypes.data)
+
+
+@njit
+def line_product(execute, plan, source, factor, product, target):
+    """The inverse of source * factor, complex[m] each, into real target."""
+    _multiply(source, factor, product)
+    _execute(execute, plan, product.ctypes.data, target.ctypes.data)
 
 
 @njit

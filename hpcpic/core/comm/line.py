@@ -1,0 +1,101 @@
+"""The transform of a line cut among ranks: every rank gathers all points and transforms the whole."""
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import DTypeLike, NDArray
+
+from hpcpic.core.comm import fftw
+from hpcpic.core.comm import transpose_kernels as kernels
+from hpcpic.core.comm.requests import RequestSet
+from hpcpic.core.comm.tags import Channel, tag
+from hpcpic.core.comm.world import World
+from hpcpic.core.space.fields import aligned_zeros
+from hpcpic.core.tasks import Graph, Pool, bind
+
+
+class LineFFT:
+    """SlabFFT in one dimension, with the same face.
+
+    real, results[k]   real[n0] views: the points of this rank
+    spectrum           complex[N0 // 2 + 1], whole on every rank; valid between forward() and the next call
+    multiplier         [N0 // 2 + 1] real or complex, or several of them stacked in front
+    """
+
+    def __init__(
+        self,
+        world: World,
+        pool: Pool,
+        points: Sequence[int],
+        cuts: Sequence[int],
+        dtype: DTypeLike = np.float64,
+        multiplier: NDArray | None = None,
+    ) -> None:
+        (n,) = points
+        real_type = np.dtype(dtype)
+        complex_type = np.dtype(np.complex64 if real_type == np.float32 else np.complex128)
+        m = n // 2 + 1
+        if multiplier is None:
+            multiplier = np.ones(m)
+        self._multiplier = np.atleast_2d(multiplier).astype(
+            complex_type if np.iscomplexobj(multiplier) else real_type
+        )
+        self._pool = pool
+        self._whole = aligned_zeros((n,), real_type)
+        wholes = [aligned_zeros((n,), real_type) for _ in self._multiplier]
+        self.spectrum = aligned_zeros((m,), complex_type)
+        self._product = aligned_zeros((m,), complex_type)
+        own = slice(cuts[world.rank], cuts[world.rank + 1])
+        self.real, self.results = self._whole[own], [whole[own] for whole in wholes]
+        self._requests = self._connect(world, cuts)
+        there, back = fftw.real_to_complex((n,), real_type), fftw.complex_to_real((n,), real_type)
+        forward = bind(kernels.line, there.execute, there.plan, self._whole, self.spectrum)
+        inverse = (back.execute, back.plan)
+        ones = np.ones(m, real_type)
+        self._forward = self._graph([forward], gather=True)
+        self._backward = self._graph(
+            [bind(kernels.line_product, *inverse, self.spectrum, ones, self._product, wholes[0])],
+            gather=False,
+        )
+        products = [
+            bind(kernels.line_product, *inverse, self.spectrum, factor, self._product, whole)
+            for factor, whole in zip(self._multiplier, wholes)
+        ]
+        self._solve = self._graph([forward, *products], gather=True)
+
+    def forward(self) -> None:
+        """real -> spectrum."""
+        self._pool.run(self._forward)
+
+    def backward(self) -> None:
+        """spectrum -> results[0], not normalised."""
+        self._pool.run(self._backward)
+
+    def solve(self) -> None:
+        """real -> results[k], each through multiplier[k]."""
+        self._pool.run(self._solve)
+
+    def close(self) -> None:
+        """Free the requests."""
+        self._requests.free()
+
+    def _connect(self, world: World, cuts: Sequence[int]) -> RequestSet:
+        """Our points to every other rank, theirs into their places."""
+        number = tag(0, Channel.TRANSPOSE)
+        requests = []
+        for p in range(world.size):
+            theirs = self._whole[cuts[p] : cuts[p + 1]]
+            if p != world.rank and self.real.size:
+                requests.append(world.comm.Send_init(self.real, p, number))
+            if p != world.rank and theirs.size:
+                requests.append(world.comm.Recv_init(theirs, p, number))
+        return RequestSet(requests)
+
+    def _graph(self, tasks: list, gather: bool) -> Graph:
+        """The tasks one after the other, after the messages."""
+        graph = Graph()
+        if gather and len(self._requests):
+            graph.message(self._requests, outs=["line"], name="points of a line")
+        for task in tasks:
+            graph.task(task, inouts=["line"])
+        return graph.freeze()
