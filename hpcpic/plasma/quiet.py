@@ -1,7 +1,9 @@
 """Even sequences for quiet starts: the same numbers for an id whoever asks for it.
 
-Source: Birdsall & Langdon, Plasma Physics via Computer Simulation, section 16-3 (bit-reversed order).
+Source: Birdsall & Langdon, Plasma Physics via Computer Simulation, chapter 16 (digit-reversed order).
 """
+
+from functools import cache
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,6 +22,7 @@ def radical_inverse(index: NDArray, base: int, total: int) -> NDArray[np.float64
     return (mirrored + 0.5) / count
 
 
+@cache
 def lattice(total: int, points: tuple[int, int]) -> tuple[int, int] | None:
     """Columns and rows of a lattice of `total` points, its proportions within 4 of the grid's, or None.
 

@@ -7,10 +7,10 @@ by powers of two gives the same bits. An axis without grid (y and z in 1D, z in 
 from dataclasses import dataclass
 
 import numpy as np
-from hpcpic.core.space.rng import normal_quantile, normals, uniforms
 from numpy.typing import NDArray
 
 from hpcpic.core.space.domain import wrap
+from hpcpic.core.space.rng import normal_quantile, normals, uniforms
 from hpcpic.plasma import config as case
 from hpcpic.plasma.quiet import BASES, lattice, radical_inverse
 

@@ -1,4 +1,4 @@
-"""The initial state: pure functions of case and id with the moments, symmetries and units the case asks for."""
+"""The initial state: pure functions of case and id with the moments, symmetries and units that are asked for."""
 
 import numpy as np
 import pytest
