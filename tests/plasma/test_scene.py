@@ -1,4 +1,4 @@
-"""The initial state: pure functions of case and id with the moments, symmetries and units that are asked for."""
+"""The initial state: pure functions of case and id with the moments, symmetries and units that are asked."""
 
 import numpy as np
 import pytest
