@@ -84,7 +84,7 @@ class Conserved:
                 entry["change"] = max(entry["change"], change) if math.isfinite(change) else math.inf
 
     def facts(self) -> dict[str, dict[str, float]]:
-        """name -> first, last, change (largest, absolute), relative (to the first; left out when that is 0)."""
+        """name -> first, last, change (largest), relative (to the first; left out when that is 0)."""
         return {
             name: entry | ({"relative": entry["change"] / abs(entry["first"])} if entry["first"] else {})
             for name, entry in self._found.items()
@@ -92,9 +92,9 @@ class Conserved:
 
 
 def sections(world: World, timers: Timers, wall: float) -> dict[str, dict[str, float]]:
-    """section -> min, avg, max over ranks [s], share of the wall time, calls. Collective; rank 0 gets them,
-    others {}.
+    """section -> min, avg, max over ranks [s], share of the wall time, calls. Collective.
 
+    Rank 0 gets them, the others {}.
     A section that some rank never entered counts as 0 s there, if rank 0 entered it.
     """
     totals = timers.totals()

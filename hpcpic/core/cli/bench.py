@@ -1,0 +1,118 @@
+"""bench: what this machine does, kept for `estimate`: memory bandwidth and the simulator's own kernels."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Mapping
+from typing import Any
+
+import click
+
+from hpcpic.core.cli.app import AppLoader
+from hpcpic.core.cli.text import table
+
+TRIAD_BYTES = (
+    24  # STREAM's convention: two reads and a write of float64, the fetch before the write not counted
+)
+UPDATE_BYTES = 16
+
+
+def make_bench_command(app_loader: AppLoader) -> click.Command:
+    @click.command("bench")
+    @click.option("--quick", is_flag=True, help="Small arrays and few repeats: about five seconds.")
+    @click.option(
+        "--threads", type=click.IntRange(1), help="Threads per rank.  [default: the node's cores shared]"
+    )
+    def bench(quick: bool, threads: int | None) -> int:
+        """Measure bandwidth and kernel rates of this machine and keep them for `estimate`.
+
+        Under mpirun every rank measures at the same time, and the slowest rank counts.
+        """
+        from hpcpic.core.comm.world import World
+        from hpcpic.core.run.failure import guarded
+
+        world = World.start()
+        return guarded(world, lambda failure: _measure(app_loader, world, quick, threads))
+
+    return bench
+
+
+def _measure(app_loader: AppLoader, world: Any, quick: bool, threads: int | None) -> int:
+    from hpcpic.core.cli.rates import keep_rates
+
+    most = threads or world.default_threads()
+    rates: dict[str, float] = {}
+    rows: list[tuple[str, ...]] = []
+    for n in sorted({1, most}):
+        for name, rate in bandwidth(world, n, quick).items():
+            rates[name if n == 1 else f"{name}_{n}_threads"] = rate
+            rows.append((name, f"{n}", f"{rate / 1e9:.2f} GB/s", f"{rate * world.size / 1e9:.2f} GB/s"))
+    app = app_loader()
+    kernels: Mapping[str, float] = app.bench(quick) if app.bench and world.rank == 0 else {}
+    world.barrier()
+    if world.rank == 0:
+        table(
+            ("stream", "threads", "per rank", f"{world.size} ranks"),
+            rows,
+            right=("per rank", f"{world.size} ranks"),
+        )
+        for line in _kernel_lines(kernels, rates["triad"]):
+            click.echo(line)
+        if world.size == 1:
+            click.echo(f"kept for `estimate`: {keep_rates(rates | dict(kernels))}")
+    return 0
+
+
+def _kernel_lines(kernels: Mapping[str, float], bandwidth: float) -> list[str]:
+    """Rates as the simulator names them. Beside `push_ns` with `push_bytes`, the fraction of the memory
+    bound.
+    """
+    lines = []
+    for name, rate in kernels.items():
+        if "_bytes" in name:
+            continue
+        bound = 1e9 * kernels.get(name.replace("_ns", "_bytes"), 0.0) / bandwidth if "_ns" in name else 0.0
+        fraction = f"   {bound / rate:.0%} of the memory bound" if bound and rate else ""
+        lines.append(f"{name:<32}{rate:10.4g}{fraction}")
+    return lines
+
+
+def bandwidth(world: Any, threads: int, quick: bool) -> dict[str, float]:
+    """Bytes per second of one rank for a = b + s c (triad) and a = s a (update), best of several sweeps."""
+    import numpy as np
+
+    from hpcpic.core.simd.jit import njit
+    from hpcpic.core.space.domain import block_ranges
+    from hpcpic.core.tasks import Pool, bind
+
+    @njit
+    def triad(a, b, c, s):
+        for i in range(a.size):
+            a[i] = b[i] + s * c[i]
+
+    @njit
+    def update(a, b, c, s):
+        for i in range(a.size):
+            a[i] = s * a[i]
+
+    n = (16 if quick else 32) << 20  # arrays that no cache holds
+    arrays = [np.ones(n) for _ in range(3)]
+    with_bytes = {"triad": (triad, TRIAD_BYTES), "update": (update, UPDATE_BYTES)}
+    pool = Pool(threads, world.cpus(threads))
+    result = {}
+    try:
+        for name, (kernel, size) in with_bytes.items():
+            parts = [
+                bind(kernel, *(array[low:high] for array in arrays), 1.0 + 1e-9)
+                for low, high in block_ranges(n, threads)
+            ]
+            best = float("inf")
+            for _ in range(5 if quick else 15):
+                world.barrier()
+                start = time.perf_counter()
+                pool.each(parts)
+                best = min(best, time.perf_counter() - start)
+            result[name] = n * size / world.max(best)
+    finally:
+        pool.close()
+    return result

@@ -1,0 +1,137 @@
+"""doctor: is this machine set up to run well? Exit code 3 when it is not."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+import warnings
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import Any
+
+import click
+
+from hpcpic.core.cli.app import AppLoader
+from hpcpic.core.cli.launch import launcher
+from hpcpic.core.cli.text import table
+from hpcpic.core.errors import CheckFailed
+
+_SIZE_OF_TWO = "from mpi4py import MPI; import sys; sys.exit(0 if MPI.COMM_WORLD.size == 2 else 9)"
+
+
+@dataclass(frozen=True, slots=True)
+class Finding:
+    what: str
+    value: str
+    verdict: str = "ok"
+    cure: str = ""
+
+
+def make_doctor_command(app_loader: AppLoader) -> click.Command:
+    @click.command("doctor")
+    @click.option("--threads", type=click.IntRange(1), help="Threads per rank that you mean to use.")
+    def doctor(threads: int | None) -> None:
+        """MPI, launcher, threads, HDF5, FFTW, versions, the cache of compiled kernels.
+
+        `mpirun -n N` in front tells how those ranks share the cores.
+        """
+        from hpcpic.core.comm.world import World
+
+        world = World.start()
+        shared = list(_cores(world, threads))
+        if world.rank == 0:
+            findings = [*_mpi(world), *shared, *_libraries(), *_cache(), *_environment()]
+            table(("what", "found", "", "cure"), [(f.what, f.value, f.verdict, f.cure) for f in findings])
+            failed = [f.what for f in findings if f.verdict == "fail"]
+            problem = world.max(float(len(failed)))
+            if failed:
+                raise CheckFailed(f"not in order: {', '.join(failed)}")
+        else:
+            problem = world.max(0.0)
+        if problem:
+            sys.exit(3)
+
+    return doctor
+
+
+def _mpi(world: Any) -> Iterator[Finding]:
+    from hpcpic.core.comm.library import library, thread_level
+
+    yield Finding("MPI", library())
+    level = thread_level()
+    yield Finding(
+        "MPI and threads",
+        level,
+        "ok" if level == "MULTIPLE" else "warn",
+        "" if level == "MULTIPLE" else "an MPI with THREAD_MULTIPLE",
+    )
+    mpirun = launcher()
+    if mpirun is None:
+        yield Finding("launcher", "none", "fail", "pip install mpich")
+    elif world.size > 1:
+        yield Finding("launcher", f"{mpirun}, {world.size} ranks")
+    else:
+        yield _try_launcher(mpirun)
+
+
+def _try_launcher(mpirun: str) -> Finding:
+    """Do two ranks started by it see each other?"""
+    clean = {key: value for key, value in os.environ.items() if not key.startswith(("PMI", "OMPI", "MPI"))}
+    words = [mpirun, "-n", "2", sys.executable, "-c", _SIZE_OF_TWO]
+    try:
+        code = subprocess.run(words, env=clean, capture_output=True, timeout=30, check=False).returncode
+    except (OSError, subprocess.TimeoutExpired) as error:
+        return Finding("launcher", f"{mpirun}: {error}", "fail", "pip install --force-reinstall mpich")
+    if code:
+        return Finding("launcher", f"{mpirun} is of another MPI", "fail", f"use {sys.prefix}/bin/mpirun")
+    return Finding("launcher", mpirun)
+
+
+def _cores(world: Any, threads: int | None) -> Iterator[Finding]:
+    """Collective."""
+    chosen = threads or world.default_threads()
+    total = os.cpu_count() or 1
+    allowed = len(os.sched_getaffinity(0))
+    yield Finding("cores", f"{total}, of which {allowed} for this rank")
+    wanted = world.node_size * chosen
+    shape = f"{world.node_size} ranks x {chosen} threads on {total} cores of this node"
+    many = wanted > total
+    yield Finding("load", shape, "fail" if many else "ok", f"at most {total} ranks x threads" if many else "")
+
+
+def _libraries() -> Iterator[Finding]:
+    import platform
+    from importlib.metadata import PackageNotFoundError, version
+
+    from hpcpic.core.files.safe_hdf5 import import_h5py
+
+    yield Finding("Python", platform.python_version())
+    for name in ("numpy", "numba", "scipy", "mpi4py", "pyfftw", "matplotlib"):
+        try:
+            yield Finding(name, version(name))
+        except PackageNotFoundError:
+            yield Finding(name, "missing", "fail", f"pip install {name}")
+    h5py = import_h5py()
+    yield Finding("HDF5", f"{h5py.version.hdf5_version} (h5py {h5py.__version__})")
+
+
+def _cache() -> Iterator[Finding]:
+    with warnings.catch_warnings(record=True) as told:
+        warnings.simplefilter("always")
+        from hpcpic.core.simd.jit import cache_directory
+
+        folder = cache_directory()
+    if told:
+        yield Finding("kernel cache", str(told[0].message), "warn", "a private folder in HPCPIC_CACHE_DIR")
+    else:
+        yield Finding("kernel cache", str(folder))
+
+
+def _environment() -> Iterator[Finding]:
+    for name in ("OMP_NUM_THREADS", "NUMBA_DISABLE_JIT", "MPIR_CVAR_ASYNC_PROGRESS"):
+        value = os.environ.get(name, "")
+        if name == "NUMBA_DISABLE_JIT" and value not in ("", "0"):
+            yield Finding(name, value, "fail", f"unset {name}: kernels are interpreted")
+        if name == "MPIR_CVAR_ASYNC_PROGRESS" and value not in ("", "0"):
+            yield Finding(name, value, "warn", f"unset {name}: a progress thread takes a core")

@@ -1,0 +1,171 @@
+"""sweep: one run per combination of settings, one table. Finished runs are not repeated, failures stop
+nobody.
+"""
+
+from __future__ import annotations
+
+import csv
+import io
+import itertools
+import re
+import shutil
+import subprocess
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import click
+
+from hpcpic.core.cli.app import App, AppLoader
+from hpcpic.core.cli.launch import launch
+from hpcpic.core.cli.read import read_case, set_option, shape_options
+from hpcpic.core.cli.text import table
+from hpcpic.core.errors import CheckFailed, ConfigError, FileError
+from hpcpic.core.files.rundir import RunDir, write_atomic
+
+_RANGE = re.compile(r"([^:]+):([^:]+):(\d+)")
+_FACTS = ("status", "exit_code", "steps", "time", "wall_seconds", "step_ms", "state_digest")
+
+
+def make_sweep_command(app_loader: AppLoader) -> click.Command:
+    @click.command("sweep")
+    @click.argument("case")
+    @set_option
+    @click.option("-o", "--output", metavar="DIR", help="Folder of the runs.  [default: sweeps/CASE]")
+    @click.option(
+        "--zip",
+        "zipped",
+        is_flag=True,
+        help="First values together, then second ones; all lists equally long.",
+    )
+    @shape_options
+    def sweep(
+        case: str, sets: tuple[str, ...], output: str | None, zipped: bool, ranks: int, threads: int
+    ) -> None:
+        """Run CASE for every combination of --set KEY=1,2,4 or KEY=0.1:0.5:5 (from, to, how many).
+
+        DIR/table.csv has a row per run. Called again it goes on where it stopped.
+        """
+        app = app_loader()
+        combinations = expand(sets, zipped)
+        path = read_case(app, case, combinations[0]).path
+        folder = Path(output or Path("sweeps") / Path(path).stem)
+        shape = (ranks, threads)
+        rows = []
+        for k, combination in enumerate(combinations):
+            rundir = RunDir(folder / f"{k:04d}")
+            code = _one(app, path, combination, rundir, shape, f"{k + 1}/{len(combinations)}")
+            rows.append(_row(rundir, combination, code))
+            _write(folder / "table.csv", rows)
+            if code == 5:
+                raise CheckFailed(
+                    f"stopped after {k + 1} of {len(combinations)} runs; the same command goes on"
+                )
+        _tell(rows, folder)
+
+    return sweep
+
+
+def expand(sets: Sequence[str], zipped: bool = False) -> list[tuple[str, ...]]:
+    """("a=1,2", "b=0:1:3") -> one --set list per run. Raises ConfigError."""
+    lists = [[f"{key}={value}" for value in values] for key, values in map(_values, sets)]
+    if not zipped:
+        return list(itertools.product(*lists))
+    if len({len(values) for values in lists}) > 1:
+        raise ConfigError(f"--zip: the lists have {', '.join(str(len(values)) for values in lists)} values")
+    return list(zip(*lists)) or [()]
+
+
+def _values(assignment: str) -> tuple[str, list[str]]:
+    key, equal, text = assignment.partition("=")
+    if not equal:
+        raise ConfigError(f"--set {assignment}: expected key=value,value,...")
+    found = _RANGE.fullmatch(text)
+    if not found:
+        return key, split(text)
+    try:
+        low, high, n = float(found[1]), float(found[2]), int(found[3])
+    except ValueError:
+        raise ConfigError(f"--set {assignment}: expected from:to:count") from None
+    return key, [repr(low + (high - low) * i / max(1, n - 1)) for i in range(n)]
+
+
+def split(text: str) -> list[str]:
+    """At the commas outside brackets and quotes: '1,[2,3],"a,b"' -> three values."""
+    parts, depth, quoted = [""], 0, False
+    for c in text:
+        quoted ^= c == '"'
+        depth += (c in "[({") - (c in "])}") if not quoted else 0
+        if c == "," and depth == 0 and not quoted:
+            parts.append("")
+        else:
+            parts[-1] += c
+    return parts
+
+
+def _one(
+    app: App, path: str, sets: tuple[str, ...], rundir: RunDir, shape: tuple[int, int], label: str
+) -> int:
+    """Exit code of the run of one combination; a finished one is left as it is, a stopped one goes on."""
+    facts = _facts(rundir)
+    same = (rundir.given / "set.txt").exists() and (
+        rundir.given / "set.txt"
+    ).read_text().splitlines() == list(sets)
+    if same and facts.get("exit_code") == 0:
+        click.echo(f"{label}  {'  '.join(sets)}: done before")
+        return 0
+    if same and facts.get("exit_code") == 5:
+        words = ["restart", str(rundir.path)]
+    else:
+        if rundir.run_json.exists():
+            shutil.rmtree(rundir.path)  # an earlier attempt of this sweep
+        words = ["run", path, "-o", str(rundir.path)]
+        words += [word for assignment in sets for word in ("--set", assignment)]
+    ranks, threads = shape
+    rundir.path.parent.mkdir(parents=True, exist_ok=True)
+    output = rundir.path.parent / f"{rundir.path.name}.txt"
+    with open(output, "w", encoding="utf-8") as screen:
+        words += ["--threads", str(threads), "--quiet"]
+        code = launch(app.program, words, ranks, stdout=screen, stderr=subprocess.STDOUT)
+    last = (output.read_text(errors="replace").strip().splitlines() or [""])[-1] if code not in (0, 5) else ""
+    click.echo(f"{label}  {'  '.join(sets)}: exit {code}  {last}")
+    return code
+
+
+def _facts(rundir: RunDir) -> Mapping[str, Any]:
+    try:
+        return rundir.read_run()
+    except FileError:
+        return {}
+
+
+def _row(rundir: RunDir, sets: tuple[str, ...], code: int) -> dict[str, Any]:
+    """Settings, how it went, and the last value of every scalar."""
+    row: dict[str, Any] = {"run": rundir.path.name}
+    row |= {key: value for key, _, value in (assignment.partition("=") for assignment in sets)}
+    facts = _facts(rundir)
+    row |= {key: facts.get(key) for key in _FACTS} | {"exit_code": code}
+    if facts.get("status") == "finished" and (rundir.path / "series.h5").exists():
+        from hpcpic.core.files.series import read_series
+
+        series = read_series(rundir.path)
+        row |= {name: float(values[-1]) for name, values in series.items() if len(values)}
+    return row
+
+
+def _write(path: Path, rows: list[dict[str, Any]]) -> None:
+    text = io.StringIO()
+    columns = list(dict.fromkeys(name for row in rows for name in row))
+    writer = csv.DictWriter(text, columns, lineterminator="\n")
+    writer.writeheader()
+    writer.writerows(rows)
+    write_atomic(path, text.getvalue())
+
+
+def _tell(rows: list[dict[str, Any]], folder: Path) -> None:
+    shown = [name for name in rows[0] if name != "state_digest"][:12]
+    table(shown, [[row.get(name, "") for name in shown] for row in rows])
+    click.echo(f"table: {folder / 'table.csv'}")
+    failed = sum(row["exit_code"] != 0 for row in rows)
+    if failed:
+        raise CheckFailed(f"{failed} of {len(rows)} runs failed; their output is in {folder}/NNNN.txt")

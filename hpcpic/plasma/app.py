@@ -1,0 +1,47 @@
+"""What the command line knows of the plasma. Only `load` and `bench` import anything heavy."""
+
+from collections.abc import Mapping
+
+from hpcpic.core.cli.app import App
+from hpcpic.plasma.cases import shipped_cases
+from hpcpic.plasma.config import PlasmaConfig
+from hpcpic.plasma.derived import derived
+from hpcpic.plasma.estimate import estimate
+
+
+def load() -> type:
+    from hpcpic.plasma.step import Plasma
+
+    return Plasma
+
+
+def until(config: PlasmaConfig, t: float) -> tuple[str, ...]:
+    """The number of steps that ends at time t [s], as --set says it."""
+    return (f"simulation.cycles={max(1, round(t / config.simulation.time_step))}",)
+
+
+def bench(quick: bool) -> Mapping[str, float]:
+    from hpcpic.plasma.bench import bench as measure
+
+    return measure(quick)
+
+
+APP = App(
+    name="hpcpic",
+    title="electrostatic particle-in-cell plasma",
+    schema=lambda: PlasmaConfig,
+    cases=shipped_cases,
+    derived=derived,
+    estimate=estimate,
+    load=load,
+    until=until,
+    free=(
+        "description",
+        "simulation.cycles",
+        "simulation.stop_SEM",
+        "simulation.sampling_period",
+        "simulation.plasma_chunks",
+        "output",
+    ),
+    bench=bench,
+)
