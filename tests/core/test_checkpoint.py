@@ -32,7 +32,7 @@ def whole(seed: int, n: int = 1000) -> dict[str, np.ndarray]:
 
 
 def shards(arrays: dict[str, np.ndarray], rank: int = 0, ranks: int = 1) -> dict[str, Shard]:
-    """The part of one rank; the later ranks have the first rows, so that ranks and rows are not in the same order."""
+    """The part of one rank; later ranks have earlier rows, so ranks and rows are in opposite order."""
     parts = {}
     for name, array in arrays.items():
         low, high = block_ranges(len(array), ranks)[ranks - 1 - rank]
@@ -73,7 +73,7 @@ def test_any_number_of_ranks_reads_its_part(rundir: RunDir, ranks: int) -> None:
     for name, array in arrays.items():
         parts = [reader.read(name, low, high) for low, high in block_ranges(reader.total(name), ranks)]
         assert np.array_equal(np.concatenate(parts), array)
-    with pytest.raises(FileError, match="has 7 rows, asked for 3..8"):
+    with pytest.raises(FileError, match=r"has 7 rows, asked for 3..8"):
         reader.read("rho", 3, 8)
 
 
@@ -126,14 +126,16 @@ def test_no_truncation_and_no_zeroed_page_passes(rundir: RunDir) -> None:
     sound = path.read_bytes()
     for length in [0, 1, 55, 56, 57, *np.random.default_rng(7).integers(0, len(sound), 40), len(sound) - 1]:
         path.write_bytes(sound[:length])
-        with pytest.raises(FileError, match="cut off|damaged"):
+        with pytest.raises(FileError, match=r"cut off|damaged"):
             newest(rundir)
     path.write_bytes(sound[:8192] + bytes(4096) + sound[12288:])
     with pytest.raises(FileError, match=r"damaged: ions/"):
         newest(rundir)
 
 
-def test_damage_falls_back_and_then_lists_all_reasons(rundir: RunDir, caplog: pytest.LogCaptureFixture) -> None:
+def test_damage_falls_back_and_then_lists_all_reasons(
+    rundir: RunDir, caplog: pytest.LogCaptureFixture
+) -> None:
     paths = [checkpoint.write(ALONE, rundir, step, 0.0, shards(whole(step))) for step in (1, 2)]
     os.truncate(paths[1], 1000)
     with caplog.at_level(logging.WARNING):
@@ -144,7 +146,9 @@ def test_damage_falls_back_and_then_lists_all_reasons(rundir: RunDir, caplog: py
         byte = file.read(1)
         file.seek(-1, os.SEEK_CUR)
         file.write(bytes([byte[0] ^ 16]))
-    with pytest.raises(FileError, match=r"00000002.h5: cut off[^\n]*\n.*00000001.h5: damaged: ions/") as failure:
+    with pytest.raises(
+        FileError, match=r"00000002.h5: cut off[^\n]*\n.*00000001.h5: damaged: ions/"
+    ) as failure:
         newest(rundir)
     assert failure.value.exit_code == 6
 
@@ -209,7 +213,7 @@ def test_a_failed_write_leaves_the_old_ones_and_no_temporary(
 
 
 def test_parts_that_do_not_cover_the_whole_are_a_bug(rundir: RunDir) -> None:
-    with pytest.raises(ValueError, match="x: the parts of the ranks do not cover rows 0..5 once"):
+    with pytest.raises(ValueError, match=r"x: the parts of the ranks do not cover rows 0..5 once"):
         checkpoint.write(ALONE, rundir, 1, 0.0, {"x": Shard(np.zeros(4), 0, 5)})
     with pytest.raises(ValueError, match="do not cover"):
         checkpoint.digest(ALONE, {"x": Shard(np.zeros(4), 1, 4)})
@@ -267,7 +271,9 @@ def test_a_rank_that_cannot_write_fails_all_with_the_same_error(
             patch.setattr(image, "write_all", full)
         with pytest.raises(FileError) as failure:
             checkpoint.write(world, rundir, 2, 0.2, shards(whole(2), world.rank, world.size))
-    assert "No space left on device" in failure.value.message and f"rank {failing % world.size}" in str(failure)
+    assert "No space left on device" in failure.value.message and f"rank {failing % world.size}" in str(
+        failure
+    )
     assert world.bcast(failure.value.message.encode()) == failure.value.message.encode()
     world.barrier()
     assert [path.name for path in rundir.checkpoints.iterdir()] == ["00000001.h5"]

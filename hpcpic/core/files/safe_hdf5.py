@@ -116,8 +116,9 @@ class Checked:
         if key not in attributes:
             raise self._refuse(name, f"attribute {key} is not there")
         identifier = attributes.get_id(key)
-        if identifier.get_storage_size() > MAX_ATTRIBUTE_BYTES:
-            raise self._refuse(name, f"attribute {key} is too long")
+        nothing = identifier.get_space().get_simple_extent_type() == import_h5py().h5s.NULL
+        if nothing or identifier.get_storage_size() > MAX_ATTRIBUTE_BYTES:
+            raise self._refuse(name, f"attribute {key} is empty or too long")
         value = attributes[key]
         if isinstance(value, bytes):
             return value.decode(errors="replace")

@@ -173,6 +173,7 @@ def read_csv(path: Path | str) -> Series:
         table = np.array(rows, np.float64).reshape(len(rows), len(names))
     except (OSError, ValueError) as error:
         raise FileError(f"{path}: cannot be read as a series ({error})") from error
+    unit_of = dict(zip(names, units, strict=True))
     columns = dict(zip(names, table.T, strict=True))
     step, time = columns.pop(STEP).astype(np.int64), columns.pop(TIME)
-    return Series(columns, dict(zip(names, units, strict=True)), step, time)
+    return Series(columns, {name: unit_of[name] for name in columns}, step, time)
