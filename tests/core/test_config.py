@@ -262,11 +262,13 @@ def test_set_overrides_by_path_with_the_same_grammar():
         "a=1e999",
         "v[-1]=1",
         "species.x=1",
+        "none[0].x=1",
     ],
 )
 def test_set_faults_are_told_with_the_assignment(assignment):
     tree = loads("a = 1; v = [1, 2]; species = ({ x = 1; });", sets=[assignment])
     assert len(tree.faults) == 1 and tree.faults[0].startswith(f"--set {assignment}: ")
+    assert tree.data == {"a": 1, "v": [1, 2], "species": ({"x": 1},)}
 
 
 def test_values_parse_as_in_a_file():

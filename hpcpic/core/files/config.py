@@ -240,8 +240,10 @@ def apply_set(tree: Tree, assignment: str) -> str | None:
     path = tuple(int(part) if part.isdigit() else part for part in re.findall(r"[^.\[\]]+", key))
     parent: Any = tree.data
     for depth, part in enumerate(path[:-1]):
-        if isinstance(parent, dict) and isinstance(part, str):
+        if isinstance(parent, dict) and isinstance(part, str) and isinstance(path[depth + 1], str):
             parent = parent.setdefault(part, {})
+        elif isinstance(parent, dict) and part in parent:
+            parent = parent[part]
         elif isinstance(parent, (list, tuple)) and isinstance(part, int) and part < len(parent):
             parent = parent[part]
         else:
