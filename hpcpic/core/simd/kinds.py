@@ -116,7 +116,7 @@ def cast_scalar(context: Any, builder: Any, from_type: Any, to_type: Vec, value:
 
 
 def _operator(symbol: Any, emit: Callable, accepts: Callable, result: Callable = lambda vec: vec) -> None:
-    """Define an operator: emit(builder, vec, *operands), for the types that `accepts`; with its in-place form."""
+    """Define an operator and its in-place form: emit(builder, vec, *operands), for the types it accepts."""
 
     class Template(AbstractTemplate):
         def generic(self, args: tuple, keywords: dict) -> Any:

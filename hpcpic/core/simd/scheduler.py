@@ -186,12 +186,19 @@ def _work(g, pool, worker):
     """Run tasks until none remains, one failed, or nothing has happened for too long."""
     running = WORKERS + WORKER_WORDS * worker + RUNNING
     idle = 0
+    due = True  # a poll: not straight after another poll or a start, while there are tasks
     remaining, since = -1, 0  # at the last look at the clock
     while atomic_load(g.counters, REMAINING) > 0 and atomic_load(g.counters, STOP) == 0:
         task = _take(g, 1)
-        if task < 0 and atomic_load(g.counters, N_PENDING) > 0 and atomic_cas(pool, MESSAGE_LOCK, 0, 1):
+        if (
+            task < 0
+            and due
+            and atomic_load(g.counters, N_PENDING) > 0
+            and atomic_cas(pool, MESSAGE_LOCK, 0, 1)
+        ):
             _poll(g)
             atomic_store(pool, MESSAGE_LOCK, 0)
+            due = False
             task = _take(g, 1)
         if task < 0:
             task = _take(g, 0)
@@ -199,7 +206,9 @@ def _work(g, pool, worker):
             idle, remaining = 0, -1
             if g.functions[task] == 0:
                 _start(g, task, pool)
+                due = False
                 continue
+            due = True
             atomic_store(pool, running, 1)
             code = call_address(g.functions[task], g.contexts[task])
             atomic_store(pool, running, 0)
@@ -208,6 +217,7 @@ def _work(g, pool, worker):
             else:
                 _complete(g, task)
             continue
+        due = True
         idle += 1
         if idle < pool[IDLE_ROUNDS]:
             cpu_pause()
