@@ -91,6 +91,13 @@ def test_a_group_where_a_value_belongs_and_the_reverse():
     assert third.startswith("case:1:1: part: must be a list ( )")
 
 
+def test_a_lone_value_for_a_vector_is_named_by_its_key():
+    assert faults_of("part = ({ mass = 1; position = true; });")[0].startswith(
+        "case:1:21: part[0].position: must be a number (got true)"
+    )
+    assert faults_of('part = ({ mass = 1; position = "x"; });')[0].endswith("must be a number (got 'x')")
+
+
 def test_faults_between_settings_are_placed_too():
     assert faults_of('part = ({ name = "bad"; mass = 1; });') == ["case:1:11: part[0].name: is bad"]
 

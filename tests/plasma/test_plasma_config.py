@@ -3,11 +3,13 @@
 from pathlib import Path
 
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
 
 from hpcpic.core.errors import ConfigError
-from hpcpic.core.files.config import load, loads
+from hpcpic.core.files.config import Tree, load, loads
 from hpcpic.core.files.derived import enforce
-from hpcpic.core.files.schema import dump, validate
+from hpcpic.core.files.schema import describe, dump, validate
 from hpcpic.plasma.config import PlasmaConfig, velocity_components
 from hpcpic.plasma.derived import derived
 
@@ -252,3 +254,60 @@ def test_checking_a_case_loads_no_heavy_library():
     )
     out = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True)
     assert out.stdout == "set()\n", out.stderr
+
+
+keys = st.sampled_from(
+    sorted({part.strip("[]") for row in describe(PlasmaConfig) for part in row.key.split(".")})
+)
+leaves = (
+    st.booleans() | st.integers() | st.floats() | st.text(max_size=5) | st.sampled_from(["MFT_TAP", "quiet"])
+)
+anything = st.recursive(
+    leaves,
+    lambda inner: (
+        st.lists(inner, max_size=3) | st.lists(inner, max_size=3).map(tuple) | st.dictionaries(keys, inner)
+    ),
+    max_leaves=15,
+)
+
+
+@settings(max_examples=300)
+@given(st.dictionaries(keys | st.sampled_from(["plot", "method", "period"]), anything))
+def test_no_tree_breaks_the_validation(data):
+    try:
+        validate(PlasmaConfig, Tree(data=data))
+    except ConfigError as error:
+        assert error.messages and all("\n" not in message for message in error.messages)
+
+
+FULL = """
+description = "all keys";
+simulation = { dimensions = 2; solver = "MFT"; cycles = 10; time_step = 0.1; space_length = [8.0, 4.0];
+               realtime_plot = 1; sampling_period = { energy = 1; field = 2; }; method = "LU"; };
+grid = { points = [16, 8]; };
+field = { magnetic = [0.0, 0.0, 1.0]; electric = [0.0, 0.0, 0.0]; };
+species = ( { name = "e"; particles = 64; charge = -1.0; mass = 1.0; init_method = "quiet";
+              cyclotron_frequency = 0.0; perturbation = { mode = [1, 0]; amplitude = 0.1; }; },
+            { particles = 2; charge = 1.0; mass = 1.0; init_method = "harmonic two electrons"; } );
+output = { path = "x"; period = { field = 1; }; };
+plot = { size = [1, 2]; };
+"""
+PATHS = sorted(loads(FULL).places, key=str)
+
+
+@settings(max_examples=400)
+@given(st.lists(st.tuples(st.sampled_from(PATHS), anything), min_size=1, max_size=3))
+def test_no_setting_of_a_wrong_kind_breaks_the_validation(changes):
+    tree = loads(FULL)
+    for path, value in changes:
+        parent = tree.data
+        for key in path[:-1]:
+            parent = parent[key] if tree.has(path[:-1]) else {}
+        if isinstance(parent, (dict, list)) and tree.has(path):
+            parent[path[-1]] = value
+    try:
+        config = validate(PlasmaConfig, tree)
+    except ConfigError as error:
+        assert error.messages and all(message.startswith("case:") for message in error.messages)
+    else:
+        assert read(dump(config))[0] == config

@@ -66,7 +66,10 @@ class Tree:
     def has(self, path: Path) -> bool:
         value: Any = self.data
         for key in path:
-            inside = key in value if isinstance(value, dict) else isinstance(key, int) and key < len(value)
+            if isinstance(value, dict):
+                inside = key in value
+            else:
+                inside = isinstance(value, (list, tuple)) and isinstance(key, int) and key < len(value)
             if not inside:
                 return False
             value = value[key]
@@ -242,9 +245,9 @@ def apply_set(tree: Tree, assignment: str) -> str | None:
     for depth, part in enumerate(path[:-1]):
         if isinstance(parent, dict) and isinstance(part, str) and isinstance(path[depth + 1], str):
             parent = parent.setdefault(part, {})
-        elif isinstance(parent, dict) and part in parent:
-            parent = parent[part]
-        elif isinstance(parent, (list, tuple)) and isinstance(part, int) and part < len(parent):
+        elif (isinstance(parent, dict) and part in parent) or (
+            isinstance(parent, (list, tuple)) and isinstance(part, int) and part < len(parent)
+        ):
             parent = parent[part]
         else:
             return f"there is no {dotted(path[: depth + 1])}"
