@@ -66,11 +66,7 @@ class Tree:
     def has(self, path: Path) -> bool:
         value: Any = self.data
         for key in path:
-            if isinstance(value, dict):
-                inside = key in value
-            else:
-                inside = isinstance(value, (list, tuple)) and isinstance(key, int) and key < len(value)
-            if not inside:
+            if not holds(value, key):
                 return False
             value = value[key]
         return True
@@ -243,29 +239,30 @@ def apply_set(tree: Tree, assignment: str) -> str | None:
     path = tuple(int(part) if part.isdigit() else part for part in re.findall(r"[^.\[\]]+", key))
     parent: Any = tree.data
     for depth, part in enumerate(path[:-1]):
-        if isinstance(parent, dict) and isinstance(part, str) and isinstance(path[depth + 1], str):
-            parent = parent.setdefault(part, {})
-        elif (isinstance(parent, dict) and part in parent) or (
-            isinstance(parent, (list, tuple)) and isinstance(part, int) and part < len(parent)
-        ):
+        if holds(parent, part):
             parent = parent[part]
+        elif isinstance(parent, dict) and isinstance(part, str) and isinstance(path[depth + 1], str):
+            parent = parent.setdefault(part, {})
         else:
             return f"there is no {dotted(path[: depth + 1])}"
     last = path[-1]
-    if isinstance(parent, tuple) and isinstance(last, int) and last < len(parent):
+    if isinstance(parent, tuple) and holds(parent, last):
         return "a list element is a group: set one of its keys"
-    fits = (
-        isinstance(last, str)
-        if isinstance(parent, dict)
-        else isinstance(parent, list) and isinstance(last, int)
-    )
-    if not fits or (isinstance(parent, list) and last >= len(parent)):
+    is_key = isinstance(parent, dict) and isinstance(last, str)
+    if not is_key and not (isinstance(parent, list) and holds(parent, last)):
         return f"there is no {dotted(path)}"
     parent[last] = value
     for other in [other for other in tree.places if other[: len(path)] == path]:
         del tree.places[other]
     tree.places[path] = Place(f"--set {assignment}")
     return None
+
+
+def holds(value: Any, key: str | int) -> bool:
+    """Whether a group has the key, or a list or array the index."""
+    if isinstance(value, dict):
+        return key in value
+    return isinstance(value, (list, tuple)) and isinstance(key, int) and key < len(value)
 
 
 def dotted(path: Path) -> str:
