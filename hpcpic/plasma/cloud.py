@@ -1,18 +1,19 @@
 """All particles of one rank, and the kernels of the scene that move them."""
 
 import inspect
-from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import DTypeLike, NDArray
 
+from hpcpic.core.comm.migrate import Migrate
 from hpcpic.core.comm.tags import Channel
 from hpcpic.core.comm.world import World
 from hpcpic.core.errors import Diverged
 from hpcpic.core.space.domain import Domain
 from hpcpic.core.tasks import Bound, Pool, TaskError, bind
 from hpcpic.plasma.kernels.specialise import specialise
+from hpcpic.plasma.scene import Scene
 from hpcpic.plasma.tiles import PAGE, Pages, Tiles, aligned
 
 NODES = {"NGP": 1, "CIC": 2, "TSC": 3}
@@ -35,11 +36,17 @@ class Law:
     def components(self) -> int:
         return self.dimensions + self.velocities
 
+    @classmethod
+    def of(cls, scene: Scene, rotation: int) -> "Law":
+        numerics = scene.config.numerics
+        dtype = np.float64 if numerics.precision == "double" else np.float32
+        return cls(scene.dimensions, numerics.shape, scene.velocity_components, rotation, dtype)
+
     def kernels(self, plain: bool = False):
         """The compiled module of this law; `plain` for the reference where there is a vector one."""
         dtype = np.dtype(self.dtype)
         return specialise(
-            ("pages", "plain") if plain or self.shape != "CIC" else ("pages", "plain", "push"),
+            ("pages", "plain", "moments") + (() if plain or self.shape != "CIC" else ("push",)),
             DIM=self.dimensions,
             NODES=NODES[self.shape],
             VELOCITIES=self.velocities,
@@ -48,6 +55,20 @@ class Law:
             REAL=f"np.{dtype.name}",
             LANES=64 // dtype.itemsize,
         )
+
+
+def groups_of_charge(scene: Scene, law: Law) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
+    """charge[species] = (group of equal |q|, parts of one particle with sign), weight[group] = density of a part.
+
+    A node may hold 2^18 particles of a group, or a group's all, or 4096 times the mean: the parts are chosen so.
+    """
+    sizes = sorted({abs(species.q) for species in scene.species}, reverse=True)
+    mean = scene.n_particles / np.prod(scene.points)
+    most = max(1, min(scene.n_particles, max(2**18, 4096 * mean)))
+    bits = min(WHOLE_BITS[np.dtype(law.dtype).itemsize], 62 - int(np.ceil(np.log2(most))))
+    charge = [(sizes.index(abs(species.q)), int(np.sign(species.q)) << bits) for species in scene.species]
+    weight = [q / scene.cell_volume / 2.0**bits for q in sizes]
+    return np.array(charge, np.int64).reshape(-1, 2), np.array(weight or [0.0])
 
 
 class Cloud:
@@ -67,7 +88,7 @@ class Cloud:
         blocks: int,
         mover: NDArray,
         charge: NDArray[np.int64],
-        e: Sequence[NDArray[np.float64]],
+        e: NDArray[np.float64],
         scale: float,
         capacity: int,
         plain: bool = False,
@@ -79,9 +100,7 @@ class Cloud:
         slots = len(tiles.parts) * self.n_species
         self.pages = Pages(slots, blocks, law.components, law.dtype, capacity // PAGE + slots + 64)
         self.record_bytes = law.components * np.dtype(law.dtype).itemsize + 8
-        if world.size > 1:
-            from hpcpic.core.comm.migrate import Migrate
-        self.messages = Migrate(world, self.record_bytes, Channel.PARTICLES) if world.size > 1 else None
+        self.messages = Migrate(world, self.record_bytes, Channel.PARTICLES, cuts=domain.cuts) if world.size > 1 else None
         self.owner = np.asarray(domain.owner(np.arange(domain.points[0])), np.int32)
         below, above = GHOSTS[law.shape]
         self._patches(int(charge[:, 0].max(initial=-1)) + 1, below, above)
@@ -94,8 +113,8 @@ class Cloud:
             column_part=tiles.column_part,
             column_stride=tiles.column_stride,
             parts=tiles.parts,
-            e_x=e[0],
-            e_y=e[-1],
+            e_x=e if law.dimensions == 1 else e[0],
+            e_y=e if law.dimensions == 1 else e[1],
             scale=float(scale),
             mover=np.ascontiguousarray(mover, law.dtype),
             charge=charge,
@@ -146,11 +165,18 @@ class Cloud:
         self._rewind = [
             self._bound(self.kernels.rewind, first=ranges[b][0], last=ranges[b][1]) for b in blocks
         ]
+        self._deposit = [
+            self._bound(
+                self.kernels.deposit_all, first=ranges[b][0], last=ranges[b][1], corner=self.corner[b],
+                patch=self.patch[b],
+            )
+            for b in blocks
+        ]  # fmt: skip
         nothing = np.zeros((0, self.record_bytes), np.uint8)
         self.place(0, np.zeros((0, self.law.dimensions)), np.zeros((0, self.law.velocities)), np.zeros(0))
         self._unpack(nothing)
         self._outgoing()
-        self.export(0)
+        self.export(0) if self.n_species else None
 
     def _bound(self, kernel, **more) -> Bound:
         """The kernel with its arguments by name: `more`, those of this object, or arrays of the pages."""
@@ -160,7 +186,7 @@ class Cloud:
         self._bounds.append((bound, [(k, name) for k, name in enumerate(names) if name in Pages.GROWING]))
         return bound
 
-    def _each(self, bounds: list[Bound]) -> None:
+    def each(self, bounds: list[Bound]) -> None:
         """Run tasks after telling them where the arrays are now. Raises Diverged."""
         if self._version != self.pages.moved:
             for bound, places in self._bounds:
@@ -194,14 +220,39 @@ class Cloud:
         counts = self.pages.count
         slots = [counts[a * self.n_species : b * self.n_species].sum() for a, b in self.tiles.ranges]
         self.pages.room(int(max(slots)))
-        self._each(self._push)
+        self.each(self._push)
 
     def rewind(self, mover: NDArray) -> None:
         """v^0 -> v^(-1/2) with a mover of half a step backwards."""
         forwards = self.names["mover"].copy()
         self.names["mover"][:] = mover
-        self._each(self._rewind)
+        self.each(self._rewind)
         self.names["mover"][:] = forwards
+
+    def bind_moments(self, **arrays: NDArray) -> list[Bound]:
+        """Tasks of kernels.moments, one per block."""
+        values = np.zeros((self.blocks, 4, PAGE))
+        with self.world.first_on_node():
+            return [
+                self._bound(self.kernels.moments, block=b, first=first, last=last, values=values, **arrays)
+                for b, (first, last) in enumerate(self.tiles.ranges)
+            ]
+
+    def clear(self) -> None:
+        """No particles."""
+        self.pages.drop()
+
+    def deposit_all(self) -> None:
+        """The charge of all particles, whatever the patches hold: after placing and delivering."""
+        self.each(self._deposit)
+
+    def records(self, species: int, numbers: NDArray, tiles: NDArray, x: NDArray, v: NDArray) -> NDArray[np.uint8]:
+        """Records (see kernels.pages.pack) of particles by tile and position in it."""
+        records = np.empty((len(numbers), self.record_bytes), np.uint8)
+        real, whole = self._views(records)
+        real[:, : x.shape[1]], real[:, x.shape[1] : self.law.components] = x, v
+        whole[:, -2], whole[:, -1] = tiles * self.n_species + species, numbers.astype(np.uint32).view(np.int32)
+        return records
 
     def migrate(self, iteration: int) -> None:
         """Particles bound for other ranks go there; theirs come into the box from outside."""
@@ -227,7 +278,7 @@ class Cloud:
         arrivals = self.pages.lists[:, 1, :].sum(axis=0)
         slots = np.array([(b - a) * self.n_species for a, b in self.tiles.ranges])
         self.pages.need(arrivals[:-1] // PAGE + np.minimum(arrivals[:-1], slots))
-        self._each(self._deliver)
+        self.each(self._deliver)
         self.pages.clear()
 
     def _box(self, box: int) -> tuple[NDArray, ...]:

@@ -20,7 +20,7 @@ def aligned(shape: Sequence[int], dtype: DTypeLike, to: int = 4096) -> NDArray:
     """Array at an address that is a multiple of `to` bytes; memory is taken from the machine when first touched."""
     dtype = np.dtype(dtype)
     size = int(np.prod(shape)) * dtype.itemsize
-    room = np.empty(size + to, np.uint8)
+    room = np.empty(size + to + 128, np.uint8)  # vectors may read beyond the end
     start = -room.ctypes.data % to
     return room[start : start + size].view(dtype).reshape(shape)
 
@@ -129,6 +129,13 @@ class Pages:
         self.lists[:, 0] = -1
         self.lists[:, 1] = 0
         self.counters[:, 1] = 0
+
+    def drop(self) -> None:
+        """Forget all particles."""
+        self.head[:], self.count[:] = -1, 0
+        self.counters[:, 0] = 0
+        self.fresh = 0
+        self.clear()
 
     def need(self, pages: NDArray[np.int64]) -> None:
         """At least pages[block] free pages on each block's stack: unused ones of other blocks, new ones, by growth."""

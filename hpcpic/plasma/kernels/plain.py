@@ -307,3 +307,20 @@ def rewind(first, last, n_species, origin, parts, e_x, e_y, scale, mover, pool, 
                         pool[page, pack, DIM + 2, lane] = vz
                 page, used = np.int64(chain[page]), PAGE
     return GOOD
+
+
+@njit
+def deposit_all(first, last, n_species, corner, parts, charge, pool, chain, head, count, patch):
+    """The charge (5.1) of all particles of a block."""
+    patch[:] = 0
+    for part in range(first, last):
+        row, column = parts[part, 1] - corner[0], parts[part, 2] - corner[1]
+        for slot in range(part * n_species, (part + 1) * n_species):
+            group, unit = charge[slot % n_species, 0], charge[slot % n_species, 1]
+            page, used = np.int64(head[slot]), (count[slot] - 1) % PAGE + 1
+            while page >= 0:
+                for place in range(used):
+                    pack, lane = place // LANES, place % LANES
+                    deposit(patch, group, unit, row, column, pool[page, pack, 0, lane], pool[page, pack, DIM - 1, lane])
+                page, used = np.int64(chain[page]), PAGE
+    return GOOD

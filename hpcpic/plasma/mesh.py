@@ -1,0 +1,124 @@
+"""Charge and field of one slab: from the blocks' integer charge to rho, phi and E on the nodes around it."""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hpcpic.core.comm.halo import Fill, Fold
+from hpcpic.core.comm.tags import Channel
+from hpcpic.core.comm.world import World
+from hpcpic.core.errors import Diverged
+from hpcpic.core.space.domain import Domain, block_ranges
+from hpcpic.core.space.fields import Field
+from hpcpic.core.tasks import Pool, TaskError, bind
+from hpcpic.plasma.kernels.charge import OVERFLOW, collect, density
+from hpcpic.plasma.kernels.gradient import minus_gradient_1d, minus_gradient_2d
+from hpcpic.plasma.poisson import LU, MFT
+from hpcpic.plasma.scene import Scene
+from hpcpic.plasma.tiles import aligned
+
+
+class Mesh:
+    """rho[rows, Nx] C/m^d (rows in 1D: [rows]), phi.inner V, e[d, rows + ghosts, Nx + ghosts] V/m.
+
+    parts[group, rows + ghosts, Nx]: integer charge of the slab; weight[group]: density that one part makes.
+    Rows and columns of e reach `below` and `above` nodes beyond the slab, phi one more each.
+    """
+
+    def __init__(
+        self, world: World, pool: Pool, domain: Domain, scene: Scene, ghosts: tuple[int, int], weight: NDArray
+    ) -> None:
+        self.pool, self.domain = pool, domain
+        d, (below, above) = domain.ndim, ghosts
+        self.inside = tuple(slice(below, below + n) for n in domain.shape(world.rank))
+        rest = ((0, 0),) * (d - 1)
+        self.parts = Field(domain, world.rank, dtype=np.int64, leading=(len(weight),), ghosts=(ghosts, *rest))
+        self.phi = Field(domain, world.rank, ghosts=((below + 1, above + 1),) * d)
+        self.e = aligned((d, *(n - 2 for n in self.phi.values.shape)), np.float64)
+        self.e[:] = 0
+        self.rho = np.zeros(domain.shape(world.rank))
+        self.uniform = scene.config.field.electric[:d]
+        self.weight = np.array(weight, np.float64)
+        self.fold = Fold(world, domain, self.parts, Channel.CHARGE)
+        numerics, spectral = scene.config.numerics, scene.config.numerics.gradient == "spectral"
+        if scene.config.simulation.solver == "LU":
+            self.solver = LU(world, pool, domain, permittivity=scene.permittivity)
+        else:
+            self.solver = MFT(
+                world, pool, domain, permittivity=scene.permittivity, spectral=spectral, gradient=numerics.gradient
+            )
+        if self.solver.E:
+            self.wide = Field(domain, world.rank, leading=(d,), ghosts=(ghosts,) * d)
+            self.fill = Fill(world, domain, self.wide, Channel.FIELD)
+            self._differentiate = self._spectral
+        else:
+            self.fill = Fill(world, domain, self.phi, Channel.POTENTIAL)
+            self._differentiate = self._difference
+        with world.first_on_node():
+            self._bind_gradient(scene.spacing)
+            self._bind_density(below)
+
+    def _bind_gradient(self, spacing: tuple[float, ...]) -> None:
+        per_2d = [0.5 / step for step in spacing]
+        kernel = minus_gradient_1d if self.domain.ndim == 1 else minus_gradient_2d
+        self._gradient = [
+            bind(kernel, a, b, self.phi.values, self.e, *per_2d, *self.uniform)
+            for a, b in self._shares(self.e.shape[1])
+        ]
+
+    def _bind_density(self, below: int) -> None:
+        rows = len(self.rho)
+        parts = self.parts.values.reshape(len(self.weight), rows + sum(self.parts.ghosts[0]), -1)
+        self._density = [
+            bind(density, a, b, below, self.weight, parts, self.rho.reshape(rows, -1))
+            for a, b in self._shares(rows)
+        ]
+
+    def _shares(self, rows: int) -> list[tuple[int, int]]:
+        """Ranges of rows for the threads."""
+        return [(a, b) for a, b in block_ranges(rows, self.pool.threads) if b > a]
+
+    def collect_from(self, patches: NDArray[np.int64], places: NDArray[np.int64]) -> None:
+        """Name the blocks' patches that `deposit` adds up (see kernels.charge)."""
+        one = self.domain.ndim == 1
+        groups = len(self.weight)
+        slab = self.parts.values.reshape(groups, 1 if one else -1, self.parts.values.shape[-1])
+        self._collect = [
+            bind(collect, a, b, not one, patches, places, slab) for a, b in self._shares(slab.shape[1])
+        ]
+
+    def deposit(self, iteration: int) -> None:
+        """rho (5.1) from the blocks' charge: integers until all is added, so that no order shows. Raises Diverged."""
+        self.pool.each(self._collect)
+        self.fold.start(iteration)
+        self.fold.finish()
+        try:
+            self.pool.each(self._density)
+        except TaskError as error:
+            if error.code == OVERFLOW:
+                raise Diverged("so many particles sit on one node that its charge overflows") from error
+            raise
+
+    def solve(self, iteration: int) -> None:
+        """phi from rho (5.10), E = E_0 - grad phi (5.13)."""
+        self.solver.rho[...] = self.rho
+        self.solver.solve()
+        self.phi.inner[...] = self.solver.phi
+        self._differentiate(iteration)
+
+    def _difference(self, iteration: int) -> None:
+        self.fill.start(iteration)
+        self.fill.finish()
+        self.pool.each(self._gradient)
+
+    def _spectral(self, iteration: int) -> None:
+        for inner, component, uniform in zip(self.wide.inner, self.solver.E, self.uniform):
+            np.add(component, uniform, out=inner)
+        self.fill.start(iteration)
+        self.fill.finish()
+        self.e[...] = self.wide.values
+
+    def close(self) -> None:
+        """Free what MPI holds."""
+        self.fill.free()
+        self.fold.free()
+        self.solver.close()

@@ -1,0 +1,79 @@
+"""The plasma's arrays for the writers: fields, particles, and the state that checkpoints hold."""
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hpcpic.core.comm.sharding import by_id
+from hpcpic.core.files.arrays import FieldArray, ParticleArray, Shard
+from hpcpic.core.space.domain import block_ranges
+from hpcpic.plasma.cloud import CHUNK
+from hpcpic.plasma.tiles import EDGE
+
+if TYPE_CHECKING:
+    from hpcpic.core.files.sealed import Reader
+    from hpcpic.plasma.step import Plasma
+
+
+def fields(plasma: "Plasma") -> dict[str, FieldArray]:
+    """rho, phi and E of this rank's rows at t = n dt."""
+    mesh, d = plasma.mesh, plasma.scene.dimensions
+    e = np.stack([component[mesh.inside] for component in mesh.e], axis=-1)
+    return {
+        "rho": FieldArray(mesh.rho, "C/m" if d == 1 else f"C/m{d}"),
+        "phi": FieldArray(mesh.phi.inner, "V"),
+        "E": FieldArray(e, "V/m"),
+    }
+
+
+def particles(plasma: "Plasma") -> dict[str, ParticleArray]:
+    """Ids, x^n in m and v^(n-1/2) in m/s of this rank's particles."""
+    scene, d = plasma.scene, plasma.scene.dimensions
+    result = {}
+    for k, species in enumerate(scene.species):
+        numbers, tiles, components = plasma.cloud.export(k)
+        position, velocity = np.zeros((len(numbers), 3)), np.zeros((len(numbers), 3))
+        position[:, :d] = (anchors(plasma, tiles) + components[:, :d]) * scene.spacing
+        v = components[:, d:].astype(np.float64) * (scene.velocity_spacing / scene.time_step)
+        velocity[:, : v.shape[1]] = v
+        result[species.name] = ParticleArray(
+            numbers + species.first, position, {"velocity": velocity}, {"velocity": "m/s"}
+        )
+    return result
+
+
+def anchors(plasma: "Plasma", tiles: NDArray[np.int64]) -> NDArray[np.int64]:
+    """Column (and row) of the first cell of tiles."""
+    edge = EDGE[plasma.scene.dimensions]
+    across = -(-plasma.scene.points[0] // edge)
+    return np.stack([tiles % across, tiles // across][: plasma.scene.dimensions], axis=1) * edge
+
+
+def state(plasma: "Plasma") -> dict[str, Shard]:
+    """Tile, position in the tile [cells] and velocity [cells per step] by species, in order of the numbers."""
+    d, result = plasma.scene.dimensions, {}
+    for k, species in enumerate(plasma.scene.species):
+        numbers, tiles, components = plasma.cloud.export(k)
+        columns = {"tile": tiles, "position": components[:, :d], "velocity": components[:, d:]}
+        ordered = by_id(plasma.world, numbers, columns, species.n)
+        low, _ = block_ranges(species.n, plasma.world.size)[plasma.world.rank]
+        for name, values in ordered.items():
+            result[f"{species.name}/{name}"] = Shard(values, low, species.n)
+    return result
+
+
+def restore(plasma: "Plasma", reader: "Reader") -> None:
+    """Replace all particles by those of a checkpoint."""
+    cloud = plasma.cloud
+    cloud.clear()
+    plasma.iteration = reader.step
+    for k, species in enumerate(plasma.scene.species):
+        low, high = block_ranges(species.n, plasma.world.size)[plasma.world.rank]
+        for first in range(0, -(-species.n // plasma.world.size), CHUNK):
+            a, b = min(low + first, high), min(low + first + CHUNK, high)
+            columns = [reader.read(f"{species.name}/{name}", a, b) for name in ("tile", "position", "velocity")]
+            cloud.admit(cloud.records(k, np.arange(a, b), *columns))
+            cloud.migrate(plasma.iteration)
+            cloud.deliver()
+    cloud.deposit_all()

@@ -1,0 +1,149 @@
+"""The simulation flow of the thesis (9.2): allocation, rewind, loop."""
+
+from collections.abc import Mapping
+
+import numpy as np
+
+from hpcpic.core.comm.world import World
+from hpcpic.core.space.domain import Domain, block_ranges, even_cuts
+from hpcpic.core.tasks import Pool
+from hpcpic.core.timers import Timers
+from hpcpic.plasma import moments, snapshot
+from hpcpic.plasma.cloud import CHUNK, GHOSTS, Cloud, Law, groups_of_charge
+from hpcpic.plasma.config import PlasmaConfig
+from hpcpic.plasma.derived import derived
+from hpcpic.plasma.estimate import estimate
+from hpcpic.plasma.mesh import Mesh
+from hpcpic.plasma.mover import mover, rotation_kind
+from hpcpic.plasma.scene import Scene
+
+GROWTH = 1e6  # of the total energy, beyond which a run is no solution
+
+
+class Plasma:
+    """The state x^n, v^(n-1/2), rho^n of a run, and the step to n + 1.
+
+    `iteration` n, -2 while particles are distributed and -1 while velocities are rewound; `time` n dt in s.
+    """
+
+    name = "hpcpic"
+    title = "electrostatic particle-in-cell"
+    schema = PlasmaConfig
+    derived = staticmethod(derived)
+    estimate = staticmethod(estimate)
+    work_unit = "particle"
+
+    def __init__(self, config: PlasmaConfig, world: World, pool: Pool, timers: Timers) -> None:
+        self.scene = scene = Scene(config)
+        self.world, self.timers = world, timers
+        self.n_steps, self.work_items = config.simulation.cycles, scene.n_particles
+        self.stop_sem, self.periods = config.simulation.stop_SEM, config.periods
+        points, lengths = scene.points[::-1], tuple(scene.lengths[::-1])
+        cuts = even_cuts(points[0], world.size)
+        self.domain = Domain(lengths, tuple(points), (True,) * scene.dimensions, cuts)
+        law = Law.of(scene, rotation_kind(scene))
+        charge, weight = groups_of_charge(scene, law)
+        self.mesh = Mesh(world, pool, self.domain, scene, GHOSTS[law.shape], weight)
+        self.field_scale = self._field_scale()
+        self.cloud = Cloud(
+            world, pool, self.domain, law,
+            blocks=config.simulation.plasma_chunks or pool.threads,
+            mover=mover(scene, self.field_scale),
+            charge=charge,
+            e=self.mesh.e,
+            scale=self.field_scale,
+            capacity=scene.n_particles // world.size,
+        )  # fmt: skip
+        self.mesh.collect_from(self.cloud.patches, self.cloud.places)
+        self.moments = moments.Moments(self)
+        self.scalar_units = moments.units(scene)
+        self._distribute()
+        self._rewind()
+        self.iteration, self._first_energy = 0, None
+
+    def _field_scale(self) -> float:
+        """A power of two that turns E into about a cell per step^2 for the lightest species."""
+        kicks = [float(np.abs(species.half_kick[0])) for species in self.scene.species if species.q]
+        return 2.0 ** np.round(np.log2(max(kicks))) if kicks else 1.0
+
+    def _distribute(self) -> None:
+        """Allocation phase (9.2.1): every rank makes its share of the particles by number, then they go home."""
+        self.iteration = -2
+        cells = np.array(self.scene.spacing)
+        steps = self.scene.time_step / self.scene.velocity_spacing
+        for k, species in enumerate(self.scene.species):
+            low, high = block_ranges(species.n, self.world.size)[self.world.rank]
+            for first in range(0, -(-species.n // self.world.size), CHUNK):  # as often on every rank
+                numbers = np.arange(low + first, min(low + first + CHUNK, high))
+                ids = numbers + species.first
+                self.cloud.place(k, species.positions(ids) / cells, species.velocities(ids) * steps, numbers)
+                self.cloud.migrate(self.iteration)
+                self.cloud.deliver()
+        self.cloud.deposit_all()
+        self.mesh.deposit(self.iteration)
+        self._solved = False
+
+    def _rewind(self) -> None:
+        """Rewind phase (9.2.1): v^0 -> v^(-1/2) with the field of x^0."""
+        self.iteration = -1
+        self.solve()
+        self.cloud.rewind(mover(self.scene, self.field_scale, steps=-0.5))
+
+    def solve(self) -> None:
+        """E^n from rho^n (5.10), (5.13), unless it is known."""
+        if not self._solved:
+            with self.timers.section("field"):
+                self.mesh.solve(self.iteration)
+            self._solved = True
+
+    def step(self) -> None:
+        """x^n, v^(n-1/2), rho^n -> n + 1 (9.2.2)."""
+        self.solve()  # E^n from rho^n
+        with self.timers.section("push"):
+            self.cloud.push()  # E at the particles (5.14), v (5.19) by Boris (5.4.1), x (5.18), charge of who stays
+        with self.timers.section("migrate"):
+            self.cloud.migrate(self.iteration)  # who left for another rank
+        with self.timers.section("deliver"):
+            self.cloud.deliver()  # who left for another tile, with their charge
+        with self.timers.section("deposit"):
+            self.mesh.deposit(self.iteration)  # rho^(n+1) (5.1)
+        self._solved = False
+        self.iteration += 1
+
+    @property
+    def time(self) -> float:
+        return self.iteration * self.scene.time_step
+
+    @property
+    def local_items(self) -> int:
+        """Particles of this rank."""
+        return self.cloud.n
+
+    def scalars(self) -> dict[str, float]:
+        """Energies, momentum, charge and field modes, all at t = n dt (see plasma.moments). Collective."""
+        self.solve()
+        with self.timers.section("scalars"):
+            return self.moments.scalars()
+
+    def arrays(self, what: str) -> Mapping[str, object]:
+        """ "field": rho, phi, E at t = n dt; "particle": x^n and v^(n-1/2) by species. Collective."""
+        self.solve()
+        return snapshot.fields(self) if what == "field" else snapshot.particles(self)
+
+    def state(self) -> Mapping[str, object]:
+        """The particles in order of their numbers, bit for bit: x^n relative to tiles, v^(n-1/2). Collective."""
+        return snapshot.state(self)
+
+    def restore(self, reader) -> None:
+        """Take the state of a checkpoint, written by any number of ranks, for the present one. Collective."""
+        snapshot.restore(self, reader)
+        self.mesh.deposit(self.iteration)
+        self._solved = False
+
+    def guard(self) -> str | None:
+        """Why this rank's state is no solution, or None."""
+        return self.moments.trouble()
+
+    def close(self) -> None:
+        """Free what MPI holds."""
+        self.mesh.close()
