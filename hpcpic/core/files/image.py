@@ -166,6 +166,7 @@ def _create(group: Any, name: str, shape: tuple, limit: tuple, chunk: tuple | No
         plan.set_chunk(chunk)
     plan.set_alloc_time(h5py.h5d.ALLOC_TIME_EARLY)  # addresses exist before the data
     plan.set_fill_time(h5py.h5d.FILL_TIME_NEVER)
+    plan.set_obj_track_times(False)  # the same data give the same bytes
     space = h5py.h5s.create_simple(shape, tuple(h5py.h5s.UNLIMITED if n is None else n for n in limit))
     where = group.require_group(name.rpartition("/")[0]) if "/" in name else group
     kind = h5py.h5t.py_create(dtype, logical=True)

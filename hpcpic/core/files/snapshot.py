@@ -154,12 +154,13 @@ def _slab_axis(domain: Domain) -> int:
 
 
 class ParticlesWriter(_Temporal):
-    """particles.vtkhdf: one point and one vertex per particle, all species in one set told apart by
-    `species`.
+    """particles.vtkhdf: a point and a vertex per particle, all species in one set, told apart by `species`.
 
     `species` numbers the species in the order of the dict; their names are its attribute `names`.
-    The order of particles is that of species, then ranks; `id` identifies them.
+    The order of particles is that of ranks, then species; `id` identifies them.
     """
+
+    _edges = 0  # numbers 0, 1, 2, ... in Vertices/Offsets
 
     def append(self, step: int, time: float, species: Mapping[str, ParticleArray]) -> None:
         """Add a step, all ranks together. The species must have the same columns.
@@ -172,12 +173,25 @@ class ParticlesWriter(_Temporal):
         offset, total = int(counts[: self.world.rank].sum()), int(counts.sum())
         with together(self.world, f"cannot append to {self.path}"):
             shards = {name: Shard(values, offset, total) for name, values in _joined(species).items()}
+        shards |= self._vertices(offset, int(counts[self.world.rank]), total)
         units = {
             f"PointData/{name}": unit
             for particles in species.values()
             for name, unit in particles.units.items()
         }
         self._append(step, time, shards, {"Points": "m", **units}, list(species), total)
+        self._edges = max(self._edges, total + 1)
+
+    def _vertices(self, offset: int, count: int, total: int) -> dict[str, Shard]:
+        """Vertex k is point k: 0, 1, 2, ... for the largest step so far, whose beginning every step uses."""
+        end = offset + count
+        behind_all = int(self.world.rank == self.world.size - 1)
+        points = np.arange(max(offset, self._edges - 1), end)
+        edges = np.arange(max(offset, self._edges), end + behind_all)
+        return {
+            "Vertices/Connectivity": Shard(points, int(points[0]) if len(points) else 0, total),
+            "Vertices/Offsets": Shard(edges, int(edges[0]) if len(edges) else 0, total + 1),
+        }
 
     def _build(
         self, root: Any, steps: Any, described: Mapping[str, Any], names: list[str], total: int
@@ -186,7 +200,7 @@ class ParticlesWriter(_Temporal):
         for name, (shape, dtype) in described.items():
             rows = max(1, min(max(total, 1024), CHUNK_BYTES // (math.prod(shape) * dtype.itemsize)))
             image.growing(root, name, shape, dtype, (rows, *shape))
-            if name != "Points":
+            if name.startswith("PointData/"):
                 _offsets(steps, name)
         root["PointData/species"].attrs["names"] = names
         _counts(root, "NumberOfPoints")
@@ -197,8 +211,11 @@ class ParticlesWriter(_Temporal):
         for kind in CELL_KINDS:
             _counts(root, f"{kind}/NumberOfCells")
             _counts(root, f"{kind}/NumberOfConnectivityIds")
-            _counts(root, f"{kind}/Offsets")
-            _counts(root, f"{kind}/Connectivity")
+            if kind != "Vertices":
+                _counts(root, f"{kind}/Offsets")
+                _counts(root, f"{kind}/Connectivity")
+                image.extend(root[f"{kind}/Offsets"], 1)
+                root[f"{kind}/Offsets"][0] = 0
 
     def _grow(
         self, root: Any, n: int, shards: Mapping[str, Shard], names: list[str], total: int
@@ -215,12 +232,14 @@ class ParticlesWriter(_Temporal):
             cells = total if kind == "Vertices" else 0
             _set(root[kind]["NumberOfCells"], n, cells)
             _set(root[kind]["NumberOfConnectivityIds"], n, cells)
-            _count_up(root[kind]["Offsets"], cells + 1)
-            _count_up(root[kind]["Connectivity"], cells)
-        for name in shards:
-            if name != "Points":
+        slots = {}
+        for name, shard in shards.items():
+            if name.startswith("PointData/"):
                 _set(steps[_offset_name(name)], n, first)
-        return {name: image.rows_slot(root[name], first, total) for name in shards}
+            slots[name] = image.rows_slot(
+                root[name], 0 if name.startswith("Vertices/") else first, shard.total
+            )
+        return slots
 
 
 def _joined(species: Mapping[str, ParticleArray]) -> dict[str, Any]:
@@ -258,14 +277,6 @@ def _offsets(steps: Any, name: str) -> None:
 def _set(dataset: "h5py.Dataset", n: int, value: Any) -> None:
     image.extend(dataset, n + 1)
     dataset[n] = value
-
-
-def _count_up(dataset: "h5py.Dataset", rows: int) -> None:
-    """0, 1, 2, ... up to so many rows: every step uses the beginning of it."""
-    first = len(dataset)
-    if first < rows:
-        dataset.resize(rows, axis=0)
-        dataset[first:] = np.arange(first, rows)
 
 
 def _create(path: Path, build: Any) -> None:
