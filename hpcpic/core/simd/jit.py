@@ -81,7 +81,8 @@ os.environ["NUMBA_CACHE_DIR"] = str(cache_directory())
 
 import numba  # noqa: E402  (reads NUMBA_CACHE_DIR when imported)
 
-numba.config.CACHE_DIR = os.environ["NUMBA_CACHE_DIR"]  # when somebody imported numba before
+# when somebody imported numba before
+numba.config.CACHE_DIR = os.environ["NUMBA_CACHE_DIR"]  # type: ignore[attr-defined]
 
 
 def njit(*signature_or_function: Any, **flags: Any) -> Callable:

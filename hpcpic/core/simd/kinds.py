@@ -39,7 +39,7 @@ class Vec(types.Type):
         if n < 1 or n & (n - 1):
             raise ValueError(f"lanes must be a power of two, not {n}")
         self.n = n
-        self.dtype = dtype if isinstance(dtype, types.Type) else from_dtype(np.dtype(dtype))
+        self.dtype: Any = dtype if isinstance(dtype, types.Type) else from_dtype(np.dtype(dtype))
         super().__init__(name=f"Vec({n}, {self.dtype})")
 
     @property

@@ -156,13 +156,24 @@ def _poll(g):
 
 
 @njit
+def _idle(pool, rounds):
+    """Wait for a moment; give the core away when it has been long. The rounds so far."""
+    if rounds < pool[IDLE_ROUNDS]:
+        cpu_pause()
+    else:
+        sched_yield()
+    return rounds + 1
+
+
+@njit
 def _start(g, task, pool):
     record = _words(g.contexts[task], RECORD_WORDS)
     if record[0] == 0:
         _complete(g, task)
         return
+    rounds = 0
     while not atomic_cas(pool, MESSAGE_LOCK, 0, 1):
-        cpu_pause()
+        rounds = _idle(pool, rounds)
     code = call_startall(record[4], record[0], record[1])
     if code != 0:
         _fail(g, task, code)
@@ -218,11 +229,7 @@ def _work(g, pool, worker):
                 _complete(g, task)
             continue
         due = True
-        idle += 1
-        if idle < pool[IDLE_ROUNDS]:
-            cpu_pause()
-        else:
-            sched_yield()
+        idle = _idle(pool, idle)
         if idle % _CLOCK_ROUNDS == 0:
             now = nanoseconds()
             left = atomic_load(g.counters, REMAINING)
@@ -286,8 +293,9 @@ def launch(pool_address, graph):
     _work(g, pool, 0)
     if helpers > 0:
         atomic_store(pool, OPEN, 0)
+        rounds = 0
         while atomic_load(pool, INSIDE) > 0:
-            cpu_pause()
+            rounds = _idle(pool, rounds)
     return g.counters[STOP]
 
 

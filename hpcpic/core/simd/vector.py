@@ -192,7 +192,8 @@ def count_bits(typing_context, bits):
 @intrinsic
 def convert(typing_context, kind, a):
     """Lanes as another type: float to float rounds, integer to integer keeps the low bits, integer to float
-    rounds, float to integer drops the fraction."""
+    rounds, float to integer drops the fraction (float64 to int64 is one instruction with AVX-512 only:
+    to_fixed(x, 1.0) does the same for whole numbers everywhere)."""
     vec = kind.instance_type
 
     def codegen(context, builder, sig, args):
