@@ -1,0 +1,78 @@
+"""MPI under pytest: a world for the tests, and a failure on one rank that neither hangs nor escapes others.
+
+After each mpi test all ranks agree on its outcome. A rank that failed waits a little for the others; if they do
+not come, it prints its report and aborts all. A rank that passed fails with the others. At the end each rank
+leaves its counts, "passed failed", in the folder $HPCPIC_MPI_REPORT.
+"""
+
+import os
+import time
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+PATIENCE_S = 3.0
+TIMEOUT_S = 60
+_REFEREES = pytest.StashKey()
+_counts = {"passed": 0, "failed": 0}
+
+
+def _parallel(config: pytest.Config) -> bool:
+    return bool(config.getoption("--with-mpi", default=False))
+
+
+@pytest.fixture(scope="session")
+def world():
+    from hpcpic.core.comm.world import World
+
+    return World.start()
+
+
+def pytest_collection_modifyitems(config, items):
+    """A rank that is stuck inside MPI hears no signal: the timeout of mpi tests comes from a thread."""
+    if _parallel(config):
+        from mpi4py import MPI
+
+        config.stash[_REFEREES] = MPI.COMM_WORLD.Dup()  # apart from the messages of the tests
+        for item in items:
+            if item.get_closest_marker("mpi"):
+                item.add_marker(pytest.mark.timeout(TIMEOUT_S, method="thread"))
+
+
+def _agree(referees, failed: bool, report: str) -> bool:
+    """Whether the test failed on any rank; ends the run if this rank failed and the others do not come."""
+    from mpi4py import MPI
+
+    mine, anybody = np.array([failed], np.int64), np.zeros(1, np.int64)
+    request = referees.Iallreduce(mine, anybody, MPI.MAX)
+    start = time.monotonic()
+    while not request.Test():
+        if failed and time.monotonic() - start > PATIENCE_S:
+            os.write(2, f"\nrank {referees.Get_rank()} failed, the others still wait:\n{report}\n".encode())
+            referees.Abort(1)
+        time.sleep(0.0005)
+    return bool(anybody[0])
+
+
+@pytest.hookimpl(wrapper=True)
+def pytest_runtest_makereport(item, call):
+    report = yield
+    if _parallel(item.config) and item.get_closest_marker("mpi") and call.when == "call":
+        anywhere = _agree(item.config.stash[_REFEREES], report.failed, report.longreprtext)
+        if anywhere and not report.failed:
+            report.outcome, report.longrepr = "failed", "failed on another rank"
+    if call.when == "call" and report.outcome in _counts:
+        _counts[report.outcome] += 1
+    elif report.failed:  # in set-up or tear-down
+        _counts["failed"] += 1
+    return report
+
+
+def pytest_sessionfinish(session):
+    folder = os.environ.get("HPCPIC_MPI_REPORT")
+    if folder and _parallel(session.config):
+        from mpi4py import MPI
+
+        rank = MPI.COMM_WORLD.Get_rank()
+        Path(folder, f"rank{rank}").write_text(f"{_counts['passed']} {_counts['failed']}\n")
