@@ -1,6 +1,6 @@
 """MPI under pytest: a world for the tests, and a failure on one rank that neither hangs nor escapes others.
 
-After each mpi test all ranks agree on its outcome. A rank that failed waits a little for the others; if they do
+After each mpi test all ranks agree on its outcome. A rank that failed waits for the others; if they do
 not come, it prints its report and aborts all. A rank that passed fails with the others. At the end each rank
 leaves its counts, "passed failed", in the folder $HPCPIC_MPI_REPORT.
 """
