@@ -21,7 +21,7 @@ LANES = 8  # of a pack: one cache line
 
 PAGE = 128
 TILE = 16 if DIM == 2 else 256  # cells of a tile along an axis; in 1D one row
-GOOD, DIVERGED, NO_PAGE = 0, 1, 2
+GOOD, NO_PAGE, DIVERGED = 0, 2, 4
 FARTHEST = 2.0**31  # cells in one step; beyond it, or not a number, is no motion
 
 
