@@ -295,6 +295,7 @@ def test_all_ranks_fall_back_together() -> None:
         path.write_bytes(content)
     world.barrier()
     assert_holds(newest(rundir, world), whole(1))
+    world.barrier()
     if world.rank == 0:
         os.truncate(rundir.checkpoints / "00000001.h5", 10)
     world.barrier()

@@ -100,6 +100,24 @@ def test_series(tmp_path: Path) -> None:
     assert after is not None and after >= 3 * KILLS
 
 
+def test_series_at_a_restart(tmp_path: Path) -> None:
+    rundir = RunDir(tmp_path)
+    writer = SeriesWriter(rundir, {"a": "m"})
+    for step in range(100):
+        writer.append(step, step / 8, {"a": step / 3})
+    writer.flush()
+
+    def restart() -> Iterator[None]:
+        while True:
+            SeriesWriter(rundir, {"a": "m"}, after=99)
+            yield
+
+    for delay in delays(6)[:10]:
+        killed(restart, delay)
+        for found in (read_series(tmp_path), read_csv(tmp_path / "series.csv")):
+            assert np.array_equal(found.step, np.arange(100)) and np.array_equal(found["a"], found.step / 3)
+
+
 BOX = Domain((1.0, 1.0), (30, 20), (True, True), (0, 30))
 
 

@@ -184,9 +184,31 @@ def test_a_restart_gives_the_file_of_the_uninterrupted_run(tmp_path: Path, after
         ]
 
 
+def test_space_that_a_killed_writer_allocated_is_given_back(tmp_path: Path) -> None:
+    write_fields(tmp_path / "killed.vtkhdf", (6, 5), range(2))
+    write_fields(tmp_path / "whole.vtkhdf", (6, 5), range(2))
+    with open(tmp_path / "killed.vtkhdf", "ab") as file:
+        file.write(b"x" * 100_000)
+    for name in ("killed.vtkhdf", "whole.vtkhdf"):
+        write_fields(tmp_path / name, (6, 5), range(2, 4), after=10)
+    assert (tmp_path / "killed.vtkhdf").read_bytes() == (tmp_path / "whole.vtkhdf").read_bytes()
+
+
 def test_a_restart_without_a_file_begins_one(tmp_path: Path) -> None:
     write_fields(tmp_path / "fields.vtkhdf", (16,), range(2), after=3)
     assert_fields(tmp_path / "fields.vtkhdf", (16,), 2)
+
+
+def test_a_damaged_file_is_a_file_error_at_the_restart(tmp_path: Path) -> None:
+    path = tmp_path / "fields.vtkhdf"
+    write_fields(path, (6, 5), range(2))
+    content = path.read_bytes()
+    with h5py.File(path, "r+") as file:
+        del file["VTKHDF/Steps"]
+    for damaged in (path.read_bytes(), content[:100], b""):
+        path.write_bytes(damaged)
+        with pytest.raises(FileError, match=r"cannot take up .*fields.vtkhdf"):
+            FieldsWriter(ALONE, path, after=10)
 
 
 def test_other_arrays_or_grids_are_refused_and_the_file_kept(tmp_path: Path) -> None:

@@ -271,19 +271,14 @@ def append(
         if image is not None:
             with _descriptor(path) as descriptor:
                 image.store(descriptor, new=False)
-            _change(path, announce)
+            change(path, announce)
 
 
-def append_alone(
-    path: Path, grow: Callable[["h5py.File"], None], announce: Callable[["h5py.File"], None]
-) -> None:
-    """`append` for one rank and few data, which `grow` writes. Raises OSError; the file is then as before."""
-    _change(path, grow)
-    _change(path, announce)
+def change(path: Path, edit: Callable[["h5py.File"], None]) -> None:
+    """Edit a file through HDF5 on one rank: first what is new at its end, then what changes in place.
 
-
-def _change(path: Path, edit: Callable[["h5py.File"], None]) -> None:
-    """Edit a file through HDF5: first what is new at its end, then what changes in place."""
+    Raises OSError; the file is then as before.
+    """
     image = Image(path)
     try:
         with structure(image, "r+") as file:

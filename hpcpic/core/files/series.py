@@ -54,37 +54,35 @@ class SeriesWriter:
         self._units = dict(units)
         self._rows: list[tuple[int, float, list[float]]] = []
         self._flushed = clock.monotonic()
-        kept = read_series(rundir.path) if after is not None and self._h5.exists() else None
-        self._start(_cut(kept, after) if kept is not None and after is not None else None)
+        kept = Series({}, {}, np.empty(0, np.int64), np.empty(0))
+        if after is not None and self._h5.exists():
+            kept = _cut(read_series(rundir.path), after)
+        self._start(kept)
 
-    def _start(self, kept: Series | None) -> None:
-        if kept is not None:
-            self._units = {**kept.units, **self._units}
-            rows = len(kept.step)
-            columns = [kept.get(name, np.full(rows, np.nan)) for name in self._units]
-            self._rows = [
-                (int(kept.step[k]), float(kept.time[k]), [float(column[k]) for column in columns])
-                for k in range(rows)
-            ]
+    def _start(self, kept: Series) -> None:
+        """Put both files in place, with the rows that are kept."""
+        self._units = {**kept.units, **self._units}
+        nothing = np.full(len(kept.step), np.nan)
+        columns = {TIME: kept.time, **{name: kept.get(name, nothing) for name in self._units}}
+
+        def build(file: "h5py.File") -> dict[str, image.Slot]:
+            for name, unit in {STEP: "1", TIME: "s", **self._units}.items():
+                dtype = np.int64 if name == STEP else np.float64
+                image.growing(file, name, (), dtype, (CHUNK_ROWS,)).attrs["units"] = unit
+            _extend(file, columns)
+            _announce(file, kept.step)
+            return {}
+
         made = temporary(self._h5)
         try:
             made.unlink(missing_ok=True)
-            image.create(made, self._build)
+            image.create(made, build)
             os.replace(made, self._h5)
         except OSError as error:
             made.unlink(missing_ok=True)
             raise FileError(f"cannot make {self._h5}: {explain(error)}") from error
-        write_atomic(self._csv, _lines([[STEP, TIME, *self._units], ["1", "s", *self._units.values()]]))
-        self.flush()
-
-    def _build(self, file: "h5py.File") -> dict[str, image.Slot]:
-        for name, dtype, unit in [
-            (STEP, np.int64, "1"),
-            (TIME, np.float64, "s"),
-            *((name, np.float64, unit) for name, unit in self._units.items()),
-        ]:
-            image.growing(file, name, (), dtype, (CHUNK_ROWS,)).attrs["units"] = unit
-        return {}
+        head = [[STEP, TIME, *self._units], ["1", "s", *self._units.values()]]
+        write_atomic(self._csv, _lines(head) + _lines(_texts(kept.step, columns)))
 
     def append(self, step: int, time: float, values: Mapping[str, float]) -> None:
         """Add a row; every few seconds the rows go to the files. A missing value is NaN. Raises FileError."""
@@ -104,14 +102,11 @@ class SeriesWriter:
             **{name: np.array([row[2][k] for row in rows]) for k, name in enumerate(self._units)},
         }
         try:
-            image.append_alone(
-                self._h5, lambda file: _extend(file, columns), lambda file: _announce(file, steps)
-            )
+            image.change(self._h5, lambda file: _extend(file, columns))
+            image.change(self._h5, lambda file: _announce(file, steps))
         except OSError as error:
             raise FileError(f"cannot append to {self._h5}: {explain(error)}") from error
-        self._append_csv(
-            _lines([[repr(step), repr(time), *map(repr, values)] for step, time, values in rows])
-        )
+        self._append_csv(_lines(_texts(steps, columns)))
 
     def _append_csv(self, text: str) -> None:
         with open(self._csv, "r+b", buffering=0) as file:
@@ -134,6 +129,12 @@ def _announce(file: "h5py.File", steps: NDArray[np.int64]) -> None:
     first = len(file[STEP])
     image.extend(file[STEP], first + len(steps))
     file[STEP][first:] = steps
+
+
+def _texts(steps: NDArray[np.int64], columns: Mapping[str, NDArray]) -> list[list[str]]:
+    """The rows as texts from which the same numbers are read back."""
+    table = [steps.tolist(), *(values.tolist() for values in columns.values())]
+    return [[repr(value) for value in row] for row in zip(*table, strict=True)]
 
 
 def _lines(rows: list[list[str]]) -> str:

@@ -45,8 +45,7 @@ class _Temporal:
         self._exists = False
         with together(world, f"cannot take up {path}"):
             if world.rank == 0 and path.exists() and after is not None:
-                image.drop_tail(path)
-                image.append_alone(path, _nothing, lambda file: _keep_steps(file, after))
+                _take_up(path, after)
         self._exists = world.any(world.rank == 0 and after is not None and path.exists())
 
     def _append(
@@ -287,11 +286,15 @@ def _create(path: Path, build: Any) -> None:
     os.replace(made, path)
 
 
-def _nothing(file: "h5py.File") -> None:
-    """The change that is not needed."""
-
-
-def _keep_steps(file: "h5py.File", after: int) -> None:
+def _take_up(path: Path, after: int) -> None:
     """Make readers see the steps up to `after` only; what lies behind is written over by the next ones."""
-    n = int(file[ROOT]["Steps"].attrs["NSteps"])
-    file[ROOT]["Steps"].attrs.modify("NSteps", np.int64(np.count_nonzero(file["step"][:n] <= after)))
+
+    def keep(file: "h5py.File") -> None:
+        n = int(file[ROOT]["Steps"].attrs["NSteps"])
+        file[ROOT]["Steps"].attrs.modify("NSteps", np.int64(np.count_nonzero(file["step"][:n] <= after)))
+
+    image.drop_tail(path)
+    try:
+        image.change(path, keep)
+    except (KeyError, ValueError, RuntimeError) as error:
+        raise FileError(f"it is damaged or not one of ours ({error}); move it away") from error
