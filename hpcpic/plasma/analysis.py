@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 
@@ -179,11 +180,18 @@ def signed(amplitude: np.ndarray) -> np.ndarray:
 
 
 def peaks(t: np.ndarray, y: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Times and heights of the maxima of a positive signal: a parabola through the logs of three samples."""
-    i = np.flatnonzero((y[1:-1] > y[:-2]) & (y[1:-1] >= y[2:]) & (y[:-2] > 0) & (y[2:] > 0)) + 1
+    """Times and heights of the maxima of |wave|, one per half period, by a parabola through three logs.
+
+    Half periods are told apart by `signed`, so that ripples on a maximum do not count twice; a maximum at
+    either end of the data is left out.
+    """
+    wave = signed(y)
+    edges = np.concatenate(([0], np.flatnonzero(np.diff(np.sign(wave)) != 0) + 1, [y.size]))
+    tops = [a + int(np.argmax(y[a:b])) for a, b in pairwise(edges) if b > a]
+    i = np.array([top for top in tops if 0 < top < y.size - 1 and min(y[top - 1], y[top + 1]) > 0], int)
     low, mid, high = (np.log(y[i + s]) for s in (-1, 0, 1))
     curve = low - 2.0 * mid + high
-    shift = 0.5 * (low - high) / curve
+    shift = np.where(curve < 0, 0.5 * (low - high) / np.where(curve < 0, curve, 1.0), 0.0)
     return t[i] + shift * (t[1] - t[0]), np.exp(mid - 0.25 * (low - high) * shift)
 
 

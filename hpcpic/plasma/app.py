@@ -1,12 +1,16 @@
 """What the command line knows of the plasma. Only `load` and `bench` import anything heavy."""
 
 from collections.abc import Mapping
+from typing import TYPE_CHECKING
 
 from hpcpic.core.cli.app import App
 from hpcpic.plasma.cases import shipped_cases
 from hpcpic.plasma.config import PlasmaConfig
 from hpcpic.plasma.derived import derived
 from hpcpic.plasma.estimate import estimate
+
+if TYPE_CHECKING:
+    from hpcpic.core.cli.figures import Plot
 
 
 def load() -> type:
@@ -24,6 +28,12 @@ def bench(quick: bool) -> Mapping[str, float]:
     from hpcpic.plasma.bench import bench as measure
 
     return measure(quick)
+
+
+def plots() -> "Mapping[str, Plot]":
+    from hpcpic.plasma.plots import PLOTS
+
+    return PLOTS
 
 
 APP = App(
@@ -44,4 +54,5 @@ APP = App(
         "output",
     ),
     bench=bench,
+    plots=plots,
 )

@@ -8,10 +8,13 @@ import sys
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from hpcpic.core.files.derived import Derived
 from hpcpic.core.files.schema import Section
+
+if TYPE_CHECKING:
+    from hpcpic.core.cli.figures import Plot
 
 
 @dataclass(frozen=True, slots=True)
@@ -21,8 +24,8 @@ class App:
     derived(config, ranks): the numbers `check` prints. estimate(config, ranks, threads, rates): memory, disk,
     time. load(): the class with the closed shape. until(config, t): the --set list that ends the run at time
     t [s]. free: keys, or groups of keys, that a restart may change. bench(quick): kernel rates of this
-    machine. plan(config, ranks, threads): lines on kernels, arrays and messages. command: what starts this
-    program.
+    machine. plan(config, ranks, threads): lines on kernels, arrays and messages. plots(): the figures of a
+    run by name. command: what starts this program.
     """
 
     name: str
@@ -36,6 +39,7 @@ class App:
     free: tuple[str, ...] = ()
     bench: Callable[[bool], Mapping[str, float]] | None = None
     plan: Callable[[Any, int, int], list[str]] | None = None
+    plots: Callable[[], Mapping[str, Plot]] | None = None
     command: tuple[str, ...] = field(default=())
 
     @property

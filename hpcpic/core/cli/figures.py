@@ -1,0 +1,206 @@
+"""What every figure shares: one look, PNG and SVG and MP4 without a display, and the figures that need no
+physics.
+"""
+
+from __future__ import annotations
+
+import io
+import re
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+    from hpcpic.core.files.reader import Run
+
+INK = "#24292f"  # text and axes; the report turns it into the colour of its own text
+COLOURS = ("#0072b2", "#d55e00", "#009e73", "#cc79a7", "#e69f00", "#56b4e9", "#7f7f7f", "#8c6d1f")
+PAPER = "#ffffff"
+DOTS_PER_INCH = 150
+FRAMES_PER_SECOND = 12
+
+
+class NoData(ValueError):
+    """The run does not hold what a figure shows; the message says what to ask for."""
+
+
+@dataclass(frozen=True, slots=True)
+class Plot:
+    """One figure an app can make. make(run, step) with step None for the last snapshot, or for all of the
+    run.
+
+    steps(run) lists the snapshots of those that can be a movie; None for the others. Both raise NoData.
+    """
+
+    title: str
+    make: Callable[[Run, int | None], Figure]
+    steps: Callable[[Run], Sequence[int]] | None = None
+
+
+@contextmanager
+def style() -> Iterator[None]:
+    """Agg and the house look: open axes, few ticks, colours that colour-blind readers can tell apart."""
+    import matplotlib
+
+    matplotlib.use("Agg")
+    settings = {
+        "figure.facecolor": "none",
+        "savefig.facecolor": "none",
+        "axes.facecolor": "none",
+        "axes.edgecolor": INK,
+        "axes.labelcolor": INK,
+        "text.color": INK,
+        "xtick.color": INK,
+        "ytick.color": INK,
+        "axes.prop_cycle": matplotlib.cycler(color=COLOURS),
+        "axes.spines.top": False,
+        "axes.spines.right": False,
+        "axes.linewidth": 0.8,
+        "axes.titlesize": 11,
+        "axes.titleweight": "bold",
+        "axes.titlelocation": "left",
+        "axes.labelsize": 10.5,
+        "axes.grid": True,
+        "axes.axisbelow": True,
+        "axes.formatter.use_mathtext": True,
+        "axes.formatter.limits": (-3, 4),
+        "grid.color": "#8a8f98",
+        "grid.alpha": 0.22,
+        "grid.linewidth": 0.6,
+        "lines.linewidth": 1.8,
+        "lines.solid_capstyle": "round",
+        "xtick.labelsize": 9.5,
+        "ytick.labelsize": 9.5,
+        "font.size": 10,
+        "font.family": "sans-serif",
+        "legend.frameon": False,
+        "legend.fontsize": 9.5,
+        "image.cmap": "viridis",
+        "image.interpolation": "nearest",
+        "figure.constrained_layout.use": True,
+        "svg.fonttype": "none",
+        "svg.hashsalt": "hpcpic",
+    }
+    with matplotlib.rc_context(settings):
+        yield
+
+
+def new_figure(rows: int = 1, columns: int = 1, size: tuple[float, float] = (6.4, 3.8), **rest: Any) -> tuple:
+    """(figure, axes) without pyplot, so that no figure stays behind in a global list. Call inside style()."""
+    from matplotlib.backends.backend_agg import FigureCanvasAgg
+    from matplotlib.figure import Figure
+
+    figure = Figure(figsize=size)
+    FigureCanvasAgg(figure)
+    return figure, figure.subplots(rows, columns, **rest)
+
+
+def save(figure: Figure, path: Path) -> None:
+    """PNG on white paper, or SVG as it is, by the ending of the path; replaced only when complete."""
+    from hpcpic.core.files.rundir import write_atomic
+
+    if path.suffix == ".svg":
+        write_atomic(path, svg(figure))
+        return
+    buffer = io.BytesIO()
+    figure.savefig(buffer, format="png", dpi=DOTS_PER_INCH, facecolor=PAPER, metadata={"Software": None})
+    write_atomic(path, buffer.getvalue())
+
+
+def svg(figure: Figure, prefix: str = "") -> str:
+    """The figure as an <svg> element: text stays text, ids get the prefix so that several fit on one page."""
+    buffer = io.StringIO()
+    with style():
+        figure.savefig(buffer, format="svg", dpi=DOTS_PER_INCH, metadata={"Date": None, "Creator": None})
+    text = buffer.getvalue()
+    text = text[text.index("<svg") :]
+    text = re.sub(r"<metadata>.*?</metadata>", "", text, flags=re.S)
+    if prefix:
+        text = re.sub(r'\bid="', f'id="{prefix}', text)
+        text = re.sub(r"url\(#", f"url(#{prefix}", text)
+        text = re.sub(r'xlink:href="#', f'xlink:href="#{prefix}', text)
+    return text
+
+
+def movie(frames: Iterator[Figure], path: Path) -> int:
+    """Write an MP4 of equally large figures; how many. Raises NoData without the video packages."""
+    try:
+        import imageio.v2 as imageio
+        import imageio_ffmpeg  # noqa: F401  (imageio finds it by itself)
+    except ImportError as error:
+        raise NoData("movies need the extra packages: pip install 'hpcpic[video]'") from error
+    count = 0
+    with imageio.get_writer(path, fps=FRAMES_PER_SECOND, macro_block_size=2, codec="libx264") as writer:
+        for figure in frames:
+            writer.append_data(_pixels(figure))
+            count += 1
+    return count
+
+
+def _pixels(figure: Figure) -> np.ndarray:
+    """RGB[height, width, 3] with both sides even, which the codec asks for."""
+    figure.set_facecolor(PAPER)
+    figure.set_dpi(DOTS_PER_INCH)
+    figure.canvas.draw()
+    pixels = np.asarray(figure.canvas.buffer_rgba())[..., :3]
+    return np.ascontiguousarray(pixels[: pixels.shape[0] // 2 * 2, : pixels.shape[1] // 2 * 2])
+
+
+# ------------------------------------------------------------------------------- figures without physics
+
+
+def timers_figure(timers: Mapping[str, Mapping[str, float]]) -> Figure:
+    """Share of each section of the wall time, longest first, with the spread over ranks as a thin line."""
+    if not timers:
+        raise NoData("run.json has no timers yet")
+    names = list(timers)[::-1]
+    with style():
+        figure, axes = new_figure(size=(6.4, 0.6 + 0.34 * len(names)))
+        total = sum(row["avg"] for row in timers.values()) or 1.0
+        shares = [100.0 * timers[name]["avg"] / total for name in names]
+        spread = [
+            [100.0 * abs(timers[n][end] - timers[n]["avg"]) / total for n in names] for end in ("min", "max")
+        ]
+        axes.barh(names, shares, color=COLOURS[0], height=0.62)
+        axes.errorbar(shares, names, xerr=spread, fmt="none", ecolor=COLOURS[4], elinewidth=1.6)
+        for row, (share, over) in enumerate(zip(shares, spread[1])):
+            axes.annotate(
+                f"{share:.1f} %", (share + over, row), (6, 0), textcoords="offset points", va="center"
+            )
+        axes.set_xlabel("share of the wall time, %")
+        axes.set_xlim(0, 1.2 * max(shares))
+        axes.grid(axis="y", visible=False)
+        return figure
+
+
+def overlay_figure(runs: Mapping[str, Run], name: str) -> Figure:
+    """One scalar of several runs in time; logarithmic when it is positive and spans over two decades."""
+    found = {label: run for label, run in runs.items() if name in run.series}
+    if not found:
+        raise NoData(f"no run has the series {name}")
+    with style():
+        figure, axes = new_figure(size=(6.4, 3.2))
+        lowest, highest = np.inf, 0.0
+        for label, run in found.items():
+            values = run.series[name]
+            axes.plot(run.series.time, values, label=label, alpha=0.9)
+            positive = values[values > 0]
+            lowest = min(lowest, positive.min()) if positive.size == values.size else 0.0
+            highest = max(highest, positive.max(initial=0.0))
+        if lowest > 0 and highest > 100 * lowest:
+            axes.set_yscale("log")
+        unit = next(iter(found.values())).series.units.get(name, "")
+        axes.set(xlabel="time, s", ylabel=axis_label(name.replace("_", " "), unit))
+        axes.legend(ncols=2)
+        return figure
+
+
+def axis_label(text: str, unit: str) -> str:
+    """What, comma, unit; a pure number has none."""
+    return f"{text}, {unit}" if unit and unit != "1" else text

@@ -1,0 +1,373 @@
+"""report: one HTML page about a run, or about several beside each other; self-contained, without scripts."""
+
+from __future__ import annotations
+
+import math
+import os
+import re
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from hpcpic.core.cli.app import App, AppLoader
+from hpcpic.core.cli.plot import plots_of
+from hpcpic.core.cli.text import duration
+from hpcpic.core.errors import FileError
+from hpcpic.core.files.cases import Header, read_header
+
+if TYPE_CHECKING:
+    from hpcpic.core.files.reader import Run
+
+OVERLAYS = 8  # scalars drawn over each other when runs are compared
+MARKS = {"finished": "ok", "stopped": "warn", "running": "warn"}
+NO_HEADER = Header()
+
+
+@dataclass(frozen=True, slots=True)
+class Table:
+    """A table of the page. Cells are texts; "ok", "warn", "fail" become marks; `numbers` are columns of them."""
+
+    title: str
+    head: Sequence[str]
+    rows: Sequence[Sequence[str]]
+    numbers: Sequence[int] = ()
+    note: str = ""
+
+
+@dataclass(frozen=True, slots=True)
+class Drawn:
+    title: str
+    svg: str
+
+
+@dataclass(frozen=True, slots=True)
+class Page:
+    """All that the template shows."""
+
+    program: str
+    title: str
+    subtitle: str
+    status: str
+    mark: str
+    facts: Sequence[tuple[str, str, str]]  # what, value, unit or remark
+    header: Header = NO_HEADER
+    figures: Sequence[Drawn] = ()
+    tables: Sequence[Table] = ()
+    omitted: Sequence[str] = ()
+    warnings: Sequence[str] = ()
+    config: str = ""
+    provenance: Mapping[str, str] = field(default_factory=dict)
+
+
+def make_report_command(app_loader: AppLoader) -> click.Command:
+    @click.command("report")
+    @click.argument("folders", metavar="DIR...", nargs=-1, required=True)
+    @click.option(
+        "-o",
+        "--output",
+        metavar="FILE",
+        help="The page.  [default: DIR/report.html; comparison.html here for several]",
+    )
+    def report(folders: tuple[str, ...], output: str | None) -> None:
+        """One HTML page on a run, or a comparison of several: figures, checks, timings, provenance, case."""
+        from hpcpic.core.files.reader import open_run
+        from hpcpic.core.files.rundir import write_atomic
+
+        app = app_loader()
+        runs = {label: open_run(folder) for label, folder in zip(_labels(folders), folders, strict=True)}
+        if len(runs) == 1:
+            page = one_run(app, next(iter(runs.values())))
+            path = Path(output or Path(folders[0]) / "report.html")
+        else:
+            page = several_runs(app, runs)
+            path = Path(output or "comparison.html")
+        try:
+            path.parent.mkdir(parents=True, exist_ok=True)
+        except OSError as error:
+            raise FileError(f"cannot make {path.parent}: {error}") from error
+        write_atomic(path, render(page))
+        click.echo(path)
+
+    return report
+
+
+def render(page: Page) -> str:
+    from jinja2 import Environment, FileSystemLoader, StrictUndefined
+
+    environment = Environment(
+        loader=FileSystemLoader(Path(__file__).parent),
+        autoescape=True,
+        undefined=StrictUndefined,
+        trim_blocks=True,
+        lstrip_blocks=True,
+    )
+    return environment.get_template("report.html.j2").render(page=page)
+
+
+def _labels(folders: Sequence[str]) -> list[str]:
+    """Last parts of the paths where these differ, else the paths as given."""
+    names = [Path(folder).resolve().name for folder in folders]
+    return names if len(set(names)) == len(names) else [os.path.normpath(folder) for folder in folders]
+
+
+# ---------------------------------------------------------------------------------------------- one run
+
+
+def one_run(app: App, run: Run) -> Page:
+    facts = run.summary
+    figures, omitted = _figures(app, run)
+    status = str(facts.get("status", "unknown"))
+    header, description = _case(run)
+    return Page(
+        program=f"{app.name} · {app.title}",
+        title=description or Path(str(facts.get("case", run.path))).stem,
+        subtitle=str(run.path),
+        status=status if facts.get("exit_code") in (0, None) else f"{status}, exit code {facts['exit_code']}",
+        mark=MARKS.get(status, "fail"),
+        facts=_key_figures(facts),
+        header=header,
+        figures=figures,
+        omitted=omitted,
+        tables=[t for t in (_derived(facts), _conserved(facts), _timers(facts), _estimate(facts)) if t.rows],
+        warnings=[str(w) for w in facts.get("warnings", ())],
+        config=run.config,
+        provenance=_provenance(facts),
+    )
+
+
+def _case(run: Run) -> tuple[Header, str]:
+    """Header of the case as it was given, and the description in the configuration as used."""
+    given = run.rundir.given / Path(str(run.summary.get("case", ""))).name
+    header = read_header(given) if given.is_file() else NO_HEADER
+    found = re.search(r'^description = "((?:[^"\\]|\\.)*)"', run.config, re.M)
+    return header, re.sub(r"\\(.)", r"\1", found[1]) if found else ""
+
+
+def _figures(app: App, run: Run) -> tuple[list[Drawn], list[str]]:
+    """What can be drawn, and a line on each figure that cannot."""
+    from hpcpic.core.cli.figures import NoData, svg
+
+    drawn, omitted = [], []
+    for name, plot in plots_of(app).items():
+        try:
+            drawn.append(Drawn(plot.title, _inline(svg(plot.make(run, None), f"{name}-"))))
+        except NoData as error:
+            omitted.append(f"{plot.title}: {error}")
+    return drawn, omitted
+
+
+def _inline(svg: str) -> str:
+    """Text and axes take the colour of the page, the size that of the column."""
+    from hpcpic.core.cli.figures import INK
+
+    head, rest = svg.split(">", 1)
+    head = re.sub(r' (width|height)="[^"]*"', "", head)
+    return f'{head} role="img">{rest}'.replace(INK, "currentColor")
+
+
+def _key_figures(facts: Mapping[str, Any]) -> list[tuple[str, str, str]]:
+    items = facts.get("particles") or facts.get("nodes") or 0
+    unit = str(facts.get("work_unit", "particle"))
+    found: list[tuple[str, str, str]] = [
+        ("steps", _count(facts.get("steps", 0)), f"t = {number(facts.get('time'))} s"),
+        (f"{unit}s", _count(items), ""),
+        ("wall time", duration(float(facts.get("wall_seconds") or 0.0)), ""),
+        (
+            "ranks × threads",
+            f"{facts.get('ranks', '?')} × {facts.get('threads', '?')}",
+            str(facts.get("cpu", "")).replace("(R)", ""),
+        ),
+    ]
+    for key, name, remark in (
+        ("ns_per_particle_step", "ns", "per particle and step"),
+        ("mlups", "MLUPS", "million node updates a second"),
+        ("step_ms", "ms", "per step, median"),
+        ("peak_memory_mib_per_rank", "MiB", "peak, largest rank"),
+    ):
+        if key in facts:
+            found.append((remark, f"{number(facts[key])} {name}", ""))
+    return found
+
+
+def _derived(facts: Mapping[str, Any]) -> Table:
+    rows = [
+        (str(n["name"]), number(n["value"]), str(n["unit"]), str(n["limit"]), str(n["verdict"]))
+        for n in facts.get("derived", ())
+    ]
+    return Table("Derived numbers", ("number", "value", "unit", "limit", ""), rows, (1,))
+
+
+def _conserved(facts: Mapping[str, Any]) -> Table:
+    rows = []
+    for name, entry in facts.get("conservation", {}).items():
+        relative = number(entry["relative"]) if "relative" in entry else "—"
+        values = (number(entry[key], 9) for key in ("first", "last"))
+        rows.append((name.replace("_", " "), *values, number(entry["change"]), relative))
+    head = ("quantity", "at the start", "at the end", "largest change", "relative")
+    return Table("Conservation", head, rows, (1, 2, 3, 4))
+
+
+def _timers(facts: Mapping[str, Any]) -> Table:
+    rows = [
+        (
+            name,
+            *(f"{row[key]:.3f}" for key in ("min", "avg", "max")),
+            f"{100 * row['share']:.1f} %",
+            _count(row["calls"]) if row.get("calls") else "",
+        )
+        for name, row in facts.get("timers", {}).items()
+    ]
+    head = ("section", "least s", "mean s", "most s", "share", "calls")
+    return Table("Time by section", head, rows, (1, 2, 3, 4, 5), "Least, mean and most over the ranks.")
+
+
+def _estimate(facts: Mapping[str, Any]) -> Table:
+    guess = facts.get("estimate") or {}
+    rows = []
+    for name, estimated, measured in (
+        ("time per step, ms", "step_ms", "step_ms"),
+        ("wall time, s", "seconds", "wall_seconds"),
+        ("memory per rank, MiB", "memory_mib_per_rank", "peak_memory_mib_per_rank"),
+    ):
+        a, b = guess.get(estimated), facts.get(measured)
+        if a and b:
+            rows.append((name, number(a), number(b), f"{b / a:.2f}"))
+    return Table(
+        "Estimate beside measurement", ("quantity", "estimated", "measured", "ratio"), rows, (1, 2, 3)
+    )
+
+
+def _provenance(facts: Mapping[str, Any]) -> dict[str, str]:
+    git = facts.get("git") or {}
+    dirty = " with local changes" if git.get("dirty") else ""
+    versions = facts.get("versions") or {}
+    found = {
+        "started": str(facts.get("started", "")),
+        "command": " ".join(map(str, facts.get("command", ()))),
+        "settings": " ".join(f"--set {s}" for s in facts.get("sets", ())),
+        "commit": f"{git['commit']}{dirty}" if git.get("commit") else "",
+        "versions": ", ".join(f"{name} {version}" for name, version in versions.items()),
+        "machine": ", ".join(str(facts[k]) for k in ("host", "cpu", "system") if facts.get(k)),
+        "MPI": str(facts.get("mpi", "")),
+        "state digest": str(facts.get("state_digest", "")),
+    }
+    return {name: text for name, text in found.items() if text}
+
+
+# ------------------------------------------------------------------------------------------ several runs
+
+
+def several_runs(app: App, runs: Mapping[str, Run]) -> Page:
+    failed = [label for label, run in runs.items() if run.summary.get("exit_code") not in (0, None)]
+    return Page(
+        program=f"{app.name} · {app.title}",
+        title=f"{len(runs)} runs beside each other",
+        subtitle=", ".join(runs),
+        status=f"{len(failed)} did not finish" if failed else "all finished",
+        mark="warn" if failed else "ok",
+        facts=[],
+        figures=_overlays(runs),
+        tables=[t for t in (_results(runs), _conservation_of(runs), _settings(runs)) if t.rows],
+    )
+
+
+def _overlays(runs: Mapping[str, Run]) -> list[Drawn]:
+    from hpcpic.core.cli.figures import NoData, overlay_figure, svg
+
+    drawn: list[Drawn] = []
+    common = [set(run.series) for run in runs.values()]
+    for name in next(iter(runs.values())).series:
+        if len(drawn) == OVERLAYS or not all(name in names for names in common):
+            continue
+        if all(
+            run.series[name].size == 0 or (run.series[name] == run.series[name][0]).all()
+            for run in runs.values()
+        ):
+            continue
+        try:
+            figure = overlay_figure(runs, name)
+        except NoData:
+            continue
+        drawn.append(Drawn(name.replace("_", " "), _inline(svg(figure, f"{name}-"))))
+    return drawn
+
+
+def _results(runs: Mapping[str, Run]) -> Table:
+    """A row for each fact that some run has, a column for each run."""
+    keys = {
+        "status": "status",
+        "steps": "steps",
+        "time": "time, s",
+        "ranks": "ranks",
+        "threads": "threads per rank",
+        "particles": "particles",
+        "nodes": "nodes",
+        "wall_seconds": "wall time, s",
+        "step_ms": "ms per step",
+        "ns_per_particle_step": "ns per particle and step",
+        "mlups": "MLUPS",
+        "peak_memory_mib_per_rank": "peak memory per rank, MiB",
+        "state_digest": "state digest",
+    }
+    rows = []
+    for key, name in keys.items():
+        values = [run.summary.get(key) for run in runs.values()]
+        if any(value is not None for value in values):
+            cells = [str(v)[:12] if key == "state_digest" else number(v) for v in values]
+            rows.append((name, *cells))
+    return Table("Results", ("", *runs), rows, tuple(range(1, len(runs) + 1)))
+
+
+def _conservation_of(runs: Mapping[str, Run]) -> Table:
+    names: dict[str, None] = {}
+    for run in runs.values():
+        names |= dict.fromkeys(run.summary.get("conservation", {}))
+    rows = []
+    for name in names:
+        entries = [run.summary.get("conservation", {}).get(name, {}) for run in runs.values()]
+        rows.append((name.replace("_", " "), *(number(e.get("relative", e.get("change"))) for e in entries)))
+    note = "Largest change, relative to the start where that is not zero."
+    return Table("Conservation", ("", *runs), rows, tuple(range(1, len(runs) + 1)), note)
+
+
+def _settings(runs: Mapping[str, Run]) -> Table:
+    """Keys of the configurations that are not the same in all runs."""
+    from hpcpic.core.files.config import loads
+
+    flat = [dict(_leaves(loads(run.config).data)) for run in runs.values()]
+    keys = {key: None for settings in flat for key in settings}
+    rows = [
+        (key, *(str(settings.get(key, "—")) for settings in flat))
+        for key in keys
+        if len({str(settings.get(key)) for settings in flat}) > 1
+    ]
+    return Table("Settings that differ", ("", *runs), rows)
+
+
+def _leaves(value: Any, path: str = "") -> Iterator[tuple[str, Any]]:
+    if isinstance(value, Mapping):
+        for key, inner in value.items():
+            yield from _leaves(inner, f"{path}.{key}" if path else str(key))
+    elif isinstance(value, list | tuple) and any(isinstance(inner, Mapping) for inner in value):
+        for i, inner in enumerate(value):
+            yield from _leaves(inner, f"{path}[{i}]")
+    else:
+        yield path, value
+
+
+def number(value: Any, digits: int = 4) -> str:
+    """A number as people read it; words as they are; nothing for None."""
+    if value is None:
+        return "—"
+    if isinstance(value, bool) or not isinstance(value, int | float):
+        return str(value)
+    if isinstance(value, int):
+        return _count(value)
+    return f"{value:.{digits}g}" if math.isfinite(value) else str(value)
+
+
+def _count(n: float) -> str:
+    return f"{round(n):,}".replace(",", "\u202f")

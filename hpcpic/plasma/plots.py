@@ -1,0 +1,479 @@
+"""Figures of a plasma run, by name in PLOTS. Each takes a run folder that is open and makes one figure.
+
+Lines of theory are drawn dashed and dark; what was measured is coloured.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from hpcpic.core.cli.figures import COLOURS, INK, NoData, Plot, axis_label, new_figure, style, timers_figure
+from hpcpic.core.errors import FileError
+from hpcpic.plasma import analysis, theory
+from hpcpic.plasma.config import PlasmaConfig, velocity_components
+from hpcpic.plasma.predictions import Prediction, beams, predict
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+    from hpcpic.core.files.reader import Fields, Particles, Run
+
+SIGNED, POSITIVE = "RdBu_r", "viridis"
+THEORY: dict[str, Any] = {"color": INK, "linestyle": (0, (5, 3)), "linewidth": 1.4}
+SCATTER_LIMIT = 20_000  # particles drawn as dots; more become a density
+PANELS = 4
+
+
+def config_of(run: Run) -> PlasmaConfig:
+    """The case of a run, with every default filled in."""
+    from hpcpic.core.files.config import loads
+    from hpcpic.core.files.schema import validate
+
+    return validate(PlasmaConfig, loads(run.config))
+
+
+def _series(run: Run, *names: str) -> tuple[np.ndarray, ...]:
+    """time and the scalars. Raises NoData."""
+    try:
+        series = run.series
+    except FileError as error:
+        raise NoData(f"no series: {error}") from error
+    missing = [name for name in names if name not in series]
+    if missing or len(series.time) < 2:
+        raise NoData(f"the series lacks {', '.join(missing) or 'a second sample'}")
+    return (series.time, *(series[name] for name in names))
+
+
+def _fields(run: Run) -> Fields:
+    try:
+        snapshots = run.field_snapshots
+        snapshots.index()
+    except FileError as error:
+        raise NoData(f"no snapshots of the fields (output.sampling_period.field): {error}") from error
+    return snapshots
+
+
+def _particles(run: Run) -> Particles:
+    try:
+        snapshots = run.particle_snapshots
+        snapshots.index()
+    except FileError as error:
+        raise NoData(f"no snapshots of the particles (output.sampling_period.particle): {error}") from error
+    return snapshots
+
+
+# --------------------------------------------------------------------------------------------- series
+
+
+def energies(run: Run, step: int | None = None) -> Figure:
+    """Field, kinetic and total energy, and below them the relative change of the total.
+
+    Logarithmic where the field has under a hundredth of the energy; only the beginning of a long oscillation.
+    """
+    t, field, kinetic, total = _series(run, "energy_field", "energy_kinetic", "energy_total")
+    with style():
+        figure, (top, low) = new_figure(2, 1, (6.4, 4.6), height_ratios=(2.2, 1))
+        shown = slice(0, _end_of_beginning(field))
+        for values, colour, label in ((total, INK, "total"), (kinetic, COLOURS[0], "kinetic")):
+            top.plot(t[shown], values[shown], color=colour, label=label)
+        top.plot(t[shown], field[shown], color=COLOURS[1], label="field")
+        if field.max() < 0.01 * total.max():
+            top.set_yscale("log")
+            top.set_ylim(0.3 * np.percentile(field[field > 0], 2), 4.0 * total.max())
+        else:
+            top.set_ylim(0, None)
+        top.set(ylabel=axis_label("energy", run.series.units["energy_total"]), title="Energy")
+        top.legend(ncols=3, loc="lower right", bbox_to_anchor=(1.0, 1.0), borderaxespad=0.1)
+        low.plot(t, analysis.relative_drift(total), color=COLOURS[3], linewidth=1.2)
+        low.set(ylabel="change of total", xlabel="time, s")
+        return figure
+
+
+def _end_of_beginning(signal: np.ndarray, crossings: int = 40) -> int:
+    """Index behind so many crossings of the mean if there are over four times as many; else the length."""
+    crossed = np.flatnonzero(np.diff(np.sign(signal - signal.mean())) != 0)
+    return int(crossed[crossings]) if len(crossed) > 4 * crossings else len(signal)
+
+
+def conservation(run: Run, step: int | None = None) -> Figure:
+    """Departures of charge, momentum and total energy: momentum relative to sqrt(2 m W)."""
+    t, charge, total, kinetic = _series(run, "charge", "energy_total", "energy_kinetic")
+    momenta = [name for name in ("momentum_x", "momentum_y", "momentum_z") if name in run.series]
+    mass = sum(species_masses(config_of(run)))
+    scale = float(np.sqrt(2.0 * mass * kinetic.max())) if mass else 0.0
+    lines = [("energy", analysis.relative_drift(total)), ("charge", analysis.relative_drift(charge))]
+    lines += [(name.replace("_", " "), analysis.relative_drift(run.series[name], scale)) for name in momenta]
+    with style():
+        figure, axes = new_figure(size=(6.4, 3.6))
+        for (name, values), colour in zip(lines, COLOURS):
+            size = np.abs(values)
+            label = name if size.any() else f"{name}: exact"
+            axes.plot(t, np.where(size > 0, size, np.nan), color=colour, label=label, linewidth=1.2)
+        axes.set_yscale("log")
+        axes.set(xlabel="time, s", ylabel="relative departure", title="Conservation")
+        axes.set_xlim(t[0], t[-1])
+        axes.legend(ncols=2)
+        return figure
+
+
+def species_masses(config: PlasmaConfig) -> list[float]:
+    """Mass of all particles of each species in kg, as the scene makes them."""
+    from hpcpic.plasma.scene import Scene
+
+    return [species.m * species.n for species in Scene(config).species]
+
+
+def strongest_mode(run: Run) -> int:
+    """The mode that theory and measurement are compared for: the largest along x."""
+    names = [name for name in run.series if name.startswith("mode_")]
+    if not names:
+        raise NoData("the series has no mode_1 ...")
+    return max((float(np.nanmax(run.series[name])), int(name[5:])) for name in names)[1]
+
+
+@dataclass(frozen=True, slots=True)
+class Compared:
+    """A mode beside its law: words, the line of theory (or None), and the times worth showing (or None)."""
+
+    words: str
+    line: np.ndarray | None = None
+    shown: tuple[float, float] | None = None
+
+
+def compare_mode(t: np.ndarray, amplitude: np.ndarray, law: Prediction | None) -> Compared:
+    """Fit what the law says the mode does: growth, damping or a steady wave; growth without a law."""
+    try:
+        if law is None or law.omega.imag > 1e-6 * abs(law.omega):
+            return _compare_growth(t, amplitude, law)
+        return _compare_damping(t, amplitude, law) if law.omega.imag < 0 else _compare_wave(t, amplitude, law)
+    except analysis.NoFit as error:
+        return Compared(f"not fitted: {error}")
+
+
+def _compare_growth(t: np.ndarray, amplitude: np.ndarray, law: Prediction | None) -> Compared:
+    fit = analysis.growth_rate(t, amplitude)
+    words = f"growth {fit.value:.5g} ± {fit.error:.1g} 1/s"
+    if law is None:
+        return Compared(words)
+    middle = 0.5 * (fit.start + fit.stop)
+    line = fit.amplitude * np.exp(fit.value * middle + law.omega_mesh.imag * (t - middle))
+    words += f"\ntheory {law.omega.imag:.5g} ({law.law})"
+    return Compared(words, np.where(line <= 2.0 * amplitude.max(), line, np.nan))
+
+
+def _compare_damping(t: np.ndarray, amplitude: np.ndarray, law: Prediction) -> Compared:
+    times, heights = analysis.peaks(t, amplitude)
+    frequency, rate, error = analysis.damping_rate(t, amplitude)
+    words = (
+        f"decay {-rate:.4g} ± {error:.1g} 1/s, frequency {frequency:.5g} rad/s\n"
+        f"theory {-law.omega.imag:.4g} and {law.omega.real:.5g} ({law.law})"
+    )
+    return Compared(words, heights[0] * np.exp(law.omega_mesh.imag * (t - times[0])))
+
+
+def _compare_wave(t: np.ndarray, amplitude: np.ndarray, law: Prediction) -> Compared:
+    """The end of the run beside a wave of the scheme's frequency whose phase was fixed at the beginning."""
+    wave, omega = analysis.signed(amplitude), law.omega_mesh.real
+    fit = analysis.fit_oscillation(t, wave, frequency=omega)
+    begin = slice(0, max(8, t.size // 10))
+    phases = np.stack((np.cos(omega * t), np.sin(omega * t)), axis=1)
+    line = np.abs(phases @ np.linalg.lstsq(phases[begin], wave[begin], rcond=None)[0])
+    words = (
+        f"frequency {fit.frequency:.7g} ± {fit.frequency_error:.1g} rad/s\n"
+        f"theory {law.omega.real:.7g}, in this mesh and step {omega:.7g} ({law.law})"
+    )
+    return Compared(words, line, (max(t[0], t[-1] - 12 * np.pi / omega), t[-1]))
+
+
+def modes(run: Run, step: int | None = None) -> Figure:
+    """Amplitudes |E_k| of the first modes along x, the strongest one beside the law that the case allows."""
+    strongest = strongest_mode(run)
+    t, amplitude = _series(run, f"mode_{strongest}")
+    found = compare_mode(t, amplitude, predict(config_of(run), strongest))
+    with style():
+        figure, axes = new_figure(size=(6.4, 4.0))
+        for name in run.series:
+            if name.startswith("mode_") and name != f"mode_{strongest}":
+                axes.plot(t, run.series[name], linewidth=0.8, alpha=0.45, color=COLOURS[6])
+        axes.plot(t, amplitude, color=COLOURS[0], linewidth=2.2, label=f"mode {strongest}")
+        if found.line is not None:
+            axes.plot(t, found.line, label="theory, in this mesh and step", **THEORY)
+        top = amplitude.max()
+        if found.shown:
+            axes.set(xlim=found.shown, ylim=(0, 1.45 * top))
+        else:
+            axes.set_yscale("log")
+            floor = max(np.min(amplitude[amplitude > 0], initial=top), 1e-9 * top)
+            axes.set_ylim(0.5 * floor, 12.0 * top)
+        unit = run.series.units[f"mode_{strongest}"]
+        axes.set(xlabel="time, s", ylabel=axis_label("|$E_k$|", unit), title="Modes of the field")
+        axes.legend(loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=2, borderaxespad=0.1)
+        axes.text(0.015, 0.975, found.words, transform=axes.transAxes, va="top", linespacing=1.5)
+        return figure
+
+
+def spectrum(run: Run, step: int | None = None) -> Figure:
+    """Power of the field along x over wave number and frequency, with the branches that theory gives."""
+    snapshots = _fields(run)
+    name = next((n for n in ("E", "E_x", "phi") if n in snapshots.names), None)
+    if name is None or len(snapshots.steps) < 16 or len(set(np.diff(snapshots.steps))) > 1:
+        raise NoData("needs 16 snapshots of E or phi at equal intervals (output.sampling_period.field)")
+    species = beams(config_of(run))
+    wp = float(np.sqrt(sum(b.plasma_frequency**2 for b in species))) or 1.0
+    dt = float(abs(snapshots.times[1] - snapshots.times[0]))
+    if np.pi / dt < 1.5 * wp:
+        raise NoData(
+            f"needs a snapshot of the fields every {np.pi / (2 * wp):.3g} s or less (here {dt:.3g} s)"
+        )
+    rows = np.array([_along_x(run, name, int(s)) for s in snapshots.steps])
+    k, omega, power = analysis.spectrum(rows, dt, snapshots.spacing[-1])
+    speed = max((max(abs(b.drift), b.thermal_velocity) for b in species), default=0.0)
+    high = min(4.0 * wp, omega[-1])
+    right = min(k[-1], max(2.0 * wp / speed, k[min(8, len(k) - 1)])) if speed else k[-1]
+    with style():
+        figure, axes = new_figure(size=(6.4, 4.2))
+        shown = np.log10(power + 1e-300)
+        top = shown[np.ix_(omega <= high, (k > 0) & (k <= right))].max()
+        mesh = axes.pcolormesh(
+            k[1:], omega, shown[:, 1:], vmin=top - 6, vmax=top, cmap="magma", rasterized=True
+        )
+        axes.scatter(*_branches(species, np.linspace(k[1], right, 80)), s=3, color="white", linewidths=0)
+        axes.axhline(wp, color="white", linewidth=0.8, alpha=0.6)
+        label = {"xytext": (-4, 4), "textcoords": "offset points", "ha": "right", "color": "white"}
+        axes.annotate(r"$\omega_p$", (right, wp), **label)
+        axes.grid(visible=False)
+        figure.colorbar(mesh, ax=axes, label=f"log$_{{10}}$ power of {name}", pad=0.02)
+        axes.set(xlabel="wave number, rad/m", ylabel="frequency, rad/s", title="Spectrum of the field")
+        axes.set(xlim=(0.5 * k[1], right), ylim=(0, high))
+        return figure
+
+
+def _branches(species: Sequence[theory.Beam], waves: np.ndarray) -> tuple[list[float], list[float]]:
+    """k and omega of undamped cold waves, or of Landau's root of one warm species while damping is weak."""
+    found: list[tuple[float, float]] = []
+    if all(b.thermal_velocity == 0.0 for b in species):
+        for k in waves:
+            found += [(k, abs(w.real)) for w in theory.cold_roots(k, species) if abs(w.imag) < 1e-6 * abs(w)]
+    elif len(species) == 1:
+        wp, debye = species[0].plasma_frequency, species[0].thermal_velocity / species[0].plasma_frequency
+        found = [(k, wp * theory.landau(k * debye).real) for k in waves if k * debye < 0.6]
+    return [k for k, _ in found], [w for _, w in found]
+
+
+def _along_x(run: Run, name: str, step: int) -> np.ndarray:
+    """The x component, averaged over y, of a snapshot: values[x]."""
+    values = run.field(name, step)
+    if values.ndim > len(run.field_snapshots.points):
+        values = values[..., 0]
+    return values.mean(axis=tuple(range(values.ndim - 1))) if values.ndim > 1 else values
+
+
+# --------------------------------------------------------------------------------------------- fields
+
+
+def fields(run: Run, step: int | None = None) -> Figure:
+    """1D: E in space and time, and profiles at a step. 2D: charge, potential and |E| at a step."""
+    snapshots = _fields(run)
+    number = snapshots.index(step)
+    if len(snapshots.points) == 1:
+        return _fields_1d(run, snapshots, number)
+    return _fields_2d(run, snapshots, number)
+
+
+def _fields_1d(run: Run, snapshots: Fields, number: int) -> Figure:
+    length = snapshots.points[0] * snapshots.spacing[0]
+    x = np.arange(snapshots.points[0]) * snapshots.spacing[0]
+    names = [n for n in ("rho", "phi", "E", "E_x") if n in snapshots.names]
+    several = len(snapshots.steps) > 3
+    shown = names[-1]
+    with style():
+        height = 1.25 * len(names) + (2.8 if several else 0.6)
+        ratios = ([2.4] if several else []) + [1.0] * len(names)
+        figure, axes = new_figure(len(ratios), 1, (6.4, height), height_ratios=ratios, squeeze=False)
+        rows = list(axes[:, 0])
+        if several:
+            top = rows.pop(0)
+            history = np.array([_along_x(run, shown, int(s)) for s in snapshots.steps])
+            limit = float(np.abs(history).max()) or 1.0
+            mesh = top.pcolormesh(
+                x, snapshots.times, history, cmap=SIGNED, vmin=-limit, vmax=limit, rasterized=True
+            )
+            top.axhline(snapshots.times[number], color=INK, linewidth=0.8)
+            top.grid(visible=False)
+            figure.colorbar(mesh, ax=top, label=axis_label(shown, snapshots.units[shown]), pad=0.02)
+            top.set(ylabel="time, s", title="Field in space and time", xlim=(0, length))
+        for axis, name, colour in zip(rows, names, COLOURS):
+            axis.plot(x, _along_x(run, name, int(snapshots.steps[number])), color=colour)
+            axis.set(ylabel=axis_label(name, snapshots.units[name]), xlim=(0, length))
+        rows[0].set_title(f"Profiles at t = {snapshots.times[number]:.4g} s")
+        rows[-1].set_xlabel("x, m")
+        for axis in rows[:-1]:
+            axis.tick_params(labelbottom=False)
+        return figure
+
+
+def _fields_2d(run: Run, snapshots: Fields, number: int) -> Figure:
+    ly, lx = (n * d for n, d in zip(snapshots.points, snapshots.spacing))
+    at = int(snapshots.steps[number])
+    panels = [(name, run.field(name, at), SIGNED) for name in ("rho", "phi") if name in snapshots.names]
+    if "E" in snapshots.names:
+        panels.append(("|E|", np.linalg.norm(run.field("E", at), axis=-1), POSITIVE))
+    elif {"E_x", "E_y"} <= set(snapshots.names):
+        panels.append(("|E|", np.hypot(run.field("E_x", at), run.field("E_y", at)), POSITIVE))
+    with style():
+        width = 3.4 * len(panels)
+        height = 0.9 + 3.0 * min(max(ly / lx, 0.4), 1.6)
+        figure, axes = new_figure(1, len(panels), (width, height), squeeze=False)
+        for axis, (name, values, colours) in zip(axes[0], panels):
+            limit = float(np.abs(values).max()) or 1.0
+            low = -limit if colours == SIGNED else 0.0
+            image = axis.imshow(
+                values,
+                origin="lower",
+                extent=(0, lx, 0, ly),
+                cmap=colours,
+                vmin=low,
+                vmax=limit,
+                aspect="equal",
+            )
+            unit = snapshots.units.get(name, snapshots.units.get("E", snapshots.units.get("E_x", "")))
+            figure.colorbar(image, ax=axis, shrink=0.8, pad=0.02)
+            axis.grid(visible=False)
+            axis.set(xlabel="x, m", title=axis_label(name, unit))
+        axes[0, 0].set_ylabel("y, m")
+        figure.suptitle(f"Fields at t = {snapshots.times[number]:.4g} s", x=0.01, ha="left", fontsize=11)
+        return figure
+
+
+# ------------------------------------------------------------------------------------------ particles
+
+
+def _velocity_limits(run: Run, snapshots: Particles, numbers: Sequence[int]) -> tuple[float, float]:
+    """Common limits of vx over the snapshots shown, a little wider than the particles."""
+    low, high = np.inf, -np.inf
+    for number in numbers:
+        for species in snapshots.species:
+            v = snapshots.read(species, number)["velocity"][:, 0]
+            if v.size:
+                low, high = min(low, v.min()), max(high, v.max())
+    middle, half = 0.5 * (low + high), 0.5 * (high - low) or 1.0
+    return float(middle - 1.08 * half), float(middle + 1.08 * half)
+
+
+def phase_space(run: Run, step: int | None = None) -> Figure:
+    """x and vx of the particles, coloured by species, at up to four times; at one step when it is given."""
+    snapshots = _particles(run)
+    last = len(snapshots.steps) - 1
+    numbers = (
+        [snapshots.index(step)] if step is not None else sorted(set(np.linspace(0, last, PANELS).astype(int)))
+    )
+    length = config_of(run).simulation.space_length[0]
+    limits = _velocity_limits(run, snapshots, range(last + 1) if step is not None else numbers)
+    with style():
+        columns = min(2, len(numbers))
+        lines = -(-len(numbers) // columns)
+        size = (6.4, 4.2) if len(numbers) == 1 else (3.5 * columns, 2.5 * lines + 0.5)
+        figure, axes = new_figure(lines, columns, size, squeeze=False, sharex=True, sharey=True)
+        for axis, number in zip(axes.flat, numbers):
+            _phase_panel(axis, snapshots, int(number), length, limits)
+        for axis in axes[-1]:
+            axis.set_xlabel("x, m")
+        for axis in axes[:, 0]:
+            axis.set_ylabel("$v_x$, m/s")
+        if len(snapshots.species) > 1:
+            _species_legend(figure, snapshots.species)
+        return figure
+
+
+def _phase_panel(
+    axis: Any, snapshots: Particles, number: int, length: float, limits: tuple[float, float]
+) -> None:
+    """Dots while they can be told apart, else the density of each species laid over the others."""
+    from matplotlib.colors import LinearSegmentedColormap, to_rgb
+
+    read = [snapshots.read(species, number) for species in snapshots.species]
+    dots = sum(len(p["id"]) for p in read) <= SCATTER_LIMIT
+    for particles, colour in zip(read, COLOURS):
+        x, v = particles["position"][:, 0], particles["velocity"][:, 0]
+        if dots:
+            size = 0.5 if x.size > 500 else 9.0
+            axis.scatter(x, v, s=size, color=colour, linewidths=0, rasterized=x.size > 500)
+            continue
+        density = analysis.phase_space(x, v, length, (220, 160), limits)
+        shade = np.ma.masked_equal(density, 0) ** 0.4
+        fade = LinearSegmentedColormap.from_list("fade", [(*to_rgb(colour), 0.08), (*to_rgb(colour), 1.0)])
+        axis.imshow(
+            shade,
+            origin="lower",
+            extent=(0, length, *limits),
+            aspect="auto",
+            cmap=fade,
+            interpolation="nearest",
+        )
+    axis.set(xlim=(0, length), ylim=limits)
+    axis.grid(visible=False)
+    axis.set_title(f"t = {snapshots.times[number]:.4g} s", fontsize=10, weight="normal")
+
+
+def _species_legend(figure: Figure, species: Sequence[str]) -> None:
+    from matplotlib.lines import Line2D
+
+    marks = [Line2D([], [], color=c, marker="o", linestyle="") for c in COLOURS[: len(species)]]
+    figure.legend(marks, list(species), ncols=4, loc="outside upper right")
+
+
+def velocities(run: Run, step: int | None = None) -> Figure:
+    """Distribution of each velocity component at the first snapshot and at the last, or the one asked for."""
+    snapshots = _particles(run)
+    end = snapshots.index(step)
+    read = [snapshots.read(species, end) for species in snapshots.species]
+    components = velocity_components(config_of(run))
+    with style():
+        figure, axes = new_figure(1, components, (2.4 + 3.0 * components, 3.5), squeeze=False)
+        for c, axis in enumerate(axes[0]):
+            highest = 0.0
+            for name, late, colour in zip(snapshots.species, read, COLOURS):
+                early, v = snapshots.read(name, 0)["velocity"][:, c], late["velocity"][:, c]
+                limits = (float(min(early.min(), v.min())), float(max(early.max(), v.max())))
+                bins = int(np.clip(np.sqrt(v.size) / 2, 12, 160))
+                now, then = _stairs(v, bins, limits), _stairs(early, bins, limits)
+                if end:
+                    axis.stairs(*then, color=colour, linewidth=1.0, alpha=0.45)
+                axis.stairs(*now, color=colour, fill=True, alpha=0.14)
+                axis.stairs(*now, color=colour, linewidth=1.8, label=name)
+                highest = max(highest, min(then[0].max(), 2.0 * now[0].max()), now[0].max())
+            axis.set(xlabel=f"$v_{'xyz'[c]}$, m/s", ylim=(0, 1.08 * highest))
+        axes[0, 0].set(ylabel="f(v), s/m", title=f"Velocities at t = {snapshots.times[end]:.4g} s")
+        axes[0, -1].legend(title="thin: at the start" if end else None, title_fontsize=9)
+        return figure
+
+
+def _stairs(v: np.ndarray, bins: int, limits: tuple[float, float]) -> tuple[np.ndarray, np.ndarray]:
+    centres, f = analysis.velocity_distribution(v, bins, limits)
+    half = 0.5 * (centres[1] - centres[0])
+    return f, np.append(centres - half, centres[-1] + half)
+
+
+def timers(run: Run, step: int | None = None) -> Figure:
+    """Share of the sections in the wall time."""
+    return timers_figure(run.summary.get("timers", {}))
+
+
+def _steps(snapshots: Callable[[Run], Fields | Particles]) -> Callable[[Run], Sequence[int]]:
+    return lambda run: [int(step) for step in snapshots(run).steps]
+
+
+PLOTS = {
+    "energies": Plot("Energy in time", energies),
+    "modes": Plot("Modes of the field beside theory", modes),
+    "conservation": Plot("Departures of charge, momentum and energy", conservation),
+    "fields": Plot("Charge, potential and field", fields, _steps(_fields)),
+    "phase-space": Plot("Particles in phase space", phase_space, _steps(_particles)),
+    "velocities": Plot("Velocity distribution", velocities, _steps(_particles)),
+    "spectrum": Plot("Spectrum over wave number and frequency", spectrum),
+    "timers": Plot("Where the time went", timers),
+}
