@@ -37,6 +37,7 @@ class Fault(Section):
 class Output(Section):
     series: int = setting(1, "steps between rows of the series", ge=0)
     field: int = setting(0, "steps between snapshots of the field", ge=0)
+    openpmd: int = setting(0, "steps between openPMD files", ge=0)
     particle: int = setting(0, "steps between snapshots of the particles", ge=0)
 
 
@@ -62,14 +63,15 @@ class Toy:
         self.u = 1.0 + 0.5 * np.sin(2 * np.pi * np.arange(self.low, self.high) / config.rows)
         self.iteration = 0
         self.n_steps = config.steps
+        self.time_step = 1 / 1024
         self.work_items, self.local_items = config.rows, self.high - self.low
         self.stop_sem = config.stop_SEM
-        self.periods = {name: getattr(config.output, name) for name in ("series", "field", "particle")}
+        self.periods = {name: getattr(config.output, name) for name in type(config.output).model_fields}
         self.replace_faulty_parts()
 
     @property
     def time(self) -> float:
-        return self.iteration / 1024
+        return self.iteration * self.time_step
 
     def step(self) -> None:
         self.fail_if_asked()

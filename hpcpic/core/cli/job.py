@@ -50,7 +50,6 @@ class Plan:
     restart: bool = False
     warnings: list[str] = field(default_factory=list)
     history: list[Mapping[str, Any]] = field(default_factory=list)
-    conserved: dict[str, dict[str, float]] = field(default_factory=dict)
 
 
 LEFT = (".failed", "post-mortem.txt", "STOP")  # by an earlier part of the run
@@ -132,7 +131,7 @@ class _Job:
                 stop_sem=getattr(app, "stop_sem", 0.0),
                 restarted_from=reader.step if reader else None,
                 history=plan.history,
-                conserved=plan.conserved,
+                conserved=self._conserved(reader),
                 estimate=self._estimate(config, threads),
                 warnings=collected.messages,
                 started=self.started,
@@ -145,6 +144,17 @@ class _Job:
         if self.world.rank == 0:
             self._say(summary.render(outcome.facts))
         return outcome.exit_code
+
+    def _conserved(self, reader: checkpoint.Reader | None) -> summary.Conserved:
+        """What the series says up to the step of the checkpoint; on rank 0."""
+        conserved = summary.Conserved()
+        if reader and self.world.rank == 0 and self.rundir and (self.rundir.path / "series.h5").exists():
+            from hpcpic.core.files.series import read_series
+
+            series = read_series(self.rundir.path)
+            for k in range(int((series.step <= reader.step).sum())):
+                conserved.add({name: float(values[k]) for name, values in series.items()})
+        return conserved
 
     def _estimate(self, config: Any, threads: int) -> dict[str, float]:
         """Of this run, in the units of the summary; on rank 0."""

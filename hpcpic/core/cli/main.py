@@ -73,6 +73,9 @@ class Face(click.Group):
             sys.exit(error.exit_code)
         except click.Abort:
             sys.exit(1)
+        except BrokenPipeError:  # the reader of the output has gone, as `head` does
+            os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+            sys.exit(1)
         except HpcpicError as error:
             if not launcher_rank():
                 click.echo(error.message, err=True)

@@ -47,7 +47,6 @@ def make_restart_command(app_loader: AppLoader) -> click.Command:
                 config=text,
                 restart=True,
                 history=facts.get("history", []),
-                conserved=facts.get("conservation", {}),
             )
             return rundir, plan
 

@@ -43,7 +43,7 @@ class Options:
     stop_sem: float = 0.0
     restarted_from: int | None = None  # step of the checkpoint
     history: Sequence[Mapping[str, Any]] = ()
-    conserved: Mapping[str, Mapping[str, float]] | None = None  # of the earlier parts of the run
+    conserved: Conserved = field(default_factory=Conserved)  # a restart's has seen the series so far
     estimate: Mapping[str, float] | None = None
     warnings: list[str] = field(default_factory=list)  # grows while the run goes
     started: float = field(default_factory=time.monotonic)
@@ -76,7 +76,6 @@ class _Run:
         self.app, self.world, self.rundir, self.options, self.watchdog = app, world, rundir, options, watchdog
         self.first = app.iteration
         self.step_times = StepTimes()
-        self.conserved = Conserved(options.conserved)
         self.progress = Progress(
             options.screen,
             self.first,
@@ -90,7 +89,7 @@ class _Run:
             rundir,
             options.timers,
             progress=self.progress,
-            conserved=self.conserved,
+            conserved=options.conserved,
             after=options.restarted_from,
         )
         self.guard = Guard(world, app.guard, app.iteration)
@@ -101,6 +100,13 @@ class _Run:
 
     def to_the_end(self) -> Outcome:
         app, options = self.app, self.options
+        log.info(
+            "steps %d to %d on %d ranks x %d threads",
+            self.first,
+            app.n_steps,
+            self.world.size,
+            options.threads,
+        )
         options.timers.reset()
         started = time.perf_counter()
         self.outputs.look(app.iteration)
@@ -246,7 +252,7 @@ class _Run:
             "peak_memory_mib_per_rank": summary.peak_memory_mib(world),
             "load": summary.load(world, getattr(app, "local_items", None)),
             "timers": summary.sections(world, options.timers, options.timers.wall),
-            "conservation": self.conserved.facts(),
+            "conservation": self.options.conserved.facts(),
             "estimate": dict(options.estimate or {}),
             "warnings": list(options.warnings),
             "folder": str(self.rundir.path),

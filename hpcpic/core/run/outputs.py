@@ -44,6 +44,7 @@ class Outputs:
             "series": self._series_observer,
             "field": self._field_observer,
             "particle": self._particle_observer,
+            "openpmd": self._openpmd_observer,
         }
         self.observers = [
             Observer(kind, Every(app.periods[kind]), self._kept_going(kind, make()), seen=after)
@@ -99,3 +100,12 @@ class Outputs:
 
         app, writer = self.app, ParticlesWriter(self.world, self.rundir.particles, after=self.after)
         return lambda: writer.append(app.iteration, app.time, app.arrays("particle"))
+
+    def _openpmd_observer(self) -> Callable[[], None]:
+        from hpcpic.core.files.openpmd import OpenPMDWriter
+
+        app = self.app
+        writer = OpenPMDWriter(self.world, self.rundir.openpmd, app.time_step, after=self.after)
+        return lambda: writer.append(
+            app.iteration, app.time, app.domain, app.arrays("field"), app.arrays("particle")
+        )

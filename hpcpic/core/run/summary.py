@@ -68,11 +68,8 @@ class StepTimes:
 class Conserved:
     """First, last and largest change of the scalars that should not change."""
 
-    def __init__(self, before: Mapping[str, Mapping[str, float]] | None = None) -> None:
-        """`before`: the facts of the earlier part of a run that is restarted."""
-        self._found: dict[str, dict[str, float]] = {
-            name: dict(values) for name, values in (before or {}).items()
-        }
+    def __init__(self) -> None:
+        self._found: dict[str, dict[str, float]] = {}
 
     def add(self, scalars: Mapping[str, float]) -> None:
         for name in CONSERVED:

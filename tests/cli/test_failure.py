@@ -1,0 +1,86 @@
+"""Whatever fails on whichever rank: told once, all ranks leave with its code, what was saved stays good."""
+
+import csv
+import time
+
+import pytest
+
+
+def run_with_fault(toy, kind, ranks=2, step=20, **settings):
+    fault = {"fault__kind": f'"{kind}"', "fault__rank": ranks - 1, "fault__step": step}
+    begin = time.monotonic()
+    done = toy(
+        "run",
+        "ring.conf",
+        "-o",
+        "a",
+        "--threads",
+        "1",
+        *settings.pop("words", ()),
+        ranks=ranks,
+        **fault,
+        **settings,
+    )
+    assert time.monotonic() - begin < 15
+    return done
+
+
+@pytest.mark.parametrize("kind", ["raise", "raise everywhere", "thread"])
+def test_one_traceback_and_exit_1(toy, kind):
+    done = run_with_fault(toy, kind)
+    assert done.returncode == 1
+    assert done.stderr.count("Traceback") == 1
+    assert done.stderr.count("\nZeroDivisionError: ") == 1
+    assert toy.facts("a")["status"] == "failed" and toy.facts("a")["exit_code"] == 1
+
+
+def test_one_traceback_without_mpirun(toy):
+    done = run_with_fault(toy, "raise", ranks=1)
+    assert done.returncode == 1 and done.stderr.count("Traceback") == 1
+
+
+def test_exit_on_one_rank_ends_all(toy):
+    done = run_with_fault(toy, "exit")
+    assert done.returncode == 3 and "rank 1 of 2 left by sys.exit(3)" in done.stderr
+
+
+def test_not_a_number_is_exit_4_with_a_reason_and_the_last_checkpoint(toy):
+    done = run_with_fault(toy, "nan", step=50, words=("--checkpoint-every", "20"))
+    assert done.returncode == 4
+    facts = toy.facts("a")
+    assert facts["status"] == "diverged" and "u is not finite in row" in facts["reason"]
+    assert toy.checkpoints("a") == [20, 40]
+    told = (toy.folder / "a" / "post-mortem.txt").read_text()
+    assert "rank 1 of 2" in told and "checkpoint of step 40" in told and "restart a" in told
+    assert "Traceback" not in done.stderr
+    assert toy("restart", "a", fault__kind='"none"').returncode == 0
+    assert toy.facts("a")["state_digest"] == toy.digest()
+
+
+@pytest.mark.parametrize("restart_ranks", [1, 3])
+def test_killed_in_mid_step_goes_on_to_the_same_state(toy, restart_ranks):
+    done = run_with_fault(toy, "kill", step=110, words=("--checkpoint-every", "25"))
+    assert done.returncode != 0
+    assert toy.checkpoints("a") == [75, 100]
+    done = toy("restart", "a", ranks=restart_ranks, fault__kind='"none"')
+    assert done.returncode == 0, done.stderr
+    assert toy.facts("a")["state_digest"] == toy.digest()
+    assert [part["first_step"] for part in toy.facts("a")["history"]] == [100]
+
+
+def test_killed_in_the_middle_of_a_checkpoint_goes_on_from_the_one_before(toy):
+    done = run_with_fault(toy, "kill in checkpoint", step=90, words=("--checkpoint-every", "25"))
+    assert done.returncode != 0
+    assert toy.checkpoints("a") == [50, 75]
+    done = toy("restart", "a", fault__kind='"none"')
+    assert done.returncode == 0, done.stderr
+    assert toy.facts("a")["state_digest"] == toy.digest()
+    assert [path.name for path in (toy.folder / "a" / "checkpoints").glob(".*")] == []
+
+
+def test_series_after_a_kill_has_every_step_once(toy):
+    run_with_fault(toy, "kill", step=110, words=("--checkpoint-every", "25"))
+    assert toy("restart", "a", fault__kind='"none"').returncode == 0
+    toy("run", "ring.conf", "-o", "whole", "--threads", "1")
+    rows = [list(csv.DictReader((toy.folder / name / "series.csv").open())) for name in ("a", "whole")]
+    assert rows[0] == rows[1]

@@ -1,0 +1,67 @@
+"""restart: run(2N) is run(N) + restart + run(N); only what does not belong to the state may change."""
+
+import csv
+
+import pytest
+
+
+@pytest.fixture
+def half(toy):
+    done = toy("run", "ring.conf", "-o", "a", "--threads", "1", ranks=2, steps=100)
+    assert done.returncode == 0, done.stderr
+    return toy
+
+
+@pytest.mark.parametrize("ranks, words", [(1, ("--until", "0.1953125")), (3, ("--set", "steps=200"))])
+def test_a_finished_run_goes_on_to_the_same_state(half, ranks, words):
+    done = half("restart", "a", "--threads", "1", *words, ranks=ranks)
+    assert done.returncode == 0, done.stderr
+    facts = half.facts("a")
+    assert facts["steps"] == 200 and facts["state_digest"] == half.digest(steps=200)
+    assert [(part["first_step"], part["steps"], part["ranks"]) for part in facts["history"]] == [
+        (0, 100, 2),
+        (100, 200, ranks),
+    ]
+    assert "steps = 200" in (half.folder / "a/config.conf").read_text()
+    rows = list(csv.reader((half.folder / "a/series.csv").open()))
+    assert [int(row[0]) for row in rows[2:]] == list(range(201))
+
+
+def test_a_finished_run_restarted_as_it_is_changes_nothing(half):
+    before = half.facts("a")
+    assert half("restart", "a").returncode == 0
+    assert half.facts("a")["state_digest"] == before["state_digest"]
+
+
+def test_the_state_cannot_be_changed(half):
+    done = half("restart", "a", rows=60)
+    assert done.returncode == 2 and "cannot change rows" in done.stderr
+    assert half.facts("a")["status"] == "finished"
+
+
+def test_a_damaged_checkpoint_is_passed_over(toy):
+    toy("run", "ring.conf", "-o", "a", "--threads", "1", "--checkpoint-every", "50", steps=100)
+    newest = toy.folder / "a/checkpoints/00000100.h5"
+    content = bytearray(newest.read_bytes())
+    content[len(content) // 2] ^= 1
+    newest.write_bytes(content)
+    done = toy("restart", "a", "--until", "0.1953125", ranks=2)
+    assert done.returncode == 0, done.stderr
+    assert "00000100.h5" in done.stderr
+    assert toy.facts("a")["history"][-1]["first_step"] == 50
+    assert toy.facts("a")["state_digest"] == toy.digest(steps=200)
+
+
+@pytest.mark.parametrize("ranks", [1, 2])
+def test_no_usable_checkpoint_is_exit_6_told_once(half, ranks):
+    for path in (half.folder / "a/checkpoints").iterdir():
+        path.write_bytes(path.read_bytes()[:-10])
+    done = half("restart", "a", "--until", "1", ranks=ranks)
+    assert done.returncode == 6
+    assert done.stderr.count("no checkpoint can be used") == 1
+    assert "Traceback" not in done.stderr and "Abort" not in done.stderr
+
+
+def test_what_is_no_run_folder_is_exit_6(toy):
+    done = toy("restart", "nowhere")
+    assert done.returncode == 6 and "nowhere" in done.stderr

@@ -1,0 +1,151 @@
+"""`run` from outside: the folder it leaves, one result for any ranks, and refusals that leave nothing."""
+
+import csv
+import re
+
+import pytest
+from toy_runner import Toy
+
+KEYS = {
+    *("status", "exit_code", "steps", "time", "wall_seconds", "ranks", "threads", "nodes", "mlups"),
+    *("peak_memory_mib_per_rank", "timers", "state_digest", "versions", "git", "derived", "estimate"),
+    *("conservation", "warnings", "step_seconds", "history", "command", "host"),
+}
+
+
+@pytest.fixture(scope="module")
+def finished(tmp_path_factory):
+    toy = Toy(tmp_path_factory.mktemp("finished"))
+    done = toy("run", "ring.conf", "-o", "a", "--threads", "1", output__field=100, output__particle=100)
+    assert done.returncode == 0, done.stderr
+    return toy, done
+
+
+def test_run_leaves_the_whole_folder(finished):
+    toy, done = finished
+    names = {path.name for path in (toy.folder / "a").iterdir() if not path.name.startswith(".")}
+    assert names == {
+        "run.json",
+        "config.conf",
+        "given",
+        "log.txt",
+        "timers.csv",
+        "series.h5",
+        "series.csv",
+        "fields.vtkhdf",
+        "particles.vtkhdf",
+        "checkpoints",
+    }
+    facts = toy.facts("a")
+    assert KEYS - facts.keys() == set()
+    assert (facts["status"], facts["exit_code"], facts["steps"], facts["ranks"]) == ("finished", 0, 200, 1)
+    assert set(facts["timers"]["advect"]) == {"min", "avg", "max", "share", "calls"}
+    assert toy.checkpoints("a") == [200]
+    assert (toy.folder / "a/given/ring.conf").read_text() == (toy.folder / "ring.conf").read_text()
+    assert (
+        "finished" in done.stdout
+        and "advect" in done.stdout
+        and "advect" in (toy.folder / "a/log.txt").read_text()
+    )
+
+
+def test_series_has_a_row_per_step_from_0_to_the_end(finished):
+    toy, _ = finished
+    rows = list(csv.reader((toy.folder / "a/series.csv").open()))
+    assert rows[0][:2] == ["step", "time"] and rows[1][:2] == ["1", "s"]
+    assert [int(row[0]) for row in rows[2:]] == list(range(201))
+
+
+def test_shares_of_the_sections_add_up_to_the_whole(finished):
+    toy, _ = finished
+    assert sum(row["share"] for row in toy.facts("a")["timers"].values()) == pytest.approx(1.0, abs=1e-9)
+
+
+def test_config_conf_runs_again_to_the_same_state(finished):
+    toy, _ = finished
+    done = toy("run", "a/config.conf", "-o", "again", "--threads", "1")
+    assert done.returncode == 0
+    assert toy.facts("again")["state_digest"] == toy.facts("a")["state_digest"]
+
+
+@pytest.mark.parametrize("ranks", [2, 3])
+def test_same_digest_on_any_ranks(finished, ranks):
+    toy, _ = finished
+    done = toy("run", "ring.conf", "-o", "b", "--threads", "1", ranks=ranks, output__field=100)
+    assert done.returncode == 0, done.stderr
+    assert toy.facts("b")["ranks"] == ranks
+    assert toy.facts("b")["state_digest"] == toy.facts("a")["state_digest"]
+
+
+def test_a_folder_that_holds_a_run_is_refused_once_without_force(finished):
+    toy, _ = finished
+    before = toy.facts("a")
+    done = toy("run", "ring.conf", "-o", "a", ranks=2)
+    assert done.returncode == 6
+    assert done.stderr.count("holds a run already") == 1
+    assert toy.facts("a") == before
+
+
+def test_force_replaces_a_run(toy):
+    for steps in (3, 2):
+        assert toy("run", "ring.conf", "-o", "a", "--force", steps=steps).returncode == 0
+    assert toy.facts("a")["steps"] == 2 and toy.checkpoints("a") == [2]
+
+
+@pytest.mark.parametrize("ranks", [1, 2])
+def test_all_configuration_errors_are_told_once_and_nothing_is_made(toy, ranks):
+    (toy.folder / "bad.conf").write_text("steps = -1;\nrowz = 3;\n")
+    done = toy("run", "bad.conf", "-o", "bad", ranks=ranks)
+    assert done.returncode == 2
+    assert done.stderr.count("bad.conf:2:1: rowz: unknown key; did you mean 'rows'?") == 1
+    assert done.stderr.count("bad.conf:1:1: steps:") == 1
+    assert "Traceback" not in done.stderr and "Abort" not in done.stderr
+    assert not (toy.folder / "bad").exists()
+
+
+def test_usage_errors_are_told_once(toy):
+    done = toy("run", "--frobnicate", ranks=2)
+    assert done.returncode == 2
+    assert done.stderr.count("No such option") == 1
+
+
+@pytest.mark.parametrize("words", [("--wall", "1:2:3:4"), ("--checkpoint-every", "often")])
+def test_wrong_times_are_usage_errors(toy, words):
+    done = toy("run", "ring.conf", "-o", "a", *words)
+    assert done.returncode == 2 and words[1] in done.stderr
+    assert not (toy.folder / "a").exists()
+
+
+def test_a_limit_stops_the_run_and_force_makes_it_a_warning(toy):
+    done = toy("run", "ring.conf", "-o", "a", courant=1.5, steps=3)
+    assert done.returncode == 2 and "Courant number" in done.stderr and "--force" in done.stderr
+    done = toy("run", "ring.conf", "-o", "a", "--force", courant=1.5, steps=3)
+    assert done.returncode == 0 and re.search(r"^warning 1 +Courant number", done.stdout, re.MULTILINE)
+    assert toy.facts("a")["warnings"]
+
+
+def test_a_launcher_of_another_mpi_is_found_out(toy):
+    done = toy("run", "ring.conf", "-o", "a", env={"PMI_SIZE": "2", "PMI_RANK": "0"})
+    assert done.returncode == 2
+    assert "mpirun started 2 processes" in done.stderr
+    assert not (toy.folder / "a").exists()
+
+
+def test_dry_run_prints_and_makes_nothing(toy):
+    done = toy("run", "ring.conf", "-o", "a", "--dry")
+    assert done.returncode == 0
+    assert "Courant number" in done.stdout and "memory per rank" in done.stdout
+    assert not (toy.folder / "a").exists()
+
+
+def test_stop_sem_ends_a_run_when_the_mean_step_time_is_known(toy):
+    done = toy("run", "ring.conf", "-o", "a", steps=100000, pause=0.002, stop_SEM=0.5)
+    assert done.returncode == 0, done.stderr
+    facts = toy.facts("a")
+    assert "stop_SEM" in facts["reason"] and 30 <= facts["steps"] < 5000
+
+
+def test_a_run_of_no_steps_has_its_first_state(toy):
+    done = toy("run", "ring.conf", "-o", "a", steps=0, ranks=2)
+    assert done.returncode == 0, done.stderr
+    assert toy.checkpoints("a") == [0]

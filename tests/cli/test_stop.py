@@ -1,0 +1,110 @@
+"""Early stops: exit code 5, a checkpoint at the step where all ranks stopped, and the same end after a
+restart.
+"""
+
+import os
+import signal
+import time
+
+import psutil
+import pytest
+
+SLOW = {"steps": 300, "pause": 0.005}
+
+
+def ranks_of(process) -> list[int]:
+    """Process ids of the MPI ranks under the launcher."""
+    children = psutil.Process(process.pid).children(recursive=True)
+    return [child.pid for child in children if "python" in child.name()]
+
+
+def check_stopped_and_goes_on(toy, process, reason, restart_ranks=1):
+    output, errors = process.communicate(timeout=20)
+    assert process.returncode == 5, errors
+    facts = toy.facts("a")
+    assert facts["status"] == "stopped" and facts["exit_code"] == 5 and reason in facts["reason"]
+    assert 0 < facts["steps"] < 300
+    assert toy.checkpoints("a")[-1] == facts["steps"]
+    assert "restart a" in output
+    done = toy("restart", "a", "--threads", "1", ranks=restart_ranks, pause=0.0)
+    assert done.returncode == 0, done.stderr
+    assert toy.facts("a")["steps"] == 300
+    assert toy.facts("a")["state_digest"] == toy.digest(steps=300)
+
+
+@pytest.mark.parametrize("name, restart_ranks", [("SIGTERM", 1), ("SIGUSR1", 3)])
+def test_signal_to_mpirun(toy, name, restart_ranks):
+    process = toy.start("run", "ring.conf", "-o", "a", "--threads", "1", ranks=2, **SLOW)
+    process.send_signal(signal.Signals[name])
+    check_stopped_and_goes_on(toy, process, name, restart_ranks)
+
+
+def test_interrupt_of_a_single_process(toy):
+    process = toy.start("run", "ring.conf", "-o", "a", "--threads", "1", **SLOW)
+    process.send_signal(signal.SIGINT)
+    check_stopped_and_goes_on(toy, process, "SIGINT", 2)
+
+
+def test_signal_to_one_rank_stops_all_at_one_step(toy):
+    process = toy.start("run", "ring.conf", "-o", "a", "--threads", "1", ranks=2, **SLOW)
+    os.kill(ranks_of(process)[-1], signal.SIGTERM)
+    check_stopped_and_goes_on(toy, process, "SIGTERM", 2)
+
+
+def test_stop_file_is_taken_away_by_the_restart(toy):
+    process = toy.start("run", "ring.conf", "-o", "a", "--threads", "1", **SLOW)
+    (toy.folder / "a" / "STOP").touch()
+    check_stopped_and_goes_on(toy, process, "STOP")
+    assert not (toy.folder / "a" / "STOP").exists()
+
+
+def test_stop_comes_promptly(toy):
+    process = toy.start("run", "ring.conf", "-o", "a", "--threads", "1", steps=100000, pause=0.001)
+    begin = time.monotonic()
+    process.send_signal(signal.SIGTERM)
+    process.communicate(timeout=20)
+    # 0.2 s to agree, the checkpoint of a tiny state, and the interpreter's exit on a busy machine
+    assert process.returncode == 5 and time.monotonic() - begin < 3.0
+
+
+def test_wall_limit_ends_before_it(toy):
+    begin = time.monotonic()
+    done = toy("run", "ring.conf", "-o", "a", "--threads", "1", "--wall", "0:04", steps=100000, pause=0.005)
+    assert done.returncode == 5, done.stderr
+    assert "wall clock" in done.stdout
+    assert toy.facts("a")["wall_seconds"] < 4.0 < time.monotonic() - begin + 4.0
+    assert toy.checkpoints("a")[-1] == toy.facts("a")["steps"] > 0
+
+
+def test_wall_limit_shorter_than_the_start_still_leaves_a_checkpoint(toy):
+    done = toy("run", "ring.conf", "-o", "a", "--threads", "1", "--wall", "0", steps=100000)
+    assert done.returncode == 5, done.stderr
+    assert toy.checkpoints("a") == [0]
+
+
+def test_end_of_the_slurm_job_is_a_wall_limit(toy):
+    env = {"SLURM_JOB_END_TIME": str(int(time.time()) + 5)}
+    done = toy("run", "ring.conf", "-o", "a", "--threads", "1", env=env, steps=100000, pause=0.005)
+    assert done.returncode == 5 and "wall clock" in done.stdout
+
+
+def test_second_interrupt_ends_at_once(toy):
+    process = toy.start(
+        "run",
+        "ring.conf",
+        "-o",
+        "a",
+        "--threads",
+        "1",
+        ranks=2,
+        steps=50,
+        fault__kind='"hang"',
+        fault__step=1,
+    )
+    process.send_signal(signal.SIGINT)
+    time.sleep(1.0)  # more than the echo of one Ctrl-C
+    for rank in ranks_of(process):
+        os.kill(rank, signal.SIGINT)
+    _, errors = process.communicate(timeout=10)
+    assert process.returncode not in (0, 5)
+    assert errors.count("second interrupt") == 1

@@ -1,0 +1,53 @@
+"""sweep: every combination once, failures stop nobody, called again it repeats only what is not done."""
+
+import csv
+
+import pytest
+
+from hpcpic.core.cli.sweep import expand, split
+from hpcpic.core.errors import ConfigError
+
+
+def table(toy):
+    return list(csv.DictReader((toy.folder / "s/table.csv").open()))
+
+
+def test_expand_is_the_product_or_the_zip():
+    assert expand(["a=1,2", "b=x,y"]) == [("a=1", "b=x"), ("a=1", "b=y"), ("a=2", "b=x"), ("a=2", "b=y")]
+    assert expand(["a=1,2", "b=x,y"], zipped=True) == [("a=1", "b=x"), ("a=2", "b=y")]
+    assert expand([]) == [()] == expand([], zipped=True)
+
+
+def test_ranges_have_both_ends():
+    assert expand(["a=0:1:5"]) == [("a=0.0",), ("a=0.25",), ("a=0.5",), ("a=0.75",), ("a=1.0",)]
+
+
+def test_commas_in_brackets_and_quotes_do_not_split():
+    assert split('[1,2],"a,b",3') == ["[1,2]", '"a,b"', "3"]
+
+
+@pytest.mark.parametrize("sets, zipped", [(["a"], False), (["a=1,2", "b=1"], True), (["a=x:y:3"], False)])
+def test_what_is_no_list_is_refused(sets, zipped):
+    with pytest.raises(ConfigError):
+        expand(sets, zipped)
+
+
+def test_failures_stop_nobody_and_finished_runs_are_not_repeated(toy):
+    words = ("sweep", "ring.conf", "-o", "s", "--set", "courant=0.5,2,1", "--set", "steps=20")
+    done = toy(*words)
+    assert done.returncode == 3, done.stderr
+    assert [row["exit_code"] for row in table(toy)] == ["0", "2", "0"]
+    assert [row["courant"] for row in table(toy)] == ["0.5", "2", "1"]
+    assert float(table(toy)[0]["mass"]) == pytest.approx(50.0)
+    first = toy.facts("s/0000")
+    again = toy(*words)
+    assert again.stdout.count("done before") == 2
+    assert toy.facts("s/0000") == first
+
+
+def test_a_stopped_run_goes_on(toy):
+    words = ("sweep", "ring.conf", "-o", "s", "--set", "steps=400")
+    done = toy("run", "ring.conf", "-o", "s/0000", "--wall", "0", steps=400)
+    assert done.returncode == 5
+    assert toy(*words).returncode == 0
+    assert len(toy.facts("s/0000")["history"]) == 2 and toy.facts("s/0000")["steps"] == 400

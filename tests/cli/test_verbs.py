@@ -1,0 +1,177 @@
+"""The verbs that take no step or only look: light, quick, right exit codes."""
+
+import csv
+import resource
+import subprocess
+import sys
+
+import pytest
+from toy_runner import ROOT, environment
+
+from hpcpic.core.cli.main import VERBS
+
+HEAVY = ("mpi4py", "numba", "h5py", "pyfftw", "scipy", "matplotlib")
+LOOK = """
+import sys
+sys.argv = ["hpcpic", *{words!r}]
+from hpcpic.__main__ import main
+try:
+    main()
+except SystemExit as end:
+    code = end.code
+loaded = [name for name in {heavy!r} if name in sys.modules]
+sys.stderr.write(f"loaded={{loaded}} code={{code}}")
+"""
+LIGHT = [["--help"], ["run", "--help"], ["list"], ["show", "landau-damping"], ["check", "landau-damping"],
+         ["estimate", "landau-damping", "--ranks", "4"]]  # fmt: skip
+
+
+@pytest.mark.parametrize("words", LIGHT, ids=" ".join)
+def test_thinking_verbs_import_nothing_heavy_and_answer_at_once(words, tmp_path):
+    program = LOOK.format(words=words, heavy=HEAVY)
+    before = resource.getrusage(resource.RUSAGE_CHILDREN)
+    done = subprocess.run(
+        [sys.executable, "-c", program],
+        cwd=tmp_path,
+        env=environment(),
+        capture_output=True,
+        text=True,
+        timeout=20,
+    )
+    after = resource.getrusage(resource.RUSAGE_CHILDREN)
+    assert done.stderr.endswith("loaded=[] code=0"), done.stderr
+    assert done.stdout
+    # processor time, which a busy machine does not stretch as it does the clock; 0.5 s is what users are
+    # promised
+    assert after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime < 0.5
+
+
+def test_every_verb_has_help(toy):
+    listed = toy("--help").stdout
+    for verb in VERBS:
+        assert f"\n  {verb} " in listed
+    assert subprocess.run(
+        [sys.executable, "-m", "hpcpic", "--version"], cwd=ROOT, env=environment(), capture_output=True
+    ).stdout.startswith(b"hpcpic")
+
+
+def test_check_tells_limits_and_leaves_with_3_beyond_them(toy):
+    assert toy("check", "ring.conf").returncode == 0
+    done = toy("check", "ring.conf", courant=2)
+    assert done.returncode == 3
+    assert "Courant number" in done.stdout and "take courant = 1" in done.stdout and "CFL" in done.stdout
+
+
+def test_check_of_a_wrong_key_is_exit_2(toy):
+    done = toy("check", "ring.conf", rowz=2)
+    assert done.returncode == 2 and "did you mean 'rows'" in done.stderr
+
+
+def test_show_has_every_key_and_what_the_case_says(toy):
+    shown = toy("show", "ring.conf").stdout
+    assert "a ring" in shown
+    for key in ("steps", "rows", "fault.kind", "output.field"):
+        assert f"\n{key} " in shown
+
+
+def test_output_is_said_by_one_rank(toy):
+    assert toy("show", "ring.conf", ranks=2).stdout.count("\nsteps ") == 1
+
+
+def test_a_reader_that_goes_away_is_no_traceback(toy):
+    words = [*toy.words("show", "ring.conf")]
+    done = subprocess.run(
+        f"{' '.join(words)} | true",
+        shell=True,
+        cwd=toy.folder,
+        env=environment(),
+        capture_output=True,
+        text=True,
+    )
+    assert "Traceback" not in done.stderr
+
+
+def test_estimate_adds_up(toy):
+    done = toy(
+        "estimate",
+        "ring.conf",
+        "--ranks",
+        "5",
+        rows=1000,
+        env={"HPCPIC_CACHE_DIR": str(toy.folder / "cache")},
+    )
+    assert done.returncode == 0
+    assert "1.562 KiB" in done.stdout  # 8 B x 1000 / 5
+    assert "bench --quick" in done.stdout
+
+
+def test_compare_is_exit_3_beyond_the_tolerance(toy):
+    for name, courant in (("a", 0.25), ("b", 0.25), ("c", 0.250001)):
+        toy(
+            "run",
+            "ring.conf",
+            "-o",
+            name,
+            "--threads",
+            "1",
+            courant=courant,
+            output__field=100,
+            output__particle=100,
+        )
+    same = toy("compare", "a", "b")
+    assert same.returncode == 0, same.stderr
+    assert "config: the same" in same.stdout and "the same bits" in same.stdout
+    other = toy("compare", "a", "c")
+    assert other.returncode == 3 and "field u" in other.stderr and "courant" in other.stdout
+    assert toy("compare", "a", "c", "--tol", "1e-3").returncode == 0
+
+
+def test_compare_of_runs_of_different_length_is_exit_3(toy):
+    for name, steps in (("a", 10), ("b", 20)):
+        toy("run", "ring.conf", "-o", name, "--threads", "1", steps=steps)
+    done = toy("compare", "a", "b")
+    assert done.returncode == 3 and "different steps" in done.stderr
+
+
+def test_export_writes_what_other_programs_read(toy):
+    toy(
+        "run",
+        "ring.conf",
+        "-o",
+        "a",
+        "--threads",
+        "1",
+        output__field=100,
+        output__particle=200,
+        output__openpmd=100,
+    )
+    done = toy("export", "a", "--to", "csv,vtkhdf,openpmd")
+    assert done.returncode == 0, done.stderr
+    rows = list(csv.reader((toy.folder / "a/export/csv/points-00000200.csv").open()))
+    assert rows[0] == ["id", "position_x", "position_y", "position_z", "u"]
+    assert rows[1] == ["1", "m", "m", "m", "1"] and len(rows) == 52
+    assert (toy.folder / "a/export/vtkhdf/fields.vtkhdf").exists()
+    names = [f"data{step:08d}.h5" for step in (0, 100, 200)]
+    for folder in ("a/export/openpmd", "a/openpmd"):
+        assert sorted(path.name for path in (toy.folder / folder).iterdir()) == names
+    assert toy("export", "a", "--to", "xdmf").returncode == 2
+
+
+def test_bench_keeps_rates_that_estimate_uses(toy):
+    cache = {"HPCPIC_CACHE_DIR": str(toy.folder / "cache")}
+    done = toy("bench", "--quick", "--threads", "1", env=cache)
+    assert done.returncode == 0, done.stderr
+    assert "triad" in done.stdout and "GB/s" in done.stdout
+    assert "measured on this machine" in toy("estimate", "ring.conf", env=cache).stdout
+
+
+def test_doctor_finds_two_ranks_of_one_mpi(toy):
+    done = toy("doctor", "--threads", "1")
+    assert done.returncode == 0, done.stdout + done.stderr
+    assert "launcher" in done.stdout and "HDF5" in done.stdout
+
+
+@pytest.mark.parametrize("ranks", [1, 2])
+def test_doctor_is_exit_3_when_cores_are_oversubscribed(toy, ranks):
+    done = toy("doctor", "--threads", "1000", ranks=ranks)
+    assert done.returncode == 3 and "not in order: load" in done.stderr
