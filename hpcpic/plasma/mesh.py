@@ -117,8 +117,8 @@ class Mesh:
         self.fill.finish()
         self.e[...] = self.wide.values
 
-    def close(self) -> None:
-        """Free what MPI holds."""
+    def free(self) -> None:
+        """Free what MPI holds (all ranks together)."""
         self.fill.free()
         self.fold.free()
-        self.solver.close()
+        self.solver.free()

@@ -145,5 +145,5 @@ class Plasma:
         return self.moments.trouble()
 
     def close(self) -> None:
-        """Free what MPI holds."""
-        self.mesh.close()
+        """Free what MPI holds (all ranks together)."""
+        self.mesh.free()
