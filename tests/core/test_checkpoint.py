@@ -27,6 +27,7 @@ def whole(seed: int, n: int = 1000) -> dict[str, np.ndarray]:
         "ions/x": rng.standard_normal((n, 2)),
         "ions/v": rng.standard_normal((n, 3)).astype(np.float32),
         "none": np.empty((0, 4)),
+        "one": np.array([2.5]),  # some ranks have nothing of it
         "rho": rng.standard_normal((7, 5)),
     }
 

@@ -323,7 +323,7 @@ def parts(slot: Slot, shard: Shard) -> Iterator[tuple[int, memoryview]]:
 
 def as_bytes(array: NDArray) -> memoryview:
     """The bytes of an array in C order."""
-    return memoryview(np.ascontiguousarray(array).reshape(-1).view(np.uint8))
+    return np.ascontiguousarray(array).reshape(-1).view(np.uint8).data
 
 
 def write_all(descriptor: int, content: Any, address: int) -> None:

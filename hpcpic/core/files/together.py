@@ -3,7 +3,7 @@
 import errno
 from collections.abc import Iterator
 from contextlib import contextmanager
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -27,6 +27,7 @@ class Alone:
 
     rank = 0
     size = 1
+    comm: Any = None
 
     def bcast(self, content: bytes | None) -> bytes:
         return content or b""

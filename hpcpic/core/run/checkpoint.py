@@ -226,17 +226,17 @@ def digest(world: "World | Alone", shards: Mapping[str, Shard]) -> str:
 
 def _block(
     world: "World | Alone", content: memoryview, place: NDArray[np.int64], low: int, high: int
-) -> memoryview | NDArray:
+) -> memoryview:
     """Bytes [low, high) of the whole on rank 0; `place` is (offset, length) in bytes of every rank."""
     if world.size == 1:
         return content[low:high]
     starts = np.clip(place[:, 0], low, high)
     ends = np.clip(place.sum(axis=1), low, high)
     counts = np.maximum(ends - starts, 0)
-    own = np.frombuffer(content, np.uint8)
+    own = np.asarray(content)
     first = starts[world.rank] - place[world.rank, 0]
     part = own[first : first + counts[world.rank]]
     whole = np.empty(high - low, np.uint8)
     target = [whole, (counts, starts - low)] if world.rank == 0 else None
     world.comm.Gatherv(part, target)
-    return whole
+    return whole.data
