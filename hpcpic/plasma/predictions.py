@@ -1,14 +1,20 @@
-"""Which result of theory belongs to a case: what its modes along x should do, in rad/s."""
+"""Which result of theory belongs to a case, and a measured mode beside it. Frequencies in rad/s."""
 
 from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
-from hpcpic.plasma import theory
+import numpy as np
+
+from hpcpic.plasma import analysis, theory
 from hpcpic.plasma.config import PlasmaConfig
 from hpcpic.plasma.derived import plasma_frequency
 from hpcpic.plasma.theory import Beam, Mesh
+
+if TYPE_CHECKING:
+    from hpcpic.core.files.reader import Run
 
 
 @dataclass(frozen=True, slots=True)
@@ -19,6 +25,14 @@ class Prediction:
     k: float
     omega: complex
     omega_mesh: complex
+
+
+def config_of(run: Run) -> PlasmaConfig:
+    """The case of a run, with every default filled in."""
+    from hpcpic.core.files.config import loads
+    from hpcpic.core.files.schema import validate
+
+    return validate(PlasmaConfig, loads(run.config))
 
 
 def beams(config: PlasmaConfig) -> tuple[Beam, ...]:
@@ -93,3 +107,57 @@ def _upper_hybrid(config: PlasmaConfig, mode: int) -> Prediction | None:
     wp = beam.plasma_frequency
     discrete = theory.upper_hybrid_frequency(wp, wc, mesh.dt, k, mesh.dx, config.numerics.exact_phase)
     return Prediction("upper hybrid", k, complex(math.hypot(wp, wc)), complex(discrete))
+
+
+@dataclass(frozen=True, slots=True)
+class Compared:
+    """A mode beside its law: words, the line of theory (or None), and the times worth showing (or None)."""
+
+    words: str
+    line: np.ndarray | None = None
+    shown: tuple[float, float] | None = None
+
+
+def compare_mode(t: np.ndarray, amplitude: np.ndarray, law: Prediction | None) -> Compared:
+    """Fit what the law says the mode does: growth, damping or a steady wave; growth without a law."""
+    try:
+        if law is None or law.omega.imag > 1e-6 * abs(law.omega):
+            return _compare_growth(t, amplitude, law)
+        return _compare_damping(t, amplitude, law) if law.omega.imag < 0 else _compare_wave(t, amplitude, law)
+    except analysis.NoFit as error:
+        return Compared(f"not fitted: {error}")
+
+
+def _compare_growth(t: np.ndarray, amplitude: np.ndarray, law: Prediction | None) -> Compared:
+    fit = analysis.growth_rate(t, amplitude)
+    words = f"growth {fit.value:.5g} ± {fit.error:.1g} 1/s"
+    if law is None:
+        return Compared(words)
+    middle = 0.5 * (fit.start + fit.stop)
+    line = fit.amplitude * np.exp(fit.value * middle + law.omega_mesh.imag * (t - middle))
+    words += f"\ntheory {law.omega.imag:.5g} ({law.law})"
+    return Compared(words, np.where(line <= 2.0 * amplitude.max(), line, np.nan))
+
+
+def _compare_damping(t: np.ndarray, amplitude: np.ndarray, law: Prediction) -> Compared:
+    times, heights = analysis.peaks(t, amplitude)
+    frequency, rate, error = analysis.damping_rate(t, amplitude)
+    words = (
+        f"decay {-rate:.4g} ± {error:.1g} 1/s, frequency {frequency:.5g} rad/s\n"
+        f"theory {-law.omega.imag:.4g} and {law.omega.real:.5g} ({law.law})"
+    )
+    return Compared(words, heights[0] * np.exp(law.omega_mesh.imag * (t - times[0])))
+
+
+def _compare_wave(t: np.ndarray, amplitude: np.ndarray, law: Prediction) -> Compared:
+    """The end of the run beside a wave of the scheme's frequency whose phase was fixed at the beginning."""
+    wave, omega = analysis.signed(amplitude), law.omega_mesh.real
+    fit = analysis.fit_oscillation(t, wave, frequency=omega)
+    begin = slice(0, max(8, t.size // 10))
+    phases = np.stack((np.cos(omega * t), np.sin(omega * t)), axis=1)
+    line = np.abs(phases @ np.linalg.lstsq(phases[begin], wave[begin], rcond=None)[0])
+    words = (
+        f"frequency {fit.frequency:.7g} ± {fit.frequency_error:.1g} rad/s\n"
+        f"theory {law.omega.real:.7g}, in this mesh and step {omega:.7g} ({law.law})"
+    )
+    return Compared(words, line, (max(t[0], t[-1] - 12 * np.pi / omega), t[-1]))

@@ -156,16 +156,22 @@ def _pixels(figure: Figure) -> np.ndarray:
 
 
 def timers_figure(timers: Mapping[str, Mapping[str, float]]) -> Figure:
-    """Share of each section of the wall time, longest first, with the spread over ranks as a thin line."""
+    """Share of each section of the wall time, longest first, and its spread over the ranks.
+
+    Sections may lie inside others, so the shares may add up to more than all.
+    """
     if not timers:
         raise NoData("run.json has no timers yet")
     names = list(timers)[::-1]
     with style():
         figure, axes = new_figure(size=(6.4, 0.6 + 0.34 * len(names)))
-        total = sum(row["avg"] for row in timers.values()) or 1.0
-        shares = [100.0 * timers[name]["avg"] / total for name in names]
+        shares = [100.0 * timers[name]["share"] for name in names]
         spread = [
-            [100.0 * abs(timers[n][end] - timers[n]["avg"]) / total for n in names] for end in ("min", "max")
+            [
+                share * abs(timers[n][end] / timers[n]["avg"] - 1.0) if share else 0.0
+                for n, share in zip(names, shares)
+            ]
+            for end in ("min", "max")
         ]
         axes.barh(names, shares, color=COLOURS[0], height=0.62)
         axes.errorbar(shares, names, xerr=spread, fmt="none", ecolor=COLOURS[4], elinewidth=1.6)

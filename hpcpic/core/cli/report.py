@@ -28,7 +28,7 @@ NO_HEADER = Header()
 
 @dataclass(frozen=True, slots=True)
 class Table:
-    """A table of the page. Cells are texts; "ok", "warn", "fail" become marks; `numbers` are columns of them."""
+    """A table of the page. Cells are texts; "ok", "warn" and "fail" become marks; `numbers`: columns."""
 
     title: str
     head: Sequence[str]
@@ -221,7 +221,13 @@ def _timers(facts: Mapping[str, Any]) -> Table:
         for name, row in facts.get("timers", {}).items()
     ]
     head = ("section", "least s", "mean s", "most s", "share", "calls")
-    return Table("Time by section", head, rows, (1, 2, 3, 4, 5), "Least, mean and most over the ranks.")
+    return Table(
+        "Time by section",
+        head,
+        rows,
+        (1, 2, 3, 4, 5),
+        "Least, mean and most over the ranks; a section may lie inside another.",
+    )
 
 
 def _estimate(facts: Mapping[str, Any]) -> Table:

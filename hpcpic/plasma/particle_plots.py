@@ -1,0 +1,137 @@
+"""Figures of particles: phase space and velocity distributions."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from hpcpic.core.cli.figures import COLOURS, NoData, new_figure, style
+from hpcpic.core.errors import FileError
+from hpcpic.plasma import analysis
+from hpcpic.plasma.config import velocity_components
+from hpcpic.plasma.predictions import config_of
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+    from hpcpic.core.files.reader import Particles, Run
+
+SCATTER_LIMIT = 20_000  # particles drawn as dots; more become a density
+PANELS = 4
+
+
+def snapshots_of(run: Run) -> Particles:
+    try:
+        snapshots = run.particle_snapshots
+        snapshots.index()
+    except FileError as error:
+        raise NoData(f"no snapshots of the particles (output.sampling_period.particle): {error}") from error
+    return snapshots
+
+
+def _velocity_limits(run: Run, snapshots: Particles, numbers: Sequence[int]) -> tuple[float, float]:
+    """Common limits of vx over the snapshots shown, a little wider than the particles."""
+    low, high = np.inf, -np.inf
+    for number in numbers:
+        for species in snapshots.species:
+            v = snapshots.read(species, number)["velocity"][:, 0]
+            if v.size:
+                low, high = min(low, v.min()), max(high, v.max())
+    middle, half = 0.5 * (low + high), 0.5 * (high - low) or 1.0
+    return float(middle - 1.08 * half), float(middle + 1.08 * half)
+
+
+def phase_space(run: Run, step: int | None = None) -> Figure:
+    """x and vx of the particles, coloured by species, at up to four times; at one step when it is given."""
+    snapshots = snapshots_of(run)
+    last = len(snapshots.steps) - 1
+    numbers = (
+        [snapshots.index(step)] if step is not None else sorted(set(np.linspace(0, last, PANELS).astype(int)))
+    )
+    length = config_of(run).simulation.space_length[0]
+    limits = _velocity_limits(run, snapshots, range(last + 1) if step is not None else numbers)
+    with style():
+        columns = min(2, len(numbers))
+        lines = -(-len(numbers) // columns)
+        size = (6.4, 4.2) if len(numbers) == 1 else (3.5 * columns, 2.5 * lines + 0.5)
+        figure, axes = new_figure(lines, columns, size, squeeze=False, sharex=True, sharey=True)
+        for axis, number in zip(axes.flat, numbers):
+            _phase_panel(axis, snapshots, int(number), length, limits)
+        for axis in axes[-1]:
+            axis.set_xlabel("x, m")
+        for axis in axes[:, 0]:
+            axis.set_ylabel("$v_x$, m/s")
+        if len(snapshots.species) > 1:
+            _species_legend(figure, snapshots.species)
+        return figure
+
+
+def _phase_panel(
+    axis: Any, snapshots: Particles, number: int, length: float, limits: tuple[float, float]
+) -> None:
+    """Dots while they can be told apart, else the density of each species laid over the others."""
+    from matplotlib.colors import LinearSegmentedColormap, to_rgb
+
+    read = [snapshots.read(species, number) for species in snapshots.species]
+    dots = sum(len(p["id"]) for p in read) <= SCATTER_LIMIT
+    for particles, colour in zip(read, COLOURS):
+        x, v = particles["position"][:, 0], particles["velocity"][:, 0]
+        if dots:
+            size = 0.5 if x.size > 500 else 9.0
+            axis.scatter(x, v, s=size, color=colour, linewidths=0, rasterized=x.size > 500)
+            continue
+        density = analysis.phase_space(x, v, length, (220, 160), limits)
+        shade = np.ma.masked_equal(density, 0) ** 0.4
+        fade = LinearSegmentedColormap.from_list("fade", [(*to_rgb(colour), 0.08), (*to_rgb(colour), 1.0)])
+        axis.imshow(
+            shade,
+            origin="lower",
+            extent=(0, length, *limits),
+            aspect="auto",
+            cmap=fade,
+            interpolation="nearest",
+        )
+    axis.set(xlim=(0, length), ylim=limits)
+    axis.grid(visible=False)
+    axis.set_title(f"t = {snapshots.times[number]:.4g} s", fontsize=10, weight="normal")
+
+
+def _species_legend(figure: Figure, species: Sequence[str]) -> None:
+    from matplotlib.lines import Line2D
+
+    marks = [Line2D([], [], color=c, marker="o", linestyle="") for c in COLOURS[: len(species)]]
+    figure.legend(marks, list(species), ncols=4, loc="outside upper right")
+
+
+def velocities(run: Run, step: int | None = None) -> Figure:
+    """Distribution of each velocity component at the first snapshot and at the last, or the one asked for."""
+    snapshots = snapshots_of(run)
+    end = snapshots.index(step)
+    read = [snapshots.read(species, end) for species in snapshots.species]
+    components = velocity_components(config_of(run))
+    with style():
+        figure, axes = new_figure(1, components, (2.4 + 3.0 * components, 3.5), squeeze=False)
+        for c, axis in enumerate(axes[0]):
+            highest = 0.0
+            for name, late, colour in zip(snapshots.species, read, COLOURS):
+                early, v = snapshots.read(name, 0)["velocity"][:, c], late["velocity"][:, c]
+                limits = (float(min(early.min(), v.min())), float(max(early.max(), v.max())))
+                bins = int(np.clip(np.sqrt(v.size) / 2, 12, 160))
+                now, then = _stairs(v, bins, limits), _stairs(early, bins, limits)
+                if end:
+                    axis.stairs(*then, color=colour, linewidth=1.0, alpha=0.45)
+                axis.stairs(*now, color=colour, fill=True, alpha=0.14)
+                axis.stairs(*now, color=colour, linewidth=1.8, label=name)
+                highest = max(highest, min(then[0].max(), 2.0 * now[0].max()), now[0].max())
+            axis.set(xlabel=f"$v_{'xyz'[c]}$, m/s", ylim=(0, 1.08 * highest))
+        axes[0, 0].set(ylabel="f(v), s/m", title=f"Velocities at t = {snapshots.times[end]:.4g} s")
+        axes[0, -1].legend(title="thin: at the start" if end else None, title_fontsize=9)
+        return figure
+
+
+def _stairs(v: np.ndarray, bins: int, limits: tuple[float, float]) -> tuple[np.ndarray, np.ndarray]:
+    centres, f = analysis.velocity_distribution(v, bins, limits)
+    half = 0.5 * (centres[1] - centres[0])
+    return f, np.append(centres - half, centres[-1] + half)
