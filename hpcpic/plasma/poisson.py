@@ -135,9 +135,9 @@ class MFT:
         """rho -> phi (and E)."""
         self._fft.solve()
 
-    def close(self) -> None:
+    def free(self) -> None:
         """Free what MPI holds (all ranks together)."""
-        self._fft.close()
+        self._fft.free()
 
 
 def _transform(world: "World", points: tuple[int, ...]) -> tuple[Any, slice]:
@@ -203,7 +203,7 @@ class LU:
             phi -= phi.mean()
         self.phi[:] = phi[self._rows]
 
-    def close(self) -> None:
+    def free(self) -> None:
         """Nothing is held."""
 
 

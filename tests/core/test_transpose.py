@@ -69,7 +69,7 @@ def check_forward_and_back(world, pool, points, dtype, **options):
     back = case.fft.results[0] / np.prod(points)
     assert np.abs(back - case.values[case.rows]).max(initial=0) <= tolerance * np.abs(case.values).max()
     assert np.array_equal(case.fft.real, case.values[case.rows]), "the input survives"
-    case.fft.close()
+    case.fft.free()
     return spectrum
 
 
@@ -95,7 +95,7 @@ def test_solve_is_the_convolution(pool, points, complex_values):
     product = np.moveaxis(spectrum_of(case.values) * factor, -1, 0)
     want = np.fft.irfftn(product, s=points, axes=range(len(points))) * np.prod(points)
     assert np.abs(case.fft.results[0] - want).max() < 1e-13 * np.abs(want).max()
-    case.fft.close()
+    case.fft.free()
 
 
 def test_solve_with_several_multipliers_in_three_dimensions(pool):
@@ -109,7 +109,7 @@ def test_solve_with_several_multipliers_in_three_dimensions(pool):
         fft.results[0], np.fft.irfftn(product, s=points, axes=range(3)) * 432, rtol=0, atol=1e-12
     )
     assert np.array_equal(fft.results[1], 2 * fft.results[0])
-    fft.close()
+    fft.free()
 
 
 @pytest.mark.parametrize("points", [(64,), (33, 20), (7, 8, 9)])
@@ -130,7 +130,7 @@ def test_parseval_and_adjointness(pool, points):
     product = (weight * spectra[0] * spectra[1].conj()).sum().real
     want = n * (case.values * (1 - 0.5 * case.values)).sum()
     assert abs(product - want) < 1e-12 * n * (case.values**2).sum()
-    case.fft.close()
+    case.fft.free()
 
 
 @pytest.mark.parametrize("points", [(33, 20), (64, 31), (128, 96)])
@@ -141,7 +141,7 @@ def test_threads_keep_the_bits(pool, points):
         case = Case(alone(), team, points, multiplier=factors(points))
         case.fft.solve()
         results.append(case.fft.results[0].copy())
-        case.fft.close()
+        case.fft.free()
         team.close()
     assert np.array_equal(results[0], results[1])
     assert np.array_equal(results[0], results[2])
@@ -226,5 +226,5 @@ def test_ranks_solve_again_and_again(world_and_pool, points, messages):
             assert np.array_equal(got, want[many.rows]), step
         if step % 7 == 3:
             many.fft.forward()
-    one.fft.close()
-    many.fft.close()
+    one.fft.free()
+    many.fft.free()

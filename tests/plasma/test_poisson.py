@@ -35,7 +35,7 @@ def solved(kind, alone, place, rho, **options):
     solver.solve()
     assert np.array_equal(solver.rho, rho), "rho must survive: the field energy needs it"
     result = solver.phi.copy(), [component.copy() for component in solver.E]
-    solver.close()
+    solver.free()
     return result
 
 

@@ -11,7 +11,7 @@ from hpcpic.core.comm.requests import RequestSet
 from hpcpic.core.comm.tags import Channel, tag
 from hpcpic.core.comm.world import World
 from hpcpic.core.space.fields import aligned_zeros
-from hpcpic.core.tasks import Graph, Pool, bind
+from hpcpic.core.tasks import Bound, Graph, Pool, bind
 
 
 class LineFFT:
@@ -32,36 +32,20 @@ class LineFFT:
         multiplier: NDArray | None = None,
     ) -> None:
         (n,) = points
+        m = n // 2 + 1
         real_type = np.dtype(dtype)
         complex_type = np.dtype(np.complex64 if real_type == np.float32 else np.complex128)
-        m = n // 2 + 1
-        if multiplier is None:
-            multiplier = np.ones(m)
-        self._multiplier = np.atleast_2d(multiplier).astype(
-            complex_type if np.iscomplexobj(multiplier) else real_type
-        )
+        factors = np.atleast_2d(np.ones(m) if multiplier is None else multiplier)
+        self._factors = factors.astype(complex_type if np.iscomplexobj(factors) else real_type)
         self._pool = pool
         self._whole = aligned_zeros((n,), real_type)
-        wholes = [aligned_zeros((n,), real_type) for _ in self._multiplier]
+        self._results = [aligned_zeros((n,), real_type) for _ in factors]
         self.spectrum = aligned_zeros((m,), complex_type)
-        self._product = aligned_zeros((m,), complex_type)
         own = slice(cuts[world.rank], cuts[world.rank + 1])
-        self.real, self.results = self._whole[own], [whole[own] for whole in wholes]
+        self.real, self.results = self._whole[own], [whole[own] for whole in self._results]
         self._requests = self._connect(world, cuts)
-        there, back = fftw.real_to_complex((n,), real_type), fftw.complex_to_real((n,), real_type)
-        forward = bind(kernels.line, there.execute, there.plan, self._whole, self.spectrum)
-        inverse = (back.execute, back.plan)
-        ones = np.ones(m, real_type)
-        self._forward = self._graph([forward], gather=True)
-        self._backward = self._graph(
-            [bind(kernels.line_product, *inverse, self.spectrum, ones, self._product, wholes[0])],
-            gather=False,
-        )
-        products = [
-            bind(kernels.line_product, *inverse, self.spectrum, factor, self._product, whole)
-            for factor, whole in zip(self._multiplier, wholes)
-        ]
-        self._solve = self._graph([forward, *products], gather=True)
+        with world.first_on_node():  # it compiles
+            self._prepare(n, real_type)
 
     def forward(self) -> None:
         """real -> spectrum."""
@@ -75,7 +59,7 @@ class LineFFT:
         """real -> results[k], each through multiplier[k]."""
         self._pool.run(self._solve)
 
-    def close(self) -> None:
+    def free(self) -> None:
         """Free the requests."""
         self._requests.free()
 
@@ -91,7 +75,22 @@ class LineFFT:
                 requests.append(world.comm.Recv_init(theirs, p, number))
         return RequestSet(requests)
 
-    def _graph(self, tasks: list, gather: bool) -> Graph:
+    def _prepare(self, n: int, real_type: np.dtype) -> None:
+        plan = fftw.real_to_complex((n,), real_type)
+        forward = bind(kernels.line, plan.execute, plan.plan, self._whole, self.spectrum)
+        plan = fftw.complex_to_real((n,), real_type)
+        product = aligned_zeros(self.spectrum.shape, self.spectrum.dtype)
+
+        def back(factor: NDArray, whole: NDArray) -> Bound:
+            return bind(kernels.line_product, plan.execute, plan.plan, self.spectrum, factor, product, whole)
+
+        one = np.ones(n // 2 + 1, real_type)
+        self._forward = self._graph([forward], gather=True)
+        self._backward = self._graph([back(one, self._results[0])], gather=False)
+        backs = [back(factor, whole) for factor, whole in zip(self._factors, self._results)]
+        self._solve = self._graph([forward, *backs], gather=True)
+
+    def _graph(self, tasks: list[Bound], gather: bool) -> Graph:
         """The tasks one after the other, after the messages."""
         graph = Graph()
         if gather and len(self._requests):

@@ -17,7 +17,7 @@ runs while the next one arrives, and it leaves while the next one is transformed
 """
 
 from collections.abc import Sequence
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 from mpi4py import MPI
@@ -86,25 +86,21 @@ class SlabFFT:
         self._n0, self._row_shape = points[0], tuple(points[1:])
         self._real_type = np.dtype(dtype)
         self._type = np.dtype(np.complex64 if self._real_type == np.float32 else np.complex128)
-        self._rows = [(cuts[p], cuts[p + 1]) for p in range(world.size)]
-        inner = 1 if len(points) == 2 else points[2] // 2 + 1  # columns per index of the second axis
-        ranges = [spectrum_range(points, world.size, p) for p in range(world.size)]
-        self._columns = [(inner * lo, inner * hi) for lo, hi in ranges]
-        self._width = self._columns[-1][1]
         stacked = multiplier is not None and multiplier.ndim == len(points) + 1
         outputs = len(multiplier) if stacked and multiplier is not None else 1
+        inner = self._cut(points, cuts)
+        self._window: MPI.Win | None = None
         self._allocate(outputs, () if messages else self._node_ranks())
-        lo, hi = ranges[world.rank]
-        shape = (hi - lo, points[0]) if len(points) == 2 else (hi - lo, inner, points[0])
+        shape = (-1, points[0]) if len(points) == 2 else (-1, inner, points[0])
         self.spectrum = self._spectrum[0, :, : points[0]].reshape(shape)
-        self._multiplier = None
+        self._plan()
+        self._connect()
+        self._exposed = False
+        self._graphs: dict[str, Graph] = {}
         if multiplier is not None:
             kind = self._type if np.iscomplexobj(multiplier) else self._real_type
             self._multiplier = np.ascontiguousarray(multiplier, kind).reshape(outputs, -1, points[0])
-        self._plan()
-        self._connect()
-        self._graphs: dict[str, Graph] = {}
-        self._exposed = False
+            self._prepare("solve")
 
     def forward(self) -> None:
         """real -> spectrum."""
@@ -124,19 +120,34 @@ class SlabFFT:
             self._exposed = False
         self._run("solve")
 
-    def close(self) -> None:
+    def free(self) -> None:
         """Free requests and window (all ranks together)."""
         for requests in self._sets.values():
             requests.free()
         if self._window is not None:
+            del self.spectrum  # its memory goes
             self._window.Unlock_all()
             self._window.Free()
             self._window = None
 
     def _run(self, what: str) -> None:
         if what not in self._graphs:
-            self._graphs[what] = self._build(what).freeze()
+            self._prepare(what)
         self._pool.run(self._graphs[what])
+
+    def _prepare(self, what: str) -> None:
+        with self._world.first_on_node():  # it compiles
+            self._graphs[what] = self._build(what).freeze()
+
+    def _cut(self, points: Sequence[int], cuts: Sequence[int]) -> int:
+        """Rows and (flattened) columns of every rank; the columns to an index of the second axis."""
+        world = self._world
+        inner = 1 if len(points) == 2 else points[2] // 2 + 1
+        self._rows = [(cuts[p], cuts[p + 1]) for p in range(world.size)]
+        ranges = [spectrum_range(points, world.size, p) for p in range(world.size)]
+        self._columns = [(inner * lo, inner * hi) for lo, hi in ranges]
+        self._width = self._columns[-1][1]
+        return inner
 
     def _node_ranks(self) -> tuple[int, ...]:
         """Ranks of this node in the order of its communicator."""
@@ -158,34 +169,32 @@ class SlabFFT:
         self.real, self.results = views[0], views[1:]
         pitch = padded(self._n0, self._type)
         shapes = {p: (outputs, b - a, pitch) for p, (a, b) in enumerate(self._columns)}
-        self._window = None
-        if node:
-            homes = self._shared(shapes, node)
-        else:
-            homes = {rank: aligned_zeros(shapes[rank], self._type)}
-        self._homes, self._spectrum = homes, homes[rank]
+        homes = self._shared(shapes, node) if node else {rank: aligned_zeros(shapes[rank], self._type)}
+        self._homes = homes
+        self._spectrum: NDArray = homes[rank]
         self._near = [p for p in homes if p != rank]
         far = [p for p in range(self._world.size) if p not in homes]
         heights = {p: self._rows[p][1] - self._rows[p][0] for p in far}
         self._sent = {p: aligned_zeros((outputs, shapes[p][1], hi - lo), self._type) for p in far}
         self._got = {p: aligned_zeros((outputs, shapes[rank][1], heights[p]), self._type) for p in far}
 
-    def _shared(self, shapes: dict[int, tuple[int, ...]], node: tuple[int, ...]) -> dict[int, NDArray]:
+    def _shared(self, shapes: dict[int, tuple[int, int, int]], node: tuple[int, ...]) -> dict[int, NDArray]:
         """The columns of every rank of the node in one shared window, each on pages of its own."""
         item = self._type.itemsize
         info = MPI.Info.Create({"alloc_shared_noncontig": "true"})
         size = int(np.prod(shapes[self._world.rank])) * item + ALIGNMENT
-        self._window = MPI.Win.Allocate_shared(size, 1, info, self._world.node)
+        window = MPI.Win.Allocate_shared(size, 1, info, cast(MPI.Intracomm, self._world.node))
         info.Free()
-        self._window.Lock_all()
+        window.Lock_all()
         homes = {}
         for place, p in enumerate(node):
-            memory, _ = self._window.Shared_query(place)
-            raw = np.frombuffer(memory, np.uint8)
+            memory, _ = window.Shared_query(place)
+            raw = np.asarray(memory)
             skip = -raw.ctypes.data % ALIGNMENT
             homes[p] = raw[skip : skip + int(np.prod(shapes[p])) * item].view(self._type).reshape(shapes[p])
         homes[self._world.rank][:] = 0  # touched once here: 4 KiB pages are slow to come
         self._world.node.Barrier()  # nobody's columns may come before these zeros
+        self._window = window
         return homes
 
     def _plan(self) -> None:
@@ -284,8 +293,8 @@ class SlabFFT:
     def _add_columns(self, graph: Graph, what: str) -> None:
         parts = [(a.ctypes.data, a.shape[2], self._rows[p][0]) for p, a in self._got.items() if a.shape[2]]
         table = np.array(parts, np.int64).reshape(-1, 3)
-        plans = {"forward": (self._forward.plan,), "backward": (self._backward.plan,)}
-        plans["solve"] = plans["forward"] + plans["backward"]
+        forward, backward = self._forward.plan, self._backward.plan
+        plans = {"forward": [forward], "backward": [backward], "solve": [forward, backward]}
         kernel = getattr(kernels, f"columns_{what}")
         extra = (self._multiplier,) if what == "solve" else ()
         for j, blocks in enumerate(self._column_blocks):
