@@ -32,15 +32,16 @@ def snapshots_of(run: Run) -> Particles:
 
 
 def _velocity_limits(run: Run, snapshots: Particles, numbers: Sequence[int]) -> tuple[float, float]:
-    """Common limits of vx over the snapshots shown, a little wider than the particles."""
+    """Common limits of vx over the snapshots shown, a little wider than all but a few particles."""
     low, high = np.inf, -np.inf
     for number in numbers:
         for species in snapshots.species:
             v = snapshots.read(species, number)["velocity"][:, 0]
             if v.size:
-                low, high = min(low, v.min()), max(high, v.max())
+                ends = np.quantile(v, (0.001, 0.999))
+                low, high = min(low, ends[0]), max(high, ends[1])
     middle, half = 0.5 * (low + high), 0.5 * (high - low) or 1.0
-    return float(middle - 1.08 * half), float(middle + 1.08 * half)
+    return float(middle - 1.15 * half), float(middle + 1.15 * half)
 
 
 def phase_space(run: Run, step: int | None = None) -> Figure:
@@ -82,9 +83,9 @@ def _phase_panel(
             size = 0.5 if x.size > 500 else 9.0
             axis.scatter(x, v, s=size, color=colour, linewidths=0, rasterized=x.size > 500)
             continue
-        density = analysis.phase_space(x, v, length, (220, 160), limits)
-        shade = np.ma.masked_equal(density, 0) ** 0.4
-        fade = LinearSegmentedColormap.from_list("fade", [(*to_rgb(colour), 0.08), (*to_rgb(colour), 1.0)])
+        density = analysis.phase_space(x, v, length, (200, 150), limits)
+        shade = np.ma.masked_equal(density, 0) ** 0.4  # faint filaments beside dense cores
+        fade = LinearSegmentedColormap.from_list("fade", [(*to_rgb(colour), 0.25), (*to_rgb(colour), 1.0)])
         axis.imshow(
             shade,
             origin="lower",

@@ -108,25 +108,28 @@ def species_masses(config: PlasmaConfig) -> list[float]:
     return [species.m * species.n for species in Scene(config).species]
 
 
-def strongest_mode(run: Run) -> int:
-    """The mode that theory and measurement are compared for: the largest along x."""
+def chosen_mode(run: Run) -> int:
+    """The mode that theory and measurement are compared for: the one the case seeds, or the largest."""
     names = [name for name in run.series if name.startswith("mode_")]
     if not names:
         raise NoData("the series has no mode_1 ...")
+    for species in config_of(run).species:
+        if species.perturbation and f"mode_{species.perturbation.mode[0]}" in names:
+            return species.perturbation.mode[0]
     return max((float(np.nanmax(run.series[name])), int(name[5:])) for name in names)[1]
 
 
 def modes(run: Run, step: int | None = None) -> Figure:
-    """Amplitudes |E_k| of the first modes along x, the strongest one beside the law that the case allows."""
-    strongest = strongest_mode(run)
-    t, amplitude = _series(run, f"mode_{strongest}")
-    found = compare_mode(t, amplitude, predict(config_of(run), strongest))
+    """Amplitudes |E_k| of the first modes along x, the one chosen beside the law that the case allows."""
+    chosen = chosen_mode(run)
+    t, amplitude = _series(run, f"mode_{chosen}")
+    found = compare_mode(t, amplitude, predict(config_of(run), chosen))
     with style():
         figure, axes = new_figure(size=(6.4, 4.0))
         for name in run.series:
-            if name.startswith("mode_") and name != f"mode_{strongest}":
+            if name.startswith("mode_") and name != f"mode_{chosen}":
                 axes.plot(t, run.series[name], linewidth=0.8, alpha=0.45, color=COLOURS[6])
-        axes.plot(t, amplitude, color=COLOURS[0], linewidth=2.2, label=f"mode {strongest}")
+        axes.plot(t, amplitude, color=COLOURS[0], linewidth=2.2, label=f"mode {chosen}")
         if found.line is not None:
             axes.plot(t, found.line, label="theory, in this mesh and step", **THEORY)
         top = amplitude.max()
@@ -136,7 +139,7 @@ def modes(run: Run, step: int | None = None) -> Figure:
             axes.set_yscale("log")
             floor = max(np.min(amplitude[amplitude > 0], initial=top), 1e-9 * top)
             axes.set_ylim(0.5 * floor, 12.0 * top)
-        unit = run.series.units[f"mode_{strongest}"]
+        unit = run.series.units[f"mode_{chosen}"]
         axes.set(xlabel="time, s", ylabel=axis_label("|$E_k$|", unit), title="Modes of the field")
         axes.legend(loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=2, borderaxespad=0.1)
         axes.text(0.015, 0.975, found.words, transform=axes.transAxes, va="top", linespacing=1.5)
