@@ -114,6 +114,9 @@ class Toy:
         self.iteration = reader.step
         self.u = reader.read("u", self.low, self.high)
 
+    def close(self) -> None:
+        """Nothing to give back."""
+
     def guard(self) -> str | None:
         if np.isfinite(self.u).all():
             return None

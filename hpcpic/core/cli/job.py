@@ -139,6 +139,7 @@ class _Job:
             )
             options.checkpoint_every = self.flags.interval() or _asked(app) or options.checkpoint_every
             outcome = loop.run(app, self.world, self.rundir, options)
+            app.close()
         finally:
             pool.close()
         if self.world.rank == 0:

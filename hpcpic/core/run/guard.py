@@ -8,6 +8,7 @@ values, so it is the same on all ranks.
 
 from __future__ import annotations
 
+import math
 import time
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -71,7 +72,7 @@ class Guard:
         cheap = cost_ns / (SHARE * max(step_ns, 1))
         prompt = 1e9 * REACTION_SECONDS / max(step_ns, 1)
         measured = step > self._step  # not before the first interval
-        self._next = step + (max(1, int(min(cheap, prompt))) if measured else 1)
+        self._next = step + (max(1, min(math.ceil(cheap), int(prompt))) if measured else 1)
         self.step_seconds = 1e-9 * step_ns
         self._step = step
 

@@ -64,12 +64,11 @@ class Outputs:
 
     def _kept_going(self, kind: str, observe: Callable[[], None]) -> Callable[[], None]:
         def attempt() -> None:
-            with self.timers.section(f"output {kind}"):
-                try:
-                    observe()
-                except FileError as error:
-                    self.broken.append(kind)
-                    log.warning("no %s output from step %d on: %s", kind, self.app.iteration, error.message)
+            try:
+                observe()
+            except FileError as error:
+                self.broken.append(kind)
+                log.warning("no %s output from step %d on: %s", kind, self.app.iteration, error.message)
 
         return attempt
 
@@ -85,7 +84,8 @@ class Outputs:
             self.progress.scalars(values)
             self.conserved.add(values)
             if self._series is not None and "series" not in self.broken:
-                self._series.append(app.iteration, app.time, values)
+                with self.timers.section("output series"):
+                    self._series.append(app.iteration, app.time, values)
 
         return observe
 
@@ -93,19 +93,35 @@ class Outputs:
         from hpcpic.core.files.snapshot import FieldsWriter
 
         app, writer = self.app, FieldsWriter(self.world, self.rundir.fields, after=self.after)
-        return lambda: writer.append(app.iteration, app.time, app.domain, app.arrays("field"))
+
+        def observe() -> None:
+            fields = app.arrays("field")
+            with self.timers.section("output field"):
+                writer.append(app.iteration, app.time, app.domain, fields)
+
+        return observe
 
     def _particle_observer(self) -> Callable[[], None]:
         from hpcpic.core.files.snapshot import ParticlesWriter
 
         app, writer = self.app, ParticlesWriter(self.world, self.rundir.particles, after=self.after)
-        return lambda: writer.append(app.iteration, app.time, app.arrays("particle"))
+
+        def observe() -> None:
+            species = app.arrays("particle")
+            with self.timers.section("output particle"):
+                writer.append(app.iteration, app.time, species)
+
+        return observe
 
     def _openpmd_observer(self) -> Callable[[], None]:
         from hpcpic.core.files.openpmd import OpenPMDWriter
 
         app = self.app
         writer = OpenPMDWriter(self.world, self.rundir.openpmd, app.time_step, after=self.after)
-        return lambda: writer.append(
-            app.iteration, app.time, app.domain, app.arrays("field"), app.arrays("particle")
-        )
+
+        def observe() -> None:
+            fields, species = app.arrays("field"), app.arrays("particle")
+            with self.timers.section("output openpmd"):
+                writer.append(app.iteration, app.time, app.domain, fields, species)
+
+        return observe

@@ -1,0 +1,184 @@
+"""`report`: one file that loads nothing, holds what the run says, and escapes what the user wrote."""
+
+from __future__ import annotations
+
+import re
+import shutil
+import subprocess
+from html.parser import HTMLParser
+
+import pytest
+from click.testing import CliRunner
+from plasma_reference import make_run
+
+from hpcpic.__main__ import load_app
+from hpcpic.core.cli.main import build
+from hpcpic.core.cli.report import number
+from hpcpic.plasma.cases import shipped_cases
+
+FEW = ("species[0].particles=512", "species[1].particles=512", "simulation.cycles=200")
+NASTY = r'description="<script>alert(1)</script> & \"quoted\""'
+VOID = {"meta", "br", "hr", "img", "link", "input"}
+
+
+@pytest.fixture(scope="module")
+def folders(tmp_path_factory):
+    runs = tmp_path_factory.mktemp("runs")
+    made = [make_run(shipped_cases()["two-stream-cold"], runs / "first", FEW)]
+    made.append(
+        make_run(
+            shipped_cases()["two-stream-cold"], runs / "second", (*FEW, "simulation.time_step=0.04", NASTY)
+        )
+    )
+    return made
+
+
+def report(*words):
+    return CliRunner().invoke(build(load_app, "hpcpic", "plasma"), ["report", *map(str, words)])
+
+
+@pytest.fixture(scope="module")
+def page(folders):
+    done = report(folders[0])
+    assert done.exit_code == 0, done.output
+    return (folders[0] / "report.html").read_text(encoding="utf-8")
+
+
+class Balance(HTMLParser):
+    """Collects attributes that could load something, and checks that elements close in order."""
+
+    def __init__(self):
+        super().__init__()
+        self.open, self.links, self.ids, self.faults = [], [], [], []
+
+    def handle_starttag(self, tag, attributes):
+        for key, value in attributes:
+            if key in ("src", "href", "xlink:href", "action", "data", "poster"):
+                self.links.append(value)
+            if key == "id":
+                self.ids.append(value)
+            if key.startswith("on"):
+                self.faults.append(f"{tag} has {key}")
+        if tag not in VOID:
+            self.open.append(tag)
+
+    def handle_startendtag(self, tag, attributes):
+        self.handle_starttag(tag, attributes)
+        if tag not in VOID:
+            self.open.pop()
+
+    def handle_endtag(self, tag):
+        if not self.open or self.open.pop() != tag:
+            self.faults.append(f"</{tag}> out of order")
+
+
+def test_page_is_well_formed_and_loads_nothing(page):
+    found = Balance()
+    found.feed(page)
+    assert not found.faults and not found.open
+    assert all(link.startswith(("#", "data:image/png")) for link in found.links)
+    assert "<script" not in page and "@import" not in page
+    assert not re.search(r"url\((?!#)", page)
+    assert len(found.ids) == len(set(found.ids))
+
+
+def test_page_says_what_the_run_was(page):
+    header = "two equal cold beams, at the wave number that grows fastest"
+    for text in (
+        "Cold two-stream instability, one wavelength",
+        header,
+        "finished",
+        "Derived numbers",
+        "&lt; 2",
+        "Conservation",
+        "Time by section",
+        "Estimate beside measurement",
+        "Provenance",
+        "0" * 64,
+        "space_length = [10.26039864129491",
+    ):
+        assert text in page, text
+    assert page.count("<figure>") == 7  # all but the spectrum, which has a reason
+    assert "Not drawn: Spectrum over wave number and frequency: needs 16 snapshots" in page
+    assert 'class="mark warn">warn<' in page
+
+
+def test_what_the_user_wrote_is_escaped(folders):
+    assert report(folders[1]).exit_code == 0
+    page = (folders[1] / "report.html").read_text()
+    assert "<script>" not in page
+    assert "&lt;script&gt;alert(1)&lt;/script&gt; &amp; &#34;quoted&#34;" in page
+
+
+def test_several_runs_are_laid_beside_each_other(folders, tmp_path):
+    path = tmp_path / "new" / "both.html"
+    done = report(*folders, "-o", path)
+    assert done.exit_code == 0 and str(path) in done.output
+    page = path.read_text()
+    found = Balance()
+    found.feed(page)
+    assert not found.faults and len(found.ids) == len(set(found.ids))
+    assert (
+        "Settings that differ" in page and "simulation.time_step" in page and "simulation.cycles" not in page
+    )
+    assert ">0.05<" in page and ">0.04<" in page
+    assert 1 <= page.count("<figure>") <= 8
+    assert "<script>" not in page
+
+
+def test_a_folder_without_a_run_is_a_file_error(tmp_path):
+    assert report(tmp_path).exit_code == 6
+    assert report().exit_code == 2
+
+
+def test_a_run_that_failed_says_so(folders, tmp_path):
+    folder = tmp_path / "failed"
+    shutil.copytree(folders[0], folder)
+    for name in ("series.h5", "fields.vtkhdf", "particles.vtkhdf"):
+        (folder / name).unlink()
+    text = (folder / "run.json").read_text()
+    text = text.replace('"status": "finished"', '"status": "diverged"').replace(
+        '"exit_code": 0', '"exit_code": 4'
+    )
+    (folder / "run.json").write_text(text)
+    done = report(folder)
+    assert done.exit_code == 0, done.output
+    page = (folder / "report.html").read_text()
+    assert 'class="mark fail">diverged, exit code 4<' in page
+    assert page.count("<figure>") == 1  # timers come from run.json
+
+
+@pytest.mark.skipif(shutil.which("chromium") is None, reason="needs chromium to lay the page out")
+@pytest.mark.parametrize("width", [420, 1200])
+def test_a_browser_shows_it_without_complaint(page, folders, tmp_path, width):
+    """Laid out: figures have a size, nothing sticks out sideways, and the console stays empty."""
+    probe = tmp_path / "probe.html"
+    measure = (
+        "<script>addEventListener('load', () => { const r = [...document.querySelectorAll('figure svg')]"
+        ".map(s => s.getBoundingClientRect()); document.title = JSON.stringify({n: r.length,"
+        " small: Math.min(...r.map(b => b.width)), low: Math.min(...r.map(b => b.height)),"
+        " wide: document.documentElement.scrollWidth - innerWidth}); });</script>"
+    )
+    loose = re.sub(r'<meta http-equiv="Content-Security-Policy"[^>]*>', "", page)
+    probe.write_text(loose.replace("</head>", measure + "</head>"))
+    for source in (folders[0] / "report.html", probe):
+        done = subprocess.run(
+            ["chromium", "--headless", "--no-sandbox", "--disable-gpu", "--no-first-run", "--enable-
+            logging=stderr", "--disable-background-networking", f"--user-data-dir={tmp_path / source.stem}",
+            f"--window-size={width},900", "--virtual-time-budget=2000", "--dump-dom", source.as_uri()],
+            capture_output=True, text=True, timeout=60, )  # fmt: skip assert done.returncode == 0,
+            done.stderr assert "CONSOLE" not in done.stderr, done.stderr title =
+            re.search(r"<title>(\{.*?\})</title>", done.stdout)[1].replace("&quot;", '"') sizes = {key:
+            float(value) for key, value in re.findall(r'"(\w+)":(-?[\d.]+)', title)} assert sizes["n"] == 7
+            and sizes["small"] > 250 and sizes["low"] > 60 and sizes["wide"] <= 0
+
+
+def test_numbers_as_people_read_them():
+    assert [number(v) for v in (None, "ok", 65536, 0.25, 1.23456789e-9)] == [
+        "—",
+        "ok",
+        "65\u202f536",
+        "0.25",
+        "1.235e-09",
+    ]
+    assert number(float("nan")) == "nan"

@@ -1,0 +1,139 @@
+"""One rank here, or several that fail together; tests/cli plays failures of one rank among several."""
+
+import os
+import threading
+import time
+
+import pytest
+
+from hpcpic.core.comm.world import World
+from hpcpic.core.errors import ConfigError, Diverged, FileError
+from hpcpic.core.run.failure import Agreed, Failure, Watchdog, everywhere, guarded, share
+
+
+@pytest.fixture(scope="module")
+def world():
+    return World.start()
+
+
+@pytest.mark.parametrize(
+    "error, code, traces",
+    [
+        (ValueError("bug"), 1, 1),
+        (ConfigError("bad key"), 2, 0),
+        (Diverged("not finite"), 4, 0),
+        (FileError("disk full"), 6, 0),
+    ],
+)
+def test_code_and_traceback_follow_from_the_kind_of_error(world, capfd, error, code, traces):
+    def main(failure):
+        raise error
+
+    assert guarded(world, main) == code
+    told = capfd.readouterr().err
+    assert told.count("Traceback") == traces and told.count(str(error)) >= 1
+
+
+def test_sys_exit_and_interrupts_are_failures_too(world, capfd):
+    def leave(failure):
+        raise SystemExit(3)
+
+    def interrupt(failure):
+        raise KeyboardInterrupt
+
+    assert guarded(world, leave) == 3 and "sys.exit(3)" in capfd.readouterr().err
+    assert guarded(world, interrupt) == 1
+
+
+def test_what_goes_well_returns_its_own_code(world):
+    assert guarded(world, lambda failure: 5) == 5
+
+
+def test_the_thread_hook_and_the_folder_are_put_back(world):
+    hook = threading.excepthook
+    folders = []
+
+    def main(failure):
+        folders.append(failure.folder)
+        assert threading.excepthook is not hook and failure.folder.is_dir()
+        return 0
+
+    guarded(world, main)
+    assert threading.excepthook is hook and not folders[0].exists()
+
+
+def test_only_the_first_to_take_the_token_tells(world, tmp_path, capfd, monkeypatch):
+    monkeypatch.setattr("hpcpic.core.run.failure.LOSER_SECONDS", 0.0)
+    told = []
+    for _ in range(3):
+        failure = Failure(world)
+        failure.folder = tmp_path
+        failure.on_failure = lambda text, code: told.append(code)
+        failure.fail(FileError("disk full"))
+        failure.close()
+    assert capfd.readouterr().err.count("disk full") == 1 and told == [6]
+
+
+def check_shared(world, capfd):
+    assert share(world, lambda: b"text" if world.rank == 0 else b"other") == b"text"
+
+    def fail():
+        raise ConfigError(["line 1", "line 2"])
+
+    with pytest.raises(Agreed) as caught:
+        share(world, fail)
+    assert isinstance(caught.value.error, ConfigError) and caught.value.error.message == "line 1\nline 2"
+    capfd.readouterr()
+    assert guarded(world, lambda failure: len(share(world, fail))) == 2
+    assert capfd.readouterr().err.count("line 1\nline 2") == (world.rank == 0)
+
+    def collective(failure):
+        with everywhere():
+            raise FileError("damaged")
+
+    assert guarded(world, collective) == 6
+    assert capfd.readouterr().err.count("damaged") == (world.rank == 0)
+
+
+def test_what_all_know_is_told_once(world, capfd):
+    check_shared(world, capfd)
+
+
+@pytest.mark.mpi(min_size=2)
+def test_what_all_ranks_know_is_told_by_rank_0_and_ends_nobody(capfd):
+    check_shared(World.start(), capfd)
+
+
+def test_the_watchdog_ends_a_process_that_stands_still(tmp_path):
+    child = os.fork()
+    if child == 0:
+        Watchdog(tmp_path, 3, least=0.2).feed(0.0)
+        time.sleep(30)
+        os._exit(0)
+    begin = time.monotonic()
+    _, status = os.waitpid(child, 0)
+    assert os.waitstatus_to_exitcode(status) == 1 and time.monotonic() - begin < 5
+    assert "Timeout" in (tmp_path / "trace-rank-3.txt").read_text()
+
+
+def test_a_fed_or_resting_watchdog_leaves_nothing(tmp_path, monkeypatch):
+    watchdog = Watchdog(tmp_path, 0, least=1.2)
+    for _ in range(16):
+        watchdog.feed(0.0)
+        time.sleep(0.1)
+    watchdog.rest()
+    time.sleep(1.3)
+    watchdog.close()
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_long_steps_have_twenty_of_themselves(tmp_path, monkeypatch):
+    asked = []
+    monkeypatch.setattr("faulthandler.dump_traceback_later", lambda seconds, **_: asked.append(seconds))
+    watchdog = Watchdog(tmp_path, 0)
+    watchdog.feed(0.01)
+    watchdog.feed(100.0)  # within the same second: not armed again
+    watchdog.rest()
+    watchdog.feed(100.0)
+    watchdog.close()
+    assert asked == [60.0, 2000.0]

@@ -1,0 +1,160 @@
+"""The loop around the toy, in this process; tests/cli runs it from outside."""
+
+import io
+import json
+import logging
+import time
+
+import pytest
+from toy_app import Toy, ToyConfig
+
+from hpcpic.core.comm.world import World
+from hpcpic.core.files.rundir import RunDir
+from hpcpic.core.files.series import read_series
+from hpcpic.core.run import checkpoint, loop
+from hpcpic.core.run.signals import Reason, Stop, WallLimit
+from hpcpic.core.run.triggers import Every, EverySeconds
+from hpcpic.core.timers import Timers
+
+
+class Runner:
+    def __init__(self, world, folder):
+        self.world, self.folder = world, folder
+
+    def __call__(self, name="a", reader=None, hook=None, checkpoint_every=None, **settings):
+        """Outcome and app of a run; `hook(app, stop)` is called at the beginning of every step."""
+        world = self.world
+        rundir = RunDir(self.folder / name)
+        if world.rank == 0 and reader is None:
+            rundir = RunDir.create(rundir.path, config="")
+        world.barrier()
+        timers = Timers()
+        stop = Stop(lambda sentence: None)
+        app = Toy(ToyConfig(**settings), world, None, timers)
+        if reader:
+            app.restore(reader)
+        if hook:
+            plain = app.step
+
+            def step():
+                hook(app, stop)
+                plain()
+
+            app.step = step
+        options = loop.Options(stop, WallLimit(None, time.monotonic()), timers, 1, io.StringIO())
+        options.checkpoint_every = checkpoint_every or options.checkpoint_every
+        options.restarted_from = reader.step if reader else None
+        try:
+            return loop.run(app, world, rundir, options), app
+        finally:
+            stop.close()
+            rundir.unlock()
+
+
+@pytest.fixture
+def runner(tmp_path):
+    return shared_runner(tmp_path)
+
+
+def shared_runner(tmp_path):
+    """All ranks in the folder of rank 0."""
+    world = World.start()
+    return Runner(world, type(tmp_path)(world.bcast(str(tmp_path).encode()).decode()))
+
+
+def steps_of(runner, name="a"):
+    return sorted(int(path.stem) for path in (runner.folder / name / "checkpoints").iterdir())
+
+
+def test_series_at_its_period_and_at_the_end(runner):
+    outcome, _ = runner(steps=25, output={"series": 10})
+    assert outcome.exit_code == 0
+    assert read_series(runner.folder / "a").step.tolist() == [0, 10, 20, 25]
+
+
+def test_checkpoints_by_steps_keep_two_and_the_end_is_always_there(runner):
+    runner(steps=25, checkpoint_every=Every(10))
+    assert steps_of(runner) == [20, 25]
+
+
+def test_checkpoints_by_time(runner):
+    runner(steps=40, pause=0.005, checkpoint_every=EverySeconds(0.02))
+    assert steps_of(runner)[-1] == 40 and 0 < steps_of(runner)[0] < 40
+
+
+def test_a_reason_stops_after_the_step_that_heard_it(runner):
+    def at_ten(app, stop):
+        if app.iteration == 10:
+            stop.reason = Reason.SIGTERM
+
+    outcome, app = runner(steps=1000, pause=0.005, hook=at_ten)
+    # 0.2 s of 5 ms steps at most until it is agreed on
+    assert outcome.exit_code == 5 and 11 <= app.iteration <= 60
+    assert steps_of(runner)[-1] == app.iteration
+    assert json.loads((runner.folder / "a/run.json").read_text())["status"] == "stopped"
+
+
+def test_nothing_that_has_diverged_reaches_a_checkpoint(runner):
+    def poison(app, stop):
+        if app.iteration == 17:
+            app.u[0] = float("inf")
+
+    outcome, _ = runner(steps=100, hook=poison, checkpoint_every=Every(5))
+    assert outcome.exit_code == 4 and outcome.status == "diverged"
+    assert steps_of(runner) == [10, 15]
+
+
+def check_restart_is_no_change(runner):
+    whole, _ = runner("whole", steps=30)
+    runner("parts", steps=18)
+    rundir = RunDir(runner.folder / "parts")
+    reader = checkpoint.newest(rundir, runner.world)
+    parts, _ = runner("parts", reader=reader, steps=30)
+    assert parts.exit_code == 0
+    assert parts.facts["state_digest"] == whole.facts["state_digest"]
+    if runner.world.rank == 0:
+        series = [read_series(runner.folder / name) for name in ("parts", "whole")]
+        assert series[0].step.tolist() == series[1].step.tolist()
+        assert series[0]["mass"].tolist() == series[1]["mass"].tolist()
+
+
+def test_run_and_restart_is_the_run(runner):
+    check_restart_is_no_change(runner)
+
+
+@pytest.mark.mpi(min_size=2)
+def test_run_and_restart_is_the_run_on_many_ranks(tmp_path):
+    check_restart_is_no_change(shared_runner(tmp_path))
+
+
+@pytest.mark.mpi(min_size=2)
+def test_a_reason_on_one_rank_stops_all_at_one_step(tmp_path):
+    runner = shared_runner(tmp_path)
+
+    def at_ten(app, stop):
+        if app.iteration == 10 and runner.world.rank == runner.world.size - 1:
+            stop.reason = Reason.SIGUSR1
+
+    outcome, app = runner(steps=1000, pause=0.002, hook=at_ten)
+    assert outcome.exit_code == 5
+    assert runner.world.max(app.iteration) == -runner.world.max(-app.iteration)
+
+
+@pytest.mark.mpi(min_size=2)
+def test_divergence_of_one_rank_is_the_outcome_of_all(tmp_path):
+    runner = shared_runner(tmp_path)
+    last = runner.world.size - 1
+
+    def poison(app, stop):
+        if app.iteration == 5 and runner.world.rank == last:
+            app.u[0] = float("nan")
+
+    outcome, _ = runner(steps=50, hook=poison)
+    assert outcome.exit_code == 4 and f"rank {last}" in outcome.reason
+
+
+def test_the_screen_shows_nothing_of_a_short_run_and_the_log_its_beginning(runner, caplog):
+    logging.getLogger("hpcpic").propagate = True
+    with caplog.at_level(logging.INFO, "hpcpic"):
+        runner(steps=3)
+    assert "steps 0 to 3 on 1 ranks x 1 threads" in caplog.text

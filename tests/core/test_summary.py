@@ -1,0 +1,133 @@
+import math
+import time
+
+import numpy as np
+import pytest
+
+from hpcpic.core.comm.world import World
+from hpcpic.core.run import summary
+from hpcpic.core.run.summary import KEPT, WARM_UP, Conserved, StepTimes
+from hpcpic.core.timers import Timers
+
+
+def times_of(values):
+    times = StepTimes()
+    for value in [1e9] * WARM_UP + list(values):
+        times.add(value)
+    return times
+
+
+def test_mean_error_and_median_are_those_of_the_samples_after_the_warm_up():
+    values = np.random.default_rng(1).exponential(size=1001)
+    facts = times_of(values).facts()
+    assert facts["n"] == 1001
+    assert facts["mean"] == pytest.approx(values.mean(), rel=1e-12)
+    assert facts["standard_error"] == pytest.approx(values.std(ddof=1) / math.sqrt(1001), rel=1e-9)
+    assert facts["median"] == np.median(values)
+
+
+def test_memory_is_bounded_and_the_median_still_right():
+    n = 3 * KEPT
+    times = times_of(np.arange(n, dtype=float))
+    assert len(times._kept) <= KEPT
+    assert times.facts()["median"] == pytest.approx(n / 2, rel=1e-3)  # an even selection of a ramp
+
+
+def test_stop_rule_needs_thirty_steps_and_a_small_error():
+    assert not times_of([1.0] * 29).known(0.1)
+    assert times_of([1.0] * 30).known(0.1)
+    assert not times_of([1.0] * 30).known(0.0)
+    wide = [0.0, 2.0] * 50  # 1.96 SEM = 0.197 of the mean 1
+    assert times_of(wide).known(0.2) and not times_of(wide).known(0.19)
+
+
+def test_conserved_keeps_the_largest_change_and_does_not_lose_a_nan():
+    conserved = Conserved()
+    for value in (2.0, 2.5, 2.1):
+        conserved.add({"energy_total": value, "momentum_x": value - 2.0, "other": value})
+    facts = conserved.facts()
+    assert set(facts) == {"energy_total", "momentum_x"}
+    assert facts["energy_total"] == {"first": 2.0, "last": 2.1, "change": 0.5, "relative": 0.25}
+    assert facts["momentum_x"]["change"] == 0.5 and "relative" not in facts["momentum_x"]
+    conserved.add({"energy_total": math.nan})
+    conserved.add({"energy_total": 2.0})
+    assert conserved.facts()["energy_total"]["change"] == math.inf
+
+
+def timers_of(world):
+    timers = Timers()
+    for name in ("a", "b"):
+        with timers.section(name):
+            time.sleep(0.01 * (1 + world.rank))
+    return timers
+
+
+def check_sections(world):
+    timers = timers_of(world)
+    wall = 10.0
+    table = summary.sections(world, timers, wall)
+    if world.rank:
+        assert table == {}
+        return
+    assert list(table)[-1] == "other"
+    assert sum(row["share"] for row in table.values()) == pytest.approx(1.0)
+    for name in ("a", "b"):
+        row = table[name]
+        assert row["min"] <= row["avg"] <= row["max"] and row["calls"] == 1
+        assert row["min"] == pytest.approx(timers.totals()[name][0])  # rank 0 sleeps least
+        assert row["max"] >= 0.01 * world.size
+
+
+def test_sections_add_up_to_the_wall_time():
+    check_sections(World.start())
+
+
+@pytest.mark.mpi(min_size=2)
+def test_sections_are_over_all_ranks():
+    check_sections(World.start())
+
+
+@pytest.mark.mpi(min_size=2)
+def test_load_is_of_the_fullest_and_the_emptiest_rank():
+    world = World.start()
+    assert summary.load(world, 10 * world.rank) == {"min": 0, "max": 10 * (world.size - 1)}
+    assert summary.peak_memory_mib(world) > 10
+
+
+FACTS = {
+    "status": "finished",
+    "reason": "",
+    "steps": 50_000,
+    "steps_done": 50_000,
+    "time": 5e-3,
+    "wall_seconds": 61.4,
+    "loop_seconds": 60.0,
+    "ranks": 4,
+    "threads": 1,
+    "work_items": 40_000,
+    "work_unit": "particle",
+    "timers": {"push": {"min": 1.0, "avg": 2.0, "max": 3.0, "share": 0.5, "calls": 50_000}},
+    "load": {"min": 9_000, "max": 10_000},
+    "peak_memory_mib_per_rank": 412.0,
+    "step_ms": 1.2,
+    "estimate": {"memory_mib_per_rank": 398.0},
+    "conservation": {"energy_total": {"first": 1.0, "last": 1.0, "change": 2e-6, "relative": 2e-6}},
+    "warnings": ["too coarse"],
+    "folder": "runs/x",
+}
+
+
+def test_the_table_has_what_a_user_looks_for():
+    text = summary.render(FACTS)
+    for part in (
+        "finished\n50 000 steps, t = 0.005 s, 61.4 s on 4 ranks x 1 thread",
+        "33.3 Mp/s",
+        "9 000 .. 10 000 per rank (10.0%)",
+        "412 MiB per rank, peak (estimate 398)",
+        "energy_total 2.0e-06",
+        "warning 1   too coarse",
+        "runs/x",
+        "1 ns",  # 2 s over 50 000 x 40 000
+        "100.0%",  # spread: (3 - 1) / 2
+    ):
+        assert part in text
