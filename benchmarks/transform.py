@@ -1,5 +1,4 @@
 """Time of one field solve (transform, multiply, back) on an N x N grid: ranks and threads side by side.
-side.
 
     python benchmarks/transform.py [512,1024,2048,4096] [--single]
 

@@ -186,7 +186,8 @@ def cuts_of(points, ranks):
 def test_ranks_spectrum_has_the_bits_of_one(pool, points, messages):
     world = World.start()
     for dtype in (np.float64, np.float32):
-        whole = check_forward_and_back(alone(), pool, points, dtype)
+        with world.first_on_node():  # the first compiles
+            whole = check_forward_and_back(alone(), pool, points, dtype)
         for cuts in cuts_of(points, world.size):
             spectrum = check_forward_and_back(world, pool, points, dtype, cuts=cuts, messages=messages)
             assert np.array_equal(spectrum, whole[slice(*spectrum_range(points, world.size, world.rank))])
@@ -196,7 +197,8 @@ def test_ranks_spectrum_has_the_bits_of_one(pool, points, messages):
 @pytest.mark.parametrize("points", LINES)
 def test_ranks_lines_have_the_bits_of_one(points):
     world, pool = World.start(), Pool(1)
-    whole = check_forward_and_back(alone(), pool, points, np.float64)
+    with world.first_on_node():  # the first compiles
+        whole = check_forward_and_back(alone(), pool, points, np.float64)
     for cuts in cuts_of(points, world.size):
         assert np.array_equal(check_forward_and_back(world, pool, points, np.float64, cuts=cuts), whole)
     pool.close()
@@ -212,7 +214,8 @@ def test_ranks_solve_again_and_again(world_and_pool, points, messages):
     """
     world, pool = world_and_pool
     factor = np.stack([factors(points, True), factors(points, True) ** 2])
-    one = Case(alone(), pool, points, multiplier=factor)
+    with world.first_on_node():  # the first compiles
+        one = Case(alone(), pool, points, multiplier=factor)
     many = Case(world, pool, points, multiplier=factor, messages=messages)
     if messages and points == (300, 260) and world.size == 2:
         assert many.fft._n_chunks > 1

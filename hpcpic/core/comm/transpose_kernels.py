@@ -127,7 +127,8 @@ def _bring(column, c, parts):
     for s in range(parts.shape[0]):
         address, n, offset = parts[s]
         part = carray(_pointer(address + c * n * column.itemsize), (n,), column.dtype)
-        column[offset : offset + n] = part
+        for i in range(np.uint64(n)):
+            column[np.uint64(offset) + i] = part[i]
 
 
 @njit
@@ -136,7 +137,8 @@ def _send(column, output, c, columns, parts):
     for s in range(parts.shape[0]):
         address, n, offset = parts[s]
         part = carray(_pointer(address + (output * columns + c) * n * column.itemsize), (n,), column.dtype)
-        part[:] = column[offset : offset + n]
+        for i in range(np.uint64(n)):
+            part[i] = column[np.uint64(offset) + i]
 
 
 def _multiply(source, factor, target):
@@ -165,7 +167,8 @@ def columns_forward(first, last, spectrum, n, execute, plan, workspace, busy, pa
         column = spectrum[0, c, :n]
         _bring(column, c, parts)
         _execute(execute, plan, column.ctypes.data, workspace[slot].ctypes.data)
-        column[:] = workspace[slot, :n]
+        for i in range(n):
+            column[i] = workspace[slot, i]
     atomic_store(busy, 8 * slot, 0)
     return 0
 
@@ -177,7 +180,8 @@ def columns_backward(first, last, spectrum, n, execute, plan, workspace, busy, p
     for c in range(first, last):
         column = spectrum[0, c, :n]
         _execute(execute, plan, column.ctypes.data, workspace[slot].ctypes.data)
-        column[:] = workspace[slot, :n]
+        for i in range(n):
+            column[i] = workspace[slot, i]
         _send(column, 0, c, spectrum.shape[1], parts)
     atomic_store(busy, 8 * slot, 0)
     return 0
