@@ -4,7 +4,8 @@ from itertools import product
 import numpy as np
 import pytest
 
-from hpcpic.core.comm.halo import WRONG_ITERATION, Fill, Fold, halo_plan
+from hpcpic.core.comm.halo import Fill, Fold, halo_plan
+from hpcpic.core.comm.layers import WRONG_ITERATION
 from hpcpic.core.comm.tags import Channel
 from hpcpic.core.space.domain import Domain, even_cuts
 from hpcpic.core.space.fields import Field
@@ -24,31 +25,31 @@ def all_cuts(rows, ranks):
     return [even_cuts(rows, ranks), (0, *[rows] * ranks), (*[0] * ranks, rows), tuple(lone)]
 
 
-CASES = [(n, ranks) for n in SIZES for ranks in (1, 2, 3, 4)]
-
-
-@pytest.mark.parametrize("n, ranks", CASES)
 @pytest.mark.parametrize("periodic", [True, False])
 @pytest.mark.parametrize("below, above", WIDTHS)
-def test_both_sides_of_a_plan_mean_the_same_rows(n, ranks, periodic, below, above):
-    for cuts in all_cuts(n, ranks):
-        plans = [halo_plan(cuts, periodic, rank, below, above) for rank in range(ranks)]
-        for rank, plan in enumerate(plans):
-            height = cuts[rank + 1] - cuts[rank]
-            ghosts = [int(layer) for share in plan.values() for layer in share.ghosts]
-            every = [*range(below), *range(below + height, below + height + above)]
-            rows = [cuts[rank] - below + layer for layer in every]
-            wanted = [layer for layer, row in zip(every, rows) if periodic or 0 <= row < n]
-            assert sorted(ghosts) == wanted  # each once, those beyond a wall never
-            for peer, share in plan.items():
-                other = plans[peer][rank]
-                assert (
-                    len(other.sources) == len(share.ghosts) > 0 or len(other.ghosts) == len(share.sources) > 0
-                )
-                here = share.ghosts - below + cuts[rank]
-                there = other.sources - below + cuts[peer]
-                np.testing.assert_array_equal(here % n, there)
-                assert np.all((other.sources >= below) & (there < cuts[peer + 1]))
+def test_both_sides_of_a_plan_mean_the_same_rows(periodic, below, above):
+    for n, ranks in product(SIZES, (1, 2, 3, 4)):
+        for cuts in all_cuts(n, ranks):
+            check_plan(cuts, periodic, below, above)
+
+
+def check_plan(cuts, periodic, below, above):
+    n, ranks = cuts[-1], len(cuts) - 1
+    plans = [halo_plan(cuts, periodic, rank, below, above) for rank in range(ranks)]
+    for rank, plan in enumerate(plans):
+        height = cuts[rank + 1] - cuts[rank]
+        ghosts = [int(layer) for share in plan.values() for layer in share.ghosts]
+        every = [*range(below), *range(below + height, below + height + above)]
+        rows = [cuts[rank] - below + layer for layer in every]
+        wanted = [layer for layer, row in zip(every, rows) if periodic or 0 <= row < n]
+        assert sorted(ghosts) == wanted  # each once, those beyond a wall never
+        for peer, share in plan.items():
+            other = plans[peer][rank]
+            assert len(share.ghosts) + len(share.sources) > 0 and len(share.sources) == len(other.ghosts)
+            here = share.ghosts - below + cuts[rank]
+            there = other.sources - below + cuts[peer]
+            np.testing.assert_array_equal(here % n, there)
+            assert np.all((other.sources >= below) & (there < cuts[peer + 1]))
 
 
 def padded(full, axis_widths, periodic):
@@ -109,35 +110,30 @@ def check_adjoint(world, n, which, periodic, width, dtype):
     fold.free()
 
 
-every_case = pytest.mark.parametrize(
-    "n, which, periodic, width",
-    list(product(SIZES, range(4), [(True, True), (False, True), (True, False)], [(1, 2), (0, 1), (9, 10)])),
-)
+def every_case(check):
+    """Run check(n, cuts, periodic, width) for all rows, cuts, walls and ghost widths."""
+    for n, periodic in product(SIZES, [(True, True), (False, True), (True, False)]):
+        for which, width in product(range(4), [(1, 2), (0, 1), (9, 10)]):
+            check(n, which, periodic, width)
 
 
-@every_case
-def test_fill_on_one_rank(world, n, which, periodic, width):
-    if world.size == 1:
-        check_fill(world, n, which, periodic, width)
+def test_fill_on_one_rank(world):
+    every_case(partial(check_fill, world))
 
 
-@every_case
-def test_fold_is_adjoint_of_fill_on_one_rank(world, n, which, periodic, width):
-    if world.size == 1:
-        check_adjoint(world, n, which, periodic, width, np.float64)
+def test_fold_is_adjoint_of_fill_on_one_rank(world):
+    every_case(partial(check_adjoint, world, dtype=np.float64))
 
 
 @pytest.mark.mpi(min_size=2)
-@every_case
-def test_fill_gives_ghosts_what_owners_have(world, n, which, periodic, width):
-    check_fill(world, n, which, periodic, width)
+def test_fill_gives_ghosts_what_owners_have(world):
+    every_case(partial(check_fill, world))
 
 
 @pytest.mark.mpi(min_size=2)
-@every_case
-def test_fold_is_adjoint_of_fill(world, n, which, periodic, width):
-    for dtype in (np.int64, np.float64):
-        check_adjoint(world, n, which, periodic, width, dtype)
+@pytest.mark.parametrize("dtype", [np.int64, np.float64])
+def test_fold_is_adjoint_of_fill(world, dtype):
+    every_case(partial(check_adjoint, world, dtype=dtype))
 
 
 def check_axes(world, ndim, leading, trailing):
@@ -166,8 +162,7 @@ components = pytest.mark.parametrize(
 
 @components
 def test_ghosts_of_all_axes_on_one_rank(world, ndim, leading, trailing):
-    if world.size == 1:
-        check_axes(world, ndim, leading, trailing)
+    check_axes(world, ndim, leading, trailing)
 
 
 @pytest.mark.mpi(min_size=2)
@@ -177,10 +172,10 @@ def test_ghosts_of_all_axes(world, ndim, leading, trailing):
 
 
 def test_one_rank_sends_nothing(world):
-    if world.size == 1:
-        domain = domain_for(world, 7, (0, 7), (True, True))
-        fill = Fill(world, domain, Field(domain, 0, ghosts=((1, 2), (1, 1))), Channel.FIELD)
-        assert (fill.messages, fill.bytes) == (0, 0)
+    cuts = even_cuts(7, world.size)
+    domain = domain_for(world, 7, cuts, (True, True))
+    fill = Fill(world, domain, Field(domain, world.rank, ghosts=((1, 2), (1, 1))), Channel.FIELD)
+    assert (fill.messages == fill.bytes == 0) == (world.size == 1)
 
 
 @pytest.mark.mpi(min_size=2)
@@ -242,8 +237,7 @@ def check_graph(world):
 
 
 def test_exchanges_in_a_task_graph_on_one_rank(world):
-    if world.size == 1:
-        check_graph(world)
+    check_graph(world)
 
 
 @pytest.mark.mpi(min_size=2)

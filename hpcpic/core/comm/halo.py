@@ -7,72 +7,19 @@ Ghosts beyond a wall (an axis that is not periodic) are not filled, and what the
 
 from collections.abc import Hashable, Iterable, Sequence
 from dataclasses import dataclass
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from mpi4py import MPI
 from numpy.typing import NDArray
 
+from hpcpic.core.comm.layers import ADD, CLEAR, COPY, PACK, UNPACK, UNPACK_ADD, Kernel
 from hpcpic.core.comm.requests import RequestSet
 from hpcpic.core.comm.tags import tag
 from hpcpic.core.comm.world import World
-from hpcpic.core.simd.jit import njit
 from hpcpic.core.space.domain import Domain
 from hpcpic.core.space.fields import ALIGNMENT, Field, aligned_zeros
 from hpcpic.core.tasks import Graph, bind
-
-WRONG_ITERATION = 1  # code of a task whose message belongs to another iteration
-
-
-# Kernels on layers[before, layer, after]: as Python they serve start and finish, compiled the task graphs.
-
-
-@njit
-def _pack(layers, out, body, header, iteration):
-    """body[k, before, after] = layer out[k]; the header says which iteration."""
-    header[0] = iteration[0]
-    for k in range(out.size):
-        body[k] = layers[:, out[k]]
-
-
-@njit
-def _unpack(layers, into, body, header, iteration):
-    """Layer into[k] = body[k, before, after]."""
-    if header[0] != iteration[0]:
-        return WRONG_ITERATION
-    for k in range(into.size):
-        layers[:, into[k]] = body[k]
-    return 0
-
-
-@njit
-def _unpack_add(layers, into, body, header, iteration):
-    """Layer into[k] += body[k, before, after]; one after the other, a layer may come twice."""
-    if header[0] != iteration[0]:
-        return WRONG_ITERATION
-    for k in range(into.size):
-        layers[:, into[k]] += body[k]
-    return 0
-
-
-@njit
-def _copy(layers, sources, ghosts):
-    for k in range(ghosts.size):
-        layers[:, ghosts[k]] = layers[:, sources[k]]
-
-
-@njit
-def _add(layers, sources, ghosts):
-    """The adjoint of _copy, but for the ghosts, which _clear sets to zero after it."""
-    for k in range(ghosts.size):
-        layers[:, sources[k]] += layers[:, ghosts[k]]
-
-
-@njit
-def _clear(layers, below, above):
-    """The first `below` and the last `above` layers become zero."""
-    layers[:, :below] = 0
-    layers[:, layers.shape[1] - above :] = 0
 
 
 @dataclass(frozen=True, slots=True)
@@ -155,7 +102,7 @@ class _Leg:
 class _Operation(NamedTuple):
     """A kernel call of an exchange, what it reads and what it changes: "inner", "ghosts" or a message."""
 
-    kernel: Any
+    kernel: Kernel
     arguments: tuple
     ins: tuple[str, ...]
     inouts: tuple[str, ...]
@@ -207,10 +154,10 @@ class _Exchange:
             if len(leg.out):
                 buffer = leg.send[parity]
                 arguments = (self._layers, leg.out, buffer.body, buffer.header, self._iteration)
-                packs.append(_Operation(_pack, arguments, (reads,), (f"to {leg.peer}",)))
+                packs.append(_Operation(PACK, arguments, (reads,), (f"to {leg.peer}",)))
         return packs
 
-    def _unpacks(self, parity: int, kernel: Any, writes: str) -> list[_Operation]:
+    def _unpacks(self, parity: int, kernel: Kernel, writes: str) -> list[_Operation]:
         """In the order of ranks, so that sums of floats are repeatable."""
         unpacks = []
         for leg in self._legs:
@@ -224,7 +171,7 @@ class _Exchange:
         """Pack and send. Until `finish` leave the ghosts alone; only Fill leaves inner values free."""
         self._iteration[0] = iteration
         for operation in self._first[iteration % 2]:
-            operation.kernel.py_func(*operation.arguments)
+            operation.kernel.plain(*operation.arguments)
         self._requests[iteration % 2].start()
 
     def finish(self) -> None:
@@ -232,7 +179,7 @@ class _Exchange:
         iteration = int(self._iteration[0])
         self._requests[iteration % 2].wait()
         for operation in self._last[iteration % 2]:
-            code = operation.kernel.py_func(*operation.arguments)
+            code = operation.kernel.plain(*operation.arguments)
             assert not code, f"got a message that is not of iteration {iteration}"
 
     def add_to(
@@ -257,8 +204,8 @@ class _Exchange:
 
         def add(operations: Iterable[_Operation]) -> None:
             for kernel, arguments, ins, inouts in operations:
-                name = f"{type(self).__name__.lower()} {handle}: {kernel.py_func.__name__.strip('_')}"
-                bound = bind(kernel, *arguments)
+                name = f"{type(self).__name__.lower()} {handle}: {kernel.compiled.__name__}"
+                bound = bind(kernel.compiled, *arguments)
                 graph.task(bound, ins=handles(ins), inouts=handles(inouts), priority=1, name=name)
 
         add(self._first[parity])
@@ -286,15 +233,15 @@ class Fill(_Exchange):
         return share.sources, share.ghosts
 
     def _before(self, parity: int) -> list[_Operation]:
-        own = _Operation(_copy, (self._layers, self._own.sources, self._own.ghosts), ("inner",), ("ghosts",))
+        own = _Operation(COPY, (self._layers, self._own.sources, self._own.ghosts), ("inner",), ("ghosts",))
         return [own, *self._packs(parity, "inner")]
 
     def _after(self, parity: int) -> list[_Operation]:
         sides = [
-            _Operation(_copy, (layers, share.sources, share.ghosts), ("inner",), ("ghosts",))
+            _Operation(COPY, (layers, share.sources, share.ghosts), ("inner",), ("ghosts",))
             for layers, _, share in self._sides
         ]
-        return [*self._unpacks(parity, _unpack, "ghosts"), *sides]
+        return [*self._unpacks(parity, UNPACK, "ghosts"), *sides]
 
 
 class Fold(_Exchange):
@@ -312,12 +259,12 @@ class Fold(_Exchange):
         return [*sides, _adding(self._layers, self._own), *packs, _clearing(self._layers, self._width)]
 
     def _after(self, parity: int) -> list[_Operation]:
-        return self._unpacks(parity, _unpack_add, "inner")
+        return self._unpacks(parity, UNPACK_ADD, "inner")
 
 
 def _adding(layers: NDArray, share: Share) -> _Operation:
-    return _Operation(_add, (layers, share.sources, share.ghosts), ("ghosts",), ("inner", "ghosts"))
+    return _Operation(ADD, (layers, share.sources, share.ghosts), ("ghosts",), ("inner", "ghosts"))
 
 
 def _clearing(layers: NDArray, width: tuple[int, int]) -> _Operation:
-    return _Operation(_clear, (layers, *width), (), ("ghosts",))
+    return _Operation(CLEAR, (layers, *width), (), ("ghosts",))

@@ -34,13 +34,13 @@ def send_anywhere(
     world.comm.Alltoall(counts, expected)
     arrived: dict[int, Records] = {world.rank: own[0]} if own else {}
     requests = []
-    for peer in np.flatnonzero(expected):
+    for peer in np.flatnonzero(expected).tolist():
         if peer != world.rank:
-            arrived[int(peer)] = np.empty((expected[peer], record_bytes), np.uint8)
-            requests.append(world.comm.Irecv(arrived[int(peer)], peer, label))
-    for peer in np.flatnonzero(counts):
+            arrived[peer] = np.empty((expected[peer], record_bytes), np.uint8)
+            requests.append(world.comm.Irecv(arrived[peer], peer, label))
+    for peer in np.flatnonzero(counts).tolist():
         if peer != world.rank:
-            records = np.ascontiguousarray(outgoing[int(peer)])
+            records = np.ascontiguousarray(outgoing[peer])
             requests.append(world.comm.Isend(records, peer, label))
     MPI.Request.Waitall(requests)
     return [arrived[peer] for peer in sorted(arrived)]

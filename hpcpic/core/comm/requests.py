@@ -12,7 +12,9 @@ from mpi4py import MPI
 def mpi_address(function: str) -> int:
     """Address of an MPI function in the library that mpi4py itself is linked with."""
     library = ctypes.CDLL(MPI.__file__)  # finds names in the extension and in what it is linked with
-    return ctypes.cast(getattr(library, function), ctypes.c_void_p).value
+    address = ctypes.cast(getattr(library, function), ctypes.c_void_p).value
+    assert address is not None
+    return address
 
 
 class RequestSet:

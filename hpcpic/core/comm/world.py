@@ -83,7 +83,7 @@ class World:
         self.node.Allreduce(ranks_on_core.copy(), ranks_on_core)
         if ranks_on_core.max() == 1:
             return len(self._cores)
-        return max(1, np.count_nonzero(ranks_on_core) // self.node_size)
+        return max(1, int(np.count_nonzero(ranks_on_core)) // self.node_size)
 
     def bcast(self, content: bytes | None) -> bytes:
         """The bytes of rank 0, on all ranks."""

@@ -61,10 +61,11 @@ class Field:
 
     def like(self, domain: Domain) -> "Field":
         """A zero field of the same kind on another domain, for the same rank."""
-        kind = {
-            "dtype": self.dtype,
-            "leading": self.leading,
-            "trailing": self.trailing,
-            "ghosts": self.ghosts,
-        }
-        return Field(domain, self.rank, **kind)
+        return Field(
+            domain,
+            self.rank,
+            dtype=self.dtype,
+            leading=self.leading,
+            trailing=self.trailing,
+            ghosts=self.ghosts,
+        )

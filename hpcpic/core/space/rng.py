@@ -37,7 +37,7 @@ def _words(seed: int) -> NDArray[np.uint64]:
     return np.array([seed & 0xFFFFFFFF, seed >> 32], np.uint64)
 
 
-def _open_unit(words: NDArray[np.uint64]) -> NDArray[np.float64]:
+def _open_unit(words: NDArray[np.uint64]) -> NDArray:
     """Odd multiples of 2^-53 from words[4, m], two each: 0 < u < 1, symmetric about 1/2. Returns [m, 2]."""
     high = words[0::2] >> np.uint64(6)  # 26 bits
     low = words[1::2] >> np.uint64(6)  # 26 bits

@@ -1,0 +1,130 @@
+"""Operations on the layers of an array seen as [before, layer, after], each in two forms.
+
+`plain` is numpy, for calls from Python; `compiled` is loops, for task graphs (numba compiles loops
+in a twentieth of the time it takes for slices). Messages have a header, int64[1], that names their iteration.
+"""
+
+from collections.abc import Callable
+from typing import Any, NamedTuple
+
+from hpcpic.core.simd.jit import njit
+
+WRONG_ITERATION = 1  # code: the message belongs to another iteration
+
+
+class Kernel(NamedTuple):
+    plain: Callable[..., int | None]
+    compiled: Any
+
+
+def _pack(layers, out, body, header, iteration):
+    header[0] = iteration[0]
+    for k, layer in enumerate(out):
+        body[k] = layers[:, layer]
+
+
+@njit
+def pack(layers, out, body, header, iteration):
+    """body[k, before, after] = layer out[k]."""
+    header[0] = iteration[0]
+    for k in range(out.size):
+        for b in range(layers.shape[0]):
+            source, target = layers[b, out[k]], body[k, b]
+            for i in range(target.size):
+                target[i] = source[i]
+
+
+def _unpack(layers, into, body, header, iteration):
+    if header[0] != iteration[0]:
+        return WRONG_ITERATION
+    for k, layer in enumerate(into):
+        layers[:, layer] = body[k]
+    return 0
+
+
+@njit
+def unpack(layers, into, body, header, iteration):
+    """Layer into[k] = body[k, before, after]."""
+    if header[0] != iteration[0]:
+        return WRONG_ITERATION
+    for k in range(into.size):
+        for b in range(layers.shape[0]):
+            source, target = body[k, b], layers[b, into[k]]
+            for i in range(target.size):
+                target[i] = source[i]
+    return 0
+
+
+def _unpack_add(layers, into, body, header, iteration):
+    if header[0] != iteration[0]:
+        return WRONG_ITERATION
+    for k, layer in enumerate(into):
+        layers[:, layer] += body[k]
+    return 0
+
+
+@njit
+def unpack_add(layers, into, body, header, iteration):
+    """Layer into[k] += body[k, before, after], one after the other: a layer may come twice."""
+    if header[0] != iteration[0]:
+        return WRONG_ITERATION
+    for k in range(into.size):
+        for b in range(layers.shape[0]):
+            source, target = body[k, b], layers[b, into[k]]
+            for i in range(target.size):
+                target[i] += source[i]
+    return 0
+
+
+def _copy(layers, sources, ghosts):
+    for source, ghost in zip(sources, ghosts):
+        layers[:, ghost] = layers[:, source]
+
+
+@njit
+def copy(layers, sources, ghosts):
+    """Layer ghosts[k] = layer sources[k]."""
+    for b in range(layers.shape[0]):
+        for k in range(ghosts.size):
+            source, target = layers[b, sources[k]], layers[b, ghosts[k]]
+            for i in range(target.size):
+                target[i] = source[i]
+
+
+def _add(layers, sources, ghosts):
+    for source, ghost in zip(sources, ghosts):
+        layers[:, source] += layers[:, ghost]
+
+
+@njit
+def add(layers, sources, ghosts):
+    """Layer sources[k] += layer ghosts[k]: with `clear` after it, the adjoint of `copy`."""
+    for b in range(layers.shape[0]):
+        for k in range(ghosts.size):
+            source, target = layers[b, ghosts[k]], layers[b, sources[k]]
+            for i in range(target.size):
+                target[i] += source[i]
+
+
+def _clear(layers, below, above):
+    layers[:, :below] = 0
+    layers[:, layers.shape[1] - above :] = 0
+
+
+@njit
+def clear(layers, below, above):
+    """The first `below` and the last `above` layers become zero."""
+    n = layers.shape[1]
+    for b in range(layers.shape[0]):
+        for k in range(below + above):
+            target = layers[b, k if k < below else n - 1 - (k - below)]
+            for i in range(target.size):
+                target[i] = 0
+
+
+PACK = Kernel(_pack, pack)
+UNPACK = Kernel(_unpack, unpack)
+UNPACK_ADD = Kernel(_unpack_add, unpack_add)
+COPY = Kernel(_copy, copy)
+ADD = Kernel(_add, add)
+CLEAR = Kernel(_clear, clear)
