@@ -21,17 +21,22 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
     from hpcpic.core.files.reader import Fields, Particles, Run
+    from hpcpic.core.files.series import Series
 
 SIGNED, POSITIVE = "RdBu_r", "viridis"
 THEORY: dict[str, Any] = {"color": INK, "linestyle": (0, (5, 3)), "linewidth": 1.4}
 
 
-def _series(run: Run, *names: str) -> tuple[np.ndarray, ...]:
-    """time and the scalars. Raises NoData."""
+def _series_of(run: Run) -> Series:
     try:
-        series = run.series
+        return run.series
     except FileError as error:
         raise NoData(f"no series: {error}") from error
+
+
+def _series(run: Run, *names: str) -> tuple[np.ndarray, ...]:
+    """time and the scalars. Raises NoData."""
+    series = _series_of(run)
     missing = [name for name in names if name not in series]
     if missing or len(series.time) < 2:
         raise NoData(f"the series lacks {', '.join(missing) or 'a second sample'}")
@@ -110,7 +115,7 @@ def species_masses(config: PlasmaConfig) -> list[float]:
 
 def chosen_mode(run: Run) -> int:
     """The mode that theory and measurement are compared for: the one the case seeds, or the largest."""
-    names = [name for name in run.series if name.startswith("mode_")]
+    names = [name for name in _series_of(run) if name.startswith("mode_")]
     if not names:
         raise NoData("the series has no mode_1 ...")
     for species in config_of(run).species:
