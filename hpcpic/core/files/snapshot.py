@@ -32,7 +32,7 @@ VERSION = (2, 2)
 CHUNK_BYTES = 8 << 20
 STEPS_PER_CHUNK = 256
 ROOT = "VTKHDF"
-CELL_KINDS = ("Vertices", "Lines", "Polygons", "Strips")
+CELL_KINDS = ("Vertices", "Lines", "Polygons", "Strips")  # the last three are empty
 
 
 class _Temporal:
@@ -128,7 +128,8 @@ class FieldsWriter(_Temporal):
             rows = CHUNK_BYTES // (math.prod(layer[axis:]) * dtype.itemsize)
             chunk = (1, *layer) if axis == 0 else (1, max(1, min(layer[0], rows)), *layer[1:])
             image.growing(root, name, layer, dtype, chunk)
-            _offsets(steps, name)
+        _counts(steps, "Layer")
+        _link(steps, "Layer", [_offset_name(name) for name in described])
 
     def _grow(self, root: Any, n: int, shards: Mapping[str, Shard], domain: Domain) -> dict[str, Slot]:
         slots = {}
@@ -138,7 +139,7 @@ class FieldsWriter(_Temporal):
             if present != points:
                 raise FileError(f"it holds a grid of {present} points, this run has {points}")
             slots[name] = image.layer_slot(root[name], n, _slab_axis(domain))
-            _set(root["Steps"][_offset_name(name)], n, n)
+        _set(root["Steps/Layer"], n, n)
         return slots
 
 
@@ -199,22 +200,22 @@ class ParticlesWriter(_Temporal):
         for name, (shape, dtype) in described.items():
             rows = max(1, min(max(total, 1024), CHUNK_BYTES // (math.prod(shape) * dtype.itemsize)))
             image.growing(root, name, shape, dtype, (rows, *shape))
-            if name.startswith("PointData/"):
-                _offsets(steps, name)
         root["PointData/species"].attrs["names"] = names
-        _counts(root, "NumberOfPoints")
         for name in ("PartOffsets", "NumberOfParts", "PointOffsets"):
             _counts(steps, name)
-        for name in ("CellOffsets", "ConnectivityIdOffsets"):
-            _counts(steps, name, (len(CELL_KINDS),))
-        for kind in CELL_KINDS:
-            _counts(root, f"{kind}/NumberOfCells")
-            _counts(root, f"{kind}/NumberOfConnectivityIds")
-            if kind != "Vertices":
-                _counts(root, f"{kind}/Offsets")
-                _counts(root, f"{kind}/Connectivity")
-                image.extend(root[f"{kind}/Offsets"], 1)
-                root[f"{kind}/Offsets"][0] = 0
+        _link(
+            steps, "PointOffsets", [_offset_name(name) for name in described if name.startswith("PointData/")]
+        )
+        _counts(steps, "CellOffsets", (len(CELL_KINDS),))
+        _link(steps, "CellOffsets", ["ConnectivityIdOffsets"])
+        _counts(root, "NumberOfPoints")
+        _link(root, "NumberOfPoints", ["Vertices/NumberOfCells", "Vertices/NumberOfConnectivityIds"])
+        _counts(root, "Lines/NumberOfCells")
+        _link(root, "Lines/NumberOfCells", ["Lines/NumberOfConnectivityIds"])
+        _counts(root, "Lines/Connectivity")
+        _counts(root, "Lines/Offsets")
+        _set(root["Lines/Offsets"], 0, 0)
+        _link(root, "Lines", ["Polygons", "Strips"])
 
     def _grow(
         self, root: Any, n: int, shards: Mapping[str, Shard], names: list[str], total: int
@@ -222,23 +223,15 @@ class ParticlesWriter(_Temporal):
         steps = root["Steps"]
         first = int(steps["PointOffsets"][n - 1] + root["NumberOfPoints"][n - 1]) if n else 0
         _set(root["NumberOfPoints"], n, total)
+        _set(root["Lines/NumberOfCells"], n, 0)
         _set(steps["PartOffsets"], n, n)
         _set(steps["NumberOfParts"], n, 1)
         _set(steps["PointOffsets"], n, first)
-        for name in ("CellOffsets", "ConnectivityIdOffsets"):
-            _set(steps[name], n, 0)
-        for kind in CELL_KINDS:
-            cells = total if kind == "Vertices" else 0
-            _set(root[kind]["NumberOfCells"], n, cells)
-            _set(root[kind]["NumberOfConnectivityIds"], n, cells)
-        slots = {}
-        for name, shard in shards.items():
-            if name.startswith("PointData/"):
-                _set(steps[_offset_name(name)], n, first)
-            slots[name] = image.rows_slot(
-                root[name], 0 if name.startswith("Vertices/") else first, shard.total
-            )
-        return slots
+        _set(steps["CellOffsets"], n, 0)
+        return {
+            name: image.rows_slot(root[name], 0 if name.startswith("Vertices/") else first, shard.total)
+            for name, shard in shards.items()
+        }
 
 
 def _joined(species: Mapping[str, ParticleArray]) -> dict[str, Any]:
@@ -269,8 +262,10 @@ def _offset_name(name: str) -> str:
     return name.replace("PointData/", "PointDataOffsets/")
 
 
-def _offsets(steps: Any, name: str) -> None:
-    _counts(steps, _offset_name(name))
+def _link(group: Any, name: str, others: list[str]) -> None:
+    """VTK wants the same numbers under several names: they are stored once."""
+    for other in others:
+        group[other] = group[name]
 
 
 def _set(dataset: "h5py.Dataset", n: int, value: Any) -> None:
