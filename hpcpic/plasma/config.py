@@ -169,13 +169,10 @@ class PlasmaConfig(Section):
                 "simulation.solver: MFT_TAP is read as MFT, which has no separate workers here"
             )
         if tree.has(("simulation", "realtime_plot")):
-            for name in ("field", "particle"):
+            for name in ("field", "particle"):  # there they set the pace of the live plot, not of files
                 if tree.has(("simulation", "sampling_period", name)):
                     tree.drop(("simulation", "sampling_period", name))
-                    tree.warnings.append(
-                        f"simulation.sampling_period.{name} drove the live plot of realtime_plot; "
-                        "output.sampling_period asks for snapshots"
-                    )
+                    tree.ignored.append(f"simulation.sampling_period.{name}")
 
     def faults(self) -> Iterator[tuple[Path, str]]:
         d = self.dimensions

@@ -171,7 +171,7 @@ def test_a_refusal_stops_the_run_unless_it_can_be_forced():
     tree = loads("group = {\n count = 3; };")
     numbers = [
         Derived("a", "A", 1.0),
-        Derived("b", "B", 2.0, "m", "< 1", "warn", "book", "less"),
+        Derived("b", "B", 2.0, "m", "< 1", "warn", "book", "less", forceable=True),
         Derived("c", "C", 3.0, "", "< 2", "fail", "book", "count = 1", ("group", "count"), forceable=True),
         Derived("d", "D", 4.0, "", "< 2", "fail", "book", "no", ("group", "colour")),
     ]

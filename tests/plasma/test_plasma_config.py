@@ -77,7 +77,7 @@ def test_both_spellings_of_the_grid_are_one():
     "name, points, species, ignored",
     [
         ("two-beams-1d-old", (64,), 1, "plot, constants.light_speed, constants.boltzmann_constant"),
-        ("two-electrons-1d", (32,), 2, "simulation.realtime_plot"),
+        ("two-electrons-1d", (32,), 2, "simulation.sampling_period.particle"),
         ("two-species-2d", (32, 32), 2, "simulation.realtime_plot"),
         (
             "pair-2d",

@@ -40,13 +40,15 @@ class Tree:
     """Plain values of a case: groups are dicts, lists tuples, arrays lists.
 
     faults: what is wrong but did not stop the reading, reported by schema.validate together with its own.
-    files: (name, text) of every file read, the main one first. sets: the --set list as given.
+    ignored: keys that were accepted and dropped. files: (name, text) of every file read, the main one first.
+    sets: the --set list as given.
     """
 
     data: dict[str, Any] = field(default_factory=dict)
     places: dict[Path, Place] = field(default_factory=dict)
     faults: list[str] = field(default_factory=list)
     warnings: list[str] = field(default_factory=list)
+    ignored: list[str] = field(default_factory=list)
     files: list[tuple[str, str]] = field(default_factory=list)
     sets: tuple[str, ...] = ()
 

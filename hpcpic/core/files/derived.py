@@ -37,12 +37,13 @@ def enforce(numbers: Iterable[Derived], tree: Tree, force: bool = False) -> list
     """The warnings of a case. Raises ConfigError with every refusal, placed at the key to change."""
     warnings, refusals = [], []
     for number in numbers:
-        forced = force and number.forceable
-        if number.verdict == "fail" and not forced:
+        if number.verdict == "warn":
+            warnings.append(str(number))
+        elif number.verdict == "fail" and force and number.forceable:
+            warnings.append(f"{number} (refused without --force)")
+        elif number.verdict == "fail":
             hint = " (--force runs it all the same)" if number.forceable else ""
             refusals.append(f"{tree.where(number.key)}: {dotted(number.key) or 'case'}: {number}{hint}")
-        elif number.verdict != "ok":
-            warnings.append(f"{number} (refused without --force)" if forced else str(number))
     if refusals:
         raise ConfigError(refusals)
     return warnings

@@ -74,15 +74,14 @@ def validate(model: type[Model], tree: Tree) -> Model:
 
 def drop_ignored(model: type[Section], tree: Tree) -> None:
     """Take the keys that have no meaning here out of the tree, with one warning that lists them."""
-    found = []
     for key in model.ignored:
         *groups, name = key.split(".")
         for path in matching(tree.data, tuple(groups)):
             if tree.has((*path, name)):
                 tree.drop((*path, name))
-                found.append(dotted((*path, name)))
-    if found:
-        tree.warnings.append(f"keys without meaning here, ignored: {', '.join(found)}")
+                tree.ignored.append(dotted((*path, name)))
+    if tree.ignored:
+        tree.warnings.append(f"keys without meaning here, ignored: {', '.join(tree.ignored)}")
 
 
 def matching(data: Any, groups: tuple[str, ...]) -> list[Path]:
