@@ -24,6 +24,21 @@ def until(config: PlasmaConfig, t: float) -> tuple[str, ...]:
     return (f"simulation.cycles={max(1, round(t / config.simulation.time_step))}",)
 
 
+def grow(case: str, factor: int) -> tuple[str, ...]:
+    """The --set list that makes a shipped case or file `factor` times as long along the slab axis: weak scaling."""
+    from hpcpic.core.cli.read import read_case
+
+    config = read_case(APP, case, ()).config
+    axis = config.dimensions - 1
+    points, lengths = list(config.grid.points), list(config.simulation.space_length)
+    points[axis] *= factor
+    lengths[axis] *= factor
+    particles = (
+        f"species[{k}].particles={species.particles * factor}" for k, species in enumerate(config.species)
+    )
+    return (f"grid.points={points}", f"simulation.space_length={lengths}", *particles)
+
+
 def bench(quick: bool) -> Mapping[str, float]:
     from hpcpic.plasma.bench import bench as measure
 
