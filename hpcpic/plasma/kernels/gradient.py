@@ -11,7 +11,8 @@ _1, _2 = np.uint64(1), np.uint64(2)  # signed indices would keep the loops scala
 def minus_gradient_1d(first, last, phi, e, per_2dx, e0_x):
     """E_x(i) = e0_x + (phi(i - 1) - phi(i + 1)) / (2 dx) on nodes first..last - 1 of e[0].
 
-    phi[nx + 3]: one ghost left, two right; e[1, nx + 1]: one ghost right; per_2dx = 1 / (2 dx).
+    phi has one node more than e on each side: phi[nx + 3] with one ghost left and two right for e[1, nx + 1] with
+    one ghost right, or wider; per_2dx = 1 / (2 dx).
     """
     for i in range(np.uint64(first), np.uint64(last)):
         e[0, i] = e0_x + per_2dx * (phi[i] - phi[i + _2])
@@ -21,8 +22,8 @@ def minus_gradient_1d(first, last, phi, e, per_2dx, e0_x):
 def minus_gradient_2d(first, last, phi, e, per_2dx, per_2dy, e0_x, e0_y):
     """E = e0 - grad phi (5.13) on rows first..last - 1 of e; the bits do not depend on how rows are cut.
 
-    phi[ny + 3, nx + 3]: one ghost row below and two above, one ghost column left and two right;
-    e[2, ny + 1, nx + 1]: components x and y, one ghost row above, one ghost column right;
+    phi has one node more than e on each side: phi[ny + 3, nx + 3] with one ghost row below and two above, one
+    ghost column left and two right for e[2, ny + 1, nx + 1] (components x and y), or wider;
     per_2dx = 1 / (2 dx), per_2dy = 1 / (2 dy); the uniform external field (e0_x, e0_y) is added.
     """
     for j in range(first, last):
