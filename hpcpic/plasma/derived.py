@@ -12,6 +12,7 @@ HEATING = ((0.1, 2.8e-2), (0.3, 9.5e-3), (0.5, 3.1e-3), (1.0, 5.0e-4))
 HUGE = 1e75
 NODE_CAPACITY = 2**19  # particles on one node that 64-bit fixed point with 44 fractional bits holds
 TIME_STEP = ("simulation", "time_step")
+POINTS = ("grid", "points")
 BOOK = "Birdsall & Langdon"
 
 
@@ -25,7 +26,8 @@ def derived(config: PlasmaConfig, ranks: int = 1) -> list[Derived]:
         *resolution(config),
         *motion(config),
         *waves(config),
-        *sizes(config, ranks),
+        *sizes(config),
+        *blocks(config, ranks),
     ]
 
 
@@ -148,7 +150,7 @@ def resolution(config: PlasmaConfig) -> Iterator[Derived]:
         verdict,
         f"{BOOK} ch. 8",
         cure,
-        ("grid", "points"),
+        POINTS,
         forceable=True,
     )
     measured = (
@@ -184,7 +186,7 @@ def heating(config: PlasmaConfig, ratio: float) -> Derived:
         verdict,
         "measured with this scheme at wp dt = 0.2",
         cure,
-        ("grid", "points"),
+        POINTS,
     )
 
 
@@ -253,74 +255,46 @@ def waves(config: PlasmaConfig) -> Iterator[Derived]:
             yield Derived("cold frequency on this grid", "w/wp", frequency, source=f"{BOOK} ch. 4, 8")
 
 
-def sizes(config: PlasmaConfig, ranks: int) -> Iterator[Derived]:
-    """Particles, cells and blocks."""
-    points = config.grid.points
-    cells, total = math.prod(points), sum(species.particles for species in config.species)
-    per_cell = total / cells
+def sizes(config: PlasmaConfig) -> Iterator[Derived]:
+    """Particles per cell, the charge of the background, and points where the solver minds."""
+    cells = math.prod(config.grid.points)
+    per_cell = sum(species.particles for species in config.species) / cells
     verdict = "ok" if per_cell <= NODE_CAPACITY / 4 else "warn" if per_cell <= NODE_CAPACITY else "fail"
-    yield Derived(
-        "particles per cell",
-        "N/cells",
-        per_cell,
-        "",
-        f"< {NODE_CAPACITY}",
-        verdict,
-        "64-bit fixed-point charge",
-        "" if verdict == "ok" else "more points",
-        ("grid", "points"),
-    )
-    charge = sum(
-        species.particles * species.charge for species in config.species if not species.plasma_frequency
-    )
-    if charge:
-        yield Derived(
-            "background charge density",
-            "rho_0",
-            -charge / volume(config),
-            "C/m" if len(points) == 1 else "C/m2",
-        )
-    rows = points[-1]
-    verdict = "ok" if ranks <= rows else "fail"
-    yield Derived(
-        "rows per rank",
-        "rows/R",
-        rows / ranks,
-        "",
-        ">= 1",
-        verdict,
-        "slabs end at one row",
-        "" if verdict == "ok" else f"at most {rows} ranks",
-        ("grid", "points"),
-        forceable=True,
-    )
-    chunks = config.simulation.plasma_chunks
-    if chunks:
-        block = points[0] / chunks if len(points) == 2 else rows / ranks / chunks
-        verdict = "ok" if block >= 1 else "warn"
-        cure = "" if block >= 1 else "some stay empty: fewer plasma_chunks"
-        yield Derived(
-            "columns per task block",
-            "Nx/chunks",
-            block,
-            "",
-            ">= 1",
-            verdict,
-            "one column per block",
-            cure,
-            ("simulation", "plasma_chunks"),
-        )
+    limit, source = f"< {NODE_CAPACITY}", "64-bit fixed-point charge"
+    cure = "" if verdict == "ok" else "more points"
+    yield Derived("particles per cell", "N/cells", per_cell, "", limit, verdict, source, cure, POINTS)
+    density = -sum(charge_density(config, species) for species in config.species)
+    unit = "C/m" if config.dimensions == 1 else "C/m2"
+    yield Derived("background charge density", "rho_0", density, unit)
     if config.simulation.solver == "LU":
         verdict = "ok" if cells <= 4096 else "warn" if cells <= 16384 else "fail"
+        cure, source = "" if verdict == "ok" else 'solver = "MFT"', "(5.6), cost (2/3) N^3"
+        key = ("simulation", "solver")
         yield Derived(
-            "points of the LU solver",
-            "Nx Ny",
-            cells,
-            "",
-            "< 4096",
-            verdict,
-            "(5.6), cost (2/3) N^3",
-            "" if verdict == "ok" else 'solver = "MFT"',
-            ("simulation", "solver"),
-            forceable=True,
+            "points of the LU solver", "Nx Ny", cells, "", "< 4096", verdict, source, cure, key, True
         )
+
+
+def charge_density(config: PlasmaConfig, species: Species) -> float:
+    """Mean charge density of one species; where wp is given, wp^2 eps0 / (q/m)."""
+    if species.plasma_frequency and species.particles:
+        wp = species.plasma_frequency
+        return wp * wp * config.constants.vacuum_permittivity * species.mass / species.charge
+    return species.particles * species.charge / volume(config)
+
+
+def blocks(config: PlasmaConfig, ranks: int) -> Iterator[Derived]:
+    """Rows per rank and columns per task block."""
+    columns, rows = config.grid.points[0], config.grid.points[-1]
+    verdict = "ok" if ranks <= rows else "fail"
+    cure = "" if verdict == "ok" else f"at most {rows} ranks"
+    source = "slabs end at one row"
+    yield Derived("rows per rank", "rows/R", rows / ranks, "", ">= 1", verdict, source, cure, POINTS, True)
+    chunks = config.simulation.plasma_chunks
+    if chunks:
+        block = (columns if config.dimensions == 2 else rows / ranks) / chunks
+        verdict = "ok" if block >= 1 else "warn"
+        cure = "" if block >= 1 else "some stay empty: fewer plasma_chunks"
+        key = ("simulation", "plasma_chunks")
+        source = "one column per block"
+        yield Derived("columns per task block", "Nx/chunks", block, "", ">= 1", verdict, source, cure, key)

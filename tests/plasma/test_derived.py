@@ -138,6 +138,12 @@ def test_verdicts_at_the_limits(sets, symbol, verdict):
     assert numbers(sets)[0][symbol].verdict == verdict
 
 
+def test_the_background_neutralises_macro_charges_as_given_and_as_derived():
+    # n q of -1 x 32768 on 2048 m2; or wp^2 eps0 m / q
+    assert numbers(["species[0].plasma_frequency=0"])[0]["rho_0"].value == 16.0
+    assert numbers(["species[0].plasma_frequency=3", "species[0].charge=-2"])[0]["rho_0"].value == 4.5
+
+
 def test_more_ranks_than_rows_are_refused_with_the_largest_number():
     found, tree = numbers(ranks=33)
     assert "rows/R" in found and numbers(ranks=32)[0]["rows/R"].verdict == "ok"
