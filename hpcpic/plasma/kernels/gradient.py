@@ -11,8 +11,8 @@ _1, _2 = np.uint64(1), np.uint64(2)  # signed indices would keep the loops scala
 def minus_gradient_1d(first, last, phi, e, per_2dx, e0_x):
     """E_x(i) = e0_x + (phi(i - 1) - phi(i + 1)) / (2 dx) on nodes first..last - 1 of e[0].
 
-    phi has one node more than e on each side: phi[nx + 3] with one ghost left and two right for e[1, nx + 1] with
-    one ghost right, or wider; per_2dx = 1 / (2 dx).
+    phi has one node more than e on each side: phi[nx + 3] with one ghost left and two right for e[1, nx + 1]
+    with one ghost right, or wider; per_2dx = 1 / (2 dx).
     """
     for i in range(np.uint64(first), np.uint64(last)):
         e[0, i] = e0_x + per_2dx * (phi[i] - phi[i + _2])
