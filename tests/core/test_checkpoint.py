@@ -6,6 +6,7 @@ import json
 import logging
 import os
 import tempfile
+import time
 from pathlib import Path
 
 import numpy as np
@@ -26,7 +27,7 @@ def whole(seed: int, n: int = 1000) -> dict[str, np.ndarray]:
         "ions/id": np.arange(n),
         "ions/x": rng.standard_normal((n, 2)),
         "ions/v": rng.standard_normal((n, 3)).astype(np.float32),
-        "none": np.empty((0, 4)),
+        "deep/down/none": np.empty((0, 4)),
         "one": np.array([2.5]),  # some ranks have nothing of it
         "rho": rng.standard_normal((7, 5)),
     }
@@ -87,6 +88,15 @@ def test_it_is_ordinary_hdf5(rundir: RunDir) -> None:
         assert file.attrs["step"] == 5 and file.attrs["time"] == 2.5
         for name, array in arrays.items():
             assert np.array_equal(file[name][()], array)
+
+
+def test_the_same_state_gives_the_same_bytes(tmp_path: Path) -> None:
+    paths = []
+    for run in ("a", "b"):
+        (tmp_path / run).mkdir()
+        paths.append(checkpoint.write(ALONE, RunDir(tmp_path / run), 5, 2.5, shards(whole(3))))
+        time.sleep(1.01)  # HDF5 knows whole seconds
+    assert paths[0].read_bytes() == paths[1].read_bytes()
 
 
 def test_two_are_kept_and_a_replaced_future_is_not(rundir: RunDir) -> None:

@@ -1,6 +1,7 @@
 """Every snapshot is read back exactly, by VTK (so ParaView) and by our reader, for any cut among ranks."""
 
 import tempfile
+import time
 from pathlib import Path
 
 import h5py
@@ -151,10 +152,10 @@ def test_vtk_and_reader_see_the_particles_of_every_step(
     assert_particles(path, len(COUNTS))
     seen = vtk_steps(path)
     assert len(seen) == len(COUNTS)
-    for step, (time, cloud, arrays) in enumerate(seen):
+    for step, (at, cloud, arrays) in enumerate(seen):
         sets = list(particles(step).values())
         n = sum(len(columns["id"]) for columns in sets)
-        assert time == 0.1 * step and cloud.GetNumberOfPoints() == cloud.GetNumberOfVerts() == n
+        assert at == 0.1 * step and cloud.GetNumberOfPoints() == cloud.GetNumberOfVerts() == n
         if n == 0:
             continue
         for name in ("id", "velocity", "charge"):
@@ -249,6 +250,15 @@ def test_a_failed_append_leaves_the_file_as_it_was(tmp_path: Path, monkeypatch: 
     assert path.read_bytes() == before
     write_fields(path, (6, 5), range(3, 6), after=100)
     assert_fields(path, (6, 5), 6)
+
+
+def test_the_same_steps_give_the_same_bytes(tmp_path: Path) -> None:
+    for run in ("a", "b"):
+        write_fields(tmp_path / f"{run}.fields", (6, 5), range(2))
+        write_particles(tmp_path / f"{run}.particles", range(2))
+        time.sleep(1.01)  # HDF5 knows whole seconds
+    for kind in ("fields", "particles"):
+        assert (tmp_path / f"a.{kind}").read_bytes() == (tmp_path / f"b.{kind}").read_bytes()
 
 
 def test_units_and_names_of_species_are_attributes(tmp_path: Path) -> None:

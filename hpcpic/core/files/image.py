@@ -168,9 +168,16 @@ def _create(group: Any, name: str, shape: tuple, limit: tuple, chunk: tuple | No
     plan.set_fill_time(h5py.h5d.FILL_TIME_NEVER)
     plan.set_obj_track_times(False)  # the same data give the same bytes
     space = h5py.h5s.create_simple(shape, tuple(h5py.h5s.UNLIMITED if n is None else n for n in limit))
-    where = group.require_group(name.rpartition("/")[0]) if "/" in name else group
+    where = subgroup(group, name.rpartition("/")[0])
     kind = h5py.h5t.py_create(dtype, logical=True)
     return h5py.Dataset(h5py.h5d.create(where.id, name.rpartition("/")[2].encode(), kind, space, dcpl=plan))
+
+
+def subgroup(group: "h5py.Group", path: str) -> "h5py.Group":
+    """The group at a path, made part by part: HDF5 puts the time into groups that it makes itself."""
+    for part in filter(None, path.split("/")):
+        group = group.require_group(part)
+    return group
 
 
 def extend(dataset: "h5py.Dataset", rows: int) -> None:

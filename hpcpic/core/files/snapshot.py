@@ -265,7 +265,8 @@ def _offset_name(name: str) -> str:
 def _link(group: Any, name: str, others: list[str]) -> None:
     """VTK wants the same numbers under several names: they are stored once."""
     for other in others:
-        group[other] = group[name]
+        parent, _, last = other.rpartition("/")
+        image.subgroup(group, parent)[last] = group[name]
 
 
 def _set(dataset: "h5py.Dataset", n: int, value: Any) -> None:
