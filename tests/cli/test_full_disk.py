@@ -1,22 +1,13 @@
 """No space left, played by a limit on the size of files: clean errors, code 6, nothing half written."""
 
-import resource
-import subprocess
-
-from toy_runner import environment
-
-LIMIT = 4 << 20
-
 
 def run_limited(toy, *words, **settings):
-    return subprocess.run(
-        toy.words("run", "ring.conf", "-o", "a", "--threads", "1", *words, ranks=2, **settings),
-        cwd=toy.folder,
-        env=environment(),
-        capture_output=True,
-        text=True,
-        timeout=30,
-        preexec_fn=lambda: resource.setrlimit(resource.RLIMIT_FSIZE, (LIMIT, LIMIT)),
+    """On two ranks, none of which can write a file beyond 4 MiB once the step loop is near."""
+    return toy(
+        *("run", "ring.conf", "-o", "a", "--threads", "1", *words),
+        ranks=2,
+        fault__kind='"full disk"',
+        **settings,
     )
 
 

@@ -7,6 +7,7 @@ step. `python toy_app.py run CASE` is the whole command line.
 from __future__ import annotations
 
 import os
+import resource
 import signal
 import sys
 import threading
@@ -28,7 +29,16 @@ from hpcpic.core.space.domain import Domain, even_cuts
 
 class Fault(Section):
     kind: Literal[
-        "none", "raise", "raise everywhere", "exit", "thread", "nan", "kill", "kill in checkpoint", "hang"
+        "none",
+        "raise",
+        "raise everywhere",
+        "exit",
+        "thread",
+        "nan",
+        "kill",
+        "kill in checkpoint",
+        "hang",
+        "full disk",
     ] = setting("none", "what goes wrong")
     rank: int = setting(0, "on which rank")
     step: int = setting(0, "at the beginning of which step")
@@ -143,7 +153,11 @@ class Toy:
             threading.Event().wait()
 
     def replace_faulty_parts(self) -> None:
-        """ "kill in checkpoint": this rank dies when the file is half written."""
+        """ "kill in checkpoint": this rank dies when the file is half written; "full disk": no file above 4
+        MiB.
+        """
+        if self.config.fault.kind == "full disk":
+            resource.setrlimit(resource.RLIMIT_FSIZE, (4 << 20, 4 << 20))
         if self.config.fault.kind == "kill in checkpoint":
             from hpcpic.core.files import image
 

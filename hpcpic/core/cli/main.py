@@ -10,6 +10,7 @@ from typing import Any
 
 import click
 
+import hpcpic
 from hpcpic.core.cli.app import AppLoader
 from hpcpic.core.errors import HpcpicError
 
@@ -85,4 +86,4 @@ class Face(click.Group):
 def build(app_loader: AppLoader, name: str, title: str) -> click.Group:
     """The command group of one simulator; `app_loader` is called by the verbs that need the app."""
     face = Face(app_loader, name, title)
-    return click.version_option(package_name="hpcpic", prog_name=name)(face)
+    return click.version_option(hpcpic.__version__, prog_name=name)(face)

@@ -11,6 +11,7 @@ from pathlib import Path
 
 _FORMAT = "%(asctime)s %(levelname)s %(name)s: %(message)s"
 ROOT = logging.getLogger("hpcpic")
+COLLECTIVE = ("hpcpic.run", "hpcpic.output", "hpcpic.core.run.checkpoint")  # what they say, all ranks know
 
 
 class _Whole(logging.Handler):
@@ -40,6 +41,8 @@ def start(rank: int, size: int, level: int = logging.INFO) -> Collected:
     screen = _Whole(level if rank == 0 else logging.WARNING)
     prefix = f"rank {rank}: " if rank and size > 1 else ""
     screen.setFormatter(logging.Formatter(prefix + _FORMAT, "%H:%M:%S"))
+    if rank:
+        screen.addFilter(lambda record: record.name not in COLLECTIVE)
     ROOT.setLevel(logging.INFO)
     ROOT.handlers = [screen, collected]
     ROOT.propagate = False
