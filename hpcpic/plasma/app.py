@@ -25,7 +25,9 @@ def until(config: PlasmaConfig, t: float) -> tuple[str, ...]:
 
 
 def grow(case: str, factor: int) -> tuple[str, ...]:
-    """The --set list that makes a shipped case or file `factor` times as long along the slab axis: weak scaling."""
+    """The --set list that makes a shipped case or file `factor` times as long along the slab axis: weak
+    scaling.
+    """
     from hpcpic.core.cli.read import read_case
 
     config = read_case(APP, case, ()).config

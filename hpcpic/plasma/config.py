@@ -155,9 +155,16 @@ class PlasmaConfig(Section):
 
     @property
     def periods(self) -> dict[str, int]:
-        """Steps between samples of series, field and particle; 0 = never."""
+        """Steps between samples of series, field and particle, openPMD files, checkpoints; 0 = never."""
         asked, written = self.simulation.sampling_period, self.output.sampling_period
-        return {"series": asked.energy, "field": written.field or 0, "particle": written.particle or 0}
+        snapshots = [period for period in (written.field, written.particle) if period]
+        return {
+            "series": asked.energy,
+            "field": written.field or 0,
+            "particle": written.particle or 0,
+            "openpmd": min(snapshots, default=0) if self.output.openpmd else 0,
+            "checkpoint": self.output.checkpoint,
+        }
 
     @classmethod
     def modernised(cls, tree: Tree) -> None:

@@ -111,8 +111,12 @@ class Plasma:
         self.iteration += 1
 
     @property
+    def time_step(self) -> float:
+        return self.scene.time_step
+
+    @property
     def time(self) -> float:
-        return self.iteration * self.scene.time_step
+        return self.iteration * self.time_step
 
     @property
     def local_items(self) -> int:
