@@ -51,7 +51,10 @@ def make_compare_command(app_loader: AppLoader) -> click.Command:
         differences: list[Difference] = []
         missing: list[str] = []
         for found in (*_series(*runs), *_fields(*runs), *_particles(*runs)):
-            (missing if isinstance(found, str) else differences).append(found)
+            if isinstance(found, str):
+                missing.append(found)
+            else:
+                differences.append(found)
         table(
             ("what", "max |a - b|", "rms", "relative", ""),
             [

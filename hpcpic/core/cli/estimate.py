@@ -34,9 +34,8 @@ def print_estimate(app: App, config: Any, ranks: int, threads: int) -> None:
         ("memory per rank", "size", "share"), [*rows, ("total", amount(total), "")], right=("size", "share")
     )
     click.echo()
-    disk = sum(estimate.disk.values())
-    rows = [(name, amount(size)) for name, size in estimate.disk.items()]
-    table(("disk", "size"), [*rows, ("total", amount(disk))], right=("size",))
+    files = [(name, amount(size)) for name, size in estimate.disk.items()]
+    table(("disk", "size"), [*files, ("total", amount(sum(estimate.disk.values())))], right=("size",))
     click.echo()
     one = app.estimate(config, 1, 1, rates)
     efficiency = one.step_seconds / (ranks * threads * estimate.step_seconds)

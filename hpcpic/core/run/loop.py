@@ -27,6 +27,7 @@ log = logging.getLogger("hpcpic.run")
 
 CHECKPOINT_SECONDS = 900.0
 CHECKPOINT_TRIES = 3
+UNKNOWN_STEP_SECONDS = 60.0
 LOOK_SECONDS = 0.1  # between two looks for the file STOP
 
 
@@ -90,6 +91,7 @@ class _Run:
             options.timers,
             progress=self.progress,
             conserved=options.conserved,
+            rest=watchdog.rest,
             after=options.restarted_from,
         )
         self.guard = Guard(world, app.guard, app.iteration)
@@ -116,9 +118,10 @@ class _Run:
             app.step()
             self.step_times.add(time.perf_counter() - begin)
             self.outputs.look(app.iteration)
-            verdict = self.agree() if self.agreement_due() else None
-            if verdict and verdict.checkpoint and not self.over(verdict):
-                self.write_checkpoint()
+            if self.agreement_due():
+                verdict = self.agree()
+                if verdict.checkpoint and not self.over(verdict):
+                    self.write_checkpoint()
             if self.world.rank == 0 and self.progress.due(app.iteration):
                 self.progress.show(app.iteration, app.time, self.time_step(), self.end_time())
         options.stop.acknowledge()
@@ -143,8 +146,12 @@ class _Run:
         with self.options.timers.section("guard"):
             verdict = self.guard.agree(step, self.reason(), due and step > self.first)
         self.options.stop.step_seconds = self.guard.step_seconds
-        self.watchdog.feed(self.guard.step_seconds)
+        self.feed()
         return verdict
+
+    def feed(self) -> None:
+        """The watchdog; before the first interval is measured a step is trusted to take long."""
+        self.watchdog.feed(self.guard.step_seconds or UNKNOWN_STEP_SECONDS)
 
     def reason(self) -> Reason:
         """Why this rank would stop now."""
@@ -159,9 +166,7 @@ class _Run:
             return Reason.WALL
         return Reason.MEAN_KNOWN if self.step_times.known(self.options.stop_sem) else Reason.NONE
 
-    def over(self, verdict: Verdict | None) -> bool:
-        if verdict is None:
-            return False
+    def over(self, verdict: Verdict) -> bool:
         return (
             bool(verdict.diverged)
             or verdict.reason is not Reason.NONE
@@ -188,10 +193,9 @@ class _Run:
         self.checkpoint_seconds = time.perf_counter() - begin
         if isinstance(options.checkpoint_every, EverySeconds):
             options.checkpoint_every.done()
-        self.watchdog.feed(self.guard.step_seconds)
+        self.feed()
 
-    def finish(self, verdict: Verdict | None, loop_seconds: float) -> Outcome:
-        assert verdict is not None
+    def finish(self, verdict: Verdict, loop_seconds: float) -> Outcome:
         self.watchdog.rest()
         status, code, reason = self.ending(verdict)
         if code == 0:

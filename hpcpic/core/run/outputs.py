@@ -22,7 +22,10 @@ log = logging.getLogger("hpcpic.output")
 
 
 class Outputs:
-    """`after`: the step of a restart; what was written later than that is dropped."""
+    """`after`: the step of a restart; what was written later than that is dropped.
+
+    `rest()` is called before a snapshot is written, which may take any time.
+    """
 
     def __init__(
         self,
@@ -33,11 +36,12 @@ class Outputs:
         *,
         progress: Progress,
         conserved: Conserved,
+        rest: Callable[[], None],
         after: int | None = None,
     ) -> None:
         self.app, self.world, self.rundir, self.timers = app, world, rundir, timers
         self.progress, self.conserved = progress, conserved
-        self.after = after
+        self.rest, self.after = rest, after
         self.broken: list[str] = []
         self._series: Any = None
         makers: Mapping[str, Callable[[], Callable[[], None]]] = {
@@ -96,6 +100,7 @@ class Outputs:
 
         def observe() -> None:
             fields = app.arrays("field")
+            self.rest()
             with self.timers.section("output field"):
                 writer.append(app.iteration, app.time, app.domain, fields)
 
@@ -108,6 +113,7 @@ class Outputs:
 
         def observe() -> None:
             species = app.arrays("particle")
+            self.rest()
             with self.timers.section("output particle"):
                 writer.append(app.iteration, app.time, species)
 
@@ -121,6 +127,7 @@ class Outputs:
 
         def observe() -> None:
             fields, species = app.arrays("field"), app.arrays("particle")
+            self.rest()
             with self.timers.section("output openpmd"):
                 writer.append(app.iteration, app.time, app.domain, fields, species)
 
