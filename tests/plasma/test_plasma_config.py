@@ -33,6 +33,8 @@ species = (
 );
 """
 
+NONE = {"openpmd": 0, "checkpoint": 0}  # unless they are asked for
+
 
 def read(text=CASE, sets=()):
     tree = loads(text, sets=sets)
@@ -51,7 +53,7 @@ def test_defaults_are_filled_in():
     assert config.dimensions == config.simulation.dimensions == 2
     assert config.simulation.solver == "MFT" and config.numerics.shape == "CIC"
     assert config.species[0].name == "species_1" and config.species[0].drift_velocity == (0.0, 0.0, 0.0)
-    assert config.periods == {"series": 1, "field": 0, "particle": 0}
+    assert config.periods == {"series": 1, "field": 0, "particle": 0} | NONE
 
 
 def test_the_configuration_as_used_gives_the_same_run():
@@ -107,16 +109,23 @@ def test_an_included_default_is_overridden_key_by_key():
 
 def test_periods_of_the_live_plot_ask_for_no_snapshots():
     config = validate(PlasmaConfig, load(CPIC / "two-electrons-1d.conf"))
-    assert config.periods == {"series": 10, "field": 0, "particle": 0}
+    assert config.periods == {"series": 10, "field": 0, "particle": 0} | NONE
     config = validate(PlasmaConfig, load(CPIC / "pair-2d.conf"))
-    assert config.periods == {"series": 0, "field": 5, "particle": 25}
+    assert config.periods == {"series": 0, "field": 5, "particle": 25} | NONE
 
 
 def test_snapshots_are_asked_for_in_either_group():
     config, _ = read(
         sets=["simulation.sampling_period={energy=2; field=3; particle=4}", "output.sampling_period.field=5"]
     )
-    assert config.periods == {"series": 2, "field": 5, "particle": 4}
+    assert config.periods == {"series": 2, "field": 5, "particle": 4} | NONE
+
+
+def test_openpmd_follows_the_snapshots_and_checkpoints_have_their_own_period():
+    sets = ["output.openpmd=true", "output.checkpoint=7"]
+    assert read(sets=sets)[0].periods["openpmd"] == 0
+    config, _ = read(sets=[*sets, "output.sampling_period={field=5; particle=4}"])
+    assert (config.periods["openpmd"], config.periods["checkpoint"]) == (4, 7)
 
 
 @pytest.mark.parametrize(
