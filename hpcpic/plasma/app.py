@@ -8,6 +8,7 @@ from hpcpic.plasma.cases import shipped_cases
 from hpcpic.plasma.config import PlasmaConfig
 from hpcpic.plasma.derived import derived
 from hpcpic.plasma.estimate import estimate
+from hpcpic.plasma.plan import plan
 
 if TYPE_CHECKING:
     from hpcpic.core.cli.figures import Plot
@@ -72,4 +73,5 @@ APP = App(
     ),
     bench=bench,
     plots=plots,
+    plan=plan,
 )

@@ -10,9 +10,9 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 from hpcpic.plasma.config import PlasmaConfig, velocity_components
+from hpcpic.plasma.plan import arrays
 
 MIB = 2.0**20
-PAGE = 128  # particles per page of the particle store
 SERIES_BYTES = 16 * 8 * 2  # of one sample: sixteen numbers, in HDF5 and as text
 
 # Measured on the authors' machine, one core of a 2-core AMD Zen 5 at 4.1 GHz.
@@ -124,21 +124,11 @@ def memory_items(
     config: PlasmaConfig, ranks: int, threads: int, rates: Mapping[str, float]
 ) -> dict[str, float]:
     """Bytes per rank. The largest moment of a run is its end, when the state is put in order for the digest."""
-    size = 8 if config.numerics.precision == "double" else 4
-    d = config.dimensions
-    cells = math.prod(config.grid.points) / ranks
-    particles = particle_count(config) / ranks
-    tiles = math.ceil(cells / 256) * max(1, len(config.species))
-    slack = min(1.0, tiles * PAGE / 2 / max(particles, 1))
-    store = particles * particle_bytes(config) * (1 + slack)
-    return {
-        "Python and libraries": rates["rank_mib"] * MIB,
-        "particles": store,
-        "state in order of number": particles * (particle_bytes(config) + 4),
-        "fields": cells * size * (2 + d + 2),
-        "charge in integers": cells * 8,
-        "transform": cells * size * 4,
-    }
+    items = {"Python and libraries": rates["rank_mib"] * MIB}
+    for array in arrays(config, ranks, threads):
+        items[array.name] = array.bytes
+    items["state in order of number"] = particle_count(config) / ranks * (particle_bytes(config) + 4)
+    return items
 
 
 def disk_items(config: PlasmaConfig) -> dict[str, float]:

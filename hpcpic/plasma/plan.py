@@ -1,0 +1,140 @@
+"""What a case makes the program do and hold: kernels, arrays and messages of a step, before anything is allocated.
+
+`check --plan` prints it and `estimate` adds it up, so what a scene does not contain shows as missing lines and bytes.
+"""
+
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+from hpcpic.core.space.domain import even_cuts
+from hpcpic.plasma.config import PlasmaConfig, velocity_components
+
+PAGE = 128  # particles per page, see plasma.tiles
+EDGE = {1: 256, 2: 16}  # cells of a tile along an axis
+GHOSTS = {"NGP": (0, 1), "CIC": (0, 1), "TSC": (1, 2)}  # layers of nodes a shape reaches below and above
+ROTATION = {0: "no rotation", 1: "rotation about z", 2: "rotation about any axis"}
+
+
+@dataclass(frozen=True, slots=True)
+class Array:
+    """One array of one rank; shape as text, the largest rank's."""
+
+    name: str
+    shape: tuple[int, ...]
+    dtype: str
+
+    @property
+    def bytes(self) -> int:
+        size = int("".join(c for c in self.dtype if c.isdigit())) // 8
+        return math.prod(self.shape) * size
+
+
+def rotation(config: PlasmaConfig) -> int:
+    """0 without a magnetic field, 1 where velocities turn in the plane of the grid, 2 otherwise."""
+    if not any(config.field.magnetic):
+        return 0
+    return 1 if config.dimensions == 2 and not any(config.field.magnetic[:2]) else 2
+
+
+def groups(config: PlasmaConfig) -> int:
+    """Species with the same size of charge share one array of integer charge; those without any need none."""
+    charges = set()
+    for species in config.species:
+        macro = species.plasma_frequency**2 / max(species.particles, 1) if species.plasma_frequency else None
+        charges.add((macro, species.mass / species.charge) if macro else abs(species.charge))
+    return max(1, len(charges))
+
+
+def kernels(config: PlasmaConfig) -> list[str]:
+    """The compiled kernels of a step, with what they are made for."""
+    d, shape = config.dimensions, config.numerics.shape
+    form = "vectors" if shape == "CIC" else "one particle after the other"
+    law = (
+        f"{d}D, {shape}, {velocity_components(config)} velocity components, {config.numerics.precision}, "
+        f"{ROTATION[rotation(config)]}"
+    )
+    field = (
+        "sparse LU of the gathered grid"
+        if config.simulation.solver == "LU"
+        else "transposed FFT, Green function on the columns"
+    )
+    gradient = (
+        "two more inverse transforms" if config.numerics.gradient == "spectral" else "centred differences"
+    )
+    moving = [f"push       {law} ({form})", f"deliver    {law}"] if config.species else []
+    return [*moving, "collect    integer charge of the blocks", f"solve      {field}", f"gradient   {gradient}"]
+
+
+def arrays(config: PlasmaConfig, ranks: int, threads: int) -> Iterator[Array]:
+    """The arrays of the rank with the most rows."""
+    d, points = config.dimensions, config.grid.points[::-1]
+    below, above = GHOSTS[config.numerics.shape]
+    ghosts = below + above
+    rows = even_cuts(points[0], ranks)[1]
+    columns = points[1] if d == 2 else 1
+    real = "float64" if config.numerics.precision == "double" else "float32"
+    blocks = config.simulation.plasma_chunks or threads
+    n_groups = groups(config)
+    yield from particle_arrays(config, ranks, rows, columns, blocks, real)
+    wide = (rows + ghosts,) if d == 1 else (rows + ghosts, columns + ghosts * blocks)
+    yield Array("charge of the blocks", (n_groups, *wide), "int64")
+    yield Array("charge of the slab", (n_groups, rows + ghosts, columns), "int64")
+    yield Array("rho", (rows, columns), "float64")
+    yield Array("phi", tuple(n + ghosts + 2 for n in ((rows, columns) if d == 2 else (rows,))), "float64")
+    yield Array("E", (d, *(n + ghosts for n in ((rows, columns) if d == 2 else (rows,)))), "float64")
+    results = d if config.numerics.gradient == "spectral" else 1
+    if config.simulation.solver == "LU":
+        yield Array("LU: gathered grid, twice", (2, points[0], columns), "float64")
+    else:
+        across = points[1] if d == 2 else 1
+        yield Array("transform: rows", (1 + results, rows, across), "float64")
+        yield Array("transform: columns", (results, -(-(across // 2 + 1) // ranks), points[0]), "complex128")
+
+
+def particle_arrays(
+    config: PlasmaConfig, ranks: int, rows: int, columns: int, blocks: int, real: str
+) -> Iterator[Array]:
+    """Pages with their numbers; every tile part of a species leaves half a page empty, on average."""
+    n = sum(species.particles for species in config.species)
+    if not n:
+        return
+    edge, d = EDGE[config.dimensions], config.dimensions
+    parts = -(-rows // edge) * (max(blocks, -(-columns // edge)) if d == 2 else 1)
+    slots = parts * len(config.species)
+    pages = -(-n // ranks // PAGE) + min(slots, n) // 2
+    yield Array("particles", (pages, PAGE, d + velocity_components(config)), real)
+    yield Array("numbers of the particles", (pages, PAGE), "uint32")
+
+
+def messages(config: PlasmaConfig, ranks: int) -> list[str]:
+    """What one rank sends in a step."""
+    if ranks == 1:
+        return ["none: one rank sends no messages"]
+    neighbours = min(2, ranks - 1)
+    row = config.grid.points[0] if config.dimensions == 2 else 1
+    below, above = GHOSTS[config.numerics.shape]
+    charge = 8 * row * groups(config) * (below + above)
+    lines = [
+        f"particles  {neighbours} messages, as long as there are leavers; one word agreed by all ranks",
+        f"charge     {1 + bool(below)} of {charge} bytes",
+        f"potential  2, together {8 * (row + 2) * (below + above + 2)} bytes",
+    ]
+    if config.simulation.solver == "LU":
+        lines.append("solve      the grid gathered on every rank")
+    elif config.dimensions == 1:
+        lines.append(f"solve      the charge gathered on every rank, {ranks - 1} messages")
+    else:
+        lines.append(
+            f"transform  {2 * (ranks - 1)}: tokens of 8 bytes inside a node, columns of the slab between nodes"
+        )
+    return lines
+
+
+def plan(config: PlasmaConfig, ranks: int, threads: int) -> list[str]:
+    """Lines for `check --plan`."""
+    lines = ["kernels of a step", *(f"  {line}" for line in kernels(config)), "arrays per rank"]
+    for array in arrays(config, ranks, threads):
+        shape = " x ".join(map(str, array.shape))
+        lines.append(f"  {array.name:<26}{shape:<24}{array.dtype:<12}{array.bytes / 2**20:10.2f} MiB")
+    return [*lines, "messages of a step, per rank", *(f"  {line}" for line in messages(config, ranks))]
