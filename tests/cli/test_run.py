@@ -71,10 +71,10 @@ def test_config_conf_runs_again_to_the_same_state(finished):
 @pytest.mark.parametrize("ranks", [2, 3])
 def test_same_digest_on_any_ranks(finished, ranks):
     toy, _ = finished
-    done = toy("run", "ring.conf", "-o", "b", "--threads", "1", ranks=ranks, output__field=100)
+    done = toy("run", "ring.conf", "-o", f"on{ranks}", "--threads", "1", ranks=ranks, output__field=100)
     assert done.returncode == 0, done.stderr
-    assert toy.facts("b")["ranks"] == ranks
-    assert toy.facts("b")["state_digest"] == toy.facts("a")["state_digest"]
+    assert toy.facts(f"on{ranks}")["ranks"] == ranks
+    assert toy.facts(f"on{ranks}")["state_digest"] == toy.facts("a")["state_digest"]
 
 
 def test_a_folder_that_holds_a_run_is_refused_once_without_force(finished):
