@@ -305,3 +305,12 @@ def velocity_components(config: PlasmaConfig) -> int:
 def volume(config: PlasmaConfig) -> float:
     """Length (1D, m) or area (2D, m2) of the box."""
     return math.prod(config.simulation.space_length)
+
+
+def macro_charge(config: PlasmaConfig, species: Species) -> float:
+    """Charge of a macro-particle, C: as given, or from wp^2 = (N / V) q (q/m) / eps0 where the case gives wp."""
+    wp = species.plasma_frequency
+    if not wp or not species.particles:
+        return species.charge
+    charge_to_mass = species.charge / species.mass
+    return wp * wp * config.constants.vacuum_permittivity * volume(config) / (species.particles * charge_to_mass)

@@ -8,7 +8,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 
 from hpcpic.core.space.domain import even_cuts
-from hpcpic.plasma.config import PlasmaConfig, velocity_components
+from hpcpic.plasma.config import PlasmaConfig, macro_charge, velocity_components
 
 PAGE = 128  # particles per page, see plasma.tiles
 EDGE = {1: 256, 2: 16}  # cells of a tile along an axis
@@ -38,12 +38,8 @@ def rotation(config: PlasmaConfig) -> int:
 
 
 def groups(config: PlasmaConfig) -> int:
-    """Species with the same size of charge share one array of integer charge; those without any need none."""
-    charges = set()
-    for species in config.species:
-        macro = species.plasma_frequency**2 / max(species.particles, 1) if species.plasma_frequency else None
-        charges.add((macro, species.mass / species.charge) if macro else abs(species.charge))
-    return max(1, len(charges))
+    """Species with the same size of charge share one array of integer charge."""
+    return max(1, len({abs(macro_charge(config, species)) for species in config.species}))
 
 
 def kernels(config: PlasmaConfig) -> list[str]:
@@ -116,7 +112,7 @@ def messages(config: PlasmaConfig, ranks: int) -> list[str]:
     below, above = GHOSTS[config.numerics.shape]
     charge = 8 * row * groups(config) * (below + above)
     lines = [
-        f"particles  {neighbours} messages, as long as there are leavers; one word agreed by all ranks",
+        f"particles  {neighbours}, with the leavers; one word agreed by all ranks",
         f"charge     {1 + bool(below)} of {charge} bytes",
         f"potential  2, together {8 * (row + 2) * (below + above + 2)} bytes",
     ]

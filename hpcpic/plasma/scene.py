@@ -73,11 +73,8 @@ class SceneSpecies:
 
     @property
     def q(self) -> float:
-        """Charge of a macro-particle, from wp^2 = (N / V) q (q/m) / eps0 where the case gives wp."""
-        wp = self.section.plasma_frequency
-        if not wp or not self.n:
-            return self.section.charge
-        return wp * wp * self.scene.permittivity * self.scene.volume / (self.n * self.charge_to_mass)
+        """Charge of a macro-particle, C."""
+        return case.macro_charge(self.scene.config, self.section)
 
     @property
     def m(self) -> float:
