@@ -49,6 +49,18 @@ def test_the_state_cannot_be_changed(half):
     assert half.facts("a")["status"] == "finished"
 
 
+def test_more_ranks_than_rows_are_refused(half):
+    text = (half.folder / "a/config.conf").read_text()
+    (half.folder / "a/config.conf").write_text(text.replace("rows = 50", "rows = 2"))
+    assert half("restart", "a", ranks=3).returncode == 2
+
+
+def test_a_forced_run_goes_on(toy):
+    assert toy("run", "ring.conf", "-o", "a", "--force", courant=-0.1, steps=5).returncode == 0
+    assert toy("restart", "a", steps=8).returncode == 0
+    assert toy.facts("a")["steps"] == 8 and toy.facts("a")["warnings"]
+
+
 def test_a_damaged_checkpoint_is_passed_over(toy):
     toy("run", "ring.conf", "-o", "a", "--threads", "1", "--checkpoint-every", "50", steps=100)
     newest = toy.folder / "a/checkpoints/00000100.h5"

@@ -124,6 +124,12 @@ def test_a_limit_stops_the_run_and_force_makes_it_a_warning(toy):
     assert toy.facts("a")["warnings"]
 
 
+def test_more_ranks_than_rows_are_refused(toy):
+    done = toy("run", "ring.conf", "-o", "a", ranks=3, rows=2)
+    assert done.returncode == 2 and done.stderr.count("rows per rank") == 1
+    assert not (toy.folder / "a").exists()
+
+
 def test_a_launcher_of_another_mpi_is_found_out(toy):
     done = toy("run", "ring.conf", "-o", "a", env={"PMI_SIZE": "2", "PMI_RANK": "0"})
     assert done.returncode == 2

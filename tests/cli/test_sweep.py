@@ -1,8 +1,12 @@
 """sweep: every combination once, failures stop nobody, called again it repeats only what is not done."""
 
 import csv
+import os
+import signal
+import subprocess
 
 import pytest
+from toy_runner import environment, wait_until
 
 from hpcpic.core.cli.sweep import expand, split
 from hpcpic.core.errors import ConfigError
@@ -51,3 +55,14 @@ def test_a_stopped_run_goes_on(toy):
     assert done.returncode == 5
     assert toy(*words).returncode == 0
     assert len(toy.facts("s/0000")["history"]) == 2 and toy.facts("s/0000")["steps"] == 400
+
+
+def test_an_interrupt_lets_the_run_write_its_checkpoint_and_is_exit_5(toy):
+    words = toy.words("sweep", "ring.conf", "-o", "s", steps=5000, pause=0.002)
+    sweep = subprocess.Popen(words, cwd=toy.folder, env=environment(), start_new_session=True)
+    toy.started.append(sweep)
+    log = toy.folder / "s/0000/log.txt"
+    wait_until(lambda: log.exists() and "steps 0 to" in log.read_text())
+    os.killpg(sweep.pid, signal.SIGINT)  # what a terminal does
+    assert sweep.wait(timeout=20) == 5
+    assert toy.facts("s/0000")["status"] == "stopped" and toy.checkpoints("s/0000")[-1] > 0

@@ -192,7 +192,8 @@ def derived(config: ToyConfig, ranks: int) -> list[Derived]:
     return [
         Derived("Courant number", "c", config.courant, limit="<= 1", verdict=verdict, source="CFL",
                 cure="take courant = 1", key=("courant",), forceable=True),
-        Derived("rows per rank", "n", config.rows / ranks),
+        Derived("rows per rank", "n", config.rows / ranks, limit=">= 1", cure="take fewer ranks",
+                verdict="ok" if config.rows >= ranks else "fail"),
     ]  # fmt: skip
 
 

@@ -54,7 +54,7 @@ class Plan:
 
 LEFT = (".failed", "post-mortem.txt", "STOP")  # by an earlier part of the run
 
-Prepare = Callable[[App], tuple[RunDir, Plan]]
+Prepare = Callable[[App, int], tuple[RunDir, Plan]]  # of an app, on so many ranks
 
 
 def job(app_loader: AppLoader, prepare: Prepare, flags: Flags) -> int:
@@ -100,7 +100,7 @@ class _Job:
                 self.rundir.unlock()
 
     def _prepared(self, prepare: Prepare) -> bytes:
-        self.rundir, plan = prepare(self.app)
+        self.rundir, plan = prepare(self.app, self.world.size)
         folder = self.rundir.path
         for left in (*map(folder.joinpath, LEFT), *folder.glob("trace-rank-*.txt")):
             left.unlink(missing_ok=True)

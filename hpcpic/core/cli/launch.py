@@ -18,11 +18,18 @@ def launcher() -> str | None:
 
 
 def launch(program: Sequence[str], arguments: Sequence[str], ranks: int, **settings: object) -> int:
-    """Run the program and wait; its exit code. Raises ConfigError without a launcher for several ranks."""
+    """Run the program and wait; its exit code. Raises ConfigError without a launcher for several ranks.
+
+    A Ctrl-C, which the program hears too, gives it the time to write its checkpoint.
+    """
     words = [*program, *arguments]
     if ranks > 1:
         mpirun = launcher()
         if mpirun is None:
             raise ConfigError("there is no mpirun: install mpich or openmpi, or use --ranks 1")
         words = [mpirun, "-n", str(ranks), *words]
-    return subprocess.run(words, check=False, **settings).returncode  # type: ignore[call-overload]
+    process = subprocess.Popen(words, **settings)  # type: ignore[call-overload]
+    try:
+        return process.wait()
+    except KeyboardInterrupt:
+        return process.wait()

@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import click
 
 from hpcpic.core.cli.app import App, AppLoader
 from hpcpic.core.cli.read import set_option
 from hpcpic.core.cli.run import job_options
 from hpcpic.core.errors import ConfigError
+from hpcpic.core.files.config import load
+from hpcpic.core.files.derived import enforce
+from hpcpic.core.files.rundir import RunDir, write_atomic
+from hpcpic.core.files.schema import dump, validate
 
 
 def make_restart_command(app_loader: AppLoader) -> click.Command:
@@ -34,35 +36,27 @@ def make_restart_command(app_loader: AppLoader) -> click.Command:
         --set may change what does not belong to the state: the number of steps, outputs.
         """
         from hpcpic.core.cli.job import Flags, Plan, job
-        from hpcpic.core.files.rundir import RunDir
 
-        def prepare(app: App) -> tuple[RunDir, Plan]:
+        def prepare(app: App, ranks: int) -> tuple[RunDir, Plan]:
             rundir = RunDir.open(folder)
-            facts = rundir.read_run()
+            history = rundir.read_run().get("history", [])
             rundir.lock()
-            text = _config(app, rundir, until, sets)
+            text, warnings = _config(app, rundir, until, sets, ranks)
             rundir.update(status="running", exit_code=None)
-            plan = Plan(
-                folder=folder,
-                config=text,
-                restart=True,
-                history=facts.get("history", []),
-            )
-            return rundir, plan
+            return rundir, Plan(folder=folder, config=text, restart=True, warnings=warnings, history=history)
 
         return job(app_loader, prepare, Flags(threads, wall, checkpoint_every, quiet))
 
     return restart
 
 
-def _config(app: App, rundir: Any, until: float | None, sets: tuple[str, ...]) -> str:
-    """The text of the configuration to go on with; config.conf is replaced when it differs. Raises
-    ConfigError.
-    """
-    from hpcpic.core.files.config import load
-    from hpcpic.core.files.rundir import write_atomic
-    from hpcpic.core.files.schema import dump, validate
+def _config(
+    app: App, rundir: RunDir, until: float | None, sets: tuple[str, ...], ranks: int
+) -> tuple[str, list[str]]:
+    """The configuration to go on with, and its warnings. config.conf is replaced when it differs.
 
+    Raises ConfigError. What --force let pass in the beginning passes again.
+    """
     for assignment in sets:
         key = assignment.partition("=")[0].strip()
         if not any(key == free or key.startswith((f"{free}.", f"{free}[")) for free in app.free):
@@ -72,7 +66,10 @@ def _config(app: App, rundir: Any, until: float | None, sets: tuple[str, ...]) -
     before = validate(app.schema(), load(rundir.config))
     if until is not None:
         sets = (*sets, *app.until(before, until))
-    text = dump(validate(app.schema(), load(rundir.config, sets)))
+    tree = load(rundir.config, sets)
+    config = validate(app.schema(), tree)
+    warnings = enforce(app.derived(config, ranks), tree, force=True)
+    text = dump(config)
     if text != dump(before):
         write_atomic(rundir.config, text)
-    return text
+    return text, warnings

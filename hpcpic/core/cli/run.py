@@ -60,16 +60,17 @@ def make_run_command(app_loader: AppLoader) -> click.Command:
         if dry:
             return _dry(app_loader(), case, sets, threads or 1)
         from hpcpic.core.cli.job import Flags, Plan, given_files, job
+        from hpcpic.core.comm.library import library
         from hpcpic.core.files.rundir import RunDir, provenance
         from hpcpic.core.files.schema import dump
 
-        def prepare(app: App) -> tuple[RunDir, Plan]:
+        def prepare(app: App, ranks: int) -> tuple[RunDir, Plan]:
             read = read_case(app, case, sets)
-            numbers = app.derived(read.config, 1)
+            numbers = app.derived(read.config, ranks)
             warnings = read.tree.warnings + enforce(numbers, read.tree, force)
             folder = output or _folder(read)
             text = dump(read.config)
-            facts = provenance() | {
+            facts = provenance(library()) | {
                 "case": read.path,
                 "sets": list(sets),
                 "derived": [

@@ -41,7 +41,7 @@ def make_sweep_command(app_loader: AppLoader) -> click.Command:
     @shape_options
     def sweep(
         case: str, sets: tuple[str, ...], output: str | None, zipped: bool, ranks: int, threads: int
-    ) -> None:
+    ) -> int:
         """Run CASE for every combination of --set KEY=1,2,4 or KEY=0.1:0.5:5 (from, to, how many).
 
         DIR/table.csv has a row per run. Called again it goes on where it stopped.
@@ -58,10 +58,10 @@ def make_sweep_command(app_loader: AppLoader) -> click.Command:
             rows.append(_row(rundir, combination, code))
             _write(folder / "table.csv", rows)
             if code == 5:
-                raise CheckFailed(
-                    f"stopped after {k + 1} of {len(combinations)} runs; the same command goes on"
-                )
+                click.echo(f"stopped after {k + 1} of {len(combinations)} runs; the same command goes on")
+                return code
         _tell(rows, folder)
+        return 0
 
     return sweep
 
