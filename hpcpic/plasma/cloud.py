@@ -1,6 +1,7 @@
 """All particles of one rank, and the kernels of the scene that move them."""
 
 import inspect
+from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
@@ -176,7 +177,7 @@ class Cloud:
         self.place(0, np.zeros((0, self.law.dimensions)), np.zeros((0, self.law.velocities)), np.zeros(0))
         self._unpack(nothing)
         self._outgoing()
-        self.export(0) if self.n_species else None
+        list(self.export(0)) if self.n_species else None
 
     def _bound(self, kernel, **more) -> Bound:
         """The kernel with its arguments by name: `more`, those of this object, or arrays of the pages."""
@@ -313,14 +314,20 @@ class Cloud:
     def _unpack(self, records: NDArray[np.uint8]) -> None:
         self.kernels.unpack(*self._views(records), *self._grid, *self._box(-1), self.pages.counters[-1])
 
-    def export(self, species: int) -> tuple[NDArray, NDArray, NDArray]:
-        """Numbers[n], tiles[n] and components[n, c] of this rank's particles of a species, in any order."""
-        pages = self.pages
-        n = int(pages.count[species :: self.n_species].sum())
-        numbers, tiles = np.empty(n, np.int64), np.empty(n, np.int64)
-        components = np.empty((n, self.law.components), self.law.dtype)
-        self.kernels.export(
+    def count(self, species: int) -> int:
+        """Particles of a species on this rank."""
+        return int(self.pages.count[species :: self.n_species].sum())
+
+    def export(self, species: int) -> Iterator[tuple[NDArray, NDArray, NDArray]]:
+        """Numbers[m], tiles[m] and components[m, c] of this rank's particles of a species, in any order.
+
+        Chunk after chunk; each is valid until the next.
+        """
+        pages, cursor = self.pages, np.array([0, -1])
+        numbers, tiles = np.empty(CHUNK, np.int64), np.empty(CHUNK, np.int32)
+        components = np.empty((CHUNK, self.law.components), self.law.dtype)
+        while n := self.kernels.export(
             species, self.n_species, self.tiles.parts, pages.pool, pages.ids, pages.chain, pages.head, pages.count,
-            numbers, tiles, components,
-        )  # fmt: skip
-        return numbers, tiles, components
+            cursor, numbers, tiles, components,
+        ):  # fmt: skip
+            yield numbers[:n], tiles[:n], components[:n]

@@ -32,18 +32,20 @@ def particles(plasma: "Plasma") -> dict[str, ParticleArray]:
     scene, d = plasma.scene, plasma.scene.dimensions
     result = {}
     for k, species in enumerate(scene.species):
-        numbers, tiles, components = plasma.cloud.export(k)
-        position, velocity = np.zeros((len(numbers), 3)), np.zeros((len(numbers), 3))
-        position[:, :d] = (anchors(plasma, tiles) + components[:, :d]) * scene.spacing
-        v = components[:, d:].astype(np.float64) * (scene.velocity_spacing / scene.time_step)
-        velocity[:, : v.shape[1]] = v
-        result[species.name] = ParticleArray(
-            numbers + species.first, position, {"velocity": velocity}, {"velocity": "m/s"}
-        )
+        n, done = plasma.cloud.count(k), 0
+        ids, position, velocity = np.empty(n, np.int64), np.zeros((n, 3)), np.zeros((n, 3))
+        for numbers, tiles, components in plasma.cloud.export(k):
+            rows = slice(done, done + len(numbers))
+            ids[rows] = numbers + species.first
+            position[rows, :d] = (anchors(plasma, tiles) + components[:, :d]) * scene.spacing
+            v = components[:, d:].astype(np.float64) * (scene.velocity_spacing / scene.time_step)
+            velocity[rows, : v.shape[1]] = v
+            done = rows.stop
+        result[species.name] = ParticleArray(ids, position, {"velocity": velocity}, {"velocity": "m/s"})
     return result
 
 
-def anchors(plasma: "Plasma", tiles: NDArray[np.int64]) -> NDArray[np.int64]:
+def anchors(plasma: "Plasma", tiles: NDArray[np.int32]) -> NDArray[np.int64]:
     """Column (and row) of the first cell of tiles."""
     edge = EDGE[plasma.scene.dimensions]
     across = -(-plasma.scene.points[0] // edge)
@@ -51,14 +53,18 @@ def anchors(plasma: "Plasma", tiles: NDArray[np.int64]) -> NDArray[np.int64]:
 
 
 def state(plasma: "Plasma") -> dict[str, Shard]:
-    """Tile, position in the tile [cells] and velocity [cells per step] by species, in order of the numbers."""
-    d, result = plasma.scene.dimensions, {}
+    """Tile, position in it [cells] and velocity [cells per step] by species, in order of the numbers."""
+    cloud, world, d = plasma.cloud, plasma.world, plasma.scene.dimensions
+    real = cloud.law.dtype
+    layout = {"tile": (np.int32, ()), "position": (real, (d,)), "velocity": (real, (cloud.law.velocities,))}
+    result = {}
     for k, species in enumerate(plasma.scene.species):
-        numbers, tiles, components = plasma.cloud.export(k)
-        columns = {"tile": tiles, "position": components[:, :d], "velocity": components[:, d:]}
-        ordered = by_id(plasma.world, numbers, columns, species.n)
-        low, _ = block_ranges(species.n, plasma.world.size)[plasma.world.rank]
-        for name, values in ordered.items():
+        chunks = (
+            (numbers, {"tile": tiles, "position": components[:, :d], "velocity": components[:, d:]})
+            for numbers, tiles, components in cloud.export(k)
+        )
+        low, _ = block_ranges(species.n, world.size)[world.rank]
+        for name, values in by_id(world, chunks, layout, species.n).items():
             result[f"{species.name}/{name}"] = Shard(values, low, species.n)
     return result
 
@@ -72,7 +78,9 @@ def restore(plasma: "Plasma", reader: "Reader") -> None:
         low, high = block_ranges(species.n, plasma.world.size)[plasma.world.rank]
         for first in range(0, -(-species.n // plasma.world.size), CHUNK):
             a, b = min(low + first, high), min(low + first + CHUNK, high)
-            columns = [reader.read(f"{species.name}/{name}", a, b) for name in ("tile", "position", "velocity")]
+            columns = [
+                reader.read(f"{species.name}/{name}", a, b) for name in ("tile", "position", "velocity")
+            ]
             cloud.admit(cloud.records(k, np.arange(a, b), *columns))
             cloud.migrate(plasma.iteration)
             cloud.deliver()

@@ -77,6 +77,19 @@ def test_checkpoints_by_steps_keep_two_and_the_end_is_always_there(runner):
     assert steps_of(runner) == [20, 25]
 
 
+def test_the_state_at_the_end_is_put_in_order_once(runner):
+    states = []
+
+    def watch(app, stop):
+        if not states:
+            plain, app.state = app.state, lambda: states.append(app.iteration) or plain()
+            states.append(None)
+
+    outcome, app = runner(steps=5, hook=watch)
+    assert states == [None, 5]
+    assert outcome.facts["state_digest"] == checkpoint.digest(app.world, app.state())
+
+
 def test_checkpoints_by_time(runner):
     runner(steps=40, pause=0.005, checkpoint_every=EverySeconds(0.02))
     assert steps_of(runner)[-1] == 40 and 0 < steps_of(runner)[0] < 40

@@ -10,11 +10,21 @@ def rows(ids):
     return {"x": np.stack([ids / 3, ids / 7], 1), "cell": (ids % 11).astype(np.int16)}
 
 
+LAYOUT = {"x": (np.float64, (2,)), "cell": (np.int16, ())}
+
+
+def chunks(ids):
+    """Of another length on each rank and for each number of ids."""
+    for first in range(0, len(ids), 17):
+        part = ids[first : first + 17]
+        yield part, rows(part)
+
+
 def check(world, total):
     everything = np.random.default_rng(total).permutation(total)
     owner = np.random.default_rng(total + 1).integers(0, world.size, total)
     ids = everything[owner == world.rank]
-    result = by_id(world, ids, rows(ids), total)
+    result = by_id(world, chunks(ids), LAYOUT, total)
     for name, expected in rows(np.arange(*block_ranges(total, world.size)[world.rank])).items():
         np.testing.assert_array_equal(result[name], expected)
         assert result[name].dtype == expected.dtype
@@ -25,7 +35,8 @@ def check_faults(world):
     faults = {"lost": ids[ids != 7], "doubled": np.append(ids, 7), "no ids": np.append(ids, [20, -1])}
     for what, wrong in faults.items():
         with pytest.raises(Diverged, match=rf"[1-9]\d* (are )?{what}"):
-            by_id(world, wrong if world.rank == 7 % world.size else ids, {}, 20)
+            mine = wrong if world.rank == 7 % world.size else ids
+            by_id(world, chunks(mine), LAYOUT, 20)
             # rank 7 % size alone has the fault, and all ranks are told
 
 

@@ -173,18 +173,19 @@ class _Run:
             or self.app.iteration >= self.app.n_steps
         )
 
-    def write_checkpoint(self, last: bool = False) -> None:
-        """Collective. A failure is a warning, until the third one in a row or the one at the end."""
+    def write_checkpoint(self, last: Mapping[str, Any] | None = None) -> None:
+        """Collective. A failure is a warning, until the third one in a row or the one of the `last` state."""
         self.outputs.flush()
         app, options = self.app, self.options
         self.watchdog.rest()
         begin = time.perf_counter()
         try:
             with options.timers.section("checkpoint"):
-                checkpoint.write(self.world, self.rundir, app.iteration, app.time, app.state())
+                state = app.state() if last is None else last
+                checkpoint.write(self.world, self.rundir, app.iteration, app.time, state)
         except FileError as error:
             self.checkpoint_failures += 1
-            if last or self.checkpoint_failures == CHECKPOINT_TRIES:
+            if last is not None or self.checkpoint_failures == CHECKPOINT_TRIES:
                 raise Agreed(error) from error
             log.warning("checkpoint at step %d: %s", app.iteration, error.message)
         else:
@@ -201,13 +202,10 @@ class _Run:
         if code == 0:
             self.outputs.look(self.app.iteration, at_end=True)
         self.outputs.flush()
-        if code != 4 and self.saved != self.app.iteration:
-            self.write_checkpoint(last=True)
-            self.watchdog.rest()
-        digest = "" if code == 4 else checkpoint.digest(self.world, self.app.state())
+        digest = None if code == 4 else self.keep_state()
         if code == 0 and self.world.any(bool(self.outputs.broken)):
             code, reason = 6, "the steps are all done, but output is missing (see the warnings)"
-        facts = self.facts(status, code, reason, loop_seconds) | {"state_digest": digest or None}
+        facts = self.facts(status, code, reason, loop_seconds) | {"state_digest": digest}
         if self.world.rank == 0:
             self.progress.clear()
             if code == 4:
@@ -215,6 +213,15 @@ class _Run:
             self.write_facts(facts)
         self.world.barrier()  # the folder is complete when any rank leaves
         return Outcome(code, status, reason, facts)
+
+    def keep_state(self) -> str:
+        """The state at the end, in a checkpoint unless it is in one; its digest. Collective."""
+        with self.options.timers.section("checkpoint"):
+            state = self.app.state()
+        if self.saved != self.app.iteration:
+            self.write_checkpoint(last=state)
+            self.watchdog.rest()
+        return checkpoint.digest(self.world, state)
 
     def ending(self, verdict: Verdict) -> tuple[str, int, str]:
         """status, exit code, reason"""

@@ -180,16 +180,27 @@ def unpack(records_real, records_int, n_species, points, row_part, column_part, 
 
 
 @njit
-def export(species, n_species, parts, pool, ids, chain, head, count, numbers, tiles, components):
-    """All particles of a species: numbers[n], tiles[n] and components[n, COMPONENTS], in the order of the pages."""
-    n = 0
-    for part in range(parts.shape[0]):
+def export(species, n_species, parts, pool, ids, chain, head, count, cursor, numbers, tiles, components):
+    """The next particles of a species, whole pages of them: numbers[m], tiles[m], components[m, COMPONENTS].
+
+    cursor = (part, page) to go on with, page -1 for the first one; (0, -1) to begin. Returns how many; 0 at the end.
+    """
+    n, part, page = 0, cursor[0], cursor[1]
+    while part < parts.shape[0]:
         slot = part * n_species + species
-        page, used = np.int64(head[slot]), (count[slot] - 1) % PAGE + 1
+        if page < 0:
+            page = np.int64(head[slot])
         while page >= 0:
+            used = (count[slot] - 1) % PAGE + 1 if page == head[slot] else PAGE
+            if n + used > numbers.size:
+                cursor[0], cursor[1] = part, page
+                return n
             for place in range(used):
                 numbers[n], tiles[n] = ids[page, place], parts[part, 0]
                 for c in range(COMPONENTS):
                     components[n, c] = pool[page, place // LANES, c, place % LANES]
                 n += 1
-            page, used = np.int64(chain[page]), PAGE
+            page = np.int64(chain[page])
+        part += 1
+    cursor[0], cursor[1] = part, -1
+    return n
