@@ -81,11 +81,17 @@ class Conserved:
                 entry["change"] = max(entry["change"], change) if math.isfinite(change) else math.inf
 
     def facts(self) -> dict[str, dict[str, float]]:
-        """name -> first, last, change (largest), relative (to the first; left out when that is 0)."""
+        """name -> first, last, change (largest), relative (to the first, of what starts away from 0)."""
         return {
-            name: entry | ({"relative": entry["change"] / abs(entry["first"])} if entry["first"] else {})
+            name: entry
+            | ({"relative": entry["change"] / abs(entry["first"])} if _has_scale(name, entry) else {})
             for name, entry in self._found.items()
         }
+
+
+def _has_scale(name: str, entry: Mapping[str, float]) -> bool:
+    """Momentum may start as the sum of noise: no measure of anything."""
+    return entry["first"] != 0.0 and not name.startswith("momentum")
 
 
 def sections(world: World, timers: Timers, wall: float) -> dict[str, dict[str, float]]:
@@ -202,7 +208,7 @@ def _beside(facts: Mapping[str, Any], measured: str, estimated: str, unit: str) 
 
 
 def _change(entry: Mapping[str, float]) -> str:
-    return f"{entry['relative']:.1e}" if "relative" in entry else f"{entry['change']:.1e} (from 0)"
+    return f"{entry['relative']:.1e}" if "relative" in entry else f"{entry['change']:.1e} (absolute)"
 
 
 def history(before: Sequence[Mapping[str, Any]], facts: Mapping[str, Any]) -> list[Mapping[str, Any]]:
