@@ -1,7 +1,7 @@
 """Small plasma runs for tests: in this process, in processes of their own as a user would, many per launch.
 
-`mpirun -n R python plasma_runner.py JOBS.json` makes every job of a list on its R ranks; rank 0 prints what came
-out as one line of JSON. A job is a dict: case, sets, threads, steps, and optionally `save` (folder for a
+`mpirun -n R python plasma_runner.py JOBS.json` makes every job of a list on its R ranks; rank 0 prints what
+came out as one line of JSON. A job is a dict: case, sets, threads, steps, and optionally `save` (folder for a
 checkpoint at the end) or `resume` (folder to go on from).
 """
 
@@ -39,7 +39,8 @@ species = (
   { name = "beam"; particles = 5000; charge = -1.0; mass = 1.0; plasma_frequency = 0.7;
     drift_velocity = [3.0]; thermal_velocity = 0.5; init_method = "random position"; },
   { name = "other"; particles = 5000; charge = -1.0; mass = 1.0; plasma_frequency = 0.7;
-    drift_velocity = [-3.0]; thermal_velocity = 0.2; init_method = "quiet"; perturbation = { mode = [2]; amplitude = 0.1; }; } );
+    drift_velocity = [-3.0]; thermal_velocity = 0.2; init_method = "quiet";
+    perturbation = { mode = [2]; amplitude = 0.1; }; } );
 """
 
 
