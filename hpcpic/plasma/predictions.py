@@ -141,12 +141,16 @@ def _compare_growth(t: np.ndarray, amplitude: np.ndarray, law: Prediction | None
 
 def _compare_damping(t: np.ndarray, amplitude: np.ndarray, law: Prediction) -> Compared:
     times, heights = analysis.peaks(t, amplitude)
-    frequency, rate, error = analysis.damping_rate(t, amplitude)
+    if times.size < 4:
+        raise analysis.NoFit("fewer than four maxima")
+    window = (t >= times[1]) & (t <= times[min(8, times.size - 1)])  # the first maximum has other roots in it
+    wave = analysis.signed(amplitude)[window]
+    fit = analysis.fit_oscillation(t[window], wave, frequency=law.omega.real, rate=law.omega.imag)
     words = (
-        f"decay {-rate:.4g} ± {error:.1g} 1/s, frequency {frequency:.5g} rad/s\n"
+        f"decay {-fit.rate:.4g} ± {fit.rate_error:.1g} 1/s, frequency {fit.frequency:.5g} rad/s\n"
         f"theory {-law.omega.imag:.4g} and {law.omega.real:.5g} ({law.law})"
     )
-    return Compared(words, heights[0] * np.exp(law.omega_mesh.imag * (t - times[0])))
+    return Compared(words, heights[1] * np.exp(law.omega_mesh.imag * (t - times[1])))
 
 
 def _compare_wave(t: np.ndarray, amplitude: np.ndarray, law: Prediction) -> Compared:
