@@ -47,6 +47,7 @@ class Plot:
 def style() -> Iterator[None]:
     """Agg and the house look: open axes, few ticks, colours that colour-blind readers can tell apart."""
     import matplotlib
+    from cycler import cycler
 
     matplotlib.use("Agg")
     settings = {
@@ -58,7 +59,7 @@ def style() -> Iterator[None]:
         "text.color": INK,
         "xtick.color": INK,
         "ytick.color": INK,
-        "axes.prop_cycle": matplotlib.cycler(color=COLOURS),
+        "axes.prop_cycle": cycler(color=COLOURS),
         "axes.spines.top": False,
         "axes.spines.right": False,
         "axes.linewidth": 0.8,

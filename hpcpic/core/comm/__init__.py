@@ -1,1 +1,4 @@
-"""WHO: ranks and the six verbs between them (fill, fold, migrate, refresh, transpose, sum); the only importer of mpi4py."""
+"""WHO: ranks and the six verbs between them; the only importer of mpi4py.
+
+fill, fold, migrate, refresh, transpose, sum.
+"""

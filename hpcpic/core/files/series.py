@@ -61,7 +61,7 @@ class SeriesWriter:
 
     def _start(self, kept: Series) -> None:
         """Put both files in place, with the rows that are kept."""
-        self._units = {**kept.units, **self._units}
+        self._units = {**self._units, **kept.units, **self._units}
         nothing = np.full(len(kept.step), np.nan)
         columns = {TIME: kept.time, **{name: kept.get(name, nothing) for name in self._units}}
 
