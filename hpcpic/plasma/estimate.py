@@ -45,7 +45,7 @@ DEFAULT = {
 
 @dataclass(frozen=True, slots=True)
 class Estimate:
-    """memory: item -> bytes per rank; disk: item -> bytes of the whole run; step_seconds: one step; seconds: the run."""
+    """memory: item -> bytes per rank; disk: item -> bytes of the whole run; seconds of one step and of the run."""
 
     memory: Mapping[str, float]
     disk: Mapping[str, float]

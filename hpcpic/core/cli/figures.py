@@ -137,7 +137,8 @@ def movie(frames: Iterator[Figure], path: Path) -> int:
     except ImportError as error:
         raise NoData("movies need the extra packages: pip install 'hpcpic[video]'") from error
     count = 0
-    with imageio.get_writer(path, fps=FRAMES_PER_SECOND, macro_block_size=2, codec="libx264") as writer:
+    video: Any = imageio.get_writer(path, fps=FRAMES_PER_SECOND, macro_block_size=2, codec="libx264")
+    with video as writer:
         for figure in frames:
             writer.append_data(_pixels(figure))
             count += 1
@@ -148,8 +149,9 @@ def _pixels(figure: Figure) -> np.ndarray:
     """RGB[height, width, 3] with both sides even, which the codec asks for."""
     figure.set_facecolor(PAPER)
     figure.set_dpi(DOTS_PER_INCH)
-    figure.canvas.draw()
-    pixels = np.asarray(figure.canvas.buffer_rgba())[..., :3]
+    canvas: Any = figure.canvas  # of Agg, which its type does not tell
+    canvas.draw()
+    pixels = np.asarray(canvas.buffer_rgba())[..., :3]
     return np.ascontiguousarray(pixels[: pixels.shape[0] // 2 * 2, : pixels.shape[1] // 2 * 2])
 
 
