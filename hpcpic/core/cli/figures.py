@@ -50,7 +50,7 @@ def style() -> Iterator[None]:
     from cycler import cycler
 
     matplotlib.use("Agg")
-    settings = {
+    settings: Any = {
         "figure.facecolor": "none",
         "savefig.facecolor": "none",
         "axes.facecolor": "none",
