@@ -20,6 +20,7 @@ if TYPE_CHECKING:
 
 SCATTER_LIMIT = 20_000  # particles drawn as dots; more become a density
 PANELS = 4
+FEW = 16  # particles whose paths are drawn
 
 
 def snapshots_of(run: Run) -> Particles:
@@ -48,9 +49,7 @@ def phase_space(run: Run, step: int | None = None) -> Figure:
     """x and vx of the particles, coloured by species, at up to four times; at one step when it is given."""
     snapshots = snapshots_of(run)
     last = len(snapshots.steps) - 1
-    numbers = (
-        [snapshots.index(step)] if step is not None else sorted(set(np.linspace(0, last, PANELS).astype(int)))
-    )
+    numbers = [snapshots.index(step)] if step is not None else sorted(set(np.linspace(0, last, PANELS).astype(int)))
     length = config_of(run).simulation.space_length[0]
     limits = _velocity_limits(run, snapshots, range(last + 1) if step is not None else numbers)
     with style():
@@ -69,9 +68,7 @@ def phase_space(run: Run, step: int | None = None) -> Figure:
         return figure
 
 
-def _phase_panel(
-    axis: Any, snapshots: Particles, number: int, length: float, limits: tuple[float, float]
-) -> None:
+def _phase_panel(axis: Any, snapshots: Particles, number: int, length: float, limits: tuple[float, float]) -> None:
     """Dots while they can be told apart, else the density of each species laid over the others."""
     from matplotlib.colors import LinearSegmentedColormap, to_rgb
 
@@ -136,3 +133,29 @@ def _stairs(v: np.ndarray, bins: int, limits: tuple[float, float]) -> tuple[np.n
     centres, f = analysis.velocity_distribution(v, bins, limits)
     half = 0.5 * (centres[1] - centres[0])
     return f, np.append(centres - half, centres[-1] + half)
+
+
+def orbits(run: Run, step: int | None = None) -> Figure:
+    """Paths of all particles when they are few: x and y in 2D, x in time in 1D; open where they leave the box."""
+    snapshots = snapshots_of(run)
+    config = config_of(run)
+    if sum(s.particles for s in config.species) > FEW or len(snapshots.steps) < 8:
+        raise NoData(f"needs at most {FEW} particles and eight snapshots of them")
+    lengths = config.simulation.space_length
+    with style():
+        figure, axes = new_figure(size=(4.6, 4.4) if config.dimensions == 2 else (6.4, 3.6))
+        for name, colour in zip(snapshots.species, COLOURS):
+            path = np.array([snapshots.read(name, k)["position"] for k in range(len(snapshots.steps))])
+            jump = np.abs(np.diff(path[..., : len(lengths)], axis=0)) > 0.5 * np.array(lengths)
+            path[1:][jump.any(axis=2)] = np.nan
+            for p in range(path.shape[1]):
+                across = path[:, p, 0]
+                line = (across, path[:, p, 1]) if config.dimensions == 2 else (snapshots.times, across)
+                axes.plot(*line, color=colour, linewidth=1.3, label=name if p == 0 else None)
+                axes.plot(line[0][-1], line[1][-1], "o", color=colour, markersize=5)
+        if config.dimensions == 2:
+            axes.set(xlabel="x, m", ylabel="y, m", title="Orbits", aspect="equal")
+        else:
+            axes.set(xlabel="time, s", ylabel="x, m", title="Orbits", ylim=(0, lengths[0]))
+        axes.legend(loc="lower right", bbox_to_anchor=(1.0, 1.0), borderaxespad=0.1, ncols=4)
+        return figure

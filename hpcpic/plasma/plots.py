@@ -14,7 +14,7 @@ from hpcpic.core.cli.figures import COLOURS, INK, NoData, Plot, axis_label, new_
 from hpcpic.core.errors import FileError
 from hpcpic.plasma import analysis, theory
 from hpcpic.plasma.config import PlasmaConfig
-from hpcpic.plasma.particle_plots import phase_space, snapshots_of, velocities
+from hpcpic.plasma.particle_plots import orbits, phase_space, snapshots_of, velocities
 from hpcpic.plasma.predictions import beams, compare_mode, config_of, predict
 
 if TYPE_CHECKING:
@@ -161,9 +161,7 @@ def spectrum(run: Run, step: int | None = None) -> Figure:
     wp = float(np.sqrt(sum(b.plasma_frequency**2 for b in species))) or 1.0
     dt = float(abs(snapshots.times[1] - snapshots.times[0]))
     if np.pi / dt < 1.5 * wp:
-        raise NoData(
-            f"needs a snapshot of the fields every {np.pi / (2 * wp):.3g} s or less (here {dt:.3g} s)"
-        )
+        raise NoData(f"needs a snapshot of the fields every {np.pi / (2 * wp):.3g} s or less (here {dt:.3g} s)")
     rows = np.array([_along_x(run, name, int(s)) for s in snapshots.steps])
     k, omega, power = analysis.spectrum(rows, dt, snapshots.spacing[-1])
     speed = max((max(abs(b.drift), b.thermal_velocity) for b in species), default=0.0)
@@ -173,9 +171,7 @@ def spectrum(run: Run, step: int | None = None) -> Figure:
         figure, axes = new_figure(size=(6.4, 4.2))
         shown = np.log10(power + 1e-300)
         top = shown[np.ix_(omega <= high, (k > 0) & (k <= right))].max()
-        mesh = axes.pcolormesh(
-            k[1:], omega, shown[:, 1:], vmin=top - 6, vmax=top, cmap="magma", rasterized=True
-        )
+        mesh = axes.pcolormesh(k[1:], omega, shown[:, 1:], vmin=top - 6, vmax=top, cmap="magma", rasterized=True)
         axes.scatter(*_branches(species, np.linspace(k[1], right, 80)), s=3, color="white", linewidths=0)
         axes.axhline(wp, color="white", linewidth=0.8, alpha=0.6)
         label = {"xytext": (-4, 4), "textcoords": "offset points", "ha": "right", "color": "white"}
@@ -234,9 +230,7 @@ def _fields_1d(run: Run, snapshots: Fields, number: int) -> Figure:
             top = rows.pop(0)
             history = np.array([_along_x(run, shown, int(s)) for s in snapshots.steps])
             limit = float(np.abs(history).max()) or 1.0
-            mesh = top.pcolormesh(
-                x, snapshots.times, history, cmap=SIGNED, vmin=-limit, vmax=limit, rasterized=True
-            )
+            mesh = top.pcolormesh(x, snapshots.times, history, cmap=SIGNED, vmin=-limit, vmax=limit, rasterized=True)
             top.axhline(snapshots.times[number], color=INK, linewidth=0.8)
             top.grid(visible=False)
             figure.colorbar(mesh, ax=top, label=axis_label(shown, snapshots.units[shown]), pad=0.02)
@@ -299,6 +293,7 @@ PLOTS = {
     "conservation": Plot("Departures of charge, momentum and energy", conservation),
     "fields": Plot("Charge, potential and field", fields, _steps(_fields)),
     "phase-space": Plot("Particles in phase space", phase_space, _steps(snapshots_of)),
+    "orbits": Plot("Paths of single particles", orbits),
     "velocities": Plot("Velocity distribution", velocities, _steps(snapshots_of)),
     "spectrum": Plot("Spectrum over wave number and frequency", spectrum),
     "timers": Plot("Where the time went", timers),

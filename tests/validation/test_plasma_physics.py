@@ -104,14 +104,10 @@ def test_stability_edge(simulate):
     cosine = math.cos(math.pi / 64)
     small = ("species[0].perturbation.amplitude=1e-9", "species[0].perturbation.velocity_amplitude=0.0")
     sets = ("simulation.cycles=200", *small)
-    below = simulate(
-        "plasma-oscillation", f"simulation.time_step={1.99 / cosine!r}", *sets, look=mode_along(0, 1)
-    )
+    below = simulate("plasma-oscillation", f"simulation.time_step={1.99 / cosine!r}", *sets, look=mode_along(0, 1))
     sizes = np.abs(below.seen)
     assert sizes[100:].max() < 1.5 * sizes[:100].max()
-    above = simulate(
-        "plasma-oscillation", f"simulation.time_step={2.02 / cosine!r}", *sets, look=mode_along(0, 1)
-    )
+    above = simulate("plasma-oscillation", f"simulation.time_step={2.02 / cosine!r}", *sets, look=mode_along(0, 1))
     sizes = np.abs(above.seen)
     rate = math.log(sizes[40] / sizes[20]) / 20  # seed 1e-9, cells at 0.1: linear for 60 steps
     compare("growth per step beyond wp dt = 2", rate, 2 * math.acosh(2.02 / 2), 1e-3)
@@ -129,9 +125,7 @@ def test_landau_damping(simulate, k):
     times, _ = analysis.peaks(t, amplitude)
     window = (t >= times[2]) & (t <= times[8])
     omega, maxwellian = theory.landau(k), (Beam(1.0, 0.0, 1.0),)
-    fit = analysis.fit_oscillation(
-        t[window], analysis.signed(amplitude)[window], frequency=omega.real, rate=omega.imag
-    )
+    fit = analysis.fit_oscillation(t[window], analysis.signed(amplitude)[window], frequency=omega.real, rate=omega.imag)
     mesh = theory.mesh_root(omega, k, maxwellian, mesh_of(done.config))
     compare(f"Landau frequency, k = {k}, in this mesh and step", fit.frequency, mesh.real, 1e-4)
     compare(f"Landau damping, k = {k}, in this mesh and step", fit.rate, mesh.imag, 2e-3)
@@ -143,8 +137,8 @@ def test_landau_damping(simulate, k):
 def test_cold_two_stream_roots(simulate, x):
     """k v0 = x wb: growth and the real root together, from the recurrence that four roots +-z obey.
 
-    The real root does not die away, so a straight line through the logarithm would not do. What is left is the
-    noise of the even spacing, 1e-8 of the density, in the differences that the recurrence takes.
+    The real root does not die away, so a straight line through the logarithm would not do. What is left is
+    the noise of the even spacing, 1e-8 of the density, in the differences that the recurrence takes.
     """
     k, gamma = x * WB, theory.two_stream_growth(x * WB, WB)
     species = quiet_maxwellians([(WB, 1.0, 0.0), (WB, -1.0, 0.0)], particles=4157, amplitude=1e-5)
@@ -276,9 +270,7 @@ def test_charge_number_and_momentum(simulate):
     assert len(done.particles["electrons"].ids) == 65536
     assert np.array_equal(np.sort(done.particles["electrons"].ids), np.arange(65536))
     v = velocities(done.app)
-    scale = (
-        done.config.species[0].mass / abs(done.config.species[0].charge) * abs(charge[0]) * np.abs(v).mean()
-    )
+    scale = done.config.species[0].mass / abs(done.config.species[0].charge) * abs(charge[0]) * np.abs(v).mean()
     for name in ("momentum_x", "momentum_y"):
         change = np.abs(done.scalar(name) - done.scalar(name)[0]).max() / scale
         print(f"{name + ', change over sum of m |v|':<58}{change:>18.1e}")
@@ -320,8 +312,8 @@ def test_time_reversal(world):
 def test_self_heating(simulate, debye, particles, ratio):
     """Growth of the energy up to wp t = 875: CIC, 64^2, wp dt = 0.2, against an independent program.
 
-    Like it, this starts with equally many particles in each 16 x 16 cells: a fully random start has more energy
-    in the field already. Growth within 10 %: random starts differ by 2 to 6 %.
+    Like it, this starts with equally many particles in each 16 x 16 cells: a fully random start has more
+    energy in the field already. Growth within 10 %: random starts differ by 2 to 6 %.
     """
     energies = []
 
@@ -362,9 +354,7 @@ def test_case_landau_damping(simulate):
     t, amplitude = done.t, done.scalar("mode_1")
     times, _ = analysis.peaks(t, amplitude)
     window = (t >= times[1]) & (t <= times[8])
-    fit = analysis.fit_oscillation(
-        t[window], analysis.signed(amplitude)[window], frequency=1.4157, rate=-0.1534
-    )
+    fit = analysis.fit_oscillation(t[window], analysis.signed(amplitude)[window], frequency=1.4157, rate=-0.1534)
     compare("case landau-damping, frequency", fit.frequency, 1.415662, 2e-3)
     compare("case landau-damping, decay", fit.rate, -0.153359, 1e-2)
 
