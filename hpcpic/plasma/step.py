@@ -11,13 +11,14 @@ from hpcpic.core.timers import Timers
 from hpcpic.plasma import moments, snapshot
 from hpcpic.plasma.cloud import CHUNK, GHOSTS, Cloud, Law, groups_of_charge
 from hpcpic.plasma.config import PlasmaConfig
-from hpcpic.plasma.derived import derived
+from hpcpic.plasma.derived import derived, total_plasma_frequency
 from hpcpic.plasma.estimate import estimate
 from hpcpic.plasma.mesh import Mesh
 from hpcpic.plasma.mover import mover, rotation_kind
 from hpcpic.plasma.scene import Scene
 
-GROWTH = 1e6  # of the total energy, beyond which a run is no solution
+GROWTH = 30.0  # of the total energy, beyond which a run is no solution; wp dt = 1.6 gives 1.4 in 100 / wp
+COLD = 0.1  # lambda_D/dx to which the grid heats the coldest plasma: its energy is no growth yet
 
 
 class Plasma:
@@ -59,7 +60,8 @@ class Plasma:
         self.scalar_units = moments.units(scene)
         self._distribute()
         self._rewind()
-        self.iteration, self._first_energy = 0, None
+        self.iteration = 0
+        self._energy: list[float] = []  # of the first and the last scalars
 
     def _field_scale(self) -> float:
         """A power of two that turns E into about a cell per step^2 for the lightest species."""
@@ -127,7 +129,9 @@ class Plasma:
         """Energies, momentum, charge and field modes, all at t = n dt (see plasma.moments). Collective."""
         self.solve()
         with self.timers.section("scalars"):
-            return self.moments.scalars()
+            values = self.moments.scalars()
+        self._energy = [*self._energy[:1], values["energy_total"]]
+        return values
 
     def arrays(self, what: str) -> Mapping[str, object]:
         """ "field": rho, phi, E at t = n dt; "particle": x^n and v^(n-1/2) by species. Collective."""
@@ -145,8 +149,19 @@ class Plasma:
         self._solved = False
 
     def guard(self) -> str | None:
-        """Why this rank's state is no solution, or None."""
-        return self.moments.trouble()
+        """Why this rank's state is no solution, or None. Of the energy it knows what `scalars` saw last."""
+        return self.moments.trouble() or self._runaway()
+
+    def _runaway(self) -> str | None:
+        """A uniform electric field feeds energy in; else it is conserved but for what the grid heats."""
+        if not self._energy or any(self.scene.config.field.electric):
+            return None
+        v = COLD * total_plasma_frequency(self.scene.config) * max(self.scene.spacing)
+        cold = 0.5 * self.scene.dimensions * v * v * sum(species.n * species.m for species in self.scene.species)
+        first, last = self._energy[0], self._energy[-1]
+        if last <= GROWTH * (first + cold):
+            return None
+        return f"the total energy grew from {first:.4g} J to {last:.4g} J"
 
     def close(self) -> None:
         """Free what MPI holds (all ranks together)."""
