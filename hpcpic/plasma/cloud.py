@@ -104,7 +104,7 @@ class Cloud:
         self.messages = Migrate(world, self.record_bytes, Channel.PARTICLES, cuts=domain.cuts) if world.size > 1 else None
         self.owner = np.asarray(domain.owner(np.arange(domain.points[0])), np.int32)
         below, above = GHOSTS[law.shape]
-        self._patches(int(charge[:, 0].max(initial=-1)) + 1, below, above)
+        self._patches(int(charge[:, 0].max(initial=0)) + 1, below, above)  # a case without species has one, of zeros
         lead = below if domain.ndim == 2 else 0
         self.names = dict(
             n_species=self.n_species,
