@@ -40,8 +40,9 @@ FIGURES = {  # what shows a case best
     "two-stream-warm": "phase-space",
     "upper-hybrid": "modes",
 }
-EXTRA = {  # snapshots that the picture needs and the case does not ask for
+EXTRA = {  # settings for the picture: snapshots that the case does not ask for
     "bump-on-tail": ("output.sampling_period.particle=1000",),
+    "two-particles": ("output.sampling_period.particle=4", "simulation.cycles=628"),
     "magnetised-thermal-2d": ("output.sampling_period.field=500",),
 }
 

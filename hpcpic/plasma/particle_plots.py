@@ -143,7 +143,7 @@ def orbits(run: Run, step: int | None = None) -> Figure:
         raise NoData(f"needs at most {FEW} particles and eight snapshots of them")
     lengths = config.simulation.space_length
     with style():
-        figure, axes = new_figure(size=(4.6, 4.4) if config.dimensions == 2 else (6.4, 3.6))
+        figure, axes = new_figure(size=(6.4, 3.6))
         for name, colour in zip(snapshots.species, COLOURS):
             path = np.array([snapshots.read(name, k)["position"] for k in range(len(snapshots.steps))])
             jump = np.abs(np.diff(path[..., : len(lengths)], axis=0)) > 0.5 * np.array(lengths)
@@ -155,6 +155,8 @@ def orbits(run: Run, step: int | None = None) -> Figure:
                 axes.plot(line[0][-1], line[1][-1], "o", color=colour, markersize=5)
         if config.dimensions == 2:
             axes.set(xlabel="x, m", ylabel="y, m", title="Orbits", aspect="equal")
+            width, height = (np.ptp(limits) for limits in (axes.get_xlim(), axes.get_ylim()))
+            figure.set_size_inches(6.4, np.clip(6.4 * height / width, 1.0, 5.0) + 1.0)
         else:
             axes.set(xlabel="time, s", ylabel="x, m", title="Orbits", ylim=(0, lengths[0]))
         axes.legend(loc="lower right", bbox_to_anchor=(1.0, 1.0), borderaxespad=0.1, ncols=4)

@@ -154,7 +154,7 @@ def modes(run: Run, step: int | None = None) -> Figure:
 def spectrum(run: Run, step: int | None = None) -> Figure:
     """Power of the field along x over wave number and frequency, with the branches that theory gives."""
     snapshots = _fields(run)
-    name = next((n for n in ("E", "E_x", "phi") if n in snapshots.names), None)
+    name = next((n for n in ("E", "phi") if n in snapshots.names), None)
     if name is None or len(snapshots.steps) < 16 or len(set(np.diff(snapshots.steps))) > 1:
         raise NoData("needs 16 snapshots of E or phi at equal intervals (output.sampling_period.field)")
     species = beams(config_of(run))
@@ -218,7 +218,7 @@ def fields(run: Run, step: int | None = None) -> Figure:
 def _fields_1d(run: Run, snapshots: Fields, number: int) -> Figure:
     length = snapshots.points[0] * snapshots.spacing[0]
     x = np.arange(snapshots.points[0]) * snapshots.spacing[0]
-    names = [n for n in ("rho", "phi", "E", "E_x") if n in snapshots.names]
+    names = [n for n in ("rho", "phi", "E") if n in snapshots.names]
     several = len(snapshots.steps) > 3
     shown = names[-1]
     with style():
@@ -249,10 +249,9 @@ def _fields_2d(run: Run, snapshots: Fields, number: int) -> Figure:
     ly, lx = (n * d for n, d in zip(snapshots.points, snapshots.spacing))
     at = int(snapshots.steps[number])
     panels = [(name, run.field(name, at), SIGNED) for name in ("rho", "phi") if name in snapshots.names]
+    panels = [("rho - mean", v - v.mean(), c) if name == "rho" else (name, v, c) for name, v, c in panels]
     if "E" in snapshots.names:
         panels.append(("|E|", np.linalg.norm(run.field("E", at), axis=-1), POSITIVE))
-    elif {"E_x", "E_y"} <= set(snapshots.names):
-        panels.append(("|E|", np.hypot(run.field("E_x", at), run.field("E_y", at)), POSITIVE))
     with style():
         width = 3.4 * len(panels)
         height = 0.9 + 3.0 * min(max(ly / lx, 0.4), 1.6)
@@ -269,10 +268,10 @@ def _fields_2d(run: Run, snapshots: Fields, number: int) -> Figure:
                 vmax=limit,
                 aspect="equal",
             )
-            unit = snapshots.units.get(name, snapshots.units.get("E", snapshots.units.get("E_x", "")))
+            stored = {"rho - mean": "rho", "|E|": "E"}.get(name, name)
             figure.colorbar(image, ax=axis, shrink=0.8, pad=0.02)
             axis.grid(visible=False)
-            axis.set(xlabel="x, m", title=axis_label(name, unit))
+            axis.set(xlabel="x, m", title=axis_label(name, snapshots.units[stored]))
         axes[0, 0].set_ylabel("y, m")
         figure.suptitle(f"Fields at t = {snapshots.times[number]:.4g} s", x=0.01, ha="left", fontsize=11)
         return figure

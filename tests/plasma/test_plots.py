@@ -132,10 +132,11 @@ def test_two_dimensional_fields_keep_their_shape_and_place(tmp_path):
     FieldsWriter(Alone(), folder / "fields.vtkhdf").append(0, 0.0, domain, fields)
     figure = PLOTS["fields"].make(open_run(folder), None)
     panels = {axes.get_title(loc="left"): axes for axes in figure.axes if axes.images}
-    assert set(panels) == {"rho, C/m2", "phi, V", "|E|, V/m"}
-    image = panels["rho, C/m2"].images[0]
+    assert set(panels) == {"rho - mean, C/m2", "phi, V", "|E|, V/m"}
+    image = panels["rho - mean, C/m2"].images[0]
     assert image.get_extent() == [0, 2.0, 0, 1.0] and image.origin == "lower"
-    assert np.array_equal(image.get_array(), rho) and image.get_clim() == (-3.0, 3.0)
+    assert np.array_equal(image.get_array(), rho - 3.0 / 32)
+    assert image.get_clim() == (-3.0 + 3.0 / 32, 3.0 - 3.0 / 32)
     assert panels["|E|, V/m"].images[0].get_array()[2, 5] == 5.0
     assert panels["phi, V"].get_aspect() == 1.0
 
