@@ -208,7 +208,7 @@ class Cloud:
 
     def place(self, species: int, x: NDArray, v: NDArray, numbers: NDArray) -> None:
         """Take in new particles: x[n, d] in cells of the grid, v[n, v] in cells per step; migrate and deliver next."""
-        self.pages.room(int(self.pages.counters[-1, 1]) + len(x))
+        self._make_room(len(x))
         code = self.kernels.place(
             np.ascontiguousarray(x, np.float64), np.ascontiguousarray(v, self.law.dtype),
             np.ascontiguousarray(numbers, np.uint32), species, *self._grid, *self._box(-1), self.pages.counters[-1],
@@ -269,10 +269,14 @@ class Cloud:
 
     def _take_in(self, records: NDArray[np.uint8]) -> None:
         """Records into the box from outside; when it is full, deliver what is there first."""
-        if int(self.pages.counters[-1, 1]) + len(records) > self.pages.box_size:
-            self.deliver()
-            self.pages.room(len(records))
+        self._make_room(len(records))
         self._unpack(records)
+
+    def _make_room(self, n: int) -> None:
+        """Room for n more in the box from outside."""
+        if int(self.pages.counters[-1, 1]) + n > self.pages.box_size:
+            self.deliver()
+            self.pages.room(n)
 
     def deliver(self) -> None:
         """Particles from all boxes into their slots, with their charge; the boxes are empty then."""

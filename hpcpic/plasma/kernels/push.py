@@ -40,6 +40,7 @@ ALL = (1 << LANES) - 1
 LINE, SUM = 2 * CORNERS * SIZE // (3 - DIM), CORNERS * SIZE  # bytes of a cell's coefficients and corner sums
 PACK_BYTES, PAGE_BYTES = 64 * COMPONENTS, PAGE * SIZE * COMPONENTS
 MAGIC_BITS = int(np.array(MAGIC).view(PART))
+PAGES_AHEAD = 2
 BATCH = 15 if SIZE == 4 else 1 << 60  # pages whose charge the corner sums of one cell can hold
 
 
@@ -173,6 +174,16 @@ def park(pool, page, place):
 
 
 @njit
+def next_page(page, slot, end, head, chain):
+    """The page after `page` in the order of the push, and its slot; -1 after the last one."""
+    page = np.int64(chain[page]) if page >= 0 else page
+    while page < 0 and slot + 1 < end:
+        slot += 1
+        page = np.int64(head[slot])
+    return page, slot
+
+
+@njit
 def push(block, first, last, n_species, points, origin, corner, row_part, column_part, column_stride, parts, e_x, e_y,
          scale, mover, charge, pool, ids, chain, head, count, free, holes, moving, moving_id, moving_slot, link, lists,
          counters, patch, lines, sums):  # fmt: skip
@@ -185,6 +196,9 @@ def push(block, first, last, n_species, points, origin, corner, row_part, column
     patch[:] = 0
     base, to_ids, to_lines, to_sums = address(pool), address(ids), address(lines), address(sums)
     zero_sums(to_sums)
+    scout, scout_slot = np.int64(-1), first * n_species - 1  # runs PAGES_AHEAD pages ahead and asks for their lines
+    for _ in range(PAGES_AHEAD + 1):
+        scout, scout_slot = next_page(scout, scout_slot, last * n_species, head, chain)
     for part in range(first, last):
         spread_field(part, origin, parts, e_x, e_y, scale, to_lines)
         low_x, high_x = splat(F, REAL(parts[part, 5])), splat(F, REAL(parts[part, 6]))
@@ -202,8 +216,8 @@ def push(block, first, last, n_species, points, origin, corner, row_part, column
                     park(pool, page, place)
             while page >= 0:
                 at, packs = base + page * PAGE_BYTES, (used + LANES - 1) // LANES
-                following = np.int64(chain[page])
-                ahead = (base + following * PAGE_BYTES) if following >= 0 else at
+                ahead = base + max(scout, 0) * PAGE_BYTES
+                scout, scout_slot = next_page(scout, scout_slot, last * n_species, head, chain)
                 for pack in range(packs - 1, -1, -1):
                     for c in range(COMPONENTS):
                         prefetch_to_write(ahead + pack * PACK_BYTES + 64 * c)
@@ -224,7 +238,7 @@ def push(block, first, last, n_species, points, origin, corner, row_part, column
                 if batch == BATCH:
                     gather_sums(part, corner, parts, to_sums, patch, charge[species, 0])
                     batch = 0
-                page, used = following, PAGE
+                page, used = np.int64(chain[page]), PAGE
             if send(slot, n_holes, holes, n_species, points, row_part, column_part, column_stride, parts, ids, moving,
                     moving_id, moving_slot, link, lists, counters) != GOOD:  # fmt: skip
                 return DIVERGED
