@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from hpcpic.core.cli.figures import COLOURS, INK, NoData, Plot, axis_label, new_figure, style, timers_figure
+from hpcpic.core.cli.figures import COLOURS, INK, NoData, Plot, axis_label, new_figure, style, thinned, timers_figure
 from hpcpic.core.errors import FileError
 from hpcpic.plasma import analysis, theory
 from hpcpic.plasma.config import PlasmaConfig
@@ -65,8 +65,8 @@ def energies(run: Run, step: int | None = None) -> Figure:
         figure, (top, low) = new_figure(2, 1, (6.4, 4.6), height_ratios=(2.2, 1))
         shown = slice(0, _end_of_beginning(field))
         for values, colour, label in ((total, INK, "total"), (kinetic, COLOURS[0], "kinetic")):
-            top.plot(t[shown], values[shown], color=colour, label=label)
-        top.plot(t[shown], field[shown], color=COLOURS[1], label="field")
+            top.plot(*thinned(t[shown], values[shown]), color=colour, label=label)
+        top.plot(*thinned(t[shown], field[shown]), color=COLOURS[1], label="field")
         if field.max() < 0.01 * total.max():
             top.set_yscale("log")
             top.set_ylim(0.3 * np.percentile(field[field > 0], 2), 4.0 * total.max())
@@ -74,7 +74,7 @@ def energies(run: Run, step: int | None = None) -> Figure:
             top.set_ylim(0, None)
         top.set(ylabel=axis_label("energy", run.series.units["energy_total"]), title="Energy")
         top.legend(ncols=3, loc="lower right", bbox_to_anchor=(1.0, 1.0), borderaxespad=0.1)
-        low.plot(t, analysis.relative_drift(total), color=COLOURS[3], linewidth=1.2)
+        low.plot(*thinned(t, analysis.relative_drift(total)), color=COLOURS[3], linewidth=1.2)
         low.set(ylabel="change of total", xlabel="time, s")
         return figure
 
@@ -98,7 +98,7 @@ def conservation(run: Run, step: int | None = None) -> Figure:
         for (name, values), colour in zip(lines, COLOURS):
             size = np.abs(values)
             label = name if size.any() else f"{name}: exact"
-            axes.plot(t, np.where(size > 0, size, np.nan), color=colour, label=label, linewidth=1.2)
+            axes.plot(*thinned(t, np.where(size > 0, size, np.nan)), color=colour, label=label, linewidth=1.2)
         axes.set_yscale("log")
         axes.set(xlabel="time, s", ylabel="relative departure", title="Conservation")
         axes.set_xlim(t[0], t[-1])
@@ -133,7 +133,7 @@ def modes(run: Run, step: int | None = None) -> Figure:
         figure, axes = new_figure(size=(6.4, 4.0))
         for name in run.series:
             if name.startswith("mode_") and name != f"mode_{chosen}":
-                axes.plot(t, run.series[name], linewidth=0.8, alpha=0.45, color=COLOURS[6])
+                axes.plot(*thinned(t, run.series[name]), linewidth=0.8, alpha=0.45, color=COLOURS[6])
         axes.plot(t, amplitude, color=COLOURS[0], linewidth=2.2, label=f"mode {chosen}")
         if found.line is not None:
             axes.plot(t, found.line, label="theory, in this mesh and step", **THEORY)

@@ -26,9 +26,7 @@ def folders(tmp_path_factory):
     runs = tmp_path_factory.mktemp("runs")
     made = [make_run(shipped_cases()["two-stream-cold"], runs / "first", FEW)]
     made.append(
-        make_run(
-            shipped_cases()["two-stream-cold"], runs / "second", (*FEW, "simulation.time_step=0.04", NASTY)
-        )
+        make_run(shipped_cases()["two-stream-cold"], runs / "second", (*FEW, "simulation.time_step=0.04", NASTY))
     )
     return made
 
@@ -99,7 +97,7 @@ def test_page_says_what_the_run_was(page):
     ):
         assert text in page, text
     assert page.count("<figure>") == 7  # all but the spectrum, which has a reason
-    assert "Not drawn: Spectrum over wave number and frequency: needs 16 snapshots" in page
+    assert "Not drawn: " in page and "Spectrum over wave number and frequency: needs 16 snapshots" in page
     assert 'class="mark warn">warn<' in page
 
 
@@ -118,9 +116,7 @@ def test_several_runs_are_laid_beside_each_other(folders, tmp_path):
     found = Balance()
     found.feed(page)
     assert not found.faults and len(found.ids) == len(set(found.ids))
-    assert (
-        "Settings that differ" in page and "simulation.time_step" in page and "simulation.cycles" not in page
-    )
+    assert "Settings that differ" in page and "simulation.time_step" in page and "simulation.cycles" not in page
     assert ">0.05<" in page and ">0.04<" in page
     assert 1 <= page.count("<figure>") <= 8
     assert "<script>" not in page
@@ -137,9 +133,7 @@ def test_a_run_that_failed_says_so(folders, tmp_path):
     for name in ("series.h5", "fields.vtkhdf", "particles.vtkhdf"):
         (folder / name).unlink()
     text = (folder / "run.json").read_text()
-    text = text.replace('"status": "finished"', '"status": "diverged"').replace(
-        '"exit_code": 0', '"exit_code": 4'
-    )
+    text = text.replace('"status": "finished"', '"status": "diverged"').replace('"exit_code": 0', '"exit_code": 4')
     (folder / "run.json").write_text(text)
     done = report(folder)
     assert done.exit_code == 0, done.output

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from plasma_reference import make_run
 
-from hpcpic.core.cli.figures import NoData, overlay_figure, save, svg, timers_figure
+from hpcpic.core.cli.figures import NoData, overlay_figure, save, svg, thinned, timers_figure
 from hpcpic.core.files.arrays import FieldArray
 from hpcpic.core.files.config import load
 from hpcpic.core.files.reader import open_run
@@ -160,6 +160,17 @@ def test_timers_show_the_share_of_the_wall_time():
     assert [text.get_text() for text in axes.texts] == ["0.0 %", "50.0 %"]
     with pytest.raises(NoData):
         timers_figure({})
+
+
+def test_long_lines_keep_their_extremes_and_gaps():
+    t = np.arange(100_000.0)
+    y = np.sin(t)
+    y[31_416], y[50_000], y[70_000:80_000] = 7.0, -7.0, np.nan
+    kept_t, kept = thinned(t, y)
+    assert len(kept) <= 4002 and np.isnan(kept).any()
+    assert np.array_equal(y[kept_t.astype(int)], kept, equal_nan=True)
+    assert (np.nanmax(kept), np.nanmin(kept), kept_t[0], kept_t[-1]) == (7.0, -7.0, 0.0, 99_999.0)
+    assert len(thinned(t[:4000], y[:4000])[1]) == 4000
 
 
 def test_overlay_leaves_out_runs_without_the_scalar(run):

@@ -24,6 +24,7 @@ COLOURS = ("#0072b2", "#d55e00", "#009e73", "#cc79a7", "#e69f00", "#56b4e9", "#7
 PAPER = "#ffffff"
 DOTS_PER_INCH = 150
 FRAMES_PER_SECOND = 12
+BINS = 2000  # pieces of a long line that are told apart
 
 
 class NoData(ValueError):
@@ -170,18 +171,13 @@ def timers_figure(timers: Mapping[str, Mapping[str, float]]) -> Figure:
         figure, axes = new_figure(size=(6.4, 0.6 + 0.34 * len(names)))
         shares = [100.0 * timers[name]["share"] for name in names]
         spread = [
-            [
-                share * abs(timers[n][end] / timers[n]["avg"] - 1.0) if share else 0.0
-                for n, share in zip(names, shares)
-            ]
+            [share * abs(timers[n][end] / timers[n]["avg"] - 1.0) if share else 0.0 for n, share in zip(names, shares)]
             for end in ("min", "max")
         ]
         axes.barh(names, shares, color=COLOURS[0], height=0.62)
         axes.errorbar(shares, names, xerr=spread, fmt="none", ecolor=COLOURS[4], elinewidth=1.6)
         for row, (share, over) in enumerate(zip(shares, spread[1])):
-            axes.annotate(
-                f"{share:.1f} %", (share + over, row), (6, 0), textcoords="offset points", va="center"
-            )
+            axes.annotate(f"{share:.1f} %", (share + over, row), (6, 0), textcoords="offset points", va="center")
         axes.set_xlabel("share of the wall time, %")
         axes.set_xlim(0, 1.2 * max(shares))
         axes.grid(axis="y", visible=False)
@@ -198,7 +194,7 @@ def overlay_figure(runs: Mapping[str, Run], name: str) -> Figure:
         lowest, highest = np.inf, 0.0
         for label, run in found.items():
             values = run.series[name]
-            axes.plot(run.series.time, values, label=label, alpha=0.9)
+            axes.plot(*thinned(run.series.time, values), label=label, alpha=0.9)
             positive = values[values > 0]
             lowest = min(lowest, positive.min()) if positive.size == values.size else 0.0
             highest = max(highest, positive.max(initial=0.0))
@@ -208,6 +204,20 @@ def overlay_figure(runs: Mapping[str, Run], name: str) -> Figure:
         axes.set(xlabel="time, s", ylabel=axis_label(name.replace("_", " "), unit))
         axes.legend(ncols=2)
         return figure
+
+
+def thinned(t: np.ndarray, values: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """A long line as its least and largest value in each of at most BINS pieces: looks the same, stays small."""
+    size = -(-len(values) // BINS)
+    if size <= 2:
+        return t, values
+    starts = np.arange(0, len(values), size)
+    kept = [0, len(values) - 1]
+    for filler, extreme in ((np.inf, np.argmin), (-np.inf, np.argmax)):
+        known = np.where(np.isnan(values), filler, values)
+        kept += [start + int(extreme(known[start : start + size])) for start in starts]
+    kept = np.unique(kept)
+    return t[kept], values[kept]
 
 
 def axis_label(text: str, unit: str) -> str:
