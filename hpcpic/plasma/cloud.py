@@ -47,7 +47,7 @@ class Law:
         """The compiled module of this law; `plain` for the reference where there is a vector one."""
         dtype = np.dtype(self.dtype)
         return specialise(
-            ("pages", "plain", "moments") + (() if plain or self.shape != "CIC" else ("push",)),
+            ("pages", "plain", "moments") + (() if plain or self.shape != "CIC" else ("push", "sums")),
             DIM=self.dimensions,
             NODES=NODES[self.shape],
             VELOCITIES=self.velocities,
@@ -235,9 +235,12 @@ class Cloud:
         values = np.zeros((self.blocks, 4, PAGE))
         with self.world.first_on_node():
             return [
-                self._bound(self.kernels.moments, block=b, first=first, last=last, values=values, **arrays)
+                self._bound(
+                    self.kernels.moments, block=b, first=first, last=last, values=values, lines=self._lines[b],
+                    **arrays,
+                )
                 for b, (first, last) in enumerate(self.tiles.ranges)
-            ]
+            ]  # fmt: skip
 
     def clear(self) -> None:
         """No particles."""

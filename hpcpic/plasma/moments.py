@@ -1,12 +1,15 @@
 """The plasma's scalars in time: energies, momentum, charge and field modes, all at one time level."""
 
+import math
 from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
 from hpcpic.core.space import exact
-from hpcpic.core.tasks import TaskError
+from hpcpic.core.space.domain import block_ranges
+from hpcpic.core.tasks import TaskError, bind
+from hpcpic.plasma.kernels.nodes import node_sums
 from hpcpic.plasma.mover import part_of_turn
 from hpcpic.plasma.scene import Scene, cross_matrix
 
@@ -14,7 +17,8 @@ if TYPE_CHECKING:
     from hpcpic.plasma.step import Plasma
 
 MODES = 8
-FAST = 4.0  # first guess of the largest speed, in the fastest initial one
+FASTEST = 2.0**40  # cells per step
+LEAST, TOP = -225, 226  # levels (powers of 16) of nothing, and of what is not finite
 
 
 def units(scene: Scene) -> dict[str, str]:
@@ -25,104 +29,135 @@ def units(scene: Scene) -> dict[str, str]:
 
 
 class Moments:
-    """Sums over particles and nodes whose bits depend on neither ranks nor threads (core.space.exact)."""
+    """Sums over particles and nodes whose bits depend on neither ranks nor threads (core.space.exact).
+
+    A sample is one reduction of integers over the ranks. The scales of the nodes' sums are those that served last;
+    they are right if the greatest term of all ranks is of the same level, which counts of ranks tell. Else the
+    levels are agreed on and all is summed again, so that a sample depends on the present state alone.
+    """
 
     def __init__(self, plasma: "Plasma") -> None:
         self.plasma = plasma
         scene, cloud = plasma.scene, plasma.cloud
-        n_species, v = len(scene.species), scene.velocity_components
-        kick = np.zeros((n_species, 3))
+        self.n_species, v = len(scene.species), scene.velocity_components
+        kick = np.zeros((self.n_species, 3))
         for row, species in zip(kick, scene.species):
             row[:v] = species.half_kick
         kick[:, : scene.dimensions] /= plasma.field_scale
         kick[:, scene.dimensions :] *= np.array(scene.config.field.electric)[scene.dimensions :]
         self.speed = 1.0  # power of two above |v| in cells per step
         self.inv_scale = np.ones(2)
-        self.limbs = np.zeros((cloud.blocks, max(n_species, 1), 1 + v, exact.LIMBS), np.int64)
+        self.limbs = np.zeros((cloud.blocks, max(self.n_species, 1), 1 + v, exact.LIMBS), np.int64)
         ratio = np.ones(3)
         ratio[: scene.dimensions] = np.array(scene.spacing) / scene.spacing[0]
-        self.bounds = cloud.bind_moments(
+        self.particle_tasks = cloud.bind_moments(
             half_kick=kick.astype(cloud.law.dtype), ratio_sq=ratio**2, inv_scale=self.inv_scale, limbs=self.limbs
         )
-        self.side = np.array((*scene.spacing, scene.spacing[0], scene.spacing[0])[:v])
         self.ratio_most = float((ratio**2).sum())
+        self.side = np.array((*scene.spacing, scene.spacing[0], scene.spacing[0])[:v])
+        self.turns = [_half_turn(species.boris[0]) for species in scene.species]
+        self._bind_nodes()
 
-    def sums(self) -> NDArray[np.float64]:
-        """sums[species, k]: of |v-|^2 in (side of x per step)^2, and of the components of v- in cells per step."""
-        world = self.plasma.world
+    def _bind_nodes(self) -> None:
+        """Tasks of kernels.nodes for the threads."""
+        scene, mesh, domain = self.plasma.scene, self.plasma.mesh, self.plasma.domain
+        world, flat = self.plasma.world, scene.dimensions == 1
+        rho, phi, e_x = (a.reshape(1, -1) if flat else a for a in (mesh.rho, mesh.phi.values, mesh.e[0]))
+        first = mesh.inside[0].start
+        corners = np.array([[0 if flat else first + 1, first + 1], [0 if flat else first, first]])
+        shares = block_ranges(len(rho), self.plasma.cloud.pool.threads)
+        self.rows, self.width = (1, domain.points[0]) if flat else domain.points
+        self.own = slice(*domain.row_range(world.rank)) if flat else slice(None)  # columns
+        self.levels = np.array([LEAST, LEAST])  # of the terms of the field energy, and of E_x
+        self.node_inv_scale = np.ones(2)
+        self.energy = np.zeros((len(shares), exact.LIMBS), np.int64)
+        self.columns = np.zeros((len(shares), rho.shape[1]), np.int64)
+        self.most = np.zeros((len(shares), 2))
+        with world.first_on_node():
+            self.node_tasks = [
+                bind(node_sums, a, b, k, corners, scene.background, self.node_inv_scale, rho, phi, e_x,
+                     self.energy, self.columns, self.most)
+                for k, (a, b) in enumerate(shares)
+            ]  # fmt: skip
+
+    def _local(self) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+        """Levels [2] of this rank's terms; flags (too fast; above and at the levels, two each), counts, limbs of
+        particles, limbs of the field energy, columns: all in one line."""
+        self.inv_scale[:] = 1 / exact.power_of_two_above(self.speed**2 * self.ratio_most), 1 / self.speed
+        self.node_inv_scale[:] = [math.ldexp(1.0, -4 * int(level)) for level in self.levels]
+        self.node_inv_scale[1] *= 2.0 ** (61 - int(self.rows).bit_length())
+        self.limbs[:] = 0
+        cloud, too_fast = self.plasma.cloud, False
+        cloud.pool.each(self.node_tasks)
+        try:
+            cloud.each(self.particle_tasks)
+        except TaskError as error:
+            if error.code != exact.NOT_BOUNDED:
+                raise
+            too_fast = True
+        levels = np.array([_level(most) for most in self.most.max(axis=0)])
+        columns = np.zeros(self.width, np.int64)
+        columns[self.own] = self.columns.sum(axis=0)
+        flags = [too_fast, *(levels > self.levels), *(levels == self.levels)]
+        parts = flags, self._counts(), self.limbs.sum(axis=0).ravel(), self.energy.sum(axis=0), columns
+        return levels, np.concatenate(parts, dtype=np.int64)
+
+    def _counts(self) -> NDArray[np.int64]:
+        return self.plasma.cloud.pages.count.reshape(-1, max(self.n_species, 1)).sum(axis=0)
+
+    def counts(self) -> NDArray[np.int64]:
+        """Particles of each species, counted on all ranks."""
+        return self.plasma.world.sum_int(self._counts())
+
+    def _all(self) -> tuple[bool, NDArray, NDArray, NDArray, NDArray]:
+        """Whether a particle is beyond FASTEST, counts [species], limbs [species, k, 3] of |v-|^2 in (side of x per
+        step)^2 (k = 0) and of the components of v- in cells per step, limbs [3] of (rho + rho_0) phi, and sums over
+        columns [Nx] of E_x: of all ranks.
+        """
+        world, shape = self.plasma.world, self.limbs.shape[1:]
         while True:
-            self.inv_scale[:] = 1 / exact.power_of_two_above(self.speed**2 * self.ratio_most), 1 / self.speed
-            self.limbs[:] = 0
-            try:
-                self.plasma.cloud.each(self.bounds)
-                small = False
-            except TaskError as error:
-                if error.code != exact.NOT_BOUNDED:
-                    raise
-                small = True
-            if not world.any(small):
-                break
-            self.speed *= 16
-            if self.speed > 2.0**40:
-                return np.full(self.limbs.shape[1:3], np.nan)
-        total = world.sum_int(self.limbs.sum(axis=0))
-        return np.array(
-            [[exact.value(limbs, 1 / self.inv_scale[min(k, 1)]) for k, limbs in enumerate(row)] for row in total]
-        )
+            levels, words = self._local()
+            ends = np.cumsum([5, shape[0], math.prod(shape), exact.LIMBS])
+            flags, counts, limbs, energy, columns = np.split(world.sum_int(words), ends)
+            if flags[0] and self.speed < FASTEST:
+                self.speed *= 16
+            elif flags[1:3].any() or not flags[3:5].all():
+                self.levels = world.max_array(levels)
+            else:
+                return bool(flags[0]), counts, limbs.reshape(shape), energy, columns
 
     def scalars(self) -> dict[str, float]:
         """energy_field = sum over nodes of (rho + rho_0) phi dV / 2; energy_kinetic and momentum of v^n."""
         scene, dt = self.plasma.scene, self.plasma.scene.time_step
-        sums = self.sums()
-        kinetic, momentum = 0.0, np.zeros(3)
-        for species, row in zip(scene.species, sums):
-            kinetic += 0.5 * species.m * float(row[0]) * (scene.spacing[0] / dt) ** 2
+        too_fast, counts, limbs, energy, columns = self._all()
+        scales = (1 / self.inv_scale).tolist()
+        kinetic, momentum, charge = 0.0, np.zeros(3), 0.0
+        for species, count, row, turn in zip(scene.species, counts, limbs, self.turns):
+            squares, *v_sums = (exact.value(k, scales[min(i, 1)]) for i, k in enumerate(row))
+            kinetic += 0.5 * species.m * squares * (scene.spacing[0] / dt) ** 2
             v = np.zeros(3)
-            v[: len(self.side)] = row[1:] * self.side / dt
-            t, s = part_of_turn(species.boris[0], 0.5)
-            kt, ks = cross_matrix(t), cross_matrix(s)
-            momentum += species.m * (v + (ks + ks @ kt) @ v)  # v^n is v- turned by half the angle
-        field = self.field_energy()
-        charge = sum(species.q * int(n) for species, n in zip(scene.species, self.counts()))
+            v[: len(self.side)] = np.array(v_sums) * self.side / dt
+            momentum += species.m * (v + turn @ v)  # v^n is v- turned by half the angle
+            charge += species.q * int(count)
+        if too_fast:
+            kinetic, momentum[:] = math.nan, math.nan
+        field = math.nan
+        if self.levels[0] < TOP:
+            field = 0.5 * scene.cell_volume * exact.value(energy, 1 / float(self.node_inv_scale[0]))
         return {
             "energy_field": field, "energy_kinetic": kinetic, "energy_total": field + kinetic,
-            "momentum_x": float(momentum[0]), "momentum_y": float(momentum[1]), "charge": float(charge),
-            **{f"mode_{n}": amplitude for n, amplitude in enumerate(self.modes(), start=1)},
+            "momentum_x": float(momentum[0]), "momentum_y": float(momentum[1]), "charge": charge,
+            **{f"mode_{n}": amplitude for n, amplitude in enumerate(self.modes(columns), start=1)},
         }  # fmt: skip
 
-    def counts(self) -> NDArray[np.int64]:
-        """Particles of each species, counted."""
-        cloud = self.plasma.cloud
-        n_species = len(self.plasma.scene.species)
-        return self.plasma.world.sum_int(cloud.pages.count.reshape(-1, max(n_species, 1)).sum(axis=0))
-
-    def field_energy(self) -> float:
-        """1/2 sum (rho + rho_0) phi dV."""
-        mesh, scene, world = self.plasma.mesh, self.plasma.scene, self.plasma.world
-        terms = (mesh.rho + scene.background) * mesh.phi.inner
-        most = world.max(float(np.abs(terms).max(initial=0.0)))
-        if not most < 2.0**1000:
-            return float("nan")
-        scale = exact.power_of_two_above(most)
-        limbs = world.sum_int(exact.exact_limbs(terms, scale))
-        return 0.5 * scene.cell_volume * exact.value(limbs, scale)
-
-    def modes(self) -> list[float]:
+    def modes(self, columns: NDArray[np.int64]) -> list[float]:
         """Amplitudes |E_k| of cos, sin (2 pi n x / Lx) in E_x averaged over y, n = 1 .. MODES."""
-        mesh, world, domain = self.plasma.mesh, self.plasma.world, self.plasma.domain
-        e = mesh.e[0][mesh.inside]
-        most = world.max(float(np.abs(e).max(initial=0.0)))
-        if not most < 2.0**900:
-            return [float("nan")] * MODES
-        rows, columns = (1, domain.points[0]) if domain.ndim == 1 else domain.points
-        scale = exact.power_of_two_above(most) / 2.0 ** (61 - int(rows).bit_length())
-        sums = np.zeros(columns, np.int64)
-        own = slice(*domain.row_range(world.rank)) if domain.ndim == 1 else slice(None)
-        sums[own] = np.rint(e / scale).astype(np.int64).reshape(-1, len(sums[own])).sum(axis=0)
-        mean = world.sum_int(sums) * (scale / rows)
-        amplitudes = np.abs(np.fft.rfft(mean)) / columns
-        amplitudes[1 : (columns + 1) // 2] *= 2
-        return [float(a) for a in np.pad(amplitudes[1 : MODES + 1], (0, MODES))[:MODES]]
+        if self.levels[1] == TOP:
+            return [math.nan] * MODES
+        mean = columns * (1 / self.node_inv_scale[1] / self.rows)
+        amplitudes = np.abs(np.fft.rfft(mean)) / self.width
+        amplitudes[1 : (self.width + 1) // 2] *= 2
+        return np.pad(amplitudes[1 : MODES + 1], (0, MODES))[:MODES].tolist()
 
     def trouble(self) -> str | None:
         """Why the state is no solution, or None: what fails in the steps raises by itself, so only rho is looked at."""
@@ -130,3 +165,17 @@ class Moments:
         if not np.isfinite(rho).all() or not np.isfinite(self.plasma.mesh.phi.inner).all():
             return "the field is not finite"
         return None
+
+
+def _half_turn(t: NDArray) -> NDArray[np.float64]:
+    """A[3, 3]: v + A v is v turned by half the angle of the rotation of t (5.4.1)."""
+    t, s = part_of_turn(t, 0.5)
+    kt, ks = cross_matrix(t), cross_matrix(s)
+    return ks + ks @ kt
+
+
+def _level(most: float) -> int:
+    """Exponent of the least power of 16 above it."""
+    if most == 0:
+        return LEAST
+    return -(-math.frexp(most)[1] // 4) if math.isfinite(most) else TOP
