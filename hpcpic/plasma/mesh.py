@@ -16,6 +16,9 @@ from hpcpic.plasma.poisson import LU, MFT
 from hpcpic.plasma.scene import Scene
 from hpcpic.plasma.tiles import aligned
 
+CROWDED = "so many particles sit on one node that its charge overflows"
+SHIFT = 16  # with which the sum of 2^32 particles of 2^44 parts fits an integer
+
 
 class Mesh:
     """rho[rows, Nx] C/m^d (rows in 1D: [rows]), phi.inner V, e[d, rows + ghosts, Nx + ghosts] V/m.
@@ -27,7 +30,7 @@ class Mesh:
     def __init__(
         self, world: World, pool: Pool, domain: Domain, scene: Scene, ghosts: tuple[int, int], weight: NDArray
     ) -> None:
-        self.pool, self.domain = pool, domain
+        self.world, self.pool, self.domain = world, pool, domain
         d, (below, above) = domain.ndim, ghosts
         self.inside = tuple(slice(below, below + n) for n in domain.shape(world.rank))
         rest = ((0, 0),) * (d - 1)
@@ -95,8 +98,17 @@ class Mesh:
             self.pool.each(self._density)
         except TaskError as error:
             if error.code == OVERFLOW:
-                raise Diverged("so many particles sit on one node that its charge overflows") from error
+                raise Diverged(CROWDED) from error
             raise
+
+    def check(self, charge: NDArray[np.int64]) -> None:
+        """Raise Diverged unless the nodes hold charge[group] parts / 2^SHIFT in all: a node beyond 64 bits lacks 2^64.
+
+        For a new state; one that grows step by step is seen by `deposit`. Collective.
+        """
+        found = self.world.sum_int((self.parts.inner >> SHIFT).reshape(len(self.weight), -1).sum(axis=1))
+        if (np.abs(found - charge) > np.prod(self.domain.points)).any():  # each node is rounded down
+            raise Diverged(CROWDED)
 
     def solve(self, iteration: int) -> None:
         """phi from rho (5.10), E = E_0 - grad phi (5.13)."""

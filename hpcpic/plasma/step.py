@@ -13,7 +13,7 @@ from hpcpic.plasma.cloud import CHUNK, GHOSTS, Cloud, Law, groups_of_charge
 from hpcpic.plasma.config import PlasmaConfig
 from hpcpic.plasma.derived import derived, total_plasma_frequency
 from hpcpic.plasma.estimate import estimate
-from hpcpic.plasma.mesh import Mesh
+from hpcpic.plasma.mesh import SHIFT, Mesh
 from hpcpic.plasma.mover import mover, rotation_kind
 from hpcpic.plasma.scene import Scene
 
@@ -45,6 +45,9 @@ class Plasma:
         law = Law.of(scene, rotation_kind(scene))
         charge, weight = groups_of_charge(scene, law)
         self.mesh = Mesh(world, pool, self.domain, scene, GHOSTS[law.shape], weight)
+        self._parts = np.zeros(len(weight), np.int64)  # of each group in all, as Mesh.check wants them
+        for species, (group, parts) in zip(scene.species, charge):
+            self._parts[group] += species.n * (parts >> SHIFT)
         self.field_scale = self._field_scale()
         self.cloud = Cloud(
             world, pool, self.domain, law,
@@ -82,7 +85,12 @@ class Plasma:
                 self.cloud.migrate(self.iteration)
                 self.cloud.deliver()
         self.cloud.deposit_all()
+        self._deposit_checked()
+
+    def _deposit_checked(self) -> None:
+        """rho of particles that have just been placed."""
         self.mesh.deposit(self.iteration)
+        self.mesh.check(self._parts)
         self._solved = False
 
     def _rewind(self) -> None:
@@ -145,8 +153,7 @@ class Plasma:
     def restore(self, reader) -> None:
         """Take the state of a checkpoint, written by any number of ranks, for the present one. Collective."""
         snapshot.restore(self, reader)
-        self.mesh.deposit(self.iteration)
-        self._solved = False
+        self._deposit_checked()
 
     def guard(self) -> str | None:
         """Why this rank's state is no solution, or None. Of the energy it knows what `scalars` saw last."""
