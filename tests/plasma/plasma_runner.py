@@ -100,9 +100,7 @@ def environment(**extra: str) -> dict[str, str]:
 def launch(ranks: int, *words: str, **options: Any) -> subprocess.CompletedProcess[str]:
     """A Python command line on so many ranks, to the end."""
     command = [str(MPIRUN), "-n", str(ranks), sys.executable, *words]
-    return subprocess.run(
-        command, env=environment(), capture_output=True, text=True, timeout=TIMEOUT_S, **options
-    )
+    return subprocess.run(command, env=environment(), capture_output=True, text=True, timeout=TIMEOUT_S, **options)
 
 
 def outcomes(folder: Path, ranks: int, jobs: Sequence[Mapping[str, Any]]) -> list[dict[str, Any]]:
