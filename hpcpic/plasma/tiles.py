@@ -6,6 +6,7 @@ particle's motion depend on neither ranks nor blocks.
 """
 
 from collections.abc import Sequence
+from itertools import pairwise
 
 import numpy as np
 from numpy.typing import DTypeLike, NDArray
@@ -70,7 +71,7 @@ class Tiles:
 def _pieces(low: int, high: int, edge: int) -> list[tuple[int, int]]:
     """The ranges into which the tile edges cut low .. high."""
     edges = [low, *range(low - low % edge + edge, high, edge), high]
-    return [(a, b) for a, b in zip(edges, edges[1:]) if b > a]
+    return [(a, b) for a, b in pairwise(edges) if b > a]
 
 
 class Pages:

@@ -13,11 +13,11 @@ from hpcpic.plasma.config import PlasmaConfig
 from hpcpic.plasma.step import Plasma
 
 THERMAL = {
-    "2D": dict(points=[33, 25], v=2.0, magnetic=[0.0, 0.0, 0.3]),
-    "2D single, oblique field": dict(points=[40, 18], v=0.5, magnetic=[0.1, 0.2, 0.3], precision="single"),
-    "2D cells twice as wide as high": dict(points=[24, 16], lengths=[48.0, 16.0], v=20.0),
-    "2D parabola, spectral": dict(points=[20, 17], v=1.0, shape="TSC", gradient="spectral"),
-    "1D": dict(points=[300], v=5.0),
+    "2D": {"points": [33, 25], "v": 2.0, "magnetic": [0.0, 0.0, 0.3]},
+    "2D single, oblique field": {"points": [40, 18], "v": 0.5, "magnetic": [0.1, 0.2, 0.3], "precision": "single"},
+    "2D cells twice as wide as high": {"points": [24, 16], "lengths": [48.0, 16.0], "v": 20.0},
+    "2D parabola, spectral": {"points": [20, 17], "v": 1.0, "shape": "TSC", "gradient": "spectral"},
+    "1D": {"points": [300], "v": 5.0},
 }
 
 

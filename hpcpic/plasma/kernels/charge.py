@@ -1,6 +1,5 @@
 """Charge from the blocks' patches to the rows of the slab, as integers, and to rho as numbers."""
 
-import numpy as np
 
 from hpcpic.core.simd.jit import njit
 
