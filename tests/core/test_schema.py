@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 from pydantic import ValidationError
 
 from hpcpic.core.errors import ConfigError
-from hpcpic.core.files.config import loads
+from hpcpic.core.files.config import load, loads
 from hpcpic.core.files.derived import Derived, enforce
 from hpcpic.core.files.schema import REQUIRED, Counts, Section, Vector, describe, dump, setting, validate
 
@@ -75,6 +75,20 @@ mass = 1.0;
         "case:6:1: mass: unknown key; did you mean 'part[].mass'?",
     ]
     assert sorted(messages) == sorted(expected)
+
+
+def test_faults_are_told_in_the_order_of_the_file():
+    messages = faults_of("title = 3;\npart = ({ mass = -1; });\ngroup = { shpe = 1; count = 0; };")
+    places = [message.split(": ")[0] for message in messages]
+    assert places == ["case:1:1", "case:2:11", "case:3:11", "case:3:21"]
+
+
+def test_keys_are_not_called_missing_when_an_include_failed(tmp_path):
+    path = tmp_path / "case.conf"
+    path.write_text('part = ({ @include "nowhere.conf" });\n')
+    with pytest.raises(ConfigError) as caught:
+        validate(Model, load(path))
+    assert [message.split(": ", 1)[1][:11] for message in caught.value.messages] == ["cannot read"]
 
 
 def test_a_wrong_word_is_answered_with_the_nearest():

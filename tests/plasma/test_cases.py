@@ -54,6 +54,12 @@ def test_a_case_is_found_by_path_first_then_by_name(tmp_path):
         find_case("zzz", SHIPPED)
 
 
+def test_a_run_folder_is_no_case_but_has_one(tmp_path):
+    (tmp_path / "config.conf").write_text("")
+    with pytest.raises(ConfigError, match=r"a folder, not a case file; its case is .*config\.conf"):
+        find_case(str(tmp_path), SHIPPED)
+
+
 def test_cases_are_the_conf_files_of_a_folder(tmp_path):
     (tmp_path / "b.conf").write_text("")
     (tmp_path / "a.conf").write_text("")

@@ -50,6 +50,9 @@ def find_case(case: str, shipped: Mapping[str, Path]) -> Path:
         return path
     if case in shipped:
         return shipped[case]
+    if path.is_dir():
+        hint = f"; its case is {path / 'config.conf'}" if (path / "config.conf").is_file() else ""
+        raise ConfigError(f"{case}: a folder, not a case file{hint}")
     near = difflib.get_close_matches(case, shipped, 1)
     hint = f"; did you mean {near[0]!r}?" if near else f"; shipped cases: {', '.join(shipped)}"
     raise ConfigError(f"{case}: no such file, and no shipped case is called so{hint}")

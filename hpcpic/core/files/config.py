@@ -40,6 +40,7 @@ class Tree:
     """Plain values of a case: groups are dicts, lists tuples, arrays lists.
 
     faults: what is wrong but did not stop the reading, reported by schema.validate together with its own.
+    incomplete: a file that was to be included was not: a key that seems to be missing may be in it.
     ignored: keys that were accepted and dropped. files: (name, text) of every file read, the main one first.
     sets: the --set list as given.
     """
@@ -47,6 +48,7 @@ class Tree:
     data: dict[str, Any] = field(default_factory=dict)
     places: dict[Path, Place] = field(default_factory=dict)
     faults: list[str] = field(default_factory=list)
+    incomplete: bool = False
     warnings: list[str] = field(default_factory=list)
     ignored: list[str] = field(default_factory=list)
     files: list[tuple[str, str]] = field(default_factory=list)
@@ -124,6 +126,7 @@ class Reader:
             content = file_bytes(real)
         except (OSError, ValueError) as error:
             self.broken = self.broken or not within
+            self.tree.incomplete = True
             reason = getattr(error, "strerror", None) or str(error)
             self.fault(asked, f"cannot read {name!r}: {reason}" if within else f"cannot read: {reason}")
             return
@@ -201,6 +204,7 @@ class Reader:
         elif len(self.tree.files) >= MAX_FILES:
             problem = f"more than {MAX_FILES} files"
         if problem:
+            self.tree.incomplete = True
             self.fault(place, problem)
         else:
             self.read(target, within, group, path, place)

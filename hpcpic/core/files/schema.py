@@ -10,7 +10,7 @@ from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, ValidationEr
 from pydantic.fields import FieldInfo
 
 from hpcpic.core.errors import ConfigError
-from hpcpic.core.files.config import Path, Tree, dotted
+from hpcpic.core.files.config import Path, Place, Tree, dotted
 
 REQUIRED = ...
 
@@ -65,7 +65,9 @@ def validate(model: type[Model], tree: Tree) -> Model:
     try:
         config = model.model_validate(tree.data)
     except ValidationError as error:
-        raise ConfigError(messages + [described(model, tree, fault) for fault in error.errors()]) from None
+        found = [fault for fault in error.errors() if not (tree.incomplete and fault["type"] == "missing")]
+        found.sort(key=lambda fault: position(tree.where(known_path(tree, fault))))
+        raise ConfigError(messages + [described(model, tree, fault) for fault in found]) from None
     messages += [f"{tree.where(path)}: {dotted(path)}: {text}" for path, text in config.faults()]
     if messages:
         raise ConfigError(messages)
@@ -102,11 +104,22 @@ def matching(data: Any, groups: tuple[str, ...]) -> list[Path]:
     return paths
 
 
-def described(model: type[Section], tree: Tree, fault: Any) -> str:
-    """One line: place, key, what is wrong, what was got, what may have been meant."""
+def position(place: Place) -> tuple[str, int, int]:
+    """In the order of reading within a file."""
+    return place.file, place.line, place.column
+
+
+def known_path(tree: Tree, fault: Any) -> Path:
+    """The path of what is wrong; pydantic adds the names of the alternatives of a union."""
     path = fault["loc"]
     while path and not tree.has(path) and fault["type"] != "missing":
-        path = path[:-1]  # pydantic adds the names of the alternatives of a union
+        path = path[:-1]
+    return path
+
+
+def described(model: type[Section], tree: Tree, fault: Any) -> str:
+    """One line: place, key, what is wrong, what was got, what may have been meant."""
+    path = known_path(tree, fault)
     got, kind = fault["input"], fault["type"]
     if kind == "missing":
         text, hint, shown = "missing, and there is no default", "", ""
