@@ -43,6 +43,14 @@ def test_a_finished_run_restarted_as_it_is_changes_nothing(half):
     assert half.facts("a")["state_digest"] == before["state_digest"]
 
 
+@pytest.mark.parametrize("ranks", [1, 2])
+def test_an_end_before_the_checkpoint_is_refused_and_changes_nothing(half, ranks):
+    before, config = half.facts("a"), (half.folder / "a/config.conf").read_text()
+    done = half("restart", "a", "--until", "0.01", ranks=ranks)
+    assert done.returncode == 2 and done.stderr.count("the checkpoint is of step 100") == 1
+    assert half.facts("a") == before and (half.folder / "a/config.conf").read_text() == config
+
+
 def test_the_state_cannot_be_changed(half):
     done = half("restart", "a", rows=60)
     assert done.returncode == 2 and "cannot change rows" in done.stderr

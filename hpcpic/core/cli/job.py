@@ -15,12 +15,12 @@ from typing import Any
 from hpcpic.core.cli.app import App, AppLoader
 from hpcpic.core.cli.rates import read_rates
 from hpcpic.core.comm.world import World
-from hpcpic.core.errors import HpcpicError
+from hpcpic.core.errors import ConfigError, HpcpicError
 from hpcpic.core.files.config import loads
-from hpcpic.core.files.rundir import RunDir
+from hpcpic.core.files.rundir import RunDir, write_atomic
 from hpcpic.core.files.schema import validate
 from hpcpic.core.run import checkpoint, log, summary
-from hpcpic.core.run.failure import Failure, everywhere, guarded, share
+from hpcpic.core.run.failure import Agreed, Failure, everywhere, guarded, share
 from hpcpic.core.run.signals import Stop, WallLimit
 from hpcpic.core.run.triggers import Every, EverySeconds, parse_interval, parse_wall
 
@@ -121,7 +121,7 @@ class _Job:
         try:
             app = self.app.load()(config, self.world, pool, timers)
             if reader:
-                app.restore(reader)
+                self._take_up(app, reader, plan)
             options = loop.Options(
                 stop=stop,
                 wall=WallLimit(self.flags.seconds(), self.started),
@@ -145,6 +145,24 @@ class _Job:
         if self.world.rank == 0:
             self._say(summary.render(outcome.facts))
         return outcome.exit_code
+
+    def _take_up(self, app: Any, reader: checkpoint.Reader, plan: Plan) -> None:
+        """Go on from a checkpoint; only then the folder says so. Collective; raises Agreed."""
+        if app.n_steps < reader.step:
+            raise Agreed(
+                ConfigError(
+                    f"{plan.folder}: the checkpoint is of step {reader.step}, t = {reader.time:g} s, "
+                    f"beyond the end asked for (step {app.n_steps})"
+                )
+            )
+        app.restore(reader)
+        share(self.world, lambda: self._going_on(plan))
+
+    def _going_on(self, plan: Plan) -> bytes:
+        assert self.rundir is not None
+        write_atomic(self.rundir.config, plan.config)
+        self.rundir.update(status="running", exit_code=None)
+        return b""
 
     def _conserved(self, reader: checkpoint.Reader | None) -> summary.Conserved:
         """What the series says up to the step of the checkpoint; on rank 0."""

@@ -10,7 +10,7 @@ from hpcpic.core.cli.run import job_options
 from hpcpic.core.errors import ConfigError
 from hpcpic.core.files.config import load
 from hpcpic.core.files.derived import enforce
-from hpcpic.core.files.rundir import RunDir, write_atomic
+from hpcpic.core.files.rundir import RunDir
 from hpcpic.core.files.schema import dump, validate
 
 
@@ -42,7 +42,6 @@ def make_restart_command(app_loader: AppLoader) -> click.Command:
             history = rundir.read_run().get("history", [])
             rundir.lock()
             text, warnings = _config(app, rundir, until, sets, ranks)
-            rundir.update(status="running", exit_code=None)
             return rundir, Plan(folder=folder, config=text, restart=True, warnings=warnings, history=history)
 
         return job(app_loader, prepare, Flags(threads, wall, checkpoint_every, quiet))
@@ -53,7 +52,7 @@ def make_restart_command(app_loader: AppLoader) -> click.Command:
 def _config(
     app: App, rundir: RunDir, until: float | None, sets: tuple[str, ...], ranks: int
 ) -> tuple[str, list[str]]:
-    """The configuration to go on with, and its warnings. config.conf is replaced when it differs.
+    """The configuration to go on with, and its warnings.
 
     Raises ConfigError. What --force let pass in the beginning passes again.
     """
@@ -69,7 +68,4 @@ def _config(
     tree = load(rundir.config, sets)
     config = validate(app.schema(), tree)
     warnings = enforce(app.derived(config, ranks), tree, force=True)
-    text = dump(config)
-    if text != dump(before):
-        write_atomic(rundir.config, text)
-    return text, warnings
+    return dump(config), warnings
