@@ -49,6 +49,14 @@ def test_failures_stop_nobody_and_finished_runs_are_not_repeated(toy):
     assert toy.facts("s/0000") == first
 
 
+def test_runs_of_another_sweep_are_not_replaced(toy):
+    assert toy("sweep", "ring.conf", "-o", "s", "--set", "steps=20").returncode == 0
+    before = toy.facts("s/0000")
+    done = toy("sweep", "ring.conf", "-o", "s", "--set", "steps=10,20")
+    assert done.returncode == 6 and "another sweep" in done.stderr
+    assert toy.facts("s/0000") == before
+
+
 def test_a_stopped_run_goes_on(toy):
     words = ("sweep", "ring.conf", "-o", "s", "--set", "steps=400")
     done = toy("run", "ring.conf", "-o", "s/0000", "--wall", "0", steps=400)

@@ -108,9 +108,9 @@ def _one(
 ) -> int:
     """Exit code of the run of one combination; a finished one is left as it is, a stopped one goes on."""
     facts = _facts(rundir)
-    same = (rundir.given / "set.txt").exists() and (
-        rundir.given / "set.txt"
-    ).read_text().splitlines() == list(sets)
+    same = Path(facts.get("case", "")).name == Path(path).name and facts.get("sets") == list(sets)
+    if rundir.run_json.exists() and not same:
+        raise FileError(f"{rundir.path} holds a run of another sweep; choose another folder with -o")
     if same and facts.get("exit_code") == 0:
         click.echo(f"{label}  {'  '.join(sets)}: done before")
         return 0
@@ -162,9 +162,13 @@ def _write(path: Path, rows: list[dict[str, Any]]) -> None:
     write_atomic(path, text.getvalue())
 
 
+def _short(value: Any) -> str:
+    return "" if value is None else f"{value:.6g}" if isinstance(value, float) else str(value)
+
+
 def _tell(rows: list[dict[str, Any]], folder: Path) -> None:
     shown = [name for name in rows[0] if name != "state_digest"][:12]
-    table(shown, [[row.get(name, "") for name in shown] for row in rows])
+    table(shown, [[_short(row.get(name)) for name in shown] for row in rows])
     click.echo(f"table: {folder / 'table.csv'}")
     failed = sum(row["exit_code"] != 0 for row in rows)
     if failed:
