@@ -137,6 +137,13 @@ def test_a_launcher_of_another_mpi_is_found_out(toy):
     assert not (toy.folder / "a").exists()
 
 
+def test_dry_run_refuses_what_a_run_refuses(toy):
+    for words in ((), ("--dry",)):
+        done = toy("run", "ring.conf", "-o", "a", *words, courant=2)
+        assert done.returncode == 2 and "take courant = 1" in done.stderr
+    assert not (toy.folder / "a").exists()
+
+
 def test_dry_run_prints_and_makes_nothing(toy):
     done = toy("run", "ring.conf", "-o", "a", "--dry")
     assert done.returncode == 0

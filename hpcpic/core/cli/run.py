@@ -58,7 +58,7 @@ def make_run_command(app_loader: AppLoader) -> click.Command:
     ) -> int:
         """Run a case; `mpirun -n N` in front runs it on N ranks."""
         if dry:
-            return _dry(app_loader(), case, sets, threads or 1)
+            return _dry(app_loader(), case, sets, threads or 1, force)
         from hpcpic.core.cli.job import Flags, Plan, given_files, job
         from hpcpic.core.comm.library import library
         from hpcpic.core.files.rundir import RunDir, provenance
@@ -93,7 +93,7 @@ def _folder(read: Case) -> str:
     return asked or str(Path("runs") / Path(read.path).stem)
 
 
-def _dry(app: App, case: str, sets: tuple[str, ...], threads: int) -> int:
+def _dry(app: App, case: str, sets: tuple[str, ...], threads: int, force: bool) -> int:
     from hpcpic.core.cli.check import print_check
     from hpcpic.core.cli.estimate import print_estimate
     from hpcpic.core.cli.main import launcher_rank
@@ -102,7 +102,8 @@ def _dry(app: App, case: str, sets: tuple[str, ...], threads: int) -> int:
     if launcher_rank() == 0:
         read = read_case(app, case, sets)
         ranks = launched_size(os.environ)
-        print_check(app, read, ranks)
+        numbers = print_check(app, read, ranks)
         click.echo()
         print_estimate(app, read.config, ranks, threads)
+        enforce(numbers, read.tree, force)
     return 0
