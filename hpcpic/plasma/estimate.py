@@ -38,7 +38,7 @@ DEFAULT = {
     "message_us": 8.0,  # per message of a step
     "message_gb_s": 8.0,
     "cores": 2.0,
-    "rank_mib": 150.0,  # Python and the libraries
+    "rank_mib": 220.0,  # Python and the libraries, kernels from the cache
     "thread_efficiency": 0.95,
 }
 

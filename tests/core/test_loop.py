@@ -170,4 +170,4 @@ def test_the_screen_shows_nothing_of_a_short_run_and_the_log_its_beginning(runne
     logging.getLogger("hpcpic").propagate = True
     with caplog.at_level(logging.INFO, "hpcpic"):
         runner(steps=3)
-    assert "steps 0 to 3 on 1 ranks x 1 threads" in caplog.text
+    assert "steps 0 to 3 on 1 rank x 1 thread" in caplog.text

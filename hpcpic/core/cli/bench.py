@@ -52,9 +52,9 @@ def _measure(app_loader: AppLoader, world: Any, quick: bool, threads: int | None
     world.barrier()
     if world.rank == 0:
         table(
-            ("stream", "threads", "per rank", f"{world.size} ranks"),
+            ("stream", "threads", "per rank", "all ranks"),
             rows,
-            right=("per rank", f"{world.size} ranks"),
+            right=("per rank", "all ranks"),
         )
         for line in _kernel_lines(kernels, rates["triad"]):
             click.echo(line)

@@ -13,7 +13,7 @@ from hpcpic.core.files.derived import Derived
 
 def print_derived(numbers: list[Derived]) -> None:
     rows = [
-        (n.name, n.symbol, f"{n.value:.5g}", n.unit, n.limit, n.verdict if n.limit else "", n.source)
+        (n.name, n.symbol, f"{n.value + 0.0:.5g}", n.unit, n.limit, n.verdict if n.limit else "", n.source)
         for n in numbers
     ]
     table(("number", "", "value", "unit", "limit", "verdict", "source"), rows, right=("value",))

@@ -16,6 +16,7 @@ from hpcpic.core.cli.app import AppLoader
 from hpcpic.core.cli.launch import launcher
 from hpcpic.core.cli.text import table
 from hpcpic.core.errors import CheckFailed
+from hpcpic.core.run.summary import several
 
 _SIZE_OF_TWO = "from mpi4py import MPI; import sys; sys.exit(0 if MPI.COMM_WORLD.size == 2 else 9)"
 
@@ -95,7 +96,7 @@ def _cores(world: Any, threads: int | None) -> Iterator[Finding]:
     allowed = len(os.sched_getaffinity(0))
     yield Finding("cores", f"{total}, of which {allowed} for this rank")
     wanted = world.node_size * chosen
-    shape = f"{world.node_size} ranks x {chosen} threads on {total} cores of this node"
+    shape = f"{several(world.node_size, 'rank')} x {several(chosen, 'thread')} on {total} cores of this node"
     many = wanted > total
     yield Finding("load", shape, "fail" if many else "ok", f"at most {total} ranks x threads" if many else "")
 

@@ -10,6 +10,7 @@ from hpcpic.core.cli.app import App, AppLoader
 from hpcpic.core.cli.rates import rates_file, read_rates
 from hpcpic.core.cli.read import read_case, set_option, shape_options
 from hpcpic.core.cli.text import amount, duration, table
+from hpcpic.core.run.summary import several
 
 MIB = 2.0**20
 
@@ -40,7 +41,7 @@ def print_estimate(app: App, config: Any, ranks: int, threads: int) -> None:
     one = app.estimate(config, 1, 1, rates)
     efficiency = one.step_seconds / (ranks * threads * estimate.step_seconds)
     click.echo(
-        f"time        {duration(estimate.seconds)} on {ranks} ranks x {threads} threads, "
+        f"time        {duration(estimate.seconds)} on {several(ranks, 'rank')} x {several(threads, 'thread')}, "
         f"{1e3 * estimate.step_seconds:.4g} ms per step, efficiency {efficiency:.0%} of 1 x 1"
     )
     click.echo(

@@ -103,11 +103,11 @@ class _Run:
     def to_the_end(self) -> Outcome:
         app, options = self.app, self.options
         log.info(
-            "steps %d to %d on %d ranks x %d threads",
+            "steps %d to %d on %s x %s",
             self.first,
             app.n_steps,
-            self.world.size,
-            options.threads,
+            summary.several(self.world.size, "rank"),
+            summary.several(options.threads, "thread"),
         )
         options.timers.reset()
         started = time.perf_counter()

@@ -165,7 +165,7 @@ def render(facts: Mapping[str, Any]) -> str:
 def _head(facts: Mapping[str, Any]) -> list[str]:
     speed = facts["steps_done"] / facts["loop_seconds"] if facts["loop_seconds"] > 0 else 0.0
     work = rate(speed * facts["work_items"], facts["work_unit"][0])
-    where = f"{_several(facts['ranks'], 'rank')} x {_several(facts['threads'], 'thread')}"
+    where = f"{several(facts['ranks'], 'rank')} x {several(facts['threads'], 'thread')}"
     return [
         f"{facts['status']}: {facts['reason']}" if facts["reason"] else facts["status"],
         f"{count(facts['steps'])} steps, t = {facts['time']:.4g} s, {facts['wall_seconds']:.3g} s on {where}"
@@ -173,7 +173,7 @@ def _head(facts: Mapping[str, Any]) -> list[str]:
     ]
 
 
-def _several(n: int, word: str) -> str:
+def several(n: int, word: str) -> str:
     return f"{n} {word}{'s' if n != 1 else ''}"
 
 
