@@ -99,7 +99,8 @@ class Cloud:
         self.tiles = tiles = Tiles(domain, world.rank, blocks)
         self.blocks = blocks
         slots = len(tiles.parts) * self.n_species
-        self.pages = Pages(slots, blocks, law.components, law.dtype, capacity // PAGE + slots + 64)
+        pages = (capacity + capacity // 8 + CHUNK) // PAGE + 2 * slots  # memory is used when touched
+        self.pages = Pages(slots, blocks, law.components, law.dtype, pages)
         self.record_bytes = law.components * np.dtype(law.dtype).itemsize + 8
         self.messages = Migrate(world, self.record_bytes, Channel.PARTICLES, cuts=domain.cuts) if world.size > 1 else None
         self.owner = np.asarray(domain.owner(np.arange(domain.points[0])), np.int32)

@@ -76,6 +76,10 @@ class Plasma:
         self.iteration = -2
         cells = np.array(self.scene.spacing)
         steps = self.scene.time_step / self.scene.velocity_spacing
+        with self.world.first_on_node():  # compiles the random numbers
+            for species in self.scene.species:
+                species.positions(np.zeros(0, np.int64))
+                species.velocities(np.zeros(0, np.int64))
         for k, species in enumerate(self.scene.species):
             low, high = block_ranges(species.n, self.world.size)[self.world.rank]
             for first in range(0, -(-species.n // self.world.size), CHUNK):  # as often on every rank

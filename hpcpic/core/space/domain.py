@@ -43,6 +43,9 @@ def balanced_cuts(cost_per_row: ArrayLike, ranks: int, minimum: int = 0) -> tupl
 
 def wrap(x: ArrayLike, length: float) -> NDArray:
     """x modulo length, in [0, length): what rounds up to length (as -1e-20 does) becomes 0."""
+    x = np.asarray(x)
+    if np.all((x >= 0) & (x < length)):
+        return (x + 0 * length)[()]  # the same, much faster
     y = np.mod(x, length)
     return np.where(y < length, y, y.dtype.type(0))[()]
 

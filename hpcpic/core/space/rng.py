@@ -2,61 +2,27 @@
 
 Philox4x32-10, a counter-based generator: Salmon, Moraes, Dror, Shaw, "Parallel random numbers: as easy as
 1, 2, 3", SC11. Key: the 64-bit seed. Counter: id (64 bits), number of the draw (32 bits), stream (32 bits).
+The first call of a process compiles, or loads what is compiled (core.space.rng_kernels).
 """
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-_ROUNDS = 10
-_MULTIPLIERS = np.array([0xD2511F53, 0xCD9E8D57], np.uint64)
-_KEY_STEPS = np.array([0x9E3779B9, 0xBB67AE85], np.uint64)
-_LOW = np.uint64(0xFFFFFFFF)
-_HALF = np.uint64(32)
-_CHUNK = 1 << 14  # ids at a time: the temporaries stay in the cache
-
-
-def philox(counter: NDArray[np.uint64], key: ArrayLike) -> NDArray[np.uint64]:
-    """Philox4x32-10 of counter[4, n] with key[2]: four random 32-bit words each, in uint64[4, n]."""
-    c0, c1, c2, c3 = (np.asarray(word, np.uint64) for word in counter)
-    k0, k1 = np.asarray(key, np.uint64)
-    for _ in range(_ROUNDS):
-        product0, product1 = _MULTIPLIERS[0] * c0, _MULTIPLIERS[1] * c2
-        c0, c1, c2, c3 = (
-            (product1 >> _HALF) ^ c1 ^ k0,
-            product1 & _LOW,
-            (product0 >> _HALF) ^ c3 ^ k1,
-            product0 & _LOW,
-        )
-        k0, k1 = (k0 + _KEY_STEPS[0]) & _LOW, (k1 + _KEY_STEPS[1]) & _LOW
-    return np.stack([c0, c1, c2, c3])
-
-
-def _words(seed: int) -> NDArray[np.uint64]:
-    if not 0 <= seed < 1 << 64:
-        raise ValueError(f"seed {seed} is not in 0 .. 2^64 - 1")
-    return np.array([seed & 0xFFFFFFFF, seed >> 32], np.uint64)
-
-
-def _open_unit(words: NDArray[np.uint64]) -> NDArray:
-    """Odd multiples of 2^-53 from words[4, m], two each: 0 < u < 1, symmetric about 1/2. Returns [m, 2]."""
-    high = words[0::2] >> np.uint64(6)  # 26 bits
-    low = words[1::2] >> np.uint64(6)  # 26 bits
-    return (((high << np.uint64(27)) + (low << np.uint64(1)) + np.uint64(1)) * 2.0**-53).T
-
 
 def uniforms(seed: int, stream: int, ids: ArrayLike, n: int) -> NDArray[np.float64]:
-    """n numbers in (0, 1) for each id >= 0: float64[len(ids), n]; number k of an id does not depend on n."""
-    ids = np.asarray(ids, np.int64)
-    key = _words(seed)
-    pairs = -(-n // 2)
-    result = np.empty((len(ids), pairs, 2))
-    for start in range(0, len(ids), _CHUNK):
-        chunk = ids[start : start + _CHUNK].astype(np.uint64)
-        for draw in range(pairs):
-            constants = (np.full_like(chunk, draw), np.full_like(chunk, stream))
-            words = philox(np.stack([chunk & _LOW, chunk >> _HALF, *constants]), key)
-            result[start : start + _CHUNK, draw] = _open_unit(words)
-    return result.reshape(len(ids), 2 * pairs)[:, :n]
+    """n numbers in (0, 1) for each id >= 0: float64[len(ids), n]; number k of an id does not depend on n.
+
+    Odd multiples of 2^-53, symmetric about 1/2.
+    """
+    from hpcpic.core.space import rng_kernels
+
+    if not 0 <= seed < 1 << 64:
+        raise ValueError(f"seed {seed} is not in 0 .. 2^64 - 1")
+    ids = np.ascontiguousarray(ids, np.int64)
+    result = np.empty((len(ids), n))
+    key = np.uint64(seed & 0xFFFFFFFF), np.uint64(seed >> 32)
+    rng_kernels.uniforms(ids, stream, *key, result)
+    return result
 
 
 def normals(seed: int, stream: int, ids: ArrayLike, n: int) -> NDArray[np.float64]:
@@ -133,22 +99,13 @@ _TAIL = (
 )
 
 
-def _ratio(coefficients: tuple[tuple[float, ...], tuple[float, ...]], r: NDArray) -> NDArray:
-    above, below = (np.full_like(r, part[-1]) for part in coefficients)
-    for a, b in zip(coefficients[0][-2::-1], coefficients[1][-2::-1]):
-        above = above * r + a
-        below = below * r + b
-    return above / below
-
-
 def normal_quantile(u: ArrayLike) -> NDArray[np.float64]:
     """x where the standard normal distribution function is u, 0 < u < 1, to about 1e-16 relative."""
-    u = np.asarray(u, np.float64)
-    q = u - 0.5
-    x = q * _ratio(_CENTRE, 0.180625 - q * q)
-    far = np.abs(q) > 0.425
-    tail = np.minimum(u[far], 1.0 - u[far])
-    r = np.sqrt(-np.log(tail))
-    magnitude = np.where(r <= 5.0, _ratio(_MIDDLE, r - 1.6), _ratio(_TAIL, r - 5.0))
-    x[far] = np.copysign(magnitude, q[far])
+    from hpcpic.core.space import rng_kernels
+
+    u = np.ascontiguousarray(u, np.float64)
+    x, tail = np.empty_like(u), np.empty(u.size + 1)
+    n = rng_kernels.central(u.reshape(-1), x.reshape(-1), *_CENTRE, tail)
+    r = np.sqrt(-np.log(tail[:n]))  # here and not in the compiled loop, whose logarithm is that of another library
+    rng_kernels.tails(u.reshape(-1), x.reshape(-1), r, *_MIDDLE, *_TAIL)
     return x
