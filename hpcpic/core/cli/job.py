@@ -7,7 +7,8 @@ import logging
 import shlex
 import sys
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import Any
@@ -119,27 +120,26 @@ class _Job:
             reader = checkpoint.newest(self.rundir, self.world) if plan.restart else None
         pool = Pool(threads, self.world.cpus(threads))
         try:
-            app = self.app.load()(config, self.world, pool, timers)
-            if reader:
-                self._take_up(app, reader, plan)
-            options = loop.Options(
-                stop=stop,
-                wall=WallLimit(self.flags.seconds(), self.started),
-                timers=timers,
-                threads=threads,
-                screen=sys.stdout,
-                stop_sem=getattr(app, "stop_sem", 0.0),
-                restarted_from=reader.step if reader else None,
-                history=plan.history,
-                conserved=self._conserved(reader),
-                estimate=self._estimate(config, threads),
-                warnings=collected.messages,
-                started=self.started,
-                replay=f"{self.app.name} restart {shlex.quote(plan.folder)}",
-            )
-            options.checkpoint_every = self.flags.interval() or _asked(app) or options.checkpoint_every
-            outcome = loop.run(app, self.world, self.rundir, options)
-            app.close()
+            with _closing(self.app.load()(config, self.world, pool, timers)) as app:
+                if reader:
+                    self._take_up(app, reader, plan)
+                options = loop.Options(
+                    stop=stop,
+                    wall=WallLimit(self.flags.seconds(), self.started),
+                    timers=timers,
+                    threads=threads,
+                    screen=sys.stdout,
+                    stop_sem=getattr(app, "stop_sem", 0.0),
+                    restarted_from=reader.step if reader else None,
+                    history=plan.history,
+                    conserved=self._conserved(reader),
+                    estimate=self._estimate(config, threads),
+                    warnings=collected.messages,
+                    started=self.started,
+                    replay=f"{self.app.name} restart {shlex.quote(plan.folder)}",
+                )
+                options.checkpoint_every = self.flags.interval() or _asked(app) or options.checkpoint_every
+                outcome = loop.run(app, self.world, self.rundir, options)
         finally:
             pool.close()
         if self.world.rank == 0:
@@ -197,6 +197,17 @@ class _Job:
             self.rundir.finish("diverged" if code == 4 else "failed", code, reason=text)
         except HpcpicError:
             sys.stderr.write(f"{self.rundir.run_json} could not be written\n")
+
+
+@contextmanager
+def _closing(app: Any) -> Iterator[Any]:
+    """Closes the app when all ranks leave together; a rank that fails alone has nobody to close it with."""
+    try:
+        yield app
+    except Agreed:
+        app.close()
+        raise
+    app.close()
 
 
 def _asked(app: Any) -> Every | None:
