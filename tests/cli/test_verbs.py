@@ -4,11 +4,15 @@ import csv
 import resource
 import subprocess
 import sys
+from types import SimpleNamespace
 
+import numpy as np
 import pytest
 from toy_runner import ROOT, environment
 
+from hpcpic.core.cli.export import to_csv
 from hpcpic.core.cli.main import VERBS
+from hpcpic.core.files.rundir import RunDir
 
 HEAVY = ("mpi4py", "numba", "h5py", "pyfftw", "scipy", "matplotlib")
 LOOK = """
@@ -155,6 +159,23 @@ def test_export_writes_what_other_programs_read(toy):
     for folder in ("a/export/openpmd", "a/openpmd"):
         assert sorted(path.name for path in (toy.folder / folder).iterdir()) == names
     assert toy("export", "a", "--to", "xdmf").returncode == 2
+
+
+@pytest.mark.parametrize("verb", ["export", "report"])
+def test_a_place_that_cannot_be_written_is_exit_6_in_one_line(toy, verb):
+    toy("run", "ring.conf", "-o", "a", "--threads", "1", steps=5, output__field=5)
+    (toy.folder / "file").write_text("")
+    done = toy(verb, "a", "-o", "file/x/y")
+    assert done.returncode == 6 and done.stderr.count("\n") == 1 and "file/x" in done.stderr
+
+
+def test_the_name_of_a_species_leads_to_no_other_folder(tmp_path, monkeypatch):
+    run = SimpleNamespace(path=tmp_path, rundir=RunDir(tmp_path), particles=lambda name, step: {"id": np.arange(2)})
+    run.rundir.particles.write_text("")
+    run.particle_snapshots = SimpleNamespace(steps=[0], species=["../a/b", "a", "electron +x"], units={})
+    assert to_csv(run, tmp_path) == 3
+    names = {path.name for path in tmp_path.glob("*.csv")}
+    assert names == {"..%2Fa%2Fb-00000000.csv", "a-00000000.csv", "electron +x-00000000.csv"}
 
 
 def test_bench_keeps_rates_that_estimate_uses(toy):

@@ -7,6 +7,7 @@ import shutil
 from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
+from urllib.parse import quote
 
 import click
 
@@ -15,6 +16,9 @@ from hpcpic.core.errors import ConfigError
 
 if TYPE_CHECKING:
     from hpcpic.core.files.reader import Run
+
+
+SAFE = " +,=()[]"  # in a file name, beside letters and digits
 
 
 def make_export_command(app_loader: AppLoader) -> click.Command:
@@ -39,7 +43,7 @@ def make_export_command(app_loader: AppLoader) -> click.Command:
         makers: dict[str, Callable[[Run, Path], int]] = {
             "vtkhdf": _to_vtkhdf,
             "openpmd": _to_openpmd,
-            "csv": _to_csv,
+            "csv": to_csv,
         }
         asked = [name.strip().lower() for name in formats.split(",")]
         for name in asked:
@@ -62,7 +66,7 @@ def _to_vtkhdf(run: Run, target: Path) -> int:
     return len(files)
 
 
-def _to_csv(run: Run, target: Path) -> int:
+def to_csv(run: Run, target: Path) -> int:
     n = 0
     if (run.path / "series.csv").exists():
         shutil.copy2(run.path / "series.csv", target / "series.csv")
@@ -73,7 +77,8 @@ def _to_csv(run: Run, target: Path) -> int:
     for step in run.particle_snapshots.steps if run.rundir.particles.exists() else ():
         for species in run.particle_snapshots.species:
             columns = run.particles(species, step=int(step))
-            _write_columns(target / f"{species}-{step:08d}.csv", columns, run.particle_snapshots.units)
+            name = quote(species, safe=SAFE)
+            _write_columns(target / f"{name}-{step:08d}.csv", columns, run.particle_snapshots.units)
             n += 1
     return n
 

@@ -12,7 +12,7 @@ import click
 
 import hpcpic
 from hpcpic.core.cli.app import AppLoader
-from hpcpic.core.errors import HpcpicError
+from hpcpic.core.errors import FileError, HpcpicError
 
 VERBS = {  # verb -> the module of core.cli that makes it
     "list": "cases",
@@ -78,9 +78,17 @@ class Face(click.Group):
             os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
             sys.exit(1)
         except HpcpicError as error:
-            if not launcher_rank():
-                click.echo(error.message, err=True)
-            sys.exit(error.exit_code)
+            self.leave(error)
+        except OSError as error:
+            if error.filename is None:
+                raise
+            self.leave(FileError(f"{error.filename}: {error.strerror}"))
+
+    def leave(self, error: HpcpicError) -> None:
+        """Say the error once and exit with its code."""
+        if not launcher_rank():
+            click.echo(error.message, err=True)
+        sys.exit(error.exit_code)
 
 
 def build(app_loader: AppLoader, name: str, title: str) -> click.Group:

@@ -74,13 +74,10 @@ def _known(what: str, plots: Mapping[str, Plot]) -> str:
 
 
 def _draw(run: Run, plot: Plot, path: Path, step: int | None) -> Path:
-    """Make one file. Raises NoData, FileError."""
+    """Make one file. Raises NoData."""
     from hpcpic.core.cli.figures import NoData, movie, save
 
-    try:
-        path.parent.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise FileError(f"cannot make {path.parent}: {error}") from error
+    path.parent.mkdir(parents=True, exist_ok=True)
     if path.suffix != ".mp4":
         save(plot.make(run, step), path)
         return path

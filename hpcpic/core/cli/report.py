@@ -15,7 +15,6 @@ import click
 from hpcpic.core.cli.app import App, AppLoader
 from hpcpic.core.cli.plot import plots_of
 from hpcpic.core.cli.text import duration
-from hpcpic.core.errors import FileError
 from hpcpic.core.files.cases import Header, read_header
 
 if TYPE_CHECKING:
@@ -84,10 +83,7 @@ def make_report_command(app_loader: AppLoader) -> click.Command:
         else:
             page = several_runs(app, runs)
             path = Path(output or "comparison.html")
-        try:
-            path.parent.mkdir(parents=True, exist_ok=True)
-        except OSError as error:
-            raise FileError(f"cannot make {path.parent}: {error}") from error
+        path.parent.mkdir(parents=True, exist_ok=True)
         write_atomic(path, render(page))
         click.echo(path)
 

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+
 import click
 
 from hpcpic.core.cli.app import App, AppLoader
@@ -64,6 +66,8 @@ def _config(
             )
     before = validate(app.schema(), load(rundir.config))
     if until is not None:
+        if not math.isfinite(until):
+            raise ConfigError(f"--until {until}: must be a time in seconds")
         sets = (*sets, *app.until(before, until))
     tree = load(rundir.config, sets)
     config = validate(app.schema(), tree)
