@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Generator, Iterator, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
@@ -55,14 +55,7 @@ def make_compare_command(app_loader: AppLoader) -> click.Command:
                 missing.append(found)
             else:
                 differences.append(found)
-        table(
-            ("what", "max |a - b|", "rms", "relative", ""),
-            [
-                (d.what, f"{d.max:.3e}", f"{d.rms:.3e}", f"{d.relative:.3e}", _verdict(d, tol))
-                for d in differences
-            ],
-            right=("max |a - b|", "rms", "relative"),
-        )
+        _print_differences(differences, tol)
         _print_timers(*runs)
         digests = [run.summary.get("state_digest") for run in runs]
         same = digests[0] is not None and digests[0] == digests[1]
@@ -75,6 +68,13 @@ def make_compare_command(app_loader: AppLoader) -> click.Command:
             raise CheckFailed(f"beyond the tolerance {tol:g}: {', '.join(reasons)}")
 
     return compare
+
+
+def _print_differences(differences: Sequence[Difference], tolerance: float) -> None:
+    rows = [
+        (d.what, f"{d.max:.3e}", f"{d.rms:.3e}", f"{d.relative:.3e}", _verdict(d, tolerance)) for d in differences
+    ]
+    table(("what", "max |a - b|", "rms", "relative", ""), rows, right=("max |a - b|", "rms", "relative"))
 
 
 def _verdict(difference: Difference, tolerance: float) -> str:
@@ -120,38 +120,40 @@ def _common(kind: str, a: Any, b: Any) -> Iterator[str]:
 
 
 def _fields(a: Run, b: Run) -> Iterator[Difference | str]:
-    have = [run.rundir.fields.exists() for run in (a, b)]
-    if have[0] != have[1]:
-        yield f"fields: only in {a.path if have[0] else b.path}"
-    if not all(have):
+    if not (yield from _same_last("fields", a, b)):
         return
-    steps = [int(run.field_snapshots.steps[-1]) for run in (a, b)]
-    if steps[0] != steps[1]:
-        yield f"fields: last snapshot of step {steps[0]} and {steps[1]}"
-        return
+    step = a.field_snapshots.steps[-1]
     yield from _common("field", a.field_snapshots.names, b.field_snapshots.names)
     for name in a.field_snapshots.names:
         if name in b.field_snapshots.names:
-            yield difference(f"field {name}, step {steps[0]}", a.field(name), b.field(name))
+            yield difference(f"field {name}, step {step}", a.field(name), b.field(name))
 
 
 def _particles(a: Run, b: Run) -> Iterator[Difference | str]:
-    have = [run.rundir.particles.exists() for run in (a, b)]
-    if have[0] != have[1]:
-        yield f"particles: only in {a.path if have[0] else b.path}"
-    if not all(have):
+    if not (yield from _same_last("particles", a, b)):
         return
-    steps = [int(run.particle_snapshots.steps[-1]) for run in (a, b)]
-    if steps[0] != steps[1]:
-        yield f"particles: last snapshot of step {steps[0]} and {steps[1]}"
-        return
+    step = a.particle_snapshots.steps[-1]
     yield from _common("species", a.particle_snapshots.species, b.particle_snapshots.species)
     for species in a.particle_snapshots.species:
         if species in b.particle_snapshots.species:
-            columns = a.particles(species), b.particles(species)
-            yield from _common(f"{species}", *columns)
-            for name in columns[0].keys() & columns[1].keys():
-                yield difference(f"{species} {name}, step {steps[0]}", columns[0][name], columns[1][name])
+            first, second = a.particles(species), b.particles(species)
+            yield from _common(species, first, second)
+            for name in first:
+                if name in second:
+                    yield difference(f"{species} {name}, step {step}", first[name], second[name])
+
+
+def _same_last(kind: str, a: Run, b: Run) -> Generator[str, None, bool]:
+    """Whether both runs have snapshots of `kind` ("fields" or "particles"), the last ones of the same step."""
+    have = [getattr(run.rundir, kind).exists() for run in (a, b)]
+    if have[0] != have[1]:
+        yield f"{kind}: only in {a.path if have[0] else b.path}"
+    if not all(have):
+        return False
+    steps = [int(getattr(run, f"{kind[:-1]}_snapshots").steps[-1]) for run in (a, b)]
+    if steps[0] != steps[1]:
+        yield f"{kind}: last snapshot of step {steps[0]} and {steps[1]}"
+    return steps[0] == steps[1]
 
 
 def _print_configs(a: Run, b: Run) -> None:
