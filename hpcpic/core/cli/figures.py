@@ -211,13 +211,13 @@ def thinned(t: np.ndarray, values: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     size = -(-len(values) // BINS)
     if size <= 2:
         return t, values
-    starts = np.arange(0, len(values), size)
+    starts = range(0, len(values), size)
     kept = [0, len(values) - 1]
     for filler, extreme in ((np.inf, np.argmin), (-np.inf, np.argmax)):
         known = np.where(np.isnan(values), filler, values)
         kept += [start + int(extreme(known[start : start + size])) for start in starts]
-    kept = np.unique(kept)
-    return t[kept], values[kept]
+    picked = np.unique(kept)
+    return t[picked], values[picked]
 
 
 def axis_label(text: str, unit: str) -> str:
