@@ -3,7 +3,7 @@
 import os
 import shutil
 import sys
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -154,11 +154,6 @@ class World:
         finally:
             if self.node_rank == 0 and self.node_size > 1:
                 self.node.Barrier()
-
-    def compile_first(self, compile_all: Callable[[], object]) -> None:
-        """Compile into the shared cache on one rank of each node, then load from it on the others."""
-        with self.first_on_node():
-            compile_all()
 
     def abort(self, code: int) -> None:
         """End all ranks now."""
