@@ -42,6 +42,14 @@ def test_a_terminal_has_one_rewritten_line(now):
     assert "\n" not in stream.getvalue() and stream.getvalue().startswith("\r")
 
 
+def test_a_rewritten_line_fits_the_terminal(now, monkeypatch):
+    monkeypatch.setenv("COLUMNS", "50")
+    stream = Terminal()
+    assert lines_of(stream, now, 0.1, 100) > 0
+    lines = stream.getvalue().split("\r")[1:]
+    assert max(map(len, lines)) == 49 and all(" left " in line for line in lines)
+
+
 def test_the_line_says_how_far_how_fast_and_how_long(now):
     stream = io.StringIO()
     shown = Progress(stream, 0, 200, 1_000_000, "p")

@@ -6,6 +6,7 @@ about twenty lines for a short run, and a long one is never silent.
 
 from __future__ import annotations
 
+import shutil
 import time
 from collections.abc import Mapping
 from typing import TextIO
@@ -70,12 +71,13 @@ class Progress:
         left = clock((self.last - step) / whole) if whole > 0 else "--:--:--"
         done = 100.0 * step / self.last if self.last else 100.0
         line = (
-            f"step {step}/{self.last}  t {t:.3e}/{end:.3e} s  {done:.1f} %  dt {dt:.2e}  {speed:.3g} step/s  "
-            f"{rate(speed * self.items, self.unit)}{self._change}  left {left}"
+            f"step {step}/{self.last}  {done:.1f} %  left {left}  t {t:.3e}/{end:.3e} s  dt {dt:.2e}  "
+            f"{speed:.3g} step/s  {rate(speed * self.items, self.unit)}{self._change}"
         )
         self._shown, self._shown_step = now, step
         self.lines += 1
         if self.live:
+            line = line[: shutil.get_terminal_size().columns - 1]  # a wrapped line cannot be rewritten
             self.stream.write("\r" + line.ljust(self._width))
             self._width = len(line)
         else:
