@@ -21,9 +21,7 @@ def test_a_launcher_of_another_mpi_is_told():
     assert launched_size({"PMI_SIZE": "4"}) == launched_size({"OMPI_COMM_WORLD_SIZE": "4"}) == 4
     assert launched_size({"PMIX_RANK": "2"}) == 3
     check_launcher({"PMI_SIZE": "2"}, 2, "MPICH")
-    with pytest.raises(
-        LauncherMismatch, match=r"started 2 processes, but MPICH sees 1.*Use .*mpirun"
-    ) as caught:
+    with pytest.raises(LauncherMismatch, match=r"started 2 processes, but MPICH sees 1.*Use .*mpirun") as caught:
         check_launcher({"OMPI_COMM_WORLD_SIZE": "2"}, 1, "MPICH")
     assert caught.value.exit_code == 2
 
@@ -31,9 +29,7 @@ def test_a_launcher_of_another_mpi_is_told():
 def test_start_refuses_to_be_one_of_many_singletons():
     program = "from hpcpic.core.comm.world import World\nWorld.start()"
     environment = alone() | {"OMPI_COMM_WORLD_SIZE": "3", "PYTHONPATH": str(Path(__file__).parents[2])}
-    done = subprocess.run(
-        [sys.executable, "-c", program], env=environment, capture_output=True, text=True, timeout=50
-    )
+    done = subprocess.run([sys.executable, "-c", program], env=environment, capture_output=True, text=True, timeout=50)
     assert done.returncode == 1 and "LauncherMismatch: mpirun started 3 processes" in done.stderr
 
 
@@ -50,9 +46,7 @@ def test_one_rank_needs_no_communication():
 
     world = World(Silent(), Silent())
     rows = np.arange(6).reshape(3, 2)
-    assert (
-        world.bcast(b"abc") == b"abc" and world.max(2.5) == 2.5 and world.any(True) and not world.any(False)
-    )
+    assert world.bcast(b"abc") == b"abc" and world.max(2.5) == 2.5 and world.any(True) and not world.any(False)
     assert np.array_equal(world.sum_int(rows), rows) and np.array_equal(world.max_array(rows), rows)
     assert np.array_equal(world.gather_rows(rows), rows)
     world.barrier()
@@ -62,13 +56,9 @@ def test_one_rank_needs_no_communication():
 
 
 def test_an_abort_ends_with_its_code_and_loses_no_text():
-    program = (
-        "from hpcpic.core.comm.world import World\nw = World.start()\nprint('last words', end='')\nw.abort(4)"
-    )
+    program = "from hpcpic.core.comm.world import World\nw = World.start()\nprint('last words', end='')\nw.abort(4)"
     environment = alone() | {"PYTHONPATH": str(Path(__file__).parents[2])}
-    done = subprocess.run(
-        [sys.executable, "-c", program], env=environment, capture_output=True, text=True, timeout=50
-    )
+    done = subprocess.run([sys.executable, "-c", program], env=environment, capture_output=True, text=True, timeout=50)
     assert done.returncode == 4 and "last words" in done.stdout
 
 
@@ -87,9 +77,7 @@ def test_collectives_agree_on_all_ranks(world):
 
 
 @pytest.mark.mpi(min_size=2)
-@pytest.mark.parametrize(
-    "shape, dtype", [((), np.float64), ((3,), np.int32), ((2, 2), np.float32), ((0,), np.int8)]
-)
+@pytest.mark.parametrize("shape, dtype", [((), np.float64), ((3,), np.int32), ((2, 2), np.float32), ((0,), np.int8)])
 def test_gather_joins_rows_of_uneven_ranks_in_rank_order(world, shape, dtype):
     rows = np.full((world.rank, *shape), world.rank, dtype)  # rank 0 has none
     whole = world.gather_rows(rows)

@@ -67,23 +67,30 @@ class World:
         return cls(comm, node)
 
     def cpus(self, threads: int) -> list[int]:
-        """Cores for the workers of this rank, apart from those of the node's other ranks if there are enough.
+        """Cores for the workers of this rank, apart from those of the node's other ranks; collective.
 
-        Right whether the launcher bound the ranks to cores or not, if all ranks have equally many threads.
+        None when the node has fewer cores than workers: then they share what there is. Right whether the launcher
+        bound the ranks to cores or not, if all ranks have equally many threads.
         """
+        if self.node_size * threads > np.count_nonzero(self._ranks_on_core()):
+            return []
         first = self.node_rank * threads
         return [self._cores[(first + worker) % len(self._cores)] for worker in range(threads)]
 
     def default_threads(self) -> int:
         """Threads per rank that fill the node; collective."""
-        if self.node_size == 1:
-            return len(self._cores)
-        ranks_on_core = np.zeros(max(os.cpu_count() or 1, self._cores[-1] + 1), np.int64)
-        ranks_on_core[self._cores] = 1
-        self.node.Allreduce(ranks_on_core.copy(), ranks_on_core)
+        ranks_on_core = self._ranks_on_core()
         if ranks_on_core.max() == 1:
             return len(self._cores)
         return max(1, int(np.count_nonzero(ranks_on_core)) // self.node_size)
+
+    def _ranks_on_core(self) -> NDArray[np.int64]:
+        """How many ranks of the node may use each core; collective."""
+        ranks = np.zeros(max(os.cpu_count() or 1, self._cores[-1] + 1), np.int64)
+        ranks[self._cores] = 1
+        if self.node_size > 1:
+            self.node.Allreduce(ranks.copy(), ranks)
+        return ranks
 
     def bcast(self, content: bytes | None) -> bytes:
         """The bytes of rank 0, on all ranks."""
