@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 
 from hpcpic.core.errors import ConfigError
 from hpcpic.core.files import config
-from hpcpic.core.files.config import load, loads, parse_value
+from hpcpic.core.files.config import leaves, load, loads, parse_value
 
 names = st.from_regex(r"[A-Za-z][-A-Za-z0-9_]{0,8}", fullmatch=True).filter(
     lambda name: name.lower() not in ("true", "false")
@@ -341,3 +341,8 @@ def test_the_grammar_is_read_only_when_a_file_is():
     code = "import sys; import hpcpic.core.files.config; print('lark' in sys.modules)"
     assert subprocess.run([sys.executable, "-c", code], capture_output=True, text=True).stdout == "False\n"
     assert config.MAX_BYTES == 2**20
+
+
+def test_leaves_are_the_settings_with_their_keys():
+    tree = loads("a = { b = [1, 2]; c = ( { d = 1; }, 5 ); };")
+    assert dict(leaves(tree.data)) == {"a.b": [1, 2], "a.c[0].d": 1, "a.c[1]": 5}

@@ -165,24 +165,12 @@ def _print_configs(a: Run, b: Run) -> None:
 
 
 def _config_difference(a: str, b: str) -> dict[str, tuple[str, str]]:
-    from hpcpic.core.files.config import loads
-
-    first, second = (_flat(loads(text).data) for text in (a, b))
-    keys = dict.fromkeys([*first, *second])
-    return {k: (first.get(k, "-"), second.get(k, "-")) for k in keys if first.get(k) != second.get(k)}
-
-
-def _flat(value: Any, path: tuple[str | int, ...] = ()) -> dict[str, str]:
-    from hpcpic.core.files.config import dotted
+    from hpcpic.core.files.config import leaves, loads
     from hpcpic.core.files.schema import value_text
 
-    if isinstance(value, dict):
-        items: Any = value.items()
-    elif isinstance(value, tuple):
-        items = enumerate(value)
-    else:
-        return {dotted(path): value_text(value)}
-    return {key: text for name, inner in items for key, text in _flat(inner, (*path, name)).items()}
+    first, second = ({key: value_text(v) for key, v in leaves(loads(text).data)} for text in (a, b))
+    keys = dict.fromkeys([*first, *second])
+    return {k: (first.get(k, "-"), second.get(k, "-")) for k in keys if first.get(k) != second.get(k)}
 
 
 def _print_timers(a: Run, b: Run) -> None:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import os
 import re
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -337,9 +337,9 @@ def _conservation_of(runs: Mapping[str, Run]) -> Table:
 
 def _settings(runs: Mapping[str, Run]) -> Table:
     """Keys of the configurations that are not the same in all runs."""
-    from hpcpic.core.files.config import loads
+    from hpcpic.core.files.config import leaves, loads
 
-    flat = [dict(_leaves(loads(run.config).data)) for run in runs.values()]
+    flat = [dict(leaves(loads(run.config).data)) for run in runs.values()]
     keys = {key: None for settings in flat for key in settings}
     rows = [
         (key, *(str(settings.get(key, "—")) for settings in flat))
@@ -347,17 +347,6 @@ def _settings(runs: Mapping[str, Run]) -> Table:
         if len({str(settings.get(key)) for settings in flat}) > 1
     ]
     return Table("Settings that differ", ("", *runs), rows)
-
-
-def _leaves(value: Any, path: str = "") -> Iterator[tuple[str, Any]]:
-    if isinstance(value, Mapping):
-        for key, inner in value.items():
-            yield from _leaves(inner, f"{path}.{key}" if path else str(key))
-    elif isinstance(value, list | tuple) and any(isinstance(inner, Mapping) for inner in value):
-        for i, inner in enumerate(value):
-            yield from _leaves(inner, f"{path}[{i}]")
-    else:
-        yield path, value
 
 
 def number(value: Any, digits: int = 4) -> str:

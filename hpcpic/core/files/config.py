@@ -7,6 +7,7 @@ Limits: 16 files, @include 4 deep, 1 MiB each, 32 nested brackets, and nothing o
 import os
 import re
 import stat
+from collections.abc import Iterator
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -269,6 +270,18 @@ def holds(value: Any, key: str | int) -> bool:
     if isinstance(value, dict):
         return key in value
     return isinstance(value, (list, tuple)) and isinstance(key, int) and key < len(value)
+
+
+def leaves(value: Any, path: Path = ()) -> Iterator[tuple[str, Any]]:
+    """(dotted key, value) of every setting in a group, those of groups in lists included."""
+    if isinstance(value, dict):
+        for name, inner in value.items():
+            yield from leaves(inner, (*path, name))
+    elif isinstance(value, tuple):
+        for i, inner in enumerate(value):
+            yield from leaves(inner, (*path, i))
+    else:
+        yield dotted(path), value
 
 
 def dotted(path: Path) -> str:
