@@ -25,7 +25,7 @@ from hpcpic.core.errors import HpcpicError
 from hpcpic.core.simd import scheduler
 
 RAISED = np.iinfo(np.int64).min  # code of a kernel that raised an exception
-_LINGER_S = 80e-6  # how long a helper spins between launches: longer than the Python of a step takes
+_LINGER_S = 80e-6  # how long a worker spins between launches: longer than the Python of a step takes
 _ALONE_ROUNDS = 4000  # idle rounds before a worker with its own core offers it to others
 
 
@@ -291,17 +291,17 @@ class Pool:
         self._graphs: dict[tuple[int, ...], Graph] = {}
         self._affinity = os.sched_getaffinity(0)
         pins = list(cpus)[:threads] if alone and cpus is not None else [None] * threads
-        helpers = [
+        others = [
             threading.Thread(
                 target=_live, args=(words, worker, pins[worker]), daemon=True, name=f"worker {worker}"
             )
             for worker in range(1, threads)
         ]
-        for helper in helpers:
-            helper.start()
+        for other in others:
+            other.start()
         if pins[0] is not None:
             os.sched_setaffinity(0, {pins[0]})
-        self._end = weakref.finalize(self, _dismiss, words, helpers)
+        self._end = weakref.finalize(self, _dismiss, words, others)
 
     def run(self, graph: Graph) -> None:
         """Run a frozen graph to its end. TaskError when a task failed, Stuck at the spin limit."""
@@ -335,7 +335,7 @@ def _live(words: NDArray[np.int64], worker: int, cpu: int | None) -> None:
     scheduler.serve(words.ctypes.data, worker)
 
 
-def _dismiss(words: NDArray[np.int64], helpers: list[threading.Thread]) -> None:
+def _dismiss(words: NDArray[np.int64], others: list[threading.Thread]) -> None:
     scheduler.dismiss(words.ctypes.data)
-    for helper in helpers:
-        helper.join()
+    for other in others:
+        other.join()

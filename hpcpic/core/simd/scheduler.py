@@ -53,7 +53,7 @@ RECORD_WORDS = 6  # of a message: n, handles, statuses, flag, MPI_Startall, MPI_
 # words of a pool
 GENERATION = 0  # launches so far, -1 at the end
 OPEN = LINE  # whether workers may enter the launch
-INSIDE = 2 * LINE  # helpers in it
+INSIDE = 2 * LINE  # workers in it, the caller not counted
 MESSAGE_LOCK = 3 * LINE  # one thread at a time calls MPI
 GRAPH = 4 * LINE  # address of the graph's words
 THREADS, IDLE_ROUNDS, LINGER_NS, LIMIT_NS = 5 * LINE, 5 * LINE + 1, 5 * LINE + 2, 5 * LINE + 3
@@ -251,10 +251,10 @@ def _reset(g):
 
 
 @njit
-def _wake(pool, generation, helpers):
-    """Announce a generation; the helpers that spin see it, the sleepers are woken."""
+def _wake(pool, generation, others):
+    """Announce a generation; the workers that spin see it, the sleepers are woken."""
     atomic_store(pool, GENERATION, generation)
-    for worker in range(1, helpers + 1):
+    for worker in range(1, others + 1):
         mine = WORKERS + WORKER_WORDS * worker
         if atomic_cas(pool, mine + ASLEEP, 1, 0):
             semaphore_post(pool.ctypes.data + 8 * (mine + SEMAPHORE))
@@ -280,18 +280,18 @@ def _next_generation(pool, worker, seen):
 
 @njit("int64(int64, int64)")
 def launch(pool_address, graph):
-    """Run the graph with worker 0 (the caller) and the helpers that come in time; 0, FAILED or STUCK."""
+    """Run the graph with worker 0 (the caller) and the others that come in time; 0, FAILED or STUCK."""
     pool = _words(pool_address, WORKERS)
     pool = _words(pool_address, WORKERS + WORKER_WORDS * pool[THREADS])
     g = _views(graph)
     _reset(g)
     pool[GRAPH] = graph
-    helpers = min(pool[THREADS], g.first.size) - 1
-    if helpers > 0:
+    others = min(pool[THREADS], g.first.size) - 1
+    if others > 0:
         atomic_store(pool, OPEN, 1)
-        _wake(pool, pool[GENERATION] + 1, helpers)
+        _wake(pool, pool[GENERATION] + 1, others)
     _work(g, pool, 0)
-    if helpers > 0:
+    if others > 0:
         atomic_store(pool, OPEN, 0)
         rounds = 0
         while atomic_load(pool, INSIDE) > 0:
@@ -301,7 +301,7 @@ def launch(pool_address, graph):
 
 @njit("void(int64, int64)")
 def serve(pool_address, worker):
-    """Life of a helper: enter each launch that is open, linger, sleep; ends at a negative generation."""
+    """Life of a worker but the caller: enter each launch that is open, linger, sleep; ends at a negative generation."""
     pool = _words(pool_address, WORKERS)
     pool = _words(pool_address, WORKERS + WORKER_WORDS * pool[THREADS])
     seen = 0
@@ -317,6 +317,6 @@ def serve(pool_address, worker):
 
 @njit("void(int64)")
 def dismiss(pool_address):
-    """Tell all helpers to leave `serve`."""
+    """Tell all workers to leave `serve`."""
     pool = _words(pool_address, WORKERS)
     _wake(_words(pool_address, WORKERS + WORKER_WORDS * pool[THREADS]), -1, pool[THREADS] - 1)
