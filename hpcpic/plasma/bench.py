@@ -31,7 +31,7 @@ numerics = {{ shape = "{shape}"; precision = "{precision}"; }};
 
 def bench(quick: bool) -> Mapping[str, float]:
     """Rate by name; with `quick` the standard kernel only (2D CIC double)."""
-    world = World.start()
+    world = World.alone()
     rates: dict[str, float] = {}
     kernels = list(itertools.product((2, 1), ("CIC", "NGP", "TSC"), ("double", "single")))
     for d, shape, precision in kernels[: 1 if quick else None]:

@@ -66,6 +66,13 @@ class World:
         node = comm.Split_type(MPI.COMM_TYPE_SHARED) if comm.Get_size() > 1 else MPI.COMM_SELF
         return cls(comm, node)
 
+    @classmethod
+    def alone(cls) -> "World":
+        """This process as the only rank, whoever else runs: for measurements that one rank makes."""
+        from mpi4py import MPI
+
+        return cls(MPI.COMM_SELF, MPI.COMM_SELF)
+
     def cpus(self, threads: int) -> list[int]:
         """Cores for the workers of this rank, apart from those of the node's other ranks; collective.
 
