@@ -8,6 +8,7 @@ import time
 
 import psutil
 import pytest
+from toy_runner import MPIRUN
 
 SLOW = {"steps": 300, "pause": 0.005}
 
@@ -32,7 +33,12 @@ def check_stopped_and_goes_on(toy, process, reason, restart_ranks=1):
     assert toy.facts("a")["state_digest"] == toy.digest(steps=300)
 
 
-@pytest.mark.parametrize("name, restart_ranks", [("SIGTERM", 1), ("SIGUSR1", 3)])
+own_ending = pytest.mark.skipif(
+    MPIRUN.with_name("prterun").exists(), reason="Open MPI's launcher leaves with 1 after SIGTERM, kills after SIGINT"
+)
+
+
+@pytest.mark.parametrize("name, restart_ranks", [pytest.param("SIGTERM", 1, marks=own_ending), ("SIGUSR1", 3)])
 def test_signal_to_mpirun(toy, name, restart_ranks):
     process = toy.start("run", "ring.conf", "-o", "a", "--threads", "1", ranks=2, **SLOW)
     process.send_signal(signal.Signals[name])
@@ -88,6 +94,7 @@ def test_end_of_the_slurm_job_is_a_wall_limit(toy):
     assert done.returncode == 5 and "wall clock" in done.stdout
 
 
+@own_ending
 def test_second_interrupt_ends_at_once(toy):
     process = toy.start(
         "run",
