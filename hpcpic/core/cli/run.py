@@ -4,13 +4,19 @@ from __future__ import annotations
 
 import os
 from collections.abc import Callable
+from functools import partial
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import click
 
 from hpcpic.core.cli.app import App, AppLoader
 from hpcpic.core.cli.read import Case, read_case, set_option
 from hpcpic.core.files.derived import enforce
+
+if TYPE_CHECKING:
+    from hpcpic.core.cli.job import Plan
+    from hpcpic.core.files.rundir import RunDir
 
 
 def job_options(command: Callable) -> Callable:
@@ -59,33 +65,37 @@ def make_run_command(app_loader: AppLoader) -> click.Command:
         """Run a case; `mpirun -n N` in front runs it on N ranks."""
         if dry:
             return _dry(app_loader(), case, sets, threads or 1, force)
-        from hpcpic.core.cli.job import Flags, Plan, given_files, job
-        from hpcpic.core.comm.library import library
-        from hpcpic.core.files.rundir import RunDir, provenance
-        from hpcpic.core.files.schema import dump
+        from hpcpic.core.cli.job import Flags, job
 
-        def prepare(app: App, ranks: int) -> tuple[RunDir, Plan]:
-            read = read_case(app, case, sets)
-            numbers = app.derived(read.config, ranks)
-            warnings = read.tree.warnings + enforce(numbers, read.tree, force)
-            folder = output or _folder(read)
-            text = dump(read.config)
-            facts = provenance(library()) | {
-                "case": read.path,
-                "sets": list(sets),
-                "derived": [
-                    {"name": n.name, "value": n.value, "unit": n.unit, "limit": n.limit, "verdict": n.verdict}
-                    for n in numbers
-                ],
-            }
-            rundir = RunDir.create(
-                folder, force, config=text, given=given_files(read.tree.files), sets=sets, facts=facts
-            )
-            return rundir, Plan(folder=folder, config=text, warnings=warnings)
-
+        prepare = partial(_prepare, case, output, sets, force)
         return job(app_loader, prepare, Flags(threads, wall, checkpoint_every, quiet))
 
     return run
+
+
+def _prepare(
+    case: str, output: str | None, sets: tuple[str, ...], force: bool, app: App, ranks: int
+) -> tuple[RunDir, Plan]:
+    """Read the case and make the run folder; on rank 0."""
+    from hpcpic.core.cli.job import Plan, given_files
+    from hpcpic.core.comm.library import library
+    from hpcpic.core.files.rundir import RunDir, provenance
+    from hpcpic.core.files.schema import dump
+
+    read = read_case(app, case, sets)
+    numbers = app.derived(read.config, ranks)
+    warnings = read.tree.warnings + enforce(numbers, read.tree, force)
+    folder = output or _folder(read)
+    text = dump(read.config)
+    told = ("name", "value", "unit", "limit", "verdict")
+    facts = provenance(library()) | {
+        "case": read.path,
+        "sets": list(sets),
+        "derived": [{key: getattr(number, key) for key in told} for number in numbers],
+    }
+    given = given_files(read.tree.files)
+    rundir = RunDir.create(folder, force, config=text, given=given, sets=sets, facts=facts)
+    return rundir, Plan(folder=folder, config=text, warnings=warnings)
 
 
 def _folder(read: Case) -> str:
