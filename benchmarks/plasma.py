@@ -14,7 +14,8 @@ import psutil
 
 CASE = """
 simulation = {{ dimensions = 2; cycles = 1000; time_step = 0.2; space_length = [{n}.0, {n}.0]; }};
-grid = {{ points = [{n}, {n}]; }};  field = {{ magnetic = [0.0, 0.0, 0.25]; }};  numerics = {{ precision = "{precision}"; }};
+grid = {{ points = [{n}, {n}]; }};  field = {{ magnetic = [0.0, 0.0, 0.25]; }};
+numerics = {{ precision = "{precision}"; }};
 species = ( {{ name = "electron"; particles = {particles}; charge = -1.0; mass = 1.0; plasma_frequency = 1.0;
                init_method = "random position"; thermal_velocity = 0.5; }} );
 """

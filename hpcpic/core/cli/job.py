@@ -6,6 +6,7 @@ import json
 import logging
 import shlex
 import sys
+import threading
 import time
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
@@ -53,6 +54,7 @@ class Plan:
     history: list[Mapping[str, Any]] = field(default_factory=list)
 
 
+PATIENCE_SECONDS = 2.0  # of setting up, before a line says why it takes so long
 LEFT = (".failed", "post-mortem.txt", "STOP")  # by an earlier part of the run
 
 Prepare = Callable[[App, int], tuple[RunDir, Plan]]  # of an app, on so many ranks
@@ -120,7 +122,9 @@ class _Job:
             reader = checkpoint.newest(self.rundir, self.world) if plan.restart else None
         pool = Pool(threads, self.world.cpus(threads))
         try:
-            with _closing(self.app.load()(config, self.world, pool, timers)) as app:
+            with _asking_for_patience(self.world.rank):
+                made = self.app.load()(config, self.world, pool, timers)
+            with _closing(made) as app:
                 if reader:
                     self._take_up(app, reader, plan)
                 options = loop.Options(
@@ -197,6 +201,20 @@ class _Job:
             self.rundir.finish("diverged" if code == 4 else "failed", code, reason=text)
         except HpcpicError:
             sys.stderr.write(f"{self.rundir.run_json} could not be written\n")
+
+
+@contextmanager
+def _asking_for_patience(rank: int) -> Iterator[None]:
+    """When the body takes long, a line on rank 0 says why."""
+    text = "setting up; the kernels of a new kind of scene are compiled once, which takes half a minute"
+    timer = threading.Timer(PATIENCE_SECONDS, log.ROOT.info, [text])
+    timer.daemon = True
+    if rank == 0:
+        timer.start()
+    try:
+        yield
+    finally:
+        timer.cancel()
 
 
 @contextmanager
