@@ -29,7 +29,8 @@ def store_lines(typing_context, address, vectors):
         rows = cgutils.unpack_tuple(builder, arguments[1])
         rows = _zipped(builder, *rows) if vectors.count == 2 else _transposed(builder, rows)
         for k, row in enumerate(rows):
-            store_to(builder, offset(builder, arguments[0], k * row.type.count * vectors.dtype.size), row, vectors.dtype.size)
+            at = offset(builder, arguments[0], k * row.type.count * vectors.dtype.size)
+            store_to(builder, at, row, vectors.dtype.size)
         return context.get_dummy_value()
 
     if vectors.count not in (2, vectors.dtype.n):
@@ -65,6 +66,17 @@ def address(typing_context, array):
         return builder.ptrtoint(data, ir.IntType(64))
 
     return types.int64(array), codegen
+
+
+@intrinsic
+def mask_of(typing_context, bits, like):
+    """The mask whose lane k is bit k, of as many lanes as a vector has."""
+
+    def codegen(context, builder, signature, arguments):
+        n = signature.args[1].n
+        return builder.bitcast(builder.trunc(arguments[0], ir.IntType(n)), ir.VectorType(ir.IntType(1), n))
+
+    return Vec(like.n, types.boolean)(types.int64, like), codegen
 
 
 @intrinsic

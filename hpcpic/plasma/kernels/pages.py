@@ -7,12 +7,15 @@ one. A block takes pages from and gives them to its own stack `free[: counters[0
 
 A box holds particles under way: components `moving[k]`, number `moving_id[k]`, where to `moving_slot[k]`; its lists,
 one per block of this rank and a last one for other ranks, start at `lists[0, block]` and go on by `link[k]`; -1 ends;
-`lists[1, block]` is their length. `counters[1]` counts a box's particles. To other ranks, `moving_slot` is global: tile number x species + species.
+`lists[1, block]` is their length. `counters[1]` counts a box's particles. To other ranks, `moving_slot` is global:
+tile number x species + species.
 """
 
 import numpy as np
 
 from hpcpic.core.simd.jit import njit
+from hpcpic.core.simd.vector import prefetch_to_write
+from hpcpic.plasma.kernels.lanes import address, last_bit
 
 DIM = 2  # axes of the grid
 COMPONENTS = 4  # of a particle: positions and velocities
@@ -22,6 +25,8 @@ LANES = 8  # of a pack: one cache line
 PAGE = 128
 TILE = 16 if DIM == 2 else 256  # cells of a tile along an axis; in 1D one row
 GOOD, NO_PAGE, DIVERGED = 0, 2, 4
+LANE_BITS = 16
+HOLES_AHEAD = 8
 FARTHEST = 2.0**31  # cells in one step; beyond it, or not a number, is no motion
 
 
@@ -42,33 +47,14 @@ def append(slot, pool, ids, chain, head, count, free, counters):
 
 
 @njit
-def fill_holes(slot, holes, n, pool, ids, chain, head, count, free, counters):
-    """Move the last particles of the slot into the places `holes[:n]` = page x PAGE + place, last place first."""
-    for k in range(n):
-        count[slot] -= 1
-        last, page = count[slot] % PAGE, np.int64(head[slot])
-        to, place = holes[k] // PAGE, holes[k] % PAGE
-        if to != page or place != last:
-            for c in range(COMPONENTS):
-                pool[to, place // LANES, c, place % LANES] = pool[page, last // LANES, c, last % LANES]
-            ids[to, place] = ids[page, last]
-        if last == 0:
-            head[slot] = chain[page]
-            free[counters[0]] = page
-            counters[0] += 1
-
-
-@njit
 def settle(x, anchor, n):
     """Global cell and position from its tile's anchor of a particle at `x` from `anchor` on a ring of n cells.
 
-    A position inside the tile keeps its bits; elsewhere the fraction is carried over, and what rounds up to the
-    next cell is in the next cell, so that no position ever equals the end of its tile.
+    The fraction is carried over, so that a position inside the tile keeps its bits; what rounds up to the next
+    cell is in the next cell, so that no position ever equals the end of its tile.
     """
     k = np.floor(x)
     cell = anchor + np.int64(k)
-    if k >= 0 and k < TILE and cell < n and REAL(x) == x:
-        return cell, REAL(x)
     fraction = x - k
     if fraction >= 1:
         cell, fraction = cell + 1, fraction * 0
@@ -99,6 +85,58 @@ def list_up(k, slot, target, moving_slot, link, lists):
     link[k] = lists[0, target]
     lists[0, target] = k
     lists[1, target] += 1
+
+
+@njit
+def hole(page, pack, lanes):
+    """Particles of one pack that leave, by the bits of their lanes, as one number."""
+    return (page * PAGE + pack * LANES) << LANE_BITS | lanes
+
+
+@njit
+def depart(slot, n, holes, n_species, points, row_part, column_part, column_stride, parts, pool, ids, chain, head,
+           count, free, moving, moving_id, moving_slot, link, lists, counters):  # fmt: skip
+    """The particles of `holes[:n]` (see hole; last place first) go into the box, bound for where they belong.
+
+    The last particles of the slot take their places. Returns DIVERGED for a position that is no motion's.
+    """
+    part = slot // n_species
+    species = slot - part * n_species
+    row, y = np.int64(0), REAL(0)
+    for i in range(n):
+        prefetch_to_write(address(ids) + (holes[min(i + HOLES_AHEAD, n - 1)] >> LANE_BITS) * 4)
+        first, lanes = holes[i] >> LANE_BITS, holes[i] & ((1 << LANE_BITS) - 1)
+        to, at = first // PAGE, first % PAGE
+        while lanes != 0:
+            lane = last_bit(lanes)
+            lanes ^= 1 << lane
+            k = counters[1]
+            counters[1] += 1
+            leaver = pool[to, at // LANES, :, lane]
+            for d in range(DIM):
+                if not abs(leaver[d]) < FARTHEST:
+                    return DIVERGED
+            column, moving[k, 0] = settle(leaver[0], parts[part, 2], points[1])
+            if DIM == 2:
+                row, y = settle(leaver[DIM - 1], parts[part, 1], points[0])
+                moving[k, DIM - 1] = y
+            for c in range(DIM, COMPONENTS):
+                moving[k, c] = leaver[c]
+            moving_id[k] = ids[to, at + lane]
+            target_slot, target = destination(
+                row, column, species, n_species, points, row_part, column_part, column_stride, parts, lists
+            )
+            list_up(k, target_slot, target, moving_slot, link, lists)
+            count[slot] -= 1
+            last, page = count[slot] % PAGE, np.int64(head[slot])
+            for c in range(COMPONENTS):
+                leaver[c] = pool[page, last // LANES, c, last % LANES]
+            ids[to, at + lane] = ids[page, last]
+            if last == 0:
+                head[slot] = chain[page]
+                free[counters[0]] = page
+                counters[0] += 1
+    return GOOD
 
 
 @njit

@@ -16,16 +16,13 @@ from hpcpic.plasma.kernels.lanes import address
 from hpcpic.plasma.kernels.pages import (
     COMPONENTS,
     DIVERGED,
-    FARTHEST,
     GOOD,
     LANES,
     NO_PAGE,
     PAGE,
     append,
-    destination,
-    fill_holes,
-    list_up,
-    settle,
+    depart,
+    hole,
 )
 
 DIM = 2  # axes of the grid
@@ -149,41 +146,8 @@ def deposit(patch, group, unit, row, column, x, y):
 
 
 @njit
-def lift(page, place, pool, moving, counters):
-    """Copy a particle that left its tile part into the block's box, as it is."""
-    k = counters[1]
-    counters[1] += 1
-    for c in range(COMPONENTS):
-        moving[k, c] = pool[page, place // LANES, c, place % LANES]
-
-
-@njit
-def send(slot, n, holes, n_species, points, row_part, column_part, column_stride, parts, ids,
-         moving, moving_id, moving_slot, link, lists, counters):  # fmt: skip
-    """Find where the box's last n particles, which came from `holes` of a slot, belong, whatever their speed."""
-    part, first = slot // n_species, counters[1] - n
-    row, y = np.int64(0), ZERO
-    for i in range(n):
-        k = first + i
-        moving_id[k] = ids[holes[i] // PAGE, holes[i] % PAGE]
-        for d in range(DIM):
-            if not abs(moving[k, d]) < FARTHEST:
-                return DIVERGED
-        column, x = settle(moving[k, 0], parts[part, 2], points[1])
-        if DIM == 2:
-            row, y = settle(moving[k, DIM - 1], parts[part, 1], points[0])
-            moving[k, DIM - 1] = y
-        moving[k, 0] = x
-        target_slot, target = destination(
-            row, column, slot % n_species, n_species, points, row_part, column_part, column_stride, parts, lists
-        )
-        list_up(k, target_slot, target, moving_slot, link, lists)
-    return GOOD
-
-
-@njit
-def push(block, first, last, n_species, points, origin, corner, row_part, column_part, column_stride, parts, e_x, e_y, scale,
-         mover, charge, pool, ids, chain, head, count, free, holes,
+def push(block, first, last, n_species, points, origin, corner, row_part, column_part, column_stride, parts, e_x, e_y,
+         scale, mover, charge, pool, ids, chain, head, count, free, holes,
          moving, moving_id, moving_slot, link, lists, counters, patch):  # fmt: skip
     """x^n, v^(n-1/2) -> x^(n+1), v^(n+1/2) (5.18), (5.19); those who stay leave their charge, the others depart."""
     free, holes, moving, moving_id = free[block], holes[block], moving[block], moving_id[block]
@@ -228,14 +192,13 @@ def push(block, first, last, n_species, points, origin, corner, row_part, column
                     if inside:
                         deposit(patch, group, unit, row - corner[0], column - corner[1], x, y)
                         continue
-                    lift(page, place, pool, moving, counters)
-                    holes[n_holes] = page * PAGE + place
+                    holes[n_holes] = hole(page, pack, 1 << lane)
                     n_holes += 1
                 page, used = np.int64(chain[page]), PAGE
-            if send(slot, n_holes, holes, n_species, points, row_part, column_part, column_stride, parts, ids, moving,
-                    moving_id, moving_slot, link, lists, counters) != GOOD:  # fmt: skip
+            if depart(slot, n_holes, holes, n_species, points, row_part, column_part, column_stride, parts, pool, ids,
+                      chain, head, count, free, moving, moving_id, moving_slot, link, lists,
+                      counters) != GOOD:  # fmt: skip
                 return DIVERGED
-            fill_holes(slot, holes, n_holes, pool, ids, chain, head, count, free, counters)
     return GOOD
 
 

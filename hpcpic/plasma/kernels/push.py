@@ -2,7 +2,8 @@
 
 Per tile part, the field becomes a line of coefficients per cell (2D: a, b, c, d of E_x, then of E_y), and the charge
 is added up in a line of corner sums per cell. A page is gone through twice, in short loops: gather, Boris and drift;
-then deposit. Lanes whose particle leaves the part are taken out by scalar code, before their charge is counted.
+then deposit, where lanes that left the part count in a cell that has no node. Scalar code takes them out after the
+last page, from a list without branches: a branch on who leaves is a mispredicted one.
 """
 
 import numpy as np
@@ -19,12 +20,13 @@ from hpcpic.core.simd.vector import (
     lane_numbers,
     load_at,
     prefetch_to_write,
+    select,
     splat,
     store_at,
 )
-from hpcpic.plasma.kernels.lanes import address, bits_of, last_bit, store_lines
-from hpcpic.plasma.kernels.pages import COMPONENTS, DIVERGED, GOOD, LANES, PAGE, TILE, fill_holes
-from hpcpic.plasma.kernels.plain import MAGIC, boris, lift, send
+from hpcpic.plasma.kernels.lanes import address, bits_of, mask_of, store_lines
+from hpcpic.plasma.kernels.pages import COMPONENTS, DIVERGED, GOOD, LANES, PAGE, TILE, depart, hole
+from hpcpic.plasma.kernels.plain import MAGIC, boris
 
 DIM = 2  # axes of the grid
 REAL = np.float64  # precision of a particle
@@ -147,30 +149,37 @@ def push_pack(at, lines, m, low_x, high_x, low_y, high_y):
 
 
 @njit
-def deposit_pack(at, sums, unit, biased_unit):
-    """Charge of one pack to the corner sums; biased_unit = unit + MAGIC_BITS saves the subtraction of the bias."""
+def deposit_pack(at, sums, unit, biased_unit, stay):
+    """Charge of one pack's lanes that stay to the corner sums, the others' to a cell that has no node.
+
+    biased_unit = unit + MAGIC_BITS saves the subtraction of the bias.
+    """
     x = load_at(F, at, 64)
     i = floor(x)
     f = x - i
     along = bits_of(fma(f, unit, MAGIC))
+    inside = mask_of(stay, x)
     if DIM == 2:
         y = load_at(F, at + 64, 64)
         j = floor(y)
         g = y - j
         across, both = bits_of(fma(g, unit, MAGIC)), bits_of(fma(f, g * unit, MAGIC))
         corners = ((biased_unit - along) - (across - both), along - both, across - both, both - MAGIC_BITS)
-        add_lines(sums, convert(I, fma(j, REAL(TILE), i)) * SUM, corners)
+        cell = select(inside, fma(j, REAL(TILE), i), splat(F, REAL(CELLS)))
+        add_lines(sums, convert(I, cell) * SUM, corners)
     else:
-        add_lines(sums, convert(I, i) * SUM, (biased_unit - along, along - MAGIC_BITS))
+        cell = select(inside, i, splat(F, REAL(CELLS)))
+        add_lines(sums, convert(I, cell) * SUM, (biased_unit - along, along - MAGIC_BITS))
 
 
 @njit
-def park(pool, page, place):
-    """A lane without a particle: at rest in the cell behind the last one, which has no field and no node."""
-    pack, lane = place // LANES, place % LANES
-    for c in range(COMPONENTS):
-        pool[page, pack, c, lane] = 0
-    pool[page, pack, DIM - 1, lane] = TILE
+def park(pool, page, used):
+    """The last pack's lanes without a particle: at rest behind the last cell, where is no field and no node."""
+    for place in range(used, (used + LANES - 1) // LANES * LANES):
+        pack, lane = place // LANES, place % LANES
+        for c in range(COMPONENTS):
+            pool[page, pack, c, lane] = 0
+        pool[page, pack, DIM - 1, lane] = TILE
 
 
 @njit
@@ -194,7 +203,8 @@ def push(block, first, last, n_species, points, origin, corner, row_part, column
     lists[1, :] = 0
     counters[1] = 0
     patch[:] = 0
-    base, to_ids, to_lines, to_sums = address(pool), address(ids), address(lines), address(sums)
+    base, to_lines, to_sums = address(pool), address(lines), address(sums)
+    stays = np.empty(PAGE // LANES, np.int64)  # by pack of a page, bits of the lanes that stay
     zero_sums(to_sums)
     scout, scout_slot = np.int64(-1), first * n_species - 1  # runs PAGES_AHEAD pages ahead and asks for their lines
     for _ in range(PAGES_AHEAD + 1):
@@ -212,37 +222,30 @@ def push(block, first, last, n_species, points, origin, corner, row_part, column
             biased_unit = splat(I, PART(charge[species, 1] + MAGIC_BITS))
             page, used, n_holes = np.int64(head[slot]), (count[slot] - 1) % PAGE + 1, 0
             if page >= 0:
-                for place in range(used, (used + LANES - 1) // LANES * LANES):
-                    park(pool, page, place)
+                park(pool, page, used)
             while page >= 0:
                 at, packs = base + page * PAGE_BYTES, (used + LANES - 1) // LANES
                 ahead = base + max(scout, 0) * PAGE_BYTES
                 scout, scout_slot = next_page(scout, scout_slot, last * n_species, head, chain)
+                lanes = ALL >> (packs * LANES - used)  # that hold a particle
                 for pack in range(packs - 1, -1, -1):
                     for c in range(COMPONENTS):
                         prefetch_to_write(ahead + pack * PACK_BYTES + 64 * c)
-                    gone = ALL ^ push_pack(at + pack * PACK_BYTES, to_lines, m, low_x, high_x, low_y, high_y)
-                    while gone != 0:  # last place first
-                        lane = last_bit(gone)
-                        gone ^= 1 << lane
-                        place = pack * LANES + lane
-                        if place < used:
-                            lift(page, place, pool, moving, counters)
-                            holes[n_holes] = page * PAGE + place
-                            n_holes += 1
-                            prefetch_to_write(to_ids + holes[n_holes - 1] * 4)
-                        park(pool, page, place)
+                    stays[pack] = push_pack(at + pack * PACK_BYTES, to_lines, m, low_x, high_x, low_y, high_y) & lanes
+                    gone, lanes = lanes ^ stays[pack], ALL
+                    holes[n_holes] = hole(page, pack, gone)
+                    n_holes += gone != 0
                 for pack in range(packs):
-                    deposit_pack(at + pack * PACK_BYTES, to_sums, unit, biased_unit)
+                    deposit_pack(at + pack * PACK_BYTES, to_sums, unit, biased_unit, stays[pack])
                 batch += 1
                 if batch == BATCH:
                     gather_sums(part, corner, parts, to_sums, patch, charge[species, 0])
                     batch = 0
                 page, used = np.int64(chain[page]), PAGE
-            if send(slot, n_holes, holes, n_species, points, row_part, column_part, column_stride, parts, ids, moving,
-                    moving_id, moving_slot, link, lists, counters) != GOOD:  # fmt: skip
+            if depart(slot, n_holes, holes, n_species, points, row_part, column_part, column_stride, parts, pool, ids,
+                      chain, head, count, free, moving, moving_id, moving_slot, link, lists,
+                      counters) != GOOD:  # fmt: skip
                 return DIVERGED
-            fill_holes(slot, holes, n_holes, pool, ids, chain, head, count, free, counters)
             if species + 1 == n_species or charge[species + 1, 0] != charge[species, 0]:
                 gather_sums(part, corner, parts, to_sums, patch, charge[species, 0])
                 batch = 0
