@@ -35,7 +35,7 @@ def bench(quick: bool) -> Mapping[str, float]:
     rates: dict[str, float] = {}
     kernels = list(itertools.product((2, 1), ("CIC", "NGP", "TSC"), ("double", "single")))
     for d, shape, precision in kernels[: 1 if quick else None]:
-        points = (128, 128) if d == 2 else (16384,)
+        points = (256, 256) if d == 2 else (16384,)
         few = measure(world, 1, points, FEW, shape, precision, quick)
         many = measure(world, 1, points, MANY, shape, precision, quick)
         cells = points[0] ** d

@@ -102,29 +102,31 @@ class Cloud:
         pages = (capacity + capacity // 8 + CHUNK) // PAGE + 2 * slots  # memory is used when touched
         self.pages = Pages(slots, blocks, law.components, law.dtype, pages)
         self.record_bytes = law.components * np.dtype(law.dtype).itemsize + 8
-        self.messages = Migrate(world, self.record_bytes, Channel.PARTICLES, cuts=domain.cuts) if world.size > 1 else None
+        self.messages = None
+        if world.size > 1:
+            self.messages = Migrate(world, self.record_bytes, Channel.PARTICLES, cuts=domain.cuts)
         self.owner = np.asarray(domain.owner(np.arange(domain.points[0])), np.int32)
         below, above = GHOSTS[law.shape]
         self._patches(int(charge[:, 0].max(initial=0)) + 1, below, above)  # a case without species has one, of zeros
         lead = below if domain.ndim == 2 else 0
-        self.names = dict(
-            n_species=self.n_species,
-            points=tiles.points,
-            origin=np.array([tiles.rows[0] - lead, tiles.columns[0] - below]),
-            row_part=tiles.row_part,
-            column_part=tiles.column_part,
-            column_stride=tiles.column_stride,
-            parts=tiles.parts,
-            e_x=e if law.dimensions == 1 else e[0],
-            e_y=e if law.dimensions == 1 else e[1],
-            scale=float(scale),
-            mover=np.ascontiguousarray(mover, law.dtype),
-            charge=charge,
-            head=self.pages.head,
-            count=self.pages.count,
-            counters=self.pages.counters,
-            lists=self.pages.lists,
-        )
+        self.names = {
+            "n_species": self.n_species,
+            "points": tiles.points,
+            "origin": np.array([tiles.rows[0] - lead, tiles.columns[0] - below]),
+            "row_part": tiles.row_part,
+            "column_part": tiles.column_part,
+            "column_stride": tiles.column_stride,
+            "parts": tiles.parts,
+            "e_x": e if law.dimensions == 1 else e[0],
+            "e_y": e if law.dimensions == 1 else e[1],
+            "scale": float(scale),
+            "mover": np.ascontiguousarray(mover, law.dtype),
+            "charge": charge,
+            "head": self.pages.head,
+            "count": self.pages.count,
+            "counters": self.pages.counters,
+            "lists": self.pages.lists,
+        }
         self.kernels = law.kernels(plain)
         self._bounds: list[tuple[Bound, list[tuple[int, str]]]] = []
         with world.first_on_node():
