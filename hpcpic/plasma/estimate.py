@@ -17,25 +17,25 @@ SERIES_BYTES = 16 * 8 * 2  # of one sample: sixteen numbers, in HDF5 and as text
 
 # Measured on the authors' machine, one core of a 2-core AMD Zen 5 at 4.1 GHz.
 DEFAULT = {
-    "particle_ns 2D CIC double": 2.6,
-    "particle_ns 2D CIC single": 2.0,
+    "particle_ns 2D CIC double": 3.0,
+    "particle_ns 2D CIC single": 2.9,
     "particle_ns 2D NGP double": 20.0,
     "particle_ns 2D NGP single": 20.0,
     "particle_ns 2D TSC double": 40.0,
     "particle_ns 2D TSC single": 40.0,
-    "particle_ns 1D CIC double": 2.0,
-    "particle_ns 1D CIC single": 1.7,
+    "particle_ns 1D CIC double": 1.38,
+    "particle_ns 1D CIC single": 1.3,
     "particle_ns 1D NGP double": 12.0,
     "particle_ns 1D NGP single": 12.0,
     "particle_ns 1D TSC double": 20.0,
     "particle_ns 1D TSC single": 20.0,
-    "cell_ns 2D": 10.0,  # coefficients, accumulators, gradient, fold
-    "cell_ns 1D": 10.0,
-    "sample_ns": 3.0,  # per particle and sample of the series
-    "fft_ns": 0.5,  # per point and binary order, there and back
-    "launch_us 1": 20.0,  # Python and the launches of a step on one thread
+    "cell_ns 2D": 6.0,  # coefficients, accumulators, gradient, fold
+    "cell_ns 1D": 4.0,
+    "sample_ns": 2.4,  # per particle and sample of the series
+    "fft_ns": 0.2,  # per point and binary order, there and back
+    "launch_us 1": 40.0,  # Python and the launches of a step on one thread
     "launch_us 2": 60.0,  # on more
-    "message_us": 8.0,  # per message of a step
+    "message_us": 6.0,  # per message of a step
     "message_gb_s": 8.0,
     "cores": 2.0,
     "rank_mib": 220.0,  # Python and the libraries, kernels from the cache
