@@ -119,7 +119,7 @@ def test_long_chain_and_wide_graph_many_launches(pool):
         np.testing.assert_array_equal(cells, expected)
 
 
-def test_sleeping_helpers_come_back():
+def test_sleeping_workers_come_back():
     pool = Pool(2, cpus=range(2) if len(os.sched_getaffinity(0)) > 1 else None)
     cells = np.zeros(N_CELLS, np.int64)
     graph = build([(set(), set(), {k % N_CELLS}, 0) for k in range(40)], cells, 20000)
