@@ -5,6 +5,7 @@ the rank. Filling goes through the axes in order and folding in reverse order, s
 Ghosts beyond a wall (an axis that is not periodic) are not filled, and what they hold is dropped by a fold.
 """
 
+from abc import ABC, abstractmethod
 from collections.abc import Hashable, Iterable, Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
@@ -108,7 +109,7 @@ class _Operation(NamedTuple):
     inouts: tuple[str, ...]
 
 
-class _Exchange:
+class _Exchange(ABC):
     """What Fill and Fold have in common: legs, persistent requests by parity of the iteration, counters.
 
     messages, bytes: sent by this rank in one exchange. A message of another iteration is an error (a failed
@@ -136,17 +137,17 @@ class _Exchange:
         self.bytes = sum(leg.send[0].bytes.nbytes for leg in self._legs if len(leg.out))
 
     @staticmethod
+    @abstractmethod
     def _ends(share: Share) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
         """The layers that go out, and the layers that what comes in belongs to."""
-        raise NotImplementedError
 
+    @abstractmethod
     def _before(self, parity: int) -> list[_Operation]:
         """What is done before the messages go."""
-        raise NotImplementedError
 
+    @abstractmethod
     def _after(self, parity: int) -> list[_Operation]:
         """What is done when they have come."""
-        raise NotImplementedError
 
     def _packs(self, parity: int, reads: str) -> list[_Operation]:
         packs = []

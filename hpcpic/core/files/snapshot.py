@@ -9,6 +9,7 @@ https://docs.vtk.org/en/latest/vtk_file_formats/vtkhdf_file_format
 
 import math
 import os
+from abc import ABC, abstractmethod
 from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -35,7 +36,7 @@ ROOT = "VTKHDF"
 CELL_KINDS = ("Vertices", "Lines", "Polygons", "Strips")  # the last three are empty
 
 
-class _Temporal:
+class _Temporal(ABC):
     """A temporal file: made at the first step, or taken up again at a restart."""
 
     def __init__(self, world: "World | Alone", path: Path, after: int | None = None) -> None:
@@ -94,11 +95,13 @@ class _Temporal:
                     f"{name} has type {file[ROOT][name].dtype} there and {shard.local.dtype} in this run"
                 )
 
+    @abstractmethod
     def _build(self, root: Any, steps: Any, described: Mapping[str, Any], *facts: Any) -> None:
-        raise NotImplementedError
+        """Lay out the file for its first step."""
 
+    @abstractmethod
     def _grow(self, root: Any, n: int, shards: Mapping[str, Shard], *facts: Any) -> dict[str, Slot]:
-        raise NotImplementedError
+        """Make room for a step: where each shard goes."""
 
 
 class FieldsWriter(_Temporal):
