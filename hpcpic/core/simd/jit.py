@@ -23,9 +23,13 @@ _FLAGS: dict[str, Any] = {"nogil": True, "cache": True, "error_model": "numpy"}
 
 
 def _kernel_sources() -> list[Path]:
-    """Files whose edit may change compiled code: the kernel folders, and whatever compiles by itself."""
+    """Files whose edit may change compiled code: the kernel folders, whatever compiles by itself, and the kernels of
+    the packages beside this one that build on it.
+    """
     files = sorted(_PACKAGE.rglob("*.py"))
-    return [file for file in files if file.parent.name in _KERNEL_FOLDERS or b"simd.jit" in file.read_bytes()]
+    own = [file for file in files if file.parent.name in _KERNEL_FOLDERS or b"simd.jit" in file.read_bytes()]
+    beside = sorted(file for file in _PACKAGE.parent.glob("*/kernels/*.py") if b"hpcpic.core" in file.read_bytes())
+    return own + beside
 
 
 def _fingerprint() -> str:
@@ -33,7 +37,7 @@ def _fingerprint() -> str:
 
     digest = hashlib.sha256()
     for file in _kernel_sources():
-        digest.update(str(file.relative_to(_PACKAGE)).encode() + b"\0" + file.read_bytes() + b"\0")
+        digest.update(str(file.relative_to(_PACKAGE.parent)).encode() + b"\0" + file.read_bytes() + b"\0")
     digest.update(repr([version(name) for name in ("numba", "llvmlite", "numpy")]).encode())
     digest.update(binding.get_host_cpu_name().encode() + binding.get_host_cpu_features().flatten().encode())
     settings = {key: value for key, value in os.environ.items() if key.startswith("NUMBA_")}

@@ -1,0 +1,18 @@
+"""`lbmdem`, or `python -m lbmdem`: the LBM-DEM simulator."""
+
+from hpcpic.core.cli.app import App
+from hpcpic.core.cli.main import build
+
+
+def load_app() -> App:
+    from lbmdem.app import APP
+
+    return APP
+
+
+def main() -> None:
+    build(load_app, "lbmdem", "lattice Boltzmann with discrete-element grains on many cores")()
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,1 @@
+"""Compiled sweeps over nodes, links and contacts: arrays in, arrays out."""

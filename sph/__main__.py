@@ -1,0 +1,18 @@
+"""`sph`, or `python -m sph`: the SPH simulator."""
+
+from hpcpic.core.cli.app import App
+from hpcpic.core.cli.main import build
+
+
+def load_app() -> App:
+    from sph.app import APP
+
+    return APP
+
+
+def main() -> None:
+    build(load_app, "sph", "weakly compressible smoothed particle hydrodynamics on many cores")()
+
+
+if __name__ == "__main__":
+    main()

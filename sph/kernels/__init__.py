@@ -1,0 +1,1 @@
+"""Compiled loops over particles and pairs: arrays in, arrays out."""
