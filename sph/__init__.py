@@ -1,3 +1,3 @@
-"""Weakly compressible smoothed particle hydrodynamics, after Minatti & Pasculli (2011), cited as (MP n), and Silvester &
-Cleary (2006), cited as (SC n).
+"""Weakly compressible smoothed particle hydrodynamics, after Minatti & Pasculli (2011), cited as (MP n), and Silvester
+and Cleary (2006), cited as (SC n).
 """

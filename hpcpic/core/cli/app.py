@@ -47,5 +47,9 @@ class App:
         """The words that start this program with this Python."""
         return self.command or (sys.executable, "-m", self.name)
 
+    def may_change(self, key: str) -> bool:
+        """Whether a restart may change this setting: it does not belong to the state."""
+        return any(key == free or key.startswith((f"{free}.", f"{free}[")) for free in self.free)
+
 
 AppLoader = Callable[[], App]

@@ -38,11 +38,12 @@ def make_restart_command(app_loader: AppLoader) -> click.Command:
         --set may change what does not belong to the state: the number of steps, outputs.
         """
         from hpcpic.core.cli.job import Flags, Plan, job
+        from hpcpic.core.run.summary import settled
 
         def prepare(app: App, ranks: int) -> tuple[RunDir, Plan]:
             rundir = RunDir.open(folder)
-            history = rundir.read_run().get("history", [])
             rundir.lock()
+            history = settled(rundir.read_run().get("history", []))
             text, warnings = _config(app, rundir, until, sets, ranks)
             return rundir, Plan(folder=folder, config=text, restart=True, warnings=warnings, history=history)
 
@@ -60,7 +61,7 @@ def _config(
     """
     for assignment in sets:
         key = assignment.partition("=")[0].strip()
-        if not any(key == free or key.startswith((f"{free}.", f"{free}[")) for free in app.free):
+        if not app.may_change(key):
             raise ConfigError(
                 f"--set {assignment}: a restart cannot change {key}; it can change {', '.join(app.free)}"
             )

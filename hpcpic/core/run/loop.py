@@ -6,7 +6,6 @@ import logging
 import time
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any, TextIO
 
@@ -43,7 +42,8 @@ class Options:
     checkpoint_every: Every | EverySeconds = field(default_factory=lambda: EverySeconds(CHECKPOINT_SECONDS))
     stop_sem: float = 0.0
     restarted_from: int | None = None  # step of the checkpoint
-    history: Sequence[Mapping[str, Any]] = ()
+    history: Sequence[Mapping[str, Any]] = ()  # the parts of the run before this one
+    attributes: Mapping[str, Any] = field(default_factory=dict)  # of every checkpoint
     conserved: Conserved = field(default_factory=Conserved)  # a restart's has seen the series so far
     estimate: Mapping[str, float] | None = None
     warnings: list[str] = field(default_factory=list)  # grows while the run goes
@@ -182,7 +182,8 @@ class _Run:
         try:
             with options.timers.section("checkpoint"):
                 state = app.state() if last is None else last
-                checkpoint.write(self.world, self.rundir, app.iteration, app.time, state)
+                place = (app.iteration, app.time)
+                checkpoint.write(self.world, self.rundir, *place, state, options.attributes)
         except FileError as error:
             self.checkpoint_failures += 1
             if last is not None or self.checkpoint_failures == CHECKPOINT_TRIES:
@@ -241,7 +242,6 @@ class _Run:
     def facts(self, status: str, code: int, reason: str, loop_seconds: float) -> dict[str, Any]:
         """What run.json says at the end. Collective; timers are on rank 0 only."""
         app, options, world = self.app, self.options, self.world
-        now = datetime.now(UTC)
         wall = time.monotonic() - options.started
         steps = app.iteration - self.first
         facts: dict[str, Any] = {
@@ -254,7 +254,7 @@ class _Run:
             "time": app.time,
             "wall_seconds": wall,
             "loop_seconds": loop_seconds,
-            "started": datetime.fromtimestamp(now.timestamp() - wall, UTC).isoformat(timespec="seconds"),
+            "started": summary.date(options.started),
             "ranks": world.size,
             "threads": options.threads,
             "work_items": app.work_items,
@@ -271,7 +271,7 @@ class _Run:
         return facts | _rates(facts)
 
     def write_facts(self, facts: dict[str, Any]) -> None:
-        facts["history"] = summary.history(self.options.history, facts)
+        facts["history"] = [*self.options.history, summary.part(facts)]
         self.rundir.write_timers(facts["timers"])
         self.rundir.finish(**facts)
 

@@ -211,17 +211,19 @@ def _change(entry: Mapping[str, float]) -> str:
     return f"{entry['relative']:.1e}" if "relative" in entry else f"{entry['change']:.1e} (absolute)"
 
 
-def history(before: Sequence[Mapping[str, Any]], facts: Mapping[str, Any]) -> list[Mapping[str, Any]]:
-    """The parts of a run: one entry for `run`, one for each `restart`."""
-    keys = (
-        "first_step",
-        "steps",
-        "ranks",
-        "threads",
-        "wall_seconds",
-        "status",
-        "exit_code",
-        "reason",
-        "started",
-    )
-    return [*before, {key: facts[key] for key in keys}]
+PART = ("first_step", "steps", "ranks", "threads", "wall_seconds", "status", "exit_code", "reason", "started")
+
+
+def part(facts: Mapping[str, Any]) -> dict[str, Any]:
+    """The entry in the history of a run of one part: of `run`, or of one `restart`; None: not known (yet)."""
+    return {key: facts.get(key) for key in PART}
+
+
+def settled(history: Sequence[Mapping[str, Any]]) -> list[Mapping[str, Any]]:
+    """The history when nobody runs: a part that still says "running" was killed, how far it came is not known."""
+    return [
+        {**entry, "status": "killed", "reason": "it left without a word"}
+        if entry["status"] == "running"
+        else entry
+        for entry in history
+    ]

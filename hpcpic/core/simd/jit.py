@@ -24,12 +24,11 @@ _FLAGS: dict[str, Any] = {"nogil": True, "cache": True, "error_model": "numpy"}
 
 def _kernel_sources() -> list[Path]:
     """Files whose edit may change compiled code: the kernel folders, whatever compiles by itself, and the kernels of
-    the packages beside this one that build on it.
+    packages beside this one.
     """
     files = sorted(_PACKAGE.rglob("*.py"))
     own = [file for file in files if file.parent.name in _KERNEL_FOLDERS or b"simd.jit" in file.read_bytes()]
-    beside = sorted(file for file in _PACKAGE.parent.glob("*/kernels/*.py") if b"hpcpic.core" in file.read_bytes())
-    return own + beside
+    return own + sorted(_PACKAGE.parent.glob("*/kernels/*.py"))
 
 
 def _fingerprint() -> str:
