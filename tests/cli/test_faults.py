@@ -31,7 +31,9 @@ def test_one_traceback_and_exit_1(toy, kind):
     assert done.returncode == 1
     assert done.stderr.count("Traceback") == 1
     assert done.stderr.count("\nZeroDivisionError: ") == 1
-    assert toy.facts("a")["status"] == "failed" and toy.facts("a")["exit_code"] == 1
+    facts = toy.facts("a")
+    assert facts["status"] == "failed" and facts["exit_code"] == 1
+    assert [(part["status"], part["exit_code"]) for part in facts["history"]] == [("failed", 1)]
 
 
 def test_one_traceback_without_mpirun(toy):
@@ -65,7 +67,8 @@ def test_killed_in_mid_step_goes_on_to_the_same_state(toy, restart_ranks):
     done = toy("restart", "a", ranks=restart_ranks, fault__kind='"none"')
     assert done.returncode == 0, done.stderr
     assert toy.facts("a")["state_digest"] == toy.digest()
-    assert [part["first_step"] for part in toy.facts("a")["history"]] == [100]
+    parts = [(p["status"], p["first_step"], p["steps"], p["ranks"]) for p in toy.facts("a")["history"]]
+    assert parts == [("killed", 0, None, 2), ("finished", 100, 200, restart_ranks)]
 
 
 def test_killed_in_the_middle_of_a_checkpoint_goes_on_from_the_one_before(toy):

@@ -2,9 +2,10 @@
 
 import csv
 import shutil
+import subprocess
 
 import pytest
-from toy_runner import Toy
+from toy_runner import TOY, Toy, environment
 
 
 @pytest.fixture(scope="module")
@@ -56,6 +57,35 @@ def test_the_state_cannot_be_changed(half):
     done = half("restart", "a", rows=60)
     assert done.returncode == 2 and "cannot change rows" in done.stderr
     assert half.facts("a")["status"] == "finished"
+
+
+@pytest.mark.parametrize("ranks", [1, 2])
+def test_a_checkpoint_of_other_settings_is_refused_with_what_differs(half, ranks):
+    config = half.folder / "a/config.conf"
+    config.write_text(config.read_text().replace("courant = 0.25", "courant = 0.5").replace("rows = 50", "rows = 51"))
+    before = half.facts("a")
+    done = half("restart", "a", "--until", "1", ranks=ranks)
+    assert done.returncode == 2 and done.stderr.count("other settings") == 1
+    assert "  courant: 0.25 then, 0.5 now\n" in done.stderr and "  rows: 50 then, 51 now\n" in done.stderr
+    assert half.facts("a") == before and "Traceback" not in done.stderr
+
+
+def test_what_does_not_belong_to_the_state_may_be_edited(half):
+    config = half.folder / "a/config.conf"
+    config.write_text(config.read_text().replace("steps = 100", "steps = 200").replace("series = 1;", "series = 50;"))
+    assert half("restart", "a").returncode == 0
+    assert half.facts("a")["state_digest"] == half.digest(steps=200)
+
+
+def test_a_checkpoint_of_another_program_is_refused(half):
+    words = half.words("restart", "a")
+    script = f"import sys; sys.argv[0] = {words[1]!r}; sys.path[:0] = [{str(TOY.parent)!r}]\n"
+    script += "import dataclasses, toy_app\nfrom hpcpic.core.cli.main import build\n"
+    script += "build(lambda: dataclasses.replace(toy_app.APP, name='other'), 'other', 'another')(sys.argv[1:])\n"
+    done = subprocess.run(
+        [words[0], "-c", script, *words[2:]], cwd=half.folder, env=environment(), capture_output=True, text=True
+    )
+    assert done.returncode == 6 and "a checkpoint of toy, not of other" in done.stderr
 
 
 def test_more_ranks_than_rows_are_refused(half):

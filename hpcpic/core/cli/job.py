@@ -17,10 +17,10 @@ from typing import Any
 from hpcpic.core.cli.app import App, AppLoader
 from hpcpic.core.cli.rates import read_rates
 from hpcpic.core.comm.world import World
-from hpcpic.core.errors import ConfigError, HpcpicError
-from hpcpic.core.files.config import loads
+from hpcpic.core.errors import ConfigError, FileError, HpcpicError
+from hpcpic.core.files.config import Tree, leaves, loads
 from hpcpic.core.files.rundir import RunDir, write_atomic
-from hpcpic.core.files.schema import validate
+from hpcpic.core.files.schema import validate, value_text
 from hpcpic.core.run import checkpoint, log, summary
 from hpcpic.core.run.failure import Agreed, Failure, everywhere, guarded, share
 from hpcpic.core.run.signals import Stop, WallLimit
@@ -75,6 +75,8 @@ class _Job:
         self.app, self.world, self.failure, self.flags = app, world, failure, flags
         self.started = started
         self.rundir: RunDir | None = None
+        self.history: list[Mapping[str, Any]] = []  # the parts before this one
+        self.part: dict[str, Any] | None = None  # this one, once it has begun
 
     def do(self, prepare: Prepare) -> int:
         collected = log.start(
@@ -84,6 +86,7 @@ class _Job:
         file = None
         try:
             plan = Plan(**json.loads(share(self.world, lambda: self._prepared(prepare))))
+            self.history = plan.history
             self.rundir = self.rundir or RunDir(plan.folder)
             self.failure.folder = self.rundir.path
             self.failure.on_failure = self._note_failure
@@ -115,11 +118,15 @@ class _Job:
         from hpcpic.core.timers import Timers
 
         assert self.rundir is not None
-        config = validate(self.app.schema(), loads(plan.config))
+        tree = loads(plan.config)
+        settings = fixed_settings(self.app, tree)
+        config = validate(self.app.schema(), tree)
         threads = self.flags.threads or self.world.default_threads()
         timers = Timers()
         with everywhere():
             reader = checkpoint.newest(self.rundir, self.world) if plan.restart else None
+            if reader:
+                _refuse_others(reader, self.app, settings)
         pool = Pool(threads, self.world.cpus(threads))
         try:
             with _asking_for_patience(self.world.rank):
@@ -127,6 +134,7 @@ class _Job:
             with _closing(made) as app:
                 if reader:
                     self._take_up(app, reader, plan)
+                self._begin(app, plan, threads)
                 options = loop.Options(
                     stop=stop,
                     wall=WallLimit(self.flags.seconds(), self.started),
@@ -136,6 +144,7 @@ class _Job:
                     stop_sem=getattr(app, "stop_sem", 0.0),
                     restarted_from=reader.step if reader else None,
                     history=plan.history,
+                    attributes={"program": self.app.name, "settings": settings},
                     conserved=self._conserved(reader),
                     estimate=self._estimate(config, threads),
                     warnings=collected.messages,
@@ -151,7 +160,7 @@ class _Job:
         return outcome.exit_code
 
     def _take_up(self, app: Any, reader: checkpoint.Reader, plan: Plan) -> None:
-        """Go on from a checkpoint; only then the folder says so. Collective; raises Agreed."""
+        """Go on from a checkpoint. Collective; raises Agreed."""
         if app.n_steps < reader.step:
             raise Agreed(
                 ConfigError(
@@ -160,13 +169,27 @@ class _Job:
                 )
             )
         app.restore(reader)
-        share(self.world, lambda: self._going_on(plan))
 
-    def _going_on(self, plan: Plan) -> bytes:
-        assert self.rundir is not None
-        write_atomic(self.rundir.config, plan.config)
-        self.rundir.update(status="running", exit_code=None)
-        return b""
+    def _begin(self, app: Any, plan: Plan, threads: int) -> None:
+        """The folder says that this part of the run goes on: not before nothing can refuse it. Collective."""
+        self.part = summary.part(
+            {
+                "first_step": app.iteration,
+                "ranks": self.world.size,
+                "threads": threads,
+                "status": "running",
+                "started": summary.date(self.started),
+            }
+        )
+
+        def write() -> bytes:
+            assert self.rundir is not None
+            if plan.restart:
+                write_atomic(self.rundir.config, plan.config)
+            self.rundir.update(status="running", exit_code=None, history=[*self.history, self.part])
+            return b""
+
+        share(self.world, write)
 
     def _conserved(self, reader: checkpoint.Reader | None) -> summary.Conserved:
         """What the series says up to the step of the checkpoint; on rank 0."""
@@ -197,8 +220,10 @@ class _Job:
     def _note_failure(self, text: str, code: int) -> None:
         """From the one rank that tells the failure: the folder says so too, if it still can."""
         assert self.rundir is not None
+        end: dict[str, Any] = {"status": "diverged" if code == 4 else "failed", "exit_code": code, "reason": text}
+        history = [*self.history, self.part | end] if self.part else self.history
         try:
-            self.rundir.finish("diverged" if code == 4 else "failed", code, reason=text)
+            self.rundir.finish(**end, history=history)
         except HpcpicError:
             sys.stderr.write(f"{self.rundir.run_json} could not be written\n")
 
@@ -226,6 +251,25 @@ def _closing(app: Any) -> Iterator[Any]:
         app.close()
         raise
     app.close()
+
+
+def fixed_settings(app: App, tree: Tree) -> dict[str, str]:
+    """key -> value of the settings that belong to the state: a restart cannot change them."""
+    return {key: value_text(value) for key, value in leaves(tree.data) if not app.may_change(key)}
+
+
+def _refuse_others(reader: checkpoint.Reader, app: App, settings: Mapping[str, str]) -> None:
+    """Raises unless the checkpoint was made with these settings: ConfigError lists what differs."""
+    program = reader.attributes.get("program")
+    if program != app.name:
+        raise FileError(f"{reader.path}: a checkpoint of {program or 'another program'}, not of {app.name}")
+    before: dict[str, str] = reader.attributes["settings"]
+    differing = [key for key in {**before, **settings} if before.get(key) != settings.get(key)]
+    if differing:
+        raise ConfigError(
+            [f"{reader.path}: the state was made with other settings; a restart cannot change them:"]
+            + [f"  {key}: {before.get(key, 'not set')} then, {settings.get(key, 'not set')} now" for key in differing]
+        )
 
 
 def _asked(app: Any) -> Every | None:

@@ -43,8 +43,12 @@ def make_restart_command(app_loader: AppLoader) -> click.Command:
         def prepare(app: App, ranks: int) -> tuple[RunDir, Plan]:
             rundir = RunDir.open(folder)
             rundir.lock()
-            history = settled(rundir.read_run().get("history", []))
-            text, warnings = _config(app, rundir, until, sets, ranks)
+            try:
+                history = settled(rundir.read_run().get("history", []))
+                text, warnings = _config(app, rundir, until, sets, ranks)
+            except BaseException:
+                rundir.unlock()
+                raise
             return rundir, Plan(folder=folder, config=text, restart=True, warnings=warnings, history=history)
 
         return job(app_loader, prepare, Flags(threads, wall, checkpoint_every, quiet))

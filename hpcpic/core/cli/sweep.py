@@ -54,7 +54,8 @@ def make_sweep_command(app_loader: AppLoader) -> click.Command:
         rows = []
         for k, combination in enumerate(combinations):
             rundir = RunDir(folder / f"{k:04d}")
-            code = _one(app, path, combination, rundir, shape, f"{k + 1}/{len(combinations)}")
+            code, words = run_once(app, path, combination, rundir, shape)
+            click.echo(f"{k + 1}/{len(combinations)}  {'  '.join(combination)}: {words}")
             rows.append(_row(rundir, combination, code))
             _write(folder / "table.csv", rows)
             if code == 5:
@@ -103,23 +104,27 @@ def split(text: str) -> list[str]:
     return parts
 
 
-def _one(
-    app: App, path: str, sets: tuple[str, ...], rundir: RunDir, shape: tuple[int, int], label: str
-) -> int:
-    """Exit code of the run of one combination; a finished one is left as it is, a stopped one goes on."""
-    facts = _facts(rundir)
+def run_once(
+    app: App, path: str, sets: tuple[str, ...], rundir: RunDir, shape: tuple[int, int], *flags: str
+) -> tuple[int, str]:
+    """Exit code of the run of one combination, and how it went in words.
+
+    A finished one is left as it is, a stopped one goes on. flags: more words for `run`. Raises FileError.
+    """
+    facts = facts_of(rundir)
     same = Path(facts.get("case", "")).name == Path(path).name and facts.get("sets") == list(sets)
     if rundir.run_json.exists() and not same:
         raise FileError(f"{rundir.path} holds a run of another sweep; choose another folder with -o")
     if same and facts.get("exit_code") == 0:
-        click.echo(f"{label}  {'  '.join(sets)}: done before")
-        return 0
+        return 0, "done before"
     if same and facts.get("exit_code") == 5:
         words = ["restart", str(rundir.path)]
     else:
         if rundir.run_json.exists():
+            rundir.lock()  # nobody is at it
             shutil.rmtree(rundir.path)  # an earlier attempt of this sweep
-        words = ["run", path, "-o", str(rundir.path)]
+            rundir.unlock()
+        words = ["run", path, "-o", str(rundir.path), *flags]
         words += [word for assignment in sets for word in ("--set", assignment)]
     ranks, threads = shape
     rundir.path.parent.mkdir(parents=True, exist_ok=True)
@@ -128,11 +133,11 @@ def _one(
         words += ["--threads", str(threads), "--quiet"]
         code = launch(app.program, words, ranks, stdout=screen, stderr=subprocess.STDOUT)
     last = (output.read_text(errors="replace").strip().splitlines() or [""])[-1] if code not in (0, 5) else ""
-    click.echo(f"{label}  {'  '.join(sets)}: exit {code}  {last}")
-    return code
+    return code, f"exit {code}  {last}"
 
 
-def _facts(rundir: RunDir) -> Mapping[str, Any]:
+def facts_of(rundir: RunDir) -> Mapping[str, Any]:
+    """run.json; {} where there is none."""
     try:
         return rundir.read_run()
     except FileError:
@@ -143,7 +148,7 @@ def _row(rundir: RunDir, sets: tuple[str, ...], code: int) -> dict[str, Any]:
     """Settings, how it went, and the last value of every scalar."""
     row: dict[str, Any] = {"run": rundir.path.name}
     row |= {key: value for key, _, value in (assignment.partition("=") for assignment in sets)}
-    facts = _facts(rundir)
+    facts = facts_of(rundir)
     row |= {key: facts.get(key) for key in _FACTS} | {"exit_code": code}
     if facts.get("status") == "finished" and (rundir.path / "series.h5").exists():
         from hpcpic.core.files.series import read_series

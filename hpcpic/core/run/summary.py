@@ -7,8 +7,10 @@ from __future__ import annotations
 import math
 import resource
 import statistics
+import time
 from array import array
 from collections.abc import Mapping, Sequence
+from datetime import UTC, datetime
 from typing import Any
 
 import numpy as np
@@ -219,11 +221,13 @@ def part(facts: Mapping[str, Any]) -> dict[str, Any]:
     return {key: facts.get(key) for key in PART}
 
 
-def settled(history: Sequence[Mapping[str, Any]]) -> list[Mapping[str, Any]]:
-    """The history when nobody runs: a part that still says "running" was killed, how far it came is not known."""
-    return [
-        {**entry, "status": "killed", "reason": "it left without a word"}
-        if entry["status"] == "running"
-        else entry
-        for entry in history
-    ]
+def settled(history: Sequence[Any]) -> list[Mapping[str, Any]]:
+    """The history when nobody runs: a part that still says "running" was killed, and how far it came is not known."""
+    parts = [entry for entry in history if isinstance(entry, Mapping)]
+    end = {"status": "killed", "reason": "it left without a word"}
+    return [{**entry, **end} if entry.get("status") == "running" else entry for entry in parts]
+
+
+def date(monotonic: float) -> str:
+    """What time.monotonic() said, as the date of then."""
+    return datetime.fromtimestamp(time.time() - time.monotonic() + monotonic, UTC).isoformat(timespec="seconds")
