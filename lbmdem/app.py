@@ -1,0 +1,53 @@
+"""What the command line knows of LBM-DEM. Only `load` and `bench` import anything heavy."""
+
+from collections.abc import Mapping
+from typing import TYPE_CHECKING
+
+from hpcpic.core.cli.app import App
+from lbmdem.cases import shipped_cases
+from lbmdem.config import LbmDemConfig
+from lbmdem.derived import derived
+from lbmdem.estimate import estimate
+from lbmdem.plan import plan
+
+if TYPE_CHECKING:
+    from hpcpic.core.cli.figures import Plot
+
+
+def load() -> type:
+    from lbmdem.step import LbmDem
+
+    return LbmDem
+
+
+def until(config: LbmDemConfig, t: float) -> tuple[str, ...]:
+    """The --set list that ends the run at time t [s]."""
+    return (f"simulation.end_time={t!r}",)
+
+
+def bench(quick: bool) -> Mapping[str, float]:
+    from lbmdem.bench import bench as measure
+
+    return measure(quick)
+
+
+def plots() -> "Mapping[str, Plot]":
+    from lbmdem.plots import PLOTS
+
+    return PLOTS
+
+
+APP = App(
+    name="lbmdem",
+    title="lattice Boltzmann with discrete-element grains",
+    schema=lambda: LbmDemConfig,
+    cases=shipped_cases,
+    derived=derived,
+    estimate=estimate,
+    load=load,
+    until=until,
+    free=("description", "simulation.end_time", "simulation.blocks", "output"),
+    bench=bench,
+    plots=plots,
+    plan=plan,
+)

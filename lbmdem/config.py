@@ -1,0 +1,357 @@
+"""What a case says, in physical units; vectors are in physical order (x, y, z), 2D cases have x and y.
+
+Lattice units appear only in `check` and inside the program.
+"""
+
+import math
+from collections.abc import Iterator
+from typing import Annotated, Literal
+
+from pydantic import BeforeValidator, Field
+
+from hpcpic.core.files.config import Path
+from hpcpic.core.files.schema import REQUIRED, Lengths, Section, Vector, as_tuple, setting
+
+AXES = "xyz"
+FaceName = Literal["x-", "x+", "y-", "y+", "z-", "z+"]
+Positive = Annotated[float, Field(gt=0)]
+
+
+def as_points(value: object) -> object:
+    """One position, or a list of them: always a tuple of tuples."""
+    value = as_tuple(value)
+    if isinstance(value, tuple) and value and not isinstance(value[0], (list, tuple)):
+        return (value,)
+    return tuple(as_tuple(point) for point in value) if isinstance(value, tuple) else value
+
+
+Names = Annotated[tuple[Literal["x", "y", "z"], ...], BeforeValidator(as_tuple)]
+Points = Annotated[tuple[tuple[float, ...], ...], BeforeValidator(as_points)]
+
+
+class Simulation(Section):
+    dimensions: Literal[2, 3] | None = setting(None, "2 or 3; by default as many as domain.size has")
+    lattice: Literal["D2Q9", "D3Q19"] | None = setting(None, "velocities of the lattice; by default those of 2D or 3D")
+    end_time: float = setting(REQUIRED, "time at which the run ends", "s", ge=0)
+    blocks: int = setting(0, "task blocks per rank, 0 = automatic", ge=0)
+    random_seed: int = setting(1, "seed of the packings", ge=0)
+
+
+class DomainSection(Section):
+    size: Lengths = setting(REQUIRED, "size of the box, [Lx, Ly] or [Lx, Ly, Lz]", "m", min_length=2, max_length=3)
+    spacing: float = setting(REQUIRED, "distance of the lattice nodes", "m", gt=0)
+    periodic: Names = setting((), "axes along which the box repeats")
+
+
+class Initial(Section):
+    flow: Literal["taylor-green", "shear-layer"] = setting(REQUIRED, "velocity field at the start")
+    speed: float = setting(REQUIRED, "its largest velocity", "m/s", gt=0)
+
+
+class FluidSection(Section):
+    density: float = setting(1000.0, "density", "kg/m3", gt=0)
+    viscosity: float = setting(REQUIRED, "kinematic viscosity", "m2/s", gt=0)
+    relaxation_time: float | None = setting(None, "tau; gives the time step dt = (tau - 1/2)/3 dx^2/nu", gt=0.5)
+    time_step: float | None = setting(None, "time step, instead of relaxation_time", "s", gt=0)
+    collision: Literal["BGK", "TRT", "central"] = setting(
+        "TRT", "one relaxation time (the paper), two, or central moments, which stay stable as tau goes to 1/2"
+    )
+    magic: float = setting(3.0 / 16.0, "TRT: (tau+ - 1/2)(tau- - 1/2); 3/16 puts walls half-way exactly", gt=0)
+    storage: Literal["double", "single", "half"] = setting("double", "type in which populations are kept")
+    body_force: Vector = setting((), "acceleration of the fluid [ax, ay(, az)]", "m/s2")
+    initial: Initial | None = None
+
+
+class Boundary(Section):
+    face: FaceName = setting(REQUIRED, "side of the box")
+    type: Literal["wall", "pressure", "velocity"] = setting(REQUIRED, "what it does to the fluid")
+    pressure: float | None = setting(None, 'type "pressure": above that of the density of rest', "Pa")
+    density: float | None = setting(None, 'type "pressure": the density itself', "kg/m3", gt=0)
+    pressure_rate: float = setting(0.0, 'type "pressure": change in time', "Pa/s")
+    velocity: Vector = setting((), 'of the wall, or of the fluid through a "velocity" face', "m/s")
+
+
+class PlaneShape(Section):
+    point: Vector = setting(REQUIRED, "a point of the plane", "m")
+    normal: Vector = setting(REQUIRED, "into the fluid")
+
+
+class BoxShape(Section):
+    low: Vector = setting(REQUIRED, "lower corner", "m")
+    high: Vector = setting(REQUIRED, "upper corner", "m")
+
+
+class Shape(Section):
+    plane: PlaneShape | None = None
+    box: BoxShape | None = None
+
+
+class Obstacle(Section):
+    name: str = setting("", "name in the output; by default obstacle_1, ...")
+    shape: Shape
+    velocity: Vector = setting((), "of its surface, along which it slides", "m/s")
+
+
+class Diameters(Section):
+    law: Literal["beta"] = setting("beta", "cumulative beta distribution (Voivret et al. 2007)")
+    min: Positive = setting(REQUIRED, "smallest diameter", "m")
+    max: Positive = setting(REQUIRED, "largest diameter", "m")
+    a: Positive = setting(1.0, "first shape parameter")
+    b: Positive = setting(1.0, "second shape parameter")
+    count: int = setting(REQUIRED, "number of grains", ge=1)
+
+
+class Packing(Section):
+    porosity: float | None = setting(None, "void fraction asked for; by default what settling gives", gt=0, lt=1)
+    low: float = setting(0.0, "lower end of the sample along the last axis", "m")
+    high: float | None = setting(None, "upper end; by default the height that the porosity gives", "m")
+
+
+class GrainSet(Section):
+    name: str = setting("", "name in the output; by default grains_1, ...")
+    shape: Literal["disc", "sphere"] | None = setting(None, "by default discs in 2D, spheres in 3D")
+    diameter: float | None = setting(None, "of all grains of the set", "m", gt=0)
+    diameters: Diameters | None = None
+    density: float = setting(2650.0, "density of the material", "kg/m3", gt=0)
+    position: Points = setting((), "of the centres: one vector, or a list of them", "m")
+    packing: Packing | None = None
+    moving: bool = setting(True, "false: fixed in space")
+    velocity: Vector = setting((), "at the start; of fixed grains always", "m/s")
+    angular_velocity: Vector = setting((), "[wz] in 2D, [wx, wy, wz] in 3D", "rad/s")
+
+
+class Contact(Section):
+    normal_stiffness: float = setting(1.0e4, "k_n", "N/m", gt=0)
+    damping: float = setting(0.2, "alpha, of the critical damping of a pair", ge=0, lt=1)
+    tangential: Literal["regularised", "history"] = setting(
+        "regularised", "Coulomb friction smoothed by a viscosity (the paper), or by a spring that remembers"
+    )
+    tangential_viscosity: float = setting(1.0, "beta", "N s/m", ge=0)
+    tangential_stiffness: float | None = setting(None, "by default 2/7 of the normal one", "N/m", gt=0)
+    friction: float = setting(0.5, "mu_f", ge=0)
+
+
+class Coupling(Section):
+    bounce_back: Literal["cli", "interpolated", "quadratic", "halfway"] = setting(
+        "cli", "wall rule: parametrised linear, Bouzidi's linear [6] or quadratic, half-way"
+    )
+    refill: Literal["average", "local", "non-equilibrium", "conserving"] = setting(
+        "local", "populations of uncovered nodes: equilibrium with the mean density (the paper) or the neighbours'"
+    )
+    substeps: int = setting(0, "DEM steps in a fluid step, 0 = from the stability limit", ge=0)
+    inertia: Literal["implicit", "explicit"] = setting(
+        "implicit", "force of the links at the new velocity, stable for light grains, or at the old (the paper)"
+    )
+    lubrication: bool = setting(True, "forces of gaps that the lattice does not resolve")
+    frozen: bool = setting(False, "the fluid sees the grains where they were at the start")
+
+
+class Shaking(Section):
+    acceleration: Vector = setting(REQUIRED, "amplitude of the frame's acceleration", "m/s2")
+    frequency: float = setting(REQUIRED, "cycles per second", "1/s", gt=0)
+
+
+class Period(Section):
+    series: float = setting(0.0, "time between samples of the series, 0 = a hundred in all", "s", ge=0)
+    fields: float = setting(0.0, "time between snapshots of the fluid, 0 = never", "s", ge=0)
+    grains: float = setting(0.0, "time between snapshots of the grains, 0 = never", "s", ge=0)
+    checkpoint: float = setting(0.0, "time between checkpoints, 0 = only at the end and at an early stop", "s", ge=0)
+
+
+class Output(Section):
+    path: str | None = setting(None, "run folder, when the command line names none")
+    period: Period = Period()
+    stress_slices: int = setting(0, "control slices along the last axis, for the stress between grains", ge=0)
+
+
+class LbmDemConfig(Section):
+    """A whole LBM-DEM case."""
+
+    description: str = setting("", "one sentence")
+    simulation: Simulation
+    domain: DomainSection
+    fluid: FluidSection
+    boundary: tuple[Boundary, ...] = ()
+    obstacle: tuple[Obstacle, ...] = ()
+    grains: tuple[GrainSet, ...] = ()
+    contact: Contact = Contact()
+    coupling: Coupling = Coupling()
+    gravity: Vector = setting((), "acceleration of gravity [gx, gy(, gz)]", "m/s2")
+    shaking: Shaking | None = None
+    output: Output = Output()
+
+    @property
+    def dimensions(self) -> int:
+        return self.simulation.dimensions or len(self.domain.size)
+
+    @property
+    def time_step(self) -> float:
+        """dt [s]: as given, or of tau by [5]."""
+        fluid, dx = self.fluid, self.domain.spacing
+        if fluid.time_step is not None:
+            return fluid.time_step
+        tau = 1.0 if fluid.relaxation_time is None else fluid.relaxation_time
+        return (tau - 0.5) / 3.0 * dx * dx / fluid.viscosity
+
+    @property
+    def tau(self) -> float:
+        """The relaxation time [5], in steps."""
+        fluid, dx = self.fluid, self.domain.spacing
+        if fluid.time_step is None:
+            return 1.0 if fluid.relaxation_time is None else fluid.relaxation_time
+        return 0.5 + 3.0 * fluid.viscosity * fluid.time_step / (dx * dx)
+
+    @property
+    def points(self) -> tuple[int, ...]:
+        """Nodes along x, y(, z); they sit half a spacing inside the faces."""
+        return tuple(round(length / self.domain.spacing) for length in self.domain.size)
+
+    @property
+    def n_steps(self) -> int:
+        return math.ceil(self.simulation.end_time / self.time_step * (1 - 1e-12))
+
+    @property
+    def periods(self) -> dict[str, int]:
+        """Steps between samples of series, fields and grains, checkpoints; 0 = never."""
+
+        def steps(seconds: float) -> int:
+            return max(1, round(seconds / self.time_step)) if seconds else 0
+
+        asked = self.output.period
+        return {
+            "series": steps(asked.series) or max(1, self.n_steps // 100),
+            "field": steps(asked.fields),
+            "particle": steps(asked.grains) if self.grains else 0,
+            "checkpoint": steps(asked.checkpoint),
+        }
+
+    def faults(self) -> Iterator[tuple[Path, str]]:
+        d = self.dimensions
+        yield from self.size_faults(d)
+        yield from vector_faults(self, d)
+        yield from self.face_faults(d)
+        if self.fluid.relaxation_time is not None and self.fluid.time_step is not None:
+            yield ("fluid", "time_step"), "give either relaxation_time or time_step"
+        for i, obstacle in enumerate(self.obstacle):
+            if (obstacle.shape.plane is None) == (obstacle.shape.box is None):
+                yield ("obstacle", i, "shape"), "needs one of plane = {..} and box = {..}"
+        for i, grains in enumerate(self.grains):
+            for key, text in grain_faults(grains, d):
+                yield ("grains", i, *key), text
+
+    def size_faults(self, d: int) -> Iterator[tuple[Path, str]]:
+        size, dx = self.domain.size, self.domain.spacing
+        if len(size) != d:
+            yield ("domain", "size"), f"needs {d} numbers in {d}D (got {len(size)})"
+            return
+        for axis, length in zip(AXES, size):
+            cells = length / dx
+            if round(cells) < 1:
+                yield ("domain", "size"), f"is less than one spacing along {axis} ({length:g} m of {dx:g} m)"
+            elif abs(cells - round(cells)) > 1e-6 * max(1.0, cells):
+                legal = round(cells) * dx
+                yield ("domain", "size"), f"is {cells:.6g} spacings along {axis}; {legal:.9g} m is a whole number"
+        lattice = self.simulation.lattice
+        if lattice is not None and lattice[1] != str(d):
+            yield ("simulation", "lattice"), f"{lattice} is not of {d} dimensions"
+        for axis in self.domain.periodic:
+            if axis not in AXES[:d]:
+                yield ("domain", "periodic"), f"there is no {axis} in {d}D"
+
+    def face_faults(self, d: int) -> Iterator[tuple[Path, str]]:
+        seen: set[str] = set()
+        for i, face in enumerate(self.boundary):
+            axis = face.face[0]
+            if axis not in AXES[:d]:
+                yield ("boundary", i, "face"), f"there is no {axis} in {d}D"
+            if axis in self.domain.periodic:
+                yield ("boundary", i, "face"), f"the box is periodic along {axis}"
+            if face.face in seen:
+                yield ("boundary", i, "face"), f"{face.face} is given twice"
+            seen.add(face.face)
+            given = (face.pressure is not None) + (face.density is not None)
+            if face.type == "pressure" and given != 1:
+                yield ("boundary", i), "a pressure face needs either pressure or density"
+            if face.type != "pressure" and (given or face.pressure_rate):
+                yield ("boundary", i), f"a {face.type} face has no pressure of its own"
+            if face.type == "velocity" and not face.velocity:
+                yield ("boundary", i), "a velocity face needs velocity"
+
+    def completed(self) -> "LbmDemConfig":
+        d = self.dimensions
+        simulation = self.simulation.model_copy(
+            update={"dimensions": d, "lattice": self.simulation.lattice or ("D2Q9" if d == 2 else "D3Q19")}
+        )
+        fluid = self.fluid.model_copy(update={"body_force": padded(self.fluid.body_force, d)})
+        if fluid.relaxation_time is None and fluid.time_step is None:
+            fluid = fluid.model_copy(update={"relaxation_time": 1.0})
+        boundary = tuple(b.model_copy(update={"velocity": padded(b.velocity, d)}) for b in self.boundary)
+        obstacle = tuple(
+            o.model_copy(update={"velocity": padded(o.velocity, d), "name": o.name or f"obstacle_{i + 1}"})
+            for i, o in enumerate(self.obstacle)
+        )
+        return self.model_copy(
+            update={
+                "simulation": simulation,
+                "fluid": fluid,
+                "boundary": boundary,
+                "obstacle": obstacle,
+                "grains": tuple(completed_grains(grains, i, d) for i, grains in enumerate(self.grains)),
+                "gravity": padded(self.gravity, d),
+            }
+        )
+
+
+def padded(vector: tuple[float, ...], d: int) -> tuple[float, ...]:
+    return vector or (0.0,) * d
+
+
+def vector_faults(config: LbmDemConfig, d: int) -> Iterator[tuple[Path, str]]:
+    """Vectors with another number of components than the case has dimensions."""
+    vectors: list[tuple[Path, tuple[float, ...]]] = [
+        (("gravity",), config.gravity),
+        (("fluid", "body_force"), config.fluid.body_force),
+    ]
+    vectors += [(("boundary", i, "velocity"), face.velocity) for i, face in enumerate(config.boundary)]
+    if config.shaking:
+        vectors.append((("shaking", "acceleration"), config.shaking.acceleration))
+    for i, obstacle in enumerate(config.obstacle):
+        vectors.append((("obstacle", i, "velocity"), obstacle.velocity))
+        for name, shape in (("plane", obstacle.shape.plane), ("box", obstacle.shape.box)):
+            if shape is not None:
+                vectors += [(("obstacle", i, "shape", name, key), value) for key, value in shape]
+    for i, grains in enumerate(config.grains):
+        vectors.append((("grains", i, "velocity"), grains.velocity))
+        vectors += [(("grains", i, "position"), point) for point in grains.position]
+        if grains.angular_velocity and len(grains.angular_velocity) != (1 if d == 2 else 3):
+            yield ("grains", i, "angular_velocity"), f"needs {1 if d == 2 else 3} number(s) in {d}D"
+    for path, vector in vectors:
+        if vector and len(vector) != d:
+            yield path, f"needs {d} numbers in {d}D (got {len(vector)})"
+
+
+def grain_faults(grains: GrainSet, d: int) -> Iterator[tuple[Path, str]]:
+    """What does not fit together in one set of grains."""
+    if grains.shape not in (None, "disc" if d == 2 else "sphere"):
+        yield ("shape",), f"{grains.shape} in {d}D; {'disc' if d == 2 else 'sphere'} is the shape there"
+    if (grains.diameter is None) == (grains.diameters is None):
+        yield (), "needs either diameter or diameters = {..}"
+    if bool(grains.position) == (grains.packing is not None):
+        yield (), "needs either position or packing = {..}"
+    if grains.packing is not None and grains.diameters is None:
+        yield ("packing",), "needs diameters = {..}, which gives their number"
+    if grains.position and grains.diameters is not None and grains.diameters.count != len(grains.position):
+        yield ("diameters", "count"), f"is not the number of positions ({len(grains.position)})"
+    if grains.diameters is not None and grains.diameters.min > grains.diameters.max:
+        yield ("diameters", "min"), "is above max"
+
+
+def completed_grains(grains: GrainSet, i: int, d: int) -> GrainSet:
+    return grains.model_copy(
+        update={
+            "name": grains.name or f"grains_{i + 1}",
+            "shape": "disc" if d == 2 else "sphere",
+            "velocity": padded(grains.velocity, d),
+            "angular_velocity": grains.angular_velocity or (0.0,) * (1 if d == 2 else 3),
+        }
+    )

@@ -1,0 +1,143 @@
+"""The numbers that decide whether an LBM-DEM case is stable and accurate, with their limits and sources."""
+
+import math
+from collections.abc import Iterator
+
+from hpcpic.core.files.config import Path
+from hpcpic.core.files.derived import Derived
+from lbmdem.config import AXES, LbmDemConfig
+from lbmdem.scene import CS2
+
+TAU = ("fluid", "relaxation_time")
+SPACING = ("domain", "spacing")
+# Largest U dx/nu of an under-resolved doubly periodic shear layer that stays finite, measured; central moments: none
+GRID_REYNOLDS = {"BGK": 160.0, "TRT": 43.0, "central": math.inf}
+# Error of the mean velocity of a channel of 16 nodes with half-way walls, measured by tau: BGK
+SLIP = ((1.2, 5e-3), (1.5, 2.3e-2), (2.0, 5.9e-2), (3.0, 0.17), (5.0, 0.57), (10.0, 2.0))
+ENOUGH_NODES = {2: 10.0, 3: 7.0}  # across a grain (Mansouri et al., section 4)
+
+
+def derived(config: LbmDemConfig, ranks: int = 1) -> list[Derived]:
+    """Every derived number of a completed case that runs on so many ranks."""
+    return [*relaxation(config), *speeds(config), *pressures(config), *grains(config), *sizes(config, ranks)]
+
+
+def key_of_tau(config: LbmDemConfig) -> Path:
+    return ("fluid", "time_step") if config.fluid.time_step is not None else TAU
+
+
+def relaxation(config: LbmDemConfig) -> Iterator[Derived]:
+    """tau and the time step that goes with it [5]."""
+    tau, collision = config.tau, config.fluid.collision
+    yield Derived("time step", "dt", config.time_step, "s")
+    yield Derived("steps", "N", config.n_steps)
+    verdict, limit, cure = "ok", "0.5 < tau <= 5", ""
+    source = "Mansouri et al. [5]; Ginzburg & d'Humieres 2003"
+    if tau > 1e3:
+        verdict, limit, cure = "fail", "<= 1000", "relaxation_time = 5 is large and accurate with TRT"
+    elif collision == "BGK" and tau > 1.2 and (walled(config) or config.grains or config.obstacle):
+        slip = next((error for t, error in reversed(SLIP) if tau >= t), SLIP[0][1])
+        verdict, limit = "warn", "<= 1.2 with BGK and walls"
+        cure = f'walls slip: {slip:.1%} in a channel of 16 nodes; collision = "TRT" does not'
+    elif tau > 5:
+        verdict, cure = "warn", "the time step is no longer short against what happens in a cell"
+    elif tau < 0.505 and collision != "central":
+        verdict, limit = "warn", ">= 0.505"
+        cure = f'nearly no viscosity on this lattice: stable below U dx/nu = {GRID_REYNOLDS[collision]:g} only'
+    yield Derived("relaxation time", "tau", tau, "", limit, verdict, source, cure, key_of_tau(config))
+
+
+def walled(config: LbmDemConfig) -> bool:
+    open_faces = {face.face for face in config.boundary if face.type != "wall"}
+    return any(
+        axis not in config.domain.periodic and axis + side not in open_faces
+        for axis in AXES[: config.dimensions]
+        for side in "-+"
+    )
+
+
+def known_speed(config: LbmDemConfig) -> float:
+    """The largest velocity that the case itself states, m/s; what develops later is watched while it runs."""
+    vectors = [face.velocity for face in config.boundary] + [obstacle.velocity for obstacle in config.obstacle]
+    vectors += [grains.velocity for grains in config.grains]
+    initial = [config.fluid.initial.speed] if config.fluid.initial else []
+    return max([*(math.hypot(*vector) for vector in vectors), *initial], default=0.0)
+
+
+def speeds(config: LbmDemConfig) -> Iterator[Derived]:
+    """Mach number and grid Reynolds number of the velocities that are known beforehand."""
+    u, dx, dt = known_speed(config), config.domain.spacing, config.time_step
+    mach = u * dt / dx / math.sqrt(CS2)
+    if mach:
+        verdict = "ok" if mach <= 0.1 else "warn" if mach < 0.5 else "fail"
+        cure = ""
+        if verdict != "ok":
+            tau = 0.5 + (config.tau - 0.5) * 0.1 / mach
+            cure = f"compressibility error about {mach * mach:.1%}; relaxation_time = {tau:.4g} gives Ma = 0.1"
+        limit = "<= 0.1, < 0.5 at all" if verdict != "fail" else "< 0.5"
+        source = "Mansouri et al., section 3.2"
+        yield Derived("Mach number", "Ma", mach, "", limit, verdict, source, cure, key_of_tau(config), mach < 1.0)
+    reynolds = u * dx / config.fluid.viscosity
+    if reynolds:
+        most = GRID_REYNOLDS[config.fluid.collision]
+        verdict = "ok" if reynolds <= most / 2 else "warn" if reynolds <= most else "fail"
+        cure = "" if verdict == "ok" else 'collision = "central" has no such limit; a finer spacing lowers it'
+        limit = f"<= {most:g}" if math.isfinite(most) else "none"
+        source = "doubly periodic shear layer, measured (tests/validation)"
+        yield Derived("grid Reynolds number", "U dx/nu", reynolds, "", limit, verdict, source, cure, SPACING, True)
+
+
+def pressures(config: LbmDemConfig) -> Iterator[Derived]:
+    """Densities at the pressure faces: the lattice fluid is compressible."""
+    dx, dt, rho = config.domain.spacing, config.time_step, config.fluid.density
+    unit = rho * (dx / dt) ** 2 * CS2  # pressure of a density change of one
+    for i, face in enumerate(config.boundary):
+        if face.type != "pressure":
+            continue
+        start = face.density / rho if face.density is not None else 1.0 + face.pressure / unit
+        end = start + face.pressure_rate * config.simulation.end_time / unit
+        worst = max(start, end, key=lambda density: abs(density - 1.0))
+        off = abs(worst - 1.0)
+        verdict = "ok" if off <= 0.02 else "warn" if off < 0.5 else "fail"
+        cure = "" if verdict == "ok" else "a smaller relaxation_time makes the time step and this change smaller"
+        key = ("boundary", i, "density" if face.density is not None else "pressure")
+        limit, source = "within 1 +- 0.02, 0.5 at all", "weak compressibility"
+        yield Derived(f"density at {face.face}", "rho/rho0", worst, "", limit, verdict, source, cure, key)
+
+
+def grains(config: LbmDemConfig) -> Iterator[Derived]:
+    """Resolution, density ratio and overlap of each set."""
+    d, dx = config.dimensions, config.domain.spacing
+    for i, some in enumerate(config.grains):
+        smallest = some.diameter if some.diameter is not None else some.diameters.min
+        nodes, enough = smallest / dx, ENOUGH_NODES[d]
+        key: Path = ("grains", i, "diameter" if some.diameter is not None else "diameters")
+        verdict = "ok" if nodes >= enough * (1 - 1e-9) else "warn" if nodes >= 2 else "fail"
+        cure = "" if verdict == "ok" else f"domain.spacing = {smallest / enough:.3g} resolves the grains of {some.name}"
+        limit, source = f">= {enough:g}, 2 at least", "Mansouri et al., section 4"
+        yield Derived("nodes across a grain", "D/dx", nodes, "", limit, verdict, source, cure, key, nodes >= 1)
+        if some.moving:
+            yield from density_ratio(config, i, nodes)
+
+
+def density_ratio(config: LbmDemConfig, i: int, nodes: float) -> Iterator[Derived]:
+    """Below a density ratio of about 0.6 / radius in nodes explicit coupling explodes."""
+    ratio = config.grains[i].density / config.fluid.density
+    limit = 1.2 / nodes
+    explicit = config.coupling.inertia == "explicit"
+    verdict = "ok" if not explicit or ratio > 2 * limit else "warn" if ratio > limit else "fail"
+    cure = "" if verdict == "ok" else 'coupling.inertia = "implicit" is stable at any ratio'
+    words = f"> {limit:.2g} with explicit coupling" if explicit else "none with implicit coupling"
+    source = "impedance of the links, zeta/(2 V)"
+    key = ("grains", i, "density")
+    yield Derived("density ratio", "rho_s/rho_f", ratio, "", words, verdict, source, cure, key, True)
+
+
+def sizes(config: LbmDemConfig, ranks: int) -> Iterator[Derived]:
+    """Nodes, and how many ranks they are for."""
+    points = config.points
+    yield Derived("nodes", "n", float(math.prod(points)))
+    rows = points[-1]
+    verdict = "ok" if ranks <= rows else "warn"
+    cure = "" if verdict == "ok" else f"{rows} ranks have a row each, the others are idle"
+    yield Derived("rows of nodes per rank", "", rows / ranks, "", ">= 1", verdict, "one row per rank", cure)

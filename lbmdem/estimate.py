@@ -1,0 +1,89 @@
+"""What an LBM-DEM run will need: memory by item, disk, time for any ranks x threads, from measured rates.
+
+A step costs the nodes at the rate of the sweep, the links of grains, the grains in every DEM substep, and messages.
+"""
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+from lbmdem.config import LbmDemConfig
+from lbmdem.plan import BYTES, CROSSING, VELOCITIES, arrays, grain_count, link_count, moving
+
+MIB = 2.0**20
+SERIES_BYTES = 16 * 8 * 2
+
+# Measured on the authors' machine, one core of a 2-core AMD Zen 5 at 4.1 GHz.
+DEFAULT = {
+    "mlups D3Q19 double": 150.0,
+    "mlups D3Q19 single": 290.0,
+    "mlups D3Q19 half": 290.0,
+    "mlups D2Q9 double": 300.0,
+    "mlups D2Q9 single": 600.0,
+    "mlups D2Q9 half": 600.0,
+    "link_ns fixed": 10.0,
+    "link_ns moving": 40.0,
+    "grain_ns": 150.0,  # per grain and DEM substep
+    "launch_us": 80.0,
+    "message_us": 6.0,
+    "message_gb_s": 8.0,
+    "cores": 2.0,
+    "core_gain": 1.15,  # of the second core on the sweep, which memory limits
+    "rank_mib": 230.0,
+}
+
+
+@dataclass(frozen=True, slots=True)
+class Estimate:
+    """memory: item -> bytes per rank; disk: item -> bytes of the whole run; seconds of one step and of the run."""
+
+    memory: Mapping[str, float]
+    disk: Mapping[str, float]
+    step_seconds: float
+    seconds: float
+
+
+def estimate(config: LbmDemConfig, ranks: int, threads: int, measured: Mapping[str, float]) -> Estimate:
+    """Of a completed case on ranks x threads; `measured` rates of this machine take the place of DEFAULT."""
+    rates = DEFAULT | dict(measured)
+    step = step_seconds(config, ranks, threads, rates)
+    memory = {"Python and libraries": rates["rank_mib"] * MIB}
+    memory |= {array.name: float(array.bytes) for array in arrays(config, ranks)}
+    return Estimate(memory, disk_items(config), step, config.n_steps * step + 1.0)
+
+
+def step_seconds(config: LbmDemConfig, ranks: int, threads: int, rates: Mapping[str, float]) -> float:
+    """One fluid step; the sweep is bound by memory, the rest divides among the cores."""
+    nodes = math.prod(config.points)
+    sweep = 1e-6 * nodes / rates[f"mlups {config.simulation.lattice} {config.fluid.storage}"]
+    wanted = ranks * threads
+    cores = wanted if wanted > 2 * rates["cores"] else min(wanted, rates["cores"])
+    shared = min(cores, rates["cores"])  # of one node
+    sweep /= (1 + (shared - 1) * (rates["core_gain"] - 1)) * cores / shared
+    kind = "link_ns moving" if moving(config) and not config.coupling.frozen else "link_ns fixed"
+    rest = link_count(config) * rates[kind] if config.grains else 0.0
+    if moving(config):
+        rest += grain_count(config) * max(1, config.coupling.substeps) * rates["grain_ns"]
+    return sweep + 1e-9 * rest / cores + 1e-6 * rates["launch_us"] + message_seconds(config, ranks, rates)
+
+
+def message_seconds(config: LbmDemConfig, ranks: int, rates: Mapping[str, float]) -> float:
+    if ranks == 1:
+        return 0.0
+    face = math.prod(config.points[:-1]) * BYTES[config.fluid.storage] * CROSSING[config.simulation.lattice]
+    return 4e-6 * rates["message_us"] + 2 * face / (1e9 * rates["message_gb_s"])
+
+
+def disk_items(config: LbmDemConfig) -> dict[str, float]:
+    """Bytes of the whole run."""
+    nodes, d, periods = math.prod(config.points), config.dimensions, config.periods
+
+    def times(every: int) -> int:
+        return config.n_steps // every + 1 if every else 0
+
+    return {
+        "series": times(periods["series"]) * SERIES_BYTES,
+        "fields": times(periods["field"]) * nodes * 8 * (1 + d),
+        "grains": times(periods["particle"]) * grain_count(config) * 8 * 12,
+        "checkpoints, two": 2 * nodes * VELOCITIES[config.simulation.lattice] * BYTES[config.fluid.storage],
+    }

@@ -1,0 +1,107 @@
+"""What a case makes the program do and hold: kernels, arrays and messages of a step, before anything is allocated.
+
+`check --plan` prints it and `estimate` adds it up, so what a scene does not contain shows as missing lines and bytes.
+"""
+
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+from hpcpic.core.space.domain import even_cuts
+from lbmdem.config import LbmDemConfig
+
+VELOCITIES = {"D2Q9": 9, "D3Q19": 19}
+CROSSING = {"D2Q9": 3, "D3Q19": 5}  # populations that leave through one face of a slab
+BYTES = {"double": 8, "single": 4, "half": 2}
+TYPES = {"double": "float64", "single": "float32", "half": "int16"}
+LINKS = {2: 5.1, 3: 5.72}  # per node of a grain's perimeter, or per node of its surface
+
+
+@dataclass(frozen=True, slots=True)
+class Array:
+    """One array of one rank, of the rank with the most rows."""
+
+    name: str
+    shape: tuple[int, ...]
+    dtype: str
+
+    @property
+    def bytes(self) -> int:
+        size = int("".join(c for c in self.dtype if c.isdigit())) // 8
+        return math.prod(self.shape) * size
+
+
+def grain_count(config: LbmDemConfig) -> int:
+    return sum(len(some.position) or some.diameters.count for some in config.grains)
+
+
+def mean_diameter(config: LbmDemConfig) -> float:
+    """Of all grains, in m."""
+    sizes = [
+        (some.diameter or 0.5 * (some.diameters.min + some.diameters.max), len(some.position) or some.diameters.count)
+        for some in config.grains
+    ]
+    return sum(size * n for size, n in sizes) / max(1, sum(n for _, n in sizes))
+
+
+def link_count(config: LbmDemConfig) -> int:
+    """Links between fluid and grains, of all ranks."""
+    d, nodes = config.dimensions, mean_diameter(config) / config.domain.spacing
+    surface = math.pi * nodes if d == 2 else math.pi * nodes * nodes
+    return round(grain_count(config) * surface * LINKS[d])
+
+
+def moving(config: LbmDemConfig) -> bool:
+    return any(some.moving for some in config.grains)
+
+
+def kernels(config: LbmDemConfig) -> list[str]:
+    """The compiled kernels of a step, with what they are made for."""
+    fluid, coupling = config.fluid, config.coupling
+    forced = ", body force" if any(fluid.body_force) or config.shaking else ""
+    lines = [f"sweep      {config.simulation.lattice}, {fluid.collision}, {fluid.storage}{forced}, in place"]
+    kinds = sorted({face.type for face in config.boundary if face.type != "wall"})
+    lines += [f"faces      {' and '.join(kinds)} (Zou & He)"] if kinds else []
+    if config.grains or config.obstacle:
+        kind = "moving grains" if moving(config) and not coupling.frozen else "fixed, coefficients kept"
+        lines.append(f"links      {coupling.bounce_back}, {kind}")
+    if moving(config):
+        lines += [] if coupling.frozen else ["solid      incremental", f"refill     {coupling.refill}"]
+        lines.append(f"contacts   {config.contact.tangential} friction, velocity Verlet")
+    return lines
+
+
+def arrays(config: LbmDemConfig, ranks: int) -> Iterator[Array]:
+    points = config.points[::-1]
+    rows = even_cuts(points[0], ranks)[1] + 2
+    real = TYPES[config.fluid.storage]
+    lanes = 64 // BYTES[config.fluid.storage]
+    across = -(-points[-1] // lanes) * lanes + 2 * lanes  # a halo of one vector on both sides
+    nodes = (rows, *(n + 2 for n in points[1:-1]), across)
+    yield Array("populations", (VELOCITIES[config.simulation.lattice], *nodes), real)
+    if config.grains or config.obstacle:
+        yield Array("solid", nodes, "int32")
+        yield Array("links", (link_count(config) // ranks, 4), "float64")
+    n = grain_count(config)
+    if moving(config):
+        yield Array("grains", (n // ranks + 1, 8 * config.dimensions), "float64")
+
+
+def messages(config: LbmDemConfig, ranks: int) -> list[str]:
+    """What one rank sends in a step."""
+    if ranks == 1:
+        return ["none: one rank sends no messages"]
+    face = math.prod(config.points[:-1]) * BYTES[config.fluid.storage] * CROSSING[config.simulation.lattice]
+    lines = [f"populations  2 of {face} bytes"]
+    if moving(config):
+        lines += ["grains       2, those near a slab's ends; in every substep", "forces       2, fixed point"]
+    return lines
+
+
+def plan(config: LbmDemConfig, ranks: int, threads: int) -> list[str]:
+    """Lines for `check --plan`."""
+    lines = ["kernels of a step", *(f"  {line}" for line in kernels(config)), "arrays per rank"]
+    for array in arrays(config, ranks):
+        shape = " x ".join(map(str, array.shape))
+        lines.append(f"  {array.name:<26}{shape:<24}{array.dtype:<12}{array.bytes / 2**20:10.2f} MiB")
+    return [*lines, "messages of a step, per rank", *(f"  {line}" for line in messages(config, ranks))]

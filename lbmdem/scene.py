@@ -1,0 +1,167 @@
+"""What a case contains, the same on all ranks: the lattice, its faces and solids, and the grains at the start."""
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lbmdem.config import AXES, Boundary, LbmDemConfig
+from lbmdem.units import Units
+
+CS2 = 1.0 / 3.0  # speed of sound squared, in lattice units
+
+
+@dataclass(slots=True)
+class FaceScene:
+    """One side of the box in lattice units; rate: change of the density in a step."""
+
+    kind: str  # "wall", "pressure", "velocity", "periodic"
+    velocity: tuple[float, ...]
+    density: float = 1.0
+    rate: float = 0.0
+
+
+@dataclass(frozen=True, slots=True)
+class GrainTable:
+    """All grains of the case at the start, in SI units; in 2D per metre of depth. set[n]: index of the set."""
+
+    x: NDArray[np.float64]
+    v: NDArray[np.float64]
+    omega: NDArray[np.float64]
+    radius: NDArray[np.float64]
+    mass: NDArray[np.float64]
+    inertia: NDArray[np.float64]
+    fixed: NDArray[np.bool_]
+    set: NDArray[np.int32]
+
+    def __len__(self) -> int:
+        return len(self.radius)
+
+
+class Scene:
+    """tau, force, faces and speeds in lattice units; sizes, grains and gravity in SI units."""
+
+    def __init__(self, config: LbmDemConfig) -> None:
+        self.config = config
+        self.dimensions = d = config.dimensions
+        self.lattice = config.simulation.lattice
+        self.points = config.points  # along x, y(, z)
+        self.tau, self.time_step = config.tau, config.time_step
+        self.units = Units(config.domain.spacing, self.time_step, config.fluid.density, d)
+        self.periodic = tuple(axis in config.domain.periodic for axis in AXES[:d])
+        self.faces = self._faces()
+        self.acceleration = np.array(config.fluid.body_force) / self.units.acceleration
+        self.gravity = np.array(config.gravity)
+        self.set_names = [grains.name for grains in config.grains]
+
+    def _faces(self) -> dict[str, FaceScene]:
+        given = {boundary.face: boundary for boundary in self.config.boundary}
+        faces = {}
+        for axis, periodic in zip(AXES[: self.dimensions], self.periodic):
+            for side in "-+":
+                name = axis + side
+                still = (0.0,) * self.dimensions
+                if periodic:
+                    faces[name] = FaceScene("periodic", still)
+                elif name in given:
+                    faces[name] = self._face(given[name])
+                else:
+                    faces[name] = FaceScene("wall", still)
+        return faces
+
+    def _face(self, boundary: Boundary) -> FaceScene:
+        units, rho = self.units, self.config.fluid.density
+        velocity = tuple(u / units.velocity for u in boundary.velocity)
+        density = boundary.density / rho if boundary.density is not None else 1.0
+        if boundary.pressure is not None:
+            density += boundary.pressure / units.pressure / CS2
+        rate = boundary.pressure_rate * units.dt / units.pressure / CS2
+        return FaceScene(boundary.type, velocity, density, rate)
+
+    def body_force(self, step: float) -> NDArray[np.float64]:
+        """Acceleration of the fluid at a step, in lattice units: of the case, and of the shaken frame."""
+        return self.acceleration - self.shaken(step * self.time_step) / self.units.acceleration
+
+    def shaken(self, t: float) -> NDArray[np.float64]:
+        """Acceleration of the frame at time t, in m/s2."""
+        shaking = self.config.shaking
+        if shaking is None:
+            return np.zeros(self.dimensions)
+        return np.array(shaking.acceleration) * math.sin(2.0 * math.pi * shaking.frequency * t)
+
+    def effective_gravity(self, mass: NDArray, volume: NDArray) -> NDArray[np.float64]:
+        """Gravity less buoyancy of grains [n, d], m/s2: the fluid's pressure is the one beyond its own weight."""
+        share = 1.0 - self.config.fluid.density * volume / mass
+        return share[:, None] * self.gravity
+
+    def initial_velocity(self, axes: tuple[NDArray, ...]) -> NDArray[np.float64]:
+        """Velocity of the fluid at nodes, lattice units [..., d]; axes: coordinates x, y(, z) that broadcast, in m."""
+        shape = np.broadcast_shapes(*(axis.shape for axis in axes))
+        u = np.zeros((*shape, self.dimensions))
+        initial = self.config.fluid.initial
+        if initial is None:
+            return u
+        speed = initial.speed / self.units.velocity
+        kx, ky = (2.0 * math.pi / length for length in self.config.domain.size[:2])
+        x, y = axes[0], axes[1]
+        if initial.flow == "taylor-green":
+            u[..., 0] = -speed * np.cos(kx * x) * np.sin(ky * y)
+            u[..., 1] = speed * kx / ky * np.sin(kx * x) * np.cos(ky * y)
+        else:  # doubly periodic shear layer (Minion & Brown 1997), kappa 80
+            s = y / self.config.domain.size[1]
+            u[..., 0] = speed * np.where(s <= 0.5, np.tanh(80.0 * (s - 0.25)), np.tanh(80.0 * (0.75 - s)))
+            u[..., 1] = 0.05 * speed * np.sin(kx * x + 0.5 * math.pi)
+        return u
+
+    def initial_density(self, axes: tuple[NDArray, ...]) -> NDArray[np.float64]:
+        """Density at nodes in lattice units: of rest, with the pressure of the initial flow where it has one,
+        and linear between two pressure faces."""
+        shape = np.broadcast_shapes(*(axis.shape for axis in axes))
+        rho = np.ones(shape)
+        initial = self.config.fluid.initial
+        if initial is not None and initial.flow == "taylor-green":
+            speed = initial.speed / self.units.velocity
+            kx, ky = (2.0 * math.pi / length for length in self.config.domain.size[:2])
+            ratio = kx * kx / (ky * ky)
+            waves = ratio * np.cos(2.0 * ky * axes[1]) + np.cos(2.0 * kx * axes[0])
+            rho -= 0.25 * speed * speed / CS2 * waves
+        for axis, name in enumerate(AXES[: self.dimensions]):
+            low, high = self.faces[name + "-"], self.faces[name + "+"]
+            if low.kind == high.kind == "pressure" and low.density != high.density:
+                share = axes[axis] / self.config.domain.size[axis]
+                rho += (low.density - 1.0) * (1.0 - share) + (high.density - 1.0) * share
+        return rho
+
+
+def grain_table(config: LbmDemConfig, positions: list[NDArray], radii: list[NDArray]) -> GrainTable:
+    """Grains of all sets one after the other; positions[k][n, d] and radii[k][n] of set k in m."""
+    d = config.dimensions
+    sets = [np.full(len(r), k, np.int32) for k, r in enumerate(radii)]
+    counts = [len(r) for r in radii]
+    x = np.concatenate([p.reshape(-1, d) for p in positions]) if positions else np.zeros((0, d))
+    radius = np.concatenate(radii) if radii else np.zeros(0)
+
+    def each(values: list) -> NDArray:
+        return np.repeat(np.array(values), counts, axis=0) if values else np.zeros(0)
+
+    density = each([grains.density for grains in config.grains])
+    volume = volumes(radius, d)
+    mass = density * volume
+    inertia = (0.5 if d == 2 else 0.4) * mass * radius * radius
+    turning = 1 if d == 2 else 3
+    return GrainTable(
+        x=x,
+        v=each([grains.velocity for grains in config.grains]).reshape(-1, d),
+        omega=each([grains.angular_velocity for grains in config.grains]).reshape(-1, turning),
+        radius=radius,
+        mass=mass,
+        inertia=inertia,
+        fixed=each([not grains.moving for grains in config.grains]).astype(np.bool_),
+        set=np.concatenate(sets) if sets else np.zeros(0, np.int32),
+    )
+
+
+def volumes(radius: NDArray, d: int) -> NDArray:
+    """m3 of spheres, m2 of discs."""
+    return np.pi * radius * radius * (1.0 if d == 2 else 4.0 / 3.0 * radius)
