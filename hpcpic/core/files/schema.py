@@ -221,7 +221,13 @@ def limit_words(field: FieldInfo) -> str:
     inner = typing.get_args(field.annotation)[:1] if typing.get_origin(field.annotation) is tuple else ()
     limits = [
         *field.metadata,
-        *(limit for kind in inner for info in typing.get_args(kind)[1:] for limit in info.metadata),
+        *(
+            limit
+            for kind in inner
+            if typing.get_origin(kind) is Annotated
+            for info in typing.get_args(kind)[1:]
+            for limit in info.metadata
+        ),
     ]
     return ", ".join(
         f"{mark} {getattr(limit, name):g}"
@@ -291,7 +297,8 @@ def value_text(value: Any) -> str:
             ESCAPED.get(c) or (c if c >= " " and c != "\x7f" else f"\\x{ord(c):02x}") for c in value
         )
         return f'"{escaped}"'
-    return "[" + ", ".join(value_text(item) for item in value) + "]"
+    items = ", ".join(value_text(item) for item in value)
+    return f"({items})" if value and isinstance(value[0], tuple) else f"[{items}]"
 
 
 ESCAPED = {"\n": "\\n", "\t": "\\t", "\r": "\\r", "\f": "\\f", "\\": "\\\\", '"': '\\"'}
