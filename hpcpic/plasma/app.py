@@ -12,6 +12,7 @@ from hpcpic.plasma.plan import plan
 
 if TYPE_CHECKING:
     from hpcpic.core.cli.figures import Plot
+    from hpcpic.core.cli.knobs import Knobs
 
 
 def load() -> type:
@@ -54,6 +55,12 @@ def plots() -> "Mapping[str, Plot]":
     return PLOTS
 
 
+def knobs(config: PlasmaConfig) -> "Knobs":
+    from hpcpic.plasma.knobs import knobs_of
+
+    return knobs_of(config)
+
+
 APP = App(
     name="hpcpic",
     title="electrostatic particle-in-cell plasma",
@@ -74,4 +81,5 @@ APP = App(
     bench=bench,
     plots=plots,
     plan=plan,
+    knobs=knobs,
 )

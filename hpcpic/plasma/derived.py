@@ -99,7 +99,9 @@ def stability(config: PlasmaConfig) -> Iterator[Derived]:
     legal = math.copysign(rounded_down(1.19 / wp), dt) if wp else dt
     good = math.copysign(rounded_down(0.2 / wp), dt) if wp else dt
     cure = "" if verdict == "ok" else f"time_step = {legal:g} is the nearest legal one, {good:g} is accurate"
-    yield Derived("time step", "wp dt", step, "", limit, verdict, source, cure, TIME_STEP, step < 2)
+    yield Derived(
+        "time step", "wp dt", step, "", limit, verdict, source, cure, TIME_STEP, step < 2, stable_below=2.0
+    )
     magnetic = math.hypot(*config.field.magnetic)
     if magnetic:
         yield from turning(config, magnetic)

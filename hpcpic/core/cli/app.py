@@ -15,6 +15,7 @@ from hpcpic.core.files.schema import Section
 
 if TYPE_CHECKING:
     from hpcpic.core.cli.figures import Plot
+    from hpcpic.core.cli.knobs import Knobs
 
 
 @dataclass(frozen=True, slots=True)
@@ -25,7 +26,7 @@ class App:
     time. load(): the class with the closed shape. until(config, t): the --set list that ends the run at time
     t [s]. free: keys, or groups of keys, that a restart may change. bench(quick): kernel rates of this
     machine. plan(config, ranks, threads): lines on kernels, arrays and messages. plots(): the figures of a
-    run by name. command: what starts this program.
+    run by name. knobs(config): what `tradeoff` and `stability` may turn. command: what starts this program.
     """
 
     name: str
@@ -40,6 +41,7 @@ class App:
     bench: Callable[[bool], Mapping[str, float]] | None = None
     plan: Callable[[Any, int, int], list[str]] | None = None
     plots: Callable[[], Mapping[str, Plot]] | None = None
+    knobs: Callable[[Any], Knobs] | None = None
     command: tuple[str, ...] = field(default=())
 
     @property

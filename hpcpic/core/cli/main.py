@@ -22,6 +22,8 @@ VERBS = {  # verb -> the module of core.cli that makes it
     "run": "run",
     "restart": "restart",
     "sweep": "sweep",
+    "tradeoff": "tradeoff",
+    "stability": "stability",
     "compare": "compare",
     "plot": "plot",
     "report": "report",

@@ -1,5 +1,6 @@
 """Numbers that follow from a case, with limits: what `check` prints and what stops a run before it starts."""
 
+import math
 from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import Literal
@@ -13,6 +14,7 @@ class Derived:
     """One number. limit: in words, as "< 2". cure: what to change, with a value that is legal.
 
     verdict "fail" refuses the run; forceable: --force turns that into a warning. key: the setting to change.
+    stable_below, stable_above: where theory ends the stability of the scheme, for `stability` and `tradeoff`.
     """
 
     name: str
@@ -25,6 +27,8 @@ class Derived:
     cure: str = ""
     key: Path = ()
     forceable: bool = False
+    stable_below: float = math.inf
+    stable_above: float = -math.inf
 
     def __str__(self) -> str:
         unit = f" {self.unit}" if self.unit else ""

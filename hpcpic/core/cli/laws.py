@@ -1,0 +1,170 @@
+"""How the error of a quantity follows from the size of each knob, and the cheapest sizes for a wanted error.
+
+Sources: Roache, Verification and Validation in Computational Science and Engineering (1998): observed order, and
+the safety factor 1.25, or 3 with the theory's order where the observed one is implausible; Celik et al., J. Fluids
+Eng. 130 (2008): orders from levels whose ratio is not constant. Errors are relative to the norm of the quantity.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+PLAUSIBLE = (0.5, 1.5)  # times the theory's order
+SAFETY, SAFETY_IMPLAUSIBLE = 1.25, 3.0
+NOTHING = 1e-11  # relative difference between levels that counts as none
+LEAST_COST = 0.1  # exponent: a knob that costs nothing gets a part of the budget all the same
+BEYOND = 1.3  # times the coarsest size measured: no recommendation is coarser
+
+
+@dataclass(frozen=True, slots=True)
+class Level:
+    """One pilot: size of the knob, value[n] of the quantity, seconds and counted work."""
+
+    size: float
+    value: NDArray[np.float64]
+    seconds: float
+    work: float
+
+
+@dataclass(frozen=True, slots=True)
+class Law:
+    """Of one knob. sizes[m] and errors[m] ascend; signed[n] is the error of the case itself, relative.
+
+    order: observed; used: the one calculated with; safety: Roache's factor. cost: exponent c of seconds ~ size^-c.
+    """
+
+    name: str
+    sizes: NDArray[np.float64]
+    errors: NDArray[np.float64]
+    signed: NDArray[np.float64]
+    here: float
+    order: float
+    theory: float
+    used: float
+    safety: float
+    cost: float
+
+    @property
+    def idle(self) -> bool:
+        """Whether the knob has no effect."""
+        return bool(self.errors[-1] <= NOTHING)
+
+    @property
+    def asymptotic(self) -> bool:
+        return self.safety == SAFETY
+
+    def error(self, size: float) -> float:
+        """Of a size, without the safety factor: a power law between the levels and beyond them."""
+        if self.idle:
+            return 0.0
+        x, xs, ys = math.log(size), np.log(self.sizes), np.log(np.maximum(self.errors, 1e-300))
+        if x <= xs[0]:
+            return math.exp(ys[0] + self.used * (x - xs[0]))
+        if x >= xs[-1]:
+            return math.exp(ys[-1] + self.used * (x - xs[-1]))
+        return math.exp(np.interp(x, xs, ys))
+
+    def bound(self, size: float) -> float:
+        """The error with its safety factor."""
+        return self.safety * self.error(size)
+
+    def size(self, bound: float) -> float:
+        """The largest size whose error, with the safety factor, is within `bound`, and that the pilots speak for."""
+        most = BEYOND * float(self.sizes[-1])
+        if self.bound(most) <= bound:
+            return most
+        least = 1e-4 * float(self.sizes[0])
+        for _ in range(60):
+            middle = math.sqrt(least * most)
+            least, most = (middle, most) if self.bound(middle) <= bound else (least, middle)
+        return least
+
+
+def norm(value: NDArray) -> float:
+    return float(np.sqrt(np.mean(np.square(value))))
+
+
+def observed_order(sizes: Sequence[float], values: Sequence[NDArray]) -> float:
+    """p with (h3^p - h2^p) / (h2^p - h1^p) = |q3 - q2| / |q2 - q1|, sizes ascending; nan when the values turn back."""
+    h1, h2, h3 = sizes
+    first, second = values[1] - values[0], values[2] - values[1]
+    if float(np.dot(first, second)) <= 0.0:
+        return math.nan
+    wanted = norm(second) / norm(first)
+    low, high = 0.02, 12.0
+    for _ in range(60):
+        p = 0.5 * (low + high)
+        ratio = (h3**p - h2**p) / (h2**p - h1**p)
+        low, high = (p, high) if ratio < wanted else (low, p)
+    return 0.5 * (low + high)
+
+
+def fit(name: str, levels: Sequence[Level], here: float, theory: float, scale: float) -> Law:
+    """The law of one knob from three levels or more; `here` is the case's own size, `scale` the quantity's norm."""
+    levels = sorted(levels, key=lambda level: level.size)
+    sizes = np.array([level.size for level in levels])
+    values = [level.value / scale for level in levels]
+    mine = int(np.argmin(np.abs(np.log(sizes / here))))
+    spread = max(norm(value - values[0]) for value in values)
+    cost = _slope(np.log(sizes), -np.log([level.seconds for level in levels]))
+    if spread <= NOTHING:
+        nothing = np.zeros_like(sizes)
+        return Law(name, sizes, nothing, np.zeros_like(values[0]), here, math.nan, theory, theory, SAFETY, cost)
+    order = observed_order(sizes[:3], values[:3])
+    good = math.isfinite(order) and PLAUSIBLE[0] * theory < order < PLAUSIBLE[1] * theory
+    used, safety = (order, SAFETY) if good else (theory, SAFETY_IMPLAUSIBLE)
+    first = values[1] - values[0]
+    error = first / ((sizes[1] / sizes[0]) ** used - 1.0)  # of the finest level
+    signed = [value - values[0] + error for value in values]
+    errors = np.array([norm(value) for value in signed])
+    if not good:  # the coarser pair may say more
+        other = norm(values[2] - values[1]) / ((sizes[2] / sizes[0]) ** used - (sizes[1] / sizes[0]) ** used)
+        errors = np.maximum(errors, other)
+    return Law(name, sizes, np.maximum.accumulate(errors), signed[mine], here, order, theory, used, safety, cost)
+
+
+def _slope(x: NDArray, y: NDArray) -> float:
+    return float(np.polyfit(x, y, 1)[0])
+
+
+def weights(laws: Sequence[Law]) -> dict[str, float]:
+    """c/p of each knob that has an effect; the share of the budget is this over their sum."""
+    return {law.name: max(law.cost, LEAST_COST) / law.used for law in laws if not law.idle}
+
+
+def cheapest(laws: Sequence[Law], budget: float, most: Mapping[str, float]) -> dict[str, float]:
+    """Sizes of least cost with the sum of the bounds within the budget: each gets the share (c/p) / sum(c/p).
+
+    Lagrange's condition for cost prod s^-c and error sum A s^p. `most`: sizes not to exceed, such as 0.8 of a limit
+    of stability; what a knob cannot use goes to the others.
+    """
+    fixed: dict[str, float] = {}
+    shares = weights(laws)
+    while True:
+        free = [law for law in laws if law.name not in fixed]
+        left = budget - sum(law.bound(fixed[law.name]) for law in laws if law.name in fixed)
+        total = sum(shares.get(law.name, 0.0) for law in free) or 1.0
+        sizes = {law.name: law.size(left * shares.get(law.name, 0.0) / total) for law in free}
+        held = {
+            law.name: cap
+            for law in free
+            if sizes[law.name] >= (cap := min(most.get(law.name, math.inf), BEYOND * float(law.sizes[-1])))
+        }
+        if not held:
+            return {law.name: fixed.get(law.name) or sizes[law.name] for law in laws}
+        fixed |= held
+
+
+def relative_cost(laws: Sequence[Law], sizes: Mapping[str, float]) -> float:
+    """Of the sizes, where the case itself has cost 1."""
+    return math.prod((sizes[law.name] / law.here) ** -max(law.cost, 0.0) for law in laws)
+
+
+def slope(laws: Sequence[Law]) -> float:
+    """Theory's exponent of cost ~ error^-slope along the front: the sum of c/p."""
+    return sum(max(law.cost, 0.0) / law.used for law in laws if not law.idle)

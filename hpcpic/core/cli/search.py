@@ -1,0 +1,327 @@
+"""The search of `tradeoff`: laws of the knobs from pilots, the cheapest settings for a tolerance, a verification."""
+
+from __future__ import annotations
+
+import itertools
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hpcpic.core.cli.knobs import Choice, Knob, Quantity
+from hpcpic.core.cli.laws import Law, Level, cheapest, fit, norm, relative_cost
+from hpcpic.core.cli.pilot import Pilot, Pilots, Settings, value_of
+from hpcpic.core.errors import CheckFailed
+from hpcpic.core.files.config import dotted
+
+LADDERS = ((2.0, 4.0), (0.5, 2.0), (0.5, 0.25))  # times the case's own size: coarser where that is legal
+STRIDE = 4.0  # to the next level of a knob that shows little effect
+PILOTS = 10  # pilots of the case's own cost that a search may take, or this share of the run itself:
+SHARE = 0.25
+LIMIT_MARGIN = 0.8  # of the end of stability
+WORTH = 0.8  # times the cost: another scheme must save this much to be chosen
+DEAR = 1.5  # times the cost of the case, by the estimate: a scheme that is not tried
+NEIGHBOUR = 1.25
+TRIES = 3
+
+
+@dataclass(frozen=True, slots=True)
+class Scheme:
+    """A combination of discrete settings: its cost beside the case's, its own error, and its laws."""
+
+    others: Settings
+    cost: float
+    floor: float
+    laws: tuple[Law, ...]
+
+    @property
+    def words(self) -> str:
+        return ", ".join(f"{key.rpartition('.')[2]} = {value}" for key, value in self.others.items())
+
+
+@dataclass(frozen=True, slots=True)
+class Proposal:
+    """Sizes in a scheme, the error each may make (with safety), and the cost beside the case's own."""
+
+    scheme: Scheme
+    sizes: Mapping[str, float]
+    shares: Mapping[str, float]
+    cost: float
+
+    @property
+    def bound(self) -> float:
+        return sum(self.shares.values())
+
+
+@dataclass(frozen=True, slots=True)
+class Verified:
+    """A proposal that was run: pilot, its measured error, those of the coarser and finer neighbour."""
+
+    proposal: Proposal
+    pilot: Pilot
+    error: float
+    neighbours: Mapping[str, float]
+    warnings: list[str] = field(default_factory=list)
+
+
+class Search:
+    """Of one quantity of one case. Errors are relative to the norm of the reference."""
+
+    def __init__(
+        self, pilots: Pilots, knobs: Sequence[Knob], choices: Sequence[Choice], quantity: Quantity, wanted: float
+    ) -> None:
+        self.pilots, self.knobs, self.choices, self.quantity = pilots, knobs, choices, quantity
+        self.wanted = wanted  # the least error that matters
+        self.own = pilots.sizes_of(pilots.read.config)
+        self.base = self.pilot(self.own, words="the case itself")
+        self.value = self.measured(self.base)
+        self.scale = abs(quantity.exact) if quantity.exact else norm(self.value)
+        if not self.scale:
+            raise CheckFailed(f"{quantity.name} is zero in the case itself: no relative error")
+        self.levels: dict[str, list[Level]] = {}
+        self._caps: dict[str, float] = {}
+        self.laws: dict[str, Law] = {}
+        for knob in knobs:
+            self.climb(knob)
+        while self.finer():
+            pass
+        self.schemes = list(self.combinations())
+
+    # ------------------------------------------------------------------------------------------ pilots
+
+    def pilot(self, sizes: Mapping[str, float], others: Settings | None = None, words: str = "") -> Pilot:
+        return self.pilots.run(sizes, self.quantity.time, others, words=words)
+
+    def measured(self, pilot: Pilot) -> NDArray[np.float64]:
+        return value_of(pilot, self.quantity.measure)
+
+    @property
+    def allowance(self) -> float:
+        """Seconds that the search may take, without the verification."""
+        production = self.base.seconds * self.pilots.knobs.time / self.quantity.time
+        return max(PILOTS * self.base.seconds, SHARE * production)
+
+    def affordable(self, seconds: float) -> bool:
+        return self.pilots.spent + seconds <= self.allowance
+
+    def climb(self, knob: Knob) -> None:
+        """Three levels of one knob, all else as in the case; more while it shows little effect."""
+        name = knob.name
+        self.levels[name] = [self.base.level(name, self.value)]
+        ladder = next((l for l in LADDERS if all(self.legal(name, self.own[name] * f) for f in l)), None)
+        if ladder is None:
+            raise CheckFailed(f"{name}: no three legal levels about {knob.shown(self.own[name]):.4g} {knob.unit}")
+        for factor in ladder:
+            self.add(knob, self.own[name] * factor)
+        self.refit(knob)
+        while True:
+            law = self.laws[name]
+            coarsest = float(law.sizes[-1])
+            low = law.bound(coarsest) < 0.25 * self.wanted
+            if not low or len(law.sizes) > 5 or not self.legal(name, coarsest * STRIDE):
+                return
+            if not self.add(knob, coarsest * STRIDE):
+                return
+            self.refit(knob)
+
+    def legal(self, name: str, size: float, margin: float = 1.0) -> bool:
+        return self.pilots.legal({**self.own, name: size}, self.quantity.time, {}, margin)
+
+    def add(self, knob: Knob, size: float) -> bool:
+        """One more level; False when it is one that is there, or shows nothing."""
+        name = knob.name
+        pilot = self.pilot({**self.own, name: size}, words=f"{name} x {size / self.own[name]:.3g}")
+        if any(abs(math.log(pilot.sizes[name] / level.size)) < 0.05 for level in self.levels[name]):
+            return False
+        if len(self.levels[name]) >= 3 and pilot.exit_code:
+            return False
+        self.levels[name].append(pilot.level(name, self.measured(pilot)))
+        return True
+
+    def refit(self, knob: Knob) -> None:
+        if len(self.levels[knob.name]) < 3:
+            raise CheckFailed(f"{knob.name}: fewer than three different levels can be run")
+        self.laws[knob.name] = fit(knob.name, self.levels[knob.name], self.own[knob.name], knob.order, self.scale)
+
+    def finer(self) -> bool:
+        """A finer level of the knob that the reference is least sure of, while that helps and is affordable."""
+        doubtful = max(self.laws.values(), key=doubt)
+        knob = next(k for k in self.knobs if k.name == doubtful.name)
+        size = 0.5 * float(doubtful.sizes[0])
+        seconds = self.base.seconds * 2.0 ** max(doubtful.cost, 0.0) * (self.own[knob.name] / (2 * size))
+        if self.quantity.exact is not None or self.uncertainty <= 0.5 * self.wanted:
+            return False
+        if not self.affordable(seconds) or not self.legal(knob.name, size) or not self.add(knob, size):
+            return False
+        self.refit(knob)
+        return True
+
+    # --------------------------------------------------------------------------------------- reference
+
+    @property
+    def reference(self) -> NDArray[np.float64]:
+        """The exact value, or the case's with every knob's error taken off (Richardson)."""
+        if self.quantity.exact is not None:
+            return np.full_like(self.value, self.quantity.exact)
+        return self.value - self.scale * sum(law.signed for law in self.laws.values())
+
+    @property
+    def uncertainty(self) -> float:
+        """Of the reference, relative: what the safety factors add to the error of the case."""
+        return 0.0 if self.quantity.exact is not None else sum(doubt(law) for law in self.laws.values())
+
+    @property
+    def floor(self) -> float:
+        """Error of the case that no knob accounts for; known where the exact value is."""
+        if self.quantity.exact is None:
+            return 0.0
+        return norm((self.value - self.reference) / self.scale - sum(law.signed for law in self.laws.values()))
+
+    def error(self, value: NDArray) -> float:
+        return norm(value - self.reference) / self.scale
+
+    # ----------------------------------------------------------------------------------------- schemes
+
+    def combinations(self) -> list[Scheme]:
+        """The case's scheme and those that other discrete settings make of it, each tried by one pilot."""
+        tried = [
+            [None, *filter(None, (self.alternative(choice, value) for value in choice.others))]
+            for choice in self.choices
+        ]
+        return [combined(tuple(self.laws.values()), picks) for picks in itertools.product(*tried)]
+
+    def alternative(self, choice: Choice, value: str) -> Alternative | None:
+        """One other discrete setting, unless it is too dear or does not run."""
+        others = {dotted(choice.key): value}
+        estimate = self.pilots.app.estimate
+        ranks, threads = self.pilots.shape
+        here, there = (
+            estimate(config, ranks, threads, {}).step_seconds
+            for config in (self.base.config, self.pilots.config(self.own, self.quantity.time, others))
+        )
+        legal = self.pilots.legal(self.own, self.quantity.time, others)
+        if there > DEAR * here or not legal or not self.affordable(self.base.seconds):
+            return None
+        pilot = self.pilot(self.own, others, words=f"{choice.name} = {value}")
+        if pilot.exit_code:
+            return None
+        change = (self.measured(pilot) - self.value) / self.scale
+        return Alternative(choice, others, pilot.seconds / self.base.seconds, change)
+
+    # -------------------------------------------------------------------------------------- proposals
+
+    def propose(self, tolerance: float) -> Proposal:
+        """The cheapest settings by the laws whose errors together are within the tolerance."""
+        made = [self.proposed(scheme, tolerance) for scheme in self.schemes]
+        found = [proposal for proposal in made if proposal is not None]
+        if not found:
+            raise CheckFailed(
+                f"errors that no knob accounts for are {self.floor:.2g}, as large as the tolerance {tolerance:.2g}"
+            )
+        best = min(found, key=lambda p: p.cost)
+        return best if not best.scheme.others or best.cost < WORTH * found[0].cost else found[0]
+
+    def proposed(self, scheme: Scheme, tolerance: float) -> Proposal | None:
+        budget = tolerance - self.floor - scheme.floor
+        if budget <= 0.25 * tolerance:
+            return None
+        sizes = cheapest(scheme.laws, budget, self.caps())
+        for _ in range(20):
+            if self.pilots.legal(sizes, self.quantity.time, scheme.others, LIMIT_MARGIN):
+                break
+            sizes = {name: min(size, max(0.9 * size, self.own[name])) for name, size in sizes.items()}
+        real = self.pilots.sizes_of(self.pilots.config(sizes, self.quantity.time, scheme.others))
+        sizes = {law.name: real[law.name] for law in scheme.laws}
+        shares = {law.name: law.bound(sizes[law.name]) for law in scheme.laws}
+        if self.floor:
+            shares["rest"] = self.floor
+        shares |= {"scheme": scheme.floor} if scheme.floor else {}
+        return Proposal(scheme, sizes, shares, scheme.cost * relative_cost(scheme.laws, sizes))
+
+    def caps(self) -> dict[str, float]:
+        """Sizes at LIMIT_MARGIN of the end of stability, or where the case is refused."""
+        if not self._caps:
+            for law in self.laws.values():
+                low, high = float(law.sizes[0]), 2.0 * float(law.sizes[-1])
+                if not self.legal(law.name, high, LIMIT_MARGIN):
+                    for _ in range(12):
+                        middle = math.sqrt(low * high)
+                        low, high = (
+                            (middle, high) if self.legal(law.name, middle, LIMIT_MARGIN) else (low, middle)
+                        )
+                    self._caps[law.name] = low
+        return self._caps
+
+    def verify(self, tolerance: float) -> Verified:
+        """Propose, run it and its neighbours; on a miss propose for less. Raises CheckFailed."""
+        if self.uncertainty > 0.5 * tolerance:
+            raise CheckFailed(
+                f"the reference itself is known to {self.uncertainty:.2g} only, tolerance {tolerance:.2g}: "
+                f"ask for {2 * self.uncertainty:.2g}, or start from a finer case"
+            )
+        aim = tolerance
+        for _ in range(TRIES):
+            proposal = self.propose(aim)
+            verified = self.run_and_compare(proposal)
+            total = verified.error + self.uncertainty
+            if total <= tolerance:
+                return verified
+            aim *= 0.8 * min(1.0, tolerance / total)
+        raise CheckFailed(f"{TRIES} settings were run, the last one is off by {total:.2g} (tolerance {tolerance:.2g})")
+
+    def run_and_compare(self, proposal: Proposal) -> Verified:
+        pilot = self.pilot(proposal.sizes, proposal.scheme.others, "recommended")
+        if pilot.exit_code:
+            raise CheckFailed(f"the recommended settings do not run: {pilot.words}")
+        neighbours, warnings = {}, []
+        laws = {law.name: law for law in proposal.scheme.laws}
+        for words, factor in (("coarser", NEIGHBOUR), ("finer", 1.0 / NEIGHBOUR)):
+            sizes = {name: size if laws[name].idle else size * factor for name, size in proposal.sizes.items()}
+            if not self.pilots.legal(sizes, self.quantity.time, proposal.scheme.others):
+                continue
+            beside = self.pilot(sizes, proposal.scheme.others, f"{words} neighbour")
+            if beside.exit_code:
+                warnings.append(f"the {words} neighbour does not run: {beside.words}")
+                continue
+            neighbours[words] = self.error(self.measured(beside))
+            bound = sum(law.bound(sizes[law.name]) for law in proposal.scheme.laws) + proposal.scheme.floor + self.floor
+            if neighbours[words] > 2.0 * bound + self.uncertainty:
+                warnings.append(
+                    f"the {words} neighbour is off by {neighbours[words]:.2g}, more than twice the law's {bound:.2g}"
+                )
+        return Verified(proposal, pilot, self.error(self.measured(pilot)), neighbours, warnings)
+
+
+@dataclass(frozen=True, slots=True)
+class Alternative:
+    """One other value of a choice: cost beside the case's, and the change of the quantity, relative."""
+
+    choice: Choice
+    others: Settings
+    cost: float
+    change: NDArray[np.float64]
+
+
+def doubt(law: Law) -> float:
+    """How well the case's own error of this knob is known."""
+    return (law.safety - 1.0) * norm(law.signed)
+
+
+def combined(laws: tuple[Law, ...], picks: Sequence[Alternative | None]) -> Scheme:
+    """Laws of a scheme: a choice that acts on a knob changes that knob's error, another has an error of its own."""
+    others: dict[str, str] = {}
+    cost, floor = 1.0, 0.0
+    for pick in filter(None, picks):
+        others |= pick.others
+        cost *= pick.cost
+        law = next((l for l in laws if l.name == pick.choice.acts_on and not l.idle), None)
+        if law is None:
+            floor += 1.25 * norm(pick.change)
+            continue
+        before = norm(law.signed)
+        factor = max(0.1, (norm(law.signed + pick.change) + doubt(law)) / before)
+        changed = replace(law, errors=law.errors * factor, signed=law.signed + pick.change)
+        laws = tuple(changed if l is law else l for l in laws)
+    return Scheme(others, cost, floor, laws)
