@@ -33,13 +33,16 @@ class Simulation(Section):
     dimensions: Literal[2, 3] | None = setting(None, "2 or 3; by default as many as domain.size has")
     lattice: Literal["D2Q9", "D3Q19"] | None = setting(None, "velocities of the lattice; by default those of 2D or 3D")
     end_time: float = setting(REQUIRED, "time at which the run ends", "s", ge=0)
+    time_step: float | None = setting(
+        None, "time step of a case without fluid, by default a tenth of the limit of stability", "s", gt=0
+    )
     blocks: int = setting(0, "task blocks per rank, 0 = automatic", ge=0)
     random_seed: int = setting(1, "seed of the packings", ge=0)
 
 
 class DomainSection(Section):
     size: Lengths = setting(REQUIRED, "size of the box, [Lx, Ly] or [Lx, Ly, Lz]", "m", min_length=2, max_length=3)
-    spacing: float = setting(REQUIRED, "distance of the lattice nodes", "m", gt=0)
+    spacing: float | None = setting(None, "distance of the lattice nodes; no meaning without fluid", "m", gt=0)
     periodic: Names = setting((), "axes along which the box repeats")
 
 
@@ -170,7 +173,7 @@ class LbmDemConfig(Section):
     description: str = setting("", "one sentence")
     simulation: Simulation
     domain: DomainSection
-    fluid: FluidSection
+    fluid: FluidSection | None = None
     boundary: tuple[Boundary, ...] = ()
     obstacle: tuple[Obstacle, ...] = ()
     grains: tuple[GrainSet, ...] = ()
@@ -185,26 +188,35 @@ class LbmDemConfig(Section):
         return self.simulation.dimensions or len(self.domain.size)
 
     @property
+    def spacing(self) -> float:
+        """Of the nodes, m; without fluid the size of the rows that slabs are cut into."""
+        if self.domain.spacing is not None:
+            return self.domain.spacing
+        return max((largest_diameter(grains) for grains in self.grains), default=max(self.domain.size))
+
+    @property
     def time_step(self) -> float:
-        """dt [s]: as given, or of tau by [5]."""
-        fluid, dx = self.fluid, self.domain.spacing
+        """dt [s]: as given, of tau by [5], or without fluid of the contacts."""
+        fluid = self.fluid
+        if fluid is None:
+            return self.simulation.time_step or 0.1 * contact_step(self)
         if fluid.time_step is not None:
             return fluid.time_step
-        tau = 1.0 if fluid.relaxation_time is None else fluid.relaxation_time
-        return (tau - 0.5) / 3.0 * dx * dx / fluid.viscosity
+        return (self.tau - 0.5) / 3.0 * self.spacing**2 / fluid.viscosity
 
     @property
     def tau(self) -> float:
         """The relaxation time [5], in steps."""
-        fluid, dx = self.fluid, self.domain.spacing
+        fluid = self.fluid
+        assert fluid is not None
         if fluid.time_step is None:
             return 1.0 if fluid.relaxation_time is None else fluid.relaxation_time
-        return 0.5 + 3.0 * fluid.viscosity * fluid.time_step / (dx * dx)
+        return 0.5 + 3.0 * fluid.viscosity * fluid.time_step / self.spacing**2
 
     @property
     def points(self) -> tuple[int, ...]:
         """Nodes along x, y(, z); they sit half a spacing inside the faces."""
-        return tuple(round(length / self.domain.spacing) for length in self.domain.size)
+        return tuple(max(1, round(length / self.spacing)) for length in self.domain.size)
 
     @property
     def n_steps(self) -> int:
@@ -220,7 +232,7 @@ class LbmDemConfig(Section):
         asked = self.output.period
         return {
             "series": steps(asked.series) or max(1, self.n_steps // 100),
-            "field": steps(asked.fields),
+            "field": steps(asked.fields) if self.fluid else 0,
             "particle": steps(asked.grains) if self.grains else 0,
             "checkpoint": steps(asked.checkpoint),
         }
@@ -230,7 +242,12 @@ class LbmDemConfig(Section):
         yield from self.size_faults(d)
         yield from vector_faults(self, d)
         yield from self.face_faults(d)
-        if self.fluid.relaxation_time is not None and self.fluid.time_step is not None:
+        fluid = self.fluid
+        if fluid is None:
+            yield from dry_faults(self)
+        elif self.domain.spacing is None:
+            yield ("domain", "spacing"), "is missing: the distance of the lattice nodes, m"
+        elif fluid.relaxation_time is not None and fluid.time_step is not None:
             yield ("fluid", "time_step"), "give either relaxation_time or time_step"
         for i, obstacle in enumerate(self.obstacle):
             if (obstacle.shape.plane is None) == (obstacle.shape.box is None):
@@ -243,8 +260,7 @@ class LbmDemConfig(Section):
         size, dx = self.domain.size, self.domain.spacing
         if len(size) != d:
             yield ("domain", "size"), f"needs {d} numbers in {d}D (got {len(size)})"
-            return
-        for axis, length in zip(AXES, size):
+        for axis, length in zip(AXES, size if dx is not None else ()):
             cells = length / dx
             if round(cells) < 1:
                 yield ("domain", "size"), f"is less than one spacing along {axis} ({length:g} m of {dx:g} m)"
@@ -282,9 +298,11 @@ class LbmDemConfig(Section):
         simulation = self.simulation.model_copy(
             update={"dimensions": d, "lattice": self.simulation.lattice or ("D2Q9" if d == 2 else "D3Q19")}
         )
-        fluid = self.fluid.model_copy(update={"body_force": padded(self.fluid.body_force, d)})
-        if fluid.relaxation_time is None and fluid.time_step is None:
-            fluid = fluid.model_copy(update={"relaxation_time": 1.0})
+        fluid = self.fluid
+        if fluid is not None:
+            tau = 1.0 if fluid.time_step is None else None
+            update = {"body_force": padded(fluid.body_force, d), "relaxation_time": fluid.relaxation_time or tau}
+            fluid = fluid.model_copy(update=update)
         boundary = tuple(b.model_copy(update={"velocity": padded(b.velocity, d)}) for b in self.boundary)
         obstacle = tuple(
             o.model_copy(update={"velocity": padded(o.velocity, d), "name": o.name or f"obstacle_{i + 1}"})
@@ -306,11 +324,41 @@ def padded(vector: tuple[float, ...], d: int) -> tuple[float, ...]:
     return vector or (0.0,) * d
 
 
+def largest_diameter(grains: GrainSet) -> float:
+    return grains.diameter if grains.diameter is not None else grains.diameters.max
+
+
+def smallest_diameter(grains: GrainSet) -> float:
+    return grains.diameter if grains.diameter is not None else grains.diameters.min
+
+
+def grain_mass(grains: GrainSet, diameter: float, d: int) -> float:
+    """kg; of a disc per metre of depth."""
+    return grains.density * math.pi / (4.0 if d == 2 else 6.0) * diameter**d
+
+
+def contact_step(config: LbmDemConfig) -> float:
+    """The time step at which velocity Verlet fails for the lightest grain among many, s."""
+    masses = [
+        grain_mass(grains, smallest_diameter(grains), config.dimensions) for grains in config.grains if grains.moving
+    ]
+    return math.sqrt(min(masses, default=1.0) / config.contact.normal_stiffness)
+
+
+def dry_faults(config: LbmDemConfig) -> Iterator[tuple[Path, str]]:
+    """What needs a fluid in a case that has none."""
+    if not config.grains:
+        yield ("fluid",), "is missing, and there are no grains either"
+    for i, face in enumerate(config.boundary):
+        if face.type != "wall":
+            yield ("boundary", i, "type"), f'"{face.type}" needs a fluid'
+
+
 def vector_faults(config: LbmDemConfig, d: int) -> Iterator[tuple[Path, str]]:
     """Vectors with another number of components than the case has dimensions."""
     vectors: list[tuple[Path, tuple[float, ...]]] = [
         (("gravity",), config.gravity),
-        (("fluid", "body_force"), config.fluid.body_force),
+        (("fluid", "body_force"), config.fluid.body_force if config.fluid else ()),
     ]
     vectors += [(("boundary", i, "velocity"), face.velocity) for i, face in enumerate(config.boundary)]
     if config.shaking:

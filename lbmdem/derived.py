@@ -19,7 +19,8 @@ ENOUGH_NODES = {2: 10.0, 3: 7.0}  # across a grain (Mansouri et al., section 4)
 
 def derived(config: LbmDemConfig, ranks: int = 1) -> list[Derived]:
     """Every derived number of a completed case that runs on so many ranks."""
-    return [*relaxation(config), *speeds(config), *pressures(config), *grains(config), *sizes(config, ranks)]
+    fluid = [*relaxation(config), *speeds(config), *pressures(config)] if config.fluid else []
+    return [*fluid, *grains(config), *sizes(config, ranks)]
 
 
 def key_of_tau(config: LbmDemConfig) -> Path:
@@ -66,7 +67,7 @@ def known_speed(config: LbmDemConfig) -> float:
 
 def speeds(config: LbmDemConfig) -> Iterator[Derived]:
     """Mach number and grid Reynolds number of the velocities that are known beforehand."""
-    u, dx, dt = known_speed(config), config.domain.spacing, config.time_step
+    u, dx, dt = known_speed(config), config.spacing, config.time_step
     mach = u * dt / dx / math.sqrt(CS2)
     if mach:
         verdict = "ok" if mach <= 0.1 else "warn" if mach < 0.5 else "fail"
@@ -89,7 +90,7 @@ def speeds(config: LbmDemConfig) -> Iterator[Derived]:
 
 def pressures(config: LbmDemConfig) -> Iterator[Derived]:
     """Densities at the pressure faces: the lattice fluid is compressible."""
-    dx, dt, rho = config.domain.spacing, config.time_step, config.fluid.density
+    dx, dt, rho = config.spacing, config.time_step, config.fluid.density
     unit = rho * (dx / dt) ** 2 * CS2  # pressure of a density change of one
     for i, face in enumerate(config.boundary):
         if face.type != "pressure":
@@ -107,9 +108,11 @@ def pressures(config: LbmDemConfig) -> Iterator[Derived]:
 
 def grains(config: LbmDemConfig) -> Iterator[Derived]:
     """Resolution, density ratio and overlap of each set."""
-    d, dx = config.dimensions, config.domain.spacing
+    d, dx = config.dimensions, config.spacing
     for i, some in enumerate(config.grains):
         smallest = some.diameter if some.diameter is not None else some.diameters.min
+        if config.fluid is None:
+            continue
         nodes, enough = smallest / dx, ENOUGH_NODES[d]
         key: Path = ("grains", i, "diameter" if some.diameter is not None else "diameters")
         verdict = "ok" if nodes >= enough * (1 - 1e-9) else "warn" if nodes >= 2 else "fail"

@@ -8,7 +8,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 from lbmdem.config import LbmDemConfig
-from lbmdem.plan import BYTES, CROSSING, VELOCITIES, arrays, grain_count, link_count, moving
+from lbmdem.plan import BYTES, VELOCITIES, arrays, face_bytes, grain_count, link_count, moving
 
 MIB = 2.0**20
 SERIES_BYTES = 16 * 8 * 2
@@ -54,24 +54,29 @@ def estimate(config: LbmDemConfig, ranks: int, threads: int, measured: Mapping[s
 
 def step_seconds(config: LbmDemConfig, ranks: int, threads: int, rates: Mapping[str, float]) -> float:
     """One fluid step; the sweep is bound by memory, the rest divides among the cores."""
-    nodes = math.prod(config.points)
-    sweep = 1e-6 * nodes / rates[f"mlups {config.simulation.lattice} {config.fluid.storage}"]
     wanted = ranks * threads
     cores = wanted if wanted > 2 * rates["cores"] else min(wanted, rates["cores"])
-    shared = min(cores, rates["cores"])  # of one node
-    sweep /= (1 + (shared - 1) * (rates["core_gain"] - 1)) * cores / shared
-    kind = "link_ns moving" if moving(config) and not config.coupling.frozen else "link_ns fixed"
-    rest = link_count(config) * rates[kind] if config.grains else 0.0
+    rest = 0.0
     if moving(config):
         rest += grain_count(config) * max(1, config.coupling.substeps) * rates["grain_ns"]
-    return sweep + 1e-9 * rest / cores + 1e-6 * rates["launch_us"] + message_seconds(config, ranks, rates)
+    seconds = 1e-6 * rates["launch_us"]
+    if config.fluid:
+        seconds += sweep_seconds(config, cores, rates) + message_seconds(config, ranks, rates)
+        kind = "link_ns moving" if moving(config) and not config.coupling.frozen else "link_ns fixed"
+        rest += link_count(config) * rates[kind]
+    return seconds + 1e-9 * rest / cores
+
+
+def sweep_seconds(config: LbmDemConfig, cores: float, rates: Mapping[str, float]) -> float:
+    sweep = 1e-6 * math.prod(config.points) / rates[f"mlups {config.simulation.lattice} {config.fluid.storage}"]
+    shared = min(cores, rates["cores"])  # of one node
+    return sweep / (1 + (shared - 1) * (rates["core_gain"] - 1)) / (cores / shared)
 
 
 def message_seconds(config: LbmDemConfig, ranks: int, rates: Mapping[str, float]) -> float:
     if ranks == 1:
         return 0.0
-    face = math.prod(config.points[:-1]) * BYTES[config.fluid.storage] * CROSSING[config.simulation.lattice]
-    return 4e-6 * rates["message_us"] + 2 * face / (1e9 * rates["message_gb_s"])
+    return 4e-6 * rates["message_us"] + 2 * face_bytes(config) / (1e9 * rates["message_gb_s"])
 
 
 def disk_items(config: LbmDemConfig) -> dict[str, float]:
@@ -81,9 +86,10 @@ def disk_items(config: LbmDemConfig) -> dict[str, float]:
     def times(every: int) -> int:
         return config.n_steps // every + 1 if every else 0
 
+    populations = VELOCITIES[config.simulation.lattice] * BYTES[config.fluid.storage] if config.fluid else 0
     return {
         "series": times(periods["series"]) * SERIES_BYTES,
         "fields": times(periods["field"]) * nodes * 8 * (1 + d),
         "grains": times(periods["particle"]) * grain_count(config) * 8 * 12,
-        "checkpoints, two": 2 * nodes * VELOCITIES[config.simulation.lattice] * BYTES[config.fluid.storage],
+        "checkpoints, two": 2 * (nodes * populations + grain_count(config) * 8 * 13),
     }

@@ -46,7 +46,7 @@ def mean_diameter(config: LbmDemConfig) -> float:
 
 def link_count(config: LbmDemConfig) -> int:
     """Links between fluid and grains, of all ranks."""
-    d, nodes = config.dimensions, mean_diameter(config) / config.domain.spacing
+    d, nodes = config.dimensions, mean_diameter(config) / config.spacing
     surface = math.pi * nodes if d == 2 else math.pi * nodes * nodes
     return round(grain_count(config) * surface * LINKS[d])
 
@@ -57,21 +57,33 @@ def moving(config: LbmDemConfig) -> bool:
 
 def kernels(config: LbmDemConfig) -> list[str]:
     """The compiled kernels of a step, with what they are made for."""
+    lines = fluid_kernels(config) if config.fluid else []
+    if moving(config):
+        lines.append(f"contacts   {config.contact.tangential} friction, velocity Verlet")
+    return lines
+
+
+def fluid_kernels(config: LbmDemConfig) -> list[str]:
     fluid, coupling = config.fluid, config.coupling
     forced = ", body force" if any(fluid.body_force) or config.shaking else ""
     lines = [f"sweep      {config.simulation.lattice}, {fluid.collision}, {fluid.storage}{forced}, in place"]
     kinds = sorted({face.type for face in config.boundary if face.type != "wall"})
     lines += [f"faces      {' and '.join(kinds)} (Zou & He)"] if kinds else []
+    moved = moving(config) and not coupling.frozen
     if config.grains or config.obstacle:
-        kind = "moving grains" if moving(config) and not coupling.frozen else "fixed, coefficients kept"
+        kind = "moving grains" if moved else "fixed, coefficients kept"
         lines.append(f"links      {coupling.bounce_back}, {kind}")
-    if moving(config):
-        lines += [] if coupling.frozen else ["solid      incremental", f"refill     {coupling.refill}"]
-        lines.append(f"contacts   {config.contact.tangential} friction, velocity Verlet")
-    return lines
+    return lines + (["solid      incremental", f"refill     {coupling.refill}"] if moved else [])
 
 
 def arrays(config: LbmDemConfig, ranks: int) -> Iterator[Array]:
+    if config.fluid:
+        yield from fluid_arrays(config, ranks)
+    if moving(config):
+        yield Array("grains", (grain_count(config) // ranks + 1, 8 * config.dimensions), "float64")
+
+
+def fluid_arrays(config: LbmDemConfig, ranks: int) -> Iterator[Array]:
     points = config.points[::-1]
     rows = even_cuts(points[0], ranks)[1] + 2
     real = TYPES[config.fluid.storage]
@@ -82,20 +94,21 @@ def arrays(config: LbmDemConfig, ranks: int) -> Iterator[Array]:
     if config.grains or config.obstacle:
         yield Array("solid", nodes, "int32")
         yield Array("links", (link_count(config) // ranks, 4), "float64")
-    n = grain_count(config)
-    if moving(config):
-        yield Array("grains", (n // ranks + 1, 8 * config.dimensions), "float64")
+
+
+def face_bytes(config: LbmDemConfig) -> int:
+    """Of the populations that cross one face of a slab."""
+    return math.prod(config.points[:-1]) * BYTES[config.fluid.storage] * CROSSING[config.simulation.lattice]
 
 
 def messages(config: LbmDemConfig, ranks: int) -> list[str]:
     """What one rank sends in a step."""
     if ranks == 1:
         return ["none: one rank sends no messages"]
-    face = math.prod(config.points[:-1]) * BYTES[config.fluid.storage] * CROSSING[config.simulation.lattice]
-    lines = [f"populations  2 of {face} bytes"]
+    lines = [f"populations  2 of {face_bytes(config)} bytes"] if config.fluid else []
     if moving(config):
-        lines += ["grains       2, those near a slab's ends; in every substep", "forces       2, fixed point"]
-    return lines
+        lines.append("grains       2, those near a slab's ends; in every substep")
+    return lines + (["forces       2, fixed point"] if moving(config) and config.fluid else [])
 
 
 def plan(config: LbmDemConfig, ranks: int, threads: int) -> list[str]:

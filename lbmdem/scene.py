@@ -47,12 +47,15 @@ class Scene:
         self.dimensions = d = config.dimensions
         self.lattice = config.simulation.lattice
         self.points = config.points  # along x, y(, z)
-        self.tau, self.time_step = config.tau, config.time_step
-        self.units = Units(config.domain.spacing, self.time_step, config.fluid.density, d)
+        self.time_step = config.time_step
+        self.density = config.fluid.density if config.fluid else 0.0  # of the fluid, kg/m3
+        self.units = Units(config.spacing, self.time_step, self.density, d)
         self.periodic = tuple(axis in config.domain.periodic for axis in AXES[:d])
-        self.faces = self._faces()
-        self.acceleration = np.array(config.fluid.body_force) / self.units.acceleration
         self.gravity = np.array(config.gravity)
+        if config.fluid:
+            self.tau = config.tau
+            self.faces = self._faces()
+            self.acceleration = np.array(config.fluid.body_force) / self.units.acceleration
         self.set_names = [grains.name for grains in config.grains]
 
     def _faces(self) -> dict[str, FaceScene]:
@@ -71,7 +74,7 @@ class Scene:
         return faces
 
     def _face(self, boundary: Boundary) -> FaceScene:
-        units, rho = self.units, self.config.fluid.density
+        units, rho = self.units, self.density
         velocity = tuple(u / units.velocity for u in boundary.velocity)
         density = boundary.density / rho if boundary.density is not None else 1.0
         if boundary.pressure is not None:
@@ -92,7 +95,7 @@ class Scene:
 
     def effective_gravity(self, mass: NDArray, volume: NDArray) -> NDArray[np.float64]:
         """Gravity less buoyancy of grains [n, d], m/s2: the fluid's pressure is the one beyond its own weight."""
-        share = 1.0 - self.config.fluid.density * volume / mass
+        share = 1.0 - self.density * volume / mass
         return share[:, None] * self.gravity
 
     def initial_velocity(self, axes: tuple[NDArray, ...]) -> NDArray[np.float64]:
