@@ -30,6 +30,7 @@ RUN_NAMES = (
     "series.csv",
     "fields.vtkhdf",
     "particles.vtkhdf",
+    "grains.vtkhdf",
     "openpmd",
     "checkpoints",
     "STOP",
@@ -78,11 +79,16 @@ class RunDir:
         self.log = self.path / "log.txt"
         self.timers = self.path / "timers.csv"
         self.fields = self.path / "fields.vtkhdf"
-        self.particles = self.path / "particles.vtkhdf"
         self.openpmd = self.path / "openpmd"
         self.checkpoints = self.path / "checkpoints"
         self.stop_file = self.path / "STOP"
         self._lock: IO[bytes] | None = None
+
+    @property
+    def particles(self) -> Path:
+        """The one file of particles of a run, which a simulator of grains calls after them."""
+        grains = self.path / "grains.vtkhdf"
+        return grains if grains.exists() else self.path / "particles.vtkhdf"
 
     @classmethod
     def create(

@@ -121,8 +121,9 @@ class FieldsWriter(_Temporal):
         points = (*unused, *domain.points)
         root.attrs["Type"] = np.bytes_("ImageData")
         root.attrs["WholeExtent"] = np.array([edge for n in points[::-1] for edge in (0, n - 1)], np.int64)
-        root.attrs["Origin"] = np.zeros(3)
-        root.attrs["Spacing"] = np.array((*unused, *domain.spacing)[::-1])
+        spacing = np.array((*unused, *domain.spacing)[::-1])
+        root.attrs["Origin"] = domain.offset * spacing
+        root.attrs["Spacing"] = spacing
         root.attrs["Direction"] = np.eye(3).ravel()
         root.create_group("PointData")
         for name, (shape, dtype) in described.items():

@@ -110,7 +110,9 @@ class Outputs:
     def _particle_observer(self) -> Callable[[], None]:
         from hpcpic.core.files.snapshot import ParticlesWriter
 
-        app, writer = self.app, ParticlesWriter(self.world, self.rundir.particles, after=self.after)
+        app = self.app
+        path = self.rundir.path / f"{getattr(app, 'particle_name', 'particle')}s.vtkhdf"
+        writer = ParticlesWriter(self.world, path, after=self.after)
 
         def observe() -> None:
             species = app.arrays("particle")

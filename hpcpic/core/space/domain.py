@@ -52,12 +52,16 @@ def wrap(x: ArrayLike, length: float) -> NDArray:
 
 @dataclass(frozen=True, slots=True)
 class Domain:
-    """Box, grid and slabs in storage order (slab axis first): rank r owns rows cuts[r] to cuts[r + 1] - 1."""
+    """Box, grid and slabs in storage order (slab axis first): rank r owns rows cuts[r] to cuts[r + 1] - 1.
+
+    offset: of the first point from the corner of the box, in spacings; 0.5 puts points at the centres of cells.
+    """
 
     lengths: tuple[float, ...]
     points: tuple[int, ...]
     periodic: tuple[bool, ...]
     cuts: tuple[int, ...]
+    offset: float = 0.0
 
     def __post_init__(self) -> None:
         if not len(self.lengths) == len(self.points) == len(self.periodic):
