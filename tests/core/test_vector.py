@@ -371,3 +371,13 @@ def test_lines_are_moved_whole():
     assert (
         len(re.findall(r"vperm[ti]2pd|vunpck[lh]pd|vinsertf|vshuff", body)) <= 3 * 8
     )  # three stages of a transposition
+
+
+@pytest.mark.parametrize("n", WIDTHS)
+def test_total_adds_the_lanes_by_halves(n):
+    module = kernels("@njit\ndef f(x):\n    return total(load(F, x, 0))\n", n)
+    x = aligned(n, np.float64, np.random.default_rng(1).normal(size=n) * 10.0 ** np.arange(n))
+    expected = x.copy()
+    while len(expected) > 1:
+        expected = expected[: len(expected) // 2] + expected[len(expected) // 2 :]
+    assert module.f(x) == expected[0]

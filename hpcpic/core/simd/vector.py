@@ -69,6 +69,7 @@ __all__ = [
     "store_at",
     "stream_at",
     "to_fixed",
+    "total",
 ]
 
 _MAGIC = 1.5 * 2.0**52  # adding it leaves the nearest integer in the low bits of a float64
@@ -217,6 +218,20 @@ def halves(typing_context, a):
         return context.make_tuple(builder, sig.return_type, parts)
 
     return types.UniTuple(half, 2)(a), codegen
+
+
+@intrinsic
+def total(typing_context, a):
+    """Sum of the lanes, halves first: ((a0 + a4) + (a2 + a6)) + ((a1 + a5) + (a3 + a7)) of eight."""
+
+    def codegen(context, builder, sig, args):
+        vector, n = args[0], a.n // 2
+        while n:
+            parts = [shuffle(builder, vector, vector, list(range(k, k + n))) for k in (0, n)]
+            vector, n = (builder.fadd if a.real else builder.add)(*parts), n // 2
+        return builder.extract_element(vector, ir.Constant(I32, 0))
+
+    return a.dtype(a), codegen
 
 
 @intrinsic
