@@ -44,7 +44,7 @@ def relaxation(config: LbmDemConfig) -> Iterator[Derived]:
         verdict, cure = "warn", "the time step is no longer short against what happens in a cell"
     elif tau < 0.505 and collision != "central":
         verdict, limit = "warn", ">= 0.505"
-        cure = f'nearly no viscosity on this lattice: stable below U dx/nu = {GRID_REYNOLDS[collision]:g} only'
+        cure = f"nearly no viscosity on this lattice: stable below U dx/nu = {GRID_REYNOLDS[collision]:g} only"
     yield Derived("relaxation time", "tau", tau, "", limit, verdict, source, cure, key_of_tau(config))
 
 

@@ -1,0 +1,122 @@
+"""What a case says: bad input is told with its place, good input survives being written, derived numbers hold."""
+
+import math
+
+import pytest
+
+from hpcpic.core.errors import ConfigError
+from hpcpic.core.files.config import loads
+from hpcpic.core.files.derived import enforce
+from hpcpic.core.files.schema import dump, validate
+from lbmdem.cases import shipped_cases
+from lbmdem.config import LbmDemConfig
+from lbmdem.derived import derived
+from lbmdem.scene import CS2, Scene
+
+CHANNEL = """
+simulation = { end_time = 1.0; };
+domain = { size = [2.5e-4, 1.0e-3]; spacing = 3.125e-5; periodic = ["x"]; };
+fluid = { viscosity = 1.0e-6; relaxation_time = 1.0; body_force = [1.0e-3, 0.0]; };
+"""
+
+
+def config_of(text: str) -> LbmDemConfig:
+    return validate(LbmDemConfig, loads(text))
+
+
+def messages(text: str) -> str:
+    with pytest.raises(ConfigError) as caught:
+        tree = loads(text)
+        enforce(derived(validate(LbmDemConfig, tree)), tree)
+    return str(caught.value)
+
+
+@pytest.mark.parametrize("name", sorted(shipped_cases()))
+def test_a_shipped_case_is_legal_and_survives_being_written(name):
+    config = config_of(shipped_cases()[name].read_text())
+    enforce(derived(config), loads(dump(config)))
+    assert config_of(dump(config)) == config
+
+
+@pytest.mark.parametrize(
+    "change, said",
+    [
+        (("spacing = 3.125e-5", "spacing = 3.0e-5"), "domain.size: is 8.33333 spacings along x"),
+        (('periodic = ["x"]', 'periodic = ["z"]'), "domain.periodic: there is no z in 2D"),
+        (("relaxation_time = 1.0", "relaxation_time = 0.5"), "fluid.relaxation_time"),
+        (("relaxation_time = 1.0", "relaxation_time = 1.0; time_step = 1e-3"), "give either relaxation_time"),
+        (("viscosity = 1.0e-6", "viscosity = -1.0e-6"), "fluid.viscosity"),
+        (("relaxation_time = 1.0", "relaxation_time = 1.0e4"), "relaxation time tau = 1e+04"),
+        (("viscosity", "viscosty"), "did you mean 'viscosity'"),
+        (("[1.0e-3, 0.0]", "[1.0e-3, 0.0, 0.0]"), "fluid.body_force: needs 2 numbers in 2D (got 3)"),
+        (("end_time = 1.0", "end_time = 1.0; lattice = \"D3Q19\""), "D3Q19 is not of 2 dimensions"),
+    ],
+)  # fmt: skip
+def test_bad_input_is_told(change, said):
+    assert said in messages(CHANNEL.replace(*change))
+
+
+@pytest.mark.parametrize(
+    "extra, said",
+    [
+        ('boundary = ({ face = "x-"; type = "wall"; });', "the box is periodic along x"),
+        ('boundary = ({ face = "y-"; type = "pressure"; });', "needs either pressure or density"),
+        ('boundary = ({ face = "y-"; type = "wall"; pressure = 1.0; });', "no pressure of its own"),
+        ('boundary = ({ face = "y-"; type = "wall"; }, { face = "y-"; type = "wall"; });', "given twice"),
+        ("grains = ({ diameter = 3e-4; });", "needs either position or packing"),
+        ("grains = ({ position = [1e-4, 5e-4]; });", "needs either diameter or diameters"),
+        ('grains = ({ diameter = 3e-4; position = [1e-4, 5e-4]; shape = "sphere"; });', "disc is the shape there"),
+        ("grains = ({ diameter = 3e-5; position = [1e-4, 5e-4]; });", "resolves the grains of grains_1"),
+        ("grains = ({ diameter = 3e-4; position = [1e-4, 5e-4, 0.0]; });", "needs 2 numbers in 2D (got 3)"),
+        ("obstacle = ({ shape = { }; });", "needs one of plane"),
+    ],
+)
+def test_bad_scenes_are_told(extra, said):
+    assert said in messages(CHANNEL + extra)
+
+
+def test_the_time_step_gives_the_viscosity_back():
+    """[5]: nu = c_s^2 (tau - 1/2) dx^2 / dt, whichever of tau and dt the case gives."""
+    by_tau = config_of(CHANNEL)
+    assert by_tau.tau == 1.0
+    assert math.isclose(CS2 * (by_tau.tau - 0.5) * by_tau.spacing**2 / by_tau.time_step, 1e-6, rel_tol=1e-15)
+    text = CHANNEL.replace("relaxation_time = 1.0", f"time_step = {by_tau.time_step!r}")
+    assert math.isclose(config_of(text).tau, 1.0, rel_tol=1e-15)
+
+
+def test_units_by_powers_of_two_give_the_same_lattice():
+    """Metres scaled by 2^20, seconds by 2^-13, kilograms by 2^7: not a bit changes inside."""
+    metre, second, kilogram = 2.0**20, 2.0**-13, 2.0**7
+    text = """
+    simulation = {{ end_time = {0!r}; }};
+    domain = {{ size = [{1!r}, {2!r}]; spacing = {3!r}; periodic = ["x"]; }};
+    fluid = {{ density = {4!r}; viscosity = {5!r}; relaxation_time = 0.8; body_force = [{6!r}, 0.0];
+              initial = {{ flow = "taylor-green"; speed = {7!r}; }}; }};
+    boundary = ({{ face = "y-"; type = "pressure"; pressure = {8!r}; }},
+                {{ face = "y+"; type = "velocity"; velocity = [0.0, {9!r}]; }});
+    """
+
+    def scene(m: float, s: float, kg: float) -> Scene:
+        values = (1.0 * s, 2.5e-4 * m, 1e-3 * m, 3.125e-5 * m, 997.0 * kg / m**3, 1.1e-6 * m * m / s,
+                  1.3e-3 * m / s**2, 1.7e-4 * m / s, 0.3e-3 * kg / m / s**2, 1.9e-5 * m / s)  # fmt: skip
+        return Scene(config_of(text.format(*values)))
+
+    plain, scaled = scene(1.0, 1.0, 1.0), scene(metre, second, kilogram)
+    assert scaled.tau == plain.tau
+    assert (scaled.acceleration == plain.acceleration).all()
+    assert scaled.faces == plain.faces
+    assert scaled.time_step == plain.time_step * second
+
+
+def test_a_fast_lid_is_warned_of_and_refused():
+    """Mach 0.2 is a warning with its cure, Mach 1 is refused even by force."""
+
+    def lid(speed: float) -> str:
+        return CHANNEL + f'boundary = ({{ face = "y+"; type = "wall"; velocity = [{speed}, 0.0]; }});'
+
+    unit = config_of(CHANNEL).spacing / config_of(CHANNEL).time_step
+    warned = [n for n in derived(config_of(lid(0.2 * unit * CS2**0.5))) if n.symbol == "Ma"]
+    assert warned[0].verdict == "warn" and "relaxation_time" in warned[0].cure
+    tree = loads(lid(1.1 * unit * CS2**0.5))
+    with pytest.raises(ConfigError, match="Mach number"):
+        enforce(derived(validate(LbmDemConfig, tree)), tree, force=True)
