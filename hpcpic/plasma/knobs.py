@@ -24,7 +24,7 @@ GROWTH_WINDOW = (3.5, 6.5)  # e-folds after the start: other roots have died out
 DAMPING_WINDOW = (0.7, 3.6)  # periods after the start: other roots have died out, noise is still small
 SAMPLES = 129  # of a window, the same times in every pilot
 PER_CELL = 4  # least particles per cell of a quiet species
-HORIZON = 100.0  # 1/wp in which an instability of the time step shows
+HORIZON = 300.0  # 1/wp in which an instability of the time step shows
 
 
 def knobs_of(config: PlasmaConfig) -> Knobs:

@@ -113,6 +113,7 @@ class Pilots:
         told = "  ".join(
             f"{knob.name} = {knob.shown(made.sizes[knob.name]):.5g}" for knob in self.knobs.knobs
         )
+        how = "diverged" if code == 4 else how.strip()
         click.echo(f"  pilot {len(self.done):2d}  {told}  {words}: {how}  {made.seconds:.3g} s")
         return made
 
