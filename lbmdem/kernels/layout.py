@@ -1,0 +1,127 @@
+"""Where populations are: the in-place "esoteric pull" (Lehmann 2022), one array for all steps.
+
+Populations are stored without their weight, h = f - w. The array is f[q][plane][row][x], flat, of the storage axes
+(z, y, x); in 2D (y, 1, x). Between steps every population f_i(x) of a node x, the one that has ARRIVED there, has one
+element of its own, and nobody else reads it:
+
+    arrival(x, i) at parity p = slot[p, i] of the node x + shift[i]
+
+    i odd (pointing to larger storage indices): shift 0,        slot i     when p = 0, i + 1 when p = 1
+    i even, not 0 (its opposite, -e[i - 1]):    shift e[i - 1], slot i     when p = 0, i - 1 when p = 1
+    i = 0: slot 0, shift 0
+
+p is the parity of the number of steps done. A step takes the arrivals of x at p and writes its post-collision values
+g_i(x) to the arrivals at 1 - p
+
+    of (x + e_i, i)                    when x + e_i is fluid,
+    of (x, opposite of i)              when x + e_i is solid: bounced back half-way; other wall rules then read this
+                                       element (it is g_i(x)) and overwrite it with what they want to arrive at x.
+
+So after the collision of the step from n to n + 1, with p' = (n + 1) % 2, on a link from the fluid node x along e_i to
+a solid one, with the next fluid node y = x - e_i and j the opposite of i:
+
+    g_i(x)  =  arrival(x, j) at p'     (to be replaced by the value that arrives at x)
+    g_i(y)  =  arrival(x, i) at p'
+    g_j(x)  =  arrival(y, j) at p'
+
+and all three are elements that this rank holds, also at the edges of its slab. Elements of solid nodes mean nothing.
+What a node collides with is written by nobody else, so nodes may be done in any order and by any thread.
+
+Rows: an element before x = 0 and one after x = nx - 1 (x = -1 and nx) are there, and hold what the formulas above say
+when x + shift is outside; periodic copies are made by the step itself. The row axis wraps: row -1 is the last one and
+row ny the first. So does the plane axis when one rank has all planes (stored == planes); with several ranks there is
+one more stored plane above the last one, filled by messages. Never below: shifts point up.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import DTypeLike, NDArray
+
+from hpcpic.core.simd.jit import njit
+from hpcpic.core.simd.vector import lanes
+from lbmdem.lattices import Lattice
+
+FLUID, WALL = -1, -2  # solid ids; a grain's number is its id
+_STREAMS_BYTES, _PAGE = 192, 4096  # distance of the slots modulo a page, so that they use different sets of a cache
+
+
+@dataclass(frozen=True)
+class Layout:
+    """Sizes of the array; strides are in elements. `stored` counts planes with the one above, if any."""
+
+    lattice: Lattice
+    planes: int
+    stored: int
+    rows: int
+    nx: int
+    itemsize: int
+    lanes: int
+
+    @classmethod
+    def of(cls, lattice: Lattice, shape: tuple[int, ...], alone: bool, dtype: DTypeLike) -> "Layout":
+        """For the slab's own shape (storage order); `alone`: this rank has all planes."""
+        planes, rows, nx = (shape[0], 1, shape[1]) if lattice.dimensions == 2 else shape
+        return cls(lattice, planes, planes + (not alone), rows, nx, np.dtype(dtype).itemsize, lanes(dtype))
+
+    @property
+    def vectors(self) -> int:
+        """Vectors of a row."""
+        return -(-self.nx // self.lanes)
+
+    @property
+    def row_stride(self) -> int:
+        return (self.vectors + 1) * self.lanes
+
+    @property
+    def plane_stride(self) -> int:
+        return self.rows * self.row_stride
+
+    @property
+    def slot_stride(self) -> int:
+        used = (self.stored * self.plane_stride + self.lanes) * self.itemsize
+        return (used + (_STREAMS_BYTES - used) % _PAGE) // self.itemsize
+
+    @property
+    def size(self) -> int:
+        """Elements of the array."""
+        return self.lattice.q * self.slot_stride
+
+    @property
+    def strides(self) -> NDArray[np.int64]:
+        """What `arrival` wants: [slot, plane, row stride, element of x = 0 in a row, stored planes, rows]."""
+        steps = (self.slot_stride, self.plane_stride, self.row_stride)
+        return np.array([*steps, self.lanes, self.stored, self.rows], np.int64)
+
+    @property
+    def slots(self) -> NDArray[np.int64]:
+        """slot[parity, i] of the arrivals."""
+        even = np.arange(self.lattice.q)
+        return np.array([even, self.lattice.opposite], np.int64)
+
+    @property
+    def shifts(self) -> NDArray[np.int64]:
+        """shift[i, 3] in storage order (plane, row, x)."""
+        shifts = np.zeros((self.lattice.q, 3), np.int64)
+        for i, opposite in self.lattice.pairs:
+            shifts[opposite] = storage_order(self.lattice, i)
+        return shifts
+
+
+def storage_order(lattice: Lattice, i: int) -> tuple[int, int, int]:
+    """e[i] as (plane, row, x)."""
+    e = lattice.velocities[i]
+    return (e[1], 0, e[0]) if lattice.dimensions == 2 else (e[2], e[1], e[0])
+
+
+@njit
+def arrival(strides, slots, shifts, parity, z, y, x, i):
+    """Index in the flat array of f_i at the node (z, y, x) of this rank, 0 <= z < planes and so on."""
+    plane, row = z + shifts[i, 0], y + shifts[i, 1]
+    if plane == strides[4]:
+        plane = 0
+    if row == strides[5]:
+        row = 0
+    elif row < 0:
+        row = strides[5] - 1
+    return slots[parity, i] * strides[0] + plane * strides[1] + row * strides[2] + strides[3] + x + shifts[i, 2]
