@@ -1,0 +1,291 @@
+"""Figures of an LBM-DEM run, by name in PLOTS. Each takes a run folder that is open and makes one figure.
+
+Lines of theory are drawn dashed and dark; what was measured is coloured.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from hpcpic.core.cli.figures import COLOURS, INK, NoData, Plot, axis_label, new_figure, style, thinned, timers_figure
+from hpcpic.core.errors import FileError
+from hpcpic.core.files.config import loads
+from hpcpic.core.files.schema import validate
+from lbmdem.config import LbmDemConfig
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+    from hpcpic.core.files.reader import Fields, Particles, Run
+
+THEORY: dict[str, Any] = {"color": INK, "linestyle": (0, (5, 3)), "linewidth": 1.4}
+
+
+def config_of(run: Run) -> LbmDemConfig:
+    return validate(LbmDemConfig, loads(run.config))
+
+
+def _series(run: Run, *names: str) -> tuple[np.ndarray, ...]:
+    """time and the scalars. Raises NoData."""
+    try:
+        series = run.series
+    except FileError as error:
+        raise NoData(f"no series: {error}") from error
+    missing = [name for name in names if name not in series]
+    if missing or len(series.time) < 2:
+        raise NoData(f"the series lacks {', '.join(missing) or 'a second sample'}")
+    return (series.time, *(series[name] for name in names))
+
+
+def _fields(run: Run) -> Fields:
+    try:
+        run.field_snapshots.index()
+    except FileError as error:
+        raise NoData(f"no snapshots of the fluid (output.period.fields): {error}") from error
+    return run.field_snapshots
+
+
+def _grains(run: Run) -> Particles:
+    try:
+        run.particle_snapshots.index()
+    except FileError as error:
+        raise NoData(f"no snapshots of the grains (output.period.grains): {error}") from error
+    return run.particle_snapshots
+
+
+def _all_grains(run: Run, step: int) -> dict[str, np.ndarray]:
+    """Columns of all sets at a step."""
+    parts = [run.particles(name, step=step) for name in run.particle_snapshots.species]
+    return {name: np.concatenate([part[name] for part in parts]) for name in parts[0]}
+
+
+# ---------------------------------------------------------------------------------------------- fluid
+
+
+def flow(run: Run, step: int | None = None) -> Figure:
+    """Speed of the fluid in the plane of a 2D case, or in the middle plane across y of a 3D case; solid is grey."""
+    snapshots = _fields(run)
+    number = snapshots.index(step)
+    at = int(snapshots.steps[number])
+    speed = np.linalg.norm(run.field("velocity", at), axis=-1)
+    solid = run.field("solid", at) > 0.5
+    spacing, up = snapshots.spacing, "y"
+    if speed.ndim == 3:
+        middle = speed.shape[1] // 2
+        speed, solid, up = speed[:, middle], solid[:, middle], "z"
+    height, width = speed.shape[0] * spacing[0], speed.shape[1] * spacing[-1]
+    with style():
+        figure, axes = new_figure(size=_panel(width, height))
+        shown = np.ma.masked_array(speed, mask=solid)
+        axes.set_facecolor("#b9bec5")
+        image = axes.imshow(shown, origin="lower", extent=(0, width, 0, height), cmap="viridis", vmin=0, aspect="equal")
+        figure.colorbar(image, ax=axes, label=axis_label("speed", snapshots.units["velocity"]), shrink=0.85, pad=0.03)
+        axes.grid(visible=False)
+        axes.set(xlabel="x, m", ylabel=f"{up}, m", title=f"Flow at t = {snapshots.times[number]:.4g} s")
+        return figure
+
+
+def _panel(width: float, height: float) -> tuple[float, float]:
+    """Inches of a figure for a picture of this shape."""
+    ratio = min(max(height / width, 0.25), 2.5)
+    return (2.2 + 4.2 / max(ratio, 0.8), 1.1 + 4.2 * min(ratio, 1.6))
+
+
+def profile(run: Run, step: int | None = None) -> Figure:
+    """Velocity along x across the last axis, averaged over the others, beside theory between two plates."""
+    config = config_of(run)
+    snapshots = _fields(run)
+    number = snapshots.index(step)
+    u = run.field("velocity", int(snapshots.steps[number]))[..., 0]
+    u = u.mean(axis=tuple(range(1, u.ndim)))
+    length = config.domain.size[-1]
+    y = (np.arange(len(u)) + 0.5) * snapshots.spacing[0]
+    if config.grains or not np.any(u):
+        raise NoData("there is no flow between plates along x")
+    with style():
+        figure, axes = new_figure(size=(5.2, 4.0))
+        axes.plot(u, y, "o", markersize=4, color=COLOURS[0], label="nodes")
+        exact = _between_plates(config, y)
+        if exact is not None:
+            axes.plot(exact, y, label="steady theory", **THEORY)
+            error = np.linalg.norm(u - exact) / np.linalg.norm(exact)
+            axes.text(0.03, 0.5, f"departure {error:.2g}", transform=axes.transAxes)
+        axes.set(xlabel=axis_label("velocity along x", "m/s"), ylabel=f"{'y' if u.ndim else 'z'}, m", ylim=(0, length))
+        axes.set_title(f"Profile at t = {snapshots.times[number]:.4g} s")
+        axes.legend()
+        return figure
+
+
+def _between_plates(config: LbmDemConfig, y: np.ndarray) -> np.ndarray | None:
+    """Steady velocity of plane Poiseuille and Couette flow; None where walls are not the last axis's faces."""
+    axis = "xyz"[config.dimensions - 1]
+    if config.obstacle or config.fluid is None or axis in config.domain.periodic:
+        return None
+    speeds = {face.face: face.velocity[0] for face in config.boundary if face.type == "wall"}
+    length, a = config.domain.size[-1], config.fluid.body_force[0]
+    low, high = speeds.get(f"{axis}-", 0.0), speeds.get(f"{axis}+", 0.0)
+    return 0.5 * a / config.fluid.viscosity * y * (length - y) + low + (high - low) * y / length
+
+
+def permeability(run: Run, step: int | None = None) -> Figure:
+    """Permeability in time, with what it converges to."""
+    t, k = _series(run, "permeability")
+    with style():
+        figure, axes = new_figure(size=(6.0, 3.4))
+        axes.plot(*thinned(t, k), color=COLOURS[0])
+        last = k[-1]
+        axes.axhline(last, **THEORY)
+        half = k[len(k) // 2]
+        words = f"k = {last:.5g} m$^2$; changed by {abs(last - half) / abs(last):.1e} in the last half"
+        diameter = mean_diameter(config_of(run))
+        if diameter:
+            words += f"\nk/<d>$^2$ = {last / diameter**2:.5g}"
+        axes.text(0.98, 0.06, words, transform=axes.transAxes, ha="right", va="bottom")
+        axes.set(xlabel="time, s", ylabel="permeability, m$^2$", title="Permeability")
+        return figure
+
+
+def mean_diameter(config: LbmDemConfig) -> float:
+    from lbmdem.plan import mean_diameter as mean
+
+    return mean(config) if config.grains else 0.0
+
+
+def mass(run: Run, step: int | None = None) -> Figure:
+    """Relative change of the mass of the fluid, and the largest Mach number."""
+    t, m, mach = _series(run, "mass", "max_mach")
+    with style():
+        figure, (top, low) = new_figure(2, 1, (6.0, 4.2), sharex=True)
+        top.plot(*thinned(t, m / m[0] - 1.0), color=COLOURS[2])
+        top.set(ylabel="change of mass", title="Mass and Mach number")
+        low.plot(*thinned(t, mach), color=COLOURS[1])
+        low.set(xlabel="time, s", ylabel="largest Mach number", ylim=(0, None))
+        return figure
+
+
+# --------------------------------------------------------------------------------------------- grains
+
+
+def grains(run: Run, step: int | None = None) -> Figure:
+    """2D: discs with the lines that show their rotation, at several times or at one step. 3D: spheres seen from x."""
+    snapshots = _grains(run)
+    config = config_of(run)
+    steps = [int(s) for s in snapshots.steps]
+    if step is not None:
+        chosen = [int(snapshots.steps[snapshots.index(step)])]
+    else:
+        chosen = [steps[round(k)] for k in np.linspace(0, len(steps) - 1, min(6, len(steps)))]
+    size = config.domain.size
+    across, along = size[0], size[-1]
+    ratio = min(along / across, 4.0)
+    with style():
+        figure, axes = new_figure(1, len(chosen), (1.2 + 1.45 * len(chosen), 1.0 + 1.4 * ratio), squeeze=False)
+        for axis, at in zip(axes[0], chosen):
+            _draw_grains(axis, _all_grains(run, at), config.dimensions)
+            axis.set(xlim=(0, across), ylim=(0, along), aspect="equal", xticks=[], yticks=[])
+            axis.grid(visible=False)
+            for side in axis.spines.values():
+                side.set_visible(True)
+            axis.set_title(f"{snapshots.times[steps.index(at)]:.3g} s", fontsize=9.5)
+        return figure
+
+
+def _draw_grains(axis: Any, columns: dict[str, np.ndarray], dimensions: int) -> None:
+    from matplotlib.collections import LineCollection, PatchCollection
+    from matplotlib.patches import Circle
+
+    x, r = columns["position"], columns["radius"]
+    order = np.argsort(-x[:, 1]) if dimensions == 3 else np.arange(len(x))
+    up = 2 if dimensions == 3 else 1
+    circles = [Circle((x[k, 0], x[k, up]), r[k]) for k in order]
+    colours = [COLOURS[k % len(COLOURS)] for k in order]
+    axis.add_collection(PatchCollection(circles, facecolor=colours, edgecolor=INK, linewidth=0.4))
+    if dimensions == 2:
+        ends = np.stack([np.cos(columns["angle"]), np.sin(columns["angle"])], axis=1) * r[:, None]
+        lines = np.stack([x[:, :2] - ends, x[:, :2] + ends], axis=1)
+        axis.add_collection(LineCollection(lines, color="white", linewidth=1.2))
+
+
+def tracks(run: Run, step: int | None = None) -> Figure:
+    """Height and velocity along the last axis of up to eight grains in time."""
+    snapshots = _grains(run)
+    up = config_of(run).dimensions - 1
+    history = [_all_grains(run, int(s)) for s in snapshots.steps]
+    if len(history) < 3 or len(history[0]["id"]) > 8:
+        raise NoData("needs three snapshots of at most eight grains")
+    height = np.array([columns["position"][:, up] for columns in history])
+    speed = np.array([columns["velocity"][:, up] for columns in history])
+    with style():
+        figure, (top, low) = new_figure(2, 1, (6.2, 4.6), sharex=True)
+        for k in range(height.shape[1]):
+            top.plot(snapshots.times, height[:, k], color=COLOURS[k], label=f"grain {k}")
+            low.plot(snapshots.times, speed[:, k], color=COLOURS[k])
+        top.set(ylabel="height, m", title="Grains in time")
+        top.legend(ncols=2)
+        low.set(xlabel="time, s", ylabel="vertical velocity, m/s")
+        return figure
+
+
+def stress(run: Run, step: int | None = None) -> Figure:
+    """Stress between grains in the control slices against the hydraulic gradient, and where the lines meet."""
+    names = sorted(name for name in run.series if name.startswith("stress_"))
+    if not names:
+        raise NoData("no control slices (output.stress_slices)")
+    _, gradient, *values = _series(run, "hydraulic_gradient", *names)
+    from lbmdem.quick import crossing
+
+    with style():
+        figure, axes = new_figure(size=(6.0, 4.2))
+        bottom = max(np.abs(v[0]) for v in values) or 1.0
+        for k, v in enumerate(values):
+            axes.plot(gradient, v / bottom, color=COLOURS[k], label=f"slice {k + 1}")
+        found = crossing(gradient, values)
+        axes.axvline(found, label=f"crossing at {found:.4f}", **THEORY)
+        axes.set(xlabel="hydraulic gradient", ylabel="stress / stress at the bottom", title="Stress between grains")
+        axes.set(xlim=(0, None), ylim=(min(0.0, axes.get_ylim()[0]), None))
+        axes.legend()
+        return figure
+
+
+def energies(run: Run, step: int | None = None) -> Figure:
+    """Kinetic energy of the fluid and of the grains."""
+    t, *_ = _series(run)
+    names = [name for name in ("energy_kinetic", "energy_kinetic_grains") if name in run.series]
+    if not names:
+        raise NoData("the series has no energies")
+    with style():
+        figure, axes = new_figure(size=(6.2, 3.6))
+        for name, colour in zip(names, COLOURS):
+            label = "grains" if name.endswith("grains") else "fluid"
+            axes.plot(*thinned(t, run.series[name]), color=colour, label=label)
+        positive = np.concatenate([run.series[name][1:] for name in names])
+        if positive.min() > 0 and positive.max() > 100 * positive.min():
+            axes.set_yscale("log")
+        axes.set(xlabel="time, s", ylabel=axis_label("kinetic energy", run.series.units[names[0]]), title="Energy")
+        axes.legend()
+        return figure
+
+
+def timers(run: Run, step: int | None = None) -> Figure:
+    """Share of the sections in the wall time."""
+    return timers_figure(run.summary.get("timers", {}))
+
+
+def _steps(snapshots: Callable[[Run], Fields | Particles]) -> Callable[[Run], Sequence[int]]:
+    return lambda run: [int(step) for step in snapshots(run).steps]
+
+
+PLOTS = {
+    "flow": Plot("Speed of the fluid", flow, _steps(_fields)),
+    "profile": Plot("Velocity profile beside theory", profile, _steps(_fields)),
+    "grains": Plot("Grains", grains, _steps(_grains)),
+    "tracks": Plot("Grains in time", tracks),
+    "permeability": Plot("Permeability in time", permeability),
+    "stress": Plot("Stress between grains against the hydraulic gradient", stress),
+    "energies": Plot("Kinetic energies", energies),
+    "mass": Plot("Mass and Mach number", mass),
+    "timers": Plot("Where the time went", timers),
+}
