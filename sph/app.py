@@ -1,0 +1,46 @@
+"""What the command line knows of SPH. Only `load` and `bench` import anything heavy."""
+
+from collections.abc import Mapping
+from typing import TYPE_CHECKING
+
+from hpcpic.core.cli.app import App
+from sph.cases import shipped_cases
+from sph.config import SphConfig
+from sph.derived import derived
+from sph.estimate import estimate
+from sph.plan import plan
+
+if TYPE_CHECKING:
+    from hpcpic.core.cli.figures import Plot
+
+
+def load() -> type:
+    from sph.step import Sph
+
+    return Sph
+
+
+def until(config: SphConfig, t: float) -> tuple[str, ...]:
+    """The end at time t [s], as --set says it."""
+    return (f"simulation.end_time={t!r}",)
+
+
+def plots() -> "Mapping[str, Plot]":
+    from sph.plots import PLOTS
+
+    return PLOTS
+
+
+APP = App(
+    name="sph",
+    title="weakly compressible smoothed particle hydrodynamics",
+    schema=lambda: SphConfig,
+    cases=shipped_cases,
+    derived=derived,
+    estimate=estimate,
+    load=load,
+    until=until,
+    free=("description", "simulation.end_time", "gauge", "output", "numerics.balance_period"),
+    plots=plots,
+    plan=plan,
+)

@@ -1,0 +1,188 @@
+"""The numbers that decide whether an SPH case is stable and accurate, with their limits and sources."""
+
+import math
+from collections.abc import Iterator
+
+from hpcpic.core.files.derived import Derived
+from sph import geometry, limits
+from sph.config import SphConfig
+from sph.scene import Scene
+
+STABILITY = "von Neumann, research of this program"
+CFL, STEP = ("simulation", "cfl"), ("simulation", "time_step")
+
+
+def derived(config: SphConfig, ranks: int = 1) -> list[Derived]:
+    """Every derived number of a completed case that runs on so many ranks."""
+    scene = Scene(config)
+    return [
+        *step(config),
+        *compressibility(config),
+        *resolution(config),
+        *filling(config, scene),
+        *extents(config, scene, ranks),
+    ]
+
+
+def rounded_down(value: float) -> float:
+    """The largest number of two digits that is not above value > 0."""
+    scale = 10.0 ** (math.floor(math.log10(value)) - 1)
+    return float(f"{math.floor(value / scale * (1 + 1e-12)) * scale:.2g}")
+
+
+def step(config: SphConfig) -> Iterator[Derived]:
+    """The time step against the stability of integrator and flux, and the criteria it comes from."""
+    simulation, numerics = config.simulation, config.numerics
+    key = STEP if simulation.time_step else CFL
+    unit = config.h / config.sound_speed
+    dt = limits.time_step(config)
+    limit = limits.courant_limit(config)
+    what = f"{simulation.integrator}, {numerics.density_flux} flux"
+    source = f"von Neumann: {what}, {numerics.kernel}, h/dp {numerics.smoothing:g}"
+    asked = dt / unit if simulation.time_step else simulation.cfl or 0.0
+    growth = limits.grows(config, dt / unit)
+    verdict, cure, words = "ok", "", f"< {limit:.3g}"
+    if asked > limit and not (simulation.time_step is None and growth <= limits.GROWTH / 10):
+        legal = rounded_down(0.95 * limit)
+        verdict = "fail"
+        cure = f"time_step = {legal * unit:.2g}" if simulation.time_step else f"cfl = {legal:g} is the nearest legal one"
+    if simulation.integrator == "euler" and growth > limits.GROWTH / 100:
+        verdict = "fail"
+        words = "no step is stable: some wave always grows"
+        cure = 'density_flux = "rusanov", or integrator = "rk3-tvd" or "symplectic"'
+        if limit > 0.1 and asked > limit:
+            words, cure = f"< {limit:.3g}", f"cfl = {rounded_down(0.95 * limit):g} is the nearest legal one"
+    yield Derived(
+        "Courant number", "c0 dt/h", asked, "", words, verdict, source, cure, key, True, stable_below=limit
+    )
+    parts = limits.step_parts(config)
+    smallest = min(parts, key=lambda name: parts[name])
+    yield Derived(f"time step at t = 0, {'fixed' if simulation.time_step else smallest}", "dt", dt, "s")
+    yield Derived("steps to the end", "T/dt", simulation.end_time / dt)
+    nu = limits.kinematic_viscosity(config)
+    if "viscous" in parts:
+        share = dt / parts["viscous"] * limits.VISCOUS
+        verdict = "ok" if share <= limits.VISCOUS * 1.001 else "fail"
+        legal = rounded_down(parts["viscous"])
+        cure = "" if verdict == "ok" else f"time_step = {legal:g} is the nearest legal one"
+        source = "Morris et al. 1997"
+        yield Derived("viscous step", "nu dt/h2", share, "", "< 0.125", verdict, source, cure, STEP, True)
+        yield Derived("Reynolds number of a spacing", "u dp/nu", (config.eos.max_velocity or 0) * numerics.spacing / nu)
+    if config.fluid and numerics.density_flux == "rusanov" and any(config.gravity):
+        runs = simulation.end_time / settling(config)
+        verdict = "ok" if runs < 20 else "warn"
+        cure = "" if verdict == "ok" else 'density_flux = "delta" keeps still water still'
+        source = "level falls 2 %, bottom pressure 17 % in 8 s (measured)"
+        key = ("numerics", "density_flux")
+        yield Derived("time under the Rusanov flux", "T sqrt(g/H)", runs, "", "< 20", verdict, source, cure, key)
+
+
+def settling(config: SphConfig) -> float:
+    """sqrt(H / g) of the fluid's height, s."""
+    from sph.config import heights_of
+
+    heights = [z for fluid in config.fluid for z in heights_of(config, fluid)]
+    return math.sqrt((max(heights) - min(heights)) / math.hypot(*config.gravity))
+
+
+def compressibility(config: SphConfig) -> Iterator[Derived]:
+    """The sound speed against the largest velocity, and the density change that follows."""
+    eos = config.eos
+    factor = config.sound_speed / (eos.max_velocity or config.sound_speed)
+    key = ("eos", "sound_speed") if config.eos.sound_speed_factor == 10.0 else ("eos", "sound_speed_factor")
+    diffuse = config.numerics.density_flux == "rusanov"
+    if factor < 3:
+        verdict, cure = "fail", f"sound_speed = {10 * (eos.max_velocity or 0.1):.3g} (factor 10)"
+    elif factor < 7:
+        verdict, cure = "warn", "factor 10: the density changes by less than 1 %"
+    elif factor > 50:
+        more = ": with the Rusanov flux dissipation grows with c0" if diffuse else ""
+        verdict, cure = "warn", f"factor 10 is {factor / 10:.0f} times as fast{more}"
+    else:
+        verdict, cure = "ok", ""
+    source = "Monaghan 1994; density change measured in a dam break"
+    yield Derived("sound speed", "c0", config.sound_speed, "m/s")
+    yield Derived("sound speed factor", "c0/vmax", factor, "", "7 .. 50", verdict, source, cure, key, factor > 1)
+    change = 1.0 / factor**2
+    yield Derived("expected density change", "(vmax/c0)^2", change, "", "< 0.02", "ok" if change < 0.021 else "warn",
+                  source, "" if change < 0.021 else "sound_speed_factor = 10", key)  # fmt: skip
+
+
+def resolution(config: SphConfig) -> Iterator[Derived]:
+    """Smoothing length over spacing, neighbours of a particle."""
+    ratio, kernel, d = config.numerics.smoothing, config.numerics.kernel, config.dimensions
+    reach = config.support / config.numerics.spacing
+    neighbours = (math.pi * reach**2 if d == 2 else 4 / 3 * math.pi * reach**3) - 1
+    key = ("numerics", "smoothing")
+    verdict, cure = "ok", ""
+    if ratio < 0.7:
+        verdict, cure = "fail", "smoothing = 1.3: particles hardly have neighbours"
+    elif ratio < 1.0:
+        verdict, cure = "warn", "smoothing = 1.3"
+    elif ratio > (1.5 if kernel == "cubic" else 2.5):
+        verdict = "warn"
+        cure = 'kernel = "wendland2": the cubic spline lets particles pair' if kernel == "cubic" else "smoothing = 1.5"
+    words = "1 .. 1.5" if kernel == "cubic" else "1 .. 2.5"
+    source = "Dehnen & Aly 2012 (pairing)"
+    yield Derived("smoothing length", "h/dp", ratio, "", words, verdict, source, cure, key, ratio >= 0.5)
+    yield Derived("neighbours", "", neighbours)
+
+
+def filling(config: SphConfig, scene: Scene) -> Iterator[Derived]:
+    """Particles, what of the fluids was clipped, thin and stretched layers."""
+    yield Derived("fluid particles", "n", scene.n_fluid)
+    for i, fluid in enumerate(scene.fluids):
+        section, key = fluid.section, ("fluid", i, "shape")
+        for name, gone in fluid.clipped.items():
+            outside = name == "the domain" or any(w.name == name and not w.section.solid for w in scene.walls)
+            share = gone / fluid.grid.n
+            verdict = "fail" if fluid.n == 0 else "warn" if outside else "ok"
+            cure = "nothing is left of it" if fluid.n == 0 else "part of the shape holds no fluid" if outside else ""
+            yield Derived(f"{section.name} clipped by {name}", "particles", gone, "", f"of {fluid.grid.n} ({share:.1%})",
+                          verdict, "filling", cure, key, fluid.n > 0)  # fmt: skip
+        if section.shape.box:
+            yield from layers(config, fluid.section, i)
+        else:
+            exact = section.density * geometry.volume(section.shape)
+            error = fluid.mass * (fluid.n + sum(fluid.clipped.values())) / exact - 1 if exact else 0.0
+            verdict = "ok" if abs(error) < 0.05 else "warn"
+            cure = "" if verdict == "ok" else "a smaller spacing follows the shape better"
+            yield Derived(f"mass of {section.name}", "m/m_exact - 1", error, "", "< 5 %", verdict, "filling", cure, key)
+
+
+def layers(config: SphConfig, section, i: int) -> Iterator[Derived]:
+    """How well the spacing divides a box."""
+    dp, key = config.numerics.spacing, ("fluid", i, "shape", "box")
+    edges = [b - a for a, b in zip(section.shape.box.low, section.shape.box.high)]
+    counts = [geometry.count(edge, dp) for edge in edges]
+    worst = max((edge / n / dp - 1 for edge, n in zip(edges, counts)), key=abs)
+    verdict = "ok" if abs(worst) < 0.1 else "warn"
+    cure = ""
+    if min(edges) < 0.99 * dp:
+        verdict, cure = ("warn" if min(edges) > 0.5 * dp else "fail"), f"one layer of {min(edges) / dp:.0%} of the mass"
+        cure += f"; two layers need spacing = {rounded_down(min(edges) / 2):g}"
+    elif verdict == "warn":
+        cure = "spacing that divides the box"
+    yield Derived(f"stretch of the spacing in {section.name}", "", worst, "", "< 10 %", verdict, "filling", cure, key)
+
+
+def extents(config: SphConfig, scene: Scene, ranks: int) -> Iterator[Derived]:
+    """Periodic lengths against the kernel, walls against the spacing, layers of cells against ranks."""
+    for k, axis in enumerate("xyz"[: config.dimensions]):
+        length = scene.high[k] - scene.low[k]
+        if scene.periodic[k]:
+            ok = length > 3 * scene.support
+            yield Derived(f"period along {axis}", "L/support", length / scene.support, "", "> 3", "ok" if ok else "fail",
+                          "a particle meets no image of itself twice", "" if ok else f"{3 * scene.support:g} m or more",
+                          ("domain", "high"))  # fmt: skip
+    for i, wall in enumerate(config.wall):
+        if wall.solid and not wall.shape.plane:
+            low, high = geometry.bounds(wall.shape)
+            thin = min(b - a for a, b in zip(low, high)) / scene.spacing
+            verdict = "ok" if thin >= 0.99 else "fail"
+            cure = "" if verdict == "ok" else f"make it {scene.spacing:g} m thick, or a smaller spacing"
+            yield Derived(f"thickness of {wall.name}", "L/dp", thin, "", ">= 1", verdict, "one layer", cure,
+                          ("wall", i, "shape"), True)  # fmt: skip
+    cells = (scene.high[scene.axes[0]] - scene.low[scene.axes[0]]) / scene.support
+    yield Derived("layers of cells per rank", "", cells / ranks, "", ">= 1", "ok" if cells >= ranks else "warn",
+                  "slabs end at one layer", "" if cells >= ranks else "some ranks stay empty")  # fmt: skip

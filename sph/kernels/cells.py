@@ -1,0 +1,194 @@
+"""Bodies (own particles and ghosts) into slots in the order layer, row, fine cell, key; and the runs of their neighbours.
+
+A layer is a slice of thickness `edge` across the slab axis, a row a bar of edge^2 in it along the last axis (in 2D the
+layer itself), a fine cell 1/FINE of an edge of a row. Tables exist for the occupied rows of the layers of a rank:
+
+rows[l] = (first row, number of rows, place of the first in row_table) of layer l
+row_table[k] = (slot of the first body, first fine cell, number of fine cells, place in fine_start)
+fine_start[place + c] = slot of the first body of fine cell c or later; one more entry closes the row
+
+Slots of a layer begin at base[l], with room for two vectors after the last: loads and stores may overrun.
+"""
+
+import numpy as np
+
+from hpcpic.core.simd.jit import njit
+
+DIM = 3
+
+AXIS = DIM - 1  # of the fine cells
+ROWS = 5 if DIM == 3 else 2  # of half a neighbourhood
+OWN_ROWS = 2 if DIM == 3 else 1  # of these in the layer of the body
+FINE = 8
+FAR = 2**30
+REAL_FLUID = 3  # class: 1 fluid, + 2 where the sums are used (image bodies only give)
+LOST = 1
+
+
+@njit
+def layer_of(x, scale, pads, layers):
+    """Global layer; what is beyond the last ones is counted to them."""
+    at = np.floor(x * scale) + pads
+    return np.int64(min(max(at, 0.0), layers - 1.0))
+
+
+@njit
+def layers_of(x, first, last, scale, pads, layers, result):
+    """Global layers of bodies first..last, into result[n]."""
+    for b in range(first, last):
+        result[b] = layer_of(x[0, b], scale[0], pads, layers)
+
+
+@njit
+def place(chunk, chunks, x, scale, shape, layer, row, fine, count, low, high):
+    """Cells of a chunk of bodies; shape = (pads, layers, first layer here, layers here, rows, bodies)."""
+    pads, layers, first, here, n_rows = shape[0], shape[1], shape[2], shape[3], shape[4]
+    for l in range(here):
+        count[chunk, l], low[chunk, l], high[chunk, l] = 0, n_rows, -1
+    code = 0
+    for b in range(chunks[chunk], chunks[chunk + 1]):
+        l = layer_of(x[0, b], scale[0], pads, layers) - first
+        if l < 0 or l >= here:
+            l = 0
+            code = LOST
+        r = np.int64(0)
+        if DIM == 3:
+            r = layer_of(x[1, b], scale[1], pads, n_rows)
+        f = np.floor(x[AXIS, b] * scale[AXIS])
+        layer[b], row[b], fine[b] = l, r, np.int64(min(max(f, -1.0 * FAR), 1.0 * FAR))
+        count[chunk, l] += 1
+        low[chunk, l] = min(low[chunk, l], r)
+        high[chunk, l] = max(high[chunk, l], r)
+    return code
+
+
+@njit
+def scatter(chunk, chunks, layer, start, bucket):
+    """Numbers of the bodies of a chunk, by layer: start[chunk, l] is where its bodies of layer l go."""
+    for b in range(chunks[chunk], chunks[chunk + 1]):
+        l = layer[b]
+        bucket[start[chunk, l]] = b
+        start[chunk, l] += 1
+
+
+@njit
+def extents(block, blocks, begin, bucket, row, fine, rows, row_table, fine_total):
+    """Bodies and fine cells of each row of the layers of a block."""
+    for l in range(blocks[block], blocks[block + 1]):
+        first, n_rows, at = rows[l, 0], rows[l, 1], rows[l, 2]
+        for k in range(at, at + n_rows):
+            row_table[k, 0], row_table[k, 1], row_table[k, 2] = 0, FAR, -FAR
+        for k in range(begin[l], begin[l + 1]):
+            b = bucket[k]
+            entry = row_table[at + row[b] - first]
+            entry[0] += 1
+            entry[1] = min(entry[1], fine[b])
+            entry[2] = max(entry[2], fine[b])
+        cells = np.int64(0)
+        for k in range(at, at + n_rows):
+            row_table[k, 2] = max(row_table[k, 2] - row_table[k, 1] + 1, 0)
+            cells += row_table[k, 2] + 1
+        fine_total[l] = cells
+
+
+@njit
+def arrange(block, blocks, begin, base, bucket, row, fine, key, kind, rows, row_table, fine_total, fine_start, body,
+            slot_class):  # fmt: skip
+    """Slots of the bodies of a block's layers, and the tables of their rows; fine_total[l] = place of its cells now."""
+    for l in range(blocks[block], blocks[block + 1]):
+        first, n_rows, at = rows[l, 0], rows[l, 1], rows[l, 2]
+        slot, place = base[l], fine_total[l]
+        for k in range(at, at + n_rows):
+            entry = row_table[k]
+            entry[3] = place
+            for c in range(place, place + entry[2] + 1):
+                fine_start[c] = 0
+            bodies = entry[0]
+            entry[0] = slot
+            slot += bodies
+            place += entry[2] + 1
+        for k in range(begin[l], begin[l + 1]):
+            b = bucket[k]
+            entry = row_table[at + row[b] - first]
+            fine_start[entry[3] + fine[b] - entry[1]] += 1
+        for k in range(at, at + n_rows):
+            entry = row_table[k]
+            slot = entry[0]
+            for c in range(entry[3], entry[3] + entry[2] + 1):
+                slot += fine_start[c]
+                fine_start[c] = slot  # end of the cell; becomes its start while bodies are put in
+        for k in range(begin[l + 1] - 1, begin[l] - 1, -1):
+            b = bucket[k]
+            entry = row_table[at + row[b] - first]
+            c = entry[3] + fine[b] - entry[1]
+            fine_start[c] -= 1
+            body[fine_start[c]] = b
+        for k in range(at, at + n_rows):
+            entry = row_table[k]
+            for c in range(entry[3], entry[3] + entry[2]):
+                order_by_key(body, key, fine_start[c], fine_start[c + 1])
+        for s in range(base[l], base[l] + begin[l + 1] - begin[l]):
+            slot_class[s] = kind[body[s]]
+
+
+@njit
+def order_by_key(body, key, first, last):
+    """Sort the few bodies of a fine cell."""
+    for s in range(first + 1, last):
+        b = body[s]
+        t = s
+        while t > first and key[body[t - 1]] > key[b]:
+            body[t] = body[t - 1]
+            t -= 1
+        body[t] = b
+
+
+@njit
+def find(block, blocks, begin, base, first, edge, radius, x, body, slot_class, rows, row_table, fine_start, runs):
+    """runs[slot, k] = (first, end) of the slots in row k of the half neighbourhood that may be within `radius`.
+
+    edge[a] = (edge of a layer, of a row, of a fine cell; pads): a row beyond the chord of the sphere is empty.
+    Rows: own from the next body on, then in 3D the next row; then the row, or three rows, of the next layer.
+    """
+    for l in range(blocks[block], blocks[block + 1]):
+        ceiling = (first + l + 1 - edge[3]) * edge[0]  # where the next layer begins
+        for k in range(rows[l, 1]):
+            entry = row_table[rows[l, 2] + k]
+            r = rows[l, 0] + k
+            wall = (r + 1 - edge[3]) * edge[1]
+            for slot in range(entry[0], fine_start[entry[3] + entry[2]]):
+                b = body[slot]
+                for n in range(ROWS):
+                    runs[slot, n, 0] = runs[slot, n, 1] = 0
+                z = x[AXIS, b]
+                up, after, before = max(ceiling - x[0, b], 0.0), 0.0, 0.0
+                if DIM == 3:
+                    after, before = max(wall - x[1, b], 0.0), max(x[1, b] - (wall - edge[1]), 0.0)
+                limit = radius * radius
+                if l > 0:
+                    run(slot, 0, l, r, limit, z, edge[2], rows, row_table, fine_start, runs)
+                    if DIM == 3:
+                        run(slot, 1, l, r + 1, limit - after * after, z, edge[2], rows, row_table, fine_start, runs)
+                limit -= up * up
+                run(slot, OWN_ROWS + (DIM == 3), l + 1, r, limit, z, edge[2], rows, row_table, fine_start, runs)
+                if DIM == 3:
+                    below, above = limit - before * before, limit - after * after
+                    run(slot, 2, l + 1, r - 1, below, z, edge[2], rows, row_table, fine_start, runs)
+                    run(slot, 4, l + 1, r + 1, above, z, edge[2], rows, row_table, fine_start, runs)
+
+
+@njit
+def run(slot, n, l, r, chord_sq, z, fine_edge, rows, row_table, fine_start, runs):
+    """The run in row r of layer l of a body at z, where the row's chord of its sphere has the square chord_sq / 4."""
+    k = r - rows[l, 0]
+    if k < 0 or k >= rows[l, 1] or chord_sq <= 0.0:
+        return
+    entry = row_table[rows[l, 2] + k]
+    chord = np.sqrt(chord_sq)
+    low = np.int64(min(max(np.floor((z - chord) / fine_edge) - entry[1], 0.0), 1.0 * entry[2]))
+    high = np.int64(min(max(np.floor((z + chord) / fine_edge) + 1.0 - entry[1], 0.0), 1.0 * entry[2]))
+    begin, end = fine_start[entry[3] + low], fine_start[entry[3] + high]
+    if n == 0:
+        begin = max(begin, slot + 1)  # each pair once
+    if end > begin:
+        runs[slot, n, 0], runs[slot, n, 1] = begin, end

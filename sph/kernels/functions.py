@@ -1,0 +1,85 @@
+"""Smoothing kernels W(q), q = r / h, normalised with h = 1 in 2D and 3D, and F(q) = W'(q) / q of their gradient F r_ij.
+
+Each is written once for numpy and once as lines of a vector kernel, which know r2 = q^2 and leave F (and r where the
+kernel needs it). The normalisation of (MP 9), missing there, is that of the cubic spline.
+"""
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+
+@dataclass(frozen=True)
+class Smoothing:
+    """A kernel: `support` / h, norm by dimension, shape(q) = W / norm, slope(q) = F / norm, and its vector lines."""
+
+    support: float
+    norm: dict[int, float]
+    shape: Callable[[NDArray], NDArray]
+    slope: Callable[[NDArray], NDArray]
+    lines: str
+    """Source of `F` without the norm, from `r` and, in splines, `inverse` = 1 / r."""
+
+    @property
+    def divides(self) -> bool:
+        return "inverse" in self.lines
+
+    def w(self, q: NDArray, dimensions: int) -> NDArray[np.float64]:
+        """W(q) h^d."""
+        return self.norm[dimensions] * self.shape(np.asarray(q, np.float64))
+
+    def f(self, q: NDArray, dimensions: int) -> NDArray[np.float64]:
+        """F(q) h^(d + 2)."""
+        return self.norm[dimensions] * self.slope(np.asarray(q, np.float64))
+
+
+def _plus(x: NDArray) -> NDArray:
+    return np.maximum(x, 0.0)
+
+
+def _positive(q: NDArray) -> NDArray:
+    return np.maximum(q, 1e-300)
+
+
+CUBIC = Smoothing(
+    2.0,
+    {2: 10 / (7 * math.pi), 3: 1 / math.pi},
+    lambda q: 0.25 * _plus(2 - q) ** 3 - _plus(1 - q) ** 3,
+    lambda q: (3 * _plus(1 - q) ** 2 - 0.75 * _plus(2 - q) ** 2) / _positive(q),
+    """
+    near, far = maximum(1.0 - r, 0.0), maximum(2.0 - r, 0.0)
+    F = fma(near * near, 3.0, -0.75 * (far * far)) * inverse""",
+)
+WENDLAND2 = Smoothing(
+    2.0,
+    {2: 7 / (4 * math.pi), 3: 21 / (16 * math.pi)},
+    lambda q: _plus(1 - q / 2) ** 4 * (1 + 2 * q),
+    lambda q: -5 * _plus(1 - q / 2) ** 3,
+    """
+    far = maximum(fma(r, -0.5, 1.0), 0.0)
+    F = (far * far) * (far * -5.0)""",
+)
+WENDLAND4 = Smoothing(
+    2.0,
+    {2: 9 / (4 * math.pi), 3: 495 / (256 * math.pi)},
+    lambda q: _plus(1 - q / 2) ** 6 * (1 + 3 * q + 35 / 12 * q**2),
+    lambda q: -7 / 3 * _plus(1 - q / 2) ** 5 * (2 + 5 * q),
+    """
+    far = maximum(fma(r, -0.5, 1.0), 0.0)
+    square = far * far
+    F = (square * square) * (far * fma(r, -35.0 / 3.0, -14.0 / 3.0))""",
+)
+QUINTIC = Smoothing(
+    3.0,
+    {2: 7 / (478 * math.pi), 3: 1 / (120 * math.pi)},
+    lambda q: _plus(3 - q) ** 5 - 6 * _plus(2 - q) ** 5 + 15 * _plus(1 - q) ** 5,
+    lambda q: -5 * (_plus(3 - q) ** 4 - 6 * _plus(2 - q) ** 4 + 15 * _plus(1 - q) ** 4) / _positive(q),
+    """
+    near, middle, far = maximum(1.0 - r, 0.0), maximum(2.0 - r, 0.0), maximum(3.0 - r, 0.0)
+    near, middle, far = near * near, middle * middle, far * far
+    F = fma(near * near, -75.0, fma(middle * middle, 30.0, -5.0 * (far * far))) * inverse""",
+)
+SMOOTHING = {"cubic": CUBIC, "wendland2": WENDLAND2, "wendland4": WENDLAND4, "quintic": QUINTIC}

@@ -1,0 +1,295 @@
+"""Pair sums of a scene as generated text: each pair of bodies once, for both, along the runs of `cells.find`.
+
+Everything is in units of h, c0 and the reference density. A pass is a set of terms (momentum, continuity, ...) that share
+the distance and the kernel. What a body gets from its own layer and the next goes to `sums[k, slot]`, what it gets
+from the layer below to `sums[k, S + slot]`, so that layers are independent and the result does not depend on who
+computes them. Lanes count from the start of a run.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from types import ModuleType
+
+import numpy as np
+
+from hpcpic.core.simd.generate import module_from_source
+from hpcpic.core.simd.vector import lanes
+from sph.kernels.functions import SMOOTHING
+
+UNIT = 2.0**-24  # of fixed-point positions, in h
+AXES = "xyz"
+
+
+@dataclass(frozen=True)
+class Law:
+    """What pair sums are made for."""
+
+    dimensions: int
+    kernel: str
+    flux: str = "none"
+    viscosity: str = "none"
+    artificial: bool = False
+    single: bool = False
+    walls: bool = False
+    """Whether bodies of other classes than fluid are there."""
+
+    @property
+    def real(self) -> str:
+        return "float32" if self.single else "float64"
+
+    @property
+    def axes(self) -> str:
+        return AXES[: self.dimensions]
+
+    @property
+    def needs_gradient(self) -> bool:
+        return self.flux == "delta"
+
+
+@dataclass
+class Terms:
+    """Lines of a pair and what they add: (sum, coefficient for i, for j, factor for i, for j)."""
+
+    columns: set[str] = field(default_factory=set)
+    lines: list[str] = field(default_factory=list)
+    sums: list[tuple[str, str, str, str, str]] = field(default_factory=list)
+
+    def need(self, *columns: str) -> None:
+        self.columns.update(columns)
+
+
+def columns_of(law: Law) -> list[str]:
+    """Columns of a slot, besides its position: what `pack` fills in."""
+    names = ["rho", "volume", "push", *(f"v{a}" for a in law.axes), "mass"]
+    if law.flux != "none":
+        names += ["excess", "mixes"]
+    if law.artificial or law.viscosity == "cleary":
+        names += ["light"]
+    if law.flux == "delta":
+        names += [f"g{a}" for a in law.axes]
+    if law.flux == "fourtakas":
+        names += ["slope"]
+    if law.viscosity == "strain-rate":
+        names += [f"t{a}{b}" for k, a in enumerate(law.axes) for b in law.axes[k:]]
+    return names
+
+
+def _relative_velocity(law: Law, terms: Terms) -> None:
+    if any(line.startswith("    vd =") for line in terms.lines):
+        return
+    terms.need(*(f"v{a}" for a in law.axes))
+    terms.lines += [f"    d{a}v = v{a}_i - v{a}_j" for a in law.axes]
+    vd = f"d{law.axes[-1]}v * d{law.axes[-1]}"
+    for a in law.axes[-2::-1]:
+        vd = f"fma(d{a}v, d{a}, {vd})"
+    terms.lines.append(f"    vd = {vd}")
+
+
+def momentum(law: Law, terms: Terms) -> None:
+    """(MP 20), (SC 5): force on i = - m_i m_j (p_i / rho_i^2 + p_j / rho_j^2 + Pi) F r_ij; exactly opposite on j."""
+    terms.need("push", "mass")
+    terms.lines.append("    push = push_i + push_j")
+    if law.artificial or law.viscosity == "cleary":
+        _relative_velocity(law, terms)
+        terms.need("light")
+        terms.lines.append("    near = vd / (r2 + 0.01)")
+    if law.artificial:  # Monaghan's, with the mean of 1 / rho
+        terms.lines.append("    push = fma(minimum(near, 0.0) * (light_i + light_j), artificial, push)")
+    if law.viscosity == "cleary":  # (SC 6), equal viscosities
+        terms.lines.append("    push = fma(near * (light_i * light_j), viscous, push)")
+    if law.viscosity == "strain-rate":
+        _stress_force(law, terms)
+        return
+    terms.lines += ["    g = (push * F) * (mass_i * mass_j)", "    minus = -g"]
+    terms.sums += [(f"f{a}", "minus", "g", f"d{a}", f"d{a}") for a in law.axes]
+
+
+def _stress_force(law: Law, terms: Terms) -> None:
+    """(MP 23): force on i = m_i m_j F (T r - push r), T = mu (eps_i / rho_i^2 + eps_j / rho_j^2)."""
+    terms.lines.append("    g = F * (mass_i * mass_j)")
+    terms.lines.append("    minus = -g")
+    for a in law.axes:
+        terms.lines.append(f"    s{a} = -(push * d{a})")
+        for b in law.axes:
+            name = "t" + "".join(sorted(a + b))
+            terms.need(name)
+            terms.lines.append(f"    s{a} = fma({name}_i + {name}_j, d{b}, s{a})")
+        terms.sums.append((f"f{a}", "g", "minus", f"s{a}", f"s{a}"))
+
+
+def continuity(law: Law, terms: Terms) -> None:
+    """(MP 16) with a flux of density: (MP 17), Molteni and Colagrossi, Fourtakas, Antuono (delta)."""
+    _relative_velocity(law, terms)
+    terms.need("rho", "volume")
+    terms.lines += ["    to_i = volume_j * F", "    to_j = volume_i * F"]
+    if law.flux == "none":
+        terms.lines += ["    rate_i, rate_j = rho_i * vd, rho_j * vd"]
+    else:
+        terms.need("excess", "mixes")
+        terms.lines += ["    d_rho = excess_j - excess_i", *_flux_lines(law, terms)]
+        terms.lines += ["    rate_i, rate_j = fma(rho_i, vd, -flux), fma(rho_j, vd, flux)"]
+    terms.sums.append(("rate", "to_i", "to_j", "rate_i", "rate_j"))
+
+
+def _flux_lines(law: Law, terms: Terms) -> list[str]:
+    """flux = what multiplies - V_j F in d rho_i / dt; only between fluid particles (`mixes`)."""
+    lines = []
+    if law.flux == "delta":  # less what a linear density would give
+        terms.need(*(f"g{a}" for a in law.axes))
+        lines += [f"    d_rho = fma(g{a}_i + g{a}_j, d{a}, d_rho)" for a in law.axes]  # g is half the gradient
+    if law.flux == "fourtakas":  # less what rest under gravity would give: slope = rho / (2 c^2), trapezoidal rule
+        terms.need("slope")
+        drop = f"gravity{law.axes[-1]} * d{law.axes[-1]}"
+        for a in law.axes[-2::-1]:
+            drop = f"fma(d{a}, gravity{a}, {drop})"
+        lines += [f"    d_rho = fma(slope_i + slope_j, {drop}, d_rho)"]
+    strength = "flux_strength * r" if law.flux == "rusanov" else "flux_strength"
+    return [*lines, f"    flux = d_rho * ({strength}) * (mixes_i * mixes_j)"]
+
+
+def gradient(law: Law, terms: Terms) -> None:
+    """Sums for the renormalised density gradient: - sum V_j F r r^T and sum V_j (rho_j - rho_i) F r_ij, of fluid."""
+    terms.need("volume", "mixes", "excess")
+    terms.lines += [
+        "    fluid = F * (mixes_i * mixes_j)",
+        "    from_j, from_i = volume_j * fluid, volume_i * fluid",
+        "    step = excess_j - excess_i",
+    ]
+    for k, a in enumerate(law.axes):
+        for b in law.axes[k:]:
+            terms.lines.append(f"    m{a}{b} = -(d{a} * d{b})")
+            terms.sums.append((f"m{a}{b}", "from_j", "from_i", f"m{a}{b}", f"m{a}{b}"))
+        terms.lines.append(f"    b{a} = step * d{a}")
+        terms.sums.append((f"b{a}", "from_j", "from_i", f"b{a}", f"b{a}"))
+
+
+def strain(law: Law, terms: Terms) -> None:
+    """Sums of the velocity gradient: d v_b / d x_a = sum V_j (v_j - v_i)_b F r_a."""
+    _relative_velocity(law, terms)
+    terms.need("volume")
+    terms.lines += ["    by_j, by_i = -(volume_j * F), -(volume_i * F)"]
+    for a in law.axes:
+        for b in law.axes:
+            terms.lines.append(f"    w{a}{b} = d{a} * d{b}v")
+            terms.sums.append((f"w{a}{b}", "by_j", "by_i", f"w{a}{b}", f"w{a}{b}"))
+
+
+TERMS = {"momentum": momentum, "continuity": continuity, "gradient": gradient, "strain": strain}
+
+
+def sums_of(law: Law, names: Sequence[str]) -> list[str]:
+    """What a pass of these terms leaves in sums[k]."""
+    return [entry[0] for entry in _collect(law, names).sums]
+
+
+def _collect(law: Law, names: Sequence[str]) -> Terms:
+    terms = Terms()
+    for name in names:
+        TERMS[name](law, terms)
+    return terms
+
+
+NUMBERS = ("artificial", "viscous", "flux_strength", "gravityx", "gravityy", "gravityz")
+
+HEAD = """
+import numpy as np
+from hpcpic.core.simd.jit import njit
+from hpcpic.core.simd.vector import Vec, convert, fma, lane_numbers, load, maximum, minimum, select, splat, sqrt, store, total
+
+REAL = np.{real}
+F_ = Vec({lanes}, REAL)
+I_ = Vec({lanes}, np.int32)
+UNIT = REAL({unit})
+"""
+
+
+def _distance(law: Law) -> list[str]:
+    if law.single:
+        lines = [f"    d{a} = convert(F_, {a}_i - load(I_, {a}_, j)) * UNIT" for a in law.axes]
+    else:
+        lines = [f"    d{a} = {a}_i - load(F_, {a}_, j)" for a in law.axes]
+    r2 = f"d{law.axes[-1]} * d{law.axes[-1]}"
+    for a in law.axes[-2::-1]:
+        r2 = f"fma(d{a}, d{a}, {r2})"
+    kernel = SMOOTHING[law.kernel]
+    lines.append(f"    r2 = {r2}" + (" + 1e-12" if kernel.divides else ""))
+    lines.append("    r = sqrt(r2)")
+    if kernel.divides:
+        lines.append("    inverse = 1.0 / r")
+    return lines + kernel.lines.strip("\n").split("\n")
+
+
+def _pair(law: Law, terms: Terms, masked: bool) -> list[str]:
+    """One vector of neighbours."""
+    lines = _distance(law)
+    lines.append(f"    F = select(lane < np.int32(end - j), F * {SMOOTHING[law.kernel].norm[law.dimensions]!r}, 0.0)")
+    if masked:
+        lines.append("    F = select((load(I_, classes, j) | class_i) == 3, F, 0.0)")
+    lines += [f"    {name}_j = load(F_, {name}_, j)" for name in sorted(terms.columns)]
+    lines += terms.lines
+    for k, (_, to_i, to_j, by_i, by_j) in enumerate(terms.sums):
+        lines.append(f"    sum{k} = fma({to_i}, {by_i}, sum{k})")
+        lines.append(f"    store(sums{k}, j + shift, fma({to_j}, {by_j}, load(F_, sums{k}, j + shift)))")
+    return lines
+
+
+def _indent(lines: Sequence[str], depth: int) -> str:
+    return "".join(" " * depth + line + "\n" for line in lines)
+
+
+def _pass_source(law: Law, title: str, names: Sequence[str]) -> str:
+    terms = _collect(law, names)
+    columns = columns_of(law)
+    own_rows = 2 if law.dimensions == 3 else 1
+    rows = 5 if law.dimensions == 3 else 2
+    n = len(terms.sums)
+    numbers = [f"{name} = REAL(numbers[{k}])" for k, name in enumerate(NUMBERS)]
+    views = [f"{a}_ = position[{k}]" for k, a in enumerate(law.axes)]
+    views += [f"{name}_ = values[{columns.index(name)}]" for name in sorted(terms.columns)]
+    views += [f"sums{k} = sums[{k}]" for k in range(n)]
+    fetch = [f"{a}_i = {a}_[i]" for a in law.axes] + [f"{c}_i = {c}_[i]" for c in sorted(terms.columns)]
+    fetch += [f"sum{k} = splat(F_, 0.0)" for k in range(n)]
+
+    def loop(masked: bool, depth: int) -> str:
+        head = [
+            f"for row in range({rows}):",
+            "    j, end = np.int64(runs[i, row, 0]), np.int64(runs[i, row, 1])",
+            f"    shift = np.int64(0) if row < {own_rows} else n_slots",
+            "    while j < end:",
+        ]
+        return _indent(head, depth) + _indent([*_pair(law, terms, masked), "    j += LANES_"], depth + 4)
+
+    if law.walls:
+        body = _indent(["class_i = classes[i]", "if class_i == 3:"], 12) + loop(False, 16)
+        body += _indent(["else:"], 12) + loop(True, 16)
+    else:
+        body = loop(False, 12)
+    return (
+        f"\n\n@njit\ndef {title}(block, blocks, begin, base, numbers, runs, classes, position, values, sums):\n"
+        + _indent([*numbers, *views, "n_slots = np.int64(values.shape[1])", "lane = lane_numbers(I_)"], 4)
+        + _indent(["for l in range(blocks[block], blocks[block + 1]):"], 4)
+        + _indent(["first, last = base[l], base[l] + begin[l + 1] - begin[l]"], 8)
+        + _indent([f"clear(sums{k}, first, last)" for k in range(n)], 8)
+        + _indent(["up = base[l + 1]", "up_end = up + begin[l + 2] - begin[l + 1]"], 8)
+        + _indent([f"clear(sums{k}, n_slots + up, n_slots + up_end)" for k in range(n)], 8)
+        + _indent(["for i in range(first, last):"], 8)
+        + _indent(fetch, 12)
+        + body
+        + _indent([f"sums{k}[i] += total(sum{k})" for k in range(n)], 12)
+    )
+
+
+CLEAR = """
+
+@njit
+def clear(line, first, last):
+    for k in range(first, last):
+        line[k] = 0.0
+"""
+
+
+def make(law: Law, passes: dict[str, Sequence[str]]) -> ModuleType:
+    """Module with a kernel for each pass: title -> names of its terms."""
+    n = lanes(np.dtype(law.real))
+    text = HEAD.format(real=law.real, lanes=n, unit=UNIT) + f"LANES_ = np.int64({n})\n" + CLEAR
+    return module_from_source(text + "".join(_pass_source(law, title, names) for title, names in passes.items()), "sph_pairs")

@@ -1,0 +1,321 @@
+"""The initial state and the numbers of an SPH run, the same on every rank: pure functions of case and id.
+
+Fluid particles have the ids 0 .. n_fluid - 1, those of wall w the ids (w + 1) 2^50 and on.
+"""
+
+import math
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sph import config as case
+from sph import flows, geometry, solids
+from sph.lattices import Filled, Grid, Parts, Sheet, Shell, box_sheets, even, grid_of
+
+WALL_BITS = 50
+NEAR = 0.25  # of a spacing: fluid nearer to a solid is taken away
+REST = 0.9  # of h: distance at which a repulsive layer holds the fluid (S(y) of (SC 9) is about 0.65 there)
+CHUNK = 1 << 18
+FAR = 1e300
+
+
+@dataclass(frozen=True, slots=True)
+class Face:
+    """A flat piece of a wall: a point on it, its normal into the fluid, the box that holds it (m)."""
+
+    point: NDArray[np.float64]
+    normal: NDArray[np.float64]
+    low: NDArray[np.float64]
+    high: NDArray[np.float64]
+
+
+class Wall:
+    """One wall at rest. `faces` of mirror walls, `lattice` of those made of particles (None for mirrors)."""
+
+    def __init__(self, scene: "Scene", section: case.Wall, index: int) -> None:
+        self.scene, self.section, self.index = scene, section, index
+        self.name, self.type, self.measure_force = section.name, section.type, section.measure_force
+        self.torque_about = np.array(section.torque_about)
+        self.closed = self._closed()
+        self.layers = max(1, math.ceil(scene.support / scene.spacing - 0.5))
+        self.faces: list[Face] = self._faces() if self.type == "mirror-no-slip" else []
+        self.lattice: Any = None if self.type == "mirror-no-slip" else self._lattice()
+
+    @property
+    def moving(self) -> bool:
+        return self.section.motion is not None
+
+    def motion(self, t: float) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Displacement[d] in m and velocity[d] in m/s at time t."""
+        d = self.scene.dimensions
+        motion = self.section.motion
+        if motion is None:
+            return np.zeros(d), np.zeros(d)
+        stop = math.inf if motion.stop is None else motion.stop
+        since, goes = min(max(t, motion.start), stop) - motion.start, motion.start <= t < stop
+        w = 2 * math.pi / motion.period
+        amplitude, velocity = np.array(motion.amplitude), np.array(motion.velocity)
+        x = velocity * since + amplitude * math.sin(w * since)
+        v = (velocity + amplitude * (w * math.cos(w * since))) * float(goes)
+        if motion.path:
+            times = np.array([0.0] + [place.time for place in motion.path])
+            places = np.array([(0.0,) * d] + [place.displacement for place in motion.path])
+            if motion.path[0].time == 0.0:
+                times, places = times[1:], places[1:]
+            x = x + np.array([np.interp(t, times, places[:, k]) for k in range(d)])
+            now = int(np.searchsorted(times, t, side="right"))
+            if 0 < now < len(times):
+                v = v + (places[now] - places[now - 1]) / (times[now] - times[now - 1])
+        return x, v
+
+    def near(self, low: NDArray, high: NDArray) -> tuple[NDArray[np.int64], NDArray, NDArray]:
+        """ids[n], x[n, d] at displacement 0, normals[n, d] into the fluid, of the particles in [low, high)."""
+        index, x, normal = self.lattice.near(np.asarray(low, float), np.asarray(high, float))
+        return index + ((self.index + 1) << WALL_BITS), x, normal
+
+    def bounds(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """The box that holds all particles of the wall at displacement 0."""
+        if self.section.shape.plane:
+            low, high = self.scene.low, self.scene.high
+        else:
+            low, high = map(np.array, geometry.bounds(self.section.shape))
+        margin = (self.layers + 1) * self.scene.spacing
+        return low - margin, high + margin
+
+    def _closed(self) -> set[str]:
+        """Faces of a box that are there: not those left out, nor any across a periodic axis."""
+        d, box = self.scene.dimensions, self.section.shape.box
+        faces = {axis + sign for axis in case.AXES[:d] for sign in "-+"}
+        periodic = {axis for k, axis in enumerate(case.AXES[:d]) if self.scene.periodic[k]}
+        return {face for face in faces if face[0] not in periodic} - set(box.open if box else ())
+
+    def _faces(self) -> list[Face]:
+        scene, shape, d = self.scene, self.section.shape, self.scene.dimensions
+        if shape.plane:
+            far = np.full(d, FAR)
+            return [Face(np.array(shape.plane.point), solids.unit(shape.plane.normal), -far, far)]
+        low, high = map(np.array, geometry.bounds(shape))
+        faces = []
+        for axis, name in enumerate(case.AXES[:d]):
+            for sign, at in (("-", low[axis]), ("+", high[axis])):
+                if name + sign in self.closed:
+                    a, b, point, normal = low.copy(), high.copy(), (low + high) / 2, np.zeros(d)
+                    a[axis] = b[axis] = point[axis] = at
+                    normal[axis] = -1.0 if (sign == "+") != self.section.solid else 1.0
+                    a[scene.periodic], b[scene.periodic] = -FAR, FAR
+                    faces.append(Face(point, normal, a, b))
+        return faces
+
+    def _lattice(self) -> Any:
+        scene, section, shape, dp = self.scene, self.section, self.section.shape, self.scene.spacing
+        continuous = self.type == "pressure-continuity"
+        if shape.plane and not continuous:
+            return Parts([plane_sheet(scene, shape.plane, self._recess())])
+        if shape.box and continuous and not section.solid:
+            return Shell(shape.box, dp, self.layers, self.closed)
+        if shape.box and not continuous:
+            low, high = map(np.array, geometry.bounds(shape))
+            recess = np.minimum(self._recess(), (high - low) / 2) if section.solid else -self._recess()
+            recess = np.where(scene.periodic, 0.0, recess)
+            ends = self.type == "repulsive"
+            return Parts(box_sheets(low + recess, high - recess, self.closed, dp, section.solid, ends))
+        return Filled(shape, dp, self.layers, section.solid, self._grid())
+
+    def _recess(self) -> float:
+        """How far a layer lies behind the face: the fluid then rests half a spacing before the face."""
+        scene = self.scene
+        return max(0.0, REST * scene.h - scene.spacing / 2) if self.type == "repulsive" else 0.0
+
+    def _grid(self) -> Grid:
+        scene, shape, dp = self.scene, self.section.shape, self.scene.spacing
+        if self.section.solid and not shape.plane:
+            return grid_of(shape, dp)
+        low, high = self.bounds()
+        return Grid(tuple(even(a, a + dp * math.ceil((b - a) / dp), dp) for a, b in zip(low, high)))
+
+
+def plane_sheet(scene: "Scene", plane: case.Plane, recess: float) -> Sheet:
+    """A sheet over all of the domain and a margin, spacing dp."""
+    normal = solids.unit(plane.normal)
+    basis = np.linalg.svd(normal[None])[2][1:] if np.count_nonzero(normal) > 1 else np.eye(len(normal))[normal == 0]
+    middle, reach = (scene.low + scene.high) / 2, np.sqrt(np.sum((scene.high - scene.low) ** 2)) / 2 + scene.support
+    origin = middle - ((middle - plane.point) @ normal + recess) * normal
+    n = math.ceil(reach / scene.spacing)
+    tangents = basis * scene.spacing
+    return Sheet(origin - n * tangents.sum(axis=0), tangents, (2 * n + 1,) * len(basis), normal)
+
+
+@dataclass(slots=True)
+class FluidSet:
+    """The particles of one fluid: points of a grid without those `removed` (sorted flat indices)."""
+
+    section: case.Fluid
+    grid: Grid
+    first: int
+    mass: float
+    removed: NDArray[np.int64]
+    clipped: dict[str, int] = field(default_factory=dict)  # by what -> how many
+
+    @property
+    def n(self) -> int:
+        return self.grid.n - len(self.removed)
+
+    def points(self, ids: NDArray) -> NDArray[np.float64]:
+        """x[n, d] of particles by id."""
+        rank = np.asarray(ids, np.int64) - self.first
+        flat = rank + np.searchsorted(self.removed - np.arange(len(self.removed)), rank, side="right")
+        return self.grid.points(self.grid.unflat(flat))
+
+
+class Scene:
+    """A case made concrete. Vectors are in physical order, arrays [n, d].
+
+    spacing dp, h, support in m; rho0 kg/m3; c0 m/s; viscosity Pa s; low[d], high[d] of the domain, periodic[d];
+    gravity[d], body_force[d] and their sum `acceleration`; axes: storage axis k is physical axis axes[k].
+    """
+
+    def __init__(self, config: case.SphConfig) -> None:
+        numerics, first = config.numerics, config.fluid[0] if config.fluid else None
+        self.config = config
+        self.dimensions = d = config.dimensions
+        self.spacing, self.h, self.support, self.kernel = numerics.spacing, config.h, config.support, numerics.kernel
+        self.rho0 = first.density if first else 1000.0
+        self.viscosity = first.viscosity if first else 0.0
+        self.c0, self.gamma = config.sound_speed, config.eos.gamma
+        self.low, self.high = np.array(config.domain.low, float), np.array(config.domain.high, float)
+        self.periodic = np.array([axis in config.domain.periodic for axis in case.AXES[:d]])
+        self.gravity, self.body_force = np.array(config.gravity), np.array(config.body_force)
+        self.acceleration = self.gravity + self.body_force
+        extent = self.high - self.low
+        longest = int(np.argmax(extent))
+        self.axes = (longest, *(k for k in range(d) if k != longest))
+        self.end_time = config.simulation.end_time
+        self.walls = [Wall(self, section, k) for k, section in enumerate(config.wall)]
+        self.fluids: list[FluidSet] = []
+        for section in config.fluid:
+            self.fluids.append(self._fill(section))
+        self.n_fluid = sum(fluid.n for fluid in self.fluids)
+
+    @property
+    def stiffness(self) -> float:
+        """k0 of (MP 14), Pa."""
+        return self.rho0 * self.c0**2 / self.gamma
+
+    def pressure(self, drho: NDArray) -> NDArray[np.float64]:
+        """p of (MP 14) in Pa from rho - rho0, without the background pressure."""
+        return self.stiffness * np.expm1(self.gamma * np.log1p(np.asarray(drho) / self.rho0))
+
+    def density(self, pressure: NDArray) -> NDArray[np.float64]:
+        """rho - rho0 in kg/m3 at which the equation of state gives this pressure."""
+        return self.rho0 * np.expm1(np.log1p(np.asarray(pressure) / self.stiffness) / self.gamma)
+
+    def fluid(self, ids: NDArray) -> dict[str, NDArray[np.float64]]:
+        """x[n, d] m, v[n, d] m/s, drho[n] = rho - rho0 kg/m3, m[n] kg of fluid particles at t = 0."""
+        ids = np.asarray(ids, np.int64)
+        d = self.dimensions
+        found = {"x": np.zeros((len(ids), d)), "v": np.zeros((len(ids), d))}
+        found |= {"drho": np.zeros(len(ids)), "m": np.zeros(len(ids))}
+        for fluid in self.fluids:
+            own = (ids >= fluid.first) & (ids < fluid.first + fluid.n)
+            x = fluid.points(ids[own])
+            found["x"][own], found["v"][own] = x, flows.velocity(self, fluid.section, x)
+            found["drho"][own] = self.initial_density(fluid.section, x)
+            found["m"][own] = fluid.mass
+        return found
+
+    def initial_density(self, section: case.Fluid, x: NDArray) -> NDArray[np.float64]:
+        """rho - rho0 of points of a fluid at t = 0."""
+        if section.initial_pressure == "zero":
+            return np.zeros(len(x))
+        if section.initial_pressure == "flow":
+            return self.density(flows.pressure(self, section, x))
+        return self.rest_density_below(flows.depth(self, section, x))
+
+    def rest_density_below(self, depth: NDArray) -> NDArray[np.float64]:
+        """Hydrostatic rho - rho0 at a depth in m, exact for the equation of state: (rho/rho0)^(g-1) =
+        1 + (g-1) |g| depth / c0^2.
+        """
+        g, gamma = math.hypot(*self.gravity), self.gamma
+        head = g * np.maximum(depth, 0.0) / self.c0**2
+        if gamma == 1.0:
+            return self.rho0 * np.expm1(head)
+        return self.rho0 * np.expm1(np.log1p((gamma - 1) * head) / (gamma - 1))
+
+    def rest_density(self, x: NDArray) -> NDArray[np.float64]:
+        """rho - rho0 with which particles of walls at x[n, d] start: of the hydrostatic fluid within the support."""
+        found = np.zeros(len(x))
+        for fluid in reversed(self.fluids):
+            if fluid.section.initial_pressure == "hydrostatic" and fluid.n:
+                low, high = map(np.array, geometry.bounds(fluid.section.shape))
+                near = np.all((x > low - self.support) & (x < high + self.support), axis=1)
+                found[near] = self.rest_density_below(flows.depth(self, fluid.section, x[near]))
+        return found
+
+    def _fill(self, section: case.Fluid) -> FluidSet:
+        """The lattice of a fluid, less what lies outside its shape, in walls, in earlier fluids, or nowhere."""
+        grid = grid_of(section.shape, self.spacing)
+        if section.shape.box:
+            mass = section.density * geometry.volume(section.shape) / grid.n
+        else:
+            mass = section.density * self.spacing**self.dimensions
+        first = sum(fluid.n for fluid in self.fluids)
+        gone: list[NDArray[np.int64]] = []
+        fluid = FluidSet(section, grid, first, mass, np.zeros(0, np.int64))
+        if not section.shape.box:
+            gone.append(flagged(grid, None, lambda x: solids.signed_distance(section.shape, x) > 0.0))
+        for name, box, bad in self._obstacles(grid):
+            found = np.setdiff1d(flagged(grid, box, bad), np.concatenate([*gone, np.zeros(0, np.int64)]))
+            if len(found):
+                fluid.clipped[name] = len(found)
+                gone.append(found)
+        fluid.removed = np.unique(np.concatenate([*gone, np.zeros(0, np.int64)]))
+        return fluid
+
+    def _obstacles(self, grid: Grid):
+        """What takes particles away: name, box in which it can (None: everywhere), test of points x[n, d]."""
+        ends = np.array([(c[0], c[-1]) for c in grid.coordinates])
+        if np.any(ends[:, 0] < self.low) or np.any(ends[:, 1] > self.high):
+            yield "the domain", None, lambda x: np.any((x < self.low) | (x > self.high), axis=1)
+        margin = NEAR * self.spacing
+        for wall in self.walls:
+            shape = wall.section.shape
+            low, high = map(np.array, geometry.bounds(shape))
+            if wall.section.solid and not shape.plane:
+                box = (low - margin, high + margin)
+                yield wall.name, box, lambda x, s=shape: solids.signed_distance(s, x) < margin
+            elif shape.plane:
+                yield wall.name, None, lambda x, s=shape: solids.signed_distance(s, x) < margin
+            elif not shape.box or np.any(ends[:, 0] < low) or np.any(ends[:, 1] > high):
+                yield wall.name, None, lambda x, w=wall: behind(w, x) > -margin
+        for fluid in self.fluids:
+            shape = fluid.section.shape
+            low, high = map(np.array, geometry.bounds(shape))
+            yield fluid.section.name, (low, high), lambda x, s=shape: solids.signed_distance(s, x) <= 0.0
+
+
+def behind(wall: Wall, x: NDArray) -> NDArray[np.float64]:
+    """How far points lie behind the closed faces of a tank, m; negative inside of it."""
+    shape = wall.section.shape
+    if not shape.box:
+        return solids.signed_distance(shape, x)
+    found = np.full(len(x), -FAR)
+    for axis, name in enumerate(case.AXES[: x.shape[1]]):
+        if f"{name}-" in wall.closed:
+            found = np.maximum(found, shape.box.low[axis] - x[:, axis])
+        if f"{name}+" in wall.closed:
+            found = np.maximum(found, x[:, axis] - shape.box.high[axis])
+    return found
+
+
+def flagged(grid: Grid, box: tuple[NDArray, NDArray] | None, bad) -> NDArray[np.int64]:
+    """Flat indices, ascending, of the points (in the box) for which bad(x[n, d]) holds."""
+    if box is not None:
+        at = grid.inside(*box)
+        return grid.flat(at[bad(grid.points(at))])
+    found = [np.zeros(0, np.int64)]
+    for start in range(0, grid.n, CHUNK):
+        flat = np.arange(start, min(start + CHUNK, grid.n))
+        found.append(flat[bad(grid.points(grid.unflat(flat)))])
+    return np.concatenate(found)
