@@ -1,0 +1,100 @@
+"""The contact law, walls, and the largest stable step."""
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+ROW = 16  # values of a grain or a plane in the kernels
+
+
+@dataclass(frozen=True, slots=True)
+class Law:
+    """Contact law [1] of Mansouri et al. 2011, SI units.
+
+    stiffness k_n (N/m), damping alpha in [0, 1), friction mu, viscosity beta (N s/m) of the regularised Coulomb law;
+    shear (N/m): 0 for the law of the paper, else stiffness of a tangential spring with history, beside which
+    `viscosity` is its dashpot. pulls: the dashpot may pull at the end of a contact, as in the paper.
+    """
+
+    stiffness: float
+    damping: float = 0.0
+    friction: float = 0.0
+    viscosity: float = 0.0
+    shear: float = 0.0
+    pulls: bool = True
+
+    @property
+    def constants(self) -> NDArray[np.float64]:
+        """As the kernels want them."""
+        return np.array([self.stiffness, self.friction, self.viscosity, self.shear, self.pulls], np.float64)
+
+
+@dataclass(frozen=True, slots=True)
+class Wall:
+    """A plane with a normal into the grains' side; its point moves: point + velocity t + amplitude sin(2 pi f t)."""
+
+    point: Sequence[float]
+    normal: Sequence[float]
+    velocity: Sequence[float] = ()
+    amplitude: Sequence[float] = ()
+    frequency: float = 0.0
+
+    @property
+    def moves(self) -> bool:
+        return any(self.velocity) or (any(self.amplitude) and self.frequency != 0.0)
+
+    def row(self, time: float) -> NDArray[np.float64]:
+        """Point, 0, velocity, 0, normal, 0 ... at a time (s), as the kernels want them."""
+        row, omega = np.zeros(ROW), 2.0 * math.pi * self.frequency
+        d = len(self.point)
+        velocity, amplitude = (np.array(v or np.zeros(d), float) for v in (self.velocity, self.amplitude))
+        row[:d] = np.asarray(self.point) + velocity * time + amplitude * math.sin(omega * time)
+        row[4 : 4 + d] = velocity + amplitude * omega * math.cos(omega * time)
+        row[8 : 8 + d] = np.asarray(self.normal, float) / math.hypot(*self.normal)
+        return row
+
+
+def wall_rows(walls: Sequence[Wall], time: float) -> NDArray[np.float64]:
+    """Rows of all walls, and one that touches nothing behind them."""
+    rows = np.full((len(walls) + 1, ROW), np.nan)
+    for k, wall in enumerate(walls):
+        rows[k] = wall.row(time)
+    return rows
+
+
+def step_limit(damping: float, contacts: float) -> float:
+    """Largest stable step of the scheme for `contacts` parallel contacts with fixed neighbours, times sqrt(k/m).
+
+    The scheme's matrix has the eigenvalue -1 where z dt^2 + 8 alpha z dt = 4 (stiffness z k, dashpots
+    2 alpha z sqrt(k m), velocities predicted by the old acceleration).
+    """
+    return 4.0 * (math.sqrt(damping**2 + 0.25 / contacts) - damping)
+
+
+def stable_step(law: Law, radius: NDArray, mass: NDArray, inertia: NDArray, contacts: float = 0.0) -> float:
+    """Largest stable step (s) of grains that move, by the lightest of them among equals.
+
+    contacts: how many act along one direction; by default the most that equal discs (3) or spheres (4.5) can have:
+    contacts are 60 degrees apart, and one at an angle a counts cos^2 a. Neighbours in antiphase act as half the mass.
+    Tangential dashpots and springs, twice as many along a direction or about an axis, have a limit of their own.
+    """
+    if len(mass) == 0:
+        return math.inf
+    k = int(np.argmin(mass))
+    planar = inertia[k] > 0.45 * mass[k] * radius[k] ** 2
+    contacts = contacts or (3.0 if planar else 4.5)
+    reduced = 0.5 * mass[k]
+    normal = step_limit(law.damping, contacts) * math.sqrt(reduced / law.stiffness)
+    softness = 1.0 / reduced + 2.0 * radius[k] ** 2 / inertia[k]
+    dashpot, spring = 2.0 * contacts * law.viscosity * softness, 2.0 * contacts * law.shear * softness
+    if dashpot == spring == 0.0:
+        return normal
+    return min(normal, 2.0 / (dashpot + math.sqrt(dashpot**2 + spring)))
+
+
+def paper_step(law: Law, mass: NDArray) -> float:
+    """The step [2] of Mansouri et al. 2011 (s): a tenth of the duration of an undamped contact."""
+    return 0.1 * math.pi * math.sqrt(float(np.min(mass)) / law.stiffness)

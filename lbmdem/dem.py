@@ -1,0 +1,218 @@
+"""Discrete elements: grains that touch, moved by velocity Verlet in substeps (Mansouri et al. 2011, section 2)."""
+
+import inspect
+import math
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hpcpic.core.comm.world import World
+from hpcpic.core.errors import ConfigError, Diverged
+from hpcpic.core.space import exact
+from hpcpic.core.space.domain import Domain, block_ranges
+from hpcpic.core.space.fields import aligned_zeros
+from hpcpic.core.tasks import Bound, Pool, bind
+from lbmdem.contacts import Law, Wall, wall_rows
+from lbmdem.grains import Grains
+from lbmdem.kernels import contacts as kernels
+from lbmdem.kernels import contacts_motion as motion
+from lbmdem.pairs import ContactList, Springs
+
+LEAST_SKIN, MOST_SKIN = 0.02, 0.5  # of the smallest radius
+SELDOM, OFTEN = 250, 60  # substeps between two lists: beyond them the skin changes; results do not depend on it
+
+
+class Dem:
+    """Grains under a contact law, between walls, in a box with periodic axes; SI units, vectors as (x, y[, z]).
+
+    columns: see Grains. acceleration: of gravity (m/s2). reach: see Grains.settle. The state after a step is at one
+    time: positions, velocities, contact forces.
+    """
+
+    def __init__(
+        self,
+        world: World,
+        pool: Pool,
+        domain: Domain,
+        columns: Mapping[str, NDArray],
+        law: Law,
+        walls: Sequence[Wall] = (),
+        acceleration: Sequence[float] = (),
+        reach: float = 0.0,
+    ) -> None:
+        self.world, self.pool, self.law, self.walls, self.reach = world, pool, law, tuple(walls), reach
+        self.grains = grains = Grains(world, domain, columns)
+        self.gravity = np.zeros(3)
+        self.gravity[: len(acceleration)] = acceleration
+        self.time = 0.0
+        smallest = -world.max(-float(grains.columns["row"][:, 3].min(initial=np.inf)))
+        self._check_box()
+        self._skins = LEAST_SKIN * smallest, MOST_SKIN * smallest
+        self.skin = 0.1 * smallest if math.isfinite(smallest) else 0.0
+        self._age = 0
+        self.list = ContactList(len(self.walls), law.shear > 0.0)
+        self._walls = aligned_zeros((len(self.walls) + 1, kernels.ROW), np.float64)
+        self._blocks = 1 if pool.threads == 1 else 4 * pool.threads
+        self._farthest = np.zeros(self._blocks)
+        self._bounds: list[tuple[Bound, tuple[str, ...]]] = []
+        self._dt = 0.0
+        self._set_walls(0.0)
+        self.rebuild()
+        self._forces(0.0)
+
+    def _check_box(self) -> None:
+        grains = self.grains
+        sides = grains.lengths[grains.periodic]
+        if grains.number > 1 and self.world.any(bool(np.any(grains.columns["fixed"] == 0))):
+            short = sides[sides < 4.0 * grains.greatest]
+            if short.size:
+                raise ConfigError(
+                    f"a periodic side of {short.min():g} m is less than two diameters of the largest grain "
+                    f"({4.0 * grains.greatest:g} m): a grain could touch two images of another"
+                )
+
+    # ---- tasks
+
+    def _arguments(self) -> dict[str, object]:
+        grains, pairs = self.grains, self.list
+        return {
+            "rows": grains.rows, "pull": grains.columns["pull"], "forces": grains.columns["force"],
+            "given": grains.columns["given"], "heat": grains.columns["heat"], "gravity": self.gravity,
+            "origin": self._origin, "lengths": grains.lengths, "periodic": grains.periodic,
+            "inverses": grains.inverses, "planar": grains.dimensions == 2, "farthest": self._farthest,
+            "low": pairs.low, "high": pairs.high, "damping": pairs.damping, "lines": pairs.lines,
+            "springs": pairs.springs, "busy": pairs.busy, "begins": pairs.begins, "slots": pairs.slots,
+            "walls": self._walls, "law": self.law.constants,
+        }  # fmt: skip
+
+    def _bind(self) -> None:
+        """Bind the kernels of a substep, or tell those that are bound where the arrays are now."""
+        pairs, parts = self.list, self._blocks
+        grain_blocks = block_ranges(self.grains.n, parts)
+        lanes = kernels.LANES
+        pair_blocks = [(a * lanes, b * lanes) for a, b in block_ranges(pairs.n_grain_slots // lanes, parts)]
+        walls = block_ranges((pairs.n_slots - pairs.n_grain_slots) // lanes, parts)
+        wall_blocks = [(pairs.n_grain_slots + a * lanes, pairs.n_grain_slots + b * lanes) for a, b in walls]
+        jobs = [
+            (kernel, {"first": first, "last": last, "place": place})
+            for kernel, blocks in (
+                (motion.start, grain_blocks), (kernels.grain_pairs, pair_blocks),
+                (kernels.wall_pairs, wall_blocks), (motion.finish, grain_blocks),
+            )
+            for place, (first, last) in enumerate(blocks)
+        ]  # fmt: skip
+        values = self._arguments()
+        if not self._bounds:
+            with self.world.first_on_node():
+                for kernel, more in jobs:
+                    names = tuple(inspect.signature(kernel.py_func).parameters)
+                    known = values | more | {"dt": 0.0, "half": 0.0}
+                    self._bounds.append((bind(kernel, *(known[name] for name in names)), names))
+            bounds = [bound for bound, _ in self._bounds]
+            self._start, self._touch, self._finish = bounds[:parts], bounds[parts : 3 * parts], bounds[3 * parts :]
+            return
+        for (bound, names), (_, more) in zip(self._bounds, jobs):
+            known = values | more
+            for index, name in enumerate(names):
+                if name in known:
+                    bound.update(index, known[name])
+
+    def _set_dt(self, dt: float) -> None:
+        if dt != self._dt:
+            self._dt = dt
+            for bound, names in self._bounds:
+                if "dt" in names:
+                    bound.update(names.index("dt"), dt)
+                if "half" in names:
+                    bound.update(names.index("half"), 0.5 * dt)
+
+    # ---- steps
+
+    def verlet(self, dt: float, force: NDArray | None = None, torque: NDArray | None = None) -> None:
+        """Collective: one substep under forces[n, d] (N) and torques[n, 1 or 3] (N m) on own grains."""
+        self.advance(dt, 1, force, torque)
+
+    def advance(
+        self,
+        dt: float,
+        substeps: int,
+        force: NDArray | None = None,
+        torque: NDArray | None = None,
+        time: float | None = None,
+    ) -> None:
+        """Collective: substeps under constant given forces; `time` (s) at their start, for the walls."""
+        self._give(force, torque)
+        begin = self.time if time is None else time
+        self._set_dt(dt)
+        for k in range(substeps):
+            self.time = begin + (k + 1) * dt
+            self.pool.each(self._start)
+            self._set_walls(self.time)
+            self._renew()
+            self.pool.each(self._touch)
+            self.pool.each(self._finish)
+
+    def _give(self, force: NDArray | None, torque: NDArray | None) -> None:
+        given, d = self.grains.columns["given"], self.grains.dimensions
+        given[:] = 0.0
+        if force is not None:
+            given[:, :d] = force
+        if torque is not None:
+            given[:, 6 if d == 2 else 4 : 7] = np.reshape(torque, (len(given), -1))
+
+    def _set_walls(self, time: float) -> None:
+        if time == 0.0 or any(wall.moves for wall in self.walls):
+            self._walls[:] = wall_rows(self.walls, time)
+
+    def _renew(self) -> None:
+        """Ghosts at their new places; a new list when a grain may have come from beyond the old one."""
+        self._age += 1
+        moved = self.world.max(float(self._farthest.max()))
+        if not moved < np.inf:
+            raise Diverged("a grain's position is not a number")
+        shift = self._walls[:-1, :3] - self._walls_listed[:-1, :3]
+        moved, walls = math.sqrt(moved), math.sqrt(float(np.square(shift).sum(axis=1).max(initial=0.0)))
+        if moved + max(moved, walls) > self.skin:
+            self.rebuild()
+        else:
+            self.grains.refresh()
+
+    def rebuild(self) -> None:
+        """Collective: grains to their owners, ghosts, and the list of pairs."""
+        self._tune()
+        self._list(self.list.stretched())
+
+    def _tune(self) -> None:
+        if 0 < self._age < OFTEN:
+            self.skin = min(1.25 * self.skin, self._skins[1])
+        elif self._age > SELDOM:
+            self.skin = max(0.8 * self.skin, self._skins[0])
+        self._age = 0
+
+    def _list(self, springs: Springs) -> None:
+        grains = self.grains
+        springs = grains.settle(springs, self.skin, self.reach)
+        inverse = np.where(grains.fixed, 0.0, 1.0 / grains.mass)
+        self.list.build(grains.rows, grains.ids, inverse, grains.n, self.skin, grains.lengths, grains.inverses,
+                        self._walls, grains.number, self.law, springs)  # fmt: skip
+        self._origin, self._walls_listed = grains.rows[: grains.n, :3].copy(), self._walls.copy()
+        self._bind()
+
+    def _forces(self, dt: float) -> None:
+        """Contact forces of the state as it is."""
+        self._set_dt(dt)
+        self.pool.each(self._touch)
+        self.pool.each(self._finish)
+
+    # ---- what users ask for
+
+    @property
+    def version(self) -> int:
+        """Changes when own grains change their order or their rank."""
+        return self.grains.version
+
+    def total(self, values: NDArray) -> float:
+        """Collective: the sum over all grains of a column of own grains, the same bits on any ranks."""
+        scale = exact.power_of_two_above(self.world.max(float(np.abs(values).max(initial=0.0))))
+        return exact.value(self.world.sum_int(exact.exact_limbs(values, scale)), scale)

@@ -1,0 +1,229 @@
+"""Grains of one rank: state, copies of other ranks' grains, and the way of a grain to the rank that owns it.
+
+Rank r owns the grains whose centre was in its slab when the list of pairs was last made. Ghosts are copies, at their
+own place (not at that of an image), of all grains that may come near one of the slab.
+"""
+
+from collections.abc import Mapping
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hpcpic.core.comm.ghosts import Refresh
+from hpcpic.core.comm.migrate import Migrate, send_anywhere
+from hpcpic.core.comm.sharding import by_id
+from hpcpic.core.comm.tags import Channel, tag
+from hpcpic.core.comm.world import World
+from hpcpic.core.space.domain import Domain, block_ranges
+from hpcpic.core.space.fields import aligned_zeros
+from hpcpic.core.space.particles import pack_rows, record_type, unpack_rows
+from lbmdem.pairs import Springs
+
+ROW = 16
+X, V, OMEGA, TURN = 0, 4, 8, 12  # first values of a row: position and radius, velocity, angular velocity, orientation
+COLUMNS: dict[str, tuple[type, tuple[int, ...]]] = {
+    "id": (np.int64, ()),
+    "row": (np.float64, (ROW,)),
+    "mass": (np.float64, ()),
+    "inertia": (np.float64, ()),
+    "fixed": (np.int64, ()),
+    "pull": (np.float64, ()),  # share of the acceleration of gravity: 0 fixed, 1, less with added mass
+    "force": (np.float64, (8,)),  # of contacts: force, power, torque, 0
+    "given": (np.float64, (8,)),  # of others, through the substeps
+    "heat": (np.float64, ()),  # J made in this grain's half of its contacts
+    "work": (np.float64, ()),  # J done on this grain by moving walls
+}
+STATE = ("row", "force", "heat", "work")
+
+
+class Grains:
+    """n own grains, then n_ghosts copies; rows[n + n_ghosts + 1, 16], the last one touches nothing.
+
+    The views x[m, d], v, omega[m, 1 or 3], radius, angle or orientation hold own grains and ghosts, in this order;
+    columns[name] are of own grains only. Order and number change when `settle` is called; version counts that.
+    """
+
+    def __init__(self, world: World, domain: Domain, columns: Mapping[str, NDArray]) -> None:
+        self.world, self.domain = world, domain
+        self.dimensions = domain.ndim
+        self.number = int(world.sum_int(np.array([len(columns["radius"])]))[0])
+        if "id" not in columns:
+            self.number = len(columns["radius"])
+        self.columns = self._first(columns)
+        self.lengths = np.zeros(3)
+        self.lengths[: self.dimensions] = domain.lengths[::-1]
+        self.periodic = np.zeros(3, np.bool_)
+        self.periodic[: self.dimensions] = domain.periodic[::-1]
+        self.inverses = np.where(self.periodic, 1.0 / np.where(self.lengths > 0.0, self.lengths, 1.0), 0.0)
+        self.greatest = world.max(float(self.columns["row"][:, 3].max(initial=0.0)))
+        layout = record_type(self.columns)
+        self._layout, self.version = layout, 0
+        self._migrate = Migrate(world, layout.itemsize, Channel.PARTICLES, cuts=domain.cuts)
+        self._refresh = Refresh(world, Channel.GHOSTS_VALUES)
+        self._round = 0
+        self.n_ghosts = 0
+        self._lay_out()
+
+    def _first(self, given: Mapping[str, NDArray]) -> dict[str, NDArray]:
+        """Columns of this rank from those of the scene: all grains in id order, or a part with "id"."""
+        n, d = len(given["radius"]), self.dimensions
+        ids = np.asarray(given.get("id", np.arange(n)), np.int64)
+        columns = {name: np.zeros((n, *shape), dtype) for name, (dtype, shape) in COLUMNS.items()}
+        columns["id"][:] = ids
+        for name in ("mass", "inertia", "fixed"):
+            columns[name][:] = given[name]
+        free = ~np.asarray(given["fixed"], bool)
+        columns["pull"][:] = free
+        row = columns["row"]
+        row[:, X : X + d], row[:, V : V + d] = given["x"], given["v"]
+        row[:, OMEGA + (2 if d == 2 else 0) : OMEGA + 3] = np.reshape(given["omega"], (n, -1))
+        row[:, 3], row[:, 7] = given["radius"], np.where(free, 1.0 / columns["mass"], 0.0)
+        row[:, 11] = np.where(free, 1.0 / columns["inertia"], 0.0)
+        row[:, TURN] = 1.0 if d == 3 else 0.0
+        if "id" in given:
+            return columns
+        mine = self._owner(row) == self.world.rank
+        return {name: column[mine] for name, column in columns.items()}
+
+    def _owner(self, rows: NDArray) -> NDArray[np.int64]:
+        """The rank that owns each row."""
+        along = rows[:, self.dimensions - 1] / self.domain.spacing[0]
+        return np.asarray(self.domain.owner(np.clip(np.floor(along), 0, self.domain.points[0] - 1).astype(np.int64)))
+
+    # ---- views
+
+    @property
+    def n(self) -> int:
+        """Own grains."""
+        return len(self.columns["id"])
+
+    @property
+    def x(self) -> NDArray[np.float64]:
+        return self.rows[:-1, X : X + self.dimensions]
+
+    @property
+    def v(self) -> NDArray[np.float64]:
+        return self.rows[:-1, V : V + self.dimensions]
+
+    @property
+    def omega(self) -> NDArray[np.float64]:
+        return self.rows[:-1, OMEGA + (2 if self.dimensions == 2 else 0) : OMEGA + 3]
+
+    @property
+    def radius(self) -> NDArray[np.float64]:
+        return self.rows[:-1, 3]
+
+    @property
+    def orientation(self) -> NDArray[np.float64]:
+        """Quaternion [m, 4] (scalar first) of spheres, angle [m] (rad) of discs."""
+        return self.rows[:-1, TURN] if self.dimensions == 2 else self.rows[:-1, TURN:]
+
+    @property
+    def mass(self) -> NDArray[np.float64]:
+        """Of own grains and ghosts, as `fixed` and `inertia` are: kg."""
+        return self._constants[:, 0]
+
+    @property
+    def inertia(self) -> NDArray[np.float64]:
+        return self._constants[:, 1]
+
+    @property
+    def fixed(self) -> NDArray[np.bool_]:
+        return self._constants[:, 2] > 0.0
+
+    # ---- who owns whom
+
+    def settle(self, springs: Springs, margin: float, reach: float) -> Springs:
+        """Collective: every grain to its owner, in an order that is good for caches, and new ghosts.
+
+        margin: of surfaces of a pair, reach: of the surface of a ghost and this slab (m). Springs of contacts travel
+        with either grain.
+        """
+        self._round += 1
+        if self.world.size > 1:
+            springs = self._send(springs)
+        low = self.greatest + 0.5 * margin
+        cell = np.floor(self.columns["row"][:, :3] / (2.0 * low))[:, ::-1]
+        order = np.lexsort((self.columns["id"], *cell.T[::-1]))
+        self.columns = {name: np.ascontiguousarray(column[order]) for name, column in self.columns.items()}
+        self.n_ghosts = self._refresh.choose(self._members(margin, reach)) if self.world.size > 1 else 0
+        self._lay_out()
+        self.version += 1
+        return springs
+
+    def _send(self, springs: Springs) -> Springs:
+        owners = self._owner(self.columns["row"])
+        ids, layout = self.columns["id"], np.dtype([("key", np.int64, (2,)), ("value", np.float64, (3,))])
+        outgoing, kept = {}, owners == self.world.rank
+        loose = {}
+        for peer in np.unique(owners[~kept]).tolist():
+            going = owners == peer
+            outgoing[peer] = pack_rows(self.columns, going)
+            mine = np.isin(springs[0], ids[going]).any(axis=1)
+            loose[peer] = pack_rows({"key": springs[0][mine], "value": springs[1][mine]}, slice(None))
+        self._migrate.start(self._round, outgoing)
+        parts = [{name: column[kept] for name, column in self.columns.items()}]
+        parts += [unpack_rows(records.copy(), self._layout) for records in self._migrate.finish()]
+        self.columns = {name: np.concatenate([part[name] for part in parts]) for name in COLUMNS}
+        found = [springs]
+        for records in send_anywhere(self.world, loose, layout.itemsize, tag(self._round, Channel.RECUT)):
+            arrived = unpack_rows(records, layout)
+            found.append((arrived["key"], arrived["value"]))
+        return np.concatenate([keys for keys, _ in found]), np.concatenate([values for _, values in found])
+
+    def _members(self, margin: float, reach: float) -> dict[int, NDArray[np.int64]]:
+        """By rank, own grains that may come near its slab or its grains."""
+        axis, rows = self.dimensions - 1, self.columns["row"]
+        at, radius, length = rows[:, axis], rows[:, 3], self.lengths[axis]
+        members = {}
+        for peer in range(self.world.size):
+            low, high = (edge * self.domain.spacing[0] for edge in self.domain.row_range(peer))
+            if peer == self.world.rank or high <= low:
+                continue
+            low, high = (-np.inf if low == 0.0 else low), (np.inf if high >= length else high)
+            if self.periodic[axis]:
+                low, high = max(low, 0.0), min(high, length)
+                middle, half = 0.5 * (low + high), 0.5 * (high - low)
+                beyond = np.abs(at - middle - length * np.rint((at - middle) / length)) - half
+            else:
+                beyond = np.maximum(low - at, at - high)
+            near = beyond < radius + max(self.greatest + margin, reach + margin)
+            members[peer] = np.flatnonzero(near)
+        return members
+
+    def _lay_out(self) -> None:
+        """One array of rows: own grains, ghosts, and one that touches nothing."""
+        n, total = self.n, self.n + self.n_ghosts
+        rows = aligned_zeros((total + 1, ROW), np.float64)
+        rows[:n], rows[-1] = self.columns["row"], np.nan
+        self.rows = rows
+        self.columns["row"] = rows[:n]
+        self.ids = np.empty(total, np.int64)
+        self._constants = np.empty((total, 3))
+        own = np.stack([self.columns[name] for name in ("mass", "inertia", "fixed")], 1).astype(np.float64)
+        self.ids[:n], self._constants[:n] = self.columns["id"], own
+        if self.world.size > 1:
+            self.ids[n:], self._constants[n:] = self._sent(self.columns["id"]), self._sent(own)
+            self.refresh()
+
+    def _sent(self, values: NDArray) -> NDArray:
+        self._round += 1
+        self._refresh.start(self._round, np.ascontiguousarray(values))
+        return self._refresh.finish()
+
+    def refresh(self) -> None:
+        """Collective: ghosts as their owners' grains are now."""
+        if self.world.size > 1:
+            self.rows[self.n : -1] = self._sent(self.columns["row"])
+
+    # ---- state
+
+    def part(self) -> tuple[int, int]:
+        """Range of ids that `state` of this rank holds."""
+        return block_ranges(self.number, self.world.size)[self.world.rank]
+
+    def state(self, more: Mapping[str, NDArray] | None = None) -> dict[str, NDArray]:
+        """Collective: what changes, in id order, of the ids of `part`; `more` are columns of own grains."""
+        columns = {name: self.columns[name] for name in STATE} | dict(more or {})
+        layout = {name: (column.dtype, column.shape[1:]) for name, column in columns.items()}
+        return by_id(self.world, [(self.columns["id"], columns)], layout, self.number)

@@ -1,0 +1,188 @@
+"""Contact forces, eight pairs at a time.
+
+Every pair has a slot; slot s holds its force in line s of `lines` (float64[slots, 8]): force on the first of the two
+(3 values), power turned into heat, torque per arm n x T (3 values), half the overlap. The first is the one with the
+smaller id, so a pair has the same bits on every rank that sees it. Lines of pairs that do not touch are zero, so sums
+over a grain's lines do not depend on which pairs beyond touch happen to be listed.
+
+The law is [1] of Mansouri et al. 2011 with a dashpot that dissipates. Its force jumps when a contact begins or ends
+inside a step; its share of the step at the first and the last instant in contact is found from the overlap and the
+rate, which makes the impulse of a collision second order in the step.
+"""
+
+import numpy as np
+
+from hpcpic.core.simd.jit import njit
+from hpcpic.core.simd.vector import (
+    Vec,
+    address_of,
+    bitmask,
+    convert,
+    fma,
+    gather_lines,
+    load,
+    maximum,
+    minimum,
+    rint,
+    select,
+    splat,
+    sqrt,
+    store,
+    store_at,
+)
+from lbmdem.kernels.contacts_lanes import store_lines
+
+LANES = 8
+ROW = 16  # values of a grain: x y z radius, v and inverse mass, omega and inverse inertia, orientation
+ROW_BYTES, LINE_BYTES = 8 * ROW, 64
+F, I, H = Vec(LANES, np.float64), Vec(LANES, np.int64), Vec(LANES, np.int32)
+
+
+@njit
+def nearest(d, length, inverse):
+    """Difference to the nearest image; odd in d. `inverse` is 0 on an axis that is not periodic."""
+    return fma(rint(d * inverse), -length, d)
+
+
+@njit
+def clear(lines_at, busy, block):
+    """Zero the lines of a block that does not touch any more."""
+    if busy[block]:
+        for k in range(LANES):
+            store_at(lines_at + k * LINE_BYTES, splat(F, 0.0), 64)
+        busy[block] = 0
+
+
+@njit
+def grain_pairs(first, last, low, high, damping, rows, lengths, inverses, law, dt, lines, springs, busy):
+    """Lines and springs of the slots first..last (multiples of 8) between grains low[slot] and high[slot]."""
+    base, out = address_of(rows, 0), address_of(lines, 0)
+    for p in range(first, last, LANES):
+        at_i, at_j = convert(I, load(H, low, p)) * ROW_BYTES, convert(I, load(H, high, p)) * ROW_BYTES
+        a, b = gather_lines(F, 4, base, at_i), gather_lines(F, 4, base, at_j)
+        dx = nearest(b[0] - a[0], lengths[0], inverses[0])
+        dy = nearest(b[1] - a[1], lengths[1], inverses[1])
+        dz = nearest(b[2] - a[2], lengths[2], inverses[2])
+        reach = a[3] + b[3]
+        square = fma(dz, dz, fma(dy, dy, dx * dx))
+        touch = square < reach * reach
+        if bitmask(touch) == 0:
+            clear(out + p * LINE_BYTES, busy, p // LANES)
+            forget(springs, p, law)
+            continue
+        busy[p // LANES] = 1
+        distance = sqrt(square)
+        inverse = 1.0 / distance
+        overlap = maximum(reach - distance, splat(F, 0.0))
+        v, w = gather_lines(F, 4, base + 32, at_i), gather_lines(F, 4, base + 64, at_i)
+        s, t = gather_lines(F, 4, base + 32, at_j), gather_lines(F, 4, base + 64, at_j)
+        half = 0.5 * overlap
+        arm_i, arm_j = a[3] - half, b[3] - half
+        spin = fma(arm_j, t[0], arm_i * w[0]), fma(arm_j, t[1], arm_i * w[1]), fma(arm_j, t[2], arm_i * w[2])
+        pair_law(p, touch, (dx * inverse, dy * inverse, dz * inverse), overlap,
+                 (s[0] - v[0], s[1] - v[1], s[2] - v[2]), spin, load(F, damping, p), law, dt,
+                 out + p * LINE_BYTES, springs, 1.0)  # fmt: skip
+
+
+@njit
+def wall_pairs(first, last, low, high, damping, rows, walls, law, dt, lines, springs, busy):
+    """The same for grain low[slot] and plane high[slot]: walls[w, 16] = point, 0, velocity, 0, inward normal, 0 ..."""
+    base, planes, out = address_of(rows, 0), address_of(walls, 0), address_of(lines, 0)
+    for p in range(first, last, LANES):
+        at_i, at_j = convert(I, load(H, low, p)) * ROW_BYTES, convert(I, load(H, high, p)) * ROW_BYTES
+        a, b = gather_lines(F, 4, base, at_i), gather_lines(F, 4, planes, at_j)
+        n = gather_lines(F, 4, planes + 64, at_j)
+        gap = fma(a[2] - b[2], n[2], fma(a[1] - b[1], n[1], (a[0] - b[0]) * n[0])) - a[3]
+        touch = gap < 0.0
+        if bitmask(touch) == 0:
+            clear(out + p * LINE_BYTES, busy, p // LANES)
+            forget(springs, p, law)
+            continue
+        busy[p // LANES] = 1
+        v, w = gather_lines(F, 4, base + 32, at_i), gather_lines(F, 4, base + 64, at_i)
+        s = gather_lines(F, 4, planes + 32, at_j)
+        overlap = maximum(-gap, splat(F, 0.0))
+        arm = fma(overlap, -0.5, a[3])
+        pair_law(p, touch, (-n[0], -n[1], -n[2]), overlap, (s[0] - v[0], s[1] - v[1], s[2] - v[2]),
+                 (arm * w[0], arm * w[1], arm * w[2]), load(F, damping, p), law, dt,
+                 out + p * LINE_BYTES, springs, 2.0)  # fmt: skip
+
+
+@njit
+def forget(springs, p, law):
+    """No tangential springs where nothing touches."""
+    if law[3] > 0.0:
+        size = springs.size // 3
+        for k in range(3):
+            store(springs, k * size + p, splat(F, 0.0))
+
+
+@njit
+def pair_law(p, touch, n, overlap, u, spin, damping, law, dt, out, springs, heat):
+    """Normal spring and dashpot, friction; u is the velocity of the second less that of the first.
+
+    law: stiffness, friction, tangential viscosity, tangential stiffness, 1 if a contact may pull at its end.
+    heat: 2 when all the heat is the first one's.
+    """
+    stiffness, friction, viscosity, shear, pulls = law[0], law[1], law[2], law[3], law[4]
+    zero = splat(F, 0.0)
+    opening = fma(u[2], n[2], fma(u[1], n[1], u[0] * n[0]))
+    travel = abs(opening) * dt
+    share = select(overlap < travel, overlap / travel + 0.5, splat(F, 1.0))  # of the step in contact
+    dashpot = share * damping * opening
+    normal = fma(overlap, stiffness, -dashpot)
+    if pulls == 0.0:
+        normal = maximum(normal, zero)
+    loss = (fma(overlap, stiffness, -normal)) * opening
+    # velocity of the surfaces along the contact: u - n (u n) - spin x n
+    tx = fma(-opening, n[0], u[0]) - fma(spin[1], n[2], -(spin[2] * n[1]))
+    ty = fma(-opening, n[1], u[1]) - fma(spin[2], n[0], -(spin[0] * n[2]))
+    tz = fma(-opening, n[2], u[2]) - fma(spin[0], n[1], -(spin[1] * n[0]))
+    limit = friction * abs(normal)
+    if shear > 0.0:
+        fx, fy, fz, more = spring_slider(p, touch, n, tx, ty, tz, limit, viscosity, shear, dt, springs)
+        loss = loss + more
+    else:
+        slip = sqrt(fma(tz, tz, fma(ty, ty, tx * tx)))
+        factor = minimum(limit / slip, splat(F, viscosity))  # 0 / 0 at rest without force: any factor is right
+        factor = select(slip > 0.0, factor, zero)
+        fx, fy, fz = factor * tx, factor * ty, factor * tz
+        loss = loss + factor * slip * slip
+    result = (
+        fma(-normal, n[0], fx), fma(-normal, n[1], fy), fma(-normal, n[2], fz), loss * heat,
+        fma(n[1], fz, -(n[2] * fy)), fma(n[2], fx, -(n[0] * fz)), fma(n[0], fy, -(n[1] * fx)), 0.5 * overlap,
+    )  # fmt: skip
+    store_lines(out, (select(touch, result[0], zero), select(touch, result[1], zero), select(touch, result[2], zero),
+                      select(touch, result[3], zero), select(touch, result[4], zero), select(touch, result[5], zero),
+                      select(touch, result[6], zero), select(touch, result[7], zero)))  # fmt: skip
+
+
+@njit
+def spring_slider(p, touch, n, tx, ty, tz, limit, viscosity, shear, dt, springs):
+    """Friction of a tangential spring and dashpot in parallel, cut at the limit of Coulomb; heat per time.
+
+    The spring is kept half a step behind the end of the step, so that its length there is a trapezoidal sum.
+    """
+    zero, size = splat(F, 0.0), springs.size // 3
+    half = 0.5 * dt
+    sx, sy, sz = load(F, springs, p), load(F, springs, size + p), load(F, springs, 2 * size + p)
+    along = fma(sz, n[2], fma(sy, n[1], sx * n[0]))  # the contact plane turns
+    sx = fma(tx, half, fma(-along, n[0], sx))
+    sy = fma(ty, half, fma(-along, n[1], sy))
+    sz = fma(tz, half, fma(-along, n[2], sz))
+    fx, fy, fz = fma(sx, shear, viscosity * tx), fma(sy, shear, viscosity * ty), fma(sz, shear, viscosity * tz)
+    size_of = sqrt(fma(fz, fz, fma(fy, fy, fx * fx)))
+    slides = size_of > limit
+    cut = select(slides, limit / size_of, splat(F, 1.0))
+    fx, fy, fz = fx * cut, fy * cut, fz * cut
+    ex, ey, ez = (
+        select(slides, fma(tx, -viscosity, fx) / shear, sx),
+        select(slides, fma(ty, -viscosity, fy) / shear, sy),
+        select(slides, fma(tz, -viscosity, fz) / shear, sz),
+    )
+    slip = fma(tz, tz, fma(ty, ty, tx * tx))
+    sliding = fma(fz, tz, fma(fy, ty, fx * tx))
+    store(springs, p, select(touch, fma(tx, half, ex), zero))
+    store(springs, size + p, select(touch, fma(ty, half, ey), zero))
+    store(springs, 2 * size + p, select(touch, fma(tz, half, ez), zero))
+    return fx, fy, fz, select(slides, sliding, viscosity * slip)

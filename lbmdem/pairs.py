@@ -1,0 +1,105 @@
+"""The list of pairs that may touch: grains and grains, grains and walls."""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hpcpic.core.space.fields import aligned_zeros
+from lbmdem.contacts import Law
+from lbmdem.kernels import contacts_search as search
+from lbmdem.kernels.contacts import LANES
+
+Springs = tuple[NDArray[np.int64], NDArray[np.float64]]  # ids [m, 2] (smaller first), tangential springs [m, 3] m
+
+
+def _padded(n: int) -> int:
+    return -(-n // LANES) * LANES
+
+
+class ContactList:
+    """Slots of all pairs within a margin: near grains, then farther ones, then walls; each part in whole vectors.
+
+    low, high: rows of the two (of the plane for walls); lines, springs, busy: see kernels.contacts.
+    """
+
+    def __init__(self, n_walls: int, history: bool) -> None:
+        self.n_walls, self.history = n_walls, history
+        self._others = np.empty(0, np.int64)
+        self.n_grain_slots = self.n_slots = 0
+        self.keys = np.zeros((0, 2), np.int64)
+        self.springs = np.zeros(3 * LANES)
+
+    def build(self, rows: NDArray, ids: NDArray[np.int64], inverse_mass: NDArray, n_own: int, margin: float,
+              lengths: NDArray, inverses: NDArray, walls: NDArray, number: int, law: Law, springs: Springs) -> None:
+        """Pairs of the n_own first grains with any of ids.size, and of walls; inverse_mass: 0 for fixed grains."""  # fmt: skip
+        n = ids.size
+        begins = self._find(rows, ids, n_own, margin, lengths, inverses)
+        others = self._others[: begins[-1]]
+        found = np.empty((0, 2), np.int64)
+        for _ in range(2):
+            m = search.near_walls(rows, n_own, margin, walls, self.n_walls, found)
+            found = np.empty((m, 2), np.int64) if m > len(found) else found
+        near = 0.1 * margin
+        close, far = search.count_slots(rows, ids, n_own, near, lengths, inverses, begins, others)
+        self.n_near = _padded(close)
+        self.n_grain_slots = self.n_near + _padded(far)
+        self.n_slots = self.n_grain_slots + _padded(len(found))
+        self.low, self.high = np.full(self.n_slots, n, np.int32), np.full(self.n_slots, n, np.int32)
+        slots = np.empty(begins[-1], np.int64)
+        search.number_slots(
+            rows, ids, n_own, near, lengths, inverses, begins, others, 0, self.n_near, self.low, self.high, slots
+        )
+        at = slice(self.n_grain_slots, self.n_grain_slots + len(found))
+        self.high[self.n_grain_slots :] = self.n_walls
+        self.low[at], self.high[at] = found.T
+        self.begins, self.slots = np.empty(n_own + 1, np.int64), np.empty(len(slots) + len(found), np.int64)
+        search.join_walls(n_own, begins, slots, found, self.n_grain_slots, self.begins, self.slots)
+        self._prepare(ids, inverse_mass, number, law, springs)
+
+    def _find(self, rows, ids, n_own, margin, lengths, inverses) -> NDArray[np.int64]:
+        n = ids.size
+        size = 2.0 * float(rows[:n, 3].max(initial=0.0)) + margin
+        shape = np.where(inverses > 0.0, np.maximum(1, np.floor(lengths / size)), 0).astype(np.int64)
+        shape[(inverses == 0.0) & (lengths == 0.0)] = 1  # the third axis of a plane
+        place, chain = np.empty((n, 3), np.int64), np.empty(n, np.int64)
+        head = np.empty(1 << max(4, (2 * n).bit_length()), np.int64)
+        search.locate(rows, n, size, shape, inverses, place, head, chain)
+        begins = np.zeros(n_own + 1, np.int64)
+        for _ in range(2):
+            wanted = search.neighbours(
+                rows, ids, n_own, n, margin, lengths, inverses, shape, place, head, chain, begins, self._others
+            )
+            if wanted <= self._others.size:
+                break
+            self._others = np.empty(wanted + wanted // 8 + 64, np.int64)
+        return begins
+
+    def _prepare(self, ids, inverse_mass, number, law, springs) -> None:
+        """Arrays of the slots, dashpots, and the springs of contacts that were there before."""
+        self.lines = aligned_zeros((self.n_slots, LANES), np.float64)
+        self.busy = np.zeros(self.n_slots // LANES, np.uint8)
+        inverse = np.append(inverse_mass, np.nan)
+        total = inverse[self.low]
+        total[: self.n_grain_slots] += inverse[self.high[: self.n_grain_slots]]
+        self.damping = 2.0 * law.damping * np.sqrt(law.stiffness / total)
+        if not self.history:
+            return
+        named = np.append(ids, number + self.n_walls)  # whom padding names
+        self.keys = np.stack([named[self.low], number + self.high.astype(np.int64)], 1)
+        self.keys[: self.n_grain_slots, 1] = named[self.high[: self.n_grain_slots]]
+        self.springs = np.zeros(3 * max(self.n_slots, LANES))
+        old, values = springs
+        if len(old) and self.n_slots:
+            base = number + self.n_walls + 1
+            wanted, known = self.keys @ [base, 1], old @ [base, 1]
+            order = np.argsort(known, kind="stable")
+            at = np.minimum(np.searchsorted(known[order], wanted), len(order) - 1)
+            same = known[order][at] == wanted
+            self.springs.reshape(3, -1)[:, : self.n_slots][:, same] = values[order[at[same]]].T
+
+    def stretched(self) -> Springs:
+        """Ids and springs of all pairs whose spring is not zero."""
+        if not self.history:
+            return np.zeros((0, 2), np.int64), np.zeros((0, 3))
+        values = self.springs.reshape(3, -1)[:, : self.n_slots].T
+        some = np.flatnonzero(values.any(axis=1))
+        return self.keys[some], values[some]
