@@ -13,7 +13,7 @@ from hpcpic.core.files.rundir import RunDir
 from hpcpic.core.files.series import read_series
 from hpcpic.core.run import checkpoint, loop
 from hpcpic.core.run.signals import Reason, Stop, WallLimit
-from hpcpic.core.run.triggers import Every, EverySeconds
+from hpcpic.core.run.triggers import Every, EverySeconds, EveryTime
 from hpcpic.core.timers import Timers
 
 
@@ -171,3 +171,20 @@ def test_the_screen_shows_nothing_of_a_short_run_and_the_log_its_beginning(runne
     with caplog.at_level(logging.INFO, "hpcpic"):
         runner(steps=3)
     assert "steps 0 to 3 on 1 rank x 1 thread" in caplog.text
+
+
+class Timed(Toy):
+    """Does not know its number of steps: it ends at time 2.5, and each step takes 0.1."""
+
+    def __init__(self, *rest):
+        super().__init__(*rest)
+        self.n_steps, self.end_time, self.time_step = None, 2.5, 0.1
+        self.periods, self.time_periods = {}, {"series": 0.5}
+
+
+def test_a_run_by_time_ends_and_samples_at_the_first_step_at_or_after(runner, monkeypatch):
+    monkeypatch.setitem(globals(), "Toy", Timed)
+    outcome, app = runner(steps=1, checkpoint_every=EveryTime(1.0, since=0.0))
+    assert (outcome.exit_code, app.iteration) == (0, 25)
+    assert read_series(runner.folder / "a").step.tolist() == [0, 5, 10, 15, 20, 25]
+    assert steps_of(runner) == [20, 25]

@@ -86,3 +86,16 @@ def test_clock_and_rate():
         "100:00:00",
     ]
     assert [rate(n, "p") for n in (1.0, 2.5e3, 3.25e7)] == ["1 p/s", "2.5 kp/s", "32.5 Mp/s"]
+
+
+def test_where_the_number_of_steps_is_not_known_time_tells_how_far_it_is(now):
+    stream = io.StringIO()
+    shown = Progress(stream, 100, None, 1, "p", times=(1.0, 3.0))
+    now[0] = 10.0
+    shown.show(150, 1.5, 0.01, 3.0)
+    line = stream.getvalue()
+    for part in ("step 150  ", "50.0 %", "left 00:00:30", "5 step/s"):
+        assert part in line
+    assert not shown.due(160, 1.55)
+    now[0] = 20.0
+    assert shown.due(160, 1.75)

@@ -1,7 +1,7 @@
 import pytest
 
 from hpcpic.core.errors import ConfigError
-from hpcpic.core.run.triggers import Every, EverySeconds, Observer, parse_interval, parse_wall
+from hpcpic.core.run.triggers import Every, EverySeconds, EveryTime, Observer, parse_interval, parse_wall
 
 
 def test_every_counts_from_step_0_and_0_is_never():
@@ -49,3 +49,23 @@ def test_wall_times():
     for text in ("", "1:2:3:4", "-5", "1:-5", "abc", "1e3"):
         with pytest.raises(ConfigError):
             parse_wall(text)
+
+
+def test_every_time_takes_the_first_step_at_or_after_each_multiple():
+    times = [0.0, 0.04, 0.09, 0.1, 0.14, 0.31, 0.35, 0.4]
+    seen = []
+    observer = Observer("o", EveryTime(0.1), lambda: seen.append(time))
+    for step, time in enumerate(times):
+        observer.look(step, time)
+    assert seen == [0.0, 0.1, 0.31, 0.4]
+    later = EveryTime(0.1, since=0.31)
+    assert [time for time in times[6:] if later.due(0, time)] == [0.4]
+
+
+def test_every_time_counts_multiples_that_rounding_puts_just_below():
+    seen, time = [], 0.0
+    observer = Observer("o", EveryTime(0.3), lambda: seen.append(step))
+    for step in range(31):
+        observer.look(step, time)
+        time = 0.1 * (step + 1)
+    assert seen == list(range(0, 31, 3))

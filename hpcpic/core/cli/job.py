@@ -23,6 +23,7 @@ from hpcpic.core.files.rundir import RunDir, write_atomic
 from hpcpic.core.files.schema import validate, value_text
 from hpcpic.core.run import checkpoint, log, summary
 from hpcpic.core.run.failure import Agreed, Failure, everywhere, guarded, share
+from hpcpic.core.run.outputs import trigger_of
 from hpcpic.core.run.signals import Stop, WallLimit
 from hpcpic.core.run.triggers import Every, EverySeconds, parse_interval, parse_wall
 
@@ -151,7 +152,9 @@ class _Job:
                     started=self.started,
                     replay=f"{self.app.name} restart {shlex.quote(plan.folder)}",
                 )
-                options.checkpoint_every = self.flags.interval() or _asked(app) or options.checkpoint_every
+                options.checkpoint_every = (
+                    self.flags.interval() or trigger_of(app, "checkpoint", True) or options.checkpoint_every
+                )
                 outcome = loop.run(app, self.world, self.rundir, options)
         finally:
             pool.close()
@@ -161,11 +164,13 @@ class _Job:
 
     def _take_up(self, app: Any, reader: checkpoint.Reader, plan: Plan) -> None:
         """Go on from a checkpoint. Collective; raises Agreed."""
-        if app.n_steps < reader.step:
+        beyond = app.end_time < reader.time if app.n_steps is None else app.n_steps < reader.step
+        if beyond:
+            asked = f"t = {app.end_time:g} s" if app.n_steps is None else f"step {app.n_steps}"
             raise Agreed(
                 ConfigError(
                     f"{plan.folder}: the checkpoint is of step {reader.step}, t = {reader.time:g} s, "
-                    f"beyond the end asked for (step {app.n_steps})"
+                    f"beyond the end asked for ({asked})"
                 )
             )
         app.restore(reader)
@@ -270,12 +275,6 @@ def _refuse_others(reader: checkpoint.Reader, app: App, settings: Mapping[str, s
             [f"{reader.path}: the state was made with other settings; a restart cannot change them:"]
             + [f"  {key}: {before.get(key, 'not set')} then, {settings.get(key, 'not set')} now" for key in differing]
         )
-
-
-def _asked(app: Any) -> Every | None:
-    """The checkpoint period of the case, if it has one."""
-    steps = app.periods.get("checkpoint", 0)
-    return Every(steps) if steps else None
 
 
 def given_files(files: list[tuple[str, str]]) -> dict[str, str]:

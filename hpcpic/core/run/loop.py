@@ -19,7 +19,7 @@ from hpcpic.core.run.outputs import Outputs
 from hpcpic.core.run.progress import Progress
 from hpcpic.core.run.signals import Reason, Stop, WallLimit
 from hpcpic.core.run.summary import Conserved, StepTimes
-from hpcpic.core.run.triggers import Every, EverySeconds
+from hpcpic.core.run.triggers import Every, EverySeconds, EveryTime
 from hpcpic.core.timers import Timers
 
 log = logging.getLogger("hpcpic.run")
@@ -39,7 +39,7 @@ class Options:
     timers: Timers
     threads: int
     screen: TextIO
-    checkpoint_every: Every | EverySeconds = field(default_factory=lambda: EverySeconds(CHECKPOINT_SECONDS))
+    checkpoint_every: Every | EveryTime | EverySeconds = field(default_factory=lambda: EverySeconds(CHECKPOINT_SECONDS))
     stop_sem: float = 0.0
     restarted_from: int | None = None  # step of the checkpoint
     history: Sequence[Mapping[str, Any]] = ()  # the parts of the run before this one
@@ -83,6 +83,7 @@ class _Run:
             app.n_steps,
             app.work_items,
             "p" if app.work_unit == "particle" else "n",
+            times=(app.time, self.end_time()),
         )
         self.outputs = Outputs(
             app,
@@ -103,46 +104,55 @@ class _Run:
     def to_the_end(self) -> Outcome:
         app, options = self.app, self.options
         log.info(
-            "steps %d to %d on %s x %s",
-            self.first,
-            app.n_steps,
+            "%s on %s x %s",
+            f"steps {self.first} to {app.n_steps}"
+            if app.n_steps is not None
+            else f"from step {self.first}, t = {app.time:g} s, to t = {app.end_time:g} s",
             summary.several(self.world.size, "rank"),
             summary.several(options.threads, "thread"),
         )
         options.timers.reset()
         started = time.perf_counter()
-        self.outputs.look(app.iteration)
+        self.outputs.look(app.iteration, app.time)
         verdict = self.agree()
         while not self.over(verdict):
             begin = time.perf_counter()
             app.step()
             self.step_times.add(time.perf_counter() - begin)
-            self.outputs.look(app.iteration)
+            self.outputs.look(app.iteration, app.time)
             if self.agreement_due():
                 verdict = self.agree()
                 if verdict.checkpoint and not self.over(verdict):
                     self.write_checkpoint()
-            if self.world.rank == 0 and self.progress.due(app.iteration):
+            if self.world.rank == 0 and self.progress.due(app.iteration, app.time):
                 self.progress.show(app.iteration, app.time, self.time_step(), self.end_time())
         options.stop.acknowledge()
         return self.finish(verdict, time.perf_counter() - started)
 
     def time_step(self) -> float:
-        return self.app.time / self.app.iteration if self.app.iteration else 0.0
+        mean = self.app.time / self.app.iteration if self.app.iteration else 0.0
+        return getattr(self.app, "time_step", mean)
 
     def end_time(self) -> float:
-        return self.time_step() * self.app.n_steps
+        return self.app.end_time if self.app.n_steps is None else self.time_step() * self.app.n_steps
+
+    def at_end(self) -> bool:
+        """Of the steps, or of the time of an app that does not know their number."""
+        app = self.app
+        return app.time >= app.end_time if app.n_steps is None else app.iteration >= app.n_steps
 
     def agreement_due(self) -> bool:
         step, every = self.app.iteration, self.options.checkpoint_every
-        return (
-            self.guard.due(step) or step >= self.app.n_steps or (isinstance(every, Every) and every.due(step))
-        )
+        timely = isinstance(every, (Every, EveryTime)) and every.due(step, self.app.time)
+        return self.guard.due(step) or self.at_end() or timely
 
     def agree(self) -> Verdict:
         """Collective: divergence, reasons to stop, and whether a checkpoint is due."""
         every, step = self.options.checkpoint_every, self.app.iteration
-        due = every.due(step) if isinstance(every, Every) else self.world.rank == 0 and every.due()
+        if isinstance(every, EverySeconds):
+            due = self.world.rank == 0 and every.due()
+        else:
+            due = every.due(step, self.app.time)
         with self.options.timers.section("guard"):
             verdict = self.guard.agree(step, self.reason(), due and step > self.first)
         self.options.stop.step_seconds = self.guard.step_seconds
@@ -167,11 +177,7 @@ class _Run:
         return Reason.MEAN_KNOWN if self.step_times.known(self.options.stop_sem) else Reason.NONE
 
     def over(self, verdict: Verdict) -> bool:
-        return (
-            bool(verdict.diverged)
-            or verdict.reason is not Reason.NONE
-            or self.app.iteration >= self.app.n_steps
-        )
+        return bool(verdict.diverged) or verdict.reason is not Reason.NONE or self.at_end()
 
     def write_checkpoint(self, last: Mapping[str, Any] | None = None) -> None:
         """Collective. A failure is a warning, until the third one in a row or the one of the `last` state."""
@@ -193,15 +199,14 @@ class _Run:
             self.checkpoint_failures = 0
             self.saved = app.iteration
         self.checkpoint_seconds = time.perf_counter() - begin
-        if isinstance(options.checkpoint_every, EverySeconds):
-            options.checkpoint_every.done()
+        options.checkpoint_every.done(app.time)
         self.feed()
 
     def finish(self, verdict: Verdict, loop_seconds: float) -> Outcome:
         self.watchdog.rest()
         status, code, reason = self.ending(verdict)
         if code == 0:
-            self.outputs.look(self.app.iteration, at_end=True)
+            self.outputs.look(self.app.iteration, self.app.time, at_end=True)
         self.outputs.flush()
         digest = None if code == 4 else self.keep_state()
         if code == 0 and self.world.any(bool(self.outputs.broken)):
@@ -233,7 +238,7 @@ class _Run:
                 4,
                 f"step {step}, t = {self.app.time:.6g} s, rank {verdict.rank}: {verdict.diverged}",
             )
-        if step >= self.app.n_steps or verdict.reason is Reason.NONE:
+        if self.at_end() or verdict.reason is Reason.NONE:
             return "finished", 0, ""
         if verdict.reason is Reason.MEAN_KNOWN:
             return "finished", 0, verdict.reason.text

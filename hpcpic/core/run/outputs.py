@@ -15,10 +15,20 @@ from hpcpic.core.errors import FileError
 from hpcpic.core.files.rundir import RunDir
 from hpcpic.core.run.progress import Progress
 from hpcpic.core.run.summary import Conserved
-from hpcpic.core.run.triggers import Every, Observer
+from hpcpic.core.run.triggers import Every, EveryTime, Observer
 from hpcpic.core.timers import Timers
 
 log = logging.getLogger("hpcpic.output")
+
+
+def trigger_of(app: Any, kind: str, begun: bool) -> Every | EveryTime | None:
+    """When the app asks for this kind of output: `periods` are in steps, `time_periods` in seconds of physical
+    time; None: never. begun: the present time has been seen.
+    """
+    steps, seconds = app.periods.get(kind, 0), getattr(app, "time_periods", {}).get(kind, 0.0)
+    if seconds:
+        return EveryTime(seconds, app.time) if begun else EveryTime(seconds)
+    return Every(steps) if steps else None
 
 
 class Outputs:
@@ -51,16 +61,16 @@ class Outputs:
             "openpmd": self._openpmd_observer,
         }
         self.observers = [
-            Observer(kind, Every(app.periods[kind]), self._kept_going(kind, make()), seen=after)
+            Observer(kind, trigger, self._kept_going(kind, make()), seen=after)
             for kind, make in makers.items()
-            if app.periods.get(kind)
+            if (trigger := trigger_of(app, kind, after is not None))
         ]
 
-    def look(self, step: int, at_end: bool = False) -> None:
+    def look(self, step: int, time: float, at_end: bool = False) -> None:
         for observer in self.observers:
             # The series fails on rank 0 alone, and its values are made by all ranks: it is never skipped.
             if observer.name == "series" or observer.name not in self.broken:
-                observer.look(step, at_end)
+                observer.look(step, time, at_end)
 
     def flush(self) -> None:
         """The series so far is in the files afterwards."""

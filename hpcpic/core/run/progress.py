@@ -32,16 +32,29 @@ def rate(per_second: float, unit: str) -> str:
 
 
 class Progress:
-    """Of one run from `first` to `last` step; `items` are worked on in every step, `unit` is their letter."""
+    """Of one run from `first` to `last` step; `items` are worked on in every step, `unit` is their letter.
 
-    def __init__(self, stream: TextIO, first: int, last: int, items: int, unit: str) -> None:
+    last: None where the number of steps is not known; then `times` [s], of first and last step, tell how far it is.
+    """
+
+    def __init__(
+        self,
+        stream: TextIO,
+        first: int,
+        last: int | None,
+        items: int,
+        unit: str,
+        times: tuple[float, float] = (0.0, 0.0),
+    ) -> None:
         self.stream = stream
         self.first, self.last = first, last
+        self.ends = (float(first), float(last)) if last is not None else times
         self.items, self.unit = items, unit
         self.live = stream.isatty()
         self.lines = 0
         self._start = self._shown = time.monotonic()
         self._shown_step = first
+        self._shown_at = self.ends[0]
         self._width = 0
         self._energy: float | None = None
         self._change = ""
@@ -56,25 +69,30 @@ class Progress:
         elif self._energy:
             self._change = f"  dE/E {(energy - self._energy) / abs(self._energy):.1e}"
 
-    def due(self, step: int) -> bool:
+    def _at(self, step: int, t: float) -> float:
+        return t if self.last is None else float(step)
+
+    def due(self, step: int, t: float = 0.0) -> bool:
         since = time.monotonic() - self._shown
         if self.live:
             return since >= REWRITE_SECONDS
-        moved = 100.0 * (step - self._shown_step) >= PERCENT * (self.last - self.first)
+        moved = 100.0 * (self._at(step, t) - self._shown_at) >= PERCENT * (self.ends[1] - self.ends[0])
         return since >= MOST_SECONDS or (moved and since >= LEAST_SECONDS)
 
     def show(self, step: int, t: float, dt: float, end: float) -> None:
         """Write the line of `step` at time t [s]; a step is dt [s], the run ends at time `end` [s]."""
         now = time.monotonic()
         speed = (step - self._shown_step) / max(now - self._shown, 1e-9)
-        whole = (step - self.first) / max(now - self._start, 1e-9)
-        left = clock((self.last - step) / whole) if whole > 0 else "--:--:--"
-        done = 100.0 * step / self.last if self.last else 100.0
+        at, last = self._at(step, t), self.ends[1]
+        whole = (at - self.ends[0]) / max(now - self._start, 1e-9)
+        left = clock((last - at) / whole) if whole > 0 else "--:--:--"
+        done = min(100.0 * at / last, 100.0) if last else 100.0
+        of = f"/{self.last}" if self.last is not None else ""
         line = (
-            f"step {step}/{self.last}  {done:.1f} %  left {left}  t {t:.3e}/{end:.3e} s  dt {dt:.2e}  "
+            f"step {step}{of}  {done:.1f} %  left {left}  t {t:.3e}/{end:.3e} s  dt {dt:.2e}  "
             f"{speed:.3g} step/s  {rate(speed * self.items, self.unit)}{self._change}"
         )
-        self._shown, self._shown_step = now, step
+        self._shown, self._shown_step, self._shown_at = now, step, at
         self.lines += 1
         if self.live:
             line = line[: shutil.get_terminal_size().columns - 1]  # a wrapped line cannot be rewritten

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import re
 import time
 from collections.abc import Callable
@@ -18,8 +19,28 @@ class Every:
 
     steps: int
 
-    def due(self, step: int) -> bool:
+    def due(self, step: int, time: float = 0.0) -> bool:
         return self.steps > 0 and step % self.steps == 0
+
+    def done(self, time: float) -> None:
+        """Nothing to remember."""
+
+
+@dataclass(slots=True)
+class EveryTime:
+    """The first step at or after each multiple of so many seconds of physical time that lies behind `since`."""
+
+    seconds: float
+    since: float = -math.inf
+
+    def due(self, step: int, time: float) -> bool:
+        return self._multiple(time) > self._multiple(self.since)
+
+    def done(self, time: float) -> None:
+        self.since = time
+
+    def _multiple(self, time: float) -> float:
+        return math.floor(time / self.seconds * (1 + 1e-12)) if math.isfinite(time) else time
 
 
 @dataclass(slots=True)
@@ -32,7 +53,7 @@ class EverySeconds:
     def due(self) -> bool:
         return self.seconds > 0 and time.monotonic() - self.last >= self.seconds
 
-    def done(self) -> None:
+    def done(self, physical: float = 0.0) -> None:
         self.last = time.monotonic()
 
 
@@ -43,15 +64,16 @@ class Observer:
     """
 
     name: str
-    trigger: Every
+    trigger: Every | EveryTime
     observe: Callable[[], None]
     seen: int | None = None
 
-    def look(self, step: int, at_end: bool = False) -> bool:
-        wanted = self.trigger.due(step) or (at_end and self.trigger.steps > 0)
+    def look(self, step: int, time: float = 0.0, at_end: bool = False) -> bool:
+        wanted = self.trigger.due(step, time) or (at_end and self.trigger != Every(0))
         if not wanted or self.seen == step:
             return False
         self.seen = step
+        self.trigger.done(time)
         self.observe()
         return True
 
