@@ -6,7 +6,6 @@ free within the dependences, so a graph must not let results depend on it.
 """
 
 import ctypes
-import functools
 import os
 import threading
 import weakref
@@ -14,17 +13,17 @@ from collections.abc import Hashable, Iterable, Sequence
 from typing import Any, Protocol
 
 import numpy as np
-from llvmlite import ir
 from numba import typeof, types
-from numba.core.compiler_lock import global_compiler_lock
 from numba.core.registry import cpu_target
 from numba.np.numpy_support import as_dtype
 from numpy.typing import NDArray
 
 from hpcpic.core.errors import HpcpicError
 from hpcpic.core.simd import scheduler
+from hpcpic.core.simd.adapter import RAISED, adapter
 
-RAISED = np.iinfo(np.int64).min  # code of a kernel that raised an exception
+__all__ = ["RAISED", "Bound", "Graph", "Pool", "Stuck", "TaskError", "bind"]
+
 _LINGER_S = 80e-6  # how long a worker spins between launches: longer than the Python of a step takes
 _ALONE_ROUNDS = 4000  # idle rounds before a worker with its own core offers it to others
 
@@ -73,39 +72,6 @@ def _type_of(argument: Any) -> types.Type:
     return numba_type
 
 
-@functools.cache
-@global_compiler_lock
-def _adapter(kernel_type: ir.FunctionType, result_bits: int) -> tuple[int, Any]:
-    """Compiled int64(int64 context): loads the arguments from the context and calls the kernel named there.
-
-    The context is [kernel address, words of the arguments]. One adapter serves all kernels of a signature.
-    numba's calling convention: status kernel(result*, exception**, flat arguments...), status 0 or -2 (None)
-    when good. Also returns the library, which must live as long as the code.
-    """
-    i64 = ir.IntType(64)
-    library = cpu_target.target_context.codegen().create_library("task adapter")
-    module = library.create_ir_module("task_adapter")
-    function = ir.Function(module, ir.FunctionType(i64, [i64]), "task_adapter")
-    builder = ir.IRBuilder(function.append_basic_block())
-
-    def load(word: int, as_type: Any) -> Any:
-        address = builder.add(function.args[0], ir.Constant(i64, 8 * word))
-        return builder.load(builder.inttoptr(address, as_type.as_pointer()))
-
-    result, exception = builder.alloca(i64), builder.alloca(i64)
-    slots = [builder.bitcast(slot, kernel_type.args[k]) for k, slot in enumerate((result, exception))]
-    arguments = [load(word, as_type) for word, as_type in enumerate(kernel_type.args[2:], start=1)]
-    status = builder.call(load(0, kernel_type.as_pointer()), [*slots, *arguments])
-    good = builder.or_(*[builder.icmp_signed("==", status, ir.Constant(status.type, k)) for k in (0, -2)])
-    code = ir.Constant(i64, 0)
-    if result_bits:
-        code = builder.sext(builder.trunc(builder.load(result), ir.IntType(result_bits)), i64)
-    builder.ret(builder.select(good, code, ir.Constant(i64, RAISED)))
-    library.add_ir_module(module)
-    library.finalize()
-    return library.get_pointer_to_function("task_adapter"), library
-
-
 class Bound:
     """A compiled kernel with its arguments: what a task calls. Made by `bind`."""
 
@@ -120,7 +86,7 @@ class Bound:
                 f"kernel {self.name} returns {result}: an integer code or nothing on every path wanted"
             )
         call_conv = cpu_target.target_context.call_conv
-        self.address, self._library = _adapter(
+        self.address, self._library = adapter(
             call_conv.get_function_type(result, self._types), getattr(result, "bitwidth", 0)
         )
         self._kept = [kernel, *arguments]  # the context holds their bare addresses

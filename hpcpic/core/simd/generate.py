@@ -9,31 +9,36 @@ import importlib.util
 import os
 import sys
 import tempfile
+from pathlib import Path
 from types import ModuleType
 
 from hpcpic.core.simd.jit import cache_directory
 
 
+def keep(path: Path, content: bytes) -> None:
+    """Write a file that appears complete or not at all; one that is there already stays."""
+    descriptor, draft = tempfile.mkstemp(dir=path.parent, prefix=path.stem, suffix=".draft")
+    with os.fdopen(descriptor, "wb") as file:
+        file.write(content)
+    try:
+        os.link(draft, path)
+    except FileExistsError:
+        pass  # another process was first
+    finally:
+        os.unlink(draft)
+
+
 def module_from_source(source: str, stem: str) -> ModuleType:
     """Import `source` as the module `<stem>_<hash>` kept in the cache folder; same text, same module.
 
-    Several processes may do this at once: the file appears complete or not at all, and the first one stays
-    (numba takes a newer file for an edited one).
+    Several processes may do this at once (numba takes a newer file for an edited one, so the first one stays).
     """
     name = f"{stem}_{hashlib.sha256(source.encode()).hexdigest()[:32]}"
     if name in sys.modules:
         return sys.modules[name]
     path = cache_directory() / f"{name}.py"
     if not path.exists():
-        descriptor, draft = tempfile.mkstemp(dir=path.parent, prefix=name, suffix=".draft")
-        with os.fdopen(descriptor, "w", encoding="utf-8") as file:
-            file.write(source)
-        try:
-            os.link(draft, path)
-        except FileExistsError:
-            pass  # another process was first, with the same text
-        finally:
-            os.unlink(draft)
+        keep(path, source.encode())
     spec = importlib.util.spec_from_file_location(name, path)
     assert spec is not None and spec.loader is not None
     module = importlib.util.module_from_spec(spec)

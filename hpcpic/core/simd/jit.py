@@ -7,9 +7,11 @@ all kernel sources and versions, and is used only when nobody else can write to 
 import atexit
 import functools
 import hashlib
+import importlib
 import os
 import shutil
 import stat
+import sys
 import tempfile
 import warnings
 from collections.abc import Callable
@@ -86,6 +88,24 @@ import numba  # noqa: E402  (reads NUMBA_CACHE_DIR when imported)
 
 # when somebody imported numba before
 numba.config.CACHE_DIR = os.environ["NUMBA_CACHE_DIR"]  # type: ignore[attr-defined]
+
+
+def _import_without_blas() -> None:
+    """Import what looks for a BLAS in scipy.linalg, which takes an eighth of a second, as if there were no scipy.
+
+    No kernel here does linear algebra. For others in this process numba's still works; only its np.convolve and
+    np.correlate take a loop where they could call BLAS.
+    """
+    if "scipy.linalg" in sys.modules:
+        return
+    sys.modules["scipy.linalg"] = None  # type: ignore[assignment]  # makes its import an ImportError
+    try:
+        importlib.import_module("numba.np.arraymath")
+    finally:
+        del sys.modules["scipy.linalg"]
+
+
+_import_without_blas()
 
 
 def njit(*signature_or_function: Any, **flags: Any) -> Callable:
