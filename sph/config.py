@@ -3,6 +3,7 @@
 What other settings determine (sound speed, Courant number, domain, kind of viscosity) is filled in by `completed`.
 """
 
+import itertools
 import math
 import os
 from collections.abc import Iterator
@@ -285,9 +286,10 @@ def flow_speed(config: SphConfig, fluid: Fluid) -> float:
 
 def motion_speed(motion: Motion) -> float:
     """Largest speed of a wall, m/s."""
-    path = motion.path
     steps = [
-        math.dist(a.displacement, b.displacement) / (b.time - a.time) for a, b in zip(path, path[1:]) if b.time > a.time
+        math.dist(a.displacement, b.displacement) / (b.time - a.time)
+        for a, b in itertools.pairwise(motion.path)
+        if b.time > a.time
     ]
     swing = 2 * math.pi * geometry.length(motion.amplitude) / motion.period
     return max([geometry.length(motion.velocity), swing, *steps])

@@ -45,7 +45,8 @@ def step(config: SphConfig) -> Iterator[Derived]:
     if asked > limit and not (simulation.time_step is None and growth <= limits.GROWTH / 10):
         legal = rounded_down(0.95 * limit)
         verdict = "fail"
-        cure = f"time_step = {legal * unit:.2g}" if simulation.time_step else f"cfl = {legal:g} is the nearest legal one"
+        given = f"time_step = {legal * unit:.2g}" if simulation.time_step else f"cfl = {legal:g}"
+        cure = f"{given} is the nearest legal one"
     if simulation.integrator == "euler" and growth > limits.GROWTH / 100:
         verdict = "fail"
         words = "no step is stable: some wave always grows"
@@ -138,8 +139,9 @@ def filling(config: SphConfig, scene: Scene) -> Iterator[Derived]:
             share = gone / fluid.grid.n
             verdict = "fail" if fluid.n == 0 else "warn" if outside else "ok"
             cure = "nothing is left of it" if fluid.n == 0 else "part of the shape holds no fluid" if outside else ""
-            yield Derived(f"{section.name} clipped by {name}", "particles", gone, "", f"of {fluid.grid.n} ({share:.1%})",
-                          verdict, "filling", cure, key, fluid.n > 0)  # fmt: skip
+            words = f"of {fluid.grid.n} ({share:.1%})"
+            title = f"{section.name} clipped by {name}"
+            yield Derived(title, "particles", gone, "", words, verdict, "filling", cure, key, fluid.n > 0)
         if section.shape.box:
             yield from layers(config, fluid.section, i)
         else:
@@ -172,9 +174,12 @@ def extents(config: SphConfig, scene: Scene, ranks: int) -> Iterator[Derived]:
         length = scene.high[k] - scene.low[k]
         if scene.periodic[k]:
             ok = length > 3 * scene.support
-            yield Derived(f"period along {axis}", "L/support", length / scene.support, "", "> 3", "ok" if ok else "fail",
-                          "a particle meets no image of itself twice", "" if ok else f"{3 * scene.support:g} m or more",
-                          ("domain", "high"))  # fmt: skip
+            cure = "" if ok else f"{3 * scene.support:g} m or more"
+            source, verdict = "a particle meets no image of itself twice", "ok" if ok else "fail"
+            key = ("domain", "high")
+            yield Derived(
+                f"period along {axis}", "L/support", length / scene.support, "", "> 3", verdict, source, cure, key
+            )
     for i, wall in enumerate(config.wall):
         if wall.solid and not wall.shape.plane:
             low, high = geometry.bounds(wall.shape)

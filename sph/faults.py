@@ -1,5 +1,6 @@
 """What does not fit together in an SPH case: each fault with the key to change."""
 
+import itertools
 from collections.abc import Iterator
 
 from hpcpic.core.errors import ConfigError
@@ -164,7 +165,7 @@ def wall_faults(wall: Wall) -> Iterator[Fault]:
     if wall.type in FLAT and kind not in ("box", "plane"):
         yield ("type",), f'"{wall.type}" needs flat faces, shape box or plane; use "pressure-continuity" for a {kind}'
     if wall.motion:
-        if any(b.time <= a.time for a, b in zip(wall.motion.path, wall.motion.path[1:])):
+        if any(b.time <= a.time for a, b in itertools.pairwise(wall.motion.path)):
             yield ("motion", "path"), "times must grow"
         if wall.motion.stop is not None and wall.motion.stop <= wall.motion.start:
             yield ("motion", "stop"), f"must be after start = {wall.motion.start:g}"

@@ -101,6 +101,8 @@ def messages(config: SphConfig, ranks: int) -> list[str]:
 def plan(config: SphConfig, ranks: int, threads: int) -> list[str]:
     """Lines for `check --plan`."""
     lines = ["sums of an evaluation", *(f"  {line}" for line in sums(config)), "arrays per rank"]
-    for array in arrays(config, ranks):
-        lines.append(f"  {array.name:<40}{array.columns:>3} x {array.n:<12.0f}{array.bytes / MIB:10.2f} MiB")
+    lines += [
+        f"  {array.name:<40}{array.columns:>3} x {array.n:<12.0f}{array.bytes / MIB:10.2f} MiB"
+        for array in arrays(config, ranks)
+    ]
     return [*lines, "messages of a step, per rank", *(f"  {line}" for line in messages(config, ranks))]

@@ -129,7 +129,7 @@ class Wall:
         return max(0.0, REST * scene.h - scene.spacing / 2) if self.type == "repulsive" else 0.0
 
     def _grid(self) -> Grid:
-        scene, shape, dp = self.scene, self.section.shape, self.scene.spacing
+        shape, dp = self.section.shape, self.scene.spacing
         if self.section.solid and not shape.plane:
             return grid_of(shape, dp)
         low, high = self.bounds()
