@@ -159,12 +159,17 @@ class Parts:
 def box_sheets(
     low: NDArray, high: NDArray, closed: set[str], spacing: float, solid: bool, ends: bool
 ) -> list[Sheet]:
-    """The closed faces of a box as sheets. ends: particles on the edges too, else half a spacing inside them."""
+    """The closed faces of a box as sheets. ends: particles on the edges too, else half a spacing inside them.
+
+    The edges of a box without thickness are no faces.
+    """
     d, sheets = len(low), []
     for axis in range(d):
         others = [k for k in range(d) if k != axis]
         for sign, face in ((-1.0, low[axis]), (1.0, high[axis])):
             if AXES[axis] + ("-" if sign < 0 else "+") not in closed:
+                continue
+            if any(high[k] <= low[k] for k in others):
                 continue
             pieces = [geometry.count(high[k] - low[k], spacing) for k in others]
             steps = [(high[k] - low[k]) / n for k, n in zip(others, pieces)]

@@ -118,9 +118,10 @@ class Wall:
         if shape.box and not continuous:
             low, high = map(np.array, geometry.bounds(shape))
             recess = np.minimum(self._recess(), (high - low) / 2) if section.solid else -self._recess()
-            recess = np.where(scene.periodic, 0.0, recess)
+            names = case.AXES[: scene.dimensions]
+            below, above = (np.array([axis + sign in self.closed for axis in names]) for sign in "-+")
             ends = self.type == "repulsive"
-            return Parts(box_sheets(low + recess, high - recess, self.closed, dp, section.solid, ends))
+            return Parts(box_sheets(low + recess * below, high - recess * above, self.closed, dp, section.solid, ends))
         return Filled(shape, dp, self.layers, section.solid, self._grid())
 
     def _recess(self) -> float:
