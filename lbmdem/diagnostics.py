@@ -1,6 +1,7 @@
 """Scalars of a run: sums over nodes and grains that are the same for any ranks, in SI units."""
 
-from collections.abc import Mapping
+import math
+from collections.abc import Callable
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -9,10 +10,13 @@ from numpy.typing import NDArray
 from hpcpic.core.comm.world import World
 from hpcpic.core.space import exact
 from lbmdem.config import AXES
-from lbmdem.scene import CS2
+from lbmdem.kernels.layout import FLUID
+from lbmdem.lattices import CS2
 
 if TYPE_CHECKING:
     from lbmdem.step import LbmDem
+
+GRAVITY = 9.81  # m/s2, of hydraulic gradients where a case has none of its own
 
 
 def total(world: World, values: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -33,21 +37,42 @@ class Diagnostics:
         self.app = app
         scene = app.scene
         self.axes = AXES[: scene.dimensions]
+        self.fastest = self.deepest = 0.0  # velocity in nodes per step, overlap over diameter, when looked at last
+        self.drive = self._drive() if scene.config.fluid else None
         self.units = self._units()
+
+    def _drive(self) -> Callable[[int], float] | None:
+        """Driving force per mass along the last axis at a step, m/s2, of fixed grains: of the case's body force, or of
+        the pressures at both ends over the height of the sample.
+        """
+        scene, table = self.app.scene, self.app.table
+        name = self.axes[-1]
+        low, high = scene.faces[name + "-"], scene.faces[name + "+"]
+        if not len(table) or (self.app.grains_move and not scene.config.coupling.frozen):
+            return None
+        if any(scene.config.fluid.body_force):
+            force = scene.config.fluid.body_force[-1]
+            return lambda step: force
+        if low.kind == high.kind == "pressure":
+            height = float((table.x[:, -1] + table.radius).max() - (table.x[:, -1] - table.radius).min())
+            unit = CS2 * scene.units.pressure / scene.density / height
+            return lambda step: (low.density - high.density + (low.rate - high.rate) * step) * unit
+        return None
 
     def _units(self) -> dict[str, str]:
         scene = self.app.scene
         along = scene.dimensions == 3
         per = "" if along else "/m"  # two-dimensional quantities are per metre of depth
-        units = {"mass": f"kg{per}"}
-        units |= {f"momentum_{axis}": f"kg m/s{per}" for axis in self.axes}
-        units |= {"max_mach": "", "energy_kinetic": f"J{per}"}
-        units |= {f"flow_rate_{self.axes[-1]}": "m3/s" if along else "m2/s"}
-        if self.app.has_permeability:
-            units |= {"permeability": "m2", "hydraulic_gradient": ""}
-        for name in scene.set_names:
-            units |= {f"force_{name}_{axis}": f"N{per}" for axis in self.axes}
-        if self.app.grains_move:
+        units = {}
+        if scene.config.fluid:
+            units = {"mass": f"kg{per}"}
+            units |= {f"momentum_{axis}": f"kg m/s{per}" for axis in self.axes}
+            units |= {"max_mach": "", "energy_kinetic": f"J{per}"}
+            units |= {f"flow_rate_{self.axes[-1]}": "m3/s" if along else "m2/s"}
+            units |= {"permeability": "m2", "hydraulic_gradient": ""} if self.drive else {}
+            for name in scene.set_names:
+                units |= {f"force_{name}_{axis}": f"N{per}" for axis in self.axes}
+        if self.app.dem:
             units |= {"contact_count": "", "energy_kinetic_grains": f"J{per}", "overlap": ""}
         slices = scene.config.output.stress_slices
         units |= {f"stress_{2 * self.axes[-1]}_{k + 1}": "Pa" for k in range(slices)}
@@ -55,13 +80,14 @@ class Diagnostics:
 
     def scalars(self) -> dict[str, float]:
         """Collective. Momentum and velocity are those at full steps, with half of the body force."""
-        values = self._fluid()
-        values |= self._grains()
+        values = self._fluid() if self.app.fluid else {}
+        values |= self._grains() if len(self.app.table) else {}
         return {name: values[name] for name in self.units}
 
     def _fluid(self) -> dict[str, float]:
         app, scene, units = self.app, self.app.scene, self.app.scene.units
-        rho, u = app.moments()  # lattice units, zero in solid nodes
+        rho, u = app.fluid.moments()
+        rho = np.where(app.fluid.solid.inner == FLUID, rho, 0.0)
         squares = np.sum(u * u, axis=-1)
         columns = [rho, *(rho * u[..., k] for k in range(scene.dimensions)), rho * squares, u[..., -1]]
         rows = np.stack([column.sum(axis=-1).ravel() for column in columns], axis=1)  # a row of nodes has its own order
@@ -69,42 +95,40 @@ class Diagnostics:
         values = {"mass": mass * units.mass, "energy_kinetic": 0.5 * energy * units.mass * units.velocity**2}
         for axis, p in zip(self.axes, momentum):
             values[f"momentum_{axis}"] = p * units.mass * units.velocity
-        fastest = app.world.max(float(squares.max(initial=0.0)))
-        values["max_mach"] = float(np.sqrt(fastest / CS2))
+        self.fastest = math.sqrt(app.world.max(float(squares.max(initial=0.0))))
+        values["max_mach"] = self.fastest / math.sqrt(CS2)
         along = flow / scene.points[-1]  # mean over the rows of the sums over a cross-section
         rate = along * units.velocity * units.dx ** (scene.dimensions - 1)
         values[f"flow_rate_{self.axes[-1]}"] = rate
-        if app.has_permeability:
+        if self.drive:
             values |= self._permeability(rate)
         return values
 
     def _permeability(self, rate: float) -> dict[str, float]:
-        """Darcy: k = nu U / G with G the driving force per mass along the last axis, over the sample."""
-        app = self.app
-        config = app.scene.config
-        drive = app.drive()
-        area = np.prod(config.domain.size[:-1])
-        k = config.fluid.viscosity * rate / area / drive if drive else float("nan")
-        return {"permeability": k, "hydraulic_gradient": drive / 9.81}
+        """Darcy: k = nu U / G with the superficial velocity U and the driving force per mass G."""
+        config, drive = self.app.scene.config, self.drive(self.app.iteration)
+        u = rate / math.prod(config.domain.size[:-1])
+        gravity = math.hypot(*config.gravity) or GRAVITY
+        return {
+            "permeability": config.fluid.viscosity * u / drive if drive else math.nan,
+            "hydraulic_gradient": drive / gravity,
+        }
 
     def _grains(self) -> dict[str, float]:
-        app, units = self.app, self.app.scene.units
-        if not app.scene.set_names:
-            return {}
+        app = self.app
         values: dict[str, float] = {}
-        force = app.forces()  # [n, d] of all grains, on all ranks, lattice units
-        for k, name in enumerate(app.scene.set_names):
-            of_set = force[app.table.set == k].sum(axis=0) * units.force
-            values |= {f"force_{name}_{axis}": float(f) for axis, f in zip(self.axes, of_set)}
-        if app.grains_move:
-            values |= app.grain_scalars()
+        if app.immersed:
+            force = app.immersed.all_forces(len(app.table))[0] * app.scene.units.force
+            for k, name in enumerate(app.scene.set_names):
+                of_set = force[app.table.set == k].sum(axis=0)
+                values |= {f"force_{name}_{axis}": float(f) for axis, f in zip(self.axes, of_set)}
+        if app.dem:
+            values |= app.dem.scalars()
+            self.deepest = values["overlap"]
         slices = app.scene.config.output.stress_slices
         if slices:
-            stress = app.slice_stress(slices)
+            x, r = app.table.x[:, -1], app.table.radius
+            area = math.prod(app.scene.config.domain.size[:-1])
+            stress = app.dem.stress(slices, float((x - r).min()), float((x + r).max()), area)
             values |= {f"stress_{2 * self.axes[-1]}_{k + 1}": float(s) for k, s in enumerate(stress)}
         return values
-
-
-def conserved(values: Mapping[str, float]) -> float:
-    """Mass, which the run's summary watches."""
-    return values["mass"]

@@ -1,0 +1,85 @@
+"""The arrays of LBM-DEM for the writers: fluid, grains, and the state that checkpoints hold."""
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hpcpic.core.files.arrays import FieldArray, ParticleArray, Shard
+from lbmdem.kernels.layout import FLUID
+from lbmdem.lattices import CS2
+
+if TYPE_CHECKING:
+    from hpcpic.core.files.sealed import Reader
+    from lbmdem.step import LbmDem
+
+
+def fields(app: "LbmDem") -> dict[str, FieldArray]:
+    """Velocity and pressure (beyond that of rest) at the nodes, and whether they are solid."""
+    units = app.scene.units
+    rho, u = app.fluid.moments()
+    solid = app.fluid.solid.inner != FLUID
+    return {
+        "velocity": FieldArray(u * units.velocity, "m/s"),
+        "pressure": FieldArray(np.where(solid, 0.0, (rho - 1.0) * CS2 * units.pressure), "Pa"),
+        "solid": FieldArray(solid.astype(np.float32), ""),
+    }
+
+
+def grains(app: "LbmDem") -> dict[str, ParticleArray]:
+    """Grains of this rank by set: position, velocity, rotation, radius."""
+    columns = grain_columns(app)
+    units = {"velocity": "m/s", "angular_velocity": "rad/s", "radius": "m", "angle": "rad"}
+    result = {}
+    for k, name in enumerate(app.scene.set_names):
+        mine = np.flatnonzero(app.table.set[columns["id"]] == k)
+        chosen = {key: values[mine] for key, values in columns.items()}
+        ids, x = chosen.pop("id"), chosen.pop("x")
+        result[name] = ParticleArray(ids, x, chosen, {key: units.get(key, "") for key in chosen})
+    return result
+
+
+def grain_columns(app: "LbmDem") -> dict[str, NDArray]:
+    """Of the grains that this rank owns; vectors have three components."""
+    if app.dem:
+        own = app.dem.grains
+        rows = slice(own.n)
+        ids, x, v, omega, turned = own.ids[rows], own.x[rows], own.v[rows], own.omega[rows], own.orientation[rows]
+    else:
+        ids = np.arange(len(app.table)) if app.world.rank == 0 else np.zeros(0, np.int64)
+        x, v, omega = app.table.x[ids], app.table.v[ids], app.table.omega[ids]
+        turned = np.zeros(len(ids)) if app.scene.dimensions == 2 else np.tile([1.0, 0.0, 0.0, 0.0], (len(ids), 1))
+    planar = app.scene.dimensions == 2
+    turning = np.column_stack([np.zeros((len(ids), 2)), omega]) if planar else omega
+    columns = {"id": ids, "x": spatial(x), "velocity": spatial(v), "angular_velocity": turning}
+    return columns | {"angle" if planar else "orientation": turned, "radius": app.table.radius[ids]}
+
+
+def spatial(vectors: NDArray) -> NDArray[np.float64]:
+    """Vectors [n, d] with three components."""
+    return np.pad(vectors, ((0, 0), (0, 3 - vectors.shape[1])))
+
+
+def state(app: "LbmDem") -> dict[str, Shard]:
+    """Populations f - w [rows, ..., q] and the grains, in order of rows and of numbers."""
+    result = {}
+    if app.fluid:
+        low, _ = app.domain.row_range(app.world.rank)
+        populations = np.ascontiguousarray(np.moveaxis(app.fluid.populations(), 0, -1))
+        result["populations"] = Shard(populations, low, app.domain.points[0])
+    if app.dem:
+        result |= app.dem.state()
+    return result
+
+
+def restore(app: "LbmDem", reader: "Reader") -> None:
+    """Replace everything by a checkpoint."""
+    app.iteration = reader.step
+    if app.dem:
+        app.dem.restore(reader)
+    if app.fluid:
+        app.fluid.iteration = reader.step
+        if app.immersed:
+            app.mark_restored()
+        low, high = app.domain.row_range(app.world.rank)
+        app.fluid.set_populations(np.moveaxis(reader.read("populations", low, high), -1, 0))

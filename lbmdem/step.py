@@ -1,0 +1,234 @@
+"""One step of fluid and grains (Mansouri et al. 2011, section 4)."""
+
+import math
+from collections.abc import Mapping
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hpcpic.core.comm.world import World
+from hpcpic.core.space.domain import Domain, even_cuts
+from hpcpic.core.tasks import Pool
+from hpcpic.core.timers import Timers
+from lbmdem import snapshot
+from lbmdem.config import AXES, LbmDemConfig
+from lbmdem.contacts import Law, Wall, stable_step
+from lbmdem.dem import Dem
+from lbmdem.derived import derived
+from lbmdem.diagnostics import Diagnostics
+from lbmdem.estimate import estimate
+from lbmdem.faces import Face
+from lbmdem.fluid import Fluid
+from lbmdem.lattices import LATTICES
+from lbmdem.obstacles import obstacle_walls
+from lbmdem.placing import place_grains
+from lbmdem.scene import Scene, volumes
+
+SHARE = 0.2  # of the largest stable step of the contacts, for their accuracy (restitution within 3 %)
+FASTEST = 0.4  # velocity in lattice units beyond which no collision is a fluid any more
+DENSEST = 2.0  # density of the lattice fluid, likewise, and 1 / 2
+DEEPEST = 0.1  # overlap over diameter at which grains are no grains any more
+
+
+class LbmDem:
+    """Populations and grains at `iteration`; `time` in s. A case without fluid has no populations."""
+
+    name = "lbmdem"
+    title = "lattice Boltzmann with discrete-element grains"
+    schema = LbmDemConfig
+    derived = staticmethod(derived)
+    estimate = staticmethod(estimate)
+    work_unit = "node"
+    particle_name = "grain"
+
+    def __init__(self, config: LbmDemConfig, world: World, pool: Pool, timers: Timers) -> None:
+        self.scene = scene = Scene(config)
+        self.world, self.pool, self.timers = world, pool, timers
+        self.n_steps, self.periods = config.n_steps, config.periods
+        points, periodic = scene.points[::-1], scene.periodic[::-1]
+        cuts = even_cuts(points[0], world.size)
+        self.domain = Domain(tuple(config.domain.size[::-1]), points, periodic, cuts, offset=0.5)
+        self.iteration = 0
+        self.table = place_grains(config, world, pool, self.domain)
+        self.work_items = math.prod(scene.points) if config.fluid else len(self.table)
+        self.grains_move = bool((~self.table.fixed).any())
+        self.fluid = self._fluid() if config.fluid else None
+        self.immersed = self._immersed() if self.fluid and (len(self.table) or config.obstacle) else None
+        self.dem = self._dem() if self.grains_move else None
+        self.diagnostics = Diagnostics(self)
+        self.scalar_units = self.diagnostics.units
+
+    def _fluid(self) -> Fluid:
+        scene, fluid = self.scene, self.scene.config.fluid
+        forced = any(fluid.body_force) or scene.config.shaking is not None
+        made = Fluid(
+            self.world, self.pool, self.domain, LATTICES[scene.lattice],
+            tau=scene.tau,
+            collision=fluid.collision,
+            magic=fluid.magic,
+            force=scene.body_force(0.5) if forced else None,
+            storage=fluid.storage,
+            blocks=scene.config.simulation.blocks,
+            faces={name: Face(face.kind, face.density, face.velocity) for name, face in scene.faces.items()},
+        )  # fmt: skip
+        axes = self.coordinates()
+        made.set_equilibrium(scene.initial_density(axes), scene.initial_velocity(axes))
+        return made
+
+    def coordinates(self) -> tuple[NDArray, ...]:
+        """x, y(, z) of this rank's nodes in m, which broadcast to the slab in storage order."""
+        d, dx = self.scene.dimensions, self.scene.config.spacing
+        low, high = self.domain.row_range(self.world.rank)
+        ranges = [np.arange(low, high), *(np.arange(n) for n in self.domain.points[1:])]
+        along = [((r + 0.5) * dx).reshape([-1 if k == axis else 1 for k in range(d)]) for axis, r in enumerate(ranges)]
+        return tuple(along[::-1])
+
+    def _immersed(self):
+        from lbmdem.coupling import Immersed
+
+        """The solids of the fluid: obstacles, and grains, of which those that stay are linked once."""
+        coupling, table, units = self.scene.config.coupling, self.table, self.scene.units
+        stay = table.fixed if not coupling.frozen else np.ones(len(table), np.bool_)
+        ids = np.flatnonzero(stay)
+        return Immersed(
+            self.fluid, self.world, self.pool,
+            rule=coupling.bounce_back,
+            refill=coupling.refill,
+            fixed=(ids, self.nodes(table.x[ids]), table.radius[ids] / units.dx,
+                   table.v[ids] / units.velocity, table.omega[ids] * units.dt),
+            walls=obstacle_walls(self.scene),
+        )  # fmt: skip
+
+    def nodes(self, x: NDArray) -> NDArray[np.float64]:
+        """Places [n, d] in m as coordinates in which node i is at i."""
+        return x / self.scene.units.dx - 0.5
+
+    def _dem(self) -> Dem:
+        config, scene, table = self.scene.config, self.scene, self.table
+        contact = config.contact
+        history = contact.tangential == "history"
+        shear = (contact.tangential_stiffness or 2.0 / 7.0 * contact.normal_stiffness) if history else 0.0
+        self.law = law = Law(
+            contact.normal_stiffness, contact.damping, contact.friction, contact.tangential_viscosity, shear
+        )
+        columns = {name: getattr(table, name) for name in ("x", "v", "omega", "radius", "mass", "inertia", "fixed")}
+        dem = Dem(self.world, self.pool, self.domain, columns, law, box_walls(scene), reach=2.0 * config.spacing)
+        moving = ~table.fixed
+        limit = SHARE * stable_step(law, table.radius[moving], table.mass[moving], table.inertia[moving])
+        self.substeps = config.coupling.substeps or max(1, math.ceil(scene.time_step / limit))
+        self._weights = self._weight_of_grains()
+        return dem
+
+    def _weight_of_grains(self) -> NDArray[np.float64]:
+        """[N, d]: gravity less buoyancy of every grain, N."""
+        table, d = self.table, self.scene.dimensions
+        return table.mass[:, None] * self.scene.effective_gravity(table.mass, volumes(table.radius, d))
+
+    def step(self) -> None:
+        """From time step n to n + 1."""
+        if self.fluid:
+            with self.timers.section("solid"):
+                self.mark_solid()  # nodes that grains have covered and left (3.3)
+            with self.timers.section("fluid"):
+                self.drive()
+                self.fluid.step()  # collide [4], bounce back [6] and momentum exchange [7], stream, faces (Zou & He)
+        if self.dem:
+            with self.timers.section("grains"):
+                self.move_grains()  # n_d steps of the contacts [1], [2]
+        self.iteration += 1
+
+    def mark_solid(self) -> None:
+        """The fluid sees the grains where they are now."""
+        if not self.dem or self.scene.config.coupling.frozen:
+            return
+        grains, units = self.dem.grains, self.scene.units
+        moving = ~grains.fixed
+        self.immersed.move(
+            grains.ids[moving],
+            self.nodes(grains.x[moving]),
+            grains.radius[moving] / units.dx,
+            grains.v[moving] / units.velocity,
+            grains.omega[moving] * units.dt,
+        )
+
+    def drive(self) -> None:
+        """Body force and pressures of this step."""
+        if self.scene.config.shaking:
+            self.fluid.set_force(self.scene.body_force(self.iteration + 0.5))
+        for name, face in self.scene.faces.items():
+            if face.rate:
+                self.fluid.set_face(name, density=face.density + face.rate * (self.iteration + 1))
+
+    def move_grains(self) -> None:
+        """n_d substeps under the forces of the fluid, which stay the same meanwhile."""
+        dem, units, frame = self.dem, self.scene.units, self.scene.shaken(self.time)
+        own = dem.grains.ids[: dem.grains.n]
+        force = self._weights[own] - self.table.mass[own, None] * frame
+        torque = np.zeros((len(own), self.table.omega.shape[1]))
+        if self.immersed:
+            pushed, turned = self.immersed.forces()
+            force += pushed * units.force
+            torque += turned * units.torque
+        dem.advance(self.time_step / self.substeps, self.substeps, force, torque, time=self.time)
+
+    @property
+    def time_step(self) -> float:
+        return self.scene.time_step
+
+    @property
+    def time(self) -> float:
+        return self.iteration * self.time_step
+
+    def scalars(self) -> dict[str, float]:
+        """See lbmdem.diagnostics. Collective."""
+        with self.timers.section("scalars"):
+            return self.diagnostics.scalars()
+
+    def arrays(self, what: str) -> Mapping[str, object]:
+        """ "field": velocity, pressure, solid; "particle": grains by set. Collective."""
+        return snapshot.fields(self) if what == "field" else snapshot.grains(self)
+
+    def state(self) -> Mapping[str, object]:
+        """Populations by rows, grains by number, bit for bit. Collective."""
+        return snapshot.state(self)
+
+    def restore(self, reader) -> None:
+        """Take the state of a checkpoint, written by any number of ranks. Collective."""
+        snapshot.restore(self, reader)
+
+    def guard(self) -> str | None:
+        """Why this rank's state is no solution, or None."""
+        if self.diagnostics.fastest > FASTEST:
+            return f"the fluid moves by {self.diagnostics.fastest:.3g} nodes in a step (limit {FASTEST})"
+        if self.fluid:
+            rest = self.fluid.f[: self.fluid.layout.slot_stride]  # populations at rest, which follow the density
+            share = float(self.fluid.lattice.w[0])
+            low, high = (1.0 / DENSEST - 1.0) * 2.0 * share, (DENSEST - 1.0) * share
+            least, most = float(rest.min(initial=0.0)), float(rest.max(initial=0.0))
+            if not low <= least <= most <= high:
+                return f"the density left {1 / DENSEST} .. {DENSEST} times that of rest"
+        if self.dem and not np.isfinite(self.dem.grains.x).all():
+            return "a grain is nowhere"
+        if self.diagnostics.deepest > DEEPEST:
+            return f"grains overlap by {self.diagnostics.deepest:.1%} of a diameter (limit {DEEPEST:.0%})"
+        return None
+
+    def close(self) -> None:
+        """Free what MPI holds (all ranks together)."""
+        if self.fluid:
+            self.fluid.free()
+
+
+def box_walls(scene: Scene) -> list[Wall]:
+    """What grains meet at the sides of the box that are not periodic."""
+    d, size = scene.dimensions, scene.config.domain.size
+    walls = []
+    for axis, name in enumerate(AXES[:d]):
+        if scene.periodic[axis]:
+            continue
+        speeds = {face.face: face.velocity for face in scene.config.boundary if face.type == "wall"}
+        for side, place, way in (("-", 0.0, 1.0), ("+", size[axis], -1.0)):
+            point, normal = np.zeros(d), np.zeros(d)
+            point[axis], normal[axis] = place, way
+            walls.append(Wall(tuple(point), tuple(normal), speeds.get(name + side, ())))
+    return walls
