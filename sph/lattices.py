@@ -1,7 +1,8 @@
 """Where particles are at rest: lattices that give the particles of any part of space without holding all of them.
 
 Wall lattices have `near(low, high)`: index[n], x[n, d], normal[n, d] (into the fluid, 0 where there is none) of the
-particles in a box, in order of the index. The same box gives the same particles whoever asks.
+particles in a box, in order of the index. The same box gives the same particles whoever asks. `at(index)` gives x and
+normal again.
 """
 
 import math
@@ -97,8 +98,15 @@ class Shell:
         at = self.grid.inside(low, high)
         code = np.stack([self.codes[k][at[:, k]] for k in range(at.shape[1])], axis=1)
         kept = np.any(code != 0, axis=1)
-        at, code = at[kept], code[kept].astype(np.float64)
-        return self.grid.flat(at), self.grid.points(at), -code / np.sqrt(np.sum(code * code, axis=1))[:, None]
+        at = at[kept]
+        return self.grid.flat(at), *self._described(at)
+
+    def at(self, index: NDArray[np.int64]) -> tuple[NDArray, NDArray]:
+        return self._described(self.grid.unflat(index))
+
+    def _described(self, at: NDArray[np.int64]) -> tuple[NDArray, NDArray]:
+        code = np.stack([self.codes[k][at[:, k]] for k in range(at.shape[1])], axis=1).astype(np.float64)
+        return self.grid.points(at), -code / np.sqrt(np.sum(code * code, axis=1))[:, None]
 
 
 class Filled:
@@ -114,8 +122,14 @@ class Filled:
         sign = 1.0 if self.solid else -1.0
         depth = -sign * solids.signed_distance(self.shape, x)
         kept = (depth >= 0.0) & (depth < self.depth)
-        at, x = at[kept], x[kept]
-        return self.grid.flat(at), x, sign * solids.normals(self.shape, x, 1e-3 * self.spacing)
+        return self.grid.flat(at[kept]), x[kept], self._normal(x[kept])
+
+    def at(self, index: NDArray[np.int64]) -> tuple[NDArray, NDArray]:
+        x = self.grid.points(self.grid.unflat(index))
+        return x, self._normal(x)
+
+    def _normal(self, x: NDArray) -> NDArray[np.float64]:
+        return (1.0 if self.solid else -1.0) * solids.normals(self.shape, x, 1e-3 * self.spacing)
 
 
 class Sheet:
@@ -138,6 +152,11 @@ class Sheet:
         index = at[:, 0] if len(self.counts) == 1 else at[:, 0] * self.counts[1] + at[:, 1]
         return index, x, np.broadcast_to(self.normal, x.shape).copy()
 
+    def at(self, index: NDArray[np.int64]) -> tuple[NDArray, NDArray]:
+        at = np.stack(np.unravel_index(index, self.counts), axis=1)
+        x = self.origin + at @ self.tangents
+        return x, np.broadcast_to(self.normal, x.shape).copy()
+
 
 PART = 44  # bits of the index inside one part of a wall
 
@@ -154,6 +173,14 @@ class Parts:
             return np.zeros(0, np.int64), np.zeros((0, len(low))), np.zeros((0, len(low)))
         index = [i + (k << PART) for k, (i, _, _) in enumerate(found)]
         return np.concatenate(index), *(np.concatenate([f[j] for f in found]) for j in (1, 2))
+
+    def at(self, index: NDArray[np.int64]) -> tuple[NDArray, NDArray]:
+        d = self.parts[0].origin.size
+        x, normal = np.zeros((len(index), d)), np.zeros((len(index), d))
+        for k, part in enumerate(self.parts):
+            own = index >> PART == k
+            x[own], normal[own] = part.at(index[own] & ((1 << PART) - 1))
+        return x, normal
 
 
 def box_sheets(

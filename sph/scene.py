@@ -75,6 +75,10 @@ class Wall:
         index, x, normal = self.lattice.near(np.asarray(low, float), np.asarray(high, float))
         return index + ((self.index + 1) << WALL_BITS), x, normal
 
+    def at(self, ids: NDArray) -> tuple[NDArray, NDArray]:
+        """x[n, d] at displacement 0 and normals[n, d] of particles by id."""
+        return self.lattice.at(np.asarray(ids, np.int64) & ((1 << WALL_BITS) - 1))
+
     def bounds(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """The box that holds all particles of the wall at displacement 0."""
         if self.section.shape.plane:
