@@ -3,6 +3,7 @@ import stat
 import subprocess
 import sys
 import warnings
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -59,19 +60,42 @@ def test_cache_of_another_user_is_refused(cache):
 
 
 def test_kernel_sources_decide_the_folder(cache, monkeypatch, tmp_path):
-    before = cache()
-    names = {source.name for source in jit._kernel_sources()}
-    assert {"jit.py", "vector.py", "scheduler.py", "domain.py"} <= names
-    edited = tmp_path / "package"
-    (edited / "kernels").mkdir(parents=True)
-    (edited / "kernels" / "push.py").write_text("x = 1\n")
-    (edited / "front.py").write_text("y = 1\n")
-    monkeypatch.setattr(jit, "_PACKAGE", edited)
-    first = cache()
-    (edited / "front.py").write_text("y = 2\n")
-    assert cache() == first  # compiles nothing
-    (edited / "kernels" / "push.py").write_text("x = 2\n")
-    assert len({before, first, cache()}) == 3
+    names = {source.name for source in jit._kernel_sources("")}
+    assert {"jit.py", "vector.py", "scheduler.py", "domain.py"} <= names and "poisson.py" not in names
+    assert "push.py" in {source.name for source in jit._kernel_sources("hpcpic.plasma")}
+    files = ["hpcpic/core/space/shape.py", "hpcpic/pic/kernels/push.py", "other/kernels/push.py", "other/front.py"]
+    for file in files:
+        (tmp_path / file).parent.mkdir(parents=True, exist_ok=True)
+        (tmp_path / file).write_text("x = 1\n")
+    monkeypatch.setattr(jit, "_ROOT", tmp_path)
+    programs = ["", "hpcpic.pic", "other", jit.EVERY]
+    assert [jit.program_of(f"{name}.kernels.push") for name in programs[1:3]] == programs[1:3]
+    assert jit.program_of("hpcpic.core.space.cells") == "" and jit.program_of("numpy.linalg") is None
+    concerned = [programs, ["hpcpic.pic", jit.EVERY], ["other", jit.EVERY], []]
+    for file, touched in zip(files, concerned, strict=True):
+        before = [cache(program) for program in programs]
+        (tmp_path / file).write_text("x = 2\n")
+        after = [cache(program) for program in programs]
+        assert [p for p, a, b in zip(programs, before, after, strict=True) if a != b] == touched, file
+        assert len(set(after)) == len(programs)
+
+
+def test_compiled_code_lies_with_its_program():
+    def folder(function):
+        return Path(function._cache.cache_path).parent
+
+    from hpcpic.core.space.cells import __dict__ as core
+    from hpcpic.plasma.kernels.plain import __dict__ as plasma
+
+    for names, program in ((core, ""), (plasma, "hpcpic.plasma")):
+        kernels = [value for value in names.values() if hasattr(value, "py_func")]
+        own = [kernel for kernel in kernels if kernel.__module__ == names["__name__"]]
+        assert own and {folder(kernel) for kernel in own} == {jit.cache_directory(program)}
+    head = "from hpcpic.core.simd.jit import njit\n"
+    uses = "from hpcpic.plasma.kernels import plain\n"
+    tail = "@njit\ndef f(x):\n    return x\n"
+    assert folder(module_from_source(head + tail, "kept").f) == jit.cache_directory("")
+    assert folder(module_from_source(head + uses + tail, "kept").f) == jit.cache_directory("hpcpic.plasma")
 
 
 def test_settings_of_the_compiler_decide_the_folder(cache, monkeypatch):

@@ -7,12 +7,13 @@ compiled functions would not.
 import hashlib
 import importlib.util
 import os
+import re
 import sys
 import tempfile
 from pathlib import Path
 from types import ModuleType
 
-from hpcpic.core.simd.jit import cache_directory
+from hpcpic.core.simd.jit import EVERY, cache_directory, generated_in, program_of
 
 
 def keep(path: Path, content: bytes) -> None:
@@ -36,7 +37,9 @@ def module_from_source(source: str, stem: str) -> ModuleType:
     name = f"{stem}_{hashlib.sha256(source.encode()).hexdigest()[:32]}"
     if name in sys.modules:
         return sys.modules[name]
-    path = cache_directory() / f"{name}.py"
+    folder = cache_directory(_program_used(source))
+    generated_in.add(folder)
+    path = folder / f"{name}.py"
     if not path.exists():
         keep(path, source.encode())
     spec = importlib.util.spec_from_file_location(name, path)
@@ -49,3 +52,10 @@ def module_from_source(source: str, stem: str) -> ModuleType:
         del sys.modules[name]
         raise
     return module
+
+
+def _program_used(source: str) -> str:
+    """The program whose modules the text imports; "" for none but the core's."""
+    imported = re.findall(r"^\s*(?:from|import) (\w+(?:\.\w+)?)", source, re.M)
+    programs = {program for program in map(program_of, imported) if program}
+    return programs.pop() if len(programs) == 1 else EVERY if programs else ""

@@ -1,7 +1,7 @@
 """Compilation of kernels: `njit` with the flags of this package, cached in a private folder.
 
 numba's own cache does not notice edits in another file and holds pickles, so the folder is named by a hash of
-all kernel sources and versions, and is used only when nobody else can write to it.
+the kernel sources and versions, and is used only when nobody else can write to it.
 """
 
 import atexit
@@ -16,29 +16,46 @@ import tempfile
 import warnings
 from collections.abc import Callable
 from importlib.metadata import version
+from inspect import isfunction
 from pathlib import Path
 from typing import Any
 
-_PACKAGE = Path(__file__).resolve().parents[2]
+import numba
+
+_ROOT = Path(__file__).resolve().parents[3]  # of the packages
 _KERNEL_FOLDERS = {"simd", "space", "comm", "kernels"}
 _FLAGS: dict[str, Any] = {"nogil": True, "cache": True, "error_model": "numpy"}
+EVERY = "*"  # in place of a program: all there are
+generated_in: set[Path] = set()  # folders of generated modules: their compiled code is kept beside them
 
 
-def _kernel_sources() -> list[Path]:
-    """Files whose edit may change compiled code: the kernel folders, whatever compiles by itself, and the kernels of
-    packages beside this one.
+def program_of(module: str) -> str | None:
+    """The program a module belongs to: "hpcpic.plasma", "sph"; "" for the core, None for what is none of ours."""
+    first, second, *_ = [*module.split("."), "core"]
+    if first == "hpcpic":
+        return "" if second == "core" else f"hpcpic.{second}"
+    return first if (_ROOT / first / "kernels").is_dir() else None
+
+
+def _kernel_sources(program: str) -> list[Path]:
+    """Files whose edit may change compiled code of a program: the kernel folders and whatever compiles by itself, in
+    the core and in the program.
     """
-    files = sorted(_PACKAGE.rglob("*.py"))
-    own = [file for file in files if file.parent.name in _KERNEL_FOLDERS or b"simd.jit" in file.read_bytes()]
-    return own + sorted(_PACKAGE.parent.glob("*/kernels/*.py"))
+    folders = [_ROOT / "hpcpic" / "core"]
+    if program == EVERY:
+        folders += [found.parent for found in sorted([*_ROOT.glob("*/kernels"), *_ROOT.glob("hpcpic/*/kernels")])]
+    elif program:
+        folders.append(_ROOT.joinpath(*program.split(".")))
+    files = [file for folder in folders for file in sorted(folder.rglob("*.py"))]
+    return [file for file in files if file.parent.name in _KERNEL_FOLDERS or b"simd.jit" in file.read_bytes()]
 
 
-def _fingerprint() -> str:
+def _fingerprint(program: str) -> str:
     from llvmlite import binding
 
     digest = hashlib.sha256()
-    for file in _kernel_sources():
-        digest.update(str(file.relative_to(_PACKAGE.parent)).encode() + b"\0" + file.read_bytes() + b"\0")
+    for file in _kernel_sources(program):
+        digest.update(str(file.relative_to(_ROOT)).encode() + b"\0" + file.read_bytes() + b"\0")
     digest.update(repr([version(name) for name in ("numba", "llvmlite", "numpy")]).encode())
     digest.update(binding.get_host_cpu_name().encode() + binding.get_host_cpu_features().flatten().encode())
     settings = {key: value for key, value in os.environ.items() if key.startswith("NUMBA_")}
@@ -60,11 +77,12 @@ def _make_private(folder: Path) -> None:
 
 
 @functools.cache
-def cache_directory() -> Path:
+def cache_directory(program: str = "") -> Path:
     """Folder of compiled and generated code, `<root>/<user id>/<hash of sources, versions and processor>`.
 
+    The sources are those of the core and of the program, so an edit in one program leaves the code of others alone.
     The root is $HPCPIC_CACHE_DIR, else $XDG_CACHE_HOME/hpcpic, else ~/.cache/hpcpic. A folder that is a
-    symbolic link, belongs to another user or can be written by others is not used: one warning, and a fresh
+    symbolic link, belongs to another user or can be written by others is not used: a warning, and a fresh
     private temporary folder for this process.
     """
     caches = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache")
@@ -73,21 +91,19 @@ def cache_directory() -> Path:
         root.mkdir(mode=0o700, parents=True, exist_ok=True)
         mine = root / str(os.getuid())
         _make_private(mine)
-        folder = mine / _fingerprint()
+        folder = mine / _fingerprint(program)
         _make_private(folder)
     except OSError as error:
-        folder = Path(tempfile.mkdtemp(prefix="hpcpic-"))
-        atexit.register(shutil.rmtree, folder, ignore_errors=True)
+        folder = _temporary()
         warnings.warn(f"compiled code is not kept: {error}; using {folder}", RuntimeWarning, stacklevel=2)
     return folder
 
 
-os.environ["NUMBA_CACHE_DIR"] = str(cache_directory())
-
-import numba  # noqa: E402  (reads NUMBA_CACHE_DIR when imported)
-
-# when somebody imported numba before
-numba.config.CACHE_DIR = os.environ["NUMBA_CACHE_DIR"]  # type: ignore[attr-defined]
+@functools.cache
+def _temporary() -> Path:
+    folder = Path(tempfile.mkdtemp(prefix="hpcpic-"))
+    atexit.register(shutil.rmtree, folder, ignore_errors=True)
+    return folder
 
 
 def _import_without_blas() -> None:
@@ -110,4 +126,23 @@ _import_without_blas()
 
 def njit(*signature_or_function: Any, **flags: Any) -> Callable:
     """`numba.njit` without the GIL, cached, IEEE division by zero, no fastmath; flags may be added."""
-    return numba.njit(*signature_or_function, **(_FLAGS | flags))
+    if signature_or_function and isfunction(signature_or_function[0]):
+        return _cached(signature_or_function[0], (), flags)
+    return lambda function: _cached(function, signature_or_function, flags)
+
+
+def _cached(function: Callable, signature: tuple, flags: dict[str, Any]) -> Callable:
+    before = numba.config.CACHE_DIR  # type: ignore[attr-defined]
+    numba.config.CACHE_DIR = str(_folder_of(function))  # type: ignore[attr-defined]
+    try:
+        return numba.njit(*signature, **(_FLAGS | flags))(function)
+    finally:
+        numba.config.CACHE_DIR = before  # type: ignore[attr-defined]
+
+
+def _folder_of(function: Callable) -> Path:
+    folder = Path(function.__code__.co_filename).parent
+    if folder in generated_in:
+        return folder
+    program = program_of(function.__module__)
+    return cache_directory(EVERY if program is None else program)
