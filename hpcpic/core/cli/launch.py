@@ -1,14 +1,19 @@
-"""Start this program in processes of its own, with or without MPI."""
+"""Start this program: in processes of its own, with or without MPI, or within this one."""
 
 from __future__ import annotations
 
+import os
 import shutil
 import subprocess
 import sys
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
+from typing import IO
 
+from hpcpic.core.cli.app import App
 from hpcpic.core.errors import ConfigError
+
+Start = Callable[..., int]  # program, arguments, ranks; stdout, stderr -> exit code
 
 
 def launcher() -> str | None:
@@ -33,3 +38,31 @@ def launch(program: Sequence[str], arguments: Sequence[str], ranks: int, **setti
         return process.wait()
     except KeyboardInterrupt:
         return process.wait()
+
+
+def within(app: App) -> Start:
+    """What `launch` does, on one rank in this process: what is loaded and compiled once serves all the runs.
+
+    Standard output goes to the file `stdout`, and errors too.
+    """
+    from hpcpic.core.cli.main import build
+
+    def start(program: Sequence[str], arguments: Sequence[str], ranks: int, *, stdout: IO[str], stderr: int) -> int:
+        assert ranks == 1
+        kept, argv = os.dup(1), sys.argv
+        errors = os.dup(2)
+        sys.stdout.flush(), sys.stderr.flush()
+        sys.argv = [app.name, *arguments]
+        try:
+            os.dup2(stdout.fileno(), 1), os.dup2(stdout.fileno(), 2)
+            build(lambda: app, app.name, app.title).main(arguments)
+        except SystemExit as end:
+            return end.code if isinstance(end.code, int) else int(end.code is not None)
+        finally:
+            sys.stdout.flush(), sys.stderr.flush()
+            os.dup2(kept, 1), os.dup2(errors, 2)
+            os.close(kept), os.close(errors)
+            sys.argv = argv
+        return 0
+
+    return start

@@ -18,6 +18,7 @@ PLAUSIBLE = (0.5, 1.5)  # times the theory's order
 SAFETY, SAFETY_IMPLAUSIBLE = 1.25, 3.0
 NOTHING = 1e-11  # relative difference between levels that counts as none
 LEAST_COST = 0.1  # exponent: a knob that costs nothing gets a part of the budget all the same
+NEAR = 0.02  # relative change over all levels below which the coarse ones are as asymptotic, and less noisy
 BEYOND = 1.3  # times the coarsest size measured: no recommendation is coarser
 
 
@@ -104,6 +105,12 @@ def observed_order(sizes: Sequence[float], values: Sequence[NDArray]) -> float:
     return 0.5 * (low + high)
 
 
+def spaced(sizes: NDArray) -> list[int]:
+    """The ends and the level nearest to their geometric mean."""
+    inner = np.abs(np.log(sizes[1:-1] ** 2 / (sizes[0] * sizes[-1])))
+    return [0, 1 + int(np.argmin(inner)), len(sizes) - 1]
+
+
 def fit(name: str, levels: Sequence[Level], here: float, theory: float, scale: float) -> Law:
     """The law of one knob from three levels or more; `here` is the case's own size, `scale` the quantity's norm."""
     levels = sorted(levels, key=lambda level: level.size)
@@ -115,7 +122,8 @@ def fit(name: str, levels: Sequence[Level], here: float, theory: float, scale: f
     if spread <= NOTHING:
         nothing = np.zeros_like(sizes)
         return Law(name, sizes, nothing, np.zeros_like(values[0]), here, math.nan, theory, theory, SAFETY, cost)
-    order = observed_order(sizes[:3], values[:3])
+    three = [0, 1, 2] if spread > NEAR else spaced(sizes)
+    order = observed_order(sizes[three], [values[k] for k in three])
     good = math.isfinite(order) and PLAUSIBLE[0] * theory < order < PLAUSIBLE[1] * theory
     used, safety = (order, SAFETY) if good else (theory, SAFETY_IMPLAUSIBLE)
     first = values[1] - values[0]

@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from hpcpic.core.cli.app import App
 from hpcpic.core.cli.knobs import Knobs
+from hpcpic.core.cli.launch import launch, within
 from hpcpic.core.cli.laws import Level
 from hpcpic.core.cli.read import Case, read_case
 from hpcpic.core.cli.sweep import facts_of, run_once
@@ -60,6 +61,7 @@ class Pilots:
         self.app, self.read, self.sets, self.knobs = app, read, sets, knobs
         self.folder, self.shape = folder / "pilots", shape
         self.done: dict[str, Pilot] = {}
+        self.start = within(app) if shape[0] == 1 else launch
         self.case_digest = repr(read.tree.files)
 
     def assignments(self, sizes: Mapping[str, float], time: float, others: Settings) -> tuple[str, ...]:
@@ -100,7 +102,7 @@ class Pilots:
             return self.done[name]
         config = read_case(self.app, self.read.path, sets).config
         rundir = RunDir(self.folder / name)
-        code, how = run_once(self.app, self.read.path, sets, rundir, self.shape, *flags)
+        code, how = run_once(self.app, self.read.path, sets, rundir, self.shape, flags, self.start)
         facts = facts_of(rundir)
         if code in (0, 4):
             shutil.rmtree(rundir.path / "checkpoints", ignore_errors=True)  # nobody goes on from a pilot

@@ -135,9 +135,13 @@ class Search:
         pilot = self.pilot({**self.own, name: size}, words=f"{name} x {size / self.own[name]:.3g}")
         if any(abs(math.log(pilot.sizes[name] / level.size)) < 0.05 for level in self.levels[name]):
             return False
-        if len(self.levels[name]) >= 3 and pilot.exit_code:
+        try:
+            value = self.measured(pilot)
+        except CheckFailed:
+            if len(self.levels[name]) < 3:
+                raise
             return False
-        self.levels[name].append(pilot.level(name, self.measured(pilot)))
+        self.levels[name].append(pilot.level(name, value))
         return True
 
     def refit(self, knob: Knob) -> None:
@@ -208,7 +212,10 @@ class Search:
         if pilot.exit_code:
             return None
         change = (self.measured(pilot) - self.value) / self.scale
-        return Alternative(choice, others, pilot.seconds / self.base.seconds, change)
+        found = Alternative(choice, others, pilot.seconds / self.base.seconds, change)
+        law = self.laws.get(choice.acts_on)
+        better = law is not None and not law.idle and factor(law, found) < WORTH
+        return found if better or found.cost < WORTH else None
 
     # -------------------------------------------------------------------------------------- proposals
 
@@ -309,6 +316,11 @@ def doubt(law: Law) -> float:
     return (law.safety - 1.0) * norm(law.signed)
 
 
+def factor(law: Law, pick: Alternative) -> float:
+    """By which another scheme changes the error of a knob; a tenth at least: one pilot proves no more."""
+    return max(0.1, (norm(law.signed + pick.change) + doubt(law)) / norm(law.signed))
+
+
 def combined(laws: tuple[Law, ...], picks: Sequence[Alternative | None]) -> Scheme:
     """Laws of a scheme: a choice that acts on a knob changes that knob's error, another has an error of its own."""
     others: dict[str, str] = {}
@@ -320,8 +332,6 @@ def combined(laws: tuple[Law, ...], picks: Sequence[Alternative | None]) -> Sche
         if law is None:
             floor += 1.25 * norm(pick.change)
             continue
-        before = norm(law.signed)
-        factor = max(0.1, (norm(law.signed + pick.change) + doubt(law)) / before)
-        changed = replace(law, errors=law.errors * factor, signed=law.signed + pick.change)
+        changed = replace(law, errors=law.errors * factor(law, pick), signed=law.signed + pick.change)
         laws = tuple(changed if l is law else l for l in laws)
     return Scheme(others, cost, floor, laws)

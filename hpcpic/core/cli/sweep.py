@@ -17,7 +17,7 @@ from typing import Any
 import click
 
 from hpcpic.core.cli.app import App, AppLoader
-from hpcpic.core.cli.launch import launch
+from hpcpic.core.cli.launch import Start, launch
 from hpcpic.core.cli.read import read_case, set_option, shape_options
 from hpcpic.core.cli.text import table
 from hpcpic.core.errors import CheckFailed, ConfigError, FileError
@@ -105,7 +105,13 @@ def split(text: str) -> list[str]:
 
 
 def run_once(
-    app: App, path: str, sets: tuple[str, ...], rundir: RunDir, shape: tuple[int, int], *flags: str
+    app: App,
+    path: str,
+    sets: tuple[str, ...],
+    rundir: RunDir,
+    shape: tuple[int, int],
+    flags: tuple[str, ...] = (),
+    start: Start = launch,
 ) -> tuple[int, str]:
     """Exit code of the run of one combination, and how it went in words.
 
@@ -131,7 +137,7 @@ def run_once(
     output = rundir.path.parent / f"{rundir.path.name}.txt"
     with open(output, "w", encoding="utf-8") as screen:
         words += ["--threads", str(threads), "--quiet"]
-        code = launch(app.program, words, ranks, stdout=screen, stderr=subprocess.STDOUT)
+        code = start(app.program, words, ranks, stdout=screen, stderr=subprocess.STDOUT)
     last = (output.read_text(errors="replace").strip().splitlines() or [""])[-1] if code not in (0, 5) else ""
     return code, f"exit {code}  {last}"
 

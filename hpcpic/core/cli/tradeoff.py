@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import re
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -11,6 +12,7 @@ import click
 from hpcpic.core.cli.app import App, AppLoader
 from hpcpic.core.cli.read import Case, read_case, set_option, shape_options
 from hpcpic.core.cli.text import duration, table
+from hpcpic.core.comm.world import launched_size
 from hpcpic.core.errors import CheckFailed, ConfigError
 
 if TYPE_CHECKING:
@@ -113,7 +115,9 @@ def parse_seconds(text: str | None) -> float | None:
 
 
 def knobs_of(app: App, read: Case) -> Knobs:
-    """Raises ConfigError for a program that has none."""
+    """Raises ConfigError for a program that has none, and under mpirun."""
+    if launched_size(os.environ) > 1:
+        raise ConfigError("start this without mpirun; --ranks N gives every pilot N ranks")
     if app.knobs is None:
         raise ConfigError(f"{app.name} has no knobs to turn")
     return app.knobs(read.config)
