@@ -92,7 +92,7 @@ def extents(block, blocks, begin, bucket, row, fine, rows, row_table, fine_total
 
 
 @njit
-def arrange(block, blocks, begin, base, bucket, row, fine, key, kind, rows, row_table, fine_total, fine_start, body,
+def arrange(block, blocks, begin, base, bucket, row, fine, key, flags, rows, row_table, fine_total, fine_start, body,
             slot_class):  # fmt: skip
     """Slots of the bodies of a block's layers, and the tables of their rows; fine_total[l] = place of its cells now."""
     for l in range(blocks[block], blocks[block + 1]):
@@ -128,7 +128,7 @@ def arrange(block, blocks, begin, base, bucket, row, fine, key, kind, rows, row_
             for c in range(entry[3], entry[3] + entry[2]):
                 order_by_key(body, key, fine_start[c], fine_start[c + 1])
         for s in range(base[l], base[l] + begin[l + 1] - begin[l]):
-            slot_class[s] = kind[body[s]]
+            slot_class[s] = flags[body[s]] & 3
 
 
 @njit
@@ -144,14 +144,14 @@ def order_by_key(body, key, first, last):
 
 
 @njit
-def find(block, blocks, begin, base, first, edge, radius, x, body, slot_class, rows, row_table, fine_start, runs):
+def find(block, blocks, shape, edge, radius, x, body, rows, row_table, fine_start, runs):
     """runs[slot, k] = (first, end) of the slots in row k of the half neighbourhood that may be within `radius`.
 
     edge[a] = (edge of a layer, of a row, of a fine cell; pads): a row beyond the chord of the sphere is empty.
     Rows: own from the next body on, then in 3D the next row; then the row, or three rows, of the next layer.
     """
     for l in range(blocks[block], blocks[block + 1]):
-        ceiling = (first + l + 1 - edge[3]) * edge[0]  # where the next layer begins
+        ceiling = (shape[2] + l + 1 - edge[3]) * edge[0]  # where the next layer begins
         for k in range(rows[l, 1]):
             entry = row_table[rows[l, 2] + k]
             r = rows[l, 0] + k

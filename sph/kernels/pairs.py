@@ -212,7 +212,7 @@ def _distance(law: Law) -> list[str]:
     for a in law.axes[-2::-1]:
         r2 = f"fma(d{a}, d{a}, {r2})"
     kernel = SMOOTHING[law.kernel]
-    lines.append(f"    r2 = {r2}" + (" + 1e-12" if kernel.divides else ""))
+    lines.append(f"    r2 = {r2}" + (" + 1e-30" if kernel.divides else ""))
     lines.append("    r = sqrt(r2)")
     if kernel.divides:
         lines.append("    inverse = 1.0 / r")

@@ -1,0 +1,293 @@
+"""The bodies of one rank: its own particles, fluid and wall, and behind them ghosts of others and images.
+
+A ghost is a body seen through a map x -> turn x + shift: the identity for those of the layers next to a slab, shifts for
+periodic sides, reflections for walls that mirror. The owner of a particle knows who needs which of its images.
+"""
+
+import inspect
+from collections.abc import Callable, Mapping
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hpcpic.core.comm.ghosts import Refresh
+from hpcpic.core.comm.migrate import Migrate
+from hpcpic.core.comm.tags import Channel
+from hpcpic.core.comm.world import World
+from hpcpic.core.errors import ConfigError
+from hpcpic.core.tasks import Bound, Pool, bind
+
+FLUID, REAL, MIRRORED = 1, 2, 4  # flags
+CODES = 64  # maps; a ghost is told from its owner by key = id CODES + map
+
+
+class Tasks:
+    """Kernels run by the pool on arrays found by the names of their arguments."""
+
+    def __init__(self, pool: Pool, parts: int) -> None:
+        self.pool, self.parts = pool, parts
+        self.arrays: dict[str, Any] = {}
+        self._bound: dict[Any, list[Bound]] = {}
+
+    def set(self, **arrays: Any) -> None:
+        """Name arrays; a new array for a name makes all tasks be bound again."""
+        self.arrays.update(arrays)
+        self._bound.clear()
+
+    def each(self, kernel: Callable, **more: Any) -> None:
+        """The kernel for every part (its first argument); `more`: arguments that are numbers, or other names."""
+        key = (kernel, *more.items())
+        if key not in self._bound:
+            self._bound[key] = [bind(kernel, part, *self._arguments(kernel, more)) for part in range(self.parts)]
+        self.pool.each(self._bound[key])
+
+    def call(self, kernel: Callable, **more: Any) -> Any:
+        """The kernel once, from here, with all its arguments by name."""
+        return kernel(*self._arguments(kernel, more, 0))
+
+    def _arguments(self, kernel: Any, more: Mapping[str, Any], skip: int = 1) -> list[Any]:
+        names = list(inspect.signature(kernel.py_func).parameters)[skip:]
+        values = (more.get(name, name) for name in names)
+        return [self.arrays[value] if isinstance(value, str) else value for value in values]
+
+
+def even(n: int, parts: int) -> NDArray[np.int64]:
+    """parts + 1 bounds of n items."""
+    return np.arange(parts + 1) * n // parts
+
+
+class Maps:
+    """Images of bodies, x -> turn x + shift, v -> spin v + push, and which bodies have one; map 0 is the identity.
+
+    turn, spin [k, d, d]; shift, push [k, d]. A body has image k if x . normal < offset for all its planes[k].
+    """
+
+    def __init__(self, d: int) -> None:
+        self.turn, self.spin = np.eye(d)[None], np.eye(d)[None]
+        self.shift, self.push = np.zeros((1, d)), np.zeros((1, d))
+        self.mirrored = [False]
+        self.planes: list[list[tuple[NDArray, float]]] = [[]]
+
+    def add(self, turn: NDArray, shift: NDArray, spin: NDArray, push: NDArray, planes: list, mirrored: bool) -> None:
+        if len(self.planes) == CODES:
+            raise ConfigError([f"more than {CODES} images of a particle: too many mirrors"])
+        self.turn = np.concatenate([self.turn, turn[None]])
+        self.spin = np.concatenate([self.spin, spin[None]])
+        self.shift = np.concatenate([self.shift, shift[None]])
+        self.push = np.concatenate([self.push, push[None]])
+        self.planes.append(planes)
+        self.mirrored.append(mirrored)
+
+    def combine(self, other: "Maps") -> None:
+        """Every map of `other` after every map here too: corners."""
+        n = len(self.planes)
+        for k in range(1, len(other.planes)):
+            for j in range(n):
+                turn = other.turn[k] @ self.turn[j]
+                shift = other.turn[k] @ self.shift[j] + other.shift[k]
+                spin, push = other.spin[k] @ self.spin[j], other.spin[k] @ self.push[j] + other.push[k]
+                planes = [*self.planes[j], *other.planes[k]]
+                self.add(turn, shift, spin, push, planes, self.mirrored[j] or other.mirrored[k])
+
+    def chosen(self, k: int, x: NDArray[np.float64]) -> NDArray[np.int64]:
+        """Bodies x[d, n] that have image k."""
+        inside = np.ones(x.shape[1], bool)
+        for normal, offset in self.planes[k]:
+            axes = np.flatnonzero(normal)
+            inside &= sum(normal[a] * x[a] for a in axes) < offset
+        return np.flatnonzero(inside)
+
+
+def periodic_maps(lengths: NDArray, periodic: NDArray, reach: float) -> Maps:
+    """Shifts by a period, up and down, along each periodic axis and their combinations."""
+    d = len(lengths)
+    maps = Maps(d)
+    for axis in np.flatnonzero(periodic):
+        step, unit = Maps(d), np.eye(d)[axis]
+        one, still = np.eye(d), np.zeros(d)
+        step.add(one, unit * lengths[axis], one, still, [(unit, reach)], False)
+        step.add(one, -unit * lengths[axis], one, still, [(-unit, reach - lengths[axis])], False)
+        maps.combine(step)
+    return maps
+
+
+class Bodies:
+    """Columns of n own particles and g ghosts behind them.
+
+    x, v, a, gradient [d, capacity], drho, m, rate [capacity]; id, key int64, flags, wall int32 [capacity].
+    wall: number of the wall + 1, 0 for fluid.
+    """
+
+    LINES = ("x", "v", "a", "gradient", "x_old", "v_old")
+    COLUMNS = ("drho", "m", "rate", "drho_old")
+    WHOLE = {"id": np.int64, "key": np.int64, "flags": np.int32, "wall": np.int32}
+
+    def __init__(self, world: World, tasks: Tasks, motion: Any, d: int, maps: Maps, old: bool) -> None:
+        self.world, self.tasks, self.motion, self.d, self.maps = world, tasks, motion, d, maps
+        self.keeps_old = old
+        self.n = self.ghosts = self.capacity = 0
+        self.columns: dict[str, NDArray] = {}
+        self.reserve(1024)
+        self._refresh = Refresh(world, Channel.GHOSTS_VALUES)
+        self._record = np.dtype([("numbers", np.float64, 2 * d + 2), ("id", np.int64), ("flags", np.int32, 2)])
+        self._migrate = Migrate(world, self._record.itemsize, Channel.PARTICLES)
+        self._rows = self._codes = np.zeros(0, np.int64)
+        self.moved = 0
+
+    def __getattr__(self, name: str) -> NDArray:
+        try:
+            return self.__dict__["columns"][name]
+        except KeyError:
+            raise AttributeError(name) from None
+
+    def own(self, name: str) -> NDArray:
+        """View of a column, own particles only: [n] or [d, n]."""
+        return self.columns[name][..., : self.n]
+
+    def reserve(self, capacity: int) -> None:
+        """Room for `capacity` bodies."""
+        if capacity <= self.capacity:
+            return
+        capacity += capacity // 8
+        shapes = {name: ((self.d, capacity), np.dtype(float)) for name in self.LINES}
+        shapes |= {name: ((capacity,), np.dtype(float)) for name in self.COLUMNS}
+        shapes |= {name: ((capacity,), np.dtype(kind)) for name, kind in self.WHOLE.items()}
+        for name, (shape, kind) in shapes.items():
+            if name.endswith("_old") and not self.keeps_old:
+                shape = (self.d, 0) if name in self.LINES else (0,)
+            fresh = np.zeros(shape, kind)
+            if name in self.columns and fresh.size:
+                fresh[..., : self.n + self.ghosts] = self.columns[name][..., : self.n + self.ghosts]
+            self.columns[name] = fresh
+        self.capacity = capacity
+        self.tasks.set(**self.columns)
+
+    def append(self, x: NDArray, v: NDArray, drho: NDArray, m: NDArray, ids: NDArray, flags: NDArray, wall: NDArray):
+        """Add own particles, x and v [d, k]; forgets the ghosts."""
+        self.ghosts = 0
+        k = len(ids)
+        self.reserve(self.n + k)
+        rows = slice(self.n, self.n + k)
+        for name, values in (("x", x), ("v", v), ("drho", drho), ("m", m), ("flags", flags), ("wall", wall)):
+            self.columns[name][..., rows] = values
+        self.columns["id"][rows] = ids
+        self.columns["key"][rows] = np.asarray(ids, np.int64) * CODES
+        for name in ("a", "rate", "gradient"):
+            self.columns[name][..., rows] = 0.0
+        self.n += k
+
+    def sort(self, order: NDArray) -> None:
+        """Own particles in another order, for locality alone."""
+        for name in ("x", "v", "drho", "m", "id", "key", "flags", "wall", "a", "rate"):
+            column = self.columns[name]
+            if column.ndim == 2:
+                for line in column:
+                    line[: self.n] = line[order]
+            else:
+                column[: self.n] = column[order]
+
+    # ---- between ranks
+
+    def migrate(self, iteration: int, owners: NDArray[np.int64]) -> None:
+        """Own particle k goes to rank owners[k]; forgets the ghosts. Collective."""
+        self.ghosts = 0
+        if self.world.size == 1:
+            return
+        leaving = np.flatnonzero(owners != self.world.rank)
+        peers = owners[leaving]
+        outgoing = {int(peer): self._pack(leaving[peers == peer]) for peer in np.unique(peers)}
+        self._remove(leaving)
+        self._migrate.start(iteration, outgoing)
+        for records in self._migrate.finish():
+            rows = np.ascontiguousarray(records).reshape(-1).view(self._record)
+            numbers, d = rows["numbers"].T, self.d
+            self.append(
+                numbers[:d], numbers[d : 2 * d], numbers[2 * d], numbers[2 * d + 1], rows["id"],
+                rows["flags"][:, 0], rows["flags"][:, 1],
+            )  # fmt: skip
+        self.moved += len(leaving)
+
+    def _pack(self, index: NDArray) -> NDArray[np.uint8]:
+        records, d = np.empty(len(index), self._record), self.d
+        records["numbers"][:, :d] = self.x[:, index].T
+        records["numbers"][:, d : 2 * d] = self.v[:, index].T
+        records["numbers"][:, 2 * d], records["numbers"][:, 2 * d + 1] = self.drho[index], self.m[index]
+        records["id"] = self.id[index]
+        records["flags"][:, 0], records["flags"][:, 1] = self.flags[index], self.wall[index]
+        return records.view(np.uint8).reshape(len(index), -1)
+
+    def _remove(self, gone: NDArray) -> None:
+        """Take particles out; the last ones move into their places."""
+        left = self.n - len(gone)
+        holes = gone[gone < left]
+        movers = np.setdiff1d(np.arange(left, self.n), gone)
+        for name in ("x", "v", "drho", "m", "id", "key", "flags", "wall"):
+            self.columns[name][..., holes] = self.columns[name][..., movers]
+        self.n = left
+
+    def choose_ghosts(self, layer: NDArray[np.int64], layer_of: Callable, owner: NDArray[np.int64]) -> None:
+        """Who is seen where from now on: layer[n] of the own particles, owner[layer]. Collective."""
+        self.ghosts = 0
+        rows, codes, peers = [], [], []
+        for k in range(len(self.maps.planes)):
+            index = np.arange(0) if k else np.flatnonzero(self._beside(layer, owner))
+            if k:
+                index = self.maps.chosen(k, self.own("x"))
+            if not len(index):
+                continue
+            at = layer[index] if k == 0 else layer_of(self.maps.turn[k, 0] @ self.x[:, index] + self.maps.shift[k, 0])
+            for peer in range(self.world.size) if self.world.size > 1 else [0]:
+                if k == 0 and peer == self.world.rank:
+                    continue
+                seen = np.zeros(len(index), bool)
+                for step in (-1, 0, 1):
+                    near = at + step
+                    seen |= (owner[np.clip(near, 0, len(owner) - 1)] == peer)
+                chosen = index[seen]
+                rows.append(chosen)
+                codes.append(np.full(len(chosen), k))
+                peers.append(np.full(len(chosen), peer))
+        self._rows, self._codes, peer = (np.concatenate([*part, np.zeros(0, np.int64)]) for part in (rows, codes, peers))
+        if self.world.size == 1 and not len(self._rows):
+            return
+        order = np.argsort(peer, kind="stable")
+        self._rows, self._codes, peer = self._rows[order], self._codes[order], peer[order]
+        members = {int(p): np.flatnonzero(peer == p) for p in np.unique(peer)}
+        self.ghosts = self._refresh.choose(members)
+        self.reserve(self.n + self.ghosts)
+        self._identify()
+
+    def _beside(self, layer: NDArray, owner: NDArray) -> NDArray[np.bool_]:
+        """Whether a neighbouring layer belongs to another rank."""
+        if self.world.size == 1:
+            return np.zeros(0, bool)
+        last, me = len(owner) - 1, self.world.rank
+        return (owner[np.maximum(layer - 1, 0)] != me) | (owner[np.minimum(layer + 1, last)] != me)
+
+    def _identify(self) -> None:
+        """What of the ghosts does not change with time."""
+        mirrored = np.array(self.maps.mirrored)[self._codes]
+        flags = self.flags[self._rows]
+        flags = np.where(self._codes > 0, flags & ~REAL, flags) | np.where(mirrored, MIRRORED, 0)
+        sent = np.empty((len(self._rows), 3), np.int64)
+        sent[:, 0] = self.key[self._rows] + self._codes
+        sent[:, 1], sent[:, 2] = flags, self.m[self._rows].view(np.int64)
+        self._refresh.start(0, sent)
+        got = self._refresh.finish()
+        ghosts = slice(self.n, self.n + self.ghosts)
+        self.key[ghosts], self.flags[ghosts] = got[:, 0], got[:, 1]
+        self.m[ghosts] = np.ascontiguousarray(got[:, 2]).view(np.float64)
+        self.wall[ghosts] = 0
+
+    def refresh(self, iteration: int) -> None:
+        """Ghosts' x, v, drho and gradient as they are now. Collective."""
+        if self.world.size == 1 and not self.ghosts:
+            return
+        values, maps = np.empty((len(self._rows), 3 * self.d + 1)), self.maps
+        self.motion.ghost_values(
+            self._rows, self._codes, maps.turn, maps.shift, maps.spin, maps.push, self.x, self.v, self.drho, self.gradient,
+            values,
+        )  # fmt: skip
+        self._refresh.start(iteration, values)
+        self.motion.take_ghosts(self._refresh.finish(), self.n, self.x, self.v, self.drho, self.gradient)

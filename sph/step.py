@@ -1,0 +1,227 @@
+"""The SPH simulation: particles sorted into cells, pair sums, one step in time."""
+
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hpcpic.core.comm.world import World
+from hpcpic.core.errors import Diverged
+from hpcpic.core.space.domain import Domain, balanced_cuts, block_ranges
+from hpcpic.core.tasks import Pool
+from hpcpic.core.timers import Timers
+from sph.config import SphConfig
+from sph.derived import derived
+from sph.estimate import estimate
+from sph.integrators import INTEGRATORS, STAGED
+from sph.kernels.specialise import specialise
+from sph.neighbours import Cells, Grid
+from sph.particles import FLUID, REAL, Bodies, Tasks, periodic_maps
+from sph.scene import Scene
+from sph.sums import PairSums, law_of
+from sph.timestep import TimeStep
+
+PARTS_PER_THREAD = 4
+FASTEST = 0.25  # of c0: particles of integrators with stages may move so far in a step of Courant number cfl
+TIDY = 8  # steps between sorts of the particles in memory
+MARGIN = 1e-9  # of the support, for rounding
+
+
+class Sph:
+    """The state x^n, v^n, rho^n of a run, and the step to n + 1. Inside, axes are in storage order and x is relative
+    to the lower corner of the domain.
+    """
+
+    name = "sph"
+    title = "weakly compressible smoothed particle hydrodynamics"
+    schema = SphConfig
+    derived = staticmethod(derived)
+    estimate = staticmethod(estimate)
+    work_unit = "particle"
+
+    def __init__(self, config: SphConfig, world: World, pool: Pool, timers: Timers) -> None:
+        self.scene = scene = Scene(config)
+        self.world, self.timers = world, timers
+        self.n_steps, self.end_time, self.periods = None, scene.end_time, {}
+        period = config.output.period
+        self.time_periods = {"series": period.series, "particle": period.particles, "checkpoint": period.checkpoint}
+        self.iteration, self.time, self.time_step = 0, 0.0, 0.0
+        self.evaluations = 0
+        self.axes = list(scene.axes)
+        self._domain()
+        self.tasks = Tasks(pool, PARTS_PER_THREAD * pool.threads)
+        with world.first_on_node():  # it compiles
+            self._prepare()
+        self._distribute()
+        self.sort()
+
+    def _domain(self) -> None:
+        """Storage axes, the grid of cells, and how far particles may move between sorts."""
+        scene, config = self.scene, self.scene.config
+        self.origin = scene.low[self.axes]
+        self.lengths = (scene.high - scene.low)[self.axes]
+        self.periodic = scene.periodic[self.axes]
+        staged = config.simulation.integrator in STAGED
+        self.reach = FASTEST * config.simulation.cfl * scene.h if staged else 0.0
+        self.radius = scene.support * (1 + MARGIN) + 2 * self.reach
+        self.grid = Grid(self.lengths, self.radius)
+        cuts = balanced_cuts(np.ones(self.grid.layers), self.world.size)
+        points = (self.grid.layers, *np.ceil(self.lengths[1:] / self.radius).astype(int).tolist())
+        self.domain = Domain(tuple(self.lengths), points, tuple(map(bool, self.periodic)), cuts)
+
+    def _prepare(self) -> None:
+        """Bodies, cells and sums of nothing yet."""
+        scene, d = self.scene, self.scene.dimensions
+        maps = periodic_maps(self.lengths, self.periodic, self.radius)
+        staged = scene.config.simulation.integrator in STAGED
+        self.motion = specialise("motion", DIM=d)
+        self.bodies = Bodies(self.world, self.tasks, self.motion, d, maps, staged)
+        self.cells = Cells(self.tasks, self.grid, d, self.radius)
+        self.law = law_of(scene, bool(scene.walls) or len(maps.planes) > 1)
+        self.sums = PairSums(scene, self.law, self.tasks, self.cells, self.bodies)
+        self.integrate = INTEGRATORS[scene.config.simulation.integrator]
+        self.choose = TimeStep(scene, self.reach if staged else np.inf)
+        self.numbers = np.zeros(5)
+        self.tasks.set(
+            numbers=self.numbers,
+            external=np.ascontiguousarray(scene.acceleration[self.axes]),
+            period=np.where(self.periodic, self.lengths, 0.0),
+            found=np.zeros((self.tasks.parts, 3)),
+        )
+
+    def _distribute(self) -> None:
+        """Every rank makes its share of the particles by number, then they go home."""
+        low, high = block_ranges(self.scene.n_fluid, self.world.size)[self.world.rank]
+        ids = np.arange(low, high)
+        fluid = self.scene.fluid(ids)
+        self.bodies.append(
+            (fluid["x"][:, self.axes] - self.origin).T, fluid["v"][:, self.axes].T, fluid["drho"], fluid["m"],
+            ids, FLUID | REAL, 0,
+        )  # fmt: skip
+        self.work_items = self.scene.n_fluid
+        self.migrate()
+        self.balance()
+
+    # ---- who is where
+
+    def migrate(self) -> None:
+        """Particles that left the slab go to their new ranks."""
+        self._layer = self.grid.layer(self.bodies.own("x")[0])
+        if self.world.size > 1:
+            self.bodies.migrate(self.iteration, self.domain.owner(self._layer))
+            self._layer = self.grid.layer(self.bodies.own("x")[0])
+
+    def balance(self) -> None:
+        """Cuts of equal load, if the present ones are far from it."""
+        if self.world.size == 1:
+            return
+        load = self.world.sum_int(np.bincount(self._layer, minlength=self.grid.layers).astype(np.int64))
+        cuts = balanced_cuts(load, self.world.size)
+        prefix = np.concatenate(([0], np.cumsum(load)))
+        worst, best = (np.diff(prefix[list(c)]).max() for c in (self.domain.cuts, cuts))
+        if worst > 1.03 * best:
+            self.domain = self.domain.with_cuts(cuts)
+            self.migrate()
+
+    def sort(self) -> None:
+        """Ghosts and cells for the positions as they are."""
+        bodies, cells = self.bodies, self.cells
+        owner = np.asarray(self.domain.owner(np.arange(self.grid.layers)))
+        with self.timers.section("ghosts"):
+            bodies.choose_ghosts(self._layer, self.grid.layer, owner)
+            bodies.refresh(self.iteration)
+        with self.timers.section("sort"):
+            low, high = self.domain.row_range(self.world.rank)
+            cells.sort(bodies, low - 1, high - low + 2)
+            self.sums.fit()
+
+    def step(self) -> None:
+        """x^n, v^n, rho^n -> n + 1."""
+        self.integrate(self)
+        with self.timers.section("update"):
+            self.tasks.each(self.motion.rewrap, chunks="own_chunks")
+        self.time += self.time_step
+        self.iteration += 1
+        with self.timers.section("migrate"):
+            if self.iteration % TIDY == 0:
+                self._tidy()
+            self.migrate()
+            period = self.scene.config.numerics.balance_period
+            if period and self.iteration % period == 0:
+                self.balance()
+        self.sort()
+
+    def _tidy(self) -> None:
+        """Particles in memory as they are in the cells; nothing else depends on it."""
+        order = self.cells.order()
+        self.bodies.sort(order[order < self.bodies.n])
+
+    # ---- what integrators are made of
+
+    def evaluate(self) -> None:
+        """a and d rho / dt of the present x, v, rho."""
+        with self.timers.section("pairs"):
+            self.evaluations += 1
+            self.sums.everything(self.iteration)
+
+    def evaluate_forces(self) -> None:
+        """a of the present x, v, rho."""
+        with self.timers.section("pairs"):
+            self.evaluations += 1
+            self.sums.forces(self.iteration)
+
+    def evaluate_rates(self) -> None:
+        """d rho / dt of x and rho as in `evaluate_forces`, and the new v."""
+        with self.timers.section("pairs"):
+            self.sums.rates(self.iteration)
+
+    def choose_step(self) -> None:
+        """dt from the largest speed, acceleration and density error of all particles. Collective."""
+        with self.timers.section("dt"):
+            self.tasks.each(self.motion.largest, chunks="own_chunks")
+            found = self.tasks.arrays["found"]
+            worst = np.nan if np.isnan(found).any() else found.max(axis=0)
+            self.largest = self.world.max_array(np.where(np.isnan(worst), np.inf, worst) * np.ones(3))
+            if not np.isfinite(self.largest).all():
+                raise Diverged("a velocity, acceleration or density is not a finite number")
+            speed, acceleration, density = self.largest
+            self.time_step = self.choose(float(np.sqrt(speed)), float(np.sqrt(acceleration)), float(density))
+
+    def _each(self, kernel: Any, *numbers: float) -> None:
+        with self.timers.section("update"):
+            self.numbers[: 1 + len(numbers)] = self.time_step, *numbers
+            self.tasks.each(kernel, chunks="own_chunks")
+
+    def keep(self) -> None:
+        """Remember x^n, v^n, rho^n."""
+        self._each(self.motion.keep)
+
+    def advance(
+        self, old: float, now: float, new: float, *, until: float = 1.0, with_new_velocity: bool = False
+    ) -> None:
+        """y = old y^n + now y + new dt f(y); the stage stands for t^n + until dt."""
+        self._each(self.motion.advance, old, now, new, float(with_new_velocity))
+
+    def kick(self) -> None:
+        """v = v + dt a."""
+        self._each(self.motion.kick)
+
+    def drift(self) -> None:
+        """x = x + dt v, rho = rho + dt D."""
+        self._each(self.motion.drift)
+
+    # ---- what others see
+
+    @property
+    def local_items(self) -> int:
+        """Particles of this rank."""
+        return self.bodies.n
+
+    def physical(self, name: str) -> NDArray[np.float64]:
+        """Column x (absolute), v or a of the own particles, [n, d] in physical order of axes."""
+        values = np.empty((self.bodies.n, self.scene.dimensions))
+        values[:, self.axes] = self.bodies.own(name).T
+        if name == "x":
+            values += self.scene.low
+        return values

@@ -1,0 +1,144 @@
+"""The pair sums of a scene: accelerations and rates of density of all bodies of a rank."""
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from hpcpic.core.simd.generate import module_from_source
+from hpcpic.core.space.fields import aligned_zeros
+from sph.kernels import columns, pairs
+from sph.kernels.pairs import NUMBERS, Law, columns_of, sums_of
+from sph.neighbours import Cells
+from sph.particles import Bodies, Tasks
+
+if TYPE_CHECKING:
+    from sph.scene import Scene
+
+MOST_CLEARY = 4.963  # xi of (SC 6), Cleary 1998, in 3D
+XI = {2: 4.0, 3: MOST_CLEARY}  # in 2D what makes the continuum limit right: (d + 2) mu
+
+HEAD = "import numpy as np\n\nfrom hpcpic.core.simd.jit import njit\n"
+
+
+def law_of(scene: "Scene", others: bool) -> Law:
+    """What the kernels of a scene are made for; `others`: there are walls, or images of the fluid."""
+    numerics = scene.config.numerics
+    form = numerics.viscosity_form if scene.viscosity > 0 or numerics.viscosity_form == "artificial" else "none"
+    return Law(
+        scene.dimensions,
+        scene.kernel,
+        flux=numerics.density_flux if numerics.flux_coefficient else "none",
+        viscosity=form if form in ("cleary", "strain-rate") else "none",
+        artificial=bool(numerics.artificial_viscosity),
+        single=numerics.precision == "single",
+        walls=others,
+    )
+
+
+class PairSums:
+    """Rates of the bodies in `cells`: a [m/s2] without gravity and body force, rate = d rho / dt [kg/m3 s]."""
+
+    def __init__(self, scene: "Scene", law: Law, tasks: Tasks, cells: Cells, bodies: Bodies) -> None:
+        self.law, self.tasks, self.cells, self.bodies = law, tasks, cells, bodies
+        stages = ("gradient",) if law.needs_gradient else ()
+        self._terms = {
+            "first": ("momentum", *stages),  # of the split scheme, before the velocity changes
+            "second": ("continuity",),
+            "both": ("momentum", "continuity"),
+        }
+        if law.needs_gradient:
+            self._terms["slopes"] = ("gradient",)
+        if law.viscosity == "strain-rate":
+            self._terms["strain"] = ("strain",)
+        self.kernels = pairs.make(law, self._terms)
+        self.around = module_from_source(HEAD + columns.source(law, scene.config.eos.gamma), "sph_columns")
+        self._n_sums = max(len(sums_of(law, terms)) for terms in self._terms.values())
+        tasks.set(scales=self._scales(scene), pair_numbers=self._numbers(scene), stress=np.zeros((1, 0)))
+        self._slots = self._capacity = 0
+
+    def _scales(self, scene: "Scene") -> np.ndarray:
+        h, c, rho, d = scene.h, scene.c0, scene.rho0, scene.dimensions
+        background = scene.config.eos.background_pressure / (rho * c * c)
+        viscosity = scene.viscosity / (rho * c * h)
+        return np.array(
+            [1 / h, 1 / c, 1 / rho, 1 / (rho * h**d), background, viscosity, c * c / h, rho * c / h]
+        )
+
+    def _numbers(self, scene: "Scene") -> np.ndarray:
+        h, c, numerics, d = scene.h, scene.c0, scene.config.numerics, scene.dimensions
+        strength = numerics.flux_coefficient * (1.0 if self.law.flux == "rusanov" else 2.0)
+        gravity = np.zeros(3)
+        gravity[:d] = scene.gravity * (h / (c * c))
+        numbers = {
+            "artificial": -0.5 * (numerics.artificial_viscosity or 0.0),
+            "viscous": -2.0 * XI[d] * scene.viscosity / (scene.rho0 * c * h),
+            "flux_strength": strength,
+        } | {f"gravity{axis}": gravity[k] for k, axis in enumerate("xyz")}
+        return np.array([numbers[name] for name in NUMBERS])
+
+    def fit(self) -> None:
+        """Arrays as large as the slots and bodies now are."""
+        if self.cells.slots != self._slots:
+            self._slots = n = self.cells.slots
+            self.tasks.set(
+                position=aligned_zeros((self.law.dimensions, n), np.int32 if self.law.single else np.float64),
+                values=aligned_zeros((len(columns_of(self.law)), n), self.law.real),
+                sums=aligned_zeros((self._n_sums, 2 * n), self.law.real),
+            )
+        if self.law.viscosity == "strain-rate" and self.bodies.capacity != self._capacity:
+            self._capacity = self.bodies.capacity
+            self.tasks.set(stress=np.zeros((self.law.dimensions**2, self._capacity)))
+
+    def _sweep(self, title: str) -> None:
+        kernel = getattr(self.kernels, title)
+        self.tasks.each(kernel, blocks="sweeps", numbers="pair_numbers", classes="slot_class")
+
+    def _unpack(self, title: str, kind: str) -> None:
+        """Sums of the pass `title` into the columns of the bodies."""
+        names = sums_of(self.law, self._terms[title])
+        kernel = getattr(self.around, f"unpack_{kind}")
+        first = {"force": "fx" if "fx" in names else names[0], "rate": "rate", "gradient": "mxx", "strain": "wxx"}[kind]
+        more = {"at": names.index(first)} if kind in ("rate", "gradient") else {}
+        self.tasks.each(kernel, blocks="inner", **more)
+
+    def pack(self) -> None:
+        """The state of all bodies into their slots."""
+        self.tasks.each(self.around.pack, blocks="layers")
+
+    def forces(self, iteration: int) -> None:
+        """Split scheme, first half: a (and the density gradient) from x^n, v^n, rho^n."""
+        self.pack()
+        self.stresses(iteration)
+        self._sweep("first")
+        self._unpack("first", "force")
+        if self.law.needs_gradient:
+            self._unpack("first", "gradient")
+
+    def rates(self, iteration: int) -> None:
+        """Split scheme, second half: d rho / dt from x^n, rho^n and the new v."""
+        self.bodies.refresh(iteration)
+        self.tasks.each(self.around.pack_again, blocks="layers")
+        self._sweep("second")
+        self._unpack("second", "rate")
+
+    def stresses(self, iteration: int) -> None:
+        """(MP 22) at all bodies, for (MP 23)."""
+        if self.law.viscosity != "strain-rate":
+            return
+        self._sweep("strain")
+        self._unpack("strain", "strain")
+        self.tasks.each(self.around.pack_stress, blocks="layers")
+
+    def everything(self, iteration: int) -> None:
+        """a and d rho / dt from one state."""
+        self.bodies.refresh(iteration)
+        self.pack()
+        self.stresses(iteration)
+        if self.law.needs_gradient:
+            self._sweep("slopes")
+            self._unpack("slopes", "gradient")
+            self.bodies.refresh(iteration)
+            self.tasks.each(self.around.pack_again, blocks="layers")
+        self._sweep("both")
+        self._unpack("both", "force")
+        self._unpack("both", "rate")

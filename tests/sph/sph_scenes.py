@@ -1,0 +1,127 @@
+"""Small scenes for the tests of the engine, and the pair sums in plain numpy."""
+
+import numpy as np
+
+from hpcpic.core.comm.world import World
+from hpcpic.core.files.config import loads
+from hpcpic.core.files.schema import validate
+from hpcpic.core.tasks import Pool
+from hpcpic.core.timers import Timers
+from sph.config import SphConfig
+from sph.kernels.functions import SMOOTHING
+from sph.step import Sph
+
+TEXT = """
+simulation = {{ dimensions = {d}; end_time = 1.0; integrator = "{integrator}"; cfl = {cfl}; }};
+domain = {{ low = {low}; high = {high}; periodic = {periodic}; }};
+gravity = {gravity};
+fluid = ( {{ name = "water"; viscosity = {viscosity}; velocity = {velocity}; initial_pressure = "{pressure}";
+            shape = {{ box = {{ low = {low}; high = {fill}; }}; }}; }} );
+eos = {{ sound_speed = 20.0; }};
+numerics = {{ spacing = {spacing}; smoothing = {smoothing}; kernel = "{kernel}"; density_flux = "{flux}";
+             viscosity_form = "{form}"; artificial_viscosity = {alpha}; precision = "{precision}";
+             balance_period = {balance}; }};
+{more}
+"""
+
+
+def listed(values):
+    return "[" + ", ".join(f'"{v}"' if isinstance(v, str) else repr(float(v)) for v in values) + "]"
+
+
+def config(d=2, size=1.0, fill=0.5, spacing=0.05, gravity=None, periodic=(), more="", **settings):
+    chosen = {
+        "integrator": "symplectic", "cfl": 0.3, "viscosity": 0.0, "velocity": (0.0,) * d, "pressure": "hydrostatic",
+        "smoothing": 1.3, "kernel": "wendland2", "flux": "molteni", "form": "artificial", "alpha": 0.1,
+        "precision": "double", "balance": 100,
+    } | settings  # fmt: skip
+    chosen["velocity"] = listed(chosen["velocity"])
+    sizes, fills = np.broadcast_to(size, d), np.broadcast_to(fill, d)
+    gravity = (0.0,) * (d - 1) + (-9.81,) if gravity is None else gravity
+    text = TEXT.format(
+        d=d, low=listed((0.0,) * d), high=listed(sizes), fill=listed(fills), gravity=listed(gravity),
+        periodic=listed(periodic), spacing=spacing, more=more, **chosen,
+    )  # fmt: skip
+    return validate(SphConfig, loads(text))
+
+
+def engine(world=None, threads=1, **settings):
+    return Sph(config(**settings), world or World.alone(), Pool(threads), Timers())
+
+
+def jitter(sph, amount=0.2, speed=1.0, density=5.0, seed=1):
+    """Disorder the particles, in a way that depends on their ids alone."""
+    bodies, d = sph.bodies, sph.scene.dimensions
+    noise = np.random.default_rng(seed).uniform(-1, 1, (sph.scene.n_fluid, 2 * d + 1))[bodies.own("id")].T
+    bodies.own("x")[:] += amount * sph.scene.spacing * noise[:d]
+    bodies.own("v")[:] += speed * noise[d : 2 * d]
+    bodies.own("drho")[:] += density * noise[2 * d]
+    sph.tasks.each(sph.motion.rewrap, chunks="own_chunks")
+    sph.migrate()
+    sph.sort()
+
+
+def by_id(sph, *names):
+    """Columns of the particles in order of their ids."""
+    order = np.argsort(sph.bodies.own("id"))
+    return [sph.bodies.own(name)[..., order].copy() for name in names]
+
+
+class Reference:
+    """All pairs at once, in SI units: acceleration without gravity and d rho / dt."""
+
+    def __init__(self, sph):
+        self.scene, self.numerics = sph.scene, sph.scene.config.numerics
+        x, v, self.drho, self.m = by_id(sph, "x", "v", "drho", "m")
+        self.rho = self.scene.rho0 + self.drho
+        self.dx, self.dv = x[:, :, None] - x[:, None, :], v[:, :, None] - v[:, None, :]
+        for k in np.flatnonzero(sph.periodic):
+            self.dx[k] -= sph.lengths[k] * np.rint(self.dx[k] / sph.lengths[k])
+        d, h = self.scene.dimensions, self.scene.h
+        self.r = np.sqrt(np.sum(self.dx**2, axis=0))
+        self.f = SMOOTHING[self.scene.kernel].f(self.r / h, d) / h ** (d + 2)
+        np.fill_diagonal(self.f, 0.0)
+        self.vd = np.sum(self.dx * self.dv, axis=0)
+        self.g = self.scene.acceleration[list(self.scene.axes)]
+
+    def acceleration(self):
+        scene, h = self.scene, self.scene.h
+        p = scene.pressure(self.drho) + scene.config.eos.background_pressure
+        push = (p / self.rho**2)[:, None] + (p / self.rho**2)[None, :]
+        near = self.vd / (self.r**2 + 0.01 * h * h)
+        mean = 0.5 * (1 / self.rho[:, None] + 1 / self.rho[None, :])
+        push -= self.numerics.artificial_viscosity * scene.c0 * h * np.minimum(near, 0.0) * mean
+        if self.numerics.viscosity_form == "cleary" and scene.viscosity:
+            xi = {2: 4.0, 3: 4.963}[scene.dimensions]
+            push -= 2 * xi * scene.viscosity / (self.rho[:, None] * self.rho[None, :]) * near
+        force = -np.einsum("j,ij,ij,kij->ki", self.m, push, self.f, self.dx)
+        if self.numerics.viscosity_form == "strain-rate" and scene.viscosity:
+            force += self._stress()
+        return force
+
+    def _stress(self):
+        d, volume = self.scene.dimensions, self.m / self.rho
+        w = -np.einsum("j,ij,aij,bij->abi", volume, self.f, self.dx, self.dv)
+        strain = w + w.transpose(1, 0, 2) - 2 / d * np.einsum("aai->i", w) * np.eye(d)[:, :, None]
+        t = self.scene.viscosity * strain / self.rho**2
+        return np.einsum("j,ij,abij,bij->ai", self.m, self.f, t[:, :, :, None] + t[:, :, None, :], self.dx)
+
+    def rate(self):
+        scene, h, c, d = self.scene, self.scene.h, self.scene.c0, self.scene.dimensions
+        volume = self.m / self.rho
+        result = self.rho * np.einsum("j,ij,ij->i", volume, self.f, self.vd)
+        flux, k = self.numerics.density_flux, self.numerics.flux_coefficient
+        step = self.rho[None, :] - self.rho[:, None]
+        if flux == "none":
+            return result
+        if flux == "rusanov":
+            return result - k * c * np.einsum("j,ij,ij,ij->i", volume, self.f, self.r, step)
+        if flux == "fourtakas":
+            slope = self.rho / c**2 * (self.rho / scene.rho0) ** (1 - scene.gamma)
+            step = step + 0.5 * (slope[:, None] + slope[None, :]) * np.einsum("k,kij->ij", self.g, self.dx)
+        if flux == "delta":
+            matrix = -np.einsum("j,ij,aij,bij->iab", volume, self.f, self.dx, self.dx)
+            plain = np.einsum("j,ij,ij,aij->ia", volume, self.f, step, self.dx)
+            gradient = np.linalg.solve(matrix, plain[:, :, None])[:, :, 0].T
+            step = step + 0.5 * np.einsum("aij,aij->ij", gradient[:, :, None] + gradient[:, None, :], self.dx)
+        return result - 2 * k * h * c * np.einsum("j,ij,ij->i", volume, self.f, step)
