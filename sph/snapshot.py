@@ -68,7 +68,7 @@ def restore(sph: "Sph", reader: "Reader") -> None:
     world, n = sph.world, sph.scene.n_fluid
     low, high = block_ranges(n, world.size)[world.rank]
     columns = {name: reader.read(f"fluid/{name}", low, high) for name in ("x", "v", "drho")}
-    total = reader.arrays["wall/id"].shape[0]
+    total = reader.total("wall/id")
     sph.impulses[:] = reader.read("wall/impulse", 0, len(sph.scene.walls))
     sph.iteration, sph.time = reader.step, reader.time
     walls = (reader.read("wall/id", 0, total), reader.read("wall/drho", 0, total))

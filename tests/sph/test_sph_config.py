@@ -1,0 +1,98 @@
+"""Cases: what is refused and where, what is filled in, and that a case as used is the same case."""
+
+import pytest
+
+from hpcpic.core.errors import ConfigError
+from hpcpic.core.files.cases import read_header
+from hpcpic.core.files.config import load, loads
+from hpcpic.core.files.schema import dump, validate
+from sph.cases import shipped_cases
+from sph.config import SphConfig
+
+BASE = """
+simulation = { dimensions = 2; end_time = 1.0; };
+gravity = [0.0, -9.81];
+fluid = ( { shape = { box = { low = [0.0, 0.0]; high = [1.0, 0.5]; }; }; } );
+numerics = { spacing = 0.05; };
+"""
+
+DISC = "{ sphere = { centre = [0.0, 0.0]; radius = 1.0; }; }"
+BOX = "{ box = { low = [0.0, 0.0]; high = [1.0, 1.0]; }; }"
+FRONT = '{ name = "a"; what = "front"; axis = "x+"; }'
+
+
+def refused(text):
+    with pytest.raises(ConfigError) as error:
+        validate(SphConfig, loads(text))
+    return error.value.message
+
+
+@pytest.mark.parametrize("name", shipped_cases())
+def test_a_shipped_case_is_headed_and_reads_back_as_used(name):
+    path = shipped_cases()[name]
+    header = read_header(path)
+    assert all((header.what, header.source, header.expected, header.time))
+    config = validate(SphConfig, load(str(path)))
+    assert validate(SphConfig, loads(dump(config))) == config
+
+
+def test_what_is_not_given_follows_from_what_is():
+    config = validate(SphConfig, loads(BASE))
+    assert config.fluid[0].name == "fluid_1"
+    assert config.eos.max_velocity == pytest.approx((2 * 9.81 * 0.5) ** 0.5)
+    assert config.sound_speed == pytest.approx(10 * config.eos.max_velocity)
+    assert (config.domain.low, config.domain.high) == ((0.0, 0.0), (1.0, 0.5))
+    assert config.numerics.viscosity_form == "none" and config.numerics.flux_coefficient == 0.1
+    assert 0.5 < config.simulation.cfl < 1.1
+
+
+@pytest.mark.parametrize(
+    "key, text",
+    [
+        ("numerics.kernel", 'numerics = { spacing = 0.05; kernel = "cubik"; };'),
+        ("numerics.spacing", "numerics = { spacing = -1.0; };"),
+        ("simulation.dimensions", "simulation = { dimensions = 1; end_time = 1.0; };"),
+        ("gravity", "gravity = [0.0, 0.0, -9.81];"),
+        ("domain.high", "domain = { low = [0.0, 0.0]; high = [1.0, -1.0]; };"),
+        ("domain.periodic[0]", 'domain = { low = [0.0, 0.0]; high = [1.0, 1.0]; periodic = ["z"]; };'),
+        ("domain", 'domain = { periodic = ["x"]; };'),
+        ("fluid[0].shape", "fluid = ( { shape = { }; } );"),
+        ("fluid[0].shape.box.high", "fluid = ( { shape = { box = { low = [0.0, 0.0]; high = [0.0, 1.0]; }; }; } );"),
+        ("fluid[0].shape.box", "fluid = ( { shape = { box = { low = [0.0, 0.0]; high = [1.0, 0.01]; }; }; } );"),
+        ("fluid[0].shape.plane", "fluid = ( { shape = { plane = { point = [0.0, 0.0]; normal = [0.0, 1.0]; }; }; } );"),
+        ("fluid[0].shape.stl", 'fluid = ( { shape = { stl = { file = "a.stl"; }; }; } );'),
+        ("wall[0].type", f'wall = ( {{ shape = {DISC}; type = "repulsive"; }} );'),
+        ("wall[0].shape.box.open", f'wall = ( {{ shape = {BOX[:-5]} open = ["z+"]; }}; }}; }} );'),
+        ("gauge[0]", 'gauge = ( { what = "pressure"; } );'),
+        ("gauge[0]", 'gauge = ( { what = "front"; } );'),
+        ("gauge[1].name", f"gauge = ( {FRONT}, {FRONT} );"),
+        ("wall[0].name", f'wall = ( {{ name = "a/b"; shape = {BOX}; }} );'),
+        ("numerics.viscosity_form", 'numerics = { spacing = 0.05; viscosity_form = "cleary"; };'),
+        ("eos", "gravity = [0.0, 0.0];"),
+    ],
+)  # fmt: skip
+def test_a_fault_is_told_with_its_place_and_key(key, text):
+    name = text.split(" ", 1)[0]
+    kept = "\n".join(line for line in BASE.splitlines() if not line.startswith(name))
+    message = refused(kept + "\n" + text)
+    last = len(kept.splitlines()) + 1
+    assert f": {key}: " in message
+    if name in ("domain", "gravity", "fluid", "wall", "gauge", "numerics", "simulation") and key != "eos":
+        assert f"{last}:" in message
+
+
+def test_all_faults_are_told_at_once():
+    message = refused(BASE.replace("0.05", "-1.0") + 'eos = { gama = 7.0; };\nwall = ( { type = "soft"; } );')
+    assert all(key in message for key in ("numerics.spacing", "eos.gama", "did you mean 'gamma'", "wall[0].type"))
+
+
+def test_an_stl_file_is_looked_for_beside_the_case(tmp_path):
+    case = tmp_path / "case.conf"
+    case.write_text(
+        BASE.replace("dimensions = 2", "dimensions = 3").replace("[0.0, -9.81]", "[0.0, 0.0, -9.81]")
+        .replace("[1.0, 0.5]", "[1.0, 1.0, 0.5]").replace("low = [0.0, 0.0]", "low = [0.0, 0.0, 0.0]")
+        + 'wall = ( { shape = { stl = { file = "ship.stl"; }; }; solid = true; } );'
+    )  # fmt: skip
+    with pytest.raises(ConfigError) as error:
+        validate(SphConfig, load(str(case)))
+    assert str(tmp_path / "ship.stl") in error.value.message
