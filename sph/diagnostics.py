@@ -14,6 +14,7 @@ from hpcpic.core.comm.world import World
 from hpcpic.core.space import exact
 from sph.config import AXES
 from sph.scene import Scene
+from sph.snapshot import own_particles
 
 if TYPE_CHECKING:
     from sph.step import Sph
@@ -63,7 +64,7 @@ def internal_energy(scene: Scene, drho: NDArray) -> NDArray[np.float64]:
 def scalars(sph: "Sph") -> dict[str, float]:
     """All of `scalar_units`. Collective; the same on all ranks."""
     scene, world, d = sph.scene, sph.world, sph.scene.dimensions
-    own = sph.own()
+    own = own_particles(sph)
     fluid = own["kind"] == 0
     x, v, m, drho = (own[name][fluid] for name in ("x", "v", "m", "drho"))
     square = np.sum(v * v, axis=1)
@@ -95,10 +96,11 @@ def wall_scalars(sph: "Sph", d: int) -> dict[str, float]:
     for wall in sph.scene.walls:
         if not wall.measure_force:
             continue
-        force, impulse = forces[wall.index], sph.impulses[wall.index]
+        force, torque = forces[wall.name]
+        impulse = sph.impulses[wall.index]
         found |= {f"force_{wall.name}_{axis}": force[k] for k, axis in enumerate(AXES[:d])}
         turns = enumerate(AXES) if d == 3 else [(2, "z")]
-        found |= {f"torque_{wall.name}_{axis}": force[3 + k] for k, axis in turns}
+        found |= {f"torque_{wall.name}_{axis}": torque[k] for k, axis in turns}
         found |= {f"impulse_{wall.name}": impulse[0]}
         found |= {f"impulse_{wall.name}_{axis}": impulse[1 + k] for k, axis in enumerate(AXES[:d])}
     return found

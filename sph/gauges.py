@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from sph import limits
 from sph.config import AXES, Gauge
 from sph.scene import Scene
+from sph.snapshot import own_particles
 
 if TYPE_CHECKING:
     from sph.step import Sph
@@ -51,7 +52,7 @@ class Gauges:
             if not due(gauge, time, self.since):
                 continue
             if own is None:
-                particles = self.sph.own()
+                particles = own_particles(self.sph)
                 wet = particles["kind"] == 0
                 own = {name: particles[name][wet] for name in ("x", "v", "m", "drho")}
             found |= self.read(gauge, own)

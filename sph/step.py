@@ -11,9 +11,11 @@ from hpcpic.core.errors import Diverged
 from hpcpic.core.space.domain import Domain, balanced_cuts, block_ranges
 from hpcpic.core.tasks import Pool
 from hpcpic.core.timers import Timers
+from sph import diagnostics, snapshot
 from sph.config import SphConfig
 from sph.derived import derived
 from sph.estimate import estimate
+from sph.gauges import Gauges, gauge_units
 from sph.integrators import INTEGRATORS, STAGED
 from sph.kernels.specialise import specialise
 from sph.neighbours import Cells, Grid
@@ -45,6 +47,8 @@ class Sph:
         self.world, self.timers = world, timers
         self.n_steps, self.end_time, self.periods = None, scene.end_time, {}
         period = config.output.period
+        self.scalar_units = diagnostics.scalar_units(scene) | gauge_units(scene)
+        self.gauges = Gauges(self)
         self.time_periods = {"series": period.series, "particle": period.particles, "checkpoint": period.checkpoint}
         self.iteration, self.time, self.time_step = 0, 0.0, 0.0
         self.evaluations = 0
@@ -212,6 +216,15 @@ class Sph:
         self._each(self.motion.drift)
 
     # ---- what others see
+
+    def scalars(self) -> dict[str, float]:
+        """Energies, mass, momentum, extremes, forces, gauges (see sph.diagnostics, sph.gauges). Collective."""
+        with self.timers.section("scalars"):
+            return diagnostics.scalars(self) | self.gauges.values(self.time)
+
+    def arrays(self, what: str) -> Mapping[str, object]:
+        """ "particle": fluids and walls by name."""
+        return snapshot.particles(self)
 
     @property
     def local_items(self) -> int:
