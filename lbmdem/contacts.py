@@ -75,24 +75,22 @@ def step_limit(damping: float, contacts: float) -> float:
 
 
 def stable_step(law: Law, radius: NDArray, mass: NDArray, inertia: NDArray, contacts: float = 0.0) -> float:
-    """Largest stable step (s) of grains that move, by the lightest of them among equals.
+    """Largest stable step (s) of grains that move: a bound for the lightest of them among its equals.
 
     contacts: how many act along one direction; by default the most that equal discs (3) or spheres (4.5) can have:
     contacts are 60 degrees apart, and one at an angle a counts cos^2 a. Neighbours in antiphase act as half the mass.
-    Tangential dashpots and springs, twice as many along a direction or about an axis, have a limit of their own.
+    Tangential springs and dashpots, twice as many along a direction or about an axis, are added.
     """
     if len(mass) == 0:
         return math.inf
     k = int(np.argmin(mass))
     planar = inertia[k] > 0.45 * mass[k] * radius[k] ** 2
     contacts = contacts or (3.0 if planar else 4.5)
-    reduced = 0.5 * mass[k]
-    normal = step_limit(law.damping, contacts) * math.sqrt(reduced / law.stiffness)
-    softness = 1.0 / reduced + 2.0 * radius[k] ** 2 / inertia[k]
-    dashpot, spring = 2.0 * contacts * law.viscosity * softness, 2.0 * contacts * law.shear * softness
-    if dashpot == spring == 0.0:
-        return normal
-    return min(normal, 2.0 / (dashpot + math.sqrt(dashpot**2 + spring)))
+    normal = 2.0 / mass[k]
+    tangential = 2.0 * (normal + 2.0 * radius[k] ** 2 / inertia[k])
+    spring = contacts * (law.stiffness * normal + law.shear * tangential)
+    dashpot = contacts * (2.0 * law.damping * math.sqrt(law.stiffness * normal) + law.viscosity * tangential)
+    return 2.0 / (dashpot + math.sqrt(dashpot**2 + spring))
 
 
 def paper_step(law: Law, mass: NDArray) -> float:

@@ -52,14 +52,15 @@ class Dem:
         self.skin = 0.1 * smallest if math.isfinite(smallest) else 0.0
         self._age = 0
         self.list = ContactList(len(self.walls), law.shear > 0.0)
-        self._walls = aligned_zeros((len(self.walls) + 1, kernels.ROW), np.float64)
+        self.wall_rows = aligned_zeros((len(self.walls) + 1, kernels.ROW), np.float64)
         self._blocks = 1 if pool.threads == 1 else 4 * pool.threads
         self._farthest = np.zeros(self._blocks)
         self._bounds: list[tuple[Bound, tuple[str, ...]]] = []
         self._dt = 0.0
-        self._set_walls(0.0)
+        self._set_walls(0.0, always=True)
         self.rebuild()
         self._forces(0.0)
+        self._fresh = True
 
     def _check_box(self) -> None:
         grains = self.grains
@@ -78,12 +79,13 @@ class Dem:
         grains, pairs = self.grains, self.list
         return {
             "rows": grains.rows, "pull": grains.columns["pull"], "forces": grains.columns["force"],
-            "given": grains.columns["given"], "heat": grains.columns["heat"], "gravity": self.gravity,
+            "given": grains.columns["given"], "heat": grains.columns["heat"], "work": grains.columns["work"],
+            "first_wall": pairs.n_grain_slots, "gravity": self.gravity,
             "origin": self._origin, "lengths": grains.lengths, "periodic": grains.periodic,
             "inverses": grains.inverses, "planar": grains.dimensions == 2, "farthest": self._farthest,
             "low": pairs.low, "high": pairs.high, "damping": pairs.damping, "lines": pairs.lines,
             "springs": pairs.springs, "busy": pairs.busy, "begins": pairs.begins, "slots": pairs.slots,
-            "walls": self._walls, "law": self.law.constants,
+            "walls": self.wall_rows, "law": self.law.constants,
         }  # fmt: skip
 
     def _bind(self) -> None:
@@ -144,6 +146,10 @@ class Dem:
         """Collective: substeps under constant given forces; `time` (s) at their start, for the walls."""
         self._give(force, torque)
         begin = self.time if time is None else time
+        if self._fresh and self.list.history:
+            self._set_dt(0.5 * dt)
+            self.pool.each(self._touch)  # puts the springs half a step ahead
+        self._fresh = False
         self._set_dt(dt)
         for k in range(substeps):
             self.time = begin + (k + 1) * dt
@@ -152,6 +158,7 @@ class Dem:
             self._renew()
             self.pool.each(self._touch)
             self.pool.each(self._finish)
+        self.grains.refresh()  # the ghosts had predicted velocities
 
     def _give(self, force: NDArray | None, torque: NDArray | None) -> None:
         given, d = self.grains.columns["given"], self.grains.dimensions
@@ -159,11 +166,11 @@ class Dem:
         if force is not None:
             given[:, :d] = force
         if torque is not None:
-            given[:, 6 if d == 2 else 4 : 7] = np.reshape(torque, (len(given), -1))
+            given[:, 6 if d == 2 else 4 : 7] = np.reshape(torque, (len(given), 1 if d == 2 else 3))
 
-    def _set_walls(self, time: float) -> None:
-        if time == 0.0 or any(wall.moves for wall in self.walls):
-            self._walls[:] = wall_rows(self.walls, time)
+    def _set_walls(self, time: float, always: bool = False) -> None:
+        if always or any(wall.moves for wall in self.walls):
+            self.wall_rows[:] = wall_rows(self.walls, time)
 
     def _renew(self) -> None:
         """Ghosts at their new places; a new list when a grain may have come from beyond the old one."""
@@ -171,7 +178,7 @@ class Dem:
         moved = self.world.max(float(self._farthest.max()))
         if not moved < np.inf:
             raise Diverged("a grain's position is not a number")
-        shift = self._walls[:-1, :3] - self._walls_listed[:-1, :3]
+        shift = self.wall_rows[:-1, :3] - self._walls_listed[:-1, :3]
         moved, walls = math.sqrt(moved), math.sqrt(float(np.square(shift).sum(axis=1).max(initial=0.0)))
         if moved + max(moved, walls) > self.skin:
             self.rebuild()
@@ -195,8 +202,8 @@ class Dem:
         springs = grains.settle(springs, self.skin, self.reach)
         inverse = np.where(grains.fixed, 0.0, 1.0 / grains.mass)
         self.list.build(grains.rows, grains.ids, inverse, grains.n, self.skin, grains.lengths, grains.inverses,
-                        self._walls, grains.number, self.law, springs)  # fmt: skip
-        self._origin, self._walls_listed = grains.rows[: grains.n, :3].copy(), self._walls.copy()
+                        self.wall_rows, grains.number, self.law, springs)  # fmt: skip
+        self._origin, self._walls_listed = grains.rows[: grains.n, :3].copy(), self.wall_rows.copy()
         self._bind()
 
     def _forces(self, dt: float) -> None:
@@ -216,3 +223,44 @@ class Dem:
         """Collective: the sum over all grains of a column of own grains, the same bits on any ranks."""
         scale = exact.power_of_two_above(self.world.max(float(np.abs(values).max(initial=0.0))))
         return exact.value(self.world.sum_int(exact.exact_limbs(values, scale)), scale)
+
+    def set_added(self, mass: NDArray, inertia: NDArray) -> None:
+        """Added mass and inertia [n] of own grains: they divide all forces, and make no weight."""
+        c = self.grains.columns
+        free = c["fixed"] == 0
+        whole = c["mass"] + mass
+        c["row"][:, 7] = np.where(free, 1.0 / whole, 0.0)
+        c["row"][:, 11] = np.where(free, 1.0 / (c["inertia"] + inertia), 0.0)
+        c["pull"][:] = np.where(free, c["mass"] / whole, 0.0)
+
+    # ---- checkpoints
+
+    def state(self) -> dict[str, NDArray]:
+        """Collective: the state in id order, of the ids of `grains.part` on each rank: columns of Grains without
+        "given", and with history partner[m, k] (ids, -1 for none; number + w for wall w) and spring[m, k, 3] (m) of
+        contacts at their smaller id. Same bits for any ranks and threads.
+        """
+        more = {}
+        if self.list.history:
+            partner, spring = self.list.by_grain(self.grains.ids[: self.grains.n], self.world)
+            more = {"partner": partner, "spring": spring}
+        return self.grains.state(more)
+
+    def restore(self, arrays: Mapping[str, NDArray], time: float) -> None:
+        """Collective: go on from what `state` gave on any number of ranks; arrays of the ids of `grains.part`."""
+        grains = self.grains
+        low, high = grains.part()
+        ids = np.arange(low, high)
+        grains.take(ids, arrays)
+        springs = np.zeros((0, 2), np.int64), np.zeros((0, 3))
+        if self.list.history:
+            some = arrays["partner"] >= 0
+            first = np.broadcast_to(ids[:, None], some.shape)
+            springs = np.stack([first[some], arrays["partner"][some]], 1), np.ascontiguousarray(arrays["spring"][some])
+        self.time, self._fresh = time, False
+        self._set_walls(time, always=True)
+        self._list(springs)
+        kept = self.list.springs.copy()
+        self._set_dt(0.0)
+        self.pool.each(self._touch)  # lines of forces for what is asked before the next step; no force changes
+        self.list.springs[:] = kept

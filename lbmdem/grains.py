@@ -14,7 +14,7 @@ from hpcpic.core.comm.migrate import Migrate, send_anywhere
 from hpcpic.core.comm.sharding import by_id
 from hpcpic.core.comm.tags import Channel, tag
 from hpcpic.core.comm.world import World
-from hpcpic.core.space.domain import Domain, block_ranges
+from hpcpic.core.space.domain import Domain, block_ranges, wrap
 from hpcpic.core.space.fields import aligned_zeros
 from hpcpic.core.space.particles import pack_rows, record_type, unpack_rows
 from lbmdem.pairs import Springs
@@ -31,9 +31,9 @@ COLUMNS: dict[str, tuple[type, tuple[int, ...]]] = {
     "force": (np.float64, (8,)),  # of contacts: force, power, torque, 0
     "given": (np.float64, (8,)),  # of others, through the substeps
     "heat": (np.float64, ()),  # J made in this grain's half of its contacts
-    "work": (np.float64, ()),  # J done on this grain by moving walls
+    "work": (np.float64, ()),  # J done by walls on this grain, and by it if it is fixed and turns or moves
 }
-STATE = ("row", "force", "heat", "work")
+STATE = tuple(name for name in COLUMNS if name not in ("id", "given"))
 
 
 class Grains:
@@ -76,7 +76,10 @@ class Grains:
         columns["pull"][:] = free
         row = columns["row"]
         row[:, X : X + d], row[:, V : V + d] = given["x"], given["v"]
-        row[:, OMEGA + (2 if d == 2 else 0) : OMEGA + 3] = np.reshape(given["omega"], (n, -1))
+        for axis, (length, periodic) in enumerate(zip(self.domain.lengths[::-1], self.domain.periodic[::-1])):
+            if periodic:
+                row[:, axis] = wrap(row[:, axis], length)
+        row[:, OMEGA + (2 if d == 2 else 0) : OMEGA + 3] = np.reshape(given["omega"], (n, 1 if d == 2 else 3))
         row[:, 3], row[:, 7] = given["radius"], np.where(free, 1.0 / columns["mass"], 0.0)
         row[:, 11] = np.where(free, 1.0 / columns["inertia"], 0.0)
         row[:, TURN] = 1.0 if d == 3 else 0.0
@@ -227,3 +230,10 @@ class Grains:
         columns = {name: self.columns[name] for name in STATE} | dict(more or {})
         layout = {name: (column.dtype, column.shape[1:]) for name, column in columns.items()}
         return by_id(self.world, [(self.columns["id"], columns)], layout, self.number)
+
+    def take(self, ids: NDArray[np.int64], arrays: Mapping[str, NDArray]) -> None:
+        """These grains instead of those of this rank; `settle` next."""
+        self.columns = {name: np.zeros((len(ids), *shape), dtype) for name, (dtype, shape) in COLUMNS.items()}
+        self.columns["id"][:] = ids
+        for name in STATE:
+            self.columns[name][:] = arrays[name]

@@ -3,6 +3,7 @@
 import numpy as np
 from numpy.typing import NDArray
 
+from hpcpic.core.comm.world import World
 from hpcpic.core.space.fields import aligned_zeros
 from lbmdem.contacts import Law
 from lbmdem.kernels import contacts_search as search
@@ -28,9 +29,21 @@ class ContactList:
         self.keys = np.zeros((0, 2), np.int64)
         self.springs = np.zeros(3 * LANES)
 
-    def build(self, rows: NDArray, ids: NDArray[np.int64], inverse_mass: NDArray, n_own: int, margin: float,
-              lengths: NDArray, inverses: NDArray, walls: NDArray, number: int, law: Law, springs: Springs) -> None:
-        """Pairs of the n_own first grains with any of ids.size, and of walls; inverse_mass: 0 for fixed grains."""  # fmt: skip
+    def build(
+        self,
+        rows: NDArray,
+        ids: NDArray[np.int64],
+        inverse_mass: NDArray,
+        n_own: int,
+        margin: float,
+        lengths: NDArray,
+        inverses: NDArray,
+        walls: NDArray,
+        number: int,
+        law: Law,
+        springs: Springs,
+    ) -> None:
+        """Pairs of the n_own first grains with any of ids.size, and of walls; inverse_mass: 0 for fixed grains."""
         n = ids.size
         begins = self._find(rows, ids, n_own, margin, lengths, inverses)
         others = self._others[: begins[-1]]
@@ -94,12 +107,33 @@ class ContactList:
             order = np.argsort(known, kind="stable")
             at = np.minimum(np.searchsorted(known[order], wanted), len(order) - 1)
             same = known[order][at] == wanted
-            self.springs.reshape(3, -1)[:, : self.n_slots][:, same] = values[order[at[same]]].T
+            self.spring_columns[:, same] = values[order[at[same]]].T
+
+    @property
+    def spring_columns(self) -> NDArray[np.float64]:
+        """View [3, slots] of the tangential springs."""
+        return self.springs.reshape(3, -1)[:, : self.n_slots]
+
+    def by_grain(self, own: NDArray[np.int64], world: World) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
+        """Collective: partner[len(own), k] ids in order (-1: none) and spring[len(own), k, 3], at the smaller id."""
+        keys, values = self.stretched()
+        order = np.lexsort((keys[:, 1], keys[:, 0]))
+        keys, values = keys[order], values[order]
+        sorter = np.argsort(own)
+        at = np.minimum(np.searchsorted(own[sorter], keys[:, 0]), max(len(own) - 1, 0))
+        mine = own[sorter[at]] == keys[:, 0] if len(own) else np.zeros(0, bool)
+        keys, values, rows = keys[mine], values[mine], sorter[at[mine]]
+        first = np.searchsorted(keys[:, 0], keys[:, 0])
+        place = np.arange(len(keys)) - first
+        most = int(world.max(float(place.max(initial=-1) + 1)))
+        partner, spring = np.full((len(own), most), -1), np.zeros((len(own), most, 3))
+        partner[rows, place], spring[rows, place] = keys[:, 1], values
+        return partner, spring
 
     def stretched(self) -> Springs:
         """Ids and springs of all pairs whose spring is not zero."""
         if not self.history:
             return np.zeros((0, 2), np.int64), np.zeros((0, 3))
-        values = self.springs.reshape(3, -1)[:, : self.n_slots].T
+        values = self.spring_columns.T
         some = np.flatnonzero(values.any(axis=1))
         return self.keys[some], values[some]

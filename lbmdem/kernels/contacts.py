@@ -132,15 +132,18 @@ def pair_law(p, touch, n, overlap, u, spin, damping, law, dt, out, springs, heat
     dashpot = share * damping * opening
     normal = fma(overlap, stiffness, -dashpot)
     if pulls == 0.0:
+        dashpot = select(normal < 0.0, stiffness * overlap, dashpot)
         normal = maximum(normal, zero)
-    loss = (fma(overlap, stiffness, -normal)) * opening
+    loss = dashpot * opening
     # velocity of the surfaces along the contact: u - n (u n) - spin x n
     tx = fma(-opening, n[0], u[0]) - fma(spin[1], n[2], -(spin[2] * n[1]))
     ty = fma(-opening, n[1], u[1]) - fma(spin[2], n[0], -(spin[0] * n[2]))
     tz = fma(-opening, n[2], u[2]) - fma(spin[0], n[1], -(spin[1] * n[0]))
     limit = friction * abs(normal)
     if shear > 0.0:
-        fx, fy, fz, more = spring_slider(p, touch, n, tx, ty, tz, limit, viscosity, shear, dt, springs)
+        begins = (overlap < travel) & (opening < 0.0)
+        lead = select(begins, share - 0.5, splat(F, 0.5)) * dt
+        fx, fy, fz, more = spring_slider(p, touch, n, tx, ty, tz, limit, viscosity, shear, lead, dt, springs)
         loss = loss + more
     else:
         slip = sqrt(fma(tz, tz, fma(ty, ty, tx * tx)))
@@ -158,31 +161,33 @@ def pair_law(p, touch, n, overlap, u, spin, damping, law, dt, out, springs, heat
 
 
 @njit
-def spring_slider(p, touch, n, tx, ty, tz, limit, viscosity, shear, dt, springs):
-    """Friction of a tangential spring and dashpot in parallel, cut at the limit of Coulomb; heat per time.
+def spring_slider(p, touch, n, tx, ty, tz, limit, viscosity, shear, lead, dt, springs):
+    """Friction of a tangential spring and dashpot in parallel, each at most the limit of Coulomb; heat per time.
 
-    The spring is kept half a step behind the end of the step, so that its length there is a trapezoidal sum.
+    The spring is kept half a step ahead of the step's end, so that its length there, after `lead` (s), half a step or
+    since the contact began, is a trapezoidal sum; its energy is counted as it is kept.
     """
     zero, size = splat(F, 0.0), springs.size // 3
     half = 0.5 * dt
     sx, sy, sz = load(F, springs, p), load(F, springs, size + p), load(F, springs, 2 * size + p)
-    along = fma(sz, n[2], fma(sy, n[1], sx * n[0]))  # the contact plane turns
-    sx = fma(tx, half, fma(-along, n[0], sx))
-    sy = fma(ty, half, fma(-along, n[1], sy))
-    sz = fma(tz, half, fma(-along, n[2], sz))
-    fx, fy, fz = fma(sx, shear, viscosity * tx), fma(sy, shear, viscosity * ty), fma(sz, shear, viscosity * tz)
-    size_of = sqrt(fma(fz, fz, fma(fy, fy, fx * fx)))
-    slides = size_of > limit
-    cut = select(slides, limit / size_of, splat(F, 1.0))
+    ox, oy, oz = sx, sy, sz
+    before = fma(sz, sz, fma(sy, sy, sx * sx))
+    along = fma(sz, n[2], fma(sy, n[1], sx * n[0]))  # the contact plane turns, and the spring with it
+    sx, sy, sz = fma(-along, n[0], sx), fma(-along, n[1], sy), fma(-along, n[2], sz)
+    after = fma(sz, sz, fma(sy, sy, sx * sx))
+    stretch = select(after > 0.0, sqrt(before / after), splat(F, 1.0))
+    sx, sy, sz = fma(tx, lead, stretch * sx), fma(ty, lead, stretch * sy), fma(tz, lead, stretch * sz)
+    held = shear * sqrt(fma(sz, sz, fma(sy, sy, sx * sx)))
+    slips = select(held > limit, limit / held, splat(F, 1.0))
+    ex, ey, ez = slips * sx, slips * sy, slips * sz
+    fx, fy, fz = fma(ex, shear, viscosity * tx), fma(ey, shear, viscosity * ty), fma(ez, shear, viscosity * tz)
+    whole = sqrt(fma(fz, fz, fma(fy, fy, fx * fx)))
+    cut = select(whole > limit, limit / whole, splat(F, 1.0))
     fx, fy, fz = fx * cut, fy * cut, fz * cut
-    ex, ey, ez = (
-        select(slides, fma(tx, -viscosity, fx) / shear, sx),
-        select(slides, fma(ty, -viscosity, fy) / shear, sy),
-        select(slides, fma(tz, -viscosity, fz) / shear, sz),
-    )
-    slip = fma(tz, tz, fma(ty, ty, tx * tx))
-    sliding = fma(fz, tz, fma(fy, ty, fx * tx))
-    store(springs, p, select(touch, fma(tx, half, ex), zero))
-    store(springs, size + p, select(touch, fma(ty, half, ey), zero))
-    store(springs, 2 * size + p, select(touch, fma(tz, half, ez), zero))
-    return fx, fy, fz, select(slides, sliding, viscosity * slip)
+    ex, ey, ez = fma(tx, half, ex), fma(ty, half, ey), fma(tz, half, ez)
+    store(springs, p, select(touch, ex, zero))
+    store(springs, size + p, select(touch, ey, zero))
+    store(springs, 2 * size + p, select(touch, ez, zero))
+    work = fma(fz, tz, fma(fy, ty, fx * tx)) * dt
+    stored = fma(ez, ez, fma(ey, ey, ex * ex)) - fma(oz, oz, fma(oy, oy, ox * ox))
+    return fx, fy, fz, select(splat(F, dt) > 0.0, (work - 0.5 * shear * stored) / dt, zero)

@@ -27,11 +27,9 @@ def start(first, last, rows, pull, forces, given, gravity, origin, lengths, peri
             row[4 + c] += dt * a
             d = x - centre[c]
             if periodic[c]:
-                if x >= lengths[c]:
-                    x -= lengths[c]
-                elif x < 0.0:
-                    x += lengths[c]
-                    if x >= lengths[c]:  # what rounds up to the length
+                if not 0.0 <= x < lengths[c]:
+                    x -= lengths[c] * np.floor(x / lengths[c])
+                    if not x < lengths[c]:  # what rounds up to the length
                         x = 0.0
                 d -= lengths[c] * np.rint(d / lengths[c])
             row[c] = x
@@ -65,11 +63,11 @@ def turn(row, force, more, dt, planar):
 
 
 @njit
-def finish(first, last, rows, lines, begins, slots, forces, heat, half):
+def finish(first, last, rows, lines, begins, slots, first_wall, high, walls, forces, heat, work, half):
     """Sums of the lines of each grain, in the order of its contacts' ids, and velocities at the end of the step.
 
     slots[begins[k] .. begins[k + 1]] are twice the slots of grain k's contacts, plus 1 where it is the second.
-    half: dt / 2, and dt is the time over which power becomes heat.
+    Slots from first_wall on are of walls. half: dt / 2; dt is the time over which power becomes heat and work.
     """
     for k in range(first, last):
         row, force = rows[k], forces[k]
@@ -85,6 +83,12 @@ def finish(first, last, rows, lines, begins, slots, forces, heat, half):
             tx += arm * line[4]
             ty += arm * line[5]
             tz += arm * line[6]
+            if slots[at] >= 2 * first_wall:
+                wall = walls[high[slots[at] >> 1]]
+                work[k] += 2.0 * half * (line[0] * wall[4] + line[1] * wall[5] + line[2] * wall[6])
+        if row[7] == 0.0:  # a grain that is moved from outside
+            work[k] -= 2.0 * half * (fx * row[4] + fy * row[5] + fz * row[6])
+            work[k] -= 2.0 * half * (tx * row[8] + ty * row[9] + tz * row[10])
         row[4] += half * row[7] * (fx - force[0])
         row[5] += half * row[7] * (fy - force[1])
         row[6] += half * row[7] * (fz - force[2])

@@ -20,7 +20,7 @@ def locate(rows, n, size, shape, inverses, place, head, chain):
     for k in range(n - 1, -1, -1):
         for c in range(3):
             if shape[c] > 0:
-                place[k, c] = min(np.int64(rows[k, c] * inverses[c] * shape[c]), shape[c] - 1)
+                place[k, c] = max(0, min(np.int64(rows[k, c] * inverses[c] * shape[c]), shape[c] - 1))
             else:
                 place[k, c] = np.int64(np.floor(min(max(rows[k, c] / size, -FAR), FAR)))
         h = bucket(place[k, 0], place[k, 1], place[k, 2], head.size - 1)
@@ -82,7 +82,7 @@ def insert(others, begin, end, j, ids):
 
 @njit
 def near_walls(rows, n_own, margin, walls, n_walls, found):
-    """found[m, 2] = (grain, wall) pairs within the margin, by grain then wall; returns m, stored while there is room."""
+    """found[m, 2] = (grain, wall) within the margin, by grain then wall; returns m, stored while there is room."""
     count = 0
     for k in range(n_own):
         if rows[k, 7] > 0.0:
