@@ -23,6 +23,10 @@ class Channel(IntEnum):
     GHOSTS_VALUES = 13
     SHARDS = 16
     RECUT = 17
+    POPULATIONS_UP = 18
+    POPULATIONS_DOWN = 19
+    SOLIDS = 20
+    EDGES = 21
     TRANSPOSE = 32  # and the channels after it, one per chunk
 
     @property

@@ -1,0 +1,190 @@
+"""Solids immersed in a fluid: which nodes they cover, the links to them, and what the fluid does to them.
+
+Two kinds: what stays (walls of any form, grains that do not move) is linked once; grains that move are placed anew
+before every step. Lattice units; node i of an axis is at the coordinate i. Forces are summed in integers, so that their
+bits do not depend on ranks, threads and blocks.
+"""
+
+import math
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hpcpic.core.comm.world import World
+from hpcpic.core.tasks import Pool
+from lbmdem.fluid import Fluid
+from lbmdem.kernels import links as kernels
+from lbmdem.kernels.layout import FLUID
+from lbmdem.links import GAINS, Bodies, FixedLinks, Wall, mark_walls
+from lbmdem.moving import MovingLinks
+from lbmdem.refill import Refill, Table
+from lbmdem.solid import Change, Solid, Window, kernel_axes, kernel_rotation
+
+_SUM_BITS, _FINEST_BITS = 61, 52  # of the sums; scales finer than 2^-52 are of no use for terms below 1
+_BLOCKS = 4  # per thread
+Grains = tuple[NDArray, NDArray, NDArray, NDArray, NDArray]
+
+
+class Immersed:
+    """Walls and grains in a fluid. Per step: `move` (if grains move), fluid.step(), `forces`.
+
+    fixed: ids (ascending), centres[n, d], radii[n], velocities[n, d] and angular velocities[n, 1 or 3] of the surfaces
+    of the grains that stay, the same on all ranks. refill: see `lbmdem.refill`.
+    """
+
+    def __init__(
+        self,
+        fluid: Fluid,
+        world: World,
+        pool: Pool,
+        *,
+        rule: str = "cli",
+        refill: str = "local",
+        fixed: Grains | None = None,
+        walls: Sequence[Wall] = (),
+    ) -> None:
+        self.fluid, self._world, self._pool = fluid, world, pool
+        self._rule, self._dimensions = rule, fluid.lattice.dimensions
+        self._blocks = _BLOCKS * pool.threads if pool.threads > 1 else 1
+        self.window = Window.of(fluid.domain, world.rank, ((1, 1),) * fluid.domain.ndim)
+        mark_walls(self.window, fluid.ids, walls, self._dimensions)
+        self._solid = Solid(self.window, fluid.ids)
+        self._refill = Refill(self.window, fluid, world, refill)
+        self._walls = tuple(walls)
+        self._fixed = grain_table(*fixed) if fixed else grain_table(*_no_grains(self._dimensions))
+        self._solid.rebuild(self._fixed.ids, self._fixed.centres, self._fixed.radii)
+        fluid.solid_changed(fill=False)
+        self._set_scale(self._fixed.radii)
+        self._stay = self._link(Bodies(*self._fixed, self._walls))
+        self._moving: MovingLinks | None = None
+        self._table = self._fixed  # of the grains that are linked anew
+        self._grain_sums = np.zeros((len(self._fixed.ids), GAINS), np.int64)
+        self._wall_sums = np.zeros((len(self._walls), GAINS), np.int64)
+        self._extra = self._grain_sums
+        fluid.hooks.append(self._bounce)
+
+    def _link(self, bodies: Bodies) -> FixedLinks:
+        links = FixedLinks(self.window, self.fluid.layout, self.fluid.ids, bodies, self._rule)
+        if self._refill.conserving:
+            links.speed[...] = 0.0  # what they sweep over is not counted
+        links.bind(self.fluid.f, self._blocks)
+        return links
+
+    def _set_scale(self, radii: NDArray[np.float64]) -> None:
+        """Units of the sums, powers of two: no sum of terms below 2 over all links of a body overflows. Collective."""
+        radius = self._world.max(float(radii.max(initial=1.0)))
+        links = 8.0 * (2.0 * radius + 2.0) ** 2
+        if self._walls:
+            links = max(links, float(self.fluid.lattice.q) * math.prod(self.fluid.domain.points))
+            radius = max(radius, float(sum(self.fluid.domain.points)))
+        bits = [_SUM_BITS - math.ceil(math.log2(4.0 * links * arm)) for arm in (1.0, radius + 2.0)]
+        force, torque = (2.0 ** min(b, _FINEST_BITS) for b in bits)
+        self._scale = np.array([force] * 3 + [torque] * 3 + [force])
+
+    def move(self, ids: NDArray, centres: NDArray, radii: NDArray, velocity: NDArray, omega: NDArray) -> None:
+        """The moving grains near this slab (all that touch it), in any order, are at these places now. Collective."""
+        table = _merged(self._fixed, grain_table(ids, centres, radii, velocity, omega))
+        if self._moving is None:
+            self._begin_to_move(table)
+        self._refill.exchange()
+        change = self._solid.update(table.ids, table.centres, table.radii)
+        covered, filled = self._refill.change(self._solid, change, table)
+        self._solid.settle()
+        self.fluid.solid_changed(fill=False)
+        self._moving.place(*table)
+        self._table = table
+        self._extra = np.zeros((len(table.ids), GAINS), np.int64)
+        if self._refill.conserving:
+            self._account(change, covered, filled)
+
+    def _begin_to_move(self, table: Table) -> None:
+        """From now on all grains are linked at every step, those that stay too: others may come near them."""
+        self._solid.rebuild(*table[:3])
+        self.fluid.solid_changed(fill=False)
+        self._set_scale(table.radii)
+        self._stay = self._link(Bodies(*grain_table(*_no_grains(self._dimensions)), self._walls))
+        open_mass = 0.0 if self._refill.conserving else 1.0
+        nodes = (self.fluid.layout, self.fluid.f, self.fluid.ids)
+        self._moving = MovingLinks(self.window, *nodes, self._rule, open_mass, self._blocks)
+
+    def _account(self, change: Change, covered: NDArray, filled: NDArray) -> None:
+        """What grains take from covered nodes and give to uncovered ones."""
+        parts = ((1.0, change.covered, change.taken_by, covered), (-1.0, change.uncovered, change.left_by, filled))
+        e = kernel_axes(self.fluid.lattice.e)
+        for sign, nodes, owners, populations in parts:
+            rows = np.searchsorted(self._table.ids, owners)
+            momentum = sign * (populations @ e)
+            torque = np.cross(self._refill.arms(nodes, self._table.centres[rows]), momentum)
+            gains = np.column_stack((momentum, torque, -sign * populations.sum(axis=1)))
+            np.add.at(self._extra, rows, np.rint(gains * self._scale).astype(np.int64))
+
+    def _bounce(self, fluid: Fluid, parity: int) -> None:
+        """After the sweep: what comes back from the solids at the next step."""
+        sums = self._stay.run_and_measure(self._pool, parity, self._scale)
+        grains = len(self._stay.bodies.ids)
+        self._wall_sums = sums[grains:]
+        self._grain_sums = sums[:grains]
+        if self._moving is not None:
+            self._grain_sums = self._moving.run(self._pool, parity, self._scale) + self._extra
+        if self._refill.conserving:
+            self._keep_mass()
+
+    def _keep_mass(self) -> None:
+        """Put back evenly what links and nodes have lost. Collective."""
+        inner = tuple(slice(*self.window.inner[axis]) for axis in (2, 1, 0))
+        lost = -(self._grain_sums[:, 6].sum() + self._wall_sums[:, 6].sum())
+        lost, nodes = self._world.sum_int(np.array([lost, np.count_nonzero(self.fluid.ids[inner] == FLUID)], np.int64))
+        if nodes:
+            self._refill.add_evenly(float(lost) / float(nodes) / float(self._scale[6]))
+
+    def forces(self, ids: NDArray[np.int64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Force [n, d] and torque [n, 1 or 3] of the last step on grains of any numbers. Collective."""
+        count = int(self._world.max(float(max(ids.max(initial=-1), self._table.ids.max(initial=-1))))) + 1
+        force, torque = self.all_forces(count)
+        return force[ids], torque[ids]
+
+    def all_forces(self, number: int) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Force [number, d] and torque [number, 1 or 3] of the last step on the grains 0 .. number - 1. Collective."""
+        sums = np.zeros((number, GAINS), np.int64)
+        sums[self._table.ids] = self._grain_sums
+        return self._physical(self._world.sum_int(sums))
+
+    def wall_forces(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Force and torque of the last step on the walls, about their centres. Collective."""
+        return self._physical(self._world.sum_int(self._wall_sums))
+
+    def _physical(self, sums: NDArray[np.int64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        values = sums / self._scale
+        if self._dimensions == 3:
+            return values[:, :3], values[:, 3:6]
+        return values[:, [0, 2]], -values[:, 4:5]
+
+    def counts(self) -> dict[str, int]:
+        """Links of the last step; those without the fluid nodes of their rule; those of nodes with two owners. Collective."""
+        here = np.array([self._stay.count, self._stay.fallbacks, 0], np.int64)
+        if self._moving is not None:
+            here += self._moving.counters.sum(axis=0)
+        total = self._world.sum_int(here)
+        names = {"links": kernels.LINKS, "fallbacks": kernels.FALLBACKS, "lost": kernels.LOST}
+        return {name: int(total[at]) for name, at in names.items()}
+
+
+def grain_table(ids: NDArray, centres: NDArray, radii: NDArray, velocity: NDArray, omega: NDArray) -> Table:
+    """Grains in the order of ids and in the axes of the kernels."""
+    order = np.argsort(ids)
+    motion = np.hstack((kernel_axes(velocity), kernel_rotation(omega)))
+    kept = (np.asarray(ids, np.int64), kernel_axes(centres), np.asarray(radii, np.float64), motion)
+    return Table(*(np.ascontiguousarray(column[order]) for column in kept))
+
+
+def _merged(a: Table, b: Table) -> Table:
+    if not len(a.ids):
+        return b
+    order = np.argsort(np.concatenate((a.ids, b.ids)))
+    return Table(*(np.ascontiguousarray(np.concatenate(pair)[order]) for pair in zip(a, b)))
+
+
+def _no_grains(dimensions: int) -> Grains:
+    rotations = np.zeros((0, 3 if dimensions == 3 else 1))
+    return np.zeros(0, np.int64), np.zeros((0, dimensions)), np.zeros(0), np.zeros((0, dimensions)), rotations

@@ -1,0 +1,140 @@
+"""Nodes that grains cover and uncover: what is lost with them and what they are filled with; compiled."""
+
+import numpy as np
+
+from hpcpic.core.simd.jit import njit
+from lbmdem.kernels.layout import arrival
+from lbmdem.kernels.runs import FLUID
+
+AVERAGE, LOCAL, NON_EQUILIBRIUM = 0, 1, 2
+
+
+@njit
+def local_node(k, shape, inner):
+    """(x, row, plane) among the own nodes of a flat place in the padded array of nodes."""
+    x = k % shape[0] - inner[0, 0]
+    return x, k // shape[0] % shape[1] - inner[1, 0], k // (shape[0] * shape[1]) - inner[2, 0]
+
+
+@njit
+def populations(f, strides, slots, shifts, parity, sizes, edge, x, r, p, h):
+    """h[q] of a node of this slab, or of the planes below and above it; around the other axes if beyond.
+
+    edge[2, q, rows, nx]: the planes below and above, of other ranks; empty when this rank has all planes.
+    """
+    x, r = x % sizes[0], r % sizes[1]
+    if edge.size > 0 and (p < 0 or p >= sizes[2]):
+        side = 0 if p < 0 else 1
+        for i in range(h.size):
+            h[i] = edge[side, i, r, x]
+        return
+    p %= sizes[2]
+    for i in range(h.size):
+        h[i] = f[arrival(strides, slots, shifts, parity, p, r, x, i)]
+
+
+@njit
+def copy_plane(f, strides, slots, shifts, parity, p, plane):
+    """plane[q, 1, rows, nx]: the populations of an own plane."""
+    for i in range(plane.shape[0]):
+        for r in range(plane.shape[2]):
+            for x in range(plane.shape[3]):
+                plane[i, 0, r, x] = f[arrival(strides, slots, shifts, parity, p, r, x, i)]
+
+
+@njit
+def moments(h, e):
+    """Density less one, and momentum (three components)."""
+    density, jx, jy, jz = 0.0, 0.0, 0.0, 0.0
+    for i in range(h.size):
+        density += h[i]
+        jx += e[i, 0] * h[i]
+        jy += e[i, 1] * h[i]
+        jz += e[i, 2] * h[i]
+    return density, jx, jy, jz
+
+
+@njit
+def add_equilibrium(h, e, w, sign, density, ux, uy, uz):
+    """h[q] += sign * equilibrium of the density 1 + density, without the weights."""
+    square = 1.5 * (ux * ux + uy * uy + uz * uz)
+    for i in range(h.size):
+        along = 3.0 * (e[i, 0] * ux + e[i, 1] * uy + e[i, 2] * uz)
+        h[i] += sign * w[i] * (density + (1.0 + density) * (along + 0.5 * along * along - square))
+
+
+@njit
+def from_neighbours(
+    f, strides, slots, shifts, parity, solid, shape, inner, sizes, edge, e, w, mode, k, other, total
+):  # fmt: skip
+    """Mean of the density less one over the fluid neighbours of node k; total[q]: mean of their non-equilibrium."""
+    x, r, p = local_node(k, shape, inner)
+    total[:] = 0.0
+    density, found = 0.0, 0
+    for i in range(1, w.size):
+        if solid[k + (e[i, 2] * shape[1] + e[i, 1]) * shape[0] + e[i, 0]] != FLUID:
+            continue
+        place = (x + e[i, 0], r + e[i, 1], p + e[i, 2])
+        populations(f, strides, slots, shifts, parity, sizes, edge, place[0], place[1], place[2], other)
+        extra, jx, jy, jz = moments(other, e)
+        density += extra
+        found += 1
+        if mode == NON_EQUILIBRIUM:
+            rho = 1.0 + extra
+            add_equilibrium(other, e, w, -1.0, extra, jx / rho, jy / rho, jz / rho)
+            for n in range(w.size):
+                total[n] += other[n]
+    if found > 0:
+        for n in range(w.size):
+            total[n] /= found
+        density /= found
+    return density
+
+
+@njit
+def refill(
+    f, strides, slots, shifts, parity, solid, shape, inner, sizes, edge, e, w, mode,
+    nodes, speed, values,
+):  # fmt: skip
+    """values[n, q] for uncovered nodes[n]: equilibrium with speed[n, 3] and, by mode, the density of the neighbours.
+
+    The mean density is the reference one, 1. Neighbours that are being uncovered too are not asked.
+    """
+    other, total = np.empty(w.size), np.zeros(w.size)
+    for n in range(nodes.size):
+        density = 0.0
+        if mode != AVERAGE:
+            density = from_neighbours(
+                f, strides, slots, shifts, parity, solid, shape, inner, sizes, edge, e, w, mode, nodes[n], other, total
+            )
+        values[n, :] = total
+        add_equilibrium(values[n], e, w, 1.0, density, speed[n, 0], speed[n, 1], speed[n, 2])
+
+
+@njit
+def write(f, strides, slots, shifts, parity, shape, inner, nodes, values):
+    """Put values[n, q] where nodes[n] will read them."""
+    for n in range(nodes.size):
+        x, r, p = local_node(nodes[n], shape, inner)
+        for i in range(values.shape[1]):
+            f[arrival(strides, slots, shifts, parity, p, r, x, i)] = values[n, i]
+
+
+@njit
+def read(f, strides, slots, shifts, parity, shape, inner, nodes, values):
+    """values[n, q]: the populations of nodes[n]."""
+    for n in range(nodes.size):
+        x, r, p = local_node(nodes[n], shape, inner)
+        for i in range(values.shape[1]):
+            values[n, i] = f[arrival(strides, slots, shifts, parity, p, r, x, i)]
+
+
+@njit
+def add_to_rest(f, strides, solid, inner, low, high, extra):
+    """Add to the rest population of the fluid nodes of the padded planes [low, high); its slot is 0 at any parity."""
+    for p in range(low, high):
+        for r in range(inner[1, 0], inner[1, 1]):
+            base = (p - inner[2, 0]) * strides[1] + (r - inner[1, 0]) * strides[2] + strides[3] - inner[0, 0]
+            for x in range(inner[0, 0], inner[0, 1]):
+                if solid[p, r, x] == FLUID:
+                    f[base + x] += extra

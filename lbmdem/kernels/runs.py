@@ -1,0 +1,197 @@
+"""Nodes inside discs and spheres, as runs along x; compiled.
+
+Axes of all arrays of three here: (x, row, plane), where plane is the slab axis; in two dimensions there is one row, 0.
+A grain is held once, at its place in the box; its images in the window of a rank are (grain, offset) with
+local node = node in the frame of the grain + offset, integers. Distances are taken in the frame of the grain, so
+that they have the same bits on every rank and in every image.
+"""
+
+import math
+
+import numpy as np
+
+from hpcpic.core.simd.jit import njit
+from lbmdem.kernels import layout
+
+FLUID = np.int32(layout.FLUID)
+LEFT = np.int32(-9)  # for the time of an update: a grain has just left this node
+_FAR = 1 << 40
+
+
+@njit
+def images(centres, radii, margin, origin, shape, points, periodic, grain, offset):
+    """How many images of grains come within `margin` nodes of the window; they are stored if there is room.
+
+    centres[n, 3], radii[n] in nodes; the window starts at the node origin[3] and has shape[3] nodes of points[3].
+    """
+    count = 0
+    first, last = np.zeros(3, np.int64), np.zeros(3, np.int64)
+    for g in range(radii.size):
+        for a in range(3):
+            reach = radii[g] + margin
+            low, high = np.int64(math.ceil(centres[g, a] - reach)), np.int64(math.floor(centres[g, a] + reach))
+            if periodic[a]:
+                first[a] = -((high - origin[a]) // points[a])
+                last[a] = (origin[a] + shape[a] - 1 - low) // points[a]
+            else:
+                first[a] = 0
+                last[a] = 0 if low < origin[a] + shape[a] and high >= origin[a] else -1
+        for i in range(first[0], last[0] + 1):
+            for j in range(first[1], last[1] + 1):
+                for k in range(first[2], last[2] + 1):
+                    if count < grain.size:
+                        grain[count] = g
+                        offset[count, 0] = i * points[0] - origin[0]
+                        offset[count, 1] = j * points[1] - origin[1]
+                        offset[count, 2] = k * points[2] - origin[2]
+                    count += 1
+    return count
+
+
+@njit(inline="always")
+def run(x, h_sq):
+    """First and last node within sqrt(h_sq) of x; the first is above the last when there is none."""
+    if h_sq < 0.0:
+        return _FAR, -_FAR
+    h = math.sqrt(h_sq)
+    return np.int64(math.ceil(x - h)), np.int64(math.floor(x + h))
+
+
+@njit(inline="always")
+def span(x, reach, offset, low, high):
+    """Local nodes [first, last + 1) within reach of x, cut to [low, high)."""
+    first = np.int64(math.ceil(x - reach)) + offset
+    after = np.int64(math.floor(x + reach)) + offset + 1
+    return max(first, low), min(after, high)
+
+
+@njit
+def mark(solid, centres, radii, ids, grain, offset, low, high, lost):
+    """Write the ids of the grains into the fluid nodes they cover, planes [low, high); the lowest id keeps a node.
+
+    lost[g] is set for grains that want a node another grain has.
+    """
+    for m in range(grain.size):
+        c, radius, shift = centres[grain[m]], radii[grain[m]], offset[m]
+        p0, p1 = span(c[2], radius, shift[2], low, high)
+        for p in range(p0, p1):
+            dz = (p - shift[2]) - c[2]
+            r0, r1 = span(c[1], radius, shift[1], 0, solid.shape[1])
+            for r in range(r0, r1):
+                dy = (r - shift[1]) - c[1]
+                a, b = run(c[0], radius * radius - dz * dz - dy * dy)
+                for x in range(max(a + shift[0], 0), min(b + shift[0] + 1, solid.shape[2])):
+                    _claim(solid, p, r, x, ids, grain[m], lost)
+
+
+@njit(inline="always")
+def _claim(solid, p, r, x, ids, g, lost):
+    """Grain g wants a node: a lower id keeps or takes it, and the other one is noted in `lost`."""
+    now, number = solid[p, r, x], np.int32(ids[g])
+    if now == FLUID or now == LEFT:
+        solid[p, r, x] = number
+    elif now > number:
+        solid[p, r, x] = number
+        lost[np.searchsorted(ids, now)] = True
+    elif now >= 0 and now != number:
+        lost[g] = True
+
+
+@njit
+def leave(solid, centres, radii, ids, grain, offset, other, other_offset, low, high, nodes, owners):
+    """Mark with LEFT the nodes that grains no longer cover, and list them with the ids. How many.
+
+    Images (grain[m], offset[m]) of the old places `centres`; other[m], other_offset[m]: the new place of each.
+    """
+    count = 0
+    for m in range(grain.size):
+        c, n, radius, number = centres[grain[m]], other[m], radii[grain[m]], np.int32(ids[grain[m]])
+        shift, towards = offset[m], other_offset[m]
+        p0, p1 = span(c[2], radius, shift[2], low, high)
+        for p in range(p0, p1):
+            dz, ez = (p - shift[2]) - c[2], (p - towards[2]) - n[2]
+            r0, r1 = span(c[1], radius, shift[1], 0, solid.shape[1])
+            for r in range(r0, r1):
+                dy, ey = (r - shift[1]) - c[1], (r - towards[1]) - n[1]
+                a, b = run(c[0], radius * radius - dz * dz - dy * dy)
+                first, last = run(n[0], radius * radius - ez * ez - ey * ey)
+                a, b = max(a + shift[0], 0), min(b + shift[0], solid.shape[2] - 1)
+                first, last = first + towards[0], last + towards[0]
+                if first <= a and last >= b:
+                    continue
+                for x in range(a, b + 1):
+                    if (x < first or x > last) and solid[p, r, x] == number:
+                        solid[p, r, x] = LEFT
+                        if count < nodes.size:
+                            nodes[count] = (p * solid.shape[1] + r) * solid.shape[2] + x
+                            owners[count] = number
+                        count += 1
+    return count
+
+
+@njit
+def enter(solid, centres, radii, ids, grain, offset, other, other_offset, low, high, nodes, owners, lost):
+    """Cover the nodes that grains have come to; those that were fluid are listed with the ids. How many.
+
+    Images of the new places `centres`, in the order of the ids; other[m], other_offset[m]: the old place of each.
+    """
+    count = 0
+    for m in range(grain.size):
+        c, o, radius, number = centres[grain[m]], other[m], radii[grain[m]], np.int32(ids[grain[m]])
+        shift, back = offset[m], other_offset[m]
+        p0, p1 = span(c[2], radius, shift[2], low, high)
+        for p in range(p0, p1):
+            dz, ez = (p - shift[2]) - c[2], (p - back[2]) - o[2]
+            r0, r1 = span(c[1], radius, shift[1], 0, solid.shape[1])
+            for r in range(r0, r1):
+                dy, ey = (r - shift[1]) - c[1], (r - back[1]) - o[1]
+                a, b = run(c[0], radius * radius - dz * dz - dy * dy)
+                first, last = run(o[0], radius * radius - ez * ez - ey * ey)
+                a, b = max(a + shift[0], 0), min(b + shift[0], solid.shape[2] - 1)
+                first, last = first + back[0], last + back[0]
+                if first <= a and last >= b:
+                    continue
+                for x in range(a, b + 1):
+                    if first <= x <= last:
+                        continue
+                    if solid[p, r, x] == FLUID:
+                        if count < nodes.size:
+                            nodes[count] = (p * solid.shape[1] + r) * solid.shape[2] + x
+                            owners[count] = number
+                        count += 1
+                    _claim(solid, p, r, x, ids, grain[m], lost)
+    return count
+
+
+@njit
+def keep(solid, kind, nodes, owners):
+    """Keep the listed nodes of a kind, in order; how many."""
+    flat = solid.reshape(-1)
+    kept = 0
+    for k in range(nodes.size):
+        if flat[nodes[k]] == kind:
+            nodes[kept] = nodes[k]
+            owners[kept] = owners[k]
+            kept += 1
+    return kept
+
+
+@njit
+def within(x, r, p, inner):
+    """Whether a local node is no ghost."""
+    along = inner[0, 0] <= x < inner[0, 1] and inner[1, 0] <= r < inner[1, 1]
+    return along and inner[2, 0] <= p < inner[2, 1]
+
+
+@njit
+def keep_inner(solid, nodes, owners, inner):
+    """Keep the listed nodes that are no ghosts, in order; how many."""
+    kept = 0
+    for k in range(nodes.size):
+        x = nodes[k] % solid.shape[2]
+        r = nodes[k] // solid.shape[2] % solid.shape[1]
+        if within(x, r, nodes[k] // (solid.shape[1] * solid.shape[2]), inner):
+            nodes[kept] = nodes[k]
+            owners[kept] = owners[k]
+            kept += 1
+    return kept

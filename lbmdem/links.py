@@ -1,0 +1,299 @@
+"""Links that stay: walls of any form and grains that do not move; found once, with the weights of their rule.
+
+For each fluid node with a solid node in direction i the wall is crossed at the fraction q of the link; the rules are in
+`lbmdem.kernels.links`.
+"""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hpcpic.core.errors import HpcpicError
+from hpcpic.core.space.domain import block_ranges
+from hpcpic.core.tasks import Bound, Pool, bind
+from lbmdem.kernels import links as kernels
+from lbmdem.kernels.layout import FLUID, WALL, Layout
+from lbmdem.lattices import Lattice
+from lbmdem.solid import Window, kernel_axes, kernel_rotation
+
+RULES = {
+    "halfway": kernels.HALFWAY,
+    "interpolated": kernels.INTERPOLATED,
+    "quadratic": kernels.QUADRATIC,
+    "cli": kernels.CLI,
+}
+GAINS = 7  # of a body from its links: force, torque, and the mass that the fluid gains
+_HALVINGS = 53  # of the interval that holds a crossing
+
+
+class Directions:
+    """A lattice in the order of axes of the kernels: e[q, 3] (x, row, plane), 6 w, opposite."""
+
+    def __init__(self, lattice: Lattice) -> None:
+        self.dimensions = lattice.dimensions
+        self.e = np.rint(kernel_axes(lattice.e)).astype(np.int64)
+        self.opposite = lattice.opposite
+        self.w6 = 6.0 * lattice.w
+        self.q = lattice.q
+
+
+@dataclass(frozen=True, slots=True)
+class Wall:
+    """A solid body given by its signed distance, in nodes, positive in the fluid; it may slide along itself.
+
+    distance(points[n, d]) -> [n]. The wall at a point x moves with velocity + angular_velocity x (x - centre).
+    """
+
+    distance: Callable[[NDArray], NDArray]
+    velocity: tuple[float, ...] = ()
+    angular_velocity: tuple[float, ...] = ()
+    centre: tuple[float, ...] = ()
+
+    def speed(self, arm: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Velocity [n, 3] of the wall at places [n, 3] from the centre, axes of the kernels."""
+        u, w = self.velocity, self.angular_velocity
+        moving = np.zeros_like(arm)
+        if u:
+            moving += kernel_axes([u])
+        if w:
+            moving += np.cross(kernel_rotation([w])[0], arm)
+        return moving
+
+
+def plane(point: Sequence[float], normal: Sequence[float]) -> Callable[[NDArray], NDArray]:
+    """Distance from a plane through a point, whose normal points into the fluid."""
+    unit = np.asarray(normal, np.float64) / np.linalg.norm(normal)
+    return lambda x: (x - np.asarray(point)) @ unit
+
+
+def ball(centre: Sequence[float], radius: float, outside: bool = True) -> Callable[[NDArray], NDArray]:
+    """Distance from a sphere or disc with the fluid outside, or from a round vessel with the fluid inside."""
+    sign = 1.0 if outside else -1.0
+    return lambda x: sign * (np.linalg.norm(x - np.asarray(centre), axis=1) - radius)
+
+
+def cylinder(axis: int, centre: Sequence[float], radius: float, outside: bool) -> Callable[[NDArray], NDArray]:
+    """Distance from a cylinder along one axis; `centre` has a number for every axis."""
+    others = [a for a in range(len(centre)) if a != axis]
+    round_part = ball(np.asarray(centre)[others], radius, outside)
+    return lambda x: round_part(x[:, others])
+
+
+def mark_walls(window: Window, nodes: NDArray[np.int32], walls: Sequence[Wall], dimensions: int) -> None:
+    """Nodes of `nodes` (as in Solid) in or on a wall become WALL."""
+    flat = nodes.reshape(-1)
+    for wall in walls:
+        places = np.arange(flat.size)
+        flat[wall.distance(coordinates(window, places, dimensions)) <= 0.0] = WALL
+
+
+def coordinates(window: Window, places: NDArray[np.int64], dimensions: int) -> NDArray[np.float64]:
+    """Where the nodes at flat places are, [n, d], in nodes of the box."""
+    nx, rows, _ = window.shape
+    local = np.column_stack((places % nx, places // nx % rows, places // (nx * rows))) + window.origin
+    return local[:, _axes(dimensions)].astype(np.float64)
+
+
+def _axes(dimensions: int) -> list[int]:
+    return [0, 1, 2] if dimensions == 3 else [0, 2]
+
+
+@dataclass(frozen=True, slots=True)
+class Bodies:
+    """What links may end at: grains that stay, then walls. Rows of the sums of momentum in this order."""
+
+    ids: NDArray[np.int64]  # ascending
+    centres: NDArray[np.float64]  # [n, 3] (x, row, plane)
+    radii: NDArray[np.float64]
+    motion: NDArray[np.float64]  # [n, 6] velocity and angular velocity of the surface
+    walls: tuple[Wall, ...] = ()
+
+    def __len__(self) -> int:
+        return len(self.ids) + len(self.walls)
+
+
+class FixedLinks:
+    """Links of a slab in the order (plane, direction, node), with what the kernels need of each.
+
+    node (element in a slot), body, weights[n, 3], wall (term taken off), arm[n, 3] from the centre of the body to the
+    crossing, speed[n, 3] of the wall there. Segments: start, offsets[parity, segment, 3], way[segment, 3];
+    planes[p]: first segment of the own plane p. fallbacks: links without the fluid nodes that their rule reads.
+    """
+
+    def __init__(
+        self,
+        window: Window,
+        layout: Layout,
+        solid: NDArray[np.int32],
+        bodies: Bodies,
+        rule: str = "cli",
+    ) -> None:
+        self.directions = Directions(layout.lattice)
+        self.bodies = bodies
+        self._rule = RULES[rule]
+        if self._rule == kernels.QUADRATIC and layout.stored != layout.planes:
+            raise HpcpicError("the quadratic rule reads two nodes beyond a slab: it works on one rank only")
+        self._window, self._layout = window, layout
+        self._solid = solid.reshape(tuple(window.shape[::-1]))
+        fluid = self._inner(self._solid) == FLUID
+        self._sizes = np.array(fluid.shape[::-1])
+        self._fluid_nodes = np.argwhere(fluid)[:, ::-1].copy()  # (x, row, plane) of this slab, in the order of memory
+        parts = [self._of_direction(i) for i in range(1, self.directions.q)]
+        local, way, body, q, arm, speed = (np.concatenate(column) for column in zip(*parts))
+        order = np.lexsort((local[:, 0], local[:, 1], way, local[:, 2]))
+        self.body, self.arm, self.speed = body[order], arm[order], speed[order]
+        self._segments(local[order], way[order])
+        self._weigh(local[order], way[order], q[order])
+
+    @property
+    def count(self) -> int:
+        return len(self.node)
+
+    def bind(self, f: NDArray, blocks: int) -> None:
+        """Make the tasks on the populations, `blocks` of them at most."""
+        shares = [share for share in block_ranges(len(self.way), blocks) if share[1] > share[0]]
+        self._sums = np.zeros((len(shares), len(self.bodies), GAINS), np.int64)
+        self._scale = np.ones(GAINS)
+        wall = self.wall if self.far is None else np.zeros_like(self.wall)
+        self._tasks: list[list[list[Bound]]] = []
+        for parity in range(2):
+            links = (f, self.offsets[parity], self.start)
+            terms = (self.node, self.weights, wall)
+            body = (self.body, self.arm, self.speed)
+            far, plain, measured = [], [], []
+            for sums, share in zip(self._sums, shares):
+                if self.far is not None:
+                    there = (self.far[parity], self.far_weights, self.wall)
+                    far.append(bind(kernels.far_terms, f, self.start, *there, *share, wall))
+                plain.append(bind(kernels.fixed_links, *links, *terms, *share))
+                account = (*body, *share, sums, self._scale)
+                measured.append(bind(kernels.fixed_momentum, *links, self.way, *terms, *account))
+            self._tasks.append([far, plain, measured])
+
+    def run(self, pool: Pool, parity: int) -> None:
+        """Bounce back; arrivals are at `parity`."""
+        far, plain, _ = self._tasks[parity]
+        for tasks in (far, plain):
+            if tasks:
+                pool.each(tasks)
+
+    def run_and_measure(self, pool: Pool, parity: int, scale: NDArray[np.float64]) -> NDArray[np.int64]:
+        """Bounce back; force, torque and mass that the fluid gains, [bodies, 7] in units of 1 / scale[7]."""
+        self._scale[:] = scale
+        self._sums[...] = 0
+        far, _, measured = self._tasks[parity]
+        for tasks in (far, measured):
+            if tasks:
+                pool.each(tasks)
+        return self._sums.sum(axis=0)
+
+    def _inner(self, values: NDArray) -> NDArray:
+        return values[tuple(slice(*self._window.inner[a]) for a in (2, 1, 0))]
+
+    def _solid_at(self, local: NDArray[np.int64]) -> NDArray[np.int32]:
+        """What is at nodes [n, 3] of this slab or one beyond it."""
+        x, row, plane = (local + self._window.inner[:, 0]).T
+        return self._solid[plane, row, x]
+
+    def _of_direction(self, i: int) -> tuple[NDArray, ...]:
+        """node[n, 3], direction, body, q, arm, speed of the links of one direction."""
+        e, bodies = self.directions.e[i], self.bodies
+        beyond = self._solid_at(self._fluid_nodes + e)
+        grain = np.isin(beyond, bodies.ids)
+        parts = [self._at_grains(self._fluid_nodes[grain], np.searchsorted(bodies.ids, beyond[grain]), e)]
+        parts += self._at_walls(self._fluid_nodes[beyond == WALL], e)
+        local, body, q, arm, speed = (np.concatenate(column) for column in zip(*parts))
+        return local, np.full(len(local), i), body, q, arm, speed
+
+    def _at_grains(self, local: NDArray, at: NDArray, e: NDArray) -> tuple[NDArray, ...]:
+        """Crossings with grains that do not move; distances in the frame of the grain, of its nearest image."""
+        window, bodies = self._window, self.bodies
+        node = local + window.inner[:, 0] + window.origin
+        turns = np.where(window.periodic, np.rint((node + e - bodies.centres[at]) / window.points), 0).astype(np.int64)
+        d = (node - turns * window.points) - bodies.centres[at]
+        d_sq = np.sum(d * d, axis=1) - bodies.radii[at] ** 2
+        along, e_sq = d @ e, float(e @ e)
+        q = np.clip((-along - np.sqrt(np.maximum(along * along - e_sq * d_sq, 0.0))) / e_sq, 0.0, 1.0)
+        arm = d + q[:, None] * e
+        motion = bodies.motion[at]
+        return local, at, q, arm, motion[:, :3] + np.cross(motion[:, 3:], arm)
+
+    def _at_walls(self, local: NDArray, e: NDArray) -> list[tuple[NDArray, ...]]:
+        """Crossings with the first wall that each link meets; links to walls of other kinds are left to the sweep."""
+        axes = _axes(self.directions.dimensions)
+        x = (local + self._window.inner[:, 0] + self._window.origin)[:, axes].astype(np.float64)
+        fractions = [_crossing(wall.distance, x, e[axes]) for wall in self.bodies.walls]
+        parts = []
+        for number, (wall, fraction) in enumerate(zip(self.bodies.walls, fractions)):
+            mine = (np.argmin(fractions, axis=0) == number) & np.isfinite(fraction)
+            q = fraction[mine]
+            centre = np.asarray(wall.centre) if wall.centre else np.zeros(len(axes))
+            arm = kernel_axes(x[mine] + q[:, None] * e[axes] - centre)
+            body = np.full(len(q), len(self.bodies.ids) + number)
+            parts.append((local[mine], body, q, arm, wall.speed(arm)))
+        return parts
+
+    def _segments(self, local: NDArray, way: NDArray) -> None:
+        """Where the plane, the direction or the distance to the paired node changes, a segment starts."""
+        up = np.where(way % 2 == 1, 1, -1)[:, None] * self.directions.e[way]
+        self.node = self._element(local).astype(np.int64)
+        there = self._element(local + up) - self.node
+        changes = np.diff(local[:, 2]) | np.diff(way) | np.diff(there)
+        first = np.flatnonzero(np.concatenate(([len(way) > 0], changes != 0))[: len(way)])
+        self.start = np.append(first, len(way)).astype(np.int64)
+        i, j, zero = way[first], self.directions.opposite[way[first]], np.zeros(len(first), np.int64)
+        odd = i % 2 == 1
+        out = np.where(odd, there[first], zero)
+        others = there[first] - out
+        slots = self._layout.slots * self._layout.slot_stride
+        self.offsets = np.array(np.stack([slots[:, j] + out, slots[:, i] + others, slots[:, j] + others], axis=-1), order="C")
+        self.way = self.directions.e[i].astype(np.float64)
+        self.planes = np.searchsorted(local[first, 2], np.arange(self._layout.planes + 1)).astype(np.int64)
+
+    def _element(self, local: NDArray[np.int64]) -> NDArray[np.int64]:
+        """Place in a slot of nodes (x, row, plane) of this slab or one beyond; see `kernels.layout`."""
+        x, row, plane = local.T
+        layout = self._layout
+        row = row % layout.rows
+        if layout.stored == layout.planes:
+            plane = plane % layout.planes
+        return plane * layout.plane_stride + row * layout.row_stride + layout.lanes + x
+
+    def _weigh(self, local: NDArray, way: NDArray, q: NDArray) -> None:
+        """The weights of the rule, or of the lower one for which there are enough fluid nodes."""
+        self.far: NDArray[np.int64] | None = None
+        e, reach = self.directions.e[way], kernels.rule_reach.py_func(self._rule)
+        box = self._window.box - self._window.inner[:, :1]
+        inside = np.all((local - e >= box[:, 0]) & (local - e < box[:, 1]), axis=1)
+        behind = ((self._solid_at(local - e) == FLUID) & inside).astype(np.int64)
+        if reach == 2:
+            y = np.mod(local - e, self._sizes)
+            behind[(behind == 1) & (self._solid_at(y - e) == FLUID)] = 2
+            z = np.mod(y - e, self._sizes)
+            arrivals = (self._arrival(y, way), self._arrival(z, self.directions.opposite[way]))
+            self.far = np.array(np.stack(arrivals, axis=-1), order="C")
+        behind = np.minimum(behind, reach)
+        self.fallbacks = int(np.count_nonzero(behind < reach))
+        weights = kernels.coefficients.py_func
+        table = np.array([weights(self._rule, *pair) for pair in zip(q.tolist(), behind.tolist())]).reshape(-1, 6)
+        self.weights = np.ascontiguousarray(table[:, :3] - np.array([1.0, 0.0, 0.0]))
+        self.far_weights = np.ascontiguousarray(table[:, 3:5])
+        self.wall = table[:, 5] * self.directions.w6[way] * np.sum(e * self.speed, axis=1)
+
+    def _arrival(self, local: NDArray[np.int64], way: NDArray[np.int64]) -> NDArray[np.int64]:
+        """[parity, n]: elements of the array where directions arrive at own nodes."""
+        shift = np.where(way % 2 == 1, 0, 1)[:, None] * self.directions.e[self.directions.opposite[way]]
+        return self._layout.slots[:, way] * self._layout.slot_stride + self._element(local + shift)
+
+
+def _crossing(distance: Callable[[NDArray], NDArray], x: NDArray, e: NDArray) -> NDArray[np.float64]:
+    """Fraction of the way from x[n, d] to x + e where a wall is met, by halving; infinite where it is not."""
+    low, high = np.zeros(len(x)), np.ones(len(x))
+    meets = distance(x + e) <= 0.0
+    for _ in range(_HALVINGS):
+        middle = 0.5 * (low + high)
+        inside = distance(x + middle[:, None] * e) <= 0.0
+        low, high = np.where(inside, low, middle), np.where(inside, middle, high)
+    return np.where(meets, high, np.inf)

@@ -1,0 +1,113 @@
+"""What is done with the populations of nodes that grains cover and uncover.
+
+The paper fills an uncovered node with the equilibrium of the mean density and of the velocity of the grain there
+("average"; the mean density is the reference one). Others take the density of the fluid neighbours ("local"), and their
+non-equilibrium too ("non-equilibrium"). "conserving" is "local" with closed balances: a grain gets the momentum of what
+it covers and gives that of what it uncovers, and the mass that links and nodes have gained or lost is put back evenly
+into all nodes at every step.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hpcpic.core.comm.halo import Fill
+from hpcpic.core.comm.tags import Channel
+from hpcpic.core.comm.world import World
+from hpcpic.core.space.domain import Domain
+from hpcpic.core.space.fields import Field
+from lbmdem.fluid import Fluid
+from lbmdem.kernels import refill as kernels
+from lbmdem.links import Directions
+from lbmdem.solid import Change, Solid, Window
+
+MODES = {
+    "average": kernels.AVERAGE,
+    "local": kernels.LOCAL,
+    "non-equilibrium": kernels.NON_EQUILIBRIUM,
+    "conserving": kernels.LOCAL,
+}
+
+
+class Table(NamedTuple):
+    """Grains in the order of ids: centres[n, 3], motion[n, 6] (velocity, angular velocity) in the axes of kernels."""
+
+    ids: NDArray[np.int64]
+    centres: NDArray[np.float64]
+    radii: NDArray[np.float64]
+    motion: NDArray[np.float64]
+
+
+class Refill:
+    """Fills uncovered nodes of a fluid. `exchange` is collective and comes before `change`."""
+
+    def __init__(self, window: Window, fluid: Fluid, world: World, mode: str) -> None:
+        self.conserving = mode == "conserving"
+        self._mode = MODES[mode]
+        self._window, self._fluid, self._world = window, fluid, world
+        self._directions = Directions(fluid.lattice)
+        layout = fluid.layout
+        self._sizes = np.array([layout.nx, layout.rows, layout.planes], np.int64)
+        self._edges = np.zeros((2, 0, 0, 0))
+        self._fill: Fill | None = None
+        if layout.stored != layout.planes and self._mode != kernels.AVERAGE:
+            self._share_edges()
+
+    def _share_edges(self) -> None:
+        """The first and the last plane of every slab, on a domain of their own, so that neighbours get them."""
+        fluid, layout, domain = self._fluid, self._fluid.layout, self._fluid.domain
+        held = [2 * (high > low) for low, high in zip(domain.cuts, domain.cuts[1:])]
+        cuts = tuple(int(cut) for cut in np.concatenate(([0], np.cumsum(held))))
+        shape = (cuts[-1], layout.rows, layout.nx)
+        planes = Domain(tuple(map(float, shape)), shape, (domain.periodic[0], False, False), cuts)
+        ghosts = ((1, 1), (0, 0), (0, 0))
+        self._planes = Field(planes, self._world.rank, leading=(fluid.lattice.q,), ghosts=ghosts)
+        self._fill = Fill(self._world, planes, self._planes, Channel.EDGES)
+
+    def _place(self, parity: int) -> tuple:
+        layout = self._fluid.layout
+        return (self._fluid.f, layout.strides, layout.slots, layout.shifts, parity)
+
+    def exchange(self) -> None:
+        """Get the planes of other ranks beside this slab. Collective."""
+        if self._fill is None:
+            return
+        values, planes = self._planes.values, self._fluid.layout.planes
+        if planes:
+            for at, plane in ((1, 0), (2, planes - 1)):
+                there = np.empty((values.shape[0], 1, *values.shape[2:]))
+                kernels.copy_plane(*self._place(self._fluid.parity), plane, there)
+                values[:, at : at + 1] = there
+        self._fill.start(self._fluid.iteration)
+        self._fill.finish()
+        self._edges = np.ascontiguousarray(np.stack([values[:, 0], values[:, -1]]))
+
+    def change(self, solid: Solid, change: Change, table: Table) -> tuple[NDArray, NDArray]:
+        """Fill the uncovered nodes. Populations [n, q] of the covered nodes before, and of the uncovered ones now."""
+        window, place = self._window, self._place(self._fluid.parity)
+        q = self._fluid.lattice.q
+        covered, filled = np.empty((len(change.covered), q)), np.empty((len(change.uncovered), q))
+        kernels.read(*place, window.shape, window.inner, change.covered, covered)
+        rows = np.searchsorted(table.ids, change.left_by)
+        arm = self.arms(change.uncovered, table.centres[rows])
+        speed = table.motion[rows, :3] + np.cross(table.motion[rows, 3:], arm)
+        nodes = (solid.nodes.reshape(-1), window.shape, window.inner, self._sizes, self._edges)
+        e = self._directions.e
+        kernels.refill(*place, *nodes, e, self._fluid.lattice.w, self._mode, change.uncovered, speed, filled)
+        kernels.write(*place, window.shape, window.inner, change.uncovered, filled)
+        return covered, filled
+
+    def arms(self, nodes: NDArray[np.int64], centres: NDArray[np.float64]) -> NDArray[np.float64]:
+        """From the centres [n, 3], nearest images, to the nodes."""
+        window = self._window
+        nx, rows, _ = window.shape
+        at = np.column_stack((nodes % nx, nodes // nx % rows, nodes // (nx * rows))) + window.origin
+        turns = np.where(window.periodic, np.rint((at - centres) / window.points), 0).astype(np.int64)
+        return (at - turns * window.points) - centres
+
+    def add_evenly(self, mass_per_node: float) -> None:
+        """Add mass to every fluid node, at rest."""
+        window, fluid = self._window, self._fluid
+        low, high = (int(end) for end in window.inner[2])
+        kernels.add_to_rest(fluid.f, fluid.layout.strides, fluid.ids, window.inner, low, high, mass_per_node)
