@@ -1,0 +1,114 @@
+"""What the six (four) faces of the box are: periodic, walls at rest or moving, given pressure or velocity."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hpcpic.core.tasks import Bound, bind
+from lbmdem.kernels.layout import WALL, storage_order
+from lbmdem.kernels.openings import push_walls, zou_he
+
+if TYPE_CHECKING:
+    from lbmdem.fluid import Fluid
+
+KINDS = ("periodic", "wall", "pressure", "velocity")
+
+
+@dataclass(frozen=True)
+class Face:
+    """One face, lattice units: density of a pressure face (p = density/3), velocity in physical order (x, y, z).
+
+    A wall is half-way between the last node and the first one outside; pressure and velocity hold at the last nodes.
+    A pressure face takes the velocity along the face from `velocity`, a wall the whole of it.
+    """
+
+    kind: str
+    density: Any = 1.0
+    velocity: Any = (0.0, 0.0, 0.0)
+
+
+def face_names(dimensions: int) -> list[str]:
+    return [axis + side for axis in "xyz"[:dimensions] for side in "-+"]
+
+
+def complete(faces: Mapping[str, Face], dimensions: int, periodic: tuple[bool, ...]) -> dict[str, Face]:
+    """All faces by name; an axis is periodic (storage order) if and only if both its faces are. ValueError else."""
+    names = face_names(dimensions)
+    if unknown := set(faces) - set(names):
+        raise ValueError(f"no such face: {', '.join(sorted(unknown))}")
+    whole: dict[str, Face] = {}
+    for name in names:
+        wraps = periodic[axis_of(name, dimensions)]
+        face = whole[name] = faces.get(name, Face("periodic" if wraps else "wall"))
+        if face.kind not in KINDS:
+            raise ValueError(f"face {name} is {face.kind}, not one of {', '.join(KINDS)}")
+        if (face.kind == "periodic") != wraps:
+            raise ValueError(f"face {name} is {face.kind}, but its axis is {'' if wraps else 'not '}periodic")
+    return whole
+
+
+def axis_of(name: str, dimensions: int) -> int:
+    """Storage axis of a face."""
+    return dimensions - 1 - "xyz".index(name[0])
+
+
+class Layer:
+    """The last nodes inside one face, on this rank, and the tasks that give them what arrives from outside.
+
+    values[plane, row, x, 4] = density - 1 and velocity in storage order, of the nodes; they may change between steps.
+    """
+
+    def __init__(self, fluid: "Fluid", name: str, face: Face) -> None:
+        layout, dimensions = fluid.layout, fluid.lattice.dimensions
+        self.face, self.name, self._dimensions = face, name, dimensions
+        self.axis = axis_of(name, dimensions) + (dimensions == 2 and name[0] == "x")  # of (plane, row, x)
+        self.side = 1 if name[1] == "+" else -1
+        extent = (layout.planes, layout.rows, layout.nx)
+        self.low, self.high = np.zeros(3, np.int64), np.array(extent, np.int64)
+        at = extent[self.axis] - 1 if self.side > 0 else 0
+        self.low[self.axis], self.high[self.axis] = at, at + 1
+        if self.axis == 0 and not fluid.touches(self.side):
+            self.high[0] = self.low[0] = 0
+        self.values = np.zeros((*np.maximum(self.high - self.low, 0), 4), fluid.layout_dtype)
+        self.set(face.density, face.velocity)
+        self.tasks: list[list[Bound]] = []
+        e = np.array([storage_order(fluid.lattice, i) for i in range(fluid.lattice.q)], np.int64)
+        shared = [layout.strides, layout.slots, layout.shifts, e, fluid.lattice.w]
+        for parity in range(2):
+            nodes = [fluid.f, fluid.ids, int(dimensions == 3), *shared]
+            common = [*nodes, parity, self.low, self.high, self.axis, self.side]
+            if face.kind == "wall":
+                ends = fluid.wall_ends()
+                bound = bind(push_walls, *common, ends, np.ascontiguousarray(self.values[..., 1:]))
+            else:
+                bound = bind(zou_he, *common, fluid.force_in_storage, int(face.kind == "velocity"), self.values)
+            self.tasks.append([bound] if self.values.size else [])
+
+    def set(self, density: Any = None, velocity: Any = None) -> None:
+        """Numbers, or arrays of the layer's own nodes [storage order without the face's axis] (velocity [..., d])."""
+        if density is not None:
+            self.values[..., 0] = self._spread(np.asarray(density, float)) - 1.0
+        if velocity is not None:
+            for k, component in enumerate(np.moveaxis(np.asarray(velocity, float), -1, 0)[: self._dimensions]):
+                self.values[..., 1 + (2, 1 if self._dimensions == 3 else 0, 0)[k]] = self._spread(component)
+
+    def _spread(self, numbers: NDArray) -> NDArray:
+        if numbers.ndim == 0:
+            return numbers
+        shape = [n for axis, n in enumerate(self.values.shape[:3]) if axis != self.axis]
+        flat = numbers.reshape(shape)
+        return np.expand_dims(flat, self.axis)
+
+
+def wall_ghosts(solid: NDArray[np.int32], faces: Mapping[str, Face], touches: tuple[bool, bool]) -> None:
+    """Ghost nodes beyond walls are WALL, beyond other faces of the box what Fill left there (fluid)."""
+    dimensions = solid.ndim
+    for name, face in faces.items():
+        axis, side = axis_of(name, dimensions), name[1] == "+"
+        if face.kind == "wall" and (axis or touches[side]):
+            layer = [slice(None)] * dimensions
+            layer[axis] = slice(-1, None) if side else slice(0, 1)
+            solid[tuple(layer)] = WALL

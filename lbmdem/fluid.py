@@ -1,0 +1,255 @@
+"""The lattice Boltzmann fluid of one rank's slab: its populations, solid nodes, faces and steps."""
+
+from collections.abc import Callable, Mapping, Sequence
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hpcpic.core.comm.halo import Fill
+from hpcpic.core.comm.tags import Channel
+from hpcpic.core.comm.world import World
+from hpcpic.core.space.domain import Domain, block_ranges
+from hpcpic.core.space.fields import Field, aligned_zeros
+from hpcpic.core.tasks import Bound, Graph, Pool, bind
+from lbmdem.exchange import Exchange
+from lbmdem.faces import Face, Layer, complete, wall_ghosts
+from lbmdem.kernels.collide import COLLISIONS, numbers
+from lbmdem.kernels.layout import FLUID, Layout
+from lbmdem.kernels.nodes import classify, mark
+from lbmdem.kernels.sweep import sweep_kernel
+from lbmdem.lattices import CS2, Lattice
+
+STORAGE = {"double": np.float64, "single": np.float32}
+BLOCKS = 4  # per thread, so that threads with little fluid help the others
+
+
+class Fluid:
+    """Zero-centred populations f - w of the slab at `iteration`, and `step` to the next one; lattice units.
+
+    f: flat array (kernels.layout says where what is); parity: iteration % 2; solid: Field int32 of node ids (FLUID,
+    WALL or a grain's number) with one ghost on every axis: after edits of solid.inner call `solid_changed`. hooks are
+    called as hook(fluid, parity of the next step) between streaming and the faces. All ranks make it together.
+    """
+
+    def __init__(
+        self,
+        world: World,
+        pool: Pool,
+        domain: Domain,
+        lattice: Lattice,
+        *,
+        tau: float,
+        collision: str = "TRT",
+        magic: float = 3 / 16,
+        force: Sequence[float] | None = None,
+        storage: str = "double",
+        blocks: int = 0,
+        faces: Mapping[str, Face] | None = None,
+    ) -> None:
+        if collision not in COLLISIONS:
+            raise ValueError(f"collision {collision} is none of {', '.join(COLLISIONS)}")
+        self.world, self.pool, self.domain, self.lattice = world, pool, domain, lattice
+        self.tau, self.collision, self.magic, self.storage = tau, collision, magic, storage
+        self.faces = complete(faces or {}, domain.ndim, domain.periodic)
+        self.iteration = 0
+        self.hooks: list[Callable[[Fluid, int], None]] = []
+        self._forced = force is not None
+        self._allocate()
+        self._numbers = np.zeros(len(numbers(lattice, collision, tau, magic, force)), self.layout_dtype)
+        self.set_force(force)
+        with world.first_on_node():
+            self._compile(blocks)
+        self.solid_changed()
+
+    def _allocate(self) -> None:
+        domain, rank = self.domain, self.world.rank
+        self.layout_dtype = STORAGE[self.storage]
+        alone = sum(b > a for a, b in zip(domain.cuts, domain.cuts[1:])) == 1
+        self.layout = layout = Layout.of(self.lattice, domain.shape(rank), alone, self.layout_dtype)
+        self.f = aligned_zeros((layout.size,), self.layout_dtype)
+        self.solid = Field(domain, rank, dtype=np.int32, ghosts=((1, 1),) * domain.ndim)
+        self.solid.values[...] = FLUID
+        shape = self.solid.values.shape
+        self.ids = self.solid.values.reshape(shape[0], shape[1] if domain.ndim == 3 else 1, shape[-1])
+        self._fill = Fill(self.world, domain, self.solid, Channel.SOLIDS)
+        self._wet = np.zeros((layout.planes + 2, layout.rows + 2, layout.vectors), np.int32)
+        self._kinds = np.zeros((layout.planes, layout.rows, layout.vectors), np.uint8)
+        columns = layout.nx - layout.lanes * np.arange(layout.vectors)
+        self._inside = ((1 << np.minimum(columns, layout.lanes)) - 1).astype(np.int32)
+        self.force_in_storage = np.zeros(3)
+
+    def touches(self, side: int) -> bool:
+        """Does this slab have the first (side -1) or last (+1) planes of the box?"""
+        low, high = self.domain.row_range(self.world.rank)
+        return high > low and (high == self.domain.points[0] if side > 0 else low == 0)
+
+    def wall_ends(self) -> NDArray[np.int64]:
+        """[first, last + 1) node of each of the axes (plane, row, x) of this rank that is not beyond a wall."""
+        far = 1 << 40
+        ends = np.array([[-far, far]] * 3, np.int64)
+        extent = (self.layout.planes, self.layout.rows, self.layout.nx)
+        for name, face in self.faces.items():
+            axis = {"x": 2, "y": 1 if self.domain.ndim == 3 else 0, "z": 0}[name[0]]
+            side = 1 if name[1] == "+" else -1
+            if face.kind == "wall" and (axis or self.touches(side)):
+                ends[axis, name[1] == "+"] = extent[axis] if side > 0 else 0
+        return ends
+
+    def _compile(self, blocks: int) -> None:
+        layout = self.layout
+        kernel = sweep_kernel(self.lattice, self.collision, self._forced, self.layout_dtype)
+        shared = [self.f, self._kinds, self._wet, self._inside, self._numbers, layout.strides, layout.nx]
+
+        def sweep(parity: int, low: int, high: int) -> Bound:
+            return bind(kernel, *shared, parity, low, high, 0, layout.rows)
+
+        self._exchange = Exchange(self.world, self.domain, layout, self.f, self._wet)
+        n_blocks = blocks or (BLOCKS * self.pool.threads if self.pool.threads > 1 else 1)
+        self._graphs = [self._graph(parity, sweep, n_blocks) for parity in range(2)]
+        self._marks = self._classification()
+        self.layers = {name: Layer(self, name, face) for name, face in self.faces.items() if _acts(face)}
+
+    def _graph(self, parity: int, sweep: Callable[[int, int, int], Bound], n_blocks: int) -> Graph:
+        """Edge planes, messages, inner planes while these are on their way, what arrived."""
+        graph, planes = Graph(), self.layout.planes
+        messages, unpacks = self._exchange.messages[parity], self._exchange.unpacks[parity]
+        inner = (0, planes)
+        if unpacks:
+            edges = {(low, low + 1) for low in (0, planes - 1)}
+            for low, high in sorted(edges):
+                graph.task(sweep(parity, low, high), outs=[("edge", low)], priority=1, name=f"plane {low}")
+            graph.message(messages.requests, ins=[("edge", low) for low, _ in edges], outs=["message"], name="planes")
+            for bound in unpacks:
+                graph.task(bound, ins=["message"], priority=1)
+            inner = (1, planes - 1)
+        for low, high in block_ranges(max(inner[1] - inner[0], 0), n_blocks):
+            if high > low:
+                graph.task(sweep(parity, inner[0] + low, inner[0] + high), name=f"planes {low}..{high}")
+        return graph.freeze()
+
+    def _classification(self) -> list[list[Bound]]:
+        layout, n = self.layout, self.layout.lanes
+        flat = self.domain.ndim == 2
+        shares = block_ranges(layout.planes + 2, self.pool.threads)
+        marks = [bind(mark, self.ids, int(not flat), self._wet, n, a, b) for a, b in shares if b > a]
+        shares = block_ranges(layout.planes, self.pool.threads)
+        kinds = [bind(classify, self._wet, self._inside, n, flat, self._kinds, a, b) for a, b in shares if b > a]
+        return [marks, kinds]
+
+    def solid_changed(self, fill: bool = True) -> None:
+        """Take notice of edits of `solid`. With fill (collective) ghosts of other ranks and periodic ones are fetched,
+        else the caller has set them; walls of the box are always set here."""
+        if fill:
+            self._fill.start(self.iteration)
+            self._fill.finish()
+        wall_ghosts(self.solid.values, self.faces, (self.touches(-1), self.touches(1)))
+        for tasks in self._marks:
+            if tasks:
+                self.pool.each(tasks)
+
+    def set_force(self, force: Sequence[float] | None) -> None:
+        """Force per volume for the steps to come; None if the fluid was made without."""
+        if (force is not None) != self._forced:
+            raise ValueError("a fluid made without a force takes none later")
+        self.force = None if force is None else np.array(force, float)
+        self._numbers[...] = numbers(self.lattice, self.collision, self.tau, self.magic, force)
+        if self.force is not None:
+            where = [2, 1, 0] if self.domain.ndim == 3 else [2, 0]
+            self.force_in_storage[where] = self.force
+
+    def set_face(self, name: str, density: Any = None, velocity: Any = None) -> None:
+        """Values of a wall, pressure or velocity face for the steps to come (faces.Layer.set)."""
+        self.layers[name].set(density, velocity)
+
+    @property
+    def parity(self) -> int:
+        return self.iteration % 2
+
+    def step(self) -> None:
+        """Collide, stream, hooks, faces."""
+        parity = self.parity
+        self.pool.run(self._graphs[parity])
+        for hook in self.hooks:
+            hook(self, 1 - parity)
+        for layer in self.layers.values():
+            if layer.tasks[1 - parity]:
+                self.pool.each(layer.tasks[1 - parity])
+        self.iteration += 1
+
+    def advance(self, n: int) -> None:
+        """n steps."""
+        for _ in range(n):
+            self.step()
+
+    def _index(self, i: int) -> NDArray[np.int64]:
+        """Elements of the slot of arrivals i, [planes, rows, nx]."""
+        layout = self.layout
+        plane, row, x = layout.shifts[i]
+        z = (np.arange(layout.planes) + plane) % max(layout.stored, 1)
+        y = (np.arange(layout.rows) + row) % layout.rows
+        columns = layout.lanes + x + np.arange(layout.nx)
+        return (z * layout.plane_stride)[:, None, None] + (y * layout.row_stride)[:, None] + columns
+
+    def populations(self) -> NDArray:
+        """h[q, rows, ...] = f - w of the slab's nodes at `iteration`, zero in solid nodes; whatever the storage."""
+        slots = self.f.reshape(self.lattice.q, -1)
+        result = np.stack([slots[self.layout.slots[self.parity, i]][self._index(i)] for i in range(self.lattice.q)])
+        result = result.reshape(self.lattice.q, *self.domain.shape(self.world.rank))
+        result[:, self.solid.inner != FLUID] = 0
+        return result
+
+    def set_populations(self, h: NDArray) -> None:
+        """The inverse of `populations`, for the parity of `iteration`."""
+        slots = self.f.reshape(self.lattice.q, -1)
+        for i in range(self.lattice.q):
+            index = self._index(i)
+            slots[self.layout.slots[self.parity, i]][index] = np.reshape(h[i], index.shape)
+
+    def set_equilibrium(self, rho: Any = 1.0, u: Any = None) -> None:
+        """Equilibrium of densities [rows, ...] and velocities [rows, ..., d] (or numbers)."""
+        shape = self.domain.shape(self.world.rank)
+        rho = np.broadcast_to(np.asarray(rho, float), shape)
+        d = self.lattice.dimensions
+        u = np.broadcast_to(np.zeros(d) if u is None else np.asarray(u, float), (*shape, d))
+        self.set_populations(equilibrium(self.lattice, rho, u))
+
+    def moments(self) -> tuple[NDArray, NDArray]:
+        """Density [rows, ...] and velocity [rows, ..., d] with half the force, float64; 1 and 0 in solid nodes."""
+        h = self.populations().astype(np.float64, copy=False)
+        fluid = self.solid.inner == FLUID
+        rho = 1.0 + h.sum(axis=0)
+        j = np.tensordot(h, self.lattice.e.astype(float), axes=(0, 0))
+        if self.force is not None:
+            j += 0.5 * self.force * fluid[..., None]
+        return rho, j / rho[..., None]
+
+    def stress(self) -> NDArray:
+        """Deviatoric stress sigma [rows, ..., d, d] in units of rho cs2: -(1 - 1/(2 tau)) sum h_neq e e."""
+        rho, u = self.moments()
+        neq = self.populations().astype(np.float64) - equilibrium(self.lattice, rho, u)
+        e = self.lattice.e.astype(float)
+        tensor = np.einsum("q...,qa,qb->...ab", neq, e, e)
+        if self.force is not None:
+            cross = u[..., :, None] * self.force
+            tensor += 0.5 * (cross + np.swapaxes(cross, -1, -2))
+        return -(1.0 - 0.5 / self.tau) * tensor
+
+    def free(self) -> None:
+        """Release what MPI holds (all ranks together)."""
+        self._exchange.free()
+        self._fill.free()
+
+
+def _acts(face: Face) -> bool:
+    """Does the face need a pass of its own? A wall that cannot move does not."""
+    return face.kind in ("pressure", "velocity") or (face.kind == "wall" and np.any(np.asarray(face.velocity)))
+
+
+def equilibrium(lattice: Lattice, rho: NDArray, u: NDArray) -> NDArray[np.float64]:
+    """Second-order equilibrium without the weights, h[q, ...], of rho[...] and u[..., d]."""
+    along = np.moveaxis(u @ lattice.e.T.astype(float), -1, 0)
+    square = (u * u).sum(axis=-1)
+    polynomial = along / CS2 + 0.5 * (along / CS2) ** 2 - 0.5 * square / CS2
+    w = lattice.w.reshape(-1, *[1] * rho.ndim)
+    return w * ((rho - 1.0) + rho * polynomial)

@@ -1,0 +1,148 @@
+"""One step of a range of planes and rows, written as text for a lattice, a collision and a storage type.
+
+Vectors of a row are of a kind: SKIP (no fluid), PLAIN (all nodes and all their neighbours are fluid), MIXED. All are
+computed by the same lines and only stored differently, so that a node's bits do not depend on its neighbours' kind.
+On links to solid nodes the population goes back to where its node reads in the next step (layout): half-way bounce
+back without another pass.
+"""
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import DTypeLike
+
+from hpcpic.core.simd.generate import module_from_source
+from lbmdem.kernels.collide import Collision, source
+from lbmdem.kernels.layout import storage_order
+from lbmdem.lattices import Lattice
+
+SKIP, PLAIN, MIXED = 0, 1, 2
+AHEAD = 4  # vectors by which populations are fetched before they are needed (2 to 8 do equally well)
+
+_HEAD = '''"""{title}; written by lbmdem.kernels.sweep."""
+import numpy as np
+from hpcpic.core.simd.jit import njit
+from hpcpic.core.simd.masks import mask_of_bits, store_where
+from hpcpic.core.simd.vector import Vec, address_of, fma, lanes, load_at, prefetch_to_write, store_at
+
+F = Vec(lanes(np.{dtype}), np.{dtype})
+S = Vec(1, np.{dtype})
+N = lanes(np.{dtype})
+SIZE = np.dtype(np.{dtype}).itemsize
+BYTES = N * SIZE
+FULL = (1 << N) - 1
+
+
+@njit
+def {name}(f, kinds, wet, inside, numbers, strides, nx, parity, z_low, z_high, y_low, y_high):
+    """Collide and stream the nodes of planes z_low.. and rows y_low.. of f in place; parity of the steps done.
+
+    kinds[plane, row, vector]; wet[plane + 2, row + 2, vector]: bit b of a vector is set when its node b - 1 is fluid;
+    inside[vector]: bits of the nodes that belong to the row.
+    """
+    start = address_of(f, 0)
+    slot, plane, row = SIZE * strides[0], SIZE * strides[1], SIZE * strides[2]
+    first, stored, rows = SIZE * strides[3], strides[4], strides[5]
+    vectors = kinds.shape[2]
+    end = SIZE * (nx - 1)
+    swap = slot * (2 * parity - 1)
+'''
+
+
+def sweep_kernel(lattice: Lattice, collision: str, forced: bool, dtype: DTypeLike, fetch: bool = True) -> Any:
+    """The compiled kernel `sweep` (see the text above)."""
+    text = sweep_source(lattice, source(lattice, collision, forced), dtype, fetch)
+    return module_from_source(text, f"lbm_{lattice.name.lower()}").sweep
+
+
+def sweep_source(lattice: Lattice, collision: Collision, dtype: DTypeLike, fetch: bool) -> str:
+    name = np.dtype(dtype).name
+    text = _HEAD.format(title=f"{lattice.name}, {name}", dtype=name, name="sweep")
+    lines = [f"{word} = numbers[{k}]" for k, word in enumerate(collision.names)]
+    lines += ["for z in range(z_low, z_high):", "    up = z + 1 if z + 1 < stored else 0"]
+    lines += ["    for y in range(y_low, y_high):"]
+    inner = ["above = y + 1 if y + 1 < rows else 0", "below = y - 1 if y > 0 else rows - 1"]
+    inner += _addresses(lattice)
+    inner += ["for v in range(vectors):"]
+    inner += ["    " + line for line in _vector(lattice, collision, fetch)]
+    inner += _seam(lattice)
+    lines += ["        " + line for line in inner]
+    return text + "".join(f"    {line}\n" for line in lines) + "    return 0\n"
+
+
+def _place(e: tuple[int, int, int]) -> str:
+    """Address of x = 0 of the row of slot 0 that e points to."""
+    plane = "up" if e[0] else "z"
+    row = {0: "y", 1: "above", -1: "below"}[e[1]]
+    return f"start + {plane}*plane + {row}*row + first"
+
+
+def _addresses(lattice: Lattice) -> list[str]:
+    """lo: where arrivals of the first of a pair are, hi: those of the second, for x = 0."""
+    lines = [f"here = {_place((0, 0, 0))}"]
+    for i, j in lattice.pairs:
+        e = storage_order(lattice, i)
+        step = {0: "", 1: " + SIZE", -1: " - SIZE"}[e[2]]
+        lines.append(f"lo{i} = here + slot*({i} + parity)")
+        lines.append(f"hi{i} = {_place(e)} + slot*({j} - parity){step}")
+    return lines
+
+
+def _vector(lattice: Lattice, collision: Collision, fetch: bool) -> list[str]:
+    lines = ["kind = kinds[z, y, v]", f"if kind == {SKIP}:", "    continue", "x = v * BYTES"]
+    loads = ["f0 = load_at(F, here + x, BYTES)"]
+    for i, j in lattice.pairs:
+        loads += [f"f{i} = load_at(F, lo{i} + x, BYTES)", f"f{j} = load_at(F, hi{i} + x, SIZE)"]
+    if fetch:
+        ahead = [f"here + x + {AHEAD} * BYTES"]
+        for i, _ in lattice.pairs:
+            ahead += [f"lo{i} + x + {AHEAD} * BYTES", f"hi{i} + x + {AHEAD} * BYTES"]
+        loads += [f"prefetch_to_write({address})" for address in ahead]
+    lines += loads + list(collision.lines)
+    lines += [f"if kind == {PLAIN}:", "    store_at(here + x, g0, BYTES)"]
+    for i, j in lattice.pairs:
+        lines += [f"    store_at(hi{i} + x, g{i}, SIZE)", f"    store_at(lo{i} + x, g{j}, BYTES)"]
+    return [*lines, "else:", *("    " + line for line in _mixed(lattice))]
+
+
+def _wet(e: tuple[int, int, int], v: str) -> str:
+    """The bits of the row that e points to."""
+    shift = [f"{c:+d}" if c else "" for c in e]
+    return f"wet[z + {1 + e[0]}, y + {1 + e[1]}, {v}]" if any(shift) else f"wet[z + 1, y + 1, {v}]"
+
+
+def _mixed(lattice: Lattice) -> list[str]:
+    """Stores of the fluid lanes, to the neighbour or back."""
+    lines = [f"own = ({_wet((0, 0, 0), 'v')} >> 1) & inside[v]"]
+    lines.append("store_where(here + x, g0, mask_of_bits(F, own), BYTES)")
+    for i, j in lattice.pairs:
+        e = storage_order(lattice, i)
+        for target, g, sign, align in (("hi", i, 1, "SIZE"), ("lo", j, -1, "BYTES")):
+            to = (sign * e[0], sign * e[1], sign * e[2])
+            back = f"{target}{i} + x {'+' if sign > 0 else '-'} swap"
+            lines.append(f"open = {_wet(to, 'v')} >> {1 + to[2]}")
+            lines.append(f"store_where({target}{i} + x, g{g}, mask_of_bits(F, own & open), {align})")
+            lines.append(f"store_where({back}, g{g}, mask_of_bits(F, own & ~open), {align})")
+    return lines
+
+
+def _seam(lattice: Lattice) -> list[str]:
+    """Copies of what crossed an end of the row to the other end, where it is read if the row is periodic."""
+    copies: list[tuple[int, tuple[int, int, int], str, str]] = []
+    for i, _ in lattice.pairs:
+        plane, row, x = storage_order(lattice, i)
+        if x == 1:  # the last node's to x = 0; and of x = 0, where the last node looks for it
+            copies.append((1, (plane, row, 1), f"hi{i} - SIZE", f"hi{i} + end"))
+            copies.append((0, (-plane, -row, -1), f"lo{i} + end + SIZE", f"lo{i}"))
+        elif x == -1:
+            copies.append((0, (plane, row, -1), f"hi{i} + end + SIZE", f"hi{i}"))
+            copies.append((1, (-plane, -row, 1), f"lo{i} - SIZE", f"lo{i} + end"))
+    plain = [f"store_at({to}, load_at(S, {source}, SIZE), SIZE)" for _, _, to, source in copies]
+    lines = [f"if kinds[z, y, 0] == {PLAIN} and kinds[z, y, vectors - 1] == {PLAIN}:"]
+    lines += ["    " + line for line in plain]
+    lines += ["else:", "    last = (nx - 1) - (vectors - 1) * N"]
+    for (at_end, e, _, _), line in zip(copies, plain):
+        v, own, to = ("vectors - 1", "last + 1", "last + 2") if at_end else ("0", "1", "0")
+        lines.append(f"    if ({_wet((0, 0, 0), v)} >> ({own})) & ({_wet(e, v)} >> ({to})) & 1:")
+        lines.append("        " + line)
+    return lines
