@@ -83,7 +83,8 @@ def measure(n: int, threads: int, kind: str, settle: int) -> None:
     contacts = 2 * contact_count(dem) / dem.grains.number
     if world.rank == 0:
         print(
-            f"{n**3:7d} spheres, {kind:11s} ranks {world.size} threads {threads}: {found / 1e6:6.2f} M/s, "
+            f"{n**3} spheres, {kind:11s} ranks {world.size} threads {threads}: "
+            f"{found / 1e6:.2f} M/s, "
             f"{1e9 / found:6.1f} ns per particle-step, {contacts:.2f} contacts per sphere, skin {dem.skin:.3f} d, {lists} lists",
             flush=True,
         )

@@ -3,24 +3,35 @@
 import inspect
 import math
 from collections.abc import Mapping, Sequence
+from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
 from hpcpic.core.comm.world import World
 from hpcpic.core.errors import ConfigError, Diverged
+from hpcpic.core.files.arrays import Shard
 from hpcpic.core.space import exact
 from hpcpic.core.space.domain import Domain, block_ranges
 from hpcpic.core.space.fields import aligned_zeros
 from hpcpic.core.tasks import Bound, Pool, bind
+from lbmdem import network
 from lbmdem.contacts import Law, Wall, wall_rows
-from lbmdem.grains import Grains
+from lbmdem.grains import STATE, Grains
 from lbmdem.kernels import contacts as kernels
 from lbmdem.kernels import contacts_motion as motion
 from lbmdem.pairs import ContactList, Springs
 
 LEAST_SKIN, MOST_SKIN = 0.02, 0.5  # of the smallest radius
 SELDOM, OFTEN = 250, 60  # substeps between two lists: beyond them the skin changes; results do not depend on it
+
+
+class Reader(Protocol):
+    """A checkpoint, as core.files.sealed.Reader."""
+
+    time: float
+
+    def read(self, name: str, lo: int, hi: int) -> NDArray: ...
 
 
 class Dem:
@@ -212,18 +223,6 @@ class Dem:
         self.pool.each(self._touch)
         self.pool.each(self._finish)
 
-    # ---- what users ask for
-
-    @property
-    def version(self) -> int:
-        """Changes when own grains change their order or their rank."""
-        return self.grains.version
-
-    def total(self, values: NDArray) -> float:
-        """Collective: the sum over all grains of a column of own grains, the same bits on any ranks."""
-        scale = exact.power_of_two_above(self.world.max(float(np.abs(values).max(initial=0.0))))
-        return exact.value(self.world.sum_int(exact.exact_limbs(values, scale)), scale)
-
     def set_added(self, mass: NDArray, inertia: NDArray) -> None:
         """Added mass and inertia [n] of own grains: they divide all forces, and make no weight."""
         c = self.grains.columns
@@ -235,32 +234,58 @@ class Dem:
 
     # ---- checkpoints
 
-    def state(self) -> dict[str, NDArray]:
-        """Collective: the state in id order, of the ids of `grains.part` on each rank: columns of Grains without
-        "given", and with history partner[m, k] (ids, -1 for none; number + w for wall w) and spring[m, k, 3] (m) of
-        contacts at their smaller id. Same bits for any ranks and threads.
+    def state(self) -> dict[str, Shard]:
+        """Collective: the state in id order: columns of Grains without "given", and with history partner[number, k]
+        (ids, -1 for none; number + w for wall w) and spring[number, k, 3] (m) of contacts at their smaller id. Same
+        bits for any ranks and threads.
         """
-        more = {}
+        grains, more = self.grains, {}
         if self.list.history:
-            partner, spring = self.list.by_grain(self.grains.ids[: self.grains.n], self.world)
+            partner, spring = self.list.by_grain(grains.ids[: grains.n], self.world)
             more = {"partner": partner, "spring": spring}
-        return self.grains.state(more)
+        low, _ = grains.part()
+        return {f"grains/{name}": Shard(part, low, grains.number) for name, part in grains.state(more).items()}
 
-    def restore(self, arrays: Mapping[str, NDArray], time: float) -> None:
-        """Collective: go on from what `state` gave on any number of ranks; arrays of the ids of `grains.part`."""
+    def restore(self, reader: Reader) -> None:
+        """Collective: go on from a checkpoint of any number of ranks."""
         grains = self.grains
         low, high = grains.part()
         ids = np.arange(low, high)
-        grains.take(ids, arrays)
+        grains.take(ids, {name: reader.read(f"grains/{name}", low, high) for name in STATE})
         springs = np.zeros((0, 2), np.int64), np.zeros((0, 3))
         if self.list.history:
-            some = arrays["partner"] >= 0
+            partner, spring = (reader.read(f"grains/{name}", low, high) for name in ("partner", "spring"))
+            some = partner >= 0
             first = np.broadcast_to(ids[:, None], some.shape)
-            springs = np.stack([first[some], arrays["partner"][some]], 1), np.ascontiguousarray(arrays["spring"][some])
-        self.time, self._fresh = time, False
-        self._set_walls(time, always=True)
+            springs = np.stack([first[some], partner[some]], 1), np.ascontiguousarray(spring[some])
+        self.time, self._fresh = reader.time, False
+        self._set_walls(self.time, always=True)
         self._list(springs)
         kept = self.list.springs.copy()
         self._set_dt(0.0)
         self.pool.each(self._touch)  # lines of forces for what is asked before the next step; no force changes
         self.list.springs[:] = kept
+
+    # ---- what users ask for
+
+    @property
+    def version(self) -> int:
+        """Changes when own grains change their order or their rank."""
+        return self.grains.version
+
+    def scalars(self) -> dict[str, float]:
+        """Collective: contacts, kinetic energy (J, of translation and rotation), largest overlap / diameter."""
+        return {
+            "contact_count": float(network.contact_count(self)),
+            "energy_kinetic_grains": network.energies(self)["kinetic"],
+            "overlap": network.greatest_overlap(self),
+        }
+
+    def stress(self, slices: int, low: float, high: float, area: float) -> NDArray[np.float64]:
+        """Collective: normal contact stress along the last axis (Pa, compression positive) in equal slices."""
+        return network.stress(self, np.linspace(low, high, slices + 1), area)[:, -1, -1]
+
+    def total(self, values: NDArray) -> float:
+        """Collective: the sum over all grains of a column of own grains, the same bits on any ranks."""
+        scale = exact.power_of_two_above(self.world.max(float(np.abs(values).max(initial=0.0))))
+        return exact.value(self.world.sum_int(exact.exact_limbs(values, scale)), scale)

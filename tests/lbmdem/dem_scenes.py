@@ -1,5 +1,7 @@
 """Small scenes of grains for the tests."""
 
+import hashlib
+
 import numpy as np
 
 from hpcpic.core.simd.jit import njit  # noqa: F401  (the folder of compiled code, before numba is imported)
@@ -65,3 +67,24 @@ def cloud(n, d, lengths, *, seed=3, speed=0.5, spread=0.3):
 LAW = Law(STIFFNESS, damping=0.2, friction=0.4, viscosity=10.0)
 HISTORY = Law(STIFFNESS, damping=0.2, friction=0.4, viscosity=2.0, shear=0.8 * STIFFNESS)
 FLOOR = Wall((0.0, 0.0, 0.0), (0.0, 0.0, 1.0))
+
+
+class Saved:
+    """A state in memory, read back by rows as a checkpoint is. Collective."""
+
+    def __init__(self, scene):
+        self.time, self._arrays = scene.time, {}
+        for name, shard in scene.state().items():
+            whole = scene.world.gather_rows(shard.local)
+            content = scene.world.bcast(None if whole is None else whole.tobytes())
+            self._arrays[name] = np.frombuffer(content, shard.local.dtype).reshape(shard.total, *shard.local.shape[1:])
+
+    def read(self, name, lo, hi):
+        return self._arrays[name][lo:hi]
+
+    def __getitem__(self, name):
+        return self._arrays[f"grains/{name}"]
+
+    @property
+    def digest(self):
+        return hashlib.sha256(b"".join(name.encode() + a.tobytes() for name, a in self._arrays.items())).hexdigest()
