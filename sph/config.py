@@ -196,6 +196,7 @@ class Output(Section):
     path: str | None = setting(None, "run folder, when the command line names none")
     period: Period = Period()
     walls: bool = setting(True, "snapshots hold the particles of walls too")
+    pictures: Vector = setting((), "times of the pictures of `plot sequence`; by default six, evenly", "s")
 
 
 class SphConfig(Section):

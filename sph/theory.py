@@ -1,0 +1,103 @@
+"""What theory says of the shipped cases, and how measured series are reduced."""
+
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+
+def poiseuille(z: NDArray, t: float, force: float, nu: float, width: float, terms: int = 60) -> NDArray[np.float64]:
+    """v(z, t) of (MP 24), with the signs that make the flow follow the force; z from one plane, F in m/s2."""
+    steady = force / (2 * nu) * z * (width - z)
+    n = 2 * np.arange(terms) + 1.0
+    decay = np.exp(-((n * math.pi / width) ** 2) * nu * t)
+    waves = 4 * force * width**2 / (nu * math.pi**3 * n**3) * decay
+    return steady - np.sin(np.outer(z, n) * math.pi / width) @ waves
+
+
+def poiseuille_stress(
+    z: NDArray, t: float, force: float, nu: float, width: float, density: float, terms: int = 60
+) -> NDArray[np.float64]:
+    """rho nu dv/dz of `poiseuille`, Pa."""
+    n = 2 * np.arange(terms) + 1.0
+    decay = np.exp(-((n * math.pi / width) ** 2) * nu * t)
+    waves = 4 * force * width / (nu * math.pi**2 * n**2) * decay
+    slope = force / (2 * nu) * (width - 2 * z) - np.cos(np.outer(z, n) * math.pi / width) @ waves
+    return density * nu * slope
+
+
+def drop_axes(t: NDArray, rate: float, radius: float) -> tuple[NDArray, NDArray]:
+    """Semi-axes a (shrinking), b of the drop of Monaghan 1994: v = (-A x, A y) with A' = A^2 (a^2 - b^2)/(a^2 + b^2),
+    integrated by RK4.
+    """
+
+    def rates(y: NDArray) -> NDArray:
+        a, b, shear = y
+        return np.array([-shear * a, shear * b, shear**2 * (a * a - b * b) / (a * a + b * b)])
+
+    end, steps = float(np.max(t, initial=0.0)), 2000
+    dt = end / steps
+    y = np.array([radius, radius, rate])
+    found = [y]
+    for _ in range(steps):
+        k1 = rates(y)
+        k2 = rates(y + dt / 2 * k1)
+        k3 = rates(y + dt / 2 * k2)
+        y = y + dt / 6 * (k1 + 2 * k2 + 2 * k3 + rates(y + dt * k3))
+        found.append(y)
+    times, path = np.linspace(0.0, end, steps + 1), np.array(found)
+    return np.interp(t, times, path[:, 0]), np.interp(t, times, path[:, 1])
+
+
+def wave_frequency(k: float, depth: float, g: float) -> float:
+    """omega of a linear gravity wave, rad/s."""
+    return math.sqrt(g * k * math.tanh(k * depth))
+
+
+def wave_number(omega: float, depth: float, g: float) -> float:
+    """k of a linear gravity wave of frequency omega, rad/m, by Newton's method."""
+    k = omega**2 / g / math.sqrt(math.tanh(omega**2 * depth / g))
+    for _ in range(30):
+        t = math.tanh(k * depth)
+        k -= (g * k * t - omega**2) / (g * t + g * k * depth * (1 - t * t))
+    return k
+
+
+def wavemaker_height(stroke: float, k: float, depth: float) -> float:
+    """Height of the waves of a piston of this stroke (linear theory)."""
+    x = 2 * k * depth
+    return stroke * 2 * (math.cosh(x) - 1) / (math.sinh(x) + x)
+
+
+def hydrostatic_pressure(depth: NDArray, g: float, density: float, c0: float, gamma: float) -> NDArray[np.float64]:
+    """p below the surface of a fluid of (MP 14) at rest, Pa: (rho/rho0)^(gamma-1) = 1 + (gamma-1) g d / c0^2."""
+    head = np.log1p((gamma - 1) * g * np.maximum(depth, 0.0) / c0**2) / (gamma - 1)
+    return density * c0**2 / gamma * np.expm1(gamma * head)
+
+
+def triangular(t: NDArray, values: NDArray, width: float = 0.013) -> NDArray[np.float64]:
+    """Two-sided moving average with triangular weights over `width` s (SC: 13 ms), for any sample times.
+
+    Weights are those of the time between samples, so an uneven step does not tilt the average.
+    """
+    share = np.gradient(t) if len(t) > 1 else np.ones_like(t)
+    first = np.searchsorted(t, t - width / 2)
+    last = np.searchsorted(t, t + width / 2, side="right")
+    found = np.empty_like(values, dtype=float)
+    for k, (a, b) in enumerate(zip(first, last)):
+        weight = (1 - np.abs(t[a:b] - t[k]) / (width / 2)).clip(0.0) * share[a:b]
+        found[k] = weight @ values[a:b] / weight.sum() if weight.sum() > 0 else values[k]
+    return found
+
+
+def cumulative(t: NDArray, values: NDArray) -> NDArray[np.float64]:
+    """Integral from the first sample by the trapezoidal rule."""
+    return np.concatenate([[0.0], np.cumsum(np.diff(t) * (values[1:] + values[:-1]) / 2)])
+
+
+def period_of(t: NDArray, values: NDArray) -> float:
+    """Mean time between upward crossings of the mean, linear between samples; NaN with fewer than two."""
+    y = values - values.mean()
+    up = np.flatnonzero((y[:-1] < 0) & (y[1:] >= 0))
+    times = t[up] - y[up] * (t[up + 1] - t[up]) / (y[up + 1] - y[up])
+    return float(np.diff(times).mean()) if len(times) > 1 else math.nan
