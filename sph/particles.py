@@ -5,7 +5,7 @@ periodic sides, reflections for walls that mirror. The owner of a particle knows
 """
 
 import inspect
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Container, Mapping
 from typing import Any
 
 import numpy as np
@@ -18,7 +18,7 @@ from hpcpic.core.comm.world import World
 from hpcpic.core.errors import ConfigError
 from hpcpic.core.tasks import Bound, Pool, bind
 
-FLUID, REAL, MIRRORED = 1, 2, 4  # flags
+FLUID, REAL, MIRRORED, REPULSIVE = 1, 2, 4, 8  # flags
 CODES = 64  # maps; a ghost is told from its owner by key = id CODES + map
 
 
@@ -90,6 +90,10 @@ class Maps:
                 planes = [*self.planes[j], *other.planes[k]]
                 self.add(turn, shift, spin, push, planes, self.mirrored[j] or other.mirrored[k])
 
+    def shifts(self, k: int, x: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Shift[n, d] of image k of bodies at x[d, n]."""
+        return np.broadcast_to(self.shift[k], x.T.shape)
+
     def chosen(self, k: int, x: NDArray[np.float64]) -> NDArray[np.int64]:
         """Bodies x[d, n] that have image k."""
         inside = np.ones(x.shape[1], bool)
@@ -115,24 +119,26 @@ def periodic_maps(lengths: NDArray, periodic: NDArray, reach: float) -> Maps:
 class Bodies:
     """Columns of n own particles and g ghosts behind them.
 
-    x, v, a, gradient [d, capacity], drho, m, rate [capacity]; id, key int64, flags, wall int32 [capacity].
-    wall: number of the wall + 1, 0 for fluid.
+    x, v, a, gradient, normal [d, capacity], shear [d d, capacity], drho, m, rate [capacity]; id, key int64, flags,
+    wall int32 [capacity]. wall: number of the wall + 1, 0 for fluid. Columns in `without` are empty.
     """
 
-    LINES = ("x", "v", "a", "gradient", "x_old", "v_old")
+    LINES = ("x", "v", "a", "gradient", "x_old", "v_old", "normal")
     COLUMNS = ("drho", "m", "rate", "drho_old")
     WHOLE = {"id": np.int64, "key": np.int64, "flags": np.int32, "wall": np.int32}
 
-    def __init__(self, world: World, tasks: Tasks, motion: Any, d: int, maps: Maps, old: bool) -> None:
+    def __init__(self, world: World, tasks: Tasks, motion: Any, d: int, maps: Maps, without: Container[str]) -> None:
         self.world, self.tasks, self.motion, self.d, self.maps = world, tasks, motion, d, maps
-        self.keeps_old = old
+        self.without = without  # columns that nobody needs
         self.n = self.ghosts = self.capacity = 0
         self.columns: dict[str, NDArray] = {}
         self.reserve(1024)
         self._refresh = Refresh(world, Channel.GHOSTS_VALUES)
-        self._record = np.dtype([("numbers", np.float64, 2 * d + 2), ("id", np.int64), ("flags", np.int32, 2)])
+        self._kept = [name for name in ("x", "v", "drho", "m", "id", "key", "flags", "wall", "normal") if name not in without]
+        self._record = np.dtype([("numbers", np.float64, 3 * d + 2), ("id", np.int64), ("flags", np.int32, 2)])
         self._migrate = Migrate(world, self._record.itemsize, Channel.PARTICLES)
         self._rows = self._codes = np.zeros(0, np.int64)
+        self._shift = np.zeros((0, d))
         self.moved = 0
 
     def __getattr__(self, name: str) -> NDArray:
@@ -152,10 +158,11 @@ class Bodies:
         capacity += capacity // 8
         shapes = {name: ((self.d, capacity), np.dtype(float)) for name in self.LINES}
         shapes |= {name: ((capacity,), np.dtype(float)) for name in self.COLUMNS}
+        shapes["shear"] = (self.d**2, capacity), np.dtype(float)
         shapes |= {name: ((capacity,), np.dtype(kind)) for name, kind in self.WHOLE.items()}
         for name, (shape, kind) in shapes.items():
-            if name.endswith("_old") and not self.keeps_old:
-                shape = (self.d, 0) if name in self.LINES else (0,)
+            if name in self.without:
+                shape = (*shape[:-1], 0)
             fresh = np.zeros(shape, kind)
             if name in self.columns and fresh.size:
                 fresh[..., : self.n + self.ghosts] = self.columns[name][..., : self.n + self.ghosts]
@@ -163,23 +170,32 @@ class Bodies:
         self.capacity = capacity
         self.tasks.set(**self.columns)
 
-    def append(self, x: NDArray, v: NDArray, drho: NDArray, m: NDArray, ids: NDArray, flags: NDArray, wall: NDArray):
-        """Add own particles, x and v [d, k]; forgets the ghosts."""
+    def clear(self) -> None:
+        """No bodies."""
+        self.n = self.ghosts = 0
+
+    def append(
+        self, x: NDArray, v: NDArray, drho: NDArray, m: NDArray, ids: NDArray, flags: NDArray | int,
+        wall: NDArray | int, normal: NDArray | None = None,
+    ) -> None:  # fmt: skip
+        """Add own particles, x, v and normal [d, k]; forgets the ghosts."""
         self.ghosts = 0
         k = len(ids)
         self.reserve(self.n + k)
         rows = slice(self.n, self.n + k)
         for name, values in (("x", x), ("v", v), ("drho", drho), ("m", m), ("flags", flags), ("wall", wall)):
             self.columns[name][..., rows] = values
+        if normal is not None:
+            self.columns["normal"][:, rows] = normal
         self.columns["id"][rows] = ids
         self.columns["key"][rows] = np.asarray(ids, np.int64) * CODES
-        for name in ("a", "rate", "gradient"):
+        for name in {"a", "rate", "gradient"} - set(self.without):
             self.columns[name][..., rows] = 0.0
         self.n += k
 
     def sort(self, order: NDArray) -> None:
         """Own particles in another order, for locality alone."""
-        for name in ("x", "v", "drho", "m", "id", "key", "flags", "wall", "a", "rate"):
+        for name in (*self._kept, "a", "rate"):
             column = self.columns[name]
             if column.ndim == 2:
                 for line in column:
@@ -204,7 +220,7 @@ class Bodies:
             numbers, d = rows["numbers"].T, self.d
             self.append(
                 numbers[:d], numbers[d : 2 * d], numbers[2 * d], numbers[2 * d + 1], rows["id"],
-                rows["flags"][:, 0], rows["flags"][:, 1],
+                rows["flags"][:, 0], rows["flags"][:, 1], None if "normal" in self.without else numbers[2 * d + 2 :],
             )  # fmt: skip
         self.moved += len(leaving)
 
@@ -213,6 +229,8 @@ class Bodies:
         records["numbers"][:, :d] = self.x[:, index].T
         records["numbers"][:, d : 2 * d] = self.v[:, index].T
         records["numbers"][:, 2 * d], records["numbers"][:, 2 * d + 1] = self.drho[index], self.m[index]
+        if "normal" not in self.without:
+            records["numbers"][:, 2 * d + 2 :] = self.normal[:, index].T
         records["id"] = self.id[index]
         records["flags"][:, 0], records["flags"][:, 1] = self.flags[index], self.wall[index]
         return records.view(np.uint8).reshape(len(index), -1)
@@ -222,21 +240,22 @@ class Bodies:
         left = self.n - len(gone)
         holes = gone[gone < left]
         movers = np.setdiff1d(np.arange(left, self.n), gone)
-        for name in ("x", "v", "drho", "m", "id", "key", "flags", "wall"):
+        for name in self._kept:
             self.columns[name][..., holes] = self.columns[name][..., movers]
         self.n = left
 
     def choose_ghosts(self, layer: NDArray[np.int64], layer_of: Callable, owner: NDArray[np.int64]) -> None:
         """Who is seen where from now on: layer[n] of the own particles, owner[layer]. Collective."""
         self.ghosts = 0
-        rows, codes, peers = [], [], []
+        rows, codes, peers, shifts = [], [], [], []
         for k in range(len(self.maps.planes)):
             index = np.arange(0) if k else np.flatnonzero(self._beside(layer, owner))
             if k:
                 index = self.maps.chosen(k, self.own("x"))
             if not len(index):
                 continue
-            at = layer[index] if k == 0 else layer_of(self.maps.turn[k, 0] @ self.x[:, index] + self.maps.shift[k, 0])
+            shift = self.maps.shifts(k, self.x[:, index])
+            at = layer[index] if k == 0 else layer_of(self.maps.turn[k, 0] @ self.x[:, index] + shift[:, 0])
             for peer in range(self.world.size) if self.world.size > 1 else [0]:
                 if k == 0 and peer == self.world.rank:
                     continue
@@ -248,14 +267,17 @@ class Bodies:
                 rows.append(chosen)
                 codes.append(np.full(len(chosen), k))
                 peers.append(np.full(len(chosen), peer))
+                shifts.append(shift[seen])
         self._rows, self._codes, peer = (np.concatenate([*part, np.zeros(0, np.int64)]) for part in (rows, codes, peers))
         if self.world.size == 1 and not len(self._rows):
             return
         order = np.argsort(peer, kind="stable")
+        self._shift = np.concatenate([*shifts, np.zeros((0, self.d))])[order]
         self._rows, self._codes, peer = self._rows[order], self._codes[order], peer[order]
         members = {int(p): np.flatnonzero(peer == p) for p in np.unique(peer)}
-        self.ghosts = self._refresh.choose(members)
-        self.reserve(self.n + self.ghosts)
+        ghosts = self._refresh.choose(members)
+        self.reserve(self.n + ghosts)
+        self.ghosts = ghosts
         self._identify()
 
     def _beside(self, layer: NDArray, owner: NDArray) -> NDArray[np.bool_]:
@@ -270,7 +292,9 @@ class Bodies:
         mirrored = np.array(self.maps.mirrored)[self._codes]
         flags = self.flags[self._rows]
         flags = np.where(self._codes > 0, flags & ~REAL, flags) | np.where(mirrored, MIRRORED, 0)
-        sent = np.empty((len(self._rows), 3), np.int64)
+        sent = np.zeros((len(self._rows), 3 + self.d), np.int64)
+        if "normal" not in self.without:
+            sent[:, 3:] = self.normal[:, self._rows].T.copy().view(np.int64)
         sent[:, 0] = self.key[self._rows] + self._codes
         sent[:, 1], sent[:, 2] = flags, self.m[self._rows].view(np.int64)
         self._refresh.start(0, sent)
@@ -279,15 +303,19 @@ class Bodies:
         self.key[ghosts], self.flags[ghosts] = got[:, 0], got[:, 1]
         self.m[ghosts] = np.ascontiguousarray(got[:, 2]).view(np.float64)
         self.wall[ghosts] = 0
+        if "normal" not in self.without:
+            self.normal[:, ghosts] = np.ascontiguousarray(got[:, 3:]).view(np.float64).T
 
     def refresh(self, iteration: int) -> None:
         """Ghosts' x, v, drho and gradient as they are now. Collective."""
         if self.world.size == 1 and not self.ghosts:
             return
-        values, maps = np.empty((len(self._rows), 3 * self.d + 1)), self.maps
+        extra = (0 if "gradient" in self.without else self.d) + (0 if "shear" in self.without else self.d**2)
+        values, maps = np.empty((len(self._rows), 2 * self.d + 1 + extra)), self.maps
         self.motion.ghost_values(
-            self._rows, self._codes, maps.turn, maps.shift, maps.spin, maps.push, self.x, self.v, self.drho, self.gradient,
-            values,
+            self._rows, self._codes, maps.turn, self._shift, maps.spin, maps.push, self.x, self.v, self.drho,
+            self.gradient, self.shear, values,
         )  # fmt: skip
         self._refresh.start(iteration, values)
-        self.motion.take_ghosts(self._refresh.finish(), self.n, self.x, self.v, self.drho, self.gradient)
+        ghosts = self._refresh.finish()
+        self.motion.take_ghosts(ghosts, self.n, self.x, self.v, self.drho, self.gradient, self.shear)

@@ -11,7 +11,7 @@ from hpcpic.core.errors import Diverged
 from hpcpic.core.space.domain import Domain, balanced_cuts, block_ranges
 from hpcpic.core.tasks import Pool
 from hpcpic.core.timers import Timers
-from sph import diagnostics, snapshot
+from sph import diagnostics, snapshot, state
 from sph.config import SphConfig
 from sph.derived import derived
 from sph.estimate import estimate
@@ -20,9 +20,10 @@ from sph.integrators import INTEGRATORS, STAGED
 from sph.kernels.specialise import specialise
 from sph.neighbours import Cells, Grid
 from sph.particles import FLUID, REAL, Bodies, Tasks, periodic_maps
-from sph.scene import Scene
+from sph.scene import WALL_BITS, Scene
 from sph.sums import PairSums, law_of
 from sph.timestep import TimeStep
+from sph.walls import WALL_FLAGS, Walls, wall_forces
 
 PARTS_PER_THREAD = 4
 FASTEST = 0.25  # of c0: particles of integrators with stages may move so far in a step of Courant number cfl
@@ -51,8 +52,9 @@ class Sph:
         self.gauges = Gauges(self)
         self.time_periods = {"series": period.series, "particle": period.particles, "checkpoint": period.checkpoint}
         self.iteration, self.time, self.time_step = 0, 0.0, 0.0
-        self.evaluations = 0
+        self.evaluations, self._forces_at = 0, -1
         self.axes = list(scene.axes)
+        self.walls, self.impulses = Walls(scene, world), np.zeros((len(scene.walls), 4))
         self._domain()
         self.tasks = Tasks(pool, PARTS_PER_THREAD * pool.threads)
         with world.first_on_node():  # it compiles
@@ -80,9 +82,12 @@ class Sph:
         maps = periodic_maps(self.lengths, self.periodic, self.radius)
         staged = scene.config.simulation.integrator in STAGED
         self.motion = specialise("motion", DIM=d)
-        self.bodies = Bodies(self.world, self.tasks, self.motion, d, maps, staged)
-        self.cells = Cells(self.tasks, self.grid, d, self.radius)
         self.law = law_of(scene, bool(scene.walls) or len(maps.planes) > 1)
+        without = {*(() if staged else ("x_old", "v_old", "drho_old")), *(() if self.law.repulsive else ("normal",))}
+        without |= set() if self.law.needs_gradient else {"gradient"}
+        without |= set() if self.law.viscosity == "strain-rate" else {"shear"}
+        self.bodies = Bodies(self.world, self.tasks, self.motion, d, maps, without)
+        self.cells = Cells(self.tasks, self.grid, d, self.radius)
         self.sums = PairSums(scene, self.law, self.tasks, self.cells, self.bodies)
         self.integrate = INTEGRATORS[scene.config.simulation.integrator]
         self.choose = TimeStep(scene, self.reach if staged else np.inf)
@@ -91,7 +96,9 @@ class Sph:
             numbers=self.numbers,
             external=np.ascontiguousarray(scene.acceleration[self.axes]),
             period=np.where(self.periodic, self.lengths, 0.0),
-            found=np.zeros((self.tasks.parts, 3)),
+            found=np.zeros((self.tasks.parts, 3 + 2 * d)),
+            wall_shift=np.zeros((len(scene.walls), d)),
+            wall_speed=np.zeros((len(scene.walls), d)),
         )
 
     def _distribute(self) -> None:
@@ -104,8 +111,71 @@ class Sph:
             ids, FLUID | REAL, 0,
         )  # fmt: skip
         self.work_items = self.scene.n_fluid
+        self._find_box()
+        self._grow_walls()
         self.migrate()
         self.balance()
+
+    def resume(self) -> None:
+        """Take up a state whose particles have just been appended anywhere."""
+        self.gauges.since = self.time
+        self._forces_at = -1
+        self.migrate()
+        self.balance()
+        self.sort()
+
+    # ---- walls
+
+    def _find_box(self) -> None:
+        """The box around all fluid, in physical axes."""
+        bodies = self.bodies
+        fluid = np.flatnonzero(bodies.own("flags") & FLUID)
+        x = bodies.x[:, fluid]
+        both = np.concatenate([-x, x]).max(axis=1, initial=-np.inf)
+        self._set_box(self.world.max_array(both))
+
+    def _set_box(self, reach: NDArray[np.float64]) -> None:
+        d = self.scene.dimensions
+        low, high = np.empty(d), np.empty(d)
+        low[self.axes], high[self.axes] = self.origin - reach[:d], self.origin + reach[d:]
+        self.box = low, high
+
+    def _grow_walls(self) -> None:
+        """Make wall particles where the fluid will be soon."""
+        ahead = 0.5 * self.scene.support  # more than it moves in a step
+        for wall, part in self.walls.grow(self.box[0] - ahead, self.box[1] + ahead):
+            ids, x, normal = wall.near(*part)
+            drho = self.scene.rest_density(x) if wall.type == "pressure-continuity" else np.zeros(len(x))
+            x = (x + self.walls.displacement[wall.index])[:, self.axes] - self.origin
+            mine = np.flatnonzero(self.domain.owner(self.grid.layer(x[:, 0])) == self.world.rank)
+            self.add_walls(ids[mine], x[mine].T, drho[mine], normal[mine][:, self.axes].T)
+
+    def add_walls(self, ids: NDArray, x: NDArray, drho: NDArray, normal: NDArray | None) -> None:
+        """Append wall particles, x and normal [d, n] in storage axes."""
+        index = (ids >> WALL_BITS) - 1
+        kinds = np.array([WALL_FLAGS.get(wall.type, REAL) for wall in self.scene.walls])
+        mass = self.scene.rho0 * self.scene.spacing**self.scene.dimensions
+        v = self.walls.velocity[index][:, self.axes].T
+        self.bodies.append(
+            x, v, drho, np.full(len(ids), mass), ids, kinds[index], index + 1, normal if self.law.repulsive else None
+        )
+
+    def _move_walls(self, time: float) -> None:
+        """Walls to where they are at `time`."""
+        if self.walls.moving:
+            a = self.tasks.arrays
+            shift, speed = self.walls.move(time)
+            a["wall_shift"][:], a["wall_speed"][:] = shift[:, self.axes], speed[:, self.axes]
+            self.tasks.each(self.motion.carry, chunks="own_chunks")
+
+    def wall_forces(self) -> dict[str, tuple[NDArray[np.float64], NDArray[np.float64]]]:
+        """Force [d] and torque [3] of the fluid on each measured wall, now. Collective."""
+        return wall_forces(self)
+
+    def current_forces(self) -> None:
+        """a of the present state, if it is not known."""
+        if self._forces_at != self.iteration:
+            self.evaluate_forces()
 
     # ---- who is where
 
@@ -150,6 +220,7 @@ class Sph:
         with self.timers.section("migrate"):
             if self.iteration % TIDY == 0:
                 self._tidy()
+            self._grow_walls()
             self.migrate()
             period = self.scene.config.numerics.balance_period
             if period and self.iteration % period == 0:
@@ -168,12 +239,15 @@ class Sph:
         with self.timers.section("pairs"):
             self.evaluations += 1
             self.sums.everything(self.iteration)
+            self._forces_at = -1
 
     def evaluate_forces(self) -> None:
         """a of the present x, v, rho."""
-        with self.timers.section("pairs"):
-            self.evaluations += 1
-            self.sums.forces(self.iteration)
+        if self._forces_at != self.iteration:
+            with self.timers.section("pairs"):
+                self.evaluations += 1
+                self.sums.forces(self.iteration)
+            self._forces_at = self.iteration
 
     def evaluate_rates(self) -> None:
         """d rho / dt of x and rho as in `evaluate_forces`, and the new v."""
@@ -186,9 +260,11 @@ class Sph:
             self.tasks.each(self.motion.largest, chunks="own_chunks")
             found = self.tasks.arrays["found"]
             worst = np.nan if np.isnan(found).any() else found.max(axis=0)
-            self.largest = self.world.max_array(np.where(np.isnan(worst), np.inf, worst) * np.ones(3))
+            worst = self.world.max_array(np.where(np.isnan(worst), np.inf, worst) * np.ones(found.shape[1]))
+            self.largest, reach = worst[:3], worst[3:]
             if not np.isfinite(self.largest).all():
                 raise Diverged("a velocity, acceleration or density is not a finite number")
+            self._set_box(reach)
             speed, acceleration, density = self.largest
             self.time_step = self.choose(float(np.sqrt(speed)), float(np.sqrt(acceleration)), float(density))
 
@@ -206,6 +282,7 @@ class Sph:
     ) -> None:
         """y = old y^n + now y + new dt f(y); the stage stands for t^n + until dt."""
         self._each(self.motion.advance, old, now, new, float(with_new_velocity))
+        self._move_walls(self.time + until * self.time_step)
 
     def kick(self) -> None:
         """v = v + dt a."""
@@ -214,6 +291,7 @@ class Sph:
     def drift(self) -> None:
         """x = x + dt v, rho = rho + dt D."""
         self._each(self.motion.drift)
+        self._move_walls(self.time + self.time_step)
 
     # ---- what others see
 
@@ -225,6 +303,21 @@ class Sph:
     def arrays(self, what: str) -> Mapping[str, object]:
         """ "particle": fluids and walls by name."""
         return snapshot.particles(self)
+
+    def state(self) -> Mapping[str, object]:
+        """Fluid and walls in order of their ids, bit for bit. Collective."""
+        return state.state(self)
+
+    def restore(self, reader: Any) -> None:
+        """Take the state of a checkpoint, written by any number of ranks, for the present one. Collective."""
+        state.restore(self, reader)
+
+    def guard(self) -> str | None:
+        """Why this rank's state is no solution, or None."""
+        return None
+
+    def close(self) -> None:
+        """Nothing is held."""
 
     @property
     def local_items(self) -> int:

@@ -32,6 +32,7 @@ def law_of(scene: "Scene", others: bool) -> Law:
         artificial=bool(numerics.artificial_viscosity),
         single=numerics.precision == "single",
         walls=others,
+        repulsive=any(wall.type == "repulsive" for wall in scene.walls),
     )
 
 
@@ -53,8 +54,8 @@ class PairSums:
         self.kernels = pairs.make(law, self._terms)
         self.around = module_from_source(HEAD + columns.source(law, scene.config.eos.gamma), "sph_columns")
         self._n_sums = max(len(sums_of(law, terms)) for terms in self._terms.values())
-        tasks.set(scales=self._scales(scene), pair_numbers=self._numbers(scene), stress=np.zeros((1, 0)))
-        self._slots = self._capacity = 0
+        tasks.set(scales=self._scales(scene), pair_numbers=self._numbers(scene))
+        self._slots = 0
 
     def _scales(self, scene: "Scene") -> np.ndarray:
         h, c, rho, d = scene.h, scene.c0, scene.rho0, scene.dimensions
@@ -85,9 +86,6 @@ class PairSums:
                 values=aligned_zeros((len(columns_of(self.law)), n), self.law.real),
                 sums=aligned_zeros((self._n_sums, 2 * n), self.law.real),
             )
-        if self.law.viscosity == "strain-rate" and self.bodies.capacity != self._capacity:
-            self._capacity = self.bodies.capacity
-            self.tasks.set(stress=np.zeros((self.law.dimensions**2, self._capacity)))
 
     def _sweep(self, title: str) -> None:
         kernel = getattr(self.kernels, title)
@@ -127,6 +125,7 @@ class PairSums:
             return
         self._sweep("strain")
         self._unpack("strain", "strain")
+        self.bodies.refresh(iteration)
         self.tasks.each(self.around.pack_stress, blocks="layers")
 
     def everything(self, iteration: int) -> None:

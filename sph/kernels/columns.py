@@ -39,9 +39,6 @@ def _values(law: Law, gamma: float) -> dict[str, str]:
     values |= {"excess": "e", "mixes": "1.0 if flags[b] & 5 == 1 else 0.0", "light": "1.0 / rho"}
     values |= {f"g{a}": f"gradient[{k}, b]" for k, a in enumerate(law.axes)}
     values |= {"slope": f"0.5 * rho ** {2.0 - gamma!r}"}
-    for k, a in enumerate(law.axes):
-        for j, b in enumerate(law.axes[k:], start=k):
-            values[f"t{a}{b}"] = f"stress[{k * law.dimensions + j}, b]"
     return values
 
 
@@ -70,8 +67,7 @@ def source(law: Law, gamma: float) -> str:
     text = _kernel("pack", state, [], head + _positions(law) + store(first))
     text += _kernel("pack_again", "v, gradient, values", [], store(later))
     if stress:
-        text += _kernel("pack_stress", "drho, stress, values", [], store(stress))
-        text += _unpack_strain(law)
+        text += _kernel("pack_stress", "drho, shear, values", [], _stress(law, columns)) + _unpack_strain(law)
     text += _unpack_force(law) + _unpack_rate()
     if law.needs_gradient:
         text += _unpack_gradient(law)
@@ -124,12 +120,18 @@ def _solve(d: int) -> list[str]:
 
 
 def _unpack_strain(law: Law) -> str:
-    """mu eps / rho^2 (MP 22); w[a, b] = d v_b / d x_a."""
+    """The velocity gradient, shear[a, b] = d v_b / d x_a."""
+    body = [f"shear[{k}, b] = {_sum(str(k))}" for k in range(law.dimensions**2)]
+    return _kernel("unpack_strain", "sums, shear", ["n_slots = sums.shape[1] // 2"], body)
+
+
+def _stress(law: Law, columns: list[str]) -> list[str]:
+    """mu eps / rho^2 (MP 22)."""
     d = law.dimensions
-    body = [f"w{i}{j} = {_sum(str(i * d + j))}" for i in range(d) for j in range(d)]
-    body += [f"trace = 2.0 / {d}.0 * (" + " + ".join(f"w{i}{i}" for i in range(d)) + ")"]
+    body = [f"trace = 2.0 / {d}.0 * (" + " + ".join(f"shear[{k * (d + 1)}, b]" for k in range(d)) + ")"]
     body += ["rho = 1.0 + drho[b] * per_rho", "factor = viscosity / (rho * rho)"]
-    for i in range(d):
-        for j in range(i, d):
-            body.append(f"stress[{i * d + j}, b] = (w{i}{j} + w{j}{i}{' - trace' if i == j else ''}) * factor")
-    return _kernel("unpack_strain", "drho, sums, stress", ["n_slots = sums.shape[1] // 2"], body)
+    for i, a in enumerate(law.axes):
+        for j, b in enumerate(law.axes[i:], start=i):
+            strain = f"shear[{i * d + j}, b] + shear[{j * d + i}, b]{' - trace' if i == j else ''}"
+            body.append(f"values[{columns.index(f't{a}{b}')}, s] = ({strain}) * factor")
+    return body

@@ -56,6 +56,17 @@ def drift(chunk, chunks, numbers, flags, x, v, drho, rate):
 
 
 @njit
+def carry(chunk, chunks, wall, wall_shift, wall_speed, x, v):
+    """Wall particles with their walls."""
+    for b in range(chunks[chunk], chunks[chunk + 1]):
+        w = wall[b] - 1
+        if w >= 0:
+            for k in range(DIM):
+                x[k, b] += wall_shift[w, k]
+                v[k, b] = wall_speed[w, k]
+
+
+@njit
 def rewrap(chunk, chunks, period, x):
     """Positions back into [0, period) along periodic axes (period > 0)."""
     for k in range(DIM):
@@ -68,8 +79,9 @@ def rewrap(chunk, chunks, period, x):
 
 
 @njit
-def largest(chunk, chunks, flags, external, v, a, drho, found):
-    """found[chunk] = largest v^2, a^2 of the fluid, |drho|; not a number where one is not."""
+def largest(chunk, chunks, flags, external, x, v, a, drho, found):
+    """found[chunk] = largest v^2, a^2 of the fluid, |drho|, -x and x of the fluid; not a number where one is not."""
+    found[chunk, :] = -np.inf
     speed, force, density, sound = 0.0, 0.0, 0.0, 0.0
     for b in range(chunks[chunk], chunks[chunk + 1]):
         v2, a2 = 0.0, 0.0
@@ -77,6 +89,8 @@ def largest(chunk, chunks, flags, external, v, a, drho, found):
             v2 += v[k, b] * v[k, b]
             if flags[b] & FLUID:
                 a2 += (a[k, b] + external[k]) ** 2
+                found[chunk, 3 + k] = max(found[chunk, 3 + k], -x[k, b])
+                found[chunk, 3 + DIM + k] = max(found[chunk, 3 + DIM + k], x[k, b])
         speed = speed if speed >= v2 else v2  # what is not a number goes through
         force = force if force >= a2 else a2
         density = density if density >= abs(drho[b]) else abs(drho[b])
@@ -87,27 +101,52 @@ def largest(chunk, chunks, flags, external, v, a, drho, found):
 
 
 @njit
-def ghost_values(rows, codes, turn, shift, spin, push, x, v, drho, gradient, values):
-    """values[g] = x, v, drho, gradient of body rows[g] under map codes[g]: x -> turn x + shift, v -> spin v + push."""
+def ghost_values(rows, codes, turn, shift, spin, push, x, v, drho, gradient, shear, values):
+    """values[g] = x, v, drho, and gradient, shear where they are kept, of the image codes[g] of body rows[g].
+
+    Positions x -> turn x + shift[g], velocities v -> spin v + push; shear[a, b] = d v_b / d x_a.
+    """
     for g in range(rows.size):
         b, code = rows[g], codes[g]
         for k in range(DIM):
-            at, speed, slope = shift[code, k], push[code, k], 0.0
+            at, speed = shift[g, k], push[code, k]
             for j in range(DIM):
                 if turn[code, k, j] != 0.0:
                     at += turn[code, k, j] * x[j, b]
-                    slope += turn[code, k, j] * gradient[j, b]
                 if spin[code, k, j] != 0.0:
                     speed += spin[code, k, j] * v[j, b]
-            values[g, k], values[g, DIM + k], values[g, 2 * DIM + 1 + k] = at, speed, slope
+            values[g, k], values[g, DIM + k] = at, speed
         values[g, 2 * DIM] = drho[b]
+        column = 2 * DIM + 1
+        if gradient.shape[1] > 0:
+            for k in range(DIM):
+                slope = 0.0
+                for j in range(DIM):
+                    slope += turn[code, k, j] * gradient[j, b]
+                values[g, column + k] = slope
+            column += DIM
+        if shear.shape[1] > 0:
+            for k in range(DIM):
+                for l in range(DIM):
+                    slope = 0.0
+                    for i in range(DIM):
+                        for j in range(DIM):
+                            slope += turn[code, k, i] * spin[code, l, j] * shear[DIM * i + j, b]
+                    values[g, column + DIM * k + l] = slope
 
 
 @njit
-def take_ghosts(values, n, x, v, drho, gradient):
+def take_ghosts(values, n, x, v, drho, gradient, shear):
     """Ghosts behind the n own bodies."""
     for g in range(values.shape[0]):
         for k in range(DIM):
             x[k, n + g], v[k, n + g] = values[g, k], values[g, DIM + k]
-            gradient[k, n + g] = values[g, 2 * DIM + 1 + k]
         drho[n + g] = values[g, 2 * DIM]
+        column = 2 * DIM + 1
+        if gradient.shape[1] > 0:
+            for k in range(DIM):
+                gradient[k, n + g] = values[g, column + k]
+            column += DIM
+        if shear.shape[1] > 0:
+            for k in range(DIM * DIM):
+                shear[k, n + g] = values[g, column + k]

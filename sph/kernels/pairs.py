@@ -32,6 +32,7 @@ class Law:
     single: bool = False
     walls: bool = False
     """Whether bodies of other classes than fluid are there."""
+    repulsive: bool = False
 
     @property
     def real(self) -> str:

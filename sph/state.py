@@ -1,0 +1,74 @@
+"""The state of an SPH run in order of ids, for checkpoints and digests, and back."""
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hpcpic.core.comm.sharding import by_id
+from hpcpic.core.files.arrays import Shard
+from hpcpic.core.space.domain import block_ranges
+from sph.particles import FLUID, REAL
+
+if TYPE_CHECKING:
+    from hpcpic.core.files.sealed import Reader
+    from sph.step import Sph
+
+
+def state(sph: "Sph") -> dict[str, Shard]:
+    """x (relative to the lower corner, storage axes), v, drho of the fluid; of walls also which particles there are."""
+    d, world = sph.scene.dimensions, sph.world
+    result = _sharded(sph, _own(sph, fluid=True), sph.scene.n_fluid, {"x": (d,), "v": (d,), "drho": ()}, "")
+    if not sph.scene.walls:
+        return result
+    whole = sph.walls.boxes(), sph.impulses
+    for name, rows in zip(("walls/made", "walls/impulse"), whole):
+        low, high = block_ranges(len(rows), world.size)[world.rank]
+        result[name] = Shard(rows[low:high], low, len(rows))
+    own = _own(sph, fluid=False)
+    ids = _everybodys(sph, own["id"])
+    own["number"], own["id"] = own["id"], np.searchsorted(ids, own["id"])
+    shapes = {"x": (d,), "drho": (), "number": ()} | ({"normal": (d,)} if sph.law.repulsive else {})
+    return result | _sharded(sph, own, len(ids), shapes, "walls/")
+
+
+def _own(sph: "Sph", fluid: bool) -> dict[str, NDArray]:
+    """Columns [n, ...] of the own particles of the fluid, or of walls."""
+    bodies = sph.bodies
+    chosen = np.flatnonzero((bodies.own("flags") & FLUID > 0) == fluid)
+    names = ("id", "x", "v", "drho") + (("normal",) if sph.law.repulsive else ())
+    return {name: bodies.columns[name][..., chosen].T for name in names}
+
+
+def _everybodys(sph: "Sph", ids: NDArray[np.int64]) -> NDArray[np.int64]:
+    """Sorted ids of all ranks, on all ranks."""
+    found = sph.world.gather_rows(np.ascontiguousarray(ids))
+    content = np.sort(found).tobytes() if found is not None else None
+    return np.frombuffer(sph.world.bcast(content), np.int64)
+
+
+def _sharded(sph: "Sph", rows: dict[str, NDArray], total: int, shapes: dict[str, tuple], where: str) -> dict[str, Shard]:
+    layout = {name: (np.int64 if name == "number" else np.float64, shape) for name, shape in shapes.items()}
+    chunk = rows["id"], {name: np.ascontiguousarray(rows[name]) for name in layout}
+    low, _ = block_ranges(total, sph.world.size)[sph.world.rank]
+    shared = by_id(sph.world, [chunk], layout, total)
+    return {where + name: Shard(values, low, total) for name, values in shared.items()}
+
+
+def restore(sph: "Sph", reader: "Reader") -> None:
+    """Replace all particles by those of a checkpoint. Collective."""
+    world, bodies = sph.world, sph.bodies
+    sph.iteration, sph.time = reader.step, reader.time
+    bodies.clear()
+    low, high = block_ranges(sph.scene.n_fluid, world.size)[world.rank]
+    ids = np.arange(low, high)
+    x, v, drho = (reader.read(name, low, high) for name in ("x", "v", "drho"))
+    bodies.append(x.T, v.T, drho, sph.scene.fluid(ids)["m"], ids, FLUID | REAL, 0)
+    if sph.scene.walls:
+        sph.walls.restore(reader.read("walls/made"), reader.time)
+        sph.impulses[:] = reader.read("walls/impulse")
+        low, high = block_ranges(reader.total("walls/number"), world.size)[world.rank]
+        names = ("number", "x", "drho", *(("normal",) if sph.law.repulsive else ()))
+        ids, x, drho, *normal = (reader.read(f"walls/{name}", low, high) for name in names)
+        sph.add_walls(ids, x.T, drho, normal[0].T if normal else None)
+    sph.resume()

@@ -1,0 +1,113 @@
+"""Walls while the run goes: particles made where the fluid comes, their motion, and the force of the fluid on them."""
+
+from collections.abc import Iterator
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hpcpic.core.comm.world import World
+from hpcpic.core.space.exact import exact_limbs, power_of_two_above, value
+from sph.particles import REAL, REPULSIVE
+
+if TYPE_CHECKING:
+    from sph.scene import Scene, Wall
+    from sph.step import Sph
+
+AHEAD = 4.0  # supports around the fluid in which walls are made, once it is nearer than one to what is not made yet
+Corners = tuple[NDArray[np.float64], NDArray[np.float64]]
+
+
+def shell(inner: Corners | None, outer: Corners) -> Iterator[Corners]:
+    """Disjoint boxes that fill `outer` without `inner`, which lies in it."""
+    if inner is None:
+        yield outer
+        return
+    low, high = outer[0].copy(), outer[1].copy()
+    for axis in range(len(low)):
+        for a, b in ((low[axis], inner[0][axis]), (inner[1][axis], high[axis])):
+            if a < b:
+                part = low.copy(), high.copy()
+                part[0][axis], part[1][axis] = a, b
+                yield part
+        low[axis], high[axis] = inner[0][axis], inner[1][axis]
+
+
+class Walls:
+    """The walls made of particles; boxes and positions in physical axes."""
+
+    def __init__(self, scene: "Scene", world: World) -> None:
+        self.scene, self.world = scene, world
+        self.walls: list[Wall] = [wall for wall in scene.walls if wall.lattice is not None]
+        self.made: dict[int, Corners] = {}
+        self.moving = any(wall.moving for wall in scene.walls)
+        self.displacement = np.zeros((len(scene.walls), scene.dimensions))
+        self.velocity = np.zeros((len(scene.walls), scene.dimensions))
+        self.move(0.0)
+
+    def move(self, t: float) -> tuple[NDArray, NDArray]:
+        """Shift since the last call and velocity of each wall [walls, d] at time t."""
+        before = self.displacement.copy()
+        for wall in self.scene.walls:
+            self.displacement[wall.index], self.velocity[wall.index] = wall.motion(t)
+        return self.displacement - before, self.velocity
+
+    def grow(self, low: NDArray, high: NDArray) -> list[tuple["Wall", Corners]]:
+        """Boxes where walls are to be made, for fluid in the box (low, high); in the frame of the wall at rest."""
+        found, support = [], self.scene.support
+        for wall in self.walls:
+            shift = self.displacement[wall.index]
+            limits = wall.bounds()
+            needed = np.maximum(low - shift - support, limits[0]), np.minimum(high - shift + support, limits[1])
+            made = self.made.get(wall.index)
+            if np.any(needed[0] >= needed[1]):
+                continue
+            if made and np.all(made[0] <= needed[0]) and np.all(made[1] >= needed[1]):
+                continue
+            outer = low - shift - AHEAD * support, high - shift + AHEAD * support
+            if made:
+                outer = np.minimum(outer[0], made[0]), np.maximum(outer[1], made[1])
+            outer = np.maximum(outer[0], limits[0]), np.minimum(outer[1], limits[1])
+            found += [(wall, part) for part in shell(made, outer)]
+            self.made[wall.index] = outer
+        return found
+
+    def boxes(self) -> NDArray[np.float64]:
+        """Where walls are made, for a checkpoint: [walls, 2, d], not a number where nothing is."""
+        boxes = np.full((len(self.scene.walls), 2, self.scene.dimensions), np.nan)
+        for index, corners in self.made.items():
+            boxes[index] = corners
+        return boxes
+
+    def restore(self, boxes: NDArray[np.float64], t: float) -> None:
+        self.made = {k: (box[0], box[1]) for k, box in enumerate(boxes) if not np.isnan(box).any()}
+        self.move(t)
+
+
+def exact_sums(world: World, values: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Sums over all particles of all ranks of values[k, n]; the same bits for any ranks. Collective."""
+    largest = world.max(float(np.abs(values).max(initial=0.0)))
+    scale = power_of_two_above(largest)
+    limbs = np.array([exact_limbs(line, scale) for line in values])
+    return np.array([value(line, scale) for line in world.sum_int(limbs)])
+
+
+def wall_forces(engine: "Sph") -> dict[str, tuple[NDArray[np.float64], NDArray[np.float64]]]:
+    """Force [d] in N (2D: N/m) and torque [3] about `torque_about` of the fluid on each measured wall. Collective."""
+    engine.current_forces()
+    bodies, d = engine.bodies, engine.scene.dimensions
+    result = {}
+    wall, x, a, m = bodies.own("wall"), engine.physical("x"), engine.physical("a"), bodies.own("m")
+    for section in engine.scene.walls:
+        if section.measure_force:
+            own = np.flatnonzero(wall == section.index + 1)
+            force, arm = np.zeros((3, len(own))), np.zeros((3, len(own)))
+            force[:d] = a[own].T * m[own]
+            arm[:d] = (x[own] - section.torque_about - engine.walls.displacement[section.index]).T
+            torque = np.cross(arm.T, force.T).T
+            sums = exact_sums(engine.world, np.concatenate([force, torque]))
+            result[section.name] = sums[:d], sums[3:]
+    return result
+
+
+WALL_FLAGS = {"pressure-continuity": REAL, "repulsive": REAL | REPULSIVE}
