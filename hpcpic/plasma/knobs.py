@@ -187,7 +187,7 @@ def waves(law: Prediction, mode: int, time: float) -> list[Quantity]:
         return [Quantity("growth", text, last, partial(growth_rate, f"mode_{mode}", first, last))]
     period = 2.0 * math.pi / frequency
     end = min(time, PERIODS * period)
-    text = "angular frequency of the wave, from energy_field, rad/s"
+    text = "angular frequency of the wave, from energy_kinetic, rad/s"
     wave = Quantity("frequency", text, end, partial(half_frequency, frequency))
     if rate >= 0.0:
         return [wave]
@@ -223,8 +223,8 @@ def damped(name: str, first: float, last: float, omega: complex, series: Series)
 
 
 def half_frequency(frequency: float, series: Series) -> float:
-    """The field energy swings twice in a period."""
-    fit = analysis.fit_oscillation(series.time, series["energy_field"], frequency=2.0 * frequency, damped=False)
+    """The kinetic energy swings twice in a period; unlike that of the field it knows nothing of the grid."""
+    fit = analysis.fit_oscillation(series.time, series["energy_kinetic"], frequency=2.0 * frequency, damped=False)
     return 0.5 * fit.frequency
 
 

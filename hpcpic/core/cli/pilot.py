@@ -94,10 +94,14 @@ class Pilots:
         more: tuple[str, ...] = (),
         flags: tuple[str, ...] = (),
         words: str = "",
+        again: int = 0,
     ) -> Pilot:
-        """Run with these sizes until `time` [s], or take what was run before. Raises Interrupted."""
+        """Run with these sizes until `time` [s], or take what was run before. Raises Interrupted.
+
+        again: a number that tells apart runs of the same, which are repeated to time them.
+        """
         sets = (*self.assignments(sizes, time, others or {}), *self.knobs.pilot, *more)
-        name = hashlib.sha256(repr((self.case_digest, sets, self.shape)).encode()).hexdigest()[:12]
+        name = hashlib.sha256(repr((self.case_digest, sets, self.shape, again)).encode()).hexdigest()[:12]
         if name in self.done:
             return self.done[name]
         config = read_case(self.app, self.read.path, sets).config

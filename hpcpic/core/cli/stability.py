@@ -91,7 +91,8 @@ def tell(limits: Limits, axis: Axis, limit: Limit, rates: list[tuple[float, floa
     knob, own = axis.knob, limits.own[axis.knob.name]
     if math.isfinite(limit.x):
         size = axis.size(limit.x)
-        click.echo(f"measured    {knob.name} = {knob.shown(size):.4g} {knob.unit} is the end of stability, to 1 %")
+        ends = " .. ".join(f"{knob.shown(axis.size(x)):.4g}" for x in (limit.stable, limit.unstable) if x)
+        click.echo(f"measured    stability ends at {knob.name} = {ends} {knob.unit}")
         if axis.number is not None:
             number = axis.number
             ratio = limit.x if axis.theory == number.stable_below else 1.0 / limit.x

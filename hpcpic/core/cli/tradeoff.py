@@ -12,7 +12,6 @@ import click
 from hpcpic.core.cli.app import App, AppLoader
 from hpcpic.core.cli.read import Case, read_case, set_option, shape_options
 from hpcpic.core.cli.text import duration, table
-from hpcpic.core.comm.world import launched_size
 from hpcpic.core.errors import CheckFailed, ConfigError
 
 if TYPE_CHECKING:
@@ -116,6 +115,8 @@ def parse_seconds(text: str | None) -> float | None:
 
 def knobs_of(app: App, read: Case) -> Knobs:
     """Raises ConfigError for a program that has none, and under mpirun."""
+    from hpcpic.core.comm.world import launched_size
+
     if launched_size(os.environ) > 1:
         raise ConfigError("start this without mpirun; --ranks N gives every pilot N ranks")
     if app.knobs is None:
