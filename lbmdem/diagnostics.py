@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from hpcpic.core.comm.world import World
 from hpcpic.core.space import exact
+from lbmdem import network
 from lbmdem.config import AXES
 from lbmdem.kernels.layout import FLUID
 from lbmdem.lattices import CS2
@@ -123,12 +124,14 @@ class Diagnostics:
                 of_set = force[app.table.set == k].sum(axis=0)
                 values |= {f"force_{name}_{axis}": float(f) for axis, f in zip(self.axes, of_set)}
         if app.dem:
-            values |= app.dem.scalars()
-            self.deepest = values["overlap"]
+            energy = network.energies(app.dem)
+            self.deepest = network.greatest_overlap(app.dem)
+            values |= {"contact_count": float(network.contact_count(app.dem)), "overlap": self.deepest}
+            values |= {"energy_kinetic_grains": energy["kinetic"]}
         slices = app.scene.config.output.stress_slices
         if slices:
             x, r = app.table.x[:, -1], app.table.radius
-            area = math.prod(app.scene.config.domain.size[:-1])
-            stress = app.dem.stress(slices, float((x - r).min()), float((x + r).max()), area)
+            edges = np.linspace((x - r).min(), (x + r).max(), slices + 1)
+            stress = network.stress(app.dem, edges)[:, -1, -1]
             values |= {f"stress_{2 * self.axes[-1]}_{k + 1}": float(s) for k, s in enumerate(stress)}
         return values

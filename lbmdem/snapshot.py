@@ -68,7 +68,9 @@ def state(app: "LbmDem") -> dict[str, Shard]:
         populations = np.ascontiguousarray(np.moveaxis(app.fluid.populations(), 0, -1))
         result["populations"] = Shard(populations, low, app.domain.points[0])
     if app.dem:
-        result |= app.dem.state()
+        low, _ = app.dem.grains.part()
+        for name, values in app.dem.state().items():
+            result[f"grains/{name}"] = Shard(values, low, len(app.table))
     return result
 
 
@@ -76,10 +78,11 @@ def restore(app: "LbmDem", reader: "Reader") -> None:
     """Replace everything by a checkpoint."""
     app.iteration = reader.step
     if app.dem:
-        app.dem.restore(reader)
+        low, high = app.dem.grains.part()
+        names = [name for name in reader.names if name.startswith("grains/")]
+        app.dem.restore({name.removeprefix("grains/"): reader.read(name, low, high) for name in names}, app.time)
+        app.mark_solid()
     if app.fluid:
         app.fluid.iteration = reader.step
-        if app.immersed:
-            app.mark_restored()
         low, high = app.domain.row_range(app.world.rank)
         app.fluid.set_populations(np.moveaxis(reader.read("populations", low, high), -1, 0))

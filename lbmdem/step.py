@@ -13,6 +13,7 @@ from hpcpic.core.timers import Timers
 from lbmdem import snapshot
 from lbmdem.config import AXES, LbmDemConfig
 from lbmdem.contacts import Law, Wall, stable_step
+from lbmdem.coupling import Immersed
 from lbmdem.dem import Dem
 from lbmdem.derived import derived
 from lbmdem.diagnostics import Diagnostics
@@ -25,6 +26,7 @@ from lbmdem.placing import place_grains
 from lbmdem.scene import Scene, volumes
 
 SHARE = 0.2  # of the largest stable step of the contacts, for their accuracy (restitution within 3 %)
+RULES = {"cli": "cli", "interpolated": "linear", "quadratic": "quadratic", "halfway": "halfway"}
 FASTEST = 0.4  # velocity in lattice units beyond which no collision is a fluid any more
 DENSEST = 2.0  # density of the lattice fluid, likewise, and 1 / 2
 DEEPEST = 0.1  # overlap over diameter at which grains are no grains any more
@@ -55,6 +57,7 @@ class LbmDem:
         self.fluid = self._fluid() if config.fluid else None
         self.immersed = self._immersed() if self.fluid and (len(self.table) or config.obstacle) else None
         self.dem = self._dem() if self.grains_move else None
+        self.mark_solid()
         self.diagnostics = Diagnostics(self)
         self.scalar_units = self.diagnostics.units
 
@@ -83,16 +86,14 @@ class LbmDem:
         along = [((r + 0.5) * dx).reshape([-1 if k == axis else 1 for k in range(d)]) for axis, r in enumerate(ranges)]
         return tuple(along[::-1])
 
-    def _immersed(self):
-        from lbmdem.coupling import Immersed
-
+    def _immersed(self) -> Immersed:
         """The solids of the fluid: obstacles, and grains, of which those that stay are linked once."""
         coupling, table, units = self.scene.config.coupling, self.table, self.scene.units
         stay = table.fixed if not coupling.frozen else np.ones(len(table), np.bool_)
         ids = np.flatnonzero(stay)
         return Immersed(
             self.fluid, self.world, self.pool,
-            rule=coupling.bounce_back,
+            rule=RULES[coupling.bounce_back],
             refill=coupling.refill,
             fixed=(ids, self.nodes(table.x[ids]), table.radius[ids] / units.dx,
                    table.v[ids] / units.velocity, table.omega[ids] * units.dt),
@@ -127,29 +128,15 @@ class LbmDem:
     def step(self) -> None:
         """From time step n to n + 1."""
         if self.fluid:
-            with self.timers.section("solid"):
-                self.mark_solid()  # nodes that grains have covered and left (3.3)
             with self.timers.section("fluid"):
                 self.drive()
                 self.fluid.step()  # collide [4], bounce back [6] and momentum exchange [7], stream, faces (Zou & He)
         if self.dem:
             with self.timers.section("grains"):
                 self.move_grains()  # n_d steps of the contacts [1], [2]
+            with self.timers.section("solid"):
+                self.mark_solid()  # nodes that grains have covered and left (3.3)
         self.iteration += 1
-
-    def mark_solid(self) -> None:
-        """The fluid sees the grains where they are now."""
-        if not self.dem or self.scene.config.coupling.frozen:
-            return
-        grains, units = self.dem.grains, self.scene.units
-        moving = ~grains.fixed
-        self.immersed.move(
-            grains.ids[moving],
-            self.nodes(grains.x[moving]),
-            grains.radius[moving] / units.dx,
-            grains.v[moving] / units.velocity,
-            grains.omega[moving] * units.dt,
-        )
 
     def drive(self) -> None:
         """Body force and pressures of this step."""
@@ -166,10 +153,24 @@ class LbmDem:
         force = self._weights[own] - self.table.mass[own, None] * frame
         torque = np.zeros((len(own), self.table.omega.shape[1]))
         if self.immersed:
-            pushed, turned = self.immersed.forces()
+            pushed, turned = self.immersed.forces(own)
             force += pushed * units.force
             torque += turned * units.torque
         dem.advance(self.time_step / self.substeps, self.substeps, force, torque, time=self.time)
+
+    def mark_solid(self) -> None:
+        """The fluid sees the grains where they are now."""
+        if not self.dem or not self.immersed or self.scene.config.coupling.frozen:
+            return
+        grains, units = self.dem.grains, self.scene.units
+        moving = ~grains.fixed
+        self.immersed.move(
+            grains.ids[moving],
+            self.nodes(grains.x[moving]),
+            grains.radius[moving] / units.dx,
+            grains.v[moving] / units.velocity,
+            grains.omega[moving] * units.dt,
+        )
 
     @property
     def time_step(self) -> float:
