@@ -100,6 +100,8 @@ def _panels_2d(run: Run, snapshots: Particles, numbers: Sequence[int]) -> Figure
         axis.scatter(walls[:, 0], walls[:, 1], s=0.35 * size, color="#b8bcc2", linewidths=0, rasterized=True)
         dots = axis.scatter(x[:, 0], x[:, 1], c=particles["pressure"], s=size, linewidths=0, vmin=least, vmax=most,
                             rasterized=True)  # fmt: skip
+        for line in predicted_outline(config_of(run), float(snapshots.times[number])):
+            axis.plot(*line, **THEORY)
         axis.set(xlim=(low[0], high[0]), ylim=(low[1], high[1]), aspect="equal")
         axis.set_title(f"t = {snapshots.times[number]:.3g} s", fontsize=10, fontweight="normal")
         axis.grid(visible=False)
@@ -111,6 +113,19 @@ def _panels_2d(run: Run, snapshots: Particles, numbers: Sequence[int]) -> Figure
         axis.set_ylabel("y, m")
     figure.colorbar(dots, ax=axes, label="pressure, Pa", pad=0.01, aspect=30)
     return figure
+
+
+def predicted_outline(config: SphConfig, t: float) -> list[tuple[np.ndarray, np.ndarray]]:
+    """Where theory puts the surface: the ellipse of a round drop that is drawn out along y."""
+    flow, shape = config.fluid[0].flow, config.fluid[0].shape
+    if not (flow and flow.type == "linear" and shape.sphere):
+        return []
+    g = flow.gradient
+    if not (g[1] == g[2] == 0.0 and g[0] == -g[3] < 0):
+        return []
+    a, b = theory.drop_axes(np.array([t]), g[3], shape.sphere.radius)
+    angle = np.linspace(0.0, 2 * np.pi, 181)
+    return [(shape.sphere.centre[0] + a * np.cos(angle), shape.sphere.centre[1] + b * np.sin(angle))]
 
 
 def _panels_3d(run: Run, snapshots: Particles, numbers: Sequence[int]) -> Figure:

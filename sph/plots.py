@@ -212,11 +212,11 @@ def _expectation(run: Run, config: SphConfig, gauge: Gauge, t: np.ndarray) -> tu
         at_rest = float(theory.hydrostatic_pressure(deep, g, scene.rho0, scene.c0, scene.gamma)[0])
         value = at_rest if gauge.what == "pressure" else high[vertical]
         return "at rest", t[[0, -1]], [value, value], THEORY
-    if gauge.what == "pressure" and config.dimensions == 2 and abs(water - 0.3) < NEAR * 0.3:
-        if abs(gauge.at[0] - 1.61) < 0.02 and gauge.at[1] < 0.01:
-            times, pressure = measured.LOBOVSKY_PRESSURE.T
-            known = times * math.sqrt(water / g), pressure * scene.rho0 * g * water
-            return "experiment: Lobovsky et al. 2014", *known, DATA | {"markersize": 3}
+    foot = len(gauge.at) == 2 and abs(gauge.at[0] - 1.61) < 0.02 and gauge.at[1] < 0.01
+    if gauge.what == "pressure" and foot and abs(water - 0.3) < NEAR * 0.3:
+        times, pressure = measured.LOBOVSKY_PRESSURE.T
+        known = times * math.sqrt(water / g), pressure * scene.rho0 * g * water
+        return "experiment: Lobovsky et al. 2014", *known, DATA | {"markersize": 3}
     return None
 
 

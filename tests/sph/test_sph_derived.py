@@ -81,8 +81,8 @@ def test_the_sound_speed(factor, verdict):
 
 @pytest.mark.parametrize(
     "ratio, kernel, verdict",
-    [(0.6, "cubic", "fail"), (0.8, "cubic", "warn"), (1.2, "cubic", "ok"), (1.5, "cubic", "ok"), (2.0, "wendland2", "ok"),
-     (3.0, "cubic", "warn")],
+    [(0.6, "cubic", "fail"), (0.8, "cubic", "warn"), (1.2, "cubic", "ok"), (1.5, "cubic", "ok"),
+     (2.0, "wendland2", "ok"), (3.0, "cubic", "warn")],
 )  # fmt: skip
 def test_the_smoothing_length(ratio, kernel, verdict):
     found = numbers(numerics=f'smoothing = {ratio}; kernel = "{kernel}";', simulation="cfl = 0.05;")
@@ -91,7 +91,8 @@ def test_the_smoothing_length(ratio, kernel, verdict):
 
 @pytest.mark.parametrize("step, verdict", [(1e-3, "ok"), (4e-2, "fail")])
 def test_a_fixed_viscous_step(step, verdict):
-    text = TANK.replace("cfl = 0.4;", f"time_step = {step};").replace("0.5]; }; }; }", "0.5]; }; }; viscosity = 50.0; }")
+    text = TANK.replace("cfl = 0.4;", f"time_step = {step};")
+    text = text.replace("0.5]; }; }; }", "0.5]; }; }; viscosity = 50.0; }")
     found = {n.name: n for n in derived(validate(SphConfig, loads(text)))}
     assert found["viscous step"].verdict == verdict
 

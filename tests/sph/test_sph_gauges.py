@@ -1,0 +1,127 @@
+"""Gauges and scalars on fields that are known: what is linear or at rest is read as it is."""
+
+import numpy as np
+import pytest
+
+from hpcpic.core.comm.world import World
+from hpcpic.core.files.config import loads
+from hpcpic.core.files.schema import validate
+from sph import diagnostics
+from sph.config import SphConfig
+from sph.gauges import Gauges, gauge_units
+from sph.scene import Scene
+
+POOL = """
+simulation = { dimensions = 2; end_time = 1.0; };
+domain = { low = [0.0, -0.1]; high = [2.0, 1.5]; PERIODIC };
+gravity = [0.0, -9.81];
+fluid = ( { shape = { box = { low = [0.0, 0.0]; high = [HIGH, 1.0]; }; }; velocity = [0.5, 0.0]; } );
+eos = { sound_speed = 40.0; max_velocity = 4.0; };
+numerics = { spacing = 0.04; };
+gauge = ( GAUGE );
+"""
+
+
+class Bodies:
+    def __init__(self, values):
+        self.values = values
+
+    def own(self, name):
+        return self.values[name]
+
+
+class Still:
+    """What gauges see of a run: the particles of a scene at t = 0."""
+
+    def __init__(self, gauge="", high=2.0, periodic='periodic = ["x"];'):
+        text = POOL.replace("GAUGE", gauge).replace("HIGH", str(high)).replace("PERIODIC", periodic)
+        self.scene = Scene(validate(SphConfig, loads(text)))
+        self.world, self.time_step = World.start(), 1e-3
+        ids = np.arange(self.scene.n_fluid)
+        found = self.scene.fluid(ids)
+        self.vectors = {"x": found["x"], "v": found["v"]}
+        self.bodies = Bodies({"id": ids, "wall": np.zeros(len(ids), np.int32), "drho": found["drho"], "m": found["m"]})
+
+    def physical(self, name):
+        return self.vectors[name]
+
+
+def reading(gauge, **more):
+    return Gauges(Still(f"{{ name = \"g\"; {gauge} }}", **more)).values(0.0)  # fmt: skip
+
+
+@pytest.mark.parametrize("x", [0.0, 0.31, 1.999])
+def test_the_level_of_water_at_rest(x):
+    found = reading(f'what = "elevation"; at = [{x}, 0.0];')
+    assert found["g"] == pytest.approx(1.0, abs=0.1 * 0.04)  # a tenth of a spacing
+
+
+def test_no_water_is_the_lowest_level_and_no_pressure():
+    assert reading('what = "elevation"; at = [1.5, 0.0];', high=1.0, periodic="")["g"] == pytest.approx(-0.1)
+    assert reading('what = "pressure"; at = [1.5, 0.1];', high=1.0, periodic="")["g"] == 0.0
+
+
+@pytest.mark.parametrize("y", [0.0, 0.003, 0.5, 0.93])
+def test_pressure_is_that_of_rest_even_at_the_floor(y):
+    """To 0.3 %: the compression of the fluid between the particles and the gauge is left out."""
+    found = reading(f'what = "pressure"; at = [0.02, {y}];')["g"]
+    assert found == pytest.approx(1000 * 9.81 * (1.0 - y), rel=4e-3)
+
+
+def test_velocity_and_flow_of_a_uniform_stream():
+    found = reading('what = "velocity"; at = [0.7, 0.4];')
+    assert found == pytest.approx({"g_x": 0.5, "g_y": 0.0}, abs=1e-9)  # 2^-40 of c0 for each of 20 particles
+    still = reading('what = "flow"; at = [0.7, 0.5]; axis = "x+";')["g"]
+    assert still == pytest.approx(0.5 * 1.0, rel=5e-3)  # density is up to 0.6 % above rho0
+    half = reading('what = "flow"; at = [0.7, 0.25]; axis = "x-"; size = [0.0, 0.48];')["g"]
+    assert half == pytest.approx(-0.5 * 0.48, rel=5e-3)
+
+
+def test_the_front_is_the_edge_of_the_fluid():
+    assert reading('what = "front"; axis = "x+";', high=1.2, periodic="")["g"] == pytest.approx(1.2)
+    assert reading('what = "front"; axis = "y+";')["g"] == pytest.approx(1.0)
+
+
+def test_a_gauge_with_a_period_is_read_at_its_multiples_only():
+    gauges = Gauges(Still('{ name = "a"; what = "front"; axis = "y+"; period = 0.1; },'
+                          '{ name = "b"; what = "front"; axis = "y+"; }'))  # fmt: skip
+    times = (0.0, 0.04, 0.1, 0.19, 0.21, 0.3)
+    assert [sorted(gauges.values(t)) for t in times] == [["a", "b"], ["b"], ["a", "b"], ["b"], ["a", "b"], ["a", "b"]]
+    later = Gauges(gauges.sph, since=0.21)
+    assert sorted(later.values(0.25)) == ["b"]
+
+
+def test_readings_and_scalars_do_not_depend_on_the_order_of_the_particles():
+    text = ", ".join(
+        f'{{ name = "g{k}"; what = "{what}"; at = [0.7, 0.5]; axis = "{axis}"; }}'
+        for k, (what, axis) in enumerate((("pressure", "x+"), ("velocity", "x+"), ("elevation", "y+"), ("flow", "x+")))
+    )
+    still = Still(text)
+    before = Gauges(still).values(0.0) | diagnostics.scalars(still)
+    order = np.random.default_rng(5).permutation(still.scene.n_fluid)
+    still.vectors = {name: values[order] for name, values in still.vectors.items()}
+    still.bodies = Bodies({name: values[order] for name, values in still.bodies.values.items()})
+    assert Gauges(still).values(0.0) | diagnostics.scalars(still) == before
+    assert set(before) == set(diagnostics.scalar_units(still.scene) | gauge_units(still.scene))
+
+
+def test_energies_of_a_stream_at_rest_pressure():
+    still = Still()
+    found = diagnostics.scalars(still)
+    mass = 2000.0
+    assert found["mass"] == pytest.approx(mass, rel=1e-12)
+    assert found["energy_kinetic"] == pytest.approx(0.5 * mass * 0.25, rel=1e-12)
+    assert found["energy_potential"] == pytest.approx(mass * 9.81 * 0.5, rel=1e-12)
+    assert found["momentum_x"] == pytest.approx(mass * 0.5, rel=1e-12) and abs(found["momentum_y"]) < 1e-12
+    # compression by p: p^2 / (2 rho0 c0^2) per volume, to the order of (p / rho0 c0^2)
+    elastic = 2.0 * (1000 * 9.81) ** 2 / 3 / (2 * 1000 * 1600)
+    assert found["energy_internal"] == pytest.approx(elastic, rel=0.02)
+
+
+def test_internal_energy_is_the_work_of_pressure():
+    """u' = p / rho^2."""
+    scene = Still().scene
+    drho = np.linspace(-20.0, 80.0, 11)
+    e = 1e-3
+    slope = (diagnostics.internal_energy(scene, drho + e) - diagnostics.internal_energy(scene, drho - e)) / (2 * e)
+    assert np.allclose(slope, scene.pressure(drho) / (1000 + drho) ** 2, rtol=1e-5, atol=1e-9)
