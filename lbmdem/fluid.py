@@ -177,6 +177,10 @@ class Fluid:
                 self.pool.each(layer.tasks[1 - parity])
         self.iteration += 1
 
+    @property
+    def depth(self) -> int:
+        return 1
+
     def advance(self, n: int) -> None:
         """n steps."""
         for _ in range(n):

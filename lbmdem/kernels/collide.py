@@ -1,9 +1,9 @@
 """Collisions as source text: from f0..f<q-1> (without their weights) to g0..g<q-1>, and the numbers they use.
 
 BGK and TRT (Ginzburg 2005) with Guo's force (2002), written on sums and differences of opposite pairs; BGK is TRT with
-equal rates. "central": central moments about the fluid velocity, second order relaxed at 1/tau, its trace and
-all higher orders set to equilibrium (the Maxwellian's; De Rosis 2019 for D3Q19), which stays stable as tau -> 1/2. The third
-and fourth orders need not be measured then, so that it costs little more than TRT.
+equal rates. "central": central moments about the fluid velocity, second order relaxed at 1/tau, its trace and all
+higher orders set to equilibrium (the Maxwellian's; De Rosis 2019 for D3Q19), which stays stable as tau -> 1/2. The
+third and fourth orders need not be measured then, so that it costs little more than TRT.
 
 A collision is `Collision(names, lines)`; `numbers` gives the values that belong to the names. Values may change
 between steps (force), the text does not.
