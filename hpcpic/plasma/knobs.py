@@ -30,11 +30,10 @@ HORIZON = 300.0  # 1/wp in which an instability of the time step shows
 def knobs_of(config: PlasmaConfig) -> Knobs:
     """Of a completed case."""
     time = abs(config.simulation.time_step) * config.simulation.cycles
-    quantities = tuple(quantities_of(config, time))
     return Knobs(
         knobs=tuple(continuous(config)),
         choices=tuple(choices_of(config)),
-        quantities=quantities,
+        quantities=lambda: quantities_of(config, time),
         settings=partial(settings, config),
         time=time,
         pilot=(

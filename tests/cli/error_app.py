@@ -79,7 +79,7 @@ def knobs(config: ErrorConfig) -> Knobs:
                  shown=lambda size: 1 / size),
         ),
         choices=(Choice("mode", ("mode",), "1", ("2",), "dx"),),
-        quantities=(Quantity("answer", "the answer", time / 4, lambda series: float(series["answer"][-1])),),
+        quantities=lambda: [Quantity("answer", "the answer", time / 4, lambda series: float(series["answer"][-1]))],
         settings=lambda sizes, end: settings(config, sizes, end),
         time=time,
         pilot=("output.series=1",),

@@ -37,7 +37,7 @@ def levels(sizes, law, cost=1.0):
 
 
 def power_law(name, amplitude, order, cost, here=1.0):
-    return fit(name, levels((1.0, 2.0, 4.0), lambda h: 1 + amplitude * h**order, cost), here, order, 1.0)
+    return fit(name, levels((1.0, 2.0, 4.0), lambda h: 1 + amplitude * h**order, cost), here, order, cost, 1.0)
 
 
 @pytest.mark.parametrize("order", [0.5, 1.0, 2.0, 4.0])
@@ -57,21 +57,21 @@ def test_a_power_law_gives_its_own_error_and_size_back():
 
 
 def test_an_implausible_order_is_replaced_by_the_theory_with_safety_3():
-    slow = fit("dx", levels((1.0, 2.0, 4.0), lambda h: 1 + 0.1 * h**0.3), 1.0, 2.0, 1.0)
+    slow = fit("dx", levels((1.0, 2.0, 4.0), lambda h: 1 + 0.1 * h**0.3), 1.0, 2.0, 1.0, 1.0)
     assert (slow.used, slow.safety) == (2.0, SAFETY_IMPLAUSIBLE)
-    wavy = fit("dx", levels((1.0, 2.0, 4.0), lambda h: 1 + 0.1 * math.cos(3 * h)), 1.0, 2.0, 1.0)
+    wavy = fit("dx", levels((1.0, 2.0, 4.0), lambda h: 1 + 0.1 * math.cos(3 * h)), 1.0, 2.0, 1.0, 1.0)
     assert math.isnan(wavy.order) and wavy.safety == SAFETY_IMPLAUSIBLE
-    assert fit("dx", levels((1.0, 2.0, 4.0), lambda h: 1 + h * h), 1.0, 2.0, 1.0).safety == SAFETY
+    assert fit("dx", levels((1.0, 2.0, 4.0), lambda h: 1 + h * h), 1.0, 2.0, 1.0, 1.0).safety == SAFETY
 
 
 def test_errors_never_fall_towards_coarser_sizes():
     """A zero crossing of the signed error is luck."""
-    law = fit("dx", levels((1.0, 2.0, 4.0, 8.0), lambda h: 1 + 0.01 * h**2 - 0.00125 * h**3), 1.0, 2.0, 1.0)
+    law = fit("dx", levels((1.0, 2.0, 4.0, 8.0), lambda h: 1 + 0.01 * h**2 - 0.00125 * h**3), 1.0, 2.0, 1.0, 1.0)
     assert (np.diff(law.errors) >= 0).all()
 
 
 def test_a_knob_without_effect_goes_as_far_as_was_measured():
-    law = fit("particles", levels((1.0, 2.0, 4.0), lambda h: 1.0), 1.0, 1.0, 1.0)
+    law = fit("particles", levels((1.0, 2.0, 4.0), lambda h: 1.0), 1.0, 1.0, 1.0, 1.0)
     assert law.idle and law.error(4.0) == 0.0
     assert cheapest([law, power_law("dx", 0.1, 2.0, 1.0)], 0.01, {})["particles"] == pytest.approx(1.3 * 4.0)
 

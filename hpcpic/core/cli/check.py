@@ -5,6 +5,7 @@ from __future__ import annotations
 import click
 
 from hpcpic.core.cli.app import App, AppLoader
+from hpcpic.core.cli.cures import cures
 from hpcpic.core.cli.read import Case, read_case, set_option, shape_options
 from hpcpic.core.cli.text import table
 from hpcpic.core.errors import CheckFailed
@@ -28,6 +29,9 @@ def print_check(app: App, read: Case, ranks: int) -> list[Derived]:
     for number in numbers:
         if number.verdict != "ok":
             click.echo(f"{number.verdict}: {number}")
+        if number.verdict == "fail":
+            for line in cures(app, read, read.tree.sets, number, ranks):
+                click.echo(f"  {line}")
     return numbers
 
 

@@ -41,9 +41,10 @@ def measured(search: Search) -> list[tuple[str, float, float, float]]:
     """(folder, error, seconds, work) of every pilot of the quantity that lies above the reference's own error."""
     rows = []
     for pilot in search.pilots.done.values():
-        if pilot.exit_code:
+        try:
+            error = search.error(search.measured(pilot))
+        except CheckFailed:
             continue
-        error = search.error(search.measured(pilot))
         if error > search.uncertainty:
             rows.append((pilot.folder.name, error, pilot.seconds, pilot.work))
     return rows

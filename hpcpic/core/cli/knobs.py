@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
@@ -72,6 +72,7 @@ class Knobs:
 
     settings(sizes, time): the --set list that gives the knobs these sizes, or the nearest finer ones there are, in a
     run until `time` [s]. time: end of the case itself. pilot: settings of every pilot: series densely, no snapshots.
+    quantities(): what can be asked for, the one that the case is about first.
     work(config): what the run costs, counted instead of timed, in work_unit.
     horizon: time [s] in which an instability shows. growth(series): how much larger than at the start the quantity has
     become that an unstable scheme blows up. seed(n): settings of another random state.
@@ -79,7 +80,7 @@ class Knobs:
 
     knobs: tuple[Knob, ...]
     choices: tuple[Choice, ...]
-    quantities: tuple[Quantity, ...]
+    quantities: Callable[[], Sequence[Quantity]]
     settings: Callable[[Mapping[str, float], float], tuple[str, ...]]
     time: float
     pilot: tuple[str, ...]

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 PLAUSIBLE = (0.5, 1.5)  # times the theory's order
 SAFETY, SAFETY_IMPLAUSIBLE = 1.25, 3.0
 NOTHING = 1e-11  # relative difference between levels that counts as none
-LEAST_COST = 0.1  # exponent: a knob that costs nothing gets a part of the budget all the same
+LEAST_COST = 0.25  # of the theory's exponent: a knob that costs little now will cost more when it is finer
 NEAR = 0.02  # relative change over all levels below which the coarse ones are as asymptotic, and less noisy
 BEYOND = 1.3  # times the coarsest size measured: no recommendation is coarser
 
@@ -49,6 +49,7 @@ class Law:
     used: float
     safety: float
     cost: float
+    least_cost: float
 
     @property
     def idle(self) -> bool:
@@ -111,17 +112,18 @@ def spaced(sizes: NDArray) -> list[int]:
     return [0, 1 + int(np.argmin(inner)), len(sizes) - 1]
 
 
-def fit(name: str, levels: Sequence[Level], here: float, theory: float, scale: float) -> Law:
+def fit(name: str, levels: Sequence[Level], here: float, theory: float, cost_theory: float, scale: float) -> Law:
     """The law of one knob from three levels or more; `here` is the case's own size, `scale` the quantity's norm."""
     levels = sorted(levels, key=lambda level: level.size)
     sizes = np.array([level.size for level in levels])
     values = [level.value / scale for level in levels]
     mine = int(np.argmin(np.abs(np.log(sizes / here))))
     spread = max(norm(value - values[0]) for value in values)
-    cost = _slope(np.log(sizes), -np.log([level.seconds for level in levels]))
+    cost = max(_slope(np.log(sizes), -np.log([level.seconds for level in levels])), 0.0)
+    least = LEAST_COST * cost_theory
     if spread <= NOTHING:
         nothing = np.zeros_like(sizes)
-        return Law(name, sizes, nothing, np.zeros_like(values[0]), here, math.nan, theory, theory, SAFETY, cost)
+        return Law(name, sizes, nothing, np.zeros_like(values[0]), here, math.nan, theory, theory, SAFETY, cost, least)
     three = [0, 1, 2] if spread > NEAR else spaced(sizes)
     order = observed_order(sizes[three], [values[k] for k in three])
     good = math.isfinite(order) and PLAUSIBLE[0] * theory < order < PLAUSIBLE[1] * theory
@@ -133,7 +135,7 @@ def fit(name: str, levels: Sequence[Level], here: float, theory: float, scale: f
     if not good:  # the coarser pair may say more
         other = norm(values[2] - values[1]) / ((sizes[2] / sizes[0]) ** used - (sizes[1] / sizes[0]) ** used)
         errors = np.maximum(errors, other)
-    return Law(name, sizes, np.maximum.accumulate(errors), signed[mine], here, order, theory, used, safety, cost)
+    return Law(name, sizes, np.maximum.accumulate(errors), signed[mine], here, order, theory, used, safety, cost, least)
 
 
 def _slope(x: NDArray, y: NDArray) -> float:
@@ -142,7 +144,7 @@ def _slope(x: NDArray, y: NDArray) -> float:
 
 def weights(laws: Sequence[Law]) -> dict[str, float]:
     """c/p of each knob that has an effect; the share of the budget is this over their sum."""
-    return {law.name: max(law.cost, LEAST_COST) / law.used for law in laws if not law.idle}
+    return {law.name: max(law.cost, law.least_cost) / law.used for law in laws if not law.idle}
 
 
 def cheapest(laws: Sequence[Law], budget: float, most: Mapping[str, float]) -> dict[str, float]:
@@ -170,9 +172,10 @@ def cheapest(laws: Sequence[Law], budget: float, most: Mapping[str, float]) -> d
 
 def relative_cost(laws: Sequence[Law], sizes: Mapping[str, float]) -> float:
     """Of the sizes, where the case itself has cost 1."""
-    return math.prod((sizes[law.name] / law.here) ** -max(law.cost, 0.0) for law in laws)
+    factors = [(sizes[law.name] / law.here, law) for law in laws]
+    return math.prod(f ** -(law.cost if f > 1.0 else max(law.cost, law.least_cost)) for f, law in factors)
 
 
 def slope(laws: Sequence[Law]) -> float:
     """Theory's exponent of cost ~ error^-slope along the front: the sum of c/p."""
-    return sum(max(law.cost, 0.0) / law.used for law in laws if not law.idle)
+    return sum(law.cost / law.used for law in laws if not law.idle)

@@ -24,6 +24,7 @@ LIMIT_MARGIN = 0.8  # of the end of stability
 WORTH = 0.8  # times the cost: another scheme must save this much to be chosen
 DEAR = 1.5  # times the cost of the case, by the estimate: a scheme that is not tried
 NEIGHBOUR = 1.25
+DEAREST = 4.0  # times the cost of the case's pilot: a neighbour that is not run
 TRIES = 3
 
 
@@ -150,7 +151,8 @@ class Search:
     def refit(self, knob: Knob) -> None:
         if len(self.levels[knob.name]) < 3:
             raise CheckFailed(f"{knob.name}: fewer than three different levels can be run")
-        self.laws[knob.name] = fit(knob.name, self.levels[knob.name], self.own[knob.name], knob.order, self.scale)
+        own = self.own[knob.name]
+        self.laws[knob.name] = fit(knob.name, self.levels[knob.name], own, knob.order, knob.cost, self.scale)
 
     def finer(self) -> bool:
         """A finer level of the knob that the reference is least sure of, while that helps and is affordable."""
@@ -278,6 +280,8 @@ class Search:
                 f"ask for {2 * self.uncertainty:.2g}, or start from a finer case"
             )
         proposal = self.propose(tolerance)
+        if proposal.cost >= 1.0 and self.error(self.value) + self.uncertainty <= tolerance:
+            proposal = self.nearer(proposal, 0.0)
         for tried in range(1, TRIES + 1):
             verified = self.run_and_compare(proposal)
             if verified.error + self.uncertainty <= tolerance:
@@ -304,13 +308,16 @@ class Search:
         laws = {law.name: law for law in proposal.scheme.laws}
         for words, factor in (("coarser", NEIGHBOUR), ("finer", 1.0 / NEIGHBOUR)):
             sizes = {name: size if laws[name].idle else size * factor for name, size in proposal.sizes.items()}
-            if not self.pilots.legal(sizes, self.quantity.time, proposal.scheme.others):
+            cost = proposal.scheme.cost * relative_cost(proposal.scheme.laws, sizes) * self.base.seconds
+            legal = self.pilots.legal(sizes, self.quantity.time, proposal.scheme.others)
+            if not legal or cost > DEAREST * self.base.seconds:
                 continue
             beside = self.pilot(sizes, proposal.scheme.others, f"{words} neighbour")
-            if beside.exit_code:
-                warnings.append(f"the {words} neighbour does not run: {beside.words}")
+            try:
+                neighbours[words] = self.error(self.measured(beside))
+            except CheckFailed as error:
+                warnings.append(f"the {words} neighbour: {error.message}")
                 continue
-            neighbours[words] = self.error(self.measured(beside))
             bound = sum(law.bound(sizes[law.name]) for law in proposal.scheme.laws) + proposal.scheme.floor + self.floor
             if neighbours[words] > 2.0 * bound + self.uncertainty:
                 warnings.append(

@@ -128,15 +128,16 @@ def chosen_quantity(knobs: Knobs, name: str | None) -> Quantity:
     """By name, or the first; any scalar of the series at the end of the run is one. Raises ConfigError."""
     from hpcpic.core.cli.knobs import Quantity
 
+    known = knobs.quantities()
     if name is None:
-        return knobs.quantities[0]
-    for quantity in knobs.quantities:
+        return known[0]
+    for quantity in known:
         if quantity.name == name:
             return quantity
 
     def last(series: Series) -> float:
         if name not in series:
-            listed = ", ".join([*(q.name for q in knobs.quantities), *series])
+            listed = ", ".join([*(q.name for q in known), *series])
             raise ConfigError(f"--qoi {name}: there are {listed}")
         return float(series[name][-1])
 
