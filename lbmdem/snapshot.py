@@ -68,9 +68,10 @@ def state(app: "LbmDem") -> dict[str, Shard]:
         populations = np.ascontiguousarray(np.moveaxis(app.fluid.populations(), 0, -1))
         result["populations"] = Shard(populations, low, app.domain.points[0])
     if app.dem:
-        low, _ = app.dem.grains.part()
-        for name, values in app.dem.state().items():
-            result[f"grains/{name}"] = Shard(values, low, len(app.table))
+        result |= app.dem.state()
+        if app.solid_moves:
+            low, high = app.dem.grains.part()
+            result["pending"] = Shard(app.immersed.pending(len(app.table))[low:high], low, len(app.table))
     return result
 
 
@@ -78,10 +79,10 @@ def restore(app: "LbmDem", reader: "Reader") -> None:
     """Replace everything by a checkpoint."""
     app.iteration = reader.step
     if app.dem:
-        low, high = app.dem.grains.part()
-        names = [name for name in reader.names if name.startswith("grains/")]
-        app.dem.restore({name.removeprefix("grains/"): reader.read(name, low, high) for name in names}, app.time)
-        app.mark_solid()
+        app.dem.restore(reader)
+        app.start_solid()
+        if app.solid_moves:
+            app.immersed.restore(reader.read("pending"))
     if app.fluid:
         app.fluid.iteration = reader.step
         low, high = app.domain.row_range(app.world.rank)

@@ -13,7 +13,7 @@ from hpcpic.core.timers import Timers
 from lbmdem import snapshot
 from lbmdem.config import AXES, LbmDemConfig
 from lbmdem.contacts import Law, Wall, stable_step
-from lbmdem.coupling import Immersed
+from lbmdem.coupling import Immersed, impedance
 from lbmdem.dem import Dem
 from lbmdem.derived import derived
 from lbmdem.diagnostics import Diagnostics
@@ -57,7 +57,8 @@ class LbmDem:
         self.fluid = self._fluid() if config.fluid else None
         self.immersed = self._immersed() if self.fluid and (len(self.table) or config.obstacle) else None
         self.dem = self._dem() if self.grains_move else None
-        self.mark_solid()
+        self.solid_moves = bool(self.dem and self.immersed and not config.coupling.frozen)
+        self.start_solid()
         self.diagnostics = Diagnostics(self)
         self.scalar_units = self.diagnostics.units
 
@@ -118,7 +119,16 @@ class LbmDem:
         limit = SHARE * stable_step(law, table.radius[moving], table.mass[moving], table.inertia[moving])
         self.substeps = config.coupling.substeps or max(1, math.ceil(scene.time_step / limit))
         self._weights = self._weight_of_grains()
+        if self.immersed and config.coupling.inertia == "implicit":
+            self._add_impedance(dem)
         return dem
+
+    def _add_impedance(self, dem: Dem) -> None:
+        """The force of the links at the velocity that they lead to: as if grains had more inertia."""
+        units, rule = self.scene.units, RULES[self.scene.config.coupling.bounce_back]
+        radius = dem.grains.radius[: dem.grains.n] / units.dx
+        mass, inertia = impedance(LATTICES[self.scene.lattice], rule, radius)
+        dem.set_added(mass * units.mass, inertia * units.mass * units.dx**2)
 
     def _weight_of_grains(self) -> NDArray[np.float64]:
         """[N, d]: gravity less buoyancy of every grain, N."""
@@ -158,13 +168,21 @@ class LbmDem:
             torque += turned * units.torque
         dem.advance(self.time_step / self.substeps, self.substeps, force, torque, time=self.time)
 
+    def start_solid(self) -> None:
+        """The fluid sees the grains for the first time, or where a checkpoint has them."""
+        if self.solid_moves:
+            self.immersed.start(*self._moving_grains())
+
     def mark_solid(self) -> None:
         """The fluid sees the grains where they are now."""
-        if not self.dem or not self.immersed or self.scene.config.coupling.frozen:
-            return
+        if self.solid_moves:
+            self.immersed.move(*self._moving_grains())
+
+    def _moving_grains(self) -> tuple[NDArray, ...]:
+        """Numbers, places, radii, velocities and angular velocities of own grains and ghosts, in lattice units."""
         grains, units = self.dem.grains, self.scene.units
         moving = ~grains.fixed
-        self.immersed.move(
+        return (
             grains.ids[moving],
             self.nodes(grains.x[moving]),
             grains.radius[moving] / units.dx,
@@ -216,6 +234,8 @@ class LbmDem:
 
     def close(self) -> None:
         """Free what MPI holds (all ranks together)."""
+        if self.immersed:
+            self.immersed.free()
         if self.fluid:
             self.fluid.free()
 
