@@ -142,6 +142,7 @@ class Numerics(Section):
         None, "alpha of the artificial viscosity, added to any form; by default 0.02 for artificial, else 0", ge=0
     )
     tensile_correction: float = setting(0.0, "Monaghan's artificial pressure against clumping, 0.2 is usual", ge=0)
+    shifting: bool = setting(False, "particles are shifted towards where there are few (Sun et al. 2017)")
     precision: Literal["double", "single"] = setting("double", "arithmetic of the pair sums")
     balance_period: int = setting(100, "steps between looks at the load of the ranks, 0 = never", "steps", ge=0)
     reproducible: Literal[True] = setting(True, "same bits for any ranks, threads and task blocks")
