@@ -7,6 +7,7 @@ bits do not depend on ranks, threads and blocks.
 
 import math
 from collections.abc import Sequence
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,6 +17,7 @@ from hpcpic.core.tasks import Pool
 from lbmdem.fluid import Fluid
 from lbmdem.kernels import links as kernels
 from lbmdem.kernels.layout import FLUID
+from lbmdem.lattices import Lattice
 from lbmdem.links import GAINS, Bodies, FixedLinks, Wall, mark_walls
 from lbmdem.moving import MovingLinks
 from lbmdem.refill import Refill, Table
@@ -23,11 +25,25 @@ from lbmdem.solid import Change, Solid, Window, kernel_axes, kernel_rotation
 
 _SUM_BITS, _FINEST_BITS = 61, 52  # of the sums; scales finer than 2^-52 are of no use for terms below 1
 _BLOCKS = 4  # per thread
+MEAN_WALL_TERM = {
+    "halfway": 1.0,
+    "interpolated": 0.5 + 0.5 * math.log(2.0),
+    "quadratic": 0.5 + math.log(4.0 / 3.0),
+    "cli": math.log(3.0),
+}
+"""Weight of the wall term of each rule, the mean over q from 0 to 1."""
 Grains = tuple[NDArray, NDArray, NDArray, NDArray, NDArray]
 
 
+class Gains(NamedTuple):
+    """What bodies gain in a step, in units of 1 / scale: force, torque, and the mass that the fluid gains."""
+
+    ids: NDArray[np.int64]
+    sums: NDArray[np.int64]
+
+
 class Immersed:
-    """Walls and grains in a fluid. Per step: `move` (if grains move), fluid.step(), `forces`.
+    """Walls and grains in a fluid. Per step: fluid.step(), `forces`, and `move` if grains move.
 
     fixed: ids (ascending), centres[n, d], radii[n], velocities[n, d] and angular velocities[n, 1 or 3] of the surfaces
     of the grains that stay, the same on all ranks. refill: see `lbmdem.refill`.
@@ -55,13 +71,13 @@ class Immersed:
         self._fixed = grain_table(*fixed) if fixed else grain_table(*_no_grains(self._dimensions))
         self._solid.rebuild(self._fixed.ids, self._fixed.centres, self._fixed.radii)
         fluid.solid_changed(fill=False)
-        self._set_scale(self._fixed.radii)
         self._stay = self._link(Bodies(*self._fixed, self._walls))
+        self._set_scale(self._fixed.radii)
         self._moving: MovingLinks | None = None
         self._table = self._fixed  # of the grains that are linked anew
-        self._grain_sums = np.zeros((len(self._fixed.ids), GAINS), np.int64)
+        self._gains: list[Gains] = []  # of the last step
         self._wall_sums = np.zeros((len(self._walls), GAINS), np.int64)
-        self._extra = self._grain_sums
+        self._pending = Gains(self._fixed.ids[:0], np.zeros((0, GAINS), np.int64))
         fluid.hooks.append(self._bounce)
 
     def _link(self, bodies: Bodies) -> FixedLinks:
@@ -73,86 +89,112 @@ class Immersed:
 
     def _set_scale(self, radii: NDArray[np.float64]) -> None:
         """Units of the sums, powers of two: no sum of terms below 2 over all links of a body overflows. Collective."""
+        stay = self._stay
         radius = self._world.max(float(radii.max(initial=1.0)))
-        links = 8.0 * (2.0 * radius + 2.0) ** 2
-        if self._walls:
-            links = max(links, float(self.fluid.lattice.q) * math.prod(self.fluid.domain.points))
-            radius = max(radius, float(sum(self.fluid.domain.points)))
-        bits = [_SUM_BITS - math.ceil(math.log2(4.0 * links * arm)) for arm in (1.0, radius + 2.0)]
+        arm = max(radius + 2.0, self._world.max(float(np.abs(stay.arm).max(initial=0.0))))
+        linked = int(self._world.sum_int(np.array([stay.count], np.int64))[0])
+        links = max(8.0 * (2.0 * radius + 2.0) ** 2, float(linked))
+        bits = [_SUM_BITS - math.ceil(math.log2(4.0 * links * length)) for length in (1.0, arm)]
         force, torque = (2.0 ** min(b, _FINEST_BITS) for b in bits)
         self._scale = np.array([force] * 3 + [torque] * 3 + [force])
 
-    def move(self, ids: NDArray, centres: NDArray, radii: NDArray, velocity: NDArray, omega: NDArray) -> None:
-        """The moving grains near this slab (all that touch it), in any order, are at these places now. Collective."""
-        table = _merged(self._fixed, grain_table(ids, centres, radii, velocity, omega))
+    def start(self, ids: NDArray, centres: NDArray, radii: NDArray, velocity: NDArray, omega: NDArray) -> None:
+        """Place the moving grains near this slab (all that touch it), in any order; populations stay. Collective.
+
+        From then on all grains are linked at every step, those that stay too: others may come near them.
+        """
+        self._table = _merged(self._fixed, grain_table(ids, centres, radii, velocity, omega))
         if self._moving is None:
-            self._begin_to_move(table)
+            self._stay = self._link(Bodies(*grain_table(*_no_grains(self._dimensions)), self._walls))
+            self._set_scale(self._table.radii)
+            open_mass = 0.0 if self._refill.conserving else 1.0
+            nodes = (self.fluid.layout, self.fluid.f, self.fluid.ids)
+            self._moving = MovingLinks(self.window, *nodes, self._rule, open_mass, self._blocks)
+        self._solid.rebuild(*self._table[:3])
+        self.fluid.solid_changed(fill=False)
+        self._moving.place(*self._table)
+
+    def move(self, ids: NDArray, centres: NDArray, radii: NDArray, velocity: NDArray, omega: NDArray) -> None:
+        """As `start`, from where the grains were; nodes that they uncover are filled. Collective."""
+        if self._moving is None:
+            self.start(ids, centres, radii, velocity, omega)
+            return
+        self._table = table = _merged(self._fixed, grain_table(ids, centres, radii, velocity, omega))
         self._refill.exchange()
         change = self._solid.update(table.ids, table.centres, table.radii)
         covered, filled = self._refill.change(self._solid, change, table)
         self._solid.settle()
         self.fluid.solid_changed(fill=False)
         self._moving.place(*table)
-        self._table = table
-        self._extra = np.zeros((len(table.ids), GAINS), np.int64)
         if self._refill.conserving:
-            self._account(change, covered, filled)
+            self._pending = self._account(change, covered, filled)
 
-    def _begin_to_move(self, table: Table) -> None:
-        """From now on all grains are linked at every step, those that stay too: others may come near them."""
-        self._solid.rebuild(*table[:3])
-        self.fluid.solid_changed(fill=False)
-        self._set_scale(table.radii)
-        self._stay = self._link(Bodies(*grain_table(*_no_grains(self._dimensions)), self._walls))
-        open_mass = 0.0 if self._refill.conserving else 1.0
-        nodes = (self.fluid.layout, self.fluid.f, self.fluid.ids)
-        self._moving = MovingLinks(self.window, *nodes, self._rule, open_mass, self._blocks)
-
-    def _account(self, change: Change, covered: NDArray, filled: NDArray) -> None:
-        """What grains take from covered nodes and give to uncovered ones."""
+    def _account(self, change: Change, covered: NDArray, filled: NDArray) -> Gains:
+        """What grains take from covered nodes and give to uncovered ones: part of the forces of the next step."""
+        table, e = self._table, kernel_axes(self.fluid.lattice.e)
+        sums = np.zeros((len(table.ids), GAINS), np.int64)
         parts = ((1.0, change.covered, change.taken_by, covered), (-1.0, change.uncovered, change.left_by, filled))
-        e = kernel_axes(self.fluid.lattice.e)
         for sign, nodes, owners, populations in parts:
-            rows = np.searchsorted(self._table.ids, owners)
+            rows = np.searchsorted(table.ids, owners)
             momentum = sign * (populations @ e)
-            torque = np.cross(self._refill.arms(nodes, self._table.centres[rows]), momentum)
+            torque = np.cross(self._refill.arms(nodes, table.centres[rows]), momentum)
             gains = np.column_stack((momentum, torque, -sign * populations.sum(axis=1)))
-            np.add.at(self._extra, rows, np.rint(gains * self._scale).astype(np.int64))
+            np.add.at(sums, rows, np.rint(gains * self._scale).astype(np.int64))
+        return Gains(table.ids, sums)
 
     def _bounce(self, fluid: Fluid, parity: int) -> None:
         """After the sweep: what comes back from the solids at the next step."""
-        sums = self._stay.run_and_measure(self._pool, parity, self._scale)
-        grains = len(self._stay.bodies.ids)
-        self._wall_sums = sums[grains:]
-        self._grain_sums = sums[:grains]
+        stay = self._stay.run_and_measure(self._pool, parity, self._scale)
+        ids = self._stay.bodies.ids
+        self._wall_sums = stay[len(ids) :]
+        self._gains = [Gains(ids, stay[: len(ids)])]
         if self._moving is not None:
-            self._grain_sums = self._moving.run(self._pool, parity, self._scale) + self._extra
+            self._gains += [Gains(self._table.ids, self._moving.run(self._pool, parity, self._scale)), self._pending]
+            self._pending = Gains(self._table.ids[:0], self._pending.sums[:0])
         if self._refill.conserving:
             self._keep_mass()
 
     def _keep_mass(self) -> None:
         """Put back evenly what links and nodes have lost. Collective."""
         inner = tuple(slice(*self.window.inner[axis]) for axis in (2, 1, 0))
-        lost = -(self._grain_sums[:, 6].sum() + self._wall_sums[:, 6].sum())
-        lost, nodes = self._world.sum_int(np.array([lost, np.count_nonzero(self.fluid.ids[inner] == FLUID)], np.int64))
+        gained = self._wall_sums[:, 6].sum() + sum(gains.sums[:, 6].sum() for gains in self._gains)
+        here = np.array([gained, np.count_nonzero(self.fluid.ids[inner] == FLUID)], np.int64)
+        gained, nodes = (float(total) for total in self._world.sum_int(here))
         if nodes:
-            self._refill.add_evenly(float(lost) / float(nodes) / float(self._scale[6]))
+            self._refill.add_evenly(-gained / nodes / float(self._scale[6]))
 
     def forces(self, ids: NDArray[np.int64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """Force [n, d] and torque [n, 1 or 3] of the last step on grains of any numbers. Collective."""
-        count = int(self._world.max(float(max(ids.max(initial=-1), self._table.ids.max(initial=-1))))) + 1
-        force, torque = self.all_forces(count)
+        """Force [n, d] and torque [n, 1 or 3] of the last step on the grains of these numbers. Collective."""
+        greatest = max([ids.max(initial=-1), *(gains.ids.max(initial=-1) for gains in self._gains)])
+        force, torque = self.all_forces(int(self._world.max(float(greatest))) + 1)
         return force[ids], torque[ids]
 
     def all_forces(self, number: int) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """Force [number, d] and torque [number, 1 or 3] of the last step on the grains 0 .. number - 1. Collective."""
+        return self._physical(self._total(self._gains, number))
+
+    def _total(self, parts: Sequence[Gains], number: int) -> NDArray[np.int64]:
         sums = np.zeros((number, GAINS), np.int64)
-        sums[self._table.ids] = self._grain_sums
-        return self._physical(self._world.sum_int(sums))
+        for part in parts:
+            sums[part.ids] += part.sums
+        return self._world.sum_int(sums)
 
     def wall_forces(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """Force and torque of the last step on the walls, about their centres. Collective."""
         return self._physical(self._world.sum_int(self._wall_sums))
+
+    def pending(self, number: int) -> NDArray[np.int64]:
+        """For a checkpoint: [number, 7] what the last `move` has left for the next step. Collective."""
+        return self._total([self._pending], number)
+
+    def restore(self, pending: NDArray[np.int64]) -> None:
+        """Take `pending` of a checkpoint; `start` places the grains."""
+        if self._world.rank == 0:
+            self._pending = Gains(np.arange(len(pending)), np.array(pending, np.int64))
+
+    def free(self) -> None:
+        """Release what MPI holds (all ranks together)."""
+        self._refill.free()
 
     def _physical(self, sums: NDArray[np.int64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         values = sums / self._scale
@@ -161,13 +203,28 @@ class Immersed:
         return values[:, [0, 2]], -values[:, 4:5]
 
     def counts(self) -> dict[str, int]:
-        """Links of the last step; those without the fluid nodes of their rule; those of nodes with two owners. Collective."""
+        """Links of the last step, those without the fluid nodes of their rule, those lost to a wall or another grain."""
         here = np.array([self._stay.count, self._stay.fallbacks, 0], np.int64)
         if self._moving is not None:
             here += self._moving.counters.sum(axis=0)
         total = self._world.sum_int(here)
         names = {"links": kernels.LINKS, "fallbacks": kernels.FALLBACKS, "lost": kernels.LOST}
         return {name: int(total[at]) for name, at in names.items()}
+
+
+def impedance(lattice: Lattice, rule: str, radius: NDArray[np.float64]) -> tuple[NDArray, NDArray]:
+    """Mass and moment of inertia to add to grains of a radius so that light ones are stable, in lattice units.
+
+    The force of the links changes by -zeta du when the grain's velocity changes by du within a step, zeta = sum over
+    links of A 6 w e e (A: weight of the wall term). A backward Euler step of that part divides the force by m + zeta.
+    The mean over all places of the grain: pi r^2 |e| links of a direction in 3D, 2 r |e| in 2D, at any q alike.
+    """
+    radius = np.asarray(radius, np.float64)
+    strength = float(np.sum(6.0 * lattice.w * np.sum(lattice.e**2, axis=1) ** 1.5)) * MEAN_WALL_TERM[rule]
+    if lattice.dimensions == 3:
+        mass = strength * math.pi / 3.0 * radius**2
+        return mass, 0.5 * mass * radius**2
+    return strength * radius, 2.0 / 3.0 * strength * radius**3
 
 
 def grain_table(ids: NDArray, centres: NDArray, radii: NDArray, velocity: NDArray, omega: NDArray) -> Table:

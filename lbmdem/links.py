@@ -248,7 +248,8 @@ class FixedLinks:
         out = np.where(odd, there[first], zero)
         others = there[first] - out
         slots = self._layout.slots * self._layout.slot_stride
-        self.offsets = np.array(np.stack([slots[:, j] + out, slots[:, i] + others, slots[:, j] + others], axis=-1), order="C")
+        places = [slots[:, j] + out, slots[:, i] + others, slots[:, j] + others]
+        self.offsets = np.array(np.stack(places, axis=-1), order="C")
         self.way = self.directions.e[i].astype(np.float64)
         self.planes = np.searchsorted(local[first, 2], np.arange(self._layout.planes + 1)).astype(np.int64)
 

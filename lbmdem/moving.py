@@ -21,7 +21,14 @@ class MovingLinks:
     """
 
     def __init__(
-        self, window: Window, layout: Layout, f: NDArray, solid: NDArray[np.int32], rule: str, open_mass: float, blocks: int
+        self,
+        window: Window,
+        layout: Layout,
+        f: NDArray,
+        solid: NDArray[np.int32],
+        rule: str,
+        open_mass: float,
+        blocks: int,
     ) -> None:
         if RULES[rule] == kernels.QUADRATIC and layout.stored != layout.planes:
             raise HpcpicError("the quadratic rule reads two nodes beyond a slab: it works on one rank only")

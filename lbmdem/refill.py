@@ -111,3 +111,8 @@ class Refill:
         window, fluid = self._window, self._fluid
         low, high = (int(end) for end in window.inner[2])
         kernels.add_to_rest(fluid.f, fluid.layout.strides, fluid.ids, window.inner, low, high, mass_per_node)
+
+    def free(self) -> None:
+        """Release what MPI holds (all ranks together)."""
+        if self._fill is not None:
+            self._fill.free()

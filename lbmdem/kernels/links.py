@@ -1,6 +1,6 @@
 """Links between fluid and solid nodes: rules, populations that come back, momentum; compiled.
 
-On the link of a fluid node x along e_i to a solid node, with y = x - e_i, z = y - e_i behind it and j opposite to i, the
+On the link of a fluid node x along e_i to a solid one, with y = x - e_i, z = y - e_i behind it and j opposite to i, the
 sweep has bounced g_i(x) back half-way. A rule makes of it, where j arrives at x at the next step,
 
     out + weights . (out, g_i(y), g_j(x), g_i(z), g_j(y)) - wall term,     out = g_i(x)
@@ -27,8 +27,8 @@ def coefficients(rule, q, behind):
     """Coefficients of g_i(x), g_i(y), g_j(x), g_i(z), g_j(y) and of the wall term, for the crossing at q of the link.
 
     `behind`: fluid nodes behind x that can be used (0, 1, 2). The wall term is 6 w e.u (Ladd 1994) times one minus
-    the coefficients of g_j: a fluid that moves with the wall is left as it is. Bouzidi, Firdaouss & Lallemand, Phys. Fluids
-    13 (2001) 3452, (5); Ginzburg & d'Humieres, Phys. Rev. E 68 (2003) 066614, for CLI.
+    the coefficients of g_j: a fluid that moves with the wall is left as it is. Bouzidi, Firdaouss & Lallemand, Phys.
+    Fluids 13 (2001) 3452, (5); Ginzburg & d'Humieres, Phys. Rev. E 68 (2003) 066614, for CLI.
     """
     if behind == 0 or rule == HALFWAY:
         return 1.0, 0.0, 0.0, 0.0, 0.0, 1.0
@@ -98,8 +98,9 @@ def moving_links(
 
     The sums are force, torque and the mass that the fluid gains, rounded once for each image and plane, so they do not
     depend on how planes are shared out. motion[n, 6]: velocity and angular velocity; e[q, 3], w6[q] = 6 w; solid: flat,
-    of shape[3] with inner[3, 2]; box[3, 2]: nodes behind that count. open_mass: 1 to count what the wall sweeps over as its momentum (Wen et al., JCP 266
-    (2014) 161: Galilean invariant on the mean), 0 where covered and uncovered nodes are counted themselves. start, images: `buckets` from `low` on; strides, slots, shifts: `kernels.layout`.
+    of shape[3] with inner[3, 2]; box[3, 2]: nodes behind that count. start, images: `buckets` from `low` on; strides,
+    slots, shifts: `kernels.layout`. open_mass: 1 to count the fluid that the wall sweeps over as momentum (Wen et al.,
+    JCP 266 (2014) 161: Galilean invariant on the mean), 0 where covered and uncovered nodes are counted themselves.
     """
     height = 0
     for g in range(radii.size):

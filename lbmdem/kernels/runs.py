@@ -88,7 +88,7 @@ def mark(solid, centres, radii, ids, grain, offset, low, high, lost):
 def _claim(solid, p, r, x, ids, g, lost):
     """Grain g wants a node: a lower id keeps or takes it, and the other one is noted in `lost`."""
     now, number = solid[p, r, x], np.int32(ids[g])
-    if now == FLUID or now == LEFT:
+    if now in (FLUID, LEFT):
         solid[p, r, x] = number
     elif now > number:
         solid[p, r, x] = number

@@ -1,0 +1,270 @@
+"""Balances of fluid and solids, walls, light grains, bits."""
+
+import numpy as np
+import pytest
+
+from hpcpic.core.comm.world import World
+from hpcpic.core.space.domain import Domain, even_cuts
+from hpcpic.core.tasks import Pool
+from lbmdem.coupling import Immersed, impedance
+from lbmdem.fluid import Fluid
+from lbmdem.lattices import D2Q9, D3Q19
+from lbmdem.links import Wall, ball, plane
+
+BOX = {"D3Q19": (13, 14, 17), "D2Q9": (26, 31)}
+LATTICES = pytest.mark.parametrize("lattice", [D2Q9, D3Q19], ids=lambda lattice: lattice.name)
+
+
+@pytest.fixture(scope="module")
+def pool():
+    pool = Pool(1)
+    yield pool
+    pool.close()
+
+
+def fluid_in_a_box(world, pool, lattice, shape, periodic=None, **options):
+    periodic = periodic or (True,) * len(shape)
+    domain = Domain(tuple(map(float, shape)), shape, periodic, even_cuts(shape[0], world.size))
+    return Fluid(world, pool, domain, lattice, **{"tau": 0.7, **options})
+
+
+def stir(fluid, seed=1):
+    """Populations away from equilibrium, the same for any cuts."""
+    h = np.random.default_rng(seed).normal(size=(fluid.lattice.q, *fluid.domain.points))
+    low, high = fluid.domain.row_range(fluid.world.rank)
+    fluid.set_populations(0.01 * fluid.lattice.w.reshape(-1, *[1] * (h.ndim - 1)) * h[:, low:high])
+
+
+class Grains:
+    """Three grains that go their ways, whatever the fluid does; they turn and cross the seams."""
+
+    def __init__(self, lattice, speed=0.05):
+        d, rng = lattice.dimensions, np.random.default_rng(5)
+        self.box = np.array(BOX[lattice.name][::-1], float)
+        self.ids = np.array([0, 2, 3])
+        self.x = np.array([[3.1, 3.2, 2.3], [10.2, 4.1, 7.3], [15.9, 11.3, 12.1]])[:, :d]
+        self.x[:, -1] *= self.box[-1] / 13
+        self.radii = np.array([2.6, 2.9, 2.2])
+        self.v = rng.normal(0, speed, (3, d))
+        self.omega = rng.normal(0, 0.3 * speed, (3, 3 if d == 3 else 1))
+
+    def go(self):
+        self.x = (self.x + self.v) % self.box
+
+    @property
+    def columns(self):
+        return self.ids, self.x, self.radii, self.v, self.omega
+
+
+def momentum(fluid):
+    h = fluid.populations()
+    return np.tensordot(h.reshape(len(h), -1).sum(axis=1), fluid.lattice.e, axes=1)
+
+
+@LATTICES
+@pytest.mark.parametrize("rule", ["halfway", "interpolated", "quadratic", "cli"])
+def test_what_the_fluid_loses_the_grains_get(world, pool, lattice, rule):
+    if world.size > 1:
+        pytest.skip("the rule of one rank")
+    fluid = fluid_in_a_box(world, pool, lattice, BOX[lattice.name])
+    grains = Grains(lattice)
+    walls = [Wall(ball((8.1,) * lattice.dimensions, 1.7))]
+    rest = (0 * grains.v, 0 * grains.omega)
+    immersed = Immersed(fluid, world, pool, rule=rule, fixed=(*grains.columns[:3], *rest), walls=walls)
+    stir(fluid)
+    for _ in range(3):
+        before = momentum(fluid)
+        fluid.step()
+        force = immersed.all_forces(4)[0].sum(axis=0) + immersed.wall_forces()[0].sum(axis=0)
+        assert np.abs(force).max() > 1e-3
+        assert np.abs(momentum(fluid) - before + force).max() < 1e-12  # sums of 1e4 terms of 1e-3
+
+
+@LATTICES
+def test_conserving_refill_closes_both_balances(world, pool, lattice):
+    if world.size > 1:
+        pytest.skip("looks at all populations")
+    fluid = fluid_in_a_box(world, pool, lattice, BOX[lattice.name])
+    grains = Grains(lattice)
+    immersed = Immersed(fluid, world, pool, refill="conserving")
+    immersed.start(*grains.columns)
+    stir(fluid)
+    mass = fluid.populations().sum()
+    changed = 0
+    for _ in range(60):
+        before, covered = momentum(fluid), fluid.ids.copy()
+        grains.go()
+        immersed.move(*grains.columns)
+        changed += np.count_nonzero(covered != fluid.ids)
+        fluid.step()
+        force = immersed.all_forces(4)[0].sum(axis=0)
+        assert np.abs(momentum(fluid) - before + force).max() < 2e-12
+        assert abs(fluid.populations().sum() - mass) < 1e-12 * fluid.solid.inner.size
+    assert changed > 60
+
+
+@LATTICES
+@pytest.mark.parametrize("refill", ["average", "local", "non-equilibrium"])
+def test_other_refills_keep_the_momentum_on_the_mean(world, pool, lattice, refill):
+    """A grain in a fluid that moves with it: what is refilled is what was there, up to rounding, and no force acts."""
+    if world.size > 1:
+        pytest.skip("looks at all populations")
+    fluid = fluid_in_a_box(world, pool, lattice, BOX[lattice.name])
+    grains = Grains(lattice)
+    grains.v[:], grains.omega[:] = 0.04, 0.0
+    immersed = Immersed(fluid, world, pool, refill=refill)
+    immersed.start(*grains.columns)
+    fluid.set_equilibrium(1.0, (0.04,) * lattice.dimensions)
+    for _ in range(30):
+        grains.go()
+        immersed.move(*grains.columns)
+        fluid.step()
+        density, u = fluid.moments()
+        free = fluid.solid.inner == -1
+        assert np.abs(density[free] - 1.0).max() < 1e-13
+        assert np.abs(u[free] - 0.04).max() < 1e-13
+        assert np.abs(immersed.all_forces(4)[0]).max() < 0.02  # less than 2 % of the momentum that a grain sweeps over
+
+
+def test_no_force_between_touching_grains_in_still_fluid(world, pool):
+    fluid = fluid_in_a_box(world, pool, D3Q19, (16, 12, 12))
+    x = np.array([[5.3, 5.1, 4.2], [5.3, 5.1, 10.2]])
+    rest = np.zeros((2, 3))
+    immersed = Immersed(fluid, world, pool, fixed=(np.arange(2), x, np.array([3.0, 3.0]), rest, rest))
+    for _ in range(3):
+        fluid.step()
+        force, torque = immersed.all_forces(2)
+        assert np.all(force == 0.0) and np.all(torque == 0.0)
+    assert immersed.counts()["fallbacks"] > 0
+
+
+def couette(world, pool, rule, q, height=6, u=0.01):
+    """Largest error of the steady flow between a wall at rest and one that moves, at a fraction q of the links."""
+    fluid = fluid_in_a_box(world, pool, D2Q9, (height + 3, 4), tau=0.9)
+    low, high = 1.0 - q, height + q  # nodes 1 .. height are fluid
+    walls = [Wall(plane((0.0, low), (0.0, 1.0))), Wall(plane((0.0, high), (0.0, -1.0)), velocity=(u, 0.0))]
+    Immersed(fluid, world, pool, rule=rule, walls=walls)
+    fluid.advance(1500)
+    exact = u * (np.arange(1, height + 1) - low) / (high - low)
+    return np.abs(fluid.moments()[1][1 : height + 1, :, 0] - exact[:, None]).max() / u
+
+
+@pytest.mark.parametrize("q", [0.05, 0.3, 0.5, 0.7, 1.0])
+def test_couette_flow_is_exact_for_rules_of_second_order(world, pool, q):
+    if world.size > 1:
+        pytest.skip("looks at all populations")
+    for rule in ("cli", "interpolated", "quadratic"):
+        assert couette(world, pool, rule, q) < 1e-9, rule
+    first_order = abs(0.5 / 6 - q / (5 + 2 * q))  # its walls are half-way in any case
+    assert couette(world, pool, "halfway", q) == pytest.approx(first_order, abs=1e-9)
+
+
+def poiseuille(world, pool, rule, q, height):
+    """Relative error of the mean flow between two walls under a force."""
+    viscosity, tau = 1 / 6, 1.0
+    low, high = 1.0 - q, height + q
+    force = 8 * viscosity * 0.001 / (high - low) ** 2
+    fluid = fluid_in_a_box(world, pool, D2Q9, (height + 3, 4), tau=tau, force=(force, 0.0))
+    Immersed(fluid, world, pool, rule=rule, walls=[Wall(plane((0, low), (0, 1))), Wall(plane((0, high), (0, -1)))])
+    y = np.arange(height + 3)[:, None]
+    exact = np.broadcast_to(force / (2 * viscosity) * (y - low) * (high - y), (height + 3, 4))
+    fluid.set_equilibrium(1.0, np.stack((exact, 0 * exact), axis=-1))
+    fluid.advance(int(8 * height**2))
+    return np.abs((fluid.moments()[1][1 : height + 1, :, 0] - exact[1 : height + 1]).mean()) / exact[1:-2].mean()
+
+
+@pytest.mark.parametrize("rule", ["cli", "interpolated"])
+@pytest.mark.parametrize("q", [0.2, 0.8])
+def test_poiseuille_flow_is_of_second_order_at_any_place_of_the_wall(world, pool, rule, q):
+    if world.size > 1:
+        pytest.skip("looks at all populations")
+    coarse, fine = (poiseuille(world, pool, rule, q, height) for height in (6, 12))
+    assert fine < 1e-9 or np.log2(coarse / fine) > 1.8
+    assert fine < 0.03
+
+
+@LATTICES
+@pytest.mark.parametrize("rule", ["halfway", "interpolated", "cli"])
+def test_impedance_is_the_change_of_the_force_with_the_velocity(world, pool, lattice, rule):
+    """Links of a grain in a fluid at rest, at several places: the mean of -dF/du and of -dT/dw."""
+    shape, d = (18,) * lattice.dimensions, lattice.dimensions
+    fluid = fluid_in_a_box(world, pool, lattice, shape)
+    immersed, turns = Immersed(fluid, world, pool, rule=rule), 3 if d == 3 else 1
+    found = []
+    u = 1e-4
+    for k in range(12):
+        x = np.full((1, d), 8.0) + np.random.default_rng(k).random(d)
+        fluid.set_equilibrium(1.0)
+        immersed.start(np.array([0]), x, np.array([5.2]), np.full((1, d), u), np.full((1, turns), u))
+        fluid.step()
+        force, torque = immersed.all_forces(1)
+        found.append((-force.mean() / u, -torque.mean() / u))
+    wanted = impedance(lattice, rule, np.array([5.2]))
+    assert np.mean(found, axis=0) == pytest.approx(np.ravel(wanted), rel=0.04)
+
+
+def settle(world, pool, ratio, implicit, steps=400):
+    """Velocity of a disc of this density ratio under its weight at the end; the box gives the momentum back."""
+    fluid = fluid_in_a_box(world, pool, D2Q9, (40, 40), tau=0.8)
+    immersed, radius = Immersed(fluid, world, pool), np.array([3.0])
+    mass = ratio * np.pi * radius**2
+    added = impedance(D2Q9, "cli", radius)[0] if implicit else 0.0
+    x, v, still = np.array([[20.3, 20.1]]), np.zeros((1, 2)), np.zeros((1, 1))
+    force = np.array([[1e-3, 0.0]])
+    for _ in range(steps):
+        immersed.move(np.array([0]), x, radius, v, still)
+        fluid.step()
+        v = v + (immersed.all_forces(1)[0] + force) / (mass + added)
+        if not np.abs(v).max() < 0.3:
+            return np.inf
+        x = (x + v) % 40
+    return v[0, 0]
+
+
+def test_light_grains_are_stable_with_the_impedance_only(world, pool):
+    if world.size > 1:
+        pytest.skip("once is enough")
+    assert settle(world, pool, 0.05, implicit=False) == np.inf
+    light, heavier = settle(world, pool, 0.001, implicit=True), settle(world, pool, 1.0, implicit=False)
+    assert 0 < light == pytest.approx(heavier, rel=0.5)
+
+
+def trajectory(world, pool, lattice, refill, blocks, steps=12):
+    """Populations and forces at the end, all rows."""
+    fluid = fluid_in_a_box(world, pool, lattice, BOX[lattice.name], blocks=blocks)
+    grains = Grains(lattice)
+    immersed = Immersed(fluid, world, pool, refill=refill)
+    immersed.start(*grains.columns)
+    stir(fluid)
+    for _ in range(steps):
+        fluid.step()
+        grains.go()
+        immersed.move(*grains.columns)
+    own = np.moveaxis(fluid.populations(), 0, -1)
+    result = own, np.concatenate(immersed.all_forces(4), axis=1), immersed.counts()
+    immersed.free()
+    fluid.free()
+    return result
+
+
+@LATTICES
+@pytest.mark.parametrize("refill", ["average", "non-equilibrium", "conserving"])
+def test_blocks_and_threads_do_not_change_a_bit(world, pool, lattice, refill):
+    if world.size > 1:
+        pytest.skip("see the one for ranks")
+    pair = Pool(2)
+    one, other = trajectory(world, pool, lattice, refill, 1), trajectory(world, pair, lattice, refill, 5)
+    pair.close()
+    assert np.array_equal(one[0], other[0]) and np.array_equal(one[1], other[1]) and one[2] == other[2]
+
+
+@pytest.mark.mpi(min_size=2)
+@LATTICES
+@pytest.mark.parametrize("refill", ["average", "non-equilibrium", "conserving"])
+def test_ranks_do_not_change_a_bit(world, pool, lattice, refill):
+    alone = trajectory(World.alone(), pool, lattice, refill, 1)
+    shared = trajectory(world, pool, lattice, refill, 2)
+    low, high = np.array(even_cuts(BOX[lattice.name][0], world.size))[world.rank : world.rank + 2]
+    assert np.array_equal(shared[0], alone[0][low:high])
+    assert np.array_equal(shared[1], alone[1])
+    assert shared[2] == alone[2]
