@@ -4,6 +4,7 @@ import csv
 import resource
 import subprocess
 import sys
+from importlib import import_module
 from types import SimpleNamespace
 
 import numpy as np
@@ -32,28 +33,27 @@ LIGHT = [["--help"], ["run", "--help"], ["list"], ["show", "landau-damping"], ["
 
 @pytest.mark.parametrize("words", LIGHT, ids=" ".join)
 def test_thinking_verbs_import_nothing_heavy_and_answer_at_once(words, tmp_path):
-    program = LOOK.format(words=words, heavy=HEAVY)
-    before = resource.getrusage(resource.RUSAGE_CHILDREN)
-    done = subprocess.run(
-        [sys.executable, "-c", program],
-        cwd=tmp_path,
-        env=environment(),
-        capture_output=True,
-        text=True,
-        timeout=20,
-    )
-    after = resource.getrusage(resource.RUSAGE_CHILDREN)
-    assert done.stderr.endswith("loaded=[] code=0"), done.stderr
-    assert done.stdout
-    # processor time, which a busy machine does not stretch as it does the clock; 0.5 s is what users are
-    # promised
-    assert after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime < 0.5
+    program = LOOK.format(words=words, heavy=(*HEAVY, "pydantic", "numpy") if words == ["--help"] else HEAVY)
+    seconds = []
+    while not seconds or (min(seconds) >= 0.5 and len(seconds) < 5):
+        before = resource.getrusage(resource.RUSAGE_CHILDREN)
+        done = subprocess.run(
+            [sys.executable, "-c", program], cwd=tmp_path, env=environment(), capture_output=True, text=True, timeout=20
+        )
+        after = resource.getrusage(resource.RUSAGE_CHILDREN)
+        assert done.stderr.endswith("loaded=[] code=0"), done.stderr
+        assert done.stdout
+        seconds.append(after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime)
+    # Processor time, which a busy machine stretches less than the clock, and by chance; users are promised 0.5 s.
+    assert min(seconds) < 0.5
 
 
 def test_every_verb_has_help(toy):
     listed = toy("--help").stdout
-    for verb in VERBS:
-        assert f"\n  {verb} " in listed
+    for verb, (module, sentence) in VERBS.items():
+        assert f"\n  {verb} " in listed and sentence.split()[-1] in listed
+        made = getattr(import_module(f"hpcpic.core.cli.{module}"), f"make_{verb}_command")(lambda: None)
+        assert made.name == verb and made.help
     assert subprocess.run(
         [sys.executable, "-m", "hpcpic", "--version"], cwd=ROOT, env=environment(), capture_output=True
     ).stdout.startswith(b"hpcpic")

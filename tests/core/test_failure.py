@@ -137,3 +137,13 @@ def test_long_steps_have_twenty_of_themselves(tmp_path, monkeypatch):
     watchdog.feed(100.0)
     watchdog.close()
     assert asked == [60.0, 2000.0]
+
+
+def test_a_hang_after_the_first_steps_does_not_wait_for_what_was_feared_before_them(tmp_path, monkeypatch):
+    asked = []
+    monkeypatch.setattr("faulthandler.dump_traceback_later", lambda seconds, **_: asked.append(seconds))
+    watchdog = Watchdog(tmp_path, 0)
+    for seconds in (60.0, 0.01, 0.01):
+        watchdog.feed(seconds)
+    watchdog.close()
+    assert asked == [1200.0, 60.0]

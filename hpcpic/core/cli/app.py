@@ -10,12 +10,11 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from hpcpic.core.files.derived import Derived
-from hpcpic.core.files.schema import Section
-
 if TYPE_CHECKING:
     from hpcpic.core.cli.figures import Plot
     from hpcpic.core.cli.knobs import Knobs
+    from hpcpic.core.files.derived import Derived
+    from hpcpic.core.files.schema import Section
 
 
 @dataclass(frozen=True, slots=True)

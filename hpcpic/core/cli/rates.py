@@ -8,8 +8,6 @@ import platform
 from collections.abc import Mapping
 from pathlib import Path
 
-from hpcpic.core.files.rundir import write_atomic
-
 
 def rates_file() -> Path:
     """rates.json in the private folder of the compiled kernels."""
@@ -30,6 +28,8 @@ def read_rates() -> dict[str, float]:
 
 def keep_rates(rates: Mapping[str, float]) -> Path:
     """Merge the rates into those of this host. Raises FileError."""
+    from hpcpic.core.files.rundir import write_atomic
+
     path = rates_file()
     path.parent.mkdir(mode=0o700, parents=True, exist_ok=True)
     try:

@@ -11,6 +11,7 @@ Errors of `hpcpic.core.errors` are one message, anything else is a bug and shows
 from __future__ import annotations
 
 import faulthandler
+import math
 import os
 import shutil
 import tempfile
@@ -158,7 +159,7 @@ class Watchdog:
     """Ends a run that stands still, with the Python stack of every thread in a file of each rank.
 
     Works while the main thread is blocked in MPI. Rearming costs about half a millisecond: at most once a
-    second. The file disappears when nothing was written.
+    second, unless the patience has become much shorter. The file disappears when nothing was written.
     """
 
     def __init__(self, folder: Path, rank: int, least: float = 60.0) -> None:
@@ -166,18 +167,19 @@ class Watchdog:
         self._file = open(self.path, "wb", buffering=0)  # noqa: SIM115  (lives as long as the run)
         self._least = least
         self._armed = 0.0
+        self._patience = math.inf
         faulthandler.enable(self._file)
 
     def feed(self, step_seconds: float) -> None:
-        now = time.monotonic()
-        if now - self._armed >= 1.0:
-            self._armed = now
-            faulthandler.dump_traceback_later(max(self._least, 20 * step_seconds), file=self._file, exit=True)
+        now, patience = time.monotonic(), max(self._least, 20 * step_seconds)
+        if now - self._armed >= 1.0 or patience < 0.5 * self._patience:
+            self._armed, self._patience = now, patience
+            faulthandler.dump_traceback_later(patience, file=self._file, exit=True)
 
     def rest(self) -> None:
         """Not watching: writing files may take any time."""
         faulthandler.cancel_dump_traceback_later()
-        self._armed = 0.0
+        self._armed, self._patience = 0.0, math.inf
 
     def close(self) -> None:
         self.rest()

@@ -11,13 +11,13 @@ import time
 from array import array
 from collections.abc import Mapping, Sequence
 from datetime import UTC, datetime
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
-import numpy as np
-
-from hpcpic.core.comm.world import World
 from hpcpic.core.run.progress import rate
-from hpcpic.core.timers import Timers
+
+if TYPE_CHECKING:  # `estimate` uses the words below, and answers sooner without numpy
+    from hpcpic.core.comm.world import World
+    from hpcpic.core.timers import Timers
 
 WARM_UP = 5  # steps left out of the statistics: compilation, first touch, cold caches
 KEPT = 1 << 16
@@ -102,6 +102,8 @@ def sections(world: World, timers: Timers, wall: float) -> dict[str, dict[str, f
     Rank 0 gets them, the others {}.
     A section that some rank never entered counts as 0 s there, if rank 0 entered it.
     """
+    import numpy as np
+
     totals = timers.totals()
     names = world.bcast("\n".join(totals).encode()).decode().split("\n")
     mine = np.array([[totals.get(name, (0.0, 0))[0] for name in names]])
@@ -130,6 +132,8 @@ def peak_memory_mib(world: World) -> float:
 
 def load(world: World, items: int | None) -> dict[str, int]:
     """Fewest and most work items of a rank. Collective; {} when the app does not tell."""
+    import numpy as np
+
     if items is None:
         return {}
     most = world.max_array(np.array([items, -items], np.int64))
