@@ -26,7 +26,6 @@ from lbmdem.placing import place_grains
 from lbmdem.scene import Scene, volumes
 
 SHARE = 0.2  # of the largest stable step of the contacts, for their accuracy (restitution within 3 %)
-RULES = {"cli": "cli", "interpolated": "linear", "quadratic": "quadratic", "halfway": "halfway"}
 FASTEST = 0.4  # velocity in lattice units beyond which no collision is a fluid any more
 DENSEST = 2.0  # density of the lattice fluid, likewise, and 1 / 2
 DEEPEST = 0.1  # overlap over diameter at which grains are no grains any more
@@ -94,7 +93,7 @@ class LbmDem:
         ids = np.flatnonzero(stay)
         return Immersed(
             self.fluid, self.world, self.pool,
-            rule=RULES[coupling.bounce_back],
+            rule=coupling.bounce_back,
             refill=coupling.refill,
             fixed=(ids, self.nodes(table.x[ids]), table.radius[ids] / units.dx,
                    table.v[ids] / units.velocity, table.omega[ids] * units.dt),
@@ -125,7 +124,7 @@ class LbmDem:
 
     def _add_impedance(self, dem: Dem) -> None:
         """The force of the links at the velocity that they lead to: as if grains had more inertia."""
-        units, rule = self.scene.units, RULES[self.scene.config.coupling.bounce_back]
+        units, rule = self.scene.units, self.scene.config.coupling.bounce_back
         radius = dem.grains.radius[: dem.grains.n] / units.dx
         mass, inertia = impedance(LATTICES[self.scene.lattice], rule, radius)
         dem.set_added(mass * units.mass, inertia * units.mass * units.dx**2)
