@@ -79,7 +79,7 @@ def view_limits(run: Run, snapshots: Particles) -> tuple[np.ndarray, np.ndarray]
     margin = 0.03 * (high - low).max()
     if not scene.walls:
         return np.maximum(low, reached_low - margin), np.minimum(high, reached_high + margin)
-    return np.minimum(low, reached_low) - margin, np.minimum(high, reached_high) + margin
+    return low - margin, np.minimum(high, reached_high) + margin
 
 
 def _panels_2d(run: Run, snapshots: Particles, numbers: Sequence[int]) -> Figure:
@@ -91,7 +91,7 @@ def _panels_2d(run: Run, snapshots: Particles, numbers: Sequence[int]) -> Figure
     found = [fluid_at(run, snapshots, number) for number in numbers]
     ends = np.array([np.quantile(particles["pressure"], (0.01, 0.99)) for particles in found])
     least, most = (0.0, ends[:, 1].max()) if ends[:, 0].min() > -0.1 * ends[:, 1].max() else (ends.min(), ends.max())
-    figure, axes = new_figure(lines, columns, (width * columns + 0.6, lines * (tall + 0.45)), squeeze=False,
+    figure, axes = new_figure(lines, columns, (width * columns + 0.6, lines * (tall + 0.5) + 0.4), squeeze=False,
                               sharex=True, sharey=True)  # fmt: skip
     inches = (width - 0.7) / (high - low)[0]
     size = max(0.3, (config_of(run).numerics.spacing * inches * 72 * 0.95) ** 2)
