@@ -1,18 +1,21 @@
 #!/usr/bin/env python3
 """Run the shipped cases, draw one small picture of each, and write the page that shows them.
 
-python scripts/gallery.py              every case in full: docs/gallery/*.png and configs/README.md
-python scripts/gallery.py CASE ...     only these pictures; the page is written all the same
-python scripts/gallery.py --quick      every case shortened to 20 steps, into a temporary folder: does it work?
+python scripts/gallery.py                   every case of up to ten minutes: docs/gallery/*.png and configs/README.md
+python scripts/gallery.py PROGRAM/CASE ...  only these pictures (sph/water-column); the page is written all the same
+python scripts/gallery.py --page            only the page
 """
 
 from __future__ import annotations
 
 import argparse
+import importlib
 import io
+import re
 import subprocess
 import sys
 import tempfile
+from dataclasses import dataclass, field
 from pathlib import Path
 
 from PIL import Image
@@ -20,77 +23,139 @@ from PIL import Image
 from hpcpic.core.cli.figures import NoData
 from hpcpic.core.files.cases import cases_in, read_header
 from hpcpic.core.files.reader import open_run
-from hpcpic.plasma.plots import PLOTS
 
 ROOT = Path(__file__).resolve().parent.parent
-CASES, PICTURES, PAGE = ROOT / "configs/plasma", ROOT / "docs/gallery", ROOT / "configs/README.md"
+PICTURES, PAGE = ROOT / "docs/gallery", ROOT / "configs/README.md"
 DOTS_PER_INCH = 84
 COLOURS = 96  # of a picture: keeps it near 20 kB
-FIGURES = {  # what shows a case best
-    "bump-on-tail": "phase-space",
-    "cyclotron": "orbits",
-    "exb-drift": "orbits",
-    "landau-damping": "modes",
-    "magnetised-thermal-2d": "fields",
-    "plasma-oscillation": "modes",
-    "thesis-1024-on-512": "timers",
-    "thesis-10240-on-64": "timers",
-    "two-particles": "orbits",
-    "two-stream-cold": "modes",
-    "two-stream-warm": "phase-space",
-    "upper-hybrid": "modes",
-}
-EXTRA = {  # settings for the picture: snapshots that the case does not ask for
-    "bump-on-tail": ("output.sampling_period.particle=1000",),
-    "two-particles": ("output.sampling_period.particle=4", "simulation.cycles=628"),
-    "magnetised-thermal-2d": ("output.sampling_period.field=500",),
-}
+LONG = 600.0  # seconds: longer cases are run only when they are named
+
+
+@dataclass(frozen=True)
+class Program:
+    """One simulator: its cases, what shows each best, and settings for the picture that a case does not have."""
+
+    name: str
+    title: str
+    folder: str
+    plots: str
+    otherwise: str
+    figures: dict[str, str] = field(default_factory=dict)
+    extra: dict[str, tuple[str, ...]] = field(default_factory=dict)
+
+    @property
+    def cases(self) -> dict[str, Path]:
+        return cases_in(ROOT / "configs" / self.folder)
+
+    def figure(self, case: str) -> str:
+        return self.figures.get(case, self.otherwise)
+
+    def picture(self, case: str) -> Path:
+        return PICTURES / (f"{case}.png" if self.name == "hpcpic" else f"{self.name}-{case}.png")
+
+
+PROGRAMS = (
+    Program(
+        "hpcpic", "Plasma", "plasma", "hpcpic.plasma.plots", "energies",
+        {
+            "bump-on-tail": "phase-space",
+            "cyclotron": "orbits",
+            "exb-drift": "orbits",
+            "landau-damping": "modes",
+            "magnetised-thermal-2d": "fields",
+            "plasma-oscillation": "modes",
+            "thesis-1024-on-512": "timers",
+            "thesis-10240-on-64": "timers",
+            "two-particles": "orbits",
+            "two-stream-cold": "modes",
+            "two-stream-warm": "phase-space",
+            "upper-hybrid": "modes",
+        },
+        {
+            "bump-on-tail": ("output.sampling_period.particle=1000",),
+            "two-particles": ("output.sampling_period.particle=4", "simulation.cycles=628"),
+            "magnetised-thermal-2d": ("output.sampling_period.field=500",),
+        },
+    ),
+    Program(
+        "sph", "SPH", "sph", "sph.plots", "sequence",
+        {
+            "poiseuille": "profiles",
+            "hydrostatic": "depth",
+            "still-tank": "depth",
+            "dam-break-pressure": "gauges",
+            "standing-wave": "gauges",
+            "taylor-green": "energies",
+            "column-impact-a": "forces",
+            "column-impact-b": "forces",
+            "column-impact-c": "forces",
+        },
+    ),
+    Program(
+        "lbmdem", "LBM-DEM", "lbmdem", "lbmdem.plots", "grains",
+        {
+            "poiseuille": "profile",
+            "couette": "flow",
+            "taylor-green": "flow",
+            "sphere-array": "permeability",
+            "permeability": "flow",
+            "quick-condition": "stress",
+            "settling-sphere": "tracks",
+            "settling-disc": "tracks",
+            "restitution": "tracks",
+            "slide-to-roll": "tracks",
+            "incline": "tracks",
+        },
+    ),
+)  # fmt: skip
 
 
 def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("cases", nargs="*", metavar="CASE")
-    parser.add_argument("--quick", action="store_true", help="shortened runs; nothing is kept")
+    parser.add_argument("cases", nargs="*", metavar="PROGRAM/CASE")
+    parser.add_argument("--page", action="store_true", help="write the page of the pictures that are there")
     asked = parser.parse_args()
-    shipped = cases_in(CASES)
-    with tempfile.TemporaryDirectory() as scratch:
-        pictures = Path(scratch) / "pictures" if asked.quick else PICTURES
-        pictures.mkdir(parents=True, exist_ok=True)
-        for name in asked.cases or shipped:
-            sets = ("simulation.cycles=20",) if asked.quick else EXTRA.get(name, ())
-            folder = Path(scratch) / name
-            run_case(name, folder, sets)
-            print(draw(folder, pictures / f"{name}.png", FIGURES.get(name, "energies")), flush=True)
-    if not asked.quick:
-        PAGE.write_text(page(), encoding="utf-8")
-        print(PAGE)
+    PICTURES.mkdir(parents=True, exist_ok=True)
+    for program in PROGRAMS if not asked.page else ():
+        for case, path in program.cases.items():
+            if f"{program.name}/{case}" in asked.cases or (not asked.cases and seconds(read_header(path).time) <= LONG):
+                with tempfile.TemporaryDirectory() as scratch:
+                    run_case(program, case, Path(scratch) / case)
+                    print(draw(program, case, Path(scratch) / case), flush=True)
+    PAGE.write_text(page(), encoding="utf-8")
+    print(PAGE)
     return 0
 
 
-def run_case(name: str, folder: Path, sets: tuple[str, ...]) -> None:
+def seconds(time: str) -> float:
+    """Of "20 s", "2 min" or "1 h"."""
+    number, unit = re.match(r"([\d.]+) *(\w+)", time).groups()
+    return float(number) * {"s": 1.0, "min": 60.0, "h": 3600.0}[unit]
+
+
+def run_case(program: Program, case: str, folder: Path) -> None:
     """Raises CalledProcessError with the output of the run on the screen."""
-    words = [sys.executable, "-m", "hpcpic", "run", str(CASES / f"{name}.conf"), "-o", str(folder), "--quiet"]
-    done = subprocess.run(
-        [*words, *(word for s in sets for word in ("--set", s))], capture_output=True, text=True, cwd=ROOT
-    )
+    words = [sys.executable, "-m", program.name, "run", str(program.cases[case]), "-o", str(folder), "--quiet"]
+    sets = (word for s in program.extra.get(case, ()) for word in ("--set", s))
+    done = subprocess.run([*words, *sets], capture_output=True, text=True, cwd=ROOT)
     if done.returncode:
         print(done.stdout, done.stderr, sep="\n", file=sys.stderr)
         done.check_returncode()
 
 
-def draw(folder: Path, path: Path, name: str) -> str:
-    """One picture in few colours; the energies when the run is too short for the one asked for."""
-    run = open_run(folder)
+def draw(program: Program, case: str, folder: Path) -> str:
+    """One picture in few colours; the timers when the run has not what the one asked for shows."""
+    plots, run, path = importlib.import_module(program.plots).PLOTS, open_run(folder), program.picture(case)
     try:
-        figure = PLOTS[name].make(run, None)
+        figure = plots[program.figure(case)].make(run, None)
     except NoData as error:
-        print(f"{folder.name}: {name} {error}; drawing the energies", file=sys.stderr)
-        figure = PLOTS["energies"].make(run, None)
+        print(f"{case}: {program.figure(case)} {error}; drawing the timers", file=sys.stderr)
+        figure = plots["timers"].make(run, None)
     buffer = io.BytesIO()
     figure.savefig(buffer, format="png", dpi=DOTS_PER_INCH, facecolor="white")
     picture = Image.open(buffer).convert("RGB").quantize(COLOURS, dither=Image.Dither.NONE)
     picture.save(path, optimize=True)
-    return f"{path.name:<32}{path.stat().st_size / 1024:6.1f} KiB"
+    return f"{path.name:<40}{path.stat().st_size / 1024:6.1f} KiB"
 
 
 def page() -> str:
@@ -102,20 +167,26 @@ def page() -> str:
         "The pictures and this page are made by `python scripts/gallery.py`.",
         "",
     ]
-    for name, path in cases_in(CASES).items():
-        header = read_header(path)
-        lines += [f"## {name}", "", f"{header.what[:1].upper()}{header.what[1:]}.", ""]
-        if (PICTURES / f"{name}.png").exists():
-            lines += [f'<img src="../docs/gallery/{name}.png" alt="{name}" width="480">', ""]
-        lines += [
-            f"* Run: `hpcpic run {name}` ({header.time} on two cores), "
-            f"then `hpcpic plot runs/{name} {FIGURES.get(name, 'energies')}`",
-            f"* Source: {header.source}",
-            f"* Expected: {header.expected}",
-            f"* File: [plasma/{name}.conf](plasma/{name}.conf)",
-            "",
-        ]
+    for program in PROGRAMS:
+        lines += [f"## {program.title}: `{program.name}`", ""]
+        for case, path in program.cases.items():
+            lines += entry(program, case, path)
     return "\n".join(lines)
+
+
+def entry(program: Program, case: str, path: Path) -> list[str]:
+    header, picture, name = read_header(path), program.picture(case), program.name
+    lines = [f"### {case}", "", f"{header.what[:1].upper()}{header.what[1:]}.", ""]
+    if picture.exists():
+        lines += [f'<img src="../docs/gallery/{picture.name}" alt="{case}" width="480">', ""]
+    return [
+        *lines,
+        f"* Run: `{name} run {case}` ({header.time} on two cores), then `{name} plot runs/{case} {program.figure(case)}`",
+        f"* Source: {header.source}",
+        f"* Expected: {header.expected}",
+        f"* File: [{program.folder}/{case}.conf]({program.folder}/{case}.conf)",
+        "",
+    ]
 
 
 if __name__ == "__main__":
