@@ -156,10 +156,11 @@ class Cloud:
         blocks, ranges = range(self.blocks), self.tiles.ranges
         self._lines = aligned((self.blocks, 264 * 8), self.law.dtype)
         self._sums = aligned((self.blocks, 264 * 4), f"i{np.dtype(self.law.dtype).itemsize}")
+        self._cells = aligned((self.blocks, PAGE), self._sums.dtype)
         self._push = [
             self._bound(
                 self.kernels.push, block=b, first=ranges[b][0], last=ranges[b][1], corner=self.corner[b],
-                patch=self.patch[b], lines=self._lines[b], sums=self._sums[b],
+                patch=self.patch[b], lines=self._lines[b], sums=self._sums[b], cells=self._cells[b],
             )
             for b in blocks
         ]  # fmt: skip

@@ -69,17 +69,6 @@ def address(typing_context, array):
 
 
 @intrinsic
-def mask_of(typing_context, bits, like):
-    """The mask whose lane k is bit k, of as many lanes as a vector has."""
-
-    def codegen(context, builder, signature, arguments):
-        n = signature.args[1].n
-        return builder.bitcast(builder.trunc(arguments[0], ir.IntType(n)), ir.VectorType(ir.IntType(1), n))
-
-    return Vec(like.n, types.boolean)(types.int64, like), codegen
-
-
-@intrinsic
 def last_bit(typing_context, bits):
     """Number of the highest bit set of a positive number."""
 
