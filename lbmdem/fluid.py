@@ -66,7 +66,9 @@ class Fluid:
         domain, rank = self.domain, self.world.rank
         self.layout_dtype = STORAGE[self.storage]
         alone = sum(b > a for a, b in zip(domain.cuts, domain.cuts[1:])) == 1
-        self.layout = layout = Layout.of(self.lattice, domain.shape(rank), alone, self.layout_dtype)
+        self.layout = layout = Layout.of(
+            self.lattice, domain.shape(rank), domain.periodic, alone, self.layout_dtype
+        )
         self.f = aligned_zeros((layout.size,), self.layout_dtype)
         self.solid = Field(domain, rank, dtype=np.int32, ghosts=((1, 1),) * domain.ndim)
         self.solid.values[...] = FLUID
@@ -191,7 +193,7 @@ class Fluid:
         layout = self.layout
         plane, row, x = layout.shifts[i]
         z = (np.arange(layout.planes) + plane) % max(layout.stored, 1)
-        y = (np.arange(layout.rows) + row) % layout.rows
+        y = (np.arange(layout.rows) + row) % layout.stored_rows
         columns = layout.lanes + x + np.arange(layout.nx)
         return (z * layout.plane_stride)[:, None, None] + (y * layout.row_stride)[:, None] + columns
 

@@ -257,7 +257,7 @@ class FixedLinks:
         """Place in a slot of nodes (x, row, plane) of this slab or one beyond; see `kernels.layout`."""
         x, row, plane = local.T
         layout = self._layout
-        row = row % layout.rows
+        row = row % layout.stored_rows
         if layout.stored == layout.planes:
             plane = plane % layout.planes
         return plane * layout.plane_stride + row * layout.row_stride + layout.lanes + x

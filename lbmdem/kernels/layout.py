@@ -28,9 +28,10 @@ and all three are elements that this rank holds, also at the edges of its slab. 
 What a node collides with is written by nobody else, so nodes may be done in any order and by any thread.
 
 Rows: an element before x = 0 and one after x = nx - 1 (x = -1 and nx) are there, and hold what the formulas above say
-when x + shift is outside; periodic copies are made by the step itself. The row axis wraps: row -1 is the last one and
-row ny the first. So does the plane axis when one rank has all planes (stored == planes); with several ranks there is
-one more stored plane above the last one, filled by messages. Never below: shifts point up.
+when x + shift is outside; periodic copies are made by the step itself. The row axis of the storage wraps, row -1 is the
+last stored one. When it is not periodic, one more row is stored than there are, which keeps the walls at both ends apart.
+So with planes: one rank that has all planes of a periodic axis stores just these, else there is one more above, which
+messages fill when it belongs to another rank. Never one below: shifts point up.
 """
 
 from dataclasses import dataclass
@@ -48,21 +49,27 @@ _STREAMS_BYTES, _PAGE = 192, 4096  # distance of the slots modulo a page, so tha
 
 @dataclass(frozen=True)
 class Layout:
-    """Sizes of the array; strides are in elements. `stored` counts planes with the one above, if any."""
+    """Sizes of the array; strides are in elements. `stored`: planes with the one above, if any; rows likewise."""
 
     lattice: Lattice
     planes: int
-    stored: int
     rows: int
     nx: int
+    stored: int
+    stored_rows: int
     itemsize: int
     lanes: int
 
     @classmethod
-    def of(cls, lattice: Lattice, shape: tuple[int, ...], alone: bool, dtype: DTypeLike) -> "Layout":
+    def of(
+        cls, lattice: Lattice, shape: tuple[int, ...], periodic: tuple[bool, ...], alone: bool, dtype: DTypeLike
+    ) -> "Layout":
         """For the slab's own shape (storage order); `alone`: this rank has all planes."""
-        planes, rows, nx = (shape[0], 1, shape[1]) if lattice.dimensions == 2 else shape
-        return cls(lattice, planes, planes + (not alone), rows, nx, np.dtype(dtype).itemsize, lanes(dtype))
+        flat = lattice.dimensions == 2
+        planes, rows, nx = (shape[0], 1, shape[1]) if flat else shape
+        stored = planes + (not (alone and periodic[0]))
+        stored_rows = rows + (not flat and not periodic[1])
+        return cls(lattice, planes, rows, nx, stored, stored_rows, np.dtype(dtype).itemsize, lanes(dtype))
 
     @property
     def vectors(self) -> int:
@@ -75,7 +82,7 @@ class Layout:
 
     @property
     def plane_stride(self) -> int:
-        return self.rows * self.row_stride
+        return self.stored_rows * self.row_stride
 
     @property
     def slot_stride(self) -> int:
@@ -89,9 +96,9 @@ class Layout:
 
     @property
     def strides(self) -> NDArray[np.int64]:
-        """What `arrival` wants: [slot, plane, row stride, element of x = 0 in a row, stored planes, rows]."""
+        """What `arrival` wants: [slot, plane, row stride, element of x = 0 in a row, stored planes, stored rows]."""
         steps = (self.slot_stride, self.plane_stride, self.row_stride)
-        return np.array([*steps, self.lanes, self.stored, self.rows], np.int64)
+        return np.array([*steps, self.lanes, self.stored, self.stored_rows], np.int64)
 
     @property
     def slots(self) -> NDArray[np.int64]:

@@ -51,7 +51,7 @@ def receive(f, buffer, strides, wet, n, slots, moves, plane, beyond, sign):
     for k in range(slots.size):
         row_step, x_step = sign * moves[k, 0], sign * moves[k, 1]
         source = buffer[k]
-        for y in range(rows):
+        for y in range(wet.shape[1] - 2):
             at = y + row_step if sign > 0 else y
             at = 0 if at == rows else (rows - 1 if at < 0 else at)
             shift = x_step if sign > 0 else 0

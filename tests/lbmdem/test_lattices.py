@@ -31,7 +31,7 @@ def test_arrivals_of_a_periodic_slab_share_no_element(lattice):
     from lbmdem.kernels.layout import arrival
 
     shape = (3, 4, 5)[-lattice.dimensions :]
-    layout = Layout.of(lattice, shape, True, np.float64)
+    layout = Layout.of(lattice, shape, (True,) * lattice.dimensions, True, np.float64)
     nodes = [(z, y, x) for z in range(layout.planes) for y in range(layout.rows) for x in range(layout.nx)]
     for parity in range(2):
         places = {
