@@ -31,21 +31,31 @@ LIGHT = [["--help"], ["run", "--help"], ["list"], ["show", "landau-damping"], ["
          ["estimate", "landau-damping", "--ranks", "4"]]  # fmt: skip
 
 
+@pytest.fixture(scope="module")
+def libraries(tmp_path_factory):
+    """Processor time of importing what every verb needs."""
+    words, folder = ["-c", "import numpy, pydantic, lark"], tmp_path_factory.mktemp("libraries")
+    return min(processor_seconds(words, folder)[0] for _ in range(3))
+
+
 @pytest.mark.parametrize("words", LIGHT, ids=" ".join)
-def test_thinking_verbs_import_nothing_heavy_and_answer_at_once(words, tmp_path):
+def test_thinking_verbs_import_nothing_heavy_and_answer_at_once(words, tmp_path, libraries):
     program = LOOK.format(words=words, heavy=(*HEAVY, "pydantic", "numpy") if words == ["--help"] else HEAVY)
-    seconds = []
-    while not seconds or (min(seconds) >= 0.5 and len(seconds) < 5):
-        before = resource.getrusage(resource.RUSAGE_CHILDREN)
-        done = subprocess.run(
-            [sys.executable, "-c", program], cwd=tmp_path, env=environment(), capture_output=True, text=True, timeout=20
-        )
-        after = resource.getrusage(resource.RUSAGE_CHILDREN)
-        assert done.stderr.endswith("loaded=[] code=0"), done.stderr
-        assert done.stdout
-        seconds.append(after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime)
-    # Processor time, which a busy machine stretches less than the clock, and by chance; users are promised 0.5 s.
-    assert min(seconds) < 0.5
+    seconds, done = processor_seconds(["-c", program], tmp_path)
+    assert done.stderr.endswith("loaded=[] code=0"), done.stderr
+    assert done.stdout
+    # Not by the clock, for a busy machine: 0.4 s on a quiet one is twice the libraries, thrice with no bytecode kept.
+    assert seconds < 3.5 * libraries
+
+
+def processor_seconds(words, folder):
+    """What a Python command takes, and what it said."""
+    before = resource.getrusage(resource.RUSAGE_CHILDREN)
+    done = subprocess.run(
+        [sys.executable, *words], cwd=folder, env=environment(), capture_output=True, text=True, timeout=20
+    )
+    after = resource.getrusage(resource.RUSAGE_CHILDREN)
+    return after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime, done
 
 
 def test_every_verb_has_help(toy):
