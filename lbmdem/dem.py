@@ -3,7 +3,7 @@
 import inspect
 import math
 from collections.abc import Mapping, Sequence
-from typing import Protocol
+from typing import Any, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,10 +20,16 @@ from lbmdem.contacts import Law, Wall, wall_rows
 from lbmdem.grains import STATE, Grains
 from lbmdem.kernels import contacts as kernels
 from lbmdem.kernels import contacts_motion as motion
+from lbmdem.kernels import contacts_steps as whole
 from lbmdem.pairs import ContactList, Springs
 
+FEW = 500  # grains per thread up to which one thread does all substeps in one call
+CHUNK = 512  # substeps for which the planes' places are made at a time
 LEAST_SKIN, MOST_SKIN = 0.02, 0.5  # of the smallest radius
 SELDOM, OFTEN = 250, 60  # substeps between two lists: beyond them the skin changes; results do not depend on it
+
+WHOLE = [name for name in inspect.signature(whole.substeps.py_func).parameters
+         if name not in ("done", "steps", "begun", "skin", "motion", "dt")]  # fmt: skip
 
 
 class Reader(Protocol):
@@ -37,7 +43,8 @@ class Reader(Protocol):
 class Dem:
     """Grains under a contact law, between walls, in a box with periodic axes; SI units, vectors as (x, y[, z]).
 
-    columns: see Grains. acceleration: of gravity (m/s2). reach: see Grains.settle. The state after a step is at one
+    columns: x[number, d], v, omega[number, 1 or 3], radius, mass, inertia, fixed of all grains, the same on all ranks; a
+    fixed grain keeps its velocities. acceleration: of gravity (m/s2). reach: see Grains.settle. The state after a step is at one
     time: positions, velocities, contact forces.
     """
 
@@ -64,7 +71,8 @@ class Dem:
         self._age = 0
         self.list = ContactList(len(self.walls), law.shear > 0.0)
         self.wall_rows = aligned_zeros((len(self.walls) + 1, kernels.ROW), np.float64)
-        self._blocks = 1 if pool.threads == 1 else 4 * pool.threads
+        self._few = (world.size == 1 or grains.together) and (pool.threads == 1 or grains.number <= FEW * pool.threads)
+        self._blocks = 1 if self._few or pool.threads == 1 else 4 * pool.threads
         self._farthest = np.zeros(self._blocks)
         self._bounds: list[tuple[Bound, tuple[str, ...]]] = []
         self._dt = 0.0
@@ -87,6 +95,7 @@ class Dem:
     # ---- tasks
 
     def _arguments(self) -> dict[str, object]:
+        """Arrays of the kernels by the names of their arguments."""
         grains, pairs = self.grains, self.list
         return {
             "rows": grains.rows, "pull": grains.columns["pull"], "forces": grains.columns["force"],
@@ -96,33 +105,39 @@ class Dem:
             "inverses": grains.inverses, "planar": grains.dimensions == 2, "farthest": self._farthest,
             "low": pairs.low, "high": pairs.high, "damping": pairs.damping, "lines": pairs.lines,
             "springs": pairs.springs, "busy": pairs.busy, "begins": pairs.begins, "slots": pairs.slots,
-            "walls": self.wall_rows, "law": self.law.constants,
+            "walls": self.wall_rows, "listed": self._walls_listed, "law": self.law.constants,
+            "n": grains.held, "n_slots": pairs.n_slots,
         }  # fmt: skip
 
-    def _bind(self) -> None:
-        """Bind the kernels of a substep, or tell those that are bound where the arrays are now."""
-        pairs, parts = self.list, self._blocks
-        grain_blocks = block_ranges(self.grains.n, parts)
-        lanes = kernels.LANES
+    def _jobs(self) -> list[tuple[Any, dict[str, int]]]:
+        """Kernels of a substep with their ranges: first halves, forces, second halves."""
+        pairs, parts, lanes = self.list, self._blocks, kernels.LANES
+        grain_blocks = block_ranges(self.grains.held, parts)
         pair_blocks = [(a * lanes, b * lanes) for a, b in block_ranges(pairs.n_grain_slots // lanes, parts)]
         walls = block_ranges((pairs.n_slots - pairs.n_grain_slots) // lanes, parts)
         wall_blocks = [(pairs.n_grain_slots + a * lanes, pairs.n_grain_slots + b * lanes) for a, b in walls]
-        jobs = [
+        kinds = (
+            (motion.start, grain_blocks), (kernels.grain_pairs, pair_blocks), (kernels.wall_pairs, wall_blocks),
+            (motion.finish, grain_blocks),
+        )  # fmt: skip
+        return [
             (kernel, {"first": first, "last": last, "place": place})
-            for kernel, blocks in (
-                (motion.start, grain_blocks), (kernels.grain_pairs, pair_blocks),
-                (kernels.wall_pairs, wall_blocks), (motion.finish, grain_blocks),
-            )
+            for kernel, blocks in kinds
             for place, (first, last) in enumerate(blocks)
-        ]  # fmt: skip
-        values = self._arguments()
+        ]
+
+    def _bind(self) -> None:
+        """Bind the kernels of a substep, or tell those that are bound where the arrays are now."""
+        values, jobs = self._arguments(), self._jobs()
+        self._values = [values[name] for name in WHOLE]
         if not self._bounds:
             with self.world.first_on_node():
                 for kernel, more in jobs:
                     names = tuple(inspect.signature(kernel.py_func).parameters)
                     known = values | more | {"dt": 0.0, "half": 0.0}
                     self._bounds.append((bind(kernel, *(known[name] for name in names)), names))
-            bounds = [bound for bound, _ in self._bounds]
+                self._whole(0, 0, False, self.wall_rows[None], 0.0)
+            bounds, parts = [bound for bound, _ in self._bounds], self._blocks
             self._start, self._touch, self._finish = bounds[:parts], bounds[parts : 3 * parts], bounds[3 * parts :]
             return
         for (bound, names), (_, more) in zip(self._bounds, jobs):
@@ -130,6 +145,12 @@ class Dem:
             for index, name in enumerate(names):
                 if name in known:
                     bound.update(index, known[name])
+
+    def _whole(self, done: int, steps: int, begun: bool, motions: NDArray, dt: float) -> int:
+        before = WHOLE.index("walls")
+        return int(
+            whole.substeps(done, steps, begun, self.skin, *self._values[:before], motions, *self._values[before:], dt)
+        )
 
     def _set_dt(self, dt: float) -> None:
         if dt != self._dt:
@@ -161,6 +182,10 @@ class Dem:
             self._set_dt(0.5 * dt)
             self.pool.each(self._touch)  # puts the springs half a step ahead
         self._fresh = False
+        if self._few:
+            for first in range(0, substeps, CHUNK):
+                self._advance_alone(dt, begin, first, min(first + CHUNK, substeps))
+            return
         self._set_dt(dt)
         for k in range(substeps):
             self.time = begin + (k + 1) * dt
@@ -171,13 +196,34 @@ class Dem:
             self.pool.each(self._finish)
         self.grains.refresh()  # the ghosts had predicted velocities
 
+    def _advance_alone(self, dt: float, begin: float, first: int, last: int) -> None:
+        """Substeps first..last in compiled code, without messages."""
+        motions = self.wall_rows[None]
+        if any(wall.moves for wall in self.walls):
+            motions = np.array([wall_rows(self.walls, begin + (k + 1) * dt) for k in range(first, last)])
+            if len(motions) == 1:
+                self.wall_rows[:] = motions[0]
+        done, begun, steps = 0, False, last - first
+        while done < steps:
+            outcome = self._whole(done, steps, begun, motions, dt)
+            begun = outcome < 0
+            self._age += (-1 - outcome if begun else outcome) - done
+            done = -1 - outcome if begun else outcome
+            if begun:
+                if not self._farthest[0] < np.inf:
+                    raise Diverged("a grain's position is not a number")
+                self.rebuild()
+        self.time = begin + last * dt
+
     def _give(self, force: NDArray | None, torque: NDArray | None) -> None:
-        given, d = self.grains.columns["given"], self.grains.dimensions
-        given[:] = 0.0
+        grains, d = self.grains, self.grains.dimensions
+        grains.columns["given"][:] = 0.0
+        given = grains.columns["given"][: grains.n]
         if force is not None:
             given[:, :d] = force
         if torque is not None:
             given[:, 6 if d == 2 else 4 : 7] = np.reshape(torque, (len(given), 1 if d == 2 else 3))
+        grains.share("given")
 
     def _set_walls(self, time: float, always: bool = False) -> None:
         if always or any(wall.moves for wall in self.walls):
@@ -212,9 +258,9 @@ class Dem:
         grains = self.grains
         springs = grains.settle(springs, self.skin, self.reach)
         inverse = np.where(grains.fixed, 0.0, 1.0 / grains.mass)
-        self.list.build(grains.rows, grains.ids, inverse, grains.n, self.skin, grains.lengths, grains.inverses,
+        self.list.build(grains.rows, grains.ids, inverse, grains.held, self.skin, grains.lengths, grains.inverses,
                         self.wall_rows, grains.number, self.law, springs)  # fmt: skip
-        self._origin, self._walls_listed = grains.rows[: grains.n, :3].copy(), self.wall_rows.copy()
+        self._origin, self._walls_listed = grains.rows[: grains.held, :3].copy(), self.wall_rows.copy()
         self._bind()
 
     def _forces(self, dt: float) -> None:
@@ -225,12 +271,14 @@ class Dem:
 
     def set_added(self, mass: NDArray, inertia: NDArray) -> None:
         """Added mass and inertia [n] of own grains: they divide all forces, and make no weight."""
-        c = self.grains.columns
-        free = c["fixed"] == 0
-        whole = c["mass"] + mass
-        c["row"][:, 7] = np.where(free, 1.0 / whole, 0.0)
-        c["row"][:, 11] = np.where(free, 1.0 / (c["inertia"] + inertia), 0.0)
-        c["pull"][:] = np.where(free, c["mass"] / whole, 0.0)
+        grains, c = self.grains, self.grains.columns
+        added = np.zeros((grains.held, 2))
+        added[: grains.n, 0], added[: grains.n, 1] = mass, inertia
+        added = grains.shared(added)
+        free, total = c["fixed"] == 0, c["mass"] + added[:, 0]
+        c["row"][:, 7] = np.where(free, 1.0 / total, 0.0)
+        c["row"][:, 11] = np.where(free, 1.0 / (c["inertia"] + added[:, 1]), 0.0)
+        c["pull"][:] = np.where(free, c["mass"] / total, 0.0)
 
     # ---- checkpoints
 
@@ -258,6 +306,7 @@ class Dem:
             some = partner >= 0
             first = np.broadcast_to(ids[:, None], some.shape)
             springs = np.stack([first[some], partner[some]], 1), np.ascontiguousarray(spring[some])
+            springs = grains.all_springs(springs)
         self.time, self._fresh = reader.time, False
         self._set_walls(self.time, always=True)
         self._list(springs)

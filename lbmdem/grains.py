@@ -2,6 +2,9 @@
 
 Rank r owns the grains whose centre was in its slab when the list of pairs was last made. Ghosts are copies, at their
 own place (not at that of an image), of all grains that may come near one of the slab.
+
+Few grains are held by all ranks together: each moves them all, which costs less than messages. The ghosts are then all
+grains of the other ranks.
 """
 
 from collections.abc import Mapping
@@ -21,6 +24,7 @@ from lbmdem.pairs import Springs
 
 ROW = 16
 X, V, OMEGA, TURN = 0, 4, 8, 12  # first values of a row: position and radius, velocity, angular velocity, orientation
+TOGETHER = 512  # grains, at most, that all ranks hold
 COLUMNS: dict[str, tuple[type, tuple[int, ...]]] = {
     "id": (np.int64, ()),
     "row": (np.float64, (ROW,)),
@@ -40,16 +44,17 @@ class Grains:
     """n own grains, then n_ghosts copies; rows[n + n_ghosts + 1, 16], the last one touches nothing.
 
     The views x[m, d], v, omega[m, 1 or 3], radius, angle or orientation hold own grains and ghosts, in this order;
-    columns[name] are of own grains only. Order and number change when `settle` is called; version counts that.
+    columns[name] are of the `held` ones: own grains, or all when held together. Order and number change when `settle`
+    is called; version counts that.
     """
 
     def __init__(self, world: World, domain: Domain, columns: Mapping[str, NDArray]) -> None:
         self.world, self.domain = world, domain
         self.dimensions = domain.ndim
-        self.number = int(world.sum_int(np.array([len(columns["radius"])]))[0])
-        if "id" not in columns:
-            self.number = len(columns["radius"])
+        self.number = len(columns["radius"])
+        self.together = world.size > 1 and self.number <= TOGETHER
         self.columns = self._first(columns)
+        self.n = len(self.columns["id"])
         self.lengths = np.zeros(3)
         self.lengths[: self.dimensions] = domain.lengths[::-1]
         self.periodic = np.zeros(3, np.bool_)
@@ -65,11 +70,10 @@ class Grains:
         self._lay_out()
 
     def _first(self, given: Mapping[str, NDArray]) -> dict[str, NDArray]:
-        """Columns of this rank from those of the scene: all grains in id order, or a part with "id"."""
+        """Columns of this rank from those of the scene, which are of all grains."""
         n, d = len(given["radius"]), self.dimensions
-        ids = np.asarray(given.get("id", np.arange(n)), np.int64)
         columns = {name: np.zeros((n, *shape), dtype) for name, (dtype, shape) in COLUMNS.items()}
-        columns["id"][:] = ids
+        columns["id"][:] = np.arange(n)
         for name in ("mass", "inertia", "fixed"):
             columns[name][:] = given[name]
         free = ~np.asarray(given["fixed"], bool)
@@ -83,7 +87,7 @@ class Grains:
         row[:, 3], row[:, 7] = given["radius"], np.where(free, 1.0 / columns["mass"], 0.0)
         row[:, 11] = np.where(free, 1.0 / columns["inertia"], 0.0)
         row[:, TURN] = 1.0 if d == 3 else 0.0
-        if "id" in given:
+        if self.together:
             return columns
         mine = self._owner(row) == self.world.rank
         return {name: column[mine] for name, column in columns.items()}
@@ -96,8 +100,8 @@ class Grains:
     # ---- views
 
     @property
-    def n(self) -> int:
-        """Own grains."""
+    def held(self) -> int:
+        """Grains that this rank moves."""
         return len(self.columns["id"])
 
     @property
@@ -143,13 +147,16 @@ class Grains:
         with either grain.
         """
         self._round += 1
-        if self.world.size > 1:
+        if self.world.size > 1 and not self.together:
             springs = self._send(springs)
         low = self.greatest + 0.5 * margin
         cell = np.floor(self.columns["row"][:, :3] / (2.0 * low))[:, ::-1]
-        order = np.lexsort((self.columns["id"], *cell.T[::-1]))
+        others = self._owner(self.columns["row"]) != self.world.rank
+        order = np.lexsort((self.columns["id"], *cell.T[::-1], others & self.together))
         self.columns = {name: np.ascontiguousarray(column[order]) for name, column in self.columns.items()}
-        self.n_ghosts = self._refresh.choose(self._members(margin, reach)) if self.world.size > 1 else 0
+        self.n = self.held - np.count_nonzero(others) if self.together else self.held
+        exchange = self.world.size > 1 and not self.together
+        self.n_ghosts = self._refresh.choose(self._members(margin, reach)) if exchange else self.held - self.n
         self._lay_out()
         self.version += 1
         return springs
@@ -196,17 +203,16 @@ class Grains:
 
     def _lay_out(self) -> None:
         """One array of rows: own grains, ghosts, and one that touches nothing."""
-        n, total = self.n, self.n + self.n_ghosts
+        held, total = self.held, self.n + self.n_ghosts
         rows = aligned_zeros((total + 1, ROW), np.float64)
-        rows[:n], rows[-1] = self.columns["row"], np.nan
+        rows[:held], rows[-1] = self.columns["row"], np.nan
         self.rows = rows
-        self.columns["row"] = rows[:n]
-        self.ids = np.empty(total, np.int64)
-        self._constants = np.empty((total, 3))
-        own = np.stack([self.columns[name] for name in ("mass", "inertia", "fixed")], 1).astype(np.float64)
-        self.ids[:n], self._constants[:n] = self.columns["id"], own
-        if self.world.size > 1:
-            self.ids[n:], self._constants[n:] = self._sent(self.columns["id"]), self._sent(own)
+        self.columns["row"] = rows[:held]
+        self.ids, self._constants = np.empty(total, np.int64), np.empty((total, 3))
+        here = np.stack([self.columns[name] for name in ("mass", "inertia", "fixed")], 1).astype(np.float64)
+        self.ids[:held], self._constants[:held] = self.columns["id"], here
+        if self.world.size > 1 and not self.together:
+            self.ids[held:], self._constants[held:] = self._sent(self.columns["id"]), self._sent(here)
             self.refresh()
 
     def _sent(self, values: NDArray) -> NDArray:
@@ -216,8 +222,20 @@ class Grains:
 
     def refresh(self) -> None:
         """Collective: ghosts as their owners' grains are now."""
-        if self.world.size > 1:
+        if self.world.size > 1 and not self.together:
             self.rows[self.n : -1] = self._sent(self.columns["row"])
+
+    def shared(self, values: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Collective: values[held, ...] as their owners have them in the rows of own grains."""
+        if not self.together:
+            return values
+        bits = np.zeros((self.number, *values.shape[1:]), np.int64)
+        bits[self.ids[: self.n]] = values[: self.n].view(np.int64)
+        return self.world.sum_int(bits)[self.ids].view(np.float64)
+
+    def share(self, name: str) -> None:
+        """Collective: a column as the owners have it."""
+        self.columns[name][:] = self.shared(self.columns[name])
 
     # ---- state
 
@@ -227,13 +245,25 @@ class Grains:
 
     def state(self, more: Mapping[str, NDArray] | None = None) -> dict[str, NDArray]:
         """Collective: what changes, in id order, of the ids of `part`; `more` are columns of own grains."""
-        columns = {name: self.columns[name] for name in STATE} | dict(more or {})
+        columns = {name: self.columns[name][: self.n] for name in STATE} | dict(more or {})
         layout = {name: (column.dtype, column.shape[1:]) for name, column in columns.items()}
-        return by_id(self.world, [(self.columns["id"], columns)], layout, self.number)
+        return by_id(self.world, [(self.ids[: self.n], columns)], layout, self.number)
 
     def take(self, ids: NDArray[np.int64], arrays: Mapping[str, NDArray]) -> None:
-        """These grains instead of those of this rank; `settle` next."""
+        """Collective: these grains instead of those of this rank; `settle` next."""
+        if self.together:
+            ids, arrays = np.arange(self.number), {name: self._gathered(arrays[name]) for name in STATE}
         self.columns = {name: np.zeros((len(ids), *shape), dtype) for name, (dtype, shape) in COLUMNS.items()}
         self.columns["id"][:] = ids
         for name in STATE:
             self.columns[name][:] = arrays[name]
+
+    def all_springs(self, springs: Springs) -> Springs:
+        """Collective: those of all ranks when grains are held together."""
+        return tuple(map(self._gathered, springs)) if self.together else springs
+
+    def _gathered(self, part: NDArray) -> NDArray:
+        """Rows of all ranks, in rank order, on all ranks."""
+        whole = self.world.gather_rows(part)
+        content = self.world.bcast(None if whole is None else whole.tobytes())
+        return np.frombuffer(content, part.dtype).reshape(-1, *part.shape[1:])

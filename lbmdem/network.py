@@ -67,7 +67,8 @@ def energies(dem: "Dem") -> dict[str, float]:
     masses are not counted.
     """
     grains, pairs, law = dem.grains, dem.list, dem.law
-    c, n = grains.columns, grains.n
+    n = grains.n
+    c = {name: column[:n] for name, column in grains.columns.items()}
     rows, free = c["row"], c["fixed"] == 0
     speed, spin = np.square(rows[:, 4:7]).sum(axis=1), np.square(rows[:, 8:11]).sum(axis=1)
     kinetic = np.where(free, 0.5 * (c["mass"] * speed + c["inertia"] * spin), 0.0)
@@ -107,7 +108,7 @@ def stress(dem: "Dem", edges: Sequence[float], area: float = 0.0) -> NDArray[np.
 
 def momentum(dem: "Dem") -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Collective: linear momentum and angular momentum about the origin (3 values each), of grains that move."""
-    c = dem.grains.columns
+    c = {name: column[: dem.grains.n] for name, column in dem.grains.columns.items()}
     free, row = c["fixed"] == 0, c["row"]
     p = np.where(free, c["mass"], 0.0)[:, None] * row[:, 4:7]
     spin = np.cross(row[:, :3], p) + np.where(free, c["inertia"], 0.0)[:, None] * row[:, 8:11]

@@ -39,12 +39,15 @@ def test_one_rank_owns_all(world):
 
 
 @pytest.mark.mpi(min_size=2)
-def test_every_grain_has_one_owner_and_true_copies(world):
+@pytest.mark.parametrize("together", [0, 512])
+def test_every_grain_has_one_owner_and_true_copies(world, together, monkeypatch):
+    monkeypatch.setattr("lbmdem.grains.TOGETHER", together)
     check_owners(world)
 
 
 @pytest.mark.mpi(min_size=2)
-def test_ghosts_are_all_grains_within_reach(world):
+def test_ghosts_are_all_grains_within_reach(world, monkeypatch):
+    monkeypatch.setattr("lbmdem.grains.TOGETHER", 0)
     lengths, reach = (0.8, 0.7, 0.9), 0.03
     columns = cloud(125, 3, lengths)
     scene = Dem(world, dem(world, columns, HISTORY, lengths).pool, box(world, lengths), columns, HISTORY, reach=reach)
@@ -94,7 +97,9 @@ def test_springs_find_their_pair_again(world):
 
 
 @pytest.mark.mpi(min_size=2)
-def test_state_comes_back_on_another_division(world):
+@pytest.mark.parametrize("together", [0, 512])
+def test_state_comes_back_on_another_division(world, together, monkeypatch):
+    monkeypatch.setattr("lbmdem.grains.TOGETHER", together)
     """What two ranks saved goes on in halves of other sizes; no grain and no spring is lost."""
     lengths = (0.5, 0.5, 0.5)
     columns = cloud(64, 3, lengths)

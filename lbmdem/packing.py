@@ -1,0 +1,294 @@
+"""Packings: grains of a size law, put in a box at random, grown to a porosity or settled under gravity.
+
+Made by the grains' own dynamics, so the same for any ranks and threads; random numbers belong to a grain's number and
+the seed. What was made is kept in the user's cache folder, under the hash of all that it depends on.
+"""
+
+import hashlib
+import json
+import logging
+import math
+import os
+import tempfile
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hpcpic.core.comm.world import World
+from hpcpic.core.errors import ConfigError
+from hpcpic.core.space.domain import Domain
+from hpcpic.core.space.rng import uniforms
+from hpcpic.core.tasks import Pool
+from lbmdem.contacts import Law, Wall, stable_step
+from lbmdem.dem import Dem
+from lbmdem.network import energies, greatest_overlap
+
+if TYPE_CHECKING:
+    from lbmdem.config import Contact, GrainSet, LbmDemConfig
+
+log = logging.getLogger(__name__)
+
+VERSION = 1  # of the method: another one makes other packings
+PLACES, SIZES = 11, 12  # streams of random numbers
+START = 0.3  # of the final radii
+GROWTH, RELAXATION, STAGE = 300, 1500, 20  # stages of growth, at most of relaxation, steps in a stage
+TOUCHING, TOO_DEEP = 1e-3, 1e-2  # overlap / diameter that is accepted, and that is refused
+LOOSE = 0.5  # porosity from which grains fall
+
+
+@dataclass(frozen=True, slots=True)
+class Sample:
+    """Where grains go: between low and high (m) along the last axis, rigid there and at sides that are not periodic.
+
+    gravity 0: grown in this space until the radii are right. Else, after that, settled with the law of contacts.
+    """
+
+    radius: NDArray[np.float64]
+    low: float
+    high: float
+    seed: int
+    density: float = 1.0
+    gravity: float = 0.0
+    law: Law | None = None
+
+
+def beta_diameters(
+    n: int, low: float, high: float, a: float, b: float, seed: int, dimensions: int = 3
+) -> NDArray[np.float64]:
+    """Diameters [n] whose volume below d is the incomplete beta function of (d - low) / (high - low).
+
+    Voivret et al. 2007 (cumulative volume fraction, area in 2D). The sizes are the middles of n parts of equal number,
+    so they follow the law as well as n grains can; the seed says which grain has which.
+    """
+    from scipy.special import betainc
+
+    edges = np.linspace(0.0, 1.0, 1 + (1 << 14))
+    middle = low + (high - low) * 0.5 * (edges[1:] + edges[:-1])
+    number = np.cumsum(np.diff(betainc(a, b, edges)) / middle**dimensions)
+    wanted = (np.arange(n) + 0.5) / n * number[-1]
+    sizes = low + (high - low) * np.interp(wanted, np.concatenate(([0.0], number)), edges)
+    return sizes[np.argsort(uniforms(seed, SIZES, np.arange(n), 1)[:, 0])]
+
+
+def solid_volume(radius: NDArray, dimensions: int) -> float:
+    """Of all grains: m3, m2 in 2D."""
+    return float(np.sum(math.pi * radius**2 if dimensions == 2 else 4.0 / 3.0 * math.pi * radius**3))
+
+
+def _columns(sample: Sample, x: NDArray) -> dict[str, NDArray]:
+    n, d = x.shape
+    r = sample.radius
+    mass = sample.density * (math.pi * r**2 if d == 2 else 4.0 / 3.0 * math.pi * r**3)
+    return {
+        "x": x,
+        "v": np.zeros((n, d)),
+        "omega": np.zeros((n, 1 if d == 2 else 3)),
+        "radius": r,
+        "mass": mass,
+        "inertia": (0.5 if d == 2 else 0.4) * mass * r**2,
+        "fixed": np.zeros(n, bool),
+    }
+
+
+def _walls(domain: Domain, sample: Sample) -> list[Wall]:
+    """Rigid sides of the sample's space."""
+    d = domain.ndim
+    walls = []
+    for axis in range(d):
+        if domain.periodic[d - 1 - axis]:
+            continue
+        inward, length = np.eye(d)[axis], domain.lengths[d - 1 - axis]
+        low, high = (sample.low, sample.high) if axis == d - 1 else (0.0, length)
+        walls += [Wall(tuple(low * inward), tuple(inward)), Wall(tuple(high * inward), tuple(-inward))]
+    return walls
+
+
+def _scatter(domain: Domain, sample: Sample) -> NDArray[np.float64]:
+    """Places [n, d] at random, for grains of the first size."""
+    d = domain.ndim
+    low, high = np.zeros(d), np.array(domain.lengths[::-1])
+    low[-1], high[-1] = sample.low, sample.high
+    u = uniforms(sample.seed, PLACES, np.arange(len(sample.radius)), d)
+    rigid = ~np.array(domain.periodic[::-1]) * START * sample.radius[:, None]
+    return low + rigid + u * (high - low - 2.0 * rigid)
+
+
+def grow(world: World, pool: Pool, domain: Domain, sample: Sample) -> NDArray[np.float64]:
+    """Collective: places [n, d] of all grains at their full size, on all ranks.
+
+    Small grains without friction grow and push each other away; then they relax. ConfigError when overlaps stay.
+    """
+    law = Law(1.0, damping=0.3)
+    columns = _columns(replace(sample, density=1.0), _scatter(domain, sample))
+    dem = Dem(world, pool, domain, columns, law, _walls(domain, sample))
+    dt = 0.5 * stable_step(law, columns["radius"], columns["mass"], columns["inertia"])
+    for stage in range(GROWTH + RELAXATION):
+        left = max(0.0, 1.0 - (stage + 1) / GROWTH)
+        own = dem.grains.columns
+        own["row"][:, 4:7] *= 0.8
+        if stage < GROWTH:
+            own["row"][:, 3] = (1.0 - (1.0 - START) * left**1.5) * sample.radius[own["id"]]
+            if stage == 0:
+                own["force"][:] = 0.0
+            dem.rebuild()
+        dem.advance(dt, STAGE)
+        if stage >= GROWTH and greatest_overlap(dem) < TOUCHING:
+            break
+    deepest = greatest_overlap(dem)
+    if deepest > TOO_DEEP:
+        raise ConfigError(
+            f"the packing is denser than can be: grains overlap by {deepest:.1%} of a diameter at a porosity of "
+            f"{porosity_of(domain, sample):.3f}; use a larger one (random packings of spheres end at about 0.36)"
+        )
+    return everywhere(dem)
+
+
+def settle(world: World, pool: Pool, domain: Domain, sample: Sample, x: NDArray) -> NDArray[np.float64]:
+    """Collective: places [n, d] after falling from x[n, d] along the last axis until all rest, on all ranks."""
+    assert sample.law is not None
+    d = domain.ndim
+    columns = _columns(sample, x)
+    down = (0.0,) * (d - 1) + (-sample.gravity,)
+    dem = Dem(world, pool, domain, columns, sample.law, _walls(domain, sample), down)
+    dt = 0.3 * stable_step(sample.law, columns["radius"], columns["mass"], columns["inertia"])
+    steps = max(STAGE, math.ceil(0.1 * math.sqrt(2.0 * float(sample.radius.max()) / sample.gravity) / dt))
+    small = 1e-6 * dem.total((dem.grains.mass * dem.grains.radius)[: dem.grains.n]) * sample.gravity
+    fall = math.sqrt(2.0 * (sample.high - sample.low) / sample.gravity)
+    for stage in range(20 * math.ceil(fall / (steps * dt)) + 200):
+        dem.advance(dt, steps)
+        if stage * steps * dt > 0.5 * fall:
+            dem.grains.columns["row"][:, 4:7] *= 0.9
+            if energies(dem)["kinetic"] < small:
+                break
+    return everywhere(dem)
+
+
+def everywhere(dem: Dem) -> NDArray[np.float64]:
+    """Collective: places [number, d] of all grains in the order of ids, on all ranks."""
+    grains = dem.grains
+    ids = dem.world.gather_rows(grains.ids[: grains.n])
+    x = dem.world.gather_rows(np.ascontiguousarray(grains.x[: grains.n]))
+    content = None if ids is None or x is None else np.ascontiguousarray(x[np.argsort(ids)]).tobytes()
+    return np.frombuffer(dem.world.bcast(content)).reshape(-1, grains.dimensions).copy()
+
+
+def porosity_of(domain: Domain, sample: Sample) -> float:
+    """Share of the sample's space that is empty."""
+    d = domain.ndim
+    space = float(np.prod(domain.lengths[1:])) * (sample.high - sample.low)
+    return 1.0 - solid_volume(sample.radius, d) / space
+
+
+# ---- kept packings
+
+
+def cached(
+    world: World, facts: Mapping[str, object], made: Callable[[], NDArray], shape: Sequence[int]
+) -> NDArray[np.float64]:
+    """Collective: what `made()` (collective) gives for these facts, float64 of a shape; from the cache if it is there.
+
+    A file holds its own hash; one that is damaged, or of another shape, is made again.
+    """
+    text = json.dumps({"version": VERSION, **facts}, sort_keys=True)
+    name = hashlib.sha256(text.encode()).hexdigest()
+    path = _folder() / f"{name}.packing"
+    content = world.bcast(_read(path) if world.rank == 0 else None)
+    if len(content) == 8 * math.prod(shape):
+        return np.frombuffer(content).reshape(shape).copy()
+    values = np.ascontiguousarray(made(), np.float64)
+    if world.rank == 0:
+        _write(path, values.tobytes())
+    return values
+
+
+def _folder() -> Path:
+    from hpcpic.core.simd.jit import cache_directory
+
+    return cache_directory().parent / "packings"
+
+
+def _read(path: Path) -> bytes:
+    try:
+        content = path.read_bytes()
+    except OSError:
+        return b""
+    head, body = content[:32], content[32:]
+    if hashlib.sha256(body).digest() != head:
+        log.warning("the kept packing %s is damaged: made again", path)
+        return b""
+    return body
+
+
+def _write(path: Path, body: bytes) -> None:
+    """Complete or not at all; without a cache folder nothing is kept."""
+    try:
+        path.parent.mkdir(mode=0o700, parents=True, exist_ok=True)
+        descriptor, draft = tempfile.mkstemp(dir=path.parent)
+        with os.fdopen(descriptor, "wb") as file:
+            file.write(hashlib.sha256(body).digest() + body)
+        os.replace(draft, path)
+    except OSError as error:
+        log.warning("the packing is not kept: %s", error)
+
+
+def pack(world: World, pool: Pool, domain: Domain, sample: Sample) -> NDArray[np.float64]:
+    """Collective: places [n, d] (m) of a sample, the same on all ranks; from the cache if it was made before."""
+    facts = {
+        "lengths": domain.lengths,
+        "periodic": domain.periodic,
+        "radii": hashlib.sha256(sample.radius.tobytes()).hexdigest(),
+        "space": (sample.low, sample.high),
+        "seed": sample.seed,
+        "density": sample.density,
+        "gravity": sample.gravity,
+        "law": None if sample.law is None else [*sample.law.constants.tolist(), sample.law.damping],
+    }
+
+    def made() -> NDArray[np.float64]:
+        log.info("packing %d grains", len(sample.radius))
+        x = grow(world, pool, domain, sample)
+        return settle(world, pool, domain, sample, x) if sample.gravity > 0.0 else x
+
+    return cached(world, facts, made, (len(sample.radius), domain.ndim))
+
+
+def make(
+    config: "LbmDemConfig", grains: "GrainSet", world: World, pool: Pool, domain: Domain
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Collective: places [n, d] and radii [n] (m) of a set of grains, the same on all ranks.
+
+    With a porosity the grains fill the space from `low` to `high` (by default as high as the porosity says) without
+    friction or gravity; without one they fall from a loose state and rest on each other, with the case's contacts.
+    """
+    assert grains.packing is not None and grains.diameters is not None
+    d, law, seed = domain.ndim, grains.diameters, config.simulation.random_seed
+    radius = 0.5 * beta_diameters(law.count, law.min, law.max, law.a, law.b, seed, d)
+    low, top, porosity = grains.packing.low, domain.lengths[0], grains.packing.porosity
+    area, solid = float(np.prod(domain.lengths[1:])), solid_volume(radius, d)
+    high = low + solid / (1.0 - (porosity or LOOSE)) / area
+    if porosity is None:
+        high = min(high, grains.packing.high or top)
+    elif grains.packing.high is not None and abs(high - grains.packing.high) > 1e-3 * (high - low):
+        raise ConfigError(
+            f"{law.count} grains at a porosity of {porosity:g} reach up to {high:.6g} m, not to high = "
+            f"{grains.packing.high:g} m: leave high out, or change count or porosity"
+        )
+    if high > top * (1.0 + 1e-12):
+        raise ConfigError(f"the packing reaches up to {high:.6g} m: the box ends at {top:g} m")
+    sample = Sample(radius, low, min(high, top), seed, grains.density)
+    if porosity is None:
+        down = abs(config.gravity[-1]) or 9.81
+        sample = replace(sample, gravity=down, law=law_of(config.contact))
+    return pack(world, pool, domain, sample), radius
+
+
+def law_of(contact: "Contact") -> Law:
+    """The contact law of a case."""
+    shear = 0.0
+    if contact.tangential == "history":
+        shear = contact.tangential_stiffness or 2.0 / 7.0 * contact.normal_stiffness
+    return Law(contact.normal_stiffness, contact.damping, contact.friction, contact.tangential_viscosity, shear)
