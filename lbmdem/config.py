@@ -7,12 +7,15 @@ import math
 from collections.abc import Iterator
 from typing import Annotated, Literal
 
+import numpy as np
 from pydantic import BeforeValidator, Field
 
 from hpcpic.core.files.config import Path
 from hpcpic.core.files.schema import REQUIRED, Lengths, Section, Vector, as_tuple, setting
+from lbmdem.contacts import Law, stable_step
 
 AXES = "xyz"
+ACCURATE = 0.2  # of the largest stable step of the contacts, for their accuracy
 FaceName = Literal["x-", "x+", "y-", "y+", "z-", "z+"]
 Positive = Annotated[float, Field(gt=0)]
 
@@ -34,7 +37,7 @@ class Simulation(Section):
     lattice: Literal["D2Q9", "D3Q19"] | None = setting(None, "velocities of the lattice; by default those of 2D or 3D")
     end_time: float = setting(REQUIRED, "time at which the run ends", "s", ge=0)
     time_step: float | None = setting(
-        None, "time step of a case without fluid, by default a tenth of the limit of stability", "s", gt=0
+        None, "time step of a case without fluid, by default a fifth of the limit of stability", "s", gt=0
     )
     blocks: int = setting(0, "task blocks per rank, 0 = automatic", ge=0)
     random_seed: int = setting(1, "seed of the packings", ge=0)
@@ -129,7 +132,9 @@ class Contact(Section):
     tangential: Literal["regularised", "history"] = setting(
         "regularised", "Coulomb friction smoothed by a viscosity (the paper), or by a spring that remembers"
     )
-    tangential_viscosity: float = setting(1.0, "beta", "N s/m", ge=0)
+    tangential_viscosity: float | None = setting(
+        None, "beta; by default sqrt(m k_n), or 2 alpha sqrt(m k_t) beside a spring (m: lightest pair)", "N s/m", ge=0
+    )
     tangential_stiffness: float | None = setting(None, "by default 2/7 of the normal one", "N/m", gt=0)
     friction: float = setting(0.5, "mu_f", ge=0)
 
@@ -199,7 +204,7 @@ class LbmDemConfig(Section):
         """dt [s]: as given, of tau by [5], or without fluid of the contacts."""
         fluid = self.fluid
         if fluid is None:
-            return self.simulation.time_step or 0.1 * contact_step(self)
+            return self.simulation.time_step or ACCURATE * contact_step(self)
         if fluid.time_step is not None:
             return fluid.time_step
         return (self.tau - 0.5) / 3.0 * self.spacing**2 / fluid.viscosity
@@ -217,6 +222,12 @@ class LbmDemConfig(Section):
     def points(self) -> tuple[int, ...]:
         """Nodes along x, y(, z); they sit half a spacing inside the faces."""
         return tuple(max(1, round(length / self.spacing)) for length in self.domain.size)
+
+    @property
+    def substeps(self) -> int:
+        """n_d: steps of the contacts in one of the fluid."""
+        wanted = self.time_step / (ACCURATE * contact_step(self))
+        return self.coupling.substeps or max(1, math.ceil(wanted * (1 - 1e-12)))
 
     @property
     def n_steps(self) -> int:
@@ -337,12 +348,38 @@ def grain_mass(grains: GrainSet, diameter: float, d: int) -> float:
     return grains.density * math.pi / (4.0 if d == 2 else 6.0) * diameter**d
 
 
+def lightest(config: LbmDemConfig) -> float:
+    """Mass of the lightest grain that moves, kg."""
+    d = config.dimensions
+    masses = [grain_mass(grains, smallest_diameter(grains), d) for grains in config.grains if grains.moving]
+    return min(masses, default=math.inf)
+
+
+def contact_law(config: LbmDemConfig) -> Law:
+    contact, reduced = config.contact, 0.5 * lightest(config)
+    shear = contact.tangential_stiffness or 2.0 / 7.0 * contact.normal_stiffness
+    remembers = contact.tangential == "history"
+    beta = contact.tangential_viscosity
+    if beta is None and math.isfinite(reduced):
+        dashpot = 2.0 * contact.damping * math.sqrt(shear) if remembers else math.sqrt(contact.normal_stiffness)
+        beta = dashpot * math.sqrt(reduced)
+    return Law(
+        stiffness=contact.normal_stiffness,
+        damping=contact.damping,
+        friction=contact.friction,
+        viscosity=beta or 0.0,
+        shear=shear if remembers else 0.0,
+    )
+
+
 def contact_step(config: LbmDemConfig) -> float:
-    """The time step at which velocity Verlet fails for the lightest grain among many, s."""
-    masses = [
-        grain_mass(grains, smallest_diameter(grains), config.dimensions) for grains in config.grains if grains.moving
-    ]
-    return math.sqrt(min(masses, default=1.0) / config.contact.normal_stiffness)
+    """The largest stable step of the grains that move, s; infinite when none does."""
+    d = config.dimensions
+    moving = [grains for grains in config.grains if grains.moving]
+    diameters = np.array([smallest_diameter(grains) for grains in moving])
+    mass = np.array([grain_mass(grains, smallest_diameter(grains), d) for grains in moving])
+    inertia = (0.5 if d == 2 else 0.4) * mass * (0.5 * diameters) ** 2
+    return stable_step(contact_law(config), 0.5 * diameters, mass, inertia)
 
 
 def dry_faults(config: LbmDemConfig) -> Iterator[tuple[Path, str]]:

@@ -5,7 +5,15 @@ from collections.abc import Iterator
 
 from hpcpic.core.files.config import Path
 from hpcpic.core.files.derived import Derived
-from lbmdem.config import AXES, LbmDemConfig
+from lbmdem.config import (
+    ACCURATE,
+    AXES,
+    LbmDemConfig,
+    contact_step,
+    grain_mass,
+    largest_diameter,
+    smallest_diameter,
+)
 from lbmdem.scene import CS2
 
 TAU = ("fluid", "relaxation_time")
@@ -20,7 +28,7 @@ ENOUGH_NODES = {2: 10.0, 3: 7.0}  # across a grain (Mansouri et al., section 4)
 def derived(config: LbmDemConfig, ranks: int = 1) -> list[Derived]:
     """Every derived number of a completed case that runs on so many ranks."""
     fluid = [*relaxation(config), *speeds(config), *pressures(config)] if config.fluid else []
-    return [*fluid, *grains(config), *sizes(config, ranks)]
+    return [*fluid, *grains(config), *contacts(config), *sizes(config, ranks)]
 
 
 def key_of_tau(config: LbmDemConfig) -> Path:
@@ -110,7 +118,7 @@ def grains(config: LbmDemConfig) -> Iterator[Derived]:
     """Resolution, density ratio and overlap of each set."""
     d, dx = config.dimensions, config.spacing
     for i, some in enumerate(config.grains):
-        smallest = some.diameter if some.diameter is not None else some.diameters.min
+        smallest = smallest_diameter(some)
         if config.fluid is None:
             continue
         nodes, enough = smallest / dx, ENOUGH_NODES[d]
@@ -134,6 +142,44 @@ def density_ratio(config: LbmDemConfig, i: int, nodes: float) -> Iterator[Derive
     source = "impedance of the links, zeta/(2 V)"
     key = ("grains", i, "density")
     yield Derived("density ratio", "rho_s/rho_f", ratio, "", words, verdict, source, cure, key, True)
+
+
+def contacts(config: LbmDemConfig) -> Iterator[Derived]:
+    """The time step of the contacts against its limit, and how far grains overlap under their weight."""
+    limit = contact_step(config)
+    if not math.isfinite(limit):
+        return
+    source = "velocity Verlet with damped contacts on all sides (lbmdem.contacts)"
+    key: Path = ("coupling", "substeps") if config.fluid else ("simulation", "time_step")
+    if config.fluid:
+        yield Derived("substeps of the contacts", "n_d", float(config.substeps))
+    share = config.time_step / config.substeps / limit
+    verdict = "ok" if share <= 2.01 * ACCURATE else "warn" if share < 1.0 else "fail"
+    good = ACCURATE * limit
+    cure = f"substeps = {math.ceil(config.time_step / good)}" if config.fluid else f"time_step = {good:.3g}"
+    cure = "" if verdict == "ok" else cure
+    yield Derived("step of the contacts", "dt/dt_max", share, "", "<= 0.4, < 1", verdict, source, cure, key)
+    yield from overlaps(config)
+
+
+def overlaps(config: LbmDemConfig) -> Iterator[Derived]:
+    """Of a column of grains as high as the box, or as all of them, at rest."""
+    gravity, d = math.hypot(*config.gravity), config.dimensions
+    density = config.fluid.density if config.fluid else 0.0
+    for some in config.grains:
+        if not some.moving or not gravity:
+            continue
+        size = largest_diameter(some)
+        count = len(some.position) or some.diameters.count
+        layers = min(count, config.domain.size[-1] / size)
+        weight = grain_mass(some, size, d) * gravity * abs(1.0 - density / some.density)
+        overlap = layers * weight / config.contact.normal_stiffness / size
+        verdict = "ok" if overlap <= 0.01 else "warn" if overlap < 0.1 else "fail"
+        stiff = layers * weight / (0.01 * size)
+        cure = "" if verdict == "ok" else f"normal_stiffness = {stiff:.2g} gives 1 % for {some.name}"
+        key = ("contact", "normal_stiffness")
+        limit, source = "<= 1 %, < 10 %", "weight of the column above"
+        yield Derived("overlap at rest", "delta/d", overlap, "", limit, verdict, source, cure, key)
 
 
 def sizes(config: LbmDemConfig, ranks: int) -> Iterator[Derived]:

@@ -58,7 +58,7 @@ def step_seconds(config: LbmDemConfig, ranks: int, threads: int, rates: Mapping[
     cores = wanted if wanted > 2 * rates["cores"] else min(wanted, rates["cores"])
     rest = 0.0
     if moving(config):
-        rest += grain_count(config) * max(1, config.coupling.substeps) * rates["grain_ns"]
+        rest += grain_count(config) * config.substeps * rates["grain_ns"]
     seconds = 1e-6 * rates["launch_us"]
     if config.fluid:
         seconds += sweep_seconds(config, cores, rates) + message_seconds(config, ranks, rates)

@@ -11,8 +11,8 @@ from hpcpic.core.space.domain import Domain, even_cuts
 from hpcpic.core.tasks import Pool
 from hpcpic.core.timers import Timers
 from lbmdem import snapshot
-from lbmdem.config import AXES, LbmDemConfig
-from lbmdem.contacts import Law, Wall, stable_step
+from lbmdem.config import AXES, LbmDemConfig, contact_law
+from lbmdem.contacts import Wall
 from lbmdem.coupling import Immersed, impedance
 from lbmdem.dem import Dem
 from lbmdem.derived import derived
@@ -25,7 +25,6 @@ from lbmdem.obstacles import obstacle_walls
 from lbmdem.placing import place_grains
 from lbmdem.scene import Scene, volumes
 
-SHARE = 0.2  # of the largest stable step of the contacts, for their accuracy (restitution within 3 %)
 FASTEST = 0.4  # velocity in lattice units beyond which no collision is a fluid any more
 DENSEST = 2.0  # density of the lattice fluid, likewise, and 1 / 2
 DEEPEST = 0.1  # overlap over diameter at which grains are no grains any more
@@ -106,17 +105,10 @@ class LbmDem:
 
     def _dem(self) -> Dem:
         config, scene, table = self.scene.config, self.scene, self.table
-        contact = config.contact
-        history = contact.tangential == "history"
-        shear = (contact.tangential_stiffness or 2.0 / 7.0 * contact.normal_stiffness) if history else 0.0
-        self.law = law = Law(
-            contact.normal_stiffness, contact.damping, contact.friction, contact.tangential_viscosity, shear
-        )
+        self.law = law = contact_law(config)
         columns = {name: getattr(table, name) for name in ("x", "v", "omega", "radius", "mass", "inertia", "fixed")}
         dem = Dem(self.world, self.pool, self.domain, columns, law, box_walls(scene), reach=2.0 * config.spacing)
-        moving = ~table.fixed
-        limit = SHARE * stable_step(law, table.radius[moving], table.mass[moving], table.inertia[moving])
-        self.substeps = config.coupling.substeps or max(1, math.ceil(scene.time_step / limit))
+        self.substeps = config.substeps
         self._weights = self._weight_of_grains()
         if self.immersed and config.coupling.inertia == "implicit":
             self._add_impedance(dem)

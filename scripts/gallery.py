@@ -179,9 +179,10 @@ def entry(program: Program, case: str, path: Path) -> list[str]:
     lines = [f"### {case}", "", f"{header.what[:1].upper()}{header.what[1:]}.", ""]
     if picture.exists():
         lines += [f'<img src="../docs/gallery/{picture.name}" alt="{case}" width="480">', ""]
+    then = f"then `{name} plot runs/{case} {program.figure(case)}`"
     return [
         *lines,
-        f"* Run: `{name} run {case}` ({header.time} on two cores), then `{name} plot runs/{case} {program.figure(case)}`",
+        f"* Run: `{name} run {case}` ({header.time} on two cores), {then}",
         f"* Source: {header.source}",
         f"* Expected: {header.expected}",
         f"* File: [{program.folder}/{case}.conf]({program.folder}/{case}.conf)",
