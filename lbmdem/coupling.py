@@ -203,7 +203,7 @@ class Immersed:
         return values[:, [0, 2]], -values[:, 4:5]
 
     def counts(self) -> dict[str, int]:
-        """Links of the last step, those without the fluid nodes of their rule, those lost to a wall or another grain."""
+        """Links of the last step, those without the fluid nodes of their rule, those lost to another solid. Collective."""
         here = np.array([self._stay.count, self._stay.fallbacks, 0], np.int64)
         if self._moving is not None:
             here += self._moving.counters.sum(axis=0)
