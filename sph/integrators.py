@@ -13,14 +13,14 @@ RK3 = ((0.0, 1.0, 1.0), (0.75, 0.25, 0.25), (1 / 3, 2 / 3, 2 / 3))  # weights of
 
 def euler(engine: "Sph") -> None:
     """y = y + dt f(y)."""
-    engine.evaluate()
+    engine.evaluate(start=True)
     engine.choose_step()
     engine.advance(0.0, 1.0, 1.0)
 
 
 def predictor_corrector(engine: "Sph") -> None:
     """(SC 11): y* = y + dt f(y); (SC 12): v = v^n + dt f(y*), x = x^n + dt v, rho = rho^n + dt D(y*)."""
-    engine.evaluate()
+    engine.evaluate(start=True)
     engine.choose_step()
     engine.keep()
     engine.advance(0.0, 1.0, 1.0, until=1.0)
@@ -30,7 +30,7 @@ def predictor_corrector(engine: "Sph") -> None:
 
 def rk3_tvd(engine: "Sph") -> None:
     """Runge-Kutta of third order that diminishes total variation (Gottlieb and Shu 1998)."""
-    engine.evaluate()
+    engine.evaluate(start=True)
     engine.choose_step()
     engine.keep()
     for stage, (weights, until) in enumerate(zip(RK3, (1.0, 0.5, 1.0))):

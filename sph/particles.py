@@ -15,11 +15,10 @@ from hpcpic.core.comm.ghosts import Refresh
 from hpcpic.core.comm.migrate import Migrate
 from hpcpic.core.comm.tags import Channel
 from hpcpic.core.comm.world import World
-from hpcpic.core.errors import ConfigError
 from hpcpic.core.tasks import Bound, Pool, bind
+from sph.images import CODES, Maps
 
 FLUID, REAL, MIRRORED, REPULSIVE = 1, 2, 4, 8  # flags
-CODES = 64  # maps; a ghost is told from its owner by key = id CODES + map
 
 
 class Tasks:
@@ -55,65 +54,6 @@ class Tasks:
 def even(n: int, parts: int) -> NDArray[np.int64]:
     """parts + 1 bounds of n items."""
     return np.arange(parts + 1) * n // parts
-
-
-class Maps:
-    """Images of bodies, x -> turn x + shift, v -> spin v + push, and which bodies have one; map 0 is the identity.
-
-    turn, spin [k, d, d]; shift, push [k, d]. A body has image k if x . normal < offset for all its planes[k].
-    """
-
-    def __init__(self, d: int) -> None:
-        self.turn, self.spin = np.eye(d)[None], np.eye(d)[None]
-        self.shift, self.push = np.zeros((1, d)), np.zeros((1, d))
-        self.mirrored = [False]
-        self.planes: list[list[tuple[NDArray, float]]] = [[]]
-
-    def add(self, turn: NDArray, shift: NDArray, spin: NDArray, push: NDArray, planes: list, mirrored: bool) -> None:
-        if len(self.planes) == CODES:
-            raise ConfigError([f"more than {CODES} images of a particle: too many mirrors"])
-        self.turn = np.concatenate([self.turn, turn[None]])
-        self.spin = np.concatenate([self.spin, spin[None]])
-        self.shift = np.concatenate([self.shift, shift[None]])
-        self.push = np.concatenate([self.push, push[None]])
-        self.planes.append(planes)
-        self.mirrored.append(mirrored)
-
-    def combine(self, other: "Maps") -> None:
-        """Every map of `other` after every map here too: corners."""
-        n = len(self.planes)
-        for k in range(1, len(other.planes)):
-            for j in range(n):
-                turn = other.turn[k] @ self.turn[j]
-                shift = other.turn[k] @ self.shift[j] + other.shift[k]
-                spin, push = other.spin[k] @ self.spin[j], other.spin[k] @ self.push[j] + other.push[k]
-                planes = [*self.planes[j], *other.planes[k]]
-                self.add(turn, shift, spin, push, planes, self.mirrored[j] or other.mirrored[k])
-
-    def shifts(self, k: int, x: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Shift[n, d] of image k of bodies at x[d, n]."""
-        return np.broadcast_to(self.shift[k], x.T.shape)
-
-    def chosen(self, k: int, x: NDArray[np.float64]) -> NDArray[np.int64]:
-        """Bodies x[d, n] that have image k."""
-        inside = np.ones(x.shape[1], bool)
-        for normal, offset in self.planes[k]:
-            axes = np.flatnonzero(normal)
-            inside &= sum(normal[a] * x[a] for a in axes) < offset
-        return np.flatnonzero(inside)
-
-
-def periodic_maps(lengths: NDArray, periodic: NDArray, reach: float) -> Maps:
-    """Shifts by a period, up and down, along each periodic axis and their combinations."""
-    d = len(lengths)
-    maps = Maps(d)
-    for axis in np.flatnonzero(periodic):
-        step, unit = Maps(d), np.eye(d)[axis]
-        one, still = np.eye(d), np.zeros(d)
-        step.add(one, unit * lengths[axis], one, still, [(unit, reach)], False)
-        step.add(one, -unit * lengths[axis], one, still, [(-unit, reach - lengths[axis])], False)
-        maps.combine(step)
-    return maps
 
 
 class Bodies:
@@ -255,7 +195,7 @@ class Bodies:
             if not len(index):
                 continue
             shift = self.maps.shifts(k, self.x[:, index])
-            at = layer[index] if k == 0 else layer_of(self.maps.turn[k, 0] @ self.x[:, index] + shift[:, 0])
+            at = layer[index] if k == 0 else layer_of(self.maps.turned(k)[0] @ self.x[:, index] + shift[:, 0])
             for peer in range(self.world.size) if self.world.size > 1 else [0]:
                 if k == 0 and peer == self.world.rank:
                     continue
@@ -302,7 +242,7 @@ class Bodies:
         ghosts = slice(self.n, self.n + self.ghosts)
         self.key[ghosts], self.flags[ghosts] = got[:, 0], got[:, 1]
         self.m[ghosts] = np.ascontiguousarray(got[:, 2]).view(np.float64)
-        self.wall[ghosts] = 0
+        self.wall[ghosts] = np.array(self.maps.wall)[got[:, 0] % CODES]
         if "normal" not in self.without:
             self.normal[:, ghosts] = np.ascontiguousarray(got[:, 3:]).view(np.float64).T
 
@@ -312,8 +252,9 @@ class Bodies:
             return
         extra = (0 if "gradient" in self.without else self.d) + (0 if "shear" in self.without else self.d**2)
         values, maps = np.empty((len(self._rows), 2 * self.d + 1 + extra)), self.maps
+        turns = np.array([maps.turned(k) for k in range(len(maps.planes))])
         self.motion.ghost_values(
-            self._rows, self._codes, maps.turn, self._shift, maps.spin, maps.push, self.x, self.v, self.drho,
+            self._rows, self._codes, turns, self._shift, maps.spin, maps.push, self.x, self.v, self.drho,
             self.gradient, self.shear, values,
         )  # fmt: skip
         self._refresh.start(iteration, values)

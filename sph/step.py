@@ -16,10 +16,11 @@ from sph.config import SphConfig
 from sph.derived import derived
 from sph.estimate import estimate
 from sph.gauges import Gauges, gauge_units
-from sph.integrators import INTEGRATORS, STAGED
+from sph.images import Maps, mirrors, periodic_maps, single_mirrors
+from sph.integrators import INTEGRATORS, STAGED, symplectic
 from sph.kernels.specialise import specialise
 from sph.neighbours import Cells, Grid
-from sph.particles import FLUID, REAL, Bodies, Tasks, periodic_maps
+from sph.particles import FLUID, REAL, Bodies, Tasks
 from sph.scene import WALL_BITS, Scene
 from sph.sums import PairSums, law_of
 from sph.timestep import TimeStep
@@ -79,7 +80,7 @@ class Sph:
     def _prepare(self) -> None:
         """Bodies, cells and sums of nothing yet."""
         scene, d = self.scene, self.scene.dimensions
-        maps = periodic_maps(self.lengths, self.periodic, self.radius)
+        maps = self._maps()
         staged = scene.config.simulation.integrator in STAGED
         self.motion = specialise("motion", DIM=d)
         self.law = law_of(scene, bool(scene.walls) or len(maps.planes) > 1)
@@ -100,6 +101,16 @@ class Sph:
             wall_shift=np.zeros((len(scene.walls), d)),
             wall_speed=np.zeros((len(scene.walls), d)),
         )
+
+    def _maps(self) -> Maps:
+        """Images of the particles in periodic sides and mirrors, as the walls are now."""
+        maps = periodic_maps(self.lengths, self.periodic, self.radius)
+        groups = mirrors(self.scene, self.walls, self.axes, self.radius)
+        for group in groups:
+            maps.combine(group)
+        self.faces = sum(len(group.planes) - 1 for group in groups)
+        self.tasks.set(faces=self.faces, **single_mirrors(groups))
+        return maps
 
     def _distribute(self) -> None:
         """Every rank makes its share of the particles by number, then they go home."""
@@ -173,9 +184,21 @@ class Sph:
         return wall_forces(self)
 
     def current_forces(self) -> None:
-        """a of the present state, if it is not known."""
-        if self._forces_at != self.iteration:
+        """a of the present state, if it is not known: the next step will not evaluate it again."""
+        if self.integrate is symplectic:
             self.evaluate_forces()
+        else:
+            self.evaluate(start=True)
+
+    def _add_impulses(self) -> None:
+        """The integrals over time of |F| and F on the measured walls."""
+        if any(wall.measure_force for wall in self.scene.walls):
+            forces = self.wall_forces()
+            for wall in self.scene.walls:
+                if wall.measure_force:
+                    force = forces[wall.name][0]
+                    parts = [float(np.sqrt(np.sum(force * force))), *force]
+                    self.impulses[wall.index, : len(parts)] += np.array(parts) * self.time_step
 
     # ---- who is where
 
@@ -203,6 +226,8 @@ class Sph:
         bodies, cells = self.bodies, self.cells
         owner = np.asarray(self.domain.owner(np.arange(self.grid.layers)))
         with self.timers.section("ghosts"):
+            if self.walls.moving and any(bodies.maps.mirrored):
+                bodies.maps = self._maps()
             bodies.choose_ghosts(self._layer, self.grid.layer, owner)
             bodies.refresh(self.iteration)
         with self.timers.section("sort"):
@@ -214,6 +239,8 @@ class Sph:
         """x^n, v^n, rho^n -> n + 1."""
         self.integrate(self)
         with self.timers.section("update"):
+            if self.faces:
+                self.tasks.each(self.motion.swap, chunks="own_chunks")
             self.tasks.each(self.motion.rewrap, chunks="own_chunks")
         self.time += self.time_step
         self.iteration += 1
@@ -234,12 +261,13 @@ class Sph:
 
     # ---- what integrators are made of
 
-    def evaluate(self) -> None:
-        """a and d rho / dt of the present x, v, rho."""
-        with self.timers.section("pairs"):
-            self.evaluations += 1
-            self.sums.everything(self.iteration)
-            self._forces_at = -1
+    def evaluate(self, start: bool = False) -> None:
+        """a and d rho / dt of the present x, v, rho; `start`: these are x^n, v^n, rho^n."""
+        if not start or self._forces_at != self.iteration:
+            with self.timers.section("pairs"):
+                self.evaluations += 1
+                self.sums.everything(self.iteration)
+        self._forces_at = self.iteration if start else -1
 
     def evaluate_forces(self) -> None:
         """a of the present x, v, rho."""
@@ -267,6 +295,7 @@ class Sph:
             self._set_box(reach)
             speed, acceleration, density = self.largest
             self.time_step = self.choose(float(np.sqrt(speed)), float(np.sqrt(acceleration)), float(density))
+            self._add_impulses()
 
     def _each(self, kernel: Any, *numbers: float) -> None:
         with self.timers.section("update"):

@@ -74,6 +74,7 @@ class PairSums:
             "artificial": -0.5 * (numerics.artificial_viscosity or 0.0),
             "viscous": -2.0 * XI[d] * scene.viscosity / (scene.rho0 * c * h),
             "flux_strength": strength,
+            "reach": scene.h / scene.spacing,
         } | {f"gravity{axis}": gravity[k] for k, axis in enumerate("xyz")}
         return np.array([numbers[name] for name in NUMBERS])
 

@@ -14,6 +14,7 @@ if TYPE_CHECKING:
     from sph.scene import Scene, Wall
     from sph.step import Sph
 
+WALL_FLAGS = {"pressure-continuity": REAL, "repulsive": REAL | REPULSIVE}  # of walls made of particles
 AHEAD = 4.0  # supports around the fluid in which walls are made, once it is nearer than one to what is not made yet
 Corners = tuple[NDArray[np.float64], NDArray[np.float64]]
 
@@ -38,7 +39,7 @@ class Walls:
 
     def __init__(self, scene: "Scene", world: World) -> None:
         self.scene, self.world = scene, world
-        self.walls: list[Wall] = [wall for wall in scene.walls if wall.lattice is not None]
+        self.walls: list[Wall] = [wall for wall in scene.walls if wall.type in WALL_FLAGS]
         self.made: dict[int, Corners] = {}
         self.moving = any(wall.moving for wall in scene.walls)
         self.displacement = np.zeros((len(scene.walls), scene.dimensions))
@@ -84,30 +85,29 @@ class Walls:
         self.move(t)
 
 
-def exact_sums(world: World, values: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Sums over all particles of all ranks of values[k, n]; the same bits for any ranks. Collective."""
-    largest = world.max(float(np.abs(values).max(initial=0.0)))
-    scale = power_of_two_above(largest)
-    limbs = np.array([exact_limbs(line, scale) for line in values])
-    return np.array([value(line, scale) for line in world.sum_int(limbs)])
+def exact_sums(world: World, groups: list[NDArray[np.float64]]) -> NDArray[np.float64]:
+    """[group, k]: sums over all particles of all ranks of groups[group][k, n]; the same bits for any ranks. Collective."""
+    scale = power_of_two_above(world.max(max(float(np.abs(values).max(initial=0.0)) for values in groups)))
+    limbs = np.array([[exact_limbs(line, scale) for line in values] for values in groups])
+    total = world.sum_int(limbs)
+    return np.array([[value(line, scale) for line in lines] for lines in total])
 
 
 def wall_forces(engine: "Sph") -> dict[str, tuple[NDArray[np.float64], NDArray[np.float64]]]:
     """Force [d] in N (2D: N/m) and torque [3] about `torque_about` of the fluid on each measured wall. Collective."""
     engine.current_forces()
     bodies, d = engine.bodies, engine.scene.dimensions
-    result = {}
-    wall, x, a, m = bodies.own("wall"), engine.physical("x"), engine.physical("a"), bodies.own("m")
-    for section in engine.scene.walls:
-        if section.measure_force:
-            own = np.flatnonzero(wall == section.index + 1)
-            force, arm = np.zeros((3, len(own))), np.zeros((3, len(own)))
-            force[:d] = a[own].T * m[own]
-            arm[:d] = (x[own] - section.torque_about - engine.walls.displacement[section.index]).T
-            torque = np.cross(arm.T, force.T).T
-            sums = exact_sums(engine.world, np.concatenate([force, torque]))
-            result[section.name] = sums[:d], sums[3:]
-    return result
-
-
-WALL_FLAGS = {"pressure-continuity": REAL, "repulsive": REAL | REPULSIVE}
+    everybody, (low, high) = bodies.n + bodies.ghosts, engine.domain.row_range(engine.world.rank)
+    measured = [wall for wall in engine.scene.walls if wall.measure_force]
+    groups = []
+    for wall in measured:
+        own = np.flatnonzero(bodies.wall[:everybody] == wall.index + 1)
+        layer = engine.grid.layer(bodies.x[0, own])
+        own = own[(layer >= low) & (layer < high)]  # images in this slab's layers hold what they do to this slab
+        force, arm = np.zeros((3, len(own))), np.zeros((3, len(own)))
+        force[engine.axes] = bodies.a[:, own] * bodies.m[own]
+        centre = wall.torque_about + engine.walls.displacement[wall.index] - engine.scene.low
+        arm[engine.axes] = bodies.x[:, own] - centre[engine.axes, None]
+        groups.append(np.concatenate([force, np.cross(arm.T, force.T).T]))
+    sums = exact_sums(engine.world, groups) if groups else []
+    return {wall.name: (total[:d], total[3:]) for wall, total in zip(measured, sums)}

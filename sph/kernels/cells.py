@@ -21,7 +21,7 @@ ROWS = 5 if DIM == 3 else 2  # of half a neighbourhood
 OWN_ROWS = 2 if DIM == 3 else 1  # of these in the layer of the body
 FINE = 8
 FAR = 2**30
-REAL_FLUID = 3  # class: 1 fluid, + 2 where the sums are used (image bodies only give)
+# class of a slot: 1 fluid, + 2 where the sums are used (images only give), + 4 repulsive
 LOST = 1
 
 
@@ -128,7 +128,7 @@ def arrange(block, blocks, begin, base, bucket, row, fine, key, flags, rows, row
             for c in range(entry[3], entry[3] + entry[2]):
                 order_by_key(body, key, fine_start[c], fine_start[c + 1])
         for s in range(base[l], base[l] + begin[l + 1] - begin[l]):
-            slot_class[s] = flags[body[s]] & 3
+            slot_class[s] = (flags[body[s]] & 3) | (flags[body[s]] & 8) >> 1
 
 
 @njit

@@ -34,7 +34,11 @@ def _positions(law: Law) -> list[str]:
 
 
 def _values(law: Law, gamma: float) -> dict[str, str]:
-    values = {"rho": "rho", "volume": "mass / rho", "push": "(p + background) / (rho * rho)", "mass": "mass"}
+    here = " if flags[b] & 8 == 0 else 0.0" if law.repulsive else ""  # repulsive particles have neither mass nor volume
+    values = {"rho": "rho", "push": "(p + background) / (rho * rho)"}
+    values |= {"volume": f"mass / rho{here}", "mass": f"mass{here}"}
+    values |= {"solid": "0.0 if flags[b] & 8 == 0 else mass"}
+    values |= {f"n{a}": f"normal[{k}, b]" for k, a in enumerate(law.axes)}
     values |= {f"v{a}": f"v[{k}, b] * per_c" for k, a in enumerate(law.axes)}
     values |= {"excess": "e", "mixes": "1.0 if flags[b] & 5 == 1 else 0.0", "light": "1.0 / rho"}
     values |= {f"g{a}": f"gradient[{k}, b]" for k, a in enumerate(law.axes)}
@@ -63,7 +67,7 @@ def source(law: Law, gamma: float) -> str:
     stress = [name for name in columns if name[0] == "t" and len(name) == 3]
     first = [name for name in columns if name[:-1] != "g" and name not in stress]
     head = ["e = drho[b] * per_rho", "rho = 1.0 + e", "mass = m[b] * per_m", *pressure_lines(gamma)]
-    state = "x, v, drho, m, flags, position, values"
+    state = "x, v, drho, m, flags, position, values" + (", normal" if law.repulsive else "")
     text = _kernel("pack", state, [], head + _positions(law) + store(first))
     text += _kernel("pack_again", "v, gradient, values", [], store(later))
     if stress:
@@ -85,8 +89,8 @@ def _unpack_force(law: Law) -> str:
 
 
 def _unpack_rate() -> str:
-    body = [f"rate[b] = {_sum('at')} * rate_scale"]
-    return _kernel("unpack_rate", "at, sums, rate", ["n_slots = sums.shape[1] // 2"], body)
+    body = [f"rate[b] = {_sum('at')} * rate_scale if flags[b] & 8 == 0 else 0.0"]
+    return _kernel("unpack_rate", "at, flags, sums, rate", ["n_slots = sums.shape[1] // 2"], body)
 
 
 def _unpack_gradient(law: Law) -> str:

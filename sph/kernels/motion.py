@@ -25,15 +25,21 @@ def keep(chunk, chunks, x, v, drho, x_old, v_old, drho_old):
 @njit
 def advance(chunk, chunks, numbers, flags, external, x, v, drho, a, rate, x_old, v_old, drho_old):
     """y = old y_old + now y + new dt f(y), a stage of a Runge-Kutta method; numbers[4] != 0: x with the new v."""
-    dt, old, now, new = numbers[0], numbers[1], numbers[2], numbers[3] * numbers[0]
+    old, now, new = numbers[1], numbers[2], numbers[3] * numbers[0]
     for b in range(chunks[chunk], chunks[chunk + 1]):
-        drho[b] = old * drho_old[b] + now * drho[b] + new * rate[b]
+        drho[b] = now * drho[b] + new * rate[b]
+        if old != 0.0:  # else there may be no old state
+            drho[b] += old * drho_old[b]
         if flags[b] & FLUID:
             for k in range(DIM):
                 before = v[k, b]
-                v[k, b] = old * v_old[k, b] + now * before + new * (a[k, b] + external[k])
+                v[k, b] = now * before + new * (a[k, b] + external[k])
+                if old != 0.0:
+                    v[k, b] += old * v_old[k, b]
                 speed = v[k, b] if numbers[4] != 0.0 else before
-                x[k, b] = old * x_old[k, b] + now * x[k, b] + new * speed
+                x[k, b] = now * x[k, b] + new * speed
+                if old != 0.0:
+                    x[k, b] += old * x_old[k, b]
 
 
 @njit
@@ -64,6 +70,35 @@ def carry(chunk, chunks, wall, wall_shift, wall_speed, x, v):
             for k in range(DIM):
                 x[k, b] += wall_shift[w, k]
                 v[k, b] = wall_speed[w, k]
+
+
+@njit
+def swap(chunk, chunks, flags, faces, normals, bounds, turns, shifts, spins, pushes, x, v):
+    """A particle that is behind a mirror changes places with its image, which changes nothing else.
+
+    bounds[f, p]: it counts if x . normals[f, p] < bounds[f, p] for all p; image x -> turn x + shift, v -> spin v + push.
+    """
+    at, speed = np.zeros(DIM), np.zeros(DIM)
+    for b in range(chunks[chunk], chunks[chunk + 1]):
+        if flags[b] & FLUID == 0:
+            continue
+        for f in range(faces):
+            behind = True
+            for p in range(normals.shape[1]):
+                height = 0.0
+                for k in range(DIM):
+                    height += normals[f, p, k] * x[k, b]
+                behind = behind and height < bounds[f, p]
+                if not behind:
+                    break
+            if behind:
+                for k in range(DIM):
+                    at[k], speed[k] = shifts[f, k], pushes[f, k]
+                    for j in range(DIM):
+                        at[k] += turns[f, k, j] * x[j, b]
+                        speed[k] += spins[f, k, j] * v[j, b]
+                for k in range(DIM):
+                    x[k, b], v[k, b] = at[k], speed[k]
 
 
 @njit

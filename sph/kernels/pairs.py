@@ -54,6 +54,8 @@ class Terms:
     columns: set[str] = field(default_factory=set)
     lines: list[str] = field(default_factory=list)
     sums: list[tuple[str, str, str, str, str]] = field(default_factory=list)
+    rare: list[str] = field(default_factory=list)
+    """Lines for vectors with a repulsive particle, that leave the further force on i in ex, ey, ez."""
 
     def need(self, *columns: str) -> None:
         self.columns.update(columns)
@@ -70,6 +72,8 @@ def columns_of(law: Law) -> list[str]:
         names += [f"g{a}" for a in law.axes]
     if law.flux == "fourtakas":
         names += ["slope"]
+    if law.repulsive:
+        names += [f"n{a}" for a in law.axes] + ["solid"]
     if law.viscosity == "strain-rate":
         names += [f"t{a}{b}" for k, a in enumerate(law.axes) for b in law.axes[k:]]
     return names
@@ -98,11 +102,41 @@ def momentum(law: Law, terms: Terms) -> None:
         terms.lines.append("    push = fma(minimum(near, 0.0) * (light_i + light_j), artificial, push)")
     if law.viscosity == "cleary":  # (SC 6), equal viscosities
         terms.lines.append("    push = fma(near * (light_i * light_j), viscous, push)")
+    if law.repulsive:
+        terms.rare = repulsion(law)
     if law.viscosity == "strain-rate":
         _stress_force(law, terms)
         return
     terms.lines += ["    g = (push * F) * (mass_i * mass_j)", "    minus = -g"]
     terms.sums += [(f"f{a}", "minus", "g", f"d{a}", f"d{a}") for a in law.axes]
+
+
+def repulsion(law: Law) -> list[str]:
+    """(SC 8)-(10), b = 1, s = 8: force 0.01 c^2 m / h B S along the normal of the wall particle, zero behind it; and
+    (SC 6) with the mass of the wall particle. `reach` = h / dp.
+    """
+    lines = [f"n{a}_i, n{a}_j = n{a}_[i], load(F_, n{a}_, j)" for a in law.axes]
+    lines += [f"n{a} = n{a}_j - n{a}_i" for a in law.axes]
+    y = f"d{law.axes[-1]} * n{law.axes[-1]}"
+    for a in law.axes[-2::-1]:
+        y = f"fma(d{a}, n{a}, {y})"
+    lines += [f"y = {y}"]
+    hats = [f"maximum(1.0 - abs(fma(-y, n{a}, d{a})) * reach, 0.0)" for a in law.axes]
+    lines += [
+        "steep = 0.8 / maximum(y, 0.2)",
+        "steep = steep * steep",
+        "steep = steep * steep",
+        "weak = 25.0 * ((1.0 - y) * (1.0 - y))",
+        "strength = select(y < 0.8, steep * steep, select(y < 1.0, weak, 0.0))",
+        f"strength = strength * ({' * '.join(hats)})",
+        "strength = select(y > 0.0, strength, 0.0) * (0.01 * (mass_i + mass_j))",
+        "strength = select(lane < np.int32(end - j), strength, 0.0)",
+    ]
+    lines += [f"e{a} = strength * n{a}" for a in law.axes]
+    if law.viscosity == "cleary":
+        lines.append("drag = (near * (light_i * light_j)) * (viscous * F) * (mass_i * load(F_, solid_, j) + solid_[i] * mass_j)")
+        lines += [f"e{a} = e{a} - drag * d{a}" for a in law.axes]
+    return lines
 
 
 def _stress_force(law: Law, terms: Terms) -> None:
@@ -190,12 +224,12 @@ def _collect(law: Law, names: Sequence[str]) -> Terms:
     return terms
 
 
-NUMBERS = ("artificial", "viscous", "flux_strength", "gravityx", "gravityy", "gravityz")
+NUMBERS = ("artificial", "viscous", "flux_strength", "gravityx", "gravityy", "gravityz", "reach")
 
 HEAD = """
 import numpy as np
 from hpcpic.core.simd.jit import njit
-from hpcpic.core.simd.vector import Vec, convert, fma, lane_numbers, load, maximum, minimum, select, splat, sqrt, store, total
+from hpcpic.core.simd.vector import Vec, bitmask, convert, fma, lane_numbers, load, maximum, minimum, select, splat, sqrt, store, total
 
 REAL = np.{real}
 F_ = Vec({lanes}, REAL)
@@ -225,12 +259,23 @@ def _pair(law: Law, terms: Terms, masked: bool) -> list[str]:
     lines = _distance(law)
     lines.append(f"    F = select(lane < np.int32(end - j), F * {SMOOTHING[law.kernel].norm[law.dimensions]!r}, 0.0)")
     if masked:
-        lines.append("    F = select((load(I_, classes, j) | class_i) == 3, F, 0.0)")
+        lines.append("    partners = (load(I_, classes, j) | class_i) & 3 == 3")
+        lines.append("    F = select(partners, F, 0.0)")
     lines += [f"    {name}_j = load(F_, {name}_, j)" for name in sorted(terms.columns)]
     lines += terms.lines
     for k, (_, to_i, to_j, by_i, by_j) in enumerate(terms.sums):
         lines.append(f"    sum{k} = fma({to_i}, {by_i}, sum{k})")
         lines.append(f"    store(sums{k}, j + shift, fma({to_j}, {by_j}, load(F_, sums{k}, j + shift)))")
+    if terms.rare:
+        rare = "bitmask((load(I_, classes, j) | class_i) & 4 == 4) != 0" if masked else "bitmask(load(I_, classes, j) & 4 == 4) != 0"
+        lines += [f"    if {rare}:", *(f"        {line}" for line in terms.rare)]
+        if masked:
+            lines += [f"        e{a} = select(partners, e{a}, 0.0)" for a in law.axes]
+        names = [entry[0] for entry in terms.sums]
+        for a in law.axes:
+            k = names.index(f"f{a}")
+            lines.append(f"        sum{k} = sum{k} + e{a}")
+            lines.append(f"        store(sums{k}, j + shift, load(F_, sums{k}, j + shift) - e{a})")
     return lines
 
 
@@ -247,6 +292,8 @@ def _pass_source(law: Law, title: str, names: Sequence[str]) -> str:
     numbers = [f"{name} = REAL(numbers[{k}])" for k, name in enumerate(NUMBERS)]
     views = [f"{a}_ = position[{k}]" for k, a in enumerate(law.axes)]
     views += [f"{name}_ = values[{columns.index(name)}]" for name in sorted(terms.columns)]
+    if terms.rare:
+        views += [f"{c}_ = values[{columns.index(c)}]" for c in (*(f"n{a}" for a in law.axes), "solid")]
     views += [f"sums{k} = sums[{k}]" for k in range(n)]
     fetch = [f"{a}_i = {a}_[i]" for a in law.axes] + [f"{c}_i = {c}_[i]" for c in sorted(terms.columns)]
     fetch += [f"sum{k} = splat(F_, 0.0)" for k in range(n)]
@@ -261,7 +308,7 @@ def _pass_source(law: Law, title: str, names: Sequence[str]) -> str:
         return _indent(head, depth) + _indent([*_pair(law, terms, masked), "    j += LANES_"], depth + 4)
 
     if law.walls:
-        body = _indent(["class_i = classes[i]", "if class_i == 3:"], 12) + loop(False, 16)
+        body = _indent(["class_i = classes[i]", "if class_i & 3 == 3:"], 12) + loop(False, 16)
         body += _indent(["else:"], 12) + loop(True, 16)
     else:
         body = loop(False, 12)

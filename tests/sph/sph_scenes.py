@@ -29,7 +29,7 @@ def listed(values):
     return "[" + ", ".join(f'"{v}"' if isinstance(v, str) else repr(float(v)) for v in values) + "]"
 
 
-def config(d=2, size=1.0, fill=0.5, spacing=0.05, gravity=None, periodic=(), more="", **settings):
+def text(d=2, size=1.0, fill=0.5, spacing=0.05, gravity=None, periodic=(), more="", **settings):
     chosen = {
         "integrator": "symplectic", "cfl": 0.3, "viscosity": 0.0, "velocity": (0.0,) * d, "pressure": "hydrostatic",
         "smoothing": 1.3, "kernel": "wendland2", "flux": "molteni", "form": "artificial", "alpha": 0.1,
@@ -38,11 +38,14 @@ def config(d=2, size=1.0, fill=0.5, spacing=0.05, gravity=None, periodic=(), mor
     chosen["velocity"] = listed(chosen["velocity"])
     sizes, fills = np.broadcast_to(size, d), np.broadcast_to(fill, d)
     gravity = (0.0,) * (d - 1) + (-9.81,) if gravity is None else gravity
-    text = TEXT.format(
+    return TEXT.format(
         d=d, low=listed((0.0,) * d), high=listed(sizes), fill=listed(fills), gravity=listed(gravity),
         periodic=listed(periodic), spacing=spacing, more=more, **chosen,
     )  # fmt: skip
-    return validate(SphConfig, loads(text))
+
+
+def config(**settings):
+    return validate(SphConfig, loads(text(**settings)))
 
 
 def engine(world=None, threads=1, **settings):
@@ -107,7 +110,7 @@ class Reference:
         return np.einsum("j,ij,abij,bij->ai", self.m, self.f, t[:, :, :, None] + t[:, :, None, :], self.dx)
 
     def rate(self):
-        scene, h, c, d = self.scene, self.scene.h, self.scene.c0, self.scene.dimensions
+        scene, h, c = self.scene, self.scene.h, self.scene.c0
         volume = self.m / self.rho
         result = self.rho * np.einsum("j,ij,ij->i", volume, self.f, self.vd)
         flux, k = self.numerics.density_flux, self.numerics.flux_coefficient
