@@ -82,7 +82,7 @@ class Layer:
             common = [*nodes, parity, self.low, self.high, self.axis, self.side]
             if face.kind == "wall":
                 ends = fluid.wall_ends()
-                bound = bind(push_walls, *common, ends, np.ascontiguousarray(self.values[..., 1:]))
+                bound = bind(push_walls, *common, ends, self.values)
             else:
                 bound = bind(zou_he, *common, fluid.force_in_storage, int(face.kind == "velocity"), self.values)
             self.tasks.append([bound] if self.values.size else [])

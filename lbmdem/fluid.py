@@ -95,7 +95,7 @@ class Fluid:
             axis = {"x": 2, "y": 1 if self.domain.ndim == 3 else 0, "z": 0}[name[0]]
             side = 1 if name[1] == "+" else -1
             if face.kind == "wall" and (axis or self.touches(side)):
-                ends[axis, name[1] == "+"] = extent[axis] if side > 0 else 0
+                ends[axis, int(side > 0)] = extent[axis] if side > 0 else 0
         return ends
 
     def _compile(self, blocks: int) -> None:

@@ -29,9 +29,9 @@ What a node collides with is written by nobody else, so nodes may be done in any
 
 Rows: an element before x = 0 and one after x = nx - 1 (x = -1 and nx) are there, and hold what the formulas above say
 when x + shift is outside; periodic copies are made by the step itself. The row axis of the storage wraps, row -1 is the
-last stored one. When it is not periodic, one more row is stored than there are, which keeps the walls at both ends apart.
-So with planes: one rank that has all planes of a periodic axis stores just these, else there is one more above, which
-messages fill when it belongs to another rank. Never one below: shifts point up.
+last stored one. When it is not periodic, one more row is stored than there are, which keeps the walls at both ends
+apart. So with planes: one rank that has all planes of a periodic axis stores just these, else there is one more above,
+which messages fill when it belongs to another rank. Never one below: shifts point up.
 """
 
 from dataclasses import dataclass

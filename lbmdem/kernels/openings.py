@@ -7,11 +7,11 @@ from lbmdem.kernels.layout import FLUID, arrival
 
 
 @njit
-def push_walls(f, solid, ghosts, strides, slots, shifts, e, weights, parity, low, high, axis, side, others, velocity):
+def push_walls(f, solid, ghosts, strides, slots, shifts, e, weights, parity, low, high, axis, side, others, values):
     """Half-way walls that move (Ladd 1994): 6 w (e.u) less arrives from a population that went to the wall.
 
     Nodes low..high of the layer on `side` (+1, -1) of storage axis `axis`; e[q, 3] in storage order; others[3, 2]:
-    where the box ends in walls, whose corners stay at rest; velocity[plane, row, x, 3] of the layer. Density 1, so that
+    where the box ends in walls, whose corners stay at rest; values[plane, row, x, 1:] the layer's velocity. Density 1, so that
     a sliding wall adds exactly no mass.
     """
     for z in range(low[0], high[0]):
@@ -19,7 +19,7 @@ def push_walls(f, solid, ghosts, strides, slots, shifts, e, weights, parity, low
             for x in range(low[2], high[2]):
                 if solid[z + 1, y + ghosts, x + 1] != FLUID:
                     continue
-                u = velocity[z - low[0], y - low[1], x - low[2]]
+                u = values[z - low[0], y - low[1], x - low[2], 1:]
                 for i in range(1, weights.size):
                     if e[i, axis] != side:
                         continue

@@ -23,7 +23,7 @@ def make(lattice, shape, *, periodic=None, world=None, threads=1, cuts=None, **o
 
 
 def taylor_green(n: int, tau: float, steps: int, **options) -> tuple[float, float]:
-    """Relative L2 error of the velocity after `steps`, diffusive scaling (u ~ 1/n); and the viscosity over its theory."""
+    """Relative L2 error of the velocity after `steps`, u ~ 1/n; and the viscosity over its theory."""
     fluid = make(D2Q9, (n, n), tau=tau, **options)
     k, u0 = 2 * np.pi / n, 0.64 / n
     y, x = np.meshgrid(*[k * (np.arange(n) + 0.5)] * 2, indexing="ij")
@@ -31,7 +31,6 @@ def taylor_green(n: int, tau: float, steps: int, **options) -> tuple[float, floa
     rho = 1.0 + 0.25 * u0**2 / CS2 * (np.cos(2 * x) + np.cos(2 * y))
     fluid.set_equilibrium(rho, u)
     nu = CS2 * (tau - 0.5)
-    # the equilibrium lacks the stress: start from the second step's fields instead of the first
     fluid.advance(n)
     start = np.linalg.norm(fluid.moments()[1])
     fluid.advance(steps)
@@ -116,7 +115,7 @@ def test_stress_is_viscosity_times_shear():
 
 @pytest.mark.parametrize("collision", ["TRT", "central"])
 def test_a_moving_frame_changes_the_viscosity_by_the_square_of_mach_only(collision):
-    """Shear wave carried along its gradient: the equilibrium lacks u^3, hence -3 u^2 of nu (central moments: more exact)."""
+    """Shear wave carried along its gradient: the equilibrium lacks u^3, hence -3 u^2 of nu (central moments: less)."""
     n, speed, nus = 32, 0.1, []
     for frame in (0.0, speed):
         fluid = make(D2Q9, (n, 4), tau=0.6, collision=collision)

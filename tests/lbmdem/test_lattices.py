@@ -5,7 +5,7 @@ from lbmdem.kernels.layout import Layout, storage_order
 from lbmdem.lattices import CS2, LATTICES
 
 
-@pytest.mark.parametrize("lattice", LATTICES.values(), ids=str)
+@pytest.mark.parametrize("lattice", LATTICES.values(), ids=list(LATTICES))
 def test_moments_are_isotropic_to_fourth_order(lattice):
     e, w, d = lattice.e, lattice.w, lattice.dimensions
     one = np.eye(d)
@@ -17,7 +17,7 @@ def test_moments_are_isotropic_to_fourth_order(lattice):
     np.testing.assert_allclose(fourth, CS2**2 * pairs, atol=1e-16)
 
 
-@pytest.mark.parametrize("lattice", LATTICES.values(), ids=str)
+@pytest.mark.parametrize("lattice", LATTICES.values(), ids=list(LATTICES))
 def test_pairs_are_opposite_and_point_up(lattice):
     assert not lattice.e[0].any() and lattice.q == len({tuple(e) for e in lattice.e})
     for i, j in lattice.pairs:
@@ -25,7 +25,7 @@ def test_pairs_are_opposite_and_point_up(lattice):
         assert storage_order(lattice, i) > (0, 0, 0)
 
 
-@pytest.mark.parametrize("lattice", LATTICES.values(), ids=str)
+@pytest.mark.parametrize("lattice", LATTICES.values(), ids=list(LATTICES))
 def test_arrivals_of_a_periodic_slab_share_no_element(lattice):
     """The storage is a bijection between (node, direction) and elements, at either parity."""
     from lbmdem.kernels.layout import arrival
@@ -40,4 +40,4 @@ def test_arrivals_of_a_periodic_slab_share_no_element(lattice):
             for i in range(lattice.q)
         }
         assert len(places) == len(nodes) * lattice.q
-        assert 0 <= min(places) and max(places) < layout.size
+        assert min(places) >= 0 and max(places) < layout.size
