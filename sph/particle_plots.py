@@ -87,7 +87,7 @@ def _panels_2d(run: Run, snapshots: Particles, numbers: Sequence[int]) -> Figure
     columns = min(len(numbers), 3 if (high - low)[0] < 2.2 * (high - low)[1] else 2)
     lines = -(-len(numbers) // columns)
     width = 9.0 / columns if len(numbers) > 1 else 6.4
-    tall = max(width * 0.5, min(1.25 * width, (width - 0.5) * (high - low)[1] / (high - low)[0]))
+    tall = max(0.2 * width, min(1.25 * width, (width - 0.5) * (high - low)[1] / (high - low)[0]))
     found = [fluid_at(run, snapshots, number) for number in numbers]
     ends = np.array([np.quantile(particles["pressure"], (0.01, 0.99)) for particles in found])
     least, most = (0.0, ends[:, 1].max()) if ends[:, 0].min() > -0.1 * ends[:, 1].max() else (ends.min(), ends.max())
