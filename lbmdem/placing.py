@@ -31,7 +31,7 @@ def given_radii(config: LbmDemConfig, grains: GrainSet) -> NDArray[np.float64]:
     from lbmdem.packing import beta_diameters
 
     d = grains.diameters
-    return 0.5 * beta_diameters(n, d.min, d.max, d.a, d.b, config.simulation.random_seed)
+    return 0.5 * beta_diameters(n, d.min, d.max, d.a, d.b, config.simulation.random_seed, config.dimensions)
 
 
 def packed(
