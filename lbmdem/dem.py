@@ -28,9 +28,6 @@ CHUNK = 512  # substeps for which the planes' places are made at a time
 LEAST_SKIN, MOST_SKIN = 0.02, 0.5  # of the smallest radius
 SELDOM, OFTEN = 250, 60  # substeps between two lists: beyond them the skin changes; results do not depend on it
 
-WHOLE = [name for name in inspect.signature(whole.substeps.py_func).parameters
-         if name not in ("done", "steps", "begun", "skin", "motion", "dt")]  # fmt: skip
-
 
 class Reader(Protocol):
     """A checkpoint, as core.files.sealed.Reader."""
@@ -43,9 +40,9 @@ class Reader(Protocol):
 class Dem:
     """Grains under a contact law, between walls, in a box with periodic axes; SI units, vectors as (x, y[, z]).
 
-    columns: x[number, d], v, omega[number, 1 or 3], radius, mass, inertia, fixed of all grains, the same on all ranks; a
-    fixed grain keeps its velocities. acceleration: of gravity (m/s2). reach: see Grains.settle. The state after a step is at one
-    time: positions, velocities, contact forces.
+    columns: x[number, d], v, omega[number, 1 or 3], radius, mass, inertia, fixed of all grains, the same on all ranks;
+    a fixed grain keeps its velocities. acceleration: of gravity (m/s2). reach: see Grains.settle. The state after a
+    step is at one time: positions, velocities, contact forces.
     """
 
     def __init__(
@@ -73,9 +70,11 @@ class Dem:
         self.wall_rows = aligned_zeros((len(self.walls) + 1, kernels.ROW), np.float64)
         self._few = (world.size == 1 or grains.together) and (pool.threads == 1 or grains.number <= FEW * pool.threads)
         self._blocks = 1 if self._few or pool.threads == 1 else 4 * pool.threads
-        self._farthest = np.zeros(self._blocks)
+        self._farthest = np.zeros(8 * self._blocks)
         self._bounds: list[tuple[Bound, tuple[str, ...]]] = []
         self._dt = 0.0
+        driven = (columns["fixed"] != 0) & (np.any(columns["v"], axis=1) | np.any(columns["omega"], axis=1))
+        self._driven = bool(np.any(driven)) or any(wall.moves for wall in self.walls)
         self._set_walls(0.0, always=True)
         self.rebuild()
         self._forces(0.0)
@@ -106,7 +105,6 @@ class Dem:
             "low": pairs.low, "high": pairs.high, "damping": pairs.damping, "lines": pairs.lines,
             "springs": pairs.springs, "busy": pairs.busy, "begins": pairs.begins, "slots": pairs.slots,
             "walls": self.wall_rows, "listed": self._walls_listed, "law": self.law.constants,
-            "n": grains.held, "n_slots": pairs.n_slots,
         }  # fmt: skip
 
     def _jobs(self) -> list[tuple[Any, dict[str, int]]]:
@@ -118,7 +116,7 @@ class Dem:
         wall_blocks = [(pairs.n_grain_slots + a * lanes, pairs.n_grain_slots + b * lanes) for a, b in walls]
         kinds = (
             (motion.start, grain_blocks), (kernels.grain_pairs, pair_blocks), (kernels.wall_pairs, wall_blocks),
-            (motion.finish, grain_blocks),
+            (motion.finish, grain_blocks), (motion.count_work, grain_blocks),
         )  # fmt: skip
         return [
             (kernel, {"first": first, "last": last, "place": place})
@@ -129,28 +127,23 @@ class Dem:
     def _bind(self) -> None:
         """Bind the kernels of a substep, or tell those that are bound where the arrays are now."""
         values, jobs = self._arguments(), self._jobs()
-        self._values = [values[name] for name in WHOLE]
         if not self._bounds:
             with self.world.first_on_node():
                 for kernel, more in jobs:
                     names = tuple(inspect.signature(kernel.py_func).parameters)
                     known = values | more | {"dt": 0.0, "half": 0.0}
                     self._bounds.append((bind(kernel, *(known[name] for name in names)), names))
-                self._whole(0, 0, False, self.wall_rows[None], 0.0)
+                whole.substeps(0, 0, False, 0.0, np.zeros((0, 2), np.int64), self._farthest, self.wall_rows[None],
+                               self.wall_rows, self._walls_listed)  # fmt: skip
             bounds, parts = [bound for bound, _ in self._bounds], self._blocks
-            self._start, self._touch, self._finish = bounds[:parts], bounds[parts : 3 * parts], bounds[3 * parts :]
+            self._start, self._touch = bounds[:parts], bounds[parts : 3 * parts]
+            self._finish, self._work = bounds[3 * parts : 4 * parts], bounds[4 * parts :]
             return
         for (bound, names), (_, more) in zip(self._bounds, jobs):
             known = values | more
             for index, name in enumerate(names):
                 if name in known:
                     bound.update(index, known[name])
-
-    def _whole(self, done: int, steps: int, begun: bool, motions: NDArray, dt: float) -> int:
-        before = WHOLE.index("walls")
-        return int(
-            whole.substeps(done, steps, begun, self.skin, *self._values[:before], motions, *self._values[before:], dt)
-        )
 
     def _set_dt(self, dt: float) -> None:
         if dt != self._dt:
@@ -182,11 +175,11 @@ class Dem:
             self._set_dt(0.5 * dt)
             self.pool.each(self._touch)  # puts the springs half a step ahead
         self._fresh = False
+        self._set_dt(dt)
         if self._few:
             for first in range(0, substeps, CHUNK):
                 self._advance_alone(dt, begin, first, min(first + CHUNK, substeps))
             return
-        self._set_dt(dt)
         for k in range(substeps):
             self.time = begin + (k + 1) * dt
             self.pool.each(self._start)
@@ -194,6 +187,8 @@ class Dem:
             self._renew()
             self.pool.each(self._touch)
             self.pool.each(self._finish)
+            if self._driven:
+                self.pool.each(self._work)
         self.grains.refresh()  # the ghosts had predicted velocities
 
     def _advance_alone(self, dt: float, begin: float, first: int, last: int) -> None:
@@ -203,15 +198,18 @@ class Dem:
             motions = np.array([wall_rows(self.walls, begin + (k + 1) * dt) for k in range(first, last)])
             if len(motions) == 1:
                 self.wall_rows[:] = motions[0]
+        bounds = [*self._start, *self._touch, *self._finish, *(self._work if self._driven else ())]
+        tasks = np.array([(bound.address, bound.context.ctypes.data) for bound in bounds])
         done, begun, steps = 0, False, last - first
         while done < steps:
-            outcome = self._whole(done, steps, begun, motions, dt)
+            outcome = whole.substeps(
+                done, steps, begun, self.skin, tasks, self._farthest, motions, self.wall_rows, self._walls_listed
+            )
             begun = outcome < 0
             self._age += (-1 - outcome if begun else outcome) - done
             done = -1 - outcome if begun else outcome
             if begun:
-                if not self._farthest[0] < np.inf:
-                    raise Diverged("a grain's position is not a number")
+                self._check(whole.distance_moved(self._farthest))
                 self.rebuild()
         self.time = begin + last * dt
 
@@ -232,15 +230,16 @@ class Dem:
     def _renew(self) -> None:
         """Ghosts at their new places; a new list when a grain may have come from beyond the old one."""
         self._age += 1
-        moved = self.world.max(float(self._farthest.max()))
-        if not moved < np.inf:
-            raise Diverged("a grain's position is not a number")
-        shift = self.wall_rows[:-1, :3] - self._walls_listed[:-1, :3]
-        moved, walls = math.sqrt(moved), math.sqrt(float(np.square(shift).sum(axis=1).max(initial=0.0)))
-        if moved + max(moved, walls) > self.skin:
+        moved = self.world.max(whole.distance_moved(self._farthest))
+        self._check(moved)
+        if moved + max(moved, whole.wall_distance(self.wall_rows, self._walls_listed)) > self.skin:
             self.rebuild()
         else:
             self.grains.refresh()
+
+    def _check(self, moved: float) -> None:
+        if not moved < np.inf:
+            raise Diverged("a grain's position is not a number")
 
     def rebuild(self) -> None:
         """Collective: grains to their owners, ghosts, and the list of pairs."""
@@ -260,7 +259,7 @@ class Dem:
         inverse = np.where(grains.fixed, 0.0, 1.0 / grains.mass)
         self.list.build(grains.rows, grains.ids, inverse, grains.held, self.skin, grains.lengths, grains.inverses,
                         self.wall_rows, grains.number, self.law, springs)  # fmt: skip
-        self._origin, self._walls_listed = grains.rows[: grains.held, :3].copy(), self.wall_rows.copy()
+        self._origin, self._walls_listed = grains.rows[: grains.held, :8].copy(), self.wall_rows.copy()
         self._bind()
 
     def _forces(self, dt: float) -> None:

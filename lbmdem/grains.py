@@ -208,6 +208,10 @@ class Grains:
         rows[:held], rows[-1] = self.columns["row"], np.nan
         self.rows = rows
         self.columns["row"] = rows[:held]
+        for name in ("force", "given"):
+            lines = aligned_zeros((held, 8), np.float64)
+            lines[:] = self.columns[name]
+            self.columns[name] = lines
         self.ids, self._constants = np.empty(total, np.int64), np.empty((total, 3))
         here = np.stack([self.columns[name] for name in ("mass", "inertia", "fixed")], 1).astype(np.float64)
         self.ids[:held], self._constants[:held] = self.columns["id"], here

@@ -2,14 +2,22 @@
 
 import numpy as np
 
+from hpcpic.core.simd.atomics import call_address
 from hpcpic.core.simd.jit import njit
-from lbmdem.kernels.contacts import grain_pairs, wall_pairs
-from lbmdem.kernels.contacts_motion import finish, start
 
 
 @njit
-def greatest_shift(walls, listed):
-    """Of the planes since they were listed."""
+def distance_moved(farthest):
+    """Of the grain that moved most, at most: farthest[blocks * 8], squares by axis."""
+    most = 0.0
+    for block in range(0, farthest.size, 8):
+        most = max(most, farthest[block] + farthest[block + 1] + farthest[block + 2])
+    return np.sqrt(most)
+
+
+@njit
+def wall_distance(walls, listed):
+    """Of the plane that moved most since they were listed."""
     most = 0.0
     for w in range(walls.shape[0] - 1):
         square = 0.0
@@ -20,26 +28,21 @@ def greatest_shift(walls, listed):
 
 
 @njit
-def substeps(done, steps, begun, skin, n, rows, pull, forces, given, heat, work, gravity, origin, lengths, periodic,
-             inverses, planar, farthest, low, high, damping, lines, springs, busy, begins, slots, first_wall, n_slots,
-             motion, walls, listed, law, dt):  # fmt: skip
-    """Substeps done..steps of the n grains here; motion[steps or 1] are the planes at the end of each.
+def substeps(done, steps, begun, skin, kernels, farthest, motion, walls, listed):
+    """Substeps done..steps; kernels[m, 2] = (function, context) of the tasks of a substep, the first half first.
 
-    Stops in a step, after its first half, when the list is too old or a position is no number. `begun`: goes on there.
-    Returns how many are done; -1 - that when stopped in the next one.
+    motion[steps or 1] are the planes at the end of each. Stops in a step, after its first half, when the list is too
+    old or a position is no number; `begun`: goes on there. Returns how many are done; -1 - that when stopped.
     """
     for k in range(done, steps):
         if not begun:
-            start(0, n, rows, pull, forces, given, gravity, origin, lengths, periodic, planar, dt, farthest, 0)
+            call_address(kernels[0, 0], kernels[0, 1])
             if motion.shape[0] > 1:
-                for w in range(walls.shape[0]):
-                    for c in range(walls.shape[1]):
-                        walls[w, c] = motion[k, w, c]
-            moved = np.sqrt(farthest[0])
-            if not moved + max(moved, greatest_shift(walls, listed)) <= skin:
+                walls[:] = motion[k]
+            moved = distance_moved(farthest)
+            if not moved + max(moved, wall_distance(walls, listed)) <= skin:
                 return -1 - k
         begun = False
-        grain_pairs(0, first_wall, low, high, damping, rows, lengths, inverses, law, dt, lines, springs, busy)
-        wall_pairs(first_wall, n_slots, low, high, damping, rows, walls, law, dt, lines, springs, busy)
-        finish(0, n, rows, lines, begins, slots, first_wall, high, walls, forces, heat, work, 0.5 * dt)
+        for task in range(1, kernels.shape[0]):
+            call_address(kernels[task, 0], kernels[task, 1])
     return steps
