@@ -12,6 +12,7 @@ from lbmdem.plan import plan
 
 if TYPE_CHECKING:
     from hpcpic.core.cli.figures import Plot
+    from hpcpic.core.cli.knobs import Knobs
 
 
 def load() -> type:
@@ -37,6 +38,12 @@ def plots() -> "Mapping[str, Plot]":
     return PLOTS
 
 
+def knobs(config: LbmDemConfig) -> "Knobs":
+    from lbmdem.knobs import knobs_of
+
+    return knobs_of(config)
+
+
 APP = App(
     name="lbmdem",
     title="lattice Boltzmann with discrete-element grains",
@@ -50,4 +57,5 @@ APP = App(
     bench=bench,
     plots=plots,
     plan=plan,
+    knobs=knobs,
 )

@@ -18,7 +18,7 @@ PLAUSIBLE = (0.5, 1.5)  # times the theory's order
 SAFETY, SAFETY_IMPLAUSIBLE = 1.25, 3.0
 NOTHING = 1e-11  # relative difference between levels that counts as none
 LEAST_COST = 0.25  # of the theory's exponent: a knob that costs little now will cost more when it is finer
-NEAR = 0.02  # relative change over all levels below which the coarse ones are as asymptotic, and less noisy
+NEAR = 0.05  # relative change over all levels below which the coarse ones are as asymptotic, and less noisy
 BEYOND = 1.3  # times the coarsest size measured: no recommendation is coarser
 
 

@@ -110,7 +110,7 @@ class Pilots:
         facts = facts_of(rundir)
         if code in (0, 4):
             shutil.rmtree(rundir.path / "checkpoints", ignore_errors=True)  # nobody goes on from a pilot
-        if code not in (0, 2, 3, 4):
+        if code not in (0, 1, 2, 3, 4):
             raise Interrupted(f"pilot {rundir.path} ended with exit code {code}: {how}; the same command goes on")
         seconds = facts.get("steps", 0) * float((facts.get("step_seconds") or {}).get("median") or 0.0)
         seconds = seconds or float(facts.get("loop_seconds", 0.0))
