@@ -148,17 +148,21 @@ def grow(world: World, pool: Pool, domain: Domain, sample: Sample) -> NDArray[np
 
 
 def settle(world: World, pool: Pool, domain: Domain, sample: Sample, x: NDArray) -> NDArray[np.float64]:
-    """Collective: places [n, d] after falling from x[n, d] along the last axis until all rest, on all ranks."""
+    """Collective: places [n, d] after falling from x[n, d] along the last axis until all rest, on all ranks.
+
+    Friction has springs here whatever the law says: the regularised law creeps.
+    """
     assert sample.law is not None
-    d = domain.ndim
+    d, law = domain.ndim, sample.law
+    law = replace(law, shear=law.shear or 2.0 / 7.0 * law.stiffness)
     columns = _columns(sample, x)
     down = (0.0,) * (d - 1) + (-sample.gravity,)
-    dem = Dem(world, pool, domain, columns, sample.law, _walls(domain, sample), down)
-    dt = 0.3 * stable_step(sample.law, columns["radius"], columns["mass"], columns["inertia"])
+    dem = Dem(world, pool, domain, columns, law, _walls(domain, sample), down)
+    dt = 0.3 * stable_step(law, columns["radius"], columns["mass"], columns["inertia"])
     steps = max(STAGE, math.ceil(0.1 * math.sqrt(2.0 * float(sample.radius.max()) / sample.gravity) / dt))
-    small = 1e-6 * dem.total((dem.grains.mass * dem.grains.radius)[: dem.grains.n]) * sample.gravity
+    small = 1e-5 * dem.total((dem.grains.mass * dem.grains.radius)[: dem.grains.n]) * sample.gravity
     fall = math.sqrt(2.0 * (sample.high - sample.low) / sample.gravity)
-    for stage in range(20 * math.ceil(fall / (steps * dt)) + 200):
+    for stage in range(10 * math.ceil(fall / (steps * dt)) + 100):
         dem.advance(dt, steps)
         if stage * steps * dt > 0.5 * fall:
             dem.grains.columns["row"][:, 4:7] *= 0.9

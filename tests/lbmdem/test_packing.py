@@ -56,7 +56,7 @@ def test_the_seed_only_deals_the_sizes_out():
 
 @pytest.mark.parametrize(("porosity", "periodic", "d"), [(0.5, False, 3), (0.4, True, 3), (0.25, True, 2)])
 def test_a_packing_has_the_porosity_asked_for_and_no_overlaps(world, pool, porosity, periodic, d):
-    domain, sample = sample_of(world, 60, porosity, d, periodic)
+    domain, sample = sample_of(world, 40, porosity, d, periodic)
     assert porosity_of(domain, sample) == pytest.approx(porosity)
     x = grow(world, pool, domain, sample)
     least, _ = gaps(domain, sample, x)
@@ -68,16 +68,16 @@ def test_a_packing_has_the_porosity_asked_for_and_no_overlaps(world, pool, poros
 
 def test_too_dense_a_packing_is_refused(world, pool):
     with pytest.raises(ConfigError, match="denser than can be"):
-        grow(world, pool, *sample_of(world, 20, 0.2))
+        grow(world, pool, *sample_of(world, 40, 0.2))
 
 
 def test_grains_settle_on_each_other(world, pool):
     """Below a loose state, at rest, none fallen through the floor, the heap's top lower than before."""
-    radius = 0.5 * beta_diameters(80, 1e-3, 2e-3, 1.0, 1.0, 3)
-    side = 6e-3
+    radius = 0.5 * beta_diameters(50, 1e-3, 2e-3, 1.0, 1.0, 3)
+    side = 5e-3
     domain = Domain((4 * side, side, side), (8, 2, 2), (False, True, True), even_cuts(8, world.size))
     high = solid_volume(radius, 3) / 0.4 / side**2
-    sample = Sample(radius, 0.0, high, 3, 2650.0, 9.81, Law(300.0, 0.3, 0.5, 0.02))
+    sample = Sample(radius, 0.0, high, 3, 2650.0, 9.81, Law(300.0, 0.3, 0.5, 1e-3))
     x = settle(world, pool, domain, sample, grow(world, pool, domain, sample))
     assert np.all(x[:, 2] > 0.97 * radius)
     touched = 1.0 - solid_volume(radius, 3) / (side**2 * np.max(x[:, 2] + radius))
