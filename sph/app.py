@@ -12,6 +12,7 @@ from sph.plan import plan
 
 if TYPE_CHECKING:
     from hpcpic.core.cli.figures import Plot
+    from hpcpic.core.cli.knobs import Knobs
 
 
 def load() -> type:
@@ -31,6 +32,12 @@ def plots() -> "Mapping[str, Plot]":
     return PLOTS
 
 
+def knobs(config: SphConfig) -> "Knobs":
+    from sph.knobs import knobs_of
+
+    return knobs_of(config)
+
+
 APP = App(
     name="sph",
     title="weakly compressible smoothed particle hydrodynamics",
@@ -43,4 +50,5 @@ APP = App(
     free=("description", "simulation.end_time", "gauge", "output", "numerics.balance_period"),
     plots=plots,
     plan=plan,
+    knobs=knobs,
 )

@@ -125,8 +125,8 @@ class Bodies:
         rows = slice(self.n, self.n + k)
         for name, values in (("x", x), ("v", v), ("drho", drho), ("m", m), ("flags", flags), ("wall", wall)):
             self.columns[name][..., rows] = values
-        if normal is not None:
-            self.columns["normal"][:, rows] = normal
+        if "normal" not in self.without:
+            self.columns["normal"][:, rows] = 0.0 if normal is None else normal
         self.columns["id"][rows] = ids
         self.columns["key"][rows] = np.asarray(ids, np.int64) * CODES
         for name in {"a", "rate", "gradient"} - set(self.without):

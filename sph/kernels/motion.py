@@ -30,6 +30,8 @@ def advance(chunk, chunks, numbers, flags, external, x, v, drho, a, rate, x_old,
         drho[b] = now * drho[b] + new * rate[b]
         if old != 0.0:  # else there may be no old state
             drho[b] += old * drho_old[b]
+        if flags[b] & FLUID == 0:
+            drho[b] = max(drho[b], 0.0)  # walls do not suck
         if flags[b] & FLUID:
             for k in range(DIM):
                 before = v[k, b]
@@ -59,6 +61,8 @@ def drift(chunk, chunks, numbers, flags, x, v, drho, rate):
         if flags[b] & FLUID:
             for k in range(DIM):
                 x[k, b] += numbers[0] * v[k, b]
+        else:
+            drho[b] = max(drho[b], 0.0)  # walls do not suck
 
 
 @njit
