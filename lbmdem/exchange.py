@@ -32,6 +32,7 @@ class Exchange:
 
     def __init__(self, world: World, domain: Domain, layout: Layout, f: NDArray, wet: NDArray[np.int32]) -> None:
         below, above = neighbours(domain, world.rank)
+        self.open = (below is not None, above is not None)
         self._layout, self._f, self._wet = layout, f, wet
         self._slots = f.reshape(layout.lattice.q, -1)
         crossing = [(i, j) for i, j in layout.lattice.pairs if storage_order(layout.lattice, i)[0]]

@@ -12,6 +12,7 @@ from hpcpic.core.comm.world import World
 from hpcpic.core.space.domain import Domain, block_ranges
 from hpcpic.core.space.fields import Field, aligned_zeros
 from hpcpic.core.tasks import Bound, Graph, Pool, bind
+from lbmdem import wavefront
 from lbmdem.exchange import Exchange
 from lbmdem.faces import Face, Layer, complete, wall_ghosts
 from lbmdem.kernels.collide import COLLISIONS, numbers
@@ -66,9 +67,7 @@ class Fluid:
         domain, rank = self.domain, self.world.rank
         self.layout_dtype = STORAGE[self.storage]
         alone = sum(b > a for a, b in zip(domain.cuts, domain.cuts[1:])) == 1
-        self.layout = layout = Layout.of(
-            self.lattice, domain.shape(rank), domain.periodic, alone, self.layout_dtype
-        )
+        self.layout = layout = Layout.of(self.lattice, domain.shape(rank), domain.periodic, alone, self.layout_dtype)
         self.f = aligned_zeros((layout.size,), self.layout_dtype)
         self.solid = Field(domain, rank, dtype=np.int32, ghosts=((1, 1),) * domain.ndim)
         self.solid.values[...] = FLUID
@@ -102,32 +101,64 @@ class Fluid:
         layout = self.layout
         kernel = sweep_kernel(self.lattice, self.collision, self._forced, self.layout_dtype)
         shared = [self.f, self._kinds, self._wet, self._inside, self._numbers, layout.strides, layout.nx]
-
-        def sweep(parity: int, low: int, high: int) -> Bound:
-            return bind(kernel, *shared, parity, low, high, 0, layout.rows)
-
+        self._sweeps = lambda tiles: bind(kernel, *shared, tiles)
         self._exchange = Exchange(self.world, self.domain, layout, self.f, self._wet)
         n_blocks = blocks or (BLOCKS * self.pool.threads if self.pool.threads > 1 else 1)
-        self._graphs = [self._graph(parity, sweep, n_blocks) for parity in range(2)]
+        self._graphs = [self._graph(parity, n_blocks) for parity in range(2)]
+        self._waves: dict[tuple[int, int], Graph] = {}
         self._marks = self._classification()
         self.layers = {name: Layer(self, name, face) for name, face in self.faces.items() if _acts(face)}
 
-    def _graph(self, parity: int, sweep: Callable[[int, int, int], Bound], n_blocks: int) -> Graph:
+    def _planes(self, parity: int, low: int, high: int) -> Bound:
+        """The step of some planes."""
+        return self._sweeps(np.array([[parity, low, high, 0, self.layout.rows]], np.int64))
+
+    def _graph(self, parity: int, n_blocks: int) -> Graph:
         """Edge planes, messages, inner planes while these are on their way, what arrived."""
         graph, planes = Graph(), self.layout.planes
-        messages, unpacks = self._exchange.messages[parity], self._exchange.unpacks[parity]
-        inner = (0, planes)
-        if unpacks:
-            edges = {(low, low + 1) for low in (0, planes - 1)}
-            for low, high in sorted(edges):
-                graph.task(sweep(parity, low, high), outs=[("edge", low)], priority=1, name=f"plane {low}")
-            graph.message(messages.requests, ins=[("edge", low) for low, _ in edges], outs=["message"], name="planes")
-            for bound in unpacks:
-                graph.task(bound, ins=["message"], priority=1)
-            inner = (1, planes - 1)
-        for low, high in block_ranges(max(inner[1] - inner[0], 0), n_blocks):
-            if high > low:
-                graph.task(sweep(parity, inner[0] + low, inner[0] + high), name=f"planes {low}..{high}")
+        low, high = 0, planes
+        if self._exchange.unpacks[parity]:
+            self._ends(graph, parity, sorted({(k, k + 1) for k in (0, planes - 1)}))
+            low, high = 1, planes - 1
+        for first, last in block_ranges(max(high - low, 0), n_blocks):
+            if last > first:
+                graph.task(self._planes(parity, low + first, low + last), name=f"planes {low + first}..{low + last}")
+        return graph.freeze()
+
+    def _ends(self, graph: Graph, parity: int, ends: list[tuple[int, int]]) -> None:
+        """A step of planes at the ends of the slab, and what crosses these."""
+        handles = [("end", 0), ("end", 1)]
+        for handle, (low, high) in zip(handles, ends):
+            graph.task(self._planes(parity, low, high), inouts=[handle], priority=1, name=f"planes {low}..{high}")
+        graph.message(self._exchange.messages[parity].requests, inouts=handles, name="populations")
+        for bound in self._exchange.unpacks[parity]:
+            graph.task(bound, inouts=handles, priority=1)
+
+    def _wave(self, parity: int, depth: int) -> Graph:
+        """`depth` steps: blocks, then the gaps between them (wavefront)."""
+        graph, layout = Graph(), self.layout
+        below, above = self._exchange.open
+        wraps = layout.stored == layout.planes  # the last block's neighbour is the first
+        pieces = wavefront.blocks(layout.planes, self.pool.threads, wraps or below, wraps or above)
+        row_bytes = self.lattice.q * layout.row_stride * layout.itemsize
+        flat = self.domain.ndim == 2
+        width = int(wavefront.CACHE / (row_bytes * (depth + 1)))
+        rows = wavefront.row_tiles(layout.rows, not flat and self.domain.periodic[1], width, depth)
+
+        def add(planes: wavefront.Span, **access: Any) -> None:
+            tiles = wavefront.tiles(planes, rows, (layout.planes, layout.rows), depth, parity)
+            graph.task(self._sweeps(tiles), name=f"wave {planes.low}..{planes.high}", **access)
+
+        for k, piece in enumerate(pieces):
+            ends = [("end", 0)] * (k == 0) + [("end", 1)] * (k == len(pieces) - 1)
+            add(piece, outs=[("block", k), *ends])
+        for k, piece in enumerate(pieces):
+            if k < len(pieces) - 1 or wraps:
+                add(wavefront.gap(piece.high), ins=[("block", k), ("block", (k + 1) % len(pieces))])
+        if self._exchange.unpacks[parity]:
+            for t in range(depth):
+                ends = [(0, t)] * bool(below and t) + [(layout.planes - t, layout.planes)] * bool(above and t)
+                self._ends(graph, (parity + t) % 2, ends)
         return graph.freeze()
 
     def _classification(self) -> list[list[Bound]]:
@@ -181,10 +212,21 @@ class Fluid:
 
     @property
     def depth(self) -> int:
-        return 1
+        """Steps that `advance` does per pass over memory."""
+        if self.hooks or self.layers:
+            return 1
+        return wavefront.possible_depth(self.domain, self.pool.threads, wavefront.DEPTH[self.storage])
 
     def advance(self, n: int) -> None:
-        """n steps."""
+        """n steps, several per pass over memory where nothing comes between them; the same bits."""
+        depth = self.depth
+        while depth > 1 and n >= depth:
+            key = (self.parity, depth)
+            if key not in self._waves:
+                self._waves[key] = self._wave(*key)
+            self.pool.run(self._waves[key])
+            self.iteration += depth
+            n -= depth
         for _ in range(n):
             self.step()
 

@@ -11,8 +11,8 @@ def push_walls(f, solid, ghosts, strides, slots, shifts, e, weights, parity, low
     """Half-way walls that move (Ladd 1994): 6 w (e.u) less arrives from a population that went to the wall.
 
     Nodes low..high of the layer on `side` (+1, -1) of storage axis `axis`; e[q, 3] in storage order; others[3, 2]:
-    where the box ends in walls, whose corners stay at rest; values[plane, row, x, 1:] the layer's velocity. Density 1, so that
-    a sliding wall adds exactly no mass.
+    where the box ends in walls, whose corners stay at rest; values[plane, row, x, 1:] the layer's velocity. Density 1,
+    so that a sliding wall adds exactly no mass.
     """
     for z in range(low[0], high[0]):
         for y in range(low[1], high[1]):
