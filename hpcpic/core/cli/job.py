@@ -12,7 +12,7 @@ from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from hpcpic.core.cli.app import App, AppLoader
 from hpcpic.core.cli.rates import read_rates
@@ -26,6 +26,9 @@ from hpcpic.core.run.failure import Agreed, Failure, everywhere, guarded, share
 from hpcpic.core.run.outputs import trigger_of
 from hpcpic.core.run.signals import Stop, WallLimit
 from hpcpic.core.run.triggers import Every, EverySeconds, parse_interval, parse_wall
+
+if TYPE_CHECKING:
+    from hpcpic.core.run import loop
 
 
 @dataclass(frozen=True, slots=True)
@@ -78,6 +81,7 @@ class _Job:
         self.rundir: RunDir | None = None
         self.history: list[Mapping[str, Any]] = []  # the parts before this one
         self.part: dict[str, Any] | None = None  # this one, once it has begun
+        self.going: Any = None  # the simulator in it
 
     def do(self, prepare: Prepare) -> int:
         collected = log.start(
@@ -97,7 +101,7 @@ class _Job:
                 collected.messages.append(warning)
                 if self.world.rank == 0:
                     log.ROOT.warning(warning)
-            return self._run(plan, stop, collected)
+            return self._run(plan, stop, collected.messages)
         finally:
             stop.close()
             if file:
@@ -113,7 +117,7 @@ class _Job:
             left.unlink(missing_ok=True)
         return json.dumps(asdict(plan)).encode()
 
-    def _run(self, plan: Plan, stop: Stop, collected: log.Collected) -> int:
+    def _run(self, plan: Plan, stop: Stop, warnings: list[str]) -> int:
         from hpcpic.core.run import loop
         from hpcpic.core.tasks import Pool
         from hpcpic.core.timers import Timers
@@ -122,8 +126,7 @@ class _Job:
         tree = loads(plan.config)
         settings = fixed_settings(self.app, tree)
         config = validate(self.app.schema(), tree)
-        threads = self.flags.threads or self.world.default_threads()
-        timers = Timers()
+        threads, timers = self.flags.threads or self.world.default_threads(), Timers()
         with everywhere():
             reader = checkpoint.newest(self.rundir, self.world) if plan.restart else None
             if reader:
@@ -137,30 +140,33 @@ class _Job:
                     self._take_up(app, reader, plan)
                 self._begin(app, plan, threads)
                 options = loop.Options(
-                    stop=stop,
-                    wall=WallLimit(self.flags.seconds(), self.started),
-                    timers=timers,
-                    threads=threads,
-                    screen=sys.stdout,
-                    stop_sem=getattr(app, "stop_sem", 0.0),
-                    restarted_from=reader.step if reader else None,
-                    history=plan.history,
+                    stop, WallLimit(self.flags.seconds(), self.started), timers, threads, sys.stdout,
                     attributes={"program": self.app.name, "settings": settings},
-                    conserved=self._conserved(reader),
-                    estimate=self._estimate(config, threads),
-                    warnings=collected.messages,
-                    started=self.started,
-                    replay=f"{self.app.name} restart {shlex.quote(plan.folder)}",
-                )
-                options.checkpoint_every = (
-                    self.flags.interval() or trigger_of(app, "checkpoint", True) or options.checkpoint_every
-                )
+                    estimate=self._estimate(config, threads), warnings=warnings,
+                )  # fmt: skip
+                self._complete(options, app, reader, plan)
                 outcome = loop.run(app, self.world, self.rundir, options)
         finally:
             pool.close()
         if self.world.rank == 0:
             self._say(summary.render(outcome.facts))
         return outcome.exit_code
+
+    def _complete(
+        self, options: loop.Options, app: Any, reader: checkpoint.Reader | None, plan: Plan
+    ) -> None:
+        """What the app, the checkpoint and the command line say on how to run."""
+        options.stop_sem = getattr(app, "stop_sem", 0.0)
+        options.restarted_from = reader.step if reader else None
+        options.conserved = self._conserved(reader)
+        options.history, options.started = plan.history, self.started
+        options.replay = self._replay(plan.folder)
+        options.checkpoint_every = (
+            self.flags.interval() or trigger_of(app, "checkpoint", True) or options.checkpoint_every
+        )
+
+    def _replay(self, folder: str) -> str:
+        return f"{self.app.name} restart {shlex.quote(folder)}"
 
     def _take_up(self, app: Any, reader: checkpoint.Reader, plan: Plan) -> None:
         """Go on from a checkpoint. Collective; raises Agreed."""
@@ -195,6 +201,7 @@ class _Job:
             return b""
 
         share(self.world, write)
+        self.going = app
 
     def _conserved(self, reader: checkpoint.Reader | None) -> summary.Conserved:
         """What the series says up to the step of the checkpoint; on rank 0."""
@@ -224,12 +231,17 @@ class _Job:
 
     def _note_failure(self, text: str, code: int) -> None:
         """From the one rank that tells the failure: the folder says so too, if it still can."""
+        from hpcpic.core.run.loop import write_post_mortem
+
         assert self.rundir is not None
         end: dict[str, Any] = {"status": "diverged" if code == 4 else "failed", "exit_code": code, "reason": text}
         history = [*self.history, self.part | end] if self.part else self.history
         try:
+            if code == 4 and self.going:
+                where, _, what = text.strip().partition(": ")
+                write_post_mortem(self.rundir, what, where, self.going, self._replay(str(self.rundir.path)))
             self.rundir.finish(**end, history=history)
-        except HpcpicError:
+        except (HpcpicError, OSError):
             sys.stderr.write(f"{self.rundir.run_json} could not be written\n")
 
 

@@ -45,11 +45,18 @@ def temporary(path: Path, pid: int | str | None = None) -> Path:
     return path.with_name(f".{path.name}.{pid or os.getpid()}.tmp")
 
 
+def create_anew(path: Path) -> IO[bytes]:
+    """A new file, whatever has stood there: a link that somebody put in the way is removed, not followed."""
+    path.unlink(missing_ok=True)
+    flags = os.O_WRONLY | os.O_CREAT | os.O_EXCL | os.O_NOFOLLOW | os.O_CLOEXEC
+    return os.fdopen(os.open(path, flags, 0o644), "wb")
+
+
 def write_atomic(path: Path, content: str | bytes) -> None:
     """Replace a file: all of it is there, or the old one is. Raises FileError."""
     made = temporary(path)
     try:
-        with open(made, "wb") as file:
+        with create_anew(made) as file:
             file.write(content.encode() if isinstance(content, str) else content)
             file.flush()
             os.fsync(file.fileno())
@@ -170,7 +177,8 @@ class RunDir:
         """Hold the folder until `unlock` or the end of the process; clean up after dead ones. FileError."""
         path = self.path / LOCK
         while True:
-            file = open(path, "a+b")  # noqa: SIM115 - stays open as long as the lock is held
+            flags = os.O_RDWR | os.O_CREAT | os.O_NOFOLLOW | os.O_CLOEXEC
+            file = os.fdopen(os.open(path, flags, 0o644), "r+b")  # stays open as long as the lock is held
             try:
                 fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
             except BlockingIOError:
@@ -247,7 +255,7 @@ def _probe(folder: Path) -> None:
     """Fail now rather than at the first output: no permission, read-only, full. Raises OSError."""
     probe = temporary(folder / "probe")
     try:
-        with open(probe, "wb") as file:
+        with create_anew(probe) as file:
             os.posix_fallocate(file.fileno(), 0, 65536)
     finally:
         probe.unlink(missing_ok=True)

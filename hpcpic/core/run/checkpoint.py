@@ -164,6 +164,11 @@ def _found(folder: Path) -> list[Path]:
     return sorted(files, key=lambda path: int(path.stem), reverse=True)
 
 
+def newest_step(rundir: RunDir) -> int | None:
+    """The step of the newest checkpoint, unverified; None when there is none."""
+    return next((int(path.stem) for path in _found(rundir.checkpoints)), None)
+
+
 def _sweep(folder: Path) -> None:
     """Remove what killed writers left; whoever writes here holds the lock of the run."""
     for path in folder.glob("*.tmp"):

@@ -6,7 +6,6 @@ import logging
 import time
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from pathlib import Path
 from typing import Any, TextIO
 
 from hpcpic.core.comm.world import World
@@ -281,21 +280,23 @@ class _Run:
         self.rundir.finish(**facts)
 
     def write_post_mortem(self, verdict: Verdict) -> None:
-        newest = (
-            f"checkpoint of step {self.saved}" if self.saved is not None else "none: start again with `run`"
+        app, options = self.app, self.options
+        write_post_mortem(
+            self.rundir, str(verdict.diverged), f"rank {verdict.rank} of {self.world.size}", app, options.replay
         )
-        text = (
-            f"what       {verdict.diverged}\n"
-            f"where      rank {verdict.rank} of {self.world.size}\n"
-            f"when       seen at step {self.app.iteration}, t = {self.app.time!r} s\n"
-            f"kept       {newest}\n"
-            f"replay     {self.options.replay}\n"
-        )
-        post_mortem(self.rundir.path).write_text(text)
 
 
-def post_mortem(folder: Path) -> Path:
-    return folder / "post-mortem.txt"
+def write_post_mortem(rundir: RunDir, what: str, where: str, app: Any, replay: str) -> None:
+    """post-mortem.txt: what is wrong, where and when it was seen, and from where to go on. Raises OSError."""
+    kept = checkpoint.newest_step(rundir)
+    text = (
+        f"what       {what}\n"
+        f"where      {where}\n"
+        f"when       seen at step {app.iteration}, t = {app.time!r} s\n"
+        f"kept       {'none: start again with `run`' if kept is None else f'checkpoint of step {kept}'}\n"
+        f"replay     {replay}\n"
+    )
+    (rundir.path / "post-mortem.txt").write_text(text)
 
 
 def _rates(facts: Mapping[str, Any]) -> dict[str, Any]:

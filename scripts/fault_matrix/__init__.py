@@ -1,0 +1,1 @@
+"""The fault matrix: every fault that a run must survive or tell, tried on a whole program."""

@@ -1,0 +1,73 @@
+"""`scripts/faults`: try every fault of the matrix on a program and print what came of it."""
+
+from __future__ import annotations
+
+import argparse
+import logging
+import sys
+import tempfile
+import time
+import traceback
+from pathlib import Path
+
+from fault_matrix import checkpoints, inputs, processes, states  # noqa: F401  (their rows enter the table)
+from fault_matrix.bench import HERE, Bench, Skipped, Wrong
+from fault_matrix.rows import ROWS, Row
+
+RUNAWAY = {  # beyond the stability of the scheme
+    "hpcpic": ("simulation.time_step=2.5", "species[0].drift_velocity=[0.0, 0.0]"),
+}
+
+
+def numbers(text: str) -> list[int]:
+    """1,4,20-26"""
+    found: list[int] = []
+    for part in text.split(","):
+        first, _, last = part.partition("-")
+        found += range(int(first), int(last or first) + 1)
+    return found
+
+
+def attempt(row: Row, bench: Bench) -> tuple[str, str]:
+    """Verdict and what was got."""
+    bench.folder = bench.work / f"row-{row.number}"
+    bench.folder.mkdir()
+    try:
+        return "good", row.attempt(bench)
+    except Wrong as wrong:
+        return "FAILED", str(wrong)
+    except Skipped as skipped:
+        return "skipped", str(skipped)
+    except Exception:
+        return "FAILED", traceback.format_exc(limit=-3)
+
+
+def main() -> int:
+    parser = argparse.ArgumentParser(prog="scripts/faults", description=__doc__)
+    parser.add_argument("--program", default="hpcpic", help="package with a __main__ [default: hpcpic]")
+    parser.add_argument("--case", type=Path, help="case of some hundred short steps [default: PROGRAM.conf here]")
+    parser.add_argument("--set", dest="sets", action="append", default=[], metavar="KEY=VALUE")
+    parser.add_argument("--runaway", action="append", metavar="KEY=VALUE", help="settings that are unstable")
+    parser.add_argument("--only", type=numbers, default=sorted(ROWS), metavar="1,4,20-26")
+    asked = parser.parse_args()
+    case = (asked.case or HERE / f"{asked.program}.conf").resolve()
+    runaway = tuple(asked.runaway or RUNAWAY.get(asked.program, ()))
+    logging.getLogger("hpcpic").setLevel(logging.ERROR)
+    begin, failed = time.monotonic(), []
+    with tempfile.TemporaryDirectory(prefix="faults-") as work:
+        bench = Bench(asked.program, case, tuple(asked.sets), runaway, Path(work))
+        bench.digest()
+        for number in asked.only:
+            row, start = ROWS[number], time.monotonic()
+            verdict, got = attempt(row, bench)
+            failed += [number] if verdict == "FAILED" else []
+            print(f"{number:>3}  {verdict:<8}{row.fault}\n     expected  {row.expected}\n     got       {got}")
+            print(f"     took      {time.monotonic() - start:.1f} s", flush=True)
+    n = len(asked.only)
+    took = time.monotonic() - begin
+    print(f"{n - len(failed)} of {n} rows good or skipped in {took:.0f} s; failed: {failed or 'none'}")
+    return 3 if failed else 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

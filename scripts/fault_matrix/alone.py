@@ -1,0 +1,158 @@
+"""`python -m fault_matrix.alone PROGRAM FOLDER kills|flips N`: faults tried on one process, without a launcher.
+
+FOLDER holds a finished run. The last line printed is what was found, as JSON.
+"""
+
+from __future__ import annotations
+
+import json
+import logging
+import os
+import signal
+import sys
+import time
+from collections.abc import Callable
+from contextlib import suppress
+from functools import partial
+from importlib import import_module
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from fault_matrix.faulty import Damaged, floats
+from hpcpic.core.comm.world import World
+from hpcpic.core.files.config import load
+from hpcpic.core.files.rundir import RunDir
+from hpcpic.core.files.schema import validate
+from hpcpic.core.run import checkpoint
+from hpcpic.core.tasks import Pool
+from hpcpic.core.timers import Timers
+
+STEPS = 10  # of a run with a flipped bit
+
+
+def made(program: str, folder: Path) -> tuple[Any, World]:
+    """The simulator of the run in the folder, at its initial state."""
+    app = import_module(f"{program}.__main__").load_app()
+    config, world = validate(app.schema(), load(folder / "config.conf")), World.alone()
+    return app.load()(config, world, Pool(1), Timers()), world
+
+
+def write_for_ever(app: Any, world: World, rundir: RunDir, tell: int) -> None:
+    """Step and write; a byte to `tell` after every checkpoint."""
+    while True:
+        app.step()
+        checkpoint.write(world, rundir, app.iteration, app.time, app.state())
+        os.write(tell, b".")
+
+
+def killed(app: Any, world: World, rundir: RunDir, delay: float) -> None:
+    """A process that goes on from the newest checkpoint, killed this long after the first one it has written."""
+    told, tell = os.pipe()
+    child = os.fork()
+    if child == 0:
+        try:
+            app.restore(checkpoint.newest(rundir, world))
+            write_for_ever(app, world, rundir, tell)
+        finally:
+            os._exit(1)
+    os.close(tell)
+    assert os.read(told, 1) == b".", "the writer ended by itself"
+    time.sleep(delay)
+    os.kill(child, signal.SIGKILL)
+    os.waitpid(child, 0)
+    os.close(told)
+
+
+def kills(app: Any, world: World, folder: Path, n: int) -> dict[str, Any]:
+    """Kill at n random moments of writing; the state that survives is that of a run without kills."""
+    rundir = RunDir(folder / "killed")
+    rundir.path.mkdir()
+    refused: list[str] = []
+    handler = logging.Handler(logging.WARNING)
+    handler.emit = lambda record: refused.append(record.getMessage())  # type: ignore[method-assign]
+    logging.getLogger("hpcpic").addHandler(handler)
+    app.step()
+    begin = time.perf_counter()
+    checkpoint.write(world, rundir, app.iteration, app.time, app.state())
+    longest = 2 * (time.perf_counter() - begin)
+    halves = 0
+    for delay in np.random.default_rng(1).uniform(0, longest, n):
+        killed(app, world, rundir, delay)
+        halves += len(list(rundir.checkpoints.glob(".*.tmp")))
+        checkpoint.newest(rundir, world)
+    reader = checkpoint.newest(rundir, world)
+    while app.iteration < reader.step:
+        app.step()
+    wanted = checkpoint.digest(world, app.state())
+    app.restore(reader)
+    same = checkpoint.digest(world, app.state()) == wanted
+    return {"refused": refused, "halves": halves, "same": same, "step": reader.step}
+
+
+def flipped(value: Any, bit: int) -> Any:
+    """The number with one bit of its exponent turned; bit 0 doubles or halves it."""
+    kind, low = (np.uint64, 52) if value.dtype == np.float64 else (np.uint32, 23)
+    return (value.view(kind) ^ kind(1 << (low + bit))).view(value.dtype)
+
+
+def flips(app: Any, world: World, folder: Path, n: int) -> dict[str, Any]:
+    """Turn one bit of an exponent in the state, n times; how the guard or the energy shows it in a few steps."""
+    reader, rng = checkpoint.newest(RunDir(folder), world), np.random.default_rng(2)
+    app.restore(reader)
+    quiet = energy_after(app)
+    found = {"caught": 0, "raised": 0, "crashed": 0, "harmless": 0, "silent": 0}
+    for _ in range(n):
+        name = str(rng.choice(floats(reader)))
+        row = int(rng.integers(reader.total(name)))
+        one = reader.read(name, row, row + 1).reshape(-1)
+        word, bit = int(rng.integers(one.size)), int(rng.integers(11 if one.dtype == np.float64 else 8))
+        damaged = Damaged(reader, name, row, word, partial(flipped, bit=bit))
+        found[within_child(lambda: outcome(app, damaged, quiet))] += 1  # noqa: B023 - called at once
+    return found
+
+
+def outcome(app: Any, damaged: Damaged, quiet: float) -> str:
+    """caught by the guard, harmless (the energy is within 1 %), or silent."""
+    app.restore(damaged)
+    app.scalars()
+    energy = energy_after(app)
+    if app.guard():
+        return "caught"
+    return "harmless" if abs(energy - quiet) <= 1e-2 * abs(quiet) else "silent"
+
+
+def within_child(body: Callable[[], str]) -> str:
+    """What the body says, "raised" or "crashed"."""
+    told, tell = os.pipe()
+    child = os.fork()
+    if child == 0:
+        said = "raised"
+        with suppress(Exception):
+            said = body()
+        os.write(tell, said.encode())
+        os._exit(0)
+    os.close(tell)
+    os.waitpid(child, 0)
+    with os.fdopen(told, "rb") as pipe:
+        return pipe.read().decode() or "crashed"
+
+
+def energy_after(app: Any) -> float:
+    for _ in range(STEPS):
+        app.step()
+        if app.guard():
+            break
+    return float(app.scalars().get("energy_total", 0.0))
+
+
+def main() -> None:
+    program, folder, what, n = sys.argv[1:]
+    app, world = made(program, Path(folder))
+    found = {"kills": kills, "flips": flips}[what](app, world, Path(folder), int(n))
+    print(json.dumps(found))
+
+
+if __name__ == "__main__":
+    main()

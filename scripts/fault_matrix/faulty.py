@@ -1,0 +1,169 @@
+"""`python -m fault_matrix.faulty PROGRAM VERB ...`: a program with a fault, which $FAULT tells as JSON.
+
+{"kind": name below, "rank": 1, "step": 20, "pause": seconds slept in every step, "patience": of the watchdog [s]}
+"""
+
+from __future__ import annotations
+
+import ctypes
+import json
+import os
+import resource
+import signal
+import sys
+import tempfile
+import time
+from collections.abc import Callable
+from dataclasses import replace
+from functools import partial
+from importlib import import_module
+from typing import Any
+
+import numpy as np
+import psutil
+
+from hpcpic.core.cli.main import build
+from hpcpic.core.comm import halo
+from hpcpic.core.files import image
+from hpcpic.core.files.rundir import RunDir
+from hpcpic.core.run import checkpoint, loop
+
+FAULT = {"kind": "none", "rank": 1, "step": 20, "pause": 0.0, "patience": 60.0}
+FAULT |= json.loads(os.environ.get("FAULT", "{}"))
+
+
+class Damaged:
+    """A checkpoint in which one number is another: `change(value)`. Rows are those of the whole array."""
+
+    def __init__(self, reader: Any, name: str, row: int, word: int, change: Callable[[Any], Any]) -> None:
+        self._reader, self._name, self._at, self._change = reader, name, (row, word), change
+
+    def __getattr__(self, name: str) -> Any:
+        return getattr(self._reader, name)
+
+    def read(self, name: str, lo: int = 0, hi: int | None = None) -> np.ndarray:
+        rows = self._reader.read(name, lo, hi)
+        row, word = self._at
+        if name == self._name and lo <= row < lo + len(rows):
+            flat = rows.reshape(len(rows), -1)
+            flat[row - lo, word] = self._change(flat[row - lo, word])
+        return rows
+
+
+def floats(reader: Any) -> list[str]:
+    """Names of the arrays of floating point numbers in a checkpoint."""
+    return [name for name in reader.names if reader.read(name, 0, 0).dtype.kind == "f"]
+
+
+def become_nan(app: Any, world: Any, which: int) -> None:
+    """Array number `which` of the state gets a value that is no number, in its middle row. Collective."""
+    own = tempfile.mkdtemp() if world.rank == 0 else ""
+    folder = RunDir(world.bcast(own.encode()).decode())
+    checkpoint.write(world, folder, app.iteration, app.time, app.state())
+    reader = checkpoint.newest(folder, world)
+    name = floats(reader)[which]
+    app.restore(Damaged(reader, name, reader.total(name) // 2, 0, lambda value: np.nan))
+
+
+def misnumber_messages() -> None:
+    """From now on this rank's messages say that they belong to another iteration."""
+    start = halo._Exchange.start
+
+    def misnumbered(exchange: Any, iteration: int) -> None:
+        start(exchange, iteration + 2)
+        exchange._iteration[0] = iteration
+
+    halo._Exchange.start = misnumbered  # type: ignore[method-assign]
+    halo._Exchange.at = lambda exchange, iteration: exchange._iteration.fill(iteration + 2)  # type: ignore[method-assign]
+
+
+def take_memory() -> None:
+    """No more address space than there is now, and 4 MiB."""
+    now = psutil.Process().memory_info().vms
+    resource.setrlimit(resource.RLIMIT_AS, (now + (4 << 20), resource.RLIM_INFINITY))
+
+
+def stop_within_checkpoint() -> None:
+    """SIGTERM when half of a checkpoint is written."""
+    write = image.write_shards
+
+    def write_shards(path: Any, slots: Any, shards: Any) -> None:
+        write(path, slots, dict(list(shards.items())[:1]))
+        os.kill(os.getpid(), signal.SIGTERM)
+        time.sleep(0.2)
+        write(path, slots, shards)
+
+    image.write_shards = write_shards
+
+
+def fail_here(kind: str, world: Any) -> None:
+    """What befalls one rank."""
+    if kind == "kill":
+        os.kill(os.getpid(), signal.SIGKILL)
+    if kind == "segv":
+        ctypes.string_at(0)
+    if kind == "raise":
+        raise ZeroDivisionError("told to fail")
+    if kind == "exit":
+        sys.exit(3)
+    if kind == "collective":
+        world.comm.Barrier()  # the others do not come
+        time.sleep(600)
+    if kind == "hang":
+        time.sleep(600)
+    if kind == "misnumber":
+        misnumber_messages()
+    if kind == "term in checkpoint":
+        stop_within_checkpoint()
+
+
+def with_fault(simulator: type) -> type:
+    kind, rank, at = FAULT["kind"], FAULT["rank"], FAULT["step"]
+
+    class Faulty(simulator):  # type: ignore[misc]
+        def __init__(self, config: Any, world: Any, pool: Any, timers: Any) -> None:
+            if kind == "raise at start" and world.rank == rank:
+                raise ZeroDivisionError("told to fail")
+            if kind == "no memory" and world.rank == rank:
+                take_memory()
+            if kind == "small files":
+                resource.setrlimit(resource.RLIMIT_FSIZE, (100_000, 100_000))
+            self._ranks = world
+            super().__init__(config, world, pool, timers)
+
+        def step(self) -> None:
+            time.sleep(FAULT["pause"])
+            if self.iteration == at:
+                if kind.startswith("nan "):
+                    become_nan(self, self._ranks, int(kind.split()[1]))
+                elif self._ranks.rank == rank:
+                    fail_here(kind, self._ranks)
+            super().step()
+
+    Faulty.__name__ = simulator.__name__
+    return Faulty
+
+
+def jumping_clock() -> None:
+    """The clock of the day jumps an hour to and fro, as when it is set."""
+    now, calls = time.time, iter(range(10**9))
+    time.time = lambda: now() + (3600.0 if next(calls) % 2 else -3600.0)
+
+
+def main() -> None:
+    program = sys.argv.pop(1)
+    load_app = import_module(f"{program}.__main__").load_app
+    if FAULT["kind"] == "clock":
+        jumping_clock()
+    loop.Watchdog = partial(loop.Watchdog, least=FAULT["patience"])  # type: ignore[misc]
+
+    def faulty_app() -> Any:
+        app = load_app()
+        return replace(app, load=lambda: with_fault(app.load()))
+
+    app = load_app()
+    build(faulty_app, app.name, app.title)()
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,218 @@
+"""Rows 39 to 46: files that others wrote to do harm."""
+
+from __future__ import annotations
+
+import contextlib
+import os
+import resource
+import time
+from collections.abc import Callable
+from pathlib import Path
+
+import h5py
+import numpy as np
+
+from fault_matrix.bench import Bench, Done, Skipped, expect
+from fault_matrix.rows import row
+from hpcpic.core.errors import ConfigError
+from hpcpic.core.files.config import loads
+from hpcpic.core.files.rundir import temporary, write_atomic
+
+FUZZ_SECONDS = 20.0
+START_SECONDS = 2.5  # of a program that only reads a case, on a busy machine
+
+
+def check(bench: Bench, case: Path) -> Done:
+    """`check` of a case, with 1 GiB of memory and no more."""
+
+    def limit() -> None:
+        resource.setrlimit(resource.RLIMIT_AS, (1 << 30, 1 << 30))
+
+    return bench.call(("check", str(case)), before=limit)
+
+
+def refused(bench: Bench, case: Path, what: str) -> Done:
+    done = check(bench, case)
+    expect(done.code == 2 and "Traceback" not in done.err, f"{what}: {done}")
+    expect(done.seconds < START_SECONDS, f"{what}: {done.seconds:.1f} s")
+    return done
+
+
+@row(39, "cases with random changes", "read or refused, never a traceback, never slow")
+def fuzz(bench: Bench) -> str:
+    text, rng = bench.case.read_text(), np.random.default_rng(6)
+    alphabet = [*list('{}()[]=;,:"\\#@+-.0123456789eExnL\n\t \x00\u202e'), "@include", "true", "1e999", "0x"]
+    n, slowest, end = 0, 0.0, time.monotonic() + FUZZ_SECONDS
+    while time.monotonic() < end:
+        changed = list(text)
+        for _ in range(rng.integers(1, 8)):
+            place = int(rng.integers(len(changed)))
+            changed[place : place + int(rng.integers(0, 3))] = [str(rng.choice(alphabet))]
+        begin = time.process_time()
+        with contextlib.suppress(ConfigError):
+            loads("".join(changed))
+        slowest, n = max(slowest, time.process_time() - begin), n + 1
+    expect(slowest < 0.5, f"{slowest:.2f} s for one")
+    return f"{n} in {FUZZ_SECONDS:.0f} s, the slowest {1e3 * slowest:.0f} ms"
+
+
+@row(40, "nesting, long numbers, NUL, BOM, CRLF, bad UTF-8, bidi", "exit 2 with line and column; BOM, CRLF read")
+def texts(bench: Bench) -> str:
+    case = bench.folder / "case.conf"
+    sound = bench.case.read_bytes()
+    bad = {
+        "nesting": b"x = " + b"(" * 100_000,
+        "a long number": b"x = " + b"1" * 1_000_000 + b";",
+        "NUL": sound + b"x = \x00;",
+        "bad UTF-8": sound + b'x = "\xff\xfe";',
+        "bidi": sound + "x\u202e = 1;".encode(),
+    }
+    for what, content in bad.items():
+        case.write_bytes(content)
+        done = refused(bench, case, what)
+        expect("case.conf:" in done.err, f"{what}: no place: {done}")
+    for content in (b"\xef\xbb\xbf" + sound, sound.replace(b"\n", b"\r\n")):
+        case.write_bytes(content)
+        done = check(bench, case)
+        expect(done.code in (0, 3), done)
+    return "exit 2 with place, five times; BOM and CRLF are read"
+
+
+def includes(folder: Path) -> dict[str, str]:
+    """What an @include may name."""
+    (folder / "loop.conf").write_text('@include "loop.conf"\n')
+    os.symlink("/etc/hostname", folder / "out.conf")
+    os.mkfifo(folder / "fifo.conf")
+    with open(folder / "large.conf", "wb") as file:
+        file.truncate(1 << 30)
+    (folder.parent / "above.conf").write_text("x = 1;\n")
+    return {
+        "a loop": "loop.conf", "../": "../above.conf", "absolute": "/etc/hostname", "a link out": "out.conf",
+        "a FIFO": "fifo.conf", "/dev/zero": "/dev/zero", "1 GiB": "large.conf",
+    }  # fmt: skip
+
+
+@row(41, "@include of a loop, ../, /, a link, a FIFO, /dev/zero, 1 GiB", "exit 2 at once")
+def included(bench: Bench) -> str:
+    case = bench.folder / "case.conf"
+    for what, name in includes(bench.folder).items():
+        case.write_text(f'@include "{name}"\n')
+        refused(bench, case, what)
+    return "exit 2, seven times"
+
+
+def refused_file(bench: Bench, name: str, change: Callable[[h5py.File], None]) -> int:
+    """`export` of a run whose series was changed; exit 6 and little memory wanted."""
+    path = bench.run_folder / "series.h5"
+    sound = path.read_bytes()
+    with h5py.File(path, "r+") as file:
+        change(file)
+
+    def limit() -> None:
+        resource.setrlimit(resource.RLIMIT_AS, (3 << 30, 3 << 30))
+
+    done = bench.call(("compare", str(bench.run_folder), str(bench.run_folder)), before=limit)
+    path.write_bytes(sound)
+    expect(done.code == 6 and "Traceback" not in done.err, f"{name}: {done}")
+    return done.code
+
+
+def with_series(bench: Bench) -> str:
+    """Name of a data set in the series of a run."""
+    expect(bench.run(ranks=1).code == 0, "the run before")
+    with h5py.File(bench.run_folder / "series.h5") as file:
+        return next(name for name in file if isinstance(file[name], h5py.Dataset) and name not in ("step", "time"))
+
+
+def replaced(name: str, make: Callable[[h5py.File], None]) -> Callable[[h5py.File], None]:
+    def change(file: h5py.File) -> None:
+        del file[name]
+        make(file)
+
+    return change
+
+
+@row(42, "HDF5 that leads out of the file", "exit 6, nothing outside is read")
+def links(bench: Bench) -> str:
+    name = with_series(bench)
+    shape = (121,)
+    layout = h5py.VirtualLayout(shape, np.float64)
+    layout[:] = h5py.VirtualSource("other.h5", "x", shape)
+    kinds: dict[str, Callable[[h5py.File], None]] = {
+        "external link": lambda file: file.__setitem__(name, h5py.ExternalLink("other.h5", "/x")),
+        "soft cycle": lambda file: file.__setitem__(name, h5py.SoftLink(f"/{name}")),
+        "external storage": lambda file: file.create_dataset(name, shape, "f8", external=[("/etc/hostname", 0, 968)]),
+        "virtual": lambda file: file.create_virtual_dataset(name, layout),
+        "filter": lambda file: file.create_dataset(name, data=np.zeros(shape), chunks=shape, compression="lzf"),
+    }
+    for what, make in kinds.items():
+        refused_file(bench, what, replaced(name, make))
+    return f"exit 6 for {', '.join(kinds)}"
+
+
+@row(43, "HDF5 bombs: 8.8 TB declared, 1000:1 compressed", "exit 6 within 3 GiB of address space")
+def bombs(bench: Bench) -> str:
+    name = with_series(bench)
+    kinds: dict[str, Callable[[h5py.File], None]] = {
+        "declared": lambda file: file.create_dataset(name, (1 << 40,), "f8", chunks=(1 << 20,)),
+        "compressed": lambda file: file.create_dataset(name, data=np.zeros(1 << 24), compression="gzip"),
+    }
+    for what, make in kinds.items():
+        refused_file(bench, what, replaced(name, make))
+    return "exit 6, twice"
+
+
+@row(44, "HDF5 of another type, shape, or kind", "exit 6 that names the data set")
+def types(bench: Bench) -> str:
+    name = with_series(bench)
+    kinds: dict[str, Callable[[h5py.File], None]] = {
+        "single": lambda file: file.create_dataset(name, data=np.zeros(121, np.float32)),
+        "two axes": lambda file: file.create_dataset(name, data=np.zeros((121, 2))),
+        "texts": lambda file: file.create_dataset(name, (121,), h5py.string_dtype()),
+        "lists": lambda file: file.create_dataset(name, (121,), h5py.vlen_dtype(np.float64)),
+        "group": lambda file: file.create_group(name),
+    }
+    for what, make in kinds.items():
+        refused_file(bench, what, replaced(name, make))
+    return f"exit 6 for {', '.join(kinds)}"
+
+
+@row(45, "a cache of compiled code that others can write", "not used, a warning")
+def poisoned_cache(bench: Bench) -> str:
+    def doctor(prepare: Callable[[Path], None]) -> None:
+        root = bench.folder / f"cache-{len(os.listdir(bench.folder))}"
+        mine = root / str(os.getuid())
+        mine.mkdir(parents=True)
+        prepare(mine)
+        done = bench.call(("doctor",), env={"HPCPIC_CACHE_DIR": str(root)})
+        expect("not kept" in done.out + done.err and "Traceback" not in done.err, done)
+        expect(mine.is_symlink() or not os.listdir(mine), "something was written there")
+
+    def link(mine: Path) -> None:
+        mine.rmdir()
+        mine.symlink_to(bench.folder)
+
+    doctor(lambda mine: mine.chmod(0o777))
+    doctor(link)
+    if os.getuid() == 0:
+        doctor(lambda mine: os.chown(mine, 12345, 12345))
+    return "mode 0777, a link, another owner: not used, warned"
+
+
+@row(46, "links where files will be written", "what they lead to is not touched")
+def planted_links(bench: Bench) -> str:
+    victim = bench.folder / "victim"
+    victim.write_text("mine\n")
+    target = bench.folder / "table.csv"
+    temporary(target).symlink_to(victim)
+    write_atomic(target, "new\n")
+    expect(victim.read_text() == "mine\n" and target.read_text() == "new\n", "the victim was written to")
+    held = bench.folder / "held"
+    held.mkdir()
+    (held / "run.json").write_text("{}")
+    bench.run_folder.symlink_to(held)
+    done = bench.run()
+    expect(done.code == 6 and (held / "run.json").read_text() == "{}", done)
+    if not os.path.exists("/proc/self"):
+        raise Skipped("no /proc")
+    return "the victim is as it was; a linked folder that holds a run: exit 6"
