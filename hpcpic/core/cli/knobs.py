@@ -75,7 +75,7 @@ class Knobs:
     quantities(): what can be asked for, the one that the case is about first.
     work(config): what the run costs, counted instead of timed, in work_unit.
     horizon: time [s] in which an instability shows. growth(series): how much larger than at the start the quantity has
-    become that an unstable scheme blows up. seed(n): settings of another random state.
+    become that an unstable scheme blows up. seed(n): settings of another random state; None without one.
     """
 
     knobs: tuple[Knob, ...]
@@ -88,4 +88,4 @@ class Knobs:
     work_unit: str
     horizon: float
     growth: Callable[[Series], float]
-    seed: Callable[[int], tuple[str, ...]]
+    seed: Callable[[int], tuple[str, ...]] | None = None

@@ -101,7 +101,7 @@ class Limits:
         return None
 
     def run(self, sizes: Mapping[str, float], longer: float = 1.0, seed: int | None = None, words: str = "") -> Pilot:
-        more = () if seed is None else self.knobs.seed(seed)
+        more = self.knobs.seed(seed) if self.knobs.seed and seed is not None else ()
         time = longer * self.knobs.horizon
         return self.pilots.run({**self.own, **sizes}, time, None, more, ("--beyond-limits",), words)
 
@@ -129,7 +129,7 @@ class Limits:
         name = axis.knob.name
         below, above = axis.size(limit.x / AGREE), axis.size(limit.x * AGREE)
         limit.slow = self.growth(self.run({name: below}, LONGER, words="four times as long")) > BLOWUP
-        for seed in SEEDS:
+        for seed in SEEDS if self.knobs.seed else ():
             quiet = self.growth(self.run({name: below}, seed=seed, words=f"seed {seed}")) <= BLOWUP
             limit.seeds[seed] = quiet and self.growth(self.run({name: above}, seed=seed, words=f"seed {seed}")) > BLOWUP
 

@@ -101,7 +101,8 @@ def tell(limits: Limits, axis: Axis, limit: Limit, rates: list[tuple[float, floa
                 f"measured/theory = {ratio:.3f}"
             )
         seeds = ", ".join(f"seed {seed} {'agrees' if same else 'differs'}" for seed, same in limit.seeds.items())
-        click.echo(f"            {seeds}; four times as long {'moves it by over 5 %' if limit.slow else 'the same'}")
+        longer = f"four times as long {'moves it by over 5 %' if limit.slow else 'the same'}"
+        click.echo(f"            {seeds + '; ' if seeds else ''}{longer}")
         click.echo(f"the case    {knob.name} = {knob.shown(own):.4g} {knob.unit} is {own / size:.3g} of it")
         click.echo(strip(axis.x(own) / limit.x))
     elif limit.stable is not None:
