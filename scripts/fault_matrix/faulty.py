@@ -145,7 +145,7 @@ def with_fault(simulator: type) -> type:
 
 
 def jumping_clock() -> None:
-    """The clock of the day jumps an hour to and fro, as when it is set."""
+    """The clock of the day jumps an hour forward and back, as when it is set."""
     now, calls = time.time, iter(range(10**9))
     time.time = lambda: now() + (3600.0 if next(calls) % 2 else -3600.0)
 

@@ -56,7 +56,7 @@ def no_memory(bench: Bench) -> str:
     return told_once(bench.run(kind="no memory"), 1, "rank 1 of 2")
 
 
-@row(47, "the clock jumps by an hour to and fro", "exit 0, times are right, --wall holds")
+@row(47, "the clock jumps an hour forward and back", "exit 0, times are right, --wall holds")
 def clock(bench: Bench) -> str:
     done = bench.run("--wall", "600", kind="clock", pause=0.01)
     expect(done.code == 0, done)

@@ -59,6 +59,15 @@ def test_not_a_number_is_exit_4_with_a_reason_and_the_last_checkpoint(toy):
     assert toy.facts("a")["state_digest"] == toy.digest()
 
 
+def test_a_divergence_that_one_rank_raises_leaves_a_post_mortem_too(toy):
+    done = run_with_fault(toy, "diverge", step=50, words=("--checkpoint-every", "20"))
+    assert done.returncode == 4 and "Traceback" not in done.stderr
+    told = (toy.folder / "a" / "post-mortem.txt").read_text()
+    assert "the toy was told to diverge" in told and "rank 1 of 2" in told and "step 50," in told
+    assert "checkpoint of step 40" in told and "restart a" in told
+    assert [(part["status"], part["exit_code"]) for part in toy.facts("a")["history"]] == [("diverged", 4)]
+
+
 @pytest.mark.parametrize("restart_ranks", [1, 3])
 def test_killed_in_mid_step_goes_on_to_the_same_state(toy, restart_ranks):
     done = run_with_fault(toy, "kill", step=110, words=("--checkpoint-every", "25"))

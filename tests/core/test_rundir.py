@@ -140,6 +140,19 @@ def test_run_json_is_replaced_as_a_whole(tmp_path: Path, monkeypatch: pytest.Mon
     assert sorted(p.name for p in rundir.path.iterdir()) == [".lock", "config.conf", "given", "run.json"]
 
 
+def test_links_in_the_way_are_not_followed(tmp_path: Path) -> None:
+    victim, target = tmp_path / "victim", tmp_path / "table.csv"
+    victim.write_text("mine")
+    temporary(target).symlink_to(victim)
+    write_atomic(target, "new")
+    assert (victim.read_text(), target.read_text()) == ("mine", "new")
+    (tmp_path / "run").mkdir()
+    (tmp_path / "run" / ".lock").symlink_to(victim)
+    with pytest.raises(FileError, match="links"):
+        RunDir.create(tmp_path / "run", config="")
+    assert victim.read_text() == "mine"
+
+
 def test_open_wants_a_run(tmp_path: Path) -> None:
     with pytest.raises(FileError, match="no such folder"):
         RunDir.open(tmp_path / "none")

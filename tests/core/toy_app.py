@@ -21,6 +21,7 @@ import numpy as np
 
 from hpcpic.core.cli.app import App
 from hpcpic.core.cli.main import build
+from hpcpic.core.errors import Diverged
 from hpcpic.core.files.arrays import FieldArray, ParticleArray, Shard
 from hpcpic.core.files.derived import Derived
 from hpcpic.core.files.schema import REQUIRED, Section, setting
@@ -35,6 +36,7 @@ class Fault(Section):
         "exit",
         "thread",
         "nan",
+        "diverge",
         "kill",
         "kill in checkpoint",
         "hang",
@@ -147,6 +149,8 @@ class Toy:
             thread.join()
         if fault.kind == "nan":
             self.u[0] = np.nan
+        if fault.kind == "diverge":
+            raise Diverged("the toy was told to diverge")
         if fault.kind == "kill":
             os.kill(os.getpid(), signal.SIGKILL)
         if fault.kind == "hang":
