@@ -2,6 +2,7 @@
 
 import math
 from collections.abc import Callable
+from functools import cached_property
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -55,8 +56,8 @@ class Diagnostics:
             force = scene.config.fluid.body_force[-1]
             return lambda step: force
         if low.kind == high.kind == "pressure":
-            height = float((table.x[:, -1] + table.radius).max() - (table.x[:, -1] - table.radius).min())
-            unit = CS2 * scene.units.pressure / scene.density / height
+            bottom, top = self.app.sample()
+            unit = CS2 * scene.units.pressure / scene.density / (top - bottom)
             return lambda step: (low.density - high.density + (low.rate - high.rate) * step) * unit
         return None
 
@@ -70,7 +71,7 @@ class Diagnostics:
             units |= {f"momentum_{axis}": f"kg m/s{per}" for axis in self.axes}
             units |= {"max_mach": "", "energy_kinetic": f"J{per}"}
             units |= {f"flow_rate_{self.axes[-1]}": "m3/s" if along else "m2/s"}
-            units |= {"permeability": "m2", "hydraulic_gradient": ""} if self.drive else {}
+            units |= {"permeability": "m2", "hydraulic_gradient": "", "porosity": ""} if self.drive else {}
             for name in scene.set_names:
                 units |= {f"force_{name}_{axis}": f"N{per}" for axis in self.axes}
         if self.app.dem:
@@ -113,7 +114,20 @@ class Diagnostics:
         return {
             "permeability": config.fluid.viscosity * u / drive if drive else math.nan,
             "hydraulic_gradient": drive / gravity,
+            "porosity": self.porosity,
         }
+
+    @cached_property
+    def porosity(self) -> float:
+        """Share of fluid nodes between the ends of the sample (section 5.2 of the paper). Collective."""
+        app, ones = self.app, (1,) * (self.app.scene.dimensions - 1)
+        bottom, top = app.sample()
+        z = app.coordinates()[-1].reshape(-1, *ones)
+        inside = (z > bottom) & (z < top)
+        fluid = (app.fluid.solid.inner == FLUID) & inside
+        nodes = inside.sum() * math.prod(fluid.shape[1:])
+        counts = app.world.sum_int(np.array([fluid.sum(), nodes], np.int64))
+        return float(counts[0] / counts[1])
 
     def _grains(self) -> dict[str, float]:
         app = self.app
@@ -130,8 +144,7 @@ class Diagnostics:
             values |= {"energy_kinetic_grains": energy["kinetic"]}
         slices = app.scene.config.output.stress_slices
         if slices:
-            x, r = app.table.x[:, -1], app.table.radius
-            edges = np.linspace((x - r).min(), (x + r).max(), slices + 1)
+            edges = np.linspace(*app.sample(), slices + 1)
             stress = network.stress(app.dem, edges)[:, -1, -1]
             values |= {f"stress_{2 * self.axes[-1]}_{k + 1}": float(s) for k, s in enumerate(stress)}
         return values

@@ -34,6 +34,21 @@ def given_radii(config: LbmDemConfig, grains: GrainSet) -> NDArray[np.float64]:
     return 0.5 * beta_diameters(n, d.min, d.max, d.a, d.b, config.simulation.random_seed, config.dimensions)
 
 
+def mean_diameters(config: LbmDemConfig) -> tuple[float, float]:
+    """<d>, and Sauter's <d^3> / <d^2> of the area they offer to a flow, of all grains, m."""
+    from lbmdem.packing import beta_diameters
+
+    parts = []
+    for grains in config.grains:
+        law = grains.diameters
+        if law is None:
+            parts.append(np.full(len(grains.position), grains.diameter))
+        else:
+            parts.append(beta_diameters(law.count, law.min, law.max, law.a, law.b, 0, config.dimensions))
+    d = np.concatenate(parts)
+    return float(d.mean()), float((d**3).sum() / (d**2).sum())
+
+
 def packed(
     config: LbmDemConfig, grains: GrainSet, world: World, pool: Pool, domain: Domain
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:

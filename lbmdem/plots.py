@@ -132,27 +132,28 @@ def _between_plates(config: LbmDemConfig, y: np.ndarray) -> np.ndarray | None:
 
 
 def permeability(run: Run, step: int | None = None) -> Figure:
-    """Permeability in time, with what it converges to."""
-    t, k = _series(run, "permeability")
+    """Permeability in time, with what it converges to beside Carman and Kozeny's."""
+    from lbmdem.placing import mean_diameters
+
+    t, k, porosity = _series(run, "permeability", "porosity")
+    mean, sauter = mean_diameters(config_of(run))
+    n, last, half = porosity[-1], k[-1], k[len(k) // 2]
+    kozeny = n**3 / (180.0 * (1.0 - n) ** 2)
     with style():
-        figure, axes = new_figure(size=(6.0, 3.4))
-        axes.plot(*thinned(t, k), color=COLOURS[0])
-        last = k[-1]
-        axes.axhline(last, **THEORY)
-        half = k[len(k) // 2]
-        words = f"k = {last:.5g} m$^2$; changed by {abs(last - half) / abs(last):.1e} in the last half"
-        diameter = mean_diameter(config_of(run))
-        if diameter:
-            words += f"\nk/<d>$^2$ = {last / diameter**2:.5g}"
-        axes.text(0.98, 0.06, words, transform=axes.transAxes, ha="right", va="bottom")
-        axes.set(xlabel="time, s", ylabel="permeability, m$^2$", title="Permeability")
+        figure, axes = new_figure(size=(6.4, 3.8))
+        axes.plot(*thinned(t, k), color=COLOURS[0], label="measured")
+        axes.axhline(kozeny * sauter**2, label="Carman-Kozeny", **THEORY)
+        axes.text(
+            0.98, 0.06,
+            f"k = {last:.4g} m$^2$, changed by {abs(last - half) / abs(last):.1e} in the last half\n"
+            f"k/<d>$^2$ = {last / mean**2:.4g} at porosity {n:.4f}\n"
+            f"over Carman-Kozeny: {last / (kozeny * mean**2):.3f} with <d>, "
+            f"{last / (kozeny * sauter**2):.3f} with <d$^3$>/<d$^2$>",
+            transform=axes.transAxes, ha="right", va="bottom", linespacing=1.5,
+        )  # fmt: skip
+        axes.set(xlabel="time, s", ylabel="permeability, m$^2$", title="Permeability", ylim=(0, None))
+        axes.legend(loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=2, borderaxespad=0.1)
         return figure
-
-
-def mean_diameter(config: LbmDemConfig) -> float:
-    from lbmdem.plan import mean_diameter as mean
-
-    return mean(config) if config.grains else 0.0
 
 
 def mass(run: Run, step: int | None = None) -> Figure:

@@ -117,9 +117,10 @@ class Scene:
             u[..., 1] = 0.05 * speed * np.sin(kx * x + 0.5 * math.pi)
         return u
 
-    def initial_density(self, axes: tuple[NDArray, ...]) -> NDArray[np.float64]:
-        """Density at nodes in lattice units: of rest, with the pressure of the initial flow where it has one,
-        and linear between two pressure faces."""
+    def initial_density(self, axes: tuple[NDArray, ...], sample: tuple[float, float]) -> NDArray[np.float64]:
+        """Density at nodes in lattice units: of rest, or of the initial flow; between two pressure faces of the last
+        axis it falls linearly over the sample of fixed grains, low to high in m.
+        """
         shape = np.broadcast_shapes(*(axis.shape for axis in axes))
         rho = np.ones(shape)
         initial = self.config.fluid.initial
@@ -129,11 +130,11 @@ class Scene:
             ratio = kx * kx / (ky * ky)
             waves = ratio * np.cos(2.0 * ky * axes[1]) + np.cos(2.0 * kx * axes[0])
             rho -= 0.25 * speed * speed / CS2 * waves
-        for axis, name in enumerate(AXES[: self.dimensions]):
-            low, high = self.faces[name + "-"], self.faces[name + "+"]
-            if low.kind == high.kind == "pressure" and low.density != high.density:
-                share = axes[axis] / self.config.domain.size[axis]
-                rho += (low.density - 1.0) * (1.0 - share) + (high.density - 1.0) * share
+        name = AXES[self.dimensions - 1]
+        low, high = self.faces[name + "-"], self.faces[name + "+"]
+        if low.kind == high.kind == "pressure":
+            share = np.clip((axes[-1] - sample[0]) / (sample[1] - sample[0]), 0.0, 1.0)
+            rho += (low.density - 1.0) * (1.0 - share) + (high.density - 1.0) * share
         return rho
 
 

@@ -74,8 +74,15 @@ class LbmDem:
             faces={name: Face(face.kind, face.density, face.velocity) for name, face in scene.faces.items()},
         )  # fmt: skip
         axes = self.coordinates()
-        made.set_equilibrium(scene.initial_density(axes), scene.initial_velocity(axes))
+        made.set_equilibrium(scene.initial_density(axes, self.sample()), scene.initial_velocity(axes))
         return made
+
+    def sample(self) -> tuple[float, float]:
+        """Lower and upper end of the fixed grains along the last axis, m; the box's where there are none."""
+        x, r = self.table.x[:, -1], self.table.radius
+        if not len(r):
+            return 0.0, self.scene.config.domain.size[-1]
+        return float((x - r).min()), float((x + r).max())
 
     def coordinates(self) -> tuple[NDArray, ...]:
         """x, y(, z) of this rank's nodes in m, which broadcast to the slab in storage order."""
