@@ -20,8 +20,8 @@ from lbmdem.kernels.layout import FLUID
 from lbmdem.lattices import Lattice
 from lbmdem.links import GAINS, Bodies, FixedLinks, Wall, mark_walls
 from lbmdem.moving import MovingLinks
-from lbmdem.refill import Refill, Table
-from lbmdem.solid import Change, Solid, Window, kernel_axes, kernel_rotation
+from lbmdem.refill import Refill
+from lbmdem.solid import Change, Solid, Table, Window, kernel_axes, kernel_rotation
 
 _SUM_BITS, _FINEST_BITS = 61, 52  # of the sums; scales finer than 2^-52 are of no use for terms below 1
 _BLOCKS = 4  # per thread
@@ -69,13 +69,14 @@ class Immersed:
         self._refill = Refill(self.window, fluid, world, refill)
         self._walls = tuple(walls)
         self._fixed = grain_table(*fixed) if fixed else grain_table(*_no_grains(self._dimensions))
-        self._solid.rebuild(self._fixed.ids, self._fixed.centres, self._fixed.radii)
+        self._solid.rebuild(self._fixed)
         fluid.solid_changed(fill=False)
         self._stay = self._link(Bodies(*self._fixed, self._walls))
         self._set_scale(self._fixed.radii)
         self._moving: MovingLinks | None = None
         self._table = self._fixed  # of the grains that are linked anew
         self._gains: list[Gains] = []  # of the last step
+        self._earlier: list[Gains] = []  # of the one before
         self._wall_sums = np.zeros((len(self._walls), GAINS), np.int64)
         self._pending = Gains(self._fixed.ids[:0], np.zeros((0, GAINS), np.int64))
         fluid.hooks.append(self._bounce)
@@ -110,9 +111,9 @@ class Immersed:
             open_mass = 0.0 if self._refill.conserving else 1.0
             nodes = (self.fluid.layout, self.fluid.f, self.fluid.ids)
             self._moving = MovingLinks(self.window, *nodes, self._rule, open_mass, self._blocks)
-        self._solid.rebuild(*self._table[:3])
+        images = self._solid.rebuild(self._table)
         self.fluid.solid_changed(fill=False)
-        self._moving.place(*self._table)
+        self._moving.place(self._table, images)
 
     def move(self, ids: NDArray, centres: NDArray, radii: NDArray, velocity: NDArray, omega: NDArray) -> None:
         """As `start`, from where the grains were; nodes that they uncover are filled. Collective."""
@@ -121,11 +122,11 @@ class Immersed:
             return
         self._table = table = _merged(self._fixed, grain_table(ids, centres, radii, velocity, omega))
         self._refill.exchange()
-        change = self._solid.update(table.ids, table.centres, table.radii)
+        change = self._solid.update(table)
         covered, filled = self._refill.change(self._solid, change, table)
         self._solid.settle()
         self.fluid.solid_changed(fill=False)
-        self._moving.place(*table)
+        self._moving.place(table, self._solid.images)
         if self._refill.conserving:
             self._pending = self._account(change, covered, filled)
 
@@ -147,7 +148,7 @@ class Immersed:
         stay = self._stay.run_and_measure(self._pool, parity, self._scale)
         ids = self._stay.bodies.ids
         self._wall_sums = stay[len(ids) :]
-        self._gains = [Gains(ids, stay[: len(ids)])]
+        self._earlier, self._gains = self._gains, [Gains(ids, stay[: len(ids)])]
         if self._moving is not None:
             self._gains += [Gains(self._table.ids, self._moving.run(self._pool, parity, self._scale)), self._pending]
             self._pending = Gains(self._table.ids[:0], self._pending.sums[:0])
@@ -164,14 +165,22 @@ class Immersed:
             self._refill.add_evenly(-gained / nodes / float(self._scale[6]))
 
     def forces(self, ids: NDArray[np.int64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """Force [n, d] and torque [n, 1 or 3] of the last step on the grains of these numbers. Collective."""
-        greatest = max([ids.max(initial=-1), *(gains.ids.max(initial=-1) for gains in self._gains)])
+        """Force [n, d] and torque [n, 1 or 3] on the grains of these numbers, as `all_forces`. Collective."""
+        parts = [*self._gains, *self._earlier]
+        greatest = max([ids.max(initial=-1), *(gains.ids.max(initial=-1) for gains in parts)])
         force, torque = self.all_forces(int(self._world.max(float(greatest))) + 1)
         return force[ids], torque[ids]
 
-    def all_forces(self, number: int) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """Force [number, d] and torque [number, 1 or 3] of the last step on the grains 0 .. number - 1. Collective."""
-        return self._physical(self._total(self._gains, number))
+    def all_forces(self, number: int, steps: int = 2) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Force [number, d] and torque [number, 1 or 3] on the grains 0 .. number - 1. Collective.
+
+        The mean of the last two steps: links leave an alternation from step to step (Ladd, J. Fluid Mech. 271 (1994)
+        285), which would grow with grains that answer it. steps = 1: of the last one alone, which closes the balance.
+        """
+        earlier = self._earlier if steps == 2 else []
+        force, torque = self._physical(self._total([*self._gains, *earlier], number))
+        share = 0.5 if earlier else 1.0
+        return share * force, share * torque
 
     def _total(self, parts: Sequence[Gains], number: int) -> NDArray[np.int64]:
         sums = np.zeros((number, GAINS), np.int64)
@@ -180,17 +189,18 @@ class Immersed:
         return self._world.sum_int(sums)
 
     def wall_forces(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """Force and torque of the last step on the walls, about their centres. Collective."""
+        """Force and torque of the last step alone on the walls, about their centres. Collective."""
         return self._physical(self._world.sum_int(self._wall_sums))
 
     def pending(self, number: int) -> NDArray[np.int64]:
-        """For a checkpoint: [number, 7] what the last `move` has left for the next step. Collective."""
-        return self._total([self._pending], number)
+        """For a checkpoint: [number, 14] what the last `move` left for the next step, and the last step. Collective."""
+        return np.hstack([self._total(parts, number) for parts in ([self._pending], self._gains)])
 
     def restore(self, pending: NDArray[np.int64]) -> None:
-        """Take `pending` of a checkpoint; `start` places the grains."""
-        if self._world.rank == 0:
-            self._pending = Gains(np.arange(len(pending)), np.array(pending, np.int64))
+        """Take `pending` of a checkpoint; `start` places the grains. All ranks give the same."""
+        ids = np.arange(len(pending) if self._world.rank == 0 else 0)
+        left, last = (np.array(part[: len(ids)], np.int64) for part in np.hsplit(pending, 2))
+        self._pending, self._gains, self._earlier = Gains(ids, left), [Gains(ids, last)], []
 
     def free(self) -> None:
         """Release what MPI holds (all ranks together)."""
@@ -203,7 +213,7 @@ class Immersed:
         return values[:, [0, 2]], -values[:, 4:5]
 
     def counts(self) -> dict[str, int]:
-        """Links of the last step, those without the fluid nodes of their rule, those lost to another solid. Collective."""
+        """Links of the last step, those without the nodes of their rule, those lost to another solid. Collective."""
         here = np.array([self._stay.count, self._stay.fallbacks, 0], np.int64)
         if self._moving is not None:
             here += self._moving.counters.sum(axis=0)

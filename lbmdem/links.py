@@ -133,7 +133,7 @@ class FixedLinks:
         self.directions = Directions(layout.lattice)
         self.bodies = bodies
         self._rule = RULES[rule]
-        if self._rule == kernels.QUADRATIC and layout.stored != layout.planes:
+        if self._rule == kernels.QUADRATIC and not window.whole:
             raise HpcpicError("the quadratic rule reads two nodes beyond a slab: it works on one rank only")
         self._window, self._layout = window, layout
         self._solid = solid.reshape(tuple(window.shape[::-1]))

@@ -7,8 +7,6 @@ it covers and gives that of what it uncovers, and the mass that links and nodes 
 into all nodes at every step.
 """
 
-from typing import NamedTuple
-
 import numpy as np
 from numpy.typing import NDArray
 
@@ -20,7 +18,7 @@ from hpcpic.core.space.fields import Field
 from lbmdem.fluid import Fluid
 from lbmdem.kernels import refill as kernels
 from lbmdem.links import Directions
-from lbmdem.solid import Change, Solid, Window
+from lbmdem.solid import Change, Solid, Table, Window, several_slabs
 
 MODES = {
     "average": kernels.AVERAGE,
@@ -28,15 +26,6 @@ MODES = {
     "non-equilibrium": kernels.NON_EQUILIBRIUM,
     "conserving": kernels.LOCAL,
 }
-
-
-class Table(NamedTuple):
-    """Grains in the order of ids: centres[n, 3], motion[n, 6] (velocity, angular velocity) in the axes of kernels."""
-
-    ids: NDArray[np.int64]
-    centres: NDArray[np.float64]
-    radii: NDArray[np.float64]
-    motion: NDArray[np.float64]
 
 
 class Refill:
@@ -48,10 +37,11 @@ class Refill:
         self._window, self._fluid, self._world = window, fluid, world
         self._directions = Directions(fluid.lattice)
         layout = fluid.layout
+        self._rule = (layout.strides, layout.slots, layout.shifts)
         self._sizes = np.array([layout.nx, layout.rows, layout.planes], np.int64)
         self._edges = np.zeros((2, 0, 0, 0))
         self._fill: Fill | None = None
-        if layout.stored != layout.planes and self._mode != kernels.AVERAGE:
+        if several_slabs(fluid.domain) and self._mode != kernels.AVERAGE:
             self._share_edges()
 
     def _share_edges(self) -> None:
@@ -66,8 +56,7 @@ class Refill:
         self._fill = Fill(self._world, planes, self._planes, Channel.EDGES)
 
     def _place(self, parity: int) -> tuple:
-        layout = self._fluid.layout
-        return (self._fluid.f, layout.strides, layout.slots, layout.shifts, parity)
+        return (self._fluid.f, *self._rule, parity)
 
     def exchange(self) -> None:
         """Get the planes of other ranks beside this slab. Collective."""
@@ -88,11 +77,14 @@ class Refill:
         window, place = self._window, self._place(self._fluid.parity)
         q = self._fluid.lattice.q
         covered, filled = np.empty((len(change.covered), q)), np.empty((len(change.uncovered), q))
-        kernels.read(*place, window.shape, window.inner, change.covered, covered)
+        if len(change.covered):
+            kernels.read(*place, window.shape, window.inner, change.covered, covered)
+        if not len(change.uncovered):
+            return covered, filled
         rows = np.searchsorted(table.ids, change.left_by)
         arm = self.arms(change.uncovered, table.centres[rows])
         speed = table.motion[rows, :3] + np.cross(table.motion[rows, 3:], arm)
-        nodes = (solid.nodes.reshape(-1), window.shape, window.inner, self._sizes, self._edges)
+        nodes = (solid.nodes.reshape(-1), window.shape, window.inner, window.box, self._sizes, self._edges)
         e = self._directions.e
         kernels.refill(*place, *nodes, e, self._fluid.lattice.w, self._mode, change.uncovered, speed, filled)
         kernels.write(*place, window.shape, window.inner, change.uncovered, filled)

@@ -5,6 +5,7 @@ steps only the ends of the runs of nodes along x change (a small part of the nod
 """
 
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -14,7 +15,6 @@ from lbmdem.kernels import runs
 from lbmdem.kernels.layout import FLUID
 
 _FAR = 1 << 40
-_NOWHERE = 1e9  # nodes; a place that is never near
 
 
 def kernel_axes(vectors: ArrayLike) -> NDArray[np.float64]:
@@ -33,6 +33,11 @@ def kernel_rotation(vectors: ArrayLike) -> NDArray[np.float64]:
     return np.column_stack((np.zeros(len(vectors)), -vectors[:, 0], np.zeros(len(vectors))))
 
 
+def several_slabs(domain: Domain) -> bool:
+    """Whether more than one rank has rows."""
+    return sum(high > low for low, high in zip(domain.cuts, domain.cuts[1:])) > 1
+
+
 @dataclass(frozen=True, slots=True)
 class Window:
     """The padded array of one rank on the box: arrays of three in the order (x, row, plane)."""
@@ -42,6 +47,7 @@ class Window:
     inner: NDArray[np.int64]  # [3, 2] places that are not ghosts
     points: NDArray[np.int64]
     periodic: NDArray[np.bool_]
+    whole: bool  # this rank has all planes
 
     @classmethod
     def of(cls, domain: Domain, rank: int, ghosts: tuple[tuple[int, int], ...]) -> "Window":
@@ -58,6 +64,7 @@ class Window:
             inner=columns[:, 2:4].copy(),
             points=columns[:, 4].copy(),
             periodic=columns[:, 5].astype(np.bool_),
+            whole=not several_slabs(domain),
         )
 
 
@@ -68,28 +75,39 @@ class Window:
         return np.where(self.periodic[:, None], np.array([-_FAR, _FAR]), ends)
 
 
-@dataclass(slots=True)
-class Images:
+class Table(NamedTuple):
+    """Grains in the order of ids: centres[n, 3], motion[n, 6] (velocity, angular velocity) in the axes of kernels."""
+
+    ids: NDArray[np.int64]
+    centres: NDArray[np.float64]
+    radii: NDArray[np.float64]
+    motion: NDArray[np.float64]
+
+
+class Images(NamedTuple):
     """Grains as they are seen in a window: row of the grain, and what to add to its nodes to get local ones."""
 
     grain: NDArray[np.int64]
     offset: NDArray[np.int64]  # [m, 3]
 
 
-def find_images(window: Window, centres: NDArray, radii: NDArray, margin: float) -> Images:
-    """Images of grains [n, 3] within `margin` nodes of the window, in the order of the grains."""
-    place = (window.origin, window.shape, window.points, window.periodic)
-    grain, offset = np.empty(len(radii), np.int64), np.empty((len(radii), 3), np.int64)
-    count = runs.images(centres, radii, margin, *place, grain, offset)
+def find_images(window: Window, table: Table) -> Images:
+    """Images of grains within a node of the window, in the order of the grains."""
+    place = (table.centres, table.radii, 1.0, window.origin, window.shape, window.points, window.periodic)
+    grain, offset = np.empty(len(table.radii), np.int64), np.empty((len(table.radii), 3), np.int64)
+    count = runs.images(*place, grain, offset)
     if count > len(grain):
         grain, offset = np.empty(count, np.int64), np.empty((count, 3), np.int64)
-        runs.images(centres, radii, margin, *place, grain, offset)
+        runs.images(*place, grain, offset)
     return Images(grain[:count], offset[:count])
 
 
 @dataclass(slots=True)
 class Change:
-    """Own nodes (flat places in the padded array) that an update has freed or covered, and by which grain id."""
+    """Own nodes (flat places in the padded array) that an update has freed or covered, and by which grain id.
+
+    Views, which the next update overwrites.
+    """
 
     uncovered: NDArray[np.int64]
     left_by: NDArray[np.int32]
@@ -104,80 +122,65 @@ class Solid:
         self.window = window
         self.nodes = nodes.reshape(tuple(window.shape[::-1]))
         assert np.shares_memory(self.nodes, nodes)
-        self._ids = np.empty(0, np.int64)
-        self._centres, self._radii = np.empty((0, 3)), np.empty(0)
+        self._planes = (0, int(window.shape[2]))
         self._suspects = np.empty(0, np.int64)
-        self._unsettled = np.empty(0, np.int64)
-        self._room = 64
+        self._lists = np.empty((2, 64), np.int64), np.empty((2, 64), np.int32)
+        self._left = self._lists[0][0, :0]
 
-    def rebuild(self, ids: NDArray[np.int64], centres: NDArray[np.float64], radii: NDArray[np.float64]) -> None:
-        """Forget all grains and mark these: ids ascending, centres[n, d] and radii in nodes."""
+    def rebuild(self, table: Table) -> Images:
+        """Forget all grains and mark these."""
         self.nodes[self.nodes >= 0] = FLUID
-        centres = kernel_axes(centres)
-        images = find_images(self.window, centres, radii, 0.0)
-        lost = np.zeros(len(ids), np.bool_)
-        planes = 0, self.nodes.shape[0]
-        runs.mark(self.nodes, centres, radii, ids, images.grain, images.offset, *planes, lost)
-        self._remember(ids, centres, radii, lost)
+        self._table, self.images = table, find_images(self.window, table)
+        lost = np.zeros(len(table.ids), np.bool_)
+        runs.mark(self.nodes, table.centres, table.radii, table.ids, *self.images, *self._planes, lost)
+        self._suspects = table.ids[lost]
+        return self.images
 
-    def update(self, ids: NDArray[np.int64], centres: NDArray[np.float64], radii: NDArray[np.float64]) -> Change:
+    def update(self, table: Table) -> Change:
         """Move the grains that were there to their new places; others come and go. The same nodes as `rebuild`, but
         nodes that become fluid are marked LEFT until `settle`, so that one can tell them from their neighbours."""
-        before = (self._ids, self._centres[:, _physical(centres)], self._radii)
+        before, suspects = self._table, self._suspects
         while True:
-            change = self._try_update(ids, kernel_axes(centres), radii)
+            change = self._try_update(table)
             if change is not None:
                 return change
-            self.rebuild(*before)
-            self._room *= 4
+            self._lists = tuple(np.empty((2, 4 * part.shape[1]), part.dtype) for part in self._lists)
+            self.rebuild(before)
+            assert np.array_equal(self._suspects, suspects)
 
-    def _try_update(self, ids: NDArray, centres: NDArray, radii: NDArray) -> Change | None:
+    def _try_update(self, table: Table) -> Change | None:
         """None when the lists have no room: then the nodes are in between."""
-        nodes, ranks = np.empty((2, self._room), np.int64), np.empty((2, self._room), np.int32)
-        planes = 0, self.nodes.shape[0]
-        here, old = (self._centres, self._radii, self._ids), find_images(self.window, self._centres, self._radii, 0.0)
-        there, new = (centres, radii, ids), find_images(self.window, centres, radii, 0.0)
-        went = self._elsewhere(old, self._ids, self._centres, ids, centres)
-        n_left = runs.leave(self.nodes, *here, old.grain, old.offset, *went, *planes, nodes[0], ranks[0])
-        came = self._elsewhere(new, ids, centres, self._ids, self._centres)
-        lost = np.zeros(len(ids), np.bool_)
-        n_taken = runs.enter(self.nodes, *there, new.grain, new.offset, *came, *planes, nodes[1], ranks[1], lost)
-        if max(n_left, n_taken) > self._room:
+        (left, taken), (left_by, taken_by) = self._lists
+        old, was = self._table, self.images
+        new, now = table, find_images(self.window, table)
+        went = self._elsewhere(old, was, new)
+        here = (self.nodes, old.centres, old.radii, old.ids, *was)
+        n_left = runs.leave(*here, *went, *self._planes, left, left_by)
+        came = self._elsewhere(new, now, old)
+        lost = np.zeros(len(new.ids), np.bool_)
+        there = (self.nodes, new.centres, new.radii, new.ids)
+        n_taken = runs.enter(*there, *now, *came, *self._planes, taken, taken_by, lost)
+        if max(n_left, n_taken) > len(left):
             self.nodes[self.nodes == runs.LEFT] = FLUID
             return None
-        again = np.isin(ids[new.grain], self._suspects)
-        runs.mark(self.nodes, *there, new.grain[again], new.offset[again], *planes, lost)
-        self._remember(ids, centres, radii, lost)
-        kept = runs.keep(self.nodes, runs.LEFT, nodes[0, :n_left], ranks[0, :n_left])
-        self._unsettled = nodes[0, :kept]
-        taken = runs.keep_inner(self.nodes, nodes[1, :n_taken], ranks[1, :n_taken], self.window.inner)
-        free, by = self._unsettled.copy(), ranks[0, :kept].copy()
-        own = runs.keep_inner(self.nodes, free, by, self.window.inner)
-        return Change(free[:own], by[:own], nodes[1, :taken], ranks[1, :taken])
+        if len(self._suspects):
+            again = np.isin(new.ids[now.grain], self._suspects)
+            runs.mark(*there, now.grain[again], now.offset[again], *self._planes, lost)
+        self._table, self.images, self._suspects = table, now, new.ids[lost]
+        n_left = runs.keep(self.nodes, runs.LEFT, left[:n_left], left_by[:n_left])
+        self._left = left[:n_left].copy()
+        inner = self.window.inner
+        n_left = runs.keep_inner(self.nodes, left[:n_left], left_by[:n_left], inner)
+        n_taken = runs.keep_inner(self.nodes, taken[:n_taken], taken_by[:n_taken], inner)
+        return Change(left[:n_left], left_by[:n_left], taken[:n_taken], taken_by[:n_taken])
 
     def settle(self) -> None:
         """The nodes that the last update freed are fluid from now on."""
-        self.nodes.reshape(-1)[self._unsettled] = FLUID
+        self.nodes.reshape(-1)[self._left] = FLUID
 
-    def _remember(self, ids: NDArray, centres: NDArray, radii: NDArray, lost: NDArray) -> None:
-        self._ids, self._centres, self._radii = ids.copy(), centres.copy(), radii.copy()
-        self._suspects = ids[lost]
-
-    def _elsewhere(
-        self, images: Images, ids: NDArray, centres: NDArray, other_ids: NDArray, others: NDArray
-    ) -> tuple[NDArray, NDArray]:
-        """Where the grain of each image is in another list: centre[m, 3] and offset[m, 3] of the nearest image."""
-        wanted = ids[images.grain]
-        at = np.searchsorted(other_ids, wanted)
-        at[at == len(other_ids)] = 0
-        found = other_ids[at] == wanted if len(other_ids) else np.zeros(len(wanted), np.bool_)
-        place, offset = np.full((len(wanted), 3), _NOWHERE), images.offset.copy()
-        place[found] = others[at[found]]
-        turns = np.rint((centres[images.grain[found]] - place[found]) / self.window.points).astype(np.int64)
-        offset[found] += np.where(self.window.periodic, turns * self.window.points, 0)
+    def _elsewhere(self, table: Table, images: Images, other: Table) -> tuple[NDArray, NDArray]:
+        """Where the grain of each image is in another table: centre[m, 3] and offset[m, 3] of the nearest image."""
+        place, offset = np.empty((len(images.grain), 3)), np.empty((len(images.grain), 3), np.int64)
+        grains = (table.centres, table.ids, *images, other.centres, other.ids)
+        runs.elsewhere(*grains, self.window.points, self.window.periodic, place, offset)
         return place, offset
-
-
-def _physical(vectors: NDArray) -> list[int]:
-    """Columns of (x, row, plane) that make (x, y[, z])."""
-    return [0, 1, 2] if vectors.shape[1] == 3 else [0, 2]

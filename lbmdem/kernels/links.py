@@ -47,9 +47,9 @@ def coefficients(rule, q, behind):
 
 
 @njit(inline="always")
-def crossing(d_sq, along, e_sq):
-    """Where a link leaves the fluid: d_sq = |x - c|^2 - r^2 >= 0, along = (x - c).e < 0; in [0, 1]."""
-    q = (-along - math.sqrt(max(along * along - e_sq * d_sq, 0.0))) / e_sq
+def crossing(d_sq, along, e_sq, inverse):
+    """Where a link leaves the fluid: d_sq = |x - c|^2 - r^2 >= 0, along = (x - c).e < 0; inverse of e_sq. In [0, 1]."""
+    q = (-along - math.sqrt(max(along * along - e_sq * d_sq, 0.0))) * inverse
     return min(max(q, 0.0), 1.0)
 
 
@@ -105,24 +105,23 @@ def moving_links(
     height = 0
     for g in range(radii.size):
         height = max(height, np.int64(2.0 * radii[g]) + 8)
-    first, last = np.empty((3, height), np.int64), np.empty((3, height), np.int64)
+    chords = np.empty((3, 3, height), np.int64)
     gained = np.zeros(7)
     for p in range(low, high):
         for at in range(start[p - low], start[p - low + 1]):
             m = images[at]
             g = grain[m]
-            gained[:] = 0.0
             links_of_plane(
                 f, strides, slots, shifts, parity, e, opposite, w6, rule, open_mass, solid, shape, inner, box, p,
-                centres[g], radii[g], np.int32(ids[g]), motion[g], offset[m], first, last, gained, counters,
+                centres[g], radii[g], np.int32(ids[g]), motion[g], offset[m], chords[0], chords[1], chords[2], gained, counters,
             )  # fmt: skip
             for a in range(7):
                 sums[g, a] += np.int64(np.rint(gained[a] * scale[a]))
 
 
 @njit
-def _chords(centre, radius, offset, p, r0, r1, first, last):
-    """first, last[3, rows]: runs of solid nodes of planes p - 1 .. p + 1 and rows r0 - 1 .. r1, in local nodes."""
+def _chords(centre, radius, offset, strides, inner, p, r0, r1, first, last, base):
+    """Of planes p - 1 .. p + 1 and rows r0 - 1 .. r1: runs of solid nodes, local; element of the local node x = 0."""
     for c in range(3):
         dz = (p - 1 + c - offset[2]) - centre[2]
         for r in range(r0 - 1, r1 + 1):
@@ -130,6 +129,7 @@ def _chords(centre, radius, offset, p, r0, r1, first, last):
             a, b = run(centre[0], radius * radius - dz * dz - dy * dy)
             first[c, r - r0 + 1] = a + offset[0]
             last[c, r - r0 + 1] = b + offset[0]
+            base[c, r - r0 + 1] = place(strides, p - 1 + c - inner[2, 0], r - inner[1, 0]) - inner[0, 0]
 
 
 @njit(inline="always")
@@ -148,47 +148,49 @@ def second_behind(f, strides, slots, shifts, parity, solid, shape, inner, p, r, 
 @njit
 def links_of_plane(
     f, strides, slots, shifts, parity, e, opposite, w6, rule, open_mass, solid, shape, inner, box, p,
-    centre, radius, number, motion, offset, first, last, gained, counters,
+    centre, radius, number, motion, offset, first, last, base, gained, counters,
 ):  # fmt: skip
-    """Links of one image that start in plane p. gained[7] += force, torque and mass."""
+    """Links of one image that start in plane p. gained[7]: force, torque and mass."""
     r0, r1 = span(centre[1], radius + 1.0, offset[1], inner[1, 0], inner[1, 1])
-    if r0 >= r1:
-        return
-    _chords(centre, radius, offset, p, r0, r1, first, last)
-    dz = (p - offset[2]) - centre[2]
+    _chords(centre, radius, offset, strides, inner, p, r0, r1, first, last, base)
+    dz, r_sq = (p - offset[2]) - centre[2], radius * radius
     ux, uy, uz, wx, wy, wz = motion[0], motion[1], motion[2], motion[3], motion[4], motion[5]
+    force_x, force_y, force_z, mass = 0.0, 0.0, 0.0, 0.0
+    torque_x, torque_y, torque_z = 0.0, 0.0, 0.0
+    n_links, n_fallbacks, n_lost = 0, 0, 0
     for i in range(1, opposite.size):
         ex, ey, ez = e[i, 0], e[i, 1], e[i, 2]
         cx, cy, cz = float(ex), float(ey), float(ez)
         e_sq, weight = cx * cx + cy * cy + cz * cz, w6[i]
+        inverse = 1.0 / e_sq
         step = (ez * shape[1] + ey) * shape[0] + ex
         j = opposite[i]
         slot_i, slot_j = slots[parity, i] * strides[0], slots[parity, j] * strides[0]
-        up = 1 if i % 2 == 1 else -1  # up * e points to larger storage indices
+        odd = i % 2 == 1
+        up = 1 if odd else -1  # up * e points to larger storage indices
         for r in range(r0, r1):
             row = r - r0 + 1
-            sa, sb = first[1 + ez, row + ey] - ex, last[1 + ez, row + ey] - ex
-            if sa > sb:
+            sa, sb = max(first[1 + ez, row + ey] - ex, inner[0, 0]), min(last[1 + ez, row + ey] - ex + 1, inner[0, 1])
+            if sa >= sb:
                 continue
             a, b = first[1, row], last[1, row]
             dy = (r - offset[1]) - centre[1]
             in_box = box[1, 0] <= r - ey < box[1, 1] and box[2, 0] <= p - ez < box[2, 1]
-            base = (p * shape[1] + r) * shape[0]
-            here = place(strides, p - inner[2, 0], r - inner[1, 0]) - inner[0, 0]
-            there = place(strides, p - inner[2, 0] + up * ez, r - inner[1, 0] + up * ey) - inner[0, 0] + up * ex
-            if i % 2 == 1:
-                at_out, at_second, at_outwards = slot_j + there, slot_i + here, slot_j + here
-            else:
-                at_out, at_second, at_outwards = slot_j + here, slot_i + there, slot_j + there
-            for x in range(max(sa, inner[0, 0]), min(sb + 1, inner[0, 1])):
-                k = base + x
+            nodes = (p * shape[1] + r) * shape[0]
+            here, there = base[1, row], base[1 + up * ez, row + up * ey] + up * ex
+            at_out = slot_j + (there if odd else here)
+            at_second = slot_i + (here if odd else there)
+            at_outwards = slot_j + (here if odd else there)
+            for x in range(sa, sb):
+                k = nodes + x
                 if a <= x <= b or solid[k] != FLUID:
                     continue
                 if solid[k + step] != number:
-                    counters[LOST] += 1
+                    n_lost += 1
                     continue
                 dx = (x - offset[0]) - centre[0]
-                q = crossing(dx * dx + dy * dy + dz * dz - radius * radius, cx * dx + cy * dy + cz * dz, e_sq)
+                along = cx * dx + cy * dy + cz * dz
+                q = crossing(dx * dx + dy * dy + dz * dz - r_sq, along, e_sq, inverse)
                 px, py, pz = dx + q * cx, dy + q * cy, dz + q * cz
                 vx, vy, vz = ux + wy * pz - wz * py, uy + wz * px - wx * pz, uz + wx * py - wy * px
                 n = np.int64(in_box and box[0, 0] <= x - ex < box[0, 1] and solid[k - step] == FLUID)
@@ -208,15 +210,20 @@ def links_of_plane(
                 give, keep = out + v, out - v
                 swept = open_mass * keep
                 fx, fy, fz = give * cx - swept * vx, give * cy - swept * vy, give * cz - swept * vz
-                gained[0] += fx
-                gained[1] += fy
-                gained[2] += fz
-                gained[3] += py * fz - pz * fy
-                gained[4] += pz * fx - px * fz
-                gained[5] += px * fy - py * fx
-                gained[6] -= keep
-                counters[LINKS] += 1
-                counters[FALLBACKS] += n < rule_reach(rule)
+                force_x += fx
+                force_y += fy
+                force_z += fz
+                torque_x += py * fz - pz * fy
+                torque_y += pz * fx - px * fz
+                torque_z += px * fy - py * fx
+                mass -= keep
+                n_links += 1
+                n_fallbacks += n < rule_reach(rule)
+    gained[0], gained[1], gained[2] = force_x, force_y, force_z
+    gained[3], gained[4], gained[5], gained[6] = torque_x, torque_y, torque_z, mass
+    counters[LINKS] += n_links
+    counters[FALLBACKS] += n_fallbacks
+    counters[LOST] += n_lost
 
 
 @njit(inline="always")

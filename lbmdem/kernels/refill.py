@@ -64,17 +64,27 @@ def add_equilibrium(h, e, w, sign, density, ux, uy, uz):
 
 
 @njit
+def outside(place, inner, box):
+    """Whether a node (x, row, plane) of this slab, or beside it, is beyond a face of the box (box[3, 2], padded)."""
+    for a in range(3):
+        at = place[a] + inner[a, 0]
+        if at < box[a, 0] or at >= box[a, 1]:
+            return True
+    return False
+
+
+@njit
 def from_neighbours(
-    f, strides, slots, shifts, parity, solid, shape, inner, sizes, edge, e, w, mode, k, other, total
+    f, strides, slots, shifts, parity, solid, shape, inner, box, sizes, edge, e, w, mode, k, other, total
 ):  # fmt: skip
     """Mean of the density less one over the fluid neighbours of node k; total[q]: mean of their non-equilibrium."""
     x, r, p = local_node(k, shape, inner)
     total[:] = 0.0
     density, found = 0.0, 0
     for i in range(1, w.size):
-        if solid[k + (e[i, 2] * shape[1] + e[i, 1]) * shape[0] + e[i, 0]] != FLUID:
-            continue
         place = (x + e[i, 0], r + e[i, 1], p + e[i, 2])
+        if solid[k + (e[i, 2] * shape[1] + e[i, 1]) * shape[0] + e[i, 0]] != FLUID or outside(place, inner, box):
+            continue
         populations(f, strides, slots, shifts, parity, sizes, edge, place[0], place[1], place[2], other)
         extra, jx, jy, jz = moments(other, e)
         density += extra
@@ -93,7 +103,7 @@ def from_neighbours(
 
 @njit
 def refill(
-    f, strides, slots, shifts, parity, solid, shape, inner, sizes, edge, e, w, mode,
+    f, strides, slots, shifts, parity, solid, shape, inner, box, sizes, edge, e, w, mode,
     nodes, speed, values,
 ):  # fmt: skip
     """values[n, q] for uncovered nodes[n]: equilibrium with speed[n, 3] and, by mode, the density of the neighbours.
@@ -105,8 +115,9 @@ def refill(
         density = 0.0
         if mode != AVERAGE:
             density = from_neighbours(
-                f, strides, slots, shifts, parity, solid, shape, inner, sizes, edge, e, w, mode, nodes[n], other, total
-            )
+                f, strides, slots, shifts, parity, solid, shape, inner, box, sizes, edge, e, w, mode,
+                nodes[n], other, total,
+            )  # fmt: skip
         values[n, :] = total
         add_equilibrium(values[n], e, w, 1.0, density, speed[n, 0], speed[n, 1], speed[n, 2])
 

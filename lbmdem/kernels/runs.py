@@ -16,6 +16,7 @@ from lbmdem.kernels import layout
 FLUID = np.int32(layout.FLUID)
 LEFT = np.int32(-9)  # for the time of an update: a grain has just left this node
 _FAR = 1 << 40
+_NOWHERE = 1e9  # nodes
 
 
 @njit
@@ -161,6 +162,25 @@ def enter(solid, centres, radii, ids, grain, offset, other, other_offset, low, h
                         count += 1
                     _claim(solid, p, r, x, ids, grain[m], lost)
     return count
+
+
+@njit
+def elsewhere(centres, ids, grain, offset, others, other_ids, points, periodic, place, place_offset):
+    """Of the grain of each image: its centre in another list, and the offset of its nearest image there.
+
+    place[m, 3], place_offset[m, 3]; a place that is never near for grains that are not in the list. Ids ascend.
+    """
+    for m in range(grain.size):
+        at = np.searchsorted(other_ids, ids[grain[m]])
+        place_offset[m] = offset[m]
+        if at == other_ids.size or other_ids[at] != ids[grain[m]]:
+            place[m] = _NOWHERE
+            continue
+        place[m] = others[at]
+        for a in range(3):
+            if periodic[a]:
+                turns = np.rint((centres[grain[m], a] - others[at, a]) / points[a])
+                place_offset[m, a] += np.int64(turns) * points[a]
 
 
 @njit

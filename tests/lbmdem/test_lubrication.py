@@ -8,7 +8,7 @@ from lbmdem.lubrication import ROUGHNESS, Film
 
 
 def squeezed(gap, radius, dimensions):
-    """Force over velocity from the pressure 6 mu U R / h^2 or 3 mu U R / h^2 in the parabolic film (Reynolds), mu = 1."""
+    """Force over velocity of the parabolic film: pressure 6 mu U R / h^2 or 3 mu U R / h^2 (Reynolds), mu = 1."""
 
     def height(s):
         return gap + s * s / (2 * radius)

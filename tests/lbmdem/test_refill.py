@@ -21,7 +21,7 @@ def pool():
 
 
 class Uncovered:
-    """A grain at a seam has moved by most of a node: `nodes` (mask) it has left, `h` what they hold, `u` its velocity."""
+    """A grain at a seam has moved by most of a node: `nodes` (mask) it left, `h` what they hold, `u` its velocity."""
 
     def __init__(self, world, pool, lattice, refill, populations):
         shape, d = SHAPES[lattice.name], lattice.dimensions

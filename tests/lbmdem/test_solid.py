@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from hpcpic.core.space.domain import Domain
-from lbmdem.solid import Solid, Window
+from lbmdem.solid import Solid, Table, Window, kernel_axes
 
 N = 24
 
@@ -12,6 +12,10 @@ N = 24
 def window(dimensions, rank, periodic=True):
     box = Domain((1.0,) * dimensions, (N,) * dimensions, (periodic,) * dimensions, (0, 7, 7, N))
     return Window.of(box, rank, ((1, 1),) * dimensions)
+
+
+def table(ids, x, radii):
+    return Table(ids, kernel_axes(x), radii, np.zeros((len(ids), 6)))
 
 
 def inner(place):
@@ -37,14 +41,14 @@ def test_an_update_gives_what_marking_anew_gives(dimensions, rank, periodic):
     fresh = nodes.copy()
     kept, marked = Solid(place, nodes), Solid(place, fresh)
     ids, x, radii, v, rng = some_grains(dimensions)
-    kept.rebuild(ids, x, radii)
+    kept.rebuild(table(ids, x, radii))
     for _ in range(25):
         before = nodes.copy()
         x = (x + v) % N
         here = rng.random(len(ids)) < 0.95  # grains come and go
-        change = kept.update(ids[here], x[here], radii[here])
+        change = kept.update(table(ids[here], x[here], radii[here]))
         kept.settle()
-        marked.rebuild(ids[here], x[here], radii[here])
+        marked.rebuild(table(ids[here], x[here], radii[here]))
         assert np.array_equal(nodes, fresh)
         own = inner(place)
         assert np.array_equal(np.sort(change.uncovered), np.flatnonzero((before >= 0) & (nodes == -1) & own))
@@ -61,7 +65,7 @@ def test_slabs_see_what_the_whole_box_sees(dimensions):
     for rank in range(3):
         place = window(dimensions, rank)
         nodes = np.full(place.shape[::-1], -1, np.int32)
-        Solid(place, nodes).rebuild(ids, x, radii)
+        Solid(place, nodes).rebuild(table(ids, x, radii))
         parts.append(nodes[inner(place)].reshape(-1, *(N,) * (dimensions - 1)))
     grid = np.stack(np.meshgrid(*[np.arange(N)] * dimensions, indexing="ij"), axis=-1)[..., ::-1]
     wanted = np.full((N,) * dimensions, -1)
@@ -77,6 +81,6 @@ def test_moving_by_nothing_changes_nothing():
     place = window(3, 0)
     nodes = np.full(place.shape[::-1], -1, np.int32)
     solid = Solid(place, nodes)
-    solid.rebuild(ids, x, radii)
-    change = solid.update(ids, x, radii)
+    solid.rebuild(table(ids, x, radii))
+    change = solid.update(table(ids, x, radii))
     assert len(change.uncovered) == len(change.covered) == 0
