@@ -15,6 +15,7 @@ from hpcpic.core.tasks import Bound, Graph, Pool, bind
 from lbmdem import wavefront
 from lbmdem.exchange import Exchange
 from lbmdem.faces import Face, Layer, complete, wall_ghosts
+from lbmdem.kernels import observe
 from lbmdem.kernels.collide import COLLISIONS, numbers
 from lbmdem.kernels.layout import FLUID, Layout
 from lbmdem.kernels.nodes import classify, mark
@@ -79,6 +80,8 @@ class Fluid:
         columns = layout.nx - layout.lanes * np.arange(layout.vectors)
         self._inside = ((1 << np.minimum(columns, layout.lanes)) - 1).astype(np.int32)
         self.force_in_storage = np.zeros(3)
+        self._half = np.zeros(self.lattice.dimensions)
+        self._observers: dict[str, list[Bound]] = {}
 
     def touches(self, side: int) -> bool:
         """Does this slab have the first (side -1) or last (+1) planes of the box?"""
@@ -186,6 +189,7 @@ class Fluid:
         if (force is not None) != self._forced:
             raise ValueError("a fluid made without a force takes none later")
         self.force = None if force is None else np.array(force, float)
+        self._half[...] = 0.0 if force is None else 0.5 * np.asarray(force, float)
         self._numbers[...] = numbers(self.lattice, self.collision, self.tau, self.magic, force)
         if self.force is not None:
             where = [2, 1, 0] if self.domain.ndim == 3 else [2, 0]
@@ -230,29 +234,62 @@ class Fluid:
         for _ in range(n):
             self.step()
 
-    def _index(self, i: int) -> NDArray[np.int64]:
-        """Elements of the slot of arrivals i, [planes, rows, nx]."""
-        layout = self.layout
-        plane, row, x = layout.shifts[i]
-        z = (np.arange(layout.planes) + plane) % max(layout.stored, 1)
-        y = (np.arange(layout.rows) + row) % layout.stored_rows
-        columns = layout.lanes + x + np.arange(layout.nx)
-        return (z * layout.plane_stride)[:, None, None] + (y * layout.row_stride)[:, None] + columns
+    def _each(self, name: str, arguments: list[Any], arrays: list[NDArray]) -> None:
+        """Run a kernel of `observe` on the planes of the slab; it ends with parity, planes from, to and new arrays."""
+        if name not in self._observers:
+            layout = self.layout
+            head = [self.f, *arguments]
+            shares = [share for share in block_ranges(layout.planes, self.pool.threads) if share[1] > share[0]]
+            with self.world.first_on_node():
+                self._observers[name] = [bind(getattr(observe, name), *head, 0, *share, *arrays) for share in shares]
+        for bound in self._observers[name]:
+            at = 1 + len(arguments)
+            for k, value in ((at, self.parity), *enumerate(arrays, at + 3)):
+                bound.update(k, value)
+        self.pool.each(self._observers[name])
+
+    @property
+    def _where(self) -> list[Any]:
+        """What `arrival` wants."""
+        return [self.layout.strides, self.layout.slots, self.layout.shifts]
+
+    @property
+    def _seen(self) -> list[Any]:
+        d = self.lattice.dimensions
+        return [self.ids, int(d == 3), *self._where, self.lattice.e, self._half]
 
     def populations(self) -> NDArray:
-        """h[q, rows, ...] = f - w of the slab's nodes at `iteration`, zero in solid nodes; whatever the storage."""
-        slots = self.f.reshape(self.lattice.q, -1)
-        result = np.stack([slots[self.layout.slots[self.parity, i]][self._index(i)] for i in range(self.lattice.q)])
-        result = result.reshape(self.lattice.q, *self.domain.shape(self.world.rank))
-        result[:, self.solid.inner != FLUID] = 0
-        return result
+        """h[q, rows, ...] = f - w of the slab's nodes at `iteration`, zero in solid nodes; whatever the storage.
+
+        A view of [rows, ..., q].
+        """
+        layout = self.layout
+        h = np.empty((layout.planes, layout.rows, layout.nx, self.lattice.q), self.layout_dtype)
+        self._each("read", [self.ids, int(self.domain.ndim == 3), *self._where], [h])
+        return np.moveaxis(h.reshape(*self.domain.shape(self.world.rank), -1), -1, 0)
 
     def set_populations(self, h: NDArray) -> None:
-        """The inverse of `populations`, for the parity of `iteration`."""
-        slots = self.f.reshape(self.lattice.q, -1)
-        for i in range(self.lattice.q):
-            index = self._index(i)
-            slots[self.layout.slots[self.parity, i]][index] = np.reshape(h[i], index.shape)
+        """The inverse of `populations`, for the parity of `iteration`. Collective the first time."""
+        layout = self.layout
+        rows = np.ascontiguousarray(np.moveaxis(h, 0, -1), self.layout_dtype)
+        self._each("write", self._where, [rows.reshape(layout.planes, layout.rows, layout.nx, -1)])
+
+    def moments(self) -> tuple[NDArray, NDArray]:
+        """Density [rows, ...] and velocity [rows, ..., d] with half the force, float64; 1 and 0 in solid nodes."""
+        layout, shape = self.layout, self.domain.shape(self.world.rank)
+        rho = np.empty((layout.planes, layout.rows, layout.nx))
+        u = np.empty((*rho.shape, self.lattice.dimensions))
+        self._each("moments", self._seen, [rho, u])
+        return rho.reshape(shape), u.reshape(*shape, -1)
+
+    def row_sums(self) -> tuple[NDArray, NDArray]:
+        """Of each row of nodes [rows of x, ...]: number of fluid nodes, sum of rho - 1, momentum (physical order),
+        rho u^2 and u along the last axis; and the largest u^2. Bits of a row depend on the row alone."""
+        layout = self.layout
+        sums = np.empty((layout.planes, layout.rows, 4 + self.lattice.dimensions))
+        fastest = np.empty(sums.shape[:2])
+        self._each("row_sums", self._seen, [sums, fastest])
+        return sums.reshape(-1, sums.shape[2]), fastest.reshape(-1)
 
     def set_equilibrium(self, rho: Any = 1.0, u: Any = None) -> None:
         """Equilibrium of densities [rows, ...] and velocities [rows, ..., d] (or numbers)."""
@@ -261,16 +298,6 @@ class Fluid:
         d = self.lattice.dimensions
         u = np.broadcast_to(np.zeros(d) if u is None else np.asarray(u, float), (*shape, d))
         self.set_populations(equilibrium(self.lattice, rho, u))
-
-    def moments(self) -> tuple[NDArray, NDArray]:
-        """Density [rows, ...] and velocity [rows, ..., d] with half the force, float64; 1 and 0 in solid nodes."""
-        h = self.populations().astype(np.float64, copy=False)
-        fluid = self.solid.inner == FLUID
-        rho = 1.0 + h.sum(axis=0)
-        j = np.tensordot(h, self.lattice.e.astype(float), axes=(0, 0))
-        if self.force is not None:
-            j += 0.5 * self.force * fluid[..., None]
-        return rho, j / rho[..., None]
 
     def stress(self) -> NDArray:
         """Deviatoric stress sigma [rows, ..., d, d] in units of rho cs2: -(1 - 1/(2 tau)) sum h_neq e e."""
