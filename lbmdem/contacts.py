@@ -7,6 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from lbmdem.lubrication import Film
+
 ROW = 16  # values of a grain or a plane in the kernels
 
 
@@ -26,10 +28,14 @@ class Law:
     shear: float = 0.0
     pulls: bool = True
 
-    @property
-    def constants(self) -> NDArray[np.float64]:
+    def constants(self, film: Film | None = None) -> NDArray[np.float64]:
         """As the kernels want them."""
-        return np.array([self.stiffness, self.friction, self.viscosity, self.shear, self.pulls], np.float64)
+        law = [self.stiffness, self.friction, self.viscosity, self.shear, float(self.pulls)]
+        if film is None:
+            return np.array([*law, 0.0, 0.0, 0.0])
+        planar = film.dimensions == 2
+        factor = (3.0 * math.sqrt(2.0) if planar else 6.0) * math.pi * film.viscosity
+        return np.array([*law, film.cut_off, factor, float(planar)])
 
 
 @dataclass(frozen=True, slots=True)

@@ -21,6 +21,7 @@ from lbmdem.grains import STATE, Grains
 from lbmdem.kernels import contacts as kernels
 from lbmdem.kernels import contacts_motion as motion
 from lbmdem.kernels import contacts_steps as whole
+from lbmdem.lubrication import Film
 from lbmdem.pairs import ContactList, Springs
 
 FEW = 500  # grains per thread up to which one thread does all substeps in one call
@@ -41,8 +42,9 @@ class Dem:
     """Grains under a contact law, between walls, in a box with periodic axes; SI units, vectors as (x, y[, z]).
 
     columns: x[number, d], v, omega[number, 1 or 3], radius, mass, inertia, fixed of all grains, the same on all ranks;
-    a fixed grain keeps its velocities. acceleration: of gravity (m/s2). reach: see Grains.settle. The state after a
-    step is at one time: positions, velocities, contact forces.
+    a fixed grain keeps its velocities. acceleration: of gravity (m/s2). reach: see Grains.settle. film: of fluid in
+    gaps that the lattice does not resolve. The state after a step is at one time: positions, velocities, contact
+    forces.
     """
 
     def __init__(
@@ -55,8 +57,10 @@ class Dem:
         walls: Sequence[Wall] = (),
         acceleration: Sequence[float] = (),
         reach: float = 0.0,
+        film: Film | None = None,
     ) -> None:
         self.world, self.pool, self.law, self.walls, self.reach = world, pool, law, tuple(walls), reach
+        self._constants, self._film = law.constants(film), film.cut_off if film else 0.0
         self.grains = grains = Grains(world, domain, columns)
         self.gravity = np.zeros(3)
         self.gravity[: len(acceleration)] = acceleration
@@ -104,7 +108,7 @@ class Dem:
             "inverses": grains.inverses, "planar": grains.dimensions == 2, "farthest": self._farthest,
             "low": pairs.low, "high": pairs.high, "damping": pairs.damping, "lines": pairs.lines,
             "springs": pairs.springs, "busy": pairs.busy, "begins": pairs.begins, "slots": pairs.slots,
-            "walls": self.wall_rows, "listed": self._walls_listed, "law": self.law.constants,
+            "walls": self.wall_rows, "listed": self._walls_listed, "law": self._constants,
         }  # fmt: skip
 
     def _jobs(self) -> list[tuple[Any, dict[str, int]]]:
@@ -255,9 +259,10 @@ class Dem:
 
     def _list(self, springs: Springs) -> None:
         grains = self.grains
-        springs = grains.settle(springs, self.skin, self.reach)
+        margin = self.skin + self._film
+        springs = grains.settle(springs, margin, self.reach)
         inverse = np.where(grains.fixed, 0.0, 1.0 / grains.mass)
-        self.list.build(grains.rows, grains.ids, inverse, grains.held, self.skin, grains.lengths, grains.inverses,
+        self.list.build(grains.rows, grains.ids, inverse, grains.held, margin, grains.lengths, grains.inverses,
                         self.wall_rows, grains.number, self.law, springs)  # fmt: skip
         self._origin, self._walls_listed = grains.rows[: grains.held, :8].copy(), self.wall_rows.copy()
         self._bind()

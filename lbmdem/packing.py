@@ -249,7 +249,7 @@ def pack(world: World, pool: Pool, domain: Domain, sample: Sample) -> NDArray[np
         "seed": sample.seed,
         "density": sample.density,
         "gravity": sample.gravity,
-        "law": None if sample.law is None else [*sample.law.constants.tolist(), sample.law.damping],
+        "law": None if sample.law is None else [*sample.law.constants().tolist(), sample.law.damping],
     }
 
     def made() -> NDArray[np.float64]:

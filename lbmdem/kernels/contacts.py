@@ -35,6 +35,8 @@ from lbmdem.kernels.contacts_lanes import store_lines
 LANES = 8
 ROW = 16  # values of a grain: x y z radius, v and inverse mass, omega and inverse inertia, orientation
 ROW_BYTES, LINE_BYTES = 8 * ROW, 64
+ROUGHNESS = 1e-3  # least gap of a film over the reduced radius
+MOST_FILM = 0.2  # resistance x step / reduced mass
 F, I, H = Vec(LANES, np.float64), Vec(LANES, np.int64), Vec(LANES, np.int32)
 
 
@@ -65,8 +67,8 @@ def grain_pairs(first, last, low, high, damping, rows, lengths, inverses, law, d
         dz = nearest(b[2] - a[2], lengths[2], inverses[2])
         reach = a[3] + b[3]
         square = fma(dz, dz, fma(dy, dy, dx * dx))
-        touch = square < reach * reach
-        if bitmask(touch) == 0:
+        touch, near = square < reach * reach, square < (reach + law[5]) * (reach + law[5])
+        if bitmask(near) == 0:
             clear(out + p * LINE_BYTES, busy, p // LANES)
             forget(springs, p, law)
             continue
@@ -76,10 +78,13 @@ def grain_pairs(first, last, low, high, damping, rows, lengths, inverses, law, d
         overlap = maximum(reach - distance, splat(F, 0.0))
         v, w = gather_lines(F, 4, base + 32, at_i), gather_lines(F, 4, base + 64, at_i)
         s, t = gather_lines(F, 4, base + 32, at_j), gather_lines(F, 4, base + 64, at_j)
+        film = splat(F, 0.0)
+        if law[5] > 0.0:
+            film = resistance(distance - reach, a[3] * b[3] / reach, v[3] + s[3], law, dt)
         half = 0.5 * overlap
         arm_i, arm_j = a[3] - half, b[3] - half
         spin = fma(arm_j, t[0], arm_i * w[0]), fma(arm_j, t[1], arm_i * w[1]), fma(arm_j, t[2], arm_i * w[2])
-        pair_law(p, touch, (dx * inverse, dy * inverse, dz * inverse), overlap,
+        pair_law(p, touch, near, film, (dx * inverse, dy * inverse, dz * inverse), overlap,
                  (s[0] - v[0], s[1] - v[1], s[2] - v[2]), spin, load(F, damping, p), law, dt,
                  out + p * LINE_BYTES, springs, 1.0)  # fmt: skip
 
@@ -93,17 +98,19 @@ def wall_pairs(first, last, low, high, damping, rows, walls, law, dt, lines, spr
         a, b = gather_lines(F, 4, base, at_i), gather_lines(F, 4, planes, at_j)
         n = gather_lines(F, 4, planes + 64, at_j)
         gap = fma(a[2] - b[2], n[2], fma(a[1] - b[1], n[1], (a[0] - b[0]) * n[0])) - a[3]
-        touch = gap < 0.0
-        if bitmask(touch) == 0:
+        touch, near = gap < 0.0, gap < law[5]
+        if bitmask(near) == 0:
             clear(out + p * LINE_BYTES, busy, p // LANES)
             forget(springs, p, law)
             continue
         busy[p // LANES] = 1
         v, w = gather_lines(F, 4, base + 32, at_i), gather_lines(F, 4, base + 64, at_i)
         s = gather_lines(F, 4, planes + 32, at_j)
-        overlap = maximum(-gap, splat(F, 0.0))
+        overlap, film = maximum(-gap, splat(F, 0.0)), splat(F, 0.0)
+        if law[5] > 0.0:
+            film = resistance(gap, a[3], v[3], law, dt)
         arm = fma(overlap, -0.5, a[3])
-        pair_law(p, touch, (-n[0], -n[1], -n[2]), overlap, (s[0] - v[0], s[1] - v[1], s[2] - v[2]),
+        pair_law(p, touch, near, film, (-n[0], -n[1], -n[2]), overlap, (s[0] - v[0], s[1] - v[1], s[2] - v[2]),
                  (arm * w[0], arm * w[1], arm * w[2]), load(F, damping, p), law, dt,
                  out + p * LINE_BYTES, springs, 2.0)  # fmt: skip
 
@@ -118,10 +125,28 @@ def forget(springs, p, law):
 
 
 @njit
-def pair_law(p, touch, n, overlap, u, spin, damping, law, dt, out, springs, heat):
-    """Normal spring and dashpot, friction; u is the velocity of the second less that of the first.
+def resistance(gap, radius, inverse_mass, law, dt):
+    """Force over closing velocity of the fluid film in a gap below the cut-off law[5], see lbmdem.lubrication.
 
-    law: stiffness, friction, tangential viscosity, tangential stiffness, 1 if a contact may pull at its end.
+    Never so large that films all round a grain would overshoot in a step.
+    """
+    cut, factor, planar = law[5], law[6], law[7]
+    h = maximum(gap, radius * ROUGHNESS)
+    if planar > 0.0:
+        near, far = radius / h, radius / splat(F, cut)
+        film = (near * sqrt(near) - far * sqrt(far)) * factor
+    else:
+        film = radius * radius * factor * (1.0 / h - 1.0 / cut)
+    film = minimum(film, MOST_FILM / (inverse_mass * dt))
+    return select((gap >= 0.0) & (film > 0.0), film, splat(F, 0.0))
+
+
+@njit
+def pair_law(p, touch, near, film, n, overlap, u, spin, damping, law, dt, out, springs, heat):
+    """Normal spring and dashpot, friction; or a film's force. u: velocity of the second less that of the first.
+
+    law: stiffness, friction, tangential viscosity, tangential stiffness, 1 if a contact may pull at its end; cut-off gap
+    of films (0: none), factor of their resistance, 1 for discs.
     heat: 2 when all the heat is the first one's.
     """
     stiffness, friction, viscosity, shear, pulls = law[0], law[1], law[2], law[3], law[4]
@@ -151,13 +176,15 @@ def pair_law(p, touch, n, overlap, u, spin, damping, law, dt, out, springs, heat
         factor = select(slip > 0.0, factor, zero)
         fx, fy, fz = factor * tx, factor * ty, factor * tz
         loss = loss + factor * slip * slip
-    result = (
-        fma(-normal, n[0], fx), fma(-normal, n[1], fy), fma(-normal, n[2], fz), loss * heat,
-        fma(n[1], fz, -(n[2] * fy)), fma(n[2], fx, -(n[0] * fz)), fma(n[0], fy, -(n[1] * fx)), 0.5 * overlap,
-    )  # fmt: skip
-    store_lines(out, (select(touch, result[0], zero), select(touch, result[1], zero), select(touch, result[2], zero),
-                      select(touch, result[3], zero), select(touch, result[4], zero), select(touch, result[5], zero),
-                      select(touch, result[6], zero), select(touch, result[7], zero)))  # fmt: skip
+    normal = select(touch, normal, -film * opening)
+    loss = select(touch, loss, film * opening * opening) * heat
+    fx, fy, fz = select(touch, fx, zero), select(touch, fy, zero), select(touch, fz, zero)
+    store_lines(out, (
+        select(near, fma(-normal, n[0], fx), zero), select(near, fma(-normal, n[1], fy), zero),
+        select(near, fma(-normal, n[2], fz), zero), select(near, loss, zero),
+        select(touch, fma(n[1], fz, -(n[2] * fy)), zero), select(touch, fma(n[2], fx, -(n[0] * fz)), zero),
+        select(touch, fma(n[0], fy, -(n[1] * fx)), zero), select(touch, 0.5 * overlap, zero),
+    ))  # fmt: skip
 
 
 @njit

@@ -6,10 +6,13 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from dem_scenes import RADIUS, STIFFNESS, by_id, dem, grains
+from dem_scenes import RADIUS, STIFFNESS, box, by_id, dem, grains
 
 from hpcpic.core.tasks import Pool
-from lbmdem.contacts import Law, paper_step, stable_step, step_limit
+from lbmdem.contacts import Law, Wall, paper_step, stable_step, step_limit
+from lbmdem.dem import Dem
+from lbmdem.lubrication import Film
+from lbmdem.network import contact_count
 
 TABLE = Path(__file__).parent.parent / "data" / "dem_restitution.csv"
 
@@ -118,3 +121,28 @@ def test_the_step_of_the_paper_is_beyond_the_limit_of_many_damped_contacts():
     paper = paper_step(law, columns["mass"])
     assert paper == pytest.approx(0.1 * math.pi * math.sqrt(columns["mass"][0] / STIFFNESS))
     assert paper > stable_step(law, columns["radius"], columns["mass"], columns["inertia"])
+
+
+@pytest.mark.parametrize("d", [2, 3])
+def test_a_film_slows_grains_down_as_lubrication_says(world, pool, d):
+    """m dv/dt = -resistance(gap) v between a grain and a fixed one, and above a wall; nothing beyond the cut-off."""
+    film = Film(0.5 if d == 2 else 2.0, 0.2 * RADIUS, d)
+    for to_wall in (False, True):
+        start, speed, dt = 0.15 * RADIUS, 0.01, 1e-4
+        x = [[0.5] * d, [0.5 + 2 * RADIUS + start] + [0.5] * (d - 1)]
+        columns = grains(x, v=[[0.0] * d, [-speed] + [0.0] * (d - 1)], fixed=[True, False])
+        walls = ()
+        if to_wall:
+            columns = {name: values[1:] for name, values in columns.items()}
+            walls = (Wall([0.5 + RADIUS] + [0.0] * (d - 1), np.eye(d)[0]),)
+        scene = Dem(world, pool, box(world, (1.0,) * d), columns, Law(STIFFNESS, 0.2, 0.3, 1.0), walls, film=film)
+        scene.advance(dt, 2000)
+        gap, v, mass = start, speed, columns["mass"][-1]
+        for _ in range(20000):
+            v -= 0.1 * dt * v * film.resistance(gap, RADIUS if to_wall else RADIUS / 2) / mass
+            gap -= 0.1 * dt * v
+        mine = np.flatnonzero(scene.grains.ids == len(columns["mass"]) - 1)[0]
+        assert -scene.grains.v[mine, 0] == pytest.approx(v, rel=1e-3)
+        assert scene.grains.x[mine, 0] == pytest.approx(0.5 + 2 * RADIUS + gap, abs=1e-4 * start)
+        assert v < 0.9 * speed
+        assert contact_count(scene) == 0
