@@ -233,9 +233,9 @@ def _aligned(n: int) -> NDArray[np.int64]:
 class Pool:
     """Threads that run graphs; the caller is worker 0.
 
-    With `cpus`, one core per worker that nobody else uses: workers are pinned and wait busily for a while,
-    which makes launches cheap. Without, the cores are shared: nothing is pinned, and who has nothing to do
-    yields. `spin_limit_s`: a run in which no task runs and no message arrives for that long ends as Stuck.
+    With `cpus`, one core per worker that nobody else uses: workers are pinned (with more cores than workers they
+    are not: the system knows better which are free) and wait busily for a while, which makes launches cheap.
+    Without, the cores are shared: nothing is pinned, and who has nothing to do yields. `spin_limit_s`: a run in which no task runs and no message arrives for that long ends as Stuck.
     """
 
     def __init__(self, threads: int, cpus: Sequence[int] | None = None, spin_limit_s: float = 60.0) -> None:
@@ -256,7 +256,7 @@ class Pool:
         self._address: int = words.ctypes.data
         self._graphs: dict[tuple[int, ...], Graph] = {}
         self._affinity = os.sched_getaffinity(0)
-        pins = list(cpus)[:threads] if alone and cpus is not None else [None] * threads
+        pins = list(cpus) if alone and cpus is not None and len(cpus) == threads else [None] * threads
         others = [
             threading.Thread(
                 target=_live, args=(words, worker, pins[worker]), daemon=True, name=f"worker {worker}"

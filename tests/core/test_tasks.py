@@ -319,9 +319,9 @@ def test_workers_are_pinned_and_the_caller_is_released():
     pool.close()
 
 
-def test_shared_cores_are_not_pinned():
+def test_shared_cores_are_not_pinned_nor_more_than_are_needed():
     before = os.sched_getaffinity(0)
-    for cpus in (None, [], [0, 0]):
+    for cpus in (None, [], [0, 0], [0, 1, 2]):
         pool = Pool(2, cpus=cpus)
         assert os.sched_getaffinity(0) == before
         pool.close()

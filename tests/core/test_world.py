@@ -52,7 +52,9 @@ def test_one_rank_needs_no_communication():
     world.barrier()
     with world.first_on_node():
         pass
-    assert world.default_threads() >= 1 and len(world.cpus(1)) == 1
+    assert world.default_threads() >= 1
+    cores = sorted(os.sched_getaffinity(0))
+    assert world.cpus(1) == world.cpus(len(cores)) == cores and world.cpus(len(cores) + 1) == []
 
 
 def test_an_abort_ends_with_its_code_and_loses_no_text():
@@ -118,6 +120,9 @@ def test_ranks_of_a_node_take_different_cores_while_there_are_enough(world):
     n_cores = len(os.sched_getaffinity(0))  # of the node, if the launcher binds no ranks
     if world.node_size * threads > n_cores:
         assert mine == []  # more workers than cores share them, unpinned
+        return
+    if world.node_size * threads < n_cores:
+        assert set(mine) == os.sched_getaffinity(0)  # nobody is pinned
         return
     assert len(mine) == threads and set(mine) <= os.sched_getaffinity(0)
     cores[mine] += 1

@@ -74,13 +74,15 @@ class World:
         return cls(MPI.COMM_SELF, MPI.COMM_SELF)
 
     def cpus(self, threads: int) -> list[int]:
-        """Cores for the workers of this rank, apart from those of the node's other ranks; collective.
+        """Cores for the workers of this rank, as `Pool` takes them; collective.
 
-        None when the node has fewer cores than workers: then they share what there is. Right whether the launcher
-        bound the ranks to cores or not, if all ranks have equally many threads.
+        One for each worker when the ranks fill the node: apart from those of its other ranks. All there are when the
+        node has more: which of them another program uses only the system knows. None when it has fewer. Right whether
+        the launcher bound the ranks to cores or not, if all ranks have equally many threads.
         """
-        if self.node_size * threads > np.count_nonzero(self._ranks_on_core()):
-            return []
+        workers, there = self.node_size * threads, np.count_nonzero(self._ranks_on_core())
+        if workers != there:
+            return list(self._cores) if workers < there else []
         first = self.node_rank * threads
         return [self._cores[(first + worker) % len(self._cores)] for worker in range(threads)]
 
