@@ -49,6 +49,10 @@ class Guard:
     def due(self, step: int) -> bool:
         return step >= self._next
 
+    def ahead(self, step: int) -> int:
+        """Steps from this one to the next look."""
+        return max(1, self._next - step)
+
     def agree(self, step: int, reason: Reason, checkpoint: bool) -> Verdict:
         """Collective. `reason` and `checkpoint` are this rank's wishes."""
         start = time.perf_counter()

@@ -115,9 +115,7 @@ class _Run:
         self.outputs.look(app.iteration, app.time)
         verdict = self.agree()
         while not self.over(verdict):
-            begin = time.perf_counter()
-            app.step()
-            self.step_times.add(time.perf_counter() - begin)
+            self.take_steps()
             self.outputs.look(app.iteration, app.time)
             if self.agreement_due():
                 verdict = self.agree()
@@ -127,6 +125,24 @@ class _Run:
                 self.progress.show(app.iteration, app.time, self.time_step(), self.end_time())
         options.stop.acknowledge()
         return self.finish(verdict, time.perf_counter() - started)
+
+    def take_steps(self) -> None:
+        """One step, or as many as the app can take at once while nobody looks."""
+        app, first = self.app, self.app.iteration
+        begin = time.perf_counter()
+        if hasattr(app, "advance"):
+            app.advance(self.unseen_steps())
+        else:
+            app.step()
+        self.step_times.add((time.perf_counter() - begin) / (app.iteration - first))
+
+    def unseen_steps(self) -> int:
+        """From this step to the next that is observed, guarded, kept or the last: the same on all ranks."""
+        step, every = self.app.iteration, self.options.checkpoint_every
+        looks = [self.app.n_steps - step, self.guard.ahead(step)]
+        looks += [observer.trigger.ahead(step) for observer in self.outputs.observers]
+        looks += [every.ahead(step)] if isinstance(every, Every) else []
+        return int(min(looks))
 
     def time_step(self) -> float:
         mean = self.app.time / self.app.iteration if self.app.iteration else 0.0

@@ -22,6 +22,10 @@ class Every:
     def due(self, step: int, time: float = 0.0) -> bool:
         return self.steps > 0 and step % self.steps == 0
 
+    def ahead(self, step: int) -> float:
+        """Steps from this one to the next that is due."""
+        return self.steps - step % self.steps if self.steps else math.inf
+
     def done(self, time: float) -> None:
         """Nothing to remember."""
 
@@ -35,6 +39,10 @@ class EveryTime:
 
     def due(self, step: int, time: float) -> bool:
         return self._multiple(time) > self._multiple(self.since)
+
+    def ahead(self, step: int) -> float:
+        """At any step the time may come."""
+        return 1
 
     def done(self, time: float) -> None:
         self.since = time
