@@ -62,12 +62,13 @@ def step(config: SphConfig) -> Iterator[Derived]:
     yield Derived("steps to the end", "T/dt", simulation.end_time / dt)
     nu = limits.kinematic_viscosity(config)
     if "viscous" in parts:
-        share = dt / parts["viscous"] * limits.VISCOUS
-        verdict = "ok" if share <= limits.VISCOUS * 1.001 else "fail"
+        most = limits.viscous_limit(config)
+        share = dt / parts["viscous"] * most
+        verdict = "ok" if share <= most * 1.001 else "fail"
         legal = rounded_down(parts["viscous"])
         cure = "" if verdict == "ok" else f"time_step = {legal:g} is the nearest legal one"
         source = "Morris et al. 1997"
-        yield Derived("viscous step", "nu dt/h2", share, "", "< 0.125", verdict, source, cure, STEP, True)
+        yield Derived("viscous step", "nu dt/h2", share, "", f"< {most:.3g}", verdict, source, cure, STEP, True)
         yield Derived("Reynolds number of a spacing", "u dp/nu", (config.eos.max_velocity or 0) * numerics.spacing / nu)
     if config.fluid and numerics.density_flux == "rusanov" and any(config.gravity):
         runs = simulation.end_time / settling(config)

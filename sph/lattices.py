@@ -184,9 +184,10 @@ class Parts:
 
 
 def box_sheets(
-    low: NDArray, high: NDArray, closed: set[str], spacing: float, solid: bool, ends: bool
+    low: NDArray, high: NDArray, closed: set[str], spacing: float, solid: bool, ends: NDArray[np.bool_]
 ) -> list[Sheet]:
-    """The closed faces of a box as sheets. ends: particles on the edges too, else half a spacing inside them.
+    """The closed faces of a box as sheets. ends[d]: particles on the edges across this axis too, else half a spacing
+    inside them.
 
     The edges of a box without thickness are no faces.
     """
@@ -204,6 +205,7 @@ def box_sheets(
             origin[axis], normal[axis] = face, sign if solid else -sign
             for row, (k, step) in enumerate(zip(others, steps)):
                 tangents[row, k] = step
-                origin[k] += 0.0 if ends else step / 2
-            sheets.append(Sheet(origin, tangents, tuple(n + ends for n in pieces), normal))
+                origin[k] += 0.0 if ends[k] else step / 2
+            counts = tuple(n + int(ends[k]) for n, k in zip(pieces, others))
+            sheets.append(Sheet(origin, tangents, counts, normal))
     return sheets

@@ -100,6 +100,9 @@ def _panels_2d(run: Run, snapshots: Particles, numbers: Sequence[int]) -> Figure
         axis.scatter(walls[:, 0], walls[:, 1], s=0.35 * size, color="#b8bcc2", linewidths=0, rasterized=True)
         dots = axis.scatter(x[:, 0], x[:, 1], c=particles["pressure"], s=size, linewidths=0, vmin=least, vmax=most,
                             rasterized=True)  # fmt: skip
+        if not len(walls):
+            for line in wall_outlines(run, float(snapshots.times[number])):
+                axis.plot(*line, color="#b8bcc2", linewidth=1.5)
         for line in predicted_outline(config_of(run), float(snapshots.times[number])):
             axis.plot(*line, **THEORY)
         axis.set(xlim=(low[0], high[0]), ylim=(low[1], high[1]), aspect="equal")
@@ -113,6 +116,19 @@ def _panels_2d(run: Run, snapshots: Particles, numbers: Sequence[int]) -> Figure
         axis.set_ylabel("y, m")
     figure.colorbar(dots, ax=axes, label="pressure, Pa", pad=0.01, aspect=30)
     return figure
+
+
+def wall_outlines(run: Run, t: float) -> list[tuple[list[float], list[float]]]:
+    """The closed faces of boxes among the walls of a 2D case at time t."""
+    found = []
+    for wall in scene_of(run).walls:
+        if wall.section.shape.box:
+            moved = wall.motion(t)[0]
+            (x0, y0), (x1, y1) = (np.array(corner) + moved for corner in geometry.bounds(wall.section.shape))
+            edges = {"x-": ([x0, x0], [y0, y1]), "x+": ([x1, x1], [y0, y1])}
+            edges |= {"y-": ([x0, x1], [y0, y0]), "y+": ([x0, x1], [y1, y1])}
+            found += [edges[face] for face in sorted(wall.closed)]
+    return found
 
 
 def predicted_outline(config: SphConfig, t: float) -> list[tuple[np.ndarray, np.ndarray]]:

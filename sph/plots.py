@@ -89,7 +89,8 @@ def front(run: Run, step: int | None = None) -> Figure:
     with style():
         figure, axes = new_figure(size=(6.4, 4.0))
         axes.plot(*thinned(t * clock, (x - low) / width), label="front")
-        last = min(1.25 * (t * clock)[np.argmax(x)], (t * clock)[-1])
+        arrived = np.flatnonzero((x - low) / width >= 0.97 * end)
+        last = (t * clock)[min(int(1.25 * arrived[0]), len(t) - 1)] if len(arrived) else (t * clock)[-1]
         ritter = np.linspace(0.0, last, 60)
         speed = 2 * math.sqrt(g * height) / clock / width
         axes.plot(ritter, np.minimum(1 + speed * ritter, 1.02 * end), label="shallow water, dry bed (Ritter)",
@@ -102,7 +103,7 @@ def front(run: Run, step: int | None = None) -> Figure:
             rms = float(np.sqrt(np.mean(error[inside] ** 2)))
             axes.text(0.98, 0.04, f"rms departure {rms:.3f} L", transform=axes.transAxes, ha="right")
         axes.set(xlabel=r"$t\,\sqrt{2g/L}$", ylabel="x / L", xlim=(0, last), ylim=(0.8, 1.06 * end), title="Front")
-        axes.legend(loc="upper left")
+        axes.legend(loc="lower right", bbox_to_anchor=(1.0, 0.08))
         return figure
 
 

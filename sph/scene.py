@@ -124,7 +124,7 @@ class Wall:
             recess = np.minimum(self._recess(), (high - low) / 2) if section.solid else -self._recess()
             names = case.AXES[: scene.dimensions]
             below, above = (np.array([axis + sign in self.closed for axis in names]) for sign in "-+")
-            ends = self.type == "repulsive"
+            ends = np.full(scene.dimensions, self.type == "repulsive") & ~scene.periodic
             return Parts(box_sheets(low + recess * below, high - recess * above, self.closed, dp, section.solid, ends))
         return Filled(shape, dp, self.layers, section.solid, self._grid())
 

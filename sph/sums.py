@@ -8,14 +8,12 @@ from hpcpic.core.simd.generate import module_from_source
 from hpcpic.core.space.fields import aligned_zeros
 from sph.kernels import columns, pairs
 from sph.kernels.pairs import NUMBERS, Law, columns_of, sums_of
+from sph.limits import cleary_constant
 from sph.neighbours import Cells
 from sph.particles import Bodies, Tasks
 
 if TYPE_CHECKING:
     from sph.scene import Scene
-
-MOST_CLEARY = 4.963  # xi of (SC 6), Cleary 1998, in 3D
-XI = {2: 4.0, 3: MOST_CLEARY}  # in 2D what makes the continuum limit right: (d + 2) mu
 
 HEAD = "import numpy as np\n\nfrom hpcpic.core.simd.jit import njit\n"
 
@@ -68,11 +66,12 @@ class PairSums:
     def _numbers(self, scene: "Scene") -> np.ndarray:
         h, c, numerics, d = scene.h, scene.c0, scene.config.numerics, scene.dimensions
         strength = numerics.flux_coefficient * (1.0 if self.law.flux == "rusanov" else 2.0)
+        xi = cleary_constant(scene.kernel, d, numerics.smoothing)
         gravity = np.zeros(3)
         gravity[:d] = scene.gravity * (h / (c * c))
         numbers = {
             "artificial": -0.5 * (numerics.artificial_viscosity or 0.0),
-            "viscous": -2.0 * XI[d] * scene.viscosity / (scene.rho0 * c * h),
+            "viscous": -2.0 * xi * scene.viscosity / (scene.rho0 * c * h),
             "flux_strength": strength,
             "reach": scene.h / scene.spacing,
         } | {f"gravity{axis}": gravity[k] for k, axis in enumerate("xyz")}
