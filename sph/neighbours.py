@@ -81,7 +81,7 @@ class Cells:
             self.slots = n = (n + n // 8 + GAP) // GAP * GAP
             tasks.set(
                 body=np.zeros(n, np.int32), slot_class=np.zeros(n, np.int32),
-                runs=np.zeros((n, self.n_runs, 2), np.int32),
+                runs=np.zeros((2 * self.n_runs, n), np.int32),
             )  # fmt: skip
 
     def sort(self, bodies: Bodies, first: int, here: int) -> None:

@@ -144,51 +144,78 @@ def order_by_key(body, key, first, last):
 
 
 @njit
-def find(block, blocks, shape, edge, radius, x, body, rows, row_table, fine_start, runs):
-    """runs[slot, k] = (first, end) of the slots in row k of the half neighbourhood that may be within `radius`.
+def find(block, blocks, begin, base, shape, edge, radius, x, body, slot_class, rows, row_table, fine_start, runs):
+    """runs[2 k : 2 k + 2, slot] = first and end of the slots in row k of the half neighbourhood that may be within
+    `radius`: the chord of the sphere in that row.
 
-    edge[a] = (edge of a layer, of a row, of a fine cell; pads): a row beyond the chord of the sphere is empty.
-    Rows: own from the next body on, then in 3D the next row; then the row, or three rows, of the next layer.
+    edge = (edge of a layer, of a row, of a fine cell, pads). Rows: own from the next body on, then in 3D the next row;
+    then the row, or three rows, of the next layer.
     """
+    longest = 0
+    for l in range(blocks[block], blocks[block + 1]):
+        for k in range(rows[l, 2], rows[l, 2] + rows[l, 1]):
+            longest = max(longest, fine_start[row_table[k, 3] + row_table[k, 2]] - row_table[k, 0])
+    height, left = np.empty(longest), np.empty((4, longest))  # in fine cells; of radius^2 beside a row, above, ...
+    per_cell = 1.0 / edge[2]
+    limit = radius * per_cell
     for l in range(blocks[block], blocks[block + 1]):
         ceiling = (shape[2] + l + 1 - edge[3]) * edge[0]  # where the next layer begins
         for k in range(rows[l, 1]):
             entry = row_table[rows[l, 2] + k]
             r = rows[l, 0] + k
+            first = np.int64(entry[0])
+            many = np.int64(fine_start[entry[3] + entry[2]]) - first
             wall = (r + 1 - edge[3]) * edge[1]
-            for slot in range(entry[0], fine_start[entry[3] + entry[2]]):
-                b = body[slot]
-                for n in range(ROWS):
-                    runs[slot, n, 0] = runs[slot, n, 1] = 0
-                z = x[AXIS, b]
-                up, after, before = max(ceiling - x[0, b], 0.0), 0.0, 0.0
+            for m in range(many):
+                b = body[first + m]
+                height[m] = x[AXIS, b] * per_cell
+                up = max(ceiling - x[0, b], 0.0) * per_cell
+                left[0, m], left[1, m] = limit * limit, limit * limit - up * up
                 if DIM == 3:
-                    after, before = max(wall - x[1, b], 0.0), max(x[1, b] - (wall - edge[1]), 0.0)
-                limit = radius * radius
-                if l > 0:
-                    run(slot, 0, l, r, limit, z, edge[2], rows, row_table, fine_start, runs)
-                    if DIM == 3:
-                        run(slot, 1, l, r + 1, limit - after * after, z, edge[2], rows, row_table, fine_start, runs)
-                limit -= up * up
-                run(slot, OWN_ROWS + (DIM == 3), l + 1, r, limit, z, edge[2], rows, row_table, fine_start, runs)
+                    after = max(wall - x[1, b], 0.0) * per_cell
+                    before = max(x[1, b] - (wall - edge[1]), 0.0) * per_cell
+                    left[2, m], left[3, m] = after * after, before * before
+            for n in range(ROWS):
+                up, side = np.int64(n >= OWN_ROWS), np.int64(0)
                 if DIM == 3:
-                    below, above = limit - before * before, limit - after * after
-                    run(slot, 2, l + 1, r - 1, below, z, edge[2], rows, row_table, fine_start, runs)
-                    run(slot, 4, l + 1, r + 1, above, z, edge[2], rows, row_table, fine_start, runs)
+                    side = np.int64(n == 1) if n < 2 else np.int64(n - 3)
+                at = r + side - rows[l + up, 0]
+                begins, ends = runs[2 * n, first : first + many], runs[2 * n + 1, first : first + many]
+                if at < 0 or at >= rows[l + up, 1] or (l == 0 and up == 0):
+                    begins[:] = 0
+                    ends[:] = 0
+                    continue
+                other = row_table[rows[l + up, 2] + at]
+                chords(height, left[up], left[2 if side > 0 else 3], np.float64(side * side), 1.0 * other[1],
+                       1.0 * other[2], fine_start[other[3] : other[3] + other[2] + 1], begins, ends)  # fmt: skip
+                if n == 0:
+                    for m in range(many):
+                        begins[m] = max(begins[m], first + m + 1)  # each pair once
+            for slot in range(first, first + many):
+                if slot_class[slot] & 3 != 3:
+                    trim(slot, slot_class, runs)
 
 
 @njit
-def run(slot, n, l, r, chord_sq, z, fine_edge, rows, row_table, fine_start, runs):
-    """The run in row r of layer l of a body at z, where the row's chord of its sphere has the square chord_sq / 4."""
-    k = r - rows[l, 0]
-    if k < 0 or k >= rows[l, 1] or chord_sq <= 0.0:
-        return
-    entry = row_table[rows[l, 2] + k]
-    chord = np.sqrt(chord_sq)
-    low = np.int64(min(max(np.floor((z - chord) / fine_edge) - entry[1], 0.0), 1.0 * entry[2]))
-    high = np.int64(min(max(np.floor((z + chord) / fine_edge) + 1.0 - entry[1], 0.0), 1.0 * entry[2]))
-    begin, end = fine_start[entry[3] + low], fine_start[entry[3] + high]
-    if n == 0:
-        begin = max(begin, slot + 1)  # each pair once
-    if end > begin:
-        runs[slot, n, 0], runs[slot, n, 1] = begin, end
+def chords(height, left, beside, sideways, low_cell, cells, start, begins, ends):
+    """Ends of the chords around heights, half as long as the root of left - sideways beside, in a row of fine cells."""
+    for m in range(begins.size):
+        half = np.sqrt(max(left[m] - sideways * beside[m], 0.0))
+        z = height[m] - low_cell
+        low = np.uint64(min(max(np.floor(z - half), 0.0), cells))
+        high = np.uint64(min(max(np.floor(z + half) + 1.0, 0.0), cells))
+        begins[m] = start[low]
+        ends[m] = start[high] if half > 0.0 else start[low]
+
+
+@njit
+def trim(slot, slot_class, runs):
+    """A wall particle or an image has to do with some classes only: its runs from the first to the last of them."""
+    kind = slot_class[slot] & 3
+    for n in range(ROWS):
+        first, end = runs[2 * n, slot], runs[2 * n + 1, slot]
+        while first < end and (slot_class[first] | kind) & 3 != 3:
+            first += 1
+        while end > first and (slot_class[end - 1] | kind) & 3 != 3:
+            end -= 1
+        runs[2 * n, slot], runs[2 * n + 1, slot] = first, end

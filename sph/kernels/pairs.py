@@ -301,7 +301,7 @@ def _pass_source(law: Law, title: str, names: Sequence[str]) -> str:
     def loop(masked: bool, depth: int) -> str:
         head = [
             f"for row in range({rows}):",
-            "    j, end = np.int64(runs[i, row, 0]), np.int64(runs[i, row, 1])",
+            "    j, end = np.int64(runs[2 * row, i]), np.int64(runs[2 * row + 1, i])",
             f"    shift = np.int64(0) if row < {own_rows} else n_slots",
             "    while j < end:",
         ]
