@@ -127,10 +127,10 @@ class _Run:
         return self.finish(verdict, time.perf_counter() - started)
 
     def take_steps(self) -> None:
-        """One step, or as many as the app can take at once while nobody looks."""
+        """One step, or, where their number is known, as many as the app can take at once while nobody looks."""
         app, first = self.app, self.app.iteration
         begin = time.perf_counter()
-        if hasattr(app, "advance"):
+        if app.n_steps is not None and hasattr(app, "advance"):
             app.advance(self.unseen_steps())
         else:
             app.step()
