@@ -25,6 +25,7 @@ from lbmdem.obstacles import obstacle_walls
 from lbmdem.placing import place_grains
 from lbmdem.scene import Scene, volumes
 
+TOGETHER = 256  # steps of grains alone in one call: short enough to hear signals
 FASTEST = 0.4  # velocity in lattice units beyond which no collision is a fluid any more
 DENSEST = 2.0  # density of the lattice fluid, likewise, and 1 / 2
 DEEPEST = 0.1  # overlap over diameter at which grains are no grains any more
@@ -58,7 +59,8 @@ class LbmDem:
         self.solid_moves = bool(self.dem and self.immersed and not config.coupling.frozen)
         self.start_solid()
         shaken = scene.config.shaking is not None
-        self.driven = shaken or any(face.rate for face in scene.faces.values()) if config.fluid else False
+        ramped = config.fluid is not None and any(face.rate for face in scene.faces.values())
+        self.driven = shaken or ramped  # by something that changes in time
         self.diagnostics = Diagnostics(self)
         self.scalar_units = self.diagnostics.units
 
@@ -157,8 +159,8 @@ class LbmDem:
             if face.rate:
                 self.fluid.set_face(name, density=face.density + face.rate * (self.iteration + 1))
 
-    def move_grains(self) -> None:
-        """n_d substeps under the forces of the fluid, which stay the same meanwhile."""
+    def move_grains(self, steps: int = 1) -> None:
+        """n_d substeps per step under the forces of the fluid, which stay the same meanwhile."""
         dem, units, frame = self.dem, self.scene.units, self.scene.shaken(self.time)
         own = dem.grains.ids[: dem.grains.n]
         force = self._weights[own] - self.table.mass[own, None] * frame
@@ -167,17 +169,24 @@ class LbmDem:
             pushed, turned = self.immersed.forces(own)
             force += pushed * units.force
             torque += turned * units.torque
-        dem.advance(self.time_step / self.substeps, self.substeps, force, torque, time=self.time)
+        dem.advance(self.time_step / self.substeps, steps * self.substeps, force, torque, time=self.time)
 
     def advance(self, most: int) -> None:
-        """Some steps, `most` at most: as many as the fluid does in one pass over memory, when nothing moves in it."""
-        if self.fluid and not self.dem and not self.driven:
+        """Some steps, `most` at most: what the fluid does in one pass over memory when nothing moves in it, or what
+        grains without a fluid do in one call.
+        """
+        if self.driven or (self.fluid and self.dem):
+            self.step()
+        elif self.fluid:
             with self.timers.section("fluid"):
                 n = min(most, max(1, self.fluid.depth))
                 self.fluid.advance(n)
             self.iteration += n
         else:
-            self.step()
+            with self.timers.section("grains"):
+                n = min(most, TOGETHER)
+                self.move_grains(n)
+            self.iteration += n
 
     def start_solid(self) -> None:
         """The fluid sees the grains for the first time, or where a checkpoint has them."""
