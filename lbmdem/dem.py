@@ -23,9 +23,11 @@ from lbmdem.kernels import contacts_motion as motion
 from lbmdem.kernels import contacts_steps as whole
 from lbmdem.lubrication import Film
 from lbmdem.pairs import ContactList, Springs
+from lbmdem.room import Room
 
 FEW = 500  # grains per thread up to which one thread does all substeps in one call
 CHUNK = 512  # substeps for which the planes' places are made at a time
+SCALARS = {"first", "last", "place", "first_wall", "planar"}
 LEAST_SKIN, MOST_SKIN = 0.02, 0.5  # of the smallest radius
 SELDOM, OFTEN = 250, 60  # substeps between two lists: beyond them the skin changes; results do not depend on it
 
@@ -72,10 +74,13 @@ class Dem:
         self._age = 0
         self.list = ContactList(len(self.walls), law.shear > 0.0)
         self.wall_rows = aligned_zeros((len(self.walls) + 1, kernels.ROW), np.float64)
+        self._walls_listed = self.wall_rows.copy()
         self._few = (world.size == 1 or grains.together) and (pool.threads == 1 or grains.number <= FEW * pool.threads)
         self._blocks = 1 if self._few or pool.threads == 1 else 4 * pool.threads
         self._farthest = np.zeros(8 * self._blocks)
         self._bounds: list[tuple[Bound, tuple[str, ...]]] = []
+        self._told: list[dict[str, Any]] = []  # the arguments that each of them has
+        self._room = Room()
         self._dt = 0.0
         driven = (columns["fixed"] != 0) & (np.any(columns["v"], axis=1) | np.any(columns["omega"], axis=1))
         self._driven = bool(np.any(driven)) or any(wall.moves for wall in self.walls)
@@ -99,16 +104,13 @@ class Dem:
 
     def _arguments(self) -> dict[str, object]:
         """Arrays of the kernels by the names of their arguments."""
-        grains, pairs = self.grains, self.list
-        return {
-            "rows": grains.rows, "pull": grains.columns["pull"], "forces": grains.columns["force"],
-            "given": grains.columns["given"], "heat": grains.columns["heat"], "work": grains.columns["work"],
-            "first_wall": pairs.n_grain_slots, "gravity": self.gravity,
-            "origin": self._origin, "lengths": grains.lengths, "periodic": grains.periodic,
-            "inverses": grains.inverses, "planar": grains.dimensions == 2, "farthest": self._farthest,
-            "low": pairs.low, "high": pairs.high, "damping": pairs.damping, "lines": pairs.lines,
-            "springs": pairs.springs, "busy": pairs.busy, "begins": pairs.begins, "slots": pairs.slots,
-            "walls": self.wall_rows, "listed": self._walls_listed, "law": self._constants,
+        grains, pairs, whole = self.grains, self.list, self.grains.room.whole
+        return self.list.room.whole | {
+            "rows": whole["row"], "pull": whole["pull"], "forces": whole["force"], "given": whole["given"],
+            "heat": whole["heat"], "work": whole["work"], "origin": self._room.whole["origin"],
+            "lengths": grains.lengths, "inverses": grains.inverses, "planar": grains.dimensions == 2,
+            "gravity": self.gravity, "farthest": self._farthest, "springs": pairs.springs,
+            "first_wall": pairs.n_grain_slots, "walls": self.wall_rows, "law": self._constants,
         }  # fmt: skip
 
     def _jobs(self) -> list[tuple[Any, dict[str, int]]]:
@@ -137,17 +139,20 @@ class Dem:
                     names = tuple(inspect.signature(kernel.py_func).parameters)
                     known = values | more | {"dt": 0.0, "half": 0.0}
                     self._bounds.append((bind(kernel, *(known[name] for name in names)), names))
+                    self._told.append(known)
                 whole.substeps(0, 0, False, 0.0, np.zeros((0, 2), np.int64), self._farthest, self.wall_rows[None],
                                self.wall_rows, self._walls_listed)  # fmt: skip
             bounds, parts = [bound for bound, _ in self._bounds], self._blocks
             self._start, self._touch = bounds[:parts], bounds[parts : 3 * parts]
             self._finish, self._work = bounds[3 * parts : 4 * parts], bounds[4 * parts :]
             return
-        for (bound, names), (_, more) in zip(self._bounds, jobs):
+        for (bound, names), (_, more), told in zip(self._bounds, jobs, self._told):
             known = values | more
             for index, name in enumerate(names):
-                if name in known:
-                    bound.update(index, known[name])
+                new = known.get(name)
+                if name in known and new is not told[name] and (name not in SCALARS or new != told[name]):
+                    bound.update(index, new)
+            told.update(known)
 
     def _set_dt(self, dt: float) -> None:
         if dt != self._dt:
@@ -264,7 +269,8 @@ class Dem:
         inverse = np.where(grains.fixed, 0.0, 1.0 / grains.mass)
         self.list.build(grains.rows, grains.ids, inverse, grains.held, margin, grains.lengths, grains.inverses,
                         self.wall_rows, grains.number, self.law, springs)  # fmt: skip
-        self._origin, self._walls_listed = grains.rows[: grains.held, :8].copy(), self.wall_rows.copy()
+        self._room.rows("origin", grains.held, shape=(8,))[:] = grains.rows[: grains.held, :8]
+        self._walls_listed[:] = self.wall_rows
         self._bind()
 
     def _forces(self, dt: float) -> None:

@@ -18,9 +18,9 @@ from hpcpic.core.comm.sharding import by_id
 from hpcpic.core.comm.tags import Channel, tag
 from hpcpic.core.comm.world import World
 from hpcpic.core.space.domain import Domain, block_ranges, wrap
-from hpcpic.core.space.fields import aligned_zeros
 from hpcpic.core.space.particles import pack_rows, record_type, unpack_rows
 from lbmdem.pairs import Springs
+from lbmdem.room import Room
 
 ROW = 16
 X, V, OMEGA, TURN = 0, 4, 8, 12  # first values of a row: position and radius, velocity, angular velocity, orientation
@@ -61,6 +61,7 @@ class Grains:
         self.periodic[: self.dimensions] = domain.periodic[::-1]
         self.inverses = np.where(self.periodic, 1.0 / np.where(self.lengths > 0.0, self.lengths, 1.0), 0.0)
         self.greatest = world.max(float(self.columns["row"][:, 3].max(initial=0.0)))
+        self.room = Room()
         layout = record_type(self.columns)
         self._layout, self.version = layout, 0
         self._migrate = Migrate(world, layout.itemsize, Channel.PARTICLES, cuts=domain.cuts)
@@ -204,14 +205,13 @@ class Grains:
     def _lay_out(self) -> None:
         """One array of rows: own grains, ghosts, and one that touches nothing."""
         held, total = self.held, self.n + self.n_ghosts
-        rows = aligned_zeros((total + 1, ROW), np.float64)
-        rows[:held], rows[-1] = self.columns["row"], np.nan
-        self.rows = rows
-        self.columns["row"] = rows[:held]
-        for name in ("force", "given"):
-            lines = aligned_zeros((held, 8), np.float64)
-            lines[:] = self.columns[name]
-            self.columns[name] = lines
+        self.rows = self.room.rows("row", total + 1, shape=(ROW,))
+        for name, values in self.columns.items():
+            dtype, shape = COLUMNS[name]
+            kept = self.room.rows(name, held, dtype, shape)
+            kept[:] = values
+            self.columns[name] = kept
+        self.rows[-1] = np.nan
         self.ids, self._constants = np.empty(total, np.int64), np.empty((total, 3))
         here = np.stack([self.columns[name] for name in ("mass", "inertia", "fixed")], 1).astype(np.float64)
         self.ids[:held], self._constants[:held] = self.columns["id"], here

@@ -4,10 +4,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hpcpic.core.comm.world import World
-from hpcpic.core.space.fields import aligned_zeros
 from lbmdem.contacts import Law
 from lbmdem.kernels import contacts_search as search
 from lbmdem.kernels.contacts import LANES
+from lbmdem.room import Room
 
 Springs = tuple[NDArray[np.int64], NDArray[np.float64]]  # ids [m, 2] (smaller first), tangential springs [m, 3] m
 
@@ -27,6 +27,7 @@ class ContactList:
         self._others = np.empty(0, np.int64)
         self.n_grain_slots = self.n_slots = 0
         self.keys = np.zeros((0, 2), np.int64)
+        self.room = Room()
         self.springs = np.zeros(3 * LANES)
 
     def build(
@@ -56,7 +57,8 @@ class ContactList:
         self.n_near = _padded(close)
         self.n_grain_slots = self.n_near + _padded(far)
         self.n_slots = self.n_grain_slots + _padded(len(found))
-        self.low, self.high = np.full(self.n_slots, n, np.int32), np.full(self.n_slots, n, np.int32)
+        self.low, self.high = (self.room.rows(name, self.n_slots, np.int32) for name in ("low", "high"))
+        self.low[:], self.high[:] = n, n
         slots = np.empty(begins[-1], np.int64)
         search.number_slots(
             rows, ids, n_own, near, lengths, inverses, begins, others, 0, self.n_near, self.low, self.high, slots
@@ -64,7 +66,8 @@ class ContactList:
         at = slice(self.n_grain_slots, self.n_grain_slots + len(found))
         self.high[self.n_grain_slots :] = self.n_walls
         self.low[at], self.high[at] = found.T
-        self.begins, self.slots = np.empty(n_own + 1, np.int64), np.empty(len(slots) + len(found), np.int64)
+        self.begins = self.room.rows("begins", n_own + 1, np.int64)
+        self.slots = self.room.rows("slots", len(slots) + len(found), np.int64)
         search.join_walls(n_own, begins, slots, found, self.n_grain_slots, self.begins, self.slots)
         self._prepare(ids, inverse_mass, number, law, springs)
 
@@ -88,18 +91,22 @@ class ContactList:
 
     def _prepare(self, ids, inverse_mass, number, law, springs) -> None:
         """Arrays of the slots, dashpots, and the springs of contacts that were there before."""
-        self.lines = aligned_zeros((self.n_slots, LANES), np.float64)
-        self.busy = np.zeros(self.n_slots // LANES, np.uint8)
+        self.lines = self.room.rows("lines", self.n_slots, shape=(LANES,))
+        busy = self.room.rows("busy", self.n_slots // LANES, np.uint8)
+        self.lines[:], busy[:] = 0.0, 0
+        self.damping = self.room.rows("damping", self.n_slots)
         inverse = np.append(inverse_mass, np.nan)
         total = inverse[self.low]
         total[: self.n_grain_slots] += inverse[self.high[: self.n_grain_slots]]
-        self.damping = 2.0 * law.damping * np.sqrt(law.stiffness / total)
+        self.damping[:] = 2.0 * law.damping * np.sqrt(law.stiffness / total)
         if not self.history:
             return
         named = np.append(ids, number + self.n_walls)  # whom padding names
         self.keys = np.stack([named[self.low], number + self.high.astype(np.int64)], 1)
         self.keys[: self.n_grain_slots, 1] = named[self.high[: self.n_grain_slots]]
-        self.springs = np.zeros(3 * max(self.n_slots, LANES))
+        if len(self.springs) < 3 * self.n_slots:
+            self.springs = np.zeros(3 * len(self.room.whole["low"]))
+        self.spring_columns[:] = 0.0
         old, values = springs
         if len(old) and self.n_slots:
             base = number + self.n_walls + 1

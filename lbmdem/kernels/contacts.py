@@ -143,7 +143,7 @@ def resistance(gap, radius, inverse_mass, law, dt):
 
 @njit
 def pair_law(p, touch, near, film, n, overlap, u, spin, damping, law, dt, out, springs, heat):
-    """Normal spring and dashpot, friction; or a film's force. u: velocity of the second less that of the first.
+    """Spring, dashpot, friction; or a film's force. u: velocity of the second less that of the first.
 
     law: stiffness, friction, tangential viscosity, tangential stiffness, 1 if a contact may pull at its end; cut-off gap
     of films (0: none), factor of their resistance, 1 for discs.

@@ -29,6 +29,17 @@ def locate(rows, n, size, shape, inverses, place, head, chain):
 
 
 @njit
+def around(cell, cells):
+    """Cell one beyond the end of a periodic axis (cells > 0) to the other end."""
+    if cells > 0:
+        if cell < 0:
+            return cell + cells
+        if cell >= cells:
+            return cell - cells
+    return cell
+
+
+@njit
 def neighbours(rows, ids, n_own, n, margin, lengths, inverses, shape, place, head, chain, begins, others):
     """others[begins[k] .. begins[k + 1]]: grains whose surface is within the margin of own grain k's, by id.
 
@@ -43,14 +54,11 @@ def neighbours(rows, ids, n_own, n, margin, lengths, inverses, shape, place, hea
         begins[k] = count
         row = rows[k]
         for ox in range(low[0], high[0] + 1):
-            x = place[k, 0] + ox
-            x = x % shape[0] if shape[0] > 0 else x
+            x = around(place[k, 0] + ox, shape[0])
             for oy in range(low[1], high[1] + 1):
-                y = place[k, 1] + oy
-                y = y % shape[1] if shape[1] > 0 else y
+                y = around(place[k, 1] + oy, shape[1])
                 for oz in range(low[2], high[2] + 1):
-                    z = place[k, 2] + oz
-                    z = z % shape[2] if shape[2] > 0 else z
+                    z = around(place[k, 2] + oz, shape[2])
                     j = head[bucket(x, y, z, head.size - 1)]
                     while j >= 0:
                         other = rows[j]
