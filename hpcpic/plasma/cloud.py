@@ -165,7 +165,11 @@ class Cloud:
             for b in blocks
         ]  # fmt: skip
         self._deliver = [
-            self._bound(self.kernels.deliver, block=b, corner=self.corner[b], patch=self.patch[b]) for b in blocks
+            self._bound(
+                self.kernels.deliver, block=b, first=ranges[b][0], last=ranges[b][1], corner=self.corner[b],
+                patch=self.patch[b],
+            )
+            for b in blocks
         ]
         self._rewind = [
             self._bound(self.kernels.rewind, first=ranges[b][0], last=ranges[b][1]) for b in blocks
@@ -295,7 +299,7 @@ class Cloud:
 
     def _box(self, box: int) -> tuple[NDArray, ...]:
         pages = self.pages
-        return pages.moving[box], pages.moving_id[box], pages.moving_slot[box], pages.link[box], pages.lists[box]
+        return pages.moving[box], pages.words[box], pages.lists[box]
 
     @property
     def _grid(self) -> tuple:

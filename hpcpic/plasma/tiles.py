@@ -14,6 +14,7 @@ from numpy.typing import DTypeLike, NDArray
 from hpcpic.core.space.domain import Domain, block_ranges
 
 PAGE = 128  # particles
+RECORD = 8  # numbers of a particle under way, see kernels.pages
 EDGE = {1: 256, 2: 16}  # cells of a tile along each axis
 
 
@@ -82,7 +83,7 @@ class Pages:
     when arrays changed address.
     """
 
-    GROWING = ("pool", "ids", "chain", "free", "holes", "moving", "moving_id", "moving_slot", "link")
+    GROWING = ("pool", "ids", "chain", "free", "holes", "moving", "words")
 
     def __init__(self, n_slots: int, n_blocks: int, components: int, dtype: DTypeLike, capacity: int) -> None:
         self.dtype = np.dtype(dtype)
@@ -117,10 +118,8 @@ class Pages:
             return
         boxes, n = len(self.lists), particles + particles // 8
         self.box_size = n
-        self.moving = aligned((boxes, n, self.shape[1]), self.dtype)
-        self.moving_id = np.empty((boxes, n), np.uint32)
-        self.moving_slot = np.empty((boxes, n), np.int32)
-        self.link = np.empty((boxes, n), np.int32)
+        self.moving = aligned((boxes, n, RECORD), self.dtype)
+        self.words = self.moving.view(np.int32)
         self.holes = np.empty((boxes, n), np.int64)
         self.clear()
         self.moved += 1

@@ -1,5 +1,6 @@
-"""Vector operations that only the particle kernels need."""
+"""How the particle kernels are compiled, and vector operations that only they need."""
 
+from collections.abc import Callable
 from typing import Any
 
 from llvmlite import ir
@@ -7,7 +8,20 @@ from numba import types
 from numba.core import cgutils
 from numba.extending import intrinsic
 
+from hpcpic.core.simd.jit import njit
 from hpcpic.core.simd.kinds import Vec, offset, shuffle, store_to
+
+
+def kernel(function: Callable) -> Callable:
+    """`njit` for what allocates nothing: numba counts the owners of arrays at every use, which is half of the work
+    on a particle that moves from tile to tile; without its run time it does not.
+    """
+    return njit(_nrt=False)(function)
+
+
+def inlined(function: Callable) -> Callable:
+    """The same for a part of a kernel: a call would hand over arrays by dozens of numbers, and empty the registers."""
+    return njit(_nrt=False, forceinline=True)(function)
 
 
 @intrinsic

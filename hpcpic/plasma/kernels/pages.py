@@ -5,17 +5,16 @@ far as the scene has them; positions in cells from the anchor of the tile, veloc
 numbers `ids[page, particle]`. `head[slot]` is the youngest page, the only one not full; `chain[page]` the next older
 one. A block takes pages from and gives them to its own stack `free[: counters[0]]`.
 
-A box holds particles under way: components `moving[k]`, number `moving_id[k]`, where to `moving_slot[k]`; its lists,
-one per block of this rank and a last one for other ranks, start at `lists[0, block]` and go on by `link[k]`; -1 ends;
-`lists[1, block]` is their length. `counters[1]` counts a box's particles. To other ranks, `moving_slot` is global:
-tile number x species + species.
+A box holds particles under way, records of RECORD numbers: the components `moving[k, :COMPONENTS]`, and in the same
+memory the last three of `words[k]`: SLOT, where to, NUMBER, and LINK. Its lists, one per block of this rank and a last
+one for other ranks, start at `lists[0, block]` and go on by LINK; -1 ends; `lists[1, block]` is their length.
+`counters[1]` counts a box's particles. To other ranks, SLOT is global: tile number x species + species.
 """
 
 import numpy as np
 
-from hpcpic.core.simd.jit import njit
 from hpcpic.core.simd.vector import prefetch_to_write
-from hpcpic.plasma.kernels.lanes import address, last_bit
+from hpcpic.plasma.kernels.lanes import address, inlined, kernel, last_bit
 
 DIM = 2  # axes of the grid
 COMPONENTS = 4  # of a particle: positions and velocities
@@ -26,11 +25,13 @@ PAGE = 128
 TILE = 16 if DIM == 2 else 256  # cells of a tile along an axis; in 1D one row
 GOOD, NO_PAGE, DIVERGED = 0, 2, 4
 LANE_BITS = 16
-HOLES_AHEAD = 8
+HOLES_AHEAD = 16
+RECORD_BYTES = 8 * np.dtype(REAL).itemsize
+SLOT, NUMBER, LINK = -3, -2, -1
 FARTHEST = 2.0**31  # cells in one step; beyond it, or not a number, is no motion
 
 
-@njit
+@inlined
 def append(slot, pool, ids, chain, head, count, free, counters):
     """Page and place for one more particle of the slot; (-1, 0) when the block has no free page."""
     place = count[slot] % PAGE
@@ -46,7 +47,7 @@ def append(slot, pool, ids, chain, head, count, free, counters):
     return page, place
 
 
-@njit
+@inlined
 def settle(x, anchor, n):
     """Global cell and position from its tile's anchor of a particle at `x` from `anchor` on a ring of n cells.
 
@@ -67,7 +68,7 @@ def settle(x, anchor, n):
     return cell, position
 
 
-@njit
+@inlined
 def destination(row, column, species, n_species, points, row_part, column_part, column_stride, parts, lists):
     """Slot and list of a global cell: of this rank, or the global slot in the last list."""
     if row_part[row] >= 0 and column_part[column] >= 0:
@@ -78,24 +79,34 @@ def destination(row, column, species, n_species, points, row_part, column_part, 
     return tile * n_species + species, np.int64(lists.shape[1] - 1)
 
 
-@njit
-def list_up(k, slot, target, moving_slot, link, lists):
+@inlined
+def list_up(k, slot, number, target, words, lists):
     """Enter particle k of the box, bound for `slot`, in list `target`."""
-    moving_slot[k] = slot
-    link[k] = lists[0, target]
+    word = words[k]
+    word[SLOT] = slot
+    word[NUMBER] = np.int32(number)
+    word[LINK] = lists[0, target]
     lists[0, target] = k
     lists[1, target] += 1
 
 
-@njit
+@inlined
 def hole(page, pack, lanes):
     """Particles of one pack that leave, by the bits of their lanes, as one number."""
     return (page * PAGE + pack * LANES) << LANE_BITS | lanes
 
 
-@njit
+@inlined
+def ask_for(first, pool, ids):
+    """Ask for the lines of the pack whose first particle is place `first` of all pages, to write them."""
+    for c in range(COMPONENTS):
+        prefetch_to_write(address(pool) + first // LANES * (64 * COMPONENTS) + 64 * c)
+    prefetch_to_write(address(ids) + first * 4)
+
+
+@kernel
 def depart(slot, n, holes, n_species, points, row_part, column_part, column_stride, parts, pool, ids, chain, head,
-           count, free, moving, moving_id, moving_slot, link, lists, counters):  # fmt: skip
+           count, free, moving, words, lists, counters):  # fmt: skip
     """The particles of `holes[:n]` (see hole; last place first) go into the box, bound for where they belong.
 
     The last particles of the slot take their places. Returns DIVERGED for a position that is no motion's.
@@ -103,8 +114,10 @@ def depart(slot, n, holes, n_species, points, row_part, column_part, column_stri
     part = slot // n_species
     species = slot - part * n_species
     row, y = np.int64(0), REAL(0)
+    for i in range(min(n, HOLES_AHEAD)):
+        ask_for(holes[i] >> LANE_BITS, pool, ids)
     for i in range(n):
-        prefetch_to_write(address(ids) + (holes[min(i + HOLES_AHEAD, n - 1)] >> LANE_BITS) * 4)
+        ask_for(holes[min(i + HOLES_AHEAD, n - 1)] >> LANE_BITS, pool, ids)
         first, lanes = holes[i] >> LANE_BITS, holes[i] & ((1 << LANE_BITS) - 1)
         to, at = first // PAGE, first % PAGE
         while lanes != 0:
@@ -112,21 +125,21 @@ def depart(slot, n, holes, n_species, points, row_part, column_part, column_stri
             lanes ^= 1 << lane
             k = counters[1]
             counters[1] += 1
+            record = moving[k]
             leaver = pool[to, at // LANES, :, lane]
             for d in range(DIM):
                 if not abs(leaver[d]) < FARTHEST:
                     return DIVERGED
-            column, moving[k, 0] = settle(leaver[0], parts[part, 2], points[1])
+            column, record[0] = settle(leaver[0], parts[part, 2], points[1])
             if DIM == 2:
                 row, y = settle(leaver[DIM - 1], parts[part, 1], points[0])
-                moving[k, DIM - 1] = y
+                record[DIM - 1] = y
             for c in range(DIM, COMPONENTS):
-                moving[k, c] = leaver[c]
-            moving_id[k] = ids[to, at + lane]
+                record[c] = leaver[c]
             target_slot, target = destination(
                 row, column, species, n_species, points, row_part, column_part, column_stride, parts, lists
             )
-            list_up(k, target_slot, target, moving_slot, link, lists)
+            list_up(k, target_slot, ids[to, at + lane], target, words, lists)
             count[slot] -= 1
             last, page = count[slot] % PAGE, np.int64(head[slot])
             for c in range(COMPONENTS):
@@ -139,9 +152,9 @@ def depart(slot, n, holes, n_species, points, row_part, column_part, column_stri
     return GOOD
 
 
-@njit
+@kernel
 def place(x, v, numbers, species, n_species, points, row_part, column_part, column_stride, parts,
-          moving, moving_id, moving_slot, link, lists, counters):  # fmt: skip
+          moving, words, lists, counters):  # fmt: skip
     """Put new particles into the box: x[n, DIM] in cells of the grid, v[n, COMPONENTS - DIM], numbers[n].
 
     Returns DIVERGED for a position that is not finite.
@@ -159,19 +172,17 @@ def place(x, v, numbers, species, n_species, points, row_part, column_part, colu
         )
         k = counters[1]
         counters[1] += 1
-        list_up(k, slot, target, moving_slot, link, lists)
+        list_up(k, slot, numbers[p], target, words, lists)
         moving[k, 0] = position_x
         if DIM == 2:
             moving[k, 1] = position_y
         for c in range(v.shape[1]):
             moving[k, DIM + c] = v[p, c]
-        moving_id[k] = numbers[p]
     return GOOD
 
 
-@njit
-def pack(owner, n_species, points, records_real, records_int, at, moving, moving_id, moving_slot, link,
-         lists):  # fmt: skip
+@kernel
+def pack(owner, n_species, points, records_real, records_int, at, moving, words, lists):
     """Records of the box's particles bound for other ranks; at[rank] is where the rank's next record goes.
 
     A record is the components, the global slot and the number; `records_real` and `records_int` are the same
@@ -180,7 +191,7 @@ def pack(owner, n_species, points, records_real, records_int, at, moving, moving
     tiles = (points[1] + TILE - 1) // TILE
     k = np.int64(lists[0, lists.shape[1] - 1])
     while k >= 0:
-        tile = np.int64(moving_slot[k]) // n_species
+        tile = np.int64(words[k, SLOT]) // n_species
         if DIM == 2:
             rank = owner[tile // tiles * TILE + np.int64(moving[k, DIM - 1])]
         else:
@@ -189,15 +200,15 @@ def pack(owner, n_species, points, records_real, records_int, at, moving, moving
         if records_real.shape[0] > 0:
             for c in range(COMPONENTS):
                 records_real[n, c] = moving[k, c]
-            records_int[n, records_int.shape[1] - 2] = moving_slot[k]
-            records_int[n, records_int.shape[1] - 1] = np.int32(moving_id[k])
+            records_int[n, records_int.shape[1] - 2] = words[k, SLOT]
+            records_int[n, records_int.shape[1] - 1] = words[k, NUMBER]
         at[rank] = n + 1
-        k = np.int64(link[k])
+        k = np.int64(words[k, LINK])
 
 
-@njit
+@kernel
 def unpack(records_real, records_int, n_species, points, row_part, column_part, column_stride, parts,
-           moving, moving_id, moving_slot, link, lists, counters):  # fmt: skip
+           moving, words, lists, counters):  # fmt: skip
     """Put the particles of records into the box."""
     tiles = (points[1] + TILE - 1) // TILE
     for p in range(records_real.shape[0]):
@@ -211,13 +222,12 @@ def unpack(records_real, records_int, n_species, points, row_part, column_part, 
         )
         k = counters[1]
         counters[1] += 1
-        list_up(k, slot, target, moving_slot, link, lists)
+        list_up(k, slot, records_int[p, records_int.shape[1] - 1], target, words, lists)
         for c in range(COMPONENTS):
             moving[k, c] = records_real[p, c]
-        moving_id[k] = np.uint32(records_int[p, records_int.shape[1] - 1])
 
 
-@njit
+@kernel
 def export(species, n_species, parts, pool, ids, chain, head, count, cursor, numbers, tiles, components):
     """The next particles of a species, whole pages of them: numbers[m], tiles[m], components[m, COMPONENTS].
 

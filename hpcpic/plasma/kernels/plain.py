@@ -10,17 +10,21 @@ In 1D there is one row.
 
 import numpy as np
 
-from hpcpic.core.simd.jit import njit
-from hpcpic.core.simd.vector import fma, prefetch_to_write
-from hpcpic.plasma.kernels.lanes import address
+from hpcpic.core.simd.vector import fma, prefetch
+from hpcpic.plasma.kernels.lanes import address, inlined, kernel
 from hpcpic.plasma.kernels.pages import (
     COMPONENTS,
     DIVERGED,
     GOOD,
     LANES,
+    LINK,
     NO_PAGE,
+    NUMBER,
     PAGE,
+    RECORD_BYTES,
+    SLOT,
     append,
+    ask_for,
     depart,
     hole,
 )
@@ -31,12 +35,12 @@ VELOCITIES = 2  # components
 ROTATION = 0  # 0 no magnetic field, 1 along z, 2 any direction
 REAL = np.float64  # precision of a particle
 
-AHEAD = 6
+AHEAD = 16  # particles
 ZERO, HALF, ONE, THREE_QUARTERS = REAL(0), REAL(0.5), REAL(1), REAL(0.75)
 MAGIC = REAL(1.5 * 2.0 ** np.finfo(REAL).nmant)  # adding it rounds to a whole number
 
 
-@njit
+@inlined
 def support(x):
     """First node and weights of the shape at x: W of (5.2) for CIC, the nearest node (NGP), the parabola (TSC)."""
     if NODES == 2:
@@ -50,7 +54,7 @@ def support(x):
     return np.int64(node) - 1, HALF * (left * left), THREE_QUARTERS - d * d, HALF * (right * right)
 
 
-@njit
+@inlined
 def gather(e, row, column, x, y, scale):
     """E at the particle (5.14); (row, column) of the tile's anchor in e. CIC in the form a + b f + (c + d f) g."""
     i, u0, u1, u2 = support(x)
@@ -80,7 +84,7 @@ def gather(e, row, column, x, y, scale):
     return total
 
 
-@njit
+@inlined
 def boris(vx, vy, vz, ex, ey, m):
     """Boris (5.4.1): half of the electric impulse, rotation about B, the other half.
 
@@ -106,13 +110,13 @@ def boris(vx, vy, vz, ex, ey, m):
     return fma(m[0], ex, ux), (fma(m[1], ey, uy) if DIM == 2 else uy + m[2]), uz + m[3]
 
 
-@njit
+@inlined
 def parts_of(a, b):
     """The product of a share and a number of parts, as a whole number."""
     return np.int64(fma(a, b, MAGIC) - MAGIC)
 
 
-@njit
+@inlined
 def deposit(patch, group, unit, row, column, x, y):
     """Charge of one particle (5.1), `unit` parts in all, exactly; (row, column) of the tile's anchor in the patch."""
     whole = REAL(unit)
@@ -145,13 +149,13 @@ def deposit(patch, group, unit, row, column, x, y):
         patch[group, j + middle, i + 1] += rest
 
 
-@njit
+@kernel
 def push(block, first, last, n_species, points, origin, corner, row_part, column_part, column_stride, parts, e_x, e_y,
          scale, mover, charge, pool, ids, chain, head, count, free, holes,
-         moving, moving_id, moving_slot, link, lists, counters, patch):  # fmt: skip
+         moving, words, lists, counters, patch):  # fmt: skip
     """x^n, v^(n-1/2) -> x^(n+1), v^(n+1/2) (5.18), (5.19); those who stay leave their charge, the others depart."""
-    free, holes, moving, moving_id = free[block], holes[block], moving[block], moving_id[block]
-    moving_slot, link, lists, counters = moving_slot[block], link[block], lists[block], counters[block]
+    free, holes, moving, words = free[block], holes[block], moving[block], words[block]
+    lists, counters = lists[block], counters[block]
     lists[0, :] = -1
     lists[1, :] = 0
     counters[1] = 0
@@ -196,53 +200,43 @@ def push(block, first, last, n_species, points, origin, corner, row_part, column
                     n_holes += 1
                 page, used = np.int64(chain[page]), PAGE
             if depart(slot, n_holes, holes, n_species, points, row_part, column_part, column_stride, parts, pool, ids,
-                      chain, head, count, free, moving, moving_id, moving_slot, link, lists,
-                      counters) != GOOD:  # fmt: skip
+                      chain, head, count, free, moving, words, lists, counters) != GOOD:  # fmt: skip
                 return DIVERGED
     return GOOD
 
 
-@njit
-def deliver(block, n_species, corner, parts, charge, pool, ids, chain, head, count, free, counters,
-            moving, moving_id, moving_slot, link, lists, patch):  # fmt: skip
+@kernel
+def deliver(block, first, last, n_species, corner, parts, charge, pool, ids, chain, head, count, free, counters,
+            moving, words, lists, patch):  # fmt: skip
     """Take the particles that all boxes have for this block into their slots, with their charge."""
     free, counters = free[block], counters[block]
+    for slot in range(first * n_species, last * n_species):
+        if head[slot] >= 0:
+            ask_for(head[slot] * PAGE + count[slot] % PAGE // LANES * LANES, pool, ids)
     for box in range(lists.shape[0]):
+        records, record_words = moving[box], words[box]
         k = np.int64(lists[box, 0, block])
-        scout = k  # looks AHEAD particles ahead for the lines that will be written
-        for _ in range(AHEAD):
-            scout = np.int64(link[box, scout]) if scout >= 0 else scout
         while k >= 0:
-            if scout >= 0:
-                foresee(np.int64(moving_slot[box, scout]), pool, ids, head, count)
-                scout = np.int64(link[box, scout])
-            slot = np.int64(moving_slot[box, k])
+            prefetch(address(records) + (k - AHEAD) * RECORD_BYTES)  # lists mostly go on by the particle before
+            word = record_words[k]
+            slot = np.int64(word[SLOT])
             page, place = append(slot, pool, ids, chain, head, count, free, counters)
             if page < 0:
                 return NO_PAGE
+            pack, lane = place // LANES, place % LANES
             for c in range(COMPONENTS):
-                pool[page, place // LANES, c, place % LANES] = moving[box, k, c]
-            ids[page, place] = moving_id[box, k]
+                pool[page, pack, c, lane] = records[k, c]
+            ids[page, place] = np.uint32(word[NUMBER])
+            if lane == 0:
+                ask_for(page * PAGE + (place + LANES) % PAGE, pool, ids)
             part, species = slot // n_species, slot % n_species
             deposit(patch, charge[species, 0], charge[species, 1], parts[part, 1] - corner[0],
-                    parts[part, 2] - corner[1], moving[box, k, 0], moving[box, k, DIM - 1])  # fmt: skip
-            k = np.int64(link[box, k])
+                    parts[part, 2] - corner[1], records[k, 0], records[k, DIM - 1])  # fmt: skip
+            k = np.int64(word[LINK])
     return GOOD
 
 
-@njit
-def foresee(slot, pool, ids, head, count):
-    """Ask for the lines of the next place of a slot."""
-    page = np.int64(head[slot])
-    if page >= 0:
-        place = count[slot] % PAGE
-        at = address(pool) + page * pool.strides[0] + place // LANES * pool.strides[1]
-        for c in range(COMPONENTS):
-            prefetch_to_write(at + c * 64)
-        prefetch_to_write(address(ids) + page * ids.strides[0] + place * 4)
-
-
-@njit
+@kernel
 def rewind(first, last, n_species, origin, parts, e_x, e_y, scale, mover, pool, chain, head, count):
     """v^0 -> v^(-1/2): the velocity alone, with a mover of half a step backwards (9.2.1)."""
     for part in range(first, last):
@@ -272,7 +266,7 @@ def rewind(first, last, n_species, origin, parts, e_x, e_y, scale, mover, pool, 
     return GOOD
 
 
-@njit
+@kernel
 def deposit_all(first, last, n_species, corner, parts, charge, pool, chain, head, count, patch):
     """The charge (5.1) of all particles of a block."""
     patch[:] = 0

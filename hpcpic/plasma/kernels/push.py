@@ -10,7 +10,6 @@ leaves is a mispredicted one. Sums of single precision are 32 bits without sign,
 
 import numpy as np
 
-from hpcpic.core.simd.jit import njit
 from hpcpic.core.simd.vector import (
     Vec,
     add_lines,
@@ -27,7 +26,7 @@ from hpcpic.core.simd.vector import (
     store_at,
 )
 from hpcpic.plasma.kernels.cells import add_last, add_sums, gather_field, load_sums, opaque, shifted_up, whole_at
-from hpcpic.plasma.kernels.lanes import address, bits_of, store_lines
+from hpcpic.plasma.kernels.lanes import address, bits_of, inlined, kernel, store_lines
 from hpcpic.plasma.kernels.pages import COMPONENTS, DIVERGED, GOOD, LANES, PAGE, TILE, depart, hole
 from hpcpic.plasma.kernels.plain import MAGIC, boris
 
@@ -51,7 +50,7 @@ UNSIGNED = 2**32 - 1 if SIZE == 4 else -1  # bits of a sum
 BATCH = 31 if SIZE == 4 else 1 << 60  # pages whose charge the sums of one cell can hold
 
 
-@njit
+@kernel
 def spread_field(part, origin, parts, e_x, e_y, scale, lines):
     """Coefficients of the cells of a tile part, and zero ones for parked lanes behind them."""
     row, column = parts[part, 1] - origin[0], parts[part, 2] - origin[1]
@@ -71,7 +70,7 @@ def spread_field(part, origin, parts, e_x, e_y, scale, lines):
         store_at(lines + c, splat(F, 0.0), 64)
 
 
-@njit
+@kernel
 def coefficients(at, width, scale):
     """a, b, c, d of eight cells whose lower left nodes start at an address: E = a + b f + (c + d f) g."""
     e00, e10 = load_at(E8, at, 8) * scale, load_at(E8, at + 8, 8) * scale
@@ -80,13 +79,13 @@ def coefficients(at, width, scale):
     return convert(R8, e00), convert(R8, b), convert(R8, c), convert(R8, (e11 - e10) - c)
 
 
-@njit
+@kernel
 def zero_sums(sums):
     for c in range(0, (CELLS + 8) * SUM, 64):
         store_at(sums + c, splat(I, 0), 64)
 
 
-@njit(forceinline=True)
+@inlined
 def corners_of(at):
     """Charge at the corners of eight cells from their sums, which are zeroed."""
     if DIM == 1:
@@ -101,14 +100,14 @@ def corners_of(at):
     return (whole - along) - (across - both), along - both, across - both, both
 
 
-@njit(forceinline=True)
+@inlined
 def add_nodes(at, left, right):
     """Add to nine nodes what eight cells between them have for the left and for the right one."""
     store_at(at, load_at(WIDE, at, 8) + left + shifted_up(right), 8)
     add_last(at + 64, right)
 
 
-@njit
+@kernel
 def gather_sums(part, corner, parts, sums, patch, group, sign):
     """Add the corner sums of the part's cells, times sign, to the nodes of the patch, and zero them."""
     zero_parked(sums)
@@ -126,13 +125,13 @@ def gather_sums(part, corner, parts, sums, patch, group, sign):
             add_nodes(at, left * sign, right * sign)
 
 
-@njit
+@kernel
 def zero_parked(sums):
     for c in range(CELLS * SUM, (CELLS + 8) * SUM, 64):
         store_at(sums + c, splat(I, 0), 64)
 
 
-@njit(forceinline=True)
+@inlined
 def find_cells(at, cells):
     """Where the lines of one pack's cells are, MAGIC_BITS too far."""
     i = floor(load_at(F, at, 64))
@@ -142,7 +141,7 @@ def find_cells(at, cells):
         store_at(cells, bits_of(fma(i, REAL(LINE), MAGIC)), 64)
 
 
-@njit(forceinline=True)
+@inlined
 def push_pack(at, cells, lines, m, low_x, high_x, low_y, high_y):
     """Gather, Boris, drift of one pack; bits of the lanes that stay in their part.
 
@@ -184,7 +183,7 @@ def push_pack(at, cells, lines, m, low_x, high_x, low_y, high_y):
     return bitmask(inside)
 
 
-@njit(forceinline=True)
+@inlined
 def deposit_pack(at, cells, sums, unit, whole):
     """Charge of one pack to the sums of the cells that push_pack found: of parts, times f, times g, times f g."""
     x = load_at(F, at, 64)
@@ -199,7 +198,7 @@ def deposit_pack(at, cells, sums, unit, whole):
         add_lines(sums, load_at(I, cells, 64), (whole, along))
 
 
-@njit
+@kernel
 def park(pool, page, used):
     """The last pack's lanes without a particle: at rest behind the last cell, where is no field and no node."""
     for place in range(used, (used + LANES - 1) // LANES * LANES):
@@ -209,12 +208,12 @@ def park(pool, page, used):
         pool[page, pack, DIM - 1, lane] = TILE
 
 
-@njit(forceinline=True)
+@inlined
 def same(a, b):
     return a[0] == b[0] and a[1] == b[1]
 
 
-@njit(forceinline=True)
+@inlined
 def next_page(page, slot, end, heads, chains):
     """The page after `page` in the order of the push, and its slot; -1 after the last one. Addresses of the arrays."""
     if page >= 0:
@@ -225,13 +224,13 @@ def next_page(page, slot, end, heads, chains):
     return page, slot
 
 
-@njit
+@kernel
 def push(block, first, last, n_species, points, origin, corner, row_part, column_part, column_stride, parts, e_x, e_y,
-         scale, mover, charge, pool, ids, chain, head, count, free, holes, moving, moving_id, moving_slot, link, lists,
+         scale, mover, charge, pool, ids, chain, head, count, free, holes, moving, words, lists,
          counters, patch, lines, sums, cells):  # fmt: skip
     """x^n, v^(n-1/2) -> x^(n+1), v^(n+1/2) (5.18), (5.19); those who stay leave their charge, the others depart."""
-    free, holes, moving, moving_id = free[block], holes[block], moving[block], moving_id[block]
-    moving_slot, link, lists, counters = moving_slot[block], link[block], lists[block], counters[block]
+    free, holes, moving, words = free[block], holes[block], moving[block], words[block]
+    lists, counters = lists[block], counters[block]
     lists[0, :] = -1
     lists[1, :] = 0
     counters[1] = 0
@@ -281,8 +280,7 @@ def push(block, first, last, n_species, points, origin, corner, row_part, column
                     batch = 0
                 page, used = whole_at(chains, page), PAGE
             if depart(slot, n_holes, holes, n_species, points, row_part, column_part, column_stride, parts, pool, ids,
-                      chain, head, count, free, moving, moving_id, moving_slot, link, lists,
-                      counters) != GOOD:  # fmt: skip
+                      chain, head, count, free, moving, words, lists, counters) != GOOD:  # fmt: skip
                 return DIVERGED
             if species + 1 == n_species or not same(charge[species + 1], charge[species]):
                 gather_sums(part, corner, parts, to_sums, patch, charge[species, 0], sign)
