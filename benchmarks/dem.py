@@ -1,70 +1,74 @@
 """Particle-steps per second of the grains: a dense bed of equal spheres at rest on a wall, periodic sides.
 
-python benchmarks/dem.py             one core, two threads, two ranks (needs mpirun beside this python)
-python benchmarks/dem.py N THREADS   one line of N^3 spheres; under mpirun for ranks
+python benchmarks/dem.py                         one core, two threads, two ranks (needs mpirun beside this python)
+python benchmarks/dem.py STATE TILES KIND THREADS   one line; under mpirun for ranks
 
 The bed is that of LAMMPS' granular benchmarks: m = d = 1, g = 10, k_n = 2e5, step 1.5e-4 (3 % of a collision),
-friction 0.5 with tangential springs. `bed` and `rate` are what other scripts may call.
+friction 0.5. `settled`, `bed` and `rate` are what other scripts may call.
 """
 
 import subprocess
 import sys
+import tempfile
+from collections.abc import Mapping
 from pathlib import Path
 from time import perf_counter
 
 import numpy as np
+from numpy.typing import NDArray
 
 from hpcpic.core.comm.world import World
-from hpcpic.core.space.domain import Domain, even_cuts
+from hpcpic.core.space.domain import Domain
 from hpcpic.core.space.rng import uniforms
 from hpcpic.core.tasks import Pool
 from lbmdem.contacts import Law, Wall
 from lbmdem.dem import Dem
 from lbmdem.network import contact_count
+from lbmdem.packing import everywhere
 
 STEP, STIFFNESS, GRAVITY = 1.5e-4, 2e5, 10.0
+PER_SIDE, APART = 22, 1.02  # spheres along x and y, and their distance at the start
 LAWS = {
     "history": Law(STIFFNESS, damping=0.16, friction=0.5, viscosity=25.0, shear=2 / 7 * STIFFNESS),
     "regularised": Law(STIFFNESS, damping=0.16, friction=0.5, viscosity=25.0),
 }
 
 
-def bed(world: World, pool: Pool, n: int, law: Law, state: dict | None = None) -> Dem:
-    """n^3 spheres: above each other with gaps to fall through, or in the given `state` (x and v in id order)."""
-    number, side = n**3, 1.02 * n
-    domain = Domain((1.5 * n, side, side), (2 * n, n, n), (False, True, True), even_cuts(2 * n, world.size))
-    domain = domain.with_cuts(_cuts(n, world.size))
-    ids = np.arange(number)
-    places = np.stack([ids % n, ids // n % n, ids // n**2], 1) + 0.5
-    x = places * [1.02, 1.02, 1.1] + 0.04 * (uniforms(7, 0, ids, 3) - 0.5)
+def bed(world: World, pool: Pool, law: Law, x: NDArray, v: NDArray, tiles: int = 1) -> Dem:
+    """Spheres at x[n, 3] with v[n, 3], the periodic bed repeated `tiles` times along x and y."""
+    side = APART * PER_SIDE
+    shifts = [(i * side, j * side, 0.0) for i in range(tiles) for j in range(tiles)]
+    x, v = np.concatenate([x + shift for shift in shifts]), np.tile(v, (tiles**2, 1))
+    n, rows, height = len(x), 4 * PER_SIDE, 1.5 * PER_SIDE
+    cuts = [round(np.quantile(x[:, 2], rank / world.size) / height * rows) for rank in range(1, world.size)]
     columns = {
-        "x": x if state is None else state["x"],
-        "v": np.zeros((number, 3)) if state is None else state["v"],
-        "omega": np.zeros((number, 3)),
-        "radius": np.full(number, 0.5),
-        "mass": np.ones(number),
-        "inertia": np.full(number, 0.1),
-        "fixed": np.zeros(number, bool),
+        "x": x,
+        "v": v,
+        "omega": np.zeros((n, 3)),
+        "radius": np.full(n, 0.5),
+        "mass": np.ones(n),
+        "inertia": np.full(n, 0.1),
+        "fixed": np.zeros(n, bool),
     }
+    lengths = (height, tiles * side, tiles * side)
+    domain = Domain(lengths, (rows, PER_SIDE, PER_SIDE), (False, True, True), (0, *cuts, rows))
     return Dem(world, pool, domain, columns, law, (Wall((0, 0, 0), (0, 0, 1)),), (0.0, 0.0, -GRAVITY))
 
 
-def _cuts(n: int, ranks: int) -> tuple[int, ...]:
-    """Rows of half a diameter and more, equally many grains of the settled bed in each slab."""
-    height = 0.9 * n / 0.75
-    return (*(round(height * r / ranks) for r in range(ranks)), 2 * n)
-
-
-def settled(world: World, pool: Pool, n: int, law: Law, steps: int) -> Dem:
-    dem = bed(world, pool, n, law)
+def settled(world: World, pool: Pool, law: Law, steps: int = 20000) -> tuple[NDArray, NDArray]:
+    """Positions and velocities of a bed that fell from a loose lattice."""
+    ids = np.arange(PER_SIDE**3)
+    places = np.stack([ids % PER_SIDE, ids // PER_SIDE % PER_SIDE, ids // PER_SIDE**2], 1) + 0.5
+    x = places * [APART, APART, 1.1] + 0.04 * (uniforms(7, 0, ids, 3) - 0.5)
+    dem = bed(world, pool, law, x, np.zeros_like(x))
     for _ in range(steps // 1000):
         dem.advance(STEP, 1000)
         dem.grains.columns["row"][:, 4:7] *= 0.7  # quicker to rest
-    return dem
+    return everywhere(dem), np.zeros_like(x)
 
 
 def rate(dem: Dem, steps: int, repeats: int = 5) -> float:
-    """The best of some runs, in particle-steps per second."""
+    """The best of some runs, in particle-steps per second. Collective."""
     best = np.inf
     for _ in range(repeats):
         dem.world.barrier()
@@ -74,18 +78,20 @@ def rate(dem: Dem, steps: int, repeats: int = 5) -> float:
     return dem.grains.number * steps / best
 
 
-def measure(n: int, threads: int, kind: str, settle: int) -> None:
+def measure(state: Mapping[str, NDArray], tiles: int, kind: str, threads: int) -> None:
     """Print one line of the table, on rank 0."""
     world = World.start()
     pool = Pool(threads, world.cpus(threads))
-    dem = settled(world, pool, n, LAWS[kind], settle)
-    found, lists = rate(dem, max(50, 2_000_000 // n**3)), dem.version
-    contacts = 2 * contact_count(dem) / dem.grains.number
+    dem = bed(world, pool, LAWS[kind], state["x"], state["v"], tiles)
+    n = dem.grains.number
+    dem.advance(STEP, 200)
+    lists, steps = dem.version, max(50, 2_000_000 // n)
+    found, contacts = rate(dem, steps), 2 * contact_count(dem) / n
     if world.rank == 0:
         print(
-            f"{n**3} spheres, {kind:11s} ranks {world.size} threads {threads}: "
-            f"{found / 1e6:.2f} M/s, "
-            f"{1e9 / found:6.1f} ns per particle-step, {contacts:.2f} contacts per sphere, skin {dem.skin:.3f} d, {lists} lists",
+            f"{n:7d} spheres, {kind:11s} {world.size} rank(s) x {threads} thread(s): {found / 1e6:6.2f} M/s, "
+            f"{1e9 / found:5.1f} ns per particle-step; {contacts:.2f} contacts, a list every "
+            f"{5 * steps / max(dem.version - lists, 1):.0f} steps",
             flush=True,
         )
     pool.close()
@@ -94,13 +100,18 @@ def measure(n: int, threads: int, kind: str, settle: int) -> None:
 def main() -> None:
     """The whole table, each line in processes of its own; or the one line that is asked for."""
     if len(sys.argv) > 1:
-        measure(int(sys.argv[1]), int(sys.argv[2]), sys.argv[3], int(sys.argv[4]))
+        path, tiles, kind, threads = sys.argv[1:]
+        measure(np.load(path), int(tiles), kind, int(threads))
         return
     launcher = str(Path(sys.executable).with_name("mpirun"))
-    for kind in LAWS:
-        for ranks, threads in ((1, 1), (1, 2), (2, 1)):
-            command = [sys.executable, "-m", "mpi4py", __file__, "22", str(threads), kind, "20000"]
-            subprocess.run([launcher, "-n", str(ranks), *command], check=True)
+    with tempfile.TemporaryDirectory() as folder:
+        path, pool = str(Path(folder, "bed.npz")), Pool(1)
+        x, v = settled(World.alone(), pool, LAWS["history"])
+        np.savez(path, x=x, v=v)
+        for tiles, kind in ((1, "history"), (1, "regularised"), (3, "history")):
+            for ranks, threads in ((1, 1), (1, 2), (2, 1)):
+                command = [sys.executable, "-m", "mpi4py", __file__, path, str(tiles), kind, str(threads)]
+                subprocess.run([launcher, "-n", str(ranks), *command], check=True)
 
 
 if __name__ == "__main__":

@@ -14,7 +14,7 @@ from hpcpic.core.files.arrays import Shard
 from hpcpic.core.space import exact
 from hpcpic.core.space.domain import Domain, block_ranges
 from hpcpic.core.space.fields import aligned_zeros
-from hpcpic.core.tasks import Bound, Pool, bind
+from hpcpic.core.tasks import Bound, Graph, Pool, bind
 from lbmdem import network
 from lbmdem.contacts import Law, Wall, wall_rows
 from lbmdem.grains import STATE, Grains
@@ -86,7 +86,8 @@ class Dem:
         self._driven = bool(np.any(driven)) or any(wall.moves for wall in self.walls)
         self._set_walls(0.0, always=True)
         self.rebuild()
-        self._forces(0.0)
+        self._set_dt(0.0)
+        self.pool.run(self._forces)
         self._fresh = True
 
     def _check_box(self) -> None:
@@ -144,7 +145,9 @@ class Dem:
                                self.wall_rows, self._walls_listed)  # fmt: skip
             bounds, parts = [bound for bound, _ in self._bounds], self._blocks
             self._start, self._touch = bounds[:parts], bounds[parts : 3 * parts]
-            self._finish, self._work = bounds[3 * parts : 4 * parts], bounds[4 * parts :]
+            self._finish = bounds[3 * parts : 4 * parts]
+            self._work = bounds[4 * parts :] if self._driven else []
+            self._forces = self._graph()
             return
         for (bound, names), (_, more), told in zip(self._bounds, jobs, self._told):
             known = values | more
@@ -153,6 +156,17 @@ class Dem:
                 if name in known and new is not told[name] and (name not in SCALARS or new != told[name]):
                     bound.update(index, new)
             told.update(known)
+
+    def _graph(self) -> Graph:
+        """Contact forces, and what grains make of them when all are there."""
+        graph, lines = Graph(), [("lines", k) for k in range(len(self._touch))]
+        for touch, line in zip(self._touch, lines):
+            graph.task(touch, outs=[line])
+        for k, finish in enumerate(self._finish):
+            graph.task(finish, ins=lines, outs=[("sums", k)])
+        for k, work in enumerate(self._work):
+            graph.task(work, ins=[*lines, ("sums", k)])
+        return graph.freeze()
 
     def _set_dt(self, dt: float) -> None:
         if dt != self._dt:
@@ -194,10 +208,7 @@ class Dem:
             self.pool.each(self._start)
             self._set_walls(self.time)
             self._renew()
-            self.pool.each(self._touch)
-            self.pool.each(self._finish)
-            if self._driven:
-                self.pool.each(self._work)
+            self.pool.run(self._forces)
         self.grains.refresh()  # the ghosts had predicted velocities
 
     def _advance_alone(self, dt: float, begin: float, first: int, last: int) -> None:
@@ -207,7 +218,7 @@ class Dem:
             motions = np.array([wall_rows(self.walls, begin + (k + 1) * dt) for k in range(first, last)])
             if len(motions) == 1:
                 self.wall_rows[:] = motions[0]
-        bounds = [*self._start, *self._touch, *self._finish, *(self._work if self._driven else ())]
+        bounds = [*self._start, *self._touch, *self._finish, *self._work]
         tasks = np.array([(bound.address, bound.context.ctypes.data) for bound in bounds])
         done, begun, steps = 0, False, last - first
         while done < steps:
@@ -272,12 +283,6 @@ class Dem:
         self._room.rows("origin", grains.held, shape=(8,))[:] = grains.rows[: grains.held, :8]
         self._walls_listed[:] = self.wall_rows
         self._bind()
-
-    def _forces(self, dt: float) -> None:
-        """Contact forces of the state as it is."""
-        self._set_dt(dt)
-        self.pool.each(self._touch)
-        self.pool.each(self._finish)
 
     def set_added(self, mass: NDArray, inertia: NDArray) -> None:
         """Added mass and inertia [n] of own grains: they divide all forces, and make no weight."""
