@@ -15,7 +15,7 @@ def euler(engine: "Sph") -> None:
     """y = y + dt f(y)."""
     engine.evaluate(start=True)
     engine.choose_step()
-    engine.advance(0.0, 1.0, 1.0)
+    engine.combine(0.0, 1.0, 1.0)
 
 
 def predictor_corrector(engine: "Sph") -> None:
@@ -23,9 +23,9 @@ def predictor_corrector(engine: "Sph") -> None:
     engine.evaluate(start=True)
     engine.choose_step()
     engine.keep()
-    engine.advance(0.0, 1.0, 1.0, until=1.0)
+    engine.combine(0.0, 1.0, 1.0, until=1.0)
     engine.evaluate()
-    engine.advance(1.0, 0.0, 1.0, with_new_velocity=True)
+    engine.combine(1.0, 0.0, 1.0, with_new_velocity=True)
 
 
 def rk3_tvd(engine: "Sph") -> None:
@@ -36,7 +36,7 @@ def rk3_tvd(engine: "Sph") -> None:
     for stage, (weights, until) in enumerate(zip(RK3, (1.0, 0.5, 1.0))):
         if stage:
             engine.evaluate()
-        engine.advance(*weights, until=until)
+        engine.combine(*weights, until=until)
 
 
 def symplectic(engine: "Sph") -> None:

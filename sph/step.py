@@ -24,11 +24,12 @@ from sph.particles import FLUID, REAL, Bodies, Tasks
 from sph.scene import WALL_BITS, Scene
 from sph.sums import PairSums, law_of
 from sph.timestep import TimeStep
-from sph.walls import WALL_FLAGS, Walls, wall_forces
+from sph.walls import WALL_FLAGS, Walls, through_wall, wall_forces
 
 PARTS_PER_THREAD = 4
 FASTEST = 0.25  # of c0: particles of integrators with stages may move so far in a step of Courant number cfl
 TIDY = 8  # steps between sorts of the particles in memory
+DENSITIES = (0.7, 1.3)  # of rho0, beyond which a weakly compressible fluid is none
 MARGIN = 1e-9  # of the support, for rounding
 
 
@@ -306,7 +307,7 @@ class Sph:
         """Remember x^n, v^n, rho^n."""
         self._each(self.motion.keep)
 
-    def advance(
+    def combine(
         self, old: float, now: float, new: float, *, until: float = 1.0, with_new_velocity: bool = False
     ) -> None:
         """y = old y^n + now y + new dt f(y); the stage stands for t^n + until dt."""
@@ -343,7 +344,15 @@ class Sph:
 
     def guard(self) -> str | None:
         """Why this rank's state is no solution, or None."""
-        return None
+        bodies, rho0 = self.bodies, self.scene.rho0
+        if not (np.isfinite(bodies.own("x")).all() and np.isfinite(bodies.own("v")).all()):
+            return "a position or velocity is not a finite number"
+        fluid = np.flatnonzero(bodies.own("flags") & FLUID)
+        density = bodies.drho[fluid] / rho0 + 1.0
+        worst = fluid[np.argmax(np.abs(density - 1.0))] if len(fluid) else 0
+        if len(fluid) and not DENSITIES[0] <= bodies.drho[worst] / rho0 + 1.0 <= DENSITIES[1]:
+            return f"the density of particle {bodies.id[worst]} is {bodies.drho[worst] / rho0 + 1.0:.3g} rho0"
+        return through_wall(self, fluid)
 
     def close(self) -> None:
         """Nothing is held."""

@@ -9,6 +9,8 @@ from numpy.typing import NDArray
 from hpcpic.core.comm.world import World
 from hpcpic.core.space.exact import exact_limbs, power_of_two_above, value
 from sph.particles import REAL, REPULSIVE
+from sph.scene import behind
+from sph.solids import signed_distance
 
 if TYPE_CHECKING:
     from sph.scene import Scene, Wall
@@ -111,3 +113,21 @@ def wall_forces(engine: "Sph") -> dict[str, tuple[NDArray[np.float64], NDArray[n
         groups.append(np.concatenate([force, np.cross(arm.T, force.T).T]))
     sums = exact_sums(engine.world, groups) if groups else []
     return {wall.name: (total[:d], total[3:]) for wall, total in zip(measured, sums)}
+
+
+def through_wall(engine: "Sph", fluid: NDArray[np.int64]) -> str | None:
+    """A word on a particle of the fluid (rows of the own ones) that is more than a spacing behind a wall."""
+    scene, bodies = engine.scene, engine.bodies
+    x = np.empty((len(fluid), scene.dimensions))
+    x[:, engine.axes] = (bodies.x[:, fluid] + engine.origin[:, None]).T
+    for wall in scene.walls:
+        shape, at = wall.section.shape, x - engine.walls.displacement[wall.index]
+        if wall.section.solid or shape.plane:
+            depth = -signed_distance(shape, at)
+        else:
+            depth = behind(wall, at)
+        lost = np.flatnonzero(depth > scene.spacing)
+        if len(lost):
+            place = ", ".join(f"{value:.4g}" for value in x[lost[0]])
+            return f"{len(lost)} particles went through {wall.name}, as particle {bodies.id[fluid[lost[0]]]} at ({place}) m"
+    return None
