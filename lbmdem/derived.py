@@ -158,7 +158,10 @@ def contacts(config: LbmDemConfig) -> Iterator[Derived]:
     good = ACCURATE * limit
     cure = f"substeps = {math.ceil(config.time_step / good)}" if config.fluid else f"time_step = {good:.3g}"
     cure = "" if verdict == "ok" else cure
-    yield Derived("step of the contacts", "dt/dt_max", share, "", "<= 0.4, < 1", verdict, source, cure, key)
+    words = "<= 0.4, < 1"
+    yield Derived(
+        "step of the contacts", "dt/dt_max", share, "", words, verdict, source, cure, key, stable_below=1.0
+    )
     yield from overlaps(config)
 
 

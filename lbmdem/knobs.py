@@ -20,6 +20,7 @@ if TYPE_CHECKING:
 SAMPLES = 17  # times of a quantity that is a curve
 ROWS = 400  # of the series of a whole run, in pilots
 COARSEST = 2  # cells across the shortest side
+LIMIT = "step of the contacts"  # the derived number
 HORIZON_STEPS = 500  # in which an instability shows
 
 
@@ -59,14 +60,14 @@ def wet(config: LbmDemConfig) -> list[Knob]:
     if any(grains.moving for grains in config.grains):
         found.append(
             Knob("substeps", "steps of the grains in one of the fluid", "", ("coupling", "substeps"),
-                 lambda c: 1.0 / c.substeps, 2.0, 0.5, shown=lambda size: 1.0 / size)
+                 lambda c: 1.0 / c.substeps, 2.0, 0.5, LIMIT, shown=lambda size: 1.0 / size)
         )  # fmt: skip
     return found
 
 
 def dry() -> list[Knob]:
     key = ("simulation", "time_step")
-    return [Knob("dt", "time step of the contacts", "s", key, lambda c: c.time_step, 2.0, 1.0, "contact step")]
+    return [Knob("dt", "time step of the contacts", "s", key, lambda c: c.time_step, 2.0, 1.0, LIMIT)]
 
 
 def choices_of(config: LbmDemConfig) -> list[Choice]:
@@ -97,9 +98,9 @@ def settings(config: LbmDemConfig, sizes: Mapping[str, float], time: float) -> t
     """--set list for spacing dx [m], tau - 1/2 or, without fluid, time step dt [s], in a run until time [s]."""
     made = [f"simulation.end_time={time!r}"]
     if config.fluid is None:
-        return (*made, f"simulation.time_step={sizes.get('dt', config.time_step)!r}", "coupling.substeps=1")
-    spacing = fitting(config, sizes.get("dx", config.spacing))
-    excess = sizes.get("tau", config.tau - 0.5)
+        return (*made, f"simulation.time_step={float(sizes.get('dt', config.time_step))!r}", "coupling.substeps=1")
+    spacing = fitting(config, float(sizes.get("dx", config.spacing)))
+    excess = float(sizes.get("tau", config.tau - 0.5))
     made.append(f"domain.spacing={spacing!r}")
     if "substeps" in sizes and any(grains.moving for grains in config.grains):
         made.append(f"coupling.substeps={max(1, math.ceil(1.0 / sizes['substeps'] - 1e-6))}")

@@ -94,12 +94,12 @@ def settings(config: SphConfig, sizes: Mapping[str, float], time: float) -> tupl
     """--set list for spacing dx [m], Courant number and Mach number, in a run until time [s]."""
     made = [f"simulation.end_time={time!r}"]
     if "dx" in sizes:
-        made.append(f"numerics.spacing={dividing(config, sizes['dx'])!r}")
+        made.append(f"numerics.spacing={float(dividing(config, sizes['dx']))!r}")
     if "cfl" in sizes and config.simulation.time_step is None:
-        made.append(f"simulation.cfl={sizes['cfl']!r}")
+        made.append(f"simulation.cfl={float(sizes['cfl'])!r}")
     if "mach" in sizes and not math.isclose(sizes["mach"], mach(config), rel_tol=1e-9):
         speed = config.sound_speed * mach(config) / sizes["mach"]
-        made.append(f"eos.sound_speed={speed!r}")
+        made.append(f"eos.sound_speed={float(speed)!r}")
     return tuple(made)
 
 

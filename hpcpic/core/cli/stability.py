@@ -176,6 +176,8 @@ def draw_map(limits: Limits, first: Knob, second: Knob, folder: Path) -> None:
 
 def map_figure(limits: Limits, first: Knob, second: Knob, rows: list[tuple[float, ...]], theory: bool) -> Any:
     """Stable, nearly unstable and unstable sizes of the first knob over those of the second."""
+    from matplotlib.ticker import NullFormatter
+
     from hpcpic.core.cli.figures import COLOURS, new_figure, style
 
     across, limit, measured = ([row[k] for row in rows] for k in range(3))
@@ -192,5 +194,7 @@ def map_figure(limits: Limits, first: Knob, second: Knob, rows: list[tuple[float
             ax.loglog(across, limit, "--", color=COLOURS[0], label="theory")
         ax.plot(here[1], here[0], "*", ms=13, color=COLOURS[3], label="the case")
         ax.set(xlabel=f"{second.name}, {second.unit}", ylabel=f"{first.name}, {first.unit}", ylim=(low, high))
+        ax.xaxis.set_minor_formatter(NullFormatter())
+        ax.yaxis.set_minor_formatter(NullFormatter())
         ax.legend()
         return fig

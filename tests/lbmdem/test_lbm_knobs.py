@@ -1,0 +1,65 @@
+"""Knobs of LBM-DEM: settings mean what they say, every case knows what it is about."""
+
+import math
+
+import pytest
+
+from hpcpic.core.files.config import load
+from hpcpic.core.files.schema import validate
+from lbmdem.cases import shipped_cases
+from lbmdem.config import LbmDemConfig
+from lbmdem.knobs import knobs_of
+
+CASES = sorted(shipped_cases())
+
+
+def read(case, sets=()):
+    return validate(LbmDemConfig, load(shipped_cases()[case], sets))
+
+
+def sizes_of(knobs, config):
+    return {knob.name: knob.size(config) for knob in knobs.knobs}
+
+
+@pytest.mark.parametrize("case", CASES)
+def test_its_own_sizes_are_the_case_itself(case):
+    config = read(case)
+    knobs = knobs_of(config)
+    again = read(case, knobs.settings(sizes_of(knobs, config), knobs.time))
+    assert again.points == config.points and again.substeps == config.substeps
+    assert again.time_step == pytest.approx(config.time_step, rel=1e-12)
+    assert again.simulation.end_time == config.simulation.end_time
+
+
+@pytest.mark.parametrize("case", CASES)
+@pytest.mark.parametrize("factor", [1.9, 0.6])
+def test_settings_are_valid_and_never_coarser_than_asked(case, factor):
+    config = read(case)
+    knobs = knobs_of(config)
+    wanted = {name: factor * size for name, size in sizes_of(knobs, config).items()}
+    made = read(case, knobs.settings(wanted, 0.5 * knobs.time))
+    for name, size in sizes_of(knobs, made).items():
+        assert size <= wanted[name] * (1 + 1e-9), name
+    if config.fluid:  # the spacing divides the box
+        assert all(abs(length / made.spacing - n) <= 1e-6 * n for length, n in zip(config.domain.size, made.points))
+
+
+def test_each_knob_turns_alone():
+    config = read("poiseuille")
+    knobs = knobs_of(config)
+    own = sizes_of(knobs, config)
+    finer = read("poiseuille", knobs.settings({**own, "dx": own["dx"] / 2}, knobs.time))
+    assert finer.tau == config.tau and finer.time_step == pytest.approx(config.time_step / 4)
+    slower = read("poiseuille", knobs.settings({**own, "tau": own["tau"] / 2}, knobs.time))
+    assert slower.points == config.points and slower.time_step == pytest.approx(config.time_step / 2)
+    assert knobs.work(finer) == pytest.approx(16 * knobs.work(config), rel=0.01)
+
+
+@pytest.mark.parametrize("case", CASES)
+def test_every_case_knows_what_it_is_about(case):
+    knobs = knobs_of(read(case))
+    quantities = knobs.quantities()
+    assert quantities and all(0 < quantity.time <= knobs.time for quantity in quantities)
+    about = {"taylor-green": "energy", "poiseuille": "momentum", "couette": "momentum", "sphere-array": "permeability"}
+    assert quantities[0].name == about.get(case, quantities[0].name)
+    assert math.isfinite(knobs.horizon) and knobs.horizon > 0
