@@ -74,18 +74,24 @@ class Layer:
             self.high[0] = self.low[0] = 0
         self.values = np.zeros((*np.maximum(self.high - self.low, 0), 4), fluid.layout_dtype)
         self.set(face.density, face.velocity)
-        self.tasks: list[list[Bound]] = []
+        kernel = push_walls if face.kind == "wall" else zou_he
         e = np.array([storage_order(fluid.lattice, i) for i in range(fluid.lattice.q)], np.int64)
-        shared = [layout.strides, layout.slots, layout.shifts, e, fluid.lattice.w]
-        for parity in range(2):
-            nodes = [fluid.f, fluid.ids, int(dimensions == 3), *shared]
-            common = [*nodes, parity, self.low, self.high, self.axis, self.side]
-            if face.kind == "wall":
-                ends = fluid.wall_ends()
-                bound = bind(push_walls, *common, ends, self.values)
-            else:
-                bound = bind(zou_he, *common, fluid.force_in_storage, int(face.kind == "velocity"), self.values)
-            self.tasks.append([bound] if self.values.size else [])
+        where = [layout.strides, layout.slots, layout.shifts]
+        nodes = [fluid.f, fluid.ids, int(dimensions == 3), *where, e, fluid.lattice.w]
+        given = [fluid.wall_ends()] if face.kind == "wall" else [fluid.force_in_storage, int(face.kind == "velocity")]
+        self._bind = lambda parity, low, high, values: bind(
+            kernel, *nodes, parity, low, high, self.axis, self.side, *given, values
+        )
+        self.tasks = [self.of_planes(parity, 0, layout.planes) for parity in range(2)]
+
+    def of_planes(self, parity: int, low: int, high: int) -> list[Bound]:
+        """The task on the arrivals at a parity of the layer's nodes in some planes; none without nodes."""
+        first, last = max(low, int(self.low[0])), min(high, int(self.high[0]))
+        if first >= last or not self.values.size:
+            return []
+        ends = self.low.copy(), self.high.copy()
+        ends[0][0], ends[1][0] = first, last
+        return [self._bind(parity, *ends, self.values[first - self.low[0] : last - self.low[0]])]
 
     def set(self, density: Any = None, velocity: Any = None) -> None:
         """Numbers, or arrays of the layer's own nodes [storage order without the face's axis] (velocity [..., d])."""

@@ -21,6 +21,7 @@ from lbmdem.kernels.layout import FLUID, Layout
 from lbmdem.kernels.nodes import classify, mark
 from lbmdem.kernels.sweep import sweep_kernel
 from lbmdem.lattices import CS2, Lattice
+from lbmdem.passes import After, Passes
 
 STORAGE = {"double": np.float64, "single": np.float32}
 BLOCKS = 4  # per thread, so that threads with little fluid help the others
@@ -57,6 +58,7 @@ class Fluid:
         self.iteration = 0
         self.hooks: list[Callable[[Fluid, int], None]] = []
         self._forced = force is not None
+        self._links: After | None = None
         self._allocate()
         self._numbers = np.zeros(len(numbers(lattice, collision, tau, magic, force)), self.layout_dtype)
         self.set_force(force)
@@ -104,65 +106,15 @@ class Fluid:
         layout = self.layout
         kernel = sweep_kernel(self.lattice, self.collision, self._forced, self.layout_dtype)
         shared = [self.f, self._kinds, self._wet, self._inside, self._numbers, layout.strides, layout.nx]
-        self._sweeps = lambda tiles: bind(kernel, *shared, tiles)
         self._exchange = Exchange(self.world, self.domain, layout, self.f, self._wet)
-        n_blocks = blocks or (BLOCKS * self.pool.threads if self.pool.threads > 1 else 1)
-        self._graphs = [self._graph(parity, n_blocks) for parity in range(2)]
+        periodic_rows = self.domain.ndim == 3 and self.domain.periodic[1]
+        threads = self.pool.threads
+        self._passes = Passes(layout, self._exchange, lambda t: bind(kernel, *shared, t), threads, periodic_rows)
+        n_blocks = blocks or (BLOCKS * threads if threads > 1 else 1)
+        self._steps = [self._passes.step(parity, n_blocks) for parity in range(2)]
         self._waves: dict[tuple[int, int], Graph] = {}
         self._marks = self._classification()
         self.layers = {name: Layer(self, name, face) for name, face in self.faces.items() if _acts(face)}
-
-    def _planes(self, parity: int, low: int, high: int) -> Bound:
-        """The step of some planes."""
-        return self._sweeps(np.array([[parity, low, high, 0, self.layout.rows]], np.int64))
-
-    def _graph(self, parity: int, n_blocks: int) -> Graph:
-        """Edge planes, messages, inner planes while these are on their way, what arrived."""
-        graph, planes = Graph(), self.layout.planes
-        low, high = 0, planes
-        if self._exchange.unpacks[parity]:
-            self._ends(graph, parity, sorted({(k, k + 1) for k in (0, planes - 1)}))
-            low, high = 1, planes - 1
-        for first, last in block_ranges(max(high - low, 0), n_blocks):
-            if last > first:
-                graph.task(self._planes(parity, low + first, low + last), name=f"planes {low + first}..{low + last}")
-        return graph.freeze()
-
-    def _ends(self, graph: Graph, parity: int, ends: list[tuple[int, int]]) -> None:
-        """A step of planes at the ends of the slab, and what crosses these."""
-        handles = [("end", 0), ("end", 1)]
-        for handle, (low, high) in zip(handles, ends):
-            graph.task(self._planes(parity, low, high), inouts=[handle], priority=1, name=f"planes {low}..{high}")
-        graph.message(self._exchange.messages[parity].requests, inouts=handles, name="populations")
-        for bound in self._exchange.unpacks[parity]:
-            graph.task(bound, inouts=handles, priority=1)
-
-    def _wave(self, parity: int, depth: int) -> Graph:
-        """`depth` steps: blocks, then the gaps between them (wavefront)."""
-        graph, layout = Graph(), self.layout
-        below, above = self._exchange.open
-        wraps = layout.stored == layout.planes  # the last block's neighbour is the first
-        pieces = wavefront.blocks(layout.planes, self.pool.threads, wraps or below, wraps or above)
-        row_bytes = self.lattice.q * layout.row_stride * layout.itemsize
-        flat = self.domain.ndim == 2
-        width = int(wavefront.CACHE / (row_bytes * (depth + 1)))
-        rows = wavefront.row_tiles(layout.rows, not flat and self.domain.periodic[1], width, depth)
-
-        def add(planes: wavefront.Span, **access: Any) -> None:
-            tiles = wavefront.tiles(planes, rows, (layout.planes, layout.rows), depth, parity)
-            graph.task(self._sweeps(tiles), name=f"wave {planes.low}..{planes.high}", **access)
-
-        for k, piece in enumerate(pieces):
-            ends = [("end", 0)] * (k == 0) + [("end", 1)] * (k == len(pieces) - 1)
-            add(piece, outs=[("block", k), *ends])
-        for k, piece in enumerate(pieces):
-            if k < len(pieces) - 1 or wraps:
-                add(wavefront.gap(piece.high), ins=[("block", k), ("block", (k + 1) % len(pieces))])
-        if self._exchange.unpacks[parity]:
-            for t in range(depth):
-                ends = [(0, t)] * bool(below and t) + [(layout.planes - t, layout.planes)] * bool(above and t)
-                self._ends(graph, (parity + t) % 2, ends)
-        return graph.freeze()
 
     def _classification(self) -> list[list[Bound]]:
         layout, n = self.layout, self.layout.lanes
@@ -206,7 +158,7 @@ class Fluid:
     def step(self) -> None:
         """Collide, stream, hooks, faces."""
         parity = self.parity
-        self.pool.run(self._graphs[parity])
+        self.pool.run(self._steps[parity])
         for hook in self.hooks:
             hook(self, 1 - parity)
         for layer in self.layers.values():
@@ -214,25 +166,44 @@ class Fluid:
                 self.pool.each(layer.tasks[1 - parity])
         self.iteration += 1
 
+    def carry(self, links: After | None) -> None:
+        """What hooks do, as tasks links(parity of arrivals, planes from, to), so that waves can do it: fixed links."""
+        self._links = links
+        self._waves.clear()
+
+    def _after(self, parity: int, low: int, high: int) -> list[Bound]:
+        """Links and faces of some planes."""
+        tasks = self._links(parity, low, high) if self._links else []
+        return tasks + [bound for layer in self.layers.values() for bound in layer.of_planes(parity, low, high)]
+
     @property
     def depth(self) -> int:
-        """Steps that `advance` does per pass over memory."""
-        if self.hooks or self.layers:
+        """Steps that are done per pass over memory."""
+        if self.hooks and not self._links:
             return 1
-        return wavefront.possible_depth(self.domain, self.pool.threads, wavefront.DEPTH[self.storage])
+        after = self._after if self._links or self.layers else None
+        return wavefront.possible_depth(self.domain, self.layout, self.pool.threads, wavefront.lag(after))
+
+    def leap(self, most: int) -> int:
+        """One pass over memory: `depth` steps, or one if `most` is less. Returns the steps done, the same bits as plain
+        ones. Hooks are called in the last two of `most` steps at least."""
+        depth = self.depth
+        if depth == 1 or most < depth + (2 if self.hooks else 0):
+            self.step()
+            return 1
+        key = (self.parity, depth)
+        if key not in self._waves:
+            with self.world.first_on_node():
+                after = self._after if self._links or self.layers else None
+                self._waves[key] = self._passes.wave(*key, after)
+        self.pool.run(self._waves[key])
+        self.iteration += depth
+        return depth
 
     def advance(self, n: int) -> None:
-        """n steps, several per pass over memory where nothing comes between them; the same bits."""
-        depth = self.depth
-        while depth > 1 and n >= depth:
-            key = (self.parity, depth)
-            if key not in self._waves:
-                self._waves[key] = self._wave(*key)
-            self.pool.run(self._waves[key])
-            self.iteration += depth
-            n -= depth
-        for _ in range(n):
-            self.step()
+        """n steps, several per pass over memory where possible."""
+        while n > 0:
+            n -= self.leap(n)
 
     def _each(self, name: str, arguments: list[Any], arrays: list[NDArray]) -> None:
         """Run a kernel of `observe` on the planes of the slab; it ends with parity, planes from, to and new arrays."""
@@ -266,13 +237,13 @@ class Fluid:
         layout = self.layout
         h = np.empty((layout.planes, layout.rows, layout.nx, self.lattice.q), self.layout_dtype)
         self._each("read", [self.ids, int(self.domain.ndim == 3), *self._where], [h])
-        return np.moveaxis(h.reshape(*self.domain.shape(self.world.rank), -1), -1, 0)
+        return np.moveaxis(h.reshape(*self.domain.shape(self.world.rank), self.lattice.q), -1, 0)
 
     def set_populations(self, h: NDArray) -> None:
         """The inverse of `populations`, for the parity of `iteration`. Collective the first time."""
         layout = self.layout
         rows = np.ascontiguousarray(np.moveaxis(h, 0, -1), self.layout_dtype)
-        self._each("write", self._where, [rows.reshape(layout.planes, layout.rows, layout.nx, -1)])
+        self._each("write", self._where, [rows.reshape(layout.planes, layout.rows, layout.nx, self.lattice.q)])
 
     def moments(self) -> tuple[NDArray, NDArray]:
         """Density [rows, ...] and velocity [rows, ..., d] with half the force, float64; 1 and 0 in solid nodes."""
@@ -280,7 +251,7 @@ class Fluid:
         rho = np.empty((layout.planes, layout.rows, layout.nx))
         u = np.empty((*rho.shape, self.lattice.dimensions))
         self._each("moments", self._seen, [rho, u])
-        return rho.reshape(shape), u.reshape(*shape, -1)
+        return rho.reshape(shape), u.reshape(*shape, self.lattice.dimensions)
 
     def row_sums(self) -> tuple[NDArray, NDArray]:
         """Of each row of nodes [rows of x, ...]: number of fluid nodes, sum of rho - 1, momentum (physical order),
@@ -289,7 +260,7 @@ class Fluid:
         sums = np.empty((layout.planes, layout.rows, 4 + self.lattice.dimensions))
         fastest = np.empty(sums.shape[:2])
         self._each("row_sums", self._seen, [sums, fastest])
-        return sums.reshape(-1, sums.shape[2]), fastest.reshape(-1)
+        return sums.reshape(fastest.size, sums.shape[2]), fastest.reshape(fastest.size)
 
     def set_equilibrium(self, rho: Any = 1.0, u: Any = None) -> None:
         """Equilibrium of densities [rows, ...] and velocities [rows, ..., d] (or numbers)."""

@@ -3,25 +3,28 @@
 A node may take its next step as soon as it and its neighbours have taken the last one: in place nothing else is needed,
 whatever the order. So planes are cut into blocks, one per thread. A block first does what it can alone, step t (0, 1..)
 on its planes but t at each end, as a wave in which step t follows t planes behind step 0; then the gaps that are left
-around the ends of blocks are filled, t planes on either side. In the same way rows are done in tiles that lean back by a
-row per step, so that the planes of a wave stay in the second-level cache. Around the ends of slabs the gaps are filled
-step by step with the messages of ordinary steps. Every node does what it does in plain stepping: the bits are the same.
+around the ends of blocks are filled, t planes on either side. In the same way rows are done in tiles that lean back by
+a row per step, so that the planes of a wave stay in the second-level cache. Around the ends of slabs the gaps are
+filled step by step with the messages of ordinary steps. Every node does what it does in plain stepping: the bits are
+the same.
+
+Links and faces come after a sweep: those of a plane when it and its neighbours are swept, and before these are swept
+again. A wave with them therefore lags two planes per step, and has whole planes.
 """
 
-from collections.abc import Iterable
-from typing import NamedTuple
-
-import numpy as np
-from numpy.typing import NDArray
+from collections.abc import Iterator
+from typing import Any, NamedTuple
 
 from hpcpic.core.space.domain import Domain, block_ranges
+from lbmdem.kernels.layout import Layout
 
-DEPTH = {"double": 4, "single": 6}
+DEPTH = {8: 4, 4: 6}  # steps per pass, by bytes of a population
 CACHE = 600e3  # bytes of the second-level cache that the planes of a wave may fill
+SHARED = 28e6  # and of the last-level cache, all threads together
 
 
 class Span(NamedTuple):
-    """Planes or rows of one piece: [low + t low_slope, high + t high_slope) at step t."""
+    """Planes or rows of one piece: [low + t low_slope, high + t high_slope) at step t, for a lag of one."""
 
     low: int
     high: int
@@ -46,6 +49,27 @@ def gap(end: int) -> Span:
     return Span(end, end, -1, 1)
 
 
+def lag(after: Any) -> int:
+    """Planes by which a step follows the one before it."""
+    return 1 if after is None else 2
+
+
+def order(planes: Span, depth: int, lag: int) -> Iterator[tuple[int, int, bool]]:
+    """(step, plane, swept?) of a piece in the order of a wave; with a lag of two, also what comes after the sweeps."""
+    ranges = [planes.at(k) for k in range(lag * depth)]
+    first = min(low + k for k, (low, _) in enumerate(ranges))
+    last = max(high + k for k, (_, high) in enumerate(ranges))
+    for wave in range(first, last):
+        for k, (low, high) in enumerate(ranges):
+            if low <= wave - k < high:
+                yield k // lag, wave - k, k % lag == 0
+
+
+def row_width(layout: Layout, depth: int) -> int:
+    """Rows of a tile whose planes stay in the second-level cache."""
+    return int(CACHE / (layout.lattice.q * layout.row_stride * layout.itemsize * (depth + 1)))
+
+
 def row_tiles(rows: int, periodic: bool, width: int, depth: int) -> list[Span]:
     """Tiles of rows in the order in which they are done; all rows at every step when one tile is enough."""
     n_tiles = max(1, rows // max(width, 2 * depth))
@@ -60,21 +84,6 @@ def row_tiles(rows: int, periodic: bool, width: int, depth: int) -> list[Span]:
     return tiles
 
 
-def tiles(planes: Span, rows: Iterable[Span], extent: tuple[int, int], depth: int, parity: int) -> NDArray[np.int64]:
-    """Sweeps of a piece in order, as the kernel wants them; extent: planes and rows of the slab, at which they wrap."""
-    found: list[tuple[int, ...]] = []
-    for row in rows:
-        first = min(planes.at(t)[0] + t for t in range(depth))
-        last = max(planes.at(t)[1] + t for t in range(depth))
-        for wave in range(first, last):
-            for t in range(depth):
-                plane = wave - t
-                if planes.at(t)[0] <= plane < planes.at(t)[1]:
-                    z = plane % extent[0]
-                    found += [((parity + t) % 2, z, z + 1, *part) for part in wrapped(row.at(t), extent[1])]
-    return np.array(found, np.int64).reshape(-1, 5)
-
-
 def wrapped(rows: tuple[int, int], n: int) -> list[tuple[int, int]]:
     """The rows as ranges within 0..n."""
     low, high = rows
@@ -85,7 +94,12 @@ def wrapped(rows: tuple[int, int], n: int) -> list[tuple[int, int]]:
     return [(low, n), (0, high - n)] if low < n else [(low - n, high - n)]
 
 
-def possible_depth(domain: Domain, threads: int, wanted: int) -> int:
-    """The most steps, up to `wanted`, for which blocks and their gaps fit every slab; 1 when a wave is not possible."""
+def possible_depth(domain: Domain, layout: Layout, threads: int, lag: int) -> int:
+    """Steps per pass for which blocks and their gaps fit every slab, and planes the caches; 1: no wave. Same on all
+    ranks."""
     thinnest = min(b - a for a, b in zip(domain.cuts, domain.cuts[1:]) if b > a) // threads
-    return max(1, min(wanted, thinnest // 2))
+    depth = min(DEPTH[layout.itemsize], thinnest // (2 * lag))
+    if lag > 1:
+        plane = layout.lattice.q * layout.plane_stride * layout.itemsize * threads
+        depth = min(depth, int((SHARED / plane - 1) // 2))
+    return max(1, depth)

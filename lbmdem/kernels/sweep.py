@@ -35,7 +35,7 @@ FULL = (1 << N) - 1
 
 @njit
 def {name}(f, kinds, wet, inside, numbers, strides, nx, tiles):
-    """Collide and stream in place, tile after tile: tiles[k] = parity of the steps done, planes from, to, rows from, to.
+    """Collide and stream in place, tile after tile: tiles[k] = parity (of the steps done), planes and rows from, to.
 
     kinds[plane, row, vector]; wet[plane + 2, row + 2, vector]: bit b of a vector is set when its node b - 1 is fluid;
     inside[vector]: bits of the nodes that belong to the row.
@@ -47,6 +47,7 @@ def {name}(f, kinds, wet, inside, numbers, strides, nx, tiles):
     end = SIZE * (nx - 1)
 '''
 
+
 def sweep_kernel(lattice: Lattice, collision: str, forced: bool, dtype: DTypeLike, fetch: bool = True) -> Any:
     """The compiled kernel `sweep` (see the text above)."""
     text = sweep_source(lattice, source(lattice, collision, forced), dtype, fetch)
@@ -57,10 +58,10 @@ def sweep_source(lattice: Lattice, collision: Collision, dtype: DTypeLike, fetch
     name = np.dtype(dtype).name
     text = _HEAD.format(title=f"{lattice.name}, {name}", dtype=name, name="sweep")
     lines = [f"{word} = numbers[{k}]" for k, word in enumerate(collision.names)]
-    lines += ["for k in range(tiles.shape[0]):", "    parity, z_low, z_high, y_low, y_high = tiles[k, 0], tiles[k, 1], tiles[k, 2], tiles[k, 3], tiles[k, 4]"]
+    lines += ["for k in range(tiles.shape[0]):", "    parity, tile = tiles[k, 0], tiles[k]"]
     lines += ["    swap = slot * (2 * parity - 1)"]
-    lines += ["    for z in range(z_low, z_high):", "        up = z + 1 if z + 1 < stored else 0"]
-    lines += ["        for y in range(y_low, y_high):"]
+    lines += ["    for z in range(tile[1], tile[2]):", "        up = z + 1 if z + 1 < stored else 0"]
+    lines += ["        for y in range(tile[3], tile[4]):"]
     inner = ["above = y + 1 if y + 1 < rows else 0", "below = y - 1 if y > 0 else rows - 1"]
     inner += _addresses(lattice)
     inner += ["for v in range(vectors):"]

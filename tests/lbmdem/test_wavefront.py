@@ -5,20 +5,23 @@ import pytest
 from lbm_reference import random_populations
 
 from hpcpic.core.comm.world import World
+from hpcpic.core.simd.jit import njit
 from hpcpic.core.space.domain import Domain, even_cuts
-from hpcpic.core.tasks import Pool
+from hpcpic.core.tasks import Pool, bind
 from lbmdem import wavefront
+from lbmdem.faces import Face
 from lbmdem.fluid import Fluid
+from lbmdem.kernels.layout import arrival
 from lbmdem.lattices import D2Q9, D3Q19
 
 SHAPES = {"D2Q9": (40, 37), "D3Q19": (36, 26, 12)}
 
 
-def make(lattice, periodic, *, world=None, threads=1, storage="double") -> Fluid:
+def make(lattice, periodic, *, world=None, threads=1, storage="double", faces=None) -> Fluid:
     """Random populations and solid nodes."""
     world, shape = world or World.alone(), SHAPES[lattice.name]
     domain = Domain(tuple(map(float, shape)), shape, periodic, even_cuts(shape[0], world.size))
-    fluid = Fluid(world, Pool(threads), domain, lattice, tau=0.8, storage=storage)
+    fluid = Fluid(world, Pool(threads), domain, lattice, tau=0.8, storage=storage, faces=faces)
     low, high = domain.row_range(world.rank)
     fluid.solid.inner[(np.random.default_rng(4).random(shape) < 0.1)[low:high]] = 1
     fluid.solid_changed()
@@ -42,7 +45,7 @@ def test_a_wave_has_the_bits_of_plain_steps(monkeypatch, lattice, periodic, thre
     """Depths odd and even, with and without tiles of rows, from either parity, steps left over."""
     plain = stepped(lattice, periodic, 13)
     for depth, cache in itertools.product((2, 3, 4), (1.0, 1e9)):
-        monkeypatch.setitem(wavefront.DEPTH, "double", depth)
+        monkeypatch.setitem(wavefront.DEPTH, 8, depth)
         monkeypatch.setattr(wavefront, "CACHE", cache)
         fluid = make(lattice, periodic, threads=threads)
         fluid.step()
@@ -59,25 +62,98 @@ def test_blocks_and_gaps_do_every_plane_once_per_step_and_never_too_early(planes
     pieces += [wavefront.gap(piece.high) for piece in pieces if periodic or piece.high < planes]
     rows = wavefront.row_tiles(30, periodic, 8, depth)
     done = np.zeros((planes, 30), int)
-    for piece in pieces:
-        for parity, z, _, low, high in wavefront.tiles(piece, rows, (planes, 30), depth, 0):
-            for y in range(low, high):
-                step = done[z, y]
-                assert step % 2 == parity
-                for a, b in itertools.product((-1, 0, 1), repeat=2):
-                    inside = periodic or (0 <= z + a < planes and 0 <= y + b < 30)
-                    assert not inside or done[(z + a) % planes, (y + b) % 30] >= step
-                done[z, y] += 1
+    for piece, row in itertools.product(pieces, rows):
+        for step, plane, _ in wavefront.order(piece, depth, 1):
+            for low, high in wavefront.wrapped(row.at(step), 30):
+                for y in range(low, high):
+                    z = plane % planes
+                    assert done[z, y] == step
+                    for a, b in itertools.product((-1, 0, 1), repeat=2):
+                        inside = periodic or (0 <= z + a < planes and 0 <= y + b < 30)
+                        assert not inside or done[(z + a) % planes, (y + b) % 30] >= step
+                    done[z, y] += 1
     assert (done == depth).all()
 
 
-def test_a_slab_too_thin_for_a_wave_is_stepped(monkeypatch):
-    domain = Domain((5.0, 9.0), (5, 9), (True, True), (0, 5))
-    assert wavefront.possible_depth(domain, 1, 4) == 2
-    assert wavefront.possible_depth(domain, 2, 4) == 1
+@pytest.mark.parametrize("periodic", [False, True])
+@pytest.mark.parametrize(("planes", "parts", "depth"), [(24, 1, 4), (24, 2, 3), (39, 3, 3)])
+def test_what_comes_after_a_sweep_finds_its_neighbours_swept_and_not_yet_again(planes, parts, depth, periodic):
+    pieces = wavefront.blocks(planes, parts, periodic, periodic)
+    pieces += [wavefront.gap(piece.high) for piece in pieces if periodic or piece.high < planes]
+    done, after = np.zeros(planes, int), np.zeros(planes, int)
+    for piece in pieces:
+        for step, plane, swept in wavefront.order(piece, depth, 2):
+            near = [k % planes for k in (plane - 1, plane, plane + 1) if periodic or 0 <= k < planes]
+            if swept:
+                assert done[plane % planes] == step and (after[near] >= step).all()
+                done[plane % planes] += 1
+            else:
+                assert after[plane % planes] == step and (done[near] == step + 1).all()
+                after[plane % planes] += 1
+    assert (done == depth).all() and (after == depth).all()
+
+
+def test_a_slab_too_thin_for_a_wave_is_stepped():
     fluid = make(D2Q9, (True, True))
+    assert fluid.depth == 4
+    thin = Domain((5.0, 9.0), (5, 9), (True, True), (0, 5))
+    assert wavefront.possible_depth(thin, fluid.layout, 1, 1) == 2
+    assert wavefront.possible_depth(thin, fluid.layout, 2, 1) == 1
     fluid.hooks.append(lambda fluid, parity: None)
     assert fluid.depth == 1
+
+
+FACES = {
+    "x": {"x-": Face("pressure", density=1.02), "x+": Face("velocity", velocity=(0.01, 0.0, 0.0))},
+    "z": {"z-": Face("pressure", density=1.02), "z+": Face("velocity", velocity=(0.0, 0.0, 0.01))},
+    "lid": {"z-": Face("wall"), "z+": Face("wall", velocity=(0.05, 0.0, 0.0)), "y-": Face("wall"), "y+": Face("wall")},
+}
+
+
+def linked(faces, n: int, *, plain=False, world=None, threads=1) -> tuple[Fluid, np.ndarray]:
+    """n steps with faces and a stand-in for links: arrivals are changed by those of their plane."""
+    periodic = tuple(not any(name[0] == axis for name in faces) for axis in "zyx")
+    fluid = make(D3Q19, periodic, world=world, threads=threads, faces=faces)
+    layout = fluid.layout
+
+    def links(parity: int, low: int, high: int) -> list:
+        return [bind(blend, fluid.f, layout.strides, layout.slots, layout.shifts, parity, low, high, layout.nx)]
+
+    fluid.hooks.append(lambda fluid, parity: fluid.pool.each(links(parity, 0, layout.planes)))
+    fluid.carry(None if plain else links)
+    assert (fluid.depth == 1) is plain
+    if plain:
+        for _ in range(n):
+            fluid.step()
+    else:
+        fluid.advance(n)
+    return fluid, fluid.populations()
+
+
+@njit
+def blend(f, strides, slots, shifts, parity, low, high, nx):
+    """What arrives at (z, 2, x) along 11 (plane up, row down) becomes half of it and half of what goes back."""
+    for z in range(low, high):
+        for x in range(nx):
+            mine = arrival(strides, slots, shifts, parity, z, 2, x, 12)
+            f[mine] = 0.5 * (f[mine] + f[arrival(strides, slots, shifts, parity, z, 2, x, 11)])
+
+
+@pytest.mark.parametrize("threads", [1, 2])
+@pytest.mark.parametrize("faces", FACES.values(), ids=FACES)
+def test_a_wave_carries_links_and_faces(faces, threads):
+    plain, fluid = linked(faces, 11, plain=True), linked(faces, 11, threads=threads)
+    assert fluid[0].iteration == 11
+    assert np.array_equal(fluid[1], plain[1])
+
+
+@pytest.mark.mpi(min_size=2)
+@pytest.mark.parametrize("faces", FACES.values(), ids=FACES)
+def test_a_wave_carries_links_and_faces_through_ranks(world, faces):
+    plain, fluid = linked(faces, 11, plain=True), linked(faces, 11, world=world)
+    low, high = fluid[0].domain.row_range(world.rank)
+    fluid[0].free()
+    assert np.array_equal(fluid[1], plain[1][:, low:high])
 
 
 @pytest.mark.mpi(min_size=2)
