@@ -80,6 +80,8 @@ class Immersed:
         self._wall_sums = np.zeros((len(self._walls), GAINS), np.int64)
         self._pending = Gains(self._fixed.ids[:0], np.zeros((0, GAINS), np.int64))
         fluid.hooks.append(self._bounce)
+        if self._stay.far is None and not self._refill.conserving:
+            fluid.carry(self._stay.of_planes)  # until grains move
 
     def _link(self, bodies: Bodies) -> FixedLinks:
         links = FixedLinks(self.window, self.fluid.layout, self.fluid.ids, bodies, self._rule)
@@ -107,6 +109,7 @@ class Immersed:
         self._table = _merged(self._fixed, grain_table(ids, centres, radii, velocity, omega))
         if self._moving is None:
             self._stay = self._link(Bodies(*grain_table(*_no_grains(self._dimensions)), self._walls))
+            self.fluid.carry(None)
             self._set_scale(self._table.radii)
             open_mass = 0.0 if self._refill.conserving else 1.0
             nodes = (self.fluid.layout, self.fluid.f, self.fluid.ids)

@@ -153,6 +153,7 @@ class FixedLinks:
 
     def bind(self, f: NDArray, blocks: int) -> None:
         """Make the tasks on the populations, `blocks` of them at most."""
+        self._f = f
         shares = [share for share in block_ranges(len(self.way), blocks) if share[1] > share[0]]
         self._sums = np.zeros((len(shares), len(self.bodies), GAINS), np.int64)
         self._scale = np.ones(GAINS)
@@ -171,6 +172,12 @@ class FixedLinks:
                 account = (*body, *share, sums, self._scale)
                 measured.append(bind(kernels.fixed_momentum, *links, self.way, *terms, *account))
             self._tasks.append([far, plain, measured])
+
+    def of_planes(self, parity: int, low: int, high: int) -> list[Bound]:
+        """The task that bounces back at own planes from, to, without sums; not for the quadratic rule."""
+        first, last = int(self.planes[low]), int(self.planes[high])
+        links = (self.offsets[parity], self.start, self.node, self.weights, self.wall)
+        return [bind(kernels.fixed_links, self._f, *links, first, last)] if last > first else []
 
     def run(self, pool: Pool, parity: int) -> None:
         """Bounce back; arrivals are at `parity`."""

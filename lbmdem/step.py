@@ -179,8 +179,7 @@ class LbmDem:
             self.step()
         elif self.fluid:
             with self.timers.section("fluid"):
-                n = min(most, max(1, self.fluid.depth))
-                self.fluid.advance(n)
+                n = self.fluid.leap(most)
             self.iteration += n
         else:
             with self.timers.section("grains"):

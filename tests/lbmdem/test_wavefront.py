@@ -9,6 +9,7 @@ from hpcpic.core.simd.jit import njit
 from hpcpic.core.space.domain import Domain, even_cuts
 from hpcpic.core.tasks import Pool, bind
 from lbmdem import wavefront
+from lbmdem.coupling import Immersed
 from lbmdem.faces import Face
 from lbmdem.fluid import Fluid
 from lbmdem.kernels.layout import arrival
@@ -17,13 +18,13 @@ from lbmdem.lattices import D2Q9, D3Q19
 SHAPES = {"D2Q9": (40, 37), "D3Q19": (36, 26, 12)}
 
 
-def make(lattice, periodic, *, world=None, threads=1, storage="double", faces=None) -> Fluid:
+def make(lattice, periodic, *, world=None, threads=1, storage="double", faces=None, solid=0.1) -> Fluid:
     """Random populations and solid nodes."""
     world, shape = world or World.alone(), SHAPES[lattice.name]
     domain = Domain(tuple(map(float, shape)), shape, periodic, even_cuts(shape[0], world.size))
     fluid = Fluid(world, Pool(threads), domain, lattice, tau=0.8, storage=storage, faces=faces)
     low, high = domain.row_range(world.rank)
-    fluid.solid.inner[(np.random.default_rng(4).random(shape) < 0.1)[low:high]] = 1
+    fluid.solid.inner[(np.random.default_rng(4).random(shape) < solid)[low:high]] = 1
     fluid.solid_changed()
     fluid.set_populations(random_populations(lattice, shape)[:, low:high])
     return fluid
@@ -154,6 +155,38 @@ def test_a_wave_carries_links_and_faces_through_ranks(world, faces):
     low, high = fluid[0].domain.row_range(world.rank)
     fluid[0].free()
     assert np.array_equal(fluid[1], plain[1][:, low:high])
+
+
+def bed(n: int, *, plain=False, world=None, threads=1) -> tuple[Fluid, np.ndarray, np.ndarray]:
+    """n steps of a flow between faces through fixed spheres, one across the seam; their forces."""
+    faces = {"z-": Face("pressure", density=1.01), "z+": Face("pressure")}
+    fluid = make(D3Q19, (False, True, True), world=world, threads=threads, faces=faces, solid=0.0)
+    centres = np.array([[3.2, 6.1, 9.7], [8.9, 15.3, 20.2], [11.8, 22.2, 27.1]])
+    still = np.zeros((3, 3))
+    immersed = Immersed(fluid, fluid.world, fluid.pool, fixed=(np.arange(3), centres, np.full(3, 3.3), still, still))
+    fluid.set_equilibrium()
+    if plain:
+        for _ in range(n):
+            fluid.step()
+    else:
+        fluid.advance(n)
+    return fluid, fluid.populations(), immersed.all_forces(3)[0]
+
+
+@pytest.mark.parametrize("threads", [1, 2])
+def test_a_wave_through_a_fixed_bed_has_the_bits_and_forces_of_plain_steps(threads):
+    plain, wave = bed(15, plain=True), bed(15, threads=threads)
+    assert wave[0].depth > 1
+    assert np.array_equal(wave[1], plain[1]) and np.array_equal(wave[2], plain[2])
+    assert np.abs(plain[2]).max() > 0
+
+
+@pytest.mark.mpi(min_size=2)
+def test_a_wave_through_a_fixed_bed_on_several_ranks(world):
+    plain, wave = bed(15, plain=True), bed(15, world=world)
+    low, high = wave[0].domain.row_range(world.rank)
+    wave[0].free()
+    assert np.array_equal(wave[1], plain[1][:, low:high]) and np.array_equal(wave[2], plain[2])
 
 
 @pytest.mark.mpi(min_size=2)
