@@ -235,7 +235,8 @@ class Pool:
 
     With `cpus`, one core per worker that nobody else uses: workers are pinned (with more cores than workers they
     are not: the system knows better which are free) and wait busily for a while, which makes launches cheap.
-    Without, the cores are shared: nothing is pinned, and who has nothing to do yields. `spin_limit_s`: a run in which no task runs and no message arrives for that long ends as Stuck.
+    Without, the cores are shared: nothing is pinned, and who has nothing to do yields. `spin_limit_s`: a run in
+    which no task runs and no message arrives for that long ends as Stuck.
     """
 
     def __init__(self, threads: int, cpus: Sequence[int] | None = None, spin_limit_s: float = 60.0) -> None:

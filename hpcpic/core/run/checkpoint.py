@@ -57,12 +57,7 @@ def write(
     made = temporary(final, world.bcast(str(os.getpid()).encode()).decode())
     doing = f"cannot write the checkpoint {final}"
     _layout(world, shards)
-    facts = {
-        "step": step,
-        "time": float(time),
-        "time_hex": float(time).hex(),
-        "attributes": dict(attributes or {}),
-    }
+    facts = {"step": step, "time": float(time), "time_hex": float(time).hex(), "attributes": dict(attributes or {})}
     try:
         arrays = _lay_out(world, made, shards, facts, doing)
         slots = {name: array.slot for name, array in arrays.items()}

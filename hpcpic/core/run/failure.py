@@ -47,7 +47,7 @@ def share(world: World, make: Callable[[], bytes]) -> bytes:
             told = bytes([error.exit_code]) + error.message.encode()
     told = bytes(world.bcast(told))
     if told[0]:
-        raise Agreed(_BY_CODE[told[0]](told[1:].decode()))
+        raise Agreed(_BY_CODE.get(told[0], HpcpicError)(told[1:].decode()))
     return told[1:]
 
 
