@@ -59,11 +59,11 @@ def even(n: int, parts: int) -> NDArray[np.int64]:
 class Bodies:
     """Columns of n own particles and g ghosts behind them.
 
-    x, v, a, gradient, normal [d, capacity], shear [d d, capacity], drho, m, rate [capacity]; id, key int64, flags,
+    x, v, a, gradient, normal [d, capacity], offset [d, capacity], shear, matrix [d d, capacity], drho, m, rate [capacity]; id, key int64, flags,
     wall int32 [capacity]. wall: number of the wall + 1, 0 for fluid. Columns in `without` are empty.
     """
 
-    LINES = ("x", "v", "a", "gradient", "x_old", "v_old", "normal")
+    LINES = ("x", "v", "a", "gradient", "x_old", "v_old", "normal", "offset")
     COLUMNS = ("drho", "m", "rate", "drho_old")
     WHOLE = {"id": np.int64, "key": np.int64, "flags": np.int32, "wall": np.int32}
 
@@ -98,7 +98,7 @@ class Bodies:
         capacity += capacity // 8
         shapes = {name: ((self.d, capacity), np.dtype(float)) for name in self.LINES}
         shapes |= {name: ((capacity,), np.dtype(float)) for name in self.COLUMNS}
-        shapes["shear"] = (self.d**2, capacity), np.dtype(float)
+        shapes |= {name: ((self.d**2, capacity), np.dtype(float)) for name in ("shear", "matrix")}
         shapes |= {name: ((capacity,), np.dtype(kind)) for name, kind in self.WHOLE.items()}
         for name, (shape, kind) in shapes.items():
             if name in self.without:
@@ -250,13 +250,14 @@ class Bodies:
         """Ghosts' x, v, drho and gradient as they are now. Collective."""
         if self.world.size == 1 and not self.ghosts:
             return
-        extra = (0 if "gradient" in self.without else self.d) + (0 if "shear" in self.without else self.d**2)
+        sizes = {"gradient": self.d, "shear": self.d**2, "matrix": self.d**2}
+        extra = sum(size for name, size in sizes.items() if name not in self.without)
         values, maps = np.empty((len(self._rows), 2 * self.d + 1 + extra)), self.maps
         turns = np.array([maps.turned(k) for k in range(len(maps.planes))])
         self.motion.ghost_values(
             self._rows, self._codes, turns, self._shift, maps.spin, maps.push, self.x, self.v, self.drho,
-            self.gradient, self.shear, values,
+            self.gradient, self.shear, self.matrix, values,
         )  # fmt: skip
         self._refresh.start(iteration, values)
         ghosts = self._refresh.finish()
-        self.motion.take_ghosts(ghosts, self.n, self.x, self.v, self.drho, self.gradient, self.shear)
+        self.motion.take_ghosts(ghosts, self.n, self.x, self.v, self.drho, self.gradient, self.shear, self.matrix)

@@ -88,6 +88,8 @@ class Sph:
         without = {*(() if staged else ("x_old", "v_old", "drho_old")), *(() if self.law.repulsive else ("normal",))}
         without |= set() if self.law.needs_gradient else {"gradient"}
         without |= set() if self.law.viscosity == "strain-rate" else {"shear"}
+        without |= set() if self.law.corrected else {"matrix"}
+        without |= set() if self.law.shifting else {"offset"}
         self.bodies = Bodies(self.world, self.tasks, self.motion, d, maps, without)
         self.cells = Cells(self.tasks, self.grid, d, self.radius)
         self.sums = PairSums(scene, self.law, self.tasks, self.cells, self.bodies)
@@ -240,6 +242,10 @@ class Sph:
         """x^n, v^n, rho^n -> n + 1."""
         self.integrate(self)
         with self.timers.section("update"):
+            if self.law.shifting:
+                mach = np.sqrt(self.largest[0]) / self.scene.c0
+                self.numbers[1] = self.scene.h * self.time_step * self.scene.c0 / self.scene.h * mach
+                self.tasks.each(self.motion.spread, chunks="own_chunks")
             if self.faces:
                 self.tasks.each(self.motion.swap, chunks="own_chunks")
             self.tasks.each(self.motion.rewrap, chunks="own_chunks")

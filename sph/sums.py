@@ -7,6 +7,7 @@ import numpy as np
 from hpcpic.core.simd.generate import module_from_source
 from hpcpic.core.space.fields import aligned_zeros
 from sph.kernels import columns, pairs
+from sph.kernels.functions import SMOOTHING
 from sph.kernels.pairs import NUMBERS, Law, columns_of, sums_of
 from sph.limits import cleary_constant
 from sph.neighbours import Cells
@@ -14,6 +15,8 @@ from sph.particles import Bodies, Tasks
 
 if TYPE_CHECKING:
     from sph.scene import Scene
+
+FIRST = {"rate": "rate", "gradient": "mxx", "shifting": "hx"}  # sums
 
 HEAD = "import numpy as np\n\nfrom hpcpic.core.simd.jit import njit\n"
 
@@ -30,6 +33,9 @@ def law_of(scene: "Scene", others: bool) -> Law:
         artificial=bool(numerics.artificial_viscosity),
         single=numerics.precision == "single",
         walls=others,
+        tensile=numerics.tensile_correction > 0,
+        shifting=numerics.shifting,
+        corrected=numerics.gradient_correction,
         repulsive=any(wall.type == "repulsive" for wall in scene.walls),
     )
 
@@ -40,11 +46,14 @@ class PairSums:
     def __init__(self, scene: "Scene", law: Law, tasks: Tasks, cells: Cells, bodies: Bodies) -> None:
         self.law, self.tasks, self.cells, self.bodies = law, tasks, cells, bodies
         stages = ("gradient",) if law.needs_gradient else ()
+        spread = ("shifting",) if law.shifting else ()
         self._terms = {
-            "first": ("momentum", *stages),  # of the split scheme, before the velocity changes
+            "first": ("momentum", *stages, *spread),  # of the split scheme, before the velocity changes
             "second": ("continuity",),
-            "both": ("momentum", "continuity"),
+            "both": ("momentum", "continuity", *spread),
         }
+        if law.corrected:
+            self._terms["matrices"] = ("matrix",)
         if law.needs_gradient:
             self._terms["slopes"] = ("gradient",)
         if law.viscosity == "strain-rate":
@@ -60,7 +69,8 @@ class PairSums:
         background = scene.config.eos.background_pressure / (rho * c * c)
         viscosity = scene.viscosity / (rho * c * h)
         return np.array(
-            [1 / h, 1 / c, 1 / rho, 1 / (rho * h**d), background, viscosity, c * c / h, rho * c / h]
+            [1 / h, 1 / c, 1 / rho, 1 / (rho * h**d), background, viscosity, c * c / h, rho * c / h,
+             scene.config.numerics.tensile_correction, h]
         )
 
     def _numbers(self, scene: "Scene") -> np.ndarray:
@@ -74,6 +84,7 @@ class PairSums:
             "viscous": -2.0 * xi * scene.viscosity / (scene.rho0 * c * h),
             "flux_strength": strength,
             "reach": scene.h / scene.spacing,
+            "per_w": 1.0 / float(SMOOTHING[scene.kernel].shape(np.float64(scene.spacing / h))),
         } | {f"gravity{axis}": gravity[k] for k, axis in enumerate("xyz")}
         return np.array([numbers[name] for name in NUMBERS])
 
@@ -95,8 +106,7 @@ class PairSums:
         """Sums of the pass `title` into the columns of the bodies."""
         names = sums_of(self.law, self._terms[title])
         kernel = getattr(self.around, f"unpack_{kind}")
-        first = {"force": "fx" if "fx" in names else names[0], "rate": "rate", "gradient": "mxx", "strain": "wxx"}[kind]
-        more = {"at": names.index(first)} if kind in ("rate", "gradient") else {}
+        more = {"at": names.index(FIRST[kind])} if kind in ("rate", "gradient", "shifting") else {}
         self.tasks.each(kernel, blocks="inner", **more)
 
     def pack(self) -> None:
@@ -106,11 +116,14 @@ class PairSums:
     def forces(self, iteration: int) -> None:
         """Split scheme, first half: a (and the density gradient) from x^n, v^n, rho^n."""
         self.pack()
+        self.matrices(iteration)
         self.stresses(iteration)
         self._sweep("first")
         self._unpack("first", "force")
         if self.law.needs_gradient:
             self._unpack("first", "gradient")
+        if self.law.shifting:
+            self._unpack("first", "shifting")
 
     def rates(self, iteration: int) -> None:
         """Split scheme, second half: d rho / dt from x^n, rho^n and the new v."""
@@ -118,6 +131,14 @@ class PairSums:
         self.tasks.each(self.around.pack_again, blocks="layers")
         self._sweep("second")
         self._unpack("second", "rate")
+
+    def matrices(self, iteration: int) -> None:
+        """Renormalisation of the gradients at all bodies."""
+        if self.law.corrected:
+            self._sweep("matrices")
+            self._unpack("matrices", "matrix")
+            self.bodies.refresh(iteration)
+            self.tasks.each(self.around.pack_matrix, blocks="layers")
 
     def stresses(self, iteration: int) -> None:
         """(MP 22) at all bodies, for (MP 23)."""
@@ -132,6 +153,7 @@ class PairSums:
         """a and d rho / dt from one state."""
         self.bodies.refresh(iteration)
         self.pack()
+        self.matrices(iteration)
         self.stresses(iteration)
         if self.law.needs_gradient:
             self._sweep("slopes")
@@ -141,3 +163,5 @@ class PairSums:
         self._sweep("both")
         self._unpack("both", "force")
         self._unpack("both", "rate")
+        if self.law.shifting:
+            self._unpack("both", "shifting")

@@ -8,8 +8,11 @@ import math
 
 from sph.kernels.pairs import UNIT, Law, columns_of
 
-SCALES = ("per_h", "per_c", "per_rho", "per_m", "background", "viscosity", "acceleration", "rate_scale")
-"""1 / h, 1 / c0, 1 / rho0, 1 / (rho0 h^d), p / (rho0 c0^2), mu / (rho0 c0 h); c0^2 / h, rho0 c0 / h."""
+SCALES = ("per_h", "per_c", "per_rho", "per_m", "background", "viscosity", "acceleration", "rate_scale", "tensile", "h")
+"""1 / h, 1 / c0, 1 / rho0, 1 / (rho0 h^d), p / (rho0 c0^2), mu / (rho0 c0 h); c0^2 / h, rho0 c0 / h,
+Monaghan's coefficient, h."""
+
+LEAST_DETERMINANT = 0.1  # of the sum that L inverts, 1 inside the fluid, about 0.25 at a flat free surface in 2D
 
 
 def pressure_lines(gamma: float) -> list[str]:
@@ -37,6 +40,7 @@ def _values(law: Law, gamma: float) -> dict[str, str]:
     here = " if flags[b] & 8 == 0 else 0.0" if law.repulsive else ""  # repulsive particles have neither mass nor volume
     values = {"rho": "rho", "push": "(p + background) / (rho * rho)"}
     values |= {"volume": f"mass / rho{here}", "mass": f"mass{here}"}
+    values |= {"tension": "(-tensile * p if p < 0.0 else 0.05 * tensile * p) / (rho * rho)"}
     values |= {"solid": "0.0 if flags[b] & 8 == 0 else mass"}
     values |= {f"n{a}": f"normal[{k}, b]" for k, a in enumerate(law.axes)}
     values |= {f"v{a}": f"v[{k}, b] * per_c" for k, a in enumerate(law.axes)}
@@ -65,13 +69,22 @@ def source(law: Law, gamma: float) -> str:
 
     later = [name for name in columns if name[:-1] in ("v", "g")]
     stress = [name for name in columns if name[0] == "t" and len(name) == 3]
-    first = [name for name in columns if name[:-1] != "g" and name not in stress]
+    matrix = [name for name in columns if name[0] == "l" and len(name) == 3]
+    first = [name for name in columns if name[:-1] != "g" and name not in stress + matrix]
     head = ["e = drho[b] * per_rho", "rho = 1.0 + e", "mass = m[b] * per_m", *pressure_lines(gamma)]
     state = "x, v, drho, m, flags, position, values" + (", normal" if law.repulsive else "")
     text = _kernel("pack", state, [], head + _positions(law) + store(first))
     text += _kernel("pack_again", "v, gradient, values", [], store(later))
     if stress:
         text += _kernel("pack_stress", "drho, shear, values", [], _stress(law, columns)) + _unpack_strain(law)
+    if law.corrected:
+        body = [
+            f"values[{columns.index(f'l{a}{b}')}, s] = matrix[{i * law.dimensions + j}, b]"
+            for i, a in enumerate(law.axes) for j, b in enumerate(law.axes) if i <= j
+        ]  # fmt: skip
+        text += _kernel("pack_matrix", "matrix, values", [], body) + _unpack_matrix(law)
+    if law.shifting:
+        text += _unpack_shifting(law)
     text += _unpack_force(law) + _unpack_rate()
     if law.needs_gradient:
         text += _unpack_gradient(law)
@@ -139,3 +152,31 @@ def _stress(law: Law, columns: list[str]) -> list[str]:
             strain = f"shear[{i * d + j}, b] + shear[{j * d + i}, b]{' - trace' if i == j else ''}"
             body.append(f"values[{columns.index(f't{a}{b}')}, s] = ({strain}) * factor")
     return body
+
+
+def _unpack_shifting(law: Law) -> str:
+    """offset[d, n] in h per Courant and Mach number; zero where fluid or walls are not all around."""
+    d = law.dimensions
+    body = [f"inside = {_sum(f'at + {d}')} > {0.95 * d!r} and flags[b] & 1 == 1"]
+    body += [f"offset[{k}, b] = -4.0 * {_sum(f'at + {k}')} if inside else 0.0" for k in range(d)]
+    return _kernel("unpack_shifting", "at, flags, sums, offset", ["n_slots = sums.shape[1] // 2"], body)
+
+
+def _unpack_matrix(law: Law) -> str:
+    """Renormalisation L; the identity where too few neighbours are there."""
+    d = law.dimensions
+    body, k = [], 0
+    for i in range(d):
+        for j in range(i, d):
+            body.append(f"m{i}{j} = {_sum(str(k))}")
+            k += 1
+    if d == 2:
+        body += ["det = m00 * m11 - m01 * m01", "c00, c01, c11 = m11, -m01, m00"]
+    else:
+        body += _solve(3)[:1] + _solve(3)[1:3]
+    body += [f"good = det > {LEAST_DETERMINANT!r}"]
+    for i in range(d):
+        for j in range(d):
+            name = f"c{min(i, j)}{max(i, j)}"
+            body.append(f"matrix[{i * d + j}, b] = {name} / det if good else {float(i == j)!r}")
+    return _kernel("unpack_matrix", "sums, matrix", ["n_slots = sums.shape[1] // 2"], body)

@@ -22,6 +22,8 @@ class Smoothing:
     slope: Callable[[NDArray], NDArray]
     lines: str
     """Source of `F` without the norm, from `r` and, in splines, `inverse` = 1 / r."""
+    shape_line: str
+    """Source of W without the norm, after `lines`."""
 
     @property
     def divides(self) -> bool:
@@ -52,6 +54,7 @@ CUBIC = Smoothing(
     """
     near, far = maximum(1.0 - r, 0.0), maximum(2.0 - r, 0.0)
     F = fma(near * near, 3.0, -0.75 * (far * far)) * inverse""",
+    "fma(far * far, far * 0.25, -(near * near) * near)",
 )
 WENDLAND2 = Smoothing(
     2.0,
@@ -61,6 +64,7 @@ WENDLAND2 = Smoothing(
     """
     far = maximum(fma(r, -0.5, 1.0), 0.0)
     F = (far * far) * (far * -5.0)""",
+    "(far * far) * (far * far) * fma(r, 2.0, 1.0)",
 )
 WENDLAND4 = Smoothing(
     2.0,
@@ -71,6 +75,7 @@ WENDLAND4 = Smoothing(
     far = maximum(fma(r, -0.5, 1.0), 0.0)
     square = far * far
     F = (square * square) * (far * fma(r, -35.0 / 3.0, -14.0 / 3.0))""",
+    "(square * square) * square * fma(r * r, 35.0 / 12.0, fma(r, 3.0, 1.0))",
 )
 QUINTIC = Smoothing(
     3.0,
@@ -79,7 +84,8 @@ QUINTIC = Smoothing(
     lambda q: -5 * (_plus(3 - q) ** 4 - 6 * _plus(2 - q) ** 4 + 15 * _plus(1 - q) ** 4) / _positive(q),
     """
     near, middle, far = maximum(1.0 - r, 0.0), maximum(2.0 - r, 0.0), maximum(3.0 - r, 0.0)
-    near, middle, far = near * near, middle * middle, far * far
-    F = fma(near * near, -75.0, fma(middle * middle, 30.0, -5.0 * (far * far))) * inverse""",
+    near4, middle4, far4 = (near * near) * (near * near), (middle * middle) * (middle * middle), (far * far) * (far * far)
+    F = fma(near4, -75.0, fma(middle4, 30.0, -5.0 * far4)) * inverse""",
+    "fma(near4, near * 15.0, fma(middle4, middle * -6.0, far4 * far))",
 )
 SMOOTHING = {"cubic": CUBIC, "wendland2": WENDLAND2, "wendland4": WENDLAND4, "quintic": QUINTIC}

@@ -77,6 +77,15 @@ def carry(chunk, chunks, wall, wall_shift, wall_speed, x, v):
 
 
 @njit
+def spread(chunk, chunks, numbers, flags, offset, x):
+    """x += numbers[1] offset: particles away from where they are crowded."""
+    for b in range(chunks[chunk], chunks[chunk + 1]):
+        if flags[b] & FLUID:
+            for k in range(DIM):
+                x[k, b] += numbers[1] * offset[k, b]
+
+
+@njit
 def swap(chunk, chunks, flags, faces, normals, bounds, turns, shifts, spins, pushes, x, v):
     """A particle that is behind a mirror changes places with its image, which changes nothing else.
 
@@ -140,7 +149,7 @@ def largest(chunk, chunks, flags, external, x, v, a, drho, found):
 
 
 @njit
-def ghost_values(rows, codes, turn, shift, spin, push, x, v, drho, gradient, shear, values):
+def ghost_values(rows, codes, turn, shift, spin, push, x, v, drho, gradient, shear, matrix, values):
     """values[g] = x, v, drho, and gradient, shear where they are kept, of the image codes[g] of body rows[g].
 
     Positions x -> turn x + shift[g], velocities v -> spin v + push; shear[a, b] = d v_b / d x_a.
@@ -172,10 +181,19 @@ def ghost_values(rows, codes, turn, shift, spin, push, x, v, drho, gradient, she
                         for j in range(DIM):
                             slope += turn[code, k, i] * spin[code, l, j] * shear[DIM * i + j, b]
                     values[g, column + DIM * k + l] = slope
+            column += DIM * DIM
+        if matrix.shape[1] > 0:
+            for k in range(DIM):
+                for l in range(DIM):
+                    slope = 0.0
+                    for i in range(DIM):
+                        for j in range(DIM):
+                            slope += turn[code, k, i] * turn[code, l, j] * matrix[DIM * i + j, b]
+                    values[g, column + DIM * k + l] = slope
 
 
 @njit
-def take_ghosts(values, n, x, v, drho, gradient, shear):
+def take_ghosts(values, n, x, v, drho, gradient, shear, matrix):
     """Ghosts behind the n own bodies."""
     for g in range(values.shape[0]):
         for k in range(DIM):
@@ -189,3 +207,7 @@ def take_ghosts(values, n, x, v, drho, gradient, shear):
         if shear.shape[1] > 0:
             for k in range(DIM * DIM):
                 shear[k, n + g] = values[g, column + k]
+            column += DIM * DIM
+        if matrix.shape[1] > 0:
+            for k in range(DIM * DIM):
+                matrix[k, n + g] = values[g, column + k]

@@ -33,6 +33,9 @@ class Law:
     walls: bool = False
     """Whether bodies of other classes than fluid are there."""
     repulsive: bool = False
+    tensile: bool = False
+    shifting: bool = False
+    corrected: bool = False
 
     @property
     def real(self) -> str:
@@ -72,6 +75,10 @@ def columns_of(law: Law) -> list[str]:
         names += [f"g{a}" for a in law.axes]
     if law.flux == "fourtakas":
         names += ["slope"]
+    if law.tensile:
+        names += ["tension"]
+    if law.corrected:
+        names += [f"l{a}{b}" for k, a in enumerate(law.axes) for b in law.axes[k:]]
     if law.repulsive:
         names += [f"n{a}" for a in law.axes] + ["solid"]
     if law.viscosity == "strain-rate":
@@ -102,8 +109,15 @@ def momentum(law: Law, terms: Terms) -> None:
         terms.lines.append("    push = fma(minimum(near, 0.0) * (light_i + light_j), artificial, push)")
     if law.viscosity == "cleary":  # (SC 6), equal viscosities
         terms.lines.append("    push = fma(near * (light_i * light_j), viscous, push)")
+    if law.tensile:  # Monaghan 2000, with the fourth power of W over W at the spacing
+        terms.need("tension")
+        _crowding(law, terms)
+        terms.lines.append("    push = fma(tension_i + tension_j, crowding, push)")
     if law.repulsive:
         terms.rare = repulsion(law)
+    if law.corrected:
+        _corrected_force(law, terms)
+        return
     if law.viscosity == "strain-rate":
         _stress_force(law, terms)
         return
@@ -111,9 +125,44 @@ def momentum(law: Law, terms: Terms) -> None:
     terms.sums += [(f"f{a}", "minus", "g", f"d{a}", f"d{a}") for a in law.axes]
 
 
+def _crowding(law: Law, terms: Terms) -> None:
+    if not any(line.startswith("    crowding =") for line in terms.lines):
+        terms.lines += [
+            f"    ratio = ({SMOOTHING[law.kernel].shape_line}) * per_w",
+            "    ratio = ratio * ratio",
+            "    crowding = ratio * ratio",
+        ]
+
+
+def _corrected(law: Law, terms: Terms, side: str) -> list[str]:
+    """Components of L r_ij with the renormalisation of one side."""
+    components = []
+    for a in law.axes:
+        names = ["l" + "".join(sorted(a + b)) for b in law.axes]
+        terms.need(*names)
+        text = f"{names[-1]}_{side} * d{law.axes[-1]}"
+        for name, b in zip(names[-2::-1], law.axes[-2::-1]):
+            text = f"fma({name}_{side}, d{b}, {text})"
+        components.append(text)
+    return components
+
+
+def _corrected_force(law: Law, terms: Terms) -> None:
+    """Force on i = - m_i m_j F (push_i L_i + push_j L_j + rest) r_ij, rest what is not pressure; opposite on j."""
+    terms.lines += ["    g = F * (mass_i * mass_j)", "    minus = -g", "    rest = push - (push_i + push_j)"]
+    for a, by_i, by_j in zip(law.axes, _corrected(law, terms, "i"), _corrected(law, terms, "j")):
+        terms.lines.append(f"    s{a} = fma(push_i, {by_i}, fma(push_j, {by_j}, rest * d{a}))")
+        if law.viscosity == "strain-rate":
+            for b in law.axes:
+                name = "t" + "".join(sorted(a + b))
+                terms.need(name)
+                terms.lines.append(f"    s{a} = fma(-({name}_i + {name}_j), d{b}, s{a})")
+        terms.sums.append((f"f{a}", "minus", "g", f"s{a}", f"s{a}"))
+
+
 def repulsion(law: Law) -> list[str]:
-    """(SC 8)-(10), b = 1, s = 8: force 0.01 c^2 m / h B S along the normal of the wall particle, zero behind it; and
-    (SC 6) with the mass of the wall particle. `reach` = h / dp.
+    """(SC 8)-(10), b = 1, s = 8: force 0.01 c^2 m / h B S along the normal of the wall particle; nearer than 0.4 h,
+    where nothing comes from before the wall (that takes 0.5 c), S falls to 0 at the wall particle; and (SC 6) with the mass of the wall particle. `reach` = h / dp.
     """
     lines = [f"n{a}_i, n{a}_j = n{a}_[i], load(F_, n{a}_, j)" for a in law.axes]
     lines += [f"n{a} = n{a}_j - n{a}_i" for a in law.axes]
@@ -123,13 +172,13 @@ def repulsion(law: Law) -> list[str]:
     lines += [f"y = {y}"]
     hats = [f"maximum(1.0 - abs(fma(-y, n{a}, d{a})) * reach, 0.0)" for a in law.axes]
     lines += [
-        "steep = 0.8 / maximum(y, 0.2)",
+        "steep = 0.8 / maximum(y, 0.4)",
         "steep = steep * steep",
         "steep = steep * steep",
         "weak = 25.0 * ((1.0 - y) * (1.0 - y))",
         "strength = select(y < 0.8, steep * steep, select(y < 1.0, weak, 0.0))",
         f"strength = strength * ({' * '.join(hats)})",
-        "strength = select(y > 0.0, strength, 0.0) * (0.01 * (mass_i + mass_j))",
+        "strength = maximum(minimum(y * 2.5, 1.0), 0.0) * strength * (0.01 * (mass_i + mass_j))",
         "strength = select(lane < np.int32(end - j), strength, 0.0)",
     ]
     lines += [f"e{a} = strength * n{a}" for a in law.axes]
@@ -157,12 +206,17 @@ def continuity(law: Law, terms: Terms) -> None:
     _relative_velocity(law, terms)
     terms.need("rho", "volume")
     terms.lines += ["    to_i = volume_j * F", "    to_j = volume_i * F"]
+    terms.lines += ["    vd_i, vd_j = vd, vd"]
+    if law.corrected:
+        for side in "ij":
+            products = [f"d{a}v * ({text})" for a, text in zip(law.axes, _corrected(law, terms, side))]
+            terms.lines.append(f"    vd_{side} = " + " + ".join(products))
     if law.flux == "none":
-        terms.lines += ["    rate_i, rate_j = rho_i * vd, rho_j * vd"]
+        terms.lines += ["    rate_i, rate_j = rho_i * vd_i, rho_j * vd_j"]
     else:
         terms.need("excess", "mixes")
         terms.lines += ["    d_rho = excess_j - excess_i", *_flux_lines(law, terms)]
-        terms.lines += ["    rate_i, rate_j = fma(rho_i, vd, -flux), fma(rho_j, vd, flux)"]
+        terms.lines += ["    rate_i, rate_j = fma(rho_i, vd_i, -flux), fma(rho_j, vd_j, flux)"]
     terms.sums.append(("rate", "to_i", "to_j", "rate_i", "rate_j"))
 
 
@@ -209,7 +263,32 @@ def strain(law: Law, terms: Terms) -> None:
             terms.sums.append((f"w{a}{b}", "by_j", "by_i", f"w{a}{b}", f"w{a}{b}"))
 
 
-TERMS = {"momentum": momentum, "continuity": continuity, "gradient": gradient, "strain": strain}
+def matrix(law: Law, terms: Terms) -> None:
+    """- sum V_j F r r^T, whose inverse renormalises gradients (Randles and Libersky 1996)."""
+    terms.need("volume")
+    terms.lines += ["    by_j, by_i = -(volume_j * F), -(volume_i * F)"]
+    for k, a in enumerate(law.axes):
+        for b in law.axes[k:]:
+            terms.lines.append(f"    k{a}{b} = d{a} * d{b}")
+            terms.sums.append((f"k{a}{b}", "by_j", "by_i", f"k{a}{b}", f"k{a}{b}"))
+
+
+def shifting(law: Law, terms: Terms) -> None:
+    """Sums of Sun et al. 2017 (9), sum V_j (1 + 0.2 (W / W(dp))^4) F r_ij, and - sum V_j F r^2: d where fluid is all
+    around.
+    """
+    terms.need("volume")
+    _crowding(law, terms)
+    terms.lines += [
+        "    apart = F * fma(crowding, 0.2, 1.0)",
+        "    apart_i, apart_j = volume_j * apart, -(volume_i * apart)",
+        "    around_i, around_j, r_sq = -(volume_j * F), -(volume_i * F), r2",
+    ]
+    terms.sums += [(f"h{a}", "apart_i", "apart_j", f"d{a}", f"d{a}") for a in law.axes]
+    terms.sums.append(("around", "around_i", "around_j", "r_sq", "r_sq"))
+
+
+TERMS = {"momentum": momentum, "matrix": matrix, "shifting": shifting, "continuity": continuity, "gradient": gradient, "strain": strain}
 
 
 def sums_of(law: Law, names: Sequence[str]) -> list[str]:
@@ -224,7 +303,7 @@ def _collect(law: Law, names: Sequence[str]) -> Terms:
     return terms
 
 
-NUMBERS = ("artificial", "viscous", "flux_strength", "gravityx", "gravityy", "gravityz", "reach")
+NUMBERS = ("artificial", "viscous", "flux_strength", "gravityx", "gravityy", "gravityz", "reach", "per_w")
 
 HEAD = """
 import numpy as np

@@ -20,7 +20,8 @@ fluid = ( {{ name = "water"; viscosity = {viscosity}; velocity = {velocity}; ini
 eos = {{ sound_speed = 20.0; }};
 numerics = {{ spacing = {spacing}; smoothing = {smoothing}; kernel = "{kernel}"; density_flux = "{flux}";
              viscosity_form = "{form}"; artificial_viscosity = {alpha}; precision = "{precision}";
-             balance_period = {balance}; }};
+             balance_period = {balance}; tensile_correction = {tensile}; gradient_correction = {corrected};
+             shifting = {shifting}; }};
 {more}
 """
 
@@ -33,7 +34,7 @@ def text(d=2, size=1.0, fill=0.5, spacing=0.05, gravity=None, periodic=(), more=
     chosen = {
         "integrator": "symplectic", "cfl": 0.3, "viscosity": 0.0, "velocity": (0.0,) * d, "pressure": "hydrostatic",
         "smoothing": 1.3, "kernel": "wendland2", "flux": "molteni", "form": "artificial", "alpha": 0.1,
-        "precision": "double", "balance": 100,
+        "precision": "double", "balance": 100, "tensile": 0.0, "corrected": "false", "shifting": "false",
     } | settings  # fmt: skip
     chosen["velocity"] = listed(chosen["velocity"])
     sizes, fills = np.broadcast_to(size, d), np.broadcast_to(fill, d)
@@ -97,10 +98,24 @@ class Reference:
         if self.numerics.viscosity_form == "cleary" and scene.viscosity:
             xi = {2: 4.0, 3: 4.963}[scene.dimensions]
             push -= 2 * xi * scene.viscosity / (self.rho[:, None] * self.rho[None, :]) * near
+        if self.numerics.tensile_correction:
+            w = SMOOTHING[scene.kernel].shape(self.r / h) / SMOOTHING[scene.kernel].shape(scene.spacing / h)
+            tension = self.numerics.tensile_correction * np.where(p < 0, -p, 0.05 * p) / self.rho**2
+            push += (tension[:, None] + tension[None, :]) * w**4
+        if self.numerics.gradient_correction:
+            plain = (p / self.rho**2)[:, None] + (p / self.rho**2)[None, :]
+            turned = np.einsum("iab,bij->aij", self.matrix(), self.dx) * (p / self.rho**2)[:, None]
+            turned += np.einsum("jab,bij->aij", self.matrix(), self.dx) * (p / self.rho**2)[None, :]
+            return -np.einsum("j,ij,kij->ki", self.m, self.f, turned + (push - plain) * self.dx)
         force = -np.einsum("j,ij,ij,kij->ki", self.m, push, self.f, self.dx)
         if self.numerics.viscosity_form == "strain-rate" and scene.viscosity:
             force += self._stress()
         return force
+
+    def matrix(self):
+        sums = -np.einsum("j,ij,aij,bij->iab", self.m / self.rho, self.f, self.dx, self.dx)
+        good = np.linalg.det(sums) > 0.1
+        return np.where(good[:, None, None], np.linalg.inv(sums), np.eye(self.scene.dimensions))
 
     def _stress(self):
         d, volume = self.scene.dimensions, self.m / self.rho
@@ -112,7 +127,10 @@ class Reference:
     def rate(self):
         scene, h, c = self.scene, self.scene.h, self.scene.c0
         volume = self.m / self.rho
-        result = self.rho * np.einsum("j,ij,ij->i", volume, self.f, self.vd)
+        vd = self.vd
+        if self.numerics.gradient_correction:
+            vd = np.einsum("aij,iab,bij->ij", self.dv, self.matrix(), self.dx)
+        result = self.rho * np.einsum("j,ij,ij->i", volume, self.f, vd)
         flux, k = self.numerics.density_flux, self.numerics.flux_coefficient
         step = self.rho[None, :] - self.rho[:, None]
         if flux == "none":
