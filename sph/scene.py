@@ -125,6 +125,7 @@ class Wall:
             names = case.AXES[: scene.dimensions]
             below, above = (np.array([axis + sign in self.closed for axis in names]) for sign in "-+")
             ends = np.full(scene.dimensions, self.type == "repulsive") & ~scene.periodic
+            ends &= not section.solid  # at outer edges a face must not push what is before another
             return Parts(box_sheets(low + recess * below, high - recess * above, self.closed, dp, section.solid, ends))
         return Filled(shape, dp, self.layers, section.solid, self._grid())
 
