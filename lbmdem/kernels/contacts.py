@@ -6,8 +6,9 @@ smaller id, so a pair has the same bits on every rank that sees it. Lines of pai
 over a grain's lines do not depend on which pairs beyond touch happen to be listed.
 
 The law is [1] of Mansouri et al. 2011 with a dashpot that dissipates. Its force jumps when a contact begins or ends
-inside a step; its share of the step at the first and the last instant in contact is found from the overlap and the
-rate, which makes the impulse of a collision second order in the step.
+inside a step. How many steps ago or ahead that is, s, is found from the overlap and its rate, and the force of the two
+instants next to it is multiplied by 3 s / 2 (s < 1) and 2 - s / 2 (s < 2): together the time in contact, 1/2 + s steps
+for s < 1, and continuous in s. That makes the impulse of a collision second order in the step.
 """
 
 import numpy as np
@@ -153,7 +154,11 @@ def pair_law(p, touch, near, film, n, overlap, u, spin, damping, law, dt, out, s
     zero = splat(F, 0.0)
     opening = fma(u[2], n[2], fma(u[1], n[1], u[0] * n[0]))
     travel = abs(opening) * dt
-    share = select(overlap < travel, overlap / travel + 0.5, splat(F, 1.0))  # of the step in contact
+    depth = overlap / travel  # steps since the contact began, or until it ends
+    share = minimum(1.5 * depth, maximum(fma(depth, -0.5, splat(F, 2.0)), splat(F, 1.0)))
+    share = select(travel > 0.0, share, splat(F, 1.0))
+    if pulls == 0.0:
+        share = select(opening < 0.0, share, splat(F, 1.0))  # such a contact ends without a jump
     dashpot = share * damping * opening
     normal = fma(overlap, stiffness, -dashpot)
     if pulls == 0.0:
@@ -167,7 +172,7 @@ def pair_law(p, touch, near, film, n, overlap, u, spin, damping, law, dt, out, s
     limit = friction * abs(normal)
     if shear > 0.0:
         begins = (overlap < travel) & (opening < 0.0)
-        lead = select(begins, share - 0.5, splat(F, 0.5)) * dt
+        lead = select(begins, depth, splat(F, 0.5)) * dt
         fx, fy, fz, more = spring_slider(p, touch, n, tx, ty, tz, limit, viscosity, shear, lead, dt, springs)
         loss = loss + more
     else:
