@@ -21,7 +21,8 @@ SAMPLES = 17  # times of a quantity that is a curve
 ROWS = 400  # of the series of a whole run, in pilots
 COARSEST = 2  # cells across the shortest side
 LIMIT = "step of the contacts"  # the derived number
-HORIZON_STEPS = 500  # in which an instability shows
+HORIZON_STEPS = 500  # of the fluid in which an instability shows
+DRY_STEPS = 10000  # of grains alone
 
 
 def knobs_of(config: LbmDemConfig) -> Knobs:
@@ -41,7 +42,7 @@ def knobs_of(config: LbmDemConfig) -> Knobs:
         ),
         work=work,
         work_unit="node-updates" if config.fluid else "grain-steps",
-        horizon=min(time, HORIZON_STEPS * config.time_step),
+        horizon=min(time, (HORIZON_STEPS if config.fluid else DRY_STEPS) * config.time_step),
         growth=growth,
         seed=lambda n: (f"simulation.random_seed={n}",),
     )

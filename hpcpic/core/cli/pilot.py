@@ -67,7 +67,8 @@ class Pilots:
     def assignments(self, sizes: Mapping[str, float], time: float, others: Settings) -> tuple[str, ...]:
         """The --set list, beside that of the pilots."""
         chosen = tuple(f"{key}={value}" for key, value in others.items())
-        return (*self.sets, *self.knobs.settings(sizes, time), *chosen)
+        plain = {name: float(size) for name, size in sizes.items()}  # not numpy's, whose repr no case file knows
+        return (*self.sets, *self.knobs.settings(plain, float(time)), *chosen)
 
     def config(self, sizes: Mapping[str, float], time: float, others: Settings) -> Any:
         """The case with these settings, completed."""

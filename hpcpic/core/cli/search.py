@@ -16,7 +16,9 @@ from hpcpic.core.cli.pilot import Pilot, Pilots, Settings, value_of
 from hpcpic.core.errors import CheckFailed
 from hpcpic.core.files.config import dotted
 
-LADDERS = ((2.0, 4.0), (0.5, 2.0), (0.5, 0.25))  # times the case's own size: coarser where that is legal
+LADDERS = (  # times the case's own size: coarser where that is legal, finer where it is affordable
+    (2.0, 4.0), (1.4, 2.0), (0.5, 2.0), (0.7, 1.4), (0.5, 0.25), (0.7, 0.5),
+)  # fmt: skip
 STRIDE = 4.0  # to the next level of a knob that shows little effect
 PILOTS = 10  # pilots of the case's own cost that a search may take, or this share of the run itself:
 SHARE = 0.25
@@ -115,11 +117,16 @@ class Search:
         """Three levels of one knob, all else as in the case; more while it shows little effect."""
         name = knob.name
         self.levels[name] = [self.base.level(name, self.value)]
-        ladder = next((l for l in LADDERS if all(self.legal(name, self.own[name] * f) for f in l)), None)
-        if ladder is None:
-            raise CheckFailed(f"{name}: no three legal levels about {knob.shown(self.own[name]):.4g} {knob.unit}")
-        for factor in ladder:
-            self.add(knob, self.own[name] * factor)
+        for ladder in LADDERS:
+            finer = sum(f**-knob.cost for f in ladder if f < 1.0) * self.base.seconds
+            if len(self.levels[name]) >= 3 or not self.affordable(finer):
+                continue
+            if all(self.legal(name, self.own[name] * factor) for factor in ladder):
+                for factor in ladder:
+                    self.add(knob, self.own[name] * factor)
+        if len(self.levels[name]) < 3:
+            own = f"{knob.shown(self.own[name]):.4g} {knob.unit}"
+            raise CheckFailed(f"{name}: no three levels about {own} that are legal, run, and are affordable")
         self.refit(knob)
         while True:
             law = self.laws[name]
@@ -143,15 +150,11 @@ class Search:
         try:
             value = self.measured(pilot)
         except CheckFailed:
-            if len(self.levels[name]) < 3:
-                raise
             return False
         self.levels[name].append(pilot.level(name, value))
         return True
 
     def refit(self, knob: Knob) -> None:
-        if len(self.levels[knob.name]) < 3:
-            raise CheckFailed(f"{knob.name}: fewer than three different levels can be run")
         own = self.own[knob.name]
         self.laws[knob.name] = fit(knob.name, self.levels[knob.name], own, knob.order, knob.cost, self.scale)
 
@@ -283,9 +286,7 @@ class Search:
                 if not self.legal(law.name, high, LIMIT_MARGIN):
                     for _ in range(12):
                         middle = math.sqrt(low * high)
-                        low, high = (
-                            (middle, high) if self.legal(law.name, middle, LIMIT_MARGIN) else (low, middle)
-                        )
+                        low, high = (middle, high) if self.legal(law.name, middle, LIMIT_MARGIN) else (low, middle)
                     self._caps[law.name] = low
         return self._caps
 
