@@ -21,6 +21,7 @@ from lbmdem.estimate import estimate
 from lbmdem.faces import Face
 from lbmdem.fluid import Fluid
 from lbmdem.lattices import LATTICES
+from lbmdem.lubrication import Film
 from lbmdem.obstacles import obstacle_walls
 from lbmdem.placing import place_grains
 from lbmdem.scene import Scene, volumes
@@ -55,8 +56,8 @@ class LbmDem:
         self.grains_move = bool((~self.table.fixed).any())
         self.fluid = self._fluid() if config.fluid else None
         self.immersed = self._immersed() if self.fluid and (len(self.table) or config.obstacle) else None
+        self.solid_moves = bool(self.grains_move and self.immersed and not config.coupling.frozen)
         self.dem = self._dem() if self.grains_move else None
-        self.solid_moves = bool(self.dem and self.immersed and not config.coupling.frozen)
         self.start_solid()
         shaken = scene.config.shaking is not None
         ramped = config.fluid is not None and any(face.rate for face in scene.faces.values())
@@ -118,7 +119,12 @@ class LbmDem:
         config, scene, table = self.scene.config, self.scene, self.table
         self.law = law = contact_law(config)
         columns = {name: getattr(table, name) for name in ("x", "v", "omega", "radius", "mass", "inertia", "fixed")}
-        dem = Dem(self.world, self.pool, self.domain, columns, law, box_walls(scene), reach=2.0 * config.spacing)
+        film = None
+        if self.solid_moves and config.coupling.lubrication:
+            film = Film.of_lattice(config.fluid.viscosity * config.fluid.density, config.spacing, scene.dimensions)
+        dem = Dem(
+            self.world, self.pool, self.domain, columns, law, box_walls(scene), reach=2.0 * config.spacing, film=film
+        )
         self.substeps = config.substeps
         self._weights = self._weight_of_grains()
         if self.immersed and config.coupling.inertia == "implicit":
