@@ -86,7 +86,7 @@ class Passes:
     ) -> None:
         """The steps of a piece, one task after the other; one task in all when nothing comes between its sweeps."""
         layout, lag = self._layout, wavefront.lag(after)
-        width = wavefront.row_width(layout, depth) if after is None else layout.rows
+        width = wavefront.row_width(layout, self._threads, depth) if after is None else layout.rows
         rows = wavefront.row_tiles(layout.rows, self._periodic_rows, width, depth)
         waiting: list[tuple[int, ...]] = []
 

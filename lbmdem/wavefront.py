@@ -4,7 +4,7 @@ A node may take its next step as soon as it and its neighbours have taken the la
 whatever the order. So planes are cut into blocks, one per thread. A block first does what it can alone, step t (0, 1..)
 on its planes but t at each end, as a wave in which step t follows t planes behind step 0; then the gaps that are left
 around the ends of blocks are filled, t planes on either side. In the same way rows are done in tiles that lean back by
-a row per step, so that the planes of a wave stay in the second-level cache. Around the ends of slabs the gaps are
+a row per step, so that the planes of a wave stay in cache. Around the ends of slabs the gaps are
 filled step by step with the messages of ordinary steps. Every node does what it does in plain stepping: the bits are
 the same.
 
@@ -18,9 +18,9 @@ from typing import Any, NamedTuple
 from hpcpic.core.space.domain import Domain, block_ranges
 from lbmdem.kernels.layout import Layout
 
-DEPTH = {8: 4, 4: 6}  # steps per pass, by bytes of a population
-CACHE = 600e3  # bytes of the second-level cache that the planes of a wave may fill
-SHARED = 28e6  # and of the last-level cache, all threads together
+DEPTH = 6  # steps per pass: more gain little
+CACHE = 12e6  # bytes of the last-level cache that the planes of all threads' waves may fill, in tiles of rows
+WHOLE = 28e6  # the same for waves of whole planes
 
 
 class Span(NamedTuple):
@@ -65,9 +65,9 @@ def order(planes: Span, depth: int, lag: int) -> Iterator[tuple[int, int, bool]]
                 yield k // lag, wave - k, k % lag == 0
 
 
-def row_width(layout: Layout, depth: int) -> int:
-    """Rows of a tile whose planes stay in the second-level cache."""
-    return int(CACHE / (layout.lattice.q * layout.row_stride * layout.itemsize * (depth + 1)))
+def row_width(layout: Layout, threads: int, depth: int) -> int:
+    """Rows of a tile whose planes stay in cache."""
+    return int(CACHE / (layout.lattice.q * layout.row_stride * layout.itemsize * (depth + 1) * threads))
 
 
 def row_tiles(rows: int, periodic: bool, width: int, depth: int) -> list[Span]:
@@ -98,8 +98,8 @@ def possible_depth(domain: Domain, layout: Layout, threads: int, lag: int) -> in
     """Steps per pass for which blocks and their gaps fit every slab, and planes the caches; 1: no wave. Same on all
     ranks."""
     thinnest = min(b - a for a, b in zip(domain.cuts, domain.cuts[1:]) if b > a) // threads
-    depth = min(DEPTH[layout.itemsize], thinnest // (2 * lag))
+    depth = min(DEPTH, thinnest // (2 * lag))
     if lag > 1:
         plane = layout.lattice.q * layout.plane_stride * layout.itemsize * threads
-        depth = min(depth, int((SHARED / plane - 1) // 2))
+        depth = min(depth, int((WHOLE / plane - 1) // 2))
     return max(1, depth)

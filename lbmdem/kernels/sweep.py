@@ -17,7 +17,7 @@ from lbmdem.kernels.layout import storage_order
 from lbmdem.lattices import Lattice
 
 SKIP, PLAIN, MIXED = 0, 1, 2
-AHEAD = 4  # vectors by which populations are fetched before they are needed (2 to 8 do equally well)
+AHEAD = 8  # vectors by which populations are fetched before they are needed (4 does nearly as well)
 
 _HEAD = '''"""{title}; written by lbmdem.kernels.sweep."""
 import numpy as np

@@ -46,7 +46,7 @@ def test_a_wave_has_the_bits_of_plain_steps(monkeypatch, lattice, periodic, thre
     """Depths odd and even, with and without tiles of rows, from either parity, steps left over."""
     plain = stepped(lattice, periodic, 13)
     for depth, cache in itertools.product((2, 3, 4), (1.0, 1e9)):
-        monkeypatch.setitem(wavefront.DEPTH, 8, depth)
+        monkeypatch.setattr(wavefront, "DEPTH", depth)
         monkeypatch.setattr(wavefront, "CACHE", cache)
         fluid = make(lattice, periodic, threads=threads)
         fluid.step()
@@ -96,7 +96,7 @@ def test_what_comes_after_a_sweep_finds_its_neighbours_swept_and_not_yet_again(p
 
 def test_a_slab_too_thin_for_a_wave_is_stepped():
     fluid = make(D2Q9, (True, True))
-    assert fluid.depth == 4
+    assert fluid.depth == wavefront.DEPTH
     thin = Domain((5.0, 9.0), (5, 9), (True, True), (0, 5))
     assert wavefront.possible_depth(thin, fluid.layout, 1, 1) == 2
     assert wavefront.possible_depth(thin, fluid.layout, 2, 1) == 1
