@@ -89,6 +89,7 @@ class Dem:
         self._set_dt(0.0)
         self.pool.run(self._forces)
         self._fresh = True
+        self._check_start()
 
     def _check_box(self) -> None:
         grains = self.grains
@@ -100,6 +101,14 @@ class Dem:
                     f"a periodic side of {short.min():g} m is less than two diameters of the largest grain "
                     f"({4.0 * grains.greatest:g} m): a grain could touch two images of another"
                 )
+
+    def _check_start(self) -> None:
+        """A contact whose normal is no vector: ConfigError on all ranks."""
+        grains, pairs = self.grains, self.list
+        bad = np.flatnonzero(~np.isfinite(pairs.lines[: pairs.n_grain_slots]).all(axis=1))
+        if self.world.any(bad.size > 0):
+            names = [f"{grains.ids[pairs.low[k]]} and {grains.ids[pairs.high[k]]}" for k in bad[:3]]
+            raise ConfigError(f"grains have the same centre: {', '.join(names) or 'on another rank'}")
 
     # ---- tasks
 
@@ -341,7 +350,7 @@ class Dem:
         """Collective: contacts, kinetic energy (J, of translation and rotation), largest overlap / diameter."""
         return {
             "contact_count": float(network.contact_count(self)),
-            "energy_kinetic_grains": network.energies(self)["kinetic"],
+            "energy_kinetic_grains": network.kinetic_energy(self),
             "overlap": network.greatest_overlap(self),
         }
 

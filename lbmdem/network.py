@@ -60,25 +60,28 @@ def greatest_overlap(dem: "Dem") -> float:
     return dem.world.max(float(np.max(half[half > 0.0] / radius[half > 0.0], initial=0.0)))
 
 
+def kinetic_energy(dem: "Dem") -> float:
+    """Collective, J: of translation and rotation, of grains that are not fixed, without added mass."""
+    c = {name: column[: dem.grains.n] for name, column in dem.grains.columns.items()}
+    speed, spin = np.square(c["row"][:, 4:7]).sum(axis=1), np.square(c["row"][:, 8:11]).sum(axis=1)
+    return dem.total(np.where(c["fixed"] == 0, 0.5 * (c["mass"] * speed + c["inertia"] * spin), 0.0))
+
+
 def energies(dem: "Dem") -> dict[str, float]:
     """Collective, J: kinetic, elastic, potential (of gravity), heat made so far, work done so far on the grains.
 
     kinetic + elastic + potential + heat - work is constant but for the error of the time step; given forces and added
     masses are not counted.
     """
-    grains, pairs, law = dem.grains, dem.list, dem.law
-    n = grains.n
-    c = {name: column[:n] for name, column in grains.columns.items()}
-    rows, free = c["row"], c["fixed"] == 0
-    speed, spin = np.square(rows[:, 4:7]).sum(axis=1), np.square(rows[:, 8:11]).sum(axis=1)
-    kinetic = np.where(free, 0.5 * (c["mass"] * speed + c["inertia"] * spin), 0.0)
+    pairs, law, n = dem.list, dem.law, dem.grains.n
+    c = {name: column[:n] for name, column in dem.grains.columns.items()}
     here = (pairs.low < n) & (pairs.lines[:, 7] > 0.0)
     elastic = 0.5 * law.stiffness * np.square(2.0 * pairs.lines[here, 7])
     if law.shear > 0.0:
         elastic = elastic + 0.5 * law.shear * np.square(pairs.spring_columns[:, here]).sum(axis=0)
-    potential = -np.where(free, c["mass"] * (rows[:, :3] @ dem.gravity), 0.0)
-    parts = {"kinetic": kinetic, "elastic": elastic, "potential": potential, "heat": c["heat"], "work": c["work"]}
-    return {name: dem.total(values) for name, values in parts.items()}
+    potential = -np.where(c["fixed"] == 0, c["mass"] * (c["row"][:, :3] @ dem.gravity), 0.0)
+    parts = {"elastic": elastic, "potential": potential, "heat": c["heat"], "work": c["work"]}
+    return {"kinetic": kinetic_energy(dem)} | {name: dem.total(values) for name, values in parts.items()}
 
 
 def stress(dem: "Dem", edges: Sequence[float], area: float = 0.0) -> NDArray[np.float64]:

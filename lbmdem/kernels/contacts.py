@@ -146,8 +146,8 @@ def resistance(gap, radius, inverse_mass, law, dt):
 def pair_law(p, touch, near, film, n, overlap, u, spin, damping, law, dt, out, springs, heat):
     """Spring, dashpot, friction; or a film's force. u: velocity of the second less that of the first.
 
-    law: stiffness, friction, tangential viscosity, tangential stiffness, 1 if a contact may pull at its end; cut-off gap
-    of films (0: none), factor of their resistance, 1 for discs.
+    law: stiffness, friction, tangential viscosity, tangential stiffness, 1 if a contact may pull at its end; cut-off
+    gap of films (0: none), factor of their resistance, 1 for discs.
     heat: 2 when all the heat is the first one's.
     """
     stiffness, friction, viscosity, shear, pulls = law[0], law[1], law[2], law[3], law[4]
@@ -174,13 +174,9 @@ def pair_law(p, touch, near, film, n, overlap, u, spin, damping, law, dt, out, s
         begins = (overlap < travel) & (opening < 0.0)
         lead = select(begins, depth, splat(F, 0.5)) * dt
         fx, fy, fz, more = spring_slider(p, touch, n, tx, ty, tz, limit, viscosity, shear, lead, dt, springs)
-        loss = loss + more
     else:
-        slip = sqrt(fma(tz, tz, fma(ty, ty, tx * tx)))
-        factor = minimum(limit / slip, splat(F, viscosity))  # 0 / 0 at rest without force: any factor is right
-        factor = select(slip > 0.0, factor, zero)
-        fx, fy, fz = factor * tx, factor * ty, factor * tz
-        loss = loss + factor * slip * slip
+        fx, fy, fz, more = regularised(tx, ty, tz, limit, viscosity)
+    loss = loss + more
     normal = select(touch, normal, -film * opening)
     loss = select(touch, loss, film * opening * opening) * heat
     fx, fy, fz = select(touch, fx, zero), select(touch, fy, zero), select(touch, fz, zero)
@@ -190,6 +186,15 @@ def pair_law(p, touch, near, film, n, overlap, u, spin, damping, law, dt, out, s
         select(touch, fma(n[1], fz, -(n[2] * fy)), zero), select(touch, fma(n[2], fx, -(n[0] * fz)), zero),
         select(touch, fma(n[0], fy, -(n[1] * fx)), zero), select(touch, 0.5 * overlap, zero),
     ))  # fmt: skip
+
+
+@njit
+def regularised(tx, ty, tz, limit, viscosity):
+    """Friction min(beta v, limit) against the slip, as in the paper; heat per time."""
+    slip = sqrt(fma(tz, tz, fma(ty, ty, tx * tx)))
+    factor = minimum(limit / slip, splat(F, viscosity))
+    factor = select(slip > 0.0, factor, splat(F, 0.0))  # 0 / 0 at rest
+    return factor * tx, factor * ty, factor * tz, factor * slip * slip
 
 
 @njit

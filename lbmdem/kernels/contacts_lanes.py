@@ -1,13 +1,12 @@
-"""Vector operations that only the contact kernels need."""
+"""A vector operation that only the contact kernels need."""
 
 from typing import Any
 
-from llvmlite import ir
 from numba import types
 from numba.core import cgutils
 from numba.extending import intrinsic
 
-from hpcpic.core.simd.kinds import Vec, offset, shuffle, store_to
+from hpcpic.core.simd.kinds import offset, shuffle, store_to
 
 
 @intrinsic
@@ -34,14 +33,3 @@ def _transposed(builder: Any, rows: list) -> list:
             rows[j + step] = shuffle(builder, a, b, [e + step if not e & step else n + e for e in range(n)])
         step //= 2
     return rows
-
-
-@intrinsic
-def mask_of(typing_context, bits, like):
-    """The mask whose lane k is bit k, of as many lanes as `like` has."""
-
-    def codegen(context, builder, signature, arguments):
-        n = signature.args[1].n
-        return builder.bitcast(builder.trunc(arguments[0], ir.IntType(n)), ir.VectorType(ir.IntType(1), n))
-
-    return Vec(like.n, types.boolean)(types.int64, like), codegen

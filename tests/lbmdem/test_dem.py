@@ -342,6 +342,10 @@ def test_what_cannot_be_is_refused(world, pool):
     columns = grains([[0.5] * 3, [0.7] * 3])
     with pytest.raises(ConfigError, match="two diameters"):
         dem(world, columns, LAW, (0.15, 1.0, 1.0), pool=pool)
+    columns["x"][1] = columns["x"][0]
+    with pytest.raises(ConfigError, match="same centre: 0 and 1"):
+        dem(world, columns, LAW, (1.0,) * 3, pool=pool)
+    columns["x"][1] += 0.2
     columns["v"][0, 0] = np.nan
     scene = dem(world, columns, LAW, (1.0,) * 3, pool=pool)
     with pytest.raises(Diverged, match="not a number"):
