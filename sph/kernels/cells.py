@@ -155,7 +155,7 @@ def find(block, blocks, begin, base, shape, edge, radius, x, body, slot_class, r
     for l in range(blocks[block], blocks[block + 1]):
         for k in range(rows[l, 2], rows[l, 2] + rows[l, 1]):
             longest = max(longest, fine_start[row_table[k, 3] + row_table[k, 2]] - row_table[k, 0])
-    height, left = np.empty(longest), np.empty((4, longest))  # in fine cells; of radius^2 beside a row, above, ...
+    height, left = np.zeros(longest), np.zeros((4, longest))  # in fine cells; of radius^2 beside a row, above, ...
     per_cell = 1.0 / edge[2]
     limit = radius * per_cell
     for l in range(blocks[block], blocks[block + 1]):
