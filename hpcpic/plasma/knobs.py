@@ -76,10 +76,9 @@ def scalable(config: PlasmaConfig) -> bool:
 
 def choices_of(config: PlasmaConfig) -> list[Choice]:
     numerics = config.numerics
-    listed = [("gradient", ("difference", "spectral"), "dx"), ("precision", ("double", "single"), "")]
+    listed = [("exact_phase", (False, True), "dt")] if any(config.field.magnetic) else []
+    listed += [("gradient", ("difference", "spectral"), "dx"), ("precision", ("double", "single"), "")]
     listed.append(("shape", ("NGP", "CIC", "TSC"), "dx"))
-    if any(config.field.magnetic):
-        listed.append(("exact_phase", (False, True), "dt"))
     found = []
     for name, values, acts_on in listed:
         here = getattr(numerics, name)

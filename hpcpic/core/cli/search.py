@@ -25,6 +25,7 @@ SHARE = 0.25
 LIMIT_MARGIN = 0.8  # of the end of stability
 UNSURE = 1.25  # times the one difference measured is the error of another scheme
 WORTH = 0.8  # times the cost: another scheme must save this much to be chosen
+CHEAP = 0.9  # times the cost of the case, by the estimate: a scheme that can only save time is tried
 DEAR = 1.5  # times the cost of the case, by the estimate: a scheme that is not tried
 NEIGHBOUR = 1.25
 DEAREST = 4.0  # times the cost of the case's pilot: a neighbour that is not run
@@ -213,7 +214,9 @@ class Search:
         configs = (self.pilots.config(self.own, self.quantity.time, o) for o in ({}, others))
         own, its = (estimate(config, ranks, threads, {}).step_seconds for config in configs)
         legal = self.pilots.legal(self.own, self.quantity.time, others)
-        if its > DEAR * own or not legal or not self.affordable(self.base.seconds):
+        law = self.laws.get(choice.acts_on)
+        saves_only = law is None or law.idle  # nothing to gain but time
+        if its > (CHEAP if saves_only else DEAR) * own or not legal or not self.affordable(self.base.seconds):
             return None
         pilot = self.pilot(self.own, others, words=f"{choice.name} = {value}")
         try:
@@ -224,7 +227,6 @@ class Search:
         if cost < WORTH:  # a claim to be sure of
             there, here = (self.pilot(self.own, o, "the same again", again=2).seconds for o in (others, None))
             cost = max(cost, there / here)
-        law = self.laws.get(choice.acts_on)
         if law is None or law.idle:
             return Alternative(others, cost, None, UNSURE * norm(change)) if cost < WORTH else None
         signed = law.signed + change
