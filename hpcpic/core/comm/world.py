@@ -3,6 +3,7 @@
 import os
 import shutil
 import sys
+import time
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
@@ -15,6 +16,8 @@ from hpcpic.core.errors import HpcpicError
 
 if TYPE_CHECKING:
     from mpi4py import MPI
+
+NAP_SECONDS = 5e-4
 
 
 class LauncherMismatch(HpcpicError):
@@ -117,6 +120,13 @@ class World:
         if self.size > 1:
             self.comm.Barrier()
 
+    def wait_for_work(self) -> None:
+        """A barrier for what takes long on one rank, as reading a case or compiling: the others sleep, and leave their
+        cores to it.
+        """
+        if self.size > 1:
+            _sleep_until(self.comm.Ibarrier())
+
     def max(self, value: float) -> float:
         return float(self.max_array(np.array([value], np.float64))[0])
 
@@ -164,18 +174,23 @@ class World:
     def first_on_node(self) -> Iterator[None]:
         """The body runs on the first rank of each node, and on the node's other ranks after that."""
         if self.node_rank > 0:
-            self.node.Barrier()
+            _sleep_until(self.node.Ibarrier())
         try:
             yield
         finally:
             if self.node_rank == 0 and self.node_size > 1:
-                self.node.Barrier()
+                _sleep_until(self.node.Ibarrier())
 
     def abort(self, code: int) -> None:
         """End all ranks now."""
         sys.stdout.flush()
         sys.stderr.flush()
         self.comm.Abort(code)
+
+
+def _sleep_until(request: "MPI.Request") -> None:
+    while not request.Test():
+        time.sleep(NAP_SECONDS)
 
 
 def _row_bytes(rows: NDArray) -> int:

@@ -45,6 +45,7 @@ def share(world: World, make: Callable[[], bytes]) -> bytes:
             told = b"\0" + make()
         except HpcpicError as error:
             told = bytes([error.exit_code]) + error.message.encode()
+    world.wait_for_work()
     told = bytes(world.bcast(told))
     if told[0]:
         raise Agreed(_BY_CODE.get(told[0], HpcpicError)(told[1:].decode()))
