@@ -12,12 +12,12 @@ from sph.kernels.functions import SMOOTHING
 from sph.step import Sph
 
 TEXT = """
-simulation = {{ dimensions = {d}; end_time = 1.0; integrator = "{integrator}"; cfl = {cfl}; }};
+simulation = {{ dimensions = {d}; end_time = 1.0; integrator = "{integrator}"; cfl = {cfl}; {step} }};
 domain = {{ low = {low}; high = {high}; periodic = {periodic}; }};
 gravity = {gravity};
 fluid = ( {{ name = "water"; viscosity = {viscosity}; velocity = {velocity}; initial_pressure = "{pressure}";
             shape = {{ box = {{ low = {low}; high = {fill}; }}; }}; }} );
-eos = {{ sound_speed = 20.0; }};
+eos = {{ sound_speed = {sound}; }};
 numerics = {{ spacing = {spacing}; smoothing = {smoothing}; kernel = "{kernel}"; density_flux = "{flux}";
              viscosity_form = "{form}"; artificial_viscosity = {alpha}; precision = "{precision}";
              balance_period = {balance}; tensile_correction = {tensile}; gradient_correction = {corrected};
@@ -35,6 +35,7 @@ def text(d=2, size=1.0, fill=0.5, spacing=0.05, gravity=None, periodic=(), more=
         "integrator": "symplectic", "cfl": 0.3, "viscosity": 0.0, "velocity": (0.0,) * d, "pressure": "hydrostatic",
         "smoothing": 1.3, "kernel": "wendland2", "flux": "molteni", "form": "artificial", "alpha": 0.1,
         "precision": "double", "balance": 100, "tensile": 0.0, "corrected": "false", "shifting": "false",
+        "step": "", "sound": 20.0,
     } | settings  # fmt: skip
     chosen["velocity"] = listed(chosen["velocity"])
     sizes, fills = np.broadcast_to(size, d), np.broadcast_to(fill, d)
@@ -56,13 +57,22 @@ def engine(world=None, threads=1, **settings):
 def jitter(sph, amount=0.2, speed=1.0, density=5.0, seed=1):
     """Disorder the particles, in a way that depends on their ids alone."""
     bodies, d = sph.bodies, sph.scene.dimensions
-    noise = np.random.default_rng(seed).uniform(-1, 1, (sph.scene.n_fluid, 2 * d + 1))[bodies.own("id")].T
-    bodies.own("x")[:] += amount * sph.scene.spacing * noise[:d]
-    bodies.own("v")[:] += speed * noise[d : 2 * d]
-    bodies.own("drho")[:] += density * noise[2 * d]
+    noise = np.random.default_rng(seed).uniform(-1, 1, (sph.scene.n_fluid, 2 * d + 1))
+    fluid = np.flatnonzero(bodies.own("flags") & 1)
+    noise = noise[bodies.id[fluid]].T
+    bodies.x[:, fluid] += amount * sph.scene.spacing * noise[:d]
+    bodies.v[:, fluid] += speed * noise[d : 2 * d]
+    bodies.drho[fluid] += density * noise[2 * d]
     sph.tasks.each(sph.motion.rewrap, chunks="own_chunks")
     sph.migrate()
     sph.sort()
+
+
+def tank(d=2, kind="pressure-continuity", size=1.0, more=""):
+    """A wall around the domain of this size, open on top."""
+    high = [float(value) for value in np.broadcast_to(size, d)]
+    return f"""wall = ( {{ name = "tank"; type = "{kind}"; measure_force = true; {more}
+        shape = {{ box = {{ low = {[0.0] * d}; high = {high}; open = ["{"xyz"[d - 1]}+"]; }}; }}; }} );"""
 
 
 def by_id(sph, *names):

@@ -1,0 +1,88 @@
+import numpy as np
+import pytest
+from sph_scenes import by_id, engine, jitter
+
+from hpcpic.core.errors import Diverged
+
+STILL = {"gravity": (0.0, 0.0), "pressure": "zero"}
+
+
+def run(sph, steps):
+    for _ in range(steps):
+        sph.step()
+    return sph
+
+
+def test_a_uniform_velocity_changes_nothing_else():
+    moved, at_rest = (engine(spacing=0.1, step="time_step = 5e-4;") for _ in range(2))
+    for sph in (moved, at_rest):
+        jitter(sph)
+    moved.bodies.own("v")[:] += np.array([[3.0], [-2.0]])
+    (x, v), (x_rest, v_rest) = (by_id(run(sph, 20), "x", "v") for sph in (moved, at_rest))
+    shift = np.array([[3.0], [-2.0]])[moved.axes]
+    assert np.abs(v - v_rest - shift).max() < 1e-11  # rounding of v = 3 m/s in twenty steps, amplified by the motion
+    assert np.abs(x - x_rest - shift * at_rest.time).max() < 1e-12
+
+
+@pytest.mark.parametrize("precision", ["double", "single"])
+def test_units_that_differ_by_a_power_of_two_give_the_same_bits(precision):
+    """Lengths and times 8 times as large: the same velocities, an eighth of the gravity."""
+    small = engine(spacing=0.0625, precision=precision)
+    large = engine(spacing=0.5, size=8.0, fill=4.0, gravity=(0.0, -9.81 / 8), precision=precision)
+    for sph in (small, large):
+        jitter(sph)
+        run(sph, 5)
+    assert large.time == 8 * small.time
+    for name, factor in (("x", 8.0), ("v", 1.0), ("drho", 1.0)):
+        assert np.array_equal(by_id(large, name)[0], factor * by_id(small, name)[0]), name
+
+
+def test_momentum_stays_without_walls():
+    sph = engine(d=2, gravity=(0.0, 0.0))
+    jitter(sph)
+    m, v = by_id(sph, "m", "v")
+    before, scale = (m * v).sum(axis=1), (m * np.abs(v)).sum()
+    run(sph, 20)
+    m, v = by_id(sph, "m", "v")
+    assert np.abs((m * v).sum(axis=1) - before).max() < 1e-12 * scale
+
+
+def smooth(integrator, dt, periods=8):
+    """A sound wave in a periodic box."""
+    sph = engine(periodic=("x", "y"), fill=1.0, spacing=0.1, flux="none", alpha=0.0, integrator=integrator,
+                 step=f"time_step = {dt!r};", **STILL)  # fmt: skip
+    bodies = sph.bodies
+    bodies.own("v")[:] = 0.2 * np.sin(2 * np.pi * bodies.own("x"))
+    run(sph, round(periods * 1e-3 / dt))
+    return np.concatenate([values.ravel() for values in by_id(sph, "x", "v", "drho")])
+
+
+@pytest.mark.parametrize("integrator, order", [("euler", 1), ("symplectic", 1), ("predictor-corrector", 1), ("rk3-tvd", 3)])
+def test_order_of_the_integrators(integrator, order):
+    coarse, middle, fine = (smooth(integrator, dt) for dt in (5e-4, 2.5e-4, 1.25e-4))
+    measured = np.log2(np.abs(coarse - middle).max() / np.abs(middle - fine).max())
+    assert order - 0.2 < measured < order + 0.6  # the steps are not infinitely small
+
+
+def test_the_step_follows_the_fastest_criterion():
+    sph = engine(spacing=0.1, cfl=0.5)
+    run(sph, 1)
+    h, c = sph.scene.h, sph.scene.c0 * (1 + sph.largest[2] / 1000) ** 3
+    assert sph.time_step == pytest.approx(0.5 * h / c, rel=1e-12)
+    assert engine(spacing=0.1, step="time_step = 1e-5;").choose(1.0, 1.0, 0.0) == 1e-5
+    assert sph.choose(1.0, 1e9, 0.0) == pytest.approx(0.25 * np.sqrt(h / 1e9), rel=1e-12)
+
+
+def test_what_is_not_finite_ends_the_run():
+    sph = engine(spacing=0.1)
+    sph.bodies.own("v")[0, 3] = np.nan
+    assert "not a finite number" in sph.guard()
+    with pytest.raises(Diverged):
+        run(sph, 1)
+
+
+def test_the_guard_knows_how_dense_a_fluid_is():
+    sph = engine(spacing=0.1)
+    assert sph.guard() is None
+    sph.bodies.own("drho")[7] = -400.0
+    assert "density of particle" in sph.guard()

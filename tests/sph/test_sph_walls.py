@@ -1,0 +1,81 @@
+import numpy as np
+import pytest
+from sph_scenes import by_id, engine, jitter, tank
+
+KINDS = ["pressure-continuity", "repulsive", "mirror-no-slip", "point-symmetric-free-slip"]
+
+
+def wave(kind, **settings):
+    """Water at rest in a tank, disordered."""
+    sph = engine(size=(1.0, 1.2), fill=(1.0, 0.5), more=tank(2, kind, (1.0, 1.2)), **settings)
+    jitter(sph, amount=0.1, speed=0.5)
+    return sph
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_what_walls_give_to_the_fluid_the_fluid_gives_to_walls(kind):
+    sph = wave(kind)
+    sph.evaluate_forces()
+    force, _ = sph.wall_forces()["tank"]
+    m, flags = sph.bodies.own("m"), sph.bodies.own("flags")
+    pushed = m * (flags & 1) * sph.physical("a").T
+    assert np.abs(pushed).sum() > 0
+    assert np.abs(pushed.sum(axis=1) + force).max() < 1e-11 * np.abs(pushed).sum()
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_nothing_goes_through_a_wall(kind):
+    sph = wave(kind, spacing=0.1)
+    sph.bodies.own("v")[:] += np.where(sph.bodies.own("flags") & 1, 1.0, 0.0) * np.array([[2.0], [2.0]])
+    for _ in range(100):
+        sph.step()
+        assert sph.guard() is None
+
+
+@pytest.mark.parametrize("kind", ["pressure-continuity", "mirror-no-slip"])
+def test_walls_carry_the_weight_of_still_water(kind):
+    sph = engine(size=(1.0, 1.2), fill=(1.0, 0.5), more=tank(2, kind, (1.0, 1.2)), alpha=0.2)
+    found = []
+    for _ in range(400):
+        sph.step()
+        found.append(sph.wall_forces()["tank"][0])
+    weight = 1000 * 9.81 * 0.5
+    assert -np.mean(found, axis=0)[1] == pytest.approx(-(-weight), rel=0.05)  # it sways about rest
+
+
+def test_a_particle_behind_a_mirror_changes_places_with_its_image():
+    sph = engine(spacing=0.1, more=tank(2, "mirror-no-slip"), step="time_step = 1e-3;")
+    b = sph.bodies
+    low = int(np.argmin(b.own("x")[sph.axes.index(1)]))
+    x, v = b.own("x")[:, low], b.own("v")[:, low]
+    up, across = sph.axes.index(1), sph.axes.index(0)
+    x[up], v[up], v[across] = -0.01, -1.0, 0.5
+    sph.tasks.each(sph.motion.swap, chunks="own_chunks")
+    assert x[up] == pytest.approx(0.01)
+    assert (v[up], v[across]) == (1.0, -0.5)
+
+
+def test_walls_are_made_where_the_fluid_comes():
+    """A tank a hundred times as long costs no more; the fluid finds the floor when it gets there."""
+    near, far = (engine(spacing=0.1, size=(length, 1.0), fill=0.5, more=tank(2, size=(length, 1.0)), velocity=(5.0, 0.0))
+                 for length in (4.0, 400.0))  # fmt: skip
+    assert far.bodies.n < near.bodies.n + 10
+    before = far.bodies.n
+    for _ in range(150):
+        far.step()
+    assert far.bodies.n > before
+    x = far.physical("x")
+    fluid, floor = (x[(far.bodies.own("flags") & 1) == kind] for kind in (1, 0))
+    assert floor[:, 0].max() > fluid[:, 0].max() + far.scene.support
+
+
+def test_moving_walls_are_where_their_motion_says():
+    sph = engine(spacing=0.1, more=tank(2, more="motion = { velocity = [0.5, 0.0]; };"))
+    ids, before = sph.bodies.own("id").copy(), sph.physical("x")
+    start = {i: place for i, place in zip(ids, before)}
+    for _ in range(5):
+        sph.step()
+    walls = np.flatnonzero(sph.bodies.own("wall") > 0)
+    moved = [sph.physical("x")[k] - start[sph.bodies.own("id")[k]] for k in walls if sph.bodies.own("id")[k] in start]
+    assert np.abs(np.array(moved) - [0.5 * sph.time, 0.0]).max() < 1e-14
+    assert np.all(by_id(sph, "v")[0][sph.axes.index(0)][-1] == 0.5)
