@@ -73,7 +73,7 @@ class ContactList:
 
     def _find(self, rows, ids, n_own, margin, lengths, inverses) -> NDArray[np.int64]:
         n = ids.size
-        size = 2.0 * float(rows[:n, 3].max(initial=0.0)) + margin
+        size = (2.0 * float(rows[:n, 3].max()) + margin) if n else 1.0
         shape = np.where(inverses > 0.0, np.maximum(1, np.floor(lengths / size)), 0).astype(np.int64)
         shape[(inverses == 0.0) & (lengths == 0.0)] = 1  # the third axis of a plane
         place, chain = np.empty((n, 3), np.int64), np.empty(n, np.int64)
