@@ -75,7 +75,7 @@ def grid_of(shape: Shape, spacing: float) -> Grid:
 
 
 def _centred(low: float, high: float, spacing: float) -> NDArray[np.float64]:
-    n = max(1, math.ceil((high - low) / spacing - 1e-9))
+    n = max(1, math.ceil((high - low) / spacing - 1e-4))  # STL files hold float32
     return (low + high) / 2 + (np.arange(n) - (n - 1) / 2) * spacing
 
 

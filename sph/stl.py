@@ -21,9 +21,11 @@ def mesh(stl: "Stl") -> Any:
     except ImportError as error:
         raise ConfigError(f"{stl.file}: STL files need more packages: pip install 'hpcpic[stl]'") from error
     try:
-        found = trimesh.load(stl.file, file_type="stl", force="mesh")
-    except (OSError, ValueError, IndexError, KeyError, TypeError) as error:
-        raise ConfigError(f"{stl.file}: cannot be read as STL ({error})") from error
+        with open(stl.file, "rb") as file:
+            found = trimesh.load(file, file_type="stl", force="mesh")
+    except Exception as error:  # whatever a parser says of files that are none
+        words = error.strerror if isinstance(error, OSError) else str(error) or type(error).__name__
+        raise ConfigError(f"{stl.file}: cannot be read as STL ({words})") from error
     if not len(found.faces):
         raise ConfigError(f"{stl.file}: holds no triangles")
     if not np.isfinite(found.vertices).all():

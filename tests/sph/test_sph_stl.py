@@ -66,7 +66,7 @@ def test_scale_and_shift(case):
     assert state["m"].sum() == pytest.approx(1000 * 4 / 3 * np.pi * 0.027 / 8, rel=0.1)
 
 
-@pytest.mark.parametrize("content, words", [(b"solid x", "no triangles"), (b"", "no triangles"), (None, "No such file")])
+@pytest.mark.parametrize("content, words", [(b"solid x", "triangles"), (b"", "triangles"), (None, "No such file")])
 def test_what_is_no_solid_is_refused_at_its_place(case, content, words):
     path = case.folder / "ball.stl"
     path.unlink()
