@@ -1,7 +1,7 @@
 """Speed of the SPH engine: python benchmarks/sph_speed.py [--particles 300000] [--threads 2] [--steps 6] [--rounds 3]
 
-Whole steps of a three-dimensional dam break with walls of particles, TVD-RK3 (three evaluations of all pair sums a step,
-Wendland C2, Molteni's flux, artificial viscosity), in double and single precision, on one thread and on several,
+Whole steps of a three-dimensional dam break with walls of particles, TVD-RK3 (three evaluations of all pair sums a
+step, Wendland C2, Molteni's flux, artificial viscosity), in double and single precision, on one thread and on several,
 interleaved; medians of rounds, and ratios of medians. `evaluations` are particles (walls included) times evaluations of
 all pair sums per second; the split scheme, which evaluates momentum and continuity apart, is told in steps.
 """
@@ -27,7 +27,8 @@ gravity = [0.0, 0.0, -9.81];
 fluid = ( {{ name = "water"; shape = {{ box = {{ low = [0.0, 0.0, 0.0]; high = [0.4, 0.61, 0.3]; }}; }}; }} );
 numerics = {{ spacing = {spacing!r}; kernel = "wendland2"; density_flux = "molteni"; artificial_viscosity = 0.05;
              precision = "{precision}"; }};
-wall = ( {{ name = "tank"; shape = {{ box = {{ low = [0.0, 0.0, 0.0]; high = [1.6, 0.61, 0.75]; open = ["z+"]; }}; }}; }} );
+wall = ( {{ name = "tank";
+           shape = {{ box = {{ low = [0.0, 0.0, 0.0]; high = [1.6, 0.61, 0.75]; open = ["z+"]; }}; }}; }} );
 """
 VOLUME = 0.4 * 0.61 * 0.3  # of the fluid, m3
 OVERHEAD = ("sort", "ghosts", "migrate")
@@ -36,9 +37,8 @@ CFL = {"rk3-tvd": 0.6, "symplectic": 0.6}
 
 def engine(integrator: str, precision: str, threads: int, particles: float) -> Sph:
     world = World.start()
-    text = CASE.format(
-        integrator=integrator, cfl=CFL[integrator], precision=precision, spacing=(VOLUME / (0.78 * particles)) ** (1 / 3)
-    )
+    spacing = (VOLUME / (0.78 * particles)) ** (1 / 3)
+    text = CASE.format(integrator=integrator, cfl=CFL[integrator], precision=precision, spacing=spacing)
     return Sph(validate(SphConfig, loads(text)), world, Pool(threads, world.cpus(threads)), Timers())
 
 

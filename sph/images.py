@@ -1,7 +1,7 @@
 """Images of particles: in periodic sides, in walls that mirror, and through the particles of a layer (point symmetry).
 
-Image k of a body is at turn x + shift with the velocity spin v + push. Positions are relative to the lower corner of the
-domain, axes in storage order.
+Image k of a body is at turn x + shift with the velocity spin v + push. Positions are relative to the lower corner of
+the domain, axes in storage order.
 """
 
 from typing import TYPE_CHECKING
@@ -36,7 +36,8 @@ class Maps:
     """All images: turn, spin [k, d, d]; shift, push [k, d]; map 0 is the identity.
 
     planes[k]: a body has image k if x . normal < offset for all of them. wall[k]: number of the wall + 1, 0 for none.
-    depth[k]: where the face of a mirror is along its normal. layers[k]: centres, by wall normal: along the normal the shift is that of the map, across it twice the nearest one.
+    depth[k]: where the face of a mirror is along its normal. layers[k]: centres, by wall normal: along the normal the
+    shift is that of the map, across it twice the nearest centre.
     """
 
     def __init__(self, d: int) -> None:
@@ -150,7 +151,7 @@ def mirrors(scene: "Scene", walls: "Walls", axes: list[int], reach: float) -> li
 
 
 def _faces(wall, reach: float, moved: NDArray, axes: list[int]):
-    """Point, normal, planes of who is near, of the edges, and layer of centres (None: mirror) of the faces of a wall."""
+    """Of the faces of a wall: point, normal, planes of who is near, of the edges, layer of centres (None: mirror)."""
     if wall.type == "mirror-no-slip":
         for face in wall.faces:
             point, normal = (face.point + moved)[axes], face.normal[axes]

@@ -40,7 +40,7 @@ def rk3_tvd(engine: "Sph") -> None:
 
 
 def symplectic(engine: "Sph") -> None:
-    """v = v + dt a(x, v, rho); rho = rho + dt D(x, v, rho) and x = x + dt v with the new v: one evaluation in two halves."""
+    """v = v + dt a(x, v, rho), then with the new v rho = rho + dt D(x, v, rho), x = x + dt v: two half evaluations."""
     engine.evaluate_forces()
     engine.choose_step()
     engine.kick()

@@ -1,6 +1,6 @@
 """The bodies of one rank: its own particles, fluid and wall, and behind them ghosts of others and images.
 
-A ghost is a body seen through a map x -> turn x + shift: the identity for those of the layers next to a slab, shifts for
+A ghost is a body seen through a map x -> turn x + shift: the identity for those next to a slab, shifts for
 periodic sides, reflections for walls that mirror. The owner of a particle knows who needs which of its images.
 """
 
@@ -59,13 +59,15 @@ def even(n: int, parts: int) -> NDArray[np.int64]:
 class Bodies:
     """Columns of n own particles and g ghosts behind them.
 
-    x, v, a, gradient, normal [d, capacity], offset [d, capacity], shear, matrix [d d, capacity], drho, m, rate [capacity]; id, key int64, flags,
+    x, v, a, gradient, normal, offset [d, capacity], shear, matrix [d d, capacity], drho, m, rate [capacity]; id, key
+    int64, flags,
     wall int32 [capacity]. wall: number of the wall + 1, 0 for fluid. Columns in `without` are empty.
     """
 
     LINES = ("x", "v", "a", "gradient", "x_old", "v_old", "normal", "offset")
     COLUMNS = ("drho", "m", "rate", "drho_old")
-    WHOLE = {"id": np.int64, "key": np.int64, "flags": np.int32, "wall": np.int32}
+    WHOLE = (("id", np.int64), ("key", np.int64), ("flags", np.int32), ("wall", np.int32))
+    STATE = ("x", "v", "drho", "m", "id", "key", "flags", "wall", "normal")
 
     def __init__(self, world: World, tasks: Tasks, motion: Any, d: int, maps: Maps, without: Container[str]) -> None:
         self.world, self.tasks, self.motion, self.d, self.maps = world, tasks, motion, d, maps
@@ -74,7 +76,7 @@ class Bodies:
         self.columns: dict[str, NDArray] = {}
         self.reserve(1024)
         self._refresh = Refresh(world, Channel.GHOSTS_VALUES)
-        self._kept = [name for name in ("x", "v", "drho", "m", "id", "key", "flags", "wall", "normal") if name not in without]
+        self._kept = [name for name in self.STATE if name not in without]
         self._record = np.dtype([("numbers", np.float64, 3 * d + 2), ("id", np.int64), ("flags", np.int32, 2)])
         self._migrate = Migrate(world, self._record.itemsize, Channel.PARTICLES)
         self._rows = self._codes = np.zeros(0, np.int64)
@@ -99,7 +101,7 @@ class Bodies:
         shapes = {name: ((self.d, capacity), np.dtype(float)) for name in self.LINES}
         shapes |= {name: ((capacity,), np.dtype(float)) for name in self.COLUMNS}
         shapes |= {name: ((self.d**2, capacity), np.dtype(float)) for name in ("shear", "matrix")}
-        shapes |= {name: ((capacity,), np.dtype(kind)) for name, kind in self.WHOLE.items()}
+        shapes |= {name: ((capacity,), np.dtype(kind)) for name, kind in self.WHOLE}
         for name, (shape, kind) in shapes.items():
             if name in self.without:
                 shape = (*shape[:-1], 0)
@@ -208,7 +210,8 @@ class Bodies:
                 codes.append(np.full(len(chosen), k))
                 peers.append(np.full(len(chosen), peer))
                 shifts.append(shift[seen])
-        self._rows, self._codes, peer = (np.concatenate([*part, np.zeros(0, np.int64)]) for part in (rows, codes, peers))
+        none = np.zeros(0, np.int64)
+        self._rows, self._codes, peer = (np.concatenate([*part, none]) for part in (rows, codes, peers))
         if self.world.size == 1 and not len(self._rows):
             return
         order = np.argsort(peer, kind="stable")

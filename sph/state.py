@@ -47,7 +47,9 @@ def _everybodys(sph: "Sph", ids: NDArray[np.int64]) -> NDArray[np.int64]:
     return np.frombuffer(sph.world.bcast(content), np.int64)
 
 
-def _sharded(sph: "Sph", rows: dict[str, NDArray], total: int, shapes: dict[str, tuple], where: str) -> dict[str, Shard]:
+def _sharded(
+    sph: "Sph", rows: dict[str, NDArray], total: int, shapes: dict[str, tuple], where: str
+) -> dict[str, Shard]:
     layout = {name: (np.int64 if name == "number" else np.float64, shape) for name, shape in shapes.items()}
     chunk = rows["id"], {name: np.ascontiguousarray(rows[name]) for name in layout}
     low, _ = block_ranges(total, sph.world.size)[sph.world.rank]

@@ -6,9 +6,10 @@ import numpy as np
 
 from hpcpic.core.simd.generate import module_from_source
 from hpcpic.core.space.fields import aligned_zeros
-from sph.kernels import columns, pairs
+from sph.kernels import columns, passes
 from sph.kernels.functions import SMOOTHING
-from sph.kernels.pairs import NUMBERS, Law, columns_of, sums_of
+from sph.kernels.pairs import Law, columns_of, sums_of
+from sph.kernels.passes import NUMBERS
 from sph.limits import cleary_constant
 from sph.neighbours import Cells
 from sph.particles import Bodies, Tasks
@@ -58,7 +59,7 @@ class PairSums:
             self._terms["slopes"] = ("gradient",)
         if law.viscosity == "strain-rate":
             self._terms["strain"] = ("strain",)
-        self.kernels = pairs.make(law, self._terms)
+        self.kernels = passes.make(law, self._terms)
         self.around = module_from_source(HEAD + columns.source(law, scene.config.eos.gamma), "sph_columns")
         self._n_sums = max(len(sums_of(law, terms)) for terms in self._terms.values())
         tasks.set(scales=self._scales(scene), pair_numbers=self._numbers(scene))

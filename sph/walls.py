@@ -88,7 +88,7 @@ class Walls:
 
 
 def exact_sums(world: World, groups: list[NDArray[np.float64]]) -> NDArray[np.float64]:
-    """[group, k]: sums over all particles of all ranks of groups[group][k, n]; the same bits for any ranks. Collective."""
+    """[group, k]: sums over all ranks of groups[group][k, n]; the same bits for any ranks. Collective."""
     scale = power_of_two_above(world.max(max(float(np.abs(values).max(initial=0.0)) for values in groups)))
     limbs = np.array([[exact_limbs(line, scale) for line in values] for values in groups])
     total = world.sum_int(limbs)
@@ -129,5 +129,6 @@ def through_wall(engine: "Sph", fluid: NDArray[np.int64]) -> str | None:
         lost = np.flatnonzero(depth > scene.spacing)
         if len(lost):
             place = ", ".join(f"{value:.4g}" for value in x[lost[0]])
-            return f"{len(lost)} particles went through {wall.name}, as particle {bodies.id[fluid[lost[0]]]} at ({place}) m"
+            one = f"particle {bodies.id[fluid[lost[0]]]} at ({place}) m"
+            return f"{len(lost)} particles went through {wall.name}, as {one}"
     return None

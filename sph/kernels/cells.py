@@ -1,4 +1,4 @@
-"""Bodies (own particles and ghosts) into slots in the order layer, row, fine cell, key; and the runs of their neighbours.
+"""Bodies (own particles and ghosts) into slots in the order layer, row, fine cell, key; and where neighbours are.
 
 A layer is a slice of thickness `edge` across the slab axis, a row a bar of edge^2 in it along the last axis (in 2D the
 layer itself), a fine cell 1/FINE of an edge of a row. Tables exist for the occupied rows of the layers of a rank:

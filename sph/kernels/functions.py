@@ -84,7 +84,8 @@ QUINTIC = Smoothing(
     lambda q: -5 * (_plus(3 - q) ** 4 - 6 * _plus(2 - q) ** 4 + 15 * _plus(1 - q) ** 4) / _positive(q),
     """
     near, middle, far = maximum(1.0 - r, 0.0), maximum(2.0 - r, 0.0), maximum(3.0 - r, 0.0)
-    near4, middle4, far4 = (near * near) * (near * near), (middle * middle) * (middle * middle), (far * far) * (far * far)
+    near2, middle2, far2 = near * near, middle * middle, far * far
+    near4, middle4, far4 = near2 * near2, middle2 * middle2, far2 * far2
     F = fma(near4, -75.0, fma(middle4, 30.0, -5.0 * far4)) * inverse""",
     "fma(near4, near * 15.0, fma(middle4, middle * -6.0, far4 * far))",
 )

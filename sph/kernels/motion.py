@@ -1,7 +1,7 @@
 """Own bodies forward in time, by chunks: x[d, n] m, v[d, n] m/s, drho[n] kg/m3, with the rates of the pair sums.
 
-numbers = (time step, weights of the old state, of the present one and of the rates); wall bodies move as told elsewhere,
-only their density evolves.
+numbers = (time step, weights of the old state, of the present one and of the rates). Wall bodies move as their walls
+do, only their density evolves here.
 """
 
 import numpy as np
@@ -89,7 +89,7 @@ def spread(chunk, chunks, numbers, flags, offset, x):
 def swap(chunk, chunks, flags, faces, normals, bounds, turns, shifts, spins, pushes, x, v):
     """A particle that is behind a mirror changes places with its image, which changes nothing else.
 
-    bounds[f, p]: it counts if x . normals[f, p] < bounds[f, p] for all p; image x -> turn x + shift, v -> spin v + push.
+    bounds[f, p]: behind if x . normals[f, p] < bounds[f, p] for all p; image x -> turn x + shift, v -> spin v + push.
     """
     at, speed = np.zeros(DIM), np.zeros(DIM)
     for b in range(chunks[chunk], chunks[chunk + 1]):

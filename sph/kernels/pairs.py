@@ -1,19 +1,14 @@
 """Pair sums of a scene as generated text: each pair of bodies once, for both, along the runs of `cells.find`.
 
-Everything is in units of h, c0 and the reference density. A pass is a set of terms (momentum, continuity, ...) that share
-the distance and the kernel. What a body gets from its own layer and the next goes to `sums[k, slot]`, what it gets
+Everything is in units of h, c0 and the reference density. A pass is a set of terms (momentum, continuity, ...) that
+share the distance and the kernel. What a body gets from its own layer and the next goes to `sums[k, slot]`, what it gets
 from the layer below to `sums[k, S + slot]`, so that layers are independent and the result does not depend on who
 computes them. Lanes count from the start of a run.
 """
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
-from types import ModuleType
 
-import numpy as np
-
-from hpcpic.core.simd.generate import module_from_source
-from hpcpic.core.simd.vector import lanes
 from sph.kernels.functions import SMOOTHING
 
 UNIT = 2.0**-24  # of fixed-point positions, in h
@@ -161,8 +156,9 @@ def _corrected_force(law: Law, terms: Terms) -> None:
 
 
 def repulsion(law: Law) -> list[str]:
-    """(SC 8)-(10), b = 1, s = 8: force 0.01 c^2 m / h B S along the normal of the wall particle; nearer than 0.4 h,
-    where nothing comes from before the wall (that takes 0.5 c), S falls to 0 at the wall particle; and (SC 6) with the mass of the wall particle. `reach` = h / dp.
+    """(SC 8)-(10), b = 1, s = 8: force 0.01 c^2 m / h B S along the normal of the wall particle. Nearer than 0.4 h, where
+    nothing comes from before the wall (that takes 0.5 c), S falls to 0 at the wall particle. And (SC 6) with the mass of
+    the wall particle. `reach` = h / dp.
     """
     lines = [f"n{a}_i, n{a}_j = n{a}_[i], load(F_, n{a}_, j)" for a in law.axes]
     lines += [f"n{a} = n{a}_j - n{a}_i" for a in law.axes]
@@ -183,7 +179,8 @@ def repulsion(law: Law) -> list[str]:
     ]
     lines += [f"e{a} = strength * n{a}" for a in law.axes]
     if law.viscosity == "cleary":
-        lines.append("drag = (near * (light_i * light_j)) * (viscous * F) * (mass_i * load(F_, solid_, j) + solid_[i] * mass_j)")
+        lines.append("masses = mass_i * load(F_, solid_, j) + solid_[i] * mass_j")
+        lines.append("drag = (near * (light_i * light_j)) * (viscous * F) * masses")
         lines += [f"e{a} = e{a} - drag * d{a}" for a in law.axes]
     return lines
 
@@ -288,135 +285,23 @@ def shifting(law: Law, terms: Terms) -> None:
     terms.sums.append(("around", "around_i", "around_j", "r_sq", "r_sq"))
 
 
-TERMS = {"momentum": momentum, "matrix": matrix, "shifting": shifting, "continuity": continuity, "gradient": gradient, "strain": strain}
+TERMS = {
+    "momentum": momentum,
+    "continuity": continuity,
+    "gradient": gradient,
+    "strain": strain,
+    "matrix": matrix,
+    "shifting": shifting,
+}
 
 
 def sums_of(law: Law, names: Sequence[str]) -> list[str]:
     """What a pass of these terms leaves in sums[k]."""
-    return [entry[0] for entry in _collect(law, names).sums]
+    return [entry[0] for entry in collect(law, names).sums]
 
 
-def _collect(law: Law, names: Sequence[str]) -> Terms:
+def collect(law: Law, names: Sequence[str]) -> Terms:
     terms = Terms()
     for name in names:
         TERMS[name](law, terms)
     return terms
-
-
-NUMBERS = ("artificial", "viscous", "flux_strength", "gravityx", "gravityy", "gravityz", "reach", "per_w")
-
-HEAD = """
-import numpy as np
-from hpcpic.core.simd.jit import njit
-from hpcpic.core.simd.vector import Vec, bitmask, convert, fma, lane_numbers, load, maximum, minimum, select, splat, sqrt, store, total
-
-REAL = np.{real}
-F_ = Vec({lanes}, REAL)
-I_ = Vec({lanes}, np.int32)
-UNIT = REAL({unit})
-"""
-
-
-def _distance(law: Law) -> list[str]:
-    if law.single:
-        lines = [f"    d{a} = convert(F_, {a}_i - load(I_, {a}_, j)) * UNIT" for a in law.axes]
-    else:
-        lines = [f"    d{a} = {a}_i - load(F_, {a}_, j)" for a in law.axes]
-    r2 = f"d{law.axes[-1]} * d{law.axes[-1]}"
-    for a in law.axes[-2::-1]:
-        r2 = f"fma(d{a}, d{a}, {r2})"
-    kernel = SMOOTHING[law.kernel]
-    lines.append(f"    r2 = {r2}" + (" + 1e-30" if kernel.divides else ""))
-    lines.append("    r = sqrt(r2)")
-    if kernel.divides:
-        lines.append("    inverse = 1.0 / r")
-    return lines + kernel.lines.strip("\n").split("\n")
-
-
-def _pair(law: Law, terms: Terms, masked: bool) -> list[str]:
-    """One vector of neighbours."""
-    lines = _distance(law)
-    lines.append(f"    F = select(lane < np.int32(end - j), F * {SMOOTHING[law.kernel].norm[law.dimensions]!r}, 0.0)")
-    if masked:
-        lines.append("    partners = (load(I_, classes, j) | class_i) & 3 == 3")
-        lines.append("    F = select(partners, F, 0.0)")
-    lines += [f"    {name}_j = load(F_, {name}_, j)" for name in sorted(terms.columns)]
-    lines += terms.lines
-    for k, (_, to_i, to_j, by_i, by_j) in enumerate(terms.sums):
-        lines.append(f"    sum{k} = fma({to_i}, {by_i}, sum{k})")
-        lines.append(f"    store(sums{k}, j + shift, fma({to_j}, {by_j}, load(F_, sums{k}, j + shift)))")
-    if terms.rare:
-        rare = "bitmask((load(I_, classes, j) | class_i) & 4 == 4) != 0" if masked else "bitmask(load(I_, classes, j) & 4 == 4) != 0"
-        lines += [f"    if {rare}:", *(f"        {line}" for line in terms.rare)]
-        if masked:
-            lines += [f"        e{a} = select(partners, e{a}, 0.0)" for a in law.axes]
-        names = [entry[0] for entry in terms.sums]
-        for a in law.axes:
-            k = names.index(f"f{a}")
-            lines.append(f"        sum{k} = sum{k} + e{a}")
-            lines.append(f"        store(sums{k}, j + shift, load(F_, sums{k}, j + shift) - e{a})")
-    return lines
-
-
-def _indent(lines: Sequence[str], depth: int) -> str:
-    return "".join(" " * depth + line + "\n" for line in lines)
-
-
-def _pass_source(law: Law, title: str, names: Sequence[str]) -> str:
-    terms = _collect(law, names)
-    columns = columns_of(law)
-    own_rows = 2 if law.dimensions == 3 else 1
-    rows = 5 if law.dimensions == 3 else 2
-    n = len(terms.sums)
-    numbers = [f"{name} = REAL(numbers[{k}])" for k, name in enumerate(NUMBERS)]
-    views = [f"{a}_ = position[{k}]" for k, a in enumerate(law.axes)]
-    views += [f"{name}_ = values[{columns.index(name)}]" for name in sorted(terms.columns)]
-    if terms.rare:
-        views += [f"{c}_ = values[{columns.index(c)}]" for c in (*(f"n{a}" for a in law.axes), "solid")]
-    views += [f"sums{k} = sums[{k}]" for k in range(n)]
-    fetch = [f"{a}_i = {a}_[i]" for a in law.axes] + [f"{c}_i = {c}_[i]" for c in sorted(terms.columns)]
-    fetch += [f"sum{k} = splat(F_, 0.0)" for k in range(n)]
-
-    def loop(masked: bool, depth: int) -> str:
-        head = [
-            f"for row in range({rows}):",
-            "    j, end = np.int64(runs[2 * row, i]), np.int64(runs[2 * row + 1, i])",
-            f"    shift = np.int64(0) if row < {own_rows} else n_slots",
-            "    while j < end:",
-        ]
-        return _indent(head, depth) + _indent([*_pair(law, terms, masked), "    j += LANES_"], depth + 4)
-
-    if law.walls:
-        body = _indent(["class_i = classes[i]", "if class_i & 3 == 3:"], 12) + loop(False, 16)
-        body += _indent(["else:"], 12) + loop(True, 16)
-    else:
-        body = loop(False, 12)
-    return (
-        f"\n\n@njit\ndef {title}(block, blocks, begin, base, numbers, runs, classes, position, values, sums):\n"
-        + _indent([*numbers, *views, "n_slots = np.int64(values.shape[1])", "lane = lane_numbers(I_)"], 4)
-        + _indent(["for l in range(blocks[block], blocks[block + 1]):"], 4)
-        + _indent(["first, last = base[l], base[l] + begin[l + 1] - begin[l]"], 8)
-        + _indent([f"clear(sums{k}, first, last)" for k in range(n)], 8)
-        + _indent(["up = base[l + 1]", "up_end = up + begin[l + 2] - begin[l + 1]"], 8)
-        + _indent([f"clear(sums{k}, n_slots + up, n_slots + up_end)" for k in range(n)], 8)
-        + _indent(["for i in range(first, last):"], 8)
-        + _indent(fetch, 12)
-        + body
-        + _indent([f"sums{k}[i] += total(sum{k})" for k in range(n)], 12)
-    )
-
-
-CLEAR = """
-
-@njit
-def clear(line, first, last):
-    for k in range(first, last):
-        line[k] = 0.0
-"""
-
-
-def make(law: Law, passes: dict[str, Sequence[str]]) -> ModuleType:
-    """Module with a kernel for each pass: title -> names of its terms."""
-    n = lanes(np.dtype(law.real))
-    text = HEAD.format(real=law.real, lanes=n, unit=UNIT) + f"LANES_ = np.int64({n})\n" + CLEAR
-    return module_from_source(text + "".join(_pass_source(law, title, names) for title, names in passes.items()), "sph_pairs")

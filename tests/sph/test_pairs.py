@@ -19,8 +19,9 @@ def check(sph, tolerance):
     assert np.abs(by_id(sph, "rate")[0] - rate).max() <= tolerance * np.abs(rate).max()
 
 
-@pytest.mark.parametrize("d", [2, 3])
-@pytest.mark.parametrize("flux", ["none", "rusanov", "molteni", "fourtakas", "delta"])
+@pytest.mark.parametrize(
+    "d, flux", [(2, "none"), (2, "rusanov"), (2, "molteni"), (2, "fourtakas"), (2, "delta"), (3, "fourtakas")]
+)
 def test_sums_are_those_over_all_pairs(d, flux):
     sph = engine(d=d, spacing=0.05 if d == 2 else 0.08, flux=flux)
     jitter(sph)
@@ -41,9 +42,8 @@ def test_sums_with_viscosity(form):
     check(sph, ROUNDING)
 
 
-@pytest.mark.parametrize("d", [2, 3])
-def test_sums_with_corrections(d):
-    sph = engine(d=d, spacing=0.05 if d == 2 else 0.1, tensile=0.2, corrected="true")
+def test_sums_with_corrections():
+    sph = engine(d=3, spacing=0.1, tensile=0.2, corrected="true")
     jitter(sph, density=20.0)
     check(sph, 1e-11)  # of the inverse matrices too
 
@@ -67,7 +67,8 @@ def test_shifting_pushes_particles_towards_the_lattice():
     away = sph.bodies.own("x") - x[:, ids]
     away -= np.rint(away)  # around the unit box
     sph.evaluate()
-    assert np.sum(away * sph.bodies.own("offset")) < -0.5 * np.sqrt(np.sum(away**2) * np.sum(sph.bodies.own("offset") ** 2))
+    offset = sph.bodies.own("offset")
+    assert np.sum(away * offset) < -0.5 * np.sqrt(np.sum(away**2) * np.sum(offset**2))
 
 
 @pytest.mark.parametrize("d", [2, 3])
@@ -96,10 +97,9 @@ def test_sums_of_stages_use_the_neighbours_of_the_start(integrator):
     assert np.abs(by_id(sph, "a")[0] - expected.acceleration()).max() <= ROUNDING * np.abs(by_id(sph, "a")[0]).max()
 
 
-@pytest.mark.parametrize("flux", ["rusanov", "molteni", "delta"])
-def test_momentum_and_diffused_density_are_conserved(flux):
+def test_momentum_and_diffused_density_are_conserved():
     """Pair forces are opposite; the flux takes from one particle what it gives to the other, by volume."""
-    sph = engine(d=3, fill=1.0, spacing=0.125, flux=flux, periodic=("x", "y", "z"))
+    sph = engine(d=3, fill=1.0, spacing=0.125, flux="delta", periodic=("x", "y", "z"))
     jitter(sph)
     sph.evaluate()
     a, rate, drho, m = by_id(sph, "a", "rate", "drho", "m")

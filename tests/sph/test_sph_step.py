@@ -57,7 +57,10 @@ def smooth(integrator, dt, periods=8):
     return np.concatenate([values.ravel() for values in by_id(sph, "x", "v", "drho")])
 
 
-@pytest.mark.parametrize("integrator, order", [("euler", 1), ("symplectic", 1), ("predictor-corrector", 1), ("rk3-tvd", 3)])
+ORDERS = {"euler": 1, "symplectic": 1, "predictor-corrector": 1, "rk3-tvd": 3}
+
+
+@pytest.mark.parametrize("integrator, order", ORDERS.items())
 def test_order_of_the_integrators(integrator, order):
     coarse, middle, fine = (smooth(integrator, dt) for dt in (5e-4, 2.5e-4, 1.25e-4))
     measured = np.log2(np.abs(coarse - middle).max() / np.abs(middle - fine).max())
