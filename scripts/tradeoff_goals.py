@@ -101,7 +101,7 @@ def true_value(search: Search) -> np.ndarray:
     sizes, left = {}, np.zeros_like(search.value)
     for knob in search.knobs:
         law = search.laws[knob.name]
-        factor = 1.0 if law.idle else FINER[knob.order]
+        factor = 1.0 if law.idle else FINER.get(knob.order, 2.0)
         sizes[knob.name] = search.own[knob.name] / factor
         left += law.signed * factor**-knob.order if law.asymptotic and not law.idle else 0.0
     pilot = search.pilot(sizes, words="the truth")

@@ -60,8 +60,9 @@ def within(app: App) -> Start:
             return end.code if isinstance(end.code, int) else int(end.code is not None)
         finally:
             sys.stdout.flush(), sys.stderr.flush()
-            os.dup2(kept, 1), os.dup2(errors, 2)
-            os.close(kept), os.close(errors)
+            for copy, descriptor in ((kept, 1), (errors, 2)):
+                os.dup2(copy, descriptor)
+                os.close(copy)
             sys.argv = argv
         return 0
 

@@ -91,7 +91,7 @@ def norm(value: NDArray) -> float:
     return float(np.sqrt(np.mean(np.square(value))))
 
 
-def observed_order(sizes: Sequence[float], values: Sequence[NDArray]) -> float:
+def observed_order(sizes: Sequence[float] | NDArray, values: Sequence[NDArray]) -> float:
     """p with (h3^p - h2^p) / (h2^p - h1^p) = |q3 - q2| / |q2 - q1|, sizes ascending; nan when the values turn back."""
     h1, h2, h3 = sizes
     first, second = values[1] - values[0], values[2] - values[1]

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import math
+from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -174,7 +175,7 @@ def draw_map(limits: Limits, first: Knob, second: Knob, folder: Path) -> None:
     click.echo(f"map: {folder / 'map.png'}, {folder / 'map.json'}")
 
 
-def map_figure(limits: Limits, first: Knob, second: Knob, rows: list[tuple[float, ...]], theory: bool) -> Any:
+def map_figure(limits: Limits, first: Knob, second: Knob, rows: Sequence[tuple[float, ...]], theory: bool) -> Any:
     """Stable, nearly unstable and unstable sizes of the first knob over those of the second."""
     from matplotlib.ticker import NullFormatter
 

@@ -79,7 +79,7 @@ def make_tradeoff_command(app_loader: AppLoader) -> click.Command:
         click.echo(f"front: {folder / 'front.png'}, {folder / 'front.csv'}, {folder / 'tradeoff.json'}")
         if refusal:
             raise CheckFailed(f"no recommendation: {refusal}")
-        if verified is not None:
+        if verified is not None and wanted is not None:
             tell_recommendation(search, verified, wanted)
             if target:
                 front.write_case(search, verified, wanted, Path(target))
@@ -146,8 +146,8 @@ def chosen_quantity(knobs: Knobs, name: str | None) -> Quantity:
 
 def chosen_knobs(knobs: Knobs, names: str | None) -> tuple[list, list]:
     """Knobs and choices by name. Raises ConfigError."""
-    known = {item.name: item for item in (*knobs.knobs, *knobs.choices)}
-    asked = names.split(",") if names else list(known)
+    known = [knob.name for knob in knobs.knobs] + [choice.name for choice in knobs.choices]
+    asked = names.split(",") if names else known
     unknown = [name for name in asked if name not in known]
     if unknown:
         raise ConfigError(f"--knobs {','.join(unknown)}: there are {', '.join(known)}")
