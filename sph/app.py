@@ -26,6 +26,12 @@ def until(config: SphConfig, t: float) -> tuple[str, ...]:
     return (f"simulation.end_time={t!r}",)
 
 
+def bench(quick: bool) -> Mapping[str, float]:
+    from sph.bench import bench as measure
+
+    return measure(quick)
+
+
 def plots() -> "Mapping[str, Plot]":
     from sph.plots import PLOTS
 
@@ -50,5 +56,6 @@ APP = App(
     free=("description", "simulation.end_time", "gauge", "output", "numerics.balance_period"),
     plots=plots,
     plan=plan,
+    bench=bench,
     knobs=knobs,
 )

@@ -1,8 +1,8 @@
 """Pair sums of a scene as generated text: each pair of bodies once, for both, along the runs of `cells.find`.
 
 Everything is in units of h, c0 and the reference density. A pass is a set of terms (momentum, continuity, ...) that
-share the distance and the kernel. What a body gets from its own layer and the next goes to `sums[k, slot]`, what it gets
-from the layer below to `sums[k, S + slot]`, so that layers are independent and the result does not depend on who
+share the distance and the kernel. What a body gets from its own layer and the next goes to `sums[k, slot]`, what it
+gets from the layer below to `sums[k, S + slot]`, so that layers are independent and the result does not depend on who
 computes them. Lanes count from the start of a run.
 """
 
@@ -156,9 +156,9 @@ def _corrected_force(law: Law, terms: Terms) -> None:
 
 
 def repulsion(law: Law) -> list[str]:
-    """(SC 8)-(10), b = 1, s = 8: force 0.01 c^2 m / h B S along the normal of the wall particle. Nearer than 0.4 h, where
-    nothing comes from before the wall (that takes 0.5 c), S falls to 0 at the wall particle. And (SC 6) with the mass of
-    the wall particle. `reach` = h / dp.
+    """(SC 8)-(10), b = 1, s = 8: force 0.01 c^2 m / h B S along the normal of the wall particle. Nearer than 0.4 h,
+    where nothing comes from before the wall (that takes 0.5 c), S falls to 0 at the wall particle. And (SC 6) with the
+    mass of the wall particle. `reach` = h / dp.
     """
     lines = [f"n{a}_i, n{a}_j = n{a}_[i], load(F_, n{a}_, j)" for a in law.axes]
     lines += [f"n{a} = n{a}_j - n{a}_i" for a in law.axes]
