@@ -63,7 +63,7 @@ class FluidSection(Section):
         "TRT", "one relaxation time (the paper), two, or central moments, which stay stable as tau goes to 1/2"
     )
     magic: float = setting(3.0 / 16.0, "TRT: (tau+ - 1/2)(tau- - 1/2); 3/16 puts walls half-way exactly", gt=0)
-    storage: Literal["double", "single", "half"] = setting("double", "type in which populations are kept")
+    storage: Literal["double", "single"] = setting("double", "type in which populations are kept")
     body_force: Vector = setting((), "acceleration of the fluid [ax, ay(, az)]", "m/s2")
     initial: Initial | None = None
 

@@ -14,6 +14,8 @@ from lbmdem.config import (
     largest_diameter,
     smallest_diameter,
 )
+from lbmdem.places import starts
+from lbmdem.plan import grain_count
 from lbmdem.scene import CS2
 
 TAU = ("fluid", "relaxation_time")
@@ -42,8 +44,8 @@ def relaxation(config: LbmDemConfig) -> Iterator[Derived]:
     yield Derived("steps", "N", config.n_steps)
     verdict, limit, cure = "ok", "0.5 < tau <= 5", ""
     source = "Mansouri et al. [5]; Ginzburg & d'Humieres 2003"
-    if tau > 1e3:
-        verdict, limit, cure = "fail", "<= 1000", "relaxation_time = 5 is large and accurate with TRT"
+    if tau >= 1e3:
+        verdict, limit, cure = "fail", "< 1000", "relaxation_time = 5 is large and accurate with TRT"
     elif collision == "BGK" and tau > 1.2 and (walled(config) or config.grains or config.obstacle):
         slip = next((error for t, error in reversed(SLIP) if tau >= t), SLIP[0][1])
         verdict, limit = "warn", "<= 1.2 with BGK and walls"
@@ -111,24 +113,59 @@ def pressures(config: LbmDemConfig) -> Iterator[Derived]:
         cure = "" if verdict == "ok" else "a smaller relaxation_time makes the time step and this change smaller"
         key = ("boundary", i, "density" if face.density is not None else "pressure")
         limit, source = "within 1 +- 0.02, 0.5 at all", "weak compressibility"
-        yield Derived(f"density at {face.face}", "rho/rho0", worst, "", limit, verdict, source, cure, key)
+        name = f"density at {face.face}"
+        yield Derived(name, "rho/rho0", worst, "", limit, verdict, source, cure, key, worst > 0.0)
 
 
 def grains(config: LbmDemConfig) -> Iterator[Derived]:
-    """Resolution, density ratio and overlap of each set."""
+    """Size, resolution and density ratio of each set, and how grains overlap at the start."""
     d, dx = config.dimensions, config.spacing
+    yield from fits(config)
+    yield from overlap_at_start(config)
     for i, some in enumerate(config.grains):
         smallest = smallest_diameter(some)
         if config.fluid is None:
             continue
         nodes, enough = smallest / dx, ENOUGH_NODES[d]
         key: Path = ("grains", i, "diameter" if some.diameter is not None else "diameters")
-        verdict = "ok" if nodes >= enough * (1 - 1e-9) else "warn" if nodes >= 2 else "fail"
+        least = 2.5 if some.moving else 2.0
+        verdict = "ok" if nodes >= enough * (1 - 1e-9) else "warn" if nodes >= least else "fail"
         cure = "" if verdict == "ok" else f"domain.spacing = {smallest / enough:.3g} resolves the grains of {some.name}"
-        limit, source = f">= {enough:g}, 2 at least", "Mansouri et al., section 4"
+        limit, source = f">= {enough:g}, {least:g} at least", "Mansouri et al., section 4"
         yield Derived("nodes across a grain", "D/dx", nodes, "", limit, verdict, source, cure, key, nodes >= 1)
         if some.moving:
             yield from density_ratio(config, i, nodes)
+    if config.fluid and not config.coupling.lubrication and any(some.moving for some in config.grains):
+        cure = "lubrication = true adds what the lattice does not resolve in them"
+        key = ("coupling", "lubrication")
+        yield Derived("narrowest gap", "h/dx", 0.0, "", ">= 1", "warn", "grains may come closer", cure, key)
+
+
+def fits(config: LbmDemConfig) -> Iterator[Derived]:
+    """The largest grain against the box; across a periodic side one that moves must not meet two images of another."""
+    for some in config.grains:
+        size, several = largest_diameter(some), some.moving and grain_count(config) > 1
+        needs = {axis: 2.0 if several and axis in config.domain.periodic else 1.0 for axis in AXES[: config.dimensions]}
+        share, least = max((size * n / length, size * n) for length, n in zip(config.domain.size, needs.values()))
+        verdict = "ok" if share <= 1.0 else "fail"
+        cure = "" if verdict == "ok" else f"a side of the box of at least {least:.6g} m has room for {some.name}"
+        source = "two diameters of grains that move along a periodic side, one elsewhere"
+        yield Derived("grain in the box", "D/L", share, "", "<= 1", verdict, source, cure, ("domain", "size"))
+
+
+def overlap_at_start(config: LbmDemConfig) -> Iterator[Derived]:
+    """Of grains at given positions."""
+    nearest, deepest, outside = starts(config)
+    if outside or nearest == 0.0:
+        name = "grains outside the box" if outside else "least distance of centres"
+        cure = "their centres must lie in it" if outside else "no force has a direction there: move one of them"
+        limit = "0" if outside else "> 0"
+        yield Derived(name, "n" if outside else "r", float(outside), "", limit, "fail", "", cure, ("grains",))
+    if deepest > 0.0:
+        verdict = "ok" if deepest <= 0.01 else "warn" if deepest < 0.1 else "fail"
+        cure = "" if verdict == "ok" else "they fly apart; move them, or let packing = {..} find places without overlap"
+        limit, source = "<= 1 %, < 10 %", "linear contacts"
+        yield Derived("overlap at the start", "delta/d", deepest, "", limit, verdict, source, cure, ("grains",), True)
 
 
 def density_ratio(config: LbmDemConfig, i: int, nodes: float) -> Iterator[Derived]:

@@ -1,5 +1,6 @@
 """Scalars of a run: sums over nodes and grains that are the same for any ranks, in SI units."""
 
+import logging
 import math
 from collections.abc import Callable
 from functools import cached_property
@@ -18,6 +19,9 @@ from lbmdem.lattices import CS2
 if TYPE_CHECKING:
     from lbmdem.step import LbmDem
 
+log = logging.getLogger(__name__)
+
+FAST, DRIFTED, UNRULED = 0.3, 1e-3, 0.01  # nodes per step, change of density, share of links: warned of beyond
 GRAVITY = 9.81  # m/s2, of hydraulic gradients where a case has none of its own
 
 
@@ -39,7 +43,10 @@ class Diagnostics:
         self.app = app
         scene = app.scene
         self.axes = AXES[: scene.dimensions]
-        self.fastest = self.deepest = 0.0  # velocity in nodes per step, overlap over diameter, when looked at last
+        self.fastest = self.deepest = self.drift = 0.0  # nodes per step, overlap / diameter, density; last look
+        self._told: list[list[str]] = []
+        faces = scene.faces.values() if scene.config.fluid else ()
+        self.closed = all(face.kind in ("wall", "periodic") for face in faces)
         self.drive = self._drive() if scene.config.fluid else None
         self.units = self._units()
 
@@ -72,6 +79,7 @@ class Diagnostics:
             units |= {"max_mach": "", "energy_kinetic": f"J{per}"}
             units |= {f"flow_rate_{self.axes[-1]}": "m3/s" if along else "m2/s"}
             units |= {"permeability": "m2", "hydraulic_gradient": "", "porosity": ""} if self.drive else {}
+            units |= {"link_fallbacks": ""} if scene.set_names else {}
             for name in scene.set_names:
                 units |= {f"force_{name}_{axis}": f"N{per}" for axis in self.axes}
         if self.app.dem:
@@ -88,16 +96,15 @@ class Diagnostics:
 
     def _fluid(self) -> dict[str, float]:
         app, scene, units = self.app, self.app.scene, self.app.scene.units
-        rho, u = app.fluid.moments()
-        rho = np.where(app.fluid.solid.inner == FLUID, rho, 0.0)
-        squares = np.sum(u * u, axis=-1)
-        columns = [rho, *(rho * u[..., k] for k in range(scene.dimensions)), rho * squares, u[..., -1]]
-        rows = np.stack([column.sum(axis=-1).ravel() for column in columns], axis=1)  # a row of nodes has its own order
-        mass, *momentum, energy, flow = total(app.world, rows)
-        values = {"mass": mass * units.mass, "energy_kinetic": 0.5 * energy * units.mass * units.velocity**2}
+        rows, squares = app.fluid.row_sums()
+        nodes, excess, *momentum, energy, flow = total(app.world, rows)
+        values = {"mass": (nodes + excess) * units.mass}
+        values["energy_kinetic"] = 0.5 * energy * units.mass * units.velocity**2
+        self._watch_mass(excess / nodes)
         for axis, p in zip(self.axes, momentum):
             values[f"momentum_{axis}"] = p * units.mass * units.velocity
         self.fastest = math.sqrt(app.world.max(float(squares.max(initial=0.0))))
+        self._tell(self.fastest > FAST, f"the fluid moves by {self.fastest:.2f} nodes in a step: the next limit is 0.4")
         values["max_mach"] = self.fastest / math.sqrt(CS2)
         along = flow / scene.points[-1]  # mean over the rows of the sums over a cross-section
         rate = along * units.velocity * units.dx ** (scene.dimensions - 1)
@@ -105,6 +112,21 @@ class Diagnostics:
         if self.drive:
             values |= self._permeability(rate)
         return values
+
+    def _watch_mass(self, excess: float) -> None:
+        """Mean density less that of rest: nodes that grains cover and uncover change it in a box that is closed."""
+        if self.closed:
+            self.drift = excess
+            cure = 'coupling.refill = "conserving" keeps the mass'
+            self._tell(abs(excess) > DRIFTED, f"the mean density of the fluid has changed by {excess:.1e}: {cure}")
+
+    def _tell(self, wrong: bool, text: str) -> None:
+        """Warn, once for each kind of text."""
+        kind = text.split(" ", 3)[:3]
+        if wrong and kind not in self._told:
+            self._told.append(kind)
+            if self.app.world.rank == 0:
+                log.warning("step %d: %s", self.app.iteration, text)
 
     def _permeability(self, rate: float) -> dict[str, float]:
         """Darcy: k = nu U / G with the superficial velocity U and the driving force per mass G."""
@@ -133,6 +155,10 @@ class Diagnostics:
         app = self.app
         values: dict[str, float] = {}
         if app.immersed:
+            counts = app.immersed.counts()
+            share = counts["fallbacks"] / max(1, counts["links"])
+            values["link_fallbacks"] = share
+            self._tell(share > UNRULED, f"{share:.1%} of the links have no room for their rule and are simpler (gaps)")
             force = app.immersed.all_forces(len(app.table))[0] * app.scene.units.force
             for k, name in enumerate(app.scene.set_names):
                 of_set = force[app.table.set == k].sum(axis=0)

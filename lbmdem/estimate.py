@@ -17,10 +17,8 @@ SERIES_BYTES = 16 * 8 * 2
 DEFAULT = {
     "mlups D3Q19 double": 150.0,
     "mlups D3Q19 single": 290.0,
-    "mlups D3Q19 half": 290.0,
     "mlups D2Q9 double": 300.0,
     "mlups D2Q9 single": 600.0,
-    "mlups D2Q9 half": 600.0,
     "link_ns fixed": 10.0,
     "link_ns moving": 40.0,
     "grain_ns": 150.0,  # per grain and DEM substep

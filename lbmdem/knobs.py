@@ -79,7 +79,7 @@ def choices_of(config: LbmDemConfig) -> list[Choice]:
         Choice("collision", ("fluid", "collision"), value_text(fluid.collision),
                others(fluid.collision, ("BGK", "TRT", "central")), "dx"),
         Choice("storage", ("fluid", "storage"), value_text(fluid.storage),
-               others(fluid.storage, ("double", "single", "half"))),
+               others(fluid.storage, ("double", "single"))),
     ]  # fmt: skip
     if config.grains or config.obstacle:
         here = config.coupling.bounce_back

@@ -12,8 +12,8 @@ from lbmdem.config import LbmDemConfig
 
 VELOCITIES = {"D2Q9": 9, "D3Q19": 19}
 CROSSING = {"D2Q9": 3, "D3Q19": 5}  # populations that leave through one face of a slab
-BYTES = {"double": 8, "single": 4, "half": 2}
-TYPES = {"double": "float64", "single": "float32", "half": "int16"}
+BYTES = {"double": 8, "single": 4}
+TYPES = {"double": "float64", "single": "float32"}
 LINKS = {2: 5.1, 3: 5.72}  # per node of a grain's perimeter, or per node of its surface
 
 

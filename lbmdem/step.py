@@ -7,6 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hpcpic.core.comm.world import World
+from hpcpic.core.errors import ConfigError
 from hpcpic.core.space.domain import Domain, even_cuts
 from hpcpic.core.tasks import Pool
 from hpcpic.core.timers import Timers
@@ -20,16 +21,19 @@ from lbmdem.diagnostics import Diagnostics
 from lbmdem.estimate import estimate
 from lbmdem.faces import Face
 from lbmdem.fluid import Fluid
+from lbmdem.kernels.layout import FLUID
 from lbmdem.lattices import LATTICES
 from lbmdem.lubrication import Film
 from lbmdem.obstacles import obstacle_walls
+from lbmdem.places import starts
 from lbmdem.placing import place_grains
 from lbmdem.scene import Scene, volumes
 
 TOGETHER = 256  # steps of grains alone in one call: short enough to hear signals
 FASTEST = 0.4  # velocity in lattice units beyond which no collision is a fluid any more
 DENSEST = 2.0  # density of the lattice fluid, likewise, and 1 / 2
-DEEPEST = 0.1  # overlap over diameter at which grains are no grains any more
+DEEPEST = 0.1  # overlap over diameter at which grains are no grains any more, unless they start so
+MOST_DRIFT = 0.01  # of the mean density of a fluid that cannot leave
 
 
 class LbmDem:
@@ -59,6 +63,8 @@ class LbmDem:
         self.solid_moves = bool(self.grains_move and self.immersed and not config.coupling.frozen)
         self.dem = self._dem() if self.grains_move else None
         self.start_solid()
+        self._check_fluid()
+        self.deepest_allowed = max(DEEPEST, 1.1 * starts(config)[1])
         shaken = scene.config.shaking is not None
         ramped = config.fluid is not None and any(face.rate for face in scene.faces.values())
         self.driven = shaken or ramped  # by something that changes in time
@@ -198,6 +204,11 @@ class LbmDem:
         if self.solid_moves:
             self.immersed.start(*self._moving_grains())
 
+    def _check_fluid(self) -> None:
+        """ConfigError where solids fill the box. Collective."""
+        if self.fluid and not self.world.any(bool((self.fluid.solid.inner == FLUID).any())):
+            raise ConfigError("no node of the lattice is in the fluid: grains and obstacles fill the whole box")
+
     def mark_solid(self) -> None:
         """The fluid sees the grains where they are now."""
         if self.solid_moves:
@@ -253,8 +264,11 @@ class LbmDem:
                 return f"the density left {1 / DENSEST} .. {DENSEST} times that of rest"
         if self.dem and not np.isfinite(self.dem.grains.x).all():
             return "a grain is nowhere"
-        if self.diagnostics.deepest > DEEPEST:
-            return f"grains overlap by {self.diagnostics.deepest:.1%} of a diameter (limit {DEEPEST:.0%})"
+        deepest, drift = self.diagnostics.deepest, self.diagnostics.drift
+        if deepest > self.deepest_allowed:
+            return f"grains overlap by {deepest:.1%} of a diameter (limit {self.deepest_allowed:.0%})"
+        if abs(drift) > MOST_DRIFT:
+            return f"the mean density of the fluid has changed by {drift:.2%} (limit {MOST_DRIFT:.0%})"
         return None
 
     def close(self) -> None:

@@ -1,0 +1,239 @@
+"""LBM-DEM at the extremes: accurate (A), warned (B), refused (C) or told to diverge (D); never silently wrong."""
+
+import math
+
+import numpy as np
+import pytest
+from app_runner import running
+
+from hpcpic.core.errors import ConfigError, Diverged
+from hpcpic.core.files.config import loads
+from hpcpic.core.files.derived import enforce
+from hpcpic.core.files.schema import validate
+from lbmdem.config import LbmDemConfig
+from lbmdem.derived import derived
+
+DX, NU = 2.0e-4, 1.0e-6
+LAYER = f"""
+simulation = {{ end_time = 1.0; }};
+domain = {{ size = [{32 * DX!r}, {32 * DX!r}]; spacing = {DX}; periodic = ["x", "y"]; }};
+fluid = {{ viscosity = {NU}; relaxation_time = 0.8; initial = {{ flow = "shear-layer"; speed = 1.0e-9; }}; }};
+"""
+CHANNEL = f"""
+simulation = {{ end_time = 1.0; }};
+domain = {{ size = [{4 * DX!r}, {16 * DX!r}]; spacing = {DX}; periodic = ["x"]; }};
+fluid = {{ viscosity = {NU}; relaxation_time = 0.8; body_force = [1.0e-4, 0.0]; }};
+"""
+DISC = f"""
+simulation = {{ end_time = 1.0; }};
+domain = {{ size = [{40 * DX!r}, {40 * DX!r}]; spacing = {DX}; }};
+fluid = {{ viscosity = {NU}; relaxation_time = 0.8; }};
+grains = ({{ name = "disc"; diameter = {10 * DX!r}; density = 2650.0; position = [0.0041, 0.0047]; }});
+contact = {{ normal_stiffness = 100.0; damping = 0.5; friction = 0.3; }};
+gravity = [0.0, -1.0e-3];
+"""
+PIPE = f"""
+simulation = {{ end_time = 1.0; }};
+domain = {{ size = [{24 * DX!r}, {16 * DX!r}]; spacing = {DX}; periodic = ["y"]; }};
+fluid = {{ viscosity = {NU}; relaxation_time = 0.8; }};
+boundary = ({{ face = "x-"; type = "pressure"; density = 1000.0; }},
+            {{ face = "x+"; type = "pressure"; pressure = 0.0; }});
+"""
+STEPS = 60
+
+
+def ended(world, case, sets=(), *, force=False, steps=STEPS):
+    """(class, what was said) of a case on one rank, as `run` does it, the guard asked after every tenth step."""
+    said = []
+    try:
+        tree = loads(case, sets=sets)
+        config = validate(LbmDemConfig, tree)
+        said += enforce(derived(config, world.size), tree, force)
+        with running(world, "lbmdem", case, sets) as app:
+            last = app.scalars()
+            for n in range(steps):
+                app.step()
+                if n % 10 == 9:
+                    last = app.scalars()
+                if app.guard():
+                    return "D", [app.guard()]
+    except ConfigError as error:
+        return "C", error.messages
+    except Diverged as error:
+        return "D", [error.message]
+    assert all(math.isfinite(value) for value in last.values()), last
+    return "B" if said else "A", said
+
+
+def layer(mach=0.0999, tau=0.8, collision="TRT"):
+    speed = mach / math.sqrt(3.0) * 3.0 * NU / ((tau - 0.5) * DX)
+    return LAYER, (f"fluid.relaxation_time={tau}", f"fluid.initial.speed={speed!r}", f'fluid.collision="{collision}"')
+
+
+def channel(tau, collision):
+    force = f"fluid.body_force=[{1e-5 / tau}, 0.0]"
+    return CHANNEL, (f"fluid.relaxation_time={tau}", f'fluid.collision="{collision}"', force)
+
+
+def ratio(value, inertia="implicit"):
+    """A disc of so many times the fluid's density, of the same weight for all."""
+    gravity = 2e-3 / max(abs(value - 1.0), 0.01)
+    return DISC, (f"grains[0].density={1e3 * value!r}", f"gravity=[0.0, {-gravity!r}]", f'coupling.inertia="{inertia}"')
+
+
+def wide(nodes):
+    return DISC, (f"grains[0].diameter={nodes * DX!r}",)
+
+
+def at(*points, **more):
+    """Discs of 10 nodes at these places, in nodes."""
+    places = ", ".join(f"[{x * DX!r}, {y * DX!r}]" for x, y in points)
+    others = (f"{key.replace('__', '.')}={value}" for key, value in more.items())
+    return DISC, (f"grains[0].position=({places})", *others)
+
+
+def stiff(value):
+    return DISC, (f"contact.normal_stiffness={value!r}",)
+
+
+def dense(start, rate=0.0):
+    return PIPE, (f"boundary[0].density={start!r}", f"boundary[0].pressure_rate={rate!r}")
+
+
+def filled(shape):
+    return LAYER + f"obstacle = ({{ shape = {{ {shape}; }}; }});", ()
+
+
+SEAM = {"domain__periodic": '["x", "y"]'}
+TABLE = {
+    "tau": [
+        *((f"{t}", "A", layer(tau=t)) for t in (0.52, 0.8, 1.0, 2.0, 5.0)),
+        ("0.505", "B", layer(tau=0.505)),
+        ("0.5001", "CB", layer(tau=0.5001)),
+        ("0.5001 central", "A", layer(tau=0.5001, collision="central")),
+        ("0.5", "CC", (LAYER, ("fluid.relaxation_time=0.5",))),
+        *((f"{t} TRT, walls", "A", channel(t, "TRT")) for t in (2.0, 5.0)),
+        *((f"{t} BGK, walls", "B", channel(t, "BGK")) for t in (2.0, 10.0)),
+        ("10.5 TRT", "B", channel(10.5, "TRT")),
+        ("1000", "CC", channel(1e3, "TRT")),
+    ],
+    "Mach": [
+        *((f"{m}", "A", layer(m)) for m in (0.01, 0.05, 0.1)),
+        *((f"{m}", "B", layer(m)) for m in (0.2, 0.3)),
+        ("0.5", "CB", layer(0.5)),
+        ("0.9", "CD", layer(0.9)),
+        ("1.1", "CC", layer(1.1)),
+    ],
+    "density ratio": [
+        *((f"{r}", "A", ratio(r)) for r in (0.001, 0.01, 0.1, 1.0, 1.001, 1.01, 2.65, 10.0, 1000.0)),
+        ("1.01 explicit", "A", ratio(1.01, "explicit")),
+        ("0.2 explicit", "B", ratio(0.2, "explicit")),
+        ("0.01 explicit", "CD", ratio(0.01, "explicit")),
+    ],
+    "D/dx": [
+        *((f"{n}", "A", wide(n)) for n in (10, 16)),
+        *((f"{n}", "B", wide(n)) for n in (5, 3)),
+        ("2", "CB", wide(2)),
+        ("0.5", "CC", wide(0.5)),
+    ],
+    "gap": [
+        ("0.3 nodes", "A", at((15.1, 20.3), (25.4, 20.3))),
+        ("0.3 nodes, bare", "B", at((15.1, 20.3), (25.4, 20.3), coupling__lubrication="false")),
+        ("0 nodes", "A", at((15.1, 20.3), (25.1, 20.3))),
+    ],
+    "k_n": [
+        *((f"x {k:g}", "A", stiff(100.0 * k)) for k in (1.0, 1e3, 1e6)),
+        ("x 1e-3", "B", stiff(0.1)),
+        ("x 1e-5", "CC", stiff(1e-3)),
+    ],
+    "n_d": [
+        ("1", "CC", (DISC, ("coupling.substeps=1",))),
+        ("10000", "A", (DISC, ("coupling.substeps=10000",))),
+        ("dt of the fluid below that of the contacts", "A", (DISC, ("fluid.relaxation_time=0.51",))),
+    ],
+    "place": [
+        ("on the seam", "A", at((40.0, 40.0), **SEAM)),
+        ("half over it", "A", at((0.0, 20.0), **SEAM)),
+        ("outside", "CC", at((41.0, 20.0))),
+        ("outside a periodic box", "A", at((41.0, 20.0), **SEAM)),
+        ("as large as the box", "CC", wide(41)),
+    ],
+    "solid": [
+        ("0 grains", "A", (DISC.split("grains")[0], ())),
+        ("everything", "CC", filled("box = { low = [-1.0, -1.0]; high = [1.0, 1.0] }")),
+        ("one half", "A", filled(f"box = {{ low = [-1.0, -1.0]; high = [1.0, {16.2 * DX!r}] }}")),
+    ],
+    "pressure": [
+        ("rho = 0.99", "A", dense(990.0)),
+        ("rho = 0.89", "B", dense(890.0)),
+        ("rho = 0.45", "CD", dense(450.0)),
+        ("falls to nothing", "CC", dense(1000.0, -1e3)),
+    ],
+    "overlap at the start": [
+        ("1 %", "A", at((15.1, 20.3), (25.05, 20.3))),
+        ("2 %", "B", at((15.1, 20.3), (24.9, 20.3))),
+        ("50 %", "CD", at((15.1, 20.3), (20.1, 20.3))),
+        ("50 %, soft: the mass drifts", "CD", at((15.1, 20.3), (20.1, 20.3), contact__normal_stiffness=1.0)),
+        ("with a wall", "CD", at((3.0, 20.3))),
+        ("same centres", "CC", at((15.1, 20.3), (15.1, 20.3))),
+    ],
+}  # fmt: skip
+ROWS = [
+    pytest.param(expected, *scene, id=f"{what} {value}")
+    for what, rows in TABLE.items()
+    for value, expected, scene in rows
+]
+
+
+@pytest.mark.parametrize("expected, case, sets", ROWS)
+def test_table(world, expected, case, sets):
+    """Two letters: without and with --force. What is refused says the limit and what to do."""
+    found, said = ended(world, case, sets)
+    assert found == expected[0], said
+    if found == "C":
+        told = " ".join(said)
+        assert "limit" in told or "must" in told or "fill the whole" in told or "greater" in told, told
+        forced, warnings = ended(world, case, sets, force=True, steps=5 * STEPS)
+        assert forced == expected[1], warnings
+        assert forced in "CD" or any("refused without --force" in warning for warning in warnings)
+
+
+GRAIN = 2.0**-12  # m, a node
+SCALED = """
+simulation = {{ end_time = {end!r}; }};
+domain = {{ size = [{width!r}, {height!r}]; spacing = {dx!r}; periodic = ["x"]; }};
+fluid = {{ density = {rho!r}; viscosity = {nu!r}; relaxation_time = 0.8; storage = "{storage}"; }};
+grains = ({{ diameter = {d!r}; density = {heavy!r}; position = ([{x1!r}, {y1!r}], [{x2!r}, {y2!r}]); }});
+contact = {{ normal_stiffness = {k!r}; damping = 0.5; tangential = "history"; friction = 0.3; }};
+coupling = {{ substeps = 20; }};
+gravity = [0.0, {g!r}];
+"""
+
+
+def scaled(storage, m, s, kg):
+    """Two discs that touch each other and the floor, in units of m metres, s seconds and kg kilograms."""
+    node = GRAIN * m
+    return SCALED.format(
+        storage=storage, end=1.0 * s, width=24 * node, height=20 * node, dx=node, rho=997.0 * kg / m**3,
+        nu=1.1e-6 * m * m / s, d=6.0 * node, heavy=2650.0 * kg / m**3, x1=5.3 * node, y1=2.9999 * node,
+        x2=10.1 * node, y2=6.5995 * node, k=50.0 * kg / m / s**2, g=-0.013 * m / s**2,
+    )  # fmt: skip
+
+
+@pytest.mark.parametrize("storage", ["double", "single"])
+def test_units_by_powers_of_two_give_the_same_bits(world, storage):
+    """Metres, seconds and kilograms 2^20, 2^-13 and 2^7 times as large: the state differs by powers of two alone."""
+    def state(*units):
+        with running(world, "lbmdem", scaled(storage, *units)) as app:
+            for _ in range(30):
+                app.step()
+            return {name: shard.local.copy() for name, shard in app.state().items()}, app.scalars()
+
+    (plain, first), (other, second) = state(1.0, 1.0, 1.0), state(2.0**20, 2.0**-13, 2.0**7)
+    assert first["contact_count"] >= 2
+    assert plain["populations"].any()
+    for name, values in plain.items():
+        mantissas, far = np.frexp(values)[0], np.frexp(other[name])[0]
+        assert np.array_equal(mantissas, far), name
+    for name, value in first.items():
+        assert math.frexp(value)[0] == math.frexp(second[name])[0], name
