@@ -1,11 +1,11 @@
 """Lattice Boltzmann steps against the memory they must move: updates per second beside an in-place STREAM.
 
-    python benchmarks/lbm.py [--points 128] [--threads 1 2] [--lattice D3Q19] [--collision TRT] [--storage double single]
+    python benchmarks/lbm.py [--points 128] [--threads 1 2] [--lattice D3Q19] [--collision TRT] [--storage double]
     mpirun -n 2 python -m mpi4py benchmarks/lbm.py --threads 1
 
 A step of one sweep reads and writes every population once (304 bytes per node for D3Q19 in double). Each round times a
-pass over an array of that size that only scales it, then a step, then steps of the wavefront; rounds are interleaved and
-medians of the ratios are told, so that the moods of the machine cancel.
+pass over an array of that size that only scales it, then a step, then steps of the wavefront; rounds are interleaved
+and medians of the ratios are told, so that the moods of the machine cancel.
 """
 
 import argparse
@@ -71,7 +71,8 @@ def measure(world: World, pool: Pool, lattice: Lattice, shape: tuple, collision:
     gain = statistics.median(step / wave for _, step, wave in samples)
     return (
         f"{lattice.name} {'x'.join(map(str, shape))} {collision:8s}{storage:7s} {world.size} x {pool.threads}: "
-        f"{1e-6 * nodes / median[1]:7.1f} MLUPS = {100 * ratio:5.1f} % of {1e-9 * moved * world.size / median[0]:5.1f} GB/s; "
+        f"{1e-6 * nodes / median[1]:7.1f} MLUPS = {100 * ratio:5.1f} % of "
+        f"{1e-9 * moved * world.size / median[0]:5.1f} GB/s; "
         f"{deep} steps per sweep {1e-6 * nodes / median[2]:7.1f} MLUPS = x {gain:.2f}"
     )
 

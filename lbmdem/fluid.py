@@ -18,8 +18,8 @@ from lbmdem.faces import Face, Layer, complete, wall_ghosts
 from lbmdem.kernels import observe
 from lbmdem.kernels.collide import COLLISIONS, numbers
 from lbmdem.kernels.layout import FLUID, Layout
-from lbmdem.kernels.nodes import classify, mark
-from lbmdem.kernels.sweep import sweep_kernel
+from lbmdem.kernels.nodes import classify, look_ahead, mark
+from lbmdem.kernels.sweep import AHEAD, sweep_kernel
 from lbmdem.lattices import CS2, Lattice
 from lbmdem.passes import After, Passes
 
@@ -79,6 +79,7 @@ class Fluid:
         self._fill = Fill(self.world, domain, self.solid, Channel.SOLIDS)
         self._wet = np.zeros((layout.planes + 2, layout.rows + 2, layout.vectors), np.int32)
         self._kinds = np.zeros((layout.planes, layout.rows, layout.vectors), np.uint8)
+        self._hops = np.zeros(self._kinds.shape, np.int32)
         columns = layout.nx - layout.lanes * np.arange(layout.vectors)
         self._inside = ((1 << np.minimum(columns, layout.lanes)) - 1).astype(np.int32)
         self.force_in_storage = np.zeros(3)
@@ -105,7 +106,7 @@ class Fluid:
     def _compile(self, blocks: int) -> None:
         layout = self.layout
         kernel = sweep_kernel(self.lattice, self.collision, self._forced, self.layout_dtype)
-        shared = [self.f, self._kinds, self._wet, self._inside, self._numbers, layout.strides, layout.nx]
+        shared = [self.f, self._kinds, self._hops, self._wet, self._inside, self._numbers, layout.strides, layout.nx]
         self._exchange = Exchange(self.world, self.domain, layout, self.f, self._wet)
         periodic_rows = self.domain.ndim == 3 and self.domain.periodic[1]
         threads = self.pool.threads
@@ -123,7 +124,9 @@ class Fluid:
         marks = [bind(mark, self.ids, int(not flat), self._wet, n, a, b) for a, b in shares if b > a]
         shares = block_ranges(layout.planes, self.pool.threads)
         kinds = [bind(classify, self._wet, self._inside, n, flat, self._kinds, a, b) for a, b in shares if b > a]
-        return [marks, kinds]
+        sizes = (layout.strides, layout.itemsize, n, AHEAD)
+        hops = [bind(look_ahead, self._kinds, *sizes, self._hops, a, b) for a, b in shares if b > a]
+        return [marks, kinds, hops]
 
     def solid_changed(self, fill: bool = True) -> None:
         """Take notice of edits of `solid`. With fill (collective) ghosts of other ranks and periodic ones are fetched,

@@ -1,5 +1,7 @@
 """Which nodes are fluid, as the sweep wants to know it, and populations that came from another rank."""
 
+import numpy as np
+
 from hpcpic.core.simd.jit import njit
 from lbmdem.kernels.layout import FLUID
 from lbmdem.kernels.sweep import MIXED, PLAIN, SKIP
@@ -37,6 +39,28 @@ def classify(wet, inside, n, flat, kinds, low, high):
                     for b in range(y + 1 - reach, y + 2 + reach):
                         all_wet &= wet[a, b, v]
                 kinds[z, y, v] = PLAIN if all_wet == full and inside[v] == (full >> 2) else MIXED
+
+
+@njit
+def look_ahead(kinds, strides, bytes_per_element, n, ahead, hops, low, high):
+    """hops of planes low.. (see sweep): ring holds the last `ahead` vectors with fluid in the order of the sweep."""
+    ring = np.zeros((ahead, 4), np.int64)
+    count = 0
+    for z in range(low, high):
+        for y in range(kinds.shape[1]):
+            run = 0
+            for v in range(kinds.shape[2] - 1, -1, -1):
+                run = run + 1 if kinds[z, y, v] == SKIP else 0
+                hops[z, y, v] = run
+            for v in range(kinds.shape[2]):
+                if kinds[z, y, v] != SKIP:
+                    place = z * strides[1] + y * strides[2] + v * n
+                    slot = count % ahead
+                    if count >= ahead:
+                        earlier = ring[slot]
+                        hops[earlier[0], earlier[1], earlier[2]] = (place - earlier[3]) * bytes_per_element
+                    ring[slot, 0], ring[slot, 1], ring[slot, 2], ring[slot, 3] = z, y, v, place
+                    count += 1
 
 
 @njit

@@ -17,7 +17,7 @@ from lbmdem.kernels.layout import storage_order
 from lbmdem.lattices import Lattice
 
 SKIP, PLAIN, MIXED = 0, 1, 2
-AHEAD = 8  # vectors by which populations are fetched before they are needed (4 does nearly as well)
+AHEAD = 8  # vectors with fluid by which populations are fetched before they are needed (4 does nearly as well)
 
 _HEAD = '''"""{title}; written by lbmdem.kernels.sweep."""
 import numpy as np
@@ -34,11 +34,12 @@ FULL = (1 << N) - 1
 
 
 @njit
-def {name}(f, kinds, wet, inside, numbers, strides, nx, tiles):
+def {name}(f, kinds, hops, wet, inside, numbers, strides, nx, tiles):
     """Collide and stream in place, tile after tile: tiles[k] = parity (of the steps done), planes and rows from, to.
 
-    kinds[plane, row, vector]; wet[plane + 2, row + 2, vector]: bit b of a vector is set when its node b - 1 is fluid;
-    inside[vector]: bits of the nodes that belong to the row.
+    kinds[plane, row, vector]; hops[plane, row, vector]: vectors without fluid from here on, or of one with fluid the
+    bytes to the one that is fetched meanwhile; wet[plane + 2, row + 2, vector]: bit b of a vector is set when its node
+    b - 1 is fluid; inside[vector]: bits of the nodes that belong to the row.
     """
     start = address_of(f, 0)
     slot, plane, row = SIZE * strides[0], SIZE * strides[1], SIZE * strides[2]
@@ -64,7 +65,7 @@ def sweep_source(lattice: Lattice, collision: Collision, dtype: DTypeLike, fetch
     lines += ["        for y in range(tile[3], tile[4]):"]
     inner = ["above = y + 1 if y + 1 < rows else 0", "below = y - 1 if y > 0 else rows - 1"]
     inner += _addresses(lattice)
-    inner += ["for v in range(vectors):"]
+    inner += ["v = 0", "while v < vectors:"]
     inner += ["    " + line for line in _vector(lattice, collision, fetch)]
     inner += _seam(lattice)
     lines += ["            " + line for line in inner]
@@ -90,20 +91,19 @@ def _addresses(lattice: Lattice) -> list[str]:
 
 
 def _vector(lattice: Lattice, collision: Collision, fetch: bool) -> list[str]:
-    lines = ["kind = kinds[z, y, v]", f"if kind == {SKIP}:", "    continue", "x = v * BYTES"]
+    lines = ["kind, hop = kinds[z, y, v], hops[z, y, v]", f"if kind == {SKIP}:", "    v += hop", "    continue"]
+    lines.append("x = v * BYTES")
     loads = ["f0 = load_at(F, here + x, BYTES)"]
     for i, j in lattice.pairs:
         loads += [f"f{i} = load_at(F, lo{i} + x, BYTES)", f"f{j} = load_at(F, hi{i} + x, SIZE)"]
     if fetch:
-        ahead = [f"here + x + {AHEAD} * BYTES"]
-        for i, _ in lattice.pairs:
-            ahead += [f"lo{i} + x + {AHEAD} * BYTES", f"hi{i} + x + {AHEAD} * BYTES"]
-        loads += [f"prefetch_to_write({address})" for address in ahead]
+        streams = ["here", *(f"{side}{i}" for i, _ in lattice.pairs for side in ("lo", "hi"))]
+        loads += ["there = x + hop", *(f"prefetch_to_write({stream} + there)" for stream in streams)]
     lines += loads + list(collision.lines)
     lines += [f"if kind == {PLAIN}:", "    store_at(here + x, g0, BYTES)"]
     for i, j in lattice.pairs:
         lines += [f"    store_at(hi{i} + x, g{i}, SIZE)", f"    store_at(lo{i} + x, g{j}, BYTES)"]
-    return [*lines, "else:", *("    " + line for line in _mixed(lattice))]
+    return [*lines, "else:", *("    " + line for line in _mixed(lattice)), "v += 1"]
 
 
 def _wet(e: tuple[int, int, int], v: str) -> str:
@@ -123,7 +123,8 @@ def _mixed(lattice: Lattice) -> list[str]:
             back = f"{target}{i} + x {'+' if sign > 0 else '-'} swap"
             lines.append(f"open = {_wet(to, 'v')} >> {1 + to[2]}")
             lines.append(f"store_where({target}{i} + x, g{g}, mask_of_bits(F, own & open), {align})")
-            lines.append(f"store_where({back}, g{g}, mask_of_bits(F, own & ~open), {align})")
+            lines.append("if own & ~open:")
+            lines.append(f"    store_where({back}, g{g}, mask_of_bits(F, own & ~open), {align})")
     return lines
 
 
