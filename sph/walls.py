@@ -118,10 +118,14 @@ def wall_forces(engine: "Sph") -> dict[str, tuple[NDArray[np.float64], NDArray[n
 def through_wall(engine: "Sph", fluid: NDArray[np.int64]) -> str | None:
     """A word on a particle of the fluid (rows of the own ones) that is more than a spacing behind a wall."""
     scene, bodies = engine.scene, engine.bodies
-    x = np.empty((len(fluid), scene.dimensions))
-    x[:, engine.axes] = (bodies.x[:, fluid] + engine.origin[:, None]).T
     for wall in scene.walls:
-        shape, at = wall.section.shape, x - engine.walls.displacement[wall.index]
+        shape, shift = wall.section.shape, engine.walls.displacement[wall.index]
+        near = _suspects(engine, wall, fluid, shift)
+        if not len(near):
+            continue
+        x = np.empty((len(near), scene.dimensions))
+        x[:, engine.axes] = (bodies.x[:, near] + engine.origin[:, None]).T
+        at = x - shift
         if wall.section.solid or shape.plane:
             depth = -signed_distance(shape, at)
         else:
@@ -129,6 +133,19 @@ def through_wall(engine: "Sph", fluid: NDArray[np.int64]) -> str | None:
         lost = np.flatnonzero(depth > scene.spacing)
         if len(lost):
             place = ", ".join(f"{value:.4g}" for value in x[lost[0]])
-            one = f"particle {bodies.id[fluid[lost[0]]]} at ({place}) m"
+            one = f"particle {bodies.id[near[lost[0]]]} at ({place}) m"
             return f"{len(lost)} particles went through {wall.name}, as {one}"
     return None
+
+
+def _suspects(engine: "Sph", wall: "Wall", fluid: NDArray[np.int64], shift: NDArray) -> NDArray[np.int64]:
+    """Those of the fluid that may be behind a wall: not inside a tank that is a box, nor outside the box of a solid."""
+    shape = wall.section.shape
+    if not shape.box:
+        return fluid
+    low, high = (np.array(corner) + shift - engine.scene.low for corner in (shape.box.low, shape.box.high))
+    inside = np.ones(len(fluid), bool)
+    for axis, physical in enumerate(engine.axes):
+        x = engine.bodies.x[axis, fluid]
+        inside &= (x > low[physical]) & (x < high[physical])
+    return fluid[inside == wall.section.solid]
