@@ -9,6 +9,7 @@ from hpcpic.core.tasks import Pool
 from hpcpic.core.timers import Timers
 from sph.config import SphConfig
 from sph.kernels.functions import SMOOTHING
+from sph.limits import cleary_constant
 from sph.step import Sph
 
 TEXT = """
@@ -106,7 +107,7 @@ class Reference:
         mean = 0.5 * (1 / self.rho[:, None] + 1 / self.rho[None, :])
         push -= self.numerics.artificial_viscosity * scene.c0 * h * np.minimum(near, 0.0) * mean
         if self.numerics.viscosity_form == "cleary" and scene.viscosity:
-            xi = {2: 4.0, 3: 4.963}[scene.dimensions]
+            xi = cleary_constant(scene.kernel, scene.dimensions, self.numerics.smoothing)
             push -= 2 * xi * scene.viscosity / (self.rho[:, None] * self.rho[None, :]) * near
         if self.numerics.tensile_correction:
             w = SMOOTHING[scene.kernel].shape(self.r / h) / SMOOTHING[scene.kernel].shape(scene.spacing / h)
