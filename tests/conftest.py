@@ -11,6 +11,10 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from hypothesis import HealthCheck, settings
+
+settings.register_profile("busy", suppress_health_check=[HealthCheck.too_slow])  # of the machine, not of the test
+settings.load_profile("busy")
 
 PATIENCE_S = 3.0
 TIMEOUT_S = 60

@@ -44,8 +44,9 @@ def test_thinking_verbs_import_nothing_heavy_and_answer_at_once(words, tmp_path,
     seconds, done = processor_seconds(["-c", program], tmp_path)
     assert done.stderr.endswith("loaded=[] code=0"), done.stderr
     assert done.stdout
-    # Not by the clock, for a busy machine: 0.4 s on a quiet one is twice the libraries, thrice with no bytecode kept.
-    assert seconds < 3.5 * libraries
+    # Not by the clock, for a busy machine: 0.4 s on a quiet one is twice the libraries, thrice with no bytecode kept;
+    # two programs on the threads of one core make it vary by half as much again.
+    assert seconds < 5 * libraries
 
 
 def processor_seconds(words, folder):

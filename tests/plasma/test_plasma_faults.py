@@ -111,6 +111,8 @@ def test_killed_at_any_moment(folder, digest, seed):
     every = ("--checkpoint-every", "1")
     for k, arguments in enumerate([words(folder, *every), ("restart", str(folder / "run"), *every)]):
         process = start(folder, arguments)
+        while not checkpoints(folder) and process.poll() is None:
+            time.sleep(0.01)
         time.sleep(delay[k])
         kill_one_rank(process, (seed + k) % 2)
     assert 0 < checkpoints(folder)[-1] < STEPS
