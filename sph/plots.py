@@ -85,6 +85,8 @@ def front(run: Run, step: int | None = None) -> Figure:
     t, x = series_of(run, "front_x")
     low = config.domain.low[0]
     end = (config.domain.high[0] - low) / width
+    if x[0] - low >= 0.97 * end * width:
+        raise NoData("there is fluid up to the far wall from the start: no front is seen")
     clock = math.sqrt(2 * g / width)
     with style():
         figure, axes = new_figure(size=(6.4, 4.0))
