@@ -113,7 +113,8 @@ def moving_links(
             g = grain[m]
             links_of_plane(
                 f, strides, slots, shifts, parity, e, opposite, w6, rule, open_mass, solid, shape, inner, box, p,
-                centres[g], radii[g], np.int32(ids[g]), motion[g], offset[m], chords[0], chords[1], chords[2], gained, counters,
+                centres[g], radii[g], np.int32(ids[g]), motion[g], offset[m],
+                chords[0], chords[1], chords[2], gained, counters,
             )  # fmt: skip
             for a in range(7):
                 sums[g, a] += np.int64(np.rint(gained[a] * scale[a]))

@@ -268,3 +268,23 @@ def test_ranks_do_not_change_a_bit(world, pool, lattice, refill):
     assert np.array_equal(shared[0], alone[0][low:high])
     assert np.array_equal(shared[1], alone[1])
     assert shared[2] == alone[2]
+
+
+@pytest.mark.parametrize("implicit", [True, False])
+def test_the_force_does_not_alternate_from_step_to_step(world, pool, implicit):
+    """A settling disc, little heavier than the fluid, at a small relaxation time: second difference below W / 5."""
+    if world.size > 1:
+        pytest.skip("once is enough")
+    fluid = fluid_in_a_box(world, pool, D2Q9, (60, 60), tau=0.6)
+    immersed, radius, weight = Immersed(fluid, world, pool), np.array([5.0]), 2e-3
+    mass = 1.01 * np.pi * 25.0 + (impedance(D2Q9, "cli", radius)[0] if implicit else 0.0)
+    x, v, drag = np.array([[30.3, 30.1]]), np.zeros((1, 2)), []
+    immersed.start(np.array([0]), x, radius, v, np.zeros((1, 1)))
+    for _ in range(240):
+        fluid.step()
+        force = immersed.all_forces(1)[0]
+        drag.append(force[0, 1])
+        v = v + (force - (0.0, weight)) / mass
+        x = (x + v) % 60
+        immersed.move(np.array([0]), x, radius, v, np.zeros((1, 1)))
+    assert np.abs(np.diff(drag[40:], 2)).max() / 4 < 0.2 * weight
