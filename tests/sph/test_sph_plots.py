@@ -18,7 +18,7 @@ SHORT = {
 PERIODS = ("output.period.series=0.002", "output.period.particles=0.03")
 EXPECTED = {
     "water-column": {"sequence", "energies", "front", "depth", "step", "timers"},
-    "column-impact-a": {"sequence", "energies", "forces", "impulses", "gauges", "depth", "step", "timers"},
+    "column-impact-a": {"sequence", "energies", "forces", "impulses", "depth", "step", "timers"},
 }
 
 
