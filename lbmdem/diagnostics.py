@@ -44,7 +44,7 @@ class Diagnostics:
         scene = app.scene
         self.axes = AXES[: scene.dimensions]
         self.fastest = self.deepest = self.drift = 0.0  # nodes per step, overlap / diameter, density; last look
-        self._told: list[list[str]] = []
+        self._told: set[str] = set()  # what has been warned of
         faces = scene.faces.values() if scene.config.fluid else ()
         self.closed = all(face.kind in ("wall", "periodic") for face in faces)
         self.drive = self._drive() if scene.config.fluid else None
@@ -104,7 +104,7 @@ class Diagnostics:
         for axis, p in zip(self.axes, momentum):
             values[f"momentum_{axis}"] = p * units.mass * units.velocity
         self.fastest = math.sqrt(app.world.max(float(squares.max(initial=0.0))))
-        self._tell(self.fastest > FAST, f"the fluid moves by {self.fastest:.2f} nodes in a step: the next limit is 0.4")
+        self._tell("speed", self.fastest > FAST, f"the fluid moves by {self.fastest:.2f} nodes in a step (limit 0.4)")
         values["max_mach"] = self.fastest / math.sqrt(CS2)
         along = flow / scene.points[-1]  # mean over the rows of the sums over a cross-section
         rate = along * units.velocity * units.dx ** (scene.dimensions - 1)
@@ -118,13 +118,13 @@ class Diagnostics:
         if self.closed:
             self.drift = excess
             cure = 'coupling.refill = "conserving" keeps the mass'
-            self._tell(abs(excess) > DRIFTED, f"the mean density of the fluid has changed by {excess:.1e}: {cure}")
+            text = f"the mean density of the fluid has changed by {excess:.1e}: {cure}"
+            self._tell("mass", abs(excess) > DRIFTED, text)
 
-    def _tell(self, wrong: bool, text: str) -> None:
-        """Warn, once for each kind of text."""
-        kind = text.split(" ", 3)[:3]
+    def _tell(self, kind: str, wrong: bool, text: str) -> None:
+        """Warn, once of each kind."""
         if wrong and kind not in self._told:
-            self._told.append(kind)
+            self._told.add(kind)
             if self.app.world.rank == 0:
                 log.warning("step %d: %s", self.app.iteration, text)
 
@@ -158,7 +158,8 @@ class Diagnostics:
             counts = app.immersed.counts()
             share = counts["fallbacks"] / max(1, counts["links"])
             values["link_fallbacks"] = share
-            self._tell(share > UNRULED, f"{share:.1%} of the links have no room for their rule and are simpler (gaps)")
+            text = f"{share:.1%} of the links have no room for their rule, and follow a simpler one"
+            self._tell("links", share > UNRULED, text)
             force = app.immersed.all_forces(len(app.table))[0] * app.scene.units.force
             for k, name in enumerate(app.scene.set_names):
                 of_set = force[app.table.set == k].sum(axis=0)

@@ -1,4 +1,7 @@
-"""One state, bit for bit, however a run is cut: ranks, threads, task blocks, restarts on others of them."""
+"""One state, bit for bit, however a run is cut: ranks, threads, task blocks, restarts on others of them.
+
+Grains touch, cross the seam and the cuts between slabs, cover and uncover nodes.
+"""
 
 from app_runner import check_equal, check_restarted
 
@@ -15,6 +18,30 @@ boundary = ({ face = "x-"; type = "velocity"; velocity = [1.0e-4, 0.0, 0.0]; },
             { face = "x+"; type = "pressure"; pressure = 0.0; },
             { face = "z+"; type = "wall"; velocity = [1.0e-4, 1.0e-4, 0.0]; });
 """
+DISCS = """
+simulation = { end_time = 1.0; };
+domain = { size = [0.0048, 0.006]; spacing = 0.0002; periodic = ["x"]; };
+fluid = { viscosity = 1.0e-6; relaxation_time = 0.8; };
+grains = (
+  { diameter = 1.2e-3; density = 2650.0; velocity = [4.0e-3, -3.0e-3]; angular_velocity = [1.0];
+    position = ([0.00475, 0.00302], [0.0036, 0.0032], [0.0030, 0.00415]); },
+  { diameter = 1.0e-3; density = 300.0; position = [0.0041, 0.00201]; },
+  { diameter = 1.6e-3; moving = false; position = [0.0017, 0.0021]; } );
+contact = { normal_stiffness = 50.0; damping = 0.3; tangential = "history"; friction = 0.4; };
+gravity = [0.0, -0.02];
+"""
+SPHERES = """
+simulation = { end_time = 1.0; };
+domain = { size = [0.0026, 0.0022, 0.0028]; spacing = 0.0002; periodic = ["x", "y"]; };
+fluid = { viscosity = 1.0e-6; relaxation_time = 0.8; };
+grains = (
+  { diameter = 1.0e-3; density = 2650.0; velocity = [3.0e-3, 2.0e-3, -4.0e-3]; angular_velocity = [1.0, 0.5, 0.2];
+    position = ([0.00255, 0.0011, 0.00145], [0.00156, 0.0011, 0.00145]); },
+  { diameter = 0.9e-3; density = 2000.0; velocity = [0.0, 0.0, 1.0e-2]; position = [0.0012, 0.0011, 0.00058]; } );
+contact = { normal_stiffness = 0.5; damping = 0.3; tangential = "history"; friction = 0.4; };
+gravity = [0.0, 0.0, -0.02];
+"""
+REFILLS = "average", "local", "non-equilibrium", "conserving"
 STEPS = 21
 
 
@@ -28,6 +55,9 @@ LAWS = {
     "2D central": job(VORTICES, 'fluid.collision="central"'),
     "3D": job(DUCT),
     "3D central single": job(DUCT, 'fluid.storage="single"', 'fluid.collision="central"'),
+    **{f"discs {name}": job(DISCS, f'coupling.refill="{name}"') for name in REFILLS},
+    "discs explicit": job(DISCS, 'coupling.inertia="explicit"', 'contact.tangential="regularised"'),
+    "spheres": job(SPHERES),
 }
 
 
