@@ -109,7 +109,7 @@ class Diameters(Section):
 
 class Packing(Section):
     porosity: float | None = setting(None, "void fraction asked for; by default what settling gives", gt=0, lt=1)
-    low: float = setting(0.0, "lower end of the sample along the last axis", "m")
+    low: float = setting(0.0, "lower end of the sample along the last axis: a screen for grains that move", "m")
     high: float | None = setting(None, "upper end; by default the height that the porosity gives", "m")
 
 

@@ -23,12 +23,13 @@ from hpcpic.core.errors import ConfigError
 from hpcpic.core.space.domain import Domain
 from hpcpic.core.space.rng import uniforms
 from hpcpic.core.tasks import Pool
+from lbmdem.config import contact_law
 from lbmdem.contacts import Law, Wall, stable_step
 from lbmdem.dem import Dem
 from lbmdem.network import energies, greatest_overlap
 
 if TYPE_CHECKING:
-    from lbmdem.config import Contact, GrainSet, LbmDemConfig
+    from lbmdem.config import GrainSet, LbmDemConfig
 
 log = logging.getLogger(__name__)
 
@@ -286,13 +287,7 @@ def make(
     sample = Sample(radius, low, min(high, top), seed, grains.density)
     if porosity is None:
         down = abs(config.gravity[-1]) or 9.81
-        sample = replace(sample, gravity=down, law=law_of(config.contact))
+        if config.fluid and config.fluid.density != grains.density:  # they rest under their weight less buoyancy
+            down *= abs(1.0 - config.fluid.density / grains.density)
+        sample = replace(sample, gravity=down, law=contact_law(config))
     return pack(world, pool, domain, sample), radius
-
-
-def law_of(contact: "Contact") -> Law:
-    """The contact law of a case."""
-    shear = 0.0
-    if contact.tangential == "history":
-        shear = contact.tangential_stiffness or 2.0 / 7.0 * contact.normal_stiffness
-    return Law(contact.normal_stiffness, contact.damping, contact.friction, contact.tangential_viscosity, shear)

@@ -133,7 +133,7 @@ class LbmDem:
         )
         self.substeps = config.substeps
         self._weights = self._weight_of_grains()
-        if self.immersed and config.coupling.inertia == "implicit":
+        if self.solid_moves and config.coupling.inertia == "implicit":
             self._add_impedance(dem)
         return dem
 
@@ -287,8 +287,15 @@ def box_walls(scene: Scene) -> list[Wall]:
         if scene.periodic[axis]:
             continue
         speeds = {face.face: face.velocity for face in scene.config.boundary if face.type == "wall"}
-        for side, place, way in (("-", 0.0, 1.0), ("+", size[axis], -1.0)):
+        floor = floor_of(scene.config) if axis == d - 1 else 0.0
+        for side, place, way in (("-", floor, 1.0), ("+", size[axis], -1.0)):
             point, normal = np.zeros(d), np.zeros(d)
             point[axis], normal[axis] = place, way
             walls.append(Wall(tuple(point), tuple(normal), speeds.get(name + side, ())))
     return walls
+
+
+def floor_of(config: LbmDemConfig) -> float:
+    """Where grains end below along the last axis, m: a screen under a sample, through which the fluid passes."""
+    samples = [grains.packing.low for grains in config.grains if grains.packing and grains.moving]
+    return max(0.0, min(samples)) if samples and len(samples) == len(config.grains) else 0.0
