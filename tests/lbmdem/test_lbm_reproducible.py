@@ -38,7 +38,7 @@ grains = (
   { diameter = 1.0e-3; density = 2650.0; velocity = [3.0e-3, 2.0e-3, -4.0e-3]; angular_velocity = [1.0, 0.5, 0.2];
     position = ([0.00255, 0.0011, 0.00145], [0.00156, 0.0011, 0.00145]); },
   { diameter = 0.9e-3; density = 2000.0; velocity = [0.0, 0.0, 1.0e-2]; position = [0.0012, 0.0011, 0.00058]; } );
-contact = { normal_stiffness = 0.5; damping = 0.3; tangential = "history"; friction = 0.4; };
+contact = { normal_stiffness = 0.02; damping = 0.3; tangential = "history"; friction = 0.4; };
 gravity = [0.0, 0.0, -0.02];
 """
 REFILLS = "average", "local", "non-equilibrium", "conserving"
