@@ -65,7 +65,7 @@ class Diagnostics:
         if low.kind == high.kind == "pressure":
             bottom, top = self.app.sample()
             unit = CS2 * scene.units.pressure / scene.density / (top - bottom)
-            return lambda step: (low.density - high.density + (low.rate - high.rate) * step) * unit
+            return lambda step: (low.density - high.density + (low.rate - high.rate) * self.app.ramped(step)) * unit
         return None
 
     def _units(self) -> dict[str, str]:

@@ -5,6 +5,7 @@ Lines of theory are drawn dashed and dark; what was measured is coloured.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING, Any
 
@@ -232,24 +233,47 @@ def tracks(run: Run, step: int | None = None) -> Figure:
 
 
 def stress(run: Run, step: int | None = None) -> Figure:
-    """Stress between grains in the control slices against the hydraulic gradient, and where the lines meet."""
+    """Stress between grains in the control slices against the hydraulic gradient, and where it should vanish."""
     names = sorted(name for name in run.series if name.startswith("stress_"))
-    if not names:
-        raise NoData("no control slices (output.stress_slices)")
+    if len(names) < 2:
+        raise NoData("needs two control slices (output.stress_slices)")
     _, gradient, *values = _series(run, "hydraulic_gradient", *names)
-    from lbmdem.quick import crossing
+    from lbmdem.quick import critical_gradient, crossing, lifted
 
+    config = config_of(run)
+    some, up = config.grains[0], config.dimensions - 1
+    porosity, height, solid = _sample(run, up, config.domain.size)
+    buoyant = (some.density - config.fluid.density) * math.hypot(*config.gravity) * solid
+    _, force = _series(run, f"force_{some.name}_{'xyz'[up]}")
+    critical = critical_gradient(some.density / config.fluid.density, porosity)
     with style():
-        figure, axes = new_figure(size=(6.0, 4.2))
+        figure, axes = new_figure(size=(6.4, 4.4))
         bottom = max(np.abs(v[0]) for v in values) or 1.0
         for k, v in enumerate(values):
             axes.plot(gradient, v / bottom, color=COLOURS[k], label=f"slice {k + 1}")
-        found = crossing(gradient, values)
-        axes.axvline(found, label=f"crossing at {found:.4f}", **THEORY)
+        axes.plot(gradient, (1.5 * values[0] - 0.5 * values[1]) / bottom, ":", color=INK, label="floor, extended")
+        axes.axvline(critical, label="critical gradient", **THEORY)
+        axes.text(
+            0.98, 0.97,
+            f"(rho_s - rho_w)(1 - n)/rho_w = {critical:.4f}\n"
+            f"lift = buoyant weight at {lifted(gradient, force, buoyant) / critical:.4f} of it\n"
+            f"stress on the floor 0 at {crossing(gradient, values) / critical:.4f} of it\n"
+            f"n = {porosity:.4f}, height {height:.4g} m",
+            transform=axes.transAxes, ha="right", va="top", linespacing=1.5,
+        )  # fmt: skip
         axes.set(xlabel="hydraulic gradient", ylabel="stress / stress at the bottom", title="Stress between grains")
-        axes.set(xlim=(0, None), ylim=(min(0.0, axes.get_ylim()[0]), None))
-        axes.legend()
+        axes.set(xlim=(0, None), ylim=(min(0.0, axes.get_ylim()[0]), 1.35))
+        axes.legend(ncols=2, fontsize=8, loc="center right")
         return figure
+
+
+def _sample(run: Run, up: int, size: Sequence[float]) -> tuple[float, float, float]:
+    """Porosity by the grains themselves, height (m) from the lowest to the highest point, volume of the grains."""
+    columns = _all_grains(run, int(_grains(run).steps[0]))
+    x, r = columns["position"][:, up], columns["radius"]
+    height = float((x + r).max() - (x - r).min())
+    solid = float((math.pi * r**2 if up == 1 else 4.0 / 3.0 * math.pi * r**3).sum())
+    return 1.0 - solid / (height * math.prod(size[:up])), height, solid
 
 
 def energies(run: Run, step: int | None = None) -> Figure:

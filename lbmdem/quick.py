@@ -12,15 +12,20 @@ def critical_gradient(density_ratio: float, porosity: float) -> float:
 
 
 def crossing(gradient: NDArray, stresses: Sequence[NDArray]) -> float:
-    """The gradient at which straight lines through stress against gradient meet, by least squares.
-
-    Each stress is fitted where it is above a fifth of its first value: near the end contacts open.
+    """The gradient at which the stress on the floor vanishes: a straight line, by least squares, through the stress of
+    the two lowest slices, extended to the floor, while it is between 0.2 and 0.9 of what it was.
     """
-    slopes, offsets = [], []
-    for stress in stresses:
-        used = np.abs(stress) > 0.2 * np.abs(stress[0])
-        slope, offset = np.polyfit(gradient[used], stress[used] / stress[0], 1)
-        slopes.append(slope)
-        offsets.append(offset)
-    a, b = np.array(slopes), np.array(offsets)
-    return float(-(a @ b) / (a @ a))
+    floor = 1.5 * stresses[0] - 0.5 * stresses[1]
+    share = floor / floor[0]
+    used = (share > 0.2) & (share < 0.9)
+    slope, offset = np.polyfit(gradient[used], share[used], 1)
+    return float(-offset / slope)
+
+
+def lifted(gradient: NDArray, force: NDArray, weight: float) -> float:
+    """The gradient at which the fluid carries the weight less buoyancy: force is that of the fluid on all grains, along
+    the flow and in its units; a line through the upper half, where the flow has settled.
+    """
+    used = gradient > 0.5 * gradient.max()
+    slope, offset = np.polyfit(gradient[used], force[used], 1)
+    return float((weight - offset) / slope)

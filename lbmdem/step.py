@@ -29,6 +29,7 @@ from lbmdem.places import starts
 from lbmdem.placing import place_grains
 from lbmdem.scene import Scene, volumes
 
+HOLD = 8  # steps for which the pressure of a creeping flow stays the same
 TOGETHER = 256  # steps of grains alone in one call: short enough to hear signals
 FASTEST = 0.4  # velocity in lattice units beyond which no collision is a fluid any more
 DENSEST = 2.0  # density of the lattice fluid, likewise, and 1 / 2
@@ -68,6 +69,7 @@ class LbmDem:
         shaken = scene.config.shaking is not None
         ramped = config.fluid is not None and any(face.rate for face in scene.faces.values())
         self.driven = shaken or ramped  # by something that changes in time
+        self.creeps = ramped and not shaken and creeping(config)
         self.diagnostics = Diagnostics(self)
         self.scalar_units = self.diagnostics.units
 
@@ -167,9 +169,19 @@ class LbmDem:
         """Body force and pressures of this step."""
         if self.scene.config.shaking:
             self.fluid.set_force(self.scene.body_force(self.iteration + 0.5))
+        if self.creeps and self.iteration % HOLD:
+            return
         for name, face in self.scene.faces.items():
             if face.rate:
-                self.fluid.set_face(name, density=face.density + face.rate * (self.iteration + 1))
+                density = face.density + face.rate * self.ramped(self.iteration + 1)
+                if self.creeps:
+                    before = face.density + face.rate * self.ramped(self.iteration)
+                    self.fluid.f *= (density - 1.0) / (before - 1.0)
+                self.fluid.set_face(name, density=density)
+
+    def ramped(self, step: int) -> int:
+        """Steps of change that the pressures at a time step have behind them."""
+        return (step - 1) // HOLD * HOLD + 1 if self.creeps and step else step
 
     def move_grains(self, steps: int = 1) -> None:
         """n_d substeps per step under the forces of the fluid, which stay the same meanwhile."""
@@ -299,3 +311,17 @@ def floor_of(config: LbmDemConfig) -> float:
     """Where grains end below along the last axis, m: a screen under a sample, through which the fluid passes."""
     samples = [grains.packing.low for grains in config.grains if grains.packing and grains.moving]
     return max(0.0, min(samples)) if samples and len(samples) == len(config.grains) else 0.0
+
+
+def creeping(config: LbmDemConfig) -> bool:
+    """Is a flow through grains that it sees at rest proportional to the one pressure that changes?
+
+    Then its populations are scaled with that pressure: a compressible fluid would take the time L^2 mu / (k rho c^2)
+    to adjust its pressure in a sample of length L, far longer than water does.
+    """
+    open_faces = [face for face in config.boundary if face.type != "wall"]
+    ramped = [face for face in open_faces if face.pressure_rate and face.pressure]
+    still = all(face.type == "pressure" and (face.pressure == 0.0 or face in ramped) for face in open_faces)
+    moved = any(any(face.velocity) for face in config.boundary) or any(any(some.velocity) for some in config.obstacle)
+    calm = not moved and not any(config.fluid.body_force) and config.fluid.initial is None
+    return config.coupling.frozen and len(ramped) == 1 and still and calm
