@@ -1,0 +1,61 @@
+"""ParaView's reader opens what a run of fluid and grains writes, with vectors and radii in place."""
+
+import numpy as np
+import pytest
+from app_runner import launch
+
+CASE = """
+simulation = { end_time = 0.04; };
+domain = { size = [0.0048, 0.006]; spacing = 0.0002; periodic = ["x"]; };
+fluid = { viscosity = 1.0e-6; relaxation_time = 0.8; };
+grains = (
+  { name = "heavy"; diameter = 1.2e-3; position = ([0.0013, 0.003], [0.0031, 0.0042]); velocity = [1.0e-3, 2.0e-3]; },
+  { name = "posts"; diameter = 1.6e-3; moving = false; position = [0.0022, 0.0012]; } );
+gravity = [0.0, -0.02];
+output = { period = { fields = 0.02; grains = 0.02; }; };
+"""
+
+
+def steps_of(path):
+    """(time, data set, point arrays by name) of every step."""
+    vtk = pytest.importorskip("vtk")
+    from vtk.util.numpy_support import vtk_to_numpy
+
+    reader = vtk.vtkHDFReader()
+    reader.SetFileName(str(path))
+    reader.UpdateInformation()
+    for number in range(reader.GetNumberOfSteps()):
+        reader.SetStep(number)
+        reader.Update()
+        seen = reader.GetOutputDataObject(0)
+        data = seen.GetPointData()
+        arrays = [data.GetArray(k) for k in range(data.GetNumberOfArrays())]
+        yield reader.GetTimeValue(), seen, {array.GetName(): vtk_to_numpy(array) for array in arrays}
+
+
+def test_vtk_opens_fields_and_grains(tmp_path):
+    (tmp_path / "case.conf").write_text(CASE)
+    words = ("-m", "lbmdem", "run", str(tmp_path / "case.conf"), "-o", str(tmp_path / "run"), "--quiet", "--force")
+    done = launch(1, *words, "--threads", "1")
+    assert done.returncode == 0, done.stderr[-2000:]
+    run = tmp_path / "run"
+    fields, grains = (sorted(run.rglob(name))[0] for name in ("fields.vtkhdf", "*rains.vtkhdf"))
+    found = list(steps_of(fields))
+    assert [time for time, *_ in found] == pytest.approx([0.0, 0.02, 0.04])
+    for _, grid, arrays in found:
+        assert grid.GetDimensions() == (24, 30, 1)
+        assert grid.GetSpacing()[:2] == pytest.approx((2e-4, 2e-4))
+        assert arrays["velocity"].shape[0] == arrays["pressure"].size == 720
+    x, y = np.meshgrid((np.arange(24) + 0.5) * 2e-4, (np.arange(30) + 0.5) * 2e-4)
+    covered = np.hypot(x - 0.0022, y - 0.0012) < 0.8e-3
+    assert found[-1][2]["solid"].reshape(30, 24)[covered].all()
+    assert np.abs(found[-1][2]["velocity"]).max() > 1e-4
+    seen = list(steps_of(grains))
+    assert len(seen) == 3
+    for _, cloud, arrays in seen:
+        assert cloud.GetNumberOfPoints() == 3
+        assert sorted(arrays["radius"]) == [0.6e-3, 0.6e-3, 0.8e-3]
+        assert arrays["velocity"].shape == arrays["angular_velocity"].shape == (3, 3)
+    start = seen[0][2]
+    moving = start["radius"] == 0.6e-3
+    assert (start["velocity"][moving] == [1e-3, 2e-3, 0.0]).all() and not start["velocity"][~moving].any()
