@@ -90,7 +90,7 @@ def draw(porosity: np.ndarray, spacing: np.ndarray) -> None:
     with style():
         figure, (left, right) = new_figure(1, 2, (8.4, 3.6))
         left.plot(line, kozeny(line), color=INK, linestyle="--", label="Carman-Kozeny")
-        left.fill_between(line, 0.85 * kozeny(line), 1.15 * kozeny(line), color=INK, alpha=0.12, label="15 %")
+        left.fill_between(line, 0.85 * kozeny(line), 1.15 * kozeny(line), color="#d5d8dc", label="15 %")
         left.plot(n, k / mean**2, "o", color=COLOURS[0], label="by <d>")
         left.plot(n, k / sauter**2, "s", color=COLOURS[1], label="by <d$^3$>/<d$^2$>")
         left.set(yscale="log", xlabel="porosity", ylabel="k / d$^2$", title="200 spheres, d$_{max}$ = 2 d$_{min}$")
@@ -100,7 +100,7 @@ def draw(porosity: np.ndarray, spacing: np.ndarray) -> None:
         right.loglog(spacing[:, 2] / dx, error, "o-", color=COLOURS[0], label=f"porosity {AT:g}")
         right.set(xlabel="nodes across <d>", ylabel="error of k", title="Its own error")
         right.legend()
-        figure.savefig(PICTURE, dpi=110)
+        figure.savefig(PICTURE, dpi=110, facecolor="white", transparent=False)
 
 
 if __name__ == "__main__":
