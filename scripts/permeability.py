@@ -1,7 +1,8 @@
 #!/usr/bin/env python3
 """Permeability of packed spheres against porosity beside Carman and Kozeny's, and its error with the spacing.
 
-python scripts/permeability.py [FOLDER]    FOLDER keeps the runs, which are not made again; the picture is docs/gallery/lbmdem-carman-kozeny.png
+python scripts/permeability.py [FOLDER]    FOLDER keeps the runs, which are not made again
+The picture is docs/gallery/lbmdem-carman-kozeny.png.
 """
 
 from __future__ import annotations
