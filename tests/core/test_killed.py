@@ -130,17 +130,18 @@ def write_fields(path: Path, first: int) -> Iterator[None]:
         step += 1
 
 
-def test_fields(tmp_path: Path) -> None:
+@pytest.mark.parametrize("kills", [5, pytest.param(KILLS, marks=pytest.mark.validation)])
+def test_fields(tmp_path: Path, kills: int) -> None:
     path = tmp_path / "fields.vtkhdf"
     count = 0
-    for delay in delays(3)[:5]:
+    for delay in delays(3)[:kills]:
         killed(lambda: write_fields(path, count), delay)  # noqa: B023
         found = Fields(path)
         assert len(found.steps) >= count and found.steps.tolist() == list(range(len(found.steps)))
         count = len(found.steps)
         for step in range(max(0, count - 20), count):
             assert np.all(found.read("rho", step) == step)
-    assert count >= 2 * 5
+    assert count >= 2 * kills
     assert all(np.all(Fields(path).read("rho", step) == step) for step in range(count))
 
 
@@ -158,10 +159,11 @@ def write_particles(path: Path, first: int) -> Iterator[None]:
         step += 1
 
 
-def test_particles(tmp_path: Path) -> None:
+@pytest.mark.parametrize("kills", [5, pytest.param(KILLS, marks=pytest.mark.validation)])
+def test_particles(tmp_path: Path, kills: int) -> None:
     path = tmp_path / "particles.vtkhdf"
     count = 0
-    for delay in delays(4)[:5]:
+    for delay in delays(4)[:kills]:
         killed(lambda: write_particles(path, count), delay)  # noqa: B023
         found = Particles(path)
         assert len(found.steps) >= count
@@ -170,7 +172,7 @@ def test_particles(tmp_path: Path) -> None:
             columns = found.read("ions", step)
             assert np.array_equal(columns["id"], cloud(step).ids)
             assert np.all(columns["position"] == step) and np.all(columns["q"] == step / 3)
-    assert count >= 2 * 5
+    assert count >= 2 * kills
 
 
 def test_run_json(tmp_path: Path) -> None:

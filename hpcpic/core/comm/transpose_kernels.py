@@ -143,7 +143,7 @@ def _send(column, output, c, columns, parts):
 
 def _multiply(source, factor, target):
     """target = source * factor, complex[n], factor real or complex: chosen by type when compiled."""
-    raise NotImplementedError
+    np.multiply(source, factor, out=target)
 
 
 @overload(_multiply)
