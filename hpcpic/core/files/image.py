@@ -3,10 +3,12 @@
 On a full disk HDF5 dies of a signal (chunked data) or loses values without a word (contiguous data). So it
 never meets the disk when we write: it works on an Image, the structure of the file; the space is allocated
 first, which is where a full disk shows, cleanly; every rank writes its rows at the addresses HDF5 has chosen;
-the structure is changed last. The result is one ordinary HDF5 file. A process killed at any moment leaves the
-old contents readable.
+the structure is changed last, and while it changes a journal behind the end of the file holds the changes.
+The result is one ordinary HDF5 file. A process killed at any moment leaves the old contents readable, and
+`settle` makes of it a file that can grow again: as before the change, or as after it.
 """
 
+import hashlib
 import json
 import math
 import os
@@ -15,7 +17,7 @@ from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import asdict, dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, BinaryIO
 
 import numpy as np
 from numpy.typing import NDArray
@@ -32,6 +34,9 @@ if TYPE_CHECKING:
 LIBVER = ("v110", "v110")  # extensible arrays: an appended chunk moves no entry of an older one
 ALIGN = 4096
 ALIGN_FROM = 65536
+JOURNAL_END = struct.Struct("<8sQ16s")  # mark, bytes of the journal with this, digest of what is before
+JOURNAL_MARK = b"hpcjourn"
+REGION = struct.Struct("<QQ")  # address, bytes; they follow
 
 
 class Image:
@@ -88,14 +93,29 @@ class Image:
         if self._disk:
             self._disk.close()
 
-    def store(self, descriptor: int, *, new: bool) -> None:
-        """Write the regions behind the old end of the file (new), or those before it."""
+    def reserve(self, descriptor: int) -> None:
+        """Take all space that is needed, and write what lies behind the old end. Raises OSError."""
+        os.posix_fallocate(descriptor, 0, self.size + len(self._journal()))
         for start, content in self._regions():
             cut = min(max(self.old_size - start, 0), len(content))
-            if new:
-                write_all(descriptor, content[cut:], start + cut)
-            else:
-                write_all(descriptor, content[:cut], start)
+            write_all(descriptor, content[cut:], start + cut)
+
+    def commit(self, descriptor: int) -> None:
+        """Write what lies before the old end, all of it: see `settle`. Raises OSError."""
+        write_all(descriptor, self._journal(), self.size)
+        for start, content in self._changed():
+            write_all(descriptor, content, start)
+        os.ftruncate(descriptor, self.size)
+
+    def _changed(self) -> list[tuple[int, bytearray]]:
+        """The regions before the old end."""
+        cut = ((start, content[: max(0, self.old_size - start)]) for start, content in self._regions())
+        return [(start, content) for start, content in cut if content]
+
+    def _journal(self) -> bytes:
+        regions = self._changed()
+        text = b"".join(REGION.pack(start, len(content)) + content for start, content in regions)
+        return text + JOURNAL_END.pack(JOURNAL_MARK, len(text) + JOURNAL_END.size, _digest(text))
 
     def _regions(self) -> list[tuple[int, bytearray]]:
         """Disjoint regions in ascending order, so that the superblock comes first."""
@@ -230,8 +250,8 @@ def create(path: Path, build: Callable[["h5py.File"], Mapping[str, Slot]]) -> di
         slots = dict(build(file))
     descriptor = os.open(path, os.O_WRONLY | os.O_CREAT | os.O_EXCL | os.O_NOFOLLOW | os.O_CLOEXEC, 0o644)
     try:
-        os.posix_fallocate(descriptor, 0, image.size)
-        image.store(descriptor, new=True)
+        image.reserve(descriptor)
+        os.ftruncate(descriptor, image.size)
     except BaseException:
         path.unlink()
         raise
@@ -262,8 +282,7 @@ def append(
                 with structure(image, "r+") as file:
                     slots = dict(grow(file))
                 with _descriptor(path) as descriptor:
-                    os.posix_fallocate(descriptor, 0, image.size)
-                    image.store(descriptor, new=True)
+                    image.reserve(descriptor)
         slots = share_slots(world, slots)
         with together(world, f"cannot append to {path}"):
             write_shards(path, slots, shards)
@@ -277,7 +296,7 @@ def append(
     with together(world, f"cannot append to {path}"):
         if image is not None:
             with _descriptor(path) as descriptor:
-                image.store(descriptor, new=False)
+                image.commit(descriptor)
             change(path, announce)
 
 
@@ -292,24 +311,54 @@ def change(path: Path, edit: Callable[["h5py.File"], None]) -> None:
             edit(file)
         with _descriptor(path) as descriptor:
             try:
-                os.posix_fallocate(descriptor, 0, image.size)
-                image.store(descriptor, new=True)
+                image.reserve(descriptor)
             except OSError:
                 os.ftruncate(descriptor, image.old_size)
                 raise
-            image.store(descriptor, new=False)
+            image.commit(descriptor)
     finally:
         image.close()
 
 
-def drop_tail(path: Path) -> None:
-    """Cut off what a killed writer left behind the end that the superblock (version 2, 3; byte 28) tells."""
-    with open(path, "rb") as file:
-        head = file.read(36)
+def settle(path: Path) -> None:
+    """End what a killed writer began: changes whose journal is complete are made, else all is as before them."""
+    with open(path, "r+b") as file:
+        size = file.seek(0, os.SEEK_END)
+        start, journal = _journal_of(file, size)
+        at = 0
+        while at < len(journal):
+            address, length = REGION.unpack_from(journal, at)
+            at += REGION.size + length
+            write_all(file.fileno(), journal[at - length : at], address)
+        file.truncate(start if journal else _end(file, size))
+
+
+def _journal_of(file: BinaryIO, size: int) -> tuple[int, bytes]:
+    """Where the journal at the end of a file starts and its regions; none when there is no complete one."""
+    file.seek(max(0, size - JOURNAL_END.size))
+    end = file.read()
+    if len(end) == JOURNAL_END.size and end.startswith(JOURNAL_MARK):
+        _, length, digest = JOURNAL_END.unpack(end)
+        file.seek(max(0, size - length))
+        text = file.read(max(0, length - JOURNAL_END.size))
+        if _digest(text) == digest:
+            return size - length, text
+    return size, b""
+
+
+def _digest(text: bytes) -> bytes:
+    return hashlib.blake2b(text, digest_size=16).digest()
+
+
+def _end(file: BinaryIO, size: int) -> int:
+    """The end of the file that its superblock (version 2, 3; byte 28) tells, or its size when it tells none."""
+    file.seek(0)
+    head = file.read(36)
     if head[:8] == b"\x89HDF\r\n\x1a\n" and head[8] in (2, 3):
         (end,) = struct.unpack_from("<Q", head, 28)
-        if 0 < end < os.path.getsize(path):
-            os.truncate(path, end)
+        if 0 < end < size:
+            return int(end)
+    return size
 
 
 def write_shards(path: Path, slots: Mapping[str, Slot], shards: Mapping[str, Shard]) -> None:

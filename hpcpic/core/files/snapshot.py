@@ -293,7 +293,7 @@ def _take_up(path: Path, after: int) -> None:
         n = int(file[ROOT]["Steps"].attrs["NSteps"])
         file[ROOT]["Steps"].attrs.modify("NSteps", np.int64(np.count_nonzero(file["step"][:n] <= after)))
 
-    image.drop_tail(path)
+    image.settle(path)
     try:
         image.change(path, keep)
     except (KeyError, ValueError, RuntimeError) as error:
