@@ -66,7 +66,7 @@ def _domain(config: SphConfig):
 def _numerics(config: SphConfig):
     numerics = config.numerics
     viscous = any(fluid.viscosity for fluid in config.fluid)
-    form = numerics.viscosity_form or ("cleary" if viscous else "none")
+    form = numerics.viscosity_form or ("morris" if viscous else "none")
     flux, alpha = numerics.flux_coefficient, numerics.artificial_viscosity
     return numerics.model_copy(
         update={

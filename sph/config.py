@@ -109,6 +109,9 @@ class Fluid(Section):
     )
     velocity: Vector = setting((), "uniform initial velocity", "m/s")
     flow: Flow | None = None
+    disorder: float = setting(
+        0.0, "particles start off their lattice by up to this share of the spacing along each axis", ge=0, le=0.25
+    )
     thin_layer: Literal["refuse", "one layer"] = setting(
         "refuse", "a box thinner than the spacing: refuse it, or fill it with one layer of reduced mass"
     )
@@ -135,8 +138,9 @@ class Numerics(Section):
         "delta", "diffusion of density: Rusanov (MP 17), Molteni, Fourtakas, or delta-SPH with renormalised gradient"
     )
     flux_coefficient: float | None = setting(None, "of the flux; by default 1 (rusanov) or 0.1", ge=0)
-    viscosity_form: Literal["none", "strain-rate", "cleary", "artificial"] | None = setting(
-        None, "strain rate and stress (MP 22-23), Cleary (SC 6), or artificial only; by default cleary if viscous"
+    viscosity_form: Literal["none", "strain-rate", "cleary", "morris", "artificial"] | None = setting(
+        None, "Morris et al. 1997; strain rate and stress (MP 22-23); Cleary (SC 6), exact for shear along a lattice "
+        "and 6 to 40 % too viscous elsewhere; or artificial only. By default morris if viscous"
     )
     artificial_viscosity: float | None = setting(
         None, "alpha of the artificial viscosity, added to any form; by default 0.02 for artificial, else 0", ge=0

@@ -5,7 +5,7 @@ from collections.abc import Iterator
 
 from hpcpic.core.errors import ConfigError
 from hpcpic.core.files.config import Path
-from sph import geometry
+from sph import geometry, limits
 from sph.config import AXES, Fluid, Gauge, Shape, SphConfig, Wall, speed_scale
 
 FLAT = ("mirror-no-slip", "repulsive", "point-symmetric-free-slip")
@@ -135,7 +135,7 @@ def relations(config: SphConfig) -> Iterator[Fault]:
     if not moving and not speed_scale(config):
         yield ("eos",), "max_velocity or sound_speed is missing: neither gravity nor the initial state tells a speed"
     viscous = any(fluid.viscosity for fluid in config.fluid)
-    if config.numerics.viscosity_form in ("strain-rate", "cleary") and not viscous:
+    if config.numerics.viscosity_form in limits.PHYSICAL and not viscous:
         yield ("numerics", "viscosity_form"), 'needs a fluid with viscosity > 0, or "none"'
 
 

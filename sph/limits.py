@@ -20,6 +20,7 @@ VISCOUS = 0.125  # of h^2 / nu: the customary viscous limit
 DECAY = {"euler": 2.0, "predictor-corrector": 1.0, "rk3-tvd": 2.51, "symplectic": 2.0}  # most decay per step
 LONG = 40  # particles to half a wave that counts as long
 FORCE = 0.25  # of sqrt(h / acceleration)
+PHYSICAL = ("strain-rate", "cleary", "morris")  # forms of the viscosity of the fluid
 TOP = 4.0  # Courant numbers looked at
 
 _NORMS = {
@@ -79,7 +80,7 @@ def cleary_constant(kernel: str, d: int, smoothing: float) -> float:
 @functools.lru_cache(maxsize=64)
 def rates(kernel: str, d: int, smoothing: float) -> dict[str, NDArray[np.float64]]:
     """Of waves along axis, face and space diagonals, in units of c0 / h: `acoustic`; and per unit of coefficient
-    `rusanov`, `molteni`, `delta`, `artificial`; per unit of nu / (c0 h) `strain-rate` and `cleary`.
+    `rusanov`, `molteni`, `delta`, `artificial`; per unit of nu / (c0 h) `strain-rate`, `cleary` and `morris`.
     """
     r, distance, f = neighbourhood(kernel, d, smoothing)
     directions = [np.array([1.0] * n + [0.0] * (d - n)) for n in range(1, d + 1)]
@@ -99,6 +100,7 @@ def rates(kernel: str, d: int, smoothing: float) -> dict[str, NDArray[np.float64
         "none": np.zeros_like(square),
         "artificial": pairs,
         "strain-rate": square,
+        "morris": laplacian,
         "cleary": 2 * cleary_constant(kernel, d, smoothing) * pairs,
     }
 
@@ -129,7 +131,7 @@ def waves(config: "SphConfig", viscous: bool) -> tuple[NDArray, NDArray, NDArray
     numerics, d = config.numerics, config.dimensions
     found = rates(numerics.kernel, d, numerics.smoothing)
     n = (numerics.artificial_viscosity or 0.0) * found["artificial"]
-    if viscous and numerics.viscosity_form in ("strain-rate", "cleary"):
+    if viscous and numerics.viscosity_form in PHYSICAL:
         n = n + kinematic_viscosity(config) / (config.sound_speed * config.h) * found[numerics.viscosity_form]
     return found["acoustic"], (numerics.flux_coefficient or 0.0) * found[numerics.density_flux], n
 
@@ -176,7 +178,7 @@ def grows(config: "SphConfig", z: float) -> float:
 def viscous_limit(config: "SphConfig") -> float:
     """Of nu dt / h^2: the customary one, or less where the integrator would not stand the fastest decay."""
     numerics = config.numerics
-    if numerics.viscosity_form not in ("strain-rate", "cleary"):
+    if numerics.viscosity_form not in PHYSICAL:
         return VISCOUS
     fastest = rates(numerics.kernel, config.dimensions, numerics.smoothing)[numerics.viscosity_form].max()
     return min(VISCOUS, 0.9 * DECAY[config.simulation.integrator] / float(fastest))
@@ -186,7 +188,7 @@ def step_parts(config: "SphConfig") -> dict[str, float]:
     """The criteria of the step in s at t = 0: acoustic, viscous, force; the least of them is taken."""
     h, nu = config.h, kinematic_viscosity(config)
     parts = {"acoustic": (config.simulation.cfl or 0.0) * h / config.sound_speed}
-    if nu and config.numerics.viscosity_form in ("strain-rate", "cleary"):
+    if nu and config.numerics.viscosity_form in PHYSICAL:
         parts["viscous"] = viscous_limit(config) * h * h / nu
     acceleration = float(np.hypot(np.hypot(*config.gravity[:2]), sum(config.gravity[2:])))
     acceleration += float(np.sqrt(sum(b * b for b in config.body_force)))

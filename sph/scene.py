@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from hpcpic.core.space.rng import uniforms
 from sph import config as case
 from sph import flows, geometry, solids
 from sph.lattices import Filled, Grid, Parts, Sheet, Shell, box_sheets, even, grid_of
@@ -19,6 +20,7 @@ NEAR = 0.25  # of a spacing: fluid nearer to a solid is taken away
 REST = 0.9  # of h: distance at which a repulsive layer holds the fluid (S(y) of (SC 9) is about 0.65 there)
 CHUNK = 1 << 18
 FAR = 1e300
+DISORDER = 1  # stream of the random numbers
 
 
 @dataclass(frozen=True, slots=True)
@@ -225,11 +227,17 @@ class Scene:
         found |= {"drho": np.zeros(len(ids)), "m": np.zeros(len(ids))}
         for fluid in self.fluids:
             own = (ids >= fluid.first) & (ids < fluid.first + fluid.n)
-            x = fluid.points(ids[own])
+            x = self.disordered(fluid, fluid.points(ids[own]), ids[own])
             found["x"][own], found["v"][own] = x, flows.velocity(self, fluid.section, x)
             found["drho"][own] = self.initial_density(fluid.section, x)
             found["m"][own] = fluid.mass
         return found
+
+    def disordered(self, fluid: FluidSet, x: NDArray, ids: NDArray) -> NDArray[np.float64]:
+        """x[n, d] off the lattice: a perfect one is drawn out into lines before it gives way, all at once."""
+        if not fluid.section.disorder:
+            return x
+        return x + fluid.section.disorder * self.spacing * (2 * uniforms(0, DISORDER, ids, self.dimensions) - 1)
 
     def initial_density(self, section: case.Fluid, x: NDArray) -> NDArray[np.float64]:
         """rho - rho0 of points of a fluid at t = 0."""

@@ -30,7 +30,7 @@ def law_of(scene: "Scene", others: bool) -> Law:
         scene.dimensions,
         scene.kernel,
         flux=numerics.density_flux if numerics.flux_coefficient else "none",
-        viscosity=form if form in ("cleary", "strain-rate") else "none",
+        viscosity=form if form in ("cleary", "morris", "strain-rate") else "none",
         artificial=bool(numerics.artificial_viscosity),
         single=numerics.precision == "single",
         walls=others,
@@ -77,7 +77,8 @@ class PairSums:
     def _numbers(self, scene: "Scene") -> np.ndarray:
         h, c, numerics, d = scene.h, scene.c0, scene.config.numerics, scene.dimensions
         strength = numerics.flux_coefficient * (1.0 if self.law.flux == "rusanov" else 2.0)
-        xi = cleary_constant(scene.kernel, d, numerics.smoothing)
+        cleary = numerics.viscosity_form == "cleary"
+        xi = cleary_constant(scene.kernel, d, numerics.smoothing) if cleary else 1.0
         gravity = np.zeros(3)
         gravity[:d] = scene.gravity * (h / (c * c))
         numbers = {

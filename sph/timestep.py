@@ -3,7 +3,7 @@
 import math
 from typing import TYPE_CHECKING
 
-from sph.limits import FORCE, viscous_limit
+from sph.limits import FORCE, PHYSICAL, viscous_limit
 
 if TYPE_CHECKING:
     from sph.scene import Scene
@@ -20,7 +20,7 @@ class TimeStep:
         self.fixed = config.simulation.time_step
         self.h, self.cfl, self.reach = scene.h, config.simulation.cfl, reach
         self.c0, self.rho0, self.gamma = scene.c0, scene.rho0, scene.gamma
-        nu = scene.viscosity / scene.rho0 if config.numerics.viscosity_form in ("strain-rate", "cleary") else 0.0
+        nu = scene.viscosity / scene.rho0 if config.numerics.viscosity_form in PHYSICAL else 0.0
         self.viscous = viscous_limit(config) * scene.h**2 / nu if nu else math.inf
 
     def __call__(self, speed: float, acceleration: float, drho: float) -> float:

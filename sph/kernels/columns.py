@@ -12,6 +12,7 @@ SCALES = ("per_h", "per_c", "per_rho", "per_m", "background", "viscosity", "acce
 """1 / h, 1 / c0, 1 / rho0, 1 / (rho0 h^d), p / (rho0 c0^2), mu / (rho0 c0 h); c0^2 / h, rho0 c0 / h,
 Monaghan's coefficient, h."""
 
+ALL_AROUND = {2: 1.5, 3: 2.4}  # of - sum V_j F r^2, d inside the fluid; less near a free surface (Lee et al. 2008)
 LEAST_DETERMINANT = 0.1  # of the sum that L inverts, 1 inside the fluid, about 0.25 at a flat free surface in 2D
 
 
@@ -157,7 +158,7 @@ def _stress(law: Law, columns: list[str]) -> list[str]:
 def _unpack_shifting(law: Law) -> str:
     """offset[d, n] in h per Courant and Mach number; zero where fluid or walls are not all around."""
     d = law.dimensions
-    body = [f"inside = {_sum(f'at + {d}')} > {0.95 * d!r} and flags[b] & 1 == 1"]
+    body = [f"inside = {_sum(f'at + {d}')} > {ALL_AROUND[d]} and flags[b] & 1 == 1"]
     body += [f"offset[{k}, b] = -4.0 * {_sum(f'at + {k}')} if inside else 0.0" for k in range(d)]
     return _kernel("unpack_shifting", "at, flags, sums, offset", ["n_slots = sums.shape[1] // 2"], body)
 

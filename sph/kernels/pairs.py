@@ -64,7 +64,7 @@ def columns_of(law: Law) -> list[str]:
     names = ["rho", "volume", "push", *(f"v{a}" for a in law.axes), "mass"]
     if law.flux != "none":
         names += ["excess", "mixes"]
-    if law.artificial or law.viscosity == "cleary":
+    if law.artificial or law.viscosity in ("cleary", "morris"):
         names += ["light"]
     if law.flux == "delta":
         names += [f"g{a}" for a in law.axes]
@@ -96,9 +96,10 @@ def momentum(law: Law, terms: Terms) -> None:
     """(MP 20), (SC 5): force on i = - m_i m_j (p_i / rho_i^2 + p_j / rho_j^2 + Pi) F r_ij; exactly opposite on j."""
     terms.need("push", "mass")
     terms.lines.append("    push = push_i + push_j")
-    if law.artificial or law.viscosity == "cleary":
+    if law.artificial or law.viscosity in ("cleary", "morris"):
         _relative_velocity(law, terms)
         terms.need("light")
+    if law.artificial or law.viscosity == "cleary":
         terms.lines.append("    near = vd / (r2 + 0.01)")
     if law.artificial:  # Monaghan's, with the mean of 1 / rho
         terms.lines.append("    push = fma(minimum(near, 0.0) * (light_i + light_j), artificial, push)")
@@ -115,6 +116,9 @@ def momentum(law: Law, terms: Terms) -> None:
         return
     if law.viscosity == "strain-rate":
         _stress_force(law, terms)
+        return
+    if law.viscosity == "morris":
+        _drag_force(law, terms)
         return
     terms.lines += ["    g = (push * F) * (mass_i * mass_j)", "    minus = -g"]
     terms.sums += [(f"f{a}", "minus", "g", f"d{a}", f"d{a}") for a in law.axes]
@@ -147,6 +151,8 @@ def _corrected_force(law: Law, terms: Terms) -> None:
     terms.lines += ["    g = F * (mass_i * mass_j)", "    minus = -g", "    rest = push - (push_i + push_j)"]
     for a, by_i, by_j in zip(law.axes, _corrected(law, terms, "i"), _corrected(law, terms, "j")):
         terms.lines.append(f"    s{a} = fma(push_i, {by_i}, fma(push_j, {by_j}, rest * d{a}))")
+        if law.viscosity == "morris":
+            terms.lines.append(f"    s{a} = fma(light_i * light_j * viscous, d{a}v, s{a})")
         if law.viscosity == "strain-rate":
             for b in law.axes:
                 name = "t" + "".join(sorted(a + b))
@@ -182,6 +188,9 @@ def repulsion(law: Law) -> list[str]:
         lines.append("masses = mass_i * load(F_, solid_, j) + solid_[i] * mass_j")
         lines.append("drag = (near * (light_i * light_j)) * (viscous * F) * masses")
         lines += [f"e{a} = e{a} - drag * d{a}" for a in law.axes]
+    if law.viscosity == "morris":
+        lines.append("masses = mass_i * load(F_, solid_, j) + solid_[i] * mass_j")
+        lines += [f"e{a} = e{a} - (light_i * light_j) * (viscous * F) * masses * d{a}v" for a in law.axes]
     return lines
 
 
@@ -196,6 +205,16 @@ def _stress_force(law: Law, terms: Terms) -> None:
             terms.need(name)
             terms.lines.append(f"    s{a} = fma({name}_i + {name}_j, d{b}, s{a})")
         terms.sums.append((f"f{a}", "g", "minus", f"s{a}", f"s{a}"))
+
+
+def _drag_force(law: Law, terms: Terms) -> None:
+    """Morris et al. 1997: force on i = m_i m_j F (2 mu v_ij / (rho_i rho_j) - push r_ij), opposite on j. No r^2 is
+    divided by, so it needs no small number beside it.
+    """
+    terms.lines += ["    g = F * (mass_i * mass_j)", "    minus = -g", "    drag = (light_i * light_j) * viscous"]
+    for a in law.axes:
+        terms.lines.append(f"    s{a} = fma(drag, d{a}v, push * d{a})")
+        terms.sums.append((f"f{a}", "minus", "g", f"s{a}", f"s{a}"))
 
 
 def continuity(law: Law, terms: Terms) -> None:

@@ -109,6 +109,9 @@ class Reference:
         if self.numerics.viscosity_form == "cleary" and scene.viscosity:
             xi = cleary_constant(scene.kernel, scene.dimensions, self.numerics.smoothing)
             push -= 2 * xi * scene.viscosity / (self.rho[:, None] * self.rho[None, :]) * near
+        drag = 0.0
+        if self.numerics.viscosity_form == "morris" and scene.viscosity:
+            drag = 2 * scene.viscosity * np.einsum("j,ij,kij->ki", self.m / self.rho, self.f, self.dv) / self.rho
         if self.numerics.tensile_correction:
             w = SMOOTHING[scene.kernel].shape(self.r / h) / SMOOTHING[scene.kernel].shape(scene.spacing / h)
             tension = self.numerics.tensile_correction * np.where(p < 0, -p, 0.05 * p) / self.rho**2
@@ -117,8 +120,8 @@ class Reference:
             plain = (p / self.rho**2)[:, None] + (p / self.rho**2)[None, :]
             turned = np.einsum("iab,bij->aij", self.matrix(), self.dx) * (p / self.rho**2)[:, None]
             turned += np.einsum("jab,bij->aij", self.matrix(), self.dx) * (p / self.rho**2)[None, :]
-            return -np.einsum("j,ij,kij->ki", self.m, self.f, turned + (push - plain) * self.dx)
-        force = -np.einsum("j,ij,ij,kij->ki", self.m, push, self.f, self.dx)
+            return drag - np.einsum("j,ij,kij->ki", self.m, self.f, turned + (push - plain) * self.dx)
+        force = drag - np.einsum("j,ij,ij,kij->ki", self.m, push, self.f, self.dx)
         if self.numerics.viscosity_form == "strain-rate" and scene.viscosity:
             force += self._stress()
         return force

@@ -35,7 +35,7 @@ def test_sums_with_other_kernels(kernel):
     check(sph, ROUNDING)
 
 
-@pytest.mark.parametrize("form", ["cleary", "strain-rate"])
+@pytest.mark.parametrize("form", ["cleary", "morris", "strain-rate"])
 def test_sums_with_viscosity(form):
     sph = engine(d=2, form=form, viscosity=5.0)
     jitter(sph)
@@ -45,6 +45,12 @@ def test_sums_with_viscosity(form):
 def test_sums_with_corrections():
     sph = engine(d=3, spacing=0.1, tensile=0.2, corrected="true")
     jitter(sph, density=20.0)
+    check(sph, 1e-11)  # of the inverse matrices too
+
+
+def test_drag_with_corrected_gradients():
+    sph = engine(d=2, form="morris", viscosity=5.0, corrected="true")
+    jitter(sph)
     check(sph, 1e-11)  # of the inverse matrices too
 
 

@@ -70,6 +70,15 @@ def test_round_shapes_are_filled(shape, volume, d):
     assert len(np.unique(state["x"], axis=0)) == scene.n_fluid
 
 
+def test_disorder_moves_every_particle_a_little_and_only_by_its_number():
+    box = "box = { low = [0.0, 0.0]; high = [0.3, 0.2]; };"
+    lattice, off = (flat_case(box, more) for more in ("", "disorder = 0.1;"))
+    ids = np.random.default_rng(1).permutation(lattice.n_fluid)
+    away = (off.fluid(ids)["x"] - lattice.fluid(ids)["x"]) / off.spacing
+    assert np.abs(away).max() <= 0.1 and np.all(np.abs(away).max(axis=1) > 0.0)
+    assert np.array_equal(off.fluid(ids)["x"], off.fluid(np.arange(off.n_fluid))["x"][ids])
+
+
 def test_a_particle_does_not_depend_on_who_asks_for_it():
     scene = scene_of()
     whole = scene.fluid(np.arange(scene.n_fluid))
