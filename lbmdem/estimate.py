@@ -5,8 +5,8 @@ A step costs the nodes at the rate of the sweep, the links of grains, the grains
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass
 
+from hpcpic.core.cli.forecast import Estimate
 from lbmdem.config import LbmDemConfig
 from lbmdem.plan import BYTES, VELOCITIES, arrays, face_bytes, grain_count, link_count, moving
 
@@ -29,16 +29,6 @@ DEFAULT = {
     "core_gain": 1.15,  # of the second core on the sweep, which memory limits
     "rank_mib": 230.0,
 }
-
-
-@dataclass(frozen=True, slots=True)
-class Estimate:
-    """memory: item -> bytes per rank; disk: item -> bytes of the whole run; seconds of one step and of the run."""
-
-    memory: Mapping[str, float]
-    disk: Mapping[str, float]
-    step_seconds: float
-    seconds: float
 
 
 def estimate(config: LbmDemConfig, ranks: int, threads: int, measured: Mapping[str, float]) -> Estimate:

@@ -5,8 +5,8 @@
 
 import math
 from collections.abc import Iterator
-from dataclasses import dataclass
 
+from hpcpic.core.cli.forecast import Array
 from hpcpic.core.space.domain import even_cuts
 from lbmdem.config import LbmDemConfig
 
@@ -15,20 +15,6 @@ CROSSING = {"D2Q9": 3, "D3Q19": 5}  # populations that leave through one face of
 BYTES = {"double": 8, "single": 4}
 TYPES = {"double": "float64", "single": "float32"}
 LINKS = {2: 5.1, 3: 5.72}  # per node of a grain's perimeter, or per node of its surface
-
-
-@dataclass(frozen=True, slots=True)
-class Array:
-    """One array of one rank, of the rank with the most rows."""
-
-    name: str
-    shape: tuple[int, ...]
-    dtype: str
-
-    @property
-    def bytes(self) -> int:
-        size = int("".join(c for c in self.dtype if c.isdigit())) // 8
-        return math.prod(self.shape) * size
 
 
 def grain_count(config: LbmDemConfig) -> int:

@@ -2,8 +2,8 @@
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass
 
+from hpcpic.core.cli.forecast import Estimate
 from sph import limits
 from sph.config import SphConfig
 from sph.plan import MIB, arrays, counts
@@ -24,16 +24,6 @@ DEFAULT = {
     "thread_efficiency": 0.9,
 }
 SERIES_BYTES = 24 * 8 * 2
-
-
-@dataclass(frozen=True, slots=True)
-class Estimate:
-    """memory: item -> bytes per rank; disk: item -> bytes of the whole run; seconds of one step and of the run."""
-
-    memory: Mapping[str, float]
-    disk: Mapping[str, float]
-    step_seconds: float
-    seconds: float
 
 
 def estimate(config: SphConfig, ranks: int, threads: int, measured: Mapping[str, float]) -> Estimate:

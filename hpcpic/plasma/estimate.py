@@ -7,8 +7,8 @@ authors' machine (DEFAULT).
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass
 
+from hpcpic.core.cli.forecast import Estimate
 from hpcpic.plasma.config import PlasmaConfig, velocity_components
 from hpcpic.plasma.plan import arrays
 
@@ -41,16 +41,6 @@ DEFAULT = {
     "rank_mib": 220.0,  # Python and the libraries, kernels from the cache
     "thread_efficiency": 0.95,
 }
-
-
-@dataclass(frozen=True, slots=True)
-class Estimate:
-    """memory: item -> bytes per rank; disk: item -> bytes of the whole run; seconds of one step and of the run."""
-
-    memory: Mapping[str, float]
-    disk: Mapping[str, float]
-    step_seconds: float
-    seconds: float
 
 
 def estimate(config: PlasmaConfig, ranks: int, threads: int, measured: Mapping[str, float]) -> Estimate:

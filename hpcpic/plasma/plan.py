@@ -3,10 +3,9 @@
 `check --plan` prints it and `estimate` adds it up, so what a scene does not contain shows as missing lines and bytes.
 """
 
-import math
 from collections.abc import Iterator
-from dataclasses import dataclass
 
+from hpcpic.core.cli.forecast import Array
 from hpcpic.core.space.domain import even_cuts
 from hpcpic.plasma.config import PlasmaConfig, macro_charge, velocity_components
 
@@ -14,20 +13,6 @@ PAGE = 128  # particles per page, see plasma.tiles
 EDGE = {1: 256, 2: 16}  # cells of a tile along an axis
 GHOSTS = {"NGP": (0, 1), "CIC": (0, 1), "TSC": (1, 2)}  # layers of nodes a shape reaches below and above
 ROTATION = {0: "no rotation", 1: "rotation about z", 2: "rotation about any axis"}
-
-
-@dataclass(frozen=True, slots=True)
-class Array:
-    """One array of one rank; shape as text, the largest rank's."""
-
-    name: str
-    shape: tuple[int, ...]
-    dtype: str
-
-    @property
-    def bytes(self) -> int:
-        size = int("".join(c for c in self.dtype if c.isdigit())) // 8
-        return math.prod(self.shape) * size
 
 
 def rotation(config: PlasmaConfig) -> int:

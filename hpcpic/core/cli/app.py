@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from hpcpic.core.cli.figures import Plot
+    from hpcpic.core.cli.forecast import Estimate
     from hpcpic.core.cli.knobs import Knobs
     from hpcpic.core.files.derived import Derived
     from hpcpic.core.files.schema import Section
@@ -33,7 +34,7 @@ class App:
     schema: Callable[[], type[Section]]
     cases: Callable[[], Mapping[str, Path]]
     derived: Callable[[Any, int], list[Derived]]
-    estimate: Callable[[Any, int, int, Mapping[str, float]], Any]
+    estimate: Callable[[Any, int, int, Mapping[str, float]], Estimate]
     load: Callable[[], type]
     until: Callable[[Any, float], tuple[str, ...]]
     free: tuple[str, ...] = ()

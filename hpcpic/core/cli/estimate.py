@@ -7,6 +7,7 @@ from typing import Any
 import click
 
 from hpcpic.core.cli.app import App, AppLoader
+from hpcpic.core.cli.forecast import Estimate
 from hpcpic.core.cli.rates import rates_file, read_rates
 from hpcpic.core.cli.read import read_case, set_option, shape_options
 from hpcpic.core.cli.text import amount, duration, table
@@ -15,7 +16,7 @@ from hpcpic.core.run.summary import several
 MIB = 2.0**20
 
 
-def numbers(estimate: Any) -> dict[str, float]:
+def numbers(estimate: Estimate) -> dict[str, float]:
     """The estimate in the units of run.json."""
     return {
         "step_seconds": estimate.step_seconds,
