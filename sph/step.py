@@ -74,6 +74,7 @@ class Sph:
         self.reach = FASTEST * config.simulation.cfl * scene.h if staged else 0.0
         self.radius = scene.support * (1 + MARGIN) + 2 * self.reach
         self.grid = Grid(self.lengths, self.radius)
+        self.farthest = scene.spacing / np.finfo(float).eps  # m from the origin
         cuts = balanced_cuts(np.ones(self.grid.layers), self.world.size)
         points = (self.grid.layers, *np.ceil(self.lengths[1:] / self.radius).astype(int).tolist())
         self.domain = Domain(tuple(self.lengths), points, tuple(map(bool, self.periodic)), cuts)
@@ -353,6 +354,9 @@ class Sph:
         bodies, rho0 = self.bodies, self.scene.rho0
         if not (np.isfinite(bodies.own("x")).all() and np.isfinite(bodies.own("v")).all()):
             return "a position or velocity is not a finite number"
+        lost = np.flatnonzero(np.abs(bodies.own("x")).max(axis=0) > self.farthest)
+        if len(lost):
+            return f"particle {bodies.id[lost[0]]} is so far away that its position has no digits left for its spacing"
         fluid = np.flatnonzero(bodies.own("flags") & FLUID)
         density = bodies.drho[fluid] / rho0 + 1.0
         worst = fluid[np.argmax(np.abs(density - 1.0))] if len(fluid) else 0
