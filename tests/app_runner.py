@@ -26,15 +26,15 @@ APPS = {"hpcpic": "hpcpic.plasma.app", "sph": "sph.app", "lbmdem": "lbmdem.app"}
 
 
 @contextmanager
-def running(world: Any, program: str, case: str, sets: Sequence[str] = (), threads: int = 1) -> Iterator[Any]:
-    """A simulator at its initial state, of the text of a case."""
+def running(world: Any, program: str, case: Any, sets: Sequence[str] = (), threads: int = 1) -> Iterator[Any]:
+    """A simulator at its initial state, of the text of a case or of the configuration itself."""
     from hpcpic.core.files.config import loads
     from hpcpic.core.files.schema import validate
     from hpcpic.core.tasks import Pool
     from hpcpic.core.timers import Timers
 
     app = importlib.import_module(APPS[program]).APP
-    config = validate(app.schema(), loads(case, sets=sets))
+    config = validate(app.schema(), loads(case, sets=sets)) if isinstance(case, str) else case
     pool = Pool(threads, world.cpus(threads))
     try:
         made = app.load()(config, world, pool, Timers())

@@ -3,27 +3,15 @@
 from __future__ import annotations
 
 import json
-import os
 import subprocess
 import sys
 import time
 from pathlib import Path
 from typing import Any
 
-ROOT = Path(__file__).parents[2]
+from app_runner import MPIRUN, ROOT, environment
+
 TOY = ROOT / "tests" / "core" / "toy_app.py"
-MPIRUN = Path(sys.executable).with_name("mpirun")
-LAUNCHER_KEYS = ("PMI", "OMPI", "PMIX", "MPI", "HYDI")
-USER_KEYS = ("OMPI_ALLOW",)  # which Open MPI wants from root
-
-
-def environment(**extra: str) -> dict[str, str]:
-    """Without what a launcher above pytest has set: it would be taken for ours."""
-    kept = (key for key in os.environ if key.startswith(USER_KEYS) or not key.startswith(LAUNCHER_KEYS))
-    own = {key: os.environ[key] for key in kept}
-    return own | {"PYTHONPATH": str(ROOT)} | extra
-
-
 DIGESTS: dict[str, str] = {}
 
 

@@ -4,7 +4,7 @@ import json
 
 import numpy as np
 import pytest
-from plasma_runner import launch, outcomes, plasma
+from app_runner import launch, outcomes, running
 
 from hpcpic.core.errors import ConfigError, Diverged
 from hpcpic.core.files.config import loads
@@ -35,7 +35,7 @@ def ended(world, sets, *, force=False, case=HOT, steps=40):
         warnings = enforce(derived(config, world.size), tree, force)
     except ConfigError as error:
         return "C", error.messages, 0.0
-    with plasma(world, config) as app:
+    with running(world, "hpcpic", config) as app:
         n, first = app.work_items, app.scalars()
         try:
             for _ in range(steps):
@@ -155,7 +155,7 @@ def test_no_species(world):
 @pytest.mark.parametrize("beyond", [2.1, 2.5, 5.0])
 def test_instability_is_seen_within_100_steps(world, beyond):
     """wp dt >= 2 is always refused; here the refusal is passed by."""
-    with plasma(world, HOT, [f"simulation.time_step={beyond}"]) as app:
+    with running(world, "hpcpic", HOT, [f"simulation.time_step={beyond}"]) as app:
         assert app.guard() is None
         for _ in range(100):
             app.scalars()
@@ -166,7 +166,7 @@ def test_instability_is_seen_within_100_steps(world, beyond):
 
 
 def test_not_a_number_is_seen_at_once(world):
-    with plasma(world, HOT) as app, pytest.raises(Diverged, match="not a number"):
+    with running(world, "hpcpic", HOT) as app, pytest.raises(Diverged, match="not a number"):
         app.solve()
         app.mesh.e[:] = np.nan
         app.step()
@@ -176,14 +176,14 @@ def test_not_a_number_is_seen_at_once(world):
 def test_charge_never_wraps(world, n):
     """So many particles on one of many nodes that 64 bits end: 0.4, 0.6 and 1.2 million times 2^44 parts."""
     crowd = (*at(1.0, 1.0, n=n), "grid.points=[512, 512]", "simulation.space_length=[512.0, 512.0]")
-    with pytest.raises(Diverged, match="on one node"), plasma(world, HOT, crowd):
+    with pytest.raises(Diverged, match="on one node"), running(world, "hpcpic", HOT, crowd):
         pass
 
 
 def test_crowded_small_grid(world):
     """As many on a grid where that is usual: fewer parts, and nothing overflows."""
     crowd = (*at(1.0, 1.0, n=600_000), "grid.points=[4, 4]", "simulation.space_length=[4.0, 4.0]")
-    with plasma(world, HOT, crowd) as app:
+    with running(world, "hpcpic", HOT, crowd) as app:
         app.step()
         most = app.scene.species[0].q * 600_000 / app.scene.cell_volume
         assert abs(app.mesh.rho).max() == pytest.approx(abs(most), rel=1e-12)
@@ -192,7 +192,7 @@ def test_crowded_small_grid(world):
 @pytest.mark.parametrize("precision", ["double", "single"])
 def test_one_particle_stays_at_rest(world, precision):
     """A particle feels no force of its own: centred differences and one shape for gather and deposit."""
-    with plasma(world, HOT, (*at(7.3, 5.1), f'numerics.precision="{precision}"')) as app:
+    with running(world, "hpcpic", HOT, (*at(7.3, 5.1), f'numerics.precision="{precision}"')) as app:
         for _ in range(100):
             app.step()
         velocity = app.arrays("particle")["electrons"].columns["velocity"]
@@ -203,7 +203,7 @@ def test_one_particle_stays_at_rest(world, precision):
 def test_no_charge_streams_freely(world):
     """Over every seam and corner, at any speed, to where x + v t is."""
     free = species(charge=0.0, plasma_frequency=0.0, drift_velocity=[-77.7, 33.3])
-    with plasma(world, HOT, free) as app:
+    with running(world, "hpcpic", HOT, free) as app:
         start = app.arrays("particle")["electrons"]
         begin, v = (
             start.position[np.argsort(start.ids), :2],
@@ -220,7 +220,7 @@ def test_no_charge_streams_freely(world):
 
 def test_uniform_field_accelerates_without_end(world):
     """p = N q E t exactly, and the guard takes the energy for what it is."""
-    with plasma(world, HOT, ("field.electric=[50.0, 0.0, 0.0]",)) as app:
+    with running(world, "hpcpic", HOT, ("field.electric=[50.0, 0.0, 0.0]",)) as app:
         first = app.scalars()["momentum_x"]
         for _ in range(100):
             app.step()
@@ -245,14 +245,14 @@ class Turned:
 @pytest.mark.parametrize("sets", [(), ("field.magnetic=[0.0, 0.0, 1.0]",), ("field.magnetic=[0.5, 0.3, 1.0]",)])
 def test_backwards_in_time_to_the_start(world, sets):
     n = 100
-    with plasma(world, HOT, sets) as app:
+    with running(world, "hpcpic", HOT, sets) as app:
         start = app.state()["electrons/position"].local.copy()
         for _ in range(n):
             app.step()
         now = app.state()
         app.step()
         turned = Turned(now, app.state())
-    with plasma(world, HOT, ("simulation.time_step=-0.2", *sets)) as app:
+    with running(world, "hpcpic", HOT, ("simulation.time_step=-0.2", *sets)) as app:
         app.restore(turned)
         for _ in range(n):
             app.step()
@@ -280,7 +280,7 @@ def test_units_are_free(world, sets, power):
             ),
         )
         field = tuple(f"field.magnetic=[0.0, 0.0, {1 / s!r}]" for text in sets if "magnetic" in text)
-        with plasma(world, HOT, (*sets, *scaled, *field)) as app:
+        with running(world, "hpcpic", HOT, (*sets, *scaled, *field)) as app:
             for _ in range(20):
                 app.step()
             digests.add(checkpoint.digest(world, app.state()))
@@ -303,7 +303,7 @@ ON_RANKS = {
 
 def test_extremes_on_ranks(tmp_path):
     """The same bits, scalars and numbers on 1, 2 and 3 ranks."""
-    jobs = [{"case": HOT, "sets": sets, "steps": 20} for sets in ON_RANKS.values()]
+    jobs = [{"program": "hpcpic", "case": HOT, "sets": sets, "steps": 20} for sets in ON_RANKS.values()]
     made = {ranks: outcomes(tmp_path, ranks, jobs) for ranks in (1, 2, 3)}
     for k, name in enumerate(ON_RANKS):
         assert made[1][k] == made[2][k] == made[3][k], name

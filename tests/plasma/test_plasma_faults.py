@@ -11,7 +11,8 @@ from pathlib import Path
 import numpy as np
 import psutil
 import pytest
-from plasma_runner import MPIRUN, PLANE, environment, launch
+from app_runner import MPIRUN, environment, launch
+from plasma_cases import PLANE
 
 STEPS = 400
 FAULTY = str(Path(__file__).with_name("faulty_plasma.py"))

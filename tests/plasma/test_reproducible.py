@@ -3,7 +3,8 @@
 from itertools import product
 
 import pytest
-from plasma_runner import LINE, PARTICLES, PLANE, outcomes
+from app_runner import check_equal, check_restarted
+from plasma_cases import LINE, PLANE
 
 STEPS = 20
 SINGLE = 'numerics.precision="single"'
@@ -21,71 +22,49 @@ MORE_LAWS = LAWS | {
 THREADS, BLOCKS = (1, 2), (1, 4, 9)
 
 
-def job(law, threads, blocks, steps=STEPS, **more):
-    case, *sets = MORE_LAWS[law]
-    sets = [*sets, f"simulation.plasma_chunks={blocks}"]
-    return {"case": case, "sets": sets, "threads": threads, "steps": steps} | more
+def jobs(laws):
+    """No particle may get lost: a digest is made of all numbers there are, or not at all."""
+    made = {law: MORE_LAWS[law] for law in laws}
+    return {
+        law: {"program": "hpcpic", "case": case, "sets": sets, "steps": STEPS} for law, (case, *sets) in made.items()
+    }
 
 
-def check_equal(folder, laws, cuts):
-    """cuts[ranks] = (threads, blocks)s: all give each law's digest, scalars and charge bit for bit."""
-    found = {law: {} for law in laws}
-    for ranks, cut in cuts.items():
-        asked = list(product(laws, cut))
-        made = outcomes(folder, ranks, [job(law, *parts) for law, parts in asked])
-        for (law, parts), outcome in zip(asked, made, strict=True):
-            found[law][ranks, *parts] = outcome
-    for law, made in found.items():
-        one = made[1, 1, 1]
-        assert {cut: outcome for cut, outcome in made.items() if outcome != one} == {}, law
-        assert one["particles"] == PARTICLES and len(made) == sum(map(len, cuts.values()))
-    assert len({made[1, 1, 1]["digest"] for made in found.values()}) == len(laws)  # it does tell states apart
-
-
-def check_restarted(folder, laws, cuts):
-    """cuts = (ranks, threads, blocks)s, one after the other, each from the checkpoint of the one before."""
-    whole = outcomes(folder, 1, [job(law, 1, 1) for law in laws])
-    for k, (ranks, *parts) in enumerate(cuts, start=1):
-        jobs = []
-        for law in laws:
-            steps = STEPS * k // len(cuts)
-            kept = folder / law
-            kept.mkdir(exist_ok=True)
-            resume = {"resume": str(kept)} if k > 1 else {}
-            jobs.append(job(law, *parts, steps, save=str(kept), **resume))
-        made = outcomes(folder, ranks, jobs)
-    assert made == whole
+def cut(threads, blocks):
+    return {"threads": threads, "sets": [f"simulation.plasma_chunks={blocks}"]}
 
 
 def test_ranks_threads_and_blocks(tmp_path):
-    cuts = {1: list(product(THREADS, BLOCKS)), 2: [(1, 4), (2, 1)], 3: [(1, 9)], 4: [(1, 1)]}
-    check_equal(tmp_path, LAWS, cuts)
+    every = [cut(*one) for one in product(THREADS, BLOCKS)]
+    cuts = {1: every, 2: [cut(1, 4), cut(2, 1)], 3: [cut(1, 9)], 4: [cut(1, 1)]}
+    check_equal(tmp_path, jobs(LAWS), cuts)
 
 
 def test_restart_on_other_ranks(tmp_path):
-    check_restarted(tmp_path, LAWS, [(2, 1, 4), (3, 1, 1), (1, 2, 9)])
+    check_restarted(tmp_path, jobs(LAWS), [(2, cut(1, 4)), (3, cut(1, 1)), (1, cut(2, 9))])
 
 
 @pytest.mark.validation
 @pytest.mark.timeout(900)
 @pytest.mark.parametrize("law", MORE_LAWS)
 def test_full_matrix(tmp_path, law):
-    check_equal(tmp_path, [law], {ranks: list(product(THREADS, BLOCKS)) for ranks in (1, 2, 3, 4)})
+    every = [cut(*one) for one in product(THREADS, BLOCKS)]
+    check_equal(tmp_path, jobs([law]), dict.fromkeys((1, 2, 3, 4), every))
 
 
 @pytest.mark.validation
 @pytest.mark.timeout(900)
 def test_many_restarts(tmp_path):
     chain = [
-        (1, 1, 1),
-        (4, 1, 9),
-        (2, 2, 4),
-        (3, 1, 4),
-        (1, 2, 1),
-        (2, 1, 9),
-        (4, 2, 1),
-        (3, 2, 9),
-        (1, 1, 4),
-        (2, 2, 1),
+        (1, cut(1, 1)),
+        (4, cut(1, 9)),
+        (2, cut(2, 4)),
+        (3, cut(1, 4)),
+        (1, cut(2, 1)),
+        (2, cut(1, 9)),
+        (4, cut(2, 1)),
+        (3, cut(2, 9)),
+        (1, cut(1, 4)),
+        (2, cut(2, 1)),
     ]
-    check_restarted(tmp_path, MORE_LAWS, chain)
+    check_restarted(tmp_path, jobs(MORE_LAWS), chain)
