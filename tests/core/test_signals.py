@@ -1,12 +1,14 @@
 import os
 import signal
+import subprocess
+import sys
 import threading
 import time
 
 import numpy as np
 import pytest
 
-from hpcpic.core.run.signals import Reason, Stop, WallLimit
+from hpcpic.core.run.signals import Reason, Stop, WallLimit, process_start
 
 
 @pytest.fixture
@@ -108,7 +110,7 @@ def test_wall_limit_leaves_time_for_the_checkpoint(monkeypatch):
     limit = WallLimit(100.0, 0.0)
     now[0] = 70.0
     assert not limit.over(interval=1.0, checkpoint=10.0)
-    assert limit.over(interval=1.0, checkpoint=20.0)  # 70 + 2 + 30 + 0.5 > 100
+    assert limit.over(interval=1.0, checkpoint=20.0)  # 70 + 2 + 30 + 1 > 100
     assert limit.over(interval=15.0, checkpoint=0.0)
     assert not WallLimit(None, 0.0).over(1e9, 1e9)
 
@@ -118,3 +120,12 @@ def test_the_end_of_the_batch_job_counts_when_it_is_earlier(monkeypatch):
     assert WallLimit(100.0, time.monotonic()).over(interval=30.0, checkpoint=0.0)
     assert WallLimit(None, time.monotonic()).over(interval=30.0, checkpoint=0.0)
     assert not WallLimit(None, time.monotonic()).over(interval=1.0, checkpoint=0.0)
+
+
+def test_the_start_of_a_process_is_when_it_was_made():
+    """To the tick of a hundredth of a second in which the kernel counts; long before its first line."""
+    program = "from hpcpic.core.run.signals import process_start as start; import time; print(start(), time.monotonic())"
+    before = time.monotonic()
+    done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=True)
+    made, said = map(float, done.stdout.split())
+    assert before - 0.02 <= made < said - 0.02

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import json
 import logging
 import shlex
@@ -24,7 +25,7 @@ from hpcpic.core.files.schema import validate, value_text
 from hpcpic.core.run import checkpoint, log, summary
 from hpcpic.core.run.failure import Agreed, Failure, everywhere, guarded, share
 from hpcpic.core.run.outputs import trigger_of
-from hpcpic.core.run.signals import Stop, WallLimit
+from hpcpic.core.run.signals import Stop, WallLimit, process_start
 from hpcpic.core.run.triggers import Every, EverySeconds, parse_interval, parse_wall
 
 if TYPE_CHECKING:
@@ -61,6 +62,8 @@ class Plan:
 PATIENCE_SECONDS = 2.0  # of setting up, before a line says why it takes so long
 LEFT = (".failed", "post-mortem.txt", "STOP")  # by an earlier part of the run
 
+_jobs = itertools.count()  # of this process, one but for pilots
+
 Prepare = Callable[[App, int], tuple[RunDir, Plan]]  # of an app, on so many ranks
 
 
@@ -68,7 +71,7 @@ def job(app_loader: AppLoader, prepare: Prepare, flags: Flags) -> int:
     """Start MPI and do the job; the exit code, the same on all ranks. `prepare` runs on rank 0 and holds the
     folder.
     """
-    started = time.monotonic()
+    started = process_start() if next(_jobs) == 0 else time.monotonic()
     flags.interval(), flags.seconds()  # a wrong one is told before anything starts
     world = World.start()
     return guarded(world, lambda failure: _Job(app_loader(), world, failure, flags, started).do(prepare))
