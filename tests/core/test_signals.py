@@ -8,7 +8,7 @@ import time
 import numpy as np
 import pytest
 
-from hpcpic.core.run.signals import Reason, Stop, WallLimit, process_start
+from hpcpic.core.run.signals import Reason, Stop, WallLimit
 
 
 @pytest.fixture
@@ -124,7 +124,7 @@ def test_the_end_of_the_batch_job_counts_when_it_is_earlier(monkeypatch):
 
 def test_the_start_of_a_process_is_when_it_was_made():
     """To the tick of a hundredth of a second in which the kernel counts; long before its first line."""
-    program = "from hpcpic.core.run.signals import process_start as start; import time; print(start(), time.monotonic())"
+    program = "import time; from hpcpic.core.run.signals import process_start; print(process_start(), time.monotonic())"
     before = time.monotonic()
     done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=True)
     made, said = map(float, done.stdout.split())
