@@ -23,7 +23,7 @@ from lbmdem.moving import MovingLinks
 from lbmdem.refill import Refill
 from lbmdem.solid import Change, Solid, Table, Window, kernel_axes, kernel_rotation
 
-_SUM_BITS, _FINEST_BITS = 61, 52  # of the sums; scales finer than 2^-52 are of no use for terms below 1
+_SUM_BITS, _FINEST_BITS = 61, 49  # of the sums, and of terms: 2^51 is the largest integer that `to_fixed` makes
 _BLOCKS = 4  # per thread
 MEAN_WALL_TERM = {
     "halfway": 1.0,

@@ -1,0 +1,65 @@
+"""Elements of an array here and there as vectors, and the lanes of a mask side by side, beside `core.simd`."""
+
+from llvmlite import ir
+from numba import types
+from numba.core import cgutils
+from numba.core.errors import TypingError
+from numba.extending import intrinsic
+
+from hpcpic.core.simd.kinds import I32, I64, KIND
+
+
+@intrinsic
+def gather(typing_context, kind, array, start, lists, index):
+    """Lane k: array[start + lists[index + k]], floats as wide as the lanes or narrower; lists are int32.
+
+    Both arrays are lines. Loads one by one, which is several times faster than the gather instruction.
+    """
+    vec = kind.instance_type
+    if (lists.dtype, lists.ndim, lists.layout) != (types.int32, 1, "C"):
+        raise TypingError(f"{lists} is no line of int32")
+
+    def codegen(context, builder, sig, args):
+        base = builder.gep(context.make_array(array)(context, builder, args[1]).data, [args[2]])
+        first = builder.gep(context.make_array(lists)(context, builder, args[3]).data, [args[4]])
+        found = ir.Constant(ir.VectorType(KIND[array.dtype], vec.n), ir.Undefined)
+        for lane in range(vec.n):
+            number = builder.load(builder.gep(first, [ir.Constant(I64, lane)]))
+            value = builder.load(builder.gep(base, [builder.sext(number, I64)]))
+            found = builder.insert_element(found, value, ir.Constant(I32, lane))
+        return found if array.dtype == vec.dtype else builder.fpext(found, context.get_value_type(vec))
+
+    return vec(kind, array, types.int64, lists, types.int64), codegen
+
+
+@intrinsic
+def scatter(typing_context, array, start, lists, index, a):
+    """array[start + lists[index + k]] = lane k of a, rounded to the array's type; the inverse of `gather`."""
+
+    def codegen(context, builder, sig, args):
+        base = builder.gep(context.make_array(array)(context, builder, args[0]).data, [args[1]])
+        first = builder.gep(context.make_array(lists)(context, builder, args[2]).data, [args[3]])
+        values = args[4]
+        if array.dtype != a.dtype:
+            values = builder.fptrunc(values, ir.VectorType(KIND[array.dtype], a.n))
+        for lane in range(a.n):
+            number = builder.load(builder.gep(first, [ir.Constant(I64, lane)]))
+            value = builder.extract_element(values, ir.Constant(I32, lane))
+            builder.store(value, builder.gep(base, [builder.sext(number, I64)]))
+        return context.get_dummy_value()
+
+    return types.void(array, types.int64, lists, types.int64, a), codegen
+
+
+@intrinsic
+def side_by_side(typing_context, a, mask):
+    """The lanes of a where the mask is true, moved to the front; the others are undefined."""
+
+    def codegen(context, builder, sig, args):
+        kind = args[0].type
+        function_type = ir.FunctionType(kind, [kind, args[1].type, kind])
+        name = f"llvm.experimental.vector.compress.v{kind.count}i{kind.element.width}"
+        function = cgutils.get_or_insert_function(builder.module, function_type, name)
+        return builder.call(function, [*args, ir.Constant(kind, ir.Undefined)])
+
+    return a(a, mask), codegen
