@@ -19,6 +19,7 @@ def derived(config: SphConfig, ranks: int = 1) -> list[Derived]:
         *step(config),
         *compressibility(config),
         *resolution(config),
+        *decoupling(config),
         *filling(config, scene),
         *extents(config, scene, ranks),
     ]
@@ -128,6 +129,15 @@ def resolution(config: SphConfig) -> Iterator[Derived]:
     source = "Dehnen & Aly 2012 (pairing)"
     yield Derived("smoothing length", "h/dp", ratio, "", words, verdict, source, cure, key, ratio >= 0.5)
     yield Derived("neighbours", "", neighbours)
+
+
+def decoupling(config: SphConfig) -> Iterator[Derived]:
+    """Gradients of gradients do not see waves of two spacings: mirrored walls feed them, nothing damps them."""
+    mirrors = [i for i, wall in enumerate(config.wall) if wall.type == "mirror-no-slip"]
+    if config.numerics.viscosity_form == "strain-rate" and mirrors:
+        cure = 'viscosity_form = "morris": mirrors make a checkerboard of 6 % of the speed in 0.1 L^2 / nu'
+        key = ("numerics", "viscosity_form")
+        yield Derived("damping of waves of two spacings", "", 0.0, "", "> 0", "warn", "Poiseuille, measured", cure, key)
 
 
 def filling(config: SphConfig, scene: Scene) -> Iterator[Derived]:

@@ -131,3 +131,12 @@ def test_a_wall_thinner_than_the_spacing_is_refused():
 def test_a_domain_shorter_than_three_supports_is_refused():
     found = numbers(domain='high = [0.25, 1.0]; periodic = ["x"];')
     assert found["period along x"].verdict == "fail"
+
+
+@pytest.mark.parametrize("form, told", [("strain-rate", True), ("morris", False), ("cleary", False)])
+def test_a_form_that_leaves_a_checkerboard_undamped_is_told_where_walls_feed_it(form, told):
+    mirrors = TANK.replace('open = ["y+"]; }; };', 'open = ["y+"]; }; }; type = "mirror-no-slip";')
+    text = mirrors.replace("0.5]; }; };", "0.5]; }; }; viscosity = 0.001;")
+    text = text.replace("};\nwall", f'viscosity_form = "{form}"; }};\nwall')
+    found = {n.name: n for n in derived(validate(SphConfig, loads(text)))}
+    assert ("damping of waves of two spacings" in found) is told

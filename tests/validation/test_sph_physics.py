@@ -155,35 +155,40 @@ def test_the_water_column_of_the_paper(world):
 
 
 def test_a_deep_layer_keeps_the_pressure_of_rest(world):
-    """3D, 25 layers. Measured +2 to 3 %: 0.7 spacings of water, as the kernel is cut off at the surface."""
+    """3D, 25 layers. Measured +0.7 %, the quadrature of the kernel (+2.9 % with h / dp = 1.3)."""
     done = Done(world, "hydrostatic", period=0.004)
     exact = float(theory.hydrostatic_pressure(np.array([0.5]), 9.81, 1000.0, done.config.sound_speed, 7.0)[0])
     mean = done.series("bottom")[done.t > 0.5].mean() / exact
-    assert abs(told("hydrostatic: mean bottom pressure over theory - 1", mean - 1, "3.5 %")) < 0.035
+    assert abs(told("hydrostatic: mean bottom pressure over theory - 1", mean - 1, "1 %")) < 0.01
     fastest = done.series("max_velocity").max() / done.config.sound_speed
     assert told("hydrostatic: largest velocity / c0", fastest, "1e-3") < 1e-3
 
 
 def test_still_water_stays_still_for_twenty_seconds(world):
-    """Measured: height -0.14 %, bottom pressure +2 % (half a spacing of water is 1 % here)."""
+    """Measured: height -0.004 %, level +0.06 %, bottom pressure +1.04 %, of which 0.25 % are compression."""
     done = Done(world, "still-tank", period=0.01)
     settled = done.t > 10.0
-    level = done.series("energy_potential")[settled].mean() / (9.81 * 1000.0) * 2 - 1
-    assert abs(told("still tank: mean height over H / 2 - 1", level, "0.2 %")) < 0.002
+    height = done.series("energy_potential")[settled].mean() / (9.81 * 1000.0) * 2 - 1
+    assert abs(told("still tank: mean height over H / 2 - 1", height, "0.1 %")) < 0.001
+    assert abs(told("still tank: level over H - 1", done.series("level")[settled].mean() - 1, "0.1 %")) < 0.001
     pressure = done.series("bottom")[settled].mean() / (1000 * 9.81) - 1
-    assert abs(told("still tank: bottom pressure over rho g H - 1", pressure, "3 %")) < 0.03
+    assert abs(told("still tank: bottom pressure over rho g H - 1", pressure, "1.5 %")) < 0.015
 
 
 # ------------------------------------------------------------------------------------------ waves, impacts
 
 
 def test_the_piston_makes_waves_of_the_height_of_linear_theory(world):
-    """Measured -12 %: 20 particles over the depth, artificial viscosity 0.01."""
+    """First harmonic at x = 1.5 m. Measured -3 % (+4 % without artificial viscosity, which damps by 2 nu k^2 x / cg).
+    The wave is steep (k H / 2 = 0.13): what crests and troughs have beyond the harmonic is no part of linear theory.
+    """
     done = Done(world, "oscillating-piston", period=0.01)
     k = theory.wave_number(2 * math.pi, 0.4, 9.81)
-    late = done.series("wave")[done.t > 4.0]
-    ratio = (np.quantile(late, 0.98) - np.quantile(late, 0.02)) / theory.wavemaker_height(0.04, k, 0.4)
-    assert abs(told("piston: wave height over theory - 1", ratio - 1, "15 %")) < 0.15
+    late = (done.t > 4.0) & (done.t <= 6.0)  # two periods
+    turn = np.exp(2j * math.pi * done.t[late])
+    height = 4 * abs(np.mean(turn * done.series("wave")[late]))
+    ratio = height / theory.wavemaker_height(0.04, k, 0.4)
+    assert abs(told("piston: height of the first harmonic over theory - 1", ratio - 1, "5 %")) < 0.05
 
 
 def test_a_dam_break_arrives_at_the_wall_in_time(world):
