@@ -25,7 +25,7 @@ class Grid:
             self.rows = 1
         self.scale = np.full(len(lengths), 1.0 / edge)
         self.scale[-1] *= FINE
-        self.edges = np.array([edge, edge, edge / FINE, PADS])
+        self.edges = np.array([edge, edge, edge / FINE, PADS, 0.0])
 
     def layer(self, x: NDArray[np.float64]) -> NDArray[np.int64]:
         """Layer of positions along the slab axis, as the kernels find it."""
@@ -36,7 +36,7 @@ class Grid:
 class Cells:
     """Slots and runs of the bodies of a rank; `tasks.arrays` gets all of it by name."""
 
-    def __init__(self, tasks: Tasks, grid: Grid, d: int, radius: float) -> None:
+    def __init__(self, tasks: Tasks, grid: Grid, d: int) -> None:
         self.tasks, self.grid, self.parts = tasks, grid, tasks.parts
         self.kernels: ModuleType = specialise("cells", DIM=d)
         self.n_runs = self.kernels.ROWS
@@ -44,7 +44,6 @@ class Cells:
         tasks.set(
             scale=grid.scale,
             edge=grid.edges,
-            radius=radius,
             shape=np.zeros(6, np.int64),
             chunks=np.zeros(self.parts + 1, np.int64),
             own_chunks=np.zeros(self.parts + 1, np.int64),
@@ -84,13 +83,14 @@ class Cells:
                 runs=np.zeros((2 * self.n_runs, n), np.int32),
             )  # fmt: skip
 
-    def sort(self, bodies: Bodies, first: int, here: int) -> None:
-        """Slots of all bodies, who lie in global layers first .. first + here - 1."""
+    def sort(self, bodies: Bodies, first: int, here: int, radius: float) -> None:
+        """Slots of all bodies, who lie in global layers first .. first + here - 1; neighbours are within `radius`."""
         tasks, a, kernels = self.tasks, self.tasks.arrays, self.kernels
         self.here = here
         n = bodies.n + bodies.ghosts
         self._room(layers=here, bodies=n)
         a["shape"][:] = PADS, self.grid.layers, first, here, self.grid.rows, n
+        a["edge"][4] = radius
         a["chunks"][:] = even(n, self.parts)
         a["own_chunks"][:] = even(bodies.n, self.parts)
         try:

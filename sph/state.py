@@ -19,12 +19,14 @@ def state(sph: "Sph") -> dict[str, Shard]:
     """x (relative to the lower corner, storage axes), v, drho of the fluid; of walls also which particles there are."""
     d, world = sph.scene.dimensions, sph.world
     result = _sharded(sph, _own(sph, fluid=True), sph.scene.n_fluid, {"x": (d,), "v": (d,), "drho": ()}, "")
-    if not sph.scene.walls:
-        return result
-    whole = sph.walls.boxes(), sph.impulses
-    for name, rows in zip(("walls/made", "walls/impulse"), whole):
+    whole = {"reach": np.array([sph.reach])} if sph.farthest_reach else {}  # which neighbours are looked at
+    if sph.scene.walls:
+        whole |= {"walls/made": sph.walls.boxes(), "walls/impulse": sph.impulses}
+    for name, rows in whole.items():
         low, high = block_ranges(len(rows), world.size)[world.rank]
         result[name] = Shard(rows[low:high], low, len(rows))
+    if not sph.scene.walls:
+        return result
     own = _own(sph, fluid=False)
     ids = _everybodys(sph, own["id"])
     own["number"], own["id"] = own["id"], np.searchsorted(ids, own["id"])
@@ -61,6 +63,8 @@ def restore(sph: "Sph", reader: "Reader") -> None:
     """Replace all particles by those of a checkpoint. Collective."""
     world, bodies = sph.world, sph.bodies
     sph.iteration, sph.time = reader.step, reader.time
+    if sph.farthest_reach:
+        sph.reach = float(reader.read("reach")[0])
     bodies.clear()
     low, high = block_ranges(sph.scene.n_fluid, world.size)[world.rank]
     ids = np.arange(low, high)

@@ -27,7 +27,8 @@ from sph.timestep import TimeStep
 from sph.walls import WALL_FLAGS, Walls, through_wall, wall_forces
 
 PARTS_PER_THREAD = 4
-FASTEST = 0.25  # of c0: particles of integrators with stages may move so far in a step of Courant number cfl
+FASTEST = 0.15  # of c0: particles of integrators with stages may move so far in a step of Courant number cfl
+SPARE, LEAST = 1.15, 2e-3  # neighbours are known for this much more than the way of the last step, and for so many h
 TIDY = 8  # steps between sorts of the particles in memory
 DENSITIES = (0.7, 1.3)  # of rho0, beyond which a weakly compressible fluid is none
 MARGIN = 1e-9  # of the support, for rounding
@@ -71,8 +72,9 @@ class Sph:
         self.lengths = (scene.high - scene.low)[self.axes]
         self.periodic = scene.periodic[self.axes]
         staged = config.simulation.integrator in STAGED
-        self.reach = FASTEST * config.simulation.cfl * scene.h if staged else 0.0
-        self.radius = scene.support * (1 + MARGIN) + 2 * self.reach
+        self.farthest_reach = FASTEST * config.simulation.cfl * scene.h if staged else 0.0
+        self.reach = self.next_reach = min(LEAST * scene.h, self.farthest_reach)  # how far particles move between sorts
+        self.radius = scene.support * (1 + MARGIN) + 2 * self.farthest_reach
         self.grid = Grid(self.lengths, self.radius)
         self.farthest = scene.spacing / np.finfo(float).eps  # m from the origin
         cuts = balanced_cuts(np.ones(self.grid.layers), self.world.size)
@@ -92,10 +94,10 @@ class Sph:
         without |= set() if self.law.corrected else {"matrix"}
         without |= set() if self.law.shifting else {"offset"}
         self.bodies = Bodies(self.world, self.tasks, self.motion, d, maps, without)
-        self.cells = Cells(self.tasks, self.grid, d, self.radius)
+        self.cells = Cells(self.tasks, self.grid, d)
         self.sums = PairSums(scene, self.law, self.tasks, self.cells, self.bodies)
         self.integrate = INTEGRATORS[scene.config.simulation.integrator]
-        self.choose = TimeStep(scene, self.reach if staged else np.inf)
+        self.choose = TimeStep(scene, self.farthest_reach if staged else np.inf)
         self.numbers = np.zeros(5)
         self.tasks.set(
             numbers=self.numbers,
@@ -236,7 +238,7 @@ class Sph:
             bodies.refresh(self.iteration)
         with self.timers.section("sort"):
             low, high = self.domain.row_range(self.world.rank)
-            cells.sort(bodies, low - 1, high - low + 2)
+            cells.sort(bodies, low - 1, high - low + 2, self.scene.support * (1 + MARGIN) + 2 * self.reach)
             self.sums.fit()
 
     def step(self) -> None:
@@ -260,6 +262,7 @@ class Sph:
             period = self.scene.config.numerics.balance_period
             if period and self.iteration % period == 0:
                 self.balance()
+        self.reach = self.next_reach
         self.sort()
 
     def _tidy(self) -> None:
@@ -304,6 +307,20 @@ class Sph:
             speed, acceleration, density = self.largest
             self.time_step = self.choose(float(np.sqrt(speed)), float(np.sqrt(acceleration)), float(density))
             self._add_impulses()
+        if self.farthest_reach:
+            self._widen(*np.sqrt(worst[:2]))
+
+    def _widen(self, speed: float, acceleration: float) -> None:
+        """Neighbours as far as this step takes them from each other, and about as far as the next one may."""
+        dt = self.time_step
+        way = dt * max(speed, 0.5 * speed + 0.25 * dt * acceleration)  # of the stages where rates are evaluated
+        if way > self.farthest_reach * (1 + MARGIN):
+            raise Diverged("a particle moves farther in a step than where its neighbours are known")
+        expected = min(SPARE * way + LEAST * self.scene.h, self.farthest_reach)
+        if way > self.reach:
+            self.reach = expected
+            self.sort()
+        self.next_reach = expected
 
     def _each(self, kernel: Any, *numbers: float) -> None:
         with self.timers.section("update"):

@@ -13,6 +13,9 @@ Slots of a layer begin at base[l], with room for two vectors after the last: loa
 import numpy as np
 
 from hpcpic.core.simd.jit import njit
+from hpcpic.core.simd.vector import (
+    Vec, bitmask, convert, first_bit, floor, lanes, load, maximum, minimum, select, sqrt, store
+)  # fmt: skip
 
 DIM = 3
 
@@ -21,6 +24,8 @@ ROWS = 5 if DIM == 3 else 2  # of half a neighbourhood
 OWN_ROWS = 2 if DIM == 3 else 1  # of these in the layer of the body
 FINE = 8
 FAR = 2**30
+N, M = lanes(np.float64), lanes(np.int32)
+F, I, C = Vec(N, np.float64), Vec(N, np.int32), Vec(M, np.int32)
 # class of a slot: 1 fluid, + 2 where the sums are used (images only give), + 4 repulsive
 LOST = 1
 
@@ -144,20 +149,22 @@ def order_by_key(body, key, first, last):
 
 
 @njit
-def find(block, blocks, begin, base, shape, edge, radius, x, body, slot_class, rows, row_table, fine_start, runs):
+def find(block, blocks, begin, base, shape, edge, x, body, slot_class, rows, row_table, fine_start, runs):
     """runs[2 k : 2 k + 2, slot] = first and end of the slots in row k of the half neighbourhood that may be within
-    `radius`: the chord of the sphere in that row.
+    the radius: the chord of the sphere in that row.
 
-    edge = (edge of a layer, of a row, of a fine cell, pads). Rows: own from the next body on, then in 3D the next row;
-    then the row, or three rows, of the next layer.
+    edge = (edge of a layer, of a row, of a fine cell, pads, radius). Rows: own from the next body on, then in 3D the
+    next row; then the row, or three rows, of the next layer.
     """
     longest = 0
     for l in range(blocks[block], blocks[block + 1]):
         for k in range(rows[l, 2], rows[l, 2] + rows[l, 1]):
             longest = max(longest, fine_start[row_table[k, 3] + row_table[k, 2]] - row_table[k, 0])
-    height, left = np.zeros(longest), np.zeros((4, longest))  # in fine cells; of radius^2 beside a row, above, ...
+    longest += N  # vectors overrun
+    height, left = np.zeros(longest), np.zeros((6, longest))  # in fine cells; of radius^2 beside a row, above, ...
+    cells = np.zeros((2, longest), np.int32)
     per_cell = 1.0 / edge[2]
-    limit = radius * per_cell
+    limit = edge[4] * per_cell
     for l in range(blocks[block], blocks[block + 1]):
         ceiling = (shape[2] + l + 1 - edge[3]) * edge[0]  # where the next layer begins
         for k in range(rows[l, 1]):
@@ -165,16 +172,22 @@ def find(block, blocks, begin, base, shape, edge, radius, x, body, slot_class, r
             r = rows[l, 0] + k
             first = np.int64(entry[0])
             many = np.int64(fine_start[entry[3] + entry[2]]) - first
+            if many == 0:
+                continue
             wall = (r + 1 - edge[3]) * edge[1]
             for m in range(many):
                 b = body[first + m]
                 height[m] = x[AXIS, b] * per_cell
                 up = max(ceiling - x[0, b], 0.0) * per_cell
-                left[0, m], left[1, m] = limit * limit, limit * limit - up * up
+                after, before = 0.0, 0.0
                 if DIM == 3:
                     after = max(wall - x[1, b], 0.0) * per_cell
                     before = max(x[1, b] - (wall - edge[1]), 0.0) * per_cell
-                    left[2, m], left[3, m] = after * after, before * before
+                for u in range(2):
+                    rest = limit * limit - u * up * up
+                    left[3 * u, m], left[3 * u + 1, m], left[3 * u + 2, m] = (
+                        rest - before * before, rest, rest - after * after
+                    )  # fmt: skip
             for n in range(ROWS):
                 up, side = np.int64(n >= OWN_ROWS), np.int64(0)
                 if DIM == 3:
@@ -186,8 +199,10 @@ def find(block, blocks, begin, base, shape, edge, radius, x, body, slot_class, r
                     ends[:] = 0
                     continue
                 other = row_table[rows[l + up, 2] + at]
-                chords(height, left[up], left[2 if side > 0 else 3], np.float64(side * side), 1.0 * other[1],
-                       1.0 * other[2], fine_start[other[3] : other[3] + other[2] + 1], begins, ends)  # fmt: skip
+                chords(height, left[3 * up + 1 + side], many, 1.0 * other[1], 1.0 * other[2], cells)
+                start = fine_start[other[3] : other[3] + other[2] + 1]
+                for m in range(np.uint64(many)):
+                    begins[m], ends[m] = start[np.uint32(cells[0, m])], start[np.uint32(cells[1, m])]
                 if n == 0:
                     for m in range(many):
                         begins[m] = max(begins[m], first + m + 1)  # each pair once
@@ -197,15 +212,16 @@ def find(block, blocks, begin, base, shape, edge, radius, x, body, slot_class, r
 
 
 @njit
-def chords(height, left, beside, sideways, low_cell, cells, start, begins, ends):
-    """Ends of the chords around heights, half as long as the root of left - sideways beside, in a row of fine cells."""
-    for m in range(begins.size):
-        half = np.sqrt(max(left[m] - sideways * beside[m], 0.0))
-        z = height[m] - low_cell
-        low = np.uint64(min(max(np.floor(z - half), 0.0), cells))
-        high = np.uint64(min(max(np.floor(z + half) + 1.0, 0.0), cells))
-        begins[m] = start[low]
-        ends[m] = start[high] if half > 0.0 else start[low]
+def chords(height, left, many, low_cell, n_cells, cells):
+    """First and end fine cells, of a row of them, of the chords around heights, half as long as the root of left."""
+    for m in range(0, many, N):
+        rest = load(F, left, m)
+        half = sqrt(maximum(rest, 0.0))
+        z = load(F, height, m) - low_cell
+        low = minimum(maximum(floor(z - half), 0.0), n_cells)
+        high = minimum(maximum(floor(z + half) + 1.0, 0.0), n_cells)
+        store(cells[0], m, convert(I, low))
+        store(cells[1], m, convert(I, select(rest > 0.0, high, low)))
 
 
 @njit
@@ -213,9 +229,16 @@ def trim(slot, slot_class, runs):
     """A wall particle or an image has to do with some classes only: its runs from the first to the last of them."""
     kind = slot_class[slot] & 3
     for n in range(ROWS):
-        first, end = runs[2 * n, slot], runs[2 * n + 1, slot]
-        while first < end and (slot_class[first] | kind) & 3 != 3:
-            first += 1
+        first, end = np.int64(runs[2 * n, slot]), np.int64(runs[2 * n + 1, slot])
+        while first < end:
+            found = bitmask((load(C, slot_class, first) | kind) & 3 == 3)
+            if found != 0:
+                first = min(first + first_bit(found), end)
+                break
+            first += M
+        first = min(first, end)
+        while end - first >= M and bitmask((load(C, slot_class, end - M) | kind) & 3 == 3) == 0:
+            end -= M
         while end > first and (slot_class[end - 1] | kind) & 3 != 3:
             end -= 1
         runs[2 * n, slot], runs[2 * n + 1, slot] = first, end

@@ -16,7 +16,8 @@ HEAD = """
 import numpy as np
 from hpcpic.core.simd.jit import njit
 from hpcpic.core.simd.vector import (
-    Vec, bitmask, convert, fma, lane_numbers, load, maximum, minimum, select, splat, sqrt, store, total
+    Vec, address_of, bitmask, convert, fma, lane_numbers, load, maximum, minimum, prefetch, prefetch_to_write, select,
+    splat, sqrt, store, total
 )
 
 REAL = np.{real}
@@ -68,6 +69,18 @@ def _pair(law: Law, terms: Terms, masked: bool) -> list[str]:
     return lines
 
 
+def _fetch_ahead(law: Law, read: Sequence[str], n: int) -> list[str]:
+    """Cache lines that bodies soon after i will want first: of the last row of its layer and of the next. There are
+    more streams than the processor follows by itself.
+    """
+    lines = []
+    for row, shift in ((1, ""), (4, " + n_slots")) if law.dimensions == 3 else ((0, ""), (1, " + n_slots")):
+        lines.append(f"soon = np.int64(runs[{2 * row + 1}, i]) + 2 * LANES_")
+        lines += [f"prefetch(address_of({name}, soon))" for name in read]
+        lines += [f"prefetch_to_write(address_of(sums{k}, soon{shift}))" for k in range(n)]
+    return ["if i & (LANES_ // 2 - 1) == 0:", *(f"    {line}" for line in lines)]
+
+
 def _indent(lines: Sequence[str], depth: int) -> str:
     return "".join(" " * depth + line + "\n" for line in lines)
 
@@ -86,6 +99,7 @@ def _pass_source(law: Law, title: str, names: Sequence[str]) -> str:
     views += [f"sums{k} = sums[{k}]" for k in range(n)]
     fetch = [f"{a}_i = {a}_[i]" for a in law.axes] + [f"{c}_i = {c}_[i]" for c in sorted(terms.columns)]
     fetch += [f"sum{k} = splat(F_, 0.0)" for k in range(n)]
+    fetch += _fetch_ahead(law, [view.split(" ")[0] for view in views if "sums" not in view], n)
 
     def loop(masked: bool, depth: int) -> str:
         head = [

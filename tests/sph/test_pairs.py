@@ -97,6 +97,8 @@ def test_sums_of_stages_use_the_neighbours_of_the_start(integrator):
     jitter(sph)
     ids = sph.bodies.own("id")
     direction = np.random.default_rng(3).uniform(0, 2 * np.pi, len(ids))[ids]
+    sph.reach = sph.farthest_reach
+    sph.sort()
     sph.bodies.own("x")[:] += sph.reach * np.array([np.cos(direction), np.sin(direction)])
     expected = Reference(sph)
     sph.evaluate()

@@ -89,3 +89,35 @@ def test_the_guard_knows_how_dense_a_fluid_is():
     assert sph.guard() is None
     sph.bodies.own("drho")[7] = -400.0
     assert "density of particle" in sph.guard()
+
+
+@pytest.mark.parametrize("integrator", ["rk3-tvd", "predictor-corrector"])
+def test_neighbours_follow_the_fastest_particle(integrator):
+    """Steps with neighbours known just as far as particles move, and with them known much farther: the same but for the
+    order of sums. At the start nothing is known of the speed.
+    """
+    spare, plenty = (engine(d=2, integrator=integrator, velocity=(0.5, 0.0)) for _ in range(2))
+    sorts = count_calls(spare, "sort")
+    for _ in range(6):
+        plenty.reach = plenty.farthest_reach
+        plenty.sort()
+        for sph in (spare, plenty):
+            sph.step()
+    assert len(sorts) > 6  # the first step needed more than it had
+    assert 0 < spare.reach < 0.5 * spare.farthest_reach
+    assert spare.time == pytest.approx(plenty.time, rel=1e-12)  # criteria from sums in another order
+    for name, scale in (("x", spare.scene.spacing), ("v", 0.5)):
+        both = [sph.bodies.own(name)[:, np.argsort(sph.bodies.own("id"))] for sph in (spare, plenty)]
+        assert np.abs(both[0] - both[1]).max() <= 1e-11 * scale  # rounding of 18 sums of 20 neighbours
+
+
+def count_calls(owner, name):
+    """The calls of a method of `owner` from now on, one entry each."""
+    calls, method = [], getattr(owner, name)
+
+    def counted(*arguments):
+        calls.append(arguments)
+        return method(*arguments)
+
+    setattr(owner, name, counted)
+    return calls
