@@ -1,7 +1,7 @@
 """`lbmdem`, or `python -m lbmdem`: the LBM-DEM simulator."""
 
 from hpcpic.core.cli.app import App
-from hpcpic.core.cli.main import build
+from hpcpic.core.cli.main import program
 
 
 def load_app() -> App:
@@ -11,7 +11,7 @@ def load_app() -> App:
 
 
 def main() -> None:
-    build(load_app, "lbmdem", "lattice Boltzmann with discrete-element grains on many cores")()
+    program(load_app, "lbmdem", "lattice Boltzmann with discrete-element grains on many cores")
 
 
 if __name__ == "__main__":

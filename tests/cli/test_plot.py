@@ -62,8 +62,9 @@ def test_movie_has_a_frame_for_each_snapshot(folder, tmp_path):
 
 def test_help_loads_nothing_heavy():
     code = (
-        "import sys\nfrom hpcpic.__main__ import main\nsys.argv = ['hpcpic', 'plot', '--help']\n"
-        "try:\n    main()\nexcept SystemExit:\n    pass\n"
+        "import sys\nfrom hpcpic.__main__ import load_app\nfrom hpcpic.core.cli.main import build\n"
+        "sys.argv = ['hpcpic', 'plot', '--help']\n"
+        "try:\n    build(load_app, 'hpcpic', '')()\nexcept SystemExit:\n    pass\n"
         "print(sorted({'matplotlib', 'h5py', 'scipy', 'numba', 'mpi4py'} & set(sys.modules)))"
     )
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, timeout=30)

@@ -75,10 +75,10 @@ def test_stop_comes_promptly(toy):
 
 def test_wall_limit_ends_before_it(toy):
     begin = time.monotonic()
-    done = toy("run", "ring.conf", "-o", "a", "--threads", "1", "--wall", "0:04", steps=100000, pause=0.005)
+    done = toy("run", "ring.conf", "-o", "a", "--threads", "1", "--wall", "0:10", steps=100000, pause=0.005)
     assert done.returncode == 5, done.stderr
     assert "wall clock" in done.stdout
-    assert toy.facts("a")["wall_seconds"] < 4.0 < time.monotonic() - begin + 4.0
+    assert toy.facts("a")["wall_seconds"] < 10.0 < time.monotonic() - begin + 10.0
     assert toy.checkpoints("a")[-1] == toy.facts("a")["steps"] > 0
 
 

@@ -19,9 +19,10 @@ HEAVY = ("mpi4py", "numba", "h5py", "pyfftw", "scipy", "matplotlib")
 LOOK = """
 import sys
 sys.argv = ["hpcpic", *{words!r}]
-from hpcpic.__main__ import main
+from hpcpic.__main__ import load_app
+from hpcpic.core.cli.main import build
 try:
-    main()
+    build(load_app, "hpcpic", "plasma")()
 except SystemExit as end:
     code = end.code
 loaded = [name for name in {heavy!r} if name in sys.modules]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import atexit
 import os
 import sys
 from collections.abc import Callable, Sequence
@@ -101,3 +102,17 @@ def build(app_loader: AppLoader, name: str, title: str) -> click.Group:
     """The command group of one simulator; `app_loader` is called by the verbs that need the app."""
     face = Face(app_loader, name, title)
     return click.version_option(hpcpic.__version__, prog_name=name)(face)
+
+
+def program(app_loader: AppLoader, name: str, title: str) -> None:
+    """The command group as a process. It ends when what is registered for the end is done: taking the interpreter
+    apart, which the system does as well, costs half a second.
+    """
+    try:
+        build(app_loader, name, title)()
+    except SystemExit as end:
+        if not isinstance(end.code, int):
+            raise
+        sys.stdout.flush(), sys.stderr.flush()
+        atexit._run_exitfuncs()
+        os._exit(end.code)
