@@ -29,7 +29,8 @@ from hpcpic.core.run import checkpoint
 from hpcpic.core.tasks import Pool
 from hpcpic.core.timers import Timers
 
-STEPS = 10  # of a run with a flipped bit
+STEPS = 10  # before a bit is flipped, and after
+ENERGIES = ("energy_total", "energy_kinetic")  # the first that a program has
 
 
 def made(program: str, folder: Path) -> tuple[Any, World]:
@@ -99,9 +100,13 @@ def flipped(value: Any, bit: int) -> Any:
 
 def flips(app: Any, world: World, folder: Path, n: int) -> dict[str, Any]:
     """Turn one bit of an exponent in the state, n times; how the guard or the energy shows it in a few steps."""
-    reader, rng = checkpoint.newest(RunDir(folder), world), np.random.default_rng(2)
-    app.restore(reader)
-    quiet = energy_after(app)
+    app.restore(checkpoint.newest(RunDir(folder), world))
+    energy_after(app)  # what the guard knows of a run
+    rundir = RunDir(folder / "flips")
+    rundir.path.mkdir()
+    checkpoint.write(world, rundir, app.iteration, app.time, app.state())
+    reader, rng = checkpoint.newest(rundir, world), np.random.default_rng(2)
+    quiet = float(within_child(lambda: repr(energy_after(app))))
     found = {"caught": 0, "raised": 0, "crashed": 0, "harmless": 0, "silent": 0}
     for _ in range(n):
         name = str(rng.choice(floats(reader)))
@@ -109,14 +114,15 @@ def flips(app: Any, world: World, folder: Path, n: int) -> dict[str, Any]:
         one = reader.read(name, row, row + 1).reshape(-1)
         word, bit = int(rng.integers(one.size)), int(rng.integers(11 if one.dtype == np.float64 else 8))
         damaged = Damaged(reader, name, row, word, partial(flipped, bit=bit))
-        found[within_child(lambda: outcome(app, damaged, quiet))] += 1  # noqa: B023 - called at once
+        said = within_child(lambda: outcome(app, damaged, quiet))  # noqa: B023 - called at once
+        found[said] += 1
+        print(f"{name}[{row}, {word}] {one[word]:.6g} -> {flipped(one[word], bit):.6g}: {said}")
     return found
 
 
 def outcome(app: Any, damaged: Damaged, quiet: float) -> str:
     """caught by the guard, harmless (the energy is within 1 %), or silent."""
     app.restore(damaged)
-    app.scalars()
     energy = energy_after(app)
     if app.guard():
         return "caught"
@@ -140,11 +146,15 @@ def within_child(body: Callable[[], str]) -> str:
 
 
 def energy_after(app: Any) -> float:
+    """Of STEPS steps, watched at each."""
     for _ in range(STEPS):
-        app.step()
+        energies = app.scalars()
         if app.guard():
             break
-    return float(app.scalars().get("energy_total", 0.0))
+        app.step()
+    else:
+        energies = app.scalars()
+    return float(energies[next(name for name in ENERGIES if name in energies)])
 
 
 def main() -> None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import os
+import re
 import signal
 import subprocess
 import sys
@@ -20,6 +21,7 @@ from hpcpic.core.cli.launch import launcher
 
 HERE = Path(__file__).resolve().parent
 TIMEOUT_S = 240.0  # kernels of a new scene are compiled in the first run
+BEGUN = re.compile(r"hpcpic.run: (steps|from step) [0-9]")  # the log says that the steps begin
 PAUSE_S = 0.02  # slept in every step of a run that is to be caught in the middle
 
 
@@ -55,8 +57,9 @@ class Bench:
 
     program: str
     case: Path
-    sets: tuple[str, ...]
     runaway: tuple[str, ...]  # settings with which the scheme is unstable
+    sparse: tuple[str, ...]  # settings that leave a rank of three without a particle or grain
+    flat: tuple[str, ...]  # settings with fewer rows than FLAT_RANKS
     work: Path  # of the whole matrix
     folder: Path = field(default=Path())  # of this row
     _digests: dict[tuple[str, ...], str] = field(default_factory=dict)
@@ -76,8 +79,7 @@ class Bench:
         return dict(os.environ) | told | more
 
     def run_words(self, *more: str) -> tuple[str, ...]:
-        sets = [word for assignment in self.sets for word in ("--set", assignment)]
-        return ("run", str(self.case), "-o", str(self.run_folder), "--threads", "1", *sets, *more)
+        return ("run", str(self.case), "-o", str(self.run_folder), "--threads", "1", *more)
 
     def restart_words(self, *more: str) -> tuple[str, ...]:
         return ("restart", str(self.run_folder), "--threads", "1", *more)
@@ -117,7 +119,7 @@ class Bench:
         running = Running(process, ranks, self.run_folder)
         try:
             if wait:
-                running.wait_for(lambda: ": steps " in running.log())
+                running.wait_for(lambda: BEGUN.search(running.log()))
                 time.sleep(0.3)
             yield running
         finally:
@@ -160,7 +162,7 @@ class Running:
         log = self.folder / "log.txt"
         return log.read_text() if log.exists() else ""
 
-    def wait_for(self, condition: Callable[[], bool]) -> None:
+    def wait_for(self, condition: Callable[[], Any]) -> None:
         end = time.monotonic() + TIMEOUT_S
         while not condition():
             expect(self.process.poll() is None, f"ended before its time with {self.process.poll()}")

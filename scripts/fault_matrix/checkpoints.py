@@ -7,7 +7,6 @@ import os
 import shutil
 import subprocess
 import sys
-import time
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -15,7 +14,7 @@ from typing import Any
 
 import numpy as np
 
-from fault_matrix.bench import PAUSE_S, Bench, Done, Skipped, expect
+from fault_matrix.bench import Bench, Done, Skipped, expect
 from fault_matrix.rows import row
 from hpcpic.core.errors import FileError
 from hpcpic.core.files import sealed
@@ -99,15 +98,23 @@ def disk(bench: Bench, size: str, *options: str) -> Iterator[Path]:
     """A file system of this size."""
     made = bench.folder / "disk"
     made.mkdir()
-    words = ["mount", "-t", "tmpfs", "-o", ",".join([f"size={size}", *options]), "tmpfs", str(made)]
+    with mounted(made, size, *options):
+        folder, bench.folder = bench.folder, made
+        try:
+            yield made
+        finally:
+            bench.folder = folder
+
+
+@contextmanager
+def mounted(folder: Path, size: str, *options: str) -> Iterator[None]:
+    words = ["mount", "-t", "tmpfs", "-o", ",".join([f"size={size}", *options]), "tmpfs", str(folder)]
     if subprocess.run(words, capture_output=True).returncode:
         raise Skipped("mounting is not permitted here")
-    folder, bench.folder = bench.folder, made
     try:
-        yield made
+        yield
     finally:
-        bench.folder = folder
-        subprocess.run(["umount", "-l", str(made)], check=True)
+        subprocess.run(["umount", "-l", str(folder)], check=True)
 
 
 def fill(folder: Path) -> Path:
@@ -140,19 +147,23 @@ def full_disk(bench: Bench) -> str:
     return f"exit 6 after {done.err.count('WARNING')} warnings; from {int(kept)} same bits"
 
 
-@row(21, "the disk is full for a while, for outputs only", "a warning, the physics goes on; exit 6 at the end")
+@row(21, "the disk of the outputs is full", "a warning, physics and checkpoints go on; same bits, exit 6 at the end")
 def full_disk_for_outputs(bench: Bench) -> str:
-    with disk(bench, "24m") as folder:
-        with bench.started() as running:
-            ballast = fill(folder)
-            time.sleep(40 * PAUSE_S)
-            ballast.unlink()
-            done = running.end()
+    with (
+        disk(bench, "24m") as folder,
+        bench.started("--checkpoint-every", "10") as running,
+        mounted(bench.run_folder / "checkpoints", "24m"),  # which stay on a disk with room
+    ):
+        ballast = fill(folder)
+        running.wait_for(lambda: len(bench.checkpoints()) == 2)
+        kept = [int(path.stem) for path in bench.checkpoints()]
+        ballast.unlink()  # for the end of the run
+        done = running.end()
         facts = bench.facts()
-        expect(facts["state_digest"] == bench.digest(), "other bits")
-        expect(done.code in (0, 6) and "Traceback" not in done.err, done)
-        expect(done.code == 0 or "output from step" in done.err, done)
-    return f"exit {done.code}, same bits"
+        expect(done.code == 6 and "Traceback" not in done.err, done)
+        expect("output from step" in done.err and "output is missing" in facts["reason"], done)
+        expect(facts["status"] == "finished" and facts["state_digest"] == bench.digest(), "other bits")
+    return f"exit {done.code} with a warning, checkpoints of steps {kept[0]} and {kept[1]} meanwhile, same bits"
 
 
 @row(22, "files may not grow (RLIMIT_FSIZE, SIGXFSZ)", "as a full disk: exit 6, no signal")

@@ -22,7 +22,7 @@ from typing import Any
 import numpy as np
 import psutil
 
-from hpcpic.core.cli.main import build
+from hpcpic.core.cli import main as face
 from hpcpic.core.comm import halo
 from hpcpic.core.files import image
 from hpcpic.core.files.rundir import RunDir
@@ -51,8 +51,8 @@ class Damaged:
 
 
 def floats(reader: Any) -> list[str]:
-    """Names of the arrays of floating point numbers in a checkpoint."""
-    return [name for name in reader.names if reader.read(name, 0, 0).dtype.kind == "f"]
+    """Names of the arrays of floating point numbers in a checkpoint that hold any."""
+    return [name for name in reader.names if reader.total(name) and reader.read(name, 0, 0).dtype.kind == "f"]
 
 
 def become_nan(app: Any, world: Any, which: int) -> None:
@@ -128,17 +128,31 @@ def with_fault(simulator: type) -> type:
                 take_memory()
             if kind == "small files":
                 resource.setrlimit(resource.RLIMIT_FSIZE, (100_000, 100_000))
-            self._ranks = world
+            self._ranks, self._within = world, False  # _within: step is called by advance
             super().__init__(config, world, pool, timers)
 
-        def step(self) -> None:
+        def before(self) -> None:
             time.sleep(FAULT["pause"])
             if self.iteration == at:
                 if kind.startswith("nan "):
                     become_nan(self, self._ranks, int(kind.split()[1]))
                 elif self._ranks.rank == rank:
                     fail_here(kind, self._ranks)
+
+        def step(self) -> None:
+            if not self._within:
+                self.before()
             super().step()
+
+        if hasattr(simulator, "advance"):
+
+            def advance(self, most: int) -> None:
+                """Single steps where they are slowed down; else none beyond the fault."""
+                self.before()
+                ahead = at - self.iteration
+                self._within = True
+                super().advance(1 if FAULT["pause"] else min(most, ahead) if ahead > 0 else most)
+                self._within = False
 
     Faulty.__name__ = simulator.__name__
     return Faulty
@@ -162,7 +176,7 @@ def main() -> None:
         return replace(app, load=lambda: with_fault(app.load()))
 
     app = load_app()
-    build(faulty_app, app.name, app.title)()
+    face.program(faulty_app, app.name, app.title)
 
 
 if __name__ == "__main__":

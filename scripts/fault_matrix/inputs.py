@@ -2,23 +2,26 @@
 
 from __future__ import annotations
 
-import contextlib
+import json
 import os
+import random
 import resource
-import time
+import shutil
+import subprocess
+import sys
 from collections.abc import Callable
 from pathlib import Path
 
 import h5py
 import numpy as np
 
-from fault_matrix.bench import Bench, Done, Skipped, expect
+from fault_matrix.bench import Bench, Done, expect
+from fault_matrix.fuzz import changed
 from fault_matrix.rows import row
-from hpcpic.core.errors import ConfigError
-from hpcpic.core.files.config import loads
 from hpcpic.core.files.rundir import temporary, write_atomic
 
-FUZZ_SECONDS = 20.0
+FUZZ = (475_000, 25_000)  # lines, whole cases, by each of two processes
+PROGRAMS = 12  # whole programs beside them
 START_SECONDS = 2.5  # of a program that only reads a case, on a busy machine
 
 
@@ -38,22 +41,31 @@ def refused(bench: Bench, case: Path, what: str) -> Done:
     return done
 
 
-@row(39, "cases with random changes", "read or refused, never a traceback, never slow")
+@row(39, "a million cases with random changes", "read or refused within 100 ms and 100 MB, never a traceback")
 def fuzz(bench: Bench) -> str:
-    text, rng = bench.case.read_text(), np.random.default_rng(6)
-    alphabet = [*list('{}()[]=;,:"\\#@+-.0123456789eExnL\n\t \x00\u202e'), "@include", "true", "1e999", "0x"]
-    n, slowest, end = 0, 0.0, time.monotonic() + FUZZ_SECONDS
-    while time.monotonic() < end:
-        changed = list(text)
-        for _ in range(rng.integers(1, 8)):
-            place = int(rng.integers(len(changed)))
-            changed[place : place + int(rng.integers(0, 3))] = [str(rng.choice(alphabet))]
-        begin = time.process_time()
-        with contextlib.suppress(ConfigError):
-            loads("".join(changed))
-        slowest, n = max(slowest, time.process_time() - begin), n + 1
-    expect(slowest < 0.5, f"{slowest:.2f} s for one")
-    return f"{n} in {FUZZ_SECONDS:.0f} s, the slowest {1e3 * slowest:.0f} ms"
+    words = [sys.executable, "-m", "fault_matrix.fuzz", bench.program, str(bench.case)]
+    workers = [
+        subprocess.Popen([*words, str(seed), *map(str, FUZZ)], env=bench.environment({}, {}),
+                         stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
+        for seed in (1, 2)
+    ]  # fmt: skip
+    said = [worker.communicate() for worker in workers]
+    expect(not any(worker.returncode for worker in workers), [err[-500:] for _, err in said])
+    found = [json.loads(out.splitlines()[-1]) for out, _ in said]
+    slowest, grown = (max(one[what] for one in found) for what in ("slowest", "mebibytes"))
+    expect(slowest < 0.1 and grown < 100, f"{1e3 * slowest:.0f} ms, {grown:.0f} MiB for one")
+    case, chance = bench.folder / "case.conf", random.Random(3)
+    codes = []
+    for _ in range(PROGRAMS):
+        case.write_text(changed(bench.case.read_text(), chance))
+        done = check(bench, case)
+        expect(done.code in (0, 2, 3) and "Traceback" not in done.err, done)
+        codes.append(done.code)
+    n, read = (sum(one[what] for one in found) for what in ("inputs", "read"))
+    return (
+        f"{n} in the reader, {read} read: at most {1e3 * slowest:.0f} ms, {grown:.0f} MiB; "
+        f"{PROGRAMS} in the program: exit {', '.join(map(str, sorted(set(codes))))}"
+    )
 
 
 @row(40, "nesting, long numbers, NUL, BOM, CRLF, bad UTF-8, bidi", "exit 2 with line and column; BOM, CRLF read")
@@ -199,20 +211,41 @@ def poisoned_cache(bench: Bench) -> str:
     return "mode 0777, a link, another owner: not used, warned"
 
 
-@row(46, "links where files will be written", "what they lead to is not touched")
+def planted(bench: Bench, name: str, victim: Path) -> None:
+    """A folder where a file or folder of the run is a link to the victim; `run --force` goes its own way."""
+    shutil.rmtree(bench.run_folder, ignore_errors=True)
+    bench.run_folder.mkdir()
+    (bench.run_folder / name).symlink_to(victim)
+    before = contents(victim)
+    done = bench.run("--force", ranks=1)
+    expect(done.code in (0, 6) and "Traceback" not in done.err, f"{name}: {done}")
+    expect(contents(victim) == before, f"{name}: the victim was written to")
+
+
+def contents(path: Path) -> dict[str, str]:
+    files = [path, *path.rglob("*")]
+    return {str(file): file.read_text() for file in files if file.is_file()}
+
+
+@row(46, "links where files will be written; a run folder that is a link", "what they lead to is not touched")
 def planted_links(bench: Bench) -> str:
-    victim = bench.folder / "victim"
+    victim, folder = bench.folder / "victim", bench.folder / "victims"
     victim.write_text("mine\n")
+    folder.mkdir()
+    (folder / "00000001.h5").write_text("mine\n")
     target = bench.folder / "table.csv"
     temporary(target).symlink_to(victim)
     write_atomic(target, "new\n")
     expect(victim.read_text() == "mine\n" and target.read_text() == "new\n", "the victim was written to")
-    held = bench.folder / "held"
-    held.mkdir()
-    (held / "run.json").write_text("{}")
-    bench.run_folder.symlink_to(held)
+    names = ("run.json", "log.txt", "series.csv", "series.h5", "config.conf", "trace-rank-0.txt", ".lock")
+    for name in names:
+        planted(bench, name, victim)
+    for name in ("checkpoints", "given"):
+        planted(bench, name, folder)
+    shutil.rmtree(bench.run_folder)
+    (folder / "run.json").write_text("{}")
+    bench.run_folder.symlink_to(folder)
+    before = contents(folder)
     done = bench.run()
-    expect(done.code == 6 and (held / "run.json").read_text() == "{}", done)
-    if not os.path.exists("/proc/self"):
-        raise Skipped("no /proc")
-    return "the victim is as it was; a linked folder that holds a run: exit 6"
+    expect(done.code == 6 and contents(folder) == before, done)
+    return f"{len(names) + 2} links in the folder and a temporary one: not followed; a linked run: exit 6"

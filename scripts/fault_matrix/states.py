@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from fault_matrix.bench import Bench, Skipped, expect
+from fault_matrix.bench import Bench, expect
 from fault_matrix.checkpoints import alone
 from fault_matrix.faulty import floats
 from fault_matrix.processes import told_once
@@ -10,7 +10,8 @@ from fault_matrix.rows import row
 from hpcpic.core.files.rundir import RunDir
 from hpcpic.core.run import checkpoint
 
-FLIPS = 100
+FLIPS = 200
+FLAT_RANKS = 6
 
 
 @row(34, "a NaN in each array of the state", "exit 4, post-mortem.txt names rank and place")
@@ -27,22 +28,19 @@ def not_a_number(bench: Bench) -> str:
 
 @row(35, "a scheme beyond its stability", "refused; if it runs all the same: exit 4")
 def runaway(bench: Bench) -> str:
-    if not bench.runaway:
-        raise Skipped("no --runaway settings")
-    sets = [word for assignment in bench.runaway for word in ("--set", assignment)]
-    refused = bench.run(*sets)
+    refused = bench.run(*assigned(bench.runaway))
     expect(refused.code == 2, refused)
-    done = bench.run(*sets, "--beyond-limits")
+    done = bench.run(*assigned(bench.runaway), "--beyond-limits")
     expect(done.code == 4 and "Traceback" not in done.err, done)
     return f"exit 2; beyond limits: exit 4, {bench.facts()['reason'][:60]}"
 
 
-@row(36, "one bit of an exponent flips in memory", "nine in ten of those that change the energy by 1 % are seen")
+@row(36, "one bit of an exponent flips in memory", "95 % of those that change the energy by 1 % are seen")
 def flipped_in_memory(bench: Bench) -> str:
     found = alone(bench, "flips", FLIPS)
     harmful = FLIPS - found["harmless"]
     seen = found["caught"] + found["raised"] + found["crashed"]
-    expect(seen >= 0.9 * harmful, f"{seen} of {harmful} seen: {found}")
+    expect(seen >= 0.95 * harmful, f"{seen} of {harmful} seen: {found}")
     return f"{seen} of {harmful} seen; of {FLIPS}: {', '.join(f'{n} {what}' for what, n in found.items())}"
 
 
@@ -65,12 +63,23 @@ def clock(bench: Bench) -> str:
     return f"exit 0, {bench.facts()['wall_seconds']:.1f} s"
 
 
-@row(48, "more ranks than cores; more than rows", "same bits; the same or exit 2 with the most there may be")
+@row(48, "ranks without a particle; more than cores; more than rows", "same bits or exit 2 with the most there may be")
 def many_ranks(bench: Bench) -> str:
     for ranks in (3, 5):
-        done = bench.run("--force", ranks=ranks)
-        expect(done.code == 0 and bench.facts()["state_digest"] == bench.digest(), done)
-    done = bench.run("--force", ranks=45)
-    expect(done.code in (0, 2) and "Traceback" not in done.err, done)
-    expect(done.code == 2 or bench.facts()["state_digest"] == bench.digest(), "other bits")
-    return f"same bits on 3, 5; on 45: exit {done.code}"
+        same(bench, ranks)
+    same(bench, 3, *bench.sparse)
+    done = bench.run("--force", *assigned(bench.flat), ranks=FLAT_RANKS)
+    if done.code == 2:
+        expect("at most" in done.err and "Traceback" not in done.err, done)
+        return f"same bits on 3, 5, and 3 with nothing on one; on {FLAT_RANKS} for fewer rows: exit 2"
+    same(bench, FLAT_RANKS, *bench.flat)
+    return f"same bits on 3, 5, on 3 with nothing on one, on {FLAT_RANKS} for fewer rows"
+
+
+def same(bench: Bench, ranks: int, *sets: str) -> None:
+    done = bench.run("--force", *assigned(sets), ranks=ranks)
+    expect(done.code == 0 and bench.facts()["state_digest"] == bench.digest(*sets), f"{ranks} ranks {sets}: {done}")
+
+
+def assigned(sets: tuple[str, ...]) -> list[str]:
+    return [word for assignment in sets for word in ("--set", assignment)]
