@@ -5,7 +5,7 @@ from collections.abc import Iterator
 
 from hpcpic.core.files.derived import Derived
 from sph import geometry, limits
-from sph.config import SphConfig
+from sph.config import SphConfig, motion_speed
 from sph.scene import Scene
 
 STABILITY = "von Neumann, research of this program"
@@ -20,6 +20,7 @@ def derived(config: SphConfig, ranks: int = 1) -> list[Derived]:
         *compressibility(config),
         *resolution(config),
         *decoupling(config),
+        *fast_walls(config),
         *filling(config, scene),
         *extents(config, scene, ranks),
     ]
@@ -138,6 +139,17 @@ def decoupling(config: SphConfig) -> Iterator[Derived]:
         cure = 'viscosity_form = "morris": mirrors make a checkerboard of 6 % of the speed in 0.1 L^2 / nu'
         key = ("numerics", "viscosity_form")
         yield Derived("damping of waves of two spacings", "", 0.0, "", "> 0", "warn", "Poiseuille, measured", cure, key)
+
+
+def fast_walls(config: SphConfig) -> Iterator[Derived]:
+    """Walls with a density of their own: what goes past the fluid fast is a lattice that rattles it."""
+    for i, wall in enumerate(config.wall):
+        if wall.motion and wall.type == "pressure-continuity":
+            mach = motion_speed(wall.motion) / config.sound_speed
+            verdict = "ok" if mach < 1 / 3 else "fail"
+            cure = "" if verdict == "ok" else 'type = "repulsive" lets the fluid go, at any speed of the wall'
+            yield Derived(f"speed of {wall.name}", "v/c0", mach, "", "< 1/3", verdict, "measured with a gate", cure,
+                          ("wall", i, "motion"), True)  # fmt: skip
 
 
 def filling(config: SphConfig, scene: Scene) -> Iterator[Derived]:

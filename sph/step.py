@@ -1,5 +1,6 @@
 """The SPH simulation: particles sorted into cells, pair sums, one step in time."""
 
+import logging
 from collections.abc import Mapping
 from typing import Any
 
@@ -32,6 +33,9 @@ SPARE, LEAST = 1.15, 2e-3  # neighbours are known for this much more than the wa
 TIDY = 8  # steps between sorts of the particles in memory
 DENSITIES = (0.7, 1.3)  # of rho0, beyond which a weakly compressible fluid is none
 MARGIN = 1e-9  # of the support, for rounding
+SLOW = 7.0  # c0 over the largest velocity, below which the fluid is told to be compressible
+
+log = logging.getLogger("hpcpic.sph")
 
 
 class Sph:
@@ -55,7 +59,7 @@ class Sph:
         self.gauges = Gauges(self)
         self.time_periods = {"series": period.series, "particle": period.particles, "checkpoint": period.checkpoint}
         self.iteration, self.time, self.time_step = 0, 0.0, 0.0
-        self.evaluations, self._forces_at = 0, -1
+        self.evaluations, self._forces_at, self._told = 0, -1, False
         self.axes = list(scene.axes)
         self.walls, self.impulses = Walls(scene, world), np.zeros((len(scene.walls), 4))
         self._domain()
@@ -246,8 +250,7 @@ class Sph:
         self.integrate(self)
         with self.timers.section("update"):
             if self.law.shifting:
-                mach = np.sqrt(self.largest[0]) / self.scene.c0
-                self.numbers[1] = self.scene.h * self.time_step * self.scene.c0 / self.scene.h * mach
+                self.numbers[1] = self.time_step * np.sqrt(self.largest[0])
                 self.tasks.each(self.motion.spread, chunks="own_chunks")
             if self.faces:
                 self.tasks.each(self.motion.swap, chunks="own_chunks")
@@ -307,8 +310,20 @@ class Sph:
             speed, acceleration, density = self.largest
             self.time_step = self.choose(float(np.sqrt(speed)), float(np.sqrt(acceleration)), float(density))
             self._add_impulses()
+            self._tell_speed(float(np.sqrt(speed)))
         if self.farthest_reach:
             self._widen(*np.sqrt(worst[:2]))
+
+    def _tell_speed(self, speed: float) -> None:
+        """A warning, once, when the sound speed is too low for what has come about in the fluid."""
+        wall = np.sqrt(np.sum(self.walls.velocity**2, axis=1)).max(initial=0.0)
+        if self._told or speed * SLOW <= self.scene.c0 or speed <= wall:
+            return
+        self._told = True
+        if self.world.rank == 0:
+            factor = self.scene.c0 / speed
+            words = "fluid at %.3g m/s at t = %.3g s: c0 is %.2g times that (below %g densities are off by 2 %%)"
+            log.warning(words + "; larger eos.max_velocity", speed, self.time, factor, SLOW)
 
     def _widen(self, speed: float, acceleration: float) -> None:
         """Neighbours as far as this step takes them from each other, and about as far as the next one may."""

@@ -140,3 +140,15 @@ def test_a_form_that_leaves_a_checkerboard_undamped_is_told_where_walls_feed_it(
     text = text.replace("};\nwall", f'viscosity_form = "{form}"; }};\nwall')
     found = {n.name: n for n in derived(validate(SphConfig, loads(text)))}
     assert ("damping of waves of two spacings" in found) is told
+
+
+@pytest.mark.parametrize(
+    "kind, speed, verdict", [("pressure-continuity", 6.0, "ok"), ("pressure-continuity", 1e3, "fail"),
+                             ("repulsive", 1e3, None)]
+)  # fmt: skip
+def test_a_wall_that_rattles_the_fluid_is_refused(kind, speed, verdict):
+    gate = f"""{{ name = "gate"; type = "{kind}"; motion = {{ velocity = [0.0, {speed}]; }}; solid = true;
+        shape = {{ box = {{ low = [0.5, 0.0]; high = [0.6, 1.0]; }}; }}; }} );"""
+    text = "eos = { sound_speed = 31.0; };" + TANK.rstrip().removesuffix(");") + ", " + gate
+    found = {n.name: n.verdict for n in derived(validate(SphConfig, loads(text)))}
+    assert found.get("speed of gate") == verdict
