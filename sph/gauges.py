@@ -51,6 +51,9 @@ class Gauges:
         for gauge in self.scene.config.gauge:
             if not due(gauge, time, self.since):
                 continue
+            if gauge.what == "front":
+                found[gauge.name] = self.front(gauge)
+                continue
             if own is None:
                 particles = own_particles(self.sph)
                 wet = particles["kind"] == 0
@@ -60,8 +63,6 @@ class Gauges:
         return found
 
     def read(self, gauge: Gauge, own: Own) -> dict[str, float]:
-        if gauge.what == "front":
-            return {gauge.name: self.front(gauge, own)}
         if gauge.what == "elevation":
             return {gauge.name: self.elevation(gauge, own)}
         if gauge.what == "flow":
@@ -98,12 +99,14 @@ class Gauges:
         sums = self.summed(np.column_stack([weight, weight[:, None] * values / scale]))
         return [float(value) for value in sums[1:] * scale / sums[0]] if sums[0] > EMPTY else [0.0] * (len(sums) - 1)
 
-    def front(self, gauge: Gauge, own: Own) -> float:
+    def front(self, gauge: Gauge) -> float:
         """The farthest edge of the fluid along an axis."""
         assert gauge.axis is not None
         sign, k = (1.0 if gauge.axis[1] == "+" else -1.0), AXES.index(gauge.axis[0])
-        farthest = self.sph.world.max(float((sign * own["x"][:, k]).max(initial=-np.inf)))
-        return sign * (farthest + self.scene.spacing / 2)
+        bodies, along = self.sph.bodies, self.sph.axes.index(k)
+        x = sign * bodies.own("x")[along][bodies.own("wall") == 0]
+        farthest = self.sph.world.max(float(x.max(initial=-np.inf)))
+        return sign * (farthest + sign * self.sph.origin[along] + self.scene.spacing / 2)
 
     def elevation(self, gauge: Gauge, own: Own) -> float:
         """Highest place over the point where half of the space is fluid; the lowest looked at when none is."""

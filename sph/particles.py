@@ -97,7 +97,7 @@ class Bodies:
         """Room for `capacity` bodies."""
         if capacity <= self.capacity:
             return
-        capacity += capacity // 8
+        capacity += capacity // 8 + 16  # vectors may overrun
         shapes = {name: ((self.d, capacity), np.dtype(float)) for name in self.LINES}
         shapes |= {name: ((capacity,), np.dtype(float)) for name in self.COLUMNS}
         shapes |= {name: ((self.d**2, capacity), np.dtype(float)) for name in ("shear", "matrix")}

@@ -111,6 +111,7 @@ class Sph:
             wall_shift=np.zeros((len(scene.walls), d)),
             wall_speed=np.zeros((len(scene.walls), d)),
         )
+        self.totals = diagnostics.Totals(self)
 
     def _maps(self) -> Maps:
         """Images of the particles in periodic sides and mirrors, as the walls are now."""

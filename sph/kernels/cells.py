@@ -14,7 +14,18 @@ import numpy as np
 
 from hpcpic.core.simd.jit import njit
 from hpcpic.core.simd.vector import (
-    Vec, bitmask, convert, first_bit, floor, lanes, load, maximum, minimum, select, sqrt, store
+    Vec,
+    bitmask,
+    convert,
+    first_bit,
+    floor,
+    lanes,
+    load,
+    maximum,
+    minimum,
+    select,
+    sqrt,
+    store,
 )  # fmt: skip
 
 DIM = 3

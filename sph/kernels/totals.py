@@ -1,0 +1,109 @@
+"""Sums over the own fluid of a rank for the series, by chunks: largest terms first, then exact limbs of their sums."""
+
+import numpy as np
+
+from hpcpic.core.simd.jit import njit
+from hpcpic.core.simd.vector import (
+    Vec,
+    fma,
+    lane_numbers,
+    lanes,
+    load,
+    maximum,
+    rint,
+    select,
+    splat,
+    store,
+    to_fixed,
+    total,
+)
+
+DIM = 3
+
+FLUID = 1
+TERMS = 4 + DIM  # kinetic, potential, internal energy, mass, momentum
+_FIRST, _NEXT = 2.0**31, 2.0**32  # as core.space.exact
+N = lanes(np.float64)
+F, I, L = Vec(N, np.float64), Vec(N, np.int32), Vec(N, np.int64)
+# constants = (rho0, stiffness, background pressure, gamma - 1, gravity, lower corner of the domain)
+
+
+@njit
+def fill(b, last, flags, constants, powers, x, v, m, drho, terms):
+    """terms[k, N] of the bodies from b on; 0 for those that are no fluid and from `last` on.
+
+    `powers`: coefficients of ((1 + e)^(gamma - 1) - 1) / (gamma - 1) in e, for whole gamma.
+    """
+    fluid = load(I, flags, b) & np.int32(FLUID) == np.int32(FLUID)
+    mass = select(fluid, load(F, m, b), 0.0)
+    mass = select(lane_numbers(I) < np.int32(last - b), mass, 0.0)
+    counts = mass > 0.0
+    square, height = splat(F, 0.0), splat(F, 0.0)
+    for k in range(DIM):
+        speed = select(counts, load(F, v[k], b), 0.0)
+        square = fma(speed, speed, square)
+        height = fma(select(counts, load(F, x[k], b), 0.0) + constants[4 + DIM + k], constants[4 + k], height)
+        store(terms[4 + k], 0, mass * speed)
+    change = select(counts, load(F, drho, b), 0.0) / constants[0]
+    volume = change / (change + 1.0)  # rho0 (1 / rho0 - 1 / rho)
+    bent = splat(F, 0.0)
+    for k in range(powers.size - 1, -1, -1):
+        bent = change * (bent + powers[k])
+    if powers.size == 0:
+        line = terms[2]
+        store(line, 0, change)
+        for k in range(N):
+            stretch = np.log1p(line[k])
+            line[k] = np.expm1(constants[3] * stretch) / constants[3] if constants[3] != 0.0 else stretch
+        bent = load(F, line, 0)
+    store(terms[0], 0, 0.5 * mass * square)
+    store(terms[1], 0, -mass * height)
+    store(terms[2], 0, mass * (((bent - volume) * constants[1] + volume * constants[2]) / constants[0]))
+    store(terms[3], 0, mass)
+
+
+@njit
+def extremes(chunk, chunks, flags, x, v, m, drho, most):
+    """most[chunk] = largest mass, |v|^2, |drho|, x and -x of the fluid; not a number where one is not."""
+    best = np.full((3 + 2 * DIM, N), -np.inf)
+    sound = splat(F, 0.0)
+    last = chunks[chunk + 1]
+    for b in range(chunks[chunk], last, N):
+        fluid = load(I, flags, b) & np.int32(FLUID) == np.int32(FLUID)
+        mass = select(fluid, load(F, m, b), 0.0)
+        mass = select(lane_numbers(I) < np.int32(last - b), mass, 0.0)
+        counts = mass > 0.0
+        square = splat(F, 0.0)
+        for k in range(DIM):
+            speed = select(counts, load(F, v[k], b), 0.0)
+            square = fma(speed, speed, square)
+            at = load(F, x[k], b)
+            sound = sound + select(counts, at, 0.0)
+            for n, side in ((3 + k, at), (3 + DIM + k, -at)):
+                reached = load(F, best[n], 0)
+                store(best[n], 0, maximum(reached, select(counts, side, reached)))
+        excess = abs(select(counts, load(F, drho, b), 0.0))
+        sound = sound + square + excess
+        for n, one in ((0, mass), (1, square), (2, excess)):
+            store(best[n], 0, maximum(load(F, best[n], 0), one))
+    for k in range(3 + 2 * DIM):
+        most[chunk, k] = best[k].max() if np.isfinite(total(sound)) else np.nan
+
+
+@njit
+def add(chunk, chunks, flags, constants, powers, x, v, m, drho, inverse, limbs):
+    """limbs[chunk, k, 3] = exact limbs of the sum of terms k, |term inverse[k]| <= 1."""
+    terms, parts = np.zeros((TERMS, N)), np.zeros((3 * TERMS, N), np.int64)
+    last = chunks[chunk + 1]
+    for b in range(chunks[chunk], last, N):
+        fill(b, last, flags, constants, powers, x, v, m, drho, terms)
+        for k in range(TERMS):
+            t = load(F, terms[k], 0) * (inverse[k] * _FIRST)
+            for limb in range(3):
+                whole = rint(t)
+                line = parts[3 * k + limb]
+                store(line, 0, load(L, line, 0) + to_fixed(whole, 1.0))
+                t = (t - whole) * _NEXT
+    for k in range(TERMS):
+        for limb in range(3):
+            limbs[chunk, k, limb] = parts[3 * k + limb].sum()
