@@ -138,7 +138,9 @@ def test_a_rotating_square_does_not_clump(world):
 
 
 def test_the_water_column_of_the_paper(world):
-    """Front against Koshizuka & Oka: measured 0.30 L rms (free slip, no gate, no friction of the bed)."""
+    """Front against Koshizuka & Oka: measured 0.30 L rms, 0.31 with half the spacing, 0.30 to 0.32 with other walls:
+    what is left is the gate and the friction of the bed, which the paper's scene has not.
+    """
     done = Done(world, "water-column", period=0.002)
     clock = math.sqrt(2 * 9.81 / 0.146)
     found = measured.KOSHIZUKA_FRONT
@@ -192,15 +194,19 @@ def test_the_piston_makes_waves_of_the_height_of_linear_theory(world):
 
 
 def test_a_dam_break_arrives_at_the_wall_in_time(world):
-    """Pressure 3 mm above the floor beside Lobovsky et al. 2014."""
+    """Pressure 3 mm above the floor beside Lobovsky et al. 2014: measured +2.4 % (+10 % with twice the spacing); mean
+    pressure +1.5 %.
+    """
     done = Done(world, "dam-break-pressure", "simulation.end_time=1.0", period=0.001)
     clock, scale = math.sqrt(9.81 / 0.3), 1000 * 9.81 * 0.3
     pressure = done.series("sensor_1") / scale
     arrival = done.t[np.argmax(pressure > 0.2)] * clock
-    assert abs(told("dam break: arrival at the wall over 2.43 - 1", arrival / 2.43 - 1, "6 %")) < 0.06
+    assert abs(told("dam break: arrival at the wall over 2.43 - 1", arrival / 2.43 - 1, "3 %")) < 0.03
     later = (done.t * clock > 3.4) & (done.t * clock < 5.4)
-    mean = told("dam break: mean pressure from 3.4 to 5.4 / (rho g H)", pressure[later].mean(), "0.6 measured")
-    assert 0.4 < mean < 0.8
+    found = measured.LOBOVSKY_PRESSURE
+    wanted = np.interp(done.t[later] * clock, *found.T).mean()
+    mean = pressure[later].mean() / wanted - 1
+    assert abs(told("dam break: mean pressure from 3.4 to 5.4 over measured - 1", mean, "15 %")) < 0.15
 
 
 def column_figures(done: Done) -> dict[str, float]:
