@@ -113,6 +113,10 @@ def program(app_loader: AppLoader, name: str, title: str) -> None:
     except SystemExit as end:
         if not isinstance(end.code, int):
             raise
-        sys.stdout.flush(), sys.stderr.flush()
+        sys.stdout.flush()
+        sys.stderr.flush()
         atexit._run_exitfuncs()
+        mpi = sys.modules.get("mpi4py.MPI")
+        if mpi and mpi.Is_initialized() and not mpi.Is_finalized():
+            mpi.Finalize()  # mpi4py would do it as the interpreter ends; a launcher may take its absence for a crash
         os._exit(end.code)
