@@ -83,9 +83,12 @@ class Cells:
                 runs=np.zeros((2 * self.n_runs, n), np.int32),
             )  # fmt: skip
 
-    def sort(self, bodies: Bodies, first: int, here: int, radius: float) -> None:
-        """Slots of all bodies, who lie in global layers first .. first + here - 1; neighbours are within `radius`."""
+    def sort(self, bodies: Bodies, layer: NDArray[np.int64], slab: tuple[int, int], radius: float) -> None:
+        """Slots of all bodies; neighbours are within `radius`. The own ones are in global layers layer[n] of the slab
+        from slab[0] up to slab[1], ghosts also beside it.
+        """
         tasks, a, kernels = self.tasks, self.tasks.arrays, self.kernels
+        first, here = self._span(bodies, layer, *slab)
         self.here = here
         n = bodies.n + bodies.ghosts
         self._room(layers=here, bodies=n)
@@ -110,6 +113,13 @@ class Cells:
         self._room(fine=int(fine[here]))
         tasks.each(kernels.arrange, blocks="layers")
         tasks.each(kernels.find, blocks="sweeps")
+
+    def _span(self, bodies: Bodies, layer: NDArray[np.int64], low: int, high: int) -> tuple[int, int]:
+        """First and number of the layers with bodies, and one more on each side: an empty tank costs nothing."""
+        ghosts = self.grid.layer(bodies.x[0, bodies.n : bodies.n + bodies.ghosts])
+        first = max(min(layer.min(initial=high), ghosts.min(initial=high)) - 1, low - 1)
+        last = min(max(layer.max(initial=low - 1), ghosts.max(initial=low - 1)) + 1, high)
+        return (int(first), int(last - first) + 1) if bodies.n + bodies.ghosts else (low - 1, 2)
 
     def order(self) -> NDArray[np.int64]:
         """All bodies in the order of their slots."""

@@ -9,6 +9,7 @@ from hpcpic.core.comm.sharding import by_id
 from hpcpic.core.files.arrays import Shard
 from hpcpic.core.space.domain import block_ranges
 from sph.particles import FLUID, REAL
+from sph.walls import add_walls
 
 if TYPE_CHECKING:
     from hpcpic.core.files.sealed import Reader
@@ -76,5 +77,5 @@ def restore(sph: "Sph", reader: "Reader") -> None:
         low, high = block_ranges(reader.total("walls/number"), world.size)[world.rank]
         names = ("number", "x", "drho", *(("normal",) if sph.law.repulsive else ()))
         ids, x, drho, *normal = (reader.read(f"walls/{name}", low, high) for name in names)
-        sph.add_walls(ids, x.T, drho, normal[0].T if normal else None)
+        add_walls(sph, ids, x.T, drho, normal[0].T if normal else None)
     sph.resume()

@@ -22,10 +22,10 @@ from sph.integrators import INTEGRATORS, STAGED, symplectic
 from sph.kernels.specialise import specialise
 from sph.neighbours import Cells, Grid
 from sph.particles import FLUID, REAL, Bodies, Tasks
-from sph.scene import WALL_BITS, Scene
+from sph.scene import Scene
 from sph.sums import PairSums, law_of
 from sph.timestep import TimeStep
-from sph.walls import WALL_FLAGS, Walls, through_wall, wall_forces
+from sph.walls import Walls, grow_walls, through_wall, wall_forces
 
 PARTS_PER_THREAD = 4
 FASTEST = 0.15  # of c0: particles of integrators with stages may move so far in a step of Courant number cfl
@@ -134,12 +134,14 @@ class Sph:
         )  # fmt: skip
         self.work_items = self.scene.n_fluid
         self._find_box()
-        self._grow_walls()
+        grow_walls(self)
         self.migrate()
         self.balance()
 
     def resume(self) -> None:
         """Take up a state whose particles have just been appended anywhere."""
+        if not np.isfinite(self.bodies.own("x")).all():
+            raise Diverged("a position is not a finite number")
         self.gauges.since = self.time
         self._forces_at = -1
         self.migrate()
@@ -161,26 +163,6 @@ class Sph:
         low, high = np.empty(d), np.empty(d)
         low[self.axes], high[self.axes] = self.origin - reach[:d], self.origin + reach[d:]
         self.box = low, high
-
-    def _grow_walls(self) -> None:
-        """Make wall particles where the fluid will be soon."""
-        ahead = 0.5 * self.scene.support  # more than it moves in a step
-        for wall, part in self.walls.grow(self.box[0] - ahead, self.box[1] + ahead):
-            ids, x, normal = wall.near(*part)
-            drho = self.scene.rest_density(x) if wall.type == "pressure-continuity" else np.zeros(len(x))
-            x = (x + self.walls.displacement[wall.index])[:, self.axes] - self.origin
-            mine = np.flatnonzero(self.domain.owner(self.grid.layer(x[:, 0])) == self.world.rank)
-            self.add_walls(ids[mine], x[mine].T, drho[mine], normal[mine][:, self.axes].T)
-
-    def add_walls(self, ids: NDArray, x: NDArray, drho: NDArray, normal: NDArray | None) -> None:
-        """Append wall particles, x and normal [d, n] in storage axes."""
-        index = (ids >> WALL_BITS) - 1
-        kinds = np.array([WALL_FLAGS.get(wall.type, REAL) for wall in self.scene.walls])
-        mass = self.scene.rho0 * self.scene.spacing**self.scene.dimensions
-        v = self.walls.velocity[index][:, self.axes].T
-        self.bodies.append(
-            x, v, drho, np.full(len(ids), mass), ids, kinds[index], index + 1, normal if self.law.repulsive else None
-        )
 
     def _move_walls(self, time: float) -> None:
         """Walls to where they are at `time`."""
@@ -242,8 +224,8 @@ class Sph:
             bodies.choose_ghosts(self._layer, self.grid.layer, owner)
             bodies.refresh(self.iteration)
         with self.timers.section("sort"):
-            low, high = self.domain.row_range(self.world.rank)
-            cells.sort(bodies, low - 1, high - low + 2, self.scene.support * (1 + MARGIN) + 2 * self.reach)
+            radius = self.scene.support * (1 + MARGIN) + 2 * self.reach
+            cells.sort(bodies, self._layer, self.domain.row_range(self.world.rank), radius)
             self.sums.fit()
 
     def step(self) -> None:
@@ -261,7 +243,7 @@ class Sph:
         with self.timers.section("migrate"):
             if self.iteration % TIDY == 0:
                 self._tidy()
-            self._grow_walls()
+            grow_walls(self)
             self.migrate()
             period = self.scene.config.numerics.balance_period
             if period and self.iteration % period == 0:

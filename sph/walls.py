@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from hpcpic.core.comm.world import World
 from hpcpic.core.space.exact import exact_limbs, power_of_two_above, value
 from sph.particles import REAL, REPULSIVE
-from sph.scene import behind
+from sph.scene import WALL_BITS, behind
 from sph.solids import signed_distance
 
 if TYPE_CHECKING:
@@ -85,6 +85,27 @@ class Walls:
     def restore(self, boxes: NDArray[np.float64], t: float) -> None:
         self.made = {k: (box[0], box[1]) for k, box in enumerate(boxes) if not np.isnan(box).any()}
         self.move(t)
+
+
+def grow_walls(engine: "Sph") -> None:
+    """Make wall particles where the fluid will be soon."""
+    ahead = 0.5 * engine.scene.support  # more than it moves in a step
+    for wall, part in engine.walls.grow(engine.box[0] - ahead, engine.box[1] + ahead):
+        ids, x, normal = wall.near(*part)
+        drho = engine.scene.rest_density(x) if wall.type == "pressure-continuity" else np.zeros(len(x))
+        x = (x + engine.walls.displacement[wall.index])[:, engine.axes] - engine.origin
+        mine = np.flatnonzero(engine.domain.owner(engine.grid.layer(x[:, 0])) == engine.world.rank)
+        add_walls(engine, ids[mine], x[mine].T, drho[mine], normal[mine][:, engine.axes].T)
+
+
+def add_walls(engine: "Sph", ids: NDArray, x: NDArray, drho: NDArray, normal: NDArray | None) -> None:
+    """Append wall particles, x and normal [d, n] in storage axes."""
+    index, scene = (ids >> WALL_BITS) - 1, engine.scene
+    kinds = np.array([WALL_FLAGS.get(wall.type, REAL) for wall in scene.walls])
+    mass = np.full(len(ids), scene.rho0 * scene.spacing**scene.dimensions)
+    v = engine.walls.velocity[index][:, engine.axes].T
+    normal = normal if engine.law.repulsive else None
+    engine.bodies.append(x, v, drho, mass, ids, kinds[index], index + 1, normal)
 
 
 def exact_sums(world: World, groups: list[NDArray[np.float64]]) -> NDArray[np.float64]:

@@ -71,6 +71,18 @@ def test_walls_are_made_where_the_fluid_comes():
     assert floor[:, 0].max() > fluid[:, 0].max() + far.scene.support
 
 
+def test_an_empty_tank_costs_nothing():
+    """The same column in a tank a million times as large: the same bits, layers and runs looked at, and arrays."""
+    near, far = (engine(d=3, spacing=0.1, size=size, more=tank(3, size=size)) for size in (2.0, 200.0))
+    for sph in (near, far):
+        for _ in range(4):
+            sph.step()
+    assert all(np.array_equal(*pair) for pair in zip(by_id(near, "x", "v"), by_id(far, "x", "v")))
+    assert near.cells.here == far.cells.here and near.cells.slots == far.cells.slots
+    held = [[getattr(array, "nbytes", 0) for array in sph.tasks.arrays.values()] for sph in (near, far)]
+    assert sum(held[1]) <= 1.05 * sum(held[0])
+
+
 def test_moving_walls_are_where_their_motion_says():
     sph = engine(spacing=0.1, more=tank(2, more="motion = { velocity = [0.5, 0.0]; };"))
     ids, before = sph.bodies.own("id").copy(), sph.physical("x")
