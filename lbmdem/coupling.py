@@ -127,8 +127,7 @@ class Immersed:
         self._refill.exchange()
         change = self._solid.update(table)
         covered, filled = self._refill.change(self._solid, change, table)
-        self._solid.settle()
-        self.fluid.solid_changed(fill=False)
+        self.fluid.nodes_changed(self._solid.settle())
         self._moving.place(table, self._solid.images)
         if self._refill.conserving:
             self._pending = self._account(change, covered, filled)

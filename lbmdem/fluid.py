@@ -18,7 +18,7 @@ from lbmdem.faces import Face, Layer, complete, wall_ghosts
 from lbmdem.kernels import observe
 from lbmdem.kernels.collide import COLLISIONS, numbers
 from lbmdem.kernels.layout import FLUID, Layout
-from lbmdem.kernels.nodes import classify, look_ahead, mark
+from lbmdem.kernels.nodes import classify, look_ahead, mark, renew
 from lbmdem.kernels.sweep import AHEAD, sweep_kernel
 from lbmdem.lattices import CS2, Lattice
 from lbmdem.passes import After, Passes
@@ -138,6 +138,13 @@ class Fluid:
         for tasks in self._marks:
             if tasks:
                 self.pool.each(tasks)
+
+    def nodes_changed(self, places: NDArray[np.int64]) -> None:
+        """As `solid_changed(fill=False)` after edits at these flat places of `solid` alone, ghosts among them."""
+        wall_ghosts(self.solid.values, self.faces, (self.touches(-1), self.touches(1)))
+        layout, flat = self.layout, self.domain.ndim == 2
+        words = (self.ids, int(not flat), self._wet, self._inside, layout.lanes, flat, self._kinds)
+        renew(*words, layout.strides, layout.itemsize, AHEAD, self._hops, places)
 
     def set_force(self, force: Sequence[float] | None) -> None:
         """Force per volume for the steps to come; None if the fluid was made without."""

@@ -73,11 +73,12 @@ class Refill:
         self._edges = np.ascontiguousarray(np.stack([values[:, 0], values[:, -1]]))
 
     def change(self, solid: Solid, change: Change, table: Table) -> tuple[NDArray, NDArray]:
-        """Fill the uncovered nodes. Populations [n, q] of the covered nodes before, and of the uncovered ones now."""
+        """Fill the uncovered nodes. Populations [n, q] of the covered nodes before, which are read only if they are
+        counted ("conserving"), and of the uncovered ones now."""
         window, place = self._window, self._place(self._fluid.parity)
         q = self._fluid.lattice.q
         covered, filled = np.empty((len(change.covered), q)), np.empty((len(change.uncovered), q))
-        if len(change.covered):
+        if self.conserving and len(change.covered):
             kernels.read(*place, window.shape, window.inner, change.covered, covered)
         if not len(change.uncovered):
             return covered, filled

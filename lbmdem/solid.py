@@ -67,7 +67,6 @@ class Window:
             whole=not several_slabs(domain),
         )
 
-
     @property
     def box(self) -> NDArray[np.int64]:
         """[3, 2] places [first, last + 1) of the array that are in the box; no limit along periodic axes."""
@@ -125,7 +124,7 @@ class Solid:
         self._planes = (0, int(window.shape[2]))
         self._suspects = np.empty(0, np.int64)
         self._lists = np.empty((2, 64), np.int64), np.empty((2, 64), np.int32)
-        self._left = self._lists[0][0, :0]
+        self._left = self._taken = self._lists[0][0, :0]
 
     def rebuild(self, table: Table) -> Images:
         """Forget all grains and mark these."""
@@ -168,15 +167,17 @@ class Solid:
             runs.mark(*there, now.grain[again], now.offset[again], *self._planes, lost)
         self._table, self.images, self._suspects = table, now, new.ids[lost]
         n_left = runs.keep(self.nodes, runs.LEFT, left[:n_left], left_by[:n_left])
-        self._left = left[:n_left].copy()
+        self._left, self._taken = left[:n_left].copy(), taken[:n_taken].copy()
         inner = self.window.inner
         n_left = runs.keep_inner(self.nodes, left[:n_left], left_by[:n_left], inner)
         n_taken = runs.keep_inner(self.nodes, taken[:n_taken], taken_by[:n_taken], inner)
         return Change(left[:n_left], left_by[:n_left], taken[:n_taken], taken_by[:n_taken])
 
-    def settle(self) -> None:
-        """The nodes that the last update freed are fluid from now on."""
+    def settle(self) -> NDArray[np.int64]:
+        """The nodes that the last update freed are fluid from now on. Flat places of all that have changed, of ghosts
+        too."""
         self.nodes.reshape(-1)[self._left] = FLUID
+        return np.concatenate((self._left, self._taken))
 
     def _elsewhere(self, table: Table, images: Images, other: Table) -> tuple[NDArray, NDArray]:
         """Where the grain of each image is in another table: centre[m, 3] and offset[m, 3] of the nearest image."""

@@ -26,41 +26,97 @@ def mark(solid, ghosts, wet, n, low, high):
 @njit
 def classify(wet, inside, n, flat, kinds, low, high):
     """kinds[plane, row, vector] of planes low..; flat: the rows have no neighbours (2D). Returns nothing."""
-    full = (1 << (n + 2)) - 1
-    reach = 0 if flat else 1
     for z in range(low, high):
         for y in range(kinds.shape[1]):
             for v in range(kinds.shape[2]):
-                if ((wet[z + 1, y + 1, v] >> 1) & inside[v]) == 0:
-                    kinds[z, y, v] = SKIP
-                    continue
-                all_wet = full
-                for a in range(z, z + 3):
-                    for b in range(y + 1 - reach, y + 2 + reach):
-                        all_wet &= wet[a, b, v]
-                kinds[z, y, v] = PLAIN if all_wet == full and inside[v] == (full >> 2) else MIXED
+                kinds[z, y, v] = kind_of(wet, inside, n, flat, z, y, v)
+
+
+@njit(inline="always")
+def kind_of(wet, inside, n, flat, z, y, v):
+    own, full, reach = wet[z + 1, y + 1, v], (1 << (n + 2)) - 1, 0 if flat else 1
+    if ((own >> 1) & inside[v]) == 0:
+        return SKIP
+    if own != full or inside[v] != (full >> 2):
+        return MIXED
+    for a in range(z, z + 3):
+        for b in range(y + 1 - reach, y + 2 + reach):
+            if wet[a, b, v] != full:
+                return MIXED
+    return PLAIN
 
 
 @njit
 def look_ahead(kinds, strides, bytes_per_element, n, ahead, hops, low, high):
-    """hops of planes low.. (see sweep): ring holds the last `ahead` vectors with fluid in the order of the sweep."""
-    ring = np.zeros((ahead, 4), np.int64)
-    count = 0
+    """hops of planes low.. (see sweep): bytes to the vector with fluid that is `ahead` later in the order of the sweep.
+
+    The last ones of the planes look at themselves.
+    """
     for z in range(low, high):
         for y in range(kinds.shape[1]):
-            run = 0
-            for v in range(kinds.shape[2] - 1, -1, -1):
-                run = run + 1 if kinds[z, y, v] == SKIP else 0
-                hops[z, y, v] = run
+            _skip(kinds, hops, z, y)
+    _fetch(kinds, strides, bytes_per_element, n, ahead, hops, low, 0, high, 1 << 40)
+
+
+@njit(inline="always")
+def _skip(kinds, hops, z, y):
+    """Vectors without fluid from each vector of a row on."""
+    run = 0
+    for v in range(kinds.shape[2] - 1, -1, -1):
+        run = run + 1 if kinds[z, y, v] == SKIP else 0
+        hops[z, y, v] = run
+
+
+@njit
+def _fetch(kinds, strides, bytes_per_element, n, ahead, hops, low, row, high, most):
+    """Hops of the `most` first vectors with fluid from a row of the plane low on, before the plane high."""
+    ring = np.zeros((ahead, 4), np.int64)  # the last `ahead` vectors with fluid
+    count = 0
+    for z in range(low, high):
+        for y in range(row if z == low else 0, kinds.shape[1]):
             for v in range(kinds.shape[2]):
-                if kinds[z, y, v] != SKIP:
-                    place = z * strides[1] + y * strides[2] + v * n
-                    slot = count % ahead
-                    if count >= ahead:
-                        earlier = ring[slot]
-                        hops[earlier[0], earlier[1], earlier[2]] = (place - earlier[3]) * bytes_per_element
-                    ring[slot, 0], ring[slot, 1], ring[slot, 2], ring[slot, 3] = z, y, v, place
-                    count += 1
+                if kinds[z, y, v] == SKIP:
+                    continue
+                place = z * strides[1] + y * strides[2] + v * n
+                slot = count % ahead
+                if count >= ahead:
+                    earlier = ring[slot]
+                    hops[earlier[0], earlier[1], earlier[2]] = (place - earlier[3]) * bytes_per_element
+                ring[slot, 0], ring[slot, 1], ring[slot, 2], ring[slot, 3] = z, y, v, place
+                count += 1
+                if count >= ahead + most:
+                    return
+
+
+@njit
+def renew(solid, ghosts, wet, inside, n, flat, kinds, strides, bytes_per_element, ahead, hops, changed):
+    """What mark, classify and look_ahead say after edits of `solid` at the flat places `changed` alone.
+
+    Rows whose vectors do not change between with and without fluid keep their hops.
+    """
+    rows, columns, full = solid.shape[1], solid.shape[2], (1 << (n + 2)) - 1
+    for place in changed:
+        x, row, z = place % columns, place // columns % rows + 1 - ghosts, place // (columns * rows)
+        is_wet = np.int32(solid[z, row - 1 + ghosts, x] == FLUID)
+        for v in range(max((x - 2) // n, 0), min(x // n + 1, wet.shape[2])):
+            word = (wet[z, row, v] & ~(1 << (x - v * n))) | (is_wet << (x - v * n))
+            wet[z, row, v] = word
+            if 0 < z <= kinds.shape[0] and 0 < row <= kinds.shape[1]:
+                before, now = kinds[z - 1, row - 1, v], kind_of(wet, inside, n, flat, z - 1, row - 1, v)
+                kinds[z - 1, row - 1, v] = now
+                if (before == SKIP) != (now == SKIP):
+                    _skip(kinds, hops, z - 1, row - 1)
+                    in_row = np.count_nonzero(kinds[z - 1, row - 1] != SKIP)
+                    end = min(z + 1, kinds.shape[0])
+                    _fetch(kinds, strides, bytes_per_element, n, ahead, hops, z - 1, row - 1, end, in_row)
+            if is_wet and word != full:
+                continue  # neighbours cannot be surrounded by fluid
+            for a in range(max(z - 2, 0), min(z + 1, kinds.shape[0])):
+                for b in range(max(row - 2, 0), min(row + 1, kinds.shape[1])):
+                    if is_wet and kinds[a, b, v] == MIXED:
+                        kinds[a, b, v] = kind_of(wet, inside, n, flat, a, b, v)
+                    elif not is_wet and kinds[a, b, v] == PLAIN:
+                        kinds[a, b, v] = MIXED
 
 
 @njit

@@ -3,10 +3,12 @@
 import numpy as np
 
 from hpcpic.core.simd.jit import njit
+from hpcpic.core.simd.vector import address_of, prefetch
 from lbmdem.kernels.layout import arrival
 from lbmdem.kernels.runs import FLUID
 
 AVERAGE, LOCAL, NON_EQUILIBRIUM = 0, 1, 2
+AHEAD = 2  # nodes by which memory is fetched before it is needed
 
 
 @njit
@@ -17,11 +19,17 @@ def local_node(k, shape, inner):
 
 
 @njit
-def populations(f, strides, slots, shifts, parity, sizes, edge, x, r, p, h):
+def populations(f, strides, slots, shifts, parity, steps, sizes, edge, x, r, p, h):
     """h[q] of a node of this slab, or of the planes below and above it; around the other axes if beyond.
 
-    edge[2, q, rows, nx]: the planes below and above, of other ranks; empty when this rank has all planes.
+    edge[2, q, rows, nx]: the planes below and above, of other ranks; empty when this rank has all planes. steps[q]:
+    `offsets`.
     """
+    if 0 <= x < sizes[0] and 0 < r < sizes[1] - 1 and 0 <= p < sizes[2] - 1:
+        start = p * strides[1] + r * strides[2] + strides[3] + x
+        for i in range(h.size):
+            h[i] = f[np.uint64(start + steps[i])]
+        return
     x, r = x % sizes[0], r % sizes[1]
     if edge.size > 0 and (p < 0 or p >= sizes[2]):
         side = 0 if p < 0 else 1
@@ -40,6 +48,16 @@ def copy_plane(f, strides, slots, shifts, parity, p, plane):
         for r in range(plane.shape[2]):
             for x in range(plane.shape[3]):
                 plane[i, 0, r, x] = f[arrival(strides, slots, shifts, parity, p, r, x, i)]
+
+
+@njit
+def offsets(strides, slots, shifts, parity):
+    """Elements from the place of a node in slot 0 to its arrivals, away from the ends of planes and rows."""
+    steps = np.empty(slots.shape[1], np.int64)
+    for i in range(steps.size):
+        there = shifts[i, 0] * strides[1] + shifts[i, 1] * strides[2] + shifts[i, 2]
+        steps[i] = slots[parity, i] * strides[0] + there
+    return steps
 
 
 @njit
@@ -75,7 +93,7 @@ def outside(place, inner, box):
 
 @njit
 def from_neighbours(
-    f, strides, slots, shifts, parity, solid, shape, inner, box, sizes, edge, e, w, mode, k, other, total
+    f, strides, slots, shifts, parity, steps, solid, shape, inner, box, sizes, edge, e, w, mode, k, other, total
 ):  # fmt: skip
     """Mean of the density less one over the fluid neighbours of node k; total[q]: mean of their non-equilibrium."""
     x, r, p = local_node(k, shape, inner)
@@ -85,11 +103,14 @@ def from_neighbours(
         place = (x + e[i, 0], r + e[i, 1], p + e[i, 2])
         if solid[k + (e[i, 2] * shape[1] + e[i, 1]) * shape[0] + e[i, 0]] != FLUID or outside(place, inner, box):
             continue
-        populations(f, strides, slots, shifts, parity, sizes, edge, place[0], place[1], place[2], other)
-        extra, jx, jy, jz = moments(other, e)
-        density += extra
+        populations(f, strides, slots, shifts, parity, steps, sizes, edge, place[0], place[1], place[2], other)
         found += 1
-        if mode == NON_EQUILIBRIUM:
+        if mode == LOCAL:
+            for n in range(w.size):
+                density += other[n]
+        else:
+            extra, jx, jy, jz = moments(other, e)
+            density += extra
             rho = 1.0 + extra
             add_equilibrium(other, e, w, -1.0, extra, jx / rho, jy / rho, jz / rho)
             for n in range(w.size):
@@ -102,6 +123,18 @@ def from_neighbours(
 
 
 @njit
+def fetch_neighbours(f, strides, steps, shape, inner, sizes, e, k):
+    """Get the memory of the rows around node k on its way."""
+    x, r, p = local_node(k, shape, inner)
+    if 1 < r < sizes[1] - 2 and 0 < p < sizes[2] - 2:
+        for i in range(steps.size):
+            if e[i, 0] == 0:
+                start = (p + e[i, 2]) * strides[1] + (r + e[i, 1]) * strides[2] + strides[3] + x
+                for n in range(steps.size):
+                    prefetch(address_of(f, start + steps[n]))
+
+
+@njit
 def refill(
     f, strides, slots, shifts, parity, solid, shape, inner, box, sizes, edge, e, w, mode,
     nodes, speed, values,
@@ -110,12 +143,14 @@ def refill(
 
     The mean density is the reference one, 1. Neighbours that are being uncovered too are not asked.
     """
-    other, total = np.empty(w.size), np.zeros(w.size)
+    other, total, steps = np.empty(w.size), np.zeros(w.size), offsets(strides, slots, shifts, parity)
     for n in range(nodes.size):
         density = 0.0
         if mode != AVERAGE:
+            if n + AHEAD < nodes.size:
+                fetch_neighbours(f, strides, steps, shape, inner, sizes, e, nodes[n + AHEAD])
             density = from_neighbours(
-                f, strides, slots, shifts, parity, solid, shape, inner, box, sizes, edge, e, w, mode,
+                f, strides, slots, shifts, parity, steps, solid, shape, inner, box, sizes, edge, e, w, mode,
                 nodes[n], other, total,
             )  # fmt: skip
         values[n, :] = total

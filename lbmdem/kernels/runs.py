@@ -98,6 +98,15 @@ def _claim(solid, p, r, x, ids, g, lost):
         lost[g] = True
 
 
+@njit(inline="always")
+def stays(centre, other, offset, other_offset):
+    """Whether two places are the same."""
+    for a in range(3):
+        if centre[a] != other[a] or offset[a] != other_offset[a]:
+            return False
+    return True
+
+
 @njit
 def leave(solid, centres, radii, ids, grain, offset, other, other_offset, low, high, nodes, owners):
     """Mark with LEFT the nodes that grains no longer cover, and list them with the ids. How many.
@@ -108,6 +117,8 @@ def leave(solid, centres, radii, ids, grain, offset, other, other_offset, low, h
     for m in range(grain.size):
         c, n, radius, number = centres[grain[m]], other[m], radii[grain[m]], np.int32(ids[grain[m]])
         shift, towards = offset[m], other_offset[m]
+        if stays(c, n, shift, towards):
+            continue
         p0, p1 = span(c[2], radius, shift[2], low, high)
         for p in range(p0, p1):
             dz, ez = (p - shift[2]) - c[2], (p - towards[2]) - n[2]
@@ -140,6 +151,8 @@ def enter(solid, centres, radii, ids, grain, offset, other, other_offset, low, h
     for m in range(grain.size):
         c, o, radius, number = centres[grain[m]], other[m], radii[grain[m]], np.int32(ids[grain[m]])
         shift, back = offset[m], other_offset[m]
+        if stays(c, o, shift, back):
+            continue
         p0, p1 = span(c[2], radius, shift[2], low, high)
         for p in range(p0, p1):
             dz, ez = (p - shift[2]) - c[2], (p - back[2]) - o[2]

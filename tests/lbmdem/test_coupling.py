@@ -7,7 +7,9 @@ from hpcpic.core.comm.world import World
 from hpcpic.core.space.domain import Domain, even_cuts
 from hpcpic.core.tasks import Pool
 from lbmdem.coupling import Immersed, impedance
+from lbmdem.faces import Face
 from lbmdem.fluid import Fluid
+from lbmdem.kernels.sweep import SKIP
 from lbmdem.lattices import D2Q9, D3Q19
 from lbmdem.links import Wall, ball, plane
 
@@ -288,3 +290,38 @@ def test_the_force_does_not_alternate_from_step_to_step(world, pool, implicit):
         x = (x + v) % 60
         immersed.move(np.array([0]), x, radius, v, np.zeros((1, 1)))
     assert np.abs(np.diff(drag[40:], 2)).max() / 4 < 0.2 * weight
+
+
+BOXES = {
+    "periodic": (D3Q19, (20, 23, 37), (True, True, True), {}),
+    "walls": (D3Q19, (20, 23, 26), (True, False, True), {}),
+    "flat": (D2Q9, (40, 50), (True, False), {}),
+    "open": (
+        D3Q19,
+        (20, 23, 26),
+        (True, True, False),
+        {"x-": Face("velocity", 1.0, (0.01, 0, 0)), "x+": Face("pressure")},
+    ),
+}
+
+
+@pytest.mark.parametrize("box", BOXES)
+def test_what_the_sweep_knows_of_changed_nodes_is_what_it_finds_in_all(world, pool, box):
+    lattice, shape, periodic, faces = BOXES[box]
+    fluid = fluid_in_a_box(world, pool, lattice, shape, periodic, faces=faces)
+    immersed, d, rng = Immersed(fluid, world, pool), lattice.dimensions, np.random.default_rng(1)
+    size = np.array(shape[::-1], float)
+    x, v, radii = rng.uniform(0, 1, (18, d)) * size, rng.normal(0, 0.4, (18, d)), rng.uniform(1, 5.5, 18)
+    radii[0], v[-3:] = 12.0, 0.0  # a vector without fluid; grains that stay
+    immersed.start(np.arange(18), x, radii, v, np.zeros((18, 3 if d == 3 else 1)))
+    changed = 0
+    for _ in range(30):
+        x, before = (x + v) % size, fluid.ids.copy()
+        immersed.move(np.arange(18), x, radii, v, np.zeros((18, 3 if d == 3 else 1)))
+        changed += np.count_nonzero(fluid.ids != before)
+        skipped = fluid._kinds == SKIP
+        kept = [part.copy() for part in (fluid.ids, fluid._wet, fluid._kinds, fluid._hops[skipped])]
+        fluid.solid_changed(fill=False)
+        for part, anew in zip(kept, (fluid.ids, fluid._wet, fluid._kinds, fluid._hops[skipped])):
+            assert np.array_equal(part, anew)
+    assert changed > 1000 and skipped.any()
