@@ -8,7 +8,7 @@ import shutil
 import subprocess
 import sys
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import ExitStack, contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -149,11 +149,9 @@ def full_disk(bench: Bench) -> str:
 
 @row(21, "the disk of the outputs is full", "a warning, physics and checkpoints go on; same bits, exit 6 at the end")
 def full_disk_for_outputs(bench: Bench) -> str:
-    with (
-        disk(bench, "24m") as folder,
-        bench.started("--checkpoint-every", "10") as running,
-        mounted(bench.run_folder / "checkpoints", "24m"),  # which stay on a disk with room
-    ):
+    with disk(bench, "24m") as folder, bench.started("--checkpoint-every", "10") as running, ExitStack() as stack:
+        running.wait_for(lambda: len(bench.checkpoints()) > 0)
+        stack.enter_context(mounted(bench.run_folder / "checkpoints", "24m"))  # which stay on a disk with room
         ballast = fill(folder)
         running.wait_for(lambda: len(bench.checkpoints()) == 2)
         kept = [int(path.stem) for path in bench.checkpoints()]

@@ -127,7 +127,7 @@ def with_fault(simulator: type) -> type:
             if kind == "no memory" and world.rank == rank:
                 take_memory()
             if kind == "small files":
-                resource.setrlimit(resource.RLIMIT_FSIZE, (100_000, 100_000))
+                resource.setrlimit(resource.RLIMIT_FSIZE, (30_000, 30_000))
             self._ranks, self._within = world, False  # _within: step is called by advance
             super().__init__(config, world, pool, timers)
 

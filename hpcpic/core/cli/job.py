@@ -173,7 +173,11 @@ class _Job:
 
     def _take_up(self, app: Any, reader: checkpoint.Reader, plan: Plan) -> None:
         """Go on from a checkpoint. Collective; raises Agreed."""
-        beyond = app.end_time < reader.time if app.n_steps is None else app.n_steps < reader.step
+        if app.n_steps is None:  # whose last step ends a little after the end
+            step = reader.time / max(reader.step, 1)
+            beyond = app.end_time < reader.time - 2.0 * step
+        else:
+            beyond = app.n_steps < reader.step
         if beyond:
             asked = f"t = {app.end_time:g} s" if app.n_steps is None else f"step {app.n_steps}"
             raise Agreed(

@@ -34,7 +34,9 @@ class Interrupted(HpcpicError):
 
 @dataclass(frozen=True, slots=True)
 class Pilot:
-    """One run: its case, its knobs' real sizes, exit code, seconds of its steps, counted work."""
+    """One run: its case, its knobs' real sizes, exit code, seconds of its steps, those that `estimate` says, which
+    other work of the machine does not change, counted work.
+    """
 
     config: Any
     sizes: Mapping[str, float]
@@ -42,6 +44,7 @@ class Pilot:
     words: str
     folder: Path
     seconds: float
+    price: float
     work: float
 
     @property
@@ -115,7 +118,8 @@ class Pilots:
             raise Interrupted(f"pilot {rundir.path} ended with exit code {code}: {how}; the same command goes on")
         seconds = facts.get("steps", 0) * float((facts.get("step_seconds") or {}).get("median") or 0.0)
         seconds = seconds or float(facts.get("loop_seconds", 0.0))
-        made = Pilot(config, self.sizes_of(config), code, how, rundir.path, seconds, self.knobs.work(config))
+        price = facts.get("steps", 0) * self.app.estimate(config, *self.shape, {}).step_seconds
+        made = Pilot(config, self.sizes_of(config), code, how, rundir.path, seconds, price, self.knobs.work(config))
         self.done[name] = made
         told = "  ".join(
             f"{knob.name} = {knob.shown(made.sizes[knob.name]):.5g}" for knob in self.knobs.knobs
@@ -127,6 +131,11 @@ class Pilots:
     @property
     def spent(self) -> float:
         return sum(pilot.seconds for pilot in self.done.values())
+
+    @property
+    def paid(self) -> float:
+        """The prices of all that was asked for."""
+        return sum(pilot.price for pilot in self.done.values())
 
 
 

@@ -107,19 +107,19 @@ class Search:
 
     @property
     def allowance(self) -> float:
-        """Seconds that the search may take, without the verification."""
-        production = self.base.seconds * self.pilots.knobs.time / self.quantity.time
-        return max(PILOTS * self.base.seconds, SHARE * production)
+        """Price that the search may have, without the verification."""
+        production = self.base.price * self.pilots.knobs.time / self.quantity.time
+        return max(PILOTS * self.base.price, SHARE * production)
 
-    def affordable(self, seconds: float) -> bool:
-        return self.pilots.spent + seconds <= self.allowance
+    def affordable(self, price: float) -> bool:
+        return self.pilots.paid + price <= self.allowance
 
     def climb(self, knob: Knob) -> None:
         """Three levels of one knob, all else as in the case; more while it shows little effect."""
         name = knob.name
         self.levels[name] = [self.base.level(name, self.value)]
         for ladder in LADDERS:
-            finer = sum(f**-knob.cost for f in ladder if f < 1.0) * self.base.seconds
+            finer = sum(f**-knob.cost for f in ladder if f < 1.0) * self.base.price
             if len(self.levels[name]) >= 3 or not self.affordable(finer):
                 continue
             if all(self.legal(name, self.own[name] * factor) for factor in ladder):
@@ -164,10 +164,10 @@ class Search:
         doubtful = max(self.laws.values(), key=doubt)
         knob = next(k for k in self.knobs if k.name == doubtful.name)
         size = 0.5 * float(doubtful.sizes[0])
-        seconds = self.base.seconds * 2.0 ** max(doubtful.cost, 0.0) * (self.own[knob.name] / (2 * size))
+        price = self.base.price * (self.own[knob.name] / size) ** knob.cost
         if self.quantity.exact is not None or self.uncertainty <= 0.5 * self.wanted:
             return False
-        if not self.affordable(seconds) or not self.legal(knob.name, size) or not self.add(knob, size):
+        if not self.affordable(price) or not self.legal(knob.name, size) or not self.add(knob, size):
             return False
         self.refit(knob)
         return True
@@ -216,7 +216,7 @@ class Search:
         legal = self.pilots.legal(self.own, self.quantity.time, others)
         law = self.laws.get(choice.acts_on)
         saves_only = law is None or law.idle  # nothing to gain but time
-        if its > (CHEAP if saves_only else DEAR) * own or not legal or not self.affordable(self.base.seconds):
+        if its > (CHEAP if saves_only else DEAR) * own or not legal or not self.affordable(self.base.price):
             return None
         pilot = self.pilot(self.own, others, words=f"{choice.name} = {value}")
         try:
