@@ -164,7 +164,7 @@ def _unpack_shifting(law: Law) -> str:
 
 
 def _unpack_matrix(law: Law) -> str:
-    """Renormalisation L; the identity where too few neighbours are there."""
+    """Renormalisation L; the identity where too few neighbours are there, and in walls, whose particles do not meet."""
     d = law.dimensions
     body, k = [], 0
     for i in range(d):
@@ -175,9 +175,9 @@ def _unpack_matrix(law: Law) -> str:
         body += ["det = m00 * m11 - m01 * m01", "c00, c01, c11 = m11, -m01, m00"]
     else:
         body += _solve(3)[:1] + _solve(3)[1:3]
-    body += [f"good = det > {LEAST_DETERMINANT!r}"]
+    body += [f"good = det > {LEAST_DETERMINANT!r} and flags[b] & 1 == 1"]
     for i in range(d):
         for j in range(d):
             name = f"c{min(i, j)}{max(i, j)}"
             body.append(f"matrix[{i * d + j}, b] = {name} / det if good else {float(i == j)!r}")
-    return _kernel("unpack_matrix", "sums, matrix", ["n_slots = sums.shape[1] // 2"], body)
+    return _kernel("unpack_matrix", "flags, sums, matrix", ["n_slots = sums.shape[1] // 2"], body)

@@ -43,6 +43,17 @@ def test_walls_carry_the_weight_of_still_water(kind):
     assert -np.mean(found, axis=0)[1] == pytest.approx(weight, rel=0.05)  # it sways about rest
 
 
+def test_corrected_gradients_leave_still_water_beside_walls_still():
+    """Wall particles have neighbours on one side only: their own correction would amplify what they push with."""
+    sph = engine(size=(1.0, 1.2), fill=(1.0, 0.5), more=tank(2, size=(1.0, 1.2)), corrected="true", spacing=0.05)
+    for _ in range(100):
+        sph.step()
+    walls = np.flatnonzero((sph.bodies.own("flags") & 1) == 0)
+    identity = np.eye(2).ravel()[:, None]
+    assert np.array_equal(sph.bodies.own("matrix")[:, walls], np.broadcast_to(identity, (4, len(walls))))
+    assert np.sqrt(sph.largest[0]) < 2e-3 * sph.scene.c0
+
+
 def test_a_particle_behind_a_mirror_changes_places_with_its_image():
     sph = engine(spacing=0.1, more=tank(2, "mirror-no-slip"), step="time_step = 1e-3;")
     b = sph.bodies
