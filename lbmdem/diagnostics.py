@@ -15,6 +15,7 @@ from lbmdem import network
 from lbmdem.config import AXES
 from lbmdem.kernels.layout import FLUID
 from lbmdem.lattices import CS2
+from lbmdem.quick import slice_edges
 
 if TYPE_CHECKING:
     from lbmdem.step import LbmDem
@@ -46,6 +47,7 @@ class Diagnostics:
         self.fastest = self.deepest = self.drift = 0.0  # nodes per step, overlap / diameter, density; last look
         self._told: set[str] = set()  # what has been warned of
         faces = scene.faces.values() if scene.config.fluid else ()
+        self.n_slices = scene.config.output.stress_slices if app.dem else 0
         self.closed = all(face.kind in ("wall", "periodic") for face in faces)
         self.drive = self._drive() if scene.config.fluid else None
         self.units = self._units()
@@ -84,8 +86,9 @@ class Diagnostics:
                 units |= {f"force_{name}_{axis}": f"N{per}" for axis in self.axes}
         if self.app.dem:
             units |= {"contact_count": "", "energy_kinetic_grains": f"J{per}", "overlap": ""}
-        slices = scene.config.output.stress_slices
-        units |= {f"stress_{2 * self.axes[-1]}_{k + 1}": "Pa" for k in range(slices)}
+        slices = range(1, self.n_slices + 1)
+        units |= {f"stress_{2 * self.axes[-1]}_{k}": "Pa" for k in slices}
+        units |= {f"pressure_{k}": "Pa" for k in slices if scene.config.fluid}
         return units
 
     def scalars(self) -> dict[str, float]:
@@ -111,6 +114,22 @@ class Diagnostics:
         values[f"flow_rate_{self.axes[-1]}"] = rate
         if self.drive:
             values |= self._permeability(rate)
+        return values | self._pressures(rows)
+
+    @cached_property
+    def slices(self) -> NDArray[np.float64]:
+        """Ends of the control slices along the last axis, m."""
+        return slice_edges(*self.app.sample(), 2.0 * float(self.app.table.radius.max()), self.n_slices)
+
+    def _pressures(self, rows: NDArray) -> dict[str, float]:
+        """Mean of the fluid's pressure in the control slices. Collective."""
+        app, values = self.app, {}
+        z = app.coordinates()[-1].ravel()
+        z = np.repeat(z, len(rows) // max(1, len(z)))
+        for k in range(self.n_slices):
+            inside = (z >= self.slices[k]) & (z < self.slices[k + 1])
+            nodes, excess = total(app.world, np.where(inside[:, None], rows[:, :2], 0.0))
+            values[f"pressure_{k + 1}"] = excess / max(nodes, 1.0) * CS2 * app.scene.units.pressure
         return values
 
     def _watch_mass(self, excess: float) -> None:
@@ -169,9 +188,7 @@ class Diagnostics:
             self.deepest = network.greatest_overlap(app.dem)
             values |= {"contact_count": float(network.contact_count(app.dem)), "overlap": self.deepest}
             values |= {"energy_kinetic_grains": energy["kinetic"]}
-        slices = app.scene.config.output.stress_slices
-        if slices:
-            edges = np.linspace(*app.sample(), slices + 1)
-            stress = network.stress(app.dem, edges)[:, -1, -1]
+        if self.n_slices:
+            stress = network.stress(app.dem, self.slices)[:, -1, -1]
             values |= {f"stress_{2 * self.axes[-1]}_{k + 1}": float(s) for k, s in enumerate(stress)}
         return values

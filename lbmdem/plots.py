@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
@@ -16,6 +16,16 @@ from hpcpic.core.errors import FileError
 from hpcpic.core.files.config import loads
 from hpcpic.core.files.schema import validate
 from lbmdem.config import LbmDemConfig
+from lbmdem.quick import (
+    centres,
+    critical_gradient,
+    gradient_inside,
+    lifted,
+    lines,
+    meeting,
+    porosity_between,
+    slice_edges,
+)
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -227,53 +237,99 @@ def tracks(run: Run, step: int | None = None) -> Figure:
             top.plot(snapshots.times, height[:, k], color=COLOURS[k], label=f"grain {k}")
             low.plot(snapshots.times, speed[:, k], color=COLOURS[k])
         top.set(ylabel="height, m", title="Grains in time")
-        top.legend(ncols=2)
+        if height.shape[1] > 1:
+            top.legend(ncols=2)
         low.set(xlabel="time, s", ylabel="vertical velocity, m/s")
         return figure
 
 
-def stress(run: Run, step: int | None = None) -> Figure:
-    """Stress between grains in the control slices against the hydraulic gradient, and where it should vanish."""
-    names = sorted(name for name in run.series if name.startswith("stress_"))
-    if len(names) < 2:
-        raise NoData("needs two control slices (output.stress_slices)")
-    _, gradient, *values = _series(run, "hydraulic_gradient", *names)
-    from lbmdem.quick import critical_gradient, crossing, lifted
-
-    config = config_of(run)
-    some, up = config.grains[0], config.dimensions - 1
-    porosity, height, solid = _sample(run, up, config.domain.size)
-    buoyant = (some.density - config.fluid.density) * math.hypot(*config.gravity) * solid
-    _, force = _series(run, f"force_{some.name}_{'xyz'[up]}")
-    critical = critical_gradient(some.density / config.fluid.density, porosity)
+def rolling(run: Run, step: int | None = None) -> Figure:
+    """Speed of one sphere's centre along x, and of its surface against the centre, beside rigid bodies' with Coulomb
+    friction: it slides until both are the same, then rolls with 5/7 of what pulls it.
+    """
+    config, snapshots = config_of(run), _grains(run)
+    history = [_all_grains(run, int(s)) for s in snapshots.steps]
+    if config.dimensions == 2 or config.fluid or len(history[0]["id"]) != 1 or not any(config.gravity):
+        raise NoData("needs one sphere without fluid on a floor")
+    first, t = history[0], np.asarray(snapshots.times)
+    v = np.array([columns["velocity"][0, 0] for columns in history])
+    surface = np.array([columns["angular_velocity"][0, 1] * columns["radius"][0] for columns in history])
+    pull, slows = config.gravity[0], config.contact.friction * abs(config.gravity[2])
+    until = float(first["velocity"][0, 0]) / (3.5 * slows - pull)
+    fine = np.linspace(0.0, t[-1], 400)
+    sliding, after = np.minimum(fine, until), np.maximum(fine - until, 0.0)
+    roll = 5.0 / 7.0 * pull * after
     with style():
-        figure, axes = new_figure(size=(6.4, 4.4))
-        bottom = max(np.abs(v[0]) for v in values) or 1.0
-        for k, v in enumerate(values):
-            axes.plot(gradient, v / bottom, color=COLOURS[k], label=f"slice {k + 1}")
-        axes.plot(gradient, (1.5 * values[0] - 0.5 * values[1]) / bottom, ":", color=INK, label="floor, extended")
-        axes.axvline(critical, label="critical gradient", **THEORY)
-        axes.text(
-            0.98, 0.97,
-            f"(rho_s - rho_w)(1 - n)/rho_w = {critical:.4f}\n"
-            f"lift = buoyant weight at {lifted(gradient, force, buoyant) / critical:.4f} of it\n"
-            f"stress on the floor 0 at {crossing(gradient, values) / critical:.4f} of it\n"
-            f"n = {porosity:.4f}, height {height:.4g} m",
-            transform=axes.transAxes, ha="right", va="top", linespacing=1.5,
-        )  # fmt: skip
-        axes.set(xlabel="hydraulic gradient", ylabel="stress / stress at the bottom", title="Stress between grains")
-        axes.set(xlim=(0, None), ylim=(min(0.0, axes.get_ylim()[0]), 1.35))
-        axes.legend(ncols=2, fontsize=8, loc="center right")
+        figure, axes = new_figure(size=(6.2, 3.6))
+        axes.plot(t, v, "o", markersize=6, color=COLOURS[0], label="centre")
+        axes.plot(t, surface, "s", markersize=3, color=COLOURS[1], label="surface about the centre")
+        axes.plot(fine, v[0] + (pull - slows) * sliding + roll, label="rigid bodies", **THEORY)
+        axes.plot(fine, 2.5 * slows * sliding + roll, **THEORY)
+        axes.set(xlabel="time, s", ylabel="speed along x, m/s", title="Sliding and rolling", ylim=(0, None))
+        axes.legend()
         return figure
 
 
-def _sample(run: Run, up: int, size: Sequence[float]) -> tuple[float, float, float]:
-    """Porosity by the grains themselves, height (m) from the lowest to the highest point, volume of the grains."""
+def stress(run: Run, step: int | None = None) -> Figure:
+    """Stress between grains in the control slices against the gradient between them, and where their lines meet."""
+    config = config_of(run)
+    up, count = config.dimensions - 1, config.output.stress_slices
+    slices = range(1, count + 1)
+    if config.dimensions == 2 or config.fluid is None or count < 2:
+        raise NoData("needs spheres, a fluid and two control slices (output.stress_slices)")
+    _, overall, *values = _series(
+        run, "hydraulic_gradient", *(f"stress_zz_{k}" for k in slices), *(f"pressure_{k}" for k in slices)
+    )
+    bed = _bed(run, config)
+    stresses, pressures = values[:count], values[count:]
+    gradient = gradient_inside(pressures, bed.middles, config.fluid.density * math.hypot(*config.gravity))
+    ratio = config.grains[0].density / config.fluid.density
+    critical = critical_gradient(ratio, bed.porosity_inside)
+    met, rest = meeting(gradient, stresses)
+    _, force = _series(run, f"force_{config.grains[0].name}_{'xyz'[up]}")
+    lift = lifted(overall, force, bed.weight) / critical_gradient(ratio, bed.porosity)
+    with style():
+        figure, axes = new_figure(size=(6.6, 4.6))
+        fits = lines(gradient, stresses)
+        bottom, ends = fits[0, 1], np.array([0.0, 1.04 * critical])
+        for k, (values, (slope, offset)) in enumerate(zip(stresses, fits)):
+            axes.plot(gradient, values / bottom, "o", markersize=4, color=COLOURS[k], label=f"slice {k + 1}")
+            axes.plot(ends, (offset + slope * ends) / bottom, color=COLOURS[k], linewidth=1.0)
+        axes.axvline(critical, ymax=0.72, label="critical gradient", **THEORY)
+        axes.text(
+            0.98, 0.97,
+            f"lines meet at i = {met:.4f}, {rest / bottom:.3f} of the lowest stress\n"
+            f"(rho$_s$ - rho$_w$)(1 - n)/rho$_w$ = {critical:.4f}, n = {bed.porosity_inside:.4f} between the slices\n"
+            f"the one over the other: {met / critical:.4f}\n"
+            f"the fluid carries the whole bed (n = {bed.porosity:.4f}) at {lift:.4f} of its own",
+            transform=axes.transAxes, ha="right", va="top", linespacing=1.5, fontsize=8.5,
+            bbox={"facecolor": "white", "edgecolor": "none", "alpha": 0.9, "pad": 2.0},
+        )  # fmt: skip
+        axes.set(xlabel="hydraulic gradient inside", ylabel="stress / stress in slice 1 without flow")
+        axes.set(title="Stress between grains, slice 1 lowest", xlim=(0, None), ylim=(-0.05, 1.42))
+        axes.legend(fontsize=8, loc="center right", bbox_to_anchor=(0.9, 0.56))
+        return figure
+
+
+class Bed(NamedTuple):
+    """Of the grains at the start: porosity of the whole, and between the middles (m) of the outer slices; weight less
+    buoyancy of all, N."""
+
+    porosity: float
+    porosity_inside: float
+    middles: np.ndarray
+    weight: float
+
+
+def _bed(run: Run, config: LbmDemConfig) -> Bed:
     columns = _all_grains(run, int(_grains(run).steps[0]))
-    x, r = columns["position"][:, up], columns["radius"]
-    height = float((x + r).max() - (x - r).min())
-    solid = float((math.pi * r**2 if up == 1 else 4.0 / 3.0 * math.pi * r**3).sum())
-    return 1.0 - solid / (height * math.prod(size[:up])), height, solid
+    z, r = columns["position"][:, 2], columns["radius"]
+    low, high, area = float((z - r).min()), float((z + r).max()), math.prod(config.domain.size[:2])
+    middle = centres(slice_edges(low, high, 2.0 * float(r.max()), config.output.stress_slices))
+    solid = float((4.0 / 3.0 * math.pi * r**3).sum())
+    heavier = (config.grains[0].density - config.fluid.density) * math.hypot(*config.gravity)
+    inside = porosity_between(z, r, middle[0], middle[-1], area)
+    return Bed(1.0 - solid / (area * (high - low)), inside, middle, heavier * solid)
 
 
 def energies(run: Run, step: int | None = None) -> Figure:
@@ -309,6 +365,7 @@ PLOTS = {
     "profile": Plot("Velocity profile beside theory", profile, _steps(_fields)),
     "grains": Plot("Grains", grains, _steps(_grains)),
     "tracks": Plot("Grains in time", tracks),
+    "rolling": Plot("From sliding to rolling", rolling),
     "permeability": Plot("Permeability in time", permeability),
     "stress": Plot("Stress between grains against the hydraulic gradient", stress),
     "energies": Plot("Kinetic energies", energies),

@@ -69,7 +69,7 @@ def state(app: "LbmDem") -> dict[str, Shard]:
         result["populations"] = Shard(populations, low, app.domain.points[0])
     if app.dem:
         result |= app.dem.state()
-        if app.solid_moves:
+        if app.immersed:
             low, high = app.dem.grains.part()
             result["pending"] = Shard(app.immersed.pending(len(app.table))[low:high], low, len(app.table))
     return result
@@ -81,7 +81,7 @@ def restore(app: "LbmDem", reader: "Reader") -> None:
     if app.dem:
         app.dem.restore(reader)
         app.start_solid()
-        if app.solid_moves:
+        if app.immersed:
             app.immersed.restore(reader.read("pending"))
     if app.fluid:
         app.fluid.iteration = reader.step

@@ -25,6 +25,7 @@ from lbmdem.kernels.layout import FLUID
 from lbmdem.lattices import LATTICES
 from lbmdem.lubrication import Film
 from lbmdem.obstacles import obstacle_walls
+from lbmdem.patches import Patches
 from lbmdem.places import starts
 from lbmdem.placing import place_grains
 from lbmdem.scene import Scene, volumes
@@ -63,6 +64,8 @@ class LbmDem:
         self.immersed = self._immersed() if self.fluid and (len(self.table) or config.obstacle) else None
         self.solid_moves = bool(self.grains_move and self.immersed and not config.coupling.frozen)
         self.dem = self._dem() if self.grains_move else None
+        seen_at_rest = self.dem and self.immersed and config.coupling.frozen
+        self.patches = Patches(self.fluid, world, self.table.radius) if seen_at_rest else None
         self.start_solid()
         self._check_fluid()
         self.deepest_allowed = max(DEEPEST, 1.1 * starts(config)[1])
@@ -191,6 +194,8 @@ class LbmDem:
         torque = np.zeros((len(own), self.table.omega.shape[1]))
         if self.immersed:
             pushed, turned = self.immersed.forces(own)
+            if self.patches:
+                pushed = pushed + self.patches.forces()[own]
             force += pushed * units.force
             torque += turned * units.torque
         dem.advance(self.time_step / self.substeps, steps * self.substeps, force, torque, time=self.time)
@@ -262,6 +267,9 @@ class LbmDem:
     def restore(self, reader) -> None:
         """Take the state of a checkpoint, written by any number of ranks. Collective."""
         snapshot.restore(self, reader)
+        for name, face in self.scene.faces.items() if self.driven and self.fluid else ():
+            if face.rate:
+                self.fluid.set_face(name, density=face.density + face.rate * self.ramped(self.iteration))
 
     def guard(self) -> str | None:
         """Why this rank's state is no solution, or None."""

@@ -103,8 +103,8 @@ PROGRAMS = (
             "settling-sphere": "tracks",
             "settling-disc": "tracks",
             "restitution": "tracks",
-            "slide-to-roll": "tracks",
-            "incline": "tracks",
+            "slide-to-roll": "rolling",
+            "incline": "rolling",
         },
     ),
 )  # fmt: skip

@@ -71,6 +71,16 @@ def row_sums(f, ids, ghosts, strides, slots, shifts, e, half, parity, low, high,
 
 
 @njit
+def excesses(f, strides, slots, shifts, parity, nodes, excess):
+    """excess[m] = rho - 1 at nodes[m, 3] (plane, row, x)."""
+    for k in range(excess.size):
+        total = 0.0
+        for i in range(shifts.shape[0]):
+            total += f[arrival(strides, slots, shifts, parity, nodes[k, 0], nodes[k, 1], nodes[k, 2], i)]
+        excess[k] = total
+
+
+@njit
 def read(f, ids, ghosts, strides, slots, shifts, parity, low, high, h):
     """h[plane, row, x, i] of planes low..; 0 in solid nodes."""
     for z in range(low, high):

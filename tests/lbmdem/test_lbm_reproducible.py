@@ -41,6 +41,19 @@ grains = (
 contact = { normal_stiffness = 0.02; damping = 0.3; tangential = "history"; friction = 0.4; };
 gravity = [0.0, 0.0, -0.02];
 """
+BED = """
+simulation = { end_time = 1.0; };
+domain = { size = [0.0026, 0.0022, 0.0028]; spacing = 0.0002; periodic = ["x", "y"]; };
+fluid = { viscosity = 1.0e-6; relaxation_time = 0.8; };
+boundary = ({ face = "z-"; type = "pressure"; pressure = 0.02; pressure_rate = 1.0; },
+            { face = "z+"; type = "pressure"; pressure = 0.0; });
+grains = ({ diameter = 1.0e-3; density = 2650.0; position = (
+  [0.0005, 0.0006, 0.000499], [0.0015, 0.0006, 0.0005], [0.001, 0.0014, 0.00051], [0.001, 0.0009, 0.00132]); });
+contact = { normal_stiffness = 0.5; damping = 0.3; tangential = "history"; friction = 0.4; };
+coupling = { frozen = true; };
+gravity = [0.0, 0.0, -0.2];
+output = { stress_slices = 3; };
+"""
 REFILLS = "average", "local", "non-equilibrium", "conserving"
 STEPS = 21
 
@@ -58,6 +71,7 @@ LAWS = {
     **{f"discs {name}": job(DISCS, f'coupling.refill="{name}"') for name in REFILLS},
     "discs explicit": job(DISCS, 'coupling.inertia="explicit"', 'contact.tangential="regularised"'),
     "spheres": job(SPHERES),
+    "bed seen at rest": job(BED),
 }
 
 
