@@ -47,6 +47,11 @@ class Maps:
         self.wall, self.layers, self.depth = [0], [[]], [0.0]
 
     @property
+    def around(self) -> bool:
+        """Whether a body is seen a period away along the slab axis."""
+        return any(not wall and shift[0] != 0.0 for wall, shift in zip(self.wall, self.shift))
+
+    @property
     def mirrored(self) -> list[bool]:
         return [wall > 0 for wall in self.wall]
 

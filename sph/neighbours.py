@@ -8,9 +8,8 @@ from numpy.typing import NDArray
 from hpcpic.core.errors import Diverged
 from hpcpic.core.tasks import TaskError
 from sph.kernels.specialise import specialise
-from sph.particles import Bodies, Tasks, even
+from sph.particles import PADS, Bodies, Tasks, even
 
-PADS = 2  # layers and rows outside the domain, for walls and images
 FINE = 8
 GAP = 16  # slots between layers: a vector may overrun
 
@@ -40,7 +39,7 @@ class Cells:
         self.tasks, self.grid, self.parts = tasks, grid, tasks.parts
         self.kernels: ModuleType = specialise("cells", DIM=d)
         self.n_runs = self.kernels.ROWS
-        self._layers = self._rows = self._fine = self._bodies = self.slots = 0
+        self._layers = self._rows = self._fine = self._bodies = self.slots = -1  # no arrays yet
         tasks.set(
             scale=grid.scale,
             edge=grid.edges,

@@ -19,6 +19,8 @@ from hpcpic.core.tasks import Bound, Pool, bind
 from sph.images import CODES, Maps
 
 FLUID, REAL, MIRRORED, REPULSIVE = 1, 2, 4, 8  # flags
+PADS = 2  # layers and rows outside the domain, for walls and images
+IMAGES_REACH = 4  # layers from a body to where its image, but for a period, is looked for; with one to spare
 
 
 class Tasks:
@@ -218,10 +220,24 @@ class Bodies:
         self._shift = np.concatenate([*shifts, np.zeros((0, self.d))])[order]
         self._rows, self._codes, peer = self._rows[order], self._codes[order], peer[order]
         members = {int(p): np.flatnonzero(peer == p) for p in np.unique(peer)}
-        ghosts = self._refresh.choose(members)
+        ghosts = self._refresh.choose(members, self._peers(owner))
         self.reserve(self.n + ghosts)
         self.ghosts = ghosts
         self._identify()
+
+    def _peers(self, owner: NDArray[np.int64]) -> list[int]:
+        """The other ranks that a body of this one, or an image of it, may be a ghost of, and the other way round."""
+        mine = np.flatnonzero(owner == self.world.rank)
+        if self.world.size == 1 or not len(mine):
+            return []
+        low, high = mine[0] - IMAGES_REACH, mine[-1] + IMAGES_REACH + 1
+        near = owner[max(low, 0) : high]
+        if self.maps.around:  # one end of the domain lies beside the other
+            ends = owner[: IMAGES_REACH + PADS], owner[-IMAGES_REACH - PADS :]
+            for here, there in (ends, ends[::-1]):
+                if self.world.rank in here:
+                    near = np.concatenate([near, there])
+        return [int(peer) for peer in np.unique(near) if peer != self.world.rank]
 
     def _beside(self, layer: NDArray, owner: NDArray) -> NDArray[np.bool_]:
         """Whether a neighbouring layer belongs to another rank."""

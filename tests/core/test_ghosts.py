@@ -37,3 +37,20 @@ def test_a_rank_alone_copies_its_images(world):
 @pytest.mark.mpi(min_size=2)
 def test_ghosts_are_what_their_owners_have(world):
     check(world)
+
+
+@pytest.mark.mpi(min_size=2)
+def test_only_peers_are_asked(world):
+    """Neighbours on a line of ranks: the same ghosts as when all are asked; who is no peer gets none."""
+    peers = [peer for peer in (world.rank - 1, world.rank + 1) if 0 <= peer < world.size]
+    members = {peer: np.arange(world.rank + 1) for peer in peers}
+    values = 10.0 * world.rank + np.arange(world.size)
+    found = []
+    for asked in (peers, None):
+        refresh = Refresh(world, Channel.GHOSTS_VALUES)
+        refresh.choose(members, asked)
+        refresh.start(0, values)
+        found.append(refresh.finish())
+    assert np.array_equal(*found) and len(found[0]) == sum(peer + 1 for peer in peers)
+    with pytest.raises(ValueError):
+        refresh.choose({(world.rank + 1) % world.size: np.arange(1)}, [])

@@ -1,6 +1,6 @@
 """Ghost particles: copies of other ranks' particles. Who is copied is chosen once, values are sent often."""
 
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 
 import numpy as np
 from mpi4py import MPI
@@ -29,19 +29,35 @@ class Refresh:
     def messages(self) -> int:
         return len(self._members.keys() - {self._world.rank})
 
-    def choose(self, members: Mapping[int, NDArray[np.int64]]) -> int:
-        """Collective: members[rank] are the rows of this rank that `rank` keeps as ghosts. Returns `n`."""
+    def choose(self, members: Mapping[int, NDArray[np.int64]], peers: Collection[int] | None = None) -> int:
+        """Collective: members[rank] are the rows of this rank that `rank` keeps as ghosts. Returns `n`.
+
+        peers: the other ranks that may keep any, or whose rows this one may; then nobody else is asked. A rank is a
+        peer of its peers.
+        """
         counts = np.zeros(self._world.size, np.int64)
         for peer, rows in members.items():
             counts[peer] = len(rows)
         expected = counts.copy()
-        if self._world.size > 1:
+        if peers is not None:
+            self._tell(counts, expected, peers)
+        elif self._world.size > 1:
             self._world.comm.Alltoall(counts, expected)
         ends = np.cumsum(expected)
         self._members = {peer: np.asarray(rows) for peer, rows in members.items() if len(rows)}
         self._places = {int(p): slice(ends[p] - expected[p], ends[p]) for p in np.flatnonzero(expected)}
         self.n = int(ends[-1])
         return self.n
+
+    def _tell(self, counts: NDArray[np.int64], expected: NDArray[np.int64], peers: Collection[int]) -> None:
+        """Numbers of members by messages between peers, instead of one collective of all ranks."""
+        strangers = set(np.flatnonzero(counts).tolist()) - set(peers) - {self._world.rank}
+        if strangers:
+            raise ValueError(f"ghosts for ranks {sorted(strangers)}, which are no peers of rank {self._world.rank}")
+        comm = self._world.comm
+        requests = [comm.Irecv(expected[peer : peer + 1], peer, self._channel) for peer in peers]
+        requests += [comm.Isend(counts[peer : peer + 1], peer, self._channel) for peer in peers]
+        MPI.Request.Waitall(requests)
 
     def start(self, iteration: int, values: NDArray) -> None:
         """Send the members' rows of values[n, ...]; the same type and shape of a row on all ranks."""
