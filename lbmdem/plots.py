@@ -299,7 +299,7 @@ def stress(run: Run, step: int | None = None) -> Figure:
         axes.text(
             0.98, 0.97,
             f"lines meet at i = {met:.4f}, {rest / bottom:.3f} of the lowest stress\n"
-            f"(rho$_s$ - rho$_w$)(1 - n)/rho$_w$ = {critical:.4f}, n = {bed.porosity_inside:.4f} between the slices\n"
+            f"($\\rho_s - \\rho_w)(1 - n)/\\rho_w$ = {critical:.4f}, n = {bed.porosity_inside:.4f} between the slices\n"
             f"the one over the other: {met / critical:.4f}\n"
             f"the fluid carries the whole bed (n = {bed.porosity:.4f}) at {lift:.4f} of its own",
             transform=axes.transAxes, ha="right", va="top", linespacing=1.5, fontsize=8.5,

@@ -98,8 +98,12 @@ def draw(porosity: np.ndarray, spacing: np.ndarray) -> None:
         left.legend()
         dx, found = np.array(SPACINGS), spacing[:, 1]
         error = np.abs(found / extrapolated(dx, found) - 1.0)
-        right.loglog(spacing[:, 2] / dx, error, "o-", color=COLOURS[0], label=f"porosity {AT:g}")
-        right.set(xlabel="nodes across <d>", ylabel="error of k", title="Its own error")
+        right.loglog(spacing[:, 2] / dx, 100.0 * error, "o-", color=COLOURS[0], label=f"porosity {AT:g}")
+        right.loglog(spacing[:, 2] / dx, 100.0 * error[0] * (dx / dx[0]) ** 2, "--", color=INK, label="second order")
+        for axis, ticks in ((right.xaxis, (7, 8, 10, 12, 14)), (right.yaxis, (3, 5, 10, 15))):
+            axis.set_ticks(ticks, [f"{tick:g}" for tick in ticks])
+            axis.set_ticks([], minor=True)
+        right.set(xlabel="nodes across <d>", ylabel="error of k, %", title="Its own error")
         right.legend()
         figure.savefig(PICTURE, dpi=110, facecolor="white", transparent=False)
 
