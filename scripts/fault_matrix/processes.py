@@ -1,4 +1,4 @@
-"""Rows 1 to 17: processes that die, hang, or are told to stop."""
+"""Rows 1 to 17, 37, 38: processes that die, fail, hang, or are told to stop."""
 
 from __future__ import annotations
 
@@ -9,6 +9,7 @@ import time
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import ExitStack
 from dataclasses import replace
+from functools import partial
 from threading import Semaphore
 
 import psutil
@@ -37,7 +38,8 @@ def stopped(bench: Bench, running: Running, reason: str, within: float = 2 * SOO
     return f"exit 5 after {done.seconds:.1f} s at step {facts['steps']}, same bits after restart"
 
 
-def told_once(done, code: int, what: str) -> str:
+def told_once(bench: Bench, kind: str, code: int, what: str) -> str:
+    done = bench.run(kind=kind)
     expect(done.code == code, done)
     expect(done.err.count("Traceback") <= 1 and done.err.count(what) >= 1, done)
     return f"exit {done.code} after {done.seconds:.1f} s, told once"
@@ -78,19 +80,15 @@ def segmentation_fault(bench: Bench) -> str:
     return f"exit {done.code}, stack written"
 
 
-@row(4, "exception on one rank in a step", "exit 1, one traceback with the rank")
-def exception(bench: Bench) -> str:
-    return told_once(bench.run(kind="raise"), 1, "rank 1 of 2 failed")
-
-
-@row(5, "exception on one rank at the start", "exit 1, one traceback, no hang")
-def exception_at_start(bench: Bench) -> str:
-    return told_once(bench.run(kind="raise at start"), 1, "rank 1 of 2 failed")
-
-
-@row(6, "sys.exit on one rank", "all leave with its code, no hang")
-def system_exit(bench: Bench) -> str:
-    return told_once(bench.run(kind="exit"), 3, "left by sys.exit(3)")
+TOLD_ONCE = (  # row, fault, its name in faulty.py, what is expected, exit code, what is told
+    (4, "exception on one rank in a step", "raise", "one traceback with the rank", 1, "rank 1 of 2 failed"),
+    (5, "exception on one rank at the start", "raise at start", "the same, no hang", 1, "rank 1 of 2 failed"),
+    (6, "sys.exit on one rank", "exit", "all leave with its code, no hang", 3, "left by sys.exit(3)"),
+    (37, "messages of another iteration", "misnumber", "told once", 1, "iteration"),
+    (38, "no memory on one rank (RLIMIT_AS)", "no memory", "one traceback with the rank", 1, "rank 1 of 2"),
+)
+for number, fault, kind, expected, code, what in TOLD_ONCE:
+    row(number, fault, f"exit {code}, {expected}")(partial(told_once, kind=kind, code=code, what=what))
 
 
 def watched(bench: Bench, kind: str) -> str:

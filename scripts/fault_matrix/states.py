@@ -1,11 +1,10 @@
-"""Rows 34 to 38, 47, 48: states that are no solution, machines that are too small, clocks, odd numbers of ranks."""
+"""Rows 34 to 36, 47, 48: states that are no solution, clocks, odd numbers of ranks."""
 
 from __future__ import annotations
 
 from fault_matrix.bench import Bench, expect
 from fault_matrix.checkpoints import alone
 from fault_matrix.faulty import floats
-from fault_matrix.processes import told_once
 from fault_matrix.rows import row
 from hpcpic.core.files.rundir import RunDir
 from hpcpic.core.run import checkpoint
@@ -42,16 +41,6 @@ def flipped_in_memory(bench: Bench) -> str:
     seen = found["caught"] + found["raised"] + found["crashed"]
     expect(seen >= 0.95 * harmful, f"{seen} of {harmful} seen: {found}")
     return f"{seen} of {harmful} seen; of {FLIPS}: {', '.join(f'{n} {what}' for what, n in found.items())}"
-
-
-@row(37, "messages of another iteration", "exit 1, told once")
-def misnumbered(bench: Bench) -> str:
-    return told_once(bench.run(kind="misnumber"), 1, "iteration")
-
-
-@row(38, "no memory on one rank (RLIMIT_AS)", "exit 1, one traceback with the rank")
-def no_memory(bench: Bench) -> str:
-    return told_once(bench.run(kind="no memory"), 1, "rank 1 of 2")
 
 
 @row(47, "the clock jumps an hour forward and back", "exit 0, times are right, --wall holds")

@@ -3,9 +3,8 @@
 import math
 
 import pytest
+from knob_cases import made_again, reader, sizes_of
 
-from hpcpic.core.files.config import load
-from hpcpic.core.files.schema import validate
 from lbmdem.cases import shipped_cases
 from lbmdem.config import LbmDemConfig
 from lbmdem.knobs import knobs_of
@@ -13,19 +12,12 @@ from lbmdem.knobs import knobs_of
 CASES = sorted(shipped_cases())
 
 
-def read(case, sets=()):
-    return validate(LbmDemConfig, load(shipped_cases()[case], sets))
-
-
-def sizes_of(knobs, config):
-    return {knob.name: knob.size(config) for knob in knobs.knobs}
+read = reader(LbmDemConfig, shipped_cases)
 
 
 @pytest.mark.parametrize("case", CASES)
 def test_its_own_sizes_are_the_case_itself(case):
-    config = read(case)
-    knobs = knobs_of(config)
-    again = read(case, knobs.settings(sizes_of(knobs, config), knobs.time))
+    config, again = made_again(read, knobs_of, case)
     assert again.points == config.points and again.substeps == config.substeps
     assert again.time_step == pytest.approx(config.time_step, rel=1e-12)
     assert again.simulation.end_time == config.simulation.end_time

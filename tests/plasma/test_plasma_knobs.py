@@ -5,10 +5,9 @@ import math
 
 import numpy as np
 import pytest
+from knob_cases import made_again, reader, sizes_of
 
 from hpcpic.core.cli.main import build
-from hpcpic.core.files.config import load
-from hpcpic.core.files.schema import validate
 from hpcpic.core.files.series import Series
 from hpcpic.plasma.app import APP
 from hpcpic.plasma.cases import shipped_cases
@@ -32,19 +31,12 @@ ABOUT = {
 }
 
 
-def read(case, sets=()):
-    return validate(PlasmaConfig, load(shipped_cases()[case], sets))
-
-
-def sizes_of(knobs, config):
-    return {knob.name: knob.size(config) for knob in knobs.knobs}
+read = reader(PlasmaConfig, shipped_cases)
 
 
 @pytest.mark.parametrize("case", CASES)
 def test_its_own_sizes_are_the_case_itself(case):
-    config = read(case)
-    knobs = knobs_of(config)
-    again = read(case, knobs.settings(sizes_of(knobs, config), knobs.time))
+    config, again = made_again(read, knobs_of, case)
     simulation = again.simulation.model_copy(update={"time_step": config.simulation.time_step})
     assert again.model_copy(update={"simulation": simulation}) == config
     assert again.simulation.time_step == pytest.approx(config.simulation.time_step, rel=1e-12)

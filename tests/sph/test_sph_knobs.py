@@ -1,9 +1,8 @@
 """Knobs of SPH: settings mean what they say, every case knows what it is about."""
 
 import pytest
+from knob_cases import made_again, reader, sizes_of
 
-from hpcpic.core.files.config import load
-from hpcpic.core.files.schema import validate
 from sph.cases import shipped_cases
 from sph.config import SphConfig
 from sph.knobs import knobs_of, mach
@@ -11,19 +10,12 @@ from sph.knobs import knobs_of, mach
 CASES = sorted(name for name in shipped_cases() if name in ("column-impact-a", "poiseuille") or "-impact" not in name)
 
 
-def read(case, sets=()):
-    return validate(SphConfig, load(shipped_cases()[case], sets))
-
-
-def sizes_of(knobs, config):
-    return {knob.name: knob.size(config) for knob in knobs.knobs}
+read = reader(SphConfig, shipped_cases)
 
 
 @pytest.mark.parametrize("case", CASES)
 def test_its_own_sizes_are_the_case_itself(case):
-    config = read(case)
-    knobs = knobs_of(config)
-    again = read(case, knobs.settings(sizes_of(knobs, config), knobs.time))
+    config, again = made_again(read, knobs_of, case)
     assert again == config
 
 

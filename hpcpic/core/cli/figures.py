@@ -44,6 +44,45 @@ class Plot:
     steps: Callable[[Run], Sequence[int]] | None = None
 
 
+LOOK: Any = {  # of matplotlib
+    "figure.facecolor": "none",
+    "savefig.facecolor": "none",
+    "axes.facecolor": "none",
+    "axes.edgecolor": INK,
+    "axes.labelcolor": INK,
+    "text.color": INK,
+    "xtick.color": INK,
+    "ytick.color": INK,
+    "axes.spines.top": False,
+    "axes.spines.right": False,
+    "axes.linewidth": 0.8,
+    "axes.titlesize": 11,
+    "axes.titleweight": "bold",
+    "axes.titlelocation": "left",
+    "axes.labelsize": 10.5,
+    "axes.grid": True,
+    "axes.axisbelow": True,
+    "axes.formatter.use_mathtext": True,
+    "axes.formatter.limits": (-3, 4),
+    "grid.color": "#8a8f98",
+    "grid.alpha": 0.22,
+    "grid.linewidth": 0.6,
+    "lines.linewidth": 1.8,
+    "lines.solid_capstyle": "round",
+    "xtick.labelsize": 9.5,
+    "ytick.labelsize": 9.5,
+    "font.size": 10,
+    "font.family": "sans-serif",
+    "legend.frameon": False,
+    "legend.fontsize": 9.5,
+    "image.cmap": "viridis",
+    "image.interpolation": "nearest",
+    "figure.constrained_layout.use": True,
+    "svg.fonttype": "none",
+    "svg.hashsalt": "hpcpic",
+}
+
+
 @contextmanager
 def style() -> Iterator[None]:
     """Agg and the house look: open axes, few ticks, colours that colour-blind readers can tell apart."""
@@ -51,45 +90,7 @@ def style() -> Iterator[None]:
     from cycler import cycler
 
     matplotlib.use("Agg")
-    settings: Any = {
-        "figure.facecolor": "none",
-        "savefig.facecolor": "none",
-        "axes.facecolor": "none",
-        "axes.edgecolor": INK,
-        "axes.labelcolor": INK,
-        "text.color": INK,
-        "xtick.color": INK,
-        "ytick.color": INK,
-        "axes.prop_cycle": cycler(color=COLOURS),
-        "axes.spines.top": False,
-        "axes.spines.right": False,
-        "axes.linewidth": 0.8,
-        "axes.titlesize": 11,
-        "axes.titleweight": "bold",
-        "axes.titlelocation": "left",
-        "axes.labelsize": 10.5,
-        "axes.grid": True,
-        "axes.axisbelow": True,
-        "axes.formatter.use_mathtext": True,
-        "axes.formatter.limits": (-3, 4),
-        "grid.color": "#8a8f98",
-        "grid.alpha": 0.22,
-        "grid.linewidth": 0.6,
-        "lines.linewidth": 1.8,
-        "lines.solid_capstyle": "round",
-        "xtick.labelsize": 9.5,
-        "ytick.labelsize": 9.5,
-        "font.size": 10,
-        "font.family": "sans-serif",
-        "legend.frameon": False,
-        "legend.fontsize": 9.5,
-        "image.cmap": "viridis",
-        "image.interpolation": "nearest",
-        "figure.constrained_layout.use": True,
-        "svg.fonttype": "none",
-        "svg.hashsalt": "hpcpic",
-    }
-    with matplotlib.rc_context(settings):
+    with matplotlib.rc_context({**LOOK, "axes.prop_cycle": cycler(color=COLOURS)}):
         yield
 
 

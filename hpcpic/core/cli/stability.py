@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from hpcpic.core.cli.app import AppLoader
+from hpcpic.core.cli.app import App, AppLoader
 from hpcpic.core.cli.read import read_case, set_option, shape_options
 from hpcpic.core.cli.text import table
 from hpcpic.core.errors import CheckFailed, ConfigError
@@ -31,44 +31,48 @@ def make_stability_command(app_loader: AppLoader) -> click.Command:
     @click.option("-o", "--output", metavar="DIR", help="Folder of the runs.  [default: stability/CASE]")
     @set_option
     @shape_options
-    def stability(
-        case: str,
-        name: str | None,
-        pair: str | None,
-        output: str | None,
-        sets: tuple[str, ...],
-        ranks: int,
-        threads: int,
-    ) -> None:
+    def stability(**asked: Any) -> None:
         """Bisect for the largest stable size of a knob of CASE; compare with the theory's limit.
 
         Two horizons tell a limit from slow growth, three seeds tell it from luck. Exit code 3 when the case itself
         is unstable, or when the measured limit is more than 5 % below the theory's.
         """
-        from hpcpic.core.cli.limits import Limits
-        from hpcpic.core.cli.pilot import Pilots
-        from hpcpic.core.cli.tradeoff import knobs_of
-
-        app = app_loader()
-        read = read_case(app, case, sets)
-        knobs = knobs_of(app, read)
-        folder = Path(output or Path("stability") / Path(read.path).stem)
-        limits = Limits(Pilots(app, read, sets, knobs, folder, (ranks, threads)), knobs)
-        if pair:
-            first, second = two(knobs, pair)
-            draw_map(limits, first, second, folder)
-            return
-        knob = one(knobs, name)
-        axis = limits.axis(knob)
-        limit = limits.bisect(axis)
-        if math.isfinite(limit.x):
-            limits.confirm(axis, limit)
-        rates = limits.rates(axis) if limit.slow or not math.isfinite(limit.x) else []
-        write_atomic(folder / "stability.json", json.dumps(facts(limits, axis, limit, rates), indent=1))
-        tell(limits, axis, limit, rates)
-        judge(limits, axis, limit)
+        find(app_loader(), **asked)
 
     return stability
+
+
+def find(
+    app: App,
+    case: str,
+    name: str | None,
+    pair: str | None,
+    output: str | None,
+    sets: tuple[str, ...],
+    ranks: int,
+    threads: int,
+) -> None:
+    """The limit of one knob, or the map of two. Raises ConfigError and CheckFailed."""
+    from hpcpic.core.cli.limits import Limits
+    from hpcpic.core.cli.pilot import Pilots
+    from hpcpic.core.cli.tradeoff import knobs_of
+
+    read = read_case(app, case, sets)
+    knobs = knobs_of(app, read)
+    folder = Path(output or Path("stability") / Path(read.path).stem)
+    limits = Limits(Pilots(app, read, sets, knobs, folder, (ranks, threads)), knobs)
+    if pair:
+        first, second = two(knobs, pair)
+        draw_map(limits, first, second, folder)
+        return
+    axis = limits.axis(one(knobs, name))
+    limit = limits.bisect(axis)
+    if math.isfinite(limit.x):
+        limits.confirm(axis, limit)
+    rates = limits.rates(axis) if limit.slow or not math.isfinite(limit.x) else []
+    write_atomic(folder / "stability.json", json.dumps(facts(limits, axis, limit, rates), indent=1))
+    tell(limits, axis, limit, rates)
+    judge(limits, axis, limit)
 
 
 def one(knobs: Knobs, name: str | None) -> Knob:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import re
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -33,59 +34,74 @@ def make_tradeoff_command(app_loader: AppLoader) -> click.Command:
     @click.option("-o", "--output", metavar="DIR", help="Folder of the pilots.  [default: tradeoffs/CASE]")
     @set_option
     @shape_options
-    def tradeoff(
-        case: str,
-        names: str | None,
-        qoi: str | None,
-        tolerance: str | None,
-        max_cost: str | None,
-        target: str | None,
-        output: str | None,
-        sets: tuple[str, ...],
-        ranks: int,
-        threads: int,
-    ) -> None:
+    def tradeoff(**asked: Any) -> None:
         """Measure what each knob of CASE costs and gains; with --tolerance, find the cheapest setting.
 
         Pilots are short runs of the same scene. The recommendation is run, and settings beside it, before it is
         given. Called again it goes on where it stopped. Exit code 3 when nothing can be recommended.
         """
-        from hpcpic.core.cli import front
-        from hpcpic.core.cli.pilot import Pilots
-        from hpcpic.core.cli.search import Search
-
-        wanted, limit = parse_tolerance(tolerance), parse_seconds(max_cost)
-        if target and wanted is None:
-            raise ConfigError("--write needs --tolerance")
-        app = app_loader()
-        read = read_case(app, case, sets)
-        knobs = knobs_of(app, read)
-        quantity = chosen_quantity(knobs, qoi)
-        folder = Path(output or Path("tradeoffs") / Path(read.path).stem)
-        click.echo(f"{quantity.name}: {quantity.text}; pilots until t = {quantity.time:.4g} of {knobs.time:.4g} s")
-        pilots = Pilots(app, read, sets, knobs, folder, (ranks, threads))
-        listed, choices = chosen_knobs(knobs, names)
-        search = Search(pilots, listed, choices, quantity, wanted or WANTED)
-        tell_laws(search)
-        points = front.front(search)
-        tell_front(search, points)
-        verified, refusal = None, ""
-        if wanted is not None:
-            try:
-                verified = recommended(search, wanted, limit)
-            except CheckFailed as error:
-                refusal = error.message
-        front.write(search, points, verified, refusal, wanted, folder)
-        click.echo(f"front: {folder / 'front.png'}, {folder / 'front.csv'}, {folder / 'tradeoff.json'}")
-        if refusal:
-            raise CheckFailed(f"no recommendation: {refusal}")
-        if verified is not None and wanted is not None:
-            tell_recommendation(search, verified, wanted)
-            if target:
-                front.write_case(search, verified, wanted, Path(target))
-                click.echo(f"written: {target}")
+        trade(app_loader, Asked(**asked))
 
     return tradeoff
+
+
+@dataclass(frozen=True, slots=True)
+class Asked:
+    """The command line."""
+
+    case: str
+    names: str | None
+    qoi: str | None
+    tolerance: str | None
+    max_cost: str | None
+    target: str | None
+    output: str | None
+    sets: tuple[str, ...]
+    ranks: int
+    threads: int
+
+
+def trade(app_loader: AppLoader, asked: Asked) -> None:
+    """Raises ConfigError, and CheckFailed without a recommendation."""
+    from hpcpic.core.cli import front
+
+    wanted, limit = parse_tolerance(asked.tolerance), parse_seconds(asked.max_cost)
+    if asked.target and wanted is None:
+        raise ConfigError("--write needs --tolerance")
+    search, folder = searched(app_loader(), asked, wanted or WANTED)
+    tell_laws(search)
+    points = front.front(search)
+    tell_front(search, points)
+    verified, refusal = None, ""
+    if wanted is not None:
+        try:
+            verified = recommended(search, wanted, limit)
+        except CheckFailed as error:
+            refusal = error.message
+    front.write(search, points, verified, refusal, wanted, folder)
+    click.echo(f"front: {folder / 'front.png'}, {folder / 'front.csv'}, {folder / 'tradeoff.json'}")
+    if refusal:
+        raise CheckFailed(f"no recommendation: {refusal}")
+    if verified is not None and wanted is not None:
+        tell_recommendation(search, verified, wanted)
+        if asked.target:
+            front.write_case(search, verified, wanted, Path(asked.target))
+            click.echo(f"written: {asked.target}")
+
+
+def searched(app: App, asked: Asked, wanted: float) -> tuple[Search, Path]:
+    """All pilots that the laws need, and the folder where they are."""
+    from hpcpic.core.cli.pilot import Pilots
+    from hpcpic.core.cli.search import Search
+
+    read = read_case(app, asked.case, asked.sets)
+    knobs = knobs_of(app, read)
+    quantity = chosen_quantity(knobs, asked.qoi)
+    folder = Path(asked.output or Path("tradeoffs") / Path(read.path).stem)
+    click.echo(f"{quantity.name}: {quantity.text}; pilots until t = {quantity.time:.4g} of {knobs.time:.4g} s")
+    pilots = Pilots(app, read, asked.sets, knobs, folder, (asked.ranks, asked.threads))
+    listed, choices = chosen_knobs(knobs, asked.names)
+    return Search(pilots, listed, choices, quantity, wanted), folder
 
 
 def parse_tolerance(text: str | None) -> float | None:
