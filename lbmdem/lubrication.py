@@ -3,12 +3,17 @@
 Below a gap of a node or so no fluid node lies between two grains, and what the links miss is put in by lubrication
 theory: the force at the gap less the force at the cut-off gap (Nguyen & Ladd, Phys. Rev. E 66 (2002) 046708; in this
 form with a least gap, Simeonov & Calantoni, Int. J. Multiphase Flow 46 (2012) 38). SI or any other units alike.
+
+Two motions of the film are counted: squeezing, and for spheres shearing by surfaces that slide past each other, as
+Ball & Melrose (Physica A 247 (1997) 444) separate them. What turns spheres against each other without sliding (their
+pumping), of the same order as shearing, is left out.
 """
 
 import math
 from dataclasses import dataclass
 
 CUT_OFF = 2.0 / 3.0  # nodes: where the resolved force begins to lag behind
+SHEAR_CUT_OFF = 0.75  # of that: half a node
 ROUGHNESS = 1e-3  # least gap over the reduced radius: grains touch before theirs is zero
 
 
@@ -41,3 +46,17 @@ class Film:
             return 6.0 * math.pi * self.viscosity * radius**2 * max(1.0 / gap - 1.0 / self.cut_off, 0.0)
         film = (radius / gap) ** 1.5 - (radius / self.cut_off) ** 1.5
         return 3.0 * math.sqrt(2.0) * math.pi * self.viscosity * max(film, 0.0)
+
+    def shear_resistance(self, gap: float, first: float, second: float = math.inf) -> float:
+        """Force over velocity of sliding of the surfaces of two spheres, or of one and a plane (Jeffrey & Onishi,
+        J. Fluid Mech. 139 (1984) 261, the logarithm alone), less that at the cut-off; 0 in 2D.
+        """
+        cut = SHEAR_CUT_OFF * self.cut_off
+        if self.dimensions == 2 or not 0.0 <= gap < cut:
+            return 0.0
+        size, reduced = 2.0 * first, first
+        if math.isfinite(second):
+            size = first * second * (2.0 * (first**2 + second**2) + first * second) / (first + second) ** 3
+            reduced = first * second / (first + second)
+        least = max(gap, ROUGHNESS * reduced)
+        return 6.0 * math.pi * self.viscosity * 4.0 / 15.0 * size * max(math.log(cut / least), 0.0)

@@ -281,6 +281,25 @@ def line_kernels(n, m, dtype, offsets="int64"):
     return kernels(LINES.format(n=n, m=m, offsets=offsets, parts=parts), n, dtype)
 
 
+WRITTEN = """
+@njit
+def write(w, table):
+    for p in range(0, w.shape[1], {n}):
+        store_lines(address_of(table, {m} * p), ({parts}))
+"""
+
+
+@pytest.mark.parametrize(
+    "n, m, dtype", [(n, m, dtype) for dtype, n in (("float64", 4), ("float64", 8), ("float32", 16)) for m in (2, n)]
+)
+def test_lines_are_written(n, m, dtype):
+    parts = ", ".join(f"load(F, w[{k}], p)" for k in range(m))
+    w = np.arange(m * 64).reshape(m, 64).astype(dtype)
+    table = aligned(m * 64, dtype)
+    kernels(WRITTEN.format(n=n, m=m, parts=parts), n, dtype).write(w, table)
+    np.testing.assert_array_equal(table.reshape(64, m), w.T)
+
+
 @pytest.mark.parametrize("m", [2, 4, 8])
 @pytest.mark.parametrize(
     "n, dtype, offsets",

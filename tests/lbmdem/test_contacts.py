@@ -12,7 +12,7 @@ from hpcpic.core.tasks import Pool
 from lbmdem.contacts import Law, Wall, paper_step, stable_step, step_limit
 from lbmdem.dem import Dem
 from lbmdem.lubrication import Film
-from lbmdem.network import contact_count
+from lbmdem.network import contact_count, energies
 
 TABLE = Path(__file__).parent.parent / "data" / "dem_restitution.csv"
 
@@ -145,3 +145,54 @@ def test_a_film_slows_grains_down_as_lubrication_says(world, pool, d):
         assert scene.grains.x[mine, 0] == pytest.approx(0.5 + 2 * RADIUS + gap, abs=1e-4 * start)
         assert v < 0.9 * speed
         assert contact_count(scene) == 0
+
+
+def sliding(world, pool, radius, gap, v, omega, *, planar=False, to_wall=False):
+    """Two spheres (discs), one above the other with a gap, or one above a wall, in a film of cut-off 0.08."""
+    d = 2 if planar else 3
+    x = np.full((2, d), 0.5)
+    x[1, -1] += sum(radius) + gap
+    columns = grains(x, v=v, omega=omega, radius=np.array(radius))
+    walls = ()
+    if to_wall:
+        columns = {name: values[1:] for name, values in columns.items()}
+        walls = (Wall([0.0] * (d - 1) + [x[1, -1] - radius[1] - gap], np.eye(d)[-1]),)
+    film = Film(0.7, 0.08, d)
+    return Dem(world, pool, box(world, (1.0,) * d), columns, Law(STIFFNESS, 0.2, 0.3, 1.0), walls, film=film), film
+
+
+@pytest.mark.parametrize("gap", [1e-4, 5e-3, 0.03, 0.059, 0.061, 0.09])
+def test_a_sheared_film_drags_along_and_turns(world, pool, gap):
+    """Force and torque of the sliding of the surfaces; equal and opposite forces, and nothing beyond the cut-off."""
+    radius, v, omega = (0.11, 0.07), [[0.0] * 3, [0.3, -0.2, 0.0]], [[0.1, 0.5, 0.9], [0.4, -0.3, -0.8]]
+    slip = np.array(v[1]) + np.cross(omega[1], [0, 0, -radius[1]]) - np.cross(omega[0], [0, 0, radius[0]])
+    for to_wall in (False, True):
+        scene, film = sliding(world, pool, radius, gap, v, omega, to_wall=to_wall)
+        upper = scene.grains.columns["force"][list(scene.grains.ids).index(len(scene.grains.ids) - 1)]
+        moved = np.array(v[1]) + np.cross(omega[1], [0, 0, -radius[1]]) if to_wall else slip
+        pair = (radius[1],) if to_wall else radius
+        force = -film.shear_resistance(gap, *pair) * moved
+        np.testing.assert_allclose(upper[:3], force, rtol=1e-7, atol=1e-15)
+        np.testing.assert_allclose(upper[4:7], np.cross([0, 0, -radius[1]], force), rtol=1e-7, atol=1e-15)
+        assert np.any(upper) == (gap < 0.06)
+        if not to_wall:
+            np.testing.assert_array_equal(scene.grains.columns["force"][:, :3].sum(axis=0), 0.0)
+
+
+@pytest.mark.parametrize("planar", [False, True])
+def test_a_film_takes_energy_only(world, pool, planar):
+    """What spheres lose becomes heat; a film between discs is squeezed only."""
+    if planar:
+        v, omega = [[0.0, 0.02], [0.3, -0.02]], [[0.5], [-0.7]]
+    else:
+        v, omega = [[0.0, 0.1, 0.02], [0.3, -0.2, -0.02]], [[0.1, 0.5, 0.9], [0.4, -0.3, -0.8]]
+    scene, _ = sliding(world, pool, (0.11, 0.07), 0.01, v, omega, planar=planar)
+    start = energies(scene)
+    before = start["kinetic"]
+    for _ in range(40):
+        scene.advance(1e-5, 10)
+        after = energies(scene)
+        assert after["kinetic"] < before
+        before = after["kinetic"]
+    lost = start["kinetic"] - after["kinetic"]
+    assert after["heat"] == pytest.approx(lost, rel=1e-3)

@@ -42,3 +42,17 @@ def test_units_by_powers_of_two_give_the_same_bits(dimensions):
     one, other = Film(0.3, 0.05, dimensions), Film(0.3 * 2.0**10, 0.05 * 2.0**-20, dimensions)
     scale = 2.0**10 * (2.0**-20 if dimensions == 3 else 1.0)
     assert other.resistance(0.01 * 2.0**-20, 0.7 * 2.0**-20) == one.resistance(0.01, 0.7) * scale
+
+
+def test_shearing_of_spheres():
+    """The logarithms of Jeffrey & Onishi: 6 pi mu a times 1/6 for equal spheres, 8/15 at a plane."""
+    film = Film(2.0, 0.04, 3)
+    cut = 0.75 * 0.04
+    for gap in (0.001, 0.01, 0.029):
+        unit = 6 * np.pi * 2.0 * 0.5 * np.log(cut / gap)
+        assert film.shear_resistance(gap, 0.5, 0.5) == pytest.approx(unit / 6)
+        assert film.shear_resistance(gap, 0.5) == pytest.approx(unit * 8 / 15)
+        assert film.shear_resistance(gap, 0.5, 5e8) == pytest.approx(unit * 8 / 15)
+        assert film.shear_resistance(gap, 0.5, 0.2) == film.shear_resistance(gap, 0.2, 0.5)
+    assert film.shear_resistance(cut, 0.5) == film.shear_resistance(-1e-9, 0.5) == 0.0
+    assert Film(2.0, 0.04, 2).shear_resistance(0.001, 0.5, 0.5) == 0.0

@@ -114,6 +114,30 @@ def add_lines(typing_context, base, offsets, vectors):
 
 
 @intrinsic
+def store_lines(typing_context, address, vectors):
+    """Write m vectors as lines of m values, one after the other: lane k of all of them on line k. m is 2 or the
+    number of lanes.
+    """
+    m, n = vectors.count, vectors.dtype.n
+
+    def codegen(context, builder, sig, args):
+        rows = cgutils.unpack_tuple(builder, args[1])
+        rows = _butterfly(builder, rows, _stages(n)) if m == n else _zipped(builder, *rows)
+        for k, row in enumerate(rows):
+            store_to(builder, offset(builder, args[0], k * n * vectors.dtype.size), row, vectors.dtype.size)
+        return context.get_dummy_value()
+
+    return (types.void(types.int64, vectors), codegen) if m in (2, n) else None
+
+
+def _zipped(builder: Any, a: Any, b: Any) -> list:
+    """a0 b0 a1 b1 ... of two vectors."""
+    n = a.type.count
+    lanes = [k // 2 + (n if k % 2 else 0) for k in range(2 * n)]
+    return [shuffle(builder, a, b, lanes[:n]), shuffle(builder, a, b, lanes[n:])]
+
+
+@intrinsic
 def lane_values(typing_context, a):
     """The lanes of an integer vector as a tuple of int64."""
 

@@ -37,7 +37,7 @@ from hpcpic.core.simd.kinds import (
     shuffle,
     store_to,
 )
-from hpcpic.core.simd.lines import add_lines, gather_lines, lane_values
+from hpcpic.core.simd.lines import add_lines, gather_lines, lane_values, store_lines
 
 __all__ = [
     "Vec",
@@ -67,6 +67,7 @@ __all__ = [
     "sqrt",
     "store",
     "store_at",
+    "store_lines",
     "stream_at",
     "to_fixed",
     "total",

@@ -25,9 +25,10 @@ from hpcpic.core.simd.vector import (
     select,
     splat,
     store_at,
+    store_lines,
 )
 from hpcpic.plasma.kernels.cells import add_last, add_sums, gather_field, load_sums, opaque, shifted_up, whole_at
-from hpcpic.plasma.kernels.lanes import address, bits_of, inlined, kernel, store_lines
+from hpcpic.plasma.kernels.lanes import address, bits_of, inlined, kernel
 from hpcpic.plasma.kernels.pages import COMPONENTS, DIVERGED, GOOD, LANES, PAGE, TILE, depart, hole
 from hpcpic.plasma.kernels.plain import MAGIC, boris
 
