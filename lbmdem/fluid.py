@@ -228,6 +228,9 @@ class Fluid:
             for k, value in ((at, self.parity), *enumerate(arrays, at + 3)):
                 bound.update(k, value)
         self.pool.each(self._observers[name])
+        for bound in self._observers[name]:  # a task holds its arrays: as many bytes as the populations'
+            for k, value in enumerate(arrays, at + 3):
+                bound.update(k, np.empty((0,) * value.ndim, value.dtype))
 
     @property
     def _where(self) -> list[Any]:
@@ -278,7 +281,10 @@ class Fluid:
         rho = np.broadcast_to(np.asarray(rho, float), shape)
         d = self.lattice.dimensions
         u = np.broadcast_to(np.zeros(d) if u is None else np.asarray(u, float), (*shape, d))
-        self.set_populations(equilibrium(self.lattice, rho, u))
+        h = np.empty((*shape, self.lattice.q), self.layout_dtype)
+        for row in range(shape[0]):  # one at a time: on the way to the result are several arrays of its size
+            h[row] = np.moveaxis(equilibrium(self.lattice, rho[row], u[row]), 0, -1)
+        self.set_populations(np.moveaxis(h, -1, 0))
 
     def stress(self) -> NDArray:
         """Deviatoric stress sigma [rows, ..., d, d] in units of rho cs2: -(1 - 1/(2 tau)) sum h_neq e e."""

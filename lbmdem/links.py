@@ -139,8 +139,8 @@ class FixedLinks:
         self._solid = solid.reshape(tuple(window.shape[::-1]))
         fluid = self._inner(self._solid) == FLUID
         self._sizes = np.array(fluid.shape[::-1])
-        self._fluid_nodes = np.argwhere(fluid)[:, ::-1].copy()  # (x, row, plane) of this slab, in the order of memory
-        parts = [self._of_direction(i) for i in range(1, self.directions.q)]
+        nodes = np.argwhere(fluid)[:, ::-1].copy()  # (x, row, plane) of this slab, in the order of memory
+        parts = [self._of_direction(i, nodes) for i in range(1, self.directions.q)]
         local, way, body, q, arm, speed = (np.concatenate(column) for column in zip(*parts))
         order = np.lexsort((local[:, 0], local[:, 1], way, local[:, 2]))
         self.body, self.arm, self.speed = body[order], arm[order], speed[order]
@@ -204,13 +204,13 @@ class FixedLinks:
         x, row, plane = (local + self._window.inner[:, 0]).T
         return self._solid[plane, row, x]
 
-    def _of_direction(self, i: int) -> tuple[NDArray, ...]:
-        """node[n, 3], direction, body, q, arm, speed of the links of one direction."""
+    def _of_direction(self, i: int, nodes: NDArray) -> tuple[NDArray, ...]:
+        """node[n, 3], direction, body, q, arm, speed of the links of one direction from the fluid nodes."""
         e, bodies = self.directions.e[i], self.bodies
-        beyond = self._solid_at(self._fluid_nodes + e)
+        beyond = self._solid_at(nodes + e)
         grain = np.isin(beyond, bodies.ids)
-        parts = [self._at_grains(self._fluid_nodes[grain], np.searchsorted(bodies.ids, beyond[grain]), e)]
-        parts += self._at_walls(self._fluid_nodes[beyond == WALL], e)
+        parts = [self._at_grains(nodes[grain], np.searchsorted(bodies.ids, beyond[grain]), e)]
+        parts += self._at_walls(nodes[beyond == WALL], e)
         local, body, q, arm, speed = (np.concatenate(column) for column in zip(*parts))
         return local, np.full(len(local), i), body, q, arm, speed
 
