@@ -12,12 +12,12 @@ from numpy.typing import NDArray
 
 from hpcpic.core.space.rng import uniforms
 from sph import config as case
-from sph import flows, geometry, solids
+from sph import flows, geometry, resting, solids
 from sph.lattices import Filled, Grid, Parts, Sheet, Shell, box_sheets, even, grid_of
 
 WALL_BITS = 50
 NEAR = 0.25  # of a spacing: fluid nearer to a solid is taken away
-REST = 0.9  # of h: distance at which a repulsive layer holds the fluid (S(y) of (SC 9) is about 0.65 there)
+REST = 0.9  # of h: distance at which a repulsive layer holds the fluid (S(y) of (SC 9) is 0.25 there)
 CHUNK = 1 << 18
 FAR = 1e300
 DISORDER = 1  # stream of the random numbers
@@ -42,7 +42,7 @@ class Wall:
         self.torque_about = np.array(section.torque_about)
         self.closed = self._closed()
         self.layers = max(1, math.ceil(scene.support / scene.spacing - 0.5))
-        self.faces: list[Face] = self._faces() if self.type == "mirror-no-slip" else []
+        self.faces: list[Face] = self.flat_faces() if self.type == "mirror-no-slip" else []
         self.lattice: Any = None if self.type == "mirror-no-slip" else self._lattice()
 
     @property
@@ -97,7 +97,8 @@ class Wall:
         periodic = {axis for k, axis in enumerate(case.AXES[:d]) if self.scene.periodic[k]}
         return {face for face in faces if face[0] not in periodic} - set(box.open if box else ())
 
-    def _faces(self) -> list[Face]:
+    def flat_faces(self) -> list[Face]:
+        """Of a plane or a box; raises ValueError for other shapes."""
         scene, shape, d = self.scene, self.section.shape, self.scene.dimensions
         if shape.plane:
             far = np.full(d, FAR)
@@ -118,12 +119,12 @@ class Wall:
         scene, section, shape, dp = self.scene, self.section, self.section.shape, self.scene.spacing
         continuous = self.type == "pressure-continuity"
         if shape.plane and not continuous:
-            return Parts([plane_sheet(scene, shape.plane, self._recess())])
+            return Parts([plane_sheet(scene, shape.plane, float(self.recess[0]))])
         if shape.box and continuous and not section.solid:
             return Shell(shape.box, dp, self.layers, self.closed)
         if shape.box and not continuous:
             low, high = map(np.array, geometry.bounds(shape))
-            recess = np.minimum(self._recess(), (high - low) / 2) if section.solid else -self._recess()
+            recess = self.recess if section.solid else -self.recess
             names = case.AXES[: scene.dimensions]
             below, above = (np.array([axis + sign in self.closed for axis in names]) for sign in "-+")
             ends = np.full(scene.dimensions, self.type == "repulsive") & ~scene.periodic
@@ -131,10 +132,17 @@ class Wall:
             return Parts(box_sheets(low + recess * below, high - recess * above, self.closed, dp, section.solid, ends))
         return Filled(shape, dp, self.layers, section.solid, self._grid())
 
-    def _recess(self) -> float:
-        """How far a layer lies behind the face: the fluid then rests half a spacing before the face."""
-        scene = self.scene
-        return max(0.0, REST * scene.h - scene.spacing / 2) if self.type == "repulsive" else 0.0
+    @property
+    def recess(self) -> NDArray[np.float64]:
+        """How far layers lie behind faces [d]: the fluid then rests half a spacing before the face."""
+        scene, shape = self.scene, self.section.shape
+        depth = np.full(scene.dimensions, max(0.0, REST * scene.h - scene.spacing / 2))
+        if self.type != "repulsive":
+            return np.zeros(scene.dimensions)
+        if self.section.solid and shape.box:
+            low, high = map(np.array, geometry.bounds(shape))
+            return np.minimum(depth, (high - low) / 2)
+        return depth
 
     def _grid(self) -> Grid:
         shape, dp = self.section.shape, self.scene.spacing
@@ -230,6 +238,7 @@ class Scene:
             x = self.disordered(fluid, fluid.points(ids[own]), ids[own])
             found["x"][own], found["v"][own] = x, flows.velocity(self, fluid.section, x)
             found["drho"][own] = self.initial_density(fluid.section, x)
+            found["x"][own] = resting.away_from_walls(self, x, found["drho"][own])
             found["m"][own] = fluid.mass
         return found
 

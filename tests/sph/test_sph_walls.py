@@ -104,3 +104,18 @@ def test_moving_walls_are_where_their_motion_says():
     moved = [sph.physical("x")[k] - start[sph.bodies.own("id")[k]] for k in walls if sph.bodies.own("id")[k] in start]
     assert np.abs(np.array(moved) - [0.5 * sph.time, 0.0]).max() < 1e-14
     assert np.all(by_id(sph, "v")[0][sph.axes.index(0)][-1] == 0.5)
+
+
+def test_a_thin_bed_between_repulsive_walls_stays_where_it_is():
+    """A layer that starts nearer than where the wall's push is its weight is thrown up: 0.4 spacings, measured. What
+    moves now, 0.01, goes sideways: neighbours push a little where the walls end.
+    """
+    more = tank(3, "repulsive", (0.4, 0.3, 0.3))
+    sph = engine(d=3, size=(0.4, 0.3, 0.3), fill=(0.4, 0.3, 0.02), spacing=0.02, more=more, alpha=0.02, sound=24.0)
+    fluid = np.flatnonzero(sph.bodies.own("flags") & 1)
+    start = dict(zip(sph.bodies.id[fluid], sph.physical("x")[fluid]))
+    while sph.time < 0.1:
+        sph.step()
+    now = dict(zip(sph.bodies.id, sph.physical("x")))
+    moved = max(np.abs(now[k] - x).max() for k, x in start.items())
+    assert moved < 0.05 * sph.scene.spacing
