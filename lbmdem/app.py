@@ -26,6 +26,22 @@ def until(config: LbmDemConfig, t: float) -> tuple[str, ...]:
     return (f"simulation.end_time={t!r}",)
 
 
+def grow(config: LbmDemConfig, factor: int) -> tuple[str, ...]:
+    """The --set list that makes the box `factor` times as long along the slab axis, with as dense a packing.
+
+    Raises ValueError where grains have places of their own.
+    """
+    if any(grains.position for grains in config.grains):
+        raise ValueError("grains at given places do not multiply")
+    size = [*config.domain.size[:-1], config.domain.size[-1] * factor]
+    packed = (
+        f"grains[{k}].diameters.count={grains.diameters.count * factor}"
+        for k, grains in enumerate(config.grains)
+        if grains.diameters
+    )
+    return (f"domain.size={size}", *packed)
+
+
 def bench(quick: bool) -> Mapping[str, float]:
     from lbmdem.bench import bench as measure
 
@@ -53,6 +69,8 @@ APP = App(
     estimate=estimate,
     load=load,
     until=until,
+    time_step=lambda config: config.time_step,
+    grow=grow,
     free=("description", "simulation.end_time", "simulation.blocks", "output"),
     bench=bench,
     plots=plots,

@@ -7,6 +7,7 @@ hits all of them. The first steps of each run (cold caches, first touch) are dro
 
 from __future__ import annotations
 
+import argparse
 import json
 import os
 import shutil
@@ -15,8 +16,14 @@ import subprocess
 import sys
 import tempfile
 from dataclasses import dataclass, field
+from importlib import import_module
 from pathlib import Path
+from typing import Any
 
+from hpcpic.core.cli.read import read_case
+from hpcpic.core.errors import HpcpicError
+
+PROGRAMS = {"hpcpic": "hpcpic.plasma.app", "sph": "sph.app", "lbmdem": "lbmdem.app"}
 STANDARD_ERROR = 0.01
 
 
@@ -29,6 +36,7 @@ class Point:
     sets: tuple[str, ...]
     estimate: float = float("nan")  # s per step, predicted before the runs
     seconds: list[float] = field(default_factory=list)
+    items: int = 0  # particles or nodes
 
     @property
     def cores(self) -> int:
@@ -57,12 +65,39 @@ def mpirun() -> str:
     return str(beside) if beside.exists() else shutil.which("mpirun") or "mpirun"
 
 
-def measure(app: str, case: str, point: Point, steps: int) -> None:
+def arguments(title: str | None) -> argparse.Namespace:
+    """The command line of both scripts."""
+    parser = argparse.ArgumentParser(description=title, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("program", choices=PROGRAMS)
+    parser.add_argument("case", help="a path or a shipped case")
+    parser.add_argument("--points", default="1x1,2x1,1x2", help="ranks x threads, comma separated; 1x1 first")
+    parser.add_argument("--steps", type=int, default=100, help="of each run, about")
+    parser.add_argument("--repeats", type=int, default=10, help="at most")
+    parser.add_argument("--set", action="append", default=[], dest="sets", metavar="key=value")
+    parser.add_argument("--out", type=Path, help="without ending; default: benchmarks/strong-CASE or weak-CASE")
+    return parser.parse_args()
+
+
+def scene(program: str, case: str, sets: list[str]) -> tuple[Any, Any]:
+    """The program and the case as it reads it."""
+    app = import_module(PROGRAMS[program]).APP
+    try:
+        return app, read_case(app, case, tuple(sets)).config
+    except HpcpicError as error:
+        sys.exit(str(error))
+
+
+def ending(app: Any, config: Any, steps: int) -> tuple[str, ...]:
+    """The --set list of a run of about so many steps."""
+    return app.until(config, steps * app.time_step(config))
+
+
+def measure(program: str, case: str, point: Point) -> None:
     """Run the case once at this point and append its median step time."""
     with tempfile.TemporaryDirectory(prefix="scaling-") as folder:
         out = Path(folder) / "run"
-        sets = [argument for s in (*point.sets, f"simulation.cycles={steps}") for argument in ("--set", s)]
-        command = [mpirun(), "-n", str(point.ranks), sys.executable, "-m", app, "run", case, "-o", str(out)]
+        sets = [argument for s in point.sets for argument in ("--set", s)]
+        command = [mpirun(), "-n", str(point.ranks), sys.executable, "-m", program, "run", case, "-o", str(out)]
         command += ["--threads", str(point.threads), *sets]
         done = subprocess.run(command, capture_output=True, text=True, env=dict(os.environ, OMP_NUM_THREADS="1"))
         if done.returncode != 0:
@@ -70,14 +105,15 @@ def measure(app: str, case: str, point: Point, steps: int) -> None:
         summary = json.loads((out / "run.json").read_text())
     point.seconds.append(summary["step_seconds"]["median"])
     point.estimate = summary["estimate"]["step_seconds"]
+    point.items = summary["work_items"]
 
 
-def measure_all(app: str, case: str, points: list[Point], steps: int, repeats: int) -> None:
+def measure_all(program: str, case: str, points: list[Point], repeats: int) -> None:
     """Interleave the points until each is settled or the repeats are used up."""
     for repeat in range(repeats):
         for point in points:
             if not point.settled():
-                measure(app, case, point, steps)
+                measure(program, case, point)
                 print(
                     f"  repeat {repeat + 1}: {point.ranks} ranks x {point.threads} threads  "
                     f"{1e3 * point.seconds[-1]:.3f} ms per step",

@@ -8,6 +8,7 @@ from sph.cases import shipped_cases
 from sph.config import SphConfig
 from sph.derived import derived
 from sph.estimate import estimate
+from sph.limits import time_step
 from sph.plan import plan
 
 if TYPE_CHECKING:
@@ -24,6 +25,11 @@ def load() -> type:
 def until(config: SphConfig, t: float) -> tuple[str, ...]:
     """The end at time t [s], as --set says it."""
     return (f"simulation.end_time={t!r}",)
+
+
+def grow(config: SphConfig, factor: int) -> tuple[str, ...]:
+    """The --set list of the same scene with `factor` times as many particles."""
+    return (f"numerics.spacing={config.numerics.spacing / factor ** (1 / config.dimensions)!r}",)
 
 
 def bench(quick: bool) -> Mapping[str, float]:
@@ -53,6 +59,8 @@ APP = App(
     estimate=estimate,
     load=load,
     until=until,
+    time_step=time_step,
+    grow=grow,
     free=("description", "simulation.end_time", "gauge", "output", "numerics.balance_period"),
     plots=plots,
     plan=plan,

@@ -26,13 +26,8 @@ def until(config: PlasmaConfig, t: float) -> tuple[str, ...]:
     return (f"simulation.cycles={max(1, round(t / config.simulation.time_step))}",)
 
 
-def grow(case: str, factor: int) -> tuple[str, ...]:
-    """The --set list that makes a shipped case or file `factor` times as long along the slab axis: weak
-    scaling.
-    """
-    from hpcpic.core.cli.read import read_case
-
-    config = read_case(APP, case, ()).config
+def grow(config: PlasmaConfig, factor: int) -> tuple[str, ...]:
+    """The --set list that makes the box `factor` times as long along the slab axis, with as many particles a cell."""
     axis = config.dimensions - 1
     points, lengths = list(config.grid.points), list(config.simulation.space_length)
     points[axis] *= factor
@@ -70,6 +65,8 @@ APP = App(
     estimate=estimate,
     load=load,
     until=until,
+    time_step=lambda config: config.simulation.time_step,
+    grow=grow,
     free=(
         "description",
         "simulation.cycles",

@@ -24,9 +24,11 @@ class App:
 
     derived(config, ranks): the numbers `check` prints. estimate(config, ranks, threads, rates): memory, disk,
     time. load(): the class with the closed shape. until(config, t): the --set list that ends the run at time
-    t [s]. free: keys, or groups of keys, that a restart may change. bench(quick): kernel rates of this
-    machine. plan(config, ranks, threads): lines on kernels, arrays and messages. plots(): the figures of a
-    run by name. knobs(config): what `tradeoff` and `stability` may turn. command: what starts this program.
+    t [s]. time_step(config): that of the start [s]. grow(config, factor): the --set list of a scene so many
+    times as large, for weak scaling; ValueError where it cannot grow. free: keys, or groups of keys, that a
+    restart may change. bench(quick): kernel rates of this machine. plan(config, ranks, threads): lines on
+    kernels, arrays and messages. plots(): the figures of a run by name. knobs(config): what `tradeoff` and
+    `stability` may turn. command: what starts this program.
     """
 
     name: str
@@ -37,6 +39,8 @@ class App:
     estimate: Callable[[Any, int, int, Mapping[str, float]], Estimate]
     load: Callable[[], type]
     until: Callable[[Any, float], tuple[str, ...]]
+    time_step: Callable[[Any], float] | None = None
+    grow: Callable[[Any, int], tuple[str, ...]] | None = None
     free: tuple[str, ...] = ()
     bench: Callable[[bool], Mapping[str, float]] | None = None
     plan: Callable[[Any, int, int], list[str]] | None = None
