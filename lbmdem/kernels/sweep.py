@@ -103,7 +103,7 @@ def _vector(lattice: Lattice, collision: Collision, fetch: bool) -> list[str]:
     lines += [f"if kind == {PLAIN}:", "    store_at(here + x, g0, BYTES)"]
     for i, j in lattice.pairs:
         lines += [f"    store_at(hi{i} + x, g{i}, SIZE)", f"    store_at(lo{i} + x, g{j}, BYTES)"]
-    return [*lines, "else:", *("    " + line for line in _mixed(lattice)), "v += 1"]
+    return [*lines, "else:", *("    " + line for line in _mixed(lattice, fetch)), "v += 1"]
 
 
 def _wet(e: tuple[int, int, int], v: str) -> str:
@@ -112,19 +112,30 @@ def _wet(e: tuple[int, int, int], v: str) -> str:
     return f"wet[z + {1 + e[0]}, y + {1 + e[1]}, {v}]" if any(shift) else f"wet[z + 1, y + 1, {v}]"
 
 
-def _mixed(lattice: Lattice) -> list[str]:
-    """Stores of the fluid lanes, to the neighbour or back."""
-    lines = [f"own = ({_wet((0, 0, 0), 'v')} >> 1) & inside[v]"]
-    lines.append("store_where(here + x, g0, mask_of_bits(F, own), BYTES)")
-    for i, j in lattice.pairs:
+def _mixed(lattice: Lattice, fetch: bool) -> list[str]:
+    """Stores of the fluid lanes, to the neighbour whatever it is, and back from solid ones.
+
+    What goes to a solid node is read by nobody. A lane that has nothing to give back stores nowhere: without a branch,
+    which no machine foresees, and at an address that is in the cache already.
+    """
+    targets = [(target, i, j, sign) for i, j in lattice.pairs for target, sign in (("hi", 1), ("lo", -1))]
+    stores = [("here", 0, "BYTES")]
+    stores += [("hi" + str(i), i, "SIZE") if sign > 0 else ("lo" + str(i), j, "BYTES") for _, i, j, sign in targets]
+    lines = []
+    if fetch:  # shifted vectors are on two lines each, and what goes back is on lines that no vector nearby has read
+        lines += [f"prefetch_to_write(hi{i} + there + BYTES)" for i, _ in lattice.pairs if storage_order(lattice, i)[2]]
+        lines += [f"prefetch_to_write({t}{i} + there {'-+'[s > 0]} swap)" for t, i, _, s in targets]
+    lines += [f"own = ({_wet((0, 0, 0), 'v')} >> 1) & inside[v]", "if own == FULL:"]
+    lines += [f"    store_at({place} + x, g{g}, {align})" for place, g, align in stores]
+    lines += ["else:", "    fluid = mask_of_bits(F, own)"]
+    lines += [f"    store_where({place} + x, g{g}, fluid, {align})" for place, g, align in stores]
+    for target, i, j, sign in targets:
         e = storage_order(lattice, i)
-        for target, g, sign, align in (("hi", i, 1, "SIZE"), ("lo", j, -1, "BYTES")):
-            to = (sign * e[0], sign * e[1], sign * e[2])
-            back = f"{target}{i} + x {'+' if sign > 0 else '-'} swap"
-            lines.append(f"open = {_wet(to, 'v')} >> {1 + to[2]}")
-            lines.append(f"store_where({target}{i} + x, g{g}, mask_of_bits(F, own & open), {align})")
-            lines.append("if own & ~open:")
-            lines.append(f"    store_where({back}, g{g}, mask_of_bits(F, own & ~open), {align})")
+        to = (sign * e[0], sign * e[1], sign * e[2])
+        g, align = (i, "SIZE") if sign > 0 else (j, "BYTES")
+        lines.append(f"shut = own & ~({_wet(to, 'v')} >> {1 + to[2]})")
+        back = f"{target}{i} + x {'+' if sign > 0 else '-'} (swap & -np.int64(shut != 0))"
+        lines.append(f"store_where({back}, g{g}, mask_of_bits(F, shut), {align})")
     return lines
 
 
