@@ -130,7 +130,7 @@ def forces(run: Run, step: int | None = None) -> Figure:
     with style():
         figure, axes = new_figure(len(names), 1, (6.4, 3.4 * len(names)), squeeze=False, sharex=True)
         for axis, name in zip(axes[:, 0], names):
-            t, force = series_of(run, f"force_{name}_x")
+            t, force = theory.mean_rate(*series_of(run, f"impulse_{name}_x"))
             smooth = theory.triangular(t, force)
             axis.plot(t, force, color=COLOURS[6], linewidth=0.5, alpha=0.5, label="unfiltered")
             axis.plot(*thinned(t, smooth), color=COLOURS[0], linewidth=1.5, label="13 ms filter")

@@ -95,6 +95,11 @@ def cumulative(t: NDArray, values: NDArray) -> NDArray[np.float64]:
     return np.concatenate([[0.0], np.cumsum(np.diff(t) * (values[1:] + values[:-1]) / 2)])
 
 
+def mean_rate(t: NDArray, integral: NDArray) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Middles of the intervals between samples and the mean rate in each: a force from its impulse, of every step."""
+    return (t[1:] + t[:-1]) / 2, np.diff(integral) / np.diff(t)
+
+
 def period_of(t: NDArray, values: NDArray) -> float:
     """Mean time between upward crossings of the mean, linear between samples; NaN with fewer than two."""
     y = values - values.mean()

@@ -209,24 +209,14 @@ def test_a_dam_break_arrives_at_the_wall_in_time(world):
     assert abs(told("dam break: mean pressure from 3.4 to 5.4 over measured - 1", mean, "15 %")) < 0.15
 
 
-def column_figures(done: Done) -> dict[str, float]:
-    """Peak, arrival (8 N), plateau and impulse of the force on the column, filtered over 13 ms."""
-    force = theory.triangular(done.t, done.series("force_column_x"))
-    return {
-        "peak": float(force.max()),
-        "arrival": float(done.t[np.argmax(force > 8.0)]),
-        "plateau": float(force[(done.t > 0.55) & (done.t < 0.75)].mean()),
-        "impulse": float(np.interp(1.3, done.t, done.series("impulse_column_x"))),
-    }
-
-
 def test_the_force_of_the_wave_on_the_column(world):
-    """Case A of (SC). The peak of repulsive walls is "considerably higher" than measured there too."""
-    done = Done(world, "column-impact-a", "simulation.end_time=1.35", period=0.0005)
-    found = column_figures(done)
+    """Case A of (SC) beside Yeh & Petroff, whose clock is 0.068 s late for that of our case F (5 mm). Measured: see the
+    table of scripts/column_impact.py.
+    """
+    done = Done(world, "column-impact-a", "simulation.end_time=1.3", period=0.0005)
+    found = measured.column_figures(done.t, done.series("impulse_column_x"))
     for name, value in found.items():
-        told(f"column impact A: {name}", value, "33.3 N, 0.355 s, 17.5 N, 13.1 N s measured")
-    assert 26.6 < found["peak"] < 65.0
-    assert 0.28 < found["arrival"] < 0.38
-    assert abs(found["plateau"] / 17.5 - 1) < 0.15
-    assert abs(found["impulse"] / 13.1 - 1) < 0.15
+        told(f"column impact A: {name}", value, f"{measured.COLUMN_FIGURES[name]:g} measured")
+    for name, within in (("peak", 0.2), ("plateau", 0.1), ("impulse", 0.05)):
+        assert abs(found[name] / measured.COLUMN_FIGURES[name] - 1) < within, name
+    assert abs(found["arrival"] - measured.COLUMN_FIGURES["arrival"]) < 0.02
