@@ -135,8 +135,10 @@ def forces(run: Run, step: int | None = None) -> Figure:
             axis.plot(t, force, color=COLOURS[6], linewidth=0.5, alpha=0.5, label="unfiltered")
             axis.plot(*thinned(t, smooth), color=COLOURS[0], linewidth=1.5, label="13 ms filter")
             if name == "column" and impact(config_of(run)):
-                axis.plot(*measured.COLUMN_FORCE.T, label="experiment: Yeh & Petroff", **DATA | {"markersize": 2.8})
-                axis.set_ylim(-30, 60)
+                at, known = measured.COLUMN_FORCE.T
+                look = DATA | {"markersize": 2.8, "label": "experiment: Yeh & Petroff, 0.068 s earlier"}
+                axis.plot(at - measured.COLUMN_SHIFT, known, **look)
+                axis.set_ylim(-30, max(60.0, 1.05 * smooth.max()))
             else:
                 ends = np.quantile(smooth, (0.0, 1.0))
                 axis.set_ylim(ends[0] - 0.3 * np.ptp(ends), ends[1] + 0.3 * np.ptp(ends))
@@ -157,7 +159,8 @@ def impulses(run: Run, step: int | None = None) -> Figure:
             axes.plot(*thinned(t, size), color=colour, linewidth=1.1, linestyle="--", label=f"{name}, of |F|")
         if "column" in names and impact(config_of(run)):
             t, force = measured.COLUMN_FORCE.T
-            axes.plot(t, theory.cumulative(t, force), label="experiment, along x", **DATA | {"markersize": 2.8})
+            look = DATA | {"markersize": 2.8, "label": "experiment, along x, 0.068 s earlier"}
+            axes.plot(t - measured.COLUMN_SHIFT, theory.cumulative(t, force), **look)
         unit = run.series.units[f"impulse_{names[0]}"]
         axes.set(xlabel="time, s", ylabel=axis_label("impulse", unit), title="Impulse")
         axes.legend()
