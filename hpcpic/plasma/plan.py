@@ -43,8 +43,15 @@ def kernels(config: PlasmaConfig) -> list[str]:
     gradient = (
         "two more inverse transforms" if config.numerics.gradient == "spectral" else "centred differences"
     )
-    moving = [f"push       {law} ({form})", f"deliver    {law}"] if config.species else []
-    return [*moving, "collect    integer charge of the blocks", f"solve      {field}", f"gradient   {gradient}"]
+    if not any(species.particles for species in config.species):
+        return ["none: nothing changes without particles"]
+    return [
+        f"push       {law} ({form})",
+        f"deliver    {law}",
+        "collect    integer charge of the blocks",
+        f"solve      {field}",
+        f"gradient   {gradient}",
+    ]
 
 
 def arrays(config: PlasmaConfig, ranks: int, threads: int) -> Iterator[Array]:
@@ -92,14 +99,17 @@ def messages(config: PlasmaConfig, ranks: int) -> list[str]:
     """What one rank sends in a step."""
     if ranks == 1:
         return ["none: one rank sends no messages"]
+    if not any(species.particles for species in config.species):
+        return ["none: nothing changes without particles"]
     neighbours = min(2, ranks - 1)
     row = config.grid.points[0] if config.dimensions == 2 else 1
     below, above = GHOSTS[config.numerics.shape]
     charge = 8 * row * groups(config) * (below + above)
+    wide = row + below + above + 2 if config.dimensions == 2 else 1
     lines = [
         f"particles  {neighbours}, with the leavers; one word agreed by all ranks",
-        f"charge     {1 + bool(below)} of {charge} bytes",
-        f"potential  2, together {8 * (row + 2) * (below + above + 2)} bytes",
+        f"charge     {min(1 + bool(below), neighbours)}, together {charge} bytes",
+        f"potential  {neighbours}, together {8 * wide * (below + above + 2)} bytes",
     ]
     if config.simulation.solver == "LU":
         lines.append("solve      the grid gathered on every rank")

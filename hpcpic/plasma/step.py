@@ -112,6 +112,9 @@ class Plasma:
 
     def step(self) -> None:
         """x^n, v^(n-1/2), rho^n -> n + 1 (9.2.2)."""
+        if not self.work_items:  # nothing changes without particles
+            self.iteration += 1
+            return
         self.solve()  # E^n from rho^n
         with self.timers.section("push"):
             self.cloud.push()  # E at the particles (5.14), v (5.19) by Boris (5.4.1), x (5.18), charge of who stays

@@ -1,0 +1,383 @@
+"""What a scene does not contain should cost nothing: what was measured, beside what was aimed at.
+
+    python scripts/scene_costs.py [ROW ...]         rows by name, as C1 C10; all of them take some three minutes
+
+Times are processor times of one core, of two scenes whose steps alternate in one process: medians of ratios, or least
+times. Bytes are those that numpy holds after some steps, as tracemalloc counts them, less what was never touched.
+"""
+
+import gc
+import resource
+import statistics
+import subprocess
+import sys
+import time
+import tracemalloc
+from collections.abc import Callable, Iterator
+from contextlib import ExitStack, contextmanager
+from functools import partial
+from importlib import import_module
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hpcpic.core.comm.world import World
+from hpcpic.core.files.config import loads
+from hpcpic.core.files.schema import validate
+from hpcpic.core.tasks import Pool
+from hpcpic.core.timers import Timers
+
+APPS = {"hpcpic": "hpcpic.plasma.app", "sph": "sph.app", "lbmdem": "lbmdem.app"}
+PLASMA = """
+simulation = {{ dimensions = 2; cycles = 900; time_step = 0.1; space_length = [{points}.0, {points}.0]; }};
+grid = {{ points = [{points}, {points}]; }};
+field = {{ magnetic = {magnetic}; }};
+species = ( {{ name = "electrons"; particles = {particles}; charge = -1.0; mass = 1.0; plasma_frequency = 1.0;
+              init_method = "random position"; thermal_velocity = 0.5; }} {more} );
+"""
+WATER = """
+simulation = {{ dimensions = {d}; end_time = 1.0; integrator = "{integrator}"; cfl = 0.3; }};
+domain = {{ low = {low}; high = {high}; periodic = {periodic}; }};
+gravity = {gravity};
+fluid = ( {{ name = "water"; shape = {{ box = {{ low = {low}; high = {top}; }}; }}; {more} }} );
+eos = {{ sound_speed = 30.0; }};
+numerics = {{ spacing = {spacing}; density_flux = "{flux}"; viscosity_form = "{form}"; precision = "{precision}"; }};
+{walls}
+"""
+LATTICE = """
+simulation = {{ dimensions = {d}; end_time = 1.0; }};
+domain = {{ size = {size}; spacing = 1.0e-4; periodic = {periodic}; }};
+fluid = {{ density = 1000.0; viscosity = 1.0e-6; relaxation_time = 0.8; storage = "{storage}"; {force} }};
+{grains}
+"""
+SPHERES = """grains = ( {{ name = "grains"; diameter = {diameter}; density = 1500.0; moving = {moving};
+                         position = {places}; }} );"""
+
+
+class Case(NamedTuple):
+    program: str
+    text: str
+
+
+class Row(NamedTuple):
+    """One line of the table; `kept` is None where nothing was aimed at."""
+
+    name: str
+    what: str
+    measured: str
+    aim: str
+    kept: bool | None = None
+
+
+def listed(values: Any) -> str:
+    """As the case files write it."""
+    return "[" + ", ".join(f'"{v}"' if isinstance(v, str) else repr(float(v)) for v in values) + "]"
+
+
+def plasma(points: int = 32, particles: int = 20_000, magnetic: Any = (0, 0, 0), more: str = "") -> Case:
+    return Case("hpcpic", PLASMA.format(points=points, particles=particles, magnetic=listed(magnetic), more=more))
+
+
+def water(
+    low: Any = (0, 0), high: Any = (1, 1), top: Any = (0.5, 0.5), spacing: float = 0.01, periodic: str = "",
+    integrator: str = "symplectic", flux: str = "none", form: str = "none", precision: str = "double",
+    gravity: float = 9.81, more: str = "", walls: str = "",
+) -> Case:  # fmt: skip
+    """Water in a box from low to top, in a domain from low to high."""
+    d = len(low)
+    return Case("sph", WATER.format(
+        d=d, low=listed(low), high=listed(high), top=listed(top), spacing=spacing, periodic=listed(periodic),
+        gravity=listed([0.0] * (d - 1) + [-gravity]) if gravity else "[]", integrator=integrator, flux=flux, form=form,
+        precision=precision, more=more, walls=walls,
+    ))  # fmt: skip
+
+
+def flow(nodes: Any = (64, 64), grains: str = "", force: bool = True, storage: str = "double") -> Case:
+    """A periodic box of so many nodes."""
+    d = len(nodes)
+    pushed = f"body_force = {listed([1e-3] + [0.0] * (d - 1))};" if force else ""
+    size = listed(1e-4 * n for n in nodes)
+    return Case("lbmdem", LATTICE.format(
+        d=d, size=size, periodic=listed("xyz"[:d]), force=pushed, grains=grains, storage=storage
+    ))  # fmt: skip
+
+
+def spheres(nodes: tuple[int, ...], apart: int, diameter: float, moving: bool = False) -> str:
+    """Grains on a cubic lattice, in nodes."""
+    axes = [np.arange(apart / 2, n, apart) + 0.21 for n in nodes]
+    places = 1e-4 * np.stack(np.meshgrid(*axes, indexing="ij"), -1).reshape(-1, len(nodes))
+    listing = "( " + ", ".join(listed(place) for place in places) + " )"
+    return SPHERES.format(diameter=1e-4 * diameter, moving=str(moving).lower(), places=listing)
+
+
+def app_and_config(case: Case) -> tuple[Any, Any]:
+    app = import_module(APPS[case.program]).APP
+    return app, validate(app.schema(), loads(case.text))
+
+
+def made(case: Case, pool: Pool, world: World | None = None) -> Any:
+    app, config = app_and_config(case)
+    return app.load()(config, world or World.alone(), pool, Timers())
+
+
+@contextmanager
+def running(case: Case, pool: Pool) -> Iterator[Any]:
+    app = made(case, pool)
+    try:
+        yield app
+    finally:
+        app.close()
+
+
+def unused(pages: Any) -> int:
+    """Bytes that were reserved for particles but never touched: free pages, and boxes of those who leave a tile."""
+    reserved = (pages.pool, pages.ids, pages.chain, pages.free, pages.moving, pages.holes)
+    return sum(a.nbytes for a in reserved) - pages.fresh * (pages.pool[0].nbytes + pages.ids[0].nbytes)
+
+
+def held(case: Case, pool: Pool, steps: int = 2) -> int:
+    """Bytes after some steps, of the second time that a scene is made, so that compilation does not count."""
+    with running(case, pool) as app:
+        app.step()
+    del app
+    gc.collect()
+    tracemalloc.start()
+    try:
+        with running(case, pool) as app:
+            for _ in range(steps):
+                app.step()
+            gc.collect()
+            total = tracemalloc.get_traced_memory()[0]
+            return total - (unused(app.cloud.pages) if case.program == "hpcpic" else 0)
+    finally:
+        tracemalloc.stop()
+
+
+def each(one: Case, two: Case, items: int, pool: Pool) -> float:
+    """Bytes of an item, of scenes that differ by so many; what any scene needs is in both."""
+    return (held(two, pool) - held(one, pool)) / items
+
+
+def seconds(work: Callable[[], Any]) -> float:
+    begin = time.process_time()
+    work()
+    return time.process_time() - begin
+
+
+def repeated(work: Callable[[], Any], times: int) -> None:
+    for _ in range(times):
+        work()
+
+
+def ratio(one: Callable[[], Any], two: Callable[[], Any], rounds: int = 9) -> float:
+    """Processor time of the second over the first, the median of rounds in turn."""
+    one(), two()
+    return statistics.median(1.0 / (seconds(one) / seconds(two)) for _ in range(rounds))
+
+
+def step_ratio(one: Case, two: Case, pool: Pool, steps: int = 4, rounds: int = 9) -> float:
+    with running(one, pool) as a, running(two, pool) as b:
+        return ratio(partial(repeated, a.step, steps), partial(repeated, b.step, steps), rounds)
+
+
+def least(work: Callable[[], Any], rounds: int = 7) -> float:
+    work()
+    return min(seconds(work) for _ in range(rounds))
+
+
+# ---- the rows
+
+
+def empty_tank(pool: Pool) -> Iterator[Row]:
+    small, large = (water(high=(side, side), spacing=0.005) for side in (1.0, 1000.0))
+    found = step_ratio(small, large, pool)
+    yield Row("C1", "SPH, tank a million times as large: time", f"{found:.3f}", "<= 1.1", found <= 1.1)
+    found = held(large, pool) / held(small, pool)
+    yield Row("C1", "... bytes", f"{found:.3f}", "<= 1.05", found <= 1.05)
+
+
+def porous(nodes: tuple[int, ...], porosity: float) -> NDArray[np.bool_]:
+    """Solid nodes: balls of six nodes radius anywhere, until so much is left to the fluid."""
+    rng, solid = np.random.default_rng(7), np.zeros(nodes, bool)
+    grid = np.stack(np.meshgrid(*map(np.arange, nodes), indexing="ij"), -1)
+    while solid.mean() < 1.0 - porosity:
+        d = np.abs(grid - rng.uniform(0, nodes))
+        solid |= (np.minimum(d, np.array(nodes) - d) ** 2).sum(-1) < 36.0
+    return solid
+
+
+def solid_lattice(pool: Pool) -> Iterator[Row]:
+    from lbmdem.kernels.layout import WALL
+
+    nodes, rows = (64, 64, 64), []
+    with ExitStack() as stack:
+        size = held(flow(nodes), pool)
+        for porosity in (1.0, 0.9, 0.5, 0.35, 0.1):
+            app = stack.enter_context(running(flow(nodes), pool))
+            solid = porous(nodes, porosity)
+            app.fluid.solid.inner[solid] = WALL
+            app.fluid.solid_changed()
+            rows.append((app, np.count_nonzero(~solid)))
+        first, all_nodes = rows[0]
+        for app, wet in rows[1:]:
+            found = ratio(partial(repeated, first.step, 4), partial(repeated, app.step, 4)) * all_nodes / wet
+            share = wet / all_nodes
+            yield Row("C2", f"D3Q19, porosity {share:.2f}: time per fluid node", f"{found:.2f}", "<= 1.1", found <= 1.1)
+            told = f"{size / wet:.0f} B, {all_nodes / wet:.2f} x"
+            yield Row("C2", "... bytes per fluid node", told, "<= 1.1 x", all_nodes / wet <= 1.1)
+
+
+def no_magnetic_field(pool: Pool) -> Iterator[Row]:
+    without, along, oblique = (
+        plasma(128, 1_000_000, magnetic) for magnetic in ((0, 0, 0), (0, 0, 0.3), (0.3, 0.1, 0.2))
+    )
+    for other, what, aim in ((oblique, "any direction", 1.25), (along, "along z", None)):
+        with running(without, pool) as a, running(other, pool) as b:
+            spent = {}
+            for app in (a, b):
+                spent[app] = times = []
+                push = app.cloud.push
+                app.cloud.push = lambda push=push, times=times: times.append(seconds(push))
+            for _ in range(12):
+                a.step(), b.step()
+            found = statistics.median(y / x for x, y in zip(spent[a][3:], spent[b][3:]))
+        told = f">= {aim}" if aim else "-"
+        yield Row("C3", f"push, field in {what} / none", f"{found:.2f}", told, found >= aim if aim else None)
+    found = each(plasma(64, 200_000, (0.3, 0.1, 0.2)), plasma(64, 400_000, (0.3, 0.1, 0.2)), 200_000, pool)
+    less = each(plasma(64, 200_000), plasma(64, 400_000), 200_000, pool)
+    yield Row("C3", "bytes of a particle, field / none", f"{found:.1f} / {less:.1f}", "5 / 4 numbers", less < found - 7)
+
+
+def fixed_grains(pool: Pool) -> Iterator[Row]:
+    from lbmdem.kernels.layout import FLUID, WALL
+
+    nodes = (64, 64, 64)
+    with running(flow(nodes, spheres(nodes, 16, 13.0)), pool) as fixed, running(flow(nodes), pool) as plain:
+        plain.fluid.solid.inner[fixed.fluid.solid.inner != FLUID] = WALL
+        plain.fluid.solid_changed()
+        found = ratio(lambda: repeated(plain.step, 6), lambda: repeated(fixed.step, 6))
+        share = (fixed.fluid.solid.inner == FLUID).mean()
+        what = f"fixed spheres / the same nodes as walls, porosity {share:.2f}"
+        yield Row("C4", f"{what}: step", f"{found:.3f}", "<= 1.02", found <= 1.02)
+        found = ratio(lambda: leap(plain, 12), lambda: leap(fixed, 12))
+        yield Row("C4", "... between outputs (several steps a pass)", f"{found:.3f}", "<= 1.02", found <= 1.02)
+        yield Row("C4", "... the contacts' part is made", str(fixed.dem is not None), "False", fixed.dem is None)
+
+
+def leap(app: Any, steps: int) -> None:
+    until = app.iteration + steps
+    while app.iteration < until:
+        app.advance(until - app.iteration)
+
+
+def plane(pool: Pool) -> Iterator[Row]:
+    found = step_ratio(flow((256, 256)), flow((256, 256, 1)), pool)
+    yield Row("C6", "lattice, 3D one node thick / 2D: time", f"{found:.2f}", ">= 2", found >= 2)
+    found = held(flow((256, 256, 1)), pool) / held(flow((256, 256)), pool)
+    yield Row("C6", "... bytes", f"{found:.2f}", ">= 2", found >= 2)
+    box = {"spacing": 0.005, "gravity": 0.0}
+    flat = water(high=(0.5, 0.5), periodic="xy", **box)
+    thick = water((0, 0, 0), (0.5, 0.5, 0.03), (0.5, 0.5, 0.03), periodic="xyz", **box)
+    found = step_ratio(flat, thick, pool, 2, 5) / 6
+    yield Row("C6", "SPH, a layer of 3D (of the 6 that a cell needs) / 2D: time", f"{found:.2f}", ">= 2", found >= 2)
+
+
+def nothing(pool: Pool) -> Iterator[Row]:
+    with running(plasma(256, 0), pool) as empty:
+        found = 1e6 * least(lambda: repeated(empty.step, 200)) / 200
+    yield Row("C8", "plasma without particles, 256 x 256: us a step", f"{found:.1f}", "<= 20", found <= 20)
+
+
+def memory(pool: Pool) -> Iterator[Row]:
+    pairs = (
+        ("plasma 2D, 2 velocities", plasma(64, 300_000), plasma(64, 600_000), 300_000, 4 * 8 + 4),
+        ("SPH 2D, split scheme", water(spacing=0.005), water(spacing=0.0025), 30_000, 8 * 8 + 8 + 8),
+        ("D2Q9", flow((256, 256)), flow((256, 512)), 256 * 256, 9 * 8 + 4),
+        ("D3Q19", flow((64, 64, 64)), flow((64, 64, 128)), 64**3, 19 * 8 + 4),
+        ("D3Q19, single", flow((64, 64, 64), storage="single"), flow((64, 64, 128), storage="single"), 64**3, 80),
+    )
+    for what, one, two, items, bound in pairs:
+        found = each(one, two, items, pool)
+        told = f"{found:.1f} B, {found / bound:.2f} x"
+        yield Row("C10", f"bytes of an item: {what} (least {bound})", told, "<= 1.25 x", found <= 1.25 * bound)
+
+
+def outputs(pool: Pool) -> Iterator[Row]:
+    for what, case in (
+        ("plasma", plasma(64, 262_144)),
+        ("SPH", water(spacing=0.005)),
+        ("lattice", flow((256, 256))),
+    ):
+        with running(case, pool) as app:
+            step = least(lambda: repeated(app.step, 4)) / 4
+            sample = least(lambda: (app.step(), app.scalars())) - step
+            every = app.periods.get("series") or 0
+            if not every and getattr(app, "time_periods", {}).get("series"):
+                every = app.time_periods["series"] / app.time_step
+        found = sample / (every * step) if every else 0.0
+        told = f"{found:.1%}" if every else "off"
+        yield Row("C11", f"{what}: the default series, of a step", told, "<= 5 %", found <= 0.05)
+
+
+def words(_: Pool) -> Iterator[Row]:
+    for words in (["--help"], ["check", "landau-damping", "--plan"], ["check", "nowhere.conf"]):
+        found = 1e3 * min(command_seconds(words) for _ in range(3))
+        yield Row("C12", f"hpcpic {' '.join(words)}: ms", f"{found:.0f}", "<= 100", found <= 100)
+
+
+def command_seconds(words: list[str]) -> float:
+    """Processor time of a command."""
+    before = resource.getrusage(resource.RUSAGE_CHILDREN)
+    subprocess.run([sys.executable, "-m", "hpcpic", *words], capture_output=True)
+    after = resource.getrusage(resource.RUSAGE_CHILDREN)
+    return after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime
+
+
+def growth(pool: Pool) -> Iterator[Row]:
+    pairs = (
+        ("particles of a plasma", plasma(64, 400_000), plasma(64, 800_000)),
+        ("nodes of a plasma", plasma(512, 1000), plasma(1024, 1000)),
+        ("particles of SPH", water(spacing=0.005), water(high=(1, 2), top=(0.5, 1.0), spacing=0.005)),
+        ("nodes of a lattice", flow((128, 64, 64)), flow((128, 64, 128))),
+    )
+    for what, one, two in pairs:
+        planned = np.log2(planned_seconds(two) / planned_seconds(one))
+        found = np.log2(step_ratio(one, two, pool, 2, 7))
+        told = f"{found:.2f}, planned {planned:.2f}"
+        yield Row("C14", f"twice the {what}: exponent of time", told, "+- 0.1", abs(found - planned) <= 0.1)
+        planned, found = (np.log2(size(two) / size(one)) for size in (planned_bytes, partial(held, pool=pool)))
+        told = f"{found:.2f}, planned {planned:.2f}"
+        yield Row("C14", "... of bytes", told, "+- 0.1", abs(found - planned) <= 0.1)
+
+
+def planned_seconds(case: Case) -> float:
+    app, config = app_and_config(case)
+    return app.estimate(config, 1, 1, {}).step_seconds
+
+
+def planned_bytes(case: Case) -> float:
+    """Of the arrays while it runs."""
+    app, config = app_and_config(case)
+    memory = app.estimate(config, 1, 1, {}).memory
+    apart = ("Python and libraries", "state in order of number")  # the latter at the end of a run only
+    return sum(value for name, value in memory.items() if name not in apart)
+
+
+TABLE: dict[str, Callable[[Pool], Iterator[Row]]] = {
+    "C1": empty_tank, "C2": solid_lattice, "C3": no_magnetic_field, "C4": fixed_grains, "C6": plane, "C8": nothing,
+    "C10": memory, "C11": outputs, "C12": words, "C14": growth,
+}  # fmt: skip
+
+
+def main() -> None:
+    pool = Pool(1)
+    for name in sys.argv[1:] or TABLE:
+        for row in TABLE[name](pool):
+            verdict = {True: "kept", False: "MISSED", None: ""}[row.kept]
+            print(f"{row.name:<4} {row.what:<68} {row.measured:>20}   {row.aim:<14} {verdict}", flush=True)
+    pool.close()
+
+
+if __name__ == "__main__":
+    main()
