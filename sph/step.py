@@ -217,7 +217,8 @@ class Sph:
     def sort(self) -> None:
         """Ghosts and cells for the positions as they are."""
         bodies, cells = self.bodies, self.cells
-        owner = np.asarray(self.domain.owner(np.arange(self.grid.layers)))
+        layers = self.grid.layers  # many in a large tank: one rank owns them all, without a list
+        owner = np.asarray(self.domain.owner(np.arange(layers))) if self.world.size > 1 else np.broadcast_to(0, layers)
         with self.timers.section("ghosts"):
             if self.walls.moving and any(bodies.maps.mirrored):
                 bodies.maps = self._maps()
