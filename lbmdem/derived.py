@@ -135,6 +135,7 @@ def grains(config: LbmDemConfig) -> Iterator[Derived]:
         yield Derived("nodes across a grain", "D/dx", nodes, "", limit, verdict, source, cure, key, nodes >= 1)
         if some.moving:
             yield from density_ratio(config, i, nodes)
+            yield from falling(config, i)
     if config.fluid and not config.coupling.lubrication and any(some.moving for some in config.grains):
         cure = "lubrication = true adds what the lattice does not resolve in them"
         key = ("coupling", "lubrication")
@@ -166,6 +167,24 @@ def overlap_at_start(config: LbmDemConfig) -> Iterator[Derived]:
         cure = "" if verdict == "ok" else "they fly apart; move them, or let packing = {..} find places without overlap"
         limit, source = "<= 1 %, < 10 %", "linear contacts"
         yield Derived("overlap at the start", "delta/d", deepest, "", limit, verdict, source, cure, ("grains",), True)
+
+
+def falling(config: LbmDemConfig, i: int) -> Iterator[Derived]:
+    """Mach number of a grain that falls or rises alone: what gravity may bring about, and a bed seldom reaches."""
+    some, fluid, d = config.grains[i], config.fluid, config.dimensions
+    size, gravity = largest_diameter(some), math.hypot(*config.gravity)
+    pull = gravity * abs(some.density / fluid.density - 1.0)
+    if not pull:
+        return
+    drag = math.sqrt(math.pi / 2.0 * size * pull / 1.0 if d == 2 else 4.0 / 3.0 * size * pull / 0.44)
+    v = min(drag, pull * size**2 / (18.0 * fluid.viscosity))
+    mach = v * config.time_step / config.spacing / math.sqrt(CS2)
+    verdict = "ok" if mach <= 0.25 else "warn" if mach < 0.5 else "fail"
+    tau = 0.5 + (config.tau - 0.5) * 0.24 / mach
+    cure = "" if verdict == "ok" else f"relaxation_time = {tau:.4g} makes the time step short enough for {v:.3g} m/s"
+    limit = "<= 0.25, < 0.5 at all" if verdict != "fail" else "< 0.5"
+    source = "Stokes 1851; drag coefficient 0.44 of a sphere, 1 of a disc"
+    yield Derived("Mach number of a lone grain", "Ma", mach, "", limit, verdict, source, cure, key_of_tau(config), True)
 
 
 def density_ratio(config: LbmDemConfig, i: int, nodes: float) -> Iterator[Derived]:

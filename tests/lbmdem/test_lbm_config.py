@@ -120,3 +120,23 @@ def test_a_fast_lid_is_warned_of_and_refused():
     tree = loads(lid(1.1 * unit * CS2**0.5))
     with pytest.raises(ConfigError, match="Mach number"):
         enforce(derived(validate(LbmDemConfig, tree)), tree, force=True)
+
+
+def test_the_speed_of_a_falling_grain_is_foreseen():
+    """As slow as Stokes says in thick fluid, as fast as the drag coefficient says in thin; a cure is one."""
+    text = shipped_cases()["liquefaction"].read_text()
+
+    def mach(text):
+        config = config_of(text)
+        found = next(n for n in derived(config) if n.name == "Mach number of a lone grain")
+        return found, found.value * config.spacing / config.time_step * CS2**0.5
+
+    thin, v = mach(text)
+    assert v == pytest.approx(math.sqrt(math.pi / 2 * 3e-3 * 1.65 * 9.81), rel=1e-12) and thin.verdict == "ok"
+    _, v = mach(text.replace("viscosity = 1.0e-6", "viscosity = 1.0e-4"))
+    assert v == pytest.approx(1.65 * 9.81 * 9e-6 / 18e-4, rel=1e-12)
+    fast, _ = mach(text.replace("relaxation_time = 0.51", "relaxation_time = 0.56"))
+    assert fast.verdict == "fail" and fast.value == pytest.approx(6 * thin.value)
+    tau = fast.cure.split("relaxation_time = ")[1].split()[0]
+    assert mach(text.replace("relaxation_time = 0.51", f"relaxation_time = {tau}"))[0].verdict == "ok"
+    assert mach(text.replace("density = 2650.0", "density = 999.0"))[0].value > 0.0
