@@ -4,9 +4,14 @@ import math
 from collections.abc import Iterator
 from dataclasses import dataclass
 
+import numpy as np
+
+from sph import config as case
 from sph import geometry
 from sph.config import SphConfig
-from sph.scene import Scene
+from sph.kernels.pairs import columns_of
+from sph.laws import law_of, most_sums, unused
+from sph.scene import AHEAD, Scene
 
 MIB = 2.0**20
 WALL_TERMS = {
@@ -32,24 +37,27 @@ class Array:
 
 
 def counts(config: SphConfig) -> tuple[int, float]:
-    """Fluid particles, and those of walls that touch the fluid's box at t = 0 (about)."""
+    """Fluid particles, and those of the walls that are made around the fluid at t = 0 (about)."""
     scene = Scene(config)
-    d, dp = config.dimensions, config.numerics.spacing
+    d = config.dimensions
     if not config.fluid:
         return 0, 0.0
-    boxes = [geometry.bounds(fluid.shape) for fluid in config.fluid]
-    wet = 0.0
+    boxes = np.array([geometry.bounds(fluid.shape) for fluid in config.fluid])
+    margin = AHEAD * scene.support
+    low, high = boxes[:, 0].min(axis=0) - margin, boxes[:, 1].max(axis=0) + margin
+    made = 0.0
     for wall in scene.walls:
         if wall.lattice is None:
             continue
         layers = wall.layers if wall.type == "pressure-continuity" else 1
-        box = wall.section.shape.box
-        for low, high in boxes:
-            edges = [max(b - a, dp) for a, b in zip(low, high)]
-            faces = 2 * d - len(box.open) if box and not wall.section.solid else 1
-            area = sum(math.prod(edges) / edge for edge in edges) / d * faces
-            wet += layers * area / dp ** (d - 1)
-    return scene.n_fluid, wet
+        box = (scene.low, scene.high) if wall.section.shape.plane else geometry.bounds(wall.section.shape)
+        edges = np.minimum(high, box[1]) - np.maximum(low, box[0])
+        faces = [(k, at) for k in range(d) for sign, at in (("-", box[0][k]), ("+", box[1][k]))
+                 if case.AXES[k] + sign in wall.closed and low[k] < at < high[k]]  # fmt: skip
+        if wall.section.shape.plane:
+            faces = faces[:1]
+        made += sum(layers * math.prod(np.delete(edges, k).clip(0.0)) / scene.spacing ** (d - 1) for k, _ in faces)
+    return scene.n_fluid, made
 
 
 def sums(config: SphConfig) -> list[str]:
@@ -75,16 +83,20 @@ def arrays(config: SphConfig, ranks: int) -> Iterator[Array]:
     """The arrays of one rank, a fifth more for ghosts and room to grow."""
     fluid, walls = counts(config)
     d, n = config.dimensions, 1.2 * (fluid + walls) / ranks
-    yield Array("state: x, v, rho, m, id, kind", 2 * d + 4, n)
+    scene, staged = Scene(config), config.simulation.integrator not in ("euler", "symplectic")
+    law = law_of(scene, bool(scene.walls) or bool(scene.periodic.any()))
+    kept, size = {"normal", "offset", "gradient", "shear", "matrix"} - unused(law, staged), 4 if law.single else 8
+    yield Array("state: x, v, rho, m, id, kind", 2 * d + 5, n)
     yield Array("rates: a, drho/dt", d + 1, n)
-    stages = {"euler": 0, "symplectic": 0}.get(config.simulation.integrator, 2 * d + 1)
-    if stages:
-        yield Array("state of the step before", stages, n)
-    size = 8 if config.numerics.precision == "double" else 4
-    yield Array("pair sums: operands and accumulators", 4 * d + 8, n, size)
-    if config.numerics.density_flux == "delta" or config.numerics.gradient_correction:
-        yield Array("renormalisation", d * (d + 1) // 2 + d, n)
-    yield Array("cells and order", 3, n)
+    if staged:
+        yield Array("state of the step before", 2 * d + 1, n)
+    for name in sorted(kept):
+        yield Array(name, d * d if name in ("shear", "matrix") else d, n)
+    yield Array("pairs: positions", d, n, 4 if law.single else 8)
+    yield Array("pairs: operands", len(columns_of(law)), n, size)
+    yield Array("pairs: accumulators", 2 * most_sums(law), n, size)
+    yield Array("cells and order", 6, n, 4)
+    yield Array("runs of neighbours", 10 if d == 3 else 4, n, 4)
 
 
 def messages(config: SphConfig, ranks: int) -> list[str]:

@@ -20,6 +20,7 @@ NEAR = 0.25  # of a spacing: fluid nearer to a solid is taken away
 REST = 0.9  # of h: distance at which a repulsive layer holds the fluid (S(y) of (SC 9) is 0.25 there)
 CHUNK = 1 << 18
 FAR = 1e300
+AHEAD = 4.0  # supports around the fluid in which walls are made, once it is nearer than one to what is not made yet
 DISORDER = 1  # stream of the random numbers
 
 

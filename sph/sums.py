@@ -10,6 +10,7 @@ from sph.kernels import columns, passes
 from sph.kernels.functions import SMOOTHING
 from sph.kernels.pairs import Law, columns_of, sums_of
 from sph.kernels.passes import NUMBERS
+from sph.laws import most_sums, terms_of
 from sph.limits import cleary_constant
 from sph.neighbours import Cells
 from sph.particles import Bodies, Tasks
@@ -22,46 +23,15 @@ FIRST = {"rate": "rate", "gradient": "mxx", "shifting": "hx"}  # sums
 HEAD = "import numpy as np\n\nfrom hpcpic.core.simd.jit import njit\n"
 
 
-def law_of(scene: "Scene", others: bool) -> Law:
-    """What the kernels of a scene are made for; `others`: there are walls, or images of the fluid."""
-    numerics = scene.config.numerics
-    form = numerics.viscosity_form if scene.viscosity > 0 or numerics.viscosity_form == "artificial" else "none"
-    return Law(
-        scene.dimensions,
-        scene.kernel,
-        flux=numerics.density_flux if numerics.flux_coefficient else "none",
-        viscosity=form if form in ("cleary", "morris", "strain-rate") else "none",
-        artificial=bool(numerics.artificial_viscosity),
-        single=numerics.precision == "single",
-        walls=others,
-        tensile=numerics.tensile_correction > 0,
-        shifting=numerics.shifting,
-        corrected=numerics.gradient_correction,
-        repulsive=any(wall.type == "repulsive" for wall in scene.walls),
-    )
-
-
 class PairSums:
     """Rates of the bodies in `cells`: a [m/s2] without gravity and body force, rate = d rho / dt [kg/m3 s]."""
 
     def __init__(self, scene: "Scene", law: Law, tasks: Tasks, cells: Cells, bodies: Bodies) -> None:
         self.law, self.tasks, self.cells, self.bodies = law, tasks, cells, bodies
-        stages = ("gradient",) if law.needs_gradient else ()
-        spread = ("shifting",) if law.shifting else ()
-        self._terms = {
-            "first": ("momentum", *stages, *spread),  # of the split scheme, before the velocity changes
-            "second": ("continuity",),
-            "both": ("momentum", "continuity", *spread),
-        }
-        if law.corrected:
-            self._terms["matrices"] = ("matrix",)
-        if law.needs_gradient:
-            self._terms["slopes"] = ("gradient",)
-        if law.viscosity == "strain-rate":
-            self._terms["strain"] = ("strain",)
+        self._terms = terms_of(law)
         self.kernels = passes.make(law, self._terms)
         self.around = module_from_source(HEAD + columns.source(law, scene.config.eos.gamma), "sph_columns")
-        self._n_sums = max(len(sums_of(law, terms)) for terms in self._terms.values())
+        self._n_sums = most_sums(law)
         tasks.set(scales=self._scales(scene), pair_numbers=self._numbers(scene))
         self._slots = 0
 

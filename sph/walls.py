@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from hpcpic.core.comm.world import World
 from hpcpic.core.space.exact import exact_limbs, power_of_two_above, value
 from sph.particles import REAL, REPULSIVE
-from sph.scene import WALL_BITS, behind
+from sph.scene import AHEAD, WALL_BITS, behind
 from sph.solids import signed_distance
 
 if TYPE_CHECKING:
@@ -17,7 +17,6 @@ if TYPE_CHECKING:
     from sph.step import Sph
 
 WALL_FLAGS = {"pressure-continuity": REAL, "repulsive": REAL | REPULSIVE}  # of walls made of particles
-AHEAD = 4.0  # supports around the fluid in which walls are made, once it is nearer than one to what is not made yet
 Corners = tuple[NDArray[np.float64], NDArray[np.float64]]
 
 
