@@ -20,10 +20,11 @@ from sph.gauges import Gauges, gauge_units
 from sph.images import Maps, mirrors, periodic_maps, single_mirrors
 from sph.integrators import INTEGRATORS, STAGED, symplectic
 from sph.kernels.specialise import specialise
+from sph.laws import law_of, unused
 from sph.neighbours import Cells, Grid
 from sph.particles import FLUID, REAL, Bodies, Tasks
 from sph.scene import Scene
-from sph.sums import PairSums, law_of
+from sph.sums import PairSums
 from sph.timestep import TimeStep
 from sph.walls import Walls, grow_walls, through_wall, wall_forces
 
@@ -92,12 +93,7 @@ class Sph:
         staged = scene.config.simulation.integrator in STAGED
         self.motion = specialise("motion", DIM=d)
         self.law = law_of(scene, bool(scene.walls) or len(maps.planes) > 1)
-        without = {*(() if staged else ("x_old", "v_old", "drho_old")), *(() if self.law.repulsive else ("normal",))}
-        without |= set() if self.law.needs_gradient else {"gradient"}
-        without |= set() if self.law.viscosity == "strain-rate" else {"shear"}
-        without |= set() if self.law.corrected else {"matrix"}
-        without |= set() if self.law.shifting else {"offset"}
-        self.bodies = Bodies(self.world, self.tasks, self.motion, d, maps, without)
+        self.bodies = Bodies(self.world, self.tasks, self.motion, d, maps, unused(self.law, staged))
         self.cells = Cells(self.tasks, self.grid, d)
         self.sums = PairSums(scene, self.law, self.tasks, self.cells, self.bodies)
         self.integrate = INTEGRATORS[scene.config.simulation.integrator]
