@@ -107,6 +107,19 @@ def stays(centre, other, offset, other_offset):
     return True
 
 
+@njit(inline="always")
+def chords(c, other, radius, shift, towards, p, r, columns):
+    """First and last node of a row that a grain covers at one place, within the row, and at another one.
+
+    The first is above the last where there is none.
+    """
+    dy, dz = (r - shift[1]) - c[1], (p - shift[2]) - c[2]
+    ey, ez = (r - towards[1]) - other[1], (p - towards[2]) - other[2]
+    a, b = run(c[0], radius * radius - dz * dz - dy * dy)
+    first, last = run(other[0], radius * radius - ez * ez - ey * ey)
+    return max(a + shift[0], 0), min(b + shift[0], columns - 1), first + towards[0], last + towards[0]
+
+
 @njit
 def leave(solid, centres, radii, ids, grain, offset, other, other_offset, low, high, nodes, owners):
     """Mark with LEFT the nodes that grains no longer cover, and list them with the ids. How many.
@@ -121,14 +134,9 @@ def leave(solid, centres, radii, ids, grain, offset, other, other_offset, low, h
             continue
         p0, p1 = span(c[2], radius, shift[2], low, high)
         for p in range(p0, p1):
-            dz, ez = (p - shift[2]) - c[2], (p - towards[2]) - n[2]
             r0, r1 = span(c[1], radius, shift[1], 0, solid.shape[1])
             for r in range(r0, r1):
-                dy, ey = (r - shift[1]) - c[1], (r - towards[1]) - n[1]
-                a, b = run(c[0], radius * radius - dz * dz - dy * dy)
-                first, last = run(n[0], radius * radius - ez * ez - ey * ey)
-                a, b = max(a + shift[0], 0), min(b + shift[0], solid.shape[2] - 1)
-                first, last = first + towards[0], last + towards[0]
+                a, b, first, last = chords(c, n, radius, shift, towards, p, r, solid.shape[2])
                 if first <= a and last >= b:
                     continue
                 for x in range(a, b + 1):
@@ -155,14 +163,9 @@ def enter(solid, centres, radii, ids, grain, offset, other, other_offset, low, h
             continue
         p0, p1 = span(c[2], radius, shift[2], low, high)
         for p in range(p0, p1):
-            dz, ez = (p - shift[2]) - c[2], (p - back[2]) - o[2]
             r0, r1 = span(c[1], radius, shift[1], 0, solid.shape[1])
             for r in range(r0, r1):
-                dy, ey = (r - shift[1]) - c[1], (r - back[1]) - o[1]
-                a, b = run(c[0], radius * radius - dz * dz - dy * dy)
-                first, last = run(o[0], radius * radius - ez * ez - ey * ey)
-                a, b = max(a + shift[0], 0), min(b + shift[0], solid.shape[2] - 1)
-                first, last = first + back[0], last + back[0]
+                a, b, first, last = chords(c, o, radius, shift, back, p, r, solid.shape[2])
                 if first <= a and last >= b:
                     continue
                 for x in range(a, b + 1):
