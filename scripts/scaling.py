@@ -92,8 +92,8 @@ def ending(app: Any, config: Any, steps: int) -> tuple[str, ...]:
     return app.until(config, steps * app.time_step(config))
 
 
-def measure(program: str, case: str, point: Point) -> None:
-    """Run the case once at this point and append its median step time."""
+def measure(program: str, case: str, point: Point) -> dict[str, Any]:
+    """Run the case once at this point and append its median step time; all that it says of itself."""
     with tempfile.TemporaryDirectory(prefix="scaling-") as folder:
         out = Path(folder) / "run"
         sets = [argument for s in point.sets for argument in ("--set", s)]
@@ -106,6 +106,7 @@ def measure(program: str, case: str, point: Point) -> None:
     point.seconds.append(summary["step_seconds"]["median"])
     point.estimate = summary["estimate"]["step_seconds"]
     point.items = summary["work_items"]
+    return summary
 
 
 def measure_all(program: str, case: str, points: list[Point], repeats: int) -> None:
