@@ -18,6 +18,7 @@ import tempfile
 from dataclasses import dataclass, field
 from pathlib import Path
 
+from matplotlib.figure import Figure
 from PIL import Image
 
 from hpcpic.core.cli.figures import NoData
@@ -151,11 +152,16 @@ def draw(program: Program, case: str, folder: Path) -> str:
     except NoData as error:
         print(f"{case}: {program.figure(case)} {error}; drawing the timers", file=sys.stderr)
         figure = plots["timers"].make(run, None)
+    save_small(figure, path)
+    return f"{path.name:<40}{path.stat().st_size / 1024:6.1f} KiB"
+
+
+def save_small(figure: Figure, path: Path) -> None:
+    """A PNG in few colours."""
     buffer = io.BytesIO()
     figure.savefig(buffer, format="png", dpi=DOTS_PER_INCH, facecolor="white")
     picture = Image.open(buffer).convert("RGB").quantize(COLOURS, dither=Image.Dither.NONE)
     picture.save(path, optimize=True)
-    return f"{path.name:<40}{path.stat().st_size / 1024:6.1f} KiB"
 
 
 def page() -> str:
@@ -169,6 +175,8 @@ def page() -> str:
     ]
     for program in PROGRAMS:
         lines += [f"## {program.title}: `{program.name}`", ""]
+        for table in sorted(PICTURES.glob(f"{program.name}-*.md")):  # of scripts that compare cases
+            lines += [table.read_text(encoding="utf-8")]
         for case, path in program.cases.items():
             lines += entry(program, case, path)
     return "\n".join(lines)
