@@ -34,10 +34,27 @@ def rounded_down(value: float) -> float:
 
 def step(config: SphConfig) -> Iterator[Derived]:
     """The time step against the stability of integrator and flux, and the criteria it comes from."""
+    simulation, dt, parts = config.simulation, limits.time_step(config), limits.step_parts(config)
+    yield courant(config, dt)
+    smallest = min(parts, key=lambda name: parts[name])
+    yield Derived(f"time step at t = 0, {'fixed' if simulation.time_step else smallest}", "dt", dt, "s")
+    yield Derived("steps to the end", "T/dt", simulation.end_time / dt)
+    if "viscous" in parts:
+        yield from viscous_step(config, dt, parts["viscous"])
+    if config.fluid and config.numerics.density_flux == "rusanov" and any(config.gravity):
+        runs = simulation.end_time / settling(config)
+        verdict = "ok" if runs < 20 else "warn"
+        cure = "" if verdict == "ok" else 'density_flux = "delta" keeps still water still'
+        source = "level falls 2 %, bottom pressure 17 % in 8 s (measured)"
+        key = ("numerics", "density_flux")
+        yield Derived("time under the Rusanov flux", "T sqrt(g/H)", runs, "", "< 20", verdict, source, cure, key)
+
+
+def courant(config: SphConfig, dt: float) -> Derived:
+    """The step dt in s against von Neumann's limit."""
     simulation, numerics = config.simulation, config.numerics
     key = STEP if simulation.time_step else CFL
     unit = config.h / config.sound_speed
-    dt = limits.time_step(config)
     limit = limits.courant_limit(config)
     what = f"{simulation.integrator}, {numerics.density_flux} flux"
     source = f"von Neumann: {what}, {numerics.kernel}, h/dp {numerics.smoothing:g}"
@@ -55,30 +72,20 @@ def step(config: SphConfig) -> Iterator[Derived]:
         cure = 'density_flux = "rusanov", or integrator = "rk3-tvd" or "symplectic"'
         if limit > 0.1 and asked > limit:
             words, cure = f"< {limit:.3g}", f"cfl = {rounded_down(0.95 * limit):g} is the nearest legal one"
+    return Derived("Courant number", "c0 dt/h", asked, "", words, verdict, source, cure, key, True, stable_below=limit)
+
+
+def viscous_step(config: SphConfig, dt: float, longest: float) -> Iterator[Derived]:
+    """The step dt in s against the longest that the viscosity allows."""
+    most, nu = limits.viscous_limit(config), limits.kinematic_viscosity(config)
+    share = dt / longest * most
+    verdict = "ok" if share <= most * 1.001 else "fail"
+    cure = "" if verdict == "ok" else f"time_step = {rounded_down(longest):g} is the nearest legal one"
+    source = "Morris et al. 1997"
+    yield Derived("viscous step", "nu dt/h2", share, "", f"< {most:.3g}", verdict, source, cure, STEP, True)
     yield Derived(
-        "Courant number", "c0 dt/h", asked, "", words, verdict, source, cure, key, True, stable_below=limit
+        "Reynolds number of a spacing", "u dp/nu", (config.eos.max_velocity or 0) * config.numerics.spacing / nu
     )
-    parts = limits.step_parts(config)
-    smallest = min(parts, key=lambda name: parts[name])
-    yield Derived(f"time step at t = 0, {'fixed' if simulation.time_step else smallest}", "dt", dt, "s")
-    yield Derived("steps to the end", "T/dt", simulation.end_time / dt)
-    nu = limits.kinematic_viscosity(config)
-    if "viscous" in parts:
-        most = limits.viscous_limit(config)
-        share = dt / parts["viscous"] * most
-        verdict = "ok" if share <= most * 1.001 else "fail"
-        legal = rounded_down(parts["viscous"])
-        cure = "" if verdict == "ok" else f"time_step = {legal:g} is the nearest legal one"
-        source = "Morris et al. 1997"
-        yield Derived("viscous step", "nu dt/h2", share, "", f"< {most:.3g}", verdict, source, cure, STEP, True)
-        yield Derived("Reynolds number of a spacing", "u dp/nu", (config.eos.max_velocity or 0) * numerics.spacing / nu)
-    if config.fluid and numerics.density_flux == "rusanov" and any(config.gravity):
-        runs = simulation.end_time / settling(config)
-        verdict = "ok" if runs < 20 else "warn"
-        cure = "" if verdict == "ok" else 'density_flux = "delta" keeps still water still'
-        source = "level falls 2 %, bottom pressure 17 % in 8 s (measured)"
-        key = ("numerics", "density_flux")
-        yield Derived("time under the Rusanov flux", "T sqrt(g/H)", runs, "", "< 20", verdict, source, cure, key)
 
 
 def settling(config: SphConfig) -> float:
