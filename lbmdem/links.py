@@ -287,7 +287,8 @@ class FixedLinks:
         weights = kernels.coefficients.py_func
         table = np.array([weights(self._rule, *pair) for pair in zip(q.tolist(), behind.tolist())]).reshape(-1, 6)
         self.weights = np.ascontiguousarray(table[:, :3] - np.array([1.0, 0.0, 0.0]))
-        self.far_weights = np.ascontiguousarray(table[:, 3:5])
+        if self.far is not None:
+            self.far_weights = np.ascontiguousarray(table[:, 3:5])
         self.wall = table[:, 5] * self.directions.w6[way] * np.sum(e * self.speed, axis=1)
 
     def _arrival(self, local: NDArray[np.int64], way: NDArray[np.int64]) -> NDArray[np.int64]:

@@ -79,7 +79,8 @@ def fluid_arrays(config: LbmDemConfig, ranks: int) -> Iterator[Array]:
     yield Array("populations", (VELOCITIES[config.simulation.lattice], *nodes), real)
     if config.grains or config.obstacle:
         yield Array("solid", nodes, "int32")
-        yield Array("links", (link_count(config) // ranks, 4), "float64")
+        kept = 4 if moving(config) and not config.coupling.frozen else 12  # of fixed ones also place, arm and speed
+        yield Array("links", (link_count(config) // ranks, kept), "float64")
 
 
 def face_bytes(config: LbmDemConfig) -> int:
