@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from app_runner import ROOT, running
 
+from lbmdem import quick
 from lbmdem.cases import shipped_cases
 from lbmdem.placing import mean_diameters
 
@@ -182,3 +183,34 @@ def test_carman_kozeny(world):
     found = float(np.mean(k)) / sauter**2
     told("k / d2 at a porosity of 0.45", found, kozeny, 0.15)
     assert abs(found / kozeny - 1.0) < 0.15
+
+
+@pytest.mark.timeout(1800)  # its sample settles for minutes when it is not in the cache yet
+def test_quick_condition(world):
+    """Five slices: their lines meet where the flow between them carries the grains between them."""
+    with running(world, "lbmdem", shipped("quick-condition")) as app:
+        rows = []
+        while app.iteration < app.n_steps:
+            forward(app, 1)
+            if app.iteration % 16 == 0:
+                rows.append(app.scalars())
+        config, edges, table = app.scene.config, app.diagnostics.slices, app.table
+    stresses, pressures = ([np.array([row[f"{kind}_{k}"] for row in rows]) for k in range(1, 6)]
+                           for kind in ("stress_zz", "pressure"))  # fmt: skip
+    middle = quick.centres(edges)
+    n = quick.porosity_between(table.x[:, 2], table.radius, middle[0], middle[-1], math.prod(config.domain.size[:2]))
+    gradient = quick.gradient_inside(pressures, middle, 1000.0 * 9.81)
+    critical = quick.critical_gradient(2.65, n)
+    met, rest = quick.meeting(gradient, stresses)
+    told("lines of five slices meet, over i_c", met / critical, 1.0, 0.005)
+    told("stress there over that of the lowest slice", rest / stresses[0][0], 0.0, 0.06)
+    assert abs(met / critical - 1.0) < 0.005
+    assert abs(rest / stresses[0][0]) < 0.06  # what the loose surface, where the flow is weaker, weighs
+    force = np.array([row["force_sample_z"] for row in rows])
+    overall = np.array([row["hydraulic_gradient"] for row in rows])
+    solid = float((4.0 / 3.0 * math.pi * table.radius**3).sum())
+    top, bottom = (table.x[:, 2] + table.radius).max(), (table.x[:, 2] - table.radius).min()
+    whole = 1.0 - solid / (math.prod(config.domain.size[:2]) * (top - bottom))
+    lift = quick.lifted(overall, force, 1650.0 * 9.81 * solid) / quick.critical_gradient(2.65, whole)
+    told("the fluid carries the bed, over i_c", lift, 1.0, 0.002)
+    assert abs(lift - 1.0) < 0.002
