@@ -31,6 +31,7 @@ def bench(quick: bool) -> Mapping[str, float]:
     if not quick:
         for lattice, storage in ((D3Q19, "single"), (D2Q9, "double"), (D2Q9, "single")):
             rates[f"mlups {lattice.name} {storage}"] = sweep_rate(world, pool, lattice, storage, quick)
+        rates["wave_gain"] = wave_gain(world, pool)
         rates["launch_us"] = 1e6 * seconds(box(world, pool, D2Q9, (16, 16), "double").step, quick)
         rates |= link_rates(world, pool)
     pool.close()
@@ -51,6 +52,13 @@ def seconds(action: Callable[[], None], quick: bool) -> float:
         action()
         times.append(perf_counter() - begin)
     return statistics.median(times[4:])
+
+
+def wave_gain(world: World, pool: Pool) -> float:
+    """How much faster several steps per pass are than one, D3Q19 in double."""
+    fluid = box(world, pool, D3Q19, SHAPES["D3Q19"], "double")
+    one = seconds(fluid.step, False)
+    return one / (seconds(lambda: fluid.leap(fluid.depth), False) / fluid.depth)
 
 
 def sweep_rate(world: World, pool: Pool, lattice: Lattice, storage: str, quick: bool) -> float:

@@ -1,6 +1,7 @@
 """What an LBM-DEM run will need: memory by item, disk, time for any ranks x threads, from measured rates.
 
 A step costs the nodes at the rate of the sweep, the links of grains, the grains in every DEM substep, and messages.
+Where nothing moves in the fluid, several steps are done in a pass over memory and share its launch.
 """
 
 import math
@@ -12,6 +13,7 @@ from lbmdem.plan import BYTES, VELOCITIES, arrays, face_bytes, grain_count, link
 
 MIB = 2.0**20
 SERIES_BYTES = 16 * 8 * 2
+DEPTH = 6  # steps per pass at most (lbmdem.wavefront)
 
 # Measured on the authors' machine, one core of a 2-core AMD Zen 5 at 4.1 GHz.
 DEFAULT = {
@@ -27,6 +29,8 @@ DEFAULT = {
     "message_gb_s": 8.0,
     "cores": 2.0,
     "core_gain": 1.15,  # of the second core on the sweep, which memory limits
+    "wave_gain": 1.5,  # of several steps per pass on one core, and
+    "wave_core_gain": 1.7,  # of the second core then
     "rank_mib": 230.0,
 }
 
@@ -47,18 +51,29 @@ def step_seconds(config: LbmDemConfig, ranks: int, threads: int, rates: Mapping[
     rest = 0.0
     if moving(config):
         rest += grain_count(config) * config.substeps * rates["grain_ns"]
-    seconds = 1e-6 * rates["launch_us"]
+    together = steps_per_pass(config, ranks, threads)
+    seconds = 1e-6 * rates["launch_us"] / together
     if config.fluid:
-        seconds += sweep_seconds(config, cores, rates) + message_seconds(config, ranks, rates)
+        seconds += sweep_seconds(config, cores, together, rates) + message_seconds(config, ranks, rates)
         kind = "link_ns moving" if moving(config) and not config.coupling.frozen else "link_ns fixed"
         rest += link_count(config) * rates[kind]
     return seconds + 1e-9 * rest / cores
 
 
-def sweep_seconds(config: LbmDemConfig, cores: float, rates: Mapping[str, float]) -> float:
+def steps_per_pass(config: LbmDemConfig, ranks: int, threads: int) -> int:
+    """1 where solids move or something drives the fluid from step to step."""
+    driven = config.shaking is not None or any(face.pressure_rate for face in config.boundary)
+    if not config.fluid or moving(config) or driven:
+        return 1
+    lag = 2 if config.grains or config.obstacle or config.boundary else 1
+    return max(1, min(DEPTH, config.points[-1] // (ranks * threads * 2 * lag)))
+
+
+def sweep_seconds(config: LbmDemConfig, cores: float, together: int, rates: Mapping[str, float]) -> float:
     sweep = 1e-6 * math.prod(config.points) / rates[f"mlups {config.simulation.lattice} {config.fluid.storage}"]
+    sweep, gain = (sweep / rates["wave_gain"], "wave_core_gain") if together > 1 else (sweep, "core_gain")
     shared = min(cores, rates["cores"])  # of one node
-    return sweep / (1 + (shared - 1) * (rates["core_gain"] - 1)) / (cores / shared)
+    return sweep / (1 + (shared - 1) * (rates[gain] - 1)) / (cores / shared)
 
 
 def message_seconds(config: LbmDemConfig, ranks: int, rates: Mapping[str, float]) -> float:

@@ -2,6 +2,7 @@ import itertools
 
 import numpy as np
 import pytest
+from app_runner import running
 from lbm_reference import random_populations
 
 from hpcpic.core.comm.world import World
@@ -9,7 +10,9 @@ from hpcpic.core.simd.jit import njit
 from hpcpic.core.space.domain import Domain, even_cuts
 from hpcpic.core.tasks import Pool, bind
 from lbmdem import wavefront
+from lbmdem.cases import shipped_cases
 from lbmdem.coupling import Immersed
+from lbmdem.estimate import steps_per_pass
 from lbmdem.faces import Face
 from lbmdem.fluid import Fluid
 from lbmdem.kernels.layout import arrival
@@ -202,3 +205,10 @@ def test_a_wave_through_several_ranks_has_the_bits_of_plain_steps(world, lattice
     found = fluid.populations()
     fluid.free()
     assert np.array_equal(found, plain[:, low:high])
+
+
+@pytest.mark.parametrize("case", ["taylor-green", "poiseuille", "couette", "sphere-array", "settling-disc", "restitution"])
+def test_the_estimate_knows_how_many_steps_a_pass_does(case):
+    with running(World.alone(), "lbmdem", shipped_cases()[case].read_text()) as app:
+        expected = 1 if app.dem else app.fluid.depth
+        assert steps_per_pass(app.scene.config, 1, 1) == expected
