@@ -19,6 +19,8 @@ from hpcpic.plasma.tiles import PAGE, Pages, Tiles, aligned
 
 NODES = {"NGP": 1, "CIC": 2, "TSC": 3}
 GHOSTS = {"NGP": (0, 1), "CIC": (0, 1), "TSC": (1, 2)}  # layers of nodes below and above that a shape reaches
+VECTORS = {"NGP": "nearest", "CIC": "linear", "TSC": "quadratic"}  # their kernels
+SCRATCH = {"NGP": (416 * 2, 416), "CIC": (264 * 8, 264 * 4), "TSC": (416 * 18, 416 * 9)}  # field, charge of a tile
 CHUNK = 1 << 16  # particles placed or read at a time
 WHOLE_BITS = {8: 44, 4: 20}  # a particle's charge is 2^44 parts, in single precision 2^20 (that of its position)
 
@@ -44,10 +46,10 @@ class Law:
         return cls(scene.dimensions, numerics.shape, scene.velocity_components, rotation, dtype)
 
     def kernels(self, plain: bool = False):
-        """The compiled module of this law; `plain` for the reference where there is a vector one."""
+        """The compiled module of this law; `plain` for the reference, one particle after the other."""
         dtype = np.dtype(self.dtype)
         return specialise(
-            ("pages", "plain", "moments") + (() if plain or self.shape != "CIC" else ("push", "sums")),
+            ("pages", "plain", "moments") + (() if plain else ("packs", VECTORS[self.shape], "push", "sums")),
             DIM=self.dimensions,
             NODES=NODES[self.shape],
             VELOCITIES=self.velocities,
@@ -154,8 +156,9 @@ class Cloud:
     def _compile(self) -> None:
         """Bind the kernels of the step, and load those that Python calls."""
         blocks, ranges = range(self.blocks), self.tiles.ranges
-        self._lines = aligned((self.blocks, 264 * 8), self.law.dtype)
-        self._sums = aligned((self.blocks, 264 * 4), f"i{np.dtype(self.law.dtype).itemsize}")
+        lines, sums = SCRATCH[self.law.shape]
+        self._lines = aligned((self.blocks, lines), self.law.dtype)
+        self._sums = aligned((self.blocks, sums), f"i{np.dtype(self.law.dtype).itemsize}")
         self._cells = aligned((self.blocks, PAGE), self._sums.dtype)
         self._push = [
             self._bound(
@@ -245,7 +248,7 @@ class Cloud:
             return [
                 self._bound(
                     self.kernels.moments, block=b, first=first, last=last, values=values, lines=self._lines[b],
-                    **arrays,
+                    cells=self._cells[b], **arrays,
                 )
                 for b, (first, last) in enumerate(self.tiles.ranges)
             ]  # fmt: skip

@@ -30,7 +30,6 @@ def groups(config: PlasmaConfig) -> int:
 def kernels(config: PlasmaConfig) -> list[str]:
     """The compiled kernels of a step, with what they are made for."""
     d, shape = config.dimensions, config.numerics.shape
-    form = "vectors" if shape == "CIC" else "one particle after the other"
     law = (
         f"{d}D, {shape}, {velocity_components(config)} velocity components, {config.numerics.precision}, "
         f"{ROTATION[rotation(config)]}"
@@ -46,7 +45,7 @@ def kernels(config: PlasmaConfig) -> list[str]:
     if not any(species.particles for species in config.species):
         return ["none: nothing changes without particles"]
     return [
-        f"push       {law} ({form})",
+        f"push       {law} (vectors)",
         f"deliver    {law}",
         "collect    integer charge of the blocks",
         f"solve      {field}",

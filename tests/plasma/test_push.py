@@ -64,14 +64,15 @@ def advance(made, steps):
         made.deliver()
 
 
-LAWS = [(2, 2, 0), (2, 2, 1), (2, 3, 2), (1, 1, 0), (1, 3, 2)]
+LAWS = [(2, 2, 0, "CIC"), (2, 2, 1, "CIC"), (2, 3, 2, "CIC"), (1, 1, 0, "CIC"), (1, 3, 2, "CIC"),
+        (2, 2, 0, "NGP"), (1, 1, 0, "NGP"), (2, 2, 0, "TSC"), (1, 1, 0, "TSC")]  # fmt: skip
 
 
 @pytest.mark.parametrize("dtype", [np.float64, np.float32])
-@pytest.mark.parametrize(("d", "v", "rotation"), LAWS)
-def test_vectors_give_the_bits_of_the_plain_kernels(pool, d, v, rotation, dtype):
+@pytest.mark.parametrize(("d", "v", "rotation", "shape"), LAWS)
+def test_vectors_give_the_bits_of_the_plain_kernels(pool, shape, d, v, rotation, dtype):
     points = (41, 37)[:d] if d == 2 else (600,)
-    law = Law(d, "CIC", v, rotation, dtype)
+    law = Law(d, shape, v, rotation, dtype)
     for speed in (0.3, 40.0):
         fast, plain = (cloud(pool, law, points, blocks=3, speed=speed, plain=plain) for plain in (False, True))
         for _ in range(3):

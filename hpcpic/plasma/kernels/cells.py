@@ -1,4 +1,4 @@
-"""The lines of memory that the vector push keeps for each cell of a tile in 2D: eight field coefficients, four sums.
+"""The lines of memory that the vector push keeps for each cell of a tile: field coefficients and sums of charge.
 
 Lanes are particles, and each wants the line of its own cell. A line is loaded or added whole, and lanes and lines are
 transposed by shuffles of words of 16 bytes and shuffles within words: those that cross words cost twice as much, and
@@ -6,6 +6,7 @@ those of two registers by an index of lanes more. Where the lines are stands in 
 nothing waits for it.
 """
 
+from collections.abc import Callable
 from typing import Any
 
 from llvmlite import ir
@@ -40,10 +41,11 @@ def whole_at(typing_context, address, index):
     return types.int64(types.int64, types.int64), codegen
 
 
-def _start(builder: Any, base: Any, cells: Any, vec: Any, k: int) -> Any:
-    """base + integer k, of a lane's size, at an address."""
+def _start(builder: Any, base: Any, cells: Any, vec: Any, k: int, shift: int = 0) -> Any:
+    """base + (integer k, of a lane's size, at an address >> shift)."""
     found = builder.load(pointer(builder, offset(builder, cells, vec.size * k), ir.IntType(8 * vec.size)))
-    return builder.add(base, found if vec.size == 8 else builder.sext(found, I64))
+    found = found if vec.size == 8 else builder.sext(found, I64)
+    return builder.add(base, builder.ashr(found, ir.Constant(I64, shift)) if shift else found)
 
 
 def _words(builder: Any, a: Any, b: Any, words: tuple) -> Any:
@@ -86,6 +88,31 @@ def gather_field(typing_context, kind, base, cells):
     return types.UniTuple(vec, FIELD)(kind, types.int64, types.int64), codegen
 
 
+@intrinsic(prefer_literal=True)
+def gather_values(typing_context, kind, m, base, cells, shift):
+    """m vectors, m = 1 or 2: lane k of vector j is value j at base + (integer k at address `cells` >> shift)."""
+    vec, n_values = kind.instance_type, m.literal_value
+
+    def codegen(context, builder, sig, args):
+        line = ir.VectorType(KIND[vec.dtype], n_values)
+        starts = [_start(builder, *args[2:4], vec, k, shift.literal_value) for k in range(vec.n)]
+        lines = [load_from(builder, start, line, n_values * vec.size) for start in starts]
+        rows = [_joined(builder, lines[row::n_values]) for row in range(n_values)]
+        if n_values == 2:
+            rows = [shuffle(builder, *rows, [k + j + (k % 2) * (vec.n - 1) for k in range(vec.n)]) for j in range(2)]
+        return context.make_tuple(builder, sig.return_type, rows)
+
+    return types.UniTuple(vec, n_values)(kind, m, types.int64, types.int64, shift), codegen
+
+
+def _joined(builder: Any, parts: list) -> Any:
+    """One vector of the lanes of several."""
+    while len(parts) > 1:
+        n = parts[0].type.count
+        parts = [shuffle(builder, a, b, list(range(2 * n))) for a, b in zip(parts[::2], parts[1::2])]
+    return parts[0]
+
+
 def _split_f64(builder: Any, lines: list) -> list:
     """By word of a line: rows of the words of the even and of the odd lines; a line is four words."""
     quarters = []
@@ -108,22 +135,37 @@ def _split_f32(builder: Any, lines: list) -> list:
 
 @intrinsic
 def add_sums(typing_context, base, cells, vectors):
-    """Add lane k of vector j of four to value j of the line at base + (integer k at address `cells`).
+    """Add lane k of vector j of four or eight to value j of the line at base + (integer k at address `cells`).
 
     One lane after the other, so lines may coincide.
     """
     vec = vectors.dtype
+    lines_of = {(4, 8): _lines_i64, (4, 4): _lines_i32, (8, 8): _long_lines_i64, (8, 4): _long_lines_i32}
 
     def codegen(context, builder, sig, args):
-        values = cgutils.unpack_tuple(builder, args[2])
-        lines = (_lines_i64 if vec.size == 8 else _lines_i32)(builder, values)
+        lines = lines_of[vectors.count, vec.size](builder, cgutils.unpack_tuple(builder, args[2]))
         for k, line in enumerate(lines):
             start = _start(builder, *args[:2], vec, k)  # one by one: registers do not hold them all
-            before = load_from(builder, start, line.type, SUMS * vec.size)
-            store_to(builder, start, builder.add(before, line), SUMS * vec.size)
+            before = load_from(builder, start, line.type, vectors.count * vec.size)
+            store_to(builder, start, builder.add(before, line), vectors.count * vec.size)
         return context.get_dummy_value()
 
     return types.void(types.int64, types.int64, vectors), codegen
+
+
+@intrinsic(prefer_literal=True)
+def add_whole(typing_context, base, cells, shift, a):
+    """Add lane k to the integer at base + (integer k at address `cells` >> shift), one lane after the other."""
+
+    def codegen(context, builder, sig, args):
+        for k in range(a.n):
+            start = _start(builder, *args[:2], a, k, shift.literal_value)
+            value = builder.extract_element(args[3], ir.Constant(I32, k))
+            place = pointer(builder, start, value.type)
+            builder.store(builder.add(builder.load(place), value), place)
+        return context.get_dummy_value()
+
+    return types.void(types.int64, types.int64, shift, a), codegen
 
 
 def _lines_i64(builder: Any, values: list) -> list:
@@ -140,6 +182,18 @@ def _lines_i64(builder: Any, values: list) -> list:
 def _lines_i32(builder: Any, values: list) -> list:
     rows = _within_words(builder, values)
     return [shuffle(builder, rows[k % 4], rows[k % 4], list(range(k // 4 * 4, k // 4 * 4 + 4))) for k in range(16)]
+
+
+def _long_lines_i64(builder: Any, values: list) -> list:
+    """Eight vectors are a square, and the way back is that of gather_field."""
+    return [line for rows in _split_f64(builder, values) for line in _within_words(builder, rows)]
+
+
+def _long_lines_i32(builder: Any, values: list) -> list:
+    left, right = _within_words(builder, values[:4]), _within_words(builder, values[4:])
+    both = [[_words(builder, a, b, words) for words in ((0, 4, 1, 5), (2, 6, 3, 7))] for a, b in zip(left, right)]
+    taken = ((both[k % 4][k // 8], k // 4 % 2 * 8) for k in range(16))
+    return [shuffle(builder, pair, pair, list(range(first, first + 8))) for pair, first in taken]
 
 
 @intrinsic
@@ -175,13 +229,28 @@ def shifted_up(typing_context, a):
 
 
 @intrinsic
-def add_last(typing_context, address, a):
-    """Add the last lane of an integer vector to the integer at an address."""
+def shifted_down(typing_context, a):
+    """Lane k + 1 on lane k, zero on the last lane."""
 
     def codegen(context, builder, sig, args):
-        last = builder.extract_element(args[1], ir.Constant(I32, a.n - 1))
-        place = pointer(builder, args[0], last.type)
-        builder.store(builder.add(builder.load(place), last), place)
-        return context.get_dummy_value()
+        zero = ir.Constant(args[0].type, None)
+        return shuffle(builder, args[0], zero, [*range(1, a.n), a.n])
 
-    return types.void(types.int64, a), codegen
+    return a(a), codegen
+
+
+def _adding(lane: int) -> Callable:
+    def typed(typing_context: Any, address: Any, a: Any) -> Any:
+        def codegen(context: Any, builder: Any, sig: Any, args: Any) -> Any:
+            one = builder.extract_element(args[1], ir.Constant(I32, lane % a.n))
+            place = pointer(builder, args[0], one.type)
+            builder.store(builder.add(builder.load(place), one), place)
+            return context.get_dummy_value()
+
+        return types.void(types.int64, a), codegen
+
+    return typed
+
+
+add_first = intrinsic(_adding(0))  # add the first lane of an integer vector to the integer at an address
+add_last = intrinsic(_adding(-1))

@@ -36,52 +36,66 @@ ROTATION = 0  # 0 no magnetic field, 1 along z, 2 any direction
 REAL = np.float64  # precision of a particle
 
 AHEAD = 16  # particles
-ZERO, HALF, ONE, THREE_QUARTERS = REAL(0), REAL(0.5), REAL(1), REAL(0.75)
+ZERO, HALF, ONE = REAL(0), REAL(0.5), REAL(1)
 MAGIC = REAL(1.5 * 2.0 ** np.finfo(REAL).nmant)  # adding it rounds to a whole number
 
 
 @inlined
-def support(x):
-    """First node and weights of the shape at x: W of (5.2) for CIC, the nearest node (NGP), the parabola (TSC)."""
-    if NODES == 2:
-        node = np.floor(x)
-        return np.int64(node), ONE - (x - node), x - node, ZERO
-    node = np.floor(x + HALF)
-    if NODES == 1:
-        return np.int64(node), ONE, ZERO, ZERO
-    d = x - node
-    left, right = HALF - d, HALF + d
-    return np.int64(node) - 1, HALF * (left * left), THREE_QUARTERS - d * d, HALF * (right * right)
+def cell_and_place(x):
+    """The cell of x and the place in it, from 0 to 1 (CIC); else the nearest node, and from -1/2 to 1/2."""
+    cell = np.floor(x) if NODES == 2 else np.floor(x + HALF)
+    return np.int64(cell), x - cell
+
+
+@inlined
+def wings(d):
+    """Shares of the nodes before and after the nearest one of TSC, at d from it."""
+    before, after = HALF - d, HALF + d
+    return HALF * (before * before), HALF * (after * after)
+
+
+@inlined
+def parabola(before, here, after):
+    """Coefficients of 1, d, d^2 of what TSC makes of the values on three nodes."""
+    both = before + after
+    return fma(both, 0.125, here * 0.75), (after - before) * 0.5, fma(both, 0.5, -here)
+
+
+@inlined
+def along_row_of(e, row, i, scale):
+    return parabola(e[row, i - 1] * scale, e[row, i] * scale, e[row, i + 1] * scale)
+
+
+@inlined
+def quadratic(k, d):
+    return fma(d, fma(d, REAL(k[2]), REAL(k[1])), REAL(k[0]))
 
 
 @inlined
 def gather(e, row, column, x, y, scale):
     """E at the particle (5.14); (row, column) of the tile's anchor in e. CIC in the form a + b f + (c + d f) g."""
-    i, u0, u1, u2 = support(x)
+    i, f = cell_and_place(x)
     i += column
+    if DIM == 1 and NODES == 1:
+        return REAL(e[row, i] * scale)
     if DIM == 1 and NODES == 2:
         left, right = e[row, i] * scale, e[row, i + 1] * scale
-        return fma(u1, REAL(right - left), REAL(left))
+        return fma(f, REAL(right - left), REAL(left))
     if DIM == 1:
-        u = (u0, u1, u2)
-        total = ZERO
-        for a in range(NODES):
-            total = fma(u[a], REAL(e[row, i + a] * scale), total)
-        return total
-    j, w0, w1, w2 = support(y)
+        return quadratic(along_row_of(e, row, i, scale), f)
+    j, g = cell_and_place(y)
     j += row
+    if NODES == 1:
+        return REAL(e[j, i] * scale)
     if NODES == 2:
         e00, e10, e01, e11 = e[j, i] * scale, e[j, i + 1] * scale, e[j + 1, i] * scale, e[j + 1, i + 1] * scale
         a, b, c, d = REAL(e00), REAL(e10 - e00), REAL(e01 - e00), REAL((e11 - e10) - (e01 - e00))
-        return fma(w1, fma(u1, d, c), fma(u1, b, a))
-    u, w = (u0, u1, u2), (w0, w1, w2)
-    total = ZERO
-    for b in range(NODES):
-        line = ZERO
-        for a in range(NODES):
-            line = fma(u[a], REAL(e[j + b, i + a] * scale), line)
-        total = fma(w[b], line, total)
-    return total
+        return fma(g, fma(f, d, c), fma(f, b, a))
+    low, mid, high = (along_row_of(e, j - 1, i, scale), along_row_of(e, j, i, scale), along_row_of(e, j + 1, i, scale))
+    a, b, c = parabola(low[0], mid[0], high[0]), parabola(low[1], mid[1], high[1]), parabola(low[2], mid[2], high[2])
+    line = quadratic((a[2], b[2], c[2]), f)
+    line = fma(g, line, quadratic((a[1], b[1], c[1]), f))
+    return fma(g, line, quadratic((a[0], b[0], c[0]), f))
 
 
 @inlined
@@ -120,33 +134,43 @@ def parts_of(a, b):
 def deposit(patch, group, unit, row, column, x, y):
     """Charge of one particle (5.1), `unit` parts in all, exactly; (row, column) of the tile's anchor in the patch."""
     whole = REAL(unit)
-    i, u0, u1, u2 = support(x)
-    i += column
-    j, w0, w1, w2 = (np.int64(0), ONE, ZERO, ZERO) if DIM == 1 else support(y)
-    j += row
+    i, f = cell_and_place(x)
+    j, g = (np.int64(0), ZERO) if DIM == 1 else cell_and_place(y)
+    i, j = i + column, j + row
     if NODES == 1:
         patch[group, j, i] += unit
     elif NODES == 2:
-        along = parts_of(u1, whole)
+        along = parts_of(f, whole)
         if DIM == 1:
             patch[group, j, i] += unit - along
             patch[group, j, i + 1] += along
         else:
-            across, both = parts_of(w1, whole), parts_of(u1, w1 * whole)
+            across, both = parts_of(g, whole), parts_of(f, g * whole)
             patch[group, j, i] += unit - along - across + both
             patch[group, j, i + 1] += along - both
             patch[group, j + 1, i] += across - both
             patch[group, j + 1, i + 1] += both
     else:
-        rest, middle = unit, 1 if DIM == 2 else 0
-        u, w = (u0, u1, u2), (w0, w1, w2)
-        for b in range(3 if DIM == 2 else 1):
-            for a in range(3):
-                if a != 1 or b != middle:
-                    share = parts_of(u[a], w[b] * whole)
-                    rest -= share
-                    patch[group, j + b, i + a] += share
-        patch[group, j + middle, i + 1] += rest
+        deposit_nine(patch[group], unit, j, i, f, g)
+
+
+@inlined
+def deposit_nine(nodes, unit, j, i, f, g):
+    """The same for TSC about node (j, i): what the node and the next ones in line with it get are differences."""
+    whole = REAL(unit)
+    u = wings(f)
+    left, right = parts_of(u[0], whole), parts_of(u[1], whole)
+    if DIM == 2:
+        for w, step in zip(wings(g), (-1, 1)):
+            share = w * whole
+            row, at_left, at_right = parts_of(share, ONE), parts_of(u[0], share), parts_of(u[1], share)
+            nodes[j + step, i - 1] += at_left
+            nodes[j + step, i] += row - at_left - at_right
+            nodes[j + step, i + 1] += at_right
+            unit, left, right = unit - row, left - at_left, right - at_right
+    nodes[j, i - 1] += left
+    nodes[j, i] += unit - left - right
+    nodes[j, i + 1] += right
 
 
 @kernel

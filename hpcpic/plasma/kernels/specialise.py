@@ -10,7 +10,9 @@ from types import ModuleType
 
 from hpcpic.core.simd.generate import module_from_source
 
-_BETWEEN_KERNELS = re.compile(r"^from hpcpic\.plasma\.kernels\.(plain|pages|push) import ([^\n(]*|\([^)]*\))\n", re.M)
+_BETWEEN_KERNELS = re.compile(
+    r"^from hpcpic\.plasma\.kernels\.(plain|pages|packs|linear|push) import ([^\n(]*|\([^)]*\))\n", re.M
+)
 
 
 def specialise(stems: tuple[str, ...], **constants: object) -> ModuleType:

@@ -1,4 +1,4 @@
-"""The moments of linear shapes (CIC) by vectors: same limbs, bit for bit, as kernels.moments.
+"""The moments by vectors: same limbs, bit for bit, as kernels.moments.
 
 A limb is rounded by adding a number so large that its last bit is the unit of the limb (core.space.exact), and the
 bits of these sums are added up as integers: what the large numbers contribute is taken off at the end.
@@ -11,9 +11,7 @@ from hpcpic.core.simd.vector import (
     Vec,
     bitmask,
     convert,
-    floor,
     fma,
-    gather_lines,
     halves,
     lane_numbers,
     lane_values,
@@ -21,15 +19,17 @@ from hpcpic.core.simd.vector import (
     prefetch,
     select,
     splat,
+    store_at,
 )
 from hpcpic.core.space.exact import NOT_BOUNDED
 from hpcpic.plasma.kernels.lanes import address, bits_of
-from hpcpic.plasma.kernels.pages import LANES, PAGE, TILE
-from hpcpic.plasma.kernels.push import E8, LINE, PACK_BYTES, PAGE_BYTES, F, I, spread_field
+from hpcpic.plasma.kernels.linear import cell_of, field_at, spread_field
+from hpcpic.plasma.kernels.packs import E8, MAGIC_BITS, F, I
+from hpcpic.plasma.kernels.pages import LANES, PAGE
+from hpcpic.plasma.kernels.push import PACK_BYTES, PAGE_BYTES, lines_at
 
 DIM = 2  # axes of the grid
 VELOCITIES = 2  # components
-REAL = np.float64  # precision of a particle
 
 WORDS = Vec(8, np.int64)
 HIGH, MIDDLE, LOW = 1.5 * 2.0**21, 1.5 * 2.0**-11, 1.5 * 2.0**-43  # with 2^-31, 2^-63, 2^-95 as last bits
@@ -73,25 +73,19 @@ def half(v, k):
 
 
 @njit
-def centred(at, n, lines, m):
-    """v- of one pack; zero from lane n on."""
+def centred(at, n, lines, cells, m):
+    """v- of one pack; zero from lane n on. `cells` is an address for as many integers."""
     here = lane_numbers(I) < n
     x, vx = select(here, load_at(F, at, 64), 0), load_at(F, at + 64 * DIM, 64)
+    y = select(here, load_at(F, at + 64 * (DIM - 1), 64), 0)
     vy = vz = splat(F, 0.0)
-    i = floor(x)
-    f = x - i
+    store_at(cells, lines_at(x, y), 64)
+    ex, ey = field_at(lines - MAGIC_BITS, cells, x - cell_of(x), y - cell_of(y))
+    vx = fma(m[0], ex, vx)
     if DIM == 2:
-        y = select(here, load_at(F, at + 64, 64), 0)
-        j = floor(y)
-        g = y - j
-        u = gather_lines(F, 8, lines, convert(I, fma(j, REAL(TILE), i)) * LINE)
-        vx = fma(m[0], fma(g, fma(f, u[3], u[2]), fma(f, u[1], u[0])), vx)
-        vy = fma(m[1], fma(g, fma(f, u[7], u[6]), fma(f, u[5], u[4])), load_at(F, at + 64 * 3, 64))
-    else:
-        u = gather_lines(F, 2, lines, convert(I, i) * LINE)
-        vx = fma(m[0], fma(f, u[1], u[0]), vx)
-        if VELOCITIES > 1:
-            vy = load_at(F, at + 64 * 2, 64) + m[1]
+        vy = fma(m[1], ey, load_at(F, at + 64 * 3, 64))
+    elif VELOCITIES > 1:
+        vy = load_at(F, at + 64 * 2, 64) + m[1]
     if VELOCITIES > 2:
         vz = load_at(F, at + 64 * (DIM + 2), 64) + m[2]
     return select(here, vx, 0), select(here, vy, 0), select(here, vz, 0)
@@ -108,13 +102,13 @@ def unbiased(sum_of_bits, n, limb):
 
 @njit
 def moments(block, first, last, n_species, origin, parts, e_x, e_y, scale, half_kick, ratio_sq, inv_scale,
-            pool, chain, head, count, limbs, lines):  # fmt: skip
+            pool, chain, head, count, limbs, lines, cells):  # fmt: skip
     """limbs[block, species, k] += sums over particles of |v-|^2 (k = 0) and of the components of v- (k > 0).
 
     See kernels.moments.moments.
     """
     limbs = limbs[block]
-    base, to_lines = address(pool), address(lines)
+    base, to_lines, to_cells = address(pool), address(lines), address(cells)
     ratios, good = (ratio_sq[0], ratio_sq[1], ratio_sq[2]), splat(E8, 0.0) <= 1.0
     inv_square, inv_speed = inv_scale[0], inv_scale[1]
     zero = splat(WORDS, 0)
@@ -132,7 +126,7 @@ def moments(block, first, last, n_species, origin, parts, e_x, e_y, scale, half_
                 for pack in range(packs):
                     for c in range(0, PACK_BYTES, 64):
                         prefetch(ahead + pack * PACK_BYTES + c)
-                    vx, vy, vz = centred(at + pack * PACK_BYTES, used - pack * LANES, to_lines, m)
+                    vx, vy, vz = centred(at + pack * PACK_BYTES, used - pack * LANES, to_lines, to_cells, m)
                     sums, good = add_moments(sums, good, half(vx, 0), half(vy, 0), half(vz, 0),
                                              ratios, inv_square, inv_speed)  # fmt: skip
                     if HALVES == 2:
