@@ -7,6 +7,7 @@ bits do not depend on ranks, threads and blocks.
 
 import math
 from collections.abc import Sequence
+from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
@@ -42,6 +43,26 @@ class Gains(NamedTuple):
     sums: NDArray[np.int64]
 
 
+class StayGains:
+    """Gains of a step from links that stay, summed when somebody asks, which is before the step after the next one."""
+
+    def __init__(self, links: FixedLinks, pool: Pool, parity: int, scale: NDArray[np.float64]) -> None:
+        self.ids = links.bodies.ids
+        self._links, self._pool, self._parity, self._scale = links, pool, parity, scale
+
+    @cached_property
+    def _of_all(self) -> NDArray[np.int64]:
+        return self._links.gains(self._pool, self._parity, self._scale)
+
+    @property
+    def sums(self) -> NDArray[np.int64]:
+        return self._of_all[: len(self.ids)]
+
+    @property
+    def walls(self) -> NDArray[np.int64]:
+        return self._of_all[len(self.ids) :]
+
+
 class Immersed:
     """Walls and grains in a fluid. Per step: fluid.step(), `forces`, and `move` if grains move.
 
@@ -75,9 +96,9 @@ class Immersed:
         self._set_scale(self._fixed.radii)
         self._moving: MovingLinks | None = None
         self._table = self._fixed  # of the grains that are linked anew
-        self._gains: list[Gains] = []  # of the last step
-        self._earlier: list[Gains] = []  # of the one before
-        self._wall_sums = np.zeros((len(self._walls), GAINS), np.int64)
+        self._stayed = StayGains(self._stay, pool, 0, self._scale)  # zero
+        self._gains: list[Gains | StayGains] = []  # of the last step
+        self._earlier: list[Gains | StayGains] = []  # of the one before
         self._pending = Gains(self._fixed.ids[:0], np.zeros((0, GAINS), np.int64))
         fluid.hooks.append(self._bounce)
         if self._stay.far is None and not self._refill.conserving:
@@ -147,10 +168,9 @@ class Immersed:
 
     def _bounce(self, fluid: Fluid, parity: int) -> None:
         """After the sweep: what comes back from the solids at the next step."""
-        stay = self._stay.run_and_measure(self._pool, parity, self._scale)
-        ids = self._stay.bodies.ids
-        self._wall_sums = stay[len(ids) :]
-        self._earlier, self._gains = self._gains, [Gains(ids, stay[: len(ids)])]
+        self._stay.run(self._pool, parity)
+        self._stayed = StayGains(self._stay, self._pool, parity, self._scale)
+        self._earlier, self._gains = self._gains, [self._stayed]
         if self._moving is not None:
             self._gains += [Gains(self._table.ids, self._moving.run(self._pool, parity, self._scale)), self._pending]
             self._pending = Gains(self._table.ids[:0], self._pending.sums[:0])
@@ -160,7 +180,7 @@ class Immersed:
     def _keep_mass(self) -> None:
         """Put back evenly what links and nodes have lost. Collective."""
         inner = tuple(slice(*self.window.inner[axis]) for axis in (2, 1, 0))
-        gained = self._wall_sums[:, 6].sum() + sum(gains.sums[:, 6].sum() for gains in self._gains)
+        gained = self._stayed.walls[:, 6].sum() + sum(gains.sums[:, 6].sum() for gains in self._gains)
         here = np.array([gained, np.count_nonzero(self.fluid.ids[inner] == FLUID)], np.int64)
         gained, nodes = (float(total) for total in self._world.sum_int(here))
         if nodes:
@@ -192,7 +212,7 @@ class Immersed:
 
     def wall_forces(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """Force and torque of the last step alone on the walls, about their centres. Collective."""
-        return self._physical(self._world.sum_int(self._wall_sums))
+        return self._physical(self._world.sum_int(self._stayed.walls))
 
     def pending(self, number: int) -> NDArray[np.int64]:
         """For a checkpoint: [number, 14] what the last `move` left for the next step, and the last step. Collective."""

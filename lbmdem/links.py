@@ -117,9 +117,10 @@ class Bodies:
 class FixedLinks:
     """Links of a slab in the order (plane, direction, node), with what the kernels need of each.
 
-    node (element in a slot), body, weights[n, 3], wall (term taken off), arm[n, 3] from the centre of the body to the
-    crossing, speed[n, 3] of the wall there. Segments: start, offsets[parity, segment, 3], way[segment, 3];
-    planes[p]: first segment of the own plane p. fallbacks: links without the fluid nodes that their rule reads.
+    node (element in a slot), body, weights[n, 0, 1 or 3], wall (term taken off), arm[n, 3] from the centre of the body
+    to the crossing, speed[n, 3] of the wall there; wall and speed have no length when nothing moves. Segments: start,
+    offsets[parity, segment, 3], way[segment, 3]; planes[p]: first segment of the own plane p. fallbacks: links without
+    the fluid nodes that their rule reads.
     """
 
     def __init__(
@@ -146,6 +147,7 @@ class FixedLinks:
         self.body, self.arm, self.speed = body[order], arm[order], speed[order]
         self._segments(local[order], way[order])
         self._weigh(local[order], way[order], q[order])
+        self._slim()
 
     @property
     def count(self) -> int:
@@ -157,43 +159,42 @@ class FixedLinks:
         shares = [share for share in block_ranges(len(self.way), blocks) if share[1] > share[0]]
         self._sums = np.zeros((len(shares), len(self.bodies), GAINS), np.int64)
         self._scale = np.ones(GAINS)
-        wall = self.wall if self.far is None else np.zeros_like(self.wall)
+        wall = self.wall if self.far is None else np.zeros(self.count)
         self._tasks: list[list[list[Bound]]] = []
         for parity in range(2):
-            links = (f, self.offsets[parity], self.start)
-            terms = (self.node, self.weights, wall)
-            body = (self.body, self.arm, self.speed)
-            far, plain, measured = [], [], []
+            links = (f, self.offsets[parity], self.start, self.node, self.weights, wall)
+            body = (self.way, self.body, self.arm, self.speed)
+            kept, far, bounced, summed = np.zeros((self.count, 2)), [], [], []
             for sums, share in zip(self._sums, shares):
                 if self.far is not None:
                     there = (self.far[parity], self.far_weights, self.wall)
                     far.append(bind(kernels.far_terms, f, self.start, *there, *share, wall))
-                plain.append(bind(kernels.fixed_links, *links, *terms, *share))
-                account = (*body, *share, sums, self._scale)
-                measured.append(bind(kernels.fixed_momentum, *links, self.way, *terms, *account))
-            self._tasks.append([far, plain, measured])
+                bounced.append(bind(kernels.fixed_links, *links, *share, kept))
+                summed.append(bind(kernels.momentum, kept, self.start, *body, *share, sums, self._scale))
+            self._tasks.append([far, bounced, summed])
 
     def of_planes(self, parity: int, low: int, high: int) -> list[Bound]:
         """The task that bounces back at own planes from, to, without sums; not for the quadratic rule."""
         first, last = int(self.planes[low]), int(self.planes[high])
+        if not self.weights.shape[1] and not self.wall.size:  # the sweep has done it
+            return []
         links = (self.offsets[parity], self.start, self.node, self.weights, self.wall)
-        return [bind(kernels.fixed_links, self._f, *links, first, last)] if last > first else []
+        return [bind(kernels.fixed_links, self._f, *links, first, last, np.zeros((0, 2)))] if last > first else []
 
     def run(self, pool: Pool, parity: int) -> None:
         """Bounce back; arrivals are at `parity`."""
-        far, plain, _ = self._tasks[parity]
-        for tasks in (far, plain):
+        far, bounced, _ = self._tasks[parity]
+        for tasks in (far, bounced):
             if tasks:
                 pool.each(tasks)
 
-    def run_and_measure(self, pool: Pool, parity: int, scale: NDArray[np.float64]) -> NDArray[np.int64]:
-        """Bounce back; force, torque and mass that the fluid gains, [bodies, 7] in units of 1 / scale[7]."""
+    def gains(self, pool: Pool, parity: int, scale: NDArray[np.float64]) -> NDArray[np.int64]:
+        """Of the last `run` at this parity: force, torque, mass that the fluid gains, [bodies, 7] of 1 / scale[7]."""
         self._scale[:] = scale
         self._sums[...] = 0
-        far, _, measured = self._tasks[parity]
-        for tasks in (far, measured):
-            if tasks:
-                pool.each(tasks)
+        summed = self._tasks[parity][2]
+        if summed:
+            pool.each(summed)
         return self._sums.sum(axis=0)
 
     def _inner(self, values: NDArray) -> NDArray:
@@ -290,6 +291,18 @@ class FixedLinks:
         if self.far is not None:
             self.far_weights = np.ascontiguousarray(table[:, 3:5])
         self.wall = table[:, 5] * self.directions.w6[way] * np.sum(e * self.speed, axis=1)
+
+    def _slim(self) -> None:
+        """Keep what the kernels cannot do without: memory is what links cost."""
+        self.body = self.body.astype(np.int32)
+        if self._layout.slot_stride < 1 << 31:
+            self.node = self.node.astype(np.int32)
+        if self._rule in (kernels.HALFWAY, kernels.CLI):
+            self.weights = np.ascontiguousarray(self.weights[:, 1 : 1 + (self._rule == kernels.CLI)])
+        if not self.speed.any():
+            self.speed = self.speed[:0].copy()
+            if self.far is None:
+                self.wall = self.wall[:0].copy()
 
     def _arrival(self, local: NDArray[np.int64], way: NDArray[np.int64]) -> NDArray[np.int64]:
         """[parity, n]: elements of the array where directions arrive at own nodes."""

@@ -13,10 +13,12 @@ which a rule whose coefficients add up to 1 does not notice.
 import numpy as np
 
 from hpcpic.core.simd.jit import njit
+from hpcpic.core.simd.vector import address_of, prefetch, prefetch_to_write
 from lbmdem.kernels.layout import arrival
 from lbmdem.kernels.runs import FLUID
 
 HALFWAY, INTERPOLATED, QUADRATIC, CLI = 0, 1, 2, 3
+AHEAD = 24  # links by which populations are fetched before they are needed: they are where the sweep has long left
 LINKS, FALLBACKS, LOST = 0, 1, 2  # counters: links, those without the fluid nodes of their rule, those not served
 
 
@@ -76,18 +78,44 @@ def rule_reach(rule):
 
 
 @njit
-def fixed_links(f, offsets, start, node, weights, wall, low, high):
-    """Segments [low, high) of links that stay: node[n] in a slot, weights[n, 3] of out, g_i(y), g_j(x); wall[n] off.
+def fixed_links(f, offsets, start, node, weights, wall, low, high, kept):
+    """Segments [low, high) of links that stay: node[n] in a slot; wall[n], what is taken off, or [0] for nothing.
 
-    Links start[s] to start[s + 1] of a segment have offsets[s, 3] from the node to these three.
+    weights[n, 3] of out, g_i(y), g_j(x), or [n, 1] of g_i(y) less g_j(x), or [n, 0] for half-way. Links start[s] to
+    start[s + 1] of a segment have offsets[s, 3] from the node to these three. kept[n, 2]: what went out and what comes
+    back, for `momentum`, or [0, 2]. Nothing is a function of arrays here: numba would count references at every link.
     """
+    moved, terms, keeps = wall.size > 0, weights.shape[1], kept.shape[0] > 0
+    first, size, zero, one, two = address_of(f, 0), f.itemsize, np.uint64(0), np.uint64(1), np.uint64(2)
+    to_a = to_b = to_c = first
+    ahead, change, last = low, start[low], start[high] - 1
     for s in range(low, high):
         a, b, c = offsets[s, 0], offsets[s, 1], offsets[s, 2]
-        for n in range(start[s], start[s + 1]):
+        for n in range(np.uint64(start[s]), np.uint64(start[s + 1])):
+            m = min(np.int64(n) + AHEAD, last)
+            while m >= change:
+                to_a, to_b = first + size * offsets[ahead, 0], first + size * offsets[ahead, 1]
+                to_c = first + size * offsets[ahead, 2]
+                ahead += 1
+                change = start[ahead]
+            y = size * np.int64(node[np.uint64(m)])
+            prefetch_to_write(to_a + y)
             x = np.int64(node[n])
-            out = f[a + x]
-            extra = weights[n, 0] * out + weights[n, 1] * f[b + x] + weights[n, 2] * f[c + x]
-            f[a + x] = (out - wall[n]) + extra
+            out = f[np.uint64(a + x)]
+            v = float(out)
+            if moved:
+                v -= wall[n]
+            if terms:
+                prefetch(to_b + y)
+                prefetch(to_c + y)
+                second, outwards = f[np.uint64(b + x)], f[np.uint64(c + x)]
+                if terms == 1:
+                    v += weights[n, zero] * second - weights[n, zero] * outwards
+                else:
+                    v += weights[n, zero] * out + weights[n, one] * second + weights[n, two] * outwards
+            f[np.uint64(a + x)] = v
+            if keeps:
+                kept[n, zero], kept[n, one] = out, v
 
 
 @njit
@@ -102,22 +130,20 @@ def far_terms(f, start, far, far_weights, wall, low, high, wall_now):
 
 
 @njit
-def fixed_momentum(f, offsets, start, way, node, weights, wall, body, arm, speed, low, high, sums, scale):
-    """As fixed_links, and adds force, torque and mass to sums[bodies, 7], int64 of 1 / scale[7]. way[s, 3]: direction.
+def momentum(kept, start, way, body, arm, speed, low, high, sums, scale):
+    """Force, torque and mass of links that fixed_links kept, added to sums[bodies, 7], int64 of 1 / scale[7].
 
-    arm[n, 3]: from the centre of the body to the crossing; speed[n, 3]: of the wall there.
+    way[s, 3]: direction; arm[n, 3]: from the centre of the body to the crossing; speed[n, 3]: of the wall there, or
+    [0, 3] when nothing moves.
     """
     for s in range(low, high):
-        a, b, c = offsets[s, 0], offsets[s, 1], offsets[s, 2]
         ex, ey, ez = way[s, 0], way[s, 1], way[s, 2]
         for n in range(start[s], start[s + 1]):
-            x = np.int64(node[n])
-            out = f[a + x]
-            extra = weights[n, 0] * out + weights[n, 1] * f[b + x] + weights[n, 2] * f[c + x]
-            v = (out - wall[n]) + extra
-            f[a + x] = v
+            out, v = kept[n, 0], kept[n, 1]
             give, keep = out + v, out - v
-            fx, fy, fz = give * ex - keep * speed[n, 0], give * ey - keep * speed[n, 1], give * ez - keep * speed[n, 2]
+            fx, fy, fz = give * ex, give * ey, give * ez
+            if speed.shape[0]:
+                fx, fy, fz = fx - keep * speed[n, 0], fy - keep * speed[n, 1], fz - keep * speed[n, 2]
             px, py, pz = arm[n, 0], arm[n, 1], arm[n, 2]
             total = sums[body[n]]
             total[0] += np.int64(np.rint(fx * scale[0]))
