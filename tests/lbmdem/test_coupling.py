@@ -11,7 +11,7 @@ from lbmdem.faces import Face
 from lbmdem.fluid import Fluid
 from lbmdem.kernels.sweep import SKIP
 from lbmdem.lattices import D2Q9, D3Q19
-from lbmdem.links import Wall, ball, plane
+from lbmdem.links import RULES, Wall, ball, plane
 
 BOX = {"D3Q19": (13, 14, 17), "D2Q9": (26, 31)}
 LATTICES = pytest.mark.parametrize("lattice", [D2Q9, D3Q19], ids=lambda lattice: lattice.name)
@@ -325,3 +325,21 @@ def test_what_the_sweep_knows_of_changed_nodes_is_what_it_finds_in_all(world, po
         for part, anew in zip(kept, (fluid.ids, fluid._wet, fluid._kinds, fluid._hops[skipped])):
             assert np.array_equal(part, anew)
     assert changed > 1000 and skipped.any()
+
+
+@pytest.mark.parametrize("rule", RULES)
+def test_forces_do_not_depend_on_who_has_asked_before(world, pool, rule):
+    """They are summed when somebody asks: at every step here, and there after the last one only."""
+    told = []
+    for often in (True, False):
+        fluid = Fluid(
+            world, pool, Domain((16.0,) * 2, (16, 16), (True,) * 2, (0, 16)), D2Q9, tau=0.7, force=(1e-5, 2e-5)
+        )
+        grain = (np.zeros(1, np.int64), np.array([[7.3, 8.1]]), np.array([4.2]), np.full((1, 2), 0.01), np.ones((1, 1)))
+        immersed = Immersed(fluid, world, pool, rule=rule, fixed=grain)
+        for step in range(5):
+            fluid.step()
+            if often or step == 4:
+                last = [*immersed.all_forces(1), *immersed.all_forces(1, steps=1), immersed.pending(1)]
+        told.append(last)
+    assert all(np.array_equal(a, b) and np.abs(a).max() > 0 for a, b in zip(*told))
