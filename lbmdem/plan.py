@@ -79,7 +79,7 @@ def fluid_arrays(config: LbmDemConfig, ranks: int) -> Iterator[Array]:
     yield Array("populations", (VELOCITIES[config.simulation.lattice], *nodes), real)
     if config.grains or config.obstacle:
         yield Array("solid", nodes, "int32")
-        kept = 4 if moving(config) and not config.coupling.frozen else 12  # of fixed ones also place, arm and speed
+        kept = 4 if moving(config) and not config.coupling.frozen else 9  # of fixed ones also arm, last two steps
         yield Array("links", (link_count(config) // ranks, kept), "float64")
 
 
