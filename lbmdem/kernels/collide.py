@@ -9,6 +9,7 @@ A collision is `Collision(names, lines)`; `numbers` gives the values that belong
 between steps (force), the text does not.
 """
 
+import functools
 import itertools
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -53,6 +54,7 @@ def numbers(
     return np.array([values[name] for name in source(lattice, collision, force is not None).names])
 
 
+@functools.cache
 def source(lattice: Lattice, collision: str, forced: bool) -> Collision:
     """The text of a collision."""
     lines = _moments(lattice, forced)
