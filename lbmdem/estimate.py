@@ -21,8 +21,8 @@ DEFAULT = {
     "mlups D3Q19 single": 290.0,
     "mlups D2Q9 double": 300.0,
     "mlups D2Q9 single": 600.0,
-    "link_ns fixed": 10.0,
-    "link_ns moving": 40.0,
+    "link_ns fixed": 7.0,
+    "link_ns moving": 22.0,
     "grain_ns": 150.0,  # per grain and DEM substep
     "launch_us": 80.0,
     "message_us": 6.0,
