@@ -32,7 +32,7 @@ def bench(quick: bool) -> Mapping[str, float]:
         for lattice, storage in ((D3Q19, "single"), (D2Q9, "double"), (D2Q9, "single")):
             rates[f"mlups {lattice.name} {storage}"] = sweep_rate(world, pool, lattice, storage, quick)
         rates["wave_gain"] = wave_gain(world, pool)
-        rates["launch_us"] = 1e6 * seconds(box(world, pool, D2Q9, (16, 16), "double").step, quick)
+        rates["lattice_launch_us"] = 1e6 * seconds(box(world, pool, D2Q9, (16, 16), "double").step, quick)
         rates |= link_rates(world, pool)
     pool.close()
     rates["cores"] = len(os.sched_getaffinity(0))

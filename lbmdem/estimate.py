@@ -24,14 +24,14 @@ DEFAULT = {
     "link_ns fixed": 7.0,
     "link_ns moving": 22.0,
     "grain_ns": 150.0,  # per grain and DEM substep
-    "launch_us": 80.0,
+    "lattice_launch_us": 80.0,
     "message_us": 6.0,
     "message_gb_s": 8.0,
     "cores": 2.0,
     "core_gain": 1.15,  # of the second core on the sweep, which memory limits
     "wave_gain": 1.5,  # of several steps per pass on one core, and
     "wave_core_gain": 1.7,  # of the second core then
-    "rank_mib": 230.0,
+    "rank_mib": 200.0,
 }
 
 
@@ -52,7 +52,7 @@ def step_seconds(config: LbmDemConfig, ranks: int, threads: int, rates: Mapping[
     if moving(config):
         rest += grain_count(config) * config.substeps * rates["grain_ns"]
     together = steps_per_pass(config, ranks, threads)
-    seconds = 1e-6 * rates["launch_us"] / together
+    seconds = 1e-6 * rates["lattice_launch_us"] / together
     if config.fluid:
         seconds += sweep_seconds(config, cores, together, rates) + message_seconds(config, ranks, rates)
         kind = "link_ns moving" if moving(config) and not config.coupling.frozen else "link_ns fixed"

@@ -16,11 +16,11 @@ DEFAULT = {
     "pair_ns 3D single": 2.0,
     "pair_ns 2D double": 3.0,
     "pair_ns 2D single": 2.2,
-    "particle_ns": 60.0,  # sorting, state, criteria
-    "launch_us": 600.0,  # Python and the launches of a step
+    "body_ns": 80.0,  # sorting, state, criteria
+    "sum_launch_us": 170.0,  # Python and the launches of an evaluation
     "message_us": 30.0,
     "cores": 2.0,
-    "rank_mib": 220.0,
+    "rank_mib": 195.0,
     "thread_efficiency": 0.9,
 }
 SERIES_BYTES = 24 * 8 * 2
@@ -43,11 +43,11 @@ def step_seconds(config: SphConfig, ranks: int, threads: int, rates: Mapping[str
     neighbours = math.pi * reach**2 if d == 2 else 4 / 3 * math.pi * reach**3
     pairs = (fluid + 0.5 * walls) * neighbours
     sums = SUMS[config.simulation.integrator] + (0.3 if config.numerics.density_flux == "delta" else 0.0)
-    work = sums * pairs * rates[f"pair_ns {d}D {config.numerics.precision}"] + (fluid + walls) * rates["particle_ns"]
+    work = sums * pairs * rates[f"pair_ns {d}D {config.numerics.precision}"] + (fluid + walls) * rates["body_ns"]
     cores = min(ranks * threads, rates["cores"]) if ranks * threads <= 2 * rates["cores"] else ranks * threads
     cores = 1 + (cores - 1) * rates["thread_efficiency"]
     messages = 8 * sums * rates["message_us"] if ranks > 1 else 0.0
-    return 1e-9 * work / cores + 1e-6 * (rates["launch_us"] * sums + messages)
+    return 1e-9 * work / cores + 1e-6 * (rates["sum_launch_us"] * sums + messages)
 
 
 def disk_items(config: SphConfig) -> dict[str, float]:
