@@ -143,10 +143,13 @@ class FixedLinks:
         nodes = np.argwhere(fluid)[:, ::-1].copy()  # (x, row, plane) of this slab, in the order of memory
         parts = [self._of_direction(i, nodes) for i in range(1, self.directions.q)]
         local, way, body, q, arm, speed = (np.concatenate(column) for column in zip(*parts))
+        del nodes, parts
         order = np.lexsort((local[:, 0], local[:, 1], way, local[:, 2]))
+        local, way, q = local[order], way[order], q[order]
         self.body, self.arm, self.speed = body[order], arm[order], speed[order]
-        self._segments(local[order], way[order])
-        self._weigh(local[order], way[order], q[order])
+        del order, body, arm, speed
+        self._segments(local, way)
+        self._weigh(local, way, q)
         self._slim()
 
     @property
@@ -285,8 +288,8 @@ class FixedLinks:
             self.far = np.array(np.stack(arrivals, axis=-1), order="C")
         behind = np.minimum(behind, reach)
         self.fallbacks = int(np.count_nonzero(behind < reach))
-        weights = kernels.coefficients.py_func
-        table = np.array([weights(self._rule, *pair) for pair in zip(q.tolist(), behind.tolist())]).reshape(-1, 6)
+        table = np.empty((len(q), 6))
+        kernels.weigh(self._rule, q, behind, table)
         self.weights = np.ascontiguousarray(table[:, :3] - np.array([1.0, 0.0, 0.0]))
         if self.far is not None:
             self.far_weights = np.ascontiguousarray(table[:, 3:5])

@@ -46,6 +46,15 @@ def coefficients(rule, q, behind):
     return first, 0.0, (2.0 * q - 1.0) / q, 0.0, -(2.0 * q - 1.0) / (2.0 * q + 1.0), first
 
 
+@njit
+def weigh(rule, q, behind, table):
+    """table[n, 6]: coefficients of links."""
+    for k in range(q.size):
+        table[k, 0], table[k, 1], table[k, 2], table[k, 3], table[k, 4], table[k, 5] = coefficients(
+            rule, q[k], behind[k]
+        )
+
+
 @njit(inline="always")
 def place(strides, plane, row):
     """Element of x = 0 in a slot; rows wrap, planes too when this rank has all. strides: `Layout.strides`."""
