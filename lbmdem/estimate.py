@@ -31,6 +31,7 @@ DEFAULT = {
     "core_gain": 1.15,  # of the second core on the sweep, which memory limits
     "wave_gain": 1.5,  # of several steps per pass on one core, and
     "wave_core_gain": 1.7,  # of the second core then
+    "beside_solids": 0.5,  # more for a sweep with solids everywhere, which is a link in five nodes
     "rank_mib": 200.0,
 }
 
@@ -70,7 +71,9 @@ def steps_per_pass(config: LbmDemConfig, ranks: int, threads: int) -> int:
 
 
 def sweep_seconds(config: LbmDemConfig, cores: float, together: int, rates: Mapping[str, float]) -> float:
-    sweep = 1e-6 * math.prod(config.points) / rates[f"mlups {config.simulation.lattice} {config.fluid.storage}"]
+    nodes = math.prod(config.points)
+    sweep = 1e-6 * nodes / rates[f"mlups {config.simulation.lattice} {config.fluid.storage}"]
+    sweep *= 1 + rates["beside_solids"] * min(1.0, 5.0 * link_count(config) / nodes)
     sweep, gain = (sweep / rates["wave_gain"], "wave_core_gain") if together > 1 else (sweep, "core_gain")
     shared = min(cores, rates["cores"])  # of one node
     return sweep / (1 + (shared - 1) * (rates[gain] - 1)) / (cores / shared)

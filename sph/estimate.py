@@ -18,6 +18,7 @@ DEFAULT = {
     "pair_ns 2D single": 2.2,
     "body_ns": 80.0,  # sorting, state, criteria
     "sum_launch_us": 170.0,  # Python and the launches of an evaluation
+    "images_us": 550.0,  # a step: who has images in mirrors and periodic sides
     "message_us": 30.0,
     "cores": 2.0,
     "rank_mib": 195.0,
@@ -47,7 +48,9 @@ def step_seconds(config: SphConfig, ranks: int, threads: int, rates: Mapping[str
     cores = min(ranks * threads, rates["cores"]) if ranks * threads <= 2 * rates["cores"] else ranks * threads
     cores = 1 + (cores - 1) * rates["thread_efficiency"]
     messages = 8 * sums * rates["message_us"] if ranks > 1 else 0.0
-    return 1e-9 * work / cores + 1e-6 * (rates["sum_launch_us"] * sums + messages)
+    mirrored = config.domain.periodic or any(wall.type.startswith("mirror") for wall in config.wall)
+    images = rates["images_us"] if mirrored else 0.0
+    return 1e-9 * work / cores + 1e-6 * (rates["sum_launch_us"] * sums + images + messages)
 
 
 def disk_items(config: SphConfig) -> dict[str, float]:
