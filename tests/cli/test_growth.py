@@ -35,8 +35,11 @@ def test_a_run_of_so_many_steps(case):
     assert STEPS[case[0]](app, shorter) == pytest.approx(37, rel=1e-12)
 
 
+GROWING = (("hpcpic", "magnetised-thermal-2d"), ("sph", "elliptical-drop"), ("lbmdem", "lattice"))
+
+
 @pytest.mark.parametrize("factor", [2, 5])
-@pytest.mark.parametrize("case", [("hpcpic", "magnetised-thermal-2d"), ("sph", "elliptical-drop"), ("lbmdem", "lattice")])
+@pytest.mark.parametrize("case", GROWING)
 def test_a_grown_scene_has_so_much_more_of_everything(case, factor, tmp_path):
     program, name = case
     if name == "lattice":

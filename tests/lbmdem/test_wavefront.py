@@ -207,7 +207,9 @@ def test_a_wave_through_several_ranks_has_the_bits_of_plain_steps(world, lattice
     assert np.array_equal(found, plain[:, low:high])
 
 
-@pytest.mark.parametrize("case", ["taylor-green", "poiseuille", "couette", "sphere-array", "settling-disc", "restitution"])
+@pytest.mark.parametrize(
+    "case", ["taylor-green", "poiseuille", "couette", "sphere-array", "settling-disc", "restitution"]
+)
 def test_the_estimate_knows_how_many_steps_a_pass_does(case):
     with running(World.alone(), "lbmdem", shipped_cases()[case].read_text()) as app:
         expected = 1 if app.dem else app.fluid.depth
