@@ -163,7 +163,8 @@ class Immersed:
             momentum = sign * (populations @ e)
             torque = np.cross(self._refill.arms(nodes, table.centres[rows]), momentum)
             gains = np.column_stack((momentum, torque, -sign * populations.sum(axis=1)))
-            np.add.at(sums, rows, np.rint(gains * self._scale).astype(np.int64))
+            with np.errstate(invalid="ignore"):  # no number: the guard tells it
+                np.add.at(sums, rows, np.rint(gains * self._scale).astype(np.int64))
         return Gains(table.ids, sums)
 
     def _bounce(self, fluid: Fluid, parity: int) -> None:

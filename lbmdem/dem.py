@@ -359,6 +359,10 @@ class Dem:
         return network.stress(self, np.linspace(low, high, slices + 1), area)[:, -1, -1]
 
     def total(self, values: NDArray) -> float:
-        """Collective: the sum over all grains of a column of own grains, the same bits on any ranks."""
-        scale = exact.power_of_two_above(self.world.max(float(np.abs(values).max(initial=0.0))))
+        """Collective: the sum over all grains of a column of own grains, the same bits on any ranks. Diverged."""
+        largest = np.abs(values).max(initial=0.0)
+        largest = self.world.max(float(largest) if np.isfinite(largest) else math.inf)
+        if math.isinf(largest):
+            raise Diverged("a mass, a place or a velocity of a grain is not a finite number")
+        scale = exact.power_of_two_above(largest)
         return exact.value(self.world.sum_int(exact.exact_limbs(values, scale)), scale)

@@ -21,8 +21,16 @@ SETTINGS = {  # of the cases here: beyond the scheme's stability; fewer particle
         ("grid.points=[37, 4]",),
     ),
     "sph": (("simulation.cfl=3.0",), ("numerics.spacing=0.0365",), ("numerics.spacing=0.0365",)),
-    "lbmdem": (("fluid.relaxation_time=0.5001",), (), ("domain.spacing=2.5e-3",)),
-}
+    "lbmdem": (
+        ("fluid.relaxation_time=0.9", "gravity=[0.0, -981.0]"),
+        (),
+        (
+            "domain.size=[0.06, 0.03]", "domain.spacing=6.0e-3", "fluid.relaxation_time=0.5012",
+            "grains[0].diameter=1.5e-2", "grains[1].diameter=1.5e-2",
+            "grains[0].position=[0.012, 0.015]", "grains[1].position=[0.045, 0.015]",
+        ),
+    ),
+}  # fmt: skip
 
 
 def numbers(text: str) -> list[int]:
