@@ -6,7 +6,9 @@ leaves its counts, "passed failed", in the folder $HPCPIC_MPI_REPORT.
 """
 
 import os
+import subprocess
 import time
+from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
@@ -31,6 +33,18 @@ def world():
     from hpcpic.core.comm.world import World
 
     return World.start()
+
+
+@pytest.fixture
+def disk(tmp_path: Path) -> Iterator[Path]:
+    """A file system of 3 MB; who may not mount one cannot try a full disk."""
+    made = tmp_path / "disk"
+    made.mkdir()
+    mount = ["mount", "-t", "tmpfs", "-o", "size=3m", "tmpfs", str(made)]
+    if subprocess.run(mount, capture_output=True).returncode:
+        pytest.skip("mounting is not permitted here")
+    yield made
+    subprocess.run(["umount", "-l", str(made)], check=True)
 
 
 def pytest_collection_modifyitems(config, items):

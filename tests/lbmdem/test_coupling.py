@@ -18,6 +18,11 @@ LATTICES = pytest.mark.parametrize("lattice", [D2Q9, D3Q19], ids=lambda lattice:
 
 
 @pytest.fixture(scope="module")
+def alone():
+    return World.alone()
+
+
+@pytest.fixture(scope="module")
 def pool():
     pool = Pool(1)
     yield pool
@@ -65,14 +70,12 @@ def momentum(fluid):
 
 @LATTICES
 @pytest.mark.parametrize("rule", ["halfway", "interpolated", "quadratic", "cli"])
-def test_what_the_fluid_loses_the_grains_get(world, pool, lattice, rule):
-    if world.size > 1:
-        pytest.skip("the rule of one rank")
-    fluid = fluid_in_a_box(world, pool, lattice, BOX[lattice.name])
+def test_what_the_fluid_loses_the_grains_get(alone, pool, lattice, rule):
+    fluid = fluid_in_a_box(alone, pool, lattice, BOX[lattice.name])
     grains = Grains(lattice)
     walls = [Wall(ball((8.1,) * lattice.dimensions, 1.7))]
     rest = (0 * grains.v, 0 * grains.omega)
-    immersed = Immersed(fluid, world, pool, rule=rule, fixed=(*grains.columns[:3], *rest), walls=walls)
+    immersed = Immersed(fluid, alone, pool, rule=rule, fixed=(*grains.columns[:3], *rest), walls=walls)
     stir(fluid)
     for _ in range(3):
         before = momentum(fluid)
@@ -83,12 +86,10 @@ def test_what_the_fluid_loses_the_grains_get(world, pool, lattice, rule):
 
 
 @LATTICES
-def test_conserving_refill_closes_both_balances(world, pool, lattice):
-    if world.size > 1:
-        pytest.skip("looks at all populations")
-    fluid = fluid_in_a_box(world, pool, lattice, BOX[lattice.name])
+def test_conserving_refill_closes_both_balances(alone, pool, lattice):
+    fluid = fluid_in_a_box(alone, pool, lattice, BOX[lattice.name])
     grains = Grains(lattice)
-    immersed = Immersed(fluid, world, pool, refill="conserving")
+    immersed = Immersed(fluid, alone, pool, refill="conserving")
     immersed.start(*grains.columns)
     stir(fluid)
     mass = fluid.populations().sum()
@@ -107,14 +108,12 @@ def test_conserving_refill_closes_both_balances(world, pool, lattice):
 
 @LATTICES
 @pytest.mark.parametrize("refill", ["average", "local", "non-equilibrium"])
-def test_other_refills_keep_the_momentum_on_the_mean(world, pool, lattice, refill):
+def test_other_refills_keep_the_momentum_on_the_mean(alone, pool, lattice, refill):
     """A grain in a fluid that moves with it: what is refilled is what was there, up to rounding, and no force acts."""
-    if world.size > 1:
-        pytest.skip("looks at all populations")
-    fluid = fluid_in_a_box(world, pool, lattice, BOX[lattice.name])
+    fluid = fluid_in_a_box(alone, pool, lattice, BOX[lattice.name])
     grains = Grains(lattice)
     grains.v[:], grains.omega[:] = 0.04, 0.0
-    immersed = Immersed(fluid, world, pool, refill=refill)
+    immersed = Immersed(fluid, alone, pool, refill=refill)
     immersed.start(*grains.columns)
     fluid.set_equilibrium(1.0, (0.04,) * lattice.dimensions)
     for _ in range(30):
@@ -152,13 +151,11 @@ def couette(world, pool, rule, q, height=6, u=0.01):
 
 
 @pytest.mark.parametrize("q", [0.05, 0.3, 0.5, 0.7, 1.0])
-def test_couette_flow_is_exact_for_rules_of_second_order(world, pool, q):
-    if world.size > 1:
-        pytest.skip("looks at all populations")
+def test_couette_flow_is_exact_for_rules_of_second_order(alone, pool, q):
     for rule in ("cli", "interpolated", "quadratic"):
-        assert couette(world, pool, rule, q) < 1e-9, rule
+        assert couette(alone, pool, rule, q) < 1e-9, rule
     first_order = abs(0.5 / 6 - q / (5 + 2 * q))  # its walls are half-way in any case
-    assert couette(world, pool, "halfway", q) == pytest.approx(first_order, abs=1e-9)
+    assert couette(alone, pool, "halfway", q) == pytest.approx(first_order, abs=1e-9)
 
 
 def poiseuille(world, pool, rule, q, height):
@@ -177,10 +174,8 @@ def poiseuille(world, pool, rule, q, height):
 
 @pytest.mark.parametrize("rule", ["cli", "interpolated"])
 @pytest.mark.parametrize("q", [0.2, 0.8])
-def test_poiseuille_flow_is_of_second_order_at_any_place_of_the_wall(world, pool, rule, q):
-    if world.size > 1:
-        pytest.skip("looks at all populations")
-    coarse, fine = (poiseuille(world, pool, rule, q, height) for height in (6, 12))
+def test_poiseuille_flow_is_of_second_order_at_any_place_of_the_wall(alone, pool, rule, q):
+    coarse, fine = (poiseuille(alone, pool, rule, q, height) for height in (6, 12))
     assert fine < 1e-9 or np.log2(coarse / fine) > 1.8
     assert fine < 0.03
 
@@ -223,11 +218,9 @@ def settle(world, pool, ratio, implicit, steps=400):
     return v[0, 0]
 
 
-def test_light_grains_are_stable_with_the_impedance_only(world, pool):
-    if world.size > 1:
-        pytest.skip("once is enough")
-    assert settle(world, pool, 0.05, implicit=False) == np.inf
-    light, heavier = settle(world, pool, 0.001, implicit=True), settle(world, pool, 1.0, implicit=False)
+def test_light_grains_are_stable_with_the_impedance_only(alone, pool):
+    assert settle(alone, pool, 0.05, implicit=False) == np.inf
+    light, heavier = settle(alone, pool, 0.001, implicit=True), settle(alone, pool, 1.0, implicit=False)
     assert 0 < light == pytest.approx(heavier, rel=0.5)
 
 
@@ -251,11 +244,9 @@ def trajectory(world, pool, lattice, refill, blocks, steps=12):
 
 @LATTICES
 @pytest.mark.parametrize("refill", ["average", "non-equilibrium", "conserving"])
-def test_blocks_and_threads_do_not_change_a_bit(world, pool, lattice, refill):
-    if world.size > 1:
-        pytest.skip("see the one for ranks")
+def test_blocks_and_threads_do_not_change_a_bit(alone, pool, lattice, refill):
     pair = Pool(2)
-    one, other = trajectory(world, pool, lattice, refill, 1), trajectory(world, pair, lattice, refill, 5)
+    one, other = trajectory(alone, pool, lattice, refill, 1), trajectory(alone, pair, lattice, refill, 5)
     pair.close()
     assert np.array_equal(one[0], other[0]) and np.array_equal(one[1], other[1]) and one[2] == other[2]
 
@@ -273,12 +264,10 @@ def test_ranks_do_not_change_a_bit(world, pool, lattice, refill):
 
 
 @pytest.mark.parametrize("implicit", [True, False])
-def test_the_force_does_not_alternate_from_step_to_step(world, pool, implicit):
+def test_the_force_does_not_alternate_from_step_to_step(alone, pool, implicit):
     """A settling disc, little heavier than the fluid, at a small relaxation time: second difference below W / 5."""
-    if world.size > 1:
-        pytest.skip("once is enough")
-    fluid = fluid_in_a_box(world, pool, D2Q9, (60, 60), tau=0.6)
-    immersed, radius, weight = Immersed(fluid, world, pool), np.array([5.0]), 2e-3
+    fluid = fluid_in_a_box(alone, pool, D2Q9, (60, 60), tau=0.6)
+    immersed, radius, weight = Immersed(fluid, alone, pool), np.array([5.0]), 2e-3
     mass = 1.01 * np.pi * 25.0 + (impedance(D2Q9, "cli", radius)[0] if implicit else 0.0)
     x, v, drag = np.array([[30.3, 30.1]]), np.zeros((1, 2)), []
     immersed.start(np.array([0]), x, radius, v, np.zeros((1, 1)))

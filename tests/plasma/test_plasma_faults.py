@@ -152,18 +152,6 @@ def test_not_a_number_on_one_rank(folder, digest):
     check_goes_on(folder, 2, digest)
 
 
-@pytest.fixture
-def disk(tmp_path):
-    """A file system of 3 MB."""
-    made = tmp_path / "disk"
-    made.mkdir()
-    mount = ["mount", "-t", "tmpfs", "-o", "size=3m", "tmpfs", str(made)]
-    if subprocess.run(mount, capture_output=True).returncode:
-        pytest.skip("mounting is not permitted here")
-    yield made
-    subprocess.run(["umount", "-l", str(made)], check=True)
-
-
 def test_full_disk(disk, digest):
     """Snapshots fill it; the checkpoint that was there is good, and enough for the rest with room again."""
     done = run(disk, 2, "--checkpoint-every", "1", "--set", "output.sampling_period.particle=1")

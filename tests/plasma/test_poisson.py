@@ -22,9 +22,7 @@ def charge(points):
 
 @pytest.fixture(scope="module")
 def alone():
-    world, pool = World.start(), Pool(1)
-    if world.size > 1:
-        pytest.skip("a serial test")
+    world, pool = World.alone(), Pool(1)
     yield world, pool
     pool.close()
 
