@@ -1,6 +1,5 @@
 """Charge from the blocks' patches to the rows of the slab, as integers, and to rho as numbers."""
 
-
 from hpcpic.core.simd.jit import njit
 
 GOOD, OVERFLOW = 0, 3
@@ -40,18 +39,25 @@ def collect(first, last, ring, patches, places, slab):
 
 
 @njit
+def add_weighted(row, weight, parts):
+    """row += weight x parts; whether any has more than LARGEST parts. Without a way out, so that it goes by vectors."""
+    over = False
+    for i in range(row.size):
+        over |= (parts[i] > LARGEST) | (parts[i] < -LARGEST)
+        row[i] += weight * parts[i]
+    return over
+
+
+@njit
 def density(first, last, below, weight, slab, rho):
     """rho[first:last, columns] = sum over groups of weight[group] x slab, `below` ghost rows apart (5.1), C/m^d.
 
     Returns OVERFLOW when a node holds so many parts that the next step could exceed an integer.
     """
+    over = False
     for r in range(first, last):
-        for c in range(rho.shape[1]):
-            total = 0.0
-            for group in range(slab.shape[0]):
-                parts = slab[group, below + r, c]
-                if abs(parts) > LARGEST:
-                    return OVERFLOW
-                total += weight[group] * parts
-            rho[r, c] = total
-    return GOOD
+        row = rho[r]
+        row[:] = 0
+        for group in range(slab.shape[0]):
+            over |= add_weighted(row, weight[group], slab[group, below + r])
+    return OVERFLOW if over else GOOD
