@@ -136,8 +136,8 @@ class Sph:
 
     def resume(self) -> None:
         """Take up a state whose particles have just been appended anywhere."""
-        if not np.isfinite(self.bodies.own("x")).all():
-            raise Diverged("a position is not a finite number")
+        if not (np.isfinite(self.bodies.own("x")).all() and np.isfinite(self.reach)):
+            raise Diverged("a position, or how far neighbours are known, is not a finite number")
         self.gauges.since = self.time
         self._forces_at = -1
         self.migrate()
@@ -312,7 +312,7 @@ class Sph:
         if way > self.farthest_reach * (1 + MARGIN):
             raise Diverged("a particle moves farther in a step than where its neighbours are known")
         expected = min(SPARE * way + LEAST * self.scene.h, self.farthest_reach)
-        if way > self.reach:
+        if not way <= self.reach:
             self.reach = expected
             self.sort()
         self.next_reach = expected
@@ -366,6 +366,8 @@ class Sph:
         bodies, rho0 = self.bodies, self.scene.rho0
         if not (np.isfinite(bodies.own("x")).all() and np.isfinite(bodies.own("v")).all()):
             return "a position or velocity is not a finite number"
+        if not np.isfinite(self.impulses).all():
+            return "the impulse of the fluid on a wall is not a finite number"
         lost = np.flatnonzero(np.abs(bodies.own("x")).max(axis=0) > self.farthest)
         if len(lost):
             return f"particle {bodies.id[lost[0]]} is so far away that its position has no digits left for its spacing"

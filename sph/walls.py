@@ -7,6 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hpcpic.core.comm.world import World
+from hpcpic.core.errors import Diverged
 from hpcpic.core.space.exact import exact_limbs, power_of_two_above, value
 from sph.particles import REAL, REPULSIVE
 from sph.scene import AHEAD, WALL_BITS, behind
@@ -82,7 +83,11 @@ class Walls:
         return boxes
 
     def restore(self, boxes: NDArray[np.float64], t: float) -> None:
-        self.made = {k: (box[0], box[1]) for k, box in enumerate(boxes) if not np.isnan(box).any()}
+        """Made are the walls whose boxes are numbers. Diverged for a box that is one in part."""
+        nothing = np.isnan(boxes).all(axis=(1, 2))
+        if not np.isfinite(boxes[~nothing]).all():
+            raise Diverged("the box where a wall is made is not of finite numbers")
+        self.made = {k: (box[0], box[1]) for k, box in enumerate(boxes) if not nothing[k]}
         self.move(t)
 
 

@@ -23,7 +23,8 @@ import numpy as np
 import psutil
 
 from hpcpic.core.cli import main as face
-from hpcpic.core.comm import halo
+from hpcpic.core.comm import ghosts, halo
+from hpcpic.core.comm.tags import WINDOW
 from hpcpic.core.files import image
 from hpcpic.core.files.rundir import RunDir
 from hpcpic.core.run import checkpoint, loop
@@ -51,8 +52,14 @@ class Damaged:
 
 
 def floats(reader: Any) -> list[str]:
-    """Names of the arrays of floating point numbers in a checkpoint that hold any."""
-    return [name for name in reader.names if reader.total(name) and reader.read(name, 0, 0).dtype.kind == "f"]
+    """Names of the arrays of floating point numbers in a checkpoint that hold one at `middle`."""
+    names = [name for name in reader.names if reader.total(name) and reader.read(name, 0, 0).dtype.kind == "f"]
+    return [name for name in names if np.isfinite(reader.read(name, at := middle(reader, name), at + 1).flat[0])]
+
+
+def middle(reader: Any, name: str) -> int:
+    """The row of an array whose first number becomes another."""
+    return reader.total(name) // 2
 
 
 def become_nan(app: Any, world: Any, which: int) -> None:
@@ -62,17 +69,22 @@ def become_nan(app: Any, world: Any, which: int) -> None:
     checkpoint.write(world, folder, app.iteration, app.time, app.state())
     reader = checkpoint.newest(folder, world)
     name = floats(reader)[which]
-    app.restore(Damaged(reader, name, reader.total(name) // 2, 0, lambda value: np.nan))
+    app.restore(Damaged(reader, name, middle(reader, name), 0, lambda value: np.nan))
 
 
 def misnumber_messages() -> None:
     """From now on this rank's messages say that they belong to another iteration."""
-    start = halo._Exchange.start
+    start, refresh = halo._Exchange.start, ghosts.Refresh.start
 
     def misnumbered(exchange: Any, iteration: int) -> None:
         start(exchange, iteration + 2)
         exchange._iteration[0] = iteration
 
+    def of_another_window(exchange: Any, iteration: int, values: np.ndarray) -> None:
+        refresh(exchange, iteration + WINDOW, values)  # the same tag
+        exchange._iteration = iteration
+
+    ghosts.Refresh.start = of_another_window  # type: ignore[method-assign]
     halo._Exchange.start = misnumbered  # type: ignore[method-assign]
     halo._Exchange.at = lambda exchange, iteration: exchange._iteration.fill(iteration + 2)  # type: ignore[method-assign]
 

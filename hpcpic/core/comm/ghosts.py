@@ -9,11 +9,14 @@ from numpy.typing import NDArray
 from hpcpic.core.comm.tags import tag
 from hpcpic.core.comm.world import World
 
+HEADER = 8  # bytes before the rows of a message: its iteration
+
 
 class Refresh:
     """Owner to ghost, for rows of any array. Ghosts are in order of rank, then as their owner listed them.
 
-    A rank may list members for itself (images across a periodic box): these are copied.
+    A rank may list members for itself (images across a periodic box): these are copied. A message of another
+    iteration fails an assertion.
     n: ghosts of this rank; messages: sent by one start.
     """
 
@@ -23,6 +26,8 @@ class Refresh:
         self._members: dict[int, NDArray[np.int64]] = {}
         self._places: dict[int, slice] = {}
         self._requests: list[MPI.Request] = []
+        self._incoming: dict[int, NDArray[np.uint8]] = {}
+        self._iteration = 0
         self.n = 0
 
     @property
@@ -63,18 +68,28 @@ class Refresh:
         """Send the members' rows of values[n, ...]; the same type and shape of a row on all ranks."""
         comm, label = self._world.comm, tag(iteration, self._channel)
         self._ghosts = np.empty((self.n, *values.shape[1:]), values.dtype)
-        self._requests = []
+        row = values.dtype.itemsize * int(np.prod(values.shape[1:], dtype=np.int64))
+        self._requests, self._incoming, self._iteration = [], {}, iteration
         for peer, place in self._places.items():
             if peer == self._world.rank:
                 self._ghosts[place] = values[self._members[peer]]
             else:
-                self._requests.append(comm.Irecv(self._ghosts[place], peer, label))
+                self._incoming[peer] = np.empty(HEADER + (place.stop - place.start) * row, np.uint8)
+                self._requests.append(comm.Irecv(self._incoming[peer], peer, label))
         for peer, rows in self._members.items():
             if peer != self._world.rank:
-                self._requests.append(comm.Isend(values[rows], peer, label))
+                message = np.empty(HEADER + len(rows) * row, np.uint8)
+                message[:HEADER].view(np.int64)[0] = iteration
+                message[HEADER:].view(values.dtype).reshape(len(rows), *values.shape[1:])[:] = values[rows]
+                self._requests.append(comm.Isend(message, peer, label))
 
     def finish(self) -> NDArray:
         """The ghosts' rows [n, ...], as the owners' values were at `start`."""
         if self._requests:
             MPI.Request.Waitall(self._requests)
+        for peer, message in self._incoming.items():
+            told = message[:HEADER].view(np.int64)[0]
+            assert told == self._iteration, f"got a message of iteration {told}, not of {self._iteration}"
+            ghosts = self._ghosts[self._places[peer]]
+            ghosts[:] = message[HEADER:].view(ghosts.dtype).reshape(ghosts.shape)
         return self._ghosts
