@@ -6,7 +6,7 @@ from numba.core import cgutils
 from numba.core.errors import TypingError
 from numba.extending import intrinsic
 
-from hpcpic.core.simd.kinds import I32, I64, KIND
+from hpcpic.core.simd.kinds import I1, I32, I64, KIND
 
 
 @intrinsic
@@ -49,6 +49,19 @@ def scatter(typing_context, array, start, lists, index, a):
         return context.get_dummy_value()
 
     return types.void(array, types.int64, lists, types.int64, a), codegen
+
+
+@intrinsic
+def first_bits(typing_context, a):
+    """Of each lane the number of the lowest bit set; the width of a lane for 0."""
+
+    def codegen(context, builder, sig, args):
+        kind = args[0].type
+        function_type = ir.FunctionType(kind, [kind, I1])
+        name = f"llvm.cttz.v{kind.count}i{kind.element.width}"
+        return builder.call(cgutils.get_or_insert_function(builder.module, function_type, name), [args[0], I1(0)])
+
+    return a(a), codegen
 
 
 @intrinsic

@@ -1,0 +1,213 @@
+"""Lists of the links of a grain that moves, from words with a bit for each column of its rows; compiled.
+
+A grain is seen through a window of planes, rows and columns of nodes. Every row of it has words of 32 bits: nodes that
+the grain has, nodes of the fluid. The links along e are the bits of the fluid that meet the grain's bits of the row
+that e points to, moved back by e. Rows with links wait in a queue: each gives one link when its turn comes, a vector
+of rows at a time, and goes to the end of the queue if it has more. All is held in one line of int32, `work`: tables of
+rows, columns of the queue, lists of links.
+"""
+
+import numpy as np
+
+from hpcpic.core.simd.jit import njit
+from hpcpic.core.simd.vector import (
+    Vec,
+    address_of,
+    bitmask,
+    convert,
+    count_bits,
+    floor,
+    lane_numbers,
+    lanes,
+    load,
+    maximum,
+    minimum,
+    prefetch,
+    select,
+    splat,
+    sqrt,
+    store,
+    to_fixed,
+)
+from lbmdem.kernels.links import place
+from lbmdem.kernels.runs import FLUID
+from lbmdem.kernels.spread import first_bits, side_by_side
+
+PLANES, COLUMNS = 12, 28  # of a window at most, without the nodes beside it
+N, M = lanes(np.float64), lanes(np.int32)
+F, L, H, I = Vec(N, np.float64), Vec(N, np.int64), Vec(N, np.int32), Vec(M, np.int32)
+PAD = 2 * M  # words before and after a table
+STARTS, FLUIDS, MINE, LOSTS, HERE, CODES, TABLES = range(7)  # of rows, see `look`
+LINKS, BEHIND, OUTS, NEARS, WHICH, LISTS = range(6)  # columns of the queue, and the first of two times three lists
+ROW, PLANE, FURTHER, FREE = 6, 18, 29, 30  # bits of the code of a link: column, row, plane; are z, y fluid?
+
+
+@njit
+def room(radii):
+    """Words of a table, of a list, and of all, which is enough for windows of these grains."""
+    height = 0
+    for g in range(radii.size):
+        height = max(height, np.int64(2.0 * radii[g]) + 7)
+    table, listed = (PLANES + 2) * height + 2 * PAD, PLANES * height * COLUMNS + 2 * M
+    return table, listed, TABLES * table + (LISTS + 6) * listed
+
+
+@njit
+def look(
+    solid, shape, inner, box, strides, p0, planes, r0, rows, x, columns, centre, radius, number, offset, work, table
+):  # fmt: skip
+    """Fill the tables of the rows r0 - 1 .. of the planes p0 - 1 .. of a window; bit b is the column x - 1 + b.
+
+    STARTS: nodes where links start; FLUIDS: of the fluid; MINE: the grain's; LOSTS: within it, but of others; HERE:
+    element of column 0; CODES: as those of links. Whether there are any of others.
+    """
+    whole, inside = (1 << (columns + 2)) - 1, ((1 << columns) - 1) << 1
+    low, high = max(box[0, 0] - (x - 1), 0), min(box[0, 1] - (x - 1), columns + 2)
+    in_box = whole & ((1 << high) - 1) & ~((1 << low) - 1)
+    any_lost, at = 0, PAD
+    for c in range(planes + 2):
+        p = p0 - 1 + c
+        dz = (p - offset[2]) - centre[2]
+        of_plane = radius * radius - dz * dz
+        chords(of_plane, centre, offset, x - 1, columns + 1, r0 - 1, rows + 2, work, MINE * table + at)
+        for r in range(rows + 2):
+            row = r0 - 1 + r
+            start, fluid, own, lost, element = 0, 0, 0, 0, 0
+            if 0 <= row < shape[1]:
+                ball = np.int64(work[np.uint64(MINE * table + at)])
+                element = place(strides, p - inner[2, 0], row - inner[1, 0]) - inner[0, 0] + x - 1
+                wet, own = nodes_of(solid, (p * shape[1] + row) * shape[0] + x - 1, columns + 2, number)
+                lost = ball & ~own
+                own &= ball
+                if box[1, 0] <= row < box[1, 1] and box[2, 0] <= p < box[2, 1]:
+                    fluid = wet & in_box
+                if 1 <= c <= planes and 1 <= r <= rows:
+                    start = wet & inside
+            work[np.uint64(STARTS * table + at)] = start
+            work[np.uint64(FLUIDS * table + at)] = fluid
+            work[np.uint64(MINE * table + at)] = own
+            work[np.uint64(LOSTS * table + at)] = lost
+            work[np.uint64(HERE * table + at)] = element
+            work[np.uint64(CODES * table + at)] = (c << PLANE) | (r << ROW)
+            any_lost |= lost
+            at += 1
+    for k in range(0, PAD, M):
+        store(work, STARTS * table + at + k, splat(I, np.int32(0)))
+    return any_lost != 0
+
+
+@njit(inline="always")
+def nodes_of(solid, node, columns, number):
+    """Bits of the nodes of the fluid and of a grain from a node on; those beyond the columns mean nothing."""
+    wet, own = 0, 0
+    if node + 64 <= solid.size:
+        for b in range(0, columns, M):
+            ids = load(I, solid, node + b)
+            wet |= bitmask(ids == FLUID) << b
+            own |= bitmask(ids == number) << b
+    else:
+        for b in range(columns):
+            wet |= np.int64(solid[node + b] == FLUID) << b
+            own |= np.int64(solid[node + b] == number) << b
+    return wet, own
+
+
+@njit(inline="always")
+def chords(of_plane, centre, offset, x0, last, r0, rows, work, at):
+    """Words of rows from r0 on with the bits 0 .. last of the columns from x0 on that are within the grain.
+
+    of_plane: radius^2 less the square of the plane's distance. The same nodes as `runs.run` finds.
+    """
+    x, shift = splat(F, centre[0]), float(offset[0] - x0)
+    for r in range(0, rows, N):
+        dy = (convert(F, lane_numbers(H)) + float(r0 - offset[1] + r)) - centre[1]
+        h_sq = of_plane - dy * dy
+        h = sqrt(maximum(h_sq, 0.0))
+        a = minimum(maximum(shift - floor(h - x), 0.0), float(last + 1))
+        b = minimum(maximum(shift + floor(x + h), -1.0), float(last))
+        bits = (splat(L, 1) << to_fixed(b + 1.0, 1.0)) - (splat(L, 1) << to_fixed(a, 1.0))
+        store(work, at + r, convert(H, select((h_sq >= 0.0) & (a <= b), bits, splat(L, 0))))
+
+
+@njit
+def along(work, table, listed, planes, width, ex, to, upwards, lists):
+    """List the links along an e of a window whose planes have `width` rows: see `serve`.
+
+    to: rows from a node's to that which e points to; upwards: e points to larger storage indices.
+    """
+    left, right = np.int32(ex < 0), np.int32(ex > 0)
+    starts, mine, fluids = STARTS * table, MINE * table + to, FLUIDS * table - to
+    out, shift_out = HERE * table, np.int32(0)
+    if upwards:
+        out, shift_out = out + to, np.int32(ex)
+    near, shift_near = out - to, shift_out - np.int32(ex)
+    begin = TABLES * table
+    end = begin
+    for at in range(PAD + width, PAD + (planes + 1) * width, M):
+        links = load(I, work, starts + at) & ((load(I, work, mine + at) << left) >> right)
+        some = links != np.int32(0)
+        found = bitmask(some)
+        if found:
+            behind = (load(I, work, fluids + at) << right) >> left
+            store(work, end, side_by_side(links, some))
+            store(work, end + BEHIND * listed, side_by_side(behind, some))
+            store(work, end + OUTS * listed, side_by_side(load(I, work, out + at) + shift_out, some))
+            store(work, end + NEARS * listed, side_by_side(load(I, work, near + at) + shift_near, some))
+            store(work, end + WHICH * listed, side_by_side(load(I, work, CODES * table + at), some))
+            end += count_bits(found)
+    return serve(work, begin, end, listed, lists)
+
+
+@njit(inline="always")
+def serve(work, k, end, listed, lists):
+    """List a link of each row in the queue from k to the end, until there are none.
+
+    Three lists: the elements in a slot of what goes out and of what is behind, and codes. How many links, and how many
+    of them have a fluid node behind.
+    """
+    n, n_free = lists, 0
+    while k < end:
+        taken = min(end - k, M)
+        links = select(lane_numbers(I) < np.int32(taken), load(I, work, k), splat(I, np.int32(0)))
+        bit = links & -links
+        column, rest = first_bits(links), links ^ bit
+        behind, code = load(I, work, k + BEHIND * listed), load(I, work, k + WHICH * listed)
+        out, near = load(I, work, k + OUTS * listed), load(I, work, k + NEARS * listed)
+        free = (behind & bit) != np.int32(0)
+        store(work, n, out + column)
+        store(work, n + listed, near + column)
+        store(work, n + 2 * listed, select(free, code | np.int32(1 << FREE), code) | column)
+        n_free += count_bits(bitmask(free))
+        n += taken
+        k += taken
+        more = rest != np.int32(0)
+        again = count_bits(bitmask(more))
+        if again:
+            store(work, end, side_by_side(rest, more))
+            store(work, end + BEHIND * listed, side_by_side(behind, more))
+            store(work, end + OUTS * listed, side_by_side(out, more))
+            store(work, end + NEARS * listed, side_by_side(near, more))
+            store(work, end + WHICH * listed, side_by_side(code, more))
+            end += again
+    return n - lists, n_free
+
+
+@njit
+def fetch(f, slot_i, slot_j, work, lists, listed, n):
+    """Get the memory of a list of links on its way."""
+    size, to_i, to_j = f.itemsize, address_of(f, slot_i), address_of(f, slot_j)
+    for k in range(lists, lists + n):
+        out, near = size * np.int64(work[np.uint64(k)]), size * np.int64(work[np.uint64(k + listed)])
+        prefetch(to_j + out)
+        prefetch(to_j + near)
+        prefetch(to_i + near)
+
+
+@njit
+def lost_along(work, table, planes, width, ex, to):
+    """Links along e that go to nodes within the grain that others have."""
+    count = 0
+    for at in range(PAD + width, PAD + (planes + 1) * width):
+        met = (np.int64(work[LOSTS * table + at + to]) << (ex < 0)) >> (ex > 0)
+        count += count_bits(np.int64(work[STARTS * table + at]) & met)
+    return count
