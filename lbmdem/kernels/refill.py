@@ -92,23 +92,50 @@ def outside(place, inner, box):
 
 
 @njit
-def from_neighbours(
-    f, strides, slots, shifts, parity, steps, solid, shape, inner, box, sizes, edge, e, w, mode, k, other, total
+def neighbours(
+    f, strides, slots, shifts, parity, steps, solid, shape, inner, box, sizes, edge, e, k, around
 ):  # fmt: skip
-    """Mean of the density less one over the fluid neighbours of node k; total[q]: mean of their non-equilibrium."""
+    """around[n, q]: the populations of the fluid neighbours of node k, in the order of directions; how many."""
     x, r, p = local_node(k, shape, inner)
+    found = 0
+    for i in range(1, e.shape[0]):
+        if solid[k + (e[i, 2] * shape[1] + e[i, 1]) * shape[0] + e[i, 0]] == FLUID:
+            place = (x + e[i, 0], r + e[i, 1], p + e[i, 2])
+            if not outside(place, inner, box):
+                populations(f, strides, slots, shifts, parity, steps, sizes, edge, *place, around[found])
+                found += 1
+    return found
+
+
+@njit
+def inner_neighbours(f, strides, steps, solid, shape, inner, e, k, around):
+    """As `neighbours`, of a node that `is_inner`."""
+    x, r, p = local_node(k, shape, inner)
+    start = p * strides[1] + r * strides[2] + strides[3] + x
+    found = 0
+    for i in range(1, e.shape[0]):
+        if solid[k + (e[i, 2] * shape[1] + e[i, 1]) * shape[0] + e[i, 0]] == FLUID:
+            there = start + e[i, 2] * strides[1] + e[i, 1] * strides[2] + e[i, 0]
+            for n in range(steps.size):
+                around[found, n] = f[np.uint64(there + steps[n])]
+            found += 1
+    return found
+
+
+@njit
+def mean(around, found, e, w, mode, total):
+    """Mean of the density less one over neighbours; total[q]: mean of their non-equilibrium."""
     total[:] = 0.0
-    density, found = 0.0, 0
-    for i in range(1, w.size):
-        place = (x + e[i, 0], r + e[i, 1], p + e[i, 2])
-        if solid[k + (e[i, 2] * shape[1] + e[i, 1]) * shape[0] + e[i, 0]] != FLUID or outside(place, inner, box):
-            continue
-        populations(f, strides, slots, shifts, parity, steps, sizes, edge, place[0], place[1], place[2], other)
-        found += 1
-        if mode == LOCAL:
-            for n in range(w.size):
-                density += other[n]
-        else:
+    density = 0.0
+    if mode == LOCAL:
+        for n in range(w.size):
+            of_slot = 0.0
+            for c in range(found):
+                of_slot += around[c, n]
+            density += of_slot
+    else:
+        for c in range(found):
+            other = around[c]
             extra, jx, jy, jz = moments(other, e)
             density += extra
             rho = 1.0 + extra
@@ -116,22 +143,29 @@ def from_neighbours(
             for n in range(w.size):
                 total[n] += other[n]
     if found > 0:
-        for n in range(w.size):
-            total[n] /= found
+        total /= found
         density /= found
     return density
 
 
 @njit
-def fetch_neighbours(f, strides, steps, shape, inner, sizes, e, k):
-    """Get the memory of the rows around node k on its way."""
+def is_inner(k, shape, inner, sizes):
+    """Whether a node is so far from the ends of the slab that `arrival` of its neighbours goes around none."""
     x, r, p = local_node(k, shape, inner)
-    if 1 < r < sizes[1] - 2 and 0 < p < sizes[2] - 2:
-        for i in range(steps.size):
-            if e[i, 0] == 0:
-                start = (p + e[i, 2]) * strides[1] + (r + e[i, 1]) * strides[2] + strides[3] + x
-                for n in range(steps.size):
-                    prefetch(address_of(f, start + steps[n]))
+    return 0 < x < sizes[0] - 1 and 1 < r < sizes[1] - 2 and 0 < p < sizes[2] - 2
+
+
+@njit
+def fetch_neighbours(f, strides, steps, solid, shape, inner, e, k):
+    """Get the memory of the rows of fluid around an inner node k on its way."""
+    x, r, p = local_node(k, shape, inner)
+    start = p * strides[1] + r * strides[2] + strides[3] + x
+    for i in range(steps.size):
+        row = k + (e[i, 2] * shape[1] + e[i, 1]) * shape[0]
+        if e[i, 0] == 0 and (solid[row - 1] == FLUID or solid[row] == FLUID or solid[row + 1] == FLUID):
+            there = start + e[i, 2] * strides[1] + e[i, 1] * strides[2]
+            for n in range(steps.size):
+                prefetch(address_of(f, there + steps[n]))
 
 
 @njit
@@ -143,16 +177,19 @@ def refill(
 
     The mean density is the reference one, 1. Neighbours that are being uncovered too are not asked.
     """
-    other, total, steps = np.empty(w.size), np.zeros(w.size), offsets(strides, slots, shifts, parity)
+    around, total, steps = np.empty((w.size, w.size)), np.zeros(w.size), offsets(strides, slots, shifts, parity)
     for n in range(nodes.size):
         density = 0.0
         if mode != AVERAGE:
-            if n + AHEAD < nodes.size:
-                fetch_neighbours(f, strides, steps, shape, inner, sizes, e, nodes[n + AHEAD])
-            density = from_neighbours(
-                f, strides, slots, shifts, parity, steps, solid, shape, inner, box, sizes, edge, e, w, mode,
-                nodes[n], other, total,
-            )  # fmt: skip
+            if n + AHEAD < nodes.size and is_inner(nodes[n + AHEAD], shape, inner, sizes):
+                fetch_neighbours(f, strides, steps, solid, shape, inner, e, nodes[n + AHEAD])
+            if is_inner(nodes[n], shape, inner, sizes):
+                found = inner_neighbours(f, strides, steps, solid, shape, inner, e, nodes[n], around)
+            else:
+                found = neighbours(
+                    f, strides, slots, shifts, parity, steps, solid, shape, inner, box, sizes, edge, e, nodes[n], around
+                )  # fmt: skip
+            density = mean(around, found, e, w, mode, total)
         values[n, :] = total
         add_equilibrium(values[n], e, w, 1.0, density, speed[n, 0], speed[n, 1], speed[n, 2])
 

@@ -11,12 +11,28 @@ import math
 import numpy as np
 
 from hpcpic.core.simd.jit import njit
+from hpcpic.core.simd.vector import (
+    Vec,
+    bitmask,
+    convert,
+    first_bit,
+    floor,
+    lane_numbers,
+    lanes,
+    maximum,
+    minimum,
+    select,
+    splat,
+    sqrt,
+)
 from lbmdem.kernels import layout
 
 FLUID = np.int32(layout.FLUID)
 LEFT = np.int32(-9)  # for the time of an update: a grain has just left this node
 _FAR = 1 << 40
 _NOWHERE = 1e9  # nodes
+N = lanes(np.float64)
+F, H = Vec(N, np.float64), Vec(N, np.int32)
 
 
 @njit
@@ -120,6 +136,27 @@ def chords(c, other, radius, shift, towards, p, r, columns):
     return max(a + shift[0], 0), min(b + shift[0], columns - 1), first + towards[0], last + towards[0]
 
 
+@njit(inline="always")
+def ends(c, radius, shift, p, r):
+    """First and last node of rows r, r + 1, ... that a grain covers, a vector of rows; as `run`."""
+    dy = (convert(F, lane_numbers(H)) + float(r - shift[1])) - c[1]
+    dz = (p - shift[2]) - c[2]
+    h_sq = (radius * radius - dz * dz) - dy * dy
+    h, x = sqrt(maximum(h_sq, 0.0)), splat(F, c[0])
+    far, there = splat(F, float(_FAR)), h_sq >= 0.0
+    return select(there, -floor(h - x) + float(shift[0]), far), select(there, floor(x + h) + float(shift[0]), -far)
+
+
+@njit(inline="always")
+def outgrown(c, other, radius, shift, towards, p, r, after, columns):
+    """Bits of the rows r, r + 1, ... before `after` with nodes that a grain covers here, but not at the other place."""
+    a, b = ends(c, radius, shift, p, r)
+    first, last = ends(other, radius, towards, p, r)
+    a, b = maximum(a, 0.0), minimum(b, float(columns - 1))
+    rows = bitmask((a <= b) & ((first > a) | (last < b)))
+    return rows & ((1 << (after - r)) - 1) if after - r < N else rows
+
+
 @njit
 def leave(solid, centres, radii, ids, grain, offset, other, other_offset, low, high, nodes, owners):
     """Mark with LEFT the nodes that grains no longer cover, and list them with the ids. How many.
@@ -135,17 +172,18 @@ def leave(solid, centres, radii, ids, grain, offset, other, other_offset, low, h
         p0, p1 = span(c[2], radius, shift[2], low, high)
         for p in range(p0, p1):
             r0, r1 = span(c[1], radius, shift[1], 0, solid.shape[1])
-            for r in range(r0, r1):
-                a, b, first, last = chords(c, n, radius, shift, towards, p, r, solid.shape[2])
-                if first <= a and last >= b:
-                    continue
-                for x in range(a, b + 1):
-                    if (x < first or x > last) and solid[p, r, x] == number:
-                        solid[p, r, x] = LEFT
-                        if count < nodes.size:
-                            nodes[count] = (p * solid.shape[1] + r) * solid.shape[2] + x
-                            owners[count] = number
-                        count += 1
+            for low_r in range(r0, r1, N):
+                rows = outgrown(c, n, radius, shift, towards, p, low_r, r1, solid.shape[2])
+                while rows:
+                    r, rows = low_r + first_bit(rows), rows & (rows - 1)
+                    a, b, first, last = chords(c, n, radius, shift, towards, p, r, solid.shape[2])
+                    for x in range(a, b + 1):
+                        if (x < first or x > last) and solid[p, r, x] == number:
+                            solid[p, r, x] = LEFT
+                            if count < nodes.size:
+                                nodes[count] = (p * solid.shape[1] + r) * solid.shape[2] + x
+                                owners[count] = number
+                            count += 1
     return count
 
 
@@ -164,19 +202,20 @@ def enter(solid, centres, radii, ids, grain, offset, other, other_offset, low, h
         p0, p1 = span(c[2], radius, shift[2], low, high)
         for p in range(p0, p1):
             r0, r1 = span(c[1], radius, shift[1], 0, solid.shape[1])
-            for r in range(r0, r1):
-                a, b, first, last = chords(c, o, radius, shift, back, p, r, solid.shape[2])
-                if first <= a and last >= b:
-                    continue
-                for x in range(a, b + 1):
-                    if first <= x <= last:
-                        continue
-                    if solid[p, r, x] == FLUID:
-                        if count < nodes.size:
-                            nodes[count] = (p * solid.shape[1] + r) * solid.shape[2] + x
-                            owners[count] = number
-                        count += 1
-                    _claim(solid, p, r, x, ids, grain[m], lost)
+            for low_r in range(r0, r1, N):
+                rows = outgrown(c, o, radius, shift, back, p, low_r, r1, solid.shape[2])
+                while rows:
+                    r, rows = low_r + first_bit(rows), rows & (rows - 1)
+                    a, b, first, last = chords(c, o, radius, shift, back, p, r, solid.shape[2])
+                    for x in range(a, b + 1):
+                        if first <= x <= last:
+                            continue
+                        if solid[p, r, x] == FLUID:
+                            if count < nodes.size:
+                                nodes[count] = (p * solid.shape[1] + r) * solid.shape[2] + x
+                                owners[count] = number
+                            count += 1
+                        _claim(solid, p, r, x, ids, grain[m], lost)
     return count
 
 
