@@ -78,7 +78,7 @@ class Cells:
         if n > self.slots:
             self.slots = n = (n + n // 8 + GAP) // GAP * GAP
             tasks.set(
-                body=np.zeros(n, np.int32), slot_class=np.zeros(n, np.int32),
+                **{name: np.zeros(n, np.int32) for name in ("body", "slot_class", "others")},
                 runs=np.zeros((2 * self.n_runs, n), np.int32),
             )  # fmt: skip
 

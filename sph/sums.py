@@ -6,7 +6,7 @@ import numpy as np
 
 from hpcpic.core.simd.generate import module_from_source
 from hpcpic.core.space.fields import aligned_zeros
-from sph.kernels import columns, passes
+from sph.kernels import columns, packing, passes
 from sph.kernels.functions import SMOOTHING
 from sph.kernels.pairs import Law, columns_of, sums_of
 from sph.kernels.passes import NUMBERS
@@ -30,7 +30,8 @@ class PairSums:
         self.law, self.tasks, self.cells, self.bodies = law, tasks, cells, bodies
         self._terms = terms_of(law)
         self.kernels = passes.make(law, self._terms)
-        self.around = module_from_source(HEAD + columns.source(law, scene.config.eos.gamma), "sph_columns")
+        self.packing = module_from_source(packing.source(law, scene.config.eos.gamma), "sph_packing")
+        self.around = module_from_source(HEAD + columns.source(law), "sph_columns")
         self._n_sums = most_sums(law)
         tasks.set(scales=self._scales(scene), pair_numbers=self._numbers(scene))
         self._slots = 0
@@ -83,7 +84,7 @@ class PairSums:
 
     def pack(self) -> None:
         """The state of all bodies into their slots."""
-        self.tasks.each(self.around.pack, blocks="layers")
+        self.tasks.each(self.packing.pack, blocks="layers")
 
     def forces(self, iteration: int) -> None:
         """Split scheme, first half: a (and the density gradient) from x^n, v^n, rho^n."""

@@ -37,7 +37,9 @@ FINE = 8
 FAR = 2**30
 N, M = lanes(np.float64), lanes(np.int32)
 F, I, C = Vec(N, np.float64), Vec(N, np.int32), Vec(M, np.int32)
-# class of a slot: 1 fluid, + 2 where the sums are used (images only give), + 4 repulsive
+# class of a slot: 1 fluid, + 2 where the sums are used (images only give), + 4 repulsive, + 8 density flows in and out
+# (of fluid and its images, but not in mirrors), + 16 has the bits 1, 2, 8 and all in its runs have bit 8
+PLAIN = 16
 LOST = 1
 
 
@@ -109,8 +111,11 @@ def extents(block, blocks, begin, bucket, row, fine, rows, row_table, fine_total
 
 @njit
 def arrange(block, blocks, begin, base, bucket, row, fine, key, flags, rows, row_table, fine_total, fine_start, body,
-            slot_class):  # fmt: skip
-    """Slots of the bodies of a block's layers, and the tables of their rows; fine_total[l] = place of its cells now."""
+            slot_class, others):  # fmt: skip
+    """Slots of the bodies of a block's layers, and the tables of their rows; fine_total[l] = place of its cells now.
+
+    others[slot]: bodies without bit 8 before a slot of its layer, up to the slot after the last.
+    """
     for l in range(blocks[block], blocks[block + 1]):
         first, n_rows, at = rows[l, 0], rows[l, 1], rows[l, 2]
         slot, place = base[l], fine_total[l]
@@ -143,8 +148,14 @@ def arrange(block, blocks, begin, base, bucket, row, fine, key, flags, rows, row
             entry = row_table[k]
             for c in range(entry[3], entry[3] + entry[2]):
                 order_by_key(body, key, fine_start[c], fine_start[c + 1])
-        for s in range(base[l], base[l] + begin[l + 1] - begin[l]):
-            slot_class[s] = (flags[body[s]] & 3) | (flags[body[s]] & 8) >> 1
+        count, last = 0, base[l] + begin[l + 1] - begin[l]
+        for s in range(base[l], last):
+            kind = flags[body[s]]
+            mixes = np.int32(8 if kind & 5 == 1 else 0)
+            slot_class[s] = (kind & 3) | (kind & 8) >> 1 | mixes
+            others[s] = count
+            count += mixes == 0
+        others[last] = count
 
 
 @njit
@@ -160,7 +171,7 @@ def order_by_key(body, key, first, last):
 
 
 @njit
-def find(block, blocks, begin, base, shape, edge, x, body, slot_class, rows, row_table, fine_start, runs):
+def find(block, blocks, begin, base, shape, edge, x, body, slot_class, others, rows, row_table, fine_start, runs):
     """runs[2 k : 2 k + 2, slot] = first and end of the slots in row k of the half neighbourhood that may be within
     the radius: the chord of the sphere in that row.
 
@@ -173,7 +184,7 @@ def find(block, blocks, begin, base, shape, edge, x, body, slot_class, rows, row
             longest = max(longest, fine_start[row_table[k, 3] + row_table[k, 2]] - row_table[k, 0])
     longest += N  # vectors overrun
     height, left = np.zeros(longest), np.zeros((6, longest))  # in fine cells; of radius^2 beside a row, above, ...
-    cells = np.zeros((2, longest), np.int32)
+    cells, met = np.zeros((2, longest), np.int32), np.zeros(longest, np.int32)
     per_cell = 1.0 / edge[2]
     limit = edge[4] * per_cell
     for l in range(blocks[block], blocks[block + 1]):
@@ -188,6 +199,7 @@ def find(block, blocks, begin, base, shape, edge, x, body, slot_class, rows, row
             wall = (r + 1 - edge[3]) * edge[1]
             for m in range(many):
                 b = body[first + m]
+                met[m] = 0
                 height[m] = x[AXIS, b] * per_cell
                 up = max(ceiling - x[0, b], 0.0) * per_cell
                 after, before = 0.0, 0.0
@@ -217,9 +229,14 @@ def find(block, blocks, begin, base, shape, edge, x, body, slot_class, rows, row
                 if n == 0:
                     for m in range(many):
                         begins[m] = max(begins[m], first + m + 1)  # each pair once
-            for slot in range(first, first + many):
+                for m in range(np.uint64(many)):
+                    met[m] += max(others[np.uint32(ends[m])] - others[np.uint32(begins[m])], 0)
+            for m in range(many):
+                slot = first + m
                 if slot_class[slot] & 3 != 3:
                     trim(slot, slot_class, runs)
+                elif slot_class[slot] & 8 and met[m] == 0:
+                    slot_class[slot] |= PLAIN
 
 
 @njit

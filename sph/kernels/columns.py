@@ -1,54 +1,15 @@
-"""Generated text of what stands around the pair sums: bodies to columns of slots, sums to rates of bodies.
+"""Generated text of what stands around the pair sums: what changes in the columns of slots (see `packing`), and sums
+to rates of bodies.
 
 Bodies are in SI units: x[d, n] (relative to the lower corner of the domain), v[d, n], drho[n] (density less the
 reference), m[n], flags[n] (1 fluid, 2 its sums are used, 4 mirrored), gradient[d, n]. Columns see `pairs`.
 """
 
-import math
-
-from sph.kernels.pairs import UNIT, Law, columns_of
-
-SCALES = ("per_h", "per_c", "per_rho", "per_m", "background", "viscosity", "acceleration", "rate_scale", "tensile", "h")
-"""1 / h, 1 / c0, 1 / rho0, 1 / (rho0 h^d), p / (rho0 c0^2), mu / (rho0 c0 h); c0^2 / h, rho0 c0 / h,
-Monaghan's coefficient, h."""
+from sph.kernels.packing import SCALES
+from sph.kernels.pairs import Law, columns_of
 
 ALL_AROUND = {2: 1.5, 3: 2.4}  # of - sum V_j F r^2, d inside the fluid; less near a free surface (Lee et al. 2008)
 LEAST_DETERMINANT = 0.1  # of the sum that L inverts, 1 inside the fluid, about 0.25 at a flat free surface in 2D
-
-
-def pressure_lines(gamma: float) -> list[str]:
-    """(MP 14) in units of rho0 c0^2: p = ((1 + e)^gamma - 1) / gamma, without loss for small e."""
-    if gamma != int(gamma) or gamma > 16:
-        return [f"p = np.expm1({gamma!r} * np.log1p(e)) / {gamma!r}"]
-    n = int(gamma)
-    inner = repr(1.0 / n * math.comb(n, n))
-    for k in range(n - 1, 0, -1):
-        inner = f"{math.comb(n, k) / n!r} + e * ({inner})"
-    return [f"p = e * ({inner})"]
-
-
-def _positions(law: Law) -> list[str]:
-    lines = []
-    for k in range(law.dimensions):
-        if law.single:  # fixed point, modulo 256 h
-            lines.append(f"position[{k}, s] = np.int32(np.int64(np.floor(x[{k}, b] * (per_h * {1 / UNIT!r}))))")
-        else:
-            lines.append(f"position[{k}, s] = x[{k}, b] * per_h")
-    return lines
-
-
-def _values(law: Law, gamma: float) -> dict[str, str]:
-    here = " if flags[b] & 8 == 0 else 0.0" if law.repulsive else ""  # repulsive particles have neither mass nor volume
-    values = {"rho": "rho", "push": "(p + background) / (rho * rho)"}
-    values |= {"volume": f"mass / rho{here}", "mass": f"mass{here}"}
-    values |= {"tension": "(-tensile * p if p < 0.0 else 0.05 * tensile * p) / (rho * rho)"}
-    values |= {"solid": "0.0 if flags[b] & 8 == 0 else mass"}
-    values |= {f"n{a}": f"normal[{k}, b]" for k, a in enumerate(law.axes)}
-    values |= {f"v{a}": f"v[{k}, b] * per_c" for k, a in enumerate(law.axes)}
-    values |= {"excess": "e", "mixes": "1.0 if flags[b] & 5 == 1 else 0.0", "light": "1.0 / rho"}
-    values |= {f"g{a}": f"gradient[{k}, b]" for k, a in enumerate(law.axes)}
-    values |= {"slope": f"0.5 * rho ** {2.0 - gamma!r}"}
-    return values
 
 
 def _kernel(title: str, arguments: str, setting: list[str], body: list[str]) -> str:
@@ -61,21 +22,17 @@ def _kernel(title: str, arguments: str, setting: list[str], body: list[str]) -> 
     return "\n\n@njit\n" + "\n".join(lines) + "\n"
 
 
-def source(law: Law, gamma: float) -> str:
-    """Kernels pack, pack_again (velocity and gradient only), and one to unpack each kind of sum."""
-    columns, values = columns_of(law), _values(law, gamma)
-
-    def store(names: list[str]) -> list[str]:
-        return [f"values[{columns.index(name)}, s] = {values[name]}" for name in names]
-
+def source(law: Law) -> str:
+    """Kernels pack_again (velocity and gradient only), those for stresses and matrices, and one to unpack each kind of
+    sum.
+    """
+    columns = columns_of(law)
     later = [name for name in columns if name[:-1] in ("v", "g")]
     stress = [name for name in columns if name[0] == "t" and len(name) == 3]
-    matrix = [name for name in columns if name[0] == "l" and len(name) == 3]
-    first = [name for name in columns if name[:-1] != "g" and name not in stress + matrix]
-    head = ["e = drho[b] * per_rho", "rho = 1.0 + e", "mass = m[b] * per_m", *pressure_lines(gamma)]
-    state = "x, v, drho, m, flags, position, values" + (", normal" if law.repulsive else "")
-    text = _kernel("pack", state, [], head + _positions(law) + store(first))
-    text += _kernel("pack_again", "v, gradient, values", [], store(later))
+    values = {f"v{a}": f"v[{k}, b] * per_c" for k, a in enumerate(law.axes)}
+    values |= {f"g{a}": f"gradient[{k}, b]" for k, a in enumerate(law.axes)}
+    again = [f"values[{columns.index(name)}, s] = {values[name]}" for name in later]
+    text = _kernel("pack_again", "v, gradient, values", [], again)
     if stress:
         text += _kernel("pack_stress", "drho, shear, values", [], _stress(law, columns)) + _unpack_strain(law)
     if law.corrected:

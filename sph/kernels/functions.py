@@ -14,20 +14,28 @@ from numpy.typing import NDArray
 
 @dataclass(frozen=True)
 class Smoothing:
-    """A kernel: `support` / h, norm by dimension, shape(q) = W / norm, slope(q) = F / norm, and its vector lines."""
+    """A kernel: `support` / h, norm by dimension, shape(q) = W / norm, slope(q) = F / norm, and its vector lines with
+    the factors in them that the norm goes to.
+    """
 
     support: float
     norm: dict[int, float]
     shape: Callable[[NDArray], NDArray]
     slope: Callable[[NDArray], NDArray]
     lines: str
-    """Source of `F` without the norm, from `r` and, in splines, `inverse` = 1 / r."""
+    """Source of `F` from `r` and, in splines, `inverse` = 1 / r."""
+    factors: tuple[float, ...]
     shape_line: str
     """Source of W without the norm, after `lines`."""
 
     @property
     def divides(self) -> bool:
         return "inverse" in self.lines
+
+    def source(self, dimensions: int) -> list[str]:
+        """Lines that leave F h^(d + 2)."""
+        factors = [repr(factor * self.norm[dimensions]) for factor in self.factors]
+        return self.lines.format(*factors).strip("\n").split("\n")
 
     def w(self, q: NDArray, dimensions: int) -> NDArray[np.float64]:
         """W(q) h^d."""
@@ -53,7 +61,8 @@ CUBIC = Smoothing(
     lambda q: (3 * _plus(1 - q) ** 2 - 0.75 * _plus(2 - q) ** 2) / _positive(q),
     """
     near, far = maximum(1.0 - r, 0.0), maximum(2.0 - r, 0.0)
-    F = fma(near * near, 3.0, -0.75 * (far * far)) * inverse""",
+    F = fma(near * near, {0}, {1} * (far * far)) * inverse""",
+    (3.0, -0.75),
     "fma(far * far, far * 0.25, -(near * near) * near)",
 )
 WENDLAND2 = Smoothing(
@@ -63,7 +72,8 @@ WENDLAND2 = Smoothing(
     lambda q: -5 * _plus(1 - q / 2) ** 3,
     """
     far = maximum(fma(r, -0.5, 1.0), 0.0)
-    F = (far * far) * (far * -5.0)""",
+    F = (far * far) * (far * {0})""",
+    (-5.0,),
     "(far * far) * (far * far) * fma(r, 2.0, 1.0)",
 )
 WENDLAND4 = Smoothing(
@@ -74,7 +84,8 @@ WENDLAND4 = Smoothing(
     """
     far = maximum(fma(r, -0.5, 1.0), 0.0)
     square = far * far
-    F = (square * square) * (far * fma(r, -35.0 / 3.0, -14.0 / 3.0))""",
+    F = (square * square) * (far * fma(r, {0}, {1}))""",
+    (-35.0 / 3.0, -14.0 / 3.0),
     "(square * square) * square * fma(r * r, 35.0 / 12.0, fma(r, 3.0, 1.0))",
 )
 QUINTIC = Smoothing(
@@ -86,7 +97,8 @@ QUINTIC = Smoothing(
     near, middle, far = maximum(1.0 - r, 0.0), maximum(2.0 - r, 0.0), maximum(3.0 - r, 0.0)
     near2, middle2, far2 = near * near, middle * middle, far * far
     near4, middle4, far4 = near2 * near2, middle2 * middle2, far2 * far2
-    F = fma(near4, -75.0, fma(middle4, 30.0, -5.0 * far4)) * inverse""",
+    F = fma(near4, {0}, fma(middle4, {1}, {2} * far4)) * inverse""",
+    (-75.0, 30.0, -5.0),
     "fma(near4, near * 15.0, fma(middle4, middle * -6.0, far4 * far))",
 )
 SMOOTHING = {"cubic": CUBIC, "wendland2": WENDLAND2, "wendland4": WENDLAND4, "quintic": QUINTIC}

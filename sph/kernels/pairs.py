@@ -51,6 +51,7 @@ class Terms:
 
     columns: set[str] = field(default_factory=set)
     lines: list[str] = field(default_factory=list)
+    """Those with `mixing` are for pairs that may not be both of fluid."""
     sums: list[tuple[str, str, str, str, str]] = field(default_factory=list)
     rare: list[str] = field(default_factory=list)
     """Lines for vectors with a repulsive particle, that leave the further force on i in ex, ey, ez."""
@@ -61,9 +62,7 @@ class Terms:
 
 def columns_of(law: Law) -> list[str]:
     """Columns of a slot, besides its position: what `pack` fills in."""
-    names = ["rho", "volume", "push", *(f"v{a}" for a in law.axes), "mass"]
-    if law.flux != "none":
-        names += ["excess", "mixes"]
+    names = ["excess", "volume", "push", *(f"v{a}" for a in law.axes), "mass"]
     if law.artificial or law.viscosity in ("cleary", "morris"):
         names += ["light"]
     if law.flux == "delta":
@@ -102,9 +101,9 @@ def momentum(law: Law, terms: Terms) -> None:
     if law.artificial or law.viscosity == "cleary":
         terms.lines.append("    near = vd / (r2 + 0.01)")
     if law.artificial:  # Monaghan's, with the mean of 1 / rho
-        terms.lines.append("    push = fma(minimum(near, 0.0) * (light_i + light_j), artificial, push)")
+        terms.lines.append("    push = fma(minimum(near, 0.0), fma(light_j, artificial, light_i * artificial), push)")
     if law.viscosity == "cleary":  # (SC 6), equal viscosities
-        terms.lines.append("    push = fma(near * (light_i * light_j), viscous, push)")
+        terms.lines.append("    push = fma(near * light_j, light_i * viscous, push)")
     if law.tensile:  # Monaghan 2000, with the fourth power of W over W at the spacing
         terms.need("tension")
         _crowding(law, terms)
@@ -220,7 +219,8 @@ def _drag_force(law: Law, terms: Terms) -> None:
 def continuity(law: Law, terms: Terms) -> None:
     """(MP 16) with a flux of density: (MP 17), Molteni and Colagrossi, Fourtakas, Antuono (delta)."""
     _relative_velocity(law, terms)
-    terms.need("rho", "volume")
+    terms.need("excess", "volume")
+    terms.lines += ["    rho_i, rho_j = excess_i + 1.0, excess_j + 1.0"]
     terms.lines += ["    to_i = volume_j * F", "    to_j = volume_i * F"]
     terms.lines += ["    vd_i, vd_j = vd, vd"]
     if law.corrected:
@@ -230,14 +230,13 @@ def continuity(law: Law, terms: Terms) -> None:
     if law.flux == "none":
         terms.lines += ["    rate_i, rate_j = rho_i * vd_i, rho_j * vd_j"]
     else:
-        terms.need("excess", "mixes")
         terms.lines += ["    d_rho = excess_j - excess_i", *_flux_lines(law, terms)]
         terms.lines += ["    rate_i, rate_j = fma(rho_i, vd_i, -flux), fma(rho_j, vd_j, flux)"]
     terms.sums.append(("rate", "to_i", "to_j", "rate_i", "rate_j"))
 
 
 def _flux_lines(law: Law, terms: Terms) -> list[str]:
-    """flux = what multiplies - V_j F in d rho_i / dt; only between fluid particles (`mixes`)."""
+    """flux = what multiplies - V_j F in d rho_i / dt; only between fluid particles (`mixing`)."""
     lines = []
     if law.flux == "delta":  # less what a linear density would give
         terms.need(*(f"g{a}" for a in law.axes))
@@ -249,14 +248,15 @@ def _flux_lines(law: Law, terms: Terms) -> list[str]:
             drop = f"fma(d{a}, gravity{a}, {drop})"
         lines += [f"    d_rho = fma(slope_i + slope_j, {drop}, d_rho)"]
     strength = "flux_strength * r" if law.flux == "rusanov" else "flux_strength"
-    return [*lines, f"    flux = d_rho * ({strength}) * (mixes_i * mixes_j)"]
+    return [*lines, f"    flux = d_rho * ({strength})", "    flux = select(mixing, flux, 0.0)"]
 
 
 def gradient(law: Law, terms: Terms) -> None:
     """Sums for the renormalised density gradient: - sum V_j F r r^T and sum V_j (rho_j - rho_i) F r_ij, of fluid."""
-    terms.need("volume", "mixes", "excess")
+    terms.need("volume", "excess")
     terms.lines += [
-        "    fluid = F * (mixes_i * mixes_j)",
+        "    fluid = F",
+        "    fluid = select(mixing, fluid, 0.0)",
         "    from_j, from_i = volume_j * fluid, volume_i * fluid",
         "    step = excess_j - excess_i",
     ]

@@ -40,27 +40,27 @@ def _distance(law: Law) -> list[str]:
     lines.append("    r = sqrt(r2)")
     if kernel.divides:
         lines.append("    inverse = 1.0 / r")
-    return lines + kernel.lines.strip("\n").split("\n")
+    return lines + kernel.source(law.dimensions)
 
 
-def _pair(law: Law, terms: Terms, masked: bool) -> list[str]:
-    """One vector of neighbours."""
-    lines = _distance(law)
-    lines.append(f"    F = select(lane < np.int32(end - j), F * {SMOOTHING[law.kernel].norm[law.dimensions]!r}, 0.0)")
-    if masked:
-        lines.append("    partners = (load(I_, classes, j) | class_i) & 3 == 3")
-        lines.append("    F = select(partners, F, 0.0)")
+def _pair(law: Law, terms: Terms, plain: bool) -> list[str]:
+    """One vector of neighbours; plain: all are fluid and near none that is not."""
+    lines = [*_distance(law), "    F = select(lane < np.int32(end - j), F, 0.0)"]
+    if not plain:
+        lines += [
+            "    kinds = load(I_, classes, j)",
+            "    partners = (kinds | class_i) & 3 == 3",
+            "    mixing = kinds & class_i & 8 == 8",
+            "    F = select(partners, F, 0.0)",
+        ]
     lines += [f"    {name}_j = load(F_, {name}_, j)" for name in sorted(terms.columns)]
-    lines += terms.lines
+    lines += [line for line in terms.lines if not (plain and "mixing" in line)]
     for k, (_, to_i, to_j, by_i, by_j) in enumerate(terms.sums):
         lines.append(f"    sum{k} = fma({to_i}, {by_i}, sum{k})")
         lines.append(f"    store(sums{k}, j + shift, fma({to_j}, {by_j}, load(F_, sums{k}, j + shift)))")
-    if terms.rare:
-        kinds = "(load(I_, classes, j) | class_i)" if masked else "load(I_, classes, j)"
-        rare = f"bitmask({kinds} & 4 == 4) != 0"
-        lines += [f"    if {rare}:", *(f"        {line}" for line in terms.rare)]
-        if masked:
-            lines += [f"        e{a} = select(partners, e{a}, 0.0)" for a in law.axes]
+    if terms.rare and not plain:
+        lines += ["    if bitmask((kinds | class_i) & 4 == 4) != 0:", *(f"        {line}" for line in terms.rare)]
+        lines += [f"        e{a} = select(partners, e{a}, 0.0)" for a in law.axes]
         names = [entry[0] for entry in terms.sums]
         for a in law.axes:
             k = names.index(f"f{a}")
@@ -97,24 +97,25 @@ def _pass_source(law: Law, title: str, names: Sequence[str]) -> str:
     if terms.rare:
         views += [f"{c}_ = values[{columns.index(c)}]" for c in (*(f"n{a}" for a in law.axes), "solid")]
     views += [f"sums{k} = sums[{k}]" for k in range(n)]
-    fetch = [f"{a}_i = {a}_[i]" for a in law.axes] + [f"{c}_i = {c}_[i]" for c in sorted(terms.columns)]
+    fetch = [f"{name}_i = {name}_[u]" for name in (*law.axes, *sorted(terms.columns))]
     fetch += [f"sum{k} = splat(F_, 0.0)" for k in range(n)]
     fetch += _fetch_ahead(law, [view.split(" ")[0] for view in views if "sums" not in view], n)
 
-    def loop(masked: bool, depth: int) -> str:
+    def loop(plain: bool, depth: int) -> str:
         head = [
             f"for row in range({rows}):",
-            "    j, end = np.int64(runs[2 * row, i]), np.int64(runs[2 * row + 1, i])",
+            "    first_run = np.uint64(2 * row)",
+            "    j, end = np.int64(runs[first_run, u]), np.int64(runs[first_run + np.uint64(1), u])",
             f"    shift = np.int64(0) if row < {own_rows} else n_slots",
             "    while j < end:",
         ]
-        return _indent(head, depth) + _indent([*_pair(law, terms, masked), "    j += LANES_"], depth + 4)
+        return _indent(head, depth) + _indent([*_pair(law, terms, plain), "    j += LANES_"], depth + 4)
 
     if law.walls:
-        body = _indent(["class_i = classes[i]", "if class_i & 3 == 3:"], 12) + loop(False, 16)
-        body += _indent(["else:"], 12) + loop(True, 16)
+        body = _indent(["class_i = classes[u]", "if class_i & 16 == 16:"], 12) + loop(True, 16)
+        body += _indent(["else:"], 12) + loop(False, 16)
     else:
-        body = loop(False, 12)
+        body = loop(True, 12)
     return (
         f"\n\n@njit\ndef {title}(block, blocks, begin, base, numbers, runs, classes, position, values, sums):\n"
         + _indent([*numbers, *views, "n_slots = np.int64(values.shape[1])", "lane = lane_numbers(I_)"], 4)
@@ -123,10 +124,10 @@ def _pass_source(law: Law, title: str, names: Sequence[str]) -> str:
         + _indent([f"clear(sums{k}, first, last)" for k in range(n)], 8)
         + _indent(["up = base[l + 1]", "up_end = up + begin[l + 2] - begin[l + 1]"], 8)
         + _indent([f"clear(sums{k}, n_slots + up, n_slots + up_end)" for k in range(n)], 8)
-        + _indent(["for i in range(first, last):"], 8)
+        + _indent(["for i in range(first, last):", "    u = np.uint64(i)  # numba looks whether others are below 0"], 8)
         + _indent(fetch, 12)
         + body
-        + _indent([f"sums{k}[i] += total(sum{k})" for k in range(n)], 12)
+        + _indent([f"sums{k}[u] += total(sum{k})" for k in range(n)], 12)
     )
 
 
@@ -134,8 +135,8 @@ CLEAR = """
 
 @njit
 def clear(line, first, last):
-    for k in range(first, last):
-        line[k] = 0.0
+    for k in range(first, last, LANES_):
+        store(line, k, splat(F_, 0.0))
 """
 
 
