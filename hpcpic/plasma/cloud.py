@@ -170,7 +170,7 @@ class Cloud:
         self._deliver = [
             self._bound(
                 self.kernels.deliver, block=b, first=ranges[b][0], last=ranges[b][1], corner=self.corner[b],
-                patch=self.patch[b],
+                patch=self.patch[b], sums=self._sums[b], cells=self._cells[b],
             )
             for b in blocks
         ]
@@ -294,9 +294,9 @@ class Cloud:
 
     def deliver(self) -> None:
         """Particles from all boxes into their slots, with their charge; the boxes are empty then."""
-        arrivals = self.pages.lists[:, 1, :].sum(axis=0)
-        slots = np.array([(b - a) * self.n_species for a, b in self.tiles.ranges])
-        self.pages.need(arrivals[:-1] // PAGE + np.minimum(arrivals[:-1], slots))
+        arrivals = map(sum, zip(*self.pages.lists[:, 1, :-1].tolist()))
+        slots = ((b - a) * self.n_species for a, b in self.tiles.ranges)
+        self.pages.need([n // PAGE + min(n, most) for n, most in zip(arrivals, slots)])
         self.each(self._deliver)
         self.pages.clear()
 

@@ -91,6 +91,7 @@ class Pages:
         self.shape = (PAGE // lanes, components, lanes)
         self.head = np.full(n_slots, -1, np.int32)
         self.count = np.zeros(n_slots, np.int64)
+        self.settled = np.zeros(n_slots, np.int64)  # of these, who did not come last
         self.counters = np.zeros((n_blocks + 1, 8), np.int64)  # free pages, particles in the box; a cache line each
         self.lists = np.full((n_blocks + 1, 2, n_blocks + 1), -1, np.int32)  # first particle, number of particles
         self.fresh = 0  # pages from this number on were never used
@@ -137,19 +138,20 @@ class Pages:
         self.fresh = 0
         self.clear()
 
-    def need(self, pages: NDArray[np.int64]) -> None:
+    def need(self, pages: Sequence[int]) -> None:
         """At least pages[block] free pages on each block's stack: unused ones of other blocks, new ones, by growth."""
-        spare = self.counters[:, 0].copy()
-        spare[: len(pages)] -= pages
-        for block in np.flatnonzero(spare < 0):
-            for other in np.flatnonzero(spare > 0):
-                n = int(min(spare[other], -spare[block]))
+        spare = self.counters[:, 0].tolist()  # plain numbers: every step asks, and numpy would cost more than it does
+        for block, wanted in enumerate(pages):
+            spare[block] -= wanted
+        for block in [block for block, n in enumerate(spare) if n < 0]:
+            for other in [other for other, n in enumerate(spare) if n > 0]:
+                n = min(spare[other], -spare[block])
                 self.counters[other, 0] -= n
                 top = self.counters[other, 0]
                 self._push(block, self.free[other, top : top + n])
-                spare[[block, other]] += n, -n
+                spare[other], spare[block] = spare[other] - n, spare[block] + n
             if spare[block] < 0:
-                n = -int(spare[block])
+                n = -spare[block]
                 if self.fresh + n > self.capacity:
                     self._hold(max(self.fresh + n, self.capacity + self.capacity // 2) + 64)
                 self._push(block, np.arange(self.fresh + n - 1, self.fresh - 1, -1))

@@ -32,7 +32,7 @@ def test_parts_of_all_ranks_cover_every_cell_once(points, ranks, blocks):
 def test_every_block_gets_the_pages_it_needs():
     pages = Pages(4, 3, 4, np.float64, 8)
     for wanted in ([3, 0, 2], [0, 9, 0], [40, 1, 1]):
-        pages.need(np.array(wanted))
+        pages.need(wanted)
         assert (pages.counters[:3, 0] >= wanted).all()
         stacks = [pages.free[b, : pages.counters[b, 0]] for b in range(3)]
         held = np.concatenate(stacks)

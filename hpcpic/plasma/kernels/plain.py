@@ -230,11 +230,12 @@ def push(block, first, last, n_species, points, origin, corner, row_part, column
 
 
 @kernel
-def deliver(block, first, last, n_species, corner, parts, charge, pool, ids, chain, head, count, free, counters,
-            moving, words, lists, patch):  # fmt: skip
-    """Take the particles that all boxes have for this block into their slots, with their charge."""
+def take_in(block, first, last, n_species, pool, ids, chain, head, count, settled, free, counters, moving, words,
+            lists):  # fmt: skip
+    """The particles that all boxes have for this block go into their slots, after the settled[slot] that are there."""
     free, counters = free[block], counters[block]
     for slot in range(first * n_species, last * n_species):
+        settled[slot] = count[slot]
         if head[slot] >= 0:
             ask_for(head[slot] * PAGE + count[slot] % PAGE // LANES * LANES, pool, ids)
     for box in range(lists.shape[0]):
@@ -243,8 +244,7 @@ def deliver(block, first, last, n_species, corner, parts, charge, pool, ids, cha
         while k >= 0:
             prefetch(address(records) + (k - AHEAD) * RECORD_BYTES)  # lists mostly go on by the particle before
             word = record_words[k]
-            slot = np.int64(word[SLOT])
-            page, place = append(slot, pool, ids, chain, head, count, free, counters)
+            page, place = append(np.int64(word[SLOT]), pool, ids, chain, head, count, free, counters)
             if page < 0:
                 return NO_PAGE
             pack, lane = place // LANES, place % LANES
@@ -253,11 +253,34 @@ def deliver(block, first, last, n_species, corner, parts, charge, pool, ids, cha
             ids[page, place] = np.uint32(word[NUMBER])
             if lane == 0:
                 ask_for(page * PAGE + (place + LANES) % PAGE, pool, ids)
-            part, species = slot // n_species, slot % n_species
-            deposit(patch, charge[species, 0], charge[species, 1], parts[part, 1] - corner[0],
-                    parts[part, 2] - corner[1], records[k, 0], records[k, DIM - 1])  # fmt: skip
             k = np.int64(word[LINK])
     return GOOD
+
+
+@kernel
+def deposit_from(low, slot, n_species, corner, parts, charge, pool, chain, head, count, patch):
+    """The charge (5.1) of a slot's particles from number `low` on."""
+    part, species = slot // n_species, slot % n_species
+    row, column = parts[part, 1] - corner[0], parts[part, 2] - corner[1]
+    group, unit = charge[species, 0], charge[species, 1]
+    page, end = np.int64(head[slot]), count[slot]
+    while end > low:
+        begin = max((end - 1) // PAGE * PAGE, low)
+        for number in range(begin, end):
+            pack, lane = number % PAGE // LANES, number % LANES
+            deposit(patch, group, unit, row, column, pool[page, pack, 0, lane], pool[page, pack, DIM - 1, lane])
+        page, end = np.int64(chain[page]), begin
+
+
+@kernel
+def deliver(block, first, last, n_species, corner, parts, charge, pool, ids, chain, head, count, settled, free,
+            counters, moving, words, lists, patch):  # fmt: skip
+    """Take the particles that all boxes have for this block into their slots, with their charge."""
+    code = take_in(block, first, last, n_species, pool, ids, chain, head, count, settled, free, counters, moving,
+                   words, lists)  # fmt: skip
+    for slot in range(first * n_species, last * n_species):
+        deposit_from(settled[slot], slot, n_species, corner, parts, charge, pool, chain, head, count, patch)
+    return code
 
 
 @kernel
@@ -294,14 +317,6 @@ def rewind(first, last, n_species, origin, parts, e_x, e_y, scale, mover, pool, 
 def deposit_all(first, last, n_species, corner, parts, charge, pool, chain, head, count, patch):
     """The charge (5.1) of all particles of a block."""
     patch[:] = 0
-    for part in range(first, last):
-        row, column = parts[part, 1] - corner[0], parts[part, 2] - corner[1]
-        for slot in range(part * n_species, (part + 1) * n_species):
-            group, unit = charge[slot % n_species, 0], charge[slot % n_species, 1]
-            page, used = np.int64(head[slot]), (count[slot] - 1) % PAGE + 1
-            while page >= 0:
-                for place in range(used):
-                    pack, lane = place // LANES, place % LANES
-                    deposit(patch, group, unit, row, column, pool[page, pack, 0, lane], pool[page, pack, DIM - 1, lane])
-                page, used = np.int64(chain[page]), PAGE
+    for slot in range(first * n_species, last * n_species):
+        deposit_from(0, slot, n_species, corner, parts, charge, pool, chain, head, count, patch)
     return GOOD

@@ -10,7 +10,17 @@ the last page, from a list without branches: a branch on who leaves is a mispred
 
 import numpy as np
 
-from hpcpic.core.simd.vector import bitmask, fma, load_at, prefetch, prefetch_to_write, select, splat, store_at
+from hpcpic.core.simd.vector import (
+    bitmask,
+    fma,
+    lane_numbers,
+    load_at,
+    prefetch,
+    prefetch_to_write,
+    select,
+    splat,
+    store_at,
+)
 from hpcpic.plasma.kernels.cells import opaque, whole_at
 from hpcpic.plasma.kernels.lanes import address, bits_of, inlined, kernel
 from hpcpic.plasma.kernels.linear import (
@@ -29,7 +39,7 @@ from hpcpic.plasma.kernels.linear import (
 )
 from hpcpic.plasma.kernels.packs import MAGIC_BITS, PART, SIZE, F, I, zero_bytes
 from hpcpic.plasma.kernels.pages import COMPONENTS, DIVERGED, GOOD, LANES, PAGE, depart, hole
-from hpcpic.plasma.kernels.plain import MAGIC, boris
+from hpcpic.plasma.kernels.plain import MAGIC, boris, deposit_from, take_in
 
 DIM = 2  # axes of the grid
 REAL = np.float64  # precision of a particle
@@ -39,6 +49,7 @@ ALL = (1 << LANES) - 1
 PACK_BYTES, PAGE_BYTES = 64 * COMPONENTS, PAGE * SIZE * COMPONENTS
 PARKED = MAGIC_BITS + CELLS * SUM
 PAGES_AHEAD = 2
+MANY = 40  # particles: below, one by one costs less than to gather the sums of the cells
 BATCH = 31 if SIZE == 4 else 1 << 60  # pages whose charge the sums of one cell can hold
 
 
@@ -69,6 +80,13 @@ def lines_at(x, y):
 
 
 @inlined
+def sums_at(x, y):
+    """The same for the sums of the cells."""
+    cell = fma(cell_of(x), REAL(SUM), MAGIC)
+    return bits_of(cell) if DIM == 1 else bits_of(fma(cell_of(y), REAL(PITCH * SUM), cell))
+
+
+@inlined
 def push_pack(at, cells, lines, m, low_x, high_x, low_y, high_y):
     """Gather, Boris, drift of one pack; bits of the lanes that stay in their part.
 
@@ -89,17 +107,15 @@ def push_pack(at, cells, lines, m, low_x, high_x, low_y, high_y):
     store_at(at, x, 64)
     store_at(at + 64 * DIM, vx, 64)
     inside = (x >= low_x) & (x < high_x)
-    cell = fma(cell_of(x), REAL(SUM), MAGIC)
     if DIM == 2:
         y = y + vy
         store_at(at + 64, y, 64)
         inside = inside & (y >= low_y) & (y < high_y)
-        cell = fma(cell_of(y), REAL(PITCH * SUM), cell)
     if VELOCITIES > 1:
         store_at(at + 64 * (DIM + 1), vy, 64)
     if VELOCITIES > 2:
         store_at(at + 64 * (DIM + 2), vz, 64)
-    store_at(cells, select(inside, bits_of(cell), splat(I, PARKED)), 64)
+    store_at(cells, select(inside, sums_at(x, y), splat(I, PARKED)), 64)
     return bitmask(inside)
 
 
@@ -202,3 +218,45 @@ def push(block, first, last, n_species, points, origin, corner, row_part, column
                 gather_sums(part, corner, parts, to_sums, patch, charge[species, 0], sign)
                 batch = 0
     return GOOD
+
+
+@kernel
+def deposit_new(low, slot, n_species, corner, parts, charge, pool, chain, head, count, patch, sums, cells):
+    """kernels.plain.deposit_from for many particles; the sums of the cells are zero before and after."""
+    part, species = slot // n_species, slot % n_species
+    sign = 1 if charge[species, 1] > 0 else -1
+    unit, whole = splat(F, REAL(charge[species, 1] * sign)), splat(I, PART(charge[species, 1] * sign))
+    base, to_sums, to_cells = address(pool), address(sums), address(cells)
+    page, end, batch = np.int64(head[slot]), count[slot], 0
+    while end > low:
+        begin = max((end - 1) // PAGE * PAGE, low)
+        first, last = begin % PAGE, (end - 1) % PAGE  # in the page
+        for pack in range(first // LANES, last // LANES + 1):
+            at = base + page * PAGE_BYTES + pack * PACK_BYTES
+            number = lane_numbers(I) + PART(pack * LANES)
+            new = (number >= PART(first)) & (number <= PART(last))
+            x, y = load_at(F, at, 64), load_at(F, at + 64 * (DIM - 1), 64)
+            store_at(to_cells, select(new, sums_at(x, y), splat(I, PARKED)), 64)
+            deposit_pack(at, to_cells, to_sums - MAGIC_BITS, unit, whole)
+        batch += 1
+        if batch == BATCH:
+            gather_sums(part, corner, parts, to_sums, patch, charge[species, 0], sign)
+            batch = 0
+        page, end = np.int64(chain[page]), begin
+    gather_sums(part, corner, parts, to_sums, patch, charge[species, 0], sign)
+
+
+@kernel
+def deliver(block, first, last, n_species, corner, parts, charge, pool, ids, chain, head, count, settled, free,
+            counters, moving, words, lists, patch, sums, cells):  # fmt: skip
+    """Take the particles that all boxes have for this block into their slots, with their charge."""
+    code = take_in(block, first, last, n_species, pool, ids, chain, head, count, settled, free, counters, moving,
+                   words, lists)  # fmt: skip
+    zero_bytes(address(sums), address(sums) + SUM_BYTES)
+    for slot in range(first * n_species, last * n_species):
+        if count[slot] - settled[slot] >= MANY:
+            deposit_new(settled[slot], slot, n_species, corner, parts, charge, pool, chain, head, count, patch, sums,
+                        cells)  # fmt: skip
+        else:
+            deposit_from(settled[slot], slot, n_species, corner, parts, charge, pool, chain, head, count, patch)
+    return code
