@@ -159,31 +159,41 @@ def guarded(world: World, main: Callable[[Failure], int]) -> int:
 class Watchdog:
     """Ends a run that stands still, with the Python stack of every thread in a file of each rank.
 
-    Works while the main thread is blocked in MPI. Rearming costs about half a millisecond: at most once a
-    second, unless the patience has become much shorter. The file disappears when nothing was written.
+    A thread that counts beats of its own, so that it works while the main thread is blocked in MPI or in compiled code,
+    and a process that was suspended (Ctrl-Z, a batch system, a machine that slept) does not count the time for which it
+    was away. The file disappears when nothing was written.
     """
 
     def __init__(self, folder: Path, rank: int, least: float = 60.0) -> None:
         self.path = folder / f"trace-rank-{rank}.txt"
         self._file = open(self.path, "wb", buffering=0)  # noqa: SIM115  (lives as long as the run)
-        self._least = least
-        self._armed = 0.0
-        self._patience = math.inf
+        self._least, self._beat = least, min(1.0, least / 8)
+        self.patience = math.inf
+        self._waited = 0.0
+        self._over = threading.Event()
         faulthandler.enable(self._file)
+        self._thread = threading.Thread(target=self._watch, name="watchdog", daemon=True)
+        self._thread.start()
 
     def feed(self, step_seconds: float) -> None:
-        now, patience = time.monotonic(), max(self._least, 20 * step_seconds)
-        if now - self._armed >= 1.0 or patience < 0.5 * self._patience:
-            self._armed, self._patience = now, patience
-            faulthandler.dump_traceback_later(patience, file=self._file, exit=True)
+        """The run goes on; the next step may take twenty times as long as the longest."""
+        self._waited, self.patience = 0.0, max(self._least, 20 * step_seconds)
 
     def rest(self) -> None:
         """Not watching: writing files may take any time."""
-        faulthandler.cancel_dump_traceback_later()
-        self._armed, self._patience = 0.0, math.inf
+        self.patience = math.inf
+
+    def _watch(self) -> None:
+        while not self._over.wait(self._beat):
+            self._waited += self._beat
+            if self._waited > self.patience:
+                self._file.write(f"Timeout: nothing went on for {self._waited:.0f} s\n".encode())
+                faulthandler.dump_traceback(self._file)
+                os._exit(1)
 
     def close(self) -> None:
-        self.rest()
+        self._over.set()
+        self._thread.join()
         faulthandler.enable()
         self._file.close()
         if self.path.exists() and self.path.stat().st_size == 0:
