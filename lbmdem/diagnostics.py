@@ -28,11 +28,14 @@ GRAVITY = 9.81  # m/s2, of hydraulic gradients where a case has none of its own
 
 def total(world: World, values: NDArray[np.float64]) -> NDArray[np.float64]:
     """Sums [k] of values[n, k] over the rows of all ranks, with the same bits however they are divided."""
-    most = world.max_array(np.abs(values).max(axis=0, initial=0.0))
+    columns = np.ascontiguousarray(values.T)
+    most = world.max_array(np.abs(columns).max(axis=1, initial=0.0))
     if not np.all(np.isfinite(most)):
         return np.full(values.shape[1], np.nan)
     scales = [exact.power_of_two_above(m) for m in most]
-    limbs = np.array([exact.exact_limbs(column, scale) for column, scale in zip(values.T, scales)])
+    limbs = np.zeros((len(columns), exact.LIMBS), np.int64)
+    for of_column, column, scale in zip(limbs, columns, scales):
+        exact.add_limbs(of_column, column, 1.0 / scale)
     limbs = world.sum_int(limbs.ravel()).reshape(-1, exact.LIMBS)
     return np.array([exact.value(limb, scale) for limb, scale in zip(limbs, scales)])
 

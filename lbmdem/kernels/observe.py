@@ -3,7 +3,29 @@
 import numpy as np
 
 from hpcpic.core.simd.jit import njit
+from hpcpic.core.simd.vector import (
+    Vec,
+    address_of,
+    bitmask,
+    count_bits,
+    fma,
+    lane_numbers,
+    lanes,
+    load,
+    maximum,
+    prefetch,
+    select,
+    splat,
+    store,
+)
 from lbmdem.kernels.layout import FLUID, arrival
+from lbmdem.kernels.refill import offsets
+from lbmdem.kernels.spread import load_wide
+
+N = lanes(np.float64)
+F, H = Vec(N, np.float64), Vec(N, np.int32)
+AHEAD = 8  # vectors by which populations are fetched before they are needed
+COLUMNS = 6  # of a row's sums, less the count of nodes: rho - 1, momentum, rho u^2, last component of u
 
 
 @njit
@@ -46,28 +68,66 @@ def moments(f, ids, ghosts, strides, slots, shifts, e, half, parity, low, high, 
 def row_sums(f, ids, ghosts, strides, slots, shifts, e, half, parity, low, high, sums, fastest):
     """sums[plane, row] = fluid nodes, their sum of h, momentum (with half the force), rho u^2, last component of u; and
     fastest[plane, row] = largest u^2. A row is summed in the order of its nodes, so that no decomposition shows."""
-    d = e.shape[1]
-    lines = np.empty((1 + d, strides[2]))[:, : ids.shape[2] - 2]
+    q, d = e.shape
+    starts, way, forced, terms = np.empty(q, np.int64), np.zeros(3 * q), np.zeros(3), np.empty(COLUMNS * N)
+    for i in range(q):
+        for c in range(d):
+            way[3 * i + c] = e[i, c]
+    forced[:d] = half
+    line = ids.reshape(-1)
+    steps = offsets(strides, slots, shifts, parity)
     for z in range(low, high):
         for y in range(sums.shape[1]):
-            gather(f, strides, slots, shifts, e, parity, z, y, lines)
-            solid, row = ids[z + 1, y + ghosts], sums[z, y]
-            row[:] = 0.0
-            largest = 0.0
-            for x in range(lines.shape[1]):
-                if solid[x + 1] != FLUID:
-                    continue
-                rho, square, momentum = 1.0 + lines[0, x], 0.0, 0.0
-                row[0] += 1.0
-                row[1] += lines[0, x]
-                for c in range(d):
-                    momentum = lines[1 + c, x] + half[c]
-                    row[2 + c] += momentum
-                    square += momentum * momentum
-                row[2 + d] += square / rho
-                row[3 + d] += momentum / rho
-                largest = max(largest, square / (rho * rho)) if square == square else np.inf
-            fastest[z, y] = largest
+            if z + 1 < sums.shape[0] and 0 < y < sums.shape[1] - 1:
+                starts[:] = z * strides[1] + y * strides[2] + strides[3] + steps
+            else:
+                for i in range(q):
+                    starts[i] = arrival(strides, slots, shifts, parity, z, y, 0, i)
+            node = ((z + 1) * ids.shape[1] + y + ghosts) * ids.shape[2] + 1
+            row = sums[z, y]
+            row[0], row[1], px, py, pz, row[2 + d], row[3 + d], fastest[z, y] = of_row(
+                f, starts, way, forced, d - 1, line, node, ids.shape[2] - 2, terms
+            )
+            row[2], row[3] = px, py
+            if d == 3:
+                row[4] = pz
+
+
+@njit
+def of_row(f, starts, way, half, last, line, node, nx, terms):
+    """Of a row's nodes: what `row_sums` tells, with momentum along three axes. terms[6 N]: room."""
+    count, fastest, zero = 0, splat(F, 0.0), splat(F, 0.0)
+    mass, px, py, pz, energy, flow = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
+    for x in range(0, nx, N):
+        fluid = (load(H, line, node + x) == FLUID) & (lane_numbers(H) < np.int32(nx - x))
+        bits = bitmask(fluid)
+        if not bits:
+            continue
+        count += count_bits(bits)
+        h_sum, jx, jy, jz = zero, zero, zero, zero
+        for i in range(np.uint64(starts.size)):
+            start = starts[i] + x
+            prefetch(address_of(f, start + AHEAD * N))
+            h = load_wide(F, f, start)
+            h_sum += h
+            c = np.uint64(3) * i
+            jx, jy, jz = fma(h, way[c], jx), fma(h, way[c + np.uint64(1)], jy), fma(h, way[c + np.uint64(2)], jz)
+        jx, jy, jz = jx + half[0], jy + half[1], jz + half[2]
+        rho, square = 1.0 + h_sum, jx * jx + jy * jy + jz * jz
+        speed = (jz if last == 2 else jy) / rho
+        for c, term in enumerate((h_sum, jx, jy, jz, square / rho, speed)):
+            store(terms, c * N, select(fluid, term, zero))
+        u_sq = select(square == square, square / (rho * rho), splat(F, np.inf))
+        fastest = maximum(select(fluid, u_sq, zero), fastest)
+        for b in range(np.uint64(N)):
+            mass, px = mass + terms[b], px + terms[b + np.uint64(N)]
+            py, pz = py + terms[b + np.uint64(2 * N)], pz + terms[b + np.uint64(3 * N)]
+            energy, flow = energy + terms[b + np.uint64(4 * N)], flow + terms[b + np.uint64(5 * N)]
+    largest = 0.0
+    store(terms, 0, fastest)
+    for b in range(N):
+        largest = max(largest, terms[b])
+    return count, mass, px, py, pz, energy, flow, largest
 
 
 @njit

@@ -1,4 +1,4 @@
-"""Elements of an array here and there as vectors, and the lanes of a mask side by side, beside `core.simd`."""
+"""Elements of an array of any width as vectors, here and there or in line, and lanes side by side; see `core.simd`."""
 
 from llvmlite import ir
 from numba import types
@@ -6,7 +6,7 @@ from numba.core import cgutils
 from numba.core.errors import TypingError
 from numba.extending import intrinsic
 
-from hpcpic.core.simd.kinds import I1, I32, I64, KIND
+from hpcpic.core.simd.kinds import I1, I32, I64, KIND, load_from
 
 
 @intrinsic
@@ -30,6 +30,20 @@ def gather(typing_context, kind, array, start, lists, index):
         return found if array.dtype == vec.dtype else builder.fpext(found, context.get_value_type(vec))
 
     return vec(kind, array, types.int64, lists, types.int64), codegen
+
+
+@intrinsic
+def load_wide(typing_context, kind, array, start):
+    """array[start + k] in lane k, floats as wide as the lanes or narrower; the array is a line."""
+    vec = kind.instance_type
+
+    def codegen(context, builder, sig, args):
+        place = builder.gep(context.make_array(array)(context, builder, args[1]).data, [args[2]])
+        place = builder.ptrtoint(place, I64)
+        found = load_from(builder, place, ir.VectorType(KIND[array.dtype], vec.n), array.dtype.bitwidth // 8)
+        return found if array.dtype == vec.dtype else builder.fpext(found, context.get_value_type(vec))
+
+    return vec(kind, array, types.int64), codegen
 
 
 @intrinsic

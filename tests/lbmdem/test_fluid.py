@@ -222,3 +222,25 @@ def test_moments_and_row_sums_are_those_of_the_populations(lattice):
     expected = np.stack([column.sum(axis=-1).ravel() for column in columns], axis=1)
     np.testing.assert_allclose(sums, expected, atol=1e-14)
     np.testing.assert_allclose(fastest, square.max(axis=-1).ravel(), rtol=1e-14)
+
+
+@pytest.mark.parametrize("storage", ["double", "single"])
+@pytest.mark.parametrize("lattice", [D2Q9, D3Q19], ids=["D2Q9", "D3Q19"])
+def test_row_sums_are_rounded_as_sums_node_by_node(lattice, storage):
+    """Bit for bit, whatever the vectors: of directions in their order, then of nodes in theirs."""
+    fluid = scene(lattice, storage=storage)
+    fluid.advance(3)
+    h = fluid.populations().astype(np.float64)
+    mass, momentum = np.zeros(h.shape[1:]), np.zeros((lattice.dimensions, *h.shape[1:]))
+    for e, one in zip(lattice.e, h):
+        mass += one
+        for c, along in enumerate(e):
+            momentum[c] += along * one
+    momentum += np.asarray(fluid.force).reshape(-1, *[1] * mass.ndim) * 0.5
+    square = momentum[0] * momentum[0]
+    for p in momentum[1:]:
+        square += p * p
+    columns = [np.ones_like(mass), mass, *momentum, square / (1.0 + mass), momentum[-1] / (1.0 + mass)]
+    wet = fluid.solid.inner == -1
+    expected = [np.add.accumulate(np.where(wet, column, 0.0), axis=-1)[..., -1].ravel() for column in columns]
+    assert np.array_equal(fluid.row_sums()[0], np.stack(expected, axis=1))
