@@ -25,6 +25,7 @@ import psutil
 from hpcpic.core.cli import main as face
 from hpcpic.core.comm import ghosts, halo
 from hpcpic.core.comm.tags import WINDOW
+from hpcpic.core.comm.world import World
 from hpcpic.core.files import image
 from hpcpic.core.files.rundir import RunDir
 from hpcpic.core.run import checkpoint, loop
@@ -136,8 +137,6 @@ def with_fault(simulator: type) -> type:
         def __init__(self, config: Any, world: Any, pool: Any, timers: Any) -> None:
             if kind == "raise at start" and world.rank == rank:
                 raise ZeroDivisionError("told to fail")
-            if kind == "no memory" and world.rank == rank:
-                take_memory()
             if kind == "small files":
                 resource.setrlimit(resource.RLIMIT_FSIZE, (30_000, 30_000))
             self._ranks, self._within = world, False  # _within: step is called by advance
@@ -183,9 +182,14 @@ def main() -> None:
         jumping_clock()
     loop.Watchdog = partial(loop.Watchdog, least=FAULT["patience"])  # type: ignore[misc]
 
+    def load() -> type:
+        simulator = with_fault(app.load())
+        if FAULT["kind"] == "no memory" and World.start().rank == FAULT["rank"]:
+            take_memory()
+        return simulator
+
     def faulty_app() -> Any:
-        app = load_app()
-        return replace(app, load=lambda: with_fault(app.load()))
+        return replace(load_app(), load=load)
 
     app = load_app()
     face.program(faulty_app, app.name, app.title)

@@ -1,6 +1,7 @@
 """One rank here, or several that fail together; tests/cli plays failures of one rank among several."""
 
 import os
+import resource
 import signal
 import threading
 import time
@@ -8,8 +9,8 @@ import time
 import pytest
 
 from hpcpic.core.comm.world import World
-from hpcpic.core.errors import ConfigError, Diverged, FileError
-from hpcpic.core.run.failure import Agreed, Failure, Watchdog, everywhere, guarded, share
+from hpcpic.core.errors import ConfigError, Diverged, FileError, HpcpicError
+from hpcpic.core.run.failure import Agreed, Failure, Watchdog, everywhere, guarded, require_room, share
 
 
 @pytest.fixture(scope="module")
@@ -149,3 +150,13 @@ def test_long_steps_have_twenty_of_themselves_and_only_as_long_as_they_are_feare
         watchdog.feed(seconds)
         assert watchdog.patience == patience
     watchdog.close()
+
+
+def test_a_limit_of_address_space_is_told_before_libraries_meet_it(monkeypatch):
+    limits = {"now": resource.RLIM_INFINITY}
+    monkeypatch.setattr(resource, "getrlimit", lambda kind: (limits["now"], resource.RLIM_INFINITY))
+    require_room(lambda: 1e18)
+    limits["now"] = 1 << 50
+    require_room(lambda: float(1 << 40))
+    with pytest.raises(HpcpicError, match=r"leaves \d+ MiB .* takes about 2147483648 MiB"):
+        require_room(lambda: float(1 << 51))

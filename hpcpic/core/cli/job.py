@@ -16,6 +16,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from hpcpic.core.cli.app import App, AppLoader
+from hpcpic.core.cli.forecast import Estimate
 from hpcpic.core.cli.rates import read_rates
 from hpcpic.core.comm.world import World
 from hpcpic.core.errors import ConfigError, FileError, HpcpicError
@@ -23,7 +24,7 @@ from hpcpic.core.files.config import Tree, leaves, loads
 from hpcpic.core.files.rundir import RunDir, write_atomic
 from hpcpic.core.files.schema import validate, value_text
 from hpcpic.core.run import checkpoint, log, summary
-from hpcpic.core.run.failure import Agreed, Failure, everywhere, guarded, share
+from hpcpic.core.run.failure import Agreed, Failure, everywhere, guarded, require_room, share
 from hpcpic.core.run.outputs import trigger_of
 from hpcpic.core.run.signals import Stop, WallLimit, process_start
 from hpcpic.core.run.triggers import Every, EverySeconds, parse_interval, parse_wall
@@ -137,7 +138,9 @@ class _Job:
         pool = Pool(threads, self.world.cpus(threads))
         try:
             with _asking_for_patience(self.world.rank):
-                made = self.app.load()(config, self.world, pool, timers)
+                simulator = self.app.load()
+                require_room(lambda: sum(self._estimated(config, threads).memory.values()))
+                made = simulator(config, self.world, pool, timers)
             with _closing(made) as app:
                 if reader:
                     self._take_up(app, reader, plan)
@@ -227,7 +230,10 @@ class _Job:
             return {}
         from hpcpic.core.cli.estimate import numbers
 
-        return numbers(self.app.estimate(config, self.world.size, threads, read_rates()))
+        return numbers(self._estimated(config, threads))
+
+    def _estimated(self, config: Any, threads: int) -> Estimate:
+        return self.app.estimate(config, self.world.size, threads, read_rates())
 
     def _say(self, text: str) -> None:
         assert self.rundir is not None

@@ -13,6 +13,7 @@ from __future__ import annotations
 import faulthandler
 import math
 import os
+import resource
 import shutil
 import tempfile
 import threading
@@ -25,6 +26,7 @@ from pathlib import Path
 from hpcpic.core.comm.world import World
 from hpcpic.core.errors import CheckFailed, ConfigError, Diverged, FileError, HpcpicError
 
+MIB = 1 << 20
 LOSER_SECONDS = 5.0  # how long a rank waits for the one that tells to end it
 _BY_CODE = {error.exit_code: error for error in (ConfigError, CheckFailed, Diverged, FileError)}
 
@@ -59,6 +61,24 @@ def everywhere() -> Iterator[None]:
         yield
     except HpcpicError as error:
         raise Agreed(error) from error
+
+
+def require_room(needed: Callable[[], float]) -> None:
+    """HpcpicError when this process may not take `needed` bytes of address space more (RLIMIT_AS, ulimit -v).
+
+    Told before they are asked for: libraries that get no memory end the process each in its own way, and say nothing
+    of the rank.
+    """
+    limit = resource.getrlimit(resource.RLIMIT_AS)[0]
+    statm = Path("/proc/self/statm")
+    if limit == resource.RLIM_INFINITY or not statm.exists():
+        return
+    left, wanted = limit - int(statm.read_text().split()[0]) * resource.getpagesize(), needed()
+    if left < wanted:
+        raise HpcpicError(
+            f"no memory: the limit of this process (ulimit -v) leaves {max(left, 0) / MIB:.0f} MiB of address space, "
+            f"and the run takes about {wanted / MIB:.0f} MiB"
+        )
 
 
 class Failure:
