@@ -92,9 +92,13 @@ def measured(world: World, kinds: list[tuple], rounds: int) -> list[dict]:
 
 
 def nbytes(sph: Sph) -> int:
-    """Bytes of the arrays of a rank."""
-    arrays = {id(array): array.nbytes for array in sph.tasks.arrays.values() if isinstance(array, np.ndarray)}
-    return sum(arrays.values())
+    """Bytes of the arrays of a rank; views of one memory count once."""
+    held = {}
+    for array in sph.tasks.arrays.values():
+        while isinstance(array, np.ndarray) and isinstance(array.base, np.ndarray):
+            array = array.base
+        held[id(array)] = getattr(array, "nbytes", 0)
+    return sum(held.values())
 
 
 @njit

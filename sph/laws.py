@@ -45,9 +45,10 @@ def terms_of(law: Law) -> dict[str, tuple[str, ...]]:
     return terms
 
 
-def most_sums(law: Law) -> int:
-    """Accumulators of the pass that has most."""
-    return max(len(sums_of(law, terms)) for terms in terms_of(law).values())
+def most_sums(law: Law, split: bool) -> int:
+    """Accumulators of the pass that has most, of the split scheme or of others."""
+    never = ("both", "slopes") if split else ("first", "second")
+    return max(len(sums_of(law, terms)) for title, terms in terms_of(law).items() if title not in never)
 
 
 def unused(law: Law, staged: bool) -> set[str]:

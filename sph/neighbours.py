@@ -1,14 +1,17 @@
 """Cells of a rank: bodies in slots by layer, row and fine cell, and the runs of slots where neighbours are."""
 
+import math
 from types import ModuleType
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from hpcpic.core.errors import Diverged
+from hpcpic.core.space.fields import ALIGNMENT, aligned_zeros
 from hpcpic.core.tasks import TaskError
 from sph.kernels.specialise import specialise
-from sph.particles import PADS, Bodies, Tasks, even
+from sph.particles import PADS, SLACK, Bodies, Tasks, even
 
 FINE = 8
 GAP = 16  # slots between layers: a vector may overrun
@@ -32,6 +35,36 @@ class Grid:
         return np.clip(at, 0, self.layers - 1).astype(np.int64)
 
 
+class Workspace:
+    """Arrays of phases that take turns, in the same memory: what one leaves is lost when the next begins."""
+
+    def __init__(self, tasks: Tasks) -> None:
+        self._tasks = tasks
+        self._phases: dict[str, dict[str, tuple[tuple[int, ...], type]]] = {}
+        self._memory = aligned_zeros((0,), np.uint8)
+
+    def need(self, phase: str, **arrays: tuple[tuple[int, ...], type]) -> None:
+        """Arrays of a phase, name = (shape, type), into `tasks.arrays`; none other may be in use."""
+        if self._phases.get(phase) == arrays:
+            return
+        self._phases[phase] = arrays
+        size = max(sum(map(_room_of, kinds.values())) for kinds in self._phases.values())
+        if size > self._memory.nbytes:
+            self._memory = aligned_zeros((size,), np.uint8)
+        for kinds in self._phases.values():
+            at = 0
+            for name, (shape, kind) in kinds.items():
+                end = at + math.prod(shape) * np.dtype(kind).itemsize
+                self._tasks.set(**{name: self._memory[at:end].view(kind).reshape(shape)})
+                at += _room_of((shape, kind))
+
+
+def _room_of(array: tuple[tuple[int, ...], type]) -> int:
+    """Bytes, in whole cache lines."""
+    shape, kind = array
+    return -(-math.prod(shape) * np.dtype(kind).itemsize // ALIGNMENT) * ALIGNMENT
+
+
 class Cells:
     """Slots and runs of the bodies of a rank; `tasks.arrays` gets all of it by name."""
 
@@ -39,6 +72,7 @@ class Cells:
         self.tasks, self.grid, self.parts = tasks, grid, tasks.parts
         self.kernels: ModuleType = specialise("cells", DIM=d)
         self.n_runs = self.kernels.ROWS
+        self.workspace = Workspace(tasks)
         self._layers = self._rows = self._fine = self._bodies = self.slots = -1  # no arrays yet
         tasks.set(
             scale=grid.scale,
@@ -64,8 +98,8 @@ class Cells:
             )  # fmt: skip
         n = sizes.get("bodies", 0)
         if n > self._bodies:
-            self._bodies = n = n + n // 8
-            tasks.set(**{name: np.zeros(n, np.int32) for name in ("layer", "row", "fine", "bucket")})
+            self._bodies = n = n + n // SLACK
+            self.workspace.need("sort", **dict.fromkeys(("layer", "row", "fine", "bucket"), ((n,), np.int32)))
         n = sizes.get("rows", 0)
         if n > self._rows:
             self._rows = n = n + n // 4
@@ -76,13 +110,22 @@ class Cells:
             tasks.set(fine_start=np.zeros(n, np.int32))
         n = sizes.get("slots", 0)
         if n > self.slots:
-            self.slots = n = (n + n // 8 + GAP) // GAP * GAP
+            self.slots = n = (n + n // SLACK + GAP) // GAP * GAP
             tasks.set(
-                **{name: np.zeros(n, np.int32) for name in ("body", "slot_class", "others")},
-                runs=np.zeros((2 * self.n_runs, n), np.int32),
+                body=np.zeros(n, np.int32), slot_class=np.zeros(n, np.int32),
+                run_first=np.zeros((self.n_runs, n), np.int32), run_length=np.zeros((self.n_runs, n), np.uint16),
             )  # fmt: skip
 
-    def sort(self, bodies: Bodies, layer: NDArray[np.int64], slab: tuple[int, int], radius: float) -> None:
+    def layer_of(self, bodies: Bodies) -> NDArray[np.int32]:
+        """Global layers of the own bodies, in memory that the next `sort` uses."""
+        tasks, a = self.tasks, self.tasks.arrays
+        self._room(bodies=bodies.n)
+        a["shape"][:2] = PADS, self.grid.layers
+        a["own_chunks"][:] = even(bodies.n, self.parts)
+        tasks.each(self.kernels.layers_of, chunks="own_chunks")
+        return a["layer"][: bodies.n]
+
+    def sort(self, bodies: Bodies, layer: NDArray[np.int32], slab: tuple[int, int], radius: float) -> None:
         """Slots of all bodies; neighbours are within `radius`. The own ones are in global layers layer[n] of the slab
         from slab[0] up to slab[1], ghosts also beside it.
         """
@@ -95,12 +138,7 @@ class Cells:
         a["edge"][4] = radius
         a["chunks"][:] = even(n, self.parts)
         a["own_chunks"][:] = even(bodies.n, self.parts)
-        try:
-            tasks.each(kernels.place)
-        except TaskError as error:
-            if error.code == kernels.LOST:
-                raise Diverged("a particle moved farther than a layer of cells in a step") from error
-            raise
+        self._try(kernels.place)
         count = a["count"][:, :here]
         self._buckets(count, here)
         tasks.each(kernels.scatter)
@@ -111,9 +149,22 @@ class Cells:
         np.cumsum(totals, out=fine[1 : here + 1])
         self._room(fine=int(fine[here]))
         tasks.each(kernels.arrange, blocks="layers")
-        tasks.each(kernels.find, blocks="sweeps")
+        self.workspace.need("find", others=((self.slots,), np.int32))
+        tasks.each(kernels.count, blocks="layers")
+        self._try(kernels.find, blocks="sweeps")
 
-    def _span(self, bodies: Bodies, layer: NDArray[np.int64], low: int, high: int) -> tuple[int, int]:
+    def _try(self, kernel: Any, **more: Any) -> None:
+        """A kernel that may find the state to be no solution."""
+        try:
+            self.tasks.each(kernel, **more)
+        except TaskError as error:
+            if error.code == self.kernels.LOST:
+                raise Diverged("a particle moved farther than a layer of cells in a step") from error
+            if error.code == self.kernels.CROWDED:
+                raise Diverged(f"more than {self.kernels.MOST} particles in one place") from error
+            raise
+
+    def _span(self, bodies: Bodies, layer: NDArray[np.int32], low: int, high: int) -> tuple[int, int]:
         """First and number of the layers with bodies, and one more on each side: an empty tank costs nothing."""
         ghosts = self.grid.layer(bodies.x[0, bodies.n : bodies.n + bodies.ghosts])
         first = max(min(layer.min(initial=high), ghosts.min(initial=high)) - 1, low - 1)

@@ -15,11 +15,13 @@ from hpcpic.core.comm.ghosts import Refresh
 from hpcpic.core.comm.migrate import Migrate
 from hpcpic.core.comm.tags import Channel
 from hpcpic.core.comm.world import World
+from hpcpic.core.space.domain import Domain
 from hpcpic.core.tasks import Bound, Pool, bind
 from sph.images import CODES, Maps
 
 FLUID, REAL, MIRRORED, REPULSIVE = 1, 2, 4, 8  # flags
 PADS = 2  # layers and rows outside the domain, for walls and images
+SLACK = 16  # one body more for so many, when there is no room
 IMAGES_REACH = 4  # layers from a body to where its image, but for a period, is looked for; with one to spare
 
 
@@ -58,18 +60,48 @@ def even(n: int, parts: int) -> NDArray[np.int64]:
     return np.arange(parts + 1) * n // parts
 
 
+class Slabs:
+    """Who owns the layers of cells, known for a set of cuts: owner[layer]; beside[layer]: its own layers next to those
+    of other ranks; peers: the other ranks that a body of this one, or an image of it, may be a ghost of, and the other
+    way round. around: one end of the domain lies beside the other.
+    """
+
+    def __init__(self, domain: Domain, world: World, around: bool) -> None:
+        layers, me = domain.points[0], world.rank
+        self.domain, self.peers = domain, list[int]()
+        self.beside = np.broadcast_to(False, layers)
+        self.owner = np.broadcast_to(0, layers)  # many in a large tank: one rank owns them all, without a list
+        if world.size == 1:
+            return
+        self.owner = np.asarray(domain.owner(np.arange(layers)))
+        ends = np.concatenate([self.owner[:1], self.owner, self.owner[-1:]])
+        self.beside = (ends[:-2] != me) | (ends[2:] != me)
+        mine = np.flatnonzero(self.owner == me)
+        if len(mine):
+            self.peers = self._near(mine[0], mine[-1], around, me)
+
+    def _near(self, first: int, last: int, around: bool, me: int) -> list[int]:
+        near = self.owner[max(first - IMAGES_REACH, 0) : last + IMAGES_REACH + 1]
+        if around:
+            ends = self.owner[: IMAGES_REACH + PADS], self.owner[-IMAGES_REACH - PADS :]
+            for here, there in (ends, ends[::-1]):
+                if me in here:
+                    near = np.concatenate([near, there])
+        return [int(peer) for peer in np.unique(near) if peer != me]
+
+
 class Bodies:
     """Columns of n own particles and g ghosts behind them.
 
-    x, v, a, gradient, normal, offset [d, capacity], shear, matrix [d d, capacity], drho, m, rate [capacity]; id, key
-    int64, flags,
-    wall int32 [capacity]. wall: number of the wall + 1, 0 for fluid. Columns in `without` are empty.
+    x, v, a, gradient, normal, offset [d, capacity], shear, matrix [d d, capacity], drho, m, rate [capacity]; key int64
+    (number of the particle CODES + image), flags, wall int32 [capacity]. wall: number of the wall + 1, 0 for fluid.
+    Columns in `without` are empty.
     """
 
     LINES = ("x", "v", "a", "gradient", "x_old", "v_old", "normal", "offset")
     COLUMNS = ("drho", "m", "rate", "drho_old")
-    WHOLE = (("id", np.int64), ("key", np.int64), ("flags", np.int32), ("wall", np.int32))
-    STATE = ("x", "v", "drho", "m", "id", "key", "flags", "wall", "normal")
+    WHOLE = (("key", np.int64), ("flags", np.int32), ("wall", np.int32))
+    STATE = ("x", "v", "drho", "m", "key", "flags", "wall", "normal")
 
     def __init__(self, world: World, tasks: Tasks, motion: Any, d: int, maps: Maps, without: Container[str]) -> None:
         self.world, self.tasks, self.motion, self.d, self.maps = world, tasks, motion, d, maps
@@ -92,14 +124,19 @@ class Bodies:
             raise AttributeError(name) from None
 
     def own(self, name: str) -> NDArray:
-        """View of a column, own particles only: [n] or [d, n]."""
-        return self.columns[name][..., : self.n]
+        """View of a column, own particles only: [n] or [d, n]; "id": their numbers, a copy."""
+        return self.key[: self.n] // CODES if name == "id" else self.columns[name][..., : self.n]
+
+    @property
+    def id(self) -> NDArray[np.int64]:
+        """Numbers of the own particles."""
+        return self.own("id")
 
     def reserve(self, capacity: int) -> None:
         """Room for `capacity` bodies."""
         if capacity <= self.capacity:
             return
-        capacity += capacity // 8 + 16  # vectors may overrun
+        capacity += capacity // SLACK + 16  # vectors may overrun
         shapes = {name: ((self.d, capacity), np.dtype(float)) for name in self.LINES}
         shapes |= {name: ((capacity,), np.dtype(float)) for name in self.COLUMNS}
         shapes |= {name: ((self.d**2, capacity), np.dtype(float)) for name in ("shear", "matrix")}
@@ -131,7 +168,6 @@ class Bodies:
             self.columns[name][..., rows] = values
         if "normal" not in self.without:
             self.columns["normal"][:, rows] = 0.0 if normal is None else normal
-        self.columns["id"][rows] = ids
         self.columns["key"][rows] = np.asarray(ids, np.int64) * CODES
         for name in {"a", "rate", "gradient"} - set(self.without):
             self.columns[name][..., rows] = 0.0
@@ -175,7 +211,7 @@ class Bodies:
         records["numbers"][:, 2 * d], records["numbers"][:, 2 * d + 1] = self.drho[index], self.m[index]
         if "normal" not in self.without:
             records["numbers"][:, 2 * d + 2 :] = self.normal[:, index].T
-        records["id"] = self.id[index]
+        records["id"] = self.key[index] // CODES
         records["flags"][:, 0], records["flags"][:, 1] = self.flags[index], self.wall[index]
         return records.view(np.uint8).reshape(len(index), -1)
 
@@ -188,21 +224,21 @@ class Bodies:
             self.columns[name][..., holes] = self.columns[name][..., movers]
         self.n = left
 
-    def choose_ghosts(self, layer: NDArray[np.int64], layer_of: Callable, owner: NDArray[np.int64]) -> None:
-        """Who is seen where from now on: layer[n] of the own particles, owner[layer]. Collective."""
+    def choose_ghosts(self, layer: NDArray, layer_of: Callable, slabs: Slabs) -> None:
+        """Who is seen where from now on: layer[n] of the own particles. Collective."""
         self.ghosts = 0
         rows, codes, peers, shifts = [], [], [], []
+        owner, me = slabs.owner, self.world.rank
         for k in range(len(self.maps.planes)):
-            index = np.arange(0) if k else np.flatnonzero(self._beside(layer, owner))
             if k:
                 index = self.maps.chosen(k, self.own("x"))
+            else:
+                index = np.flatnonzero(slabs.beside[layer]) if slabs.peers else np.arange(0)
             if not len(index):
                 continue
             shift = self.maps.shifts(k, self.x[:, index])
             at = layer[index] if k == 0 else layer_of(self.maps.turned(k)[0] @ self.x[:, index] + shift[:, 0])
-            for peer in range(self.world.size) if self.world.size > 1 else [0]:
-                if k == 0 and peer == self.world.rank:
-                    continue
+            for peer in sorted({*slabs.peers, *([me] if k else [])}):
                 seen = np.zeros(len(index), bool)
                 for step in (-1, 0, 1):
                     near = at + step
@@ -220,31 +256,10 @@ class Bodies:
         self._shift = np.concatenate([*shifts, np.zeros((0, self.d))])[order]
         self._rows, self._codes, peer = self._rows[order], self._codes[order], peer[order]
         members = {int(p): np.flatnonzero(peer == p) for p in np.unique(peer)}
-        ghosts = self._refresh.choose(members, self._peers(owner))
+        ghosts = self._refresh.choose(members, slabs.peers)
         self.reserve(self.n + ghosts)
         self.ghosts = ghosts
         self._identify()
-
-    def _peers(self, owner: NDArray[np.int64]) -> list[int]:
-        """The other ranks that a body of this one, or an image of it, may be a ghost of, and the other way round."""
-        mine = np.flatnonzero(owner == self.world.rank)
-        if self.world.size == 1 or not len(mine):
-            return []
-        low, high = mine[0] - IMAGES_REACH, mine[-1] + IMAGES_REACH + 1
-        near = owner[max(low, 0) : high]
-        if self.maps.around:  # one end of the domain lies beside the other
-            ends = owner[: IMAGES_REACH + PADS], owner[-IMAGES_REACH - PADS :]
-            for here, there in (ends, ends[::-1]):
-                if self.world.rank in here:
-                    near = np.concatenate([near, there])
-        return [int(peer) for peer in np.unique(near) if peer != self.world.rank]
-
-    def _beside(self, layer: NDArray, owner: NDArray) -> NDArray[np.bool_]:
-        """Whether a neighbouring layer belongs to another rank."""
-        if self.world.size == 1:
-            return np.zeros(0, bool)
-        last, me = len(owner) - 1, self.world.rank
-        return (owner[np.maximum(layer - 1, 0)] != me) | (owner[np.minimum(layer + 1, last)] != me)
 
     def _identify(self) -> None:
         """What of the ghosts does not change with time."""

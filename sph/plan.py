@@ -80,13 +80,13 @@ def sums(config: SphConfig) -> list[str]:
 
 
 def arrays(config: SphConfig, ranks: int) -> Iterator[Array]:
-    """The arrays of one rank, a fifth more for ghosts and room to grow."""
+    """The arrays of one rank, an eighth more for ghosts and room to grow."""
     fluid, walls = counts(config)
-    d, n = config.dimensions, 1.2 * (fluid + walls) / ranks
+    d, n = config.dimensions, 1.125 * (fluid + walls) / ranks
     scene, staged = Scene(config), config.simulation.integrator not in ("euler", "symplectic")
     law = law_of(scene, bool(scene.walls) or bool(scene.periodic.any()))
     kept, size = {"normal", "offset", "gradient", "shear", "matrix"} - unused(law, staged), 4 if law.single else 8
-    yield Array("state: x, v, rho, m, id, kind", 2 * d + 5, n)
+    yield Array("state: x, v, rho, m, id, kind", 2 * d + 4, n)
     yield Array("rates: a, drho/dt", d + 1, n)
     if staged:
         yield Array("state of the step before", 2 * d + 1, n)
@@ -94,9 +94,10 @@ def arrays(config: SphConfig, ranks: int) -> Iterator[Array]:
         yield Array(name, d * d if name in ("shear", "matrix") else d, n)
     yield Array("pairs: positions", d, n, 4 if law.single else 8)
     yield Array("pairs: operands", len(columns_of(law)), n, size)
-    yield Array("pairs: accumulators", 2 * most_sums(law), n, size)
-    yield Array("cells and order", 6, n, 4)
-    yield Array("runs of neighbours", 10 if d == 3 else 4, n, 4)
+    split = config.simulation.integrator == "symplectic"
+    yield Array("pairs: accumulators, before them cells", max(2 * most_sums(law, split), 16 // size), n, size)
+    yield Array("order and cells", 3, n, 4)
+    yield Array("runs of neighbours", 15 if d == 3 else 6, n, 2)
 
 
 def messages(config: SphConfig, ranks: int) -> list[str]:

@@ -40,7 +40,7 @@ def _own(sph: "Sph", fluid: bool) -> dict[str, NDArray]:
     bodies = sph.bodies
     chosen = np.flatnonzero((bodies.own("flags") & FLUID > 0) == fluid)
     names = ("id", "x", "v", "drho") + (("normal",) if sph.law.repulsive else ())
-    return {name: bodies.columns[name][..., chosen].T for name in names}
+    return {name: bodies.own(name)[..., chosen].T for name in names}
 
 
 def _everybodys(sph: "Sph", ids: NDArray[np.int64]) -> NDArray[np.int64]:

@@ -22,7 +22,7 @@ from sph.integrators import INTEGRATORS, STAGED, symplectic
 from sph.kernels.specialise import specialise
 from sph.laws import law_of, unused
 from sph.neighbours import Cells, Grid
-from sph.particles import FLUID, REAL, Bodies, Tasks
+from sph.particles import FLUID, REAL, Bodies, Slabs, Tasks
 from sph.scene import Scene
 from sph.sums import PairSums
 from sph.timestep import TimeStep
@@ -60,6 +60,7 @@ class Sph:
         self.gauges = Gauges(self)
         self.time_periods = {"series": period.series, "particle": period.particles, "checkpoint": period.checkpoint}
         self.iteration, self.time, self.time_step = 0, 0.0, 0.0
+        self._slabs: Slabs | None = None
         self.evaluations, self._forces_at, self._told = 0, -1, False
         self.axes = list(scene.axes)
         self.walls, self.impulses = Walls(scene, world), np.zeros((len(scene.walls), 4))
@@ -193,16 +194,15 @@ class Sph:
 
     def migrate(self) -> None:
         """Particles that left the slab go to their new ranks."""
-        self._layer = self.grid.layer(self.bodies.own("x")[0])
         if self.world.size > 1:
-            self.bodies.migrate(self.iteration, self.domain.owner(self._layer))
-            self._layer = self.grid.layer(self.bodies.own("x")[0])
+            self.bodies.migrate(self.iteration, self.slabs.owner[self.cells.layer_of(self.bodies)])
 
     def balance(self) -> None:
         """Cuts of equal load, if the present ones are far from it."""
         if self.world.size == 1:
             return
-        load = self.world.sum_int(np.bincount(self._layer, minlength=self.grid.layers).astype(np.int64))
+        layer = self.cells.layer_of(self.bodies)
+        load = self.world.sum_int(np.bincount(layer, minlength=self.grid.layers).astype(np.int64))
         cuts = balanced_cuts(load, self.world.size)
         prefix = np.concatenate(([0], np.cumsum(load)))
         worst, best = (np.diff(prefix[list(c)]).max() for c in (self.domain.cuts, cuts))
@@ -210,19 +210,25 @@ class Sph:
             self.domain = self.domain.with_cuts(cuts)
             self.migrate()
 
+    @property
+    def slabs(self) -> Slabs:
+        """Who owns which layers, found again when the cuts have changed."""
+        if self._slabs is None or self._slabs.domain is not self.domain:
+            self._slabs = Slabs(self.domain, self.world, self.bodies.maps.around)
+        return self._slabs
+
     def sort(self) -> None:
         """Ghosts and cells for the positions as they are."""
         bodies, cells = self.bodies, self.cells
-        layers = self.grid.layers  # many in a large tank: one rank owns them all, without a list
-        owner = np.asarray(self.domain.owner(np.arange(layers))) if self.world.size > 1 else np.broadcast_to(0, layers)
         with self.timers.section("ghosts"):
             if self.walls.moving and any(bodies.maps.mirrored):
                 bodies.maps = self._maps()
-            bodies.choose_ghosts(self._layer, self.grid.layer, owner)
+            layer = cells.layer_of(bodies)
+            bodies.choose_ghosts(layer, self.grid.layer, self.slabs)
             bodies.refresh(self.iteration)
         with self.timers.section("sort"):
             radius = self.scene.support * (1 + MARGIN) + 2 * self.reach
-            cells.sort(bodies, self._layer, self.domain.row_range(self.world.rank), radius)
+            cells.sort(bodies, layer, self.domain.row_range(self.world.rank), radius)
             self.sums.fit()
 
     def step(self) -> None:

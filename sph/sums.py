@@ -10,7 +10,7 @@ from sph.kernels import columns, packing, passes
 from sph.kernels.functions import SMOOTHING
 from sph.kernels.pairs import Law, columns_of, sums_of
 from sph.kernels.passes import NUMBERS
-from sph.laws import most_sums, terms_of
+from sph.laws import terms_of
 from sph.limits import cleary_constant
 from sph.neighbours import Cells
 from sph.particles import Bodies, Tasks
@@ -32,7 +32,7 @@ class PairSums:
         self.kernels = passes.make(law, self._terms)
         self.packing = module_from_source(packing.source(law, scene.config.eos.gamma), "sph_packing")
         self.around = module_from_source(HEAD + columns.source(law), "sph_columns")
-        self._n_sums = most_sums(law)
+        self._n_sums = 0  # of the passes that there have been
         tasks.set(scales=self._scales(scene), pair_numbers=self._numbers(scene))
         self._slots = 0
 
@@ -68,11 +68,12 @@ class PairSums:
             self.tasks.set(
                 position=aligned_zeros((self.law.dimensions, n), np.int32 if self.law.single else np.float64),
                 values=aligned_zeros((len(columns_of(self.law)), n), self.law.real),
-                sums=aligned_zeros((self._n_sums, 2 * n), self.law.real),
             )
 
     def _sweep(self, title: str) -> None:
         kernel = getattr(self.kernels, title)
+        self._n_sums = max(self._n_sums, len(sums_of(self.law, self._terms[title])))
+        self.cells.workspace.need("pairs", sums=((self._n_sums, 2 * self._slots), np.dtype(self.law.real).type))
         self.tasks.each(kernel, blocks="sweeps", numbers="pair_numbers", classes="slot_class")
 
     def _unpack(self, title: str, kind: str) -> None:

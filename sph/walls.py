@@ -98,7 +98,7 @@ def grow_walls(engine: "Sph") -> None:
         ids, x, normal = wall.near(*part)
         drho = engine.scene.rest_density(x) if wall.type == "pressure-continuity" else np.zeros(len(x))
         x = (x + engine.walls.displacement[wall.index])[:, engine.axes] - engine.origin
-        mine = np.flatnonzero(engine.domain.owner(engine.grid.layer(x[:, 0])) == engine.world.rank)
+        mine = np.flatnonzero(engine.slabs.owner[engine.grid.layer(x[:, 0])] == engine.world.rank)
         add_walls(engine, ids[mine], x[mine].T, drho[mine], normal[mine][:, engine.axes].T)
 
 

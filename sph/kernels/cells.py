@@ -40,7 +40,8 @@ F, I, C = Vec(N, np.float64), Vec(N, np.int32), Vec(M, np.int32)
 # class of a slot: 1 fluid, + 2 where the sums are used (images only give), + 4 repulsive, + 8 density flows in and out
 # (of fluid and its images, but not in mirrors), + 16 has the bits 1, 2, 8 and all in its runs have bit 8
 PLAIN = 16
-LOST = 1
+LOST, CROWDED = 1, 2
+MOST = 65535  # slots of a run
 
 
 @njit
@@ -51,10 +52,11 @@ def layer_of(x, scale, pads, layers):
 
 
 @njit
-def layers_of(x, first, last, scale, pads, layers, result):
-    """Global layers of bodies first..last, into result[n]."""
-    for b in range(first, last):
-        result[b] = layer_of(x[0, b], scale[0], pads, layers)
+def layers_of(chunk, chunks, x, scale, shape, layer):
+    """layer[n] = global layers of a chunk of bodies."""
+    pads, layers = shape[0], shape[1]
+    for b in range(chunks[chunk], chunks[chunk + 1]):
+        layer[b] = layer_of(x[0, b], scale[0], pads, layers)
 
 
 @njit
@@ -96,9 +98,9 @@ def extents(block, blocks, begin, bucket, row, fine, rows, row_table, fine_total
         first, n_rows, at = rows[l, 0], rows[l, 1], rows[l, 2]
         for k in range(at, at + n_rows):
             row_table[k, 0], row_table[k, 1], row_table[k, 2] = 0, FAR, -FAR
-        for k in range(begin[l], begin[l + 1]):
-            b = bucket[k]
-            entry = row_table[at + row[b] - first]
+        for k in range(np.uint64(begin[l]), np.uint64(begin[l + 1])):
+            b = np.uint32(bucket[k])
+            entry = row_table[np.uint64(at + row[b] - first)]
             entry[0] += 1
             entry[1] = min(entry[1], fine[b])
             entry[2] = max(entry[2], fine[b])
@@ -111,51 +113,77 @@ def extents(block, blocks, begin, bucket, row, fine, rows, row_table, fine_total
 
 @njit
 def arrange(block, blocks, begin, base, bucket, row, fine, key, flags, rows, row_table, fine_total, fine_start, body,
-            slot_class, others):  # fmt: skip
-    """Slots of the bodies of a block's layers, and the tables of their rows; fine_total[l] = place of its cells now.
-
-    others[slot]: bodies without bit 8 before a slot of its layer, up to the slot after the last.
-    """
+            slot_class):  # fmt: skip
+    """Slots of the bodies of a block's layers, and the tables of their rows; fine_total[l] = place of its cells now."""
     for l in range(blocks[block], blocks[block + 1]):
         first, n_rows, at = rows[l, 0], rows[l, 1], rows[l, 2]
         slot, place = base[l], fine_total[l]
         for k in range(at, at + n_rows):
             entry = row_table[k]
             entry[3] = place
-            for c in range(place, place + entry[2] + 1):
-                fine_start[c] = 0
+            fine_start[place : place + entry[2] + 1] = 0
             bodies = entry[0]
             entry[0] = slot
             slot += bodies
             place += entry[2] + 1
-        for k in range(begin[l], begin[l + 1]):
-            b = bucket[k]
-            entry = row_table[at + row[b] - first]
-            fine_start[entry[3] + fine[b] - entry[1]] += 1
+        for k in range(np.uint64(begin[l]), np.uint64(begin[l + 1])):
+            b = np.uint32(bucket[k])
+            entry = row_table[np.uint64(at + row[b] - first)]
+            fine_start[np.uint64(entry[3] + fine[b] - entry[1])] += 1
         for k in range(at, at + n_rows):
             entry = row_table[k]
             slot = entry[0]
-            for c in range(entry[3], entry[3] + entry[2] + 1):
+            for c in range(np.uint64(entry[3]), np.uint64(entry[3] + entry[2] + 1)):
                 slot += fine_start[c]
                 fine_start[c] = slot  # end of the cell; becomes its start while bodies are put in
         for k in range(begin[l + 1] - 1, begin[l] - 1, -1):
-            b = bucket[k]
-            entry = row_table[at + row[b] - first]
-            c = entry[3] + fine[b] - entry[1]
+            b = np.uint32(bucket[np.uint64(k)])
+            entry = row_table[np.uint64(at + row[b] - first)]
+            c = np.uint64(entry[3] + fine[b] - entry[1])
             fine_start[c] -= 1
-            body[fine_start[c]] = b
+            body[np.uint32(fine_start[c])] = np.int32(b)
         for k in range(at, at + n_rows):
             entry = row_table[k]
-            for c in range(entry[3], entry[3] + entry[2]):
-                order_by_key(body, key, fine_start[c], fine_start[c + 1])
-        count, last = 0, base[l] + begin[l + 1] - begin[l]
+            for c in range(np.uint64(entry[3]), np.uint64(entry[3] + entry[2])):
+                order_by_key(body, key, np.uint32(fine_start[c]), np.uint32(fine_start[c + np.uint64(1)]))
+        for s in range(np.uint64(base[l]), np.uint64(base[l] + begin[l + 1] - begin[l])):
+            kind = flags[np.uint32(body[s])]
+            slot_class[s] = (kind & 3) | (kind & 8) >> 1 | (8 if kind & 5 == 1 else 0)
+
+
+@njit
+def count(block, blocks, begin, base, slot_class, others):
+    """others[slot]: bodies without bit 8 before a slot of its layer, up to the slot after the last."""
+    for l in range(blocks[block], blocks[block + 1]):
+        found, last = 0, base[l] + begin[l + 1] - begin[l]
         for s in range(base[l], last):
-            kind = flags[body[s]]
-            mixes = np.int32(8 if kind & 5 == 1 else 0)
-            slot_class[s] = (kind & 3) | (kind & 8) >> 1 | mixes
-            others[s] = count
-            count += mixes == 0
-        others[last] = count
+            others[s] = found
+            found += slot_class[s] & 8 == 0
+        others[last] = found
+
+
+@njit
+def order_by_key(body, key, first, last):
+    """Sort the few bodies of a fine cell."""
+    one = np.uint64(1)
+    for s in range(np.uint64(first) + one, np.uint64(last)):
+        b = body[s]
+        t, own = s, key[np.uint32(b)]
+        while t > first and key[np.uint32(body[t - one])] > own:
+            body[t] = body[t - one]
+            t -= one
+        body[t] = b
+
+
+@njit
+def count(block, blocks, begin, base, slot_class, others):
+    """others[slot]: bodies without bit 8 before a slot of its layer, up to the slot after the last."""
+    for l in range(blocks[block], blocks[block + 1]):
+        found, last = 0, base[l] + begin[l + 1] - begin[l]
+        for s in range(base[l], last):
+            others[s] = found
+            found += slot_class[s] & 8 == 0
+        others[last] = found
 
 
 @njit
@@ -171,9 +199,10 @@ def order_by_key(body, key, first, last):
 
 
 @njit
-def find(block, blocks, begin, base, shape, edge, x, body, slot_class, others, rows, row_table, fine_start, runs):
-    """runs[2 k : 2 k + 2, slot] = first and end of the slots in row k of the half neighbourhood that may be within
-    the radius: the chord of the sphere in that row.
+def find(block, blocks, begin, base, shape, edge, x, body, slot_class, others, rows, row_table, fine_start, run_first,
+         run_length):  # fmt: skip
+    """run_first[k, slot], run_length[k, slot]: the slots in row k of the half neighbourhood that may be within the
+    radius: the chord of the sphere in that row.
 
     edge = (edge of a layer, of a row, of a fine cell, pads, radius). Rows: own from the next body on, then in 3D the
     next row; then the row, or three rows, of the next layer.
@@ -184,7 +213,8 @@ def find(block, blocks, begin, base, shape, edge, x, body, slot_class, others, r
             longest = max(longest, fine_start[row_table[k, 3] + row_table[k, 2]] - row_table[k, 0])
     longest += N  # vectors overrun
     height, left = np.zeros(longest), np.zeros((6, longest))  # in fine cells; of radius^2 beside a row, above, ...
-    cells, met = np.zeros((2, longest), np.int32), np.zeros(longest, np.int32)
+    cells, ends = np.zeros((2, longest), np.int32), np.zeros(longest, np.int32)
+    met, code = np.zeros(longest, np.int32), 0
     per_cell = 1.0 / edge[2]
     limit = edge[4] * per_cell
     for l in range(blocks[block], blocks[block + 1]):
@@ -198,7 +228,7 @@ def find(block, blocks, begin, base, shape, edge, x, body, slot_class, others, r
                 continue
             wall = (r + 1 - edge[3]) * edge[1]
             for m in range(many):
-                b = body[first + m]
+                b = np.uint32(body[np.uint64(first + m)])
                 met[m] = 0
                 height[m] = x[AXIS, b] * per_cell
                 up = max(ceiling - x[0, b], 0.0) * per_cell
@@ -216,10 +246,10 @@ def find(block, blocks, begin, base, shape, edge, x, body, slot_class, others, r
                 if DIM == 3:
                     side = np.int64(n == 1) if n < 2 else np.int64(n - 3)
                 at = r + side - rows[l + up, 0]
-                begins, ends = runs[2 * n, first : first + many], runs[2 * n + 1, first : first + many]
+                begins, lengths = run_first[n, first : first + many], run_length[n, first : first + many]
                 if at < 0 or at >= rows[l + up, 1] or (l == 0 and up == 0):
                     begins[:] = 0
-                    ends[:] = 0
+                    lengths[:] = 0
                     continue
                 other = row_table[rows[l + up, 2] + at]
                 chords(height, left[3 * up + 1 + side], many, 1.0 * other[1], 1.0 * other[2], cells)
@@ -229,14 +259,23 @@ def find(block, blocks, begin, base, shape, edge, x, body, slot_class, others, r
                 if n == 0:
                     for m in range(many):
                         begins[m] = max(begins[m], first + m + 1)  # each pair once
+                if others[start[other[2]]] > others[other[0]]:  # with walls or images
+                    for m in range(np.uint64(many)):
+                        met[m] += max(others[np.uint32(ends[m])] - others[np.uint32(begins[m])], 0)
+                if others[first + many] > others[first]:
+                    for m in range(many):
+                        if slot_class[first + m] & 3 != 3:
+                            begins[m], ends[m] = trimmed(slot_class, slot_class[first + m] & 3, begins[m], ends[m])
+                worst = 0
                 for m in range(np.uint64(many)):
-                    met[m] += max(others[np.uint32(ends[m])] - others[np.uint32(begins[m])], 0)
+                    length = max(ends[m] - begins[m], 0)
+                    worst = max(worst, length)
+                    lengths[m] = length
+                code = CROWDED if worst > MOST else code
             for m in range(many):
-                slot = first + m
-                if slot_class[slot] & 3 != 3:
-                    trim(slot, slot_class, runs)
-                elif slot_class[slot] & 8 and met[m] == 0:
-                    slot_class[slot] |= PLAIN
+                if slot_class[first + m] & 11 == 11 and met[m] == 0:
+                    slot_class[first + m] |= PLAIN
+    return code
 
 
 @njit
@@ -253,20 +292,18 @@ def chords(height, left, many, low_cell, n_cells, cells):
 
 
 @njit
-def trim(slot, slot_class, runs):
-    """A wall particle or an image has to do with some classes only: its runs from the first to the last of them."""
-    kind = slot_class[slot] & 3
-    for n in range(ROWS):
-        first, end = np.int64(runs[2 * n, slot]), np.int64(runs[2 * n + 1, slot])
-        while first < end:
-            found = bitmask((load(C, slot_class, first) | kind) & 3 == 3)
-            if found != 0:
-                first = min(first + first_bit(found), end)
-                break
-            first += M
-        first = min(first, end)
-        while end - first >= M and bitmask((load(C, slot_class, end - M) | kind) & 3 == 3) == 0:
-            end -= M
-        while end > first and (slot_class[end - 1] | kind) & 3 != 3:
-            end -= 1
-        runs[2 * n, slot], runs[2 * n + 1, slot] = first, end
+def trimmed(slot_class, kind, first, end):
+    """A wall particle or an image has to do with some classes only: a run from the first to the last of them."""
+    first, end = np.int64(first), np.int64(end)
+    while first < end:
+        found = bitmask((load(C, slot_class, first) | kind) & 3 == 3)
+        if found != 0:
+            first = min(first + first_bit(found), end)
+            break
+        first += M
+    first = min(first, end)
+    while end - first >= M and bitmask((load(C, slot_class, end - M) | kind) & 3 == 3) == 0:
+        end -= M
+    while end > first and (slot_class[end - 1] | kind) & 3 != 3:
+        end -= 1
+    return first, end

@@ -12,6 +12,8 @@ from sph.kernels.pairs import UNIT, Law, Terms, collect, columns_of
 
 NUMBERS = ("artificial", "viscous", "flux_strength", "gravityx", "gravityy", "gravityz", "reach", "per_w")
 
+ARGUMENTS = "block, blocks, begin, base, numbers, run_first, run_length, classes, position, values, sums"
+
 HEAD = """
 import numpy as np
 from hpcpic.core.simd.jit import njit
@@ -75,7 +77,7 @@ def _fetch_ahead(law: Law, read: Sequence[str], n: int) -> list[str]:
     """
     lines = []
     for row, shift in ((1, ""), (4, " + n_slots")) if law.dimensions == 3 else ((0, ""), (1, " + n_slots")):
-        lines.append(f"soon = np.int64(runs[{2 * row + 1}, i]) + 2 * LANES_")
+        lines.append(f"soon = np.int64(run_first[{row}, i]) + np.int64(run_length[{row}, i]) + 2 * LANES_")
         lines += [f"prefetch(address_of({name}, soon))" for name in read]
         lines += [f"prefetch_to_write(address_of(sums{k}, soon{shift}))" for k in range(n)]
     return ["if i & (LANES_ // 2 - 1) == 0:", *(f"    {line}" for line in lines)]
@@ -104,8 +106,8 @@ def _pass_source(law: Law, title: str, names: Sequence[str]) -> str:
     def loop(plain: bool, depth: int) -> str:
         head = [
             f"for row in range({rows}):",
-            "    first_run = np.uint64(2 * row)",
-            "    j, end = np.int64(runs[first_run, u]), np.int64(runs[first_run + np.uint64(1), u])",
+            "    j = np.int64(run_first[np.uint64(row), u])",
+            "    end = j + np.int64(run_length[np.uint64(row), u])",
             f"    shift = np.int64(0) if row < {own_rows} else n_slots",
             "    while j < end:",
         ]
@@ -117,7 +119,7 @@ def _pass_source(law: Law, title: str, names: Sequence[str]) -> str:
     else:
         body = loop(True, 12)
     return (
-        f"\n\n@njit\ndef {title}(block, blocks, begin, base, numbers, runs, classes, position, values, sums):\n"
+        f"\n\n@njit\ndef {title}({ARGUMENTS}):\n"
         + _indent([*numbers, *views, "n_slots = np.int64(values.shape[1])", "lane = lane_numbers(I_)"], 4)
         + _indent(["for l in range(blocks[block], blocks[block + 1]):"], 4)
         + _indent(["first, last = base[l], base[l] + begin[l + 1] - begin[l]"], 8)
