@@ -23,7 +23,7 @@ from typing import Any
 from hpcpic.core.cli.read import read_case
 from hpcpic.core.errors import HpcpicError
 
-PROGRAMS = {"hpcpic": "hpcpic.plasma.app", "sph": "sph.app", "lbmdem": "lbmdem.app"}
+PROGRAMS = ("hpcpic", "sph", "lbmdem")
 STANDARD_ERROR = 0.01
 
 
@@ -80,7 +80,7 @@ def arguments(title: str | None) -> argparse.Namespace:
 
 def scene(program: str, case: str, sets: list[str]) -> tuple[Any, Any]:
     """The program and the case as it reads it."""
-    app = import_module(PROGRAMS[program]).APP
+    app = import_module(f"{program}.__main__").load_app()
     try:
         return app, read_case(app, case, tuple(sets)).config
     except HpcpicError as error:

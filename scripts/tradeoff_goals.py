@@ -41,7 +41,7 @@ def main() -> int:
     parser.add_argument("cases", nargs="*", metavar="CASE")
     parser.add_argument("-o", "--output", type=Path, help="where the runs stay")
     asked = parser.parse_args()
-    app = import_module("hpcpic.plasma.app" if asked.program == "hpcpic" else f"{asked.program}.app").APP
+    app = import_module(f"{asked.program}.__main__").load_app()
     found: list[dict[str, Any]] = []
     with tempfile.TemporaryDirectory() as scratch:
         folder = asked.output or Path(scratch)

@@ -22,7 +22,6 @@ MPIRUN = Path(sys.executable).with_name("mpirun")
 LAUNCHER_KEYS = ("PMI", "OMPI", "PMIX", "MPI", "HYDI")
 USER_KEYS = ("OMPI_ALLOW",)  # which Open MPI wants from root
 TIMEOUT_S = 300  # compilation of all kernels included
-APPS = {"hpcpic": "hpcpic.plasma.app", "sph": "sph.app", "lbmdem": "lbmdem.app"}
 
 
 @contextmanager
@@ -33,7 +32,7 @@ def running(world: Any, program: str, case: Any, sets: Sequence[str] = (), threa
     from hpcpic.core.tasks import Pool
     from hpcpic.core.timers import Timers
 
-    app = importlib.import_module(APPS[program]).APP
+    app = importlib.import_module(f"{program}.__main__").load_app()
     config = validate(app.schema(), loads(case, sets=sets)) if isinstance(case, str) else case
     pool = Pool(threads, world.cpus(threads))
     try:

@@ -19,7 +19,7 @@ from hpcpic.plasma.tiles import PAGE, Pages, Tiles, aligned
 
 NODES = {"NGP": 1, "CIC": 2, "TSC": 3}
 GHOSTS = {"NGP": (0, 1), "CIC": (0, 1), "TSC": (1, 2)}  # layers of nodes below and above that a shape reaches
-VECTORS = {"NGP": "nearest", "CIC": "linear", "TSC": "quadratic"}  # their kernels
+VECTORS = {"NGP": ("nodal", "nearest"), "CIC": ("linear",), "TSC": ("nodal", "quadratic")}  # their kernels
 SCRATCH = {"NGP": (416 * 2, 416), "CIC": (264 * 8, 264 * 4), "TSC": (416 * 18, 416 * 9)}  # field, charge of a tile
 CHUNK = 1 << 16  # particles placed or read at a time
 WHOLE_BITS = {8: 44, 4: 20}  # a particle's charge is 2^44 parts, in single precision 2^20 (that of its position)
@@ -49,7 +49,7 @@ class Law:
         """The compiled module of this law; `plain` for the reference, one particle after the other."""
         dtype = np.dtype(self.dtype)
         return specialise(
-            ("pages", "plain", "moments") + (() if plain else ("packs", VECTORS[self.shape], "push", "sums")),
+            ("pages", "plain", "moments") + (() if plain else ("packs", *VECTORS[self.shape], "push", "sums")),
             DIM=self.dimensions,
             NODES=NODES[self.shape],
             VELOCITIES=self.velocities,

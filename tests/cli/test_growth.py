@@ -3,7 +3,6 @@
 from importlib import import_module
 
 import pytest
-from app_runner import APPS
 
 from hpcpic.core.cli.read import read_case
 
@@ -17,7 +16,7 @@ grains = ( { name = "bed"; diameters = { law = "beta"; min = 1.0e-4; max = 1.5e-
 
 
 def read(program, case, sets=()):
-    app = import_module(APPS[program]).APP
+    app = import_module(f"{program}.__main__").load_app()
     return app, read_case(app, case, sets).config
 
 

@@ -1,26 +1,16 @@
 """Nearest grid point (NGP) by vectors: a node is the cell; a line is its field, a sum the parts of its particles."""
 
-from hpcpic.core.simd.vector import convert, floor, load_at, splat, store_at, store_lines
+from hpcpic.core.simd.vector import convert, load_at, splat, store_at, store_lines
 from hpcpic.plasma.kernels.cells import add_whole, gather_values
 from hpcpic.plasma.kernels.lanes import address, inlined, kernel
+from hpcpic.plasma.kernels.nodal import CELLS, PITCH
 from hpcpic.plasma.kernels.packs import P8, R8, SIZE, WIDE, F, field_on, widened, zero_bytes
-from hpcpic.plasma.kernels.pages import TILE
-from hpcpic.plasma.kernels.plain import HALF
 
 DIM = 2  # axes of the grid
 
-PITCH = TILE + 8  # of a row of nodes, one more than cells, in eights
-EDGE = TILE + 1 if DIM == 2 else PITCH  # behind the last node
-CELLS = EDGE * PITCH if DIM == 2 else PITCH
 LINE, SUM = DIM * SIZE, SIZE  # bytes of a node's field and of its sum
 SUM_BYTES = (CELLS + 8) * SUM
 REACH = 0  # nodes of the field below the first cell
-
-
-@inlined
-def cell_of(x):
-    """Number of the nearest node along an axis."""
-    return floor(x + HALF)
 
 
 @kernel

@@ -8,7 +8,6 @@ follows from these without rounding, so that no charge is lost.
 
 from hpcpic.core.simd.vector import (
     convert,
-    floor,
     fma,
     gather_lines,
     lane_numbers,
@@ -19,6 +18,7 @@ from hpcpic.core.simd.vector import (
 )
 from hpcpic.plasma.kernels.cells import add_sums, add_whole, gather_field, gather_values, load_sums
 from hpcpic.plasma.kernels.lanes import address, bits_of, inlined, kernel
+from hpcpic.plasma.kernels.nodal import CELLS, PITCH
 from hpcpic.plasma.kernels.packs import (
     EIGHT,
     MAGIC_BITS,
@@ -33,26 +33,16 @@ from hpcpic.plasma.kernels.packs import (
     widened,
     zero_bytes,
 )
-from hpcpic.plasma.kernels.pages import TILE
-from hpcpic.plasma.kernels.plain import HALF, MAGIC, parabola, wings
+from hpcpic.plasma.kernels.plain import MAGIC, parabola, wings
 
 DIM = 2  # axes of the grid
 
-PITCH = TILE + 8  # of a row of nodes, one more than cells, in eights
-EDGE = TILE + 1 if DIM == 2 else PITCH  # behind the last node
-CELLS = EDGE * PITCH if DIM == 2 else PITCH
 LINE, SUM = (8 if DIM == 2 else 2) * SIZE, (8 if DIM == 2 else 4) * SIZE  # bytes of a line of coefficients, of sums
 ALONG_Y, REST = (CELLS + 8) * LINE, (CELLS + 8) * LINE * DIM  # where the lines of E_y start, and the last coefficients
 REST_SHIFT = 2 if DIM == 2 else 1  # from a line's place to that of the rest
 PARTS = (CELLS + 8) * SUM  # where the sums of parts start, in 2D
 SUM_BYTES = PARTS + (CELLS + 8) * SIZE
 REACH = 1  # nodes of the field below the first cell
-
-
-@inlined
-def cell_of(x):
-    """Number of the nearest node along an axis."""
-    return floor(x + HALF)
 
 
 @kernel

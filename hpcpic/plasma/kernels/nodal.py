@@ -1,0 +1,18 @@
+"""The cells about nodes, for shapes that are placed by the nearest node (NGP, TSC): one more a row than grid cells."""
+
+from hpcpic.core.simd.vector import floor
+from hpcpic.plasma.kernels.lanes import inlined
+from hpcpic.plasma.kernels.pages import TILE
+from hpcpic.plasma.kernels.plain import HALF
+
+DIM = 2  # axes of the grid
+
+PITCH = TILE + 8  # of a row of nodes, in eights
+EDGE = TILE + 1 if DIM == 2 else PITCH  # behind the last node
+CELLS = EDGE * PITCH if DIM == 2 else PITCH
+
+
+@inlined
+def cell_of(x):
+    """Number of the nearest node along an axis."""
+    return floor(x + HALF)
