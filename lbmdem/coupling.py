@@ -187,6 +187,11 @@ class Immersed:
         if nodes:
             self._refill.add_evenly(-gained / nodes / float(self._scale[6]))
 
+    def owed(self) -> float:
+        """Mass that the last `move` has given to nodes, which the next step takes from all of them. Collective."""
+        gained = np.array([self._pending.sums[:, 6].sum()], np.int64)
+        return float(self._world.sum_int(gained)[0] / self._scale[6])
+
     def forces(self, ids: NDArray[np.int64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """Force [n, d] and torque [n, 1 or 3] on the grains of these numbers, as `all_forces`. Collective."""
         parts = [*self._gains, *self._earlier]

@@ -36,6 +36,7 @@ FASTEST = 0.4  # velocity in lattice units beyond which no collision is a fluid 
 DENSEST = 2.0  # density of the lattice fluid, likewise, and 1 / 2
 DEEPEST = 0.1  # overlap over diameter at which grains are no grains any more, unless they start so
 MOST_DRIFT = 0.01  # of the mean density of a fluid that cannot leave
+MOST_JUMP = 1e-9  # of the same between two looks where it stays to rounding: 1e-17 a step
 
 
 class LbmDem:
@@ -289,6 +290,8 @@ class LbmDem:
             return f"grains overlap by {deepest:.1%} of a diameter (limit {self.deepest_allowed:.0%})"
         if abs(drift) > MOST_DRIFT:
             return f"the mean density of the fluid has changed by {drift:.2%} (limit {MOST_DRIFT:.0%})"
+        if not abs(self.diagnostics.jump) <= MOST_JUMP:
+            return f"the mean density of the fluid jumped by {self.diagnostics.jump:.1e}, which nothing in it can do"
         return None
 
     def close(self) -> None:
