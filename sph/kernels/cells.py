@@ -145,34 +145,10 @@ def arrange(block, blocks, begin, base, bucket, row, fine, key, flags, rows, row
         for k in range(at, at + n_rows):
             entry = row_table[k]
             for c in range(np.uint64(entry[3]), np.uint64(entry[3] + entry[2])):
-                order_by_key(body, key, np.uint32(fine_start[c]), np.uint32(fine_start[c + np.uint64(1)]))
+                order_by_key(body, key, fine_start[c], fine_start[c + np.uint64(1)])
         for s in range(np.uint64(base[l]), np.uint64(base[l] + begin[l + 1] - begin[l])):
             kind = flags[np.uint32(body[s])]
             slot_class[s] = (kind & 3) | (kind & 8) >> 1 | (8 if kind & 5 == 1 else 0)
-
-
-@njit
-def count(block, blocks, begin, base, slot_class, others):
-    """others[slot]: bodies without bit 8 before a slot of its layer, up to the slot after the last."""
-    for l in range(blocks[block], blocks[block + 1]):
-        found, last = 0, base[l] + begin[l + 1] - begin[l]
-        for s in range(base[l], last):
-            others[s] = found
-            found += slot_class[s] & 8 == 0
-        others[last] = found
-
-
-@njit
-def order_by_key(body, key, first, last):
-    """Sort the few bodies of a fine cell."""
-    one = np.uint64(1)
-    for s in range(np.uint64(first) + one, np.uint64(last)):
-        b = body[s]
-        t, own = s, key[np.uint32(b)]
-        while t > first and key[np.uint32(body[t - one])] > own:
-            body[t] = body[t - one]
-            t -= one
-        body[t] = b
 
 
 @njit
