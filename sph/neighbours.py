@@ -103,7 +103,7 @@ class Cells:
         n = sizes.get("rows", 0)
         if n > self._rows:
             self._rows = n = n + n // 4
-            tasks.set(row_table=np.zeros((n, 4), np.int32))
+            tasks.set(row_table=np.zeros((n, 6), np.int32))
         n = sizes.get("fine", 0)
         if n > self._fine:
             self._fine = n = n + n // 4
@@ -149,8 +149,6 @@ class Cells:
         np.cumsum(totals, out=fine[1 : here + 1])
         self._room(fine=int(fine[here]))
         tasks.each(kernels.arrange, blocks="layers")
-        self.workspace.need("find", others=((self.slots,), np.int32))
-        tasks.each(kernels.count, blocks="layers")
         self._try(kernels.find, blocks="sweeps")
 
     def _try(self, kernel: Any, **more: Any) -> None:

@@ -4,7 +4,8 @@ A layer is a slice of thickness `edge` across the slab axis, a row a bar of edge
 layer itself), a fine cell 1/FINE of an edge of a row. Tables exist for the occupied rows of the layers of a rank:
 
 rows[l] = (first row, number of rows, place of the first in row_table) of layer l
-row_table[k] = (slot of the first body, first fine cell, number of fine cells, place in fine_start)
+row_table[k] = (slot of the first body, first fine cell, number of fine cells, place in fine_start, first and end of the
+    fine cells, counted from the first, between which there is fluid only, as many as can be)
 fine_start[place + c] = slot of the first body of fine cell c or later; one more entry closes the row
 
 Slots of a layer begin at base[l], with room for two vectors after the last: loads and stores may overrun.
@@ -38,7 +39,7 @@ FAR = 2**30
 N, M = lanes(np.float64), lanes(np.int32)
 F, I, C = Vec(N, np.float64), Vec(N, np.int32), Vec(M, np.int32)
 # class of a slot: 1 fluid, + 2 where the sums are used (images only give), + 4 repulsive, + 8 density flows in and out
-# (of fluid and its images, but not in mirrors), + 16 has the bits 1, 2, 8 and all in its runs have bit 8
+# (of fluid and its images, but not in mirrors), + 16 has the bits 1, 2, 8 and so have all in its runs the bit 8
 PLAIN = 16
 LOST, CROWDED = 1, 2
 MOST = 65535  # slots of a run
@@ -149,17 +150,25 @@ def arrange(block, blocks, begin, base, bucket, row, fine, key, flags, rows, row
         for s in range(np.uint64(base[l]), np.uint64(base[l] + begin[l + 1] - begin[l])):
             kind = flags[np.uint32(body[s])]
             slot_class[s] = (kind & 3) | (kind & 8) >> 1 | (8 if kind & 5 == 1 else 0)
+        for k in range(at, at + n_rows):
+            free_cells(row_table[k], fine_start, slot_class)
 
 
 @njit
-def count(block, blocks, begin, base, slot_class, others):
-    """others[slot]: bodies without bit 8 before a slot of its layer, up to the slot after the last."""
-    for l in range(blocks[block], blocks[block + 1]):
-        found, last = 0, base[l] + begin[l + 1] - begin[l]
-        for s in range(base[l], last):
-            others[s] = found
-            found += slot_class[s] & 8 == 0
-        others[last] = found
+def free_cells(entry, fine_start, slot_class):
+    """The longest stretch of fine cells of a row without a body that lacks bit 8."""
+    entry[4], entry[5] = 0, 0
+    place, c, since = np.int64(entry[3]), np.int64(0), np.int64(0)
+    end = np.uint64(fine_start[place + entry[2]])
+    for s in range(np.uint64(entry[0]), end):
+        if slot_class[s] & 8 == 0:
+            while fine_start[place + c + 1] <= s:
+                c += 1
+            if c - since > entry[5] - entry[4]:
+                entry[4], entry[5] = since, c
+            since = c + 1
+    if entry[2] - since > entry[5] - entry[4]:
+        entry[4], entry[5] = since, entry[2]
 
 
 @njit
@@ -175,7 +184,7 @@ def order_by_key(body, key, first, last):
 
 
 @njit
-def find(block, blocks, begin, base, shape, edge, x, body, slot_class, others, rows, row_table, fine_start, run_first,
+def find(block, blocks, begin, base, shape, edge, x, body, slot_class, rows, row_table, fine_start, run_first,
          run_length):  # fmt: skip
     """run_first[k, slot], run_length[k, slot]: the slots in row k of the half neighbourhood that may be within the
     radius: the chord of the sphere in that row.
@@ -228,17 +237,14 @@ def find(block, blocks, begin, base, shape, edge, x, body, slot_class, others, r
                     lengths[:] = 0
                     continue
                 other = row_table[rows[l + up, 2] + at]
-                chords(height, left[3 * up + 1 + side], many, 1.0 * other[1], 1.0 * other[2], cells)
+                chords(height, left[3 * up + 1 + side], many, other, cells, met)
                 start = fine_start[other[3] : other[3] + other[2] + 1]
                 for m in range(np.uint64(many)):
                     begins[m], ends[m] = start[np.uint32(cells[0, m])], start[np.uint32(cells[1, m])]
                 if n == 0:
                     for m in range(many):
                         begins[m] = max(begins[m], first + m + 1)  # each pair once
-                if others[start[other[2]]] > others[other[0]]:  # with walls or images
-                    for m in range(np.uint64(many)):
-                        met[m] += max(others[np.uint32(ends[m])] - others[np.uint32(begins[m])], 0)
-                if others[first + many] > others[first]:
+                if entry[5] - entry[4] < entry[2]:  # with walls or images
                     for m in range(many):
                         if slot_class[first + m] & 3 != 3:
                             begins[m], ends[m] = trimmed(slot_class, slot_class[first + m] & 3, begins[m], ends[m])
@@ -255,16 +261,22 @@ def find(block, blocks, begin, base, shape, edge, x, body, slot_class, others, r
 
 
 @njit
-def chords(height, left, many, low_cell, n_cells, cells):
-    """First and end fine cells, of a row of them, of the chords around heights, half as long as the root of left."""
+def chords(height, left, many, row, cells, met):
+    """First and end fine cells, of those of a row of the table, of the chords around heights, half as long as the root
+    of left. met: not 0 from now on where a chord leaves the cells with fluid only.
+    """
+    low_cell, n_cells, free, free_end = 1.0 * row[1], 1.0 * row[2], row[4], row[5]
     for m in range(0, many, N):
         rest = load(F, left, m)
         half = sqrt(maximum(rest, 0.0))
         z = load(F, height, m) - low_cell
         low = minimum(maximum(floor(z - half), 0.0), n_cells)
         high = minimum(maximum(floor(z + half) + 1.0, 0.0), n_cells)
-        store(cells[0], m, convert(I, low))
-        store(cells[1], m, convert(I, select(rest > 0.0, high, low)))
+        first, end = convert(I, low), convert(I, select(rest > 0.0, high, low))
+        store(cells[0], m, first)
+        store(cells[1], m, end)
+        beside = select(first < np.int32(free), end - first, select(end > np.int32(free_end), end - first, 0))
+        store(met, m, load(I, met, m) | beside)
 
 
 @njit
