@@ -256,7 +256,7 @@ class Fluid:
         """The inverse of `populations`, for the parity of `iteration`. Collective the first time."""
         layout = self.layout
         rows = np.ascontiguousarray(np.moveaxis(h, 0, -1), self.layout_dtype)
-        self._each("write", self._where, [rows.reshape(layout.planes, layout.rows, layout.nx, self.lattice.q)])
+        self._each("write", [*self._where, 0], [rows.reshape(layout.planes, layout.rows, layout.nx, self.lattice.q)])
 
     def moments(self) -> tuple[NDArray, NDArray]:
         """Density [rows, ...] and velocity [rows, ..., d] with half the force, float64; 1 and 0 in solid nodes."""
@@ -281,10 +281,13 @@ class Fluid:
         rho = np.broadcast_to(np.asarray(rho, float), shape)
         d = self.lattice.dimensions
         u = np.broadcast_to(np.zeros(d) if u is None else np.asarray(u, float), (*shape, d))
-        h = np.empty((*shape, self.lattice.q), self.layout_dtype)
-        for row in range(shape[0]):  # one at a time: on the way to the result are several arrays of its size
-            h[row] = np.moveaxis(equilibrium(self.lattice, rho[row], u[row]), 0, -1)
-        self.set_populations(np.moveaxis(h, -1, 0))
+        layout = self.layout
+        h = np.empty((1, layout.rows, layout.nx, self.lattice.q), self.layout_dtype)
+        with self.world.first_on_node():
+            observe.write(self.f, *self._where, 0, self.parity, 0, 0, h)  # compiled
+        for row in range(shape[0]):  # one at a time: on the way are several arrays of its size
+            h[...] = np.moveaxis(equilibrium(self.lattice, rho[row], u[row]), 0, -1).reshape(h.shape)
+            observe.write(self.f, *self._where, row, self.parity, row, row + 1, h)
 
     def stress(self) -> NDArray:
         """Deviatoric stress sigma [rows, ..., d, d] in units of rho cs2: -(1 - 1/(2 tau)) sum h_neq e e."""

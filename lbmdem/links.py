@@ -6,6 +6,7 @@ For each fluid node with a solid node in direction i the wall is crossed at the 
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from types import SimpleNamespace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -26,6 +27,7 @@ RULES = {
 }
 GAINS = 7  # of a body from its links: force, torque, and the mass that the fluid gains
 _HALVINGS = 53  # of the interval that holds a crossing
+_NODES = 1 << 16  # whose links are found at a time: on the way they are several times as large
 
 
 class Directions:
@@ -114,6 +116,10 @@ class Bodies:
         return len(self.ids) + len(self.walls)
 
 
+class _Part(SimpleNamespace):
+    """Arrays of `FixedLinks` of some planes; plane: of each segment."""
+
+
 class FixedLinks:
     """Links of a slab in the order (plane, direction, node), with what the kernels need of each.
 
@@ -140,17 +146,45 @@ class FixedLinks:
         self._solid = solid.reshape(tuple(window.shape[::-1]))
         fluid = self._inner(self._solid) == FLUID
         self._sizes = np.array(fluid.shape[::-1])
-        nodes = np.argwhere(fluid)[:, ::-1].copy()  # (x, row, plane) of this slab, in the order of memory
-        parts = [self._of_direction(i, nodes) for i in range(1, self.directions.q)]
-        local, way, body, q, arm, speed = (np.concatenate(column) for column in zip(*parts))
-        del nodes, parts
+        step = max(1, _NODES // max(1, fluid[:1].size))
+        self._join([self._part(fluid, low, low + step) for low in range(0, max(1, len(fluid)), step)])
+
+    def _part(self, fluid: NDArray[np.bool_], low: int, high: int) -> "_Part":
+        """Links of the planes low .. high - 1."""
+        nodes = np.argwhere(fluid[low:high])[:, ::-1].copy()  # (x, row, plane), in the order of memory
+        nodes[:, 2] += low
+        found = [self._of_direction(i, nodes) for i in range(1, self.directions.q)]
+        local, way, body, q, arm, speed = (np.concatenate(column) for column in zip(*found))
         order = np.lexsort((local[:, 0], local[:, 1], way, local[:, 2]))
-        local, way, q = local[order], way[order], q[order]
-        self.body, self.arm, self.speed = body[order], arm[order], speed[order]
-        del order, body, arm, speed
-        self._segments(local, way)
-        self._weigh(local, way, q)
-        self._slim()
+        local, way, q, speed = local[order], way[order], q[order], speed[order]
+        part = _Part(body=body[order].astype(np.int32), arm=arm[order], speed=speed)
+        self._segments(part, local, way)
+        self._weigh(part, local, way, q)
+        return part
+
+    def _join(self, parts: list["_Part"]) -> None:
+        """One after the other; what no link needs is left out. An array at a time, as each is there twice meanwhile."""
+        still = not any(part.speed.any() for part in parts)
+
+        def joined(name: str, axis: int = 0, keep: bool = True) -> NDArray:
+            values = [getattr(part, name)[: None if keep else 0] for part in parts]
+            for part in parts:
+                delattr(part, name)
+            return np.ascontiguousarray(np.concatenate(values, axis=axis))
+
+        self.fallbacks = sum(part.fallbacks for part in parts)
+        self.far = self.far_weights = None
+        if kernels.rule_reach.py_func(self._rule) == 2:
+            self.far, self.far_weights = joined("far", 1), joined("far_weights")
+        self.wall = joined("wall", keep=not still or self.far is not None)
+        self.speed, self.arm = joined("speed", keep=not still), joined("arm")
+        self.weights, self.body, self.node = joined("weights"), joined("body"), joined("node")
+        self.offsets, self.way = joined("offsets", 1), joined("way")
+        ends = np.cumsum([0, *(part.start[-1] for part in parts)])
+        starts = [part.start[:-1] + end for part, end in zip(parts, ends)]
+        self.start = np.concatenate((*starts, ends[-1:])).astype(np.int64)
+        own = np.arange(self._layout.planes + 1)
+        self.planes = np.searchsorted(joined("plane"), own).astype(np.int64)
 
     @property
     def count(self) -> int:
@@ -246,23 +280,24 @@ class FixedLinks:
             parts.append((local[mine], body, q, arm, wall.speed(arm)))
         return parts
 
-    def _segments(self, local: NDArray, way: NDArray) -> None:
+    def _segments(self, part: "_Part", local: NDArray, way: NDArray) -> None:
         """Where the plane, the direction or the distance to the paired node changes, a segment starts."""
         up = np.where(way % 2 == 1, 1, -1)[:, None] * self.directions.e[way]
-        self.node = self._element(local).astype(np.int64)
-        there = self._element(local + up) - self.node
+        node = self._element(local)
+        there = self._element(local + up) - node
+        part.node = node.astype(np.int32 if self._layout.slot_stride < 1 << 31 else np.int64)
         changes = np.diff(local[:, 2]) | np.diff(way) | np.diff(there)
         first = np.flatnonzero(np.concatenate(([len(way) > 0], changes != 0))[: len(way)])
-        self.start = np.append(first, len(way)).astype(np.int64)
+        part.start = np.append(first, len(way)).astype(np.int64)
         i, j, zero = way[first], self.directions.opposite[way[first]], np.zeros(len(first), np.int64)
         odd = i % 2 == 1
         out = np.where(odd, there[first], zero)
         others = there[first] - out
         slots = self._layout.slots * self._layout.slot_stride
         places = [slots[:, j] + out, slots[:, i] + others, slots[:, j] + others]
-        self.offsets = np.array(np.stack(places, axis=-1), order="C")
-        self.way = self.directions.e[i].astype(np.float64)
-        self.planes = np.searchsorted(local[first, 2], np.arange(self._layout.planes + 1)).astype(np.int64)
+        part.offsets = np.array(np.stack(places, axis=-1), order="C")
+        part.way = self.directions.e[i].astype(np.float64)
+        part.plane = local[first, 2]
 
     def _element(self, local: NDArray[np.int64]) -> NDArray[np.int64]:
         """Place in a slot of nodes (x, row, plane) of this slab or one beyond; see `kernels.layout`."""
@@ -273,9 +308,8 @@ class FixedLinks:
             plane = plane % layout.planes
         return plane * layout.plane_stride + row * layout.row_stride + layout.lanes + x
 
-    def _weigh(self, local: NDArray, way: NDArray, q: NDArray) -> None:
+    def _weigh(self, part: "_Part", local: NDArray, way: NDArray, q: NDArray) -> None:
         """The weights of the rule, or of the lower one for which there are enough fluid nodes."""
-        self.far: NDArray[np.int64] | None = None
         e, reach = self.directions.e[way], kernels.rule_reach.py_func(self._rule)
         box = self._window.box - self._window.inner[:, :1]
         inside = np.all((local - e >= box[:, 0]) & (local - e < box[:, 1]), axis=1)
@@ -285,27 +319,15 @@ class FixedLinks:
             behind[(behind == 1) & (self._solid_at(y - e) == FLUID)] = 2
             z = np.mod(y - e, self._sizes)
             arrivals = (self._arrival(y, way), self._arrival(z, self.directions.opposite[way]))
-            self.far = np.array(np.stack(arrivals, axis=-1), order="C")
+            part.far = np.array(np.stack(arrivals, axis=-1), order="C")
         behind = np.minimum(behind, reach)
-        self.fallbacks = int(np.count_nonzero(behind < reach))
+        part.fallbacks = int(np.count_nonzero(behind < reach))
         table = np.empty((len(q), 6))
         kernels.weigh(self._rule, q, behind, table)
-        self.weights = np.ascontiguousarray(table[:, :3] - np.array([1.0, 0.0, 0.0]))
-        if self.far is not None:
-            self.far_weights = np.ascontiguousarray(table[:, 3:5])
-        self.wall = table[:, 5] * self.directions.w6[way] * np.sum(e * self.speed, axis=1)
-
-    def _slim(self) -> None:
-        """Keep what the kernels cannot do without: memory is what links cost."""
-        self.body = self.body.astype(np.int32)
-        if self._layout.slot_stride < 1 << 31:
-            self.node = self.node.astype(np.int32)
-        if self._rule in (kernels.HALFWAY, kernels.CLI):
-            self.weights = np.ascontiguousarray(self.weights[:, 1 : 1 + (self._rule == kernels.CLI)])
-        if not self.speed.any():
-            self.speed = self.speed[:0].copy()
-            if self.far is None:
-                self.wall = self.wall[:0].copy()
+        columns = {kernels.HALFWAY: slice(0), kernels.CLI: slice(1, 2)}.get(self._rule, slice(3))
+        part.weights = (table[:, :3] - np.array([1.0, 0.0, 0.0]))[:, columns].copy()
+        part.far_weights = table[:, 3:5].copy()
+        part.wall = table[:, 5] * self.directions.w6[way] * np.sum(e * part.speed, axis=1)
 
     def _arrival(self, local: NDArray[np.int64], way: NDArray[np.int64]) -> NDArray[np.int64]:
         """[parity, n]: elements of the array where directions arrive at own nodes."""

@@ -153,11 +153,11 @@ def read(f, ids, ghosts, strides, slots, shifts, parity, low, high, h):
 
 
 @njit
-def write(f, strides, slots, shifts, parity, low, high, h):
-    """The inverse of `read`."""
+def write(f, strides, slots, shifts, first, parity, low, high, h):
+    """The inverse of `read`; h begins with the plane `first`."""
     for z in range(low, high):
         for y in range(h.shape[1]):
             for i in range(h.shape[3]):
                 start = arrival(strides, slots, shifts, parity, z, y, 0, i)
                 for x in range(h.shape[2]):
-                    f[start + x] = h[z, y, x, i]
+                    f[start + x] = h[z - first, y, x, i]
