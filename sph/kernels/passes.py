@@ -12,6 +12,7 @@ from sph.kernels.pairs import UNIT, Law, Terms, collect, columns_of
 
 NUMBERS = ("artificial", "viscous", "flux_strength", "gravityx", "gravityy", "gravityz", "reach", "per_w")
 
+ROWS, OWN_ROWS = {2: 2, 3: 5}, {2: 1, 3: 2}  # as kernels.cells has them
 ARGUMENTS = "block, blocks, begin, base, numbers, run_first, run_length, classes, position, values, sums"
 
 HEAD = """
@@ -72,11 +73,12 @@ def _pair(law: Law, terms: Terms, plain: bool) -> list[str]:
 
 
 def _fetch_ahead(law: Law, read: Sequence[str], n: int) -> list[str]:
-    """Cache lines that bodies soon after i will want first: of the last row of its layer and of the next. There are
-    more streams than the processor follows by itself.
+    """Cache lines that bodies soon after i will want first: there are more streams than the processor follows by
+    itself.
     """
     lines = []
-    for row, shift in ((1, ""), (4, " + n_slots")) if law.dimensions == 3 else ((0, ""), (1, " + n_slots")):
+    for row in range(ROWS[law.dimensions]):
+        shift = "" if row < OWN_ROWS[law.dimensions] else " + n_slots"
         lines.append(f"soon = np.int64(run_first[{row}, i]) + np.int64(run_length[{row}, i]) + 2 * LANES_")
         lines += [f"prefetch(address_of({name}, soon))" for name in read]
         lines += [f"prefetch_to_write(address_of(sums{k}, soon{shift}))" for k in range(n)]
@@ -90,8 +92,7 @@ def _indent(lines: Sequence[str], depth: int) -> str:
 def _pass_source(law: Law, title: str, names: Sequence[str]) -> str:
     terms = collect(law, names)
     columns = columns_of(law)
-    own_rows = 2 if law.dimensions == 3 else 1
-    rows = 5 if law.dimensions == 3 else 2
+    rows, own_rows = ROWS[law.dimensions], OWN_ROWS[law.dimensions]
     n = len(terms.sums)
     numbers = [f"{name} = REAL(numbers[{k}])" for k, name in enumerate(NUMBERS)]
     views = [f"{a}_ = position[{k}]" for k, a in enumerate(law.axes)]
