@@ -108,6 +108,7 @@ class Bodies:
         self.without = without  # columns that nobody needs
         self.n = self.ghosts = self.capacity = 0
         self.columns: dict[str, NDArray] = {}
+        self._of_wall: dict[int, NDArray[np.int64]] = {}
         self.reserve(1024)
         self._refresh = Refresh(world, Channel.GHOSTS_VALUES)
         self._kept = [name for name in self.STATE if name not in without]
@@ -154,6 +155,13 @@ class Bodies:
     def clear(self) -> None:
         """No bodies."""
         self.n = self.ghosts = 0
+        self._of_wall.clear()
+
+    def of_wall(self, number: int) -> NDArray[np.int64]:
+        """Rows of the bodies of a wall, ghosts too; found again when there are others."""
+        if number not in self._of_wall:
+            self._of_wall[number] = np.flatnonzero(self.wall[: self.n + self.ghosts] == number + 1)
+        return self._of_wall[number]
 
     def append(
         self, x: NDArray, v: NDArray, drho: NDArray, m: NDArray, ids: NDArray, flags: NDArray | int,
@@ -161,6 +169,7 @@ class Bodies:
     ) -> None:  # fmt: skip
         """Add own particles, x, v and normal [d, k]; forgets the ghosts."""
         self.ghosts = 0
+        self._of_wall.clear()
         k = len(ids)
         self.reserve(self.n + k)
         rows = slice(self.n, self.n + k)
@@ -174,8 +183,9 @@ class Bodies:
         self.n += k
 
     def sort(self, order: NDArray) -> None:
-        """Own particles in another order, for locality alone."""
-        for name in (*self._kept, "a", "rate"):
+        """Own particles in another order, for locality alone; their rates are lost."""
+        self._of_wall.clear()
+        for name in self._kept:
             column = self.columns[name]
             if column.ndim == 2:
                 for line in column:
@@ -217,6 +227,7 @@ class Bodies:
 
     def _remove(self, gone: NDArray) -> None:
         """Take particles out; the last ones move into their places."""
+        self._of_wall.clear()
         left = self.n - len(gone)
         holes = gone[gone < left]
         movers = np.setdiff1d(np.arange(left, self.n), gone)
@@ -226,6 +237,8 @@ class Bodies:
 
     def choose_ghosts(self, layer: NDArray, layer_of: Callable, slabs: Slabs) -> None:
         """Who is seen where from now on: layer[n] of the own particles. Collective."""
+        if self.ghosts:
+            self._of_wall.clear()
         self.ghosts = 0
         rows, codes, peers, shifts = [], [], [], []
         owner, me = slabs.owner, self.world.rank
@@ -263,6 +276,8 @@ class Bodies:
 
     def _identify(self) -> None:
         """What of the ghosts does not change with time."""
+        if self.ghosts:
+            self._of_wall.clear()
         mirrored = np.array(self.maps.mirrored)[self._codes]
         flags = self.flags[self._rows]
         flags = np.where(self._codes > 0, flags & ~REAL, flags) | np.where(mirrored, MIRRORED, 0)

@@ -124,11 +124,11 @@ def wall_forces(engine: "Sph") -> dict[str, tuple[NDArray[np.float64], NDArray[n
     """Force [d] in N (2D: N/m) and torque [3] about `torque_about` of the fluid on each measured wall. Collective."""
     engine.current_forces()
     bodies, d = engine.bodies, engine.scene.dimensions
-    everybody, (low, high) = bodies.n + bodies.ghosts, engine.domain.row_range(engine.world.rank)
+    low, high = engine.domain.row_range(engine.world.rank)
     measured = [wall for wall in engine.scene.walls if wall.measure_force]
     groups = []
     for wall in measured:
-        own = np.flatnonzero(bodies.wall[:everybody] == wall.index + 1)
+        own = bodies.of_wall(wall.index)
         layer = engine.grid.layer(bodies.x[0, own])
         own = own[(layer >= low) & (layer < high)]  # images in this slab's layers hold what they do to this slab
         force, arm = np.zeros((3, len(own))), np.zeros((3, len(own)))
