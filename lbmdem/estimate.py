@@ -1,37 +1,53 @@
 """What an LBM-DEM run will need: memory by item, disk, time for any ranks x threads, from measured rates.
 
-A step costs the nodes at the rate of the sweep, the links of grains, the grains in every DEM substep, and messages.
-Where nothing moves in the fluid, several steps are done in a pass over memory and share its launch.
+A step sweeps all nodes, those beside solids at a higher price; links, grains and their substeps, and what moving solids
+need, come on top. Where nothing moves in the fluid several steps are done in a pass over memory: they share its launch
+and do not wait for memory. Work divides among the cores, launches and exchanges do not.
 """
 
 import math
 from collections.abc import Mapping
 
-from hpcpic.core.cli.forecast import Estimate
+from hpcpic.core.cli.forecast import FILES, Estimate, gain, writing_seconds
 from lbmdem.config import LbmDemConfig
 from lbmdem.plan import BYTES, VELOCITIES, arrays, face_bytes, grain_count, link_count, moving
+from lbmdem.vectors import shares
 
 MIB = 2.0**20
 SERIES_BYTES = 16 * 8 * 2
+START = 1.0  # s: interpreter, libraries, kernels from the cache
 DEPTH = 6  # steps per pass at most (lbmdem.wavefront)
+WHOLE = 28e6  # bytes of the planes of a wave with links or faces (lbmdem.wavefront)
+CACHED = 12e6  # bytes of populations below which a sweep does not wait for memory
 
 # Measured on the authors' machine, one core of a 2-core AMD Zen 5 at 4.1 GHz.
-DEFAULT = {
-    "mlups D3Q19 double": 150.0,
-    "mlups D3Q19 single": 290.0,
-    "mlups D2Q9 double": 300.0,
-    "mlups D2Q9 single": 600.0,
-    "link_ns fixed": 7.0,
-    "link_ns moving": 22.0,
-    "grain_ns": 150.0,  # per grain and DEM substep
-    "lattice_launch_us": 80.0,
-    "message_us": 6.0,
+DEFAULT = FILES | {
+    "mlups D3Q19 double": 190.0,  # one step per pass over memory
+    "mlups D3Q19 single": 400.0,
+    "mlups D2Q9 double": 480.0,
+    "mlups D2Q9 single": 1000.0,
+    "wave_gain D3Q19": 1.45,  # in caches, or with several steps per pass
+    "wave_gain D2Q9": 1.55,
+    "forced": 0.45,  # more, in caches, for a sweep with a body force
+    "central": 0.5,  # and for central moments
+    "mixed": 0.75,  # and for nodes beside solids
+    "link_ns fixed": 3.3,  # several steps per pass
+    "link_ns fixed single": 6.0,
+    "link_ns moving": 19.0,
+    "moving_us": 160.0,  # a step: who covers which nodes now
+    "conserving_ns": 5.4,  # per node, where the mass of covered nodes is put back
+    "grains_us": 80.0,  # a step
+    "substep_us": 0.25,
+    "grain_ns": 27.0,  # per grain and substep
+    "lattice_sample_us": 300.0,
+    "lattice_sample_ns": 10.0,  # per node
+    "lattice_launch_us": 2.5,
+    "message_us": 3.0,
     "message_gb_s": 8.0,
+    "grain_exchange_us": 150.0,  # forces, ghosts and owners of grains, a step of several ranks
     "cores": 2.0,
-    "core_gain": 1.15,  # of the second core on the sweep, which memory limits
-    "wave_gain": 1.5,  # of several steps per pass on one core, and
-    "wave_core_gain": 1.7,  # of the second core then
-    "beside_solids": 0.5,  # more for a sweep with solids everywhere, which is a link in five nodes
+    "sweep_core_gain": 1.3,  # of all cores over one on a sweep that waits for memory
+    "wave_core_gain": 1.7,  # and on other work
     "rank_mib": 200.0,
 }
 
@@ -39,26 +55,43 @@ DEFAULT = {
 def estimate(config: LbmDemConfig, ranks: int, threads: int, measured: Mapping[str, float]) -> Estimate:
     """Of a completed case on ranks x threads; `measured` rates of this machine take the place of DEFAULT."""
     rates = DEFAULT | dict(measured)
-    step = step_seconds(config, ranks, threads, rates)
+    depth, period = steps_per_pass(config, ranks, threads), config.periods["series"]
+    single = phases(config, ranks, threads, rates, 1)
+    whole = phases(config, ranks, threads, rates, depth) if depth > 1 else single
+    together = share_together(depth, period or config.n_steps, bool(config.grains or config.obstacle))
+    step = sum((whole if together >= 0.5 else single).values())
+    mean = together * sum(whole.values()) + (1 - together) * sum(single.values())
+    sampling = (config.n_steps // period + 1) * sample_seconds(config, ranks, threads, rates) if period else 0.0
     memory = {"Python and libraries": rates["rank_mib"] * MIB}
     memory |= {array.name: float(array.bytes) for array in arrays(config, ranks)}
-    return Estimate(memory, disk_items(config), step, config.n_steps * step + 1.0)
+    disk = disk_items(config)
+    periods = [config.periods[kind] for kind in ("field", "particle") if config.periods[kind]]
+    snapshots = sum(config.n_steps // every + 1 for every in periods)
+    seconds = START + config.n_steps * mean + sampling + writing_seconds(disk, snapshots, rates)
+    return Estimate(memory, disk, step, seconds, whole if together >= 0.5 else single, sampling)
 
 
-def step_seconds(config: LbmDemConfig, ranks: int, threads: int, rates: Mapping[str, float]) -> float:
-    """One fluid step; the sweep is bound by memory, the rest divides among the cores."""
-    wanted = ranks * threads
-    cores = wanted if wanted > 2 * rates["cores"] else min(wanted, rates["cores"])
-    rest = 0.0
-    if moving(config):
-        rest += grain_count(config) * config.substeps * rates["grain_ns"]
-    together = steps_per_pass(config, ranks, threads)
-    seconds = 1e-6 * rates["lattice_launch_us"] / together
+def phases(
+    config: LbmDemConfig, ranks: int, threads: int, rates: Mapping[str, float], together: int
+) -> dict[str, float]:
+    """Seconds of one step by what it does, with so many steps per pass over memory."""
+    cores = 1e9 * gain(ranks, threads, rates, rates["wave_core_gain"])
+    seconds = {"launches": 1e-6 * rates["lattice_launch_us"] / together}
+    moved = moving(config) and not config.coupling.frozen
     if config.fluid:
-        seconds += sweep_seconds(config, cores, together, rates) + message_seconds(config, ranks, rates)
-        kind = "link_ns moving" if moving(config) and not config.coupling.frozen else "link_ns fixed"
-        rest += link_count(config) * rates[kind]
-    return seconds + 1e-9 * rest / cores
+        seconds |= sweep_seconds(config, ranks, threads, rates, together)
+        kind = "moving" if moved else "fixed" if together > 1 or cached(config) else "fixed single"
+        seconds["links"] = link_count(config) * rates[f"link_ns {kind}"] / cores
+        seconds["messages"] = message_seconds(config, ranks, rates)
+    if moving(config):
+        seconds["grains"] = 1e-6 * (rates["grains_us"] + config.substeps * rates["substep_us"])
+        seconds["grains"] += grain_count(config) * config.substeps * rates["grain_ns"] / cores
+        if config.fluid and moved:
+            seconds["moving solids"] = 1e-6 * rates["moving_us"]
+            if config.coupling.refill == "conserving":
+                seconds["moving solids"] += math.prod(config.points) * rates["conserving_ns"] / cores
+        seconds["exchanges"] = 1e-6 * rates["grain_exchange_us"] if ranks > 1 else 0.0
+    return seconds
 
 
 def steps_per_pass(config: LbmDemConfig, ranks: int, threads: int) -> int:
@@ -67,22 +100,59 @@ def steps_per_pass(config: LbmDemConfig, ranks: int, threads: int) -> int:
     if not config.fluid or moving(config) or driven:
         return 1
     lag = 2 if config.grains or config.obstacle or config.boundary else 1
-    return max(1, min(DEPTH, config.points[-1] // (ranks * threads * 2 * lag)))
+    depth = min(DEPTH, config.points[-1] // (ranks * threads * 2 * lag))
+    if lag > 1:
+        depth = min(depth, int((WHOLE / (population_bytes(config) / config.points[-1] * threads) - 1) // 2))
+    return max(1, depth)
 
 
-def sweep_seconds(config: LbmDemConfig, cores: float, together: int, rates: Mapping[str, float]) -> float:
-    nodes = math.prod(config.points)
-    sweep = 1e-6 * nodes / rates[f"mlups {config.simulation.lattice} {config.fluid.storage}"]
-    sweep *= 1 + rates["beside_solids"] * min(1.0, 5.0 * link_count(config) / nodes)
-    sweep, gain = (sweep / rates["wave_gain"], "wave_core_gain") if together > 1 else (sweep, "core_gain")
-    shared = min(cores, rates["cores"])  # of one node
-    return sweep / (1 + (shared - 1) * (rates[gain] - 1)) / (cores / shared)
+def share_together(depth: int, period: int, hooks: bool) -> float:
+    """The share of the steps between two looks that are done `depth` per pass; the last two with links are not."""
+    least = depth + 2 if hooks else depth
+    passes = 0 if depth == 1 or period < least else (period - least) // depth + 1
+    return passes * depth / period
+
+
+def population_bytes(config: LbmDemConfig) -> int:
+    return math.prod(config.points) * VELOCITIES[config.simulation.lattice] * BYTES[config.fluid.storage]
+
+
+def cached(config: LbmDemConfig) -> bool:
+    return population_bytes(config) < CACHED
+
+
+def sweep_seconds(
+    config: LbmDemConfig, ranks: int, threads: int, rates: Mapping[str, float], together: int
+) -> dict[str, float]:
+    """Arithmetic of all nodes with fluid, and the wait for memory where one step is done per pass."""
+    lattice, found, fluid = config.simulation.lattice, shares(config), config.fluid
+    one = 1e-6 * math.prod(config.points) / rates[f"mlups {lattice} {fluid.storage}"]
+    bare = one / rates[f"wave_gain {lattice}"]
+    wet = 1 - found.skipped
+    more = rates["forced"] if any(fluid.body_force) or config.shaking else 0.0
+    more += rates["central"] if fluid.collision == "central" else 0.0
+    work = bare * (wet * (1 + more) + found.mixed * rates["mixed"])
+    seconds = {"nodes": work / gain(ranks, threads, rates, rates["wave_core_gain"])}
+    if together == 1 and not cached(config):
+        both = 1e9 * (one / gain(ranks, threads, rates, rates["sweep_core_gain"])
+                      - bare / gain(ranks, threads, rates, rates["wave_core_gain"]))  # fmt: skip
+        seconds["memory"] = 1e-9 * wet * max(0.0, both)
+    return seconds
 
 
 def message_seconds(config: LbmDemConfig, ranks: int, rates: Mapping[str, float]) -> float:
+    """Every step's populations cross both ends of a slab, also within a pass."""
     if ranks == 1:
         return 0.0
-    return 4e-6 * rates["message_us"] + 2 * face_bytes(config) / (1e9 * rates["message_gb_s"])
+    return 1e-6 * rates["message_us"] + 2 * face_bytes(config) / (1e9 * rates["message_gb_s"])
+
+
+def sample_seconds(config: LbmDemConfig, ranks: int, threads: int, rates: Mapping[str, float]) -> float:
+    """Of one sample of the series, which goes through all nodes."""
+    nodes = math.prod(config.points) if config.fluid else 0
+    return 1e-6 * rates["lattice_sample_us"] + 1e-9 * nodes * rates["lattice_sample_ns"] / gain(
+        ranks, threads, rates, rates["wave_core_gain"]
+    )
 
 
 def disk_items(config: LbmDemConfig) -> dict[str, float]:

@@ -9,32 +9,24 @@ from collections.abc import Iterator
 from hpcpic.core.cli.forecast import Array
 from hpcpic.core.space.domain import even_cuts
 from lbmdem.config import LbmDemConfig
+from lbmdem.vectors import grains
 
 VELOCITIES = {"D2Q9": 9, "D3Q19": 19}
 CROSSING = {"D2Q9": 3, "D3Q19": 5}  # populations that leave through one face of a slab
 BYTES = {"double": 8, "single": 4}
 TYPES = {"double": "float64", "single": "float32"}
-LINKS = {2: 5.1, 3: 5.72}  # per node of a grain's perimeter, or per node of its surface
+LINKS = {2: 3.07, 3: 5.74}  # per node of a grain's perimeter or surface: half the sum of |e . n|, any direction n
 
 
 def grain_count(config: LbmDemConfig) -> int:
     return sum(len(some.position) or some.diameters.count for some in config.grains)
 
 
-def mean_diameter(config: LbmDemConfig) -> float:
-    """Of all grains, in m."""
-    sizes = [
-        (some.diameter or 0.5 * (some.diameters.min + some.diameters.max), len(some.position) or some.diameters.count)
-        for some in config.grains
-    ]
-    return sum(size * n for size, n in sizes) / max(1, sum(n for _, n in sizes))
-
-
 def link_count(config: LbmDemConfig) -> int:
-    """Links between fluid and grains, of all ranks."""
-    d, nodes = config.dimensions, mean_diameter(config) / config.spacing
-    surface = math.pi * nodes if d == 2 else math.pi * nodes * nodes
-    return round(grain_count(config) * surface * LINKS[d])
+    """Links between fluid and grains, of all ranks; grains in contact share some, which is not looked at."""
+    d = config.dimensions
+    surface = sum(n * math.pi * (2 * r) ** (d - 1) for some in config.grains for r, n in grains(config, some))
+    return round(surface * LINKS[d])
 
 
 def moving(config: LbmDemConfig) -> bool:

@@ -1,70 +1,113 @@
-"""What an SPH run will need: memory by item, disk, time for any ranks x threads, from measured rates."""
+"""What an SPH run will need: memory by item, disk, time for any ranks x threads, from measured rates.
+
+A step is pair sums and what every particle costs, divided by the gain of the cores, and what does not divide: launches,
+images in mirrors and periodic sides, and the exchanges between ranks. A sample needs the accelerations that the next
+step begins with, and leaves them to it.
+"""
 
 import math
 from collections.abc import Mapping
 
-from hpcpic.core.cli.forecast import Estimate
+from hpcpic.core.cli.forecast import FILES, Estimate, gain, writing_seconds
 from sph import limits
 from sph.config import SphConfig
 from sph.plan import MIB, arrays, counts
 
-SUMS = {"euler": 1.0, "predictor-corrector": 2.0, "rk3-tvd": 3.0, "symplectic": 1.46}  # pair sums of a step
+SUMS = {"euler": 1.0, "predictor-corrector": 2.0, "rk3-tvd": 3.0, "symplectic": 1.46}  # pair sums of a step, of these
+FIRST = {"euler": 1.0, "predictor-corrector": 1.0, "rk3-tvd": 1.0, "symplectic": 0.85}  # what a sample needs too
+DELTA = 0.3  # more, for renormalised gradients
+SERIES_BYTES = 24 * 8 * 2
+START = 2.0  # s: interpreter, libraries, kernels from the cache
+IMAGES = ("mirror", "point-symmetric")  # walls whose particles are images
 
 # Measured on the authors' machine, one core of a 2-core AMD Zen 5 at 4.1 GHz.
-DEFAULT = {
-    "pair_ns 3D double": 3.0,  # of a directed pair within the support
-    "pair_ns 3D single": 2.0,
-    "pair_ns 2D double": 3.0,
-    "pair_ns 2D single": 2.2,
-    "body_ns": 80.0,  # sorting, state, criteria
-    "sum_launch_us": 170.0,  # Python and the launches of an evaluation
-    "images_us": 550.0,  # a step: who has images in mirrors and periodic sides
-    "message_us": 30.0,
+DEFAULT = FILES | {
+    "pair_ns 3D double": 2.0,  # of a directed pair within the support
+    "pair_ns 3D single": 1.4,
+    "pair_ns 2D double": 1.65,
+    "pair_ns 2D single": 1.45,
+    "body_ns": 50.0,  # sorting, state, criteria
+    "step_us": 130.0,  # Python and the launches of a step
+    "sum_launch_us": 45.0,  # and of an evaluation
+    "images_us": 450.0,  # a step: who has images in mirrors and periodic sides
+    "sph_sample_us": 150.0,
+    "ghost_exchange_us": 300.0,  # a step of several ranks: who is a ghost where, leavers, the time step
+    "refresh_us": 30.0,  # of ghosts, an evaluation
+    "ghost_ns": 200.0,  # of one ghost, a step
     "cores": 2.0,
+    "pair_core_gain": 1.7,  # of all cores of a node over one
     "rank_mib": 195.0,
-    "thread_efficiency": 0.9,
 }
-SERIES_BYTES = 24 * 8 * 2
 
 
 def estimate(config: SphConfig, ranks: int, threads: int, measured: Mapping[str, float]) -> Estimate:
     """Of a completed case on ranks x threads; `measured` rates of this machine take the place of DEFAULT."""
     rates = DEFAULT | dict(measured)
-    one = step_seconds(config, ranks, threads, rates)
-    steps = config.simulation.end_time / limits.time_step(config)
+    whole = phases(config, ranks, threads, rates)
+    one, first = sum(whole.values()), first_seconds(config, whole, rates)
+    end, dt, period = config.simulation.end_time, limits.time_step(config), config.output.period
+    steps, samples = end / dt, times(config, period.series)
+    step = one - first if period.series and period.series <= dt else one
+    sampling = 1e-6 * samples * rates["sph_sample_us"]
     memory = {"Python and libraries": rates["rank_mib"] * MIB}
     memory |= {array.name: float(array.bytes) for array in arrays(config, ranks)}
-    return Estimate(memory, disk_items(config), one, steps * one + 2.0)
+    disk = disk_items(config)
+    writing = writing_seconds(disk, round(times(config, period.particles)), rates)
+    return Estimate(memory, disk, step, START + steps * one + sampling + writing, whole, sampling)
 
 
-def step_seconds(config: SphConfig, ranks: int, threads: int, rates: Mapping[str, float]) -> float:
-    """Pair sums and the rest of a step, divided among the cores there are."""
+def phases(config: SphConfig, ranks: int, threads: int, rates: Mapping[str, float]) -> dict[str, float]:
+    """Seconds of one step by what it does, when no sample was taken before it."""
     fluid, walls = counts(config)
     reach, d = config.support / config.numerics.spacing, config.dimensions
     neighbours = math.pi * reach**2 if d == 2 else 4 / 3 * math.pi * reach**3
     pairs = (fluid + 0.5 * walls) * neighbours
-    sums = SUMS[config.simulation.integrator] + (0.3 if config.numerics.density_flux == "delta" else 0.0)
-    work = sums * pairs * rates[f"pair_ns {d}D {config.numerics.precision}"] + (fluid + walls) * rates["body_ns"]
-    cores = min(ranks * threads, rates["cores"]) if ranks * threads <= 2 * rates["cores"] else ranks * threads
-    cores = 1 + (cores - 1) * rates["thread_efficiency"]
-    messages = 8 * sums * rates["message_us"] if ranks > 1 else 0.0
-    mirrored = config.domain.periodic or any(wall.type.startswith("mirror") for wall in config.wall)
-    images = rates["images_us"] if mirrored else 0.0
-    return 1e-9 * work / cores + 1e-6 * (rates["sum_launch_us"] * sums + images + messages)
+    cores = 1e9 * gain(ranks, threads, rates, rates["pair_core_gain"])
+    imaged = config.domain.periodic or any(wall.type.startswith(IMAGES) for wall in config.wall)
+    return {
+        "pairs": sums(config) * pairs * rates[f"pair_ns {d}D {config.numerics.precision}"] / cores,
+        "particles": (fluid + walls) * rates["body_ns"] / cores,
+        "launches": 1e-6 * (rates["step_us"] + sums(config) * rates["sum_launch_us"]),
+        "images": 1e-6 * rates["images_us"] if imaged else 0.0,
+        "exchanges": exchange_seconds(config, ranks, rates),
+    }
+
+
+def exchange_seconds(config: SphConfig, ranks: int, rates: Mapping[str, float]) -> float:
+    """Of one step of several ranks: leavers, the time step, and ghosts, as many as a compact body of fluid shows."""
+    if ranks == 1:
+        return 0.0
+    d, (fluid, walls) = config.dimensions, counts(config)
+    ghosts = min(2, ranks - 1) * (fluid + walls) ** (1 - 1 / d) * config.support / config.numerics.spacing
+    fixed = rates["ghost_exchange_us"] + sums(config) * rates["refresh_us"]
+    return 1e-6 * fixed + 1e-9 * ghosts * rates["ghost_ns"]
+
+
+def sums(config: SphConfig) -> float:
+    """Evaluations of all pair sums that a step is worth."""
+    return SUMS[config.simulation.integrator] + (DELTA if config.numerics.density_flux == "delta" else 0.0)
+
+
+def first_seconds(config: SphConfig, whole: Mapping[str, float], rates: Mapping[str, float]) -> float:
+    """Of the first evaluation of a step, which it finds done where a sample was taken."""
+    share = FIRST[config.simulation.integrator] / SUMS[config.simulation.integrator]
+    launches = 1e-6 * FIRST[config.simulation.integrator] * rates["sum_launch_us"]
+    return share * whole["pairs"] + launches
+
+
+def times(config: SphConfig, seconds: float) -> float:
+    """How often something is written at this period, which a step may exceed."""
+    end = config.simulation.end_time
+    return min(end / seconds, end / limits.time_step(config)) + 1 if seconds else 0.0
 
 
 def disk_items(config: SphConfig) -> dict[str, float]:
     """Bytes of the whole run."""
     fluid, walls = counts(config)
-    period, end = config.output.period, config.simulation.end_time
-    steps = end / limits.time_step(config)
-
-    def times(seconds: float) -> float:
-        return min(end / seconds, steps) + 1 if seconds else 0.0
-
+    period = config.output.period
     shown = fluid + (walls if config.output.walls else 0)
     return {
-        "series": times(period.series) * SERIES_BYTES,
-        "particles": times(period.particles) * shown * (3 * 8 + 3 * 8 + 8 + 8 + 8 + 4),
+        "series": times(config, period.series) * SERIES_BYTES,
+        "particles": times(config, period.particles) * shown * (3 * 8 + 3 * 8 + 8 + 8 + 8 + 4),
         "checkpoints, two": 2 * (fluid + walls) * (8 * (2 * config.dimensions + 3)),
     }

@@ -1,6 +1,7 @@
 """What a plasma run will need: memory by item, disk, time for any ranks x threads, from measured rates.
 
-Time of a step = particles / cores x ns per particle + cells / cores x ns per cell + transform + launches + messages.
+A step is the work on particles, on cells and on the field, divided by the gain of the cores, and what does not divide:
+Python with the launches, and the exchanges between ranks. A sample of the series goes through all particles and nodes.
 The rates come from `hpcpic bench` on this machine; what it did not measure keeps its ratio to what it did on the
 authors' machine (DEFAULT).
 """
@@ -8,47 +9,58 @@ authors' machine (DEFAULT).
 import math
 from collections.abc import Mapping
 
-from hpcpic.core.cli.forecast import Estimate
+from hpcpic.core.cli.forecast import FILES, Estimate, gain, writing_seconds
 from hpcpic.plasma.config import PlasmaConfig, velocity_components
 from hpcpic.plasma.plan import arrays
 
 MIB = 2.0**20
 SERIES_BYTES = 16 * 8 * 2  # of one sample: sixteen numbers, in HDF5 and as text
+START = 1.0  # s: interpreter, libraries, kernels from the cache
 
 # Measured on the authors' machine, one core of a 2-core AMD Zen 5 at 4.1 GHz.
-DEFAULT = {
-    "particle_ns 2D CIC double": 3.0,
-    "particle_ns 2D CIC single": 2.9,
-    "particle_ns 2D NGP double": 2.6,
-    "particle_ns 2D NGP single": 2.8,
-    "particle_ns 2D TSC double": 4.5,
-    "particle_ns 2D TSC single": 4.2,
-    "particle_ns 1D CIC double": 1.38,
-    "particle_ns 1D CIC single": 1.3,
+DEFAULT = FILES | {
+    "particle_ns 2D CIC double": 2.3,  # pushed and delivered
+    "particle_ns 2D CIC single": 1.9,
+    "particle_ns 2D NGP double": 2.0,
+    "particle_ns 2D NGP single": 1.6,
+    "particle_ns 2D TSC double": 3.6,
+    "particle_ns 2D TSC single": 2.6,
+    "particle_ns 1D CIC double": 1.35,
+    "particle_ns 1D CIC single": 1.1,
     "particle_ns 1D NGP double": 1.2,
-    "particle_ns 1D NGP single": 1.2,
-    "particle_ns 1D TSC double": 1.7,
-    "particle_ns 1D TSC single": 1.7,
-    "cell_ns 2D": 6.0,  # coefficients, accumulators, gradient, fold
-    "cell_ns 1D": 4.0,
-    "sample_ns": 2.4,  # per particle and sample of the series
-    "fft_ns": 0.2,  # per point and binary order, there and back
-    "launch_us 1": 40.0,  # Python and the launches of a step on one thread
-    "launch_us 2": 60.0,  # on more
-    "message_us": 6.0,  # per message of a step
+    "particle_ns 1D NGP single": 0.9,
+    "particle_ns 1D TSC double": 1.6,
+    "particle_ns 1D TSC single": 1.4,
+    "cell_ns 2D": 2.8,  # of the push and of the charge
+    "cell_ns 1D": 2.0,
+    "field_ns 2D": 6.7,  # transforms, potential and its gradient
+    "field_ns 1D": 8.0,
+    "sample_ns": 3.4,  # of the series, per particle
+    "sample_cell_ns": 8.0,
+    "plasma_sample_us": 115.0,
+    "plasma_launch_us": 43.0,  # Python and the launches of a step
+    "plasma_exchange_us": 16.0,  # of ranks with each other: messages, or a word that all agree on
     "message_gb_s": 8.0,
     "cores": 2.0,
+    "plasma_core_gain": 1.65,  # of all cores of a node over one
     "rank_mib": 220.0,  # Python and the libraries, kernels from the cache
-    "thread_efficiency": 0.95,
 }
 
 
 def estimate(config: PlasmaConfig, ranks: int, threads: int, measured: Mapping[str, float]) -> Estimate:
     """Of a completed case on ranks x threads; `measured` rates of this machine take the place of DEFAULT."""
     rates = completed_rates(measured)
-    step = step_seconds(config, ranks, threads, rates)
-    samples = config.simulation.cycles * step + sampling_seconds(config, ranks, threads, rates)
-    return Estimate(memory_items(config, ranks, threads, rates), disk_items(config), step, samples + 1.0)
+    cycles, period = config.simulation.cycles, config.simulation.sampling_period.energy
+    whole = phases(config, ranks, threads, rates)
+    shown = {name: seconds for name, seconds in whole.items() if name != "field" or period != 1}
+    sampling = (cycles // period + 1 if period else 0) * sample_seconds(config, ranks, threads, rates)
+    disk = disk_items(config)
+    written = config.output.sampling_period
+    snapshots = sum(cycles // every + 1 for every in (written.field, written.particle) if every)
+    seconds = START + cycles * sum(whole.values()) + sampling + writing_seconds(disk, snapshots, rates)
+    return Estimate(
+        memory_items(config, ranks, threads, rates), disk, sum(shown.values()), seconds, whole, sampling
+    )
 
 
 def completed_rates(measured: Mapping[str, float]) -> dict[str, float]:
@@ -69,45 +81,38 @@ def particle_bytes(config: PlasmaConfig) -> int:
     return (config.dimensions + velocity_components(config)) * size + 4
 
 
-def step_seconds(config: PlasmaConfig, ranks: int, threads: int, rates: Mapping[str, float]) -> float:
-    """One step: what is divided among the cores there are, what every launch costs, and the messages."""
-    d = config.dimensions
-    cells = math.prod(config.grid.points)
+def phases(config: PlasmaConfig, ranks: int, threads: int, rates: Mapping[str, float]) -> dict[str, float]:
+    """Seconds of one step by what it does. With a sample in every step the field is solved there, not in the step."""
+    if not particle_count(config):
+        return {"launches": 1e-6}
+    d, cells = config.dimensions, math.prod(config.grid.points)
     kernel = f"particle_ns {d}D {config.numerics.shape} {config.numerics.precision}"
-    components = (d + velocity_components(config)) / (2 * d)  # traffic beside that of the standard kernel
-    work = particle_count(config) * rates[kernel] * components + cells * rates[f"cell_ns {d}D"]
-    transforms = 1 + (d if config.numerics.gradient == "spectral" else 0)
-    work += cells * rates["fft_ns"] * math.log2(max(cells, 2)) * 0.5 * (1 + transforms)
-    cores = used_cores(ranks, threads, rates)
-    if threads > 1 or ranks > 1:
-        cores = 1 + (cores - 1) * rates["thread_efficiency"]
-    launches = rates["launch_us 1" if threads == 1 else "launch_us 2"]
-    return 1e-9 * work / cores + 1e-6 * launches + message_seconds(config, ranks, rates)
+    components = (d + velocity_components(config)) / (2 * d)  # of a particle, beside those of the standard kernel
+    transforms = 0.5 * (2 + (d if config.numerics.gradient == "spectral" else 0))  # beside those of differences
+    cores = 1e9 * gain(ranks, threads, rates, rates["plasma_core_gain"])
+    return {
+        "particles": particle_count(config) * rates[kernel] * components / cores,
+        "cells": cells * rates[f"cell_ns {d}D"] / cores,
+        "field": cells * rates[f"field_ns {d}D"] * transforms / cores,
+        "launches": 1e-6 * rates["plasma_launch_us"],
+        "exchanges": exchange_seconds(config, ranks, rates),
+    }
 
 
-def used_cores(ranks: int, threads: int, rates: Mapping[str, float]) -> float:
-    """Cores that do work: on one node not more than it has; beyond a node's cores, nodes of the same kind."""
-    wanted = ranks * threads
-    return wanted if wanted > 2 * rates["cores"] else min(wanted, rates["cores"])
-
-
-def message_seconds(config: PlasmaConfig, ranks: int, rates: Mapping[str, float]) -> float:
-    """Latencies and bytes of one step's messages of one rank: leavers, charge, potential, transposes."""
+def exchange_seconds(config: PlasmaConfig, ranks: int, rates: Mapping[str, float]) -> float:
+    """Of one step's leavers, the word that says whether more are to come, charge, potential and transposes."""
     if ranks == 1:
         return 0.0
     size = 8 if config.numerics.precision == "double" else 4
-    points = config.grid.points
-    row = points[0] if len(points) == 2 else 1
-    transposes = 2 * size * math.prod(points) / ranks * (1 - 1 / ranks)
-    count = 6 + 4 * (ranks - 1)
-    return 1e-6 * count * rates["message_us"] + (transposes + 4 * 8 * row) / (1e9 * rates["message_gb_s"])
+    transposes = 2 * size * math.prod(config.grid.points) / ranks * (1 - 1 / ranks)
+    count = 5 if config.dimensions == 1 else 4 + 2 * (ranks - 1)
+    return 1e-6 * count * rates["plasma_exchange_us"] + transposes / (1e9 * rates["message_gb_s"])
 
 
-def sampling_seconds(config: PlasmaConfig, ranks: int, threads: int, rates: Mapping[str, float]) -> float:
-    """Of the series over the whole run: every sample goes through all particles once."""
-    period = config.simulation.sampling_period.energy
-    samples = config.simulation.cycles // period + 1 if period else 0
-    return 1e-9 * samples * particle_count(config) * rates["sample_ns"] / used_cores(ranks, threads, rates)
+def sample_seconds(config: PlasmaConfig, ranks: int, threads: int, rates: Mapping[str, float]) -> float:
+    """Of one sample of the series beside the field, which the next step would have solved."""
+    work = particle_count(config) * rates["sample_ns"] + math.prod(config.grid.points) * rates["sample_cell_ns"]
+    return 1e-9 * work / gain(ranks, threads, rates, rates["plasma_core_gain"]) + 1e-6 * rates["plasma_sample_us"]
 
 
 def memory_items(

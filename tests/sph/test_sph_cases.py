@@ -57,17 +57,25 @@ def test_a_shipped_case_takes_its_first_steps(name, world):
 
 def test_the_estimate_scales_with_the_case():
     """Four times the particles: four times the pair sums; two cores: less than half of it is lost."""
-    name = "still-tank"
-    coarse, fine = (
-        validate(SphConfig, load(shipped_cases()[name], (f"numerics.spacing={dp}",))) for dp in (0.01, 0.005)
-    )
+    coarse, fine, launches = (still_tank(f"numerics.spacing={dp}") for dp in (0.01, 0.005, 0.5))
     one = [estimate(config, 1, 1, {}) for config in (coarse, fine)]
-    launches = estimate(validate(SphConfig, load(shipped_cases()[name], ("numerics.spacing=0.5",))), 1, 1, {})
-    ratio = (one[1].step_seconds - launches.step_seconds) / (one[0].step_seconds - launches.step_seconds)
-    assert ratio == pytest.approx(4.0, rel=0.05)
+    step, larger, least = (sum(estimate(config, 1, 1, {}).phases.values()) for config in (coarse, fine, launches))
+    assert (larger - least) / (step - least) == pytest.approx(4.0, rel=0.05)
     assert one[1].seconds > 5 * one[0].seconds  # steps are half as long, but for what each costs in any case
-    assert estimate(fine, 1, 2, {}).step_seconds < 0.6 * one[1].step_seconds
+    assert estimate(fine, 1, 2, {}).step_seconds < 0.65 * one[1].step_seconds
     assert sum(estimate(fine, 2, 1, {}).memory.values()) < sum(one[1].memory.values())
+
+
+def still_tank(*sets: str) -> SphConfig:
+    return validate(SphConfig, load(shipped_cases()["still-tank"], sets))
+
+
+def test_a_step_after_a_sample_is_cheaper_by_what_the_sample_has_done():
+    """The first evaluation is there already, and the run takes no less than without samples."""
+    often, never = (estimate(still_tank(f"output.period.series={s}"), 1, 1, {}) for s in (1e-9, 0.0))
+    assert often.phases == never.phases and never.step_seconds == sum(never.phases.values())
+    assert 0.2 * never.step_seconds < often.step_seconds < 0.8 * never.step_seconds
+    assert often.seconds >= never.seconds and never.sampling == 0.0
 
 
 def test_the_plan_has_no_line_for_what_a_case_has_not():

@@ -39,6 +39,8 @@ def print_estimate(app: App, config: Any, ranks: int, threads: int) -> None:
     files = [(name, amount(size)) for name, size in estimate.disk.items()]
     table(("disk", "size"), [*files, ("total", amount(sum(estimate.disk.values())))], right=("size",))
     click.echo()
+    if estimate.phases:
+        print_phases(estimate)
     one = app.estimate(config, 1, 1, rates)
     efficiency = one.step_seconds / (ranks * threads * estimate.step_seconds)
     click.echo(
@@ -50,6 +52,15 @@ def print_estimate(app: App, config: Any, ranks: int, threads: int) -> None:
         if rates
         else f"rates       of the machine of the authors; `{app.name} bench --quick` measures this one"
     )
+
+
+def print_phases(estimate: Estimate) -> None:
+    """What a step is made of; a sample may have done some of it before the step begins."""
+    whole = sum(estimate.phases.values())
+    rows = [(name, f"{1e3 * spent:.4g} ms", f"{spent / whole:.1%}") for name, spent in estimate.phases.items() if spent]
+    sampling = ("samples of the series", f"{estimate.sampling:.4g} s", f"{estimate.sampling / estimate.seconds:.1%}")
+    table(("a step", "time", "share"), [*rows, *([sampling] if estimate.sampling else [])], right=("time", "share"))
+    click.echo()
 
 
 def make_estimate_command(app_loader: AppLoader) -> click.Command:

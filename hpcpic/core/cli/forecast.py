@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 
 @dataclass(frozen=True, slots=True)
@@ -21,9 +21,32 @@ class Array:
 
 @dataclass(frozen=True, slots=True)
 class Estimate:
-    """memory: item -> bytes per rank; disk: item -> bytes of the whole run; seconds of one step and of the run."""
+    """memory: item -> bytes per rank; disk: item -> bytes of the whole run; seconds of one step, as most of them are,
+    and of the run. phases: what -> seconds of a step; sampling: seconds that the series takes in the whole run.
+    """
 
     memory: Mapping[str, float]
     disk: Mapping[str, float]
     step_seconds: float
     seconds: float
+    phases: Mapping[str, float] = field(default_factory=dict)
+    sampling: float = 0.0
+
+
+def gain(ranks: int, threads: int, rates: Mapping[str, float], all_cores: float) -> float:
+    """How many times faster than one core ranks x threads are at what all cores of a node do `all_cores` times faster.
+
+    On one node not more than it has; beyond twice its cores, nodes of the same kind.
+    """
+    wanted, node = ranks * threads, rates["cores"]
+    used = min(wanted, node)
+    one_node = 1 + (used - 1) * (all_cores - 1) / max(1.0, node - 1)
+    return one_node * wanted / node if wanted > 2 * node else one_node
+
+
+def writing_seconds(disk: Mapping[str, float], snapshots: int, rates: Mapping[str, float]) -> float:
+    """Of all files of a run: their bytes, and what every snapshot takes to be opened and told."""
+    return sum(disk.values()) / (1e9 * rates["disk_gb_s"]) + 1e-3 * snapshots * rates["snapshot_ms"]
+
+
+FILES = {"disk_gb_s": 0.27, "snapshot_ms": 4.0}  # default rates of `writing_seconds`

@@ -134,7 +134,8 @@ class _Run:
             app.advance(self.unseen_steps())
         else:
             app.step()
-        self.step_times.add((time.perf_counter() - begin) / (app.iteration - first))
+        steps = app.iteration - first
+        self.step_times.add((time.perf_counter() - begin) / steps, steps)
 
     def unseen_steps(self) -> int:
         """From this step to the next that is observed, guarded, kept or the last: the same on all ranks."""

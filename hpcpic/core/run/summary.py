@@ -37,24 +37,26 @@ class StepTimes:
         self._stride = 1
         self._kept = array("d")
 
-    def add(self, seconds: float) -> None:
+    def add(self, seconds: float, steps: int = 1) -> None:
+        """So many seconds each of some steps that were done together."""
         self._seen += 1
         if self._seen <= WARM_UP:
             return
-        self.n += 1
+        before = self.n // self._stride
+        self.n += steps
         change = seconds - self.mean
-        self.mean += change / self.n
-        self._square += change * (seconds - self.mean)  # Welford
-        if self.n % self._stride == 0:
-            self._kept.append(seconds)
-            if len(self._kept) == KEPT:
-                self._kept = self._kept[1::2]
-                self._stride *= 2
+        self.mean += steps * change / self.n
+        self._square += steps * change * (seconds - self.mean)  # Welford
+        self._kept.extend([seconds] * (self.n // self._stride - before))
+        if len(self._kept) >= KEPT:
+            self._kept = self._kept[1::2]
+            self._stride *= 2
 
     @property
     def error(self) -> float:
-        """Standard error of the mean."""
-        return math.sqrt(self._square / (self.n - 1) / self.n) if self.n > 1 else math.inf
+        """Standard error of the mean; steps that were done together are one measurement."""
+        measured = self._seen - WARM_UP
+        return math.sqrt(self._square / (self.n - 1) / measured) if self.n > 1 else math.inf
 
     def known(self, fraction: float) -> bool:
         """The rule of the thesis (stop_SEM): 1.96 standard errors under this fraction of the mean, after 30
