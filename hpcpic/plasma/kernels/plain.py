@@ -174,6 +174,49 @@ def deposit_nine(nodes, unit, j, i, f, g):
 
 
 @kernel
+def push_slot(slot, n_species, origin, corner, parts, e_x, e_y, scale, mover, charge, pool, chain, head, count, holes,
+              patch):  # fmt: skip
+    """Push the particles of a slot; those who stay leave their charge, the others are in holes[:n]. Returns n."""
+    part, species = slot // n_species, slot % n_species
+    row, column = parts[part, 1], parts[part, 2]
+    m, group, unit = mover[species], charge[species, 0], charge[species, 1]
+    page, used, n_holes = np.int64(head[slot]), (count[slot] - 1) % PAGE + 1, 0
+    while page >= 0:
+        for place in range(used - 1, -1, -1):
+            pack, lane = place // LANES, place % LANES
+            x, y, vy, vz, ey = pool[page, pack, 0, lane], ZERO, ZERO, ZERO, ZERO
+            vx = pool[page, pack, DIM, lane]
+            if VELOCITIES > 1:
+                vy = pool[page, pack, DIM + 1, lane]
+            if VELOCITIES > 2:
+                vz = pool[page, pack, DIM + 2, lane]
+            if DIM == 2:
+                y = pool[page, pack, 1, lane]
+                ey = gather(e_y, row - origin[0], column - origin[1], x, y, scale)
+            ex = gather(e_x, row - origin[0], column - origin[1], x, y, scale)
+            vx, vy, vz = boris(vx, vy, vz, ex, ey, m)
+            x += vx
+            pool[page, pack, 0, lane] = x
+            pool[page, pack, DIM, lane] = vx
+            if VELOCITIES > 1:
+                pool[page, pack, DIM + 1, lane] = vy
+            if VELOCITIES > 2:
+                pool[page, pack, DIM + 2, lane] = vz
+            inside = x >= parts[part, 5] and x < parts[part, 6]
+            if DIM == 2:
+                y += vy
+                pool[page, pack, 1, lane] = y
+                inside = inside and y >= parts[part, 3] and y < parts[part, 4]
+            if inside:
+                deposit(patch, group, unit, row - corner[0], column - corner[1], x, y)
+            else:
+                holes[n_holes] = hole(page, pack, 1 << lane)
+                n_holes += 1
+        page, used = np.int64(chain[page]), PAGE
+    return n_holes
+
+
+@kernel
 def push(block, first, last, n_species, points, origin, corner, row_part, column_part, column_stride, parts, e_x, e_y,
          scale, mover, charge, pool, ids, chain, head, count, free, holes,
          moving, words, lists, counters, patch):  # fmt: skip
@@ -184,48 +227,12 @@ def push(block, first, last, n_species, points, origin, corner, row_part, column
     lists[1, :] = 0
     counters[1] = 0
     patch[:] = 0
-    for part in range(first, last):
-        row, column = parts[part, 1], parts[part, 2]
-        for slot in range(part * n_species, (part + 1) * n_species):
-            m = mover[slot % n_species]
-            group, unit = charge[slot % n_species, 0], charge[slot % n_species, 1]
-            page, used, n_holes = np.int64(head[slot]), (count[slot] - 1) % PAGE + 1, 0
-            while page >= 0:
-                for place in range(used - 1, -1, -1):
-                    pack, lane = place // LANES, place % LANES
-                    x, y, vy, vz = pool[page, pack, 0, lane], ZERO, ZERO, ZERO
-                    ey = ZERO
-                    vx = pool[page, pack, DIM, lane]
-                    if VELOCITIES > 1:
-                        vy = pool[page, pack, DIM + 1, lane]
-                    if VELOCITIES > 2:
-                        vz = pool[page, pack, DIM + 2, lane]
-                    if DIM == 2:
-                        y = pool[page, pack, 1, lane]
-                        ey = gather(e_y, row - origin[0], column - origin[1], x, y, scale)
-                    ex = gather(e_x, row - origin[0], column - origin[1], x, y, scale)
-                    vx, vy, vz = boris(vx, vy, vz, ex, ey, m)
-                    x += vx
-                    pool[page, pack, 0, lane] = x
-                    pool[page, pack, DIM, lane] = vx
-                    if VELOCITIES > 1:
-                        pool[page, pack, DIM + 1, lane] = vy
-                    if VELOCITIES > 2:
-                        pool[page, pack, DIM + 2, lane] = vz
-                    inside = x >= parts[part, 5] and x < parts[part, 6]
-                    if DIM == 2:
-                        y += vy
-                        pool[page, pack, 1, lane] = y
-                        inside = inside and y >= parts[part, 3] and y < parts[part, 4]
-                    if inside:
-                        deposit(patch, group, unit, row - corner[0], column - corner[1], x, y)
-                        continue
-                    holes[n_holes] = hole(page, pack, 1 << lane)
-                    n_holes += 1
-                page, used = np.int64(chain[page]), PAGE
-            if depart(slot, n_holes, holes, n_species, points, row_part, column_part, column_stride, parts, pool, ids,
-                      chain, head, count, free, moving, words, lists, counters) != GOOD:  # fmt: skip
-                return DIVERGED
+    for slot in range(first * n_species, last * n_species):
+        n_holes = push_slot(slot, n_species, origin, corner, parts, e_x, e_y, scale, mover, charge, pool, chain, head,
+                            count, holes, patch)  # fmt: skip
+        if depart(slot, n_holes, holes, n_species, points, row_part, column_part, column_stride, parts, pool, ids,
+                  chain, head, count, free, moving, words, lists, counters) != GOOD:  # fmt: skip
+            return DIVERGED
     return GOOD
 
 

@@ -39,7 +39,7 @@ from hpcpic.plasma.kernels.linear import (
 )
 from hpcpic.plasma.kernels.packs import MAGIC_BITS, PART, SIZE, F, I, zero_bytes
 from hpcpic.plasma.kernels.pages import COMPONENTS, DIVERGED, GOOD, LANES, PAGE, depart, hole
-from hpcpic.plasma.kernels.plain import MAGIC, boris, deposit_from, take_in
+from hpcpic.plasma.kernels.plain import MAGIC, boris, deposit_from, push_slot, take_in
 
 DIM = 2  # axes of the grid
 REAL = np.float64  # precision of a particle
@@ -49,7 +49,7 @@ ALL = (1 << LANES) - 1
 PACK_BYTES, PAGE_BYTES = 64 * COMPONENTS, PAGE * SIZE * COMPONENTS
 PARKED = MAGIC_BITS + CELLS * SUM
 PAGES_AHEAD = 2
-MANY = 40  # particles: below, one by one costs less than to gather the sums of the cells
+MANY = 40  # particles: fewer are done one by one, which costs less than to spread or gather what all cells have
 BATCH = 31 if SIZE == 4 else 1 << 60  # pages whose charge the sums of one cell can hold
 
 
@@ -172,8 +172,10 @@ def push(block, first, last, n_species, points, origin, corner, row_part, column
     for _ in range(PAGES_AHEAD + 1):
         scout, scout_slot = next_page(scout, scout_slot, last * n_species, heads, chains)
     for part in range(first, last):
-        spread_field(part, origin, parts, e_x, e_y, scale, to_lines)
-        look_ahead(min(part + 1, last - 1), origin, corner, parts, e_x, e_y, patch)
+        many = count[part * n_species : (part + 1) * n_species].sum() >= MANY
+        if many:
+            spread_field(part, origin, parts, e_x, e_y, scale, to_lines)
+            look_ahead(min(part + 1, last - 1), origin, corner, parts, e_x, e_y, patch)
         low_x, high_x = splat(F, REAL(parts[part, 5])), splat(F, REAL(parts[part, 6]))
         low_y, high_y = splat(F, REAL(parts[part, 3])), splat(F, REAL(parts[part, 4]))
         batch = 0
@@ -186,6 +188,12 @@ def push(block, first, last, n_species, points, origin, corner, row_part, column
             page, used, n_holes = np.int64(head[slot]), (count[slot] - 1) % PAGE + 1, 0
             if page >= 0:
                 park(pool, page, used)
+            if not many:
+                n_holes = push_slot(slot, n_species, origin, corner, parts, e_x, e_y, scale, mover, charge, pool, chain,
+                                    head, count, holes, patch)  # fmt: skip
+                if page >= 0:
+                    scout, scout_slot = next_page(scout, scout_slot, last * n_species, heads, chains)
+                    page = np.int64(-1)
             while page >= 0:
                 at, packs = base + page * PAGE_BYTES, (used + LANES - 1) // LANES
                 ahead = base + max(scout, 0) * PAGE_BYTES
@@ -214,7 +222,7 @@ def push(block, first, last, n_species, points, origin, corner, row_part, column
             if depart(slot, n_holes, holes, n_species, points, row_part, column_part, column_stride, parts, pool, ids,
                       chain, head, count, free, moving, words, lists, counters) != GOOD:  # fmt: skip
                 return DIVERGED
-            if species + 1 == n_species or not same(charge[species + 1], charge[species]):
+            if many and (species + 1 == n_species or not same(charge[species + 1], charge[species])):
                 gather_sums(part, corner, parts, to_sums, patch, charge[species, 0], sign)
                 batch = 0
     return GOOD
