@@ -102,7 +102,7 @@ class Immersed:
         self._pending = Gains(self._fixed.ids[:0], np.zeros((0, GAINS), np.int64))
         fluid.hooks.append(self._bounce)
         if self._stay.far is None and not self._refill.conserving:
-            fluid.carry(self._stay.of_planes)  # until grains move
+            fluid.carry(self._stay.of_planes, self._stay)  # until grains move
 
     def _link(self, bodies: Bodies) -> FixedLinks:
         links = FixedLinks(self.window, self.fluid.layout, self.fluid.ids, bodies, self._rule)

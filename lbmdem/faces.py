@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from hpcpic.core.tasks import Bound, bind
 from lbmdem.kernels.layout import WALL, storage_order
-from lbmdem.kernels.openings import push_walls, zou_he
+from lbmdem.kernels.openings import find_places, push_walls, zou_he
 
 if TYPE_CHECKING:
     from lbmdem.fluid import Fluid
@@ -76,11 +76,14 @@ class Layer:
         self.set(face.density, face.velocity)
         kernel = push_walls if face.kind == "wall" else zou_he
         e = np.array([storage_order(fluid.lattice, i) for i in range(fluid.lattice.q)], np.int64)
-        where = [layout.strides, layout.slots, layout.shifts]
-        nodes = [fluid.f, fluid.ids, int(dimensions == 3), *where, e, fluid.lattice.w]
+        where = [layout.strides, layout.slots, layout.shifts, layout.positions]
+        self._places = np.zeros((2, *self.values.shape[:3], fluid.lattice.q), np.int64)
+        for parity, places in enumerate(self._places):
+            find_places(*where, parity, self.low, self.high, places)
         given = [fluid.wall_ends()] if face.kind == "wall" else [fluid.force_in_storage, int(face.kind == "velocity")]
-        self._bind = lambda parity, low, high, values: bind(
-            kernel, *nodes, parity, low, high, self.axis, self.side, *given, values
+        nodes, sides = [fluid.f, fluid.ids, int(dimensions == 3)], [self.axis, self.side, *given]
+        self._bind = lambda places, low, high, values: bind(
+            kernel, *nodes, places, e, fluid.lattice.w, low, high, *sides, values
         )
         self.tasks = [self.of_planes(parity, 0, layout.planes) for parity in range(2)]
 
@@ -91,7 +94,8 @@ class Layer:
             return []
         ends = self.low.copy(), self.high.copy()
         ends[0][0], ends[1][0] = first, last
-        return [self._bind(parity, *ends, self.values[first - self.low[0] : last - self.low[0]])]
+        planes = slice(first - self.low[0], last - self.low[0])
+        return [self._bind(self._places[parity, planes], *ends, self.values[planes])]
 
     def set(self, density: Any = None, velocity: Any = None) -> None:
         """Numbers, or arrays of the layer's own nodes [storage order without the face's axis] (velocity [..., d])."""

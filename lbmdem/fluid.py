@@ -19,12 +19,16 @@ from lbmdem.kernels import observe
 from lbmdem.kernels.collide import COLLISIONS, numbers
 from lbmdem.kernels.layout import FLUID, Layout
 from lbmdem.kernels.nodes import classify, look_ahead, mark, renew
+from lbmdem.kernels.sparse import LEAVE, OPENED, sparse_kernel
 from lbmdem.kernels.sweep import AHEAD, sweep_kernel
-from lbmdem.lattices import CS2, Lattice
+from lbmdem.lattices import Lattice, equilibrium
+from lbmdem.links import FixedLinks
 from lbmdem.passes import After, Passes
+from lbmdem.sparse import SparseExchange, SparseLayout, Tables
 
 STORAGE = {"double": np.float64, "single": np.float32}
 BLOCKS = 4  # per thread, so that threads with little fluid help the others
+SPARSE = 0.8  # share of fluid nodes below which it is less work to hold these alone
 
 
 class Fluid:
@@ -33,6 +37,8 @@ class Fluid:
     f: flat array (kernels.layout says where what is); parity: iteration % 2; solid: Field int32 of node ids (FLUID,
     WALL or a grain's number) with one ghost on every axis: after edits of solid.inner call `solid_changed`. hooks are
     called as hook(fluid, parity of the next step) between streaming and the faces. All ranks make it together.
+
+    stays: set it when solids will be marked once and never again: then a porous medium is held without its solid nodes.
     """
 
     def __init__(
@@ -59,18 +65,24 @@ class Fluid:
         self.hooks: list[Callable[[Fluid, int], None]] = []
         self._forced = force is not None
         self._links: After | None = None
+        self._ruled: FixedLinks | None = None  # links that the sweep does
+        self._open = False  # whether it has left them half done (kernels.sparse)
+        self.stays, self._blocks = False, blocks
         self._allocate()
         self._numbers = np.zeros(len(numbers(lattice, collision, tau, magic, force)), self.layout_dtype)
         self.set_force(force)
         with world.first_on_node():
-            self._compile(blocks)
+            self._marks = self._classification(self.layout)
+            self._make_tasks()
         self.solid_changed()
 
     def _allocate(self) -> None:
         domain, rank = self.domain, self.world.rank
         self.layout_dtype = STORAGE[self.storage]
         alone = sum(b > a for a, b in zip(domain.cuts, domain.cuts[1:])) == 1
-        self.layout = layout = Layout.of(self.lattice, domain.shape(rank), domain.periodic, alone, self.layout_dtype)
+        layout = Layout.of(self.lattice, domain.shape(rank), domain.periodic, alone, self.layout_dtype)
+        self.layout: Layout | SparseLayout = layout
+        self._tables: Tables | None = None  # with a sparse layout
         self.f = aligned_zeros((layout.size,), self.layout_dtype)
         self.solid = Field(domain, rank, dtype=np.int32, ghosts=((1, 1),) * domain.ndim)
         self.solid.values[...] = FLUID
@@ -85,6 +97,7 @@ class Fluid:
         self.force_in_storage = np.zeros(3)
         self._half = np.zeros(self.lattice.dimensions)
         self._observers: dict[str, list[Bound]] = {}
+        self.layers: dict[str, Layer] = {}
 
     def touches(self, side: int) -> bool:
         """Does this slab have the first (side -1) or last (+1) planes of the box?"""
@@ -103,22 +116,34 @@ class Fluid:
                 ends[axis, int(side > 0)] = extent[axis] if side > 0 else 0
         return ends
 
-    def _compile(self, blocks: int) -> None:
-        layout = self.layout
-        kernel = sweep_kernel(self.lattice, self.collision, self._forced, self.layout_dtype)
-        shared = [self.f, self._kinds, self._hops, self._wet, self._inside, self._numbers, layout.strides, layout.nx]
-        self._exchange = Exchange(self.world, self.domain, layout, self.f, self._wet)
+    def _make_tasks(self) -> None:
+        """All that works on `f`."""
+        layout, dtype = self.layout, self.layout_dtype
+        self._exchange: Exchange | SparseExchange
+        if isinstance(layout, SparseLayout):
+            kernel = sparse_kernel(self.lattice, self.collision, self._forced, dtype)
+            shared = [self.f, layout.slot_stride, layout.first, *self._tables.arguments, self._numbers]
+            self._exchange = SparseExchange(self.world, self.domain, layout, self.f)
+        else:
+            kernel = sweep_kernel(self.lattice, self.collision, self._forced, dtype)
+            words = [self._kinds, self._hops, self._wet, self._inside]
+            shared = [self.f, *words, self._numbers, layout.strides, layout.nx]
+            self._exchange = Exchange(self.world, self.domain, layout, self.f, self._wet)
         periodic_rows = self.domain.ndim == 3 and self.domain.periodic[1]
         threads = self.pool.threads
         self._passes = Passes(layout, self._exchange, lambda t: bind(kernel, *shared, t), threads, periodic_rows)
-        n_blocks = blocks or (BLOCKS * threads if threads > 1 else 1)
-        self._steps = [self._passes.step(parity, n_blocks) for parity in range(2)]
-        self._waves: dict[tuple[int, int], Graph] = {}
-        self._marks = self._classification()
+        n_blocks = self._blocks or (BLOCKS * threads if threads > 1 else 1)
+        flags = (0, OPENED) if self._tables else (0,)
+        self._steps = [[self._passes.step(parity, n_blocks, flag) for flag in flags] for parity in range(2)]
+        self._waves: dict[tuple[int, int, bool], Graph] = {}
+        self._observers.clear()
+        values = {name: layer.values for name, layer in self.layers.items()}
         self.layers = {name: Layer(self, name, face) for name, face in self.faces.items() if _acts(face)}
+        for name, given in values.items():
+            self.layers[name].values[...] = given
 
-    def _classification(self) -> list[list[Bound]]:
-        layout, n = self.layout, self.layout.lanes
+    def _classification(self, layout: Layout) -> list[list[Bound]]:
+        n = layout.lanes
         flat = self.domain.ndim == 2
         shares = block_ranges(layout.planes + 2, self.pool.threads)
         marks = [bind(mark, self.ids, int(not flat), self._wet, n, a, b) for a, b in shares if b > a]
@@ -134,10 +159,32 @@ class Fluid:
         if fill:
             self._fill.start(self.iteration)
             self._fill.finish()
+        if self._tables:
+            raise ValueError("solids that stay have been marked again")
         wall_ghosts(self.solid.values, self.faces, (self.touches(-1), self.touches(1)))
         for tasks in self._marks:
             if tasks:
                 self.pool.each(tasks)
+        if self.stays:
+            wet = int(self.world.sum_int(np.array([np.count_nonzero(self.solid.inner == FLUID)]))[0])
+            if 0 < wet < SPARSE * np.prod(self.domain.points):
+                self._leave_solids_out()
+
+    def _leave_solids_out(self) -> None:
+        """Hold the populations of the fluid nodes alone. Collective."""
+        layout = SparseLayout(self.layout, self.ids, self.world, self.domain)
+        with self.world.first_on_node():
+            self.f = layout.taken_over(self.f, self.layout, self.parity)
+            self._tables = Tables(layout, self.layout_dtype)
+        self.layout = layout
+        self._again()
+        del self._kinds, self._hops, self._wet, self._inside, self._marks
+
+    def _again(self) -> None:
+        """Collective."""
+        self._exchange.free()
+        with self.world.first_on_node():
+            self._make_tasks()
 
     def nodes_changed(self, places: NDArray[np.int64]) -> None:
         """As `solid_changed(fill=False)` after edits at these flat places of `solid` alone, ghosts among them."""
@@ -165,10 +212,17 @@ class Fluid:
     def parity(self) -> int:
         return self.iteration % 2
 
+    @property
+    def sweep_bytes(self) -> int:
+        """What the sweep reads."""
+        words = self._tables.arguments if self._tables else [self._kinds, self._hops, self._wet]
+        return self.f.nbytes + sum(array.nbytes for array in words)
+
     def step(self) -> None:
         """Collide, stream, hooks, faces."""
         parity = self.parity
-        self.pool.run(self._steps[parity])
+        self.pool.run(self._steps[parity][self._open])
+        self._open = False
         for hook in self.hooks:
             hook(self, 1 - parity)
         for layer in self.layers.values():
@@ -176,14 +230,41 @@ class Fluid:
                 self.pool.each(layer.tasks[1 - parity])
         self.iteration += 1
 
-    def carry(self, links: After | None) -> None:
-        """What hooks do, as tasks links(parity of arrivals, planes from, to), so that waves can do it: fixed links."""
+    def carry(self, links: After | None, held: FixedLinks | None = None) -> None:
+        """What hooks do, as tasks links(parity of arrivals, planes from, to), so that waves can do it: fixed links.
+
+        `held`: these links, which a sweep of the fluid nodes alone does by itself where it can. Collective.
+        """
         self._links = links
         self._waves.clear()
+        if self._tables and held and not self.world.any(not held.simple):
+            held.hand_over(self._tables, *self._inner_planes)
+            self._ruled = held
+            self._finishes = [held.finish(parity, *self._inner_planes, self.pool.threads) for parity in range(2)]
+            self._again()
+
+    @property
+    def _inner_planes(self) -> tuple[int, int]:
+        """Own planes without a node at a face that acts: before faces links must be done."""
+        if any(layer.axis for layer in self.layers.values()):
+            return 0, 0
+        ends = [0, self.layout.planes]
+        for layer in self.layers.values():
+            if layer.values.size:
+                ends[layer.side > 0] -= layer.side
+        return (ends[0], ends[1]) if ends[1] > ends[0] else (0, 0)
+
+    def _finish(self) -> None:
+        """Complete what the sweep has left open."""
+        if self._open and self._finishes[self.parity]:
+            self.pool.each(self._finishes[self.parity])
+        self._open = False
 
     def _after(self, parity: int, low: int, high: int) -> list[Bound]:
         """Links and faces of some planes."""
-        tasks = self._links(parity, low, high) if self._links else []
+        first, last = self._inner_planes if self._ruled else (high, high)
+        parts = ((low, min(high, first)), (max(low, last), high)) if self._ruled else ((low, high),)
+        tasks = [task for a, b in parts if self._links and b > a for task in self._links(parity, a, b)]
         return tasks + [bound for layer in self.layers.values() for bound in layer.of_planes(parity, low, high)]
 
     @property
@@ -191,8 +272,12 @@ class Fluid:
         """Steps that are done per pass over memory."""
         if self.hooks and not self._links:
             return 1
-        after = self._after if self._links or self.layers else None
-        return wavefront.possible_depth(self.domain, self.layout, self.pool.threads, wavefront.lag(after))
+        return wavefront.possible_depth(self.domain, self.layout, self.pool.threads, wavefront.lag(self._comes_after))
+
+    @property
+    def _comes_after(self) -> After | None:
+        """What has to be done between the sweeps of a wave."""
+        return self._after if (self._links and not self._ruled) or self.layers else None
 
     def leap(self, most: int) -> int:
         """One pass over memory: `depth` steps, or one if `most` is less. Returns the steps done, the same bits as plain
@@ -201,12 +286,14 @@ class Fluid:
         if depth == 1 or most < depth + (2 if self.hooks else 0):
             self.step()
             return 1
-        key = (self.parity, depth)
+        opened, leave = self._open, LEAVE * (self._ruled is not None)
+        key = (self.parity, depth, opened)
         if key not in self._waves:
             with self.world.first_on_node():
-                after = self._after if self._links or self.layers else None
-                self._waves[key] = self._passes.wave(*key, after)
+                flags = [leave | OPENED * bool(opened or (t and leave)) for t in range(depth)]
+                self._waves[key] = self._passes.wave(self.parity, depth, self._comes_after, flags)
         self.pool.run(self._waves[key])
+        self._open = bool(leave)
         self.iteration += depth
         return depth
 
@@ -217,6 +304,7 @@ class Fluid:
 
     def _each(self, name: str, arguments: list[Any], arrays: list[NDArray]) -> None:
         """Run a kernel of `observe` on the planes of the slab; it ends with parity, planes from, to and new arrays."""
+        self._finish()
         if name not in self._observers:
             layout = self.layout
             head = [self.f, *arguments]
@@ -234,8 +322,8 @@ class Fluid:
 
     @property
     def _where(self) -> list[Any]:
-        """What `arrival` wants."""
-        return [self.layout.strides, self.layout.slots, self.layout.shifts]
+        """What `element` wants."""
+        return [self.layout.strides, self.layout.slots, self.layout.shifts, self.layout.positions]
 
     @property
     def _seen(self) -> list[Any]:
@@ -281,6 +369,7 @@ class Fluid:
         rho = np.broadcast_to(np.asarray(rho, float), shape)
         d = self.lattice.dimensions
         u = np.broadcast_to(np.zeros(d) if u is None else np.asarray(u, float), (*shape, d))
+        self._finish()
         layout = self.layout
         h = np.empty((1, layout.rows, layout.nx, self.lattice.q), self.layout_dtype)
         with self.world.first_on_node():
@@ -309,12 +398,3 @@ class Fluid:
 def _acts(face: Face) -> bool:
     """Does the face need a pass of its own? A wall that cannot move does not."""
     return face.kind in ("pressure", "velocity") or (face.kind == "wall" and np.any(np.asarray(face.velocity)))
-
-
-def equilibrium(lattice: Lattice, rho: NDArray, u: NDArray) -> NDArray[np.float64]:
-    """Second-order equilibrium without the weights, h[q, ...], of rho[...] and u[..., d]."""
-    along = np.moveaxis(u @ lattice.e.T.astype(float), -1, 0)
-    square = (u * u).sum(axis=-1)
-    polynomial = along / CS2 + 0.5 * (along / CS2) ** 2 - 0.5 * square / CS2
-    w = lattice.w.reshape(-1, *[1] * rho.ndim)
-    return w * ((rho - 1.0) + rho * polynomial)

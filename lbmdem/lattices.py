@@ -60,3 +60,12 @@ def make(name: str, dimensions: int, weights: Mapping[int, float]) -> Lattice:
 D2Q9 = make("D2Q9", 2, {0: 4 / 9, 1: 1 / 9, 2: 1 / 36})
 D3Q19 = make("D3Q19", 3, {0: 1 / 3, 1: 1 / 18, 2: 1 / 36})
 LATTICES = {lattice.name: lattice for lattice in (D2Q9, D3Q19)}
+
+
+def equilibrium(lattice: Lattice, rho: NDArray, u: NDArray) -> NDArray[np.float64]:
+    """Second-order equilibrium without the weights, h[q, ...], of rho[...] and u[..., d]."""
+    along = np.moveaxis(u @ lattice.e.T.astype(float), -1, 0)
+    square = (u * u).sum(axis=-1)
+    polynomial = along / CS2 + 0.5 * (along / CS2) ** 2 - 0.5 * square / CS2
+    w = lattice.w.reshape(-1, *[1] * rho.ndim)
+    return w * ((rho - 1.0) + rho * polynomial)

@@ -16,8 +16,10 @@ from hpcpic.core.space.domain import block_ranges
 from hpcpic.core.tasks import Bound, Pool, bind
 from lbmdem.kernels import links as kernels
 from lbmdem.kernels.layout import FLUID, WALL, Layout
+from lbmdem.kernels.sparse import RULED
 from lbmdem.lattices import Lattice
 from lbmdem.solid import Window, kernel_axes, kernel_rotation
+from lbmdem.sparse import SparseLayout, Tables
 
 RULES = {
     "halfway": kernels.HALFWAY,
@@ -123,16 +125,16 @@ class _Part(SimpleNamespace):
 class FixedLinks:
     """Links of a slab in the order (plane, direction, node), with what the kernels need of each.
 
-    node (element in a slot), body, weights[n, 0, 1 or 3], wall (term taken off), arm[n, 3] from the centre of the body
-    to the crossing, speed[n, 3] of the wall there; wall and speed have no length when nothing moves. Segments: start,
-    offsets[parity, segment, 3], way[segment, 3]; planes[p]: first segment of the own plane p. fallbacks: links without
-    the fluid nodes that their rule reads.
+    nodes[parity] (elements in a slot of the three that a link reads), body, weights[n, 0, 1 or 3], wall (term taken
+    off), arm[n, 3] from the centre of the body to the crossing, speed[n, 3] of the wall there; wall and speed have no
+    length when nothing moves. Segments: start, offsets[parity, segment, 3], direction and way[segment, 3]; planes[p]:
+    first segment of the own plane p. fallbacks: links without the fluid nodes that their rule reads.
     """
 
     def __init__(
         self,
         window: Window,
-        layout: Layout,
+        layout: Layout | SparseLayout,
         solid: NDArray[np.int32],
         bodies: Bodies,
         rule: str = "cli",
@@ -178,8 +180,13 @@ class FixedLinks:
             self.far, self.far_weights = joined("far", 1), joined("far_weights")
         self.wall = joined("wall", keep=not still or self.far is not None)
         self.speed, self.arm = joined("speed", keep=not still), joined("arm")
-        self.weights, self.body, self.node = joined("weights"), joined("body"), joined("node")
-        self.offsets, self.way = joined("offsets", 1), joined("way")
+        self.weights, self.body, node = joined("weights"), joined("body"), joined("node")
+        self.nodes = [[node] * 3] * 2
+        if isinstance(self._layout, SparseLayout):  # what came from y is at x if the step was odd; else still at y
+            behind = joined("behind")
+            self.nodes = [[node, node, behind], [node, behind, node]]
+        self.offsets, self.direction = joined("offsets", 1), joined("direction")
+        self.way = self.directions.e[self.direction].astype(np.float64)
         ends = np.cumsum([0, *(part.start[-1] for part in parts)])
         starts = [part.start[:-1] + end for part, end in zip(parts, ends)]
         self.start = np.concatenate((*starts, ends[-1:])).astype(np.int64)
@@ -188,7 +195,12 @@ class FixedLinks:
 
     @property
     def count(self) -> int:
-        return len(self.node)
+        return int(self.start[-1])
+
+    @property
+    def simple(self) -> bool:
+        """Whether the sweep of fluid nodes alone can do them (kernels.sparse)."""
+        return self._rule in (kernels.HALFWAY, kernels.CLI) and not self.wall.size
 
     def bind(self, f: NDArray, blocks: int) -> None:
         """Make the tasks on the populations, `blocks` of them at most."""
@@ -199,7 +211,7 @@ class FixedLinks:
         wall = self.wall if self.far is None else np.zeros(self.count)
         self._tasks: list[list[list[Bound]]] = []
         for parity in range(2):
-            links = (f, self.offsets[parity], self.start, self.node, self.weights, wall)
+            links = (f, self.offsets[parity], self.start, *self.nodes[parity], self.weights, wall)
             body = (self.way, self.body, self.arm, self.speed)
             kept, far, bounced, summed = np.zeros((self.count, 2)), [], [], []
             for sums, share in zip(self._sums, shares):
@@ -215,8 +227,28 @@ class FixedLinks:
         first, last = int(self.planes[low]), int(self.planes[high])
         if not self.weights.shape[1] and not self.wall.size:  # the sweep has done it
             return []
-        links = (self.offsets[parity], self.start, self.node, self.weights, self.wall)
+        links = (self.offsets[parity], self.start, *self.nodes[parity], self.weights, self.wall)
         return [bind(kernels.fixed_links, self._f, *links, first, last, np.zeros((0, 2)))] if last > first else []
+
+    def hand_over(self, tables: Tables, low: int, high: int) -> None:
+        """Let the sweep apply the rule in own planes from, to; `simple` ones."""
+        a, b = self.planes[low], self.planes[high]
+        links = slice(self.start[a], self.start[b] if self.weights.shape[1] else self.start[a])
+        vector, lane = np.divmod(self.nodes[0][0][links].astype(np.int64), self._layout.lanes)
+        way = np.repeat(self.direction[a:b], np.diff(self.start[a : b + 1]))[: len(lane)] - 1
+        words = tables.words[..., RULED]
+        words[...] = 0
+        np.bitwise_or.at(words, (vector, way), (1 << lane).astype(words.dtype))
+        order = np.lexsort((lane, way, vector))
+        kappa = np.append(self.weights[links].reshape(-1)[order], 0).astype(self.weights.dtype)
+        tables.link_with(kappa, np.searchsorted(vector[order], np.arange(len(words) + 1)).astype(np.int64))
+
+    def finish(self, parity: int, low: int, high: int, parts: int) -> list[Bound]:
+        """Tasks that complete what the sweep has left open in these planes, for arrivals at `parity`."""
+        links = (self._f, self.offsets[parity], self.start, *self.nodes[parity][:2], self.weights)
+        a, b = int(self.planes[low]), int(self.planes[high])
+        shares = block_ranges(b - a if self.weights.shape[1] else 0, parts)
+        return [bind(kernels.finish_links, *links, a + first, a + last) for first, last in shares if last > first]
 
     def run(self, pool: Pool, parity: int) -> None:
         """Bounce back; arrivals are at `parity`."""
@@ -283,21 +315,29 @@ class FixedLinks:
     def _segments(self, part: "_Part", local: NDArray, way: NDArray) -> None:
         """Where the plane, the direction or the distance to the paired node changes, a segment starts."""
         up = np.where(way % 2 == 1, 1, -1)[:, None] * self.directions.e[way]
-        node = self._element(local)
-        there = self._element(local + up) - node
-        part.node = node.astype(np.int32 if self._layout.slot_stride < 1 << 31 else np.int64)
+        sparse, narrow = isinstance(self._layout, SparseLayout), self._layout.slot_stride < 1 << 31
+        node = self._position(local) if sparse else self._element(local)
+        there = np.zeros_like(node) if sparse else self._element(local + up) - node
+        part.node = node.astype(np.int32 if narrow else np.int64)
         changes = np.diff(local[:, 2]) | np.diff(way) | np.diff(there)
         first = np.flatnonzero(np.concatenate(([len(way) > 0], changes != 0))[: len(way)])
         part.start = np.append(first, len(way)).astype(np.int64)
-        i, j, zero = way[first], self.directions.opposite[way[first]], np.zeros(len(first), np.int64)
-        odd = i % 2 == 1
-        out = np.where(odd, there[first], zero)
+        i, j = way[first], self.directions.opposite[way[first]]
+        out = np.where(i % 2 == 1, there[first], 0)
         others = there[first] - out
         slots = self._layout.slots * self._layout.slot_stride
         places = [slots[:, j] + out, slots[:, i] + others, slots[:, j] + others]
+        if sparse:
+            behind = self._position(local - self.directions.e[way])
+            part.behind = np.where(behind < 0, node, behind).astype(part.node.dtype)
+            places[0] = slots[[0, 0]][:, j]
         part.offsets = np.array(np.stack(places, axis=-1), order="C")
-        part.way = self.directions.e[i].astype(np.float64)
-        part.plane = local[first, 2]
+        part.direction, part.plane = i, local[first, 2]
+
+    def _position(self, local: NDArray[np.int64]) -> NDArray[np.int64]:
+        """Positions of nodes (x, row, plane) of this slab or one beyond; -1 where there is none."""
+        x, row, plane = local.T
+        return self._layout.positions[plane + 1, row + self._layout.row_ghosts, x + 1].astype(np.int64)
 
     def _element(self, local: NDArray[np.int64]) -> NDArray[np.int64]:
         """Place in a slot of nodes (x, row, plane) of this slab or one beyond; see `kernels.layout`."""
@@ -326,6 +366,8 @@ class FixedLinks:
         kernels.weigh(self._rule, q, behind, table)
         columns = {kernels.HALFWAY: slice(0), kernels.CLI: slice(1, 2)}.get(self._rule, slice(3))
         part.weights = (table[:, :3] - np.array([1.0, 0.0, 0.0]))[:, columns].copy()
+        if self._rule == kernels.CLI and self._layout.itemsize == 4:  # as the sweep computes with them
+            part.weights = part.weights.astype(np.float32)
         part.far_weights = table[:, 3:5].copy()
         part.wall = table[:, 5] * self.directions.w6[way] * np.sum(e * part.speed, axis=1)
 

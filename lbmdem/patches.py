@@ -83,7 +83,8 @@ class Patches:
         """rho - 1 at the nodes."""
         fluid, values = self._fluid, np.empty(len(self._nodes))
         layout = fluid.layout
-        excesses(fluid.f, layout.strides, layout.slots, layout.shifts, fluid.parity, self._nodes, values)
+        where = (layout.strides, layout.slots, layout.shifts, layout.positions)
+        excesses(fluid.f, *where, fluid.parity, self._nodes, values)
         return values
 
     def _excess(self) -> NDArray[np.float64]:

@@ -78,7 +78,7 @@ class LbmDem:
         self.scalar_units = self.diagnostics.units
 
     def _fluid(self) -> Fluid:
-        scene, fluid = self.scene, self.scene.config.fluid
+        scene, config, fluid = self.scene, self.scene.config, self.scene.config.fluid
         forced = any(fluid.body_force) or scene.config.shaking is not None
         made = Fluid(
             self.world, self.pool, self.domain, LATTICES[scene.lattice],
@@ -90,6 +90,9 @@ class LbmDem:
             blocks=scene.config.simulation.blocks,
             faces={name: Face(face.kind, face.density, face.velocity) for name, face in scene.faces.items()},
         )  # fmt: skip
+        rules = config.coupling
+        made.stays = not self.grains_move or rules.frozen
+        made.stays &= rules.bounce_back != "quadratic" and rules.refill != "conserving"
         axes = self.coordinates()
         made.set_equilibrium(scene.initial_density(axes, self.sample()), scene.initial_velocity(axes))
         return made

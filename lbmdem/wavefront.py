@@ -17,6 +17,7 @@ from typing import Any, NamedTuple
 
 from hpcpic.core.space.domain import Domain, block_ranges
 from lbmdem.kernels.layout import Layout
+from lbmdem.sparse import SparseLayout
 
 DEPTH = 6  # steps per pass: more gain little
 CACHE = 12e6  # bytes of the last-level cache that the planes of all threads' waves may fill, in tiles of rows
@@ -94,12 +95,11 @@ def wrapped(rows: tuple[int, int], n: int) -> list[tuple[int, int]]:
     return [(low, n), (0, high - n)] if low < n else [(low - n, high - n)]
 
 
-def possible_depth(domain: Domain, layout: Layout, threads: int, lag: int) -> int:
+def possible_depth(domain: Domain, layout: Layout | SparseLayout, threads: int, lag: int) -> int:
     """Steps per pass for which blocks and their gaps fit every slab, and planes the caches; 1: no wave. Same on all
     ranks."""
     thinnest = min(b - a for a, b in zip(domain.cuts, domain.cuts[1:]) if b > a) // threads
     depth = min(DEPTH, thinnest // (2 * lag))
-    if lag > 1:
-        plane = layout.lattice.q * layout.plane_stride * layout.itemsize * threads
-        depth = min(depth, int((WHOLE / plane - 1) // 2))
+    if (lag > 1 or layout.whole_planes) and layout.plane_bytes:
+        depth = min(depth, int((WHOLE / (layout.plane_bytes * threads) - 1) // lag))
     return max(1, depth)

@@ -59,6 +59,7 @@ class Layout:
     stored_rows: int
     itemsize: int
     lanes: int
+    whole_planes = False  # waves may do a part of the rows first
 
     @classmethod
     def of(
@@ -88,6 +89,16 @@ class Layout:
     def slot_stride(self) -> int:
         used = (self.stored * self.plane_stride + self.lanes) * self.itemsize
         return (used + (_STREAMS_BYTES - used) % _PAGE) // self.itemsize
+
+    @property
+    def plane_bytes(self) -> int:
+        """Of all populations of a plane."""
+        return self.lattice.q * self.plane_stride * self.itemsize
+
+    @property
+    def positions(self) -> NDArray[np.int32]:
+        """Nodes have no numbers: their places follow from where they are."""
+        return np.empty((0, 0, 0), np.int32)
 
     @property
     def size(self) -> int:
@@ -132,3 +143,16 @@ def arrival(strides, slots, shifts, parity, z, y, x, i):
     elif row < 0:
         row = strides[5] - 1
     return slots[parity, i] * strides[0] + plane * strides[1] + row * strides[2] + strides[3] + x + shifts[i, 2]
+
+
+@njit
+def element(strides, slots, shifts, positions, parity, z, y, x, i):
+    """As `arrival`, also where fluid nodes have `positions` (see `lbmdem.sparse`); of a fluid node then."""
+    if positions.shape[0] == 0:
+        return arrival(strides, slots, shifts, parity, z, y, x, i)
+    row = y + strides[1]
+    if parity:
+        there = positions[z + 1 + shifts[i, 0], row + shifts[i, 1], x + 1 + shifts[i, 2]]
+        if there >= 0:
+            return slots[1, i] * strides[0] + there
+    return i * strides[0] + positions[z + 1, row, x + 1]

@@ -13,7 +13,7 @@ which a rule whose coefficients add up to 1 does not notice.
 import numpy as np
 
 from hpcpic.core.simd.jit import njit
-from hpcpic.core.simd.vector import address_of, prefetch, prefetch_to_write
+from hpcpic.core.simd.vector import address_of, fma, prefetch, prefetch_to_write
 from lbmdem.kernels.layout import arrival
 from lbmdem.kernels.runs import FLUID
 
@@ -87,12 +87,13 @@ def rule_reach(rule):
 
 
 @njit
-def fixed_links(f, offsets, start, node, weights, wall, low, high, kept):
+def fixed_links(f, offsets, start, node, node_b, node_c, weights, wall, low, high, kept):
     """Segments [low, high) of links that stay: node[n] in a slot; wall[n], what is taken off, or [0] for nothing.
 
     weights[n, 3] of out, g_i(y), g_j(x), or [n, 1] of g_i(y) less g_j(x), or [n, 0] for half-way. Links start[s] to
-    start[s + 1] of a segment have offsets[s, 3] from the node to these three. kept[n, 2]: what went out and what comes
-    back, for `momentum`, or [0, 2]. Nothing is a function of arrays here: numba would count references at every link.
+    start[s + 1] of a segment have offsets[s, 3] from node, node_b and node_c to these three. kept[n, 2]: what went out
+    and what comes back, for `momentum`, or [0, 2]. Nothing is a function of arrays here: numba would count references
+    at every link.
     """
     moved, terms, keeps = wall.size > 0, weights.shape[1], kept.shape[0] > 0
     first, size, zero, one, two = address_of(f, 0), f.itemsize, np.uint64(0), np.uint64(1), np.uint64(2)
@@ -107,24 +108,38 @@ def fixed_links(f, offsets, start, node, weights, wall, low, high, kept):
                 to_c = first + size * offsets[ahead, 2]
                 ahead += 1
                 change = start[ahead]
-            y = size * np.int64(node[np.uint64(m)])
-            prefetch_to_write(to_a + y)
+            later = np.uint64(m)
+            prefetch_to_write(to_a + size * np.int64(node[later]))
             x = np.int64(node[n])
             out = f[np.uint64(a + x)]
             v = float(out)
             if moved:
                 v -= wall[n]
             if terms:
-                prefetch(to_b + y)
-                prefetch(to_c + y)
-                second, outwards = f[np.uint64(b + x)], f[np.uint64(c + x)]
-                if terms == 1:
-                    v += weights[n, zero] * second - weights[n, zero] * outwards
+                prefetch(to_b + size * np.int64(node_b[later]))
+                prefetch(to_c + size * np.int64(node_c[later]))
+                second, outwards = f[np.uint64(b + np.int64(node_b[n]))], f[np.uint64(c + np.int64(node_c[n]))]
+                if terms == 1:  # as the sweep does it: first what a node knows at the end of a step, then the rest
+                    kappa = weights[n, zero]
+                    v = float(fma(kappa, second, fma(-kappa, outwards, out)))
+                    if moved:
+                        v -= wall[n]
                 else:
                     v += weights[n, zero] * out + weights[n, one] * second + weights[n, two] * outwards
             f[np.uint64(a + x)] = v
             if keeps:
                 kept[n, zero], kept[n, one] = out, v
+
+
+@njit
+def finish_links(f, offsets, start, node, node_b, weights, low, high):
+    """The second part of what fixed_links does, for weights[n, 1]; the sweep has done the first (kernels.sparse)."""
+    zero = np.uint64(0)
+    for s in range(low, high):
+        a, b = offsets[s, 0], offsets[s, 1]
+        for n in range(np.uint64(start[s]), np.uint64(start[s + 1])):
+            at = np.uint64(a + np.int64(node[n]))
+            f[at] = fma(weights[n, zero], f[np.uint64(b + np.int64(node_b[n]))], f[at])
 
 
 @njit

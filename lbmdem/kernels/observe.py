@@ -18,7 +18,7 @@ from hpcpic.core.simd.vector import (
     splat,
     store,
 )
-from lbmdem.kernels.layout import FLUID, arrival
+from lbmdem.kernels.layout import FLUID, arrival, element
 from lbmdem.kernels.refill import offsets
 from lbmdem.kernels.spread import load_wide
 
@@ -29,13 +29,28 @@ COLUMNS = 6  # of a row's sums, less the count of nodes: rho - 1, momentum, rho 
 
 
 @njit
-def gather(f, strides, slots, shifts, e, parity, z, y, lines):
-    """lines[0] = sum of h, lines[1 + c] = momentum without force along physical axis c, of a row's nodes."""
+def fetch(f, strides, slots, shifts, positions, parity, z, y, i, line):
+    """line[x] = f_i of a row's nodes, 0 where solid nodes have no positions."""
+    if positions.shape[0] == 0:
+        start = arrival(strides, slots, shifts, parity, z, y, 0, i)
+        line[:] = f[start : start + line.size]
+        return
+    for x in range(line.size):
+        fluid = positions[z + 1, y + strides[1], x + 1] >= 0
+        line[x] = f[element(strides, slots, shifts, positions, parity, z, y, x, i)] if fluid else 0
+
+
+@njit
+def gather(f, strides, slots, shifts, positions, e, parity, z, y, h, lines):
+    """lines[0] = sum of h, lines[1 + c] = momentum without force along physical axis c, of a row's nodes.
+
+    h[x] is room for a population.
+    """
     lines[:] = 0.0
     nx = lines.shape[1]
     for i in range(e.shape[0]):
-        start = arrival(strides, slots, shifts, parity, z, y, 0, i)
-        h, mass = f[start : start + nx], lines[0]
+        fetch(f, strides, slots, shifts, positions, parity, z, y, i, h)
+        mass = lines[0]
         for x in range(nx):
             mass[x] += h[x]
         for c in range(e.shape[1]):
@@ -49,13 +64,13 @@ def gather(f, strides, slots, shifts, e, parity, z, y, lines):
 
 
 @njit
-def moments(f, ids, ghosts, strides, slots, shifts, e, half, parity, low, high, rho, u):
+def moments(f, ids, ghosts, strides, slots, shifts, positions, e, half, parity, low, high, rho, u):
     """rho[planes, rows, nx] and u[..., d] of planes low..; half[c]: half the force. Solid nodes have 1 and 0."""
     d = e.shape[1]
-    lines = np.empty((1 + d, rho.shape[2]))
+    lines, h = np.empty((1 + d, rho.shape[2])), np.empty(rho.shape[2], f.dtype)
     for z in range(low, high):
         for y in range(rho.shape[1]):
-            gather(f, strides, slots, shifts, e, parity, z, y, lines)
+            gather(f, strides, slots, shifts, positions, e, parity, z, y, h, lines)
             solid, density, velocity = ids[z + 1, y + ghosts], rho[z, y], u[z, y]
             for x in range(density.size):
                 fluid = solid[x + 1] == FLUID
@@ -65,7 +80,7 @@ def moments(f, ids, ghosts, strides, slots, shifts, e, half, parity, low, high, 
 
 
 @njit
-def row_sums(f, ids, ghosts, strides, slots, shifts, e, half, parity, low, high, sums, fastest):
+def row_sums(f, ids, ghosts, strides, slots, shifts, positions, e, half, parity, low, high, sums, fastest):
     """sums[plane, row] = fluid nodes, their sum of h, momentum (with half the force), rho u^2, last component of u; and
     fastest[plane, row] = largest u^2. A row is summed in the order of its nodes, so that no decomposition shows."""
     q, d = e.shape
@@ -74,11 +89,18 @@ def row_sums(f, ids, ghosts, strides, slots, shifts, e, half, parity, low, high,
         for c in range(d):
             way[3 * i + c] = e[i, c]
     forced[:d] = half
-    line = ids.reshape(-1)
-    steps = offsets(strides, slots, shifts, parity)
+    line, nx = ids.reshape(-1), ids.shape[2] - 2
+    dense = positions.shape[0] == 0
+    room = np.zeros((q, 1 if dense else nx + N), f.dtype)
+    rows = f if dense else room.reshape(-1)
+    steps = offsets(strides, slots, shifts, parity) if dense else np.arange(q) * room.shape[1]
     for z in range(low, high):
         for y in range(sums.shape[1]):
-            if z + 1 < sums.shape[0] and 0 < y < sums.shape[1] - 1:
+            if not dense:
+                starts[:] = steps
+                for i in range(q):
+                    fetch(f, strides, slots, shifts, positions, parity, z, y, i, room[i, :nx])
+            elif z + 1 < sums.shape[0] and 0 < y < sums.shape[1] - 1:
                 starts[:] = z * strides[1] + y * strides[2] + strides[3] + steps
             else:
                 for i in range(q):
@@ -86,7 +108,7 @@ def row_sums(f, ids, ghosts, strides, slots, shifts, e, half, parity, low, high,
             node = ((z + 1) * ids.shape[1] + y + ghosts) * ids.shape[2] + 1
             row = sums[z, y]
             row[0], row[1], px, py, pz, row[2 + d], row[3 + d], fastest[z, y] = of_row(
-                f, starts, way, forced, d - 1, line, node, ids.shape[2] - 2, terms
+                rows, starts, way, forced, d - 1, line, node, nx, terms
             )
             row[2], row[3] = px, py
             if d == 3:
@@ -131,33 +153,35 @@ def of_row(f, starts, way, half, last, line, node, nx, terms):
 
 
 @njit
-def excesses(f, strides, slots, shifts, parity, nodes, excess):
+def excesses(f, strides, slots, shifts, positions, parity, nodes, excess):
     """excess[m] = rho - 1 at nodes[m, 3] (plane, row, x)."""
     for k in range(excess.size):
         total = 0.0
         for i in range(shifts.shape[0]):
-            total += f[arrival(strides, slots, shifts, parity, nodes[k, 0], nodes[k, 1], nodes[k, 2], i)]
+            place = element(strides, slots, shifts, positions, parity, nodes[k, 0], nodes[k, 1], nodes[k, 2], i)
+            total += f[place]
         excess[k] = total
 
 
 @njit
-def read(f, ids, ghosts, strides, slots, shifts, parity, low, high, h):
+def read(f, ids, ghosts, strides, slots, shifts, positions, parity, low, high, h):
     """h[plane, row, x, i] of planes low..; 0 in solid nodes."""
+    line = np.empty(h.shape[2], f.dtype)
     for z in range(low, high):
         for y in range(h.shape[1]):
             solid, target = ids[z + 1, y + ghosts], h[z, y]
             for i in range(h.shape[3]):
-                start = arrival(strides, slots, shifts, parity, z, y, 0, i)
+                fetch(f, strides, slots, shifts, positions, parity, z, y, i, line)
                 for x in range(h.shape[2]):
-                    target[x, i] = f[start + x] if solid[x + 1] == FLUID else 0
+                    target[x, i] = line[x] if solid[x + 1] == FLUID else 0
 
 
 @njit
-def write(f, strides, slots, shifts, first, parity, low, high, h):
+def write(f, strides, slots, shifts, positions, first, parity, low, high, h):
     """The inverse of `read`; h begins with the plane `first`."""
     for z in range(low, high):
         for y in range(h.shape[1]):
             for i in range(h.shape[3]):
-                start = arrival(strides, slots, shifts, parity, z, y, 0, i)
                 for x in range(h.shape[2]):
-                    f[start + x] = h[z - first, y, x, i]
+                    if positions.shape[0] == 0 or positions[z + 1, y + strides[1], x + 1] >= 0:
+                        f[element(strides, slots, shifts, positions, parity, z, y, x, i)] = h[z - first, y, x, i]

@@ -3,16 +3,28 @@
 import numpy as np
 
 from hpcpic.core.simd.jit import njit
-from lbmdem.kernels.layout import FLUID, arrival
+from lbmdem.kernels.layout import FLUID, element
 
 
 @njit
-def push_walls(f, solid, ghosts, strides, slots, shifts, e, weights, parity, low, high, axis, side, others, values):
+def find_places(strides, slots, shifts, positions, parity, low, high, places):
+    """places[plane, row, x, i] = the element of f_i at the nodes low..high; 0 at those without one."""
+    for z in range(low[0], high[0]):
+        for y in range(low[1], high[1]):
+            for x in range(low[2], high[2]):
+                if positions.shape[0] == 0 or positions[z + 1, y + strides[1], x + 1] >= 0:
+                    for i in range(places.shape[3]):
+                        place = element(strides, slots, shifts, positions, parity, z, y, x, i)
+                        places[z - low[0], y - low[1], x - low[2], i] = place
+
+
+@njit
+def push_walls(f, solid, ghosts, places, e, weights, low, high, axis, side, others, values):
     """Half-way walls that move (Ladd 1994): 6 w (e.u) less arrives from a population that went to the wall.
 
     Nodes low..high of the layer on `side` (+1, -1) of storage axis `axis`; e[q, 3] in storage order; others[3, 2]:
-    where the box ends in walls, whose corners stay at rest; values[plane, row, x, 1:] the layer's velocity. Density 1,
-    so that a sliding wall adds exactly no mass.
+    where the box ends in walls, whose corners stay at rest; values[plane, row, x, 1:] the layer's velocity, places of
+    its populations likewise. Density 1, so that a sliding wall adds exactly no mass.
     """
     for z in range(low[0], high[0]):
         for y in range(low[1], high[1]):
@@ -31,11 +43,11 @@ def push_walls(f, solid, ghosts, strides, slots, shifts, e, weights, parity, low
                     if alone:
                         j = i + 1 if i % 2 else i - 1
                         along = e[i, 0] * u[0] + e[i, 1] * u[1] + e[i, 2] * u[2]
-                        f[arrival(strides, slots, shifts, parity, z, y, x, j)] -= 6.0 * weights[i] * along
+                        f[places[z - low[0], y - low[1], x - low[2], j]] -= 6.0 * weights[i] * along
 
 
 @njit
-def zou_he(f, solid, ghosts, strides, slots, shifts, e, weights, parity, low, high, axis, side, force, given, values):
+def zou_he(f, solid, ghosts, places, e, weights, low, high, axis, side, force, given, values):
     """What arrives from beyond a layer so that it has a density or a velocity (Zou & He; 3D: Hecht & Harting 2010).
 
     values[plane, row, x, 4]: density - 1 and velocity (storage order) of the layer's nodes; given 0: the density counts
@@ -51,10 +63,11 @@ def zou_he(f, solid, ghosts, strides, slots, shifts, e, weights, parity, low, hi
                 if solid[z + 1, y + ghosts, x + 1] != FLUID:
                     continue
                 here = values[z - low[0], y - low[1], x - low[2]]
+                place = places[z - low[0], y - low[1], x - low[2]]
                 leaving, tangent_0, tangent_1 = 0.0, 0.0, 0.0
                 a, b = (axis + 1) % 3, (axis + 2) % 3
                 for i in range(q):
-                    h[i] = f[arrival(strides, slots, shifts, parity, z, y, x, i)]
+                    h[i] = f[place[i]]
                     if e[i, axis] == 0:
                         leaving += h[i]
                         tangent_0 += e[i, a] * h[i]
@@ -80,4 +93,4 @@ def zou_he(f, solid, ghosts, strides, slots, shifts, e, weights, parity, low, hi
                         j = i + 1 if i % 2 else i - 1
                         along = e[i, 0] * momentum[0] + e[i, 1] * momentum[1] + e[i, 2] * momentum[2]
                         new = h[j] + 6.0 * weights[i] * along + e[i, a] * fix_a + e[i, b] * fix_b
-                        f[arrival(strides, slots, shifts, parity, z, y, x, i)] = new
+                        f[place[i]] = new
