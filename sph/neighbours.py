@@ -1,6 +1,5 @@
 """Cells of a rank: bodies in slots by layer, row and fine cell, and the runs of slots where neighbours are."""
 
-import math
 from types import ModuleType
 from typing import Any
 
@@ -8,10 +7,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hpcpic.core.errors import Diverged
-from hpcpic.core.space.fields import ALIGNMENT, aligned_zeros
 from hpcpic.core.tasks import TaskError
 from sph.kernels.specialise import specialise
 from sph.particles import PADS, SLACK, Bodies, Tasks, even
+from sph.workspace import Workspace
 
 FINE = 8
 GAP = 16  # slots between layers: a vector may overrun
@@ -33,36 +32,6 @@ class Grid:
         """Layer of positions along the slab axis, as the kernels find it."""
         at = np.floor(x * self.scale[0]) + PADS
         return np.clip(at, 0, self.layers - 1).astype(np.int64)
-
-
-class Workspace:
-    """Arrays of phases that take turns, in the same memory: what one leaves is lost when the next begins."""
-
-    def __init__(self, tasks: Tasks) -> None:
-        self._tasks = tasks
-        self._phases: dict[str, dict[str, tuple[tuple[int, ...], type]]] = {}
-        self._memory = aligned_zeros((0,), np.uint8)
-
-    def need(self, phase: str, **arrays: tuple[tuple[int, ...], type]) -> None:
-        """Arrays of a phase, name = (shape, type), into `tasks.arrays`; none other may be in use."""
-        if self._phases.get(phase) == arrays:
-            return
-        self._phases[phase] = arrays
-        size = max(sum(map(_room_of, kinds.values())) for kinds in self._phases.values())
-        if size > self._memory.nbytes:
-            self._memory = aligned_zeros((size,), np.uint8)
-        for kinds in self._phases.values():
-            at = 0
-            for name, (shape, kind) in kinds.items():
-                end = at + math.prod(shape) * np.dtype(kind).itemsize
-                self._tasks.set(**{name: self._memory[at:end].view(kind).reshape(shape)})
-                at += _room_of((shape, kind))
-
-
-def _room_of(array: tuple[tuple[int, ...], type]) -> int:
-    """Bytes, in whole cache lines."""
-    shape, kind = array
-    return -(-math.prod(shape) * np.dtype(kind).itemsize // ALIGNMENT) * ALIGNMENT
 
 
 class Cells:

@@ -18,6 +18,7 @@ from hpcpic.core.comm.world import World
 from hpcpic.core.space.domain import Domain
 from hpcpic.core.tasks import Bound, Pool, bind
 from sph.images import CODES, Maps
+from sph.workspace import Workspace
 
 FLUID, REAL, MIRRORED, REPULSIVE = 1, 2, 4, 8  # flags
 PADS = 2  # layers and rows outside the domain, for walls and images
@@ -108,10 +109,11 @@ class Bodies:
         self.without = without  # columns that nobody needs
         self.n = self.ghosts = self.capacity = 0
         self.columns: dict[str, NDArray] = {}
+        self._lines: dict[str, list[str]] = {}  # names of the lines of each column
         self._of_wall: dict[int, NDArray[np.int64]] = {}
+        self._kept = [name for name in self.STATE if name not in without]
         self.reserve(1024)
         self._refresh = Refresh(world, Channel.GHOSTS_VALUES)
-        self._kept = [name for name in self.STATE if name not in without]
         self._record = np.dtype([("numbers", np.float64, 3 * d + 2), ("id", np.int64), ("flags", np.int32, 2)])
         self._migrate = Migrate(world, self._record.itemsize, Channel.PARTICLES)
         self._rows = self._codes = np.zeros(0, np.int64)
@@ -151,6 +153,10 @@ class Bodies:
             self.columns[name] = fresh
         self.capacity = capacity
         self.tasks.set(**self.columns)
+        for name in self._kept:
+            lines = {f"{name}[{k}]": line for k, line in enumerate(np.atleast_2d(self.columns[name]))}
+            self._lines[name] = list(lines)
+            self.tasks.set(**lines)
 
     def clear(self) -> None:
         """No bodies."""
@@ -182,16 +188,18 @@ class Bodies:
             self.columns[name][..., rows] = 0.0
         self.n += k
 
-    def sort(self, order: NDArray) -> None:
-        """Own particles in another order, for locality alone; their rates are lost."""
+    def sort(self, order: NDArray, workspace: Workspace) -> None:
+        """Own particles in another order, for locality alone; their rates are lost. `workspace` must be free."""
         self._of_wall.clear()
+        order_kind = {"order": ((self.capacity,), np.int32)}
         for name in self._kept:
-            column = self.columns[name]
-            if column.ndim == 2:
-                for line in column:
-                    line[: self.n] = line[order]
-            else:
-                column[: self.n] = column[order]
+            kind = self.columns[name].dtype
+            moved = f"moved {kind}"
+            workspace.need(moved, **order_kind, **{moved: ((self.capacity,), kind.type)})
+            self.tasks.arrays["order"][: self.n] = order
+            for line in self._lines[name]:
+                self.tasks.each(self.motion.pick, chunks="own_chunks", line=line, moved=moved)
+                self.tasks.each(self.motion.put, chunks="own_chunks", line=line, moved=moved)
 
     # ---- between ranks
 

@@ -149,6 +149,20 @@ def largest(chunk, chunks, flags, external, x, v, a, drho, found):
 
 
 @njit
+def pick(chunk, chunks, order, line, moved):
+    """moved = line in another order."""
+    for b in range(np.uint64(chunks[chunk]), np.uint64(chunks[chunk + 1])):
+        moved[b] = line[np.uint32(order[b])]
+
+
+@njit
+def put(chunk, chunks, line, moved):
+    """line = moved."""
+    for b in range(np.uint64(chunks[chunk]), np.uint64(chunks[chunk + 1])):
+        line[b] = moved[b]
+
+
+@njit
 def ghost_values(rows, codes, turn, shift, spin, push, x, v, drho, gradient, shear, matrix, values):
     """values[g] = x, v, drho, and gradient, shear where they are kept, of the image codes[g] of body rows[g].
 
