@@ -54,62 +54,77 @@ def room(radii):
 
 @njit
 def look(
-    solid, shape, inner, box, strides, p0, planes, r0, rows, x, columns, centre, radius, number, offset, work, table
+    solid, shape, inner, box, strides, p0, planes, r0, rows, x, columns, centre, radius, number, offset, work, table,
 ):  # fmt: skip
     """Fill the tables of the rows r0 - 1 .. of the planes p0 - 1 .. of a window; bit b is the column x - 1 + b.
 
     STARTS: nodes where links start; FLUIDS: of the fluid; MINE: the grain's; LOSTS: within it, but of others; HERE:
     element of column 0; CODES: as those of links. Whether there are any of others.
     """
-    whole, inside = (1 << (columns + 2)) - 1, ((1 << columns) - 1) << 1
-    low, high = max(box[0, 0] - (x - 1), 0), min(box[0, 1] - (x - 1), columns + 2)
-    in_box = whole & ((1 << high) - 1) & ~((1 << low) - 1)
-    any_lost, at = 0, PAD
+    inside, low, high = ((1 << columns) - 1) << 1, max(box[0, 0] - (x - 1), 0), min(box[0, 1] - (x - 1), columns + 2)
+    in_box = ((1 << high) - 1) & ~((1 << low) - 1)
+    any_lost, at, width = splat(I, np.int32(0)), PAD, rows + 2
     for c in range(planes + 2):
         p = p0 - 1 + c
         dz = (p - offset[2]) - centre[2]
         of_plane = radius * radius - dz * dz
-        chords(of_plane, centre, offset, x - 1, columns + 1, r0 - 1, rows + 2, work, MINE * table + at)
-        for r in range(rows + 2):
-            row = r0 - 1 + r
-            start, fluid, own, lost, element = 0, 0, 0, 0, 0
-            if 0 <= row < shape[1]:
-                ball = np.int64(work[np.uint64(MINE * table + at)])
-                element = place(strides, p - inner[2, 0], row - inner[1, 0]) - inner[0, 0] + x - 1
-                wet, own = nodes_of(solid, (p * shape[1] + row) * shape[0] + x - 1, columns + 2, number)
-                lost = ball & ~own
-                own &= ball
-                if box[1, 0] <= row < box[1, 1] and box[2, 0] <= p < box[2, 1]:
-                    fluid = wet & in_box
-                if 1 <= c <= planes and 1 <= r <= rows:
-                    start = wet & inside
-            work[np.uint64(STARTS * table + at)] = start
-            work[np.uint64(FLUIDS * table + at)] = fluid
-            work[np.uint64(MINE * table + at)] = own
-            work[np.uint64(LOSTS * table + at)] = lost
-            work[np.uint64(HERE * table + at)] = element
-            work[np.uint64(CODES * table + at)] = (c << PLANE) | (r << ROW)
-            any_lost |= lost
-            at += 1
+        chords(of_plane, centre, offset, x - 1, columns + 1, r0 - 1, width, work, LOSTS * table + at)
+        nodes_of(solid, shape, p, r0 - 1, width, x - 1, columns + 2, number, work, table, at)
+        places(strides, p - inner[2, 0], r0 - 1 - inner[1, 0], width, x - 1 - inner[0, 0], work, HERE * table + at)
+        start_bits, fluid_bits = inside * (1 <= c <= planes), in_box * (box[2, 0] <= p < box[2, 1])
+        first, after = max(box[1, 0] - (r0 - 1), 0), min(box[1, 1] - (r0 - 1), width)
+        for r in range(0, width, M):
+            row = lane_numbers(I) + np.int32(r)
+            ball, wet = load(I, work, LOSTS * table + at + r), load(I, work, FLUIDS * table + at + r)
+            own = load(I, work, MINE * table + at + r)
+            lost = ball & ~own
+            any_lost = any_lost | select(row < np.int32(width), lost, np.int32(0))
+            middle = (row > np.int32(0)) & (row <= np.int32(rows))
+            store(work, STARTS * table + at + r, select(middle, wet & np.int32(start_bits), np.int32(0)))
+            in_rows = (row >= np.int32(first)) & (row < np.int32(after))
+            store(work, FLUIDS * table + at + r, select(in_rows, wet & np.int32(fluid_bits), np.int32(0)))
+            store(work, MINE * table + at + r, own & ball)
+            store(work, LOSTS * table + at + r, lost)
+            store(work, CODES * table + at + r, (row << ROW) | np.int32(c << PLANE))
+        at += width
     for k in range(0, PAD, M):
         store(work, STARTS * table + at + k, splat(I, np.int32(0)))
-    return any_lost != 0
+    return bitmask(any_lost != np.int32(0)) != 0
 
 
 @njit(inline="always")
-def nodes_of(solid, node, columns, number):
-    """Bits of the nodes of the fluid and of a grain from a node on; those beyond the columns mean nothing."""
-    wet, own = 0, 0
-    if node + 64 <= solid.size:
-        for b in range(0, columns, M):
-            ids = load(I, solid, node + b)
-            wet |= bitmask(ids == FLUID) << b
-            own |= bitmask(ids == number) << b
-    else:
-        for b in range(columns):
-            wet |= np.int64(solid[node + b] == FLUID) << b
-            own |= np.int64(solid[node + b] == number) << b
-    return wet, own
+def places(strides, plane, row, rows, x, work, at):
+    """Elements of the column x of rows from a row on; see `links.place`."""
+    first, step = place(strides, plane, 0) + x, strides[2]
+    for r in range(0, rows, M):
+        store(work, at + r, (lane_numbers(I) + np.int32(row + r)) * np.int32(step) + np.int32(first))
+    if row < 0:
+        work[at] = place(strides, plane, row) + x
+    if row + rows > strides[5]:
+        work[at + rows - 1] = place(strides, plane, row + rows - 1) + x
+
+
+@njit(inline="always")
+def nodes_of(solid, shape, plane, row, rows, x, columns, number, work, table, at):
+    """FLUIDS and MINE of rows from x on: all nodes that are; bits beyond the columns mean nothing.
+
+    Rows outside the array have none.
+    """
+    for r in range(rows):
+        wet, own = 0, 0
+        node = (plane * shape[1] + row + r) * shape[0] + x
+        if not 0 <= row + r < shape[1]:
+            pass
+        elif node + 64 <= solid.size:
+            for b in range(0, columns, M):
+                ids = load(I, solid, node + b)
+                wet |= bitmask(ids == FLUID) << b
+                own |= bitmask(ids == number) << b
+        else:
+            for b in range(columns):
+                wet |= np.int64(solid[node + b] == FLUID) << b
+                own |= np.int64(solid[node + b] == number) << b
+        work[np.uint64(FLUIDS * table + at + r)], work[np.uint64(MINE * table + at + r)] = wet, own
 
 
 @njit(inline="always")

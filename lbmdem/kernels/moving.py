@@ -172,57 +172,68 @@ def bounce(
     motion, scale, sums,
 ):  # fmt: skip
     """n links along e: the rule of `kernels.links`, and 7 sums of N lanes each."""
-    ex, ey, ez = float(e[0]), float(e[1]), float(e[2])
-    x0, r0, p0 = float(here[0] - offset[0]), float(here[1] - offset[1]), float(here[2] - offset[2])
-    cx, cy, cz = centre[0], centre[1], centre[2]
-    ux, uy, uz, wx, wy, wz = motion[0], motion[1], motion[2], motion[3], motion[4], motion[5]
-    e_sq = ex * ex + ey * ey + ez * ez
-    inverse, r_sq, zero = 1.0 / e_sq, radius * radius, splat(F, 0.0)
-    nears, codes = lists + listed, lists + 2 * listed
+    way, radius_sq, zero = (float(e[0]), float(e[1]), float(e[2])), radius * radius, splat(F, 0.0)
+    first = (float(here[0] - offset[0]), float(here[1] - offset[1]), float(here[2] - offset[2]))
+    middle, speed = (centre[0], centre[1], centre[2]), (motion[0], motion[1], motion[2])
+    turn, nears, codes = (motion[3], motion[4], motion[5]), lists + listed, lists + 2 * listed
     for at in (lists, nears, codes):  # the last vector is filled up, see above
         store(work, at + n, splat(H, work[at + n - 1]))
-    force, torque, mass = scale[0], scale[3], scale[6]
-    sx, sy, sz, tx = load(L, sums, 0), load(L, sums, N), load(L, sums, 2 * N), load(L, sums, 3 * N)
-    ty, tz, gain = load(L, sums, 4 * N), load(L, sums, 5 * N), load(L, sums, 6 * N)
     for k in range(0, n, N):
-        word = load(H, work, codes + k)
-        dx = (convert(F, word & np.int32(63)) + x0) - cx
-        dy = (convert(F, (word >> ROW) & np.int32(4095)) + r0) - cy
-        dz = (convert(F, (word >> PLANE) & np.int32(15)) + p0) - cz
-        free = (word >> FREE) > 0
-        d_sq = fma(dx, dx, fma(dy, dy, dz * dz)) - r_sq
-        way = fma(dx, ex, fma(dy, ey, dz * ez))
-        q = -(way + sqrt(maximum(fma(way, way, -d_sq * e_sq), 0.0))) * inverse
-        q = minimum(maximum(q, 0.0), 1.0)
-        px, py, pz = fma(q, ex, dx), fma(q, ey, dy), fma(q, ez, dz)
-        vx, vy, vz = fma(pz, wy, fma(py, -wz, ux)), fma(px, wz, fma(pz, -wx, uy)), fma(py, wx, fma(px, -wy, uz))
-        push = fma(vx, ex, fma(vy, ey, vz * ez)) * weight
+        code = load(H, work, codes + k)
+        q, arm = crossing(code, first, middle, way, radius_sq)
+        wall = swept_by(arm, speed, turn)
+        push = along_way(wall, way) * weight
         out, outwards = gather(F, f, slot_j, work, lists + k), gather(F, f, slot_j, work, nears + k)
         behind = gather(F, f, slot_i, work, nears + k)
-        v = returned(rule, q, free, out, behind, outwards, push, zero)
+        v = returned(rule, q, (code >> FREE) > 0, out, behind, outwards, push, zero)
         if rule == QUADRATIC:
             third, fourth = load(F, further[0], k), load(F, further[1], k)
-            v = select((word & np.int32(1 << FURTHER)) > 0, quadratic(q, out, behind, outwards, third, fourth, push), v)
+            v = select((code & np.int32(1 << FURTHER)) > 0, quadratic(q, out, behind, outwards, third, fourth, push), v)
         scatter(f, slot_j, work, lists + k, v)
         linked = lane_numbers(L) < n - k
         out, v = select(linked, out, zero), select(linked, v, zero)
-        give, keep = out + v, out - v
-        swept = keep * open_mass
-        fx, fy, fz = fma(give, ex, -(swept * vx)), fma(give, ey, -(swept * vy)), fma(give, ez, -(swept * vz))
-        sx += to_fixed(fx, force)
-        sy += to_fixed(fy, force)
-        sz += to_fixed(fz, force)
-        tx += to_fixed(fma(py, fz, -(pz * fy)), torque)
-        ty += to_fixed(fma(pz, fx, -(px * fz)), torque)
-        tz += to_fixed(fma(px, fy, -(py * fx)), torque)
-        gain -= to_fixed(keep, mass)
-    store(sums, 0, sx)
-    store(sums, N, sy)
-    store(sums, 2 * N, sz)
-    store(sums, 3 * N, tx)
-    store(sums, 4 * N, ty)
-    store(sums, 5 * N, tz)
-    store(sums, 6 * N, gain)
+        for a, term in enumerate(given(out + v, out - v, open_mass, way, wall, arm)):
+            store(sums, a * N, load(L, sums, a * N) + to_fixed(term, scale[a]))
+
+
+@njit(inline="always")
+def along_way(a, way):
+    """Dot product."""
+    return fma(a[0], way[0], fma(a[1], way[1], a[2] * way[2]))
+
+
+@njit(inline="always")
+def crossing(code, first, middle, way, radius_sq):
+    """q of links by their codes, and the crossings from the middle of the grain. first: node of the code 0."""
+    dx = (convert(F, code & np.int32(63)) + first[0]) - middle[0]
+    dy = (convert(F, (code >> ROW) & np.int32(4095)) + first[1]) - middle[1]
+    dz = (convert(F, (code >> PLANE) & np.int32(15)) + first[2]) - middle[2]
+    d_sq = fma(dx, dx, fma(dy, dy, dz * dz)) - radius_sq
+    b, e_sq = along_way((dx, dy, dz), way), way[0] * way[0] + way[1] * way[1] + way[2] * way[2]
+    q = (b + sqrt(maximum(fma(b, b, -d_sq * e_sq), 0.0))) * (-1.0 / e_sq)
+    q = minimum(maximum(q, 0.0), 1.0)
+    return q, (fma(q, way[0], dx), fma(q, way[1], dy), fma(q, way[2], dz))
+
+
+@njit(inline="always")
+def swept_by(arm, speed, turn):
+    """Velocity of the wall."""
+    (x, y, z), (wx, wy, wz) = arm, turn
+    return (
+        fma(z, wy, fma(y, -wz, speed[0])),
+        fma(x, wz, fma(z, -wx, speed[1])),
+        fma(y, wx, fma(x, -wy, speed[2])),
+    )
+
+
+@njit(inline="always")
+def given(give, keep, open_mass, way, wall, arm):
+    """Force, torque and mass that a grain gains, the mass with the sign of the fluid's."""
+    (x, y, z), swept = arm, keep * open_mass
+    fx = fma(give, way[0], -(swept * wall[0]))
+    fy = fma(give, way[1], -(swept * wall[1]))
+    fz = fma(give, way[2], -(swept * wall[2]))
+    return fx, fy, fz, fma(y, fz, -(z * fy)), fma(z, fx, -(x * fz)), fma(x, fy, -(y * fx)), -keep
 
 
 @njit(inline="always")
@@ -230,7 +241,7 @@ def returned(rule, q, free, out, second, outwards, push, zero):
     """What comes back, of links with one fluid node behind (free) or none."""
     if rule == CLI:
         kappa = select(free, (1.0 - 2.0 * q) / (1.0 + 2.0 * q), zero)
-        return (out - (1.0 + kappa) * push) + kappa * (second - outwards)
+        return fma(kappa, (second - outwards) - push, out - push)
     if rule == HALFWAY:
         return out - push
     twice = 2.0 * q

@@ -332,3 +332,29 @@ def test_forces_do_not_depend_on_who_has_asked_before(world, pool, rule):
                 last = [*immersed.all_forces(1), *immersed.all_forces(1, steps=1), immersed.pending(1)]
         told.append(last)
     assert all(np.array_equal(a, b) and np.abs(a).max() > 0 for a, b in zip(*told))
+
+
+@LATTICES
+@pytest.mark.parametrize("rule", ["interpolated", "quadratic", "cli"])
+def test_wide_grains_are_linked_as_if_they_stayed(alone, pool, lattice, rule):
+    """Of more planes and columns than are looked at together, across the seams; bounds: rounding of some hundred links
+    of numbers below 1."""
+    d = lattice.dimensions
+    shape, radius = {2: ((90, 90), 38.3), 3: ((44, 44, 44), 16.6)}[d]
+    grain = (np.array([7]), np.full((1, d), 3.4), np.array([radius]), np.full((1, d), 0.01))
+    grain += (np.full((1, 3 if d == 3 else 1), 1e-3),)
+    found = []
+    for moves in (False, True):
+        fluid = fluid_in_a_box(alone, pool, lattice, shape)
+        immersed = Immersed(fluid, alone, pool, rule=rule, **({} if moves else {"fixed": grain}))
+        if moves:
+            immersed.start(*grain)
+        stir(fluid)
+        fluid.step()
+        fluid.step()
+        found.append((fluid.populations(), *immersed.forces(grain[0]), immersed.counts()))
+    (h, force, torque, counts), (moving, pushed, turned, moving_counts) = found
+    assert counts == moving_counts and counts["links"] > 300
+    np.testing.assert_allclose(moving, h, atol=1e-15)
+    np.testing.assert_allclose(pushed, force, atol=1e-12)
+    np.testing.assert_allclose(turned, torque, atol=1e-12 * radius)
