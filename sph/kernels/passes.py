@@ -62,7 +62,8 @@ def _pair(law: Law, terms: Terms, plain: bool) -> list[str]:
         lines.append(f"    sum{k} = fma({to_i}, {by_i}, sum{k})")
         lines.append(f"    store(sums{k}, j + shift, fma({to_j}, {by_j}, load(F_, sums{k}, j + shift)))")
     if terms.rare and not plain:
-        lines += ["    if bitmask((kinds | class_i) & 4 == 4) != 0:", *(f"        {line}" for line in terms.rare)]
+        lines += ["    repels = ((kinds | class_i) & 4 == 4) & (F != 0.0)  # it does not reach as far as the support"]
+        lines += ["    if bitmask(repels) != 0:", *(f"        {line}" for line in terms.rare)]
         lines += [f"        e{a} = select(partners, e{a}, 0.0)" for a in law.axes]
         names = [entry[0] for entry in terms.sums]
         for a in law.axes:
