@@ -8,6 +8,7 @@ from hpcpic.core.files.config import Path
 from sph import geometry, limits
 from sph.config import AXES, Fluid, Gauge, Shape, SphConfig, Wall, speed_scale
 
+MOST_ALONG = 2**21  # particles along an edge, whose places are kept
 FLAT = ("mirror-no-slip", "repulsive", "point-symmetric-free-slip")
 Fault = tuple[Path, str]
 
@@ -123,6 +124,13 @@ def relations(config: SphConfig) -> Iterator[Fault]:
         yield ("domain", "high"), f"must be above low = {list(domain.low)} on every axis (got {list(domain.high)})"
     if domain.periodic and not (domain.low and domain.high):
         yield ("domain",), "low and high are missing, which a periodic domain needs"
+    for group, i, section in shaped(config):
+        if not section.shape.plane:
+            low, high = geometry.bounds(section.shape)
+            n = max(b - a for a, b in zip(low, high)) / config.numerics.spacing
+            if n > MOST_ALONG:
+                text = f"{n:.3g} particles along an edge, more than {MOST_ALONG}: a larger numerics.spacing"
+                yield (group, i, "shape"), text
     for i, fluid in enumerate(config.fluid):
         yield from ((("fluid", i, *path), text) for path, text in fluid_faults(config, fluid, d))
         first = config.fluid[0]

@@ -15,6 +15,7 @@ from hpcpic.core.comm.ghosts import Refresh
 from hpcpic.core.comm.migrate import Migrate
 from hpcpic.core.comm.tags import Channel
 from hpcpic.core.comm.world import World
+from hpcpic.core.errors import ConfigError
 from hpcpic.core.space.domain import Domain
 from hpcpic.core.tasks import Bound, Pool, bind
 from sph.images import CODES, Maps
@@ -22,6 +23,7 @@ from sph.workspace import Workspace
 
 FLUID, REAL, MIRRORED, REPULSIVE = 1, 2, 4, 8  # flags
 PADS = 2  # layers and rows outside the domain, for walls and images
+MOST = 2**28  # bodies of a rank: kernels.packing counts their bytes in int32
 SLACK = 16  # one body more for so many, when there is no room
 IMAGES_REACH = 4  # layers from a body to where its image, but for a period, is looked for; with one to spare
 
@@ -140,6 +142,8 @@ class Bodies:
         if capacity <= self.capacity:
             return
         capacity += capacity // SLACK + 16  # vectors may overrun
+        if capacity > MOST:
+            raise ConfigError([f"{capacity:.3g} particles on a rank, more than {MOST}: more ranks"])
         shapes = {name: ((self.d, capacity), np.dtype(float)) for name in self.LINES}
         shapes |= {name: ((capacity,), np.dtype(float)) for name in self.COLUMNS}
         shapes |= {name: ((self.d**2, capacity), np.dtype(float)) for name in ("shear", "matrix")}

@@ -290,11 +290,12 @@ class Scene:
         if not section.shape.box:
             gone.append(flagged(grid, None, lambda x: solids.signed_distance(section.shape, x) > 0.0))
         for name, box, bad in self._obstacles(grid):
-            found = np.setdiff1d(flagged(grid, box, bad), np.concatenate([*gone, np.zeros(0, np.int64)]))
+            before = np.concatenate([*gone, np.zeros(0, np.int64)])
+            found = np.setdiff1d(flagged(grid, box, bad), before, assume_unique=True)
             if len(found):
                 fluid.clipped[name] = len(found)
                 gone.append(found)
-        fluid.removed = np.unique(np.concatenate([*gone, np.zeros(0, np.int64)]))
+        fluid.removed = np.sort(np.concatenate([*gone, np.zeros(0, np.int64)]))  # none twice
         return fluid
 
     def _obstacles(self, grid: Grid):

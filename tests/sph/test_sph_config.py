@@ -57,6 +57,7 @@ def test_what_is_not_given_follows_from_what_is():
         ("domain.periodic[0]", 'domain = { low = [0.0, 0.0]; high = [1.0, 1.0]; periodic = ["z"]; };'),
         ("domain", 'domain = { periodic = ["x"]; };'),
         ("fluid[0].shape", "fluid = ( { shape = { }; } );"),
+        ("fluid[0].shape", "fluid = ( { shape = { box = { low = [0.0, 0.0]; high = [1.0, 2.0e5]; }; }; } );"),
         ("fluid[0].shape.box.high", "fluid = ( { shape = { box = { low = [0.0, 0.0]; high = [0.0, 1.0]; }; }; } );"),
         ("fluid[0].shape.box", "fluid = ( { shape = { box = { low = [0.0, 0.0]; high = [1.0, 0.01]; }; }; } );"),
         ("fluid[0].shape.plane", "fluid = ( { shape = { plane = { point = [0.0, 0.0]; normal = [0.0, 1.0]; }; }; } );"),
