@@ -201,8 +201,7 @@ class Sph:
         """Cuts of equal load, if the present ones are far from it."""
         if self.world.size == 1:
             return
-        layer = self.cells.layer_of(self.bodies)
-        load = self.world.sum_int(np.bincount(layer, minlength=self.grid.layers).astype(np.int64))
+        load = self.world.sum_int(np.bincount(self.cells.layer_of(self.bodies), minlength=self.grid.layers))
         cuts = balanced_cuts(load, self.world.size)
         prefix = np.concatenate(([0], np.cumsum(load)))
         worst, best = (np.diff(prefix[list(c)]).max() for c in (self.domain.cuts, cuts))
