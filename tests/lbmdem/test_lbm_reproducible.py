@@ -54,6 +54,7 @@ coupling = { frozen = true; };
 gravity = [0.0, 0.0, -0.2];
 output = { stress_slices = 3; };
 """
+NARROW = "domain.size=[0.002, 0.002, 0.0022]"  # little fluid is left: its solid nodes are not held
 REFILLS = "average", "local", "non-equilibrium", "conserving"
 STEPS = 21
 
@@ -72,6 +73,8 @@ LAWS = {
     "discs explicit": job(DISCS, 'coupling.inertia="explicit"', 'contact.tangential="regularised"'),
     "spheres": job(SPHERES),
     "bed seen at rest": job(BED),
+    "narrow bed": job(BED, NARROW),
+    "fixed bed": job(BED, NARROW, "grains[0].moving=false", "boundary[0].pressure_rate=0.0", "output.stress_slices=0"),
 }
 
 
