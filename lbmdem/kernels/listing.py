@@ -207,12 +207,13 @@ def serve(work, k, end, listed, lists):
     return n - lists, n_free
 
 
-@njit
-def fetch(f, slot_i, slot_j, work, lists, listed, n):
-    """Get the memory of a list of links on its way."""
+@njit(inline="always")
+def fetch(f, ahead, k, after, work, listed):
+    """Get the memory of the links k to `after` of a list on its way. ahead: the list, how many, slots of i and of j."""
+    lists, n, slot_i, slot_j = ahead
     size, to_i, to_j = f.itemsize, address_of(f, slot_i), address_of(f, slot_j)
-    for k in range(lists, lists + n):
-        out, near = size * np.int64(work[np.uint64(k)]), size * np.int64(work[np.uint64(k + listed)])
+    for m in range(lists + k, lists + min(after, n)):
+        out, near = size * np.int64(work[np.uint64(m)]), size * np.int64(work[np.uint64(m + listed)])
         prefetch(to_j + out)
         prefetch(to_j + near)
         prefetch(to_i + near)

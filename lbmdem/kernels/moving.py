@@ -119,30 +119,31 @@ def window(
         solid, shape, inner, box, strides, p, planes, r, rows, x, columns, centre, radius, number, offset, work, table
     )  # fmt: skip
     here, first = (x - 1, r - 1, p - 1), TABLES * table + LISTS * listed
-    n = 0
+    now = (first, 0, 0, 0)
     for i in range(1, opposite.size + 1):
-        lists, n_next = first + 3 * listed * (i % 2), 0
+        ahead = (first, 0, 0, 0)
         if i < opposite.size:
-            j, to = opposite[i], e[i, 2] * (rows + 2) + e[i, 1]
-            n_next, n_free = along(work, table, listed, planes, rows + 2, e[i, 0], to, i % 2 == 1, lists)
-            fetch(f, slots[parity, i] * strides[0], slots[parity, j] * strides[0], work, lists, listed, n_next)
-            counters[LINKS] += n_next
-            counters[FALLBACKS] += n_next - n_free if rule != HALFWAY else 0
+            lists, to = first + 3 * listed * (i % 2), e[i, 2] * (rows + 2) + e[i, 1]
+            n, n_free = along(work, table, listed, planes, rows + 2, e[i, 0], to, i % 2 == 1, lists)
+            ahead = (lists, n, slots[parity, i] * strides[0], slots[parity, opposite[i]] * strides[0])
+            counters[LINKS] += n
+            counters[FALLBACKS] += n - n_free if rule != HALFWAY else 0
             if any_lost:
                 counters[LOST] += lost_along(work, table, planes, rows + 2, e[i, 0], to)
-        if n > 0:
-            i, j = i - 1, opposite[i - 1]
-            lists = first + 3 * listed * (i % 2)
+        if now[1] == 0:
+            fetch(f, ahead, 0, ahead[1], work, listed)
+        else:
+            i -= 1
             if rule == QUADRATIC:
                 counters[FALLBACKS] += look_further(
-                    f, strides, slots, shifts, parity, solid, shape, inner, e[i], i, j, here, work, lists + 2 * listed,
-                    n, further,
+                    f, strides, slots, shifts, parity, solid, shape, inner, e[i], i, opposite[i], here, work,
+                    now[0] + 2 * listed, now[1], further,
                 )  # fmt: skip
             bounce(
-                f, slots[parity, i] * strides[0], slots[parity, j] * strides[0], work, lists, listed, n, further,
-                e[i], w6[i], rule, open_mass, here, offset, centre, radius, motion, scale, sums,
+                f, now, ahead, work, listed, further, e[i], w6[i], rule, open_mass, here, offset, centre, radius,
+                motion, scale, sums,
             )  # fmt: skip
-        n = n_next
+        now = ahead
 
 
 @njit
@@ -168,10 +169,14 @@ def look_further(
 
 @njit
 def bounce(
-    f, slot_i, slot_j, work, lists, listed, n, further, e, weight, rule, open_mass, here, offset, centre, radius,
-    motion, scale, sums,
+    f, now, ahead, work, listed, further, e, weight, rule, open_mass, here, offset, centre, radius, motion, scale,
+    sums,
 ):  # fmt: skip
-    """n links along e: the rule of `kernels.links`, and 7 sums of N lanes each."""
+    """The links of the list `now` along e: the rule of `kernels.links`, and 7 sums of N lanes each.
+
+    now, ahead: as `listing.fetch` wants them; the memory of those ahead is fetched meanwhile.
+    """
+    lists, n, slot_i, slot_j = now
     way, radius_sq, zero = (float(e[0]), float(e[1]), float(e[2])), radius * radius, splat(F, 0.0)
     first = (float(here[0] - offset[0]), float(here[1] - offset[1]), float(here[2] - offset[2]))
     middle, speed = (centre[0], centre[1], centre[2]), (motion[0], motion[1], motion[2])
@@ -179,6 +184,7 @@ def bounce(
     for at in (lists, nears, codes):  # the last vector is filled up, see above
         store(work, at + n, splat(H, work[at + n - 1]))
     for k in range(0, n, N):
+        fetch(f, ahead, k, k + N, work, listed)
         code = load(H, work, codes + k)
         q, arm = crossing(code, first, middle, way, radius_sq)
         wall = swept_by(arm, speed, turn)
@@ -194,6 +200,7 @@ def bounce(
         out, v = select(linked, out, zero), select(linked, v, zero)
         for a, term in enumerate(given(out + v, out - v, open_mass, way, wall, arm)):
             store(sums, a * N, load(L, sums, a * N) + to_fixed(term, scale[a]))
+    fetch(f, ahead, (n + N - 1) // N * N, ahead[1], work, listed)
 
 
 @njit(inline="always")
