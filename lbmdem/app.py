@@ -1,18 +1,23 @@
 """What the command line knows of LBM-DEM. Only `load` and `bench` import anything heavy."""
 
+from __future__ import annotations
+
 from collections.abc import Mapping
 from typing import TYPE_CHECKING
 
-from hpcpic.core.cli.app import App
+from hpcpic.core.cli.app import App, later
 from lbmdem.cases import shipped_cases
-from lbmdem.config import LbmDemConfig
-from lbmdem.derived import derived
-from lbmdem.estimate import estimate
-from lbmdem.plan import plan
 
 if TYPE_CHECKING:
     from hpcpic.core.cli.figures import Plot
     from hpcpic.core.cli.knobs import Knobs
+    from lbmdem.config import LbmDemConfig
+
+
+def schema() -> type[LbmDemConfig]:
+    from lbmdem.config import LbmDemConfig
+
+    return LbmDemConfig
 
 
 def load() -> type:
@@ -48,13 +53,13 @@ def bench(quick: bool) -> Mapping[str, float]:
     return measure(quick)
 
 
-def plots() -> "Mapping[str, Plot]":
+def plots() -> Mapping[str, Plot]:
     from lbmdem.plots import PLOTS
 
     return PLOTS
 
 
-def knobs(config: LbmDemConfig) -> "Knobs":
+def knobs(config: LbmDemConfig) -> Knobs:
     from lbmdem.knobs import knobs_of
 
     return knobs_of(config)
@@ -63,10 +68,10 @@ def knobs(config: LbmDemConfig) -> "Knobs":
 APP = App(
     name="lbmdem",
     title="lattice Boltzmann with discrete-element grains",
-    schema=lambda: LbmDemConfig,
+    schema=schema,
     cases=shipped_cases,
-    derived=derived,
-    estimate=estimate,
+    derived=later("lbmdem.derived", "derived"),
+    estimate=later("lbmdem.estimate", "estimate"),
     load=load,
     until=until,
     time_step=lambda config: config.time_step,
@@ -74,6 +79,6 @@ APP = App(
     free=("description", "simulation.end_time", "simulation.blocks", "output"),
     bench=bench,
     plots=plots,
-    plan=plan,
+    plan=later("lbmdem.plan", "plan"),
     knobs=knobs,
 )

@@ -7,7 +7,7 @@ import math
 from collections.abc import Iterator
 
 from hpcpic.core.cli.forecast import Array
-from hpcpic.core.space.domain import even_cuts
+from hpcpic.core.space.cuts import even_cuts
 from lbmdem.config import LbmDemConfig
 from lbmdem.vectors import grains
 

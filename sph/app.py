@@ -1,19 +1,23 @@
 """What the command line knows of SPH. Only `load` and `bench` import anything heavy."""
 
+from __future__ import annotations
+
 from collections.abc import Mapping
 from typing import TYPE_CHECKING
 
-from hpcpic.core.cli.app import App
+from hpcpic.core.cli.app import App, later
 from sph.cases import shipped_cases
-from sph.config import SphConfig
-from sph.derived import derived
-from sph.estimate import estimate
-from sph.limits import time_step
-from sph.plan import plan
 
 if TYPE_CHECKING:
     from hpcpic.core.cli.figures import Plot
     from hpcpic.core.cli.knobs import Knobs
+    from sph.config import SphConfig
+
+
+def schema() -> type[SphConfig]:
+    from sph.config import SphConfig
+
+    return SphConfig
 
 
 def load() -> type:
@@ -38,13 +42,13 @@ def bench(quick: bool) -> Mapping[str, float]:
     return measure(quick)
 
 
-def plots() -> "Mapping[str, Plot]":
+def plots() -> Mapping[str, Plot]:
     from sph.plots import PLOTS
 
     return PLOTS
 
 
-def knobs(config: SphConfig) -> "Knobs":
+def knobs(config: SphConfig) -> Knobs:
     from sph.knobs import knobs_of
 
     return knobs_of(config)
@@ -53,17 +57,17 @@ def knobs(config: SphConfig) -> "Knobs":
 APP = App(
     name="sph",
     title="weakly compressible smoothed particle hydrodynamics",
-    schema=lambda: SphConfig,
+    schema=schema,
     cases=shipped_cases,
-    derived=derived,
-    estimate=estimate,
+    derived=later("sph.derived", "derived"),
+    estimate=later("sph.estimate", "estimate"),
     load=load,
     until=until,
-    time_step=time_step,
+    time_step=later("sph.limits", "time_step"),
     grow=grow,
     free=("description", "simulation.end_time", "gauge", "output", "numerics.balance_period"),
     plots=plots,
-    plan=plan,
+    plan=later("sph.plan", "plan"),
     bench=bench,
     knobs=knobs,
 )

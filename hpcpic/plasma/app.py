@@ -1,18 +1,23 @@
 """What the command line knows of the plasma. Only `load` and `bench` import anything heavy."""
 
+from __future__ import annotations
+
 from collections.abc import Mapping
 from typing import TYPE_CHECKING
 
-from hpcpic.core.cli.app import App
+from hpcpic.core.cli.app import App, later
 from hpcpic.plasma.cases import shipped_cases
-from hpcpic.plasma.config import PlasmaConfig
-from hpcpic.plasma.derived import derived
-from hpcpic.plasma.estimate import estimate
-from hpcpic.plasma.plan import plan
 
 if TYPE_CHECKING:
     from hpcpic.core.cli.figures import Plot
     from hpcpic.core.cli.knobs import Knobs
+    from hpcpic.plasma.config import PlasmaConfig
+
+
+def schema() -> type[PlasmaConfig]:
+    from hpcpic.plasma.config import PlasmaConfig
+
+    return PlasmaConfig
 
 
 def load() -> type:
@@ -44,13 +49,13 @@ def bench(quick: bool) -> Mapping[str, float]:
     return measure(quick)
 
 
-def plots() -> "Mapping[str, Plot]":
+def plots() -> Mapping[str, Plot]:
     from hpcpic.plasma.plots import PLOTS
 
     return PLOTS
 
 
-def knobs(config: PlasmaConfig) -> "Knobs":
+def knobs(config: PlasmaConfig) -> Knobs:
     from hpcpic.plasma.knobs import knobs_of
 
     return knobs_of(config)
@@ -59,10 +64,10 @@ def knobs(config: PlasmaConfig) -> "Knobs":
 APP = App(
     name="hpcpic",
     title="electrostatic particle-in-cell plasma",
-    schema=lambda: PlasmaConfig,
+    schema=schema,
     cases=shipped_cases,
-    derived=derived,
-    estimate=estimate,
+    derived=later("hpcpic.plasma.derived", "derived"),
+    estimate=later("hpcpic.plasma.estimate", "estimate"),
     load=load,
     until=until,
     time_step=lambda config: config.simulation.time_step,
@@ -77,6 +82,6 @@ APP = App(
     ),
     bench=bench,
     plots=plots,
-    plan=plan,
+    plan=later("hpcpic.plasma.plan", "plan"),
     knobs=knobs,
 )

@@ -6,7 +6,7 @@
 from collections.abc import Iterator
 
 from hpcpic.core.cli.forecast import Array
-from hpcpic.core.space.domain import even_cuts
+from hpcpic.core.space.cuts import even_cuts
 from hpcpic.plasma.config import PlasmaConfig, macro_charge, velocity_components
 
 PAGE = 128  # particles per page, see plasma.tiles

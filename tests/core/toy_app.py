@@ -13,13 +13,13 @@ import sys
 import threading
 import time
 from collections.abc import Mapping
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Literal
 
 import numpy as np
 
 from hpcpic.core.cli.app import App
+from hpcpic.core.cli.forecast import Estimate
 from hpcpic.core.cli.main import build
 from hpcpic.core.errors import Diverged
 from hpcpic.core.files.arrays import FieldArray, ParticleArray, Shard
@@ -174,14 +174,6 @@ class Toy:
                 write(path, slots, shards)
 
             image.write_shards = half
-
-
-@dataclass(frozen=True)
-class Estimate:
-    memory: Mapping[str, float]
-    disk: Mapping[str, float]
-    step_seconds: float
-    seconds: float
 
 
 def estimate(config: ToyConfig, ranks: int, threads: int, rates: Mapping[str, float]) -> Estimate:

@@ -7,6 +7,7 @@ from __future__ import annotations
 import sys
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
+from importlib import import_module
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -59,3 +60,12 @@ class App:
 
 
 AppLoader = Callable[[], App]
+
+
+def later(module: str, name: str) -> Callable[..., Any]:
+    """A function that is imported when it is called: a command pays for what it uses."""
+
+    def call(*args: Any) -> Any:
+        return getattr(import_module(module), name)(*args)
+
+    return call

@@ -11,7 +11,6 @@ import click
 from hpcpic.core.cli.app import App
 from hpcpic.core.files.cases import find_case
 from hpcpic.core.files.config import Tree, load
-from hpcpic.core.files.schema import validate
 
 set_option = click.option(
     "--set",
@@ -43,6 +42,7 @@ class Case:
 
 def read_case(app: App, case: str, sets: tuple[str, ...] = ()) -> Case:
     """Raises ConfigError with every fault."""
-    path = str(find_case(case, app.cases()))
-    tree = load(path, sets)
+    tree = load(path := str(find_case(case, app.cases())), sets)
+    from hpcpic.core.files.schema import validate  # takes long to import: only where there is something to validate
+
     return Case(path, tree, validate(app.schema(), tree))

@@ -2,15 +2,45 @@
 
 from __future__ import annotations
 
+import os
+import shutil
 import sys
 from collections.abc import Iterable, Sequence
 
+import click
+
 WIDE = 400
+_COLOURS = {"ok": ("green", False), "warn": ("yellow", False), "fail": ("red", True)}
 _STYLES = {"ok": "green", "warn": "yellow", "fail": "bold red"}
 
 
 def table(headers: Sequence[str], rows: Iterable[Sequence[object]], right: Sequence[str] = ()) -> None:
     """Print rows under their headers; columns named in `right` are aligned there; verdicts are coloured."""
+    cells = [list(map(str, row)) for row in rows]
+    widths = [max(map(len, column)) for column in zip(headers, *cells)]
+    shown = sys.stdout.isatty()
+    room = shutil.get_terminal_size().columns if shown else WIDE
+    if sum(widths) + 2 * (len(widths) - 1) > room or not all(cell.isascii() for row in cells for cell in row):
+        _folded(headers, cells, right)
+        return
+    coloured = shown and "NO_COLOR" not in os.environ
+    for k, row in enumerate([list(headers), *cells]):
+        padded = [
+            cell.rjust(width) if header in right else cell.ljust(width)
+            for cell, width, header in zip(row, widths, headers)
+        ]
+        if coloured:
+            padded = [_styled(text, cell, k == 0) for text, cell in zip(padded, row)]
+        click.echo("  ".join(padded).rstrip())
+
+
+def _styled(padded: str, cell: str, header: bool) -> str:
+    colour, bold = _COLOURS.get(cell, (None, False))
+    return click.style(padded, fg=colour, bold=header or bold) if header or colour else padded
+
+
+def _folded(headers: Sequence[str], rows: Sequence[Sequence[str]], right: Sequence[str]) -> None:
+    """The same where lines do not fit, or characters may be two columns wide."""
     from rich.console import Console
     from rich.table import Table
     from rich.text import Text
@@ -19,7 +49,7 @@ def table(headers: Sequence[str], rows: Iterable[Sequence[object]], right: Seque
     for header in headers:
         made.add_column(header, justify="right" if header in right else "left", overflow="fold")
     for row in rows:
-        made.add_row(*(Text(str(cell), _STYLES.get(str(cell), "")) for cell in row))
+        made.add_row(*(Text(cell, _STYLES.get(cell, "")) for cell in row))
     Console(width=None if sys.stdout.isatty() else WIDE, highlight=False).print(made)
 
 

@@ -2,22 +2,13 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from itertools import pairwise
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from hpcpic.core.space.cuts import block_ranges, even_cuts
 
-def block_ranges(n: int, parts: int) -> list[tuple[int, int]]:
-    """Ranges (low, high) of n items in `parts` parts; the first get the extra items, some may be empty."""
-    size, extra = divmod(n, parts)
-    edges = [part * size + min(part, extra) for part in range(parts + 1)]
-    return list(pairwise(edges))
-
-
-def even_cuts(rows: int, ranks: int) -> tuple[int, ...]:
-    """The ranks + 1 row numbers that share `rows` evenly."""
-    return (0, *(high for _, high in block_ranges(rows, ranks)))
+__all__ = ["Domain", "balanced_cuts", "block_ranges", "even_cuts", "wrap"]
 
 
 def balanced_cuts(cost_per_row: ArrayLike, ranks: int, minimum: int = 0) -> tuple[int, ...]:
