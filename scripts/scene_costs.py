@@ -30,7 +30,7 @@ from hpcpic.core.timers import Timers
 
 APPS = {"hpcpic": "hpcpic.plasma.app", "sph": "sph.app", "lbmdem": "lbmdem.app"}
 PLASMA = """
-simulation = {{ dimensions = 2; cycles = 900; time_step = 0.1; space_length = [{points}.0, {points}.0]; }};
+simulation = {{ dimensions = 2; cycles = {cycles}; time_step = 0.1; space_length = [{points}.0, {points}.0]; }};
 grid = {{ points = [{points}, {points}]; }};
 field = {{ magnetic = {magnetic}; }};
 species = ( {{ name = "electrons"; particles = {particles}; charge = -1.0; mass = 1.0; plasma_frequency = 1.0;
@@ -75,8 +75,11 @@ def listed(values: Any) -> str:
     return "[" + ", ".join(f'"{v}"' if isinstance(v, str) else repr(float(v)) for v in values) + "]"
 
 
-def plasma(points: int = 32, particles: int = 20_000, magnetic: Any = (0, 0, 0), more: str = "") -> Case:
-    return Case("hpcpic", PLASMA.format(points=points, particles=particles, magnetic=listed(magnetic), more=more))
+def plasma(
+    points: int = 32, particles: int = 20_000, magnetic: Any = (0, 0, 0), more: str = "", cycles: int = 900
+) -> Case:
+    sizes = {"points": points, "particles": particles, "cycles": cycles}
+    return Case("hpcpic", PLASMA.format(magnetic=listed(magnetic), more=more, **sizes))
 
 
 def water(
@@ -306,7 +309,8 @@ def memory(pool: Pool) -> Iterator[Row]:
 
 def outputs(pool: Pool) -> Iterator[Row]:
     for what, case in (
-        ("plasma", plasma(64, 262_144)),
+        ("plasma, a run of a second", plasma(64, 262_144)),
+        ("plasma, a run of an hour", plasma(64, 262_144, cycles=5_000_000)),
         ("SPH", water(spacing=0.005)),
         ("lattice, 1000 steps in all", flow((256, 256))),
     ):

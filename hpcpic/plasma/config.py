@@ -19,7 +19,9 @@ Period = Annotated[int, Field(ge=0)]
 
 
 class SeriesPeriod(Section):
-    energy: int = setting(1, "steps between samples of the series, 0 = never", "steps", ge=0)
+    energy: int | None = setting(
+        None, "steps between samples of the series, 0 = never; by default what costs a long run 5 %", "steps", ge=0
+    )
     field: int | None = setting(None, "steps between snapshots of the fields, 0 = never", "steps", ge=0)
     particle: int | None = setting(None, "steps between snapshots of the particles, 0 = never", "steps", ge=0)
 
@@ -159,7 +161,7 @@ class PlasmaConfig(Section):
         asked, written = self.simulation.sampling_period, self.output.sampling_period
         snapshots = [period for period in (written.field, written.particle) if period]
         return {
-            "series": asked.energy,
+            "series": asked.energy or 0,
             "field": written.field or 0,
             "particle": written.particle or 0,
             "openpmd": min(snapshots, default=0) if self.output.openpmd else 0,
@@ -226,7 +228,7 @@ class PlasmaConfig(Section):
         simulation = self.simulation.model_copy(
             update={"dimensions": d, "sampling_period": SeriesPeriod(energy=asked.energy)}
         )
-        return self.model_copy(
+        full = self.model_copy(
             update={
                 "simulation": simulation,
                 "grid": Grid(points=points),
@@ -234,6 +236,14 @@ class PlasmaConfig(Section):
                 "output": self.output.model_copy(update={"sampling_period": written}),
             }
         )
+        return full if asked.energy is not None else full.sampled()
+
+    def sampled(self) -> "PlasmaConfig":
+        """The same with the default period of the series."""
+        from hpcpic.plasma.estimate import series_period
+
+        period = SeriesPeriod(energy=series_period(self))
+        return self.model_copy(update={"simulation": self.simulation.model_copy(update={"sampling_period": period})})
 
 
 def species_faults(species: Species, d: int) -> Iterator[tuple[Path, str]]:

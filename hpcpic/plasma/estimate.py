@@ -15,6 +15,8 @@ from hpcpic.plasma.plan import arrays
 
 MIB = 2.0**20
 SERIES_BYTES = 16 * 8 * 2  # of one sample: sixteen numbers, in HDF5 and as text
+SERIES_SHARE = 0.05  # of a run that samples of a series nobody has asked for may take,
+SERIES_SECONDS = 10.0  # or as many seconds of a core: short runs have all their steps in the series
 START = 1.0  # s: interpreter, libraries, kernels from the cache
 
 # Measured on the authors' machine, one core of a 2-core AMD Zen 5 at 4.1 GHz.
@@ -50,7 +52,7 @@ DEFAULT = FILES | {
 def estimate(config: PlasmaConfig, ranks: int, threads: int, measured: Mapping[str, float]) -> Estimate:
     """Of a completed case on ranks x threads; `measured` rates of this machine take the place of DEFAULT."""
     rates = completed_rates(measured)
-    cycles, period = config.simulation.cycles, config.simulation.sampling_period.energy
+    cycles, period = config.simulation.cycles, config.periods["series"]
     whole = phases(config, ranks, threads, rates)
     shown = {name: seconds for name, seconds in whole.items() if name != "field" or period != 1}
     sampling = (cycles // period + 1 if period else 0) * sample_seconds(config, ranks, threads, rates)
@@ -115,6 +117,14 @@ def sample_seconds(config: PlasmaConfig, ranks: int, threads: int, rates: Mappin
     return 1e-9 * work / gain(ranks, threads, rates, rates["plasma_core_gain"]) + 1e-6 * rates["plasma_sample_us"]
 
 
+def series_period(config: PlasmaConfig) -> int:
+    """Steps between samples where the case does not say; by DEFAULT rates, so the same on any machine."""
+    cycles = config.simulation.cycles
+    step = cycles * sum(phases(config, 1, 1, DEFAULT).values())
+    samples = cycles * sample_seconds(config, 1, 1, DEFAULT)
+    return max(1, math.ceil(samples / max(SERIES_SHARE * step, SERIES_SECONDS)))
+
+
 def memory_items(
     config: PlasmaConfig, ranks: int, threads: int, rates: Mapping[str, float]
 ) -> dict[str, float]:
@@ -130,7 +140,7 @@ def disk_items(config: PlasmaConfig) -> dict[str, float]:
     """Bytes of the whole run."""
     cycles, d = config.simulation.cycles, config.dimensions
     size = 8 if config.numerics.precision == "double" else 4
-    energy = config.simulation.sampling_period.energy
+    energy = config.periods["series"]
     period = config.output.sampling_period
     particles, cells = particle_count(config), math.prod(config.grid.points)
 

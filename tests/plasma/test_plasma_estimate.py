@@ -1,0 +1,50 @@
+"""Laws of the estimate: what divides among cores, what ranks cost, the period of a series that nobody asked for."""
+
+import pytest
+
+from hpcpic.core.files.config import loads
+from hpcpic.core.files.schema import validate
+from hpcpic.plasma.config import PlasmaConfig
+from hpcpic.plasma.estimate import DEFAULT, SERIES_SECONDS, SERIES_SHARE, estimate, phases, sample_seconds
+
+CASE = """
+simulation = {{ dimensions = 2; cycles = {cycles}; time_step = 0.1; space_length = [64.0, 64.0]; {period} }};
+grid = {{ points = [64, 64]; }};
+species = ( {{ name = "electron"; particles = {n}; charge = -1.0; mass = 1.0; plasma_frequency = 1.0;
+              init_method = "random position"; thermal_velocity = 0.1; }} );
+"""
+
+
+def config(cycles: int = 100, n: int = 100_000, period: str = "") -> PlasmaConfig:
+    return validate(PlasmaConfig, loads(CASE.format(cycles=cycles, n=n, period=period)))
+
+
+@pytest.mark.parametrize("cycles", [1, 1000, 30_000, 10**7])
+@pytest.mark.parametrize("n", [1, 100_000, 10**9])
+def test_a_series_not_asked_for_costs_its_share_or_some_seconds(cycles, n):
+    case = config(cycles, n)
+    step, sample = sum(phases(case, 1, 1, DEFAULT).values()), sample_seconds(case, 1, 1, DEFAULT)
+    period, most = case.periods["series"], max(SERIES_SHARE * cycles * step, SERIES_SECONDS)
+    assert cycles / period * sample <= most * (1 + 1e-9)
+    assert period == 1 or cycles / (period - 1) * sample > most
+
+
+@pytest.mark.parametrize("asked", [0, 1, 7])
+def test_a_series_that_is_asked_for_is_kept(asked):
+    case = config(10**7, 10**6, f"sampling_period = {{ energy = {asked}; }};")
+    assert case.periods["series"] == asked
+
+
+def test_the_field_is_solved_by_the_sample_in_every_step_and_else_by_the_step():
+    every, never = (estimate(config(period=f"sampling_period = {{ energy = {k}; }};"), 1, 1, {}) for k in (1, 0))
+    assert every.phases == never.phases and never.sampling == 0.0 < every.sampling
+    assert never.step_seconds - every.step_seconds == pytest.approx(never.phases["field"])
+    assert every.seconds > never.seconds
+
+
+def test_work_divides_and_launches_do_not():
+    one, two, ranks = (estimate(config(), *shape, {}).phases for shape in ((1, 1), (1, 2), (2, 1)))
+    for name in ("particles", "cells", "field"):
+        assert two[name] == ranks[name] == pytest.approx(one[name] / DEFAULT["plasma_core_gain"])
+    assert one["launches"] == two["launches"] == ranks["launches"]
+    assert one["exchanges"] == two["exchanges"] == 0.0 < ranks["exchanges"]
