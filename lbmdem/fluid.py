@@ -28,7 +28,7 @@ from lbmdem.sparse import SparseExchange, SparseLayout, Tables
 
 STORAGE = {"double": np.float64, "single": np.float32}
 BLOCKS = 4  # per thread, so that threads with little fluid help the others
-SPARSE = 0.8  # share of fluid nodes below which it is less work to hold these alone
+SPARSE = 0.85  # share of fluid nodes below which it is less work to hold these alone
 
 
 class Fluid:

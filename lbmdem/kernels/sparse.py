@@ -106,14 +106,17 @@ def _piece(i: int, part: int) -> str:
 
 
 def _loads(lattice: Lattice) -> list[str]:
-    """f of an odd step; what is fetched ahead is where the neighbours would be if no solid came between."""
+    """f of an odd step.
+
+    Ahead are fetched: where neighbours would be if no solid came between, and the node's own elements, where lanes
+    bounce back; other nodes want these soon anyway.
+    """
     lines = [f"if kind == {PLAIN}:"]
     for i, j in _both(lattice):
-        lines += [f"    to{i} = {_piece(i, 0)}", f"    f{j} = load_at(F, to{i}, SIZE)"]
-        lines += [f"    prefetch_to_write(to{i} + {AHEAD} * BYTES)"]
+        lines += [*_ahead(i), f"    f{j} = load_at(F, to{i}, SIZE)"]
     lines += ["else:"]
     for i, j in _both(lattice):
-        lines += [f"    to{i} = {_piece(i, 0)}", f"    prefetch_to_write(to{i} + {AHEAD} * BYTES)"]
+        lines += _ahead(i)
         lines += [f"    f{j} = load_where(here + {j} * slot, {_mask(i, 2)}, splat(F, 0.0), BYTES)"]
         lines += [f"    f{j} = load_where(to{i}, {_mask(i, 0)}, f{j}, SIZE)"]
         lines += [f"    f{j} = load_where({_piece(i, 1)}, {_mask(i, 1)}, f{j}, SIZE)"]
@@ -122,6 +125,11 @@ def _loads(lattice: Lattice) -> list[str]:
     lines += [f"        {line}" for line in _left_over("place", "at")]
     lines += [f"        f{j} = load_at(F, room + {i - 1} * BYTES, BYTES)" for i, j in _both(lattice)]
     return lines
+
+
+def _ahead(i: int) -> list[str]:
+    places = (f"to{i}", f"here + {i} * slot")
+    return [f"    to{i} = {_piece(i, 0)}", *(f"    prefetch_to_write({place} + {AHEAD} * BYTES)" for place in places)]
 
 
 def _left_over(source: str, target: str) -> list[str]:
