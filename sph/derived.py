@@ -6,7 +6,7 @@ from collections.abc import Iterator
 from hpcpic.core.files.derived import Derived
 from sph import geometry, limits
 from sph.config import SphConfig, motion_speed
-from sph.scene import Scene
+from sph.scene import DOMAIN, Scene
 
 STABILITY = "von Neumann, research of this program"
 CFL, STEP = ("simulation", "cfl"), ("simulation", "time_step")
@@ -165,7 +165,7 @@ def filling(config: SphConfig, scene: Scene) -> Iterator[Derived]:
     for i, fluid in enumerate(scene.fluids):
         section, key = fluid.section, ("fluid", i, "shape")
         for name, gone in fluid.clipped.items():
-            outside = name == "the domain" or any(w.name == name and not w.section.solid for w in scene.walls)
+            outside = name == DOMAIN or any(w.name == name and not w.section.solid for w in scene.walls)
             share = gone / fluid.grid.n
             verdict = "fail" if fluid.n == 0 else "warn" if outside else "ok"
             cure = "nothing is left of it" if fluid.n == 0 else "part of the shape holds no fluid" if outside else ""

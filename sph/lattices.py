@@ -55,6 +55,10 @@ class Grid:
     def unflat(self, flat: NDArray[np.int64]) -> NDArray[np.int64]:
         return np.stack(np.unravel_index(flat, self.shape), axis=1).astype(np.int64)
 
+    def within(self, low: NDArray, high: NDArray) -> "Grid":
+        """The part of it in [low, high]."""
+        return Grid(tuple(c[(c >= a) & (c <= b)] for c, a, b in zip(self.coordinates, low, high)))
+
     def inside(self, low: NDArray, high: NDArray) -> NDArray[np.int64]:
         """Indices[n, d] of the points in [low, high)."""
         return cross([between(c, low[k], high[k]) for k, c in enumerate(self.coordinates)])

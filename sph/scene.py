@@ -19,6 +19,7 @@ WALL_BITS = 50
 NEAR = 0.25  # of a spacing: fluid nearer to a solid is taken away
 REST = 0.9  # of h: distance at which a repulsive layer holds the fluid (S(y) of (SC 9) is 0.25 there)
 CHUNK = 1 << 18
+DOMAIN = "the domain"  # as what takes particles away
 FAR = 1e300
 AHEAD = 4.0  # supports around the fluid in which walls are made, once it is nearer than one to what is not made yet
 DISORDER = 1  # stream of the random numbers
@@ -279,14 +280,18 @@ class Scene:
 
     def _fill(self, section: case.Fluid) -> FluidSet:
         """The lattice of a fluid, less what lies outside its shape, in walls, in earlier fluids, or nowhere."""
-        grid = grid_of(section.shape, self.spacing)
+        grid, beyond = grid_of(section.shape, self.spacing), 0
         if section.shape.box:
             mass = section.density * geometry.volume(section.shape) / grid.n
+            whole, grid = grid, grid.within(self.low, self.high)
+            beyond = whole.n - grid.n
         else:
             mass = section.density * self.spacing**self.dimensions
         first = sum(fluid.n for fluid in self.fluids)
         gone: list[NDArray[np.int64]] = []
         fluid = FluidSet(section, grid, first, mass, np.zeros(0, np.int64))
+        if beyond:
+            fluid.clipped[DOMAIN] = beyond
         if not section.shape.box:
             gone.append(flagged(grid, None, lambda x: solids.signed_distance(section.shape, x) > 0.0))
         for name, box, bad in self._obstacles(grid):
@@ -300,9 +305,11 @@ class Scene:
 
     def _obstacles(self, grid: Grid):
         """What takes particles away: name, box in which it can (None: everywhere), test of points x[n, d]."""
+        if not grid.n:
+            return
         ends = np.array([(c[0], c[-1]) for c in grid.coordinates])
         if np.any(ends[:, 0] < self.low) or np.any(ends[:, 1] > self.high):
-            yield "the domain", None, lambda x: np.any((x < self.low) | (x > self.high), axis=1)
+            yield DOMAIN, None, lambda x: np.any((x < self.low) | (x > self.high), axis=1)
         margin = NEAR * self.spacing
         for wall in self.walls:
             shape = wall.section.shape
