@@ -164,12 +164,13 @@ def filling(config: SphConfig, scene: Scene) -> Iterator[Derived]:
     yield Derived("fluid particles", "n", scene.n_fluid)
     for i, fluid in enumerate(scene.fluids):
         section, key = fluid.section, ("fluid", i, "shape")
+        places = fluid.n + sum(fluid.clipped.values()) if section.shape.box else fluid.grid.n
         for name, gone in fluid.clipped.items():
             outside = name == DOMAIN or any(w.name == name and not w.section.solid for w in scene.walls)
-            share = gone / fluid.grid.n
+            share = gone / places
             verdict = "fail" if fluid.n == 0 else "warn" if outside else "ok"
             cure = "nothing is left of it" if fluid.n == 0 else "part of the shape holds no fluid" if outside else ""
-            words = f"of {fluid.grid.n} ({share:.1%})"
+            words = f"of {places} ({share:.1%})"
             title = f"{section.name} clipped by {name}"
             yield Derived(title, "particles", gone, "", words, verdict, "filling", cure, key, fluid.n > 0)
         if section.shape.box:
