@@ -108,9 +108,9 @@ def steps_per_pass(config: LbmDemConfig, ranks: int, threads: int) -> int:
 
 def share_together(depth: int, period: int, hooks: bool) -> float:
     """The share of the steps between two looks that are done `depth` per pass; the last two with links are not."""
-    least = depth + 2 if hooks else depth
-    passes = 0 if depth == 1 or period < least else (period - least) // depth + 1
-    return passes * depth / period
+    several = max(0, period - 2 if hooks else period)
+    last = several % depth
+    return 0.0 if depth == 1 else (several - (last if last == 1 else 0)) / period
 
 
 def population_bytes(config: LbmDemConfig) -> int:

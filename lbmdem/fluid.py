@@ -280,10 +280,10 @@ class Fluid:
         return self._after if (self._links and not self._ruled) or self.layers else None
 
     def leap(self, most: int) -> int:
-        """One pass over memory: `depth` steps, or one if `most` is less. Returns the steps done, the same bits as plain
-        ones. Hooks are called in the last two of `most` steps at least."""
-        depth = self.depth
-        if depth == 1 or most < depth + (2 if self.hooks else 0):
+        """One pass over memory: `depth` steps, or fewer if `most` is less. Returns the steps done, the same bits as
+        plain ones. Hooks are called in the last two of `most` steps at least."""
+        depth = min(self.depth, most - 2 if self.hooks else most)
+        if depth < 2:
             self.step()
             return 1
         opened, leave = self._open, LEAVE * (self._ruled is not None)

@@ -7,6 +7,7 @@ times. Bytes are those that numpy holds after some steps, as tracemalloc counts 
 """
 
 import gc
+import math
 import resource
 import statistics
 import subprocess
@@ -139,15 +140,20 @@ def unused(pages: Any) -> int:
     return sum(a.nbytes for a in reserved) - pages.fresh * (pages.pool[0].nbytes + pages.ids[0].nbytes)
 
 
-def held(case: Case, pool: Pool, steps: int = 2) -> int:
-    """Bytes after some steps, of the second time that a scene is made, so that compilation does not count."""
+def held(case: Case, pool: Pool, steps: int = 2, change: Callable[[Any], None] = lambda app: None) -> int:
+    """Bytes after some steps, of the second time that a scene is made, so that compilation does not count.
+
+    change(app) is done before the first step.
+    """
     with running(case, pool) as app:
+        change(app)
         app.step()
     del app
     gc.collect()
     tracemalloc.start()
     try:
         with running(case, pool) as app:
+            change(app)
             for _ in range(steps):
                 app.step()
             gc.collect()
@@ -213,22 +219,27 @@ def porous(nodes: tuple[int, ...], porosity: float) -> NDArray[np.bool_]:
 def solid_lattice(pool: Pool) -> Iterator[Row]:
     from lbmdem.kernels.layout import WALL
 
+    def fill(app: Any, solid: NDArray[np.bool_]) -> None:
+        app.fluid.solid.inner[solid] = WALL
+        app.fluid.solid_changed()
+
     nodes, rows = (64, 64, 64), []
+    all_nodes = math.prod(nodes)
     with ExitStack() as stack:
-        size = held(flow(nodes), pool)
-        for porosity in (1.0, 0.9, 0.5, 0.35, 0.1):
-            app = stack.enter_context(running(flow(nodes), pool))
-            solid = porous(nodes, porosity)
-            app.fluid.solid.inner[solid] = WALL
-            app.fluid.solid_changed()
-            rows.append((app, np.count_nonzero(~solid)))
-        first, all_nodes = rows[0]
-        for app, wet in rows[1:]:
+        first = stack.enter_context(running(flow(nodes), pool))
+        size = held(flow(nodes), pool) / all_nodes
+        for porosity in (0.9, 0.5, 0.35, 0.1):
+            app, solid = stack.enter_context(running(flow(nodes), pool)), porous(nodes, porosity)
+            fill(app, solid)
+            rows.append((app, solid))
+        for app, solid in rows:
+            wet = np.count_nonzero(~solid)
             found = ratio(partial(repeated, first.step, 4), partial(repeated, app.step, 4)) * all_nodes / wet
             share = wet / all_nodes
             yield Row("C2", f"D3Q19, porosity {share:.2f}: time per fluid node", f"{found:.2f}", "<= 1.1", found <= 1.1)
-            told = f"{size / wet:.0f} B, {all_nodes / wet:.2f} x"
-            yield Row("C2", "... bytes per fluid node", told, "<= 1.1 x", all_nodes / wet <= 1.1)
+            each = held(flow(nodes), pool, change=partial(fill, solid=solid)) / wet
+            told = f"{each:.0f} B, {each / size:.2f} x"
+            yield Row("C2", "... bytes per fluid node", told, "<= 1.1 x", each <= 1.1 * size)
 
 
 def no_magnetic_field(pool: Pool) -> Iterator[Row]:

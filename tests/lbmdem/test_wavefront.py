@@ -160,6 +160,17 @@ def test_a_wave_carries_links_and_faces_through_ranks(world, faces):
     assert np.array_equal(fluid[1], plain[1][:, low:high])
 
 
+@pytest.mark.parametrize("n", range(1, 17))
+def test_hooks_are_called_in_the_last_two_steps_and_in_no_more_than_three(n):
+    """A pass has at least two steps: three are left when none is worth it."""
+    fluid, called = make(D2Q9, (True, True)), []
+    fluid.hooks.append(lambda fluid, parity: called.append(fluid.iteration + 1))
+    fluid.carry(lambda parity, low, high: [])
+    fluid.advance(n)
+    assert called[-2:] == [n - 1, n][-n:]
+    assert len(called) <= 3 and fluid.iteration == n
+
+
 def bed(n: int, *, plain=False, world=None, threads=1) -> tuple[Fluid, np.ndarray, np.ndarray]:
     """n steps of a flow between faces through fixed spheres, one across the seam; their forces."""
     faces = {"z-": Face("pressure", density=1.01), "z+": Face("pressure")}
