@@ -11,13 +11,14 @@ from collections.abc import Mapping
 from hpcpic.core.cli.forecast import FILES, Estimate, gain, writing_seconds
 from lbmdem.config import LbmDemConfig
 from lbmdem.plan import BYTES, VELOCITIES, arrays, face_bytes, grain_count, link_count, moving
-from lbmdem.vectors import shares
+from lbmdem.vectors import fluid_share, shares
 
 MIB = 2.0**20
 SERIES_BYTES = 16 * 8 * 2
 START = 1.0  # s: interpreter, libraries, kernels from the cache
 DEPTH = 6  # steps per pass at most (lbmdem.wavefront)
 WHOLE = 28e6  # bytes of the planes of a wave with links or faces (lbmdem.wavefront)
+SPARSE = 0.85  # share of fluid nodes below which these alone are held (lbmdem.fluid)
 CACHED = 12e6  # bytes of populations below which a sweep does not wait for memory
 
 # Measured on the authors' machine, one core of a 2-core AMD Zen 5 at 4.1 GHz.
@@ -31,7 +32,9 @@ DEFAULT = FILES | {
     "forced": 0.45,  # more, in caches, for a sweep with a body force
     "central": 0.5,  # and for central moments
     "mixed": 0.75,  # and for nodes beside solids
+    "sparse": 2.1,  # a fluid node held without the solid ones, over one of a fluid alone
     "link_ns fixed": 3.3,  # several steps per pass
+    "link_ns sparse": 1.6,  # the same where the sweep does them (lbmdem.sparse)
     "link_ns fixed single": 6.0,
     "link_ns moving": 19.0,
     "moving_us": 160.0,  # a step: who covers which nodes now
@@ -80,7 +83,8 @@ def phases(
     moved = moving(config) and not config.coupling.frozen
     if config.fluid:
         seconds |= sweep_seconds(config, ranks, threads, rates, together)
-        kind = "moving" if moved else "fixed" if together > 1 or cached(config) else "fixed single"
+        near, far = ("sparse", "fixed") if sparse(config) else ("fixed", "fixed single")
+        kind = "moving" if moved else near if together > 1 or cached(config) else far
         seconds["links"] = link_count(config) * rates[f"link_ns {kind}"] / cores
         seconds["messages"] = message_seconds(config, ranks, rates)
     if moving(config):
@@ -121,6 +125,13 @@ def cached(config: LbmDemConfig) -> bool:
     return population_bytes(config) < CACHED
 
 
+def sparse(config: LbmDemConfig) -> bool:
+    """Whether solid nodes are not held (lbmdem.sparse)."""
+    stays, rules = not moving(config) or config.coupling.frozen, config.coupling
+    general = rules.bounce_back != "quadratic" and rules.refill != "conserving"
+    return stays and general and fluid_share(config) < SPARSE
+
+
 def sweep_seconds(
     config: LbmDemConfig, ranks: int, threads: int, rates: Mapping[str, float], together: int
 ) -> dict[str, float]:
@@ -131,7 +142,11 @@ def sweep_seconds(
     wet = 1 - found.skipped
     more = rates["forced"] if any(fluid.body_force) or config.shaking else 0.0
     more += rates["central"] if fluid.collision == "central" else 0.0
-    work = bare * (wet * (1 + more) + found.mixed * rates["mixed"])
+    if sparse(config):
+        wet = fluid_share(config)
+        work = bare * wet * (rates["sparse"] + more)
+    else:
+        work = bare * (wet * (1 + more) + found.mixed * rates["mixed"])
     seconds = {"nodes": work / gain(ranks, threads, rates, rates["wave_core_gain"])}
     if together == 1 and not cached(config):
         both = 1e9 * (one / gain(ranks, threads, rates, rates["sweep_core_gain"])

@@ -79,6 +79,12 @@ def shares(config: LbmDemConfig) -> Shares:
     return Shares(min(skipped, 0.9), max(0.0, 1 - plain - skipped))
 
 
+def fluid_share(config: LbmDemConfig) -> float:
+    """Of the nodes, those that no grain covers."""
+    solid = sum(n * volume(r, config.dimensions) for some in config.grains for r, n in grains(config, some))
+    return max(0.1, 1 - solid / math.prod(config.points))
+
+
 def beside_sides(config: LbmDemConfig, lanes: int) -> float:
     """The share of vectors that are whole and at no side of the box."""
     across = -(-config.points[0] // lanes)
