@@ -10,7 +10,6 @@ from hpcpic.core.errors import Diverged
 from hpcpic.core.tasks import TaskError
 from sph.kernels.specialise import specialise
 from sph.particles import PADS, SLACK, Bodies, Tasks, even
-from sph.workspace import Workspace
 
 FINE = 8
 GAP = 16  # slots between layers: a vector may overrun
@@ -41,7 +40,6 @@ class Cells:
         self.tasks, self.grid, self.parts = tasks, grid, tasks.parts
         self.kernels: ModuleType = specialise("cells", DIM=d)
         self.n_runs = self.kernels.ROWS
-        self.workspace = Workspace(tasks)
         self._layers = self._rows = self._fine = self._bodies = self.slots = -1  # no arrays yet
         tasks.set(
             scale=grid.scale,
@@ -68,7 +66,7 @@ class Cells:
         n = sizes.get("bodies", 0)
         if n > self._bodies:
             self._bodies = n = n + n // SLACK
-            self.workspace.need("sort", **dict.fromkeys(("layer", "row", "fine", "bucket"), ((n,), np.int32)))
+            tasks.workspace.need("sort", **dict.fromkeys(("layer", "row", "fine", "bucket"), ((n,), np.int32)))
         n = sizes.get("rows", 0)
         if n > self._rows:
             self._rows = n = n + n // 4

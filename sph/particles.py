@@ -35,6 +35,7 @@ class Tasks:
         self.pool, self.parts = pool, parts
         self.arrays: dict[str, Any] = {}
         self._bound: dict[Any, list[Bound]] = {}
+        self.workspace = Workspace(self)
 
     def set(self, **arrays: Any) -> None:
         """Name arrays; a new array for a name makes all tasks be bound again."""
@@ -192,14 +193,14 @@ class Bodies:
             self.columns[name][..., rows] = 0.0
         self.n += k
 
-    def sort(self, order: NDArray, workspace: Workspace) -> None:
-        """Own particles in another order, for locality alone; their rates are lost. `workspace` must be free."""
+    def sort(self, order: NDArray) -> None:
+        """Own particles in another order, for locality alone; their rates and what is in the workspace are lost."""
         self._of_wall.clear()
         order_kind = {"order": ((self.capacity,), np.int32)}
         for name in self._kept:
             kind = self.columns[name].dtype
             moved = f"moved {kind}"
-            workspace.need(moved, **order_kind, **{moved: ((self.capacity,), kind.type)})
+            self.tasks.workspace.need(moved, **order_kind, **{moved: ((self.capacity,), kind.type)})
             self.tasks.arrays["order"][: self.n] = order
             for line in self._lines[name]:
                 self.tasks.each(self.motion.pick, chunks="own_chunks", line=line, moved=moved)

@@ -256,7 +256,7 @@ class Sph:
     def _tidy(self) -> None:
         """Particles in memory as they are in the cells; nothing else depends on it."""
         order = self.cells.order()
-        self.bodies.sort(order[order < self.bodies.n], self.cells.workspace)
+        self.bodies.sort(order[order < self.bodies.n])
 
     # ---- what integrators are made of
 

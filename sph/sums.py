@@ -73,7 +73,7 @@ class PairSums:
     def _sweep(self, title: str) -> None:
         kernel = getattr(self.kernels, title)
         self._n_sums = max(self._n_sums, len(sums_of(self.law, self._terms[title])))
-        self.cells.workspace.need("pairs", sums=((self._n_sums, 2 * self._slots), np.dtype(self.law.real).type))
+        self.tasks.workspace.need("pairs", sums=((self._n_sums, 2 * self._slots), np.dtype(self.law.real).type))
         self.tasks.each(kernel, blocks="sweeps", numbers="pair_numbers", classes="slot_class")
 
     def _unpack(self, title: str, kind: str) -> None:
