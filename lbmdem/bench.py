@@ -8,6 +8,7 @@ to a step; what moving grains need whatever their number, on a single one.
 import math
 import os
 from collections.abc import Callable, Mapping
+from functools import partial
 from time import perf_counter
 from typing import Any
 
@@ -27,6 +28,7 @@ SHAPES = {"D2Q9": (1024, 1024), "D3Q19": (96, 96, 96)}
 CACHED = (40, 40, 40)
 RADIUS, APART = 5.0, 12  # nodes, of the bed
 SIDE = 8 * APART  # of its box
+SHIFT = 0.02  # nodes in a step, of spheres that move
 STEPS = {True: 8, False: 20}  # by `quick`; the first four are not counted
 
 
@@ -126,22 +128,21 @@ def kind_shares(fluid: Fluid) -> Shares:
 def moving_rates(world: World, pool: Pool) -> dict[str, float]:
     """ns per link of spheres that move, and what a step with a single one takes beside its links."""
     found = []
-    for grains in (bed(), spheres(np.full((1, 3), SIDE / 2))):
-        fluid = box(world, pool, D3Q19, (SIDE,) * 3)
+    for side, grains in ((SIDE, bed()), (CACHED[0], spheres(np.full((1, 3), CACHED[0] / 2)))):
+        fluid = box(world, pool, D3Q19, (side,) * 3)
         immersed = Immersed(fluid, world, pool)
         immersed.start(*grains)
-        linked = seconds(fluid.step, False)
-        hooks, fluid.hooks = fluid.hooks, []
-        alone = seconds(fluid.step, False)
-        fluid.hooks = hooks
-        found.append((max(0.0, linked - alone), immersed.counts()["links"]))
-    grains = list(spheres(np.full((1, 3), SIDE / 2)))
-
-    def move() -> None:
-        grains[1] = grains[1] + 1e-3
-        immersed.forces(grains[0])
-        immersed.move(*grains)
-
+        linked = seconds(partial(moved, fluid, immersed, list(grains)), False)
+        fluid.hooks = []
+        found.append((max(0.0, linked - seconds(fluid.step, False)), immersed.counts()["links"]))
     (many, links), (one, few) = found
-    link = (many - one) / (links - few)
-    return {"link_ns moving": 1e9 * link, "moving_us": 1e6 * (seconds(move, False) + max(0.0, one - few * link))}
+    link = max(0.0, (many - one) / (links - few))
+    return {"link_ns moving": 1e9 * link, "moving_us": 1e6 * max(0.0, one - few * link)}
+
+
+def moved(fluid: Fluid, immersed: Immersed, grains: list[np.ndarray]) -> None:
+    """A step with grains that go on by SHIFT."""
+    fluid.step()
+    immersed.forces(grains[0])
+    grains[1] += SHIFT
+    immersed.move(*grains)

@@ -36,8 +36,8 @@ DEFAULT = FILES | {
     "link_ns fixed": 3.3,  # several steps per pass
     "link_ns sparse": 1.6,  # the same where the sweep does them (lbmdem.sparse)
     "link_ns fixed single": 6.0,
-    "link_ns moving": 19.0,
-    "moving_us": 160.0,  # a step: who covers which nodes now
+    "link_ns moving": 17.0,
+    "moving_us": 210.0,  # a step: who covers which nodes now
     "conserving_ns": 5.4,  # per node, where the mass of covered nodes is put back
     "grains_us": 80.0,  # a step
     "substep_us": 0.25,
@@ -52,6 +52,7 @@ DEFAULT = FILES | {
     "sweep_core_gain": 1.3,  # of all cores over one on a sweep that waits for memory
     "wave_core_gain": 1.7,  # and on other work
     "rank_mib": 200.0,
+    "scipy_mib": 25.0,  # where sizes of grains follow a law
 }
 
 
@@ -65,13 +66,22 @@ def estimate(config: LbmDemConfig, ranks: int, threads: int, measured: Mapping[s
     step = sum((whole if together >= 0.5 else single).values())
     mean = together * sum(whole.values()) + (1 - together) * sum(single.values())
     sampling = (config.n_steps // period + 1) * sample_seconds(config, ranks, threads, rates) if period else 0.0
-    memory = {"Python and libraries": rates["rank_mib"] * MIB}
-    memory |= {array.name: float(array.bytes) for array in arrays(config, ranks)}
+    memory = memory_items(config, ranks, rates)
     disk = disk_items(config)
     periods = [config.periods[kind] for kind in ("field", "particle") if config.periods[kind]]
     snapshots = sum(config.n_steps // every + 1 for every in periods)
     seconds = START + config.n_steps * mean + sampling + writing_seconds(disk, snapshots, rates)
     return Estimate(memory, disk, step, seconds, whole if together >= 0.5 else single, sampling)
+
+
+def memory_items(config: LbmDemConfig, ranks: int, rates: Mapping[str, float]) -> dict[str, float]:
+    """Bytes per rank. The largest moment of a run is its end, when the state is put in order for the digest."""
+    libraries = rates["rank_mib"] + (rates["scipy_mib"] if any(some.diameters for some in config.grains) else 0.0)
+    memory = {"Python and libraries": libraries * MIB}
+    memory |= {array.name: float(array.bytes) for array in arrays(config, ranks)}
+    if config.fluid:
+        memory["state in order of rows"] = population_bytes(config) / ranks
+    return memory
 
 
 def phases(

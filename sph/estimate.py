@@ -29,7 +29,7 @@ DEFAULT = FILES | {
     "body_ns": 50.0,  # sorting, state, criteria
     "step_us": 130.0,  # Python and the launches of a step
     "sum_launch_us": 45.0,  # and of an evaluation
-    "images_us": 450.0,  # a step: who has images in mirrors and periodic sides
+    "images_us": 480.0,  # a step: who has images in mirrors and periodic sides
     "sph_sample_us": 150.0,
     "ghost_exchange_us": 300.0,  # a step of several ranks: who is a ghost where, leavers, the time step
     "refresh_us": 30.0,  # of ghosts, an evaluation

@@ -102,11 +102,14 @@ def phases(config: PlasmaConfig, ranks: int, threads: int, rates: Mapping[str, f
 
 
 def exchange_seconds(config: PlasmaConfig, ranks: int, rates: Mapping[str, float]) -> float:
-    """Of one step's leavers, the word that says whether more are to come, charge, potential and transposes."""
+    """Of one step's leavers, the word that says whether more are to come, charge, potential and transposes, whose
+    bytes travel between nodes only.
+    """
     if ranks == 1:
         return 0.0
     size = 8 if config.numerics.precision == "double" else 4
-    transposes = 2 * size * math.prod(config.grid.points) / ranks * (1 - 1 / ranks)
+    away = max(0.0, 1 - rates["cores"] / ranks)
+    transposes = 2 * size * math.prod(config.grid.points) / ranks * away
     count = 5 if config.dimensions == 1 else 4 + 2 * (ranks - 1)
     return 1e-6 * count * rates["plasma_exchange_us"] + transposes / (1e9 * rates["message_gb_s"])
 

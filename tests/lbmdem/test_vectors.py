@@ -8,6 +8,7 @@ from hpcpic.core.files.config import loads
 from hpcpic.core.files.schema import validate
 from lbmdem.cases import shipped_cases
 from lbmdem.config import LbmDemConfig
+from lbmdem.estimate import estimate, share_together
 from lbmdem.kernels.sweep import MIXED, SKIP
 from lbmdem.plan import link_count
 from lbmdem.vectors import shares
@@ -44,3 +45,19 @@ def test_vectors_at_sides_are_counted(size, periodic, mixed):
     text = BOX.format(d=len(size), size=list(size), periodic=str(periodic).replace("'", '"'))
     found = shares(validate(LbmDemConfig, loads(text)))
     assert found.skipped == 0.0 and found.mixed == pytest.approx(mixed)
+
+
+def test_memory_of_the_end_is_counted_once_and_shared_by_the_ranks():
+    """The state in order is as large as the populations, and each rank holds its part."""
+    case = validate(LbmDemConfig, loads(BOX.format(d=2, size=[0.064, 0.1], periodic='["x"]')))
+    one, four = (estimate(case, ranks, 1, {}).memory["state in order of rows"] for ranks in (1, 4))
+    assert one == 64 * 100 * 9 * 8 and four == one / 4
+
+
+@pytest.mark.parametrize(("depth", "period", "share"), [(1, 100, 0.0), (6, 6, 1.0), (6, 15, 1.0), (6, 7, 6 / 7)])
+def test_the_share_of_steps_that_are_done_together(depth, period, share):
+    assert share_together(depth, period, False) == pytest.approx(share)
+
+
+def test_the_last_two_steps_before_a_look_at_links_are_alone():
+    assert share_together(6, 8, True) == pytest.approx(6 / 8) and share_together(6, 3, True) == 0.0
