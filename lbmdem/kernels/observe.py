@@ -35,9 +35,15 @@ def fetch(f, strides, slots, shifts, positions, parity, z, y, i, line):
         start = arrival(strides, slots, shifts, parity, z, y, 0, i)
         line[:] = f[start : start + line.size]
         return
-    for x in range(line.size):
-        fluid = positions[z + 1, y + strides[1], x + 1] >= 0
-        line[x] = f[element(strides, slots, shifts, positions, parity, z, y, x, i)] if fluid else 0
+    row, own, other = y + strides[1], i * strides[0], slots[1, i] * strides[0]
+    here = positions[z + 1, row, 1 : line.size + 1]
+    if not parity:
+        for x in range(line.size):
+            line[x] = f[own + here[x]] if here[x] >= 0 else 0
+        return
+    there = positions[z + 1 + shifts[i, 0], row + shifts[i, 1], 1 + shifts[i, 2] : line.size + 1 + shifts[i, 2]]
+    for x in range(line.size):  # as `element`
+        line[x] = 0 if here[x] < 0 else f[other + there[x]] if there[x] >= 0 else f[own + here[x]]
 
 
 @njit
