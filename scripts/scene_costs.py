@@ -29,7 +29,6 @@ from hpcpic.core.files.schema import validate
 from hpcpic.core.tasks import Pool
 from hpcpic.core.timers import Timers
 
-APPS = {"hpcpic": "hpcpic.plasma.app", "sph": "sph.app", "lbmdem": "lbmdem.app"}
 PLASMA = """
 simulation = {{ dimensions = 2; cycles = {cycles}; time_step = 0.1; space_length = [{points}.0, {points}.0]; }};
 grid = {{ points = [{points}, {points}]; }};
@@ -116,7 +115,7 @@ def spheres(nodes: tuple[int, ...], apart: int, diameter: float, moving: bool = 
 
 
 def app_and_config(case: Case) -> tuple[Any, Any]:
-    app = import_module(APPS[case.program]).APP
+    app = import_module(f"{case.program}.__main__").load_app()
     return app, validate(app.schema(), loads(case.text))
 
 

@@ -102,9 +102,20 @@ def stability(config: PlasmaConfig) -> Iterator[Derived]:
     yield Derived(
         "time step", "wp dt", step, "", limit, verdict, source, cure, TIME_STEP, step < 2, stable_below=2.0
     )
+    if (period := config.periods["series"]) > 1 and step:
+        yield sampling(math.pi / (step * period), period)
     magnetic = math.hypot(*config.field.magnetic)
     if magnetic:
         yield from turning(config, magnetic)
+
+
+def sampling(samples: float, period: int) -> Derived:
+    """How well a series shows the energy of the field, which swings twice in a plasma period."""
+    verdict = "ok" if samples > 2 else "warn"
+    cure = "" if verdict == "ok" else f"sampling_period.energy = {max(1, int(period * samples / 8))} shows them"
+    key = ("simulation", "sampling_period", "energy")
+    name = "samples in a swing of the field energy"
+    return Derived(name, "pi/(wp dt K)", samples, "", "> 2", verdict, "sampling theorem", cure, key)
 
 
 def turning(config: PlasmaConfig, magnetic: float) -> Iterator[Derived]:

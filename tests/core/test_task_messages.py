@@ -1,6 +1,8 @@
 """Messages as nodes of a graph: with a message-passing library of three lines, and with MPI."""
 
 import ctypes
+import os
+import signal
 import time
 
 import numpy as np
@@ -120,6 +122,29 @@ def test_a_message_that_never_comes_is_reported(threads):
     assert stuck.value.pending == ["from rank 3"]
     assert 0.1 <= time.monotonic() - begin < 5.0
     assert out[0] == 0.0
+    pool.close()
+
+
+def test_a_process_that_was_suspended_has_not_waited():
+    """The time until it goes on counts for nothing, and what comes after it does."""
+    pool, graph = Pool(1, spin_limit_s=1.0), Graph()
+    graph.message(FakeRequests(polls=10**9), name="from rank 3")
+    graph.freeze()
+    child = os.fork()
+    if child == 0:
+        try:
+            pool.run(graph)
+        except Stuck:
+            os._exit(7)
+        os._exit(0)
+    time.sleep(0.3)
+    os.kill(child, signal.SIGSTOP)
+    time.sleep(2.0)
+    begin = time.monotonic()
+    os.kill(child, signal.SIGCONT)
+    _, status = os.waitpid(child, 0)
+    assert os.waitstatus_to_exitcode(status) == 7
+    assert time.monotonic() - begin > 0.3
     pool.close()
 
 

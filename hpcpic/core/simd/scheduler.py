@@ -198,7 +198,7 @@ def _work(g, pool, worker):
     running = WORKERS + WORKER_WORDS * worker + RUNNING
     idle = 0
     due = True  # a poll: not straight after another poll or a start, while there are tasks
-    remaining, since = -1, 0  # at the last look at the clock
+    remaining, since, seen = -1, 0, 0  # at the last look at the clock, and when that was
     while atomic_load(g.counters, REMAINING) > 0 and atomic_load(g.counters, STOP) == 0:
         task = _take(g, 1)
         if (
@@ -235,8 +235,11 @@ def _work(g, pool, worker):
             left = atomic_load(g.counters, REMAINING)
             if left != remaining or _anybody_running(pool):
                 remaining, since = left, now
+            elif now - seen > pool[LIMIT_NS] // 2:
+                since += now - seen  # the process was suspended
             elif now - since > pool[LIMIT_NS]:
                 atomic_cas(g.counters, STOP, 0, STUCK)
+            seen = now
 
 
 @njit
