@@ -21,9 +21,11 @@ class Workspace:
 
     def need(self, phase: str, **arrays: tuple[tuple[int, ...], type]) -> None:
         """Arrays of a phase, name = (shape, type), into `tasks.arrays`; none other may be in use."""
-        if self._phases.get(phase) == arrays:
+        held = self._tasks.arrays
+        if self._phases.get(phase) == arrays and all(held[name].shape == shape for name, (shape, _) in arrays.items()):
             return
-        self._phases[phase] = arrays
+        self._phases.pop(phase, None)
+        self._phases[phase] = arrays  # the last: names that phases share are of the one that begins
         size = max(sum(map(_room_of, kinds.values())) for kinds in self._phases.values())
         if size > self._memory.nbytes:
             self._memory = aligned_zeros((size,), np.uint8)
