@@ -2,28 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from typing import TYPE_CHECKING
 
-from hpcpic.core.cli.app import App, later
+from hpcpic.core.cli.app import App, later, named
 from lbmdem.cases import shipped_cases
 
 if TYPE_CHECKING:
-    from hpcpic.core.cli.figures import Plot
-    from hpcpic.core.cli.knobs import Knobs
     from lbmdem.config import LbmDemConfig
-
-
-def schema() -> type[LbmDemConfig]:
-    from lbmdem.config import LbmDemConfig
-
-    return LbmDemConfig
-
-
-def load() -> type:
-    from lbmdem.step import LbmDem
-
-    return LbmDem
 
 
 def until(config: LbmDemConfig, t: float) -> tuple[str, ...]:
@@ -47,38 +32,20 @@ def grow(config: LbmDemConfig, factor: int) -> tuple[str, ...]:
     return (f"domain.size={size}", *packed)
 
 
-def bench(quick: bool) -> Mapping[str, float]:
-    from lbmdem.bench import bench as measure
-
-    return measure(quick)
-
-
-def plots() -> Mapping[str, Plot]:
-    from lbmdem.plots import PLOTS
-
-    return PLOTS
-
-
-def knobs(config: LbmDemConfig) -> Knobs:
-    from lbmdem.knobs import knobs_of
-
-    return knobs_of(config)
-
-
 APP = App(
     name="lbmdem",
     title="lattice Boltzmann with discrete-element grains",
-    schema=schema,
+    schema=named("lbmdem.config", "LbmDemConfig"),
     cases=shipped_cases,
     derived=later("lbmdem.derived", "derived"),
     estimate=later("lbmdem.estimate", "estimate"),
-    load=load,
+    load=named("lbmdem.step", "LbmDem"),
     until=until,
     time_step=lambda config: config.time_step,
     grow=grow,
     free=("description", "simulation.end_time", "simulation.blocks", "output"),
-    bench=bench,
-    plots=plots,
+    bench=later("lbmdem.bench", "bench"),
+    plots=named("lbmdem.plots", "PLOTS"),
     plan=later("lbmdem.plan", "plan"),
-    knobs=knobs,
+    knobs=later("lbmdem.knobs", "knobs_of"),
 )

@@ -6,13 +6,25 @@ Lines of theory are drawn dashed and dark; what was measured is coloured.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from hpcpic.core.cli.figures import COLOURS, INK, NoData, Plot, axis_label, new_figure, style, thinned, timers_figure
-from hpcpic.core.errors import FileError
+from hpcpic.core.cli.figures import (
+    COLOURS,
+    INK,
+    THEORY,
+    TIMERS,
+    NoData,
+    Plot,
+    axis_label,
+    columns_of,
+    new_figure,
+    present,
+    steps_of,
+    style,
+    thinned,
+)
 from hpcpic.core.files.config import loads
 from hpcpic.core.files.schema import validate
 from lbmdem.config import LbmDemConfig
@@ -32,39 +44,18 @@ if TYPE_CHECKING:
 
     from hpcpic.core.files.reader import Fields, Particles, Run
 
-THEORY: dict[str, Any] = {"color": INK, "linestyle": (0, (5, 3)), "linewidth": 1.4}
 
 
 def config_of(run: Run) -> LbmDemConfig:
     return validate(LbmDemConfig, loads(run.config))
 
 
-def _series(run: Run, *names: str) -> tuple[np.ndarray, ...]:
-    """time and the scalars. Raises NoData."""
-    try:
-        series = run.series
-    except FileError as error:
-        raise NoData(f"no series: {error}") from error
-    missing = [name for name in names if name not in series]
-    if missing or len(series.time) < 2:
-        raise NoData(f"the series lacks {', '.join(missing) or 'a second sample'}")
-    return (series.time, *(series[name] for name in names))
-
-
 def _fields(run: Run) -> Fields:
-    try:
-        run.field_snapshots.index()
-    except FileError as error:
-        raise NoData(f"no snapshots of the fluid (output.period.fields): {error}") from error
-    return run.field_snapshots
+    return present(lambda: run.field_snapshots, "the fluid (output.period.fields)")
 
 
 def _grains(run: Run) -> Particles:
-    try:
-        run.particle_snapshots.index()
-    except FileError as error:
-        raise NoData(f"no snapshots of the grains (output.period.grains): {error}") from error
-    return run.particle_snapshots
+    return present(lambda: run.particle_snapshots, "the grains (output.period.grains)")
 
 
 def _all_grains(run: Run, step: int) -> dict[str, np.ndarray]:
@@ -146,7 +137,7 @@ def permeability(run: Run, step: int | None = None) -> Figure:
     """Permeability in time, with what it converges to beside Carman and Kozeny's."""
     from lbmdem.placing import mean_diameters
 
-    t, k, porosity = _series(run, "permeability", "porosity")
+    t, k, porosity = columns_of(run, "permeability", "porosity")
     mean, sauter = mean_diameters(config_of(run))
     n, last, half = porosity[-1], k[-1], k[len(k) // 2]
     kozeny = n**3 / (180.0 * (1.0 - n) ** 2)
@@ -169,7 +160,7 @@ def permeability(run: Run, step: int | None = None) -> Figure:
 
 def mass(run: Run, step: int | None = None) -> Figure:
     """Relative change of the mass of the fluid, and the largest Mach number."""
-    t, m, mach = _series(run, "mass", "max_mach")
+    t, m, mach = columns_of(run, "mass", "max_mach")
     with style():
         figure, (top, low) = new_figure(2, 1, (6.0, 4.2), sharex=True)
         top.plot(*thinned(t, m / m[0] - 1.0), color=COLOURS[2])
@@ -277,7 +268,7 @@ def stress(run: Run, step: int | None = None) -> Figure:
     slices = range(1, count + 1)
     if config.dimensions == 2 or config.fluid is None or count < 2:
         raise NoData("needs spheres, a fluid and two control slices (output.stress_slices)")
-    _, overall, *values = _series(
+    _, overall, *values = columns_of(
         run, "hydraulic_gradient", *(f"stress_zz_{k}" for k in slices), *(f"pressure_{k}" for k in slices)
     )
     bed = _bed(run, config)
@@ -286,7 +277,7 @@ def stress(run: Run, step: int | None = None) -> Figure:
     ratio = config.grains[0].density / config.fluid.density
     critical = critical_gradient(ratio, bed.porosity_inside)
     met, rest = meeting(gradient, stresses)
-    _, force = _series(run, f"force_{config.grains[0].name}_{'xyz'[up]}")
+    _, force = columns_of(run, f"force_{config.grains[0].name}_{'xyz'[up]}")
     lift = lifted(overall, force, bed.weight) / critical_gradient(ratio, bed.porosity)
     with style():
         figure, axes = new_figure(size=(6.6, 4.6))
@@ -334,7 +325,7 @@ def _bed(run: Run, config: LbmDemConfig) -> Bed:
 
 def energies(run: Run, step: int | None = None) -> Figure:
     """Kinetic energy of the fluid and of the grains."""
-    t, *_ = _series(run)
+    t, *_ = columns_of(run)
     names = [name for name in ("energy_kinetic", "energy_kinetic_grains") if name in run.series]
     if not names:
         raise NoData("the series has no energies")
@@ -351,24 +342,15 @@ def energies(run: Run, step: int | None = None) -> Figure:
         return figure
 
 
-def timers(run: Run, step: int | None = None) -> Figure:
-    """Share of the sections in the wall time."""
-    return timers_figure(run.summary.get("timers", {}))
-
-
-def _steps(snapshots: Callable[[Run], Fields | Particles]) -> Callable[[Run], Sequence[int]]:
-    return lambda run: [int(step) for step in snapshots(run).steps]
-
-
 PLOTS = {
-    "flow": Plot("Speed of the fluid", flow, _steps(_fields)),
-    "profile": Plot("Velocity profile beside theory", profile, _steps(_fields)),
-    "grains": Plot("Grains", grains, _steps(_grains)),
+    "flow": Plot("Speed of the fluid", flow, steps_of(_fields)),
+    "profile": Plot("Velocity profile beside theory", profile, steps_of(_fields)),
+    "grains": Plot("Grains", grains, steps_of(_grains)),
     "tracks": Plot("Grains in time", tracks),
     "rolling": Plot("From sliding to rolling", rolling),
     "permeability": Plot("Permeability in time", permeability),
     "stress": Plot("Stress between grains against the hydraulic gradient", stress),
     "energies": Plot("Kinetic energies", energies),
     "mass": Plot("Mass and Mach number", mass),
-    "timers": Plot("Where the time went", timers),
+    "timers": TIMERS,
 }

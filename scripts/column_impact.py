@@ -14,10 +14,10 @@ from pathlib import Path
 
 from gallery import PICTURES, save_small
 
-from hpcpic.core.cli.figures import new_figure, style
+from hpcpic.core.cli.figures import columns_of, new_figure, style
 from hpcpic.core.files.reader import open_run
 from sph import measured, theory
-from sph.plots import DATA, series_of
+from sph.plots import DATA
 
 TABLE = """The force on the column in the cases of Silvester & Cleary 2006, by `python scripts/column_impact.py`; all by
 the clock of the experiment, {shift} s late. Peak and plateau are of the force filtered over 13 ms, the impulse until
@@ -31,7 +31,7 @@ the clock of the experiment, {shift} s late. Peak and plateau are of the force f
 
 
 def main() -> int:
-    runs = {Path(folder).name: series_of(open_run(folder), "impulse_column_x") for folder in sys.argv[1:]}
+    runs = {Path(folder).name: columns_of(open_run(folder), "impulse_column_x") for folder in sys.argv[1:]}
     if not runs:
         print(__doc__, file=sys.stderr)
         return 2

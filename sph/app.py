@@ -2,28 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from typing import TYPE_CHECKING
 
-from hpcpic.core.cli.app import App, later
+from hpcpic.core.cli.app import App, later, named
 from sph.cases import shipped_cases
 
 if TYPE_CHECKING:
-    from hpcpic.core.cli.figures import Plot
-    from hpcpic.core.cli.knobs import Knobs
     from sph.config import SphConfig
-
-
-def schema() -> type[SphConfig]:
-    from sph.config import SphConfig
-
-    return SphConfig
-
-
-def load() -> type:
-    from sph.step import Sph
-
-    return Sph
 
 
 def until(config: SphConfig, t: float) -> tuple[str, ...]:
@@ -36,38 +21,20 @@ def grow(config: SphConfig, factor: int) -> tuple[str, ...]:
     return (f"numerics.spacing={config.numerics.spacing / factor ** (1 / config.dimensions)!r}",)
 
 
-def bench(quick: bool) -> Mapping[str, float]:
-    from sph.bench import bench as measure
-
-    return measure(quick)
-
-
-def plots() -> Mapping[str, Plot]:
-    from sph.plots import PLOTS
-
-    return PLOTS
-
-
-def knobs(config: SphConfig) -> Knobs:
-    from sph.knobs import knobs_of
-
-    return knobs_of(config)
-
-
 APP = App(
     name="sph",
     title="weakly compressible smoothed particle hydrodynamics",
-    schema=schema,
+    schema=named("sph.config", "SphConfig"),
     cases=shipped_cases,
     derived=later("sph.derived", "derived"),
     estimate=later("sph.estimate", "estimate"),
-    load=load,
+    load=named("sph.step", "Sph"),
     until=until,
     time_step=later("sph.limits", "time_step"),
     grow=grow,
     free=("description", "simulation.end_time", "gauge", "output", "numerics.balance_period"),
-    plots=plots,
+    plots=named("sph.plots", "PLOTS"),
     plan=later("sph.plan", "plan"),
-    bench=bench,
-    knobs=knobs,
+    bench=later("sph.bench", "bench"),
+    knobs=later("sph.knobs", "knobs_of"),
 )

@@ -7,8 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from hpcpic.core.cli.figures import COLOURS, INK, NoData, new_figure, style
-from hpcpic.core.errors import FileError
+from hpcpic.core.cli.figures import COLOURS, INK, NoData, new_figure, present, style
 from sph import geometry, render, theory
 from sph.reading import config_of, scene_of
 
@@ -24,12 +23,7 @@ THEORY: dict[str, Any] = {"color": INK, "linewidth": 1.0}
 
 
 def snapshots_of(run: Run) -> Particles:
-    try:
-        snapshots = run.particle_snapshots
-        snapshots.index()
-    except FileError as error:
-        raise NoData(f"no snapshots of the particles (output.period.particles): {error}") from error
-    return snapshots
+    return present(lambda: run.particle_snapshots, "the particles (output.period.particles)")
 
 
 def fluid_at(run: Run, snapshots: Particles, number: int) -> dict[str, np.ndarray]:

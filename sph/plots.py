@@ -3,13 +3,23 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from hpcpic.core.cli.figures import COLOURS, INK, NoData, Plot, axis_label, new_figure, style, thinned, timers_figure
-from hpcpic.core.errors import FileError
+from hpcpic.core.cli.figures import (
+    COLOURS,
+    INK,
+    TIMERS,
+    NoData,
+    Plot,
+    axis_label,
+    columns_of,
+    new_figure,
+    steps_of,
+    style,
+    thinned,
+)
 from sph import geometry, measured, theory
 from sph.config import Gauge, SphConfig
 from sph.particle_plots import THEORY, depth, profiles, sequence, snapshots_of
@@ -24,24 +34,9 @@ DATA: dict[str, Any] = {"marker": "o", "linestyle": "none", "markersize": 4, "co
 NEAR = 0.05  # of a length: how like the case must be to an experiment to be shown beside it
 
 
-def series_of(run: Run, *names: str) -> tuple[np.ndarray, ...]:
-    """Times and the columns asked for, at the rows where all of them have a value."""
-    try:
-        series = run.series
-    except FileError as error:
-        raise NoData(f"no series: {error}") from error
-    missing = [name for name in names if name not in series]
-    if missing:
-        raise NoData(f"the series has no {', '.join(missing)}")
-    known = np.all([np.isfinite(series[name]) for name in names], axis=0) if names else np.ones(len(series.time), bool)
-    if known.sum() < 2:
-        raise NoData("fewer than two samples in the series (output.period.series)")
-    return series.time[known], *(series[name][known] for name in names)
-
-
 def energies(run: Run, step: int | None = None) -> Figure:
     """Kinetic energy, changes of potential and internal energy, and of their sum."""
-    t, kinetic, potential, internal = series_of(run, "energy_kinetic", "energy_potential", "energy_internal")
+    t, kinetic, potential, internal = columns_of(run, "energy_kinetic", "energy_potential", "energy_internal")
     decay = predicted_decay(config_of(run))
     with style():
         figure, axes = new_figure(size=(6.4, 3.8))
@@ -82,7 +77,7 @@ def front(run: Run, step: int | None = None) -> Figure:
     """The farthest fluid along x, beside the dry-bed solution of shallow water and, where it fits, an experiment."""
     config = config_of(run)
     width, height, g = column_of(config)
-    t, x = series_of(run, "front_x")
+    t, x = columns_of(run, "front_x")
     low = config.domain.low[0]
     end = (config.domain.high[0] - low) / width
     if x[0] - low >= 0.97 * end * width:
@@ -130,7 +125,7 @@ def forces(run: Run, step: int | None = None) -> Figure:
     with style():
         figure, axes = new_figure(len(names), 1, (6.4, 3.4 * len(names)), squeeze=False, sharex=True)
         for axis, name in zip(axes[:, 0], names):
-            t, force = theory.mean_rate(*series_of(run, f"impulse_{name}_x"))
+            t, force = theory.mean_rate(*columns_of(run, f"impulse_{name}_x"))
             smooth = theory.triangular(t, force)
             axis.plot(t, force, color=COLOURS[6], linewidth=0.5, alpha=0.5, label="unfiltered")
             axis.plot(*thinned(t, smooth), color=COLOURS[0], linewidth=1.5, label="13 ms filter")
@@ -154,7 +149,7 @@ def impulses(run: Run, step: int | None = None) -> Figure:
     with style():
         figure, axes = new_figure(size=(6.4, 3.8))
         for name, colour in zip(names, COLOURS):
-            t, size, along = series_of(run, f"impulse_{name}", f"impulse_{name}_x")
+            t, size, along = columns_of(run, f"impulse_{name}", f"impulse_{name}_x")
             axes.plot(*thinned(t, along), color=colour, label=f"{name}, along x")
             axes.plot(*thinned(t, size), color=colour, linewidth=1.1, linestyle="--", label=f"{name}, of |F|")
         if "column" in names and impact(config_of(run)):
@@ -187,7 +182,7 @@ def _gauge_panel(axis: Any, run: Run, gauge: Gauge) -> None:
     if gauge.what != "velocity":
         names = [gauge.name]
     for name in names:
-        t, values = series_of(run, name)
+        t, values = columns_of(run, name)
         axis.plot(*thinned(t, values), label=name if len(names) > 1 else None, linewidth=1.3)
     expected = _expectation(run, config, gauge, t)
     if expected is not None:
@@ -228,7 +223,7 @@ def _expectation(run: Run, config: SphConfig, gauge: Gauge, t: np.ndarray) -> tu
 
 def step_sizes(run: Run, step: int | None = None) -> Figure:
     """Time step, largest speed over the sound speed, and largest change of density."""
-    t, dt, speed, error = series_of(run, "dt", "max_velocity", "max_density_error")
+    t, dt, speed, error = columns_of(run, "dt", "max_velocity", "max_density_error")
     c0 = config_of(run).sound_speed
     with style():
         figure, (top, low) = new_figure(2, 1, (6.4, 4.2), sharex=True)
@@ -242,24 +237,15 @@ def step_sizes(run: Run, step: int | None = None) -> Figure:
         return figure
 
 
-def timers(run: Run, step: int | None = None) -> Figure:
-    """Share of the sections in the wall time."""
-    return timers_figure(run.summary.get("timers", {}))
-
-
-def _steps(run: Run) -> Sequence[int]:
-    return [int(step) for step in snapshots_of(run).steps]
-
-
 PLOTS = {
-    "sequence": Plot("The particles in time", sequence, _steps),
+    "sequence": Plot("The particles in time", sequence, steps_of(snapshots_of)),
     "energies": Plot("Energy in time", energies),
     "front": Plot("Front beside theory and experiment", front),
     "forces": Plot("Force on walls, filtered", forces),
     "impulses": Plot("Impulse on walls", impulses),
     "gauges": Plot("Gauges in time", gauges),
-    "profiles": Plot("Velocity and shear stress across a channel", profiles, _steps),
-    "depth": Plot("Pressure over the depth", depth, _steps),
+    "profiles": Plot("Velocity and shear stress across a channel", profiles, steps_of(snapshots_of)),
+    "depth": Plot("Pressure over the depth", depth, steps_of(snapshots_of)),
     "step": Plot("Time step and compressibility", step_sizes),
-    "timers": Plot("Where the time went", timers),
+    "timers": TIMERS,
 }

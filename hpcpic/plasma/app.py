@@ -2,28 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from typing import TYPE_CHECKING
 
-from hpcpic.core.cli.app import App, later
+from hpcpic.core.cli.app import App, later, named
 from hpcpic.plasma.cases import shipped_cases
 
 if TYPE_CHECKING:
-    from hpcpic.core.cli.figures import Plot
-    from hpcpic.core.cli.knobs import Knobs
     from hpcpic.plasma.config import PlasmaConfig
-
-
-def schema() -> type[PlasmaConfig]:
-    from hpcpic.plasma.config import PlasmaConfig
-
-    return PlasmaConfig
-
-
-def load() -> type:
-    from hpcpic.plasma.step import Plasma
-
-    return Plasma
 
 
 def until(config: PlasmaConfig, t: float) -> tuple[str, ...]:
@@ -43,32 +28,14 @@ def grow(config: PlasmaConfig, factor: int) -> tuple[str, ...]:
     return (f"grid.points={points}", f"simulation.space_length={lengths}", *particles)
 
 
-def bench(quick: bool) -> Mapping[str, float]:
-    from hpcpic.plasma.bench import bench as measure
-
-    return measure(quick)
-
-
-def plots() -> Mapping[str, Plot]:
-    from hpcpic.plasma.plots import PLOTS
-
-    return PLOTS
-
-
-def knobs(config: PlasmaConfig) -> Knobs:
-    from hpcpic.plasma.knobs import knobs_of
-
-    return knobs_of(config)
-
-
 APP = App(
     name="hpcpic",
     title="electrostatic particle-in-cell plasma",
-    schema=schema,
+    schema=named("hpcpic.plasma.config", "PlasmaConfig"),
     cases=shipped_cases,
     derived=later("hpcpic.plasma.derived", "derived"),
     estimate=later("hpcpic.plasma.estimate", "estimate"),
-    load=load,
+    load=named("hpcpic.plasma.step", "Plasma"),
     until=until,
     time_step=lambda config: config.simulation.time_step,
     grow=grow,
@@ -80,8 +47,8 @@ APP = App(
         "simulation.plasma_chunks",
         "output",
     ),
-    bench=bench,
-    plots=plots,
+    bench=later("hpcpic.plasma.bench", "bench"),
+    plots=named("hpcpic.plasma.plots", "PLOTS"),
     plan=later("hpcpic.plasma.plan", "plan"),
-    knobs=knobs,
+    knobs=later("hpcpic.plasma.knobs", "knobs_of"),
 )

@@ -7,8 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from hpcpic.core.cli.figures import COLOURS, NoData, new_figure, style
-from hpcpic.core.errors import FileError
+from hpcpic.core.cli.figures import COLOURS, NoData, new_figure, present, style
 from hpcpic.plasma import analysis
 from hpcpic.plasma.config import velocity_components
 from hpcpic.plasma.predictions import config_of
@@ -24,12 +23,7 @@ FEW = 16  # particles whose paths are drawn
 
 
 def snapshots_of(run: Run) -> Particles:
-    try:
-        snapshots = run.particle_snapshots
-        snapshots.index()
-    except FileError as error:
-        raise NoData(f"no snapshots of the particles (output.sampling_period.particle): {error}") from error
-    return snapshots
+    return present(lambda: run.particle_snapshots, "the particles (output.sampling_period.particle)")
 
 
 def _velocity_limits(run: Run, snapshots: Particles, numbers: Sequence[int]) -> tuple[float, float]:

@@ -5,13 +5,27 @@ Lines of theory are drawn dashed and dark; what was measured is coloured.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
-from typing import TYPE_CHECKING, Any
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
 
 import numpy as np
 
-from hpcpic.core.cli.figures import COLOURS, INK, NoData, Plot, axis_label, new_figure, style, thinned, timers_figure
-from hpcpic.core.errors import FileError
+from hpcpic.core.cli.figures import (
+    COLOURS,
+    INK,
+    THEORY,
+    TIMERS,
+    NoData,
+    Plot,
+    axis_label,
+    columns_of,
+    new_figure,
+    present,
+    series_of,
+    steps_of,
+    style,
+    thinned,
+)
 from hpcpic.plasma import analysis, theory
 from hpcpic.plasma.config import PlasmaConfig
 from hpcpic.plasma.particle_plots import orbits, phase_space, snapshots_of, velocities
@@ -20,36 +34,13 @@ from hpcpic.plasma.predictions import beams, compare_mode, config_of, predict
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-    from hpcpic.core.files.reader import Fields, Particles, Run
-    from hpcpic.core.files.series import Series
+    from hpcpic.core.files.reader import Fields, Run
 
 SIGNED, POSITIVE = "RdBu_r", "viridis"
-THEORY: dict[str, Any] = {"color": INK, "linestyle": (0, (5, 3)), "linewidth": 1.4}
-
-
-def _series_of(run: Run) -> Series:
-    try:
-        return run.series
-    except FileError as error:
-        raise NoData(f"no series: {error}") from error
-
-
-def _series(run: Run, *names: str) -> tuple[np.ndarray, ...]:
-    """time and the scalars. Raises NoData."""
-    series = _series_of(run)
-    missing = [name for name in names if name not in series]
-    if missing or len(series.time) < 2:
-        raise NoData(f"the series lacks {', '.join(missing) or 'a second sample'}")
-    return (series.time, *(series[name] for name in names))
 
 
 def _fields(run: Run) -> Fields:
-    try:
-        snapshots = run.field_snapshots
-        snapshots.index()
-    except FileError as error:
-        raise NoData(f"no snapshots of the fields (output.sampling_period.field): {error}") from error
-    return snapshots
+    return present(lambda: run.field_snapshots, "the fields (output.sampling_period.field)")
 
 
 # --------------------------------------------------------------------------------------------- series
@@ -60,7 +51,7 @@ def energies(run: Run, step: int | None = None) -> Figure:
 
     Logarithmic where the field has under a hundredth of the energy; only the beginning of a long oscillation.
     """
-    t, field, kinetic, total = _series(run, "energy_field", "energy_kinetic", "energy_total")
+    t, field, kinetic, total = columns_of(run, "energy_field", "energy_kinetic", "energy_total")
     with style():
         figure, (top, low) = new_figure(2, 1, (6.4, 4.6), height_ratios=(2.2, 1))
         shown = slice(0, _end_of_beginning(field))
@@ -87,7 +78,7 @@ def _end_of_beginning(signal: np.ndarray, crossings: int = 40) -> int:
 
 def conservation(run: Run, step: int | None = None) -> Figure:
     """Departures of charge, momentum and total energy: momentum relative to sqrt(2 m W)."""
-    t, charge, total, kinetic = _series(run, "charge", "energy_total", "energy_kinetic")
+    t, charge, total, kinetic = columns_of(run, "charge", "energy_total", "energy_kinetic")
     momenta = [name for name in ("momentum_x", "momentum_y", "momentum_z") if name in run.series]
     mass = sum(species_masses(config_of(run)))
     scale = float(np.sqrt(2.0 * mass * kinetic.max())) if mass else 0.0
@@ -115,7 +106,7 @@ def species_masses(config: PlasmaConfig) -> list[float]:
 
 def chosen_mode(run: Run) -> int:
     """The mode that theory and measurement are compared for: the one the case seeds, or the largest."""
-    names = [name for name in _series_of(run) if name.startswith("mode_")]
+    names = [name for name in series_of(run) if name.startswith("mode_")]
     if not names:
         raise NoData("the series has no mode_1 ...")
     for species in config_of(run).species:
@@ -127,7 +118,7 @@ def chosen_mode(run: Run) -> int:
 def modes(run: Run, step: int | None = None) -> Figure:
     """Amplitudes |E_k| of the first modes along x, the one chosen beside the law that the case allows."""
     chosen = chosen_mode(run)
-    t, amplitude = _series(run, f"mode_{chosen}")
+    t, amplitude = columns_of(run, f"mode_{chosen}")
     found = compare_mode(t, amplitude, predict(config_of(run), chosen))
     with style():
         figure, axes = new_figure(size=(6.4, 4.0))
@@ -277,23 +268,14 @@ def _fields_2d(run: Run, snapshots: Fields, number: int) -> Figure:
         return figure
 
 
-def timers(run: Run, step: int | None = None) -> Figure:
-    """Share of the sections in the wall time."""
-    return timers_figure(run.summary.get("timers", {}))
-
-
-def _steps(snapshots: Callable[[Run], Fields | Particles]) -> Callable[[Run], Sequence[int]]:
-    return lambda run: [int(step) for step in snapshots(run).steps]
-
-
 PLOTS = {
     "energies": Plot("Energy in time", energies),
     "modes": Plot("Modes of the field beside theory", modes),
     "conservation": Plot("Departures of charge, momentum and energy", conservation),
-    "fields": Plot("Charge, potential and field", fields, _steps(_fields)),
-    "phase-space": Plot("Particles in phase space", phase_space, _steps(snapshots_of)),
+    "fields": Plot("Charge, potential and field", fields, steps_of(_fields)),
+    "phase-space": Plot("Particles in phase space", phase_space, steps_of(snapshots_of)),
     "orbits": Plot("Paths of single particles", orbits),
-    "velocities": Plot("Velocity distribution", velocities, _steps(snapshots_of)),
+    "velocities": Plot("Velocity distribution", velocities, steps_of(snapshots_of)),
     "spectrum": Plot("Spectrum over wave number and frequency", spectrum),
-    "timers": Plot("Where the time went", timers),
+    "timers": TIMERS,
 }

@@ -62,8 +62,13 @@ class App:
 AppLoader = Callable[[], App]
 
 
+def named(module: str, name: str) -> Callable[[], Any]:
+    """A function that imports what it gives when it is called: a command pays for what it uses."""
+    return lambda: getattr(import_module(module), name)
+
+
 def later(module: str, name: str) -> Callable[..., Any]:
-    """A function that is imported when it is called: a command pays for what it uses."""
+    """A function that is imported when it is called."""
 
     def call(*args: Any) -> Any:
         return getattr(import_module(module), name)(*args)

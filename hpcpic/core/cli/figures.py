@@ -10,18 +10,24 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, TypeVar
 
 import numpy as np
+
+from hpcpic.core.errors import FileError
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-    from hpcpic.core.files.reader import Run
+    from hpcpic.core.files.reader import Run, Snapshots
+    from hpcpic.core.files.series import Series
+
+S = TypeVar("S", bound="Snapshots")
 
 INK = "#24292f"  # text and axes; the report turns it into the colour of its own text
 COLOURS = ("#0072b2", "#d55e00", "#009e73", "#cc79a7", "#e69f00", "#56b4e9", "#7f7f7f", "#8c6d1f")
 PAPER = "#ffffff"
+THEORY: Any = {"color": INK, "linestyle": (0, (5, 3)), "linewidth": 1.4}  # a line of theory: dashed and dark
 DOTS_PER_INCH = 150
 FRAMES_PER_SECOND = 12
 BINS = 2000  # pieces of a long line that are told apart
@@ -157,7 +163,50 @@ def _pixels(figure: Figure) -> np.ndarray:
     return np.ascontiguousarray(pixels[: pixels.shape[0] // 2 * 2, : pixels.shape[1] // 2 * 2])
 
 
+# --------------------------------------------------------------------------------- what a figure shows
+
+
+def series_of(run: Run) -> Series:
+    """The series of a run. Raises NoData."""
+    try:
+        return run.series
+    except FileError as error:
+        raise NoData(f"no series: {error}") from error
+
+
+def columns_of(run: Run, *names: str) -> tuple[np.ndarray, ...]:
+    """Times and the scalars asked for, at the rows where all of them have a value. Raises NoData."""
+    series = series_of(run)
+    missing = [name for name in names if name not in series]
+    if missing:
+        raise NoData(f"the series lacks {', '.join(missing)}")
+    known = np.all([np.isfinite(series[name]) for name in names], axis=0) if names else np.full(len(series.time), True)
+    if known.sum() < 2:
+        raise NoData("the series lacks a second sample")
+    return (series.time[known], *(series[name][known] for name in names))
+
+
+def present(find: Callable[[], S], what: str) -> S:
+    """The snapshots that `find` opens. Raises NoData, with `what` they are and the setting that asks for them."""
+    try:
+        snapshots = find()
+        snapshots.index()
+    except FileError as error:
+        raise NoData(f"no snapshots of {what}: {error}") from error
+    return snapshots
+
+
+def steps_of(snapshots: Callable[[Run], Snapshots]) -> Callable[[Run], Sequence[int]]:
+    """What `Plot.steps` asks for."""
+    return lambda run: [int(step) for step in snapshots(run).steps]
+
+
 # ------------------------------------------------------------------------------- figures without physics
+
+
+def timers(run: Run, step: int | None = None) -> Figure:
+    """Share of the sections in the wall time."""
+    return timers_figure(run.summary.get("timers", {}))
 
 
 def timers_figure(timers: Mapping[str, Mapping[str, float]]) -> Figure:
@@ -183,6 +232,9 @@ def timers_figure(timers: Mapping[str, Mapping[str, float]]) -> Figure:
         axes.set_xlim(0, 1.2 * max(shares))
         axes.grid(axis="y", visible=False)
         return figure
+
+
+TIMERS = Plot("Where the time went", timers)
 
 
 def overlay_figure(runs: Mapping[str, Run], name: str) -> Figure:
