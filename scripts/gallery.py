@@ -3,6 +3,7 @@
 
 python scripts/gallery.py                   every case of up to ten minutes: docs/gallery/*.png and configs/README.md
 python scripts/gallery.py PROGRAM/CASE ...  only these pictures (sph/water-column); the page is written all the same
+python scripts/gallery.py PROGRAM/CASE --run FOLDER    this picture of a run that is there
 python scripts/gallery.py --page            only the page
 """
 
@@ -115,14 +116,19 @@ def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("cases", nargs="*", metavar="PROGRAM/CASE")
     parser.add_argument("--page", action="store_true", help="write the page of the pictures that are there")
+    parser.add_argument("--run", type=Path, metavar="FOLDER", help="draw the one case named from this run")
     asked = parser.parse_args()
+    if asked.run and len(asked.cases) != 1:
+        parser.error("--run draws one case")
     PICTURES.mkdir(parents=True, exist_ok=True)
     for program in PROGRAMS if not asked.page else ():
         for case, path in program.cases.items():
             if f"{program.name}/{case}" in asked.cases or (not asked.cases and seconds(read_header(path).time) <= LONG):
                 with tempfile.TemporaryDirectory() as scratch:
-                    run_case(program, case, Path(scratch) / case)
-                    print(draw(program, case, Path(scratch) / case), flush=True)
+                    folder = asked.run or Path(scratch) / case
+                    if not asked.run:
+                        run_case(program, case, folder)
+                    print(draw(program, case, folder), flush=True)
     PAGE.write_text(page(), encoding="utf-8")
     print(PAGE)
     return 0
