@@ -18,7 +18,7 @@ ROOT = Path(__file__).resolve().parent.parent
 PICTURES = ROOT / "docs/gallery"
 CASES = {  # program -> case, tolerance
     "hpcpic": ("two-stream-cold", "1%"),
-    "sph": ("elliptical-drop", "5%"),
+    "sph": ("poiseuille", "1%"),
     "lbmdem": ("taylor-green", "1%"),
 }
 WIDTH, COLOURS = 840, 96  # of a picture: keeps it small

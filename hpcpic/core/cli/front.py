@@ -134,6 +134,8 @@ def _verified(search: Search, verified: Verified) -> dict[str, Any]:
 
 def figure(search: Search, points: list[Proposal], verified: Verified | None) -> Any:
     """Error against seconds, and against counted work: pilots, the law of the front, the case, the recommendation."""
+    from matplotlib.ticker import LogLocator, NullFormatter
+
     from hpcpic.core.cli.figures import COLOURS, new_figure, style
 
     rows = measured(search)
@@ -157,6 +159,8 @@ def figure(search: Search, points: list[Proposal], verified: Verified | None) ->
                 ax.loglog([at], [verified.error], "*", ms=13, color=COLOURS[2], label="recommended")
             if search.uncertainty:
                 ax.axhspan(0.1 * search.uncertainty, search.uncertainty, color=COLOURS[6], alpha=0.15, lw=0)
+            ax.xaxis.set_major_locator(LogLocator(subs=(1.0, 3.0)))
+            ax.xaxis.set_minor_formatter(NullFormatter())
             ax.set_xlabel(label)
         lowest = min([row[1] for row in rows] + [here, search.uncertainty or 1.0])
         axes[0].set_ylim(bottom=0.5 * max(lowest, 1e-14))
