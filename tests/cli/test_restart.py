@@ -1,6 +1,7 @@
 """restart: run(2N) is run(N) + restart + run(N); only what does not belong to the state may change."""
 
 import csv
+import json
 import shutil
 import subprocess
 
@@ -78,6 +79,9 @@ def test_what_does_not_belong_to_the_state_may_be_edited(half):
 
 
 def test_a_checkpoint_of_another_program_is_refused(half):
+    facts = half.facts("a")
+    del facts["program"]  # which would be told before
+    (half.folder / "a/run.json").write_text(json.dumps(facts))
     words = half.words("restart", "a")
     script = f"import sys; sys.argv[0] = {words[1]!r}; sys.path[:0] = [{str(TOY.parent)!r}]\n"
     script += "import dataclasses, toy_app\nfrom hpcpic.core.cli.main import build\n"
@@ -86,6 +90,15 @@ def test_a_checkpoint_of_another_program_is_refused(half):
         [words[0], "-c", script, *words[2:]], cwd=half.folder, env=environment(), capture_output=True, text=True
     )
     assert done.returncode == 6 and "a checkpoint of toy, not of other" in done.stderr
+
+
+def test_a_run_of_another_program_is_told_by_name(half):
+    facts = half.facts("a")
+    (half.folder / "a/run.json").write_text(json.dumps(facts | {"program": "other"}))
+    for verb in ("restart", "plot", "report"):
+        done = half(verb, "a")
+        assert done.returncode == 6 and "a run of other, not of toy: say `other`" in done.stderr
+    (half.folder / "a/run.json").write_text(json.dumps(facts))
 
 
 def test_more_ranks_than_rows_are_refused(half):

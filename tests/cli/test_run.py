@@ -109,11 +109,25 @@ def test_usage_errors_are_told_once(toy):
     assert done.stderr.count("No such option") == 1
 
 
-@pytest.mark.parametrize("words", [("--wall", "1:2:3:4"), ("--checkpoint-every", "often")])
+@pytest.mark.parametrize("words", [("--wall", "1:2:3:4"), ("--checkpoint-every", "often"), ("--wall", "x", "--dry")])
 def test_wrong_times_are_usage_errors(toy, words):
     done = toy("run", "ring.conf", "-o", "a", *words)
     assert done.returncode == 2 and words[1] in done.stderr
     assert not (toy.folder / "a").exists()
+
+
+@pytest.mark.parametrize("words", [("run", ""), ("run", "ring.conf", "-o", ""), ("plot", "")])
+def test_an_empty_argument_is_a_usage_error(toy, words):
+    done = toy(*words)
+    assert done.returncode == 2 and "an argument is empty" in done.stderr
+    assert [path.name for path in toy.folder.iterdir()] == ["ring.conf"]
+
+
+def test_quiet_says_nothing_on_the_way(toy):
+    loud, quiet = (toy("run", "ring.conf", "-o", name, *words, steps=1000, pause=0.003)
+                   for name, words in (("a", ()), ("b", ("--quiet",))))  # fmt: skip
+    assert "  left 00:" in loud.stdout and "  left " not in quiet.stdout
+    assert "finished" in quiet.stdout and not quiet.stderr
 
 
 def test_a_limit_stops_the_run_and_force_makes_it_a_warning(toy):

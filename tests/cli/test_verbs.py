@@ -13,6 +13,7 @@ from toy_runner import ROOT, environment
 
 from hpcpic.core.cli.export import to_csv
 from hpcpic.core.cli.main import VERBS
+from hpcpic.core.cli.text import table
 from hpcpic.core.files.rundir import RunDir
 
 HEAVY = ("mpi4py", "numba", "h5py", "pyfftw", "scipy", "matplotlib")
@@ -88,6 +89,16 @@ def test_show_has_every_key_and_what_the_case_says(toy):
     assert "a ring" in shown
     for key in ("steps", "rows", "fault.kind", "output.field"):
         assert f"\n{key} " in shown
+
+
+@pytest.mark.parametrize("columns", [30, 60, 80, 200])
+def test_a_table_cuts_no_word_on_any_terminal(columns, capsys, monkeypatch):
+    monkeypatch.setenv("COLUMNS", str(columns))
+    monkeypatch.setattr(sys.stdout, "isatty", lambda: True)
+    row = ("simulation.sampling_period", "3", "steps between samples of the series, 0 = never")
+    table(("key", "here", "meaning"), [row, ("end", "1", "last")])
+    words = capsys.readouterr().out.replace(";", "").split()
+    assert [words.count(word) for word in " ".join(row).split()] == [1] * 11
 
 
 def test_output_is_said_by_one_rank(toy):

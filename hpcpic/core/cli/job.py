@@ -73,7 +73,6 @@ def job(app_loader: AppLoader, prepare: Prepare, flags: Flags) -> int:
     folder.
     """
     started = process_start() if next(_jobs) == 0 else time.monotonic()
-    flags.interval(), flags.seconds()  # a wrong one is told before anything starts
     world = World.start()
     return guarded(world, lambda failure: _Job(app_loader(), world, failure, flags, started).do(prepare))
 
@@ -148,7 +147,7 @@ class _Job:
                 options = loop.Options(
                     stop, WallLimit(self.flags.seconds(), self.started), timers, threads, sys.stdout,
                     attributes={"program": self.app.name, "settings": settings},
-                    estimate=self._estimate(config, threads), warnings=warnings,
+                    estimate=self._estimate(config, threads), warnings=warnings, quiet=self.flags.quiet,
                 )  # fmt: skip
                 self._complete(options, app, reader, plan)
                 outcome = loop.run(app, self.world, self.rundir, options)

@@ -66,6 +66,8 @@ class Face(click.Group):
             formatter.write_dl([(verb, sentence) for verb, (_, sentence) in VERBS.items()])
 
     def resolve_command(self, context: click.Context, arguments: list[str]) -> Any:
+        if "" in arguments:
+            raise click.UsageError("an argument is empty: is a variable of the shell not set?")
         if launcher_rank() and arguments and arguments[0] not in PARALLEL:
             sys.stdout = sys.stderr = open(os.devnull, "w")  # noqa: SIM115  (rank 0 says it)
         return super().resolve_command(context, arguments)

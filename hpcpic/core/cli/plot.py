@@ -46,9 +46,10 @@ def make_plot_command(app_loader: AppLoader) -> click.Command:
         from hpcpic.core.cli.figures import NoData
         from hpcpic.core.files.reader import open_run
 
-        plots = plots_of(app_loader())
+        app = app_loader()
+        plots = plots_of(app)
         names = list(plots) if what == "all" else [_known(what, plots)]
-        run = open_run(folder)
+        run = open_run(folder, app.name)
         target = Path(output) if output else Path(folder) / "plots"
         written = 0
         for name in names:

@@ -76,7 +76,7 @@ def make_report_command(app_loader: AppLoader) -> click.Command:
         from hpcpic.core.files.rundir import write_atomic
 
         app = app_loader()
-        runs = {label: open_run(folder) for label, folder in zip(_labels(folders), folders, strict=True)}
+        runs = {label: open_run(folder, app.name) for label, folder in zip(_labels(folders), folders, strict=True)}
         if len(runs) == 1:
             page = one_run(app, next(iter(runs.values())))
             path = Path(output or Path(folders[0]) / "report.html")

@@ -41,7 +41,7 @@ def make_restart_command(app_loader: AppLoader) -> click.Command:
         from hpcpic.core.run.summary import settled
 
         def prepare(app: App, ranks: int) -> tuple[RunDir, Plan]:
-            rundir = RunDir.open(folder)
+            rundir = RunDir.open(folder, app.name)
             rundir.lock()
             try:
                 history = settled(rundir.read_run().get("history", []))

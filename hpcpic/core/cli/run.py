@@ -19,6 +19,19 @@ if TYPE_CHECKING:
     from hpcpic.core.files.rundir import RunDir
 
 
+def _readable(parse: str) -> Callable:
+    """Tells a text that hpcpic.core.run.triggers.`parse` cannot read before anything starts."""
+
+    def check(context: click.Context, option: click.Parameter, text: str | None) -> str | None:
+        from hpcpic.core.run import triggers
+
+        if text is not None:
+            getattr(triggers, parse)(text)
+        return text
+
+    return check
+
+
 def job_options(command: Callable) -> Callable:
     """The options that `run` and `restart` share."""
     for option in (
@@ -26,10 +39,14 @@ def job_options(command: Callable) -> Callable:
         click.option(
             "--checkpoint-every",
             metavar="INTERVAL",
+            callback=_readable("parse_interval"),
             help="500 (steps), 30s, 15m or 2h.  [default: the case's, or 15m]",
         ),
         click.option(
-            "--wall", metavar="HH:MM:SS", help="Stop with a checkpoint before this much time is over."
+            "--wall",
+            metavar="HH:MM:SS",
+            callback=_readable("parse_wall"),
+            help="Stop with a checkpoint before this much time is over.",
         ),
         click.option(
             "--threads", type=click.IntRange(1), help="Threads per rank.  [default: the node's cores shared]"
@@ -97,6 +114,7 @@ def _prepare(
     text = dump(read.config)
     told = ("name", "value", "unit", "limit", "verdict")
     facts = provenance(library()) | {
+        "program": app.name,
         "case": read.path,
         "sets": list(sets),
         "derived": [{key: getattr(number, key) for key in told} for number in numbers],

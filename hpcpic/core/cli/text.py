@@ -1,10 +1,11 @@
-"""Tables on the screen: as wide as the terminal, and unwrapped where there is none."""
+"""Tables on the screen: as wide as the terminal, and unwrapped where there is none. No word is ever cut."""
 
 from __future__ import annotations
 
 import os
 import shutil
 import sys
+import textwrap
 from collections.abc import Iterable, Sequence
 
 import click
@@ -21,7 +22,11 @@ def table(headers: Sequence[str], rows: Iterable[Sequence[object]], right: Seque
     shown = sys.stdout.isatty()
     room = shutil.get_terminal_size().columns if shown else WIDE
     if sum(widths) + 2 * (len(widths) - 1) > room or not all(cell.isascii() for row in cells for cell in row):
-        _folded(headers, cells, right)
+        words = [max(_longest_word(cell) for cell in column) for column in zip(headers, *cells)]
+        if sum(words) + 2 * (len(words) - 1) > room:
+            _stacked(headers, cells, room)
+        else:
+            _folded(headers, cells, right, words)
         return
     coloured = shown and "NO_COLOR" not in os.environ
     for k, row in enumerate([list(headers), *cells]):
@@ -39,15 +44,30 @@ def _styled(padded: str, cell: str, header: bool) -> str:
     return click.style(padded, fg=colour, bold=header or bold) if header or colour else padded
 
 
-def _folded(headers: Sequence[str], rows: Sequence[Sequence[str]], right: Sequence[str]) -> None:
-    """The same where lines do not fit, or characters may be two columns wide."""
+def _longest_word(text: str) -> int:
+    return max(map(len, text.split()), default=0)
+
+
+def _stacked(headers: Sequence[str], rows: Sequence[Sequence[str]], room: int) -> None:
+    """Where not even the words fit beside each other: a paragraph per row."""
+    for first, *others in rows:
+        click.echo(first)
+        told = "; ".join(f"{name} {cell}".strip() for name, cell in zip(headers[1:], others) if cell)
+        lines = textwrap.wrap(told, max(room - 4, 20), break_long_words=False, break_on_hyphens=False)
+        click.echo(textwrap.indent("\n".join(lines), "    "))
+
+
+def _folded(
+    headers: Sequence[str], rows: Sequence[Sequence[str]], right: Sequence[str], least: Sequence[int]
+) -> None:
+    """The same where lines do not fit, or characters may be two columns wide; no column is narrower than `least`."""
     from rich.console import Console
     from rich.table import Table
     from rich.text import Text
 
     made = Table(box=None, pad_edge=False, padding=(0, 2, 0, 0), header_style="bold")
-    for header in headers:
-        made.add_column(header, justify="right" if header in right else "left", overflow="fold")
+    for header, width in zip(headers, least):
+        made.add_column(header, justify="right" if header in right else "left", overflow="fold", min_width=width)
     for row in rows:
         made.add_row(*(Text(cell, _STYLES.get(cell, "")) for cell in row))
     Console(width=None if sys.stdout.isatty() else WIDE, highlight=False).print(made)

@@ -22,9 +22,9 @@ from hpcpic.core.files.series import Series, read_series
 ROOT = "VTKHDF"
 
 
-def open_run(path: Path | str) -> "Run":
-    """A run folder, running or ended. Raises FileError when it is none."""
-    return Run(RunDir.open(path))
+def open_run(path: Path | str, program: str = "") -> "Run":
+    """A run folder, running or ended. Raises FileError when it is none, or not of the `program` that is named."""
+    return Run(RunDir.open(path, program))
 
 
 class Snapshots:

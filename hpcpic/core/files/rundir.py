@@ -135,13 +135,16 @@ class RunDir:
         return rundir
 
     @classmethod
-    def open(cls, path: Path | str) -> "RunDir":
-        """A folder that holds a run. Raises FileError when it does not."""
+    def open(cls, path: Path | str, program: str = "") -> "RunDir":
+        """A folder that holds a run, of this `program` if one is named. Raises FileError when it does not."""
         rundir = cls(path)
         if not rundir.path.is_dir():
             raise FileError(f"{path}: no such folder; `run` makes one")
         if not rundir.run_json.is_file():
             raise FileError(f"{path}: not a run folder (no run.json in it)")
+        made_by = rundir.read_run().get("program", program) if program else program
+        if made_by != program:
+            raise FileError(f"{path}: a run of {made_by}, not of {program}: say `{made_by}` instead of `{program}`")
         return rundir
 
     def _refuse_run(self, force: bool) -> None:

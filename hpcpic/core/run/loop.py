@@ -48,6 +48,7 @@ class Options:
     warnings: list[str] = field(default_factory=list)  # grows while the run goes
     started: float = field(default_factory=time.monotonic)
     replay: str = ""  # command that goes on from the newest checkpoint
+    quiet: bool = False  # no line on how far the run is
 
 
 @dataclass(frozen=True, slots=True)
@@ -121,10 +122,14 @@ class _Run:
                 verdict = self.agree()
                 if verdict.checkpoint and not self.over(verdict):
                     self.write_checkpoint()
-            if self.world.rank == 0 and self.progress.due(app.iteration, app.time):
-                self.progress.show(app.iteration, app.time, self.time_step(), self.end_time())
+            self.show_progress()
         options.stop.acknowledge()
         return self.finish(verdict, time.perf_counter() - started)
+
+    def show_progress(self) -> None:
+        app = self.app
+        if self.world.rank == 0 and not self.options.quiet and self.progress.due(app.iteration, app.time):
+            self.progress.show(app.iteration, app.time, self.time_step(), self.end_time())
 
     def take_steps(self) -> None:
         """One step, or, where their number is known, as many as the app can take at once while nobody looks."""
