@@ -70,7 +70,9 @@ class FluidSection(Section):
 
 class Boundary(Section):
     face: FaceName = setting(REQUIRED, "side of the box")
-    type: Literal["wall", "pressure", "velocity"] = setting(REQUIRED, "what it does to the fluid")
+    type: Literal["wall", "pressure", "velocity", "periodic"] = setting(
+        REQUIRED, "what it does to the fluid; periodic: the box repeats along this axis, as in domain.periodic"
+    )
     pressure: float | None = setting(None, 'type "pressure": above that of the density of rest', "Pa")
     density: float | None = setting(None, 'type "pressure": the density itself', "kg/m3", gt=0)
     pressure_rate: float = setting(0.0, 'type "pressure": change in time', "Pa/s")
@@ -249,63 +251,14 @@ class LbmDemConfig(Section):
         }
 
     def faults(self) -> Iterator[tuple[Path, str]]:
-        d = self.dimensions
-        yield from self.size_faults(d)
-        yield from vector_faults(self, d)
-        yield from self.face_faults(d)
-        fluid = self.fluid
-        if fluid is None:
-            yield from dry_faults(self)
-        elif self.domain.spacing is None:
-            yield ("domain", "spacing"), "is missing: the distance of the lattice nodes, m"
-        elif fluid.relaxation_time is not None and fluid.time_step is not None:
-            yield ("fluid", "time_step"), "give either relaxation_time or time_step"
-        for i, obstacle in enumerate(self.obstacle):
-            if (obstacle.shape.plane is None) == (obstacle.shape.box is None):
-                yield ("obstacle", i, "shape"), "needs one of plane = {..} and box = {..}"
-        for i, grains in enumerate(self.grains):
-            for key, text in grain_faults(grains, d):
-                yield ("grains", i, *key), text
+        from lbmdem.faults import faults
 
-    def size_faults(self, d: int) -> Iterator[tuple[Path, str]]:
-        size, dx = self.domain.size, self.domain.spacing
-        if len(size) != d:
-            yield ("domain", "size"), f"needs {d} numbers in {d}D (got {len(size)})"
-        for axis, length in zip(AXES, size if dx is not None else ()):
-            cells = length / dx
-            if round(cells) < 1:
-                yield ("domain", "size"), f"is less than one spacing along {axis} ({length:g} m of {dx:g} m)"
-            elif abs(cells - round(cells)) > 1e-6 * max(1.0, cells):
-                legal = round(cells) * dx
-                yield ("domain", "size"), f"is {cells:.6g} spacings along {axis}; {legal:.9g} m is a whole number"
-        lattice = self.simulation.lattice
-        if lattice is not None and lattice[1] != str(d):
-            yield ("simulation", "lattice"), f"{lattice} is not of {d} dimensions"
-        for axis in self.domain.periodic:
-            if axis not in AXES[:d]:
-                yield ("domain", "periodic"), f"there is no {axis} in {d}D"
-
-    def face_faults(self, d: int) -> Iterator[tuple[Path, str]]:
-        seen: set[str] = set()
-        for i, face in enumerate(self.boundary):
-            axis = face.face[0]
-            if axis not in AXES[:d]:
-                yield ("boundary", i, "face"), f"there is no {axis} in {d}D"
-            if axis in self.domain.periodic:
-                yield ("boundary", i, "face"), f"the box is periodic along {axis}"
-            if face.face in seen:
-                yield ("boundary", i, "face"), f"{face.face} is given twice"
-            seen.add(face.face)
-            given = (face.pressure is not None) + (face.density is not None)
-            if face.type == "pressure" and given != 1:
-                yield ("boundary", i), "a pressure face needs either pressure or density"
-            if face.type != "pressure" and (given or face.pressure_rate):
-                yield ("boundary", i), f"a {face.type} face has no pressure of its own"
-            if face.type == "velocity" and not face.velocity:
-                yield ("boundary", i), "a velocity face needs velocity"
+        return faults(self)
 
     def completed(self) -> "LbmDemConfig":
         d = self.dimensions
+        around = {face.face[0] for face in self.boundary if face.type == "periodic"}.union(self.domain.periodic)
+        domain = self.domain.model_copy(update={"periodic": tuple(axis for axis in AXES if axis in around)})
         simulation = self.simulation.model_copy(
             update={"dimensions": d, "lattice": self.simulation.lattice or ("D2Q9" if d == 2 else "D3Q19")}
         )
@@ -314,7 +267,8 @@ class LbmDemConfig(Section):
             tau = 1.0 if fluid.time_step is None else None
             update = {"body_force": padded(fluid.body_force, d), "relaxation_time": fluid.relaxation_time or tau}
             fluid = fluid.model_copy(update=update)
-        boundary = tuple(b.model_copy(update={"velocity": padded(b.velocity, d)}) for b in self.boundary)
+        faces = (face for face in self.boundary if face.type != "periodic")
+        boundary = tuple(face.model_copy(update={"velocity": padded(face.velocity, d)}) for face in faces)
         obstacle = tuple(
             o.model_copy(update={"velocity": padded(o.velocity, d), "name": o.name or f"obstacle_{i + 1}"})
             for i, o in enumerate(self.obstacle)
@@ -322,6 +276,7 @@ class LbmDemConfig(Section):
         return self.model_copy(
             update={
                 "simulation": simulation,
+                "domain": domain,
                 "fluid": fluid,
                 "boundary": boundary,
                 "obstacle": obstacle,
@@ -380,55 +335,6 @@ def contact_step(config: LbmDemConfig) -> float:
     mass = np.array([grain_mass(grains, smallest_diameter(grains), d) for grains in moving])
     inertia = (0.5 if d == 2 else 0.4) * mass * (0.5 * diameters) ** 2
     return stable_step(contact_law(config), 0.5 * diameters, mass, inertia)
-
-
-def dry_faults(config: LbmDemConfig) -> Iterator[tuple[Path, str]]:
-    """What needs a fluid in a case that has none."""
-    if not config.grains:
-        yield ("fluid",), "is missing, and there are no grains either"
-    for i, face in enumerate(config.boundary):
-        if face.type != "wall":
-            yield ("boundary", i, "type"), f'"{face.type}" needs a fluid'
-
-
-def vector_faults(config: LbmDemConfig, d: int) -> Iterator[tuple[Path, str]]:
-    """Vectors with another number of components than the case has dimensions."""
-    vectors: list[tuple[Path, tuple[float, ...]]] = [
-        (("gravity",), config.gravity),
-        (("fluid", "body_force"), config.fluid.body_force if config.fluid else ()),
-    ]
-    vectors += [(("boundary", i, "velocity"), face.velocity) for i, face in enumerate(config.boundary)]
-    if config.shaking:
-        vectors.append((("shaking", "acceleration"), config.shaking.acceleration))
-    for i, obstacle in enumerate(config.obstacle):
-        vectors.append((("obstacle", i, "velocity"), obstacle.velocity))
-        for name, shape in (("plane", obstacle.shape.plane), ("box", obstacle.shape.box)):
-            if shape is not None:
-                vectors += [(("obstacle", i, "shape", name, key), value) for key, value in shape]
-    for i, grains in enumerate(config.grains):
-        vectors.append((("grains", i, "velocity"), grains.velocity))
-        vectors += [(("grains", i, "position"), point) for point in grains.position]
-        if grains.angular_velocity and len(grains.angular_velocity) != (1 if d == 2 else 3):
-            yield ("grains", i, "angular_velocity"), f"needs {1 if d == 2 else 3} number(s) in {d}D"
-    for path, vector in vectors:
-        if vector and len(vector) != d:
-            yield path, f"needs {d} numbers in {d}D (got {len(vector)})"
-
-
-def grain_faults(grains: GrainSet, d: int) -> Iterator[tuple[Path, str]]:
-    """What does not fit together in one set of grains."""
-    if grains.shape not in (None, "disc" if d == 2 else "sphere"):
-        yield ("shape",), f"{grains.shape} in {d}D; {'disc' if d == 2 else 'sphere'} is the shape there"
-    if (grains.diameter is None) == (grains.diameters is None):
-        yield (), "needs either diameter or diameters = {..}"
-    if bool(grains.position) == (grains.packing is not None):
-        yield (), "needs either position or packing = {..}"
-    if grains.packing is not None and grains.diameters is None:
-        yield ("packing",), "needs diameters = {..}, which gives their number"
-    if grains.position and grains.diameters is not None and grains.diameters.count != len(grains.position):
-        yield ("diameters", "count"), f"is not the number of positions ({len(grains.position)})"
-    if grains.diameters is not None and grains.diameters.min > grains.diameters.max:
-        yield ("diameters", "min"), "is above max"
 
 
 def completed_grains(grains: GrainSet, i: int, d: int) -> GrainSet:

@@ -18,7 +18,7 @@ def completed(config: SphConfig) -> SphConfig:
             "body_force": config.body_force or zeros,
             "fluid": tuple(named("fluid", i, _fluid(fluid, d)) for i, fluid in enumerate(config.fluid)),
             "wall": tuple(named("wall", i, _wall(wall, d)) for i, wall in enumerate(config.wall)),
-            "gauge": tuple(named("gauge", i, gauge) for i, gauge in enumerate(config.gauge)),
+            "gauge": tuple(named("gauge", i, _gauge(gauge)) for i, gauge in enumerate(config.gauge)),
         }
     )
     config = config.model_copy(update={"domain": _domain(config), "numerics": _numerics(config)})
@@ -48,6 +48,10 @@ def _wall(wall, d: int):
         motion = {name: getattr(wall.motion, name) or zeros for name in ("velocity", "amplitude")}
         update["motion"] = wall.motion.model_copy(update=motion)
     return wall.model_copy(update=update)
+
+
+def _gauge(gauge):
+    return gauge.model_copy(update={"axis": gauge.axis or ("x+" if gauge.what == "front" else None)})
 
 
 def _domain(config: SphConfig):

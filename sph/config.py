@@ -185,7 +185,7 @@ class Gauge(Section):
     )
     at: Vector = setting((), "the point; flow: the middle of the section", "m")
     axis: Literal["x+", "x-", "y+", "y-", "z+", "z-"] | None = setting(
-        None, "front: the direction; flow: normal of the section; elevation: up"
+        None, "front: the direction, by default x+; flow: normal of the section; elevation: up"
     )
     size: Vector = setting((), "flow: extent of the section along each axis; 0 or none: as far as fluid goes", "m")
     period: float | None = setting(None, "of the samples; by default that of the series", "s", gt=0)

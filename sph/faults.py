@@ -100,7 +100,7 @@ def shape_faults(shape: Shape, d: int) -> Iterator[Fault]:
 def gauge_faults(gauge: Gauge, d: int) -> Iterator[Fault]:
     if gauge.what in ("pressure", "velocity", "elevation", "flow") and not gauge.at:
         yield (), f"at is missing, which a gauge of {gauge.what} needs"
-    if gauge.what in ("front", "flow") and not gauge.axis:
+    if gauge.what == "flow" and not gauge.axis:
         yield (), f"axis is missing, which a gauge of {gauge.what} needs"
     if gauge.axis and gauge.axis[0] not in AXES[:d]:
         yield ("axis",), f"there is no {gauge.axis[0]} in {d}D"

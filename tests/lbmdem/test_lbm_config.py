@@ -56,6 +56,16 @@ def test_bad_input_is_told(change, said):
     assert said in messages(CHANNEL.replace(*change))
 
 
+def test_a_periodic_face_is_a_periodic_axis():
+    lid = '{ face = "y+"; type = "wall"; velocity = [1.0, 0.0]; }'
+    faces = f'boundary = ({{ face = "x-"; type = "periodic"; }}, {lid});'
+    config = config_of(CHANNEL.replace('periodic = ["x"];', "") + faces)
+    assert config == config_of(f"{CHANNEL} boundary = ({lid});") == config_of(dump(config))
+    assert "the box is periodic along x" in messages(CHANNEL + faces.replace('"periodic"', '"wall"'))
+    said = messages(CHANNEL + faces.replace('"periodic"', '"periodic"; velocity = [1.0, 0.0]'))
+    assert "boundary[0].velocity: a periodic face has none" in said
+
+
 @pytest.mark.parametrize(
     "extra, said",
     [

@@ -65,7 +65,7 @@ def test_what_is_not_given_follows_from_what_is():
         ("wall[0].type", f'wall = ( {{ shape = {DISC}; type = "repulsive"; }} );'),
         ("wall[0].shape.box.open", f'wall = ( {{ shape = {BOX[:-5]} open = ["z+"]; }}; }}; }} );'),
         ("gauge[0]", 'gauge = ( { what = "pressure"; } );'),
-        ("gauge[0]", 'gauge = ( { what = "front"; } );'),
+        ("gauge[0]", 'gauge = ( { what = "flow"; at = [0.5, 0.5]; } );'),
         ("gauge[1].name", f"gauge = ( {FRONT}, {FRONT} );"),
         ("wall[0].name", f'wall = ( {{ name = "a/b"; shape = {BOX}; }} );'),
         ("numerics.viscosity_form", 'numerics = { spacing = 0.05; viscosity_form = "cleary"; };'),

@@ -64,6 +64,7 @@ def test_velocity_and_flow_of_a_uniform_stream():
 
 def test_the_front_is_the_edge_of_the_fluid():
     assert reading('what = "front"; axis = "x+";', high=1.2, periodic="")["g"] == pytest.approx(1.2)
+    assert reading('what = "front";', high=1.2, periodic="")["g"] == pytest.approx(1.2)
     assert reading('what = "front"; axis = "y+";')["g"] == pytest.approx(1.0)
 
 

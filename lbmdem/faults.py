@@ -1,0 +1,118 @@
+"""What does not fit together in a case: place and text of every fault that single keys do not show."""
+
+from collections.abc import Iterator
+
+from hpcpic.core.files.config import Path
+from lbmdem.config import AXES, GrainSet, LbmDemConfig
+
+
+def faults(config: LbmDemConfig) -> Iterator[tuple[Path, str]]:
+    """Place and text of each; none of a case that is sound."""
+    d = config.dimensions
+    yield from size_faults(config, d)
+    yield from vector_faults(config, d)
+    yield from face_faults(config, d)
+    fluid = config.fluid
+    if fluid is None:
+        yield from dry_faults(config)
+    elif config.domain.spacing is None:
+        yield ("domain", "spacing"), "is missing: the distance of the lattice nodes, m"
+    elif fluid.relaxation_time is not None and fluid.time_step is not None:
+        yield ("fluid", "time_step"), "give either relaxation_time or time_step"
+    for i, obstacle in enumerate(config.obstacle):
+        if (obstacle.shape.plane is None) == (obstacle.shape.box is None):
+            yield ("obstacle", i, "shape"), "needs one of plane = {..} and box = {..}"
+    for i, grains in enumerate(config.grains):
+        for key, text in grain_faults(grains, d):
+            yield ("grains", i, *key), text
+
+
+def size_faults(config: LbmDemConfig, d: int) -> Iterator[tuple[Path, str]]:
+    size, dx = config.domain.size, config.domain.spacing
+    if len(size) != d:
+        yield ("domain", "size"), f"needs {d} numbers in {d}D (got {len(size)})"
+    for axis, length in zip(AXES, size if dx is not None else ()):
+        cells = length / dx
+        if round(cells) < 1:
+            yield ("domain", "size"), f"is less than one spacing along {axis} ({length:g} m of {dx:g} m)"
+        elif abs(cells - round(cells)) > 1e-6 * max(1.0, cells):
+            legal = round(cells) * dx
+            yield ("domain", "size"), f"is {cells:.6g} spacings along {axis}; {legal:.9g} m is a whole number"
+    lattice = config.simulation.lattice
+    if lattice is not None and lattice[1] != str(d):
+        yield ("simulation", "lattice"), f"{lattice} is not of {d} dimensions"
+    for axis in config.domain.periodic:
+        if axis not in AXES[:d]:
+            yield ("domain", "periodic"), f"there is no {axis} in {d}D"
+
+
+def face_faults(config: LbmDemConfig, d: int) -> Iterator[tuple[Path, str]]:
+    around = {face.face[0] for face in config.boundary if face.type == "periodic"}.union(config.domain.periodic)
+    seen: set[str] = set()
+    for i, face in enumerate(config.boundary):
+        axis = face.face[0]
+        if axis not in AXES[:d]:
+            yield ("boundary", i, "face"), f"there is no {axis} in {d}D"
+        if axis in around and face.type != "periodic":
+            yield ("boundary", i, "face"), f"the box is periodic along {axis}"
+        if face.face in seen:
+            yield ("boundary", i, "face"), f"{face.face} is given twice"
+        seen.add(face.face)
+        given = (face.pressure is not None) + (face.density is not None)
+        if face.type == "pressure" and given != 1:
+            yield ("boundary", i), "a pressure face needs either pressure or density"
+        if face.type != "pressure" and (given or face.pressure_rate):
+            yield ("boundary", i), f"a {face.type} face has no pressure of its own"
+        if face.type == "periodic" and face.velocity:
+            yield ("boundary", i, "velocity"), "a periodic face has none"
+        if face.type == "velocity" and not face.velocity:
+            yield ("boundary", i), "a velocity face needs velocity"
+
+
+def dry_faults(config: LbmDemConfig) -> Iterator[tuple[Path, str]]:
+    """What needs a fluid in a case that has none."""
+    if not config.grains:
+        yield ("fluid",), "is missing, and there are no grains either"
+    for i, face in enumerate(config.boundary):
+        if face.type not in ("wall", "periodic"):
+            yield ("boundary", i, "type"), f'"{face.type}" needs a fluid'
+
+
+def vector_faults(config: LbmDemConfig, d: int) -> Iterator[tuple[Path, str]]:
+    """Vectors with another number of components than the case has dimensions."""
+    vectors: list[tuple[Path, tuple[float, ...]]] = [
+        (("gravity",), config.gravity),
+        (("fluid", "body_force"), config.fluid.body_force if config.fluid else ()),
+    ]
+    vectors += [(("boundary", i, "velocity"), face.velocity) for i, face in enumerate(config.boundary)]
+    if config.shaking:
+        vectors.append((("shaking", "acceleration"), config.shaking.acceleration))
+    for i, obstacle in enumerate(config.obstacle):
+        vectors.append((("obstacle", i, "velocity"), obstacle.velocity))
+        for name, shape in (("plane", obstacle.shape.plane), ("box", obstacle.shape.box)):
+            if shape is not None:
+                vectors += [(("obstacle", i, "shape", name, key), value) for key, value in shape]
+    for i, grains in enumerate(config.grains):
+        vectors.append((("grains", i, "velocity"), grains.velocity))
+        vectors += [(("grains", i, "position"), point) for point in grains.position]
+        if grains.angular_velocity and len(grains.angular_velocity) != (1 if d == 2 else 3):
+            yield ("grains", i, "angular_velocity"), f"needs {1 if d == 2 else 3} number(s) in {d}D"
+    for path, vector in vectors:
+        if vector and len(vector) != d:
+            yield path, f"needs {d} numbers in {d}D (got {len(vector)})"
+
+
+def grain_faults(grains: GrainSet, d: int) -> Iterator[tuple[Path, str]]:
+    """What does not fit together in one set of grains."""
+    if grains.shape not in (None, "disc" if d == 2 else "sphere"):
+        yield ("shape",), f"{grains.shape} in {d}D; {'disc' if d == 2 else 'sphere'} is the shape there"
+    if (grains.diameter is None) == (grains.diameters is None):
+        yield (), "needs either diameter or diameters = {..}"
+    if bool(grains.position) == (grains.packing is not None):
+        yield (), "needs either position or packing = {..}"
+    if grains.packing is not None and grains.diameters is None:
+        yield ("packing",), "needs diameters = {..}, which gives their number"
+    if grains.position and grains.diameters is not None and grains.diameters.count != len(grains.position):
+        yield ("diameters", "count"), f"is not the number of positions ({len(grains.position)})"
+    if grains.diameters is not None and grains.diameters.min > grains.diameters.max:
+        yield ("diameters", "min"), "is above max"
