@@ -48,6 +48,7 @@ APP = App(
         "output",
     ),
     bench=later("hpcpic.plasma.bench", "bench"),
+    bench_ranks=later("hpcpic.plasma.bench", "bench_ranks"),
     plots=named("hpcpic.plasma.plots", "PLOTS"),
     plan=later("hpcpic.plasma.plan", "plan"),
     knobs=later("hpcpic.plasma.knobs", "knobs_of"),

@@ -1,16 +1,16 @@
 """Rates of the plasma's kernels on this machine, under the names that `estimate` knows.
 
-Whole steps of small thermal plasmas in this process. From many and few particles in a cell follows the price of a
-particle, from a plasma of next to nothing that of the launches, from one of empty cells that of a cell; the field has a
-timer of its own. On all cores the step with many particles tells what they gain.
+Whole steps of small thermal plasmas in this process, which take turns. From many and few particles in a cell follows
+the price of a particle, from a plasma of next to nothing that of the launches, from one of empty cells that of a cell,
+from one with a particle in most tiles that of a tile that is not empty; the field has a timer of its own. On all cores
+the steps with many particles and with none tell what these gain. Several ranks have the smallest plasma together, and
+each has one for itself.
 """
 
 import itertools
 import os
-from collections.abc import Callable, Mapping
-from functools import partial
+from collections.abc import Mapping
 from time import perf_counter
-from typing import NamedTuple
 
 from hpcpic.core.cli.rates import undisturbed
 from hpcpic.core.comm.world import World
@@ -19,13 +19,17 @@ from hpcpic.core.files.schema import validate
 from hpcpic.core.tasks import Pool
 from hpcpic.core.timers import Timers
 from hpcpic.plasma.config import PlasmaConfig
+from hpcpic.plasma.estimate import exchanges, filled_tiles
+from hpcpic.plasma.plan import EDGE
 from hpcpic.plasma.step import Plasma
 
 FEW, MANY = 4, 64  # particles per cell
-STEPS = {True: 16, False: 40}  # by `quick`; the first four are not counted
+ROUNDS = {True: 4, False: 10}  # by `quick`
 FULL = {2: (128, 128), 1: (8192,)}  # points of the plasma with particles
 EMPTY = {2: (512, 512), 1: (65536,)}  # and of the one with next to none
 TINY = {2: (16, 16), 1: (256,)}
+NEXT_TO_NONE = 16  # particles
+STEPS, TINY_STEPS = 4, 40  # of a turn
 CASE = """
 simulation = {{ dimensions = {d}; solver = "MFT"; cycles = 1; time_step = 0.2; space_length = {lengths}; }};
 grid = {{ points = {points}; }};
@@ -35,75 +39,124 @@ numerics = {{ shape = "{shape}"; precision = "{precision}"; }};
 """
 
 
-class Costs(NamedTuple):
-    """Seconds of a step, of the field in it, and of a sample of the series beside the field."""
+class Trial:
+    """A plasma of n particles, and seconds of its steps, of the field in them, and of samples beside the field."""
 
-    step: float
-    field: float
-    sample: float
+    def __init__(
+        self, world: World, points: tuple[int, ...], n: int, shape: str = "CIC", precision: str = "double",
+        threads: int = 1,
+    ) -> None:  # fmt: skip
+        lengths, cells = [float(k) for k in points], list(points)
+        text = CASE.format(d=len(points), lengths=lengths, points=cells, n=n, shape=shape, precision=precision)
+        self.pool, self.timers = Pool(threads, world.cpus(threads)), Timers()
+        self.plasma = Plasma(validate(PlasmaConfig, loads(text)), world, self.pool, self.timers)
+        self.turn_steps = TINY_STEPS if points == TINY[len(points)] else STEPS
+        self.steps, self.fields, self.samples = list[float](), list[float](), list[float]()
+
+    def turn(self) -> None:
+        """Some steps, of which the first has no field after a sample and does not count, and a sample."""
+        for k in range(self.turn_steps):
+            self.timers.reset()
+            begin = perf_counter()
+            self.plasma.step()
+            if k:
+                self.steps.append(perf_counter() - begin)
+                self.fields.append(self.timers.totals().get("field", (0.0, 0))[0])
+        self.plasma.solve()
+        begin = perf_counter()
+        self.plasma.scalars()
+        self.samples.append(perf_counter() - begin)
+
+    @property
+    def step(self) -> float:
+        return undisturbed(self.steps)
+
+    @property
+    def field(self) -> float:
+        return undisturbed(self.fields)
+
+    @property
+    def rest(self) -> float:
+        """Of a step without its field."""
+        return undisturbed([step - field for step, field in zip(self.steps, self.fields)])
+
+    @property
+    def sample(self) -> float:
+        return undisturbed(self.samples)
+
+    def close(self) -> None:
+        self.plasma.close()
+        self.pool.close()
+
+
+def taken(trials: Mapping[str, Trial], quick: bool) -> None:
+    """The turns of all, and their end."""
+    for _ in range(ROUNDS[quick]):
+        for trial in trials.values():
+            trial.turn()
+    for trial in trials.values():
+        trial.close()
 
 
 def bench(quick: bool) -> Mapping[str, float]:
     """Rate by name; with `quick` the standard kernel only (2D CIC double)."""
     world = World.alone()
-    rates: dict[str, float] = {}
-    kernels = list(itertools.product((2, 1), ("CIC", "NGP", "TSC"), ("double", "single")))
-    for d, shape, precision in kernels[: 1 if quick else None]:
-        made = partial(measure, world, steps=STEPS[quick], shape=shape, precision=precision)
-        few, many = (made(FULL[d], per_cell * FULL[d][0] ** d) for per_cell in (FEW, MANY))
-        particles = FULL[d][0] ** d * (MANY - FEW)
-        particle = (many.step - few.step) / particles
-        rates[f"particle_ns {d}D {shape} {precision}"] = 1e9 * particle
-        if shape == "CIC" and precision == "double":
-            rates |= rates_of_cells(made, d, (many.sample - few.sample) / particles)
-            if d == 2 and (cores := len(world.cpus(1))) > 1:
-                together = made(FULL[d], MANY * FULL[d][0] ** d, threads=cores)
-                rates["plasma_core_gain"] = many.step / together.step
-    rates["cores"] = len(os.sched_getaffinity(0))
+    rates: dict[str, float] = {"cores": len(os.sched_getaffinity(0))}
+    for d in (2, 1)[: 1 if quick else None]:
+        rates |= standard_rates(world, d, quick)
+    for d, shape, precision in itertools.product((2, 1), ("CIC", "NGP", "TSC"), ("double", "single")):
+        if not quick and (shape, precision) != ("CIC", "double"):
+            trials = {
+                name: Trial(world, FULL[d], per_cell * FULL[d][0] ** d, shape, precision)
+                for name, per_cell in (("few", FEW), ("many", MANY))
+            }
+            taken(trials, quick)
+            rates[f"particle_ns {d}D {shape} {precision}"] = 1e9 * of_particle(trials, d)
     return rates
 
 
-def rates_of_cells(made: Callable[..., Costs], d: int, sample: float) -> dict[str, float]:
-    """Of cells without particles, of launches, and of a sample, of which `sample` s per particle are known."""
-    tiny, empty = made(TINY[d], 16), made(EMPTY[d], 16)
-    cells = EMPTY[d][0] ** d
+def of_particle(trials: Mapping[str, Trial], d: int) -> float:
+    return (trials["many"].step - trials["few"].step) / (FULL[d][0] ** d * (MANY - FEW))
+
+
+def standard_rates(world: World, d: int, quick: bool) -> dict[str, float]:
+    """Of CIC in double precision: particles, tiles, cells, field, launches, samples, and what all cores gain."""
+    n, cells = FULL[d][0] ** d, EMPTY[d][0] ** d
+    tiles = cells // EDGE[d] ** d
+    kinds = {
+        "few": (FULL[d], FEW * n), "many": (FULL[d], MANY * n), "tiny": (TINY[d], NEXT_TO_NONE),
+        "empty": (EMPTY[d], NEXT_TO_NONE), "spread": (EMPTY[d], tiles),
+    }  # fmt: skip
+    trials = {name: Trial(world, *kind) for name, kind in kinds.items()}
+    if (cores := len(world.cpus(1))) > 1 and d == 2:
+        trials |= {f"{name} together": Trial(world, *kinds[name], threads=cores) for name in ("many", "empty")}
+    taken(trials, quick)
+    few, many, tiny, empty, spread = (trials[name] for name in kinds)
+    particle, more = of_particle(trials, d), filled_tiles(tiles, tiles) - filled_tiles(NEXT_TO_NONE, tiles)
     rates = {
+        f"particle_ns {d}D CIC double": 1e9 * particle,
         f"field_ns {d}D": 1e9 * (empty.field - tiny.field) / cells,
-        f"cell_ns {d}D": 1e9 * (empty.step - empty.field - tiny.step + tiny.field) / cells,
+        f"cell_ns {d}D": 1e9 * max(0.0, empty.rest - tiny.rest) / cells,
+        f"tile_ns {d}D": 1e9 * max(0.0, spread.rest - empty.rest - tiles * particle) / more,
     }
     if d == 2:
         rates |= {
             "plasma_launch_us": 1e6 * tiny.step,
             "plasma_sample_us": 1e6 * tiny.sample,
-            "sample_ns": 1e9 * sample,
+            "sample_ns": 1e9 * (many.sample - few.sample) / (n * (MANY - FEW)),
             "sample_cell_ns": 1e9 * (empty.sample - tiny.sample) / cells,
         }
+        if "many together" in trials:
+            rates["plasma_core_gain"] = many.step / trials["many together"].step
+            rates["mesh_core_gain"] = empty.step / trials["empty together"].step
     return rates
 
 
-def measure(
-    world: World, points: tuple[int, ...], n: int, *, steps: int, shape: str, precision: str, threads: int = 1
-) -> Costs:
-    """Of a plasma of n particles on these points."""
-    lengths = [float(k) for k in points]
-    text = CASE.format(d=len(points), lengths=lengths, points=list(points), n=n, shape=shape, precision=precision)
-    pool, timers = Pool(threads, world.cpus(threads)), Timers()
-    plasma = Plasma(validate(PlasmaConfig, loads(text)), world, pool, timers)
-    found = []
-    for _ in range(steps):
-        timers.reset()
-        begin = perf_counter()
-        plasma.step()
-        step, field = perf_counter() - begin, timers.totals().get("field", (0.0, 0))[0]
-        sample = 0.0
-        if len(found) % 4 == 0:
-            plasma.solve()
-            begin = perf_counter()
-            plasma.scalars()
-            sample = perf_counter() - begin
-        found.append((step, field, sample))
-    plasma.close()
-    pool.close()
-    usual = [costs for k, costs in enumerate(found[4:]) if k % 4 != 1]  # the step after a sample has no field
-    sampled = [costs for k, costs in enumerate(found[4:]) if k % 4 == 0]
-    return Costs(*(undisturbed([c[k] for c in usual]) for k in range(2)), undisturbed([c[2] for c in sampled]))
+def bench_ranks(quick: bool, world: World) -> Mapping[str, float]:
+    """What one exchange between ranks takes. Collective."""
+    points = (TINY[2][0] * world.size, TINY[2][1])
+    trials = {"alone": Trial(World.alone(), TINY[2], NEXT_TO_NONE), "all": Trial(world, points, NEXT_TO_NONE)}
+    trials["all"].turn_steps = TINY_STEPS
+    taken(trials, quick)
+    more = world.max(trials["all"].step - trials["alone"].step)
+    return {"plasma_exchange_us": 1e6 * max(0.0, more) / exchanges(2, world.size)}

@@ -11,7 +11,7 @@ from collections.abc import Mapping
 
 from hpcpic.core.cli.forecast import FILES, Estimate, gain, writing_seconds
 from hpcpic.plasma.config import PlasmaConfig, velocity_components
-from hpcpic.plasma.plan import arrays
+from hpcpic.plasma.plan import EDGE, arrays
 
 MIB = 2.0**20
 SERIES_BYTES = 16 * 8 * 2  # of one sample: sixteen numbers, in HDF5 and as text
@@ -35,6 +35,8 @@ DEFAULT = FILES | {
     "particle_ns 1D TSC single": 1.4,
     "cell_ns 2D": 2.8,  # of the push and of the charge
     "cell_ns 1D": 2.0,
+    "tile_ns 2D": 220.0,  # more, of a tile of cells that is not empty
+    "tile_ns 1D": 220.0,
     "field_ns 2D": 6.7,  # transforms, potential and its gradient
     "field_ns 1D": 8.0,
     "sample_ns": 3.4,  # of the series, per particle
@@ -45,6 +47,7 @@ DEFAULT = FILES | {
     "message_gb_s": 8.0,
     "cores": 2.0,
     "plasma_core_gain": 1.65,  # of all cores of a node over one
+    "mesh_core_gain": 1.65,  # and at what cells and the field need
     "rank_mib": 220.0,  # Python and the libraries, kernels from the cache
 }
 
@@ -91,14 +94,27 @@ def phases(config: PlasmaConfig, ranks: int, threads: int, rates: Mapping[str, f
     kernel = f"particle_ns {d}D {config.numerics.shape} {config.numerics.precision}"
     components = (d + velocity_components(config)) / (2 * d)  # of a particle, beside those of the standard kernel
     transforms = 0.5 * (2 + (d if config.numerics.gradient == "spectral" else 0))  # beside those of differences
-    cores = 1e9 * gain(ranks, threads, rates, rates["plasma_core_gain"])
+    cores, mesh = (1e9 * gain(ranks, threads, rates, rates[f"{what}_core_gain"]) for what in ("plasma", "mesh"))
+    tiles = math.prod(-(-n // EDGE[d]) for n in config.grid.points)
+    filled = sum(filled_tiles(species.particles, tiles) for species in config.species)
     return {
         "particles": particle_count(config) * rates[kernel] * components / cores,
-        "cells": cells * rates[f"cell_ns {d}D"] / cores,
-        "field": cells * rates[f"field_ns {d}D"] * transforms / cores,
+        "tiles": filled * rates[f"tile_ns {d}D"] / cores,
+        "cells": cells * rates[f"cell_ns {d}D"] / mesh,
+        "field": cells * rates[f"field_ns {d}D"] * transforms / mesh,
         "launches": 1e-6 * rates["plasma_launch_us"],
         "exchanges": exchange_seconds(config, ranks, rates),
     }
+
+
+def filled_tiles(particles: int, tiles: int) -> float:
+    """Of so many tiles, those that are not empty when each particle may be in any of them."""
+    return tiles * -math.expm1(-particles / tiles)
+
+
+def exchanges(d: int, ranks: int) -> int:
+    """Messages of a step that ranks wait for one after the other."""
+    return 5 if d == 1 else 4 + 2 * (ranks - 1)
 
 
 def exchange_seconds(config: PlasmaConfig, ranks: int, rates: Mapping[str, float]) -> float:
@@ -110,7 +126,7 @@ def exchange_seconds(config: PlasmaConfig, ranks: int, rates: Mapping[str, float
     size = 8 if config.numerics.precision == "double" else 4
     away = max(0.0, 1 - rates["cores"] / ranks)
     transposes = 2 * size * math.prod(config.grid.points) / ranks * away
-    count = 5 if config.dimensions == 1 else 4 + 2 * (ranks - 1)
+    count = exchanges(config.dimensions, ranks)
     return 1e-6 * count * rates["plasma_exchange_us"] + transposes / (1e9 * rates["message_gb_s"])
 
 

@@ -44,7 +44,8 @@ def test_the_field_is_solved_by_the_sample_in_every_step_and_else_by_the_step():
 
 def test_work_divides_and_launches_do_not():
     one, two, ranks = (estimate(config(), *shape, {}).phases for shape in ((1, 1), (1, 2), (2, 1)))
-    for name in ("particles", "cells", "field"):
-        assert two[name] == ranks[name] == pytest.approx(one[name] / DEFAULT["plasma_core_gain"])
+    gains = {"particles": "plasma", "tiles": "plasma", "cells": "mesh", "field": "mesh"}
+    for name, what in gains.items():
+        assert two[name] == ranks[name] == pytest.approx(one[name] / DEFAULT[f"{what}_core_gain"])
     assert one["launches"] == two["launches"] == ranks["launches"]
     assert one["exchanges"] == two["exchanges"] == 0.0 < ranks["exchanges"]

@@ -15,6 +15,7 @@ if TYPE_CHECKING:
     from hpcpic.core.cli.figures import Plot
     from hpcpic.core.cli.forecast import Estimate
     from hpcpic.core.cli.knobs import Knobs
+    from hpcpic.core.comm.world import World
     from hpcpic.core.files.derived import Derived
     from hpcpic.core.files.schema import Section
 
@@ -27,7 +28,8 @@ class App:
     time. load(): the class with the closed shape. until(config, t): the --set list that ends the run at time
     t [s]. time_step(config): that of the start [s]. grow(config, factor): the --set list of a scene so many
     times as large, for weak scaling; ValueError where it cannot grow. free: keys, or groups of keys, that a
-    restart may change. bench(quick): kernel rates of this machine. plan(config, ranks, threads): lines on
+    restart may change. bench(quick): kernel rates of this machine. bench_ranks(quick, world): what ranks need for each
+    other, collective. plan(config, ranks, threads): lines on
     kernels, arrays and messages. plots(): the figures of a run by name. knobs(config): what `tradeoff` and
     `stability` may turn. command: what starts this program.
     """
@@ -44,6 +46,7 @@ class App:
     grow: Callable[[Any, int], tuple[str, ...]] | None = None
     free: tuple[str, ...] = ()
     bench: Callable[[bool], Mapping[str, float]] | None = None
+    bench_ranks: Callable[[bool, World], Mapping[str, float]] | None = None
     plan: Callable[[Any, int, int], list[str]] | None = None
     plots: Callable[[], Mapping[str, Plot]] | None = None
     knobs: Callable[[Any], Knobs] | None = None

@@ -26,7 +26,8 @@ def make_bench_command(app_loader: AppLoader) -> click.Command:
     def bench(quick: bool, threads: int | None) -> int:
         """Measure bandwidth and kernel rates of this machine and keep them for `estimate`.
 
-        Under mpirun every rank measures at the same time, and the slowest rank counts.
+        Under mpirun every rank measures at the same time, and the slowest rank counts; instead of the kernels, what the
+        ranks need for each other.
         """
         from hpcpic.core.comm.world import World
         from hpcpic.core.run.failure import guarded
@@ -48,8 +49,11 @@ def _measure(app_loader: AppLoader, world: Any, quick: bool, threads: int | None
             rates[name if n == 1 else f"{name}_{n}_threads"] = rate
             rows.append((name, f"{n}", f"{rate / 1e9:.2f} GB/s", f"{rate * world.size / 1e9:.2f} GB/s"))
     app = app_loader()
-    kernels: Mapping[str, float] = app.bench(quick) if app.bench and world.rank == 0 else {}
-    world.barrier()
+    kernels: Mapping[str, float] = {}
+    if world.size == 1:
+        kernels = app.bench(quick) if app.bench else {}
+    elif app.bench_ranks:
+        kernels = app.bench_ranks(quick, world)
     if world.rank == 0:
         table(
             ("stream", "threads", "per rank", "all ranks"),
@@ -58,8 +62,8 @@ def _measure(app_loader: AppLoader, world: Any, quick: bool, threads: int | None
         )
         for line in _kernel_lines(kernels, rates["triad"]):
             click.echo(line)
-        if world.size == 1:
-            click.echo(f"kept for `estimate`: {keep_rates(rates | dict(kernels))}")
+        kept = rates | dict(kernels) if world.size == 1 else kernels
+        click.echo(f"kept for `estimate`: {keep_rates(kept)}")
     return 0
 
 

@@ -5,8 +5,9 @@ from __future__ import annotations
 import json
 import os
 import platform
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
+from time import perf_counter
 
 
 def rates_file() -> Path:
@@ -45,3 +46,18 @@ def keep_rates(rates: Mapping[str, float]) -> Path:
 def undisturbed(seconds: Sequence[float]) -> float:
     """The lower quartile of repeated measurements: other programs only ever add to them."""
     return sorted(seconds)[len(seconds) // 4]
+
+
+def in_turn(actions: Mapping[str, Callable[[], object]], rounds: int, calls: int = 4) -> dict[str, float]:
+    """Seconds of a call of each action. They take turns of so many calls, of which the first finds cold caches and does
+    not count: what slows the machine down for a while slows all of them, and their ratios and differences stay.
+    """
+    spent: dict[str, list[float]] = {name: [] for name in actions}
+    for _ in range(rounds):
+        for name, action in actions.items():
+            for call in range(calls):
+                begin = perf_counter()
+                action()
+                if call:
+                    spent[name].append(perf_counter() - begin)
+    return {name: undisturbed(times) for name, times in spent.items()}
