@@ -170,6 +170,8 @@ def filling(config: SphConfig, scene: Scene) -> Iterator[Derived]:
             share = gone / places
             verdict = "fail" if fluid.n == 0 else "warn" if outside else "ok"
             cure = "nothing is left of it" if fluid.n == 0 else "part of the shape holds no fluid" if outside else ""
+            if cure and name != DOMAIN and outside:
+                cure += f"; {name} holds fluid inside, as a tank does: solid = true is a body in the fluid"
             words = f"of {places} ({share:.1%})"
             title = f"{section.name} clipped by {name}"
             yield Derived(title, "particles", gone, "", words, verdict, "filling", cure, key, fluid.n > 0)

@@ -73,5 +73,8 @@ def test_a_map_follows_the_limit_over_a_second_knob(program, tmp_path):  # noqa:
     columns = json.loads((tmp_path / "out/map.json").read_text())["columns"]
     assert len(columns) == 6 and all(c["ratio"] == pytest.approx(1.0, abs=0.05) for c in columns)
     assert (tmp_path / "out/map.png").stat().st_size > 5000
+    none = program("stability", "--map", "dt,dx", "-o", "none", steps=40, limit=100)
+    assert none.returncode == 3 and "no limit of dt was found" in none.stderr
+    assert "nothing grows 30 times" in program("stability", "-o", "none", "--knob", "dt", limit=100).stdout
     assert program("stability", "--map", "dt").returncode == 2
     assert program("stability", "--knob", "x").returncode == 2

@@ -5,14 +5,21 @@ import pytest
 from hpcpic.core.timers import Timers
 
 
-def test_sections_nest_and_count():
+def test_sections_nest_and_add_up():
     timers = Timers()
     for _ in range(3):
-        with timers.section("outer"), timers.section("inner"):
+        with timers.section("outer"):
             time.sleep(0.002)
+            with timers.section("inner"):
+                time.sleep(0.004)
+                with timers.section("innermost"):
+                    time.sleep(0.002)
+            with timers.section("inner"):
+                pass
     totals = timers.totals()
-    assert [totals[name][1] for name in ("inner", "outer")] == [3, 3]
-    assert 0.006 <= totals["inner"][0] <= totals["outer"][0] <= timers.wall
+    assert [totals[name][1] for name in ("innermost", "inner", "outer")] == [3, 6, 3]
+    assert all(totals[name][0] >= least for name, least in (("innermost", 0.006), ("inner", 0.012), ("outer", 0.006)))
+    assert sum(seconds for seconds, _ in totals.values()) <= timers.wall
 
 
 def test_a_section_that_raises_is_counted():

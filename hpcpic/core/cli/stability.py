@@ -93,6 +93,8 @@ def two(knobs: Knobs, pair: str) -> tuple[Knob, Knob]:
 
 
 def tell(limits: Limits, axis: Axis, limit: Limit, rates: list[tuple[float, float]]) -> None:
+    from hpcpic.core.cli.limits import BLOWUP
+
     knob, own = axis.knob, limits.own[axis.knob.name]
     if math.isfinite(limit.x):
         size = axis.size(limit.x)
@@ -112,13 +114,23 @@ def tell(limits: Limits, axis: Axis, limit: Limit, rates: list[tuple[float, floa
         click.echo(strip(axis.x(own) / limit.x))
     elif limit.stable is not None:
         last = f"{knob.name} = {knob.shown(axis.size(limit.stable)):.4g} {knob.unit}"
-        click.echo(f"measured    nothing blows up until {last}")
+        click.echo(f"measured    nothing grows {BLOWUP:g} times as large until {last}")
+        if axis.number is not None:
+            theory = f"{knob.shown(axis.size(1.0)):.4g} {knob.unit}".strip()
+            click.echo(
+                f"            beyond the theory's limit of {theory} what grows ends before that in this scene; "
+                "a calmer one, as of a single small wave, shows the limit"
+            )
     else:
         last = f"{knob.name} = {knob.shown(axis.size(limit.unstable or 0.0)):.4g} {knob.unit}"
         click.echo(f"measured    unstable down to {last}")
     if rates:
         click.echo("slow growth, no limit; rate of growth:" if limit.slow else "rate of growth:")
-        table((f"{knob.name}, {knob.unit}", "1/s"), [(f"{knob.shown(s):.4g}", f"{rate:.3g}") for s, rate in rates])
+        table((with_unit(knob), "1/s"), [(f"{knob.shown(s):.4g}", f"{rate:.3g}") for s, rate in rates])
+
+
+def with_unit(knob: Knob) -> str:
+    return f"{knob.name}, {knob.unit}" if knob.unit else knob.name
 
 
 def strip(place: float) -> str:
@@ -171,11 +183,15 @@ def draw_map(limits: Limits, first: Knob, second: Knob, folder: Path) -> None:
         for size, axis, limit in columns
     ]
     told = [[f"{value:.4g}" for value in row] for row in rows]
-    table((f"{second.name}, {second.unit}", "theory's limit", f"measured, {first.unit}", "measured/theory"), told)
+    measured = f"measured, {first.unit}" if first.unit else "measured"
+    table((with_unit(second), "theory's limit", measured, "measured/theory"), told)
     names = ("second", "theory", "measured", "ratio")
     found = {"first": first.name, "over": second.name, "columns": [dict(zip(names, row)) for row in rows]}
     write_atomic(folder / "map.json", json.dumps(found, indent=1))
-    save(map_figure(limits, first, second, rows, columns[0][1].number is not None), folder / "map.png")
+    limited = [row for row in rows if math.isfinite(row[2])]
+    if not limited:
+        raise CheckFailed(f"no limit of {first.name} was found at any {second.name}: there is nothing to draw")
+    save(map_figure(limits, first, second, limited, columns[0][1].number is not None), folder / "map.png")
     click.echo(f"map: {folder / 'map.png'}, {folder / 'map.json'}")
 
 
@@ -198,7 +214,7 @@ def map_figure(limits: Limits, first: Knob, second: Knob, rows: Sequence[tuple[f
         if theory:
             ax.loglog(across, limit, "--", color=COLOURS[0], label="theory")
         ax.plot(here[1], here[0], "*", ms=13, color=COLOURS[3], label="the case")
-        ax.set(xlabel=f"{second.name}, {second.unit}", ylabel=f"{first.name}, {first.unit}", ylim=(low, high))
+        ax.set(xlabel=with_unit(second), ylabel=with_unit(first), ylim=(low, high))
         ax.xaxis.set_minor_formatter(NullFormatter())
         ax.yaxis.set_minor_formatter(NullFormatter())
         ax.legend()
