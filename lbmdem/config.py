@@ -250,6 +250,15 @@ class LbmDemConfig(Section):
             "checkpoint": steps(asked.checkpoint),
         }
 
+    @property
+    def conserved(self) -> tuple[str, ...]:
+        """Scalars of the series that the scene keeps: mass in closed faces, momentum where nothing acts."""
+        closed = all(face.type == "wall" for face in self.boundary)
+        alone = self.fluid is not None and not (self.grains or self.obstacle or self.shaking)
+        alone = alone and len(self.domain.periodic) == self.dimensions
+        free = (axis for axis, force in zip(AXES, self.fluid.body_force) if not force) if alone else ()
+        return (*(("mass",) if closed else ()), *(f"momentum_{axis}" for axis in free))
+
     def faults(self) -> Iterator[tuple[Path, str]]:
         from lbmdem.faults import faults
 

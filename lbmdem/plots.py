@@ -86,6 +86,7 @@ def flow(run: Run, step: int | None = None) -> Figure:
         image = axes.imshow(shown, origin="lower", extent=(0, width, 0, height), cmap="viridis", vmin=0, aspect="equal")
         figure.colorbar(image, ax=axes, label=axis_label("speed", snapshots.units["velocity"]), shrink=0.85, pad=0.03)
         axes.grid(visible=False)
+        axes.locator_params(axis="x", nbins=3 if height > 1.5 * width else 6)
         axes.set(xlabel="x, m", ylabel=f"{up}, m", title=f"Flow at t = {snapshots.times[number]:.4g} s")
         return figure
 
@@ -105,7 +106,9 @@ def profile(run: Run, step: int | None = None) -> Figure:
     u = u.mean(axis=tuple(range(1, u.ndim)))
     length = config.domain.size[-1]
     y = (np.arange(len(u)) + 0.5) * snapshots.spacing[0]
-    exact = _between_plates(config, y)
+    floor = _floor(config)
+    u, y = u[y > floor], y[y > floor]
+    exact = _between_plates(config, y, floor)
     if config.grains or exact is None or not np.any(exact):
         raise NoData("there is no flow between plates along x")
     with style():
@@ -114,22 +117,32 @@ def profile(run: Run, step: int | None = None) -> Figure:
         axes.plot(exact, y, label="steady theory", **THEORY)
         error = np.linalg.norm(u - exact) / np.linalg.norm(exact)
         axes.text(0.03, 0.5, f"departure {error:.2g}", transform=axes.transAxes)
-        axes.set(xlabel=axis_label("velocity along x", "m/s"), ylabel=f"{'y' if u.ndim else 'z'}, m", ylim=(0, length))
+        across = "xyz"[config.dimensions - 1]
+        axes.set(xlabel=axis_label("velocity along x", "m/s"), ylabel=f"{across}, m", ylim=(0, length))
         axes.set_title(f"Profile at t = {snapshots.times[number]:.4g} s")
         axes.legend()
         return figure
 
 
-def _between_plates(config: LbmDemConfig, y: np.ndarray) -> np.ndarray | None:
+def _floor(config: LbmDemConfig) -> float:
+    """Height of a plate at rest that lies above the lower face, facing up; 0 without one."""
+    only = config.obstacle[0] if len(config.obstacle) == 1 else None
+    if only is None or only.shape.plane is None or any(only.velocity) or any(only.shape.plane.normal[:-1]):
+        return 0.0
+    return only.shape.plane.point[-1] if only.shape.plane.normal[-1] > 0 else 0.0
+
+
+def _between_plates(config: LbmDemConfig, y: np.ndarray, floor: float) -> np.ndarray | None:
     """Steady velocity of plane Poiseuille and Couette flow; None unless two walls face each other alone."""
     axis, others = "xyz"[config.dimensions - 1], "xyz"[: config.dimensions - 1]
-    if config.obstacle or config.fluid is None or set(others) != set(config.domain.periodic):
+    if (config.obstacle and not floor) or config.fluid is None or set(others) != set(config.domain.periodic):
         return None
     if any(face.type != "wall" for face in config.boundary):
         return None
     speeds = {face.face: face.velocity[0] for face in config.boundary if face.type == "wall"}
-    length, a = config.domain.size[-1], config.fluid.body_force[0]
-    low, high = speeds.get(f"{axis}-", 0.0), speeds.get(f"{axis}+", 0.0)
+    length, a = config.domain.size[-1] - floor, config.fluid.body_force[0]
+    low, high = 0.0 if floor else speeds.get(f"{axis}-", 0.0), speeds.get(f"{axis}+", 0.0)
+    y = y - floor
     return 0.5 * a / config.fluid.viscosity * y * (length - y) + low + (high - low) * y / length
 
 
@@ -189,11 +202,16 @@ def grains(run: Run, step: int | None = None) -> Figure:
         figure, axes = new_figure(1, len(chosen), (1.2 + 1.45 * len(chosen), 1.0 + 1.4 * ratio), squeeze=False)
         for axis, at in zip(axes[0], chosen):
             _draw_grains(axis, _all_grains(run, at), config.dimensions)
-            axis.set(xlim=(0, across), ylim=(0, along), aspect="equal", xticks=[], yticks=[])
+            axis.set(xlim=(0, across), ylim=(0, along), aspect="equal", xticks=[0, across], yticks=[0, along])
+            axis.tick_params(labelsize=7.5, labelleft=axis is axes[0, 0])
+            axis.set_xticklabels(["0", f"{across:.3g}"])
+            axis.set_yticklabels(["0", f"{along:.3g}"])
             axis.grid(visible=False)
             for side in axis.spines.values():
                 side.set_visible(True)
             axis.set_title(f"{snapshots.times[steps.index(at)]:.3g} s", fontsize=9.5)
+        axes[0, 0].set_ylabel(f"{'yz'[config.dimensions - 2]}, m", fontsize=8.5, labelpad=-4)
+        figure.supxlabel("x, m", fontsize=8.5)
         return figure
 
 
@@ -334,12 +352,24 @@ def energies(run: Run, step: int | None = None) -> Figure:
         for name, colour in zip(names, COLOURS):
             label = "grains" if name.endswith("grains") else "fluid"
             axes.plot(*thinned(t, run.series[name]), color=colour, label=label)
+        decay = _decay(config_of(run))
+        if decay and "energy_kinetic" in names:
+            axes.plot(t, run.series["energy_kinetic"][0] * np.exp(-decay * t), label="theory", zorder=3, **THEORY)
         positive = np.concatenate([run.series[name][1:] for name in names])
         if positive.min() > 0 and positive.max() > 100 * positive.min():
             axes.set_yscale("log")
         axes.set(xlabel="time, s", ylabel=axis_label("kinetic energy", run.series.units[names[0]]), title="Energy")
         axes.legend()
         return figure
+
+
+def _decay(config: LbmDemConfig) -> float:
+    """Rate of the kinetic energy of vortices that viscosity ends, 1/s; 0 of any other flow."""
+    fluid = config.fluid
+    alone = not (config.grains or config.obstacle or config.boundary)
+    if fluid is None or fluid.initial is None or fluid.initial.flow != "taylor-green" or not alone:
+        return 0.0
+    return 2.0 * fluid.viscosity * sum((2.0 * math.pi / length) ** 2 for length in config.domain.size[:2])
 
 
 PLOTS = {

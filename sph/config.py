@@ -238,6 +238,14 @@ class SphConfig(Section):
         assert self.eos.sound_speed is not None  # completed
         return self.eos.sound_speed
 
+    @property
+    def conserved(self) -> tuple[str, ...]:
+        """Scalars of the series that the scene keeps; the energy, but for what the scheme dissipates."""
+        works = any(self.body_force) or any(wall.motion for wall in self.wall)
+        pulls = [any(forces) for forces in zip(self.gravity, self.body_force)]
+        free = () if self.wall else (f"momentum_{axis}" for axis, pulled in zip(AXES, pulls) if not pulled)
+        return ("mass", *(() if works else ("energy_total",)), *free)
+
     @classmethod
     def modernised(cls, tree: Tree) -> None:
         """STL files are named relative to the file that names them."""

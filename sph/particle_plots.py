@@ -149,10 +149,11 @@ def _panels_3d(run: Run, snapshots: Particles, numbers: Sequence[int]) -> Figure
     speeds = [np.linalg.norm(particles["velocity"], axis=1) for particles in found]
     norm = Normalize(0.0, max(float(np.quantile(speed, 0.995)) for speed in speeds) or 1.0)
     colours = colormaps["viridis"]
-    columns = min(2, len(numbers))
+    ratio = view.shape[0] / view.shape[1]
+    columns = min(2 if ratio < 1 else 3, len(numbers))
     lines = -(-len(numbers) // columns)
-    width = 4.6 if columns == 2 else 6.4
-    tall = width * view.shape[0] / view.shape[1]
+    width = min(9.2 / columns if len(numbers) > 1 else 6.4, 4.6 / ratio)
+    tall = width * ratio
     figure, axes = new_figure(lines, columns, (width * columns + 0.6, lines * (tall + 0.3)), squeeze=False)
     spacing = config_of(run).numerics.spacing
     for axis, number, particles, speed in zip(axes.flat, numbers, found, speeds):
@@ -170,6 +171,8 @@ def _panels_3d(run: Run, snapshots: Particles, numbers: Sequence[int]) -> Figure
     for axis in axes.flat[len(numbers) :]:
         axis.set_visible(False)
     figure.colorbar(ScalarMappable(norm, colours), ax=axes, label="speed, m/s", pad=0.01, aspect=30)
+    edges = " x ".join(f"{edge:.3g}" for edge in np.subtract(*tank_box(run, low, high)[::-1]))
+    figure.supxlabel(f"box {edges} m", fontsize=9)
     return figure
 
 

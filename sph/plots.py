@@ -31,6 +31,8 @@ if TYPE_CHECKING:
     from hpcpic.core.files.reader import Run
 
 DATA: dict[str, Any] = {"marker": "o", "linestyle": "none", "markersize": 4, "color": INK, "markerfacecolor": "none"}
+ABOVE: dict[str, Any] = {"loc": "lower right", "bbox_to_anchor": (1.0, 1.0), "borderaxespad": 0.1,
+                         "columnspacing": 1.0, "handlelength": 1.5, "fontsize": 8.5}  # fmt: skip
 NEAR = 0.05  # of a length: how like the case must be to an experiment to be shown beside it
 
 
@@ -50,7 +52,7 @@ def energies(run: Run, step: int | None = None) -> Figure:
         total = kinetic + sum(changes.values())
         axes.plot(*thinned(t, total), label="sum", color=COLOURS[6], linewidth=1.2, linestyle="--")
         axes.set(xlabel="time, s", ylabel=axis_label("energy", run.series.units["energy_kinetic"]), title="Energy")
-        axes.legend(ncols=2)
+        axes.legend(ncols=4, **ABOVE)
         return figure
 
 
@@ -191,7 +193,7 @@ def _gauge_panel(axis: Any, run: Run, gauge: Gauge) -> None:
     place = ", ".join(f"{x:g}" for x in gauge.at)
     axis.set(ylabel=axis_label(gauge.what, run.series.units[names[0]]), title=f"{gauge.name} at ({place}) m")
     if axis.get_legend_handles_labels()[1]:
-        axis.legend()
+        axis.legend(ncols=3, **ABOVE)
 
 
 def _expectation(run: Run, config: SphConfig, gauge: Gauge, t: np.ndarray) -> tuple[str, Any, Any, dict] | None:

@@ -238,6 +238,13 @@ class PlasmaConfig(Section):
         )
         return full if asked.energy is not None else full.sampled()
 
+    @property
+    def conserved(self) -> tuple[str, ...]:
+        """Scalars of the series that the scene keeps: a magnetic field turns momentum, an electric one does work."""
+        magnetic, electric = self.field.magnetic, self.field.electric
+        along = (k for k in range(3) if not electric[k] and not any(b for i, b in enumerate(magnetic) if i != k))
+        return ("charge", *(() if any(electric) else ("energy_total",)), *(f"momentum_{'xyz'[k]}" for k in along))
+
     def sampled(self) -> "PlasmaConfig":
         """The same with the default period of the series."""
         from hpcpic.plasma.estimate import series_period

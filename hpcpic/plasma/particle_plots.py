@@ -100,6 +100,8 @@ def _species_legend(figure: Figure, species: Sequence[str]) -> None:
 def velocities(run: Run, step: int | None = None) -> Figure:
     """Distribution of each velocity component at the first snapshot and at the last, or the one asked for."""
     snapshots = snapshots_of(run)
+    if sum(s.particles for s in config_of(run).species) <= FEW:
+        raise NoData(f"needs more than {FEW} particles")
     end = snapshots.index(step)
     read = [snapshots.read(species, end) for species in snapshots.species]
     components = velocity_components(config_of(run))

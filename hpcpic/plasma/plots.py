@@ -63,7 +63,8 @@ def energies(run: Run, step: int | None = None) -> Figure:
             top.set_ylim(0.3 * np.percentile(field[field > 0], 2), 4.0 * total.max())
         else:
             top.set_ylim(0, None)
-        top.set(ylabel=axis_label("energy", run.series.units["energy_total"]), title="Energy")
+        title = "Energy" if shown.stop == len(t) else f"Energy until {t[shown][-1]:.3g} s"
+        top.set(ylabel=axis_label("energy", run.series.units["energy_total"]), title=title)
         top.legend(ncols=3, loc="lower right", bbox_to_anchor=(1.0, 1.0), borderaxespad=0.1)
         low.plot(*thinned(t, analysis.relative_drift(total)), color=COLOURS[3], linewidth=1.2)
         low.set(ylabel="change of total", xlabel="time, s")
@@ -77,12 +78,15 @@ def _end_of_beginning(signal: np.ndarray, crossings: int = 40) -> int:
 
 
 def conservation(run: Run, step: int | None = None) -> Figure:
-    """Departures of charge, momentum and total energy: momentum relative to sqrt(2 m W)."""
+    """Departures of charge, momentum and total energy, of what the scene keeps: momentum relative to sqrt(2 m W)."""
     t, charge, total, kinetic = columns_of(run, "charge", "energy_total", "energy_kinetic")
-    momenta = [name for name in ("momentum_x", "momentum_y", "momentum_z") if name in run.series]
-    mass = sum(species_masses(config_of(run)))
+    config = config_of(run)
+    momenta = [name for name in config.conserved if name.startswith("momentum") and name in run.series]
+    mass = sum(species_masses(config))
     scale = float(np.sqrt(2.0 * mass * kinetic.max())) if mass else 0.0
-    lines = [("energy", analysis.relative_drift(total)), ("charge", analysis.relative_drift(charge))]
+    lines = [("charge", analysis.relative_drift(charge))]
+    if "energy_total" in config.conserved:
+        lines.insert(0, ("energy", analysis.relative_drift(total)))
     lines += [(name.replace("_", " "), analysis.relative_drift(run.series[name], scale)) for name in momenta]
     with style():
         figure, axes = new_figure(size=(6.4, 3.6))
@@ -93,7 +97,7 @@ def conservation(run: Run, step: int | None = None) -> Figure:
         axes.set_yscale("log")
         axes.set(xlabel="time, s", ylabel="relative departure", title="Conservation")
         axes.set_xlim(t[0], t[-1])
-        axes.legend(ncols=2)
+        axes.legend(ncols=4, loc="lower right", bbox_to_anchor=(1.0, 1.0), borderaxespad=0.1, columnspacing=1.0)
         return figure
 
 
@@ -225,7 +229,10 @@ def _fields_1d(run: Run, snapshots: Fields, number: int) -> Figure:
             top.axhline(snapshots.times[number], color=INK, linewidth=0.8)
             top.grid(visible=False)
             figure.colorbar(mesh, ax=top, label=axis_label(shown, snapshots.units[shown]), pad=0.02)
-            top.set(ylabel="time, s", title="Field in space and time", xlim=(0, length))
+            wp = np.sqrt(sum(b.plasma_frequency**2 for b in beams(config_of(run))))
+            coarse = wp * float(np.abs(np.diff(snapshots.times[:2])).max()) > np.pi
+            title = "Field, in snapshots too rare for its swing" if coarse else "Field in space and time"
+            top.set(ylabel="time, s", title=title, xlim=(0, length))
         for axis, name, colour in zip(rows, names, COLOURS):
             axis.plot(x, _along_x(run, name, int(snapshots.steps[number])), color=colour)
             axis.set(ylabel=axis_label(name, snapshots.units[name]), xlim=(0, length))

@@ -155,6 +155,8 @@ def _compare_damping(t: np.ndarray, amplitude: np.ndarray, law: Prediction) -> C
 
 def _compare_wave(t: np.ndarray, amplitude: np.ndarray, law: Prediction) -> Compared:
     """The end of the run beside a wave of the scheme's frequency whose phase was fixed at the beginning."""
+    if amplitude.min() > 0.5 * amplitude.max():
+        raise analysis.NoFit("it hardly swings, so no wave stands here")
     wave, omega = analysis.signed(amplitude), law.omega_mesh.real
     fit = analysis.fit_oscillation(t, wave, frequency=omega)
     begin = slice(0, max(8, t.size // 10))

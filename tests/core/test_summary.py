@@ -49,7 +49,11 @@ def test_conserved_keeps_the_largest_change_and_does_not_lose_a_nan():
     assert set(facts) == {"energy_total", "momentum_x"}
     assert facts["energy_total"] == {"first": 2.0, "last": 2.1, "change": 0.5, "relative": 0.25}
     assert facts["momentum_x"]["change"] == 0.5 and "relative" not in facts["momentum_x"]
+    some = Conserved(("mass", "momentum_x"))
+    some.add({"energy_total": 1.0, "momentum_x": 0.0})
+    assert set(some.facts()) == {"momentum_x"}
     conserved.add({"energy_total": math.nan})
+
     conserved.add({"energy_total": 2.0})
     assert conserved.facts()["energy_total"]["change"] == math.inf
 

@@ -150,3 +150,11 @@ def test_the_speed_of_a_falling_grain_is_foreseen():
     tau = fast.cure.split("relaxation_time = ")[1].split()[0]
     assert mach(text.replace("relaxation_time = 0.51", f"relaxation_time = {tau}"))[0].verdict == "ok"
     assert mach(text.replace("density = 2650.0", "density = 999.0"))[0].value > 0.0
+
+
+def test_a_scene_keeps_what_nothing_takes_from_it():
+    assert config_of(CHANNEL).conserved == ("mass",)
+    around = CHANNEL.replace('["x"]', '["x", "y"]')
+    assert config_of(around).conserved == ("mass", "momentum_y")
+    lid = 'boundary = ({ face = "y+"; type = "pressure"; pressure = 0.0; });'
+    assert config_of(CHANNEL + lid).conserved == ()

@@ -320,3 +320,13 @@ def test_no_setting_of_a_wrong_kind_breaks_the_validation(changes):
         assert error.messages and all(message.startswith("case:") for message in error.messages)
     else:
         assert read(dump(config))[0] == config
+
+
+def test_fields_from_outside_keep_no_more_than_they_can():
+    def kept(*sets):
+        return set(read(sets=sets)[0].conserved)
+
+    every = {"charge", "energy_total", "momentum_x", "momentum_y", "momentum_z"}
+    assert kept() == every
+    assert kept("field.magnetic=[0.0, 0.0, 1.0]") == every - {"momentum_x", "momentum_y"}
+    assert kept("field.electric=[0.0, 1.0, 0.0]") == every - {"energy_total", "momentum_y"}

@@ -213,3 +213,10 @@ def test_a_mode_that_obeys_its_law_is_measured_as_such(name, mode):
     words = predictions.compare_mode(t, 1e-3 * wave * np.exp(law.omega.imag * t), law).words
     measured = float(re.search(r"(?:growth|decay|frequency) ([\d.]+)", words)[1])
     assert measured == pytest.approx(abs(law.omega.imag) or law.omega.real, rel=2e-3)
+
+
+def test_a_mode_that_does_not_swing_gets_no_frequency():
+    law = predictions.predict(case("plasma-oscillation"), 1)
+    t = np.linspace(0.0, 40.0, 800)
+    assert predictions.compare_mode(t, 1.0 + 0.02 * np.sin(1.1 * t), law).words.startswith("not fitted")
+    assert "frequency 1.0999" in predictions.compare_mode(t, np.abs(np.sin(1.1 * t)), law).words

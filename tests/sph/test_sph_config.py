@@ -97,3 +97,11 @@ def test_an_stl_file_is_looked_for_beside_the_case(tmp_path):
     with pytest.raises(ConfigError) as error:
         validate(SphConfig, load(str(case)))
     assert str(tmp_path / "ship.stl") in error.value.message
+
+
+@pytest.mark.parametrize(
+    "name, kept",
+    [("elliptical-drop", ("mass", "energy_total", "momentum_x", "momentum_y")), ("poiseuille", ("mass",))],
+)
+def test_a_scene_keeps_what_nothing_takes_from_it(name, kept):
+    assert validate(SphConfig, load(shipped_cases()[name])).conserved == kept

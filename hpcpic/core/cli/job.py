@@ -149,6 +149,7 @@ class _Job:
                     attributes={"program": self.app.name, "settings": settings},
                     estimate=self._estimate(config, threads), warnings=warnings, quiet=self.flags.quiet,
                 )  # fmt: skip
+                options.conserved = self._conserved(config, reader)
                 self._complete(options, app, reader, plan)
                 outcome = loop.run(app, self.world, self.rundir, options)
         finally:
@@ -163,7 +164,6 @@ class _Job:
         """What the app, the checkpoint and the command line say on how to run."""
         options.stop_sem = getattr(app, "stop_sem", 0.0)
         options.restarted_from = reader.step if reader else None
-        options.conserved = self._conserved(reader)
         options.history, options.started = plan.history, self.started
         options.replay = self._replay(plan.folder)
         options.checkpoint_every = (
@@ -212,9 +212,9 @@ class _Job:
         share(self.world, write)
         self.going = app
 
-    def _conserved(self, reader: checkpoint.Reader | None) -> summary.Conserved:
-        """What the series says up to the step of the checkpoint; on rank 0."""
-        conserved = summary.Conserved()
+    def _conserved(self, config: Any, reader: checkpoint.Reader | None) -> summary.Conserved:
+        """Of what this scene conserves what the series says up to the step of the checkpoint; on rank 0."""
+        conserved = summary.Conserved(getattr(config, "conserved", summary.CONSERVED))
         if reader and self.world.rank == 0 and self.rundir and (self.rundir.path / "series.h5").exists():
             from hpcpic.core.files.series import read_series
 

@@ -96,7 +96,8 @@ class Outputs:
 
         def observe() -> None:
             values = app.scalars()
-            self.progress.scalars(values)
+            if "energy_total" in self.conserved.names:
+                self.progress.scalars(values)
             self.conserved.add(values)
             if self._series is not None and "series" not in self.broken:
                 with self.timers.section("output series"):

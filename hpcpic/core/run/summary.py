@@ -9,7 +9,7 @@ import resource
 import statistics
 import time
 from array import array
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from datetime import UTC, datetime
 from typing import TYPE_CHECKING, Any
 
@@ -70,13 +70,14 @@ class StepTimes:
 
 
 class Conserved:
-    """First, last and largest change of the scalars that should not change."""
+    """First, last and largest change of the scalars that should not change: of CONSERVED, or of `names`."""
 
-    def __init__(self) -> None:
+    def __init__(self, names: Collection[str] = CONSERVED) -> None:
+        self.names = [name for name in CONSERVED if name in names]
         self._found: dict[str, dict[str, float]] = {}
 
     def add(self, scalars: Mapping[str, float]) -> None:
-        for name in CONSERVED:
+        for name in self.names:
             if name in scalars:
                 value = scalars[name]
                 entry = self._found.setdefault(name, {"first": value, "last": value, "change": 0.0})
