@@ -45,6 +45,7 @@ APP = App(
     grow=grow,
     free=("description", "simulation.end_time", "simulation.blocks", "output"),
     bench=later("lbmdem.bench", "bench"),
+    bench_ranks=later("lbmdem.bench", "bench_ranks"),
     plots=named("lbmdem.plots", "PLOTS"),
     plan=later("lbmdem.plan", "plan"),
     knobs=later("lbmdem.knobs", "knobs_of"),

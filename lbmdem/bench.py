@@ -1,58 +1,84 @@
 """Rates of the fluid's kernels on this machine, under the names that `estimate` knows.
 
-Sweeps are timed on a periodic box beyond the caches, one step and several per pass over memory; what a body force,
-central moments and solids add, on boxes within the caches; links on a bed of spheres, as the difference that they make
-to a step; what moving grains need whatever their number, on a single one.
+All that is compared takes turns. Sweeps are timed on a periodic box beyond the caches, one step and several per pass
+over memory; what a body force, central moments and solids add, on boxes within the caches; links of solids that stay on
+beds of spheres. What grains that move need comes from whole steps of few and many, small and large ones, which several
+ranks also do together.
 """
 
 import math
 import os
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
 from functools import partial
 from time import perf_counter
 from typing import Any
 
 import numpy as np
 
-from hpcpic.core.cli.rates import undisturbed
+from hpcpic.core.cli.rates import in_turn, undisturbed
 from hpcpic.core.comm.world import World
+from hpcpic.core.files.config import loads
+from hpcpic.core.files.schema import validate
 from hpcpic.core.space.domain import Domain
 from hpcpic.core.tasks import Pool
+from hpcpic.core.timers import Timers
+from lbmdem.config import LbmDemConfig
 from lbmdem.coupling import Immersed
 from lbmdem.fluid import Fluid
+from lbmdem.kernels.layout import FLUID
 from lbmdem.kernels.sweep import MIXED, SKIP
 from lbmdem.lattices import D2Q9, D3Q19, Lattice
+from lbmdem.plan import VELOCITIES, link_count
+from lbmdem.step import LbmDem
 from lbmdem.vectors import Shares
 
 SHAPES = {"D2Q9": (1024, 1024), "D3Q19": (96, 96, 96)}
 CACHED = (40, 40, 40)
-RADIUS, APART = 5.0, 12  # nodes, of the bed
-SIDE = 8 * APART  # of its box
-SHIFT = 0.02  # nodes in a step, of spheres that move
-STEPS = {True: 8, False: 20}  # by `quick`; the first four are not counted
+TINY = (16, 16)
+BEDS = {"fine": 12, "coarse": 24}  # nodes from sphere to sphere
+RADIUS = 5.0 / 12.0  # of that
+SIDE = 96  # of the box of a bed
+ROUNDS = {True: 3, False: 6}  # by `quick`
+GRAINS = {  # that move: how many along an edge, and radius in nodes
+    2: {"one": (1, 10.0), "small": (12, 5.0), "large": (6, 10.0)},
+    3: {"one": (1, 5.0), "small": (4, 5.0), "large": (2, 10.0)},
+}
+CONSERVING = 64  # nodes along an edge of a box where the mass of covered nodes is put back
+SPEED = 0.02  # nodes in a step, of these grains
+SUBSTEPS = 20
+CASE = """
+simulation = {{ dimensions = {d}; end_time = 1.0; }};
+domain = {{ size = {size}; spacing = 1.0; }};
+fluid = {{ density = 1.0; viscosity = 0.1; time_step = 1.0; }};
+grains = ( {{ diameter = {diameter}; density = 2.0; position = ( {places} ); velocity = {speed}; }} );
+contact = {{ normal_stiffness = 0.01; }};
+coupling = {{ substeps = {substeps}; refill = "{refill}"; }};
+"""
 
 
 def bench(quick: bool) -> Mapping[str, float]:
     """Rate by name; with `quick` the standard sweep only (D3Q19, double)."""
-    world, pool = World.alone(), Pool(1)
-    rates = sweep_rates(world, pool, D3Q19, quick)
-    if not quick:
-        for lattice, storage in ((D3Q19, "single"), (D2Q9, "single")):
-            one = seconds(box(world, pool, lattice, SHAPES[lattice.name], storage).step, quick)
-            rates[f"mlups {lattice.name} {storage}"] = 1e-6 * math.prod(SHAPES[lattice.name]) / one
-        rates |= sweep_rates(world, pool, D2Q9, quick)
-        rates["lattice_launch_us"] = 1e6 * seconds(box(world, pool, D2Q9, (16, 16)).step, quick)
-        plain, force = (seconds(box(world, pool, D3Q19, CACHED, **kind).step, quick)
-                        for kind in ({}, {"force": (1e-6, 0.0, 0.0)}))  # fmt: skip
-        central = seconds(box(world, pool, D3Q19, CACHED, collision="central").step, quick)
-        rates |= {"forced": force / plain - 1, "central": central / plain - 1}
-        rates |= bed_rates(world, pool)
-        rates |= moving_rates(world, pool)
-    if (cores := len(os.sched_getaffinity(0))) > 1:
-        rates |= core_gains(world, cores, rates)
-    pool.close()
-    rates["cores"] = cores
-    return rates
+    world = World.alone()
+    cores = len(os.sched_getaffinity(0))
+    with pools(world, cores) as (pool, *others):
+        rates = sweep_rates(world, pool, others, quick)
+        if not quick:
+            rates |= cached_rates(world, pool)
+            rates |= bed_rates(world, pool, rates)
+            rates |= sparse_rates(world, pool, others, rates)
+            for d in (2, 3):
+                rates |= moving_rates(world, pool, d)
+    return rates | {"cores": cores}
+
+
+@contextmanager
+def pools(world: World, cores: int) -> Iterator[list[Pool]]:
+    """With one thread and, where there are several cores, with as many."""
+    made = [Pool(n, world.cpus(n)) for n in sorted({1, cores})]
+    yield made
+    for pool in made:
+        pool.close()
 
 
 def box(
@@ -62,61 +88,76 @@ def box(
     return Fluid(world, pool, domain, lattice, tau=0.8, storage=storage, **kind)
 
 
-def seconds(action: Callable[[], None], quick: bool) -> float:
-    """Of a call, after the first ones."""
-    times = []
-    for _ in range(STEPS[quick]):
-        begin = perf_counter()
-        action()
-        times.append(perf_counter() - begin)
-    return undisturbed(times[4:])
+def together(fluid: Fluid) -> Callable[[], None]:
+    """A step, as one of several per pass over memory; the hooks' steps are not among them."""
+    return lambda: [fluid.leap(fluid.depth + 2) for _ in range(2)]
 
 
-def together(fluid: Fluid) -> float:
-    """Seconds of a step, several per pass over memory."""
-    return seconds(lambda: fluid.leap(2 * fluid.depth), False) / fluid.depth
+def per_step(seconds: float, fluid: Fluid) -> float:
+    return seconds / (2 * fluid.depth)
 
 
-def sweep_rates(world: World, pool: Pool, lattice: Lattice, quick: bool) -> dict[str, float]:
-    """Million node updates per second, one step per pass over memory; how much faster several are."""
-    name = lattice.name
-    fluid = box(world, pool, lattice, SHAPES[name])
-    one = seconds(fluid.step, quick)
-    return {f"mlups {name} double": 1e-6 * math.prod(SHAPES[name]) / one, f"wave_gain {name}": one / together(fluid)}
+def sweep_rates(world: World, pool: Pool, others: list[Pool], quick: bool) -> dict[str, float]:
+    """Million node updates per second, one step per pass over memory; how much faster several are, and all cores."""
+    rates = {}
+    for lattice in (D3Q19, D2Q9)[: 1 if quick else None]:
+        name, shape = lattice.name, SHAPES[lattice.name]
+        fluids = [box(world, each, lattice, shape) for each in (pool, *(others if lattice is D3Q19 else []))]
+        actions: dict[str, Callable[[], Any]] = {f"step {k}": fluid.step for k, fluid in enumerate(fluids)}
+        actions |= {f"wave {k}": together(fluid) for k, fluid in enumerate(fluids)}
+        if not quick:
+            actions["single"] = box(world, pool, lattice, shape, "single").step
+        spent = in_turn(actions, ROUNDS[quick])
+        waves = [per_step(spent[f"wave {k}"], fluid) for k, fluid in enumerate(fluids)]
+        updates = 1e-6 * math.prod(shape)
+        rates |= {f"mlups {name} double": updates / spent["step 0"], f"wave_gain {name}": spent["step 0"] / waves[0]}
+        if not quick:
+            rates[f"mlups {name} single"] = updates / spent["single"]
+        if len(fluids) > 1:
+            rates |= {"sweep_core_gain": spent["step 0"] / spent["step 1"], "wave_core_gain": waves[0] / waves[1]}
+    return rates
 
 
-def core_gains(world: World, cores: int, rates: Mapping[str, float]) -> dict[str, float]:
-    """What all cores gain over one, with one step and several per pass."""
-    pool = Pool(cores, world.cpus(cores))
-    found = sweep_rates(world, pool, D3Q19, False)
-    pool.close()
-    one, several = (found[name] / rates[name] for name in ("mlups D3Q19 double", "wave_gain D3Q19"))
-    return {"sweep_core_gain": one, "wave_core_gain": one * several}
+def cached_rates(world: World, pool: Pool) -> dict[str, float]:
+    """What a launch takes, and what a body force and central moments add to a sweep."""
+    kinds = {"plain": {}, "force": {"force": (1e-6, 0.0, 0.0)}, "central": {"collision": "central"}}
+    fluids = {name: box(world, pool, D3Q19, CACHED, **kind) for name, kind in kinds.items()}
+    spent = in_turn({name: together(fluid) for name, fluid in fluids.items()}, 2 * ROUNDS[False])
+    tiny = box(world, pool, D2Q9, TINY)
+    drive = partial(fluids["force"].set_force, (1e-6, 0.0, 0.0))
+    launches = in_turn({"launch": tiny.step, "drive": drive}, ROUNDS[False], 100)
+    rates = {f"lattice_{name}_us": 1e6 * seconds for name, seconds in launches.items()}
+    forced, central = (max(0.0, spent[name] / spent["plain"] - 1) for name in ("force", "central"))
+    return rates | {"forced": forced, "central": central}
 
 
-def spheres(centres: np.ndarray) -> tuple[np.ndarray, ...]:
-    """At rest, as Immersed takes them."""
+def bed(apart: int) -> tuple[np.ndarray, ...]:
+    """Spheres at rest, as Immersed takes them."""
+    centres = np.stack(np.meshgrid(*[np.arange(0, SIDE, apart) + 0.3] * 3), axis=-1).reshape(-1, 3)
     still = np.zeros((len(centres), 3))
-    return np.arange(len(centres)), centres, np.full(len(centres), RADIUS), still, still
+    return np.arange(len(centres)), centres, np.full(len(centres), RADIUS * apart), still, still
 
 
-def bed() -> tuple[np.ndarray, ...]:
-    return spheres(np.stack(np.meshgrid(*[np.arange(0, SIDE, APART) + 0.3] * 3), axis=-1).reshape(-1, 3))
-
-
-def bed_rates(world: World, pool: Pool) -> dict[str, float]:
+def bed_rates(world: World, pool: Pool, rates: Mapping[str, float]) -> dict[str, float]:
     """Of a bed of fixed spheres: what nodes beside solids cost more, and ns per link."""
-    plain, fluid = (box(world, pool, D3Q19, (SIDE,) * 3) for _ in range(2))
-    immersed = Immersed(fluid, world, pool, fixed=bed())
-    links = immersed.counts()["links"]
-    linked = seconds(fluid.step, False), together(fluid)
-    fluid.hooks = []
-    fluid.carry(None)
-    alone = seconds(fluid.step, False), together(fluid)
-    kinds = kind_shares(fluid)
-    more = (alone[1] / together(plain) - (1 - kinds.skipped)) / kinds.mixed
-    single, several = (1e9 * max(0.0, a - b) / links for a, b in zip(linked, alone))
-    return {"mixed": max(0.0, more), "link_ns fixed": several, "link_ns fixed single": single}
+    linked, alone = (box(world, pool, D3Q19, (SIDE,) * 3) for _ in range(2))
+    links = Immersed(linked, world, pool, fixed=bed(BEDS["fine"])).counts()["links"]
+    alone.solid.inner[...] = linked.solid.inner
+    alone.solid_changed()
+    plain = box(world, pool, D3Q19, (SIDE,) * 3)
+    actions: dict[str, Callable[[], Any]] = {"one": linked.step, "one alone": alone.step}
+    actions |= {"wave": together(linked), "wave alone": together(alone), "plain": together(plain)}
+    spent = in_turn(actions, ROUNDS[False])
+    several, without, free = (
+        per_step(spent[name], fluid) for name, fluid in (("wave", linked), ("wave alone", alone), ("plain", plain))
+    )
+    kinds = kind_shares(alone)
+    more = (without / free - (1 - kinds.skipped)) / kinds.mixed
+    return {
+        "mixed": max(0.0, more),
+        "link_ns fixed": 1e9 * max(0.0, several - without) / links,
+        "link_ns fixed single": 1e9 * max(0.0, spent["one"] - spent["one alone"]) / links,
+    }
 
 
 def kind_shares(fluid: Fluid) -> Shares:
@@ -125,24 +166,118 @@ def kind_shares(fluid: Fluid) -> Shares:
     return Shares(float((kinds == SKIP).mean()), float((kinds == MIXED).mean()))
 
 
-def moving_rates(world: World, pool: Pool) -> dict[str, float]:
-    """ns per link of spheres that move, and what a step with a single one takes beside its links."""
-    found = []
-    for side, grains in ((SIDE, bed()), (CACHED[0], spheres(np.full((1, 3), CACHED[0] / 2)))):
-        fluid = box(world, pool, D3Q19, (side,) * 3)
-        immersed = Immersed(fluid, world, pool)
-        immersed.start(*grains)
-        linked = seconds(partial(moved, fluid, immersed, list(grains)), False)
-        fluid.hooks = []
-        found.append((max(0.0, linked - seconds(fluid.step, False)), immersed.counts()["links"]))
-    (many, links), (one, few) = found
-    link = max(0.0, (many - one) / (links - few))
-    return {"link_ns moving": 1e9 * link, "moving_us": 1e6 * max(0.0, one - few * link)}
+def sparse_rates(world: World, pool: Pool, others: list[Pool], rates: Mapping[str, float]) -> dict[str, float]:
+    """Of beds that are held without their solid nodes: a node, a link, and what all cores gain."""
+    made, found = {}, {}
+    for name, (apart, each) in {
+        "fine": (BEDS["fine"], pool), "coarse": (BEDS["coarse"], pool), "cores": (BEDS["fine"], (pool, *others)[-1]),
+    }.items():  # fmt: skip
+        made[name] = fluid = box(world, each, D3Q19, (SIDE,) * 3)
+        fluid.stays = True
+        links = Immersed(fluid, world, each, fixed=bed(apart)).counts()["links"]
+        found[name] = int((fluid.solid.inner == FLUID).sum()), links
+    spent = in_turn({name: together(fluid) for name, fluid in made.items()}, ROUNDS[False])
+    fine, coarse, cores = (per_step(spent[name], fluid) for name, fluid in made.items())
+    node, link = np.linalg.solve([found["fine"], found["coarse"]], [fine, coarse])
+    if link < 0.0:
+        node, link = coarse / found["coarse"][0], 0.0
+    bare = 1e-6 / (rates["mlups D3Q19 double"] * rates["wave_gain D3Q19"])
+    gain = {"sparse_core_gain": fine / cores} if others else {}
+    return {"sparse": node / bare, "link_ns sparse": 1e9 * link} | gain
 
 
-def moved(fluid: Fluid, immersed: Immersed, grains: list[np.ndarray]) -> None:
-    """A step with grains that go on by SHIFT."""
-    fluid.step()
-    immersed.forces(grains[0])
-    grains[1] += SHIFT
-    immersed.move(*grains)
+class Moving:
+    """Grains that move, in a whole program: seconds of the parts of its steps."""
+
+    def __init__(
+        self, world: World, pool: Pool, d: int, across: int, radius: float, *, substeps: int = SUBSTEPS,
+        size: int = 0, refill: str = "local",
+    ) -> None:  # fmt: skip
+        apart = 2 * radius
+        size = size or math.ceil(across * apart) + 12
+        places = np.stack(np.meshgrid(*[(np.arange(across) + 0.5) * apart + 6.3] * d), axis=-1).reshape(-1, d).tolist()
+        listed = ", ".join(map(str, places))
+        text = CASE.format(d=d, size=[float(size)] * d, diameter=1.001 * apart, places=listed, speed=[SPEED] * d,
+                           substeps=substeps, refill=refill)  # fmt: skip
+        self.config = validate(LbmDemConfig, loads(text))
+        self.app = LbmDem(self.config, world, pool, Timers())
+        self.n, self.links = across**d, link_count(self.config)
+        self.app.fluid.hooks = [partial(self.timed, hook) for hook in self.app.fluid.hooks]
+        self.parts: dict[str, list[float]] = {"step": [], "links": []}
+        self._links = 0.0
+
+    def timed(self, hook: Callable[..., None], *arguments: Any) -> None:
+        begin = perf_counter()
+        hook(*arguments)
+        self._links = perf_counter() - begin
+
+    def step(self) -> None:
+        self.app.timers.reset()
+        begin = perf_counter()
+        self.app.step()
+        self.parts["step"].append(perf_counter() - begin)
+        self.parts["links"].append(self._links)
+        for name, (seconds, _) in self.app.timers.totals().items():
+            self.parts.setdefault(name, []).append(seconds)
+
+    def usual(self, name: str) -> float:
+        return undisturbed(self.parts[name])
+
+
+def moving_rates(world: World, pool: Pool, d: int) -> dict[str, float]:
+    """Of a link, a grain and a step where grains move, and of their contacts."""
+    scenes = {name: Moving(world, pool, d, *kind) for name, kind in GRAINS[d].items()}
+    alone = partial(Moving, world, pool, d, *GRAINS[d]["one"])
+    if d == 2:
+        scenes["more"] = alone(substeps=20 * SUBSTEPS)
+    else:
+        scenes |= {refill: alone(size=CONSERVING, refill=refill) for refill in ("local", "conserving")}
+    in_turn({name: scene.step for name, scene in scenes.items()}, 2 * ROUNDS[False], 8)
+    one, small, large = (scenes[name] for name in GRAINS[d])
+    table = [[scene.links, scene.n, 1.0] for scene in (small, large, one)]
+    link, grain, launch = np.linalg.solve(table, [scene.usual("links") for scene in (small, large, one)])
+    rates = {f"link_ns moving {d}D": 1e9 * max(0.0, link), f"moving_link_us {d}D": 1e6 * max(0.0, grain)}
+    each = (small.usual("solid") - one.usual("solid")) / (small.n - one.n)
+    rates[f"moving_grain_us {d}D"] = 1e6 * max(0.0, each)
+    if d == 2:
+        substep = (scenes["more"].usual("grains") - one.usual("grains")) / (19 * SUBSTEPS)
+        contact = (small.usual("grains") - one.usual("grains")) / ((small.n - one.n) * SUBSTEPS)
+        rates |= {
+            "moving_us": 1e6 * (one.usual("solid") + max(0.0, launch)),
+            "substep_us": 1e6 * max(0.0, substep),
+            "grain_ns": 1e9 * max(0.0, contact),
+            "grains_us": 1e6 * (one.usual("grains") - SUBSTEPS * substep),
+        }
+    else:
+        kept = sum(scenes["conserving"].usual(part) - scenes["local"].usual(part) for part in ("links", "solid"))
+        rates["conserving_ns"] = 1e9 * max(0.0, kept) / CONSERVING**3
+    for scene in scenes.values():
+        scene.app.close()
+    return rates
+
+
+def bench_ranks(quick: bool, world: World) -> Mapping[str, float]:
+    """What the exchange of populations takes, and that of grains that move. Collective."""
+    with pools(world, 1) as (pool,):
+        alone, all_ranks = (Moving(here, pool, 2, *GRAINS[2]["one"]) for here in (World.alone(), world))
+        shape = (TINY[0] * world.size, TINY[1])
+        cuts = tuple(TINY[0] * k for k in range(world.size + 1))
+        domain = Domain(tuple(map(float, shape)), shape, (True, True), cuts)
+        slabs, tiny = Fluid(world, pool, domain, D2Q9, tau=0.8), box(World.alone(), pool, D2Q9, TINY)
+        spent = in_turn({"slabs": slabs.step, "tiny": tiny.step}, ROUNDS[quick], 100)
+        in_turn({"alone": alone.step, "all": all_ranks.step}, ROUNDS[quick], 40)
+        deep = Moving(world, pool, 3, *GRAINS[3]["one"], size=CONSERVING)
+        planes = in_turn({"planes": deep.app.immersed._refill.exchange}, ROUNDS[quick])["planes"]
+        plane_values = 2 * CONSERVING**2 * VELOCITIES["D3Q19"]
+        message = world.max(spent["slabs"] - spent["tiny"])
+        parts = alone.usual("fluid") / world.size + alone.usual("grains") + alone.usual("solid")
+        grains = world.max(all_ranks.usual("step") - parts)
+        planes = world.max(planes)
+        for scene in (alone, all_ranks, deep):
+            scene.app.close()
+        slabs.free()
+    return {
+        "message_us": 1e6 * max(0.0, message),
+        "grain_exchange_us": 1e6 * max(0.0, grains - message),
+        "refill_plane_ns": 1e9 * planes / plane_values,
+    }

@@ -19,6 +19,7 @@ START = 1.0  # s: interpreter, libraries, kernels from the cache
 DEPTH = 6  # steps per pass at most (lbmdem.wavefront)
 WHOLE = 28e6  # bytes of the planes of a wave with links or faces (lbmdem.wavefront)
 SPARSE = 0.85  # share of fluid nodes below which these alone are held (lbmdem.fluid)
+FEW = 500  # grains per thread up to which one does all substeps (lbmdem.dem)
 CACHED = 12e6  # bytes of populations below which a sweep does not wait for memory
 
 # Measured on the authors' machine, one core of a 2-core AMD Zen 5 at 4.1 GHz.
@@ -36,8 +37,13 @@ DEFAULT = FILES | {
     "link_ns fixed": 3.3,  # several steps per pass
     "link_ns sparse": 1.6,  # the same where the sweep does them (lbmdem.sparse)
     "link_ns fixed single": 6.0,
-    "link_ns moving": 17.0,
-    "moving_us": 210.0,  # a step: who covers which nodes now
+    "link_ns moving 2D": 20.0,
+    "link_ns moving 3D": 10.0,
+    "moving_link_us 2D": 0.5,  # and a grain, whatever its links
+    "moving_link_us 3D": 0.5,
+    "moving_grain_us 2D": 0.8,  # and of a grain: which nodes it covers now
+    "moving_grain_us 3D": 1.5,
+    "moving_us": 210.0,  # and a step
     "conserving_ns": 5.4,  # per node, where the mass of covered nodes is put back
     "grains_us": 80.0,  # a step
     "substep_us": 0.25,
@@ -45,12 +51,15 @@ DEFAULT = FILES | {
     "lattice_sample_us": 300.0,
     "lattice_sample_ns": 10.0,  # per node
     "lattice_launch_us": 2.5,
+    "lattice_drive_us": 40.0,  # a body force that changes from step to step
     "message_us": 3.0,
     "message_gb_s": 8.0,
     "grain_exchange_us": 150.0,  # forces, ghosts and owners of grains, a step of several ranks
+    "refill_plane_ns": 3.0,  # of a population of the planes beside a slab, for nodes that grains uncover
     "cores": 2.0,
     "sweep_core_gain": 1.3,  # of all cores over one on a sweep that waits for memory
     "wave_core_gain": 1.7,  # and on other work
+    "sparse_core_gain": 1.6,  # and on nodes held without the solid ones
     "rank_mib": 200.0,
     "scipy_mib": 25.0,  # where sizes of grains follow a law
 }
@@ -89,23 +98,40 @@ def phases(
 ) -> dict[str, float]:
     """Seconds of one step by what it does, with so many steps per pass over memory."""
     cores = 1e9 * gain(ranks, threads, rates, rates["wave_core_gain"])
-    seconds = {"launches": 1e-6 * rates["lattice_launch_us"] / together}
+    launch = rates["lattice_launch_us"] + (rates["lattice_drive_us"] if config.shaking else 0.0)
+    seconds = {"launches": 1e-6 * launch / together}
     moved = moving(config) and not config.coupling.frozen
     if config.fluid:
         seconds |= sweep_seconds(config, ranks, threads, rates, together)
-        near, far = ("sparse", "fixed") if sparse(config) else ("fixed", "fixed single")
-        kind = "moving" if moved else near if together > 1 or cached(config) else far
-        seconds["links"] = link_count(config) * rates[f"link_ns {kind}"] / cores
+        seconds["links"] = link_seconds(config, ranks, threads, rates, together)
         seconds["messages"] = message_seconds(config, ranks, rates)
     if moving(config):
         seconds["grains"] = 1e-6 * (rates["grains_us"] + config.substeps * rates["substep_us"])
-        seconds["grains"] += grain_count(config) * config.substeps * rates["grain_ns"] / cores
+        n = grain_count(config)
+        seconds["grains"] += n * config.substeps * rates["grain_ns"] / (1e9 if n <= FEW * threads else cores)
         if config.fluid and moved:
-            seconds["moving solids"] = 1e-6 * rates["moving_us"]
+            each = grain_count(config) * rates[f"moving_grain_us {config.dimensions}D"]
+            seconds["moving solids"] = 1e-6 * (rates["moving_us"] + each)
             if config.coupling.refill == "conserving":
                 seconds["moving solids"] += math.prod(config.points) * rates["conserving_ns"] / cores
-        seconds["exchanges"] = 1e-6 * rates["grain_exchange_us"] if ranks > 1 else 0.0
+        seconds["exchanges"] = exchange_seconds(config, rates) if ranks > 1 else 0.0
     return seconds
+
+
+def link_seconds(config: LbmDemConfig, ranks: int, threads: int, rates: Mapping[str, float], together: int) -> float:
+    """Bounce back at solids."""
+    links, d = link_count(config), config.dimensions
+    if moving(config) and not config.coupling.frozen:
+        work = links * rates[f"link_ns moving {d}D"] + 1e3 * grain_count(config) * rates[f"moving_link_us {d}D"]
+        return 1e-9 * work / gain(ranks, threads, rates, rates["wave_core_gain"])
+    near, far = ("sparse", "fixed") if sparse(config) else ("fixed", "fixed single")
+    kind = near if together > 1 or cached(config) else far
+    return 1e-9 * links * rates[f"link_ns {kind}"] / gain(ranks, threads, rates, rates[core_gain(config)])
+
+
+def core_gain(config: LbmDemConfig) -> str:
+    """The rate of what all cores gain on sweeps and links that do not wait for memory."""
+    return "sparse_core_gain" if sparse(config) else "wave_core_gain"
 
 
 def steps_per_pass(config: LbmDemConfig, ranks: int, threads: int) -> int:
@@ -157,7 +183,7 @@ def sweep_seconds(
         work = bare * wet * (rates["sparse"] + more)
     else:
         work = bare * (wet * (1 + more) + found.mixed * rates["mixed"])
-    seconds = {"nodes": work / gain(ranks, threads, rates, rates["wave_core_gain"])}
+    seconds = {"nodes": work / gain(ranks, threads, rates, rates[core_gain(config)])}
     if together == 1 and not cached(config):
         both = 1e9 * (one / gain(ranks, threads, rates, rates["sweep_core_gain"])
                       - bare / gain(ranks, threads, rates, rates["wave_core_gain"]))  # fmt: skip
@@ -170,6 +196,14 @@ def message_seconds(config: LbmDemConfig, ranks: int, rates: Mapping[str, float]
     if ranks == 1:
         return 0.0
     return 1e-6 * rates["message_us"] + 2 * face_bytes(config) / (1e9 * rates["message_gb_s"])
+
+
+def exchange_seconds(config: LbmDemConfig, rates: Mapping[str, float]) -> float:
+    """Of forces and owners of grains that move, and of the planes beside a slab where they uncover nodes."""
+    planes = 0
+    if config.fluid and not config.coupling.frozen:
+        planes = 2 * math.prod(config.points[:-1]) * VELOCITIES[config.simulation.lattice]
+    return 1e-6 * rates["grain_exchange_us"] + 1e-9 * planes * rates["refill_plane_ns"]
 
 
 def sample_seconds(config: LbmDemConfig, ranks: int, threads: int, rates: Mapping[str, float]) -> float:
