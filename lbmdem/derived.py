@@ -29,7 +29,8 @@ ENOUGH_NODES = {2: 10.0, 3: 7.0}  # across a grain (Mansouri et al., section 4)
 
 def derived(config: LbmDemConfig, ranks: int = 1) -> list[Derived]:
     """Every derived number of a completed case that runs on so many ranks."""
-    fluid = [*relaxation(config), *speeds(config), *pressures(config)] if config.fluid else []
+    parts = (relaxation, lattice_units, speeds, pressures)
+    fluid = [number for part in parts for number in part(config)] if config.fluid else []
     return [*fluid, *grains(config), *contacts(config), *sizes(config, ranks)]
 
 
@@ -56,6 +57,19 @@ def relaxation(config: LbmDemConfig) -> Iterator[Derived]:
         verdict, limit = "warn", ">= 0.505"
         cure = f"nearly no viscosity on this lattice: stable below U dx/nu = {GRID_REYNOLDS[collision]:g} only"
     yield Derived("relaxation time", "tau", tau, "", limit, verdict, source, cure, key_of_tau(config))
+
+
+def lattice_units(config: LbmDemConfig) -> Iterator[Derived]:
+    """What one of length and velocity of the lattice is, and the case's own numbers in them."""
+    dx, dt = config.spacing, config.time_step
+    yield Derived("lattice length", "dx", dx, "m")
+    yield Derived("lattice velocity", "dx/dt", dx / dt, "m/s")
+    nu, force, speed = config.fluid.viscosity, math.hypot(*config.fluid.body_force), known_speed(config)
+    yield Derived(f"viscosity of {nu:g} m2/s", "nu dt/dx2", nu * dt / dx**2)
+    if force:
+        yield Derived(f"body force of {force:g} m/s2", "a dt2/dx", force * dt**2 / dx)
+    if speed:
+        yield Derived(f"largest velocity of {speed:g} m/s", "u dt/dx", speed * dt / dx)
 
 
 def walled(config: LbmDemConfig) -> bool:

@@ -152,6 +152,15 @@ def test_the_speed_of_a_falling_grain_is_foreseen():
     assert mach(text.replace("density = 2650.0", "density = 999.0"))[0].value > 0.0
 
 
+def test_check_tells_lattice_units_beside_the_physical_ones():
+    config = config_of(CHANNEL)
+    found = {number.symbol: number for number in derived(config)}
+    dx, dt = 3.125e-5, (1.0 - 0.5) / 3.0 * 3.125e-5**2 / 1e-6
+    told = [found[symbol].value for symbol in ("dx", "dx/dt", "nu dt/dx2", "a dt2/dx")]
+    assert told == pytest.approx([dx, dx / dt, 0.5 / 3.0, 1e-3 * dt * dt / dx], rel=1e-14)
+    assert found["nu dt/dx2"].name == "viscosity of 1e-06 m2/s" and "u dt/dx" not in found
+
+
 def test_a_scene_keeps_what_nothing_takes_from_it():
     assert config_of(CHANNEL).conserved == ("mass",)
     around = CHANNEL.replace('["x"]', '["x", "y"]')

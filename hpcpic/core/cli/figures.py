@@ -210,10 +210,7 @@ def timers(run: Run, step: int | None = None) -> Figure:
 
 
 def timers_figure(timers: Mapping[str, Mapping[str, float]]) -> Figure:
-    """Share of each section of the wall time, longest first, and its spread over the ranks.
-
-    Sections may lie inside others, so the shares may add up to more than all.
-    """
+    """Share of each section of the wall time, longest first, and its spread over the ranks."""
     if not timers:
         raise NoData("run.json has no timers yet")
     names = list(timers)[::-1]

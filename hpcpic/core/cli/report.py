@@ -222,7 +222,7 @@ def _timers(facts: Mapping[str, Any]) -> Table:
         head,
         rows,
         (1, 2, 3, 4, 5),
-        "Least, mean and most over the ranks; a section may lie inside another.",
+        "Least, mean and most over the ranks; the time of a section is without that of sections inside it.",
     )
 
 
