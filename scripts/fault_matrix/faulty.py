@@ -113,6 +113,8 @@ def fail_here(kind: str, world: Any) -> None:
     """What befalls one rank."""
     if kind == "kill":
         os.kill(os.getpid(), signal.SIGKILL)
+    if kind == "stop":
+        os.kill(os.getpid(), signal.SIGSTOP)
     if kind == "segv":
         ctypes.string_at(0)
     if kind == "raise":
