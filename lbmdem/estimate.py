@@ -16,6 +16,7 @@ from lbmdem.vectors import fluid_share, shares
 MIB = 2.0**20
 SERIES_BYTES = 16 * 8 * 2
 START = 1.0  # s: interpreter, libraries, kernels from the cache
+BLOCK = 16 * MIB  # of all ranks' state, which the first one reads for the digest
 DEPTH = 6  # steps per pass at most (lbmdem.wavefront)
 WHOLE = 28e6  # bytes of the planes of a wave with links or faces (lbmdem.wavefront)
 SPARSE = 0.85  # share of fluid nodes below which these alone are held (lbmdem.fluid)
@@ -90,6 +91,8 @@ def memory_items(config: LbmDemConfig, ranks: int, rates: Mapping[str, float]) -
     memory |= {array.name: float(array.bytes) for array in arrays(config, ranks)}
     if config.fluid:
         memory["state in order of rows"] = population_bytes(config) / ranks
+        if ranks > 1:  # as they come from others, and as they are put together (core.run.checkpoint)
+            memory["blocks of the digest"] = 2 * min(BLOCK, population_bytes(config))
     return memory
 
 

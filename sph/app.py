@@ -36,5 +36,6 @@ APP = App(
     plots=named("sph.plots", "PLOTS"),
     plan=later("sph.plan", "plan"),
     bench=later("sph.bench", "bench"),
+    bench_ranks=later("sph.bench", "bench_ranks"),
     knobs=later("sph.knobs", "knobs_of"),
 )

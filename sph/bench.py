@@ -1,90 +1,159 @@
 """Rates of the SPH kernels on this machine, under the names that `estimate` knows.
 
 Steps of the split scheme with a cube of disordered particles, large and small, in empty space; a step is worth 1.46
-evaluations of all pair sums. What a step takes beside them grows with the particles from what its launches take.
+evaluations of all pair sums. What a step takes beside them grows with the particles from what its launches take, which
+every integrator tells for itself with next to no particles; one tells what images in mirrors and periodic sides add.
+All of them take turns. Several ranks do the same small scenes together, and each has them for itself.
 """
 
 import os
 from collections.abc import Mapping
 from time import perf_counter
-from typing import NamedTuple
 
 import numpy as np
 
-from hpcpic.core.cli.rates import undisturbed
+from hpcpic.core.cli.rates import in_turn, undisturbed
 from hpcpic.core.comm.world import World
 from hpcpic.core.files.config import loads
 from hpcpic.core.files.schema import validate
 from hpcpic.core.tasks import Pool
 from hpcpic.core.timers import Timers
 from sph.config import SphConfig
-from sph.estimate import SUMS
+from sph.estimate import EVALUATIONS, SUMS
 from sph.step import Sph
 
 ACROSS = {2: 160, 3: 36}  # particles along an edge of the cube
 FEW = {2: 8, 3: 5}
-STEPS = {True: 4, False: 16}  # by `quick`
+ROUNDS, SMALL_ROUNDS = {True: 3, False: 6}, {True: 4, False: 8}  # by `quick`
+CALLS = 8  # steps of a small scene in a turn
 CASE = """
-simulation = {{ dimensions = {d}; end_time = 1.0; integrator = "symplectic"; cfl = 0.5; }};
-domain = {{ low = {low}; high = {high}; }};
+simulation = {{ dimensions = {d}; end_time = 1.0; integrator = "{integrator}"; cfl = 0.5; }};
+domain = {{ low = {low}; high = {high}; {periodic} }};
 eos = {{ sound_speed = 10.0; }};
 fluid = ( {{ shape = {{ box = {{ low = {near}; high = {far}; }}; }}; initial_pressure = "zero"; }} );
 numerics = {{ spacing = {spacing!r}; density_flux = "molteni"; artificial_viscosity = 0.05;
              precision = "{precision}"; }};
+{wall}
 """
+MIRROR = """wall = ( { type = "mirror-no-slip"; shape = { box = { low = [0.0, 0.0]; high = [1.0, 1.0]; }; }; } );"""
 
 
-class Costs(NamedTuple):
-    """Seconds of the pair sums of a step and of all else in it, directed pairs within the support, particles."""
+class Trial:
+    """A cube with so many particles along an edge: seconds of the pair sums of its steps and of all else in them."""
 
-    sums: float
-    rest: float
-    pairs: int
-    n: int
+    def __init__(
+        self, world: World, d: int, precision: str, across: int, *, threads: int = 1, integrator: str = "symplectic",
+        images: bool = False,
+    ) -> None:  # fmt: skip
+        low, high = ([0.0] * d, [1.0] * d) if images else ([-1.0] * d, [2.0] * d)
+        text = CASE.format(
+            d=d, low=low, high=high, near=[0.0] * d, far=[1.0] * d, spacing=1.0 / across, precision=precision,
+            integrator=integrator, periodic='periodic = ["x"];' if images else "", wall=MIRROR if images else "",
+        )  # fmt: skip
+        self.pool = Pool(threads, world.cpus(threads))
+        self.sph = sph = Sph(validate(SphConfig, loads(text)), world, self.pool, Timers())
+        sph.bodies.own("x")[:] += np.random.default_rng(1).uniform(0.0, 0.2 / across, (d, sph.bodies.n))
+        sph.migrate()
+        sph.sort()
+        self.n, self.pairs = sph.work_items, neighbours(sph, across)
+        self._sums, self._rest = list[float](), list[float]()
+
+    def step(self) -> None:
+        self.sph.timers.reset()
+        begin = perf_counter()
+        self.sph.step()
+        whole, sums = perf_counter() - begin, self.sph.timers.totals()["pairs"][0]
+        self._sums.append(sums)
+        self._rest.append(whole - sums)
+
+    @property
+    def sums(self) -> float:
+        return undisturbed(self._sums)
+
+    @property
+    def rest(self) -> float:
+        return undisturbed(self._rest)
+
+    def close(self) -> None:
+        self.sph.close()
+        self.pool.close()
+
+
+def taken(trials: Mapping[str, Trial], rounds: int, calls: int = 4) -> None:
+    """The turns of all, and their end."""
+    in_turn({name: trial.step for name, trial in trials.items()}, rounds, calls)
+    for trial in trials.values():
+        trial.close()
 
 
 def bench(quick: bool) -> Mapping[str, float]:
     """Rate by name; with `quick` 3D double only."""
-    world, worth = World.alone(), SUMS["symplectic"]
-    rates: dict[str, float] = {}
-    for d, precision in ((3, "double"), (3, "single"), (2, "double"), (2, "single"))[: 1 if quick else None]:
-        many = measure(world, d, precision, ACROSS[d], STEPS[quick])
-        few = measure(world, d, precision, FEW[d], 4 * STEPS[quick])
-        pair = (many.sums - few.sums) / (many.pairs - few.pairs) / worth
-        rates[f"pair_ns {d}D {precision}"] = 1e9 * pair
-        if (d, precision) == (3, "double"):
-            each = (many.rest - few.rest) / (many.n - few.n)
-            launch = max(0.0, few.sums / worth - few.pairs * pair)
-            rates |= {"body_ns": 1e9 * each, "step_us": 1e6 * (few.rest - few.n * each), "sum_launch_us": 1e6 * launch}
-            if (cores := len(os.sched_getaffinity(0))) > 1:
-                all_cores = measure(world, d, precision, ACROSS[d], STEPS[quick], cores)
-                rates["pair_core_gain"] = (many.sums + many.rest) / (all_cores.sums + all_cores.rest)
-    rates["cores"] = len(os.sched_getaffinity(0))
+    world, cores = World.alone(), len(os.sched_getaffinity(0))
+    rates = standard_rates(world, cores, quick)
+    for d, precision in ((3, "single"), (2, "double"), (2, "single")):
+        if not quick:
+            trials = {name: Trial(world, d, precision, across[d]) for name, across in (("few", FEW), ("many", ACROSS))}
+            taken(trials, ROUNDS[quick])
+            rates[f"pair_ns {d}D {precision}"] = 1e9 * of_pair(trials)
+    return rates | small_rates(world, quick, rates["pair_ns 2D double"] if not quick else 0.0) | {"cores": cores}
+
+
+def of_pair(trials: Mapping[str, Trial]) -> float:
+    """Seconds of a directed pair within the support."""
+    few, many = trials["few"], trials["many"]
+    return (many.sums - few.sums) / (many.pairs - few.pairs) / SUMS["symplectic"]
+
+
+def standard_rates(world: World, cores: int, quick: bool) -> dict[str, float]:
+    """Of pairs and particles in 3D and double precision, and what all cores gain."""
+    kinds = {"few": FEW[3], "many": ACROSS[3]}
+    trials = {name: Trial(world, 3, "double", across) for name, across in kinds.items()}
+    if cores > 1:
+        trials["together"] = Trial(world, 3, "double", ACROSS[3], threads=cores)
+    taken(trials, ROUNDS[quick])
+    few, many = trials["few"], trials["many"]
+    rates = {"pair_ns 3D double": 1e9 * of_pair(trials), "body_ns": 1e9 * (many.rest - few.rest) / (many.n - few.n)}
+    if cores > 1:
+        both = trials["together"]
+        rates["pair_core_gain"] = (many.sums + many.rest) / (both.sums + both.rest)
     return rates
 
 
-def measure(world: World, d: int, precision: str, across: int, steps: int, threads: int = 1) -> Costs:
-    """Of a cube with so many particles along an edge."""
-    text = CASE.format(
-        d=d, low=[-1.0] * d, high=[2.0] * d, near=[0.0] * d, far=[1.0] * d, spacing=1.0 / across, precision=precision
-    )
-    pool = Pool(threads, world.cpus(threads))
-    sph = Sph(validate(SphConfig, loads(text)), world, pool, Timers())
-    sph.bodies.own("x")[:] += np.random.default_rng(1).uniform(0.0, 0.2 / across, (d, sph.bodies.n))
-    sph.migrate()
-    sph.sort()
-    steps_s, sums_s = [], []
-    for _ in range(2 + steps):
-        sph.timers.reset()
-        begin = perf_counter()
-        sph.step()
-        steps_s.append(perf_counter() - begin)
-        sums_s.append(sph.timers.totals()["pairs"][0])
-    step, sums, n = undisturbed(steps_s[2:]), undisturbed(sums_s[2:]), sph.bodies.n
-    pairs = neighbours(sph, across)
-    sph.close()
-    pool.close()
-    return Costs(sums, step - sums, pairs, n)
+def small_rates(world: World, quick: bool, pair_ns: float) -> dict[str, float]:
+    """What the launches of a step of each integrator take, in its sums and beside them, and images of particles."""
+    kinds = SUMS if not quick else ("symplectic",)
+    trials = {kind: Trial(world, 2, "double", FEW[2], integrator=kind) for kind in kinds}
+    if not quick:
+        trials["images"] = Trial(world, 2, "double", FEW[2], images=True)
+    taken(trials, SMALL_ROUNDS[quick], CALLS)
+    rates = {}
+    for kind in kinds:
+        trial = trials[kind]
+        rates[f"step_us {kind}"] = 1e6 * trial.rest
+        rates[f"sums_us {kind}"] = 1e6 * max(0.0, trial.sums - 1e-9 * SUMS[kind] * trial.pairs * pair_ns)
+    if not quick:
+        with_images, without = trials["images"], trials["symplectic"]
+        more = (with_images.sums - without.sums) / EVALUATIONS["symplectic"]
+        rates["images_us"] = 1e6 * max(0.0, with_images.rest - without.rest)
+        rates["image_refresh_us"] = 1e6 * max(0.0, more)
+    return rates
+
+
+def bench_ranks(quick: bool, world: World) -> Mapping[str, float]:
+    """What ranks tell each other in a step, whatever the particles. Collective."""
+    here = World.alone()
+    kinds = {"plain": False, "images": True}
+    alone = {name: Trial(here, 2, "double", FEW[2], images=images) for name, images in kinds.items()}
+    ranks = {f"{name} ranks": Trial(world, 2, "double", FEW[2] * world.size, images=images)
+             for name, images in kinds.items()}  # fmt: skip
+    taken(alone | ranks, SMALL_ROUNDS[quick], CALLS)
+    more = {name: world.max(ranks[f"{name} ranks"].rest - alone[name].rest) for name in kinds}
+    refresh = world.max(ranks["plain ranks"].sums - alone["plain"].sums) / EVALUATIONS["symplectic"]
+    return {
+        "ghost_exchange_us": 1e6 * max(0.0, more["plain"]),
+        "image_exchange_us": 1e6 * max(0.0, more["images"] - more["plain"]),
+        "refresh_us": 1e6 * max(0.0, refresh),
+    }
 
 
 def neighbours(sph: Sph, across: int) -> int:

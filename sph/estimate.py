@@ -15,6 +15,7 @@ from sph.plan import MIB, arrays, counts
 
 SUMS = {"euler": 1.0, "predictor-corrector": 2.0, "rk3-tvd": 3.0, "symplectic": 1.46}  # pair sums of a step, of these
 FIRST = {"euler": 1.0, "predictor-corrector": 1.0, "rk3-tvd": 1.0, "symplectic": 0.85}  # what a sample needs too
+EVALUATIONS = {"euler": 1, "predictor-corrector": 2, "rk3-tvd": 3, "symplectic": 1}  # for which ghosts are sent anew
 DELTA = 0.3  # more, for renormalised gradients
 SERIES_BYTES = 24 * 8 * 2
 START = 2.0  # s: interpreter, libraries, kernels from the cache
@@ -27,11 +28,19 @@ DEFAULT = FILES | {
     "pair_ns 2D double": 1.65,
     "pair_ns 2D single": 1.45,
     "body_ns": 50.0,  # sorting, state, criteria
-    "step_us": 130.0,  # Python and the launches of a step
-    "sum_launch_us": 45.0,  # and of an evaluation
-    "images_us": 480.0,  # a step: who has images in mirrors and periodic sides
+    "step_us euler": 145.0,  # Python and the launches of a step beside its sums
+    "step_us predictor-corrector": 170.0,
+    "step_us rk3-tvd": 195.0,
+    "step_us symplectic": 140.0,
+    "sums_us euler": 35.0,  # and of these
+    "sums_us predictor-corrector": 70.0,
+    "sums_us rk3-tvd": 105.0,
+    "sums_us symplectic": 50.0,
+    "images_us": 400.0,  # a step: who has images in mirrors and periodic sides
+    "image_refresh_us": 40.0,  # and an evaluation
     "sph_sample_us": 150.0,
     "ghost_exchange_us": 300.0,  # a step of several ranks: who is a ghost where, leavers, the time step
+    "image_exchange_us": 300.0,  # and who has images there
     "refresh_us": 30.0,  # of ghosts, an evaluation
     "ghost_ns": 200.0,  # of one ghost, a step
     "cores": 2.0,
@@ -63,12 +72,13 @@ def phases(config: SphConfig, ranks: int, threads: int, rates: Mapping[str, floa
     neighbours = math.pi * reach**2 if d == 2 else 4 / 3 * math.pi * reach**3
     pairs = (fluid + 0.5 * walls) * neighbours
     cores = 1e9 * gain(ranks, threads, rates, rates["pair_core_gain"])
-    imaged = config.domain.periodic or any(wall.type.startswith(IMAGES) for wall in config.wall)
+    kind = config.simulation.integrator
+    images = rates["images_us"] + EVALUATIONS[kind] * rates["image_refresh_us"] if imaged(config) else 0.0
     return {
         "pairs": sums(config) * pairs * rates[f"pair_ns {d}D {config.numerics.precision}"] / cores,
         "particles": (fluid + walls) * rates["body_ns"] / cores,
-        "launches": 1e-6 * (rates["step_us"] + sums(config) * rates["sum_launch_us"]),
-        "images": 1e-6 * rates["images_us"] if imaged else 0.0,
+        "launches": 1e-6 * (rates[f"step_us {kind}"] + rates[f"sums_us {kind}"]),
+        "images": 1e-6 * images,
         "exchanges": exchange_seconds(config, ranks, rates),
     }
 
@@ -79,8 +89,14 @@ def exchange_seconds(config: SphConfig, ranks: int, rates: Mapping[str, float]) 
         return 0.0
     d, (fluid, walls) = config.dimensions, counts(config)
     ghosts = min(2, ranks - 1) * (fluid + walls) ** (1 - 1 / d) * config.support / config.numerics.spacing
-    fixed = rates["ghost_exchange_us"] + sums(config) * rates["refresh_us"]
+    fixed = rates["ghost_exchange_us"] + (rates["image_exchange_us"] if imaged(config) else 0.0)
+    fixed += EVALUATIONS[config.simulation.integrator] * rates["refresh_us"]
     return 1e-6 * fixed + 1e-9 * ghosts * rates["ghost_ns"]
+
+
+def imaged(config: SphConfig) -> bool:
+    """Whether particles have images."""
+    return bool(config.domain.periodic) or any(wall.type.startswith(IMAGES) for wall in config.wall)
 
 
 def sums(config: SphConfig) -> float:
@@ -90,9 +106,8 @@ def sums(config: SphConfig) -> float:
 
 def first_seconds(config: SphConfig, whole: Mapping[str, float], rates: Mapping[str, float]) -> float:
     """Of the first evaluation of a step, which it finds done where a sample was taken."""
-    share = FIRST[config.simulation.integrator] / SUMS[config.simulation.integrator]
-    launches = 1e-6 * FIRST[config.simulation.integrator] * rates["sum_launch_us"]
-    return share * whole["pairs"] + launches
+    kind = config.simulation.integrator
+    return FIRST[kind] / SUMS[kind] * (whole["pairs"] + 1e-6 * rates[f"sums_us {kind}"])
 
 
 def times(config: SphConfig, seconds: float) -> float:
