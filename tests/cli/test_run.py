@@ -1,6 +1,7 @@
 """`run` from outside: the folder it leaves, one result for any ranks, and refusals that leave nothing."""
 
 import csv
+import os
 import re
 
 import pytest
@@ -120,6 +121,12 @@ def test_wrong_times_are_usage_errors(toy, words):
 def test_an_empty_argument_is_a_usage_error(toy, words):
     done = toy(*words)
     assert done.returncode == 2 and "an argument is empty" in done.stderr
+    assert [path.name for path in toy.folder.iterdir()] == ["ring.conf"]
+
+
+def test_a_name_that_is_no_text_is_a_usage_error(toy):
+    done = toy("run", "ring.conf", "-o", os.fsdecode(b"r\xff"))
+    assert done.returncode == 2 and "not text" in done.stderr
     assert [path.name for path in toy.folder.iterdir()] == ["ring.conf"]
 
 

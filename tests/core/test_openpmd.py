@@ -28,6 +28,7 @@ def arrays(points: tuple[int, ...]) -> dict[str, np.ndarray]:
         "position": rng.random((N, 3)),
         "velocity": rng.random((N, 2)),
         "charge": rng.random(N),
+        "orientation": rng.random((N, 4)),
     }
 
 
@@ -39,7 +40,7 @@ def write(world, folder: Path, points: tuple[int, ...], after: int | None = None
     first, last = block_ranges(N, world.size)[world.rank]
     a = arrays(points)
     fields = {"rho": FieldArray(a["rho"][low:high], "C/m2"), "E": FieldArray(a["E"][low:high], "V/m")}
-    part = {name: a[name][first:last] for name in ("velocity", "charge")}
+    part = {name: a[name][first:last] for name in ("velocity", "charge", "orientation")}
     ions = ParticleArray(
         a["id"][first:last], a["position"][first:last], part, {"velocity": "m/s", "charge": "C"}
     )
@@ -65,6 +66,7 @@ def assert_holds(path: Path, points: tuple[int, ...]) -> None:
         for c, axis in enumerate("xyz"):
             assert np.array_equal(ions["position"][axis], a["position"][:, c])
         assert np.array_equal(ions["velocity/y"], a["velocity"][:, 1])
+        assert np.array_equal(ions["orientation/w"], a["orientation"][:, 0])
         assert ions["velocity"].attrs["unitDimension"].tolist() == [1, 0, -1, 0, 0, 0, 0]
 
 
@@ -79,6 +81,7 @@ def test_validator_finds_no_error(tmp_path: Path, points: tuple[int, ...]) -> No
 
 def test_units_are_taken_apart() -> None:
     assert dimension("") == dimension("1") == (0,) * 7
+    assert dimension("rad/s") == dimension("s^-1") == (0, 0, -1, 0, 0, 0, 0)  # of turning grains
     assert dimension("V/m") == (1, 1, -3, -1, 0, 0, 0)
     assert dimension("kg m/s") == dimension("N*s") == (1, 1, -1, 0, 0, 0, 0)
     assert dimension("C/m^2") == dimension("C m^-2") == dimension("C/m2") == (-2, 0, 1, 1, 0, 0, 0)

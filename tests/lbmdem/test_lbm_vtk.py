@@ -39,6 +39,8 @@ def test_vtk_opens_fields_and_grains(tmp_path):
     done = launch(1, *words, "--threads", "1")
     assert done.returncode == 0, done.stderr[-2000:]
     run = tmp_path / "run"
+    exported = launch(1, "-m", "lbmdem", "export", str(run), "--to", "csv,openpmd,vtkhdf")
+    assert exported.returncode == 0, exported.stderr[-2000:]
     fields, grains = (sorted(run.rglob(name))[0] for name in ("fields.vtkhdf", "*rains.vtkhdf"))
     found = list(steps_of(fields))
     assert [time for time, *_ in found] == pytest.approx([0.0, 0.02, 0.04])

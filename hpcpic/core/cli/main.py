@@ -68,6 +68,9 @@ class Face(click.Group):
     def resolve_command(self, context: click.Context, arguments: list[str]) -> Any:
         if "" in arguments:
             raise click.UsageError("an argument is empty: is a variable of the shell not set?")
+        for word in arguments:
+            if any("\ud800" <= letter <= "\udfff" for letter in word):  # bytes that Python could not read
+                raise click.UsageError(f"{word!a}: not text in the encoding of this terminal")
         if launcher_rank() and arguments and arguments[0] not in PARALLEL:
             sys.stdout = sys.stderr = open(os.devnull, "w")  # noqa: SIM115  (rank 0 says it)
         return super().resolve_command(context, arguments)

@@ -27,6 +27,7 @@ if TYPE_CHECKING:
     from hpcpic.core.comm.world import World
 
 AXES = "xyz"
+QUATERNION = "wxyz"  # components of a column four wide
 BASE = ("m", "kg", "s", "A", "K", "mol", "cd")
 # Exponents of BASE for the units our arrays come in.
 UNITS: dict[str, tuple[int, ...]] = {
@@ -37,6 +38,7 @@ UNITS: dict[str, tuple[int, ...]] = {
     "V": (2, 1, -3, -1, 0, 0, 0),
     "T": (0, 1, -2, -1, 0, 0, 0),
     "Pa": (-1, 1, -2, 0, 0, 0, 0),
+    "rad": (0,) * 7,
     "1": (0,) * 7,
     "": (0,) * 7,
 }
@@ -149,7 +151,8 @@ def _records(particles: ParticleArray) -> Iterator[tuple[str, Any]]:
         if values.ndim == 1:
             yield name, values
         else:
-            yield from ((f"{name}/{AXES[c]}", values[:, c]) for c in range(values.shape[1]))
+            letters = QUATERNION if values.shape[1] == 4 else AXES
+            yield from ((f"{name}/{letters[c]}", values[:, c]) for c in range(values.shape[1]))
 
 
 def _describe(file: "h5py.File", step: int, time: float, time_step: float) -> None:
