@@ -135,3 +135,5 @@ def test_the_table_has_what_a_user_looks_for():
         "100.0%",  # spread: (3 - 1) / 2
     ):
         assert part in text
+    told = summary.render({**FACTS, "program": "sph", "folder": "a b"})
+    assert told.endswith("sph plot 'a b'; sph report 'a b'")

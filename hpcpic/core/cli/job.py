@@ -155,7 +155,7 @@ class _Job:
         finally:
             pool.close()
         if self.world.rank == 0:
-            self._say(summary.render(outcome.facts))
+            self._say(summary.render({**outcome.facts, "program": self.app.name}))
         return outcome.exit_code
 
     def _complete(

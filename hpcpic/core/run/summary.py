@@ -6,6 +6,7 @@ from __future__ import annotations
 
 import math
 import resource
+import shlex
 import statistics
 import time
 from array import array
@@ -168,6 +169,9 @@ def render(facts: Mapping[str, Any]) -> str:
     for k, text in enumerate(facts.get("warnings", ())):
         lines.append(_row(f"warning {k + 1}", text))
     lines.append(_row("results", str(facts["folder"])))
+    if "program" in facts:
+        folder = shlex.quote(str(facts["folder"]))
+        lines.append(_row("look", f"{facts['program']} plot {folder}; {facts['program']} report {folder}"))
     return "\n".join(lines)
 
 
