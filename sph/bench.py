@@ -52,7 +52,7 @@ class Trial:
         )  # fmt: skip
         self.pool = Pool(threads, world.cpus(threads))
         self.sph = sph = Sph(validate(SphConfig, loads(text)), world, self.pool, Timers())
-        sph.bodies.own("x")[:] += np.random.default_rng(1).uniform(0.0, 0.2 / across, (d, sph.bodies.n))
+        sph.bodies.x[:] += np.random.default_rng(1).uniform(0.0, 0.2 / across, sph.bodies.x.shape)
         sph.migrate()
         sph.sort()
         self.n, self.pairs = sph.work_items, neighbours(sph, across)

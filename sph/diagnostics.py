@@ -74,14 +74,14 @@ class Totals:
         storage axes. Exact: the same bits for any ranks and threads. Collective.
         """
         a = self.tasks.arrays
-        self.tasks.each(self.kernels.extremes, chunks="own_chunks")
+        self.tasks.each(self.kernels.extremes)
         most = np.where(np.isnan(a["most"]).any(axis=1)[:, None], np.inf, a["most"]).max(axis=0)
         most = self.world.max_array(most)
         if not np.isfinite(most[:3]).all():
             return np.full(self.n, np.nan), most
         scales = [exact.power_of_two_above(float(bound)) for bound in self._bounds(*most[:3], most[3:])]
         a["inverse"][:] = [1.0 / scale for scale in scales]
-        self.tasks.each(self.kernels.add, chunks="own_chunks")
+        self.tasks.each(self.kernels.add)
         limbs = self.world.sum_int(a["limbs"].sum(axis=0))
         return np.array([exact.value(row, scale) for row, scale in zip(limbs, scales)]), most
 

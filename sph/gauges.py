@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from sph import limits
 from sph.config import AXES, Gauge
 from sph.scene import Scene
-from sph.snapshot import own_particles
+from sph.snapshot import particles_at
 
 if TYPE_CHECKING:
     from sph.step import Sph
@@ -55,9 +55,7 @@ class Gauges:
                 found[gauge.name] = self.front(gauge)
                 continue
             if own is None:
-                particles = own_particles(self.sph)
-                wet = particles["kind"] == 0
-                own = {name: particles[name][wet] for name in ("x", "v", "m", "drho")}
+                own = particles_at(self.sph, self.sph.bodies.fluid)
             found |= self.read(gauge, own)
         self.since = time
         return found
@@ -104,7 +102,7 @@ class Gauges:
         assert gauge.axis is not None
         sign, k = (1.0 if gauge.axis[1] == "+" else -1.0), AXES.index(gauge.axis[0])
         bodies, along = self.sph.bodies, self.sph.axes.index(k)
-        x = sign * bodies.own("x")[along][bodies.own("wall") == 0]
+        x = sign * bodies.x[along, bodies.fluid]
         farthest = self.sph.world.max(float(x.max(initial=-np.inf)))
         return sign * (farthest + sign * self.sph.origin[along] + self.scene.spacing / 2)
 

@@ -54,7 +54,7 @@ def most_sums(law: Law, split: bool) -> int:
 def unused(law: Law, staged: bool) -> set[str]:
     """Columns of the bodies that a case has no need of."""
     needed = {
-        "normal": law.repulsive, "gradient": law.needs_gradient, "shear": law.viscosity == "strain-rate",
+        "gradient": law.needs_gradient, "shear": law.viscosity == "strain-rate",
         "matrix": law.corrected, "offset": law.shifting,
     } | dict.fromkeys(("x_old", "v_old", "drho_old"), staged)  # fmt: skip
     return {name for name, used in needed.items() if not used}

@@ -1,5 +1,6 @@
 """Cells of a rank: bodies in slots by layer, row and fine cell, and the runs of slots where neighbours are."""
 
+from collections.abc import Callable
 from types import ModuleType
 from typing import Any
 
@@ -9,7 +10,7 @@ from numpy.typing import NDArray
 from hpcpic.core.errors import Diverged
 from hpcpic.core.tasks import TaskError
 from sph.kernels.specialise import specialise
-from sph.particles import PADS, SLACK, Bodies, Tasks, even
+from sph.particles import BODY, OWN, PADS, Bodies, Tasks, even
 
 FINE = 8
 GAP = 16  # slots between layers: a vector may overrun
@@ -40,13 +41,13 @@ class Cells:
         self.tasks, self.grid, self.parts = tasks, grid, tasks.parts
         self.kernels: ModuleType = specialise("cells", DIM=d)
         self.n_runs = self.kernels.ROWS
-        self._layers = self._rows = self._fine = self._bodies = self.slots = -1  # no arrays yet
+        self._layers = self._rows = self._fine = -1  # no arrays yet
         tasks.set(
             scale=grid.scale,
             edge=grid.edges,
             shape=np.zeros(6, np.int64),
             chunks=np.zeros(self.parts + 1, np.int64),
-            own_chunks=np.zeros(self.parts + 1, np.int64),
+            span=np.zeros((self.parts, 2), np.int64),
             layers=np.zeros(self.parts + 1, np.int64),
             sweeps=np.zeros(self.parts + 1, np.int64),
             inner=np.zeros(self.parts + 1, np.int64),
@@ -63,10 +64,6 @@ class Cells:
                 **table, begin=np.zeros(n + 1, np.int64), base=np.zeros(n + 1, np.int64),
                 rows=np.zeros((n, 3), np.int64), fine_total=np.zeros(n + 1, np.int64),
             )  # fmt: skip
-        n = sizes.get("bodies", 0)
-        if n > self._bodies:
-            self._bodies = n = n + n // SLACK
-            tasks.workspace.need("sort", **dict.fromkeys(("layer", "row", "fine", "bucket"), ((n,), np.int32)))
         n = sizes.get("rows", 0)
         if n > self._rows:
             self._rows = n = n + n // 4
@@ -75,39 +72,44 @@ class Cells:
         if n > self._fine:
             self._fine = n = n + n // 4
             tasks.set(fine_start=np.zeros(n, np.int32))
-        n = sizes.get("slots", 0)
-        if n > self.slots:
-            self.slots = n = (n + n // SLACK + GAP) // GAP * GAP
-            tasks.set(
-                body=np.zeros(n, np.int32), slot_class=np.zeros(n, np.int32),
-                run_first=np.zeros((self.n_runs, n), np.int32), run_length=np.zeros((self.n_runs, n), np.uint16),
-            )  # fmt: skip
+
+    def _fit(self, bodies: Bodies) -> None:
+        """Memory for a sort, as large as the bodies now are."""
+        n, need = bodies.capacity, self.tasks.workspace.need
+        slots = {"body": ((n,), np.int32), "kind": ((n,), np.int32)}
+        need("move", **slots, moved=((2 * bodies.d, n), np.float64))
+        need("sort", **slots, **dict.fromkeys(("layer", "row", "fine", "bucket"), ((n,), np.int32)))
+
+    def _place(self, bodies: Bodies, wanted: int) -> None:
+        a = self.tasks.arrays
+        self._fit(bodies)
+        a["shape"][:] = PADS, self.grid.layers, 0, 0, self.grid.rows, 0
+        a["chunks"][:] = even(bodies.end, self.parts)
+        self.tasks.each(self.kernels.place, wanted=wanted)
 
     def layer_of(self, bodies: Bodies) -> NDArray[np.int32]:
-        """Global layers of the own bodies, in memory that the next `sort` uses."""
-        tasks, a = self.tasks, self.tasks.arrays
-        self._room(bodies=bodies.n)
-        a["shape"][:2] = PADS, self.grid.layers
-        a["own_chunks"][:] = even(bodies.n, self.parts)
-        tasks.each(self.kernels.layers_of, chunks="own_chunks")
-        return a["layer"][: bodies.n]
+        """Global layers by row, of others than the own bodies -1, in memory that the next `sort` uses."""
+        self._place(bodies, OWN)
+        return self.tasks.arrays["layer"][: bodies.end]
 
-    def sort(self, bodies: Bodies, layer: NDArray[np.int32], slab: tuple[int, int], radius: float) -> None:
-        """Slots of all bodies; neighbours are within `radius`. The own ones are in global layers layer[n] of the slab
-        from slab[0] up to slab[1], ghosts also beside it.
+    def sort(self, bodies: Bodies, slab: tuple[int, int], fit: Callable[[], None]) -> None:
+        """Bodies into slots by cells. The own ones are in the layers of the slab from slab[0] up to slab[1], ghosts
+        also beside it. `fit` makes what else shares the memory as large as the bodies are.
         """
-        tasks, a, kernels = self.tasks, self.tasks.arrays, self.kernels
-        first, here = self._span(bodies, layer, *slab)
+        tasks, kernels = self.tasks, self.kernels
+        fit()
+        self._place(bodies, BODY)
+        a = tasks.arrays
+        first, here = self._span(*slab)
         self.here = here
-        n = bodies.n + bodies.ghosts
-        self._room(layers=here, bodies=n)
-        a["shape"][:] = PADS, self.grid.layers, first, here, self.grid.rows, n
-        a["edge"][4] = radius
-        a["chunks"][:] = even(n, self.parts)
-        a["own_chunks"][:] = even(bodies.n, self.parts)
-        self._try(kernels.place)
-        count = a["count"][:, :here]
-        self._buckets(count, here)
+        self._room(layers=here)
+        a["shape"][2:4] = first, here
+        self._try(kernels.tally)
+        self._buckets(a["count"][:, :here], first, here)
+        slots = int(a["base"][here]) + GAP
+        if slots > bodies.capacity:
+            bodies.reserve(slots)
+            return self.sort(bodies, slab, fit)
         tasks.each(kernels.scatter)
         tasks.each(kernels.extents, blocks="layers")
         fine = a["fine_total"]
@@ -116,7 +118,19 @@ class Cells:
         np.cumsum(totals, out=fine[1 : here + 1])
         self._room(fine=int(fine[here]))
         tasks.each(kernels.arrange, blocks="layers")
-        self._try(kernels.find, blocks="sweeps")
+        tasks.each(kernels.find_places, blocks="layers")
+        bodies.sorted(a["bucket"], int(a["base"][here]))
+        for lines in ((0, 2 * bodies.d), (2 * bodies.d, len(bodies.state))):
+            both = dict(zip(("first", "last"), lines))
+            tasks.each(kernels.gather, blocks="layers", **both)
+            tasks.each(kernels.put_back, blocks="layers", **both)
+        a["chunks"][:] = even(bodies.end, self.parts)
+        return None
+
+    def find(self, radius: float) -> None:
+        """Runs of the slots of all neighbours within `radius`."""
+        self.tasks.arrays["edge"][4] = radius
+        self._try(self.kernels.find, blocks="sweeps")
 
     def _try(self, kernel: Any, **more: Any) -> None:
         """A kernel that may find the state to be no solution."""
@@ -129,21 +143,15 @@ class Cells:
                 raise Diverged(f"more than {self.kernels.MOST} particles in one place") from error
             raise
 
-    def _span(self, bodies: Bodies, layer: NDArray[np.int32], low: int, high: int) -> tuple[int, int]:
+    def _span(self, low: int, high: int) -> tuple[int, int]:
         """First and number of the layers with bodies, and one more on each side: an empty tank costs nothing."""
-        ghosts = self.grid.layer(bodies.x[0, bodies.n : bodies.n + bodies.ghosts])
-        first = max(min(layer.min(initial=high), ghosts.min(initial=high)) - 1, low - 1)
-        last = min(max(layer.max(initial=low - 1), ghosts.max(initial=low - 1)) + 1, high)
-        return (int(first), int(last - first) + 1) if bodies.n + bodies.ghosts else (low - 1, 2)
+        lowest, highest = self.tasks.arrays["span"].min(axis=0)[0], self.tasks.arrays["span"].max(axis=0)[1]
+        if highest < 0:
+            return low - 1, 2
+        first, last = max(lowest - 1, low - 1), min(highest + 1, high)
+        return int(first), int(last - first) + 1
 
-    def order(self) -> NDArray[np.int64]:
-        """All bodies in the order of their slots."""
-        begin, base = self.tasks.arrays["begin"], self.tasks.arrays["base"]
-        body = self.tasks.arrays["body"]
-        n = np.diff(begin[: self.here + 1])
-        return np.concatenate([body[base[l] : base[l] + n[l]] for l in range(self.here)]).astype(np.int64)
-
-    def _buckets(self, count: NDArray[np.int64], here: int) -> None:
+    def _buckets(self, count: NDArray[np.int64], first: int, here: int) -> None:
         """From the counts of chunks and layers: where layers begin, their rows, and blocks of about equal load."""
         a = self.tasks.arrays
         per_layer = count.sum(axis=0)
@@ -157,11 +165,13 @@ class Cells:
         rows[:here, 0] = low
         rows[:here, 1] = np.maximum(high - low + 1, 0)
         rows[:here, 2] = np.cumsum(rows[:here, 1]) - rows[:here, 1]
-        self._room(rows=int(rows[:here, 1].sum()), slots=int(base[here]) + GAP)
+        self._room(rows=int(rows[:here, 1].sum()))
         share = begin[here] * np.arange(self.parts + 1) / self.parts
         a = self.tasks.arrays
         cuts = np.searchsorted(begin[: here + 1], share)
         cuts[0], cuts[-1] = 0, here
         a["layers"][:] = cuts
-        a["sweeps"][:] = np.minimum(cuts, here - 1)
+        pairs = np.unique(np.minimum(cuts[1:-1] + (cuts[1:-1] + first) % 2, here - 1))  # an even layer and the next
+        a["sweeps"][0], a["sweeps"][1:] = 0, here - 1
+        a["sweeps"][1 : 1 + len(pairs)] = pairs
         a["inner"][:] = np.clip(cuts, 1, here - 1)

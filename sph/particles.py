@@ -1,4 +1,4 @@
-"""The bodies of one rank: its own particles, fluid and wall, and behind them ghosts of others and images.
+"""The bodies of one rank in the order of their cells: its own particles, fluid and wall, ghosts of others and images.
 
 A ghost is a body seen through a map x -> turn x + shift: the identity for those next to a slab, shifts for
 periodic sides, reflections for walls that mirror. The owner of a particle knows who needs which of its images.
@@ -17,13 +17,18 @@ from hpcpic.core.comm.tags import Channel
 from hpcpic.core.comm.world import World
 from hpcpic.core.errors import ConfigError
 from hpcpic.core.space.domain import Domain
-from hpcpic.core.tasks import Bound, Pool, bind
+from hpcpic.core.space.fields import aligned_zeros
+from hpcpic.core.tasks import Graph, Pool, bind
 from sph.images import CODES, Maps
+from sph.scene import WALL_BITS
 from sph.workspace import Workspace
 
-FLUID, REAL, MIRRORED, REPULSIVE = 1, 2, 4, 8  # flags
+# Flags of a slot; 0: nobody is there. REAL: its sums are used (images only give). FLOWS: density flows in and out, of
+# fluid and its images, but not in mirrors. 16 is that of kernels.cells. From bit NORMAL on: which normal, of repulsive
+# walls.
+FLUID, REAL, REPULSIVE, FLOWS, BODY, OWN = 1, 2, 4, 8, 32, 64
 PADS = 2  # layers and rows outside the domain, for walls and images
-MOST = 2**28  # bodies of a rank: kernels.packing counts their bytes in int32
+MOST = 2**31 - 2**20  # bodies of a rank: their slots are int32
 SLACK = 16  # one body more for so many, when there is no room
 IMAGES_REACH = 4  # layers from a body to where its image, but for a period, is looked for; with one to spare
 
@@ -34,27 +39,36 @@ class Tasks:
     def __init__(self, pool: Pool, parts: int) -> None:
         self.pool, self.parts = pool, parts
         self.arrays: dict[str, Any] = {}
-        self._bound: dict[Any, list[Bound]] = {}
+        self._graphs: dict[Any, Graph] = {}
         self.workspace = Workspace(self)
 
     def set(self, **arrays: Any) -> None:
         """Name arrays; a new array for a name makes all tasks be bound again."""
         self.arrays.update(arrays)
-        self._bound.clear()
+        self._graphs.clear()
 
     def each(self, kernel: Callable, **more: Any) -> None:
         """The kernel for every part (its first argument); `more`: arguments that are numbers, or other names."""
+        self._run(kernel, more, {"": {}})
+
+    def alternate(self, kernel: Callable, **more: Any) -> None:
+        """The kernel for every part with odd = 0, and with odd = 1 once that part and the next one are through."""
+        self._run(kernel, more, {"outs": {"odd": 0}, "ins": {"odd": 1}})
+
+    def _run(self, kernel: Callable, more: Mapping[str, Any], rounds: Mapping[str, Mapping[str, Any]]) -> None:
         key = (kernel, *more.items())
-        if key not in self._bound:
-            self._bound[key] = [bind(kernel, part, *self._arguments(kernel, more)) for part in range(self.parts)]
-        self.pool.each(self._bound[key])
+        if key not in self._graphs:
+            graph = Graph()
+            for way, numbers in rounds.items():
+                arguments = self._arguments(kernel, {**more, **numbers})
+                for part in range(self.parts):
+                    touched = {"outs": {"outs": [part]}, "ins": {"ins": [part, part + 1]}}.get(way, {})
+                    graph.task(bind(kernel, part, *arguments), **touched)
+            self._graphs[key] = graph.freeze()
+        self.pool.run(self._graphs[key])
 
-    def call(self, kernel: Callable, **more: Any) -> Any:
-        """The kernel once, from here, with all its arguments by name."""
-        return kernel(*self._arguments(kernel, more, 0))
-
-    def _arguments(self, kernel: Any, more: Mapping[str, Any], skip: int = 1) -> list[Any]:
-        names = list(inspect.signature(kernel.py_func).parameters)[skip:]
+    def _arguments(self, kernel: Any, more: Mapping[str, Any]) -> list[Any]:
+        names = list(inspect.signature(kernel.py_func).parameters)[1:]
         values = (more.get(name, name) for name in names)
         return [self.arrays[value] if isinstance(value, str) else value for value in values]
 
@@ -95,31 +109,26 @@ class Slabs:
 
 
 class Bodies:
-    """Columns of n own particles and g ghosts behind them.
+    """Columns of n own particles and of ghosts, in slots below `end`; where flags are 0 nobody is.
 
-    x, v, a, gradient, normal, offset [d, capacity], shear, matrix [d d, capacity], drho, m, rate [capacity]; key int64
-    (number of the particle CODES + image), flags, wall int32 [capacity]. wall: number of the wall + 1, 0 for fluid.
-    Columns in `without` are empty.
+    x, v, gradient, offset [d, capacity], shear, matrix [d d, capacity], drho, m [capacity]; key int64 (number of the
+    particle CODES + image), flags int32 [capacity]. x, v, drho, m, key are lines of one array, state. Columns in
+    `without` are empty. What comes is put behind all others, until the cells give it a slot.
     """
 
-    LINES = ("x", "v", "a", "gradient", "x_old", "v_old", "normal", "offset")
-    COLUMNS = ("drho", "m", "rate", "drho_old")
-    WHOLE = (("key", np.int64), ("flags", np.int32), ("wall", np.int32))
-    STATE = ("x", "v", "drho", "m", "key", "flags", "wall", "normal")
+    LINES = ("gradient", "x_old", "v_old", "offset")
 
     def __init__(self, world: World, tasks: Tasks, motion: Any, d: int, maps: Maps, without: Container[str]) -> None:
         self.world, self.tasks, self.motion, self.d, self.maps = world, tasks, motion, d, maps
         self.without = without  # columns that nobody needs
-        self.n = self.ghosts = self.capacity = 0
+        self.n = self.end = self.capacity = 0
         self.columns: dict[str, NDArray] = {}
-        self._lines: dict[str, list[str]] = {}  # names of the lines of each column
-        self._of_wall: dict[int, NDArray[np.int64]] = {}
-        self._kept = [name for name in self.STATE if name not in without]
+        self._found: dict[Any, NDArray[np.int64]] = {}  # rows that were asked for since the last sort
+        self._ghosts = self._rows = self._codes = np.zeros(0, np.int64)
         self.reserve(1024)
         self._refresh = Refresh(world, Channel.GHOSTS_VALUES)
-        self._record = np.dtype([("numbers", np.float64, 3 * d + 2), ("id", np.int64), ("flags", np.int32, 2)])
+        self._record = np.dtype([("numbers", np.float64, 2 * d + 2), ("id", np.int64), ("flags", np.int64)])
         self._migrate = Migrate(world, self._record.itemsize, Channel.PARTICLES)
-        self._rows = self._codes = np.zeros(0, np.int64)
         self._shift = np.zeros((0, d))
         self.moved = 0
 
@@ -129,9 +138,36 @@ class Bodies:
         except KeyError:
             raise AttributeError(name) from None
 
+    @property
+    def rows(self) -> NDArray[np.int64]:
+        """Slots of the own particles."""
+        return self._find("own", lambda: np.flatnonzero(self.flags[: self.end] & OWN))
+
+    @property
+    def fluid(self) -> NDArray[np.int64]:
+        """Slots of the own particles of the fluid."""
+        return self._find("fluid", lambda: np.flatnonzero(self.flags[: self.end] & (OWN | FLUID) == OWN | FLUID))
+
+    def number(self, row: int) -> int:
+        """Of a particle."""
+        return int(self.key[row] // CODES)
+
+    def _find(self, what: Any, find: Callable[[], NDArray[np.int64]]) -> NDArray[np.int64]:
+        if what not in self._found:
+            self._found[what] = find()
+        return self._found[what]
+
     def own(self, name: str) -> NDArray:
-        """View of a column, own particles only: [n] or [d, n]; "id": their numbers, a copy."""
-        return self.key[: self.n] // CODES if name == "id" else self.columns[name][..., : self.n]
+        """Copy of a column, own particles only: [n] or [d, n]; "id": their numbers, "wall": 1 + number of their wall, 0
+        for fluid.
+        """
+        if name in ("id", "wall"):
+            return self.key[self.rows] // CODES >> (WALL_BITS if name == "wall" else 0)
+        return self.columns[name][..., self.rows]
+
+    def put(self, name: str, values: NDArray | float) -> None:
+        """A column of the own particles."""
+        self.columns[name][..., self.rows] = values
 
     @property
     def id(self) -> NDArray[np.int64]:
@@ -139,127 +175,118 @@ class Bodies:
         return self.own("id")
 
     def reserve(self, capacity: int) -> None:
-        """Room for `capacity` bodies."""
+        """Room for `capacity` slots."""
         if capacity <= self.capacity:
             return
         capacity += capacity // SLACK + 16  # vectors may overrun
         if capacity > MOST:
             raise ConfigError([f"{capacity:.3g} particles on a rank, more than {MOST}: more ranks"])
-        shapes = {name: ((self.d, capacity), np.dtype(float)) for name in self.LINES}
-        shapes |= {name: ((capacity,), np.dtype(float)) for name in self.COLUMNS}
-        shapes |= {name: ((self.d**2, capacity), np.dtype(float)) for name in ("shear", "matrix")}
-        shapes |= {name: ((capacity,), np.dtype(kind)) for name, kind in self.WHOLE}
+        d = self.d
+        shapes = {"state": ((2 * d + 3, capacity), float), "flags": ((capacity,), np.int32)}
+        shapes |= dict.fromkeys(self.LINES, ((d, capacity), float)) | {"drho_old": ((capacity,), float)}
+        shapes |= dict.fromkeys(("shear", "matrix"), ((d ** 2, capacity), float))
         for name, (shape, kind) in shapes.items():
-            if name in self.without:
-                shape = (*shape[:-1], 0)
-            fresh = np.zeros(shape, kind)
+            fresh = aligned_zeros((*shape[:-1], 0) if name in self.without else shape, kind)
             if name in self.columns and fresh.size:
-                fresh[..., : self.n + self.ghosts] = self.columns[name][..., : self.n + self.ghosts]
+                fresh[..., : self.end] = self.columns[name][..., : self.end]
             self.columns[name] = fresh
+        state = self.columns["state"]
+        self.columns |= {"x": state[:d], "v": state[d : 2 * d], "drho": state[2 * d], "m": state[2 * d + 1]}
+        self.columns["key"] = state[2 * d + 2].view(np.int64)
         self.capacity = capacity
         self.tasks.set(**self.columns)
-        for name in self._kept:
-            lines = {f"{name}[{k}]": line for k, line in enumerate(np.atleast_2d(self.columns[name]))}
-            self._lines[name] = list(lines)
-            self.tasks.set(**lines)
 
     def clear(self) -> None:
         """No bodies."""
-        self.n = self.ghosts = 0
-        self._of_wall.clear()
+        self.flags[:] = 0
+        self.n = self.end = 0
+        self._ghosts = self._ghosts[:0]
+        self._found.clear()
 
     def of_wall(self, number: int) -> NDArray[np.int64]:
-        """Rows of the bodies of a wall, ghosts too; found again when there are others."""
-        if number not in self._of_wall:
-            self._of_wall[number] = np.flatnonzero(self.wall[: self.n + self.ghosts] == number + 1)
-        return self._of_wall[number]
+        """Rows of the bodies of a wall, images in it too."""
+        return self._find(number, lambda: self._others[self._walls == number + 1])
 
-    def append(
-        self, x: NDArray, v: NDArray, drho: NDArray, m: NDArray, ids: NDArray, flags: NDArray | int,
-        wall: NDArray | int, normal: NDArray | None = None,
-    ) -> None:  # fmt: skip
-        """Add own particles, x, v and normal [d, k]; forgets the ghosts."""
-        self.ghosts = 0
-        self._of_wall.clear()
-        k = len(ids)
-        self.reserve(self.n + k)
-        rows = slice(self.n, self.n + k)
-        for name, values in (("x", x), ("v", v), ("drho", drho), ("m", m), ("flags", flags), ("wall", wall)):
+    @property
+    def _others(self) -> NDArray[np.int64]:
+        """Rows of all but the own fluid."""
+        flags = self.flags[: self.end]
+        return self._find("others", lambda: np.flatnonzero((flags & BODY > 0) & (flags & (OWN | FLUID) != OWN | FLUID)))
+
+    @property
+    def _walls(self) -> NDArray[np.int64]:
+        """Wall + 1 of those, 0 for none."""
+        key = self.key[self._others]
+        image = key % CODES
+        walls = np.array(self.maps.wall)
+        return self._find("walls", lambda: np.where(image > 0, walls[image], key // CODES >> WALL_BITS))
+
+    def append(self, x: NDArray, v: NDArray, drho: NDArray, m: NDArray, ids: NDArray, flags: NDArray | int) -> None:
+        """Add own particles, x and v [d, k]."""
+        rows = self._behind(len(ids))
+        for name, values in (("x", x), ("v", v), ("drho", drho), ("m", m), ("flags", flags | BODY | OWN)):
             self.columns[name][..., rows] = values
-        if "normal" not in self.without:
-            self.columns["normal"][:, rows] = 0.0 if normal is None else normal
-        self.columns["key"][rows] = np.asarray(ids, np.int64) * CODES
-        for name in {"a", "rate", "gradient"} - set(self.without):
-            self.columns[name][..., rows] = 0.0
-        self.n += k
+        self.key[rows] = np.asarray(ids, np.int64) * CODES
+        self.n += len(ids)
 
-    def sort(self, order: NDArray) -> None:
-        """Own particles in another order, for locality alone; their rates and what is in the workspace are lost."""
-        self._of_wall.clear()
-        order_kind = {"order": ((self.capacity,), np.int32)}
-        for name in self._kept:
-            kind = self.columns[name].dtype
-            moved = f"moved {kind}"
-            self.tasks.workspace.need(moved, **order_kind, **{moved: ((self.capacity,), kind.type)})
-            self.tasks.arrays["order"][: self.n] = order
-            for line in self._lines[name]:
-                self.tasks.each(self.motion.pick, chunks="own_chunks", line=line, moved=moved)
-                self.tasks.each(self.motion.put, chunks="own_chunks", line=line, moved=moved)
+    def _behind(self, k: int) -> NDArray[np.int64]:
+        """k new rows behind all others."""
+        self._found.clear()
+        self.reserve(self.end + k)
+        self.end += k
+        return np.arange(self.end - k, self.end)
+
+    def sorted(self, place: NDArray[np.int32], end: int) -> None:
+        """What was at row k is at place[k] now."""
+        self._found.clear()
+        self.flags[end : max(end, self.end)] = 0
+        self.end = end
+        self._rows, self._ghosts = (place[rows].astype(np.int64) for rows in (self._rows, self._ghosts))
 
     # ---- between ranks
 
     def migrate(self, iteration: int, owners: NDArray[np.int64]) -> None:
-        """Own particle k goes to rank owners[k]; forgets the ghosts. Collective."""
-        self.ghosts = 0
+        """The own particle at row k goes to rank owners[k]; forgets the ghosts. Collective."""
+        self.forget_ghosts()
         if self.world.size == 1:
             return
-        leaving = np.flatnonzero(owners != self.world.rank)
+        own = self.rows
+        leaving = own[owners[own] != self.world.rank]
         peers = owners[leaving]
         outgoing = {int(peer): self._pack(leaving[peers == peer]) for peer in np.unique(peers)}
-        self._remove(leaving)
+        self.flags[leaving] = 0
+        self.n -= len(leaving)
         self._migrate.start(iteration, outgoing)
         for records in self._migrate.finish():
             rows = np.ascontiguousarray(records).reshape(-1).view(self._record)
             numbers, d = rows["numbers"].T, self.d
-            self.append(
-                numbers[:d], numbers[d : 2 * d], numbers[2 * d], numbers[2 * d + 1], rows["id"],
-                rows["flags"][:, 0], rows["flags"][:, 1], None if "normal" in self.without else numbers[2 * d + 2 :],
-            )  # fmt: skip
+            self.append(numbers[:d], numbers[d : 2 * d], numbers[2 * d], numbers[2 * d + 1], rows["id"], rows["flags"])
+        self._found.clear()
         self.moved += len(leaving)
 
     def _pack(self, index: NDArray) -> NDArray[np.uint8]:
-        records, d = np.empty(len(index), self._record), self.d
-        records["numbers"][:, :d] = self.x[:, index].T
-        records["numbers"][:, d : 2 * d] = self.v[:, index].T
-        records["numbers"][:, 2 * d], records["numbers"][:, 2 * d + 1] = self.drho[index], self.m[index]
-        if "normal" not in self.without:
-            records["numbers"][:, 2 * d + 2 :] = self.normal[:, index].T
-        records["id"] = self.key[index] // CODES
-        records["flags"][:, 0], records["flags"][:, 1] = self.flags[index], self.wall[index]
+        records = np.empty(len(index), self._record)
+        records["numbers"] = self.state[: 2 * self.d + 2, index].T
+        records["id"], records["flags"] = self.key[index] // CODES, self.flags[index]
         return records.view(np.uint8).reshape(len(index), -1)
 
-    def _remove(self, gone: NDArray) -> None:
-        """Take particles out; the last ones move into their places."""
-        self._of_wall.clear()
-        left = self.n - len(gone)
-        holes = gone[gone < left]
-        movers = np.setdiff1d(np.arange(left, self.n), gone)
-        for name in self._kept:
-            self.columns[name][..., holes] = self.columns[name][..., movers]
-        self.n = left
+    def forget_ghosts(self) -> None:
+        """Nobody is where ghosts were."""
+        self.flags[self._ghosts] = 0
+        self._ghosts = self._rows = self._codes = self._ghosts[:0]
+        self._found.clear()
 
     def choose_ghosts(self, layer: NDArray, layer_of: Callable, slabs: Slabs) -> None:
-        """Who is seen where from now on: layer[n] of the own particles. Collective."""
-        if self.ghosts:
-            self._of_wall.clear()
-        self.ghosts = 0
+        """Who is seen where from now on: layer[end], not negative for own particles. Collective."""
+        self.forget_ghosts()
         rows, codes, peers, shifts = [], [], [], []
         owner, me = slabs.owner, self.world.rank
         for k in range(len(self.maps.planes)):
             if k:
-                index = self.maps.chosen(k, self.own("x"))
+                index = self.maps.chosen(k, self.x[:, : len(layer)])
             else:
                 index = np.flatnonzero(slabs.beside[layer]) if slabs.peers else np.arange(0)
+            index = index[layer[index] >= 0]
             if not len(index):
                 continue
             shift = self.maps.shifts(k, self.x[:, index])
@@ -282,35 +309,23 @@ class Bodies:
         self._shift = np.concatenate([*shifts, np.zeros((0, self.d))])[order]
         self._rows, self._codes, peer = self._rows[order], self._codes[order], peer[order]
         members = {int(p): np.flatnonzero(peer == p) for p in np.unique(peer)}
-        ghosts = self._refresh.choose(members, slabs.peers)
-        self.reserve(self.n + ghosts)
-        self.ghosts = ghosts
+        self._ghosts = self._behind(self._refresh.choose(members, slabs.peers))
         self._identify()
 
     def _identify(self) -> None:
         """What of the ghosts does not change with time."""
-        if self.ghosts:
-            self._of_wall.clear()
         mirrored = np.array(self.maps.mirrored)[self._codes]
-        flags = self.flags[self._rows]
-        flags = np.where(self._codes > 0, flags & ~REAL, flags) | np.where(mirrored, MIRRORED, 0)
-        sent = np.zeros((len(self._rows), 3 + self.d), np.int64)
-        if "normal" not in self.without:
-            sent[:, 3:] = self.normal[:, self._rows].T.copy().view(np.int64)
-        sent[:, 0] = self.key[self._rows] + self._codes
-        sent[:, 1], sent[:, 2] = flags, self.m[self._rows].view(np.int64)
+        flags = self.flags[self._rows] & ~OWN
+        flags = np.where(self._codes > 0, flags & ~REAL, flags) & ~np.where(mirrored, FLOWS, 0)
+        sent = np.stack([self.key[self._rows] + self._codes, flags, self.m[self._rows].view(np.int64)], axis=1)
         self._refresh.start(0, sent)
         got = self._refresh.finish()
-        ghosts = slice(self.n, self.n + self.ghosts)
-        self.key[ghosts], self.flags[ghosts] = got[:, 0], got[:, 1]
-        self.m[ghosts] = np.ascontiguousarray(got[:, 2]).view(np.float64)
-        self.wall[ghosts] = np.array(self.maps.wall)[got[:, 0] % CODES]
-        if "normal" not in self.without:
-            self.normal[:, ghosts] = np.ascontiguousarray(got[:, 3:]).view(np.float64).T
+        self.key[self._ghosts], self.flags[self._ghosts] = got[:, 0], got[:, 1]
+        self.m[self._ghosts] = np.ascontiguousarray(got[:, 2]).view(np.float64)
 
     def refresh(self, iteration: int) -> None:
         """Ghosts' x, v, drho and gradient as they are now. Collective."""
-        if self.world.size == 1 and not self.ghosts:
+        if self.world.size == 1 and not len(self._ghosts):
             return
         sizes = {"gradient": self.d, "shear": self.d**2, "matrix": self.d**2}
         extra = sum(size for name, size in sizes.items() if name not in self.without)
@@ -322,4 +337,4 @@ class Bodies:
         )  # fmt: skip
         self._refresh.start(iteration, values)
         ghosts = self._refresh.finish()
-        self.motion.take_ghosts(ghosts, self.n, self.x, self.v, self.drho, self.gradient, self.shear, self.matrix)
+        self.motion.take_ghosts(ghosts, self._ghosts, self.x, self.v, self.drho, self.gradient, self.shear, self.matrix)

@@ -85,19 +85,18 @@ def arrays(config: SphConfig, ranks: int) -> Iterator[Array]:
     d, n = config.dimensions, 1.125 * (fluid + walls) / ranks
     scene, staged = Scene(config), config.simulation.integrator not in ("euler", "symplectic")
     law = law_of(scene, bool(scene.walls) or bool(scene.periodic.any()))
-    kept, size = {"normal", "offset", "gradient", "shear", "matrix"} - unused(law, staged), 4 if law.single else 8
-    yield Array("state: x, v, rho, m, id, kind", 2 * d + 4, n)
-    yield Array("rates: a, drho/dt", d + 1, n)
+    kept, size = {"offset", "gradient", "shear", "matrix"} - unused(law, staged), 4 if law.single else 8
+    yield Array("state: x, v, rho, m, id", 2 * d + 3, n)
+    yield Array("kinds and cells", 2, n, 4)
     if staged:
         yield Array("state of the step before", 2 * d + 1, n)
     for name in sorted(kept):
         yield Array(name, d * d if name in ("shear", "matrix") else d, n)
-    yield Array("pairs: positions", d, n, 4 if law.single else 8)
+    if law.single:
+        yield Array("pairs: positions", d, n, 4)
     yield Array("pairs: operands", len(columns_of(law)), n, size)
-    split = config.simulation.integrator == "symplectic"
-    yield Array("pairs: accumulators, before them cells", max(2 * most_sums(law, split), 16 // size), n, size)
-    yield Array("order and cells", 3, n, 4)
-    yield Array("runs of neighbours", 15 if d == 3 else 6, n, 2)
+    yield Array("pairs: sums", most_sums(law, config.simulation.integrator == "symplectic"), n, size)
+    yield Array("pairs: runs of neighbours", 15 if d == 3 else 6, n, 2)
 
 
 def messages(config: SphConfig, ranks: int) -> list[str]:

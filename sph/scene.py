@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from hpcpic.core.space.rng import uniforms
 from sph import config as case
 from sph import flows, geometry, resting, solids
-from sph.lattices import Filled, Grid, Parts, Sheet, Shell, box_sheets, even, grid_of
+from sph.lattices import PART, Filled, Grid, Parts, Sheet, Shell, box_sheets, even, grid_of
 
 WALL_BITS = 50
 NEAR = 0.25  # of a spacing: fluid nearer to a solid is taken away
@@ -191,7 +191,8 @@ class Scene:
     """A case made concrete. Vectors are in physical order, arrays [n, d].
 
     spacing dp, h, support in m; rho0 kg/m3; c0 m/s; viscosity Pa s; low[d], high[d] of the domain, periodic[d];
-    gravity[d], body_force[d] and their sum `acceleration`; axes: storage axis k is physical axis axes[k].
+    gravity[d], body_force[d] and their sum `acceleration`; normals[n, d] of repulsive faces, behind a zero one; axes:
+    storage axis k is physical axis axes[k].
     """
 
     def __init__(self, config: case.SphConfig) -> None:
@@ -211,10 +212,19 @@ class Scene:
         self.axes = (longest, *(k for k in range(d) if k != longest))
         self.end_time = config.simulation.end_time
         self.walls = [Wall(self, section, k) for k, section in enumerate(config.wall)]
+        sheets = [wall.lattice.parts if wall.type == "repulsive" else [] for wall in self.walls]
+        self.normals = np.array([np.zeros(d), *(sheet.normal for parts in sheets for sheet in parts)])
+        self._first_normal = 1 + np.cumsum([0, *map(len, sheets)])
         self.fluids: list[FluidSet] = []
         for section in config.fluid:
             self.fluids.append(self._fill(section))
         self.n_fluid = sum(fluid.n for fluid in self.fluids)
+
+    def normal_of(self, ids: NDArray[np.int64]) -> NDArray[np.int64]:
+        """Numbers in `normals` of wall particles: 0, of length 0, but for repulsive walls."""
+        wall = (ids >> WALL_BITS) - 1
+        repulsive = np.diff(self._first_normal)[wall] > 0
+        return np.where(repulsive, self._first_normal[wall] + ((ids & ((1 << WALL_BITS) - 1)) >> PART), 0)
 
     @property
     def stiffness(self) -> float:

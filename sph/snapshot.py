@@ -6,6 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hpcpic.core.files.arrays import ParticleArray
+from sph.images import CODES
 
 if TYPE_CHECKING:
     from sph.step import Sph
@@ -15,31 +16,33 @@ UNITS = {"velocity": "m/s", "pressure": "Pa", "density": "kg/m3", "mass": "kg"}
 
 def particles(sph: "Sph") -> dict[str, ParticleArray]:
     """Position, velocity, pressure, density, mass of each fluid and, if asked, of the walls' particles."""
-    scene, own = sph.scene, own_particles(sph)
+    scene, bodies = sph.scene, sph.bodies
+    ids = bodies.key[bodies.fluid] // CODES
     chosen = {
-        fluid.section.name: (own["id"] >= fluid.first) & (own["id"] < fluid.first + fluid.n) for fluid in scene.fluids
+        fluid.section.name: bodies.fluid[(ids >= fluid.first) & (ids < fluid.first + fluid.n)] for fluid in scene.fluids
     }
     if scene.config.output.walls:
-        chosen |= {wall.name: own["kind"] == wall.index + 1 for wall in scene.walls if wall.lattice is not None}
+        kind = bodies.own("wall")
+        chosen |= {wall.name: bodies.rows[kind == wall.index + 1] for wall in scene.walls if wall.lattice is not None}
     background = scene.config.eos.background_pressure
     found = {}
-    for name, mask in chosen.items():
-        drho = own["drho"][mask]
+    for name, rows in chosen.items():
+        own = particles_at(sph, rows)
         columns = {
-            "velocity": three(own["v"][mask]).astype(np.float32),
-            "pressure": (scene.pressure(drho) + background).astype(np.float32),
-            "density": (scene.rho0 + drho).astype(np.float32),
-            "mass": own["m"][mask].astype(np.float32),
+            "velocity": three(own["v"]).astype(np.float32),
+            "pressure": (scene.pressure(own["drho"]) + background).astype(np.float32),
+            "density": (scene.rho0 + own["drho"]).astype(np.float32),
+            "mass": own["m"].astype(np.float32),
         }
-        found[name] = ParticleArray(own["id"][mask], three(own["x"][mask]), columns, UNITS)
+        found[name] = ParticleArray(own["id"], three(own["x"]), columns, UNITS)
     return found
 
 
-def own_particles(sph: "Sph") -> dict[str, NDArray]:
-    """id[n], x[n, d] m, v[n, d] m/s, drho[n] = rho - rho0 kg/m3, m[n] kg, kind[n]: 0 fluid, 1 + index of a wall."""
+def particles_at(sph: "Sph", rows: NDArray[np.int64]) -> dict[str, NDArray]:
+    """Of bodies: id[n], x[n, d] m, v[n, d] m/s, drho[n] = rho - rho0 kg/m3, m[n] kg."""
     bodies = sph.bodies
-    found = {"x": sph.physical("x"), "v": sph.physical("v"), "kind": bodies.own("wall")}
-    return found | {name: bodies.own(name) for name in ("id", "drho", "m")}
+    found = {"x": sph.physical("x", rows), "v": sph.physical("v", rows), "id": bodies.key[rows] // CODES}
+    return found | {name: bodies.columns[name][rows] for name in ("drho", "m")}
 
 
 def three(x: NDArray) -> NDArray[np.float64]:

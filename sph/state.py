@@ -8,7 +8,9 @@ from numpy.typing import NDArray
 from hpcpic.core.comm.sharding import by_id
 from hpcpic.core.files.arrays import Shard
 from hpcpic.core.space.domain import block_ranges
-from sph.particles import FLUID, REAL
+from sph.images import CODES
+from sph.kernels.pairs import NORMAL
+from sph.particles import FLOWS, FLUID, REAL
 from sph.walls import add_walls
 
 if TYPE_CHECKING:
@@ -38,9 +40,11 @@ def state(sph: "Sph") -> dict[str, Shard]:
 def _own(sph: "Sph", fluid: bool) -> dict[str, NDArray]:
     """Columns [n, ...] of the own particles of the fluid, or of walls."""
     bodies = sph.bodies
-    chosen = np.flatnonzero((bodies.own("flags") & FLUID > 0) == fluid)
-    names = ("id", "x", "v", "drho") + (("normal",) if sph.law.repulsive else ())
-    return {name: bodies.own(name)[..., chosen].T for name in names}
+    rows = bodies.fluid if fluid else np.setdiff1d(bodies.rows, bodies.fluid, assume_unique=True)
+    own = {name: bodies.columns[name][..., rows].T for name in ("x", "v", "drho")} | {"id": bodies.key[rows] // CODES}
+    if sph.law.repulsive:
+        own["normal"] = sph.scene.normals[bodies.flags[rows] >> NORMAL][:, sph.axes]
+    return own
 
 
 def _everybodys(sph: "Sph", ids: NDArray[np.int64]) -> NDArray[np.int64]:
@@ -70,12 +74,11 @@ def restore(sph: "Sph", reader: "Reader") -> None:
     low, high = block_ranges(sph.scene.n_fluid, world.size)[world.rank]
     ids = np.arange(low, high)
     x, v, drho = (reader.read(name, low, high) for name in ("x", "v", "drho"))
-    bodies.append(x.T, v.T, drho, sph.scene.fluid(ids)["m"], ids, FLUID | REAL, 0)
+    bodies.append(x.T, v.T, drho, sph.scene.fluid(ids)["m"], ids, FLUID | REAL | FLOWS)
     if sph.scene.walls:
         sph.walls.restore(reader.read("walls/made"), reader.time)
         sph.impulses[:] = reader.read("walls/impulse")
         low, high = block_ranges(reader.total("walls/number"), world.size)[world.rank]
-        names = ("number", "x", "drho", *(("normal",) if sph.law.repulsive else ()))
-        ids, x, drho, *normal = (reader.read(f"walls/{name}", low, high) for name in names)
-        add_walls(sph, ids, x.T, drho, normal[0].T if normal else None)
+        ids, x, drho = (reader.read(f"walls/{name}", low, high) for name in ("number", "x", "drho"))
+        add_walls(sph, ids, x.T, drho)
     sph.resume()

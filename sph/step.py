@@ -22,7 +22,7 @@ from sph.integrators import INTEGRATORS, STAGED, symplectic
 from sph.kernels.specialise import specialise
 from sph.laws import law_of, unused
 from sph.neighbours import Cells, Grid
-from sph.particles import FLUID, REAL, Bodies, Slabs, Tasks
+from sph.particles import FLOWS, FLUID, REAL, Bodies, Slabs, Tasks
 from sph.scene import Scene
 from sph.sums import PairSums
 from sph.timestep import TimeStep
@@ -31,7 +31,6 @@ from sph.walls import Walls, grow_walls, through_wall, wall_forces
 PARTS_PER_THREAD = 4
 FASTEST = 0.15  # of c0: particles of integrators with stages may move so far in a step of Courant number cfl
 SPARE, LEAST = 1.15, 2e-3  # neighbours are known for this much more than the way of the last step, and for so many h
-TIDY = 8  # steps between sorts of the particles in memory
 DENSITIES = (0.7, 1.3)  # of rho0, beyond which a weakly compressible fluid is none
 MARGIN = 1e-9  # of the support, for rounding
 SLOW = 7.0  # c0 over the largest velocity, below which the fluid is told to be compressible
@@ -127,7 +126,7 @@ class Sph:
         fluid = self.scene.fluid(ids)
         self.bodies.append(
             (fluid["x"][:, self.axes] - self.origin).T, fluid["v"][:, self.axes].T, fluid["drho"], fluid["m"],
-            ids, FLUID | REAL, 0,
+            ids, FLUID | REAL | FLOWS,
         )  # fmt: skip
         self.work_items = self.scene.n_fluid
         self._find_box()
@@ -137,7 +136,7 @@ class Sph:
 
     def resume(self) -> None:
         """Take up a state whose particles have just been appended anywhere."""
-        if not (np.isfinite(self.bodies.own("x")).all() and np.isfinite(self.reach)):
+        if not (np.isfinite(self.bodies.x[:, : self.bodies.end]).all() and np.isfinite(self.reach)):
             raise Diverged("a position, or how far neighbours are known, is not a finite number")
         self.gauges.since = self.time
         self._forces_at = -1
@@ -150,8 +149,7 @@ class Sph:
     def _find_box(self) -> None:
         """The box around all fluid, in physical axes."""
         bodies = self.bodies
-        fluid = np.flatnonzero(bodies.own("flags") & FLUID)
-        x = bodies.x[:, fluid]
+        x = bodies.x[:, bodies.fluid]
         both = np.concatenate([-x, x]).max(axis=1, initial=-np.inf)
         self._set_box(self.world.max_array(both))
 
@@ -167,7 +165,7 @@ class Sph:
             a = self.tasks.arrays
             shift, speed = self.walls.move(time)
             a["wall_shift"][:], a["wall_speed"][:] = shift[:, self.axes], speed[:, self.axes]
-            self.tasks.each(self.motion.carry, chunks="own_chunks")
+            self.tasks.each(self.motion.carry)
 
     def wall_forces(self) -> dict[str, tuple[NDArray[np.float64], NDArray[np.float64]]]:
         """Force [d] and torque [3] of the fluid on each measured wall, now. Collective."""
@@ -201,7 +199,8 @@ class Sph:
         """Cuts of equal load, if the present ones are far from it."""
         if self.world.size == 1:
             return
-        load = self.world.sum_int(np.bincount(self.cells.layer_of(self.bodies), minlength=self.grid.layers))
+        layer = self.cells.layer_of(self.bodies)
+        load = self.world.sum_int(np.bincount(layer + 1, minlength=self.grid.layers + 1)[1:])  # 0: nobody
         cuts = balanced_cuts(load, self.world.size)
         prefix = np.concatenate(([0], np.cumsum(load)))
         worst, best = (np.diff(prefix[list(c)]).max() for c in (self.domain.cuts, cuts))
@@ -222,13 +221,12 @@ class Sph:
         with self.timers.section("ghosts"):
             if self.walls.moving and any(bodies.maps.mirrored):
                 bodies.maps = self._maps()
-            layer = cells.layer_of(bodies)
-            bodies.choose_ghosts(layer, self.grid.layer, self.slabs)
-            bodies.refresh(self.iteration)
+            if self.world.size > 1 or len(bodies.maps.planes) > 1:
+                bodies.choose_ghosts(cells.layer_of(bodies), self.grid.layer, self.slabs)
+                bodies.refresh(self.iteration)
         with self.timers.section("sort"):
-            radius = self.scene.support * (1 + MARGIN) + 2 * self.reach
-            cells.sort(bodies, layer, self.domain.row_range(self.world.rank), radius)
-            self.sums.fit()
+            cells.sort(bodies, self.domain.row_range(self.world.rank), self.sums.fit)
+            cells.find(self.scene.support * (1 + MARGIN) + 2 * self.reach)
 
     def step(self) -> None:
         """x^n, v^n, rho^n -> n + 1."""
@@ -236,15 +234,13 @@ class Sph:
         with self.timers.section("update"):
             if self.law.shifting:
                 self.numbers[1] = self.time_step * np.sqrt(self.largest[0])
-                self.tasks.each(self.motion.spread, chunks="own_chunks")
+                self.tasks.each(self.motion.spread)
             if self.faces:
-                self.tasks.each(self.motion.swap, chunks="own_chunks")
-            self.tasks.each(self.motion.rewrap, chunks="own_chunks")
+                self.tasks.each(self.motion.swap)
+            self.tasks.each(self.motion.rewrap)
         self.time += self.time_step
         self.iteration += 1
         with self.timers.section("migrate"):
-            if self.iteration % TIDY == 0:
-                self._tidy()
             grow_walls(self)
             self.migrate()
             period = self.scene.config.numerics.balance_period
@@ -252,11 +248,6 @@ class Sph:
                 self.balance()
         self.reach = self.next_reach
         self.sort()
-
-    def _tidy(self) -> None:
-        """Particles in memory as they are in the cells; nothing else depends on it."""
-        order = self.cells.order()
-        self.bodies.sort(order[order < self.bodies.n])
 
     # ---- what integrators are made of
 
@@ -284,7 +275,7 @@ class Sph:
     def choose_step(self) -> None:
         """dt from the largest speed, acceleration and density error of all particles. Collective."""
         with self.timers.section("dt"):
-            self.tasks.each(self.motion.largest, chunks="own_chunks")
+            self.tasks.each(self.motion.largest)
             found = self.tasks.arrays["found"]
             worst = np.nan if np.isnan(found).any() else found.max(axis=0)
             worst = self.world.max_array(np.where(np.isnan(worst), np.inf, worst) * np.ones(found.shape[1]))
@@ -319,13 +310,15 @@ class Sph:
         expected = min(SPARE * way + LEAST * self.scene.h, self.farthest_reach)
         if not way <= self.reach:
             self.reach = expected
-            self.sort()
+            self.sort()  # which has lost the sums
+            self._forces_at = -1
+            self.evaluate(start=True)
         self.next_reach = expected
 
-    def _each(self, kernel: Any, *numbers: float) -> None:
+    def _each(self, kernel: Any, *numbers: float, **more: int) -> None:
         with self.timers.section("update"):
             self.numbers[: 1 + len(numbers)] = self.time_step, *numbers
-            self.tasks.each(kernel, chunks="own_chunks")
+            self.tasks.each(kernel, **more)
 
     def keep(self) -> None:
         """Remember x^n, v^n, rho^n."""
@@ -335,7 +328,7 @@ class Sph:
         self, old: float, now: float, new: float, *, until: float = 1.0, with_new_velocity: bool = False
     ) -> None:
         """y = old y^n + now y + new dt f(y); the stage stands for t^n + until dt."""
-        self._each(self.motion.advance, old, now, new, float(with_new_velocity))
+        self._each(self.motion.advance, old, now, new, float(with_new_velocity), at=self.sums.rate)
         self._move_walls(self.time + until * self.time_step)
 
     def kick(self) -> None:
@@ -344,7 +337,7 @@ class Sph:
 
     def drift(self) -> None:
         """x = x + dt v, rho = rho + dt D."""
-        self._each(self.motion.drift)
+        self._each(self.motion.drift, at=self.sums.rate)
         self._move_walls(self.time + self.time_step)
 
     # ---- what others see
@@ -369,18 +362,20 @@ class Sph:
     def guard(self) -> str | None:
         """Why this rank's state is no solution, or None."""
         bodies, rho0 = self.bodies, self.scene.rho0
-        if not (np.isfinite(bodies.own("x")).all() and np.isfinite(bodies.own("v")).all()):
+        x, v = bodies.x[:, : bodies.end], bodies.v[:, : bodies.end]
+        if not (np.isfinite(x).all() and np.isfinite(v).all()):
             return "a position or velocity is not a finite number"
         if not np.isfinite(self.impulses).all():
             return "the impulse of the fluid on a wall is not a finite number"
-        lost = np.flatnonzero(np.abs(bodies.own("x")).max(axis=0) > self.farthest)
+        fluid = bodies.fluid
+        lost = fluid[np.abs(x[:, fluid]).max(axis=0) > self.farthest]
         if len(lost):
-            return f"particle {bodies.id[lost[0]]} is so far away that its position has no digits left for its spacing"
-        fluid = np.flatnonzero(bodies.own("flags") & FLUID)
+            one = bodies.number(lost[0])
+            return f"particle {one} is so far away that its position has no digits left for its spacing"
         density = bodies.drho[fluid] / rho0 + 1.0
-        worst = fluid[np.argmax(np.abs(density - 1.0))] if len(fluid) else 0
-        if len(fluid) and not DENSITIES[0] <= bodies.drho[worst] / rho0 + 1.0 <= DENSITIES[1]:
-            return f"the density of particle {bodies.id[worst]} is {bodies.drho[worst] / rho0 + 1.0:.3g} rho0"
+        worst = int(np.argmax(np.abs(density - 1.0))) if len(fluid) else 0
+        if len(fluid) and not DENSITIES[0] <= density[worst] <= DENSITIES[1]:
+            return f"the density of particle {bodies.number(fluid[worst])} is {density[worst]:.3g} rho0"
         return through_wall(self, fluid)
 
     def close(self) -> None:
@@ -391,10 +386,11 @@ class Sph:
         """Particles of this rank."""
         return self.bodies.n
 
-    def physical(self, name: str) -> NDArray[np.float64]:
-        """Column x (absolute), v or a of the own particles, [n, d] in physical order of axes."""
-        values = np.empty((self.bodies.n, self.scene.dimensions))
-        values[:, self.axes] = self.bodies.own(name).T
+    def physical(self, name: str, rows: NDArray[np.int64] | None = None) -> NDArray[np.float64]:
+        """Column x (absolute) or v of bodies, the own ones if not told which, [n, d] in physical order of axes."""
+        rows = self.bodies.rows if rows is None else rows
+        values = np.empty((len(rows), self.scene.dimensions))
+        values[:, self.axes] = self.bodies.columns[name][:, rows].T
         if name == "x":
             values += self.scene.low
         return values

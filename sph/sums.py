@@ -3,14 +3,14 @@
 from typing import TYPE_CHECKING
 
 import numpy as np
+from numpy.typing import NDArray
 
 from hpcpic.core.simd.generate import module_from_source
-from hpcpic.core.space.fields import aligned_zeros
 from sph.kernels import columns, packing, passes
 from sph.kernels.functions import SMOOTHING
 from sph.kernels.pairs import Law, columns_of, sums_of
 from sph.kernels.passes import NUMBERS
-from sph.laws import terms_of
+from sph.laws import most_sums, terms_of
 from sph.limits import cleary_constant
 from sph.neighbours import Cells
 from sph.particles import Bodies, Tasks
@@ -18,74 +18,119 @@ from sph.particles import Bodies, Tasks
 if TYPE_CHECKING:
     from sph.scene import Scene
 
-FIRST = {"rate": "rate", "gradient": "mxx", "shifting": "hx"}  # sums
+FIRST = {"gradient": "mxx", "shifting": "hx"}  # sums
 
 HEAD = "import numpy as np\n\nfrom hpcpic.core.simd.jit import njit\n"
 
 
 class PairSums:
-    """Rates of the bodies in `cells`: a [m/s2] without gravity and body force, rate = d rho / dt [kg/m3 s]."""
+    """Rates of the bodies in `cells`, left as sums in `tasks.arrays` until the next sums or sort.
+
+    factors: what makes of them a [m/s2] without gravity and body force, with 1 / m, and d rho / dt [kg/m3 s].
+    rate: which of the sums is that of rates.
+    """
 
     def __init__(self, scene: "Scene", law: Law, tasks: Tasks, cells: Cells, bodies: Bodies) -> None:
         self.law, self.tasks, self.cells, self.bodies = law, tasks, cells, bodies
         self._terms = terms_of(law)
+        self._held = {} if law.single else {"position": "x"}
+        self.rate = -1
         self.kernels = passes.make(law, self._terms)
         self.packing = module_from_source(packing.source(law, scene.config.eos.gamma), "sph_packing")
         self.around = module_from_source(HEAD + columns.source(law), "sph_columns")
-        self._n_sums = 0  # of the passes that there have been
-        tasks.set(scales=self._scales(scene), pair_numbers=self._numbers(scene))
-        self._slots = 0
+        self.n_sums = most_sums(law, scene.config.simulation.integrator == "symplectic")
+        h, c, rho = scene.h, scene.c0, scene.rho0
+        si = 1.0, 1.0, 1.0, 1.0
+        self.units = (h, c, rho, rho * h**scene.dimensions) if law.single else si  # of pair sums
+        tasks.set(
+            scales=self._scales(scene), pair_numbers=self._numbers(scene), factors=self._factors(scene),
+            face_normals=np.ascontiguousarray(scene.normals[:, scene.axes].T, law.real),
+        )  # fmt: skip
+
+    def _relative_units(self, scene: "Scene") -> tuple[float, float, float, float]:
+        """Units of pair sums in those of h, c0, rho0, rho0 h^d."""
+        length, speed, density, mass = self.units
+        h, c, rho = scene.h, scene.c0, scene.rho0
+        return length / h, speed / c, density / rho, mass / (rho * h**scene.dimensions)
 
     def _scales(self, scene: "Scene") -> np.ndarray:
         h, c, rho, d = scene.h, scene.c0, scene.rho0, scene.dimensions
         background = scene.config.eos.background_pressure / (rho * c * c)
         viscosity = scene.viscosity / (rho * c * h)
+        length, speed, _, mass = self._relative_units(scene)
         return np.array(
-            [1 / h, 1 / c, 1 / rho, 1 / (rho * h**d), background, viscosity, c * c / h, rho * c / h,
-             scene.config.numerics.tensile_correction, h]
+            [1 / h, 1 / c, 1 / rho, 1 / (rho * h**d), background, viscosity, scene.config.numerics.tensile_correction,
+             mass * length * length, mass * length * speed, mass * length, mass]
+        )  # fmt: skip
+
+    def _factors(self, scene: "Scene") -> np.ndarray:
+        h, c, rho, d = scene.h, scene.c0, scene.rho0, scene.dimensions
+        length, speed, density, mass = self._relative_units(scene)
+        return np.array(
+            [c * c / h * (mass * mass * length) * (rho * h**d), rho * c / h * (mass * density * length * speed)]
         )
 
     def _numbers(self, scene: "Scene") -> np.ndarray:
         h, c, numerics, d = scene.h, scene.c0, scene.config.numerics, scene.dimensions
+        length, speed, density, mass = self._relative_units(scene)
         strength = numerics.flux_coefficient * (1.0 if self.law.flux == "rusanov" else 2.0)
         cleary = numerics.viscosity_form == "cleary"
         xi = cleary_constant(scene.kernel, d, numerics.smoothing) if cleary else 1.0
+        drag = length * speed if cleary else speed / length
         gravity = np.zeros(3)
-        gravity[:d] = scene.gravity * (h / (c * c))
+        gravity[:d] = scene.gravity * (h / (c * c)) * (length / density)
         numbers = {
-            "artificial": -0.5 * (numerics.artificial_viscosity or 0.0),
-            "viscous": -2.0 * xi * scene.viscosity / (scene.rho0 * c * h),
-            "flux_strength": strength,
+            "artificial": -0.5 * (numerics.artificial_viscosity or 0.0) * (length * speed),
+            "viscous": -2.0 * xi * scene.viscosity / (scene.rho0 * c * h) * drag,
+            "flux_strength": strength / (length * speed),
             "reach": scene.h / scene.spacing,
             "per_w": 1.0 / float(SMOOTHING[scene.kernel].shape(np.float64(scene.spacing / h))),
+            "per_h": length,
+            "per_h2": length * length,
+            "density": 1.0 / density,
+            "hundredth": 0.01 / (mass * length),
         } | {f"gravity{axis}": gravity[k] for k, axis in enumerate("xyz")}
         return np.array([numbers[name] for name in NUMBERS])
 
     def fit(self) -> None:
-        """Arrays as large as the slots and bodies now are."""
-        if self.cells.slots != self._slots:
-            self._slots = n = self.cells.slots
-            self.tasks.set(
-                position=aligned_zeros((self.law.dimensions, n), np.int32 if self.law.single else np.float64),
-                values=aligned_zeros((len(columns_of(self.law)), n), self.law.real),
-            )
+        """Arrays for the slots that there now are; what phases before left in their memory is lost."""
+        n, rows, law = self.bodies.capacity, self.cells.n_runs, self.law
+        real = np.dtype(law.real).type
+        arrays = {
+            "sums": ((self.n_sums, n), real),
+            "values": ((len(columns_of(law)), n), real),
+            "run_first": ((rows, n), np.int32),
+            "run_length": ((rows, n), np.uint16),
+        }
+        if law.single:
+            arrays["position"] = (law.dimensions, n), np.int32
+        self.tasks.workspace.need("pairs", **arrays)
+
+    def forces_on(self, rows: NDArray[np.int64]) -> NDArray[np.float64]:
+        """[d, k] N (2D: N/m) on bodies, of the last sums."""
+        a = self.tasks.arrays
+        return a["sums"][: self.law.dimensions, rows] * a["factors"][0]
 
     def _sweep(self, title: str) -> None:
-        kernel = getattr(self.kernels, title)
-        self._n_sums = max(self._n_sums, len(sums_of(self.law, self._terms[title])))
-        self.tasks.workspace.need("pairs", sums=((self._n_sums, 2 * self._slots), np.dtype(self.law.real).type))
-        self.tasks.each(kernel, blocks="sweeps", numbers="pair_numbers", classes="slot_class")
+        names = sums_of(self.law, self._terms[title])
+        assert len(names) <= self.n_sums
+        self.rate = names.index("rate") if "rate" in names else -1
+        self.tasks.alternate(getattr(self.kernels, title), blocks="sweeps", numbers="pair_numbers", **self._held)
 
     def _unpack(self, title: str, kind: str) -> None:
         """Sums of the pass `title` into the columns of the bodies."""
         names = sums_of(self.law, self._terms[title])
         kernel = getattr(self.around, f"unpack_{kind}")
-        more = {"at": names.index(FIRST[kind])} if kind in ("rate", "gradient", "shifting") else {}
+        more = {"at": names.index(FIRST[kind])} if kind in FIRST else {}
         self.tasks.each(kernel, blocks="inner", **more)
 
     def pack(self) -> None:
-        """The state of all bodies into their slots."""
-        self.tasks.each(self.packing.pack, blocks="layers")
+        """What pair sums read of all bodies besides the state."""
+        self.tasks.each(self.packing.pack, blocks="layers", **self._held)
+
+    def _pack_again(self) -> None:
+        if hasattr(self.around, "pack_again"):
+            self.tasks.each(self.around.pack_again, blocks="layers")
 
     def forces(self, iteration: int) -> None:
         """Split scheme, first half: a (and the density gradient) from x^n, v^n, rho^n."""
@@ -93,7 +138,6 @@ class PairSums:
         self.matrices(iteration)
         self.stresses(iteration)
         self._sweep("first")
-        self._unpack("first", "force")
         if self.law.needs_gradient:
             self._unpack("first", "gradient")
         if self.law.shifting:
@@ -102,9 +146,8 @@ class PairSums:
     def rates(self, iteration: int) -> None:
         """Split scheme, second half: d rho / dt from x^n, rho^n and the new v."""
         self.bodies.refresh(iteration)
-        self.tasks.each(self.around.pack_again, blocks="layers")
+        self._pack_again()
         self._sweep("second")
-        self._unpack("second", "rate")
 
     def matrices(self, iteration: int) -> None:
         """Renormalisation of the gradients at all bodies."""
@@ -133,9 +176,7 @@ class PairSums:
             self._sweep("slopes")
             self._unpack("slopes", "gradient")
             self.bodies.refresh(iteration)
-            self.tasks.each(self.around.pack_again, blocks="layers")
+            self._pack_again()
         self._sweep("both")
-        self._unpack("both", "force")
-        self._unpack("both", "rate")
         if self.law.shifting:
             self._unpack("both", "shifting")

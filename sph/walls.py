@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 from hpcpic.core.comm.world import World
 from hpcpic.core.errors import Diverged
 from hpcpic.core.space.exact import exact_limbs, power_of_two_above, value
+from sph.kernels.pairs import NORMAL
 from sph.particles import REAL, REPULSIVE
 from sph.scene import AHEAD, WALL_BITS, behind
 from sph.solids import signed_distance
@@ -95,21 +96,20 @@ def grow_walls(engine: "Sph") -> None:
     """Make wall particles where the fluid will be soon."""
     ahead = 0.5 * engine.scene.support  # more than it moves in a step
     for wall, part in engine.walls.grow(engine.box[0] - ahead, engine.box[1] + ahead):
-        ids, x, normal = wall.near(*part)
+        ids, x, _ = wall.near(*part)
         drho = engine.scene.rest_density(x) if wall.type == "pressure-continuity" else np.zeros(len(x))
         x = (x + engine.walls.displacement[wall.index])[:, engine.axes] - engine.origin
         mine = np.flatnonzero(engine.slabs.owner[engine.grid.layer(x[:, 0])] == engine.world.rank)
-        add_walls(engine, ids[mine], x[mine].T, drho[mine], normal[mine][:, engine.axes].T)
+        add_walls(engine, ids[mine], x[mine].T, drho[mine])
 
 
-def add_walls(engine: "Sph", ids: NDArray, x: NDArray, drho: NDArray, normal: NDArray | None) -> None:
-    """Append wall particles, x and normal [d, n] in storage axes."""
+def add_walls(engine: "Sph", ids: NDArray, x: NDArray, drho: NDArray) -> None:
+    """Append wall particles, x[d, n] in storage axes."""
     index, scene = (ids >> WALL_BITS) - 1, engine.scene
     kinds = np.array([WALL_FLAGS.get(wall.type, REAL) for wall in scene.walls])
     mass = np.full(len(ids), scene.rho0 * scene.spacing**scene.dimensions)
     v = engine.walls.velocity[index][:, engine.axes].T
-    normal = normal if engine.law.repulsive else None
-    engine.bodies.append(x, v, drho, mass, ids, kinds[index], index + 1, normal)
+    engine.bodies.append(x, v, drho, mass, ids, kinds[index] | scene.normal_of(ids) << NORMAL)
 
 
 def exact_sums(world: World, groups: list[NDArray[np.float64]]) -> NDArray[np.float64]:
@@ -132,7 +132,7 @@ def wall_forces(engine: "Sph") -> dict[str, tuple[NDArray[np.float64], NDArray[n
         layer = engine.grid.layer(bodies.x[0, own])
         own = own[(layer >= low) & (layer < high)]  # images in this slab's layers hold what they do to this slab
         force, arm = np.zeros((3, len(own))), np.zeros((3, len(own)))
-        force[engine.axes] = bodies.a[:, own] * bodies.m[own]
+        force[engine.axes] = engine.sums.forces_on(own)
         centre = wall.torque_about + engine.walls.displacement[wall.index] - engine.scene.low
         arm[engine.axes] = bodies.x[:, own] - centre[engine.axes, None]
         groups.append(np.concatenate([force, np.cross(arm.T, force.T).T]))
@@ -141,7 +141,7 @@ def wall_forces(engine: "Sph") -> dict[str, tuple[NDArray[np.float64], NDArray[n
 
 
 def through_wall(engine: "Sph", fluid: NDArray[np.int64]) -> str | None:
-    """A word on a particle of the fluid (rows of the own ones) that is more than a spacing behind a wall."""
+    """A word on a particle of the fluid (their rows) that is more than a spacing behind a wall."""
     scene, bodies = engine.scene, engine.bodies
     for wall in scene.walls:
         shape, shift = wall.section.shape, engine.walls.displacement[wall.index]
@@ -158,7 +158,7 @@ def through_wall(engine: "Sph", fluid: NDArray[np.int64]) -> str | None:
         lost = np.flatnonzero(depth > scene.spacing)
         if len(lost):
             place = ", ".join(f"{value:.4g}" for value in x[lost[0]])
-            one = f"particle {bodies.id[near[lost[0]]]} at ({place}) m"
+            one = f"particle {bodies.number(near[lost[0]])} at ({place}) m"
             return f"{len(lost)} particles went through {wall.name}, as {one}"
     return None
 

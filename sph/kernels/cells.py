@@ -38,9 +38,7 @@ FINE = 8
 FAR = 2**30
 N, M = lanes(np.float64), lanes(np.int32)
 F, I, C = Vec(N, np.float64), Vec(N, np.int32), Vec(M, np.int32)
-# class of a slot: 1 fluid, + 2 where the sums are used (images only give), + 4 repulsive, + 8 density flows in and out
-# (of fluid and its images, but not in mirrors), + 16 has the bits 1, 2, 8 and so have all in its runs the bit 8
-PLAIN = 16
+PLAIN = 16  # flag (see sph.particles): has FLUID, REAL and FLOWS, and all in its runs have FLOWS
 LOST, CROWDED = 1, 2
 MOST = 65535  # slots of a run
 
@@ -53,43 +51,60 @@ def layer_of(x, scale, pads, layers):
 
 
 @njit
-def layers_of(chunk, chunks, x, scale, shape, layer):
-    """layer[n] = global layers of a chunk of bodies."""
-    pads, layers = shape[0], shape[1]
-    for b in range(chunks[chunk], chunks[chunk + 1]):
-        layer[b] = layer_of(x[0, b], scale[0], pads, layers)
+def place(chunk, chunks, wanted, flags, x, scale, shape, layer, row, fine, span):
+    """Global layer, row and fine cell of the bodies of a chunk that have a flag `wanted`; the layer of others is -1.
+    span[chunk] = lowest and highest layer.
+    """
+    pads, layers, n_rows = shape[0], shape[1], shape[4]
+    lowest, highest = np.int64(FAR), np.int64(-1)
+    for b in range(np.uint64(chunks[chunk]), np.uint64(chunks[chunk + 1])):
+        l = np.int64(-1)
+        if flags[b] & wanted:
+            l = layer_of(x[0, b], scale[0], pads, layers)
+            lowest, highest = min(lowest, l), max(highest, l)
+            f = np.floor(x[AXIS, b] * scale[AXIS])
+            fine[b] = np.int64(min(max(f, -1.0 * FAR), 1.0 * FAR))
+            if DIM == 3:
+                row[b] = layer_of(x[1, b], scale[1], pads, n_rows)
+        layer[b] = l
+    span[chunk, 0], span[chunk, 1] = lowest, highest
 
 
 @njit
-def place(chunk, chunks, x, scale, shape, layer, row, fine, count, low, high):
-    """Cells of a chunk of bodies; shape = (pads, layers, first layer here, layers here, rows, bodies)."""
-    pads, layers, first, here, n_rows = shape[0], shape[1], shape[2], shape[3], shape[4]
+def tally(chunk, chunks, shape, layer, row, count, low, high):
+    """Bodies of a chunk by layers, from now on counted from the first here, and the rows of these that they are in.
+
+    shape = (pads, layers, first layer here, layers here, rows, bodies).
+    """
+    first, here, n_rows = shape[2], shape[3], shape[4]
     for l in range(here):
         count[chunk, l], low[chunk, l], high[chunk, l] = 0, n_rows, -1
     code = 0
-    for b in range(chunks[chunk], chunks[chunk + 1]):
-        l = layer_of(x[0, b], scale[0], pads, layers) - first
+    for b in range(np.uint64(chunks[chunk]), np.uint64(chunks[chunk + 1])):
+        if layer[b] < 0:
+            continue
+        l = np.int64(layer[b]) - first
         if l < 0 or l >= here:
             l = 0
             code = LOST
-        r = np.int64(0)
-        if DIM == 3:
-            r = layer_of(x[1, b], scale[1], pads, n_rows)
-        f = np.floor(x[AXIS, b] * scale[AXIS])
-        layer[b], row[b], fine[b] = l, r, np.int64(min(max(f, -1.0 * FAR), 1.0 * FAR))
-        count[chunk, l] += 1
-        low[chunk, l] = min(low[chunk, l], r)
-        high[chunk, l] = max(high[chunk, l], r)
+        if DIM == 2:
+            row[b] = 0
+        layer[b] = l
+        at = np.uint64(l)
+        count[chunk, at] += 1
+        low[chunk, at] = min(low[chunk, at], row[b])
+        high[chunk, at] = max(high[chunk, at], row[b])
     return code
 
 
 @njit
 def scatter(chunk, chunks, layer, start, bucket):
     """Numbers of the bodies of a chunk, by layer: start[chunk, l] is where its bodies of layer l go."""
-    for b in range(chunks[chunk], chunks[chunk + 1]):
-        l = layer[b]
-        bucket[start[chunk, l]] = b
-        start[chunk, l] += 1
+    for b in range(np.uint64(chunks[chunk]), np.uint64(chunks[chunk + 1])):
+        if layer[b] >= 0:
+            l = np.uint64(layer[b])
+            bucket[np.uint64(start[chunk, l])] = b
+            start[chunk, l] += 1
 
 
 @njit
@@ -114,8 +129,10 @@ def extents(block, blocks, begin, bucket, row, fine, rows, row_table, fine_total
 
 @njit
 def arrange(block, blocks, begin, base, bucket, row, fine, key, flags, rows, row_table, fine_total, fine_start, body,
-            slot_class):  # fmt: skip
-    """Slots of the bodies of a block's layers, and the tables of their rows; fine_total[l] = place of its cells now."""
+            kind):  # fmt: skip
+    """Bodies and their flags by slots, of a block's layers, and the tables of their rows; fine_total[l] = place of its
+    cells now.
+    """
     for l in range(blocks[block], blocks[block + 1]):
         first, n_rows, at = rows[l, 0], rows[l, 1], rows[l, 2]
         slot, place = base[l], fine_total[l]
@@ -148,20 +165,48 @@ def arrange(block, blocks, begin, base, bucket, row, fine, key, flags, rows, row
             for c in range(np.uint64(entry[3]), np.uint64(entry[3] + entry[2])):
                 order_by_key(body, key, fine_start[c], fine_start[c + np.uint64(1)])
         for s in range(np.uint64(base[l]), np.uint64(base[l] + begin[l + 1] - begin[l])):
-            kind = flags[np.uint32(body[s])]
-            slot_class[s] = (kind & 3) | (kind & 8) >> 1 | (8 if kind & 5 == 1 else 0)
+            kind[s] = flags[np.uint32(body[s])] & ~PLAIN
         for k in range(at, at + n_rows):
-            free_cells(row_table[k], fine_start, slot_class)
+            free_cells(row_table[k], fine_start, kind)
 
 
 @njit
-def free_cells(entry, fine_start, slot_class):
+def gather(block, blocks, begin, base, body, first, last, state, moved):
+    """moved = lines first up to last of the state, in the order of slots."""
+    for l in range(blocks[block], blocks[block + 1]):
+        for k in range(first, last):
+            line, to = state[k], moved[k - first]
+            for s in range(np.uint64(base[l]), np.uint64(base[l] + begin[l + 1] - begin[l])):
+                to[s] = line[np.uint32(body[s])]
+
+
+@njit
+def put_back(block, blocks, begin, base, first, last, state, moved, flags, kind):
+    """The moved lines of the state in their places, and the flags; between layers nobody is."""
+    for l in range(blocks[block], blocks[block + 1]):
+        end = base[l] + begin[l + 1] - begin[l]
+        for k in range(first, last):
+            state[k, base[l] : end] = moved[k - first, base[l] : end]
+        flags[base[l] : end] = kind[base[l] : end]
+        flags[end : base[l + 1]] = 0
+
+
+@njit
+def find_places(block, blocks, begin, base, body, bucket):
+    """bucket[body] = its slot."""
+    for l in range(blocks[block], blocks[block + 1]):
+        for s in range(np.uint64(base[l]), np.uint64(base[l] + begin[l + 1] - begin[l])):
+            bucket[np.uint32(body[s])] = s
+
+
+@njit
+def free_cells(entry, fine_start, kind):
     """The longest stretch of fine cells of a row without a body that lacks bit 8."""
     entry[4], entry[5] = 0, 0
     place, c, since = np.int64(entry[3]), np.int64(0), np.int64(0)
     end = np.uint64(fine_start[place + entry[2]])
     for s in range(np.uint64(entry[0]), end):
-        if slot_class[s] & 8 == 0:
+        if kind[s] & 8 == 0:
             while fine_start[place + c + 1] <= s:
                 c += 1
             if c - since > entry[5] - entry[4]:
@@ -184,8 +229,7 @@ def order_by_key(body, key, first, last):
 
 
 @njit
-def find(block, blocks, begin, base, shape, edge, x, body, slot_class, rows, row_table, fine_start, run_first,
-         run_length):  # fmt: skip
+def find(block, blocks, base, shape, edge, x, flags, rows, row_table, fine_start, run_first, run_length):
     """run_first[k, slot], run_length[k, slot]: the slots in row k of the half neighbourhood that may be within the
     radius: the chord of the sphere in that row.
 
@@ -213,7 +257,7 @@ def find(block, blocks, begin, base, shape, edge, x, body, slot_class, rows, row
                 continue
             wall = (r + 1 - edge[3]) * edge[1]
             for m in range(many):
-                b = np.uint32(body[np.uint64(first + m)])
+                b = np.uint64(first + m)
                 met[m] = 0
                 height[m] = x[AXIS, b] * per_cell
                 up = max(ceiling - x[0, b], 0.0) * per_cell
@@ -246,8 +290,8 @@ def find(block, blocks, begin, base, shape, edge, x, body, slot_class, rows, row
                         begins[m] = max(begins[m], first + m + 1)  # each pair once
                 if entry[5] - entry[4] < entry[2]:  # with walls or images
                     for m in range(many):
-                        if slot_class[first + m] & 3 != 3:
-                            begins[m], ends[m] = trimmed(slot_class, slot_class[first + m] & 3, begins[m], ends[m])
+                        if flags[first + m] & 3 != 3:
+                            begins[m], ends[m] = trimmed(flags, flags[first + m] & 3, begins[m], ends[m])
                 worst = 0
                 for m in range(np.uint64(many)):
                     length = max(ends[m] - begins[m], 0)
@@ -255,8 +299,8 @@ def find(block, blocks, begin, base, shape, edge, x, body, slot_class, rows, row
                     lengths[m] = length
                 code = CROWDED if worst > MOST else code
             for m in range(many):
-                if slot_class[first + m] & 11 == 11 and met[m] == 0:
-                    slot_class[first + m] |= PLAIN
+                if flags[first + m] & 11 == 11 and met[m] == 0:
+                    flags[first + m] |= PLAIN
     return code
 
 
@@ -280,18 +324,18 @@ def chords(height, left, many, row, cells, met):
 
 
 @njit
-def trimmed(slot_class, kind, first, end):
+def trimmed(flags, kind, first, end):
     """A wall particle or an image has to do with some classes only: a run from the first to the last of them."""
     first, end = np.int64(first), np.int64(end)
     while first < end:
-        found = bitmask((load(C, slot_class, first) | kind) & 3 == 3)
+        found = bitmask((load(C, flags, first) | kind) & 3 == 3)
         if found != 0:
             first = min(first + first_bit(found), end)
             break
         first += M
     first = min(first, end)
-    while end - first >= M and bitmask((load(C, slot_class, end - M) | kind) & 3 == 3) == 0:
+    while end - first >= M and bitmask((load(C, flags, end - M) | kind) & 3 == 3) == 0:
         end -= M
-    while end > first and (slot_class[end - 1] | kind) & 3 != 3:
+    while end > first and (flags[end - 1] | kind) & 3 != 3:
         end -= 1
     return first, end

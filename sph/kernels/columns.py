@@ -1,8 +1,8 @@
 """Generated text of what stands around the pair sums: what changes in the columns of slots (see `packing`), and sums
-to rates of bodies.
+other than forces and rates to what later ones need.
 
-Bodies are in SI units: x[d, n] (relative to the lower corner of the domain), v[d, n], drho[n] (density less the
-reference), m[n], flags[n] (1 fluid, 2 its sums are used, 4 mirrored), gradient[d, n]. Columns see `pairs`.
+Bodies are in SI units: v[d, n], drho[n] (density less the reference), flags[n] (see sph.particles). Columns, and the
+units of gradient[d, n], see `pairs`.
 """
 
 from sph.kernels.packing import SCALES
@@ -12,12 +12,12 @@ ALL_AROUND = {2: 1.5, 3: 2.4}  # of - sum V_j F r^2, d inside the fluid; less ne
 LEAST_DETERMINANT = 0.1  # of the sum that L inverts, 1 inside the fluid, about 0.25 at a flat free surface in 2D
 
 
-def _kernel(title: str, arguments: str, setting: list[str], body: list[str]) -> str:
-    lines = [f"def {title}(block, blocks, begin, base, body, scales, {arguments}):"]
+def _kernel(title: str, arguments: str, body: list[str]) -> str:
+    """For all slots, also where nobody is: vectors overrun."""
+    lines = [f"def {title}(block, blocks, base, scales, {arguments}):"]
     lines += [f"    {name} = scales[{k}]" for k, name in enumerate(SCALES)]
-    lines += [f"    {line}" for line in setting]
     lines += ["    for l in range(blocks[block], blocks[block + 1]):"]
-    lines += ["        for s in range(base[l], base[l] + begin[l + 1] - begin[l]):", "            b = body[s]"]
+    lines += ["        for b in range(np.uint64(base[l]), np.uint64(base[l + 1])):"]
     lines += [f"            {line}" for line in body]
     return "\n\n@njit\n" + "\n".join(lines) + "\n"
 
@@ -31,51 +31,41 @@ def source(law: Law) -> str:
     stress = [name for name in columns if name[0] == "t" and len(name) == 3]
     values = {f"v{a}": f"v[{k}, b] * per_c" for k, a in enumerate(law.axes)}
     values |= {f"g{a}": f"gradient[{k}, b]" for k, a in enumerate(law.axes)}
-    again = [f"values[{columns.index(name)}, s] = {values[name]}" for name in later]
-    text = _kernel("pack_again", "v, gradient, values", [], again)
+    again = [f"values[{columns.index(name)}, b] = {values[name]}" for name in later]
+    text = _kernel("pack_again", "v, gradient, values", again) if again else ""
     if stress:
-        text += _kernel("pack_stress", "drho, shear, values", [], _stress(law, columns)) + _unpack_strain(law)
+        text += _kernel("pack_stress", "drho, shear, values", _stress(law, columns)) + _unpack_strain(law)
     if law.corrected:
         body = [
-            f"values[{columns.index(f'l{a}{b}')}, s] = matrix[{i * law.dimensions + j}, b]"
+            f"values[{columns.index(f'l{a}{b}')}, b] = matrix[{i * law.dimensions + j}, b]"
             for i, a in enumerate(law.axes) for j, b in enumerate(law.axes) if i <= j
         ]  # fmt: skip
-        text += _kernel("pack_matrix", "matrix, values", [], body) + _unpack_matrix(law)
+        text += _kernel("pack_matrix", "matrix, values", body) + _unpack_matrix(law)
     if law.shifting:
         text += _unpack_shifting(law)
-    text += _unpack_force(law) + _unpack_rate()
     if law.needs_gradient:
         text += _unpack_gradient(law)
     return text
 
 
 def _sum(k: str) -> str:
-    return f"np.float64(sums[{k}, s] + sums[{k}, n_slots + s])"
-
-
-def _unpack_force(law: Law) -> str:
-    body = ["factor = acceleration / (m[b] * per_m)"]
-    body += [f"a[{k}, b] = {_sum(str(k))} * factor" for k in range(law.dimensions)]
-    return _kernel("unpack_force", "m, sums, a", ["n_slots = sums.shape[1] // 2"], body)
-
-
-def _unpack_rate() -> str:
-    body = [f"rate[b] = {_sum('at')} * rate_scale if flags[b] & 8 == 0 else 0.0"]
-    return _kernel("unpack_rate", "at, flags, sums, rate", ["n_slots = sums.shape[1] // 2"], body)
+    return f"np.float64(sums[{k}, b])"
 
 
 def _unpack_gradient(law: Law) -> str:
-    """Half of the renormalised gradient, L b / 2; the plain sum where too few neighbours are there for L."""
+    """Half of the renormalised gradient, L b / 2, in the units of pair sums; 0 where too few neighbours are there for
+    L.
+    """
     d = law.dimensions
     names, body, k = {}, [], 0
     for i in range(d):
         for j in range(i, d):
-            body.append(f"m{i}{j} = {_sum(f'at + {k}')}")
+            body.append(f"m{i}{j} = {_sum(f'at + {k}')} * of_gradient")
             names[i, j] = names[j, i] = f"m{i}{j}"
             k += 1
-        body.append(f"b{i} = {_sum(f'at + {k}')}")
+        body.append(f"b{i} = {_sum(f'at + {k}')} * of_gradient")
         k += 1
-    return _kernel("unpack_gradient", "at, sums, gradient", ["n_slots = sums.shape[1] // 2"], body + _solve(d))
+    return _kernel("unpack_gradient", "at, sums, gradient", body + _solve(d))
 
 
 def _solve(d: int) -> list[str]:
@@ -96,8 +86,8 @@ def _solve(d: int) -> list[str]:
 
 def _unpack_strain(law: Law) -> str:
     """The velocity gradient, shear[a, b] = d v_b / d x_a."""
-    body = [f"shear[{k}, b] = {_sum(str(k))}" for k in range(law.dimensions**2)]
-    return _kernel("unpack_strain", "sums, shear", ["n_slots = sums.shape[1] // 2"], body)
+    body = [f"shear[{k}, b] = {_sum(str(k))} * of_strain" for k in range(law.dimensions**2)]
+    return _kernel("unpack_strain", "sums, shear", body)
 
 
 def _stress(law: Law, columns: list[str]) -> list[str]:
@@ -108,16 +98,16 @@ def _stress(law: Law, columns: list[str]) -> list[str]:
     for i, a in enumerate(law.axes):
         for j, b in enumerate(law.axes[i:], start=i):
             strain = f"shear[{i * d + j}, b] + shear[{j * d + i}, b]{' - trace' if i == j else ''}"
-            body.append(f"values[{columns.index(f't{a}{b}')}, s] = ({strain}) * factor")
+            body.append(f"values[{columns.index(f't{a}{b}')}, b] = ({strain}) * factor")
     return body
 
 
 def _unpack_shifting(law: Law) -> str:
     """offset[d, n] in h per Courant and Mach number; zero where fluid or walls are not all around."""
     d = law.dimensions
-    body = [f"inside = {_sum(f'at + {d}')} > {ALL_AROUND[d]} and flags[b] & 1 == 1"]
-    body += [f"offset[{k}, b] = -4.0 * {_sum(f'at + {k}')} if inside else 0.0" for k in range(d)]
-    return _kernel("unpack_shifting", "at, flags, sums, offset", ["n_slots = sums.shape[1] // 2"], body)
+    body = [f"inside = {_sum(f'at + {d}')} * of_around > {ALL_AROUND[d]} and flags[b] & 1 == 1"]
+    body += [f"offset[{k}, b] = -4.0 * of_shifting * {_sum(f'at + {k}')} if inside else 0.0" for k in range(d)]
+    return _kernel("unpack_shifting", "at, flags, sums, offset", body)
 
 
 def _unpack_matrix(law: Law) -> str:
@@ -126,7 +116,7 @@ def _unpack_matrix(law: Law) -> str:
     body, k = [], 0
     for i in range(d):
         for j in range(i, d):
-            body.append(f"m{i}{j} = {_sum(str(k))}")
+            body.append(f"m{i}{j} = {_sum(str(k))} * of_gradient")
             k += 1
     if d == 2:
         body += ["det = m00 * m11 - m01 * m01", "c00, c01, c11 = m11, -m01, m00"]
@@ -137,4 +127,4 @@ def _unpack_matrix(law: Law) -> str:
         for j in range(d):
             name = f"c{min(i, j)}{max(i, j)}"
             body.append(f"matrix[{i * d + j}, b] = {name} / det if good else {float(i == j)!r}")
-    return _kernel("unpack_matrix", "flags, sums, matrix", ["n_slots = sums.shape[1] // 2"], body)
+    return _kernel("unpack_matrix", "flags, sums, matrix", body)

@@ -1,7 +1,9 @@
-"""Own bodies forward in time, by chunks: x[d, n] m, v[d, n] m/s, drho[n] kg/m3, with the rates of the pair sums.
+"""Own bodies forward in time, by chunks of slots: x[d, n] m, v[d, n] m/s, drho[n] kg/m3, with the pair sums (see
+`pairs`) as they are: sums[k, n] of forces, sums[at, n] of rates of density.
 
-numbers = (time step, weights of the old state, of the present one and of the rates). Wall bodies move as their walls
-do, only their density evolves here.
+numbers = (time step, weights of the old state, of the present one and of the rates). factors = (of a sum of forces,
+over m: the acceleration without gravity and body force; of a sum of rates: d rho / dt). Wall bodies move as their walls
+do, only their density evolves here. flags see sph.particles.
 """
 
 import numpy as np
@@ -10,54 +12,63 @@ from hpcpic.core.simd.jit import njit
 
 DIM = 3
 
-FLUID = 1
+FLUID, REPULSIVE, OWN = 1, 4, 64
+WALL_SHIFT = 56  # key >> this: number of the wall + 1
 
 
 @njit
 def keep(chunk, chunks, x, v, drho, x_old, v_old, drho_old):
     """Remember the state at the start of a step."""
-    for b in range(chunks[chunk], chunks[chunk + 1]):
+    for b in range(np.uint64(chunks[chunk]), np.uint64(chunks[chunk + 1])):
         for k in range(DIM):
             x_old[k, b], v_old[k, b] = x[k, b], v[k, b]
         drho_old[b] = drho[b]
 
 
 @njit
-def advance(chunk, chunks, numbers, flags, external, x, v, drho, a, rate, x_old, v_old, drho_old):
+def advance(chunk, chunks, numbers, factors, at, flags, external, x, v, drho, m, sums, x_old, v_old, drho_old):
     """y = old y_old + now y + new dt f(y), a stage of a Runge-Kutta method; numbers[4] != 0: x with the new v."""
     old, now, new = numbers[1], numbers[2], numbers[3] * numbers[0]
-    for b in range(chunks[chunk], chunks[chunk + 1]):
-        drho[b] = now * drho[b] + new * rate[b]
+    for b in range(np.uint64(chunks[chunk]), np.uint64(chunks[chunk + 1])):
+        if flags[b] & OWN == 0:
+            continue
+        rate = np.float64(sums[at, b]) * factors[1] if flags[b] & REPULSIVE == 0 else 0.0
+        drho[b] = now * drho[b] + new * rate
         if old != 0.0:  # else there may be no old state
             drho[b] += old * drho_old[b]
         if flags[b] & FLUID == 0:
             drho[b] = max(drho[b], 0.0)  # walls do not suck
-        if flags[b] & FLUID:
-            for k in range(DIM):
-                before = v[k, b]
-                v[k, b] = now * before + new * (a[k, b] + external[k])
-                if old != 0.0:
-                    v[k, b] += old * v_old[k, b]
-                speed = v[k, b] if numbers[4] != 0.0 else before
-                x[k, b] = now * x[k, b] + new * speed
-                if old != 0.0:
-                    x[k, b] += old * x_old[k, b]
+            continue
+        factor = factors[0] / m[b]
+        for k in range(DIM):
+            before = v[k, b]
+            v[k, b] = now * before + new * (np.float64(sums[k, b]) * factor + external[k])
+            if old != 0.0:
+                v[k, b] += old * v_old[k, b]
+            speed = v[k, b] if numbers[4] != 0.0 else before
+            x[k, b] = now * x[k, b] + new * speed
+            if old != 0.0:
+                x[k, b] += old * x_old[k, b]
 
 
 @njit
-def kick(chunk, chunks, numbers, flags, external, v, a):
+def kick(chunk, chunks, numbers, factors, flags, external, v, m, sums):
     """v += dt a."""
-    for b in range(chunks[chunk], chunks[chunk + 1]):
-        if flags[b] & FLUID:
+    for b in range(np.uint64(chunks[chunk]), np.uint64(chunks[chunk + 1])):
+        if flags[b] & FLUID and flags[b] & OWN:
+            factor = factors[0] / m[b]
             for k in range(DIM):
-                v[k, b] += numbers[0] * (a[k, b] + external[k])
+                v[k, b] += numbers[0] * (np.float64(sums[k, b]) * factor + external[k])
 
 
 @njit
-def drift(chunk, chunks, numbers, flags, x, v, drho, rate):
+def drift(chunk, chunks, numbers, factors, at, flags, x, v, drho, sums):
     """x += dt v, rho += dt d rho / dt."""
-    for b in range(chunks[chunk], chunks[chunk + 1]):
-        drho[b] += numbers[0] * rate[b]
+    for b in range(np.uint64(chunks[chunk]), np.uint64(chunks[chunk + 1])):
+        if flags[b] & OWN == 0:
+            continue
+        if flags[b] & REPULSIVE == 0:
+            drho[b] += numbers[0] * (np.float64(sums[at, b]) * factors[1])
         if flags[b] & FLUID:
             for k in range(DIM):
                 x[k, b] += numbers[0] * v[k, b]
@@ -66,11 +77,11 @@ def drift(chunk, chunks, numbers, flags, x, v, drho, rate):
 
 
 @njit
-def carry(chunk, chunks, wall, wall_shift, wall_speed, x, v):
+def carry(chunk, chunks, flags, key, wall_shift, wall_speed, x, v):
     """Wall particles with their walls."""
     for b in range(chunks[chunk], chunks[chunk + 1]):
-        w = wall[b] - 1
-        if w >= 0:
+        w = (key[b] >> WALL_SHIFT) - 1
+        if w >= 0 and flags[b] & OWN:
             for k in range(DIM):
                 x[k, b] += wall_shift[w, k]
                 v[k, b] = wall_speed[w, k]
@@ -80,7 +91,7 @@ def carry(chunk, chunks, wall, wall_shift, wall_speed, x, v):
 def spread(chunk, chunks, numbers, flags, offset, x):
     """x += numbers[1] offset: particles away from where they are crowded."""
     for b in range(chunks[chunk], chunks[chunk + 1]):
-        if flags[b] & FLUID:
+        if flags[b] & FLUID and flags[b] & OWN:
             for k in range(DIM):
                 x[k, b] += numbers[1] * offset[k, b]
 
@@ -93,7 +104,7 @@ def swap(chunk, chunks, flags, faces, normals, bounds, turns, shifts, spins, pus
     """
     at, speed = np.zeros(DIM), np.zeros(DIM)
     for b in range(chunks[chunk], chunks[chunk + 1]):
-        if flags[b] & FLUID == 0:
+        if flags[b] & FLUID == 0 or flags[b] & OWN == 0:
             continue
         for f in range(faces):
             behind = True
@@ -127,18 +138,21 @@ def rewrap(chunk, chunks, period, x):
 
 
 @njit
-def largest(chunk, chunks, flags, external, x, v, a, drho, found):
+def largest(chunk, chunks, factors, flags, external, x, v, m, sums, drho, found):
     """found[chunk] = largest v^2, a^2 of the fluid, |drho|, -x and x of the fluid; not a number where one is not."""
-    found[chunk, :] = -np.inf
     speed, force, density, sound = 0.0, 0.0, 0.0, 0.0
-    for b in range(chunks[chunk], chunks[chunk + 1]):
+    low, high = np.full(DIM, np.inf), np.full(DIM, -np.inf)
+    for b in range(np.uint64(chunks[chunk]), np.uint64(chunks[chunk + 1])):
+        if flags[b] & OWN == 0:
+            continue
         v2, a2 = 0.0, 0.0
         for k in range(DIM):
             v2 += v[k, b] * v[k, b]
-            if flags[b] & FLUID:
-                a2 += (a[k, b] + external[k]) ** 2
-                found[chunk, 3 + k] = max(found[chunk, 3 + k], -x[k, b])
-                found[chunk, 3 + DIM + k] = max(found[chunk, 3 + DIM + k], x[k, b])
+        if flags[b] & FLUID:
+            factor = factors[0] / m[b]
+            for k in range(DIM):
+                a2 += (np.float64(sums[k, b]) * factor + external[k]) ** 2
+                low[k], high[k] = min(low[k], x[k, b]), max(high[k], x[k, b])
         speed = speed if speed >= v2 else v2  # what is not a number goes through
         force = force if force >= a2 else a2
         density = density if density >= abs(drho[b]) else abs(drho[b])
@@ -146,20 +160,8 @@ def largest(chunk, chunks, flags, external, x, v, a, drho, found):
     if not np.isfinite(sound):
         speed = np.nan
     found[chunk, 0], found[chunk, 1], found[chunk, 2] = speed, force, density
-
-
-@njit
-def pick(chunk, chunks, order, line, moved):
-    """moved = line in another order."""
-    for b in range(np.uint64(chunks[chunk]), np.uint64(chunks[chunk + 1])):
-        moved[b] = line[np.uint32(order[b])]
-
-
-@njit
-def put(chunk, chunks, line, moved):
-    """line = moved."""
-    for b in range(np.uint64(chunks[chunk]), np.uint64(chunks[chunk + 1])):
-        line[b] = moved[b]
+    for k in range(DIM):
+        found[chunk, 3 + k], found[chunk, 3 + DIM + k] = -low[k], high[k]
 
 
 @njit
@@ -207,21 +209,22 @@ def ghost_values(rows, codes, turn, shift, spin, push, x, v, drho, gradient, she
 
 
 @njit
-def take_ghosts(values, n, x, v, drho, gradient, shear, matrix):
-    """Ghosts behind the n own bodies."""
+def take_ghosts(values, rows, x, v, drho, gradient, shear, matrix):
+    """What `ghost_values` are of into the ghosts, at `rows`."""
     for g in range(values.shape[0]):
+        b = rows[g]
         for k in range(DIM):
-            x[k, n + g], v[k, n + g] = values[g, k], values[g, DIM + k]
-        drho[n + g] = values[g, 2 * DIM]
+            x[k, b], v[k, b] = values[g, k], values[g, DIM + k]
+        drho[b] = values[g, 2 * DIM]
         column = 2 * DIM + 1
         if gradient.shape[1] > 0:
             for k in range(DIM):
-                gradient[k, n + g] = values[g, column + k]
+                gradient[k, b] = values[g, column + k]
             column += DIM
         if shear.shape[1] > 0:
             for k in range(DIM * DIM):
-                shear[k, n + g] = values[g, column + k]
+                shear[k, b] = values[g, column + k]
             column += DIM * DIM
         if matrix.shape[1] > 0:
             for k in range(DIM * DIM):
-                matrix[k, n + g] = values[g, column + k]
+                matrix[k, b] = values[g, column + k]

@@ -1,15 +1,18 @@
-"""Generated text of `pack`: the state of the bodies into the columns of their slots, by vectors of float64.
+"""Generated text of `pack`: what pair sums read besides the state, by vectors of float64; see `columns`.
 
-Bodies are in SI units, columns in those of `pairs`; see `columns`. Numbers of bodies are below 2^28.
+In single precision also the state in their units.
 """
 
 import math
 
 from sph.kernels.pairs import UNIT, Law, columns_of
 
-SCALES = ("per_h", "per_c", "per_rho", "per_m", "background", "viscosity", "acceleration", "rate_scale", "tensile", "h")
-"""1 / h, 1 / c0, 1 / rho0, 1 / (rho0 h^d), p / (rho0 c0^2), mu / (rho0 c0 h); c0^2 / h, rho0 c0 / h,
-Monaghan's coefficient, h."""
+SCALES = (
+    "per_h", "per_c", "per_rho", "per_m", "background", "viscosity", "tensile", "of_gradient", "of_strain",
+    "of_shifting", "of_around",
+)
+"""1 / h, 1 / c0, 1 / rho0, 1 / (rho0 h^d), p / (rho0 c0^2), mu / (rho0 c0 h), Monaghan's coefficient; and what the
+other sums of these kinds are multiplied by."""
 MOST_GAMMA = 16  # that a polynomial is made for
 
 HEAD = """
@@ -17,7 +20,7 @@ import numpy as np
 
 from hpcpic.core.simd.jit import njit
 from hpcpic.core.simd.vector import (
-    Vec, address_of, convert, floor, gather_lines, lane_numbers, lanes, load, select, splat, store
+    Vec, convert, floor, lanes, load, select, splat, store
 )
 
 N = lanes(np.float64)
@@ -55,55 +58,33 @@ def _slope_lines(gamma: float) -> list[str]:
     return ["slope = " + " * ".join(["splat(F, 0.5)", *[factor] * n])]
 
 
-def _take(name: str) -> str:
-    """What the bodies b of a vector have in a line of memory."""
-    return f"gather_lines(F, 1, address_of({name}, 0), b)[0]"
-
-
 def _values(law: Law) -> dict[str, str]:
-    values = {"push": "(p + background) * (light * light)", "volume": "mass * light", "mass": "mass"}
-    values |= {"tension": "select(p < 0.0, -tensile * p, 0.05 * tensile * p) * (light * light)", "solid": "solid"}
-    values |= {f"n{a}": _take(f"normal{k}") for k, a in enumerate(law.axes)}
-    values |= {f"v{a}": f"{_take(f'v{k}')} * per_c" for k, a in enumerate(law.axes)}
-    return values | {"excess": "e", "light": "light", "slope": "slope"}
+    values = {"push": "(p + background) * (light * light)", "light": "light", "slope": "slope", "excess": "e"}
+    values |= {"tension": "select(p < 0.0, -tensile * p, 0.05 * tensile * p) * (light * light)"}
+    values |= {"mass": "load(F, m, s) * per_m"}
+    return values | {f"v{a}": f"load(F, v[{k}], s) * per_c" for k, a in enumerate(law.axes)}
 
 
 def _lines(law: Law, gamma: float, columns: list[str]) -> list[str]:
     """For the bodies in the slots from s on."""
     kept, values = columns_of(law), _values(law)
-    lines = [
-        "b = select(lane < np.int32(last - s), load(I, body, s), body[s]) * 8",
-        f"e = {_take('drho')} * per_rho",
-        "rho = e + 1.0",
-        "light = 1.0 / rho",
-        f"mass = {_take('m')} * per_m",
-    ]
-    if law.repulsive:  # these have neither mass nor volume
-        lines += ["stands = load(I, slot_class, s) & 4 == 4", "solid = select(stands, mass, 0.0)"]
-        lines += ["mass = select(stands, 0.0, mass)"]
-    lines += pressure_lines(gamma)
+    lines = ["e = load(F, drho, s) * per_rho", "rho = e + 1.0", "light = 1.0 / rho", *pressure_lines(gamma)]
     if "slope" in columns:
         lines += _slope_lines(gamma)
-    for k in range(law.dimensions):
-        if law.single:  # fixed point, modulo 256 h
-            place = f"convert(I, convert(L, floor({_take(f'x{k}')} * (per_h * {1 / UNIT!r}))))"
-        else:
-            place = f"{_take(f'x{k}')} * per_h"
-        lines.append(f"store(position{k}, s, {place})")
-    return lines + [f"store(values{kept.index(name)}, s, convert(R, {values[name]}))" for name in columns]
+    if law.single:  # fixed point, modulo 256 h
+        for k in range(law.dimensions):
+            place = f"convert(I, convert(L, floor(load(F, x[{k}], s) * (per_h * {1 / UNIT!r}))))"
+            lines.append(f"store(position[{k}], s, {place})")
+    return lines + [f"store(values[{kept.index(name)}], s, convert(R, {values[name]}))" for name in columns]
 
 
 def source(law: Law, gamma: float) -> str:
     """The module with `pack`: all columns but those that come from other pair sums."""
     columns = [name for name in columns_of(law) if name[:-1] != "g" and not (name[0] in "tl" and len(name) == 3)]
-    arguments = ["x", "v", "drho", "m", "position", "values"] + (["normal"] if law.repulsive else [])
-    views = dict.fromkeys(("x", "v", "position"), law.dimensions) | {"values": len(columns_of(law))}
-    views |= {"normal": law.dimensions} if law.repulsive else {}
-    lines = [f"def pack(block, blocks, begin, base, body, slot_class, scales, {', '.join(arguments)}):"]
+    lines = ["def pack(block, blocks, base, scales, x, v, drho, m, position, values):"]
     lines += [f"    {name} = scales[{k}]" for k, name in enumerate(SCALES)]
-    lines += [f"    {name}{k} = {name}[{k}]" for name, n in views.items() for k in range(n)]
-    lines += ["    lane, line = lane_numbers(I), np.zeros(N)"]
+    lines += ["    line = np.zeros(N)"]
     lines += ["    for l in range(blocks[block], blocks[block + 1]):"]
-    lines += ["        last = base[l] + begin[l + 1] - begin[l]", "        for s in range(base[l], last, N):"]
+    lines += ["        for s in range(base[l], base[l + 1], N):  # also where nobody is: vectors overrun"]
     lines += [f"            {line}" for line in _lines(law, gamma, columns)]
     return HEAD.format(real=law.real) + "\n\n@njit\n" + "\n".join(lines) + "\n"

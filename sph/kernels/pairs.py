@@ -1,9 +1,10 @@
 """Pair sums of a scene as generated text: each pair of bodies once, for both, along the runs of `cells.find`.
 
-Everything is in units of h, c0 and the reference density. A pass is a set of terms (momentum, continuity, ...) that
-share the distance and the kernel. What a body gets from its own layer and the next goes to `sums[k, slot]`, what it
-gets from the layer below to `sums[k, S + slot]`, so that layers are independent and the result does not depend on who
-computes them. Lanes count from the start of a run.
+Lengths, velocities, densities and masses are in units that the numbers of a scene know: in double precision the state
+is read as it is held, in SI units; in single, columns in those of h, c0, rho0 and rho0 h^d. A pass is a set of terms
+(momentum, continuity, ...) that share the distance and the kernel. Layers of even number come first, then the odd ones;
+each adds to what it and the next one have, so that those of a kind are independent and the result does not depend on
+who computes them. Lanes count from the start of a run.
 """
 
 from collections.abc import Sequence
@@ -12,6 +13,7 @@ from dataclasses import dataclass, field
 from sph.kernels.functions import SMOOTHING
 
 UNIT = 2.0**-24  # of fixed-point positions, in h
+NORMAL = 8  # flags >> this: number of the normal of a repulsive particle
 AXES = "xyz"
 
 
@@ -61,10 +63,10 @@ class Terms:
 
 
 def columns_of(law: Law) -> list[str]:
-    """Columns of a slot, besides its position: what `pack` fills in."""
-    names = ["excess", "volume", "push", *(f"v{a}" for a in law.axes), "mass"]
-    if law.artificial or law.viscosity in ("cleary", "morris"):
-        names += ["light"]
+    """Columns of a slot besides what the state has: what `pack` and other pair sums fill in."""
+    names = ["push", "light"]
+    if law.single:
+        names += state_of(law)
     if law.flux == "delta":
         names += [f"g{a}" for a in law.axes]
     if law.flux == "fourtakas":
@@ -73,11 +75,14 @@ def columns_of(law: Law) -> list[str]:
         names += ["tension"]
     if law.corrected:
         names += [f"l{a}{b}" for k, a in enumerate(law.axes) for b in law.axes[k:]]
-    if law.repulsive:
-        names += [f"n{a}" for a in law.axes] + ["solid"]
     if law.viscosity == "strain-rate":
         names += [f"t{a}{b}" for k, a in enumerate(law.axes) for b in law.axes[k:]]
     return names
+
+
+def state_of(law: Law) -> dict[str, str]:
+    """Columns that are the state, and where it is held."""
+    return {"excess": "drho", "mass": "m"} | {f"v{a}": f"v[{k}]" for k, a in enumerate(law.axes)}
 
 
 def _relative_velocity(law: Law, terms: Terms) -> None:
@@ -89,6 +94,13 @@ def _relative_velocity(law: Law, terms: Terms) -> None:
     for a in law.axes[-2::-1]:
         vd = f"fma(d{a}v, d{a}, {vd})"
     terms.lines.append(f"    vd = {vd}")
+
+
+def _volumes(terms: Terms) -> None:
+    terms.need("mass", "light")
+    line = "    volume_i, volume_j = mass_i * light_i, mass_j * light_j"
+    if line not in terms.lines:
+        terms.lines.append(line)
 
 
 def momentum(law: Law, terms: Terms) -> None:
@@ -165,13 +177,13 @@ def repulsion(law: Law) -> list[str]:
     where nothing comes from before the wall (that takes 0.5 c), S falls to 0 at the wall particle. And (SC 6) with the
     mass of the wall particle. `reach` = h / dp.
     """
-    lines = [f"n{a}_i, n{a}_j = n{a}_[i], load(F_, n{a}_, j)" for a in law.axes]
-    lines += [f"n{a} = n{a}_j - n{a}_i" for a in law.axes]
+    lines = [f"at_i, at_j = class_i >> {NORMAL}, (kinds >> {NORMAL}) * {4 if law.single else 8}"]
+    lines += [f"n{a} = gather_lines(F_, 1, address_of(n{a}_, 0), at_j)[0] - n{a}_[at_i]" for a in law.axes]
     y = f"d{law.axes[-1]} * n{law.axes[-1]}"
     for a in law.axes[-2::-1]:
         y = f"fma(d{a}, n{a}, {y})"
-    lines += [f"y = {y}"]
-    hats = [f"maximum(1.0 - abs(fma(-y, n{a}, d{a})) * reach, 0.0)" for a in law.axes]
+    lines += [f"y = ({y}) * per_h"]
+    hats = [f"maximum(1.0 - abs(fma(-y, n{a}, d{a} * per_h)) * reach, 0.0)" for a in law.axes]
     lines += [
         "steep = 0.8 / maximum(y, 0.4)",
         "steep = steep * steep",
@@ -179,16 +191,17 @@ def repulsion(law: Law) -> list[str]:
         "weak = 25.0 * ((1.0 - y) * (1.0 - y))",
         "strength = select(y < 0.8, steep * steep, select(y < 1.0, weak, 0.0))",
         f"strength = strength * ({' * '.join(hats)})",
-        "strength = maximum(minimum(y * 2.5, 1.0), 0.0) * strength * (0.01 * (mass_i + mass_j))",
+        "masses = mass_i + solid_i + mass_j + solid_j",
+        "strength = maximum(minimum(y * 2.5, 1.0), 0.0) * strength * (hundredth * masses)",
         "strength = select(lane < np.int32(end - j), strength, 0.0)",
     ]
     lines += [f"e{a} = strength * n{a}" for a in law.axes]
     if law.viscosity == "cleary":
-        lines.append("masses = mass_i * load(F_, solid_, j) + solid_[i] * mass_j")
+        lines.append("masses = mass_i * solid_j + solid_i * mass_j")
         lines.append("drag = (near * (light_i * light_j)) * (viscous * F) * masses")
         lines += [f"e{a} = e{a} - drag * d{a}" for a in law.axes]
     if law.viscosity == "morris":
-        lines.append("masses = mass_i * load(F_, solid_, j) + solid_[i] * mass_j")
+        lines.append("masses = mass_i * solid_j + solid_i * mass_j")
         lines += [f"e{a} = e{a} - (light_i * light_j) * (viscous * F) * masses * d{a}v" for a in law.axes]
     return lines
 
@@ -219,8 +232,9 @@ def _drag_force(law: Law, terms: Terms) -> None:
 def continuity(law: Law, terms: Terms) -> None:
     """(MP 16) with a flux of density: (MP 17), Molteni and Colagrossi, Fourtakas, Antuono (delta)."""
     _relative_velocity(law, terms)
-    terms.need("excess", "volume")
-    terms.lines += ["    rho_i, rho_j = excess_i + 1.0, excess_j + 1.0"]
+    _volumes(terms)
+    terms.need("excess")
+    terms.lines += ["    rho_i, rho_j = excess_i + density, excess_j + density"]
     terms.lines += ["    to_i = volume_j * F", "    to_j = volume_i * F"]
     terms.lines += ["    vd_i, vd_j = vd, vd"]
     if law.corrected:
@@ -253,7 +267,8 @@ def _flux_lines(law: Law, terms: Terms) -> list[str]:
 
 def gradient(law: Law, terms: Terms) -> None:
     """Sums for the renormalised density gradient: - sum V_j F r r^T and sum V_j (rho_j - rho_i) F r_ij, of fluid."""
-    terms.need("volume", "excess")
+    _volumes(terms)
+    terms.need("excess")
     terms.lines += [
         "    fluid = F",
         "    fluid = select(mixing, fluid, 0.0)",
@@ -271,7 +286,7 @@ def gradient(law: Law, terms: Terms) -> None:
 def strain(law: Law, terms: Terms) -> None:
     """Sums of the velocity gradient: d v_b / d x_a = sum V_j (v_j - v_i)_b F r_a."""
     _relative_velocity(law, terms)
-    terms.need("volume")
+    _volumes(terms)
     terms.lines += ["    by_j, by_i = -(volume_j * F), -(volume_i * F)"]
     for a in law.axes:
         for b in law.axes:
@@ -281,7 +296,7 @@ def strain(law: Law, terms: Terms) -> None:
 
 def matrix(law: Law, terms: Terms) -> None:
     """- sum V_j F r r^T, whose inverse renormalises gradients (Randles and Libersky 1996)."""
-    terms.need("volume")
+    _volumes(terms)
     terms.lines += ["    by_j, by_i = -(volume_j * F), -(volume_i * F)"]
     for k, a in enumerate(law.axes):
         for b in law.axes[k:]:
@@ -293,7 +308,7 @@ def shifting(law: Law, terms: Terms) -> None:
     """Sums of Sun et al. 2017 (9), sum V_j (1 + 0.2 (W / W(dp))^4) F r_ij, and - sum V_j F r^2: d where fluid is all
     around.
     """
-    terms.need("volume")
+    _volumes(terms)
     _crowding(law, terms)
     terms.lines += [
         "    apart = F * fma(crowding, 0.2, 1.0)",

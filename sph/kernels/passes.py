@@ -8,19 +8,25 @@ import numpy as np
 from hpcpic.core.simd.generate import module_from_source
 from hpcpic.core.simd.vector import lanes
 from sph.kernels.functions import SMOOTHING
-from sph.kernels.pairs import UNIT, Law, Terms, collect, columns_of
+from sph.kernels.pairs import UNIT, Law, Terms, collect, columns_of, state_of
 
-NUMBERS = ("artificial", "viscous", "flux_strength", "gravityx", "gravityy", "gravityz", "reach", "per_w")
+NUMBERS = (
+    "artificial", "viscous", "flux_strength", "gravityx", "gravityy", "gravityz", "reach", "per_w", "per_h", "per_h2",
+    "density", "hundredth",
+)  # fmt: skip
 
-ROWS, OWN_ROWS = {2: 2, 3: 5}, {2: 1, 3: 2}  # as kernels.cells has them
-ARGUMENTS = "block, blocks, begin, base, numbers, run_first, run_length, classes, position, values, sums"
+ROWS = {2: 2, 3: 5}  # as kernels.cells has them
+ARGUMENTS = (
+    "block, blocks, odd, begin, base, shape, numbers, run_first, run_length, flags, position, v, drho, m, values, "
+    "face_normals, sums"
+)
 
 HEAD = """
 import numpy as np
 from hpcpic.core.simd.jit import njit
 from hpcpic.core.simd.vector import (
-    Vec, address_of, bitmask, convert, fma, lane_numbers, load, maximum, minimum, prefetch, prefetch_to_write, select,
-    splat, sqrt, store, total
+    Vec, address_of, bitmask, convert, fma, gather_lines, lane_numbers, load, maximum, minimum, prefetch,
+    prefetch_to_write, select, splat, sqrt, store, total
 )
 
 REAL = np.{real}
@@ -38,6 +44,8 @@ def _distance(law: Law) -> list[str]:
     r2 = f"d{law.axes[-1]} * d{law.axes[-1]}"
     for a in law.axes[-2::-1]:
         r2 = f"fma(d{a}, d{a}, {r2})"
+    if not law.single:
+        r2 = f"({r2}) * per_h2"
     kernel = SMOOTHING[law.kernel]
     lines.append(f"    r2 = {r2}" + (" + 1e-30" if kernel.divides else ""))
     lines.append("    r = sqrt(r2)")
@@ -51,16 +59,19 @@ def _pair(law: Law, terms: Terms, plain: bool) -> list[str]:
     lines = [*_distance(law), "    F = select(lane < np.int32(end - j), F, 0.0)"]
     if not plain:
         lines += [
-            "    kinds = load(I_, classes, j)",
+            "    kinds = load(I_, flags, j)",
             "    partners = (kinds | class_i) & 3 == 3",
             "    mixing = kinds & class_i & 8 == 8",
             "    F = select(partners, F, 0.0)",
         ]
     lines += [f"    {name}_j = load(F_, {name}_, j)" for name in sorted(terms.columns)]
+    if law.repulsive and not plain:  # these have neither mass nor volume
+        lines += ["    stands = kinds & 4 == 4", "    solid_j = select(stands, mass_j, 0.0)"]
+        lines += ["    mass_j = select(stands, 0.0, mass_j)"]
     lines += [line for line in terms.lines if not (plain and "mixing" in line)]
     for k, (_, to_i, to_j, by_i, by_j) in enumerate(terms.sums):
         lines.append(f"    sum{k} = fma({to_i}, {by_i}, sum{k})")
-        lines.append(f"    store(sums{k}, j + shift, fma({to_j}, {by_j}, load(F_, sums{k}, j + shift)))")
+        lines.append(f"    store(sums{k}, j, fma({to_j}, {by_j}, load(F_, sums{k}, j)))")
     if terms.rare and not plain:
         lines += ["    repels = ((kinds | class_i) & 4 == 4) & (F != 0.0)  # it does not reach as far as the support"]
         lines += ["    if bitmask(repels) != 0:", *(f"        {line}" for line in terms.rare)]
@@ -69,7 +80,7 @@ def _pair(law: Law, terms: Terms, plain: bool) -> list[str]:
         for a in law.axes:
             k = names.index(f"f{a}")
             lines.append(f"        sum{k} = sum{k} + e{a}")
-            lines.append(f"        store(sums{k}, j + shift, load(F_, sums{k}, j + shift) - e{a})")
+            lines.append(f"        store(sums{k}, j, load(F_, sums{k}, j) - e{a})")
     return lines
 
 
@@ -79,10 +90,9 @@ def _fetch_ahead(law: Law, read: Sequence[str], n: int) -> list[str]:
     """
     lines = []
     for row in range(ROWS[law.dimensions]):
-        shift = "" if row < OWN_ROWS[law.dimensions] else " + n_slots"
         lines.append(f"soon = np.int64(run_first[{row}, i]) + np.int64(run_length[{row}, i]) + 2 * LANES_")
         lines += [f"prefetch(address_of({name}, soon))" for name in read]
-        lines += [f"prefetch_to_write(address_of(sums{k}, soon{shift}))" for k in range(n)]
+        lines += [f"prefetch_to_write(address_of(sums{k}, soon))" for k in range(n)]
     return ["if i & (LANES_ // 2 - 1) == 0:", *(f"    {line}" for line in lines)]
 
 
@@ -93,41 +103,42 @@ def _indent(lines: Sequence[str], depth: int) -> str:
 def _pass_source(law: Law, title: str, names: Sequence[str]) -> str:
     terms = collect(law, names)
     columns = columns_of(law)
-    rows, own_rows = ROWS[law.dimensions], OWN_ROWS[law.dimensions]
-    n = len(terms.sums)
+    rows, n, read = ROWS[law.dimensions], len(terms.sums), sorted(terms.columns)
+    places = {name: f"values[{columns.index(name)}]" for name in columns} | ({} if law.single else state_of(law))
     numbers = [f"{name} = REAL(numbers[{k}])" for k, name in enumerate(NUMBERS)]
-    views = [f"{a}_ = position[{k}]" for k, a in enumerate(law.axes)]
-    views += [f"{name}_ = values[{columns.index(name)}]" for name in sorted(terms.columns)]
-    if terms.rare:
-        views += [f"{c}_ = values[{columns.index(c)}]" for c in (*(f"n{a}" for a in law.axes), "solid")]
-    views += [f"sums{k} = sums[{k}]" for k in range(n)]
-    fetch = [f"{name}_i = {name}_[u]" for name in (*law.axes, *sorted(terms.columns))]
+    views = [f"{a}_ = position[{k}]" for k, a in enumerate(law.axes)] + [f"{name}_ = {places[name]}" for name in read]
+    fetch = [f"{name}_i = {name}_[u]" for name in (*law.axes, *read)]
     fetch += [f"sum{k} = splat(F_, 0.0)" for k in range(n)]
-    fetch += _fetch_ahead(law, [view.split(" ")[0] for view in views if "sums" not in view], n)
+    fetch += _fetch_ahead(law, [view.split(" ")[0] for view in views], n)
+    views += [f"sums{k} = sums[{k}]" for k in range(n)]
+    if terms.rare:
+        views += [f"n{a}_ = face_normals[{k}]" for k, a in enumerate(law.axes)]
 
     def loop(plain: bool, depth: int) -> str:
         head = [
             f"for row in range({rows}):",
             "    j = np.int64(run_first[np.uint64(row), u])",
             "    end = j + np.int64(run_length[np.uint64(row), u])",
-            f"    shift = np.int64(0) if row < {own_rows} else n_slots",
             "    while j < end:",
         ]
         return _indent(head, depth) + _indent([*_pair(law, terms, plain), "    j += LANES_"], depth + 4)
 
     if law.walls:
-        body = _indent(["class_i = classes[u]", "if class_i & 16 == 16:"], 12) + loop(True, 16)
-        body += _indent(["else:"], 12) + loop(False, 16)
+        body = _indent(["class_i = flags[u]", "if class_i & 16 == 16:"], 12) + loop(True, 16)
+        body += _indent(["else:"], 12)
+        if law.repulsive:
+            body += _indent(["solid_i = mass_i if class_i & 4 == 4 else REAL(0.0)", "mass_i -= solid_i"], 16)
+        body += loop(False, 16)
     else:
         body = loop(True, 12)
     return (
         f"\n\n@njit\ndef {title}({ARGUMENTS}):\n"
-        + _indent([*numbers, *views, "n_slots = np.int64(values.shape[1])", "lane = lane_numbers(I_)"], 4)
+        + _indent([*numbers, *views, "lane = lane_numbers(I_)"], 4)
         + _indent(["for l in range(blocks[block], blocks[block + 1]):"], 4)
+        + _indent(["if (shape[2] + l) & 1 != odd:", "    continue"], 8)
         + _indent(["first, last = base[l], base[l] + begin[l + 1] - begin[l]"], 8)
-        + _indent([f"clear(sums{k}, first, last)" for k in range(n)], 8)
-        + _indent(["up = base[l + 1]", "up_end = up + begin[l + 2] - begin[l + 1]"], 8)
-        + _indent([f"clear(sums{k}, n_slots + up, n_slots + up_end)" for k in range(n)], 8)
+        + _indent(["if odd == 0:  # the first that adds to these two"], 8)
+        + _indent([f"clear(sums{k}, first, base[l + 2])" for k in range(n)], 12)
         + _indent(["for i in range(first, last):", "    u = np.uint64(i)  # numba looks whether others are below 0"], 8)
         + _indent(fetch, 12)
         + body

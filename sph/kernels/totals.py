@@ -20,7 +20,7 @@ from hpcpic.core.simd.vector import (
 
 DIM = 3
 
-FLUID = 1
+MINE = 65  # flags of the own fluid
 TERMS = 4 + DIM  # kinetic, potential, internal energy, mass, momentum
 _FIRST, _NEXT = 2.0**31, 2.0**32  # as core.space.exact
 N = lanes(np.float64)
@@ -34,7 +34,7 @@ def fill(b, last, flags, constants, powers, x, v, m, drho, terms):
 
     `powers`: coefficients of ((1 + e)^(gamma - 1) - 1) / (gamma - 1) in e, for whole gamma.
     """
-    fluid = load(I, flags, b) & np.int32(FLUID) == np.int32(FLUID)
+    fluid = load(I, flags, b) & np.int32(MINE) == np.int32(MINE)
     mass = select(fluid, load(F, m, b), 0.0)
     mass = select(lane_numbers(I) < np.int32(last - b), mass, 0.0)
     counts = mass > 0.0
@@ -69,7 +69,7 @@ def extremes(chunk, chunks, flags, x, v, m, drho, most):
     sound = splat(F, 0.0)
     last = chunks[chunk + 1]
     for b in range(chunks[chunk], last, N):
-        fluid = load(I, flags, b) & np.int32(FLUID) == np.int32(FLUID)
+        fluid = load(I, flags, b) & np.int32(MINE) == np.int32(MINE)
         mass = select(fluid, load(F, m, b), 0.0)
         mass = select(lane_numbers(I) < np.int32(last - b), mass, 0.0)
         counts = mass > 0.0

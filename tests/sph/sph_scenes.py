@@ -8,8 +8,10 @@ from hpcpic.core.files.schema import validate
 from hpcpic.core.tasks import Pool
 from hpcpic.core.timers import Timers
 from sph.config import SphConfig
+from sph.images import CODES
 from sph.kernels.functions import SMOOTHING
 from sph.limits import cleary_constant
+from sph.particles import REPULSIVE
 from sph.step import Sph
 
 TEXT = """
@@ -59,12 +61,12 @@ def jitter(sph, amount=0.2, speed=1.0, density=5.0, seed=1):
     """Disorder the particles, in a way that depends on their ids alone."""
     bodies, d = sph.bodies, sph.scene.dimensions
     noise = np.random.default_rng(seed).uniform(-1, 1, (sph.scene.n_fluid, 2 * d + 1))
-    fluid = np.flatnonzero(bodies.own("flags") & 1)
-    noise = noise[bodies.id[fluid]].T
+    fluid = bodies.fluid
+    noise = noise[bodies.key[fluid] // CODES].T
     bodies.x[:, fluid] += amount * sph.scene.spacing * noise[:d]
     bodies.v[:, fluid] += speed * noise[d : 2 * d]
     bodies.drho[fluid] += density * noise[2 * d]
-    sph.tasks.each(sph.motion.rewrap, chunks="own_chunks")
+    sph.tasks.each(sph.motion.rewrap)
     sph.migrate()
     sph.sort()
 
@@ -76,10 +78,28 @@ def tank(d=2, kind="pressure-continuity", size=1.0, more=""):
         shape = {{ box = {{ low = {[0.0] * d}; high = {high}; open = ["{"xyz"[d - 1]}+"]; }}; }}; }} );"""
 
 
+def column(sph, name):
+    """A column of the own particles; a [d, n] and rate [n] of the last pair sums."""
+    bodies, sums = sph.bodies, sph.sums
+    if name == "a":
+        return sums.forces_on(bodies.rows) / bodies.own("m")
+    if name == "rate":
+        rates = sph.tasks.arrays["sums"][sums.rate, bodies.rows] * sph.tasks.arrays["factors"][1]
+        return np.where(bodies.own("flags") & REPULSIVE, 0.0, rates)
+    return bodies.own(name)
+
+
 def by_id(sph, *names):
     """Columns of the particles in order of their ids."""
     order = np.argsort(sph.bodies.own("id"))
-    return [sph.bodies.own(name)[..., order].copy() for name in names]
+    return [column(sph, name)[..., order] for name in names]
+
+
+def any_sums(sph):
+    """Room for all pair sums, also those that the integrator has no need of."""
+    sph.sums.n_sums = 16
+    sph.sort()
+    return sph
 
 
 class Reference:

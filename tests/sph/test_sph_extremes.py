@@ -4,7 +4,7 @@ import logging
 
 import numpy as np
 import pytest
-from sph_scenes import engine, tank
+from sph_scenes import any_sums, column, engine, tank
 
 from hpcpic.core.errors import Diverged
 
@@ -18,13 +18,13 @@ def water(**settings):
 
 
 def fluid(sph):
-    return np.flatnonzero(sph.bodies.own("flags") & 1)
+    return sph.bodies.fluid
 
 
 def put(sph, which, x, v=(0.0, 0.0)):
     """The fluid particles `which` to x with v, in physical order."""
     for axis, physical in enumerate(sph.axes):
-        sph.bodies.own("x")[axis, which], sph.bodies.own("v")[axis, which] = x[physical], v[physical]
+        sph.bodies.x[axis, which], sph.bodies.v[axis, which] = x[physical], v[physical]
     sph.migrate()
     sph.sort()
 
@@ -65,7 +65,7 @@ def test_a_particle_may_leave_by_the_open_side_only(x, v, reason):
 @pytest.mark.parametrize("value", [np.nan, np.inf])
 def test_a_particle_that_is_no_number_ends_the_run(column, value):
     sph = water()
-    sph.bodies.own(column)[..., fluid(sph)[5]] = value
+    sph.bodies.columns[column][..., fluid(sph)[5]] = value
     reason = end(sph)
     assert any(words in reason for words in ("not a finite number", "density of particle", "no room", "moved farther"))
 
@@ -74,12 +74,14 @@ def test_a_particle_that_is_no_number_ends_the_run(column, value):
 def test_particles_at_one_place_do_not_push_each_other(many):
     sph = water()
     own = fluid(sph)
-    put(sph, own[:many], sph.physical("x")[own[0]])
-    sph.bodies.own("drho")[own[:many]] = 1.0
-    sph.evaluate()
-    a, rate = sph.bodies.own("a")[:, own[:many]], sph.bodies.own("rate")[own[:many]]
-    assert np.isfinite(a).all() and np.isfinite(rate).all()
-    most = np.abs(sph.bodies.own("a")).max()
+    ids = sph.bodies.key[own[:many]]
+    sph.bodies.drho[own[:many]] = 1.0
+    put(sph, own[:many], sph.physical("x")[sph.bodies.rows == own[0]][0])
+    any_sums(sph).evaluate()
+    chosen = np.isin(sph.bodies.key[sph.bodies.rows], ids)
+    a, rate = column(sph, "a")[:, chosen], column(sph, "rate")[chosen]
+    assert a.shape == (2, many) and np.isfinite(a).all() and np.isfinite(rate).all()
+    most = np.abs(column(sph, "a")).max()
     assert np.ptp(a, axis=1).max() < 1e-12 * most  # all are pushed alike, by the others
 
 
@@ -101,7 +103,7 @@ def test_little_water_and_much_gravity(settings):
 @pytest.mark.parametrize("excess, ends", [(1.001, None), (1.01, None), (1.1, None), (10.0, "density of particle")])
 def test_water_that_starts_too_dense(excess, ends):
     sph = water()
-    sph.bodies.own("drho")[fluid(sph)] = 1000.0 * (excess - 1)
+    sph.bodies.drho[fluid(sph)] = 1000.0 * (excess - 1)
     told = end(sph)
     assert told is None if ends is None else ends in told
 
@@ -121,7 +123,7 @@ def test_a_gate_as_fast_as_can_be(kind, motion):
 @pytest.mark.parametrize("speed, told", [(1.0, False), (4.0, True)])
 def test_a_velocity_that_the_sound_speed_was_not_chosen_for_is_told_once(speed, told, caplog):
     sph = water()
-    sph.bodies.own("v")[sph.axes.index(0), fluid(sph)[30]] = speed
+    sph.bodies.v[sph.axes.index(0), fluid(sph)[30]] = speed
     with caplog.at_level(logging.WARNING, "hpcpic.sph"):
         end(sph, 3)
     assert len([record for record in caplog.records if "max_velocity" in record.message]) == int(told)

@@ -17,7 +17,7 @@ def test_a_uniform_velocity_changes_nothing_else():
     moved, at_rest = (engine(spacing=0.1, step="time_step = 5e-4;") for _ in range(2))
     for sph in (moved, at_rest):
         jitter(sph)
-    moved.bodies.own("v")[:] += np.array([[3.0], [-2.0]])
+    moved.bodies.put("v", moved.bodies.own("v") + np.array([[3.0], [-2.0]]))
     (x, v), (x_rest, v_rest) = (by_id(run(sph, 20), "x", "v") for sph in (moved, at_rest))
     shift = np.array([[3.0], [-2.0]])[moved.axes]
     assert np.abs(v - v_rest - shift).max() < 1e-11  # rounding of v = 3 m/s in twenty steps, amplified by the motion
@@ -52,7 +52,7 @@ def smooth(integrator, dt, periods=8):
     sph = engine(periodic=("x", "y"), fill=1.0, spacing=0.1, flux="none", alpha=0.0, integrator=integrator,
                  step=f"time_step = {dt!r};", **STILL)  # fmt: skip
     bodies = sph.bodies
-    bodies.own("v")[:] = 0.2 * np.sin(2 * np.pi * bodies.own("x"))
+    bodies.put("v", 0.2 * np.sin(2 * np.pi * bodies.own("x")))
     run(sph, round(periods * 1e-3 / dt))
     return np.concatenate([values.ravel() for values in by_id(sph, "x", "v", "drho")])
 
@@ -78,7 +78,7 @@ def test_the_step_follows_the_fastest_criterion():
 
 def test_what_is_not_finite_ends_the_run():
     sph = engine(spacing=0.1)
-    sph.bodies.own("v")[0, 3] = np.nan
+    sph.bodies.v[0, sph.bodies.fluid[3]] = np.nan
     assert "not a finite number" in sph.guard()
     with pytest.raises(Diverged):
         run(sph, 1)
@@ -87,7 +87,7 @@ def test_what_is_not_finite_ends_the_run():
 def test_the_guard_knows_how_dense_a_fluid_is():
     sph = engine(spacing=0.1)
     assert sph.guard() is None
-    sph.bodies.own("drho")[7] = -400.0
+    sph.bodies.drho[sph.bodies.fluid[7]] = -400.0
     assert "density of particle" in sph.guard()
 
 

@@ -17,8 +17,7 @@ def test_what_walls_give_to_the_fluid_the_fluid_gives_to_walls(kind):
     sph = wave(kind)
     sph.evaluate_forces()
     force, _ = sph.wall_forces()["tank"]
-    m, flags = sph.bodies.own("m"), sph.bodies.own("flags")
-    pushed = m * (flags & 1) * sph.physical("a").T
+    pushed = sph.sums.forces_on(sph.bodies.fluid)[np.argsort(sph.axes)]
     assert np.abs(pushed).sum() > 0
     assert np.abs(pushed.sum(axis=1) + force).max() < 1e-11 * np.abs(pushed).sum()
 
@@ -26,7 +25,7 @@ def test_what_walls_give_to_the_fluid_the_fluid_gives_to_walls(kind):
 @pytest.mark.parametrize("kind", KINDS)
 def test_nothing_goes_through_a_wall(kind):
     sph = wave(kind, spacing=0.1)
-    sph.bodies.own("v")[:] += np.where(sph.bodies.own("flags") & 1, 1.0, 0.0) * np.array([[2.0], [2.0]])
+    sph.bodies.v[:, sph.bodies.fluid] += 2.0
     for _ in range(100):
         sph.step()
         assert sph.guard() is None
@@ -57,11 +56,11 @@ def test_corrected_gradients_leave_still_water_beside_walls_still():
 def test_a_particle_behind_a_mirror_changes_places_with_its_image():
     sph = engine(spacing=0.1, more=tank(2, "mirror-no-slip"), step="time_step = 1e-3;")
     b = sph.bodies
-    low = int(np.argmin(b.own("x")[sph.axes.index(1)]))
-    x, v = b.own("x")[:, low], b.own("v")[:, low]
+    low = b.fluid[np.argmin(b.x[sph.axes.index(1), b.fluid])]
+    x, v = b.x[:, low], b.v[:, low]
     up, across = sph.axes.index(1), sph.axes.index(0)
     x[up], v[up], v[across] = -0.01, -1.0, 0.5
-    sph.tasks.each(sph.motion.swap, chunks="own_chunks")
+    sph.tasks.each(sph.motion.swap)
     assert x[up] == pytest.approx(0.01)
     assert (v[up], v[across]) == (1.0, -0.5)
 
@@ -89,7 +88,7 @@ def test_an_empty_tank_costs_nothing():
         for _ in range(4):
             sph.step()
     assert all(np.array_equal(*pair) for pair in zip(by_id(near, "x", "v"), by_id(far, "x", "v")))
-    assert near.cells.here == far.cells.here and near.cells.slots == far.cells.slots
+    assert near.cells.here == far.cells.here and near.bodies.capacity == far.bodies.capacity
     held = [[getattr(array, "nbytes", 0) for array in sph.tasks.arrays.values()] for sph in (near, far)]
     assert sum(held[1]) <= 1.05 * sum(held[0])
 
@@ -112,7 +111,7 @@ def test_a_thin_bed_between_repulsive_walls_stays_where_it_is():
     """
     more = tank(3, "repulsive", (0.4, 0.3, 0.3))
     sph = engine(d=3, size=(0.4, 0.3, 0.3), fill=(0.4, 0.3, 0.02), spacing=0.02, more=more, alpha=0.02, sound=24.0)
-    fluid = np.flatnonzero(sph.bodies.own("flags") & 1)
+    fluid = np.flatnonzero(sph.bodies.own("flags") & 1)  # of the own
     start = dict(zip(sph.bodies.id[fluid], sph.physical("x")[fluid]))
     while sph.time < 0.1:
         sph.step()

@@ -17,7 +17,7 @@ from hpcpic.core.timers import Timers
 from sph import measured, theory
 from sph.cases import shipped_cases
 from sph.config import SphConfig
-from sph.snapshot import own_particles
+from sph.snapshot import particles_at
 from sph.step import Sph
 
 pytestmark = [pytest.mark.validation, pytest.mark.timeout(3600)]
@@ -52,8 +52,8 @@ class Done:
 
     def fluid(self) -> dict[str, np.ndarray]:
         """Copies of the fluid's columns in order of the ids."""
-        own = own_particles(self.app)
-        order = np.flatnonzero(own["kind"] == 0)[np.argsort(own["id"][own["kind"] == 0])]
+        own = particles_at(self.app, self.app.bodies.fluid)
+        order = np.argsort(own["id"])
         return {name: np.array(values[order]) for name, values in own.items()}
 
     def series(self, name: str) -> np.ndarray:
