@@ -1,5 +1,6 @@
 """The numbers that decide whether an SPH case is stable and accurate, with their limits and sources."""
 
+import itertools
 import math
 from collections.abc import Iterator
 
@@ -8,6 +9,7 @@ from sph import geometry, limits
 from sph.config import SphConfig, motion_speed
 from sph.scene import DOMAIN, Scene
 
+STRETCH = 0.1  # of the spacing along an edge, which is noticed
 STABILITY = "von Neumann, research of this program"
 CFL, STEP = ("simulation", "cfl"), ("simulation", "time_step")
 
@@ -185,19 +187,29 @@ def filling(config: SphConfig, scene: Scene) -> Iterator[Derived]:
             yield Derived(f"mass of {section.name}", "m/m_exact - 1", error, "", "< 5 %", verdict, "filling", cure, key)
 
 
+def dividing(edges: list[float], dp: float) -> float:
+    """The largest spacing below dp, of three digits, that hardly has to stretch along any edge."""
+    shortest = min(edges)
+    for n in itertools.count(math.ceil(shortest / dp)):
+        step = float(f"{shortest / n:.3g}")
+        if all(abs(edge / geometry.count(edge, step) / step - 1) < STRETCH for edge in edges):
+            return step
+    raise AssertionError  # a spacing small enough divides everything
+
+
 def layers(config: SphConfig, section, i: int) -> Iterator[Derived]:
     """How well the spacing divides a box."""
     dp, key = config.numerics.spacing, ("fluid", i, "shape", "box")
     edges = [b - a for a, b in zip(section.shape.box.low, section.shape.box.high)]
     counts = [geometry.count(edge, dp) for edge in edges]
     worst = max((edge / n / dp - 1 for edge, n in zip(edges, counts)), key=abs)
-    verdict = "ok" if abs(worst) < 0.1 else "warn"
+    verdict = "ok" if abs(worst) < STRETCH else "warn"
     cure = ""
     if min(edges) < 0.99 * dp:
         verdict, cure = ("warn" if min(edges) > 0.5 * dp else "fail"), f"one layer of {min(edges) / dp:.0%} of the mass"
         cure += f"; two layers need spacing = {rounded_down(min(edges) / 2):g}"
     elif verdict == "warn":
-        cure = "spacing that divides the box"
+        cure = f"spacing = {dividing(edges, dp):g} divides the box"
     yield Derived(f"stretch of the spacing in {section.name}", "", worst, "", "< 10 %", verdict, "filling", cure, key)
 
 

@@ -152,3 +152,13 @@ def test_a_wall_that_rattles_the_fluid_is_refused(kind, speed, verdict):
     text = "eos = { sound_speed = 31.0; };" + TANK.rstrip().removesuffix(");") + ", " + gate
     found = {n.name: n.verdict for n in derived(validate(SphConfig, loads(text)))}
     assert found.get("speed of gate") == verdict
+
+
+@pytest.mark.parametrize("spacing", [0.3, 0.27, 0.2, 0.15])
+def test_a_spacing_that_stretches_is_told_one_that_does_not(spacing):
+    told = numbers(numerics=f"spacing = {spacing};")["stretch of the spacing in fluid_1"]
+    if told.verdict == "warn":
+        better = told.cure.split()[2]
+        assert float(better) <= spacing
+        assert numbers(numerics=f"spacing = {better};")["stretch of the spacing in fluid_1"].verdict == "ok"
+    assert "  " not in str(told)

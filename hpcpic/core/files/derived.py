@@ -31,10 +31,11 @@ class Derived:
     stable_above: float = -math.inf
 
     def __str__(self) -> str:
+        name = f"{self.name} {self.symbol}" if self.symbol else self.name
         unit = f" {self.unit}" if self.unit else ""
         limit = f" (limit {self.limit}; {self.source})" if self.limit else ""
         cure = f": {self.cure}" if self.cure else ""
-        return f"{self.name} {self.symbol} = {self.value:.4g}{unit}{limit}{cure}"
+        return f"{name} = {self.value:.4g}{unit}{limit}{cure}"
 
 
 def enforce(numbers: Iterable[Derived], tree: Tree, force: bool = False) -> list[str]:
