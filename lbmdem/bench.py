@@ -249,6 +249,10 @@ def moving_rates(world: World, pool: Pool, d: int) -> dict[str, float]:
             "grains_us": 1e6 * (one.usual("grains") - SUBSTEPS * substep),
         }
     else:
+        samples = in_turn({name: scenes[name].app.scalars for name in ("one", "local")}, ROUNDS[False])
+        nodes = [math.prod(scenes[name].config.points) for name in samples]
+        each = max(0.0, samples["local"] - samples["one"]) / (nodes[1] - nodes[0])
+        rates |= {"lattice_sample_ns": 1e9 * each, "lattice_sample_us": 1e6 * (samples["one"] - nodes[0] * each)}
         kept = sum(scenes["conserving"].usual(part) - scenes["local"].usual(part) for part in ("links", "solid"))
         rates["conserving_ns"] = 1e9 * max(0.0, kept) / CONSERVING**3
     for scene in scenes.values():

@@ -15,6 +15,8 @@ from lbmdem.vectors import fluid_share, shares
 
 MIB = 2.0**20
 SERIES_BYTES = 16 * 8 * 2
+SERIES_SHARE = 0.05  # of a run, its start included, that samples of a series nobody has asked for may take, but
+SAMPLES = 20, 100  # so many at least and at most
 START = 1.0  # s: interpreter, libraries, kernels from the cache
 BLOCK = 16 * MIB  # of all ranks' state, which the first one reads for the digest
 DEPTH = 6  # steps per pass at most (lbmdem.wavefront)
@@ -215,6 +217,14 @@ def sample_seconds(config: LbmDemConfig, ranks: int, threads: int, rates: Mappin
     return 1e-6 * rates["lattice_sample_us"] + 1e-9 * nodes * rates["lattice_sample_ns"] / gain(
         ranks, threads, rates, rates["wave_core_gain"]
     )
+
+
+def series_period(config: LbmDemConfig) -> int:
+    """Steps between samples where the case does not say; by DEFAULT rates, so the same on any machine."""
+    step = sum(phases(config, 1, 1, DEFAULT, steps_per_pass(config, 1, 1)).values())
+    affordable = SERIES_SHARE * (START + config.n_steps * step) / sample_seconds(config, 1, 1, DEFAULT)
+    least, most = SAMPLES
+    return max(1, config.n_steps // max(least, min(most, int(affordable))))
 
 
 def disk_items(config: LbmDemConfig) -> dict[str, float]:
