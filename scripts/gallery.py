@@ -97,8 +97,8 @@ PROGRAMS = (
         "lbmdem", "LBM-DEM", "lbmdem", "lbmdem.plots", "grains",
         {
             "poiseuille": "profile",
-            "couette": "flow",
-            "taylor-green": "flow",
+            "couette": "profile",
+            "taylor-green": "energies",
             "sphere-array": "permeability",
             "permeability": "flow",
             "quick-condition": "stress",
