@@ -33,7 +33,7 @@ class Derived:
     def __str__(self) -> str:
         name = f"{self.name} {self.symbol}" if self.symbol else self.name
         unit = f" {self.unit}" if self.unit else ""
-        limit = f" (limit {self.limit}; {self.source})" if self.limit else ""
+        limit = f" (limit {'; '.join(filter(None, (self.limit, self.source)))})" if self.limit else ""
         cure = f": {self.cure}" if self.cure else ""
         return f"{name} = {self.value:.4g}{unit}{limit}{cure}"
 
