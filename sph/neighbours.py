@@ -106,9 +106,7 @@ class Cells:
         a["shape"][2:4] = first, here
         self._try(kernels.tally)
         self._buckets(a["count"][:, :here], first, here)
-        slots = int(a["base"][here]) + GAP
-        if slots > bodies.capacity:
-            bodies.reserve(slots)
+        if bodies.reserve(int(a["base"][here])):  # in other memory now
             return self.sort(bodies, slab, fit)
         tasks.each(kernels.scatter)
         tasks.each(kernels.extents, blocks="layers")

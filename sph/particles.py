@@ -27,6 +27,7 @@ from sph.workspace import Workspace
 # fluid and its images, but not in mirrors. 16 is that of kernels.cells. From bit NORMAL on: which normal, of repulsive
 # walls.
 FLUID, REAL, REPULSIVE, FLOWS, BODY, OWN = 1, 2, 4, 8, 32, 64
+LINE = 16  # slots that only one part of a task writes
 PADS = 2  # layers and rows outside the domain, for walls and images
 MOST = 2**31 - 2**20  # bodies of a rank: their slots are int32
 SLACK = 16  # one body more for so many, when there is no room
@@ -74,8 +75,8 @@ class Tasks:
 
 
 def even(n: int, parts: int) -> NDArray[np.int64]:
-    """parts + 1 bounds of n items."""
-    return np.arange(parts + 1) * n // parts
+    """parts + 1 bounds of n items, in whole cache lines of int32."""
+    return np.arange(parts + 1) * (-(-n // LINE)) // parts * LINE
 
 
 class Slabs:
@@ -174,11 +175,12 @@ class Bodies:
         """Numbers of the own particles."""
         return self.own("id")
 
-    def reserve(self, capacity: int) -> None:
-        """Room for `capacity` slots."""
+    def reserve(self, capacity: int) -> bool:
+        """Room for `capacity` slots; whether there was none."""
+        capacity += LINE  # vectors may overrun
         if capacity <= self.capacity:
-            return
-        capacity += capacity // SLACK + 16  # vectors may overrun
+            return False
+        capacity += capacity // SLACK
         if capacity > MOST:
             raise ConfigError([f"{capacity:.3g} particles on a rank, more than {MOST}: more ranks"])
         d = self.d
@@ -195,6 +197,7 @@ class Bodies:
         self.columns["key"] = state[2 * d + 2].view(np.int64)
         self.capacity = capacity
         self.tasks.set(**self.columns)
+        return True
 
     def clear(self) -> None:
         """No bodies."""

@@ -91,8 +91,8 @@ class Sph:
         scene, d = self.scene, self.scene.dimensions
         maps = self._maps()
         staged = scene.config.simulation.integrator in STAGED
-        self.motion = specialise("motion", DIM=d)
         self.law = law_of(scene, bool(scene.walls) or len(maps.planes) > 1)
+        self.motion = specialise("motion", DIM=d, REAL=self.law.real)
         self.bodies = Bodies(self.world, self.tasks, self.motion, d, maps, unused(self.law, staged))
         self.cells = Cells(self.tasks, self.grid, d)
         self.sums = PairSums(scene, self.law, self.tasks, self.cells, self.bodies)

@@ -25,6 +25,7 @@ from hpcpic.core.simd.vector import (
     maximum,
     minimum,
     select,
+    splat,
     sqrt,
     store,
 )  # fmt: skip
@@ -44,10 +45,10 @@ MOST = 65535  # slots of a run
 
 
 @njit
-def layer_of(x, scale, pads, layers):
-    """Global layer; what is beyond the last ones is counted to them."""
-    at = np.floor(x * scale) + pads
-    return np.int64(min(max(at, 0.0), layers - 1.0))
+def number(x, b, scale, pads, n):
+    """Layers or rows of a vector of bodies; what is beyond the last ones is counted to them."""
+    at = floor(load(F, x, b) * scale) + pads
+    return convert(I, minimum(maximum(at, 0.0), n - 1.0))
 
 
 @njit
@@ -55,19 +56,20 @@ def place(chunk, chunks, wanted, flags, x, scale, shape, layer, row, fine, span)
     """Global layer, row and fine cell of the bodies of a chunk that have a flag `wanted`; the layer of others is -1.
     span[chunk] = lowest and highest layer.
     """
-    pads, layers, n_rows = shape[0], shape[1], shape[4]
-    lowest, highest = np.int64(FAR), np.int64(-1)
-    for b in range(np.uint64(chunks[chunk]), np.uint64(chunks[chunk + 1])):
-        l = np.int64(-1)
-        if flags[b] & wanted:
-            l = layer_of(x[0, b], scale[0], pads, layers)
-            lowest, highest = min(lowest, l), max(highest, l)
-            f = np.floor(x[AXIS, b] * scale[AXIS])
-            fine[b] = np.int64(min(max(f, -1.0 * FAR), 1.0 * FAR))
-            if DIM == 3:
-                row[b] = layer_of(x[1, b], scale[1], pads, n_rows)
-        layer[b] = l
-    span[chunk, 0], span[chunk, 1] = lowest, highest
+    pads, layers, n_rows = 1.0 * shape[0], 1.0 * shape[1], 1.0 * shape[4]
+    lowest, highest = splat(I, FAR), splat(I, -1)
+    for b in range(chunks[chunk], chunks[chunk + 1], N):
+        there = load(I, flags, b) & wanted != 0
+        l = select(there, number(x[0], b, scale[0], pads, layers), -1)
+        lowest, highest = minimum(lowest, select(there, l, FAR)), maximum(highest, l)
+        store(layer, b, l)
+        f = floor(load(F, x[AXIS], b) * scale[AXIS])
+        store(fine, b, convert(I, minimum(maximum(f, -1.0 * FAR), 1.0 * FAR)))
+        store(row, b, number(x[1], b, scale[1], pads, n_rows) if DIM == 3 else splat(I, 0))
+    ends = np.empty((2, N), np.int32)
+    store(ends[0], 0, lowest)
+    store(ends[1], 0, highest)
+    span[chunk, 0], span[chunk, 1] = ends[0].min(), ends[1].max()
 
 
 @njit
@@ -87,8 +89,6 @@ def tally(chunk, chunks, shape, layer, row, count, low, high):
         if l < 0 or l >= here:
             l = 0
             code = LOST
-        if DIM == 2:
-            row[b] = 0
         layer[b] = l
         at = np.uint64(l)
         count[chunk, at] += 1

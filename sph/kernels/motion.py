@@ -9,10 +9,15 @@ do, only their density evolves here. flags see sph.particles.
 import numpy as np
 
 from hpcpic.core.simd.jit import njit
+from hpcpic.core.simd.vector import Vec, convert, lanes, load, maximum, select, splat, store, total
 
 DIM = 3
+REAL = "float64"  # of the sums
 
+N = lanes(np.float64)
+F, I, S = Vec(N, np.float64), Vec(N, np.int32), Vec(N, np.dtype(REAL))
 FLUID, REPULSIVE, OWN = 1, 4, 64
+MINE = FLUID | OWN
 WALL_SHIFT = 56  # key >> this: number of the wall + 1
 
 
@@ -54,26 +59,25 @@ def advance(chunk, chunks, numbers, factors, at, flags, external, x, v, drho, m,
 @njit
 def kick(chunk, chunks, numbers, factors, flags, external, v, m, sums):
     """v += dt a."""
-    for b in range(np.uint64(chunks[chunk]), np.uint64(chunks[chunk + 1])):
-        if flags[b] & FLUID and flags[b] & OWN:
-            factor = factors[0] / m[b]
-            for k in range(DIM):
-                v[k, b] += numbers[0] * (np.float64(sums[k, b]) * factor + external[k])
+    for b in range(chunks[chunk], chunks[chunk + 1], N):
+        mine = load(I, flags, b) & MINE == MINE
+        factor = factors[0] / load(F, m, b)
+        for k in range(DIM):
+            a = convert(F, load(S, sums[k], b)) * factor + external[k]
+            store(v[k], b, load(F, v[k], b) + select(mine, numbers[0] * a, 0.0))
 
 
 @njit
 def drift(chunk, chunks, numbers, factors, at, flags, x, v, drho, sums):
     """x += dt v, rho += dt d rho / dt."""
-    for b in range(np.uint64(chunks[chunk]), np.uint64(chunks[chunk + 1])):
-        if flags[b] & OWN == 0:
-            continue
-        if flags[b] & REPULSIVE == 0:
-            drho[b] += numbers[0] * (np.float64(sums[at, b]) * factors[1])
-        if flags[b] & FLUID:
-            for k in range(DIM):
-                x[k, b] += numbers[0] * v[k, b]
-        else:
-            drho[b] = max(drho[b], 0.0)  # walls do not suck
+    for b in range(chunks[chunk], chunks[chunk + 1], N):
+        kinds, dense = load(I, flags, b), load(F, drho, b)
+        mine = kinds & MINE == MINE
+        rate = convert(F, load(S, sums[at], b)) * factors[1]
+        dense = dense + select(kinds & (OWN | REPULSIVE) == OWN, numbers[0] * rate, 0.0)
+        store(drho, b, select(kinds & MINE == OWN, maximum(dense, 0.0), dense))  # walls do not suck
+        for k in range(DIM):
+            store(x[k], b, load(F, x[k], b) + select(mine, numbers[0] * load(F, v[k], b), 0.0))
 
 
 @njit
@@ -140,28 +144,25 @@ def rewrap(chunk, chunks, period, x):
 @njit
 def largest(chunk, chunks, factors, flags, external, x, v, m, sums, drho, found):
     """found[chunk] = largest v^2, a^2 of the fluid, |drho|, -x and x of the fluid; not a number where one is not."""
-    speed, force, density, sound = 0.0, 0.0, 0.0, 0.0
-    low, high = np.full(DIM, np.inf), np.full(DIM, -np.inf)
-    for b in range(np.uint64(chunks[chunk]), np.uint64(chunks[chunk + 1])):
-        if flags[b] & OWN == 0:
-            continue
-        v2, a2 = 0.0, 0.0
+    best, zero = np.full((3 + 2 * DIM, N), -np.inf), splat(F, 0.0)
+    sound = zero
+    for b in range(chunks[chunk], chunks[chunk + 1], N):
+        kinds = load(I, flags, b)
+        mine, own = kinds & MINE == MINE, kinds & OWN == OWN
+        factor = factors[0] / load(F, m, b)
+        v2, a2 = zero, zero
         for k in range(DIM):
-            v2 += v[k, b] * v[k, b]
-        if flags[b] & FLUID:
-            factor = factors[0] / m[b]
-            for k in range(DIM):
-                a2 += (np.float64(sums[k, b]) * factor + external[k]) ** 2
-                low[k], high[k] = min(low[k], x[k, b]), max(high[k], x[k, b])
-        speed = speed if speed >= v2 else v2  # what is not a number goes through
-        force = force if force >= a2 else a2
-        density = density if density >= abs(drho[b]) else abs(drho[b])
-        sound += v2 + a2 + drho[b]
-    if not np.isfinite(sound):
-        speed = np.nan
-    found[chunk, 0], found[chunk, 1], found[chunk, 2] = speed, force, density
-    for k in range(DIM):
-        found[chunk, 3 + k], found[chunk, 3 + DIM + k] = -low[k], high[k]
+            speed, at = load(F, v[k], b), load(F, x[k], b)
+            a = convert(F, load(S, sums[k], b)) * factor + external[k]
+            v2, a2 = v2 + speed * speed, a2 + a * a
+            for n, side in ((3 + k, -at), (3 + DIM + k, at)):
+                store(best[n], 0, maximum(load(F, best[n], 0), select(mine, side, -np.inf)))
+        v2, a2, excess = select(own, v2, 0.0), select(mine, a2, 0.0), select(own, abs(load(F, drho, b)), 0.0)
+        sound = sound + v2 + a2 + excess
+        for n, one in ((0, v2), (1, a2), (2, excess)):
+            store(best[n], 0, maximum(load(F, best[n], 0), one))
+    for n in range(3 + 2 * DIM):
+        found[chunk, n] = best[n].max() if np.isfinite(total(sound)) else np.nan
 
 
 @njit
