@@ -1,0 +1,46 @@
+"""Laws of `bench`: what it measures is what `estimate` asks for, alone and on several ranks."""
+
+import math
+from importlib import import_module
+
+import pytest
+
+from hpcpic.core.cli.rates import in_turn
+
+PROGRAMS = ("hpcpic.plasma", "sph", "lbmdem")
+
+
+def test_actions_take_turns_and_the_first_call_of_a_turn_does_not_count(monkeypatch):
+    order, clock = [], [0.0]
+    monkeypatch.setattr("hpcpic.core.cli.rates.perf_counter", lambda: clock[0])
+
+    def action(name, seconds):
+        def call():
+            first = not order or order[-1] != name
+            order.append(name)
+            clock[0] += 100.0 * seconds if first else seconds
+
+        return call
+
+    found = in_turn({"a": action("a", 1.0), "b": action("b", 3.0)}, rounds=2, calls=3)
+    assert "".join(order) == "aaabbbaaabbb"
+    assert found == {"a": 1.0, "b": 3.0}
+
+
+def checked(module, rates):
+    default = import_module(f"{module}.estimate").DEFAULT
+    assert rates and set(rates) <= set(default)
+    assert all(math.isfinite(rate) and rate >= 0.0 for rate in rates.values())
+
+
+@pytest.mark.validation
+@pytest.mark.parametrize("module", PROGRAMS)
+def test_estimate_knows_every_rate_of_a_quick_bench(module):
+    checked(module, import_module(f"{module}.bench").bench(True))
+
+
+@pytest.mark.validation
+@pytest.mark.mpi(min_size=2)
+@pytest.mark.parametrize("module", PROGRAMS)
+def test_estimate_knows_every_rate_of_several_ranks(module, world):
+    checked(module, import_module(f"{module}.bench").bench_ranks(True, world))
