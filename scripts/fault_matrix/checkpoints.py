@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import json
 import os
 import shutil
@@ -276,14 +277,17 @@ def other_ranks(bench: Bench) -> str:
 
 @row(31, "ten restarts, each stopped", "same bits")
 def chain(bench: Bench) -> str:
-    expect(bench.run("--wall", "0").code == 5, "the first part")
-    for k in range(9):
-        done = bench.restart("--wall", "0", ranks=1 + k % 2, env={}, pause=0.01)
+    step, ends = bench_steps(bench) // 12, [0]
+    for k in range(1, 11):
+        part = bench.run if k == 1 else bench.restart
+        done = part(ranks=1 + k % 2, kind="term", rank=0, step=k * step, pause=0.5 / step)
         expect(done.code == 5, done)
+        ends.append(bench.facts()["steps"])
+    expect(all(a < b for a, b in itertools.pairwise(ends)), f"parts end at {ends}")
     bench.goes_on()
     parts = len(bench.facts()["history"])
     expect(parts == 11, f"{parts} parts in the history")
-    return "same bits, 11 parts in the history"
+    return f"same bits, 11 parts in the history, on to steps {', '.join(map(str, ends[1:]))}"
 
 
 @row(32, "temporary files and a lock of a dead process", "cleaned, and taken over")

@@ -115,6 +115,8 @@ def fail_here(kind: str, world: Any) -> None:
         os.kill(os.getpid(), signal.SIGKILL)
     if kind == "stop":
         os.kill(os.getpid(), signal.SIGSTOP)
+    if kind == "term":
+        os.kill(os.getpid(), signal.SIGTERM)
     if kind == "segv":
         ctypes.string_at(0)
     if kind == "raise":
