@@ -33,6 +33,7 @@ if TYPE_CHECKING:
 DATA: dict[str, Any] = {"marker": "o", "linestyle": "none", "markersize": 4, "color": INK, "markerfacecolor": "none"}
 ABOVE: dict[str, Any] = {"loc": "lower right", "bbox_to_anchor": (1.0, 1.0), "borderaxespad": 0.1,
                          "columnspacing": 1.0, "handlelength": 1.5, "fontsize": 8.5}  # fmt: skip
+SPIKE = 3.0  # times the largest measured value, from where a panel is cut off
 NEAR = 0.05  # of a length: how like the case must be to an experiment to be shown beside it
 
 
@@ -190,6 +191,10 @@ def _gauge_panel(axis: Any, run: Run, gauge: Gauge) -> None:
     if expected is not None:
         text, times, values, style_of = expected
         axis.plot(times, values, label=text, **style_of)
+        measured_top, top = float(np.max(values)), axis.get_ylim()[1]
+        if text.startswith("experiment") and top > SPIKE * measured_top > 0:  # single particles that hit the gauge
+            axis.set_ylim(-0.5 * SPIKE * measured_top, SPIKE * measured_top)
+            axis.text(0.99, 0.03, f"peaks up to {top:.2g} are cut off", transform=axis.transAxes, ha="right")
     place = ", ".join(f"{x:g}" for x in gauge.at)
     axis.set(ylabel=axis_label(gauge.what, run.series.units[names[0]]), title=f"{gauge.name} at ({place}) m")
     if axis.get_legend_handles_labels()[1]:
