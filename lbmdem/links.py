@@ -16,7 +16,6 @@ from hpcpic.core.space.domain import block_ranges
 from hpcpic.core.tasks import Bound, Pool, bind
 from lbmdem.kernels import links as kernels
 from lbmdem.kernels.layout import FLUID, WALL, Layout
-from lbmdem.kernels.sparse import RULED
 from lbmdem.lattices import Lattice
 from lbmdem.solid import Window, kernel_axes, kernel_rotation
 from lbmdem.sparse import SparseLayout, Tables
@@ -236,12 +235,11 @@ class FixedLinks:
         links = slice(self.start[a], self.start[b] if self.weights.shape[1] else self.start[a])
         vector, lane = np.divmod(self.nodes[0][0][links].astype(np.int64), self._layout.lanes)
         way = np.repeat(self.direction[a:b], np.diff(self.start[a : b + 1]))[: len(lane)] - 1
-        words = tables.words[..., RULED]
-        words[...] = 0
-        np.bitwise_or.at(words, (vector, way), (1 << lane).astype(words.dtype))
+        ruled = np.zeros(tables.masks.shape[:2], tables.masks.dtype)
+        np.bitwise_or.at(ruled, (vector, way), (1 << lane).astype(ruled.dtype))
         order = np.lexsort((lane, way, vector))
         kappa = np.append(self.weights[links].reshape(-1)[order], 0).astype(self.weights.dtype)
-        tables.link_with(kappa, np.searchsorted(vector[order], np.arange(len(words) + 1)).astype(np.int64))
+        tables.link_with(ruled, kappa, np.searchsorted(vector[order], np.arange(len(ruled) + 1)).astype(np.int64))
 
     def finish(self, parity: int, low: int, high: int, parts: int) -> list[Bound]:
         """Tasks that complete what the sweep has left open in these planes, for arrivals at `parity`."""

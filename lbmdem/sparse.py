@@ -17,6 +17,7 @@ from hpcpic.core.tasks import Bound, bind
 from lbmdem.exchange import neighbours
 from lbmdem.kernels import positions as kernels
 from lbmdem.kernels.layout import FLUID, Layout, storage_order
+from lbmdem.kernels.sparse import BLOCK, FETCHED
 from lbmdem.solid import several_slabs
 
 _STREAMS_BYTES, _PAGE = 1088, 4096  # distance of the slots modulo a page, so that they use different sets of a cache
@@ -100,30 +101,36 @@ class Tables:
 
     def __init__(self, layout: SparseLayout, dtype: Any) -> None:
         n, directions = layout.vectors, layout.lattice.q - 1
+        self.blocks = np.concatenate(([0], np.cumsum(-(-np.diff(layout.first) // BLOCK)))).astype(np.int64)
+        mask = np.uint8 if layout.lanes <= 8 else np.uint16
         self.kinds = np.zeros(n, np.int8)
-        self.words = np.zeros((n, directions, 4), np.uint8 if layout.lanes <= 8 else np.uint16)
-        self.shifts = np.zeros((n, directions, 2), np.int32)
-        self.more = np.zeros(n + 1, np.int64)
-        self.left_over: tuple[NDArray, ...] = self._room(0)
-        self.left_over = self._room(self._find(layout))
-        self.words[...], self.shifts[...] = 0, 0
+        self.masks = np.zeros((n, directions, 2), mask)
+        self.shifts = np.zeros((n, directions), np.int32)
+        self.rest = np.zeros(self.blocks[-1] + 1, np.int64)
+        self._make_room(layout, 0)
+        self._make_room(layout, self._find(layout))
+        self.masks[...], self.shifts[...] = 0, 0
         self._find(layout)
-        self.link_with(np.zeros(1, dtype), np.zeros(n + 1, np.int64))
+        self.link_with(np.zeros((0, directions), mask), np.zeros(1, dtype), np.zeros(n + 1, np.int64))
 
-    def _room(self, count: int) -> tuple[NDArray, ...]:
-        return np.zeros(count, np.int8), np.zeros(count, self.words.dtype), np.zeros(count, np.int32)
+    def _make_room(self, layout: SparseLayout, count: int) -> None:
+        narrow = layout.size < 1 << 31
+        self.where = np.zeros(count + FETCHED, np.int32 if narrow else np.int64)
+        self.code = np.zeros(count, np.uint32)
 
     def _find(self, layout: SparseLayout) -> int:
-        place = (layout.positions, layout.row_ghosts, -layout.shifts[1:], layout.lanes, layout.first)
-        return kernels.tables(*place, self.kinds, self.words, self.shifts, self.more, *self.left_over)
+        place = (layout.positions, layout.row_ghosts, -layout.shifts[1:], layout.lanes, layout.slot_stride)
+        tables = (self.kinds, self.masks, self.shifts, self.rest, self.where, self.code)
+        return kernels.tables(*place, layout.first, self.blocks, *tables)
 
-    def link_with(self, kappa: NDArray, linked: NDArray[np.int64]) -> None:
+    def link_with(self, ruled: NDArray, kappa: NDArray, linked: NDArray[np.int64]) -> None:
         """Links whose rule the sweep applies."""
-        self.kappa, self.linked = kappa, linked
+        self.ruled, self.kappa, self.linked = ruled, kappa, linked
 
     @property
     def arguments(self) -> list[NDArray]:
-        return [self.kinds, self.words, self.shifts, self.more, *self.left_over, self.kappa, self.linked]
+        found = [self.blocks, self.kinds, self.masks, self.shifts, self.rest, self.where, self.code]
+        return [*found, self.ruled, self.kappa, self.linked]
 
 
 class SparseExchange:

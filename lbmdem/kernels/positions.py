@@ -4,71 +4,72 @@ import numpy as np
 
 from hpcpic.core.simd.jit import njit
 from lbmdem.kernels.layout import arrival, element
-from lbmdem.kernels.sparse import FIRST, MANY, PLAIN, SECOND, SHUT, TWO
+from lbmdem.kernels.sparse import BLOCK, BROKEN, FIRST, SHUT, WHOLE
 
 
 @njit
-def tables(positions, row_ghosts, ways, n, first, kinds, words, shifts, more, more_way, more_word, more_shift):
+def tables(positions, row_ghosts, ways, n, stride, first, blocks, kinds, masks, shifts, rest, where, code):
     """The tables of kernels.sparse, from positions[planes + 2, rows + 2 row_ghosts, nx + 2]; ways[i - 1] = e_i.
 
-    Returns how many pieces are left over; they are stored if there is room for all.
+    Returns how many other pieces there are; they are stored if there is room for all.
     """
-    words[:, :, SHUT] = (1 << n) - 1  # also in lanes without a node, whose values stay where they are
-    lost, lost_at = np.zeros((ways.shape[0], n), np.int64), np.zeros((ways.shape[0], n), np.int64)
-    n_lost, total = np.zeros(ways.shape[0], np.int64), 0
+    masks[:, :, SHUT] = (1 << n) - 1  # also in lanes without a node, whose values stay where they are
+    q, total = ways.shape[0], 0
+    n_others, others, others_at = np.zeros(q, np.int64), np.zeros((q, n), np.int64), np.zeros((q, n), np.int64)
     for z in range(first.size - 1):
         v = first[z]
-        more[v] = total
+        rest[blocks[z]] = total
         for y in range(row_ghosts, positions.shape[1] - row_ghosts):
             for x in range(1, positions.shape[2] - 1):
                 here = np.int64(positions[z + 1, y, x])
                 if here < 0:
                     continue
                 if here // n != v:
-                    total = _put(v, n_lost, lost, lost_at, total, more_way, more_word, more_shift)
+                    total = _put(v, (v - first[z]) % BLOCK, n, stride, n_others, others, others_at, total, where, code)
                     v = here // n
-                    more[v] = total
-                for i in range(ways.shape[0]):
+                    if (v - first[z]) % BLOCK == 0:
+                        rest[blocks[z] + (v - first[z]) // BLOCK] = total
+                for i in range(q):
                     there = np.int64(positions[z + 1 + ways[i, 0], y + ways[i, 1], x + ways[i, 2]])
                     if there >= 0:
-                        _find(words[v, i], shifts[v, i], there - here, 1 << (here % n), n_lost, lost[i], lost_at[i], i)
-        total = _put(v, n_lost, lost, lost_at, total, more_way, more_word, more_shift)
-    more[kinds.size] = total
+                        word, distance, lane = masks[v, i], there - here, 1 << (here % n)
+                        word[SHUT] &= ~lane
+                        if word[FIRST] == 0 or shifts[v, i] == distance:
+                            shifts[v, i] = distance
+                            word[FIRST] |= lane
+                        else:
+                            n_others[i] = _find(distance, lane, n_others[i], others[i], others_at[i])
+        total = _put(v, (v - first[z]) % BLOCK, n, stride, n_others, others, others_at, total, where, code)
+    rest[blocks[-1]] = total
     for v in range(kinds.size):
-        kinds[v] = PLAIN if (words[v, :, FIRST] == (1 << n) - 1).all() else TWO
-        if more[v + 1] > more[v]:
-            kinds[v] = MANY
+        kinds[v] = WHOLE if (masks[v, :, FIRST] == (1 << n) - 1).all() else BROKEN
     return total
 
 
 @njit(inline="always")
-def _find(word, shift, distance, lane, n_lost, lost, lost_at, i):
-    """Note a lane whose neighbour is so far from it: in one of the two pieces, or as left over."""
-    word[SHUT] &= ~lane
-    if word[FIRST] == 0 or shift[0] == distance:
-        shift[0] = distance
-        word[FIRST] |= lane
-    elif word[SECOND] == 0 or shift[1] == distance:
-        shift[1] = distance
-        word[SECOND] |= lane
-    else:
-        k = 0
-        while k < n_lost[i] and lost[k] != distance:
-            k += 1
-        if k == n_lost[i]:
-            lost[k], lost_at[k] = distance, 0
-            n_lost[i] += 1
-        lost_at[k] |= lane
+def _find(distance, lane, count, others, others_at):
+    """Note a lane whose neighbour is so far from it; how many pieces there are now."""
+    k = 0
+    while k < count and others[k] != distance:
+        k += 1
+    if k == count:
+        others[k], others_at[k] = distance, 0
+        count += 1
+    others_at[k] |= lane
+    return count
 
 
 @njit
-def _put(v, n_lost, lost, lost_at, total, more_way, more_word, more_shift):
-    for i in range(n_lost.size):
-        for k in range(n_lost[i]):
-            if total < more_way.size:
-                more_way[total], more_word[total], more_shift[total] = i, lost_at[i, k], lost[i, k]
+def _put(v, row, n, stride, n_others, others, others_at, total, where, code):
+    """List the other pieces of a vector, and forget them."""
+    q = n_others.size
+    for i in range(q):
+        for k in range(n_others[i]):
+            if total < code.size:
+                where[total] = (i + 1) * stride + v * n + others[i, k]
+                code[total] = ((row * q + i) << 16) | others_at[i, k]
             total += 1
-        n_lost[i] = 0
+        n_others[i] = 0
     return total
 
 

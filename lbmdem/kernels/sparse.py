@@ -8,9 +8,13 @@ populations are moved by the "AA pattern" (Bailey et al. 2009), in place, on one
     odd steps    read f_j and write g_i at one element: slot i of x + e_i when that is fluid, slot j of x else
 
 so that half-way bounce back is no work at all. In odd steps the nodes of a vector have their neighbours in a direction
-in few pieces of memory, most often one or two. `words[vector, i - 1]` holds masks of lanes: of the first piece, of the
-second one, of those that bounce back, of those with a link whose rule is applied here. `shifts[vector, i - 1, 2]`:
-elements from the vector itself to the pieces. What is left over is listed.
+in few pieces of memory, most often one or two. `masks[vector, i - 1]` holds lanes: of the first piece, of those that
+bounce back; `shifts[vector, i - 1]`: elements from the vector itself to the first piece. Other pieces are listed by
+blocks of BLOCK vectors of a plane, `rest[block]` being the first of a block: `where[k]`, the element for lane 0, and
+`code[k]`, the lanes, and times 2^16 the place in a buffer of the vectors of a block.
+
+A processor waits for a masked write to be done before it reads beside it. So a block is read and collided first, its
+vectors stay in the buffer, and are written then; vectors whose neighbours are in one piece each (WHOLE) go by it.
 
 Links of the rule CLI (see `links`) are done by the node itself: v = (g_i - kappa g_j) + kappa g_i(y). The first part is
 stored; the second one, in which g_i(y) is f_i of the next step, is added then. `modes` of a tile are bits: PARITY of
@@ -27,9 +31,11 @@ from lbmdem.kernels.collide import Collision, source
 from lbmdem.lattices import Lattice
 
 PARITY, OPENED, LEAVE = 1, 2, 4
-FIRST, SECOND, SHUT, RULED = range(4)  # masks of a word
-PLAIN, TWO, MANY = 0, 1, 2  # kinds of vectors: all neighbours in one piece; in two, or solid; in more
+BROKEN, WHOLE = 0, 1  # kinds of vectors
+FIRST, SHUT = range(2)  # masks
+BLOCK = 16  # vectors
 AHEAD = 8  # vectors by which populations are fetched before they are needed
+FETCHED = 64  # the same of other pieces
 
 _HEAD = '''"""{title}; written by lbmdem.kernels.sparse."""
 import numpy as np
@@ -45,17 +51,34 @@ BYTES = N * SIZE
 
 
 @njit
-def sweep(
-    f, stride, first, kinds, words, shifts, more, more_way, more_word, more_shift, kappa, linked, numbers, tiles
-):
+def take_rest(start, room, where, code, low, high):
+    """Other pieces of memory into the buffer."""
+    for k in range(np.uint64(low), np.uint64(high)):
+        word = np.int64(code[k])
+        own, piece = mask_of_bits(F, word), start + SIZE * np.int64(where[k])
+        store_where(room + BYTES * (word >> 16), load_where(piece, own, splat(F, 0.0), SIZE), own, BYTES)
+        prefetch_to_write(start + SIZE * np.int64(where[k + np.uint64({fetched})]))
+
+
+@njit
+def put_rest(start, room, where, code, low, high):
+    """The inverse."""
+    for k in range(np.uint64(low), np.uint64(high)):
+        word = np.int64(code[k])
+        value = load_at(F, room + BYTES * (word >> 16), BYTES)
+        store_where(start + SIZE * np.int64(where[k]), value, mask_of_bits(F, word), SIZE)
+
+
+@njit
+def sweep(f, stride, first, blocks, kinds, masks, shifts, rest, where, code, ruled, kappa, linked, numbers, tiles):
     """Collide and stream in place, tile after tile: tiles[k] = modes, planes from and to, two numbers more.
 
-    first[plane]: its first vector; more[vector]: start of what is left over, (way, word, shift) each; kappa: of the
-    links of a vector in the order of directions and lanes, from linked[vector] on. stride: elements of a slot.
+    first[plane]: its first vector; blocks[plane]: its first block; ruled[vector, i - 1]: lanes with a link; kappa: of
+    the links of a vector in the order of directions and lanes, from linked[vector] on. stride: elements of a slot.
     """
     start, slot = address_of(f, 0), SIZE * stride
     weights = address_of(kappa, 0)
-    spill = np.empty({directions} * N + N, np.{dtype})
+    spill = np.empty({room} * N + N, np.{dtype})
     room = address_of(spill, 0)
     room += -room & (BYTES - 1)
 '''
@@ -69,22 +92,18 @@ def sparse_kernel(lattice: Lattice, collision: str, forced: bool, dtype: DTypeLi
 
 def sparse_source(lattice: Lattice, collision: Collision, dtype: DTypeLike) -> str:
     name = np.dtype(dtype).name
-    text = _HEAD.format(title=f"{lattice.name}, {name}", dtype=name, directions=lattice.q - 1)
+    text = _HEAD.format(title=f"{lattice.name}, {name}", dtype=name, room=BLOCK * (lattice.q - 1), fetched=FETCHED)
     lines = [f"{word} = numbers[{k}]" for k, word in enumerate(collision.names)]
     lines += ["for k in range(tiles.shape[0]):", "    modes = tiles[k, 0]"]
     lines += [f"    odd, opened, leave = modes & {PARITY}, modes & {OPENED}, modes & {LEAVE}"]
-    lines += ["    for v in range(first[tiles[k, 1]], first[tiles[k, 2]]):"]
-    inner = ["here, kind = start + v * BYTES, kinds[v]", "f0 = load_at(F, here, BYTES)"]
-    inner += ["if odd:", *_indent(_loads(lattice)), "else:"]
-    for i in range(1, lattice.q):
-        inner += [f"    f{i} = load_at(F, here + {i} * slot, BYTES)"]
-        inner += [f"    prefetch_to_write(here + {i} * slot + {AHEAD} * BYTES)"]
-    inner += ["has_links = linked[v + 1] > linked[v]"]
-    inner += ["if opened and has_links:", *_indent(_finish(lattice)), *collision.lines]
-    inner += ["if leave and has_links:", *_indent(_begin(lattice)), "store_at(here, g0, BYTES)"]
-    inner += ["if odd:", *_indent(_stores(lattice)), "else:"]
-    inner += [f"    store_at(here + {j} * slot, g{i}, BYTES)" for i, j in _both(lattice)]
-    lines += ["        " + line for line in inner]
+    lines += ["    for z in range(tiles[k, 1], tiles[k, 2]):", "        for b in range(blocks[z], blocks[z + 1]):"]
+    inner = [f"low = first[z] + (b - blocks[z]) * {BLOCK}", f"high = min(low + {BLOCK}, first[z + 1])", "if odd:"]
+    inner += ["    take_rest(start, room, where, code, rest[b], rest[b + 1])"]
+    inner += ["for v in range(low, high):", *_indent(_vector(lattice, collision)), "if odd:"]
+    inner += ["    for v in range(low, high):", f"        if kinds[v] == {BROKEN}:"]
+    inner += ["            " + line for line in _put(lattice)]
+    inner += ["    put_rest(start, room, where, code, rest[b], rest[b + 1])"]
+    lines += ["            " + line for line in inner]
     return text + "".join(f"    {line}\n" for line in lines) + "    return 0\n"
 
 
@@ -98,11 +117,32 @@ def _both(lattice: Lattice) -> list[tuple[int, int]]:
 
 
 def _mask(i: int, part: int) -> str:
-    return f"mask_of_bits(F, np.int64(words[v, {i - 1}, {part}]))"
+    return f"mask_of_bits(F, np.int64(masks[v, {i - 1}, {part}]))"
 
 
-def _piece(i: int, part: int) -> str:
-    return f"here + {i} * slot + SIZE * np.int64(shifts[v, {i - 1}, {part}])"
+def _piece(i: int) -> str:
+    return f"here + {i} * slot + SIZE * np.int64(shifts[v, {i - 1}])"
+
+
+def _kept(lattice: Lattice, i: int) -> str:
+    """Where the buffer has g_i, and before it f_j."""
+    return f"kept + {i - 1} * BYTES"
+
+
+def _vector(lattice: Lattice, collision: Collision) -> list[str]:
+    """Read, collide, and write unless others have to be read first."""
+    keep = f"kept = room + (v - low) * {lattice.q - 1} * BYTES"
+    lines = ["here, kind = start + v * BYTES, kinds[v]", "f0 = load_at(F, here, BYTES)", keep]
+    lines += ["if odd:", *_indent(_loads(lattice)), "else:"]
+    for i in range(1, lattice.q):
+        lines += [f"    f{i} = load_at(F, here + {i} * slot, BYTES)"]
+        lines += [f"    prefetch_to_write(here + {i} * slot + {AHEAD} * BYTES)"]
+    lines += ["has_links = linked[v + 1] > linked[v]"]
+    lines += ["if opened and has_links:", *_indent(_finish(lattice)), *collision.lines]
+    lines += ["if leave and has_links:", *_indent(_begin(lattice)), "store_at(here, g0, BYTES)"]
+    lines += ["if not odd:", *(f"    store_at(here + {j} * slot, g{i}, BYTES)" for i, j in _both(lattice))]
+    lines += [f"elif kind == {WHOLE}:", *(f"    store_at({_piece(i)}, g{i}, SIZE)" for i, _ in _both(lattice))]
+    return [*lines, "else:", *(f"    store_at({_kept(lattice, i)}, g{i}, BYTES)" for i, _ in _both(lattice))]
 
 
 def _loads(lattice: Lattice) -> list[str]:
@@ -111,55 +151,36 @@ def _loads(lattice: Lattice) -> list[str]:
     Ahead are fetched: where neighbours would be if no solid came between, and the node's own elements, where lanes
     bounce back; other nodes want these soon anyway.
     """
-    lines = [f"if kind == {PLAIN}:"]
+    lines = [f"if kind == {WHOLE}:"]
     for i, j in _both(lattice):
         lines += [*_ahead(i), f"    f{j} = load_at(F, to{i}, SIZE)"]
     lines += ["else:"]
     for i, j in _both(lattice):
         lines += _ahead(i)
-        lines += [f"    f{j} = load_where(here + {j} * slot, {_mask(i, 2)}, splat(F, 0.0), BYTES)"]
-        lines += [f"    f{j} = load_where(to{i}, {_mask(i, 0)}, f{j}, SIZE)"]
-        lines += [f"    f{j} = load_where({_piece(i, 1)}, {_mask(i, 1)}, f{j}, SIZE)"]
-    lines += [f"    if kind == {MANY}:"]
-    lines += [f"        store_at(room + {i - 1} * BYTES, f{j}, BYTES)" for i, j in _both(lattice)]
-    lines += [f"        {line}" for line in _left_over("place", "at")]
-    lines += [f"        f{j} = load_at(F, room + {i - 1} * BYTES, BYTES)" for i, j in _both(lattice)]
+        lines += [f"    f{j} = load_where(to{i}, {_mask(i, FIRST)}, load_at(F, {_kept(lattice, i)}, BYTES), SIZE)"]
+        lines += [f"    f{j} = load_where(here + {j} * slot, {_mask(i, SHUT)}, f{j}, BYTES)"]
     return lines
 
 
 def _ahead(i: int) -> list[str]:
     places = (f"to{i}", f"here + {i} * slot")
-    return [f"    to{i} = {_piece(i, 0)}", *(f"    prefetch_to_write({place} + {AHEAD} * BYTES)" for place in places)]
+    return [f"    to{i} = {_piece(i)}", *(f"    prefetch_to_write({place} + {AHEAD} * BYTES)" for place in places)]
 
 
-def _left_over(source: str, target: str) -> list[str]:
-    """Copy what is left over between its place and the spilled vectors."""
-    return [
-        "for m in range(more[v], more[v + 1]):",
-        "    way, mask = np.int64(more_way[m]), mask_of_bits(F, np.int64(more_word[m]))",
-        "    place, at = here + (way + 1) * slot + SIZE * np.int64(more_shift[m]), room + way * BYTES",
-        f"    store_where({target}, load_where({source}, mask, splat(F, 0.0), SIZE), mask, SIZE)",
-    ]
-
-
-def _stores(lattice: Lattice) -> list[str]:
-    lines = [f"if kind == {PLAIN}:"]
-    lines += [f"    store_at({_piece(i, 0)}, g{i}, SIZE)" for i, _ in _both(lattice)]
-    lines += ["else:"]
+def _put(lattice: Lattice) -> list[str]:
+    lines = [f"here, kept = start + v * BYTES, room + (v - low) * {lattice.q - 1} * BYTES"]
     for i, j in _both(lattice):
-        lines += [f"    store_where(here + {j} * slot, g{i}, {_mask(i, 2)}, BYTES)"]
-        lines += [f"    store_where({_piece(i, 0)}, g{i}, {_mask(i, 0)}, SIZE)"]
-        lines += [f"    store_where({_piece(i, 1)}, g{i}, {_mask(i, 1)}, SIZE)"]
-    lines += [f"    if kind == {MANY}:"]
-    lines += [f"        store_at(room + {i - 1} * BYTES, g{i}, BYTES)" for i, _ in _both(lattice)]
-    return lines + [f"        {line}" for line in _left_over("at", "place")]
+        lines += [f"g{i} = load_at(F, {_kept(lattice, i)}, BYTES)"]
+        lines += [f"store_where(here + {j} * slot, g{i}, {_mask(i, SHUT)}, BYTES)"]
+        lines += [f"store_where({_piece(i)}, g{i}, {_mask(i, FIRST)}, SIZE)"]
+    return lines
 
 
 def _weights(lattice: Lattice, line: str) -> list[str]:
     """A line for each direction i with its links: lanes `mask`, `weight` of them; {i}, {j}."""
     lines = ["near = weights + SIZE * linked[v]"]
     for i, j in _both(lattice):
-        lines += [f"bits = np.int64(words[v, {i - 1}, 3])", "mask = mask_of_bits(F, bits)"]
+        lines += [f"bits = np.int64(ruled[v, {i - 1}])", "mask = mask_of_bits(F, bits)"]
         lines += ["weight = expand_at(near, mask, splat(F, 0.0))", "near += SIZE * count_bits(bits)"]
         lines += [line.format(i=i, j=j)]
     return lines
