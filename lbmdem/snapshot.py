@@ -27,9 +27,11 @@ def fields(app: "LbmDem") -> dict[str, FieldArray]:
 
 
 def grains(app: "LbmDem") -> dict[str, ParticleArray]:
-    """Grains of this rank by set: position, velocity, rotation, radius."""
+    """Grains of this rank by set: position, velocity, rotation, radius, forces. Collective."""
     columns = grain_columns(app)
+    newton = "N/m" if app.scene.dimensions == 2 else "N"
     units = {"velocity": "m/s", "angular_velocity": "rad/s", "radius": "m", "angle": "rad"}
+    units |= {"fluid_force": newton, "contact_force": newton}
     result = {}
     for k, name in enumerate(app.scene.set_names):
         mine = np.flatnonzero(app.table.set[columns["id"]] == k)
@@ -40,7 +42,10 @@ def grains(app: "LbmDem") -> dict[str, ParticleArray]:
 
 
 def grain_columns(app: "LbmDem") -> dict[str, NDArray]:
-    """Of the grains that this rank owns; vectors have three components."""
+    """Of the grains that this rank owns; vectors have three components. Collective.
+
+    fluid_force: by the links, mean of the last two steps; contact_force: of the last substep; without their weight.
+    """
     if app.dem:
         own = app.dem.grains
         rows = slice(own.n)
@@ -52,6 +57,10 @@ def grain_columns(app: "LbmDem") -> dict[str, NDArray]:
     planar = app.scene.dimensions == 2
     turning = np.column_stack([np.zeros((len(ids), 2)), omega]) if planar else omega
     columns = {"id": ids, "x": spatial(x), "velocity": spatial(v), "angular_velocity": turning}
+    if app.immersed:
+        columns["fluid_force"] = spatial(app.immersed.all_forces(len(app.table))[0] * app.scene.units.force)[ids]
+    if app.dem:
+        columns["contact_force"] = own.columns["force"][rows, :3].copy()
     return columns | {"angle" if planar else "orientation": turned, "radius": app.table.radius[ids]}
 
 

@@ -2,7 +2,9 @@
 
 import numpy as np
 import pytest
-from app_runner import launch
+from app_runner import launch, running
+
+from hpcpic.core.comm.world import World
 
 CASE = """
 simulation = { end_time = 0.04; };
@@ -58,6 +60,25 @@ def test_vtk_opens_fields_and_grains(tmp_path):
         assert cloud.GetNumberOfPoints() == 3
         assert sorted(arrays["radius"]) == [0.6e-3, 0.6e-3, 0.8e-3]
         assert arrays["velocity"].shape == arrays["angular_velocity"].shape == (3, 3)
+        assert arrays["fluid_force"].shape == arrays["contact_force"].shape == (3, 3)
+    assert np.abs(seen[-1][2]["fluid_force"][:, :2]).max() > 0.0 and not seen[-1][2]["fluid_force"][:, 2].any()
     start = seen[0][2]
     moving = start["radius"] == 0.6e-3
     assert (start["velocity"][moving] == [1e-3, 2e-3, 0.0]).all() and not start["velocity"][~moving].any()
+
+
+def test_the_floor_carries_the_weight_of_a_grain_at_rest():
+    case = """
+    simulation = { end_time = 0.2; };
+    domain = { size = [0.01, 0.01, 0.01]; };
+    grains = ({ name = "ball"; diameter = 2.0e-3; density = 2000.0; position = [0.005, 0.005, 1.0e-3]; });
+    contact = { normal_stiffness = 1.0; damping = 0.9; };
+    gravity = [0.0, 0.0, -10.0];
+    """
+    with running(World.alone(), "lbmdem", case) as app:
+        while app.iteration < app.n_steps:
+            app.step()
+        ball = app.arrays("particle")["ball"]
+    weight = 2000.0 * np.pi / 6.0 * 8e-9 * 10.0
+    assert ball.columns["contact_force"][0] == pytest.approx([0.0, 0.0, weight], rel=1e-6)  # e^-20 of it still swings
+    assert ball.units["contact_force"] == "N"
