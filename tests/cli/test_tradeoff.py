@@ -186,6 +186,7 @@ def test_refusals_say_why(program):
         (("tradeoff", "--knobs", "dz"), {}, 2, "there are dx, dt, particles, mode"),
         (("tradeoff", "--qoi", "nothing", "-o", "q"), {}, 2, "there are answer"),
         (("tradeoff", "--write", "x.conf"), {}, 2, "--write needs --tolerance"),
+        (("tradeoff", "--tolerance", "1%", "--write", "case.conf"), {}, 6, "case.conf is there"),
     ):
         done = program(*words, **settings)
         assert done.returncode == code and text in done.stderr, (words, done.stdout, done.stderr)

@@ -13,7 +13,8 @@ import click
 from hpcpic.core.cli.app import App, AppLoader
 from hpcpic.core.cli.read import Case, read_case, set_option, shape_options
 from hpcpic.core.cli.text import duration, table
-from hpcpic.core.errors import CheckFailed, ConfigError
+from hpcpic.core.errors import CheckFailed, ConfigError, FileError
+from hpcpic.core.files.cases import read_header
 
 if TYPE_CHECKING:
     from hpcpic.core.cli.knobs import Knobs, Quantity
@@ -68,6 +69,8 @@ def trade(app_loader: AppLoader, asked: Asked) -> None:
     wanted, limit = parse_tolerance(asked.tolerance), parse_seconds(asked.max_cost)
     if asked.target and wanted is None:
         raise ConfigError("--write needs --tolerance")
+    if asked.target and Path(asked.target).exists() and not read_header(asked.target).source.startswith("tradeoff;"):
+        raise FileError(f"{asked.target} is there, and not from tradeoff: --write another file")
     search, folder = searched(app_loader(), asked, wanted or WANTED)
     tell_laws(search)
     points = front.front(search)
