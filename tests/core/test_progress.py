@@ -78,6 +78,16 @@ def test_the_time_left_does_not_count_the_steps_before_a_restart(now):
     assert "left 00:00:10" in stream.getvalue()
 
 
+def test_the_time_left_does_not_count_the_first_step_which_compiles(now):
+    stream = io.StringIO()
+    shown = Progress(stream, 0, 100, 1, "p")
+    for now[0], step in ((30.0, 1), (31.0, 11)):
+        shown.due(step)
+        shown.show(step, 0.0, 0.0, 0.0)
+    first, second = stream.getvalue().splitlines()
+    assert "left --:--:--" in first and "left 00:00:09" in second
+
+
 def test_clock_and_rate():
     assert [clock(s) for s in (0, 59.6, 3661, 100 * 3600)] == [
         "00:00:00",

@@ -52,7 +52,9 @@ class Progress:
         self.items, self.unit = items, unit
         self.live = stream.isatty()
         self.lines = 0
-        self._start = self._shown = time.monotonic()
+        self._shown = time.monotonic()
+        self._from = (self._shown, self.ends[0])  # clock and place from which the time left is reckoned
+        self._first = True  # step, which compiles
         self._shown_step = first
         self._shown_at = self.ends[0]
         self._width = 0
@@ -73,7 +75,10 @@ class Progress:
         return t if self.last is None else float(step)
 
     def due(self, step: int, t: float = 0.0) -> bool:
-        since = time.monotonic() - self._shown
+        now = time.monotonic()
+        if self._first:
+            self._first, self._from = False, (now, self._at(step, t))
+        since = now - self._shown
         if self.live:
             return since >= REWRITE_SECONDS
         moved = 100.0 * (self._at(step, t) - self._shown_at) >= PERCENT * (self.ends[1] - self.ends[0])
@@ -84,7 +89,7 @@ class Progress:
         now = time.monotonic()
         speed = (step - self._shown_step) / max(now - self._shown, 1e-9)
         at, last = self._at(step, t), self.ends[1]
-        whole = (at - self.ends[0]) / max(now - self._start, 1e-9)
+        whole = (at - self._from[1]) / max(now - self._from[0], 1e-9)
         left = clock((last - at) / whole) if whole > 0 else "--:--:--"
         done = min(100.0 * at / last, 100.0) if last else 100.0
         of = f"/{self.last}" if self.last is not None else ""
