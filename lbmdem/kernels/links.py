@@ -92,43 +92,63 @@ def fixed_links(f, offsets, start, node, node_b, node_c, weights, wall, low, hig
 
     weights[n, 3] of out, g_i(y), g_j(x), or [n, 1] of g_i(y) less g_j(x), or [n, 0] for half-way. Links start[s] to
     start[s + 1] of a segment have offsets[s, 3] from node, node_b and node_c to these three. kept[n, 2]: what went out
-    and what comes back, for `momentum`, or [0, 2]. Nothing is a function of arrays here: numba would count references
-    at every link.
+    and what comes back, for `momentum`, or [0, 2].
     """
     moved, terms, keeps = wall.size > 0, weights.shape[1], kept.shape[0] > 0
+    if terms == 1 and not moved:
+        cli_links(f, offsets, start, node, node_b, node_c, weights, low, high, kept)
+        return
     first, size, zero, one, two = address_of(f, 0), f.itemsize, np.uint64(0), np.uint64(1), np.uint64(2)
-    to_a = to_b = to_c = first
-    ahead, change, last = low, start[low], start[high] - 1
+    last = start[high] - 1
     for s in range(low, high):
         a, b, c = offsets[s, 0], offsets[s, 1], offsets[s, 2]
         for n in range(np.uint64(start[s]), np.uint64(start[s + 1])):
-            m = min(np.int64(n) + AHEAD, last)
-            while m >= change:
-                to_a, to_b = first + size * offsets[ahead, 0], first + size * offsets[ahead, 1]
-                to_c = first + size * offsets[ahead, 2]
-                ahead += 1
-                change = start[ahead]
-            later = np.uint64(m)
-            prefetch_to_write(to_a + size * np.int64(node[later]))
+            later = np.uint64(min(np.int64(n) + AHEAD, last))
+            prefetch_to_write(first + size * (a + np.int64(node[later])))
             x = np.int64(node[n])
             out = f[np.uint64(a + x)]
             v = float(out)
             if moved:
                 v -= wall[n]
             if terms:
-                prefetch(to_b + size * np.int64(node_b[later]))
-                prefetch(to_c + size * np.int64(node_c[later]))
+                prefetch(first + size * (b + np.int64(node_b[later])))
+                prefetch(first + size * (c + np.int64(node_c[later])))
                 second, outwards = f[np.uint64(b + np.int64(node_b[n]))], f[np.uint64(c + np.int64(node_c[n]))]
                 if terms == 1:  # as the sweep does it: first what a node knows at the end of a step, then the rest
                     kappa = weights[n, zero]
-                    v = float(fma(kappa, second, fma(-kappa, outwards, out)))
-                    if moved:
-                        v -= wall[n]
+                    v = float(fma(kappa, second, fma(-kappa, outwards, out))) - wall[n]
                 else:
                     v += weights[n, zero] * out + weights[n, one] * second + weights[n, two] * outwards
             f[np.uint64(a + x)] = v
             if keeps:
                 kept[n, zero], kept[n, one] = out, v
+
+
+@njit
+def cli_links(f, offsets, start, node, node_b, node_c, weights, low, high, kept):
+    """What fixed_links does for weights[n, 1] at walls that do not move. The last links of a segment fetch for the next
+    one."""
+    keeps, zero, one, last = kept.shape[0] > 0, np.uint64(0), np.uint64(1), start[high] - 1
+    first, size = address_of(f, 0), f.itemsize
+    for s in range(low, high):
+        a, b, c = offsets[s, 0], offsets[s, 1], offsets[s, 2]
+        begin, to = start[s], s
+        for end in (max(begin, start[s + 1] - AHEAD), start[s + 1]):
+            to_a, to_b = first + size * offsets[to, 0], first + size * offsets[to, 1]
+            to_c = first + size * offsets[to, 2]
+            for n in range(np.uint64(begin), np.uint64(end)):
+                later = np.uint64(min(np.int64(n) + AHEAD, last))
+                prefetch_to_write(to_a + size * np.int64(node[later]))
+                prefetch(to_b + size * np.int64(node_b[later]))
+                prefetch(to_c + size * np.int64(node_c[later]))
+                at, kappa = np.uint64(a + np.int64(node[n])), weights[n, zero]
+                second, outwards = f[np.uint64(b + np.int64(node_b[n]))], f[np.uint64(c + np.int64(node_c[n]))]
+                out = f[at]
+                v = fma(kappa, second, fma(-kappa, outwards, out))
+                f[at] = v
+                if keeps:
+                    kept[n, zero], kept[n, one] = out, v
+            begin, to = end, min(s + 1, high - 1)
 
 
 @njit
