@@ -3,6 +3,7 @@
 import inspect
 from collections.abc import Iterator
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 from numpy.typing import DTypeLike, NDArray
@@ -184,10 +185,13 @@ class Cloud:
             )
             for b in blocks
         ]  # fmt: skip
-        nothing = np.zeros((0, self.record_bytes), np.uint8)
+        self._records = np.zeros((0, self.record_bytes), np.uint8)
+        self._ends, self._arrived = np.zeros(self.world.size, np.int64), np.zeros(1, np.int64)
+        real, whole = self._views(self._records)
+        records = {"records_real": real, "records_int": whole}
+        self._pack = [self._bound(self.kernels.pack, **records, ends=self._ends, owner=self.owner)]
+        self._unpack = [self._bound(self.kernels.unpack, **records, n=self._arrived)]
         self.place(0, np.zeros((0, self.law.dimensions)), np.zeros((0, self.law.velocities)), np.zeros(0))
-        self._unpack(nothing)
-        self._outgoing()
         list(self.export(0)) if self.n_species else None
 
     def _bound(self, kernel, **more) -> Bound:
@@ -283,8 +287,11 @@ class Cloud:
 
     def _take_in(self, records: NDArray[np.uint8]) -> None:
         """Records into the box from outside; when it is full, deliver what is there first."""
-        self._make_room(len(records))
-        self._unpack(records)
+        n = self._arrived[0] = len(records)
+        self._make_room(n)
+        self._room_for_records(n)
+        self._records[:n] = records
+        self.each(self._unpack)
 
     def _make_room(self, n: int) -> None:
         """Room for n more in the box from outside."""
@@ -311,26 +318,24 @@ class Cloud:
             self.n_species, tiles.points, tiles.row_part, tiles.column_part, tiles.column_stride, tiles.parts,
         )  # fmt: skip
 
+    def _room_for_records(self, n: int) -> None:
+        """The memory of records under way to other ranks, and then of those that come: forgets what it holds."""
+        if n <= len(self._records):
+            return
+        self._records = np.empty((n + n // 2, self.record_bytes), np.uint8)
+        for k, view in enumerate(self._views(self._records)):  # the first two arguments
+            for bound in (*self._pack, *self._unpack):
+                bound.update(k, view)
+
     def _views(self, records: NDArray[np.uint8]) -> tuple[NDArray, NDArray]:
         return records.view(self.law.dtype), records.view(np.int32)
 
     def _outgoing(self) -> dict[int, NDArray[np.uint8]]:
-        """Records by rank of all that is bound for other ranks."""
-        records = np.empty((0, self.record_bytes), np.uint8)
-        ends = np.zeros(self.world.size, np.int64)
-        for counting in (True, False):
-            if not counting:
-                starts = np.cumsum(ends) - ends
-                records, ends = np.empty((ends.sum(), self.record_bytes), np.uint8), starts.copy()
-            for box in range(len(self.pages.lists)):
-                self.kernels.pack(
-                    self.owner, self.n_species, self.tiles.points, *self._views(records), ends, *self._box(box)
-                )
-        self.pages.lists[:, 0, -1], self.pages.lists[:, 1, -1] = -1, 0
-        return {int(rank): records[starts[rank] : ends[rank]] for rank in np.flatnonzero(ends > starts)}
-
-    def _unpack(self, records: NDArray[np.uint8]) -> None:
-        self.kernels.unpack(*self._views(records), *self._grid, *self._box(-1), self.pages.counters[-1])
+        """Records by rank of all that is bound for other ranks, valid until others are taken in."""
+        self._room_for_records(int(self.pages.lists[:, 1, -1].sum()))
+        self.each(self._pack)
+        starts = [0, *self._ends.tolist()]
+        return {rank: self._records[a:b] for rank, (a, b) in enumerate(pairwise(starts)) if b > a}
 
     def count(self, species: int) -> int:
         """Particles of a species on this rank."""

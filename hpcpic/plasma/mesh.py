@@ -1,17 +1,18 @@
 """Charge and field of one slab: from the blocks' integer charge to rho, phi and E on the nodes around it."""
 
 import numpy as np
+from numpy.lib.stride_tricks import as_strided
 from numpy.typing import NDArray
 
-from hpcpic.core.comm.halo import Fill, Fold
+from hpcpic.core.comm.halo import Exchange, Fill, Fold
 from hpcpic.core.comm.tags import Channel
 from hpcpic.core.comm.world import World
 from hpcpic.core.errors import Diverged
 from hpcpic.core.space.domain import Domain, block_ranges
 from hpcpic.core.space.fields import Field
-from hpcpic.core.tasks import Pool, TaskError, bind
+from hpcpic.core.tasks import Bound, Graph, Pool, TaskError, bind
 from hpcpic.plasma.kernels.charge import OVERFLOW, collect, density
-from hpcpic.plasma.kernels.gradient import minus_gradient_1d, minus_gradient_2d
+from hpcpic.plasma.kernels.gradient import embed, minus_gradient_1d, minus_gradient_2d
 from hpcpic.plasma.poisson import LU, MFT
 from hpcpic.plasma.scene import Scene
 from hpcpic.plasma.tiles import aligned
@@ -56,25 +57,46 @@ class Mesh:
         else:
             self.fill = Fill(world, domain, self.phi, Channel.POTENTIAL)
             self._differentiate = self._difference
-        with world.first_on_node():
-            self._bind_gradient(scene.spacing)
-            self._bind_density(below)
+            with world.first_on_node():
+                self._gradient = self._around(self.fill, self._embed(), self._minus_gradient(scene.spacing))
 
-    def _bind_gradient(self, spacing: tuple[float, ...]) -> None:
+    def _embed(self) -> list[Bound]:
+        """Tasks: the solver's phi between the ghosts."""
+        rows, one = len(self.rho), self.domain.ndim == 1
+        values = self.phi.values.reshape(len(self.phi.values), -1)
+        (row, _), (column, _) = self.phi.ghosts[0], (0, 0) if one else self.phi.ghosts[1]
+        inner = _wide(self.solver.phi, rows)
+        return [
+            bind(embed, a, b, row, column, self.rho.size // max(rows, 1), inner, values) for a, b in self._shares(rows)
+        ]
+
+    def _minus_gradient(self, spacing: tuple[float, ...]) -> list[Bound]:
         per_2d = [0.5 / step for step in spacing]
         kernel = minus_gradient_1d if self.domain.ndim == 1 else minus_gradient_2d
-        self._gradient = [
+        return [
             bind(kernel, a, b, self.phi.values, self.e, *per_2d, *self.uniform)
             for a, b in self._shares(self.e.shape[1])
         ]
 
-    def _bind_density(self, below: int) -> None:
-        rows = len(self.rho)
-        parts = self.parts.values.reshape(len(self.weight), rows + sum(self.parts.ghosts[0]), -1)
-        self._density = [
-            bind(density, a, b, below, self.weight, parts, self.rho.reshape(rows, -1))
-            for a, b in self._shares(rows)
-        ]
+    def _density(self) -> list[Bound]:
+        rows, ghosts = len(self.rho), self.parts.ghosts[0]
+        parts = self.parts.values.reshape(len(self.weight), rows + sum(ghosts), -1)
+        rho, source = self.rho.reshape(rows, -1), _wide(self.solver.rho, rows)
+        return [bind(density, a, b, ghosts[0], self.weight, parts, rho, source) for a, b in self._shares(rows)]
+
+    def _around(self, exchange: Exchange, before: list[Bound], after: list[Bound]) -> list[Graph]:
+        """By parity of the iteration: the tasks of `before`, the exchange of ghosts, then the tasks of `after`."""
+        graphs = []
+        pieces = [("before", k) for k in range(len(before))]
+        for parity in range(2):
+            graph = Graph()
+            for piece, bound in zip(pieces, before):
+                graph.task(bound, outs=[piece])
+            exchange.add_to(graph, "ghosts", inner=pieces, ghosts=["ghosts"], parity=parity)
+            for bound in after:
+                graph.task(bound, ins=[*pieces, "ghosts"])
+            graphs.append(graph.freeze())
+        return graphs
 
     def _shares(self, rows: int) -> list[tuple[int, int]]:
         """Ranges of rows for the threads."""
@@ -85,17 +107,15 @@ class Mesh:
         one = self.domain.ndim == 1
         groups = len(self.weight)
         slab = self.parts.values.reshape(groups, 1 if one else -1, self.parts.values.shape[-1])
-        self._collect = [
-            bind(collect, a, b, not one, patches, places, slab) for a, b in self._shares(slab.shape[1])
-        ]
+        with self.world.first_on_node():
+            tasks = [bind(collect, a, b, not one, patches, places, slab) for a, b in self._shares(slab.shape[1])]
+            self._deposit = self._around(self.fold, tasks, self._density())
 
     def deposit(self, iteration: int) -> None:
         """rho (5.1) from the blocks' charge: integers until all is added, so that no order shows. Raises Diverged."""
-        self.pool.each(self._collect)
-        self.fold.start(iteration)
-        self.fold.finish()
+        self.fold.at(iteration)
         try:
-            self.pool.each(self._density)
+            self.pool.run(self._deposit[iteration % 2])
         except TaskError as error:
             if error.code == OVERFLOW:
                 raise Diverged(CROWDED) from error
@@ -111,18 +131,16 @@ class Mesh:
             raise Diverged(CROWDED)
 
     def solve(self, iteration: int) -> None:
-        """phi from rho (5.10), E = E_0 - grad phi (5.13)."""
-        self.solver.rho[...] = self.rho
+        """phi from the rho of the last deposit (5.10), E = E_0 - grad phi (5.13). Once for each deposit."""
         self.solver.solve()
-        self.phi.inner[...] = self.solver.phi
         self._differentiate(iteration)
 
     def _difference(self, iteration: int) -> None:
-        self.fill.start(iteration)
-        self.fill.finish()
-        self.pool.each(self._gradient)
+        self.fill.at(iteration)
+        self.pool.run(self._gradient[iteration % 2])
 
     def _spectral(self, iteration: int) -> None:
+        self.phi.inner[...] = self.solver.phi
         for inner, component, uniform in zip(self.wide.inner, self.solver.E, self.uniform):
             np.add(component, uniform, out=inner)
         self.fill.start(iteration)
@@ -134,3 +152,8 @@ class Mesh:
         self.fill.free()
         self.fold.free()
         self.solver.free()
+
+
+def _wide(rows_of: NDArray, rows: int) -> NDArray:
+    """[rows, pitch] in one piece: rows whose first columns are the array."""
+    return as_strided(rows_of, (rows, rows_of.strides[0] // rows_of.itemsize))

@@ -109,7 +109,7 @@ class _Operation(NamedTuple):
     inouts: tuple[str, ...]
 
 
-class _Exchange(ABC):
+class Exchange(ABC):
     """What Fill and Fold have in common: legs, persistent requests by parity of the iteration, counters.
 
     messages, bytes: sent by this rank in one exchange. A message of another iteration is an error (a failed
@@ -226,7 +226,7 @@ class _Exchange(ABC):
             requests.free()
 
 
-class Fill(_Exchange):
+class Fill(Exchange):
     """Owner to ghost: at `finish` the ghosts are what their owners' values were at `start`."""
 
     @staticmethod
@@ -245,7 +245,7 @@ class Fill(_Exchange):
         return [*self._unpacks(parity, UNPACK, "ghosts"), *sides]
 
 
-class Fold(_Exchange):
+class Fold(Exchange):
     """Ghost to owner, adding: the adjoint of Fill. Ghosts are zero after it; integers add exactly."""
 
     @staticmethod

@@ -71,42 +71,42 @@ class Migrate:
         self._neighbours = ring_neighbours(cuts or range(world.size + 1), world.rank)
         self._wants = np.zeros(2, np.int64)  # most records for one neighbour, and whether any go farther
         self._world_wants = np.zeros(2, np.int64)
+        self._none = np.empty((0, record_bytes), np.uint8)
+        self._status = [MPI.Status() for _ in range(2 * len(self._neighbours) + 1)]
         self._allocate(capacity)
 
     def _allocate(self, capacity: int) -> None:
         self.capacity = capacity
-        self._incoming = {
-            peer: np.empty((capacity, self._record_bytes), np.uint8) for peer in self._neighbours
-        }
+        self._incoming = [np.empty((capacity, self._record_bytes), np.uint8) for _ in self._neighbours]
 
     def start(self, iteration: int, outgoing: Mapping[int, Records]) -> None:
-        """Send; outgoing[rank] must stay as it is until `finish`; earlier arrivals are no longer valid."""
-        comm, label = self._world.comm, tag(iteration, self._channel)
+        """Send C-contiguous records, which must stay until `finish`; earlier arrivals are no longer valid."""
+        comm, label, rank = self._world.comm, tag(iteration, self._channel), self._world.rank
         self._iteration = iteration
-        self._own = [outgoing[self._world.rank]] if len(outgoing.get(self._world.rank, ())) else []
+        self._own = [outgoing[rank]] if len(outgoing.get(rank, ())) else []
         if self._world.size == 1:
             return
-        others = {peer: np.ascontiguousarray(r) for peer, r in outgoing.items() if peer != self._world.rank}
-        near = {peer: others.pop(peer, self._incoming[peer][:0]) for peer in self._neighbours}
-        self._far = {peer: records for peer, records in others.items() if len(records)}
-        self._wants[:] = max(map(len, near.values()), default=0), bool(self._far)
-        self._far |= {peer: r[self.capacity :] for peer, r in near.items() if len(r) > self.capacity}
-        self._receives = [comm.Irecv(self._incoming[peer], peer, label) for peer in self._neighbours]
-        self._sends = [comm.Isend(r[: self.capacity], peer, label) for peer, r in near.items()]
-        self._agree = comm.Iallreduce(self._wants, self._world_wants, MPI.MAX)
+        near = [(peer, outgoing.get(peer, self._none)) for peer in self._neighbours]
+        self._far = {
+            peer: r for peer, r in outgoing.items() if peer not in self._neighbours and peer != rank and len(r)
+        }
+        self.moved += sum(len(r) for _, r in near) + sum(map(len, self._far.values()))
         self.messages += len(near)
-        self.moved += sum(map(len, others.values())) + sum(map(len, near.values()))
+        self._wants[0], self._wants[1] = max((len(r) for _, r in near), default=0), bool(self._far)
+        self._far |= {peer: r[self.capacity :] for peer, r in near if len(r) > self.capacity}
+        # Few statements from here on: a step has left nothing of this in the caches.
+        self._requests = [comm.Irecv(into, peer, label) for peer, into in zip(self._neighbours, self._incoming)]
+        self._requests += [comm.Isend(r[: self.capacity], peer, label) for peer, r in near]
+        self._requests.append(comm.Iallreduce(self._wants, self._world_wants, MPI.MAX))
 
     def finish(self) -> list[Records]:
         """Arrivals [n, record_bytes], none empty, valid until the next start; those to oneself first."""
         if self._world.size == 1:
             return self._own
-        status = [MPI.Status() for _ in self._receives]
-        MPI.Request.Waitall(self._receives, status)
-        counts = [s.Get_count(MPI.BYTE) // self._record_bytes for s in status]
-        arrived = [self._incoming[peer][:n] for peer, n in zip(self._neighbours, counts) if n]
-        MPI.Request.Waitall([*self._sends, self._agree])
-        most, farther = (int(n) for n in self._world_wants)
+        MPI.Request.Waitall(self._requests, self._status)
+        counts = [status.Get_count(MPI.BYTE) // self._record_bytes for status in self._status[: len(self._incoming)]]
+        arrived = [into[:n] for into, n in zip(self._incoming, counts) if n]
+        most, farther = self._world_wants.tolist()
         if farther or most > self.capacity:
             self.messages += len(self._far)
             label = tag(self._iteration, self._channel.far)

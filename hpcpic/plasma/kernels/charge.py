@@ -49,10 +49,11 @@ def add_weighted(row, weight, parts):
 
 
 @njit
-def density(first, last, below, weight, slab, rho):
+def density(first, last, below, weight, slab, rho, source):
     """rho[first:last, columns] = sum over groups of weight[group] x slab, `below` ghost rows apart (5.1), C/m^d.
 
-    Returns OVERFLOW when a node holds so many parts that the next step could exceed an integer.
+    source[first:last] gets it too, in wider rows: the solver changes its own. Returns OVERFLOW when a node holds so
+    many parts that the next step could exceed an integer.
     """
     over = False
     for r in range(first, last):
@@ -60,4 +61,5 @@ def density(first, last, below, weight, slab, rho):
         row[:] = 0
         for group in range(slab.shape[0]):
             over |= add_weighted(row, weight[group], slab[group, below + r])
+        source[r, : row.size] = row
     return OVERFLOW if over else GOOD

@@ -8,6 +8,13 @@ _1, _2 = np.uint64(1), np.uint64(2)  # signed indices would keep the loops scala
 
 
 @njit
+def embed(first, last, row, column, n_columns, inner, values):
+    """values[row:, column:] = inner[:, :n_columns] for the rows first:last of inner."""
+    for r in range(first, last):
+        values[row + r, column : column + n_columns] = inner[r, :n_columns]
+
+
+@njit
 def minus_gradient_1d(first, last, phi, e, per_2dx, e0_x):
     """E_x(i) = e0_x + (phi(i - 1) - phi(i + 1)) / (2 dx) on nodes first..last - 1 of e[0].
 

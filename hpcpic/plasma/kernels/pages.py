@@ -182,36 +182,46 @@ def place(x, v, numbers, species, n_species, points, row_part, column_part, colu
 
 
 @kernel
-def pack(owner, n_species, points, records_real, records_int, at, moving, words, lists):
-    """Records of the box's particles bound for other ranks; at[rank] is where the rank's next record goes.
+def pack(records_real, records_int, ends, owner, n_species, points, moving, words, lists):
+    """Records of all boxes' particles bound for other ranks, rank after rank up to ends[rank]; their lists are empty
+    then.
 
     A record is the components, the global slot and the number; `records_real` and `records_int` are the same
-    memory. Without room (no records) they are only counted. `owner[row]` (1D: column) is the rank.
+    memory, with room for all. `owner[row]` (1D: column) is the rank.
     """
-    tiles = (points[1] + TILE - 1) // TILE
-    k = np.int64(lists[0, lists.shape[1] - 1])
-    while k >= 0:
-        tile = np.int64(words[k, SLOT]) // n_species
-        if DIM == 2:
-            rank = owner[tile // tiles * TILE + np.int64(moving[k, DIM - 1])]
-        else:
-            rank = owner[tile * TILE + np.int64(moving[k, 0])]
-        n = at[rank]
-        if records_real.shape[0] > 0:
-            for c in range(COMPONENTS):
-                records_real[n, c] = moving[k, c]
-            records_int[n, records_int.shape[1] - 2] = words[k, SLOT]
-            records_int[n, records_int.shape[1] - 1] = words[k, NUMBER]
-        at[rank] = n + 1
-        k = np.int64(words[k, LINK])
+    tiles, outside = (points[1] + TILE - 1) // TILE, lists.shape[2] - 1
+    ends[:] = 0
+    for counted in range(2):
+        for box in range(lists.shape[0]):
+            k = np.int64(lists[box, 0, outside])
+            while k >= 0:
+                record, word = moving[box, k], words[box, k]
+                tile = np.int64(word[SLOT]) // n_species
+                row = tile // tiles * TILE + np.int64(record[1]) if DIM == 2 else tile * TILE + np.int64(record[0])
+                rank = owner[row]
+                if counted:
+                    n = ends[rank]
+                    for c in range(COMPONENTS):
+                        records_real[n, c] = record[c]
+                    records_int[n, records_int.shape[1] - 2] = word[SLOT]
+                    records_int[n, records_int.shape[1] - 1] = word[NUMBER]
+                ends[rank] += 1
+                k = np.int64(word[LINK])
+        if not counted:
+            start = 0
+            for rank in range(ends.size):
+                start, ends[rank] = start + ends[rank], start
+    lists[:, 0, outside] = -1
+    lists[:, 1, outside] = 0
 
 
 @kernel
-def unpack(records_real, records_int, n_species, points, row_part, column_part, column_stride, parts,
+def unpack(records_real, records_int, n, n_species, points, row_part, column_part, column_stride, parts,
            moving, words, lists, counters):  # fmt: skip
-    """Put the particles of records into the box."""
-    tiles = (points[1] + TILE - 1) // TILE
-    for p in range(records_real.shape[0]):
+    """Put the particles of the first n[0] records into the last box."""
+    tiles, box = (points[1] + TILE - 1) // TILE, lists.shape[0] - 1
+    moving, words, lists, counters = moving[box], words[box], lists[box], counters[box]
+    for p in range(n[0]):
         tile, species = divmod(np.int64(records_int[p, records_int.shape[1] - 2]), n_species)
         row, column = np.int64(0), tile * TILE + np.int64(records_real[p, 0])
         if DIM == 2:
