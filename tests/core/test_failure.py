@@ -106,7 +106,7 @@ def test_what_all_ranks_know_is_told_by_rank_0_and_ends_nobody(capfd):
     check_shared(World.start(), capfd)
 
 
-def test_the_watchdog_ends_a_process_that_stands_still(tmp_path):
+def test_the_watchdog_ends_a_process_that_stands_still(tmp_path, capfd):
     child = os.fork()
     if child == 0:
         Watchdog(tmp_path, 3, least=0.2).feed(0.0)
@@ -116,6 +116,19 @@ def test_the_watchdog_ends_a_process_that_stands_still(tmp_path):
     _, status = os.waitpid(child, 0)
     assert os.waitstatus_to_exitcode(status) == 1 and time.monotonic() - begin < 5
     assert "Timeout" in (tmp_path / "trace-rank-3.txt").read_text()
+    told = capfd.readouterr().err
+    assert told.startswith("rank 3: nothing went on for") and "trace-rank-3.txt" in told
+
+
+def test_a_run_whose_steps_got_slow_goes_on(tmp_path):
+    """What it was fed with is long over, but each step is shorter than the patience."""
+    watchdog = Watchdog(tmp_path, 0, least=1.2)
+    watchdog.feed(0.0)
+    for _ in range(20):
+        time.sleep(0.1)
+        watchdog.step()
+    watchdog.close()
+    assert list(tmp_path.iterdir()) == []
 
 
 def test_a_suspended_process_goes_on(tmp_path):

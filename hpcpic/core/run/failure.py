@@ -185,7 +185,7 @@ class Watchdog:
     """
 
     def __init__(self, folder: Path, rank: int, least: float = 60.0) -> None:
-        self.path = folder / f"trace-rank-{rank}.txt"
+        self.rank, self.path = rank, folder / f"trace-rank-{rank}.txt"
         self._file = open(self.path, "wb", buffering=0)  # noqa: SIM115  (lives as long as the run)
         self._least, self._beat = least, min(1.0, least / 8)
         self.patience = math.inf
@@ -199,6 +199,10 @@ class Watchdog:
         """The run goes on; the next step may take twenty times as long as the longest."""
         self._waited, self.patience = 0.0, max(self._least, 20 * step_seconds)
 
+    def step(self) -> None:
+        """A step is done: slow as it may be on a machine with other work, the run goes on."""
+        self._waited = 0.0
+
     def rest(self) -> None:
         """Not watching: writing files may take any time."""
         self.patience = math.inf
@@ -207,8 +211,10 @@ class Watchdog:
         while not self._over.wait(self._beat):
             self._waited += self._beat
             if self._waited > self.patience:
-                self._file.write(f"Timeout: nothing went on for {self._waited:.0f} s\n".encode())
+                what = f"nothing went on for {self._waited:.0f} s"
+                self._file.write(f"Timeout: {what}\n".encode())
                 faulthandler.dump_traceback(self._file)
+                os.write(2, f"rank {self.rank}: {what}; what it was doing stands in {self.path}\n".encode())
                 os._exit(1)
 
     def close(self) -> None:

@@ -139,6 +139,7 @@ class _Run:
             app.advance(self.unseen_steps())
         else:
             app.step()
+        self.watchdog.step()
         steps = app.iteration - first
         self.step_times.add((time.perf_counter() - begin) / steps, steps)
 
