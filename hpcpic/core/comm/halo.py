@@ -206,6 +206,8 @@ class Exchange(ABC):
         def add(operations: Iterable[_Operation]) -> None:
             for kernel, arguments, ins, inouts in operations:
                 name = f"{type(self).__name__.lower()} {handle}: {kernel.compiled.__name__}"
+                if kernel in (UNPACK, UNPACK_ADD):
+                    name += " (1: a message of another iteration)"
                 bound = bind(kernel.compiled, *arguments)
                 graph.task(bound, ins=handles(ins), inouts=handles(inouts), priority=1, name=name)
 
