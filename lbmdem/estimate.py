@@ -33,32 +33,32 @@ DEFAULT = FILES | {
     "mlups D2Q9 single": 1000.0,
     "wave_gain D3Q19": 1.45,  # in caches, or with several steps per pass
     "wave_gain D2Q9": 1.55,
-    "forced": 0.45,  # more, in caches, for a sweep with a body force
-    "central": 0.5,  # and for central moments
-    "mixed": 0.75,  # and for nodes beside solids
-    "sparse": 2.1,  # a fluid node held without the solid ones, over one of a fluid alone
-    "link_ns fixed": 3.3,  # several steps per pass
-    "link_ns sparse": 1.6,  # the same where the sweep does them (lbmdem.sparse)
-    "link_ns fixed single": 6.0,
-    "link_ns moving 2D": 20.0,
-    "link_ns moving 3D": 10.0,
-    "moving_link_us 2D": 0.5,  # and a grain, whatever its links
-    "moving_link_us 3D": 0.5,
-    "moving_grain_us 2D": 0.8,  # and of a grain: which nodes it covers now
-    "moving_grain_us 3D": 1.5,
-    "moving_us": 210.0,  # and a step
-    "conserving_ns": 5.4,  # per node, where the mass of covered nodes is put back
-    "grains_us": 80.0,  # a step
-    "substep_us": 0.25,
-    "grain_ns": 27.0,  # per grain and substep
+    "forced": 0.4,  # more, in caches, for a sweep with a body force
+    "central": 0.36,  # and for central moments
+    "mixed": 0.83,  # and for nodes beside solids
+    "sparse": 1.6,  # a fluid node held without the solid ones, over one of a fluid alone
+    "link_ns fixed": 5.7,  # several steps per pass
+    "link_ns sparse": 3.6,  # the same where the sweep does them (lbmdem.sparse)
+    "link_ns fixed single": 7.0,
+    "link_ns moving 2D": 17.3,
+    "link_ns moving 3D": 8.4,
+    "moving_link_us 2D": 0.1,  # and a grain, whatever its links
+    "moving_link_us 3D": 0.1,
+    "moving_grain_us 2D": 1.1,  # and of a grain: which nodes it covers now
+    "moving_grain_us 3D": 5.3,
+    "moving_us": 76.0,  # and a step
+    "conserving_ns": 2.4,  # per node, where the mass of covered nodes is put back
+    "grains_us": 57.0,  # a step
+    "substep_us": 0.13,
+    "grain_ns": 40.0,  # per grain and substep
     "lattice_sample_us": 300.0,
     "lattice_sample_ns": 10.0,  # per node
     "lattice_launch_us": 2.5,
-    "lattice_drive_us": 40.0,  # a body force that changes from step to step
+    "lattice_drive_us": 50.0,  # a body force that changes from step to step
     "message_us": 3.0,
     "message_gb_s": 8.0,
-    "grain_exchange_us": 150.0,  # forces, ghosts and owners of grains, a step of several ranks
-    "refill_plane_ns": 3.0,  # of a population of the planes beside a slab, for nodes that grains uncover
+    "grain_exchange_us": 180.0,  # forces, ghosts and owners of grains, a step of several ranks
+    "refill_plane_ns": 4.0,  # of a population of the planes beside a slab, for nodes that grains uncover
     "cores": 2.0,
     "sweep_core_gain": 1.3,  # of all cores over one on a sweep that waits for memory
     "wave_core_gain": 1.7,  # and on other work

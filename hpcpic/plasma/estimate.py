@@ -35,7 +35,7 @@ DEFAULT = FILES | {
     "particle_ns 1D TSC single": 1.4,
     "cell_ns 2D": 2.8,  # of the push and of the charge
     "cell_ns 1D": 2.0,
-    "tile_ns 2D": 220.0,  # more, of a tile of cells that is not empty
+    "tile_ns 2D": 430.0,  # more, of a tile of cells that is not empty
     "tile_ns 1D": 220.0,
     "field_ns 2D": 6.7,  # transforms, potential and its gradient
     "field_ns 1D": 8.0,
@@ -43,7 +43,7 @@ DEFAULT = FILES | {
     "sample_cell_ns": 8.0,
     "plasma_sample_us": 115.0,
     "plasma_launch_us": 43.0,  # Python and the launches of a step
-    "plasma_exchange_us": 16.0,  # of ranks with each other: messages, or a word that all agree on
+    "plasma_exchange_us": 15.0,  # of ranks with each other: messages, or a word that all agree on
     "message_gb_s": 8.0,
     "cores": 2.0,
     "plasma_core_gain": 1.65,  # of all cores of a node over one
