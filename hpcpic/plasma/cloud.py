@@ -279,14 +279,13 @@ class Cloud:
             return
         self.messages.start(iteration, self._outgoing())
         for records in self.messages.finish():
-            self._take_in(records)
+            self.admit(records)
 
     def admit(self, records: NDArray[np.uint8]) -> None:
-        """Take in particles from records (see kernels.pages.pack); migrate and deliver next."""
-        self._take_in(records)
+        """Records (see kernels.pages.pack) into the box from outside; when it is full, what is there is delivered first.
 
-    def _take_in(self, records: NDArray[np.uint8]) -> None:
-        """Records into the box from outside; when it is full, deliver what is there first."""
+        Migrate and deliver next.
+        """
         n = self._arrived[0] = len(records)
         self._make_room(n)
         self._room_for_records(n)
