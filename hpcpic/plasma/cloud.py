@@ -282,7 +282,7 @@ class Cloud:
             self.admit(records)
 
     def admit(self, records: NDArray[np.uint8]) -> None:
-        """Records (see kernels.pages.pack) into the box from outside; when it is full, what is there is delivered first.
+        """Records (see kernels.pages.pack) into the box from outside; when it is full, what is there goes first.
 
         Migrate and deliver next.
         """
