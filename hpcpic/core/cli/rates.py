@@ -44,8 +44,10 @@ def keep_rates(rates: Mapping[str, float]) -> Path:
 
 
 def undisturbed(seconds: Sequence[float]) -> float:
-    """The lower quartile of repeated measurements: other programs only ever add to them."""
-    return sorted(seconds)[len(seconds) // 4]
+    """The median of repeated measurements, as a run tells that of its steps: what disturbs some of them does not count,
+    a machine that is slow for most of them does.
+    """
+    return sorted(seconds)[len(seconds) // 2]
 
 
 def in_turn(actions: Mapping[str, Callable[[], object]], rounds: int, calls: int = 4) -> dict[str, float]:
