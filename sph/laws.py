@@ -23,6 +23,7 @@ def law_of(scene: "Scene", others: bool) -> Law:
         tensile=numerics.tensile_correction > 0,
         shifting=numerics.shifting,
         corrected=numerics.gradient_correction,
+        split=scene.config.simulation.integrator == "symplectic",
         repulsive=any(wall.type == "repulsive" for wall in scene.walls),
     )
 
@@ -45,9 +46,9 @@ def terms_of(law: Law) -> dict[str, tuple[str, ...]]:
     return terms
 
 
-def most_sums(law: Law, split: bool) -> int:
-    """Accumulators of the pass that has most, of the split scheme or of others."""
-    never = ("both", "slopes") if split else ("first", "second")
+def most_sums(law: Law) -> int:
+    """Accumulators of the pass that has most, of those that there are."""
+    never = ("both", "slopes") if law.split else ("first", "second")
     return max(len(sums_of(law, terms)) for title, terms in terms_of(law).items() if title not in never)
 
 

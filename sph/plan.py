@@ -95,8 +95,9 @@ def arrays(config: SphConfig, ranks: int) -> Iterator[Array]:
     if law.single:
         yield Array("pairs: positions", d, n, 4)
     yield Array("pairs: operands", len(columns_of(law)), n, size)
-    yield Array("pairs: sums", most_sums(law, config.simulation.integrator == "symplectic"), n, size)
+    yield Array("pairs: sums", most_sums(law), n, size)
     yield Array("pairs: runs of neighbours", 15 if d == 3 else 6, n, 2)
+    yield Array("state in order, for files and gauges", 2 * d + 3, n)
 
 
 def messages(config: SphConfig, ranks: int) -> list[str]:

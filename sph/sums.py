@@ -38,13 +38,13 @@ class PairSums:
         self.kernels = passes.make(law, self._terms)
         self.packing = module_from_source(packing.source(law, scene.config.eos.gamma), "sph_packing")
         self.around = module_from_source(HEAD + columns.source(law), "sph_columns")
-        self.n_sums = most_sums(law, scene.config.simulation.integrator == "symplectic")
+        self.n_sums = most_sums(law)
         h, c, rho = scene.h, scene.c0, scene.rho0
         si = 1.0, 1.0, 1.0, 1.0
         self.units = (h, c, rho, rho * h**scene.dimensions) if law.single else si  # of pair sums
         tasks.set(
             scales=self._scales(scene), pair_numbers=self._numbers(scene), factors=self._factors(scene),
-            face_normals=np.ascontiguousarray(scene.normals[:, scene.axes].T, law.real),
+            face_normals=np.ascontiguousarray(scene.normals[:, scene.axes].T),
         )  # fmt: skip
 
     def _relative_units(self, scene: "Scene") -> tuple[float, float, float, float]:

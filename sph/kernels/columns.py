@@ -6,7 +6,7 @@ units of gradient[d, n], see `pairs`.
 """
 
 from sph.kernels.packing import SCALES
-from sph.kernels.pairs import Law, columns_of
+from sph.kernels.pairs import REPULSIVE, Law, columns_of
 
 ALL_AROUND = {2: 1.5, 3: 2.4}  # of - sum V_j F r^2, d inside the fluid; less near a free surface (Lee et al. 2008)
 LEAST_DETERMINANT = 0.1  # of the sum that L inverts, 1 inside the fluid, about 0.25 at a flat free surface in 2D
@@ -23,16 +23,18 @@ def _kernel(title: str, arguments: str, body: list[str]) -> str:
 
 
 def source(law: Law) -> str:
-    """Kernels pack_again (velocity and gradient only), those for stresses and matrices, and one to unpack each kind of
+    """Kernels pack_again (velocity, gradient, volume), those for stresses and matrices, and one to unpack each kind of
     sum.
     """
     columns = columns_of(law)
-    later = [name for name in columns if name[:-1] in ("v", "g")]
+    later = [name for name in columns if name[:-1] in ("v", "g") or (name == "light" and law.in_turn)]
     stress = [name for name in columns if name[0] == "t" and len(name) == 3]
     values = {f"v{a}": f"v[{k}, b] * per_c" for k, a in enumerate(law.axes)}
     values |= {f"g{a}": f"gradient[{k}, b]" for k, a in enumerate(law.axes)}
+    mass = f"(m[b] * {'per_m' if law.single else '1.0'} if flags[b] & {REPULSIVE} == 0 else 0.0)"
+    values["light"] = f"{mass} / (1.0 + drho[b] * per_rho)"  # the volume from now on
     again = [f"values[{columns.index(name)}, b] = {values[name]}" for name in later]
-    text = _kernel("pack_again", "v, gradient, values", again) if again else ""
+    text = _kernel("pack_again", "flags, v, drho, m, gradient, values", again) if again else ""
     if stress:
         text += _kernel("pack_stress", "drho, shear, values", _stress(law, columns)) + _unpack_strain(law)
     if law.corrected:

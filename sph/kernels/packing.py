@@ -5,7 +5,7 @@ In single precision also the state in their units.
 
 import math
 
-from sph.kernels.pairs import UNIT, Law, columns_of
+from sph.kernels.pairs import NORMAL, REPULSIVE, UNIT, Law, columns_of
 
 SCALES = (
     "per_h", "per_c", "per_rho", "per_m", "background", "viscosity", "tensile", "of_gradient", "of_strain",
@@ -20,7 +20,7 @@ import numpy as np
 
 from hpcpic.core.simd.jit import njit
 from hpcpic.core.simd.vector import (
-    Vec, convert, floor, lanes, load, select, splat, store
+    Vec, address_of, convert, floor, gather_lines, lanes, load, select, splat, store
 )
 
 N = lanes(np.float64)
@@ -61,8 +61,14 @@ def _slope_lines(gamma: float) -> list[str]:
 def _values(law: Law) -> dict[str, str]:
     values = {"push": "(p + background) * (light * light)", "light": "light", "slope": "slope", "excess": "e"}
     values |= {"tension": "select(p < 0.0, -tensile * p, 0.05 * tensile * p) * (light * light)"}
-    values |= {"mass": "load(F, m, s) * per_m"}
-    return values | {f"v{a}": f"load(F, v[{k}], s) * per_c" for k, a in enumerate(law.axes)}
+    mass = "load(F, m, s) * per_m" if law.single else "load(F, m, s)"
+    there = f"select(load(I, flags, s) & {REPULSIVE} == {REPULSIVE}, 0.0, {mass})"  # repulsive particles have no volume
+    values |= {"mass": mass, "volume": f"{there} * light"}
+    code = f"(load(I, flags, s) >> {NORMAL}) * 8"
+    for k, a in enumerate(law.axes):
+        values[f"v{a}"] = f"load(F, v[{k}], s) * per_c"
+        values[f"n{a}"] = f"gather_lines(F, 1, address_of(face_normals[{k}], 0), {code})[0]"
+    return values
 
 
 def _lines(law: Law, gamma: float, columns: list[str]) -> list[str]:
@@ -81,7 +87,7 @@ def _lines(law: Law, gamma: float, columns: list[str]) -> list[str]:
 def source(law: Law, gamma: float) -> str:
     """The module with `pack`: all columns but those that come from other pair sums."""
     columns = [name for name in columns_of(law) if name[:-1] != "g" and not (name[0] in "tl" and len(name) == 3)]
-    lines = ["def pack(block, blocks, base, scales, x, v, drho, m, position, values):"]
+    lines = ["def pack(block, blocks, base, scales, flags, x, v, drho, m, face_normals, position, values):"]
     lines += [f"    {name} = scales[{k}]" for k, name in enumerate(SCALES)]
     lines += ["    line = np.zeros(N)"]
     lines += ["    for l in range(blocks[block], blocks[block + 1]):"]

@@ -13,6 +13,7 @@ from dataclasses import dataclass, field
 from sph.kernels.functions import SMOOTHING
 
 UNIT = 2.0**-24  # of fixed-point positions, in h
+REPULSIVE = 4  # flag
 NORMAL = 8  # flags >> this: number of the normal of a repulsive particle
 AXES = "xyz"
 
@@ -33,6 +34,13 @@ class Law:
     tensile: bool = False
     shifting: bool = False
     corrected: bool = False
+    split: bool = False
+    """Whether forces and rates are summed one after the other."""
+
+    @property
+    def in_turn(self) -> bool:
+        """Whether a column can hold 1 / rho for forces, then volumes for rates."""
+        return self.split and not (self.needs_gradient or self.shifting or self.corrected or "strain" in self.viscosity)
 
     @property
     def real(self) -> str:
@@ -64,9 +72,11 @@ class Terms:
 
 def columns_of(law: Law) -> list[str]:
     """Columns of a slot besides what the state has: what `pack` and other pair sums fill in."""
-    names = ["push", "light"]
+    names = ["push", "light"] + ([] if law.in_turn else ["volume"])
     if law.single:
         names += state_of(law)
+    if law.repulsive:
+        names += [f"n{a}" for a in law.axes]
     if law.flux == "delta":
         names += [f"g{a}" for a in law.axes]
     if law.flux == "fourtakas":
@@ -94,13 +104,6 @@ def _relative_velocity(law: Law, terms: Terms) -> None:
     for a in law.axes[-2::-1]:
         vd = f"fma(d{a}v, d{a}, {vd})"
     terms.lines.append(f"    vd = {vd}")
-
-
-def _volumes(terms: Terms) -> None:
-    terms.need("mass", "light")
-    line = "    volume_i, volume_j = mass_i * light_i, mass_j * light_j"
-    if line not in terms.lines:
-        terms.lines.append(line)
 
 
 def momentum(law: Law, terms: Terms) -> None:
@@ -177,8 +180,7 @@ def repulsion(law: Law) -> list[str]:
     where nothing comes from before the wall (that takes 0.5 c), S falls to 0 at the wall particle. And (SC 6) with the
     mass of the wall particle. `reach` = h / dp.
     """
-    lines = [f"at_i, at_j = class_i >> {NORMAL}, (kinds >> {NORMAL}) * {4 if law.single else 8}"]
-    lines += [f"n{a} = gather_lines(F_, 1, address_of(n{a}_, 0), at_j)[0] - n{a}_[at_i]" for a in law.axes]
+    lines = [f"n{a} = load(F_, n{a}_, j) - n{a}_[i]" for a in law.axes]
     y = f"d{law.axes[-1]} * n{law.axes[-1]}"
     for a in law.axes[-2::-1]:
         y = f"fma(d{a}, n{a}, {y})"
@@ -232,8 +234,7 @@ def _drag_force(law: Law, terms: Terms) -> None:
 def continuity(law: Law, terms: Terms) -> None:
     """(MP 16) with a flux of density: (MP 17), Molteni and Colagrossi, Fourtakas, Antuono (delta)."""
     _relative_velocity(law, terms)
-    _volumes(terms)
-    terms.need("excess")
+    terms.need("excess", "volume")
     terms.lines += ["    rho_i, rho_j = excess_i + density, excess_j + density"]
     terms.lines += ["    to_i = volume_j * F", "    to_j = volume_i * F"]
     terms.lines += ["    vd_i, vd_j = vd, vd"]
@@ -267,8 +268,7 @@ def _flux_lines(law: Law, terms: Terms) -> list[str]:
 
 def gradient(law: Law, terms: Terms) -> None:
     """Sums for the renormalised density gradient: - sum V_j F r r^T and sum V_j (rho_j - rho_i) F r_ij, of fluid."""
-    _volumes(terms)
-    terms.need("excess")
+    terms.need("excess", "volume")
     terms.lines += [
         "    fluid = F",
         "    fluid = select(mixing, fluid, 0.0)",
@@ -286,7 +286,7 @@ def gradient(law: Law, terms: Terms) -> None:
 def strain(law: Law, terms: Terms) -> None:
     """Sums of the velocity gradient: d v_b / d x_a = sum V_j (v_j - v_i)_b F r_a."""
     _relative_velocity(law, terms)
-    _volumes(terms)
+    terms.need("volume")
     terms.lines += ["    by_j, by_i = -(volume_j * F), -(volume_i * F)"]
     for a in law.axes:
         for b in law.axes:
@@ -296,7 +296,7 @@ def strain(law: Law, terms: Terms) -> None:
 
 def matrix(law: Law, terms: Terms) -> None:
     """- sum V_j F r r^T, whose inverse renormalises gradients (Randles and Libersky 1996)."""
-    _volumes(terms)
+    terms.need("volume")
     terms.lines += ["    by_j, by_i = -(volume_j * F), -(volume_i * F)"]
     for k, a in enumerate(law.axes):
         for b in law.axes[k:]:
@@ -308,7 +308,7 @@ def shifting(law: Law, terms: Terms) -> None:
     """Sums of Sun et al. 2017 (9), sum V_j (1 + 0.2 (W / W(dp))^4) F r_ij, and - sum V_j F r^2: d where fluid is all
     around.
     """
-    _volumes(terms)
+    terms.need("volume")
     _crowding(law, terms)
     terms.lines += [
         "    apart = F * fma(crowding, 0.2, 1.0)",

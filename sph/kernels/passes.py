@@ -17,15 +17,14 @@ NUMBERS = (
 
 ROWS = {2: 2, 3: 5}  # as kernels.cells has them
 ARGUMENTS = (
-    "block, blocks, odd, begin, base, shape, numbers, run_first, run_length, flags, position, v, drho, m, values, "
-    "face_normals, sums"
+    "block, blocks, odd, begin, base, shape, numbers, run_first, run_length, flags, position, v, drho, m, values, sums"
 )
 
 HEAD = """
 import numpy as np
 from hpcpic.core.simd.jit import njit
 from hpcpic.core.simd.vector import (
-    Vec, address_of, bitmask, convert, fma, gather_lines, lane_numbers, load, maximum, minimum, prefetch,
+    Vec, address_of, bitmask, convert, fma, lane_numbers, load, maximum, minimum, prefetch,
     prefetch_to_write, select, splat, sqrt, store, total
 )
 
@@ -65,7 +64,7 @@ def _pair(law: Law, terms: Terms, plain: bool) -> list[str]:
             "    F = select(partners, F, 0.0)",
         ]
     lines += [f"    {name}_j = load(F_, {name}_, j)" for name in sorted(terms.columns)]
-    if law.repulsive and not plain:  # these have neither mass nor volume
+    if terms.rare and not plain:  # these have neither mass nor volume
         lines += ["    stands = kinds & 4 == 4", "    solid_j = select(stands, mass_j, 0.0)"]
         lines += ["    mass_j = select(stands, 0.0, mass_j)"]
     lines += [line for line in terms.lines if not (plain and "mixing" in line)]
@@ -105,6 +104,8 @@ def _pass_source(law: Law, title: str, names: Sequence[str]) -> str:
     columns = columns_of(law)
     rows, n, read = ROWS[law.dimensions], len(terms.sums), sorted(terms.columns)
     places = {name: f"values[{columns.index(name)}]" for name in columns} | ({} if law.single else state_of(law))
+    if law.in_turn:
+        places["volume"] = places["light"]
     numbers = [f"{name} = REAL(numbers[{k}])" for k, name in enumerate(NUMBERS)]
     views = [f"{a}_ = position[{k}]" for k, a in enumerate(law.axes)] + [f"{name}_ = {places[name]}" for name in read]
     fetch = [f"{name}_i = {name}_[u]" for name in (*law.axes, *read)]
@@ -112,7 +113,7 @@ def _pass_source(law: Law, title: str, names: Sequence[str]) -> str:
     fetch += _fetch_ahead(law, [view.split(" ")[0] for view in views], n)
     views += [f"sums{k} = sums[{k}]" for k in range(n)]
     if terms.rare:
-        views += [f"n{a}_ = face_normals[{k}]" for k, a in enumerate(law.axes)]
+        views += [f"n{a}_ = {places[f'n{a}']}" for a in law.axes]
 
     def loop(plain: bool, depth: int) -> str:
         head = [
@@ -126,7 +127,7 @@ def _pass_source(law: Law, title: str, names: Sequence[str]) -> str:
     if law.walls:
         body = _indent(["class_i = flags[u]", "if class_i & 16 == 16:"], 12) + loop(True, 16)
         body += _indent(["else:"], 12)
-        if law.repulsive:
+        if terms.rare:
             body += _indent(["solid_i = mass_i if class_i & 4 == 4 else REAL(0.0)", "mass_i -= solid_i"], 16)
         body += loop(False, 16)
     else:

@@ -95,13 +95,6 @@ def by_id(sph, *names):
     return [column(sph, name)[..., order] for name in names]
 
 
-def any_sums(sph):
-    """Room for all pair sums, also those that the integrator has no need of."""
-    sph.sums.n_sums = 16
-    sph.sort()
-    return sph
-
-
 class Reference:
     """All pairs at once, in SI units: acceleration without gravity and d rho / dt."""
 
