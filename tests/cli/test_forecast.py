@@ -17,6 +17,11 @@ def test_more_cores_never_take_longer_and_a_node_gains_what_was_measured(cores):
     assert gain(1, cores, rates, 1.5) == gain(cores, 1, rates, 1.5)
 
 
+def test_no_gain_is_more_than_there_are_cores_or_less_than_one():
+    rates = {"cores": 2.0}
+    assert gain(1, 2, rates, 2.7) == 2.0 and gain(1, 2, rates, 0.7) == 1.0
+
+
 def test_nodes_of_the_same_kind_add_up():
     rates = {"cores": 4.0}
     assert gain(40, 1, rates, 3.0) == pytest.approx(10 * 3.0)

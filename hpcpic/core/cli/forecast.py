@@ -36,9 +36,11 @@ class Estimate:
 def gain(ranks: int, threads: int, rates: Mapping[str, float], all_cores: float) -> float:
     """How many times faster than one core ranks x threads are at what all cores of a node do `all_cores` times faster.
 
-    On one node not more than it has; beyond twice its cores, nodes of the same kind.
+    On one node not more than it has; beyond twice its cores, nodes of the same kind. A gain that was measured while the
+    machine changed may be none, or more than there are cores: it is taken for the nearest that can be.
     """
     wanted, node = ranks * threads, rates["cores"]
+    all_cores = min(max(1.0, all_cores), node)
     used = min(wanted, node)
     one_node = 1 + (used - 1) * (all_cores - 1) / max(1.0, node - 1)
     return one_node * wanted / node if wanted > 2 * node else one_node
