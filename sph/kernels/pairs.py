@@ -193,8 +193,7 @@ def repulsion(law: Law) -> list[str]:
         "weak = 25.0 * ((1.0 - y) * (1.0 - y))",
         "strength = select(y < 0.8, steep * steep, select(y < 1.0, weak, 0.0))",
         f"strength = strength * ({' * '.join(hats)})",
-        "masses = mass_i + solid_i + mass_j + solid_j",
-        "strength = maximum(minimum(y * 2.5, 1.0), 0.0) * strength * (hundredth * masses)",
+        "strength = maximum(minimum(y * 2.5, 1.0), 0.0) * strength * (hundredth * (mass_i + mass_j))",
         "strength = select(lane < np.int32(end - j), strength, 0.0)",
     ]
     lines += [f"e{a} = strength * n{a}" for a in law.axes]
