@@ -118,3 +118,25 @@ def test_a_thin_bed_between_repulsive_walls_stays_where_it_is():
     now = dict(zip(sph.bodies.id, sph.physical("x")))
     moved = max(np.abs(now[k] - x).max() for k, x in start.items())
     assert moved < 0.05 * sph.scene.spacing
+
+
+@pytest.mark.parametrize("y, share", [(0.5, 1.6**8), (0.7, (8 / 7) ** 8), (0.9, 0.25), (1.01, 0.0)])
+@pytest.mark.parametrize("d", [2, 3])
+def test_a_repulsive_wall_pushes_as_hard_as_the_paper_says(d, y, share):
+    """(SC 8)-(10): 0.01 c0^2 / h S(y / h) along the normal. What the particles of a flat wall share adds up to one
+    where they are a spacing apart: its edges, recessed by 0.067, are 12 spacings apart.
+    """
+    size, fill = (1.066,) * (d - 1) + (1.2,), (1.066,) * (d - 1) + (0.5,)
+    sph = engine(d=d, spacing=0.1, size=size, fill=fill, more=tank(d, "repulsive", size), gravity=(0.0,) * d)
+    up, h, wall = sph.axes.index(d - 1), sph.scene.h, sph.physical("x").min()
+
+    def lowest():
+        x = sph.bodies.x[:, sph.bodies.fluid]
+        inside = np.all((x > 0.3) & (x < 0.7), axis=0, where=np.arange(d)[:, None] != up)
+        return sph.bodies.fluid[inside & (x[up] < 0.09)]
+
+    sph.bodies.x[up, lowest()] = wall + y * h
+    sph.sort()
+    sph.evaluate_forces()
+    push = sph.sums.forces_on(lowest())[up] / sph.bodies.m[lowest()]
+    assert len(push) and push == pytest.approx(0.01 * sph.scene.c0**2 / h * share, rel=1e-12, abs=1e-9)
