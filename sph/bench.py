@@ -82,7 +82,7 @@ class Trial:
 def taken(trials: Mapping[str, Trial], rounds: int, calls: int = 4) -> None:
     """The turns of all, and their end."""
     in_turn({name: trial.step for name, trial in trials.items()}, rounds, calls)
-    for trial in trials.values():
+    for trial in reversed(list(trials.values())):  # the first pool knows where the caller ran before all
         trial.close()
 
 

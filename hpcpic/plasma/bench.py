@@ -94,7 +94,7 @@ def taken(trials: Mapping[str, Trial], quick: bool) -> None:
     for _ in range(ROUNDS[quick]):
         for trial in trials.values():
             trial.turn()
-    for trial in trials.values():
+    for trial in reversed(list(trials.values())):  # the first pool knows where the caller ran before all
         trial.close()
 
 
