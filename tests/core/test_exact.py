@@ -1,4 +1,5 @@
 import math
+from fractions import Fraction
 
 import numpy as np
 import pytest
@@ -33,7 +34,8 @@ def test_bits_do_not_depend_on_order_or_chunks_and_error_is_tiny(terms, random):
         running.add(chunk)
     assert running.value == total
     # besides its one rounding, an error of 2^-96 of the scale per term; below 1e-270 limbs end at 2^-995
-    assert abs(total - math.fsum(terms)) <= 1e-16 * math.fsum(map(abs, terms)) + math.ulp(total) / 2 + 1e-295
+    lost = len(terms) * max(Fraction(scale) / 2**96, Fraction(1, 2**995))
+    assert abs(Fraction(total) - sum(map(Fraction, terms))) <= lost + Fraction(math.ulp(total)) / 2
 
 
 @pytest.mark.parametrize("n", [0, 1, 7, 100_003])
