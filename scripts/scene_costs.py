@@ -351,7 +351,7 @@ def growth(pool: Pool) -> Iterator[Row]:
     pairs = (
         ("particles of a plasma", 2, plasma(64, 400_000), plasma(64, 800_000)),
         ("nodes of a plasma", 4, plasma(512, 1000), plasma(1024, 1000)),
-        ("particles of SPH", 2, *(water(high=(1, n), top=(0.5, n / 2), spacing=0.005) for n in (2, 4))),
+        ("particles of SPH", 2, water(spacing=0.005), water(high=(1, 2), top=(0.5, 1.0), spacing=0.005)),
         ("nodes of a lattice", 2, flow((128, 64, 64)), flow((128, 64, 128))),
     )
     for what, factor, one, two in pairs:

@@ -21,6 +21,8 @@ WALL_TERMS = {
     "pressure-continuity": "wall particles with evolving density",
 }
 
+FIXED_BYTES = 272_000  # of graphs, tables and heads of arrays: what runs of 10, 20 and 40 thousand particles have alike
+
 
 @dataclass(frozen=True, slots=True)
 class Array:
@@ -97,6 +99,7 @@ def arrays(config: SphConfig, ranks: int) -> Iterator[Array]:
     yield Array("pairs: operands", len(columns_of(law)), n, size)
     yield Array("pairs: sums", most_sums(law), n, size)
     yield Array("pairs: runs of neighbours", 15 if d == 3 else 6, n, 2)
+    yield Array("objects of Python and libraries", 1, FIXED_BYTES, 1)
     yield Array("state in order, for files and gauges", 2 * d + 3, n)
 
 

@@ -32,7 +32,7 @@ IONS = """, { name = "ions"; particles = 20000; charge = 1.0; mass = 64.0; plasm
 
 
 PLASMAS = plasma(64, 150_000), plasma(64, 300_000)
-WATERS = tuple(water(high=(1, n), top=(0.5, n / 2), spacing=0.005) for n in (2, 4))
+WATERS = water(spacing=0.005), water(high=(1, 2), top=(0.5, 1.0), spacing=0.005)
 FLOWS = flow((128, 128)), flow((128, 256))
 
 
@@ -142,7 +142,7 @@ def held(pool):
         (FLOWS, 128 * 128, 9 * 8 + 4, 1.25),  # populations, and what is solid
         # Positions, velocities, accelerations, density, its rate, mass, number, flags. The aim is 1.25; where
         # neighbours are makes it 1.6.
-        (WATERS, 20_000, 80, 1.7),
+        (WATERS, 10_000, 80, 1.7),
     ],
     ids=["plasma", "lattice", "water"],
 )
