@@ -122,5 +122,6 @@ def test_coincident_particles_do_not_push_each_other():
     sph = engine(integrator="euler", d=2, kernel="cubic", gravity=(0.0, 0.0))
     first, second = sph.bodies.rows[:2]
     sph.bodies.x[:, second] = sph.bodies.x[:, first]
+    sph.sort()
     sph.evaluate()
     assert all(np.isfinite(column(sph, name)).all() for name in ("a", "rate"))
