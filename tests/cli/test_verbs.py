@@ -9,6 +9,7 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from app_runner import launch
 from toy_runner import ROOT, environment
 
 from hpcpic.core.cli.export import to_csv
@@ -116,6 +117,33 @@ def test_a_reader_that_goes_away_is_no_traceback(toy):
         text=True,
     )
     assert "Traceback" not in done.stderr
+
+
+LATE = """
+import os, sys, time
+from mpi4py import MPI
+from hpcpic.__main__ import load_app
+from hpcpic.core.cli.main import program
+rank, finalize = MPI.COMM_WORLD.rank, MPI.Finalize
+
+def late():
+    finalize()
+    if rank == {slow}:
+        time.sleep(0.5)
+        os.write(1, b"the last word")
+
+MPI.Finalize = late
+sys.argv = ["hpcpic", *{words!r}]
+program(load_app, "hpcpic", "plasma")
+"""
+
+
+@pytest.mark.parametrize("slow", [0, 1])
+@pytest.mark.parametrize("words, code", [(["run", "nothere.conf"], 2), (["check", "two-stream-cold"], 0)])
+def test_a_rank_that_ends_late_is_not_killed(words, code, slow):
+    """A launcher that sees a rank leave without a word kills the others; at times their code is that of the whole."""
+    done = launch(2, "-c", LATE.format(words=words, slow=slow))
+    assert done.returncode == code and "the last word" in done.stdout, done.stdout + done.stderr
 
 
 def test_estimate_adds_up(toy):

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import atexit
+import ctypes
 import os
 import sys
 from collections.abc import Callable, Sequence
@@ -110,8 +111,8 @@ def build(app_loader: AppLoader, name: str, title: str) -> click.Group:
 
 
 def program(app_loader: AppLoader, name: str, title: str) -> None:
-    """The command group as a process. It ends when what is registered for the end is done: taking the interpreter
-    apart, which the system does as well, costs half a second.
+    """The command group as a process. It ends when what Python and C libraries registered for the end is done: taking
+    the interpreter apart, which the system does as well, costs half a second.
     """
     try:
         build(app_loader, name, title)()
@@ -123,5 +124,7 @@ def program(app_loader: AppLoader, name: str, title: str) -> None:
         atexit._run_exitfuncs()
         mpi = sys.modules.get("mpi4py.MPI")
         if mpi and mpi.Is_initialized() and not mpi.Is_finalized():
-            mpi.Finalize()  # mpi4py would do it as the interpreter ends; a launcher may take its absence for a crash
-        os._exit(end.code)
+            mpi.Finalize()  # mpi4py would do it as the interpreter ends
+        # Not os._exit: MPICH takes leave of its launcher in an exit handler of C, and a launcher that saw no leave
+        # kills the other ranks (exit code 9 or 0, whatever ours is).
+        ctypes.CDLL(None).exit(end.code)
