@@ -93,6 +93,7 @@ class Bound:
         parts = [_words(argument, numba_type) for argument, numba_type in zip(arguments, self._types)]
         entry = compiled.library.get_pointer_to_function(compiled.fndesc.llvm_func_name)
         self._starts = np.cumsum([1, *map(len, parts)])
+        self.graphs: dict[tuple[int, ...], Graph] = {}  # that Pool.each has made, by the ids of their tasks
         self.context = np.array([entry, *(word for part in parts for word in part)], np.int64)
 
     def update(self, index: int, value: Any) -> None:
@@ -255,7 +256,6 @@ class Pool:
         self._limit_s = spin_limit_s
         self._words = words
         self._address: int = words.ctypes.data
-        self._graphs: dict[tuple[int, ...], Graph] = {}
         self._affinity = os.sched_getaffinity(0)
         pins = list(cpus) if alone and cpus is not None and len(cpus) == threads else [None] * threads
         others = [
@@ -279,14 +279,16 @@ class Pool:
             raise Stuck(graph.unfinished(), self._limit_s)
 
     def each(self, bounds: Sequence[Bound]) -> None:
-        """Run independent tasks. The graph is kept for the next call with the same ones."""
-        key = tuple(map(id, bounds))
-        graph = self._graphs.get(key)
+        """Run independent tasks. The first keeps the graph for the next call with the same ones."""
+        if not bounds:
+            return
+        key, graphs = tuple(map(id, bounds)), bounds[0].graphs
+        graph = graphs.get(key)
         if graph is None:
             graph = Graph()
             for bound in bounds:
                 graph.task(bound)
-            self._graphs[key] = graph.freeze()
+            graphs[key] = graph.freeze()
         self.run(graph)
 
     def close(self) -> None:

@@ -1,19 +1,19 @@
 """All particles of one rank, and the kernels of the scene that move them."""
 
 import inspect
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
 from numpy.typing import DTypeLike, NDArray
 
-from hpcpic.core.comm.migrate import Migrate
-from hpcpic.core.comm.tags import Channel
+from hpcpic.core.comm.migrate import Migrate, send_anywhere
+from hpcpic.core.comm.tags import Channel, tag
 from hpcpic.core.comm.world import World
 from hpcpic.core.errors import Diverged
 from hpcpic.core.space.domain import Domain
-from hpcpic.core.tasks import Bound, Pool, TaskError, bind
+from hpcpic.core.tasks import Bound, Graph, Pool, TaskError, bind
 from hpcpic.plasma.kernels.specialise import specialise
 from hpcpic.plasma.scene import Scene
 from hpcpic.plasma.tiles import PAGE, Pages, Tiles, aligned
@@ -105,9 +105,7 @@ class Cloud:
         pages = (capacity + capacity // 8 + CHUNK) // PAGE + 2 * slots  # memory is used when touched
         self.pages = Pages(slots, blocks, law.components, law.dtype, pages)
         self.record_bytes = law.components * np.dtype(law.dtype).itemsize + 8
-        self.messages = None
-        if world.size > 1:
-            self.messages = Migrate(world, self.record_bytes, Channel.PARTICLES, cuts=domain.cuts)
+        self.near = Migrate(world, self.record_bytes, Channel.PARTICLES, cuts=domain.cuts)
         self.owner = np.asarray(domain.owner(np.arange(domain.points[0])), np.int32)
         below, above = GHOSTS[law.shape]
         self._patches(int(charge[:, 0].max(initial=0)) + 1, below, above)  # a case without species has one, of zeros
@@ -156,43 +154,67 @@ class Cloud:
 
     def _compile(self) -> None:
         """Bind the kernels of the step, and load those that Python calls."""
-        blocks, ranges = range(self.blocks), self.tiles.ranges
         lines, sums = SCRATCH[self.law.shape]
         self._lines = aligned((self.blocks, lines), self.law.dtype)
         self._sums = aligned((self.blocks, sums), f"i{np.dtype(self.law.dtype).itemsize}")
         self._cells = aligned((self.blocks, PAGE), self._sums.dtype)
-        self._push = [
-            self._bound(
-                self.kernels.push, block=b, first=ranges[b][0], last=ranges[b][1], corner=self.corner[b],
-                patch=self.patch[b], lines=self._lines[b], sums=self._sums[b], cells=self._cells[b],
-            )
-            for b in blocks
-        ]  # fmt: skip
-        self._deliver = [
-            self._bound(
-                self.kernels.deliver, block=b, first=ranges[b][0], last=ranges[b][1], corner=self.corner[b],
-                patch=self.patch[b], sums=self._sums[b], cells=self._cells[b],
-            )
-            for b in blocks
-        ]
-        self._rewind = [
-            self._bound(self.kernels.rewind, first=ranges[b][0], last=ranges[b][1]) for b in blocks
-        ]
-        self._deposit = [
-            self._bound(
-                self.kernels.deposit_all, first=ranges[b][0], last=ranges[b][1], corner=self.corner[b],
-                patch=self.patch[b],
-            )
-            for b in blocks
-        ]  # fmt: skip
+        self._push = self._of_blocks(self.kernels.push)
+        self._deliver = self._of_blocks(self.kernels.deliver)
+        self._rewind = self._of_blocks(self.kernels.rewind)
+        self._deposit = self._of_blocks(self.kernels.deposit_all)
         self._records = np.zeros((0, self.record_bytes), np.uint8)
         self._ends, self._arrived = np.zeros(self.world.size, np.int64), np.zeros(1, np.int64)
-        real, whole = self._views(self._records)
-        records = {"records_real": real, "records_int": whole}
+        records = self._views(self._records)
         self._pack = [self._bound(self.kernels.pack, **records, ends=self._ends, owner=self.owner)]
         self._unpack = [self._bound(self.kernels.unpack, **records, n=self._arrived)]
+        self._bind_letters()
+        self._motion = self._graph_of_motion()
         self.place(0, np.zeros((0, self.law.dimensions)), np.zeros((0, self.law.velocities)), np.zeros(0))
         list(self.export(0)) if self.n_species else None
+
+    def _of_blocks(self, kernel, **more) -> list[Bound]:
+        """The kernel bound for each block."""
+        return [
+            self._bound(
+                kernel, block=b, first=first, last=last, corner=self.corner[b], patch=self.patch[b],
+                lines=self._lines[b], sums=self._sums[b], cells=self._cells[b], **more,
+            )
+            for b, (first, last) in enumerate(self.tiles.ranges)
+        ]  # fmt: skip
+
+    def _bind_letters(self) -> None:
+        """Tasks that fill the letters to the neighbours, and those that read theirs."""
+        near, kernels = self.near, self.kernels
+        self._write = [
+            self._bound(kernels.pack_near, **self._views(letter.records), filled=letter.n, peer=peer, owner=self.owner)
+            for peer, letter in zip(near.peers, near.outgoing)
+        ]
+        self._read = [
+            self._bound(kernels.unpack, **self._views(letter.records), n=letter.n) for letter in near.incoming
+        ]
+        self._any_left = self._bound(kernels.any_left, wants=near.wants)
+
+    def _renew_letters(self) -> None:
+        """Tell the tasks where the letters are since they have grown."""
+        for bound, letter in zip(self._write + self._read, self.near.outgoing + self.near.incoming):
+            for k, view in enumerate((*self._views(letter.records).values(), letter.n)):  # the first arguments
+                bound.update(k, view)
+        self._motion = self._graph_of_motion()
+
+    def _graph_of_motion(self) -> Graph:
+        """Push, then letters to the neighbours and from them."""
+        near, graph = self.near, Graph()
+        boxes = [*range(self.blocks)]
+        for block, bound in enumerate(self._push):
+            graph.task(bound, outs=[block])
+        for peer, bound in zip(near.peers, self._write):
+            graph.task(bound, inouts=boxes, outs=[("to", peer)])
+        if self.world.size > 1:
+            graph.task(self._any_left, ins=boxes, outs=["wants"])
+            near.add_to(graph, written=["wants", *(("to", peer) for peer in near.peers)], arrived="arrived")
+        for bound in self._read:
+            graph.task(bound, ins=["arrived"], inouts=["box from outside"])
+        return graph.freeze()
 
     def _bound(self, kernel, **more) -> Bound:
         """The kernel with its arguments by name: `more`, those of this object, or arrays of the pages."""
@@ -202,7 +224,7 @@ class Cloud:
         self._bounds.append((bound, [(k, name) for k, name in enumerate(names) if name in Pages.GROWING]))
         return bound
 
-    def each(self, bounds: list[Bound]) -> None:
+    def _told(self, run: Callable, tasks: Graph | list[Bound]) -> None:
         """Run tasks after telling them where the arrays are now. Raises Diverged."""
         if self._version != self.pages.moved:
             for bound, places in self._bounds:
@@ -210,11 +232,15 @@ class Cloud:
                     bound.update(k, getattr(self.pages, name))
             self._version = self.pages.moved
         try:
-            self.pool.each(bounds)
+            run(tasks)
         except TaskError as error:
             if error.code == self.kernels.DIVERGED:
                 raise Diverged("a particle's position is not a number, or it moved 2^31 cells in a step") from error
             raise
+
+    def each(self, bounds: list[Bound]) -> None:
+        """Run independent tasks made by this object. Raises Diverged."""
+        self._told(self.pool.each, bounds)
 
     @property
     def n(self) -> int:
@@ -232,11 +258,18 @@ class Cloud:
             raise Diverged("an initial position is not a finite number")
 
     def push(self) -> None:
-        """x^n, v^(n-1/2) -> x^(n+1), v^(n+1/2); charge of those who stay in their tile part."""
-        counts = self.pages.count
+        """x^n, v^(n-1/2) -> x^(n+1), v^(n+1/2); charge of those who stay in their tile part; the others wait in boxes
+        of the rank where they belong. Collective.
+        """
+        counts, near = self.pages.count, self.near
         slots = [counts[a * self.n_species : b * self.n_species].sum() for a, b in self.tiles.ranges]
-        self.pages.room(int(max(slots)))
-        self.each(self._push)
+        self.pages.room(max(*map(int, slots), len(near.peers) * near.capacity))
+        self._told(self.pool.run, self._motion)
+        if near.wants[0]:
+            capacity = near.capacity
+            self._admit_all(near.rest(self._outgoing()))
+            if near.capacity != capacity:
+                self._renew_letters()
 
     def rewind(self, mover: NDArray) -> None:
         """v^0 -> v^(-1/2) with a mover of half a step backwards."""
@@ -268,17 +301,18 @@ class Cloud:
     def records(self, species: int, numbers: NDArray, tiles: NDArray, x: NDArray, v: NDArray) -> NDArray[np.uint8]:
         """Records (see kernels.pages.pack) of particles by tile and position in it."""
         records = np.empty((len(numbers), self.record_bytes), np.uint8)
-        real, whole = self._views(records)
+        real, whole = self._views(records).values()
         real[:, : x.shape[1]], real[:, x.shape[1] : self.law.components] = x, v
         whole[:, -2], whole[:, -1] = tiles * self.n_species + species, numbers.astype(np.uint32).view(np.int32)
         return records
 
-    def migrate(self, iteration: int) -> None:
-        """Particles bound for other ranks go there; theirs come into the box from outside."""
-        if self.messages is None:
-            return
-        self.messages.start(iteration, self._outgoing())
-        for records in self.messages.finish():
+    def migrate(self) -> None:
+        """Particles that were placed or admitted go to the boxes of the rank where they belong. Collective."""
+        label = tag(0, Channel.PARTICLES_FAR)
+        self._admit_all(send_anywhere(self.world, self._outgoing(), self.record_bytes, label))
+
+    def _admit_all(self, arrivals: list[NDArray[np.uint8]]) -> None:
+        for records in arrivals:
             self.admit(records)
 
     def admit(self, records: NDArray[np.uint8]) -> None:
@@ -322,12 +356,13 @@ class Cloud:
         if n <= len(self._records):
             return
         self._records = np.empty((n + n // 2, self.record_bytes), np.uint8)
-        for k, view in enumerate(self._views(self._records)):  # the first two arguments
+        for k, view in enumerate(self._views(self._records).values()):  # the first two arguments
             for bound in (*self._pack, *self._unpack):
                 bound.update(k, view)
 
-    def _views(self, records: NDArray[np.uint8]) -> tuple[NDArray, NDArray]:
-        return records.view(self.law.dtype), records.view(np.int32)
+    def _views(self, records: NDArray[np.uint8]) -> dict[str, NDArray]:
+        """The same memory as arguments of kernels."""
+        return {"records_real": records.view(self.law.dtype), "records_int": records.view(np.int32)}
 
     def _outgoing(self) -> dict[int, NDArray[np.uint8]]:
         """Records by rank of all that is bound for other ranks, valid until others are taken in."""
@@ -335,6 +370,10 @@ class Cloud:
         self.each(self._pack)
         starts = [0, *self._ends.tolist()]
         return {rank: self._records[a:b] for rank, (a, b) in enumerate(pairwise(starts)) if b > a}
+
+    def free(self) -> None:
+        """Free what MPI holds (all ranks together)."""
+        self.near.free()
 
     def count(self, species: int) -> int:
         """Particles of a species on this rank."""

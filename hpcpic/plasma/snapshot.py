@@ -82,6 +82,6 @@ def restore(plasma: "Plasma", reader: "Reader") -> None:
                 reader.read(f"{species.name}/{name}", a, b) for name in ("tile", "position", "velocity")
             ]
             cloud.admit(cloud.records(k, np.arange(a, b), *columns))
-            cloud.migrate(plasma.iteration)
+            cloud.migrate()
             cloud.deliver()
     cloud.deposit_all()

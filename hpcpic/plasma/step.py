@@ -86,7 +86,7 @@ class Plasma:
                 numbers = np.arange(low + first, min(low + first + CHUNK, high))
                 ids = numbers + species.first
                 self.cloud.place(k, species.positions(ids) / cells, species.velocities(ids) * steps, numbers)
-                self.cloud.migrate(self.iteration)
+                self.cloud.migrate()
                 self.cloud.deliver()
         self.cloud.deposit_all()
         self._deposit_checked()
@@ -118,8 +118,6 @@ class Plasma:
         self.solve()  # E^n from rho^n
         with self.timers.section("push"):
             self.cloud.push()  # E at the particles (5.14), v (5.19) by Boris (5.4.1), x (5.18), charge of who stays
-        with self.timers.section("migrate"):
-            self.cloud.migrate(self.iteration)  # who left for another rank
         with self.timers.section("deliver"):
             self.cloud.deliver()  # who left for another tile, with their charge
         with self.timers.section("deposit"):
@@ -176,3 +174,4 @@ class Plasma:
     def close(self) -> None:
         """Free what MPI holds (all ranks together)."""
         self.mesh.free()
+        self.cloud.free()

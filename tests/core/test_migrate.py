@@ -1,3 +1,5 @@
+from contextlib import contextmanager
+
 import numpy as np
 import pytest
 
@@ -6,6 +8,7 @@ from hpcpic.core.comm.tags import Channel, tag
 from hpcpic.core.space.domain import Domain, block_ranges, even_cuts
 from hpcpic.core.space.fields import Field
 from hpcpic.core.space.particles import Particles
+from hpcpic.core.tasks import Graph, Pool
 
 RECORD = 24
 TOTAL = 300
@@ -28,102 +31,129 @@ def ids_of(arrivals):
 class Walk:
     """Ids that jump between ranks by a rule all ranks know, so each rank knows which ids should have come."""
 
-    def __init__(self, world):
+    def __init__(self, world, capacity, cuts=None):
         self.world = world
+        self.migrate = Migrate(world, RECORD, Channel.PARTICLES, cuts=cuts, capacity=capacity)
+        self.pool = Pool(1, spin_limit_s=20.0)
+        self.connect()
         self.owner = np.arange(TOTAL) % world.size
         self.ids = np.flatnonzero(self.owner == world.rank)
+        self.rounds = 0  # of all ranks with all
 
-    def step(self, migrate, iteration, destination):
-        """destination[TOTAL]: rank of each id. Returns how many ids changed the rank."""
-        mine = destination[self.ids]
+    def connect(self):
+        graph = Graph()
+        self.migrate.add_to(graph, written=["letters"], arrived="arrived")
+        self.graph = graph.freeze()
+
+    def step(self, destination):
+        """destination[TOTAL]: rank of each id."""
+        migrate, mine = self.migrate, destination[self.ids]
         outgoing = {int(peer): records(self.ids[mine == peer]) for peer in np.unique(mine)}
-        migrate.start(iteration, outgoing)
-        self.ids = ids_of(migrate.finish())
+        arrived = [outgoing.pop(self.world.rank, records([]))]
+        for peer, letter in zip(migrate.peers, migrate.outgoing):
+            wanted = outgoing.pop(peer, records([]))
+            n = letter.n[0] = min(len(wanted), migrate.capacity)
+            letter.records[:n] = wanted[:n]
+            if n < len(wanted):
+                outgoing[peer] = wanted[n:]
+        migrate.wants[0] = bool(outgoing)
+        self.pool.run(self.graph)
+        arrived += [letter.records[: letter.n[0]] for letter in migrate.incoming]
+        assert migrate.wants[0] == self.world.any(bool(outgoing))
+        if migrate.wants[0]:
+            self.rounds += 1
+            before = migrate.capacity
+            arrived += migrate.rest(outgoing)
+            if migrate.capacity != before:
+                self.connect()
+        self.ids = ids_of(arrived)
         np.testing.assert_array_equal(np.sort(self.ids), np.flatnonzero(destination == self.world.rank))
-        moved = np.count_nonzero(destination != self.owner)
         self.owner = destination
-        return moved
+
+    def close(self):
+        self.migrate.free()
+        self.pool.close()
 
 
-def check_any_jumps(world, iterations, capacity):
-    walk, migrate, moved = Walk(world), Migrate(world, RECORD, Channel.PARTICLES, capacity=capacity), 0
+@contextmanager
+def walking(world, capacity, cuts=None):
+    walk = Walk(world, capacity, cuts)
+    yield walk
+    walk.close()
+
+
+def check_any_jumps(world, capacity):
     rng = np.random.default_rng(11)  # the same on all ranks
-    for iteration in iterations:
-        if iteration % 3:  # few, near and far
-            jumps = rng.integers(-world.size, world.size + 1, TOTAL) * (rng.random(TOTAL) < 0.05)
-            destination = (walk.owner + jumps) % world.size
-        else:
-            destination = rng.integers(0, world.size, TOTAL)
-        moved += walk.step(migrate, iteration, destination)
-    assert world.sum_int(np.array([migrate.moved]))[0] == moved
-    return migrate
-
-
-WRAP = [-2, -1, 0, 1, *range(508, 516), *range(1020, 1028)]
+    with walking(world, capacity) as walk:
+        for iteration in range(24):
+            if iteration % 3:  # few, near and far
+                jumps = rng.integers(-world.size, world.size + 1, TOTAL) * (rng.random(TOTAL) < 0.05)
+                walk.step((walk.owner + jumps) % world.size)
+            else:
+                walk.step(rng.integers(0, world.size, TOTAL))
+        return walk
 
 
 def test_migration_on_one_rank_keeps_all(world):
-    migrate = check_any_jumps(world, WRAP, 4)
-    assert migrate.messages == migrate.moved == 0
+    assert check_any_jumps(world, 4).rounds == 0
 
 
 @pytest.mark.mpi(min_size=2)
 @pytest.mark.parametrize("capacity", [0, 1, 7, TOTAL])
 def test_no_record_is_lost_doubled_or_changed_for_any_jumps(world, capacity):
-    migrate = check_any_jumps(world, WRAP, capacity)
-    assert migrate.capacity >= capacity
+    assert check_any_jumps(world, capacity).migrate.capacity >= capacity
 
 
 @pytest.mark.mpi(min_size=2)
 def test_everybody_on_one_rank_and_back(world):
-    walk, migrate = Walk(world), Migrate(world, RECORD, Channel.PARTICLES, capacity=2)
-    for iteration in range(6):
-        crowd = np.full(TOTAL, iteration % world.size)
-        walk.step(migrate, iteration, crowd)
-        walk.step(migrate, iteration, np.arange(TOTAL) % world.size)
+    with walking(world, 2) as walk:
+        for iteration in range(6):
+            walk.step(np.full(TOTAL, iteration % world.size))
+            walk.step(np.arange(TOTAL) % world.size)
 
 
 @pytest.mark.mpi(min_size=2)
 def test_near_moves_take_one_round_and_capacity_grows_once(world):
-    walk, migrate = Walk(world), Migrate(world, RECORD, Channel.PARTICLES, capacity=8)
-    n_near = min(2, world.size - 1)
-    first = walk.owner.copy()
-    few = (np.arange(TOTAL) < 6) + first
-    walk.step(migrate, 0, few % world.size)
-    assert migrate.messages == n_near and migrate.capacity == 8
-    walk.step(migrate, 1, (walk.owner + 1) % world.size)  # all at once: overflow
-    assert migrate.messages == 2 * n_near + 1
-    grown = migrate.capacity
-    assert grown >= TOTAL // world.size and world.max(grown) == grown
-    walk.step(migrate, 2, (walk.owner + 1) % world.size)  # now they fit
-    assert migrate.messages == 3 * n_near + 1 and migrate.capacity == grown
+    with walking(world, 8) as walk:
+        first = walk.owner.copy()
+        few = (np.arange(TOTAL) < 6) + first
+        walk.step(few % world.size)
+        assert walk.rounds == 0 and walk.migrate.capacity == 8
+        walk.step((walk.owner + 1) % world.size)  # all at once: overflow
+        grown = walk.migrate.capacity
+        assert walk.rounds == 1 and grown >= TOTAL // world.size and world.max(grown) == grown
+        walk.step((walk.owner + 1) % world.size)  # now they fit
+        assert walk.rounds == 1 and walk.migrate.capacity == grown
+
+
+@pytest.mark.mpi(min_size=2)
+@pytest.mark.parametrize("wanting", range(4))
+def test_all_ranks_learn_that_one_wants_a_second_round_and_forget_it(world, wanting):
+    """Capacity 0: whoever has a record for a neighbour wants one."""
+    with walking(world, 0) as walk:
+        jumper = np.flatnonzero(walk.owner == wanting % world.size)[:1]
+        walk.step(walk.owner.copy())
+        assert walk.rounds == 0
+        there = walk.owner.copy()
+        there[jumper] = (there[jumper] + 1) % world.size
+        walk.step(there)
+        assert walk.rounds == 1
+        walk.step(there.copy())
+        assert walk.rounds == 1
 
 
 @pytest.mark.mpi(min_size=3)
 def test_neighbours_skip_empty_slabs(world):
     """Ranks without rows are no neighbours, but they can send and get."""
     cuts = (0, 4, *[4] * (world.size - 2), 8)
-    walk, migrate = Walk(world), Migrate(world, RECORD, Channel.PARTICLES, cuts=cuts)
     full = np.array([0, world.size - 1])
-    walk.step(migrate, 0, full[np.arange(TOTAL) % 2])  # the empty ranks send all away
-    sent = migrate.messages
-    walk.step(migrate, 1, full[np.arange(1, TOTAL + 1) % 2])
-    assert migrate.messages - sent == (world.rank in full)  # one message each way, and no second round
-    walk.step(migrate, 2, np.arange(TOTAL) % world.size)
-
-
-@pytest.mark.mpi(min_size=2)
-def test_two_migrations_under_way_do_not_mix(world):
-    channels = (Channel.PARTICLES, Channel.PARTICLES_2)
-    electrons, ions = (Migrate(world, RECORD, channel, capacity=3) for channel in channels)
-    mine = np.arange(world.rank, TOTAL, world.size)
-    following = (world.rank + 1) % world.size
-    for iteration in range(4):
-        electrons.start(iteration, {following: records(mine)})
-        ions.start(iteration, {following: records(mine + 1000)})
-        previous = np.arange((world.rank - 1) % world.size, TOTAL, world.size)
-        np.testing.assert_array_equal(np.sort(ids_of(electrons.finish())), previous)
-        np.testing.assert_array_equal(np.sort(ids_of(ions.finish())), previous + 1000)
+    with walking(world, TOTAL, cuts) as walk:
+        walk.step(full[np.arange(TOTAL) % 2])  # the empty ranks send all away
+        assert walk.rounds == 1
+        walk.step(full[np.arange(1, TOTAL + 1) % 2])
+        assert walk.rounds == 1 and len(walk.migrate.peers) == (world.rank in full)
+        walk.step(np.arange(TOTAL) % world.size)
+        assert walk.rounds == 2
 
 
 def check_send_anywhere(world):

@@ -30,6 +30,5 @@ def test_negative_iterations_and_the_wrap():
 
 def test_channels_fit_and_far_rounds_have_their_own():
     assert max(Channel) < CHANNELS and len(set(map(int, Channel))) == len(Channel.__members__)
-    assert (
-        Channel.PARTICLES.far is Channel.PARTICLES_FAR and Channel.PARTICLES_2.far is Channel.PARTICLES_2_FAR
-    )
+    assert Channel.PARTICLES.far is Channel.PARTICLES_FAR
+    assert Channel.PARTICLES.wanted is Channel.PARTICLES_WANTED

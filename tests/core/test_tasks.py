@@ -1,5 +1,7 @@
+import gc
 import os
 import time
+import weakref
 
 import numpy as np
 import pytest
@@ -163,8 +165,18 @@ def test_each_runs_all_and_keeps_the_graph(pool):
     for _ in range(5):
         pool.each(bounds)
     assert (ran == 5).all()
-    assert len([g for g in pool._graphs.values() if len(g.names) == 20]) == 1
+    assert len(bounds[0].graphs) == 1
     pool.each([])
+
+
+def test_a_pool_keeps_nothing_of_tasks_that_are_gone(pool):
+    ran = np.zeros(2, np.int64)
+    bounds = [bind(answer, 0, ran[k:]) for k in range(2)]
+    pool.each(bounds)
+    gone = [weakref.ref(bound) for bound in bounds]
+    del bounds
+    gc.collect()
+    assert [bound() for bound in gone] == [None, None] and list(ran) == [1, 1]
 
 
 # ---- failures

@@ -1,21 +1,25 @@
 """Records (opaque bytes, as particles) to their new ranks, any distance; and rows of a field to new cuts.
 
-Nearly all records go to the previous or the next slab. For these a receive of fixed capacity is posted, and
-its length is read from the status: one message, no count before it. What goes farther or does not
-fit travels in a second, general round, which takes place only if a reduction started with the first says so.
+Nearly all records go to the previous or the next slab, in letters of a fixed size: persistent messages, sent by a task
+graph, that need no count before them (a letter's empty half costs less than a message more). What goes farther or does
+not fit travels in a second, general round, which takes place only if any rank wants it. All learn that in log2(ranks)
+rounds of small messages that go with the letters (dissemination: Hensgen, Finkel & Manber 1988).
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Hashable, Iterable, Mapping, Sequence
 
 import numpy as np
 from mpi4py import MPI
 from numpy.typing import NDArray
 
+from hpcpic.core.comm.requests import RequestSet
 from hpcpic.core.comm.tags import Channel, tag
 from hpcpic.core.comm.world import World
+from hpcpic.core.simd.jit import njit
 from hpcpic.core.space.domain import Domain, ring_neighbours
-from hpcpic.core.space.fields import Field
+from hpcpic.core.space.fields import ALIGNMENT, Field, aligned_zeros
 from hpcpic.core.space.particles import Particles
+from hpcpic.core.tasks import Graph, bind
 
 Records = NDArray[np.uint8]  # [n, record_bytes]
 
@@ -46,12 +50,27 @@ def send_anywhere(
     return [arrived[peer] for peer in sorted(arrived)]
 
 
-class Migrate:
-    """Records to their new ranks. Collective: every rank calls start and finish.
+class Letter:
+    """A message of a fixed size: how many records it holds, n[0], and records[capacity, record_bytes]."""
 
-    capacity: records of one message to a neighbour, the same on all ranks; grows when it was too small.
-    cuts: slabs, so that neighbours are the next ranks with rows; without it all ranks count as such.
-    moved, messages: records sent to other ranks and messages sent by this rank, since the start.
+    def __init__(self, capacity: int, record_bytes: int) -> None:
+        self.bytes = aligned_zeros((ALIGNMENT + capacity * record_bytes,), np.uint8)
+        self.n = self.bytes[:8].view(np.int64)
+        self.records: Records = self.bytes[ALIGNMENT:].reshape(capacity, record_bytes)
+
+
+@njit
+def join(mine, theirs):
+    """mine[0] or theirs[0]."""
+    mine[0] |= theirs[0]
+
+
+class Migrate:
+    """Records to their new ranks: a task graph sends letters to the neighbours, and `rest` what is not in them.
+
+    Tasks fill `outgoing` and set wants[0] to 1 if records are left over, for ranks that are no neighbours or because
+    a letter is full, else to 0; others read `incoming`. Then wants[0] tells whether any rank has records left over.
+    peers: the next ranks with rows by `cuts`, all ranks having some without it. capacity: records of a letter.
     """
 
     def __init__(
@@ -61,59 +80,58 @@ class Migrate:
         channel: Channel,
         *,
         cuts: Sequence[int] | None = None,
-        capacity: int = 1024,
+        capacity: int = 16,
     ) -> None:
-        self._world = world
-        self._record_bytes = record_bytes
-        self._channel = channel
-        self.moved = 0
-        self.messages = 0
-        self._neighbours = ring_neighbours(cuts or range(world.size + 1), world.rank)
-        self._wants = np.zeros(2, np.int64)  # most records for one neighbour, and whether any go farther
-        self._world_wants = np.zeros(2, np.int64)
-        self._none = np.empty((0, record_bytes), np.uint8)
-        self._status = [MPI.Status() for _ in range(2 * len(self._neighbours) + 1)]
+        self._world, self._record_bytes, self._channel = world, record_bytes, channel
+        self.peers = ring_neighbours(cuts or range(world.size + 1), world.rank)
+        self.wants = np.zeros(1, np.int64)
+        self._heard = [np.zeros(1, np.int64) for _ in range((world.size - 1).bit_length())]
+        self._requests: list[RequestSet] = []
         self._allocate(capacity)
+        with world.first_on_node():  # compiles
+            self._joins = [bind(join, self.wants, heard) for heard in self._heard]
 
     def _allocate(self, capacity: int) -> None:
+        self.free()
+        comm, rank, size = self._world.comm, self._world.rank, self._world.size
+        label, wanted = tag(0, self._channel), tag(0, self._channel.wanted)
         self.capacity = capacity
-        self._incoming = [np.empty((capacity, self._record_bytes), np.uint8) for _ in self._neighbours]
+        self.incoming, self.outgoing = (
+            [Letter(capacity, self._record_bytes) for _ in self.peers] for _ in ("incoming", "outgoing")
+        )
+        requests = [comm.Recv_init(letter.bytes, peer, label) for peer, letter in zip(self.peers, self.incoming)]
+        requests += [comm.Send_init(letter.bytes, peer, label) for peer, letter in zip(self.peers, self.outgoing)]
+        for k, heard in enumerate(self._heard):  # after round k one has heard of the 2^(k + 1) - 1 ranks before
+            requests.append(comm.Recv_init(heard, (rank - 2**k) % size, wanted))
+            requests.append(comm.Send_init(self.wants, (rank + 2**k) % size, wanted))
+            self._requests.append(RequestSet(requests))
+            requests = []
 
-    def start(self, iteration: int, outgoing: Mapping[int, Records]) -> None:
-        """Send C-contiguous records, which must stay until `finish`; earlier arrivals are no longer valid."""
-        comm, label, rank = self._world.comm, tag(iteration, self._channel), self._world.rank
-        self._iteration = iteration
-        self._own = [outgoing[rank]] if len(outgoing.get(rank, ())) else []
-        if self._world.size == 1:
-            return
-        near = [(peer, outgoing.get(peer, self._none)) for peer in self._neighbours]
-        self._far = {
-            peer: r for peer, r in outgoing.items() if peer not in self._neighbours and peer != rank and len(r)
-        }
-        self.moved += sum(len(r) for _, r in near) + sum(map(len, self._far.values()))
-        self.messages += len(near)
-        self._wants[0], self._wants[1] = max((len(r) for _, r in near), default=0), bool(self._far)
-        self._far |= {peer: r[self.capacity :] for peer, r in near if len(r) > self.capacity}
-        # Few statements from here on: a step has left nothing of this in the caches.
-        self._requests = [comm.Irecv(into, peer, label) for peer, into in zip(self._neighbours, self._incoming)]
-        self._requests += [comm.Isend(r[: self.capacity], peer, label) for peer, r in near]
-        self._requests.append(comm.Iallreduce(self._wants, self._world_wants, MPI.MAX))
+    def add_to(self, graph: Graph, *, written: Iterable[Hashable], arrived: Hashable) -> None:
+        """Messages for a task graph: from letters and wants, `written`, to letters, `arrived`, and wants."""
+        sent = [*written]
+        for k, (requests, join_bound) in enumerate(zip(self._requests, self._joins)):
+            graph.message(requests, ins=sent, outs=[("heard", k), *([] if k else [arrived])], name=f"migration {k}")
+            graph.task(join_bound, ins=[("heard", k)], inouts=["wants"], priority=1)
+            sent = ["wants"]
 
-    def finish(self) -> list[Records]:
-        """Arrivals [n, record_bytes], none empty, valid until the next start; those to oneself first."""
-        if self._world.size == 1:
-            return self._own
-        MPI.Request.Waitall(self._requests, self._status)
-        counts = [status.Get_count(MPI.BYTE) // self._record_bytes for status in self._status[: len(self._incoming)]]
-        arrived = [into[:n] for into, n in zip(self._incoming, counts) if n]
-        most, farther = self._world_wants.tolist()
-        if farther or most > self.capacity:
-            self.messages += len(self._far)
-            label = tag(self._iteration, self._channel.far)
-            arrived += send_anywhere(self._world, self._far, self._record_bytes, label)
+    def rest(self, outgoing: Mapping[int, Records]) -> list[Records]:
+        """Collective, when wants[0] is set: all that is not in the letters; letters grow to hold what neighbours got.
+
+        Arrivals as `send_anywhere`. The letters are new ones when `capacity` has changed.
+        """
+        sent = [int(letter.n[0]) + len(outgoing.get(peer, ())) for peer, letter in zip(self.peers, self.outgoing)]
+        most = int(self._world.max(max(sent, default=0)))
+        arrived = send_anywhere(self._world, outgoing, self._record_bytes, tag(0, self._channel.far))
         if most > self.capacity:
-            self._allocate(most + most // 4)  # `arrived` keeps the old buffers
-        return self._own + arrived
+            self._allocate(most + most // 4)
+        return arrived
+
+    def free(self) -> None:
+        """Release the requests; no migration may be under way."""
+        for requests in self._requests:
+            requests.free()
+        self._requests = []
 
 
 def recut_field(world: World, field: Field, domain: Domain) -> Field:

@@ -17,8 +17,7 @@ class Channel(IntEnum):
     FIELD_4 = 5
     PARTICLES = 8
     PARTICLES_FAR = 9
-    PARTICLES_2 = 10
-    PARTICLES_2_FAR = 11
+    PARTICLES_WANTED = 10
     GHOSTS = 12
     GHOSTS_VALUES = 13
     SHARDS = 16
@@ -33,6 +32,11 @@ class Channel(IntEnum):
     def far(self) -> "Channel":
         """The channel of the second, general round of a migration."""
         return Channel(self + 1)
+
+    @property
+    def wanted(self) -> "Channel":
+        """The channel on which ranks learn whether any wants that round."""
+        return Channel(self + 2)
 
 
 def tag(iteration: int, channel: int) -> int:

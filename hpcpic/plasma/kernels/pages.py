@@ -181,6 +181,22 @@ def place(x, v, numbers, species, n_species, points, row_part, column_part, colu
     return GOOD
 
 
+@inlined
+def global_row(tile, tiles, record):
+    """Row of the grid (1D: column) of a particle in a tile; `tiles` of them in a row."""
+    tile = np.int64(tile)
+    return tile // tiles * TILE + np.int64(record[1]) if DIM == 2 else tile * TILE + np.int64(record[0])
+
+
+@inlined
+def write_record(records_real, records_int, n, record, word):
+    """Record n, see pack, of a particle under way."""
+    for c in range(COMPONENTS):
+        records_real[n, c] = record[c]
+    records_int[n, records_int.shape[1] - 2] = word[SLOT]
+    records_int[n, records_int.shape[1] - 1] = word[NUMBER]
+
+
 @kernel
 def pack(records_real, records_int, ends, owner, n_species, points, moving, words, lists):
     """Records of all boxes' particles bound for other ranks, rank after rank up to ends[rank]; their lists are empty
@@ -196,15 +212,9 @@ def pack(records_real, records_int, ends, owner, n_species, points, moving, word
             k = np.int64(lists[box, 0, outside])
             while k >= 0:
                 record, word = moving[box, k], words[box, k]
-                tile = np.int64(word[SLOT]) // n_species
-                row = tile // tiles * TILE + np.int64(record[1]) if DIM == 2 else tile * TILE + np.int64(record[0])
-                rank = owner[row]
+                rank = owner[global_row(word[SLOT] // n_species, tiles, record)]
                 if counted:
-                    n = ends[rank]
-                    for c in range(COMPONENTS):
-                        records_real[n, c] = record[c]
-                    records_int[n, records_int.shape[1] - 2] = word[SLOT]
-                    records_int[n, records_int.shape[1] - 1] = word[NUMBER]
+                    write_record(records_real, records_int, ends[rank], record, word)
                 ends[rank] += 1
                 k = np.int64(word[LINK])
         if not counted:
@@ -213,6 +223,32 @@ def pack(records_real, records_int, ends, owner, n_species, points, moving, word
                 start, ends[rank] = start + ends[rank], start
     lists[:, 0, outside] = -1
     lists[:, 1, outside] = 0
+
+
+@kernel
+def pack_near(records_real, records_int, filled, peer, owner, n_species, points, moving, words, lists):
+    """The same for those bound for the rank `peer`, as many as there is room for: filled[0]. The others stay."""
+    tiles, outside, n = (points[1] + TILE - 1) // TILE, lists.shape[2] - 1, 0
+    for box in range(lists.shape[0]):
+        k, kept, n_kept = np.int64(lists[box, 0, outside]), np.int64(-1), 0
+        while k >= 0:
+            record, word = moving[box, k], words[box, k]
+            following = np.int64(word[LINK])
+            if owner[global_row(word[SLOT] // n_species, tiles, record)] == peer and n < records_real.shape[0]:
+                write_record(records_real, records_int, n, record, word)
+                n += 1
+            else:
+                word[LINK] = kept
+                kept, n_kept = k, n_kept + 1
+            k = following
+        lists[box, 0, outside], lists[box, 1, outside] = kept, n_kept
+    filled[0] = n
+
+
+@kernel
+def any_left(lists, wants):
+    """wants[0] = whether particles bound for other ranks are still in the boxes."""
+    wants[0] = lists[:, 1, lists.shape[2] - 1].sum() > 0
 
 
 @kernel
