@@ -45,8 +45,15 @@ def plasma_of(world, sets=(), threads=1):
     return plasma
 
 
-@pytest.mark.parametrize("precision", ["double", "single"])
-@pytest.mark.parametrize("law", LAWS)
+SINGLE = ["2D", "1D, any B"]
+BOTH = [
+    pytest.param(law, way, marks=[] if (law in SINGLE) == (way == "single") else pytest.mark.validation)
+    for law in LAWS
+    for way in ("double", "single")
+]  # by default those of the modules that test_push compiles
+
+
+@pytest.mark.parametrize(("law", "precision"), BOTH)
 def test_vectors_sum_what_single_particles_do(world, law, precision):
     plasma = plasma_of(world, (*LAWS[law], f'numerics.precision="{precision}"'))
     values = plasma.scalars()

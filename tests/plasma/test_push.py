@@ -9,6 +9,20 @@ from hpcpic.core.space.domain import Domain
 from hpcpic.core.tasks import Pool
 from hpcpic.plasma.cloud import GHOSTS, WHOLE_BITS, Cloud, Law
 
+LAWS = [(2, 2, 0, "CIC"), (2, 2, 1, "CIC"), (2, 3, 2, "CIC"), (1, 1, 0, "CIC"), (1, 3, 2, "CIC"),
+        (2, 2, 0, "NGP"), (1, 1, 0, "NGP"), (2, 2, 0, "TSC"), (1, 1, 0, "TSC")]  # fmt: skip
+SINGLE = [(2, 2, 0, "CIC"), (1, 3, 2, "CIC"), (2, 2, 0, "NGP"), (1, 1, 0, "TSC")]
+BOTH = [
+    pytest.param(*law, dtype, marks=[] if (law in SINGLE) == (dtype == np.float32) else pytest.mark.validation)
+    for law in LAWS
+    for dtype in (np.float64, np.float32)
+]  # by default each law in one precision: compiling both of two dozen modules takes minutes
+
+
+def free(d, shape):
+    """Without a field, in the precision that is compiled by default."""
+    return Law(d, shape, d, 0, np.float32 if (d, d, 0, shape) in SINGLE else np.float64)
+
 
 @pytest.fixture(scope="module")
 def pool():
@@ -64,12 +78,7 @@ def advance(made, steps):
         made.deliver()
 
 
-LAWS = [(2, 2, 0, "CIC"), (2, 2, 1, "CIC"), (2, 3, 2, "CIC"), (1, 1, 0, "CIC"), (1, 3, 2, "CIC"),
-        (2, 2, 0, "NGP"), (1, 1, 0, "NGP"), (2, 2, 0, "TSC"), (1, 1, 0, "TSC")]  # fmt: skip
-
-
-@pytest.mark.parametrize("dtype", [np.float64, np.float32])
-@pytest.mark.parametrize(("d", "v", "rotation", "shape"), LAWS)
+@pytest.mark.parametrize(("d", "v", "rotation", "shape", "dtype"), BOTH)
 def test_vectors_give_the_bits_of_the_plain_kernels(pool, shape, d, v, rotation, dtype):
     points = (41, 37)[:d] if d == 2 else (600,)
     law = Law(d, shape, v, rotation, dtype)
@@ -85,13 +94,13 @@ def test_vectors_give_the_bits_of_the_plain_kernels(pool, shape, d, v, rotation,
 @pytest.mark.parametrize("shape", ["NGP", "CIC", "TSC"])
 @pytest.mark.parametrize("points", [(1, 5), (7, 8), (9, 1), (97, 101), (300,), (1,)])
 def test_charge_is_exact_and_blocks_do_not_show(pool, shape, points):
-    law = Law(len(points), shape, len(points), 0, np.float64)
+    law = free(len(points), shape)
     found = set()
     for blocks in (1, 4, 9):
         made = cloud(pool, law, points, blocks=blocks, n=300, speed=40.0)
         made.names["charge"][1] *= -1  # now both species add
         advance(made, 3)
-        assert made.patches.sum() == 600 * 2**44
+        assert made.patches.sum() == 600 << WHOLE_BITS[np.dtype(law.dtype).itemsize]
         found.add(bits(made))
     assert len(found) == 1
 
@@ -99,7 +108,7 @@ def test_charge_is_exact_and_blocks_do_not_show(pool, shape, points):
 def test_patches_hold_the_charge_of_all_particles(pool):
     """What push and deliver add up by the way is what a fresh deposit of everybody gives."""
     for shape in ("NGP", "CIC", "TSC"):
-        made = cloud(pool, Law(2, shape, 2, 1, np.float64), (40, 33), blocks=3, speed=5.0)
+        made = cloud(pool, free(2, shape), (40, 33), blocks=3, speed=5.0)
         advance(made, 2)
         by_the_way = made.patches.copy()
         made.deposit_all()
