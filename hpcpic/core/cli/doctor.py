@@ -18,7 +18,8 @@ from hpcpic.core.cli.text import table
 from hpcpic.core.errors import CheckFailed
 from hpcpic.core.run.summary import several
 
-_SIZE_OF_TWO = "from mpi4py import MPI; import sys; sys.exit(0 if MPI.COMM_WORLD.size == 2 else 9)"
+_OTHER_SIZE = 9
+_SIZE_OF_TWO = f"from mpi4py import MPI; import sys; sys.exit(0 if MPI.COMM_WORLD.size == 2 else {_OTHER_SIZE})"
 
 
 @dataclass(frozen=True, slots=True)
@@ -78,14 +79,18 @@ def _mpi(world: Any) -> Iterator[Finding]:
 
 def _try_launcher(mpirun: str) -> Finding:
     """Do two ranks started by it see each other?"""
-    clean = {key: value for key, value in os.environ.items() if not key.startswith(("PMI", "OMPI", "MPI"))}
+    marks, wishes = ("PMI", "OMPI", "MPI"), "OMPI_ALLOW"  # of a launcher above us; what Open MPI wants from root
+    clean = {key: value for key, value in os.environ.items() if key.startswith(wishes) or not key.startswith(marks)}
     words = [mpirun, "-n", "2", sys.executable, "-c", _SIZE_OF_TWO]
     try:
-        code = subprocess.run(words, env=clean, capture_output=True, timeout=30, check=False).returncode
+        done = subprocess.run(words, env=clean, capture_output=True, text=True, timeout=30, check=False)
     except (OSError, subprocess.TimeoutExpired) as error:
         return Finding("launcher", f"{mpirun}: {error}", "fail", "pip install --force-reinstall mpich")
-    if code:
+    if done.returncode == _OTHER_SIZE:
         return Finding("launcher", f"{mpirun} is of another MPI", "fail", f"use {sys.prefix}/bin/mpirun")
+    if done.returncode:
+        told = " ".join(done.stderr.replace("-" * 20, " ").split()).partition(". ")[0]
+        return Finding("launcher", f"{mpirun} starts no two ranks: {told[:200]}", "fail", "what it asks for")
     return Finding("launcher", mpirun)
 
 
