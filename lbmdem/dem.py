@@ -71,7 +71,7 @@ class Dem:
         self._check_box()
         self._skins = LEAST_SKIN * smallest, MOST_SKIN * smallest
         self.skin = 0.1 * smallest if math.isfinite(smallest) else 0.0
-        self._age = 0
+        self._age, self._dt = 0, 0.0
         self.list = ContactList(len(self.walls), law.shear > 0.0)
         self.wall_rows = aligned_zeros((len(self.walls) + 1, kernels.ROW), np.float64)
         self._walls_listed = self.wall_rows.copy()
@@ -81,7 +81,6 @@ class Dem:
         self._bounds: list[tuple[Bound, tuple[str, ...]]] = []
         self._told: list[dict[str, Any]] = []  # the arguments that each of them has
         self._room = Room()
-        self._dt = 0.0
         driven = (columns["fixed"] != 0) & (np.any(columns["v"], axis=1) | np.any(columns["omega"], axis=1))
         self._driven = bool(np.any(driven)) or any(wall.moves for wall in self.walls)
         self._set_walls(0.0, always=True)

@@ -171,16 +171,9 @@ def logarithm(x):
     return 32.0 * t * series
 
 
-@njit
-def pair_law(p, touch, near, film, shear_film, n, overlap, u, spin, damping, law, dt, out, springs, heat):
-    """Spring, dashpot, friction; or a film's forces. u: velocity of the second less that of the first.
-
-    law: stiffness, friction, tangential viscosity, tangential stiffness, 1 if a contact may pull at its end; cut-off
-    gap of films (0: none), factor of their resistance, 1 for discs.
-    heat: 2 when all the heat is the first one's.
-    """
-    stiffness, friction, viscosity, shear, pulls = law[0], law[1], law[2], law[3], law[4]
-    zero = splat(F, 0.0)
+@njit(inline="always")
+def squeezed(n, overlap, u, damping, stiffness, pulls, dt):
+    """Spring and dashpot: rate of the gap, what it makes in a step, steps of contact; force and loss of power."""
     opening = fma(u[2], n[2], fma(u[1], n[1], u[0] * n[0]))
     travel = abs(opening) * dt
     depth = overlap / travel  # steps since the contact began, or until it ends
@@ -192,8 +185,21 @@ def pair_law(p, touch, near, film, shear_film, n, overlap, u, spin, damping, law
     normal = fma(overlap, stiffness, -dashpot)
     if pulls == 0.0:
         dashpot = select(normal < 0.0, stiffness * overlap, dashpot)
-        normal = maximum(normal, zero)
-    loss = dashpot * opening
+        normal = maximum(normal, splat(F, 0.0))
+    return opening, travel, depth, normal, dashpot * opening
+
+
+@njit
+def pair_law(p, touch, near, film, shear_film, n, overlap, u, spin, damping, law, dt, out, springs, heat):
+    """Spring, dashpot, friction; or a film's forces. u: velocity of the second less that of the first.
+
+    law: stiffness, friction, tangential viscosity, tangential stiffness, 1 if a contact may pull at its end; cut-off
+    gap of films (0: none), factor of their resistance, 1 for discs.
+    heat: 2 when all the heat is the first one's.
+    """
+    stiffness, friction, viscosity, shear, pulls = law[0], law[1], law[2], law[3], law[4]
+    zero = splat(F, 0.0)
+    opening, travel, depth, normal, loss = squeezed(n, overlap, u, damping, stiffness, pulls, dt)
     # velocity of the surfaces along the contact: u - n (u n) - spin x n
     tx = fma(-opening, n[0], u[0]) - fma(spin[1], n[2], -(spin[2] * n[1]))
     ty = fma(-opening, n[1], u[1]) - fma(spin[2], n[0], -(spin[0] * n[2]))

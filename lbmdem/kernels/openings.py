@@ -54,43 +54,44 @@ def zou_he(f, solid, ghosts, places, e, weights, low, high, axis, side, force, g
     and the velocity along the face, 1: the velocity counts. force[3] per volume: half of it is in the velocity. Unknown
     are the populations against `side`; the opposite ones are reflected, and corrected along the face.
     """
-    q = weights.size
-    h = np.zeros(q)
-    momentum = np.zeros(3)
+    h, momentum = np.zeros(weights.size), np.zeros(3)
     for z in range(low[0], high[0]):
         for y in range(low[1], high[1]):
             for x in range(low[2], high[2]):
-                if solid[z + 1, y + ghosts, x + 1] != FLUID:
-                    continue
-                here = values[z - low[0], y - low[1], x - low[2]]
-                place = places[z - low[0], y - low[1], x - low[2]]
-                leaving, tangent_0, tangent_1 = 0.0, 0.0, 0.0
-                a, b = (axis + 1) % 3, (axis + 2) % 3
-                for i in range(q):
-                    h[i] = f[place[i]]
-                    if e[i, axis] == 0:
-                        leaving += h[i]
-                        tangent_0 += e[i, a] * h[i]
-                        tangent_1 += e[i, b] * h[i]
-                    elif e[i, axis] == side:
-                        leaving += 2.0 * h[i]
-                if given == 0:
-                    excess = here[0]
-                    inward = excess - leaving
-                else:
-                    wanted = -side * here[1 + axis]
-                    half = -side * 0.5 * force[axis]
-                    excess = (1.0 + leaving - half) / (1.0 - wanted) - 1.0
-                    inward = excess - leaving
-                rho = 1.0 + excess
-                momentum[axis] = -side * inward
-                momentum[a] = rho * here[1 + a] - 0.5 * force[a]
-                momentum[b] = rho * here[1 + b] - 0.5 * force[b]
-                fix_a = 0.5 * (momentum[a] * (2.0 / 3.0) - tangent_0)
-                fix_b = 0.5 * (momentum[b] * (2.0 / 3.0) - tangent_1)
-                for i in range(1, q):
-                    if e[i, axis] == -side:
-                        j = i + 1 if i % 2 else i - 1
-                        along = e[i, 0] * momentum[0] + e[i, 1] * momentum[1] + e[i, 2] * momentum[2]
-                        new = h[j] + 6.0 * weights[i] * along + e[i, a] * fix_a + e[i, b] * fix_b
-                        f[place[i]] = new
+                if solid[z + 1, y + ghosts, x + 1] == FLUID:
+                    here = values[z - low[0], y - low[1], x - low[2]]
+                    place = places[z - low[0], y - low[1], x - low[2]]
+                    open_node(f, place, here, e, weights, axis, side, force, given, h, momentum)
+
+
+@njit
+def open_node(f, place, here, e, weights, axis, side, force, given, h, momentum):
+    """One node of `zou_he`, with room for its populations h[q] and its momentum[3]."""
+    leaving, tangent_0, tangent_1 = 0.0, 0.0, 0.0
+    a, b = (axis + 1) % 3, (axis + 2) % 3
+    for i in range(h.size):
+        h[i] = f[place[i]]
+        if e[i, axis] == 0:
+            leaving += h[i]
+            tangent_0 += e[i, a] * h[i]
+            tangent_1 += e[i, b] * h[i]
+        elif e[i, axis] == side:
+            leaving += 2.0 * h[i]
+    if given == 0:
+        excess = here[0]
+    else:
+        wanted = -side * here[1 + axis]
+        half = -side * 0.5 * force[axis]
+        excess = (1.0 + leaving - half) / (1.0 - wanted) - 1.0
+    rho = 1.0 + excess
+    momentum[axis] = -side * (excess - leaving)
+    momentum[a] = rho * here[1 + a] - 0.5 * force[a]
+    momentum[b] = rho * here[1 + b] - 0.5 * force[b]
+    fix_a = 0.5 * (momentum[a] * (2.0 / 3.0) - tangent_0)
+    fix_b = 0.5 * (momentum[b] * (2.0 / 3.0) - tangent_1)
+    for i in range(1, h.size):
+        if e[i, axis] == -side:
+            j = i + 1 if i % 2 else i - 1
+            along = e[i, 0] * momentum[0] + e[i, 1] * momentum[1] + e[i, 2] * momentum[2]
+            new = h[j] + 6.0 * weights[i] * along + e[i, a] * fix_a + e[i, b] * fix_b
+            f[place[i]] = new

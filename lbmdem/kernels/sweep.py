@@ -44,18 +44,18 @@ def {name}(f, kinds, hops, wet, inside, numbers, strides, nx, tiles):
     start = address_of(f, 0)
     slot, plane, row = SIZE * strides[0], SIZE * strides[1], SIZE * strides[2]
     first, stored, rows = SIZE * strides[3], strides[4], strides[5]
-    vectors = kinds.shape[2]
+    vectors, line = kinds.shape[2], kinds.reshape(-1)
     end = SIZE * (nx - 1)
 '''
 
 
-def sweep_kernel(lattice: Lattice, collision: str, forced: bool, dtype: DTypeLike, fetch: bool = True) -> Any:
+def sweep_kernel(lattice: Lattice, collision: str, forced: bool, dtype: DTypeLike) -> Any:
     """The compiled kernel `sweep` (see the text above)."""
-    text = sweep_source(lattice, source(lattice, collision, forced), dtype, fetch)
+    text = sweep_source(lattice, source(lattice, collision, forced), dtype)
     return module_from_source(text, f"lbm_{lattice.name.lower()}").sweep
 
 
-def sweep_source(lattice: Lattice, collision: Collision, dtype: DTypeLike, fetch: bool) -> str:
+def sweep_source(lattice: Lattice, collision: Collision, dtype: DTypeLike) -> str:
     name = np.dtype(dtype).name
     text = _HEAD.format(title=f"{lattice.name}, {name}", dtype=name, name="sweep")
     lines = [f"{word} = numbers[{k}]" for k, word in enumerate(collision.names)]
@@ -65,8 +65,8 @@ def sweep_source(lattice: Lattice, collision: Collision, dtype: DTypeLike, fetch
     lines += ["        for y in range(tile[3], tile[4]):"]
     inner = ["above = y + 1 if y + 1 < rows else 0", "below = y - 1 if y > 0 else rows - 1"]
     inner += _addresses(lattice)
-    inner += ["v = 0", "while v < vectors:"]
-    inner += ["    " + line for line in _vector(lattice, collision, fetch)]
+    inner += ["v, at = 0, (z * kinds.shape[1] + y) * vectors", "while v < vectors:"]
+    inner += ["    " + line for line in _vector(lattice, collision)]
     inner += _seam(lattice)
     lines += ["            " + line for line in inner]
     return text + "".join(f"    {line}\n" for line in lines) + "    return 0\n"
@@ -90,20 +90,28 @@ def _addresses(lattice: Lattice) -> list[str]:
     return lines
 
 
-def _vector(lattice: Lattice, collision: Collision, fetch: bool) -> list[str]:
+def _vector(lattice: Lattice, collision: Collision) -> list[str]:
     lines = ["kind, hop = kinds[z, y, v], hops[z, y, v]", f"if kind == {SKIP}:", "    v += hop", "    continue"]
     lines.append("x = v * BYTES")
     loads = ["f0 = load_at(F, here + x, BYTES)"]
     for i, j in lattice.pairs:
         loads += [f"f{i} = load_at(F, lo{i} + x, BYTES)", f"f{j} = load_at(F, hi{i} + x, SIZE)"]
-    if fetch:
-        streams = ["here", *(f"{side}{i}" for i, _ in lattice.pairs for side in ("lo", "hi"))]
-        loads += ["there = x + hop", *(f"prefetch_to_write({stream} + there)" for stream in streams)]
+    streams = ["here", *(f"{side}{i}" for i, _ in lattice.pairs for side in ("lo", "hi"))]
+    loads += ["there = x + hop", *(f"prefetch_to_write({stream} + there)" for stream in streams)]
     lines += loads + list(collision.lines)
+    # what is fetched is most often the vector AHEAD of this one in memory, which tells whether it is mixed
+    lines += [f"if line[min(at + v + {AHEAD}, line.size - 1)] != {PLAIN}:", *_fetch_mixed(lattice)]
     lines += [f"if kind == {PLAIN}:", "    store_at(here + x, g0, BYTES)"]
     for i, j in lattice.pairs:
         lines += [f"    store_at(hi{i} + x, g{i}, SIZE)", f"    store_at(lo{i} + x, g{j}, BYTES)"]
-    return [*lines, "else:", *("    " + line for line in _mixed(lattice, fetch)), "v += 1"]
+    return [*lines, "else:", *("    " + line for line in _mixed(lattice)), "v += 1"]
+
+
+def _fetch_mixed(lattice: Lattice) -> list[str]:
+    """What only a mixed vector wants: shifted ones are on two lines, and what goes back is on lines none has read."""
+    shifted = [f"hi{i} + there + BYTES" for i, _ in lattice.pairs if storage_order(lattice, i)[2]]
+    back = [f"{to}{i} + there {sign} swap" for i, _ in lattice.pairs for to, sign in (("hi", "+"), ("lo", "-"))]
+    return [f"    prefetch_to_write({place})" for place in shifted + back]
 
 
 def _wet(e: tuple[int, int, int], v: str) -> str:
@@ -112,7 +120,7 @@ def _wet(e: tuple[int, int, int], v: str) -> str:
     return f"wet[z + {1 + e[0]}, y + {1 + e[1]}, {v}]" if any(shift) else f"wet[z + 1, y + 1, {v}]"
 
 
-def _mixed(lattice: Lattice, fetch: bool) -> list[str]:
+def _mixed(lattice: Lattice) -> list[str]:
     """Stores of the fluid lanes, to the neighbour whatever it is, and back from solid ones.
 
     What goes to a solid node is read by nobody. A lane that has nothing to give back stores nowhere: without a branch,
@@ -121,11 +129,7 @@ def _mixed(lattice: Lattice, fetch: bool) -> list[str]:
     targets = [(target, i, j, sign) for i, j in lattice.pairs for target, sign in (("hi", 1), ("lo", -1))]
     stores = [("here", 0, "BYTES")]
     stores += [("hi" + str(i), i, "SIZE") if sign > 0 else ("lo" + str(i), j, "BYTES") for _, i, j, sign in targets]
-    lines = []
-    if fetch:  # shifted vectors are on two lines each, and what goes back is on lines that no vector nearby has read
-        lines += [f"prefetch_to_write(hi{i} + there + BYTES)" for i, _ in lattice.pairs if storage_order(lattice, i)[2]]
-        lines += [f"prefetch_to_write({t}{i} + there {'-+'[s > 0]} swap)" for t, i, _, s in targets]
-    lines += [f"own = ({_wet((0, 0, 0), 'v')} >> 1) & inside[v]", "if own == FULL:"]
+    lines = [f"own = ({_wet((0, 0, 0), 'v')} >> 1) & inside[v]", "if own == FULL:"]
     lines += [f"    store_at({place} + x, g{g}, {align})" for place, g, align in stores]
     lines += ["else:", "    fluid = mask_of_bits(F, own)"]
     lines += [f"    store_where({place} + x, g{g}, fluid, {align})" for place, g, align in stores]
