@@ -167,6 +167,10 @@ class Cloud:
         records = self._views(self._records)
         self._pack = [self._bound(self.kernels.pack, **records, ends=self._ends, owner=self.owner)]
         self._unpack = [self._bound(self.kernels.unpack, **records, n=self._arrived)]
+        self._short = np.zeros(1, np.int64)
+        slots = self.tiles.n_parts * self.n_species
+        self._lacks = self._bound(self.kernels.lacks_pages, slots=slots, short=self._short)
+        self.delivery = [self._deliver, [self._bound(self.kernels.empty)]]
         self._bind_letters()
         self._motion = self._graph_of_motion()
         self.place(0, np.zeros((0, self.law.dimensions)), np.zeros((0, self.law.velocities)), np.zeros(0))
@@ -214,6 +218,7 @@ class Cloud:
             near.add_to(graph, written=["wants", *(("to", peer) for peer in near.peers)], arrived="arrived")
         for bound in self._read:
             graph.task(bound, ins=["arrived"], inouts=["box from outside"])
+        graph.task(self._lacks, ins=[*boxes, "box from outside"])
         return graph.freeze()
 
     def _bound(self, kernel, **more) -> Bound:
@@ -224,13 +229,17 @@ class Cloud:
         self._bounds.append((bound, [(k, name) for k, name in enumerate(names) if name in Pages.GROWING]))
         return bound
 
-    def _told(self, run: Callable, tasks: Graph | list[Bound]) -> None:
-        """Run tasks after telling them where the arrays are now. Raises Diverged."""
+    def _tell(self) -> None:
+        """Tell the tasks where the arrays of the pages are now."""
         if self._version != self.pages.moved:
             for bound, places in self._bounds:
                 for k, name in places:
                     bound.update(k, getattr(self.pages, name))
             self._version = self.pages.moved
+
+    def _run(self, run: Callable, tasks: Graph | list[Bound]) -> None:
+        """Run tasks made by this object. Raises Diverged."""
+        self._tell()
         try:
             run(tasks)
         except TaskError as error:
@@ -240,7 +249,7 @@ class Cloud:
 
     def each(self, bounds: list[Bound]) -> None:
         """Run independent tasks made by this object. Raises Diverged."""
-        self._told(self.pool.each, bounds)
+        self._run(self.pool.each, bounds)
 
     @property
     def n(self) -> int:
@@ -259,17 +268,20 @@ class Cloud:
 
     def push(self) -> None:
         """x^n, v^(n-1/2) -> x^(n+1), v^(n+1/2); charge of those who stay in their tile part; the others wait in boxes
-        of the rank where they belong. Collective.
+        of the rank where they belong, and `delivery`, tasks in stages, is ready to run. Collective.
         """
         counts, near = self.pages.count, self.near
         slots = [counts[a * self.n_species : b * self.n_species].sum() for a, b in self.tiles.ranges]
         self.pages.room(max(*map(int, slots), len(near.peers) * near.capacity))
-        self._told(self.pool.run, self._motion)
+        self._run(self.pool.run, self._motion)
         if near.wants[0]:
             capacity = near.capacity
             self._admit_all(near.rest(self._outgoing()))
             if near.capacity != capacity:
                 self._renew_letters()
+        if near.wants[0] or self._short[0]:
+            self._find_pages()
+            self._tell()
 
     def rewind(self, mover: NDArray) -> None:
         """v^0 -> v^(-1/2) with a mover of half a step backwards."""
@@ -334,11 +346,15 @@ class Cloud:
 
     def deliver(self) -> None:
         """Particles from all boxes into their slots, with their charge; the boxes are empty then."""
-        arrivals = map(sum, zip(*self.pages.lists[:, 1, :-1].tolist()))
-        slots = ((b - a) * self.n_species for a, b in self.tiles.ranges)
-        self.pages.need([n // PAGE + min(n, most) for n, most in zip(arrivals, slots)])
-        self.each(self._deliver)
-        self.pages.clear()
+        self._find_pages()
+        for tasks in self.delivery:
+            self.each(tasks)
+
+    def _find_pages(self) -> None:
+        """Free pages for all who are in boxes, and a quarter more: the next steps find enough."""
+        arrivals = self.pages.lists[:, 1, :-1].sum(axis=0)
+        wanted = arrivals // PAGE + np.minimum(arrivals, self.tiles.n_parts * self.n_species)
+        self.pages.need((wanted + wanted // 4).tolist())
 
     def _box(self, box: int) -> tuple[NDArray, ...]:
         pages = self.pages

@@ -1,5 +1,7 @@
 """Charge and field of one slab: from the blocks' integer charge to rho, phi and E on the nodes around it."""
 
+from collections.abc import Sequence
+
 import numpy as np
 from numpy.lib.stride_tricks import as_strided
 from numpy.typing import NDArray
@@ -58,7 +60,7 @@ class Mesh:
             self.fill = Fill(world, domain, self.phi, Channel.POTENTIAL)
             self._differentiate = self._difference
             with world.first_on_node():
-                self._gradient = self._around(self.fill, self._embed(), self._minus_gradient(scene.spacing))
+                self._gradient = self._around(self.fill, [self._embed()], self._minus_gradient(scene.spacing))
 
     def _embed(self) -> list[Bound]:
         """Tasks: the solver's phi between the ghosts."""
@@ -84,14 +86,15 @@ class Mesh:
         rho, source = self.rho.reshape(rows, -1), _wide(self.solver.rho, rows)
         return [bind(density, a, b, ghosts[0], self.weight, parts, rho, source) for a, b in self._shares(rows)]
 
-    def _around(self, exchange: Exchange, before: list[Bound], after: list[Bound]) -> list[Graph]:
-        """By parity of the iteration: the tasks of `before`, the exchange of ghosts, then the tasks of `after`."""
+    def _around(self, exchange: Exchange, before: Sequence[list[Bound]], after: list[Bound]) -> list[Graph]:
+        """By parity of the iteration: stages of tasks before an exchange of ghosts, the exchange, the tasks `after`."""
         graphs = []
-        pieces = [("before", k) for k in range(len(before))]
         for parity in range(2):
-            graph = Graph()
-            for piece, bound in zip(pieces, before):
-                graph.task(bound, outs=[piece])
+            graph, pieces = Graph(), []
+            for stage, tasks in enumerate(before):
+                done, pieces = pieces, [(stage, k) for k in range(len(tasks))]
+                for piece, bound in zip(pieces, tasks):
+                    graph.task(bound, ins=done, outs=[piece])
             exchange.add_to(graph, "ghosts", inner=pieces, ghosts=["ghosts"], parity=parity)
             for bound in after:
                 graph.task(bound, ins=[*pieces, "ghosts"])
@@ -102,20 +105,33 @@ class Mesh:
         """Ranges of rows for the threads."""
         return [(a, b) for a, b in block_ranges(rows, self.pool.threads) if b > a]
 
-    def collect_from(self, patches: NDArray[np.int64], places: NDArray[np.int64]) -> None:
-        """Name the blocks' patches that `deposit` adds up (see kernels.charge)."""
+    def collect_from(
+        self, patches: NDArray[np.int64], places: NDArray[np.int64], delivery: Sequence[list[Bound]] = ()
+    ) -> None:
+        """Name the blocks' patches that `deposit` adds up (see kernels.charge).
+
+        delivery: tasks that add charge to them first, in stages, each after the one before.
+        """
         one = self.domain.ndim == 1
         groups = len(self.weight)
         slab = self.parts.values.reshape(groups, 1 if one else -1, self.parts.values.shape[-1])
         with self.world.first_on_node():
             tasks = [bind(collect, a, b, not one, patches, places, slab) for a, b in self._shares(slab.shape[1])]
-            self._deposit = self._around(self.fold, tasks, self._density())
+            self._deposit = self._around(self.fold, [tasks], self._density())
+            self._deliver = self._around(self.fold, [*delivery, tasks], self._density())
 
     def deposit(self, iteration: int) -> None:
         """rho (5.1) from the blocks' charge: integers until all is added, so that no order shows. Raises Diverged."""
+        self._collect(self._deposit, iteration)
+
+    def deliver_and_deposit(self, iteration: int) -> None:
+        """The same after the tasks of `delivery`."""
+        self._collect(self._deliver, iteration)
+
+    def _collect(self, graphs: list[Graph], iteration: int) -> None:
         self.fold.at(iteration)
         try:
-            self.pool.run(self._deposit[iteration % 2])
+            self.pool.run(graphs[iteration % 2])
         except TaskError as error:
             if error.code == OVERFLOW:
                 raise Diverged(CROWDED) from error

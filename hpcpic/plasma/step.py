@@ -58,7 +58,7 @@ class Plasma:
             scale=self.field_scale,
             capacity=scene.n_particles // world.size,
         )  # fmt: skip
-        self.mesh.collect_from(self.cloud.patches, self.cloud.places)
+        self.mesh.collect_from(self.cloud.patches, self.cloud.places, self.cloud.delivery)
         self.moments = moments.Moments(self)
         self.scalar_units = moments.units(scene)
         self._distribute()
@@ -118,10 +118,8 @@ class Plasma:
         self.solve()  # E^n from rho^n
         with self.timers.section("push"):
             self.cloud.push()  # E at the particles (5.14), v (5.19) by Boris (5.4.1), x (5.18), charge of who stays
-        with self.timers.section("deliver"):
-            self.cloud.deliver()  # who left for another tile, with their charge
         with self.timers.section("deposit"):
-            self.mesh.deposit(self.iteration)  # rho^(n+1) (5.1)
+            self.mesh.deliver_and_deposit(self.iteration)  # who left for another tile; rho^(n+1) (5.1)
         self._solved = False
         self.iteration += 1
 

@@ -31,7 +31,7 @@ class Tiles:
     """Tile parts of a slab, block after block, each block row by row.
 
     `parts[part]` = (tile, anchor row, anchor column, rows from and to, columns from and to (relative to the anchor),
-    block); `ranges[block]` = its parts; the part of a global cell is
+    block); `ranges[block]` = its parts, `n_parts[block]` = how many; the part of a global cell is
     column_part[column] + row_part[row] * column_stride[column], where -1 in a table means another rank.
     """
 
@@ -67,6 +67,7 @@ class Tiles:
                     parts.append((tile, row, column, r0 - row, r1 - row, c0 - column, c1 - column, block))
             self.ranges.append((begin, len(parts)))
         self.parts = np.array(parts, np.int64).reshape(-1, 8)
+        self.n_parts = np.array([b - a for a, b in self.ranges], np.int64)
 
 
 def _pieces(low: int, high: int, edge: int) -> list[tuple[int, int]]:
@@ -140,7 +141,7 @@ class Pages:
 
     def need(self, pages: Sequence[int]) -> None:
         """At least pages[block] free pages on each block's stack: unused ones of other blocks, new ones, by growth."""
-        spare = self.counters[:, 0].tolist()  # plain numbers: every step asks, and numpy would cost more than it does
+        spare = self.counters[:, 0].tolist()
         for block, wanted in enumerate(pages):
             spare[block] -= wanted
         for block in [block for block, n in enumerate(spare) if n < 0]:

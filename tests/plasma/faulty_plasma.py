@@ -26,7 +26,7 @@ def before_step(plasma: Plasma) -> None:
         plasma.mesh.e[:] = np.nan
 
 
-step, deliver, write_shards = Plasma.step, Cloud.deliver, image.write_shards
+step, push, write_shards = Plasma.step, Cloud.push, image.write_shards
 here = False  # in this step, on this rank
 
 
@@ -38,10 +38,10 @@ def faulty_step(plasma: Plasma) -> None:
     step(plasma)
 
 
-def faulty_deliver(cloud: Cloud) -> None:
+def faulty_push(cloud: Cloud) -> None:
+    push(cloud)
     if here and KIND == "kill":
         die()  # between push and delivery
-    deliver(cloud)
 
 
 def faulty_write(path, slots, shards) -> None:
@@ -51,6 +51,6 @@ def faulty_write(path, slots, shards) -> None:
     write_shards(path, slots, shards)
 
 
-Plasma.step, Cloud.deliver, image.write_shards = faulty_step, faulty_deliver, faulty_write
+Plasma.step, Cloud.push, image.write_shards = faulty_step, faulty_push, faulty_write
 del sys.argv[1:4]
 main()

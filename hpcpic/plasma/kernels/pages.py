@@ -252,6 +252,21 @@ def any_left(lists, wants):
 
 
 @kernel
+def lacks_pages(slots, lists, counters, short):
+    """short[0] = whether any block's stack has fewer pages than its arrivals may need; slots[block] = its slots."""
+    short[0] = 0
+    for block in range(slots.size):
+        arrivals = lists[:, 1, block].sum()
+        short[0] |= counters[block, 0] < arrivals // PAGE + min(arrivals, slots[block])
+
+
+@kernel
+def empty(lists, counters):
+    """Nothing is in any box."""
+    lists[:, 0], lists[:, 1], counters[:, 1] = -1, 0, 0
+
+
+@kernel
 def unpack(records_real, records_int, n, n_species, points, row_part, column_part, column_stride, parts,
            moving, words, lists, counters):  # fmt: skip
     """Put the particles of the first n[0] records into the last box."""
