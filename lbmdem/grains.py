@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hpcpic.core.comm.ghosts import Refresh
-from hpcpic.core.comm.migrate import Migrate, send_anywhere
+from hpcpic.core.comm.migrate import send_anywhere
 from hpcpic.core.comm.sharding import by_id
 from hpcpic.core.comm.tags import Channel, tag
 from hpcpic.core.comm.world import World
@@ -64,7 +64,6 @@ class Grains:
         self.room = Room()
         layout = record_type(self.columns)
         self._layout, self.version = layout, 0
-        self._migrate = Migrate(world, layout.itemsize, Channel.PARTICLES, cuts=domain.cuts)
         self._refresh = Refresh(world, Channel.GHOSTS_VALUES)
         self._round = 0
         self.n_ghosts = 0
@@ -172,9 +171,10 @@ class Grains:
             outgoing[peer] = pack_rows(self.columns, going)
             mine = np.isin(springs[0], ids[going]).any(axis=1)
             loose[peer] = pack_rows({"key": springs[0][mine], "value": springs[1][mine]}, slice(None))
-        self._migrate.start(self._round, outgoing)
+        label = tag(self._round, Channel.PARTICLES)
+        arrived = send_anywhere(self.world, outgoing, self._layout.itemsize, label)
         parts = [{name: column[kept] for name, column in self.columns.items()}]
-        parts += [unpack_rows(records.copy(), self._layout) for records in self._migrate.finish()]
+        parts += [unpack_rows(records, self._layout) for records in arrived]
         self.columns = {name: np.concatenate([part[name] for part in parts]) for name in COLUMNS}
         found = [springs]
         for records in send_anywhere(self.world, loose, layout.itemsize, tag(self._round, Channel.RECUT)):
