@@ -69,12 +69,13 @@ def neighbourhood(kernel: str, d: int, smoothing: float) -> tuple[NDArray, NDArr
 @functools.lru_cache(maxsize=64)
 def cleary_constant(kernel: str, d: int, smoothing: float) -> float:
     """xi of (SC 6), calibrated as Cleary did with a shear flow: a long shear wave along an axis of the lattice decays
-    with the viscosity asked for. (Cubic spline, 2D, h/dp = 1.2: 5.1, Cleary 4.963; dense neighbours: d + 2.)
+    with the viscosity asked for. (Cubic spline, 2D, h/dp = 1.2: 5.1, Cleary 4.963; dense neighbours: d + 2, which is
+    also taken where the support does not reach across the diagonal of a square, so that no constant would do.)
     """
     r, distance, f = neighbourhood(kernel, d, smoothing)
     k = np.pi / LONG * smoothing
     shear = np.sum(f * r[:, 0] ** 2 / (distance**2 + 0.01) * (1 - np.cos(k * r[:, 1]))) / k**2
-    return float(1 / (2 * shear))
+    return float(1 / (2 * shear)) if shear > 0 else d + 2.0
 
 
 @functools.lru_cache(maxsize=64)

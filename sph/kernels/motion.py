@@ -167,9 +167,8 @@ def largest(chunk, chunks, factors, flags, external, x, v, m, sums, drho, found)
 
 @njit
 def ghost_values(rows, codes, turn, shift, spin, push, x, v, drho, gradient, shear, matrix, values):
-    """values[g] = x, v, drho, and gradient, shear where they are kept, of the image codes[g] of body rows[g].
-
-    Positions x -> turn x + shift[g], velocities v -> spin v + push; shear[a, b] = d v_b / d x_a.
+    """values[g] = x, v, drho, and gradient, shear where they are kept, of the image codes[g] of body rows[g]:
+    x -> turn x + shift[g], v -> spin v + push; shear[a, b] = d v_b / d x_a.
     """
     for g in range(rows.size):
         b, code = rows[g], codes[g]

@@ -61,3 +61,10 @@ def test_the_measured_limits_of_the_cubic_spline_in_3d(integrator, none, weak, r
     assert limit_of(integrator, a, nothing, nothing) == pytest.approx(none, rel=0.05)
     assert limit_of(integrator, a, 0.1 * r["molteni"], 0.1 * r["artificial"]) == pytest.approx(weak, rel=0.08)
     assert limit_of(integrator, a, r["rusanov"], nothing) == pytest.approx(rusanov, rel=0.06)
+
+
+@pytest.mark.parametrize("kernel", KERNELS)
+@pytest.mark.parametrize("smoothing", [0.1, 0.34, 0.5, 0.7])
+def test_particles_without_neighbours_have_finite_rates(kernel, smoothing):
+    with np.errstate(all="raise"):
+        assert all(np.isfinite(found).all() for d in (2, 3) for found in rates(kernel, d, smoothing).values())
