@@ -53,7 +53,9 @@ class Tasks:
         self._run(kernel, more, {"": {}})
 
     def alternate(self, kernel: Callable, **more: Any) -> None:
-        """The kernel for every part with odd = 0, and with odd = 1 once that part and the next one are through."""
+        """The kernel for every part with odd = 0, and with odd = 1 once that part and the next one are through: at
+        once, while what both read is in the cache.
+        """
         self._run(kernel, more, {"outs": {"odd": 0}, "ins": {"odd": 1}})
 
     def _run(self, kernel: Callable, more: Mapping[str, Any], rounds: Mapping[str, Mapping[str, Any]]) -> None:
@@ -64,7 +66,7 @@ class Tasks:
                 arguments = self._arguments(kernel, {**more, **numbers})
                 for part in range(self.parts):
                     touched = {"outs": {"outs": [part]}, "ins": {"ins": [part, part + 1]}}.get(way, {})
-                    graph.task(bind(kernel, part, *arguments), **touched)
+                    graph.task(bind(kernel, part, *arguments), priority="ins" in touched, **touched)
             self._graphs[key] = graph.freeze()
         self.pool.run(self._graphs[key])
 

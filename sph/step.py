@@ -28,7 +28,8 @@ from sph.sums import PairSums
 from sph.timestep import TimeStep
 from sph.walls import Walls, grow_walls, through_wall, wall_forces
 
-PARTS_PER_THREAD = 4
+PART = 24_000  # particles of a part of a task, whose odd layers find in the cache what its even ones have left there
+PARTS_PER_THREAD = 4, 16  # at least and at most
 FASTEST = 0.15  # of c0: particles of integrators with stages may move so far in a step of Courant number cfl
 SPARE, LEAST = 1.15, 2e-3  # neighbours are known for this much more than the way of the last step, and for so many h
 DENSITIES = (0.7, 1.3)  # of rho0, beyond which a weakly compressible fluid is none
@@ -64,7 +65,8 @@ class Sph:
         self.axes = list(scene.axes)
         self.walls, self.impulses = Walls(scene, world), np.zeros((len(scene.walls), 4))
         self._domain()
-        self.tasks = Tasks(pool, PARTS_PER_THREAD * pool.threads)
+        parts = int(np.clip(scene.n_fluid // (PART * world.size * pool.threads), *PARTS_PER_THREAD))
+        self.tasks = Tasks(pool, parts * pool.threads)
         with world.first_on_node():  # it compiles
             self._prepare()
         self._distribute()

@@ -236,44 +236,19 @@ def find(block, blocks, base, shape, edge, x, flags, rows, row_table, fine_start
     edge = (edge of a layer, of a row, of a fine cell, pads, radius). Rows: own from the next body on, then in 3D the
     next row; then the row, or three rows, of the next layer.
     """
-    longest = 0
+    longest = N + longest_row(block, blocks, rows, row_table, fine_start)  # vectors overrun
+    height, left = np.zeros(longest), np.zeros((6, longest))
+    cells, met, ends = np.zeros((2, longest), np.int32), np.zeros(longest, np.int32), np.zeros(longest, np.int32)
+    most = np.int64(0)
     for l in range(blocks[block], blocks[block + 1]):
-        for k in range(rows[l, 2], rows[l, 2] + rows[l, 1]):
-            longest = max(longest, fine_start[row_table[k, 3] + row_table[k, 2]] - row_table[k, 0])
-    longest += N  # vectors overrun
-    height, left = np.zeros(longest), np.zeros((6, longest))  # in fine cells; of radius^2 beside a row, above, ...
-    cells, ends = np.zeros((2, longest), np.int32), np.zeros(longest, np.int32)
-    met, code = np.zeros(longest, np.int32), 0
-    per_cell = 1.0 / edge[2]
-    limit = edge[4] * per_cell
-    for l in range(blocks[block], blocks[block + 1]):
-        ceiling = (shape[2] + l + 1 - edge[3]) * edge[0]  # where the next layer begins
         for k in range(rows[l, 1]):
             entry = row_table[rows[l, 2] + k]
-            r = rows[l, 0] + k
-            first = np.int64(entry[0])
+            r, first = rows[l, 0] + k, np.int64(entry[0])
             many = np.int64(fine_start[entry[3] + entry[2]]) - first
-            if many == 0:
-                continue
-            wall = (r + 1 - edge[3]) * edge[1]
-            for m in range(many):
-                b = np.uint64(first + m)
-                met[m] = 0
-                height[m] = x[AXIS, b] * per_cell
-                up = max(ceiling - x[0, b], 0.0) * per_cell
-                after, before = 0.0, 0.0
-                if DIM == 3:
-                    after = max(wall - x[1, b], 0.0) * per_cell
-                    before = max(x[1, b] - (wall - edge[1]), 0.0) * per_cell
-                for u in range(2):
-                    rest = limit * limit - u * up * up
-                    left[3 * u, m], left[3 * u + 1, m], left[3 * u + 2, m] = (
-                        rest - before * before, rest, rest - after * after
-                    )  # fmt: skip
+            spheres(first, many, shape[2] + l + 1 - edge[3], r + 1 - edge[3], edge, x, height, left)
+            met[:many] = 0
             for n in range(ROWS):
-                up, side = np.int64(n >= OWN_ROWS), np.int64(0)
-                if DIM == 3:
-                    side = np.int64(n == 1) if n < 2 else np.int64(n - 3)
+                up, side = beside(n)
                 at = r + side - rows[l + up, 0]
                 begins, lengths = run_first[n, first : first + many], run_length[n, first : first + many]
                 if at < 0 or at >= rows[l + up, 1] or (l == 0 and up == 0):
@@ -289,19 +264,76 @@ def find(block, blocks, base, shape, edge, x, flags, rows, row_table, fine_start
                     for m in range(many):
                         begins[m] = max(begins[m], first + m + 1)  # each pair once
                 if entry[5] - entry[4] < entry[2]:  # with walls or images
-                    for m in range(many):
-                        if flags[first + m] & 3 != 3:
-                            begins[m], ends[m] = trimmed(flags, flags[first + m] & 3, begins[m], ends[m])
-                worst = 0
-                for m in range(np.uint64(many)):
-                    length = max(ends[m] - begins[m], 0)
-                    worst = max(worst, length)
-                    lengths[m] = length
-                code = CROWDED if worst > MOST else code
-            for m in range(many):
-                if flags[first + m] & 11 == 11 and met[m] == 0:
-                    flags[first + m] |= PLAIN
-    return code
+                    trim(flags[first : first + many], flags, begins, ends)
+                most = max(most, measure(many, begins, ends, lengths))
+            tell_plain(many, met, flags[first : first + many])
+    return CROWDED if most > MOST else 0
+
+
+@njit
+def longest_row(block, blocks, rows, row_table, fine_start):
+    """Most bodies of a row of a block."""
+    longest = 0
+    for l in range(blocks[block], blocks[block + 1]):
+        for k in range(rows[l, 2], rows[l, 2] + rows[l, 1]):
+            longest = max(longest, fine_start[row_table[k, 3] + row_table[k, 2]] - row_table[k, 0])
+    return longest
+
+
+@njit
+def beside(n):
+    """Layers and rows from a row to row n of its half neighbourhood."""
+    up = np.int64(n >= OWN_ROWS)
+    if DIM == 2:
+        return up, np.int64(0)
+    return up, np.int64(n == 1) if n < 2 else np.int64(n - 3)
+
+
+@njit
+def tell_plain(many, met, flags):
+    """The flag PLAIN of the fluid that met nothing else."""
+    for m in range(many):
+        if flags[m] & 11 == 11 and met[m] == 0:
+            flags[m] |= PLAIN
+
+
+@njit
+def spheres(first, many, layer, row, edge, x, height, left):
+    """Of the bodies of a row, in fine cells: heights along it; left[k, m], radius^2 less the square of the distance to
+    a row: before, own and after of the own layer, then of the next one. layer, row: number of the next ones.
+    """
+    per_cell = 1.0 / edge[2]
+    limit, ceiling, wall = edge[4] * per_cell, layer * edge[0], row * edge[1]
+    for m in range(many):
+        b = np.uint64(first + m)
+        height[m] = x[AXIS, b] * per_cell
+        up = max(ceiling - x[0, b], 0.0) * per_cell
+        after, before = 0.0, 0.0
+        if DIM == 3:
+            after = max(wall - x[1, b], 0.0) * per_cell
+            before = max(x[1, b] - (wall - edge[1]), 0.0) * per_cell
+        for u in range(2):
+            rest = limit * limit - u * up * up
+            left[3 * u, m], left[3 * u + 1, m], left[3 * u + 2, m] = rest - before * before, rest, rest - after * after
+
+
+@njit
+def measure(many, begins, ends, lengths):
+    """Lengths of runs; the longest."""
+    longest = 0
+    for m in range(np.uint64(many)):
+        length = max(ends[m] - begins[m], 0)
+        longest = max(longest, length)
+        lengths[m] = length
+    return longest
+
+
+@njit
+def trim(kinds, flags, begins, ends):
+    """Runs of walls and images, of these kinds, from the first to the last of the classes they have to do with."""
+    for m in range(kinds.size):
+        if kinds[m] & 3 != 3:
+            begins[m], ends[m] = trimmed(flags, kinds[m] & 3, begins[m], ends[m])
 
 
 @njit

@@ -89,10 +89,10 @@ def _fetch_ahead(law: Law, read: Sequence[str], n: int) -> list[str]:
     """
     lines = []
     for row in range(ROWS[law.dimensions]):
-        lines.append(f"soon = np.int64(run_first[{row}, i]) + np.int64(run_length[{row}, i]) + 2 * LANES_")
+        lines.append(f"soon = np.int64(run_first[{row}, i]) + np.int64(run_length[{row}, i]) + 4 * LANES_")
         lines += [f"prefetch(address_of({name}, soon))" for name in read]
         lines += [f"prefetch_to_write(address_of(sums{k}, soon))" for k in range(n)]
-    return ["if i & (LANES_ // 2 - 1) == 0:", *(f"    {line}" for line in lines)]
+    return ["if i & (LANES_ // 4 - 1) == 0:", *(f"    {line}" for line in lines)]  # ends vary by more than a line
 
 
 def _indent(lines: Sequence[str], depth: int) -> str:
@@ -102,7 +102,7 @@ def _indent(lines: Sequence[str], depth: int) -> str:
 def _pass_source(law: Law, title: str, names: Sequence[str]) -> str:
     terms = collect(law, names)
     columns = columns_of(law)
-    rows, n, read = ROWS[law.dimensions], len(terms.sums), sorted(terms.columns)
+    n, read = len(terms.sums), sorted(terms.columns)
     places = {name: f"values[{columns.index(name)}]" for name in columns} | ({} if law.single else state_of(law))
     if law.in_turn:
         places["volume"] = places["light"]
@@ -114,10 +114,27 @@ def _pass_source(law: Law, title: str, names: Sequence[str]) -> str:
     views += [f"sums{k} = sums[{k}]" for k in range(n)]
     if terms.rare:
         views += [f"n{a}_ = {places[f'n{a}']}" for a in law.axes]
+    return (
+        f"\n\n@njit\ndef {title}({ARGUMENTS}):\n"
+        + _indent([*numbers, *views, "lane = lane_numbers(I_)"], 4)
+        + _indent(["for l in range(blocks[block], blocks[block + 1]):"], 4)
+        + _indent(["if (shape[2] + l) & 1 != odd:", "    continue"], 8)
+        + _indent(["first, last = base[l], base[l] + begin[l + 1] - begin[l]"], 8)
+        + _indent(["if odd == 0:  # the first that adds to these two"], 8)
+        + _indent([f"clear(sums{k}, first, base[l + 2])" for k in range(n)], 12)
+        + _indent(["for i in range(first, last):", "    u = np.uint64(i)  # numba looks whether others are below 0"], 8)
+        + _indent(fetch, 12)
+        + _neighbours(law, terms)
+        + _indent([f"sums{k}[u] += total(sum{k})" for k in range(n)], 12)
+    )
+
+
+def _neighbours(law: Law, terms: Terms) -> str:
+    """The loops over the runs of a body."""
 
     def loop(plain: bool, depth: int) -> str:
         head = [
-            f"for row in range({rows}):",
+            f"for row in range({ROWS[law.dimensions]}):",
             "    j = np.int64(run_first[np.uint64(row), u])",
             "    end = j + np.int64(run_length[np.uint64(row), u])",
             "    while j < end:",
@@ -132,19 +149,7 @@ def _pass_source(law: Law, title: str, names: Sequence[str]) -> str:
         body += loop(False, 16)
     else:
         body = loop(True, 12)
-    return (
-        f"\n\n@njit\ndef {title}({ARGUMENTS}):\n"
-        + _indent([*numbers, *views, "lane = lane_numbers(I_)"], 4)
-        + _indent(["for l in range(blocks[block], blocks[block + 1]):"], 4)
-        + _indent(["if (shape[2] + l) & 1 != odd:", "    continue"], 8)
-        + _indent(["first, last = base[l], base[l] + begin[l + 1] - begin[l]"], 8)
-        + _indent(["if odd == 0:  # the first that adds to these two"], 8)
-        + _indent([f"clear(sums{k}, first, base[l + 2])" for k in range(n)], 12)
-        + _indent(["for i in range(first, last):", "    u = np.uint64(i)  # numba looks whether others are below 0"], 8)
-        + _indent(fetch, 12)
-        + body
-        + _indent([f"sums{k}[u] += total(sum{k})" for k in range(n)], 12)
-    )
+    return body
 
 
 CLEAR = """
