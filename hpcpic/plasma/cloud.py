@@ -4,6 +4,7 @@ import inspect
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from itertools import pairwise
+from typing import Any
 
 import numpy as np
 from numpy.typing import DTypeLike, NDArray
@@ -16,7 +17,7 @@ from hpcpic.core.space.domain import Domain
 from hpcpic.core.tasks import Bound, Graph, Pool, TaskError, bind
 from hpcpic.plasma.kernels.specialise import specialise
 from hpcpic.plasma.scene import Scene
-from hpcpic.plasma.tiles import PAGE, Pages, Tiles, aligned
+from hpcpic.plasma.tiles import PAGE, Pages, Patches, Tiles, aligned
 
 NODES = {"NGP": 1, "CIC": 2, "TSC": 3}
 GHOSTS = {"NGP": (0, 1), "CIC": (0, 1), "TSC": (1, 2)}  # layers of nodes below and above that a shape reaches
@@ -107,50 +108,38 @@ class Cloud:
         self.record_bytes = law.components * np.dtype(law.dtype).itemsize + 8
         self.near = Migrate(world, self.record_bytes, Channel.PARTICLES, cuts=domain.cuts)
         self.owner = np.asarray(domain.owner(np.arange(domain.points[0])), np.int32)
-        below, above = GHOSTS[law.shape]
-        self._patches(int(charge[:, 0].max(initial=0)) + 1, below, above)  # a case without species has one, of zeros
-        lead = below if domain.ndim == 2 else 0
-        self.names = {
-            "n_species": self.n_species,
-            "points": tiles.points,
-            "origin": np.array([tiles.rows[0] - lead, tiles.columns[0] - below]),
-            "row_part": tiles.row_part,
-            "column_part": tiles.column_part,
-            "column_stride": tiles.column_stride,
-            "parts": tiles.parts,
-            "e_x": e if law.dimensions == 1 else e[0],
-            "e_y": e if law.dimensions == 1 else e[1],
-            "scale": float(scale),
-            "mover": np.ascontiguousarray(mover, law.dtype),
-            "charge": charge,
-            "head": self.pages.head,
-            "count": self.pages.count,
-            "counters": self.pages.counters,
-            "lists": self.pages.lists,
-        }
+        groups = int(charge[:, 0].max(initial=0)) + 1  # a case without species has one, of zeros
+        self._patch = Patches(tiles, groups, domain.ndim, GHOSTS[law.shape])
+        self.patches, self.places = self._patch.values, self._patch.places
+        self.names = self._names(np.ascontiguousarray(mover, law.dtype), charge, e, float(scale))
         self.kernels = law.kernels(plain)
         self._bounds: list[tuple[Bound, list[tuple[int, str]]]] = []
         with world.first_on_node():
             self._compile()
         self._version = self.pages.moved
 
-    def _patches(self, groups: int, below: int, above: int) -> None:
-        """Patches of all blocks in one array: group, rows and columns with ghosts; `places` see kernels.charge."""
-        tiles = self.tiles
-        lead = below if self.law.dimensions == 2 else 0
-        rows = tiles.rows[1] - tiles.rows[0] + (below + above if self.law.dimensions == 2 else 0)
-        widths = [b - a + below + above for a, b in tiles.block_columns]
-        starts = np.cumsum([0] + [-(-groups * rows * width // 8) * 8 + 8 for width in widths])  # vectors overrun
-        self.patches = np.zeros(starts[-1], np.int64)
-        slab = tiles.columns[0] - below if self.law.dimensions == 1 else 0  # first column of the slab's array
-        self.places = np.array(
-            [(start, a - below - slab, width) for start, (a, _), width in zip(starts, tiles.block_columns, widths)]
-        )
-        self.patch = [
-            self.patches[start : start + groups * rows * width].reshape(groups, rows, width)
-            for start, width in zip(starts, widths)
-        ]
-        self.corner = [np.array([tiles.rows[0] - lead, a - below]) for a, _ in tiles.block_columns]
+    def _names(self, mover: NDArray, charge: NDArray[np.int64], e: NDArray[np.float64], scale: float) -> dict[str, Any]:
+        """Arguments of the kernels that stay where they are."""
+        tiles, pages, one = self.tiles, self.pages, self.law.dimensions == 1
+        below, _ = GHOSTS[self.law.shape]
+        return {
+            "n_species": self.n_species,
+            "points": tiles.points,
+            "origin": np.array([tiles.rows[0] - (0 if one else below), tiles.columns[0] - below]),
+            "row_part": tiles.row_part,
+            "column_part": tiles.column_part,
+            "column_stride": tiles.column_stride,
+            "parts": tiles.parts,
+            "e_x": e if one else e[0],
+            "e_y": e if one else e[1],
+            "scale": scale,
+            "mover": mover,
+            "charge": charge,
+            "head": pages.head,
+            "count": pages.count,
+            "counters": pages.counters,
+            "lists": pages.lists,
+        }
 
     def _compile(self) -> None:
         """Bind the kernels of the step, and load those that Python calls."""
@@ -180,7 +169,7 @@ class Cloud:
         """The kernel bound for each block."""
         return [
             self._bound(
-                kernel, block=b, first=first, last=last, corner=self.corner[b], patch=self.patch[b],
+                kernel, block=b, first=first, last=last, corner=self._patch.corner[b], patch=self._patch.of_block[b],
                 lines=self._lines[b], sums=self._sums[b], cells=self._cells[b], **more,
             )
             for b, (first, last) in enumerate(self.tiles.ranges)

@@ -70,6 +70,31 @@ class Tiles:
         self.n_parts = np.array([b - a for a, b in self.ranges], np.int64)
 
 
+class Patches:
+    """Charge of all blocks in one array `values`: group, rows and columns with ghosts, below and above.
+
+    of_block[block] its part [group, row, column], whose first node is corner[block] of the grid; `places` see
+    kernels.charge.
+    """
+
+    def __init__(self, tiles: Tiles, groups: int, dimensions: int, ghosts: tuple[int, int]) -> None:
+        below, above = ghosts
+        lead = below if dimensions == 2 else 0
+        rows = tiles.rows[1] - tiles.rows[0] + (below + above if dimensions == 2 else 0)
+        widths = [b - a + below + above for a, b in tiles.block_columns]
+        starts = np.cumsum([0] + [-(-groups * rows * width // 8) * 8 + 8 for width in widths])  # vectors overrun
+        self.values = np.zeros(starts[-1], np.int64)
+        slab = tiles.columns[0] - below if dimensions == 1 else 0  # first column of the slab's array
+        self.places = np.array(
+            [(start, a - below - slab, width) for start, (a, _), width in zip(starts, tiles.block_columns, widths)]
+        )
+        self.of_block = [
+            self.values[start : start + groups * rows * width].reshape(groups, rows, width)
+            for start, width in zip(starts, widths)
+        ]
+        self.corner = [np.array([tiles.rows[0] - lead, a - below]) for a, _ in tiles.block_columns]
+
+
 def _pieces(low: int, high: int, edge: int) -> list[tuple[int, int]]:
     """The ranges into which the tile edges cut low .. high."""
     edges = [low, *range(low - low % edge + edge, high, edge), high]

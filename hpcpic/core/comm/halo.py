@@ -112,8 +112,8 @@ class _Operation(NamedTuple):
 class Exchange(ABC):
     """What Fill and Fold have in common: legs, persistent requests by parity of the iteration, counters.
 
-    messages, bytes: sent by this rank in one exchange. A message of another iteration is an error (a failed
-    assertion, or the code WRONG_ITERATION in a task). One exchange of an object may be under way at a time.
+    messages, bytes: sent by this rank in one exchange. A message of another iteration is an error (the code
+    WRONG_ITERATION in a task). One exchange of an object may be under way at a time.
     """
 
     def __init__(self, world: World, domain: Domain, field: Field, channel: int) -> None:
@@ -167,21 +167,6 @@ class Exchange(ABC):
                 arguments = (self._layers, leg.into, buffer.body, buffer.header, self._iteration)
                 unpacks.append(_Operation(kernel, arguments, ("received",), (writes,)))
         return unpacks
-
-    def start(self, iteration: int) -> None:
-        """Pack and send. Until `finish` leave the ghosts alone; only Fill leaves inner values free."""
-        self._iteration[0] = iteration
-        for operation in self._first[iteration % 2]:
-            operation.kernel.plain(*operation.arguments)
-        self._requests[iteration % 2].start()
-
-    def finish(self) -> None:
-        """Wait for the messages and put what they bring where it belongs."""
-        iteration = int(self._iteration[0])
-        self._requests[iteration % 2].wait()
-        for operation in self._last[iteration % 2]:
-            code = operation.kernel.plain(*operation.arguments)
-            assert not code, f"got a message that is not of iteration {iteration}"
 
     def add_to(
         self,
@@ -245,6 +230,21 @@ class Fill(Exchange):
             for layers, _, share in self._sides
         ]
         return [*self._unpacks(parity, UNPACK, "ghosts"), *sides]
+
+    def start(self, iteration: int) -> None:
+        """Without a task graph: pack and send. Until `finish` leave the ghosts alone."""
+        self._iteration[0] = iteration
+        for operation in self._first[iteration % 2]:
+            operation.kernel.plain(*operation.arguments)
+        self._requests[iteration % 2].start()
+
+    def finish(self) -> None:
+        """Wait for the messages and put what they bring where it belongs."""
+        iteration = int(self._iteration[0])
+        self._requests[iteration % 2].wait()
+        for operation in self._last[iteration % 2]:
+            code = operation.kernel.plain(*operation.arguments)
+            assert not code, f"got a message that is not of iteration {iteration}"
 
 
 class Fold(Exchange):

@@ -1,10 +1,9 @@
-"""Operations on the layers of an array seen as [before, layer, after], each in two forms.
+"""Operations on the layers of an array seen as [before, layer, after].
 
-`plain` is numpy, for calls from Python; `compiled` is loops, for task graphs (numba compiles loops
-in a twentieth of the time it takes for slices). Messages have a header, int64[1], that names their iteration.
+`compiled` is loops, for task graphs (numba compiles loops in a twentieth of the time it takes for slices); `plain` is
+numpy, for calls from Python, of what `Fill` does. Messages have a header, int64[1], that names their iteration.
 """
 
-from collections.abc import Callable
 from typing import Any, NamedTuple
 
 from hpcpic.core.simd.jit import njit
@@ -13,8 +12,8 @@ WRONG_ITERATION = 1  # code: the message belongs to another iteration
 
 
 class Kernel(NamedTuple):
-    plain: Callable[..., int | None]
     compiled: Any
+    plain: Any = None
 
 
 def _pack(layers, out, body, header, iteration):
@@ -55,14 +54,6 @@ def unpack(layers, into, body, header, iteration):
     return 0
 
 
-def _unpack_add(layers, into, body, header, iteration):
-    if header[0] != iteration[0]:
-        return WRONG_ITERATION
-    for k, layer in enumerate(into):
-        layers[:, layer] += body[k]
-    return 0
-
-
 @njit
 def unpack_add(layers, into, body, header, iteration):
     """Layer into[k] += body[k, before, after], one after the other: a layer may come twice."""
@@ -91,11 +82,6 @@ def copy(layers, sources, ghosts):
                 target[i] = source[i]
 
 
-def _add(layers, sources, ghosts):
-    for source, ghost in zip(sources, ghosts):
-        layers[:, source] += layers[:, ghost]
-
-
 @njit
 def add(layers, sources, ghosts):
     """Layer sources[k] += layer ghosts[k]: with `clear` after it, the adjoint of `copy`."""
@@ -104,11 +90,6 @@ def add(layers, sources, ghosts):
             source, target = layers[b, ghosts[k]], layers[b, sources[k]]
             for i in range(target.size):
                 target[i] += source[i]
-
-
-def _clear(layers, below, above):
-    layers[:, :below] = 0
-    layers[:, layers.shape[1] - above :] = 0
 
 
 @njit
@@ -122,9 +103,9 @@ def clear(layers, below, above):
                 target[i] = 0
 
 
-PACK = Kernel(_pack, pack)
-UNPACK = Kernel(_unpack, unpack)
-UNPACK_ADD = Kernel(_unpack_add, unpack_add)
-COPY = Kernel(_copy, copy)
-ADD = Kernel(_add, add)
-CLEAR = Kernel(_clear, clear)
+PACK = Kernel(pack, _pack)
+UNPACK = Kernel(unpack, _unpack)
+UNPACK_ADD = Kernel(unpack_add)
+COPY = Kernel(copy, _copy)
+ADD = Kernel(add)
+CLEAR = Kernel(clear)
