@@ -57,7 +57,9 @@ def take_rest(start, room, where, code, low, high):
         word = np.int64(code[k])
         own, piece = mask_of_bits(F, word), start + SIZE * np.int64(where[k])
         store_where(room + BYTES * (word >> 16), load_where(piece, own, splat(F, 0.0), SIZE), own, BYTES)
-        prefetch_to_write(start + SIZE * np.int64(where[k + np.uint64({fetched})]))
+        later = start + SIZE * np.int64(where[k + np.uint64({fetched})])
+        prefetch_to_write(later)
+        prefetch_to_write(later + BYTES - SIZE)  # most often the line of these lanes, which are the last ones
 
 
 @njit
