@@ -1,15 +1,16 @@
 """Rates of the plasma's kernels on this machine, under the names that `estimate` knows.
 
 Whole steps of small thermal plasmas in this process, which take turns. From many and few particles in a cell follows
-the price of a particle, from a plasma of next to nothing that of the launches, from one of empty cells that of a cell,
-from one with a particle in most tiles that of a tile that is not empty; the field has a timer of its own. On all cores
-the steps with many particles and with none tell what these gain. Several ranks have the smallest plasma together, and
-each has one for itself.
+the price of a particle in caches, from a plasma larger than these that of one from memory, from one of next to nothing
+the price of the launches, from one of empty cells that of a cell, from one with a particle in most tiles that of a tile
+that is not empty; the field has a timer of its own. On all cores the steps with many particles, of the large plasma and
+with no particles tell what these gain. Several ranks have the smallest plasma together, and each has one for itself.
 """
 
 import itertools
 import os
 from collections.abc import Mapping
+from pathlib import Path
 from time import perf_counter
 
 from hpcpic.core.cli.rates import undisturbed
@@ -19,16 +20,18 @@ from hpcpic.core.files.schema import validate
 from hpcpic.core.tasks import Pool
 from hpcpic.core.timers import Timers
 from hpcpic.plasma.config import PlasmaConfig
-from hpcpic.plasma.estimate import exchanges, filled_tiles
+from hpcpic.plasma.estimate import DEFAULT, STANDARD_BYTES, beyond_caches, exchanges, filled_tiles
 from hpcpic.plasma.plan import EDGE
 from hpcpic.plasma.step import Plasma
 
-FEW, MANY = 4, 64  # particles per cell
+FEW, MANY, LARGE = 4, 24, 48  # particles per cell
 ROUNDS = {True: 4, False: 10}  # by `quick`
 FULL = {2: (128, 128), 1: (8192,)}  # points of the plasma with particles
+SCALE = 2  # points along an edge of a large plasma, to those of FULL
 EMPTY = {2: (512, 512), 1: (65536,)}  # and of the one with next to none
 TINY = {2: (16, 16), 1: (256,)}
 NEXT_TO_NONE = 16  # particles
+GAINS = {"plasma": "many", "memory": "large", "mesh": "empty"}  # whose steps tell what all cores gain
 STEPS, TINY_STEPS = 4, 40  # of a turn
 CASE = """
 simulation = {{ dimensions = {d}; solver = "MFT"; cycles = 1; time_step = 0.2; space_length = {lengths}; }};
@@ -112,7 +115,7 @@ def bench(quick: bool) -> Mapping[str, float]:
             }
             taken(trials, quick)
             rates[f"particle_ns {d}D {shape} {precision}"] = 1e9 * of_particle(trials, d)
-    return rates
+    return rates | {"memory_bytes": 2 * STANDARD_BYTES}  # read and written in place
 
 
 def of_particle(trials: Mapping[str, Trial], d: int) -> float:
@@ -127,11 +130,14 @@ def standard_rates(world: World, d: int, quick: bool) -> dict[str, float]:
         "few": (FULL[d], FEW * n), "many": (FULL[d], MANY * n), "tiny": (TINY[d], NEXT_TO_NONE),
         "empty": (EMPTY[d], NEXT_TO_NONE), "spread": (EMPTY[d], tiles),
     }  # fmt: skip
+    if d == 2:
+        kinds["large"] = tuple(SCALE * points for points in FULL[2]), LARGE * SCALE**2 * n
     trials = {name: Trial(world, *kind) for name, kind in kinds.items()}
     if (cores := len(world.cpus(1))) > 1 and d == 2:
-        trials |= {f"{name} together": Trial(world, *kinds[name], threads=cores) for name in ("many", "empty")}
+        together = {what: f"{name} together" for what, name in GAINS.items()}
+        trials |= {together[what]: Trial(world, *kinds[name], threads=cores) for what, name in GAINS.items()}
     taken(trials, quick)
-    few, many, tiny, empty, spread = (trials[name] for name in kinds)
+    tiny, empty, spread = (trials[name] for name in ("tiny", "empty", "spread"))
     particle, more = of_particle(trials, d), filled_tiles(tiles, tiles) - filled_tiles(NEXT_TO_NONE, tiles)
     rates = {
         f"particle_ns {d}D CIC double": 1e9 * particle,
@@ -143,13 +149,37 @@ def standard_rates(world: World, d: int, quick: bool) -> dict[str, float]:
         rates |= {
             "plasma_launch_us": 1e6 * tiny.step,
             "plasma_sample_us": 1e6 * tiny.sample,
-            "sample_ns": 1e9 * (many.sample - few.sample) / (n * (MANY - FEW)),
-            "sample_cell_ns": 1e9 * (empty.sample - tiny.sample) / cells,
+            "sample_ns": 1e9 * max(0.0, more_of_large(trials, "sample")) / (n * SCALE**2 * (LARGE - FEW)),
+            "sample_cell_ns": 1e9 * max(0.0, empty.sample - tiny.sample) / cells,
         }
-        if "many together" in trials:
-            rates["plasma_core_gain"] = many.step / trials["many together"].step
-            rates["mesh_core_gain"] = empty.step / trials["empty together"].step
+        found = cache_mb() or DEFAULT["cache_mb"]
+        rates |= {"cache_mb": found, "memory_ns": 1e9 * (particle + memory_wait(trials, particle, found))}
+        if cores > 1:
+            rates |= {f"{what}_core_gain": trials[name].step / trials[together[what]].step
+                      for what, name in GAINS.items()}  # fmt: skip
     return rates
+
+
+def more_of_large(trials: Mapping[str, Trial], what: str) -> float:
+    """Seconds of the particles that the large plasma has more than SCALE^2 of those with few, in `rest` or `sample`."""
+    few, tiny, large = (getattr(trials[name], what) for name in ("few", "tiny", "large"))
+    return large - tiny - SCALE**2 * (few - tiny)
+
+
+def memory_wait(trials: Mapping[str, Trial], particle: float, cache: float) -> float:
+    """Seconds that a standard particle which no cache holds takes more than one in caches."""
+    n, more = FULL[2][0] ** 2 * SCALE**2, more_of_large(trials, "rest")
+    away = beyond_caches(n * LARGE, STANDARD_BYTES, 1.0, {"cache_mb": cache})
+    return max(0.0, more - n * (LARGE - FEW) * particle) / away
+
+
+def cache_mb() -> float:
+    """Of the last-level cache, as the system tells it; 0 where it does not."""
+    try:
+        sizes = [path.read_text().strip() for path in Path("/sys/devices/system/cpu/cpu0/cache").glob("index*/size")]
+        return max(int(size.removesuffix("K")) * 1024e-6 for size in sizes)
+    except (OSError, ValueError):
+        return 0.0
 
 
 def bench_ranks(quick: bool, world: World) -> Mapping[str, float]:

@@ -1,9 +1,10 @@
 """What a plasma run will need: memory by item, disk, time for any ranks x threads, from measured rates.
 
 A step is the work on particles, on cells and on the field, divided by the gain of the cores, and what does not divide:
-Python with the launches, and the exchanges between ranks. A sample of the series goes through all particles and nodes.
-The rates come from `hpcpic bench` on this machine; what it did not measure keeps its ratio to what it did on the
-authors' machine (DEFAULT).
+Python with the launches, and the exchanges between ranks. Particles beyond those that the caches hold are waited for,
+and all cores share one memory. A sample of the series goes through all particles and nodes. The rates come from
+`hpcpic bench` on this machine; what it did not measure keeps its ratio to what it did on the authors' machine
+(DEFAULT).
 """
 
 import math
@@ -18,10 +19,12 @@ SERIES_BYTES = 16 * 8 * 2  # of one sample: sixteen numbers, in HDF5 and as text
 SERIES_SHARE = 0.05  # of a run that samples of a series nobody has asked for may take,
 SERIES_SECONDS = 10.0  # or as many seconds of a core: short runs have all their steps in the series
 START = 1.0  # s: interpreter, libraries, kernels from the cache
+HELD = 0.75  # of the last-level cache, by particles: fields and what else runs want the rest
+STANDARD_BYTES = 36  # of a particle in two dimensions and double precision
 
 # Measured on the authors' machine, one core of a 2-core AMD Zen 5 at 4.1 GHz.
 DEFAULT = FILES | {
-    "particle_ns 2D CIC double": 2.3,  # pushed and delivered
+    "particle_ns 2D CIC double": 2.3,  # pushed and delivered, in caches
     "particle_ns 2D CIC single": 1.9,
     "particle_ns 2D NGP double": 2.0,
     "particle_ns 2D NGP single": 1.6,
@@ -33,6 +36,8 @@ DEFAULT = FILES | {
     "particle_ns 1D NGP single": 0.9,
     "particle_ns 1D TSC double": 1.6,
     "particle_ns 1D TSC single": 1.4,
+    "memory_ns": 2.85,  # pushed and delivered, of STANDARD_BYTES, from memory
+    "cache_mb": 32.0,  # last-level cache of a node
     "cell_ns 2D": 2.8,  # of the push and of the charge
     "cell_ns 1D": 2.0,
     "tile_ns 2D": 430.0,  # more, of a tile of cells that is not empty
@@ -47,6 +52,7 @@ DEFAULT = FILES | {
     "message_gb_s": 8.0,
     "cores": 2.0,
     "plasma_core_gain": 1.65,  # of all cores of a node over one
+    "memory_core_gain": 1.3,  # and at particles that no cache holds
     "mesh_core_gain": 1.65,  # and at what cells and the field need
     "rank_mib": 220.0,  # Python and the libraries, kernels from the cache
 }
@@ -99,12 +105,26 @@ def phases(config: PlasmaConfig, ranks: int, threads: int, rates: Mapping[str, f
     filled = sum(filled_tiles(species.particles, tiles) for species in config.species)
     return {
         "particles": particle_count(config) * rates[kernel] * components / cores,
+        "memory": memory_seconds(config, ranks, threads, rates),
         "tiles": filled * rates[f"tile_ns {d}D"] / cores,
         "cells": cells * rates[f"cell_ns {d}D"] / mesh,
         "field": cells * rates[f"field_ns {d}D"] * transforms / mesh,
         "launches": 1e-6 * rates["plasma_launch_us"],
         "exchanges": exchange_seconds(config, ranks, rates),
     }
+
+
+def beyond_caches(n: int, size: int, nodes: float, rates: Mapping[str, float]) -> float:
+    """Of n particles of so many bytes, how many come from memory in every step, in standard ones."""
+    return max(0.0, n * size - nodes * 1e6 * HELD * rates["cache_mb"]) / STANDARD_BYTES
+
+
+def memory_seconds(config: PlasmaConfig, ranks: int, threads: int, rates: Mapping[str, float]) -> float:
+    """Of a step, for particles that no cache holds: all of their time on these cores, less that of their work."""
+    nodes = max(1.0, ranks * threads / rates["cores"])
+    n = beyond_caches(particle_count(config), particle_bytes(config), nodes, rates)
+    memory, cores = (gain(ranks, threads, rates, rates[f"{what}_core_gain"]) for what in ("memory", "plasma"))
+    return 1e-9 * n * max(0.0, rates["memory_ns"] / memory - rates["particle_ns 2D CIC double"] / cores)
 
 
 def filled_tiles(particles: int, tiles: int) -> float:

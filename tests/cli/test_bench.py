@@ -5,6 +5,7 @@ from importlib import import_module
 
 import pytest
 
+from hpcpic.core.cli.bench import _kernel_lines
 from hpcpic.core.cli.rates import in_turn
 
 PROGRAMS = ("hpcpic.plasma", "sph", "lbmdem")
@@ -27,9 +28,17 @@ def test_actions_take_turns_and_the_first_call_of_a_turn_does_not_count(monkeypa
     assert found == {"a": 1.0, "b": 3.0}
 
 
+def test_the_fraction_of_the_memory_bound_is_told_where_bytes_are():
+    rates = {"a_ns": 4.0, "a_bytes": 10.0, "mlups D double": 50.0, "mlups_bytes D double": 80.0, "b_ns": 4.0, "gain": 2.0}
+    lines = _kernel_lines(rates, 5e9)  # 2 ns for 10 bytes, 16 ns for 80
+    assert [line.split()[0] for line in lines] == ["a_ns", "mlups", "b_ns", "gain"]
+    assert "50% of the memory bound" in lines[0] and "80% of the memory bound" in lines[1]
+    assert "%" not in lines[2] + lines[3]
+
+
 def checked(module, rates):
     default = import_module(f"{module}.estimate").DEFAULT
-    assert rates and set(rates) <= set(default)
+    assert rates and {name for name in rates if "_bytes" not in name} <= set(default)
     assert all(math.isfinite(rate) and rate >= 0.0 for rate in rates.values())
 
 

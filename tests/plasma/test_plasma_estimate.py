@@ -5,7 +5,15 @@ import pytest
 from hpcpic.core.files.config import loads
 from hpcpic.core.files.schema import validate
 from hpcpic.plasma.config import PlasmaConfig
-from hpcpic.plasma.estimate import DEFAULT, SERIES_SECONDS, SERIES_SHARE, estimate, phases, sample_seconds
+from hpcpic.plasma.estimate import (
+    DEFAULT,
+    SERIES_SECONDS,
+    SERIES_SHARE,
+    STANDARD_BYTES,
+    estimate,
+    phases,
+    sample_seconds,
+)
 
 CASE = """
 simulation = {{ dimensions = 2; cycles = {cycles}; time_step = 0.1; space_length = [64.0, 64.0]; {period} }};
@@ -49,3 +57,19 @@ def test_work_divides_and_launches_do_not():
         assert two[name] == ranks[name] == pytest.approx(one[name] / DEFAULT[f"{what}_core_gain"])
     assert one["launches"] == two["launches"] == ranks["launches"]
     assert one["exchanges"] == two["exchanges"] == 0.0 < ranks["exchanges"]
+
+
+def test_memory_is_waited_for_by_particles_beyond_the_caches():
+    held = int(0.75e6 * DEFAULT["cache_mb"] / STANDARD_BYTES)
+    within, once, twice = (phases(config(n=n), 1, 1, DEFAULT)["memory"] for n in (held, 2 * held, 3 * held))
+    assert within == 0.0 and twice == pytest.approx(2 * once)
+    wait = DEFAULT["memory_ns"] - DEFAULT["particle_ns 2D CIC double"]
+    assert once == pytest.approx(1e-9 * held * wait, rel=1e-4)  # held is a whole number
+
+
+def test_together_cores_wait_for_one_memory():
+    rates = DEFAULT | {"memory_core_gain": 1.0, "plasma_core_gain": 2.0, "mesh_core_gain": 2.0}
+    one, two = (sum(phases(config(n=10**9), 1, threads, rates).values()) for threads in (1, 2))
+    assert two == pytest.approx(one, rel=0.02)  # of 10^9 particles a few are in caches
+    nodes = phases(config(n=10**9), 4000, 2, rates)
+    assert nodes["memory"] == 0.0  # all are in the caches of so many nodes

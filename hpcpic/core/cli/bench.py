@@ -60,23 +60,26 @@ def _measure(app_loader: AppLoader, world: Any, quick: bool, threads: int | None
             rows,
             right=("per rank", "all ranks"),
         )
-        for line in _kernel_lines(kernels, rates["triad"]):
+        for line in _kernel_lines(kernels, rates["update"]):
             click.echo(line)
-        kept = rates | dict(kernels) if world.size == 1 else kernels
+        known = {name: rate for name, rate in kernels.items() if "_bytes" not in name}
+        kept = rates | known if world.size == 1 else known
         click.echo(f"kept for `estimate`: {keep_rates(kept)}")
     return 0
 
 
 def _kernel_lines(kernels: Mapping[str, float], bandwidth: float) -> list[str]:
-    """Rates as the simulator names them. Beside `push_ns` with `push_bytes`, the fraction of the memory
-    bound.
+    """Rates as the simulator names them. Beside `push_ns` with `push_bytes` and `mlups A` with `mlups_bytes A`, the
+    fraction of the memory bound: the time of these bytes at this bandwidth over that which was measured.
     """
     lines = []
     for name, rate in kernels.items():
         if "_bytes" in name:
             continue
-        bound = 1e9 * kernels.get(name.replace("_ns", "_bytes"), 0.0) / bandwidth if "_ns" in name else 0.0
-        fraction = f"   {bound / rate:.0%} of the memory bound" if bound and rate else ""
+        of_bytes = name.replace("_ns", "_bytes").replace("mlups", "mlups_bytes")
+        size = kernels.get(of_bytes, 0.0) if of_bytes != name else 0.0
+        seconds = 1e-6 / rate if name.startswith("mlups") and rate else 1e-9 * rate
+        fraction = f"   {size / bandwidth / seconds:.0%} of the memory bound" if size and seconds else ""
         lines.append(f"{name:<32}{rate:10.4g}{fraction}")
     return lines
 
