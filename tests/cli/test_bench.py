@@ -29,9 +29,9 @@ def test_actions_take_turns_and_the_first_call_of_a_turn_does_not_count(monkeypa
 
 
 def test_the_fraction_of_the_memory_bound_is_told_where_bytes_are():
-    rates = {"a_ns": 4.0, "a_bytes": 10.0, "mlups D double": 50.0, "mlups_bytes D double": 80.0, "b_ns": 4.0, "gain": 2.0}
+    rates = {"a_ns": 4.0, "a_bytes": 10.0, "mlups D double": 50.0, "mlups_bytes D double": 80.0, "b_ns": 4.0, "n": 2.0}
     lines = _kernel_lines(rates, 5e9)  # 2 ns for 10 bytes, 16 ns for 80
-    assert [line.split()[0] for line in lines] == ["a_ns", "mlups", "b_ns", "gain"]
+    assert [line.split()[0] for line in lines] == ["a_ns", "mlups", "b_ns", "n"]
     assert "50% of the memory bound" in lines[0] and "80% of the memory bound" in lines[1]
     assert "%" not in lines[2] + lines[3]
 
