@@ -12,8 +12,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hpcpic.core.comm.ghosts import Refresh
-from hpcpic.core.comm.migrate import send_anywhere
-from hpcpic.core.comm.tags import Channel, tag
+from hpcpic.core.comm.migrate import Migrate
+from hpcpic.core.comm.tags import Channel
 from hpcpic.core.comm.world import World
 from hpcpic.core.errors import ConfigError
 from hpcpic.core.space.domain import Domain
@@ -131,6 +131,7 @@ class Bodies:
         self.reserve(1024)
         self._refresh = Refresh(world, Channel.GHOSTS_VALUES)
         self._record = np.dtype([("numbers", np.float64, 2 * d + 2), ("id", np.int64), ("flags", np.int64)])
+        self._migrate = Migrate(world, self._record.itemsize, Channel.PARTICLES)
         self._shift = np.zeros((0, d))
         self.moved = 0
 
@@ -260,12 +261,16 @@ class Bodies:
         outgoing = {int(peer): self._pack(leaving[peers == peer]) for peer in np.unique(peers)}
         self.flags[leaving] = 0
         self.n -= len(leaving)
-        for records in send_anywhere(self.world, outgoing, self._record.itemsize, tag(iteration, Channel.PARTICLES)):
+        for records in self._migrate.send(iteration, outgoing):
             rows = np.ascontiguousarray(records).reshape(-1).view(self._record)
             numbers, d = rows["numbers"].T, self.d
             self.append(numbers[:d], numbers[d : 2 * d], numbers[2 * d], numbers[2 * d + 1], rows["id"], rows["flags"])
         self._found.clear()
         self.moved += len(leaving)
+
+    def free(self) -> None:
+        """Release what MPI holds (all ranks together)."""
+        self._migrate.free()
 
     def _pack(self, index: NDArray) -> NDArray[np.uint8]:
         records = np.empty(len(index), self._record)

@@ -381,7 +381,8 @@ class Sph:
         return through_wall(self, fluid)
 
     def close(self) -> None:
-        """Nothing is held."""
+        """Free what MPI holds (all ranks together)."""
+        self.bodies.free()
 
     @property
     def local_items(self) -> int:

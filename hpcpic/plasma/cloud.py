@@ -161,7 +161,7 @@ class Cloud:
         self._lacks = self._bound(self.kernels.lacks_pages, slots=slots, short=self._short)
         self.delivery = [self._deliver, [self._bound(self.kernels.empty)]]
         self._bind_letters()
-        self._motion = self._graph_of_motion()
+        self._motion = [self._graph_of_motion(parity) for parity in range(2)]
         self.place(0, np.zeros((0, self.law.dimensions)), np.zeros((0, self.law.velocities)), np.zeros(0))
         list(self.export(0)) if self.n_species else None
 
@@ -192,10 +192,10 @@ class Cloud:
         for bound, letter in zip(self._write + self._read, self.near.outgoing + self.near.incoming):
             for k, view in enumerate((*self._views(letter.records).values(), letter.n)):  # the first arguments
                 bound.update(k, view)
-        self._motion = self._graph_of_motion()
+        self._motion = [self._graph_of_motion(parity) for parity in range(2)]
 
-    def _graph_of_motion(self) -> Graph:
-        """Push, then letters to the neighbours and from them."""
+    def _graph_of_motion(self, parity: int) -> Graph:
+        """Push, then letters to the neighbours and from them, in even or odd iterations."""
         near, graph = self.near, Graph()
         boxes = [*range(self.blocks)]
         for block, bound in enumerate(self._push):
@@ -204,7 +204,8 @@ class Cloud:
             graph.task(bound, inouts=boxes, outs=[("to", peer)])
         if self.world.size > 1:
             graph.task(self._any_left, ins=boxes, outs=["wants"])
-            near.add_to(graph, written=["wants", *(("to", peer) for peer in near.peers)], arrived="arrived")
+            written = ["wants", *(("to", peer) for peer in near.peers)]
+            near.add_to(graph, written=written, arrived="arrived", parity=parity)
         for bound in self._read:
             graph.task(bound, ins=["arrived"], inouts=["box from outside"])
         graph.task(self._lacks, ins=[*boxes, "box from outside"])
@@ -255,17 +256,19 @@ class Cloud:
         if code:
             raise Diverged("an initial position is not a finite number")
 
-    def push(self) -> None:
+    def push(self, iteration: int) -> None:
         """x^n, v^(n-1/2) -> x^(n+1), v^(n+1/2); charge of those who stay in their tile part; the others wait in boxes
         of the rank where they belong, and `delivery`, tasks in stages, is ready to run. Collective.
         """
         counts, near = self.pages.count, self.near
         slots = [counts[a * self.n_species : b * self.n_species].sum() for a, b in self.tiles.ranges]
         self.pages.room(max(*map(int, slots), len(near.peers) * near.capacity))
-        self._run(self.pool.run, self._motion)
+        near.at(iteration)
+        self._run(self.pool.run, self._motion[iteration % 2])
+        near.check(iteration)
         if near.wants[0]:
             capacity = near.capacity
-            self._admit_all(near.rest(self._outgoing()))
+            self._admit_all(near.rest(iteration, self._outgoing()))
             if near.capacity != capacity:
                 self._renew_letters()
         if near.wants[0] or self._short[0]:

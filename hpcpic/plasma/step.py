@@ -117,7 +117,8 @@ class Plasma:
             return
         self.solve()  # E^n from rho^n
         with self.timers.section("push"):
-            self.cloud.push()  # E at the particles (5.14), v (5.19) by Boris (5.4.1), x (5.18), charge of who stays
+            # E at the particles (5.14), v (5.19) by Boris (5.4.1), x (5.18), charge of who stays
+            self.cloud.push(self.iteration)
         with self.timers.section("deposit"):
             self.mesh.deliver_and_deposit(self.iteration)  # who left for another tile; rho^(n+1) (5.1)
         self._solved = False

@@ -1,10 +1,10 @@
-from contextlib import contextmanager
+from contextlib import contextmanager, nullcontext
 
 import numpy as np
 import pytest
 
 from hpcpic.core.comm.migrate import Migrate, recut_field, recut_particles, send_anywhere
-from hpcpic.core.comm.tags import Channel, tag
+from hpcpic.core.comm.tags import WINDOW, Channel, tag
 from hpcpic.core.space.domain import Domain, block_ranges, even_cuts
 from hpcpic.core.space.fields import Field
 from hpcpic.core.space.particles import Particles
@@ -39,17 +39,32 @@ class Walk:
         self.owner = np.arange(TOTAL) % world.size
         self.ids = np.flatnonzero(self.owner == world.rank)
         self.rounds = 0  # of all ranks with all
+        self.iteration = WINDOW - 5
 
     def connect(self):
-        graph = Graph()
-        self.migrate.add_to(graph, written=["letters"], arrived="arrived")
-        self.graph = graph.freeze()
+        self.graphs = [Graph(), Graph()]
+        for parity, graph in enumerate(self.graphs):
+            self.migrate.add_to(graph, written=["letters"], arrived="arrived", parity=parity)
+            graph.freeze()
 
-    def step(self, destination):
+    def step(self, destination, way="graph"):
         """destination[TOTAL]: rank of each id."""
-        migrate, mine = self.migrate, destination[self.ids]
+        mine = destination[self.ids]
         outgoing = {int(peer): records(self.ids[mine == peer]) for peer in np.unique(mine)}
-        arrived = [outgoing.pop(self.world.rank, records([]))]
+        stay = outgoing.pop(self.world.rank, records([]))
+        before = self.migrate.capacity
+        arrived = self.by_graph(outgoing) if way == "graph" else self.migrate.send(self.iteration, outgoing)
+        self.rounds += int(self.migrate.wants[0])
+        self.ids = ids_of([stay, *arrived])
+        if self.migrate.capacity != before:
+            self.connect()
+        np.testing.assert_array_equal(np.sort(self.ids), np.flatnonzero(destination == self.world.rank))
+        self.owner = destination
+        self.iteration += 1
+
+    def by_graph(self, outgoing):
+        """What `send` does, as tasks would."""
+        migrate = self.migrate
         for peer, letter in zip(migrate.peers, migrate.outgoing):
             wanted = outgoing.pop(peer, records([]))
             n = letter.n[0] = min(len(wanted), migrate.capacity)
@@ -57,18 +72,12 @@ class Walk:
             if n < len(wanted):
                 outgoing[peer] = wanted[n:]
         migrate.wants[0] = bool(outgoing)
-        self.pool.run(self.graph)
-        arrived += [letter.records[: letter.n[0]] for letter in migrate.incoming]
+        migrate.at(self.iteration)
+        self.pool.run(self.graphs[self.iteration % 2])
+        migrate.check(self.iteration)
+        arrived = [letter.records[: letter.n[0]] for letter in migrate.incoming]
         assert migrate.wants[0] == self.world.any(bool(outgoing))
-        if migrate.wants[0]:
-            self.rounds += 1
-            before = migrate.capacity
-            arrived += migrate.rest(outgoing)
-            if migrate.capacity != before:
-                self.connect()
-        self.ids = ids_of(arrived)
-        np.testing.assert_array_equal(np.sort(self.ids), np.flatnonzero(destination == self.world.rank))
-        self.owner = destination
+        return arrived + (migrate.rest(self.iteration, outgoing) if migrate.wants[0] else [])
 
     def close(self):
         self.migrate.free()
@@ -86,11 +95,12 @@ def check_any_jumps(world, capacity):
     rng = np.random.default_rng(11)  # the same on all ranks
     with walking(world, capacity) as walk:
         for iteration in range(24):
+            way = ("graph", "send")[iteration // 2 % 2]
             if iteration % 3:  # few, near and far
                 jumps = rng.integers(-world.size, world.size + 1, TOTAL) * (rng.random(TOTAL) < 0.05)
-                walk.step((walk.owner + jumps) % world.size)
+                walk.step((walk.owner + jumps) % world.size, way)
             else:
-                walk.step(rng.integers(0, world.size, TOTAL))
+                walk.step(rng.integers(0, world.size, TOTAL), way)
         return walk
 
 
@@ -102,6 +112,16 @@ def test_migration_on_one_rank_keeps_all(world):
 @pytest.mark.parametrize("capacity", [0, 1, 7, TOTAL])
 def test_no_record_is_lost_doubled_or_changed_for_any_jumps(world, capacity):
     assert check_any_jumps(world, capacity).migrate.capacity >= capacity
+
+
+@pytest.mark.mpi(min_size=2)
+def test_a_letter_of_another_iteration_is_told(world):
+    """Of the same parity; one of the other would match no receive."""
+    with walking(world, 8) as walk:
+        ahead = walk.iteration + 2 * (world.rank == 0)
+        wrong = 0 in walk.migrate.peers or world.rank == 0
+        with pytest.raises(AssertionError, match=f"not of iteration {ahead}") if wrong else nullcontext():
+            walk.migrate.send(ahead, {})
 
 
 @pytest.mark.mpi(min_size=2)

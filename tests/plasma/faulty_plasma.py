@@ -38,8 +38,8 @@ def faulty_step(plasma: Plasma) -> None:
     step(plasma)
 
 
-def faulty_push(cloud: Cloud) -> None:
-    push(cloud)
+def faulty_push(cloud: Cloud, iteration: int) -> None:
+    push(cloud, iteration)
     if here and KIND == "kill":
         die()  # between push and delivery
 

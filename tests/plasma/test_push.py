@@ -73,8 +73,8 @@ def bits(made):
 
 
 def advance(made, steps):
-    for _ in range(steps):
-        made.push()
+    for iteration in range(steps):
+        made.push(iteration)
         made.deliver()
 
 
@@ -144,7 +144,7 @@ def test_a_velocity_that_is_no_motion_is_told(pool, bad):
     page, pack, lane = made.pages.head[0], 0, 0
     made.pages.pool[page, pack, 2, lane] = bad
     with pytest.raises(Diverged):
-        made.push()
+        made.push(0)
 
 
 @pytest.mark.parametrize(("v", "rotation"), [(2, 1), (3, 2)])

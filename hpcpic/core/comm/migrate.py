@@ -1,9 +1,10 @@
 """Records (opaque bytes, as particles) to their new ranks, any distance; and rows of a field to new cuts.
 
 Nearly all records go to the previous or the next slab, in letters of a fixed size: persistent messages, sent by a task
-graph, that need no count before them (a letter's empty half costs less than a message more). What goes farther or does
-not fit travels in a second, general round, which takes place only if any rank wants it. All learn that in log2(ranks)
-rounds of small messages that go with the letters (dissemination: Hensgen, Finkel & Manber 1988).
+graph, that need no count before them (a letter's empty half costs less than a message more). As in a halo they have
+a tag for even and one for odd iterations, and name theirs in the head. What goes farther or does not fit travels in a
+second, general round, which takes place only if any rank wants it. All learn that in log2(ranks) rounds of small
+messages that go with the letters (dissemination: Hensgen, Finkel & Manber 1988).
 """
 
 from collections.abc import Hashable, Iterable, Mapping, Sequence
@@ -51,11 +52,11 @@ def send_anywhere(
 
 
 class Letter:
-    """A message of a fixed size: how many records it holds, n[0], and records[capacity, record_bytes]."""
+    """A message of a fixed size: the iteration[0], how many records it holds, n[0], records[capacity, record_bytes]."""
 
     def __init__(self, capacity: int, record_bytes: int) -> None:
         self.bytes = aligned_zeros((ALIGNMENT + capacity * record_bytes,), np.uint8)
-        self.n = self.bytes[:8].view(np.int64)
+        self.iteration, self.n = self.bytes[:8].view(np.int64), self.bytes[8:16].view(np.int64)
         self.records: Records = self.bytes[ALIGNMENT:].reshape(capacity, record_bytes)
 
 
@@ -66,10 +67,11 @@ def join(mine, theirs):
 
 
 class Migrate:
-    """Records to their new ranks: a task graph sends letters to the neighbours, and `rest` what is not in them.
+    """Records to their new ranks: letters to the neighbours, and `rest` for what is not in them.
 
-    Tasks fill `outgoing` and set wants[0] to 1 if records are left over, for ranks that are no neighbours or because
-    a letter is full, else to 0; others read `incoming`. Then wants[0] tells whether any rank has records left over.
+    In task graphs, one for even and one for odd iterations: tasks fill `outgoing` and set wants[0] to 1 if records are
+    left over, for ranks that are no neighbours or because a letter is full, else to 0; others read `incoming`. Then
+    wants[0] tells whether any rank has records left over. `send` does it all for records that are at hand.
     peers: the next ranks with rows by `cuts`, all ranks having some without it. capacity: records of a letter.
     """
 
@@ -86,51 +88,89 @@ class Migrate:
         self.peers = ring_neighbours(cuts or range(world.size + 1), world.rank)
         self.wants = np.zeros(1, np.int64)
         self._heard = [np.zeros(1, np.int64) for _ in range((world.size - 1).bit_length())]
-        self._requests: list[RequestSet] = []
+        self._requests: list[list[RequestSet]] = []  # by parity of the iteration, by round
         self._allocate(capacity)
-        with world.first_on_node():  # compiles
-            self._joins = [bind(join, self.wants, heard) for heard in self._heard]
 
     def _allocate(self, capacity: int) -> None:
         self.free()
-        comm, rank, size = self._world.comm, self._world.rank, self._world.size
-        label, wanted = tag(0, self._channel), tag(0, self._channel.wanted)
         self.capacity = capacity
         self.incoming, self.outgoing = (
             [Letter(capacity, self._record_bytes) for _ in self.peers] for _ in ("incoming", "outgoing")
         )
+        self._requests = [self._of_parity(parity) for parity in range(2)]
+
+    def _of_parity(self, parity: int) -> list[RequestSet]:
+        """The letters go with the first round."""
+        comm, rank, size = self._world.comm, self._world.rank, self._world.size
+        label, wanted = tag(parity, self._channel), tag(parity, self._channel.wanted)
         requests = [comm.Recv_init(letter.bytes, peer, label) for peer, letter in zip(self.peers, self.incoming)]
         requests += [comm.Send_init(letter.bytes, peer, label) for peer, letter in zip(self.peers, self.outgoing)]
+        rounds = []
         for k, heard in enumerate(self._heard):  # after round k one has heard of the 2^(k + 1) - 1 ranks before
             requests.append(comm.Recv_init(heard, (rank - 2**k) % size, wanted))
             requests.append(comm.Send_init(self.wants, (rank + 2**k) % size, wanted))
-            self._requests.append(RequestSet(requests))
+            rounds.append(RequestSet(requests))
             requests = []
+        return rounds
 
-    def add_to(self, graph: Graph, *, written: Iterable[Hashable], arrived: Hashable) -> None:
-        """Messages for a task graph: from letters and wants, `written`, to letters, `arrived`, and wants."""
+    def add_to(self, graph: Graph, *, written: Iterable[Hashable], arrived: Hashable, parity: int) -> None:
+        """Messages for a task graph: from letters and wants, `written`, to letters, `arrived`, and wants.
+
+        Call `at(iteration)` before every launch and `check` after it. Compiles.
+        """
         sent = [*written]
-        for k, (requests, join_bound) in enumerate(zip(self._requests, self._joins)):
+        for k, (requests, heard) in enumerate(zip(self._requests[parity], self._heard)):
             graph.message(requests, ins=sent, outs=[("heard", k), *([] if k else [arrived])], name=f"migration {k}")
-            graph.task(join_bound, ins=[("heard", k)], inouts=["wants"], priority=1)
+            graph.task(bind(join, self.wants, heard), ins=[("heard", k)], inouts=["wants"], priority=1)
             sent = ["wants"]
 
-    def rest(self, outgoing: Mapping[int, Records]) -> list[Records]:
+    def at(self, iteration: int) -> None:
+        """Tell the letters which iteration the next launch is."""
+        for letter in self.outgoing:
+            letter.iteration[0] = iteration
+
+    def check(self, iteration: int) -> None:
+        """All letters are of this iteration."""
+        for letter in self.incoming:
+            assert letter.iteration[0] == iteration, f"got a letter that is not of iteration {iteration}"
+
+    def send(self, iteration: int, outgoing: Mapping[int, Records]) -> list[Records]:
+        """Collective, without a task graph: records to any ranks but this one; arrivals, valid until the next call."""
+        left = dict(outgoing)
+        for peer, letter in zip(self.peers, self.outgoing):
+            records = left.pop(peer, letter.records[:0])
+            n = letter.n[0] = min(len(records), self.capacity)
+            letter.records[:n] = records[:n]
+            if n < len(records):
+                left[peer] = records[n:]
+        self.wants[0] = bool(left)
+        self.at(iteration)
+        for requests, heard in zip(self._requests[iteration % 2], self._heard):
+            requests.start()
+            requests.wait()
+            self.wants |= heard
+        self.check(iteration)
+        arrived = [letter.records[: letter.n[0]] for letter in self.incoming]
+        return arrived + (self.rest(iteration, left) if self.wants[0] else [])
+
+    def rest(self, iteration: int, outgoing: Mapping[int, Records]) -> list[Records]:
         """Collective, when wants[0] is set: all that is not in the letters; letters grow to hold what neighbours got.
 
         Arrivals as `send_anywhere`. The letters are new ones when `capacity` has changed.
         """
         sent = [int(letter.n[0]) + len(outgoing.get(peer, ())) for peer, letter in zip(self.peers, self.outgoing)]
         most = int(self._world.max(max(sent, default=0)))
-        arrived = send_anywhere(self._world, outgoing, self._record_bytes, tag(0, self._channel.far))
+        label = tag(iteration, self._channel.far)
+        arrived = send_anywhere(self._world, outgoing, self._record_bytes, label)
         if most > self.capacity:
             self._allocate(most + most // 4)
         return arrived
 
     def free(self) -> None:
         """Release the requests; no migration may be under way."""
-        for requests in self._requests:
-            requests.free()
+        for rounds in self._requests:
+            for requests in rounds:
+                requests.free()
         self._requests = []
 
 
