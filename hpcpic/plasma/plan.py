@@ -106,7 +106,8 @@ def messages(config: PlasmaConfig, ranks: int) -> list[str]:
     charge = 8 * row * groups(config) * (below + above)
     wide = row + below + above + 2 if config.dimensions == 2 else 1
     lines = [
-        f"particles  {neighbours}, with the leavers; one word agreed by all ranks",
+        f"particles  {neighbours}, with the leavers",
+        f"wanted     {(ranks - 1).bit_length()} of 8 bytes: does any rank have leavers that are in no letter",
         f"charge     {min(1 + bool(below), neighbours)}, together {charge} bytes",
         f"potential  {neighbours}, together {8 * wide * (below + above + 2)} bytes",
     ]
