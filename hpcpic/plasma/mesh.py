@@ -83,7 +83,7 @@ class Mesh:
     def _density(self) -> list[Bound]:
         rows, ghosts = len(self.rho), self.parts.ghosts[0]
         parts = self.parts.values.reshape(len(self.weight), rows + sum(ghosts), -1)
-        rho, source = self.rho.reshape(rows, -1), _wide(self.solver.rho, rows)
+        rho, source = _wide(self.rho, rows), _wide(self.solver.rho, rows)
         return [bind(density, a, b, ghosts[0], self.weight, parts, rho, source) for a, b in self._shares(rows)]
 
     def _around(self, exchange: Exchange, before: Sequence[list[Bound]], after: list[Bound]) -> list[Graph]:

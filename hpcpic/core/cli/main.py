@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import atexit
 import ctypes
+import gc
 import os
 import sys
 from collections.abc import Callable, Sequence
@@ -119,12 +120,16 @@ def program(app_loader: AppLoader, name: str, title: str) -> None:
     except SystemExit as end:
         if not isinstance(end.code, int):
             raise
-        sys.stdout.flush()
-        sys.stderr.flush()
-        atexit._run_exitfuncs()
-        mpi = sys.modules.get("mpi4py.MPI")
-        if mpi and mpi.Is_initialized() and not mpi.Is_finalized():
-            mpi.Finalize()  # mpi4py would do it as the interpreter ends
-        # Not os._exit: MPICH takes leave of its launcher in an exit handler of C, and a launcher that saw no leave
-        # kills the other ranks (exit code 9 or 0, whatever ours is).
-        ctypes.CDLL(None).exit(end.code)
+        code = end.code
+    sys.stdout.flush()
+    sys.stderr.flush()
+    atexit._run_exitfuncs()
+    mpi = sys.modules.get("mpi4py.MPI")
+    if mpi and mpi.Is_initialized() and not mpi.Is_finalized():
+        mpi.Finalize()  # mpi4py would do it as the interpreter ends
+        if code:
+            gc.collect()  # HDF5's handler fails at some things that a traceback has kept open
+        # MPICH takes leave of its launcher in an exit handler of C; one that saw no leave kills the other ranks (exit
+        # code 9 or 0, whatever ours is). With the interpreter locked: handlers may call it.
+        ctypes.PyDLL(None).exit(code)
+    os._exit(code)
