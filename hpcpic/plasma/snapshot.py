@@ -6,6 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hpcpic.core.comm.sharding import by_id
+from hpcpic.core.errors import Diverged
 from hpcpic.core.files.arrays import FieldArray, ParticleArray, Shard
 from hpcpic.core.space.domain import block_ranges
 from hpcpic.plasma.cloud import CHUNK
@@ -70,7 +71,7 @@ def state(plasma: "Plasma") -> dict[str, Shard]:
 
 
 def restore(plasma: "Plasma", reader: "Reader") -> None:
-    """Replace all particles by those of a checkpoint."""
+    """Replace all particles by those of a checkpoint. Raises Diverged when one is not in its tile."""
     cloud = plasma.cloud
     cloud.clear()
     plasma.iteration = reader.step
@@ -81,7 +82,16 @@ def restore(plasma: "Plasma", reader: "Reader") -> None:
             columns = [
                 reader.read(f"{species.name}/{name}", a, b) for name in ("tile", "position", "velocity")
             ]
+            if not all_in_tiles(plasma, *columns[:2]):
+                raise Diverged(f"a position of {species.name} is not a number, or not within its tile")
             cloud.admit(cloud.records(k, np.arange(a, b), *columns))
             cloud.migrate()
             cloud.deliver()
     cloud.deposit_all()
+
+
+def all_in_tiles(plasma: "Plasma", tiles: NDArray[np.int32], x: NDArray) -> bool:
+    """Kernels rely on it: are the positions x[n, d], in cells, within their tiles, and these on the grid?"""
+    d = plasma.scene.dimensions
+    corner = anchors(plasma, tiles)
+    return bool(((x >= 0) & (x < EDGE[d]) & (corner >= 0) & (corner + x < plasma.scene.points[:d])).all())

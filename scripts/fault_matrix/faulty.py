@@ -74,21 +74,22 @@ def become_nan(app: Any, world: Any, which: int) -> None:
 
 
 def misnumber_messages() -> None:
-    """From now on this rank's messages say that they belong to another iteration."""
-    common: Any = halo.Fill.__base__  # of Fill and Fold
-    start, refresh = common.start, ghosts.Refresh.start
+    """From now on this rank's messages say that they belong to another iteration, of the same tag."""
+    at, start, refresh = halo.Exchange.at, halo.Fill.start, ghosts.Refresh.start
+
+    def in_graphs(exchange: Any, iteration: int) -> None:
+        at(exchange, iteration + 2)
 
     def misnumbered(exchange: Any, iteration: int) -> None:
         start(exchange, iteration + 2)
         exchange._iteration[0] = iteration
 
     def of_another_window(exchange: Any, iteration: int, values: np.ndarray) -> None:
-        refresh(exchange, iteration + WINDOW, values)  # the same tag
+        refresh(exchange, iteration + WINDOW, values)
         exchange._iteration = iteration
 
     ghosts.Refresh.start = of_another_window  # type: ignore[method-assign]
-    common.start = misnumbered
-    common.at = lambda exchange, iteration: exchange._iteration.fill(iteration + 2)
+    halo.Fill.start, halo.Exchange.at = misnumbered, in_graphs  # type: ignore[method-assign]
 
 
 def take_memory() -> None:
