@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from hpcpic.core.comm.world import World
+from hpcpic.core.errors import Diverged
 from hpcpic.core.files.config import loads
 from hpcpic.core.files.schema import validate
 from hpcpic.core.run.checkpoint import digest
@@ -78,3 +79,34 @@ def test_state_of_many_ranks_is_that_of_one(plasma):
     one = plasma_of(alone, f'numerics.precision="{plasma.scene.config.numerics.precision}"')
     assert digest(plasma.world, plasma.state()) == digest(alone, one.state())
     one.close()
+
+
+class Changed:
+    """A reader of the state of a plasma, with one value changed."""
+
+    def __init__(self, plasma, name, value):
+        self.step, self.arrays = plasma.iteration, {name: shard.local.copy() for name, shard in plasma.state().items()}
+        self.arrays[name].reshape(-1)[1001] = value
+
+    def read(self, name, start, stop):
+        return self.arrays[name][start:stop]
+
+
+@pytest.mark.parametrize("value", [np.nan, np.inf, -1e-30, 16.0])
+def test_a_position_that_is_not_in_its_tile_is_told(plasma, value):
+    """Kernels would go out of their arrays with it."""
+    with pytest.raises(Diverged, match="a position of e"):
+        plasma.restore(Changed(plasma, "e/position", value))
+
+
+@pytest.mark.parametrize("tile", [-1, 6])
+def test_a_tile_that_is_not_on_the_grid_is_told(plasma, tile):
+    with pytest.raises(Diverged, match="a position of e"):
+        plasma.restore(Changed(plasma, "e/tile", tile))
+
+
+def test_a_state_that_is_left_alone_is_taken(plasma):
+    before = digest(plasma.world, plasma.state())
+    kept = plasma.state()["e/velocity"].local.reshape(-1)[1001]
+    plasma.restore(Changed(plasma, "e/velocity", kept))
+    assert digest(plasma.world, plasma.state()) == before
