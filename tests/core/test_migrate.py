@@ -39,7 +39,7 @@ class Walk:
         self.owner = np.arange(TOTAL) % world.size
         self.ids = np.flatnonzero(self.owner == world.rank)
         self.rounds = 0  # of all ranks with all
-        self.iteration = WINDOW - 5
+        self.iteration = 0
 
     def connect(self):
         self.graphs = [Graph(), Graph()]
@@ -91,11 +91,14 @@ def walking(world, capacity, cuts=None):
     walk.close()
 
 
+WRAP = [-2, -1, 0, 1, *range(WINDOW - 4, WINDOW + 4), *range(2 * WINDOW - 4, 2 * WINDOW + 4)]
+
+
 def check_any_jumps(world, capacity):
     rng = np.random.default_rng(11)  # the same on all ranks
     with walking(world, capacity) as walk:
-        for iteration in range(24):
-            way = ("graph", "send")[iteration // 2 % 2]
+        for turn, iteration in enumerate(WRAP):
+            walk.iteration, way = iteration, ("graph", "send")[turn // 2 % 2]
             if iteration % 3:  # few, near and far
                 jumps = rng.integers(-world.size, world.size + 1, TOTAL) * (rng.random(TOTAL) < 0.05)
                 walk.step((walk.owner + jumps) % world.size, way)
@@ -112,6 +115,26 @@ def test_migration_on_one_rank_keeps_all(world):
 @pytest.mark.parametrize("capacity", [0, 1, 7, TOTAL])
 def test_no_record_is_lost_doubled_or_changed_for_any_jumps(world, capacity):
     assert check_any_jumps(world, capacity).migrate.capacity >= capacity
+
+
+@pytest.mark.mpi(min_size=2)
+def test_two_migrations_under_way_do_not_mix(world):
+    mine, following = np.arange(world.rank, TOTAL, world.size), (world.rank + 1) % world.size
+    previous = np.arange((world.rank - 1) % world.size, TOTAL, world.size)
+    both = [Migrate(world, RECORD, channel, capacity=TOTAL) for channel in (Channel.PARTICLES, Channel.SHARDS)]
+    graph, pool = Graph(), Pool(1, spin_limit_s=20.0)
+    for k, migrate in enumerate(both):
+        migrate.add_to(graph, written=[("letters", k)], arrived=("arrived", k), parity=0)
+        for peer, letter in zip(migrate.peers, migrate.outgoing):
+            sent = records(mine + 1000 * k) if peer == following else records([])
+            letter.n[0], letter.records[: len(sent)] = len(sent), sent
+    pool.run(graph.freeze())
+    for k, migrate in enumerate(both):
+        arrived = ids_of([letter.records[: letter.n[0]] for letter in migrate.incoming])
+        np.testing.assert_array_equal(np.sort(arrived), previous + 1000 * k)
+        assert not migrate.wants[0]
+        migrate.free()
+    pool.close()
 
 
 @pytest.mark.mpi(min_size=2)
@@ -182,9 +205,7 @@ def check_send_anywhere(world):
     outgoing = {int(peer): records(ids[destination == peer]) for peer in np.unique(destination)}
     arrived = ids_of(send_anywhere(world, outgoing, RECORD, tag(5, Channel.SHARDS)))
     everything = np.arange(TOTAL)
-    np.testing.assert_array_equal(
-        np.sort(arrived), everything[(everything * 7919) % world.size == world.rank]
-    )
+    np.testing.assert_array_equal(np.sort(arrived), everything[(everything * 7919) % world.size == world.rank])
     assert np.all(np.diff(arrived % world.size) >= 0)  # in the order of ranks
     assert send_anywhere(world, {}, RECORD, tag(6, Channel.SHARDS)) == []
 

@@ -105,10 +105,12 @@ def test_charge_is_exact_and_blocks_do_not_show(pool, shape, points):
     assert len(found) == 1
 
 
-def test_patches_hold_the_charge_of_all_particles(pool):
+@pytest.mark.parametrize("rotation", [0, pytest.param(1, marks=pytest.mark.validation)])
+def test_patches_hold_the_charge_of_all_particles(pool, rotation):
     """What push and deliver add up by the way is what a fresh deposit of everybody gives."""
     for shape in ("NGP", "CIC", "TSC"):
-        made = cloud(pool, free(2, shape), (40, 33), blocks=3, speed=5.0)
+        law = Law(2, shape, 2, 1, np.float64) if rotation else free(2, shape)
+        made = cloud(pool, law, (40, 33), blocks=3, speed=5.0)
         advance(made, 2)
         by_the_way = made.patches.copy()
         made.deposit_all()
