@@ -18,7 +18,7 @@ import toy_app  # noqa: E402
 
 from hpcpic.core.cli.app import App  # noqa: E402
 from hpcpic.core.cli.knobs import Choice, Knob, Knobs, Quantity  # noqa: E402
-from hpcpic.core.cli.main import build  # noqa: E402
+from hpcpic.core.cli.main import program  # noqa: E402
 from hpcpic.core.files.derived import Derived  # noqa: E402
 from hpcpic.core.files.schema import REQUIRED, Section, setting  # noqa: E402
 
@@ -111,4 +111,4 @@ APP = App(
 )
 
 if __name__ == "__main__":
-    build(lambda: APP, "errors", ErrorToy.title)()
+    program(lambda: APP, "errors", ErrorToy.title)

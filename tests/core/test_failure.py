@@ -173,3 +173,12 @@ def test_a_limit_of_address_space_is_told_before_libraries_meet_it(monkeypatch):
     require_room(lambda: float(1 << 40))
     with pytest.raises(HpcpicError, match=r"leaves \d+ MiB .* takes about 2147483648 MiB"):
         require_room(lambda: float(1 << 51))
+
+
+def test_no_memory_is_told_in_one_line(world, capfd):
+    def main(failure):
+        raise MemoryError("Unable to allocate 7 TiB")
+
+    assert guarded(world, main) == 1
+    told = capfd.readouterr().err
+    assert "no memory: Unable to allocate 7 TiB" in told and "Traceback" not in told

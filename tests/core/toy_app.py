@@ -20,7 +20,7 @@ import numpy as np
 
 from hpcpic.core.cli.app import App
 from hpcpic.core.cli.forecast import Estimate
-from hpcpic.core.cli.main import build
+from hpcpic.core.cli.main import program
 from hpcpic.core.errors import Diverged
 from hpcpic.core.files.arrays import FieldArray, ParticleArray, Shard
 from hpcpic.core.files.derived import Derived
@@ -208,4 +208,4 @@ APP = App(
 )
 
 if __name__ == "__main__":
-    build(lambda: APP, "toy", Toy.title)()
+    program(lambda: APP, "toy", Toy.title)

@@ -10,7 +10,7 @@ import sys
 import threading
 import time
 from collections.abc import Callable, Iterator, Mapping
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -109,7 +109,8 @@ class _Job:
             stop.close()
             if file:
                 log.ROOT.removeHandler(file)
-                file.close()
+                with suppress(OSError):  # what a full disk did not take
+                    file.close()
             if self.rundir:
                 self.rundir.unlock()
 
@@ -236,9 +237,8 @@ class _Job:
 
     def _say(self, text: str) -> None:
         assert self.rundir is not None
-        sys.stdout.write(text + "\n")
-        sys.stdout.flush()
-        with open(self.rundir.log, "a", encoding="utf-8") as file:
+        log.say(sys.stdout, text + "\n")
+        with suppress(OSError), open(self.rundir.log, "a", encoding="utf-8") as file:  # all of it is in run.json too
             file.write(text + "\n")
 
     def _note_failure(self, text: str, code: int) -> None:
@@ -254,7 +254,7 @@ class _Job:
                 write_post_mortem(self.rundir, what, where, self.going, self._replay(str(self.rundir.path)))
             self.rundir.finish(**end, history=history)
         except (HpcpicError, OSError):
-            sys.stderr.write(f"{self.rundir.run_json} could not be written\n")
+            log.write_error(f"{self.rundir.run_json} could not be written\n")
 
 
 @contextmanager

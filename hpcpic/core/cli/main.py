@@ -4,10 +4,13 @@ from __future__ import annotations
 
 import atexit
 import ctypes
+import errno
 import gc
+import io
 import os
 import sys
 from collections.abc import Callable, Sequence
+from contextlib import suppress
 from importlib import import_module
 from typing import Any
 
@@ -94,15 +97,30 @@ class Face(click.Group):
         except HpcpicError as error:
             self.leave(error)
         except OSError as error:
-            if error.filename is None:
+            if error.filename is None and error.errno not in (errno.ENOSPC, errno.EDQUOT):
                 raise
-            self.leave(FileError(f"{error.filename}: {error.strerror}"))
+            self.leave(FileError(f"{error.filename or 'the output'}: {error.strerror}"))
 
     def leave(self, error: HpcpicError) -> None:
         """Say the error once and exit with its code."""
         if not launcher_rank():
             click.echo(error.message, err=True)
         sys.exit(error.exit_code)
+
+
+def steady_streams() -> None:
+    """Streams that were closed lead nowhere, as files opened later would take their place; letters that the terminal
+    cannot show are shown as escapes.
+    """
+    for number, name in enumerate(("stdin", "stdout", "stderr")):
+        try:
+            os.fstat(number)
+        except OSError:
+            os.open(os.devnull, os.O_RDWR)  # takes the lowest free number, which this is
+            setattr(sys, name, open(number, "r+" if number == 0 else "w", closefd=False))  # noqa: SIM115
+    for stream in (sys.stdout, sys.stderr):
+        if isinstance(stream, io.TextIOWrapper):
+            stream.reconfigure(errors="backslashreplace")
 
 
 def build(app_loader: AppLoader, name: str, title: str) -> click.Group:
@@ -115,14 +133,16 @@ def program(app_loader: AppLoader, name: str, title: str) -> None:
     """The command group as a process. It ends when what Python and C libraries registered for the end is done: taking
     the interpreter apart, which the system does as well, costs half a second.
     """
+    steady_streams()
     try:
         build(app_loader, name, title)()
     except SystemExit as end:
         if not isinstance(end.code, int):
             raise
         code = end.code
-    sys.stdout.flush()
-    sys.stderr.flush()
+    for stream in (sys.stdout, sys.stderr):
+        with suppress(OSError):  # full, or gone: who had to know has been told
+            stream.flush()
     atexit._run_exitfuncs()
     mpi = sys.modules.get("mpi4py.MPI")
     if mpi and mpi.Is_initialized() and not mpi.Is_finalized():

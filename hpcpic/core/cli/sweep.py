@@ -138,8 +138,8 @@ def run_once(
     with open(output, "w", encoding="utf-8") as screen:
         words += ["--threads", str(threads), "--quiet"]
         code = start(app.program, words, ranks, stdout=screen, stderr=subprocess.STDOUT)
-    last = (output.read_text(errors="replace").strip().splitlines() or [""])[-1] if code not in (0, 5) else ""
-    return code, f"exit {code}  {last}"
+    told = output.read_text(encoding="utf-8", errors="replace").strip().splitlines()
+    return code, f"exit {code}  {told[-1] if told and code not in (0, 5) else ''}"
 
 
 def facts_of(rundir: RunDir) -> Mapping[str, Any]:

@@ -26,7 +26,7 @@ def read_header(path: str | os.PathLike) -> Header:
     """The header of a case file; what the file does not say is empty."""
     parts: dict[str, str] = {}
     key = ""
-    for line in Path(path).read_text(encoding="utf-8", errors="replace").splitlines():
+    for line in Path(path).read_text(encoding="utf-8-sig", errors="replace").splitlines():
         started = re.fullmatch(r"# (what|source|expected|time): *(.*)", line)
         if started:
             key = started[1]
@@ -46,11 +46,11 @@ def cases_in(folder: Path) -> dict[str, Path]:
 def find_case(case: str, shipped: Mapping[str, Path]) -> Path:
     """The file of a case given by path or by the name of a shipped case. Raises ConfigError."""
     path = Path(case)
-    if path.is_file():
+    if os.path.isfile(case):  # a name that is too long is none; Path would raise
         return path
     if case in shipped:
         return shipped[case]
-    if path.is_dir():
+    if os.path.isdir(case):
         hint = f"; its case is {path / 'config.conf'}" if (path / "config.conf").is_file() else ""
         raise ConfigError(f"{case}: a folder, not a case file{hint}")
     near = difflib.get_close_matches(case, shipped, 1)

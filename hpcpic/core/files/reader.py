@@ -136,7 +136,7 @@ class Run:
     def config(self) -> str:
         """config.conf, as used."""
         try:
-            return self.rundir.config.read_text()
+            return self.rundir.config.read_text(encoding="utf-8")
         except (OSError, UnicodeDecodeError) as error:
             raise FileError(f"{self.rundir.config}: cannot be read ({error})") from error
 

@@ -138,7 +138,7 @@ class RunDir:
     def open(cls, path: Path | str, program: str = "") -> "RunDir":
         """A folder that holds a run, of this `program` if one is named. Raises FileError when it does not."""
         rundir = cls(path)
-        if not rundir.path.is_dir():
+        if not os.path.isdir(path):  # which takes a name that is too long for none
             raise FileError(f"{path}: no such folder; `run` makes one")
         if not rundir.run_json.is_file():
             raise FileError(f"{path}: not a run folder (no run.json in it)")
@@ -173,7 +173,7 @@ class RunDir:
                 _remove(self.path / name)
             self.unlock()
         for folder in made:
-            if folder.is_dir() and not any(folder.iterdir()):
+            if os.path.isdir(folder) and not any(folder.iterdir()):
                 folder.rmdir()
 
     def lock(self) -> None:
@@ -251,7 +251,7 @@ class RunDir:
 
 def _missing_parents(path: Path) -> list[Path]:
     """The folders that do not exist yet, innermost first."""
-    return [folder for folder in (path, *path.parents) if not folder.exists()]
+    return [folder for folder in (path, *path.parents) if not os.path.exists(folder)]
 
 
 def _probe(folder: Path) -> None:

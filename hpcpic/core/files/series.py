@@ -169,7 +169,7 @@ def read_series(folder: Path | str) -> Series:
 def read_csv(path: Path | str) -> Series:
     """A series.csv: a row of names, a row of units, numbers. Raises FileError."""
     try:
-        with open(path, newline="") as file:
+        with open(path, newline="", encoding="utf-8") as file:
             names, units, *rows = list(csv.reader(file))
         table = np.array(rows, np.float64).reshape(len(rows), len(names))
     except (OSError, ValueError) as error:

@@ -25,6 +25,7 @@ from pathlib import Path
 
 from hpcpic.core.comm.world import World
 from hpcpic.core.errors import CheckFailed, ConfigError, Diverged, FileError, HpcpicError
+from hpcpic.core.run.log import write_error
 
 MIB = 1 << 20
 LOSER_SECONDS = 5.0  # how long a rank waits for the one that tells to end it
@@ -107,6 +108,8 @@ class Failure:
         who = f"rank {self.world.rank} of {self.world.size}{where}"
         if isinstance(error, HpcpicError):
             text = f"{who}: {error.message}\n"
+        elif isinstance(error, MemoryError):
+            text = f"{who}: no memory: {error or 'the system gives no more'}; `estimate` tells what a run takes\n"
         elif isinstance(error, SystemExit):
             text, code = f"{who} left by sys.exit({error.code!r})\n", _exit_code(error)
         else:
@@ -119,7 +122,7 @@ class Failure:
         if not self._lock.acquire(blocking=False):
             time.sleep(LOSER_SECONDS)  # another thread of this rank is telling
         if self._first():
-            os.write(2, text.encode())
+            write_error(text)
             if self.on_failure:
                 self.on_failure(text, code)
         else:
@@ -166,7 +169,7 @@ def guarded(world: World, main: Callable[[Failure], int]) -> int:
         return main(failure)
     except Agreed as agreed:
         if world.rank == 0:
-            os.write(2, (agreed.error.message + "\n").encode())
+            write_error(agreed.error.message + "\n")
         return agreed.error.exit_code
     except (
         BaseException
@@ -214,7 +217,7 @@ class Watchdog:
                 what = f"nothing went on for {self._waited:.0f} s"
                 self._file.write(f"Timeout: {what}\n".encode())
                 faulthandler.dump_traceback(self._file)
-                os.write(2, f"rank {self.rank}: {what}; what it was doing stands in {self.path}\n".encode())
+                write_error(f"rank {self.rank}: {what}; what it was doing stands in {self.path}\n")
                 os._exit(1)
 
     def close(self) -> None:

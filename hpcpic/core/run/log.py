@@ -7,7 +7,9 @@ from __future__ import annotations
 import logging
 import os
 import sys
+from contextlib import suppress
 from pathlib import Path
+from typing import TextIO
 
 _FORMAT = "%(asctime)s %(levelname)s %(name)s: %(message)s"
 ROOT = logging.getLogger("hpcpic")
@@ -19,7 +21,20 @@ class _Whole(logging.Handler):
 
     def emit(self, record: logging.LogRecord) -> None:
         sys.stderr.flush()
-        os.write(2, (self.format(record) + "\n").encode(errors="replace"))
+        write_error(self.format(record) + "\n")
+
+
+def write_error(text: str) -> None:
+    """One write to standard error. One that is full, or whose reader has gone, changes nothing else."""
+    with suppress(OSError):
+        os.write(2, text.encode(errors="replace"))
+
+
+def say(screen: TextIO, text: str) -> None:
+    """Write on the screen. One that is full, or whose reader has gone, ends no run."""
+    with suppress(OSError):
+        screen.write(text)
+        screen.flush()
 
 
 class Collected(logging.Handler):

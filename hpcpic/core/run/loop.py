@@ -318,7 +318,7 @@ def write_post_mortem(rundir: RunDir, what: str, where: str, app: Any, replay: s
         f"when       seen at step {app.iteration}, t = {app.time!r} s\n"
         f"kept       {'none: start again with `run`' if kept is None else f'checkpoint of step {kept}'}\n"
     ) + (f"replay     {replay}\n" if kept is not None else "")
-    (rundir.path / "post-mortem.txt").write_text(text)
+    (rundir.path / "post-mortem.txt").write_text(text, encoding="utf-8")
 
 
 def _rates(facts: Mapping[str, Any]) -> dict[str, Any]:

@@ -11,6 +11,8 @@ import time
 from collections.abc import Mapping
 from typing import TextIO
 
+from hpcpic.core.run.log import say
+
 PERCENT = 5.0
 LEAST_SECONDS = 2.0
 MOST_SECONDS = 600.0
@@ -101,15 +103,13 @@ class Progress:
         self.lines += 1
         if self.live:
             line = line[: shutil.get_terminal_size().columns - 1]  # a wrapped line cannot be rewritten
-            self.stream.write("\r" + line.ljust(self._width))
+            say(self.stream, "\r" + line.ljust(self._width))
             self._width = len(line)
         else:
-            self.stream.write(line + "\n")
-        self.stream.flush()
+            say(self.stream, line + "\n")
 
     def clear(self) -> None:
         """Take the rewritten line away before something else is written."""
         if self.live and self._width:
-            self.stream.write("\r" + " " * self._width + "\r")
-            self.stream.flush()
+            say(self.stream, "\r" + " " * self._width + "\r")
             self._width = 0
