@@ -97,7 +97,7 @@ def conservation(run: Run, step: int | None = None) -> Figure:
         axes.set_yscale("log")
         axes.set(xlabel="time, s", ylabel="relative departure", title="Conservation")
         axes.set_xlim(t[0], t[-1])
-        axes.legend(ncols=4, loc="lower right", bbox_to_anchor=(1.0, 1.0), borderaxespad=0.1, columnspacing=1.0)
+        figure.legend(ncols=4, loc="outside lower center")  # too wide to stand beside the title
         return figure
 
 

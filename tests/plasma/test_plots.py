@@ -7,6 +7,7 @@ import re
 
 import numpy as np
 import pytest
+from figure_texts import unreadable
 from plasma_reference import make_run
 
 from hpcpic.core.cli.figures import NoData, overlay_figure, save, svg, thinned, timers_figure
@@ -42,6 +43,7 @@ def test_every_figure_can_be_made_and_says_what_its_axes_are(run, name, tmp_path
     assert (tmp_path / f"{name}.png").read_bytes().startswith(b"\x89PNG")
     labels = " ".join(axes.get_xlabel() + " " + axes.get_ylabel() for axes in figure.axes)
     assert re.search(r", (s|m|m/s|rad/m|%)\s", labels + " "), labels
+    assert not unreadable(figure)
 
 
 @pytest.mark.parametrize("name", [name for name, plot in PLOTS.items() if plot.steps])

@@ -5,6 +5,7 @@ import sys
 
 import numpy as np
 import pytest
+from figure_texts import unreadable
 
 from hpcpic.core.cli.figures import NoData, save
 from hpcpic.core.files.reader import open_run
@@ -37,11 +38,13 @@ def test_figures_of_a_run(name, tmp_path):
     run, made = run_of(name, tmp_path / "run"), set()
     for what, plot in PLOTS.items():
         try:
-            save(plot.make(run, None), tmp_path / f"{what}.png")
+            figure = plot.make(run, None)
+            save(figure, tmp_path / f"{what}.png")
         except NoData as reason:
             assert str(reason)
             continue
         assert (tmp_path / f"{what}.png").stat().st_size > 4000
+        assert not unreadable(figure)
         made.add(what)
     assert made == EXPECTED[name]
     steps = PLOTS["sequence"].steps(run)

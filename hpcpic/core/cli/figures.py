@@ -226,7 +226,7 @@ def timers_figure(timers: Mapping[str, Mapping[str, float]]) -> Figure:
         for row, (share, over) in enumerate(zip(shares, spread[1])):
             axes.annotate(f"{share:.1f} %", (share + over, row), (6, 0), textcoords="offset points", va="center")
         axes.set_xlabel("share of the wall time, %")
-        axes.set_xlim(0, 1.2 * max(shares))
+        axes.set_xlim(0, 1.2 * max(share + over for share, over in zip(shares, spread[1])))
         axes.grid(axis="y", visible=False)
         return figure
 
