@@ -30,7 +30,9 @@ def test_commas_in_brackets_and_quotes_do_not_split():
     assert split('[1,2],"a,b",3') == ["[1,2]", '"a,b"', "3"]
 
 
-@pytest.mark.parametrize("sets, zipped", [(["a"], False), (["a=1,2", "b=1"], True), (["a=x:y:3"], False)])
+@pytest.mark.parametrize(
+    "sets, zipped", [(["a"], False), (["a=1,2", "b=1"], True), (["a=x:y:3"], False), (["a=0:1:0"], False)]
+)
 def test_what_is_no_list_is_refused(sets, zipped):
     with pytest.raises(ConfigError):
         expand(sets, zipped)
@@ -55,6 +57,19 @@ def test_runs_of_another_sweep_are_not_replaced(toy):
     done = toy("sweep", "ring.conf", "-o", "s", "--set", "steps=10,20")
     assert done.returncode == 6 and "another sweep" in done.stderr
     assert toy.facts("s/0000") == before
+
+
+def test_runs_of_a_case_that_was_changed_since_are_no_part_of_the_table(toy):
+    assert toy("sweep", "ring.conf", "-o", "s", "--set", "steps=20").returncode == 0
+    (toy.folder / "ring.conf").write_text("steps = 200;\nrows = 40;\n")
+    done = toy("sweep", "ring.conf", "-o", "s", "--set", "steps=20")
+    assert done.returncode == 6 and "before it was changed" in done.stderr
+
+
+def test_under_mpirun_nothing_is_run(toy):
+    done = toy("sweep", "ring.conf", "-o", "s", "--set", "steps=20", ranks=2)
+    assert done.returncode == 2 and done.stderr.count("without mpirun") == 1
+    assert not (toy.folder / "s").exists()
 
 
 def test_a_stopped_run_goes_on(toy):

@@ -178,7 +178,7 @@ def test_a_recommendation_keeps_the_tolerance_without_luck_and_goes_on_where_it_
     assert ends and all("done before" in line for line in ends)
 
 
-def test_refusals_say_why(program):
+def test_refusals_say_why(program, tmp_path):
     quick = ("tradeoff", "-o", "out", "--knobs", "dt")
     for words, settings, code, text in (
         ((*quick, "--tolerance", "1e-9"), {}, 3, "the reference itself is known to"),
@@ -191,6 +191,7 @@ def test_refusals_say_why(program):
         done = program(*words, **settings)
         assert done.returncode == code and text in done.stderr, (words, done.stdout, done.stderr)
         assert "Traceback" not in done.stderr
+    assert not (tmp_path / "q").exists()  # no pilot for a quantity that is not there
 
 
 def test_a_scalar_at_the_end_is_a_quantity_and_noise_is_called_not_asymptotic(program, tmp_path):

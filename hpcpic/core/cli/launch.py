@@ -22,6 +22,14 @@ def launcher() -> str | None:
     return str(beside) if beside.exists() else shutil.which("mpirun")
 
 
+def refuse_launcher() -> None:
+    """For verbs that start runs of their own: each rank of an mpirun would start all of them. Raises ConfigError."""
+    from hpcpic.core.comm.world import launched_size
+
+    if launched_size(os.environ) > 1:
+        raise ConfigError("start this without mpirun; --ranks N gives every run N ranks")
+
+
 def launch(program: Sequence[str], arguments: Sequence[str], ranks: int, **settings: object) -> int:
     """Run the program and wait; its exit code. Raises ConfigError without a launcher for several ranks.
 

@@ -17,7 +17,7 @@ from typing import Any
 import click
 
 from hpcpic.core.cli.app import App, AppLoader
-from hpcpic.core.cli.launch import Start, launch
+from hpcpic.core.cli.launch import Start, launch, refuse_launcher
 from hpcpic.core.cli.read import read_case, set_option, shape_options
 from hpcpic.core.cli.text import table
 from hpcpic.core.errors import CheckFailed, ConfigError, FileError
@@ -46,6 +46,7 @@ def make_sweep_command(app_loader: AppLoader) -> click.Command:
 
         DIR/table.csv has a row per run. Called again it goes on where it stopped.
         """
+        refuse_launcher()
         app = app_loader()
         combinations = expand(sets, zipped)
         path = read_case(app, case, combinations[0]).path
@@ -87,7 +88,9 @@ def _values(assignment: str) -> tuple[str, list[str]]:
     try:
         low, high, n = float(found[1]), float(found[2]), int(found[3])
     except ValueError:
-        raise ConfigError(f"--set {assignment}: expected from:to:count") from None
+        n = 0
+    if not n:
+        raise ConfigError(f"--set {assignment}: expected from:to:count")
     return key, [repr(low + (high - low) * i / max(1, n - 1)) for i in range(n)]
 
 
@@ -118,9 +121,12 @@ def run_once(
     A finished one is left as it is, a stopped one goes on. flags: more words for `run`. Raises FileError.
     """
     facts = facts_of(rundir)
-    same = Path(facts.get("case", "")).name == Path(path).name and facts.get("sets") == list(sets)
+    same = facts.get("sets") == list(sets) and _is_of(app, path, sets, rundir)
     if rundir.run_json.exists() and not same:
-        raise FileError(f"{rundir.path} holds a run of another sweep; choose another folder with -o")
+        raise FileError(
+            f"{rundir.path} holds a run of another sweep, or of the case before it was changed; "
+            "choose another folder with -o"
+        )
     if same and facts.get("exit_code") == 0:
         return 0, "done before"
     if same and facts.get("exit_code") == 5:
@@ -140,6 +146,16 @@ def run_once(
         code = start(app.program, words, ranks, stdout=screen, stderr=subprocess.STDOUT)
     told = output.read_text(encoding="utf-8", errors="replace").strip().splitlines()
     return code, f"exit {code}  {told[-1] if told and code not in (0, 5) else ''}"
+
+
+def _is_of(app: App, path: str, sets: tuple[str, ...], rundir: RunDir) -> bool:
+    """Whether a run was made of this case as it is now: its files may have changed since."""
+    from hpcpic.core.files.schema import dump
+
+    try:
+        return rundir.config.read_text(encoding="utf-8") == dump(read_case(app, path, sets).config)
+    except (OSError, ConfigError):
+        return False
 
 
 def facts_of(rundir: RunDir) -> Mapping[str, Any]:

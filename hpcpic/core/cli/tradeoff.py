@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 import re
 from dataclasses import dataclass
 from pathlib import Path
@@ -11,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from hpcpic.core.cli.app import App, AppLoader
+from hpcpic.core.cli.launch import refuse_launcher
 from hpcpic.core.cli.read import Case, read_case, set_option, shape_options
 from hpcpic.core.cli.text import duration, table
 from hpcpic.core.errors import CheckFailed, ConfigError, FileError
@@ -99,7 +99,7 @@ def searched(app: App, asked: Asked, wanted: float) -> tuple[Search, Path]:
 
     read = read_case(app, asked.case, asked.sets)
     knobs = knobs_of(app, read)
-    quantity = chosen_quantity(knobs, asked.qoi)
+    quantity = chosen_quantity(app, read.config, knobs, asked.qoi)
     folder = Path(asked.output or Path("tradeoffs") / Path(read.path).stem)
     click.echo(f"{quantity.name}: {quantity.text}; pilots until t = {quantity.time:.4g} of {knobs.time:.4g} s")
     pilots = Pilots(app, read, asked.sets, knobs, folder, (asked.ranks, asked.threads))
@@ -134,16 +134,28 @@ def parse_seconds(text: str | None) -> float | None:
 
 def knobs_of(app: App, read: Case) -> Knobs:
     """Raises ConfigError for a program that has none, and under mpirun."""
-    from hpcpic.core.comm.world import launched_size
-
-    if launched_size(os.environ) > 1:
-        raise ConfigError("start this without mpirun; --ranks N gives every pilot N ranks")
+    refuse_launcher()
     if app.knobs is None:
         raise ConfigError(f"{app.name} has no knobs to turn")
     return app.knobs(read.config)
 
 
-def chosen_quantity(knobs: Knobs, name: str | None) -> Quantity:
+def scalars_of(app: App, config: Any) -> list[str]:
+    """Names of the series of a case: of a simulator that is set up and takes no step."""
+    from hpcpic.core.comm.world import World
+    from hpcpic.core.tasks import Pool
+    from hpcpic.core.timers import Timers
+
+    pool = Pool(1)
+    try:
+        made = app.load()(config, World.alone(), pool, Timers())
+        made.close()
+        return list(made.scalar_units)
+    finally:
+        pool.close()
+
+
+def chosen_quantity(app: App, config: Any, knobs: Knobs, name: str | None) -> Quantity:
     """By name, or the first; any scalar of the series at the end of the run is one. Raises ConfigError."""
     from hpcpic.core.cli.knobs import Quantity
 
@@ -153,11 +165,11 @@ def chosen_quantity(knobs: Knobs, name: str | None) -> Quantity:
     for quantity in known:
         if quantity.name == name:
             return quantity
+    scalars = scalars_of(app, config)
+    if name not in scalars:
+        raise ConfigError(f"--qoi {name}: there are {', '.join([*(q.name for q in known), *scalars])}")
 
     def last(series: Series) -> float:
-        if name not in series:
-            listed = ", ".join([*(q.name for q in known), *series])
-            raise ConfigError(f"--qoi {name}: there are {listed}")
         return float(series[name][-1])
 
     return Quantity(name, f"{name} at the end", knobs.time, last)
