@@ -176,17 +176,16 @@ class _Job:
 
     def _take_up(self, app: Any, reader: checkpoint.Reader, plan: Plan) -> None:
         """Go on from a checkpoint. Collective; raises Agreed."""
+        step = reader.time / max(reader.step, 1)  # on average
         if app.n_steps is None:  # whose last step ends a little after the end
-            step = reader.time / max(reader.step, 1)
-            beyond = app.end_time < reader.time - 2.0 * step
+            end, beyond = app.end_time, app.end_time < reader.time - 2.0 * step
         else:
-            beyond = app.n_steps < reader.step
+            end, beyond = app.n_steps * step, app.n_steps < reader.step
         if beyond:
-            asked = f"t = {app.end_time:g} s" if app.n_steps is None else f"step {app.n_steps}"
             raise Agreed(
                 ConfigError(
                     f"{plan.folder}: the checkpoint is of step {reader.step}, t = {reader.time:g} s, "
-                    f"beyond the end asked for ({asked})"
+                    f"beyond the end asked for, t = {end:g} s"
                 )
             )
         app.restore(reader)

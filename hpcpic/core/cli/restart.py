@@ -71,8 +71,9 @@ def _config(
             )
     before = validate(app.schema(), load(rundir.config))
     if until is not None:
-        if not math.isfinite(until):
-            raise ConfigError(f"--until {until}: must be a time in seconds")
+        forwards = app.time_step is None or app.time_step(before) > 0
+        if not math.isfinite(until) or (until < 0) == forwards:
+            raise ConfigError(f"--until {until:g}: must be a time in s after the start of the run, t = 0")
         sets = (*sets, *app.until(before, until))
     tree = load(rundir.config, sets)
     config = validate(app.schema(), tree)
