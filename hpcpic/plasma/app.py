@@ -11,9 +11,12 @@ if TYPE_CHECKING:
     from hpcpic.plasma.config import PlasmaConfig
 
 
+MOST_CYCLES = 2.0**62  # that a case file can say
+
+
 def until(config: PlasmaConfig, t: float) -> tuple[str, ...]:
     """The number of steps that ends at time t [s], as --set says it."""
-    return (f"simulation.cycles={max(1, round(t / config.simulation.time_step))}",)
+    return (f"simulation.cycles={max(1, round(min(t / config.simulation.time_step, MOST_CYCLES)))}",)
 
 
 def grow(config: PlasmaConfig, factor: int) -> tuple[str, ...]:

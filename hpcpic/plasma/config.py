@@ -7,15 +7,14 @@ understood; `completed` replaces them by the present ones.
 
 import math
 from collections.abc import Iterator
-from typing import Annotated, ClassVar, Literal
-
-from pydantic import Field
+from typing import ClassVar, Literal
 
 from hpcpic.core.files.config import Path, Tree
 from hpcpic.core.files.schema import REQUIRED, Counts, Integers, Lengths, Section, Vector, setting
 
 InitMethod = Literal["default", "random position", "position delta", "harmonic two electrons", "quiet"]
-Period = Annotated[int, Field(ge=0)]
+MOST_PARTICLES = 2**32  # of a species: their numbers have 32 bits
+MOST_POINTS = 2**31 - 1  # of an axis: FFTW counts so far
 
 
 class SeriesPeriod(Section):
@@ -81,7 +80,7 @@ class Perturbation(Section):
 
 class Species(Section):
     name: str = setting("", "name in the output; by default species_1, species_2, ...")
-    particles: int = setting(REQUIRED, "number of macro-particles", ge=0)
+    particles: int = setting(REQUIRED, "number of macro-particles", ge=0, le=MOST_PARTICLES)
     charge: float = setting(REQUIRED, "charge of a macro-particle", "C")
     mass: float = setting(REQUIRED, "mass of a macro-particle", "kg", gt=0)
     drift_velocity: Vector = setting(
@@ -198,10 +197,12 @@ class PlasmaConfig(Section):
             vector = getattr(self.field, name)
             if len(vector) != 3:
                 yield ("field", name), f"needs 3 numbers, one per axis x, y, z (got {len(vector)})"
-        names = [species.name for species in self.species]
+        names = [name_of(species, i) for i, species in enumerate(self.species)]
         for i, species in enumerate(self.species):
-            if species.name and species.name in names[:i]:
-                yield ("species", i, "name"), f"{species.name!r} is taken by an earlier species"
+            if names[i] in names[:i]:
+                yield ("species", i, "name"), f"{names[i]!r} is taken by an earlier species"
+            if "/" in names[i] or names[i] in (".", ".."):
+                yield ("species", i, "name"), f"{names[i]!r} would be a path in the files of a run"
             for key, text in species_faults(species, d):
                 yield ("species", i, *key), text
 
@@ -216,6 +217,8 @@ class PlasmaConfig(Section):
             vector = getattr(grid, name)
             if vector is not None and len(vector) != d:
                 yield ("grid", name), f"needs {d} number(s) in {d}D (got {len(vector)})"
+            elif vector is not None and max(vector) > MOST_POINTS:
+                yield ("grid", name), f"at most {MOST_POINTS} on an axis (got {max(vector)})"
 
     def completed(self) -> "PlasmaConfig":
         d, grid = self.dimensions, self.grid
@@ -277,12 +280,17 @@ def species_faults(species: Species, d: int) -> Iterator[tuple[Path, str]]:
             yield ("perturbation", "mode"), "must not be zero on every axis"
 
 
+def name_of(species: Species, i: int) -> str:
+    """The name of species[i], given or by default."""
+    return species.name or f"species_{i + 1}"
+
+
 def completed_species(species: Species, i: int, d: int) -> Species:
     """Name given and vectors of full length."""
     zeros = (0.0,) * 3
     return species.model_copy(
         update={
-            "name": species.name or f"species_{i + 1}",
+            "name": name_of(species, i),
             "drift_velocity": (species.drift_velocity + zeros)[:3],
             "position_init": species.position_init or zeros[:d],
             "position_delta": species.position_delta or zeros[:d],

@@ -128,6 +128,21 @@ def test_openpmd_follows_the_snapshots_and_checkpoints_have_their_own_period():
     assert (config.periods["openpmd"], config.periods["checkpoint"]) == (4, 7)
 
 
+def test_a_name_by_default_is_taken_too():
+    first = '{ name = "species_2"; particles = 2; charge = 1.0; mass = 1.0; },'
+    text = CASE.replace("species = (", f"species = ( {first}")
+    assert any("'species_2' is taken by an earlier species" in message for message in faults_of(text))
+
+
+@pytest.mark.parametrize("until, cycles", [(1.0, 10), (-3.0, 1), (1e308, 2**62)])
+def test_any_time_is_a_number_of_steps_that_a_case_can_say(until, cycles):
+    from hpcpic.plasma.app import APP
+
+    config, _ = read(sets=["simulation.time_step=0.1"])
+    sets = APP.until(config, until)
+    assert sets == (f"simulation.cycles={cycles}",) and read(sets=sets)[0].simulation.cycles == cycles
+
+
 @pytest.mark.parametrize(
     "sets, components",
     [
@@ -194,6 +209,10 @@ def test_all_bad_settings_are_told_at_once_with_their_places():
         ("simulation.dimensions=1", "simulation.space_length: needs 1 number(s) in 1D (got 2)"),
         ("grid.points=[16]", "grid.points: needs 2 number(s) in 2D (got 1)"),
         ("grid.blocks=[16, 8]", "grid.blocks: give either points, or blocks and blocksize"),
+        ("grid.points=[16, 2147483648]", "grid.points: at most 2147483647 on an axis"),
+        ("species[0].particles=4294967297", "species[0].particles: must be less than or equal to 4294967296"),
+        ('species[0].name="ions/hot"', "species[0].name: 'ions/hot' would be a path"),
+        ('species[0].name=".."', "species[0].name: '..' would be a path"),
         ("grid={}", "grid: needs points"),
         ("grid={blocks=[4,4]}", "grid.blocks: needs points"),
         ("field.magnetic=[0, 1]", "field.magnetic: needs 3 numbers"),
