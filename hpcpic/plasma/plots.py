@@ -116,7 +116,8 @@ def chosen_mode(run: Run) -> int:
     for species in config_of(run).species:
         if species.perturbation and f"mode_{species.perturbation.mode[0]}" in names:
             return species.perturbation.mode[0]
-    return max((float(np.nanmax(run.series[name])), int(name[5:])) for name in names)[1]
+    _, *amplitudes = columns_of(run, *names)
+    return max((float(amplitude.max()), int(name[5:])) for name, amplitude in zip(names, amplitudes))[1]
 
 
 def modes(run: Run, step: int | None = None) -> Figure:

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import json
 import re
 import shutil
 import subprocess
 from html.parser import HTMLParser
 
+import h5py
 import pytest
 from click.testing import CliRunner
 from plasma_reference import make_run
@@ -120,6 +122,21 @@ def test_several_runs_are_laid_beside_each_other(folders, tmp_path):
     assert ">0.05<" in page and ">0.04<" in page
     assert 1 <= page.count("<figure>") <= 8
     assert "<script>" not in page
+
+
+def test_a_run_that_has_just_begun_has_a_page_alone_and_beside_others(folders, tmp_path):
+    """Its series has no rows yet, nor has one that was asked for none."""
+    begun, silent = (shutil.copytree(folders[0], tmp_path / name) for name in ("begun", "silent"))
+    with h5py.File(begun / "series.h5", "r+") as file:
+        for name in file:
+            file[name].resize(0, axis=0)
+    (silent / "series.h5").unlink()
+    for runs in ((begun,), (silent,), (begun, folders[1]), (silent, folders[1])):
+        done = report(*runs, "-o", tmp_path / "page.html")
+        assert done.exit_code == 0, done.output
+    facts = json.loads((begun / "run.json").read_text())
+    (begun / "run.json").write_text(json.dumps(facts | {"timers": None, "conservation": None}))
+    assert report(begun, "-o", tmp_path / "page.html").exit_code == 0
 
 
 def test_a_folder_without_a_run_is_a_file_error(tmp_path):

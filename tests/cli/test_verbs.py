@@ -7,6 +7,7 @@ import sys
 from importlib import import_module
 from types import SimpleNamespace
 
+import h5py
 import numpy as np
 import pytest
 from app_runner import launch
@@ -186,6 +187,24 @@ def test_compare_of_runs_of_different_length_is_exit_3(toy):
         toy("run", "ring.conf", "-o", name, "--threads", "1", steps=steps)
     done = toy("compare", "a", "b")
     assert done.returncode == 3 and "different steps" in done.stderr
+
+
+def test_compare_of_runs_without_output_looks_at_their_final_states(toy):
+    for name, courant in (("a", 0.25), ("b", 0.25), ("c", 0.5)):
+        toy("run", "ring.conf", "-o", name, "--threads", "1", courant=courant, steps=9, output__series=0)
+    assert toy("compare", "a", "b").returncode == 0
+    assert toy("compare", "a", "c").returncode == 3
+    assert toy("compare", "a", "b", "--tol", "-1").returncode == 2
+
+
+def test_compare_with_a_run_that_has_just_begun_is_exit_3(toy):
+    for name in ("a", "b"):
+        toy("run", "ring.conf", "-o", name, "--threads", "1", steps=9, output__field=3, output__particle=3)
+    for name in ("fields", "particles"):
+        with h5py.File(toy.folder / f"b/{name}.vtkhdf", "r+") as file:
+            file["VTKHDF/Steps"].attrs.modify("NSteps", 0)
+    done = toy("compare", "a", "b")
+    assert done.returncode == 3 and "fields: last snapshot of step 9 and None" in done.stderr, done.stderr
 
 
 def test_export_writes_what_other_programs_read(toy):

@@ -137,3 +137,8 @@ def test_the_table_has_what_a_user_looks_for():
         assert part in text
     told = summary.render({**FACTS, "program": "sph", "folder": "a b"})
     assert told.endswith("sph plot 'a b'; sph report 'a b'")
+
+
+@pytest.mark.parametrize("history", [5, None, "running", {"status": "running"}, [7, {"status": "running"}]])
+def test_the_history_of_a_file_that_anybody_wrote(history):
+    assert [part["status"] for part in summary.settled(history)] == ["killed"] * isinstance(history, list)

@@ -34,7 +34,7 @@ def make_compare_command(app_loader: AppLoader) -> click.Command:
     @click.argument("b")
     @click.option(
         "--tol",
-        type=float,
+        type=click.FloatRange(0),
         default=1e-12,
         show_default=True,
         help="Largest difference relative to the largest value.",
@@ -63,7 +63,7 @@ def make_compare_command(app_loader: AppLoader) -> click.Command:
         for text in missing:
             click.echo(text)
         beyond = [d.what for d in differences if _verdict(d, tol) == "fail"]
-        if beyond or missing or not differences:
+        if beyond or missing or not (differences or same):
             reasons = [*beyond, *missing] or ["nothing in common to compare"]
             raise CheckFailed(f"beyond the tolerance {tol:g}: {', '.join(reasons)}")
 
@@ -150,10 +150,10 @@ def _same_last(kind: str, a: Run, b: Run) -> Generator[str, None, bool]:
         yield f"{kind}: only in {a.path if have[0] else b.path}"
     if not all(have):
         return False
-    steps = [int(getattr(run, f"{kind[:-1]}_snapshots").steps[-1]) for run in (a, b)]
-    if steps[0] != steps[1]:
-        yield f"{kind}: last snapshot of step {steps[0]} and {steps[1]}"
-    return steps[0] == steps[1]
+    last = [next(iter(getattr(run, f"{kind[:-1]}_snapshots").steps[::-1].tolist()), None) for run in (a, b)]
+    if last[0] != last[1]:
+        yield f"{kind}: last snapshot of step {last[0]} and {last[1]}"
+    return last[0] == last[1] is not None
 
 
 def _print_configs(a: Run, b: Run) -> None:

@@ -236,9 +236,9 @@ TIMERS = Plot("Where the time went", timers)
 
 def overlay_figure(runs: Mapping[str, Run], name: str) -> Figure:
     """One scalar of several runs in time; logarithmic when it is positive and spans over two decades."""
-    found = {label: run for label, run in runs.items() if name in run.series}
+    found = {label: run for label, run in runs.items() if len(run.series.get(name, ()))}
     if not found:
-        raise NoData(f"no run has the series {name}")
+        raise NoData(f"no run has values of {name}")
     with style():
         figure, axes = new_figure(size=(6.4, 3.2))
         lowest, highest = np.inf, 0.0

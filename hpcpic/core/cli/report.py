@@ -198,7 +198,7 @@ def _derived(facts: Mapping[str, Any]) -> Table:
 
 def _conserved(facts: Mapping[str, Any]) -> Table:
     rows = []
-    for name, entry in facts.get("conservation", {}).items():
+    for name, entry in (facts.get("conservation") or {}).items():
         relative = number(entry["relative"]) if "relative" in entry else "—"
         values = (number(entry[key], 9) for key in ("first", "last"))
         rows.append((name.replace("_", " "), *values, number(entry["change"]), relative))
@@ -214,7 +214,7 @@ def _timers(facts: Mapping[str, Any]) -> Table:
             f"{100 * row['share']:.1f} %",
             _count(row["calls"]) if row.get("calls") else "",
         )
-        for name, row in facts.get("timers", {}).items()
+        for name, row in (facts.get("timers") or {}).items()
     ]
     head = ("section", "least s", "mean s", "most s", "share", "calls")
     return Table(
@@ -277,10 +277,13 @@ def several_runs(app: App, runs: Mapping[str, Run]) -> Page:
 
 
 def _overlays(runs: Mapping[str, Run]) -> list[Drawn]:
-    from hpcpic.core.cli.figures import NoData, overlay_figure, svg
+    from hpcpic.core.cli.figures import NoData, overlay_figure, series_of, svg
 
     drawn: list[Drawn] = []
-    common = [set(run.series) for run in runs.values()]
+    try:
+        common = [set(series_of(run)) for run in runs.values()]
+    except NoData:  # a run without series has nothing to be laid over
+        return []
     for name in next(iter(runs.values())).series:
         if len(drawn) == OVERLAYS or not all(name in names for names in common):
             continue
@@ -326,10 +329,10 @@ def _results(runs: Mapping[str, Run]) -> Table:
 def _conservation_of(runs: Mapping[str, Run]) -> Table:
     names: dict[str, None] = {}
     for run in runs.values():
-        names |= dict.fromkeys(run.summary.get("conservation", {}))
+        names |= dict.fromkeys(run.summary.get("conservation") or {})
     rows = []
     for name in names:
-        entries = [run.summary.get("conservation", {}).get(name, {}) for run in runs.values()]
+        entries = [(run.summary.get("conservation") or {}).get(name, {}) for run in runs.values()]
         rows.append((name.replace("_", " "), *(number(e.get("relative", e.get("change"))) for e in entries)))
     note = "Largest change, relative to the start where that is not zero."
     return Table("Conservation", ("", *runs), rows, tuple(range(1, len(runs) + 1)), note)

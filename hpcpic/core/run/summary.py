@@ -10,7 +10,7 @@ import shlex
 import statistics
 import time
 from array import array
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Collection, Mapping
 from datetime import UTC, datetime
 from typing import TYPE_CHECKING, Any
 
@@ -232,9 +232,11 @@ def part(facts: Mapping[str, Any]) -> dict[str, Any]:
     return {key: facts.get(key) for key in PART}
 
 
-def settled(history: Sequence[Any]) -> list[Mapping[str, Any]]:
-    """The history when nobody runs: a part that still says "running" was killed, and how far it came is not known."""
-    parts = [entry for entry in history if isinstance(entry, Mapping)]
+def settled(history: Any) -> list[Mapping[str, Any]]:
+    """The history in run.json, that of anybody, when nobody runs: a part that still says "running" was killed, and how
+    far it came is not known.
+    """
+    parts = [entry for entry in history if isinstance(entry, Mapping)] if isinstance(history, list) else []
     end = {"status": "killed", "reason": "it left without a word"}
     return [{**entry, **end} if entry.get("status") == "running" else entry for entry in parts]
 
