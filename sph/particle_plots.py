@@ -19,6 +19,7 @@ if TYPE_CHECKING:
 
 PANELS = 6
 PIXELS = 720  # width of a rendered picture
+SMALL = 0.02  # m: boxes below are told in mm
 THEORY: dict[str, Any] = {"color": INK, "linewidth": 1.0}
 
 
@@ -87,7 +88,7 @@ def _panels_2d(run: Run, snapshots: Particles, numbers: Sequence[int]) -> Figure
     least, most = (0.0, ends[:, 1].max()) if ends[:, 0].min() > -0.1 * ends[:, 1].max() else (ends.min(), ends.max())
     figure, axes = new_figure(lines, columns, (width * columns + 0.6, lines * (tall + 0.5) + 0.4), squeeze=False,
                               sharex=True, sharey=True)  # fmt: skip
-    inches = (width - 0.7) / (high - low)[0]
+    inches = min((width - 0.7) / (high - low)[0], tall / (high - low)[1])
     size = max(0.3, (config_of(run).numerics.spacing * inches * 72 * 0.95) ** 2)
     for axis, number, particles in zip(axes.flat, numbers, found):
         x, walls = particles["position"], walls_at(run, snapshots, number)
@@ -104,10 +105,15 @@ def _panels_2d(run: Run, snapshots: Particles, numbers: Sequence[int]) -> Figure
         axis.grid(visible=False)
     for axis in axes.flat[len(numbers) :]:
         axis.set_visible(False)
-    for axis in axes[-1]:
-        axis.set_xlabel("x, m")
+    metre, unit = (1e3, "mm") if (high - low).max() < SMALL else (1.0, "m")
+    for axis in axes.flat:
+        for way in (axis.xaxis, axis.yaxis):
+            way.set_major_formatter(lambda value, _: f"{value * metre:.4g}")
+    for axis in axes.flat[len(numbers) - columns : len(numbers)]:  # the lowest of each column
+        axis.set_xlabel(f"x, {unit}")
+        axis.tick_params(labelbottom=True)
     for axis in axes[:, 0]:
-        axis.set_ylabel("y, m")
+        axis.set_ylabel(f"y, {unit}")
     figure.colorbar(dots, ax=axes, label="pressure, Pa", pad=0.01, aspect=30)
     return figure
 

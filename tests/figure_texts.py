@@ -7,7 +7,10 @@ from matplotlib.text import Text
 
 
 def unreadable(figure: Figure) -> list[str]:
-    """Texts that leave the figure and pairs that cover each other; numbers of axes are matplotlib's own care."""
+    """Texts that leave the figure and pairs that cover each other, by more than the two pixels to which layouts are exact.
+
+    Numbers of axes are the care of matplotlib.
+    """
     figure.canvas.draw()
     renderer = figure.canvas.get_renderer()
     ticks = {
@@ -17,8 +20,10 @@ def unreadable(figure: Figure) -> list[str]:
         for tick in (*axis.get_major_ticks(), *axis.get_minor_ticks())
         for label in (tick.label1, tick.label2)
     }
-    texts = [text for text in figure.findobj(Text) if text.get_visible() and text.get_text().strip()]
-    places = [(text.get_text(), text.get_window_extent(renderer).padded(-1)) for text in texts if text not in ticks]
+    hidden = {text for axes in figure.axes if not axes.get_visible() for text in axes.findobj(Text)}
+    texts = [text for text in figure.findobj(Text) if text not in ticks | hidden]
+    texts = [text for text in texts if text.get_visible() and text.get_text().strip()]
+    places = [(text.get_text(), text.get_window_extent(renderer).padded(-2)) for text in texts]
     x0, y0, x1, y1 = figure.bbox.extents
     outside = [
         words for words, at in places if not (x0 <= at.x0 and at.x1 <= x1 and y0 <= at.y0 and at.y1 <= y1)

@@ -88,6 +88,8 @@ def conservation(run: Run, step: int | None = None) -> Figure:
     if "energy_total" in config.conserved:
         lines.insert(0, ("energy", analysis.relative_drift(total)))
     lines += [(name.replace("_", " "), analysis.relative_drift(run.series[name], scale)) for name in momenta]
+    if not any(values.any() for _, values in lines):
+        raise NoData(f"exact: {', '.join(name for name, _ in lines)}")
     with style():
         figure, axes = new_figure(size=(6.4, 3.6))
         for (name, values), colour in zip(lines, COLOURS):

@@ -90,6 +90,13 @@ def test_orbits_follow_each_particle_and_stop_at_the_edge_of_the_box(tmp_path):
     assert paths[0][0] == alone.particles("electrons", 0)["position"][0, 0]
 
 
+def test_nothing_is_drawn_of_what_is_exact(tmp_path):
+    """A force from outside: energy and momentum are not kept."""
+    run = open_run(make_run(shipped_cases()["exb-drift"], tmp_path / "a", ("simulation.cycles=20",)))
+    with pytest.raises(NoData, match="exact: charge"):
+        PLOTS["conservation"].make(run, None)
+
+
 def test_many_particles_are_no_orbits(run):
     with pytest.raises(NoData, match="at most 16 particles"):
         PLOTS["orbits"].make(run, None)
