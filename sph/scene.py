@@ -100,7 +100,7 @@ class Wall:
         return {face for face in faces if face[0] not in periodic} - set(box.open if box else ())
 
     def flat_faces(self) -> list[Face]:
-        """Of a plane or a box; raises ValueError for other shapes."""
+        """Of a plane or a box."""
         scene, shape, d = self.scene, self.section.shape, self.scene.dimensions
         if shape.plane:
             far = np.full(d, FAR)

@@ -7,7 +7,7 @@ from matplotlib.text import Text
 
 
 def unreadable(figure: Figure) -> list[str]:
-    """Texts that leave the figure and pairs that cover each other, by more than the two pixels to which layouts are exact.
+    """Texts that leave the figure and pairs that cover each other, by more than two pixels: layouts are that exact.
 
     Numbers of axes are the care of matplotlib.
     """
