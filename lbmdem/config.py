@@ -85,7 +85,7 @@ class PlaneShape(Section):
 
 
 class BoxShape(Section):
-    low: Vector = setting(REQUIRED, "lower corner", "m")
+    low: Vector = setting(REQUIRED, "lower corner; repeats along the axes along which the case does", "m")
     high: Vector = setting(REQUIRED, "upper corner", "m")
 
 
@@ -319,6 +319,15 @@ def lightest(config: LbmDemConfig) -> float:
     d = config.dimensions
     masses = [grain_mass(grains, smallest_diameter(grains), d) for grains in config.grains if grains.moving]
     return min(masses, default=math.inf)
+
+
+def seeps(config: LbmDemConfig) -> bool:
+    """Whether something drives a flow along the last axis through grains that it sees at rest, so they have a
+    permeability."""
+    ends = [face for face in config.boundary if face.face[0] == AXES[config.dimensions - 1] and face.type == "pressure"]
+    still = config.coupling.frozen or not any(grains.moving for grains in config.grains)
+    driven = len(ends) == 2 or (config.fluid is not None and bool(config.fluid.body_force[-1]))
+    return bool(config.fluid and config.grains and still and driven)
 
 
 def contact_law(config: LbmDemConfig) -> Law:

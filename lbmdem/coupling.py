@@ -216,9 +216,13 @@ class Immersed:
             sums[part.ids] += part.sums
         return self._world.sum_int(sums)
 
-    def wall_forces(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """Force and torque of the last step alone on the walls, about their centres. Collective."""
-        return self._physical(self._world.sum_int(self._stayed.walls))
+    def wall_forces(self, steps: int = 2) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Force and torque on the walls, about their centres: of the steps that `all_forces` takes. Collective."""
+        parts = [*self._gains, *(self._earlier if steps == 2 else [])]
+        found = [part.walls for part in parts if isinstance(part, StayGains)]
+        sums = sum(found, start=np.zeros((len(self._walls), GAINS), np.int64))
+        force, torque = self._physical(self._world.sum_int(sums))
+        return force / max(1, len(found)), torque / max(1, len(found))
 
     def pending(self, number: int) -> NDArray[np.int64]:
         """For a checkpoint: [number, 14] what the last `move` left for the next step, and the last step. Collective."""

@@ -8,15 +8,16 @@ from hpcpic.core.files.derived import Derived
 from lbmdem.config import (
     ACCURATE,
     AXES,
+    GrainSet,
     LbmDemConfig,
     contact_step,
     grain_mass,
     largest_diameter,
     smallest_diameter,
 )
+from lbmdem.lattices import CS2
 from lbmdem.places import starts
 from lbmdem.plan import grain_count
-from lbmdem.scene import CS2
 
 TAU = ("fluid", "relaxation_time")
 SPACING = ("domain", "spacing")
@@ -84,9 +85,14 @@ def walled(config: LbmDemConfig) -> bool:
 def known_speed(config: LbmDemConfig) -> float:
     """The largest velocity that the case itself states, m/s; what develops later is watched while it runs."""
     vectors = [face.velocity for face in config.boundary] + [obstacle.velocity for obstacle in config.obstacle]
-    vectors += [grains.velocity for grains in config.grains]
-    initial = [config.fluid.initial.speed] if config.fluid.initial else []
-    return max([*(math.hypot(*vector) for vector in vectors), *initial], default=0.0)
+    others = [math.hypot(*some.velocity) + turning_speed(some) for some in config.grains]
+    others += [config.fluid.initial.speed] if config.fluid.initial else []
+    return max([*(math.hypot(*vector) for vector in vectors), *others], default=0.0)
+
+
+def turning_speed(grains: GrainSet) -> float:
+    """Of the surface of the largest grain of a set about its centre, m/s."""
+    return 0.5 * largest_diameter(grains) * math.hypot(*grains.angular_velocity)
 
 
 def speeds(config: LbmDemConfig) -> Iterator[Derived]:

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from hpcpic.core.comm.world import World
 from hpcpic.core.space import exact
 from lbmdem import network
-from lbmdem.config import AXES
+from lbmdem.config import AXES, seeps
 from lbmdem.kernels.layout import FLUID
 from lbmdem.lattices import CS2
 from lbmdem.quick import slice_edges
@@ -51,29 +51,27 @@ class Diagnostics:
         self.jump = 0.0  # of the mean density since the look before, where nothing can change it
         self._kept: float | None = None  # sum of the populations then
         self._told: set[str] = set()  # what has been warned of
+        self.obstacles = [obstacle.name for obstacle in scene.config.obstacle]
         faces = scene.faces.values() if scene.config.fluid else ()
         self.n_slices = scene.config.output.stress_slices if app.dem else 0
         self.closed = all(face.kind in ("wall", "periodic") for face in faces)
-        self.drive = self._drive() if scene.config.fluid else None
+        self.drive = self._drive()
         self.units = self._units()
 
     def _drive(self) -> Callable[[int], float] | None:
         """Driving force per mass along the last axis at a step, m/s2, of fixed grains: of the case's body force, or of
         the pressures at both ends over the height of the sample.
         """
-        scene, table = self.app.scene, self.app.table
-        name = self.axes[-1]
-        low, high = scene.faces[name + "-"], scene.faces[name + "+"]
-        if not len(table) or (self.app.grains_move and not scene.config.coupling.frozen):
+        scene = self.app.scene
+        if not seeps(scene.config):
             return None
-        if any(scene.config.fluid.body_force):
-            force = scene.config.fluid.body_force[-1]
+        force = scene.config.fluid.body_force[-1]
+        if force:
             return lambda step: force
-        if low.kind == high.kind == "pressure":
-            bottom, top = self.app.sample()
-            unit = CS2 * scene.units.pressure / scene.density / (top - bottom)
-            return lambda step: (low.density - high.density + (low.rate - high.rate) * self.app.ramped(step)) * unit
-        return None
+        low, high = (scene.faces[self.axes[-1] + side] for side in "-+")
+        bottom, top = self.app.sample()
+        unit = CS2 * scene.units.pressure / scene.density / (top - bottom)
+        return lambda step: (low.density - high.density + (low.rate - high.rate) * self.app.ramped(step)) * unit
 
     def _units(self) -> dict[str, str]:
         scene = self.app.scene
@@ -86,8 +84,8 @@ class Diagnostics:
             units |= {"max_mach": "", "energy_kinetic": f"J{per}"}
             units |= {f"flow_rate_{self.axes[-1]}": "m3/s" if along else "m2/s"}
             units |= {"permeability": "m2", "hydraulic_gradient": "", "porosity": ""} if self.drive else {}
-            units |= {"link_fallbacks": ""} if scene.set_names else {}
-            for name in scene.set_names:
+            units |= {"link_fallbacks": ""} if self.app.immersed else {}
+            for name in (*scene.set_names, *self.obstacles):
                 units |= {f"force_{name}_{axis}": f"N{per}" for axis in self.axes}
         if self.app.dem:
             units |= {"contact_count": "", "energy_kinetic_grains": f"J{per}", "overlap": ""}
@@ -99,7 +97,8 @@ class Diagnostics:
     def scalars(self) -> dict[str, float]:
         """Collective. Momentum and velocity are those at full steps, with half of the body force."""
         values = self._fluid() if self.app.fluid else {}
-        values |= self._grains() if len(self.app.table) else {}
+        values |= self._solids() if self.app.immersed else {}
+        values |= self._grains() if self.app.dem else {}
         return {name: values[name] for name in self.units}
 
     def _fluid(self) -> dict[str, float]:
@@ -187,24 +186,27 @@ class Diagnostics:
         counts = app.world.sum_int(np.array([fluid.sum(), nodes], np.int64))
         return float(counts[0] / counts[1])
 
-    def _grains(self) -> dict[str, float]:
+    def _solids(self) -> dict[str, float]:
+        """What links tell: those without their rule, and the force on every set of grains and every obstacle."""
         app = self.app
-        values: dict[str, float] = {}
-        if app.immersed:
-            counts = app.immersed.counts()
-            share = counts["fallbacks"] / max(1, counts["links"])
-            values["link_fallbacks"] = share
-            text = f"{share:.1%} of the links have no room for their rule, and follow a simpler one"
-            self._tell("links", share > UNRULED, text)
-            force = app.immersed.all_forces(len(app.table))[0] * app.scene.units.force
-            for k, name in enumerate(app.scene.set_names):
-                of_set = force[app.table.set == k].sum(axis=0)
-                values |= {f"force_{name}_{axis}": float(f) for axis, f in zip(self.axes, of_set)}
-        if app.dem:
-            energy = network.energies(app.dem)
-            self.deepest = network.greatest_overlap(app.dem)
-            values |= {"contact_count": float(network.contact_count(app.dem)), "overlap": self.deepest}
-            values |= {"energy_kinetic_grains": energy["kinetic"]}
+        counts = app.immersed.counts()
+        share = counts["fallbacks"] / max(1, counts["links"])
+        text = f"{share:.1%} of the links have no room for their rule, and follow a simpler one"
+        self._tell("links", share > UNRULED, text)
+        unit = app.scene.units.force
+        force, walls = app.immersed.all_forces(len(app.table))[0] * unit, app.immersed.wall_forces()[0] * unit
+        of_sets = [force[app.table.set == k].sum(axis=0) for k in range(len(app.scene.set_names))]
+        values = {"link_fallbacks": share}
+        for name, of_all in zip((*app.scene.set_names, *self.obstacles), (*of_sets, *walls)):
+            values |= {f"force_{name}_{axis}": float(f) for axis, f in zip(self.axes, of_all)}
+        return values
+
+    def _grains(self) -> dict[str, float]:
+        """What contacts tell."""
+        app = self.app
+        self.deepest = network.greatest_overlap(app.dem)
+        values = {"contact_count": float(network.contact_count(app.dem)), "overlap": self.deepest}
+        values["energy_kinetic_grains"] = network.kinetic_energy(app.dem)
         if self.n_slices:
             stress = network.stress(app.dem, self.slices)[:, -1, -1]
             values |= {f"stress_{2 * self.axes[-1]}_{k + 1}": float(s) for k, s in enumerate(stress)}

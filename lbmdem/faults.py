@@ -1,9 +1,10 @@
 """What does not fit together in a case: place and text of every fault that single keys do not show."""
 
+import math
 from collections.abc import Iterator
 
 from hpcpic.core.files.config import Path
-from lbmdem.config import AXES, GrainSet, LbmDemConfig
+from lbmdem.config import AXES, GrainSet, LbmDemConfig, Obstacle
 
 
 def faults(config: LbmDemConfig) -> Iterator[tuple[Path, str]]:
@@ -19,9 +20,12 @@ def faults(config: LbmDemConfig) -> Iterator[tuple[Path, str]]:
         yield ("domain", "spacing"), "is missing: the distance of the lattice nodes, m"
     elif fluid.relaxation_time is not None and fluid.time_step is not None:
         yield ("fluid", "time_step"), "give either relaxation_time or time_step"
+    if fluid is not None and config.simulation.time_step is not None:
+        yield ("simulation", "time_step"), "is of a case without fluid; fluid.time_step is that of a lattice"
+    yield from name_faults(config)
     for i, obstacle in enumerate(config.obstacle):
-        if (obstacle.shape.plane is None) == (obstacle.shape.box is None):
-            yield ("obstacle", i, "shape"), "needs one of plane = {..} and box = {..}"
+        for key, text in obstacle_faults(config, obstacle):
+            yield ("obstacle", i, *key), text
     for i, grains in enumerate(config.grains):
         for key, text in grain_faults(grains, d):
             yield ("grains", i, *key), text
@@ -67,12 +71,28 @@ def face_faults(config: LbmDemConfig, d: int) -> Iterator[tuple[Path, str]]:
             yield ("boundary", i, "velocity"), "a periodic face has none"
         if face.type == "velocity" and not face.velocity:
             yield ("boundary", i), "a velocity face needs velocity"
+        if face.type == "wall" and len(face.velocity) == d and axis in AXES[:d] and face.velocity[AXES.index(axis)]:
+            yield ("boundary", i, "velocity"), f"has a part along {axis}: a wall slides along itself"
+    yield from edge_faults(config)
+
+
+def edge_faults(config: LbmDemConfig) -> Iterator[tuple[Path, str]]:
+    """Faces that let fluid through and meet: what arrives at their edge comes from beyond both; neither knows it."""
+    opened = [(i, face.face) for i, face in enumerate(config.boundary) if face.type in ("pressure", "velocity")]
+    for k, (i, name) in enumerate(opened):
+        across = next((other for _, other in opened[:k] if other[0] != name[0]), None)
+        if across:
+            yield ("boundary", i, "face"), f"meets {across}: the fluid can pass through faces of one axis only"
 
 
 def dry_faults(config: LbmDemConfig) -> Iterator[tuple[Path, str]]:
     """What needs a fluid in a case that has none."""
     if not config.grains:
         yield ("fluid",), "is missing, and there are no grains either"
+    elif not any(grains.moving for grains in config.grains):
+        yield ("grains",), "none moves, and there is no fluid"
+    if config.obstacle:
+        yield ("obstacle",), "needs a fluid"
     for i, face in enumerate(config.boundary):
         if face.type not in ("wall", "periodic"):
             yield ("boundary", i, "type"), f'"{face.type}" needs a fluid'
@@ -100,6 +120,38 @@ def vector_faults(config: LbmDemConfig, d: int) -> Iterator[tuple[Path, str]]:
     for path, vector in vectors:
         if vector and len(vector) != d:
             yield path, f"needs {d} numbers in {d}D (got {len(vector)})"
+
+
+def name_faults(config: LbmDemConfig) -> Iterator[tuple[Path, str]]:
+    """Names under which the output tells of grains and obstacles: two alike, or what a table or a tree cannot hold."""
+    named = [(("grains", i, "name"), some.name or f"grains_{i + 1}") for i, some in enumerate(config.grains)]
+    named += [(("obstacle", i, "name"), one.name or f"obstacle_{i + 1}") for i, one in enumerate(config.obstacle)]
+    for k, (place, name) in enumerate(named):
+        if name in [other for _, other in named[:k]]:
+            yield place, f"{name!r} is taken by an earlier one"
+        if set(name) & set('/,"\n'):
+            yield place, f"must do without / , and quotation marks (got {name!r})"
+
+
+def obstacle_faults(config: LbmDemConfig, obstacle: Obstacle) -> Iterator[tuple[Path, str]]:
+    """What does not fit together in one obstacle."""
+    plane, box, d = obstacle.shape.plane, obstacle.shape.box, config.dimensions
+    if (plane is None) == (box is None):
+        yield ("shape",), "needs one of plane = {..} and box = {..}"
+    elif box is not None:
+        if any(low >= high for low, high in zip(box.low, box.high)):
+            yield ("shape", "box"), "has no inside: low must be below high along every axis"
+        if any(grains.moving for grains in config.grains):
+            yield ("shape", "box"), "is nothing that moving grains could touch; a plane is"
+    elif not any(plane.normal):
+        yield ("shape", "plane", "normal"), "is no direction"
+    elif len(plane.normal) == d:
+        for axis, part in zip(AXES, plane.normal):
+            if part and axis in config.domain.periodic:
+                yield ("shape", "plane", "normal"), f"has a part along {axis}, along which the box is periodic"
+        through = sum(u * n for u, n in zip(obstacle.velocity, plane.normal))
+        if abs(through) > 1e-9 * math.hypot(*obstacle.velocity) * math.hypot(*plane.normal):
+            yield ("velocity",), "has a part along the normal: a plane slides along itself"
 
 
 def grain_faults(grains: GrainSet, d: int) -> Iterator[tuple[Path, str]]:

@@ -11,8 +11,9 @@ import numpy as np
 
 from hpcpic.core.cli.knobs import Choice, Knob, Knobs, Quantity
 from hpcpic.core.files.schema import value_text
-from lbmdem.config import LbmDemConfig
-from lbmdem.scene import CS2
+from lbmdem.config import LbmDemConfig, seeps
+from lbmdem.lattices import CS2
+from lbmdem.plan import grain_count
 
 if TYPE_CHECKING:
     from hpcpic.core.files.series import Series
@@ -123,7 +124,7 @@ def work(config: LbmDemConfig) -> float:
     """Updates of nodes, or of grains where there is no fluid."""
     if config.fluid:
         return float(config.n_steps) * math.prod(config.points)
-    return float(config.n_steps) * max(1, sum(len(grains.position) for grains in config.grains))
+    return float(config.n_steps) * grain_count(config)
 
 
 # ------------------------------------------------------------------------------------------------- quantities
@@ -136,8 +137,7 @@ def quantities_of(config: LbmDemConfig, time: float) -> list[Quantity]:
         text = "kinetic energy of the grains at the end"
         return [Quantity("grain-energy", text, time, partial(at_end, "energy_kinetic_grains", time))]
     found = []
-    fixed = config.grains and not moving
-    if fixed and (any(config.fluid.body_force) or any(face.type == "pressure" for face in config.boundary)):
+    if seeps(config) and not moving:
         text = "permeability at half the run"
         found.append(Quantity("permeability", text, time / 2, partial(at_end, "permeability", time / 2)))
     if moving:

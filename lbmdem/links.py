@@ -11,7 +11,7 @@ from types import SimpleNamespace
 import numpy as np
 from numpy.typing import NDArray
 
-from hpcpic.core.errors import HpcpicError
+from hpcpic.core.errors import ConfigError
 from hpcpic.core.space.domain import block_ranges
 from hpcpic.core.tasks import Bound, Pool, bind
 from lbmdem.kernels import links as kernels
@@ -142,7 +142,7 @@ class FixedLinks:
         self.bodies = bodies
         self._rule = RULES[rule]
         if self._rule == kernels.QUADRATIC and not window.whole:
-            raise HpcpicError("the quadratic rule reads two nodes beyond a slab: it works on one rank only")
+            raise ConfigError("the quadratic rule reads two nodes beyond a slab: it works on one rank only")
         self._window, self._layout = window, layout
         self._solid = solid.reshape(tuple(window.shape[::-1]))
         fluid = self._inner(self._solid) == FLUID

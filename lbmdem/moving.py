@@ -3,7 +3,7 @@
 import numpy as np
 from numpy.typing import NDArray
 
-from hpcpic.core.errors import HpcpicError
+from hpcpic.core.errors import ConfigError
 from hpcpic.core.tasks import Bound, Pool, bind
 from lbmdem.kernels import moving as kernels
 from lbmdem.kernels.layout import Layout
@@ -31,7 +31,7 @@ class MovingLinks:
         blocks: int,
     ) -> None:
         if RULES[rule] == QUADRATIC and not window.whole:
-            raise HpcpicError("the quadratic rule reads two nodes beyond a slab: it works on one rank only")
+            raise ConfigError("the quadratic rule reads two nodes beyond a slab: it works on one rank only")
         directions = Directions(layout.lattice)
         lattice = (directions.e, directions.opposite, directions.w6, RULES[rule], open_mass)
         nodes = (solid.reshape(-1), window.shape, window.inner, window.box)

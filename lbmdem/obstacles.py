@@ -19,16 +19,18 @@ def obstacle_walls(scene: Scene) -> list[Wall]:
         if shape.plane is not None:
             distance = plane(tuple(np.array(shape.plane.point) / dx - 0.5), shape.plane.normal)
         else:
-            distance = box(shape.box, dx)
+            distance = box(shape.box, dx, np.where(scene.periodic, scene.points, np.inf))
         walls.append(Wall(distance, tuple(u / unit for u in obstacle.velocity)))
     return walls
 
 
-def box(shape: BoxShape, dx: float) -> Callable[[NDArray], NDArray]:
-    """Distance from a box with the fluid outside."""
+def box(shape: BoxShape, dx: float, repeats: NDArray[np.float64]) -> Callable[[NDArray], NDArray]:
+    """Distance from a box with the fluid outside; repeats[d]: nodes after which it comes again, or infinity."""
     low, high = np.array(shape.low) / dx - 0.5, np.array(shape.high) / dx - 0.5
+    length = np.where(np.isinf(repeats), 0.0, repeats)
 
     def distance(points: NDArray) -> NDArray:
+        points = points - np.rint((points - 0.5 * (low + high)) / repeats) * length  # of the nearest image
         beyond = np.maximum(low - points, points - high)
         outside = np.linalg.norm(np.maximum(beyond, 0.0), axis=-1)
         return outside + np.minimum(beyond.max(axis=-1), 0.0)

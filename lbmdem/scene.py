@@ -7,9 +7,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lbmdem.config import AXES, Boundary, LbmDemConfig
+from lbmdem.lattices import CS2
 from lbmdem.units import Units
-
-CS2 = 1.0 / 3.0  # speed of sound squared, in lattice units
 
 
 @dataclass(slots=True)

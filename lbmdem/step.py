@@ -47,7 +47,6 @@ class LbmDem:
     schema = LbmDemConfig
     derived = staticmethod(derived)
     estimate = staticmethod(estimate)
-    work_unit = "node"
     particle_name = "grain"
 
     def __init__(self, config: LbmDemConfig, world: World, pool: Pool, timers: Timers) -> None:
@@ -60,6 +59,7 @@ class LbmDem:
         self.iteration = 0
         self.table = place_grains(config, world, pool, self.domain)
         self.work_items = math.prod(scene.points) if config.fluid else len(self.table)
+        self.work_unit = "node" if config.fluid else "particle"
         self.grains_move = bool((~self.table.fixed).any())
         self.fluid = self._fluid() if config.fluid else None
         self.immersed = self._immersed() if self.fluid and (len(self.table) or config.obstacle) else None
@@ -306,7 +306,7 @@ class LbmDem:
 
 
 def box_walls(scene: Scene) -> list[Wall]:
-    """What grains meet at the sides of the box that are not periodic."""
+    """What grains meet: the sides of the box that are not periodic, and planes in it."""
     d, size = scene.dimensions, scene.config.domain.size
     walls = []
     for axis, name in enumerate(AXES[:d]):
@@ -318,7 +318,8 @@ def box_walls(scene: Scene) -> list[Wall]:
             point, normal = np.zeros(d), np.zeros(d)
             point[axis], normal[axis] = place, way
             walls.append(Wall(tuple(point), tuple(normal), speeds.get(name + side, ())))
-    return walls
+    planes = [(obstacle.shape.plane, obstacle.velocity) for obstacle in scene.config.obstacle]
+    return walls + [Wall(plane.point, plane.normal, velocity) for plane, velocity in planes if plane is not None]
 
 
 def floor_of(config: LbmDemConfig) -> float:

@@ -80,7 +80,7 @@ def test_what_the_fluid_loses_the_grains_get(alone, pool, lattice, rule):
     for _ in range(3):
         before = momentum(fluid)
         fluid.step()
-        force = immersed.all_forces(4, steps=1)[0].sum(axis=0) + immersed.wall_forces()[0].sum(axis=0)
+        force = immersed.all_forces(4, steps=1)[0].sum(axis=0) + immersed.wall_forces(steps=1)[0].sum(axis=0)
         assert np.abs(force).max() > 1e-3
         assert np.abs(momentum(fluid) - before + force).max() < 1e-12  # sums of 1e4 terms of 1e-3
 

@@ -11,7 +11,8 @@ from hpcpic.core.files.schema import dump, validate
 from lbmdem.cases import shipped_cases
 from lbmdem.config import LbmDemConfig
 from lbmdem.derived import derived
-from lbmdem.scene import CS2, Scene
+from lbmdem.lattices import CS2
+from lbmdem.scene import Scene
 
 CHANNEL = """
 simulation = { end_time = 1.0; };
@@ -29,6 +30,14 @@ def messages(text: str) -> str:
         tree = loads(text)
         enforce(derived(validate(LbmDemConfig, tree)), tree)
     return str(caught.value)
+
+
+DISC = "grains = ({ diameter = 2e-4; position = [1e-4, 5e-4]; });"
+
+
+def plane(normal: str = "[0.0, 1.0]", velocity: str = "[1e-4, 0.0]") -> str:
+    shape = f"shape = {{ plane = {{ point = [0.0, 1e-4]; normal = {normal}; }}; }}"
+    return f"obstacle = ({{ velocity = {velocity}; {shape}; }});"
 
 
 @pytest.mark.parametrize("name", sorted(shipped_cases()))
@@ -79,10 +88,48 @@ def test_a_periodic_face_is_a_periodic_axis():
         ("grains = ({ diameter = 3e-5; position = [1e-4, 5e-4]; });", "resolves the grains of grains_1"),
         ("grains = ({ diameter = 3e-4; position = [1e-4, 5e-4, 0.0]; });", "needs 2 numbers in 2D (got 3)"),
         ("obstacle = ({ shape = { }; });", "needs one of plane"),
+        (plane(normal="[0.0, 0.0]"), "normal: is no direction"),
+        (plane(normal="[0.1, 1.0]"), "has a part along x, along which the box is periodic"),
+        (plane(velocity="[1e-4, 1e-5]"), "obstacle[0].velocity: has a part along the normal"),
+        ("obstacle = ({ shape = { box = { low = [0.0, 5e-4]; high = [1e-4, 5e-4]; }; }; });", "has no inside"),
+        (DISC + "obstacle = ({ shape = { box = { low = [0.0, 0.0]; high = [1e-4, 1e-4]; }; }; });",
+         "is nothing that moving grains could touch"),
+        (DISC.replace("({", '({ name = "obstacle_1";') + plane(), "'obstacle_1' is taken by an earlier one"),
+        (DISC.replace("({", '({ name = "a/b";'), "grains[0].name: must do without"),
+        ('boundary = ({ face = "y+"; type = "wall"; velocity = [0.0, 1e-5]; });', "a wall slides along itself"),
     ],
-)
+)  # fmt: skip
 def test_bad_scenes_are_told(extra, said):
     assert said in messages(CHANNEL + extra)
+
+
+def test_keys_of_the_other_kind_of_case_are_told():
+    """With and without fluid: what has no meaning there is a fault, not passed over."""
+    wet = CHANNEL.replace("{ end", "{ time_step = 1e-4; end")
+    assert "simulation.time_step: is of a case without fluid" in messages(wet)
+    dry = CHANNEL.split("fluid")[0]
+    assert "obstacle: needs a fluid" in messages(dry + DISC + plane())
+    assert "grains: none moves, and there is no fluid" in messages(dry + DISC.replace("({", "({ moving = false;"))
+
+
+@pytest.mark.parametrize("kinds", [("pressure", "pressure"), ("velocity", "pressure"), ("velocity", "velocity")])
+def test_open_faces_that_meet_are_refused(kinds):
+    """A uniform flow through both would not stay one at their edge; through opposite faces it does."""
+    values = {"pressure": "pressure = 0.0", "velocity": "velocity = [1e-4, 1e-4]"}
+
+    def faces(*names):
+        made = (f'{{ face = "{name}"; type = "{kind}"; {values[kind]}; }}' for name, kind in zip(names, kinds))
+        return CHANNEL.replace('periodic = ["x"];', "") + f"boundary = ({', '.join(made)});"
+
+    assert "boundary[1].face: meets x-: the fluid can pass" in messages(faces("x-", "y+"))
+    assert config_of(faces("x-", "x+")).boundary
+
+
+def test_the_surface_of_a_turning_grain_has_a_speed():
+    text = CHANNEL + DISC.replace("({", "({ moving = false; velocity = [3e-3, 4e-3]; angular_velocity = [-20.0];")
+    assert next(n for n in derived(config_of(text)) if n.symbol == "u dt/dx").value == pytest.approx(
+        (5e-3 + 20.0 * 1e-4) * config_of(text).time_step / 3.125e-5, rel=1e-12
+    )
 
 
 def test_the_time_step_gives_the_viscosity_back():

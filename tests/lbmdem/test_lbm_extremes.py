@@ -161,7 +161,7 @@ TABLE = {
     "solid": [
         ("0 grains", "A", (DISC.split("grains")[0], ())),
         ("everything", "CC", filled("box = { low = [-1.0, -1.0]; high = [1.0, 1.0] }")),
-        ("one half", "A", filled(f"box = {{ low = [-1.0, -1.0]; high = [1.0, {16.2 * DX!r}] }}")),
+        ("one half", "A", filled(f"box = {{ low = [-1.0, 0.0]; high = [1.0, {16.2 * DX!r}] }}")),
     ],
     "pressure": [
         ("rho = 0.99", "A", dense(990.0)),

@@ -3,6 +3,7 @@
 import math
 
 import pytest
+from app_runner import running
 from knob_cases import made_again, reader, sizes_of
 
 from lbmdem.cases import shipped_cases
@@ -45,6 +46,15 @@ def test_each_knob_turns_alone():
     slower = read("poiseuille", knobs.settings({**own, "tau": own["tau"] / 2}, knobs.time))
     assert slower.points == config.points and slower.time_step == pytest.approx(config.time_step / 2)
     assert knobs.work(finer) == pytest.approx(16 * knobs.work(config), rel=0.01)
+
+
+@pytest.mark.parametrize("sets", [("domain.size=[1.0e-4, 1.0e-4, 1.0e-4]",), ("fluid.body_force=[1.0, 0.0, 0.0]",)])
+def test_permeability_is_asked_for_where_it_is_measured(sets, world):
+    """A flow along another axis than the last one has none in the series."""
+    config = read("sphere-array", ("domain.spacing=1.0e-5", "domain.size=[1.0e-4, 1.0e-4, 1.0e-4]", *sets))
+    asked = "permeability" in [quantity.name for quantity in knobs_of(config).quantities()]
+    with running(world, "lbmdem", config) as app:
+        assert ("permeability" in app.scalar_units) == asked == (not config.fluid.body_force[0])
 
 
 @pytest.mark.parametrize("case", CASES)

@@ -54,6 +54,12 @@ coupling = { frozen = true; };
 gravity = [0.0, 0.0, -0.2];
 output = { stress_slices = 3; };
 """
+CORNER = """
+simulation = { end_time = 1.0; };
+domain = { size = [0.009, 0.011, 0.013]; spacing = 0.001; periodic = ["x", "y", "z"]; };
+fluid = { viscosity = 1.0e-6; relaxation_time = 0.8; body_force = [1e-5, 2e-5, 3e-5]; };
+obstacle = ({ shape = { box = { low = [-0.002, 0.0, 0.0]; high = [0.0023, 0.0041, 0.0062]; }; }; });
+"""
 NARROW = "domain.size=[0.002, 0.002, 0.0022]"  # little fluid is left: its solid nodes are not held
 REFILLS = "average", "local", "non-equilibrium", "conserving"
 STEPS = 21
@@ -74,6 +80,7 @@ LAWS = {
     "spheres": job(SPHERES),
     "bed seen at rest": job(BED),
     "narrow bed": job(BED, NARROW),
+    "corner": job(CORNER),
     "fixed bed": job(BED, NARROW, "grains[0].moving=false", "boundary[0].pressure_rate=0.0", "output.stress_slices=0"),
 }
 
