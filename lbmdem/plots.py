@@ -264,6 +264,8 @@ def rolling(run: Run, step: int | None = None) -> Figure:
     v = np.array([columns["velocity"][0, 0] for columns in history])
     surface = np.array([columns["angular_velocity"][0, 1] * columns["radius"][0] for columns in history])
     pull, slows = config.gravity[0], config.contact.friction * abs(config.gravity[2])
+    if 3.5 * slows <= pull:
+        raise NoData("needs friction enough to end sliding")
     until = float(first["velocity"][0, 0]) / (3.5 * slows - pull)
     fine = np.linspace(0.0, t[-1], 400)
     sliding, after = np.minimum(fine, until), np.maximum(fine - until, 0.0)

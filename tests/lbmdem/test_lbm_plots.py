@@ -15,6 +15,7 @@ SHORT = {
     "settling-disc": ("domain.spacing=4e-4", "simulation.end_time=0.2", "output.period.fields=0.1"),
     "poiseuille": ("simulation.end_time=0.3",),
     "slide-to-roll": ("simulation.end_time=0.004",),
+    "restitution": ("gravity=[0.0, 0.0, -9.81]",),  # no friction ends sliding
     "sphere-array": ("domain.spacing=1.61199e-5", "simulation.end_time=0.004", "output.period.fields=0.004"),
 }
 ALWAYS = {"energies", "timers"}
@@ -22,6 +23,7 @@ EXPECTED = {
     "settling-disc": ALWAYS | {"flow", "grains", "tracks", "mass"},
     "poiseuille": ALWAYS | {"flow", "profile", "mass"},
     "slide-to-roll": ALWAYS | {"grains", "tracks", "rolling"},
+    "restitution": ALWAYS | {"grains", "tracks"},
     "sphere-array": ALWAYS | {"flow", "permeability", "mass"},
 }
 
