@@ -8,6 +8,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from hpcpic.core.cli.rates import keep_rates, read_rates
+from hpcpic.core.errors import FileError
 from hpcpic.core.simd import jit
 from hpcpic.core.simd.generate import module_from_source
 
@@ -33,6 +35,17 @@ def test_default_root_is_the_users_cache(monkeypatch, tmp_path):
     monkeypatch.delenv("HPCPIC_CACHE_DIR", raising=False)
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
     assert jit.cache_directory.__wrapped__().is_relative_to(tmp_path / "hpcpic")
+
+
+def test_a_user_without_a_home_keeps_nothing_and_is_told(monkeypatch):
+    for name in ("HPCPIC_CACHE_DIR", "XDG_CACHE_HOME"):
+        monkeypatch.delenv(name, raising=False)
+    monkeypatch.setattr(os.path, "expanduser", lambda path: path)  # what it does where the system knows of no home
+    with pytest.warns(RuntimeWarning, match="no home folder; set HPCPIC_CACHE_DIR"):
+        assert jit.cache_directory.__wrapped__().is_dir()
+    assert read_rates() == {}
+    with pytest.raises(FileError, match="no home folder"):
+        keep_rates({"update": 1.0})
 
 
 @pytest.mark.parametrize("level", ["user", "hash"])
@@ -70,7 +83,7 @@ def test_kernel_sources_decide_the_folder(cache, monkeypatch, tmp_path):
     monkeypatch.setattr(jit, "_ROOT", tmp_path)
     programs = ["", "hpcpic.pic", "other", jit.EVERY]
     assert [jit.program_of(f"{name}.kernels.push") for name in programs[1:3]] == programs[1:3]
-    assert jit.program_of("hpcpic.core.space.cells") == "" and jit.program_of("numpy.linalg") is None
+    assert jit.program_of("hpcpic.core.space.exact") == "" and jit.program_of("numpy.linalg") is None
     concerned = [programs, ["hpcpic.pic", jit.EVERY], ["other", jit.EVERY], []]
     for file, touched in zip(files, concerned, strict=True):
         before = [cache(program) for program in programs]
@@ -84,7 +97,7 @@ def test_compiled_code_lies_with_its_program():
     def folder(function):
         return Path(function._cache.cache_path).parent
 
-    from hpcpic.core.space.cells import __dict__ as core
+    from hpcpic.core.space.exact import __dict__ as core
     from hpcpic.plasma.kernels.plain import __dict__ as plasma
 
     for names, program in ((core, ""), (plasma, "hpcpic.plasma")):

@@ -3,18 +3,18 @@
 from __future__ import annotations
 
 import json
-import os
 import platform
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from time import perf_counter
 
+from hpcpic.core.errors import FileError
+from hpcpic.core.simd.caches import private_folder
+
 
 def rates_file() -> Path:
-    """rates.json in the private folder of the compiled kernels."""
-    caches = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache")
-    root = Path(os.environ.get("HPCPIC_CACHE_DIR") or caches / "hpcpic")
-    return root / str(os.getuid()) / "rates.json"
+    """rates.json beside the compiled kernels. Raises OSError."""
+    return private_folder() / "rates.json"
 
 
 def read_rates() -> dict[str, float]:
@@ -31,8 +31,11 @@ def keep_rates(rates: Mapping[str, float]) -> Path:
     """Merge the rates into those of this host. Raises FileError."""
     from hpcpic.core.files.rundir import write_atomic
 
-    path = rates_file()
-    path.parent.mkdir(mode=0o700, parents=True, exist_ok=True)
+    try:
+        path = rates_file()
+        path.parent.mkdir(mode=0o700, parents=True, exist_ok=True)
+    except OSError as error:
+        raise FileError(f"cannot keep the rates: {error.filename}: {error.strerror}") from error
     try:
         content = json.loads(path.read_bytes())
     except (OSError, ValueError):

@@ -22,6 +22,8 @@ from typing import Any
 
 import numba
 
+from hpcpic.core.simd.caches import private_folder
+
 _ROOT = Path(__file__).resolve().parents[3]  # of the packages
 _KERNEL_FOLDERS = {"simd", "space", "comm", "kernels"}
 _FLAGS: dict[str, Any] = {"nogil": True, "cache": True, "error_model": "numpy"}
@@ -78,18 +80,15 @@ def _make_private(folder: Path) -> None:
 
 @functools.cache
 def cache_directory(program: str = "") -> Path:
-    """Folder of compiled and generated code, `<root>/<user id>/<hash of sources, versions and processor>`.
+    """Folder of compiled and generated code, `<cache root>/<user id>/<hash of sources, versions and processor>`.
 
     The sources are those of the core and of the program, so an edit in one program leaves the code of others alone.
-    The root is $HPCPIC_CACHE_DIR, else $XDG_CACHE_HOME/hpcpic, else ~/.cache/hpcpic. A folder that is a
-    symbolic link, belongs to another user or can be written by others is not used: a warning, and a fresh
-    private temporary folder for this process.
+    A folder that is a symbolic link, belongs to another user or can be written by others is not used: a warning, and a
+    fresh private temporary folder for this process.
     """
-    caches = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache")
-    root = Path(os.environ.get("HPCPIC_CACHE_DIR") or caches / "hpcpic")
     try:
-        root.mkdir(mode=0o700, parents=True, exist_ok=True)
-        mine = root / str(os.getuid())
+        mine = private_folder()
+        mine.parent.mkdir(mode=0o700, parents=True, exist_ok=True)
         _make_private(mine)
         folder = mine / _fingerprint(program)
         _make_private(folder)

@@ -65,18 +65,3 @@ def value(limbs: NDArray[np.int64], scale: float) -> float:
     """The sum that the limbs stand for, rounded once."""
     high, middle, low = (int(limb) for limb in limbs)
     return math.ldexp((high << 64) + (middle << 32) + low, -95) * scale
-
-
-class ExactSum:
-    """A running sum at a fixed scale: the same bits however the terms are ordered or split into calls."""
-
-    def __init__(self, scale: float) -> None:
-        self.scale = scale
-        self.limbs = np.zeros(LIMBS, np.int64)
-
-    def add(self, values: NDArray[np.float64]) -> None:
-        self.limbs += exact_limbs(values, self.scale)
-
-    @property
-    def value(self) -> float:
-        return value(self.limbs, self.scale)
