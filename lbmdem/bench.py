@@ -163,7 +163,7 @@ def bed_rates(world: World, pool: Pool, rates: Mapping[str, float]) -> dict[str,
 
 def kind_shares(fluid: Fluid) -> Shares:
     """Of the vectors that its sweep goes by."""
-    kinds = fluid._kinds
+    kinds = fluid.kinds
     return Shares(float((kinds == SKIP).mean()), float((kinds == MIXED).mean()))
 
 
@@ -272,7 +272,7 @@ def bench_ranks(quick: bool, world: World) -> Mapping[str, float]:
         spent = in_turn({"slabs": slabs.step, "tiny": tiny.step}, ROUNDS[quick], 100)
         in_turn({"alone": alone.step, "all": all_ranks.step}, ROUNDS[quick], 40)
         deep = Moving(world, pool, 3, *GRAINS[3]["one"], size=CONSERVING)
-        planes = in_turn({"planes": deep.app.immersed._refill.exchange}, ROUNDS[quick])["planes"]
+        planes = in_turn({"planes": deep.app.immersed.refill.exchange}, ROUNDS[quick])["planes"]
         plane_values = 2 * CONSERVING**2 * VELOCITIES["D3Q19"]
         message = world.max(spent["slabs"] - spent["tiny"])
         parts = alone.usual("fluid") / world.size + alone.usual("grains") + alone.usual("solid")

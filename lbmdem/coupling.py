@@ -87,7 +87,7 @@ class Immersed:
         self.window = Window.of(fluid.domain, world.rank, ((1, 1),) * fluid.domain.ndim)
         mark_walls(self.window, fluid.ids, walls, self._dimensions)
         self._solid = Solid(self.window, fluid.ids)
-        self._refill = Refill(self.window, fluid, world, refill)
+        self.refill = Refill(self.window, fluid, world, refill)
         self._walls = tuple(walls)
         self._fixed = grain_table(*fixed) if fixed else grain_table(*_no_grains(self._dimensions))
         self._solid.rebuild(self._fixed)
@@ -101,12 +101,12 @@ class Immersed:
         self._earlier: list[Gains | StayGains] = []  # of the one before
         self._pending = Gains(self._fixed.ids[:0], np.zeros((0, GAINS), np.int64))
         fluid.hooks.append(self._bounce)
-        if self._stay.far is None and not self._refill.conserving:
+        if self._stay.far is None and not self.refill.conserving:
             fluid.carry(self._stay.of_planes, self._stay)  # until grains move
 
     def _link(self, bodies: Bodies) -> FixedLinks:
         links = FixedLinks(self.window, self.fluid.layout, self.fluid.ids, bodies, self._rule)
-        if self._refill.conserving:
+        if self.refill.conserving:
             links.speed[...] = 0.0  # what they sweep over is not counted
         links.bind(self.fluid.f, self._blocks)
         return links
@@ -132,7 +132,7 @@ class Immersed:
             self._stay = self._link(Bodies(*grain_table(*_no_grains(self._dimensions)), self._walls))
             self.fluid.carry(None)
             self._set_scale(self._table.radii)
-            open_mass = 0.0 if self._refill.conserving else 1.0
+            open_mass = 0.0 if self.refill.conserving else 1.0
             nodes = (self.fluid.layout, self.fluid.f, self.fluid.ids)
             self._moving = MovingLinks(self.window, *nodes, self._rule, open_mass, self._blocks)
         images = self._solid.rebuild(self._table)
@@ -145,12 +145,12 @@ class Immersed:
             self.start(ids, centres, radii, velocity, omega)
             return
         self._table = table = _merged(self._fixed, grain_table(ids, centres, radii, velocity, omega))
-        self._refill.exchange()
+        self.refill.exchange()
         change = self._solid.update(table)
-        covered, filled = self._refill.change(self._solid, change, table)
+        covered, filled = self.refill.change(self._solid, change, table)
         self.fluid.nodes_changed(self._solid.settle())
         self._moving.place(table, self._solid.images)
-        if self._refill.conserving:
+        if self.refill.conserving:
             self._pending = self._account(change, covered, filled)
 
     def _account(self, change: Change, covered: NDArray, filled: NDArray) -> Gains:
@@ -161,7 +161,7 @@ class Immersed:
         for sign, nodes, owners, populations in parts:
             rows = np.searchsorted(table.ids, owners)
             momentum = sign * (populations @ e)
-            torque = np.cross(self._refill.arms(nodes, table.centres[rows]), momentum)
+            torque = np.cross(self.refill.arms(nodes, table.centres[rows]), momentum)
             gains = np.column_stack((momentum, torque, -sign * populations.sum(axis=1)))
             with np.errstate(invalid="ignore"):  # no number: the guard tells it
                 np.add.at(sums, rows, np.rint(gains * self._scale).astype(np.int64))
@@ -175,7 +175,7 @@ class Immersed:
         if self._moving is not None:
             self._gains += [Gains(self._table.ids, self._moving.run(self._pool, parity, self._scale)), self._pending]
             self._pending = Gains(self._table.ids[:0], self._pending.sums[:0])
-        if self._refill.conserving:
+        if self.refill.conserving:
             self._keep_mass()
 
     def _keep_mass(self) -> None:
@@ -185,7 +185,7 @@ class Immersed:
         here = np.array([gained, np.count_nonzero(self.fluid.ids[inner] == FLUID)], np.int64)
         gained, nodes = (float(total) for total in self._world.sum_int(here))
         if nodes:
-            self._refill.add_evenly(-gained / nodes / float(self._scale[6]))
+            self.refill.add_evenly(-gained / nodes / float(self._scale[6]))
 
     def owed(self) -> float:
         """Mass that the last `move` has given to nodes, which the next step takes from all of them. Collective."""
@@ -236,7 +236,7 @@ class Immersed:
 
     def free(self) -> None:
         """Release what MPI holds (all ranks together)."""
-        self._refill.free()
+        self.refill.free()
 
     def _physical(self, sums: NDArray[np.int64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         values = sums / self._scale

@@ -15,7 +15,6 @@ from hpcpic.core.space import exact
 from hpcpic.core.space.domain import Domain, block_ranges
 from hpcpic.core.space.fields import aligned_zeros
 from hpcpic.core.tasks import Bound, Graph, Pool, bind
-from lbmdem import network
 from lbmdem.contacts import Law, Wall, wall_rows
 from lbmdem.grains import STATE, Grains
 from lbmdem.kernels import contacts as kernels
@@ -344,18 +343,6 @@ class Dem:
     def version(self) -> int:
         """Changes when own grains change their order or their rank."""
         return self.grains.version
-
-    def scalars(self) -> dict[str, float]:
-        """Collective: contacts, kinetic energy (J, of translation and rotation), largest overlap / diameter."""
-        return {
-            "contact_count": float(network.contact_count(self)),
-            "energy_kinetic_grains": network.kinetic_energy(self),
-            "overlap": network.greatest_overlap(self),
-        }
-
-    def stress(self, slices: int, low: float, high: float, area: float) -> NDArray[np.float64]:
-        """Collective: normal contact stress along the last axis (Pa, compression positive) in equal slices."""
-        return network.stress(self, np.linspace(low, high, slices + 1), area)[:, -1, -1]
 
     def total(self, values: NDArray) -> float:
         """Collective: the sum over all grains of a column of own grains, the same bits on any ranks. Diverged."""

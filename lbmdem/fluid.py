@@ -36,7 +36,8 @@ class Fluid:
 
     f: flat array (kernels.layout says where what is); parity: iteration % 2; solid: Field int32 of node ids (FLUID,
     WALL or a grain's number) with one ghost on every axis: after edits of solid.inner call `solid_changed`. hooks are
-    called as hook(fluid, parity of the next step) between streaming and the faces. All ranks make it together.
+    called as hook(fluid, parity of the next step) between streaming and the faces. kinds: of the vectors of nodes
+    (kernels.sweep), while those of solids are held too. All ranks make it together.
 
     stays: set it when solids will be marked once and never again: then a porous medium is held without its solid nodes.
     """
@@ -90,8 +91,8 @@ class Fluid:
         self.ids = self.solid.values.reshape(shape[0], shape[1] if domain.ndim == 3 else 1, shape[-1])
         self._fill = Fill(self.world, domain, self.solid, Channel.SOLIDS)
         self._wet = np.zeros((layout.planes + 2, layout.rows + 2, layout.vectors), np.int32)
-        self._kinds = np.zeros((layout.planes, layout.rows, layout.vectors), np.uint8)
-        self._hops = np.zeros(self._kinds.shape, np.int32)
+        self.kinds = np.zeros((layout.planes, layout.rows, layout.vectors), np.uint8)
+        self._hops = np.zeros(self.kinds.shape, np.int32)
         columns = layout.nx - layout.lanes * np.arange(layout.vectors)
         self._inside = ((1 << np.minimum(columns, layout.lanes)) - 1).astype(np.int32)
         self.force_in_storage = np.zeros(3)
@@ -126,7 +127,7 @@ class Fluid:
             self._exchange = SparseExchange(self.world, self.domain, layout, self.f)
         else:
             kernel = sweep_kernel(self.lattice, self.collision, self._forced, dtype)
-            words = [self._kinds, self._hops, self._wet, self._inside]
+            words = [self.kinds, self._hops, self._wet, self._inside]
             shared = [self.f, *words, self._numbers, layout.strides, layout.nx]
             self._exchange = Exchange(self.world, self.domain, layout, self.f, self._wet)
         periodic_rows = self.domain.ndim == 3 and self.domain.periodic[1]
@@ -148,9 +149,9 @@ class Fluid:
         shares = block_ranges(layout.planes + 2, self.pool.threads)
         marks = [bind(mark, self.ids, int(not flat), self._wet, n, a, b) for a, b in shares if b > a]
         shares = block_ranges(layout.planes, self.pool.threads)
-        kinds = [bind(classify, self._wet, self._inside, n, flat, self._kinds, a, b) for a, b in shares if b > a]
+        kinds = [bind(classify, self._wet, self._inside, n, flat, self.kinds, a, b) for a, b in shares if b > a]
         sizes = (layout.strides, layout.itemsize, n, AHEAD)
-        hops = [bind(look_ahead, self._kinds, *sizes, self._hops, a, b) for a, b in shares if b > a]
+        hops = [bind(look_ahead, self.kinds, *sizes, self._hops, a, b) for a, b in shares if b > a]
         return [marks, kinds, hops]
 
     def solid_changed(self, fill: bool = True) -> None:
@@ -178,7 +179,7 @@ class Fluid:
             self._tables = Tables(layout, self.layout_dtype)
         self.layout = layout
         self._again()
-        del self._kinds, self._hops, self._wet, self._inside, self._marks
+        del self.kinds, self._hops, self._wet, self._inside, self._marks
 
     def _again(self) -> None:
         """Collective."""
@@ -190,7 +191,7 @@ class Fluid:
         """As `solid_changed(fill=False)` after edits at these flat places of `solid` alone, ghosts among them."""
         wall_ghosts(self.solid.values, self.faces, (self.touches(-1), self.touches(1)))
         layout, flat = self.layout, self.domain.ndim == 2
-        words = (self.ids, int(not flat), self._wet, self._inside, layout.lanes, flat, self._kinds)
+        words = (self.ids, int(not flat), self._wet, self._inside, layout.lanes, flat, self.kinds)
         renew(*words, layout.strides, layout.itemsize, AHEAD, self._hops, places)
 
     def set_force(self, force: Sequence[float] | None) -> None:
@@ -215,7 +216,7 @@ class Fluid:
     @property
     def sweep_bytes(self) -> int:
         """What the sweep reads."""
-        words = self._tables.arguments if self._tables else [self._kinds, self._hops, self._wet]
+        words = self._tables.arguments if self._tables else [self.kinds, self._hops, self._wet]
         return self.f.nbytes + sum(array.nbytes for array in words)
 
     def step(self) -> None:
@@ -377,17 +378,6 @@ class Fluid:
         for row in range(shape[0]):  # one at a time: on the way are several arrays of its size
             h[...] = np.moveaxis(equilibrium(self.lattice, rho[row], u[row]), 0, -1).reshape(h.shape)
             observe.write(self.f, *self._where, row, self.parity, row, row + 1, h)
-
-    def stress(self) -> NDArray:
-        """Deviatoric stress sigma [rows, ..., d, d] in units of rho cs2: -(1 - 1/(2 tau)) sum h_neq e e."""
-        rho, u = self.moments()
-        neq = self.populations().astype(np.float64) - equilibrium(self.lattice, rho, u)
-        e = self.lattice.e.astype(float)
-        tensor = np.einsum("q...,qa,qb->...ab", neq, e, e)
-        if self.force is not None:
-            cross = u[..., :, None] * self.force
-            tensor += 0.5 * (cross + np.swapaxes(cross, -1, -2))
-        return -(1.0 - 0.5 / self.tau) * tensor
 
     def free(self) -> None:
         """Release what MPI holds (all ranks together)."""

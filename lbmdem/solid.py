@@ -153,12 +153,12 @@ class Solid:
         old, was = self._table, self.images
         new, now = table, find_images(self.window, table)
         went = self._elsewhere(old, was, new)
-        here = (self.nodes, old.centres, old.radii, old.ids, *was)
-        n_left = runs.leave(*here, *went, *self._planes, left, left_by)
-        came = self._elsewhere(new, now, old)
         lost = np.zeros(len(new.ids), np.bool_)
+        here = (self.nodes, old.centres, old.radii, old.ids, *was)
+        n_left = runs.change(*here, *went, *self._planes, False, left, left_by, lost)
+        came = self._elsewhere(new, now, old)
         there = (self.nodes, new.centres, new.radii, new.ids)
-        n_taken = runs.enter(*there, *now, *came, *self._planes, taken, taken_by, lost)
+        n_taken = runs.change(*there, *now, *came, *self._planes, True, taken, taken_by, lost)
         if max(n_left, n_taken) > len(left):
             self.nodes[self.nodes == runs.LEFT] = FLUID
             return None

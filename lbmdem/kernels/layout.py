@@ -132,17 +132,22 @@ def storage_order(lattice: Lattice, i: int) -> tuple[int, int, int]:
     return (e[1], 0, e[0]) if lattice.dimensions == 2 else (e[2], e[1], e[0])
 
 
-@njit
-def arrival(strides, slots, shifts, parity, z, y, x, i):
-    """Index in the flat array of f_i at the node (z, y, x) of this rank, 0 <= z < planes and so on."""
-    plane, row = z + shifts[i, 0], y + shifts[i, 1]
+@njit(inline="always")
+def place(strides, plane, row):
+    """Element of x = 0 in a slot; rows wrap, planes too when this rank has all. strides: `Layout.strides`."""
     if plane == strides[4]:
         plane = 0
     if row == strides[5]:
         row = 0
     elif row < 0:
         row = strides[5] - 1
-    return slots[parity, i] * strides[0] + plane * strides[1] + row * strides[2] + strides[3] + x + shifts[i, 2]
+    return plane * strides[1] + row * strides[2] + strides[3]
+
+
+@njit
+def arrival(strides, slots, shifts, parity, z, y, x, i):
+    """Index in the flat array of f_i at the node (z, y, x) of this rank, 0 <= z < planes and so on."""
+    return slots[parity, i] * strides[0] + place(strides, z + shifts[i, 0], y + shifts[i, 1]) + x + shifts[i, 2]
 
 
 @njit

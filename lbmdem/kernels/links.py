@@ -56,18 +56,6 @@ def weigh(rule, q, behind, table):
 
 
 @njit(inline="always")
-def place(strides, plane, row):
-    """Element of x = 0 in a slot; rows wrap, planes too when this rank has all. strides: `Layout.strides`."""
-    if plane == strides[4]:
-        plane = 0
-    if row == strides[5]:
-        row = 0
-    elif row < 0:
-        row = strides[5] - 1
-    return plane * strides[1] + row * strides[2] + strides[3]
-
-
-@njit(inline="always")
 def second_behind(f, strides, slots, shifts, parity, solid, shape, inner, p, r, x, ex, ey, ez, i, j):
     """Whether z behind y can be used too, and g_i(z), g_j(y). Only where this rank has them, periodic or not."""
     nx, ny, nz = inner[0, 1] - inner[0, 0], inner[1, 1] - inner[1, 0], inner[2, 1] - inner[2, 0]

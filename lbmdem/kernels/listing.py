@@ -29,7 +29,7 @@ from hpcpic.core.simd.vector import (
     store,
     to_fixed,
 )
-from lbmdem.kernels.links import place
+from lbmdem.kernels.layout import place
 from lbmdem.kernels.runs import FLUID
 from lbmdem.kernels.spread import first_bits, side_by_side
 
@@ -94,7 +94,7 @@ def look(
 
 @njit(inline="always")
 def places(strides, plane, row, rows, x, work, at):
-    """Elements of the column x of rows from a row on; see `links.place`."""
+    """Elements of the column x of rows from a row on; see `layout.place`."""
     first, step = place(strides, plane, 0) + x, strides[2]
     for r in range(0, rows, M):
         store(work, at + r, (lane_numbers(I) + np.int32(row + r)) * np.int32(step) + np.int32(first))

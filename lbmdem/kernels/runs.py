@@ -158,64 +158,41 @@ def outgrown(c, other, radius, shift, towards, p, r, after, columns):
 
 
 @njit
-def leave(solid, centres, radii, ids, grain, offset, other, other_offset, low, high, nodes, owners):
-    """Mark with LEFT the nodes that grains no longer cover, and list them with the ids. How many.
+def change(
+    solid, centres, radii, ids, grain, offset, other, other_offset, low, high, entering, nodes, owners, lost
+):  # fmt: skip
+    """Nodes that grains cover at one place and not at another one. How many are listed, with the ids.
 
-    Images (grain[m], offset[m]) of the old places `centres`; other[m], other_offset[m]: the new place of each.
-    """
-    count = 0
-    for m in range(grain.size):
-        c, n, radius, number = centres[grain[m]], other[m], radii[grain[m]], np.int32(ids[grain[m]])
-        shift, towards = offset[m], other_offset[m]
-        if stays(c, n, shift, towards):
-            continue
-        p0, p1 = span(c[2], radius, shift[2], low, high)
-        for p in range(p0, p1):
-            r0, r1 = span(c[1], radius, shift[1], 0, solid.shape[1])
-            for low_r in range(r0, r1, N):
-                rows = outgrown(c, n, radius, shift, towards, p, low_r, r1, solid.shape[2])
-                while rows:
-                    r, rows = low_r + first_bit(rows), rows & (rows - 1)
-                    a, b, first, last = chords(c, n, radius, shift, towards, p, r, solid.shape[2])
-                    for x in range(a, b + 1):
-                        if (x < first or x > last) and solid[p, r, x] == number:
-                            solid[p, r, x] = LEFT
-                            if count < nodes.size:
-                                nodes[count] = (p * solid.shape[1] + r) * solid.shape[2] + x
-                                owners[count] = number
-                            count += 1
-    return count
-
-
-@njit
-def enter(solid, centres, radii, ids, grain, offset, other, other_offset, low, high, nodes, owners, lost):
-    """Cover the nodes that grains have come to; those that were fluid are listed with the ids. How many.
-
-    Images of the new places `centres`, in the order of the ids; other[m], other_offset[m]: the old place of each.
+    Images (grain[m], offset[m]) of the places `centres`; other[m], other_offset[m]: the other place of each. entering:
+    these are the new places, in the order of the ids: nodes are claimed, and listed if they were fluid. Else the old
+    ones: nodes that the grain has are listed and marked LEFT.
     """
     count = 0
     for m in range(grain.size):
         c, o, radius, number = centres[grain[m]], other[m], radii[grain[m]], np.int32(ids[grain[m]])
-        shift, back = offset[m], other_offset[m]
-        if stays(c, o, shift, back):
+        shift, towards, wanted = offset[m], other_offset[m], FLUID if entering else number
+        if stays(c, o, shift, towards):
             continue
         p0, p1 = span(c[2], radius, shift[2], low, high)
         for p in range(p0, p1):
             r0, r1 = span(c[1], radius, shift[1], 0, solid.shape[1])
             for low_r in range(r0, r1, N):
-                rows = outgrown(c, o, radius, shift, back, p, low_r, r1, solid.shape[2])
+                rows = outgrown(c, o, radius, shift, towards, p, low_r, r1, solid.shape[2])
                 while rows:
                     r, rows = low_r + first_bit(rows), rows & (rows - 1)
-                    a, b, first, last = chords(c, o, radius, shift, back, p, r, solid.shape[2])
+                    a, b, first, last = chords(c, o, radius, shift, towards, p, r, solid.shape[2])
                     for x in range(a, b + 1):
                         if first <= x <= last:
                             continue
-                        if solid[p, r, x] == FLUID:
+                        if solid[p, r, x] == wanted:
                             if count < nodes.size:
                                 nodes[count] = (p * solid.shape[1] + r) * solid.shape[2] + x
                                 owners[count] = number
                             count += 1
-                        _claim(solid, p, r, x, ids, grain[m], lost)
+                            if not entering:
+                                solid[p, r, x] = LEFT
+                        if entering:
+                            _claim(solid, p, r, x, ids, grain[m], lost)
     return count
 
 

@@ -98,21 +98,6 @@ def test_a_force_accelerates_a_uniform_fluid_exactly():
     np.testing.assert_allclose(fluid.moments()[1], np.broadcast_to(-0.5 * force, u.shape), atol=1e-16)
 
 
-def test_stress_is_viscosity_times_shear():
-    n, tau = 32, 0.7
-    fluid = make(D2Q9, (n, n), tau=tau)
-    k = 2 * np.pi / n
-    wave = 1e-3 * np.sin(k * (np.arange(n) + 0.5))
-    u = np.zeros((n, n, 2))
-    u[..., 0] = wave[:, None]
-    fluid.set_equilibrium(1.0, u)
-    fluid.advance(100)
-    nu = CS2 * (tau - 0.5)
-    decayed = fluid.moments()[1][:, 0, 0]
-    gradient = k * np.roll(decayed, -n // 4)  # cosine of the sine
-    np.testing.assert_allclose(fluid.stress()[:, 0, 0, 1], nu * gradient, atol=1e-3 * nu * k * 1e-3)
-
-
 @pytest.mark.parametrize("collision", ["TRT", "central"])
 def test_a_moving_frame_changes_the_viscosity_by_the_square_of_mach_only(collision):
     """Shear wave carried along its gradient: the equilibrium lacks u^3, hence -3 u^2 of nu (central moments: less)."""

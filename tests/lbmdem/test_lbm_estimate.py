@@ -4,6 +4,8 @@ import pytest
 
 from hpcpic.core.files.config import loads
 from hpcpic.core.files.schema import validate
+from lbmdem import dem, fluid, wavefront
+from lbmdem import estimate as estimates
 from lbmdem.config import LbmDemConfig
 from lbmdem.estimate import DEFAULT, SAMPLES, SERIES_SHARE, START, estimate, phases, sample_seconds
 
@@ -45,6 +47,12 @@ def test_grains_cost_more_when_they_move_and_ranks_when_there_are_two():
     one, two = (estimate(moving, ranks, 1, {}).phases for ranks in (1, 2))
     assert one["exchanges"] == one["messages"] == 0.0 < min(two["exchanges"], two["messages"])
     assert two["nodes"] == pytest.approx(one["nodes"] / DEFAULT["wave_core_gain"])
+
+
+def test_its_limits_are_those_of_the_program():
+    """Written twice, as the command imports nothing of the program."""
+    there = (wavefront.DEPTH, wavefront.WHOLE, fluid.SPARSE, dem.FEW)
+    assert there == (estimates.DEPTH, estimates.WHOLE, estimates.SPARSE, estimates.FEW)
 
 
 def test_what_was_measured_takes_the_place_of_the_default():
