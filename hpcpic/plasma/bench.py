@@ -21,7 +21,7 @@ from hpcpic.core.tasks import Pool
 from hpcpic.core.timers import Timers
 from hpcpic.plasma.config import PlasmaConfig
 from hpcpic.plasma.estimate import DEFAULT, STANDARD_BYTES, beyond_caches, exchanges, filled_tiles
-from hpcpic.plasma.plan import EDGE
+from hpcpic.plasma.sizes import EDGE
 from hpcpic.plasma.step import Plasma
 
 FEW, MANY, LARGE = 4, 24, 48  # particles per cell

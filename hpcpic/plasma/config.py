@@ -327,6 +327,12 @@ def velocity_components(config: PlasmaConfig) -> int:
     return 3 if bends or pushed else d
 
 
+def rotation(config: PlasmaConfig) -> int:
+    """Of velocities in the magnetic field (5.4.1): 0 there is none, 1 about z, 2 about any other axis."""
+    bx, by, bz = config.field.magnetic
+    return 2 if bx or by else int(bz != 0)
+
+
 def volume(config: PlasmaConfig) -> float:
     """Length (1D, m) or area (2D, m2) of the box."""
     return math.prod(config.simulation.space_length)

@@ -12,7 +12,8 @@ from collections.abc import Mapping
 
 from hpcpic.core.cli.forecast import FILES, Estimate, gain, writing_seconds
 from hpcpic.plasma.config import PlasmaConfig, velocity_components
-from hpcpic.plasma.plan import EDGE, arrays
+from hpcpic.plasma.plan import arrays
+from hpcpic.plasma.sizes import EDGE
 
 MIB = 2.0**20
 SERIES_BYTES = 16 * 8 * 2  # of one sample: sixteen numbers, in HDF5 and as text

@@ -3,15 +3,8 @@
 import numpy as np
 from numpy.typing import NDArray
 
+from hpcpic.plasma.config import rotation
 from hpcpic.plasma.scene import Scene, cross_matrix
-
-
-def rotation_kind(scene: Scene) -> int:
-    """0 no magnetic field, 1 along z, 2 any other direction."""
-    bx, by, bz = scene.config.field.magnetic
-    if bx or by:
-        return 2
-    return int(bz != 0 and scene.velocity_components > 1)
 
 
 def mover(scene: Scene, field_scale: float, steps: float = 1.0) -> NDArray[np.float64]:
@@ -19,7 +12,7 @@ def mover(scene: Scene, field_scale: float, steps: float = 1.0) -> NDArray[np.fl
 
     steps = -1/2 rewinds: half the impulse, and half the angle that the mover turns in a step, backwards.
     """
-    kind, rows = rotation_kind(scene), np.zeros((len(scene.species), 10))
+    kind, rows = rotation(scene.config), np.zeros((len(scene.species), 10))
     side = np.array((*scene.spacing, scene.spacing[0], scene.spacing[0])[:3])  # an axis without grid: that of x
     uniform = np.array(scene.config.field.electric)
     for row, species in zip(rows, scene.species):

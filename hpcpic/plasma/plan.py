@@ -7,19 +7,10 @@ from collections.abc import Iterator
 
 from hpcpic.core.cli.forecast import Array
 from hpcpic.core.space.cuts import even_cuts
-from hpcpic.plasma.config import PlasmaConfig, macro_charge, velocity_components
+from hpcpic.plasma.config import PlasmaConfig, macro_charge, rotation, velocity_components
+from hpcpic.plasma.sizes import EDGE, GHOSTS, PAGE
 
-PAGE = 128  # particles per page, see plasma.tiles
-EDGE = {1: 256, 2: 16}  # cells of a tile along an axis
-GHOSTS = {"NGP": (0, 1), "CIC": (0, 1), "TSC": (1, 2)}  # layers of nodes a shape reaches below and above
-ROTATION = {0: "no rotation", 1: "rotation about z", 2: "rotation about any axis"}
-
-
-def rotation(config: PlasmaConfig) -> int:
-    """0 without a magnetic field, 1 where velocities turn in the plane of the grid, 2 otherwise."""
-    if not any(config.field.magnetic):
-        return 0
-    return 1 if config.dimensions == 2 and not any(config.field.magnetic[:2]) else 2
+ROTATION = ("no rotation", "rotation about z", "rotation about any axis")
 
 
 def groups(config: PlasmaConfig) -> int:

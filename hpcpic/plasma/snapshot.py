@@ -10,7 +10,7 @@ from hpcpic.core.errors import Diverged
 from hpcpic.core.files.arrays import FieldArray, ParticleArray, Shard
 from hpcpic.core.space.domain import block_ranges
 from hpcpic.plasma.cloud import CHUNK
-from hpcpic.plasma.tiles import EDGE
+from hpcpic.plasma.sizes import EDGE
 
 if TYPE_CHECKING:
     from hpcpic.core.files.sealed import Reader

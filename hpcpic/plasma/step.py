@@ -9,14 +9,16 @@ from hpcpic.core.space.domain import Domain, block_ranges, even_cuts
 from hpcpic.core.tasks import Pool
 from hpcpic.core.timers import Timers
 from hpcpic.plasma import moments, snapshot
-from hpcpic.plasma.cloud import CHUNK, GHOSTS, Cloud, Law, groups_of_charge
+from hpcpic.plasma.cloud import CHUNK, Cloud
 from hpcpic.plasma.config import PlasmaConfig
 from hpcpic.plasma.derived import derived, total_plasma_frequency
 from hpcpic.plasma.estimate import estimate
+from hpcpic.plasma.law import Law, groups_of_charge
 from hpcpic.plasma.mesh import SHIFT, Mesh
-from hpcpic.plasma.mover import mover, rotation_kind
+from hpcpic.plasma.mover import mover
 from hpcpic.plasma.runaway import EnergyWatch
 from hpcpic.plasma.scene import Scene
+from hpcpic.plasma.sizes import GHOSTS
 
 COLD = 0.1  # lambda_D/dx to which the grid heats the coldest plasma: its energy is no growth yet
 
@@ -42,7 +44,7 @@ class Plasma:
         points, lengths = scene.points[::-1], tuple(scene.lengths[::-1])
         cuts = even_cuts(points[0], world.size)
         self.domain = Domain(lengths, tuple(points), (True,) * scene.dimensions, cuts)
-        law = Law.of(scene, rotation_kind(scene))
+        law = Law.of(scene)
         charge, weight = groups_of_charge(scene, law)
         self.mesh = Mesh(world, pool, self.domain, scene, GHOSTS[law.shape], weight)
         self._parts = np.zeros(len(weight), np.int64)  # of each group in all, as Mesh.check wants them

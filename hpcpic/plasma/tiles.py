@@ -12,10 +12,9 @@ import numpy as np
 from numpy.typing import DTypeLike, NDArray
 
 from hpcpic.core.space.domain import Domain, block_ranges
+from hpcpic.plasma.sizes import EDGE, PAGE
 
-PAGE = 128  # particles
 RECORD = 8  # numbers of a particle under way, see kernels.pages
-EDGE = {1: 256, 2: 16}  # cells of a tile along each axis
 
 
 def aligned(shape: Sequence[int], dtype: DTypeLike, to: int = 4096) -> NDArray:

@@ -7,8 +7,8 @@ from hpcpic.core.files.config import loads
 from hpcpic.core.files.schema import validate
 from hpcpic.core.tasks import Pool
 from hpcpic.core.timers import Timers
-from hpcpic.plasma.config import PlasmaConfig
-from hpcpic.plasma.plan import arrays, groups, kernels, messages, plan, rotation
+from hpcpic.plasma.config import PlasmaConfig, rotation
+from hpcpic.plasma.plan import arrays, groups, kernels, messages, plan
 
 CASE = """
 simulation = {{ dimensions = {d}; solver = "MFT"; cycles = 1; time_step = 0.1; space_length = {lengths}; }};
@@ -55,7 +55,9 @@ def test_planned_arrays_are_the_allocated_ones(world, d, shape):
 
 def test_what_a_scene_does_not_contain_is_not_planned():
     assert rotation(config()) == 0 and "no rotation" in kernels(config())[0]
-    assert rotation(config(magnetic=(0.0, 0.0, 1.0))) == 1
+    for d in (1, 2):
+        assert rotation(config(d, magnetic=(0.0, 0.0, 1.0))) == 1
+        assert "rotation about z" in kernels(config(d, magnetic=(0.0, 0.0, 1.0)))[0]
     assert rotation(config(magnetic=(1.0, 0.0, 0.0))) == 2
     thin = {array.name: array for array in arrays(config(), 1, 1)}
     thick = {array.name: array for array in arrays(config(magnetic=(1.0, 0.0, 0.0)), 1, 1)}

@@ -7,7 +7,9 @@ from hpcpic.core.comm.world import World
 from hpcpic.core.errors import Diverged
 from hpcpic.core.space.domain import Domain
 from hpcpic.core.tasks import Pool
-from hpcpic.plasma.cloud import GHOSTS, WHOLE_BITS, Cloud, Law
+from hpcpic.plasma.cloud import Cloud
+from hpcpic.plasma.law import WHOLE_BITS, Law
+from hpcpic.plasma.sizes import GHOSTS
 
 LAWS = [(2, 2, 0, "CIC"), (2, 2, 1, "CIC"), (2, 3, 2, "CIC"), (1, 1, 0, "CIC"), (1, 3, 2, "CIC"),
         (2, 2, 0, "NGP"), (1, 1, 0, "NGP"), (2, 2, 0, "TSC"), (1, 1, 0, "TSC")]  # fmt: skip

@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 
 from hpcpic.core.space.domain import Domain, even_cuts
-from hpcpic.plasma.tiles import EDGE, Pages, Tiles
+from hpcpic.plasma.sizes import EDGE
+from hpcpic.plasma.tiles import Pages, Tiles
 
 
 @pytest.mark.parametrize("points", [(1, 7), (8, 1), (9, 9), (97, 101), (16, 32), (5,), (256,), (700,)])
