@@ -104,6 +104,20 @@ def ask_for(first, pool, ids):
     prefetch_to_write(address(ids) + first * 4)
 
 
+@inlined
+def close_up(slot, to, place, pool, ids, chain, head, count, free, counters):
+    """The last particle of the slot takes a place of the page `to`; a page that is empty then is free."""
+    count[slot] -= 1
+    last, page = count[slot] % PAGE, np.int64(head[slot])
+    for c in range(COMPONENTS):
+        pool[to, place // LANES, c, place % LANES] = pool[page, last // LANES, c, last % LANES]
+    ids[to, place] = ids[page, last]
+    if last == 0:
+        head[slot] = chain[page]
+        free[counters[0]] = page
+        counters[0] += 1
+
+
 @kernel
 def depart(slot, n, holes, n_species, points, row_part, column_part, column_stride, parts, pool, ids, chain, head,
            count, free, moving, words, lists, counters):  # fmt: skip
@@ -140,15 +154,7 @@ def depart(slot, n, holes, n_species, points, row_part, column_part, column_stri
                 row, column, species, n_species, points, row_part, column_part, column_stride, parts, lists
             )
             list_up(k, target_slot, ids[to, at + lane], target, words, lists)
-            count[slot] -= 1
-            last, page = count[slot] % PAGE, np.int64(head[slot])
-            for c in range(COMPONENTS):
-                leaver[c] = pool[page, last // LANES, c, last % LANES]
-            ids[to, at + lane] = ids[page, last]
-            if last == 0:
-                head[slot] = chain[page]
-                free[counters[0]] = page
-                counters[0] += 1
+            close_up(slot, to, at + lane, pool, ids, chain, head, count, free, counters)
     return GOOD
 
 

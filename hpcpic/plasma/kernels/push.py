@@ -153,6 +153,66 @@ def next_page(page, slot, end, heads, chains):
     return page, slot
 
 
+@inlined
+def unit_of(charge):
+    """Parts of a particle, as vectors of numbers and of whole numbers, and their sign; charge = (group, parts)."""
+    sign = 1 if charge[1] > 0 else -1
+    return splat(F, REAL(charge[1] * sign)), splat(I, PART(charge[1] * sign)), sign
+
+
+@inlined
+def push_page(at, ahead, page, packs, lanes, m, low_x, high_x, low_y, high_y, unit, whole, to_lines, to_sums, to_cells,
+              holes, n):  # fmt: skip
+    """Push `packs` packs of the page at an address, and ask for those of the page `ahead`; lanes: bits of the last
+    one's particles. Those who leave follow the n that are in `holes`; returns how many there are then.
+    """
+    for pack in range(packs):
+        here = opaque(at + pack * PACK_BYTES)
+        place = lines_at(load_at(F, here, 64), load_at(F, here + 64 * (DIM - 1), 64))
+        store_at(opaque(to_cells + pack * 64), place, 64)
+    for pack in range(packs - 1, -1, -1):
+        asked = opaque(ahead + pack * PACK_BYTES)
+        for c in range(COMPONENTS):
+            prefetch_to_write(asked + 64 * c)
+        stay = push_pack(opaque(at + pack * PACK_BYTES), opaque(to_cells + pack * 64), to_lines - MAGIC_BITS, m,
+                         low_x, high_x, low_y, high_y) & lanes  # fmt: skip
+        gone, lanes = lanes ^ stay, ALL
+        holes[np.uint64(n)] = hole(page, pack, gone)
+        n += gone != 0
+    for pack in range(packs):
+        deposit_pack(opaque(at + pack * PACK_BYTES), opaque(to_cells + pack * 64), to_sums - MAGIC_BITS, unit, whole)
+    return n
+
+
+@inlined
+def push_pages(slot, end, n_species, corner, parts, mover, charge, pool, chain, head, count, holes, patch, to_lines,
+               to_sums, to_cells, scout, scout_slot, batch):  # fmt: skip
+    """kernels.plain.push_slot for many particles, whose charge is in `sums` then. The scout runs ahead up to the slot
+    `end`; batch: pages since the sums were emptied. Returns n, and these as they are then.
+    """
+    part, species = slot // n_species, slot % n_species
+    low_x, high_x = splat(F, REAL(parts[part, 5])), splat(F, REAL(parts[part, 6]))
+    low_y, high_y = splat(F, REAL(parts[part, 3])), splat(F, REAL(parts[part, 4]))
+    row = mover[species]
+    m = (row[0], row[1], row[2], row[3], row[4], row[5], row[6], row[7], row[8], row[9])
+    unit, whole, sign = unit_of(charge[species])
+    page, used, n = np.int64(head[slot]), (count[slot] - 1) % PAGE + 1, 0
+    if page >= 0:
+        park(pool, page, used)
+    while page >= 0:
+        at, ahead = address(pool) + page * PAGE_BYTES, address(pool) + max(scout, 0) * PAGE_BYTES
+        scout, scout_slot = next_page(scout, scout_slot, end, address(head), address(chain))
+        packs = (used + LANES - 1) // LANES
+        n = push_page(at, ahead, page, packs, ALL >> (packs * LANES - used), m, low_x, high_x, low_y, high_y, unit,
+                      whole, to_lines, to_sums, to_cells, holes, n)  # fmt: skip
+        batch += 1
+        if batch == BATCH:
+            gather_sums(part, corner, parts, to_sums, patch, charge[species, 0], sign)
+            batch = 0
+        page, used = whole_at(address(chain), page), PAGE
+    return n, scout, scout_slot, batch
+
+
 @kernel
 def push(block, first, last, n_species, points, origin, corner, row_part, column_part, column_stride, parts, e_x, e_y,
          scale, mover, charge, pool, ids, chain, head, count, free, holes, moving, words, lists,
@@ -160,70 +220,36 @@ def push(block, first, last, n_species, points, origin, corner, row_part, column
     """x^n, v^(n-1/2) -> x^(n+1), v^(n+1/2) (5.18), (5.19); those who stay leave their charge, the others depart."""
     free, holes, moving, words = free[block], holes[block], moving[block], words[block]
     lists, counters = lists[block], counters[block]
-    lists[0, :] = -1
-    lists[1, :] = 0
-    counters[1] = 0
+    lists[0, :], lists[1, :], counters[1] = -1, 0, 0
     patch[:] = 0
-    base, to_lines, to_sums = address(pool), address(lines), address(sums)
-    heads, chains = address(head), address(chain)
-    to_cells, lines_of, sums_of = address(cells), to_lines - MAGIC_BITS, to_sums - MAGIC_BITS
+    to_lines, to_sums, to_cells = address(lines), address(sums), address(cells)
     zero_bytes(to_sums, to_sums + SUM_BYTES)
+    end = last * n_species
     scout, scout_slot = np.int64(-1), first * n_species - 1  # runs PAGES_AHEAD pages ahead and asks for their lines
     for _ in range(PAGES_AHEAD + 1):
-        scout, scout_slot = next_page(scout, scout_slot, last * n_species, heads, chains)
+        scout, scout_slot = next_page(scout, scout_slot, end, address(head), address(chain))
     for part in range(first, last):
-        many = count[part * n_species : (part + 1) * n_species].sum() >= MANY
+        many, batch = count[part * n_species : (part + 1) * n_species].sum() >= MANY, 0
         if many:
             spread_field(part, origin, parts, e_x, e_y, scale, to_lines)
             look_ahead(min(part + 1, last - 1), origin, corner, parts, e_x, e_y, patch)
-        low_x, high_x = splat(F, REAL(parts[part, 5])), splat(F, REAL(parts[part, 6]))
-        low_y, high_y = splat(F, REAL(parts[part, 3])), splat(F, REAL(parts[part, 4]))
-        batch = 0
         for slot in range(part * n_species, (part + 1) * n_species):
             species = slot % n_species
-            row = mover[species]
-            m = (row[0], row[1], row[2], row[3], row[4], row[5], row[6], row[7], row[8], row[9])
-            sign = 1 if charge[species, 1] > 0 else -1
-            unit, whole = splat(F, REAL(charge[species, 1] * sign)), splat(I, PART(charge[species, 1] * sign))
-            page, used, n_holes = np.int64(head[slot]), (count[slot] - 1) % PAGE + 1, 0
-            if page >= 0:
-                park(pool, page, used)
-            if not many:
-                n_holes = push_slot(slot, n_species, origin, corner, parts, e_x, e_y, scale, mover, charge, pool, chain,
-                                    head, count, holes, patch)  # fmt: skip
-                if page >= 0:
-                    scout, scout_slot = next_page(scout, scout_slot, last * n_species, heads, chains)
-                    page = np.int64(-1)
-            while page >= 0:
-                at, packs = base + page * PAGE_BYTES, (used + LANES - 1) // LANES
-                ahead = base + max(scout, 0) * PAGE_BYTES
-                scout, scout_slot = next_page(scout, scout_slot, last * n_species, heads, chains)
-                lanes = ALL >> (packs * LANES - used)  # that hold a particle
-                for pack in range(packs):
-                    here = opaque(at + pack * PACK_BYTES)
-                    place = lines_at(load_at(F, here, 64), load_at(F, here + 64 * (DIM - 1), 64))
-                    store_at(opaque(to_cells + pack * 64), place, 64)
-                for pack in range(packs - 1, -1, -1):
-                    asked = opaque(ahead + pack * PACK_BYTES)
-                    for c in range(COMPONENTS):
-                        prefetch_to_write(asked + 64 * c)
-                    stay = push_pack(opaque(at + pack * PACK_BYTES), opaque(to_cells + pack * 64), lines_of, m,
-                                     low_x, high_x, low_y, high_y) & lanes  # fmt: skip
-                    gone, lanes = lanes ^ stay, ALL
-                    holes[np.uint64(n_holes)] = hole(page, pack, gone)
-                    n_holes += gone != 0
-                for pack in range(packs):
-                    deposit_pack(opaque(at + pack * PACK_BYTES), opaque(to_cells + pack * 64), sums_of, unit, whole)
-                batch += 1
-                if batch == BATCH:
-                    gather_sums(part, corner, parts, to_sums, patch, charge[species, 0], sign)
-                    batch = 0
-                page, used = whole_at(chains, page), PAGE
-            if depart(slot, n_holes, holes, n_species, points, row_part, column_part, column_stride, parts, pool, ids,
-                      chain, head, count, free, moving, words, lists, counters) != GOOD:  # fmt: skip
+            if many:
+                n, scout, scout_slot, batch = push_pages(
+                    slot, end, n_species, corner, parts, mover, charge, pool, chain, head, count, holes, patch,
+                    to_lines, to_sums, to_cells, scout, scout_slot, batch,
+                )  # fmt: skip
+            else:
+                n = push_slot(slot, n_species, origin, corner, parts, e_x, e_y, scale, mover, charge, pool, chain,
+                              head, count, holes, patch)  # fmt: skip
+                if head[slot] >= 0:
+                    scout, scout_slot = next_page(scout, scout_slot, end, address(head), address(chain))
+            if depart(slot, n, holes, n_species, points, row_part, column_part, column_stride, parts, pool, ids, chain,
+                      head, count, free, moving, words, lists, counters) != GOOD:  # fmt: skip
                 return DIVERGED
             if many and (species + 1 == n_species or not same(charge[species + 1], charge[species])):
-                gather_sums(part, corner, parts, to_sums, patch, charge[species, 0], sign)
+                gather_sums(part, corner, parts, to_sums, patch, charge[species, 0], unit_of(charge[species])[2])
                 batch = 0
     return GOOD
 
@@ -232,8 +258,7 @@ def push(block, first, last, n_species, points, origin, corner, row_part, column
 def deposit_new(low, slot, n_species, corner, parts, charge, pool, chain, head, count, patch, sums, cells):
     """kernels.plain.deposit_from for many particles; the sums of the cells are zero before and after."""
     part, species = slot // n_species, slot % n_species
-    sign = 1 if charge[species, 1] > 0 else -1
-    unit, whole = splat(F, REAL(charge[species, 1] * sign)), splat(I, PART(charge[species, 1] * sign))
+    unit, whole, sign = unit_of(charge[species])
     base, to_sums, to_cells = address(pool), address(sums), address(cells)
     page, end, batch = np.int64(head[slot]), count[slot], 0
     while end > low:
