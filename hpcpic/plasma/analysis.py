@@ -100,14 +100,26 @@ def _first_frequency(t: np.ndarray, y: np.ndarray) -> float:
     return 2.0 * np.pi * (p + shift) / (n * (t[1] - t[0]))
 
 
+def _linearised(x: np.ndarray, y: np.ndarray, omega: float, rate: float, damped: bool) -> tuple[np.ndarray, ...]:
+    """Best a, b, c of e^(rate x) (a cos + b sin)(omega x) + c; derivatives [n, 4 or 5] by these, omega (and rate); the
+    residual [n].
+    """
+    envelope = np.exp(rate * x)
+    c, s = envelope * np.cos(omega * x), envelope * np.sin(omega * x)
+    basis = np.stack((c, s, np.ones_like(x)), axis=1)
+    best = np.linalg.lstsq(basis, y, rcond=None)[0]
+    a, b, _ = best
+    columns = [basis, (x * (b * c - a * s))[:, None], (x * (a * c + b * s))[:, None]]
+    return best, np.concatenate(columns[: 2 + damped], axis=1), y - basis @ best
+
+
 def fit_oscillation(
     t: np.ndarray, y: np.ndarray, *, frequency: float | None = None, rate: float = 0.0, damped: bool = True
 ) -> Oscillation:
     """Least squares of a (damped) cosine with an offset, by Gauss and Newton on frequency and rate.
 
-    Clean signals give the frequency to round-off. `frequency` in rad/s starts the iteration; without it
-    the highest line of the spectrum does. Raises NoFit with fewer than eight samples, or when it does not
-    settle.
+    Clean signals give the frequency to round-off. `frequency` in rad/s starts the iteration; without it the highest
+    line of the spectrum does. Raises NoFit with fewer than eight samples, or when it does not settle.
     """
     t, y = np.asarray(t, float), np.asarray(y, float)
     if t.size < 8:
@@ -117,15 +129,7 @@ def fit_oscillation(
     omega = frequency if frequency is not None else _first_frequency(x, y)
     scale = 1.0 / (x[-1] + 1e-300)
     for _ in range(100):
-        envelope = np.exp(rate * x)
-        c, s = envelope * np.cos(omega * x), envelope * np.sin(omega * x)
-        basis = np.stack((c, s, np.ones_like(x)), axis=1)
-        a, b, offset = np.linalg.lstsq(basis, y, rcond=None)[0]
-        columns = [basis, (x * (b * c - a * s))[:, None]] + (
-            [(x * (a * c + b * s))[:, None]] if damped else []
-        )
-        jacobian = np.concatenate(columns, axis=1)
-        residual = y - basis @ (a, b, offset)
+        (a, b, offset), jacobian, residual = _linearised(x, y, omega, rate, damped)
         step = np.linalg.lstsq(jacobian, residual, rcond=None)[0][3:]
         limit = np.minimum(1.0, scale / (np.abs(step) + 1e-300))  # at most a radian over the whole signal
         omega += step[0] * limit[0]
@@ -193,22 +197,6 @@ def peaks(t: np.ndarray, y: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     curve = low - 2.0 * mid + high
     shift = np.where(curve < 0, 0.5 * (low - high) / np.where(curve < 0, curve, 1.0), 0.0)
     return t[i] + shift * (t[1] - t[0]), np.exp(mid - 0.25 * (low - high) * shift)
-
-
-def damping_rate(t: np.ndarray, amplitude: np.ndarray, n_peaks: int = 5) -> tuple[float, float, float]:
-    """(frequency, rate, error of the rate) of a damped standing wave from the maxima of its absolute value.
-
-    Rate from a line through the logs of the first `n_peaks` maxima; maxima are half a period apart.
-    Raises NoFit with fewer than three maxima.
-    """
-    times, heights = peaks(t, amplitude)
-    times, heights = times[:n_peaks], heights[:n_peaks]
-    if times.size < 3:
-        raise NoFit("fewer than three maxima")
-    (rate, level), logs = np.polyfit(times, np.log(heights), 1), np.log(heights)
-    residual = logs - rate * times - level
-    error = np.sqrt(residual @ residual / max(times.size - 2, 1) / ((times - times.mean()) ** 2).sum())
-    return float(np.pi * (times.size - 1) / (times[-1] - times[0])), float(rate), float(error)
 
 
 def spectrum(field: np.ndarray, dt: float, dx: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:

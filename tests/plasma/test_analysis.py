@@ -71,14 +71,10 @@ def test_sign_is_kept_where_the_amplitude_only_ripples():
     assert np.array_equal(analysis.signed(y), y)
 
 
-def test_damping_from_peaks():
-    amplitude = np.abs(np.exp(-0.1533 * T) * np.cos(1.4157 * T))
-    frequency, rate, error = analysis.damping_rate(T, amplitude)
-    assert frequency == pytest.approx(1.4157, rel=2e-4)  # parabola through the log of a cosine
-    assert rate == pytest.approx(-0.1533, rel=2e-3)
-    assert error < 1e-3
-    with pytest.raises(analysis.NoFit):
-        analysis.damping_rate(T, np.exp(-T))
+def test_peaks_are_half_a_period_apart_and_decay_with_the_wave():
+    times, heights = analysis.peaks(T, np.abs(np.exp(-0.1533 * T) * np.cos(1.4157 * T)))
+    assert np.pi / np.diff(times).mean() == pytest.approx(1.4157, rel=2e-4)  # parabola through the log of a cosine
+    assert np.polyfit(times, np.log(heights), 1)[0] == pytest.approx(-0.1533, rel=2e-3)
 
 
 @pytest.mark.parametrize("n_t", [128, 129])
