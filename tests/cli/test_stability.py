@@ -1,9 +1,7 @@
 """stability on a simulator whose limit is known: bracket, slow growth, exit codes, map."""
 
-import json
-
 import pytest
-from test_tradeoff import program  # noqa: F401  (a fixture)
+from test_tradeoff import program, read_json  # noqa: F401  (program: a fixture)
 
 from hpcpic.core.cli.limits import RESOLUTION, bracketed
 from hpcpic.core.cli.stability import strip
@@ -39,7 +37,7 @@ def test_the_strip_marks_the_case():
 
 
 def facts(folder, name="out"):
-    return json.loads((folder / name / "stability.json").read_text())
+    return read_json(folder / name / "stability.json")
 
 
 def test_a_sharp_limit_is_found_beside_the_theory(program, tmp_path):  # noqa: F811
@@ -70,11 +68,12 @@ def test_a_case_beyond_its_limit_and_a_limit_below_the_theory_are_exit_3(program
 def test_a_map_follows_the_limit_over_a_second_knob(program, tmp_path):  # noqa: F811
     done = program("stability", "--map", "dt,dx", "-o", "out", steps=40)
     assert done.returncode == 0, done.stderr
-    columns = json.loads((tmp_path / "out/map.json").read_text())["columns"]
+    columns = read_json(tmp_path / "out/map.json")["columns"]
     assert len(columns) == 6 and all(c["ratio"] == pytest.approx(1.0, abs=0.05) for c in columns)
     assert (tmp_path / "out/map.png").stat().st_size > 5000
     none = program("stability", "--map", "dt,dx", "-o", "none", steps=40, limit=100)
     assert none.returncode == 3 and "no limit of dt was found" in none.stderr
+    assert {column["measured"] for column in read_json(tmp_path / "none/map.json")["columns"]} == {None}
     assert "nothing grows 30 times" in program("stability", "-o", "none", "--knob", "dt", limit=100).stdout
     assert program("stability", "--map", "dt").returncode == 2
     assert program("stability", "--knob", "x").returncode == 2

@@ -144,8 +144,13 @@ def program(tmp_path, monkeypatch, capfd):
     return run
 
 
+def read_json(path):
+    """As other programs read it, which know no NaN."""
+    return json.loads(path.read_text(), parse_constant=lambda word: pytest.fail(f"{path}: {word}"))
+
+
 def found(folder, name="out"):
-    return json.loads((folder / name / "tradeoff.json").read_text())
+    return read_json(folder / name / "tradeoff.json")
 
 
 def true_error(sizes):

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import csv
 import io
-import json
 from pathlib import Path
 from typing import Any
 
@@ -14,7 +13,7 @@ from hpcpic.core.cli.laws import slope
 from hpcpic.core.cli.search import Proposal, Search, Verified
 from hpcpic.core.errors import CheckFailed
 from hpcpic.core.files.config import dotted
-from hpcpic.core.files.rundir import write_atomic
+from hpcpic.core.files.rundir import write_atomic, write_json
 from hpcpic.core.files.schema import dump
 
 ERRORS = (0.1, 0.05, 0.02, 0.01, 5e-3, 2e-3, 1e-3, 5e-4, 2e-4, 1e-4)
@@ -66,7 +65,7 @@ def write(
     writer.writerow(("pilot", "error", "seconds", search.pilots.knobs.work_unit))
     writer.writerows(measured(search))
     write_atomic(folder / "front.csv", text.getvalue())
-    write_atomic(folder / "tradeoff.json", json.dumps(facts(search, points, verified, refusal, tolerance), indent=1))
+    write_json(folder / "tradeoff.json", facts(search, points, verified, refusal, tolerance))
     save(figure(search, points, verified), folder / "front.png")
 
 

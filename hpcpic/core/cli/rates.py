@@ -29,7 +29,7 @@ def read_rates() -> dict[str, float]:
 
 def keep_rates(rates: Mapping[str, float]) -> Path:
     """Merge the rates into those of this host. Raises FileError."""
-    from hpcpic.core.files.rundir import write_atomic
+    from hpcpic.core.files.rundir import write_json
 
     try:
         path = rates_file()
@@ -42,7 +42,7 @@ def keep_rates(rates: Mapping[str, float]) -> Path:
         content = {}
     content = content if isinstance(content, dict) else {}
     content[platform.node()] = read_rates() | dict(rates)
-    write_atomic(path, json.dumps(content, indent=1) + "\n")
+    write_json(path, content)
     return path
 
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import math
 from collections.abc import Sequence
 from pathlib import Path
@@ -14,7 +13,7 @@ from hpcpic.core.cli.app import App, AppLoader
 from hpcpic.core.cli.read import read_case, set_option, shape_options
 from hpcpic.core.cli.text import table
 from hpcpic.core.errors import CheckFailed, ConfigError
-from hpcpic.core.files.rundir import write_atomic
+from hpcpic.core.files.rundir import write_json
 
 if TYPE_CHECKING:
     from hpcpic.core.cli.knobs import Knob, Knobs
@@ -70,7 +69,7 @@ def find(
     if math.isfinite(limit.x):
         limits.confirm(axis, limit)
     rates = limits.rates(axis) if limit.slow or not math.isfinite(limit.x) else []
-    write_atomic(folder / "stability.json", json.dumps(facts(limits, axis, limit, rates), indent=1))
+    write_json(folder / "stability.json", facts(limits, axis, limit, rates))
     tell(limits, axis, limit, rates)
     judge(limits, axis, limit)
 
@@ -187,7 +186,7 @@ def draw_map(limits: Limits, first: Knob, second: Knob, folder: Path) -> None:
     table((with_unit(second), "theory's limit", measured, "measured/theory"), told)
     names = ("second", "theory", "measured", "ratio")
     found = {"first": first.name, "over": second.name, "columns": [dict(zip(names, row)) for row in rows]}
-    write_atomic(folder / "map.json", json.dumps(found, indent=1))
+    write_json(folder / "map.json", found)
     limited = [row for row in rows if math.isfinite(row[2])]
     if not limited:
         raise CheckFailed(f"no limit of {first.name} was found at any {second.name}: there is nothing to draw")

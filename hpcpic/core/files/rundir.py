@@ -71,6 +71,11 @@ def write_atomic(path: Path, content: str | bytes) -> None:
         raise FileError(f"cannot write {path}: {explain(error)}") from error
 
 
+def write_json(path: Path, content: Any) -> None:
+    """Replace a file as `write_atomic`; numbers that are not finite, which JSON does not know, become null."""
+    write_atomic(path, json.dumps(_plain(content), indent=1, allow_nan=False) + "\n")
+
+
 class RunDir:
     """Names inside a run folder. `RunDir(path)` only names; `create` and `open` look, and `create` and `lock`
     hold it.
@@ -228,8 +233,7 @@ class RunDir:
     def update(self, **facts: Any) -> None:
         """Set keys of run.json; the file is replaced as a whole. Numbers that are not finite become null."""
         content = self.read_run() if self.run_json.exists() else {}
-        content.update({key: _plain(value) for key, value in facts.items()})
-        write_atomic(self.run_json, json.dumps(content, indent=1, allow_nan=False) + "\n")
+        write_json(self.run_json, content | facts)
 
     def finish(self, status: str, exit_code: int, **facts: Any) -> None:
         """Last entry in run.json: how the run ended."""
