@@ -10,6 +10,7 @@ import pytest
 
 from hpcpic.core.comm.world import World
 from hpcpic.core.errors import ConfigError, Diverged, FileError, HpcpicError
+from hpcpic.core.files.rundir import RunDir
 from hpcpic.core.run.failure import Agreed, Failure, Watchdog, everywhere, guarded, require_room, share
 
 
@@ -182,3 +183,10 @@ def test_no_memory_is_told_in_one_line(world, capfd):
     assert guarded(world, main) == 1
     told = capfd.readouterr().err
     assert "no memory: Unable to allocate 7 TiB" in told and "Traceback" not in told
+
+
+def test_a_file_that_rank_0_cannot_reach_is_a_file_error_on_all_ranks(world, tmp_path):
+    for reach in ((tmp_path / "none" / "file").read_bytes, RunDir("/proc/self").lock):
+        with pytest.raises(Agreed) as caught:
+            share(world, reach)
+        assert isinstance(caught.value.error, FileError) and "No such file" in str(caught.value)

@@ -25,6 +25,7 @@ from pathlib import Path
 
 from hpcpic.core.comm.world import World
 from hpcpic.core.errors import CheckFailed, ConfigError, Diverged, FileError, HpcpicError
+from hpcpic.core.files.together import explain
 from hpcpic.core.run.log import write_error
 
 MIB = 1 << 20
@@ -41,13 +42,17 @@ class Agreed(Exception):
 
 
 def share(world: World, make: Callable[[], bytes]) -> bytes:
-    """Collective: rank 0 makes bytes, all get them; when it fails with a known error all raise Agreed."""
+    """Collective: rank 0 makes bytes, all get them; when it fails with a known error or at a file all raise Agreed."""
     told = None
     if world.rank == 0:
         try:
             told = b"\0" + make()
         except HpcpicError as error:
             told = bytes([error.exit_code]) + error.message.encode()
+        except OSError as error:
+            if error.filename is None:
+                raise
+            told = bytes([FileError.exit_code]) + explain(error).encode()
     world.wait_for_work()
     told = bytes(world.bcast(told))
     if told[0]:
