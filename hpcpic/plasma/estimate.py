@@ -180,15 +180,14 @@ def disk_items(config: PlasmaConfig) -> dict[str, float]:
     """Bytes of the whole run."""
     cycles, d = config.simulation.cycles, config.dimensions
     size = 8 if config.numerics.precision == "double" else 4
-    energy = config.periods["series"]
-    period = config.output.sampling_period
+    series, period = config.periods["series"], config.output.sampling_period
     particles, cells = particle_count(config), math.prod(config.grid.points)
 
     def times(every: int | None) -> int:
         return cycles // every + 1 if every else 0
 
     return {
-        "series": times(energy) * SERIES_BYTES,
+        "series": times(series) * SERIES_BYTES,
         "fields": times(period.field) * cells * size * (2 + d),
         "particles": times(period.particle) * particles * (3 * 8 + 3 * 8 + 8 + 4),
         "checkpoints, two": 2 * particles * (particle_bytes(config) + 4),

@@ -160,7 +160,7 @@ class Moments:
         return np.pad(amplitudes[1 : MODES + 1], (0, MODES))[:MODES].tolist()
 
     def trouble(self) -> str | None:
-        """Why the state is no solution, or None: what fails in the steps raises by itself, so only rho is looked at."""
+        """Why the state is no solution, or None. What fails in a step raises by itself: only the field is looked at."""
         rho = self.plasma.mesh.rho
         if not np.isfinite(rho).all() or not np.isfinite(self.plasma.mesh.phi.inner).all():
             return "the field is not finite"

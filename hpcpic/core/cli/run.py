@@ -68,7 +68,7 @@ def make_run_command(app_loader: AppLoader) -> click.Command:
     @click.option(
         "--force", is_flag=True, help="Replace the run in DIR; run in spite of limits that allow it."
     )
-    @click.option("--beyond-limits", is_flag=True, hidden=True)  # `stability` looks for what happens there
+    @click.option("--beyond-limits", is_flag=True, help="Run in spite of all limits, as `stability` does.")
     def run(
         case: str,
         output: str | None,
