@@ -78,7 +78,7 @@ class Reference:
         kinetic = 0.5 * (self.m * (0.5 * (old + self.v)) ** 2).sum()
         field = 0.5 * self.dx * self.rho @ self.phi
         waves = 2 * np.abs(np.fft.rfft(self.E)) / self.n
-        scalars = {f"mode_{k}": float(waves[k]) for k in range(1, N_MODES + 1)}
+        scalars = {f"mode_{k}": float(waves[k]) if k < len(waves) else 0.0 for k in range(1, N_MODES + 1)}
         scalars |= {"energy_field": field, "energy_kinetic": kinetic, "energy_total": field + kinetic}
         scalars |= {"momentum_x": float((self.m * 0.5 * (old + self.v)).sum()), "charge": float(self.q.sum())}
         self.x = (self.x + self.dt * self.v) % self.length

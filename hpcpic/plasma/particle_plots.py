@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from itertools import cycle
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -27,7 +28,7 @@ def snapshots_of(run: Run) -> Particles:
 
 
 def _velocity_limits(run: Run, snapshots: Particles, numbers: Sequence[int]) -> tuple[float, float]:
-    """Common limits of vx over the snapshots shown, a little wider than all but a few particles."""
+    """Common limits of vx over the snapshots shown, a little wider than all but a few particles. Raises NoData."""
     low, high = np.inf, -np.inf
     for number in numbers:
         for species in snapshots.species:
@@ -35,6 +36,8 @@ def _velocity_limits(run: Run, snapshots: Particles, numbers: Sequence[int]) -> 
             if v.size:
                 ends = np.quantile(v, (0.001, 0.999))
                 low, high = min(low, ends[0]), max(high, ends[1])
+    if low > high:
+        raise NoData("there are no particles")
     middle, half = 0.5 * (low + high), 0.5 * (high - low) or 1.0
     return float(middle - 1.15 * half), float(middle + 1.15 * half)
 
@@ -68,7 +71,7 @@ def _phase_panel(axis: Any, snapshots: Particles, number: int, length: float, li
 
     read = [snapshots.read(species, number) for species in snapshots.species]
     dots = sum(len(p["id"]) for p in read) <= SCATTER_LIMIT
-    for particles, colour in zip(read, COLOURS):
+    for particles, colour in zip(read, cycle(COLOURS)):
         x, v = particles["position"][:, 0], particles["velocity"][:, 0]
         if dots:
             size = 0.5 if x.size > 500 else 9.0
@@ -93,7 +96,7 @@ def _phase_panel(axis: Any, snapshots: Particles, number: int, length: float, li
 def _species_legend(figure: Figure, species: Sequence[str]) -> None:
     from matplotlib.lines import Line2D
 
-    marks = [Line2D([], [], color=c, marker="o", linestyle="") for c in COLOURS[: len(species)]]
+    marks = [Line2D([], [], color=c, marker="o", linestyle="") for _, c in zip(species, cycle(COLOURS))]
     figure.legend(marks, list(species), ncols=4, loc="outside upper right")
 
 
@@ -103,14 +106,15 @@ def velocities(run: Run, step: int | None = None) -> Figure:
     if sum(s.particles for s in config_of(run).species) <= FEW:
         raise NoData(f"needs more than {FEW} particles")
     end = snapshots.index(step)
-    read = [snapshots.read(species, end) for species in snapshots.species]
+    found = {name: snapshots.read(name, end)["velocity"] for name in snapshots.species}
+    found = {name: late for name, late in found.items() if len(late)}
     components = velocity_components(config_of(run))
     with style():
         figure, axes = new_figure(1, components, (2.4 + 3.0 * components, 3.5), squeeze=False)
         for c, axis in enumerate(axes[0]):
             highest = 0.0
-            for name, late, colour in zip(snapshots.species, read, COLOURS):
-                early, v = snapshots.read(name, 0)["velocity"][:, c], late["velocity"][:, c]
+            for (name, late), colour in zip(found.items(), cycle(COLOURS)):
+                early, v = snapshots.read(name, 0)["velocity"][:, c], late[:, c]
                 limits = (float(min(early.min(), v.min())), float(max(early.max(), v.max())))
                 bins = int(np.clip(np.sqrt(v.size) / 2, 12, 160))
                 now, then = _stairs(v, bins, limits), _stairs(early, bins, limits)
@@ -135,12 +139,12 @@ def orbits(run: Run, step: int | None = None) -> Figure:
     """Paths of all particles when they are few: x and y in 2D, x in time in 1D; open where they leave the box."""
     snapshots = snapshots_of(run)
     config = config_of(run)
-    if sum(s.particles for s in config.species) > FEW or len(snapshots.steps) < 8:
-        raise NoData(f"needs at most {FEW} particles and eight snapshots of them")
+    if not 0 < sum(s.particles for s in config.species) <= FEW or len(snapshots.steps) < 8:
+        raise NoData(f"needs one particle, at most {FEW} particles, and eight snapshots of them")
     lengths = config.simulation.space_length
     with style():
         figure, axes = new_figure(size=(6.4, 3.6))
-        for name, colour in zip(snapshots.species, COLOURS):
+        for name, colour in zip(snapshots.species, cycle(COLOURS)):
             path = np.array([snapshots.read(name, k)["position"] for k in range(len(snapshots.steps))])
             jump = np.abs(np.diff(path[..., : len(lengths)], axis=0)) > 0.5 * np.array(lengths)
             path[1:][jump.any(axis=2)] = np.nan

@@ -40,7 +40,10 @@ SIGNED, POSITIVE = "RdBu_r", "viridis"
 
 
 def _fields(run: Run) -> Fields:
-    return present(lambda: run.field_snapshots, "the fields (output.sampling_period.field)")
+    found = present(lambda: run.field_snapshots, "the fields (output.sampling_period.field)")
+    if not found.points:
+        raise NoData("the grid has one point")
+    return found
 
 
 # --------------------------------------------------------------------------------------------- series
@@ -58,7 +61,7 @@ def energies(run: Run, step: int | None = None) -> Figure:
         for values, colour, label in ((total, INK, "total"), (kinetic, COLOURS[0], "kinetic")):
             top.plot(*thinned(t[shown], values[shown]), color=colour, label=label)
         top.plot(*thinned(t[shown], field[shown]), color=COLOURS[1], label="field")
-        if field.max() < 0.01 * total.max():
+        if 0.0 < field.max() < 0.01 * total.max():
             top.set_yscale("log")
             top.set_ylim(0.3 * np.percentile(field[field > 0], 2), 4.0 * total.max())
         else:
@@ -126,6 +129,8 @@ def modes(run: Run, step: int | None = None) -> Figure:
     """Amplitudes |E_k| of the first modes along x, the one chosen beside the law that the case allows."""
     chosen = chosen_mode(run)
     t, amplitude = columns_of(run, f"mode_{chosen}")
+    if not amplitude.any():
+        raise NoData("there is no field")
     found = compare_mode(t, amplitude, predict(config_of(run), chosen))
     with style():
         figure, axes = new_figure(size=(6.4, 4.0))

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import math
 import re
 
@@ -126,6 +127,30 @@ def test_missing_files_are_named(tmp_path):
         with pytest.raises(NoData, match=rf"output.sampling_period.{key}"):
             PLOTS[name].make(empty, None)
     assert PLOTS["modes"].make(empty, None).axes[0].texts[0].get_text().startswith("not fitted: no growth")
+
+
+BARE = """
+simulation = { cycles = 32; time_step = 0.1; space_length = [8.0];
+               sampling_period = { energy = 1; field = 2; particle = 4 } };
+grid = { points = [POINTS] };
+species = ( SPECIES );
+"""
+GAS = '{ particles = N; charge = 0.0; mass = 1.0; init_method = "random position"; thermal_velocity = 1.0 }'
+
+
+@pytest.mark.parametrize("points, numbers", [(8, (30, 0)), (8, (0,)), (1, (3,)), (8, (4,) * 9)])
+def test_scenes_without_charge_or_particles_or_mesh_have_figures_or_say_why_not(points, numbers, tmp_path):
+    text = BARE.replace("POINTS", str(points)).replace("SPECIES", ", ".join(GAS.replace("N", str(n)) for n in numbers))
+    (tmp_path / "bare.conf").write_text(text)
+    bare = open_run(make_run(tmp_path / "bare.conf", tmp_path / "a"))
+    drawn = {}
+    for name, plot in PLOTS.items():
+        with contextlib.suppress(NoData):
+            drawn[name] = plot.make(bare, None)
+    assert {"energies", "timers"} <= drawn.keys() and ("phase-space" in drawn) == any(numbers)
+    assert ("fields" in drawn) == (points > 1)
+    if any(numbers):
+        assert len(drawn["phase-space"].axes[0].collections) == len(numbers)  # all species, however many colours
 
 
 def test_two_dimensional_fields_keep_their_shape_and_place(tmp_path):
