@@ -1,8 +1,6 @@
 """Cells of a rank: bodies in slots by layer, row and fine cell, and the runs of slots where neighbours are."""
 
 from collections.abc import Callable
-from types import ModuleType
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -39,8 +37,8 @@ class Cells:
 
     def __init__(self, tasks: Tasks, grid: Grid, d: int) -> None:
         self.tasks, self.grid, self.parts = tasks, grid, tasks.parts
-        self.kernels: ModuleType = specialise("cells", DIM=d)
-        self.n_runs = self.kernels.ROWS
+        self.kernels, self.runs = (specialise(stem, DIM=d) for stem in ("cells", "runs"))
+        self.n_runs = self.runs.ROWS
         self._layers = self._rows = self._fine = -1  # no arrays yet
         tasks.set(
             scale=grid.scale,
@@ -104,7 +102,7 @@ class Cells:
         self.here = here
         self._room(layers=here)
         a["shape"][2:4] = first, here
-        self._try(kernels.tally)
+        self._tally()
         self._buckets(a["count"][:, :here], first, here)
         if bodies.reserve(int(a["base"][here])):  # in other memory now
             return self.sort(bodies, slab, fit)
@@ -128,17 +126,19 @@ class Cells:
     def find(self, radius: float) -> None:
         """Runs of the slots of all neighbours within `radius`."""
         self.tasks.arrays["edge"][4] = radius
-        self._try(self.kernels.find, blocks="sweeps")
-
-    def _try(self, kernel: Any, **more: Any) -> None:
-        """A kernel that may find the state to be no solution."""
         try:
-            self.tasks.each(kernel, **more)
+            self.tasks.each(self.runs.find, blocks="sweeps")
+        except TaskError as error:
+            if error.code == self.runs.CROWDED:
+                raise Diverged(f"more than {self.runs.MOST} particles in one place") from error
+            raise
+
+    def _tally(self) -> None:
+        try:
+            self.tasks.each(self.kernels.tally)
         except TaskError as error:
             if error.code == self.kernels.LOST:
                 raise Diverged("a particle moved farther than a layer of cells in a step") from error
-            if error.code == self.kernels.CROWDED:
-                raise Diverged(f"more than {self.kernels.MOST} particles in one place") from error
             raise
 
     def _span(self, low: int, high: int) -> tuple[int, int]:

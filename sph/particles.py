@@ -24,7 +24,7 @@ from sph.scene import WALL_BITS
 from sph.workspace import Workspace
 
 # Flags of a slot; 0: nobody is there. REAL: its sums are used (images only give). FLOWS: density flows in and out, of
-# fluid and its images, but not in mirrors. 16 is that of kernels.cells. From bit NORMAL on: which normal, of repulsive
+# fluid and its images, but not in mirrors. 16 is that of kernels.runs. From bit NORMAL on: which normal, of repulsive
 # walls.
 FLUID, REAL, REPULSIVE, FLOWS, BODY, OWN = 1, 2, 4, 8, 32, 64
 LINE = 16  # slots that only one part of a task writes

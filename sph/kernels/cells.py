@@ -1,4 +1,4 @@
-"""Bodies (own particles and ghosts) into slots in the order layer, row, fine cell, key; and where neighbours are.
+"""Bodies (own particles and ghosts) into slots in the order layer, row, fine cell, key.
 
 A layer is a slice of thickness `edge` across the slab axis, a row a bar of edge^2 in it along the last axis (in 2D the
 layer itself), a fine cell 1/FINE of an edge of a row. Tables exist for the occupied rows of the layers of a rank:
@@ -14,34 +14,17 @@ Slots of a layer begin at base[l], with room for two vectors after the last: loa
 import numpy as np
 
 from hpcpic.core.simd.jit import njit
-from hpcpic.core.simd.vector import (
-    Vec,
-    bitmask,
-    convert,
-    first_bit,
-    floor,
-    lanes,
-    load,
-    maximum,
-    minimum,
-    select,
-    splat,
-    sqrt,
-    store,
-)  # fmt: skip
+from hpcpic.core.simd.vector import Vec, convert, floor, lanes, load, maximum, minimum, select, splat, store
 
 DIM = 3
 
 AXIS = DIM - 1  # of the fine cells
-ROWS = 5 if DIM == 3 else 2  # of half a neighbourhood
-OWN_ROWS = 2 if DIM == 3 else 1  # of these in the layer of the body
 FINE = 8
 FAR = 2**30
-N, M = lanes(np.float64), lanes(np.int32)
-F, I, C = Vec(N, np.float64), Vec(N, np.int32), Vec(M, np.int32)
-PLAIN = 16  # flag (see sph.particles): has FLUID, REAL and FLOWS, and all in its runs have FLOWS
-LOST, CROWDED = 1, 2
-MOST = 65535  # slots of a run
+N = lanes(np.float64)
+F, I = Vec(N, np.float64), Vec(N, np.int32)
+PLAIN = 16  # flag of kernels.runs
+LOST = 1
 
 
 @njit
@@ -226,148 +209,3 @@ def order_by_key(body, key, first, last):
             body[t] = body[t - 1]
             t -= 1
         body[t] = b
-
-
-@njit
-def find(block, blocks, base, shape, edge, x, flags, rows, row_table, fine_start, run_first, run_length):
-    """run_first[k, slot], run_length[k, slot]: the slots in row k of the half neighbourhood that may be within the
-    radius: the chord of the sphere in that row.
-
-    edge = (edge of a layer, of a row, of a fine cell, pads, radius). Rows: own from the next body on, then in 3D the
-    next row; then the row, or three rows, of the next layer.
-    """
-    longest = N + longest_row(block, blocks, rows, row_table, fine_start)  # vectors overrun
-    height, left = np.zeros(longest), np.zeros((6, longest))
-    cells, met, ends = np.zeros((2, longest), np.int32), np.zeros(longest, np.int32), np.zeros(longest, np.int32)
-    most = np.int64(0)
-    for l in range(blocks[block], blocks[block + 1]):
-        for k in range(rows[l, 1]):
-            entry = row_table[rows[l, 2] + k]
-            r, first = rows[l, 0] + k, np.int64(entry[0])
-            many = np.int64(fine_start[entry[3] + entry[2]]) - first
-            spheres(first, many, shape[2] + l + 1 - edge[3], r + 1 - edge[3], edge, x, height, left)
-            met[:many] = 0
-            for n in range(ROWS):
-                up, side = beside(n)
-                at = r + side - rows[l + up, 0]
-                begins, lengths = run_first[n, first : first + many], run_length[n, first : first + many]
-                if at < 0 or at >= rows[l + up, 1] or (l == 0 and up == 0):
-                    begins[:] = 0
-                    lengths[:] = 0
-                    continue
-                other = row_table[rows[l + up, 2] + at]
-                chords(height, left[3 * up + 1 + side], many, other, cells, met)
-                start = fine_start[other[3] : other[3] + other[2] + 1]
-                for m in range(np.uint64(many)):
-                    begins[m], ends[m] = start[np.uint32(cells[0, m])], start[np.uint32(cells[1, m])]
-                if n == 0:
-                    for m in range(many):
-                        begins[m] = max(begins[m], first + m + 1)  # each pair once
-                if entry[5] - entry[4] < entry[2]:  # with walls or images
-                    trim(flags[first : first + many], flags, begins, ends)
-                most = max(most, measure(many, begins, ends, lengths))
-            tell_plain(many, met, flags[first : first + many])
-    return CROWDED if most > MOST else 0
-
-
-@njit
-def longest_row(block, blocks, rows, row_table, fine_start):
-    """Most bodies of a row of a block."""
-    longest = 0
-    for l in range(blocks[block], blocks[block + 1]):
-        for k in range(rows[l, 2], rows[l, 2] + rows[l, 1]):
-            longest = max(longest, fine_start[row_table[k, 3] + row_table[k, 2]] - row_table[k, 0])
-    return longest
-
-
-@njit
-def beside(n):
-    """Layers and rows from a row to row n of its half neighbourhood."""
-    up = np.int64(n >= OWN_ROWS)
-    if DIM == 2:
-        return up, np.int64(0)
-    return up, np.int64(n == 1) if n < 2 else np.int64(n - 3)
-
-
-@njit
-def tell_plain(many, met, flags):
-    """The flag PLAIN of the fluid that met nothing else."""
-    for m in range(many):
-        if flags[m] & 11 == 11 and met[m] == 0:
-            flags[m] |= PLAIN
-
-
-@njit
-def spheres(first, many, layer, row, edge, x, height, left):
-    """Of the bodies of a row, in fine cells: heights along it; left[k, m], radius^2 less the square of the distance to
-    a row: before, own and after of the own layer, then of the next one. layer, row: number of the next ones.
-    """
-    per_cell = 1.0 / edge[2]
-    limit, ceiling, wall = edge[4] * per_cell, layer * edge[0], row * edge[1]
-    for m in range(many):
-        b = np.uint64(first + m)
-        height[m] = x[AXIS, b] * per_cell
-        up = max(ceiling - x[0, b], 0.0) * per_cell
-        after, before = 0.0, 0.0
-        if DIM == 3:
-            after = max(wall - x[1, b], 0.0) * per_cell
-            before = max(x[1, b] - (wall - edge[1]), 0.0) * per_cell
-        for u in range(2):
-            rest = limit * limit - u * up * up
-            left[3 * u, m], left[3 * u + 1, m], left[3 * u + 2, m] = rest - before * before, rest, rest - after * after
-
-
-@njit
-def measure(many, begins, ends, lengths):
-    """Lengths of runs; the longest."""
-    longest = 0
-    for m in range(np.uint64(many)):
-        length = max(ends[m] - begins[m], 0)
-        longest = max(longest, length)
-        lengths[m] = length
-    return longest
-
-
-@njit
-def trim(kinds, flags, begins, ends):
-    """Runs of walls and images, of these kinds, from the first to the last of the classes they have to do with."""
-    for m in range(kinds.size):
-        if kinds[m] & 3 != 3:
-            begins[m], ends[m] = trimmed(flags, kinds[m] & 3, begins[m], ends[m])
-
-
-@njit
-def chords(height, left, many, row, cells, met):
-    """First and end fine cells, of those of a row of the table, of the chords around heights, half as long as the root
-    of left. met: not 0 from now on where a chord leaves the cells with fluid only.
-    """
-    low_cell, n_cells, free, free_end = 1.0 * row[1], 1.0 * row[2], row[4], row[5]
-    for m in range(0, many, N):
-        rest = load(F, left, m)
-        half = sqrt(maximum(rest, 0.0))
-        z = load(F, height, m) - low_cell
-        low = minimum(maximum(floor(z - half), 0.0), n_cells)
-        high = minimum(maximum(floor(z + half) + 1.0, 0.0), n_cells)
-        first, end = convert(I, low), convert(I, select(rest > 0.0, high, low))
-        store(cells[0], m, first)
-        store(cells[1], m, end)
-        beside = select(first < np.int32(free), end - first, select(end > np.int32(free_end), end - first, 0))
-        store(met, m, load(I, met, m) | beside)
-
-
-@njit
-def trimmed(flags, kind, first, end):
-    """A wall particle or an image has to do with some classes only: a run from the first to the last of them."""
-    first, end = np.int64(first), np.int64(end)
-    while first < end:
-        found = bitmask((load(C, flags, first) | kind) & 3 == 3)
-        if found != 0:
-            first = min(first + first_bit(found), end)
-            break
-        first += M
-    first = min(first, end)
-    while end - first >= M and bitmask((load(C, flags, end - M) | kind) & 3 == 3) == 0:
-        end -= M
-    while end > first and (flags[end - 1] | kind) & 3 != 3:
-        end -= 1
-    return first, end

@@ -1,4 +1,4 @@
-"""Pair sums of a scene as generated text: each pair of bodies once, for both, along the runs of `cells.find`.
+"""Pair sums of a scene as generated text: each pair of bodies once, for both, along the runs of `runs.find`.
 
 Lengths, velocities, densities and masses are in units that the numbers of a scene know: in double precision the state
 is read as it is held, in SI units; in single, columns in those of h, c0, rho0 and rho0 h^d. A pass is a set of terms

@@ -15,7 +15,7 @@ NUMBERS = (
     "density", "hundredth",
 )  # fmt: skip
 
-ROWS = {2: 2, 3: 5}  # as kernels.cells has them
+ROWS = {2: 2, 3: 5}  # as kernels.runs has them
 ARGUMENTS = (
     "block, blocks, odd, begin, base, shape, numbers, run_first, run_length, flags, position, v, drho, m, values, sums"
 )

@@ -204,8 +204,8 @@ def below(a, limit, out):
             bits &= bits - 1
 
 @njit
-def empty():
-    return first_bit(0)
+def ends(bits):
+    return first_bit(bits), last_bit(bits)
 """
 
 
@@ -218,7 +218,8 @@ def test_bits_of_a_mask_are_its_lanes(dtype, n):
     module.below(a, 0.3, out)
     inside = a < np.dtype(dtype).type(0.3)
     np.testing.assert_array_equal(out, inside * np.repeat(inside.reshape(-1, n).sum(axis=1), n))
-    assert module.empty() == 64
+    assert module.ends(0) == (64, -1)
+    assert [module.ends(5 << k) for k in range(61)] == [(k, k + 2) for k in range(61)]
 
 
 MEMORY = """

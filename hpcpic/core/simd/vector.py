@@ -55,6 +55,7 @@ __all__ = [
     "lane_numbers",
     "lane_values",
     "lanes",
+    "last_bit",
     "load",
     "load_at",
     "maximum",
@@ -178,6 +179,16 @@ def first_bit(typing_context, bits):
 
     def codegen(context, builder, sig, args):
         return builder.cttz(args[0], ir.Constant(I1, 0))
+
+    return types.int64(types.int64), codegen
+
+
+@intrinsic
+def last_bit(typing_context, bits):
+    """Number of the highest bit set; -1 for 0."""
+
+    def codegen(context, builder, sig, args):
+        return builder.sub(ir.Constant(I64, 63), builder.ctlz(args[0], ir.Constant(I1, 0)))
 
     return types.int64(types.int64), codegen
 

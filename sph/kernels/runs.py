@@ -1,0 +1,232 @@
+"""Runs of slots where the neighbours of bodies are, in the order that `cells` gave them; its tables have the names.
+
+Rows of half a neighbourhood: own from the next body on, then in 3D the next row; then the row, or three rows, of the
+next layer.
+"""
+
+import numpy as np
+
+from hpcpic.core.simd.jit import njit
+from hpcpic.core.simd.vector import (
+    Vec,
+    bitmask,
+    convert,
+    first_bit,
+    floor,
+    fma,
+    lanes,
+    last_bit,
+    load,
+    maximum,
+    minimum,
+    select,
+    splat,
+    sqrt,
+    store,
+)  # fmt: skip
+
+DIM = 3
+
+AXIS = DIM - 1  # of the fine cells
+ROWS = 5 if DIM == 3 else 2  # of half a neighbourhood
+OWN_ROWS = 2 if DIM == 3 else 1  # of these in the layer of the body
+N, M = lanes(np.float64), lanes(np.float32)
+F, I, S = Vec(N, np.float64), Vec(N, np.int32), Vec(N, np.float32)
+WIDE, KINDS = Vec(M, np.float32), Vec(M, np.int32)
+PLAIN = 16  # flag (see sph.particles): has FLUID, REAL and FLOWS, and all in its runs that are near have FLOWS
+CROWDED = 1
+MOST = 65535  # slots of a run
+
+
+@njit
+def find(block, blocks, base, shape, edge, x, flags, rows, row_table, fine_start, run_first, run_length):
+    """run_first[k, slot], run_length[k, slot]: the slots in row k of the half neighbourhood where all within the radius
+    are; the flag PLAIN. edge = (edge of a layer, of a row, of a fine cell, pads, radius).
+    """
+    longest = N + longest_row(block, blocks, rows, row_table, fine_start)  # vectors overrun
+    height, left = np.zeros(longest), np.zeros((6, longest))
+    cells, met = np.zeros((3, longest), np.int32), np.zeros(longest, np.int32)
+    places = np.zeros((2, DIM, 2 * M + largest_layer(block, blocks, base)), np.float32)  # of even and odd layers
+    low, high, most = blocks[block], blocks[block + 1], np.int64(0)
+    far = in_cells(low, base, edge, x, flags, places[low & 1]) if low < high else 0.0
+    for l in range(low, high):
+        farther = in_cells(l + 1, base, edge, x, flags, places[(l + 1) & 1])
+        limit = square_of_reach(edge, max(far, farther))
+        far = farther
+        for k in range(rows[l, 1]):
+            entry = row_table[rows[l, 2] + k]
+            r, first = rows[l, 0] + k, np.int64(entry[0])
+            after = np.int64(fine_start[entry[3] + entry[2]])
+            spheres(first, after - first, shape[2] + l + 1 - edge[3], r + 1 - edge[3], edge, x, height, left)
+            met[: after - first] = 0
+            for n in range(ROWS):
+                up, side = beside(n)
+                at = r + side - rows[l + up, 0]
+                if at < 0 or at >= rows[l + up, 1] or (l == 0 and up == 0):
+                    run_first[n, first:after], run_length[n, first:after] = 0, 0
+                    continue
+                other = row_table[rows[l + up, 2] + at]
+                chords(height, left[3 * up + 1 + side], after - first, other, cells)
+                most = max(most, cut(
+                    n == 0, first - base[l], base[l + up], places[l & 1], places[(l + up) & 1], limit,
+                    flags[first:after], flags[base[l + up] :], cells,
+                    fine_start[other[3] : other[3] + other[2] + 1], run_first[n, first:after],
+                    run_length[n, first:after], met,
+                ))  # fmt: skip
+            tell_plain(after - first, met, flags[first:after])
+    return CROWDED if most > MOST else 0
+
+
+@njit
+def square_of_reach(edge, far):
+    """Of the radius in fine cells, and what rounding of places up to `far` to single precision may add to it."""
+    return np.float32((edge[4] / edge[2] * (1.0 + 2.0**-20) + far * 2.0**-21) ** 2)
+
+
+@njit
+def largest_layer(block, blocks, base):
+    """Most slots of a layer of a block or the next one."""
+    largest = 0
+    for l in range(blocks[block], blocks[block + 1] + 1):
+        largest = max(largest, base[l + 1] - base[l])
+    return largest
+
+
+@njit
+def longest_row(block, blocks, rows, row_table, fine_start):
+    """Most bodies of a row of a block."""
+    longest = 0
+    for l in range(blocks[block], blocks[block + 1]):
+        for k in range(rows[l, 2], rows[l, 2] + rows[l, 1]):
+            longest = max(longest, fine_start[row_table[k, 3] + row_table[k, 2]] - row_table[k, 0])
+    return longest
+
+
+@njit
+def beside(n):
+    """Layers and rows from a row to row n of its half neighbourhood."""
+    up = np.int64(n >= OWN_ROWS)
+    if DIM == 2:
+        return up, np.int64(0)
+    return up, np.int64(n == 1) if n < 2 else np.int64(n - 3)
+
+
+@njit
+def tell_plain(many, met, flags):
+    """The flag PLAIN of the fluid that met nothing else."""
+    for m in range(many):
+        if flags[m] & 11 == 11 and met[m] == 0:
+            flags[m] |= PLAIN
+
+
+@njit
+def in_cells(l, base, edge, x, flags, places):
+    """Places of the bodies of a layer in fine cells; the largest of them."""
+    per_cell = 1.0 / edge[2]
+    farthest = splat(F, 0.0)
+    for k in range(DIM):
+        line, to = x[k], places[k]
+        for s in range(base[l], base[l + 1], N):
+            place = load(F, line, s) * per_cell
+            farthest = maximum(farthest, select(load(I, flags, s) != 0, abs(place), 0.0))
+            store(to, s - base[l], convert(S, place))
+    line = np.empty(N)
+    store(line, 0, farthest)
+    return line.max()
+
+
+@njit
+def spheres(first, many, layer, row, edge, x, height, left):
+    """Of the bodies of a row, in fine cells: heights along it; left[k, m], radius^2 less the square of the distance to
+    a row: before, own and after of the own layer, then of the next one. layer, row: number of the next ones.
+    """
+    per_cell = 1.0 / edge[2]
+    limit, ceiling, wall = edge[4] * per_cell, layer * edge[0], row * edge[1]
+    for m in range(many):
+        b = np.uint64(first + m)
+        height[m] = x[AXIS, b] * per_cell
+        up = max(ceiling - x[0, b], 0.0) * per_cell
+        after, before = 0.0, 0.0
+        if DIM == 3:
+            after = max(wall - x[1, b], 0.0) * per_cell
+            before = max(x[1, b] - (wall - edge[1]), 0.0) * per_cell
+        for u in range(2):
+            rest = limit * limit - u * up * up
+            left[3 * u, m], left[3 * u + 1, m], left[3 * u + 2, m] = rest - before * before, rest, rest - after * after
+
+
+@njit
+def chords(height, left, many, row, cells):
+    """cells[0], cells[1]: first and end fine cells, of those of a row of the table, of the chords around heights, half
+    as long as the root of left; cells[2]: not 0 where a chord leaves the cells with fluid only.
+    """
+    low_cell, n_cells, free, free_end = 1.0 * row[1], 1.0 * row[2], row[4], row[5]
+    for m in range(0, many, N):
+        rest = load(F, left, m)
+        half = sqrt(maximum(rest, 0.0))
+        z = load(F, height, m) - low_cell
+        low = minimum(maximum(floor(z - half), 0.0), n_cells)
+        high = minimum(maximum(floor(z + half) + 1.0, 0.0), n_cells)
+        first, end = convert(I, low), convert(I, select(rest > 0.0, high, low))
+        store(cells[0], m, first)
+        store(cells[1], m, end)
+        beside = select(first < np.int32(free), end - first, select(end > np.int32(free_end), end - first, 0))
+        store(cells[2], m, beside)
+
+
+@njit
+def cut(same, first, since, own, around, limit, kinds, flags, cells, start, begins, lengths, met):
+    """Runs of the bodies of a row; the longest of them. In another row than their own they are from about the first to
+    about the last body that is within the radius and of a class that the body has to do with. met: not 0 from now on
+    where there is one without FLOWS.
+    """
+    longest = 0
+    for m in range(np.uint64(kinds.size)):
+        b = np.uint64(first) + m
+        at, end = start[np.uint32(cells[0, m])] - since, start[np.uint32(cells[1, m])] - since
+        if same:
+            at = max(at, np.int64(b) + 1)  # each pair once
+        if cells[2, m] == 0 and kinds[m] & 3 == 3:
+            if not same:  # there most are within it
+                at, end = cut_ends(own, around, b, limit, at, end)
+        elif at < end:
+            at, end, strange = cut_classes(own, around, flags, kinds[m] & 3, b, limit, at, end)
+            met[m] |= strange != 0
+        length = max(end - at, 0)
+        longest = max(longest, length)
+        begins[m], lengths[m] = at + since, length
+    return longest
+
+
+@njit
+def cut_ends(own, around, b, limit, at, end):
+    """A run without the bodies beyond the radius in its first and its last vector."""
+    back = max(end - M, at)
+    valid = (1 << min(end - at, np.int64(M))) - 1
+    ahead, behind = reached(own, around, b, limit, at) & valid, reached(own, around, b, limit, back) & valid
+    return min(at + min(first_bit(ahead), M), end), back + last_bit(behind) + 1
+
+
+@njit
+def cut_classes(own, around, flags, kind, b, limit, at, end):
+    """A run from the first to the last body that a body has to do with, and bits of those that lack FLOWS."""
+    low, high, strange = end, at, np.int64(0)
+    while at < end:
+        kinds = load(KINDS, flags, at)
+        bits = reached(own, around, b, limit, at) & bitmask((kinds | kind) & 3 == 3)
+        bits &= (1 << min(end - at, np.int64(M))) - 1
+        strange |= bits & bitmask(kinds & 8 == 0)
+        if bits != 0:
+            low, high = min(low, at + first_bit(bits)), at + last_bit(bits) + 1
+        at += M
+    return min(low, high), high, strange
+
+
+@njit
+def reached(own, around, b, limit, j):
+    """Which of the M bodies from j on are within the radius around a body, as bits."""
+    square = splat(WIDE, 0.0)
+    for k in range(DIM):
+        d = load(WIDE, around[k], j) - own[k, b]
+        square = fma(d, d, square)
+    return bitmask(square <= limit)
