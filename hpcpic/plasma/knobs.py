@@ -231,9 +231,11 @@ def gyration(frequency: float, series: Series) -> float:
 
 
 def energy(series: Series, time: float) -> float:
-    """1 + the relative change of the total energy in `time` at the trend of the series."""
-    slope = np.polyfit(series.time - series.time[0], series["energy_total"], 1)[0]
-    return float(1.0 + slope * time / series["energy_total"][0])
+    """1 + the relative change of the total energy in `time` at the trend of the series. Raises ZeroDivisionError."""
+    start = float(series["energy_total"][0])
+    if not start:
+        raise ZeroDivisionError("there is no energy at the start")
+    return 1.0 + float(np.polyfit(series.time - series.time[0], series["energy_total"], 1)[0]) * time / start
 
 
 def growth(series: Series) -> float:

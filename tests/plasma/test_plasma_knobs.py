@@ -87,6 +87,8 @@ def test_quantities_read_exact_signals():
     assert damping.measure(damped) == pytest.approx(0.15, rel=1e-5)  # a spline between the samples
     energy = {q.name: q for q in knobs_of(read("magnetised-thermal-2d")).quantities()}["energy"]
     assert energy.measure(series(energy_total=lambda t: 2 + 0.001 * t)) == pytest.approx(1 + 0.0005 * 100, rel=1e-9)
+    with pytest.raises(ArithmeticError, match="no energy"):
+        energy.measure(series(energy_total=lambda t: 0 * t))
 
 
 def program(*words):
