@@ -1,9 +1,10 @@
 """Fills in what the settings of an SPH case determine: names, vectors of full length, domain, c0, Courant number."""
 
 from collections.abc import Iterable
+from typing import Literal
 
 from sph import geometry
-from sph.config import FLUX_COEFFICIENT, SphConfig, speed_scale
+from sph.config import FLUX_COEFFICIENT, SphConfig, name_of, speed_scale
 from sph.limits import courant_limit
 
 SAFETY = 0.6  # of the stability limit, where no Courant number is given
@@ -30,8 +31,8 @@ def completed(config: SphConfig) -> SphConfig:
     return config
 
 
-def named(kind: str, i: int, group):
-    return group.model_copy(update={"name": group.name or f"{kind}_{i + 1}"})
+def named(kind: Literal["fluid", "wall", "gauge"], i: int, group):
+    return group.model_copy(update={"name": name_of(kind, i, group)})
 
 
 def _fluid(fluid, d: int):

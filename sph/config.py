@@ -268,6 +268,11 @@ class SphConfig(Section):
         return completed(self)
 
 
+def name_of(kind: Literal["fluid", "wall", "gauge"], i: int, section: Fluid | Wall | Gauge) -> str:
+    """The name of the i-th section of a kind, given or by default."""
+    return section.name or f"{kind}_{i + 1}"
+
+
 def speed_scale(config: SphConfig) -> float:
     """sqrt(2 g H) of the fluid's height H along gravity, and what moves at t = 0, m/s."""
     g = math.hypot(*config.gravity)

@@ -25,6 +25,7 @@ def derived(config: SphConfig, ranks: int = 1) -> list[Derived]:
         *fast_walls(config),
         *filling(config, scene),
         *extents(config, scene, ranks),
+        *dry_gauges(config, scene),
     ]
 
 
@@ -236,3 +237,12 @@ def extents(config: SphConfig, scene: Scene, ranks: int) -> Iterator[Derived]:
     cells = (scene.high[scene.axes[0]] - scene.low[scene.axes[0]]) / scene.support
     yield Derived("layers of cells per rank", "", cells / ranks, "", ">= 1", "ok" if cells >= ranks else "warn",
                   "slabs end at one layer", "" if cells >= ranks else "some ranks stay empty")  # fmt: skip
+
+
+def dry_gauges(config: SphConfig, scene: Scene) -> Iterator[Derived]:
+    """Gauges where no fluid comes."""
+    for i, gauge in enumerate(config.gauge):
+        beyond = [max(a - x, x - b, 0.0) for x, a, b in zip(gauge.at, scene.low, scene.high)]
+        if gauge.what != "elevation" and max(beyond, default=0.0) > 0.0:
+            title, cure = f"{gauge.name} beyond the domain", "a place in the domain: here is nothing to show"
+            yield Derived(title, "", max(beyond), "m", "0", "warn", "domain", cure, ("gauge", i, "at"))

@@ -14,29 +14,13 @@ from hpcpic.core.space import exact
 from sph.config import AXES
 from sph.kernels.specialise import specialise
 from sph.scene import Scene
+from sph.series import scalar_units
 
 if TYPE_CHECKING:
     from sph.step import Sph
 
 MOST_GAMMA = 16  # that a polynomial is made for
 ROOM = 2.0  # for rounding
-
-
-def scalar_units(scene: Scene) -> dict[str, str]:
-    """Name and unit of every column of the series, gauges apart."""
-    d = scene.dimensions
-    per = "/m" if d == 2 else ""
-    force, turn = f"N{per}", "N" if d == 2 else "N m"
-    units = dict.fromkeys(("energy_kinetic", "energy_potential", "energy_internal", "energy_total"), f"J{per}")
-    units |= {"mass": f"kg{per}"} | {f"momentum_{axis}": f"kg m/s{per}" for axis in AXES[:d]}
-    units |= {"max_velocity": "m/s", "max_density_error": "1", "front_x": "m", "dt": "s"}
-    for wall in scene.walls:
-        if wall.measure_force:
-            units |= {f"force_{wall.name}_{axis}": force for axis in AXES[:d]}
-            units |= {f"torque_{wall.name}_{axis}": turn for axis in (AXES if d == 3 else "z")}
-            units |= {f"impulse_{wall.name}": f"N s{per}"}
-            units |= {f"impulse_{wall.name}_{axis}": f"N s{per}" for axis in AXES[:d]}
-    return units
 
 
 def internal_energy(scene: Scene, drho: NDArray) -> NDArray[np.float64]:
@@ -115,7 +99,7 @@ def scalars(sph: "Sph") -> dict[str, float]:
         "dt": sph.time_step,
     }
     found |= {f"momentum_{AXES[axis]}": value for axis, value in zip(sph.axes, momentum)}
-    return {name: float(found[name]) for name in scalar_units(scene) if name in found} | wall_scalars(sph, d)
+    return {name: float(found[name]) for name in scalar_units(scene.config) if name in found} | wall_scalars(sph, d)
 
 
 def wall_scalars(sph: "Sph", d: int) -> dict[str, float]:

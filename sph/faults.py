@@ -5,8 +5,8 @@ from collections.abc import Iterator
 
 from hpcpic.core.errors import ConfigError
 from hpcpic.core.files.config import Path
-from sph import geometry, limits
-from sph.config import AXES, Fluid, Gauge, Shape, SphConfig, Wall, speed_scale
+from sph import geometry, limits, periods, series
+from sph.config import AXES, Fluid, Gauge, Shape, SphConfig, Wall, name_of, speed_scale
 
 MOST_ALONG = 2**21  # particles along an edge, whose places are kept
 FLAT = ("mirror-no-slip", "repulsive", "point-symmetric-free-slip")
@@ -102,20 +102,29 @@ def gauge_faults(gauge: Gauge, d: int) -> Iterator[Fault]:
         yield (), f"at is missing, which a gauge of {gauge.what} needs"
     if gauge.what == "flow" and not gauge.axis:
         yield (), f"axis is missing, which a gauge of {gauge.what} needs"
+    if any(length < 0 for length in gauge.size):
+        yield ("size",), f"must not be below 0 (got {list(gauge.size)})"
     if gauge.axis and gauge.axis[0] not in AXES[:d]:
         yield ("axis",), f"there is no {gauge.axis[0]} in {d}D"
 
 
 def names(config: SphConfig) -> Iterator[Fault]:
-    """Names that are taken, or that make no file or series name."""
+    """Names that are taken, also by default, or that make no name of a file or of a column of the series."""
+    columns = set(series.scalar_units(config))
+    taken: dict[tuple[bool, str], str] = {}  # snapshots tell fluids and walls apart by name, the series gauges
     for group in ("fluid", "wall", "gauge"):
-        taken: set[str] = set()
         for i, section in enumerate(getattr(config, group)):
-            if section.name and not section.name.replace("_", "").replace("-", "").isalnum():
-                yield (group, i, "name"), f"only letters, digits, _ and - (got {section.name!r})"
-            if section.name and section.name in taken:
-                yield (group, i, "name"), f"{section.name!r} is taken by an earlier {group}"
-            taken.add(section.name)
+            name, path = name_of(group, i, section), (group, i, "name")
+            if not name.replace("_", "").replace("-", "").isalnum():
+                yield path, f"only letters, digits, _ and - (got {name!r})"
+            earlier = taken.setdefault((group == "gauge", name), f"{group}[{i}]")
+            if earlier != f"{group}[{i}]":
+                yield path, f"{name!r}{'' if section.name else ', its name by default,'} is taken by {earlier}"
+    for i, gauge in enumerate(config.gauge):
+        own = series.columns_of(gauge, name_of("gauge", i, gauge), config.dimensions)
+        if double := sorted(columns & set(own)):
+            yield ("gauge", i, "name"), f"the series has a column {', '.join(double)} without it"
+        columns |= set(own)
 
 
 def relations(config: SphConfig) -> Iterator[Fault]:
@@ -138,7 +147,8 @@ def relations(config: SphConfig) -> Iterator[Fault]:
             if getattr(fluid, name) != getattr(first, name):
                 yield ("fluid", i, name), f"all fluids are one liquid: {getattr(first, name):g} as the first one"
     for i, wall in enumerate(config.wall):
-        yield from ((("wall", i, *path), text) for path, text in wall_faults(wall))
+        found = itertools.chain(wall_faults(wall), periods.faults(config, wall))
+        yield from ((("wall", i, *path), text) for path, text in found)
     moving = config.eos.sound_speed or config.eos.max_velocity or not config.fluid
     if not moving and not speed_scale(config):
         yield ("eos",), "max_velocity or sound_speed is missing: neither gravity nor the initial state tells a speed"

@@ -11,7 +11,6 @@ from numpy.typing import NDArray
 
 from sph import limits
 from sph.config import AXES, Gauge
-from sph.scene import Scene
 from sph.snapshot import particles_at
 
 if TYPE_CHECKING:
@@ -23,18 +22,6 @@ EMPTY = 0.05  # of the kernel's sum, below which a point is dry
 REACH = 2  # spacings on each side of a section in which flow is counted
 
 Own = dict[str, NDArray]
-
-
-def gauge_units(scene: Scene) -> dict[str, str]:
-    """Name and unit of each column of the series."""
-    units: dict[str, str] = {}
-    for gauge in scene.config.gauge:
-        if gauge.what == "velocity":
-            units |= {f"{gauge.name}_{axis}": "m/s" for axis in AXES[: scene.dimensions]}
-        else:
-            flow = "m2/s" if scene.dimensions == 2 else "m3/s"
-            units[gauge.name] = {"pressure": "Pa", "flow": flow}.get(gauge.what, "m")
-    return units
 
 
 class Gauges:

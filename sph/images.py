@@ -21,15 +21,20 @@ Plane = tuple[NDArray[np.float64], float]
 
 
 class Layer:
-    """A flat layer of particles origin + i t_1 (+ j t_2): the centres of point symmetry."""
+    """A flat layer of particles origin + i t_1 (+ j t_2): the centres of point symmetry.
 
-    def __init__(self, origin: NDArray, tangents: NDArray, counts: tuple[int, ...]) -> None:
-        self.origin, self.tangents, self.counts = origin, tangents, np.array(counts)
+    counts: how many along each tangent; endless: along which it goes through a period.
+    """
+
+    def __init__(self, origin: NDArray, tangents: NDArray, counts: tuple[int, ...], endless: NDArray[np.bool_]) -> None:
+        self.origin, self.tangents = origin, tangents
+        self.first = np.where(endless, -np.inf, 0.0)
+        self.last = np.where(endless, np.inf, np.array(counts) - 1.0)
 
     def nearest(self, x: NDArray[np.float64]) -> NDArray[np.float64]:
         """The particle [n, d] of the layer nearest to each of x[d, n]."""
         places = (x.T - self.origin) @ self.tangents.T / np.sum(self.tangents**2, axis=1)
-        return self.origin + np.clip(np.rint(places), 0, self.counts - 1) @ self.tangents
+        return self.origin + np.clip(np.rint(places), self.first, self.last) @ self.tangents
 
 
 class Maps:
@@ -167,9 +172,10 @@ def _faces(wall, reach: float, moved: NDArray, axes: list[int]):
     elif wall.type == "point-symmetric-free-slip":
         for sheet in wall.lattice.parts:
             normal, tangents = sheet.normal[axes], sheet.tangents[:, axes]
-            layer = Layer((sheet.origin + moved)[axes], tangents, sheet.counts)
+            endless = np.any(tangents[:, wall.through[axes]] != 0.0, axis=1)
+            layer = Layer((sheet.origin + moved)[axes], tangents, sheet.counts, endless)
             edges = []
-            for tangent, n in zip(tangents, sheet.counts):
+            for tangent, n in zip(tangents[~endless], np.array(sheet.counts)[~endless]):
                 step = tangent @ tangent
                 first = layer.origin @ tangent - step / 2
                 edges += [(tangent, first + n * step), (-tangent, -first)]

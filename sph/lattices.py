@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sph import geometry, solids
-from sph.config import AXES, Box, Shape
+from sph.config import AXES, Shape
 
 Found = tuple[NDArray[np.int64], NDArray[np.float64], NDArray[np.float64]]
 
@@ -86,11 +86,11 @@ def _centred(low: float, high: float, spacing: float) -> NDArray[np.float64]:
 class Shell:
     """Layers of particles around a tank: behind each face of a box, half a spacing and more; corners once."""
 
-    def __init__(self, box: Box, spacing: float, layers: int, closed: set[str]) -> None:
+    def __init__(self, lows: NDArray, highs: NDArray, spacing: float, layers: int, closed: set[str]) -> None:
         self.closed = closed
         depth = (np.arange(layers) + 0.5) * spacing
         coordinates, codes = [], []
-        for axis, low, high in zip(AXES, box.low, box.high):
+        for axis, low, high in zip(AXES, lows, highs):
             below = low - depth[::-1] if f"{axis}-" in closed else np.zeros(0)
             above = high + depth if f"{axis}+" in closed else np.zeros(0)
             middle = even(low, high, spacing)

@@ -52,11 +52,11 @@ def counts(config: SphConfig) -> tuple[int, float]:
         if wall.lattice is None:
             continue
         layers = wall.layers if wall.type == "pressure-continuity" else 1
-        box = (scene.low, scene.high) if wall.section.shape.plane else geometry.bounds(wall.section.shape)
+        box = wall.corners
         edges = np.minimum(high, box[1]) - np.maximum(low, box[0])
         faces = [(k, at) for k in range(d) for sign, at in (("-", box[0][k]), ("+", box[1][k]))
                  if case.AXES[k] + sign in wall.closed and low[k] < at < high[k]]  # fmt: skip
-        if wall.section.shape.plane:
+        if wall.shape.plane:
             faces = faces[:1]
         made += sum(layers * math.prod(np.delete(edges, k).clip(0.0)) / scene.spacing ** (d - 1) for k, _ in faces)
     return scene.n_fluid, made

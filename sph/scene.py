@@ -5,6 +5,7 @@ Fluid particles have the ids 0 .. n_fluid - 1, those of wall w the ids (w + 1) 2
 
 import math
 from dataclasses import dataclass, field
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -12,7 +13,7 @@ from numpy.typing import NDArray
 
 from hpcpic.core.space.rng import uniforms
 from sph import config as case
-from sph import flows, geometry, resting, solids
+from sph import flows, geometry, periods, resting, solids
 from sph.lattices import PART, Filled, Grid, Parts, Sheet, Shell, box_sheets, even, grid_of
 
 WALL_BITS = 50
@@ -36,10 +37,14 @@ class Face:
 
 
 class Wall:
-    """One wall at rest. `faces` of mirror walls, `lattice` of those made of particles (None for mirrors)."""
+    """One wall at rest. `faces` of mirror walls, `lattice` of those made of particles (None for mirrors).
+
+    shape: without ends where it goes through a period.
+    """
 
     def __init__(self, scene: "Scene", section: case.Wall, index: int) -> None:
         self.scene, self.section, self.index = scene, section, index
+        self.shape = periods.endless(section.shape, scene.config.domain)
         self.name, self.type, self.measure_force = section.name, section.type, section.measure_force
         self.torque_about = np.array(section.torque_about)
         self.closed = self._closed()
@@ -83,29 +88,44 @@ class Wall:
         """x[n, d] at displacement 0 and normals[n, d] of particles by id."""
         return self.lattice.at(np.asarray(ids, np.int64) & ((1 << WALL_BITS) - 1))
 
+    @cached_property
     def bounds(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """The box that holds all particles of the wall at displacement 0."""
-        if self.section.shape.plane:
-            low, high = self.scene.low, self.scene.high
-        else:
-            low, high = map(np.array, geometry.bounds(self.section.shape))
-        margin = (self.layers + 1) * self.scene.spacing
+        low, high = self.corners
+        margin = np.where(self.through, 0.0, (self.layers + 1) * self.scene.spacing)
         return low - margin, high + margin
+
+    @cached_property
+    def corners(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Of the box around the shape, or around the part of it in one period; of a plane, of the domain."""
+        scene = self.scene
+        if self.shape.plane:
+            return scene.low, scene.high
+        low, high = map(np.array, geometry.bounds(self.shape))
+        return np.where(self.through, scene.low, low), np.where(self.through, scene.high, high)
+
+    @cached_property
+    def through(self) -> NDArray[np.bool_]:
+        """Along which axes it goes through a period."""
+        scene = self.scene
+        axes = [k for k in np.flatnonzero(scene.periodic).tolist()
+                if self.shape.plane or periods.through(self.shape, scene.config.domain, k)]  # fmt: skip
+        return np.isin(np.arange(scene.dimensions), axes)
 
     def _closed(self) -> set[str]:
         """Faces of a box that are there: not those left out, nor any across a periodic axis."""
-        d, box = self.scene.dimensions, self.section.shape.box
+        d, box = self.scene.dimensions, self.shape.box
         faces = {axis + sign for axis in case.AXES[:d] for sign in "-+"}
         periodic = {axis for k, axis in enumerate(case.AXES[:d]) if self.scene.periodic[k]}
         return {face for face in faces if face[0] not in periodic} - set(box.open if box else ())
 
     def flat_faces(self) -> list[Face]:
         """Of a plane or a box."""
-        scene, shape, d = self.scene, self.section.shape, self.scene.dimensions
+        scene, shape, d = self.scene, self.shape, self.scene.dimensions
         if shape.plane:
             far = np.full(d, FAR)
             return [Face(np.array(shape.plane.point), solids.unit(shape.plane.normal), -far, far)]
-        low, high = map(np.array, geometry.bounds(shape))
+        low, high = self.corners
         faces = []
         for axis, name in enumerate(case.AXES[:d]):
             for sign, at in (("-", low[axis]), ("+", high[axis])):
@@ -118,14 +138,14 @@ class Wall:
         return faces
 
     def _lattice(self) -> Any:
-        scene, section, shape, dp = self.scene, self.section, self.section.shape, self.scene.spacing
-        continuous = self.type == "pressure-continuity"
-        if shape.plane and not continuous:
-            return Parts([plane_sheet(scene, shape.plane, float(self.recess[0]))])
+        scene, section, shape, dp = self.scene, self.section, self.shape, self.scene.spacing
+        continuous, (low, high) = self.type == "pressure-continuity", self.corners
+        if shape.plane:
+            depths = (np.arange(self.layers) + 0.5) * dp if continuous else self.recess[:1]
+            return Parts([plane_sheet(scene, shape.plane, float(depth)) for depth in depths])
         if shape.box and continuous and not section.solid:
-            return Shell(shape.box, dp, self.layers, self.closed)
+            return Shell(low, high, dp, self.layers, self.closed)
         if shape.box and not continuous:
-            low, high = map(np.array, geometry.bounds(shape))
             recess = self.recess if section.solid else -self.recess
             names = case.AXES[: scene.dimensions]
             below, above = (np.array([axis + sign in self.closed for axis in names]) for sign in "-+")
@@ -137,32 +157,42 @@ class Wall:
     @property
     def recess(self) -> NDArray[np.float64]:
         """How far layers lie behind faces [d]: the fluid then rests half a spacing before the face."""
-        scene, shape = self.scene, self.section.shape
+        scene, shape = self.scene, self.shape
         depth = np.full(scene.dimensions, max(0.0, REST * scene.h - scene.spacing / 2))
         if self.type != "repulsive":
             return np.zeros(scene.dimensions)
         if self.section.solid and shape.box:
-            low, high = map(np.array, geometry.bounds(shape))
+            low, high = self.corners
             return np.minimum(depth, (high - low) / 2)
         return depth
 
     def _grid(self) -> Grid:
-        shape, dp = self.section.shape, self.scene.spacing
-        if self.section.solid and not shape.plane:
-            return grid_of(shape, dp)
-        low, high = self.bounds()
-        return Grid(tuple(even(a, a + dp * math.ceil((b - a) / dp), dp) for a, b in zip(low, high)))
+        """The lattice that holds the particles of what is round, or of a solid."""
+        dp, (low, high) = self.scene.spacing, self.bounds
+        grid = Grid(tuple(even(a, a + dp * math.ceil((b - a) / dp), dp) for a, b in zip(low, high)))
+        if self.section.solid:
+            grid = grid_of(self.shape, dp)
+        period = [even(a, b, dp) for a, b in zip(*self.corners)]
+        both = zip(self.through, period, grid.coordinates)
+        return Grid(tuple(own if through else others for through, own, others in both))
 
 
 def plane_sheet(scene: "Scene", plane: case.Plane, recess: float) -> Sheet:
-    """A sheet over all of the domain and a margin, spacing dp."""
-    normal = solids.unit(plane.normal)
-    basis = np.linalg.svd(normal[None])[2][1:] if np.count_nonzero(normal) > 1 else np.eye(len(normal))[normal == 0]
+    """A sheet over all of the domain and a margin, spacing dp; along periodic axes, which lie in it, over a period."""
+    normal, dp = solids.unit(plane.normal), scene.spacing
+    flat = np.flatnonzero(normal == 0.0)
+    inside = np.eye(len(normal))[flat]
+    basis = np.concatenate([inside, np.linalg.svd(np.concatenate([normal[None], inside]))[2][1 + len(flat) :]])
     middle, reach = (scene.low + scene.high) / 2, np.sqrt(np.sum((scene.high - scene.low) ** 2)) / 2 + scene.support
     origin = middle - ((middle - plane.point) @ normal + recess) * normal
-    n = math.ceil(reach / scene.spacing)
-    tangents = basis * scene.spacing
-    return Sheet(origin - n * tangents.sum(axis=0), tangents, (2 * n + 1,) * len(basis), normal)
+    steps, counts = np.full(len(basis), dp), np.full(len(basis), 2 * math.ceil(reach / dp) + 1)
+    for row, k in enumerate(flat):
+        if scene.periodic[k]:
+            length = scene.high[k] - scene.low[k]
+            counts[row] = geometry.count(length, dp)
+            steps[row] = length / counts[row]
+    tangents = basis * steps[:, None]
+    return Sheet(origin - (counts - 1) / 2 @ tangents, tangents, tuple(counts.tolist()), normal)
 
 
 @dataclass(slots=True)
@@ -322,7 +352,7 @@ class Scene:
             yield DOMAIN, None, lambda x: np.any((x < self.low) | (x > self.high), axis=1)
         margin = NEAR * self.spacing
         for wall in self.walls:
-            shape = wall.section.shape
+            shape = wall.shape
             low, high = map(np.array, geometry.bounds(shape))
             if wall.section.solid and not shape.plane:
                 box = (low - margin, high + margin)
@@ -339,7 +369,7 @@ class Scene:
 
 def behind(wall: Wall, x: NDArray) -> NDArray[np.float64]:
     """How far points lie behind the closed faces of a tank, m; negative inside of it."""
-    shape = wall.section.shape
+    shape = wall.shape
     if not shape.box:
         return solids.signed_distance(shape, x)
     found = np.full(len(x), -FAR)

@@ -12,11 +12,11 @@ from hpcpic.core.errors import Diverged
 from hpcpic.core.space.domain import Domain, balanced_cuts, block_ranges
 from hpcpic.core.tasks import Pool
 from hpcpic.core.timers import Timers
-from sph import diagnostics, snapshot, state
+from sph import diagnostics, series, snapshot, state
 from sph.config import SphConfig
 from sph.derived import derived
 from sph.estimate import estimate
-from sph.gauges import Gauges, gauge_units
+from sph.gauges import Gauges
 from sph.images import Maps, mirrors, periodic_maps, single_mirrors
 from sph.integrators import INTEGRATORS, STAGED, symplectic
 from sph.kernels.specialise import specialise
@@ -56,7 +56,7 @@ class Sph:
         self.world, self.timers = world, timers
         self.n_steps, self.end_time, self.periods = None, scene.end_time, {}
         period = config.output.period
-        self.scalar_units = diagnostics.scalar_units(scene) | gauge_units(scene)
+        self.scalar_units = series.scalar_units(config) | series.gauge_units(config)
         self.gauges = Gauges(self)
         self.time_periods = {"series": period.series, "particle": period.particles, "checkpoint": period.checkpoint}
         self.iteration, self.time, self.time_step = 0, 0.0, 0.0

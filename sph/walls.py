@@ -58,17 +58,19 @@ class Walls:
 
     def grow(self, low: NDArray, high: NDArray) -> list[tuple["Wall", Corners]]:
         """Boxes where walls are to be made, for fluid in the box (low, high); in the frame of the wall at rest."""
-        found, support = [], self.scene.support
+        found, scene, support = [], self.scene, self.scene.support
         for wall in self.walls:
-            shift = self.displacement[wall.index]
-            limits = wall.bounds()
-            needed = np.maximum(low - shift - support, limits[0]), np.minimum(high - shift + support, limits[1])
+            shift, limits = self.displacement[wall.index], wall.bounds
+            beyond = (low - shift - support < scene.low) | (high - shift + support > scene.high)
+            around = np.where(beyond & scene.periodic, np.inf, 0.0)  # through a side the fluid is near any part
+            first, last = low - shift - around, high - shift + around
+            needed = np.maximum(first - support, limits[0]), np.minimum(last + support, limits[1])
             made = self.made.get(wall.index)
             if np.any(needed[0] >= needed[1]):
                 continue
             if made and np.all(made[0] <= needed[0]) and np.all(made[1] >= needed[1]):
                 continue
-            outer = low - shift - AHEAD * support, high - shift + AHEAD * support
+            outer = first - AHEAD * support, last + AHEAD * support
             if made:
                 outer = np.minimum(outer[0], made[0]), np.maximum(outer[1], made[1])
             outer = np.maximum(outer[0], limits[0]), np.minimum(outer[1], limits[1])
@@ -144,7 +146,7 @@ def through_wall(engine: "Sph", fluid: NDArray[np.int64]) -> str | None:
     """A word on a particle of the fluid (their rows) that is more than a spacing behind a wall."""
     scene, bodies = engine.scene, engine.bodies
     for wall in scene.walls:
-        shape, shift = wall.section.shape, engine.walls.displacement[wall.index]
+        shape, shift = wall.shape, engine.walls.displacement[wall.index]
         near = _suspects(engine, wall, fluid, shift)
         if not len(near):
             continue
@@ -165,7 +167,7 @@ def through_wall(engine: "Sph", fluid: NDArray[np.int64]) -> str | None:
 
 def _suspects(engine: "Sph", wall: "Wall", fluid: NDArray[np.int64], shift: NDArray) -> NDArray[np.int64]:
     """Those of the fluid that may be behind a wall: not inside a tank that is a box, nor outside the box of a solid."""
-    shape = wall.section.shape
+    shape = wall.shape
     if not shape.box:
         return fluid
     low, high = (np.array(corner) + shift - engine.scene.low for corner in (shape.box.low, shape.box.high))

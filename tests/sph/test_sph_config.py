@@ -67,7 +67,13 @@ def test_what_is_not_given_follows_from_what_is():
         ("gauge[0]", 'gauge = ( { what = "pressure"; } );'),
         ("gauge[0]", 'gauge = ( { what = "flow"; at = [0.5, 0.5]; } );'),
         ("gauge[1].name", f"gauge = ( {FRONT}, {FRONT} );"),
+        ("gauge[1].name", 'gauge = ( { name = "a"; what = "velocity"; at = [0.5, 0.5]; }, '
+                          '{ name = "a_x"; what = "front"; } );'),
+        ("gauge[0].name", 'gauge = ( { name = "mass"; what = "front"; } );'),
+        ("gauge[0].size", 'gauge = ( { what = "flow"; axis = "x+"; at = [0.5, 0.5]; size = [0.0, -1.0]; } );'),
         ("wall[0].name", f'wall = ( {{ name = "a/b"; shape = {BOX}; }} );'),
+        ("wall[0].name", f'wall = ( {{ name = "fluid_1"; shape = {BOX}; }} );'),
+        ("wall[1].name", f'wall = ( {{ shape = {BOX}; }}, {{ name = "wall_1"; shape = {BOX}; }} );'),
         ("numerics.viscosity_form", 'numerics = { spacing = 0.05; viscosity_form = "cleary"; };'),
         ("eos", "gravity = [0.0, 0.0];"),
     ],
@@ -105,3 +111,26 @@ def test_an_stl_file_is_looked_for_beside_the_case(tmp_path):
 )
 def test_a_scene_keeps_what_nothing_takes_from_it(name, kept):
     assert validate(SphConfig, load(shipped_cases()[name])).conserved == kept
+
+
+@pytest.mark.parametrize(
+    ("key", "wall"),
+    [
+        ("shape", "solid = true; shape = { box = { low = [0.9, 0.0]; high = [1.1, 0.1]; }; };"),
+        ("shape", "solid = true; shape = { sphere = { centre = [0.1, 0.5]; radius = 0.2; }; };"),
+        ("shape", "shape = { sphere = { centre = [0.5, 0.5]; radius = 0.6; }; };"),
+        ("shape", "shape = { cylinder = { base = [-0.1, 0.5]; top = [1.1, 0.6]; radius = 0.2; }; };"),
+        ("shape.box", "shape = { box = { low = [0.0, 0.0]; high = [0.9, 1.0]; }; };"),
+        ("shape.plane.normal", "shape = { plane = { point = [0.0, 0.0]; normal = [0.1, 1.0]; }; };"),
+        ("shape", "solid = true; motion = { velocity = [0.5, 0.0]; }; "
+                  "shape = { box = { low = [0.7, 0.0]; high = [0.8, 0.1]; }; };"),
+        ("shape", 'solid = true; motion = { amplitude = [0.3, 0.0]; }; '
+                  "shape = { box = { low = [0.2, 0.0]; high = [0.4, 0.1]; }; };"),
+    ],
+)  # fmt: skip
+def test_walls_lie_within_a_period_or_go_through_it(key, wall):
+    text = BASE + 'domain = { low = [0.0, 0.0]; high = [1.0, 1.0]; periodic = ["x"]; };\n'
+    assert f": wall[0].{key}: " in refused(text + f"wall = ( {{ {wall} }} );")
+    accepted = wall.replace("0.9, 0.0]", "0.5, 0.0]").replace("1.1, 0.1]", "0.7, 0.1]")
+    if accepted != wall:
+        validate(SphConfig, loads(text + f"wall = ( {{ {accepted} }} );"))

@@ -9,9 +9,9 @@ from hpcpic.core.files.config import loads
 from hpcpic.core.files.schema import validate
 from hpcpic.core.tasks import Pool
 from hpcpic.core.timers import Timers
-from sph import diagnostics
+from sph import diagnostics, series
 from sph.config import SphConfig
-from sph.gauges import Gauges, gauge_units
+from sph.gauges import Gauges
 from sph.step import Sph
 
 POOL = """
@@ -88,7 +88,7 @@ def test_readings_and_scalars_do_not_depend_on_the_order_of_the_particles():
     rows, mixed = bodies.rows, np.random.default_rng(5).permutation(bodies.rows)
     bodies.state[:, rows] = bodies.state[:, mixed]
     assert Gauges(still).values(0.0) | diagnostics.scalars(still) == before
-    assert set(before) == set(diagnostics.scalar_units(still.scene) | gauge_units(still.scene))
+    assert set(before) == set(series.scalar_units(still.scene.config) | series.gauge_units(still.scene.config))
 
 
 def test_energies_of_a_stream_at_rest_pressure():

@@ -91,7 +91,7 @@ def test_a_particle_does_not_depend_on_who_asks_for_it():
 @pytest.mark.parametrize("index", [0, 1])
 def test_walls_are_the_same_in_one_piece_and_in_many(kind, index):
     wall = scene_of(kind=kind).walls[index]
-    low, high = wall.bounds()
+    low, high = wall.bounds
     ids, x, normal = wall.near(low, high)
     assert len(np.unique(ids)) == len(ids) and np.all(ids >> 50 == index + 1)
     cuts = np.linspace(low, high, 4)
@@ -108,7 +108,7 @@ def test_walls_are_the_same_in_one_piece_and_in_many(kind, index):
 def test_layers_of_a_tank_fill_faces_edges_and_corners_once():
     scene = scene_of()
     wall = scene.walls[0]
-    _, x, normal = wall.near(*wall.bounds())
+    _, x, normal = wall.near(*wall.bounds)
     assert wall.layers == 3
     assert len(np.unique(np.round(x / 0.025).astype(int), axis=0)) == len(x)
     below = (20 + 6) * (10 + 6) * 3  # under the floor and its edges
@@ -123,10 +123,10 @@ def test_layers_of_a_tank_fill_faces_edges_and_corners_once():
 def test_a_repulsive_layer_lies_back_so_that_the_fluid_rests_half_a_spacing_before_the_face():
     scene = scene_of(kind="repulsive")
     back = 0.9 * scene.h - 0.025
-    _, x, normal = scene.walls[0].near(*scene.walls[0].bounds())
+    _, x, normal = scene.walls[0].near(*scene.walls[0].bounds)
     floor = normal[:, 2] == 1.0
     assert np.allclose(x[floor, 2], -back) and np.all(normal[floor, :2] == 0.0)
-    _, x, normal = scene.walls[1].near(*scene.walls[1].bounds())
+    _, x, normal = scene.walls[1].near(*scene.walls[1].bounds)
     front = normal[:, 0] == -1.0
     assert np.allclose(x[front, 0], 0.6 + back)
     assert x[:, 2].min() == pytest.approx(back) and x[:, 2].max() == pytest.approx(0.6 - back)  # its ends are closed
@@ -144,7 +144,7 @@ def test_a_wall_across_a_periodic_side_is_left_out():
     scene = scene_of(TANK.replace("0.6]; };\ng", '0.6]; periodic = ["x"]; };\ng'), "mirror-no-slip")
     assert [tuple(face.normal) for face in scene.walls[0].faces] == [(0, 1, 0), (0, -1, 0), (0, 0, 1)]
     scene = scene_of(TANK.replace("0.6]; };\ng", '0.6]; periodic = ["x"]; };\ng'))
-    _, x, _ = scene.walls[0].near(*scene.walls[0].bounds())
+    _, x, _ = scene.walls[0].near(*scene.walls[0].bounds)
     assert x[:, 0].min() > 0.0 and x[:, 0].max() < 1.0
 
 
@@ -228,3 +228,32 @@ def test_the_slab_axis_is_the_longest():
     assert scene_of().axes == (0, 1, 2)
     tall = scene_of(TANK.replace("high = [1.0, 0.5, 0.6]; };\ng", "high = [1.0, 0.5, 3.0]; };\ng"))
     assert tall.axes == (2, 0, 1)
+
+
+def plane_scene(normal, point="[0.2, 0.3, -0.05]", periodic=""):
+    """The fluids of TANK before a plane with particles."""
+    plane = f"wall = ( {{ shape = {{ plane = {{ point = {point}; normal = {list(normal)}; }}; }}; }} );"
+    whole = TANK[: TANK.index("wall =")] + plane
+    return scene_of(whole.replace("0.6]; };\ng", f'0.6]; periodic = ["{periodic}"]; }};\ng') if periodic else whole)
+
+
+@pytest.mark.parametrize(
+    ("normal", "periodic"),
+    [((0, 0, 1.0), "x"), ((0, -2.0, 0.5), "x"), ((0.3, 0, 1.0), "y"), ((0.3, 0, 1.0), ""), ((0.2, -0.7, 0.4), "")],
+)
+def test_layers_of_a_plane_lie_behind_it(normal, periodic):
+    scene = plane_scene(normal, periodic=periodic)
+    wall = scene.walls[0]
+    _, x, _ = wall.near(*wall.bounds)
+    depth = np.round(-solids.signed_distance(wall.shape, x), 9)
+    assert np.array_equal(np.unique(depth), [0.025, 0.075, 0.125])
+    for k in np.flatnonzero(scene.periodic):  # all round, each once
+        length = scene.high[k] - scene.low[k]
+        assert len(np.unique(np.round(x[depth == 0.025][:, k], 9))) == round(length / 0.05)
+        assert np.all((x[:, k] > 0) & (x[:, k] < length))
+
+
+def test_fluid_is_before_a_plane_and_its_particles_behind():
+    scene = plane_scene((0.0, 0.0, 1.0), "[0.0, 0.0, 0.1]")
+    assert scene.fluid(np.arange(scene.n_fluid))["x"][:, 2].min() == pytest.approx(0.125)
+    assert scene.walls[0].near(*scene.walls[0].bounds)[1][:, 2].max() == pytest.approx(0.075)

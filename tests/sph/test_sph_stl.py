@@ -51,7 +51,7 @@ def test_a_closed_surface_is_filled(case):
 
 def test_a_solid_has_layers_inside_its_surface_with_normals_outwards(case):
     wall = Scene(case()).walls[0]
-    ids, x, normal = wall.near(*wall.bounds())
+    ids, x, normal = wall.near(*wall.bounds)
     inside = np.abs(x - [1.2, 0.4, 0.2]) <= [0.12, 0.12, 0.2]
     assert inside.all() and len(ids) == 6 * 6 * 10  # three layers of 0.04 m fill 0.24 m
     assert np.allclose(np.abs(normal).max(axis=1), 1.0)
