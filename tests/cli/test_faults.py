@@ -25,6 +25,13 @@ def run_with_fault(toy, kind, ranks=2, step=20, **settings):
     return done
 
 
+@pytest.mark.parametrize("kind", ["raise", "raise everywhere", "thread", "kill"])
+def test_a_rank_that_fails_leaves_no_temporary_files(toy, kind):
+    (toy.folder / "tmp").mkdir()
+    assert run_with_fault(toy, kind, env={"TMPDIR": str(toy.folder / "tmp")}).returncode
+    assert [path.name for path in (toy.folder / "tmp").glob("hpcpic*")] == []
+
+
 @pytest.mark.parametrize("kind", ["raise", "raise everywhere", "thread"])
 def test_one_traceback_and_exit_1(toy, kind):
     done = run_with_fault(toy, kind)

@@ -96,7 +96,7 @@ class _Job:
             plan = Plan(**json.loads(share(self.world, lambda: self._prepared(prepare))))
             self.history = plan.history
             self.rundir = self.rundir or RunDir(plan.folder)
-            self.failure.folder = self.rundir.path
+            self.failure.use(self.rundir.path)
             self.failure.on_failure = self._note_failure
             if self.world.rank == 0:
                 file = log.to_file(self.rundir.log)

@@ -104,8 +104,19 @@ class Failure:
 
     def close(self) -> None:
         threading.excepthook = self._thread_hook
+        self._remove_own()
+
+    def use(self, folder: Path) -> None:
+        """Take the token there from now on: the one that was made for the beginning, which a killed process would leave
+        behind, goes.
+        """
+        self.folder = folder
+        self._remove_own()
+
+    def _remove_own(self) -> None:
         if self._own:
             shutil.rmtree(self._own, ignore_errors=True)
+            self._own = None
 
     def fail(self, error: BaseException, where: str = "") -> int:
         """Tell the failure and end all ranks. Returns the code only when this is the only rank."""
@@ -132,8 +143,7 @@ class Failure:
                 self.on_failure(text, code)
         else:
             time.sleep(LOSER_SECONDS)
-        if self._own:
-            shutil.rmtree(self._own, ignore_errors=True)
+        self._remove_own()
         if self.world.size > 1:
             self.world.abort(code)
 
