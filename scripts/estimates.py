@@ -21,7 +21,7 @@ from dataclasses import dataclass, field
 from statistics import median
 from typing import Any
 
-from scaling import PROGRAMS, Point, ending, measure, mpirun, parse_points, scene
+from scaling import MPIRUN, PROGRAMS, Point, ending, measure, parse_points, scene
 
 from hpcpic.core.cli.rates import read_rates
 
@@ -73,7 +73,7 @@ class Row:
 def bench(program: str) -> dict[str, float]:
     """The rates of the machine as it is now."""
     for ranks in (1, 2):
-        words = [mpirun(), "-n", str(ranks), sys.executable, "-m", program, "bench"]
+        words = [MPIRUN, "-n", str(ranks), sys.executable, "-m", program, "bench"]
         subprocess.run(words, check=True, capture_output=True, env=dict(os.environ, OMP_NUM_THREADS="1"))
     return read_rates()
 

@@ -10,7 +10,6 @@ from __future__ import annotations
 import argparse
 import json
 import os
-import shutil
 import statistics
 import subprocess
 import sys
@@ -20,11 +19,13 @@ from importlib import import_module
 from pathlib import Path
 from typing import Any
 
+from hpcpic.core.cli.launch import launcher
 from hpcpic.core.cli.read import read_case
 from hpcpic.core.errors import HpcpicError
 
 PROGRAMS = ("hpcpic", "sph", "lbmdem")
 STANDARD_ERROR = 0.01
+MPIRUN = launcher() or "mpirun"
 
 
 @dataclass
@@ -59,12 +60,6 @@ class Point:
         return n >= 3 and statistics.stdev(self.seconds) / n**0.5 < STANDARD_ERROR * statistics.mean(self.seconds)
 
 
-def mpirun() -> str:
-    """The launcher beside this Python: another MPI's would start silent single ranks."""
-    beside = Path(sys.executable).with_name("mpirun")
-    return str(beside) if beside.exists() else shutil.which("mpirun") or "mpirun"
-
-
 def arguments(title: str | None) -> argparse.Namespace:
     """The command line of both scripts."""
     parser = argparse.ArgumentParser(description=title, formatter_class=argparse.RawDescriptionHelpFormatter)
@@ -97,7 +92,7 @@ def measure(program: str, case: str, point: Point) -> dict[str, Any]:
     with tempfile.TemporaryDirectory(prefix="scaling-") as folder:
         out = Path(folder) / "run"
         sets = [argument for s in point.sets for argument in ("--set", s)]
-        command = [mpirun(), "-n", str(point.ranks), sys.executable, "-m", program, "run", case, "-o", str(out)]
+        command = [MPIRUN, "-n", str(point.ranks), sys.executable, "-m", program, "run", case, "-o", str(out)]
         command += ["--threads", str(point.threads), *sets]
         done = subprocess.run(command, capture_output=True, text=True, env=dict(os.environ, OMP_NUM_THREADS="1"))
         if done.returncode != 0:
