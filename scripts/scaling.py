@@ -22,6 +22,7 @@ from typing import Any
 from hpcpic.core.cli.launch import launcher
 from hpcpic.core.cli.read import read_case
 from hpcpic.core.errors import HpcpicError
+from hpcpic.core.files.rundir import write_json
 
 PROGRAMS = ("hpcpic", "sph", "lbmdem")
 STANDARD_ERROR = 0.01
@@ -144,7 +145,7 @@ def report(title: str, rows: list[dict], out: Path) -> None:
             f" {r['estimate_ms']:13.3f} {r['estimate_error']:+8.1%}"
         )
     out.parent.mkdir(parents=True, exist_ok=True)
-    out.with_suffix(".json").write_text(json.dumps({"title": title, "rows": rows}, indent=1) + "\n")
+    write_json(out.with_suffix(".json"), {"title": title, "rows": rows})
     draw(title, rows, out.with_suffix(".png"))
     print(f"\nwritten: {out.with_suffix('.json')}  {out.with_suffix('.png')}")
 

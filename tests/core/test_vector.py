@@ -52,9 +52,7 @@ def specials(dtype):
         [0.0, -0.0, 1.0, -1.0, 0.5, 1.5, 2.5, -2.5, np.inf, -np.inf, np.nan, tiny, -tiny, 3e30, 1 / 3], dtype
     )
     rng = np.random.default_rng(3)
-    a, b = (
-        np.concatenate([grid.ravel(), rng.normal(size=31).astype(dtype)]) for grid in np.meshgrid(some, some)
-    )
+    a, b = (np.concatenate([grid.ravel(), rng.normal(size=31).astype(dtype)]) for grid in np.meshgrid(some, some))
     return a, b  # 256 pairs
 
 
