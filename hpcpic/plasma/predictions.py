@@ -55,9 +55,8 @@ def beams(config: PlasmaConfig) -> tuple[Beam, ...]:
 def mesh_of(config: PlasmaConfig) -> Mesh:
     """What the dispersion of the scheme needs, for waves along x."""
     dx = config.simulation.space_length[0] / config.grid.points[0]
-    return Mesh(
-        dx, config.simulation.time_step, config.numerics.shape, config.numerics.gradient == "spectral"
-    )
+    dt = abs(config.simulation.time_step)  # backwards a wave does the same
+    return Mesh(dx, dt, config.numerics.shape, config.numerics.gradient == "spectral")
 
 
 def predict(config: PlasmaConfig, mode: int) -> Prediction | None:

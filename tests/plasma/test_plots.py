@@ -238,6 +238,12 @@ def test_no_law_where_none_applies():
     assert predictions.predict(case("two-stream-cold"), 0) is None
 
 
+def test_backwards_a_wave_does_the_same():
+    forwards = case("landau-damping")
+    backwards = case("landau-damping", f"simulation.time_step={-forwards.simulation.time_step}")
+    assert predictions.predict(backwards, 1) == predictions.predict(forwards, 1)
+
+
 @pytest.mark.parametrize("name, mode", [("two-stream-cold", 1), ("landau-damping", 1), ("upper-hybrid", 1)])
 def test_a_mode_that_obeys_its_law_is_measured_as_such(name, mode):
     """Signals made from the law itself: the words must give its numbers back."""

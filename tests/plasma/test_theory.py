@@ -145,6 +145,15 @@ def test_discrete_landau_tends_to_the_continuum_with_second_order(k):
     assert np.log2(errors[1] / errors[2]) == pytest.approx(2.0, abs=0.05)
 
 
+def test_the_smallest_spread_takes_no_more_memory_and_is_met_smoothly():
+    mesh, omega = Mesh(dx=0.1, dt=0.1), 0.3 + 0.35j
+    spreads = (0.0, 1.01 * theory.COLD / mesh.dt, 1e-9)
+    cold, least, tiny = (theory.mesh_susceptibility(omega, 1.0, (Beam(0.7, 1.0, v),), mesh) for v in spreads)
+    assert tiny == cold
+    expected = 3 * (spreads[1] / abs(omega - 1.0)) ** 2  # the first term in k vth / (omega - k v)
+    assert abs(least - cold) < 1.1 * expected * abs(cold)
+
+
 def test_little_thermal_spread_is_the_cold_limit():
     """Both branches of the discrete response: warm beams pass into cold ones as vth^2."""
     mesh, k = Mesh(dx=2 * math.pi / 0.6 / 64, dt=0.1), 0.6
