@@ -20,6 +20,7 @@ if TYPE_CHECKING:
 
 SCATTER_LIMIT = 20_000  # particles drawn as dots; more become a density
 PANELS = 4
+LOOKED = 16  # snapshots from which a movie takes its limits: each frame looks again
 FEW = 16  # particles whose paths are drawn
 
 
@@ -27,7 +28,7 @@ def snapshots_of(run: Run) -> Particles:
     return present(lambda: run.particle_snapshots, "the particles (output.sampling_period.particle)")
 
 
-def _velocity_limits(run: Run, snapshots: Particles, numbers: Sequence[int]) -> tuple[float, float]:
+def _velocity_limits(snapshots: Particles, numbers: Sequence[int]) -> tuple[float, float]:
     """Common limits of vx over the snapshots shown, a little wider than all but a few particles. Raises NoData."""
     low, high = np.inf, -np.inf
     for number in numbers:
@@ -42,20 +43,25 @@ def _velocity_limits(run: Run, snapshots: Particles, numbers: Sequence[int]) -> 
     return float(middle - 1.15 * half), float(middle + 1.15 * half)
 
 
+def _some(last: int, n: int) -> list[int]:
+    """At most n whole numbers from 0 to `last`, evenly."""
+    return sorted(set(np.linspace(0, last, n).astype(int).tolist()))
+
+
 def phase_space(run: Run, step: int | None = None) -> Figure:
     """x and vx of the particles, coloured by species, at up to four times; at one step when it is given."""
     snapshots = snapshots_of(run)
     last = len(snapshots.steps) - 1
-    numbers = [snapshots.index(step)] if step is not None else sorted(set(np.linspace(0, last, PANELS).astype(int)))
+    numbers = [snapshots.index(step)] if step is not None else _some(last, PANELS)
     length = config_of(run).simulation.space_length[0]
-    limits = _velocity_limits(run, snapshots, range(last + 1) if step is not None else numbers)
+    limits = _velocity_limits(snapshots, _some(last, LOOKED) if step is not None else numbers)
     with style():
         columns = min(2, len(numbers))
         lines = -(-len(numbers) // columns)
         size = (6.4, 4.2) if len(numbers) == 1 else (3.5 * columns, 2.5 * lines + 0.5)
         figure, axes = new_figure(lines, columns, size, squeeze=False, sharex=True, sharey=True)
         for axis, number in zip(axes.flat, numbers):
-            _phase_panel(axis, snapshots, int(number), length, limits)
+            _phase_panel(axis, snapshots, number, length, limits)
         for axis in axes[-1]:
             axis.set_xlabel("x, m")
         for axis in axes[:, 0]:

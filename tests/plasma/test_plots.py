@@ -12,6 +12,7 @@ from figure_texts import unreadable
 from plasma_reference import make_run
 
 from hpcpic.core.cli.figures import NoData, overlay_figure, save, svg, thinned, timers_figure
+from hpcpic.core.files import reader
 from hpcpic.core.files.arrays import FieldArray
 from hpcpic.core.files.config import load
 from hpcpic.core.files.reader import open_run
@@ -96,6 +97,15 @@ def test_nothing_is_drawn_of_what_is_exact(tmp_path):
     run = open_run(make_run(shipped_cases()["exb-drift"], tmp_path / "a", ("simulation.cycles=20",)))
     with pytest.raises(NoData, match="exact: charge"):
         PLOTS["conservation"].make(run, None)
+
+
+def test_a_frame_of_a_movie_does_not_read_the_whole_run(run, monkeypatch):
+    read, numbers = reader.Particles.read, []
+    monkeypatch.setattr(reader.Particles, "read", lambda *words: numbers.append(words[2]) or read(*words))
+    monkeypatch.setattr(particle_plots, "LOOKED", 3)
+    PLOTS["phase-space"].make(run, 100)
+    last = len(run.particle_snapshots.steps) - 1
+    assert last > 3 and set(numbers) == {0, last // 2, last, run.particle_snapshots.index(100)}
 
 
 def test_many_particles_are_no_orbits(run):
