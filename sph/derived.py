@@ -23,6 +23,7 @@ def derived(config: SphConfig, ranks: int = 1) -> list[Derived]:
         *resolution(config),
         *decoupling(config),
         *fast_walls(config),
+        *outer_edges(config),
         *filling(config, scene),
         *extents(config, scene, ranks),
         *dry_gauges(config, scene),
@@ -160,6 +161,15 @@ def fast_walls(config: SphConfig) -> Iterator[Derived]:
             cure = "" if verdict == "ok" else 'type = "repulsive" lets the fluid go, at any speed of the wall'
             yield Derived(f"speed of {wall.name}", "v/c0", mach, "", "< 1/3", verdict, "measured with a gate", cure,
                           ("wall", i, "motion"), True)  # fmt: skip
+
+
+def outer_edges(config: SphConfig) -> Iterator[Derived]:
+    """Point symmetry knows faces only: beside the outer edges of a solid images are missing."""
+    for i, wall in enumerate(config.wall):
+        if wall.solid and wall.type == "point-symmetric-free-slip" and wall.shape.box:
+            cure = 'type = "mirror-no-slip" or "pressure-continuity": here single particles are thrown off the edges'
+            yield Derived(f"images beside the edges of {wall.name}", "", 0.0, "", "> 0", "warn",
+                          "a body in still water, measured", cure, ("wall", i, "type"))  # fmt: skip
 
 
 def filling(config: SphConfig, scene: Scene) -> Iterator[Derived]:

@@ -175,3 +175,23 @@ def test_a_channel_through_a_period_is_the_same_however_it_is_described(kind, mo
     assert np.abs(v[1]).max() < np.abs(v[0]).max() < 41.0
     for text in others:
         assert np.abs(channel(kind, text, motion) - v).max() < 1e-9
+
+
+@pytest.mark.parametrize("kind", ["pressure-continuity", "repulsive", "mirror-no-slip"])
+def test_planes_of_any_slope_carry_water_and_a_body_in_it_is_lifted_by_what_it_displaces(kind):
+    """A valley of two slopes, and a body of 4 x 4 spacings, whose surface is known to a tenth of one on each side."""
+    slopes = [f'{{ name = "{name}"; measure_force = true; type = "{kind}"; shape = {{ plane = {{ point = [2.0, 0.0]; '
+              f'normal = [{side}, 1.0]; }}; }}; }}' for name, side in (("left", 1.0), ("right", -1.0))]  # fmt: skip
+    sunk = f'{{ name = "body"; measure_force = true; solid = true; type = "{kind}"; shape = {{ box = {{ ' \
+           f'low = [1.9, 0.4]; high = [2.1, 0.6]; }}; }}; }}'  # fmt: skip
+    more = f"wall = ( {', '.join([*slopes, sunk])} );"
+    sph = engine(size=(4.0, 1.5), fill=(4.0, 1.0), alpha=0.3, more=more)
+    found = []
+    for k in range(700):
+        sph.step()
+        if k > 200:
+            found.append([sph.wall_forces()[name][0] for name in ("left", "right", "body")])
+    left, right, body = np.mean(found, axis=0)
+    weight = 9.81 * sph.bodies.m[sph.bodies.fluid].sum()
+    assert left[1] + right[1] + body[1] == pytest.approx(-weight, rel=0.06)  # it sways about rest
+    assert body[1] == pytest.approx(1000 * 9.81 * 0.2**2, rel=0.15)
