@@ -10,8 +10,11 @@ from click.testing import CliRunner
 from plasma_reference import make_run
 
 from hpcpic.__main__ import load_app
+from hpcpic.core.cli.figures import NoData, movie
 from hpcpic.core.cli.main import build
+from hpcpic.core.files.reader import open_run
 from hpcpic.plasma.cases import shipped_cases
+from hpcpic.plasma.plots import PLOTS
 
 SETS = ("species[0].particles=512", "species[1].particles=512", "simulation.cycles=200")
 
@@ -58,6 +61,19 @@ def test_movie_has_a_frame_for_each_snapshot(folder, tmp_path):
     done = hpcpic("plot", folder, "phase-space", "--format", "mp4", "-o", tmp_path)
     assert done.exit_code == 0, done.output
     assert imageio.get_reader(tmp_path / "phase-space.mp4").count_frames() == 3
+
+
+def test_a_movie_that_ends_early_leaves_nothing(folder, tmp_path):
+    pytest.importorskip("imageio.v2", reason="movies are an extra")
+    run = open_run(folder)
+
+    def frames():
+        yield PLOTS["phase-space"].make(run, 0)
+        raise NoData("no more")
+
+    with pytest.raises(NoData):
+        movie(frames(), tmp_path / "a.mp4")
+    assert list(tmp_path.iterdir()) == []
 
 
 def test_help_loads_nothing_heavy():

@@ -5,6 +5,7 @@ physics.
 from __future__ import annotations
 
 import io
+import os
 import re
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
@@ -137,20 +138,22 @@ def svg(figure: Figure, prefix: str = "") -> str:
     return text
 
 
-def movie(frames: Iterator[Figure], path: Path) -> int:
-    """Write an MP4 of equally large figures; how many. Raises NoData without the video packages."""
+def movie(frames: Iterator[Figure], path: Path) -> None:
+    """Write an MP4 of equally large figures, replaced only when complete. Raises NoData without the video packages."""
     try:
         import imageio.v2 as imageio
         import imageio_ffmpeg  # noqa: F401  (imageio finds it by itself)
     except ImportError as error:
         raise NoData("movies need the extra packages: pip install 'hpcpic[video]'") from error
-    count = 0
-    video: Any = imageio.get_writer(path, fps=FRAMES_PER_SECOND, macro_block_size=2, codec="libx264")
-    with video as writer:
-        for figure in frames:
-            writer.append_data(_pixels(figure))
-            count += 1
-    return count
+    made = path.with_name(f".{os.getpid()}.{path.name}")
+    try:
+        video: Any = imageio.get_writer(made, fps=FRAMES_PER_SECOND, macro_block_size=2, codec="libx264")
+        with video as writer:
+            for figure in frames:
+                writer.append_data(_pixels(figure))
+        os.replace(made, path)
+    finally:
+        made.unlink(missing_ok=True)
 
 
 def _pixels(figure: Figure) -> np.ndarray:
