@@ -11,7 +11,7 @@ from collections.abc import Mapping
 from hpcpic.core.cli.forecast import FILES, Estimate, gain, writing_seconds
 from lbmdem.config import LbmDemConfig
 from lbmdem.plan import BYTES, VELOCITIES, arrays, face_bytes, grain_count, link_count, moving
-from lbmdem.vectors import fluid_share, shares
+from lbmdem.vectors import fluid_share, lanes_of_all, shares
 
 MIB = 2.0**20
 SERIES_BYTES = 16 * 8 * 2
@@ -178,7 +178,8 @@ def sweep_seconds(
 ) -> dict[str, float]:
     """Arithmetic of all nodes with fluid, and the wait for memory where one step is done per pass."""
     lattice, found, fluid = config.simulation.lattice, shares(config), config.fluid
-    one = 1e-6 * math.prod(config.points) / rates[f"mlups {lattice} {fluid.storage}"]
+    places = math.prod(config.points) if sparse(config) else lanes_of_all(config)
+    one = 1e-6 * places / rates[f"mlups {lattice} {fluid.storage}"]
     bare = one / rates[f"wave_gain {lattice}"]
     wet = 1 - found.skipped
     more = rates["forced"] if any(fluid.body_force) or config.shaking else 0.0

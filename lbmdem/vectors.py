@@ -79,6 +79,12 @@ def shares(config: LbmDemConfig) -> Shares:
     return Shares(min(skipped, 0.9), max(0.0, 1 - plain - skipped))
 
 
+def lanes_of_all(config: LbmDemConfig) -> int:
+    """Nodes that a lattice has room for in its vectors: rows along x are whole vectors."""
+    lanes = LANES[config.fluid.storage]
+    return -(-config.points[0] // lanes) * lanes * math.prod(config.points[1:])
+
+
 def fluid_share(config: LbmDemConfig) -> float:
     """Of the nodes, those that no grain covers."""
     solid = sum(n * volume(r, config.dimensions) for some in config.grains for r, n in grains(config, some))

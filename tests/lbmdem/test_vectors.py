@@ -8,10 +8,10 @@ from hpcpic.core.files.config import loads
 from hpcpic.core.files.schema import validate
 from lbmdem.cases import shipped_cases
 from lbmdem.config import LbmDemConfig
-from lbmdem.estimate import estimate, share_together
+from lbmdem.estimate import DEFAULT, estimate, phases, share_together
 from lbmdem.kernels.sweep import MIXED, SKIP
 from lbmdem.plan import link_count
-from lbmdem.vectors import shares
+from lbmdem.vectors import lanes_of_all, shares
 
 FIRST_ORDER = 0.1  # of all vectors: expected of spheres that fill 0.6 of a sample is to first order only, off by 0.07
 BOX = """
@@ -45,6 +45,19 @@ def test_vectors_at_sides_are_counted(size, periodic, mixed):
     text = BOX.format(d=len(size), size=list(size), periodic=str(periodic).replace("'", '"'))
     found = shares(validate(LbmDemConfig, loads(text)))
     assert found.skipped == 0.0 and found.mixed == pytest.approx(mixed)
+
+
+@pytest.mark.parametrize(("storage", "whole"), [("double", 56), ("single", 64)])
+def test_rows_are_swept_by_whole_vectors(storage, whole):
+    """50 nodes along x cost what 56, or 64 in single precision, do; what is beside sides is another matter."""
+    narrow, wide = (
+        validate(LbmDemConfig, loads(BOX.format(d=2, size=[n * 1e-3, 0.1], periodic='["x", "y"]')
+                                     .replace("fluid = {", f'fluid = {{ storage = "{storage}";')))
+        for n in (50, whole)
+    )  # fmt: skip
+    assert lanes_of_all(narrow) == lanes_of_all(wide) == whole * 100
+    costs = [phases(case, 1, 1, DEFAULT | {"mixed": 0.0}, 1)["nodes"] for case in (narrow, wide)]
+    assert costs[0] == costs[1]
 
 
 def test_memory_of_the_end_is_counted_once_and_shared_by_the_ranks():
