@@ -78,6 +78,18 @@ def test_sums_in_single_precision():
     check(SINGLE, d=3, spacing=0.08, precision="single", flux="delta")
 
 
+@pytest.mark.parametrize("axis", [0, 1, 2])
+def test_sums_far_away(axis):
+    """Neighbours are found from places in single precision, whose rounding is reckoned with: 0.06 m and more here."""
+    sph = engine(integrator="euler", d=3, spacing=0.1)
+    jitter(sph)
+    sph.bodies.x[axis, sph.bodies.rows] += 1e6
+    sph.sort()
+    expected = Reference(sph).acceleration()
+    sph.evaluate()
+    assert np.abs(by_id(sph, "a")[0] - expected).max() <= ROUNDING * np.abs(expected).max()
+
+
 @pytest.mark.parametrize("integrator", ["rk3-tvd"])
 def test_sums_of_stages_use_the_neighbours_of_the_start(integrator):
     """Particles that have moved as far as the sort allows still find each other."""
