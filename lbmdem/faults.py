@@ -23,6 +23,7 @@ def faults(config: LbmDemConfig) -> Iterator[tuple[Path, str]]:
     if fluid is not None and config.simulation.time_step is not None:
         yield ("simulation", "time_step"), "is of a case without fluid; fluid.time_step is that of a lattice"
     yield from name_faults(config)
+    yield from packing_faults(config)
     for i, obstacle in enumerate(config.obstacle):
         for key, text in obstacle_faults(config, obstacle):
             yield ("obstacle", i, *key), text
@@ -131,6 +132,22 @@ def name_faults(config: LbmDemConfig) -> Iterator[tuple[Path, str]]:
             yield place, f"{name!r} is taken by an earlier one"
         if set(name) & set('/,"\n'):
             yield place, f"must do without / , and quotation marks (got {name!r})"
+
+
+def packing_faults(config: LbmDemConfig) -> Iterator[tuple[Path, str]]:
+    """Packings that have no space in the box, or that are made in the space of another one."""
+    spaces: list[tuple[float, float]] = []
+    for i, packing in enumerate(grains.packing for grains in config.grains):
+        if packing is None:
+            continue
+        low, high = packing.low, packing.low if packing.high is None else packing.high
+        if not 0.0 <= low < config.domain.size[-1]:
+            yield ("grains", i, "packing", "low"), "must lie in the box"
+        if packing.high is not None and not high > low:
+            yield ("grains", i, "packing", "high"), f"must be above low ({low:g} m)"
+        if any(low <= other[1] and other[0] <= high for other in spaces):
+            yield ("grains", i, "packing"), "fills the space of an earlier one: put it above that, or make them one set"
+        spaces.append((low, high))
 
 
 def obstacle_faults(config: LbmDemConfig, obstacle: Obstacle) -> Iterator[tuple[Path, str]]:

@@ -40,6 +40,11 @@ def plane(normal: str = "[0.0, 1.0]", velocity: str = "[1e-4, 0.0]") -> str:
     return f"obstacle = ({{ velocity = {velocity}; {shape}; }});"
 
 
+def packed(*packings: str) -> str:
+    law = "diameters = { min = 8e-5; max = 1e-4; count = 4; }"
+    return f"grains = ({', '.join(f'{{ {law}; packing = {{ {packing} }}; }}' for packing in packings)});"
+
+
 @pytest.mark.parametrize("name", sorted(shipped_cases()))
 def test_a_shipped_case_is_legal_and_survives_being_written(name):
     config = config_of(shipped_cases()[name].read_text())
@@ -97,10 +102,18 @@ def test_a_periodic_face_is_a_periodic_axis():
         (DISC.replace("({", '({ name = "obstacle_1";') + plane(), "'obstacle_1' is taken by an earlier one"),
         (DISC.replace("({", '({ name = "a/b";'), "grains[0].name: must do without"),
         ('boundary = ({ face = "y+"; type = "wall"; velocity = [0.0, 1e-5]; });', "a wall slides along itself"),
+        (packed("low = -1e-4"), "grains[0].packing.low: must lie in the box"),
+        (packed("low = 2e-4; high = 1e-4"), "grains[0].packing.high: must be above low (0.0002 m)"),
+        (packed("", "low = 0.0; high = 1e-3"), "grains[1].packing: fills the space of an earlier one"),
     ],
 )  # fmt: skip
 def test_bad_scenes_are_told(extra, said):
     assert said in messages(CHANNEL + extra)
+
+
+def test_packings_may_stand_on_each_other():
+    above = packed("porosity = 0.7; high = 4e-4", "low = 4.1e-4").replace("8e-5", "1e-4")
+    assert len(config_of(CHANNEL + above).grains) == 2
 
 
 def test_keys_of_the_other_kind_of_case_are_told():
