@@ -153,36 +153,39 @@ def test_fold_is_adjoint_of_fill(world, dtype):
     every_case(partial(check_adjoint, world, dtype=dtype))
 
 
-def check_axes(world, ndim, leading):
-    """Corners come right in three dimensions too, for fields with components."""
+def check_axes(world, ndim, leading, trailing):
+    """Corners come right in three dimensions too, for fields with components before or behind."""
     domain = domain_for(world, 7, even_cuts(7, world.size), (True, True, True), ndim)
     ghosts = ((2, 1), (1, 1), (0, 2))[:ndim]
-    field = Field(domain, world.rank, ghosts=ghosts, leading=leading, dtype=np.float32)
-    full = np.random.default_rng(0).random((*leading, *domain.points), np.float32)
+    field = Field(domain, world.rank, ghosts=ghosts, leading=leading, trailing=trailing, dtype=np.float32)
+    full = np.random.default_rng(0).random((*leading, *domain.points, *trailing), np.float32)
     at = [slice(None)] * len(leading)
     low, high = field.rows
     field.inner[...] = full[(*at, slice(low, high))]
     fill = Fill(world, domain, field, Channel.FIELD)
     fill.start(3)
     fill.finish()
-    pads = [(0, 0)] * len(leading) + list(ghosts)
+    pads = [(0, 0)] * len(leading) + list(ghosts) + [(0, 0)] * len(trailing)
     expected = np.pad(full, pads, mode="wrap")[(*at, slice(low, high + 3))]
     np.testing.assert_array_equal(field.values, expected)
     fill.free()
 
 
-components = pytest.mark.parametrize("ndim, leading", [(1, ()), (1, (2,)), (2, (9,)), (3, ()), (3, (19,))])
+components = pytest.mark.parametrize(
+    "ndim, leading, trailing",
+    [(1, (), ()), (1, (2,), ()), (2, (9,), ()), (3, (), ()), (3, (19,), ()), (3, (), (3,))],
+)
 
 
 @components
-def test_ghosts_of_all_axes_on_one_rank(world, ndim, leading):
-    check_axes(world, ndim, leading)
+def test_ghosts_of_all_axes_on_one_rank(world, ndim, leading, trailing):
+    check_axes(world, ndim, leading, trailing)
 
 
 @pytest.mark.mpi(min_size=2)
 @components
-def test_ghosts_of_all_axes(world, ndim, leading):
-    check_axes(world, ndim, leading)
+def test_ghosts_of_all_axes(world, ndim, leading, trailing):
+    check_axes(world, ndim, leading, trailing)
 
 
 def test_one_rank_sends_nothing(world):

@@ -12,6 +12,9 @@ class Channel(IntEnum):
     POTENTIAL = 0
     CHARGE = 1
     FIELD = 2
+    FIELD_2 = 3
+    FIELD_3 = 4
+    FIELD_4 = 5
     PARTICLES = 8
     PARTICLES_FAR = 9
     PARTICLES_WANTED = 10

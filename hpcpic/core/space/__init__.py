@@ -1,1 +1,1 @@
-"""WHERE: domains, fields, records, random numbers and exact sums as plain arrays, without messages or files."""
+"""WHERE: domains, fields, particles, cells and shapes as plain arrays, without messages or files."""

@@ -21,7 +21,7 @@ def aligned_zeros(shape: Sequence[int], dtype: DTypeLike) -> NDArray:
 class Field:
     """Values of the rows of one rank, zero at first.
 
-    values[*leading, rows + ghosts, other axes + ghosts] in C order, 64-byte aligned; `inner` is
+    values[*leading, rows + ghosts, other axes + ghosts, *trailing] in C order, 64-byte aligned; `inner` is
     the view without ghosts, `ghosts` the (below, above) width per axis, `rows` its (low, high) global rows.
     """
 
@@ -32,17 +32,19 @@ class Field:
         *,
         dtype: DTypeLike = np.float64,
         leading: Sequence[int] = (),
+        trailing: Sequence[int] = (),
         ghosts: Sequence[tuple[int, int]] = (),
     ) -> None:
         self.domain = domain
         self.rank = rank
         self.leading = tuple(leading)
+        self.trailing = tuple(trailing)
         self.ghosts = tuple(ghosts) or ((0, 0),) * domain.ndim
         if len(self.ghosts) != domain.ndim:
             raise ValueError(f"{domain.ndim} axes, but ghosts {self.ghosts}")
         self.rows = domain.row_range(rank)
         extents = [n + below + above for n, (below, above) in zip(domain.shape(rank), self.ghosts)]
-        self.values = aligned_zeros((*self.leading, *extents), dtype)
+        self.values = aligned_zeros((*self.leading, *extents, *self.trailing), dtype)
         window = [slice(below, below + n) for n, (below, _) in zip(domain.shape(rank), self.ghosts)]
         self.inner = self.values[(*(slice(None) for _ in self.leading), *window)]
 
@@ -56,3 +58,14 @@ class Field:
         shape = self.values.shape
         before, after = (int(np.prod(part, dtype=np.int64)) for part in (shape[:at], shape[at + 1 :]))
         return self.values.reshape(before, shape[at], after)
+
+    def like(self, domain: Domain) -> "Field":
+        """A zero field of the same kind on another domain, for the same rank."""
+        return Field(
+            domain,
+            self.rank,
+            dtype=self.dtype,
+            leading=self.leading,
+            trailing=self.trailing,
+            ghosts=self.ghosts,
+        )
