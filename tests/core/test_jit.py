@@ -5,6 +5,7 @@ import sys
 import warnings
 from pathlib import Path
 
+import numba
 import numpy as np
 import pytest
 
@@ -155,3 +156,10 @@ def test_many_processes_write_one_module_once(tmp_path):
     assert len(said) == 1
     assert said.pop().startswith("5 ")
     assert not list(tmp_path.rglob("*.draft"))
+
+
+def test_what_is_compiled_is_counted_and_what_is_there_is_not():
+    before = jit.compilations.n
+    double = numba.njit(lambda x: 2 * x)
+    assert (double(1), double(2)) == (2, 4)
+    assert jit.compilations.n == before + 1

@@ -135,6 +135,8 @@ def test_the_table_has_what_a_user_looks_for():
         "100.0%",  # spread: (3 - 1) / 2
     ):
         assert part in text
+    told = summary.render({**FACTS, "compiled_functions": 7})
+    assert "412 MiB per rank, peak, with compiling 7 functions (estimate 398)" in told
     told = summary.render({**FACTS, "program": "sph", "folder": "a b"})
     assert told.endswith("sph plot 'a b'; sph report 'a b'")
 

@@ -19,6 +19,7 @@ from hpcpic.core.run.progress import Progress
 from hpcpic.core.run.signals import Reason, Stop, WallLimit
 from hpcpic.core.run.summary import Conserved, StepTimes
 from hpcpic.core.run.triggers import Every, EverySeconds, EveryTime
+from hpcpic.core.simd.jit import compilations
 from hpcpic.core.timers import Timers
 
 log = logging.getLogger("hpcpic.run")
@@ -288,6 +289,7 @@ class _Run:
             "work_unit": app.work_unit,
             "step_seconds": self.step_times.facts(),
             "peak_memory_mib_per_rank": summary.peak_memory_mib(world),
+            "compiled_functions": round(world.max(float(compilations.n))),
             "load": summary.load(world, getattr(app, "local_items", None)),
             "timers": summary.sections(world, options.timers, options.timers.wall),
             "conservation": self.options.conserved.facts(),

@@ -156,11 +156,9 @@ def render(facts: Mapping[str, Any]) -> str:
     if spread and spread["max"]:
         share = (spread["max"] - spread["min"]) / spread["max"]
         lines.append(_row("load", f"{count(spread['min'])} .. {count(spread['max'])} per rank ({share:.1%})"))
-    lines.append(
-        _row(
-            "memory", _beside(facts, "peak_memory_mib_per_rank", "memory_mib_per_rank", "MiB per rank, peak")
-        )
-    )
+    compiled = facts.get("compiled_functions")
+    peak = f"MiB per rank, peak{f', with compiling {compiled} functions' if compiled else ''}"
+    lines.append(_row("memory", _beside(facts, "peak_memory_mib_per_rank", "memory_mib_per_rank", peak)))
     lines.append(_row("step", _beside(facts, "step_ms", "step_ms", "ms, median")))
     conserved = facts.get("conservation") or {}
     if conserved:

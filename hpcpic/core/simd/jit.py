@@ -21,6 +21,7 @@ from pathlib import Path
 from typing import Any
 
 import numba
+from numba.core import event
 
 from hpcpic.core.simd.caches import private_folder
 
@@ -29,6 +30,22 @@ _KERNEL_FOLDERS = {"simd", "space", "comm", "kernels"}
 _FLAGS: dict[str, Any] = {"nogil": True, "cache": True, "error_model": "numpy"}
 EVERY = "*"  # in place of a program: all there are
 generated_in: set[Path] = set()  # folders of generated modules: their compiled code is kept beside them
+
+
+class Compilations(event.Listener):
+    """How many functions this process has compiled, that no cache had."""
+
+    n = 0
+
+    def on_start(self, _event: event.Event) -> None:
+        self.n += 1
+
+    def on_end(self, _event: event.Event) -> None:
+        """Nothing to do."""
+
+
+compilations = Compilations()
+event.register("numba:compile", compilations)
 
 
 def program_of(module: str) -> str | None:
