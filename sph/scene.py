@@ -168,13 +168,14 @@ class Wall:
 
     def _grid(self) -> Grid:
         """The lattice that holds the particles of what is round, or of a solid."""
-        dp, (low, high) = self.scene.spacing, self.bounds
-        grid = Grid(tuple(even(a, a + dp * math.ceil((b - a) / dp), dp) for a, b in zip(low, high)))
+        dp = self.scene.spacing
         if self.section.solid:
-            grid = grid_of(self.shape, dp)
-        period = [even(a, b, dp) for a, b in zip(*self.corners)]
-        both = zip(self.through, period, grid.coordinates)
-        return Grid(tuple(own if through else others for through, own, others in both))
+            lines = list(grid_of(self.shape, dp).coordinates)
+        else:
+            lines = [even(a, a + dp * math.ceil((b - a) / dp), dp) for a, b in zip(*self.bounds)]
+        for k in np.flatnonzero(self.through):
+            lines[k] = even(self.scene.low[k], self.scene.high[k], dp)
+        return Grid(tuple(lines))
 
 
 def plane_sheet(scene: "Scene", plane: case.Plane, recess: float) -> Sheet:
