@@ -165,6 +165,21 @@ def test_dry_run_refuses_what_a_run_refuses(toy):
     assert not (toy.folder / "a").exists()
 
 
+@pytest.mark.parametrize("words, ranks", [((), 2), ((), 1), (("--dry",), 1)])
+def test_more_memory_than_there_is_is_refused_before_anything_is_made(toy, words, ranks):
+    done = toy("run", "ring.conf", "-o", "a", *words, ranks=ranks, rows=10**14)
+    assert done.returncode == 2, done.stderr
+    assert done.stderr.count(f"memory: {ranks} rank") == 1 and "most of it for u, and there are" in done.stderr
+    assert "--force" in done.stderr and not (toy.folder / "a").exists()
+
+
+def test_force_runs_it_and_no_memory_ends_all_ranks_with_one_line(toy):
+    done = toy("run", "ring.conf", "-o", "a", "--force", ranks=2, rows=10**14)
+    assert done.returncode == 1 and "Traceback" not in done.stderr
+    assert "refused without --force" in done.stderr and done.stderr.count("no memory: Unable to allocate") == 1
+    assert toy.facts("a")["status"] == "failed"
+
+
 def test_dry_run_prints_and_makes_nothing(toy):
     done = toy("run", "ring.conf", "-o", "a", "--dry")
     assert done.returncode == 0

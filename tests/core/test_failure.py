@@ -1,17 +1,17 @@
 """One rank here, or several that fail together; tests/cli plays failures of one rank among several."""
 
 import os
-import resource
 import signal
+import tempfile
 import threading
 import time
 
 import pytest
 
 from hpcpic.core.comm.world import World
-from hpcpic.core.errors import ConfigError, Diverged, FileError, HpcpicError
+from hpcpic.core.errors import ConfigError, Diverged, FileError
 from hpcpic.core.files.rundir import RunDir
-from hpcpic.core.run.failure import Agreed, Failure, Watchdog, everywhere, guarded, require_room, share
+from hpcpic.core.run.failure import Agreed, Failure, Watchdog, everywhere, guarded, share
 
 
 @pytest.fixture(scope="module")
@@ -166,14 +166,16 @@ def test_long_steps_have_twenty_of_themselves_and_only_as_long_as_they_are_feare
     watchdog.close()
 
 
-def test_a_limit_of_address_space_is_told_before_libraries_meet_it(monkeypatch):
-    limits = {"now": resource.RLIM_INFINITY}
-    monkeypatch.setattr(resource, "getrlimit", lambda kind: (limits["now"], resource.RLIM_INFINITY))
-    require_room(lambda: 1e18)
-    limits["now"] = 1 << 50
-    require_room(lambda: float(1 << 40))
-    with pytest.raises(HpcpicError, match=r"leaves \d+ MiB .* takes about 2147483648 MiB"):
-        require_room(lambda: float(1 << 51))
+def test_without_a_temporary_folder_a_failure_is_told_all_the_same(world, capfd, monkeypatch):
+    def refuse(**_):
+        raise FileNotFoundError(2, "No usable temporary directory found")
+
+    def main(failure):
+        raise ConfigError("bad key")
+
+    monkeypatch.setattr(tempfile, "mkdtemp", refuse)
+    assert guarded(world, main) == 2
+    assert capfd.readouterr().err == "rank 0 of 1: bad key\n"
 
 
 def test_no_memory_is_told_in_one_line(world, capfd):

@@ -1,3 +1,4 @@
+import logging
 import os
 import signal
 import subprocess
@@ -116,10 +117,18 @@ def test_wall_limit_leaves_time_for_the_checkpoint(monkeypatch):
 
 
 def test_the_end_of_the_batch_job_counts_when_it_is_earlier(monkeypatch):
-    monkeypatch.setenv("SLURM_JOB_END_TIME", str(time.time() + 50))
+    monkeypatch.setenv("SLURM_JOB_END_TIME", str(int(time.time()) + 50))
     assert WallLimit(100.0, time.monotonic()).over(interval=30.0, checkpoint=0.0)
     assert WallLimit(None, time.monotonic()).over(interval=30.0, checkpoint=0.0)
     assert not WallLimit(None, time.monotonic()).over(interval=1.0, checkpoint=0.0)
+
+
+def test_an_end_of_the_batch_job_that_nobody_can_read_is_a_warning(monkeypatch, caplog):
+    monkeypatch.setattr(logging.getLogger("hpcpic"), "propagate", True)
+    for text in ("soon", "", "nan"):
+        monkeypatch.setenv("SLURM_JOB_END_TIME", text)
+        assert WallLimit(None, 0.0).end is None and WallLimit(5.0, 0.0).end == 5.0
+    assert len(caplog.messages) == 6 and "SLURM_JOB_END_TIME = 'soon'" in caplog.messages[0]
 
 
 def test_the_start_of_a_process_is_when_it_was_made():

@@ -5,6 +5,7 @@ from __future__ import annotations
 import itertools
 import json
 import logging
+import math
 import shlex
 import sys
 import threading
@@ -18,13 +19,14 @@ from typing import TYPE_CHECKING, Any
 from hpcpic.core.cli.app import App, AppLoader
 from hpcpic.core.cli.forecast import Estimate
 from hpcpic.core.cli.rates import read_rates
+from hpcpic.core.cli.text import amount
 from hpcpic.core.comm.world import World
 from hpcpic.core.errors import ConfigError, FileError, HpcpicError
 from hpcpic.core.files.config import Tree, leaves, loads
 from hpcpic.core.files.rundir import RunDir, write_atomic
 from hpcpic.core.files.schema import validate, value_text
-from hpcpic.core.run import checkpoint, log, summary
-from hpcpic.core.run.failure import Agreed, Failure, everywhere, guarded, require_room, share
+from hpcpic.core.run import checkpoint, log, memory, summary
+from hpcpic.core.run.failure import Agreed, Failure, everywhere, guarded, share
 from hpcpic.core.run.outputs import trigger_of
 from hpcpic.core.run.signals import Stop, WallLimit, process_start
 from hpcpic.core.run.triggers import Every, EverySeconds, parse_interval, parse_wall
@@ -65,7 +67,7 @@ LEFT = (".failed", "post-mortem.txt", "STOP")  # by an earlier part of the run
 
 _jobs = itertools.count()  # of this process, one but for pilots
 
-Prepare = Callable[[App, int], tuple[RunDir, Plan]]  # of an app, on so many ranks
+Prepare = Callable[[App, World], tuple[RunDir, Plan]]
 
 
 def job(app_loader: AppLoader, prepare: Prepare, flags: Flags) -> int:
@@ -115,7 +117,7 @@ class _Job:
                 self.rundir.unlock()
 
     def _prepared(self, prepare: Prepare) -> bytes:
-        self.rundir, plan = prepare(self.app, self.world.size)
+        self.rundir, plan = prepare(self.app, self.world)
         folder = self.rundir.path
         for left in (*map(folder.joinpath, LEFT), *folder.glob("trace-rank-*.txt")):
             left.unlink(missing_ok=True)
@@ -139,7 +141,7 @@ class _Job:
         try:
             with _asking_for_patience(self.world.rank):
                 simulator = self.app.load()
-                require_room(lambda: sum(self._estimated(config, threads).memory.values()))
+                memory.require_room(lambda: sum(self._estimated(config, threads).memory.values()))
                 made = simulator(config, self.world, pool, timers)
             with _closing(made) as app:
                 if reader:
@@ -298,6 +300,25 @@ def _refuse_others(reader: checkpoint.Reader, app: App, settings: Mapping[str, s
             [f"{reader.path}: the state was made with other settings; a restart cannot change them:"]
             + [f"  {key}: {before.get(key, 'not set')} then, {settings.get(key, 'not set')} now" for key in differing]
         )
+
+
+def require_memory(app: App, config: Any, ranks: int, here: int, force: bool) -> list[str]:
+    """A warning where those of the ranks that are on this machine will take more than it gives, which the system ends
+    without a word; ConfigError without `force`.
+    """
+    items = app.estimate(config, ranks, 1, read_rates()).memory
+    wanted, there = here * sum(items.values()), memory.free() + here * memory.held()
+    if wanted <= there:
+        return []
+    most = max(items, key=lambda name: items[name])
+    text = (
+        f"memory: {summary.several(here, 'rank')} on this machine take about {amount(wanted)}, most of it for "
+        f"{most}, and there are {amount(there)}: a case of {there / wanted:.1%} of the size fits, or "
+        f"{math.ceil(wanted / there)} such machines"
+    )
+    if not force:
+        raise ConfigError(f"{text} (--force runs it all the same)")
+    return [f"{text} (refused without --force)"]
 
 
 def given_files(files: list[tuple[str, str]]) -> dict[str, str]:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from typing import TYPE_CHECKING, Any
 
 import click
 
@@ -14,6 +15,9 @@ from hpcpic.core.files.config import load
 from hpcpic.core.files.derived import enforce
 from hpcpic.core.files.rundir import RunDir
 from hpcpic.core.files.schema import dump, validate
+
+if TYPE_CHECKING:
+    from hpcpic.core.comm.world import World
 
 
 def make_restart_command(app_loader: AppLoader) -> click.Command:
@@ -37,19 +41,20 @@ def make_restart_command(app_loader: AppLoader) -> click.Command:
 
         --set may change what does not belong to the state: the number of steps, outputs.
         """
-        from hpcpic.core.cli.job import Flags, Plan, job
+        from hpcpic.core.cli.job import Flags, Plan, job, require_memory
         from hpcpic.core.run.summary import settled
 
-        def prepare(app: App, ranks: int) -> tuple[RunDir, Plan]:
+        def prepare(app: App, world: World) -> tuple[RunDir, Plan]:
             rundir = RunDir.open(folder, app.name)
             rundir.lock()
             try:
                 history = settled(rundir.read_run().get("history", []))
-                text, warnings = _config(app, rundir, until, sets, ranks)
+                config, warnings = _config(app, rundir, until, sets, world.size)
+                warnings += require_memory(app, config, world.size, world.node_size, force=True)
             except BaseException:
                 rundir.unlock()
                 raise
-            return rundir, Plan(folder=folder, config=text, restart=True, warnings=warnings, history=history)
+            return rundir, Plan(folder=folder, config=dump(config), restart=True, warnings=warnings, history=history)
 
         return job(app_loader, prepare, Flags(threads, wall, checkpoint_every, quiet))
 
@@ -58,7 +63,7 @@ def make_restart_command(app_loader: AppLoader) -> click.Command:
 
 def _config(
     app: App, rundir: RunDir, until: float | None, sets: tuple[str, ...], ranks: int
-) -> tuple[str, list[str]]:
+) -> tuple[Any, list[str]]:
     """The configuration to go on with, and its warnings.
 
     Raises ConfigError. What --force let pass in the beginning passes again.
@@ -78,4 +83,4 @@ def _config(
     tree = load(rundir.config, sets)
     config = validate(app.schema(), tree)
     warnings = enforce(app.derived(config, ranks), tree, force=True)
-    return dump(config), warnings
+    return config, warnings

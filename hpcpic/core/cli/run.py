@@ -16,7 +16,10 @@ from hpcpic.core.files.derived import enforce
 
 if TYPE_CHECKING:
     from hpcpic.core.cli.job import Plan
+    from hpcpic.core.comm.world import World
     from hpcpic.core.files.rundir import RunDir
+
+LOCAL_SIZES = ("MPI_LOCALNRANKS", "OMPI_COMM_WORLD_LOCAL_SIZE")  # where launchers tell the ranks on this machine
 
 
 def _readable(parse: str) -> Callable:
@@ -68,7 +71,7 @@ def make_run_command(app_loader: AppLoader) -> click.Command:
     @click.option(
         "--force", is_flag=True, help="Replace the run in DIR; run in spite of limits that allow it."
     )
-    @click.option("--beyond-limits", is_flag=True, help="Run in spite of all limits, as `stability` does.")
+    @click.option("--beyond-limits", is_flag=True, help="Run in spite of the scheme's limits, as `stability` does.")
     def run(
         case: str,
         output: str | None,
@@ -99,17 +102,18 @@ def _prepare(
     force: bool,
     beyond_limits: bool,
     app: App,
-    ranks: int,
+    world: World,
 ) -> tuple[RunDir, Plan]:
     """Read the case and make the run folder; on rank 0."""
-    from hpcpic.core.cli.job import Plan, given_files
+    from hpcpic.core.cli.job import Plan, given_files, require_memory
     from hpcpic.core.comm.library import library
     from hpcpic.core.files.rundir import RunDir, provenance
     from hpcpic.core.files.schema import dump
 
     read = read_case(app, case, sets)
-    numbers = app.derived(read.config, ranks)
+    numbers = app.derived(read.config, world.size)
     warnings = read.tree.warnings + ([] if beyond_limits else enforce(numbers, read.tree, force))
+    warnings += require_memory(app, read.config, world.size, world.node_size, force)
     folder = output or _folder(read)
     text = dump(read.config)
     told = ("name", "value", "unit", "limit", "verdict")
@@ -132,6 +136,7 @@ def _folder(read: Case) -> str:
 def _dry(app: App, case: str, sets: tuple[str, ...], threads: int, force: bool) -> int:
     from hpcpic.core.cli.check import print_check
     from hpcpic.core.cli.estimate import print_estimate
+    from hpcpic.core.cli.job import require_memory
     from hpcpic.core.cli.main import launcher_rank
     from hpcpic.core.comm.world import launched_size
 
@@ -142,4 +147,7 @@ def _dry(app: App, case: str, sets: tuple[str, ...], threads: int, force: bool) 
         click.echo()
         print_estimate(app, read.config, ranks, threads)
         enforce(numbers, read.tree, force)
+        here = next((int(os.environ[name]) for name in LOCAL_SIZES if name in os.environ), ranks)
+        for warning in require_memory(app, read.config, ranks, here, force):
+            click.echo(f"warning: {warning}", err=True)
     return 0

@@ -13,7 +13,6 @@ from __future__ import annotations
 import faulthandler
 import math
 import os
-import resource
 import shutil
 import tempfile
 import threading
@@ -28,7 +27,7 @@ from hpcpic.core.errors import CheckFailed, ConfigError, Diverged, FileError, Hp
 from hpcpic.core.files.together import explain
 from hpcpic.core.run.log import write_error
 
-MIB = 1 << 20
+NOWHERE = os.devnull  # a folder in which no file can be
 LOSER_SECONDS = 5.0  # how long a rank waits for the one that tells to end it
 _BY_CODE = {error.exit_code: error for error in (ConfigError, CheckFailed, Diverged, FileError)}
 
@@ -69,24 +68,6 @@ def everywhere() -> Iterator[None]:
         raise Agreed(error) from error
 
 
-def require_room(needed: Callable[[], float]) -> None:
-    """HpcpicError when this process may not take `needed` bytes of address space more (RLIMIT_AS, ulimit -v).
-
-    Told before they are asked for: libraries that get no memory end the process each in its own way, and say nothing
-    of the rank.
-    """
-    limit = resource.getrlimit(resource.RLIMIT_AS)[0]
-    statm = Path("/proc/self/statm")
-    if limit == resource.RLIM_INFINITY or not statm.exists():
-        return
-    left, wanted = limit - int(statm.read_text().split()[0]) * resource.getpagesize(), needed()
-    if left < wanted:
-        raise HpcpicError(
-            f"no memory: the limit of this process (ulimit -v) leaves {max(left, 0) / MIB:.0f} MiB of address space, "
-            f"and the run takes about {wanted / MIB:.0f} MiB"
-        )
-
-
 class Failure:
     """Tells of failures. `folder` is where the token of the one who tells is taken: any folder all ranks
     share.
@@ -94,9 +75,8 @@ class Failure:
 
     def __init__(self, world: World) -> None:
         self.world = world
-        own = tempfile.mkdtemp(prefix="hpcpic-") if world.rank == 0 else None
-        self._own = own
-        self.folder = Path(bytes(world.bcast(own.encode() if own else None)).decode())
+        self._own = _made_folder() if world.rank == 0 else ""
+        self.folder = Path(bytes(world.bcast(self._own.encode())).decode() or NOWHERE)
         self.on_failure: Callable[[str, int], None] | None = None  # text, code: the run folder notes it
         self._lock = threading.Lock()
         self._thread_hook = threading.excepthook
@@ -116,7 +96,7 @@ class Failure:
     def _remove_own(self) -> None:
         if self._own:
             shutil.rmtree(self._own, ignore_errors=True)
-            self._own = None
+            self._own = ""
 
     def fail(self, error: BaseException, where: str = "") -> int:
         """Tell the failure and end all ranks. Returns the code only when this is the only rank."""
@@ -160,7 +140,7 @@ class Failure:
         except FileExistsError:
             return False
         except OSError:
-            return True  # a folder this node cannot see: better told twice than never
+            return True  # no folder, or one that this node cannot see: better told twice than never
         return True
 
     def _thread_failed(self, args: threading.ExceptHookArgs) -> None:
@@ -168,6 +148,14 @@ class Failure:
             name = args.thread.name if args.thread else "?"
             code = self.fail(args.exc_value, f" (thread {name})")
             os._exit(code)
+
+
+def _made_folder() -> str:
+    """A new temporary folder; "" where none can be made."""
+    try:
+        return tempfile.mkdtemp(prefix="hpcpic-")
+    except OSError:
+        return ""
 
 
 def _exit_code(error: SystemExit) -> int:

@@ -8,12 +8,15 @@ that all ranks stop after the same step.
 
 from __future__ import annotations
 
+import logging
 import os
 import signal
 import threading
 import time
 from collections.abc import Callable
 from enum import IntEnum
+
+log = logging.getLogger("hpcpic.run")
 
 GRACE_SECONDS = 60.0
 ECHO_SECONDS = 0.5  # the launcher and the terminal may both deliver one Ctrl-C
@@ -39,7 +42,7 @@ _TEXTS = {
     Reason.NONE: "",
     Reason.MEAN_KNOWN: "the mean step time is known as well as simulation.stop_SEM asks",
     Reason.STOP_FILE: "a file STOP in the run folder",
-    Reason.WALL: "the wall clock limit",
+    Reason.WALL: "the wall clock limit (--wall, or the end of the SLURM job)",
     Reason.SIGUSR1: "SIGUSR1",
     Reason.SIGTERM: "SIGTERM",
     Reason.SIGINT: "SIGINT",
@@ -117,6 +120,18 @@ def process_start() -> float:
     return time.monotonic() - age
 
 
+def _end_of_job() -> list[float]:
+    """When the SLURM job ends, as seconds since 1970; none where there is no job, or nobody can read when."""
+    text = os.environ.get("SLURM_JOB_END_TIME")
+    if text is None:
+        return []
+    try:
+        return [float(int(text))]
+    except ValueError:
+        log.warning("SLURM_JOB_END_TIME = %r is no number of seconds since 1970: the end of the job is not known", text)
+        return []
+
+
 class WallLimit:
     """Decides on rank 0 when to stop so that the checkpoint and the summary end before `limit` seconds are
     over.
@@ -129,8 +144,7 @@ class WallLimit:
 
     def __init__(self, limit: float | None, started: float) -> None:
         ends = [] if limit is None else [started + limit]
-        if "SLURM_JOB_END_TIME" in os.environ:
-            ends.append(time.monotonic() + float(os.environ["SLURM_JOB_END_TIME"]) - time.time())
+        ends += [time.monotonic() + end - time.time() for end in _end_of_job()]
         self.end = min(ends, default=None)
 
     def over(self, interval: float, checkpoint: float) -> bool:
