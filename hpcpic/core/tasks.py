@@ -24,7 +24,9 @@ from hpcpic.core.simd.adapter import RAISED, adapter
 
 __all__ = ["RAISED", "Bound", "Graph", "Pool", "Stuck", "TaskError", "bind"]
 
-_LINGER_S = 80e-6  # how long a worker spins between launches: longer than the Python of a step takes
+# How long a worker spins between launches: longer than a step is in Python, samples of the series included. To wake
+# one takes 20 to 60 us, on a virtual machine up to the time of a small step.
+_LINGER_S = 2e-3
 _ALONE_ROUNDS = 4000  # idle rounds before a worker with its own core offers it to others
 
 
