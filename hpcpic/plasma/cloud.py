@@ -102,10 +102,10 @@ class Cloud:
         records = self._views(self._records)
         self._pack = [self._bound(self.kernels.pack, **records, ends=self._ends, owner=self.owner)]
         self._unpack = [self._bound(self.kernels.unpack, **records, n=self._arrived)]
-        self._short = np.zeros(1, np.int64)
+        self._short, self._most = np.zeros(1, np.int64), np.zeros(1, np.int64)
         slots = self.tiles.n_parts * self.n_species
         self._lacks = self._bound(self.kernels.lacks_pages, slots=slots, short=self._short)
-        self.delivery = [self._deliver, [self._bound(self.kernels.empty)]]
+        self.delivery = [self._deliver, [self._bound(self.kernels.empty, slots=slots, most=self._most)]]
         self._bind_letters()
         self._motion = [self._graph_of_motion(parity) for parity in range(2)]
         self.place(0, np.zeros((0, self.law.dimensions)), np.zeros((0, self.law.velocities)), np.zeros(0))
@@ -207,9 +207,8 @@ class Cloud:
         """x^n, v^(n-1/2) -> x^(n+1), v^(n+1/2); charge of those who stay in their tile part; the others wait in boxes
         of the rank where they belong, and `delivery`, tasks in stages, is ready to run. Collective.
         """
-        counts, near = self.pages.count, self.near
-        slots = [counts[a * self.n_species : b * self.n_species].sum() for a, b in self.tiles.ranges]
-        self.pages.room(max(*map(int, slots), len(near.peers) * near.capacity))
+        near = self.near
+        self.pages.room(max(int(self._most[0]), len(near.peers) * near.capacity))
         near.at(iteration)
         self._run(self.pool.run, self._motion[iteration % 2])
         near.check(iteration)

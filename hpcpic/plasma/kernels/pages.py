@@ -267,9 +267,13 @@ def lacks_pages(slots, lists, counters, short):
 
 
 @kernel
-def empty(lists, counters):
-    """Nothing is in any box."""
+def empty(slots, count, lists, counters, most):
+    """Nothing is in any box. most[0] = particles of the block that has most; slots[block] = its slots."""
     lists[:, 0], lists[:, 1], counters[:, 1] = -1, 0, 0
+    most[0] = first = 0
+    for n in slots:
+        most[0] = max(most[0], count[first : first + n].sum())
+        first += n
 
 
 @kernel
