@@ -193,12 +193,28 @@ def _anybody_running(pool):
 
 
 @njit
+def _look(g, pool, remaining, since, seen):
+    """At the clock: end the launch when nothing has happened for too long. For the next look: how many tasks remain,
+    since when, and the time.
+    """
+    now = nanoseconds()
+    left = atomic_load(g.counters, REMAINING)
+    if left != remaining or _anybody_running(pool):
+        since = now
+    elif now - seen > pool[LIMIT_NS] // 2:
+        since += now - seen  # the process was suspended
+    elif now - since > pool[LIMIT_NS]:
+        atomic_cas(g.counters, STOP, 0, STUCK)
+    return left, since, now
+
+
+@njit
 def _work(g, pool, worker):
     """Run tasks until none remains, one failed, or nothing has happened for too long."""
     running = WORKERS + WORKER_WORDS * worker + RUNNING
     idle = 0
     due = True  # a poll: not straight after another poll or a start, while there are tasks
-    remaining, since, seen = -1, 0, 0  # at the last look at the clock, and when that was
+    remaining, since, seen = -1, 0, 0  # see `_look`
     while atomic_load(g.counters, REMAINING) > 0 and atomic_load(g.counters, STOP) == 0:
         task = _take(g, 1)
         if (
@@ -231,15 +247,7 @@ def _work(g, pool, worker):
         due = True
         idle = _idle(pool, idle)
         if idle % _CLOCK_ROUNDS == 0:
-            now = nanoseconds()
-            left = atomic_load(g.counters, REMAINING)
-            if left != remaining or _anybody_running(pool):
-                remaining, since = left, now
-            elif now - seen > pool[LIMIT_NS] // 2:
-                since += now - seen  # the process was suspended
-            elif now - since > pool[LIMIT_NS]:
-                atomic_cas(g.counters, STOP, 0, STUCK)
-            seen = now
+            remaining, since, seen = _look(g, pool, remaining, since, seen)
 
 
 @njit
