@@ -139,6 +139,17 @@ def test_a_run_that_has_just_begun_has_a_page_alone_and_beside_others(folders, t
     assert report(begun, "-o", tmp_path / "page.html").exit_code == 0
 
 
+def test_a_run_under_way_tells_how_far_its_series_is(folders, tmp_path):
+    folder = shutil.copytree(folders[0], tmp_path / "going")
+    facts = json.loads((folder / "run.json").read_text())
+    for name in ("steps", "time", "exit_code"):
+        del facts[name]
+    (folder / "run.json").write_text(json.dumps(facts | {"status": "running"}))
+    assert report(folder).exit_code == 0
+    words = " ".join(re.sub("<[^>]*>", " ", (folder / "report.html").read_text()).split())
+    assert "steps 200 t = 10 s" in words
+
+
 def test_a_folder_without_a_run_is_a_file_error(tmp_path):
     assert report(tmp_path).exit_code == 6
     assert report().exit_code == 2

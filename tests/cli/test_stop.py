@@ -4,11 +4,13 @@ restart.
 
 import os
 import signal
+import subprocess
+import sys
 import time
 
 import psutil
 import pytest
-from toy_runner import MPIRUN
+from toy_runner import MPIRUN, ROOT, TOY, environment
 
 SLOW = {"steps": 300, "pause": 0.005}
 
@@ -55,6 +57,30 @@ def test_signal_to_one_rank_stops_all_at_one_step(toy):
     process = toy.start("run", "ring.conf", "-o", "a", "--threads", "1", ranks=2, **SLOW)
     os.kill(ranks_of(process)[-1], signal.SIGTERM)
     check_stopped_and_goes_on(toy, process, "SIGTERM", 2)
+
+
+ALONE = """
+from hpcpic.core.cli.main import launcher_rank
+from hpcpic.core.comm.world import World
+from toy_app import APP, program
+
+start = World.start
+def fail():
+    if launcher_rank():
+        raise {error}
+    return start()
+World.start = fail
+program(lambda: APP, "toy", "a toy")
+"""
+
+
+@pytest.mark.parametrize("error, traces", [("KeyboardInterrupt", 0), ("ZeroDivisionError", 1)])
+def test_a_rank_that_leaves_before_mpi_starts_takes_the_others_along(toy, error, traces):
+    words = [str(MPIRUN), "-n", "2", sys.executable, "-c", ALONE.format(error=error), "run", "ring.conf", "-o", "a"]
+    env = environment() | {"PYTHONPATH": os.pathsep.join((str(ROOT), str(TOY.parent)))}
+    done = subprocess.run(words, cwd=toy.folder, env=env, capture_output=True, text=True, timeout=20)
+    assert done.returncode != 0 and done.stderr.count("Traceback") == traces, done.stderr
+    assert not (toy.folder / "a").exists()
 
 
 def test_stop_file_is_taken_away_by_the_restart(toy):

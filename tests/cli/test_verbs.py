@@ -182,6 +182,15 @@ def test_compare_is_exit_3_beyond_the_tolerance(toy):
     assert toy("compare", "a", "c", "--tol", "1e-3").returncode == 0
 
 
+def test_a_run_under_way_says_on_what_it_runs_and_has_no_final_state_yet(toy):
+    process = toy.start("run", "ring.conf", "-o", "a", "--threads", "1", ranks=2, steps=10**6, pause=0.01)
+    facts = toy.facts("a")
+    assert (facts["status"], facts["ranks"], facts["threads"], facts["nodes"]) == ("running", 2, 1, 50)
+    assert "final state: not known" in toy("compare", "a", "a").stdout
+    (toy.folder / "a/STOP").touch()
+    assert process.wait(20) == 5
+
+
 def test_compare_of_runs_of_different_length_is_exit_3(toy):
     for name, steps in (("a", 10), ("b", 20)):
         toy("run", "ring.conf", "-o", name, "--threads", "1", steps=steps)

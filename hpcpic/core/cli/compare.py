@@ -58,8 +58,9 @@ def make_compare_command(app_loader: AppLoader) -> click.Command:
         _print_differences(differences, tol)
         _print_timers(*runs)
         digests = [run.summary.get("state_digest") for run in runs]
-        same = digests[0] is not None and digests[0] == digests[1]
-        click.echo(f"final state: {'the same bits' if same else 'different'}")
+        same = None not in digests and digests[0] == digests[1]
+        known = "the same bits" if same else "different"
+        click.echo(f"final state: {'not known of a run that has not ended' if None in digests else known}")
         for text in missing:
             click.echo(text)
         beyond = [d.what for d in differences if _verdict(d, tol) == "fail"]

@@ -194,21 +194,15 @@ class _Job:
 
     def _begin(self, app: Any, plan: Plan, threads: int) -> None:
         """The folder says that this part of the run goes on: not before nothing can refuse it. Collective."""
-        self.part = summary.part(
-            {
-                "first_step": app.iteration,
-                "ranks": self.world.size,
-                "threads": threads,
-                "status": "running",
-                "started": summary.date(self.started),
-            }
-        )
+        now = {"ranks": self.world.size, "threads": threads, "status": "running"}
+        self.part = summary.part(now | {"first_step": app.iteration, "started": summary.date(self.started)})
+        now |= {"exit_code": None, "work_unit": app.work_unit, f"{app.work_unit}s": app.work_items}
 
         def write() -> bytes:
             assert self.rundir is not None
             if plan.restart:
                 write_atomic(self.rundir.config, plan.config)
-            self.rundir.update(status="running", exit_code=None, history=[*self.history, self.part])
+            self.rundir.update(**now, history=[*self.history, self.part])
             return b""
 
         share(self.world, write)

@@ -8,6 +8,7 @@ import errno
 import gc
 import io
 import os
+import signal
 import sys
 from collections.abc import Callable, Sequence
 from contextlib import suppress
@@ -39,10 +40,12 @@ VERBS = {  # verb -> the module of core.cli that makes it, and what --help says 
 }
 PARALLEL = ("run", "restart", "bench", "doctor")  # verbs in which all ranks take part
 
+RANKS = ("PMI_RANK", "OMPI_COMM_WORLD_RANK", "PMIX_RANK")  # where launchers tell a process its rank
+
 
 def launcher_rank() -> int:
     """The rank the launcher gave this process, known before MPI starts; 0 without a launcher."""
-    for name in ("PMI_RANK", "OMPI_COMM_WORLD_RANK", "PMIX_RANK"):
+    for name in RANKS:
         if os.environ.get(name, "").isdigit():
             return int(os.environ[name])
     return 0
@@ -89,7 +92,8 @@ class Face(click.Group):
             if not launcher_rank():
                 error.show()
             sys.exit(error.exit_code)
-        except click.Abort:
+        except click.Abort:  # Ctrl-C before there is anything to stop
+            leave_alone()
             sys.exit(1)
         except BrokenPipeError:  # the reader of the output has gone, as `head` does
             os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
@@ -106,6 +110,15 @@ class Face(click.Group):
         if not launcher_rank():
             click.echo(error.message, err=True)
         sys.exit(error.exit_code)
+
+
+def leave_alone() -> None:
+    """End all ranks: this one leaves, and the others may wait for it. A launcher ends them when a signal ends one, but
+    not when one leaves before it has started MPI.
+    """
+    if any(name in os.environ for name in RANKS):
+        signal.signal(signal.SIGINT, signal.SIG_DFL)
+        os.kill(os.getpid(), signal.SIGINT)
 
 
 def steady_streams() -> None:
@@ -140,6 +153,10 @@ def program(app_loader: AppLoader, name: str, title: str) -> None:
         if not isinstance(end.code, int):
             raise
         code = end.code
+    except BaseException:
+        sys.excepthook(*sys.exc_info())
+        leave_alone()
+        code = 1
     for stream in (sys.stdout, sys.stderr):
         with suppress(OSError):  # full, or gone: who had to know has been told
             stream.flush()

@@ -113,7 +113,7 @@ def _labels(folders: Sequence[str]) -> list[str]:
 
 
 def one_run(app: App, run: Run) -> Page:
-    facts = run.summary
+    facts = run.summary | _so_far(run)
     figures, omitted = _figures(app, run)
     status = str(facts.get("status", "unknown"))
     header, description = _case(run)
@@ -132,6 +132,14 @@ def one_run(app: App, run: Run) -> Page:
         config=run.config,
         provenance=_provenance(facts),
     )
+
+
+def _so_far(run: Run) -> dict[str, Any]:
+    """Step and time of a run under way, or killed: those of its newest sample, as run.json tells them at the end."""
+    if run.summary.get("status") != "running" or not (run.path / "series.h5").exists():
+        return {}
+    step, time = run.series.step, run.series.time
+    return {"steps": int(step[-1]), "time": float(time[-1])} if len(step) else {}
 
 
 def _case(run: Run) -> tuple[Header, str]:
