@@ -26,6 +26,7 @@ from lbmdem.solid import Change, Solid, Table, Window, kernel_axes, kernel_rotat
 
 _SUM_BITS, _FINEST_BITS = 61, 49  # of the sums, and of terms: 2^51 is the largest integer that `to_fixed` makes
 _BLOCKS = 4  # per thread
+_NONE = np.zeros((0, GAINS), np.int64)
 MEAN_WALL_TERM = {
     "halfway": 1.0,
     "interpolated": 0.5 + 0.5 * math.log(2.0),
@@ -37,10 +38,12 @@ Grains = tuple[NDArray, NDArray, NDArray, NDArray, NDArray]
 
 
 class Gains(NamedTuple):
-    """What bodies gain in a step, in units of 1 / scale: force, torque, and the mass that the fluid gains."""
+    """What grains gain in a step, and walls when these are among the bodies, in units of 1 / scale: force, torque, and
+    the mass that the fluid gains."""
 
     ids: NDArray[np.int64]
     sums: NDArray[np.int64]
+    walls: NDArray[np.int64] = _NONE
 
 
 class StayGains:
@@ -99,7 +102,8 @@ class Immersed:
         self._stayed = StayGains(self._stay, pool, 0, self._scale)  # zero
         self._gains: list[Gains | StayGains] = []  # of the last step
         self._earlier: list[Gains | StayGains] = []  # of the one before
-        self._pending = Gains(self._fixed.ids[:0], np.zeros((0, GAINS), np.int64))
+        self._gained = 0  # the step that ended with these: passes of several steps count none
+        self._pending = Gains(self._fixed.ids[:0], _NONE)
         fluid.hooks.append(self._bounce)
         if self._stay.far is None and not self.refill.conserving:
             fluid.carry(self._stay.of_planes, self._stay)  # until grains move
@@ -171,7 +175,7 @@ class Immersed:
         """After the sweep: what comes back from the solids at the next step."""
         self._stay.run(self._pool, parity)
         self._stayed = StayGains(self._stay, self._pool, parity, self._scale)
-        self._earlier, self._gains = self._gains, [self._stayed]
+        self._earlier, self._gains, self._gained = self._gains, [self._stayed], fluid.iteration + 1
         if self._moving is not None:
             self._gains += [Gains(self._table.ids, self._moving.run(self._pool, parity, self._scale)), self._pending]
             self._pending = Gains(self._table.ids[:0], self._pending.sums[:0])
@@ -210,7 +214,7 @@ class Immersed:
         share = 0.5 if earlier else 1.0
         return share * force, share * torque
 
-    def _total(self, parts: Sequence[Gains], number: int) -> NDArray[np.int64]:
+    def _total(self, parts: Sequence[Gains | StayGains], number: int) -> NDArray[np.int64]:
         sums = np.zeros((number, GAINS), np.int64)
         for part in parts:
             sums[part.ids] += part.sums
@@ -218,21 +222,32 @@ class Immersed:
 
     def wall_forces(self, steps: int = 2) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """Force and torque on the walls, about their centres: of the steps that `all_forces` takes. Collective."""
-        parts = [*self._gains, *(self._earlier if steps == 2 else [])]
-        found = [part.walls for part in parts if isinstance(part, StayGains)]
-        sums = sum(found, start=np.zeros((len(self._walls), GAINS), np.int64))
-        force, torque = self._physical(self._world.sum_int(sums))
-        return force / max(1, len(found)), torque / max(1, len(found))
+        earlier = self._earlier if steps == 2 else []
+        force, torque = self._physical(self._of_walls([*self._gains, *earlier]))
+        share = 0.5 if earlier else 1.0
+        return share * force, share * torque
+
+    def _of_walls(self, parts: Sequence[Gains | StayGains]) -> NDArray[np.int64]:
+        found = [part.walls for part in parts if len(part.walls)]
+        return self._world.sum_int(sum(found, start=np.zeros((len(self._walls), GAINS), np.int64)))
 
     def pending(self, number: int) -> NDArray[np.int64]:
-        """For a checkpoint: [number, 14] what the last `move` left for the next step, and the last step. Collective."""
-        return np.hstack([self._total(parts, number) for parts in ([self._pending], self._gains)])
+        """For a checkpoint, of grains 0 .. number - 1 and of the walls [.., 14]: what the last `move` left for the next
+        step, and the last step. Collective."""
+        last = self._gains if self._gained == self.fluid.iteration else []
+        grains = [self._total(parts, number) for parts in ([self._pending], last)]
+        walls = [self._of_walls(parts) for parts in ([], last)]
+        return np.vstack((np.hstack(grains), np.hstack(walls)))
 
     def restore(self, pending: NDArray[np.int64]) -> None:
         """Take `pending` of a checkpoint; `start` places the grains. All ranks give the same."""
-        ids = np.arange(len(pending) if self._world.rank == 0 else 0)
-        left, last = (np.array(part[: len(ids)], np.int64) for part in np.hsplit(pending, 2))
-        self._pending, self._gains, self._earlier = Gains(ids, left), [Gains(ids, last)], []
+        here = pending if self._world.rank == 0 else np.zeros_like(pending)
+        number = len(pending) - len(self._walls)
+        left, last = (np.array(part, np.int64) for part in np.hsplit(here, 2))
+        ids = np.arange(number)
+        self._pending = Gains(ids, left[:number])
+        self._gains, self._earlier = [Gains(ids, last[:number], last[number:])], []
+        self._gained = self.fluid.iteration
 
     def free(self) -> None:
         """Release what MPI holds (all ranks together)."""

@@ -78,9 +78,10 @@ def state(app: "LbmDem") -> dict[str, Shard]:
         result["populations"] = Shard(populations, low, app.domain.points[0])
     if app.dem:
         result |= app.dem.state()
-        if app.immersed:
-            low, high = app.dem.grains.part()
-            result["pending"] = Shard(app.immersed.pending(len(app.table))[low:high], low, len(app.table))
+    if app.immersed:
+        pending = app.immersed.pending(len(app.table))
+        low = 0 if app.world.rank == 0 else len(pending)
+        result["pending"] = Shard(pending[low:], low, len(pending))
     return result
 
 
@@ -90,9 +91,9 @@ def restore(app: "LbmDem", reader: "Reader") -> None:
     if app.dem:
         app.dem.restore(reader)
         app.start_solid()
-        if app.immersed:
-            app.immersed.restore(reader.read("pending"))
     if app.fluid:
         app.fluid.iteration = reader.step
         low, high = app.domain.row_range(app.world.rank)
         app.fluid.set_populations(np.moveaxis(reader.read("populations", low, high), -1, 0))
+    if app.immersed:
+        app.immersed.restore(reader.read("pending"))

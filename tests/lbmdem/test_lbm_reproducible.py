@@ -3,7 +3,11 @@
 Grains touch, cross the seam and the cuts between slabs, cover and uncover nodes.
 """
 
-from app_runner import check_equal, check_restarted
+import pytest
+from app_runner import check_equal, check_restarted, running
+
+from hpcpic.core.files.rundir import RunDir
+from hpcpic.core.run import checkpoint
 
 VORTICES = """
 simulation = { end_time = 1.0; };
@@ -60,6 +64,9 @@ domain = { size = [0.009, 0.011, 0.013]; spacing = 0.001; periodic = ["x", "y", 
 fluid = { viscosity = 1.0e-6; relaxation_time = 0.8; body_force = [1e-5, 2e-5, 3e-5]; };
 obstacle = ({ shape = { box = { low = [-0.002, 0.0, 0.0]; high = [0.0023, 0.0041, 0.0062]; }; }; });
 """
+WALLED = """
+obstacle = ({ name = "bed"; shape = { plane = { point = [0.0, 0.0006]; normal = [0.0, 1.0]; }; }; });
+"""
 NARROW = "domain.size=[0.002, 0.002, 0.0022]"  # little fluid is left: its solid nodes are not held
 REFILLS = "average", "local", "non-equilibrium", "conserving"
 STEPS = 21
@@ -94,3 +101,22 @@ def test_ranks_threads_and_blocks(tmp_path):
 def test_restart_on_other_ranks(tmp_path):
     """Restarts after an odd and an even number of steps: the places of the populations differ."""
     check_restarted(tmp_path, LAWS, [(2, {}), (3, {}), (1, {"threads": 2})])
+
+
+@pytest.mark.parametrize("name", ["fixed bed", "bed seen at rest", "corner", "walled discs"])
+def test_the_first_sample_after_a_restart_is_that_of_the_whole_run(tmp_path, world, name):
+    """Forces are means of two steps, of which one was before."""
+    one = (LAWS | {"walled discs": job(DISCS + WALLED)})[name]
+    rundir, found = RunDir(tmp_path), []
+    for steps in (5, 1):
+        with running(world, "lbmdem", one["case"], one["sets"]) as app:
+            if steps == 1:
+                app.restore(checkpoint.newest(rundir, world))
+            for _ in range(steps):
+                app.step()
+            if steps == 5:
+                checkpoint.write(world, rundir, app.iteration, app.time, app.state())
+                app.step()
+            found.append(app.scalars())
+    assert found[0] == found[1]
+    assert any(value for key, value in found[0].items() if key.startswith("force_"))
