@@ -67,6 +67,7 @@ class Fluid:
         self._forced = force is not None
         self._links: After | None = None
         self._ruled: FixedLinks | None = None  # links that the sweep does
+        self._quiet = False  # whether these links ask for nothing but what every sweep does
         self._open = False  # whether it has left them half done (kernels.sparse)
         self.stays, self._blocks = False, blocks
         self._allocate()
@@ -238,6 +239,7 @@ class Fluid:
         """
         self._links = links
         self._waves.clear()
+        self._quiet = held is not None and not self.world.any(not held.quiet)
         if self._tables and held and not self.world.any(not held.simple):
             held.hand_over(self._tables, *self._inner_planes)
             self._ruled = held
@@ -278,7 +280,8 @@ class Fluid:
     @property
     def _comes_after(self) -> After | None:
         """What has to be done between the sweeps of a wave."""
-        return self._after if (self._links and not self._ruled) or self.layers else None
+        by_themselves = self._links and not self._ruled and not self._quiet
+        return self._after if by_themselves or self.layers else None
 
     def leap(self, most: int) -> int:
         """One pass over memory: `depth` steps, or fewer if `most` is less. Returns the steps done, the same bits as

@@ -201,6 +201,11 @@ class FixedLinks:
         """Whether the sweep of fluid nodes alone can do them (kernels.sparse)."""
         return self._rule in (kernels.HALFWAY, kernels.CLI) and not self.wall.size
 
+    @property
+    def quiet(self) -> bool:
+        """Whether the sweep has bounced all back: half-way, from what is at rest."""
+        return not self.weights.shape[1] and not self.wall.size
+
     def bind(self, f: NDArray, blocks: int) -> None:
         """Make the tasks on the populations, `blocks` of them at most."""
         self._f = f
@@ -224,7 +229,7 @@ class FixedLinks:
     def of_planes(self, parity: int, low: int, high: int) -> list[Bound]:
         """The task that bounces back at own planes from, to, without sums; not for the quadratic rule."""
         first, last = int(self.planes[low]), int(self.planes[high])
-        if not self.weights.shape[1] and not self.wall.size:  # the sweep has done it
+        if self.quiet:
             return []
         links = (self.offsets[parity], self.start, *self.nodes[parity], self.weights, self.wall)
         return [bind(kernels.fixed_links, self._f, *links, first, last, np.zeros((0, 2)))] if last > first else []

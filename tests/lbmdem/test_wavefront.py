@@ -225,3 +225,19 @@ def test_the_estimate_knows_how_many_steps_a_pass_does(case):
     with running(World.alone(), "lbmdem", shipped_cases()[case].read_text()) as app:
         expected = 1 if app.dem else app.fluid.depth
         assert steps_per_pass(app.scene.config, 1, 1) == expected
+
+
+@pytest.mark.parametrize(("rule", "speed", "lag"), [("halfway", 0.0, 1), ("halfway", 0.01, 2), ("cli", 0.0, 2)])
+def test_links_that_every_sweep_bounces_back_are_nothing_more(rule, speed, lag):
+    domain = Domain((40.0,) * 2, (40, 40), (True,) * 2, (0, 40))
+    place = (np.zeros(1, np.int64), np.array([[17.3, 18.1]]), np.array([4.2]))
+    found = []
+    for most in (14, 1):
+        fluid = Fluid(World.alone(), Pool(1), domain, D2Q9, tau=0.8, force=(1e-4, 0.0))
+        moved = (np.full((1, 2), speed), np.full((1, 1), speed))
+        immersed = Immersed(fluid, fluid.world, fluid.pool, rule=rule, fixed=(*place, *moved))
+        assert fluid.depth == wavefront.possible_depth(domain, fluid.layout, 1, lag)
+        while fluid.iteration < 14:
+            fluid.advance(most)
+        found.append((fluid.populations(), *immersed.all_forces(1)))
+    assert all(np.array_equal(a, b) for a, b in zip(*found))
