@@ -25,6 +25,7 @@ SPACING = ("domain", "spacing")
 GRID_REYNOLDS = {"BGK": 160.0, "TRT": 43.0, "central": math.inf}
 # Error of the mean velocity of a channel of 16 nodes with half-way walls, measured by tau: BGK
 SLIP = ((1.2, 5e-3), (1.5, 2.3e-2), (2.0, 5.9e-2), (3.0, 0.17), (5.0, 0.57), (10.0, 2.0))
+MOST_PLACES, PADDING = 1 << 31, 32  # of nodes in a slab, and of a row or a line of nodes beside its own
 ENOUGH_NODES = {2: 10.0, 3: 7.0}  # across a grain (Mansouri et al., section 4)
 
 
@@ -262,10 +263,15 @@ def overlaps(config: LbmDemConfig) -> Iterator[Derived]:
 
 
 def sizes(config: LbmDemConfig, ranks: int) -> Iterator[Derived]:
-    """Nodes, and how many ranks they are for."""
+    """Nodes, and how many ranks they are for: places of nodes in a slab have 31 bits."""
     points = config.points
-    yield Derived("nodes", "n", float(math.prod(points)))
-    rows = points[-1]
+    rows, others = points[-1], math.prod(n + PADDING for n in points[:-1])
+    n, most = math.prod(points), MOST_PLACES // others - 1  # a row more is held than there are
+    verdict = "fail" if config.fluid and rows > most * ranks else "ok"
+    cure = f"{math.ceil(rows / most)} ranks hold them" if most > 0 else "a row alone has too many"
+    limit = f"{most * others:.2g} per rank" if config.fluid else ""
+    key = SPACING if config.fluid else ()
+    yield Derived("nodes", "n", float(n), "", limit, verdict, "32-bit places", cure if verdict == "fail" else "", key)
     verdict = "ok" if ranks <= rows else "warn"
     cure = "" if verdict == "ok" else f"{rows} ranks have a row each, the others are idle"
     yield Derived("rows of nodes per rank", "", rows / ranks, "", ">= 1", verdict, "one row per rank", cure)

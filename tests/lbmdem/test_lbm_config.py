@@ -227,3 +227,10 @@ def test_a_scene_keeps_what_nothing_takes_from_it():
     assert config_of(around).conserved == ("mass", "momentum_y")
     lid = 'boundary = ({ face = "y+"; type = "pressure"; pressure = 0.0; });'
     assert config_of(CHANNEL + lid).conserved == ()
+
+
+def test_a_slab_has_no_more_nodes_than_its_numbers_tell_apart():
+    large = config_of(CHANNEL.replace("[2.5e-4, 1.0e-3]", "[1.5625, 1.5625]"))
+    told = {ranks: next(one for one in derived(large, ranks) if one.name == "nodes") for ranks in (1, 2)}
+    assert [one.verdict for one in told.values()] == ["fail", "ok"]
+    assert "2 ranks hold them" in str(told[1])
