@@ -206,6 +206,7 @@ class Graph:
         self._arrays = [np.array(part, np.int64) for part in filled]
         self._arrays += [_aligned(size) for size in scratch]
         self._words = np.array([n, *(array.ctypes.data for array in self._arrays)], np.int64)
+        self._address: int = self._words.ctypes.data
         return self
 
     @property
@@ -213,7 +214,7 @@ class Graph:
         """Address of the frozen graph's words."""
         if not self._arrays:
             raise ValueError("freeze the graph before running it")
-        return self._words.ctypes.data
+        return self._address
 
     def failure(self) -> TaskError:
         """The first task that failed in the last run."""
