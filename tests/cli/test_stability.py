@@ -1,9 +1,12 @@
 """stability on a simulator whose limit is known: bracket, slow growth, exit codes, map."""
 
+import math
+from types import SimpleNamespace
+
 import pytest
 from test_tradeoff import program, read_json  # noqa: F401  (program: a fixture)
 
-from hpcpic.core.cli.limits import RESOLUTION, bracketed
+from hpcpic.core.cli.limits import RESOLUTION, Axis, Limits, bracketed
 from hpcpic.core.cli.stability import strip
 
 
@@ -56,6 +59,21 @@ def test_slow_growth_is_told_by_the_longer_horizon(program, tmp_path):  # noqa: 
     assert facts(tmp_path)["slow"] and "slow growth, no limit" in done.stdout
     sizes, rates = zip(*facts(tmp_path)["rates"])
     assert rates[0] == pytest.approx(0.05 * 2 * sizes[0] / 0.5, rel=1e-3)
+
+
+def test_growth_of_a_size_that_cannot_be_met_is_told_once():
+    """A grid of four points gets no coarser."""
+
+    class Ended(Limits):
+        def __init__(self):
+            self.own, self.knobs = {"dx": 1.0}, SimpleNamespace(horizon=1.0)
+
+        config = staticmethod(lambda sizes: sizes["dx"])
+        run = staticmethod(lambda sizes, *_, **__: None)
+        growth = staticmethod(lambda pilot: math.exp(8.0))
+
+    knob = SimpleNamespace(name="dx", size=lambda dx: min(dx, 2.0))
+    assert Ended().rates(Axis(knob, None, 1.0, 1.0)) == [(1.0, 2.0), (2.0, 2.0)]
 
 
 def test_a_case_beyond_its_limit_and_a_limit_below_the_theory_are_exit_3(program):  # noqa: F811

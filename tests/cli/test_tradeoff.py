@@ -192,6 +192,7 @@ def test_refusals_say_why(program, tmp_path):
         (("tradeoff", "--qoi", "nothing", "-o", "q"), {}, 2, "there are answer"),
         (("tradeoff", "--write", "x.conf"), {}, 2, "--write needs --tolerance"),
         (("tradeoff", "--tolerance", "1%", "--write", "case.conf"), {}, 6, "case.conf is there"),
+        (("tradeoff", "--tolerance", "1%", "--write", "none/new.conf"), {}, 6, "none: no such folder"),
     ):
         done = program(*words, **settings)
         assert done.returncode == code and text in done.stderr, (words, done.stdout, done.stderr)

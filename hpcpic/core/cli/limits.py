@@ -135,12 +135,12 @@ class Limits:
 
     def rates(self, axis: Axis) -> list[tuple[float, float]]:
         """(size, growth rate in 1/s) about the case's own size, over the longer horizon."""
-        found = []
-        for factor in (1.0, 2.0, 4.0, 8.0):
-            size = axis.knob.size(self.config({axis.knob.name: factor * self.own[axis.knob.name]}))
+        wanted = (factor * self.own[axis.knob.name] for factor in (1.0, 2.0, 4.0, 8.0))
+        found = {axis.knob.size(self.config({axis.knob.name: size})): 0.0 for size in wanted}  # some sizes end early
+        for size in found:
             grown = self.growth(self.run({axis.knob.name: size}, LONGER, words="growth rate"))
-            found.append((size, math.log(max(grown, 1e-300)) / (LONGER * self.knobs.horizon)))
-        return found
+            found[size] = math.log(max(grown, 1e-300)) / (LONGER * self.knobs.horizon)
+        return list(found.items())
 
     def march(self, first: Knob, second: Knob) -> list[tuple[float, Axis, Limit]]:
         """(size of the second knob, axis and limit of the first) column by column, each from the last one's limit."""

@@ -112,7 +112,7 @@ def tell(limits: Limits, axis: Axis, limit: Limit, rates: list[tuple[float, floa
         click.echo(f"the case    {knob.name} = {knob.shown(own):.4g} {knob.unit} is {own / size:.3g} of it")
         click.echo(strip(axis.x(own) / limit.x))
     elif limit.stable is not None:
-        last = f"{knob.name} = {knob.shown(axis.size(limit.stable)):.4g} {knob.unit}"
+        last = f"{knob.name} = {knob.shown(axis.size(limit.stable)):.4g} {knob.unit}".rstrip()
         click.echo(f"measured    nothing grows {BLOWUP:g} times as large until {last}")
         if axis.number is not None:
             theory = f"{knob.shown(axis.size(1.0)):.4g} {knob.unit}".strip()

@@ -71,6 +71,8 @@ def trade(app_loader: AppLoader, asked: Asked) -> None:
         raise ConfigError("--write needs --tolerance")
     if asked.target and Path(asked.target).exists() and not read_header(asked.target).source.startswith("tradeoff;"):
         raise FileError(f"{asked.target} is there, and not from tradeoff: --write another file")
+    if asked.target and not (place := Path(asked.target).parent).is_dir():
+        raise FileError(f"{place}: no such folder, for --write {asked.target}")
     search, folder = searched(app_loader(), asked, wanted or WANTED)
     tell_laws(search)
     points = front.front(search)
