@@ -14,6 +14,7 @@ from hpcpic.core.files.schema import REQUIRED, Counts, Integers, Lengths, Sectio
 
 InitMethod = Literal["default", "random position", "position delta", "harmonic two electrons", "quiet"]
 MOST_PARTICLES = 2**32  # of a species: their numbers have 32 bits
+MOST_BLOCKS = 4096  # of a rank: tables of what each hands to each grow with their square
 MOST_POINTS = 2**31 - 1  # of an axis: FFTW counts so far
 
 
@@ -40,7 +41,7 @@ class Simulation(Section):
     space_length: Lengths = setting(
         REQUIRED, "size of the box, [Lx] or [Lx, Ly]", "m", min_length=1, max_length=2
     )
-    plasma_chunks: int = setting(0, "task blocks per rank, 0 = automatic", ge=0)
+    plasma_chunks: int = setting(0, "task blocks per rank, 0 = automatic", ge=0, le=MOST_BLOCKS)
     random_seed: int = setting(1, "seed of the random numbers", ge=0)
     stop_SEM: float = setting(
         0.0,

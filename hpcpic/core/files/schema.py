@@ -1,6 +1,7 @@
 """Typed, frozen configurations: validation of a tree with the place of every fault, and back to text."""
 
 import difflib
+import re
 import typing
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -138,6 +139,7 @@ def described(model: type[Section], tree: Tree, fault: Any) -> str:
 
 
 def plain_words(text: str) -> str:
+    text = re.sub(r"\w+ should have (at \w+ \d+) items? after validation, not \d+", r"needs \1 value(s)", text)
     for words, plain in (
         ("a valid dictionary or instance of", "a group { } for"),
         ("a valid tuple", "a list ( )"),
