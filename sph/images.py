@@ -4,6 +4,7 @@ Image k of a body is at turn x + shift with the velocity spin v + push. Position
 the domain, axes in storage order.
 """
 
+from functools import cached_property
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -84,25 +85,39 @@ class Maps:
                 planes, layers = [*self.planes[j], *other.planes[k]], [*self.layers[j], *other.layers[k]]
                 self.add(turn, shift, spin, push, planes, self.wall[j] or other.wall[k], layers)
 
-    def turned(self, k: int) -> NDArray[np.float64]:
-        """The matrix of image k: a point symmetry also turns what lies in the layer."""
-        return -np.eye(len(self.turn[k])) if self.layers[k] else self.turn[k]
+    @cached_property
+    def turns(self) -> NDArray[np.float64]:
+        """The matrices [k, d, d] of positions: a point symmetry also turns what lies in the layer."""
+        return np.array([-np.eye(len(turn)) if layers else turn for turn, layers in zip(self.turn, self.layers)])
 
-    def shifts(self, k: int, x: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Shift[n, d] of image k of bodies at x[d, n]."""
-        shift = np.broadcast_to(self.shift[k], x.T.shape).copy()
-        if self.layers[k]:
-            centres = self.layers[k][0][1].nearest(x)
-            across = np.eye(len(x)) - sum(np.outer(normal, normal) for normal, _ in self.layers[k])
-            shift += 2 * centres @ across
+    @cached_property
+    def bounds(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """The planes as arrays: normals[k, p, d], offsets[k, p]; more than there are of an image hold anybody."""
+        most = max(map(len, self.planes))
+        n, d = self.shift.shape
+        normals, offsets = np.zeros((n, most, d)), np.full((n, most), np.inf)
+        for k, planes in enumerate(self.planes):
+            for p, (normal, offset) in enumerate(planes):
+                normals[k, p], offsets[k, p] = normal, offset
+        return normals, offsets
+
+    @cached_property
+    def _symmetric(self) -> dict[int, tuple[Layer, NDArray[np.float64]]]:
+        """Of each image by point symmetry: the layer with its centres, and the matrix that leaves what is across."""
+        one = np.eye(self.shift.shape[1])
+        return {
+            k: (layers[0][1], one - sum(np.outer(normal, normal) for normal, _ in layers))
+            for k, layers in enumerate(self.layers)
+            if layers
+        }
+
+    def shifts(self, codes: NDArray[np.int64], x: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Shift[n, d] of the images codes[n], which ascend, of bodies at x[d, n]."""
+        shift, first = self.shift[codes], np.searchsorted(codes, np.arange(len(self.planes) + 1))
+        for k, (layer, across) in self._symmetric.items():
+            mine = slice(first[k], first[k + 1])
+            shift[mine] += 2 * layer.nearest(x[:, mine]) @ across
         return shift
-
-    def chosen(self, k: int, x: NDArray[np.float64]) -> NDArray[np.int64]:
-        """Bodies x[d, n] that have image k."""
-        inside = np.ones(x.shape[1], bool)
-        for normal, offset in self.planes[k]:
-            inside &= sum(normal[a] * x[a] for a in np.flatnonzero(normal)) < offset
-        return np.flatnonzero(inside)
 
 
 def periodic_maps(lengths: NDArray, periodic: NDArray, reach: float) -> Maps:

@@ -6,6 +6,7 @@ periodic sides, reflections for walls that mirror. The owner of a particle knows
 
 import inspect
 from collections.abc import Callable, Container, Mapping
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -281,43 +282,48 @@ class Bodies:
     def forget_ghosts(self) -> None:
         """Nobody is where ghosts were."""
         self.flags[self._ghosts] = 0
+        rows, codes = self._imaged(layer)
         self._ghosts = self._rows = self._codes = self._ghosts[:0]
         self._found.clear()
 
     def choose_ghosts(self, layer: NDArray, layer_of: Callable, slabs: Slabs) -> None:
         """Who is seen where from now on: layer[end], not negative for own particles. Collective."""
         self.forget_ghosts()
-        rows, codes, peers, shifts = [], [], [], []
-        owner, me = slabs.owner, self.world.rank
-        for k in range(len(self.maps.planes)):
-            if k:
-                index = self.maps.chosen(k, self.x[:, : len(layer)])
-            else:
-                index = np.flatnonzero(slabs.beside[layer]) if slabs.peers else np.arange(0)
-            index = index[layer[index] >= 0]
-            if not len(index):
-                continue
-            shift = self.maps.shifts(k, self.x[:, index])
-            at = layer[index] if k == 0 else layer_of(self.maps.turned(k)[0] @ self.x[:, index] + shift[:, 0])
-            for peer in sorted({*slabs.peers, *([me] if k else [])}):
-                seen = np.zeros(len(index), bool)
-                for step in (-1, 0, 1):
-                    near = at + step
-                    seen |= (owner[np.clip(near, 0, len(owner) - 1)] == peer)
-                chosen = index[seen]
-                rows.append(chosen)
-                codes.append(np.full(len(chosen), k))
-                peers.append(np.full(len(chosen), peer))
-                shifts.append(shift[seen])
-        none = np.zeros(0, np.int64)
-        self._rows, self._codes, peer = (np.concatenate([*part, none]) for part in (rows, codes, peers))
-        if self.world.size == 1 and not len(self._rows):
+        if slabs.peers:
+            beside = np.flatnonzero(slabs.beside[layer] & (layer >= 0))
+            rows, codes = np.concatenate([beside, rows]), np.concatenate([np.zeros_like(beside), codes])
+        if self.world.size == 1 and not len(rows):
             return
-        order = np.argsort(peer, kind="stable")
-        self._shift = np.concatenate([*shifts, np.zeros((0, self.d))])[order]
-        self._rows, self._codes, peer = self._rows[order], self._codes[order], peer[order]
-        members = {int(p): np.flatnonzero(peer == p) for p in np.unique(peer)}
-        self._ghosts = self._behind(self._refresh.choose(members, slabs.peers))
+        shift = self.maps.shifts(codes, self.x[:, rows])
+        members = {self.world.rank: np.arange(len(rows))}
+        if slabs.peers:
+            at = np.sum(self.maps.turns[codes, 0] * self.x[:, rows].T, axis=1) + shift[:, 0]
+            members = self._seen_by(np.where(codes > 0, layer_of(at), layer[rows]), codes > 0, slabs)
+        order = np.concatenate(list(members.values()))
+        self._rows, self._codes, self._shift = rows[order], codes[order], shift[order]
+    def _imaged(self, layer: NDArray) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+        """Rows of own particles, and their images; most often not many more than the last time."""
+        room, bounds = len(self._rows) + len(self._rows) // 8, self.maps.bounds
+        while True:
+            rows, codes = np.empty((2, room), np.int64)
+            n = self.motion.imaged(layer, self.x, *bounds, rows, codes)
+            if n <= room:
+                return rows[:n], codes[:n]
+            room = n
+
+    def _seen_by(self, at: NDArray, image: NDArray[np.bool_], slabs: Slabs) -> dict[int, NDArray[np.int64]]:
+        """By rank, which of those in or beside its layers it has as ghosts (at[n]: layers), images only of its own."""
+        members, last = {}, len(slabs.owner) - 1
+        for peer in sorted({*slabs.peers, self.world.rank}):
+            seen = np.zeros(len(at), bool)
+            for near in (at - 1, at, at + 1):
+                seen |= slabs.owner[np.clip(near, 0, last)] == peer
+            members[peer] = np.flatnonzero(seen if peer != self.world.rank else seen & image)
+        return members
+
+        ends = np.cumsum([0, *map(len, members.values())])
+        places = {peer: np.arange(*span) for peer, span in zip(members, pairwise(ends))}
+        self._ghosts = self._behind(self._refresh.choose(places, slabs.peers))
         self._identify()
 
     def _identify(self) -> None:
@@ -338,9 +344,8 @@ class Bodies:
         sizes = {"gradient": self.d, "shear": self.d**2, "matrix": self.d**2}
         extra = sum(size for name, size in sizes.items() if name not in self.without)
         values, maps = np.empty((len(self._rows), 2 * self.d + 1 + extra)), self.maps
-        turns = np.array([maps.turned(k) for k in range(len(maps.planes))])
         self.motion.ghost_values(
-            self._rows, self._codes, turns, self._shift, maps.spin, maps.push, self.x, self.v, self.drho,
+            self._rows, self._codes, maps.turns, self._shift, maps.spin, maps.push, self.x, self.v, self.drho,
             self.gradient, self.shear, self.matrix, values,
         )  # fmt: skip
         self._refresh.start(iteration, values)

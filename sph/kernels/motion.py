@@ -166,6 +166,34 @@ def largest(chunk, chunks, factors, flags, external, x, v, m, sums, drho, found)
 
 
 @njit
+def within(x, b, normals, offsets):
+    """Whether x . normals[p] < offsets[p] for all p."""
+    for p in range(offsets.size):
+        along = 0.0
+        for a in range(DIM):
+            if normals[p, a] != 0.0:
+                along += normals[p, a] * x[a, b]
+        if not along < offsets[p]:
+            return False
+    return True
+
+
+@njit
+def imaged(layer, x, normals, offsets, rows, codes):
+    """Own bodies (layer >= 0) and their images, of the image k > 0 those with x . normals[k, p] < offsets[k, p] for all
+    p: image after image. How many; they are stored if there is room.
+    """
+    count = 0
+    for k in range(1, normals.shape[0]):
+        for b in range(layer.size):
+            if layer[b] >= 0 and within(x, b, normals[k], offsets[k]):
+                if count < rows.size:
+                    rows[count], codes[count] = b, k
+                count += 1
+    return count
+
+
+@njit
 def ghost_values(rows, codes, turn, shift, spin, push, x, v, drho, gradient, shear, matrix, values):
     """values[g] = x, v, drho, and gradient, shear where they are kept, of the image codes[g] of body rows[g]:
     x -> turn x + shift[g], v -> spin v + push; shear[a, b] = d v_b / d x_a.
