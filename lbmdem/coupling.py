@@ -164,7 +164,8 @@ class Immersed:
         parts = ((1.0, change.covered, change.taken_by, covered), (-1.0, change.uncovered, change.left_by, filled))
         for sign, nodes, owners, populations in parts:
             rows = np.searchsorted(table.ids, owners)
-            momentum = sign * (populations @ e)
+            # one direction after the other: the bits of a product of matrices depend on the number of nodes
+            momentum = sign * sum(h[:, None] * way for h, way in zip(populations.T, e))
             torque = np.cross(self.refill.arms(nodes, table.centres[rows]), momentum)
             gains = np.column_stack((momentum, torque, -sign * populations.sum(axis=1)))
             with np.errstate(invalid="ignore"):  # no number: the guard tells it

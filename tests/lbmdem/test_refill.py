@@ -8,6 +8,7 @@ from hpcpic.core.tasks import Pool
 from lbmdem.coupling import Immersed
 from lbmdem.fluid import Fluid, equilibrium
 from lbmdem.lattices import D2Q9, D3Q19
+from lbmdem.solid import Change
 
 SHAPES = {"D3Q19": (12, 13, 14), "D2Q9": (17, 19)}
 LATTICES = pytest.mark.parametrize("lattice", [D2Q9, D3Q19], ids=lambda lattice: lattice.name)
@@ -79,3 +80,23 @@ def test_non_equilibrium_comes_from_the_neighbours(world, pool, lattice):
         left = Uncovered(world, pool, lattice, refill, populations)
         wanted = rest(lattice, 1.0, left.u) + share * departure[:, None]
         assert left.h == pytest.approx(np.broadcast_to(wanted, left.h.shape), abs=1e-16)
+
+
+@LATTICES
+def test_what_a_grain_gets_of_covered_nodes_has_the_bits_of_one_node_after_the_other(world, pool, lattice):
+    """However many of them a rank has."""
+    shape, d = SHAPES[lattice.name], lattice.dimensions
+    fluid = Fluid(world, pool, Domain(tuple(map(float, shape)), shape, (True,) * d, (0, shape[0])), lattice, tau=0.8)
+    immersed = Immersed(fluid, world, pool, refill="conserving")
+    place = np.full((1, d), 5.0), np.array([3.3]), np.zeros((1, d)), np.zeros((1, 3 if d == 3 else 1))
+    immersed.start(np.array([7]), *place)
+    covered = np.flatnonzero(fluid.ids == 7)
+    h = np.random.default_rng(1).random((len(covered), lattice.q))
+    nothing = covered[:0], np.zeros(0, np.int32)
+
+    def gained(rows):
+        change = Change(*nothing, covered[rows], np.full(len(covered[rows]), 7, np.int32))
+        return immersed._account(change, h[rows], h[:0]).sums
+
+    one_by_one = sum(gained(slice(k, k + 1)) for k in range(len(covered)))
+    assert np.array_equal(gained(slice(None)), one_by_one) and one_by_one.any()
