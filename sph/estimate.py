@@ -36,7 +36,7 @@ DEFAULT = FILES | {
     "sums_us predictor-corrector": 70.0,
     "sums_us rk3-tvd": 105.0,
     "sums_us symplectic": 50.0,
-    "images_us": 400.0,  # a step: who has images in mirrors and periodic sides
+    "images_us": 100.0,  # a step: who has images in mirrors and periodic sides
     "image_refresh_us": 40.0,  # and an evaluation
     "sph_sample_us": 150.0,
     "ghost_exchange_us": 300.0,  # a step of several ranks: who is a ghost where, leavers, the time step
