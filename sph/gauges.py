@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from sph import limits
 from sph.config import AXES, Gauge
+from sph.kernels import readings
 from sph.snapshot import particles_at
 
 if TYPE_CHECKING:
@@ -89,8 +90,7 @@ class Gauges:
         assert gauge.axis is not None
         sign, k = (1.0 if gauge.axis[1] == "+" else -1.0), AXES.index(gauge.axis[0])
         bodies, along = self.sph.bodies, self.sph.axes.index(k)
-        x = sign * bodies.x[along, bodies.fluid]
-        farthest = self.sph.world.max(float(x.max(initial=-np.inf)))
+        farthest = self.sph.world.max(readings.farthest(bodies.end, sign, bodies.flags, bodies.x[along]))
         return sign * (farthest + sign * self.sph.origin[along] + self.scene.spacing / 2)
 
     def elevation(self, gauge: Gauge, own: Own) -> float:

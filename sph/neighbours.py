@@ -65,7 +65,7 @@ class Cells:
         n = sizes.get("rows", 0)
         if n > self._rows:
             self._rows = n = n + n // 4
-            tasks.set(row_table=np.zeros((n, 6), np.int32))
+            tasks.set(row_table=np.zeros((n, 8), np.int32))
         n = sizes.get("fine", 0)
         if n > self._fine:
             self._fine = n = n + n // 4
@@ -75,7 +75,7 @@ class Cells:
         """Memory for a sort, as large as the bodies now are."""
         n, need = bodies.capacity, self.tasks.workspace.need
         slots = {"body": ((n,), np.int32), "kind": ((n,), np.int32)}
-        need("move", **slots, moved=((2 * bodies.d, n), np.float64))
+        need("move", **slots, moved=((n,), np.float64))
         need("sort", **slots, **dict.fromkeys(("layer", "row", "fine", "bucket"), ((n,), np.int32)))
 
     def _place(self, bodies: Bodies, wanted: int) -> None:
@@ -116,10 +116,9 @@ class Cells:
         tasks.each(kernels.arrange, blocks="layers")
         tasks.each(kernels.find_places, blocks="layers")
         bodies.sorted(a["bucket"], int(a["base"][here]))
-        for lines in ((0, 2 * bodies.d), (2 * bodies.d, len(bodies.state))):
-            both = dict(zip(("first", "last"), lines))
-            tasks.each(kernels.gather, blocks="layers", **both)
-            tasks.each(kernels.put_back, blocks="layers", **both)
+        for k in range(len(bodies.state)):
+            tasks.each(kernels.gather, blocks="layers", k=k)
+            tasks.each(kernels.put_back, blocks="layers", k=k)
         a["chunks"][:] = even(bodies.end, self.parts)
         return None
 

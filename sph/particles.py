@@ -21,6 +21,7 @@ from hpcpic.core.space.domain import Domain
 from hpcpic.core.space.fields import aligned_zeros
 from hpcpic.core.tasks import Graph, Pool, bind
 from sph.images import CODES, Maps
+from sph.kernels import readings
 from sph.scene import WALL_BITS
 from sph.workspace import Workspace
 
@@ -127,7 +128,7 @@ class Bodies:
         self.without = without  # columns that nobody needs
         self.n = self.end = self.capacity = 0
         self.columns: dict[str, NDArray] = {}
-        self._found: dict[Any, NDArray[np.int64]] = {}  # rows that were asked for since the last sort
+        self._found: dict[str, Any] = {}  # rows that were asked for since the last sort
         self._ghosts = self._rows = self._codes = np.zeros(0, np.int64)
         self.reserve(1024)
         self._refresh = Refresh(world, Channel.GHOSTS_VALUES)
@@ -156,7 +157,7 @@ class Bodies:
         """Of a particle."""
         return int(self.key[row] // CODES)
 
-    def _find(self, what: Any, find: Callable[[], NDArray[np.int64]]) -> NDArray[np.int64]:
+    def _find(self, what: str, find: Callable[[], Any]) -> Any:
         if what not in self._found:
             self._found[what] = find()
         return self._found[what]
@@ -209,23 +210,17 @@ class Bodies:
         self._ghosts = self._ghosts[:0]
         self._found.clear()
 
-    def of_wall(self, number: int) -> NDArray[np.int64]:
-        """Rows of the bodies of a wall, images in it too."""
-        return self._find(number, lambda: self._others[self._walls == number + 1])
+    def of_walls(self, wanted: NDArray[np.bool_]) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+        """Slots of the bodies of the walls wanted[wall], images in them too, and of which wall each is."""
+        return self._find("walls", lambda: self._look_for_walls(wanted))
 
-    @property
-    def _others(self) -> NDArray[np.int64]:
-        """Rows of all but the own fluid."""
-        flags = self.flags[: self.end]
-        return self._find("others", lambda: np.flatnonzero((flags & BODY > 0) & (flags & (OWN | FLUID) != OWN | FLUID)))
-
-    @property
-    def _walls(self) -> NDArray[np.int64]:
-        """Wall + 1 of those, 0 for none."""
-        key = self.key[self._others]
-        image = key % CODES
-        walls = np.array(self.maps.wall)
-        return self._find("walls", lambda: np.where(image > 0, walls[image], key // CODES >> WALL_BITS))
+    def _look_for_walls(self, wanted: NDArray[np.bool_]) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+        images, none = np.array(self.maps.wall), np.zeros(0, np.int64)
+        here = self.end, self.flags, self.key, images, wanted
+        n = readings.of_walls(*here, none, none)
+        slots, walls = np.empty((2, n), np.int64)
+        readings.of_walls(*here, slots, walls)
+        return slots, walls
 
     def append(self, x: NDArray, v: NDArray, drho: NDArray, m: NDArray, ids: NDArray, flags: NDArray | int) -> None:
         """Add own particles, x and v [d, k]."""
@@ -282,12 +277,12 @@ class Bodies:
     def forget_ghosts(self) -> None:
         """Nobody is where ghosts were."""
         self.flags[self._ghosts] = 0
-        rows, codes = self._imaged(layer)
         self._ghosts = self._rows = self._codes = self._ghosts[:0]
         self._found.clear()
 
     def choose_ghosts(self, layer: NDArray, layer_of: Callable, slabs: Slabs) -> None:
         """Who is seen where from now on: layer[end], not negative for own particles. Collective."""
+        rows, codes = self._imaged(layer)
         self.forget_ghosts()
         if slabs.peers:
             beside = np.flatnonzero(slabs.beside[layer] & (layer >= 0))
@@ -301,6 +296,11 @@ class Bodies:
             members = self._seen_by(np.where(codes > 0, layer_of(at), layer[rows]), codes > 0, slabs)
         order = np.concatenate(list(members.values()))
         self._rows, self._codes, self._shift = rows[order], codes[order], shift[order]
+        ends = np.cumsum([0, *map(len, members.values())])
+        places = {peer: np.arange(*span) for peer, span in zip(members, pairwise(ends))}
+        self._ghosts = self._behind(self._refresh.choose(places, slabs.peers))
+        self._identify()
+
     def _imaged(self, layer: NDArray) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
         """Rows of own particles, and their images; most often not many more than the last time."""
         room, bounds = len(self._rows) + len(self._rows) // 8, self.maps.bounds
@@ -320,11 +320,6 @@ class Bodies:
                 seen |= slabs.owner[np.clip(near, 0, last)] == peer
             members[peer] = np.flatnonzero(seen if peer != self.world.rank else seen & image)
         return members
-
-        ends = np.cumsum([0, *map(len, members.values())])
-        places = {peer: np.arange(*span) for peer, span in zip(members, pairwise(ends))}
-        self._ghosts = self._behind(self._refresh.choose(places, slabs.peers))
-        self._identify()
 
     def _identify(self) -> None:
         """What of the ghosts does not change with time."""

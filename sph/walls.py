@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from hpcpic.core.comm.world import World
 from hpcpic.core.errors import Diverged
-from hpcpic.core.space.exact import exact_limbs, power_of_two_above, value
+from hpcpic.core.space.exact import LIMBS, add_limbs, power_of_two_above, value
 from sph.kernels.pairs import NORMAL
 from sph.particles import REAL, REPULSIVE
 from sph.scene import AHEAD, WALL_BITS, behind
@@ -117,7 +117,10 @@ def add_walls(engine: "Sph", ids: NDArray, x: NDArray, drho: NDArray) -> None:
 def exact_sums(world: World, groups: list[NDArray[np.float64]]) -> NDArray[np.float64]:
     """[group, k]: sums over all ranks of groups[group][k, n]; the same bits for any ranks. Collective."""
     scale = power_of_two_above(world.max(max(float(np.abs(values).max(initial=0.0)) for values in groups)))
-    limbs = np.array([[exact_limbs(line, scale) for line in values] for values in groups])
+    limbs = np.zeros((len(groups), len(groups[0]), LIMBS), np.int64)
+    for own, values in zip(limbs, groups):
+        for line, terms in zip(own, values):
+            add_limbs(line, terms, 1.0 / scale)
     total = world.sum_int(limbs)
     return np.array([[value(line, scale) for line in lines] for lines in total])
 
@@ -126,18 +129,20 @@ def wall_forces(engine: "Sph") -> dict[str, tuple[NDArray[np.float64], NDArray[n
     """Force [d] in N (2D: N/m) and torque [3] about `torque_about` of the fluid on each measured wall. Collective."""
     engine.current_forces()
     bodies, d = engine.bodies, engine.scene.dimensions
-    low, high = engine.domain.row_range(engine.world.rank)
     measured = [wall for wall in engine.scene.walls if wall.measure_force]
+    slots, of = bodies.of_walls(np.array([wall.measure_force for wall in engine.scene.walls], bool))
+    low, high = engine.domain.row_range(engine.world.rank)
+    layer = engine.grid.layer(bodies.x[0, slots])
+    here = (layer >= low) & (layer < high)  # images in this slab's layers hold what they do to this slab
     groups = []
     for wall in measured:
-        own = bodies.of_wall(wall.index)
-        layer = engine.grid.layer(bodies.x[0, own])
-        own = own[(layer >= low) & (layer < high)]  # images in this slab's layers hold what they do to this slab
+        own = slots[here & (of == wall.index)]
         force, arm = np.zeros((3, len(own))), np.zeros((3, len(own)))
         force[engine.axes] = engine.sums.forces_on(own)
         centre = wall.torque_about + engine.walls.displacement[wall.index] - engine.scene.low
         arm[engine.axes] = bodies.x[:, own] - centre[engine.axes, None]
-        groups.append(np.concatenate([force, np.cross(arm.T, force.T).T]))
+        (x, y, z), (fx, fy, fz) = arm, force
+        groups.append(np.concatenate([force, [y * fz - z * fy, z * fx - x * fz, x * fy - y * fx]]))
     sums = exact_sums(engine.world, groups) if groups else []
     return {wall.name: (total[:d], total[3:]) for wall, total in zip(measured, sums)}
 

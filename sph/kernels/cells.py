@@ -5,7 +5,8 @@ layer itself), a fine cell 1/FINE of an edge of a row. Tables exist for the occu
 
 rows[l] = (first row, number of rows, place of the first in row_table) of layer l
 row_table[k] = (slot of the first body, first fine cell, number of fine cells, place in fine_start, first and end of the
-    fine cells, counted from the first, between which there is fluid only, as many as can be)
+    fine cells, counted from the first, between which there is fluid only, as many as can be; first and end of the
+    slots between which all its fluid is)
 fine_start[place + c] = slot of the first body of fine cell c or later; one more entry closes the row
 
 Slots of a layer begin at base[l], with room for two vectors after the last: loads and stores may overrun.
@@ -114,7 +115,7 @@ def extents(block, blocks, begin, bucket, row, fine, rows, row_table, fine_total
 def arrange(block, blocks, begin, base, bucket, row, fine, key, flags, rows, row_table, fine_total, fine_start, body,
             kind):  # fmt: skip
     """Bodies and their flags by slots, of a block's layers, and the tables of their rows; fine_total[l] = place of its
-    cells now.
+    cells now, fine[body] becomes that of its own.
     """
     for l in range(blocks[block], blocks[block + 1]):
         first, n_rows, at = rows[l, 0], rows[l, 1], rows[l, 2]
@@ -130,7 +131,8 @@ def arrange(block, blocks, begin, base, bucket, row, fine, key, flags, rows, row
         for k in range(np.uint64(begin[l]), np.uint64(begin[l + 1])):
             b = np.uint32(bucket[k])
             entry = row_table[np.uint64(at + row[b] - first)]
-            fine_start[np.uint64(entry[3] + fine[b] - entry[1])] += 1
+            fine[b] += entry[3] - entry[1]
+            fine_start[np.uint64(fine[b])] += 1
         for k in range(at, at + n_rows):
             entry = row_table[k]
             slot = entry[0]
@@ -139,47 +141,43 @@ def arrange(block, blocks, begin, base, bucket, row, fine, key, flags, rows, row
                 fine_start[c] = slot  # end of the cell; becomes its start while bodies are put in
         for k in range(begin[l + 1] - 1, begin[l] - 1, -1):
             b = np.uint32(bucket[np.uint64(k)])
-            entry = row_table[np.uint64(at + row[b] - first)]
-            c = np.uint64(entry[3] + fine[b] - entry[1])
+            c = np.uint64(fine[b])
             fine_start[c] -= 1
             body[np.uint32(fine_start[c])] = np.int32(b)
-        for k in range(at, at + n_rows):
-            entry = row_table[k]
-            for c in range(np.uint64(entry[3]), np.uint64(entry[3] + entry[2])):
-                order_by_key(body, key, fine_start[c], fine_start[c + np.uint64(1)])
+        order_by_key(body, key, fine, base[l], base[l] + begin[l + 1] - begin[l])
         for s in range(np.uint64(base[l]), np.uint64(base[l] + begin[l + 1] - begin[l])):
             kind[s] = flags[np.uint32(body[s])] & ~PLAIN
         for k in range(at, at + n_rows):
             free_cells(row_table[k], fine_start, kind)
+            wet_slots(row_table[k], fine_start, kind)
 
 
 @njit
-def gather(block, blocks, begin, base, body, first, last, state, moved):
-    """moved = lines first up to last of the state, in the order of slots."""
-    for l in range(blocks[block], blocks[block + 1]):
-        for k in range(first, last):
-            line, to = state[k], moved[k - first]
-            for s in range(np.uint64(base[l]), np.uint64(base[l] + begin[l + 1] - begin[l])):
-                to[s] = line[np.uint32(body[s])]
-
-
-@njit
-def put_back(block, blocks, begin, base, first, last, state, moved, flags, kind):
-    """The moved lines of the state in their places, and the flags; between layers nobody is."""
+def find_places(block, blocks, begin, base, body, kind, bucket, flags):
+    """bucket[body] = its slot; the flags by slots: between layers nobody is."""
     for l in range(blocks[block], blocks[block + 1]):
         end = base[l] + begin[l + 1] - begin[l]
-        for k in range(first, last):
-            state[k, base[l] : end] = moved[k - first, base[l] : end]
+        for s in range(np.uint64(base[l]), np.uint64(end)):
+            bucket[np.uint32(body[s])] = s
         flags[base[l] : end] = kind[base[l] : end]
         flags[end : base[l + 1]] = 0
 
 
 @njit
-def find_places(block, blocks, begin, base, body, bucket):
-    """bucket[body] = its slot."""
+def gather(block, blocks, begin, base, body, k, state, moved):
+    """moved = line k of the state, in the order of slots."""
+    line = state[k]
     for l in range(blocks[block], blocks[block + 1]):
         for s in range(np.uint64(base[l]), np.uint64(base[l] + begin[l + 1] - begin[l])):
-            bucket[np.uint32(body[s])] = s
+            moved[s] = line[np.uint32(body[s])]
+
+
+@njit
+def put_back(block, blocks, begin, base, k, state, moved):
+    """The moved line of the state in its place, while it is in the cache."""
+    for l in range(blocks[block], blocks[block + 1]):
+        end = base[l] + begin[l + 1] - begin[l]
+        state[k, base[l] : end] = moved[base[l] : end]
 
 
 @njit
@@ -200,12 +198,24 @@ def free_cells(entry, fine_start, kind):
 
 
 @njit
-def order_by_key(body, key, first, last):
-    """Sort the few bodies of a fine cell."""
-    for s in range(first + 1, last):
-        b = body[s]
-        t = s
-        while t > first and key[body[t - 1]] > key[b]:
-            body[t] = body[t - 1]
-            t -= 1
-        body[t] = b
+def wet_slots(entry, fine_start, kind):
+    """From the first to the last fluid of a row, bit 1."""
+    first, end = entry[0], fine_start[entry[3] + entry[2]]
+    while first < end and kind[first] & 1 == 0:
+        first += 1
+    while first < end and kind[end - 1] & 1 == 0:
+        end -= 1
+    entry[6], entry[7] = first, end
+
+
+@njit
+def order_by_key(body, key, cell, first, end):
+    """Sort the few bodies of each cell; most are in order from the last time."""
+    for s in range(np.uint64(first + 1), np.uint64(end)):
+        b, before = np.uint32(body[s]), np.uint32(body[s - np.uint64(1)])
+        if (cell[before] == cell[b]) & (key[before] > key[b]):
+            t = np.int64(s)
+            while t > first and cell[body[t - 1]] == cell[b] and key[body[t - 1]] > key[b]:
+                body[t] = body[t - 1]
+                t -= 1
+            body[t] = np.int32(b)

@@ -70,7 +70,7 @@ def find(block, blocks, base, shape, edge, x, flags, rows, row_table, fine_start
                 most = max(most, cut(
                     n == 0, first - base[l], base[l + up], places[l & 1], places[(l + up) & 1], limit,
                     flags[first:after], flags[base[l + up] :], cells,
-                    fine_start[other[3] : other[3] + other[2] + 1], run_first[n, first:after],
+                    fine_start[other[3] : other[3] + other[2] + 1], other, run_first[n, first:after],
                     run_length[n, first:after], met,
                 ))  # fmt: skip
             tell_plain(after - first, met, flags[first:after])
@@ -175,12 +175,12 @@ def chords(height, left, many, row, cells):
 
 
 @njit
-def cut(same, first, since, own, around, limit, kinds, flags, cells, start, begins, lengths, met):
+def cut(same, first, since, own, around, limit, kinds, flags, cells, start, row, begins, lengths, met):
     """Runs of the bodies of a row; the longest of them. In another row than their own they are from about the first to
     about the last body that is within the radius and of a class that the body has to do with. met: not 0 from now on
-    where there is one without FLOWS.
+    where there is one without FLOWS. What is no fluid only meets fluid, which is in a part of the row.
     """
-    longest = 0
+    longest, wet, wet_end = 0, np.int64(row[6]) - since, np.int64(row[7]) - since
     for m in range(np.uint64(kinds.size)):
         b = np.uint64(first) + m
         at, end = start[np.uint32(cells[0, m])] - since, start[np.uint32(cells[1, m])] - since
@@ -189,7 +189,9 @@ def cut(same, first, since, own, around, limit, kinds, flags, cells, start, begi
         if cells[2, m] == 0 and kinds[m] & 3 == 3:
             if not same:  # there most are within it
                 at, end = cut_ends(own, around, b, limit, at, end)
-        elif at < end:
+        else:
+            if kinds[m] & 1 == 0:
+                at, end = max(at, wet), min(end, wet_end)
             at, end, strange = cut_classes(own, around, flags, kinds[m] & 3, b, limit, at, end)
             met[m] |= strange != 0
         length = max(end - at, 0)
@@ -210,7 +212,7 @@ def cut_ends(own, around, b, limit, at, end):
 @njit
 def cut_classes(own, around, flags, kind, b, limit, at, end):
     """A run from the first to the last body that a body has to do with, and bits of those that lack FLOWS."""
-    low, high, strange = end, at, np.int64(0)
+    low, high, strange = end, min(at, end), np.int64(0)
     while at < end:
         kinds = load(KINDS, flags, at)
         bits = reached(own, around, b, limit, at) & bitmask((kinds | kind) & 3 == 3)

@@ -1,6 +1,7 @@
 import numpy as np
 import pytest
 
+from sph.kernels import readings
 from sph.kernels.functions import SMOOTHING
 
 Q = np.linspace(0.0, 3.0, 300001)
@@ -39,3 +40,20 @@ def test_nothing_beyond_the_support(name):
     kernel = SMOOTHING[name]
     assert np.all(kernel.w(Q[kernel.support <= Q], 3) == 0)
     assert np.all(kernel.f(Q[kernel.support <= Q], 3) == 0)
+
+
+@pytest.mark.parametrize("n", [0, 1, 7, 500])
+def test_readings_find_what_all_bodies_show(n):
+    """Own fluid, images of it in wall 0, bodies of two walls, ghosts and empty slots; beyond the end is nobody."""
+    rng = np.random.default_rng(n)
+    flags, key = np.zeros(n + 16, np.int32), rng.integers(0, 3, n + 16) << 56 | rng.integers(0, 3, n + 16)
+    flags[:n], x = rng.choice([0, 33, 97, 34, 98], n), rng.normal(size=n + 16)
+    own, images, wanted = flags & 65 == 65, np.array([0, 1, 0]), np.array([True, False])
+    for sign in (1.0, -1.0):
+        assert readings.farthest(n, sign, flags, x) == (sign * x[own]).max(initial=-np.inf)
+    wall = np.where(key % 64 > 0, images[key % 64], key >> 56) - 1
+    right = np.flatnonzero((flags != 0) & ~own & (wall == 0))
+    slots, walls = np.empty((2, len(right)), np.int64)
+    assert readings.of_walls(n, flags, key, images, wanted, slots[:0], walls[:0]) == len(right)
+    readings.of_walls(n, flags, key, images, wanted, slots, walls)
+    assert slots.tolist() == right.tolist() and not walls.any()

@@ -1,0 +1,44 @@
+"""What instruments look for among the bodies of a rank, in slots up to `end`: the edge of the fluid, and walls."""
+
+import numpy as np
+
+from hpcpic.core.simd.jit import njit
+from hpcpic.core.simd.vector import Vec, bitmask, first_bit, lanes, load, maximum, select, splat, store
+
+N = lanes(np.float64)
+F, I = Vec(N, np.float64), Vec(N, np.int32)
+MINE = 65  # flags of the own fluid
+BODY = 32
+CODES, WALL_SHIFT = 64, 56  # key % CODES: number of the image; key >> WALL_SHIFT: 1 + number of the wall, 0 for fluid
+
+
+@njit
+def farthest(end, sign, flags, x):
+    """Largest sign x[n] of the own fluid; -inf where none is."""
+    best, line = splat(F, -np.inf), np.empty(N)
+    for b in range(0, end, N):
+        mine = load(I, flags, b) & MINE == MINE
+        best = maximum(best, select(mine, load(F, x, b) * sign, -np.inf))
+    store(line, 0, best)
+    return line.max()
+
+
+@njit
+def of_walls(end, flags, key, images, wanted, slots, walls):
+    """Slots, and walls, of bodies of walls that are wanted[wall], also of the fluid's images in them (images[number] =
+    1 + wall, 0 for none): how many there are, as many as there is room for in slots[n], walls[n].
+    """
+    n = 0
+    for b in range(0, end, N):
+        kinds = load(I, flags, b)
+        others = bitmask((kinds & BODY == BODY) & (kinds & MINE != MINE))
+        while others != 0:
+            s = np.uint64(b + first_bit(others))
+            others &= others - 1
+            image = key[s] % CODES
+            wall = images[image] - 1 if image > 0 else (key[s] >> WALL_SHIFT) - 1
+            if wall >= 0 and wanted[wall]:
+                if n < slots.size:
+                    slots[n], walls[n] = s, wall
+                n += 1
+    return n
