@@ -38,7 +38,7 @@ PLACES, SIZES = 11, 12  # streams of random numbers
 START = 0.3  # of the final radii
 GROWTH, RELAXATION, STAGE = 300, 1500, 20  # stages of growth, at most of relaxation, steps in a stage
 TOUCHING, TOO_DEEP = 1e-3, 1e-2  # overlap / diameter that is accepted, and that is refused
-LOOSE = 0.5  # porosity from which grains fall
+LOOSE, LAYERS = 0.5, 3.0  # porosity from which grains fall, and least height of their space, largest diameters
 
 
 @dataclass(frozen=True, slots=True)
@@ -143,7 +143,7 @@ def grow(world: World, pool: Pool, domain: Domain, sample: Sample) -> NDArray[np
     if deepest > TOO_DEEP:
         raise ConfigError(
             f"the packing is denser than can be: grains overlap by {deepest:.1%} of a diameter at a porosity of "
-            f"{porosity_of(domain, sample):.3f}; use a larger one (random packings of spheres end at about 0.36)"
+            f"{porosity_of(domain, sample):.3f}; give them more space (random packings of spheres end at about 0.36)"
         )
     return everywhere(dem)
 
@@ -276,7 +276,7 @@ def make(
     area, solid = float(np.prod(domain.lengths[1:])), solid_volume(radius, d)
     high = low + solid / (1.0 - (porosity or LOOSE)) / area
     if porosity is None:
-        high = min(high, grains.packing.high or top)
+        high = min(max(high, low + LAYERS * law.max), grains.packing.high or top)
     elif grains.packing.high is not None and abs(high - grains.packing.high) > 1e-3 * (high - low):
         raise ConfigError(
             f"{law.count} grains at a porosity of {porosity:g} reach up to {high:.6g} m, not to high = "

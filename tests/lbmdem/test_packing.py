@@ -4,6 +4,7 @@ import math
 
 import numpy as np
 import pytest
+from app_runner import running
 from scipy.special import betainc
 
 from hpcpic.core.errors import ConfigError
@@ -83,6 +84,23 @@ def test_grains_settle_on_each_other(world, pool):
     touched = 1.0 - solid_volume(radius, 3) / (side**2 * np.max(x[:, 2] + radius))
     assert 0.36 < touched < 0.55
     assert x[:, 2].mean() < 0.47 * high
+
+
+@pytest.mark.parametrize("count", [1, 4, 12])
+def test_few_grains_on_a_wide_floor_have_room_to_fall(world, monkeypatch, count):
+    """The space that a loose state of so many would fill is lower than a grain, or not much higher."""
+    monkeypatch.setattr("lbmdem.packing.cached", lambda world, facts, made, shape: made())
+    case = f"""
+    simulation = {{ end_time = 1.0; }};
+    domain = {{ size = [4.0e-3, 4.0e-3, 6.0e-3]; periodic = ["x", "y"]; }};
+    grains = ({{ diameters = {{ min = 0.8e-3; max = 1.0e-3; count = {count}; }}; packing = {{ }}; }});
+    contact = {{ normal_stiffness = 100.0; }};
+    gravity = [0.0, 0.0, -9.81];
+    """
+    with running(world, "lbmdem", case) as app:
+        x, radius = app.table.x, app.table.radius
+    assert len(x) == count and np.all(x[:, 2] > 0.97 * radius)
+    assert x[:, 2].max() < 2.1e-3
 
 
 def test_a_packing_is_kept_and_a_damaged_one_made_again(world, tmp_path, monkeypatch):
