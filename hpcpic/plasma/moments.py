@@ -1,5 +1,6 @@
 """The plasma's scalars in time: energies, momentum, charge and field modes, all at one time level."""
 
+import itertools
 import math
 from typing import TYPE_CHECKING
 
@@ -56,7 +57,9 @@ class Moments:
         self.ratio_most = float((ratio**2).sum())
         self.side = np.array((*scene.spacing, scene.spacing[0], scene.spacing[0])[:v])
         self.turns = [_half_turn(species.boris[0]) for species in scene.species]
+        self.masses, self.charges = ([getattr(s, name) for s in scene.species] for name in ("m", "q"))
         self._bind_nodes()
+        self._lay_out()
 
     def _bind_nodes(self) -> None:
         """Tasks of kernels.nodes for the threads."""
@@ -68,7 +71,7 @@ class Moments:
         shares = block_ranges(len(rho), self.plasma.cloud.pool.threads)
         self.rows, self.width = (1, domain.points[0]) if flat else domain.points
         self.own = slice(*domain.row_range(world.rank)) if flat else slice(None)  # columns
-        self.levels = np.array([LEAST, LEAST])  # of the terms of the field energy, and of E_x
+        self.levels = [LEAST, LEAST]  # of the terms of the field energy, and of E_x
         self.node_inv_scale = np.ones(2)
         self.energy = np.zeros((len(shares), exact.LIMBS), np.int64)
         self.columns = np.zeros((len(shares), rho.shape[1]), np.int64)
@@ -80,11 +83,19 @@ class Moments:
                 for k, (a, b) in enumerate(shares)
             ]  # fmt: skip
 
-    def _local(self) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-        """Levels [2] of this rank's terms; flags (too fast; above and at the levels, two each), counts, limbs of
-        particles, limbs of the field energy, columns: all in one line."""
+    def _lay_out(self) -> None:
+        """The words of a sample in one line, which one reduction sums over the ranks."""
+        shape = self.limbs.shape[1:]
+        ends = np.cumsum([5, shape[0], math.prod(shape), exact.LIMBS, self.width]).tolist()
+        self.words = np.zeros(ends[-1], np.int64)
+        self.parts = [slice(a, b) for a, b in itertools.pairwise([0, *ends])]
+
+    def _local(self) -> list[int]:
+        """Levels [2] of this rank's terms. Fills the words: flags (too fast; above and at the levels, two each),
+        counts, limbs of particles, limbs of the field energy, columns.
+        """
         self.inv_scale[:] = 1 / exact.power_of_two_above(self.speed**2 * self.ratio_most), 1 / self.speed
-        self.node_inv_scale[:] = [math.ldexp(1.0, -4 * int(level)) for level in self.levels]
+        self.node_inv_scale[:] = [math.ldexp(1.0, -4 * level) for level in self.levels]
         self.node_inv_scale[1] *= 2.0 ** (61 - int(self.rows).bit_length())
         self.limbs[:] = 0
         cloud, too_fast = self.plasma.cloud, False
@@ -95,12 +106,15 @@ class Moments:
             if error.code != exact.NOT_BOUNDED:
                 raise
             too_fast = True
-        levels = np.array([_level(most) for most in self.most.max(axis=0)])
-        columns = np.zeros(self.width, np.int64)
-        columns[self.own] = self.columns.sum(axis=0)
-        flags = [too_fast, *(levels > self.levels), *(levels == self.levels)]
-        parts = flags, self._counts(), self.limbs.sum(axis=0).ravel(), self.energy.sum(axis=0), columns
-        return levels, np.concatenate(parts, dtype=np.int64)
+        levels = [_level(most) for most in self.most.max(axis=0).tolist()]
+        flags, counts, limbs, energy, columns = (self.words[part] for part in self.parts)
+        here = list(zip(levels, self.levels))
+        flags[:] = [too_fast, *(own > known for own, known in here), *(own == known for own, known in here)]
+        counts[:] = self._counts()
+        np.sum(self.limbs, axis=0, out=limbs.reshape(self.limbs.shape[1:]))
+        np.sum(self.energy, axis=0, out=energy)
+        np.sum(self.columns, axis=0, out=columns[self.own])
+        return levels
 
     def _counts(self) -> NDArray[np.int64]:
         return self.plasma.cloud.pages.count.reshape(-1, max(self.n_species, 1)).sum(axis=0)
@@ -114,17 +128,18 @@ class Moments:
         step)^2 (k = 0) and of the components of v- in cells per step, limbs [3] of (rho + rho_0) phi, and sums over
         columns [Nx] of E_x: of all ranks.
         """
-        world, shape = self.plasma.world, self.limbs.shape[1:]
+        world = self.plasma.world
         while True:
-            levels, words = self._local()
-            ends = np.cumsum([5, shape[0], math.prod(shape), exact.LIMBS])
-            flags, counts, limbs, energy, columns = np.split(world.sum_int(words), ends)
-            if flags[0] and self.speed < FASTEST:
+            levels = self._local()
+            words = world.sum_int(self.words)
+            flags, counts, limbs, energy, columns = (words[part] for part in self.parts)
+            too_fast, *above, first_at, second_at = flags.tolist()
+            if too_fast and self.speed < FASTEST:
                 self.speed *= 16
-            elif flags[1:3].any() or not flags[3:5].all():
-                self.levels = world.max_array(levels)
+            elif any(above) or not (first_at and second_at):
+                self.levels = world.max_array(np.array(levels)).tolist()
             else:
-                return bool(flags[0]), counts, limbs.reshape(shape), energy, columns
+                return bool(too_fast), counts, limbs.reshape(self.limbs.shape[1:]), energy, columns
 
     def scalars(self) -> dict[str, float]:
         """energy_field = sum over nodes of (rho + rho_0) phi dV / 2; energy_kinetic and momentum of v^n."""
@@ -132,13 +147,13 @@ class Moments:
         too_fast, counts, limbs, energy, columns = self._all()
         scales = (1 / self.inv_scale).tolist()
         kinetic, momentum, charge = 0.0, np.zeros(3), 0.0
-        for species, count, row, turn in zip(scene.species, counts, limbs, self.turns):
+        for m, q, count, row, turn in zip(self.masses, self.charges, counts.tolist(), limbs.tolist(), self.turns):
             squares, *v_sums = (exact.value(k, scales[min(i, 1)]) for i, k in enumerate(row))
-            kinetic += 0.5 * species.m * squares * (scene.spacing[0] / dt) ** 2
+            kinetic += 0.5 * m * squares * (scene.spacing[0] / dt) ** 2
             v = np.zeros(3)
             v[: len(self.side)] = np.array(v_sums) * self.side / dt
-            momentum += species.m * (v + turn @ v)  # v^n is v- turned by half the angle
-            charge += species.q * int(count)
+            momentum += m * (v + turn @ v)  # v^n is v- turned by half the angle
+            charge += q * count
         if too_fast:
             kinetic, momentum[:] = math.nan, math.nan
         field = math.nan
@@ -155,9 +170,9 @@ class Moments:
         if self.levels[1] == TOP:
             return [math.nan] * MODES
         mean = columns * (1 / self.node_inv_scale[1] / self.rows)
-        amplitudes = np.abs(np.fft.rfft(mean)) / self.width
-        amplitudes[1 : (self.width + 1) // 2] *= 2
-        return np.pad(amplitudes[1 : MODES + 1], (0, MODES))[:MODES].tolist()
+        waves = np.abs(np.fft.rfft(mean)[1 : MODES + 1]).tolist()
+        both = [2.0 if 2 * n < self.width else 1.0 for n in range(1, MODES + 1)]  # the shortest wave is its own mirror
+        return [k * wave / self.width for k, wave in zip(both, waves)] + [0.0] * (MODES - len(waves))
 
     def trouble(self) -> str | None:
         """Why the state is no solution, or None. What fails in a step raises by itself: only the field is looked at."""

@@ -91,7 +91,7 @@ def test_energies_and_momenta_are_those_of_the_particles(world):
 def test_a_sample_does_not_depend_on_earlier_ones(world, levels):
     plasma = plasma_of(world)
     values = plasma.scalars()
-    plasma.moments.levels = np.array(levels)
+    plasma.moments.levels = list(levels)
     assert plasma.scalars() == values
     plasma.close()
 
