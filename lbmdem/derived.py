@@ -3,6 +3,8 @@
 import math
 from collections.abc import Iterator
 
+import numpy as np
+
 from hpcpic.core.files.config import Path
 from hpcpic.core.files.derived import Derived
 from lbmdem.config import (
@@ -33,7 +35,7 @@ def derived(config: LbmDemConfig, ranks: int = 1) -> list[Derived]:
     """Every derived number of a completed case that runs on so many ranks."""
     parts = (relaxation, lattice_units, speeds, pressures)
     fluid = [number for part in parts for number in part(config)] if config.fluid else []
-    return [*fluid, *grains(config), *contacts(config), *sizes(config, ranks)]
+    return [*fluid, *obstacles(config), *grains(config), *contacts(config), *sizes(config, ranks)]
 
 
 def key_of_tau(config: LbmDemConfig) -> Path:
@@ -161,6 +163,25 @@ def grains(config: LbmDemConfig) -> Iterator[Derived]:
         cure = "lubrication = true adds what the lattice does not resolve in them"
         key = ("coupling", "lubrication")
         yield Derived("narrowest gap", "h/dx", 0.0, "", ">= 1", "warn", "grains may come closer", cure, key)
+
+
+def obstacles(config: LbmDemConfig) -> Iterator[Derived]:
+    """Those that cover no node of the lattice: beyond the box, or smaller than it can see."""
+    dx, d = config.spacing, config.dimensions
+    for i, obstacle in enumerate(config.obstacle):
+        nodes = [(np.arange(n) + 0.5) * dx for n in config.points]
+        if obstacle.shape.plane is not None:
+            ends = np.stack(np.meshgrid(*[x[[0, -1]] for x in nodes]), axis=-1).reshape(-1, d)
+            count = np.count_nonzero((ends - obstacle.shape.plane.point) @ obstacle.shape.plane.normal <= 0.0)
+        else:
+            low, high = (np.array(corner) for corner in (obstacle.shape.box.low, obstacle.shape.box.high))
+            turns = [(-1, 0, 1) if axis in config.domain.periodic else (0,) for axis in AXES[:d]]
+            images = [np.add.outer(np.array(k) * size, x) for k, size, x in zip(turns, config.domain.size, nodes)]
+            count = math.prod(np.count_nonzero((x >= a) & (x <= b)) for x, a, b in zip(images, low, high))
+        if not count:
+            name = f"nodes in {obstacle.name or f'obstacle_{i + 1}'}"
+            cure = "it is not there for the fluid: outside the box, or between the nodes"
+            yield Derived(name, "n", 0.0, "", ">= 1", "warn", "", cure, ("obstacle", i, "shape"))
 
 
 def fits(config: LbmDemConfig) -> Iterator[Derived]:

@@ -78,12 +78,16 @@ def face_faults(config: LbmDemConfig, d: int) -> Iterator[tuple[Path, str]]:
 
 
 def edge_faults(config: LbmDemConfig) -> Iterator[tuple[Path, str]]:
-    """Faces that let fluid through and meet: what arrives at their edge comes from beyond both; neither knows it."""
+    """Faces that let fluid through and meet, or have their only node in common: what arrives there comes from beyond
+    both; neither knows it."""
     opened = [(i, face.face) for i, face in enumerate(config.boundary) if face.type in ("pressure", "velocity")]
     for k, (i, name) in enumerate(opened):
         across = next((other for _, other in opened[:k] if other[0] != name[0]), None)
         if across:
             yield ("boundary", i, "face"), f"meets {across}: the fluid can pass through faces of one axis only"
+        against = next((other for _, other in opened[:k] if other[0] == name[0] and other != name), None)
+        if against and name[0] in AXES[: config.dimensions] and config.points[AXES.index(name[0])] == 1:
+            yield ("boundary", i, "face"), f"has one node in common with {against}: open faces need two between them"
 
 
 def dry_faults(config: LbmDemConfig) -> Iterator[tuple[Path, str]]:

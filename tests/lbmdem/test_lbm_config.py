@@ -234,3 +234,29 @@ def test_a_slab_has_no_more_nodes_than_its_numbers_tell_apart():
     told = {ranks: next(one for one in derived(large, ranks) if one.name == "nodes") for ranks in (1, 2)}
     assert [one.verdict for one in told.values()] == ["fail", "ok"]
     assert "2 ranks hold them" in str(told[1])
+
+
+def test_open_faces_have_two_nodes_between_them():
+    faces = ", ".join(f'{{ face = "x{side}"; type = "pressure"; pressure = 0.0; }}' for side in "-+")
+    for nodes, said in ((1, "has one node in common with x-"), (2, "")):
+        size = f"[{nodes * 3.125e-5}, 1.0e-3]"
+        case = CHANNEL.replace('periodic = ["x"];', "").replace("[2.5e-4, 1.0e-3]", size)
+        text = f"{case} boundary = ({faces});"
+        assert said in messages(text) if said else config_of(text)
+
+
+@pytest.mark.parametrize(
+    ("low", "high", "there"),
+    [
+        ("[1.0e-4, 0.0]", "[2.0e-4, 1.0e-4]", True),
+        ("[-1.0e-4, 0.0]", "[-5.0e-5, 1.0e-4]", True),  # comes again on the other side
+        ("[1.0e-4, 1.1e-3]", "[2.0e-4, 1.2e-3]", False),
+        ("[1.0e-4, 1.0e-4]", "[1.05e-4, 2.0e-4]", False),
+    ],
+)
+def test_an_obstacle_that_covers_no_node_is_told(low, high, there):
+    shapes = [f"box = {{ low = {low}; high = {high}; }}"]
+    shapes += [f"plane = {{ point = [0.0, {1e-4 if there else -1e-4}]; normal = [0.0, 1.0]; }}"]
+    for shape in shapes:
+        told = derived(config_of(f"{CHANNEL} obstacle = ({{ shape = {{ {shape}; }}; }});"))
+        assert ("nodes in obstacle_1" in [one.name for one in told]) is not there
