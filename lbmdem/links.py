@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from hpcpic.core.errors import ConfigError
 from hpcpic.core.space.domain import block_ranges
+from hpcpic.core.space.products import product
 from hpcpic.core.tasks import Bound, Pool, bind
 from lbmdem.kernels import links as kernels
 from lbmdem.kernels.layout import FLUID, WALL, Layout
@@ -68,7 +69,7 @@ class Wall:
 def plane(point: Sequence[float], normal: Sequence[float]) -> Callable[[NDArray], NDArray]:
     """Distance from a plane through a point, whose normal points into the fluid."""
     unit = np.asarray(normal, np.float64) / np.linalg.norm(normal)
-    return lambda x: (x - np.asarray(point)) @ unit
+    return lambda x: product(x - np.asarray(point), unit)
 
 
 def ball(centre: Sequence[float], radius: float, outside: bool = True) -> Callable[[NDArray], NDArray]:
@@ -294,7 +295,7 @@ class FixedLinks:
         turns = np.where(window.periodic, np.rint((node + e - bodies.centres[at]) / window.points), 0).astype(np.int64)
         d = (node - turns * window.points) - bodies.centres[at]
         d_sq = np.sum(d * d, axis=1) - bodies.radii[at] ** 2
-        along, e_sq = d @ e, float(e @ e)
+        along, e_sq = product(d, e), float(e @ e)
         q = np.clip((-along - np.sqrt(np.maximum(along * along - e_sq * d_sq, 0.0))) / e_sq, 0.0, 1.0)
         arm = d + q[:, None] * e
         motion = bodies.motion[at]

@@ -8,6 +8,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
+from hpcpic.core.space.products import product
+
 if TYPE_CHECKING:
     from lbmdem.dem import Dem
 
@@ -79,7 +81,7 @@ def energies(dem: "Dem") -> dict[str, float]:
     elastic = 0.5 * law.stiffness * np.square(2.0 * pairs.lines[here, 7])
     if law.shear > 0.0:
         elastic = elastic + 0.5 * law.shear * np.square(pairs.spring_columns[:, here]).sum(axis=0)
-    potential = -np.where(c["fixed"] == 0, c["mass"] * (c["row"][:, :3] @ dem.gravity), 0.0)
+    potential = -np.where(c["fixed"] == 0, c["mass"] * product(c["row"][:, :3], dem.gravity), 0.0)
     parts = {"elastic": elastic, "potential": potential, "heat": c["heat"], "work": c["work"]}
     return {"kinetic": kinetic_energy(dem)} | {name: dem.total(values) for name, values in parts.items()}
 

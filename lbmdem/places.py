@@ -5,6 +5,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
+from hpcpic.core.space.products import product
+
 if TYPE_CHECKING:
     from lbmdem.config import LbmDemConfig
 
@@ -54,5 +56,5 @@ def plane_gap(config: "LbmDemConfig", x: NDArray) -> NDArray[np.float64]:
     for plane in (obstacle.shape.plane for obstacle in config.obstacle):
         if plane is not None:
             normal = np.array(plane.normal) / np.linalg.norm(plane.normal)
-            gap = np.minimum(gap, (x - np.array(plane.point)) @ normal)
+            gap = np.minimum(gap, product(x - np.array(plane.point), normal))
     return gap

@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
+from hpcpic.core.space.products import product
 from sph import geometry
 from sph.config import Fluid
 
@@ -27,7 +28,7 @@ def depth(scene: "Scene", fluid: Fluid, x: NDArray) -> NDArray[np.float64]:
     top = fluid.surface
     if top is None:
         top = max(float(np.dot(corner, up(scene))) for corner in geometry.corners(fluid.shape))
-    return top - x @ up(scene)
+    return top - product(x, up(scene))
 
 
 def velocity(scene: "Scene", fluid: Fluid, x: NDArray) -> NDArray[np.float64]:
@@ -38,7 +39,7 @@ def velocity(scene: "Scene", fluid: Fluid, x: NDArray) -> NDArray[np.float64]:
         return v
     if flow.type == "linear":
         gradient = np.array(flow.gradient).reshape(scene.dimensions, -1)
-        return v + (x - np.array(flow.centre)) @ gradient.T
+        return v + product(x - np.array(flow.centre), gradient.T)
     k, a = 2 * math.pi / flow.wavelength, flow.amplitude
     if flow.type == "taylor-green":
         v[:, 0] -= a * np.cos(k * x[:, 0]) * np.sin(k * x[:, 1])

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
+from hpcpic.core.space.products import product
 from sph import limits
 from sph.config import AXES, Gauge
 from sph.kernels import readings
@@ -81,7 +82,7 @@ class Gauges:
             scale, values = scene.c0, own["v"][near]
         else:
             scale = scene.rho0 * scene.c0**2
-            values = (scene.pressure(own["drho"][near]) - scene.rho0 * (r @ scene.gravity))[:, None]
+            values = (scene.pressure(own["drho"][near]) - scene.rho0 * product(r, scene.gravity))[:, None]
         sums = self.summed(np.column_stack([weight, weight[:, None] * values / scale]))
         return [float(value) for value in sums[1:] * scale / sums[0]] if sums[0] > EMPTY else [0.0] * (len(sums) - 1)
 

@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hpcpic.core.errors import ConfigError
+from hpcpic.core.space.products import product
 
 if TYPE_CHECKING:
     from sph.scene import Scene
@@ -34,8 +35,8 @@ class Layer:
 
     def nearest(self, x: NDArray[np.float64]) -> NDArray[np.float64]:
         """The particle [n, d] of the layer nearest to each of x[d, n]."""
-        places = (x.T - self.origin) @ self.tangents.T / np.sum(self.tangents**2, axis=1)
-        return self.origin + np.clip(np.rint(places), self.first, self.last) @ self.tangents
+        places = product(x.T - self.origin, self.tangents.T) / np.sum(self.tangents**2, axis=1)
+        return self.origin + product(np.clip(np.rint(places), self.first, self.last), self.tangents)
 
 
 class Maps:
@@ -116,7 +117,7 @@ class Maps:
         shift, first = self.shift[codes], np.searchsorted(codes, np.arange(len(self.planes) + 1))
         for k, (layer, across) in self._symmetric.items():
             mine = slice(first[k], first[k + 1])
-            shift[mine] += 2 * layer.nearest(x[:, mine]) @ across
+            shift[mine] += 2 * product(layer.nearest(x[:, mine]), across)
         return shift
 
 

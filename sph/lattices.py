@@ -11,6 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from hpcpic.core.space.products import product
 from sph import geometry, solids
 from sph.config import AXES, Shape
 
@@ -146,11 +147,11 @@ class Sheet:
     def near(self, low: NDArray, high: NDArray) -> Found:
         corners = np.array(np.meshgrid(*zip(low, high))).reshape(len(low), -1).T - self.origin
         steps = np.sum(self.tangents**2, axis=1)
-        places = corners @ self.tangents.T / steps
+        places = product(corners, self.tangents.T) / steps
         first = np.clip(np.floor(places.min(axis=0)), 0, self.counts).astype(np.int64)
         last = np.clip(np.ceil(places.max(axis=0)) + 1, 0, self.counts).astype(np.int64)
         at = cross([np.arange(a, b) for a, b in zip(first, last)])
-        x = self.origin + at @ self.tangents
+        x = self.origin + product(at, self.tangents)
         kept = np.all((x >= low) & (x < high), axis=1)
         at, x = at[kept], x[kept]
         index = at[:, 0] if len(self.counts) == 1 else at[:, 0] * self.counts[1] + at[:, 1]
@@ -158,7 +159,7 @@ class Sheet:
 
     def at(self, index: NDArray[np.int64]) -> tuple[NDArray, NDArray]:
         at = np.stack(np.unravel_index(index, self.counts), axis=1)
-        x = self.origin + at @ self.tangents
+        x = self.origin + product(at, self.tangents)
         return x, np.broadcast_to(self.normal, x.shape).copy()
 
 

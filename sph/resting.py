@@ -5,6 +5,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
+from hpcpic.core.space.products import product
+
 if TYPE_CHECKING:
     from sph.scene import Scene
 
@@ -29,7 +31,7 @@ def away_from_walls(scene: "Scene", x: NDArray, drho: NDArray) -> NDArray[np.flo
         for face in wall.flat_faces():
             along = np.abs(face.normal) > 0.5
             before = np.all(along | ((x >= face.low) & (x <= face.high)), axis=1)
-            off = (x - face.point) @ face.normal
+            off = product(x - face.point, face.normal)
             short = rest - off - wall.recess[np.argmax(np.abs(face.normal))]
             x = x + np.where(before & (off > 0.0), np.maximum(short, 0.0), 0.0)[:, None] * face.normal
     return x

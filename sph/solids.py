@@ -3,6 +3,7 @@
 import numpy as np
 from numpy.typing import NDArray
 
+from hpcpic.core.space.products import product
 from sph.config import Shape
 
 
@@ -24,7 +25,7 @@ def signed_distance(shape: Shape, x: NDArray) -> NDArray[np.float64]:
 
         return stl.signed_distance(shape.stl, x)
     assert shape.plane is not None
-    return (x - shape.plane.point) @ unit(shape.plane.normal)
+    return product(x - shape.plane.point, unit(shape.plane.normal))
 
 
 def normals(shape: Shape, x: NDArray, step: float) -> NDArray[np.float64]:
@@ -51,6 +52,6 @@ def _in_cylinder(shape: Shape, x: NDArray) -> tuple[NDArray, NDArray, float]:
     base, top = np.array(cylinder.base), np.array(cylinder.top)
     axis = unit(top - base)
     relative = x - (base + top) / 2
-    along = relative @ axis
+    along = product(relative, axis)
     across = relative - along[:, None] * axis
     return np.sqrt(np.sum(across * across, axis=1)), along, float(np.sqrt(np.sum((top - base) ** 2)) / 2)

@@ -5,6 +5,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from hpcpic.core.space.products import product
+
 Point = tuple[float, ...]
 
 
@@ -52,7 +54,7 @@ class Cylinder:
         """Whether each of the points x[n, d] is inside: bool[n]."""
         axis = np.subtract(self.top, self.base)
         from_base = x - np.asarray(self.base)
-        along = from_base @ axis / (axis @ axis)  # 0 at the base, 1 at the top
+        along = product(from_base, axis) / (axis @ axis)  # 0 at the base, 1 at the top
         distance_sq = np.sum((from_base - along[:, None] * axis) ** 2, axis=1)
         return (along >= 0.0) & (along <= 1.0) & (distance_sq <= self.radius**2)
 
@@ -70,4 +72,4 @@ class Plane:
 
     def contains(self, x: NDArray) -> NDArray[np.bool_]:
         """Whether each of the points x[n, d] is inside: bool[n]."""
-        return (x - np.asarray(self.point)) @ np.asarray(self.normal) <= 0.0
+        return product(x - np.asarray(self.point), np.asarray(self.normal)) <= 0.0
