@@ -42,7 +42,9 @@ def particles(plasma: "Plasma") -> dict[str, ParticleArray]:
             v = components[:, d:].astype(np.float64) * (scene.velocity_spacing / scene.time_step)
             velocity[rows, : v.shape[1]] = v
             done = rows.stop
-        result[species.name] = ParticleArray(ids, position, {"velocity": velocity}, {"velocity": "m/s"})
+        result[species.name] = ParticleArray(
+            ids, position, {"velocity": velocity}, {"velocity": "m/s"}, {"velocity": -0.5 * scene.time_step}
+        )
     return result
 
 

@@ -42,7 +42,7 @@ def write(world, folder: Path, points: tuple[int, ...], after: int | None = None
     fields = {"rho": FieldArray(a["rho"][low:high], "C/m2"), "E": FieldArray(a["E"][low:high], "V/m")}
     part = {name: a[name][first:last] for name in ("velocity", "charge", "orientation")}
     ions = ParticleArray(
-        a["id"][first:last], a["position"][first:last], part, {"velocity": "m/s", "charge": "C"}
+        a["id"][first:last], a["position"][first:last], part, {"velocity": "m/s", "charge": "C"}, {"velocity": -0.125}
     )
     none = ParticleArray(np.arange(0), np.zeros((0, 3)))
     OpenPMDWriter(world, folder, 0.25, after).append(step, 7.5, box, fields, {"ions": ions, "none": none})
@@ -68,6 +68,7 @@ def assert_holds(path: Path, points: tuple[int, ...]) -> None:
         assert np.array_equal(ions["velocity/y"], a["velocity"][:, 1])
         assert np.array_equal(ions["orientation/w"], a["orientation"][:, 0])
         assert ions["velocity"].attrs["unitDimension"].tolist() == [1, 0, -1, 0, 0, 0, 0]
+        assert (ions["velocity"].attrs["timeOffset"], ions["charge"].attrs["timeOffset"]) == (-0.125, 0.0)
 
 
 @pytest.mark.parametrize("points", [(16,), (6, 5), (4, 3, 5)])

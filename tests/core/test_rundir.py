@@ -1,5 +1,7 @@
 """A run folder is made whole or not at all, is never overwritten unasked, and has one owner."""
 
+import errno
+import fcntl
 import json
 import math
 import os
@@ -11,6 +13,7 @@ import numpy as np
 import pytest
 
 from hpcpic.core.errors import FileError
+from hpcpic.core.files import rundir as rundir_module
 from hpcpic.core.files.rundir import RunDir, provenance, temporary, write_atomic
 
 HOLD = """
@@ -112,6 +115,23 @@ def test_two_processes_cannot_hold_one_folder(tmp_path: Path) -> None:
     rundir.unlock()
     assert not (tmp_path / ".lock").exists()
     RunDir(tmp_path).lock()
+
+
+@pytest.mark.parametrize("number", [errno.ENOSYS, errno.ENOLCK, errno.EIO])
+def test_a_file_system_without_locks_takes_runs(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, number: int) -> None:
+    def refuse(*_: object) -> None:
+        raise OSError(number, os.strerror(number))
+
+    told: list[str] = []
+    monkeypatch.setattr(rundir_module.log, "warning", lambda text, *words: told.append(text % words))
+    monkeypatch.setattr(fcntl, "flock", refuse)
+    if number == errno.EIO:
+        with pytest.raises(FileError, match=os.strerror(number)):
+            RunDir.create(tmp_path / "run", config="")
+        return
+    RunDir.create(tmp_path / "run", config="").unlock()
+    RunDir(tmp_path / "run").lock()
+    assert len(told) == 2 and "no locks on this file system" in told[0]
 
 
 def test_temporaries_of_dead_processes_are_removed(tmp_path: Path) -> None:

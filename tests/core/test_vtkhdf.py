@@ -54,7 +54,7 @@ def handed(
         low, high = block_ranges(len(columns["id"]), ranks)[rank]
         own = {key: values[low:high] for key, values in columns.items()}
         result[name] = ParticleArray(
-            own.pop("id"), own.pop("position"), own, {"velocity": "m/s", "charge": "C"}
+            own.pop("id"), own.pop("position"), own, {"velocity": "m/s", "charge": "C"}, {"velocity": -0.05}
         )
     return result
 
@@ -111,6 +111,7 @@ def assert_particles(path: Path, count: int) -> None:
     snapshots = Particles(path)
     assert snapshots.steps.tolist() == [10 * step for step in range(count)]
     assert snapshots.species == ["ions", "electrons"] and snapshots.units["charge"] == "C"
+    assert (snapshots.time_offsets["velocity"], snapshots.time_offsets["charge"]) == (-0.05, 0.0)
     for step in range(count):
         for name, columns in particles(step).items():
             order = np.argsort(columns["id"])

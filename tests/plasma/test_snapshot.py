@@ -49,6 +49,7 @@ def check_state_is_what_particles_says(plasma):
     state, particles = plasma.state(), plasma.arrays("particle")
     for species in scene.species:
         found = particles[species.name]
+        assert found.time_offsets == {"velocity": -0.5 * scene.time_step}
         n, here = np.zeros(species.n, np.int64), np.zeros((species.n, 3))
         n[found.ids - species.first] = 1
         here[found.ids - species.first] = found.position

@@ -161,5 +161,6 @@ def _particle_arrays(run: Run, step: int) -> dict[str, Any]:
     for species in run.particle_snapshots.species:
         columns = run.particles(species, step=step)
         ids, position = columns.pop("id"), columns.pop("position")
-        result[species] = ParticleArray(ids, position, columns, run.particle_snapshots.units)
+        snapshots = run.particle_snapshots
+        result[species] = ParticleArray(ids, position, columns, snapshots.units, snapshots.time_offsets)
     return result

@@ -29,9 +29,13 @@ class FieldArray:
 
 @dataclass(frozen=True, slots=True)
 class ParticleArray:
-    """Particles of one species on this rank in any order: ids[n], position[n, 3] m, columns[name][n, ...]."""
+    """Particles of one species on this rank in any order: ids[n], position[n, 3] m, columns[name][n, ...].
+
+    time_offsets: s by which a column is of a later time than the positions, where it is.
+    """
 
     ids: NDArray[np.int64]
     position: NDArray
     columns: Mapping[str, NDArray] = field(default_factory=dict)
     units: Mapping[str, str] = field(default_factory=dict)
+    time_offsets: Mapping[str, float] = field(default_factory=dict)

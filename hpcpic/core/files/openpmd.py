@@ -197,7 +197,7 @@ def _describe_species(group: Any, particles: ParticleArray, total: int) -> None:
     units = {"position": "m", **particles.units}
     for name in list(group):
         group[name].attrs["unitDimension"] = np.array(dimension(units.get(name, "")))
-        group[name].attrs["timeOffset"] = 0.0
+        group[name].attrs["timeOffset"] = float(particles.time_offsets.get(name, 0.0))
     offset = group.create_group("positionOffset")
     offset.attrs["unitDimension"] = np.array(dimension("m"))
     offset.attrs["timeOffset"] = 0.0

@@ -28,7 +28,9 @@ def open_run(path: Path | str, program: str = "") -> "Run":
 
 
 class Snapshots:
-    """The steps of one temporal VTKHDF file. `steps` and `times` [n]; `units` of every array."""
+    """The steps of one temporal VTKHDF file. `steps` and `times` [n]; of every array `units` and `time_offsets`, by how
+    many seconds it is of a later time than that of its step.
+    """
 
     def __init__(self, path: Path) -> None:
         self.path = path
@@ -39,6 +41,9 @@ class Snapshots:
             self.names = file.names(f"{ROOT}/PointData")
             self.units = {
                 name: str(file.attribute(f"{ROOT}/PointData/{name}", "units")) for name in self.names
+            }
+            self.time_offsets = {
+                name: float(file.attribute(f"{ROOT}/PointData/{name}", "time_offset", 0.0)) for name in self.names
             }
 
     @contextmanager

@@ -1,9 +1,11 @@
 """The folder of a run: made once, never overwritten unasked, held by one run at a time."""
 
 import csv
+import errno
 import fcntl
 import io
 import json
+import logging
 import math
 import os
 import platform
@@ -37,6 +39,8 @@ RUN_NAMES = (
     "report.html",
 )
 LOCK = ".lock"
+NO_LOCKS = (errno.ENOSYS, errno.EOPNOTSUPP, errno.ENOLCK)  # what parallel file systems say that are mounted without
+log = logging.getLogger(__name__)
 PACKAGES = ("numpy", "numba", "mpi4py", "h5py", "pyfftw", "scipy", "mpich", "openmpi")
 
 
@@ -196,6 +200,10 @@ class RunDir:
                 raise FileError(
                     f"{self.path} is in use by {owner}; wait for it or choose another folder"
                 ) from None
+            except OSError as error:
+                if error.errno not in NO_LOCKS:
+                    raise
+                log.warning("%s: no locks on this file system (%s): run there once at a time", path, error.strerror)
             if path.exists() and os.path.samestat(os.fstat(file.fileno()), os.stat(path)):
                 break
             file.close()  # its holder has just removed it

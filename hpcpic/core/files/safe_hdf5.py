@@ -110,9 +110,11 @@ class Checked:
         if found.nbytes > min(limit, MAX_BYTES):
             raise self._refuse(name, f"declares {found.nbytes} bytes in a file of {self._size}")
 
-    def attribute(self, name: str, key: str) -> Any:
-        """A finite number, an array of such, or a text. FileError when absent or anything else."""
+    def attribute(self, name: str, key: str, default: Any = None) -> Any:
+        """A finite number, an array of such, or a text. FileError when absent without a default, or anything else."""
         attributes = self._find(name).attrs
+        if key not in attributes and default is not None:
+            return default
         if key not in attributes:
             raise self._refuse(name, f"attribute {key} is not there")
         identifier = attributes.get_id(key)

@@ -50,9 +50,9 @@ class _Temporal(ABC):
         self._exists = world.any(world.rank == 0 and after is not None and path.exists())
 
     def _append(
-        self, step: int, time: float, shards: Mapping[str, Shard], units: Mapping[str, str], *facts: Any
+        self, step: int, time: float, shards: Mapping[str, Shard], told: Mapping[str, Mapping[str, Any]], *facts: Any
     ) -> None:
-        """Add a step. Raises FileError on all ranks; the file is then as before."""
+        """Add a step; `told`: attributes of arrays. Raises FileError on all ranks; the file is then as before."""
         described = {name: (shard.local.shape[1:], shard.local.dtype) for name, shard in shards.items()}
 
         def build(file: "h5py.File") -> dict[str, Slot]:
@@ -64,7 +64,7 @@ class _Temporal(ABC):
             image.growing(steps, "Values", (), np.float64, (STEPS_PER_CHUNK,)).attrs["units"] = "s"
             self._build(root, steps, described, *facts)
             for name in shards:
-                root[name].attrs["units"] = units.get(name, "")
+                root[name].attrs.update({"units": "", **told.get(name, {})})
             return {}
 
         def grow(file: "h5py.File") -> dict[str, Slot]:
@@ -113,7 +113,7 @@ class FieldsWriter(_Temporal):
         shards = {
             f"PointData/{name}": Shard(field.values, low, domain.points[0]) for name, field in fields.items()
         }
-        units = {f"PointData/{name}": field.unit for name, field in fields.items()}
+        units = {f"PointData/{name}": {"units": field.unit} for name, field in fields.items()}
         self._append(step, time, shards, units, domain)
 
     def _build(self, root: Any, steps: Any, described: Mapping[str, Any], domain: Domain) -> None:
@@ -178,12 +178,12 @@ class ParticlesWriter(_Temporal):
         with together(self.world, f"cannot append to {self.path}"):
             shards = {name: Shard(values, offset, total) for name, values in _joined(species).items()}
         shards |= self._vertices(offset, int(counts[self.world.rank]), total)
-        units = {
-            f"PointData/{name}": unit
-            for particles in species.values()
-            for name, unit in particles.units.items()
-        }
-        self._append(step, time, shards, {"Points": "m", **units}, list(species), total)
+        told: dict[str, dict[str, Any]] = {"Points": {"units": "m"}}
+        for particles in species.values():
+            for name in particles.columns:
+                offset_s = float(particles.time_offsets.get(name, 0.0))
+                told[f"PointData/{name}"] = {"units": particles.units.get(name, ""), "time_offset": offset_s}
+        self._append(step, time, shards, told, list(species), total)
         self._edges = max(self._edges, total + 1)
 
     def _vertices(self, offset: int, count: int, total: int) -> dict[str, Shard]:
