@@ -4,7 +4,7 @@ from collections.abc import Iterable
 from typing import Literal
 
 from sph import geometry
-from sph.config import FLUX_COEFFICIENT, SphConfig, name_of, speed_scale
+from sph.config import FLUX_COEFFICIENT, Domain, SphConfig, name_of, speed_scale
 from sph.limits import courant_limit
 
 SAFETY = 0.6  # of the stability limit, where no Courant number is given
@@ -22,7 +22,7 @@ def completed(config: SphConfig) -> SphConfig:
             "gauge": tuple(named("gauge", i, _gauge(gauge)) for i, gauge in enumerate(config.gauge)),
         }
     )
-    config = config.model_copy(update={"domain": _domain(config), "numerics": _numerics(config)})
+    config = config.model_copy(update={"domain": domain_of(config), "numerics": _numerics(config)})
     config = config.model_copy(update={"eos": _eos(config)})
     simulation = config.simulation
     if simulation.cfl is None:
@@ -55,7 +55,7 @@ def _gauge(gauge):
     return gauge.model_copy(update={"axis": gauge.axis or ("x+" if gauge.what == "front" else None)})
 
 
-def _domain(config: SphConfig):
+def domain_of(config: SphConfig) -> Domain:
     """As given, else the box around fluids and walls."""
     domain = config.domain
     boxes = [geometry.bounds(group.shape) for group in (*config.fluid, *config.wall)] or [((0.0,), (1.0,))]

@@ -9,6 +9,7 @@ from sph import geometry, limits
 from sph.config import SphConfig, motion_speed
 from sph.scene import DOMAIN, Scene
 
+SMALL = 6  # spacings across a repulsive body, below which the force on it is off by more than a tenth
 STRETCH = 0.1  # of the spacing along an edge, which is noticed
 STABILITY = "von Neumann, research of this program"
 CFL, STEP = ("simulation", "cfl"), ("simulation", "time_step")
@@ -24,6 +25,7 @@ def derived(config: SphConfig, ranks: int = 1) -> list[Derived]:
         *decoupling(config),
         *fast_walls(config),
         *outer_edges(config),
+        *small_bodies(config),
         *filling(config, scene),
         *extents(config, scene, ranks),
         *dry_gauges(config, scene),
@@ -170,6 +172,19 @@ def outer_edges(config: SphConfig) -> Iterator[Derived]:
             cure = 'type = "mirror-no-slip" or "pressure-continuity": here single particles are thrown off the edges'
             yield Derived(f"images beside the edges of {wall.name}", "", 0.0, "", "> 0", "warn",
                           "a body in still water, measured", cure, ("wall", i, "type"))  # fmt: skip
+
+
+def small_bodies(config: SphConfig) -> Iterator[Derived]:
+    """Repulsive walls act at a distance, from layers behind their faces: a small body has no room for these."""
+    for i, wall in enumerate(config.wall):
+        if wall.solid and wall.type == "repulsive" and wall.measure_force and wall.shape.box:
+            edges = [b - a for a, b in zip(wall.shape.box.low, wall.shape.box.high)]
+            size = min(edges) / config.numerics.spacing
+            verdict = "ok" if size >= SMALL * (1 - 1e-9) else "warn"
+            cure = "" if verdict == "ok" else 'a smaller spacing, or "pressure-continuity": it is lifted too little'
+            source = "a body of 4 spacings: by 18 to 30 %, of 6 to 16: by 9 %, measured"
+            yield Derived(f"size of {wall.name}", "L/dp", size, "", f">= {SMALL}", verdict, source, cure,
+                          ("wall", i, "shape"))  # fmt: skip
 
 
 def filling(config: SphConfig, scene: Scene) -> Iterator[Derived]:

@@ -6,9 +6,11 @@ from collections.abc import Iterator
 from hpcpic.core.errors import ConfigError
 from hpcpic.core.files.config import Path
 from sph import geometry, limits, periods, series
+from sph.completion import domain_of
 from sph.config import AXES, Fluid, Gauge, Shape, SphConfig, Wall, name_of, speed_scale
 
 MOST_ALONG = 2**21  # particles along an edge, whose places are kept
+MOST_ACROSS = 2**21  # supports of the kernel across the domain: beyond, a place is not known as well as who is near
 FLAT = ("mirror-no-slip", "repulsive", "point-symmetric-free-slip")
 Fault = tuple[Path, str]
 
@@ -133,6 +135,10 @@ def relations(config: SphConfig) -> Iterator[Fault]:
         yield ("domain", "high"), f"must be above low = {list(domain.low)} on every axis (got {list(domain.high)})"
     if domain.periodic and not (domain.low and domain.high):
         yield ("domain",), "low and high are missing, which a periodic domain needs"
+    whole = domain_of(config)
+    n = max(b - a for a, b in zip(whole.low, whole.high)) / config.support
+    if n > MOST_ACROSS:
+        yield ("domain",), f"{n:.3g} supports of the kernel across, more than {MOST_ACROSS}: a smaller one"
     for group, i, section in shaped(config):
         if not section.shape.plane:
             low, high = geometry.bounds(section.shape)

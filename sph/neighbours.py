@@ -11,6 +11,7 @@ from sph.kernels.specialise import specialise
 from sph.particles import BODY, OWN, PADS, Bodies, Tasks, even
 
 FINE = 8
+MOST_FINE = 2**28  # fine cells of a rank: a table of 1 GB
 GAP = 16  # slots between layers: a vector may overrun
 
 
@@ -112,6 +113,8 @@ class Cells:
         totals = fine[:here].copy()
         fine[0] = 0
         np.cumsum(totals, out=fine[1 : here + 1])
+        if fine[here] > MOST_FINE:
+            raise Diverged("particles are too far from each other: there is no room for the cells between them")
         self._room(fine=int(fine[here]))
         tasks.each(kernels.arrange, blocks="layers")
         tasks.each(kernels.find_places, blocks="layers")

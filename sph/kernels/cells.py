@@ -21,7 +21,7 @@ DIM = 3
 
 AXIS = DIM - 1  # of the fine cells
 FINE = 8
-FAR = 2**30
+FAR = 2**24  # fine cells from the corner: what is farther counts to the last one
 N = lanes(np.float64)
 F, I = Vec(N, np.float64), Vec(N, np.int32)
 PLAIN = 16  # flag of kernels.runs

@@ -28,6 +28,7 @@ from hpcpic.core.simd.vector import (
 DIM = 3
 
 AXIS = DIM - 1  # of the fine cells
+FAR = 2.0**24  # cells from the corner: see cells
 ROWS = 5 if DIM == 3 else 2  # of half a neighbourhood
 OWN_ROWS = 2 if DIM == 3 else 1  # of these in the layer of the body
 N, M = lanes(np.float64), lanes(np.float32)
@@ -161,12 +162,13 @@ def chords(height, left, many, row, cells):
     as long as the root of left; cells[2]: not 0 where a chord leaves the cells with fluid only.
     """
     low_cell, n_cells, free, free_end = 1.0 * row[1], 1.0 * row[2], row[4], row[5]
+    bottom, top = -FAR - low_cell, FAR - low_cell  # also from one that is farther
     for m in range(0, many, N):
         rest = load(F, left, m)
         half = sqrt(maximum(rest, 0.0))
         z = load(F, height, m) - low_cell
-        low = minimum(maximum(floor(z - half), 0.0), n_cells)
-        high = minimum(maximum(floor(z + half) + 1.0, 0.0), n_cells)
+        low = minimum(maximum(minimum(floor(z - half), top), 0.0), n_cells)
+        high = minimum(maximum(maximum(floor(z + half), bottom) + 1.0, 0.0), n_cells)
         first, end = convert(I, low), convert(I, select(rest > 0.0, high, low))
         store(cells[0], m, first)
         store(cells[1], m, end)

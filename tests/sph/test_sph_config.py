@@ -59,6 +59,7 @@ def test_what_is_not_given_follows_from_what_is():
         ("fluid[0].shape", "fluid = ( { shape = { }; } );"),
         ("fluid[0].shape", "fluid = ( { shape = { box = { low = [0.0, 0.0]; high = [1.0, 2.0e5]; }; }; } );"),
         ("fluid[0].shape.box.high", "fluid = ( { shape = { box = { low = [0.0, 0.0]; high = [0.0, 1.0]; }; }; } );"),
+        ("domain", "domain = { low = [0.0, 0.0]; high = [1.0, 1.0e7]; };"),
         ("fluid[0].shape.box", "fluid = ( { shape = { box = { low = [0.0, 0.0]; high = [1.0, 0.01]; }; }; } );"),
         ("fluid[0].shape.plane", "fluid = ( { shape = { plane = { point = [0.0, 0.0]; normal = [0.0, 1.0]; }; }; } );"),
         ("fluid[0].shape.stl", 'fluid = ( { shape = { stl = { file = "a.stl"; }; }; } );'),

@@ -154,6 +154,19 @@ def test_a_wall_that_rattles_the_fluid_is_refused(kind, speed, verdict):
     assert found.get("speed of gate") == verdict
 
 
+@pytest.mark.parametrize(
+    "kind, size, more, verdict",
+    [("repulsive", 0.2, "measure_force = true;", "warn"), ("repulsive", 0.3, "measure_force = true;", "ok"),
+     ("repulsive", 0.2, "", None), ("pressure-continuity", 0.2, "measure_force = true;", None)],
+)  # fmt: skip
+def test_a_small_repulsive_body_whose_force_is_asked_for_is_told(kind, size, more, verdict):
+    body = f"""{{ name = "body"; type = "{kind}"; solid = true; {more}
+        shape = {{ box = {{ low = [0.4, 0.1]; high = [{0.4 + size}, 0.4]; }}; }}; }} );"""
+    text = TANK.rstrip().removesuffix(");") + ", " + body
+    found = {n.name: n.verdict for n in derived(validate(SphConfig, loads(text)))}
+    assert found.get("size of body") == verdict
+
+
 @pytest.mark.parametrize("spacing", [0.3, 0.27, 0.2, 0.15])
 def test_a_spacing_that_stretches_is_told_one_that_does_not(spacing):
     told = numbers(numerics=f"spacing = {spacing};")["stretch of the spacing in fluid_1"]

@@ -4,7 +4,7 @@ import logging
 
 import numpy as np
 import pytest
-from sph_scenes import column, engine, tank
+from sph_scenes import column, engine, jitter, tank
 
 from hpcpic.core.errors import Diverged
 
@@ -128,3 +128,27 @@ def test_a_velocity_that_the_sound_speed_was_not_chosen_for_is_told_once(speed, 
     with caplog.at_level(logging.WARNING, "hpcpic.sph"):
         end(sph, 3)
     assert len([record for record in caplog.records if "max_velocity" in record.message]) == int(told)
+
+
+@pytest.mark.parametrize("axis", [0, 1])
+@pytest.mark.parametrize("away", [1e8, -1e8])
+def test_neighbours_are_found_however_far_from_the_domain(axis, away):
+    """A place there is known to 3e-8 m, which is 6e-7 of a spacing."""
+    sph = engine(gravity=(0.0, 0.0), size=(1.0, 1.2), fill=(0.5, 0.5), flux="none", integrator="euler")
+    jitter(sph)
+    sph.evaluate()
+    before = column(sph, "a")[:, np.argsort(sph.bodies.own("id"))]
+    sph.bodies.x[axis, fluid(sph)] += away
+    sph.sort()
+    sph.evaluate()
+    after = column(sph, "a")[:, np.argsort(sph.bodies.own("id"))]
+    np.testing.assert_allclose(after, before, atol=1e-4 * np.abs(before).max())
+
+
+def test_particles_thrown_far_apart_end_the_run_before_the_memory():
+    sph = engine(gravity=(0.0, 0.0), size=(1.0, 1.2), fill=(0.9, 0.9), flux="none", spacing=0.02)
+    x = sph.bodies.x[:, fluid(sph)]
+    x[1, ::7], x[1, 1::7] = 1e9, -1e9
+    sph.bodies.x[:, fluid(sph)] = x
+    with pytest.raises(Diverged, match="too far from each other"):
+        sph.sort()
