@@ -50,6 +50,17 @@ class Tasks:
         self.arrays.update(arrays)
         self._graphs.clear()
 
+    def refill(self, **arrays: NDArray) -> None:
+        """As `set`, but where an array is as large as the one before, that one takes its values and tasks stay bound:
+        it takes 50 ms to bind them all.
+        """
+        for name, values in arrays.items():
+            before = self.arrays.get(name)
+            if before is not None and before.shape == values.shape:
+                before[...] = values
+            else:
+                self.set(**{name: values})
+
     def each(self, kernel: Callable, **more: Any) -> None:
         """The kernel for every part (its first argument); `more`: arguments that are numbers, or other names."""
         self._run(kernel, more, {"": {}})

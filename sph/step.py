@@ -118,7 +118,7 @@ class Sph:
         for group in groups:
             maps.combine(group)
         self.faces = sum(len(group.planes) - 1 for group in groups)
-        self.tasks.set(faces=self.faces, **single_mirrors(groups))
+        self.tasks.refill(**single_mirrors(groups))
         return maps
 
     def _distribute(self) -> None:

@@ -101,7 +101,7 @@ def spread(chunk, chunks, numbers, flags, offset, x):
 
 
 @njit
-def swap(chunk, chunks, flags, faces, normals, bounds, turns, shifts, spins, pushes, x, v):
+def swap(chunk, chunks, flags, normals, bounds, turns, shifts, spins, pushes, x, v):
     """A particle that is behind a mirror changes places with its image, which changes nothing else.
 
     bounds[f, p]: behind if x . normals[f, p] < bounds[f, p] for all p; image x -> turn x + shift, v -> spin v + push.
@@ -110,7 +110,7 @@ def swap(chunk, chunks, flags, faces, normals, bounds, turns, shifts, spins, pus
     for b in range(chunks[chunk], chunks[chunk + 1]):
         if flags[b] & FLUID == 0 or flags[b] & OWN == 0:
             continue
-        for f in range(faces):
+        for f in range(normals.shape[0]):
             behind = True
             for p in range(normals.shape[1]):
                 height = 0.0

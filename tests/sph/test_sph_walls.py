@@ -196,3 +196,16 @@ def test_planes_of_any_slope_carry_water_and_a_body_in_it_is_lifted_by_what_it_d
     assert left[1] + right[1] + body[1] == pytest.approx(-weight, rel=0.06)  # it sways about rest
     if kind != "repulsive":  # which acts at a distance: it lifts a body so small by 30 % less
         assert body[1] == pytest.approx(1000 * 9.81 * 0.2**2, rel=0.15)
+
+
+def test_tasks_stay_bound_while_mirrors_move():
+    """To bind them takes a hundred times as long as a step of few particles."""
+    gate = '{ solid = true; type = "mirror-no-slip"; motion = { velocity = [0.0, 1.0]; }; ' \
+           'shape = { box = { low = [0.4, 0.1]; high = [0.6, 0.3]; }; }; }'  # fmt: skip
+    sph = engine(fill=(1.0, 0.5), more=f"wall = ( {gate} );")
+    for _ in range(3):
+        sph.step()
+    before, bounds = dict(sph.tasks._graphs), sph.tasks.arrays["bounds"].copy()
+    for _ in range(3):
+        sph.step()
+    assert sph.tasks._graphs == before and np.abs(sph.tasks.arrays["bounds"] - bounds)[np.isfinite(bounds)].max() > 0
