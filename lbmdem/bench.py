@@ -256,6 +256,8 @@ def moving_rates(world: World, pool: Pool, d: int) -> dict[str, float]:
         rates |= {"lattice_sample_ns": 1e9 * each, "lattice_sample_us": 1e6 * (samples["one"] - nodes[0] * each)}
         kept = sum(scenes["conserving"].usual(part) - scenes["local"].usual(part) for part in ("links", "solid"))
         rates["conserving_ns"] = 1e9 * max(0.0, kept) / CONSERVING**3
+        cold = sum(scenes["local"].usual(part) - one.usual(part) for part in ("links", "grains", "solid"))
+        rates["cold_us"] = 1e6 * max(0.0, cold)
     for scene in scenes.values():
         scene.app.close()
     return rates

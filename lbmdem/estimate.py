@@ -47,6 +47,7 @@ DEFAULT = FILES | {
     "moving_grain_us 2D": 1.1,  # and of a grain: which nodes it covers now
     "moving_grain_us 3D": 5.3,
     "moving_us": 76.0,  # and a step
+    "cold_us": 275.0,  # more for it, grains and links, where a sweep has emptied the caches
     "conserving_ns": 2.4,  # per node, where the mass of covered nodes is put back
     "grains_us": 57.0,  # a step
     "substep_us": 0.13,
@@ -116,7 +117,8 @@ def phases(
         seconds["grains"] += n * config.substeps * rates["grain_ns"] / (1e9 if n <= FEW * threads else cores)
         if config.fluid and moved:
             each = grain_count(config) * rates[f"moving_grain_us {config.dimensions}D"]
-            seconds["moving solids"] = 1e-6 * (rates["moving_us"] + each)
+            cold = 0.0 if cached(config) else rates["cold_us"]
+            seconds["moving solids"] = 1e-6 * (rates["moving_us"] + cold + each)
             if config.coupling.refill == "conserving":
                 seconds["moving solids"] += math.prod(config.points) * rates["conserving_ns"] / cores
         seconds["exchanges"] = exchange_seconds(config, rates) if ranks > 1 else 0.0

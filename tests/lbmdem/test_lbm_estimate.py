@@ -59,3 +59,11 @@ def test_what_was_measured_takes_the_place_of_the_default():
     case = config(more=GRAIN.format(moving="true"))
     dearer = phases(case, 1, 1, DEFAULT | {"moving_us": DEFAULT["moving_us"] + 100.0}, 1)
     assert dearer["moving solids"] - phases(case, 1, 1, DEFAULT, 1)["moving solids"] == pytest.approx(1e-4)
+
+
+@pytest.mark.parametrize(("n", "cold"), [(32, False), (64, True)])
+def test_what_moves_finds_cold_caches_where_a_sweep_fills_them(n, cold):
+    case = config(n=n, more=GRAIN.format(moving="true"))
+    without = phases(case, 1, 1, DEFAULT | {"cold_us": 0.0}, 1)["moving solids"]
+    more = phases(case, 1, 1, DEFAULT, 1)["moving solids"] - without
+    assert more == pytest.approx(1e-6 * DEFAULT["cold_us"] if cold else 0.0)
