@@ -267,7 +267,8 @@ def extents(config: SphConfig, scene: Scene, ranks: int) -> Iterator[Derived]:
 def dry_gauges(config: SphConfig, scene: Scene) -> Iterator[Derived]:
     """Gauges where no fluid comes."""
     for i, gauge in enumerate(config.gauge):
-        beyond = [max(a - x, x - b, 0.0) for x, a, b in zip(gauge.at, scene.low, scene.high)]
+        ends = zip(gauge.at, scene.low, scene.high, scene.periodic)  # through a period any place is one in the domain
+        beyond = [0.0 if periodic else max(a - x, x - b, 0.0) for x, a, b, periodic in ends]
         if gauge.what != "elevation" and max(beyond, default=0.0) > 0.0:
             title, cure = f"{gauge.name} beyond the domain", "a place in the domain: here is nothing to show"
             yield Derived(title, "", max(beyond), "m", "0", "warn", "domain", cure, ("gauge", i, "at"))

@@ -175,3 +175,11 @@ def test_a_spacing_that_stretches_is_told_one_that_does_not(spacing):
         assert float(better) <= spacing
         assert numbers(numerics=f"spacing = {better};")["stretch of the spacing in fluid_1"].verdict == "ok"
     assert "  " not in str(told)
+
+
+@pytest.mark.parametrize("periodic, told", [('periodic = ["x"];', False), ("", True)])
+def test_a_gauge_beyond_the_domain_is_told_but_not_through_a_period(periodic, told):
+    gauge = 'gauge = ( { name = "far"; what = "flow"; axis = "x+"; at = [2.5, 0.2]; } );\n'
+    text = TANK.replace("high = [1.0, 1.0]; };", f"high = [1.0, 1.0]; {periodic} }};", 1) + gauge
+    found = {n.name for n in derived(validate(SphConfig, loads(text)))}
+    assert ("far beyond the domain" in found) is told
