@@ -147,7 +147,8 @@ def resolution(config: PlasmaConfig) -> Iterator[Derived]:
         wp = plasma_frequency(config, species)
         for axis, thermal in enumerate(thermal_velocities(config, species)):
             inverse_sq[axis] += (wp / thermal) ** 2 if thermal > 0 else 0.0
-    ratios = [1 / math.sqrt(k) / dx for k, dx in zip(inverse_sq, spacing(config)) if k > 0]
+    axes = zip(inverse_sq, spacing(config), config.grid.points)
+    ratios = [1 / math.sqrt(k) / dx for k, dx, n in axes if k > 0 and n > 1]  # one point has no field along its axis
     if not ratios:
         return
     ratio = min(ratios)

@@ -199,11 +199,16 @@ def _branches(species: Sequence[theory.Beam], waves: np.ndarray) -> tuple[list[f
 
 
 def _along_x(run: Run, name: str, step: int) -> np.ndarray:
-    """The x component, averaged over y, of a snapshot: values[x]."""
+    """The x component, averaged over y, of a snapshot: values[x]; of a box of one column the y component, values[y]."""
     values = run.field(name, step)
     if values.ndim > len(run.field_snapshots.points):
-        values = values[..., 0]
+        values = values[..., _axis(run.field_snapshots)]
     return values.mean(axis=tuple(range(values.ndim - 1))) if values.ndim > 1 else values
+
+
+def _axis(snapshots: Fields) -> int:
+    """0: x, 1: y, where that is the only one with several points."""
+    return len(snapshots.grid[0]) - len(snapshots.points)
 
 
 # --------------------------------------------------------------------------------------------- fields
@@ -245,7 +250,7 @@ def _fields_1d(run: Run, snapshots: Fields, number: int) -> Figure:
             axis.plot(x, _along_x(run, name, int(snapshots.steps[number])), color=colour)
             axis.set(ylabel=axis_label(name, snapshots.units[name]), xlim=(0, length))
         rows[0].set_title(f"Profiles at t = {snapshots.times[number]:.4g} s")
-        rows[-1].set_xlabel("x, m")
+        rows[-1].set_xlabel(f"{'xy'[_axis(snapshots)]}, m")
         for axis in rows[:-1]:
             axis.tick_params(labelbottom=False)
         return figure

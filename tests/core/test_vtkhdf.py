@@ -349,3 +349,14 @@ def test_particles_of_all_ranks_are_there_and_a_failing_rank_fails_all(
     for step in range(4, 7):
         writer.append(10 * step, 0.1 * step, handed(particles(step), world.rank, world.size))
     assert_particles(path, 7)
+
+
+FLAT = [((6, 1), (6, 1)), ((1, 6), (6,)), ((1, 1), (1,)), ((6,), (6,)), ((2, 1, 3), (2, 1, 3))]
+
+
+@pytest.mark.parametrize("points, grid", FLAT)
+def test_axes_of_one_point_are_left_out_of_arrays_and_known(tmp_path, points, grid):
+    write_fields(tmp_path / "fields.vtkhdf", points, range(1))
+    found = Fields(tmp_path / "fields.vtkhdf")
+    assert found.grid == (grid, domain(points).spacing[len(points) - len(grid) :])
+    assert found.points == tuple(n for n in points if n > 1) and len(found.spacing) == len(found.points)

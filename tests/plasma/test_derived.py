@@ -91,6 +91,13 @@ def test_the_debye_length_against_the_grid(thermal, verdict):
     assert number.value == pytest.approx(thermal) and number.verdict == verdict and number.forceable
 
 
+def test_an_axis_of_one_point_has_no_field_that_could_heat():
+    for points, ratio in (("[64, 1]", 1.0), ("[1, 16]", 0.5)):
+        found, _ = numbers([f"grid.points={points}"])
+        assert found["lambda_D/dx"].value == pytest.approx(ratio)
+    assert "lambda_D/dx" not in numbers(["grid.points=[1, 1]"])[0]
+
+
 def test_a_cold_start_has_no_debye_length():
     found, _ = numbers(["species[0].thermal_velocity=0"])
     assert "lambda_D/dx" not in found

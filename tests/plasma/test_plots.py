@@ -8,10 +8,13 @@ import re
 
 import numpy as np
 import pytest
+from click.testing import CliRunner
 from figure_texts import unreadable
 from plasma_reference import make_run
 
+from hpcpic.__main__ import load_app
 from hpcpic.core.cli.figures import NoData, overlay_figure, save, svg, thinned, timers_figure
+from hpcpic.core.cli.main import build
 from hpcpic.core.files import reader
 from hpcpic.core.files.arrays import FieldArray
 from hpcpic.core.files.config import load
@@ -270,3 +273,22 @@ def test_a_mode_that_does_not_swing_gets_no_frequency():
     t = np.linspace(0.0, 40.0, 800)
     assert predictions.compare_mode(t, 1.0 + 0.02 * np.sin(1.1 * t), law).words.startswith("not fitted")
     assert "frequency 1.0999" in predictions.compare_mode(t, np.abs(np.sin(1.1 * t)), law).words
+
+
+@pytest.mark.parametrize("points, head", [((4, 1), "x,y,E_x,E_y"), ((1, 4), "x,E_x,E_y"), ((1, 1), "x,E_x,E_y")])
+def test_a_box_of_one_row_or_column_has_fields_along_the_other_axis(tmp_path, points, head):
+    folder = make_run(shipped_cases()["two-stream-cold"], tmp_path / "a", ("simulation.cycles=1",))
+    (folder / "fields.vtkhdf").unlink(missing_ok=True)
+    domain = Domain((1.0, 1.0), points, (True, True), (0, points[0]))
+    e = np.zeros((*points, 2))
+    e[..., 0], e[..., 1] = 2.0, 3.0
+    FieldsWriter(Alone(), folder / "fields.vtkhdf").append(0, 0.0, domain, {"E": FieldArray(e, "V/m")})
+    run = open_run(folder)
+    done = CliRunner().invoke(build(load_app, "hpcpic", "plasma"), ["export", str(folder), "--to", "csv,openpmd"])
+    assert done.exit_code == 0, done.output
+    lines = (folder / "export/csv/fields-00000000.csv").read_text().splitlines()
+    assert lines[0] == head and len(lines) == 2 + math.prod(points)
+    if math.prod(points) > 1:
+        drawn = PLOTS["fields"].make(run, None).axes[-1]
+        assert drawn.get_xlabel() == ("y, m" if points[0] > 1 else "x, m")
+        assert set(drawn.lines[0].get_ydata()) == {3.0 if points[0] > 1 else 2.0}

@@ -88,14 +88,14 @@ def _write_field_csv(run: Run, step: int, path: Path) -> None:
     import numpy as np
 
     snapshots = run.field_snapshots
-    axes = [spacing * np.arange(n) for n, spacing in zip(snapshots.points, snapshots.spacing)]
+    axes = [spacing * np.arange(n) for n, spacing in zip(*snapshots.grid)]
     places = np.meshgrid(*axes, indexing="ij")
     names = "xyz"[: len(axes)][::-1]  # storage is slab axis first
     columns: dict[str, Any] = {name: place.ravel() for name, place in zip(names, places)}
     columns = dict(sorted(columns.items()))
     for name in snapshots.names:
-        values = run.field(name, step=step)
-        columns[name] = values.reshape(len(next(iter(columns.values()))), *values.shape[len(axes) :])
+        values = _values(run, name, step)
+        columns[name] = values.reshape(-1, *values.shape[len(axes) :])
     _write_columns(path, columns, snapshots.units | dict.fromkeys(names, "m"))
 
 
@@ -138,9 +138,15 @@ def _domain(run: Run) -> Any:
 
     if not run.rundir.fields.exists():
         return Domain((1.0,), (1,), (True,), (0, 1))
-    snapshots = run.field_snapshots
-    lengths = tuple(n * d for n, d in zip(snapshots.points, snapshots.spacing))
-    return Domain(lengths, snapshots.points, (True,) * len(lengths), (0, snapshots.points[0]))
+    points, spacing = run.field_snapshots.grid
+    lengths = tuple(n * d for n, d in zip(points, spacing))
+    return Domain(lengths, points, (True,) * len(lengths), (0, points[0]))
+
+
+def _values(run: Run, name: str, step: int) -> Any:
+    """A field on all axes of the grid, the components of a vector last."""
+    snapshots, values = run.field_snapshots, run.field(name, step=step)
+    return values.reshape(*snapshots.grid[0], *values.shape[len(snapshots.points) :])
 
 
 def _field_arrays(run: Run, step: int) -> dict[str, Any]:
@@ -149,7 +155,7 @@ def _field_arrays(run: Run, step: int) -> dict[str, Any]:
     if not run.rundir.fields.exists() or step not in run.field_snapshots.steps:
         return {}
     snapshots = run.field_snapshots
-    return {name: FieldArray(run.field(name, step=step), snapshots.units[name]) for name in snapshots.names}
+    return {name: FieldArray(_values(run, name, step), snapshots.units[name]) for name in snapshots.names}
 
 
 def _particle_arrays(run: Run, step: int) -> dict[str, Any]:

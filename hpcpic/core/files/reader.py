@@ -68,16 +68,20 @@ class Snapshots:
 
 
 class Fields(Snapshots):
-    """fields.vtkhdf. `spacing` in the order of the array axes, slab axis first."""
+    """fields.vtkhdf. `points` and `spacing` [m] in the order of the array axes, slab axis first, without axes of one
+    point; those of `grid` with them, up to the last axis that has several.
+    """
 
     def __init__(self, path: Path) -> None:
         super().__init__(path)
         with self._open() as file:
             extent = np.asarray(file.attribute(ROOT, "WholeExtent"))
-            self.points = tuple(int(n) for n in (extent[1::2] - extent[::2] + 1)[::-1] if n > 1)
-            spacing = np.asarray(file.attribute(ROOT, "Spacing"))[::-1]
-            used = (extent[1::2] > extent[::2])[::-1]
-            self.spacing = tuple(float(d) for d in spacing[used])
+            points = [int(n) for n in (extent[1::2] - extent[::2] + 1)[::-1]]
+            spacing = [float(d) for d in np.asarray(file.attribute(ROOT, "Spacing"))[::-1]]
+            first = next((k for k, n in enumerate(points) if n > 1), len(points) - 1)
+            self.grid = tuple(points[first:]), tuple(spacing[first:])
+            self.points = tuple(n for n in points if n > 1)
+            self.spacing = tuple(d for n, d in zip(points, spacing) if n > 1)
 
     def read(self, name: str, index: int) -> NDArray:
         """values[rows, ...] of a snapshot; axes with one point are left out."""
