@@ -288,6 +288,8 @@ class LbmDem:
                 return f"the density left {1 / DENSEST} .. {DENSEST} times that of rest"
         if self.dem and not np.isfinite(self.dem.grains.x).all():
             return "a grain is nowhere"
+        if self.dem and not all(np.isfinite(self.dem.grains.columns[name]).all() for name in ("heat", "work")):
+            return "the energy of a grain is no number"
         deepest, drift = self.diagnostics.deepest, self.diagnostics.drift
         if deepest > self.deepest_allowed:
             return f"grains overlap by {deepest:.1%} of a diameter (limit {self.deepest_allowed:.0%})"

@@ -120,3 +120,12 @@ def test_the_first_sample_after_a_restart_is_that_of_the_whole_run(tmp_path, wor
             found.append(app.scalars())
     assert found[0] == found[1]
     assert any(value for key, value in found[0].items() if key.startswith("force_"))
+
+
+@pytest.mark.parametrize("column", ["heat", "work"])
+def test_an_energy_of_a_grain_that_is_no_number_ends_the_run(world, column):
+    """Nothing that moves depends on it, so that nothing else would tell."""
+    with running(world, "lbmdem", DISCS) as app:
+        assert app.guard() is None
+        app.dem.grains.columns[column][1] = float("nan")
+        assert app.guard() == "the energy of a grain is no number"
