@@ -47,7 +47,7 @@ DEFAULT = FILES | {
     "field_ns 1D": 8.0,
     "sample_ns": 3.4,  # of the series, per particle
     "sample_cell_ns": 8.0,
-    "plasma_sample_us": 115.0,
+    "plasma_sample_us": 75.0,
     "plasma_launch_us": 43.0,  # Python and the launches of a step
     "plasma_exchange_us": 15.0,  # of ranks with each other: messages, or a word that all agree on
     "message_gb_s": 8.0,
