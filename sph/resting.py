@@ -1,4 +1,4 @@
-"""Where fluid rests before repulsive walls, so that it does not start nearer and is thrown off them."""
+"""Where fluid rests before repulsive walls: from nearer it would be thrown off them, from farther it would fall."""
 
 from typing import TYPE_CHECKING
 
@@ -18,9 +18,9 @@ def distance(strength: NDArray[np.float64]) -> NDArray[np.float64]:
     return np.where(strength < 1.0, 1.0 - 0.2 * np.sqrt(strength), 0.8 * np.maximum(strength, 1.0) ** -0.125)
 
 
-def away_from_walls(scene: "Scene", x: NDArray, drho: NDArray) -> NDArray[np.float64]:
-    """x[n, d] of the fluid at t = 0, moved off repulsive faces to where these push no more than the pressure beside
-    them: a layer of thickness dp and pressure p is held by p / (rho0 dp), and half of its own weight.
+def before_walls(scene: "Scene", x: NDArray, drho: NDArray) -> NDArray[np.float64]:
+    """x[n, d] of the fluid at t = 0: what repulsive faces reach is moved to where they push as much as the pressure
+    beside them. A layer of thickness dp and pressure p is held by p / (rho0 dp), and half of its own weight.
     """
     walls = [wall for wall in scene.walls if wall.type == "repulsive"]
     if not walls:
@@ -32,6 +32,7 @@ def away_from_walls(scene: "Scene", x: NDArray, drho: NDArray) -> NDArray[np.flo
             along = np.abs(face.normal) > 0.5
             before = np.all(along | ((x >= face.low) & (x <= face.high)), axis=1)
             off = product(x - face.point, face.normal)
-            short = rest - off - wall.recess[np.argmax(np.abs(face.normal))]
-            x = x + np.where(before & (off > 0.0), np.maximum(short, 0.0), 0.0)[:, None] * face.normal
+            y = off + wall.recess[np.argmax(np.abs(face.normal))]
+            reached = before & (off > 0.0) & (y < scene.h)
+            x = x + np.where(reached, rest - y, 0.0)[:, None] * face.normal
     return x

@@ -14,9 +14,9 @@ from numpy.typing import NDArray
 from hpcpic.core.space.rng import uniforms
 from sph import config as case
 from sph import flows, geometry, periods, resting, solids
+from sph.kernels.marks import WALL_BITS
 from sph.lattices import PART, Filled, Grid, Parts, Sheet, Shell, box_sheets, even, grid_of
 
-WALL_BITS = 50
 NEAR = 0.25  # of a spacing: fluid nearer to a solid is taken away
 REST = 0.9  # of h: distance at which a repulsive layer holds the fluid (S(y) of (SC 9) is 0.25 there)
 CHUNK = 1 << 18
@@ -281,7 +281,7 @@ class Scene:
             x = self.disordered(fluid, fluid.points(ids[own]), ids[own])
             found["x"][own], found["v"][own] = x, flows.velocity(self, fluid.section, x)
             found["drho"][own] = self.initial_density(fluid.section, x)
-            found["x"][own] = resting.away_from_walls(self, x, found["drho"][own])
+            found["x"][own] = resting.before_walls(self, x, found["drho"][own])
             found["m"][own] = fluid.mass
         return found
 

@@ -31,8 +31,11 @@ SCALE = 2  # points along an edge of a large plasma, to those of FULL
 EMPTY = {2: (512, 512), 1: (65536,)}  # and of the one with next to none
 TINY = {2: (16, 16), 1: (256,)}
 NEXT_TO_NONE = 16  # particles
-GAINS = {"plasma": "many", "memory": "large", "mesh": "empty"}  # whose steps tell what all cores gain
-STEPS, TINY_STEPS = 4, 40  # of a turn
+GAINS = {  # whose steps tell what all cores gain
+    2: {"plasma_core_gain 2D": "many", "memory_core_gain": "large", "mesh_core_gain": "empty"},
+    1: {"plasma_core_gain 1D": "many"},
+}
+STEPS, TINY_STEPS, SAMPLES = 4, 40, 3  # of a turn
 CASE = """
 simulation = {{ dimensions = {d}; solver = "MFT"; cycles = 1; time_step = 0.2; space_length = {lengths}; }};
 grid = {{ points = {points}; }};
@@ -57,7 +60,7 @@ class Trial:
         self.steps, self.fields, self.samples = list[float](), list[float](), list[float]()
 
     def turn(self) -> None:
-        """Some steps, of which the first has no field after a sample and does not count, and a sample."""
+        """Some steps, and samples. The first step has no field, the first sample finds cold caches: neither counts."""
         for k in range(self.turn_steps):
             self.timers.reset()
             begin = perf_counter()
@@ -66,9 +69,11 @@ class Trial:
                 self.steps.append(perf_counter() - begin)
                 self.fields.append(self.timers.totals().get("field", (0.0, 0))[0])
         self.plasma.solve()
-        begin = perf_counter()
-        self.plasma.scalars()
-        self.samples.append(perf_counter() - begin)
+        for k in range(SAMPLES):
+            begin = perf_counter()
+            self.plasma.scalars()
+            if k:
+                self.samples.append(perf_counter() - begin)
 
     @property
     def step(self) -> float:
@@ -133,9 +138,9 @@ def standard_rates(world: World, d: int, quick: bool) -> dict[str, float]:
     if d == 2:
         kinds["large"] = tuple(SCALE * points for points in FULL[2]), LARGE * SCALE**2 * n
     trials = {name: Trial(world, *kind) for name, kind in kinds.items()}
-    if (cores := len(world.cpus(1))) > 1 and d == 2:
-        together = {what: f"{name} together" for what, name in GAINS.items()}
-        trials |= {together[what]: Trial(world, *kinds[name], threads=cores) for what, name in GAINS.items()}
+    gains = GAINS[d] if (cores := len(world.cpus(1))) > 1 else {}
+    together = {what: f"{name} together" for what, name in gains.items()}
+    trials |= {together[what]: Trial(world, *kinds[name], threads=cores) for what, name in gains.items()}
     taken(trials, quick)
     tiny, empty, spread = (trials[name] for name in ("tiny", "empty", "spread"))
     particle, more = of_particle(trials, d), filled_tiles(tiles, tiles) - filled_tiles(NEXT_TO_NONE, tiles)
@@ -154,10 +159,7 @@ def standard_rates(world: World, d: int, quick: bool) -> dict[str, float]:
         }
         found = cache_mb() or DEFAULT["cache_mb"]
         rates |= {"cache_mb": found, "memory_ns": 1e9 * (particle + memory_wait(trials, particle, found))}
-        if cores > 1:
-            rates |= {f"{what}_core_gain": trials[name].step / trials[together[what]].step
-                      for what, name in GAINS.items()}  # fmt: skip
-    return rates
+    return rates | {what: trials[name].step / trials[together[what]].step for what, name in gains.items()}
 
 
 def more_of_large(trials: Mapping[str, Trial], what: str) -> float:

@@ -52,7 +52,8 @@ DEFAULT = FILES | {
     "plasma_exchange_us": 15.0,  # of ranks with each other: messages, or a word that all agree on
     "message_gb_s": 8.0,
     "cores": 2.0,
-    "plasma_core_gain": 1.65,  # of all cores of a node over one
+    "plasma_core_gain 2D": 1.65,  # of all cores of a node over one
+    "plasma_core_gain 1D": 1.5,
     "memory_core_gain": 1.3,  # and at particles that no cache holds
     "mesh_core_gain": 1.65,  # and at what cells and the field need
     "rank_mib": 220.0,  # Python and the libraries, kernels from the cache
@@ -101,7 +102,8 @@ def phases(config: PlasmaConfig, ranks: int, threads: int, rates: Mapping[str, f
     kernel = f"particle_ns {d}D {config.numerics.shape} {config.numerics.precision}"
     components = (d + velocity_components(config)) / (2 * d)  # of a particle, beside those of the standard kernel
     transforms = 0.5 * (2 + (d if config.numerics.gradient == "spectral" else 0))  # beside those of differences
-    cores, mesh = (1e9 * gain(ranks, threads, rates, rates[f"{what}_core_gain"]) for what in ("plasma", "mesh"))
+    gains = rates[f"plasma_core_gain {d}D"], rates["mesh_core_gain"]
+    cores, mesh = (1e9 * gain(ranks, threads, rates, of_node) for of_node in gains)
     tiles = math.prod(-(-n // EDGE[d]) for n in config.grid.points)
     filled = sum(filled_tiles(species.particles, tiles) for species in config.species)
     return {
@@ -124,7 +126,8 @@ def memory_seconds(config: PlasmaConfig, ranks: int, threads: int, rates: Mappin
     """Of a step, for particles that no cache holds: all of their time on these cores, less that of their work."""
     nodes = max(1.0, ranks * threads / rates["cores"])
     n = beyond_caches(particle_count(config), particle_bytes(config), nodes, rates)
-    memory, cores = (gain(ranks, threads, rates, rates[f"{what}_core_gain"]) for what in ("memory", "plasma"))
+    gains = rates["memory_core_gain"], rates["plasma_core_gain 2D"]
+    memory, cores = (gain(ranks, threads, rates, of_node) for of_node in gains)
     return 1e-9 * n * max(0.0, rates["memory_ns"] / memory - rates["particle_ns 2D CIC double"] / cores)
 
 
@@ -154,7 +157,8 @@ def exchange_seconds(config: PlasmaConfig, ranks: int, rates: Mapping[str, float
 def sample_seconds(config: PlasmaConfig, ranks: int, threads: int, rates: Mapping[str, float]) -> float:
     """Of one sample of the series beside the field, which the next step would have solved."""
     work = particle_count(config) * rates["sample_ns"] + math.prod(config.grid.points) * rates["sample_cell_ns"]
-    return 1e-9 * work / gain(ranks, threads, rates, rates["plasma_core_gain"]) + 1e-6 * rates["plasma_sample_us"]
+    cores = gain(ranks, threads, rates, rates[f"plasma_core_gain {config.dimensions}D"])
+    return 1e-9 * work / cores + 1e-6 * rates["plasma_sample_us"]
 
 
 def series_period(config: PlasmaConfig) -> int:

@@ -52,9 +52,9 @@ def test_the_field_is_solved_by_the_sample_in_every_step_and_else_by_the_step():
 
 def test_work_divides_and_launches_do_not():
     one, two, ranks = (estimate(config(), *shape, {}).phases for shape in ((1, 1), (1, 2), (2, 1)))
-    gains = {"particles": "plasma", "tiles": "plasma", "cells": "mesh", "field": "mesh"}
-    for name, what in gains.items():
-        assert two[name] == ranks[name] == pytest.approx(one[name] / DEFAULT[f"{what}_core_gain"])
+    for name, what in {"particles": "plasma", "tiles": "plasma", "cells": "mesh", "field": "mesh"}.items():
+        cores = DEFAULT["plasma_core_gain 2D" if what == "plasma" else "mesh_core_gain"]
+        assert two[name] == ranks[name] == pytest.approx(one[name] / cores)
     assert one["launches"] == two["launches"] == ranks["launches"]
     assert one["exchanges"] == two["exchanges"] == 0.0 < ranks["exchanges"]
 
@@ -68,7 +68,7 @@ def test_memory_is_waited_for_by_particles_beyond_the_caches():
 
 
 def test_together_cores_wait_for_one_memory():
-    rates = DEFAULT | {"memory_core_gain": 1.0, "plasma_core_gain": 2.0, "mesh_core_gain": 2.0}
+    rates = DEFAULT | {"memory_core_gain": 1.0, "plasma_core_gain 2D": 2.0, "mesh_core_gain": 2.0}
     one, two = (sum(phases(config(n=10**9), 1, threads, rates).values()) for threads in (1, 2))
     assert two == pytest.approx(one, rel=0.02)  # of 10^9 particles a few are in caches
     nodes = phases(config(n=10**9), 4000, 2, rates)
