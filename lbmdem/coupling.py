@@ -106,7 +106,7 @@ class Immersed:
         self._pending = Gains(self._fixed.ids[:0], _NONE)
         fluid.hooks.append(self._bounce)
         if self._stay.far is None and not self.refill.conserving:
-            fluid.carry(self._stay.of_planes, self._stay)  # until grains move
+            fluid.carry(self._stay.of_planes, self._stay, self._take)  # until grains move
 
     def _link(self, bodies: Bodies) -> FixedLinks:
         links = FixedLinks(self.window, self.fluid.layout, self.fluid.ids, bodies, self._rule)
@@ -175,13 +175,17 @@ class Immersed:
     def _bounce(self, fluid: Fluid, parity: int) -> None:
         """After the sweep: what comes back from the solids at the next step."""
         self._stay.run(self._pool, parity)
-        self._stayed = StayGains(self._stay, self._pool, parity, self._scale)
-        self._earlier, self._gains, self._gained = self._gains, [self._stayed], fluid.iteration + 1
+        self._take(fluid.iteration + 1)
         if self._moving is not None:
             self._gains += [Gains(self._table.ids, self._moving.run(self._pool, parity, self._scale)), self._pending]
             self._pending = Gains(self._table.ids[:0], self._pending.sums[:0])
         if self.refill.conserving:
             self._keep_mass()
+
+    def _take(self, iteration: int) -> None:
+        """The links that stay have kept what grains gain in the step to this iteration."""
+        self._stayed = StayGains(self._stay, self._pool, iteration % 2, self._scale)
+        self._earlier, self._gains, self._gained = self._gains, [self._stayed], iteration
 
     def _keep_mass(self) -> None:
         """Put back evenly what links and nodes have lost. Collective."""

@@ -75,7 +75,7 @@ def estimate(config: LbmDemConfig, ranks: int, threads: int, measured: Mapping[s
     depth, period = steps_per_pass(config, ranks, threads), config.periods["series"]
     single = phases(config, ranks, threads, rates, 1)
     whole = phases(config, ranks, threads, rates, depth) if depth > 1 else single
-    together = share_together(depth, period or config.n_steps, bool(config.grains or config.obstacle))
+    together = share_together(depth, period or config.n_steps)
     step = sum((whole if together >= 0.5 else single).values())
     mean = together * sum(whole.values()) + (1 - together) * sum(single.values())
     sampling = (config.n_steps // period + 1) * sample_seconds(config, ranks, threads, rates) if period else 0.0
@@ -153,11 +153,10 @@ def steps_per_pass(config: LbmDemConfig, ranks: int, threads: int) -> int:
     return max(1, depth)
 
 
-def share_together(depth: int, period: int, hooks: bool) -> float:
-    """The share of the steps between two looks that are done `depth` per pass; the last two with links are not."""
-    several = max(0, period - 2 if hooks else period)
-    last = several % depth
-    return 0.0 if depth == 1 else (several - (last if last == 1 else 0)) / period
+def share_together(depth: int, period: int) -> float:
+    """The share of the steps between two looks that are done several per pass, in passes of nearly the same."""
+    alone = period if depth == 1 else period % 2 if depth == 2 else int(period == 1)
+    return 1.0 - alone / period
 
 
 def population_bytes(config: LbmDemConfig) -> int:

@@ -66,6 +66,7 @@ class Fluid:
         self.hooks: list[Callable[[Fluid, int], None]] = []
         self._forced = force is not None
         self._links: After | None = None
+        self._take: Callable[[int], None] | None = None  # of steps whose links keep their momentum
         self._ruled: FixedLinks | None = None  # links that the sweep does
         self._quiet = False  # whether these links ask for nothing but what every sweep does
         self._open = False  # whether it has left them half done (kernels.sparse)
@@ -137,7 +138,7 @@ class Fluid:
         n_blocks = self._blocks or (BLOCKS * threads if threads > 1 else 1)
         flags = (0, OPENED) if self._tables else (0,)
         self._steps = [[self._passes.step(parity, n_blocks, flag) for flag in flags] for parity in range(2)]
-        self._waves: dict[tuple[int, int, bool], Graph] = {}
+        self._waves: dict[wavefront.Steps, Graph] = {}
         self._observers.clear()
         values = {name: layer.values for name, layer in self.layers.items()}
         self.layers = {name: Layer(self, name, face) for name, face in self.faces.items() if _acts(face)}
@@ -232,12 +233,18 @@ class Fluid:
                 self.pool.each(layer.tasks[1 - parity])
         self.iteration += 1
 
-    def carry(self, links: After | None, held: FixedLinks | None = None) -> None:
-        """What hooks do, as tasks links(parity of arrivals, planes from, to), so that waves can do it: fixed links.
+    def carry(
+        self,
+        links: After | None,
+        held: FixedLinks | None = None,
+        take: Callable[[int], None] | None = None,
+    ) -> None:
+        """What hooks do, as tasks links(parity of arrivals, planes from, to, keep), so that waves can: fixed links.
 
-        `held`: these links, which a sweep of the fluid nodes alone does by itself where it can. Collective.
+        `held`: these links, which a sweep of the fluid nodes alone does by itself where it can. take(iteration) is
+        called after a wave for each step in which links kept their momentum. Collective.
         """
-        self._links = links
+        self._links, self._take = links, take
         self._waves.clear()
         self._quiet = held is not None and not self.world.any(not held.quiet)
         if self._tables and held and not self.world.any(not held.simple):
@@ -263,43 +270,66 @@ class Fluid:
             self.pool.each(self._finishes[self.parity])
         self._open = False
 
-    def _after(self, parity: int, low: int, high: int) -> list[Bound]:
+    def _after(self, parity: int, low: int, high: int, keep: bool) -> list[Bound]:
         """Links and faces of some planes."""
-        first, last = self._inner_planes if self._ruled else (high, high)
-        parts = ((low, min(high, first)), (max(low, last), high)) if self._ruled else ((low, high),)
-        tasks = [task for a, b in parts if self._links and b > a for task in self._links(parity, a, b)]
+        inner, parts = self._inner_planes, ((low, high),)
+        if self._ruled and not keep:
+            parts = ((low, min(high, inner[0])), (max(low, inner[1]), high))
+        tasks = [task for a, b in parts if self._links and b > a for task in self._links(parity, a, b, keep)]
         return tasks + [bound for layer in self.layers.values() for bound in layer.of_planes(parity, low, high)]
 
     @property
     def depth(self) -> int:
         """Steps that are done per pass over memory."""
+        return self._depth(self._after_all)
+
+    def _depth(self, after: int) -> int:
         if self.hooks and not self._links:
             return 1
-        return wavefront.possible_depth(self.domain, self.layout, self.pool.threads, wavefront.lag(self._comes_after))
+        return wavefront.possible_depth(self.domain, self.layout, self.pool.threads, after)
 
     @property
-    def _comes_after(self) -> After | None:
-        """What has to be done between the sweeps of a wave."""
+    def _after_all(self) -> int:
+        """After how many sweeps of a wave something has to be done, but for forces."""
         by_themselves = self._links and not self._ruled and not self._quiet
-        return self._after if by_themselves or self.layers else None
+        return wavefront.DEPTH if by_themselves or self.layers else 0
 
     def leap(self, most: int) -> int:
         """One pass over memory: `depth` steps, or fewer if `most` is less. Returns the steps done, the same bits as
-        plain ones. Hooks are called in the last two of `most` steps at least."""
-        depth = min(self.depth, most - 2 if self.hooks else most)
+        plain ones. In the last two of `most` steps hooks are called, or the links that they carry keep momentum."""
+        depth, keep = self._next_pass(most)
         if depth < 2:
             self.step()
             return 1
-        opened, leave = self._open, LEAVE * (self._ruled is not None)
-        key = (self.parity, depth, opened)
-        if key not in self._waves:
+        steps = self._steps_of_pass(depth, keep)
+        if steps not in self._waves:
             with self.world.first_on_node():
-                flags = [leave | OPENED * bool(opened or (t and leave)) for t in range(depth)]
-                self._waves[key] = self._passes.wave(self.parity, depth, self._comes_after, flags)
-        self.pool.run(self._waves[key])
-        self._open = bool(leave)
+                self._waves[steps] = self._passes.wave(steps, self._after)
+        self.pool.run(self._waves[steps])
+        self._open = bool(steps.flags[-1] & LEAVE)
         self.iteration += depth
+        if keep and self._take:
+            for iteration in range(self.iteration - wavefront.KEPT + 1, self.iteration + 1):
+                self._take(iteration)
         return depth
+
+    def _next_pass(self, most: int) -> tuple[int, bool]:
+        """How many steps it has, and whether links keep momentum in it."""
+        depth = wavefront.even_depth(self.depth, most)
+        if not self.hooks or most - depth >= wavefront.KEPT:
+            return depth, False
+        deepest = self._depth(max(self._after_all, wavefront.KEPT))
+        if deepest < 2:  # forces only of plain steps
+            return wavefront.even_depth(self.depth, max(1, most - wavefront.KEPT)), False
+        depth = wavefront.even_depth(deepest, most)
+        return depth, most - depth < wavefront.KEPT
+
+    def _steps_of_pass(self, depth: int, keep: bool) -> wavefront.Steps:
+        after = max(self._after_all, wavefront.KEPT * keep)
+        steps = wavefront.Steps(self.parity, depth, min(after, depth), keep, ())
+        leave = [LEAVE * (self._ruled is not None and not steps.keeps(t)) for t in range(depth)]
+        opened = [self._open, *leave]
+        return steps._replace(flags=tuple(OPENED * bool(was) | now for was, now in zip(opened, leave)))
 
     def advance(self, n: int) -> None:
         """n steps, several per pass over memory where possible."""

@@ -214,11 +214,12 @@ class FixedLinks:
         self._sums = np.zeros((len(shares), len(self.bodies), GAINS), np.int64)
         self._scale = np.ones(GAINS)
         wall = self.wall if self.far is None else np.zeros(self.count)
+        self._kept = np.zeros((2, self.count, 2))
         self._tasks: list[list[list[Bound]]] = []
         for parity in range(2):
             links = (f, self.offsets[parity], self.start, *self.nodes[parity], self.weights, wall)
             body = (self.way, self.body, self.arm, self.speed)
-            kept, far, bounced, summed = np.zeros((self.count, 2)), [], [], []
+            kept, far, bounced, summed = self._kept[parity], [], [], []
             for sums, share in zip(self._sums, shares):
                 if self.far is not None:
                     there = (self.far[parity], self.far_weights, self.wall)
@@ -227,13 +228,14 @@ class FixedLinks:
                 summed.append(bind(kernels.momentum, kept, self.start, *body, *share, sums, self._scale))
             self._tasks.append([far, bounced, summed])
 
-    def of_planes(self, parity: int, low: int, high: int) -> list[Bound]:
-        """The task that bounces back at own planes from, to, without sums; not for the quadratic rule."""
+    def of_planes(self, parity: int, low: int, high: int, keep: bool) -> list[Bound]:
+        """The task that bounces back at own planes from, to; not for the quadratic rule. keep: for `gains`."""
         first, last = int(self.planes[low]), int(self.planes[high])
-        if self.quiet:
+        if last == first or (self.quiet and not keep):
             return []
         links = (self.offsets[parity], self.start, *self.nodes[parity], self.weights, self.wall)
-        return [bind(kernels.fixed_links, self._f, *links, first, last, np.zeros((0, 2)))] if last > first else []
+        kept = self._kept[parity] if keep else np.zeros((0, 2))
+        return [bind(kernels.fixed_links, self._f, *links, first, last, kept)]
 
     def hand_over(self, tables: Tables, low: int, high: int) -> None:
         """Let the sweep apply the rule in own planes from, to; `simple` ones."""
@@ -262,7 +264,7 @@ class FixedLinks:
                 pool.each(tasks)
 
     def gains(self, pool: Pool, parity: int, scale: NDArray[np.float64]) -> NDArray[np.int64]:
-        """Of the last `run` at this parity: force, torque, mass that the fluid gains, [bodies, 7] of 1 / scale[7]."""
+        """Of links last kept at this parity: force, torque, mass that the fluid gains, [bodies, 7] of 1 / scale[7]."""
         self._scale[:] = scale
         self._sums[...] = 0
         summed = self._tasks[parity][2]

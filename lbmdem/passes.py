@@ -11,13 +11,11 @@ from lbmdem import wavefront
 from lbmdem.exchange import Exchange
 from lbmdem.kernels.layout import Layout
 from lbmdem.sparse import SparseExchange, SparseLayout
-from lbmdem.wavefront import Span
+from lbmdem.wavefront import Span, Steps
 
 Sweep = Callable[[NDArray[np.int64]], Bound]
-After = Callable[[int, int, int], list[Bound]]
-"""Tasks on the arrivals at a parity of planes from, to: links and faces."""
-Flags = list[int]
-"""What the sweep is told besides the parity at each step of a pass (kernels.sparse)."""
+After = Callable[[int, int, int, bool], list[Bound]]
+"""Tasks on the arrivals at a parity of planes from, to: links and faces; do links keep what went out and came back?"""
 ENDS = [("end", 0), ("end", 1)]
 
 
@@ -60,8 +58,8 @@ class Passes:
         for bound in self._exchange.unpacks[parity]:
             graph.task(bound, inouts=ENDS, priority=1)
 
-    def wave(self, parity: int, depth: int, after: After | None, flags: Flags) -> Graph:
-        """`depth` steps: blocks, then the gaps between them, and step by step those around the ends of the slab."""
+    def wave(self, steps: Steps, after: After) -> Graph:
+        """Blocks, then the gaps between them, and step by step what is around the ends of the slab."""
         graph, layout = Graph(), self._layout
         if not layout.planes:
             return graph.freeze()
@@ -70,45 +68,33 @@ class Passes:
         pieces = wavefront.blocks(layout.planes, self._threads, wraps or below, wraps or above)
         for k, piece in enumerate(pieces):
             ends = [ENDS[0]] * (k == 0) + [ENDS[1]] * (k == len(pieces) - 1)
-            self._piece(graph, piece, parity, depth, after, flags, [], [("block", k), *ends])
+            self._piece(graph, piece, steps, after, [], [("block", k), *ends])
         for k, piece in enumerate(pieces):
             if k < len(pieces) - 1 or wraps:
                 blocks = [("block", k), ("block", (k + 1) % len(pieces))]
-                self._piece(graph, wavefront.gap(piece.high), parity, depth, after, flags, blocks, [("gap", k)])
+                self._piece(graph, wavefront.gap(piece.high), steps, after, blocks, [("gap", k)])
         if any(self._exchange.open):
-            for t in range(depth):
-                self._ends_of_step(graph, (parity + t) % 2, t, after, flags[t])
+            self._ends_of_wave(graph, steps, after)
         return graph.freeze()
 
-    def _ends_of_step(self, graph: Graph, parity: int, t: int, after: After | None, flags: int) -> None:
-        """Step t of a wave around the ends that other ranks share."""
+    def _ends_of_wave(self, graph: Graph, steps: Steps, after: After) -> None:
+        """What is around the ends that other ranks share."""
         planes, (below, above) = self._layout.planes, self._exchange.open
-
-        def ends(width: int) -> list[tuple[int, int]]:
-            return [(0, width)] * bool(below and width) + [(planes - width, planes)] * bool(above and width)
-
-        self._ends(graph, parity, ends(t * wavefront.lag(after)), flags)
-        if after:
-            for low, high in ends(2 * t + 1):
-                for bound in after(1 - parity, low, high):
+        for width, (t, swept) in enumerate(steps.operations):
+            ends = [(0, width)] * bool(below and width) + [(planes - width, planes)] * bool(above and width)
+            if swept:
+                self._ends(graph, steps.parity_at(t), ends, steps.flags[t])
+                continue
+            for low, high in ends:
+                for bound in after(steps.parity_at(t + 1), low, high, steps.keeps(t)):
                     graph.task(bound, inouts=ENDS, priority=1)
 
-    def _piece(
-        self,
-        graph: Graph,
-        planes: Span,
-        parity: int,
-        depth: int,
-        after: After | None,
-        flags: Flags,
-        ins: list,
-        chain: list,
-    ) -> None:
+    def _piece(self, graph: Graph, planes: Span, steps: Steps, after: After, ins: list, chain: list) -> None:
         """The steps of a piece, one task after the other; one task in all when nothing comes between its sweeps."""
-        layout, lag = self._layout, wavefront.lag(after)
-        whole = after is not None or layout.whole_planes
-        width = layout.rows if whole else wavefront.row_width(layout, self._threads, depth)
-        rows = wavefront.row_tiles(layout.rows, self._periodic_rows, width, depth)
+        layout = self._layout
+        whole = steps.after or layout.whole_planes
+        width = layout.rows if whole else wavefront.row_width(layout, self._threads, steps.depth)
+        rows = wavefront.row_tiles(layout.rows, self._periodic_rows, width, steps.depth)
         waiting: list[tuple[int, ...]] = []
 
         def sweep() -> None:
@@ -118,14 +104,13 @@ class Passes:
                 waiting.clear()
 
         for row in rows:
-            for t, plane, swept in wavefront.order(planes, depth, lag):
+            for t, plane, swept in wavefront.order(planes, steps.operations):
                 z = plane % layout.planes
                 if swept:
                     parts = wavefront.wrapped(row.at(t), layout.rows)
-                    waiting += [((parity + t) % 2 | flags[t], z, z + 1, *part) for part in parts]
-                else:
-                    assert after is not None
-                    for bound in after((parity + t + 1) % 2, z, z + 1):
-                        sweep()
-                        graph.task(bound, ins=ins, inouts=chain)
+                    waiting += [(steps.parity_at(t) | steps.flags[t], z, z + 1, *part) for part in parts]
+                    continue
+                for bound in after(steps.parity_at(t + 1), z, z + 1, steps.keeps(t)):
+                    sweep()
+                    graph.task(bound, ins=ins, inouts=chain)
         sweep()

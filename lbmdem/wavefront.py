@@ -9,11 +9,11 @@ filled step by step with the messages of ordinary steps. Every node does what it
 the same.
 
 Links and faces come after a sweep: those of a plane when it and its neighbours are swept, and before these are swept
-again. A wave with them therefore lags two planes per step, and has whole planes.
+again. A wave with them therefore lags a plane more for each time that they come, and has whole planes.
 """
 
 from collections.abc import Iterator
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 from hpcpic.core.space.domain import Domain, block_ranges
 from lbmdem.kernels.layout import Layout
@@ -22,6 +22,7 @@ from lbmdem.sparse import SparseLayout
 DEPTH = 6  # steps per pass: more gain little
 CACHE = 12e6  # bytes of the last-level cache that the planes of all threads' waves may fill, in tiles of rows
 WHOLE = 28e6  # the same for waves of whole planes
+KEPT = 2  # steps, the last ones before a look, whose forces on solids can be asked for
 
 
 class Span(NamedTuple):
@@ -34,6 +35,28 @@ class Span(NamedTuple):
 
     def at(self, step: int) -> tuple[int, int]:
         return self.low + step * self.low_slope, self.high + step * self.high_slope
+
+
+class Steps(NamedTuple):
+    """Of a pass from a parity: links or faces come after the last `after` sweeps, and when it is to keep, links keep
+    what their forces follow from in the last steps. flags: what each sweep is told besides the parity (kernels.sparse).
+    """
+
+    parity: int
+    depth: int
+    after: int
+    keep: bool
+    flags: tuple[int, ...]
+
+    @property
+    def operations(self) -> list[tuple[int, bool]]:
+        return operations(self.depth, self.after)
+
+    def parity_at(self, step: int) -> int:
+        return (self.parity + step) % 2
+
+    def keeps(self, step: int) -> bool:
+        return self.keep and step >= self.depth - KEPT
 
 
 def blocks(planes: int, parts: int, open_low: bool, open_high: bool) -> list[Span]:
@@ -50,20 +73,21 @@ def gap(end: int) -> Span:
     return Span(end, end, -1, 1)
 
 
-def lag(after: Any) -> int:
-    """Planes by which a step follows the one before it."""
-    return 1 if after is None else 2
+def operations(depth: int, after: int) -> list[tuple[int, bool]]:
+    """(step, swept?) of what is done at a plane one after the other, where something comes after the last `after`
+    sweeps. Each follows a plane behind the one before it."""
+    return [(t, swept) for t in range(depth) for swept in (True, False) if swept or t >= depth - after]
 
 
-def order(planes: Span, depth: int, lag: int) -> Iterator[tuple[int, int, bool]]:
-    """(step, plane, swept?) of a piece in the order of a wave; with a lag of two, also what comes after the sweeps."""
-    ranges = [planes.at(k) for k in range(lag * depth)]
+def order(planes: Span, operations: list[tuple[int, bool]]) -> Iterator[tuple[int, int, bool]]:
+    """(step, plane, swept?) of a piece in the order of a wave."""
+    ranges = [planes.at(k) for k in range(len(operations))]
     first = min(low + k for k, (low, _) in enumerate(ranges))
     last = max(high + k for k, (_, high) in enumerate(ranges))
     for wave in range(first, last):
         for k, (low, high) in enumerate(ranges):
             if low <= wave - k < high:
-                yield k // lag, wave - k, k % lag == 0
+                yield operations[k][0], wave - k, operations[k][1]
 
 
 def row_width(layout: Layout, threads: int, depth: int) -> int:
@@ -95,11 +119,16 @@ def wrapped(rows: tuple[int, int], n: int) -> list[tuple[int, int]]:
     return [(low, n), (0, high - n)] if low < n else [(low - n, high - n)]
 
 
-def possible_depth(domain: Domain, layout: Layout | SparseLayout, threads: int, lag: int) -> int:
+def even_depth(depth: int, most: int) -> int:
+    """Steps of the next pass where `most` are to be done in passes of nearly the same, and at most so many."""
+    return -(-most // -(-most // depth))
+
+
+def possible_depth(domain: Domain, layout: Layout | SparseLayout, threads: int, after: int) -> int:
     """Steps per pass for which blocks and their gaps fit every slab, and planes the caches; 1: no wave. Same on all
     ranks."""
     thinnest = min(b - a for a, b in zip(domain.cuts, domain.cuts[1:]) if b > a) // threads
-    depth = min(DEPTH, thinnest // (2 * lag))
-    if (lag > 1 or layout.whole_planes) and layout.plane_bytes:
-        depth = min(depth, int((WHOLE / (layout.plane_bytes * threads) - 1) // lag))
-    return max(1, depth)
+    most = thinnest // 2
+    if (after or layout.whole_planes) and layout.plane_bytes:
+        most = min(most, int(WHOLE / (layout.plane_bytes * threads) - 1))
+    return max((depth for depth in range(2, DEPTH + 1) if len(operations(depth, after)) <= most), default=1)

@@ -12,6 +12,7 @@ from lbmdem.estimate import DEFAULT, estimate, phases, share_together
 from lbmdem.kernels.sweep import MIXED, SKIP
 from lbmdem.plan import link_count
 from lbmdem.vectors import lanes_of_all, shares
+from lbmdem.wavefront import even_depth
 
 FIRST_ORDER = 0.1  # of all vectors: expected of spheres that fill 0.6 of a sample is to first order only, off by 0.07
 BOX = """
@@ -67,10 +68,12 @@ def test_memory_of_the_end_is_counted_once_and_shared_by_the_ranks():
     assert one == 64 * 100 * 9 * 8 and four == one / 4
 
 
-@pytest.mark.parametrize(("depth", "period", "share"), [(1, 100, 0.0), (6, 6, 1.0), (6, 15, 1.0), (6, 7, 6 / 7)])
-def test_the_share_of_steps_that_are_done_together(depth, period, share):
-    assert share_together(depth, period, False) == pytest.approx(share)
-
-
-def test_the_last_two_steps_before_a_look_at_links_are_alone():
-    assert share_together(6, 8, True) == pytest.approx(6 / 8) and share_together(6, 3, True) == 0.0
+@pytest.mark.parametrize("depth", range(1, 7))
+@pytest.mark.parametrize("period", [1, 2, 3, 7, 13, 100])
+def test_the_share_of_steps_that_are_done_together(depth, period):
+    left, alone = period, 0
+    while left:
+        steps = even_depth(depth, left)
+        assert steps <= depth
+        left, alone = left - steps, alone + (steps == 1)
+    assert share_together(depth, period) == pytest.approx(1.0 - alone / period)
