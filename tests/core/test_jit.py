@@ -61,6 +61,9 @@ def test_unsafe_cache_is_refused_with_one_warning(cache, tmp_path, level, fault)
         victim.chmod(0o770 if fault == "group" else 0o702)
     with pytest.warns(RuntimeWarning, match="not kept") as caught:
         fresh = cache()
+        others = [cache(program) for program in ("sph", "lbmdem")]
+    if level == "user":  # one folder and one reason for the code of all programs
+        assert others == [fresh, fresh]
     assert len(caught) == 1
     assert not fresh.is_relative_to(tmp_path / "root")
     assert stat.S_IMODE(fresh.stat().st_mode) == 0o700
@@ -163,3 +166,9 @@ def test_what_is_compiled_is_counted_and_what_is_there_is_not():
     double = numba.njit(lambda x: 2 * x)
     assert (double(1), double(2)) == (2, 4)
     assert jit.compilations.n == before + 1
+
+
+def test_a_rate_that_cannot_be_was_not_measured(cache):
+    cache()
+    keep_rates({"update": 1.0, "triad": -2.0, "memory_ns": float("nan"), "message_gb_s": float("inf")})
+    assert read_rates() == {"update": 1.0}

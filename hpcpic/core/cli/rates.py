@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import math
 import platform
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
@@ -18,11 +19,13 @@ def rates_file() -> Path:
 
 
 def read_rates() -> dict[str, float]:
-    """name -> rate measured on this host; {} when `bench` has not run here."""
+    """name -> rate measured on this host; {} when `bench` has not run here. A rate that is no finite number of 0 or more
+    was not measured.
+    """
     try:
         content = json.loads(rates_file().read_bytes())
-        rates = content[platform.node()]
-        return {str(name): float(value) for name, value in rates.items()}
+        rates = {str(name): float(value) for name, value in content[platform.node()].items()}
+        return {name: rate for name, rate in rates.items() if 0 <= rate < math.inf}
     except (OSError, ValueError, KeyError, TypeError, AttributeError):
         return {}
 

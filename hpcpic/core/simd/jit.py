@@ -110,15 +110,16 @@ def cache_directory(program: str = "") -> Path:
         folder = mine / _fingerprint(program)
         _make_private(folder)
     except OSError as error:
-        folder = _temporary()
-        warnings.warn(f"compiled code is not kept: {error}; using {folder}", RuntimeWarning, stacklevel=2)
+        folder = _temporary(str(error))
     return folder
 
 
 @functools.cache
-def _temporary() -> Path:
+def _temporary(why: str) -> Path:
+    """A folder that is removed at the end of this process; told once for each reason."""
     folder = Path(tempfile.mkdtemp(prefix="hpcpic-"))
     atexit.register(shutil.rmtree, folder, ignore_errors=True)
+    warnings.warn(f"compiled code is not kept: {why}; using {folder}", RuntimeWarning, stacklevel=3)
     return folder
 
 
