@@ -7,6 +7,8 @@ from collections.abc import Iterator
 from hpcpic.core.files.derived import Derived
 from sph import geometry, limits
 from sph.config import SphConfig, motion_speed
+from sph.images import most_images
+from sph.kernels.marks import CODES
 from sph.scene import DOMAIN, Scene
 
 SMALL = 6  # spacings across a repulsive body, below which the force on it is off by more than a tenth
@@ -28,6 +30,7 @@ def derived(config: SphConfig, ranks: int = 1) -> list[Derived]:
         *small_bodies(config),
         *filling(config, scene),
         *extents(config, scene, ranks),
+        *images(scene),
         *dry_gauges(config, scene),
     ]
 
@@ -262,6 +265,13 @@ def extents(config: SphConfig, scene: Scene, ranks: int) -> Iterator[Derived]:
     cells = (scene.high[scene.axes[0]] - scene.low[scene.axes[0]]) / scene.support
     yield Derived("layers of cells per rank", "", cells / ranks, "", ">= 1", "ok" if cells >= ranks else "warn",
                   "slabs end at one layer", "" if cells >= ranks else "some ranks stay empty")  # fmt: skip
+
+
+def images(scene: Scene) -> Iterator[Derived]:
+    """Walls that mirror, whose corners mirror the images in each other."""
+    if (n := most_images(scene)) > CODES:
+        cure = 'planes instead of boxes that mirror, or "pressure-continuity"'
+        yield Derived("images of a particle", "", n, "", f"<= {CODES}", "fail", "one in each corner", cure, ("wall",))
 
 
 def dry_gauges(config: SphConfig, scene: Scene) -> Iterator[Derived]:

@@ -4,6 +4,9 @@ Image k of a body is at turn x + shift with the velocity spin v + push. Position
 the domain, axes in storage order.
 """
 
+import itertools
+import math
+from collections import Counter
 from functools import cached_property
 from typing import TYPE_CHECKING
 
@@ -12,12 +15,12 @@ from numpy.typing import NDArray
 
 from hpcpic.core.errors import ConfigError
 from hpcpic.core.space.products import product
+from sph.kernels.marks import CODES
 
 if TYPE_CHECKING:
     from sph.scene import Scene
     from sph.walls import Walls
 
-CODES = 64  # an image is told from its owner by key = id CODES + k
 FAR = 1e299  # a face as far as this has no edge
 Plane = tuple[NDArray[np.float64], float]
 
@@ -133,6 +136,20 @@ def periodic_maps(lengths: NDArray, periodic: NDArray, reach: float) -> Maps:
     return maps
 
 
+def most_images(scene: "Scene") -> int:
+    """Maps of a scene: of each group of parallel faces one or none, of each period to either side or none."""
+    faces = [face for wall in scene.walls for face in wall.faces]
+    layers = [wall.lattice.parts for wall in scene.walls if wall.type == "point-symmetric-free-slip"]
+    groups = Counter(_direction(face.normal) for face in itertools.chain(faces, *layers))
+    return 3 ** int(scene.periodic.sum()) * math.prod(1 + n for n in groups.values())
+
+
+def _direction(normal: NDArray) -> tuple[float, ...]:
+    """The same for parallel faces, to whichever side they look."""
+    rounded = np.round(normal, 9)
+    return tuple(rounded * np.sign(rounded[np.flatnonzero(rounded)[0]]))
+
+
 def single_mirrors(groups: list[Maps]) -> dict[str, NDArray]:
     """The faces of groups of mirrors as kernels.motion.swap takes them. Behind: deeper than the face, not farther than
     its images reach.
@@ -165,8 +182,7 @@ def mirrors(scene: "Scene", walls: "Walls", axes: list[int], reach: float) -> li
         beyond = 0.0 if wall.section.solid else reach  # the corners of a tank belong to both of its faces
         for point, normal, near, edges, layer in _faces(wall, reach, moved, axes):
             planes = near + [(plane, offset + beyond * np.sqrt(plane @ plane)) for plane, offset in edges]
-            key = tuple(np.round(np.abs(normal), 9))
-            group = groups.setdefault(key, Maps(d))
+            group = groups.setdefault(_direction(normal), Maps(d))
             away = np.outer(normal, normal)
             turn, shift = np.eye(d) - 2 * away, 2 * (point @ normal) * normal
             if layer is None:

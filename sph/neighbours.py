@@ -7,8 +7,9 @@ from numpy.typing import NDArray
 
 from hpcpic.core.errors import Diverged
 from hpcpic.core.tasks import TaskError
+from sph.kernels.marks import BODY, OWN
 from sph.kernels.specialise import specialise
-from sph.particles import BODY, OWN, PADS, Bodies, Tasks, even
+from sph.particles import PADS, Bodies, Tasks, even
 
 FINE = 8
 MOST_FINE = 2**28  # fine cells of a rank: a table of 1 GB

@@ -20,15 +20,11 @@ from hpcpic.core.errors import ConfigError
 from hpcpic.core.space.domain import Domain
 from hpcpic.core.space.fields import aligned_zeros
 from hpcpic.core.tasks import Graph, Pool, bind
-from sph.images import CODES, Maps
+from sph.images import Maps
 from sph.kernels import readings
-from sph.scene import WALL_BITS
+from sph.kernels.marks import BODY, CODES, FLOWS, FLUID, OWN, REAL, WALL_BITS
 from sph.workspace import Workspace
 
-# Flags of a slot; 0: nobody is there. REAL: its sums are used (images only give). FLOWS: density flows in and out, of
-# fluid and its images, but not in mirrors. 16 is that of kernels.runs. From bit NORMAL on: which normal, of repulsive
-# walls.
-FLUID, REAL, REPULSIVE, FLOWS, BODY, OWN = 1, 2, 4, 8, 32, 64
 LINE = 16  # slots that only one part of a task writes
 PADS = 2  # layers and rows outside the domain, for walls and images
 MOST = 2**31 - 2**20  # bodies of a rank: their slots are int32

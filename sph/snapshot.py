@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hpcpic.core.files.arrays import ParticleArray
-from sph.images import CODES
+from sph.kernels.marks import CODES
 
 if TYPE_CHECKING:
     from sph.step import Sph

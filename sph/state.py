@@ -8,9 +8,7 @@ from numpy.typing import NDArray
 from hpcpic.core.comm.sharding import by_id
 from hpcpic.core.files.arrays import Shard
 from hpcpic.core.space.domain import block_ranges
-from sph.images import CODES
-from sph.kernels.pairs import NORMAL
-from sph.particles import FLOWS, FLUID, REAL
+from sph.kernels.marks import CODES, FLOWS, FLUID, NORMAL, REAL
 from sph.walls import add_walls
 
 if TYPE_CHECKING:
@@ -23,6 +21,8 @@ def state(sph: "Sph") -> dict[str, Shard]:
     d, world = sph.scene.dimensions, sph.world
     result = _sharded(sph, _own(sph, fluid=True), sph.scene.n_fluid, {"x": (d,), "v": (d,), "drho": ()}, "")
     whole = {"reach": np.array([sph.reach])} if sph.farthest_reach else {}  # which neighbours are looked at
+    if _have_periods(sph):
+        whole["gauges/since"] = np.array([sph.gauges.since])
     if sph.scene.walls:
         whole |= {"walls/made": sph.walls.boxes(), "walls/impulse": sph.impulses}
     for name, rows in whole.items():
@@ -35,6 +35,11 @@ def state(sph: "Sph") -> dict[str, Shard]:
     own["number"], own["id"] = own["id"], np.searchsorted(ids, own["id"])
     shapes = {"x": (d,), "drho": (), "number": ()} | ({"normal": (d,)} if sph.law.repulsive else {})
     return result | _sharded(sph, own, len(ids), shapes, "walls/")
+
+
+def _have_periods(sph: "Sph") -> bool:
+    """Whether it matters up to when gauges have been read: a run may stop between two samples."""
+    return any(gauge.period for gauge in sph.scene.config.gauge)
 
 
 def _own(sph: "Sph", fluid: bool) -> dict[str, NDArray]:
@@ -70,6 +75,8 @@ def restore(sph: "Sph", reader: "Reader") -> None:
     sph.iteration, sph.time = reader.step, reader.time
     if sph.farthest_reach:
         sph.reach = float(reader.read("reach")[0])
+    if _have_periods(sph):
+        sph.gauges.since = float(reader.read("gauges/since")[0])
     bodies.clear()
     low, high = block_ranges(sph.scene.n_fluid, world.size)[world.rank]
     ids = np.arange(low, high)

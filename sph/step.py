@@ -19,10 +19,11 @@ from sph.estimate import estimate
 from sph.gauges import Gauges
 from sph.images import Maps, mirrors, periodic_maps, single_mirrors
 from sph.integrators import INTEGRATORS, STAGED, symplectic
+from sph.kernels.marks import FLOWS, FLUID, REAL
 from sph.kernels.specialise import specialise
 from sph.laws import law_of, unused
 from sph.neighbours import Cells, Grid
-from sph.particles import FLOWS, FLUID, REAL, Bodies, Slabs, Tasks
+from sph.particles import Bodies, Slabs, Tasks
 from sph.scene import Scene
 from sph.sums import PairSums
 from sph.timestep import TimeStep
@@ -140,7 +141,6 @@ class Sph:
         """Take up a state whose particles have just been appended anywhere."""
         if not (np.isfinite(self.bodies.x[:, : self.bodies.end]).all() and np.isfinite(self.reach)):
             raise Diverged("a position, or how far neighbours are known, is not a finite number")
-        self.gauges.since = self.time
         self._forces_at = -1
         self.migrate()
         self.balance()

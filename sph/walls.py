@@ -9,9 +9,8 @@ from numpy.typing import NDArray
 from hpcpic.core.comm.world import World
 from hpcpic.core.errors import Diverged
 from hpcpic.core.space.exact import LIMBS, add_limbs, power_of_two_above, value
-from sph.kernels.pairs import NORMAL
-from sph.particles import REAL, REPULSIVE
-from sph.scene import AHEAD, WALL_BITS, behind
+from sph.kernels.marks import NORMAL, REAL, REPULSIVE, WALL_BITS
+from sph.scene import AHEAD, behind
 from sph.solids import signed_distance
 
 if TYPE_CHECKING:

@@ -1,12 +1,13 @@
 """Generated text of what stands around the pair sums: what changes in the columns of slots (see `packing`), and sums
 other than forces and rates to what later ones need.
 
-Bodies are in SI units: v[d, n], drho[n] (density less the reference), flags[n] (see sph.particles). Columns, and the
-units of gradient[d, n], see `pairs`.
+Bodies are in SI units: v[d, n], drho[n] (density less the reference), flags[n] (see sph.kernels.marks). Columns, and
+the units of gradient[d, n], see `pairs`.
 """
 
+from sph.kernels.marks import REPULSIVE
 from sph.kernels.packing import SCALES
-from sph.kernels.pairs import REPULSIVE, Law, columns_of
+from sph.kernels.pairs import Law, columns_of
 
 ALL_AROUND = {2: 1.5, 3: 2.4}  # of - sum V_j F r^2, d inside the fluid; less near a free surface (Lee et al. 2008)
 LEAST_DETERMINANT = 0.1  # of the sum that L inverts, 1 inside the fluid, about 0.25 at a flat free surface in 2D

@@ -3,7 +3,7 @@
 
 numbers = (time step, weights of the old state, of the present one and of the rates). factors = (of a sum of forces,
 over m: the acceleration without gravity and body force; of a sum of rates: d rho / dt). Wall bodies move as their walls
-do, only their density evolves here. flags see sph.particles.
+do, only their density evolves here. flags see sph.kernels.marks.
 """
 
 import numpy as np

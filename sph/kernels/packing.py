@@ -5,7 +5,8 @@ In single precision also the state in their units.
 
 import math
 
-from sph.kernels.pairs import NORMAL, REPULSIVE, UNIT, Law, columns_of
+from sph.kernels.marks import NORMAL, REPULSIVE
+from sph.kernels.pairs import UNIT, Law, columns_of
 
 SCALES = (
     "per_h", "per_c", "per_rho", "per_m", "background", "viscosity", "tensile", "of_gradient", "of_strain",

@@ -13,8 +13,6 @@ from dataclasses import dataclass, field
 from sph.kernels.functions import SMOOTHING
 
 UNIT = 2.0**-24  # of fixed-point positions, in h
-REPULSIVE = 4  # flag
-NORMAL = 8  # flags >> this: number of the normal of a repulsive particle
 AXES = "xyz"
 
 

@@ -4,12 +4,10 @@ import numpy as np
 
 from hpcpic.core.simd.jit import njit
 from hpcpic.core.simd.vector import Vec, bitmask, first_bit, lanes, load, maximum, select, splat, store
-from sph.kernels.motion import MINE, WALL_SHIFT
+from sph.kernels.marks import BODY, CODES, MINE, WALL_SHIFT
 
 N = lanes(np.float64)
 F, I = Vec(N, np.float64), Vec(N, np.int32)
-BODY = 32
-CODES = 64  # key % CODES: number of the image; key >> WALL_SHIFT: 1 + number of the wall, 0 for fluid
 
 
 @njit

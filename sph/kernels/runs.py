@@ -34,7 +34,7 @@ OWN_ROWS = 2 if DIM == 3 else 1  # of these in the layer of the body
 N, M = lanes(np.float64), lanes(np.float32)
 F, I, S = Vec(N, np.float64), Vec(N, np.int32), Vec(N, np.float32)
 WIDE, KINDS = Vec(M, np.float32), Vec(M, np.int32)
-PLAIN = 16  # flag (see sph.particles): has FLUID, REAL and FLOWS, and all in its runs that are near have FLOWS
+PLAIN = 16  # flag (see sph.kernels.marks): has FLUID, REAL and FLOWS, and all in its runs that are near have FLOWS
 CROWDED = 1
 MOST = 65535  # slots of a run
 

@@ -8,10 +8,9 @@ from hpcpic.core.files.schema import validate
 from hpcpic.core.tasks import Pool
 from hpcpic.core.timers import Timers
 from sph.config import SphConfig
-from sph.images import CODES
 from sph.kernels.functions import SMOOTHING
+from sph.kernels.marks import CODES, REPULSIVE
 from sph.limits import cleary_constant
-from sph.particles import REPULSIVE
 from sph.step import Sph
 
 TEXT = """

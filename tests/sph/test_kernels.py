@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from sph.kernels import readings
+from sph.kernels import cells, marks, motion, readings, runs, totals
 from sph.kernels.functions import SMOOTHING
 
 Q = np.linspace(0.0, 3.0, 300001)
@@ -57,3 +57,9 @@ def test_readings_find_what_all_bodies_show(n):
     assert readings.of_walls(n, flags, key, images, wanted, slots[:0], walls[:0]) == len(right)
     readings.of_walls(n, flags, key, images, wanted, slots, walls)
     assert slots.tolist() == right.tolist() and not walls.any()
+
+
+@pytest.mark.parametrize("template", [cells, motion, runs, totals])
+def test_templates_mean_the_same_flags_and_keys(template):
+    same = [name for name in vars(marks) if isinstance(getattr(template, name, None), int)]
+    assert same and all(getattr(template, name) == getattr(marks, name) for name in same)

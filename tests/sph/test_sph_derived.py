@@ -183,3 +183,19 @@ def test_a_gauge_beyond_the_domain_is_told_but_not_through_a_period(periodic, to
     text = TANK.replace("high = [1.0, 1.0]; };", f"high = [1.0, 1.0]; {periodic} }};", 1) + gauge
     found = {n.name for n in derived(validate(SphConfig, loads(text)))}
     assert ("far beyond the domain" in found) is told
+
+
+@pytest.mark.parametrize("shape, verdict", [
+    ("box = { low = [-0.1, 0.0, 0.0]; high = [0.0, 1.0, 1.0]; }; }; solid = true", "fail"),
+    ("plane = { point = [0.0, 0.0, 0.0]; normal = [1.0, 0.0, 0.0]; }; }", None),
+])  # fmt: skip
+def test_more_images_than_a_particle_can_have_are_told_before_the_run(shape, verdict):
+    """A tank without a lid and a piston in it: (1 + 3) (1 + 4) (1 + 3) images, or (1 + 2) (1 + 2) (1 + 1)."""
+    text = TANK.replace("[0.0, 0.0]", "[0.0, 0.0, 0.0]").replace("[1.0, 0.5]", "[1.0, 1.0, 0.5]")
+    text = text.replace("[1.0, 1.0];", "[1.0, 1.0, 1.0];").replace("dimensions = 2", "dimensions = 3")
+    text = text.replace("[0.0, -9.81]", "[0.0, 0.0, -9.81]").replace('"y+"', '"z+", "x-"')
+    kind = 'type = "point-symmetric-free-slip";'
+    text = text.replace('name = "tank";', f'name = "tank"; {kind}').rstrip().removesuffix(");")
+    text += f", {{ {kind} shape = {{ {shape}; }} );"
+    found = {n.name: n.verdict for n in derived(validate(SphConfig, loads(text)))}
+    assert found.get("images of a particle") == verdict

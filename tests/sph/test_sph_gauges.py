@@ -1,5 +1,7 @@
 """Gauges and scalars on fields that are known: what is linear or at rest is read as it is."""
 
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 from sph_scenes import engine, jitter, tank
@@ -75,6 +77,19 @@ def test_a_gauge_with_a_period_is_read_at_its_multiples_only():
     assert [sorted(gauges.values(t)) for t in times] == [["a", "b"], ["b"], ["a", "b"], ["b"], ["a", "b"], ["a", "b"]]
     later = Gauges(gauges.sph, since=0.21)
     assert sorted(later.values(0.25)) == ["b"]
+
+
+def test_what_was_due_between_the_last_sample_and_a_stop_is_read_after_the_restart():
+    """A run that is told to stop takes no sample more; what its next one would have read was lost."""
+    text = '{ name = "a"; what = "front"; axis = "y+"; period = 0.1; }, { name = "b"; what = "front"; period = 0.3; }'
+    run, again = Still(text), Still(text)
+    run.scalars()
+    run.time = 0.15  # here it stops
+    kept = {name: shard.local for name, shard in run.state().items()}
+    again.restore(SimpleNamespace(step=9, time=0.15, read=lambda name, *rows: kept[name][slice(*rows or (None,))]))
+    for sph in (run, again):
+        sph.time = 0.16
+        assert {"a", "b"} & sph.scalars().keys() == {"a"}
 
 
 def test_readings_and_scalars_do_not_depend_on_the_order_of_the_particles():

@@ -1,0 +1,18 @@
+"""Who is in a slot: flags, 0 where nobody is, and keys = number of the particle CODES + number of its image.
+
+Kernels that are templates (see `specialise`) repeat what they use: they stand by themselves.
+"""
+
+FLUID = 1
+REAL = 2  # its sums are used; images only give
+REPULSIVE = 4  # of a repulsive wall
+FLOWS = 8  # density flows in and out: of fluid and its images, but not in mirrors
+PLAIN = 16  # it meets nothing but fluid (kernels.runs)
+BODY = 32
+OWN = 64  # particles of this rank
+MINE = FLUID | OWN
+NORMAL = 8  # flags >> this: number of the normal of a repulsive particle
+
+CODES = 64
+WALL_BITS = 50  # number >> this: number of the wall + 1, 0 for fluid
+WALL_SHIFT = WALL_BITS + 6  # key >> this: the same
