@@ -19,13 +19,12 @@ def rates_file() -> Path:
 
 
 def read_rates() -> dict[str, float]:
-    """name -> rate measured on this host; {} when `bench` has not run here. A rate that is no finite number of 0 or more
-    was not measured.
+    """name -> rate measured on this host; {} when `bench` has not run here. What is no finite number of 0 or more was
+    not measured.
     """
     try:
-        content = json.loads(rates_file().read_bytes())
-        rates = {str(name): float(value) for name, value in content[platform.node()].items()}
-        return {name: rate for name, rate in rates.items() if 0 <= rate < math.inf}
+        rates = json.loads(rates_file().read_bytes())[platform.node()]
+        return {name: rate for name, rate in rates.items() if isinstance(rate, float | int) and 0 <= rate < math.inf}
     except (OSError, ValueError, KeyError, TypeError, AttributeError):
         return {}
 
