@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import subprocess
 import sys
+import tempfile
 import time
 from pathlib import Path
 from typing import Any
@@ -13,6 +14,28 @@ from app_runner import MPIRUN, ROOT, environment
 
 TOY = ROOT / "tests" / "core" / "toy_app.py"
 DIGESTS: dict[str, str] = {}
+
+
+class Server:
+    """The process of toy_server.py that all tests of this one share; it ends when its input does."""
+
+    process: subprocess.Popen[str] | None = None
+
+    @classmethod
+    def run(cls, words: list[str], folder: Path) -> subprocess.CompletedProcess[str]:
+        if cls.process is None:
+            command = [sys.executable, str(Path(__file__).with_name("toy_server.py"))]
+            cls.process = subprocess.Popen(
+                command, env=environment(), stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True
+            )
+        with tempfile.TemporaryDirectory() as made:
+            streams = [Path(made, name) for name in ("output", "errors")]
+            for path in streams:
+                path.touch()
+            request = {"words": words[2:], "folder": str(folder), "streams": list(map(str, streams))}
+            print(json.dumps(request), file=cls.process.stdin, flush=True)
+            code = int(cls.process.stdout.readline())
+            return subprocess.CompletedProcess(words, code, *(path.read_text() for path in streams))
 
 
 class Toy:
@@ -36,6 +59,8 @@ class Toy:
     ) -> subprocess.CompletedProcess[str]:
         """To the end, which must come within 30 s."""
         words = self.words(*arguments, ranks=ranks, **settings)
+        if ranks == 1 and env is None:
+            return Server.run(words, self.folder)
         return subprocess.run(
             words, cwd=self.folder, env=environment(**(env or {})), capture_output=True, text=True, timeout=30
         )
