@@ -301,12 +301,18 @@ def test_lines_are_written(n, m, dtype):
     np.testing.assert_array_equal(table.reshape(64, m), w.T)
 
 
-@pytest.mark.parametrize("m", [2, 4, 8])
+OF_LINES = [(2, "float64", "int64"), (4, "float64", "int64"), (8, "float64", "int64"), (8, "float32", "int32"),
+            (16, "float32", "int32"), (4, "int64", "int64"), (8, "int64", "int64")]  # fmt: skip
+
+
 @pytest.mark.parametrize(
-    "n, dtype, offsets",
-    [(2, "float64", "int64"), (4, "float64", "int64"), (8, "float64", "int64"), (8, "float32", "int32"),
-     (16, "float32", "int32"), (4, "int64", "int64"), (8, "int64", "int64")],
-)  # fmt: skip
+    "n, dtype, offsets, m",
+    [
+        pytest.param(*kind, m, marks=[] if m == (2, 4, 8)[k % 3] or kind[0] == 8 == m else pytest.mark.validation)
+        for k, kind in enumerate(OF_LINES)
+        for m in (2, 4, 8)
+    ],
+)
 def test_lines_are_gathered_and_added(n, m, dtype, offsets):
     module = line_kernels(n, m, dtype, offsets)
     rng = np.random.default_rng(6)

@@ -57,9 +57,16 @@ def same(one: list[np.ndarray], other: list[np.ndarray]) -> bool:
     return all(np.array_equal(a, b) for a, b in zip(one, other, strict=True))
 
 
-@pytest.mark.parametrize("threads", [1, 2])
-@pytest.mark.parametrize("storage", ["double", "single"])
-@pytest.mark.parametrize(("lattice", "faces"), [(D2Q9, None), (D3Q19, None), (D3Q19, THROUGH), (D3Q19, ACROSS)])
+SCENES = [(D2Q9, None), (D3Q19, None), (D3Q19, THROUGH), (D3Q19, ACROSS)]
+FEW = [(D2Q9, None, "single", 1), (D2Q9, None, "double", 2), (D3Q19, None, "double", 2), (D3Q19, THROUGH, "double", 1),
+       (D3Q19, ACROSS, "double", 2)]  # fmt: skip
+ALL = [
+    pytest.param(*one, marks=[] if one in FEW else pytest.mark.validation)  # the single D3Q19 takes 16 s to compile
+    for one in ((*scene, storage, n) for scene in SCENES for storage in ("double", "single") for n in (1, 2))
+]
+
+
+@pytest.mark.parametrize(("lattice", "faces", "storage", "threads"), ALL)
 def test_a_fluid_without_its_solid_nodes_has_the_same_bits(lattice, faces, storage, threads):
     plain, thin = (porous(lattice, stays, faces=faces, storage=storage, threads=threads) for stays in (False, True))
     assert thin.depth > 1
@@ -67,7 +74,7 @@ def test_a_fluid_without_its_solid_nodes_has_the_same_bits(lattice, faces, stora
     assert np.array_equal(plain.row_sums()[0], thin.row_sums()[0])
 
 
-@pytest.mark.parametrize("storage", ["double", "single"])
+@pytest.mark.parametrize("storage", ["double", pytest.param("single", marks=pytest.mark.validation)])
 @pytest.mark.parametrize("faces", [None, THROUGH, ACROSS], ids=["periodic", "through", "across"])
 @pytest.mark.parametrize("rule", ["cli", "halfway", "interpolated"])
 def test_links_in_the_sweep_have_the_bits_and_forces_of_those_after_it(rule, faces, storage):

@@ -45,9 +45,9 @@ def plasma_of(world, sets=(), threads=1):
     return plasma
 
 
-SINGLE = ["2D", "1D, any B"]
+FEW = [("2D", "single"), ("2D, any B", "double"), ("1D", "double")]
 BOTH = [
-    pytest.param(law, way, marks=[] if (law in SINGLE) == (way == "single") else pytest.mark.validation)
+    pytest.param(law, way, marks=[] if (law, way) in FEW else pytest.mark.validation)
     for law in LAWS
     for way in ("double", "single")
 ]  # by default those of the modules that test_push compiles
