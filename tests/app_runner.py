@@ -14,6 +14,7 @@ import subprocess
 import sys
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
+from itertools import product
 from pathlib import Path
 from typing import Any
 
@@ -81,14 +82,27 @@ def outcomes(folder: Path, ranks: int, jobs: Sequence[Mapping[str, Any]]) -> lis
     return json.loads(done.stdout.splitlines()[-1])
 
 
-def check_equal(folder: Path, jobs: Mapping[str, Mapping[str, Any]], cuts: Mapping[int, Sequence[Mapping]]) -> None:
-    """Every job gives the same digest and scalars on all cuts[ranks] = changes of the job (threads, sets)."""
+Launch = tuple[int, Sequence[Mapping[str, Any]], Mapping[str, Any] | None]
+
+
+def check_same(folder: Path, jobs: Mapping[str, Mapping[str, Any]], launches: Sequence[Launch]) -> None:
+    """Every job ends with the same digest and scalars in all launches.
+
+    A launch = (ranks, changes (threads, sets) of whole runs, change of the next part of a run that goes on from where
+    the launch before has left it, if any): all parts together are one more run.
+    """
     found: dict[str, dict[str, Any]] = {name: {} for name in jobs}
-    for ranks, changes in cuts.items():
-        asked = [(name, change) for name in jobs for change in changes]
-        made = outcomes(folder, ranks, [{**jobs[name], **changed(jobs[name], change)} for name, change in asked])
-        for (name, change), one in zip(asked, made, strict=True):
-            found[name][f"{ranks} ranks, {change}"] = one
+    parts, k = sum(part is not None for *_, part in launches), 0
+    for ranks, changes, part in launches:
+        every = product(jobs.items(), changes)
+        asked = [(name, f"{ranks} ranks, {one}", {**job, **changed(job, one)}) for (name, job), one in every]
+        if part is not None:
+            k += 1
+            asked += [(name, f"part {k}", part_of(folder, name, job, part, k, parts)) for name, job in jobs.items()]
+        made = outcomes(folder, ranks, [job for *_, job in asked])
+        for (name, cut, job), one in zip(asked, made, strict=True):
+            if job["steps"] == jobs[name]["steps"]:
+                found[name][cut] = one
     for name, made in found.items():
         first = next(iter(made.values()))
         assert {cut: one for cut, one in made.items() if one != first} == {}, name
@@ -100,18 +114,12 @@ def changed(job: Mapping[str, Any], change: Mapping[str, Any]) -> dict[str, Any]
     return {**change, "sets": [*job.get("sets", ()), *change.get("sets", ())]}
 
 
-def check_restarted(folder: Path, jobs: Mapping[str, Mapping[str, Any]], cuts: Sequence[tuple[int, Mapping]]) -> None:
-    """cuts = (ranks, change)s, one after the other, each from the checkpoint of the one before: as without."""
-    whole = outcomes(folder, 1, list(jobs.values()))
-    for k, (ranks, change) in enumerate(cuts, start=1):
-        asked = []
-        for number, job in enumerate(jobs.values()):
-            kept = folder / f"job-{number}"
-            kept.mkdir(exist_ok=True)
-            part = {**job, **changed(job, change), "steps": job["steps"] * k // len(cuts), "save": str(kept)}
-            asked.append(part | ({"resume": str(kept)} if k > 1 else {}))
-        made = outcomes(folder, ranks, asked)
-    assert made == whole
+def part_of(folder: Path, name: str, job: Mapping[str, Any], change: Mapping[str, Any], k: int, parts: int) -> dict:
+    """Part k of a job, with a checkpoint before and after it."""
+    kept = folder / name.replace(" ", "-")
+    kept.mkdir(exist_ok=True)
+    part = {**job, **changed(job, change), "steps": job["steps"] * k // parts, "save": str(kept)}
+    return part | ({"resume": str(kept)} if k > 1 else {})
 
 
 def main(path: str) -> int:

@@ -3,8 +3,10 @@
 Grains touch, cross the seam and the cuts between slabs, cover and uncover nodes.
 """
 
+from itertools import product
+
 import pytest
-from app_runner import check_equal, check_restarted, running
+from app_runner import check_same, running
 
 from hpcpic.core.files.rundir import RunDir
 from hpcpic.core.run import checkpoint
@@ -68,6 +70,7 @@ WALLED = """
 obstacle = ({ name = "bed"; shape = { plane = { point = [0.0, 0.0006]; normal = [0.0, 1.0]; }; }; });
 """
 NARROW = "domain.size=[0.002, 0.002, 0.0022]"  # little fluid is left: its solid nodes are not held
+FIXED = (NARROW, "fluid.body_force=[0.01, 0.0, 0.02]", "grains[0].moving=false", "boundary[0].pressure_rate=0.0")
 REFILLS = "average", "local", "non-equilibrium", "conserving"
 STEPS = 21
 
@@ -88,19 +91,27 @@ LAWS = {
     "bed seen at rest": job(BED),
     "narrow bed": job(BED, NARROW),
     "corner": job(CORNER),
-    "fixed bed": job(BED, NARROW, "grains[0].moving=false", "boundary[0].pressure_rate=0.0", "output.stress_slices=0"),
+    "fixed bed": job(BED, *FIXED, "output.stress_slices=0"),
 }
 
 
-def test_ranks_threads_and_blocks(tmp_path):
-    blocks = [{"sets": [f"simulation.blocks={n}"]} for n in (1, 3)]
-    cuts = {1: [*blocks, {"threads": 2}], 2: [blocks[1], {"threads": 2}], 3: [blocks[0]]}
-    check_equal(tmp_path, LAWS, cuts)
+def cut(threads, blocks):
+    return {"threads": threads, "sets": [f"simulation.blocks={blocks}"]}
 
 
-def test_restart_on_other_ranks(tmp_path):
+@pytest.mark.timeout(300)  # it may have to compile a minute's worth of kernels
+def test_ranks_threads_blocks_and_restarts(tmp_path):
     """Restarts after an odd and an even number of steps: the places of the populations differ."""
-    check_restarted(tmp_path, LAWS, [(2, {}), (3, {}), (1, {"threads": 2})])
+    launches = [(1, [cut(1, 1)], None), (2, [cut(2, 3)], cut(1, 1)), (3, [cut(1, 2)], cut(1, 1)), (1, [], cut(2, 2))]
+    check_same(tmp_path, LAWS, launches)
+
+
+@pytest.mark.validation
+@pytest.mark.timeout(900)
+@pytest.mark.parametrize("law", LAWS)
+def test_full_matrix(tmp_path, law):
+    every = [cut(*one) for one in product((1, 2), (1, 4, 9))]
+    check_same(tmp_path, {law: LAWS[law]}, [(ranks, every, None) for ranks in (1, 2, 3, 4)])
 
 
 @pytest.mark.parametrize("name", ["fixed bed", "bed seen at rest", "corner", "walled discs"])

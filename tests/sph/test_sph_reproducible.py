@@ -1,6 +1,7 @@
 """The bits of a run do not depend on ranks and threads, nor on where it was stopped and taken up again."""
 
-from app_runner import check_equal, check_restarted
+import pytest
+from app_runner import check_same
 from sph_scenes import tank, text
 
 JOBS = {
@@ -16,9 +17,12 @@ JOBS = {
 }  # fmt: skip
 
 
-def test_same_bits_for_any_ranks_and_threads(tmp_path):
-    check_equal(tmp_path, JOBS, {1: [{}, {"threads": 2}], 2: [{}], 3: [{}]})
+def test_same_bits_for_any_ranks_and_threads_and_after_restarts(tmp_path):
+    two = {"threads": 2}
+    check_same(tmp_path, JOBS, [(1, [{}], None), (2, [two], {}), (3, [{}], {}), (1, [], two)])
 
 
-def test_same_bits_after_restarts_on_other_ranks(tmp_path):
-    check_restarted(tmp_path, JOBS, [(2, {}), (3, {}), (1, {"threads": 2})])
+@pytest.mark.validation
+@pytest.mark.timeout(900)
+def test_full_matrix(tmp_path):
+    check_same(tmp_path, JOBS, [(ranks, [{}, {"threads": 2}], None) for ranks in (1, 2, 3, 4)])
