@@ -281,7 +281,7 @@ class Scene:
             x = self.disordered(fluid, fluid.points(ids[own]), ids[own])
             found["x"][own], found["v"][own] = x, flows.velocity(self, fluid.section, x)
             found["drho"][own] = self.initial_density(fluid.section, x)
-            found["x"][own] = resting.before_walls(self, x, found["drho"][own])
+            found["x"][own] = resting.before_walls(self, fluid.section, x, found["drho"][own])
             found["m"][own] = fluid.mass
         return found
 

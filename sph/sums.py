@@ -32,10 +32,11 @@ class PairSums:
 
     def __init__(self, scene: "Scene", law: Law, tasks: Tasks, cells: Cells, bodies: Bodies) -> None:
         self.law, self.tasks, self.cells, self.bodies = law, tasks, cells, bodies
-        self._terms = terms_of(law)
+        terms = terms_of(law)
+        self._sums = {title: sums_of(law, names) for title, names in terms.items()}
         self._held = {} if law.single else {"position": "x"}
         self.rate = -1
-        self.kernels = passes.make(law, self._terms)
+        self.kernels = passes.make(law, terms)
         self.packing = module_from_source(packing.source(law, scene.config.eos.gamma), "sph_packing")
         self.around = module_from_source(HEAD + columns.source(law), "sph_columns")
         self.n_sums = most_sums(law)
@@ -112,14 +113,14 @@ class PairSums:
         return a["sums"][: self.law.dimensions, rows] * a["factors"][0]
 
     def _sweep(self, title: str) -> None:
-        names = sums_of(self.law, self._terms[title])
+        names = self._sums[title]
         assert len(names) <= self.n_sums
         self.rate = names.index("rate") if "rate" in names else -1
         self.tasks.alternate(getattr(self.kernels, title), blocks="sweeps", numbers="pair_numbers", **self._held)
 
     def _unpack(self, title: str, kind: str) -> None:
         """Sums of the pass `title` into the columns of the bodies."""
-        names = sums_of(self.law, self._terms[title])
+        names = self._sums[title]
         kernel = getattr(self.around, f"unpack_{kind}")
         more = {"at": names.index(FIRST[kind])} if kind in FIRST else {}
         self.tasks.each(kernel, blocks="inner", **more)

@@ -43,6 +43,15 @@ def test_walls_carry_the_weight_of_still_water(kind):
     assert np.abs(np.array(found) - 1.0).max() < 0.15
 
 
+@pytest.mark.parametrize("fill, periodic, stays", [(1.0, (), True), (1.0, ("x",), True), (0.5, (), False)])
+def test_fluid_that_walls_hold_starts_where_they_hold_it_what_runs_out_on_its_lattice(fill, periodic, stays):
+    """Nearer to the floor than half a spacing: there it pushes as much as the water above."""
+    more = tank(2, "repulsive", (1.0, 1.2))
+    sph = engine(size=(1.0, 1.2), fill=(fill, 0.5), periodic=periodic, more=more)
+    lowest = sph.physical("x", sph.bodies.fluid)[:, 1].min() / sph.scene.spacing
+    assert (0.2 < lowest < 0.4) if stays else lowest == pytest.approx(0.5, abs=1e-9)
+
+
 def test_corrected_gradients_leave_still_water_beside_walls_still():
     """Wall particles have neighbours on one side only: their own correction would amplify what they push with."""
     sph = engine(size=(1.0, 1.2), fill=(1.0, 0.5), more=tank(2, size=(1.0, 1.2)), corrected="true", spacing=0.05)
@@ -197,6 +206,17 @@ def test_planes_of_any_slope_carry_water_and_a_body_in_it_is_lifted_by_what_it_d
     assert left[1] + right[1] + body[1] == pytest.approx(-weight, rel=0.06)  # it sways about rest
     if kind != "repulsive":  # which acts at a distance: it lifts a body so small by 30 % less
         assert body[1] == pytest.approx(1000 * 9.81 * 0.2**2, rel=0.15)
+
+
+@pytest.mark.parametrize("kind", ["mirror-no-slip", "point-symmetric-free-slip"])
+def test_slopes_that_mirror_have_a_corner_between_them(kind):
+    """Both and what is behind both, not as in a channel; without it the slopes of a valley carry 1.08 of the weight."""
+    slope = "{{ KIND shape = {{ plane = {{ point = [0.5, {}]; normal = {}; }}; }}; }}"
+    valley = slope.format(0.0, [1.0, 1.0]) + ", " + slope.format(0.0, [-1.0, 1.0])
+    plates = slope.format(0.0, [1.0, 1.0]) + ", " + slope.format(1.0, [-1.0, -1.0])
+    for walls, images in ((valley, 3), (plates, 2)):
+        sph = engine(spacing=0.1, size=(1.0, 1.0), more=f"wall = ( {walls} );".replace("KIND", f'type = "{kind}";'))
+        assert len(sph.bodies.maps.planes) == 1 + images
 
 
 def test_tasks_stay_bound_while_mirrors_move():
