@@ -139,8 +139,7 @@ program(load_app, "hpcpic", "plasma")
 """
 
 
-@pytest.mark.parametrize("slow", [0, 1])
-@pytest.mark.parametrize("words, code", [(["run", "nothere.conf"], 2), (["check", "two-stream-cold"], 0)])
+@pytest.mark.parametrize("words, code, slow", [(["run", "nothere.conf"], 2, 1), (["check", "two-stream-cold"], 0, 0)])
 def test_a_rank_that_ends_late_is_not_killed(words, code, slow):
     """A launcher that sees a rank leave without a word kills the others; at times their code is that of the whole."""
     done = launch(2, "-c", LATE.format(words=words, slow=slow))

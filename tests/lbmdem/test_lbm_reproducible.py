@@ -95,6 +95,9 @@ LAWS = {
 }
 
 
+REST = {"discs non-equilibrium", "2D BGK single", "2D central"}  # see test_coupling; collisions know no ranks
+
+
 def cut(threads, blocks):
     return {"threads": threads, "sets": [f"simulation.blocks={blocks}"]}
 
@@ -103,7 +106,7 @@ def cut(threads, blocks):
 def test_ranks_threads_blocks_and_restarts(tmp_path):
     """Restarts after an odd and an even number of steps: the places of the populations differ."""
     launches = [(1, [cut(1, 1)], None), (2, [cut(2, 3)], cut(1, 1)), (3, [cut(1, 2)], cut(1, 1)), (1, [], cut(2, 2))]
-    check_same(tmp_path, LAWS, launches)
+    check_same(tmp_path, {law: job for law, job in LAWS.items() if law not in REST}, launches)
 
 
 @pytest.mark.validation
@@ -111,7 +114,7 @@ def test_ranks_threads_blocks_and_restarts(tmp_path):
 @pytest.mark.parametrize("law", LAWS)
 def test_full_matrix(tmp_path, law):
     every = [cut(*one) for one in product((1, 2), (1, 4, 9))]
-    check_same(tmp_path, {law: LAWS[law]}, [(ranks, every, None) for ranks in (1, 2, 3, 4)])
+    check_same(tmp_path, {law: LAWS[law]}, [(ranks, every, cut(1, ranks)) for ranks in (1, 2, 3, 4)])
 
 
 @pytest.mark.parametrize("name", ["fixed bed", "bed seen at rest", "corner", "walled discs"])

@@ -25,4 +25,4 @@ def test_same_bits_for_any_ranks_and_threads_and_after_restarts(tmp_path):
 @pytest.mark.validation
 @pytest.mark.timeout(900)
 def test_full_matrix(tmp_path):
-    check_same(tmp_path, JOBS, [(ranks, [{}, {"threads": 2}], None) for ranks in (1, 2, 3, 4)])
+    check_same(tmp_path, JOBS, [(ranks, [{}, {"threads": 2}], {}) for ranks in (1, 2, 3, 4)])
