@@ -136,9 +136,9 @@ class Fluid:
         threads = self.pool.threads
         self._passes = Passes(layout, self._exchange, lambda t: bind(kernel, *shared, t), threads, periodic_rows)
         n_blocks = self._blocks or (BLOCKS * threads if threads > 1 else 1)
-        flags = (0, OPENED) if self._tables else (0,)
-        self._steps = [[self._passes.step(parity, n_blocks, flag) for flag in flags] for parity in range(2)]
+        self._steps = [self._passes.step(parity, n_blocks) for parity in range(2)]
         self._waves: dict[wavefront.Steps, Graph] = {}
+        self._depths: dict[int, int] = {}
         self._observers.clear()
         values = {name: layer.values for name, layer in self.layers.items()}
         self.layers = {name: Layer(self, name, face) for name, face in self.faces.items() if _acts(face)}
@@ -223,9 +223,12 @@ class Fluid:
 
     def step(self) -> None:
         """Collide, stream, hooks, faces."""
+        if self._links and self._leaves_caches and self._depth(1):  # hooks would wait for memory
+            self._pass(1, keep=True)
+            return
+        self._finish()
         parity = self.parity
-        self.pool.run(self._steps[parity][self._open])
-        self._open = False
+        self.pool.run(self._steps[parity])
         for hook in self.hooks:
             hook(self, 1 - parity)
         for layer in self.layers.values():
@@ -281,12 +284,19 @@ class Fluid:
     @property
     def depth(self) -> int:
         """Steps that are done per pass over memory."""
-        return self._depth(self._after_all)
+        return max(1, self._depth(self._after_all))
 
     def _depth(self, after: int) -> int:
+        """The same where something comes after so many sweeps of a pass; 0: it is done after a step."""
         if self.hooks and not self._links:
-            return 1
-        return wavefront.possible_depth(self.domain, self.layout, self.pool.threads, after)
+            return 0
+        if after not in self._depths:
+            self._depths[after] = wavefront.possible_depth(self.domain, self.layout, self.pool.threads, after)
+        return self._depths[after]
+
+    @property
+    def _leaves_caches(self) -> bool:
+        return self.layout.plane_bytes * self.domain.points[0] > wavefront.CACHE
 
     @property
     def _after_all(self) -> int:
@@ -300,7 +310,11 @@ class Fluid:
         depth, keep = self._next_pass(most)
         if depth < 2:
             self.step()
-            return 1
+        else:
+            self._pass(depth, keep)
+        return depth
+
+    def _pass(self, depth: int, keep: bool) -> None:
         steps = self._steps_of_pass(depth, keep)
         if steps not in self._waves:
             with self.world.first_on_node():
@@ -309,9 +323,8 @@ class Fluid:
         self._open = bool(steps.flags[-1] & LEAVE)
         self.iteration += depth
         if keep and self._take:
-            for iteration in range(self.iteration - wavefront.KEPT + 1, self.iteration + 1):
+            for iteration in range(self.iteration - min(depth, wavefront.KEPT) + 1, self.iteration + 1):
                 self._take(iteration)
-        return depth
 
     def _next_pass(self, most: int) -> tuple[int, bool]:
         """How many steps it has, and whether links keep momentum in it."""

@@ -33,23 +33,23 @@ class Passes:
         self._layout, self._exchange, self._sweep = layout, exchange, sweep
         self._threads, self._periodic_rows = threads, periodic_rows
 
-    def step(self, parity: int, n_blocks: int, flags: int = 0) -> Graph:
+    def step(self, parity: int, n_blocks: int) -> Graph:
         """Edge planes, messages, inner planes while these are on their way, what arrived."""
         graph, planes = Graph(), self._layout.planes
         low, high = 0, planes
         if any(self._exchange.open):
-            self._ends(graph, parity, sorted({(k, k + 1) for k in (0, planes - 1)}), flags)
+            self._ends(graph, parity, sorted({(k, k + 1) for k in (0, planes - 1)}))
             low, high = 1, planes - 1
         for first, last in block_ranges(max(high - low, 0), n_blocks):
             if last > first:
                 a, b = low + first, low + last
-                graph.task(self._planes(parity | flags, a, b), name=f"planes {a}..{b}")
+                graph.task(self._planes(parity, a, b), name=f"planes {a}..{b}")
         return graph.freeze()
 
     def _planes(self, modes: int, low: int, high: int) -> Bound:
         return self._sweep(np.array([[modes, low, high, 0, self._layout.rows]], np.int64))
 
-    def _ends(self, graph: Graph, parity: int, ends: list[tuple[int, int]], flags: int) -> None:
+    def _ends(self, graph: Graph, parity: int, ends: list[tuple[int, int]], flags: int = 0) -> None:
         """A step of planes at the ends of the slab, and what crosses these."""
         for handle, (low, high) in zip(ENDS, ends):
             task = self._planes(parity | flags, low, high)
@@ -104,13 +104,13 @@ class Passes:
                 waiting.clear()
 
         for row in rows:
-            for t, plane, swept in wavefront.order(planes, steps.operations):
-                z = plane % layout.planes
+            for t, swept, low, high in wavefront.order(planes, steps.operations, wavefront.sheet(layout)):
+                ranges = wavefront.wrapped((low, high), layout.planes)
                 if swept:
-                    parts = wavefront.wrapped(row.at(t), layout.rows)
-                    waiting += [(steps.parity_at(t) | steps.flags[t], z, z + 1, *part) for part in parts]
+                    modes, parts = steps.parity_at(t) | steps.flags[t], wavefront.wrapped(row.at(t), layout.rows)
+                    waiting += [(modes, *range_, *part) for range_ in ranges for part in parts]
                     continue
-                for bound in after(steps.parity_at(t + 1), z, z + 1, steps.keeps(t)):
+                for bound in (b for r in ranges for b in after(steps.parity_at(t + 1), *r, steps.keeps(t))):
                     sweep()
                     graph.task(bound, ins=ins, inouts=chain)
         sweep()

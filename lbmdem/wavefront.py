@@ -22,6 +22,7 @@ from lbmdem.sparse import SparseLayout
 DEPTH = 6  # steps per pass: more gain little
 CACHE = 12e6  # bytes of the last-level cache that the planes of all threads' waves may fill, in tiles of rows
 WHOLE = 28e6  # the same for waves of whole planes
+SHEET = 5e5  # bytes of planes that are done in one go
 KEPT = 2  # steps, the last ones before a look, whose forces on solids can be asked for
 
 
@@ -79,15 +80,21 @@ def operations(depth: int, after: int) -> list[tuple[int, bool]]:
     return [(t, swept) for t in range(depth) for swept in (True, False) if swept or t >= depth - after]
 
 
-def order(planes: Span, operations: list[tuple[int, bool]]) -> Iterator[tuple[int, int, bool]]:
-    """(step, plane, swept?) of a piece in the order of a wave."""
+def order(planes: Span, operations: list[tuple[int, bool]], sheet: int) -> Iterator[tuple[int, bool, int, int]]:
+    """(step, swept?, planes from, to) of a piece in the order of a wave, so many planes in one go."""
     ranges = [planes.at(k) for k in range(len(operations))]
     first = min(low + k for k, (low, _) in enumerate(ranges))
     last = max(high + k for k, (_, high) in enumerate(ranges))
-    for wave in range(first, last):
+    for wave in range(first, last, sheet):
         for k, (low, high) in enumerate(ranges):
-            if low <= wave - k < high:
-                yield operations[k][0], wave - k, operations[k][1]
+            a, b = max(low, wave - k), min(high, wave - k + sheet)
+            if b > a:
+                yield *operations[k], a, b
+
+
+def sheet(layout: Layout | SparseLayout) -> int:
+    """Planes that are done in one go."""
+    return max(1, int(SHEET // max(1, layout.plane_bytes)))
 
 
 def row_width(layout: Layout, threads: int, depth: int) -> int:
@@ -110,7 +117,7 @@ def row_tiles(rows: int, periodic: bool, width: int, depth: int) -> list[Span]:
 
 
 def wrapped(rows: tuple[int, int], n: int) -> list[tuple[int, int]]:
-    """The rows as ranges within 0..n."""
+    """The rows or planes as ranges within 0..n."""
     low, high = rows
     if high <= low:
         return []
@@ -125,10 +132,10 @@ def even_depth(depth: int, most: int) -> int:
 
 
 def possible_depth(domain: Domain, layout: Layout | SparseLayout, threads: int, after: int) -> int:
-    """Steps per pass for which blocks and their gaps fit every slab, and planes the caches; 1: no wave. Same on all
+    """Steps per pass for which blocks and their gaps fit every slab, and planes the caches; 0: not one. Same on all
     ranks."""
     thinnest = min(b - a for a, b in zip(domain.cuts, domain.cuts[1:]) if b > a) // threads
     most = thinnest // 2
     if (after or layout.whole_planes) and layout.plane_bytes:
         most = min(most, int(WHOLE / (layout.plane_bytes * threads) - 1))
-    return max((depth for depth in range(2, DEPTH + 1) if len(operations(depth, after)) <= most), default=1)
+    return max((depth for depth in range(1, DEPTH + 1) if len(operations(depth, after)) <= most), default=0)

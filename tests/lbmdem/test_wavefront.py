@@ -59,15 +59,22 @@ def test_a_wave_has_the_bits_of_plain_steps(monkeypatch, lattice, periodic, thre
         assert np.array_equal(fluid.populations(), plain)
 
 
+def single(piece, operations, sheet):
+    """(step, plane, swept?)"""
+    for step, swept, low, high in wavefront.order(piece, operations, sheet):
+        yield from ((step, plane, swept) for plane in range(low, high))
+
+
+@pytest.mark.parametrize("sheet", [1, 3])
 @pytest.mark.parametrize("periodic", [False, True])
 @pytest.mark.parametrize(("planes", "parts", "depth"), [(24, 1, 4), (24, 2, 5), (25, 3, 4)])
-def test_blocks_and_gaps_do_every_plane_once_per_step_and_never_too_early(planes, parts, depth, periodic):
+def test_blocks_and_gaps_do_every_plane_once_per_step_and_never_too_early(planes, parts, depth, periodic, sheet):
     pieces = wavefront.blocks(planes, parts, periodic, periodic)
     pieces += [wavefront.gap(piece.high) for piece in pieces if periodic or piece.high < planes]
     rows = wavefront.row_tiles(30, periodic, 8, depth)
     done = np.zeros((planes, 30), int)
     for piece, row in itertools.product(pieces, rows):
-        for step, plane, _ in wavefront.order(piece, wavefront.operations(depth, 0)):
+        for step, plane, _ in single(piece, wavefront.operations(depth, 0), sheet):
             for low, high in wavefront.wrapped(row.at(step), 30):
                 for y in range(low, high):
                     z = plane % planes
@@ -80,14 +87,16 @@ def test_blocks_and_gaps_do_every_plane_once_per_step_and_never_too_early(planes
 
 
 @pytest.mark.parametrize("periodic", [False, True])
-@pytest.mark.parametrize("times", [2, 4])
+@pytest.mark.parametrize(("times", "sheet"), [(2, 1), (4, 1), (2, 5), (4, 5)])
 @pytest.mark.parametrize(("planes", "parts", "depth"), [(24, 1, 4), (24, 2, 3), (39, 3, 3)])
-def test_what_comes_after_a_sweep_finds_its_neighbours_swept_and_not_yet_again(planes, parts, depth, times, periodic):
+def test_what_comes_after_a_sweep_finds_neighbours_swept_and_not_yet_again(
+    planes, parts, depth, times, periodic, sheet
+):
     pieces = wavefront.blocks(planes, parts, periodic, periodic)
     pieces += [wavefront.gap(piece.high) for piece in pieces if periodic or piece.high < planes]
     done, after = np.zeros(planes, int), np.zeros(planes, int)
     for piece in pieces:
-        for step, plane, swept in wavefront.order(piece, wavefront.operations(depth, times)):
+        for step, plane, swept in single(piece, wavefront.operations(depth, times), sheet):
             near = [k % planes for k in (plane - 1, plane, plane + 1) if periodic or 0 <= k < planes]
             seen = step - max(0, depth - times)  # of the earlier ones, after how many something came
             if swept:
@@ -204,6 +213,25 @@ def test_a_wave_through_a_fixed_bed_has_the_bits_and_forces_of_plain_steps(n, th
     assert wave[0].depth > 1
     assert np.array_equal(wave[1], plain[1]) and np.array_equal(wave[2], plain[2])
     assert np.abs(plain[2]).max() > 0
+
+
+@pytest.mark.parametrize("threads", [1, 2])
+def test_links_of_a_step_beyond_the_caches_are_done_while_planes_are_in_them(monkeypatch, threads):
+    plain = bed(9, plain=True)
+    monkeypatch.setattr(wavefront, "CACHE", 1.0)
+    monkeypatch.setattr(Immersed, "_bounce", None)
+    near = bed(9, plain=True, threads=threads)
+    assert np.array_equal(near[1], plain[1]) and np.array_equal(near[2], plain[2])
+
+
+@pytest.mark.mpi(min_size=2)
+def test_links_of_a_step_beyond_the_caches_on_several_ranks(world, monkeypatch):
+    plain = bed(9, plain=True)
+    monkeypatch.setattr(wavefront, "CACHE", 1.0)
+    near = bed(9, plain=True, world=world)
+    low, high = near[0].domain.row_range(world.rank)
+    near[0].free()
+    assert np.array_equal(near[1], plain[1][:, low:high]) and np.array_equal(near[2], plain[2])
 
 
 @pytest.mark.mpi(min_size=2)
