@@ -11,9 +11,10 @@ from sph import geometry
 from sph.config import SphConfig
 from sph.kernels.pairs import columns_of
 from sph.laws import law_of, most_sums, unused
-from sph.scene import AHEAD, Scene
+from sph.scene import AHEAD, Scene, Wall
 
 MIB = 2.0**20
+MIRRORS = ("mirror", "point-symmetric")  # types of walls whose particles are images
 WALL_TERMS = {
     "mirror-no-slip": "mirrored particles of opposite velocity (Morris)",
     "point-symmetric-free-slip": "particles mirrored about a layer (Ferrari)",
@@ -41,25 +42,42 @@ class Array:
 def counts(config: SphConfig) -> tuple[int, float]:
     """Fluid particles, and those of the walls that are made around the fluid at t = 0 (about)."""
     scene = Scene(config)
-    d = config.dimensions
     if not config.fluid:
         return 0, 0.0
-    boxes = np.array([geometry.bounds(fluid.shape) for fluid in config.fluid])
-    margin = AHEAD * scene.support
-    low, high = boxes[:, 0].min(axis=0) - margin, boxes[:, 1].max(axis=0) + margin
-    made = 0.0
-    for wall in scene.walls:
-        if wall.lattice is None:
-            continue
-        layers = wall.layers if wall.type == "pressure-continuity" else 1
-        box = wall.corners
-        edges = np.minimum(high, box[1]) - np.maximum(low, box[0])
-        faces = [(k, at) for k in range(d) for sign, at in (("-", box[0][k]), ("+", box[1][k]))
-                 if case.AXES[k] + sign in wall.closed and low[k] < at < high[k]]  # fmt: skip
-        if wall.shape.plane:
-            faces = faces[:1]
-        made += sum(layers * math.prod(np.delete(edges, k).clip(0.0)) / scene.spacing ** (d - 1) for k, _ in faces)
-    return scene.n_fluid, made
+    low, high = _around_fluid(scene, AHEAD)
+    made = {"pressure-continuity": lambda wall: wall.layers, "repulsive": lambda wall: 1}
+    return scene.n_fluid, sum(
+        made[wall.type](wall) * _of_faces(scene, wall, low, high) for wall in scene.walls if wall.type in made
+    )
+
+
+def images(config: SphConfig) -> float:
+    """Images of the fluid at t = 0 in mirrors and periodic sides (about)."""
+    scene, reach = Scene(config), config.support / config.numerics.spacing
+    if not config.fluid:
+        return 0.0
+    low, high = _around_fluid(scene, 1.0)
+    faces = sum(_of_faces(scene, wall, low, high) for wall in scene.walls if wall.type.startswith(MIRRORS))
+    edges = (high - low) / scene.spacing
+    return reach * (faces + 2 * sum(math.prod(np.delete(edges, k)) for k in np.flatnonzero(scene.periodic)))
+
+
+def _around_fluid(scene: Scene, supports: float) -> tuple[np.ndarray, np.ndarray]:
+    """The box around the fluid and so many supports more."""
+    boxes = np.array([geometry.bounds(fluid.shape) for fluid in scene.config.fluid])
+    margin = supports * scene.support
+    return boxes[:, 0].min(axis=0) - margin, boxes[:, 1].max(axis=0) + margin
+
+
+def _of_faces(scene: Scene, wall: Wall, low: np.ndarray, high: np.ndarray) -> float:
+    """Particles of one layer on the faces of a wall in a box."""
+    d, box = scene.dimensions, wall.corners
+    edges = np.minimum(high, box[1]) - np.maximum(low, box[0])
+    faces = [k for k in range(d) for sign, at in (("-", box[0][k]), ("+", box[1][k]))
+             if case.AXES[k] + sign in wall.closed and low[k] < at < high[k]]  # fmt: skip
+    if wall.shape.plane:
+        faces = faces[:1]
+    return sum(math.prod(np.delete(edges, k).clip(0.0)) / scene.spacing ** (d - 1) for k in faces)
 
 
 def sums(config: SphConfig) -> list[str]:
@@ -83,8 +101,7 @@ def sums(config: SphConfig) -> list[str]:
 
 def arrays(config: SphConfig, ranks: int) -> Iterator[Array]:
     """The arrays of one rank, an eighth more for ghosts and room to grow."""
-    fluid, walls = counts(config)
-    d, n = config.dimensions, 1.125 * (fluid + walls) / ranks
+    d, n = config.dimensions, 1.125 * (sum(counts(config)) + images(config)) / ranks
     scene, staged = Scene(config), config.simulation.integrator not in ("euler", "symplectic")
     law = law_of(scene, bool(scene.walls) or bool(scene.periodic.any()))
     kept, size = {"offset", "gradient", "shear", "matrix"} - unused(law, staged), 4 if law.single else 8

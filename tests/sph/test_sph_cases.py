@@ -2,8 +2,10 @@
 
 import math
 
+import numpy as np
 import pytest
 
+from hpcpic.core.comm.world import World
 from hpcpic.core.files.config import load
 from hpcpic.core.files.schema import validate
 from hpcpic.core.tasks import Pool
@@ -12,7 +14,7 @@ from sph.cases import shipped_cases
 from sph.config import SphConfig
 from sph.derived import derived
 from sph.estimate import estimate
-from sph.plan import plan
+from sph.plan import images, plan
 
 COARSE = {  # settings that leave the kind of scene as it is and make it small
     "column-impact-a": ("numerics.spacing=0.04",),
@@ -31,6 +33,19 @@ TAKEN_AS_ANOTHER = ("column-impact-c", "column-impact-f", "column-impact-i", "co
 def test_a_shipped_case_is_within_its_limits(name):
     config = validate(SphConfig, load(shipped_cases()[name]))
     assert [str(number) for number in derived(config, 2) if number.verdict == "fail"] == []
+
+
+@pytest.mark.parametrize("name", ["poiseuille", "standing-wave", "taylor-green"])
+def test_images_are_about_as_many_as_planned(name):
+    """At the scene's own spacing: a third to three quarters as many as the particles of the fluid, or few."""
+    from sph.step import Sph
+
+    config, pool = validate(SphConfig, load(shipped_cases()[name])), Pool(1)
+    try:
+        app = Sph(config, World.alone(), pool, Timers())
+        assert images(config) == pytest.approx(np.count_nonzero(app.bodies.flags) - app.bodies.n, rel=0.2)
+    finally:
+        pool.close()
 
 
 @pytest.mark.validation  # each kind of scene is compiled
