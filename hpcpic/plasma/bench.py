@@ -3,8 +3,9 @@
 Whole steps of small thermal plasmas in this process, which take turns. From many and few particles in a cell follows
 the price of a particle in caches, from a plasma larger than these that of one from memory, from one of next to nothing
 the price of the launches, from one of empty cells that of a cell, from one with a particle in most tiles that of a tile
-that is not empty; the field has a timer of its own. On all cores the steps with many particles, of the large plasma and
-with no particles tell what these gain. Several ranks have the smallest plasma together, and each has one for itself.
+that is not empty; the field has a timer of its own, and LU is tried alone. On all cores the steps with many particles,
+of the large plasma and with no particles tell what these gain. Several ranks have the smallest plasma together, and
+each has one for itself.
 """
 
 import itertools
@@ -13,14 +14,17 @@ from collections.abc import Mapping
 from pathlib import Path
 from time import perf_counter
 
-from hpcpic.core.cli.rates import undisturbed
+from hpcpic.core.cli.rates import in_turn, undisturbed
 from hpcpic.core.comm.world import World
 from hpcpic.core.files.config import loads
 from hpcpic.core.files.schema import validate
+from hpcpic.core.space.domain import Domain, even_cuts
 from hpcpic.core.tasks import Pool
 from hpcpic.core.timers import Timers
 from hpcpic.plasma.config import PlasmaConfig
 from hpcpic.plasma.estimate import DEFAULT, STANDARD_BYTES, beyond_caches, exchanges, filled_tiles
+from hpcpic.plasma.plan import factor_nonzeros
+from hpcpic.plasma.poisson import LU
 from hpcpic.plasma.sizes import EDGE
 from hpcpic.plasma.step import Plasma
 
@@ -30,6 +34,7 @@ FULL = {2: (128, 128), 1: (8192,)}  # points of the plasma with particles
 SCALE = 2  # points along an edge of a large plasma, to those of FULL
 EMPTY = {2: (512, 512), 1: (65536,)}  # and of the one with next to none
 TINY = {2: (16, 16), 1: (256,)}
+FACTORED = {2: (64, 64), 1: (4096,)}  # of a field by LU
 NEXT_TO_NONE = 16  # particles
 GAINS = {  # whose steps tell what all cores gain
     2: {"plasma_core_gain 2D": "many", "memory_core_gain": "large", "mesh_core_gain": "empty"},
@@ -149,6 +154,7 @@ def standard_rates(world: World, d: int, quick: bool) -> dict[str, float]:
         f"field_ns {d}D": 1e9 * (empty.field - tiny.field) / cells,
         f"cell_ns {d}D": 1e9 * max(0.0, empty.rest - tiny.rest) / cells,
         f"tile_ns {d}D": 1e9 * max(0.0, spread.rest - empty.rest - tiles * particle) / more,
+        f"factor_ns {d}D": 1e9 * lu_solve(world, FACTORED[d]) / factor_nonzeros(FACTORED[d]),
     }
     if d == 2:
         rates |= {
@@ -160,6 +166,14 @@ def standard_rates(world: World, d: int, quick: bool) -> dict[str, float]:
         found = cache_mb() or DEFAULT["cache_mb"]
         rates |= {"cache_mb": found, "memory_ns": 1e9 * (particle + memory_wait(trials, particle, found))}
     return rates | {what: trials[name].step / trials[together[what]].step for what, name in gains.items()}
+
+
+def lu_solve(world: World, points: tuple[int, ...]) -> float:
+    """Seconds of a field by LU."""
+    edges, pool = tuple(float(n) for n in points), Pool(1)
+    solver = LU(world, pool, Domain(edges, points, (True,) * len(points), even_cuts(points[0], 1)))
+    pool.close()
+    return in_turn({"LU": solver.solve}, rounds=4)["LU"]
 
 
 def more_of_large(trials: Mapping[str, Trial], what: str) -> float:

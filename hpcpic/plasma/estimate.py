@@ -12,7 +12,7 @@ from collections.abc import Mapping
 
 from hpcpic.core.cli.forecast import FILES, Estimate, gain, writing_seconds
 from hpcpic.plasma.config import PlasmaConfig, velocity_components
-from hpcpic.plasma.plan import arrays
+from hpcpic.plasma.plan import arrays, factor_nonzeros
 from hpcpic.plasma.sizes import EDGE
 
 MIB = 2.0**20
@@ -45,6 +45,8 @@ DEFAULT = FILES | {
     "tile_ns 1D": 220.0,
     "field_ns 2D": 6.7,  # transforms, potential and its gradient
     "field_ns 1D": 8.0,
+    "factor_ns 2D": 0.88,  # per number in the factors of LU
+    "factor_ns 1D": 3.5,
     "sample_ns": 3.4,  # of the series, per particle
     "sample_cell_ns": 8.0,
     "plasma_sample_us": 75.0,
@@ -101,7 +103,6 @@ def phases(config: PlasmaConfig, ranks: int, threads: int, rates: Mapping[str, f
     d, cells = config.dimensions, math.prod(config.grid.points)
     kernel = f"particle_ns {d}D {config.numerics.shape} {config.numerics.precision}"
     components = (d + velocity_components(config)) / (2 * d)  # of a particle, beside those of the standard kernel
-    transforms = 0.5 * (2 + (d if config.numerics.gradient == "spectral" else 0))  # beside those of differences
     gains = rates[f"plasma_core_gain {d}D"], rates["mesh_core_gain"]
     cores, mesh = (1e9 * gain(ranks, threads, rates, of_node) for of_node in gains)
     tiles = math.prod(-(-n // EDGE[d]) for n in config.grid.points)
@@ -111,10 +112,19 @@ def phases(config: PlasmaConfig, ranks: int, threads: int, rates: Mapping[str, f
         "memory": memory_seconds(config, ranks, threads, rates),
         "tiles": filled * rates[f"tile_ns {d}D"] / cores,
         "cells": cells * rates[f"cell_ns {d}D"] / mesh,
-        "field": cells * rates[f"field_ns {d}D"] * transforms / mesh,
+        "field": field_seconds(config, gain(ranks, threads, rates, rates["mesh_core_gain"]), rates),
         "launches": 1e-6 * rates["plasma_launch_us"],
         "exchanges": exchange_seconds(config, ranks, rates),
     }
+
+
+def field_seconds(config: PlasmaConfig, cores: float, rates: Mapping[str, float]) -> float:
+    """Of one field. With LU every rank solves the whole of it, on one thread."""
+    d, spectral = config.dimensions, config.numerics.gradient == "spectral"
+    if config.simulation.solver == "LU":
+        return 1e-9 * factor_nonzeros(config.grid.points) * rates[f"factor_ns {d}D"]
+    transforms = 1 + 0.5 * d * spectral  # beside those of differences
+    return 1e-9 * math.prod(config.grid.points) * rates[f"field_ns {d}D"] * transforms / cores
 
 
 def beyond_caches(n: int, size: int, nodes: float, rates: Mapping[str, float]) -> float:

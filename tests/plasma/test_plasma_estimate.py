@@ -2,8 +2,11 @@
 
 import pytest
 
+from hpcpic.core.comm.world import World
 from hpcpic.core.files.config import loads
 from hpcpic.core.files.schema import validate
+from hpcpic.core.space.domain import Domain
+from hpcpic.core.tasks import Pool
 from hpcpic.plasma.config import PlasmaConfig
 from hpcpic.plasma.estimate import (
     DEFAULT,
@@ -14,6 +17,8 @@ from hpcpic.plasma.estimate import (
     phases,
     sample_seconds,
 )
+from hpcpic.plasma.plan import factor_nonzeros
+from hpcpic.plasma.poisson import LU
 
 CASE = """
 simulation = {{ dimensions = 2; cycles = {cycles}; time_step = 0.1; space_length = [64.0, 64.0]; {period} }};
@@ -73,3 +78,19 @@ def test_together_cores_wait_for_one_memory():
     assert two == pytest.approx(one, rel=0.02)  # of 10^9 particles a few are in caches
     nodes = phases(config(n=10**9), 4000, 2, rates)
     assert nodes["memory"] == 0.0  # all are in the caches of so many nodes
+
+
+def test_a_field_by_lu_does_not_divide():
+    lu = 'solver = "LU";'
+    one, two, ranks = (estimate(config(period=lu), *shape, {}).phases for shape in ((1, 1), (1, 2), (2, 1)))
+    assert one["field"] == two["field"] == ranks["field"] > estimate(config(), 1, 1, {}).phases["field"]
+
+
+@pytest.mark.parametrize("points", [(4096,), (16, 16), (64, 64), (128, 128), (16, 1024)])
+def test_numbers_in_the_factors_of_lu(points):
+    """As we told what they are: SuperLU's ordering is a heuristic."""
+    domain = Domain(tuple(map(float, points)), points, (True,) * len(points), (0, points[0]))
+    pool = Pool(1)
+    factors = LU(World.alone(), pool, domain)._factors
+    pool.close()
+    assert factor_nonzeros(points) == pytest.approx(factors.L.nnz + factors.U.nnz, rel=0.26)
