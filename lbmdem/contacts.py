@@ -52,22 +52,24 @@ class Wall:
     def moves(self) -> bool:
         return any(self.velocity) or (any(self.amplitude) and self.frequency != 0.0)
 
-    def row(self, time: float) -> NDArray[np.float64]:
-        """Point, 0, velocity, 0, normal, 0 ... at a time (s), as the kernels want them."""
-        row, omega = np.zeros(ROW), 2.0 * math.pi * self.frequency
+    def rows(self, times: NDArray[np.float64]) -> NDArray[np.float64]:
+        """[n, ROW]: point, 0, velocity, 0, normal, 0 ... at times (s), as the kernels want them."""
+        rows, omega = np.zeros((len(times), ROW)), 2.0 * math.pi * self.frequency
         d = len(self.point)
         velocity, amplitude = (np.array(v or np.zeros(d), float) for v in (self.velocity, self.amplitude))
-        row[:d] = np.asarray(self.point) + velocity * time + amplitude * math.sin(omega * time)
-        row[4 : 4 + d] = velocity + amplitude * omega * math.cos(omega * time)
-        row[8 : 8 + d] = np.asarray(self.normal, float) / math.hypot(*self.normal)
-        return row
+        phases = (omega * times).tolist() if any(self.amplitude) else [0.0]
+        sines, cosines = (np.array([[f(phase)] for phase in phases]) for f in (math.sin, math.cos))  # bits of one alone
+        rows[:, :d] = np.asarray(self.point) + velocity * times[:, None] + amplitude * sines
+        rows[:, 4 : 4 + d] = velocity + amplitude * omega * cosines
+        rows[:, 8 : 8 + d] = np.asarray(self.normal, float) / math.hypot(*self.normal)
+        return rows
 
 
-def wall_rows(walls: Sequence[Wall], time: float) -> NDArray[np.float64]:
-    """Rows of all walls, and one that touches nothing behind them."""
-    rows = np.full((len(walls) + 1, ROW), np.nan)
+def wall_rows(walls: Sequence[Wall], times: NDArray[np.float64]) -> NDArray[np.float64]:
+    """[n, walls + 1, ROW]: rows of all walls at times, and one that touches nothing behind them."""
+    rows = np.full((len(times), len(walls) + 1, ROW), np.nan)
     for k, wall in enumerate(walls):
-        rows[k] = wall.row(time)
+        rows[:, k] = wall.rows(times)
     return rows
 
 

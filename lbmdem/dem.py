@@ -222,7 +222,7 @@ class Dem:
         """Substeps first..last in compiled code, without messages."""
         motions = self.wall_rows[None]
         if any(wall.moves for wall in self.walls):
-            motions = np.array([wall_rows(self.walls, begin + (k + 1) * dt) for k in range(first, last)])
+            motions = wall_rows(self.walls, begin + np.arange(first + 1, last + 1) * dt)
             if len(motions) == 1:
                 self.wall_rows[:] = motions[0]
         bounds = [*self._start, *self._touch, *self._finish, *self._work]
@@ -252,7 +252,7 @@ class Dem:
 
     def _set_walls(self, time: float, always: bool = False) -> None:
         if always or any(wall.moves for wall in self.walls):
-            self.wall_rows[:] = wall_rows(self.walls, time)
+            self.wall_rows[:] = wall_rows(self.walls, np.array([time]))[0]
 
     def _renew(self) -> None:
         """Ghosts at their new places; a new list when a grain may have come from beyond the old one."""

@@ -214,6 +214,19 @@ def busy_scene(world, law=HISTORY, threads=1, d=3, scale=(1.0, 1.0, 1.0)):
                gravity=(-5.0 * length / time**2,) + (0.0,) * (d - 1), threads=threads)  # fmt: skip
 
 
+def test_places_of_a_wall_are_found_at_once_for_many_substeps(monkeypatch):
+    """One after the other they took more than the grains, by a hundred times where these are few."""
+    from hpcpic.core.comm.world import World
+
+    scene, asked, rows = busy_scene(World.alone(), HISTORY, d=2), [], Wall.rows
+    monkeypatch.setattr(Wall, "rows", lambda wall, times: asked.append(len(times)) or rows(wall, times))
+    scene.advance(2e-4, 90)
+    assert sum(asked) == 90 and len(asked) < 9
+    times = np.array([0.1, 0.2, 0.3])
+    for wall in scene.walls:
+        assert np.array_equal(rows(wall, times), np.vstack([rows(wall, times[k : k + 1]) for k in range(3)]))
+
+
 KNOWN: dict[tuple, str] = {}
 
 
