@@ -71,7 +71,9 @@ class FluidSection(Section):
 class Boundary(Section):
     face: FaceName = setting(REQUIRED, "side of the box")
     type: Literal["wall", "pressure", "velocity", "periodic"] = setting(
-        REQUIRED, "what it does to the fluid; periodic: the box repeats along this axis, as in domain.periodic"
+        REQUIRED,
+        "what it does to the fluid (grains meet any face as a wall); periodic: the box repeats along this axis, as in "
+        "domain.periodic",
     )
     pressure: float | None = setting(None, 'type "pressure": above that of the density of rest', "Pa")
     density: float | None = setting(None, 'type "pressure": the density itself', "kg/m3", gt=0)
