@@ -77,7 +77,7 @@ def serially(tasks, cells):
     return cells
 
 
-@settings(max_examples=25, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@settings(max_examples=25, suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(accesses, st.sampled_from([0, 300]))
 def test_every_schedule_gives_the_serial_result(pool, tasks, work):
     cells = np.zeros(N_CELLS, np.int64)
@@ -89,7 +89,7 @@ def test_every_schedule_gives_the_serial_result(pool, tasks, work):
         np.testing.assert_array_equal(cells, expected)
 
 
-@settings(max_examples=100, deadline=None)
+@settings(max_examples=100)
 @given(accesses)
 def test_conflicting_tasks_are_ordered_and_others_are_not(tasks):
     graph = build(tasks, np.zeros(N_CELLS, np.int64), 0)
