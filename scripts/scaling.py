@@ -155,6 +155,7 @@ def draw(title: str, rows: list[dict], path: Path) -> None:
 
     matplotlib.use("Agg")
     import matplotlib.pyplot as plt
+    from matplotlib.ticker import MaxNLocator
 
     figure, axes = plt.subplots(figsize=(6, 3.6), layout="constrained")
     for kind, marker, keep in (
@@ -165,9 +166,12 @@ def draw(title: str, rows: list[dict], path: Path) -> None:
         chosen = [r for r in rows if keep(r)]
         if chosen:
             cores = [r["ranks"] * r["threads"] for r in chosen]
-            axes.plot(cores, [r["efficiency"] for r in chosen], marker, label=kind)
+            efficiency = [r["efficiency"] for r in chosen]
+            spread = [e * r["interval_ms"] / r["step_ms"] for e, r in zip(efficiency, chosen)]
+            axes.errorbar(cores, efficiency, spread, fmt=marker, capsize=3, label=kind)
     axes.axhline(1, color="0.7", linewidth=0.8)
-    axes.set(xlabel="ranks x threads", ylabel="efficiency", ylim=(0, 1.15), title=title)
+    axes.set(xlabel="ranks x threads", ylabel="efficiency", ylim=(0, None), title=title)
+    axes.xaxis.set_major_locator(MaxNLocator(integer=True))
     axes.legend(frameon=False, fontsize=8)
     figure.savefig(path, dpi=120)
 
