@@ -174,6 +174,11 @@ def seconds(work: Callable[[], Any]) -> float:
     return time.process_time() - begin
 
 
+def timing(work: Callable[..., Any], spent: list[float]) -> Callable[..., None]:
+    """The same work, whose seconds are kept."""
+    return lambda *words: spent.append(seconds(partial(work, *words)))
+
+
 def repeated(work: Callable[[], Any], times: int) -> None:
     for _ in range(times):
         work()
@@ -250,9 +255,8 @@ def no_magnetic_field(pool: Pool) -> Iterator[Row]:
         with running(without, pool) as a, running(other, pool) as b:
             spent = {}
             for app in (a, b):
-                spent[app] = times = []
-                push = app.cloud.push
-                app.cloud.push = lambda push=push, times=times: times.append(seconds(push))
+                spent[app] = []
+                app.cloud.push = timing(app.cloud.push, spent[app])
             for _ in range(12):
                 a.step(), b.step()
             found = statistics.median(y / x for x, y in zip(spent[a][3:], spent[b][3:]))
