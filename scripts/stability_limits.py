@@ -105,9 +105,9 @@ def lattice_stable(settings: tuple, courant: float) -> bool:
 
     app = Sph(lattice(*settings[:2], courant, *settings[2:]), World.alone(), POOL, Timers())
     bodies, rng = app.bodies, np.random.default_rng(1)
-    v, drho = bodies.own("v"), bodies.own("drho")
-    v += NOISE * C0 * rng.uniform(-1, 1, v.shape)
-    drho += NOISE * app.scene.rho0 * rng.uniform(-1, 1, drho.shape)
+    for name, scale in (("v", C0), ("drho", app.scene.rho0)):
+        column = bodies.own(name)
+        bodies.put(name, column + NOISE * scale * rng.uniform(-1, 1, column.shape))
     app.resume()
 
     def energy() -> float:
