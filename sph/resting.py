@@ -42,11 +42,11 @@ def before_walls(scene: "Scene", section: "Fluid", x: NDArray, drho: NDArray) ->
 
 
 def held(scene: "Scene", section: "Fluid") -> bool:
-    """Whether a fluid lies in a box with flat walls on all sides but the upper one: it will stay, not run out."""
+    """Whether a fluid lies in a box with flat walls that stay on all sides but the upper one: it will not run out."""
     box, gravity = section.shape.box, scene.gravity
     if not box or np.count_nonzero(gravity) != 1:
         return False
-    flat = [wall for wall in scene.walls if wall.shape.box or wall.shape.plane]
+    flat = [wall for wall in scene.walls if (wall.shape.box or wall.shape.plane) and not wall.moving]
     faces = [face for wall in flat for face in wall.flat_faces()]
     low, high = np.array(box.low), np.array(box.high)
     for axis in np.flatnonzero(~scene.periodic):

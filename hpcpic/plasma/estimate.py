@@ -112,7 +112,7 @@ def phases(config: PlasmaConfig, ranks: int, threads: int, rates: Mapping[str, f
         "memory": memory_seconds(config, ranks, threads, rates),
         "tiles": filled * rates[f"tile_ns {d}D"] / cores,
         "cells": cells * rates[f"cell_ns {d}D"] / mesh,
-        "field": field_seconds(config, gain(ranks, threads, rates, rates["mesh_core_gain"]), rates),
+        "field": field_seconds(config, 1e-9 * mesh, rates),
         "launches": 1e-6 * rates["plasma_launch_us"],
         "exchanges": exchange_seconds(config, ranks, rates),
     }

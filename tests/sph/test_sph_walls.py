@@ -52,6 +52,16 @@ def test_fluid_that_walls_hold_starts_where_they_hold_it_what_runs_out_on_its_la
     assert (0.2 < lowest < 0.4) if stays else lowest == pytest.approx(0.5, abs=1e-9)
 
 
+@pytest.mark.parametrize("motion, stays", [("", True), ("motion = { velocity = [0.0, 6.0]; };", False)])
+def test_a_gate_that_will_open_does_not_hold_the_fluid_behind_it(motion, stays):
+    gate = f"""{{ name = "gate"; type = "repulsive"; solid = true; {motion}
+        shape = {{ box = {{ low = [0.5, 0.0]; high = [0.6, 1.2]; }}; }}; }}"""
+    walls = tank(2, "repulsive", (1.0, 1.2)).removesuffix(");") + f", {gate} );"
+    sph = engine(size=(1.0, 1.2), fill=(0.5, 0.5), more=walls)
+    lowest = sph.physical("x", sph.bodies.fluid)[:, 1].min() / sph.scene.spacing
+    assert lowest < 0.4 if stays else lowest == pytest.approx(0.5, abs=1e-9)
+
+
 def test_corrected_gradients_leave_still_water_beside_walls_still():
     """Wall particles have neighbours on one side only: their own correction would amplify what they push with."""
     sph = engine(size=(1.0, 1.2), fill=(1.0, 0.5), more=tank(2, size=(1.0, 1.2)), corrected="true", spacing=0.05)
