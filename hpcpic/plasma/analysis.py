@@ -6,10 +6,13 @@ Times in s, positions in m, velocities in m/s, or all of them normalised alike.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import pairwise
 
 import numpy as np
+
+
+ROUND_OFF = 1e-14  # of a signal: what swings by less is noise of the arithmetic
 
 
 class NoFit(ValueError):
@@ -124,6 +127,26 @@ def fit_oscillation(
     t, y = np.asarray(t, float), np.asarray(y, float)
     if t.size < 8:
         raise NoFit("fewer than eight samples")
+    middle, length = float(y.mean()), float(t[-1] - t[0])
+    height = float(np.abs(y - middle).max())
+    if not (length > 0.0 and height > ROUND_OFF * abs(middle)):
+        raise NoFit("nothing swings")
+    # Whatever the units, the columns of the problem have the same size: the solver drops those that are small.
+    fit = _fit(t / length, (y - middle) / height, frequency and frequency * length, rate * length, damped)
+    return replace(
+        fit,
+        frequency=fit.frequency / length,
+        rate=fit.rate / length,
+        amplitude=fit.amplitude * height,
+        offset=middle + fit.offset * height,
+        frequency_error=fit.frequency_error / length,
+        rate_error=fit.rate_error / length,
+        residual=fit.residual * height,
+    )
+
+
+def _fit(t: np.ndarray, y: np.ndarray, frequency: float | None, rate: float, damped: bool) -> Oscillation:
+    """As fit_oscillation, of a signal of length and height 1."""
     origin = t[0]
     x = t - origin
     omega = frequency if frequency is not None else _first_frequency(x, y)

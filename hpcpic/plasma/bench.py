@@ -3,12 +3,13 @@
 Whole steps of small thermal plasmas in this process, which take turns. From many and few particles in a cell follows
 the price of a particle in caches, from a plasma larger than these that of one from memory, from one of next to nothing
 the price of the launches, from one of empty cells that of a cell, from one with a particle in most tiles that of a tile
-that is not empty; the field has a timer of its own, and LU is tried alone. On all cores the steps with many particles,
-of the large plasma and with no particles tell what these gain. Several ranks have the smallest plasma together, and
-each has one for itself.
+that is not empty, and from a wide empty one that of cells in memory; the field has a timer of its own, and LU is tried
+alone. On all cores the steps with many particles, of the large plasma and with no particles tell what these gain.
+Several ranks have the smallest plasma together, and each has one for itself.
 """
 
 import itertools
+import math
 import os
 from collections.abc import Mapping
 from pathlib import Path
@@ -22,7 +23,15 @@ from hpcpic.core.space.domain import Domain, even_cuts
 from hpcpic.core.tasks import Pool
 from hpcpic.core.timers import Timers
 from hpcpic.plasma.config import PlasmaConfig
-from hpcpic.plasma.estimate import DEFAULT, STANDARD_BYTES, beyond_caches, exchanges, filled_tiles
+from hpcpic.plasma.estimate import (
+    DEFAULT,
+    LEVELS,
+    NODE_BYTES,
+    STANDARD_BYTES,
+    beyond_caches,
+    exchanges,
+    filled_tiles,
+)
 from hpcpic.plasma.plan import factor_nonzeros
 from hpcpic.plasma.poisson import LU
 from hpcpic.plasma.sizes import EDGE
@@ -32,7 +41,8 @@ FEW, MANY, LARGE = 4, 24, 48  # particles per cell
 ROUNDS = {True: 4, False: 10}  # by `quick`
 FULL = {2: (128, 128), 1: (8192,)}  # points of the plasma with particles
 SCALE = 2  # points along an edge of a large plasma, to those of FULL
-EMPTY = {2: (512, 512), 1: (65536,)}  # and of the one with next to none
+EMPTY = {2: (512, 512), 1: (65536,)}  # and of the one with next to none: 2 to LEVELS
+WIDE = (2048, 2048)  # and of one that no cache holds
 TINY = {2: (16, 16), 1: (256,)}
 FACTORED = {2: (64, 64), 1: (4096,)}  # of a field by LU
 NEXT_TO_NONE = 16  # particles
@@ -142,6 +152,8 @@ def standard_rates(world: World, d: int, quick: bool) -> dict[str, float]:
     }  # fmt: skip
     if d == 2:
         kinds["large"] = tuple(SCALE * points for points in FULL[2]), LARGE * SCALE**2 * n
+        if not quick:
+            kinds["wide"] = WIDE, NEXT_TO_NONE
     trials = {name: Trial(world, *kind) for name, kind in kinds.items()}
     gains = GAINS[d] if (cores := len(world.cpus(1))) > 1 else {}
     together = {what: f"{name} together" for what, name in gains.items()}
@@ -165,7 +177,20 @@ def standard_rates(world: World, d: int, quick: bool) -> dict[str, float]:
         }
         found = cache_mb() or DEFAULT["cache_mb"]
         rates |= {"cache_mb": found, "memory_ns": 1e9 * (particle + memory_wait(trials, particle, found))}
+        if "wide" in trials:
+            rates |= wide_rates(trials, found)
     return rates | {what: trials[name].step / trials[together[what]].step for what, name in gains.items()}
+
+
+def wide_rates(trials: Mapping[str, Trial], cache: float) -> dict[str, float]:
+    """What nodes that no cache holds take more than those of the empty plasma."""
+    wide, empty, tiny, cells = trials["wide"], trials["empty"], trials["tiny"], math.prod(WIDE)
+    away, times = beyond_caches(cells, NODE_BYTES, 1.0, {"cache_mb": cache}) / NODE_BYTES, cells / math.prod(EMPTY[2])
+    work = times * math.log2(cells) / LEVELS[2] * (empty.field - tiny.field)
+    return {
+        "field_memory_ns": 1e9 * max(0.0, wide.field - work) / away,
+        "cell_memory_ns": 1e9 * max(0.0, wide.rest - tiny.rest - times * (empty.rest - tiny.rest)) / away,
+    }
 
 
 def lu_solve(world: World, points: tuple[int, ...]) -> float:
@@ -185,7 +210,7 @@ def more_of_large(trials: Mapping[str, Trial], what: str) -> float:
 def memory_wait(trials: Mapping[str, Trial], particle: float, cache: float) -> float:
     """Seconds that a standard particle which no cache holds takes more than one in caches."""
     n, more = FULL[2][0] ** 2 * SCALE**2, more_of_large(trials, "rest")
-    away = beyond_caches(n * LARGE, STANDARD_BYTES, 1.0, {"cache_mb": cache})
+    away = beyond_caches(n * LARGE, STANDARD_BYTES, 1.0, {"cache_mb": cache}) / STANDARD_BYTES
     return max(0.0, more - n * (LARGE - FEW) * particle) / away
 
 

@@ -1,10 +1,10 @@
 """What a plasma run will need: memory by item, disk, time for any ranks x threads, from measured rates.
 
 A step is the work on particles, on cells and on the field, divided by the gain of the cores, and what does not divide:
-Python with the launches, and the exchanges between ranks. Particles beyond those that the caches hold are waited for,
-and all cores share one memory. A sample of the series goes through all particles and nodes. The rates come from
-`hpcpic bench` on this machine; what it did not measure keeps its ratio to what it did on the authors' machine
-(DEFAULT).
+Python with the launches, and the exchanges between ranks. Particles and nodes beyond those that the caches hold are
+waited for, and all cores share one memory. A sample of the series goes through all particles and nodes. The rates
+come from `hpcpic bench` on this machine; what it did not measure keeps its ratio to what it did on the authors'
+machine (DEFAULT).
 """
 
 import math
@@ -18,10 +18,12 @@ from hpcpic.plasma.sizes import EDGE
 MIB = 2.0**20
 SERIES_BYTES = 16 * 8 * 2  # of one sample: sixteen numbers, in HDF5 and as text
 SERIES_SHARE = 0.05  # of a run that samples of a series nobody has asked for may take,
-SERIES_SECONDS = 10.0  # or as many seconds of a core: short runs have all their steps in the series
+SERIES_SECONDS = 1.0  # or as many seconds of a core: the shortest runs have all their steps in the series
 START = 1.0  # s: interpreter, libraries, kernels from the cache
 HELD = 0.75  # of the last-level cache, by particles: fields and what else runs want the rest
 STANDARD_BYTES = 36  # of a particle in two dimensions and double precision
+NODE_BYTES = 32  # of a node, by the rows and columns of its transform, which are read again within a field
+LEVELS = {2: 18, 1: 16}  # log2 of the nodes for which `field_ns` holds: a transform's work grows with it
 
 # Measured on the authors' machine, one core of a 2-core AMD Zen 5 at 4.1 GHz.
 DEFAULT = FILES | {
@@ -45,6 +47,8 @@ DEFAULT = FILES | {
     "tile_ns 1D": 220.0,
     "field_ns 2D": 6.7,  # transforms, potential and its gradient
     "field_ns 1D": 8.0,
+    "field_memory_ns": 3.0,  # more, of a node that no cache holds, as transforms of 2048^2 and 4096^2 took
+    "cell_memory_ns": 0.6,  # likewise; from a Zen 4, by the ratio of the fields
     "factor_ns 2D": 0.88,  # per number in the factors of LU
     "factor_ns 1D": 3.5,
     "sample_ns": 3.4,  # of the series, per particle
@@ -107,35 +111,38 @@ def phases(config: PlasmaConfig, ranks: int, threads: int, rates: Mapping[str, f
     cores, mesh = (1e9 * gain(ranks, threads, rates, of_node) for of_node in gains)
     tiles = math.prod(-(-n // EDGE[d]) for n in config.grid.points)
     filled = sum(filled_tiles(species.particles, tiles) for species in config.species)
+    away = beyond_caches(cells, NODE_BYTES, max(1.0, ranks * threads / rates["cores"]), rates) / NODE_BYTES
     return {
         "particles": particle_count(config) * rates[kernel] * components / cores,
         "memory": memory_seconds(config, ranks, threads, rates),
         "tiles": filled * rates[f"tile_ns {d}D"] / cores,
-        "cells": cells * rates[f"cell_ns {d}D"] / mesh,
-        "field": field_seconds(config, 1e-9 * mesh, rates),
+        "cells": (cells * rates[f"cell_ns {d}D"] + away * rates["cell_memory_ns"]) / mesh,
+        "field": field_seconds(config, 1e-9 * mesh, away, rates),
         "launches": 1e-6 * rates["plasma_launch_us"],
         "exchanges": exchange_seconds(config, ranks, rates),
     }
 
 
-def field_seconds(config: PlasmaConfig, cores: float, rates: Mapping[str, float]) -> float:
-    """Of one field. With LU every rank solves the whole of it, on one thread."""
+def field_seconds(config: PlasmaConfig, cores: float, away: float, rates: Mapping[str, float]) -> float:
+    """Of one field, of which no cache holds `away` nodes. With LU every rank solves the whole of it, on one thread."""
     d, spectral = config.dimensions, config.numerics.gradient == "spectral"
     if config.simulation.solver == "LU":
         return 1e-9 * factor_nonzeros(config.grid.points) * rates[f"factor_ns {d}D"]
     transforms = 1 + 0.5 * d * spectral  # beside those of differences
-    return 1e-9 * math.prod(config.grid.points) * rates[f"field_ns {d}D"] * transforms / cores
+    cells = math.prod(config.grid.points)
+    work = cells * max(1.0, math.log2(cells)) / LEVELS[d] * rates[f"field_ns {d}D"] + away * rates["field_memory_ns"]
+    return 1e-9 * work * transforms / cores
 
 
 def beyond_caches(n: int, size: int, nodes: float, rates: Mapping[str, float]) -> float:
-    """Of n particles of so many bytes, how many come from memory in every step, in standard ones."""
-    return max(0.0, n * size - nodes * 1e6 * HELD * rates["cache_mb"]) / STANDARD_BYTES
+    """Bytes that come from memory in every step, of n things of so many bytes."""
+    return max(0.0, n * size - nodes * 1e6 * HELD * rates["cache_mb"])
 
 
 def memory_seconds(config: PlasmaConfig, ranks: int, threads: int, rates: Mapping[str, float]) -> float:
     """Of a step, for particles that no cache holds: all of their time on these cores, less that of their work."""
     nodes = max(1.0, ranks * threads / rates["cores"])
-    n = beyond_caches(particle_count(config), particle_bytes(config), nodes, rates)
+    n = beyond_caches(particle_count(config), particle_bytes(config), nodes, rates) / STANDARD_BYTES
     gains = rates["memory_core_gain"], rates["plasma_core_gain 2D"]
     memory, cores = (gain(ranks, threads, rates, of_node) for of_node in gains)
     return 1e-9 * n * max(0.0, rates["memory_ns"] / memory - rates["particle_ns 2D CIC double"] / cores)
