@@ -49,6 +49,19 @@ def test_clean_oscillation_is_exact():
     assert fit.offset == pytest.approx(0.3, rel=1e-12)
 
 
+def test_the_units_of_an_oscillation_do_not_matter():
+    """Of a proton's momentum in a field of 2 T, in SI units, the fit gave back the frequency that it started from."""
+    t, y = 1e-10 * T, 1.7e-21 * np.cos(1.2345678901e10 * 1e-10 * T + 0.7)
+    fit = analysis.fit_oscillation(t, y, frequency=1.25e10, damped=False)
+    assert fit.frequency == pytest.approx(1.2345678901e10, rel=1e-11)
+    assert (fit.amplitude, fit.phase) == (pytest.approx(1.7e-21, rel=1e-9), pytest.approx(0.7, abs=1e-9))
+
+
+def test_what_does_not_swing_has_no_frequency():
+    with pytest.raises(analysis.NoFit, match="nothing swings"):
+        analysis.fit_oscillation(T, np.full_like(T, 1.7), frequency=1.0, damped=False)
+
+
 def test_oscillation_errors_have_the_size_of_the_scatter():
     rng = np.random.default_rng(1)
     misses = []
