@@ -30,6 +30,7 @@ CASES = {  # case -> steps
         "two-stream-warm": 300,
         "magnetised-thermal-2d": 60,
         "thesis-1024-on-512": 60,
+        "thesis-10240-on-64": 300,
         "benchmarks/thermal-256.conf": 20,
     },
     "sph": {"water-column": 300, "still-tank": 100, "poiseuille": 300, "column-impact-a": 40},
@@ -128,11 +129,14 @@ def main() -> None:
     parser.add_argument("--points", default="1x1,1x2,2x1", help="ranks x threads, comma separated")
     parser.add_argument("--rounds", type=int, default=3)
     a = parser.parse_args()
+    known, asked = {case for program in CASES.values() for case in program}, set(filter(None, a.cases.split(",")))
+    if not asked <= known:
+        parser.error(f"no such case: {', '.join(sorted(asked - known))}; there are {', '.join(sorted(known))}")
     errors = []
     print("program case                        ranks threads   ms/step  estimate  off by  beside"
           "       MiB  estimate  off by")  # fmt: skip
     for program in a.programs or PROGRAMS:
-        if rows := rows_of(program, a.cases.split(",") if a.cases else [], parse_points(a.points)):
+        if rows := rows_of(program, asked, parse_points(a.points)):
             factors = in_rounds(program, rows, a.rounds)
             print(f"{program}: runs slower than benches by the common factors", *(f"{f:.2f}" for f in factors))
             for row in rows:
