@@ -11,7 +11,6 @@ from itertools import pairwise
 
 import numpy as np
 
-
 ROUND_OFF = 1e-14  # of a signal: what swings by less is noise of the arithmetic
 
 

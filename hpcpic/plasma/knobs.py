@@ -22,6 +22,7 @@ if TYPE_CHECKING:
 PERIODS = 5  # of an oscillation whose frequency is wanted
 GROWTH_WINDOW = (3.5, 6.5)  # e-folds after the start: other roots have died out, the beams are not trapped yet
 DAMPING_WINDOW = (0.7, 3.6)  # periods after the start: other roots have died out, noise is still small
+WEAK = 1e-3  # of the frequency: a damping rate that the noise of particles hides
 SAMPLES = 129  # of a window, the same times in every pilot
 PER_CELL = 4  # least particles per cell of a quiet species
 HORIZON = 300.0  # 1/wp in which an instability of the time step shows
@@ -187,7 +188,7 @@ def waves(law: Prediction, mode: int, time: float) -> list[Quantity]:
     end = min(time, PERIODS * period)
     text = "angular frequency of the wave, from energy_kinetic, rad/s"
     wave = Quantity("frequency", text, end, partial(half_frequency, frequency))
-    if rate >= 0.0:
+    if -rate < WEAK * frequency:
         return [wave]
     first, last = (min(n * period, time * n / DAMPING_WINDOW[1]) for n in DAMPING_WINDOW)
     text = f"damping rate of mode_{mode} between t = {first:.3g} and {last:.3g} s, 1/s"

@@ -34,7 +34,11 @@ class ErrorConfig(Section):
     noise: float = setting(0.0, "error that no knob makes, drawn from the settings")
     limit: float = setting(0.5, "dt beyond which the energy grows")
     slow: float = setting(0.0, "growth rate at dt = limit/2, in proportion to dt", "1/s")
-    mode: int = setting(1, "scheme: 2 halves the error in dx, 3 costs half", ge=1, le=3)
+    mode: int = setting(1, "scheme: 2 halves the error in dx, unless dt is turned too", ge=1, le=2)
+    offset: float = setting(0.0, "error that no knob makes, always the same")
+    dear: float = setting(1.0, "exponent of the cost of dx that is told")
+    exact: bool = setting(False, "the answer is known to be 1")
+    most: float = setting(1e9, "dx beyond which the case is refused")
     seed: int = setting(1, "of nothing")
     fault: toy_app.Fault = toy_app.Fault()
     output: toy_app.Output = toy_app.Output()
@@ -57,7 +61,9 @@ class ErrorToy(toy_app.Toy):
         c = self.config
         drawn = math.sin(1e4 * c.dx + 1e5 * c.dt + c.particles)
         half = 0.5 if c.mode == 2 else 1.0
-        answer = 1 + half * A * c.dx**c.order - B * c.dt**2 + C / c.particles + c.noise * drawn
+        if c.mode == 2 and abs(c.dt - 0.05) > 1e-3 and abs(c.dx - 0.1) > 1e-3:  # which no law of one knob knows
+            half = 20.0
+        answer = 1 + half * A * c.dx**c.order - B * c.dt**2 + C / c.particles + c.noise * drawn + c.offset
         fast = 0.5 if c.dt > c.limit else 0.0
         rate = c.slow * 2 * c.dt / c.limit
         return {"answer": answer, "energy_total": math.exp(fast * self.iteration + rate * self.time)}
@@ -70,16 +76,16 @@ def settings(config: ErrorConfig, sizes: Mapping[str, float], time: float) -> tu
 
 
 def knobs(config: ErrorConfig) -> Knobs:
-    time = config.steps * config.dt
+    time, exact = config.steps * config.dt, 1.0 if config.exact else None
     return Knobs(
         knobs=(
-            Knob("dx", "spacing", "m", ("dx",), lambda c: c.dx, 2.0, 1.0),
+            Knob("dx", "spacing", "m", ("dx",), lambda c: c.dx, 2.0, config.dear),
             Knob("dt", "time step", "s", ("dt",), lambda c: c.dt, 2.0, 1.0, "time step"),
             Knob("particles", "particles", "", ("particles",), lambda c: 1 / c.particles, 1.0, 1.0,
                  shown=lambda size: 1 / size),
         ),
         choices=(Choice("mode", ("mode",), "1", ("2",), "dx"),),
-        quantities=lambda: [Quantity("answer", "the answer", time / 4, lambda series: float(series["answer"][-1]))],
+        quantities=lambda: [Quantity("answer", "the answer", time / 4, lambda seen: float(seen["answer"][-1]), exact)],
         settings=lambda sizes, end: settings(config, sizes, end),
         time=time,
         pilot=("output.series=1",),
@@ -94,7 +100,9 @@ def knobs(config: ErrorConfig) -> Knobs:
 def derived(config: ErrorConfig, ranks: int) -> list[Derived]:
     number = config.dt / 0.5
     verdict = "ok" if number < 1 else "fail"
-    return [Derived("time step", "dt/limit", number, "", "< 1", verdict, "known", key=("dt",), stable_below=1.0)]
+    coarse = Derived("spacing", "dx", config.dx, "m", f"< {config.most:g}", "ok" if config.dx < config.most else "fail")
+    step = Derived("time step", "dt/limit", number, "", "< 1", verdict, "known", key=("dt",), stable_below=1.0)
+    return [step, coarse]
 
 
 APP = App(

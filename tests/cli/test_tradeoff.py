@@ -12,6 +12,7 @@ import numpy as np
 import pytest
 from toy_runner import MPIRUN, environment
 
+from hpcpic.core.cli import search
 from hpcpic.core.cli.front import commented
 from hpcpic.core.cli.laws import (
     SAFETY,
@@ -181,6 +182,36 @@ def test_a_recommendation_keeps_the_tolerance_without_luck_and_goes_on_where_it_
     assert again.returncode == 0
     ends = [line for line in again.stdout.splitlines() if line.startswith("  pilot ")]
     assert ends and all("done before" in line for line in ends)
+
+
+def test_a_scheme_that_fails_together_with_the_knobs_is_left_for_the_next_best(program, tmp_path, monkeypatch):
+    """mode 2 halves the error in dx in every pilot that turns one knob, and makes 40 times as much of it with two."""
+    monkeypatch.setattr(search, "WORTH", 0.95)  # here it saves a tenth of the cost, not a fifth
+    done = program("tradeoff", "-o", "out", "--tolerance", "0.3%", dear=4)
+    assert done.returncode == 0, done.stderr
+    best = found(tmp_path)["recommended"]
+    runs = [line for line in done.stdout.splitlines() if "recommended:" in line]
+    assert len(runs) == 2 and not best["others"]
+    assert best["error"] <= 0.003
+
+
+def test_a_case_that_is_measured_to_be_good_is_recommended_where_the_laws_cannot_promise_it(program, tmp_path):
+    """Errors that no knob accounts for are as large as the tolerance; but the answer is known, the case near."""
+    words = ("tradeoff", "-o", "out", "--tolerance", "1%", "--knobs", "dx,dt")
+    done = program(*words, exact="true", offset=0.009, dx=0.05)
+    facts = found(tmp_path)
+    assert facts["error_here"] < 0.01 and facts["floor"] == pytest.approx(0.009, rel=0.1)
+    assert done.returncode == 0, done.stderr
+    assert facts["recommended"]["sizes"]["dx"] == 0.05 and "promise no less than" in done.stderr
+
+
+def test_a_knob_without_room_says_what_is_in_the_way(program):
+    done = program("tradeoff", "-o", "out", "--knobs", "dx,dt", dx=0.1, most=0.11, steps=400)
+    assert done.returncode == 0, done.stderr  # 0.8 and 0.65 times the spacing are affordable
+    done = program("tradeoff", "-o", "out", "--knobs", "dx,dt", dx=0.1, most=0.11, dear=6)
+    assert done.returncode == 3
+    for words in ("coarser: spacing dx = 0.14 m (limit < 0.11)", "10 pilots", "without it: --knobs dt"):
+        assert words in done.stderr
 
 
 def test_refusals_say_why(program, tmp_path):

@@ -66,6 +66,12 @@ def test_every_case_knows_what_it_is_about_and_its_pilot_is_no_longer_than_the_r
     assert all(0 < quantity.time <= knobs.time for quantity in quantities)
 
 
+def test_a_wave_that_hardly_decays_is_asked_for_its_frequency():
+    """k lambda_D = 0.14, as in an ordinary case in SI units: exp(-27) of the frequency, which is noise in any run."""
+    long = read("landau-damping", ("simulation.space_length=[45.0]",))
+    assert [q.name for q in knobs_of(long).quantities()] == ["frequency", "energy"]
+
+
 def test_smooth_numbers_are_even_without_large_primes():
     found = [smooth(n) for n in (1, 2, 7, 8.5, 121, 1025)]
     assert found == [2, 2, 8, 10, 128, 1080]

@@ -20,6 +20,7 @@ from hpcpic.core.cli.laws import Level
 from hpcpic.core.cli.read import Case, read_case
 from hpcpic.core.cli.sweep import facts_of, run_once
 from hpcpic.core.errors import CheckFailed, HpcpicError
+from hpcpic.core.files.derived import Derived
 from hpcpic.core.files.rundir import RunDir
 from hpcpic.core.files.series import Series, read_series
 
@@ -77,15 +78,16 @@ class Pilots:
         """The case with these settings, completed."""
         return read_case(self.app, self.read.path, self.assignments(sizes, time, others)).config
 
+    def beyond(self, sizes: Mapping[str, float], time: float, others: Settings, margin: float = 1.0) -> Derived | None:
+        """The first derived number that is refused or beyond `margin` of the end of stability."""
+        for number in self.app.derived(self.config(sizes, time, others), self.shape[0]):
+            stable = number.stable_above / margin <= number.value <= margin * number.stable_below
+            if number.verdict == "fail" or not stable:
+                return number
+        return None
+
     def legal(self, sizes: Mapping[str, float], time: float, others: Settings, margin: float = 1.0) -> bool:
-        """Whether no derived number is refused or beyond `margin` of the end of stability."""
-        config = self.config(sizes, time, others)
-        return all(
-            number.verdict != "fail"
-            and number.value <= margin * number.stable_below
-            and number.value >= number.stable_above / margin
-            for number in self.app.derived(config, self.shape[0])
-        )
+        return self.beyond(sizes, time, others, margin) is None
 
     def sizes_of(self, config: Any) -> dict[str, float]:
         return {knob.name: knob.size(config) for knob in self.knobs.knobs}
@@ -98,14 +100,10 @@ class Pilots:
         more: tuple[str, ...] = (),
         flags: tuple[str, ...] = (),
         words: str = "",
-        again: int = 0,
     ) -> Pilot:
-        """Run with these sizes until `time` [s], or take what was run before. Raises Interrupted.
-
-        again: a number that tells apart runs of the same, which are repeated to time them.
-        """
+        """Run with these sizes until `time` [s], or take what was run before. Raises Interrupted."""
         sets = (*self.assignments(sizes, time, others or {}), *self.knobs.pilot, *more)
-        name = hashlib.sha256(repr((self.case_digest, sets, self.shape, again)).encode()).hexdigest()[:12]
+        name = hashlib.sha256(repr((self.case_digest, sets, self.shape)).encode()).hexdigest()[:12]
         if name in self.done:
             return self.done[name]
         config = read_case(self.app, self.read.path, sets).config
@@ -136,8 +134,6 @@ class Pilots:
     def paid(self) -> float:
         """The prices of all that was asked for."""
         return sum(pilot.price for pilot in self.done.values())
-
-
 
 
 def value_of(pilot: Pilot, measure: Any) -> NDArray[np.float64]:

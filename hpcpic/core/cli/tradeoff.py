@@ -223,6 +223,9 @@ def tell_front(search: Search, points: list) -> None:
 
     whole = search.base.seconds * search.pilots.knobs.time / search.quantity.time
     click.echo()
+    if not points:
+        click.echo(f"front: none, as the reference is known to {search.uncertainty:.1g} only")
+        return
     rows = [
         (f"{p.bound:.2g}", f"{p.cost * whole:.3g}", f"{1 / p.cost:.3g}", sizes_text(search, p.sizes), p.scheme.words)
         for p in points
@@ -235,7 +238,7 @@ def tell_front(search: Search, points: list) -> None:
 def recommended(search: Search, wanted: float, limit: float | None) -> Verified:
     """Raises CheckFailed when the cost limit or the reference is in the way."""
     whole = search.base.seconds * search.pilots.knobs.time / search.quantity.time
-    predicted = search.propose(wanted).cost * whole
+    predicted = search.first(wanted).cost * whole
     if limit is not None and predicted > limit:
         raise CheckFailed(f"an error of {wanted:g} takes {duration(predicted)}, more than {duration(limit)}")
     return search.verify(wanted)
