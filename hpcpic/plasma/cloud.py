@@ -290,7 +290,7 @@ class Cloud:
 
     def _find_pages(self) -> None:
         """Free pages for all who are in boxes, and a quarter more: the next steps find enough."""
-        arrivals = self.pages.lists[:, 1, :-1].sum(axis=0)
+        arrivals = self.pages.lists[:, 1, : self.blocks].sum(axis=0)
         wanted = arrivals // PAGE + np.minimum(arrivals, self.tiles.n_parts * self.n_species)
         self.pages.need((wanted + wanted // 4).tolist())
 

@@ -14,6 +14,7 @@ from numpy.typing import DTypeLike, NDArray
 from hpcpic.core.space.domain import Domain, block_ranges
 from hpcpic.plasma.sizes import EDGE, PAGE
 
+LINE = 16  # int32 in a cache line
 RECORD = 8  # numbers of a particle under way, see kernels.pages
 
 
@@ -117,8 +118,10 @@ class Pages:
         self.head = np.full(n_slots, -1, np.int32)
         self.count = np.zeros(n_slots, np.int64)
         self.settled = np.zeros(n_slots, np.int64)  # of these, who did not come last
-        self.counters = np.zeros((n_blocks + 1, 8), np.int64)  # free pages, particles in the box; a cache line each
-        self.lists = np.full((n_blocks + 1, 2, n_blocks + 1), -1, np.int32)  # first particle, number of particles
+        self.counters = aligned((n_blocks + 1, 8), np.int64)  # free pages, particles in the box; a cache line each
+        self.counters[:] = 0
+        lines = -(-(n_blocks + 1) // LINE)  # of each row: cores that write into one line wait for each other
+        self.lists = aligned((n_blocks + 1, 2, lines * LINE), np.int32)  # first particle, number of particles
         self.fresh = 0  # pages from this number on were never used
         self.moved = 0
         self._hold(capacity)
