@@ -302,6 +302,26 @@ def plane(pool: Pool) -> Iterator[Row]:
     yield Row("C6", "SPH, a layer of 3D (of the 6 that a cell needs) / 2D: time", f"{found:.2f}", ">= 2", found >= 2)
 
 
+def absent(pool: Pool) -> Iterator[Row]:
+    """What a term of SPH costs that a scene may lack. No aim: that it costs nothing when absent is held by its plan."""
+    bare = {"low": (0, 0, 0), "high": (0.4, 0.4, 0.4), "spacing": 0.01, "gravity": 0.0}
+    free = {**bare, "top": (0.4, 0.4, 0.4), "periodic": "xyz"}
+    pool_of_water = {**bare, "top": (0.4, 0.4, 0.2), "periodic": "xy"}
+    plane = "plane = { point = [0, 0, 0]; normal = [0, 0, 1]; };"
+    floor = f'wall = ( {{ name = "floor"; shape = {{ {plane} }}; type = "%s"; }} );'
+    for what, without, more in (
+        ("Cleary's viscosity", free, {"form": "cleary", "more": "viscosity = 1.0e-3;"}),
+        ("Molteni's flux", free, {"flux": "molteni"}),
+        ("Rusanov's flux", free, {"flux": "rusanov"}),
+        ("TVD-RK3 instead of the split scheme", free, {"integrator": "rk3-tvd"}),
+        ("a floor that repels", pool_of_water, {"walls": floor % "repulsive"}),
+        ("a floor of mirrored ghosts", pool_of_water, {"walls": floor % "mirror-no-slip"}),
+    ):
+        one, two = water(**without), water(**{**without, **more})
+        time, size = step_ratio(one, two, pool), held(two, pool) / held(one, pool)
+        yield Row("C7", f"SPH, {what}: time, bytes", f"{time:.2f}, {size:.2f}", "")
+
+
 def nothing(pool: Pool) -> Iterator[Row]:
     with running(plasma(256, 0), pool) as empty:
         found = 1e6 * least(lambda: repeated(empty.step, 200)) / 200
@@ -384,8 +404,8 @@ def planned_bytes(case: Case) -> float:
 
 
 TABLE: dict[str, Callable[[Pool], Iterator[Row]]] = {
-    "C1": empty_tank, "C2": solid_lattice, "C3": no_magnetic_field, "C4": fixed_grains, "C6": plane, "C8": nothing,
-    "C10": memory, "C11": outputs, "C12": words, "C14": growth,
+    "C1": empty_tank, "C2": solid_lattice, "C3": no_magnetic_field, "C4": fixed_grains, "C6": plane, "C7": absent,
+    "C8": nothing, "C10": memory, "C11": outputs, "C12": words, "C14": growth,
 }  # fmt: skip
 
 
