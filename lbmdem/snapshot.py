@@ -6,6 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hpcpic.core.files.arrays import FieldArray, ParticleArray, Shard
+from hpcpic.core.run.worst import worst_nodes, worst_particles
 from lbmdem.kernels.layout import FLUID
 from lbmdem.lattices import CS2
 
@@ -39,6 +40,19 @@ def grains(app: "LbmDem") -> dict[str, ParticleArray]:
         ids, x = chosen.pop("id"), chosen.pop("x")
         result[name] = ParticleArray(ids, x, chosen, {key: units.get(key, "") for key in chosen})
     return result
+
+
+def worst(app: "LbmDem") -> list[str]:
+    """Lines on the worst grains and nodes of this rank."""
+    lines = []
+    if app.dem:
+        own = app.dem.grains
+        rows = slice(own.n)
+        found = ParticleArray(own.ids[rows], own.x[rows], {"velocity": own.v[rows]})
+        lines += worst_particles({"grain": found})
+    if app.fluid:
+        lines += worst_nodes(*app.fluid.moments(), app.domain.row_range(app.world.rank)[0])
+    return lines
 
 
 def grain_columns(app: "LbmDem") -> dict[str, NDArray]:

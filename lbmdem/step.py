@@ -299,6 +299,10 @@ class LbmDem:
             return f"the mean density of the fluid jumped by {self.diagnostics.jump:.1e}, which nothing in it can do"
         return None
 
+    def worst(self) -> list[str]:
+        """Lines on the worst grains and nodes of this rank. Collective."""
+        return snapshot.worst(self)
+
     def close(self) -> None:
         """Free what MPI holds (all ranks together)."""
         if self.immersed:

@@ -6,6 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hpcpic.core.files.arrays import ParticleArray
+from hpcpic.core.run.worst import worst_particles
 from sph.kernels.marks import CODES
 
 if TYPE_CHECKING:
@@ -36,6 +37,11 @@ def particles(sph: "Sph") -> dict[str, ParticleArray]:
         }
         found[name] = ParticleArray(own["id"], three(own["x"]), columns, UNITS)
     return found
+
+
+def worst(sph: "Sph") -> list[str]:
+    """Lines on the worst particles of this rank."""
+    return worst_particles(particles(sph))
 
 
 def particles_at(sph: "Sph", rows: NDArray[np.int64]) -> dict[str, NDArray]:

@@ -380,6 +380,10 @@ class Sph:
             return f"the density of particle {bodies.number(fluid[worst])} is {density[worst]:.3g} rho0"
         return through_wall(self, fluid)
 
+    def worst(self) -> list[str]:
+        """Lines on the worst particles of this rank. Collective."""
+        return snapshot.worst(self)
+
     def close(self) -> None:
         """Free what MPI holds (all ranks together)."""
         self.bodies.free()

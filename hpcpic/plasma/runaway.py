@@ -8,6 +8,7 @@ GROWTH = 30.0  # of the total energy, beyond which a run is no solution; wp dt =
 JUMP = 0.01  # of the energy between two looks that may be a jump, and is one if it is also
 TENFOLD = 10.0  # times the largest change seen before, beyond the fastest growth that a plasma can have
 KNOWN = 3  # changes seen before that speak for the next
+LATE = 90  # steps after which the energy is seen again, written or not; it costs up to 0.9 of a step
 MANY = 1000  # particles: in fewer one encounter may make the energy jump
 
 
@@ -21,10 +22,10 @@ class EnergyWatch:
     def __init__(self, cold: float, wp: float, particles: int) -> None:
         self.cold, self.wp, self.particles = cold, wp, particles
         self.first = self.last = math.nan
-        self.time, self.seen, self.largest = 0.0, 0, 0.0
+        self.time, self.step, self.seen, self.largest = 0.0, -LATE, 0, 0.0
         self.jump: str | None = None
 
-    def see(self, energy: float, time: float) -> None:
+    def see(self, energy: float, time: float, step: int) -> None:
         """The energy [J] at a time [s]."""
         if math.isnan(self.first):
             self.first = energy
@@ -35,7 +36,7 @@ class EnergyWatch:
             if self.particles >= MANY and self.seen >= KNOWN and change > usual:
                 self.jump = f"the total energy jumped from {self.last:.4g} J to {energy:.4g} J at t = {time:.6g} s"
             self.largest, self.seen = max(self.largest, change), self.seen + 1
-        self.last, self.time = energy, time
+        self.last, self.time, self.step = energy, time, step
 
     def trouble(self) -> str | None:
         """Why the run is no solution, or None."""

@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 from hpcpic.core.comm.sharding import by_id
 from hpcpic.core.errors import Diverged
 from hpcpic.core.files.arrays import FieldArray, ParticleArray, Shard
+from hpcpic.core.run.worst import worst_particles
 from hpcpic.core.space.domain import block_ranges
 from hpcpic.plasma.cloud import CHUNK
 from hpcpic.plasma.sizes import EDGE
@@ -46,6 +47,11 @@ def particles(plasma: "Plasma") -> dict[str, ParticleArray]:
             ids, position, {"velocity": velocity}, {"velocity": "m/s"}, {"velocity": -0.5 * scene.time_step}
         )
     return result
+
+
+def worst(plasma: "Plasma") -> list[str]:
+    """Lines on the worst particles of this rank."""
+    return worst_particles(particles(plasma))
 
 
 def anchors(plasma: "Plasma", tiles: NDArray[np.int32]) -> NDArray[np.int64]:

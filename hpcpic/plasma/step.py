@@ -16,7 +16,7 @@ from hpcpic.plasma.estimate import estimate
 from hpcpic.plasma.law import Law, groups_of_charge
 from hpcpic.plasma.mesh import SHIFT, Mesh
 from hpcpic.plasma.mover import mover
-from hpcpic.plasma.runaway import EnergyWatch
+from hpcpic.plasma.runaway import LATE, EnergyWatch
 from hpcpic.plasma.scene import Scene
 from hpcpic.plasma.sizes import GHOSTS
 
@@ -144,7 +144,7 @@ class Plasma:
         self.solve()
         with self.timers.section("scalars"):
             values = self.moments.scalars()
-        self._energy.see(values["energy_total"], self.time)
+        self._energy.see(values["energy_total"], self.time, self.iteration)
         return values
 
     def arrays(self, what: str) -> Mapping[str, object]:
@@ -162,9 +162,15 @@ class Plasma:
         self._deposit_checked()
 
     def guard(self) -> str | None:
-        """Why this rank's state is no solution, or None. Of the energy it knows what `scalars` saw last."""
+        """Why this rank's state is no solution, or None. Collective where no series has looked at the energy lately."""
         fed = any(self.scene.config.field.electric)  # energy comes in
+        if not fed and self.iteration - self._energy.step >= LATE:
+            self.scalars()
         return self.moments.trouble() or (None if fed else self._energy.trouble())
+
+    def worst(self) -> list[str]:
+        """Lines on the worst particles of this rank. Collective."""
+        return snapshot.worst(self)
 
     def _watch(self) -> EnergyWatch:
         wp, species = total_plasma_frequency(self.scene.config), self.scene.species

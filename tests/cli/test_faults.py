@@ -71,7 +71,7 @@ def test_not_a_number_is_exit_4_with_a_reason_and_the_last_checkpoint(toy):
 def test_a_divergence_before_any_checkpoint_offers_no_restart(toy):
     assert run_with_fault(toy, "nan", step=50).returncode == 4
     told = (toy.folder / "a" / "post-mortem.txt").read_text()
-    assert "none: start again" in told and "restart" not in told
+    assert "none: start again" in told and "restart" not in told and "run a/config.conf -o a-again" in told
 
 
 def test_a_divergence_that_one_rank_raises_leaves_a_post_mortem_too(toy):

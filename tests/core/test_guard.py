@@ -41,7 +41,14 @@ def test_looks_cost_a_thousandth_of_the_time(monkeypatch):
     looked = looks(monkeypatch, 4.9e-6, 1e-3, 1000)
     assert looked[:3] == [0, 1, 6] and len(looked) == pytest.approx(200, abs=3)  # every 4.9 us / 0.1 %
     assert len(looks(monkeypatch, 1e-7, 1e-3, 1000)) == 1001
-    assert len(looks(monkeypatch, 1e-3, 1e-3, 1000)) <= 7  # not rarer than every 0.2 s
+    assert len(looks(monkeypatch, 1e-3, 1e-2, 400)) == pytest.approx(400 / 20, abs=3)  # not rarer than every 0.2 s
+
+
+def test_a_divergence_is_seen_within_100_steps_or_as_soon_as_a_hundredth_of_the_time_allows(monkeypatch):
+    looked = looks(monkeypatch, 0.4e-4, 1e-4, 2000)  # a thousandth would be every 400 steps
+    assert np.diff(looked).max() == 50 and len(looked) == pytest.approx(40, abs=3)
+    looked = looks(monkeypatch, 3e-4, 1e-4, 2000)
+    assert np.diff(looked).max() == pytest.approx(300, abs=1)
 
 
 def test_a_reason_is_heard_within_the_reaction_time_however_dear_the_look():

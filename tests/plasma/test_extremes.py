@@ -157,10 +157,7 @@ def test_instability_is_seen_within_100_steps(world, beyond):
     """wp dt >= 2 is always refused; here the refusal is passed by."""
     with running(world, "hpcpic", HOT, [f"simulation.time_step={beyond}"]) as app:
         assert app.guard() is None
-        for _ in range(100):
-            app.scalars()
-            if app.guard():
-                break
+        for _ in range(100):  # no series asks for the energy
             app.step()
         assert "the total energy grew from" in app.guard()
 

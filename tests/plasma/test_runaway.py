@@ -10,7 +10,7 @@ from hpcpic.plasma.runaway import GROWTH, JUMP, MANY, EnergyWatch
 def watched(energies, dt=0.1, particles=MANY):
     watch = EnergyWatch(cold=0.0, wp=1.0, particles=particles)
     for k, energy in enumerate(energies):
-        watch.see(energy, k * dt)
+        watch.see(energy, k * dt, k)
         if watch.trouble():
             return k
     return None
@@ -47,5 +47,5 @@ def test_growth_without_end_and_no_number_end_a_run():
 def test_a_plasma_colder_than_the_grid_stands_may_heat():
     watch = EnergyWatch(cold=1.0, wp=1.0, particles=MANY)
     for k, energy in enumerate((1e-9, 1e-6, 1e-3, 0.5, 20.0)):
-        watch.see(energy, float(k))
+        watch.see(energy, float(k), k)
     assert watch.trouble() is None

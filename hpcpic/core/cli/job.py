@@ -58,6 +58,7 @@ class Plan:
     folder: str
     config: str  # with every default filled in
     restart: bool = False
+    allowed: str = ""  # words of the command that let it run beyond limits
     warnings: list[str] = field(default_factory=list)
     history: list[Mapping[str, Any]] = field(default_factory=list)
 
@@ -85,6 +86,7 @@ class _Job:
         self.started = started
         self.rundir: RunDir | None = None
         self.history: list[Mapping[str, Any]] = []  # the parts before this one
+        self.allowed = ""
         self.part: dict[str, Any] | None = None  # this one, once it has begun
         self.going: Any = None  # the simulator in it
 
@@ -96,7 +98,7 @@ class _Job:
         file = None
         try:
             plan = Plan(**json.loads(share(self.world, lambda: self._prepared(prepare))))
-            self.history = plan.history
+            self.history, self.allowed = plan.history, plan.allowed
             self.rundir = self.rundir or RunDir(plan.folder)
             self.failure.use(self.rundir.path)
             self.failure.on_failure = self._note_failure
@@ -168,13 +170,17 @@ class _Job:
         options.stop_sem = getattr(app, "stop_sem", 0.0)
         options.restarted_from = reader.step if reader else None
         options.history, options.started = plan.history, self.started
-        options.replay = self._replay(plan.folder)
+        options.replay, options.again = self._replay(plan.folder), self._again(plan.folder)
         options.checkpoint_every = (
             self.flags.interval() or trigger_of(app, "checkpoint", True) or options.checkpoint_every
         )
 
     def _replay(self, folder: str) -> str:
         return f"{self.app.name} restart {shlex.quote(folder)}"
+
+    def _again(self, folder: str) -> str:
+        config, new = shlex.quote(f"{folder}/config.conf"), shlex.quote(f"{folder}-again")
+        return f"{self.app.name} run {config} -o {new}{self.allowed}"
 
     def _take_up(self, app: Any, reader: checkpoint.Reader, plan: Plan) -> None:
         """Go on from a checkpoint. Collective; raises Agreed."""
@@ -246,7 +252,8 @@ class _Job:
         try:
             if code == 4 and self.going:
                 where, _, what = text.strip().partition(": ")
-                write_post_mortem(self.rundir, what, where, self.going, self._replay(str(self.rundir.path)))
+                replay, again = self._replay(str(self.rundir.path)), self._again(str(self.rundir.path))
+                write_post_mortem(self.rundir, what, where, self.going, replay, again)
             self.rundir.finish(**end, history=history)
         except (HpcpicError, OSError):
             log.write_error(f"{self.rundir.run_json} could not be written\n")

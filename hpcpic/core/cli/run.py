@@ -125,7 +125,8 @@ def _prepare(
     }
     given = given_files(read.tree.files)
     rundir = RunDir.create(folder, force, config=text, given=given, sets=sets, facts=facts)
-    return rundir, Plan(folder=folder, config=text, warnings=warnings)
+    allowed = " --beyond-limits" if beyond_limits else " --force" if force else ""
+    return rundir, Plan(folder=folder, config=text, allowed=allowed, warnings=warnings)
 
 
 def _folder(read: Case) -> str:

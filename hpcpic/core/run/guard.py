@@ -1,9 +1,9 @@
 """One small reduction every few steps says whether all ranks go on: divergence, stop reasons, wall clock,
 checkpoint.
 
-How often follows from what it costs: the check and the reduction take at most 0.1 % of the time, and a reason
-to stop is acted upon within about 0.2 s. The number of steps to the next look is computed from reduced
-values, so it is the same on all ranks.
+How often follows from what it costs: the check and the reduction take at most 0.1 % of the time, or 1 % where a
+divergence would else go on for more than 100 steps, and a reason to stop is acted upon within about 0.2 s. The number
+of steps to the next look is computed from reduced values, so it is the same on all ranks.
 """
 
 from __future__ import annotations
@@ -19,6 +19,9 @@ from hpcpic.core.comm.world import World
 from hpcpic.core.run.signals import Reason
 
 SHARE = 1e-3
+MOST_SHARE = 1e-2
+LATE = 50  # steps between looks: with what is looked at as seldom, a divergence is seen within 100
+WIDER = 10  # times the interval before
 REACTION_SECONDS = 0.2
 _TEXT_LENGTH = 512
 
@@ -73,10 +76,11 @@ class Guard:
         return Verdict(Reason(agreed[0]), bool(agreed[1]), told, agreed[2])
 
     def _plan(self, step: int, step_ns: int, cost_ns: int) -> None:
-        cheap = cost_ns / (SHARE * max(step_ns, 1))
+        steps = cost_ns / max(step_ns, 1)  # that a look costs
+        cheap = max(steps / MOST_SHARE, min(steps / SHARE, LATE))
         prompt = 1e9 * REACTION_SECONDS / max(step_ns, 1)
-        measured = step > self._step  # not before the first interval
-        self._next = step + (max(1, min(math.ceil(cheap), int(prompt))) if measured else 1)
+        most = min(math.ceil(cheap), int(prompt), WIDER * (step - self._step))  # the first looks cost more than others
+        self._next = step + max(1, most)
         self.step_seconds = 1e-9 * step_ns
         self._step = step
 

@@ -49,6 +49,7 @@ class Options:
     warnings: list[str] = field(default_factory=list)  # grows while the run goes
     started: float = field(default_factory=time.monotonic)
     replay: str = ""  # command that goes on from the newest checkpoint
+    again: str = ""  # command that does all of it again
     quiet: bool = False  # no line on how far the run is
 
 
@@ -237,9 +238,9 @@ class _Run:
         facts = self.facts(status, code, reason, loop_seconds) | {"state_digest": digest}
         if self.world.rank == 0:
             self.progress.clear()
-            if code == 4:
-                self.write_post_mortem(verdict)
             self.write_facts(facts)
+        if code == 4:
+            self.write_post_mortem(verdict)
         self.world.barrier()  # the folder is complete when any rank leaves
         return Outcome(code, status, reason, facts)
 
@@ -305,22 +306,30 @@ class _Run:
         self.rundir.finish(**facts)
 
     def write_post_mortem(self, verdict: Verdict) -> None:
+        """Collective; by the rank that has the worst particles."""
         app, options = self.app, self.options
-        write_post_mortem(
-            self.rundir, str(verdict.diverged), f"rank {verdict.rank} of {self.world.size}", app, options.replay
-        )
+        where = f"rank {verdict.rank} of {self.world.size}"
+        worst = app.worst() if hasattr(app, "worst") else []
+        if self.world.rank == verdict.rank:
+            write_post_mortem(self.rundir, str(verdict.diverged), where, app, options.replay, options.again, worst)
 
 
-def write_post_mortem(rundir: RunDir, what: str, where: str, app: Any, replay: str) -> None:
-    """post-mortem.txt: what is wrong, where and when it was seen, and from where to go on. Raises OSError."""
+def write_post_mortem(
+    rundir: RunDir, what: str, where: str, app: Any, replay: str, again: str, worst: Sequence[str] = ()
+) -> None:
+    """post-mortem.txt: what is wrong, where and when it was seen, from where to go on, lines on the worst particles and
+    nodes of this rank. replay: from a checkpoint; again: from the start. Raises OSError.
+    """
     kept = checkpoint.newest_step(rundir)
-    text = (
-        f"what       {what}\n"
-        f"where      {where}\n"
-        f"when       seen at step {app.iteration}, t = {app.time!r} s\n"
-        f"kept       {'none: start again with `run`' if kept is None else f'checkpoint of step {kept}'}\n"
-    ) + (f"replay     {replay}\n" if kept is not None else "")
-    (rundir.path / "post-mortem.txt").write_text(text, encoding="utf-8")
+    lines = [
+        f"what       {what}",
+        f"where      {where}",
+        f"when       seen at step {app.iteration}, t = {app.time!r} s",
+        f"kept       {'none: start again' if kept is None else f'checkpoint of step {kept}'}",
+        f"replay     {again if kept is None else replay}",
+    ]
+    lines += ["", "the worst on this rank, as they were then", *worst] if worst else []
+    (rundir.path / "post-mortem.txt").write_text("\n".join(lines) + "\n", encoding="utf-8")
 
 
 def _rates(facts: Mapping[str, Any]) -> dict[str, Any]:
