@@ -25,6 +25,7 @@ DAMPING_WINDOW = (0.7, 3.6)  # periods after the start: other roots have died ou
 WEAK = 1e-3  # of the frequency: a damping rate that the noise of particles hides
 SAMPLES = 129  # of a window, the same times in every pilot
 PER_CELL = 4  # least particles per cell of a quiet species
+MOST_STEPS = 100_000  # of the case in the horizon: a single proton's plasma frequency is far from its gyration's
 HORIZON = 300.0  # 1/wp in which an instability of the time step shows
 
 
@@ -45,7 +46,10 @@ def knobs_of(config: PlasmaConfig) -> Knobs:
         ),
         work=lambda c: c.simulation.cycles * max(1, sum(s.particles for s in c.species)),
         work_unit="particle-steps",
-        horizon=HORIZON / (total_plasma_frequency(config) or fastest_turn(config) or 1.0),
+        horizon=min(
+            HORIZON / (total_plasma_frequency(config) or fastest_turn(config) or 1.0),
+            MOST_STEPS * abs(config.simulation.time_step),
+        ),
         growth=growth,
         seed=lambda n: (f"simulation.random_seed={n}",),
     )

@@ -6,6 +6,8 @@ import pytest
 from app_runner import running
 from knob_cases import made_again, reader, sizes_of
 
+from hpcpic.core.cli.main import build
+from lbmdem.app import APP
 from lbmdem.cases import shipped_cases
 from lbmdem.config import LbmDemConfig
 from lbmdem.knobs import knobs_of
@@ -65,3 +67,14 @@ def test_every_case_knows_what_it_is_about(case):
     about = {"taylor-green": "energy", "poiseuille": "momentum", "couette": "momentum", "sphere-array": "permeability"}
     assert quantities[0].name == about.get(case, quantities[0].name)
     assert math.isfinite(knobs.horizon) and knobs.horizon > 0
+
+
+def test_what_no_knob_turns_is_turned_where_the_refusal_says(capfd):
+    """Soft grains: the stiffness is no knob of the accuracy, yet the nearest legal one is told, and what it costs."""
+    with pytest.raises(SystemExit) as end:
+        build(lambda: APP, "lbmdem", "").main(["check", "settling-disc", "--set", "contact.normal_stiffness=1.0"])
+    told = capfd.readouterr().out
+    assert end.value.code == 3 and "fail: overlap at rest" in told
+    ways = [line for line in told.splitlines() if line.startswith("  --set contact.normal_stiffness=")]
+    assert len(ways) == 2 and "the nearest legal one" in ways[0] and "without a warning" in ways[1]
+    assert all("times the cost" in way for way in ways)

@@ -141,3 +141,9 @@ def test_a_refusal_comes_with_ways_out_and_what_they_cost(capfd):
     words = [word for word in ways[0].split(": the nearest")[0].split() if word != "--set"]
     assert program("check", "two-stream-warm", *(w for word in words for w in ("--set", word))) == 0
     capfd.readouterr()
+
+
+def test_the_horizon_of_a_single_particle_is_no_billion_steps():
+    """A proton's plasma frequency in SI units is 1e-7 of its gyration's: growth rates were run for 4e10 steps."""
+    config = read("cyclotron", ("species[0].charge=-1e-20", "species[0].mass=1e-20"))
+    assert knobs_of(config).horizon <= 100_000 * config.simulation.time_step

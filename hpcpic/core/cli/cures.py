@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from functools import partial
 from typing import TYPE_CHECKING
 
 from hpcpic.core.cli.app import App
@@ -17,7 +18,9 @@ from hpcpic.core.files.derived import Derived
 if TYPE_CHECKING:
     from hpcpic.core.cli.knobs import Knob, Knobs
 
-RANGE = 1e4  # times finer or coarser than the case
+Change = Callable[[float], tuple[str, ...]]  # factor on a size -> settings
+
+DOUBLINGS = 13  # finer or coarser than the case
 FINEST = 1e-3  # relative width at which the search for a legal size ends
 
 
@@ -27,12 +30,13 @@ def cures(app: App, read: Case, sets: Sequence[str], refused: Derived, ranks: in
         return []
     finder = Finder(app, read, tuple(sets), refused, ranks)
     found: dict[tuple[str, ...], str] = {}
-    knob = next((knob for knob in finder.knobs.knobs if knob.limit == refused.name), None)
-    if knob is not None:
+    for change in finder.changes(refused):
         for verdicts, words in ((("ok", "warn"), "the nearest legal one"), (("ok",), "without a warning")):
-            assignments = finder.nearest(knob, verdicts)
+            assignments = finder.nearest(change, verdicts)
             if assignments:
                 found.setdefault(assignments, words)
+        if found:
+            break
     for choice in finder.knobs.choices:
         for value in choice.others:
             assignments = (f"{dotted(choice.key)}={value}",)
@@ -80,14 +84,30 @@ class Finder:
         before = self.knobs.settings({knob.name: own}, self.knobs.time)
         return tuple(a for a in self.knobs.settings({knob.name: factor * own}, self.knobs.time) if a not in before)
 
-    def nearest(self, knob: Knob, verdicts: tuple[str, ...]) -> tuple[str, ...]:
+    def changes(self, refused: Derived) -> list[Change]:
+        """What may be turned: the knob whose limit it is or whose setting it names, the setting itself."""
+        found: list[Change] = [
+            partial(self.changed, knob)
+            for knob in self.knobs.knobs
+            if knob.limit == refused.name or knob.key == refused.key
+        ]
+        value = self.config
+        for part in refused.key:
+            value = value[part] if isinstance(part, int) else getattr(value, part, None)
+        if isinstance(value, float) and value:
+            found.append(lambda factor: (f"{dotted(refused.key)}={float(f'{value * factor:.4g}')!r}",))
+        return found
+
+    def nearest(self, change: Change, verdicts: tuple[str, ...]) -> tuple[str, ...]:
         """Settings of the size next to the case's own that gets one of the verdicts; () where there is none."""
-        for far in (1.0 / RANGE, RANGE):
-            near, good = 1.0, far
-            if self.verdict(self.changed(knob, far)) not in verdicts:
+        for step in (0.5, 2.0):
+            tried = (step**n for n in range(1, DOUBLINGS + 1))
+            good = next((factor for factor in tried if self.verdict(change(factor)) in verdicts), None)
+            if good is None:
                 continue
+            near = good / step
             while abs(math.log(good / near)) > FINEST:
                 middle = math.sqrt(near * good)
-                near, good = (near, middle) if self.verdict(self.changed(knob, middle)) in verdicts else (middle, good)
-            return self.changed(knob, good)
+                near, good = (near, middle) if self.verdict(change(middle)) in verdicts else (middle, good)
+            return change(good)
         return ()
