@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from hpcpic.core.simd.generate import module_from_source
 from sph.kernels import columns, packing, passes
 from sph.kernels.functions import SMOOTHING
-from sph.kernels.pairs import Law, columns_of, sums_of
+from sph.kernels.pairs import UNIT, Law, columns_of, sums_of
 from sph.kernels.passes import NUMBERS
 from sph.laws import most_sums, terms_of
 from sph.limits import cleary_constant
@@ -42,7 +42,7 @@ class PairSums:
         self.n_sums = most_sums(law)
         h, c, rho = scene.h, scene.c0, scene.rho0
         si = 1.0, 1.0, 1.0, 1.0
-        self.units = (h, c, rho, rho * h**scene.dimensions) if law.single else si  # of pair sums
+        self.units = (h * UNIT, c, rho, rho * h**scene.dimensions) if law.single else si  # of pair sums
         tasks.set(
             scales=self._scales(scene), pair_numbers=self._numbers(scene), factors=self._factors(scene),
             face_normals=np.ascontiguousarray(scene.normals[:, scene.axes].T),
@@ -59,37 +59,36 @@ class PairSums:
         background = scene.config.eos.background_pressure / (rho * c * c)
         viscosity = scene.viscosity / (rho * c * h)
         length, speed, _, mass = self._relative_units(scene)
+        sums = SMOOTHING[scene.kernel].factor(d) * mass * length
         return np.array(
             [1 / h, 1 / c, 1 / rho, 1 / (rho * h**d), background, viscosity, scene.config.numerics.tensile_correction,
-             mass * length * length, mass * length * speed, mass * length, mass]
+             sums * length, sums * speed, sums, sums * length]
         )  # fmt: skip
 
     def _factors(self, scene: "Scene") -> np.ndarray:
         h, c, rho, d = scene.h, scene.c0, scene.rho0, scene.dimensions
         length, speed, density, mass = self._relative_units(scene)
-        return np.array(
-            [c * c / h * (mass * mass * length) * (rho * h**d), rho * c / h * (mass * density * length * speed)]
-        )
+        sums = SMOOTHING[scene.kernel].factor(d) * mass * length
+        return np.array([c * c / h * (sums * mass) * (rho * h**d), rho * c / h * (sums * density * speed)])
 
     def _numbers(self, scene: "Scene") -> np.ndarray:
         h, c, numerics, d = scene.h, scene.c0, scene.config.numerics, scene.dimensions
         length, speed, density, mass = self._relative_units(scene)
-        strength = numerics.flux_coefficient * (1.0 if self.law.flux == "rusanov" else 2.0)
+        strength = numerics.flux_coefficient * (length if self.law.flux == "rusanov" else 2.0)
         cleary = numerics.viscosity_form == "cleary"
         xi = cleary_constant(scene.kernel, d, numerics.smoothing) if cleary else 1.0
-        drag = length * speed if cleary else speed / length
         gravity = np.zeros(3)
         gravity[:d] = scene.gravity * (h / (c * c)) * (length / density)
         numbers = {
-            "artificial": -0.5 * (numerics.artificial_viscosity or 0.0) * (length * speed),
-            "viscous": -2.0 * xi * scene.viscosity / (scene.rho0 * c * h) * drag,
+            "artificial": -0.5 * (numerics.artificial_viscosity or 0.0) * (speed / length),
+            "viscous": -2.0 * xi * scene.viscosity / (scene.rho0 * c * h) * (speed / length),
             "flux_strength": strength / (length * speed),
             "reach": scene.h / scene.spacing,
             "per_w": 1.0 / float(SMOOTHING[scene.kernel].shape(np.float64(scene.spacing / h))),
             "per_h": length,
-            "per_h2": length * length,
+            "eta2": 0.01 / (length * length),
             "density": 1.0 / density,
-            "hundredth": 0.01 / (mass * length),
+            "hundredth": 0.01 / (SMOOTHING[scene.kernel].factor(d) * mass * length),
         } | {f"gravity{axis}": gravity[k] for k, axis in enumerate("xyz")}
         return np.array([numbers[name] for name in NUMBERS])
 

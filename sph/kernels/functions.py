@@ -1,7 +1,7 @@
 """Smoothing kernels W(q), q = r / h, normalised with h = 1 in 2D and 3D, and F(q) = W'(q) / q of their gradient F r_ij.
 
-Each is written once for numpy and once as lines of a vector kernel, which know r2 = q^2 and leave F (and r where the
-kernel needs it). The normalisation of (MP 9), missing there, is that of the cubic spline.
+Each is written once for numpy and once as lines of a vector kernel, which know r and per_h and leave F but for a factor
+that sums are multiplied by later. The normalisation of (MP 9), missing there, is that of the cubic spline.
 """
 
 import math
@@ -14,28 +14,26 @@ from numpy.typing import NDArray
 
 @dataclass(frozen=True)
 class Smoothing:
-    """A kernel: `support` / h, norm by dimension, shape(q) = W / norm, slope(q) = F / norm, and its vector lines with
-    the factors in them that the norm goes to.
-    """
+    """A kernel: `support` / h, norm by dimension, shape(q) = W / norm, slope(q) = F / norm, and its vector lines."""
 
     support: float
     norm: dict[int, float]
     shape: Callable[[NDArray], NDArray]
     slope: Callable[[NDArray], NDArray]
     lines: str
-    """Source of `F` from `r` and, in splines, `inverse` = 1 / r."""
-    factors: tuple[float, ...]
+    """Source of `F` / (norm `scale`)."""
+    scale: float
     shape_line: str
     """Source of W without the norm, after `lines`."""
 
     @property
-    def divides(self) -> bool:
-        return "inverse" in self.lines
+    def source(self) -> list[str]:
+        """Lines that leave F h^(d + 2) / `factor`."""
+        return self.lines.strip("\n").split("\n")
 
-    def source(self, dimensions: int) -> list[str]:
-        """Lines that leave F h^(d + 2)."""
-        factors = [repr(factor * self.norm[dimensions]) for factor in self.factors]
-        return self.lines.format(*factors).strip("\n").split("\n")
+    def factor(self, dimensions: int) -> float:
+        """What sums of the lines' F lack."""
+        return self.norm[dimensions] * self.scale
 
     def w(self, q: NDArray, dimensions: int) -> NDArray[np.float64]:
         """W(q) h^d."""
@@ -60,9 +58,10 @@ CUBIC = Smoothing(
     lambda q: 0.25 * _plus(2 - q) ** 3 - _plus(1 - q) ** 3,
     lambda q: (3 * _plus(1 - q) ** 2 - 0.75 * _plus(2 - q) ** 2) / _positive(q),
     """
-    near, far = maximum(1.0 - r, 0.0), maximum(2.0 - r, 0.0)
-    F = fma(near * near, {0}, {1} * (far * far)) * inverse""",
-    (3.0, -0.75),
+    q = maximum(r * per_h, 1e-15)
+    near, far = maximum(1.0 - q, 0.0), maximum(2.0 - q, 0.0)
+    F = fma(near * near, -4.0, far * far) / q""",
+    -0.75,
     "fma(far * far, far * 0.25, -(near * near) * near)",
 )
 WENDLAND2 = Smoothing(
@@ -71,10 +70,10 @@ WENDLAND2 = Smoothing(
     lambda q: _plus(1 - q / 2) ** 4 * (1 + 2 * q),
     lambda q: -5 * _plus(1 - q / 2) ** 3,
     """
-    far = maximum(fma(r, -0.5, 1.0), 0.0)
-    F = (far * far) * (far * {0})""",
-    (-5.0,),
-    "(far * far) * (far * far) * fma(r, 2.0, 1.0)",
+    far = maximum(fma(r, -0.5 * per_h, 1.0), 0.0)
+    F = (far * far) * far""",
+    -5.0,
+    "(far * far) * (far * far) * fma(r, 2.0 * per_h, 1.0)",
 )
 WENDLAND4 = Smoothing(
     2.0,
@@ -82,11 +81,11 @@ WENDLAND4 = Smoothing(
     lambda q: _plus(1 - q / 2) ** 6 * (1 + 3 * q + 35 / 12 * q**2),
     lambda q: -7 / 3 * _plus(1 - q / 2) ** 5 * (2 + 5 * q),
     """
-    far = maximum(fma(r, -0.5, 1.0), 0.0)
+    far = maximum(fma(r, -0.5 * per_h, 1.0), 0.0)
     square = far * far
-    F = (square * square) * (far * fma(r, {0}, {1}))""",
-    (-35.0 / 3.0, -14.0 / 3.0),
-    "(square * square) * square * fma(r * r, 35.0 / 12.0, fma(r, 3.0, 1.0))",
+    F = (square * square) * (far * fma(r, 2.5 * per_h, 1.0))""",
+    -14.0 / 3.0,
+    "(square * square) * square * fma(r * r, 35.0 / 12.0 * per_h * per_h, fma(r, 3.0 * per_h, 1.0))",
 )
 QUINTIC = Smoothing(
     3.0,
@@ -94,11 +93,12 @@ QUINTIC = Smoothing(
     lambda q: _plus(3 - q) ** 5 - 6 * _plus(2 - q) ** 5 + 15 * _plus(1 - q) ** 5,
     lambda q: -5 * (_plus(3 - q) ** 4 - 6 * _plus(2 - q) ** 4 + 15 * _plus(1 - q) ** 4) / _positive(q),
     """
-    near, middle, far = maximum(1.0 - r, 0.0), maximum(2.0 - r, 0.0), maximum(3.0 - r, 0.0)
+    q = maximum(r * per_h, 1e-15)
+    near, middle, far = maximum(1.0 - q, 0.0), maximum(2.0 - q, 0.0), maximum(3.0 - q, 0.0)
     near2, middle2, far2 = near * near, middle * middle, far * far
     near4, middle4, far4 = near2 * near2, middle2 * middle2, far2 * far2
-    F = fma(near4, {0}, fma(middle4, {1}, {2} * far4)) * inverse""",
-    (-75.0, 30.0, -5.0),
+    F = fma(near4, 15.0, fma(middle4, -6.0, far4)) / q""",
+    -5.0,
     "fma(near4, near * 15.0, fma(middle4, middle * -6.0, far4 * far))",
 )
 SMOOTHING = {"cubic": CUBIC, "wendland2": WENDLAND2, "wendland4": WENDLAND4, "quintic": QUINTIC}

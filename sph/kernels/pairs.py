@@ -1,10 +1,11 @@
 """Pair sums of a scene as generated text: each pair of bodies once, for both, along the runs of `runs.find`.
 
 Lengths, velocities, densities and masses are in units that the numbers of a scene know: in double precision the state
-is read as it is held, in SI units; in single, columns in those of h, c0, rho0 and rho0 h^d. A pass is a set of terms
-(momentum, continuity, ...) that share the distance and the kernel. Layers of even number come first, then the odd ones;
-each adds to what it and the next one have, so that those of a kind are independent and the result does not depend on
-who computes them. Lanes count from the start of a run.
+is read as it is held, in SI units; in single, columns in those of c0, rho0 and rho0 h^d, positions in UNIT. F lacks a
+factor (see `functions`), which the scales of a scene make up for in the sums. A pass is a set of terms (momentum,
+continuity, ...) that share the distance and the kernel. Layers of even number come first, then the odd ones; each adds
+to what it and the next one have, so that those of a kind are independent and the result does not depend on who computes
+them. Lanes count from the start of a run.
 """
 
 from collections.abc import Sequence
@@ -112,7 +113,7 @@ def momentum(law: Law, terms: Terms) -> None:
         _relative_velocity(law, terms)
         terms.need("light")
     if law.artificial or law.viscosity == "cleary":
-        terms.lines.append("    near = vd / (r2 + 0.01)")
+        terms.lines.append("    near = vd / (r2 + eta2)")
     if law.artificial:  # Monaghan's, with the mean of 1 / rho
         terms.lines.append("    push = fma(minimum(near, 0.0), fma(light_j, artificial, light_i * artificial), push)")
     if law.viscosity == "cleary":  # (SC 6), equal viscosities

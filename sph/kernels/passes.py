@@ -8,14 +8,15 @@ import numpy as np
 from hpcpic.core.simd.generate import module_from_source
 from hpcpic.core.simd.vector import lanes
 from sph.kernels.functions import SMOOTHING
-from sph.kernels.pairs import UNIT, Law, Terms, collect, columns_of, state_of
+from sph.kernels.pairs import Law, Terms, collect, columns_of, state_of
 
 NUMBERS = (
-    "artificial", "viscous", "flux_strength", "gravityx", "gravityy", "gravityz", "reach", "per_w", "per_h", "per_h2",
+    "artificial", "viscous", "flux_strength", "gravityx", "gravityy", "gravityz", "reach", "per_w", "per_h", "eta2",
     "density", "hundredth",
 )  # fmt: skip
 
 ROWS = {2: 2, 3: 5}  # as kernels.runs has them
+FRESH = {2: (1,), 3: (1, 4)}  # of these, which the row before has not met
 ARGUMENTS = (
     "block, blocks, odd, begin, base, shape, numbers, run_first, run_length, flags, position, v, drho, m, values, sums"
 )
@@ -31,26 +32,18 @@ from hpcpic.core.simd.vector import (
 REAL = np.{real}
 F_ = Vec({lanes}, REAL)
 I_ = Vec({lanes}, np.int32)
-UNIT = REAL({unit})
 """
 
 
 def _distance(law: Law) -> list[str]:
     if law.single:
-        lines = [f"    d{a} = convert(F_, {a}_i - load(I_, {a}_, j)) * UNIT" for a in law.axes]
+        lines = [f"    d{a} = convert(F_, {a}_i - load(I_, {a}_, j))" for a in law.axes]
     else:
         lines = [f"    d{a} = {a}_i - load(F_, {a}_, j)" for a in law.axes]
     r2 = f"d{law.axes[-1]} * d{law.axes[-1]}"
     for a in law.axes[-2::-1]:
         r2 = f"fma(d{a}, d{a}, {r2})"
-    if not law.single:
-        r2 = f"({r2}) * per_h2"
-    kernel = SMOOTHING[law.kernel]
-    lines.append(f"    r2 = {r2}" + (" + 1e-30" if kernel.divides else ""))
-    lines.append("    r = sqrt(r2)")
-    if kernel.divides:
-        lines.append("    inverse = 1.0 / r")
-    return lines + kernel.source(law.dimensions)
+    return [*lines, f"    r2 = {r2}", "    r = sqrt(r2)", *SMOOTHING[law.kernel].source]
 
 
 def _pair(law: Law, terms: Terms, plain: bool) -> list[str]:
@@ -84,11 +77,11 @@ def _pair(law: Law, terms: Terms, plain: bool) -> list[str]:
 
 
 def _fetch_ahead(law: Law, read: Sequence[str], n: int) -> list[str]:
-    """Cache lines that bodies soon after i will want first: there are more streams than the processor follows by
-    itself.
+    """Cache lines that bodies soon after i will want first, and no row has before: there are more streams than the
+    processor follows by itself.
     """
     lines = []
-    for row in range(ROWS[law.dimensions]):
+    for row in FRESH[law.dimensions]:
         lines.append(f"soon = np.int64(run_first[{row}, i]) + np.int64(run_length[{row}, i]) + 4 * LANES_")
         lines += [f"prefetch(address_of({name}, soon))" for name in read]
         lines += [f"prefetch_to_write(address_of(sums{k}, soon))" for k in range(n)]
@@ -164,6 +157,6 @@ def clear(line, first, last):
 def make(law: Law, passes: dict[str, Sequence[str]]) -> ModuleType:
     """Module with a kernel for each pass: title -> names of its terms."""
     n = lanes(np.dtype(law.real))
-    text = HEAD.format(real=law.real, lanes=n, unit=UNIT) + f"LANES_ = np.int64({n})\n" + CLEAR
+    text = HEAD.format(real=law.real, lanes=n) + f"LANES_ = np.int64({n})\n" + CLEAR
     text += "".join(_pass_source(law, title, names) for title, names in passes.items())
     return module_from_source(text, "sph_pairs")
