@@ -139,6 +139,8 @@ class Immersed:
             open_mass = 0.0 if self.refill.conserving else 1.0
             nodes = (self.fluid.layout, self.fluid.f, self.fluid.ids)
             self._moving = MovingLinks(self.window, *nodes, self._rule, open_mass, self._blocks)
+            if not self._walls:  # links to these read behind their nodes, where grains may be
+                self.fluid.leave_to_links()
         images = self._solid.rebuild(self._table)
         self.fluid.solid_changed(fill=False)
         self._moving.place(self._table, images)

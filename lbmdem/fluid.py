@@ -27,6 +27,7 @@ from lbmdem.passes import After, Passes
 from lbmdem.sparse import SparseExchange, SparseLayout, Tables
 
 STORAGE = {"double": np.float64, "single": np.float32}
+NO_GRAIN = np.iinfo(np.int32).max  # more than the numbers of all grains
 BLOCKS = 4  # per thread, so that threads with little fluid help the others
 SPARSE = 0.85  # share of fluid nodes below which it is less work to hold these alone
 
@@ -93,6 +94,7 @@ class Fluid:
         self.ids = self.solid.values.reshape(shape[0], shape[1] if domain.ndim == 3 else 1, shape[-1])
         self._fill = Fill(self.world, domain, self.solid, Channel.SOLIDS)
         self._wet = np.zeros((layout.planes + 2, layout.rows + 2, layout.vectors), np.int32)
+        self._free = self._wet  # nodes to which links need not be bounced back by the sweep
         self.kinds = np.zeros((layout.planes, layout.rows, layout.vectors), np.uint8)
         self._hops = np.zeros(self.kinds.shape, np.int32)
         columns = layout.nx - layout.lanes * np.arange(layout.vectors)
@@ -149,9 +151,11 @@ class Fluid:
         n = layout.lanes
         flat = self.domain.ndim == 2
         shares = block_ranges(layout.planes + 2, self.pool.threads)
-        marks = [bind(mark, self.ids, int(not flat), self._wet, n, a, b) for a, b in shares if b > a]
+        marked = [(NO_GRAIN, self._wet), (0, self._free)][: 1 + (self._free is not self._wet)]
+        marks = [bind(mark, self.ids, int(not flat), *what, n, a, b) for what in marked for a, b in shares if b > a]
         shares = block_ranges(layout.planes, self.pool.threads)
-        kinds = [bind(classify, self._wet, self._inside, n, flat, self.kinds, a, b) for a, b in shares if b > a]
+        words = (self._wet, self._free, self._inside)
+        kinds = [bind(classify, *words, n, flat, self.kinds, a, b) for a, b in shares if b > a]
         sizes = (layout.strides, layout.itemsize, n, AHEAD)
         hops = [bind(look_ahead, self.kinds, *sizes, self._hops, a, b) for a, b in shares if b > a]
         return [marks, kinds, hops]
@@ -181,7 +185,7 @@ class Fluid:
             self._tables = Tables(layout, self.layout_dtype)
         self.layout = layout
         self._again()
-        del self.kinds, self._hops, self._wet, self._inside, self._marks
+        del self.kinds, self._hops, self._wet, self._free, self._inside, self._marks
 
     def _again(self) -> None:
         """Collective."""
@@ -189,11 +193,22 @@ class Fluid:
         with self.world.first_on_node():
             self._make_tasks()
 
+    def leave_to_links(self) -> None:
+        """From now on a hook does all links to grains, and finds what went out where the grain would have read it.
+
+        So the sweep need not bounce it back, and does vectors beside grains, with what is in these, like any others.
+        Populations of solid nodes mean nothing then, and may be no numbers. `solid_changed` must follow.
+        """
+        with self.world.first_on_node():
+            self._free = np.zeros_like(self._wet)
+            self._marks = self._classification(self.layout)
+
     def nodes_changed(self, places: NDArray[np.int64]) -> None:
         """As `solid_changed(fill=False)` after edits at these flat places of `solid` alone, ghosts among them."""
         wall_ghosts(self.solid.values, self.faces, (self.touches(-1), self.touches(1)))
         layout, flat = self.layout, self.domain.ndim == 2
-        words = (self.ids, int(not flat), self._wet, self._inside, layout.lanes, flat, self.kinds)
+        same = self._free is self._wet
+        words = (self.ids, int(not flat), self._wet, self._free, same, self._inside, layout.lanes, flat, self.kinds)
         renew(*words, layout.strides, layout.itemsize, AHEAD, self._hops, places)
 
     def set_force(self, force: Sequence[float] | None) -> None:
@@ -424,6 +439,15 @@ class Fluid:
         for row in range(shape[0]):  # one at a time: on the way are several arrays of its size
             h[...] = np.moveaxis(equilibrium(self.lattice, rho[row], u[row]), 0, -1).reshape(h.shape)
             observe.write(self.f, *self._where, row, self.parity, row, row + 1, h)
+
+    def rest_bounds(self) -> tuple[float, float]:
+        """The least and the largest population at rest (f - w) of fluid nodes, and zero."""
+        layout, rest, fluid = self.layout, self.f[: self.layout.slot_stride], np.bool_(True)
+        if isinstance(layout, Layout) and self._free is not self._wet:
+            used = rest[layout.lanes : layout.lanes + layout.planes * layout.plane_stride]
+            rest = used.reshape(layout.planes, layout.stored_rows, layout.row_stride)[:, : layout.rows, : layout.nx]
+            fluid = self.solid.inner.reshape(rest.shape) == FLUID
+        return float(rest.min(initial=0.0, where=fluid)), float(rest.max(initial=0.0, where=fluid))
 
     def free(self) -> None:
         """Release what MPI holds (all ranks together)."""

@@ -280,10 +280,9 @@ class LbmDem:
         if self.diagnostics.fastest > FASTEST:
             return f"the fluid moves by {self.diagnostics.fastest:.3g} nodes in a step (limit {FASTEST})"
         if self.fluid:
-            rest = self.fluid.f[: self.fluid.layout.slot_stride]  # populations at rest, which follow the density
-            share = float(self.fluid.lattice.w[0])
+            share = float(self.fluid.lattice.w[0])  # populations at rest follow the density
             low, high = (1.0 / DENSEST - 1.0) * 2.0 * share, (DENSEST - 1.0) * share
-            least, most = float(rest.min(initial=0.0)), float(rest.max(initial=0.0))
+            least, most = self.fluid.rest_bounds()
             if not low <= least <= most <= high:
                 return f"the density left {1 / DENSEST} .. {DENSEST} times that of rest"
         if self.dem and not np.isfinite(self.dem.grains.x).all():

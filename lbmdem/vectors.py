@@ -1,10 +1,11 @@
 """How many nodes lie beside solids, before anything is placed: what the sweep of a lattice costs depends on it.
 
 The sweep goes by vectors of nodes along x. Those without fluid cost nothing, those whose nodes and all their neighbours
-are fluid the least, those beside solids more. Of grains that stand apart the shares follow from the volumes swept by
-boxes that touch a grain (Steiner's formula) or are inside of it; of those that fill a sample, hard spheres leave a
-place free with the probability (1 - s) exp(-e / (1 - s)), where s is their volume and e what a touching box adds to it
-(scaled particle theory, to first order).
+are fluid the least, those beside solids more, but for grains that are linked at every step: what is beside and in them
+is swept like fluid. Of grains that stand apart the shares follow from the volumes swept by boxes that touch a grain
+(Steiner's formula) or are inside of it; of those that fill a sample, hard spheres leave a place free with the
+probability (1 - s) exp(-e / (1 - s)), where s is their volume and e what a touching box adds to it (scaled particle
+theory, to first order).
 """
 
 import math
@@ -66,7 +67,7 @@ def volume(r: float, d: int) -> float:
 def shares(config: LbmDemConfig) -> Shares:
     """Of the lattice of a case with fluid; obstacles are not looked at."""
     d, lanes, nodes = config.dimensions, LANES[config.fluid.storage], math.prod(config.points)
-    skipped, plain = 0.0, beside_sides(config, lanes)
+    skipped, plain, anew = 0.0, beside_sides(config, lanes), linked_anew(config)
     for some in config.grains:
         sizes = grains(config, some)
         solid, hit, inside = (sum(n * of(r) for r, n in sizes) / nodes for of in (
@@ -74,9 +75,16 @@ def shares(config: LbmDemConfig) -> Shares:
         ))  # fmt: skip
         filled = min(1.0, solid / (1 - (some.packing.porosity or LOOSE[d]))) if some.packing else 1.0
         solid, hit = min(0.9, solid / filled), hit / filled  # of the part of the box where the grains are
-        plain *= 1 - filled + filled * (1 - solid) * math.exp(-(hit - solid) / (1 - solid))
+        plain *= 1.0 if anew else 1 - filled + filled * (1 - solid) * math.exp(-(hit - solid) / (1 - solid))
         skipped += inside
-    return Shares(min(skipped, 0.9), max(0.0, 1 - plain - skipped))
+    skipped = min(skipped, 0.9)
+    plain *= 1 - skipped if anew else 1.0
+    return Shares(skipped, max(0.0, 1 - plain - skipped))
+
+
+def linked_anew(config: LbmDemConfig) -> bool:
+    """Whether all links to grains are done after the sweep (Fluid.leave_to_links)."""
+    return any(some.moving for some in config.grains) and not config.coupling.frozen and not config.obstacle
 
 
 def lanes_of_all(config: LbmDemConfig) -> int:

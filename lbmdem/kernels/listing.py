@@ -215,6 +215,7 @@ def fetch(f, ahead, k, after, work, listed):
     for m in range(lists + k, lists + min(after, n)):
         out, near = size * np.int64(work[np.uint64(m)]), size * np.int64(work[np.uint64(m + listed)])
         prefetch(to_j + out)
+        prefetch(to_i + out)
         prefetch(to_j + near)
         prefetch(to_i + near)
 

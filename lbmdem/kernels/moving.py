@@ -189,7 +189,7 @@ def bounce(
         q, arm = crossing(code, first, middle, way, radius_sq)
         wall = swept_by(arm, speed, turn)
         push = along_way(wall, way) * weight
-        out, outwards = gather(F, f, slot_j, work, lists + k), gather(F, f, slot_j, work, nears + k)
+        out, outwards = gather(F, f, slot_i, work, lists + k), gather(F, f, slot_j, work, nears + k)
         behind = gather(F, f, slot_i, work, nears + k)
         v = returned(rule, q, (code >> FREE) > 0, out, behind, outwards, push, zero)
         if rule == QUADRATIC:
@@ -247,8 +247,8 @@ def given(give, keep, open_mass, way, wall, arm):
 def returned(rule, q, free, out, second, outwards, push, zero):
     """What comes back, of links with one fluid node behind (free) or none."""
     if rule == CLI:
-        kappa = select(free, (1.0 - 2.0 * q) / (1.0 + 2.0 * q), zero)
-        return fma(kappa, (second - outwards) - push, out - push)
+        kappa = (1.0 - 2.0 * q) / (1.0 + 2.0 * q)  # of a second that is not free nothing is known: it may be no number
+        return fma(kappa, select(free, (second - outwards) - push, zero), out - push)
     if rule == HALFWAY:
         return out - push
     twice = 2.0 * q

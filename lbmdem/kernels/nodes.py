@@ -8,40 +8,45 @@ from lbmdem.kernels.sweep import MIXED, PLAIN, SKIP
 
 
 @njit
-def mark(solid, ghosts, wet, n, low, high):
-    """wet[plane, row, vector] of planes low.. (ghosts counted) from solid[planes + 2, rows + 2 ghosts, nx + 2].
+def mark(solid, ghosts, least, words, n, low, high):
+    """words[plane, row, vector] of planes low.. (ghosts counted) from solid[planes + 2, rows + 2 ghosts, nx + 2].
 
-    n nodes to a vector; bit b says that node b - 1 of the vector is fluid. `ghosts` rows of solid are outside.
+    n nodes to a vector; bit b says that node b - 1 of the vector is fluid or, with least = 0, a grain. `ghosts` rows of
+    solid are outside.
     """
     for z in range(low, high):
         for y in range(solid.shape[1]):
-            ids, bits = solid[z, y], wet[z, y + 1 - ghosts]
+            ids, bits = solid[z, y], words[z, y + 1 - ghosts]
             for v in range(bits.size):
                 word = 0
                 for b in range(min(n + 2, ids.size - v * n)):
-                    word |= (ids[v * n + b] == FLUID) << b
+                    number = ids[v * n + b]
+                    word |= (number == FLUID or number >= least) << b
                 bits[v] = word
 
 
 @njit
-def classify(wet, inside, n, flat, kinds, low, high):
-    """kinds[plane, row, vector] of planes low..; flat: the rows have no neighbours (2D). Returns nothing."""
+def classify(wet, free, inside, n, flat, kinds, low, high):
+    """kinds[plane, row, vector] of planes low..; flat: the rows have no neighbours (2D). Returns nothing.
+
+    free: as wet, of the nodes from which the sweep need not bounce anything back.
+    """
     for z in range(low, high):
         for y in range(kinds.shape[1]):
             for v in range(kinds.shape[2]):
-                kinds[z, y, v] = kind_of(wet, inside, n, flat, z, y, v)
+                kinds[z, y, v] = kind_of(wet, free, inside, n, flat, z, y, v)
 
 
 @njit(inline="always")
-def kind_of(wet, inside, n, flat, z, y, v):
-    own, full, reach = wet[z + 1, y + 1, v], (1 << (n + 2)) - 1, 0 if flat else 1
-    if ((own >> 1) & inside[v]) == 0:
+def kind_of(wet, free, inside, n, flat, z, y, v):
+    full, reach = (1 << (n + 2)) - 1, 0 if flat else 1
+    if ((wet[z + 1, y + 1, v] >> 1) & inside[v]) == 0:
         return SKIP
-    if own != full or inside[v] != (full >> 2):
+    if inside[v] != (full >> 2):
         return MIXED
     for a in range(z, z + 3):
         for b in range(y + 1 - reach, y + 2 + reach):
-            if wet[a, b, v] != full:
+            if free[a, b, v] != full:
                 return MIXED
     return PLAIN
 
@@ -89,10 +94,11 @@ def _fetch(kinds, strides, bytes_per_element, n, ahead, hops, low, row, high, mo
 
 
 @njit
-def renew(solid, ghosts, wet, inside, n, flat, kinds, strides, bytes_per_element, ahead, hops, changed):
+def renew(solid, ghosts, wet, free, same, inside, n, flat, kinds, strides, bytes_per_element, ahead, hops, changed):
     """What mark, classify and look_ahead say after edits of `solid` at the flat places `changed` alone.
 
-    Rows whose vectors do not change between with and without fluid keep their hops.
+    same: free is wet; else it does not change. Rows whose vectors do not change between with and without fluid keep
+    their hops.
     """
     rows, columns, full = solid.shape[1], solid.shape[2], (1 << (n + 2)) - 1
     for place in changed:
@@ -102,19 +108,19 @@ def renew(solid, ghosts, wet, inside, n, flat, kinds, strides, bytes_per_element
             word = (wet[z, row, v] & ~(1 << (x - v * n))) | (is_wet << (x - v * n))
             wet[z, row, v] = word
             if 0 < z <= kinds.shape[0] and 0 < row <= kinds.shape[1]:
-                before, now = kinds[z - 1, row - 1, v], kind_of(wet, inside, n, flat, z - 1, row - 1, v)
+                before, now = kinds[z - 1, row - 1, v], kind_of(wet, free, inside, n, flat, z - 1, row - 1, v)
                 kinds[z - 1, row - 1, v] = now
                 if (before == SKIP) != (now == SKIP):
                     _skip(kinds, hops, z - 1, row - 1)
                     in_row = np.count_nonzero(kinds[z - 1, row - 1] != SKIP)
                     end = min(z + 1, kinds.shape[0])
                     _fetch(kinds, strides, bytes_per_element, n, ahead, hops, z - 1, row - 1, end, in_row)
-            if is_wet and word != full:
+            if not same or (is_wet and word != full):
                 continue  # neighbours cannot be surrounded by fluid
             for a in range(max(z - 2, 0), min(z + 1, kinds.shape[0])):
                 for b in range(max(row - 2, 0), min(row + 1, kinds.shape[1])):
                     if is_wet and kinds[a, b, v] == MIXED:
-                        kinds[a, b, v] = kind_of(wet, inside, n, flat, a, b, v)
+                        kinds[a, b, v] = kind_of(wet, free, inside, n, flat, a, b, v)
                     elif not is_wet and kinds[a, b, v] == PLAIN:
                         kinds[a, b, v] = MIXED
 

@@ -9,6 +9,7 @@ from hpcpic.core.tasks import Pool
 from lbmdem.coupling import Immersed, impedance
 from lbmdem.faces import Face
 from lbmdem.fluid import Fluid
+from lbmdem.kernels.layout import FLUID
 from lbmdem.kernels.sweep import SKIP
 from lbmdem.lattices import D2Q9, D3Q19
 from lbmdem.links import RULES, Wall, ball, plane
@@ -358,3 +359,35 @@ def test_wide_grains_are_linked_as_if_they_stayed(alone, pool, lattice, rule):
     np.testing.assert_allclose(moving, h, atol=1e-15)
     np.testing.assert_allclose(pushed, force, atol=1e-12)
     np.testing.assert_allclose(turned, torque, atol=1e-12 * radius)
+
+
+@LATTICES
+@pytest.mark.parametrize("rule", RULES)
+@pytest.mark.parametrize("periodic", [True, False], ids=["periodic", "walls"])
+def test_populations_in_moving_grains_mean_nothing(alone, pool, lattice, rule, periodic):
+    """No number there changes a bit of the fluid or of a force: beside seams and walls, where grains come and go; rows
+    are whole vectors, as those are done without a look at what is solid."""
+    d, seen = lattice.dimensions, []
+    shape = (12, 11, 32)[3 - d :]
+    x = np.array([[0.4, 5.2, 1.3], [10.1, 5.4, 5.2], [18.2, 9.8, 9.8], [21.7, 4.1, 10.2]])[:, -d:]
+    x[:, 0] = [0.4, 10.1, 18.2, 21.7]
+    v = np.random.default_rng(4).normal(0.0, 0.2, x.shape)
+    for filled in (0.0, np.nan, -7.0):
+        fluid = fluid_in_a_box(alone, pool, lattice, shape, periodic=(periodic,) * d)
+        immersed = Immersed(fluid, alone, pool, rule=rule)
+        grains = (np.arange(4), x.copy(), np.array([2.6, 2.2, 2.9, 2.4]), v, np.full((4, 3 if d == 3 else 1), 0.01))
+        immersed.start(*grains)
+        stir(fluid)
+        told = []
+        for _ in range(6):
+            h = fluid.populations()
+            h[:, fluid.solid.inner != FLUID] = filled
+            fluid.set_populations(h)
+            fluid.step()
+            told.append(np.hstack(immersed.forces(grains[0])))
+            grains[1][...] += v
+            immersed.move(*grains)
+        seen.append((fluid.populations(), told, fluid.rest_bounds()))
+    assert np.isfinite(seen[0][0]).all()
+    for other in seen[1:]:
+        assert [np.array_equal(a, b) for a, b in zip(seen[0], other)] == [True] * 3
