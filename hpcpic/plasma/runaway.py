@@ -8,7 +8,7 @@ GROWTH = 30.0  # of the total energy, beyond which a run is no solution; wp dt =
 JUMP = 0.01  # of the energy between two looks that may be a jump, and is one if it is also
 TENFOLD = 10.0  # times the largest change seen before, beyond the fastest growth that a plasma can have
 KNOWN = 3  # changes seen before that speak for the next
-LATE = 90  # steps after which the energy is seen again, written or not; it costs up to 0.9 of a step
+LATE = 100  # steps after which the energy is seen again, written or not; it costs 0.9 of a step
 MANY = 1000  # particles: in fewer one encounter may make the energy jump
 
 
