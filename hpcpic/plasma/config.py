@@ -36,7 +36,7 @@ class Simulation(Section):
     solver: Literal["MFT", "LU"] = setting(
         "MFT", "field solver: multiple Fourier transform, or LU for small grids"
     )
-    cycles: int = setting(REQUIRED, "number of steps", "steps", ge=1)
+    cycles: int = setting(REQUIRED, "number of steps", "steps", ge=0)
     time_step: float = setting(REQUIRED, "time step, negative runs backwards", "s")
     space_length: Lengths = setting(
         REQUIRED, "size of the box, [Lx] or [Lx, Ly]", "m", min_length=1, max_length=2

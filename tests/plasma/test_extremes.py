@@ -343,3 +343,13 @@ def test_diverged(tmp_path):
     assert done.returncode == 4 and "Traceback" not in done.stderr
     assert (facts(tmp_path)["status"], facts(tmp_path)["exit_code"]) == ("diverged", 4)
     assert len([line for line in done.stderr.splitlines() if "moved 2^31 cells" in line]) == 1
+
+
+def test_a_run_of_no_steps_writes_the_initial_state(tmp_path):
+    done = run(tmp_path, 1, "simulation.cycles=0")
+    assert done.returncode == 0, done.stderr
+    assert (facts(tmp_path)["status"], facts(tmp_path)["steps"]) == ("finished", 0) and facts(tmp_path)["state_digest"]
+    series = (tmp_path / "run" / "series.csv").read_text().splitlines()
+    assert len(series) == 3 and series[2].startswith("0,0.0,")
+    done = launch(1, "-m", "hpcpic", "tradeoff", str(tmp_path / "hot.conf"), "--set", "simulation.cycles=0")
+    assert done.returncode == 2 and "a run of no steps" in done.stderr

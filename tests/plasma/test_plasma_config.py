@@ -167,7 +167,7 @@ def test_one_dimension_has_one_velocity_component_without_a_magnetic_field():
 
 BAD = """
 simulation = {
-  cycles = 0;
+  cycles = -1;
   time_step = 0.1; solver = "MTF";
   space_length = [8.0, -4.0]; cycles = 5 dimensions = 3;
 };
@@ -184,7 +184,7 @@ def test_all_bad_settings_are_told_at_once_with_their_places():
         "case:5:42: missing ; after the value of 'cycles'",
         "case:8:86: species[0].particles: set twice",
         "case:9:37: the number 1e999 is too large",
-        "case:3:3: simulation.cycles: must be greater than or equal to 1 (got 0)",
+        "case:3:3: simulation.cycles: must be greater than or equal to 0 (got -1)",
         "case:4:20: simulation.solver: must be 'MFT' or 'LU' (got 'MTF'); did you mean 'MFT'?",
         "case:5:24: simulation.space_length[1]: must be greater than 0 (got -4.0)",
         "case:5:42: simulation.dimensions: must be 1 or 2 (got 3)",

@@ -139,7 +139,10 @@ def knobs_of(app: App, read: Case) -> Knobs:
     refuse_launcher()
     if app.knobs is None:
         raise ConfigError(f"{app.name} has no knobs to turn")
-    return app.knobs(read.config)
+    knobs = app.knobs(read.config)
+    if not knobs.time:
+        raise ConfigError(f"{read.path}: a run of no steps shows no error and no instability")
+    return knobs
 
 
 def scalars_of(app: App, config: Any) -> list[str]:
