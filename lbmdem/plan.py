@@ -6,7 +6,7 @@
 import math
 from collections.abc import Iterator
 
-from hpcpic.core.cli.forecast import Array
+from hpcpic.core.cli.forecast import Array, imports
 from hpcpic.core.space.cuts import even_cuts
 from lbmdem.config import LbmDemConfig
 from lbmdem.vectors import grains
@@ -96,4 +96,5 @@ def plan(config: LbmDemConfig, ranks: int, threads: int) -> list[str]:
     for array in arrays(config, ranks):
         shape = " x ".join(map(str, array.shape))
         lines.append(f"  {array.name:<26}{shape:<24}{array.dtype:<12}{array.bytes / 2**20:10.2f} MiB")
-    return [*lines, "messages of a step, per rank", *(f"  {line}" for line in messages(config, ranks))]
+    lines += ["messages of a step, per rank", *(f"  {line}" for line in messages(config, ranks))]
+    return lines + imports(*["scipy.special"] * any(grains.diameters for grains in config.grains))

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from hpcpic.core.cli.forecast import imports
 from sph import config as case
 from sph import geometry
 from sph.config import SphConfig
@@ -138,4 +139,6 @@ def plan(config: SphConfig, ranks: int, threads: int) -> list[str]:
         f"  {array.name:<40}{array.columns:>3} x {array.n:<12.0f}{array.bytes / MIB:10.2f} MiB"
         for array in arrays(config, ranks)
     ]
-    return [*lines, "messages of a step, per rank", *(f"  {line}" for line in messages(config, ranks))]
+    lines += ["messages of a step, per rank", *(f"  {line}" for line in messages(config, ranks))]
+    solids = any(body.shape.stl for body in (*config.fluid, *config.wall))
+    return lines + imports(*["trimesh"] * solids)

@@ -6,7 +6,7 @@
 import math
 from collections.abc import Iterator, Sequence
 
-from hpcpic.core.cli.forecast import Array
+from hpcpic.core.cli.forecast import Array, imports
 from hpcpic.core.space.cuts import even_cuts
 from hpcpic.plasma.config import PlasmaConfig, macro_charge, rotation, velocity_components
 from hpcpic.plasma.sizes import EDGE, GHOSTS, PAGE
@@ -128,4 +128,6 @@ def plan(config: PlasmaConfig, ranks: int, threads: int) -> list[str]:
     for array in arrays(config, ranks, threads):
         shape = " x ".join(map(str, array.shape))
         lines.append(f"  {array.name:<26}{shape:<24}{array.dtype:<12}{array.bytes / 2**20:10.2f} MiB")
-    return [*lines, "messages of a step, per rank", *(f"  {line}" for line in messages(config, ranks))]
+    lines += ["messages of a step, per rank", *(f"  {line}" for line in messages(config, ranks))]
+    solver = "scipy.sparse" if config.simulation.solver == "LU" else "FFTW (the library of pyfftw alone)"
+    return lines + imports(solver)

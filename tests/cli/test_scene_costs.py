@@ -15,6 +15,7 @@ import numpy as np
 import pytest
 from toy_runner import environment
 
+from hpcpic.core.cli.forecast import OF_EVERY_RUN
 from hpcpic.core.comm.tags import CHANNELS, Channel
 from hpcpic.core.comm.world import World
 from hpcpic.core.tasks import Pool
@@ -165,6 +166,36 @@ def test_snapshots_are_off_until_asked_for_and_then_have_a_price(case):  # C11
     }[case.program]
     app, config = scenes.app_and_config(scenes.Case(case.program, case.text + asked[1]))
     assert app.estimate(config, 1, 1, {}).disk[asked[2]] > 0
+
+
+OF_SCENES = {"scipy.sparse", "scipy.special", "trimesh", "pyfftw", "matplotlib", "rich"}  # that some runs import
+
+
+@pytest.mark.parametrize(
+    ("program", "words", "more"),
+    [
+        ("hpcpic", ["landau-damping", "simulation.cycles=2"], {"FFTW"}),
+        ("hpcpic", ["thesis-10240-on-64", "simulation.cycles=2", 'simulation.solver="LU"'], {"scipy.sparse"}),
+        ("sph", ["poiseuille", "simulation.end_time=1e-3"], set()),
+        ("lbmdem", ["couette", "simulation.end_time=1e-3"], set()),
+    ],
+)
+def test_a_run_imports_what_its_plan_says(program, words, more, tmp_path):
+    case, *sets = words
+    options = [word for text in sets for word in ("--set", text)]
+    plan = subprocess.run(
+        [sys.executable, "-m", MAIN[program], "check", case, *options, "--plan"], capture_output=True, text=True
+    ).stdout.splitlines()
+    told = plan[plan.index("imports of a run") + 1].strip().split(", ")
+    run = subprocess.run(
+        [sys.executable, "-X", "importtime", "-m", MAIN[program], "run", case, *options, "-o", str(tmp_path / "run")],
+        capture_output=True, text=True, env=environment(),
+    )  # fmt: skip
+    assert run.returncode == 0, run.stderr[-2000:]
+    seen = {line.rsplit("|")[-1].strip() for line in run.stderr.splitlines() if line.startswith("import time")}
+    names = {name.split()[0] for name in told}
+    assert set(OF_EVERY_RUN) <= seen and names - set(OF_EVERY_RUN) == more
+    assert seen & OF_SCENES == more & OF_SCENES and ("hpcpic.core.comm.fftw" in seen) == ("FFTW" in more)
 
 
 @pytest.mark.parametrize(

@@ -40,7 +40,7 @@ def make_check_command(app_loader: AppLoader) -> click.Command:
     @click.argument("case")
     @set_option
     @shape_options
-    @click.option("--plan", is_flag=True, help="Also list kernels, arrays and messages of a step.")
+    @click.option("--plan", is_flag=True, help="Also list kernels, arrays and messages of a step, and imports.")
     def check(case: str, sets: tuple[str, ...], ranks: int, threads: int, plan: bool) -> None:
         """Validate a case; print every derived number with its limit, verdict and source.
 

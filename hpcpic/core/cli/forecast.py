@@ -4,6 +4,8 @@ import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 
+OF_EVERY_RUN = ("click", "lark", "pydantic", "numpy", "numba", "mpi4py", "h5py")
+
 
 @dataclass(frozen=True, slots=True)
 class Array:
@@ -17,6 +19,11 @@ class Array:
     def bytes(self) -> int:
         size = int("".join(c for c in self.dtype if c.isdigit())) // 8
         return math.prod(self.shape) * size
+
+
+def imports(*of_the_scene: str) -> list[str]:
+    """Lines for `check --plan`: the libraries that a run imports, those of every run and those of this scene."""
+    return ["imports of a run", f"  {', '.join((*OF_EVERY_RUN, *of_the_scene))}"]
 
 
 @dataclass(frozen=True, slots=True)
