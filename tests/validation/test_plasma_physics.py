@@ -63,24 +63,29 @@ def _largest_part(wave: list[complex]) -> np.ndarray:
     return values.imag if np.abs(values.imag).max() > np.abs(values.real).max() else values.real
 
 
+def wave_in_two_dimensions(
+    points: tuple[int, int], shape: str, per_cell: int, mode: list[int], amplitude: float
+) -> str:
+    """A cold wave in 6.283 m x 12.566 m."""
+    return (
+        f"simulation = {{ cycles = 1000; time_step = 0.2; space_length = {[2 * math.pi, 4 * math.pi]}; }};\n"
+        f'grid = {{ points = {list(points)}; }};\nnumerics = {{ shape = "{shape}"; }};\n'
+        f"species = ({{ particles = {per_cell * points[0] * points[1]}; charge = -1.0; mass = 1.0; "
+        f'init_method = "quiet"; plasma_frequency = 1.0; '
+        f"perturbation = {{ mode = {mode}; velocity_amplitude = {amplitude!r}; }}; }});\n"
+    )
+
+
 @pytest.mark.parametrize("axis, points, shape", [
     (0, (16, 32), "CIC"), (1, (32, 16), "CIC"), (1, (32, 8), "TSC"),
 ])  # fmt: skip
 def test_cold_wave_in_two_dimensions_with_cells_that_are_not_square(simulate, axis, points, shape):
-    """Along y (axis 0) and along x, 6.283 m x 12.566 m: the other axis must not matter. 256 per cell."""
-    lengths = (2 * math.pi, 4 * math.pi)
+    """Along y (axis 0) and along x: the other axis must not matter. 256 per cell."""
     n = (2, 1)[axis]
-    mode = [0, n] if axis == 0 else [n, 0]
-    text = (
-        f"simulation = {{ cycles = 1000; time_step = 0.2; space_length = {list(lengths)}; }};\n"
-        f'grid = {{ points = [{points[0]}, {points[1]}]; }};\nnumerics = {{ shape = "{shape}"; }};\n'
-        f"species = ({{ particles = {256 * points[0] * points[1]}; charge = -1.0; mass = 1.0; "
-        f'init_method = "quiet"; '
-        f"plasma_frequency = 1.0; perturbation = {{ mode = {mode}; velocity_amplitude = 1e-5; }}; }});\n"
-    )
+    text = wave_in_two_dimensions(points, shape, 256, [0, n] if axis == 0 else [n, 0], 1e-5)
     done = simulate(text, look=mode_along(axis, n))
-    k, dx = 1.0, lengths[1 - axis] / points[1 - axis]
-    expected = theory.mesh_root(0.99, k, (Beam(1.0),), theory.Mesh(dx, 0.2, shape)).real
+    dx = (2, 4)[1 - axis] * math.pi / points[1 - axis]
+    expected = theory.mesh_root(0.99, 1.0, (Beam(1.0),), theory.Mesh(dx, 0.2, shape)).real
     fit = analysis.fit_oscillation(done.t, _largest_part(done.seen), frequency=expected, damped=False)
     compare(f"2D cold wave along {'yx'[axis]}, {shape}, {points[0]} x {points[1]}", fit.frequency, expected, 1e-5)
 
@@ -90,19 +95,13 @@ def test_cold_wave_of_particles_that_jump_from_cell_to_cell(simulate):
     many, and four times as many take off more than half of what it is off by. With a wave that moves none across an
     edge there is no field at all.
     """
+    expected = theory.mesh_root(0.99, 1.0, (Beam(1.0),), theory.Mesh(math.pi / 8, 0.2, "NGP")).real
     misses = []
-    for per_cell in (1024, 4096):
-        text = (
-            f"simulation = {{ cycles = 1000; time_step = 0.2; space_length = {[2 * math.pi, 4 * math.pi]}; }};\n"
-            'grid = { points = [8, 32]; };\nnumerics = { shape = "NGP"; };\n'
-            f'species = ({{ particles = {per_cell * 8 * 32}; charge = -1.0; mass = 1.0; init_method = "quiet"; '
-            "plasma_frequency = 1.0; perturbation = { mode = [0, 2]; velocity_amplitude = 0.05; }; });\n"
-        )
-        done = simulate(text, look=mode_along(0, 2))
-        expected = theory.mesh_root(0.99, 1.0, (Beam(1.0),), theory.Mesh(math.pi / 8, 0.2, "NGP")).real
+    for per_cell, tolerance in ((1024, 0.03), (4096, 0.01)):
+        done = simulate(wave_in_two_dimensions((8, 32), "NGP", per_cell, [0, 2], 0.05), look=mode_along(0, 2))
         fit = analysis.fit_oscillation(done.t, _largest_part(done.seen), frequency=expected, damped=False)
         misses.append(abs(fit.frequency / expected - 1))
-        compare(f"2D cold wave, NGP, {per_cell} per cell", fit.frequency, expected, 0.03 if per_cell < 4096 else 0.01)
+        compare(f"2D cold wave, NGP, {per_cell} per cell", fit.frequency, expected, tolerance)
     assert misses[1] < 0.5 * misses[0]
 
 

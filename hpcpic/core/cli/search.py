@@ -224,8 +224,8 @@ class Search:
         own, its = (estimate(config, ranks, threads, {}).step_seconds for config in configs)
         legal = self.pilots.legal(self.own, self.quantity.time, others)
         law = self.laws.get(choice.acts_on)
-        # nothing to gain but time
-        saves_only = law is None or law.idle or law.bound(float(law.sizes[-1])) < NEGLIGIBLE * self.wanted
+        least = NEGLIGIBLE * self.wanted
+        saves_only = law is None or law.idle or law.bound(float(law.sizes[-1])) < least  # nothing to gain but time
         if its > (CHEAP if saves_only else DEAR) * own or not legal or not self.affordable(self.base.price):
             return None
         pilot = self.pilot(self.own, others, words=f"{choice.name} = {value}")
