@@ -15,14 +15,16 @@ from numpy.typing import NDArray
 
 from hpcpic.core.comm.world import World
 from hpcpic.core.tasks import Pool
+from lbmdem.bodies import Bodies, Wall, mark_walls
 from lbmdem.fluid import Fluid
 from lbmdem.kernels import links as kernels
 from lbmdem.kernels.layout import FLUID
 from lbmdem.lattices import Lattice
-from lbmdem.links import GAINS, Bodies, FixedLinks, Wall, mark_walls
+from lbmdem.links import GAINS, FixedLinks
 from lbmdem.moving import MovingLinks
 from lbmdem.refill import Refill
 from lbmdem.solid import Change, Solid, Table, Window, kernel_axes, kernel_rotation
+from lbmdem.wall_links import WallLinks
 
 _SUM_BITS, _FINEST_BITS = 61, 49  # of the sums, and of terms: 2^51 is the largest integer that `to_fixed` makes
 _BLOCKS = 4  # per thread
@@ -96,10 +98,9 @@ class Immersed:
         self._solid.rebuild(self._fixed)
         fluid.solid_changed(fill=False)
         self._stay = self._link(Bodies(*self._fixed, self._walls))
-        self._set_scale(self._fixed.radii)
-        self._moving: MovingLinks | None = None
+        self._set_scale(self._fixed.radii, self._stay)
+        self._moving: tuple[MovingLinks, WallLinks] | None = None
         self._table = self._fixed  # of the grains that are linked anew
-        self._stayed = StayGains(self._stay, pool, 0, self._scale)  # zero
         self._gains: list[Gains | StayGains] = []  # of the last step
         self._earlier: list[Gains | StayGains] = []  # of the one before
         self._gained = 0  # the step that ended with these: passes of several steps count none
@@ -115,9 +116,8 @@ class Immersed:
         links.bind(self.fluid.f, self._blocks)
         return links
 
-    def _set_scale(self, radii: NDArray[np.float64]) -> None:
+    def _set_scale(self, radii: NDArray[np.float64], stay: FixedLinks | WallLinks) -> None:
         """Units of the sums, powers of two: no sum of terms below 2 over all links of a body overflows. Collective."""
-        stay = self._stay
         radius = self._world.max(float(radii.max(initial=1.0)))
         arm = max(radius + 2.0, self._world.max(float(np.abs(stay.arm).max(initial=0.0))))
         linked = int(self._world.sum_int(np.array([stay.count], np.int64))[0])
@@ -133,17 +133,17 @@ class Immersed:
         """
         self._table = _merged(self._fixed, grain_table(ids, centres, radii, velocity, omega))
         if self._moving is None:
-            self._stay = self._link(Bodies(*grain_table(*_no_grains(self._dimensions)), self._walls))
+            del self._stay
             self.fluid.carry(None)
-            self._set_scale(self._table.radii)
-            open_mass = 0.0 if self.refill.conserving else 1.0
-            nodes = (self.fluid.layout, self.fluid.f, self.fluid.ids)
-            self._moving = MovingLinks(self.window, *nodes, self._rule, open_mass, self._blocks)
-            if not self._walls:  # links to these read behind their nodes, where grains may be
-                self.fluid.leave_to_links()
+            nodes = (self.window, self.fluid.layout, self.fluid.f, self.fluid.ids)
+            rest = (self._rule, 0.0 if self.refill.conserving else 1.0, self._blocks)
+            walls = WallLinks(*nodes, self._walls, *rest)
+            self._moving = MovingLinks(*nodes, *rest), walls
+            self._set_scale(self._table.radii, walls)
+            self.fluid.leave_to_links()
         images = self._solid.rebuild(self._table)
         self.fluid.solid_changed(fill=False)
-        self._moving.place(self._table, images)
+        self._moving[0].place(self._table, images)
 
     def move(self, ids: NDArray, centres: NDArray, radii: NDArray, velocity: NDArray, omega: NDArray) -> None:
         """As `start`, from where the grains were; nodes that they uncover are filled. Collective."""
@@ -155,7 +155,7 @@ class Immersed:
         change = self._solid.update(table)
         covered, filled = self.refill.change(self._solid, change, table)
         self.fluid.nodes_changed(self._solid.settle())
-        self._moving.place(table, self._solid.images)
+        self._moving[0].place(table, self._solid.images)
         if self.refill.conserving:
             self._pending = self._account(change, covered, filled)
 
@@ -176,23 +176,27 @@ class Immersed:
 
     def _bounce(self, fluid: Fluid, parity: int) -> None:
         """After the sweep: what comes back from the solids at the next step."""
-        self._stay.run(self._pool, parity)
-        self._take(fluid.iteration + 1)
-        if self._moving is not None:
-            self._gains += [Gains(self._table.ids, self._moving.run(self._pool, parity, self._scale)), self._pending]
-            self._pending = Gains(self._table.ids[:0], self._pending.sums[:0])
+        if self._moving is None:
+            self._stay.run(self._pool, parity)
+            self._take(fluid.iteration + 1)
+        else:
+            grains, walls = (links.run(self._pool, parity, self._scale) for links in self._moving)
+            self._remember([Gains(self._table.ids, grains, walls), self._pending], fluid.iteration + 1)
+            self._pending = Gains(self._table.ids[:0], _NONE)
         if self.refill.conserving:
             self._keep_mass()
 
     def _take(self, iteration: int) -> None:
         """The links that stay have kept what grains gain in the step to this iteration."""
-        self._stayed = StayGains(self._stay, self._pool, iteration % 2, self._scale)
-        self._earlier, self._gains, self._gained = self._gains, [self._stayed], iteration
+        self._remember([StayGains(self._stay, self._pool, iteration % 2, self._scale)], iteration)
+
+    def _remember(self, gains: list[Gains | StayGains], iteration: int) -> None:
+        self._earlier, self._gains, self._gained = self._gains, gains, iteration
 
     def _keep_mass(self) -> None:
         """Put back evenly what links and nodes have lost. Collective."""
         inner = tuple(slice(*self.window.inner[axis]) for axis in (2, 1, 0))
-        gained = self._stayed.walls[:, 6].sum() + sum(gains.sums[:, 6].sum() for gains in self._gains)
+        gained = sum(part[:, 6].sum() for gains in self._gains for part in (gains.sums, gains.walls))
         here = np.array([gained, np.count_nonzero(self.fluid.ids[inner] == FLUID)], np.int64)
         gained, nodes = (float(total) for total in self._world.sum_int(here))
         if nodes:
@@ -268,9 +272,10 @@ class Immersed:
 
     def counts(self) -> dict[str, int]:
         """Links of the last step, those without the nodes of their rule, those lost to another solid. Collective."""
-        here = np.array([self._stay.count, self._stay.fallbacks, 0], np.int64)
-        if self._moving is not None:
-            here += self._moving.counters.sum(axis=0)
+        if self._moving is None:
+            here = np.array([self._stay.count, self._stay.fallbacks, 0], np.int64)
+        else:
+            here = np.sum([links.counters.sum(axis=0) for links in self._moving], axis=0)
         total = self._world.sum_int(here)
         names = {"links": kernels.LINKS, "fallbacks": kernels.FALLBACKS, "lost": kernels.LOST}
         return {name: int(total[at]) for name, at in names.items()}

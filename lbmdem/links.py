@@ -4,8 +4,6 @@ For each fluid node with a solid node in direction i the wall is crossed at the 
 `lbmdem.kernels.links`.
 """
 
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass
 from types import SimpleNamespace
 
 import numpy as np
@@ -13,12 +11,12 @@ from numpy.typing import NDArray
 
 from hpcpic.core.errors import ConfigError
 from hpcpic.core.space.domain import block_ranges
-from hpcpic.core.space.products import product
 from hpcpic.core.tasks import Bound, Pool, bind
+from lbmdem.bodies import Bodies, Surfaces, ids_at
 from lbmdem.kernels import links as kernels
-from lbmdem.kernels.layout import FLUID, WALL, Layout
+from lbmdem.kernels.layout import FLUID, Layout
 from lbmdem.lattices import Lattice
-from lbmdem.solid import Window, kernel_axes, kernel_rotation
+from lbmdem.solid import Window, kernel_axes
 from lbmdem.sparse import SparseLayout, Tables
 
 RULES = {
@@ -28,7 +26,6 @@ RULES = {
     "cli": kernels.CLI,
 }
 GAINS = 7  # of a body from its links: force, torque, and the mass that the fluid gains
-_HALVINGS = 53  # of the interval that holds a crossing
 _NODES = 1 << 16  # whose links are found at a time: on the way they are several times as large
 
 
@@ -36,86 +33,9 @@ class Directions:
     """A lattice in the order of axes of the kernels: e[q, 3] (x, row, plane), 6 w, opposite."""
 
     def __init__(self, lattice: Lattice) -> None:
-        self.dimensions = lattice.dimensions
         self.e = np.rint(kernel_axes(lattice.e)).astype(np.int64)
         self.opposite = lattice.opposite
         self.w6 = 6.0 * lattice.w
-        self.q = lattice.q
-
-
-@dataclass(frozen=True, slots=True)
-class Wall:
-    """A solid body given by its signed distance, in nodes, positive in the fluid; it may slide along itself.
-
-    distance(points[n, d]) -> [n]. The wall at a point x moves with velocity + angular_velocity x (x - centre).
-    """
-
-    distance: Callable[[NDArray], NDArray]
-    velocity: tuple[float, ...] = ()
-    angular_velocity: tuple[float, ...] = ()
-    centre: tuple[float, ...] = ()
-
-    def speed(self, arm: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Velocity [n, 3] of the wall at places [n, 3] from the centre, axes of the kernels."""
-        u, w = self.velocity, self.angular_velocity
-        moving = np.zeros_like(arm)
-        if u:
-            moving += kernel_axes([u])
-        if w:
-            moving += np.cross(kernel_rotation([w])[0], arm)
-        return moving
-
-
-def plane(point: Sequence[float], normal: Sequence[float]) -> Callable[[NDArray], NDArray]:
-    """Distance from a plane through a point, whose normal points into the fluid."""
-    unit = np.asarray(normal, np.float64) / np.linalg.norm(normal)
-    return lambda x: product(x - np.asarray(point), unit)
-
-
-def ball(centre: Sequence[float], radius: float, outside: bool = True) -> Callable[[NDArray], NDArray]:
-    """Distance from a sphere or disc with the fluid outside, or from a round vessel with the fluid inside."""
-    sign = 1.0 if outside else -1.0
-    return lambda x: sign * (np.linalg.norm(x - np.asarray(centre), axis=1) - radius)
-
-
-def cylinder(axis: int, centre: Sequence[float], radius: float, outside: bool) -> Callable[[NDArray], NDArray]:
-    """Distance from a cylinder along one axis; `centre` has a number for every axis."""
-    others = [a for a in range(len(centre)) if a != axis]
-    round_part = ball(np.asarray(centre)[others], radius, outside)
-    return lambda x: round_part(x[:, others])
-
-
-def mark_walls(window: Window, nodes: NDArray[np.int32], walls: Sequence[Wall], dimensions: int) -> None:
-    """Nodes of `nodes` (as in Solid) in or on a wall become WALL."""
-    flat = nodes.reshape(-1)
-    for wall in walls:
-        places = np.arange(flat.size)
-        flat[wall.distance(coordinates(window, places, dimensions)) <= 0.0] = WALL
-
-
-def coordinates(window: Window, places: NDArray[np.int64], dimensions: int) -> NDArray[np.float64]:
-    """Where the nodes at flat places are, [n, d], in nodes of the box."""
-    nx, rows, _ = window.shape
-    local = np.column_stack((places % nx, places // nx % rows, places // (nx * rows))) + window.origin
-    return local[:, _axes(dimensions)].astype(np.float64)
-
-
-def _axes(dimensions: int) -> list[int]:
-    return [0, 1, 2] if dimensions == 3 else [0, 2]
-
-
-@dataclass(frozen=True, slots=True)
-class Bodies:
-    """What links may end at: grains that stay, then walls. Rows of the sums of momentum in this order."""
-
-    ids: NDArray[np.int64]  # ascending
-    centres: NDArray[np.float64]  # [n, 3] (x, row, plane)
-    radii: NDArray[np.float64]
-    motion: NDArray[np.float64]  # [n, 6] velocity and angular velocity of the surface
-    walls: tuple[Wall, ...] = ()
-
-    def __len__(self) -> int:
-        return len(self.ids) + len(self.walls)
 
 
 class _Part(SimpleNamespace):
@@ -146,6 +66,7 @@ class FixedLinks:
             raise ConfigError("the quadratic rule reads two nodes beyond a slab: it works on one rank only")
         self._window, self._layout = window, layout
         self._solid = solid.reshape(tuple(window.shape[::-1]))
+        self._surfaces = Surfaces(window, self._solid, bodies, self.directions.e, layout.lattice.dimensions)
         fluid = self._inner(self._solid) == FLUID
         self._sizes = np.array(fluid.shape[::-1])
         step = max(1, _NODES // max(1, fluid[:1].size))
@@ -155,8 +76,7 @@ class FixedLinks:
         """Links of the planes low .. high - 1."""
         nodes = np.argwhere(fluid[low:high])[:, ::-1].copy()  # (x, row, plane), in the order of memory
         nodes[:, 2] += low
-        found = [self._of_direction(i, nodes) for i in range(1, self.directions.q)]
-        local, way, body, q, arm, speed = (np.concatenate(column) for column in zip(*found))
+        local, way, body, q, arm, speed = self._surfaces.crossings(nodes)
         order = np.lexsort((local[:, 0], local[:, 1], way, local[:, 2]))
         local, way, q, speed = local[order], way[order], q[order], speed[order]
         part = _Part(body=body[order].astype(np.int32), arm=arm[order], speed=speed)
@@ -275,48 +195,8 @@ class FixedLinks:
     def _inner(self, values: NDArray) -> NDArray:
         return values[tuple(slice(*self._window.inner[a]) for a in (2, 1, 0))]
 
-    def _solid_at(self, local: NDArray[np.int64]) -> NDArray[np.int32]:
-        """What is at nodes [n, 3] of this slab or one beyond it."""
-        x, row, plane = (local + self._window.inner[:, 0]).T
-        return self._solid[plane, row, x]
-
-    def _of_direction(self, i: int, nodes: NDArray) -> tuple[NDArray, ...]:
-        """node[n, 3], direction, body, q, arm, speed of the links of one direction from the fluid nodes."""
-        e, bodies = self.directions.e[i], self.bodies
-        beyond = self._solid_at(nodes + e)
-        grain = np.isin(beyond, bodies.ids)
-        parts = [self._at_grains(nodes[grain], np.searchsorted(bodies.ids, beyond[grain]), e)]
-        parts += self._at_walls(nodes[beyond == WALL], e)
-        local, body, q, arm, speed = (np.concatenate(column) for column in zip(*parts))
-        return local, np.full(len(local), i), body, q, arm, speed
-
-    def _at_grains(self, local: NDArray, at: NDArray, e: NDArray) -> tuple[NDArray, ...]:
-        """Crossings with grains that do not move; distances in the frame of the grain, of its nearest image."""
-        window, bodies = self._window, self.bodies
-        node = local + window.inner[:, 0] + window.origin
-        turns = np.where(window.periodic, np.rint((node + e - bodies.centres[at]) / window.points), 0).astype(np.int64)
-        d = (node - turns * window.points) - bodies.centres[at]
-        d_sq = np.sum(d * d, axis=1) - bodies.radii[at] ** 2
-        along, e_sq = product(d, e), float(e @ e)
-        q = np.clip((-along - np.sqrt(np.maximum(along * along - e_sq * d_sq, 0.0))) / e_sq, 0.0, 1.0)
-        arm = d + q[:, None] * e
-        motion = bodies.motion[at]
-        return local, at, q, arm, motion[:, :3] + np.cross(motion[:, 3:], arm)
-
-    def _at_walls(self, local: NDArray, e: NDArray) -> list[tuple[NDArray, ...]]:
-        """Crossings with the first wall that each link meets; links to walls of other kinds are left to the sweep."""
-        axes = _axes(self.directions.dimensions)
-        x = (local + self._window.inner[:, 0] + self._window.origin)[:, axes].astype(np.float64)
-        fractions = [_crossing(wall.distance, x, e[axes]) for wall in self.bodies.walls]
-        parts = []
-        for number, (wall, fraction) in enumerate(zip(self.bodies.walls, fractions)):
-            mine = (np.argmin(fractions, axis=0) == number) & np.isfinite(fraction)
-            q = fraction[mine]
-            centre = np.asarray(wall.centre) if wall.centre else np.zeros(len(axes))
-            arm = kernel_axes(x[mine] + q[:, None] * e[axes] - centre)
-            body = np.full(len(q), len(self.bodies.ids) + number)
-            parts.append((local[mine], body, q, arm, wall.speed(arm)))
-        return parts
+    def _id_at(self, local: NDArray[np.int64]) -> NDArray[np.int32]:
+        return ids_at(self._window, self._solid, local)
 
     def _segments(self, part: "_Part", local: NDArray, way: NDArray) -> None:
         """Where the plane, the direction or the distance to the paired node changes, a segment starts."""
@@ -359,10 +239,10 @@ class FixedLinks:
         e, reach = self.directions.e[way], kernels.rule_reach.py_func(self._rule)
         box = self._window.box - self._window.inner[:, :1]
         inside = np.all((local - e >= box[:, 0]) & (local - e < box[:, 1]), axis=1)
-        behind = ((self._solid_at(local - e) == FLUID) & inside).astype(np.int64)
+        behind = ((self._id_at(local - e) == FLUID) & inside).astype(np.int64)
         if reach == 2:
             y = np.mod(local - e, self._sizes)
-            behind[(behind == 1) & (self._solid_at(y - e) == FLUID)] = 2
+            behind[(behind == 1) & (self._id_at(y - e) == FLUID)] = 2
             z = np.mod(y - e, self._sizes)
             arrivals = (self._arrival(y, way), self._arrival(z, self.directions.opposite[way]))
             part.far = np.array(np.stack(arrivals, axis=-1), order="C")
@@ -381,14 +261,3 @@ class FixedLinks:
         """[parity, n]: elements of the array where directions arrive at own nodes."""
         shift = np.where(way % 2 == 1, 0, 1)[:, None] * self.directions.e[self.directions.opposite[way]]
         return self._layout.slots[:, way] * self._layout.slot_stride + self._element(local + shift)
-
-
-def _crossing(distance: Callable[[NDArray], NDArray], x: NDArray, e: NDArray) -> NDArray[np.float64]:
-    """Fraction of the way from x[n, d] to x + e where a wall is met, by halving; infinite where it is not."""
-    low, high = np.zeros(len(x)), np.ones(len(x))
-    meets = distance(x + e) <= 0.0
-    for _ in range(_HALVINGS):
-        middle = 0.5 * (low + high)
-        inside = distance(x + middle[:, None] * e) <= 0.0
-        low, high = np.where(inside, low, middle), np.where(inside, middle, high)
-    return np.where(meets, high, np.inf)

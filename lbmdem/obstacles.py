@@ -5,8 +5,8 @@ from collections.abc import Callable
 import numpy as np
 from numpy.typing import NDArray
 
+from lbmdem.bodies import Wall, plane
 from lbmdem.config import BoxShape
-from lbmdem.links import Wall, plane
 from lbmdem.scene import Scene
 
 

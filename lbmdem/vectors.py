@@ -84,7 +84,7 @@ def shares(config: LbmDemConfig) -> Shares:
 
 def linked_anew(config: LbmDemConfig) -> bool:
     """Whether all links to grains are done after the sweep (Fluid.leave_to_links)."""
-    return any(some.moving for some in config.grains) and not config.coupling.frozen and not config.obstacle
+    return any(some.moving for some in config.grains) and not config.coupling.frozen
 
 
 def lanes_of_all(config: LbmDemConfig) -> int:

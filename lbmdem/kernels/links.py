@@ -176,12 +176,64 @@ def momentum(kept, start, way, body, arm, speed, low, high, sums, scale):
             fx, fy, fz = give * ex, give * ey, give * ez
             if speed.shape[0]:
                 fx, fy, fz = fx - keep * speed[n, 0], fy - keep * speed[n, 1], fz - keep * speed[n, 2]
-            px, py, pz = arm[n, 0], arm[n, 1], arm[n, 2]
-            total = sums[body[n]]
-            total[0] += np.int64(np.rint(fx * scale[0]))
-            total[1] += np.int64(np.rint(fy * scale[1]))
-            total[2] += np.int64(np.rint(fz * scale[2]))
-            total[3] += np.int64(np.rint((py * fz - pz * fy) * scale[3]))
-            total[4] += np.int64(np.rint((pz * fx - px * fz) * scale[4]))
-            total[5] += np.int64(np.rint((px * fy - py * fx) * scale[5]))
-            total[6] -= np.int64(np.rint(keep * scale[6]))
+            add_gains(sums[body[n]], fx, fy, fz, arm[n], keep, scale)
+
+
+@njit
+def links_beside_grains(
+    f, strides, slots, shifts, parity, e, opposite, w6, rule, open_mass, solid, shape, inner, box,
+    low, high, node, way, body, q, arm, speed, counters, scale, sums,
+):  # fmt: skip
+    """The links low .. high - 1 of walls where grains move: those from nodes that no grain has now bounce back, by the
+    rule or by the lower one for which grains leave fluid nodes enough. What they give is added to sums[bodies, 7].
+
+    Arguments as of `moving.moving_links`, and of `momentum`; node[n, 3]: (x, row, plane) in `solid`.
+    """
+    for n in range(low, high):
+        x, r, p = node[n, 0], node[n, 1], node[n, 2]
+        if solid[(p * shape[1] + r) * shape[0] + x] != FLUID:
+            continue
+        i, j = way[n], opposite[way[n]]
+        ex, ey, ez = e[i, 0], e[i, 1], e[i, 2]
+        z, y, column = p - inner[2, 0], r - inner[1, 0], x - inner[0, 0]
+        at = arrival(strides, slots, shifts, parity, z, y, column, j)
+        behind, second, outwards, third, fourth = 0, 0.0, 0.0, 0.0, 0.0
+        if rule_reach(rule) and is_fluid(solid, shape, box, p - ez, r - ey, x - ex):
+            behind = 1
+            second = float(f[arrival(strides, slots, shifts, parity, z, y, column, i)])
+            outwards = float(f[arrival(strides, slots, shifts, parity, z - ez, y - ey, column - ex, j)])
+        if rule_reach(rule) == 2 and behind:
+            further, third, fourth = second_behind(
+                f, strides, slots, shifts, parity, solid, shape, inner, p, r, x, ex, ey, ez, i, j
+            )
+            behind += further
+        counters[LINKS] += 1
+        counters[FALLBACKS] += behind < rule_reach(rule)
+        c = coefficients(rule, q[n], behind)
+        out, push = float(f[at]), w6[i] * (ex * speed[n, 0] + ey * speed[n, 1] + ez * speed[n, 2])
+        v = c[0] * out + c[1] * second + c[2] * outwards + c[3] * third + c[4] * fourth - c[5] * push
+        f[at] = v
+        give, keep = out + v, out - v
+        swept = keep * open_mass
+        fx, fy, fz = give * ex - swept * speed[n, 0], give * ey - swept * speed[n, 1], give * ez - swept * speed[n, 2]
+        add_gains(sums[body[n]], fx, fy, fz, arm[n], keep, scale)
+
+
+@njit(inline="always")
+def is_fluid(solid, shape, box, p, r, x):
+    """Whether a node, ghosts among them, is of the fluid and in the box."""
+    inside = box[0, 0] <= x < box[0, 1] and box[1, 0] <= r < box[1, 1] and box[2, 0] <= p < box[2, 1]
+    return inside and solid[(p * shape[1] + r) * shape[0] + x] == FLUID
+
+
+@njit(inline="always")
+def add_gains(total, fx, fy, fz, arm, keep, scale):
+    """Add a force, its torque and the mass that the fluid gains, -keep."""
+    px, py, pz = arm[0], arm[1], arm[2]
+    total[0] += np.int64(np.rint(fx * scale[0]))
+    total[1] += np.int64(np.rint(fy * scale[1]))
+    total[2] += np.int64(np.rint(fz * scale[2]))
+    total[3] += np.int64(np.rint((py * fz - pz * fy) * scale[3]))
+    total[4] += np.int64(np.rint((pz * fx - px * fz) * scale[4]))
+    total[5] += np.int64(np.rint((px * fy - py * fx) * scale[5]))
+    total[6] -= np.int64(np.rint(keep * scale[6]))

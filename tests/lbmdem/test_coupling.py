@@ -6,13 +6,14 @@ import pytest
 from hpcpic.core.comm.world import World
 from hpcpic.core.space.domain import Domain, even_cuts
 from hpcpic.core.tasks import Pool
+from lbmdem.bodies import Wall, ball, plane
 from lbmdem.coupling import Immersed, impedance
 from lbmdem.faces import Face
 from lbmdem.fluid import Fluid
 from lbmdem.kernels.layout import FLUID
 from lbmdem.kernels.sweep import SKIP
 from lbmdem.lattices import D2Q9, D3Q19
-from lbmdem.links import RULES, Wall, ball, plane
+from lbmdem.links import RULES
 
 BOX = {"D3Q19": (13, 14, 17), "D2Q9": (26, 31)}
 LATTICES = pytest.mark.parametrize("lattice", [D2Q9, D3Q19], ids=lambda lattice: lattice.name)
@@ -86,11 +87,18 @@ def test_what_the_fluid_loses_the_grains_get(alone, pool, lattice, rule):
         assert np.abs(momentum(fluid) - before + force).max() < 1e-12  # sums of 1e4 terms of 1e-3
 
 
+def rolling_ball(lattice):
+    """A wall in the way of the grains."""
+    d = lattice.dimensions
+    return Wall(ball((9.1,) * d, 2.7), angular_velocity=(0.01, -0.02, 0.03)[: 3 if d == 3 else 1], centre=(9.1,) * d)
+
+
 @LATTICES
-def test_conserving_refill_closes_both_balances(alone, pool, lattice):
+@pytest.mark.parametrize("walls", [0, 1])
+def test_conserving_refill_closes_both_balances(alone, pool, lattice, walls):
     fluid = fluid_in_a_box(alone, pool, lattice, BOX[lattice.name])
     grains = Grains(lattice)
-    immersed = Immersed(fluid, alone, pool, refill="conserving")
+    immersed = Immersed(fluid, alone, pool, refill="conserving", walls=[rolling_ball(lattice)] * walls)
     immersed.start(*grains.columns)
     stir(fluid)
     mass = fluid.populations().sum()
@@ -101,7 +109,7 @@ def test_conserving_refill_closes_both_balances(alone, pool, lattice):
         immersed.move(*grains.columns)
         changed += np.count_nonzero(covered != fluid.ids)
         fluid.step()
-        force = immersed.all_forces(4, steps=1)[0].sum(axis=0)
+        force = immersed.all_forces(4, steps=1)[0].sum(axis=0) + immersed.wall_forces(steps=1)[0].sum(axis=0)
         assert np.abs(momentum(fluid) - before + force).max() < 2e-12
         assert abs(fluid.populations().sum() - mass) < 1e-12 * fluid.solid.inner.size
     assert changed > 60
@@ -229,7 +237,7 @@ def trajectory(world, pool, lattice, refill, blocks, steps=12):
     """Populations and forces at the end, all rows."""
     fluid = fluid_in_a_box(world, pool, lattice, BOX[lattice.name], blocks=blocks)
     grains = Grains(lattice)
-    immersed = Immersed(fluid, world, pool, refill=refill)
+    immersed = Immersed(fluid, world, pool, refill=refill, walls=[rolling_ball(lattice)])
     immersed.start(*grains.columns)
     stir(fluid)
     for _ in range(steps):
@@ -237,7 +245,8 @@ def trajectory(world, pool, lattice, refill, blocks, steps=12):
         grains.go()
         immersed.move(*grains.columns)
     own = np.moveaxis(fluid.populations(), 0, -1)
-    result = own, np.concatenate(immersed.all_forces(4), axis=1), immersed.counts()
+    forces = [np.hstack(immersed.all_forces(4)), np.hstack(immersed.wall_forces())]
+    result = own, np.vstack(forces), immersed.counts()
     immersed.free()
     fluid.free()
     return result
@@ -363,6 +372,34 @@ def test_wide_grains_are_linked_as_if_they_stayed(alone, pool, lattice, rule):
 
 @LATTICES
 @pytest.mark.parametrize("rule", RULES)
+def test_grains_beside_a_wall_are_linked_as_if_they_stayed(alone, pool, lattice, rule):
+    """One covers nodes beside the wall and of it, one leaves a gap below a node, one of two; bounds as above."""
+    d, found = lattice.dimensions, []
+    for moves in (False, True):
+        fluid = fluid_in_a_box(alone, pool, lattice, BOX[lattice.name])
+        grains = Grains(lattice)
+        for x, radius, gap in zip(grains.x, grains.radii, (-1.3, 0.4, 2.1)):
+            away = np.array([1.0, 0.4, -0.7])[:d] * (1 if gap < 0 else -1) * [1, gap, 1][:d]
+            x[:] = 9.1 + (2.7 + radius + gap) * away / np.linalg.norm(away)
+        options = {} if moves else {"fixed": grains.columns}
+        immersed = Immersed(fluid, alone, pool, rule=rule, walls=[rolling_ball(lattice)], **options)
+        if moves:
+            immersed.start(*grains.columns)
+        stir(fluid)
+        fluid.step()
+        fluid.step()
+        forces = np.hstack(immersed.forces(grains.ids))
+        found.append((fluid.populations(), forces, np.hstack(immersed.wall_forces()), immersed.counts()))
+    (h, force, push, counts), (moving, pushed, pushing, moving_counts) = found
+    assert counts["links"] == moving_counts["links"] > 100 and counts["fallbacks"] == moving_counts["fallbacks"]
+    np.testing.assert_allclose(moving, h, atol=1e-15)
+    np.testing.assert_allclose(pushed, force, atol=1e-12)
+    np.testing.assert_allclose(pushing, push, atol=1e-12)
+    assert np.abs(push).min() > 1e-5
+
+
+@LATTICES
+@pytest.mark.parametrize("rule", RULES)
 @pytest.mark.parametrize("periodic", [True, False], ids=["periodic", "walls"])
 def test_populations_in_moving_grains_mean_nothing(alone, pool, lattice, rule, periodic):
     """No number there changes a bit of the fluid or of a force: beside seams and walls, where grains come and go; rows
@@ -374,7 +411,7 @@ def test_populations_in_moving_grains_mean_nothing(alone, pool, lattice, rule, p
     v = np.random.default_rng(4).normal(0.0, 0.2, x.shape)
     for filled in (0.0, np.nan, -7.0):
         fluid = fluid_in_a_box(alone, pool, lattice, shape, periodic=(periodic,) * d)
-        immersed = Immersed(fluid, alone, pool, rule=rule)
+        immersed = Immersed(fluid, alone, pool, rule=rule, walls=[Wall(ball((14.1, 7.2, 6.9)[:d], 2.3))])
         grains = (np.arange(4), x.copy(), np.array([2.6, 2.2, 2.9, 2.4]), v, np.full((4, 3 if d == 3 else 1), 0.01))
         immersed.start(*grains)
         stir(fluid)
@@ -384,7 +421,7 @@ def test_populations_in_moving_grains_mean_nothing(alone, pool, lattice, rule, p
             h[:, fluid.solid.inner != FLUID] = filled
             fluid.set_populations(h)
             fluid.step()
-            told.append(np.hstack(immersed.forces(grains[0])))
+            told.append(np.vstack([np.hstack(immersed.forces(grains[0])), np.hstack(immersed.wall_forces())]))
             grains[1][...] += v
             immersed.move(*grains)
         seen.append((fluid.populations(), told, fluid.rest_bounds()))
