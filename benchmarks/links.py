@@ -1,8 +1,9 @@
 """What moving grains cost: python benchmarks/links.py [nodes per side] [threads].
 
-Prints ns per link of the link pass, and what the steps of grains cost beside the sweep of the fluid, for suspensions of
-several densities. Rounds of all parts alternate in one process; the least processor time of each is told (with several
-threads: the least wall time), and the mean over the rounds of the whole step over that of a fluid alone.
+Prints ns per link, by which a step with links takes longer than that of a fluid alone, and what it costs to move the
+grains, for suspensions of several densities. Rounds of all parts alternate in one process; the least processor time of
+each is told (with several threads: the least wall time), and the median over the rounds of the whole step over that of
+a fluid alone.
 """
 
 import math
@@ -54,8 +55,7 @@ def measure(n: int, threads: int, diameter: float, fraction: float) -> str:
         sign = -sign
         immersed.move(ids, x, radii, v, omega)
 
-    hook = fluid.hooks.pop()
-    parts = (plain.step, fluid.step, lambda: hook(fluid, fluid.parity), move)
+    parts = (plain.step, fluid.step, move)
     rounds = []
     for _ in range(REPEATS + 1):
         times = [clock()]
@@ -64,15 +64,15 @@ def measure(n: int, threads: int, diameter: float, fraction: float) -> str:
             times.append(clock())
         rounds.append(np.diff(times))
     rounds = rounds[1:]
-    alone, sweep, links, moved = np.min(rounds, axis=0)
+    alone, linked, moved = np.min(rounds, axis=0)
     whole = statistics.median(t[1:].sum() / t[0] for t in rounds)
     count = immersed.counts()["links"]
     pool.close()
     solid = np.count_nonzero(fluid.solid.inner >= 0) / n**3
+    each = 1e9 * (linked - alone) / count
     return (
         f"D {diameter:2.0f}  nodes {n}^3  solid {solid:.2f}  grains {len(ids):5d}  links {count:8d}  "
-        f"fluid alone {1e3 * alone:6.1f} ms  sweep {1e3 * sweep:6.1f}  "
-        f"links {1e3 * links:6.1f} = {1e9 * links / count:5.1f} ns each  "
+        f"fluid alone {1e3 * alone:6.1f} ms  with links {1e3 * linked:6.1f}, {each:4.1f} ns each  "
         f"move {1e3 * moved:6.1f} = {1e6 * moved / len(ids):4.1f} us per grain  step {whole:.2f} x fluid alone"
     )
 

@@ -99,7 +99,7 @@ class Immersed:
         fluid.solid_changed(fill=False)
         self._stay = self._link(Bodies(*self._fixed, self._walls))
         self._set_scale(self._fixed.radii, self._stay)
-        self._moving: tuple[MovingLinks, WallLinks] | None = None
+        self.links: MovingLinks | None = None  # to grains, from when they move
         self._table = self._fixed  # of the grains that are linked anew
         self._gains: list[Gains | StayGains] = []  # of the last step
         self._earlier: list[Gains | StayGains] = []  # of the one before
@@ -132,22 +132,22 @@ class Immersed:
         From then on all grains are linked at every step, those that stay too: others may come near them.
         """
         self._table = _merged(self._fixed, grain_table(ids, centres, radii, velocity, omega))
-        if self._moving is None:
+        if self.links is None:
             del self._stay
             self.fluid.carry(None)
             nodes = (self.window, self.fluid.layout, self.fluid.f, self.fluid.ids)
-            rest = (self._rule, 0.0 if self.refill.conserving else 1.0, self._blocks)
-            walls = WallLinks(*nodes, self._walls, *rest)
-            self._moving = MovingLinks(*nodes, *rest), walls
-            self._set_scale(self._table.radii, walls)
-            self.fluid.leave_to_links()
+            rule = (self._rule, 0.0 if self.refill.conserving else 1.0)
+            self._wall_links = WallLinks(*nodes, self._walls, *rule, self._blocks)
+            self._set_scale(self._table.radii, self._wall_links)
+            self.links = MovingLinks(*nodes, *rule)
+            self.fluid.leave_to_links(self.links.of_planes)
         images = self._solid.rebuild(self._table)
         self.fluid.solid_changed(fill=False)
-        self._moving[0].place(self._table, images)
+        self.links.place(self._table, images, self._scale)
 
     def move(self, ids: NDArray, centres: NDArray, radii: NDArray, velocity: NDArray, omega: NDArray) -> None:
         """As `start`, from where the grains were; nodes that they uncover are filled. Collective."""
-        if self._moving is None:
+        if self.links is None:
             self.start(ids, centres, radii, velocity, omega)
             return
         self._table = table = _merged(self._fixed, grain_table(ids, centres, radii, velocity, omega))
@@ -155,7 +155,7 @@ class Immersed:
         change = self._solid.update(table)
         covered, filled = self.refill.change(self._solid, change, table)
         self.fluid.nodes_changed(self._solid.settle())
-        self._moving[0].place(table, self._solid.images)
+        self.links.place(table, self._solid.images, self._scale)
         if self.refill.conserving:
             self._pending = self._account(change, covered, filled)
 
@@ -176,12 +176,12 @@ class Immersed:
 
     def _bounce(self, fluid: Fluid, parity: int) -> None:
         """After the sweep: what comes back from the solids at the next step."""
-        if self._moving is None:
+        if self.links is None:
             self._stay.run(self._pool, parity)
             self._take(fluid.iteration + 1)
         else:
-            grains, walls = (links.run(self._pool, parity, self._scale) for links in self._moving)
-            self._remember([Gains(self._table.ids, grains, walls), self._pending], fluid.iteration + 1)
+            walls = self._wall_links.run(self._pool, parity, self._scale)
+            self._remember([Gains(self._table.ids, self.links.gains(), walls), self._pending], fluid.iteration + 1)
             self._pending = Gains(self._table.ids[:0], _NONE)
         if self.refill.conserving:
             self._keep_mass()
@@ -272,10 +272,10 @@ class Immersed:
 
     def counts(self) -> dict[str, int]:
         """Links of the last step, those without the nodes of their rule, those lost to another solid. Collective."""
-        if self._moving is None:
+        if self.links is None:
             here = np.array([self._stay.count, self._stay.fallbacks, 0], np.int64)
         else:
-            here = np.sum([links.counters.sum(axis=0) for links in self._moving], axis=0)
+            here = self.links.counters.sum(axis=0) + self._wall_links.counters.sum(axis=0)
         total = self._world.sum_int(here)
         names = {"links": kernels.LINKS, "fallbacks": kernels.FALLBACKS, "lost": kernels.LOST}
         return {name: int(total[at]) for name, at in names.items()}

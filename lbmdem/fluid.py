@@ -23,7 +23,7 @@ from lbmdem.kernels.sparse import LEAVE, OPENED, sparse_kernel
 from lbmdem.kernels.sweep import AHEAD, sweep_kernel
 from lbmdem.lattices import Lattice, equilibrium
 from lbmdem.links import FixedLinks
-from lbmdem.passes import After, Passes
+from lbmdem.passes import After, Links, Passes
 from lbmdem.sparse import SparseExchange, SparseLayout, Tables
 
 STORAGE = {"double": np.float64, "single": np.float32}
@@ -69,6 +69,7 @@ class Fluid:
         self._links: After | None = None
         self._take: Callable[[int], None] | None = None  # of steps whose links keep their momentum
         self._ruled: FixedLinks | None = None  # links that the sweep does
+        self._moving: Links | None = None  # links to grains that move
         self._quiet = False  # whether these links ask for nothing but what every sweep does
         self._open = False  # whether it has left them half done (kernels.sparse)
         self.stays, self._blocks = False, blocks
@@ -138,7 +139,7 @@ class Fluid:
         threads = self.pool.threads
         self._passes = Passes(layout, self._exchange, lambda t: bind(kernel, *shared, t), threads, periodic_rows)
         n_blocks = self._blocks or (BLOCKS * threads if threads > 1 else 1)
-        self._steps = [self._passes.step(parity, n_blocks) for parity in range(2)]
+        self._steps = [self._passes.step(parity, n_blocks, self._moving) for parity in range(2)]
         self._waves: dict[wavefront.Steps, Graph] = {}
         self._depths: dict[int, int] = {}
         self._observers.clear()
@@ -193,15 +194,17 @@ class Fluid:
         with self.world.first_on_node():
             self._make_tasks()
 
-    def leave_to_links(self) -> None:
-        """From now on a hook does all links to grains, and finds what went out where the grain would have read it.
+    def leave_to_links(self, links: Links) -> None:
+        """From now on these do all links to grains, and find what went out where the grain would have read it.
 
         So the sweep need not bounce it back, and does vectors beside grains, with what is in these, like any others.
-        Populations of solid nodes mean nothing then, and may be no numbers. `solid_changed` must follow.
+        Populations of solid nodes mean nothing then, and may be no numbers. Collective; `solid_changed` must follow.
         """
         with self.world.first_on_node():
             self._free = np.zeros_like(self._wet)
             self._marks = self._classification(self.layout)
+        self._moving = links
+        self._again()
 
     def nodes_changed(self, places: NDArray[np.int64]) -> None:
         """As `solid_changed(fill=False)` after edits at these flat places of `solid` alone, ghosts among them."""

@@ -4,7 +4,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hpcpic.core.errors import ConfigError
-from hpcpic.core.tasks import Bound, Pool, bind
+from hpcpic.core.tasks import Bound, bind
 from lbmdem.kernels import moving as kernels
 from lbmdem.kernels.layout import Layout
 from lbmdem.kernels.links import QUADRATIC
@@ -15,7 +15,7 @@ _CENTRES = 18  # place of the first argument of the kernel that changes from ste
 
 
 class MovingLinks:
-    """Links of the slab's moving grains; `place` after they have moved, `run` after the sweep of the fluid.
+    """Links of the slab's moving grains: `place` after they have moved, tasks `of_planes` after the sweep, `gains`.
 
     open_mass: 1 to count the fluid that a wall sweeps over as its momentum, 0 where nodes are counted themselves.
     """
@@ -28,24 +28,22 @@ class MovingLinks:
         solid: NDArray[np.int32],
         rule: str,
         open_mass: float,
-        blocks: int,
     ) -> None:
         if RULES[rule] == QUADRATIC and not window.whole:
             raise ConfigError("the quadratic rule reads two nodes beyond a slab: it works on one rank only")
         directions = Directions(layout.lattice)
         lattice = (directions.e, directions.opposite, directions.w6, RULES[rule], open_mass)
         nodes = (solid.reshape(-1), window.shape, window.inner, window.box)
-        self._low, self._high = (int(end) for end in window.inner[2])
-        self.counters = np.zeros((blocks, 3), np.int64)
-        self._cuts = np.zeros(blocks + 1, np.int64)
+        place = (f, layout.strides, layout.slots, layout.shifts)
+        self._head = [(*place, parity, *lattice, *nodes) for parity in range(2)]
+        self._first_plane = int(window.inner[2, 0])
+        self._ends = np.full(layout.planes + 1, self._first_plane)  # of the shares, in planes of `solid`
+        self._cuts = np.zeros(layout.planes + 1, np.int64)
+        self._counters = np.zeros((layout.planes, 3), np.int64)
         self._scale = np.ones(GAINS)
+        self._shares: dict[tuple[int, int], list[Bound]] = {}  # tasks by parity
         self._room = dict.fromkeys(("grains", "images", "parts"), 0)
         self._make_room(grains=8, images=8, parts=8)
-        self._tasks: list[list[Bound]] = []
-        for parity in range(2):
-            place = (f, layout.strides, layout.slots, layout.shifts, parity, *lattice, *nodes)
-            shares = [(share, self.counters[share], self._cuts, self._scale) for share in range(blocks)]
-            self._tasks.append([bind(kernels.moving_links, *place, *share, *self._changing()) for share in shares])
 
     def _make_room(self, **wanted: int) -> bool:
         """Arrays for so many grains, images and parts of images. Whether they are new."""
@@ -64,26 +62,45 @@ class MovingLinks:
         ids, centres, radii, motion = self._table
         return (centres, radii, ids, motion, *self._images, *self._parts, self._gains)
 
-    def place(self, table: Table, images: Images) -> None:
-        """The grains are here now."""
-        where = (table.centres, table.radii, *images, self._low, self._high)
-        self._n_parts = kernels.windows(*where, *self._parts)
-        if self._make_room(grains=len(table.ids), images=len(images.grain), parts=self._n_parts):
+    def of_planes(self, parity: int, low: int, high: int) -> Bound:
+        """The task on the links that start in own planes from, to; arrivals are at `parity`.
+
+        Ask for all planes, share by share in their order, before `place`.
+        """
+        if (low, high) not in self._shares:
+            share = len(self._shares)
+            self._ends[share + 1] = self._first_plane + high
+            mine = (share, self._counters[share], self._cuts, self._scale, *self._changing())
+            self._shares[low, high] = [bind(kernels.moving_links, *head, *mine) for head in self._head]
+        return self._shares[low, high][parity]
+
+    def tasks(self, parity: int) -> list[Bound]:
+        """On all links, for arrivals at `parity`."""
+        return [share[parity] for share in self._shares.values()]
+
+    def place(self, table: Table, images: Images, scale: NDArray[np.float64]) -> None:
+        """The grains are here now; sums are to be in units of 1 / scale[7]."""
+        self._scale[:] = scale
+        n = len(self._shares)
+        where = (table.centres, table.radii, *images, self._ends[: n + 1], self._cuts[: n + 1])
+        kernels.windows(*where, *self._parts)
+        if self._make_room(grains=len(table.ids), images=len(images.grain), parts=int(self._cuts[n])):
             kernels.windows(*where, *self._parts)
-            for task in (task for tasks in self._tasks for task in tasks):
+            for task in (*self.tasks(0), *self.tasks(1)):
                 for at, value in enumerate(self._changing()):
                     task.update(_CENTRES + at, value)
         for kept, now in zip((*self._table, *self._images), (*table, *images)):
             kept[: len(now)] = now
         self._count = len(table.ids)
-        blocks = len(self._cuts) - 1
-        self._cuts[:] = np.arange(blocks + 1) * self._n_parts // blocks
 
-    def run(self, pool: Pool, parity: int, scale: NDArray[np.float64]) -> NDArray[np.int64]:
-        """Bounce back; force, torque and mass that the fluid gains, [grains, 7] in units of 1 / scale[7]."""
-        self._scale[:] = scale
-        self.counters[...] = 0
-        pool.each(self._tasks[parity])
+    def gains(self) -> NDArray[np.int64]:
+        """Force, torque and mass that the fluid gains of the links that have been done, [grains, 7]."""
         sums = np.empty((self._count, GAINS), np.int64)
-        kernels.add_up(self._parts[0], self._images.grain, self._n_parts, self._gains, sums)
+        n = int(self._cuts[len(self._shares)])
+        kernels.add_up(self._parts[0], self._images.grain, n, self._gains, sums)
         return sums
+
+    @property
+    def counters(self) -> NDArray[np.int64]:
+        """See kernels.links, of every share."""
+        return self._counters[: len(self._shares)]

@@ -16,7 +16,11 @@ from lbmdem.wavefront import Span, Steps
 Sweep = Callable[[NDArray[np.int64]], Bound]
 After = Callable[[int, int, int, bool], list[Bound]]
 """Tasks on the arrivals at a parity of planes from, to: links and faces; do links keep what went out and came back?"""
+Links = Callable[[int, int, int], Bound]
+"""The task on the links that start in planes from, to, for arrivals at a parity."""
 ENDS = [("end", 0), ("end", 1)]
+LINKED = 6e6  # bytes of planes that are swept before their links, which then find them in caches
+REACH = 2  # planes to both sides of which links read something: the quadratic rule does
 
 
 class Passes:
@@ -33,17 +37,25 @@ class Passes:
         self._layout, self._exchange, self._sweep = layout, exchange, sweep
         self._threads, self._periodic_rows = threads, periodic_rows
 
-    def step(self, parity: int, n_blocks: int) -> Graph:
-        """Edge planes, messages, inner planes while these are on their way, what arrived."""
+    def step(self, parity: int, n_blocks: int, links: Links | None = None) -> Graph:
+        """Edge planes, messages, inner planes while these are on their way, what arrived; links while their planes are
+        in caches."""
         graph, planes = Graph(), self._layout.planes
         low, high = 0, planes
+        if links and (together := int(LINKED / self._layout.plane_bytes)) >= REACH:
+            n_blocks = max(n_blocks, planes // together)
         if any(self._exchange.open):
             self._ends(graph, parity, sorted({(k, k + 1) for k in (0, planes - 1)}))
             low, high = 1, planes - 1
-        for first, last in block_ranges(max(high - low, 0), n_blocks):
-            if last > first:
-                a, b = low + first, low + last
-                graph.task(self._planes(parity, a, b), name=f"planes {a}..{b}")
+        blocks = [(low + a, low + b) for a, b in block_ranges(max(high - low, 0), n_blocks) if b > a]
+        for a, b in blocks:
+            graph.task(self._planes(parity, a, b), inouts=[("plane", p) for p in range(a, b)], name=f"planes {a}..{b}")
+        if links and planes:
+            firsts = [0, *(a for a, _ in blocks[1:])]
+            for a, b in zip(firsts, [*firsts[1:], planes]):
+                beside = {("plane", p % planes) for p in range(a - REACH, b + REACH)}
+                at_ends = ENDS if a <= REACH or b >= planes - REACH else []
+                graph.task(links(1 - parity, a, b), ins=[*beside, *at_ends], priority=1, name=f"links {a}..{b}")
         return graph.freeze()
 
     def _planes(self, modes: int, low: int, high: int) -> Bound:

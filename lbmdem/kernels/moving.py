@@ -48,19 +48,25 @@ F, L, H = Vec(N, np.float64), Vec(N, np.int64), Vec(N, np.int32)
 
 
 @njit
-def windows(centres, radii, grain, offset, low, high, image, first, after):
-    """Planes first[k] .. after[k] of image[k] in which links start, PLANES at most, in [low, high). How many.
-
-    They are stored if there is room.
-    """
-    count = 0
-    for m in range(grain.size):
-        a, b = span(centres[grain[m], 2], radii[grain[m]] + 1.0, offset[m, 2], low, high)
-        for p in range(a, b, PLANES):
-            if count < image.size:
-                image[count], first[count], after[count] = m, p, min(p + PLANES, b)
-            count += 1
-    return count
+def windows(centres, radii, grain, offset, ends, cuts, image, first, after):
+    """Planes first[k] .. after[k] of image[k] in which links start, PLANES at most, share by share: those of the planes
+    ends[s] .. ends[s + 1] are cuts[s] .. cuts[s + 1]. They are stored if there is room for all cuts[-1] of them."""
+    number = np.zeros(ends.size - 1, np.int64)
+    for storing in range(2):
+        for m in range(grain.size):
+            a, b = span(centres[grain[m], 2], radii[grain[m]] + 1.0, offset[m, 2], ends[0], ends[-1])
+            s = np.searchsorted(ends, a, side="right") - 1
+            while a < b:
+                end = min(b, ends[s + 1], a + PLANES)
+                if storing:
+                    k = cuts[s] + number[s]
+                    image[k], first[k], after[k] = m, a, end
+                number[s] += 1
+                s, a = s + (end == ends[s + 1]), end
+        if not storing:
+            cuts[0], cuts[1:], number[:] = 0, np.cumsum(number), 0
+            if cuts[-1] > image.size:
+                break
 
 
 @njit
@@ -77,7 +83,7 @@ def moving_links(
     f, strides, slots, shifts, parity, e, opposite, w6, rule, open_mass, solid, shape, inner, box,
     share, counters, cuts, scale, centres, radii, ids, motion, grain, offset, image, first, after, parts,
 ):  # fmt: skip
-    """Links of the parts cuts[share] .. cuts[share + 1]: bounce back; what they give to parts[n, 7].
+    """Links of the windows cuts[share] .. cuts[share + 1]: bounce back; what they give to parts[n, 7].
 
     These are int64 of 1 / scale[7]: force, torque and the mass that the fluid gains. motion[n, 6]: velocity and angular
     velocity; e[q, 3], w6[q] = 6 w; solid: flat, of shape[3] with inner[3, 2]; box[3, 2]: nodes behind that count;
@@ -86,8 +92,9 @@ def moving_links(
     themselves.
     """
     table, listed, size = room(radii)
-    work, sums = np.zeros(size, np.int32), np.empty(GAINS * N, np.int64)
-    further = np.zeros((2, listed if rule == QUADRATIC else 0))
+    work, sums = np.empty(size, np.int32), np.empty(GAINS * N, np.int64)
+    counters[:] = 0
+    further = np.empty((2, listed if rule == QUADRATIC else 0))
     for k in range(cuts[share], cuts[share + 1]):
         m = image[k]
         g = grain[m]

@@ -233,11 +233,11 @@ def test_light_grains_are_stable_with_the_impedance_only(alone, pool):
     assert 0 < light == pytest.approx(heavier, rel=0.5)
 
 
-def trajectory(world, pool, lattice, refill, blocks, steps=12):
+def trajectory(world, pool, lattice, refill, blocks, steps=12, rule="cli"):
     """Populations and forces at the end, all rows."""
     fluid = fluid_in_a_box(world, pool, lattice, BOX[lattice.name], blocks=blocks)
     grains = Grains(lattice)
-    immersed = Immersed(fluid, world, pool, refill=refill, walls=[rolling_ball(lattice)])
+    immersed = Immersed(fluid, world, pool, rule=rule, refill=refill, walls=[rolling_ball(lattice)])
     immersed.start(*grains.columns)
     stir(fluid)
     for _ in range(steps):
@@ -258,6 +258,14 @@ def test_blocks_and_threads_do_not_change_a_bit(alone, pool, lattice, refill):
     pair = Pool(2)
     one, other = trajectory(alone, pool, lattice, refill, 1), trajectory(alone, pair, lattice, refill, 5)
     pair.close()
+    assert np.array_equal(one[0], other[0]) and np.array_equal(one[1], other[1]) and one[2] == other[2]
+
+
+@LATTICES
+@pytest.mark.parametrize("rule", ["quadratic", "cli"])
+def test_links_are_done_as_soon_as_the_planes_that_they_read_are_swept(alone, pool, lattice, rule):
+    """Blocks of a plane each; one thread takes links before other planes. No bit depends on it."""
+    one, other = (trajectory(alone, pool, lattice, "local", blocks, rule=rule) for blocks in (1, BOX[lattice.name][0]))
     assert np.array_equal(one[0], other[0]) and np.array_equal(one[1], other[1]) and one[2] == other[2]
 
 
