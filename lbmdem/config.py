@@ -78,7 +78,9 @@ class Boundary(Section):
     pressure: float | None = setting(None, 'type "pressure": above that of the density of rest', "Pa")
     density: float | None = setting(None, 'type "pressure": the density itself', "kg/m3", gt=0)
     pressure_rate: float = setting(0.0, 'type "pressure": change in time', "Pa/s")
-    velocity: Vector = setting((), 'of the wall, or of the fluid through a "velocity" face', "m/s")
+    velocity: Vector = setting(
+        (), 'of the wall, or of the fluid through a "velocity" face, with which all fluid starts along its axis', "m/s"
+    )
 
 
 class PlaneShape(Section):

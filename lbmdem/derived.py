@@ -18,7 +18,7 @@ from lbmdem.config import (
     smallest_diameter,
 )
 from lbmdem.lattices import CS2
-from lbmdem.places import starts
+from lbmdem.places import law_diameters, packed_space, solid_volume, survey
 from lbmdem.plan import grain_count
 
 TAU = ("fluid", "relaxation_time")
@@ -28,14 +28,17 @@ GRID_REYNOLDS = {"BGK": 160.0, "TRT": 43.0, "central": math.inf}
 # Error of the mean velocity of a channel of 16 nodes with half-way walls, measured by tau: BGK
 SLIP = ((1.2, 5e-3), (1.5, 2.3e-2), (2.0, 5.9e-2), (3.0, 0.17), (5.0, 0.57), (10.0, 2.0))
 MOST_PLACES, PADDING = 1 << 31, 32  # of nodes in a slab, and of a row or a line of nodes beside its own
+DENSEST = {2: 0.093, 3: 0.26}  # void fraction of equal discs and spheres in their densest order
+RANDOM = {2: 0.16, 3: 0.36}
 ENOUGH_NODES = {2: 10.0, 3: 7.0}  # across a grain (Mansouri et al., section 4)
 
 
 def derived(config: LbmDemConfig, ranks: int = 1) -> list[Derived]:
     """Every derived number of a completed case that runs on so many ranks."""
-    parts = (relaxation, lattice_units, speeds, pressures)
+    parts = (relaxation, lattice_units, speeds, pressures, inflow)
     fluid = [number for part in parts for number in part(config)] if config.fluid else []
-    return [*fluid, *obstacles(config), *grains(config), *contacts(config), *sizes(config, ranks)]
+    solids = [*obstacles(config), *grains(config), *contacts(config), *slices(config)]
+    return [*fluid, *solids, *sizes(config, ranks), *whole_rules(config, ranks)]
 
 
 def key_of_tau(config: LbmDemConfig) -> Path:
@@ -98,6 +101,12 @@ def turning_speed(grains: GrainSet) -> float:
     return 0.5 * largest_diameter(grains) * math.hypot(*grains.angular_velocity)
 
 
+def slower(config: LbmDemConfig, factor: float) -> str:
+    """The relaxation time with so many times the time step: three digits of what it has above 1/2."""
+    excess = (config.tau - 0.5) * factor
+    return f"{0.5 + excess:.{max(1, 2 - math.floor(math.log10(excess)))}f}"
+
+
 def speeds(config: LbmDemConfig) -> Iterator[Derived]:
     """Mach number and grid Reynolds number of the velocities that are known beforehand."""
     u, dx, dt = known_speed(config), config.spacing, config.time_step
@@ -106,8 +115,8 @@ def speeds(config: LbmDemConfig) -> Iterator[Derived]:
         verdict = "ok" if mach <= 0.1 else "warn" if mach < 0.5 else "fail"
         cure = ""
         if verdict != "ok":
-            tau = 0.5 + (config.tau - 0.5) * 0.1 / mach
-            cure = f"compressibility error about {mach * mach:.1%}; relaxation_time = {tau:.4g} gives Ma = 0.1"
+            error = f"compressibility error about {mach * mach:.1%}; " if mach < 0.5 else ""
+            cure = f"{error}relaxation_time = {slower(config, 0.1 / mach)} gives Ma = 0.1"
         limit = "<= 0.1, < 0.5 at all" if verdict != "fail" else "< 0.5"
         source = "Mansouri et al., section 3.2"
         yield Derived("Mach number", "Ma", mach, "", limit, verdict, source, cure, key_of_tau(config), mach < 1.0)
@@ -140,11 +149,27 @@ def pressures(config: LbmDemConfig) -> Iterator[Derived]:
         yield Derived(name, "rho/rho0", worst, "", limit, verdict, source, cure, key, worst > 0.0)
 
 
+def inflow(config: LbmDemConfig) -> Iterator[Derived]:
+    """Mean density at the end, of a fluid that velocity faces let in and nothing lets out."""
+    given = [(i, face) for i, face in enumerate(config.boundary) if face.type == "velocity"]
+    if not given or any(face.type == "pressure" for face in config.boundary):
+        return
+    axis = AXES.index(given[0][1].face[0])  # open faces are those of one axis
+    into = sum(face.velocity[axis] if face.face[1] == "-" else -face.velocity[axis] for _, face in given)
+    density = 1.0 + into * config.simulation.end_time / config.domain.size[axis]
+    off = abs(density - 1.0)
+    verdict = "ok" if off <= 0.02 else "warn" if off < 0.5 else "fail"
+    cure = "" if verdict == "ok" else f"what flows in has no way out: a pressure face across {AXES[axis]} is one"
+    limit, source, key = "within 1 +- 0.02, 0.5 at all", "conservation of mass", ("boundary", given[-1][0], "velocity")
+    yield Derived("mean density at the end", "rho/rho0", density, "", limit, verdict, source, cure, key, density > 0.0)
+
+
 def grains(config: LbmDemConfig) -> Iterator[Derived]:
     """Size, resolution and density ratio of each set, and how grains overlap at the start."""
     d, dx = config.dimensions, config.spacing
     yield from fits(config)
     yield from overlap_at_start(config)
+    yield from packings(config)
     for i, some in enumerate(config.grains):
         smallest = smallest_diameter(some)
         if config.fluid is None:
@@ -198,17 +223,41 @@ def fits(config: LbmDemConfig) -> Iterator[Derived]:
 
 def overlap_at_start(config: LbmDemConfig) -> Iterator[Derived]:
     """Of grains at given positions."""
-    nearest, deepest, outside = starts(config)
+    nearest, deepest, outside, close, deep, gone = survey(config)
     if outside or nearest == 0.0:
         name = "grains outside the box" if outside else "least distance of centres"
         cure = "their centres must lie in it" if outside else "no force has a direction there: move one of them"
-        limit = "0" if outside else "> 0"
-        yield Derived(name, "n" if outside else "r", float(outside), "", limit, "fail", "", cure, ("grains",))
-    if deepest > 0.0:
+        limit, key = "0" if outside else "> 0", gone if outside else close
+        yield Derived(name, "n" if outside else "r", float(outside), "", limit, "fail", "", cure, key)
+    elif deepest > 0.0:
         verdict = "ok" if deepest <= 0.01 else "warn" if deepest < 0.1 else "fail"
         cure = "" if verdict == "ok" else "they fly apart; move them, or let packing = {..} find places without overlap"
         limit, source = "<= 1 %, < 10 %", "linear contacts"
-        yield Derived("overlap at the start", "delta/d", deepest, "", limit, verdict, source, cure, ("grains",), True)
+        yield Derived("overlap at the start", "delta/d", deepest, "", limit, verdict, source, cure, deep, True)
+
+
+def packings(config: LbmDemConfig) -> Iterator[Derived]:
+    """How high each reaches, and how dense it is, or where its grains begin to fall."""
+    d, top = config.dimensions, config.domain.size[-1]
+    for i, some in enumerate(config.grains):
+        if some.packing is None:
+            continue
+        law, low, wanted = some.diameters, some.packing.low, some.packing.high
+        solid = solid_volume(0.5 * law_diameters(law.count, law.min, law.max, law.a, law.b, d), d)
+        high = packed_space(config, some, solid)
+        void = 1.0 - solid / (math.prod(config.domain.size[:-1]) * (high - low))
+        verdict = "ok" if void >= DENSEST[d] else "fail"
+        cure = "" if verdict == "ok" else "fewer grains, or more space for them"
+        limit, source = f">= {DENSEST[d]:g}", f"densest of equal grains; random packings end at about {RANDOM[d]:g}"
+        key: Path = ("grains", i, "packing") if some.packing.porosity is None else ("grains", i, "packing", "porosity")
+        yield Derived(f"void fraction of {some.name}", "n", void, "", limit, verdict, source, cure, key, void > 0.0)
+        if some.packing.porosity is None:
+            continue
+        as_said = wanted is None or abs(high - wanted) <= 1e-3 * (high - low)
+        verdict = "ok" if high <= top * (1.0 + 1e-12) and as_said else "fail"
+        limit = f"<= {top:g}, the top of the box" if as_said else f"{wanted:g}, as packing.high says"
+        cure = "" if verdict == "ok" else "change its count or porosity" + ("" if as_said else ", or leave high out")
+        yield Derived(f"top of {some.name}", "z", high, "m", limit, verdict, "", cure, key)
 
 
 def falling(config: LbmDemConfig, i: int) -> Iterator[Derived]:
@@ -222,8 +271,8 @@ def falling(config: LbmDemConfig, i: int) -> Iterator[Derived]:
     v = min(drag, pull * size**2 / (18.0 * fluid.viscosity))
     mach = v * config.time_step / config.spacing / math.sqrt(CS2)
     verdict = "ok" if mach <= 0.25 else "warn" if mach < 0.5 else "fail"
-    tau = 0.5 + (config.tau - 0.5) * 0.24 / mach
-    cure = "" if verdict == "ok" else f"relaxation_time = {tau:.4g} makes the time step short enough for {v:.3g} m/s"
+    tau = slower(config, 0.24 / mach)
+    cure = "" if verdict == "ok" else f"relaxation_time = {tau} makes the time step short enough for {v:.3g} m/s"
     limit = "<= 0.25, < 0.5 at all" if verdict != "fail" else "< 0.5"
     source = "Stokes 1851; drag coefficient 0.44 of a sphere, 1 of a disc"
     yield Derived("Mach number of a lone grain", "Ma", mach, "", limit, verdict, source, cure, key_of_tau(config), True)
@@ -281,6 +330,27 @@ def overlaps(config: LbmDemConfig) -> Iterator[Derived]:
         key = ("contact", "normal_stiffness")
         limit, source = "<= 1 %, < 10 %", "weight of the column above"
         yield Derived("overlap at rest", "delta/d", overlap, "", limit, verdict, source, cure, key)
+
+
+def slices(config: LbmDemConfig) -> Iterator[Derived]:
+    """Control slices against the nodes, or grains, that they are to hold."""
+    count = config.output.stress_slices
+    if count:
+        height, dx = config.domain.size[-1] / count, config.spacing
+        least = dx if config.fluid else 0.1 * dx  # the largest diameter
+        verdict = "ok" if height >= least * (1 - 1e-9) else "fail"
+        cure = "" if verdict == "ok" else f"stress_slices = {math.floor(config.domain.size[-1] / least * (1 + 1e-9))}"
+        limit, key = f">= {least:g}", ("output", "stress_slices")
+        yield Derived("height of a control slice", "h", height, "m", limit, verdict, "", cure, key)
+
+
+def whole_rules(config: LbmDemConfig, ranks: int) -> Iterator[Derived]:
+    """What works on one rank only."""
+    if config.fluid and (config.grains or config.obstacle) and config.coupling.bounce_back == "quadratic":
+        verdict = "ok" if ranks == 1 else "fail"
+        cure = "" if verdict == "ok" else 'it reads two nodes beyond a slab; "cli" and "interpolated" read one'
+        key = ("coupling", "bounce_back")
+        yield Derived("ranks of the quadratic rule", "R", float(ranks), "", "1", verdict, "", cure, key)
 
 
 def sizes(config: LbmDemConfig, ranks: int) -> Iterator[Derived]:

@@ -27,6 +27,7 @@ from lbmdem.config import contact_law
 from lbmdem.contacts import Law, Wall, stable_step
 from lbmdem.dem import Dem
 from lbmdem.network import energies, greatest_overlap
+from lbmdem.places import law_diameters, packed_space, solid_volume
 
 if TYPE_CHECKING:
     from lbmdem.config import GrainSet, LbmDemConfig
@@ -38,7 +39,6 @@ PLACES, SIZES = 11, 12  # streams of random numbers
 START = 0.3  # of the final radii
 GROWTH, RELAXATION, STAGE = 300, 1500, 20  # stages of growth, at most of relaxation, steps in a stage
 TOUCHING, TOO_DEEP = 1e-3, 1e-2  # overlap / diameter that is accepted, and that is refused
-LOOSE, LAYERS = 0.5, 3.0  # porosity from which grains fall, and least height of their space, largest diameters
 
 
 @dataclass(frozen=True, slots=True)
@@ -62,22 +62,10 @@ def beta_diameters(
 ) -> NDArray[np.float64]:
     """Diameters [n] whose volume below d is the incomplete beta function of (d - low) / (high - low).
 
-    Voivret et al. 2007 (cumulative volume fraction, area in 2D). The sizes are the middles of n parts of equal number,
-    so they follow the law as well as n grains can; the seed says which grain has which.
+    Voivret et al. 2007 (cumulative volume fraction, area in 2D); the seed says which grain has which.
     """
-    from scipy.special import betainc
-
-    edges = np.linspace(0.0, 1.0, 1 + (1 << 14))
-    middle = low + (high - low) * 0.5 * (edges[1:] + edges[:-1])
-    number = np.cumsum(np.diff(betainc(a, b, edges)) / middle**dimensions)
-    wanted = (np.arange(n) + 0.5) / n * number[-1]
-    sizes = low + (high - low) * np.interp(wanted, np.concatenate(([0.0], number)), edges)
+    sizes = law_diameters(n, low, high, a, b, dimensions)
     return sizes[np.argsort(uniforms(seed, SIZES, np.arange(n), 1)[:, 0])]
-
-
-def solid_volume(radius: NDArray, dimensions: int) -> float:
-    """Of all grains: m3, m2 in 2D."""
-    return float(np.sum(math.pi * radius**2 if dimensions == 2 else 4.0 / 3.0 * math.pi * radius**3))
 
 
 def _columns(sample: Sample, x: NDArray) -> dict[str, NDArray]:
@@ -273,14 +261,12 @@ def make(
     d, law, seed = domain.ndim, grains.diameters, config.simulation.random_seed
     radius = 0.5 * beta_diameters(law.count, law.min, law.max, law.a, law.b, seed, d)
     low, top, porosity = grains.packing.low, domain.lengths[0], grains.packing.porosity
-    area, solid = float(np.prod(domain.lengths[1:])), solid_volume(radius, d)
-    high = low + solid / (1.0 - (porosity or LOOSE)) / area
-    if porosity is None:
-        high = min(max(high, low + LAYERS * law.max), grains.packing.high or top)
-    elif grains.packing.high is not None and abs(high - grains.packing.high) > 1e-3 * (high - low):
+    high = packed_space(config, grains, solid_volume(radius, d))
+    wanted = grains.packing.high
+    if porosity is not None and wanted is not None and abs(high - wanted) > 1e-3 * (high - low):
         raise ConfigError(
-            f"{law.count} grains at a porosity of {porosity:g} reach up to {high:.6g} m, not to high = "
-            f"{grains.packing.high:g} m: leave high out, or change count or porosity"
+            f"{law.count} grains at a porosity of {porosity:g} reach up to {high:.6g} m, not to high = {wanted:g} m: "
+            "leave high out, or change count or porosity"
         )
     if high > top * (1.0 + 1e-12):
         raise ConfigError(f"the packing reaches up to {high:.6g} m: the box ends at {top:g} m")

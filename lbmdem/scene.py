@@ -103,6 +103,8 @@ class Scene:
         u = np.zeros((*shape, self.dimensions))
         initial = self.config.fluid.initial
         if initial is None:
+            for k, x in enumerate(axes):
+                u[..., k] = self._through(k, x / self.config.domain.size[k])
             return u
         speed = initial.speed / self.units.velocity
         kx, ky = (2.0 * math.pi / length for length in self.config.domain.size[:2])
@@ -115,6 +117,18 @@ class Scene:
             u[..., 0] = speed * np.where(s <= 0.5, np.tanh(80.0 * (s - 0.25)), np.tanh(80.0 * (0.75 - s)))
             u[..., 1] = 0.05 * speed * np.sin(kx * x + 0.5 * math.pi)
         return u
+
+    def _through(self, k: int, share: NDArray) -> NDArray[np.float64] | float:
+        """Velocity along axis k between two faces of it that let fluid through, one or both with a given velocity.
+
+        An incompressible fluid follows them at once. From rest this one would answer by sound, which such faces throw
+        back and viscosity hardly damps.
+        """
+        faces = [self.faces[AXES[k] + side] for side in "-+"]
+        given = [face.velocity[k] for face in faces if face.kind == "velocity"]
+        if not given or any(face.kind == "wall" for face in faces):
+            return 0.0
+        return given[0] + (given[-1] - given[0]) * share
 
     def initial_density(self, axes: tuple[NDArray, ...], sample: tuple[float, float]) -> NDArray[np.float64]:
         """Density at nodes in lattice units: of rest, or of the initial flow; between two pressure faces of the last

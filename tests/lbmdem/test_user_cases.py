@@ -1,0 +1,104 @@
+"""What users write: what cannot run is told before a step, at its key; what can comes out as physics says."""
+
+import numpy as np
+import pytest
+from app_runner import running
+
+from hpcpic.core.errors import ConfigError
+from hpcpic.core.files.config import loads
+from hpcpic.core.files.derived import enforce
+from hpcpic.core.files.schema import validate
+from lbmdem.config import LbmDemConfig
+from lbmdem.derived import derived
+
+DX = 2.0e-4
+BOX = f"""
+simulation = {{ end_time = 0.1; }};
+domain = {{ size = [{32 * DX!r}, {64 * DX!r}]; spacing = {DX}; periodic = ["x"]; }};
+fluid = {{ viscosity = 1.0e-6; relaxation_time = 0.53; }};
+"""
+INLET = 'boundary = ({ face = "y-"; type = "velocity"; velocity = [0.0, 0.0125]; }'
+OUTLET = ', { face = "y+"; type = "pressure"; pressure = 0.0; });'
+STILL = f"grains = ({{ diameter = {10 * DX!r}; moving = false; position = [{16.3 * DX!r}, {20 * DX!r}]; }});"
+
+
+def refused(text: str, ranks: int = 1, force: bool = False) -> str:
+    tree = loads(text)
+    with pytest.raises(ConfigError) as caught:
+        enforce(derived(validate(LbmDemConfig, tree), ranks), tree, force)
+    return str(caught.value)
+
+
+def packing(count: int, words: str) -> str:
+    law = f"diameters = {{ min = 1.0e-3; max = 2.0e-3; count = {count}; }}"
+    return f'{BOX}grains = ({{ name = "bed"; {law}; packing = {{ {words} }}; moving = false; }});'
+
+
+@pytest.mark.parametrize(
+    "text, said",
+    [
+        (packing(300, "porosity = 0.5"), "grains[0].packing.porosity: top of bed z = 0.1473 m (limit <= 0.0128"),
+        (packing(20, "porosity = 0.5; high = 0.012"), "limit 0.012, as packing.high says"),
+        (packing(20, "porosity = 0.02"), "void fraction of bed n = 0.02 (limit >= 0.093"),
+        (packing(300, ""), "grains[0].packing: void fraction of bed n = -4"),
+        (f"{packing(20, 'porosity = 0.5')} output = {{ stress_slices = 65; }};", "stress_slices = 64"),
+        (f"{BOX.replace('0.1;', '1.0;')}{INLET});", "boundary[0].velocity: mean density at the end rho/rho0 = 1.977"),
+    ],
+)
+def test_what_cannot_be_is_refused_before_anything_is_made(text, said):
+    assert said in refused(text)
+
+
+def test_an_inlet_without_an_outlet_is_warned_of():
+    numbers = derived(validate(LbmDemConfig, loads(f"{BOX}{INLET});")))
+    assert [n.verdict for n in numbers if n.name == "mean density at the end"] == ["warn"]
+    numbers = derived(validate(LbmDemConfig, loads(BOX + INLET + OUTLET)))
+    assert not any(n.name == "mean density at the end" for n in numbers)
+
+
+def test_the_quadratic_rule_on_two_ranks_is_refused_beforehand():
+    text = f'{BOX}{STILL} coupling = {{ bounce_back = "quadratic"; }};'
+    derived(validate(LbmDemConfig, loads(text)), 1)
+    assert "coupling.bounce_back: ranks of the quadratic rule R = 2" in refused(text, 2, force=True)
+
+
+def test_the_grain_that_lies_wrong_is_named():
+    """Its own line of the case, be there ever so many."""
+
+    def said(third):
+        places = f"[0.002, 0.002],\n[0.002, 0.006],\n{third},\n[0.002, 0.010]"
+        return refused(f"{BOX}grains = ({{ diameter = 2.0e-3; position = (\n{places}\n); }});")
+
+    assert ":8:1: grains[0].position[2]: overlap" in said("[0.0025, 0.0075]")
+    assert "grains[0].position[2]: grains outside the box" in said("[0.002, 0.05]")
+    assert "grains[0].position[2]: least distance" in said("[0.002, 0.006]")
+
+
+def test_a_relaxation_time_that_is_offered_is_legal():
+    """A hopeless speed needs a tau of 1/2 and a little: all its digits are told."""
+    said = refused(BOX + STILL.replace("({", "({ velocity = [200.0, 0.0];"))
+    offered = float(said.split("relaxation_time = ")[1].split()[0])
+    assert 0.5 < offered < 0.5001 and "compressibility error" not in said
+
+
+def of_run(world, text, names):
+    rows = []
+    with running(world, "lbmdem", text) as run:
+        for _ in range(run.n_steps):
+            run.step()
+            values = run.scalars()
+            rows.append([values[name] for name in names])
+    return np.array(rows).T
+
+
+def test_a_fluid_between_an_inlet_and_an_outlet_flows_at_once(world):
+    """As an incompressible one does: from rest its mass would swing by 4 % for ever."""
+    text = BOX.replace("0.1;", "0.05;") + INLET + OUTLET
+    mass, momentum = of_run(world, text, ("mass", "momentum_y"))
+    assert np.ptp(mass) < 1e-9 * mass[0]
+    np.testing.assert_allclose(momentum, 0.0125 * mass, rtol=1e-9)
+
+
+def test_the_sound_of_a_grain_in_an_inlets_flow_is_small(world):
+    mass, *_ = of_run(world, BOX.replace("0.1;", "0.5;") + INLET + OUTLET + STILL, ("mass",))
+    assert np.ptp(mass) < 0.02 * mass[0]  # 9 % from rest
