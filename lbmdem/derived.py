@@ -30,6 +30,7 @@ SLIP = ((1.2, 5e-3), (1.5, 2.3e-2), (2.0, 5.9e-2), (3.0, 0.17), (5.0, 0.57), (10
 MOST_PLACES, PADDING = 1 << 31, 32  # of nodes in a slab, and of a row or a line of nodes beside its own
 DENSEST = {2: 0.093, 3: 0.26}  # void fraction of equal discs and spheres in their densest order
 RANDOM = {2: 0.16, 3: 0.36}
+MANY = 1000  # substeps of the contacts in a step of the fluid, which take longer than all else
 ENOUGH_NODES = {2: 10.0, 3: 7.0}  # across a grain (Mansouri et al., section 4)
 
 
@@ -299,7 +300,7 @@ def contacts(config: LbmDemConfig) -> Iterator[Derived]:
     source = "velocity Verlet with damped contacts on all sides (lbmdem.contacts)"
     key: Path = ("coupling", "substeps") if config.fluid else ("simulation", "time_step")
     if config.fluid:
-        yield Derived("substeps of the contacts", "n_d", float(config.substeps))
+        yield substeps(config)
     share = config.time_step / config.substeps / limit
     verdict = "ok" if share <= 2.01 * ACCURATE else "warn" if share < 1.0 else "fail"
     good = ACCURATE * limit
@@ -310,6 +311,15 @@ def contacts(config: LbmDemConfig) -> Iterator[Derived]:
         "step of the contacts", "dt/dt_max", share, "", words, verdict, source, cure, key, stable_below=1.0
     )
     yield from overlaps(config)
+
+
+def substeps(config: LbmDemConfig) -> Derived:
+    """Of the contacts in a step of the fluid, and how to have fewer where they take the longest."""
+    number, told = config.substeps, ""
+    if number > MANY:
+        softer = config.contact.normal_stiffness * (MANY / number) ** 2
+        told = f"contact.normal_stiffness = {softer:.2g} takes {MANY}; overlaps grow as its inverse"
+    return Derived("substeps of the contacts", "n_d", float(number), source=told)
 
 
 def overlaps(config: LbmDemConfig) -> Iterator[Derived]:

@@ -255,3 +255,14 @@ def test_populations_that_come_from_nowhere_end_a_run_where_their_sum_is_kept(wo
         app.fluid.set_populations(h)
         app.scalars()
         assert "jumped" in app.guard()
+
+
+def test_many_substeps_are_told_with_the_stiffness_that_has_fewer():
+    def row(*sets):
+        config = validate(LbmDemConfig, loads(DISC, sets=sets))
+        return next(line for line in derived(config, 1) if line.symbol == "n_d")
+
+    stiff = row("contact.normal_stiffness=1e8")
+    softer = float(stiff.source.split("=")[1].split()[0])
+    assert stiff.value > 1000 and row(f"contact.normal_stiffness={softer!r}").value == pytest.approx(1000, rel=0.05)
+    assert not row().source
