@@ -176,9 +176,12 @@ class Diagnostics:
 
     @cached_property
     def porosity(self) -> float:
-        """Share of fluid nodes between the ends of the sample (section 5.2 of the paper). Collective."""
+        """Share of fluid nodes between the ends of the sample (section 5.2 of the paper); of all nodes where the
+        medium repeats along the flow. Collective.
+        """
         app, ones = self.app, (1,) * (self.app.scene.dimensions - 1)
-        bottom, top = app.sample()
+        repeats = app.scene.periodic[-1]
+        bottom, top = (0.0, app.scene.config.domain.size[-1]) if repeats else app.sample()
         z = app.coordinates()[-1].reshape(-1, *ones)
         inside = (z > bottom) & (z < top)
         fluid = (app.fluid.solid.inner == FLUID) & inside

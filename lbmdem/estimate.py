@@ -237,7 +237,8 @@ def disk_items(config: LbmDemConfig) -> dict[str, float]:
         return config.n_steps // every + 1 if every else 0
 
     populations = VELOCITIES[config.simulation.lattice] * BYTES[config.fluid.storage] if config.fluid else 0
-    forces = (config.fluid is not None) + any(grains.moving for grains in config.grains)  # of the fluid, of contacts
+    fluid = 2 * (config.fluid is not None)  # force and torque
+    forces = fluid + any(grains.moving for grains in config.grains)  # of contacts
     return {
         "series": times(periods["series"]) * SERIES_BYTES,
         "fields": times(periods["field"]) * nodes * 8 * (1 + d),

@@ -6,13 +6,12 @@ Lines of theory are drawn dashed and dark; what was measured is coloured.
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
 from hpcpic.core.cli.figures import (
     COLOURS,
-    INK,
     THEORY,
     TIMERS,
     NoData,
@@ -25,9 +24,8 @@ from hpcpic.core.cli.figures import (
     style,
     thinned,
 )
-from hpcpic.core.files.config import loads
-from hpcpic.core.files.schema import validate
 from lbmdem.config import LbmDemConfig
+from lbmdem.plots_grains import all_grains, config_of, contacts, grains, rolling, snapshots_of, tracks
 from lbmdem.quick import (
     centres,
     critical_gradient,
@@ -42,26 +40,12 @@ from lbmdem.quick import (
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-    from hpcpic.core.files.reader import Fields, Particles, Run
+    from hpcpic.core.files.reader import Fields, Run
 
-
-
-def config_of(run: Run) -> LbmDemConfig:
-    return validate(LbmDemConfig, loads(run.config))
 
 
 def _fields(run: Run) -> Fields:
     return present(lambda: run.field_snapshots, "the fluid (output.period.fields)")
-
-
-def _grains(run: Run) -> Particles:
-    return present(lambda: run.particle_snapshots, "the grains (output.period.grains)")
-
-
-def _all_grains(run: Run, step: int) -> dict[str, np.ndarray]:
-    """Columns of all sets at a step."""
-    parts = [run.particles(name, step=step) for name in run.particle_snapshots.species]
-    return {name: np.concatenate([part[name] for part in parts]) for name in parts[0]}
 
 
 # ---------------------------------------------------------------------------------------------- fluid
@@ -81,6 +65,7 @@ def flow(run: Run, step: int | None = None) -> Figure:
     height, width = speed.shape[0] * spacing[0], speed.shape[1] * spacing[-1]
     with style():
         figure, axes = new_figure(size=_panel(width, height))
+        figure.set_layout_engine("compressed")  # round axes of a fixed aspect
         shown = np.ma.masked_array(speed, mask=solid)
         axes.set_facecolor("#b9bec5")
         image = axes.imshow(shown, origin="lower", extent=(0, width, 0, height), cmap="viridis", vmin=0, aspect="equal")
@@ -183,104 +168,6 @@ def mass(run: Run, step: int | None = None) -> Figure:
         return figure
 
 
-# --------------------------------------------------------------------------------------------- grains
-
-
-def grains(run: Run, step: int | None = None) -> Figure:
-    """2D: discs with the lines that show their rotation, at several times or at one step. 3D: spheres seen from x."""
-    snapshots = _grains(run)
-    config = config_of(run)
-    steps = [int(s) for s in snapshots.steps]
-    if step is not None:
-        chosen = [int(snapshots.steps[snapshots.index(step)])]
-    else:
-        chosen = [steps[round(k)] for k in np.linspace(0, len(steps) - 1, min(6, len(steps)))]
-    size = config.domain.size
-    across, along = size[0], size[-1]
-    ratio = min(along / across, 4.0)
-    with style():
-        figure, axes = new_figure(1, len(chosen), (1.2 + 1.45 * len(chosen), 1.0 + 1.4 * ratio), squeeze=False)
-        for axis, at in zip(axes[0], chosen):
-            _draw_grains(axis, _all_grains(run, at), config.dimensions)
-            axis.set(xlim=(0, across), ylim=(0, along), aspect="equal", xticks=[0, across], yticks=[0, along])
-            axis.tick_params(labelsize=7.5, labelleft=axis is axes[0, 0])
-            axis.set_xticklabels(["0", f"{across:.3g}"])
-            axis.set_yticklabels(["0", f"{along:.3g}"])
-            axis.grid(visible=False)
-            for side in axis.spines.values():
-                side.set_visible(True)
-            axis.set_title(f"{snapshots.times[steps.index(at)]:.3g} s", fontsize=9.5)
-        axes[0, 0].set_ylabel(f"{'yz'[config.dimensions - 2]}, m", fontsize=8.5, labelpad=-4)
-        figure.supxlabel("x, m", fontsize=8.5)
-        return figure
-
-
-def _draw_grains(axis: Any, columns: dict[str, np.ndarray], dimensions: int) -> None:
-    from matplotlib.collections import LineCollection, PatchCollection
-    from matplotlib.patches import Circle
-
-    x, r = columns["position"], columns["radius"]
-    order = np.argsort(-x[:, 1]) if dimensions == 3 else np.arange(len(x))
-    up = 2 if dimensions == 3 else 1
-    circles = [Circle((x[k, 0], x[k, up]), r[k]) for k in order]
-    colours = [COLOURS[k % len(COLOURS)] for k in order]
-    axis.add_collection(PatchCollection(circles, facecolor=colours, edgecolor=INK, linewidth=0.4))
-    if dimensions == 2:
-        ends = np.stack([np.cos(columns["angle"]), np.sin(columns["angle"])], axis=1) * r[:, None]
-        lines = np.stack([x[:, :2] - ends, x[:, :2] + ends], axis=1)
-        axis.add_collection(LineCollection(lines, color="white", linewidth=1.2))
-
-
-def tracks(run: Run, step: int | None = None) -> Figure:
-    """Height and velocity along the last axis of up to eight grains in time."""
-    snapshots = _grains(run)
-    up = config_of(run).dimensions - 1
-    history = [_all_grains(run, int(s)) for s in snapshots.steps]
-    if len(history) < 3 or len(history[0]["id"]) > 8:
-        raise NoData("needs three snapshots of at most eight grains")
-    height = np.array([columns["position"][:, up] for columns in history])
-    speed = np.array([columns["velocity"][:, up] for columns in history])
-    with style():
-        figure, (top, low) = new_figure(2, 1, (6.2, 4.6), sharex=True)
-        for k in range(height.shape[1]):
-            top.plot(snapshots.times, height[:, k], color=COLOURS[k], label=f"grain {k}")
-            low.plot(snapshots.times, speed[:, k], color=COLOURS[k])
-        top.set(ylabel="height, m", title="Grains in time")
-        if height.shape[1] > 1:
-            top.legend(ncols=2)
-        low.set(xlabel="time, s", ylabel="vertical velocity, m/s")
-        return figure
-
-
-def rolling(run: Run, step: int | None = None) -> Figure:
-    """Speed of one sphere's centre along x, and of its surface against the centre, beside rigid bodies' with Coulomb
-    friction: it slides until both are the same, then rolls with 5/7 of what pulls it.
-    """
-    config, snapshots = config_of(run), _grains(run)
-    history = [_all_grains(run, int(s)) for s in snapshots.steps]
-    if config.dimensions == 2 or config.fluid or len(history[0]["id"]) != 1 or not any(config.gravity):
-        raise NoData("needs one sphere without fluid on a floor")
-    first, t = history[0], np.asarray(snapshots.times)
-    v = np.array([columns["velocity"][0, 0] for columns in history])
-    surface = np.array([columns["angular_velocity"][0, 1] * columns["radius"][0] for columns in history])
-    pull, slows = config.gravity[0], config.contact.friction * abs(config.gravity[2])
-    if 3.5 * slows <= pull:
-        raise NoData("needs friction enough to end sliding")
-    until = float(first["velocity"][0, 0]) / (3.5 * slows - pull)
-    fine = np.linspace(0.0, t[-1], 400)
-    sliding, after = np.minimum(fine, until), np.maximum(fine - until, 0.0)
-    roll = 5.0 / 7.0 * pull * after
-    with style():
-        figure, axes = new_figure(size=(6.2, 3.6))
-        axes.plot(t, v, "o", markersize=6, color=COLOURS[0], label="centre")
-        axes.plot(t, surface, "s", markersize=3, color=COLOURS[1], label="surface about the centre")
-        axes.plot(fine, v[0] + (pull - slows) * sliding + roll, label="rigid bodies", **THEORY)
-        axes.plot(fine, 2.5 * slows * sliding + roll, **THEORY)
-        axes.set(xlabel="time, s", ylabel="speed along x, m/s", title="Sliding and rolling", ylim=(0, None))
-        axes.legend()
-        return figure
-
-
 def stress(run: Run, step: int | None = None) -> Figure:
     """Stress between grains in the control slices against the gradient between them, and where their lines meet."""
     config = config_of(run)
@@ -333,7 +220,7 @@ class Bed(NamedTuple):
 
 
 def _bed(run: Run, config: LbmDemConfig) -> Bed:
-    columns = _all_grains(run, int(_grains(run).steps[0]))
+    columns = all_grains(run, int(snapshots_of(run).steps[0]))
     z, r = columns["position"][:, 2], columns["radius"]
     low, high, area = float((z - r).min()), float((z + r).max()), math.prod(config.domain.size[:2])
     middle = centres(slice_edges(low, high, 2.0 * float(r.max()), config.output.stress_slices))
@@ -377,7 +264,8 @@ def _decay(config: LbmDemConfig) -> float:
 PLOTS = {
     "flow": Plot("Speed of the fluid", flow, steps_of(_fields)),
     "profile": Plot("Velocity profile beside theory", profile, steps_of(_fields)),
-    "grains": Plot("Grains", grains, steps_of(_grains)),
+    "grains": Plot("Grains", grains, steps_of(snapshots_of)),
+    "contacts": Plot("Contacts between grains", contacts, steps_of(snapshots_of)),
     "tracks": Plot("Grains in time", tracks),
     "rolling": Plot("From sliding to rolling", rolling),
     "permeability": Plot("Permeability in time", permeability),

@@ -30,9 +30,9 @@ def fields(app: "LbmDem") -> dict[str, FieldArray]:
 def grains(app: "LbmDem") -> dict[str, ParticleArray]:
     """Grains of this rank by set: position, velocity, rotation, radius, forces. Collective."""
     columns = grain_columns(app)
-    newton = "N/m" if app.scene.dimensions == 2 else "N"
+    newton, newton_m = ("N/m", "N m/m") if app.scene.dimensions == 2 else ("N", "N m")
     units = {"velocity": "m/s", "angular_velocity": "rad/s", "radius": "m", "angle": "rad"}
-    units |= {"fluid_force": newton, "contact_force": newton}
+    units |= {"fluid_force": newton, "fluid_torque": newton_m, "contact_force": newton}
     result = {}
     for k, name in enumerate(app.scene.set_names):
         mine = np.flatnonzero(app.table.set[columns["id"]] == k)
@@ -58,7 +58,8 @@ def worst(app: "LbmDem") -> list[str]:
 def grain_columns(app: "LbmDem") -> dict[str, NDArray]:
     """Of the grains that this rank owns; vectors have three components. Collective.
 
-    fluid_force: by the links, mean of the last two steps; contact_force: of the last substep; without their weight.
+    fluid_force, fluid_torque (about the centre): by the links, mean of the last two steps; contact_force: of the last
+    substep; without their weight.
     """
     if app.dem:
         own = app.dem.grains
@@ -72,7 +73,9 @@ def grain_columns(app: "LbmDem") -> dict[str, NDArray]:
     turning = np.column_stack([np.zeros((len(ids), 2)), omega]) if planar else omega
     columns = {"id": ids, "x": spatial(x), "velocity": spatial(v), "angular_velocity": turning}
     if app.immersed:
-        columns["fluid_force"] = spatial(app.immersed.all_forces(len(app.table))[0] * app.scene.units.force)[ids]
+        force, torque = app.immersed.all_forces(len(app.table))
+        torque = (np.pad(torque, ((0, 0), (2, 0))) if planar else torque) * app.scene.units.torque
+        columns |= {"fluid_force": spatial(force * app.scene.units.force)[ids], "fluid_torque": torque[ids]}
     if app.dem:
         columns["contact_force"] = own.columns["force"][rows, :3].copy()
     return columns | {"angle" if planar else "orientation": turned, "radius": app.table.radius[ids]}

@@ -8,6 +8,7 @@ from hpcpic.core.errors import ConfigError
 from hpcpic.core.files.config import loads
 from hpcpic.core.files.derived import enforce
 from hpcpic.core.files.schema import validate
+from lbmdem.cases import shipped_cases
 from lbmdem.config import LbmDemConfig
 from lbmdem.derived import derived
 
@@ -102,3 +103,29 @@ def test_a_fluid_between_an_inlet_and_an_outlet_flows_at_once(world):
 def test_the_sound_of_a_grain_in_an_inlets_flow_is_small(world):
     mass, *_ = of_run(world, BOX.replace("0.1;", "0.5;") + INLET + OUTLET + STILL, ("mass",))
     assert np.ptp(mass) < 0.02 * mass[0]  # 9 % from rest
+
+
+def test_the_torque_on_a_turning_disc(world):
+    """In a square box: between those of the circles in and round it, 4 pi mu a2 w / (1 - a2/R2)."""
+    side, a, omega = 48 * DX, 6 * DX, 0.5
+    text = f"""
+    simulation = {{ end_time = 0.6; }};
+    domain = {{ size = [{side!r}, {side!r}]; spacing = {DX}; }};
+    fluid = {{ viscosity = 1.0e-5; relaxation_time = 1.1; }};
+    grains = ({{ diameter = {2 * a!r}; moving = false; angular_velocity = [{omega}];
+                position = [{0.5 * side + 0.2 * DX!r}, {0.5 * side!r}]; }});
+    """
+    with running(world, "lbmdem", text) as run:
+        while run.iteration < run.n_steps:
+            run.step()
+        found = run.arrays("particle")["grains_1"]
+    alone = 4.0 * np.pi * 1.0e-2 * a * a * omega
+    assert found.units["fluid_torque"] == "N m/m" and not found.columns["fluid_torque"][0, :2].any()
+    least, most = (alone / (1.0 - (a / radius) ** 2) for radius in (side / 2**0.5, side / 2))
+    assert 0.99 * least < -found.columns["fluid_torque"][0, 2] < 1.01 * most
+
+
+def test_the_porosity_of_a_medium_that_repeats_is_that_of_the_whole_box(world):
+    """Not of the slice from the lowest to the highest point of its sphere (0.80 of 0.875)."""
+    with running(world, "lbmdem", shipped_cases()["sphere-array"].read_text()) as run:
+        assert run.scalars()["porosity"] == pytest.approx(0.875, abs=2e-3)
