@@ -20,7 +20,7 @@ from lbmdem.quick import slice_edges
 if TYPE_CHECKING:
     from lbmdem.step import LbmDem
 
-log = logging.getLogger(__name__)
+log = logging.getLogger("hpcpic.lbmdem")
 
 FAST, DRIFTED, UNRULED = 0.3, 1e-3, 0.01  # nodes per step, change of density, share of links: warned of beyond
 GRAVITY = 9.81  # m/s2, of hydraulic gradients where a case has none of its own

@@ -32,7 +32,7 @@ from lbmdem.places import law_diameters, packed_space, solid_volume
 if TYPE_CHECKING:
     from lbmdem.config import GrainSet, LbmDemConfig
 
-log = logging.getLogger(__name__)
+log = logging.getLogger("hpcpic.lbmdem")
 
 VERSION = 1  # of the method: another one makes other packings
 PLACES, SIZES = 11, 12  # streams of random numbers
@@ -191,6 +191,7 @@ def cached(
     path = _folder() / f"{name}.packing"
     content = world.bcast(_read(path) if world.rank == 0 else None)
     if len(content) == 8 * math.prod(shape):
+        log.info("the packing is that kept in %s", path)
         return np.frombuffer(content).reshape(shape).copy()
     values = np.ascontiguousarray(made(), np.float64)
     if world.rank == 0:

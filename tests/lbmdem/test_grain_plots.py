@@ -1,5 +1,6 @@
 """Figures of many grains, on a bed of discs across a periodic side."""
 
+import json
 import subprocess
 import sys
 
@@ -59,3 +60,12 @@ def test_the_contacts_that_are_drawn_are_those_of_the_run(run):
     assert on_floor > 3 and share.sum() == run.series["contact_count"][-1] == 0.5 * neighbours + on_floor
     assert np.linalg.norm(ends[:, 1] - ends[:, 0], axis=1).max() < 2.0e-3
     assert 0.0 < 0.5 * overlap.max() / 1.0e-3 <= run.series["overlap"][-1]  # over the largest diameter, the smaller
+
+
+def test_what_a_run_warns_of_is_kept_with_it(run):
+    """In its log and its summary, as the making of the packing is: not only on the screen."""
+    said = (run.path / "log.txt").read_text()
+    assert "of the links have no room for their rule" in said and "packing" in said
+    assert any(
+        "of the links have no room" in text for text in json.loads((run.path / "run.json").read_text())["warnings"]
+    )
