@@ -36,7 +36,7 @@ ENOUGH_NODES = {2: 10.0, 3: 7.0}  # across a grain (Mansouri et al., section 4)
 
 def derived(config: LbmDemConfig, ranks: int = 1) -> list[Derived]:
     """Every derived number of a completed case that runs on so many ranks."""
-    parts = (relaxation, lattice_units, speeds, pressures, inflow)
+    parts = (relaxation, lattice_units, speeds, pressures, inflow, sloshing)
     fluid = [number for part in parts for number in part(config)] if config.fluid else []
     solids = [*obstacles(config), *grains(config), *contacts(config), *slices(config)]
     return [*fluid, *solids, *sizes(config, ranks), *whole_rules(config, ranks)]
@@ -163,6 +163,25 @@ def inflow(config: LbmDemConfig) -> Iterator[Derived]:
     cure = "" if verdict == "ok" else f"what flows in has no way out: a pressure face across {AXES[axis]} is one"
     limit, source, key = "within 1 +- 0.02, 0.5 at all", "conservation of mass", ("boundary", given[-1][0], "velocity")
     yield Derived("mean density at the end", "rho/rho0", density, "", limit, verdict, source, cure, key, density > 0.0)
+
+
+def sloshing(config: LbmDemConfig) -> Iterator[Derived]:
+    """Frequency of shaking over that of the lowest sound between the walls that it moves: the lattice fluid gives way
+    to them, by pi2/8 of its square of the way of the frame, where water would not.
+    """
+    if config.shaking is None:
+        return
+    opened = {face.face[0] for face in config.boundary if face.type != "wall"}.union(config.domain.periodic)
+    moved = [axis for axis, part in zip(AXES, config.shaking.acceleration) if part and axis not in opened]
+    length = max((config.domain.size[AXES.index(axis)] for axis in moved), default=0.0)
+    ratio = 2.0 * length * config.shaking.frequency * config.time_step / config.spacing / math.sqrt(CS2)
+    if not ratio:
+        return
+    verdict = "ok" if ratio <= 0.2 else "warn" if ratio < 1.0 else "fail"
+    cure = "" if verdict == "ok" else f"relaxation_time = {slower(config, 0.2 / ratio)} makes sound fast enough"
+    source = "compressible fluid between walls; 0.2 is an error of 5 %"
+    name, words = "shaking against sound", "<= 0.2, < 1"
+    yield Derived(name, "2 f L/c", ratio, "", words, verdict, source, cure, key_of_tau(config), True)
 
 
 def grains(config: LbmDemConfig) -> Iterator[Derived]:

@@ -129,3 +129,24 @@ def test_the_porosity_of_a_medium_that_repeats_is_that_of_the_whole_box(world):
     """Not of the slice from the lowest to the highest point of its sphere (0.80 of 0.875)."""
     with running(world, "lbmdem", shipped_cases()["sphere-array"].read_text()) as run:
         assert run.scalars()["porosity"] == pytest.approx(0.875, abs=2e-3)
+
+
+@pytest.mark.parametrize(("tau", "most", "verdict"), [(0.52, 0.7, "warn"), (0.505, 0.05, "ok")])
+def test_shaking_that_sound_cannot_follow_is_warned_of(world, tau, most, verdict):
+    """A disc as heavy as the fluid stays where the closed box takes it; a fluid that gives way takes it along."""
+    text = f"""
+    simulation = {{ end_time = 0.1; }};
+    domain = {{ size = [0.01, 0.01]; spacing = {DX}; }};
+    fluid = {{ viscosity = 1.0e-6; relaxation_time = {tau}; collision = "central"; }};
+    grains = ({{ diameter = 2.4e-3; density = 1000.0; position = [0.0051, 0.0049]; }});
+    contact = {{ normal_stiffness = 100.0; }};
+    shaking = {{ acceleration = [0.1, 0.0]; frequency = 10.0; }};
+    """
+    said = [n.verdict for n in derived(validate(LbmDemConfig, loads(text))) if n.name == "shaking against sound"]
+    fastest = 0.0
+    with running(world, "lbmdem", text) as run:
+        while run.iteration < run.n_steps:
+            run.step()
+            fastest = max(fastest, abs(float(run.dem.grains.v[0, 0])))
+    share = fastest / (0.1 / (20.0 * np.pi))  # of the speed of the frame
+    assert said == [verdict] and 0.2 * most < share < most
