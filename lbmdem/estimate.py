@@ -23,6 +23,7 @@ DEPTH = 6  # steps per pass at most (lbmdem.wavefront)
 WHOLE = 28e6  # bytes of the planes of a wave with links or faces (lbmdem.wavefront)
 SPARSE = 0.85  # share of fluid nodes below which these alone are held (lbmdem.fluid)
 FEW = 500  # grains per thread up to which one does all substeps (lbmdem.dem)
+TOGETHER = 256  # steps of grains alone in one call (lbmdem.step)
 CACHED = 12e6  # bytes of populations below which a sweep does not wait for memory
 
 # Measured on the authors' machine, one core of a 2-core AMD Zen 5 at 4.1 GHz.
@@ -105,14 +106,15 @@ def phases(
     """Seconds of one step by what it does, with so many steps per pass over memory."""
     cores = 1e9 * gain(ranks, threads, rates, rates["wave_core_gain"])
     launch = rates["lattice_launch_us"] + (rates["lattice_drive_us"] if config.shaking else 0.0)
-    seconds = {"launches": 1e-6 * launch / together}
+    calls = 1 / together if config.fluid else 1 / TOGETHER
+    seconds = {"launches": 1e-6 * launch * calls}
     moved = moving(config) and not config.coupling.frozen
     if config.fluid:
         seconds |= sweep_seconds(config, ranks, threads, rates, together)
         seconds["links"] = link_seconds(config, ranks, threads, rates, together)
         seconds["messages"] = message_seconds(config, ranks, rates)
     if moving(config):
-        seconds["grains"] = 1e-6 * (rates["grains_us"] + config.substeps * rates["substep_us"])
+        seconds["grains"] = 1e-6 * (rates["grains_us"] * calls + config.substeps * rates["substep_us"])
         n = grain_count(config)
         seconds["grains"] += n * config.substeps * rates["grain_ns"] / (1e9 if n <= FEW * threads else cores)
         if config.fluid and moved:
