@@ -1,6 +1,7 @@
 """Task graphs of a fluid: one step, and several steps per pass over memory (wavefront)."""
 
 from collections.abc import Callable
+from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,7 +20,7 @@ After = Callable[[int, int, int, bool], list[Bound]]
 Links = Callable[[int, int, int], Bound]
 """The task on the links that start in planes from, to, for arrivals at a parity."""
 ENDS = [("end", 0), ("end", 1)]
-LINKED = 6e6  # bytes of planes that are swept before their links, which then find them in caches
+LINKED = 9e6  # bytes of planes that are swept before links, which then find them in caches; more than REACH planes
 REACH = 2  # planes to both sides of which links read something: the quadratic rule does
 
 
@@ -42,7 +43,7 @@ class Passes:
         in caches."""
         graph, planes = Graph(), self._layout.planes
         low, high = 0, planes
-        if links and (together := int(LINKED / self._layout.plane_bytes)) >= REACH:
+        if links and (together := int(LINKED / self._layout.plane_bytes)) > REACH:
             n_blocks = max(n_blocks, planes // together)
         if any(self._exchange.open):
             self._ends(graph, parity, sorted({(k, k + 1) for k in (0, planes - 1)}))
@@ -51,12 +52,17 @@ class Passes:
         for a, b in blocks:
             graph.task(self._planes(parity, a, b), inouts=[("plane", p) for p in range(a, b)], name=f"planes {a}..{b}")
         if links and planes:
-            firsts = [0, *(a for a, _ in blocks[1:])]
-            for a, b in zip(firsts, [*firsts[1:], planes]):
-                beside = {("plane", p % planes) for p in range(a - REACH, b + REACH)}
-                at_ends = ENDS if a <= REACH or b >= planes - REACH else []
-                graph.task(links(1 - parity, a, b), ins=[*beside, *at_ends], priority=1, name=f"links {a}..{b}")
+            self._links(graph, 1 - parity, links, [b for _, b in blocks])
         return graph.freeze()
+
+    def _links(self, graph: Graph, parity: int, links: Links, swept: list[int]) -> None:
+        """Of all planes, as soon as each block up to `swept` is swept; those around both ends for themselves."""
+        planes = self._layout.planes
+        inner = {end - REACH for end in swept if end - REACH > REACH} if len(swept) > 1 else set()
+        for a, b in pairwise(sorted({0, *inner, planes} | ({REACH} if inner else set()))):
+            beside = {("plane", p % planes) for p in range(a - REACH, b + REACH)}
+            at_ends = ENDS if a <= REACH or b >= planes - REACH else []
+            graph.task(links(parity, a, b), ins=[*beside, *at_ends], priority=1, name=f"links {a}..{b}")
 
     def _planes(self, modes: int, low: int, high: int) -> Bound:
         return self._sweep(np.array([[modes, low, high, 0, self._layout.rows]], np.int64))
