@@ -23,6 +23,7 @@ def faults(config: LbmDemConfig) -> Iterator[tuple[Path, str]]:
     if fluid is not None and config.simulation.time_step is not None:
         yield ("simulation", "time_step"), "is of a case without fluid; fluid.time_step is that of a lattice"
     yield from name_faults(config)
+    yield from unused_faults(config)
     yield from packing_faults(config)
     for i, obstacle in enumerate(config.obstacle):
         for key, text in obstacle_faults(config, obstacle):
@@ -72,8 +73,11 @@ def face_faults(config: LbmDemConfig, d: int) -> Iterator[tuple[Path, str]]:
             yield ("boundary", i, "velocity"), "a periodic face has none"
         if face.type == "velocity" and not face.velocity:
             yield ("boundary", i), "a velocity face needs velocity"
-        if face.type == "wall" and len(face.velocity) == d and axis in AXES[:d] and face.velocity[AXES.index(axis)]:
-            yield ("boundary", i, "velocity"), f"has a part along {axis}: a wall slides along itself"
+        if len(face.velocity) == d and axis in AXES[:d] and face.velocity[AXES.index(axis)]:
+            if face.type == "wall":
+                yield ("boundary", i, "velocity"), f"has a part along {axis}: a wall slides along itself"
+            if face.type == "pressure":
+                yield ("boundary", i, "velocity"), f"has a part along {axis}, which follows from the pressure"
     yield from edge_faults(config)
 
 
@@ -125,6 +129,16 @@ def vector_faults(config: LbmDemConfig, d: int) -> Iterator[tuple[Path, str]]:
     for path, vector in vectors:
         if vector and len(vector) != d:
             yield path, f"needs {d} numbers in {d}D (got {len(vector)})"
+
+
+def unused_faults(config: LbmDemConfig) -> Iterator[tuple[Path, str]]:
+    """What is asked for and would do nothing."""
+    if config.contact.tangential_stiffness is not None and config.contact.tangential != "history":
+        yield ("contact", "tangential_stiffness"), 'is of the springs of tangential = "history"'
+    if config.output.stress_slices and not any(grains.moving for grains in config.grains):
+        yield ("output", "stress_slices"), "needs grains that move: others press on nothing"
+    if config.output.period.fields and config.fluid is None:
+        yield ("output", "period", "fields"), "needs a fluid"
 
 
 def name_faults(config: LbmDemConfig) -> Iterator[tuple[Path, str]]:

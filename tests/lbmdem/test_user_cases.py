@@ -44,12 +44,27 @@ def packing(count: int, words: str) -> str:
         (packing(20, "porosity = 0.5; high = 0.012"), "limit 0.012, as packing.high says"),
         (packing(20, "porosity = 0.02"), "void fraction of bed n = 0.02 (limit >= 0.093"),
         (packing(300, ""), "grains[0].packing: void fraction of bed n = -4"),
-        (f"{packing(20, 'porosity = 0.5')} output = {{ stress_slices = 65; }};", "stress_slices = 64"),
+        (packing(20, "porosity = 0.5").replace("false", "true") + "output = { stress_slices = 65; };", "slices = 64"),
         (f"{BOX.replace('0.1;', '1.0;')}{INLET});", "boundary[0].velocity: mean density at the end rho/rho0 = 1.977"),
     ],
 )
 def test_what_cannot_be_is_refused_before_anything_is_made(text, said):
     assert said in refused(text)
+
+
+@pytest.mark.parametrize(
+    "text, said",
+    [
+        (
+            OUTLET.replace(", {", "boundary = ({ velocity = [0.1, 0.1];"),
+            "boundary[0].velocity: has a part along y, which",
+        ),
+        ("contact = { tangential_stiffness = 5.0; };", "contact.tangential_stiffness: is of the springs"),
+        (f"{STILL} output = {{ stress_slices = 3; }};", "output.stress_slices: needs grains that move"),
+    ],
+)
+def test_what_would_do_nothing_is_not_passed_over(text, said):
+    assert said in refused(BOX + text)
 
 
 def test_an_inlet_without_an_outlet_is_warned_of():
