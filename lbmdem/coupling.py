@@ -91,7 +91,7 @@ class Immersed:
         self._blocks = _BLOCKS * pool.threads if pool.threads > 1 else 1
         self.window = Window.of(fluid.domain, world.rank, ((1, 1),) * fluid.domain.ndim)
         mark_walls(self.window, fluid.ids, walls, self._dimensions)
-        self._solid = Solid(self.window, fluid.ids)
+        self._solid = Solid(self.window, fluid.ids, pool)
         self.refill = Refill(self.window, fluid, world, refill)
         self._walls = tuple(walls)
         self._fixed = grain_table(*fixed) if fixed else grain_table(*_no_grains(self._dimensions))
@@ -301,7 +301,7 @@ def grain_table(ids: NDArray, centres: NDArray, radii: NDArray, velocity: NDArra
     order = np.argsort(ids)
     motion = np.hstack((kernel_axes(velocity), kernel_rotation(omega)))
     kept = (np.asarray(ids, np.int64), kernel_axes(centres), np.asarray(radii, np.float64), motion)
-    return Table(*(np.ascontiguousarray(column[order]) for column in kept))
+    return Table(*(column.take(order, axis=0) for column in kept))
 
 
 def _merged(a: Table, b: Table) -> Table:

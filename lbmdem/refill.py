@@ -20,11 +20,13 @@ from hpcpic.core.comm.tags import Channel
 from hpcpic.core.comm.world import World
 from hpcpic.core.space.domain import Domain
 from hpcpic.core.space.fields import Field
+from hpcpic.core.tasks import bind
 from lbmdem.fluid import Fluid
 from lbmdem.kernels import refill as kernels
 from lbmdem.links import Directions
 from lbmdem.solid import Change, Solid, Table, Window, several_slabs
 
+_BLOCKS = 4  # per thread
 MODES = {
     "average": kernels.AVERAGE,
     "local": kernels.LOCAL,
@@ -45,9 +47,22 @@ class Refill:
         self._rule = (layout.strides, layout.slots, layout.shifts)
         self._sizes = np.array([layout.nx, layout.rows, layout.planes], np.int64)
         self._edges = np.zeros((2, 0, 0, 0))
+        self._cuts = np.zeros((_BLOCKS * fluid.pool.threads if fluid.pool.threads > 1 else 1) + 1, np.int64)
         self._fill: Fill | None = None
         if several_slabs(fluid.domain) and self._mode != kernels.AVERAGE:
             self._share_edges()
+        self._make_room(64)
+
+    def _make_room(self, nodes: int) -> None:
+        """To fill so many nodes."""
+        window, fluid = self._window, self._fluid
+        self._nodes, self._speed = np.empty(nodes, np.int64), np.empty((nodes, 3))
+        solid = (fluid.ids.reshape(-1), window.shape, window.inner, window.box, self._sizes, self._edges)
+        rule = (self._directions.e, fluid.lattice.w, self._mode)
+        shares = [(self._nodes, self._speed, self._cuts, share) for share in range(len(self._cuts) - 1)]
+        self._tasks = [
+            [bind(kernels.fill, *self._place(parity), *solid, *rule, *share) for share in shares] for parity in range(2)
+        ]
 
     def _share_edges(self) -> None:
         """The first and the last plane of every slab, on a domain of their own, so that neighbours get them."""
@@ -58,6 +73,7 @@ class Refill:
         planes = Domain(tuple(map(float, shape)), shape, (domain.periodic[0], False, False), cuts)
         ghosts = ((1, 1), (0, 0), (0, 0))
         self._planes = Field(planes, self._world.rank, leading=(fluid.lattice.q,), ghosts=ghosts)
+        self._edges = np.zeros((2, *self._planes.values[:, 0].shape))
         self._fill = Fill(self._world, planes, self._planes, Channel.EDGES)
 
     def _place(self, parity: int) -> tuple:
@@ -75,7 +91,7 @@ class Refill:
                 values[:, at : at + 1] = there
         self._fill.start(self._fluid.iteration)
         self._fill.finish()
-        self._edges = np.ascontiguousarray(np.stack([values[:, 0], values[:, -1]]))
+        self._edges[0], self._edges[1] = values[:, 0], values[:, -1]
 
     def change(self, solid: Solid, change: Change, table: Table) -> tuple[NDArray, NDArray]:
         """Fill the uncovered nodes. Populations [n, q] of the covered nodes before, which are read only if they are
@@ -87,13 +103,16 @@ class Refill:
             kernels.read(*place, window.shape, window.inner, change.covered, covered)
         if not len(change.uncovered):
             return covered, filled
-        rows = np.searchsorted(table.ids, change.left_by)
-        arm = self.arms(change.uncovered, table.centres[rows])
-        speed = table.motion[rows, :3] + np.cross(table.motion[rows, 3:], arm)
-        nodes = (solid.nodes.reshape(-1), window.shape, window.inner, window.box, self._sizes, self._edges)
-        e = self._directions.e
-        kernels.refill(*place, *nodes, e, self._fluid.lattice.w, self._mode, change.uncovered, speed, filled)
-        kernels.write(*place, window.shape, window.inner, change.uncovered, filled)
+        where = (window.shape, window.origin, window.points, window.periodic, table.ids, table.centres, table.motion)
+        uncovered = len(change.uncovered)
+        if uncovered > len(self._nodes):
+            self._make_room(2 * uncovered)
+        self._nodes[:uncovered] = change.uncovered
+        kernels.speeds(*where, change.uncovered, change.left_by, self._speed)
+        self._cuts[:] = np.arange(len(self._cuts)) * uncovered // (len(self._cuts) - 1)
+        self._fluid.pool.each(self._tasks[self._fluid.parity])
+        if self.conserving:
+            kernels.read(*place, window.shape, window.inner, change.uncovered, filled)
         return covered, filled
 
     def arms(self, nodes: NDArray[np.int64], centres: NDArray[np.float64]) -> NDArray[np.float64]:

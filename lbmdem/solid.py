@@ -11,10 +11,12 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from hpcpic.core.space.domain import Domain
+from hpcpic.core.tasks import Pool, bind
 from lbmdem.kernels import runs
 from lbmdem.kernels.layout import FLUID
 
 _FAR = 1 << 40
+_BLOCKS = 4  # per thread
 
 
 def kernel_axes(vectors: ArrayLike) -> NDArray[np.float64]:
@@ -103,10 +105,7 @@ def find_images(window: Window, table: Table) -> Images:
 
 @dataclass(slots=True)
 class Change:
-    """Own nodes (flat places in the padded array) that an update has freed or covered, and by which grain id.
-
-    Views, which the next update overwrites.
-    """
+    """Own nodes (flat places in the padded array) that an update has freed or covered, and by which grain id."""
 
     uncovered: NDArray[np.int64]
     left_by: NDArray[np.int32]
@@ -117,71 +116,80 @@ class Change:
 class Solid:
     """The ids of grains in an int32 array [planes, rows, x] with ghosts (rows left out in 2D), written in place."""
 
-    def __init__(self, window: Window, nodes: NDArray[np.int32]) -> None:
-        self.window = window
+    def __init__(self, window: Window, nodes: NDArray[np.int32], pool: Pool) -> None:
+        self.window, self._pool = window, pool
         self.nodes = nodes.reshape(tuple(window.shape[::-1]))
         assert np.shares_memory(self.nodes, nodes)
-        self._planes = (0, int(window.shape[2]))
+        self._counts = np.zeros(((_BLOCKS * pool.threads if pool.threads > 1 else 1) + 1, 3), np.int64)
         self._suspects = np.empty(0, np.int64)
-        self._lists = np.empty((2, 64), np.int64), np.empty((2, 64), np.int32)
-        self._left = self._taken = self._lists[0][0, :0]
+        self._changed = np.empty(0, np.int64)
+        self._make_room(64, 64)
+
+    def _make_room(self, images: int, changes: int) -> None:
+        """For so many images that have moved, and so many nodes that each share of them leaves or takes."""
+        shares = len(self._counts) - 1
+        self._moved = np.empty((images, 2, 4)), np.empty((images, 2, 3), np.int64), np.empty(images, np.int32)
+        left, taken = (np.empty((shares, changes), np.int64) for _ in range(2))
+        left_by, taken_by = (np.empty((shares, changes), np.int32) for _ in range(2))
+        self._lists = left, left_by, taken, taken_by
+        where = (self.nodes, *self._moved, self._counts)
+        self._tasks = [
+            bind(runs.change, *where, share, *(part[share] for part in self._lists)) for share in range(shares)
+        ]
 
     def rebuild(self, table: Table) -> Images:
         """Forget all grains and mark these."""
         self.nodes[self.nodes >= 0] = FLUID
         self._table, self.images = table, find_images(self.window, table)
         lost = np.zeros(len(table.ids), np.bool_)
-        runs.mark(self.nodes, table.centres, table.radii, table.ids, *self.images, *self._planes, lost)
+        runs.mark(self.nodes, table.centres, table.radii, table.ids, *self.images, lost)
         self._suspects = table.ids[lost]
         return self.images
 
     def update(self, table: Table) -> Change:
         """Move the grains that were there to their new places; others come and go. The same nodes as `rebuild`, but
         nodes that become fluid are marked LEFT until `settle`, so that one can tell them from their neighbours."""
-        before, suspects = self._table, self._suspects
-        while True:
-            change = self._try_update(table)
-            if change is not None:
-                return change
-            self._lists = tuple(np.empty((2, 4 * part.shape[1]), part.dtype) for part in self._lists)
-            self.rebuild(before)
-            assert np.array_equal(self._suspects, suspects)
+        images, changes = len(self._moved[0]), self._lists[0].shape[1]
+        was, self.images = self.images, find_images(self.window, table)
+        if len(was.grain) + len(self.images.grain) > images:
+            images = 2 * (len(was.grain) + len(self.images.grain))
+            self._make_room(images, changes)
+        old, window = self._table, self.window
+        before, now = (old.ids, old.centres, old.radii, *was), (table.ids, table.centres, table.radii, *self.images)
+        moved = runs.pairs(*before, *now, window.points, window.periodic, *self._moved)
+        self._counts[:, 0] = np.arange(len(self._counts)) * moved // len(self._tasks)
+        self._pool.each(self._tasks)
+        most = int(self._counts[:, 1:].max())
+        if most > changes:  # start again
+            self._make_room(images, 2 * most)
+            self.images = was
+            return self.update(table)
+        self._table = table
+        self._claim()
+        return self._joined()
 
-    def _try_update(self, table: Table) -> Change | None:
-        """None when the lists have no room: then the nodes are in between."""
-        (left, taken), (left_by, taken_by) = self._lists
-        old, was = self._table, self.images
-        new, now = table, find_images(self.window, table)
-        went = self._elsewhere(old, was, new)
-        lost = np.zeros(len(new.ids), np.bool_)
-        here = (self.nodes, old.centres, old.radii, old.ids, *was)
-        n_left = runs.change(*here, *went, *self._planes, False, left, left_by, lost)
-        came = self._elsewhere(new, now, old)
-        there = (self.nodes, new.centres, new.radii, new.ids)
-        n_taken = runs.change(*there, *now, *came, *self._planes, True, taken, taken_by, lost)
-        if max(n_left, n_taken) > len(left):
-            self.nodes[self.nodes == runs.LEFT] = FLUID
-            return None
+    def _claim(self) -> None:
+        """Nodes go to the grains that have come to them, or have wanted them before."""
+        table = self._table
+        lost = np.zeros(len(table.ids), np.bool_)
+        runs.claim(self.nodes, table.ids, self._counts, *self._lists, lost)
         if len(self._suspects):
-            again = np.isin(new.ids[now.grain], self._suspects)
-            runs.mark(*there, now.grain[again], now.offset[again], *self._planes, lost)
-        self._table, self.images, self._suspects = table, now, new.ids[lost]
-        n_left = runs.keep(self.nodes, runs.LEFT, left[:n_left], left_by[:n_left])
-        self._left, self._taken = left[:n_left].copy(), taken[:n_taken].copy()
-        inner = self.window.inner
-        n_left = runs.keep_inner(self.nodes, left[:n_left], left_by[:n_left], inner)
-        n_taken = runs.keep_inner(self.nodes, taken[:n_taken], taken_by[:n_taken], inner)
-        return Change(left[:n_left], left_by[:n_left], taken[:n_taken], taken_by[:n_taken])
+            again = np.isin(table.ids[self.images.grain], self._suspects)
+            images = self.images.grain[again], self.images.offset[again]
+            runs.mark(self.nodes, table.centres, table.radii, table.ids, *images, lost)
+        self._suspects = table.ids[lost]
+
+    def _joined(self) -> Change:
+        """The lists of all shares as one."""
+        number = int(self._counts[:, 1:].sum())
+        nodes, own, by = np.empty(number, np.int64), np.empty((2, number), np.int64), np.empty((2, number), np.int32)
+        lists = (self._counts, *self._lists)
+        changed, left, taken = runs.join(self.nodes, *lists, self.window.inner, nodes, own, by)
+        self._changed = nodes[:changed]
+        return Change(own[0, :left], by[0, :left], own[1, :taken], by[1, :taken])
 
     def settle(self) -> NDArray[np.int64]:
         """The nodes that the last update freed are fluid from now on. Flat places of all that have changed, of ghosts
         too."""
-        self.nodes.reshape(-1)[self._left] = FLUID
-        return np.concatenate((self._left, self._taken))
-
-    def _elsewhere(self, table: Table, images: Images, other: Table) -> tuple[NDArray, NDArray]:
-        """Where the grain of each image is in another table: centre[m, 3] and offset[m, 3] of the nearest image."""
-        place, offset = np.empty((len(images.grain), 3)), np.empty((len(images.grain), 3), np.int64)
-        grains = (table.centres, table.ids, *images, other.centres, other.ids)
-        runs.elsewhere(*grains, self.window.points, self.window.periodic, place, offset)
-        return place, offset
+        runs.settle(self.nodes, self._changed)
+        return self._changed

@@ -20,10 +20,10 @@ from hpcpic.core.simd.vector import (
     lane_numbers,
     lanes,
     maximum,
-    minimum,
     select,
     splat,
     sqrt,
+    store,
 )
 from lbmdem.kernels import layout
 
@@ -83,149 +83,216 @@ def span(x, reach, offset, low, high):
 
 
 @njit
-def mark(solid, centres, radii, ids, grain, offset, low, high, lost):
-    """Write the ids of the grains into the fluid nodes they cover, planes [low, high); the lowest id keeps a node.
+def mark(solid, centres, radii, ids, grain, offset, lost):
+    """Write the ids of the grains into the fluid nodes they cover; the lowest id keeps a node.
 
     lost[g] is set for grains that want a node another grain has.
     """
+    flat = solid.reshape(-1)
     for m in range(grain.size):
         c, radius, shift = centres[grain[m]], radii[grain[m]], offset[m]
-        p0, p1 = span(c[2], radius, shift[2], low, high)
+        number = np.int32(ids[grain[m]])
+        p0, p1 = span(c[2], radius, shift[2], 0, solid.shape[0])
         for p in range(p0, p1):
             dz = (p - shift[2]) - c[2]
             r0, r1 = span(c[1], radius, shift[1], 0, solid.shape[1])
             for r in range(r0, r1):
                 dy = (r - shift[1]) - c[1]
                 a, b = run(c[0], radius * radius - dz * dz - dy * dy)
+                start = (p * solid.shape[1] + r) * solid.shape[2]
                 for x in range(max(a + shift[0], 0), min(b + shift[0] + 1, solid.shape[2])):
-                    _claim(solid, p, r, x, ids, grain[m], lost)
+                    _claim(flat, start + x, number, ids, lost)
 
 
 @njit(inline="always")
-def _claim(solid, p, r, x, ids, g, lost):
-    """Grain g wants a node: a lower id keeps or takes it, and the other one is noted in `lost`."""
-    now, number = solid[p, r, x], np.int32(ids[g])
+def _claim(flat, node, number, ids, lost):
+    """A grain wants a node: a lower id keeps or takes it, and the other one is noted in `lost`."""
+    now = flat[node]
     if now in (FLUID, LEFT):
-        solid[p, r, x] = number
+        flat[node] = number
     elif now > number:
-        solid[p, r, x] = number
+        flat[node] = number
         lost[np.searchsorted(ids, now)] = True
     elif now >= 0 and now != number:
-        lost[g] = True
+        lost[np.searchsorted(ids, number)] = True
+
+
+@njit
+def pairs(
+    old_ids, old_centres, old_radii, old_grain, old_offset, ids, centres, radii, grain, offset, points, periodic,
+    places, shifts, numbers,
+):  # fmt: skip
+    """Images that are not where they were, of two lists in the order of ids and of offsets; how many.
+
+    places[m, 2, 4]: centre and squared radius before and now, the latter below 0 where there is none; shifts[m, 2, 3]:
+    the offsets; numbers[m]: the ids. There is room for all.
+    """
+    count, i, j = 0, 0, 0
+    while i < old_grain.size or j < grain.size:
+        order = np.int64(i == old_grain.size) - np.int64(j == grain.size)  # below 0: the old one alone
+        if order == 0:
+            g, h = old_grain[i], grain[j]
+            order = np.int64(old_ids[g] > ids[h]) - np.int64(old_ids[g] < ids[h])
+            for a in range(3):
+                if order == 0:
+                    turns = np.rint((old_centres[g, a] - centres[h, a]) / points[a]) if periodic[a] else 0.0
+                    further = old_offset[i, a] + np.int64(turns) * points[a] - offset[j, a]
+                    order = np.int64(further > 0) - np.int64(further < 0)
+        if order <= 0:
+            g = old_grain[i]
+            _put(places[count], shifts[count], 0, old_centres[g], old_radii[g], old_offset[i])
+            numbers[count] = old_ids[g]
+            i += 1
+        if order >= 0:
+            g = grain[j]
+            _put(places[count], shifts[count], 1, centres[g], radii[g], offset[j])
+            numbers[count] = ids[g]
+            j += 1
+        if order != 0:
+            here = 0 if order < 0 else 1
+            _put(places[count], shifts[count], 1 - here, places[count, here, :3], 0.0, shifts[count, here])
+            places[count, 1 - here, 3] = -1.0
+        count += not _same(places[count], shifts[count])
+    return count
 
 
 @njit(inline="always")
-def stays(centre, other, offset, other_offset):
-    """Whether two places are the same."""
+def _put(places, shifts, k, centre, radius, offset):
     for a in range(3):
-        if centre[a] != other[a] or offset[a] != other_offset[a]:
+        places[k, a] = centre[a]
+        shifts[k, a] = offset[a]
+    places[k, 3] = radius * radius
+
+
+@njit(inline="always")
+def _same(places, shifts):
+    for a in range(4):
+        if places[0, a] != places[1, a]:
+            return False
+    for a in range(3):
+        if shifts[0, a] != shifts[1, a]:
             return False
     return True
 
 
 @njit(inline="always")
-def chords(c, other, radius, shift, towards, p, r, columns):
-    """First and last node of a row that a grain covers at one place, within the row, and at another one.
-
-    The first is above the last where there is none.
-    """
-    dy, dz = (r - shift[1]) - c[1], (p - shift[2]) - c[2]
-    ey, ez = (r - towards[1]) - other[1], (p - towards[2]) - other[2]
-    a, b = run(c[0], radius * radius - dz * dz - dy * dy)
-    first, last = run(other[0], radius * radius - ez * ez - ey * ey)
-    return max(a + shift[0], 0), min(b + shift[0], columns - 1), first + towards[0], last + towards[0]
+def both(place, shift, axis, low, high):
+    """Local nodes [first, last + 1) along an axis that an image reaches at its two places, cut to [low, high)."""
+    reach = math.sqrt(max(place[0, 3], place[1, 3]))
+    first, after = span(place[0, axis], reach, shift[0, axis], low, high)
+    other, end = span(place[1, axis], reach, shift[1, axis], low, high)
+    return min(first, other), max(after, end)
 
 
 @njit(inline="always")
-def ends(c, radius, shift, p, r):
-    """First and last node of rows r, r + 1, ... that a grain covers, a vector of rows; as `run`."""
+def chords(c, shift, p, r):
+    """First and last local node of rows r, r + 1, ... that a grain c = (centre, squared radius) covers; as `run`."""
     dy = (convert(F, lane_numbers(H)) + float(r - shift[1])) - c[1]
     dz = (p - shift[2]) - c[2]
-    h_sq = (radius * radius - dz * dz) - dy * dy
+    h_sq = (c[3] - dz * dz) - dy * dy
     h, x = sqrt(maximum(h_sq, 0.0)), splat(F, c[0])
     far, there = splat(F, float(_FAR)), h_sq >= 0.0
     return select(there, -floor(h - x) + float(shift[0]), far), select(there, floor(x + h) + float(shift[0]), -far)
 
 
-@njit(inline="always")
-def outgrown(c, other, radius, shift, towards, p, r, after, columns):
-    """Bits of the rows r, r + 1, ... before `after` with nodes that a grain covers here, but not at the other place."""
-    a, b = ends(c, radius, shift, p, r)
-    first, last = ends(other, radius, towards, p, r)
-    a, b = maximum(a, 0.0), minimum(b, float(columns - 1))
-    rows = bitmask((a <= b) & ((first > a) | (last < b)))
-    return rows & ((1 << (after - r)) - 1) if after - r < N else rows
-
-
 @njit
-def change(
-    solid, centres, radii, ids, grain, offset, other, other_offset, low, high, entering, nodes, owners, lost
-):  # fmt: skip
-    """Nodes that grains cover at one place and not at another one. How many are listed, with the ids.
+def change(solid, places, shifts, numbers, counts, share, left, left_by, taken, taken_by):
+    """List the nodes that images counts[share, 0] .. counts[share + 1, 0] - 1 of `pairs` leave and take.
 
-    Images (grain[m], offset[m]) of the places `centres`; other[m], other_offset[m]: the other place of each. entering:
-    these are the new places, in the order of the ids: nodes are claimed, and listed if they were fluid. Else the old
-    ones: nodes that the grain has are listed and marked LEFT.
+    counts[share, 1:]: how many, those for which the lists have no room too.
     """
-    count = 0
-    for m in range(grain.size):
-        c, o, radius, number = centres[grain[m]], other[m], radii[grain[m]], np.int32(ids[grain[m]])
-        shift, towards, wanted = offset[m], other_offset[m], FLUID if entering else number
-        if stays(c, o, shift, towards):
-            continue
-        p0, p1 = span(c[2], radius, shift[2], low, high)
+    n_left, n_taken, ends = 0, 0, np.empty((4, N))
+    for m in range(counts[share, 0], counts[share + 1, 0]):
+        place, shift, number = places[m], shifts[m], numbers[m]
+        p0, p1 = both(place, shift, 2, 0, solid.shape[0])
+        r0, r1 = both(place, shift, 1, 0, solid.shape[1])
         for p in range(p0, p1):
-            r0, r1 = span(c[1], radius, shift[1], 0, solid.shape[1])
-            for low_r in range(r0, r1, N):
-                rows = outgrown(c, o, radius, shift, towards, p, low_r, r1, solid.shape[2])
+            for low in range(r0, r1, N):
+                a, b = chords(place[0], shift[0], p, low)
+                first, last = chords(place[1], shift[1], p, low)
+                rows = bitmask((a > first) | (first > a) | (b > last) | (last > b)) & ((1 << min(r1 - low, N)) - 1)
+                if rows == 0:
+                    continue
+                store(ends[0], 0, a), store(ends[1], 0, b), store(ends[2], 0, first), store(ends[3], 0, last)
                 while rows:
-                    r, rows = low_r + first_bit(rows), rows & (rows - 1)
-                    a, b, first, last = chords(c, o, radius, shift, towards, p, r, solid.shape[2])
-                    for x in range(a, b + 1):
-                        if first <= x <= last:
-                            continue
-                        if solid[p, r, x] == wanted:
-                            if count < nodes.size:
-                                nodes[count] = (p * solid.shape[1] + r) * solid.shape[2] + x
-                                owners[count] = number
-                            count += 1
-                            if not entering:
-                                solid[p, r, x] = LEFT
-                        if entering:
-                            _claim(solid, p, r, x, ids, grain[m], lost)
+                    r, rows = first_bit(rows), rows & (rows - 1)
+                    start = (p * solid.shape[1] + low + r) * solid.shape[2]
+                    was = np.int64(ends[0, r]), np.int64(ends[1, r])
+                    now = np.int64(ends[2, r]), np.int64(ends[3, r])
+                    n_left = _list(start, was, now, solid.shape[2], number, left, left_by, n_left)
+                    n_taken = _list(start, now, was, solid.shape[2], number, taken, taken_by, n_taken)
+    counts[share, 1], counts[share, 2] = n_left, n_taken
+
+
+@njit(inline="always")
+def _list(start, chord, other, columns, number, nodes, owners, count):
+    """Add the nodes of a chord, within a row of so many columns, that are not in the other one."""
+    a, b = max(chord[0], 0), min(chord[1] + 1, columns)
+    for x0, x1 in ((a, min(b, other[0])), (max(a, other[0], other[1] + 1), b)):
+        for x in range(x0, x1):
+            if count < nodes.size:
+                nodes[count], owners[count] = start + x, number
+            count += 1
     return count
 
 
 @njit
-def elsewhere(centres, ids, grain, offset, others, other_ids, points, periodic, place, place_offset):
-    """Of the grain of each image: its centre in another list, and the offset of its nearest image there.
+def claim(solid, ids, counts, left, left_by, taken, taken_by, lost):
+    """Mark listed nodes LEFT that their grains have; then give those that grains take to them, in the order of ids.
 
-    place[m, 3], place_offset[m, 3]; a place that is never near for grains that are not in the list. Ids ascend.
+    In the lists stay the former, and of the latter those that were fluid; counts[share, 1:] are set anew.
     """
-    for m in range(grain.size):
-        at = np.searchsorted(other_ids, ids[grain[m]])
-        place_offset[m] = offset[m]
-        if at == other_ids.size or other_ids[at] != ids[grain[m]]:
-            place[m] = _NOWHERE
-            continue
-        place[m] = others[at]
-        for a in range(3):
-            if periodic[a]:
-                turns = np.rint((centres[grain[m], a] - others[at, a]) / points[a])
-                place_offset[m, a] += np.int64(turns) * points[a]
+    flat = solid.reshape(-1)
+    for share in range(left.shape[0]):
+        kept = 0
+        for k in range(counts[share, 1]):
+            node, number = left[share, k], left_by[share, k]
+            if flat[node] == number:
+                flat[node] = LEFT
+                left[share, kept], left_by[share, kept] = node, number
+                kept += 1
+        counts[share, 1] = kept
+    for share in range(taken.shape[0]):
+        kept = 0
+        for k in range(counts[share, 2]):
+            node, number = taken[share, k], taken_by[share, k]
+            if flat[node] == FLUID:
+                taken[share, kept], taken_by[share, kept] = node, number
+                kept += 1
+            _claim(flat, node, number, ids, lost)
+        counts[share, 2] = kept
 
 
 @njit
-def keep(solid, kind, nodes, owners):
-    """Keep the listed nodes of a kind, in order; how many."""
+def join(solid, counts, left, left_by, taken, taken_by, inner, nodes, own, own_by):
+    """The lists of all shares as one: nodes[n] that are LEFT or taken, and which of them are no ghosts.
+
+    own[0, :a], own_by[0, :a]: those that are LEFT and by which id; own[1, :b] and so on: taken. Returns n, a, b.
+    """
+    flat, count, kept = solid.reshape(-1), 0, np.zeros(2, np.int64)
+    for kind in range(2):
+        lists, owners = (taken, taken_by) if kind else (left, left_by)
+        for share in range(left.shape[0]):
+            for k in range(counts[share, 1 + kind]):
+                node = lists[share, k]
+                if not kind and flat[node] != LEFT:
+                    continue
+                nodes[count] = node
+                count += 1
+                p, r = node // (solid.shape[1] * solid.shape[2]), node // solid.shape[2] % solid.shape[1]
+                if within(node % solid.shape[2], r, p, inner):
+                    own[kind, kept[kind]], own_by[kind, kept[kind]] = node, owners[share, k]
+                    kept[kind] += 1
+    return count, kept[0], kept[1]
+
+
+@njit
+def settle(solid, nodes):
+    """Those of the nodes that are LEFT are fluid from now on."""
     flat = solid.reshape(-1)
-    kept = 0
-    for k in range(nodes.size):
-        if flat[nodes[k]] == kind:
-            nodes[kept] = nodes[k]
-            owners[kept] = owners[k]
-            kept += 1
-    return kept
+    for node in nodes:
+        if flat[node] == LEFT:
+            flat[node] = FLUID
 
 
 @njit
@@ -233,17 +300,3 @@ def within(x, r, p, inner):
     """Whether a local node is no ghost."""
     along = inner[0, 0] <= x < inner[0, 1] and inner[1, 0] <= r < inner[1, 1]
     return along and inner[2, 0] <= p < inner[2, 1]
-
-
-@njit
-def keep_inner(solid, nodes, owners, inner):
-    """Keep the listed nodes that are no ghosts, in order; how many."""
-    kept = 0
-    for k in range(nodes.size):
-        x = nodes[k] % solid.shape[2]
-        r = nodes[k] // solid.shape[2] % solid.shape[1]
-        if within(x, r, nodes[k] // (solid.shape[1] * solid.shape[2]), inner):
-            nodes[kept] = nodes[k]
-            owners[kept] = owners[k]
-            kept += 1
-    return kept

@@ -100,3 +100,37 @@ def test_what_a_grain_gets_of_covered_nodes_has_the_bits_of_one_node_after_the_o
 
     one_by_one = sum(gained(slice(k, k + 1)) for k in range(len(covered)))
     assert np.array_equal(gained(slice(None)), one_by_one) and one_by_one.any()
+
+
+@LATTICES
+def test_nodes_of_a_grain_that_is_no_longer_there_are_filled_at_rest(world, pool, lattice):
+    shape, d = SHAPES[lattice.name], lattice.dimensions
+    fluid = Fluid(world, pool, Domain(tuple(map(float, shape)), shape, (True,) * d, (0, shape[0])), lattice, tau=0.8)
+    immersed = Immersed(fluid, world, pool)
+    still = np.zeros((1, 3 if d == 3 else 1))
+    grain = np.array([7]), np.full((1, d), 5.0), np.array([3.3]), np.full((1, d), 0.1), still
+    immersed.start(*grain)
+    left = fluid.solid.inner == 7
+    immersed.move(*(part[:0] for part in grain))
+    assert left.any() and not fluid.populations()[:, left].any()
+
+
+@LATTICES
+@pytest.mark.parametrize("refill", ["local", "non-equilibrium", "conserving"])
+def test_threads_move_grains_to_the_same_bits(world, lattice, refill):
+    shape, d = SHAPES[lattice.name], lattice.dimensions
+    rng = np.random.default_rng(3)
+    x, v, h = rng.uniform(0, 12, (9, d)), rng.normal(0, 0.3, (9, d)), 1e-2 * rng.random((lattice.q, *shape))
+    found = []
+    for threads in (1, 3):
+        pool = Pool(threads)
+        domain = Domain(tuple(map(float, shape)), shape, (True,) * d, (0, shape[0]))
+        fluid = Fluid(world, pool, domain, lattice, tau=0.8)
+        immersed = Immersed(fluid, world, pool, refill=refill)
+        for k in range(4):  # they overlap
+            place = (x + k * v) % shape[::-1], np.full(9, 1.9), v, np.zeros((9, 3 if d == 3 else 1))
+            immersed.move(np.arange(9), *place)
+            fluid.set_populations(h) if k == 0 else None
+        found.append((fluid.ids.copy(), fluid.populations().copy()))
+        pool.close()
+    assert np.array_equal(found[0][0], found[1][0]) and np.array_equal(found[0][1], found[1][1])

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from hpcpic.core.space.domain import Domain
+from hpcpic.core.tasks import Pool
 from lbmdem.solid import Solid, Table, Window, kernel_axes
 
 N = 24
@@ -39,7 +40,7 @@ def test_an_update_gives_what_marking_anew_gives(dimensions, rank, periodic):
     nodes = np.full(place.shape[::-1], -1, np.int32)
     nodes[..., 5] = -2  # a wall, which stays
     fresh = nodes.copy()
-    kept, marked = Solid(place, nodes), Solid(place, fresh)
+    kept, marked = Solid(place, nodes, Pool(1)), Solid(place, fresh, Pool(1))
     ids, x, radii, v, rng = some_grains(dimensions)
     kept.rebuild(table(ids, x, radii))
     for _ in range(25):
@@ -65,7 +66,7 @@ def test_slabs_see_what_the_whole_box_sees(dimensions):
     for rank in range(3):
         place = window(dimensions, rank)
         nodes = np.full(place.shape[::-1], -1, np.int32)
-        Solid(place, nodes).rebuild(table(ids, x, radii))
+        Solid(place, nodes, Pool(1)).rebuild(table(ids, x, radii))
         parts.append(nodes[inner(place)].reshape(-1, *(N,) * (dimensions - 1)))
     grid = np.stack(np.meshgrid(*[np.arange(N)] * dimensions, indexing="ij"), axis=-1)[..., ::-1]
     wanted = np.full((N,) * dimensions, -1)
@@ -80,7 +81,7 @@ def test_moving_by_nothing_changes_nothing():
     ids, x, radii, _, _ = some_grains(3)
     place = window(3, 0)
     nodes = np.full(place.shape[::-1], -1, np.int32)
-    solid = Solid(place, nodes)
+    solid = Solid(place, nodes, Pool(1))
     solid.rebuild(table(ids, x, radii))
     change = solid.update(table(ids, x, radii))
     assert len(change.uncovered) == len(change.covered) == 0
