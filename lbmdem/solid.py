@@ -17,6 +17,7 @@ from lbmdem.kernels.layout import FLUID
 
 _FAR = 1 << 40
 _BLOCKS = 4  # per thread
+_FEW = 64  # images that cost less than to wake a thread
 
 
 def kernel_axes(vectors: ArrayLike) -> NDArray[np.float64]:
@@ -157,8 +158,10 @@ class Solid:
         old, window = self._table, self.window
         before, now = (old.ids, old.centres, old.radii, *was), (table.ids, table.centres, table.radii, *self.images)
         moved = runs.pairs(*before, *now, window.points, window.periodic, *self._moved)
-        self._counts[:, 0] = np.arange(len(self._counts)) * moved // len(self._tasks)
-        self._pool.each(self._tasks)
+        shares = len(self._tasks) if moved > _FEW else 1
+        self._counts[:, 0] = np.minimum(np.arange(len(self._counts)) * moved // shares, moved)
+        self._counts[:, 1:] = 0
+        self._pool.each(self._tasks[:shares])
         most = int(self._counts[:, 1:].max())
         if most > changes:  # start again
             self._make_room(images, 2 * most)

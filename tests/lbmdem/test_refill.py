@@ -120,7 +120,7 @@ def test_nodes_of_a_grain_that_is_no_longer_there_are_filled_at_rest(world, pool
 def test_threads_move_grains_to_the_same_bits(world, lattice, refill):
     shape, d = SHAPES[lattice.name], lattice.dimensions
     rng = np.random.default_rng(3)
-    x, v, h = rng.uniform(0, 12, (9, d)), rng.normal(0, 0.3, (9, d)), 1e-2 * rng.random((lattice.q, *shape))
+    x, v, h = rng.uniform(0, 12, (70, d)), rng.normal(0, 0.3, (70, d)), 1e-2 * rng.random((lattice.q, *shape))
     found = []
     for threads in (1, 3):
         pool = Pool(threads)
@@ -128,8 +128,8 @@ def test_threads_move_grains_to_the_same_bits(world, lattice, refill):
         fluid = Fluid(world, pool, domain, lattice, tau=0.8)
         immersed = Immersed(fluid, world, pool, refill=refill)
         for k in range(4):  # they overlap
-            place = (x + k * v) % shape[::-1], np.full(9, 1.9), v, np.zeros((9, 3 if d == 3 else 1))
-            immersed.move(np.arange(9), *place)
+            place = (x + k * v) % shape[::-1], np.full(70, 1.2), v, np.zeros((70, 3 if d == 3 else 1))
+            immersed.move(np.arange(70), *place)
             fluid.set_populations(h) if k == 0 else None
         found.append((fluid.ids.copy(), fluid.populations().copy()))
         pool.close()
