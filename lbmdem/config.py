@@ -154,7 +154,7 @@ class Coupling(Section):
     )
     substeps: int = setting(0, "DEM steps in a fluid step, 0 = from the stability limit", ge=0)
     inertia: Literal["implicit", "explicit"] = setting(
-        "implicit", "force of the links at the new velocity, stable for light grains, or at the old (the paper)"
+        "implicit", "grains lighter than the impedance of their links are slowed down to be stable, or none (the paper)"
     )
     lubrication: bool = setting(True, "forces of gaps that the lattice does not resolve")
     frozen: bool = setting(False, "the fluid sees the grains where they were at the start")

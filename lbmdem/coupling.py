@@ -218,12 +218,14 @@ class Immersed:
         """Force [number, d] and torque [number, 1 or 3] on the grains 0 .. number - 1. Collective.
 
         The mean of the last two steps: links leave an alternation from step to step (Ladd, J. Fluid Mech. 271 (1994)
-        285), which would grow with grains that answer it. steps = 1: of the last one alone, which closes the balance.
+        285), which would grow with grains that answer it; before the first step there was none. So grains get all that
+        the fluid gives, half of it a step later. steps = 1: of the last one alone, which closes the balance.
         """
-        earlier = self._earlier if steps == 2 else []
-        force, torque = self._physical(self._total([*self._gains, *earlier], number))
-        share = 0.5 if earlier else 1.0
-        return share * force, share * torque
+        force, torque = self._physical(self._total(self._last(steps), number))
+        return force / steps, torque / steps
+
+    def _last(self, steps: int) -> list[Gains | StayGains]:
+        return [*self._gains, *(self._earlier if steps == 2 else [])]
 
     def _total(self, parts: Sequence[Gains | StayGains], number: int) -> NDArray[np.int64]:
         sums = np.zeros((number, GAINS), np.int64)
@@ -233,10 +235,8 @@ class Immersed:
 
     def wall_forces(self, steps: int = 2) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """Force and torque on the walls, about their centres: of the steps that `all_forces` takes. Collective."""
-        earlier = self._earlier if steps == 2 else []
-        force, torque = self._physical(self._of_walls([*self._gains, *earlier]))
-        share = 0.5 if earlier else 1.0
-        return share * force, share * torque
+        force, torque = self._physical(self._of_walls(self._last(steps)))
+        return force / steps, torque / steps
 
     def _of_walls(self, parts: Sequence[Gains | StayGains]) -> NDArray[np.int64]:
         found = [part.walls for part in parts if len(part.walls)]
@@ -257,7 +257,7 @@ class Immersed:
         left, last = (np.array(part, np.int64) for part in np.hsplit(here, 2))
         ids = np.arange(number)
         self._pending = Gains(ids, left[:number])
-        self._gains, self._earlier = [Gains(ids, last[:number], last[number:])], []
+        self._gains = self._earlier = [Gains(ids, last[:number], last[number:])]
         self._gained = self.fluid.iteration
 
     def free(self) -> None:

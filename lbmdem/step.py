@@ -147,11 +147,13 @@ class LbmDem:
         return dem
 
     def _add_impedance(self, dem: Dem) -> None:
-        """The force of the links at the velocity that they lead to: as if grains had more inertia."""
+        """Inertia for grains that are lighter than the impedance of their links, as much as that: half of it is where
+        the force of these would begin to swing. All others keep their own, and momentum closes."""
         units, rule = self.scene.units, self.scene.config.coupling.bounce_back
-        radius = dem.grains.radius[: dem.grains.n] / units.dx
-        mass, inertia = impedance(LATTICES[self.scene.lattice], rule, radius)
-        dem.set_added(mass * units.mass, inertia * units.mass * units.dx**2)
+        own = {name: getattr(dem.grains, name)[: dem.grains.n] for name in ("radius", "mass", "inertia")}
+        mass, inertia = impedance(LATTICES[self.scene.lattice], rule, own["radius"] / units.dx)
+        added = mass * units.mass - own["mass"], inertia * units.mass * units.dx**2 - own["inertia"]
+        dem.set_added(*(np.maximum(0.0, part) for part in added))
 
     def _weight_of_grains(self) -> NDArray[np.float64]:
         """[N, d]: gravity less buoyancy of every grain, N."""
