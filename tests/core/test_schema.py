@@ -94,6 +94,7 @@ def test_keys_are_not_called_missing_when_an_include_failed(tmp_path):
 def test_a_wrong_word_is_answered_with_the_nearest():
     (message,) = faults_of('group = { colour = "gren"; };')
     assert message == "case:1:11: group.colour: must be 'red' or 'green' (got 'gren'); did you mean 'green'?"
+    assert faults_of('group = { colour = "GREEN"; };')[0].endswith("(got 'GREEN'); did you mean 'green'?")
 
 
 def test_a_group_where_a_value_belongs_and_the_reverse():

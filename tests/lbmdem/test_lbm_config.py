@@ -70,6 +70,11 @@ def test_bad_input_is_told(change, said):
     assert said in messages(CHANNEL.replace(*change))
 
 
+def test_a_size_of_nothing_is_one_fault():
+    """And not that the list is too short without it."""
+    assert len(messages(CHANNEL.replace("2.5e-4", "0.0")).splitlines()) == 1
+
+
 def test_a_periodic_face_is_a_periodic_axis():
     lid = '{ face = "y+"; type = "wall"; velocity = [1.0, 0.0]; }'
     faces = f'boundary = ({{ face = "x-"; type = "periodic"; }}, {lid});'

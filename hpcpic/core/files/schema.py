@@ -67,6 +67,8 @@ def validate(model: type[Model], tree: Tree) -> Model:
         config = model.model_validate(tree.data)
     except ValidationError as error:
         found = [fault for fault in error.errors() if not (tree.incomplete and fault["type"] == "missing")]
+        wrong = {fault["loc"][:-1] for fault in found}  # a list is too short without its elements that are wrong
+        found = [fault for fault in found if fault["type"] != "too_short" or fault["loc"] not in wrong]
         found.sort(key=lambda fault: position(tree.where(known_path(tree, fault))))
         raise ConfigError(messages + [described(model, tree, fault) for fault in found]) from None
     messages += [f"{tree.where(path)}: {dotted(path)}: {text}" for path, text in config.faults()]
@@ -133,8 +135,9 @@ def described(model: type[Section], tree: Tree, fault: Any) -> str:
             word.strip("'")
             for word in fault.get("ctx", {}).get("expected", "").replace(" or ", ", ").split(", ")
         ]
-        near = difflib.get_close_matches(got, choices, 1, 0.3) if isinstance(got, str) else []
-        hint = f"; did you mean {near[0]!r}?" if near and kind == "literal_error" else ""
+        lower = {choice.lower(): choice for choice in choices}
+        near = difflib.get_close_matches(got.lower(), lower, 1, 0.3) if isinstance(got, str) else []
+        hint = f"; did you mean {lower[near[0]]!r}?" if near and kind == "literal_error" else ""
     return f"{tree.where(path)}: {dotted(path) or 'case'}: {text}{shown}{hint}"
 
 
@@ -249,7 +252,8 @@ def type_words(annotation: Any) -> str:
     if origin is typing.Literal:
         return "|".join(value_text(value) for value in arguments)
     if origin is tuple:
-        return f"[{type_words(arguments[0])}, ..]"
+        inner = type_words(arguments[0])
+        return f"({inner}, ..)" if "[" in inner else f"[{inner}, ..]"  # only lists hold lists
     if origin is Annotated:
         return type_words(arguments[0])
     return "|".join(filter(None, (type_words(argument) for argument in arguments)))
