@@ -7,7 +7,7 @@ it covers and gives that of what it uncovers, and the mass that links and nodes 
 into all nodes at every step.
 
 "local" is the default. The sphere of ten Cate et al. (2002), 7.5 nodes across, at the Reynolds numbers 1.5, 4.1, 11.6
-and 31.9: largest speeds are off by -2.5, +1.1, -0.1, -1.1 % with "local" and by -0.6, +2.4, +0.6, -2.8 % with
+and 31.9: largest speeds are off by -2.5, +1.1, -0.1, -1.1 % with "local" and by +0.5, +3.6, +1.2, -2.0 % with
 "conserving", whose force scatters from step to step by 10, 24, 49, 76 % of its mean instead of 0.6, 1, 4, 16 %, as
 momentum comes by whole nodes. "local" loses up to 2e-4 of the mass in a fall, "conserving" none, for a sixth more time.
 """
