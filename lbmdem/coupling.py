@@ -19,7 +19,6 @@ from lbmdem.bodies import Bodies, Wall, mark_walls
 from lbmdem.fluid import Fluid
 from lbmdem.kernels import links as kernels
 from lbmdem.kernels.layout import FLUID
-from lbmdem.lattices import Lattice
 from lbmdem.links import GAINS, FixedLinks
 from lbmdem.moving import MovingLinks
 from lbmdem.refill import Refill
@@ -29,13 +28,6 @@ from lbmdem.wall_links import WallLinks
 _SUM_BITS, _FINEST_BITS = 61, 49  # of the sums, and of terms: 2^51 is the largest integer that `to_fixed` makes
 _BLOCKS = 4  # per thread
 _NONE = np.zeros((0, GAINS), np.int64)
-MEAN_WALL_TERM = {
-    "halfway": 1.0,
-    "interpolated": 0.5 + 0.5 * math.log(2.0),
-    "quadratic": 0.5 + math.log(4.0 / 3.0),
-    "cli": math.log(3.0),
-}
-"""Weight of the wall term of each rule, the mean over q from 0 to 1."""
 Grains = tuple[NDArray, NDArray, NDArray, NDArray, NDArray]
 
 
@@ -279,21 +271,6 @@ class Immersed:
         total = self._world.sum_int(here)
         names = {"links": kernels.LINKS, "fallbacks": kernels.FALLBACKS, "lost": kernels.LOST}
         return {name: int(total[at]) for name, at in names.items()}
-
-
-def impedance(lattice: Lattice, rule: str, radius: NDArray[np.float64]) -> tuple[NDArray, NDArray]:
-    """Mass and moment of inertia to add to grains of a radius so that light ones are stable, in lattice units.
-
-    The force of the links changes by -zeta du when the grain's velocity changes by du within a step, zeta = sum over
-    links of A 6 w e e (A: weight of the wall term). A backward Euler step of that part divides the force by m + zeta.
-    The mean over all places of the grain: pi r^2 |e| links of a direction in 3D, 2 r |e| in 2D, at any q alike.
-    """
-    radius = np.asarray(radius, np.float64)
-    strength = float(np.sum(6.0 * lattice.w * np.sum(lattice.e**2, axis=1) ** 1.5)) * MEAN_WALL_TERM[rule]
-    if lattice.dimensions == 3:
-        mass = strength * math.pi / 3.0 * radius**2
-        return mass, 0.5 * mass * radius**2
-    return strength * radius, 2.0 / 3.0 * strength * radius**3
 
 
 def grain_table(ids: NDArray, centres: NDArray, radii: NDArray, velocity: NDArray, omega: NDArray) -> Table:

@@ -14,13 +14,14 @@ from hpcpic.core.timers import Timers
 from lbmdem import snapshot
 from lbmdem.config import AXES, LbmDemConfig, contact_law
 from lbmdem.contacts import Wall
-from lbmdem.coupling import Immersed, impedance
+from lbmdem.coupling import Immersed
 from lbmdem.dem import Dem
 from lbmdem.derived import derived
 from lbmdem.diagnostics import Diagnostics
 from lbmdem.estimate import estimate
 from lbmdem.faces import Face
 from lbmdem.fluid import Fluid
+from lbmdem.impedance import impedance
 from lbmdem.kernels.layout import FLUID
 from lbmdem.lattices import LATTICES
 from lbmdem.lubrication import Film

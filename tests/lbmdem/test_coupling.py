@@ -8,9 +8,10 @@ from hpcpic.core.comm.world import World
 from hpcpic.core.space.domain import Domain, even_cuts
 from hpcpic.core.tasks import Pool
 from lbmdem.bodies import Wall, ball, plane
-from lbmdem.coupling import Immersed, impedance
+from lbmdem.coupling import Immersed
 from lbmdem.faces import Face
 from lbmdem.fluid import Fluid
+from lbmdem.impedance import impedance
 from lbmdem.kernels.layout import FLUID
 from lbmdem.kernels.sweep import SKIP
 from lbmdem.lattices import D2Q9, D3Q19

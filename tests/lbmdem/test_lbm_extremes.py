@@ -266,3 +266,28 @@ def test_many_substeps_are_told_with_the_stiffness_that_has_fewer():
     softer = float(stiff.source.split("=")[1].split()[0])
     assert stiff.value > 1000 and row(f"contact.normal_stiffness={softer!r}").value == pytest.approx(1000, rel=0.05)
     assert not row().source
+
+
+@pytest.mark.parametrize(("d", "across", "nodes"), [(2, 10, 40), (3, 7, 24)])
+def test_explicit_coupling_explodes_where_check_says(world, d, across, nodes):
+    """Theory ends at half the impedance of the links, which is the limit told / 1.2."""
+    text = f"""
+    simulation = {{ dimensions = {d}; end_time = 100.0; }};
+    domain = {{ size = [{", ".join([str(nodes * DX)] * d)}]; spacing = {DX};
+                periodic = [{", ".join(f'"{axis}"' for axis in "xyz"[:d])}]; }};
+    fluid = {{ viscosity = {NU}; relaxation_time = 0.6; }};
+    coupling = {{ inertia = "explicit"; substeps = 1; }};
+    grains = ({{ diameter = {across * DX}; position = [{", ".join([str((nodes / 2 + 0.3) * DX)] * d)}]; }});
+    contact = {{ normal_stiffness = 1.0e-3; damping = 0.3; friction = 0.3; }};
+    gravity = [{", ".join(["0.0"] * (d - 1) + ["-1.0e-3"])}];
+    """
+    config = validate(LbmDemConfig, loads(text))
+    row = next(number for number in derived(config, 1) if number.name == "density ratio")
+    limit = float(row.limit.split()[1])
+    for share, stable in ((0.9 / 1.2, False), (1.02, True)):
+        with running(world, "lbmdem", text, (f"grains[0].density={1e3 * limit * share!r}",)) as app:
+            fastest = 0.0
+            while app.iteration < 300 and fastest < 0.3:
+                app.step()
+                fastest = np.abs(app.dem.grains.v).max() * app.time_step / DX
+            assert (fastest < 0.3) == stable
