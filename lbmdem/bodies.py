@@ -118,6 +118,8 @@ class Surfaces:
 
     def crossings(self, nodes: NDArray[np.int64]) -> Crossings:
         """Of the links from nodes [n, 3] that are in none of them."""
+        if not len(self.bodies):
+            nodes = nodes[:0]
         found = [self._of_direction(i, nodes) for i in range(1, len(self.e))]
         return Crossings(*(np.concatenate(column) for column in zip(*found)))
 
