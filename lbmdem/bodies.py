@@ -11,6 +11,7 @@ from hpcpic.core.space.products import product
 from lbmdem.kernels.layout import WALL
 from lbmdem.solid import Window, kernel_axes, kernel_rotation
 
+NODES = 1 << 16  # whose links are found at a time: on the way they are several times as large
 _HALVINGS = 53  # of the interval that holds a crossing
 
 
@@ -111,7 +112,7 @@ class Surfaces:
     """Of bodies, as links of one slab meet them; e[q, 3] in the axes of kernels."""
 
     window: Window
-    solid: NDArray[np.int32]
+    solid: NDArray[np.int32]  # as in `Solid`, [planes, rows, x] with ghosts
     bodies: Bodies
     e: NDArray[np.int64]
     dimensions: int

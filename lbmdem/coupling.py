@@ -15,12 +15,12 @@ from numpy.typing import NDArray
 
 from hpcpic.core.comm.world import World
 from hpcpic.core.tasks import Pool
-from lbmdem.bodies import Bodies, Wall, mark_walls
+from lbmdem.bodies import Bodies, Surfaces, Wall, mark_walls
 from lbmdem.fluid import Fluid
 from lbmdem.kernels import links as kernels
 from lbmdem.kernels.layout import FLUID
-from lbmdem.links import GAINS, FixedLinks
-from lbmdem.moving import MovingLinks
+from lbmdem.links import GAINS, Directions, FixedLinks
+from lbmdem.moving import MovingLinks, first_arguments
 from lbmdem.refill import Refill
 from lbmdem.solid import Change, Solid, Table, Window, kernel_axes, kernel_rotation
 from lbmdem.wall_links import WallLinks
@@ -125,17 +125,24 @@ class Immersed:
         """
         self._table = _merged(self._fixed, grain_table(ids, centres, radii, velocity, omega))
         if self.links is None:
-            del self._stay
-            self.fluid.carry(None)
-            nodes = (self.window, self.fluid.layout, self.fluid.f, self.fluid.ids)
-            rule = (self._rule, 0.0 if self.refill.conserving else 1.0)
-            self._wall_links = WallLinks(*nodes, self._walls, *rule, self._blocks)
-            self._set_scale(self._table.radii, self._wall_links)
-            self.links = MovingLinks(*nodes, *rule)
-            self.fluid.leave_to_links(self.links.of_planes)
+            self._link_anew()
         images = self._solid.rebuild(self._table)
         self.fluid.solid_changed(fill=False)
         self.links.place(self._table, images, self._scale)
+
+    def _link_anew(self) -> None:
+        """From now on all links are looked for at every step. Collective."""
+        del self._stay
+        self.fluid.carry(None)
+        window, layout, ids = self.window, self.fluid.layout, self.fluid.ids
+        open_mass = 0.0 if self.refill.conserving else 1.0
+        head = first_arguments(window, layout, self.fluid.f, ids, self._rule, open_mass)
+        walls = Bodies(*grain_table(*_no_grains(self._dimensions)), self._walls)
+        surfaces = Surfaces(window, self._solid.nodes, walls, Directions(layout.lattice).e, self._dimensions)
+        self._wall_links = WallLinks(head, surfaces, self._blocks)
+        self._set_scale(self._table.radii, self._wall_links)
+        self.links = MovingLinks(head, window, layout)
+        self.fluid.leave_to_links(self.links.of_planes)
 
     def move(self, ids: NDArray, centres: NDArray, radii: NDArray, velocity: NDArray, omega: NDArray) -> None:
         """As `start`, from where the grains were; nodes that they uncover are filled. Collective."""

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from hpcpic.core.errors import ConfigError
 from hpcpic.core.space.domain import block_ranges
 from hpcpic.core.tasks import Bound, Pool, bind
-from lbmdem.bodies import Bodies, Surfaces, ids_at
+from lbmdem.bodies import NODES, Bodies, Surfaces, ids_at
 from lbmdem.kernels import links as kernels
 from lbmdem.kernels.layout import FLUID, Layout
 from lbmdem.lattices import Lattice
@@ -26,7 +26,6 @@ RULES = {
     "cli": kernels.CLI,
 }
 GAINS = 7  # of a body from its links: force, torque, and the mass that the fluid gains
-_NODES = 1 << 16  # whose links are found at a time: on the way they are several times as large
 
 
 class Directions:
@@ -69,7 +68,7 @@ class FixedLinks:
         self._surfaces = Surfaces(window, self._solid, bodies, self.directions.e, layout.lattice.dimensions)
         fluid = self._inner(self._solid) == FLUID
         self._sizes = np.array(fluid.shape[::-1])
-        step = max(1, _NODES // max(1, fluid[:1].size))
+        step = max(1, NODES // max(1, fluid[:1].size))
         self._join([self._part(fluid, low, low + step) for low in range(0, max(1, len(fluid)), step)])
 
     def _part(self, fluid: NDArray[np.bool_], low: int, high: int) -> "_Part":

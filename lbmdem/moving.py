@@ -14,28 +14,29 @@ from lbmdem.solid import Images, Table, Window
 _CENTRES = 18  # place of the first argument of the kernel that changes from step to step
 
 
-class MovingLinks:
-    """Links of the slab's moving grains: `place` after they have moved, tasks `of_planes` after the sweep, `gains`.
+def first_arguments(
+    window: Window, layout: Layout, f: NDArray, solid: NDArray[np.int32], rule: str, open_mass: float
+) -> list[tuple]:
+    """Of kernels that do links where grains move, by the parity of arrivals.
 
     open_mass: 1 to count the fluid that a wall sweeps over as its momentum, 0 where nodes are counted themselves.
     """
+    if RULES[rule] == QUADRATIC and not window.whole:
+        raise ConfigError("the quadratic rule reads two nodes beyond a slab: it works on one rank only")
+    directions = Directions(layout.lattice)
+    lattice = (directions.e, directions.opposite, directions.w6, RULES[rule], open_mass)
+    nodes = (solid.reshape(-1), window.shape, window.inner, window.box)
+    return [(f, layout.strides, layout.slots, layout.shifts, parity, *lattice, *nodes) for parity in range(2)]
 
-    def __init__(
-        self,
-        window: Window,
-        layout: Layout,
-        f: NDArray,
-        solid: NDArray[np.int32],
-        rule: str,
-        open_mass: float,
-    ) -> None:
-        if RULES[rule] == QUADRATIC and not window.whole:
-            raise ConfigError("the quadratic rule reads two nodes beyond a slab: it works on one rank only")
-        directions = Directions(layout.lattice)
-        lattice = (directions.e, directions.opposite, directions.w6, RULES[rule], open_mass)
-        nodes = (solid.reshape(-1), window.shape, window.inner, window.box)
-        place = (f, layout.strides, layout.slots, layout.shifts)
-        self._head = [(*place, parity, *lattice, *nodes) for parity in range(2)]
+
+class MovingLinks:
+    """Links of the slab's moving grains: `place` after they have moved, tasks `of_planes` after the sweep, `gains`.
+
+    head: `first_arguments`.
+    """
+
+    def __init__(self, head: list[tuple], window: Window, layout: Layout) -> None:
+        self._head = head
         self._first_plane = int(window.inner[2, 0])
         self._ends = np.full(layout.planes + 1, self._first_plane)  # of the shares, in planes of `solid`
         self._cuts = np.zeros(layout.planes + 1, np.int64)

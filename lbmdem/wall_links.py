@@ -5,50 +5,30 @@ from numpy.typing import NDArray
 
 from hpcpic.core.space.domain import block_ranges
 from hpcpic.core.tasks import Bound, Pool, bind
-from lbmdem.bodies import Bodies, Crossings, Surfaces, Wall
+from lbmdem.bodies import NODES, Crossings, Surfaces
 from lbmdem.kernels import links as kernels
-from lbmdem.kernels.layout import WALL, Layout
-from lbmdem.links import GAINS, RULES, Directions
-from lbmdem.solid import Window
-
-_NODES = 1 << 16  # whose links are found at a time: on the way they are several times as large
+from lbmdem.kernels.layout import WALL
+from lbmdem.links import GAINS
 
 
 class WallLinks:
-    """Links of a slab to walls, in the order of planes; `run` after the sweep looks at the grains in `solid`.
+    """Links of a slab to walls; `run` after the sweep looks at the grains in `solid`.
 
-    solid: as in `Solid`; arm: as of Crossings. open_mass: as of MovingLinks.
+    head: `moving.first_arguments`; arm: as of Crossings.
     """
 
-    def __init__(
-        self,
-        window: Window,
-        layout: Layout,
-        f: NDArray,
-        solid: NDArray[np.int32],
-        walls: tuple[Wall, ...],
-        rule: str,
-        open_mass: float,
-        blocks: int,
-    ) -> None:
-        directions = Directions(layout.lattice)
-        no_grains = (np.zeros(0, np.int64), np.zeros((0, 3)), np.zeros(0), np.zeros((0, 6)))
-        nodes = solid.reshape(tuple(window.shape[::-1]))
-        surfaces = Surfaces(window, nodes, Bodies(*no_grains, walls), directions.e, layout.lattice.dimensions)
+    def __init__(self, head: list[tuple], surfaces: Surfaces, blocks: int) -> None:
         found = _found(surfaces)
         self.arm, self.count = found.arm, len(found.way)
         shares = [share for share in block_ranges(self.count, blocks) if share[1] > share[0]]
         self.counters = np.zeros((len(shares), 3), np.int64)
-        self._sums = np.zeros((len(shares), len(walls), GAINS), np.int64)
+        self._sums = np.zeros((len(shares), len(surfaces.bodies), GAINS), np.int64)
         self._scale = np.ones(GAINS)
-        lattice = (directions.e, directions.opposite, directions.w6, RULES[rule], open_mass)
-        where = (solid.reshape(-1), window.shape, window.inner, window.box)
-        links = (found.local + window.inner[:, 0], *found[1:])
+        links = (found.local + surfaces.window.inner[:, 0], *found[1:])
         self._tasks: list[list[Bound]] = []
-        for parity in range(2):
-            head = (f, layout.strides, layout.slots, layout.shifts, parity, *lattice, *where)
+        for first in head:
             parts = zip(shares, self.counters, self._sums)
-            tasks = [(*head, *share, *links, n, self._scale, sums) for share, n, sums in parts]
+            tasks = [(*first, *share, *links, n, self._scale, sums) for share, n, sums in parts]
             self._tasks.append([bind(kernels.links_beside_grains, *task) for task in tasks])
 
     def run(self, pool: Pool, parity: int, scale: NDArray[np.float64]) -> NDArray[np.int64]:
@@ -64,7 +44,7 @@ def _found(surfaces: Surfaces) -> Crossings:
     """From all nodes of the slab that are in no wall, whatever grains have them now."""
     inner = tuple(slice(*surfaces.window.inner[axis]) for axis in (2, 1, 0))
     free = surfaces.solid[inner] != WALL
-    step = max(1, _NODES // max(1, free[:1].size))
+    step = max(1, NODES // max(1, free[:1].size))
     parts = []
     for low in range(0, max(1, len(free)), step):
         nodes = np.argwhere(free[low : low + step])[:, ::-1] + [0, 0, low]
