@@ -300,7 +300,7 @@ def falling(config: LbmDemConfig, i: int) -> Iterator[Derived]:
 
 
 def density_ratio(config: LbmDemConfig, i: int, nodes: float) -> Iterator[Derived]:
-    """Explicit coupling explodes where a grain is lighter than half the impedance of its links: measured at 1.0 to 1.1
+    """Explicit coupling explodes where a grain is lighter than half the impedance of its links: measured at 1.0 to 1.2
     times that density with discs of 10 nodes and spheres of 7."""
     d, lattice = config.dimensions, LATTICES[config.simulation.lattice]
     ratio = config.grains[i].density / config.fluid.density
