@@ -30,7 +30,7 @@ from hpcpic.core.simd.jit import njit
 from hpcpic.core.space.domain import even_cuts
 from hpcpic.core.tasks import Pool, bind
 from hpcpic.core.timers import Timers
-from sph.cases import shipped_cases
+from sph.app import shipped_cases
 from sph.config import SphConfig
 from sph.step import Sph
 

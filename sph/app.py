@@ -2,13 +2,19 @@
 
 from __future__ import annotations
 
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 from hpcpic.core.cli.app import App, later, named
-from sph.cases import shipped_cases
+from hpcpic.core.files.cases import cases_in
 
 if TYPE_CHECKING:
     from sph.config import SphConfig
+
+
+def shipped_cases() -> dict[str, Path]:
+    """Name and file of each. `shipped` is package data, in a checkout a link to configs/sph."""
+    return cases_in((Path(__file__).parent / "shipped").resolve())
 
 
 def until(config: SphConfig, t: float) -> tuple[str, ...]:

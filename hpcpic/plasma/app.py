@@ -2,16 +2,22 @@
 
 from __future__ import annotations
 
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 from hpcpic.core.cli.app import App, later, named
-from hpcpic.plasma.cases import shipped_cases
+from hpcpic.core.files.cases import cases_in
 
 if TYPE_CHECKING:
     from hpcpic.plasma.config import PlasmaConfig
 
 
 MOST_CYCLES = 2.0**62  # that a case file can say
+
+
+def shipped_cases() -> dict[str, Path]:
+    """Name and file of each. `shipped` is package data, in a checkout a link to configs/plasma."""
+    return cases_in((Path(__file__).parent / "shipped").resolve())
 
 
 def until(config: PlasmaConfig, t: float) -> tuple[str, ...]:

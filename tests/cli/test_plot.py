@@ -13,7 +13,7 @@ from hpcpic.__main__ import load_app
 from hpcpic.core.cli.figures import NoData, movie
 from hpcpic.core.cli.main import build
 from hpcpic.core.files.reader import open_run
-from hpcpic.plasma.cases import shipped_cases
+from hpcpic.plasma.app import shipped_cases
 from hpcpic.plasma.plots import PLOTS
 
 SETS = ("species[0].particles=512", "species[1].particles=512", "simulation.cycles=200")

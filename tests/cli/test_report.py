@@ -16,7 +16,7 @@ from plasma_reference import make_run
 from hpcpic.__main__ import load_app
 from hpcpic.core.cli.main import build
 from hpcpic.core.cli.report import number
-from hpcpic.plasma.cases import shipped_cases
+from hpcpic.plasma.app import shipped_cases
 
 FEW = ("species[0].particles=512", "species[1].particles=512", "simulation.cycles=200")
 NASTY = r'description="<script>alert(1)</script> & \"quoted\""'

@@ -8,7 +8,7 @@ from hpcpic.core.errors import ConfigError
 from hpcpic.core.files.config import loads
 from hpcpic.core.files.derived import enforce
 from hpcpic.core.files.schema import dump, validate
-from lbmdem.cases import shipped_cases
+from lbmdem.app import shipped_cases
 from lbmdem.config import LbmDemConfig
 from lbmdem.derived import derived
 from lbmdem.lattices import CS2

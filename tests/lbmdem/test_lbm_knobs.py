@@ -7,8 +7,7 @@ from app_runner import running
 from knob_cases import made_again, reader, sizes_of
 
 from hpcpic.core.cli.main import build
-from lbmdem.app import APP
-from lbmdem.cases import shipped_cases
+from lbmdem.app import APP, shipped_cases
 from lbmdem.config import LbmDemConfig
 from lbmdem.knobs import knobs_of
 

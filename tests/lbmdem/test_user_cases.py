@@ -10,7 +10,7 @@ from hpcpic.core.files.derived import enforce
 from hpcpic.core.files.schema import validate
 from lbmdem import estimate as estimates
 from lbmdem import step
-from lbmdem.cases import shipped_cases
+from lbmdem.app import shipped_cases
 from lbmdem.config import LbmDemConfig
 from lbmdem.derived import derived
 

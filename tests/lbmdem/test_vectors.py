@@ -6,7 +6,7 @@ from app_runner import running
 from hpcpic.core.comm.world import World
 from hpcpic.core.files.config import loads
 from hpcpic.core.files.schema import validate
-from lbmdem.cases import shipped_cases
+from lbmdem.app import shipped_cases
 from lbmdem.config import LbmDemConfig
 from lbmdem.estimate import DEFAULT, estimate, phases, share_together
 from lbmdem.kernels.sweep import MIXED, SKIP

@@ -10,7 +10,7 @@ from hpcpic.core.simd.jit import njit
 from hpcpic.core.space.domain import Domain, even_cuts
 from hpcpic.core.tasks import Pool, bind
 from lbmdem import wavefront
-from lbmdem.cases import shipped_cases
+from lbmdem.app import shipped_cases
 from lbmdem.coupling import Immersed
 from lbmdem.estimate import steps_per_pass
 from lbmdem.faces import Face

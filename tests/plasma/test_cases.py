@@ -7,7 +7,7 @@ from hpcpic.core.files.cases import cases_in, find_case, read_header
 from hpcpic.core.files.config import load
 from hpcpic.core.files.derived import enforce
 from hpcpic.core.files.schema import validate
-from hpcpic.plasma.cases import shipped_cases
+from hpcpic.plasma.app import shipped_cases
 from hpcpic.plasma.config import PlasmaConfig
 from hpcpic.plasma.derived import derived
 

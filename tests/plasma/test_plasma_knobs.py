@@ -9,8 +9,7 @@ from knob_cases import made_again, reader, sizes_of
 
 from hpcpic.core.cli.main import build
 from hpcpic.core.files.series import Series
-from hpcpic.plasma.app import APP
-from hpcpic.plasma.cases import shipped_cases
+from hpcpic.plasma.app import APP, shipped_cases
 from hpcpic.plasma.config import PlasmaConfig
 from hpcpic.plasma.knobs import knobs_of, smooth
 

@@ -24,7 +24,7 @@ from hpcpic.core.files.snapshot import FieldsWriter
 from hpcpic.core.files.together import Alone
 from hpcpic.core.space.domain import Domain
 from hpcpic.plasma import particle_plots, predictions
-from hpcpic.plasma.cases import shipped_cases
+from hpcpic.plasma.app import shipped_cases
 from hpcpic.plasma.config import PlasmaConfig
 from hpcpic.plasma.plots import PLOTS
 

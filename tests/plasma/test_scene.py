@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 
 from hpcpic.core.files.config import load, loads
 from hpcpic.core.files.schema import validate
-from hpcpic.plasma.cases import shipped_cases
+from hpcpic.plasma.app import shipped_cases
 from hpcpic.plasma.config import PlasmaConfig
 from hpcpic.plasma.quiet import BASES, lattice, radical_inverse
 from hpcpic.plasma.scene import Scene

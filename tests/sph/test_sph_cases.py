@@ -10,7 +10,7 @@ from hpcpic.core.files.config import load
 from hpcpic.core.files.schema import validate
 from hpcpic.core.tasks import Pool
 from hpcpic.core.timers import Timers
-from sph.cases import shipped_cases
+from sph.app import shipped_cases
 from sph.config import SphConfig
 from sph.derived import derived
 from sph.estimate import estimate

@@ -6,7 +6,7 @@ from hpcpic.core.errors import ConfigError
 from hpcpic.core.files.cases import read_header
 from hpcpic.core.files.config import load, loads
 from hpcpic.core.files.schema import dump, validate
-from sph.cases import shipped_cases
+from sph.app import shipped_cases
 from sph.config import SphConfig
 
 BASE = """

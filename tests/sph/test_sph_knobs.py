@@ -3,7 +3,7 @@
 import pytest
 from knob_cases import made_again, reader, sizes_of
 
-from sph.cases import shipped_cases
+from sph.app import shipped_cases
 from sph.config import SphConfig
 from sph.knobs import knobs_of, mach
 

@@ -12,7 +12,7 @@ from hpcpic.core.files.config import load
 from hpcpic.core.files.schema import validate
 from hpcpic.core.tasks import Pool
 from hpcpic.core.timers import Timers
-from hpcpic.plasma.cases import shipped_cases
+from hpcpic.plasma.app import shipped_cases
 from hpcpic.plasma.config import PlasmaConfig
 from hpcpic.plasma.step import Plasma
 

@@ -7,7 +7,7 @@ import pytest
 from app_runner import ROOT, running
 
 from lbmdem import quick
-from lbmdem.cases import shipped_cases
+from lbmdem.app import shipped_cases
 from lbmdem.placing import mean_diameters
 
 pytestmark = pytest.mark.validation

@@ -15,7 +15,7 @@ from hpcpic.core.files.schema import validate
 from hpcpic.core.tasks import Pool
 from hpcpic.core.timers import Timers
 from sph import measured, theory
-from sph.cases import shipped_cases
+from sph.app import shipped_cases
 from sph.config import SphConfig
 from sph.snapshot import particles_at
 from sph.step import Sph
