@@ -1,3 +1,32 @@
-"""hpcpic: particle-and-grid simulators on one parallel substrate."""
+"""hpcpic: particle-and-grid simulators on one parallel substrate; in Python, the plasma's cases and runs, and the
+errors that all three simulators raise.
+"""
 
-__version__ = "0.1.0"
+from typing import TYPE_CHECKING
+
+from hpcpic.core.lazy import lazy
+from hpcpic.version import __version__
+
+if TYPE_CHECKING:
+    from hpcpic.core.errors import CheckFailed, ConfigError, Diverged, FileError, HpcpicError
+    from hpcpic.plasma.face import Case, Run, cases, open_run
+
+__all__ = [
+    "Case",
+    "CheckFailed",
+    "ConfigError",
+    "Diverged",
+    "FileError",
+    "HpcpicError",
+    "Run",
+    "__version__",
+    "cases",
+    "open_run",
+]
+__getattr__ = lazy(
+    __name__,
+    {
+        "hpcpic.plasma.face": ("Case", "Run", "cases", "open_run"),
+        "hpcpic.core.errors": ("CheckFailed", "ConfigError", "Diverged", "FileError", "HpcpicError"),
+    },
+)

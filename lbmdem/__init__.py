@@ -8,3 +8,14 @@ follow from the limit of damped contacts on all sides, which is below [2]; the f
 that it has no part that alternates; nodes are marked after the grains have moved, so that a state is what its positions
 say; gravity acts on grains less their buoyancy, and the fluid's pressure is the one beyond its own weight.
 """
+
+from typing import TYPE_CHECKING
+
+from hpcpic.core.lazy import lazy
+
+if TYPE_CHECKING:
+    from lbmdem.face import Case, Run, cases, open_run
+
+__all__ = ["Case", "Run", "cases", "open_run"]
+
+__getattr__ = lazy(__name__, {"lbmdem.face": __all__})

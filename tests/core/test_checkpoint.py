@@ -174,7 +174,7 @@ def test_a_newer_format_is_refused_with_both_versions(
 ) -> None:
     with monkeypatch.context() as patch:
         patch.setattr(sealed, "SCHEMA", 99)
-        patch.setattr("hpcpic.__version__", "7.0")
+        patch.setattr("hpcpic.core.files.sealed.__version__", "7.0")
         checkpoint.write(ALONE, rundir, 1, 0.0, shards(whole(1)))
     with pytest.raises(FileError, match=r"written by version 7.0 in format 99; this is version \d.*format 1"):
         newest(rundir)

@@ -71,13 +71,13 @@ _jobs = itertools.count()  # of this process, one but for pilots
 Prepare = Callable[[App, World], tuple[RunDir, Plan]]
 
 
-def job(app_loader: AppLoader, prepare: Prepare, flags: Flags) -> int:
+def job(app_loader: AppLoader, prepare: Prepare, flags: Flags, raises: bool = False) -> int:
     """Start MPI and do the job; the exit code, the same on all ranks. `prepare` runs on rank 0 and holds the
-    folder.
+    folder. raises: errors are raised instead of told, for a program that is not ours.
     """
-    started = process_start() if next(_jobs) == 0 else time.monotonic()
+    started = process_start() if next(_jobs) == 0 and not raises else time.monotonic()
     world = World.start()
-    return guarded(world, lambda failure: _Job(app_loader(), world, failure, flags, started).do(prepare))
+    return guarded(world, lambda failure: _Job(app_loader(), world, failure, flags, started).do(prepare), raises)
 
 
 class _Job:

@@ -17,9 +17,9 @@ from typing import Any
 
 import click
 
-import hpcpic
 from hpcpic.core.cli.app import AppLoader
 from hpcpic.core.errors import FileError, HpcpicError
+from hpcpic.version import __version__
 
 VERBS = {  # verb -> the module of core.cli that makes it, and what --help says without importing it
     "list": ("cases", "The shipped cases, a line each with the expected time."),
@@ -139,7 +139,7 @@ def steady_streams() -> None:
 def build(app_loader: AppLoader, name: str, title: str) -> click.Group:
     """The command group of one simulator; `app_loader` is called by the verbs that need the app."""
     face = Face(app_loader, name, title)
-    return click.version_option(hpcpic.__version__, prog_name=name)(face)
+    return click.version_option(__version__, prog_name=name)(face)
 
 
 def program(app_loader: AppLoader, name: str, title: str) -> None:

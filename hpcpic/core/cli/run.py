@@ -89,13 +89,13 @@ def make_run_command(app_loader: AppLoader) -> click.Command:
             return _dry(app_loader(), case, sets, threads or 1, force)
         from hpcpic.core.cli.job import Flags, job
 
-        prepare = partial(_prepare, case, output, sets, force, beyond_limits)
+        prepare = partial(prepare_run, case, output, sets, force, beyond_limits)
         return job(app_loader, prepare, Flags(threads, wall, checkpoint_every, quiet))
 
     return run
 
 
-def _prepare(
+def prepare_run(
     case: str,
     output: str | None,
     sets: tuple[str, ...],
@@ -114,7 +114,7 @@ def _prepare(
     numbers = app.derived(read.config, world.size)
     warnings = read.tree.warnings + ([] if beyond_limits else enforce(numbers, read.tree, force))
     warnings += require_memory(app, read.config, world.size, world.node_size, force)
-    folder = output or _folder(read)
+    folder = output or run_folder(read)
     text = dump(read.config)
     told = ("name", "value", "unit", "limit", "verdict")
     facts = provenance(library()) | {
@@ -129,7 +129,8 @@ def _prepare(
     return rundir, Plan(folder=folder, config=text, allowed=allowed, warnings=warnings)
 
 
-def _folder(read: Case) -> str:
+def run_folder(read: Case) -> str:
+    """Where the run goes when nobody says where."""
     asked = getattr(getattr(read.config, "output", None), "path", None)
     return asked or str(Path("runs") / Path(read.path).stem)
 

@@ -13,13 +13,13 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-import hpcpic
 from hpcpic.core.files import image
 from hpcpic.core.files.arrays import FieldArray, ParticleArray, Shard
 from hpcpic.core.files.image import Slot
 from hpcpic.core.files.rundir import temporary
 from hpcpic.core.files.together import Alone, together
 from hpcpic.core.space.domain import Domain
+from hpcpic.version import __version__
 
 if TYPE_CHECKING:
     import h5py
@@ -166,7 +166,7 @@ def _describe(file: "h5py.File", step: int, time: float, time_step: float) -> No
             "iterationEncoding": np.bytes_("fileBased"),
             "iterationFormat": np.bytes_("data%08T.h5"),
             "software": np.bytes_("hpcpic"),
-            "softwareVersion": np.bytes_(hpcpic.__version__),
+            "softwareVersion": np.bytes_(__version__),
             "date": np.bytes_(datetime.now(UTC).strftime("%Y-%m-%d %H:%M:%S +0000")),
         }
     )

@@ -68,8 +68,8 @@ class Snapshots:
 
 
 class Fields(Snapshots):
-    """fields.vtkhdf. `points` and `spacing` [m] in the order of the array axes, slab axis first, without axes of one
-    point; those of `grid` with them, up to the last axis that has several.
+    """fields.vtkhdf. `points`, `spacing` and `first`, the place of the first point [m], in the order of the array axes,
+    slab axis first, without axes of one point; those of `grid` with them, up to the last axis that has several.
     """
 
     def __init__(self, path: Path) -> None:
@@ -78,10 +78,12 @@ class Fields(Snapshots):
             extent = np.asarray(file.attribute(ROOT, "WholeExtent"))
             points = [int(n) for n in (extent[1::2] - extent[::2] + 1)[::-1]]
             spacing = [float(d) for d in np.asarray(file.attribute(ROOT, "Spacing"))[::-1]]
+            origin = [float(x) for x in np.asarray(file.attribute(ROOT, "Origin"))[::-1]]
             first = next((k for k, n in enumerate(points) if n > 1), len(points) - 1)
             self.grid = tuple(points[first:]), tuple(spacing[first:])
             self.points = tuple(n for n in points if n > 1)
             self.spacing = tuple(d for n, d in zip(points, spacing) if n > 1)
+            self.first = tuple(x for n, x in zip(points, origin) if n > 1)
 
     def read(self, name: str, index: int) -> NDArray:
         """values[rows, ...] of a snapshot; axes with one point are left out."""

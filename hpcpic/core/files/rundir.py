@@ -18,9 +18,9 @@ from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import IO, Any
 
-import hpcpic
 from hpcpic.core.errors import FileError
 from hpcpic.core.files.together import explain
+from hpcpic.version import __version__
 
 RUN_NAMES = (
     "run.json",
@@ -315,8 +315,8 @@ def _plain(value: Any) -> Any:
 def provenance(mpi_library: str = "") -> dict[str, Any]:
     """What produced a run: versions, git state, machine, command line. No environment variables."""
     return {
-        "versions": {"hpcpic": hpcpic.__version__, "python": platform.python_version(), **_versions()},
-        "git": _git(Path(hpcpic.__file__).resolve().parent),
+        "versions": {"hpcpic": __version__, "python": platform.python_version(), **_versions()},
+        "git": _git(Path(__file__).resolve().parents[2]),
         "mpi": " ".join(mpi_library.split()),
         "cpu": _cpu(),
         "cores": os.cpu_count(),

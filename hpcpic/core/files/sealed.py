@@ -20,10 +20,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-import hpcpic
 from hpcpic.core.errors import FileError
 from hpcpic.core.files import image
 from hpcpic.core.files.image import Slot
+from hpcpic.version import __version__
 
 SCHEMA = 1
 MAGIC = b"hpcpic-manifest\n"
@@ -116,7 +116,7 @@ def seal(
     """Append the manifest and bring the file to the disk. Raises OSError."""
     manifest = {
         "schema": SCHEMA,
-        "version": hpcpic.__version__,
+        "version": __version__,
         **facts,
         "size": os.path.getsize(path),
         "arrays": describe(arrays),
@@ -149,7 +149,7 @@ class Reader:
             if manifest["schema"] != SCHEMA:
                 raise FileError(
                     f"{path}: written by version {manifest['version']} in format {manifest['schema']}; "
-                    f"this is version {hpcpic.__version__}, which reads format {SCHEMA}"
+                    f"this is version {__version__}, which reads format {SCHEMA}"
                 )
             self._arrays = arrays_of(manifest["arrays"])
             self._end = int(manifest["size"])

@@ -18,13 +18,13 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-import hpcpic
 from hpcpic.core.errors import FileError
 from hpcpic.core.files import image, sealed
 from hpcpic.core.files.arrays import Shard
 from hpcpic.core.files.rundir import RunDir, temporary
 from hpcpic.core.files.sealed import CHUNK, Array, Reader
 from hpcpic.core.files.together import ALONE, Alone, together
+from hpcpic.version import __version__
 
 if TYPE_CHECKING:
     import h5py
@@ -104,7 +104,7 @@ def _lay_out(
 
     def build(file: "h5py.File") -> dict[str, image.Slot]:
         file.attrs["step"], file.attrs["time"] = facts["step"], facts["time"]
-        file.attrs["schema"], file.attrs["version"] = sealed.SCHEMA, hpcpic.__version__
+        file.attrs["schema"], file.attrs["version"] = sealed.SCHEMA, __version__
         slots = {}
         for name, shard in shards.items():
             shape = (shard.total, *shard.local.shape[1:])

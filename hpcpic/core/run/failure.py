@@ -73,8 +73,9 @@ class Failure:
     share.
     """
 
-    def __init__(self, world: World) -> None:
-        self.world = world
+    def __init__(self, world: World, tells: bool = True) -> None:
+        """tells: on standard error; where it is raised too, who catches it may tell it."""
+        self.world, self.tells = world, tells
         self._own = _made_folder() if world.rank == 0 else ""
         self.folder = Path(bytes(world.bcast(self._own.encode())).decode() or NOWHERE)
         self.on_failure: Callable[[str, int], None] | None = None  # text, code: the run folder notes it
@@ -118,7 +119,8 @@ class Failure:
         if not self._lock.acquire(blocking=False):
             time.sleep(LOSER_SECONDS)  # another thread of this rank is telling
         if self._first():
-            write_error(text)
+            if self.tells:
+                write_error(text)
             if self.on_failure:
                 self.on_failure(text, code)
         else:
@@ -162,22 +164,28 @@ def _exit_code(error: SystemExit) -> int:
     return error.code if isinstance(error.code, int) else int(error.code is not None)
 
 
-def guarded(world: World, main: Callable[[Failure], int]) -> int:
+def guarded(world: World, main: Callable[[Failure], int], raises: bool = False) -> int:
     """Run `main` on all ranks; return the exit code that every rank leaves with.
 
-    A failure of one rank of several does not return: all ranks are ended with its code.
+    A failure of one rank of several does not return: all ranks are ended with its code. raises: what all ranks know of,
+    or the only one, is raised and not told.
     """
-    failure = Failure(world)
+    failure = Failure(world, tells=not (raises and world.size == 1))
     try:
         return main(failure)
     except Agreed as agreed:
+        if raises:
+            raise agreed.error from None
         if world.rank == 0:
             write_error(agreed.error.message + "\n")
         return agreed.error.exit_code
     except (
         BaseException
     ) as error:  # also SystemExit and KeyboardInterrupt: the others must not wait for this rank
-        return failure.fail(error)
+        code = failure.fail(error)
+        if raises:
+            raise
+        return code
     finally:
         failure.close()
 

@@ -1,0 +1,57 @@
+"""Fields and particles as xarray objects with coordinates and units, from memory and from files alike."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+if TYPE_CHECKING:
+    import xarray
+
+AXES = "xyz"
+VECTOR = "component"
+
+
+def field(
+    name: str,
+    values: NDArray,
+    spacing: Sequence[float],
+    first: Sequence[float],
+    attributes: Mapping[str, Any],
+) -> xarray.DataArray:
+    """values[..., y, x] or with components last; spacing and place of the first point [m] in the order of the axes."""
+    import xarray
+
+    d = len(spacing)
+    axes = list(AXES[:d][::-1])
+    coordinates: dict[str, Any] = {
+        axis: (axis, start + step * np.arange(n), {"units": "m"})
+        for axis, n, step, start in zip(axes, values.shape, spacing, first)
+    }
+    if values.ndim > d:
+        axes.append(VECTOR)
+        coordinates[VECTOR] = list(AXES[: values.shape[-1]])
+    return xarray.DataArray(values, coords=coordinates, dims=axes, name=name, attrs=dict(attributes))
+
+
+def particles(
+    columns: Mapping[str, NDArray], units: Mapping[str, str], attributes: Mapping[str, Any]
+) -> xarray.Dataset:
+    """columns[name][n, ...], one of them `id`, by which particles are named; vectors have the axes x, y, z."""
+    import xarray
+
+    variables: dict[str, Any] = {}
+    for name, values in columns.items():
+        if name == "id":
+            continue
+        dims = ["particle", *([VECTOR] if values.ndim == 2 and values.shape[1] <= len(AXES) else ())]
+        dims += [f"{name}_{k}" for k in range(len(dims), values.ndim)]
+        variables[name] = (dims, values, {"units": units.get(name, "")})
+    coordinates: dict[str, Any] = {"particle": columns["id"]}
+    if any(VECTOR in dims for dims, *_ in variables.values()):
+        widest = max(values.shape[1] for dims, values, _ in variables.values() if VECTOR in dims)
+        coordinates[VECTOR] = list(AXES[:widest])
+    return xarray.Dataset(variables, coordinates, dict(attributes))
