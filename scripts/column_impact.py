@@ -23,7 +23,7 @@ TABLE = """The force on the column in the cases of Silvester & Cleary 2006, by `
 the clock of the experiment, {shift} s late. Peak and plateau are of the force filtered over 13 ms, the impulse until
 1.3 s.
 
-<img src="../docs/gallery/sph-column-impact.png" alt="force on the column in all cases" width="640">
+![force on the column in all cases](gallery/sph-column-impact.png)
 
 | case | peak, N | arrival, s | plateau, N | impulse, N s |
 | --- | --- | --- | --- | --- |

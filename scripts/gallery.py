@@ -1,7 +1,7 @@
 #!/usr/bin/env python3
 """Run the shipped cases, draw one small picture of each, and write the page that shows them.
 
-python scripts/gallery.py                   every case of up to ten minutes: docs/gallery/*.png and configs/README.md
+python scripts/gallery.py                   every case of up to ten minutes: docs/gallery/*.png and docs/cases.md
 python scripts/gallery.py PROGRAM/CASE ...  only these pictures (sph/water-column); the page is written all the same
 python scripts/gallery.py PROGRAM/CASE --run FOLDER    this picture of a run that is there
 python scripts/gallery.py --page            only the page
@@ -27,7 +27,7 @@ from hpcpic.core.files.cases import cases_in, read_header
 from hpcpic.core.files.reader import open_run
 
 ROOT = Path(__file__).resolve().parent.parent
-PICTURES, PAGE = ROOT / "docs/gallery", ROOT / "configs/README.md"
+PICTURES, PAGE = ROOT / "docs/gallery", ROOT / "docs/cases.md"
 DOTS_PER_INCH = 84
 COLOURS = 96  # of a picture: keeps it near 20 kB
 LONG = 600.0  # seconds: longer cases are run only when they are named
@@ -192,14 +192,14 @@ def entry(program: Program, case: str, path: Path) -> list[str]:
     header, picture, name = read_header(path), program.picture(case), program.name
     lines = [f"### {case}", "", f"{header.what[:1].upper()}{header.what[1:]}.", ""]
     if picture.exists():
-        lines += [f'<img src="../docs/gallery/{picture.name}" alt="{case}" width="480">', ""]
+        lines += [f"![{case}](gallery/{picture.name})", ""]
     then = f"then `{name} plot runs/{case} {program.figure(case)}`"
     return [
         *lines,
         f"* Run: `{name} run {case}` ({header.time} on two cores), {then}",
         f"* Source: {header.source}",
         f"* Expected: {header.expected}",
-        f"* File: [{program.folder}/{case}.conf]({program.folder}/{case}.conf)",
+        f"* File: `configs/{program.folder}/{case}.conf`",
         "",
     ]
 

@@ -1,0 +1,63 @@
+"""Pages that the code itself tells: the verbs of the command line, and every key of every simulator."""
+
+from __future__ import annotations
+
+import html
+from collections.abc import Iterable, Iterator
+from importlib import import_module
+from itertools import groupby
+from typing import Any
+
+import click
+from mkdocs.structure.files import File, Files
+
+from hpcpic.core.cli.main import VERBS, build
+from hpcpic.core.files.schema import Row, describe
+
+PROGRAMS = {"hpcpic": "Plasma", "sph": "SPH", "lbmdem": "Lattice and grains"}
+
+
+def on_files(files: Files, config: Any) -> Files:
+    """Add the pages that no file holds."""
+    files.append(File.generated(config, "reference/verbs.md", content=verbs_page()))
+    for name, title in PROGRAMS.items():
+        files.append(File.generated(config, f"reference/{name}.md", content=keys_page(name, title)))
+    return files
+
+
+def verbs_page() -> str:
+    """What `PROGRAM VERB --help` says of every verb."""
+    load_app = import_module("sph.__main__").load_app
+    face = build(load_app, "PROGRAM", "one of hpcpic, sph, lbmdem")
+    lines = ["# The verbs", "", "`hpcpic`, `sph` and `lbmdem` answer to the same verbs.", ""]
+    with click.Context(face, info_name="PROGRAM") as context:
+        for verb in VERBS:
+            command = face.get_command(context, verb)
+            assert command is not None
+            with click.Context(command, info_name=verb, parent=context, max_content_width=100) as inner:
+                lines += [f"## {verb}", "", VERBS[verb][1], "", "```", command.get_help(inner), "```", ""]
+    return "\n".join(lines)
+
+
+def keys_page(name: str, title: str) -> str:
+    """Every key with its type, unit, default, limits and meaning, a table for each section."""
+    rows = describe(import_module(f"{name}.__main__").load_app().schema())
+    lines = [f"# Keys of {title[:1].lower() if name != 'sph' else title[:1]}{title[1:]} cases", ""]
+    lines += [f"`{name} show CASE` prints the same table with the values of a case beside it.", ""]
+    for section, keys in groupby(rows, key=lambda row: row.key.rpartition(".")[0]):
+        lines += [f"## `{section}`" if section else "## At the top", "", *table(keys), ""]
+    return "\n".join(lines)
+
+
+def table(rows: Iterable[Row]) -> Iterator[str]:
+    yield "| key | meaning | unit | type | default | limits |"
+    yield "| --- | --- | --- | --- | --- | --- |"
+    for row in rows:
+        name = row.key.rpartition(".")[2]
+        cells = (f"`{name}`", row.text, row.unit, code(row.type), code(row.default), code(row.limits))
+        yield f"| {' | '.join(cell.replace('|', '&#124;') for cell in cells)} |"
+
+
+def code(text: str) -> str:
+    """In the letters of code, which a table's bars and brackets do not end."""
+    return f"<code>{html.escape(text)}</code>" if text else ""
