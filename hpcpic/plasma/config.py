@@ -1,18 +1,22 @@
 """What a plasma case says: the thesis's vocabulary (chapter 11) as a typed, frozen configuration.
 
 Vectors are in physical order (x, y, z); 1D cases have x only. Older spellings of the thesis author's program
-(grid.blocks x blocksize, simulation.method, output.period, scalars for vectors of one component) are
-understood; `completed` replaces them by the present ones.
+(grid.blocks x blocksize, simulation.method, output.period, scalars for vectors of one component) and words for numbers
+(particle, temperature, particles_per_cell) are understood; `completed` replaces them by the present ones.
 """
 
 import math
 from collections.abc import Iterator
 from typing import ClassVar, Literal
 
-from hpcpic.core.files.config import Path, Tree
-from hpcpic.core.files.schema import REQUIRED, Counts, Integers, Lengths, Section, Vector, setting
+from hpcpic.core.files.config import Path, Tree, dotted
+from hpcpic.core.files.schema import REQUIRED, Counts, Integers, Lengths, Section, Vector, matching, setting
+from hpcpic.plasma import loading, units
 
-InitMethod = Literal["default", "random position", "position delta", "harmonic two electrons", "quiet"]
+InitMethod = Literal[
+    "random", "quiet", "opposite beams", "uniform velocities", "position delta", "harmonic two electrons",
+    "default", "random position",
+]  # fmt: skip
 MOST_PARTICLES = 2**32  # of a species: their numbers have 32 bits
 MOST_BLOCKS = 4096  # of a rank: tables of what each hands to each grow with their square
 MOST_POINTS = 2**31 - 1  # of an axis: FFTW counts so far
@@ -68,7 +72,9 @@ class FieldSection(Section):
 
 
 class Constants(Section):
-    vacuum_permittivity: float = setting(1.0, "permittivity of free space", "F/m", gt=0)
+    vacuum_permittivity: float | None = setting(
+        None, "permittivity of free space; by default 1, in SI units 8.854e-12", "F/m", gt=0
+    )
 
 
 class Perturbation(Section):
@@ -81,26 +87,43 @@ class Perturbation(Section):
 
 class Species(Section):
     name: str = setting("", "name in the output; by default species_1, species_2, ...")
-    particles: int = setting(REQUIRED, "number of macro-particles", ge=0, le=MOST_PARTICLES)
-    charge: float = setting(REQUIRED, "charge of a macro-particle", "C")
-    mass: float = setting(REQUIRED, "mass of a macro-particle", "kg", gt=0)
+    particles: int | None = setting(None, "number of macro-particles", ge=0, le=MOST_PARTICLES)
+    particles_per_cell: float | None = setting(None, "number of macro-particles per cell, in place of particles", gt=0)
+    particle: Literal[*units.PARTICLES] | None = setting(
+        None, "a known particle, in place of charge and mass; needs density or plasma_frequency"
+    )
+    charge: float | None = setting(
+        None, "charge of a macro-particle; of one real particle where density or plasma_frequency is given", "C"
+    )
+    mass: float | None = setting(None, "mass, of the same particle as charge", "kg", gt=0)
+    density: float | None = setting(
+        None,
+        "real particles per volume; a 1D box stands for 1 m2 of cross section, a 2D box for 1 m of depth",
+        "1/m3",
+        gt=0,
+    )
+    temperature: float | None = setting(
+        None, "k_B T, in place of thermal_velocity = sqrt(k_B T/m); needs density or plasma_frequency", "eV", ge=0
+    )
     drift_velocity: Vector = setting(
         (),
-        'mean velocity; for "random position" without a thermal velocity the '
-        'bound v of a uniform distribution in [-v, v]; for "default" the speed '
-        "of two opposite beams",
+        'mean velocity; of "opposite beams" that of every second particle, the others have its opposite; of "uniform '
+        'velocities" the bound v of velocities in [-v, v]',
         "m/s",
         max_length=3,
     )
     thermal_velocity: float = setting(0.0, "standard deviation of each velocity component", "m/s", ge=0)
-    init_method: InitMethod = setting("default", "how positions and velocities are chosen")
+    init_method: InitMethod = setting(
+        "random",
+        "random: random positions, drift plus thermal velocities; quiet: the same evenly; default, random position: "
+        "the thesis author's words for opposite beams and, without a thermal velocity, uniform velocities",
+    )
     position_init: Vector = setting((), '"position delta": position of the first particle', "m")
     position_delta: Vector = setting((), '"position delta": step from one particle to the next', "m")
     perturbation: Perturbation | None = None
     plasma_frequency: float = setting(
         0.0,
-        "sets the macro-charge and macro-mass at the given charge-to-mass ratio; "
-        "0 = take charge and mass as they are",
+        "in place of density: sets charge and mass of a macro-particle by their ratio as given; 0 = not given",
         "rad/s",
         ge=0,
     )
@@ -143,6 +166,11 @@ class PlasmaConfig(Section):
     )
 
     description: str = setting("", "one sentence")
+    units: Literal["normalised", "SI"] = setting(
+        "normalised",
+        "SI: s, m, kg, C, V, eV as they stand here; normalised: the case's own units in their places, in which "
+        "vacuum permittivity, elementary charge and electron mass are 1",
+    )
     simulation: Simulation
     grid: Grid
     field: FieldSection = FieldSection()
@@ -154,6 +182,16 @@ class PlasmaConfig(Section):
     @property
     def dimensions(self) -> int:
         return self.simulation.dimensions or len(self.simulation.space_length)
+
+    @property
+    def points(self) -> tuple[int, ...]:
+        """Of the grid, in either spelling."""
+        grid = self.grid
+        return grid.points or tuple(n * m for n, m in zip(grid.blocks or (), grid.blocksize or ()))
+
+    @property
+    def cells(self) -> int:
+        return math.prod(self.points)
 
     @property
     def periods(self) -> dict[str, int]:
@@ -182,6 +220,13 @@ class PlasmaConfig(Section):
                 if tree.has(("simulation", "sampling_period", name)):
                     tree.drop(("simulation", "sampling_period", name))
                     tree.ignored.append(f"simulation.sampling_period.{name}")
+        for path in matching(tree.data, ("species",)):
+            species = tree.data["species"][path[-1]] if len(path) == 2 else tree.data["species"]
+            given = [name for name in ("particles", "particles_per_cell") if name in species]
+            from_set = [name for name in given if tree.where((*path, name)).file.startswith("--set")]
+            if len(given) == 2 and len(from_set) == 1:  # --set counts, as over the same key
+                tree.drop((*path, *(set(given) - set(from_set))))
+            tree.warnings += [f"{dotted(path)}.{text}" for text in loading.told_of_drifts(species)]
 
     def faults(self) -> Iterator[tuple[Path, str]]:
         d = self.dimensions
@@ -204,8 +249,13 @@ class PlasmaConfig(Section):
                 yield ("species", i, "name"), f"{names[i]!r} is taken by an earlier species"
             if "/" in names[i] or names[i] in (".", ".."):
                 yield ("species", i, "name"), f"{names[i]!r} would be a path in the files of a run"
-            for key, text in species_faults(species, d):
+            for key, text in (*species_faults(species, d), *loading.particle_faults(species)):
                 yield ("species", i, *key), text
+            if species.particles_per_cell and species.particles_per_cell * self.cells > MOST_PARTICLES:
+                yield ("species", i, "particles_per_cell"), f"makes more than {MOST_PARTICLES} particles"
+        given, known = self.constants.vacuum_permittivity, units.SI.permittivity
+        if self.units == "SI" and given is not None and abs(given / known - 1) > 0.01:
+            yield ("constants", "vacuum_permittivity"), f"is {known} F/m in SI units: leave it out (got {given})"
 
     def grid_faults(self, d: int) -> Iterator[tuple[Path, str]]:
         grid = self.grid
@@ -222,8 +272,8 @@ class PlasmaConfig(Section):
                 yield ("grid", name), f"at most {MOST_POINTS} on an axis (got {max(vector)})"
 
     def completed(self) -> "PlasmaConfig":
-        d, grid = self.dimensions, self.grid
-        points = grid.points or tuple(n * m for n, m in zip(grid.blocks, grid.blocksize))
+        d, points = self.dimensions, self.points
+        permittivity = self.constants.vacuum_permittivity or units.SYSTEMS[self.units].permittivity
         asked, written = self.simulation.sampling_period, self.output.sampling_period
         written = SnapshotPeriod(
             field=first_given(written.field, asked.field),
@@ -236,7 +286,8 @@ class PlasmaConfig(Section):
             update={
                 "simulation": simulation,
                 "grid": Grid(points=points),
-                "species": tuple(completed_species(species, i, d) for i, species in enumerate(self.species)),
+                "constants": Constants(vacuum_permittivity=permittivity),
+                "species": tuple(completed_species(species, i, self) for i, species in enumerate(self.species)),
                 "output": self.output.model_copy(update={"sampling_period": written}),
             }
         )
@@ -271,8 +322,6 @@ def species_faults(species: Species, d: int) -> Iterator[tuple[Path, str]]:
                 yield (), f'{name} is missing, which init_method "position delta" needs'
     if species.init_method == "harmonic two electrons" and species.particles != 2:
         yield ("particles",), f'must be 2 for init_method "harmonic two electrons" (got {species.particles})'
-    if species.plasma_frequency and species.charge == 0:
-        yield ("charge",), "must not be 0 where plasma_frequency is given"
     if species.perturbation:
         mode = species.perturbation.mode
         if len(mode) != d:
@@ -286,15 +335,16 @@ def name_of(species: Species, i: int) -> str:
     return species.name or f"species_{i + 1}"
 
 
-def completed_species(species: Species, i: int, d: int) -> Species:
-    """Name given and vectors of full length."""
-    zeros = (0.0,) * 3
+def completed_species(species: Species, i: int, config: PlasmaConfig) -> Species:
+    """Name given, vectors of full length, numbers in the place of words."""
+    zeros, d = (0.0,) * 3, config.dimensions
     return species.model_copy(
         update={
             "name": name_of(species, i),
             "drift_velocity": (species.drift_velocity + zeros)[:3],
             "position_init": species.position_init or zeros[:d],
             "position_delta": species.position_delta or zeros[:d],
+            **loading.numbers(species, config.cells, units.SYSTEMS[config.units]),
         }
     )
 
@@ -337,12 +387,3 @@ def rotation(config: PlasmaConfig) -> int:
 def volume(config: PlasmaConfig) -> float:
     """Length (1D, m) or area (2D, m2) of the box."""
     return math.prod(config.simulation.space_length)
-
-
-def macro_charge(config: PlasmaConfig, species: Species) -> float:
-    """Charge of a macro-particle, C: as given, or from wp^2 = (N / V) q (q/m) / eps0 where the case gives wp."""
-    wp = species.plasma_frequency
-    if not wp or not species.particles:
-        return species.charge
-    charge_to_mass = species.charge / species.mass
-    return wp * wp * config.constants.vacuum_permittivity * volume(config) / (species.particles * charge_to_mass)

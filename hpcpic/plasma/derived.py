@@ -6,6 +6,7 @@ from collections.abc import Iterator
 
 from hpcpic.core.files.derived import Derived
 from hpcpic.plasma.config import PlasmaConfig, Species, velocity_components, volume
+from hpcpic.plasma.loading import velocity_moments
 
 # d ln W / d(wp t) times particles per cell against lambda_D/dx: CIC, centred differences, 2D, wp dt = 0.2
 HEATING = ((0.1, 2.8e-2), (0.3, 9.5e-3), (0.5, 3.1e-3), (1.0, 5.0e-4))
@@ -37,7 +38,7 @@ def plasma_frequency(config: PlasmaConfig, species: Species) -> float:
         return 0.0
     if species.plasma_frequency:
         return species.plasma_frequency
-    density = species.particles / volume(config)
+    density = species.density or species.particles / volume(config)
     ratio = species.charge / species.mass
     return math.sqrt(density * species.charge * ratio / config.constants.vacuum_permittivity)
 
@@ -47,10 +48,10 @@ def total_plasma_frequency(config: PlasmaConfig) -> float:
 
 
 def thermal_velocities(config: PlasmaConfig, species: Species) -> tuple[float, ...]:
-    """Standard deviation of the velocity per grid axis, m/s; v / sqrt(3) where it is uniform in [-v, v]."""
+    """Standard deviation of the velocity per grid axis, m/s, that beams and waves have no part in."""
     d = config.dimensions
-    if species.init_method == "random position" and not species.thermal_velocity:
-        return tuple(abs(v) / math.sqrt(3) for v in species.drift_velocity[:d])
+    if species.init_method == "uniform velocities":
+        return tuple(velocity_moments(species, axis)[1] for axis in range(d))
     return (species.thermal_velocity,) * d
 
 
@@ -211,9 +212,8 @@ def motion(config: PlasmaConfig) -> Iterator[Derived]:
         if not species.particles:
             continue
         tail = math.sqrt(2 * math.log(max(species.particles, 2)))
-        uniform = species.init_method == "random position" and not species.thermal_velocity
         for axis, dx in enumerate(spacing(config)):
-            speed = abs(species.drift_velocity[axis]) + (0 if uniform else tail * species.thermal_velocity)
+            speed = abs(species.drift_velocity[axis]) + tail * species.thermal_velocity
             fastest = max(fastest, speed * abs(config.simulation.time_step) / dx)
     verdict = "ok" if fastest < 1 else "warn"
     cure = (
@@ -294,7 +294,7 @@ def charge_density(config: PlasmaConfig, species: Species) -> float:
     if species.plasma_frequency and species.particles:
         wp = species.plasma_frequency
         return wp * wp * config.constants.vacuum_permittivity * species.mass / species.charge
-    return species.particles * species.charge / volume(config)
+    return (species.density or species.particles / volume(config)) * species.charge if species.particles else 0.0
 
 
 def blocks(config: PlasmaConfig, ranks: int) -> Iterator[Derived]:

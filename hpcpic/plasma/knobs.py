@@ -14,6 +14,7 @@ from hpcpic.core.files.schema import value_text
 from hpcpic.plasma import analysis
 from hpcpic.plasma.config import PlasmaConfig
 from hpcpic.plasma.derived import spacing, total_plasma_frequency
+from hpcpic.plasma.loading import PLACED, RANDOM, SCALABLE, draws_random
 from hpcpic.plasma.predictions import Prediction, predict
 
 if TYPE_CHECKING:
@@ -51,13 +52,17 @@ def knobs_of(config: PlasmaConfig) -> Knobs:
             MOST_STEPS * abs(config.simulation.time_step),
         ),
         growth=growth,
-        seed=lambda n: (f"simulation.random_seed={n}",),
+        seed=reseeded if any(draws_random(s) for s in config.species) else None,
     )
+
+
+def reseeded(seed: int) -> tuple[str, ...]:
+    return (f"simulation.random_seed={seed}",)
 
 
 def continuous(config: PlasmaConfig) -> list[Knob]:
     d = config.dimensions
-    random = any(s.init_method in ("random position", "default") for s in config.species)
+    random = any(s.init_method in RANDOM for s in config.species)
     found = [
         Knob("dx", "grid spacing", "m", ("grid", "points"), lambda c: spacing(c)[0], 2.0, d, "Debye length"),
         Knob("dt", "time step", "s", ("simulation", "time_step"), lambda c: abs(c.simulation.time_step), 2.0, 1.0,
@@ -75,7 +80,7 @@ def continuous(config: PlasmaConfig) -> list[Knob]:
 def scalable(config: PlasmaConfig) -> bool:
     """Whether more particles are the same scene: not where they are placed one by one."""
     return bool(config.species) and all(
-        s.particles > 16 and s.init_method in ("quiet", "random position", "default") for s in config.species
+        s.particles > 16 and s.init_method in SCALABLE for s in config.species
     )
 
 
@@ -177,8 +182,7 @@ def started_mode(config: PlasmaConfig) -> int:
     for species in config.species:
         if species.perturbation and not any(species.perturbation.mode[1:]):
             return abs(species.perturbation.mode[0])
-    placed = ("position delta", "harmonic two electrons")
-    return int(all(s.init_method in placed for s in config.species) and config.dimensions == 1)
+    return int(all(s.init_method in PLACED for s in config.species) and config.dimensions == 1)
 
 
 def waves(law: Prediction, mode: int, time: float) -> list[Quantity]:

@@ -8,7 +8,8 @@ from collections.abc import Iterator, Sequence
 
 from hpcpic.core.cli.forecast import Array, imports
 from hpcpic.core.space.cuts import even_cuts
-from hpcpic.plasma.config import PlasmaConfig, macro_charge, rotation, velocity_components
+from hpcpic.plasma.config import PlasmaConfig, rotation, velocity_components
+from hpcpic.plasma.loading import macro_charge
 from hpcpic.plasma.sizes import EDGE, GHOSTS, PAGE
 
 ROTATION = ("no rotation", "rotation about z", "rotation about any axis")

@@ -43,10 +43,10 @@ def beams(config: PlasmaConfig) -> tuple[Beam, ...]:
         if not wp:
             continue
         drift, spread = (species.drift_velocity or (0.0,))[0], species.thermal_velocity
-        if species.init_method == "default" and drift:
+        if species.init_method == "opposite beams" and drift:
             found += [Beam(wp / math.sqrt(2), v, spread) for v in (drift, -drift)]
-        elif species.init_method == "random position" and not spread and drift:
-            found.append(Beam(wp, 0.0, abs(drift) / math.sqrt(3)))
+        elif species.init_method == "uniform velocities" and drift:
+            found.append(Beam(wp, 0.0, math.hypot(spread, drift / math.sqrt(3))))
         else:
             found.append(Beam(wp, drift, spread))
     return tuple(found)

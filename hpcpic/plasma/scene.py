@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from hpcpic.core.space.domain import wrap
 from hpcpic.core.space.rng import normal_quantile, normals, uniforms
 from hpcpic.plasma import config as case
+from hpcpic.plasma import loading
 from hpcpic.plasma.quiet import BASES, lattice, radical_inverse
 
 POSITION, VELOCITY = 1, 2  # streams of random numbers
@@ -74,11 +75,12 @@ class SceneSpecies:
     @property
     def q(self) -> float:
         """Charge of a macro-particle, C."""
-        return case.macro_charge(self.scene.config, self.section)
+        return loading.macro_charge(self.scene.config, self.section)
 
     @property
     def m(self) -> float:
-        return self.q / self.charge_to_mass if self.section.plasma_frequency and self.n else self.section.mass
+        """Mass of a macro-particle, kg."""
+        return loading.macro_mass(self.scene.config, self.section)
 
     @property
     def half_kick(self) -> NDArray[np.float64]:
@@ -163,13 +165,12 @@ class SceneSpecies:
         v = self.scene.velocity_components
         drift = np.array(self.section.drift_velocity[:v])
         method = self.section.init_method
-        if method == "random position" and not self.section.thermal_velocity:
-            # the thesis author's own rule: uniform in [-v, v]
+        if method == "uniform velocities":
             u = uniforms(self.scene.config.simulation.random_seed, VELOCITY, ids, v)
             return (2 * u - 1) * drift
         odd = (ids - self.first)[:, None] % 2 == 1
-        if method == "default":
-            return np.where(odd, drift, -drift)  # his first program: every second particle the other way
+        if method == "opposite beams":
+            return np.where(odd, drift, -drift)
         if method == "harmonic two electrons":
             along_x = np.arange(v) == 0
             return np.where(along_x, np.where(odd, -drift, drift), 0.0)
