@@ -45,8 +45,12 @@ def knobs_of(config: LbmDemConfig) -> Knobs:
         work_unit="node-updates" if config.fluid else "grain-steps",
         horizon=min(time, (HORIZON_STEPS if config.fluid else DRY_STEPS) * config.time_step),
         growth=growth,
-        seed=lambda n: (f"simulation.random_seed={n}",),
+        seed=reseeded if any(grains.diameters for grains in config.grains) else None,  # only these draw numbers
     )
+
+
+def reseeded(seed: int) -> tuple[str, ...]:
+    return (f"simulation.random_seed={seed}",)
 
 
 def wet(config: LbmDemConfig) -> list[Knob]:

@@ -3,15 +3,21 @@
 import itertools
 import math
 from collections.abc import Iterator
+from functools import partial
 
 from hpcpic.core.files.derived import Derived
-from hpcpic.plasma.config import PlasmaConfig, Species, velocity_components, volume
+from hpcpic.plasma.config import MOST_POINTS, PlasmaConfig, Species, velocity_components, volume
+from hpcpic.plasma.heating import FEWEST, RATES, energy_ratio
 from hpcpic.plasma.loading import velocity_moments
+from hpcpic.plasma.units import SYSTEMS, known_by_ratio
 
-# d ln W / d(wp t) times particles per cell against lambda_D/dx: CIC, centred differences, 2D, wp dt = 0.2
-HEATING = ((0.1, 2.8e-2), (0.3, 9.5e-3), (0.5, 3.1e-3), (1.0, 5.0e-4))
+HEATED = 0.1  # growth of the energy by the grid that is warned of
+CURES = 5  # doublings of particles or points that are tried against it
 HUGE = 1e75
 NODE_CAPACITY = 2**19  # particles on one node that 64-bit fixed point with 44 fractional bits holds
+SMALLEST = 1e-4  # change in a step below which steps are wasted
+MOST_TURN = 1e6  # wc dt beyond which round-off of the turn heats: in 40 steps by 1e-5 at 1e12, by 5 at 1e15, measured
+UNITS = 'are charge, mass and lengths in the case\'s units (units = "SI" or "normalised")?'
 TIME_STEP = ("simulation", "time_step")
 POINTS = ("grid", "points")
 BOOK = "Birdsall & Langdon"
@@ -23,6 +29,7 @@ def derived(config: PlasmaConfig, ranks: int = 1) -> list[Derived]:
     if beyond:
         return beyond
     return [
+        *mistaken_units(config),
         *stability(config),
         *resolution(config),
         *motion(config),
@@ -88,6 +95,18 @@ def overflows(config: PlasmaConfig) -> Iterator[Derived]:
         yield Derived("magnitude", symbol, value, "", limit, "fail", "floating point", cure, key)
 
 
+def mistaken_units(config: PlasmaConfig) -> Iterator[Derived]:
+    """Particles in kg and C in a box whose permittivity is 1."""
+    if config.constants.vacuum_permittivity != 1.0:
+        return
+    for i, species in enumerate(config.species):
+        known = known_by_ratio(species.charge, species.mass)
+        if known and species.particles:
+            cure = f'its charge/mass is that of the {known} in C/kg: units = "SI" has the permittivity 8.854e-12 F/m'
+            key = ("species", i, "charge")
+            yield Derived("permittivity", "eps0", 1.0, "", "8.854e-12", "warn", "SI units", cure, key)
+
+
 def stability(config: PlasmaConfig) -> Iterator[Derived]:
     """wp dt and, with a magnetic field, wc dt."""
     dt = config.simulation.time_step
@@ -103,11 +122,13 @@ def stability(config: PlasmaConfig) -> Iterator[Derived]:
     yield Derived(
         "time step", "wp dt", step, "", limit, verdict, source, cure, TIME_STEP, step < 2, stable_below=2.0
     )
+    turn = fastest_turn(config) * abs(dt)
+    if 0 < max(step, turn, crossing(config)) < SMALLEST:
+        yield idle_steps(max(step, turn, crossing(config)))
     if (period := config.periods["series"]) > 1 and step:
         yield sampling(math.pi / (step * period), period)
-    magnetic = math.hypot(*config.field.magnetic)
-    if magnetic:
-        yield from turning(config, magnetic)
+    if any(config.field.magnetic):
+        yield turning(config, turn)
 
 
 def sampling(samples: float, period: int) -> Derived:
@@ -119,26 +140,31 @@ def sampling(samples: float, period: int) -> Derived:
     return Derived(name, "pi/(wp dt K)", samples, "", "> 2", verdict, "sampling theorem", cure, key)
 
 
-def turning(config: PlasmaConfig, magnetic: float) -> Iterator[Derived]:
+def idle_steps(step: float) -> Derived:
+    """Steps so short that nothing moves in one."""
+    cure = f"a larger time_step does; {UNITS}"
+    name, symbol, source = "largest change in a step", "max(wp dt, wc dt, v dt/dx)", "10 000 steps for one oscillation"
+    return Derived(name, symbol, step, "", f"> {SMALLEST:g}", "warn", source, cure, TIME_STEP)
+
+
+def fastest_turn(config: PlasmaConfig) -> float:
+    """Largest cyclotron frequency, rad/s."""
+    ratios = (abs(species.charge / species.mass) for species in config.species if species.particles)
+    return max(ratios, default=0.0) * math.hypot(*config.field.magnetic)
+
+
+def turning(config: PlasmaConfig, step: float) -> Derived:
     """The angle by which a particle turns in a step."""
-    ratio = max((abs(species.charge / species.mass) for species in config.species), default=0.0)
-    step = ratio * magnetic * abs(config.simulation.time_step)
-    if config.numerics.exact_phase:
-        verdict, cure = (
-            ("ok", "") if step < math.pi else ("fail", "exact_phase = false, or a smaller time_step")
-        )
-        yield Derived(
-            "turn per step", "wc dt", step, "rad", "< pi", verdict, f"{BOOK} ch. 4", cure, TIME_STEP
-        )
-        return
-    verdict = "ok" if step <= 0.35 else "warn"
-    cure = (
-        ""
-        if verdict == "ok"
-        else f"exact_phase = true, or time_step = {rounded_down(0.35 / (ratio * magnetic)):g}"
-    )
-    limit = "< 0.35 for the gyro-phase to 1 %"
-    yield Derived("turn per step", "wc dt", step, "rad", limit, verdict, f"{BOOK} ch. 4", cure, TIME_STEP)
+    exact, source = config.numerics.exact_phase, f"{BOOK} ch. 4"
+    most, good = (math.pi, math.pi) if exact else (MOST_TURN, 0.35)
+    verdict = "ok" if step <= good else "warn" if step < most else "fail"
+    limit = "< pi" if exact else "< 0.35 for the gyro-phase to 1 %" if step < most else f"< {most:g}"
+    cure = "" if verdict == "ok" else f"time_step = {step_for(config, 0.35 / step):g}"
+    if step >= MOST_TURN:
+        cure += f", or a weaker field: a step only turns velocities round; {UNITS}"
+    elif verdict != "ok" and (exact or step < math.pi):
+        cure += f", or exact_phase = {'false' if exact else 'true'}"
+    return Derived("turn per step", "wc dt", step, "rad", limit, verdict, source, cure, TIME_STEP)
 
 
 def resolution(config: PlasmaConfig) -> Iterator[Derived]:
@@ -153,59 +179,60 @@ def resolution(config: PlasmaConfig) -> Iterator[Derived]:
     if not ratios:
         return
     ratio = min(ratios)
-    verdict = "ok" if ratio >= 0.5 else "warn" if ratio >= 0.03 else "fail"
-    fine = math.ceil(0.5 / ratio * max(config.grid.points))
-    cure = "" if verdict == "ok" else f'numerics.shape = "TSC" (cheaper), or about {fine} points on an axis'
-    yield Derived(
-        "Debye length",
-        "lambda_D/dx",
-        ratio,
-        "",
-        "> 0.5",
-        verdict,
-        f"{BOOK} ch. 8",
-        cure,
-        POINTS,
-        forceable=True,
-    )
-    measured = (
-        config.dimensions == 2 and config.numerics.shape == "CIC" and config.numerics.gradient == "difference"
-    )
-    if measured:
+    known = config.dimensions == 2 and config.numerics.shape in RATES and config.numerics.gradient == "difference"
+    yield shielding(config, ratio, known)
+    longest = max(1 / math.sqrt(k) / length for k, length in zip(inverse_sq, config.simulation.space_length) if k > 0)
+    verdict = "ok" if longest < 10 else "warn"
+    cure = "" if verdict == "ok" else f"no shielding in this box: the particles fly freely; {UNITS}"
+    key = ("simulation", "space_length")
+    yield Derived("Debye length in boxes", "lambda_D/L", longest, "", "< 10", verdict, f"{BOOK} ch. 1", cure, key)
+    if known:
         yield heating(config, ratio)
 
 
+def shielding(config: PlasmaConfig, ratio: float, known: bool) -> Derived:
+    """Debye length against the grid. known: whether the rates of heating were measured for this scheme."""
+    verdict = "ok" if ratio >= 0.5 else "warn" if ratio >= 0.03 else "fail"
+    cure = ""
+    if verdict != "ok":
+        points = 0.5 / ratio * max(config.grid.points)
+        fine = f"about {math.ceil(points)} points on an axis" if points <= MOST_POINTS else "a hotter or thinner plasma"
+        smooth = heated(config, "TSC", ratio) if known and config.numerics.shape == "CIC" else math.inf
+        cheap = f', or numerics.shape = "TSC", with which the energy grows by {smooth:.2g}' if smooth < HEATED else ""
+        cure = fine + cheap
+    source = f"{BOOK} ch. 8"
+    return Derived("Debye length", "lambda_D/dx", ratio, "", "> 0.5", verdict, source, cure, POINTS, forceable=True)
+
+
+def heated(config: PlasmaConfig, shape: str, ratio: float, more: float = 1.0, finer: float = 1.0) -> float:
+    """W(end)/W(0) - 1 by the measured rates, with `more` times the particles and a `finer` grid; nan where too few."""
+    particles = sum(species.particles for species in config.species)
+    per_cell = more * particles / (math.prod(config.grid.points) * finer**2)
+    time = total_plasma_frequency(config) * abs(config.simulation.time_step) * config.simulation.cycles
+    return energy_ratio(shape, ratio * finer, per_cell, time) - 1 if per_cell >= FEWEST else math.nan
+
+
 def heating(config: PlasmaConfig, ratio: float) -> Derived:
-    """Growth of the total energy over the run that the grid causes, from the measured rates."""
-    cells = math.prod(config.grid.points)
-    per_cell = sum(species.particles for species in config.species) / cells
-    x = math.log(ratio)
-    points = [(math.log(a), math.log(b)) for a, b in HEATING]
-    pair = next(((a, b) for a, b in itertools.pairwise(points) if x <= b[0]), (points[-2], points[-1]))
-    (x0, y0), (x1, y1) = pair
-    rate = math.exp(y0 + (y1 - y0) / (x1 - x0) * (max(x, points[0][0]) - x0)) / per_cell
-    periods = total_plasma_frequency(config) * abs(config.simulation.time_step) * config.simulation.cycles
-    growth = math.expm1(min(rate * periods, 700.0))
-    verdict = "ok" if growth < 0.1 else "warn"
-    cure = (
-        ""
-        if verdict == "ok"
-        else f"the energy doubles in {0.69 / rate:.3g}/wp: more particles, TSC, or finer grid"
-    )
-    return Derived(
-        "predicted heating",
-        "dW/W",
-        growth,
-        "",
-        "< 0.1",
-        verdict,
-        "measured with this scheme at wp dt = 0.2",
-        cure,
-        POINTS,
-    )
+    """Growth of the total energy over the run that the grid causes, from the measured rates, with cures by the same."""
+    shape = config.numerics.shape
+    growth = heated(config, shape, ratio)
+    if math.isnan(growth):
+        source = f"cannot be foretold with fewer than {FEWEST:g} particles per cell"
+        return Derived("predicted heating", "dW/W", growth, source=source)
+    verdict = "ok" if growth < HEATED else "warn"
+    factors = [2.0**n for n in range(1, CURES + 1)]
+    more = next((f for f in factors if heated(config, shape, ratio, more=f) < HEATED), None)
+    finer = next((f for f in factors if heated(config, shape, ratio, more=f**2, finer=f) < HEATED), None)
+    ways = [f"{more:g} times the particles"] if more else []
+    ways += [f"{finer:g} times the points on each axis with as many particles per cell"] if finer else []
+    if shape != "TSC" and heated(config, "TSC", ratio) < HEATED:
+        ways.insert(0, 'numerics.shape = "TSC"')
+    cure = "" if verdict == "ok" else ", or ".join(ways) or f"no grid up to {factors[-1]:g} times as fine cures it"
+    source = "rates measured at wp dt = 0.2"
+    return Derived("predicted heating", "dW/W", growth, "", f"< {HEATED}", verdict, source, cure, POINTS)
 
 
-def motion(config: PlasmaConfig) -> Iterator[Derived]:
+def crossing(config: PlasmaConfig) -> float:
     """Cells that the fastest particle crosses in a step."""
     fastest = 0.0
     for species in config.species:
@@ -215,16 +242,29 @@ def motion(config: PlasmaConfig) -> Iterator[Derived]:
         for axis, dx in enumerate(spacing(config)):
             speed = abs(species.drift_velocity[axis]) + tail * species.thermal_velocity
             fastest = max(fastest, speed * abs(config.simulation.time_step) / dx)
+    return fastest
+
+
+def motion(config: PlasmaConfig) -> Iterator[Derived]:
+    """Velocities as loaded, and how far the fastest particle gets in a step."""
+    fastest, components = crossing(config), velocity_components(config)
+    for species in config.species:
+        axes = range(components) if species.particles else ()
+        for (mean, spread), equal in itertools.groupby(axes, partial(velocity_moments, species)):
+            along = ", ".join(f"v{'xyz'[axis]}" for axis in equal)
+            yield Derived(f"mean velocity of {species.name}", f"mean {along}", mean, "m/s")
+            yield Derived(f"velocity spread of {species.name}", f"std {along}", spread, "m/s")
     verdict = "ok" if fastest < 1 else "warn"
-    cure = (
-        ""
-        if verdict == "ok"
-        else f"slower, not wrong; time_step = {step_for(config, 0.9 / fastest):g} avoids it"
-    )
-    yield Derived(
-        "fastest particle", "v dt/dx", fastest, "cells", "< 1", verdict, "one cell per step", cure, TIME_STEP
-    )
-    yield Derived("velocity components", "", velocity_components(config))
+    cure = "" if verdict == "ok" else f"slower, not wrong; time_step = {step_for(config, 0.9 / fastest):g} avoids it"
+    source = "one cell per step"
+    yield Derived("fastest particle", "v dt/dx", fastest, "cells", "< 1", verdict, source, cure, TIME_STEP)
+    light = SYSTEMS[config.units].light
+    if math.isfinite(light):
+        speeds = (math.hypot(*s.drift_velocity) + 3 * s.thermal_velocity for s in config.species if s.particles)
+        beta = max(speeds, default=0.0) / light
+        verdict, cure = ("ok", "") if beta < 0.1 else ("warn", "the equations of motion know no relativity")
+        yield Derived("speed against light", "v/c", beta, "", "< 0.1", verdict, "gamma = 1.005", cure, ("species",))
+    yield Derived("velocity components", "", components)
 
 
 def step_for(config: PlasmaConfig, factor: float) -> float:
@@ -236,9 +276,12 @@ def waves(config: PlasmaConfig) -> Iterator[Derived]:
     """How well the grid carries the waves that the case starts, and how long it watches them."""
     wp, dt = total_plasma_frequency(config), abs(config.simulation.time_step)
     if wp:
-        yield Derived(
-            "length of the run", "wp t/2pi", wp * dt * config.simulation.cycles / (2 * math.pi), "periods"
-        )
+        time, key = dt * config.simulation.cycles, ("simulation", "cycles")
+        limit, source = ("", "") if fastest_turn(config) * time >= 1 else ("> 0.16", "wp t > 1")
+        verdict = "ok" if wp * time >= 1 or not limit else "warn"
+        cure = "" if verdict == "ok" else f"the plasma does nothing in it: more cycles, a larger time_step; {UNITS}"
+        periods = wp * time / (2 * math.pi)
+        yield Derived("length of the run", "wp t/2pi", periods, "periods", limit, verdict, source, cure, key)
     for i, species in enumerate(config.species):
         if not species.perturbation:
             continue
@@ -278,7 +321,7 @@ def sizes(config: PlasmaConfig) -> Iterator[Derived]:
     cure = "" if verdict == "ok" else "more points"
     yield Derived("particles per cell", "N/cells", per_cell, "", limit, verdict, source, cure, POINTS)
     density = -sum(charge_density(config, species) for species in config.species)
-    unit = "C/m" if config.dimensions == 1 else "C/m2"
+    unit = "C/m3" if config.units == "SI" else "C/m" if config.dimensions == 1 else "C/m2"
     yield Derived("background charge density", "rho_0", density, unit)
     if config.simulation.solver == "LU":
         verdict = "ok" if cells <= 4096 else "warn" if cells <= 16384 else "fail"

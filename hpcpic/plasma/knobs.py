@@ -13,7 +13,7 @@ from hpcpic.core.cli.knobs import Choice, Knob, Knobs, Quantity
 from hpcpic.core.files.schema import value_text
 from hpcpic.plasma import analysis
 from hpcpic.plasma.config import PlasmaConfig
-from hpcpic.plasma.derived import spacing, total_plasma_frequency
+from hpcpic.plasma.derived import fastest_turn, spacing, total_plasma_frequency
 from hpcpic.plasma.loading import PLACED, RANDOM, SCALABLE, draws_random
 from hpcpic.plasma.predictions import Prediction, predict
 
@@ -112,10 +112,11 @@ def settings(config: PlasmaConfig, sizes: Mapping[str, float], time: float) -> t
     made.append(f"grid.points={points}")
     if "particles" in sizes and scalable(config):
         more = 1.0 / (sizes["particles"] * sum(s.particles for s in config.species))
-        made += [
-            f"species[{i}].particles={count(s.particles * more, math.prod(points), s.init_method)}"
-            for i, s in enumerate(config.species)
-        ]
+        for i, s in enumerate(config.species):
+            n = count(s.particles * more, math.prod(points), s.init_method)
+            made.append(f"species[{i}].particles={n}")
+            if n != s.particles and not (s.density or s.plasma_frequency):  # the same plasma: shared among more
+                made += [f"species[{i}].{name}={getattr(s, name) * s.particles / n!r}" for name in ("charge", "mass")]
     made += [f"{key}={max(1, round(period * dt / step))}" for key, period in sampled(config) if period]
     return tuple(made)
 
@@ -169,12 +170,6 @@ def quantities_of(config: PlasmaConfig, time: float) -> list[Quantity]:
     text = "total energy at the end over that at the start, by the trend"
     found.append(Quantity("energy", text, time / 4, drift, exact=1.0))
     return found
-
-
-def fastest_turn(config: PlasmaConfig) -> float:
-    """Largest cyclotron frequency, rad/s."""
-    ratios = (abs(s.charge / s.mass) for s in config.species if s.particles)
-    return max(ratios, default=0.0) * math.hypot(*config.field.magnetic)
 
 
 def started_mode(config: PlasmaConfig) -> int:

@@ -77,3 +77,9 @@ def test_what_no_knob_turns_is_turned_where_the_refusal_says(capfd):
     ways = [line for line in told.splitlines() if line.startswith("  --set contact.normal_stiffness=")]
     assert len(ways) == 2 and "the nearest legal one" in ways[0] and "without a warning" in ways[1]
     assert all("times the cost" in way for way in ways)
+
+
+def test_only_grains_whose_sizes_or_places_are_drawn_have_another_seed():
+    for case in ("poiseuille", "settling-disc", "sphere-array"):  # no grains, placed ones, a lattice of them
+        assert knobs_of(read(case)).seed is None, case
+    assert knobs_of(read("liquefaction")).seed(3) == ("simulation.random_seed=3",)

@@ -12,7 +12,10 @@ from hpcpic.core.files.config import Tree, loads
 from hpcpic.core.files.derived import enforce
 from hpcpic.core.files.schema import validate
 from hpcpic.plasma.config import PlasmaConfig
-from hpcpic.plasma.derived import HEATING, derived
+from hpcpic.plasma.derived import derived, total_plasma_frequency
+from hpcpic.plasma.heating import energy_ratio, rate
+from hpcpic.plasma.scene import Scene
+from hpcpic.plasma.units import PARTICLES, SI
 
 CASE = """
 simulation = { cycles = 1000; time_step = 0.2; space_length = [64.0, 32.0]; };
@@ -108,17 +111,65 @@ def test_the_uniform_distribution_of_the_thesis_has_a_debye_length():
     assert found["lambda_D/dx"].value == pytest.approx(math.sqrt(3))
 
 
-@pytest.mark.parametrize("ratio, rate", HEATING)
-def test_heating_follows_the_measured_table(ratio, rate):
-    found, _ = numbers([f"species[0].thermal_velocity={ratio}"])
-    assert math.log1p(found["dW/W"].value) == pytest.approx(
-        rate / 16 * 200, rel=1e-9
-    )  # 16 per cell, wp t = 200
+# W(t)/W(0) of runs on 64 x 64 points (64 per cell and TSC at 1.0: 32 x 32): shape, lambda_D/dx, particles per cell, wp t.
+# Each is the case of test_plasma_physics.test_self_heating at a random start, with the energy_total of its series.
+HEATED = [
+    ("CIC", 0.03, 16, 875, 4.972), ("CIC", 0.03, 64, 875, 4.654), ("CIC", 0.1, 16, 875, 3.660),
+    ("CIC", 0.1, 64, 875, 2.828), ("CIC", 0.3, 16, 875, 1.529), ("CIC", 0.3, 64, 875, 1.163),
+    ("CIC", 0.3, 16, 3150, 2.694), ("CIC", 0.3, 16, 6300, 4.078), ("CIC", 0.3, 16, 12425, 6.346),
+    ("TSC", 0.03, 16, 875, 1.640), ("TSC", 0.1, 16, 875, 1.446), ("TSC", 0.1, 64, 875, 1.219),
+    ("TSC", 0.3, 16, 875, 1.107), ("TSC", 0.3, 64, 875, 1.030), ("TSC", 0.5, 16, 875, 1.036),
+    ("TSC", 1.0, 16, 3500, 1.025),
+]  # fmt: skip
 
 
-def test_heating_falls_as_one_over_the_particles_per_cell():
-    few, many = (numbers([f"species[0].particles={n}"])[0]["dW/W"].value for n in (2048, 65536))
-    assert math.log1p(few) == pytest.approx(32 * math.log1p(many), rel=1e-9)
+@pytest.mark.parametrize("shape, debye, per_cell, time, measured", HEATED)
+def test_heating_is_foretold_as_it_was_measured(shape, debye, per_cell, time, measured):
+    assert energy_ratio(shape, debye, per_cell, time) - 1 == pytest.approx(measured - 1, rel=0.1)
+
+
+def test_heating_slows_down_as_the_debye_length_grows():
+    """Two runs one after the other are one run, at the Debye length that the first has left."""
+    half = energy_ratio("CIC", 0.3, 16, 5000)
+    whole = energy_ratio("CIC", 0.3, 16, 10000)
+    assert energy_ratio("CIC", 0.3 * math.sqrt(half), 16, 5000) * half == pytest.approx(whole, rel=1e-3)
+    assert whole < half**2 and energy_ratio("CIC", 0.3, 16, 0.0) == 1.0
+    for debye in (1e-70, 1e-4, 1.0, 1e70):  # and ends, in any number of steps
+        assert 1.0 <= energy_ratio("CIC", debye, 16, 1e30) < math.inf
+
+
+def test_the_noise_heats_less_with_more_particles_and_the_aliases_do_not():
+    few, many = (rate("CIC", math.log(1.0), n) for n in (16, 64))
+    assert few == pytest.approx(4 * many, rel=0.01)
+    assert rate("CIC", math.log(0.03), 1e9) == pytest.approx(rate("CIC", math.log(0.03), 16), rel=0.05)
+
+
+def test_a_few_particles_have_no_heating_that_could_be_foretold():
+    for particles in (1, 2048):
+        number = numbers([f"species[0].particles={particles}", "species[0].thermal_velocity=0.1"])[0]["dW/W"]
+        assert math.isnan(number.value) and "cannot be foretold" in number.source and number.verdict == "ok"
+
+
+@pytest.mark.parametrize("debye, cycles, tsc", [(0.3, 2000, True), (0.3, 20000, False), (0.1, 4375, False), (1e-4, 5000, False)])
+def test_each_cure_of_heating_cures_by_the_same_formula(debye, cycles, tsc):
+    sets = [f"species[0].thermal_velocity={debye}", f"simulation.cycles={cycles}"]
+    number = numbers(sets)[0]["dW/W"]
+    assert number.verdict == "warn" and ('numerics.shape = "TSC"' in number.cure) == tsc
+    assert ("TSC" in numbers(sets)[0]["lambda_D/dx"].cure) == tsc
+    if tsc:
+        assert numbers([*sets, 'numerics.shape="TSC"'])[0]["dW/W"].verdict == "ok"
+    if more := re.search(r"(\d+) times the particles", number.cure):
+        cured = [*sets, f"species[0].particles={int(more[1]) * 32768}"]
+        assert numbers(cured)[0]["dW/W"].verdict == "ok"
+    if finer := re.search(r"(\d+) times the points", number.cure):
+        f = int(finer[1])
+        cured = [*sets, f"grid.points=[{64 * f}, {32 * f}]", f"species[0].particles={f * f * 32768}"]
+        assert numbers(cured)[0]["dW/W"].verdict == "ok"
+
+
+def test_the_debye_length_that_no_grid_can_resolve_has_no_grid_as_a_cure():
+    cure = numbers(["species[0].thermal_velocity=1e-9"])[0]["lambda_D/dx"].cure
+    assert "points" not in cure and "a hotter or thinner plasma" in cure
 
 
 @pytest.mark.parametrize(

@@ -11,7 +11,9 @@ from hpcpic.core.cli.main import build
 from hpcpic.core.files.series import Series
 from hpcpic.plasma.app import APP, shipped_cases
 from hpcpic.plasma.config import PlasmaConfig
+from hpcpic.plasma.derived import total_plasma_frequency
 from hpcpic.plasma.knobs import knobs_of, smooth
+from hpcpic.plasma.scene import Scene
 
 CASES = sorted(shipped_cases())
 ABOUT = {
@@ -53,6 +55,7 @@ def test_settings_are_never_coarser_than_asked_and_end_at_the_time(case, factor)
     for name, size in sizes_of(knobs, made).items():
         assert size <= wanted[name] * (1 + 1e-9)
     assert all(n % 2 == 0 for n in made.grid.points)
+    assert total_plasma_frequency(made) == pytest.approx(total_plasma_frequency(config), rel=1e-12)
     for species in made.species:  # as many in every cell, so that no beat is an alias
         assert species.init_method != "quiet" or species.particles % math.prod(made.grid.points) == 0
 
@@ -127,8 +130,32 @@ def test_the_limit_of_the_time_step_is_measured_at_2(tmp_path, monkeypatch, capf
     assert program("stability", "plasma-oscillation", "--knob", "dt", "-o", "out") == 0
     facts = json.loads((tmp_path / "out/stability.json").read_text())
     assert facts["measured_over_theory"] == pytest.approx(1.0, abs=0.05)
-    assert facts["seeds"] == {"2": True, "3": True} and not facts["slow"]
-    capfd.readouterr()
+    assert facts["seeds"] == {} and not facts["slow"]
+    assert "nothing in the scene is random, so no other seed was run" in capfd.readouterr().out
+
+
+@pytest.mark.parametrize(
+    "case, sets",
+    [
+        ("plasma-oscillation", ()),
+        ("landau-damping", ()),  # thermal, but from the inverse distribution
+        ("two-particles", ()),
+        ("two-particles", ("species[0].thermal_velocity=0.1",)),
+        ("magnetised-thermal-2d", ()),
+        ("magnetised-thermal-2d", ("species[0].particles=0",)),
+        ("thesis-10240-on-64", ()),
+        ("thesis-10240-on-64", ('species[0].init_method="opposite beams"',)),
+    ],
+)
+def test_a_scene_has_another_seed_where_another_seed_makes_another_scene(case, sets):
+    config = read(case, sets)
+    other = read(case, (*sets, "simulation.random_seed=2"))
+
+    def start(config):
+        return [(s.positions(ids), s.velocities(ids)) for s in Scene(config).species for ids in [np.array(s.ids[:64])]]
+
+    same = all(np.array_equal(a, b) for s, t in zip(start(config), start(other)) for a, b in zip(s, t))
+    assert same == (knobs_of(config).seed is None)
 
 
 def test_a_refusal_comes_with_ways_out_and_what_they_cost(capfd):

@@ -75,7 +75,8 @@ class Knobs:
     quantities(): what can be asked for, the one that the case is about first.
     work(config): what the run costs, counted instead of timed, in work_unit.
     horizon: time [s] in which an instability shows. growth(series): how much larger than at the start the quantity has
-    become that an unstable scheme blows up. seed(n): settings of another random state; None without one.
+    become that an unstable scheme blows up. seed(n): settings of another random state; None where the scene draws no
+    random numbers.
     """
 
     knobs: tuple[Knob, ...]

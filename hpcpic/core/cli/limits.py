@@ -1,4 +1,4 @@
-"""Bisection for the end of stability of one knob: two horizons, three seeds, a map over a second knob."""
+"""Bisection for the end of stability of one knob: two horizons, three seeds of a random scene, a second knob's map."""
 
 from __future__ import annotations
 

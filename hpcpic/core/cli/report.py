@@ -198,10 +198,10 @@ def _key_figures(facts: Mapping[str, Any]) -> list[tuple[str, str, str]]:
 
 def _derived(facts: Mapping[str, Any]) -> Table:
     rows = [
-        (str(n["name"]), number(n["value"]), str(n["unit"]), str(n["limit"]), str(n["verdict"]))
+        (n["name"], n.get("symbol", ""), number(n["value"]), str(n["unit"]), str(n["limit"]), str(n["verdict"]))
         for n in facts.get("derived", ())
     ]
-    return Table("Derived numbers", ("number", "value", "unit", "limit", ""), rows, (1,))
+    return Table("Derived numbers", ("number", "", "value", "unit", "limit", ""), rows, (2,))
 
 
 def _conserved(facts: Mapping[str, Any]) -> Table:

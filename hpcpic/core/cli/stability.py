@@ -33,8 +33,9 @@ def make_stability_command(app_loader: AppLoader) -> click.Command:
     def stability(**asked: Any) -> None:
         """Bisect for the largest stable size of a knob of CASE; compare with the theory's limit.
 
-        Two horizons tell a limit from slow growth, three seeds tell it from luck. Exit code 3 when the case itself
-        is unstable, or when the measured limit is more than 5 % below the theory's.
+        Two horizons tell a limit from slow growth, and three seeds tell it from luck where the scene draws random
+        numbers. Exit code 3 when the case itself is unstable, or when the measured limit is more than 5 % below the
+        theory's.
         """
         find(app_loader(), **asked)
 
@@ -107,8 +108,9 @@ def tell(limits: Limits, axis: Axis, limit: Limit, rates: list[tuple[float, floa
                 f"measured/theory = {ratio:.3f}"
             )
         seeds = ", ".join(f"seed {seed} {'agrees' if same else 'differs'}" for seed, same in limit.seeds.items())
+        seeds = seeds or "nothing in the scene is random, so no other seed was run"
         longer = f"four times as long {'moves it by over 5 %' if limit.slow else 'the same'}"
-        click.echo(f"            {seeds + '; ' if seeds else ''}{longer}")
+        click.echo(f"            {seeds}; {longer}")
         click.echo(f"the case    {knob.name} = {knob.shown(own):.4g} {knob.unit} is {own / size:.3g} of it")
         click.echo(strip(axis.x(own) / limit.x))
     elif limit.stable is not None:
