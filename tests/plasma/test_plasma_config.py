@@ -100,6 +100,41 @@ def test_files_in_the_style_of_the_thesis_author_are_read(name, points, species,
     enforce(derived(config), tree)  # and none of them is refused
 
 
+@pytest.mark.parametrize(
+    "sets, told",
+    [
+        ((), ""),
+        (("species[0].init_method=quiet", "species[0].drift_velocity=[1, 0]"), ""),
+        (("species[0].init_method=random", "species[0].drift_velocity=[1, 0]"), ""),
+        (('species[0].init_method="opposite beams"', "species[0].drift_velocity=[1, 0]"), ""),
+        (('species[0].init_method="random position"', "species[0].drift_velocity=[1, 0]"), ""),  # and thermal
+        (("species[0].init_method=default", "species[0].drift_velocity=[0, 0]"), ""),
+        (("species[0].init_method=default", "species[0].drift_velocity=[1, 0]"), "makes two opposite beams"),
+        (
+            (
+                'species[0].init_method="random position"',
+                "species[0].drift_velocity=[1, 0]",
+                "species[0].thermal_velocity=0",
+            ),
+            "makes velocities uniform in [-v, v]",
+        ),
+    ],
+)
+def test_a_drift_velocity_that_makes_no_drift_is_told(sets, told):
+    _, tree = read(sets=sets)
+    assert [told in warning for warning in tree.warnings] == ([True] if told else []), tree.warnings
+
+
+def test_a_drift_without_a_method_is_told_once_and_the_case_as_used_says_it():
+    text = CASE.replace('init_method = "quiet";', "")
+    assert read(text)[1].warnings == []
+    config, tree = read(text, ["species[0].drift_velocity=[0, 2]"])
+    (warning,) = tree.warnings
+    assert warning.startswith("species[0].init_method: not given") and '"opposite beams"' in warning
+    again, tree = read(dump(config))
+    assert tree.warnings == [] and again.species[0].init_method == "random"
+
+
 def test_an_included_default_is_overridden_key_by_key():
     config = validate(PlasmaConfig, load(CPIC / "two-species-2d.conf"))
     assert config.simulation.solver == "LU"  # `method` of the case over `solver` of the defaults

@@ -21,6 +21,7 @@ ABOUT = {
     "cyclotron": "gyration",
     "exb-drift": "gyration",
     "landau-damping": "damping",
+    "landau-damping-si": "damping",
     "magnetised-thermal-2d": "energy",
     "plasma-oscillation": "frequency",
     "thesis-1024-on-512": "energy",

@@ -10,6 +10,7 @@ from hpcpic.core.files.schema import validate
 from hpcpic.plasma.app import shipped_cases
 from hpcpic.plasma.config import PlasmaConfig
 from hpcpic.plasma.quiet import BASES, lattice, radical_inverse
+from hpcpic.plasma.loading import velocity_moments
 from hpcpic.plasma.scene import Scene
 
 CASE = """
@@ -140,6 +141,7 @@ def test_without_a_plasma_frequency_charge_and_mass_are_as_given():
 
 def test_random_positions_of_the_thesis_have_velocities_uniform_within_the_drift():
     x, v = state(second('init_method="random position"', "particles=100000"))
+    np.testing.assert_array_equal(v, state(second('init_method="uniform velocities"', "particles=100000"))[1])
     bound = np.array([0.5, 0.25])
     assert (abs(v) < bound).all()
     # mean and variance of 1e5 numbers: 5 standard errors
@@ -157,8 +159,9 @@ def test_a_thermal_velocity_adds_normal_deviates_to_the_drift():
         np.testing.assert_allclose(((v - v.mean(0)) ** 4).mean(0), 3 * 0.5**4, rtol=0.08)
 
 
-def test_default_makes_two_opposite_beams():
-    _, v = state(second("init_method=default"))
+@pytest.mark.parametrize("word", ["default", '"opposite beams"'])
+def test_two_opposite_beams_are_made_where_they_are_asked_for(word):
+    _, v = state(second(f"init_method={word}"))
     np.testing.assert_array_equal(v[1::2], np.tile([0.5, 0.25], (2048, 1)))
     np.testing.assert_array_equal(v[::2], -v[1::2])
 
@@ -167,6 +170,28 @@ def test_harmonic_two_electrons_stand_at_three_and_five_eighths():
     x, v = state(second('init_method="harmonic two electrons"', "particles=2"))
     np.testing.assert_array_equal(x, [[3.0, 2.0], [5.0, 2.0]])
     np.testing.assert_array_equal(v, [[0.5, 0.0], [-0.5, 0.0]])
+
+
+def test_a_drift_without_a_method_is_a_drift():
+    for thermal in (0.0, 0.5):
+        sets = ("particles=100000", f"thermal_velocity={thermal}")
+        _, v = state(second("init_method=random", *sets))
+        np.testing.assert_allclose(v.mean(0), [0.5, 0.25], atol=5 * thermal / np.sqrt(1e5) + 1e-15)
+        text = CASE.replace('init_method = "quiet";', "")
+        assert "init_method" not in text
+        np.testing.assert_array_equal(v, state(second(*sets, text=text))[1])
+
+
+@pytest.mark.parametrize("sets", [*METHODS, ('init_method="uniform velocities"', "thermal_velocity=0.5")])
+def test_mean_and_spread_are_those_of_the_particles(sets):
+    species = second(*(sets if "particles=2" in sets[-1] else (*sets, "particles=100000")))
+    for waved in (species, second(*sets, "particles=100000", WAVE)) if species.n > 2 else (species,):
+        _, v = state(waved)
+        for axis in range(v.shape[1]):
+            mean, spread = velocity_moments(waved.section, axis)
+            error = 5 * max(spread, 1e-15) / np.sqrt(waved.n)
+            assert v[:, axis].mean() == pytest.approx(mean, abs=error)
+            assert v[:, axis].std() == pytest.approx(spread, abs=error)
 
 
 def test_position_delta_walks_through_the_periodic_box():

@@ -362,15 +362,16 @@ def test_lu_and_mft_give_the_same_run(simulate):
     assert runs[0].last["energy_field"] == pytest.approx(runs[1].last["energy_field"], rel=1e-10)
 
 
-def test_case_landau_damping(simulate):
-    """The shipped case: amplitude 0.01, one Maxwellian in bit-reversed order; second to ninth maximum."""
-    done = simulate("landau-damping", look=Plasma.scalars)
-    t, amplitude = done.t, done.scalar("mode_1")
+@pytest.mark.parametrize("name, wp", [("landau-damping", 1.0), ("landau-damping-si", 5.641460e9)])
+def test_case_landau_damping(simulate, name, wp):
+    """The shipped cases: amplitude 0.01, one Maxwellian in bit-reversed order; second to ninth maximum."""
+    done = simulate(name, look=Plasma.scalars)
+    t, amplitude = wp * done.t, done.scalar("mode_1")
     times, _ = analysis.peaks(t, amplitude)
     window = (t >= times[1]) & (t <= times[8])
     fit = analysis.fit_oscillation(t[window], analysis.signed(amplitude)[window], frequency=1.4157, rate=-0.1534)
-    compare("case landau-damping, frequency", fit.frequency, 1.415662, 2e-3)
-    compare("case landau-damping, decay", fit.rate, -0.153359, 1e-2)
+    compare(f"case {name}, frequency", fit.frequency, 1.415662, 2e-3)
+    compare(f"case {name}, decay", fit.rate, -0.153359, 1e-2)
 
 
 @pytest.mark.parametrize("name, mode, start, stop, gamma, tolerance", [
