@@ -15,6 +15,7 @@ HEATED = 0.1  # growth of the energy by the grid that is warned of
 CURES = 5  # doublings of particles or points that are tried against it
 HUGE = 1e75
 NODE_CAPACITY = 2**19  # particles on one node that 64-bit fixed point with 44 fractional bits holds
+MOST_CELLS = 1e9  # that a particle may cross in a step
 SMALLEST = 1e-4  # change in a step below which steps are wasted
 MOST_TURN = 1e6  # wc dt beyond which round-off of the turn heats: in 40 steps by 1e-5 at 1e12, by 5 at 1e15, measured
 UNITS = 'are charge, mass and lengths in the case\'s units (units = "SI" or "normalised")?'
@@ -58,7 +59,7 @@ def thermal_velocities(config: PlasmaConfig, species: Species) -> tuple[float, .
     """Standard deviation of the velocity per grid axis, m/s, that beams and waves have no part in."""
     d = config.dimensions
     if species.init_method == "uniform velocities":
-        return tuple(velocity_moments(species, axis)[1] for axis in range(d))
+        return tuple(velocity_moments(config, species, axis)[1] for axis in range(d))
     return (species.thermal_velocity,) * d
 
 
@@ -81,16 +82,19 @@ def overflows(config: PlasmaConfig) -> Iterator[Derived]:
     checked += [(("field", "magnetic"), component) for component in config.field.magnetic]
     checked += [(("field", "electric"), component) for component in config.field.electric]
     for i, species in enumerate(config.species):
-        for name in ("charge", "mass", "thermal_velocity", "plasma_frequency"):
+        for name in ("charge", "mass", "density", "thermal_velocity", "plasma_frequency"):
             checked.append((("species", i, name), getattr(species, name)))
-        checked += [(("species", i, "drift_velocity"), component) for component in species.drift_velocity]
+        for name in ("drift_velocity", "position_init", "position_delta"):
+            checked += [(("species", i, name), component) for component in getattr(species, name)]
+        if wave := species.perturbation:
+            checked.append((("species", i, "perturbation", "velocity_amplitude"), wave.velocity_amplitude))
     wrong = [(key, value) for key, value in checked if value and not 1 / HUGE < abs(value) < HUGE]
     if not wrong:
         wp = total_plasma_frequency(config)
         wrong = [(("species",), wp)] if wp and not 1 / HUGE < wp < HUGE else []
     for key, value in wrong:
         symbol = "wp" if key == ("species",) else str(key[-1])
-        limit = f"{1 / HUGE:g} .. {HUGE:g}"
+        limit = f"{1 / HUGE:g} .. {HUGE:g}, 0"
         cure = "choose other units"
         yield Derived("magnitude", symbol, value, "", limit, "fail", "floating point", cure, key)
 
@@ -233,15 +237,20 @@ def heating(config: PlasmaConfig, ratio: float) -> Derived:
 
 
 def crossing(config: PlasmaConfig) -> float:
-    """Cells that the fastest particle crosses in a step."""
-    fastest = 0.0
+    """Cells that the fastest particle crosses in a step: as loaded, and as the external electric field makes it."""
+    fastest, dt, electric = 0.0, abs(config.simulation.time_step), config.field.electric
+    turn = fastest_turn(config) if any(electric) else 0.0
+    time = dt * max(config.simulation.cycles, 1)
+    time = min(time, 2 / turn) if turn else time  # a cycloid has no more than twice the drift E/B
     for species in config.species:
         if not species.particles:
             continue
         tail = math.sqrt(2 * math.log(max(species.particles, 2)))
+        wave = abs(species.perturbation.velocity_amplitude) if species.perturbation else 0.0
         for axis, dx in enumerate(spacing(config)):
-            speed = abs(species.drift_velocity[axis]) + tail * species.thermal_velocity
-            fastest = max(fastest, speed * abs(config.simulation.time_step) / dx)
+            gained = abs(species.charge / species.mass * electric[axis]) * time
+            speed = abs(species.drift_velocity[axis]) + tail * species.thermal_velocity + wave + gained
+            fastest = max(fastest, speed * dt / dx)
     return fastest
 
 
@@ -250,14 +259,16 @@ def motion(config: PlasmaConfig) -> Iterator[Derived]:
     fastest, components = crossing(config), velocity_components(config)
     for species in config.species:
         axes = range(components) if species.particles else ()
-        for (mean, spread), equal in itertools.groupby(axes, partial(velocity_moments, species)):
+        for (mean, spread), equal in itertools.groupby(axes, partial(velocity_moments, config, species)):
             along = ", ".join(f"v{'xyz'[axis]}" for axis in equal)
             yield Derived(f"mean velocity of {species.name}", f"mean {along}", mean, "m/s")
             yield Derived(f"velocity spread of {species.name}", f"std {along}", spread, "m/s")
-    verdict = "ok" if fastest < 1 else "warn"
+    verdict, limit, source = "ok" if fastest < 1 else "warn", "< 1", "one cell per step"
     cure = "" if verdict == "ok" else f"slower, not wrong; time_step = {step_for(config, 0.9 / fastest):g} avoids it"
-    source = "one cell per step"
-    yield Derived("fastest particle", "v dt/dx", fastest, "cells", "< 1", verdict, source, cure, TIME_STEP)
+    if fastest >= MOST_CELLS:
+        verdict, limit, source = "fail", f"< {MOST_CELLS:g}", "cells are counted in 32 bits"
+        cure = f"time_step = {step_for(config, 0.9 / fastest):g}, or a slower particle; {UNITS}"
+    yield Derived("fastest particle", "v dt/dx", fastest, "cells", limit, verdict, source, cure, TIME_STEP)
     light = SYSTEMS[config.units].light
     if math.isfinite(light):
         speeds = (math.hypot(*s.drift_velocity) + 3 * s.thermal_velocity for s in config.species if s.particles)

@@ -70,6 +70,8 @@ def particle_faults(species: Species) -> Iterator[tuple[Path, str]]:
             yield (name,), "needs density or plasma_frequency: without, charge and mass are a macro-particle's"
     if species.temperature is not None and species.thermal_velocity:
         yield ("temperature",), "give either temperature or thermal_velocity"
+    if species.init_method == "uniform velocities" and (species.thermal_velocity or species.temperature):
+        yield ("init_method",), '"uniform velocities" have a spread of their own: no thermal_velocity, or "random"'
     if species.plasma_frequency and species.charge == 0:
         yield ("charge",), "must not be 0 where plasma_frequency is given"
 
@@ -119,7 +121,7 @@ def draws_random(species: Species) -> bool:
     return bool(species.particles and drawn)
 
 
-def velocity_moments(species: Species, axis: int) -> tuple[float, float]:
+def velocity_moments(config: PlasmaConfig, species: Species, axis: int) -> tuple[float, float]:
     """Mean and standard deviation, m/s, of a velocity component as loaded."""
     n, v, method = species.particles or 0, species.drift_velocity[axis], species.init_method
     mean, variance = v, species.thermal_velocity**2
@@ -127,11 +129,11 @@ def velocity_moments(species: Species, axis: int) -> tuple[float, float]:
         mean = -v * (n % 2) / n
         variance += v * v - mean * mean
     elif method == "uniform velocities":
-        mean, variance = 0.0, variance + v * v / 3
+        mean, variance = 0.0, v * v / 3
     elif method == "harmonic two electrons":
         mean, variance = 0.0, variance + (v * v if axis == 0 else 0.0)
     wave = species.perturbation
     if wave and axis < len(wave.mode):
-        along = wave.mode[axis] / math.hypot(*wave.mode)  # sin(k.x) has the variance 1/2
-        variance += 0.5 * (wave.velocity_amplitude * along) ** 2
+        k = [mode / length for mode, length in zip(wave.mode, config.simulation.space_length)]
+        variance += 0.5 * (wave.velocity_amplitude * k[axis] / math.hypot(*k)) ** 2  # sin(k.x) has the variance 1/2
     return mean, math.sqrt(variance)

@@ -46,7 +46,7 @@ def beams(config: PlasmaConfig) -> tuple[Beam, ...]:
         if species.init_method == "opposite beams" and drift:
             found += [Beam(wp / math.sqrt(2), v, spread) for v in (drift, -drift)]
         elif species.init_method == "uniform velocities" and drift:
-            found.append(Beam(wp, 0.0, math.hypot(spread, drift / math.sqrt(3))))
+            found.append(Beam(wp, 0.0, abs(drift) / math.sqrt(3)))
         else:
             found.append(Beam(wp, drift, spread))
     return tuple(found)

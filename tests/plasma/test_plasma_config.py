@@ -268,6 +268,7 @@ def test_all_bad_settings_are_told_at_once_with_their_places():
             "species[0].perturbation={mode=[1, 0]; amplitude=1.0}",
             "species[0].perturbation.amplitude: must be less",
         ),
+        ('species[0].init_method="uniform velocities"', '"uniform velocities" have a spread of their own'),
         ("species[0].thermal_velocity=-1", "species[0].thermal_velocity: must be greater than or equal to 0"),
         ("numerics.reproducible=false", "numerics.reproducible: must be true"),
         ("numerics.shape=PQS", "numerics.shape: must be 'NGP', 'CIC' or 'TSC' (got 'PQS')"),
