@@ -18,7 +18,6 @@ if TYPE_CHECKING:
 RANDOM = ("random", "opposite beams", "uniform velocities")  # their positions are random
 SCALABLE = (*RANDOM, "quiet")  # more particles are the same scene
 PLACED = ("position delta", "harmonic two electrons")  # one by one
-AUTHORS_WORDS = ("default", "random position")  # of the thesis author's files
 ITS_DRIFT = 'init_method = "random" gives all of them the drift_velocity'
 
 
