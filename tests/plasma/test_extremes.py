@@ -306,9 +306,9 @@ def test_extremes_on_ranks(tmp_path):
         assert made[1][k] == made[2][k] == made[3][k], name
 
 
-def run(folder, ranks, *sets, force=False):
+def run(folder, ranks, *sets, flags=()):
     (folder / "hot.conf").write_text(HOT)
-    words = [word for assignment in sets for word in ("--set", assignment)] + ["--force"] * force
+    words = [word for assignment in sets for word in ("--set", assignment)] + list(flags)
     return launch(
         ranks, "-m", "hpcpic", "run", str(folder / "hot.conf"), "-o", str(folder / "run"), "--threads", "1", *words
     )
@@ -319,14 +319,14 @@ def facts(folder):
 
 
 def test_warned(tmp_path):
-    done = run(tmp_path, 2, "simulation.time_step=1.5", force=True)
+    done = run(tmp_path, 2, "simulation.time_step=1.5", flags=["--force"])
     assert done.returncode == 0 and facts(tmp_path)["status"] == "finished"
     assert any("wp dt = 1.5" in warning and "without --force" in warning for warning in facts(tmp_path)["warnings"])
     assert done.stderr.count("wp dt = 1.5") == 1
 
 
 def test_refused(tmp_path):
-    done = run(tmp_path, 2, "simulation.time_step=2.1", force=True)
+    done = run(tmp_path, 2, "simulation.time_step=2.1", flags=["--force"])
     assert done.returncode == 2 and not (tmp_path / "run").exists()
     assert done.stderr.count("wp dt = 2.1") == 1 and "time_step = 1.1" in done.stderr
 
@@ -338,8 +338,8 @@ def test_more_ranks_than_rows(tmp_path):
 
 
 def test_diverged(tmp_path):
-    """A field in which the rotation is lost in rounding: known after the first steps, in one line."""
-    done = run(tmp_path, 2, "field.magnetic=[0.0, 0.0, 5e30]")
+    """A field in which the rotation is lost in rounding, past its refusal: known after the first steps, in one line."""
+    done = run(tmp_path, 2, "field.magnetic=[0.0, 0.0, 5e30]", flags=["--beyond-limits"])
     assert done.returncode == 4 and "Traceback" not in done.stderr
     assert (facts(tmp_path)["status"], facts(tmp_path)["exit_code"]) == ("diverged", 4)
     assert len([line for line in done.stderr.splitlines() if "moved 2^31 cells" in line]) == 1
