@@ -1,0 +1,73 @@
+"""Older words of the thesis author's program, and those of his input files, as the present ones."""
+
+import difflib
+
+from hpcpic.core.files.config import Path, Tree, dotted
+from hpcpic.core.files.words import move, one_period
+
+KINDS = ("series", "fields", "particles", "checkpoint")  # of output
+SAMPLING = ("simulation", "sampling_period")
+WRITTEN = ("output", "sampling_period")
+OLDER = {  # the thesis's words for output.every
+    "series": ((*SAMPLING, "energy"),),
+    "fields": ((*WRITTEN, "field"), ("output", "period", "field"), (*SAMPLING, "field")),
+    "particles": ((*WRITTEN, "particle"), ("output", "period", "particle"), (*SAMPLING, "particle")),
+    "checkpoint": (("output", "checkpoint"),),
+}
+
+
+def modernised(tree: Tree) -> None:
+    if tree.has(("simulation", "method")):
+        if tree.has(("simulation", "solver")):
+            tree.drop(("simulation", "solver"))
+        move(tree, ("simulation", "method"), ("simulation", "solver"))
+    if tree.has(("simulation", "solver")) and tree.data["simulation"]["solver"] == "MFT_TAP":
+        tree.data["simulation"]["solver"] = "MFT"
+        tree.warnings.append("simulation.solver: MFT_TAP is read as MFT, which has no separate workers here")
+    if tree.has(("simulation", "realtime_plot")):
+        for name in ("field", "particle"):  # there they set the pace of the live plot, not of files
+            if tree.has((*SAMPLING, name)):
+                tree.drop((*SAMPLING, name))
+                tree.ignored.append(dotted((*SAMPLING, name)))
+    one_period(tree, KINDS, OLDER)
+    for group, words in ((SAMPLING, ("energy", "field", "particle")), (WRITTEN, ("field", "particle"))):
+        emptied(tree, group, words)
+    for group in species_of(tree):
+        if group.get("velocity_method") == "two-stream" and "init_method" not in group:
+            del group["velocity_method"]  # no program of his read it: all took every second particle the other way
+            group["init_method"] = "default"
+    named_apart(tree)
+
+
+def species_of(tree: Tree) -> list[dict]:
+    """The groups of species; an empty one for what is none."""
+    listed = tree.data.get("species")
+    return [group if isinstance(group, dict) else {} for group in listed] if isinstance(listed, tuple) else []
+
+
+def emptied(tree: Tree, group: Path, words: tuple[str, ...]) -> None:
+    """Drop a group whose settings have found their places; what is left in it is a fault."""
+    if not tree.has(group):
+        return
+    place, left = tree.where(group), tree.drop(group)
+    if not isinstance(left, dict):
+        tree.faults.append(f"{place}: {dotted(group)}: must be a group {{ }} of {', '.join(words)}")
+        return
+    for name in left:
+        near = difflib.get_close_matches(name, words, 1)
+        hint = f"; did you mean {near[0]!r}?" if near else f"; the keys here are {', '.join(words)}"
+        tree.faults.append(f"{tree.where((*group, name))}: {dotted((*group, name))}: unknown key{hint}")
+
+
+def named_apart(tree: Tree) -> None:
+    """Two species of one name, which his program allows, are told apart by their numbers: files of a run go by name."""
+    species = species_of(tree)
+    given = [group.get("name") or f"species_{i + 1}" for i, group in enumerate(species)]
+    for i, name in enumerate(given):
+        if isinstance(name, str) and name in given[:i]:
+            number = i + 1
+            while f"{name}_{number}" in given:
+                number += 1
+            given[i] = species[i]["name"] = f"{name}_{number}"
+            place = tree.where(("species", i, "name"))
+            tree.warnings.append(f"{place}: species[{i}].name: {name!r} is taken; called {given[i]!r} here")
