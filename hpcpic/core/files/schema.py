@@ -271,7 +271,9 @@ def group_lines(config: Section, indent: str) -> list[str]:
         if value is None:
             continue
         if isinstance(value, Section):
-            lines += [f"{indent}{name} = {{", *group_lines(value, indent + "  "), f"{indent}}};"]
+            inner = group_lines(value, indent + "  ")
+            if inner or field.default is None:  # a group that may be missing says something by being there
+                lines += [f"{indent}{name} = {{", *inner, f"{indent}}};"]
         elif isinstance(value, tuple) and section_of(field):
             lines += [f"{indent}{name} = (", *list_lines(value, indent + "  "), f"{indent});"]
         else:
