@@ -5,7 +5,7 @@ Lattice units appear only in `check` and inside the program.
 
 import math
 from collections.abc import Iterator
-from typing import Annotated, Literal
+from typing import Annotated, ClassVar, Literal
 
 import numpy as np
 from pydantic import BeforeValidator, Field
@@ -195,6 +195,8 @@ class Output(Section):
 
 class LbmDemConfig(Section):
     """A whole LBM-DEM case."""
+
+    rewritten: ClassVar[tuple[str, ...]] = ("fluid.dynamic_viscosity",)
 
     description: str = setting("", "one sentence")
     simulation: Simulation

@@ -7,7 +7,7 @@ import itertools
 import math
 import os
 from collections.abc import Iterator
-from typing import Annotated, Literal
+from typing import Annotated, ClassVar, Literal
 
 from pydantic import BeforeValidator
 
@@ -216,6 +216,8 @@ class Output(Section):
 
 class SphConfig(Section):
     """A whole SPH case."""
+
+    rewritten: ClassVar[tuple[str, ...]] = ("fluid[].kinematic_viscosity",)
 
     description: str = setting("", "one sentence")
     simulation: Simulation

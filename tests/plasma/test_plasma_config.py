@@ -251,7 +251,8 @@ def test_a_charge_of_zero_has_no_plasma_frequency():
 
 
 def test_species_of_one_name_are_told_apart_by_their_numbers():
-    others = "".join(f', {{ name = "{name}"; particles = 0; charge = 1; mass = 1; }}' for name in ("a", "a", "a_3", "a"))
+    more = ("a", "a", "a_3", "a")
+    others = "".join(f', {{ name = "{name}"; particles = 0; charge = 1; mass = 1; }}' for name in more)
     config, tree = read(CASE.replace(");\n", f"{others});\n"))
     assert [species.name for species in config.species] == ["species_1", "a", "a_4", "a_3", "a_5"]
     first, second = tree.warnings

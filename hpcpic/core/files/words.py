@@ -36,7 +36,7 @@ def written(tree: Tree, path: Path) -> Path:
 
 
 def move(tree: Tree, old: Path, new: Path) -> None:
-    """Give a setting another place in the tree; where it stands in the files is kept. Needs groups, or nothing, there."""
+    """Give a setting another place in the tree; where it stands in the files is kept."""
     place, below = tree.where(old), [path for path in tree.places if len(path) > len(old) and path[: len(old)] == old]
     value, parent = tree.drop(old), tree.data
     for key in new[:-1]:
@@ -93,8 +93,9 @@ def one_period(tree: Tree, kinds: Iterable[str], older: Mapping[str, tuple[Path,
         for path in words[1:]:
             tree.drop(path)
         kept = one_of(tree, (("output", "period", kind), every, *words[:1]))
-        if kept in words and isinstance(tree.data.setdefault("output", {}), dict):
-            if isinstance(tree.data["output"].setdefault("every", {}), dict):
+        if kept in words:
+            output = tree.data.setdefault("output", {})
+            if isinstance(output, dict) and isinstance(output.setdefault("every", {}), dict):
                 move(tree, kept, every)
 
 
