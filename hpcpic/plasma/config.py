@@ -148,6 +148,7 @@ class PlasmaConfig(Section):
         "simulation.mft_tap_workers",
         "simulation.pblock_nmax",
         "simulation.realtime_plot",
+        "simulation.fftw_recompute_plan",
         "output.slices",
         "output.alignment",
         "species.cyclotron_frequency",

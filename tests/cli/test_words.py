@@ -151,6 +151,13 @@ def test_a_period_is_in_seconds_or_in_steps(program, kind, seconds):
     assert "must be greater than or equal to 0" in faults_of(program, f"output.every.{kind}=-1")[0]
 
 
+def test_periods_in_steps_and_in_seconds_are_one_where_steps_are_of_one_length():
+    step = read("lbmdem")[0].time_step
+    for kind, name in {"series": "series", "fields": "field", "checkpoint": "checkpoint"}.items():
+        for asked in (f"output.every.{kind}=7", f"output.period.{kind}={7 * step!r}"):
+            assert read("lbmdem", sets=[asked])[0].periods[name] == 7
+
+
 @pytest.mark.parametrize("program", MODULES)
 @pytest.mark.parametrize("other", MODULES)
 def test_a_case_of_another_program_is_named(tmp_path, program, other):

@@ -22,7 +22,7 @@ def one_of(tree: Tree, paths: Iterable[Path]) -> Path | None:
     given.sort(key=lambda path: order.get(written(tree, path), -1))
     for i, path in enumerate(given[:-1]):
         place, again = tree.where(path), tree.where(given[i + 1])
-        if place.line and place.file == again.file:
+        if place.file == again.file:
             tree.faults.append(f"{again}: {dotted(given[i + 1])}: give either this or {dotted(path)}, set at {place}")
         tree.drop(path)
     return given[-1]
