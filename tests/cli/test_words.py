@@ -176,7 +176,7 @@ def test_what_is_no_case_is_told_in_a_line_without_its_keys(program):
     assert message.startswith("case:1:1: no case: it has none of the keys") and "password" not in message
 
 
-@pytest.mark.parametrize("verb, meant", [("chekc", "check"), ("stabilty", "stability"), ("resume", "")])
+@pytest.mark.parametrize("verb, meant", [("plt", "plot"), ("stab", "stability"), ("resume", "")])
 def test_a_misspelt_verb_is_answered_with_the_nearest(verb, meant):
     done = CliRunner().invoke(build(lambda: app("sph"), "sph", "x"), [verb])
     assert done.exit_code == 2 and (f"did you mean {meant!r}?" in done.output) == bool(meant)

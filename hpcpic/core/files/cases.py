@@ -38,7 +38,8 @@ def fit(data: Mapping[str, Any], keys: Iterable[str]) -> int:
 
 def fits(data: Mapping[str, Any]) -> dict[str, int]:
     """`fit` of each program, and one more for the form in which it says what a fluid is."""
-    form = {dict: "lbmdem", tuple: "sph"}.get(type(data.get("fluid")))
+    fluid = data.get("fluid")
+    form = "lbmdem" if isinstance(fluid, dict) else "sph" if isinstance(fluid, tuple) else ""
     return {program: fit(data, keys) + (program == form) for program, keys in PROGRAMS.items()}
 
 

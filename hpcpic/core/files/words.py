@@ -38,9 +38,7 @@ def written(tree: Tree, path: Path) -> Path:
 def move(tree: Tree, old: Path, new: Path) -> None:
     """Give a setting another place in the tree; where it stands in the files is kept."""
     place, below = tree.where(old), [path for path in tree.places if len(path) > len(old) and path[: len(old)] == old]
-    value, parent = tree.drop(old), tree.data
-    for key in new[:-1]:
-        parent = parent[key] if isinstance(key, int) else parent.setdefault(key, {})
+    value, parent = tree.drop(old), group_at(tree, new[:-1])
     parent[new[-1]] = value
     for path in below:
         tree.places[(*new, *path[len(old) :])] = tree.places.pop(path)
@@ -57,7 +55,7 @@ def one_viscosity(tree: Tree, fluids: Iterable[Path], own: str, density: float) 
         kept = one_of(tree, [(*fluid, word) for word in ("viscosity", *VISCOSITIES)])
         if kept is None or kept[-1] == own:
             continue
-        group = value_at(tree, fluid)
+        group = group_at(tree, fluid)
         if kept[-1] == "viscosity":
             bare.append(dotted(kept))
         else:
@@ -76,11 +74,12 @@ def converted(value: Any, density: Any, own: str) -> Any:
     return value * density if own == "dynamic_viscosity" else value / density if density else value
 
 
-def value_at(tree: Tree, path: Path) -> Any:
-    value: Any = tree.data
+def group_at(tree: Tree, path: Path) -> Any:
+    """The group at a path, made where there is none."""
+    group: Any = tree.data
     for key in path:
-        value = value[key]
-    return value
+        group = group[key] if isinstance(key, int) else group.setdefault(key, {})
+    return group
 
 
 def one_period(tree: Tree, kinds: Iterable[str], older: Mapping[str, tuple[Path, ...]] | None = None) -> None:
