@@ -1,6 +1,7 @@
 """Older words of the thesis author's program, and those of his input files, as the present ones."""
 
 import difflib
+import itertools
 
 from hpcpic.core.files.config import Path, Tree, dotted
 from hpcpic.core.files.words import move, one_period
@@ -17,6 +18,7 @@ OLDER = {  # the thesis's words for output.every
 
 
 def modernised(tree: Tree) -> None:
+    """Rewrite what his files say otherwise; see Section.modernised."""
     if tree.has(("simulation", "method")):
         if tree.has(("simulation", "solver")):
             tree.drop(("simulation", "solver"))
@@ -61,13 +63,14 @@ def emptied(tree: Tree, group: Path, words: tuple[str, ...]) -> None:
 
 def named_apart(tree: Tree) -> None:
     """Two species of one name, which his program allows, are told apart by their numbers: files of a run go by name."""
-    species = species_of(tree)
-    given = [group.get("name") or f"species_{i + 1}" for i, group in enumerate(species)]
-    for i, name in enumerate(given):
-        if isinstance(name, str) and name in given[:i]:
-            number = i + 1
-            while f"{name}_{number}" in given:
-                number += 1
-            given[i] = species[i]["name"] = f"{name}_{number}"
+    names = [group.get("name") or f"species_{i + 1}" for i, group in enumerate(species_of(tree))]
+    wanted, taken = {name for name in names if isinstance(name, str)}, set()
+    for i, (group, name) in enumerate(zip(species_of(tree), names)):
+        if not isinstance(name, str):
+            continue  # refused by the schema
+        if name in taken:
+            group["name"] = next(other for k in itertools.count(i + 1) if (other := f"{name}_{k}") not in wanted)
+            wanted.add(group["name"])
             place = tree.where(("species", i, "name"))
-            tree.warnings.append(f"{place}: species[{i}].name: {name!r} is taken; called {given[i]!r} here")
+            tree.warnings.append(f"{place}: species[{i}].name: {name!r} is taken; called {group['name']!r} here")
+        taken.add(name)

@@ -21,7 +21,7 @@ SYNONYMS = {  # what others call a key -> what it may be called here
     **dict.fromkeys(("steps", "nsteps", "n_steps", "iterations"), ("cycles", "end_time")),
     **dict.fromkeys(("end", "tmax", "t_max", "t_end", "tend", "duration", "final_time"), ("end_time", "cycles")),
     **dict.fromkeys(("dt", "timestep", "delta_t"), ("time_step",)),
-    **dict.fromkeys(("dx", "dp", "h", "resolution", "cell_size"), ("spacing", "points")),
+    **dict.fromkeys(("dx", "dp", "resolution", "cell_size"), ("spacing", "points")),
     **dict.fromkeys(("nu", "viscosity"), ("kinematic_viscosity",)),
     **dict.fromkeys(("mu", "eta"), ("dynamic_viscosity",)),
     **dict.fromkeys(("rho", "rho0", "rho_0"), ("density",)),

@@ -37,11 +37,11 @@ def written(tree: Tree, path: Path) -> Path:
 
 def move(tree: Tree, old: Path, new: Path) -> None:
     """Give a setting another place in the tree; where it stands in the files is kept."""
-    place, below = tree.where(old), [path for path in tree.places if len(path) > len(old) and path[: len(old)] == old]
-    value, parent = tree.drop(old), group_at(tree, new[:-1])
-    parent[new[-1]] = value
-    for path in below:
-        tree.places[(*new, *path[len(old) :])] = tree.places.pop(path)
+    place, value = tree.where(old), tree.drop(old)
+    group_at(tree, new[:-1])[new[-1]] = value
+    if isinstance(value, (dict, list, tuple)):
+        for path in [path for path in tree.places if len(path) > len(old) and path[: len(old)] == old]:
+            tree.places[(*new, *path[len(old) :])] = tree.places.pop(path)
     tree.places.pop(old, None)
     tree.places[new] = place
 
