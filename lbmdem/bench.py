@@ -50,7 +50,7 @@ SUBSTEPS = 20
 CASE = """
 simulation = {{ dimensions = {d}; end_time = 1.0; }};
 domain = {{ size = {size}; spacing = 1.0; }};
-fluid = {{ density = 1.0; viscosity = 0.1; time_step = 1.0; }};
+fluid = {{ density = 1.0; kinematic_viscosity = 0.1; time_step = 1.0; }};
 grains = ( {{ diameter = {diameter}; density = 2.0; position = ( {places} ); velocity = {speed}; }} );
 contact = {{ normal_stiffness = 0.01; }};
 coupling = {{ substeps = {substeps}; refill = "{refill}"; }};

@@ -5,13 +5,14 @@ Lattice units appear only in `check` and inside the program.
 
 import math
 from collections.abc import Iterator
-from typing import Annotated, Literal
+from typing import Annotated, ClassVar, Literal
 
 import numpy as np
 from pydantic import BeforeValidator, Field
 
-from hpcpic.core.files.config import Path
+from hpcpic.core.files.config import Path, Tree
 from hpcpic.core.files.schema import REQUIRED, Lengths, Section, Vector, as_tuple, setting
+from hpcpic.core.files.words import in_steps, one_period, one_viscosity, only_seconds
 from lbmdem.contacts import Law, stable_step
 
 AXES = "xyz"
@@ -56,7 +57,9 @@ class Initial(Section):
 
 class FluidSection(Section):
     density: float = setting(1000.0, "density", "kg/m3", gt=0)
-    viscosity: float = setting(REQUIRED, "kinematic viscosity", "m2/s", gt=0)
+    kinematic_viscosity: float = setting(
+        REQUIRED, "kinematic viscosity; dynamic_viscosity in Pa s is understood too, over density", "m2/s", gt=0
+    )
     relaxation_time: float | None = setting(None, "tau; gives the time step dt = (tau - 1/2)/3 dx^2/nu", gt=0.5)
     time_step: float | None = setting(None, "time step, instead of relaxation_time", "s", gt=0)
     collision: Literal["BGK", "TRT", "central"] = setting(
@@ -166,20 +169,34 @@ class Shaking(Section):
 
 
 class Period(Section):
-    series: float = setting(0.0, "time between samples of the series, 0 = 20 to 100 in all that cost 5 %", "s", ge=0)
-    fields: float = setting(0.0, "time between snapshots of the fluid, 0 = never", "s", ge=0)
-    grains: float = setting(0.0, "time between snapshots of the grains, 0 = never", "s", ge=0)
-    checkpoint: float = setting(0.0, "time between checkpoints, 0 = only at the end and at an early stop", "s", ge=0)
+    series: float | None = setting(
+        0.0, "time between samples of the series, 0 = 20 to 100 in all that cost 5 %", "s", ge=0
+    )
+    fields: float | None = setting(0.0, "time between snapshots of the fluid, 0 = never", "s", ge=0)
+    grains: float | None = setting(0.0, "time between snapshots of the grains, 0 = never", "s", ge=0)
+    checkpoint: float | None = setting(
+        0.0, "time between checkpoints, 0 = only at the end and at an early stop", "s", ge=0
+    )
+
+
+class Every(Section):
+    series: int | None = setting(None, "steps between samples of the series, instead of period.series", "steps", ge=0)
+    fields: int | None = setting(None, "steps between snapshots of the fluid", "steps", ge=0)
+    grains: int | None = setting(None, "steps between snapshots of the grains", "steps", ge=0)
+    checkpoint: int | None = setting(None, "steps between checkpoints", "steps", ge=0)
 
 
 class Output(Section):
     path: str | None = setting(None, "run folder, when the command line names none")
     period: Period = Period()
+    every: Every = Every()
     stress_slices: int = setting(0, "control slices along the last axis, for the stress between grains", ge=0)
 
 
 class LbmDemConfig(Section):
     """A whole LBM-DEM case."""
+
+    rewritten: ClassVar[tuple[str, ...]] = ("fluid.dynamic_viscosity",)
 
     description: str = setting("", "one sentence")
     simulation: Simulation
@@ -213,7 +230,7 @@ class LbmDemConfig(Section):
             return self.simulation.time_step or ACCURATE * contact_step(self)
         if fluid.time_step is not None:
             return fluid.time_step
-        return (self.tau - 0.5) / 3.0 * self.spacing**2 / fluid.viscosity
+        return (self.tau - 0.5) / 3.0 * self.spacing**2 / fluid.kinematic_viscosity
 
     @property
     def tau(self) -> float:
@@ -222,7 +239,7 @@ class LbmDemConfig(Section):
         assert fluid is not None
         if fluid.time_step is None:
             return 1.0 if fluid.relaxation_time is None else fluid.relaxation_time
-        return 0.5 + 3.0 * fluid.viscosity * fluid.time_step / self.spacing**2
+        return 0.5 + 3.0 * fluid.kinematic_viscosity * fluid.time_step / self.spacing**2
 
     @property
     def points(self) -> tuple[int, ...]:
@@ -243,17 +260,16 @@ class LbmDemConfig(Section):
     def periods(self) -> dict[str, int]:
         """Steps between samples of series, fields and grains, checkpoints; 0 = never."""
 
-        def steps(seconds: float) -> int:
-            return max(1, round(seconds / self.time_step)) if seconds else 0
+        def steps(kind: str) -> int:
+            return in_steps(getattr(self.output.every, kind), getattr(self.output.period, kind), self.time_step)
 
         from lbmdem.estimate import series_period
 
-        asked = self.output.period
         return {
-            "series": steps(asked.series) or series_period(self),
-            "field": steps(asked.fields) if self.fluid else 0,
-            "particle": steps(asked.grains) if self.grains else 0,
-            "checkpoint": steps(asked.checkpoint),
+            "series": steps("series") or series_period(self),
+            "field": steps("fields") if self.fluid else 0,
+            "particle": steps("grains") if self.grains else 0,
+            "checkpoint": steps("checkpoint"),
         }
 
     @property
@@ -264,6 +280,12 @@ class LbmDemConfig(Section):
         alone = alone and len(self.domain.periodic) == self.dimensions
         free = (axis for axis, force in zip(AXES, self.fluid.body_force) if not force) if alone else ()
         return (*(("mass",) if closed else ()), *(f"momentum_{axis}" for axis in free))
+
+    @classmethod
+    def modernised(cls, tree: Tree) -> None:
+        fluids = [("fluid",)] if isinstance(tree.data.get("fluid"), dict) else []
+        one_viscosity(tree, fluids, "kinematic_viscosity", FluidSection.model_fields["density"].default)
+        one_period(tree, Period.model_fields)
 
     def faults(self) -> Iterator[tuple[Path, str]]:
         from lbmdem.faults import faults
@@ -288,8 +310,10 @@ class LbmDemConfig(Section):
             o.model_copy(update={"velocity": padded(o.velocity, d), "name": o.name or f"obstacle_{i + 1}"})
             for i, o in enumerate(self.obstacle)
         )
+        output = self.output.model_copy(update={"period": only_seconds(self.output.period, self.output.every)})
         return self.model_copy(
             update={
+                "output": output,
                 "simulation": simulation,
                 "domain": domain,
                 "fluid": fluid,

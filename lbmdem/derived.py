@@ -73,7 +73,7 @@ def lattice_units(config: LbmDemConfig) -> Iterator[Derived]:
     dx, dt = config.spacing, config.time_step
     yield Derived("lattice length", "dx", dx, "m")
     yield Derived("lattice velocity", "dx/dt", dx / dt, "m/s")
-    nu, force, speed = config.fluid.viscosity, math.hypot(*config.fluid.body_force), known_speed(config)
+    nu, force, speed = config.fluid.kinematic_viscosity, math.hypot(*config.fluid.body_force), known_speed(config)
     yield Derived(f"viscosity of {nu:g} m2/s", "nu dt/dx2", nu * dt / dx**2)
     if force:
         yield Derived(f"body force of {force:g} m/s2", "a dt2/dx", force * dt**2 / dx)
@@ -122,7 +122,7 @@ def speeds(config: LbmDemConfig) -> Iterator[Derived]:
         limit = "<= 0.1, < 0.5 at all" if verdict != "fail" else "< 0.5"
         source = "Mansouri et al., section 3.2"
         yield Derived("Mach number", "Ma", mach, "", limit, verdict, source, cure, key_of_tau(config), mach < 1.0)
-    reynolds = u * dx / config.fluid.viscosity
+    reynolds = u * dx / config.fluid.kinematic_viscosity
     if reynolds:
         most = GRID_REYNOLDS[config.fluid.collision]
         verdict = "ok" if reynolds <= most / 2 else "warn" if reynolds <= most else "fail"
@@ -289,7 +289,7 @@ def falling(config: LbmDemConfig, i: int) -> Iterator[Derived]:
     if not pull:
         return
     drag = math.sqrt(math.pi / 2.0 * size * pull / 1.0 if d == 2 else 4.0 / 3.0 * size * pull / 0.44)
-    v = min(drag, pull * size**2 / (18.0 * fluid.viscosity))
+    v = min(drag, pull * size**2 / (18.0 * fluid.kinematic_viscosity))
     mach = v * config.time_step / config.spacing / math.sqrt(CS2)
     verdict = "ok" if mach <= 0.25 else "warn" if mach < 0.5 else "fail"
     tau = slower(config, 0.24 / mach)

@@ -169,7 +169,7 @@ class Diagnostics:
         u = rate / math.prod(config.domain.size[:-1])
         gravity = math.hypot(*config.gravity) or GRAVITY
         return {
-            "permeability": config.fluid.viscosity * u / drive if drive else math.nan,
+            "permeability": config.fluid.kinematic_viscosity * u / drive if drive else math.nan,
             "hydraulic_gradient": drive / gravity,
             "porosity": self.porosity,
         }

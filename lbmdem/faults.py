@@ -137,8 +137,9 @@ def unused_faults(config: LbmDemConfig) -> Iterator[tuple[Path, str]]:
         yield ("contact", "tangential_stiffness"), 'is of the springs of tangential = "history"'
     if config.output.stress_slices and not any(grains.moving for grains in config.grains):
         yield ("output", "stress_slices"), "needs grains that move: others press on nothing"
-    if config.output.period.fields and config.fluid is None:
-        yield ("output", "period", "fields"), "needs a fluid"
+    for word in ("period", "every"):
+        if getattr(config.output, word).fields and config.fluid is None:
+            yield ("output", word, "fields"), "needs a fluid"
 
 
 def name_faults(config: LbmDemConfig) -> Iterator[tuple[Path, str]]:

@@ -112,7 +112,7 @@ def settings(config: LbmDemConfig, sizes: Mapping[str, float], time: float) -> t
         made.append(f"coupling.substeps={max(1, math.ceil(1.0 / sizes['substeps'] - 1e-6))}")
     if config.fluid.time_step is None:
         return (*made, f"fluid.relaxation_time={0.5 + excess!r}")
-    return (*made, f"fluid.time_step={excess * CS2 * spacing**2 / config.fluid.viscosity!r}")
+    return (*made, f"fluid.time_step={excess * CS2 * spacing**2 / config.fluid.kinematic_viscosity!r}")
 
 
 def fitting(config: LbmDemConfig, wanted: float) -> float:

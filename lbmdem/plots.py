@@ -128,7 +128,7 @@ def _between_plates(config: LbmDemConfig, y: np.ndarray, floor: float) -> np.nda
     length, a = config.domain.size[-1] - floor, config.fluid.body_force[0]
     low, high = 0.0 if floor else speeds.get(f"{axis}-", 0.0), speeds.get(f"{axis}+", 0.0)
     y = y - floor
-    return 0.5 * a / config.fluid.viscosity * y * (length - y) + low + (high - low) * y / length
+    return 0.5 * a / config.fluid.kinematic_viscosity * y * (length - y) + low + (high - low) * y / length
 
 
 def permeability(run: Run, step: int | None = None) -> Figure:
@@ -258,7 +258,7 @@ def _decay(config: LbmDemConfig) -> float:
     alone = not (config.grains or config.obstacle or config.boundary)
     if fluid is None or fluid.initial is None or fluid.initial.flow != "taylor-green" or not alone:
         return 0.0
-    return 2.0 * fluid.viscosity * sum((2.0 * math.pi / length) ** 2 for length in config.domain.size[:2])
+    return 2.0 * fluid.kinematic_viscosity * sum((2.0 * math.pi / length) ** 2 for length in config.domain.size[:2])
 
 
 PLOTS = {

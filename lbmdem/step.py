@@ -137,7 +137,8 @@ class LbmDem:
         columns = {name: getattr(table, name) for name in ("x", "v", "omega", "radius", "mass", "inertia", "fixed")}
         film = None
         if self.solid_moves and config.coupling.lubrication:
-            film = Film.of_lattice(config.fluid.viscosity * config.fluid.density, config.spacing, scene.dimensions)
+            viscosity = config.fluid.kinematic_viscosity * config.fluid.density
+            film = Film.of_lattice(viscosity, config.spacing, scene.dimensions)
         dem = Dem(
             self.world, self.pool, self.domain, columns, law, box_walls(scene), reach=2.0 * config.spacing, film=film
         )

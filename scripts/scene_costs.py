@@ -49,7 +49,7 @@ numerics = {{ spacing = {spacing}; density_flux = "{flux}"; viscosity_form = "{f
 LATTICE = """
 simulation = {{ dimensions = {d}; end_time = 1.0; }};
 domain = {{ size = {size}; spacing = 1.0e-4; periodic = {periodic}; }};
-fluid = {{ density = 1000.0; viscosity = 1.0e-6; relaxation_time = 0.8; storage = "{storage}"; {force} }};
+fluid = {{ density = 1000.0; kinematic_viscosity = 1.0e-6; relaxation_time = 0.8; storage = "{storage}"; {force} }};
 {grains}
 """
 SPHERES = """grains = ( {{ name = "grains"; diameter = {diameter}; density = 1500.0; moving = {moving};
@@ -310,7 +310,7 @@ def absent(pool: Pool) -> Iterator[Row]:
     plane = "plane = { point = [0, 0, 0]; normal = [0, 0, 1]; };"
     floor = f'wall = ( {{ name = "floor"; shape = {{ {plane} }}; type = "%s"; }} );'
     for what, without, more in (
-        ("Cleary's viscosity", free, {"form": "cleary", "more": "viscosity = 1.0e-3;"}),
+        ("Cleary's viscosity", free, {"form": "cleary", "more": "dynamic_viscosity = 1.0e-3;"}),
         ("Molteni's flux", free, {"flux": "molteni"}),
         ("Rusanov's flux", free, {"flux": "rusanov"}),
         ("TVD-RK3 instead of the split scheme", free, {"integrator": "rk3-tvd"}),

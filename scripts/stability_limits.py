@@ -72,7 +72,7 @@ STEPS = {"euler": 6000}  # 1500 for the others: what theory calls growth, 1e-3 o
 LATTICE = """
 simulation = {{ dimensions = 2; end_time = 1.0; integrator = "{integrator}"; time_step = {dt!r}; }};
 domain = {{ low = [0.0, 0.0]; high = [1.0, 1.0]; periodic = ["x", "y"]; }};
-fluid = ( {{ name = "water"; viscosity = {viscosity!r}; initial_pressure = "zero";
+fluid = ( {{ name = "water"; dynamic_viscosity = {viscosity!r}; initial_pressure = "zero";
             shape = {{ box = {{ low = [0.0, 0.0]; high = [1.0, 1.0]; }}; }}; }} );
 eos = {{ sound_speed = {c0}; }};
 numerics = {{ spacing = {spacing!r}; kernel = "wendland2"; density_flux = "{flux}"; viscosity_form = "{form}"; }};

@@ -3,6 +3,7 @@
 from collections.abc import Iterable
 from typing import Literal
 
+from hpcpic.core.files.words import only_seconds
 from sph import geometry
 from sph.config import FLUX_COEFFICIENT, Domain, SphConfig, name_of, speed_scale
 from sph.limits import courant_limit
@@ -19,6 +20,9 @@ def completed(config: SphConfig) -> SphConfig:
             "body_force": config.body_force or zeros,
             "fluid": tuple(named("fluid", i, _fluid(fluid, d)) for i, fluid in enumerate(config.fluid)),
             "wall": tuple(named("wall", i, _wall(wall, d)) for i, wall in enumerate(config.wall)),
+            "output": config.output.model_copy(
+                update={"period": only_seconds(config.output.period, config.output.every)}
+            ),
             "gauge": tuple(named("gauge", i, _gauge(gauge)) for i, gauge in enumerate(config.gauge)),
         }
     )
@@ -70,7 +74,7 @@ def domain_of(config: SphConfig) -> Domain:
 
 def _numerics(config: SphConfig):
     numerics = config.numerics
-    viscous = any(fluid.viscosity for fluid in config.fluid)
+    viscous = any(fluid.dynamic_viscosity for fluid in config.fluid)
     form = numerics.viscosity_form or ("morris" if viscous else "none")
     flux, alpha = numerics.flux_coefficient, numerics.artificial_viscosity
     return numerics.model_copy(

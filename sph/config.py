@@ -7,12 +7,13 @@ import itertools
 import math
 import os
 from collections.abc import Iterator
-from typing import Annotated, Literal
+from typing import Annotated, ClassVar, Literal
 
 from pydantic import BeforeValidator
 
 from hpcpic.core.files.config import Path, Tree
 from hpcpic.core.files.schema import REQUIRED, Section, Vector, as_tuple, setting
+from hpcpic.core.files.words import one_period, one_viscosity
 from sph import geometry
 
 Names = Annotated[tuple[str, ...], BeforeValidator(as_tuple)]
@@ -100,7 +101,9 @@ class Fluid(Section):
     name: str = setting("", "by default fluid_1, fluid_2, ...")
     shape: Shape
     density: float = setting(1000.0, "reference density", "kg/m3", gt=0)
-    viscosity: float = setting(0.0, "dynamic viscosity", "Pa s", ge=0)
+    dynamic_viscosity: float = setting(
+        0.0, "dynamic viscosity; kinematic_viscosity in m2/s is understood too, times density", "Pa s", ge=0
+    )
     initial_pressure: Literal["zero", "hydrostatic", "flow"] = setting(
         "hydrostatic", "at t = 0: none, that of rest under gravity, or the one that goes with `flow`"
     )
@@ -192,20 +195,29 @@ class Gauge(Section):
 
 
 class Period(Section):
-    series: float = setting(0.01, "time between samples of the series, 0 = never", "s", ge=0)
-    particles: float = setting(0.0, "time between snapshots of the particles, 0 = never", "s", ge=0)
-    checkpoint: float = setting(0.0, "time between checkpoints, 0 = by wall time", "s", ge=0)
+    series: float | None = setting(0.01, "time between samples of the series, 0 = never", "s", ge=0)
+    particles: float | None = setting(0.0, "time between snapshots of the particles, 0 = never", "s", ge=0)
+    checkpoint: float | None = setting(0.0, "time between checkpoints, 0 = by wall time", "s", ge=0)
+
+
+class Every(Section):
+    series: int | None = setting(None, "steps between samples of the series, instead of period.series", "steps", ge=0)
+    particles: int | None = setting(None, "steps between snapshots of the particles", "steps", ge=0)
+    checkpoint: int | None = setting(None, "steps between checkpoints", "steps", ge=0)
 
 
 class Output(Section):
     path: str | None = setting(None, "run folder, when the command line names none")
     period: Period = Period()
+    every: Every = Every()
     walls: bool = setting(True, "snapshots hold the particles of walls too")
     pictures: Vector = setting((), "times of the pictures of `plot sequence`; by default six, evenly", "s")
 
 
 class SphConfig(Section):
     """A whole SPH case."""
+
+    rewritten: ClassVar[tuple[str, ...]] = ("fluid[].kinematic_viscosity",)
 
     description: str = setting("", "one sentence")
     simulation: Simulation
@@ -248,7 +260,11 @@ class SphConfig(Section):
 
     @classmethod
     def modernised(cls, tree: Tree) -> None:
-        """STL files are named relative to the file that names them."""
+        """One word for each viscosity and period; STL files are named relative to the file that names them."""
+        listed = tree.data.get("fluid")
+        fluids = [("fluid", i) for i in range(len(listed) if isinstance(listed, tuple) else 0)]
+        one_viscosity(tree, fluids, "dynamic_viscosity", Fluid.model_fields["density"].default)
+        one_period(tree, Period.model_fields)
         for group in ("fluid", "wall"):
             listed = tree.data.get(group)
             for i in range(len(listed) if isinstance(listed, tuple) else 0):

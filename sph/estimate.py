@@ -61,14 +61,13 @@ def estimate(config: SphConfig, ranks: int, threads: int, measured: Mapping[str,
     rates = DEFAULT | dict(measured)
     whole = phases(config, ranks, threads, rates)
     one, first = sum(whole.values()), first_seconds(config, whole, rates)
-    end, dt, period = config.simulation.end_time, limits.time_step(config), config.output.period
-    steps, samples = end / dt, times(config, period.series)
-    step = one - first if period.series and period.series <= dt else one
+    steps, samples = config.simulation.end_time / limits.time_step(config), times(config, "series")
+    step = one - first if samples >= steps + 1 else one
     sampling = samples * sample_seconds(config, rates)
     memory = {"Python and libraries": rates["rank_mib"] * MIB}
     memory |= {array.name: float(array.bytes) for array in arrays(config, ranks)}
     disk = disk_items(config)
-    writing = writing_seconds(disk, round(times(config, period.particles)), rates)
+    writing = writing_seconds(disk, round(times(config, "particles")), rates)
     return Estimate(memory, disk, step, START + steps * one + sampling + writing, whole, sampling)
 
 
@@ -145,19 +144,21 @@ def first_seconds(config: SphConfig, whole: Mapping[str, float], rates: Mapping[
     return FIRST[kind] / SUMS[kind] * (whole["pairs"] + 1e-6 * rates[f"sums_us {kind}"])
 
 
-def times(config: SphConfig, seconds: float) -> float:
-    """How often something is written at this period, which a step may exceed."""
-    end = config.simulation.end_time
-    return min(end / seconds, end / limits.time_step(config)) + 1 if seconds else 0.0
+def times(config: SphConfig, kind: str) -> float:
+    """How often this kind of output is written; a step may exceed its period in seconds."""
+    end, dt = config.simulation.end_time, limits.time_step(config)
+    seconds, every = getattr(config.output.period, kind), getattr(config.output.every, kind)
+    if every:
+        return end / (every * dt) + 1
+    return min(end / seconds, end / dt) + 1 if seconds else 0.0
 
 
 def disk_items(config: SphConfig) -> dict[str, float]:
     """Bytes of the whole run."""
     fluid, walls = counts(config)
-    period = config.output.period
     shown = fluid + (walls if config.output.walls else 0)
     return {
-        "series": times(config, period.series) * SERIES_BYTES,
-        "particles": times(config, period.particles) * shown * (3 * 8 + 3 * 8 + 8 + 8 + 8 + 4),
+        "series": times(config, "series") * SERIES_BYTES,
+        "particles": times(config, "particles") * shown * (3 * 8 + 3 * 8 + 8 + 8 + 8 + 4),
         "checkpoints, two": 2 * (fluid + walls) * (8 * (2 * config.dimensions + 3)),
     }

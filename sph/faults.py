@@ -149,7 +149,7 @@ def relations(config: SphConfig) -> Iterator[Fault]:
     for i, fluid in enumerate(config.fluid):
         yield from ((("fluid", i, *path), text) for path, text in fluid_faults(config, fluid, d))
         first = config.fluid[0]
-        for name in ("density", "viscosity"):
+        for name in ("density", "dynamic_viscosity"):
             if getattr(fluid, name) != getattr(first, name):
                 yield ("fluid", i, name), f"all fluids are one liquid: {getattr(first, name):g} as the first one"
     for i, wall in enumerate(config.wall):
@@ -158,7 +158,7 @@ def relations(config: SphConfig) -> Iterator[Fault]:
     moving = config.eos.sound_speed or config.eos.max_velocity or not config.fluid
     if not moving and not speed_scale(config):
         yield ("eos",), "max_velocity or sound_speed is missing: neither gravity nor the initial state tells a speed"
-    viscous = any(fluid.viscosity for fluid in config.fluid)
+    viscous = any(fluid.dynamic_viscosity for fluid in config.fluid)
     if config.numerics.viscosity_form in limits.PHYSICAL and not viscous:
         yield ("numerics", "viscosity_form"), 'needs a fluid with viscosity > 0, or "none"'
 

@@ -139,7 +139,7 @@ def waves(config: "SphConfig", viscous: bool) -> tuple[NDArray, NDArray, NDArray
 
 def kinematic_viscosity(config: "SphConfig") -> float:
     """nu of the fluid, m2/s."""
-    return max((fluid.viscosity / fluid.density for fluid in config.fluid), default=0.0)
+    return max((fluid.dynamic_viscosity / fluid.density for fluid in config.fluid), default=0.0)
 
 
 def limit_of(integrator: str, a: NDArray, l: NDArray, n: NDArray) -> float:

@@ -209,7 +209,8 @@ def channel(config: SphConfig) -> tuple[int, int, float, float]:
     """Axis of the flow, axis across, lower plane and width of a channel driven by a body force; raises NoData."""
     force = np.array(config.body_force)
     walls = [wall for wall in config.wall if wall.type == "mirror-no-slip" and wall.shape.box]
-    if not walls or np.count_nonzero(force) != 1 or any(config.gravity) or not any(f.viscosity for f in config.fluid):
+    viscous = any(fluid.dynamic_viscosity for fluid in config.fluid)
+    if not walls or np.count_nonzero(force) != 1 or any(config.gravity) or not viscous:
         raise NoData("only for a body-forced viscous flow between two planes")
     along = int(np.flatnonzero(force)[0])
     periodic = {"xyz".index(axis) for axis in config.domain.periodic}
@@ -233,7 +234,7 @@ def profiles(run: Run, step: int | None = None) -> Figure:
     snapshots, config = snapshots_of(run), config_of(run)
     along, across, floor, width = channel(config)
     force, density = abs(config.body_force[along]), config.fluid[0].density
-    nu = config.fluid[0].viscosity / density
+    nu = config.fluid[0].dynamic_viscosity / density
     settled = width * width / nu
     if step is None:
         wanted = [t * settled for t in (0.0225, 0.045, 0.1125, 0.225, 1.0)]

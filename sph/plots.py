@@ -62,7 +62,7 @@ def predicted_decay(config: SphConfig) -> float | None:
     flow = config.fluid[0].flow if config.fluid else None
     if flow is None or flow.type != "taylor-green":
         return None
-    return 4 * (2 * math.pi / flow.wavelength) ** 2 * config.fluid[0].viscosity / config.fluid[0].density
+    return 4 * (2 * math.pi / flow.wavelength) ** 2 * config.fluid[0].dynamic_viscosity / config.fluid[0].density
 
 
 def column_of(config: SphConfig) -> tuple[float, float, float]:

@@ -232,7 +232,7 @@ class Scene:
         self.dimensions = d = config.dimensions
         self.spacing, self.h, self.support, self.kernel = numerics.spacing, config.h, config.support, numerics.kernel
         self.rho0 = first.density if first else 1000.0
-        self.viscosity = first.viscosity if first else 0.0
+        self.viscosity = first.dynamic_viscosity if first else 0.0
         self.c0, self.gamma = config.sound_speed, config.eos.gamma
         self.low, self.high = np.array(config.domain.low, float), np.array(config.domain.high, float)
         self.periodic = np.array([axis in config.domain.periodic for axis in case.AXES[:d]])

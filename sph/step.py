@@ -55,11 +55,13 @@ class Sph:
     def __init__(self, config: SphConfig, world: World, pool: Pool, timers: Timers) -> None:
         self.scene = scene = Scene(config)
         self.world, self.timers = world, timers
-        self.n_steps, self.end_time, self.periods = None, scene.end_time, {}
-        period = config.output.period
+        self.n_steps, self.end_time = None, scene.end_time
+        period, every = config.output.period, config.output.every
         self.scalar_units = series.scalar_units(config) | series.gauge_units(config)
         self.gauges = Gauges(self)
-        self.time_periods = {"series": period.series, "particle": period.particles, "checkpoint": period.checkpoint}
+        kinds = {"series": "series", "particle": "particles", "checkpoint": "checkpoint"}
+        self.time_periods = {kind: getattr(period, name) or 0.0 for kind, name in kinds.items()}
+        self.periods = {kind: getattr(every, name) or 0 for kind, name in kinds.items()}
         self.iteration, self.time, self.time_step = 0, 0.0, 0.0
         self._slabs: Slabs | None = None
         self.evaluations, self._forces_at, self._told = 0, -1, False

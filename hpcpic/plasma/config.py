@@ -1,8 +1,9 @@
 """What a plasma case says: the thesis's vocabulary (chapter 11) as a typed, frozen configuration.
 
 Vectors are in physical order (x, y, z); 1D cases have x only. Older spellings of the thesis author's program
-(grid.blocks x blocksize, simulation.method, output.period, scalars for vectors of one component) and words for numbers
-(particle, temperature, particles_per_cell) are understood; `completed` replaces them by the present ones.
+(grid.blocks x blocksize, simulation.method, sampling_period, scalars for vectors of one component; plasma.older) and
+words for numbers (particle, temperature, particles_per_cell) are understood; `completed` replaces them by the present
+ones.
 """
 
 import math
@@ -11,7 +12,9 @@ from typing import ClassVar, Literal
 
 from hpcpic.core.files.config import Path, Tree, dotted
 from hpcpic.core.files.schema import REQUIRED, Counts, Integers, Lengths, Section, Vector, matching, setting
+from hpcpic.core.files.words import in_steps
 from hpcpic.plasma import loading, units
+from hpcpic.plasma.older import KINDS, modernised
 
 InitMethod = Literal[
     "random", "quiet", "opposite beams", "uniform velocities", "position delta", "harmonic two electrons",
@@ -20,19 +23,6 @@ InitMethod = Literal[
 MOST_PARTICLES = 2**32  # of a species: their numbers have 32 bits
 MOST_BLOCKS = 4096  # of a rank: tables of what each hands to each grow with their square
 MOST_POINTS = 2**31 - 1  # of an axis: FFTW counts so far
-
-
-class SeriesPeriod(Section):
-    energy: int | None = setting(
-        None, "steps between samples of the series, 0 = never; by default what costs a long run 5 %", "steps", ge=0
-    )
-    field: int | None = setting(None, "steps between snapshots of the fields, 0 = never", "steps", ge=0)
-    particle: int | None = setting(None, "steps between snapshots of the particles, 0 = never", "steps", ge=0)
-
-
-class SnapshotPeriod(Section):
-    field: int | None = setting(None, "steps between snapshots of the fields, 0 = never", "steps", ge=0)
-    particle: int | None = setting(None, "steps between snapshots of the particles, 0 = never", "steps", ge=0)
 
 
 class Simulation(Section):
@@ -53,7 +43,6 @@ class Simulation(Section):
         "fraction of the mean; 0 = never",
         ge=0,
     )
-    sampling_period: SeriesPeriod = SeriesPeriod()
 
 
 class Grid(Section):
@@ -129,13 +118,37 @@ class Species(Section):
     )
 
 
+class Every(Section):
+    series: int | None = setting(
+        None,
+        "steps between samples of the series, 0 = never; by default what costs a long run 5 % (the thesis: "
+        "simulation.sampling_period.energy)",
+        "steps",
+        ge=0,
+    )
+    fields: int | None = setting(
+        None, "steps between snapshots of the fields, 0 = never (output.sampling_period.field)", "steps", ge=0
+    )
+    particles: int | None = setting(
+        None, "steps between snapshots of the particles, 0 = never (output.sampling_period.particle)", "steps", ge=0
+    )
+    checkpoint: int | None = setting(
+        None, "steps between checkpoints, 0 = only at the end and at an early stop", "steps", ge=0
+    )
+
+
+class Period(Section):
+    series: float | None = setting(None, "time between samples of the series, instead of every.series", "s", ge=0)
+    fields: float | None = setting(None, "time between snapshots of the fields", "s", ge=0)
+    particles: float | None = setting(None, "time between snapshots of the particles", "s", ge=0)
+    checkpoint: float | None = setting(None, "time between checkpoints", "s", ge=0)
+
+
 class Output(Section):
     path: str | None = setting(None, "run folder, when the command line names none")
-    sampling_period: SnapshotPeriod = SnapshotPeriod()
+    every: Every = Every()
+    period: Period = Period()
     openpmd: bool = setting(False, "write snapshots as openPMD too")
-    checkpoint: int = setting(
-        0, "steps between checkpoints, 0 = only at the end and at an early stop", "steps", ge=0
-    )
 
 
 class Numerics(Section):
@@ -159,6 +172,7 @@ class PlasmaConfig(Section):
         "simulation.mft_tap_workers",
         "simulation.pblock_nmax",
         "simulation.realtime_plot",
+        "simulation.fftw_recompute_plan",
         "output.slices",
         "output.alignment",
         "species.cyclotron_frequency",
@@ -196,30 +210,19 @@ class PlasmaConfig(Section):
     @property
     def periods(self) -> dict[str, int]:
         """Steps between samples of series, field and particle, openPMD files, checkpoints; 0 = never."""
-        asked, written = self.simulation.sampling_period, self.output.sampling_period
-        snapshots = [period for period in (written.field, written.particle) if period]
+        every = self.output.every
+        snapshots = [steps for steps in (every.fields, every.particles) if steps]
         return {
-            "series": asked.energy or 0,
-            "field": written.field or 0,
-            "particle": written.particle or 0,
+            "series": every.series or 0,
+            "field": every.fields or 0,
+            "particle": every.particles or 0,
             "openpmd": min(snapshots, default=0) if self.output.openpmd else 0,
-            "checkpoint": self.output.checkpoint,
+            "checkpoint": every.checkpoint or 0,
         }
 
     @classmethod
     def modernised(cls, tree: Tree) -> None:
-        rename(tree, ("simulation", "method"), ("simulation", "solver"), prefer_old=True)
-        rename(tree, ("output", "period"), ("output", "sampling_period"), prefer_old=False)
-        if tree.has(("simulation", "solver")) and tree.data["simulation"]["solver"] == "MFT_TAP":
-            tree.data["simulation"]["solver"] = "MFT"
-            tree.warnings.append(
-                "simulation.solver: MFT_TAP is read as MFT, which has no separate workers here"
-            )
-        if tree.has(("simulation", "realtime_plot")):
-            for name in ("field", "particle"):  # there they set the pace of the live plot, not of files
-                if tree.has(("simulation", "sampling_period", name)):
-                    tree.drop(("simulation", "sampling_period", name))
-                    tree.ignored.append(f"simulation.sampling_period.{name}")
+        modernised(tree)
         for path in matching(tree.data, ("species",)):
             species = tree.data["species"][path[-1]] if len(path) == 2 else tree.data["species"]
             given = [name for name in ("particles", "particles_per_cell") if name in species]
@@ -245,8 +248,6 @@ class PlasmaConfig(Section):
                 yield ("field", name), f"needs 3 numbers, one per axis x, y, z (got {len(vector)})"
         names = [name_of(species, i) for i, species in enumerate(self.species)]
         for i, species in enumerate(self.species):
-            if names[i] in names[:i]:
-                yield ("species", i, "name"), f"{names[i]!r} is taken by an earlier species"
             if "/" in names[i] or names[i] in (".", ".."):
                 yield ("species", i, "name"), f"{names[i]!r} would be a path in the files of a run"
             for key, text in (*species_faults(species, d), *loading.particle_faults(species)):
@@ -274,24 +275,20 @@ class PlasmaConfig(Section):
     def completed(self) -> "PlasmaConfig":
         d, points = self.dimensions, self.points
         permittivity = self.constants.vacuum_permittivity or units.SYSTEMS[self.units].permittivity
-        asked, written = self.simulation.sampling_period, self.output.sampling_period
-        written = SnapshotPeriod(
-            field=first_given(written.field, asked.field),
-            particle=first_given(written.particle, asked.particle),
-        )
-        simulation = self.simulation.model_copy(
-            update={"dimensions": d, "sampling_period": SeriesPeriod(energy=asked.energy)}
-        )
+        every, period, step = self.output.every, self.output.period, self.simulation.time_step
+        steps = {kind: in_steps(getattr(every, kind), getattr(period, kind), step) for kind in KINDS}
+        unknown = every.series is None and period.series is None
+        output = self.output.model_copy(update={"every": Every(**steps), "period": Period()})
         full = self.model_copy(
             update={
-                "simulation": simulation,
+                "simulation": self.simulation.model_copy(update={"dimensions": d}),
                 "grid": Grid(points=points),
                 "constants": Constants(vacuum_permittivity=permittivity),
                 "species": tuple(completed_species(species, i, self) for i, species in enumerate(self.species)),
-                "output": self.output.model_copy(update={"sampling_period": written}),
+                "output": output,
             }
         )
-        return full if asked.energy is not None else full.sampled()
+        return full.sampled() if unknown else full
 
     @property
     def conserved(self) -> tuple[str, ...]:
@@ -304,8 +301,8 @@ class PlasmaConfig(Section):
         """The same with the default period of the series."""
         from hpcpic.plasma.estimate import series_period
 
-        period = SeriesPeriod(energy=series_period(self))
-        return self.model_copy(update={"simulation": self.simulation.model_copy(update={"sampling_period": period})})
+        every = self.output.every.model_copy(update={"series": series_period(self)})
+        return self.model_copy(update={"output": self.output.model_copy(update={"every": every})})
 
 
 def species_faults(species: Species, d: int) -> Iterator[tuple[Path, str]]:
@@ -347,23 +344,6 @@ def completed_species(species: Species, i: int, config: PlasmaConfig) -> Species
             **loading.numbers(species, config.cells, units.SYSTEMS[config.units]),
         }
     )
-
-
-def first_given(*periods: int | None) -> int:
-    return next((period for period in periods if period is not None), 0)
-
-
-def rename(tree: Tree, old: Path, new: Path, *, prefer_old: bool) -> None:
-    """Move a setting to its present name. prefer_old: which of the two counts when both are there."""
-    if not tree.has(old):
-        return
-    value, place = tree.drop(old), tree.where(old)
-    if tree.has(new) and not prefer_old:
-        return
-    tree.data[new[0]][new[1]] = value
-    for path in [path for path in tree.places if path[: len(old)] == old]:
-        tree.places[(*new, *path[len(old) :])] = tree.places[path]
-    tree.places[new] = place
 
 
 def velocity_components(config: PlasmaConfig) -> int:

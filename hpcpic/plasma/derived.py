@@ -138,8 +138,8 @@ def stability(config: PlasmaConfig) -> Iterator[Derived]:
 def sampling(samples: float, period: int) -> Derived:
     """How well a series shows the energy of the field, which swings twice in a plasma period."""
     verdict = "ok" if samples > 2 else "warn"
-    cure = "" if verdict == "ok" else f"sampling_period.energy = {max(1, int(period * samples / 8))} shows them"
-    key = ("simulation", "sampling_period", "energy")
+    cure = "" if verdict == "ok" else f"output.every.series = {max(1, int(period * samples / 8))} shows them"
+    key = ("output", "every", "series")
     name = "samples in a swing of the field energy"
     return Derived(name, "pi/(wp dt K)", samples, "", "> 2", verdict, "sampling theorem", cure, key)
 

@@ -74,8 +74,8 @@ def estimate(config: PlasmaConfig, ranks: int, threads: int, measured: Mapping[s
     shown = {name: seconds for name, seconds in whole.items() if name != "field" or period != 1}
     sampling = (cycles // period + 1 if period else 0) * sample_seconds(config, ranks, threads, rates)
     disk = disk_items(config)
-    written = config.output.sampling_period
-    snapshots = sum(cycles // every + 1 for every in (written.field, written.particle) if every)
+    written = config.output.every
+    snapshots = sum(cycles // every + 1 for every in (written.fields, written.particles) if every)
     seconds = START + cycles * sum(whole.values()) + sampling + writing_seconds(disk, snapshots, rates)
     return Estimate(
         memory_items(config, ranks, threads, rates), disk, sum(shown.values()), seconds, whole, sampling
@@ -201,7 +201,7 @@ def disk_items(config: PlasmaConfig) -> dict[str, float]:
     """Bytes of the whole run."""
     cycles, d = config.simulation.cycles, config.dimensions
     size = 8 if config.numerics.precision == "double" else 4
-    series, period = config.periods["series"], config.output.sampling_period
+    series, period = config.periods["series"], config.output.every
     particles, cells = particle_count(config), math.prod(config.grid.points)
 
     def times(every: int | None) -> int:
@@ -209,7 +209,7 @@ def disk_items(config: PlasmaConfig) -> dict[str, float]:
 
     return {
         "series": times(series) * SERIES_BYTES,
-        "fields": times(period.field) * cells * size * (2 + d),
-        "particles": times(period.particle) * particles * (3 * 8 + 3 * 8 + 8 + 4),
+        "fields": times(period.fields) * cells * size * (2 + d),
+        "particles": times(period.particles) * particles * (3 * 8 + 3 * 8 + 8 + 4),
         "checkpoints, two": 2 * particles * (particle_bytes(config) + 4),
     }

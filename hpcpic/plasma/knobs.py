@@ -40,9 +40,9 @@ def knobs_of(config: PlasmaConfig) -> Knobs:
         settings=partial(settings, config),
         time=time,
         pilot=(
-            "simulation.sampling_period.energy=1",
-            "output.sampling_period.field=0",
-            "output.sampling_period.particle=0",
+            "output.every.series=1",
+            "output.every.fields=0",
+            "output.every.particles=0",
             "output.openpmd=false",
         ),
         work=lambda c: c.simulation.cycles * max(1, sum(s.particles for s in c.species)),
@@ -123,12 +123,8 @@ def settings(config: PlasmaConfig, sizes: Mapping[str, float], time: float) -> t
 
 def sampled(config: PlasmaConfig) -> list[tuple[str, int | None]]:
     """Periods in steps, which another time step changes."""
-    written = config.output.sampling_period
-    return [
-        ("simulation.sampling_period.energy", config.simulation.sampling_period.energy),
-        ("output.sampling_period.field", written.field),
-        ("output.sampling_period.particle", written.particle),
-    ]
+    every = config.output.every
+    return [(f"output.every.{kind}", getattr(every, kind)) for kind in ("series", "fields", "particles")]
 
 
 def smooth(least: float) -> int:

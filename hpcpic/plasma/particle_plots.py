@@ -25,7 +25,7 @@ FEW = 16  # particles whose paths are drawn
 
 
 def snapshots_of(run: Run) -> Particles:
-    return present(lambda: run.particle_snapshots, "the particles (output.sampling_period.particle)")
+    return present(lambda: run.particle_snapshots, "the particles (output.every.particles)")
 
 
 def _velocity_limits(snapshots: Particles, numbers: Sequence[int]) -> tuple[float, float]:

@@ -40,7 +40,7 @@ SIGNED, POSITIVE = "RdBu_r", "viridis"
 
 
 def _fields(run: Run) -> Fields:
-    found = present(lambda: run.field_snapshots, "the fields (output.sampling_period.field)")
+    found = present(lambda: run.field_snapshots, "the fields (output.every.fields)")
     if not found.points:
         raise NoData("the grid has one point")
     return found
@@ -159,7 +159,7 @@ def spectrum(run: Run, step: int | None = None) -> Figure:
     snapshots = _fields(run)
     name = next((n for n in ("E", "phi") if n in snapshots.names), None)
     if name is None or len(snapshots.steps) < 16 or len(set(np.diff(snapshots.steps))) > 1:
-        raise NoData("needs 16 snapshots of E or phi at equal intervals (output.sampling_period.field)")
+        raise NoData("needs 16 snapshots of E or phi at equal intervals (output.every.fields)")
     species = beams(config_of(run))
     wp = float(np.sqrt(sum(b.plasma_frequency**2 for b in species))) or 1.0
     dt = float(abs(snapshots.times[1] - snapshots.times[0]))

@@ -82,7 +82,7 @@ def test_only_moving_grains_have_contacts(pool):  # C4
     ("without", "with_it", "expected"),
     [
         (water(), water(flux="rusanov"), {"density flux"}),
-        (water(), water(form="cleary", more="viscosity = 1.0;"), {"viscosity"}),
+        (water(), water(form="cleary", more="dynamic_viscosity = 1.0;"), {"viscosity"}),
         (water(), water(walls=TANK.format(kind="mirror-no-slip")), {"walls"}),
         (water(), water(integrator="rk3-tvd"), {"state of the step before"}),
         (water(gravity=0.0), water(), set()),

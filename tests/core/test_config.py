@@ -172,12 +172,14 @@ def test_include_is_relative_to_the_including_file(tmp_path):
     [
         ("main.conf", "circular @include"),
         ("loop.conf", "circular @include"),
-        ("../outside.conf", "outside the folder of the case"),
-        ("/etc/passwd", "outside the folder of the case"),
-        ("link.conf", "outside the folder of the case"),
+        ("/etc/passwd", "an @include is relative"),
+        ("../" * 40 + "etc/passwd", "leads to the root of the file system"),
+        ("../.secret.conf", "into something hidden"),
+        ("../.ssh/config", "into something hidden"),
+        ("link.conf", "into something hidden"),
         ("missing.conf", "No such file"),
         ("pipe.conf", "not a regular file"),
-        (".", "outside the folder of the case|not a regular file|Is a directory"),
+        (".", "not a regular file|Is a directory"),
         ("deep1.conf", "nested deeper than 4"),
         ("large.conf", "larger than 1 MiB"),
     ],
@@ -185,16 +187,94 @@ def test_include_is_relative_to_the_including_file(tmp_path):
 def test_includes_that_are_refused(tmp_path, include, message):
     folder = tmp_path / "case"
     folder.mkdir()
-    write(tmp_path, outside="x = 1;")
+    write(tmp_path, **{".secret": "x = 1;"})
     deep = {f"deep{i}": f'@include "deep{i + 1}.conf"' for i in range(1, 6)}
     main = write(folder, main=f'a = 1;\n@include "{include}"\n', loop='@include "main.conf"', **deep)
-    (folder / "link.conf").symlink_to(tmp_path / "outside.conf")
+    (folder / "link.conf").symlink_to(tmp_path / ".secret.conf")
     (folder / "large.conf").write_text("# " + "x" * (1 << 20))
     os.mkfifo(folder / "pipe.conf")
     faults = load(main).faults
     assert len(faults) == 1 and any(part in faults[0] for part in message.split("|")), faults
     if "deep" not in include and "loop" not in include:
         assert faults[0].startswith(f"{main}:2:1: ")
+
+
+def test_includes_may_go_up_and_are_looked_for_in_the_working_directory_last(tmp_path, monkeypatch):
+    (tmp_path / "conf" / "2d").mkdir(parents=True)
+    write(tmp_path / "conf", shared="x = 1;", here="y = 1;")
+    main = write(tmp_path / "conf" / "2d", main='@include "../shared.conf"\n@include "conf/here.conf"\n')
+    assert "No such file" in load(main).faults[0]
+    monkeypatch.chdir(tmp_path)
+    tree = load(main)
+    assert tree.faults == [] and tree.data == {"x": 1, "y": 1}
+    (warning,) = tree.warnings
+    assert f"{main}:2:1: 'conf/here.conf' is found in the working directory only; '../here.conf' is" in warning
+    (tmp_path / "conf" / "2d" / "conf").mkdir()
+    write(tmp_path / "conf" / "2d" / "conf", here="y = 2;")
+    assert load(main).data == {"x": 1, "y": 2} and load(main).warnings == []
+
+
+def test_files_above_the_case_are_kept_with_the_run(tmp_path):
+    from hpcpic.core.cli.job import given_files
+
+    (tmp_path / "2d").mkdir()
+    write(tmp_path, shared="x = 1;")
+    main = write(tmp_path / "2d", main='@include "../shared.conf"\n@include "a..b.conf"', **{"a..b": "y = 1;"})
+    assert list(given_files(load(main).files)) == ["main.conf", "_up/shared.conf", "a..b.conf"]
+
+
+SECRET = "hunter2hunter2"
+
+
+@pytest.mark.parametrize(
+    "content",
+    [
+        f"root:{SECRET}:0:0:root:/root:/bin/sh\n",
+        f"PORT = 8080\nPASSWORD = {SECRET}\n",
+        f"-----BEGIN KEY-----\n{SECRET}\n",
+        f"\x89HDF\r\n\x1a\n{SECRET}",
+        f'"open {SECRET}',
+        f"a = 1; a = 2; {SECRET}",
+        f"{SECRET} = 1 {SECRET} = 1e999",
+    ],
+)
+def test_what_is_no_case_is_not_quoted(tmp_path, content):
+    other = tmp_path / "other.conf"
+    other.write_bytes(content.encode("latin-1"))
+    with pytest.raises(ConfigError) as caught:
+        load(other)
+    main = write(tmp_path, main='simulation = { a = 1; };\n@include "other.conf"\n')
+    with pytest.raises(ConfigError) as included:
+        load(main)
+    for messages in (caught.value.messages, included.value.messages):
+        assert len(messages) == 1 and SECRET not in str(messages)
+    assert caught.value.messages[0].startswith(f"{other}:")
+
+
+def test_what_is_wrong_in_a_case_is_quoted(tmp_path):
+    with pytest.raises(ConfigError, match="2:5: '5ns' is not a number"):
+        load(write(tmp_path, main="simulation = { a = 1; };\nb = 5ns;"))
+
+
+def test_a_million_forbidden_characters_are_one_fault():
+    with pytest.raises(ConfigError) as caught:
+        loads("a = 1;\n" + "\x01" * 1_000_000)
+    assert caught.value.messages == ["case:2:1: forbidden character U+0001"]
+
+
+def test_reading_costs_what_the_text_is_long(tmp_path):
+    """Files that replace each other's settings: comparisons of paths with paths were quadratic."""
+    from time import process_time
+
+    def seconds(n):
+        text = "".join(f"k{i} = [1];\n" for i in range(n))
+        main = write(tmp_path, main='@include "base.conf"\n' + text, base=text)
+        start = process_time()
+        load(main)
+        return process_time() - start
+
+    seconds(10)
+    assert seconds(4000) < 30 * seconds(500)
 
 
 def test_no_more_than_sixteen_files(tmp_path):

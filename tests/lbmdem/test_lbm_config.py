@@ -17,7 +17,7 @@ from lbmdem.scene import Scene
 CHANNEL = """
 simulation = { end_time = 1.0; };
 domain = { size = [2.5e-4, 1.0e-3]; spacing = 3.125e-5; periodic = ["x"]; };
-fluid = { viscosity = 1.0e-6; relaxation_time = 1.0; body_force = [1.0e-3, 0.0]; };
+fluid = { kinematic_viscosity = 1.0e-6; relaxation_time = 1.0; body_force = [1.0e-3, 0.0]; };
 """
 
 
@@ -59,9 +59,9 @@ def test_a_shipped_case_is_legal_and_survives_being_written(name):
         (('periodic = ["x"]', 'periodic = ["z"]'), "domain.periodic: there is no z in 2D"),
         (("relaxation_time = 1.0", "relaxation_time = 0.5"), "fluid.relaxation_time"),
         (("relaxation_time = 1.0", "relaxation_time = 1.0; time_step = 1e-3"), "give either relaxation_time"),
-        (("viscosity = 1.0e-6", "viscosity = -1.0e-6"), "fluid.viscosity"),
+        (("viscosity = 1.0e-6", "viscosity = -1.0e-6"), "fluid.kinematic_viscosity"),
         (("relaxation_time = 1.0", "relaxation_time = 1.0e4"), "relaxation time tau = 1e+04"),
-        (("viscosity", "viscosty"), "did you mean 'viscosity'"),
+        (("kinematic_viscosity", "kinematic_viscosty"), "did you mean 'kinematic_viscosity'"),
         (("[1.0e-3, 0.0]", "[1.0e-3, 0.0, 0.0]"), "fluid.body_force: needs 2 numbers in 2D (got 3)"),
         (("end_time = 1.0", "end_time = 1.0; lattice = \"D3Q19\""), "D3Q19 is not of 2 dimensions"),
     ],
@@ -165,7 +165,7 @@ def test_units_by_powers_of_two_give_the_same_lattice():
     text = """
     simulation = {{ end_time = {0!r}; }};
     domain = {{ size = [{1!r}, {2!r}]; spacing = {3!r}; periodic = ["x"]; }};
-    fluid = {{ density = {4!r}; viscosity = {5!r}; relaxation_time = 0.8; body_force = [{6!r}, 0.0];
+    fluid = {{ density = {4!r}; kinematic_viscosity = {5!r}; relaxation_time = 0.8; body_force = [{6!r}, 0.0];
               initial = {{ flow = "taylor-green"; speed = {7!r}; }}; }};
     boundary = ({{ face = "y-"; type = "pressure"; pressure = {8!r}; }},
                 {{ face = "y+"; type = "velocity"; velocity = [0.0, {9!r}]; }});

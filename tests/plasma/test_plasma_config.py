@@ -165,8 +165,8 @@ def test_openpmd_follows_the_snapshots_and_checkpoints_have_their_own_period():
 
 def test_a_name_by_default_is_taken_too():
     first = '{ name = "species_2"; particles = 2; charge = 1.0; mass = 1.0; },'
-    text = CASE.replace("species = (", f"species = ( {first}")
-    assert any("'species_2' is taken by an earlier species" in message for message in faults_of(text))
+    config, tree = read(CASE.replace("species = (", f"species = ( {first}"))
+    assert [species.name for species in config.species] == ["species_2", "species_2_2"] and len(tree.warnings) == 1
 
 
 @pytest.mark.parametrize("until, cycles", [(1.0, 10), (-3.0, 1), (1e308, 2**62)])
@@ -286,14 +286,58 @@ def test_a_charge_of_zero_has_no_plasma_frequency():
     assert "species[0].charge: must not be 0 where plasma_frequency is given" in message
 
 
-def test_two_species_of_one_name_are_refused():
-    text = CASE.replace(
-        ");\n",
-        ', { name = "a"; particles = 0; charge = 1; mass = 1; }, '
-        '{ name = "a"; particles = 0; charge = 1; mass = 1; });\n',
-    )
-    (message,) = faults_of(text)
-    assert "species[2].name: 'a' is taken by an earlier species" in message
+def test_species_of_one_name_are_told_apart_by_their_numbers():
+    more = ("a", "a", "a_3", "a")
+    others = "".join(f', {{ name = "{name}"; particles = 0; charge = 1; mass = 1; }}' for name in more)
+    config, tree = read(CASE.replace(");\n", f"{others});\n"))
+    assert [species.name for species in config.species] == ["species_1", "a", "a_4", "a_3", "a_5"]
+    first, second = tree.warnings
+    assert "species[2].name: 'a' is taken; called 'a_4' here" in first and "species[4].name" in second
+    assert read(dump(config))[0] == config
+
+
+def test_his_word_for_opposite_beams_is_that_of_his_program():
+    config, tree = read(CASE.replace('init_method = "quiet"', 'velocity_method = "two-stream"'))
+    assert config.species[0].init_method == "default" and tree.warnings == []
+    (message,) = faults_of(CASE, ['species[0].velocity_method="two-stream"'])  # beside another method
+    assert "species[0].velocity_method: unknown key" in message
+
+
+PERIODS = {
+    "": {"field": 0, "particle": 0, "checkpoint": 0},
+    "simulation.sampling_period={energy=5; field=10; particle=20}": {"series": 5, "field": 10, "particle": 20},
+    "output.sampling_period={field=10; particle=20}": {"field": 10, "particle": 20},
+    "output.period={field=10; particle=20}": {"field": 10, "particle": 20},
+    "output.checkpoint=30": {"checkpoint": 30},
+    "output.every={series=5; fields=10; particles=20; checkpoint=30}": {
+        "series": 5, "field": 10, "particle": 20, "checkpoint": 30,
+    },
+    "output.period={series=0.5; fields=1.04; particles=2.0; checkpoint=3}": {
+        "series": 5, "field": 10, "particle": 20, "checkpoint": 30,
+    },
+    "output.period={series=1e-9; fields=0; checkpoint=1e308}": {"series": 1, "field": 0, "checkpoint": 2**62},
+    "output.every.series=0": {"series": 0},
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("assignment", PERIODS)
+def test_periods_in_steps_and_in_seconds_and_in_his_words_are_one(assignment):
+    config, tree = read(sets=[assignment] if assignment else [])
+    assert config.periods | PERIODS[assignment] == config.periods and tree.warnings == []
+    again, _ = read(dump(config))
+    assert again == config and "sampling_period" not in dump(config)
+
+
+def test_the_last_of_two_words_for_one_period_counts_and_two_in_one_file_are_refused():
+    asked = CASE.replace("cycles = 10;", "cycles = 10; sampling_period = { energy = 7; };")
+    for setting in ("output.every.series=3", "output.period.series=0.3"):
+        assert read(asked, [setting])[0].periods["series"] == 3
+        assert read(asked, [setting, "output.every={series=4}"])[0].periods["series"] == 4
+    (message,) = faults_of(asked + "output = { period = { series = 0.3; }; };")
+    assert "give either this or" in message and "simulation.sampling_period.energy" in message
+    (message,) = faults_of(asked.replace("energy", "enrgy"))
+    assert "simulation.sampling_period.enrgy: unknown key; did you mean 'energy'?" in message
+    assert "must be a group" in faults_of(CASE, ["simulation.sampling_period=5"])[0]
 
 
 def test_no_particles_and_no_species_are_cases_too():

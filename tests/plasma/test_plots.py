@@ -132,12 +132,12 @@ def test_missing_files_are_named(tmp_path):
     )
     empty = open_run(make_run(shipped_cases()["two-stream-cold"], tmp_path / "a", sets))
     for name, key in (
-        ("fields", "field"),
-        ("phase-space", "particle"),
-        ("velocities", "particle"),
-        ("spectrum", "field"),
+        ("fields", "fields"),
+        ("phase-space", "particles"),
+        ("velocities", "particles"),
+        ("spectrum", "fields"),
     ):
-        with pytest.raises(NoData, match=rf"output.sampling_period.{key}"):
+        with pytest.raises(NoData, match=rf"output.every.{key}"):
             PLOTS[name].make(empty, None)
     assert PLOTS["modes"].make(empty, None).axes[0].texts[0].get_text().startswith("not fitted: no growth")
 

@@ -17,7 +17,7 @@ TEXT = """
 simulation = {{ dimensions = {d}; end_time = 1.0; integrator = "{integrator}"; cfl = {cfl}; {step} }};
 domain = {{ low = {low}; high = {high}; periodic = {periodic}; }};
 gravity = {gravity};
-fluid = ( {{ name = "water"; viscosity = {viscosity}; velocity = {velocity}; initial_pressure = "{pressure}";
+fluid = ( {{ name = "water"; dynamic_viscosity = {viscosity}; velocity = {velocity}; initial_pressure = "{pressure}";
             shape = {{ box = {{ low = {low}; high = {fill}; }}; }}; }} );
 eos = {{ sound_speed = {sound}; }};
 numerics = {{ spacing = {spacing}; smoothing = {smoothing}; kernel = "{kernel}"; density_flux = "{flux}";

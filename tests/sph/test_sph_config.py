@@ -135,3 +135,20 @@ def test_walls_lie_within_a_period_or_go_through_it(key, wall):
     accepted = wall.replace("0.9, 0.0]", "0.5, 0.0]").replace("1.1, 0.1]", "0.7, 0.1]")
     if accepted != wall:
         validate(SphConfig, loads(text + f"wall = ( {{ {accepted} }} );"))
+
+
+def test_output_is_asked_for_in_steps_or_in_seconds():
+    from sph_scenes import config, engine
+
+    from hpcpic.core.run.outputs import trigger_of
+    from hpcpic.core.run.triggers import Every, EveryTime
+    from sph.estimate import disk_items
+
+    more = "output = { every = { particles = 5; series = 0; }; period = { checkpoint = 0.25; }; };"
+    app = engine(spacing=0.1, more=more)
+    asked = [trigger_of(app, kind, False) for kind in ("particle", "series", "checkpoint")]
+    assert asked == [Every(5), None, EveryTime(0.25)]
+    fixed = {"step": "time_step = 0.001;", "spacing": 0.1}
+    steps, seconds = "every = { particles = 50; series = 10; };", "period = { particles = 0.05; series = 0.01; };"
+    one, other = (disk_items(config(**fixed, more=f"output = {{ {words} }};")) for words in (steps, seconds))
+    assert one == pytest.approx(other, rel=1e-12)

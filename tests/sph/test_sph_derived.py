@@ -92,7 +92,7 @@ def test_the_smoothing_length(ratio, kernel, verdict):
 @pytest.mark.parametrize("step, verdict", [(1e-3, "ok"), (4e-2, "fail")])
 def test_a_fixed_viscous_step(step, verdict):
     text = TANK.replace("cfl = 0.4;", f"time_step = {step};")
-    text = text.replace("0.5]; }; }; }", "0.5]; }; }; viscosity = 50.0; }")
+    text = text.replace("0.5]; }; }; }", "0.5]; }; }; dynamic_viscosity = 50.0; }")
     found = {n.name: n for n in derived(validate(SphConfig, loads(text)))}
     assert found["viscous step"].verdict == verdict
 
@@ -136,7 +136,7 @@ def test_a_domain_shorter_than_three_supports_is_refused():
 @pytest.mark.parametrize("form, told", [("strain-rate", True), ("morris", False), ("cleary", False)])
 def test_a_form_that_leaves_a_checkerboard_undamped_is_told_where_walls_feed_it(form, told):
     mirrors = TANK.replace('open = ["y+"]; }; };', 'open = ["y+"]; }; }; type = "mirror-no-slip";')
-    text = mirrors.replace("0.5]; }; };", "0.5]; }; }; viscosity = 0.001;")
+    text = mirrors.replace("0.5]; }; };", "0.5]; }; }; dynamic_viscosity = 0.001;")
     text = text.replace("};\nwall", f'viscosity_form = "{form}"; }};\nwall')
     found = {n.name: n for n in derived(validate(SphConfig, loads(text)))}
     assert ("damping of waves of two spacings" in found) is told

@@ -6,6 +6,7 @@ import itertools
 import json
 import logging
 import math
+import os
 import shlex
 import sys
 import threading
@@ -323,6 +324,8 @@ def require_memory(app: App, config: Any, ranks: int, here: int, force: bool) ->
 
 
 def given_files(files: list[tuple[str, str]]) -> dict[str, str]:
-    """name relative to the main file's folder -> text"""
+    """name relative to the main file's folder -> text; `_up` stands for a folder above"""
     main = Path(files[0][0]).resolve().parent
-    return {str(Path(name).resolve().relative_to(main)): text for name, text in files}
+    names = (os.path.relpath(Path(name).resolve(), main) for name, _ in files)
+    parts = (("_up" if part == ".." else part for part in Path(name).parts) for name in names)
+    return {str(Path(*those)): text for those, (_, text) in zip(parts, files)}

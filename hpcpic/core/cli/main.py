@@ -81,6 +81,11 @@ class Face(click.Group):
                 raise click.UsageError(f"{word!a}: not text in the encoding of this terminal")
         if launcher_rank() and arguments and arguments[0] not in PARALLEL:
             sys.stdout = sys.stderr = open(os.devnull, "w")  # noqa: SIM115  (rank 0 says it)
+        if arguments and arguments[0] not in VERBS:
+            import difflib  # only where there is a mistake
+
+            if near := difflib.get_close_matches(arguments[0], VERBS, 1):
+                raise click.UsageError(f"no such command {arguments[0]!r}; did you mean {near[0]!r}?", context)
         return super().resolve_command(context, arguments)
 
     def main(self, args: Sequence[str] | None = None, *rest: Any, **settings: Any) -> Any:

@@ -1,4 +1,4 @@
-"""Shipped cases: their names, and the header at the top of each file.
+"""Cases: what their files look like, those that are shipped, and the header at the top of each file.
 
 A header is a block of comments `# what: ...`, `# source: ...`, `# expected: ...`, `# time: ...`; a comment
 line that starts with more than one space goes on with the line before it.
@@ -7,11 +7,40 @@ line that starts with more than one space goes on with the line before it.
 import difflib
 import os
 import re
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 from hpcpic.core.errors import ConfigError
+
+SHARED = ("description", "simulation", "output")
+PROGRAMS = {  # the groups and settings outside of groups in a case of each program
+    "hpcpic": {*SHARED, "grid", "field", "constants", "species", "numerics"},
+    "sph": {*SHARED, "domain", "fluid", "eos", "numerics", "gravity", "body_force", "wall", "gauge"},
+    "lbmdem": {
+        *SHARED, "domain", "fluid", "boundary", "obstacle", "grains", "contact", "coupling", "gravity", "shaking",
+    },
+}  # fmt: skip
+GROUP = re.compile(rf"(?m)^\s*(@include\b|({'|'.join(sorted(set().union(*PROGRAMS.values())))})\s*[=:]\s*[{{(\[])")
+
+
+def looks_like_case(text: str) -> bool:
+    """Whether a line begins as in a case; what does not may be anybody's secret and is not quoted."""
+    return GROUP.search(text) is not None
+
+
+def fit(data: Mapping[str, Any], keys: Iterable[str]) -> int:
+    """How many of a case's outermost keys are among these, less those that are not."""
+    known = len(set(keys).intersection(data))
+    return 2 * known - len(data)
+
+
+def fits(data: Mapping[str, Any]) -> dict[str, int]:
+    """`fit` of each program, and one more for the form in which it says what a fluid is."""
+    fluid = data.get("fluid")
+    form = "lbmdem" if isinstance(fluid, dict) else "sph" if isinstance(fluid, tuple) else ""
+    return {program: fit(data, keys) + (program == form) for program, keys in PROGRAMS.items()}
 
 
 @dataclass(frozen=True, slots=True)

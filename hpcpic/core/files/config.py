@@ -1,7 +1,8 @@
 """Case files: libconfig text, @include files and the --set list as one tree that knows where each key stands.
 
 A later file merges key by key into what came before it; the same key twice in one file is an error.
-Limits: 16 files, @include 4 deep, 1 MiB each, 32 nested brackets, and nothing outside the main file's folder.
+Limits: 16 files, @include 4 deep, 1 MiB each, 32 nested brackets. An @include is relative and leads neither to the
+root of the file system nor into anything hidden, as a case may be a stranger's; what is no case is not quoted.
 """
 
 import os
@@ -13,6 +14,7 @@ from typing import Any
 
 from hpcpic.core.errors import ConfigError
 from hpcpic.core.files import grammar
+from hpcpic.core.files.cases import looks_like_case
 from hpcpic.core.files.grammar import Include, Node
 
 MAX_FILES = 16
@@ -42,12 +44,14 @@ class Tree:
 
     faults: what is wrong but did not stop the reading, reported by schema.validate together with its own.
     incomplete: a file that was to be included was not: a key that seems to be missing may be in it.
+    replaced: where a list stood that another file has put its own in the place of.
     ignored: keys that were accepted and dropped. files: (name, text) of every file read, the main one first.
     sets: the --set list as given.
     """
 
     data: dict[str, Any] = field(default_factory=dict)
     places: dict[Path, Place] = field(default_factory=dict)
+    replaced: dict[Path, Place] = field(default_factory=dict)
     faults: list[str] = field(default_factory=list)
     incomplete: bool = False
     warnings: list[str] = field(default_factory=list)
@@ -141,11 +145,19 @@ class Reader:
             self.broken = True
             self.fault(Place(name, line, column), "not UTF-8 text")
             return
-        self.take(text, name, (*within, real), group, path)
+        self.take(text, name, (*within, real), group, path, foreign=not looks_like_case(text))
 
-    def take(self, text: str, name: str, within: tuple[str, ...], group: dict, path: Path) -> None:
+    def take(
+        self, text: str, name: str, within: tuple[str, ...], group: dict, path: Path, foreign: bool = False
+    ) -> None:
+        """foreign: the text is perhaps no case, so what is wrong with it is told without its words."""
         self.tree.files.append((name, text))
         node, faults = grammar.parse(text)
+        if faults and foreign:
+            line, column, _ = min(faults)
+            self.broken = True
+            self.fault(Place(name, line, column), "no text of a case: expected settings as in simulation = { }")
+            return
         for line, column, message in faults:
             self.fault(Place(name, line, column), message)
         self.broken = self.broken or (bool(faults) and not node.value)
@@ -162,11 +174,14 @@ class Reader:
             if entry.name in first:
                 self.fault(place, f"{dotted((*path, entry.name))}: set twice, first at {first[entry.name]}")
                 continue
+            earlier = self.tree.places.pop((*path, entry.name), None)  # places are in the order of what was set
+            if earlier and isinstance(group.get(entry.name), tuple):
+                self.tree.replaced[*path, entry.name] = earlier
             first[entry.name] = self.tree.places[*path, entry.name] = place
             if entry.node.kind == "group" and isinstance(group.get(entry.name), dict):
                 self.merge(entry.node, group[entry.name], (*path, entry.name), file, within)
             else:
-                self.forget((*path, entry.name))
+                self.forget((*path, entry.name), group.get(entry.name))
                 group[entry.name] = self.plain(entry.node, (*path, entry.name), file, within)
 
     def plain(self, node: Node, path: Path, file: str, within: tuple[str, ...]) -> Any:
@@ -182,22 +197,26 @@ class Reader:
             values.append(self.plain(item, (*path, i), file, within))
         return tuple(values) if node.kind == "list" else values
 
-    def forget(self, path: Path) -> None:
-        """Drop the places below a setting that is replaced."""
-        below = [other for other in self.tree.places if len(other) > len(path) and other[: len(path)] == path]
-        for other in below:
-            del self.tree.places[other]
+    def forget(self, path: Path, value: Any) -> None:
+        """Drop the places below a setting whose value is replaced."""
+        for key, inner in value.items() if isinstance(value, dict) else enumerate(value if is_many(value) else ()):
+            self.tree.places.pop((*path, key), None)
+            self.forget((*path, key), inner)
 
     def include(
         self, name: str, place: Place, group: dict, path: Path, file: str, within: tuple[str, ...]
     ) -> None:
         target = os.path.normpath(os.path.join(os.path.dirname(file), name))
+        root, problem = self.root, None
+        if root is not None and not os.path.lexists(target) and os.path.lexists(name):
+            target, root = os.path.normpath(name), os.getcwd()
         real = os.path.realpath(target)
-        problem = None
-        if self.root is None:
+        if root is None:
             problem = "only a case that is a file may include others"
-        elif os.path.isabs(name) or os.path.commonpath((self.root, real)) != self.root:
-            problem = f"{name!r} is outside the folder of the case"
+        elif os.path.isabs(name):
+            problem = f"{name!r}: an @include is relative to the file that it stands in"
+        elif strange(root, real):
+            problem = f"{name!r} leads to the root of the file system or into something hidden"
         elif real in within:
             problem = f"circular @include of {name!r}"
         elif len(within) > MAX_INCLUDES:
@@ -208,7 +227,20 @@ class Reader:
             self.tree.incomplete = True
             self.fault(place, problem)
         else:
+            if root != self.root:
+                here = os.path.relpath(target, os.path.dirname(file))
+                self.tree.warnings.append(
+                    f"{place}: {name!r} is found in the working directory only; {here!r} is found from everywhere"
+                )
             self.read(target, within, group, path, place)
+
+
+def strange(root: str, real: str) -> bool:
+    """Whether the way from a folder to a file leads over the root of the file system, or into something hidden."""
+    shared = os.path.commonpath((root, real))
+    if shared == root:
+        return False
+    return shared == os.sep or any(part.startswith(".") for part in os.path.relpath(real, shared).split(os.sep))
 
 
 def file_bytes(path: str) -> bytes:
@@ -265,11 +297,15 @@ def apply_set(tree: Tree, assignment: str) -> str | None:
     return None
 
 
+def is_many(value: Any) -> bool:
+    return isinstance(value, (list, tuple))
+
+
 def holds(value: Any, key: str | int) -> bool:
     """Whether a group has the key, or a list or array the index."""
     if isinstance(value, dict):
         return key in value
-    return isinstance(value, (list, tuple)) and isinstance(key, int) and key < len(value)
+    return is_many(value) and isinstance(key, int) and key < len(value)
 
 
 def leaves(value: Any, path: Path = ()) -> Iterator[tuple[str, Any]]:

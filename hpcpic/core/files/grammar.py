@@ -191,7 +191,7 @@ def parse(text: str) -> tuple[Node, list[tuple[int, int, str]]]:
     from lark.exceptions import UnexpectedCharacters, UnexpectedToken
 
     faults = Faults()
-    for match in FORBIDDEN.finditer(text):
+    if match := FORBIDDEN.search(text):  # the first of what may be a million
         faults.found.append((*place_of(text, match.start()), f"forbidden character U+{ord(match[0]):04X}"))
     nothing = Node("group", [], 1, 1)
     if faults.found:

@@ -1,6 +1,7 @@
 """Typed, frozen configurations: validation of a tree with the place of every fault, and back to text."""
 
 import difflib
+import functools
 import re
 import typing
 from collections.abc import Iterator
@@ -11,9 +12,24 @@ from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, ValidationEr
 from pydantic.fields import FieldInfo
 
 from hpcpic.core.errors import ConfigError
+from hpcpic.core.files.cases import PROGRAMS, fit, fits
 from hpcpic.core.files.config import Path, Place, Tree, dotted
 
 REQUIRED = ...
+MOST_TOLD = 100  # of the faults of a case
+SYNONYMS = {  # what others call a key -> what it may be called here
+    **dict.fromkeys(("steps", "nsteps", "n_steps", "iterations"), ("cycles", "end_time")),
+    **dict.fromkeys(("end", "tmax", "t_max", "t_end", "tend", "duration", "final_time"), ("end_time", "cycles")),
+    **dict.fromkeys(("dt", "timestep", "delta_t"), ("time_step",)),
+    **dict.fromkeys(("dx", "dp", "resolution", "cell_size"), ("spacing", "points")),
+    **dict.fromkeys(("nu", "viscosity"), ("kinematic_viscosity",)),
+    **dict.fromkeys(("mu", "eta"), ("dynamic_viscosity",)),
+    **dict.fromkeys(("rho", "rho0", "rho_0"), ("density",)),
+    "c0": ("sound_speed",),
+    "g": ("gravity",),
+    "tau": ("relaxation_time",),
+    "seed": ("random_seed",),
+}
 
 
 class Section(BaseModel):
@@ -23,6 +39,8 @@ class Section(BaseModel):
 
     # dotted keys ("plot", "species.charge_mass_ratio") that are accepted and have no effect
     ignored: ClassVar[tuple[str, ...]] = ()
+    # keys ("fluid[].kinematic_viscosity") that `modernised` understands beside those of the schema
+    rewritten: ClassVar[tuple[str, ...]] = ()
 
     @classmethod
     def modernised(cls, tree: Tree) -> None:
@@ -66,15 +84,35 @@ def validate(model: type[Model], tree: Tree) -> Model:
     try:
         config = model.model_validate(tree.data)
     except ValidationError as error:
+        if other := stranger(model, tree):
+            raise ConfigError(f"{tree.where(())}: {other}") from None
         found = [fault for fault in error.errors() if not (tree.incomplete and fault["type"] == "missing")]
         wrong = {fault["loc"][:-1] for fault in found}  # a list is too short without its elements that are wrong
         found = [fault for fault in found if fault["type"] != "too_short" or fault["loc"] not in wrong]
         found.sort(key=lambda fault: position(tree.where(known_path(tree, fault))))
-        raise ConfigError(messages + [described(model, tree, fault) for fault in found]) from None
+        messages += [described(model, tree, fault) for fault in found[:MOST_TOLD]]
+        if len(found) > MOST_TOLD:
+            messages.append(f"and {len(found) - MOST_TOLD} more")
+        raise ConfigError(messages) from None
     messages += [f"{tree.where(path)}: {dotted(path)}: {text}" for path, text in config.faults()]
     if messages:
         raise ConfigError(messages)
     return config.completed()
+
+
+def stranger(model: type[Section], tree: Tree) -> str:
+    """What a tree is that is no case of this program; empty where it may be one."""
+    if tree.incomplete or not tree.data:
+        return ""
+    own = next((program for program, keys in PROGRAMS.items() if keys == set(model.model_fields)), "")
+    found = fits(tree.data)
+    here, other = found.get(own, fit(tree.data, model.model_fields)), max(found, key=lambda program: found[program])
+    if found[other] > max(here, 0):
+        file = tree.files[0][0] if tree.files else ""
+        return f"this is a case of {other}; run: {other} check {file}"
+    if here == -len(tree.data):
+        return f"no case: it has none of the keys {', '.join(model.model_fields)}"
+    return ""
 
 
 def drop_ignored(model: type[Section], tree: Tree) -> None:
@@ -125,7 +163,7 @@ def described(model: type[Section], tree: Tree, fault: Any) -> str:
     path = known_path(tree, fault)
     got, kind = fault["input"], fault["type"]
     if kind == "missing":
-        text, hint, shown = "missing, and there is no default", "", ""
+        text, hint, shown = "missing, and there is no default", replaced(tree, path), ""
     elif kind == "extra_forbidden":
         text, hint, shown = "unknown key", nearest_key(model, path), ""
     else:
@@ -139,6 +177,14 @@ def described(model: type[Section], tree: Tree, fault: Any) -> str:
         near = difflib.get_close_matches(got.lower(), lower, 1, 0.3) if isinstance(got, str) else []
         hint = f"; did you mean {lower[near[0]]!r}?" if near and kind == "literal_error" else ""
     return f"{tree.where(path)}: {dotted(path) or 'case'}: {text}{shown}{hint}"
+
+
+def replaced(tree: Tree, path: Path) -> str:
+    """Where a list around a setting has taken the place of one that another file gave."""
+    for depth in range(1, len(path)):
+        if path[:depth] in tree.replaced:
+            return f" ({dotted(path[:depth])} here takes the place of the whole list at {tree.replaced[path[:depth]]})"
+    return ""
 
 
 def plain_words(text: str) -> str:
@@ -165,16 +211,32 @@ def abridged(value: Any) -> str:
 
 
 def nearest_key(model: type[Section], path: Path) -> str:
-    """The known key most like the last one of `path`: first in its own group, then anywhere."""
-    *_, name = path
+    """The known key meant by the last one of `path`: what the field calls so, else the most like it in its own group,
+    else one of that name anywhere.
+    """
+    *groups, name = path
     own = model
-    for part in path[:-1]:
+    for part in groups:
         own = (section_of(own.model_fields[part]) or own) if isinstance(part, str) else own
+    place = re.sub(r"\[\d+\]", "[]", dotted(tuple(groups)))
+    for word in SYNONYMS.get(str(name).lower(), ()):
+        found = [key for key in keys_of(model) if key.rpartition(".")[2] == word]
+        if found:
+            beside = f"{place}.{word}" in found
+            meant = dotted((*groups, word)) if beside else found[0]
+            return f"; did you mean {meant!r}?"
     near = difflib.get_close_matches(str(name), own.model_fields, 1, 0.6)
     if near:
         return f"; did you mean {near[0]!r}?"
-    elsewhere = [row.key for row in describe(model) if row.key.rpartition(".")[2] == name]
-    return f"; did you mean {elsewhere[0]!r}?" if elsewhere else ""
+    elsewhere = [key for key in keys_of(model) if key.rpartition(".")[2] == name]
+    outside = " outside of all groups" if elsewhere and "." not in elsewhere[0] else ""
+    return f"; did you mean {elsewhere[0]!r}{outside}?" if elsewhere else ""
+
+
+@functools.cache
+def keys_of(model: type[Section]) -> tuple[str, ...]:
+    """Every key of a schema, and those that are rewritten before it is asked."""
+    return (*(row.key for row in describe(model)), *model.rewritten)
 
 
 def section_of(field: FieldInfo) -> type[Section] | None:
@@ -271,7 +333,9 @@ def group_lines(config: Section, indent: str) -> list[str]:
         if value is None:
             continue
         if isinstance(value, Section):
-            lines += [f"{indent}{name} = {{", *group_lines(value, indent + "  "), f"{indent}}};"]
+            inner = group_lines(value, indent + "  ")
+            if inner or field.default is None:  # a group that may be missing says something by being there
+                lines += [f"{indent}{name} = {{", *inner, f"{indent}}};"]
         elif isinstance(value, tuple) and section_of(field):
             lines += [f"{indent}{name} = (", *list_lines(value, indent + "  "), f"{indent});"]
         else:
