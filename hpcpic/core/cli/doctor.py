@@ -5,7 +5,6 @@ from __future__ import annotations
 import os
 import subprocess
 import sys
-import warnings
 from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Any
@@ -18,6 +17,7 @@ from hpcpic.core.cli.text import table
 from hpcpic.core.errors import CheckFailed
 from hpcpic.core.run.summary import several
 
+PROBE = 1 << 20  # bytes: some kernels take as much
 _OTHER_SIZE = 9
 _SIZE_OF_TWO = f"from mpi4py import MPI; import sys; sys.exit(0 if MPI.COMM_WORLD.size == 2 else {_OTHER_SIZE})"
 
@@ -81,7 +81,7 @@ def _try_launcher(mpirun: str) -> Finding:
     """Do two ranks started by it see each other?"""
     marks, wishes = ("PMI", "OMPI", "MPI"), "OMPI_ALLOW"  # of a launcher above us; what Open MPI wants from root
     clean = {key: value for key, value in os.environ.items() if key.startswith(wishes) or not key.startswith(marks)}
-    words = [mpirun, "-n", "2", sys.executable, "-c", _SIZE_OF_TWO]
+    words = [mpirun, "-n", "2", sys.executable, "-P", "-c", _SIZE_OF_TWO]
     try:
         done = subprocess.run(words, env=clean, capture_output=True, text=True, timeout=30, check=False)
     except (OSError, subprocess.TimeoutExpired) as error:
@@ -123,15 +123,18 @@ def _libraries() -> Iterator[Finding]:
 
 
 def _cache() -> Iterator[Finding]:
-    with warnings.catch_warnings(record=True) as told:
-        warnings.simplefilter("always")
-        from hpcpic.core.simd.jit import cache_directory
+    """Whether compiled kernels can be kept, and where nobody else can change them."""
+    from hpcpic.core.simd.caches import private_folder
 
-        folder = cache_directory()
-    if told:
-        yield Finding("kernel cache", str(told[0].message), "warn", "a private folder in HPCPIC_CACHE_DIR")
+    try:
+        folder = private_folder()
+        folder.write("probe", bytes(PROBE))
+        folder.remove("probe")
+    except OSError as error:
+        why = f"{error.filename}: {error.strerror}"
+        yield Finding("kernel cache", why, "warn", "HPCPIC_CACHE_DIR: a folder that only you can write to")
     else:
-        yield Finding("kernel cache", str(folder))
+        yield Finding("kernel cache", str(folder.path))
 
 
 def _environment() -> Iterator[Finding]:
