@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import os
 import subprocess
 import sys
@@ -17,6 +18,7 @@ from hpcpic.core.cli.text import table
 from hpcpic.core.errors import CheckFailed
 from hpcpic.core.run.summary import several
 
+LEAST_SHARED = 64  # MiB that MPI itself wants at times
 PROBE = 1 << 20  # bytes: some kernels take as much
 _OTHER_SIZE = 9
 _SIZE_OF_TWO = f"from mpi4py import MPI; import sys; sys.exit(0 if MPI.COMM_WORLD.size == 2 else {_OTHER_SIZE})"
@@ -34,7 +36,7 @@ def make_doctor_command(app_loader: AppLoader) -> click.Command:
     @click.command("doctor")
     @click.option("--threads", type=click.IntRange(1), help="Threads per rank that you mean to use.")
     def doctor(threads: int | None) -> None:
-        """MPI, launcher, threads, HDF5, FFTW, versions, the cache of compiled kernels.
+        """MPI, launcher, threads, HDF5, FFTW, versions, the cache of compiled kernels, shared memory.
 
         `mpirun -n N` in front tells how those ranks share the cores.
         """
@@ -43,7 +45,7 @@ def make_doctor_command(app_loader: AppLoader) -> click.Command:
         world = World.start()
         shared = list(_cores(world, threads))
         if world.rank == 0:
-            findings = [*_mpi(world), *shared, *_libraries(), *_cache(), *_environment()]
+            findings = [*_mpi(world), *shared, *_libraries(), *_cache(), *_memory(), *_environment()]
             table(("what", "found", "", "cure"), [(f.what, f.value, f.verdict, f.cure) for f in findings])
             failed = [f.what for f in findings if f.verdict == "fail"]
             problem = world.max(float(len(failed)))
@@ -135,6 +137,23 @@ def _cache() -> Iterator[Finding]:
         yield Finding("kernel cache", why, "warn", "HPCPIC_CACHE_DIR: a folder that only you can write to")
     else:
         yield Finding("kernel cache", str(folder.path))
+
+
+def _memory() -> Iterator[Finding]:
+    """What ranks of a node share, and what those that were killed have left there."""
+    from hpcpic.core.comm import shared_memory
+    from hpcpic.core.run.memory import MIB
+
+    left = shared_memory.free()
+    few = left < LEAST_SHARED * MIB
+    cure = "a larger one (docker run --shm-size=1g): ranks may end by a bus error" if few else ""
+    value = f"{shared_memory.FOLDER}, {left / MIB:.0f} MiB free" if math.isfinite(left) else "none"
+    yield Finding("shared memory", value, "warn" if few else "ok", cure)
+    behind = list(shared_memory.left_behind())
+    if behind:
+        size = sum(path.stat().st_size for path in behind) / MIB
+        cure = f"rm {' '.join(map(str, behind[:3]))}{' ...' if behind[3:] else ''} while no run goes on"
+        yield Finding("of killed ranks", f"{several(len(behind), 'segment')}, {size:.0f} MiB", "warn", cure)
 
 
 def _environment() -> Iterator[Finding]:
