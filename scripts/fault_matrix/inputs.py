@@ -43,7 +43,7 @@ def refused(bench: Bench, case: Path, what: str) -> Done:
 
 @row(39, "a million cases with random changes", "read or refused within 100 ms and 100 MB, never a traceback")
 def fuzz(bench: Bench) -> str:
-    words = [sys.executable, "-m", "fault_matrix.fuzz", bench.program, str(bench.case)]
+    words = [sys.executable, "-P", "-m", "fault_matrix.fuzz", bench.program, str(bench.case)]
     workers = [
         subprocess.Popen([*words, str(seed), *map(str, FUZZ)], env=bench.environment({}, {}),
                          stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)

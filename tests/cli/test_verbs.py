@@ -4,8 +4,8 @@ import csv
 import resource
 import subprocess
 import sys
-from pathlib import Path
 from importlib import import_module
+from pathlib import Path
 from types import SimpleNamespace
 
 import h5py

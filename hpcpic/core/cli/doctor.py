@@ -12,7 +12,7 @@ from typing import Any
 
 import click
 
-from hpcpic.core.cli.app import AppLoader
+from hpcpic.core.cli.app import PYTHON, AppLoader
 from hpcpic.core.cli.launch import launcher
 from hpcpic.core.cli.text import table
 from hpcpic.core.errors import CheckFailed
@@ -83,7 +83,7 @@ def _try_launcher(mpirun: str) -> Finding:
     """Do two ranks started by it see each other?"""
     marks, wishes = ("PMI", "OMPI", "MPI"), "OMPI_ALLOW"  # of a launcher above us; what Open MPI wants from root
     clean = {key: value for key, value in os.environ.items() if key.startswith(wishes) or not key.startswith(marks)}
-    words = [mpirun, "-n", "2", sys.executable, "-P", "-c", _SIZE_OF_TWO]
+    words = [mpirun, "-n", "2", *PYTHON, "-c", _SIZE_OF_TWO]
     try:
         done = subprocess.run(words, env=clean, capture_output=True, text=True, timeout=30, check=False)
     except (OSError, subprocess.TimeoutExpired) as error:
