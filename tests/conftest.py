@@ -58,7 +58,7 @@ def disk(tmp_path: Path) -> Iterator[Path]:
 
 @pytest.fixture
 def disk_order(monkeypatch: pytest.MonkeyPatch) -> list[tuple[str, str, int]]:
-    """What is asked of the disk, in order: ("sync", name, bytes) of files and folders and ("rename", new name, bytes)."""
+    """What is asked of the disk, in order: ("sync", name, bytes) of files and folders, ("rename", new name, bytes)."""
     order: list[tuple[str, str, int]] = []
     replace, fsync = os.replace, os.fsync
 

@@ -13,7 +13,6 @@ from typing import Any
 from hpcpic.core.errors import FileError
 from hpcpic.core.simd.caches import private_folder, private_path
 
-
 FILE = "rates.json"  # beside the compiled kernels
 
 

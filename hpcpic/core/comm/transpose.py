@@ -204,7 +204,8 @@ class SlabFFT:
         """The columns of every rank of the node in one shared window, each on pages of its own."""
         item = self._type.itemsize
         info = MPI.Info.Create({"alloc_shared_noncontig": "true"})
-        window = MPI.Win.Allocate_shared(self._bytes(shapes[self._world.rank]), 1, info, cast(MPI.Intracomm, self._world.node))
+        size = self._bytes(shapes[self._world.rank])
+        window = MPI.Win.Allocate_shared(size, 1, info, cast(MPI.Intracomm, self._world.node))
         info.Free()
         window.Lock_all()
         homes = {}

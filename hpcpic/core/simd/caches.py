@@ -106,8 +106,8 @@ class _Way:
                 with suppress(FileExistsError):
                     os.mkdir(name, 0o700, dir_fd=here)
                 status = os.stat(name, dir_fd=here, follow_symlinks=False)
-            _require_owner(path, status, owners)
             if stat.S_ISLNK(status.st_mode):
+                _require_owner(path, status, owners)
                 return os.readlink(name, dir_fd=here)
             self._open.append(os.open(name, _FOLDER, dir_fd=here))
             self.path = path

@@ -128,7 +128,7 @@ class KernelCache(FunctionCache):
             self._store.damaged(repr(error))
             return None
 
-    def save_overload(self, sig: Any, data: CompileResult) -> None:
+    def save_overload(self, sig: Any, data: Any) -> None:
         if data.lifted or data.library.has_dynamic_globals:
             return  # holds addresses of this process
         key = self._index_key(sig, data.codegen)
