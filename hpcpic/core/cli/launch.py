@@ -10,7 +10,6 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import IO
 
-import hpcpic
 from hpcpic.core.cli.app import App
 from hpcpic.core.errors import ConfigError
 
@@ -35,7 +34,7 @@ def _environment() -> dict[str, str]:
     """Programs do not look into the current folder. Where this one was found there, and is not installed, they look
     into that of its packages.
     """
-    packages = str(Path(hpcpic.__file__).resolve().parents[1])
+    packages = str(Path(__file__).resolve().parents[3])
     if packages in sys.path[1:] or packages not in sys.path:
         return dict(os.environ)
     before = os.environ.get("PYTHONPATH")
