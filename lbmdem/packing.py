@@ -4,15 +4,13 @@ Made by the grains' own dynamics, so the same for any ranks and threads; random 
 the seed. What was made is kept in the user's cache folder, under the hash of all that it depends on.
 """
 
+import functools
 import hashlib
 import json
 import logging
 import math
-import os
-import tempfile
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -20,6 +18,7 @@ from numpy.typing import NDArray
 
 from hpcpic.core.comm.world import World
 from hpcpic.core.errors import ConfigError
+from hpcpic.core.simd.caches import Store
 from hpcpic.core.space.domain import Domain
 from hpcpic.core.space.rng import uniforms
 from hpcpic.core.tasks import Pool
@@ -180,53 +179,41 @@ def porosity_of(domain: Domain, sample: Sample) -> float:
 
 
 def cached(
-    world: World, facts: Mapping[str, object], made: Callable[[], NDArray], shape: Sequence[int]
+    world: World,
+    facts: Mapping[str, object],
+    made: Callable[[], NDArray],
+    shape: Sequence[int],
+    possible: Callable[[NDArray], bool],
 ) -> NDArray[np.float64]:
-    """Collective: what `made()` (collective) gives for these facts, float64 of a shape; from the cache if it is there.
-
-    A file holds its own hash; one that is damaged, or of another shape, is made again.
+    """Collective: what `made()` (collective) gives for these facts, float64 of a shape; what was made before if that
+    was kept, undamaged and possible.
     """
     text = json.dumps({"version": VERSION, **facts}, sort_keys=True)
-    name = hashlib.sha256(text.encode()).hexdigest()
-    path = _folder() / f"{name}.packing"
-    content = world.bcast(_read(path) if world.rank == 0 else None)
-    if len(content) == 8 * math.prod(shape):
-        log.info("the packing is that kept in %s", path)
+    name = f"{hashlib.sha256(text.encode()).hexdigest()}.packing"
+    content = world.bcast(_kept(name, shape, possible) if world.rank == 0 else None)
+    if content:
         return np.frombuffer(content).reshape(shape).copy()
     values = np.ascontiguousarray(made(), np.float64)
     if world.rank == 0:
-        _write(path, values.tobytes())
+        _store().write(name, values.tobytes())
     return values
 
 
-def _folder() -> Path:
-    from hpcpic.core.simd.jit import cache_directory
+@functools.cache
+def _store() -> Store:
+    return Store("packings", "packings")
 
-    return cache_directory().parent / "packings"
 
-
-def _read(path: Path) -> bytes:
-    try:
-        content = path.read_bytes()
-    except OSError:
+def _kept(name: str, shape: Sequence[int], possible: Callable[[NDArray], bool]) -> bytes:
+    """Nothing where there is nothing to be used."""
+    content = _store().read(name)
+    if content is None:
         return b""
-    head, body = content[:32], content[32:]
-    if hashlib.sha256(body).digest() != head:
-        log.warning("the kept packing %s is damaged: made again", path)
+    if len(content) != 8 * math.prod(shape) or not possible(np.frombuffer(content).reshape(shape)):
+        _store().damaged("no such packing can be")
         return b""
-    return body
-
-
-def _write(path: Path, body: bytes) -> None:
-    """Complete or not at all; without a cache folder nothing is kept."""
-    try:
-        path.parent.mkdir(mode=0o700, parents=True, exist_ok=True)
-        descriptor, draft = tempfile.mkstemp(dir=path.parent)
-        with os.fdopen(descriptor, "wb") as file:
-            file.write(hashlib.sha256(body).digest() + body)
-        os.replace(draft, path)
-    except OSError as error:
-        log.warning("the packing is not kept: %s", error)
+    log.info("the packing is that kept as %s", name)
+    return content
 
 
 def pack(world: World, pool: Pool, domain: Domain, sample: Sample) -> NDArray[np.float64]:
@@ -247,7 +234,13 @@ def pack(world: World, pool: Pool, domain: Domain, sample: Sample) -> NDArray[np
         x = grow(world, pool, domain, sample)
         return settle(world, pool, domain, sample, x) if sample.gravity > 0.0 else x
 
-    return cached(world, facts, made, (len(sample.radius), domain.ndim))
+
+    def possible(x: NDArray) -> bool:
+        """In the box, or just across a periodic side; not of nan."""
+        across = 2.0 * float(sample.radius.max())
+        return bool(np.all((x >= -across) & (x <= np.array(domain.lengths[::-1]) + across)))
+
+    return cached(world, facts, made, (len(sample.radius), domain.ndim), possible)
 
 
 def make(

@@ -74,7 +74,7 @@ class Row:
 def bench(program: str) -> dict[str, float]:
     """The rates of the machine as it is now."""
     for ranks in (1, 2):
-        words = [MPIRUN, "-n", str(ranks), sys.executable, "-m", program, "bench"]
+        words = [MPIRUN, "-n", str(ranks), sys.executable, "-P", "-m", program, "bench"]
         subprocess.run(words, check=True, capture_output=True, env=dict(os.environ, OMP_NUM_THREADS="1"))
     return read_rates()
 

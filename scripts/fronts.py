@@ -29,7 +29,7 @@ def main() -> int:
     for program in sys.argv[1:] or CASES:
         case, tolerance = CASES[program]
         with tempfile.TemporaryDirectory() as folder:
-            words = [sys.executable, "-m", program, "tradeoff", case, "--tolerance", tolerance, "-o", folder]
+            words = [sys.executable, "-P", "-m", program, "tradeoff", case, "--tolerance", tolerance, "-o", folder]
             code = max(code, subprocess.run(words).returncode)
             made = Path(folder) / "front.png"
             if made.exists():

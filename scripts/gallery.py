@@ -142,7 +142,7 @@ def seconds(time: str) -> float:
 
 def run_case(program: Program, case: str, folder: Path) -> None:
     """Raises CalledProcessError with the output of the run on the screen."""
-    words = [sys.executable, "-m", program.name, "run", str(program.cases[case]), "-o", str(folder), "--quiet"]
+    words = [sys.executable, "-P", "-m", program.name, "run", str(program.cases[case]), "-o", str(folder), "--quiet"]
     sets = (word for s in program.extra.get(case, ()) for word in ("--set", s))
     done = subprocess.run([*words, *sets], capture_output=True, text=True, cwd=ROOT)
     if done.returncode:

@@ -93,7 +93,7 @@ def measure(program: str, case: str, point: Point) -> dict[str, Any]:
     with tempfile.TemporaryDirectory(prefix="scaling-") as folder:
         out = Path(folder) / "run"
         sets = [argument for s in point.sets for argument in ("--set", s)]
-        command = [MPIRUN, "-n", str(point.ranks), sys.executable, "-m", program, "run", case, "-o", str(out)]
+        command = [MPIRUN, "-n", str(point.ranks), sys.executable, "-P", "-m", program, "run", case, "-o", str(out)]
         command += ["--threads", str(point.threads), *sets]
         done = subprocess.run(command, capture_output=True, text=True, env=dict(os.environ, OMP_NUM_THREADS="1"))
         if done.returncode != 0:

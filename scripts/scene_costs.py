@@ -367,7 +367,7 @@ def words(_: Pool) -> Iterator[Row]:
 def command_seconds(words: list[str]) -> float:
     """Processor time of a command."""
     before = resource.getrusage(resource.RUSAGE_CHILDREN)
-    subprocess.run([sys.executable, "-m", "hpcpic", *words], capture_output=True)
+    subprocess.run([sys.executable, "-P", "-m", "hpcpic", *words], capture_output=True)
     after = resource.getrusage(resource.RUSAGE_CHILDREN)
     return after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime
 

@@ -56,6 +56,25 @@ def disk(tmp_path: Path) -> Iterator[Path]:
         subprocess.run(["umount", "-l", str(made)], check=True)
 
 
+@pytest.fixture
+def disk_order(monkeypatch: pytest.MonkeyPatch) -> list[tuple[str, str, int]]:
+    """What is asked of the disk, in order: ("sync", name, bytes) of files and folders, ("rename", new name, bytes)."""
+    order: list[tuple[str, str, int]] = []
+    replace, fsync = os.replace, os.fsync
+
+    def noted_replace(source, target, **folders) -> None:
+        order.append(("rename", Path(target).name, os.path.getsize(source)))
+        replace(source, target, **folders)
+
+    def noted_fsync(descriptor) -> None:
+        order.append(("sync", Path(os.readlink(f"/proc/self/fd/{descriptor}")).name, os.fstat(descriptor).st_size))
+        fsync(descriptor)
+
+    monkeypatch.setattr(os, "replace", noted_replace)
+    monkeypatch.setattr(os, "fsync", noted_fsync)
+    return order
+
+
 def pytest_pyfunc_call(pyfuncitem):
     """A test with a disk that could not be mounted runs in a namespace whose root may: its outcome is that one's."""
     made = pyfuncitem.funcargs.get("disk")

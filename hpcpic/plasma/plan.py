@@ -7,6 +7,7 @@ import math
 from collections.abc import Iterator, Sequence
 
 from hpcpic.core.cli.forecast import Array, imports
+from hpcpic.core.comm.shared_memory import FOLDER as SHARED_MEMORY
 from hpcpic.core.space.cuts import even_cuts
 from hpcpic.plasma.config import PlasmaConfig, rotation, velocity_components
 from hpcpic.plasma.loading import macro_charge
@@ -70,7 +71,8 @@ def arrays(config: PlasmaConfig, ranks: int, threads: int) -> Iterator[Array]:
     else:
         across = points[1] if d == 2 else 1
         yield Array("transform: rows", (1 + results, rows, across), "float64")
-        yield Array("transform: columns", (results, -(-(across // 2 + 1) // ranks), points[0]), "complex128")
+        shared = f" (in {SHARED_MEMORY})" if ranks > 1 and d == 2 else ""
+        yield Array(f"transform: columns{shared}", (results, -(-(across // 2 + 1) // ranks), points[0]), "complex128")
 
 
 def factor_nonzeros(points: Sequence[int]) -> int:

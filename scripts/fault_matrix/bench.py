@@ -71,7 +71,7 @@ class Bench:
     def words(self, arguments: tuple[str, ...], ranks: int, fault: dict[str, Any]) -> list[str]:
         module = ("fault_matrix.faulty", self.program) if fault else (self.program,)
         mpirun = [str(launcher()), "-n", str(ranks)] if ranks > 1 else []
-        return [*mpirun, sys.executable, "-m", *module, *arguments]
+        return [*mpirun, sys.executable, "-P", "-m", *module, *arguments]
 
     def environment(self, fault: dict[str, Any], more: dict[str, str]) -> dict[str, str]:
         places = [str(HERE.parent), str(HERE.parents[1]), *sys.path]

@@ -3,9 +3,14 @@
 import csv
 import os
 import re
+from types import SimpleNamespace
 
 import pytest
 from toy_runner import Toy
+
+from hpcpic.core.cli.job import require_memory
+from hpcpic.core.errors import ConfigError
+from hpcpic.core.run import memory
 
 KEYS = {
     *("status", "exit_code", "steps", "time", "wall_seconds", "ranks", "threads", "nodes", "mlups"),
@@ -171,6 +176,20 @@ def test_more_memory_than_there_is_is_refused_before_anything_is_made(toy, words
     assert done.returncode == 2, done.stderr
     assert done.stderr.count(f"memory: {ranks} rank") == 1 and "most of it for u, and there are" in done.stderr
     assert "--force" in done.stderr and not (toy.folder / "a").exists()
+
+
+@pytest.mark.parametrize("here, fits", [(1, True), (2, True), (3, False)])
+def test_the_memory_of_a_machine_is_for_all_ranks_on_it(monkeypatch, here, fits):
+    """Of six ranks, those on other machines take nothing from this one."""
+    wanted = SimpleNamespace(estimate=lambda *_: SimpleNamespace(memory={"u": 3e9, "v": 1e9}))
+    monkeypatch.setattr(memory, "free", lambda: 8.5e9)
+    monkeypatch.setattr(memory, "held", lambda: 0.1e9)
+    if fits:
+        assert require_memory(wanted, None, 6, here, force=False) == []
+    else:
+        with pytest.raises(ConfigError, match=r"3 ranks on this machine take about .* for u"):
+            require_memory(wanted, None, 6, here, force=False)
+        assert "2 such machines" in require_memory(wanted, None, 6, here, force=True)[0]
 
 
 def test_force_runs_it_and_no_memory_ends_all_ranks_with_one_line(toy):

@@ -4,12 +4,18 @@ import csv
 import os
 import signal
 import subprocess
+import sys
+from importlib import import_module
+from types import SimpleNamespace
 
 import pytest
-from toy_runner import environment, wait_until
+from toy_runner import ROOT, environment, wait_until
 
-from hpcpic.core.cli.sweep import expand, split
+from hpcpic.core.cli.doctor import _try_launcher
+from hpcpic.core.cli.launch import _environment, launch, launcher
+from hpcpic.core.cli.sweep import expand, run_once, split
 from hpcpic.core.errors import ConfigError
+from hpcpic.core.files.rundir import RunDir
 
 
 def table(toy):
@@ -49,6 +55,43 @@ def test_failures_stop_nobody_and_finished_runs_are_not_repeated(toy):
     again = toy(*words)
     assert again.stdout.count("done before") == 2
     assert toy.facts("s/0000") == first
+
+
+def test_exit_0_without_a_finished_run_is_a_failure(tmp_path):
+    """Something else was started in the place of the program."""
+    app, rundir = SimpleNamespace(program=("toy",), name="toy"), RunDir(tmp_path / "runs" / "0000")
+    code, words = run_once(app, "ring.conf", (), rundir, (1, 1), start=lambda *_, **__: 0)
+    assert code == 1 and "no finished run" in words
+
+
+@pytest.mark.parametrize("program", ["hpcpic", "sph", "lbmdem"])
+def test_what_lies_in_the_current_folder_is_not_executed(program, tmp_path, monkeypatch):
+    """Of a case that somebody has sent, with modules of the names that the program imports."""
+    for name in (program, "click", "numpy", "mpi4py", "json"):
+        (tmp_path / f"{name}.py").write_text(f"open('executed-{name}', 'w'); raise SystemExit(0)\n")
+    monkeypatch.chdir(tmp_path)
+    app = import_module(f"{program}.__main__").load_app()
+    with open("output", "w+") as output:
+        assert launch(app.program, ("list",), 1, stdout=output, stderr=output) == 0
+        output.seek(0)
+        assert next(iter(app.cases())) in output.read()
+    assert not list(tmp_path.glob("executed-*"))
+
+
+def test_doctor_starts_nothing_from_the_current_folder(tmp_path, monkeypatch):
+    (tmp_path / "mpi4py.py").write_text("open('executed', 'w'); raise SystemExit(0)\n")
+    monkeypatch.chdir(tmp_path)
+    assert _try_launcher(launcher()).verdict == "ok"
+    assert not (tmp_path / "executed").exists()
+
+
+def test_a_program_that_was_started_from_its_sources_starts_the_same(monkeypatch):
+    """`python -m` in a checkout that is not installed: its runs find the packages there, too."""
+    monkeypatch.delenv("PYTHONPATH", raising=False)
+    monkeypatch.setattr(sys, "path", [str(ROOT), "/elsewhere"])
+    assert _environment()["PYTHONPATH"] == str(ROOT)
+    monkeypatch.setattr(sys, "path", ["/elsewhere", str(ROOT)])
+    assert "PYTHONPATH" not in _environment()
 
 
 def test_runs_of_another_sweep_are_not_replaced(toy):

@@ -5,6 +5,7 @@ import resource
 import subprocess
 import sys
 from importlib import import_module
+from pathlib import Path
 from types import SimpleNamespace
 
 import h5py
@@ -268,6 +269,23 @@ def test_doctor_finds_two_ranks_of_one_mpi(toy):
     done = toy("doctor", "--threads", "1")
     assert done.returncode == 0, done.stdout + done.stderr
     assert "launcher" in done.stdout and "HDF5" in done.stdout
+
+
+def test_doctor_tells_of_a_cache_that_others_could_change_and_of_what_killed_ranks_left(toy):
+    unsafe = toy.folder / "cache"
+    unsafe.mkdir()
+    unsafe.chmod(0o777)
+    left = Path("/dev/shm/mpich_shm_hpcpic_test_0")
+    left.write_bytes(bytes(1 << 20))
+    try:
+        done = toy("doctor", "--threads", "1", env={"HPCPIC_CACHE_DIR": str(unsafe)})
+    finally:
+        left.unlink()
+    assert done.returncode == 0, done.stdout + done.stderr
+    (cache,) = [line for line in done.stdout.splitlines() if line.startswith("kernel cache")]
+    assert str(unsafe) in cache and "can be written by others (mode 777)" in cache and "warn" in cache
+    (segments,) = [line for line in done.stdout.splitlines() if line.startswith("of killed ranks")]
+    assert "warn" in segments and "rm /dev/shm/" in segments and not list(unsafe.iterdir())
 
 
 @pytest.mark.parametrize("ranks", [1, 2])

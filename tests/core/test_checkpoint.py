@@ -67,6 +67,29 @@ def test_what_is_read_is_what_was_written(rundir: RunDir) -> None:
     assert reader.attributes == {"config_hash": "ab", "charge": 0.1}
 
 
+def test_a_checkpoint_is_on_the_disk_before_its_name_and_the_older_one_goes_last(
+    rundir: RunDir, disk_order: list, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Every rank's part, then the manifest that vouches for it, then the name; after a loss of power the newest name
+    is that of a whole checkpoint, or an older one still has its own.
+    """
+    unlink = Path.unlink
+
+    def noted(path: Path, **settings: bool) -> None:
+        disk_order.append(("remove", path.name, 0))
+        unlink(path, **settings)
+
+    for step in (1, 2):
+        checkpoint.write(ALONE, rundir, step, 0.0, shards(whole(1)))
+    monkeypatch.setattr(Path, "unlink", noted)
+    del disk_order[:]
+    path = checkpoint.write(ALONE, rundir, 3, 0.0, shards(whole(1)))
+    (parts, first, early), (manifest, second, late), *rest = disk_order
+    assert parts == manifest == "sync" and first == second and early < late == path.stat().st_size
+    assert rest[0] == ("rename", path.name, late)
+    assert [what[:2] for what in rest[1:]] == [("sync", "checkpoints"), ("remove", "00000001.h5")]
+
+
 @pytest.mark.parametrize("ranks", [1, 2, 3, 7])
 def test_any_number_of_ranks_reads_its_part(rundir: RunDir, ranks: int) -> None:
     arrays = whole(2)

@@ -160,6 +160,33 @@ def test_run_json_is_replaced_as_a_whole(tmp_path: Path, monkeypatch: pytest.Mon
     assert sorted(p.name for p in rundir.path.iterdir()) == [".lock", "config.conf", "given", "run.json"]
 
 
+def test_a_file_is_on_the_disk_before_its_name_and_its_name_before_we_go_on(tmp_path: Path, disk_order: list) -> None:
+    """A loss of power leaves the old file or the new one, never an empty one of the new name."""
+    write_atomic(tmp_path / "table.csv", "x" * 5000)
+    made, size = temporary(tmp_path / "table.csv").name, 5000
+    assert disk_order[:2] == [("sync", made, size), ("rename", "table.csv", size)]
+    assert [what[:2] for what in disk_order[2:]] == [("sync", tmp_path.name)]
+
+
+def test_of_two_starts_at_once_one_is_refused_and_takes_nothing_away(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The other made its run, and ended, after this one has seen that there is none."""
+    lock = RunDir.lock
+
+    def late(self: RunDir) -> None:
+        monkeypatch.setattr(RunDir, "lock", lock)
+        RunDir.create(tmp_path, config="first", given={"case.conf": "first"}).unlock()
+        lock(self)
+
+    monkeypatch.setattr(RunDir, "lock", late)
+    with pytest.raises(FileError, match="holds a run already"):
+        RunDir.create(tmp_path, config="second")
+    assert (tmp_path / "config.conf").read_text() == "first" and (tmp_path / "given/case.conf").exists()
+    assert RunDir(tmp_path).read_run()["status"] == "running"
+    RunDir(tmp_path).lock()  # it is not held
+
+
 def test_links_in_the_way_are_not_followed(tmp_path: Path) -> None:
     victim, target = tmp_path / "victim", tmp_path / "table.csv"
     victim.write_text("mine")

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 from mpi4py import MPI
 
+from hpcpic.core.comm import shared_memory
 from hpcpic.core.comm.line import LineFFT
 from hpcpic.core.comm.transpose import SlabFFT, padded, spectrum_range
 from hpcpic.core.comm.transpose_kernels import transpose
@@ -191,6 +192,21 @@ def test_ranks_spectrum_has_the_bits_of_one(pool, points, messages):
         for cuts in cuts_of(points, world.size):
             spectrum = check_forward_and_back(world, pool, points, dtype, cuts=cuts, messages=messages)
             assert np.array_equal(spectrum, whole[slice(*spectrum_range(points, world.size, world.rank))])
+
+
+@pytest.mark.mpi(min_size=2)
+def test_columns_travel_as_messages_where_a_node_has_no_room_to_share_them(pool, monkeypatch, caplog):
+    """All ranks agree, though one alone has found so: writing to memory that is not there would end them."""
+    world, points = World.start(), (32, 32)
+    cuts = even_cuts(32, world.size)
+    shared = check_forward_and_back(world, pool, points, np.float64, cuts=cuts)
+    assert not caplog.records
+    columns = (points[1] // 2 + 1) * padded(points[0], np.complex128) * 16
+    for left, windows in ((1 << 30, True), (columns, False), (0 if world.rank == 0 else 1 << 30, False)):
+        monkeypatch.setattr(shared_memory, "free", lambda left=left: float(left))
+        assert (Case(world, pool, points, cuts=cuts).fft._window is not None) == windows
+    assert np.array_equal(check_forward_and_back(world, pool, points, np.float64, cuts=cuts), shared)
+    assert "/dev/shm" in caplog.text
 
 
 @pytest.mark.mpi(min_size=2)

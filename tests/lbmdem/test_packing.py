@@ -1,6 +1,7 @@
 """Sizes and places of packings."""
 
 import math
+import os
 
 import numpy as np
 import pytest
@@ -8,6 +9,7 @@ from app_runner import running
 from scipy.special import betainc
 
 from hpcpic.core.errors import ConfigError
+from hpcpic.core.simd.caches import Store
 from hpcpic.core.space.domain import Domain, even_cuts
 from hpcpic.core.tasks import Pool
 from lbmdem.contacts import Law
@@ -89,7 +91,7 @@ def test_grains_settle_on_each_other(world, pool):
 @pytest.mark.parametrize("count", [1, 4, 12])
 def test_few_grains_on_a_wide_floor_have_room_to_fall(world, monkeypatch, count):
     """The space that a loose state of so many would fill is lower than a grain, or not much higher."""
-    monkeypatch.setattr("lbmdem.packing.cached", lambda world, facts, made, shape: made())
+    monkeypatch.setattr("lbmdem.packing.cached", lambda world, facts, made, *rest: made())
     case = f"""
     simulation = {{ end_time = 1.0; }};
     domain = {{ size = [4.0e-3, 4.0e-3, 6.0e-3]; periodic = ["x", "y"]; }};
@@ -103,32 +105,72 @@ def test_few_grains_on_a_wide_floor_have_room_to_fall(world, monkeypatch, count)
     assert x[:, 2].max() < 2.1e-3
 
 
-def test_a_packing_is_kept_and_a_damaged_one_made_again(world, tmp_path, monkeypatch):
-    monkeypatch.setattr("lbmdem.packing._folder", lambda: tmp_path)
+def test_a_packing_is_kept_and_a_damaged_one_made_again(world, tmp_path, monkeypatch, caplog):
+    monkeypatch.setenv("HPCPIC_CACHE_DIR", str(tmp_path))
+    store = Store("packings", "packings")
+    monkeypatch.setattr("lbmdem.packing._store", lambda: store)
     made = []
 
     def make():
         made.append(1)
         return np.arange(6.0).reshape(2, 3)
 
-    for expected, facts in ((1, {"n": 1}), (1, {"n": 1}), (2, {"n": 2})):
-        np.testing.assert_array_equal(cached(world, facts, make, (2, 3)), np.arange(6.0).reshape(2, 3))
+    def taken(n, shape=(2, 3), possible=lambda x: x[0, 0] == 0.0):
+        return cached(world, {"n": n}, make, shape, possible)
+
+    for expected, n in ((1, 1), (1, 1), (2, 2)):
+        np.testing.assert_array_equal(taken(n), np.arange(6.0).reshape(2, 3))
         assert len(made) == expected
-    for path in tmp_path.iterdir():
+    for path in store.folder.path.iterdir():
         content = bytearray(path.read_bytes())
         content[40] ^= 1
         path.write_bytes(content)
-    cached(world, {"n": 1}, make, (2, 3))
+    taken(1)
     assert len(made) == 3
-    cached(world, {"n": 1}, make, (3, 3))
+    taken(1, shape=(3, 3))
     assert len(made) == 4
+    taken(1, possible=lambda x: x[0, 0] == 1.0)
+    assert len(made) == 5
+    assert len([record for record in caplog.records if "made anew" in record.message]) == 2  # once for each reason
+
+
+@pytest.mark.parametrize("wrong", [np.nan, 1e300, -1.0])
+def test_a_kept_packing_outside_the_box_is_not_taken(world, tmp_path, monkeypatch, wrong):
+    """Whoever wrote it and however it came there."""
+    monkeypatch.setenv("HPCPIC_CACHE_DIR", str(tmp_path))
+    store = Store("packings", "packings")
+    monkeypatch.setattr("lbmdem.packing._store", lambda: store)
+    arguments = sample_of(world, 30, 0.5)
+    sound = pack(world, Pool(1), *arguments)
+    (path,) = store.folder.path.iterdir()
+    forged = sound.copy()
+    forged[7, 1] = wrong
+    store.write(path.name, forged.tobytes())
+    np.testing.assert_array_equal(pack(world, Pool(1), *arguments), sound)
+    np.testing.assert_array_equal(np.frombuffer(store.read(path.name)).reshape(sound.shape), sound)
+
+
+def test_a_pipe_or_a_folder_in_the_place_of_a_packing_ends_nothing(world, tmp_path, monkeypatch):
+    monkeypatch.setenv("HPCPIC_CACHE_DIR", str(tmp_path))
+    store = Store("packings", "packings")
+    monkeypatch.setattr("lbmdem.packing._store", lambda: store)
+
+    def take():
+        return cached(world, {"n": 1}, lambda: np.zeros((1, 3)), (1, 3), lambda x: True)
+
+    take()
+    (path,) = store.folder.path.iterdir()
+    for put in (os.mkfifo, os.mkdir):
+        path.unlink()
+        put(path)
+        assert take().shape == (1, 3)
 
 
 @pytest.mark.mpi(min_size=2)
 def test_a_packing_does_not_depend_on_ranks(world, monkeypatch):
     from hpcpic.core.comm.world import World
 
-    monkeypatch.setattr("lbmdem.packing.cached", lambda world, facts, made, shape: made())
+    monkeypatch.setattr("lbmdem.packing.cached", lambda world, facts, made, *rest: made())
     found = pack(world, Pool(1), *sample_of(world, 30, 0.5))
     alone = World.alone()
     np.testing.assert_array_equal(found, pack(alone, Pool(1), *sample_of(alone, 30, 0.5)))

@@ -20,6 +20,9 @@ if TYPE_CHECKING:
     from hpcpic.core.files.schema import Section
 
 
+PYTHON = (sys.executable, "-P")  # starts this Python; what lies in the current folder is not imported
+
+
 @dataclass(frozen=True, slots=True)
 class App:
     """One simulator. `config` below is an instance of the schema.
@@ -55,7 +58,7 @@ class App:
     @property
     def program(self) -> tuple[str, ...]:
         """The words that start this program with this Python."""
-        return self.command or (sys.executable, "-m", self.name)
+        return self.command or (*PYTHON, "-m", self.name)
 
     def may_change(self, key: str) -> bool:
         """Whether a restart may change this setting: it does not belong to the state."""

@@ -2,22 +2,24 @@
 
 from __future__ import annotations
 
+import math
 import os
 import subprocess
 import sys
-import warnings
 from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Any
 
 import click
 
-from hpcpic.core.cli.app import AppLoader
+from hpcpic.core.cli.app import PYTHON, AppLoader
 from hpcpic.core.cli.launch import launcher
 from hpcpic.core.cli.text import table
 from hpcpic.core.errors import CheckFailed
 from hpcpic.core.run.summary import several
 
+LEAST_SHARED = 64  # MiB that MPI itself wants at times
+PROBE = 1 << 20  # bytes: some kernels take as much
 _OTHER_SIZE = 9
 _SIZE_OF_TWO = f"from mpi4py import MPI; import sys; sys.exit(0 if MPI.COMM_WORLD.size == 2 else {_OTHER_SIZE})"
 
@@ -34,7 +36,7 @@ def make_doctor_command(app_loader: AppLoader) -> click.Command:
     @click.command("doctor")
     @click.option("--threads", type=click.IntRange(1), help="Threads per rank that you mean to use.")
     def doctor(threads: int | None) -> None:
-        """MPI, launcher, threads, HDF5, FFTW, versions, the cache of compiled kernels.
+        """MPI, launcher, threads, HDF5, FFTW, versions, the cache of compiled kernels, shared memory.
 
         `mpirun -n N` in front tells how those ranks share the cores.
         """
@@ -43,7 +45,7 @@ def make_doctor_command(app_loader: AppLoader) -> click.Command:
         world = World.start()
         shared = list(_cores(world, threads))
         if world.rank == 0:
-            findings = [*_mpi(world), *shared, *_libraries(), *_cache(), *_environment()]
+            findings = [*_mpi(world), *shared, *_libraries(), *_cache(), *_memory(), *_environment()]
             table(("what", "found", "", "cure"), [(f.what, f.value, f.verdict, f.cure) for f in findings])
             failed = [f.what for f in findings if f.verdict == "fail"]
             problem = world.max(float(len(failed)))
@@ -81,7 +83,7 @@ def _try_launcher(mpirun: str) -> Finding:
     """Do two ranks started by it see each other?"""
     marks, wishes = ("PMI", "OMPI", "MPI"), "OMPI_ALLOW"  # of a launcher above us; what Open MPI wants from root
     clean = {key: value for key, value in os.environ.items() if key.startswith(wishes) or not key.startswith(marks)}
-    words = [mpirun, "-n", "2", sys.executable, "-c", _SIZE_OF_TWO]
+    words = [mpirun, "-n", "2", *PYTHON, "-c", _SIZE_OF_TWO]
     try:
         done = subprocess.run(words, env=clean, capture_output=True, text=True, timeout=30, check=False)
     except (OSError, subprocess.TimeoutExpired) as error:
@@ -123,15 +125,35 @@ def _libraries() -> Iterator[Finding]:
 
 
 def _cache() -> Iterator[Finding]:
-    with warnings.catch_warnings(record=True) as told:
-        warnings.simplefilter("always")
-        from hpcpic.core.simd.jit import cache_directory
+    """Whether compiled kernels can be kept, and where nobody else can change them."""
+    from hpcpic.core.simd.caches import private_folder
 
-        folder = cache_directory()
-    if told:
-        yield Finding("kernel cache", str(told[0].message), "warn", "a private folder in HPCPIC_CACHE_DIR")
+    try:
+        folder = private_folder()
+        folder.write("probe", bytes(PROBE))
+        folder.remove("probe")
+    except OSError as error:
+        why = f"{error.filename}: {error.strerror}"
+        yield Finding("kernel cache", why, "warn", "HPCPIC_CACHE_DIR: a folder that only you can write to")
     else:
-        yield Finding("kernel cache", str(folder))
+        yield Finding("kernel cache", str(folder.path))
+
+
+def _memory() -> Iterator[Finding]:
+    """What ranks of a node share, and what those that were killed have left there."""
+    from hpcpic.core.comm import shared_memory
+    from hpcpic.core.run.memory import MIB
+
+    left = shared_memory.free()
+    few = left < LEAST_SHARED * MIB
+    cure = "a larger one (docker run --shm-size=1g): ranks may end by a bus error" if few else ""
+    value = f"{shared_memory.FOLDER}, {left / MIB:.0f} MiB free" if math.isfinite(left) else "none"
+    yield Finding("shared memory", value, "warn" if few else "ok", cure)
+    behind = list(shared_memory.left_behind())
+    if behind:
+        size = sum(path.stat().st_size for path in behind) / MIB
+        cure = f"rm {' '.join(map(str, behind[:3]))}{' ...' if behind[3:] else ''} while no run goes on"
+        yield Finding("of killed ranks", f"{several(len(behind), 'segment')}, {size:.0f} MiB", "warn", cure)
 
 
 def _environment() -> Iterator[Finding]:

@@ -30,6 +30,17 @@ def refuse_launcher() -> None:
         raise ConfigError("start this without mpirun; --ranks N gives every run N ranks")
 
 
+def _environment() -> dict[str, str]:
+    """Programs do not look into the current folder. Where this one was found there, and is not installed, they look
+    into that of its packages.
+    """
+    packages = str(Path(__file__).resolve().parents[3])
+    if packages in sys.path[1:] or packages not in sys.path:
+        return dict(os.environ)
+    before = os.environ.get("PYTHONPATH")
+    return os.environ | {"PYTHONPATH": f"{packages}{os.pathsep}{before}" if before else packages}
+
+
 def launch(program: Sequence[str], arguments: Sequence[str], ranks: int, **settings: object) -> int:
     """Run the program and wait; its exit code. Raises ConfigError without a launcher for several ranks.
 
@@ -41,7 +52,7 @@ def launch(program: Sequence[str], arguments: Sequence[str], ranks: int, **setti
         if mpirun is None:
             raise ConfigError("there is no mpirun: install mpich or openmpi, or use --ranks 1")
         words = [mpirun, "-n", str(ranks), *words]
-    process = subprocess.Popen(words, **settings)  # type: ignore[call-overload]
+    process = subprocess.Popen(words, env=_environment(), **settings)  # type: ignore[call-overload]
     try:
         return process.wait()
     except KeyboardInterrupt:

@@ -8,14 +8,17 @@ import platform
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from time import perf_counter
+from typing import Any
 
 from hpcpic.core.errors import FileError
-from hpcpic.core.simd.caches import private_folder
+from hpcpic.core.simd.caches import private_folder, private_path
+
+FILE = "rates.json"  # beside the compiled kernels
 
 
 def rates_file() -> Path:
-    """rates.json beside the compiled kernels. Raises OSError."""
-    return private_folder() / "rates.json"
+    """Raises OSError."""
+    return private_path(FILE)
 
 
 def read_rates() -> dict[str, float]:
@@ -23,29 +26,30 @@ def read_rates() -> dict[str, float]:
     not measured.
     """
     try:
-        rates = json.loads(rates_file().read_bytes())[platform.node()]
-        return {name: rate for name, rate in rates.items() if isinstance(rate, float | int) and 0 <= rate < math.inf}
+        there = rates_file().exists()  # a folder is not made to find nothing in it
+        return _measured(json.loads(private_folder().read(FILE))[platform.node()]) if there else {}
     except (OSError, ValueError, KeyError, TypeError, AttributeError):
         return {}
 
 
+def _measured(rates: Mapping[str, Any]) -> dict[str, float]:
+    return {name: rate for name, rate in rates.items() if isinstance(rate, float | int) and 0 <= rate < math.inf}
+
+
 def keep_rates(rates: Mapping[str, float]) -> Path:
     """Merge the rates into those of this host. Raises FileError."""
-    from hpcpic.core.files.rundir import write_json
-
     try:
-        path = rates_file()
-        path.parent.mkdir(mode=0o700, parents=True, exist_ok=True)
+        folder = private_folder()
+        try:
+            content = json.loads(folder.read(FILE))
+        except (OSError, ValueError):
+            content = {}
+        content = content if isinstance(content, dict) else {}
+        content[platform.node()] = read_rates() | _measured(rates)
+        folder.write(FILE, (json.dumps(content, indent=1) + "\n").encode())
     except OSError as error:
         raise FileError(f"cannot keep the rates: {error.filename}: {error.strerror}") from error
-    try:
-        content = json.loads(path.read_bytes())
-    except (OSError, ValueError):
-        content = {}
-    content = content if isinstance(content, dict) else {}
-    content[platform.node()] = read_rates() | dict(rates)
-    write_json(path, content)
-    return path
+    return folder.path / FILE
 
 
 def undisturbed(seconds: Sequence[float]) -> float:

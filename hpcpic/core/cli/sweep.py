@@ -144,6 +144,8 @@ def run_once(
     with open(output, "w", encoding="utf-8") as screen:
         words += ["--threads", str(threads), "--quiet"]
         code = start(app.program, words, ranks, stdout=screen, stderr=subprocess.STDOUT)
+    if code == 0 and facts_of(rundir).get("exit_code") != 0:
+        return 1, f"exit 0, but no finished run in {rundir.path}: is what was started {app.name}?"
     told = output.read_text(encoding="utf-8", errors="replace").strip().splitlines()
     return code, f"exit {code}  {told[-1] if told and code not in (0, 5) else ''}"
 

@@ -16,6 +16,7 @@ Between nodes the same parts travel as persistent messages, in chunks of columns
 runs while the next one arrives, and it leaves while the next one is transformed.
 """
 
+import logging
 from collections.abc import Sequence
 from typing import Any, cast
 
@@ -23,7 +24,7 @@ import numpy as np
 from mpi4py import MPI
 from numpy.typing import DTypeLike, NDArray
 
-from hpcpic.core.comm import fftw
+from hpcpic.core.comm import fftw, shared_memory
 from hpcpic.core.comm import transpose_kernels as kernels
 from hpcpic.core.comm.requests import RequestSet
 from hpcpic.core.comm.tags import Channel, tag
@@ -32,6 +33,8 @@ from hpcpic.core.space.domain import block_ranges
 from hpcpic.core.space.fields import ALIGNMENT, aligned_zeros
 from hpcpic.core.tasks import Graph, Pool, bind
 
+log = logging.getLogger("hpcpic.run")
+MIB = 1 << 20
 _CACHE = 400_000  # bytes of one block of rows: input and transform stay in the second-level cache
 _COLUMN_BLOCK = 1 << 14  # points of one block of columns: some 50 us of work
 _CHUNKED = 1 << 17  # bytes for one peer from which messages go in chunks
@@ -90,7 +93,7 @@ class SlabFFT:
         outputs = len(multiplier) if stacked and multiplier is not None else 1
         inner = self._cut(points, cuts)
         self._window: MPI.Win | None = None
-        self._allocate(outputs, () if messages else self._node_ranks())
+        self._allocate(outputs, messages)
         shape = (-1, points[0]) if len(points) == 2 else (-1, inner, points[0])
         self.spectrum = self._spectrum[0, :, : points[0]].reshape(shape)
         self._plan()
@@ -157,8 +160,26 @@ class SlabFFT:
         self._world.node.Allgather(np.array([self._world.rank], np.int64), ranks)
         return tuple(map(int, ranks))
 
-    def _allocate(self, outputs: int, node: tuple[int, ...]) -> None:
-        """Rows, columns (shared with the ranks of `node`) and message buffers."""
+    def _room(self, shape: tuple[int, ...]) -> bool:
+        """Whether every node has memory for the columns of its ranks to be shared; told once where not."""
+        wanted = np.array([self._bytes(shape) + shared_memory.SPARE], np.int64)
+        several = self._world.node_size > 1
+        if several:
+            self._world.node.Allreduce(MPI.IN_PLACE, wanted)
+        if not self._world.any(several and bool(wanted[0] > shared_memory.free())):
+            return True
+        log.warning(
+            "a node has less than the %.0f MiB in %s that its ranks want to share for a transform: the columns travel "
+            "as messages, which is slower (a container is given more by --shm-size)",
+            *(wanted[0] / MIB, shared_memory.FOLDER),
+        )
+        return False
+
+    def _bytes(self, shape: tuple[int, ...]) -> int:
+        return int(np.prod(shape)) * self._type.itemsize + ALIGNMENT
+
+    def _allocate(self, outputs: int, messages: bool) -> None:
+        """Rows, columns (shared with the ranks of the node, but for `messages`) and message buffers."""
         rank = self._world.rank
         lo, hi = self._rows[rank]
         row = int(np.prod(self._row_shape))
@@ -169,6 +190,7 @@ class SlabFFT:
         self.real, self.results = views[0], views[1:]
         pitch = padded(self._n0, self._type)
         shapes = {p: (outputs, b - a, pitch) for p, (a, b) in enumerate(self._columns)}
+        node = self._node_ranks() if not messages and self._room(shapes[rank]) else ()
         homes = self._shared(shapes, node) if node else {rank: aligned_zeros(shapes[rank], self._type)}
         self._homes = homes
         self._spectrum: NDArray = homes[rank]
@@ -182,7 +204,7 @@ class SlabFFT:
         """The columns of every rank of the node in one shared window, each on pages of its own."""
         item = self._type.itemsize
         info = MPI.Info.Create({"alloc_shared_noncontig": "true"})
-        size = int(np.prod(shapes[self._world.rank])) * item + ALIGNMENT
+        size = self._bytes(shapes[self._world.rank])
         window = MPI.Win.Allocate_shared(size, 1, info, cast(MPI.Intracomm, self._world.node))
         info.Free()
         window.Lock_all()

@@ -126,18 +126,20 @@ class RunDir:
         """
         rundir = cls(path)
         made = _missing_parents(rundir.path)
+        begun = False
         try:
             rundir.path.mkdir(parents=True, exist_ok=True)
             rundir._refuse_run(force)
             rundir.lock()
-            rundir._refuse_run(force)
+            rundir._refuse_run(force)  # who held the lock before may have made one
+            begun = True
             _probe(rundir.path)
             for name in RUN_NAMES:
                 _remove(rundir.path / name)
             rundir._fill(config, given or {}, sets)
             rundir.update(status="running", started=_now(), **(facts or {}))
         except BaseException as error:
-            rundir._undo(made)
+            rundir._undo(made, begun)
             if isinstance(error, OSError):
                 raise FileError(f"cannot make the run folder {rundir.path}: {explain(error)}") from error
             raise
@@ -175,12 +177,12 @@ class RunDir:
         write_atomic(self.given / "set.txt", "".join(f"{line}\n" for line in sets))
         write_atomic(self.config, config)
 
-    def _undo(self, made: list[Path]) -> None:
-        """Remove what `create` made, if it was at it: the lock is held from the first change on."""
-        if self._lock is not None:
+    def _undo(self, made: list[Path], begun: bool) -> None:
+        """Remove what `create` made, if it had begun: before that it is another's run."""
+        if begun:
             for name in ("given", "config.conf", "run.json"):
                 _remove(self.path / name)
-            self.unlock()
+        self.unlock()
         for folder in made:
             if os.path.isdir(folder) and not any(folder.iterdir()):
                 folder.rmdir()

@@ -13,7 +13,7 @@ from typing import TextIO
 
 _FORMAT = "%(asctime)s %(levelname)s %(name)s: %(message)s"
 ROOT = logging.getLogger("hpcpic")
-COLLECTIVE = ("hpcpic.run", "hpcpic.output", "hpcpic.core.run.checkpoint")  # what they say, all ranks know
+COLLECTIVE = ("hpcpic.run", "hpcpic.output", "hpcpic.cache", "hpcpic.core.run.checkpoint")  # all ranks know it
 
 
 class _Whole(logging.Handler):

@@ -7,7 +7,6 @@ arguments from there: one adapter serves all kernels of a signature.
 import functools
 import hashlib
 import struct
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -15,11 +14,10 @@ from llvmlite import ir
 from numba.core.compiler_lock import global_compiler_lock
 from numba.core.registry import cpu_target
 
-from hpcpic.core.simd.generate import keep
-from hpcpic.core.simd.jit import cache_directory
+from hpcpic.core.simd.jit import kernel_store
 
 RAISED = np.iinfo(np.int64).min  # what an adapter returns for a kernel that raised an exception
-_LENGTHS = struct.Struct("<QQ")  # of the machine code and of the bitcode behind it
+_LENGTH = struct.Struct("<Q")  # of the machine code, behind which the bitcode stands
 
 
 @functools.cache
@@ -31,26 +29,24 @@ def adapter(kernel_type: ir.FunctionType, result_bits: int) -> tuple[int, Any]:
     good. The owner must live as long as the code is used.
     """
     name = "task_" + hashlib.sha256(f"{kernel_type} {result_bits}".encode()).hexdigest()[:32]
-    path = cache_directory() / f"{name}.bin"
     codegen = cpu_target.target_context.codegen()
-    try:
-        library = codegen.unserialize_library((name, "object", _parts(path)))
-    except (OSError, ValueError, struct.error):
+    store = kernel_store()
+    content = store.read(f"{name}.bin")
+    if content is not None:
+        library = codegen.unserialize_library((name, "object", _parts(content)))
+    else:
         library = codegen.create_library(name)
         library.enable_object_caching()
         library.add_ir_module(_module(library, name, kernel_type, result_bits))
         library.finalize()
         _, _, (code, bitcode) = library.serialize_using_object_code()
-        keep(path, _LENGTHS.pack(len(code), len(bitcode)) + code + bitcode)
+        store.write(f"{name}.bin", _LENGTH.pack(len(code)) + code + bitcode)
     return library.get_pointer_to_function(name), library
 
 
-def _parts(path: Path) -> tuple[bytes, bytes]:
-    content = path.read_bytes()
-    code, bitcode = _LENGTHS.unpack_from(content)
-    if len(content) != _LENGTHS.size + code + bitcode:
-        raise ValueError(f"{path}: cut off")
-    return content[_LENGTHS.size : _LENGTHS.size + code], content[_LENGTHS.size + code :]
+def _parts(content: bytes) -> tuple[bytes, bytes]:
+    (length,) = _LENGTH.unpack_from(content)
+    return content[_LENGTH.size : _LENGTH.size + length], content[_LENGTH.size + length :]
 
 
 def _module(library: Any, name: str, kernel_type: ir.FunctionType, result_bits: int) -> ir.Module:

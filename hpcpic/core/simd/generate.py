@@ -1,53 +1,33 @@
-"""Kernels written as text for one scene: a module file named by the hash of its content.
+"""Kernels written as text for one scene: a module named by the hash of its text.
 
-Straight-line generated source keeps numba's disk cache and LLVM's vectoriser at work, where closures over
+Straight-line generated source keeps compiled code in files and LLVM's vectoriser at work, where closures over
 compiled functions would not.
 """
 
 import hashlib
-import importlib.util
-import os
+import linecache
 import re
 import sys
-import tempfile
-from pathlib import Path
 from types import ModuleType
 
-from hpcpic.core.simd.jit import EVERY, cache_directory, generated_in, program_of
-
-
-def keep(path: Path, content: bytes) -> None:
-    """Write a file that appears complete or not at all; one that is there already stays."""
-    descriptor, draft = tempfile.mkstemp(dir=path.parent, prefix=path.stem, suffix=".draft")
-    with os.fdopen(descriptor, "wb") as file:
-        file.write(content)
-    try:
-        os.link(draft, path)
-    except FileExistsError:
-        pass  # another process was first
-    finally:
-        os.unlink(draft)
+from hpcpic.core.simd.jit import EVERY, generated, program_of
 
 
 def module_from_source(source: str, stem: str) -> ModuleType:
-    """Import `source` as the module `<stem>_<hash>` kept in the cache folder; same text, same module.
-
-    Several processes may do this at once (numba takes a newer file for an edited one, so the first one stays).
+    """Import `source` as the module `<stem>_<hash>`; same text, same module. It is in no file, so what is executed is
+    this text; tracebacks show its lines.
     """
     name = f"{stem}_{hashlib.sha256(source.encode()).hexdigest()[:32]}"
     if name in sys.modules:
         return sys.modules[name]
-    folder = cache_directory(_program_used(source))
-    generated_in.add(folder)
-    path = folder / f"{name}.py"
-    if not path.exists():
-        keep(path, source.encode())
-    spec = importlib.util.spec_from_file_location(name, path)
-    assert spec is not None and spec.loader is not None
-    module = importlib.util.module_from_spec(spec)
+    generated[name] = _program_used(source)
+    file = f"<{name}>"
+    linecache.cache[file] = (len(source), None, source.splitlines(keepends=True), file)
+    module = ModuleType(name)
+    module.__file__ = file
     sys.modules[name] = module
     try:
-        spec.loader.exec_module(module)
+        exec(compile(source, file, "exec"), module.__dict__)
     except BaseException:
         del sys.modules[name]
         raise

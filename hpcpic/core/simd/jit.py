@@ -1,19 +1,17 @@
-"""Compilation of kernels: `njit` with the flags of this package, cached in a private folder.
+"""Compilation of kernels: `njit` with the flags of this package, kept in a private folder.
 
-numba's own cache does not notice edits in another file and holds pickles, so the folder is named by a hash of
-the kernel sources and versions, and is used only when nobody else can write to it.
+numba's own cache does not notice edits in another file, ends the program where it cannot write or finds a damaged file,
+and unpickles whatever lies in its folder. Here the folder is named by a hash of the kernel sources, the versions and
+the processor, and a file is unpickled when it is the one that was written, by this user (see caches.py).
 """
 
-import atexit
 import functools
 import hashlib
 import importlib
+import linecache
 import os
-import shutil
-import stat
+import pickle
 import sys
-import tempfile
-import warnings
 from collections.abc import Callable
 from importlib.metadata import version
 from inspect import isfunction
@@ -22,14 +20,17 @@ from typing import Any
 
 import numba
 from numba.core import event
+from numba.core.caching import FunctionCache
+from numba.core.compiler import CompileResult
+from numba.core.serialize import dumps
 
-from hpcpic.core.simd.caches import private_folder
+from hpcpic.core.simd.caches import Store
 
 _ROOT = Path(__file__).resolve().parents[3]  # of the packages
 _KERNEL_FOLDERS = {"simd", "space", "comm", "kernels"}
-_FLAGS: dict[str, Any] = {"nogil": True, "cache": True, "error_model": "numpy"}
+_FLAGS: dict[str, Any] = {"nogil": True, "error_model": "numpy"}
 EVERY = "*"  # in place of a program: all there are
-generated_in: set[Path] = set()  # folders of generated modules: their compiled code is kept beside them
+generated: dict[str, str] = {}  # names of generated modules -> the program they belong to
 
 
 class Compilations(event.Listener):
@@ -76,6 +77,7 @@ def _fingerprint(program: str) -> str:
     for file in _kernel_sources(program):
         digest.update(str(file.relative_to(_ROOT)).encode() + b"\0" + file.read_bytes() + b"\0")
     digest.update(repr([version(name) for name in ("numba", "llvmlite", "numpy")]).encode())
+    digest.update(str(sys.implementation.cache_tag).encode())  # what is kept holds Python's own bytecode
     digest.update(binding.get_host_cpu_name().encode() + binding.get_host_cpu_features().flatten().encode())
     settings = {key: value for key, value in os.environ.items() if key.startswith("NUMBA_")}
     settings.pop("NUMBA_CACHE_DIR", None)
@@ -83,44 +85,54 @@ def _fingerprint(program: str) -> str:
     return digest.hexdigest()
 
 
-def _make_private(folder: Path) -> None:
-    """Create the folder with mode 0700; PermissionError when it is not ours alone to write."""
-    folder.mkdir(mode=0o700, exist_ok=True)
-    status = folder.lstat()
-    if not stat.S_ISDIR(status.st_mode):
-        raise PermissionError(f"{folder} is not a plain folder")
-    if status.st_uid != os.getuid():
-        raise PermissionError(f"{folder} belongs to another user")
-    if status.st_mode & (stat.S_IWGRP | stat.S_IWOTH):
-        raise PermissionError(f"{folder} can be written by others (mode {stat.S_IMODE(status.st_mode):o})")
-
-
 @functools.cache
-def cache_directory(program: str = "") -> Path:
-    """Folder of compiled and generated code, `<cache root>/<user id>/<hash of sources, versions and processor>`.
+def kernel_store(program: str = "") -> Store:
+    """Compiled code, in `<cache root>/<user id>/<hash of sources, versions and processor>`.
 
     The sources are those of the core and of the program, so an edit in one program leaves the code of others alone.
-    A folder that is a symbolic link, belongs to another user or can be written by others is not used: a warning, and a
-    fresh private temporary folder for this process.
     """
-    try:
-        mine = private_folder()
-        mine.parent.mkdir(mode=0o700, parents=True, exist_ok=True)
-        _make_private(mine)
-        folder = mine / _fingerprint(program)
-        _make_private(folder)
-    except OSError as error:
-        folder = _temporary(str(error))
-    return folder
+    return Store("compiled code", _fingerprint(program))
 
 
-@functools.cache
-def _temporary(why: str) -> Path:
-    """A folder that is removed at the end of this process; told once for each reason."""
-    folder = Path(tempfile.mkdtemp(prefix="hpcpic-"))
-    atexit.register(shutil.rmtree, folder, ignore_errors=True)
-    warnings.warn(f"compiled code is not kept: {why}; using {folder}", RuntimeWarning, stacklevel=3)
-    return folder
+class KernelCache(FunctionCache):
+    """Of one function: numba's interface and key, and a file of our own for each signature."""
+
+    def __init__(self, function: Callable, store: Store, text: bytes) -> None:
+        self._py_func = function
+        self._store = store
+        code = function.__code__
+        self._place = repr((function.__module__, function.__qualname__, code.co_filename, code.co_firstlineno)).encode()
+        self._text = text
+
+    @property
+    def cache_path(self) -> str | None:
+        return str(self._store.folder.path) if self._store.folder else None
+
+    def flush(self) -> None:
+        """Nothing to do: files are named by all that the code depends on."""
+
+    def _name(self, key: tuple) -> str:
+        digest = hashlib.sha256(repr(key).encode() + self._place + self._text)
+        return f"{self._py_func.__name__}-{digest.hexdigest()[:32]}.kernel"
+
+    def load_overload(self, sig: Any, target_context: Any) -> CompileResult | None:
+        target_context.refresh()
+        key = self._index_key(sig, target_context.codegen())
+        content = self._store.read(self._name(key))
+        if content is None:
+            return None
+        try:
+            found, parts = pickle.loads(content)
+            return CompileResult._rebuild(target_context, *parts) if found == key else None
+        except Exception as error:  # whatever unpickling raises
+            self._store.damaged(repr(error))
+            return None
+
+    def save_overload(self, sig: Any, data: Any) -> None:
+        if data.lifted or data.library.has_dynamic_globals:
+            return  # holds addresses of this process
+        key = self._index_key(sig, data.codegen)
+        self._store.write(self._name(key), dumps((key, data._reduce())))
 
 
 def _import_without_blas() -> None:
@@ -148,18 +160,29 @@ def njit(*signature_or_function: Any, **flags: Any) -> Callable:
     return lambda function: _cached(function, signature_or_function, flags)
 
 
-def _cached(function: Callable, signature: tuple, flags: dict[str, Any]) -> Callable:
-    before = numba.config.CACHE_DIR  # type: ignore[attr-defined]
-    numba.config.CACHE_DIR = str(_folder_of(function))  # type: ignore[attr-defined]
-    try:
-        return numba.njit(*signature, **(_FLAGS | flags))(function)
-    finally:
-        numba.config.CACHE_DIR = before  # type: ignore[attr-defined]
+def _cached(function: Callable, signatures: tuple, flags: dict[str, Any]) -> Callable:
+    flags = _FLAGS | flags
+    keep = flags.pop("cache", True)
+    kernel = numba.njit(**flags)(function)
+    if kernel is function:  # NUMBA_DISABLE_JIT
+        return kernel
+    text = _text_of(function.__code__.co_filename)
+    if keep and text:
+        kernel._cache = KernelCache(function, _store_of(function), text)
+    for signature in signatures:
+        kernel.compile(signature)
+    if signatures:
+        kernel.disable_compile()
+    return kernel
 
 
-def _folder_of(function: Callable) -> Path:
-    folder = Path(function.__code__.co_filename).parent
-    if folder in generated_in:
-        return folder
-    program = program_of(function.__module__)
-    return cache_directory(EVERY if program is None else program)
+@functools.cache
+def _text_of(file: str) -> bytes:
+    """Hash of a source; nothing of a function that was typed in: its constants are not in its code."""
+    lines = linecache.getlines(file)
+    return hashlib.sha256("".join(lines).encode()).digest() if lines else b""
+
+
+def _store_of(function: Callable) -> Store:
+    program = generated.get(function.__module__, program_of(function.__module__))
+    return kernel_store(EVERY if program is None else program)
