@@ -233,7 +233,7 @@ def series_period(config: LbmDemConfig) -> int:
 
 def disk_items(config: LbmDemConfig) -> dict[str, float]:
     """Bytes of the whole run."""
-    nodes, d, periods = math.prod(config.points), config.dimensions, config.periods
+    nodes, periods = math.prod(config.points), config.periods
 
     def times(every: int) -> int:
         return config.n_steps // every + 1 if every else 0
@@ -243,7 +243,7 @@ def disk_items(config: LbmDemConfig) -> dict[str, float]:
     forces = fluid + any(grains.moving for grains in config.grains)  # of contacts
     return {
         "series": times(periods["series"]) * SERIES_BYTES,
-        "fields": times(periods["field"]) * nodes * 8 * (1 + d),
-        "grains": times(periods["particle"]) * grain_count(config) * 8 * (12 + 3 * forces),
+        "fields": times(periods["field"]) * nodes * 8 * (1 + 3),  # vectors have three components
+        "grains": times(periods["particle"]) * grain_count(config) * 8 * (13 + 3 * forces),
         "checkpoints, two": 2 * (nodes * populations + grain_count(config) * 8 * 13),
     }
