@@ -85,7 +85,7 @@ def estimate(config: LbmDemConfig, ranks: int, threads: int, measured: Mapping[s
     periods = [config.periods[kind] for kind in ("field", "particle") if config.periods[kind]]
     snapshots = sum(config.n_steps // every + 1 for every in periods)
     seconds = START + config.n_steps * mean + sampling + writing_seconds(disk, snapshots, rates)
-    return Estimate(memory, disk, step, seconds, whole if together >= 0.5 else single, sampling)
+    return Estimate(memory, disk, step, seconds, whole if together >= 0.5 else single, sampling, START)
 
 
 def memory_items(config: LbmDemConfig, ranks: int, rates: Mapping[str, float]) -> dict[str, float]:

@@ -78,7 +78,7 @@ def estimate(config: PlasmaConfig, ranks: int, threads: int, measured: Mapping[s
     snapshots = sum(cycles // every + 1 for every in (written.field, written.particle) if every)
     seconds = START + cycles * sum(whole.values()) + sampling + writing_seconds(disk, snapshots, rates)
     return Estimate(
-        memory_items(config, ranks, threads, rates), disk, sum(shown.values()), seconds, whole, sampling
+        memory_items(config, ranks, threads, rates), disk, sum(shown.values()), seconds, whole, sampling, START
     )
 
 

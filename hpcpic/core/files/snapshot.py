@@ -191,7 +191,7 @@ class FieldsWriter(_Temporal):
         root.attrs["Type"] = np.bytes_("ImageData")
         root.attrs["WholeExtent"] = np.array([edge for n in points[::-1] for edge in (0, n - 1)], np.int64)
         spacing = np.array((*unused, *domain.spacing)[::-1])
-        root.attrs["Origin"] = np.array((*(0.0 for _ in unused), *domain.origin)[::-1])
+        root.attrs["Origin"] = np.array((*(0.0 for _ in unused), *(domain.offset * d for d in domain.spacing))[::-1])
         root.attrs["Spacing"] = spacing
         root.attrs["Direction"] = np.eye(3).ravel()
         root.create_group("PointData")

@@ -72,11 +72,6 @@ class Domain:
     def spacing(self) -> tuple[float, ...]:
         return tuple(length / points for length, points in zip(self.lengths, self.points))
 
-    @property
-    def origin(self) -> tuple[float, ...]:
-        """Place of the first point, m from the corner of the box."""
-        return tuple(self.offset * spacing for spacing in self.spacing)
-
     def row_range(self, rank: int) -> tuple[int, int]:
         """First row of the rank and first row after it."""
         return self.cuts[rank], self.cuts[rank + 1]
