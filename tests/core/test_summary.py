@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 from hpcpic.core.comm.world import World
-from hpcpic.core.run import summary
+from hpcpic.core.run import compiling, summary
 from hpcpic.core.run.summary import KEPT, WARM_UP, Conserved, StepTimes
 from hpcpic.core.timers import Timers
 
