@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 import os
 import re
 from collections.abc import Mapping, Sequence
@@ -14,7 +13,8 @@ import click
 
 from hpcpic.core.cli.app import App, AppLoader
 from hpcpic.core.cli.plot import explained, plots_of
-from hpcpic.core.cli.text import duration
+from hpcpic.core.cli.sweep import swept_labels
+from hpcpic.core.cli.text import count, duration, number
 from hpcpic.core.files.cases import Header, read_header
 from hpcpic.core.run.summary import is_dissipation, several, stepping_seconds
 
@@ -114,20 +114,10 @@ def _labels(folders: Sequence[str], runs: Sequence[Run]) -> list[str]:
     """
     names = [Path(folder).resolve().name for folder in folders]
     if all(name.isdigit() and (run.path.resolve().parent / "table.csv").exists() for name, run in zip(names, runs)):
-        swept = _swept([run.summary.get("sets") or () for run in runs])
+        swept = swept_labels([run.summary.get("sets") or () for run in runs])
         if len(set(swept)) == len(swept):
             return swept
     return names if len(set(names)) == len(names) else [os.path.normpath(folder) for folder in folders]
-
-
-def _swept(sets: Sequence[Sequence[str]]) -> list[str]:
-    """Of --set lists what is not the same in all, the keys by their last words where these are unlike."""
-    settings = [dict(assignment.partition("=")[::2] for assignment in given) for given in sets]
-    common = [key for key in settings[0] if all(key in of_run for of_run in settings)]
-    keys = [key for key in common if len({of_run[key] for of_run in settings}) > 1]
-    words = [key.rpartition(".")[2] for key in keys]
-    shown = {key: word if words.count(word) == 1 else key for key, word in zip(keys, words)}
-    return [", ".join(f"{shown[key]} = {of_run[key]}" for key in keys) for of_run in settings]
 
 
 # ---------------------------------------------------------------------------------------------- one run
@@ -203,8 +193,8 @@ def _key_figures(facts: Mapping[str, Any]) -> list[tuple[str, str, str]]:
     items = facts.get("particles") or facts.get("nodes") or 0
     unit = str(facts.get("work_unit", "particle"))
     found: list[tuple[str, str, str]] = [
-        ("steps", _count(facts.get("steps", 0)), f"t = {number(facts.get('time'))} s"),
-        (f"{unit}s", _count(items), ""),
+        ("steps", count(facts.get("steps", 0)), f"t = {number(facts.get('time'))} s"),
+        (f"{unit}s", count(items), ""),
         ("wall time", duration(float(facts.get("wall_seconds") or 0.0)), ""),
         (
             "ranks × threads",
@@ -250,7 +240,7 @@ def _timers(facts: Mapping[str, Any]) -> Table:
             name,
             *(f"{row[key]:.3f}" for key in ("min", "avg", "max")),
             f"{100 * row['share']:.1f} %",
-            _count(row["calls"]) if row.get("calls") else "",
+            count(row["calls"]) if row.get("calls") else "",
         )
         for name, row in (facts.get("timers") or {}).items()
     ]
@@ -400,18 +390,3 @@ def _settings(runs: Mapping[str, Run]) -> Table:
         if len({str(settings.get(key)) for settings in flat}) > 1
     ]
     return Table("Settings that differ", ("", *runs), rows)
-
-
-def number(value: Any, digits: int = 4) -> str:
-    """A number as people read it; words as they are; nothing for None."""
-    if value is None:
-        return "—"
-    if isinstance(value, bool) or not isinstance(value, int | float):
-        return str(value)
-    if isinstance(value, int):
-        return _count(value)
-    return f"{value:.{digits}g}" if math.isfinite(value) else str(value)
-
-
-def _count(n: float) -> str:
-    return f"{round(n):,}".replace(",", "\u202f")

@@ -199,6 +199,16 @@ def facts_of(rundir: RunDir) -> Mapping[str, Any]:
         return {}
 
 
+def swept_labels(sets: Sequence[Sequence[str]]) -> list[str]:
+    """Of --set lists what is not the same in all, the keys by their last words where these are unlike."""
+    settings = [dict(assignment.partition("=")[::2] for assignment in given) for given in sets]
+    common = [key for key in settings[0] if all(key in of_run for of_run in settings)]
+    keys = [key for key in common if len({of_run[key] for of_run in settings}) > 1]
+    words = [key.rpartition(".")[2] for key in keys]
+    shown = {key: word if words.count(word) == 1 else key for key, word in zip(keys, words)}
+    return [", ".join(f"{shown[key]} = {of_run[key]}" for key in keys) for of_run in settings]
+
+
 def _row(rundir: RunDir, sets: tuple[str, ...], code: int) -> dict[str, Any]:
     """Settings, how it went, and the last value of every scalar."""
     row: dict[str, Any] = {"run": rundir.path.name}

@@ -217,23 +217,19 @@ def rows_slot(dataset: "h5py.Dataset", first: int, rows: int) -> Slot:
 
 
 def layer_slots(dataset: "h5py.Dataset", first: int, count: int, axis: int) -> list[Slot]:
-    """The slots of dataset[first], dataset[first + 1], ..., made to exist. A chunk holds whole layers, or rows along
-    `axis` of one; axis 0: a layer is one row.
-    """
+    """Of dataset[first], dataset[first + 1], ...: a chunk has whole ones, or rows along `axis` (0: all is one row)."""
     extend(dataset, first + count)
-    shape, (layers, *_), size = dataset.shape, dataset.chunks, dataset.dtype.itemsize
+    shape, layers, size = dataset.shape, dataset.chunks[0], dataset.dtype.itemsize
     rows, chunk_rows = (shape[axis], dataset.chunks[axis]) if axis else (1, 1)
     row_bytes, layer_bytes = math.prod(shape[axis + 1 :]) * size, math.prod(shape[1:]) * size
-    rest = (0,) * (len(shape) - 1 - axis)
-    chunks: dict[int, tuple[int, ...]] = {}
-    slots = []
+    rest, chunks, slots = (0,) * (len(shape) - 1 - axis), {}, []
     for layer in range(first, first + count):
-        inside = layer % layers
-        corner = layer - inside
+        corner = layer - layer % layers
         if corner not in chunks:
             starts = [(corner, row) if axis else (corner,) for row in range(0, rows, chunk_rows)]
             chunks[corner] = _addresses(dataset, [(*start, *rest) for start in starts])
-        slots.append(Slot(0, row_bytes, chunk_rows, tuple(a + inside * layer_bytes for a in chunks[corner])))
+        shift = layer % layers * layer_bytes
+        slots.append(Slot(0, row_bytes, chunk_rows, tuple(address + shift for address in chunks[corner])))
     return slots
 
 
@@ -243,10 +239,9 @@ def _addresses(dataset: "h5py.Dataset", corners: list[tuple[int, ...]]) -> tuple
 
 def share_slots(world: "World | Alone", slots: Mapping[str, Slot] | None) -> dict[str, Slot]:
     """The slots of rank 0, on all ranks."""
-    known = (slots or {}).items()
-    numbers = {name: (slot.first, slot.row_bytes, slot.chunk_rows, slot.addresses) for name, slot in known}
+    numbers = {name: (s.first, s.row_bytes, s.chunk_rows, s.addresses) for name, s in (slots or {}).items()}
     described = json.loads(world.bcast(json.dumps(numbers).encode()))
-    return {name: Slot(*others, tuple(addresses)) for name, (*others, addresses) in described.items()}
+    return {name: Slot(first, row, rows, tuple(at)) for name, (first, row, rows, at) in described.items()}
 
 
 def create(path: Path, build: Callable[["h5py.File"], Mapping[str, Slot]]) -> dict[str, Slot]:

@@ -206,7 +206,7 @@ class FieldsWriter(_Temporal):
         _link(steps, "Layer", [_offset_name(name) for name in described])
 
     def _grow(self, root: Any, n: int, batch: Sequence[_Snapshot]) -> dict[str, Slot]:
-        slots = {}
+        slots: dict[str, Slot] = {}
         domain: Domain = batch[0].facts[0]
         points = _used(domain.points)
         for name in batch[0].shards:
