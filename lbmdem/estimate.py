@@ -85,7 +85,7 @@ def estimate(config: LbmDemConfig, ranks: int, threads: int, measured: Mapping[s
     periods = [config.periods[kind] for kind in ("field", "particle") if config.periods[kind]]
     snapshots = sum(config.n_steps // every + 1 for every in periods)
     seconds = START + config.n_steps * mean + sampling + writing_seconds(disk, snapshots, rates)
-    return Estimate(memory, disk, step, seconds, whole if together >= 0.5 else single, sampling)
+    return Estimate(memory, disk, step, seconds, whole if together >= 0.5 else single, sampling, START)
 
 
 def memory_items(config: LbmDemConfig, ranks: int, rates: Mapping[str, float]) -> dict[str, float]:
@@ -233,7 +233,7 @@ def series_period(config: LbmDemConfig) -> int:
 
 def disk_items(config: LbmDemConfig) -> dict[str, float]:
     """Bytes of the whole run."""
-    nodes, d, periods = math.prod(config.points), config.dimensions, config.periods
+    nodes, periods = math.prod(config.points), config.periods
 
     def times(every: int) -> int:
         return config.n_steps // every + 1 if every else 0
@@ -243,7 +243,7 @@ def disk_items(config: LbmDemConfig) -> dict[str, float]:
     forces = fluid + any(grains.moving for grains in config.grains)  # of contacts
     return {
         "series": times(periods["series"]) * SERIES_BYTES,
-        "fields": times(periods["field"]) * nodes * 8 * (1 + d),
-        "grains": times(periods["particle"]) * grain_count(config) * 8 * (12 + 3 * forces),
+        "fields": times(periods["field"]) * nodes * 8 * (1 + 3),  # vectors have three components
+        "grains": times(periods["particle"]) * grain_count(config) * 8 * (13 + 3 * forces),
         "checkpoints, two": 2 * (nodes * populations + grain_count(config) * 8 * 13),
     }

@@ -14,12 +14,13 @@ from hpcpic.core.cli.figures import (
     COLOURS,
     THEORY,
     TIMERS,
-    NoData,
+    NotInScene,
     Plot,
     axis_label,
     columns_of,
     new_figure,
     present,
+    series_of,
     steps_of,
     style,
     thinned,
@@ -45,6 +46,8 @@ if TYPE_CHECKING:
 
 
 def _fields(run: Run) -> Fields:
+    if config_of(run).fluid is None:
+        raise NotInScene("there is no fluid")
     return present(lambda: run.field_snapshots, "the fluid (output.period.fields)")
 
 
@@ -95,7 +98,7 @@ def profile(run: Run, step: int | None = None) -> Figure:
     u, y = u[y > floor], y[y > floor]
     exact = _between_plates(config, y, floor)
     if config.grains or exact is None or not np.any(exact):
-        raise NoData("there is no flow between plates along x")
+        raise NotInScene("there is no flow between plates along x")
     with style():
         figure, axes = new_figure(size=(5.2, 4.0))
         axes.plot(u, y, "o", markersize=4, color=COLOURS[0], label="nodes")
@@ -135,6 +138,8 @@ def permeability(run: Run, step: int | None = None) -> Figure:
     """Permeability in time, with what it converges to beside Carman and Kozeny's."""
     from lbmdem.placing import mean_diameters
 
+    if "permeability" not in series_of(run):
+        raise NotInScene("the series has no permeability: no flow is driven through grains")
     t, k, porosity = columns_of(run, "permeability", "porosity")
     mean, sauter = mean_diameters(config_of(run))
     n, last, half = porosity[-1], k[-1], k[len(k) // 2]
@@ -158,6 +163,8 @@ def permeability(run: Run, step: int | None = None) -> Figure:
 
 def mass(run: Run, step: int | None = None) -> Figure:
     """Relative change of the mass of the fluid, and the largest Mach number."""
+    if config_of(run).fluid is None:
+        raise NotInScene("there is no fluid")
     t, m, mach = columns_of(run, "mass", "max_mach")
     with style():
         figure, (top, low) = new_figure(2, 1, (6.0, 4.2), sharex=True)
@@ -174,7 +181,7 @@ def stress(run: Run, step: int | None = None) -> Figure:
     up, count = config.dimensions - 1, config.output.stress_slices
     slices = range(1, count + 1)
     if config.dimensions == 2 or config.fluid is None or count < 2:
-        raise NoData("needs spheres, a fluid and two control slices (output.stress_slices)")
+        raise NotInScene("needs spheres, a fluid and two control slices (output.stress_slices)")
     _, overall, *values = columns_of(
         run, "hydraulic_gradient", *(f"stress_zz_{k}" for k in slices), *(f"pressure_{k}" for k in slices)
     )
@@ -235,7 +242,7 @@ def energies(run: Run, step: int | None = None) -> Figure:
     t, *_ = columns_of(run)
     names = [name for name in ("energy_kinetic", "energy_kinetic_grains") if name in run.series]
     if not names:
-        raise NoData("the series has no energies")
+        raise NotInScene("the series has no energies")
     with style():
         figure, axes = new_figure(size=(6.2, 3.6))
         for name, colour in zip(names, COLOURS):

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from hpcpic.core.cli.figures import COLOURS, INK, THEORY, NoData, new_figure, present, style
+from hpcpic.core.cli.figures import COLOURS, INK, THEORY, NoData, NotInScene, new_figure, present, style
 from hpcpic.core.files.config import loads
 from hpcpic.core.files.schema import validate
 from lbmdem.config import AXES, LbmDemConfig
@@ -24,6 +24,8 @@ def config_of(run: Run) -> LbmDemConfig:
 
 
 def snapshots_of(run: Run) -> Particles:
+    if not config_of(run).grains:
+        raise NotInScene("there are no grains")
     return present(lambda: run.particle_snapshots, "the grains (output.period.grains)")
 
 
@@ -117,7 +119,7 @@ def contacts(run: Run, step: int | None = None) -> Figure:
     columns = all_grains(run, int(snapshots.steps[number]))
     count = len(columns["id"])
     if count < 2:
-        raise NoData("needs two grains")
+        raise NotInScene("needs two grains")
     columns = with_images(columns, config, float(columns["radius"].max()))
     ends, overlap, share, neighbours = touching(columns, config, count)
     if not len(ends):
@@ -180,8 +182,10 @@ def tracks(run: Run, step: int | None = None) -> Figure:
     snapshots = snapshots_of(run)
     up = config_of(run).dimensions - 1
     history = [all_grains(run, int(s)) for s in snapshots.steps]
-    if len(history) < 3 or len(history[0]["id"]) > 8:
-        raise NoData("needs three snapshots of at most eight grains")
+    if len(history[0]["id"]) > 8:
+        raise NotInScene("needs at most eight grains")
+    if len(history) < 3:
+        raise NoData("needs three snapshots of the grains (output.period.grains)")
     height = np.array([columns["position"][:, up] for columns in history])
     speed = np.array([columns["velocity"][:, up] for columns in history])
     with style():
@@ -203,13 +207,13 @@ def rolling(run: Run, step: int | None = None) -> Figure:
     config, snapshots = config_of(run), snapshots_of(run)
     history = [all_grains(run, int(s)) for s in snapshots.steps]
     if config.dimensions == 2 or config.fluid or len(history[0]["id"]) != 1 or not any(config.gravity):
-        raise NoData("needs one sphere without fluid on a floor")
+        raise NotInScene("needs one sphere without fluid on a floor")
     first, t = history[0], np.asarray(snapshots.times)
     v = np.array([columns["velocity"][0, 0] for columns in history])
     surface = np.array([columns["angular_velocity"][0, 1] * columns["radius"][0] for columns in history])
     pull, slows = config.gravity[0], config.contact.friction * abs(config.gravity[2])
     if 3.5 * slows <= pull:
-        raise NoData("needs friction enough to end sliding")
+        raise NotInScene("needs friction enough to end sliding")
     until = float(first["velocity"][0, 0]) / (3.5 * slows - pull)
     fine = np.linspace(0.0, t[-1], 400)
     sliding, after = np.minimum(fine, until), np.maximum(fine - until, 0.0)

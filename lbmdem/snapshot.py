@@ -32,6 +32,7 @@ def grains(app: "LbmDem") -> dict[str, ParticleArray]:
     columns = grain_columns(app)
     newton, newton_m = ("N/m", "N m/m") if app.scene.dimensions == 2 else ("N", "N m")
     units = {"velocity": "m/s", "angular_velocity": "rad/s", "radius": "m", "angle": "rad"}
+    units["mass"] = "kg/m" if app.scene.dimensions == 2 else "kg"
     units |= {"fluid_force": newton, "fluid_torque": newton_m, "contact_force": newton}
     result = {}
     for k, name in enumerate(app.scene.set_names):
@@ -78,7 +79,8 @@ def grain_columns(app: "LbmDem") -> dict[str, NDArray]:
         columns |= {"fluid_force": spatial(force * app.scene.units.force)[ids], "fluid_torque": torque[ids]}
     if app.dem:
         columns["contact_force"] = own.columns["force"][rows, :3].copy()
-    return columns | {"angle" if planar else "orientation": turned, "radius": app.table.radius[ids]}
+    size = {"radius": app.table.radius[ids], "mass": app.table.mass[ids]}
+    return columns | {"angle" if planar else "orientation": turned} | size
 
 
 def spatial(vectors: NDArray) -> NDArray[np.float64]:

@@ -258,6 +258,13 @@ class SphConfig(Section):
         free = () if self.wall else (f"momentum_{axis}" for axis, pulled in zip(AXES, pulls) if not pulled)
         return ("mass", *(() if works else ("energy_total",)), *free)
 
+    @property
+    def dissipated(self) -> tuple[str, ...]:
+        """Scalars that the scheme takes from by design: by viscosity, by fluxes and by shifts of particles."""
+        n = self.numerics
+        calm = n.viscosity_form == "none" and n.density_flux == "none" and not (n.artificial_viscosity or n.shifting)
+        return () if calm else ("energy_total",)
+
     @classmethod
     def modernised(cls, tree: Tree) -> None:
         """One word for each viscosity and period; STL files are named relative to the file that names them."""

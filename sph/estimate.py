@@ -68,7 +68,7 @@ def estimate(config: SphConfig, ranks: int, threads: int, measured: Mapping[str,
     memory |= {array.name: float(array.bytes) for array in arrays(config, ranks)}
     disk = disk_items(config)
     writing = writing_seconds(disk, round(times(config, "particles")), rates)
-    return Estimate(memory, disk, step, START + steps * one + sampling + writing, whole, sampling)
+    return Estimate(memory, disk, step, START + steps * one + sampling + writing, whole, sampling, START)
 
 
 def phases(config: SphConfig, ranks: int, threads: int, rates: Mapping[str, float]) -> dict[str, float]:

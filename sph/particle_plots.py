@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from hpcpic.core.cli.figures import COLOURS, INK, NoData, new_figure, present, style
+from hpcpic.core.cli.figures import COLOURS, INK, NoData, NotInScene, new_figure, present, style
 from sph import geometry, render, theory
 from sph.reading import config_of, scene_of
 
@@ -211,12 +211,12 @@ def channel(config: SphConfig) -> tuple[int, int, float, float]:
     walls = [wall for wall in config.wall if wall.type == "mirror-no-slip" and wall.shape.box]
     viscous = any(fluid.dynamic_viscosity for fluid in config.fluid)
     if not walls or np.count_nonzero(force) != 1 or any(config.gravity) or not viscous:
-        raise NoData("only for a body-forced viscous flow between two planes")
+        raise NotInScene("only for a body-forced viscous flow between two planes")
     along = int(np.flatnonzero(force)[0])
     periodic = {"xyz".index(axis) for axis in config.domain.periodic}
     across = [k for k in range(config.dimensions) if k not in periodic]
     if along not in periodic or len(across) != 1:
-        raise NoData("only for a channel that is periodic along the flow")
+        raise NotInScene("only for a channel that is periodic along the flow")
     low, high = geometry.bounds(walls[0].shape)
     return along, across[0], low[across[0]], high[across[0]] - low[across[0]]
 
@@ -231,8 +231,9 @@ def rows(z: np.ndarray, values: np.ndarray, width: float, spacing: float) -> tup
 
 def profiles(run: Run, step: int | None = None) -> Figure:
     """Velocity and shear stress across a channel at several times beside the series (MP 24)."""
-    snapshots, config = snapshots_of(run), config_of(run)
+    config = config_of(run)
     along, across, floor, width = channel(config)
+    snapshots = snapshots_of(run)
     force, density = abs(config.body_force[along]), config.fluid[0].density
     nu = config.fluid[0].dynamic_viscosity / density
     settled = width * width / nu
@@ -267,10 +268,11 @@ def profiles(run: Run, step: int | None = None) -> Figure:
 
 def depth(run: Run, step: int | None = None) -> Figure:
     """Pressure of the particles over the height, beside that of fluid at rest."""
-    snapshots, scene = snapshots_of(run), scene_of(run)
+    scene = scene_of(run)
     still = [fluid for fluid in scene.fluids if fluid.section.initial_pressure == "hydrostatic"]
     if not scene.gravity.any() or not still:
-        raise NoData("only for fluid that starts at rest under gravity")
+        raise NotInScene("only for fluid that starts at rest under gravity")
+    snapshots = snapshots_of(run)
     number = snapshots.index(step)
     particles = fluid_at(run, snapshots, number)
     g = float(np.sqrt(scene.gravity @ scene.gravity))

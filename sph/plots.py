@@ -11,11 +11,12 @@ from hpcpic.core.cli.figures import (
     COLOURS,
     INK,
     TIMERS,
-    NoData,
+    NotInScene,
     Plot,
     axis_label,
     columns_of,
     new_figure,
+    plain,
     steps_of,
     style,
     thinned,
@@ -69,10 +70,10 @@ def column_of(config: SphConfig) -> tuple[float, float, float]:
     """Width, height of the first fluid and g, of a column that collapses along x; raises NoData."""
     scene_axis = config.dimensions - 1
     if not config.fluid or not config.fluid[0].shape.box or not config.gravity[scene_axis] < 0:
-        raise NoData("only for a column of water that collapses")
+        raise NotInScene("only for a column of water that collapses")
     low, high = geometry.bounds(config.fluid[0].shape)
     if high[0] - low[0] > 0.8 * (config.domain.high[0] - config.domain.low[0]):
-        raise NoData("the fluid fills the tank: it has no front")
+        raise NotInScene("the fluid fills the tank: it has no front")
     return high[0] - low[0], high[scene_axis] - low[scene_axis], -config.gravity[scene_axis]
 
 
@@ -84,7 +85,7 @@ def front(run: Run, step: int | None = None) -> Figure:
     low = config.domain.low[0]
     end = (config.domain.high[0] - low) / width
     if x[0] - low >= 0.97 * end * width:
-        raise NoData("there is fluid up to the far wall from the start: no front is seen")
+        raise NotInScene("there is fluid up to the far wall from the start: no front is seen")
     clock = math.sqrt(2 * g / width)
     with style():
         figure, axes = new_figure(size=(6.4, 4.0))
@@ -110,7 +111,7 @@ def front(run: Run, step: int | None = None) -> Figure:
 def measured_walls(run: Run) -> list[str]:
     names = [wall.name for wall in config_of(run).wall if wall.measure_force]
     if not names:
-        raise NoData("no wall has measure_force = true")
+        raise NotInScene("no wall has measure_force = true")
     return names
 
 
@@ -140,7 +141,8 @@ def forces(run: Run, step: int | None = None) -> Figure:
             else:
                 ends = np.quantile(smooth, (0.0, 1.0))
                 axis.set_ylim(ends[0] - 0.3 * np.ptp(ends), ends[1] + 0.3 * np.ptp(ends))
-            axis.set(ylabel=axis_label("force along x", run.series.units[f"force_{name}_x"]), title=f"Force on {name}")
+            label = axis_label("force along x", run.series.units[f"force_{name}_x"])
+            axis.set(ylabel=label, title=f"Force on {plain(name)}")
             axis.legend()
         axes[-1, 0].set_xlabel("time, s")
         return figure
@@ -153,8 +155,8 @@ def impulses(run: Run, step: int | None = None) -> Figure:
         figure, axes = new_figure(size=(6.4, 3.8))
         for name, colour in zip(names, COLOURS):
             t, size, along = columns_of(run, f"impulse_{name}", f"impulse_{name}_x")
-            axes.plot(*thinned(t, along), color=colour, label=f"{name}, along x")
-            axes.plot(*thinned(t, size), color=colour, linewidth=1.1, linestyle="--", label=f"{name}, of |F|")
+            axes.plot(*thinned(t, along), color=colour, label=f"{plain(name)}, along x")
+            axes.plot(*thinned(t, size), color=colour, linewidth=1.1, linestyle="--", label=f"{plain(name)}, of |F|")
         if "column" in names and impact(config_of(run)):
             t, force = measured.COLUMN_FORCE.T
             look = DATA | {"markersize": 2.8, "label": "experiment, along x, 0.068 s earlier"}
@@ -170,7 +172,7 @@ def gauges(run: Run, step: int | None = None) -> Figure:
     config = config_of(run)
     shown = [gauge for gauge in config.gauge if gauge.what != "front"]
     if not shown:
-        raise NoData("the case has no gauge but of the front")
+        raise NotInScene("the case has no gauge but of the front")
     with style():
         figure, axes = new_figure(len(shown), 1, (6.4, 2.3 * len(shown) + 0.4), squeeze=False, sharex=True)
         for axis, gauge in zip(axes[:, 0], shown):
@@ -186,7 +188,7 @@ def _gauge_panel(axis: Any, run: Run, gauge: Gauge) -> None:
         names = [gauge.name]
     for name in names:
         t, values = columns_of(run, name)
-        axis.plot(*thinned(t, values), label=name if len(names) > 1 else None, linewidth=1.3)
+        axis.plot(*thinned(t, values), label=plain(name) if len(names) > 1 else None, linewidth=1.3)
     expected = _expectation(run, config, gauge, t)
     if expected is not None:
         text, times, values, style_of = expected
@@ -196,7 +198,7 @@ def _gauge_panel(axis: Any, run: Run, gauge: Gauge) -> None:
             axis.set_ylim(-0.5 * SPIKE * measured_top, SPIKE * measured_top)
             axis.text(0.99, 0.03, f"peaks up to {top:.2g} are cut off", transform=axis.transAxes, ha="right")
     place = ", ".join(f"{x:g}" for x in gauge.at)
-    axis.set(ylabel=axis_label(gauge.what, run.series.units[names[0]]), title=f"{gauge.name} at ({place}) m")
+    axis.set(ylabel=axis_label(gauge.what, run.series.units[names[0]]), title=f"{plain(gauge.name)} at ({place}) m")
     if axis.get_legend_handles_labels()[1]:
         axis.legend(ncols=3, **ABOVE)
 

@@ -78,7 +78,7 @@ def estimate(config: PlasmaConfig, ranks: int, threads: int, measured: Mapping[s
     snapshots = sum(cycles // every + 1 for every in (written.fields, written.particles) if every)
     seconds = START + cycles * sum(whole.values()) + sampling + writing_seconds(disk, snapshots, rates)
     return Estimate(
-        memory_items(config, ranks, threads, rates), disk, sum(shown.values()), seconds, whole, sampling
+        memory_items(config, ranks, threads, rates), disk, sum(shown.values()), seconds, whole, sampling, START
     )
 
 
@@ -199,7 +199,7 @@ def memory_items(
 
 def disk_items(config: PlasmaConfig) -> dict[str, float]:
     """Bytes of the whole run."""
-    cycles, d = config.simulation.cycles, config.dimensions
+    cycles = config.simulation.cycles
     size = 8 if config.numerics.precision == "double" else 4
     series, period = config.periods["series"], config.output.every
     particles, cells = particle_count(config), math.prod(config.grid.points)
@@ -209,7 +209,7 @@ def disk_items(config: PlasmaConfig) -> dict[str, float]:
 
     return {
         "series": times(series) * SERIES_BYTES,
-        "fields": times(period.fields) * cells * size * (2 + d),
+        "fields": times(period.fields) * cells * size * (2 + 3),  # vectors have three components
         "particles": times(period.particles) * particles * (3 * 8 + 3 * 8 + 8 + 4),
         "checkpoints, two": 2 * particles * (particle_bytes(config) + 4),
     }

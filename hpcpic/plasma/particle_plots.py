@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from hpcpic.core.cli.figures import COLOURS, NoData, new_figure, present, style
+from hpcpic.core.cli.figures import COLOURS, NoData, NotInScene, new_figure, plain, present, style
 from hpcpic.plasma import analysis
 from hpcpic.plasma.config import velocity_components
 from hpcpic.plasma.predictions import config_of
@@ -25,6 +25,8 @@ FEW = 16  # particles whose paths are drawn
 
 
 def snapshots_of(run: Run) -> Particles:
+    if not any(species.particles for species in config_of(run).species):
+        raise NotInScene("there are no particles")
     return present(lambda: run.particle_snapshots, "the particles (output.every.particles)")
 
 
@@ -103,14 +105,14 @@ def _species_legend(figure: Figure, species: Sequence[str]) -> None:
     from matplotlib.lines import Line2D
 
     marks = [Line2D([], [], color=c, marker="o", linestyle="") for _, c in zip(species, cycle(COLOURS))]
-    figure.legend(marks, list(species), ncols=4, loc="outside upper right")
+    figure.legend(marks, [plain(name) for name in species], ncols=4, loc="outside upper right")
 
 
 def velocities(run: Run, step: int | None = None) -> Figure:
     """Distribution of each velocity component at the first snapshot and at the last, or the one asked for."""
     snapshots = snapshots_of(run)
     if sum(s.particles for s in config_of(run).species) <= FEW:
-        raise NoData(f"needs more than {FEW} particles")
+        raise NotInScene(f"needs more than {FEW} particles")
     end = snapshots.index(step)
     found = {name: snapshots.read(name, end)["velocity"] for name in snapshots.species}
     found = {name: late for name, late in found.items() if len(late)}
@@ -127,7 +129,7 @@ def velocities(run: Run, step: int | None = None) -> Figure:
                 if end:
                     axis.stairs(*then, color=colour, linewidth=1.0, alpha=0.45)
                 axis.stairs(*now, color=colour, fill=True, alpha=0.14)
-                axis.stairs(*now, color=colour, linewidth=1.8, label=name)
+                axis.stairs(*now, color=colour, linewidth=1.8, label=plain(name))
                 highest = max(highest, min(then[0].max(), 2.0 * now[0].max()), now[0].max())
             axis.set(xlabel=f"$v_{'xyz'[c]}$, m/s", ylim=(0, 1.08 * highest))
         axes[0, 0].set(ylabel="f(v), s/m", title=f"Velocities at t = {snapshots.times[end]:.4g} s")
@@ -143,10 +145,11 @@ def _stairs(v: np.ndarray, bins: int, limits: tuple[float, float]) -> tuple[np.n
 
 def orbits(run: Run, step: int | None = None) -> Figure:
     """Paths of all particles when they are few: x and y in 2D, x in time in 1D; open where they leave the box."""
-    snapshots = snapshots_of(run)
-    config = config_of(run)
-    if not 0 < sum(s.particles for s in config.species) <= FEW or len(snapshots.steps) < 8:
-        raise NoData(f"needs one particle, at most {FEW} particles, and eight snapshots of them")
+    config, snapshots = config_of(run), snapshots_of(run)
+    if not 0 < sum(s.particles for s in config.species) <= FEW:
+        raise NotInScene(f"needs one particle, at most {FEW} particles")
+    if len(snapshots.steps) < 8:
+        raise NoData("needs eight snapshots of the particles (output.sampling_period.particle)")
     lengths = config.simulation.space_length
     with style():
         figure, axes = new_figure(size=(6.4, 3.6))
@@ -157,7 +160,7 @@ def orbits(run: Run, step: int | None = None) -> Figure:
             for p in range(path.shape[1]):
                 across = path[:, p, 0]
                 line = (across, path[:, p, 1]) if config.dimensions == 2 else (snapshots.times, across)
-                axes.plot(*line, color=colour, linewidth=1.3, label=name if p == 0 else None)
+                axes.plot(*line, color=colour, linewidth=1.3, label=plain(name) if p == 0 else None)
                 axes.plot(line[0][-1], line[1][-1], "o", color=colour, markersize=5)
         if config.dimensions == 2:
             axes.set(xlabel="x, m", ylabel="y, m", title="Orbits", aspect="equal")

@@ -16,6 +16,7 @@ from hpcpic.core.cli.figures import (
     THEORY,
     TIMERS,
     NoData,
+    NotInScene,
     Plot,
     axis_label,
     columns_of,
@@ -42,7 +43,7 @@ SIGNED, POSITIVE = "RdBu_r", "viridis"
 def _fields(run: Run) -> Fields:
     found = present(lambda: run.field_snapshots, "the fields (output.every.fields)")
     if not found.points:
-        raise NoData("the grid has one point")
+        raise NotInScene("the grid has one point")
     return found
 
 

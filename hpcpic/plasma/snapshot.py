@@ -43,9 +43,10 @@ def particles(plasma: "Plasma") -> dict[str, ParticleArray]:
             v = components[:, d:].astype(np.float64) * (scene.velocity_spacing / scene.time_step)
             velocity[rows, : v.shape[1]] = v
             done = rows.stop
-        result[species.name] = ParticleArray(
-            ids, position, {"velocity": velocity}, {"velocity": "m/s"}, {"velocity": -0.5 * scene.time_step}
-        )
+        columns, units, offsets = {"velocity": velocity}, {"velocity": "m/s"}, {"velocity": -0.5 * scene.time_step}
+        real = species.section
+        of_one = {"charge": real.charge, "mass": real.mass, "weighting": species.m / real.mass}
+        result[species.name] = ParticleArray(ids, position, columns, units, offsets, of_one)
     return result
 
 

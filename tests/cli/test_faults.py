@@ -1,9 +1,12 @@
 """Whatever fails on whichever rank: told once, all ranks leave with its code, what was saved stays good."""
 
 import csv
+import re
 import time
 
 import pytest
+
+from hpcpic.core.files.reader import open_run
 
 
 def run_with_fault(toy, kind, ranks=2, step=20, **settings):
@@ -63,6 +66,8 @@ def test_not_a_number_is_exit_4_with_a_reason_and_the_last_checkpoint(toy):
     assert toy.checkpoints("a") == [20, 40]
     told = (toy.folder / "a" / "post-mortem.txt").read_text()
     assert "rank 1 of 2" in told and "checkpoint of step 40" in told and "restart a" in told
+    step = int(re.search(r"seen at step (\d+)", told)[1])
+    assert f"t = {step / 1024!r} s" in told  # a plain number
     assert "Traceback" not in done.stderr
     assert toy("restart", "a", fault__kind='"none"').returncode == 0
     assert toy.facts("a")["state_digest"] == toy.digest()
@@ -81,6 +86,19 @@ def test_a_divergence_that_one_rank_raises_leaves_a_post_mortem_too(toy):
     assert "the toy was told to diverge" in told and "rank 1 of 2" in told and "step 50," in told
     assert "checkpoint of step 40" in told and "restart a" in told
     assert [(part["status"], part["exit_code"]) for part in toy.facts("a")["history"]] == [("diverged", 4)]
+
+
+def test_snapshots_that_wait_are_in_the_files_when_a_checkpoint_is(toy):
+    """One in every step: a run that is killed has those up to its checkpoint, one that ends has all."""
+    every = {"output__field": 1, "output__particle": 1}
+    toy("run", "ring.conf", "-o", "a", "--threads", "1", "--checkpoint-every", "25", ranks=2,
+        fault__kind='"kill"', fault__rank=1, fault__step=110, **every)  # fmt: skip
+    for name in ("field", "particle"):
+        steps = getattr(open_run(toy.folder / "a"), f"{name}_snapshots").steps
+        assert steps.tolist() == list(range(len(steps))) and len(steps) >= 101
+    assert toy("restart", "a", fault__kind='"none"').returncode == 0
+    for name in ("field", "particle"):
+        assert getattr(open_run(toy.folder / "a"), f"{name}_snapshots").steps.tolist() == list(range(201))
 
 
 @pytest.mark.parametrize("restart_ranks", [1, 3])

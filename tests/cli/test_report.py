@@ -6,16 +6,21 @@ import json
 import re
 import shutil
 import subprocess
+import sys
+from dataclasses import replace
 from html.parser import HTMLParser
 
 import h5py
 import pytest
+from app_runner import environment
 from click.testing import CliRunner
 from plasma_reference import make_run
 
 from hpcpic.__main__ import load_app
+from hpcpic.core.cli.figures import NotInScene, Plot
 from hpcpic.core.cli.main import build
 from hpcpic.core.cli.report import number
+from hpcpic.core.errors import FileError
 from hpcpic.plasma.app import shipped_cases
 
 FEW = ("species[0].particles=512", "species[1].particles=512", "simulation.cycles=200")
@@ -167,6 +172,110 @@ def test_a_run_that_failed_says_so(folders, tmp_path):
     page = (folder / "report.html").read_text()
     assert 'class="mark fail">diverged, exit code 4<' in page
     assert page.count("<figure>") == 1  # timers come from run.json
+
+
+def test_numbers_are_told_with_symbol_limit_verdict_and_source(folders, tmp_path):
+    folder = shutil.copytree(folders[0], tmp_path / "run")
+    facts = json.loads((folder / "run.json").read_text())
+    told = {"name": "Courant number", "symbol": "C_o", "value": 0.5, "unit": "", "limit": "< 1", "verdict": "ok",
+            "source": "thesis (3.4)"}  # fmt: skip
+    (folder / "run.json").write_text(json.dumps(facts | {"derived": [told]}))
+    assert report(folder).exit_code == 0
+    page = (folder / "report.html").read_text()
+    for text in ("C_o", "thesis (3.4)", "<th>verdict</th>", "<th>source</th>"):
+        assert text in page, text
+
+
+def rows_of(page, title):
+    """first cell -> the other cells of the table under a heading"""
+    table = page[page.index(f"<h2>{title}</h2>") :].split("</table>")[0]
+    rows = [re.findall(r"<td[^>]*>(.*?)</td>", row, re.S) for row in table.split("<tr>")]
+    return {row[0].strip(): [cell.strip() for cell in row[1:]] for row in rows if row}
+
+
+def test_estimates_stand_beside_what_they_are_of(folders, tmp_path):
+    """An estimate counts the start and compiles nothing: of 42 s are 10 s of steps, 2 s of start, 30 s of compiling."""
+    folder = shutil.copytree(folders[0], tmp_path / "run")
+    facts = json.loads((folder / "run.json").read_text())
+    facts |= {"wall_seconds": 42.5, "loop_seconds": 25.0, "start_seconds": 17.0, "start_compiling_seconds": 15.0}
+    facts["timers"] = {name: {"min": s, "avg": s, "max": s, "share": s / 25.0, "calls": 1}
+                       for name, s in (("push", 10.0), ("compiling", 15.0))}  # fmt: skip
+    facts["estimate"] = {"step_ms": 1.0, "seconds": 9.0, "start_seconds": 1.0}
+    (folder / "run.json").write_text(json.dumps(facts))
+    assert report(folder).exit_code == 0
+    page = (folder / "report.html").read_text()
+    rows = rows_of(page, "Estimate beside measurement")
+    assert rows["all steps and output, s"] == ["8", "10", "1.25"]
+    assert rows["start and set-up, s"] == ["1", "2", "2.00"]
+    assert rows["compiling kernels, once per machine and kind of scene, s"] == ["—", "30", "—"]
+    assert not any("wall time" in name for name in rows)
+    assert "share of the loop" in page
+
+
+def test_what_a_scheme_dissipates_is_no_error_of_conservation(folders, tmp_path):
+    folder = shutil.copytree(folders[0], tmp_path / "run")
+    facts = json.loads((folder / "run.json").read_text())
+    entry = {"first": 60.0, "last": 36.0, "change": 24.0, "relative": 0.4, "dissipated": True}
+    (folder / "run.json").write_text(json.dumps(facts | {"conservation": {"energy_total": entry, "mass": entry}}))
+    assert report(folder).exit_code == 0
+    rows = rows_of((folder / "report.html").read_text(), "Conservation")
+    assert rows["energy total"][-1] == "dissipated by the scheme, by design"
+
+
+def broken_app(error):
+    """The plasma with one figure more, which fails."""
+    app = load_app()
+
+    def fail(run, step=None):
+        raise error
+
+    def of_another_scene(run, step=None):
+        raise NotInScene("never here")
+
+    plots = {"broken": Plot("Broken", fail), "other": Plot("Of another scene", of_another_scene)}
+    return replace(app, plots=lambda: plots | dict(app.plots()))
+
+
+@pytest.mark.parametrize("error, code, told", [
+    (ZeroDivisionError("division by zero"), 1, "ZeroDivisionError: division by zero"),
+    (FileError("x.vtkhdf: damaged"), 6, "x.vtkhdf: damaged"),
+])  # fmt: skip
+def test_a_figure_that_fails_takes_no_other_with_it(folders, tmp_path, error, code, told):
+    program = build(lambda: broken_app(error), "hpcpic", "plasma")
+    done = CliRunner().invoke(program, ["report", str(folders[0]), "-o", str(tmp_path / "page.html")])
+    assert done.exit_code == code
+    page = (tmp_path / "page.html").read_text()
+    assert page.count("<figure>") == 7 and f"Broken: failed, {told}" in page and "another scene" not in page
+    done = CliRunner().invoke(program, ["plot", str(folders[0]), "-o", str(tmp_path / "plots")])
+    assert done.exit_code == code and f"failed broken: {told}" in done.output
+    assert len(list((tmp_path / "plots").iterdir())) == 7 and "other" not in done.output
+
+
+def test_runs_of_a_sweep_are_called_by_what_was_swept(folders, tmp_path):
+    for k, folder in enumerate(folders):
+        copy = shutil.copytree(folder, tmp_path / f"{k:04d}")
+        sets = [*FEW, f"simulation.time_step={0.05 - 0.01 * k}", *(["simulation.cycles=250"] if k else [])]
+        facts = json.loads((copy / "run.json").read_text())
+        (copy / "run.json").write_text(json.dumps(facts | {"sets": sets}))
+    runs = [tmp_path / "0000", tmp_path / "0001"]
+    assert report(*runs, "-o", tmp_path / "page.html").exit_code == 0
+    assert "time_step" not in (tmp_path / "page.html").read_text().split("Settings that differ")[0]
+    (tmp_path / "table.csv").touch()
+    assert report(*runs, "-o", tmp_path / "page.html").exit_code == 0
+    page = (tmp_path / "page.html").read_text()
+    assert "time_step = 0.05" in page and "time_step = 0.04" in page and ">0000<" not in page
+
+
+def test_figures_have_our_look_whatever_a_matplotlibrc_says_and_names_are_no_formulas(tmp_path):
+    sets = (*FEW, 'species[0].name="$a_b$ 5%"', 'species[1].name="_x$^{"')
+    folder = make_run(shipped_cases()["two-stream-cold"], tmp_path / "run", sets)
+    (tmp_path / "matplotlibrc").write_text("text.usetex: True\nfont.size: 40\naxes.facecolor: red\n")
+    words = [sys.executable, "-m", "hpcpic"]
+    for verb in (["plot", folder, "phase-space"], ["plot", folder, "velocities", "--format", "svg"]):
+        done = subprocess.run([*words, *verb], cwd=tmp_path, env=environment(), capture_output=True, text=True)
+        assert done.returncode == 0, done.stderr
+    drawn = (folder / "plots/velocities.svg").read_text()
+    assert "$a_b$ 5%" in drawn and "_x$^{" in drawn and "#ff0000" not in drawn
 
 
 def dump_dom(page, profile, width):

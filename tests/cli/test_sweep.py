@@ -109,6 +109,21 @@ def test_runs_of_a_case_that_was_changed_since_are_no_part_of_the_table(toy):
     assert done.returncode == 6 and "before it was changed" in done.stderr
 
 
+def test_runs_end_together_unless_the_user_ends_them():
+    """A case that counts steps takes as many as its own time needs; one that ends at a time needs nothing."""
+    from hpcpic.__main__ import load_app
+    from hpcpic.core.cli.sweep import with_equal_ends
+
+    case = str(load_app().cases()["two-stream-cold"])  # 1200 steps of 0.05 s
+    swept = [("simulation.time_step=0.05",), ("simulation.time_step=0.1",), ("simulation.time_step=0.025",)]
+    found = with_equal_ends(load_app(), case, swept)
+    assert found == [swept[0], (*swept[1], "simulation.cycles=600"), (*swept[2], "simulation.cycles=2400")]
+    own = [(*sets, f"simulation.cycles={n}") for n, sets in enumerate(swept, 1)]
+    assert with_equal_ends(load_app(), case, own) == own
+    wrong = [("simulation.time_step=x",), swept[0]]
+    assert with_equal_ends(load_app(), case, wrong) == wrong
+
+
 def test_under_mpirun_nothing_is_run(toy):
     done = toy("sweep", "ring.conf", "-o", "s", "--set", "steps=20", ranks=2)
     assert done.returncode == 2 and done.stderr.count("without mpirun") == 1

@@ -47,7 +47,24 @@ def test_a_rewritten_line_fits_the_terminal(now, monkeypatch):
     stream = Terminal()
     assert lines_of(stream, now, 0.1, 100) > 0
     lines = stream.getvalue().split("\r")[1:]
-    assert max(map(len, lines)) == 49 and all(" left " in line for line in lines)
+    assert 40 < max(map(len, lines)) <= 49 and all(" left " in line for line in lines)
+
+
+@pytest.mark.parametrize("width", range(4, 130, 7))
+def test_a_narrow_terminal_gets_fewer_items_and_never_a_part_of_a_number(now, monkeypatch, width):
+    monkeypatch.setenv("COLUMNS", str(width))
+    stream, whole = Terminal(), io.StringIO()
+    for screen in (stream, whole):
+        shown = Progress(screen, 0, 200, 1_000_000, "p")
+        for energy in (1.0, 1.0 + 1.4e-8):
+            shown.scalars({"energy_total": energy})
+        now[0] += 10.0
+        shown.show(50, 5.0, 0.1, 20.0)
+    items = whole.getvalue().strip().split("  ")
+    found = [item for item in stream.getvalue().strip().split("  ") if item]
+    assert len(items) == 8 and "dE/E 1.4e-08" in items
+    assert [item for item in items if item in found] == found and len(stream.getvalue().rstrip()) <= width
+    assert (len(found) == 8) == (len(whole.getvalue().strip()) < width)
 
 
 def test_the_line_says_how_far_how_fast_and_how_long(now):

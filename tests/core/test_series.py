@@ -39,7 +39,28 @@ def test_both_files_hold_every_row_exactly(tmp_path: Path) -> None:
     fill(SeriesWriter(RunDir(tmp_path), UNITS), range(1300))  # more than two chunks
     assert_rows(tmp_path, list(range(1300)))
     lines = (tmp_path / "series.csv").read_text().splitlines()
-    assert lines[:2] == ["step,time,energy,charge", "1,s,J,C"]
+    assert lines[:2] == ["step,time,energy,charge", f"0,0.0,{','.join(str(float(v)) for v in row(0).values())}"]
+    units = (tmp_path / "series.units.csv").read_text().splitlines()
+    assert units == ["name,unit", "step,1", "time,s", "energy,J", "charge,C"]
+
+
+def test_tables_of_units_in_the_second_row_are_read_and_taken_up(tmp_path: Path) -> None:
+    """As older versions wrote them: a restart makes the table of today of it."""
+    fill(SeriesWriter(RunDir(tmp_path), UNITS), range(20))
+    path = tmp_path / "series.csv"
+    names, *rows = path.read_text().splitlines(keepends=True)
+    path.write_text("".join([names, "1,s,J,C\n", *rows]))
+    (tmp_path / "series.units.csv").unlink()
+    assert_rows(tmp_path, list(range(20)))
+    fill(SeriesWriter(RunDir(tmp_path), UNITS, after=9), range(10, 30))
+    assert_rows(tmp_path, list(range(30)))
+    assert path.read_text().splitlines()[1].startswith("0,0.0,")
+
+
+def test_any_reader_of_tables_takes_the_series_as_numbers(tmp_path: Path) -> None:
+    fill(SeriesWriter(RunDir(tmp_path), UNITS), range(20))
+    table = np.genfromtxt(tmp_path / "series.csv", delimiter=",", names=True)
+    assert table["energy"].mean() == np.mean([row(step)["energy"] for step in range(20)])
 
 
 def test_it_is_ordinary_hdf5_with_units(tmp_path: Path) -> None:

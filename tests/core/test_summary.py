@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 from hpcpic.core.comm.world import World
-from hpcpic.core.run import summary
+from hpcpic.core.run import compiling, summary
 from hpcpic.core.run.summary import KEPT, WARM_UP, Conserved, StepTimes
 from hpcpic.core.timers import Timers
 
@@ -56,6 +56,39 @@ def test_conserved_keeps_the_largest_change_and_does_not_lose_a_nan():
 
     conserved.add({"energy_total": 2.0})
     assert conserved.facts()["energy_total"]["change"] == math.inf
+
+
+def test_dissipation_is_told_as_what_it_is_and_a_gain_is_not():
+    conserved = Conserved(("energy_total", "mass"), ("energy_total",))
+    for value in (50.0, 40.0, 30.0):
+        conserved.add({"energy_total": value, "mass": 2.0})
+    told = summary.render({**FACTS, "conservation": conserved.facts()})
+    assert "conserved   mass 0.0e+00\n" in told and "dissipated  energy_total 40.0% of that at the start\n" in told
+    conserved.add({"energy_total": 60.0})
+    told = summary.render({**FACTS, "conservation": conserved.facts()})
+    assert "dissipated" not in told and "energy_total 4.0e-01" in told
+
+
+def test_compiling_is_a_section_of_its_own():
+    """The time of the section around it is without that of the compiler, which a kernel calls for others too."""
+    timers = Timers()
+    with compiling.watched(timers) as watch:
+        with timers.section("first call"):
+            for depth in (1, 2):
+                watch.on_start(None)
+                assert watch.any and watch.depth == depth
+            time.sleep(0.05)
+            watch.on_end(None)
+            watch.on_end(None)
+        found = timers.totals()
+        assert found["compiling"][0] >= 0.05 > found["first call"][0] and watch.seconds >= 0.05
+        assert compiling.Compiling(timers).any is False
+
+
+def test_the_speed_is_that_of_steps_without_the_compiler():
+    timers = {"compiling": {"min": 0.0, "avg": 20.0, "max": 20.0, "share": 1 / 3, "calls": 9}}
+    told = summary.render({**FACTS, "timers": timers})
+    assert "61.4 s on 4 ranks x 1 thread, 40 s of steps and output   1250 step/s" in told
 
 
 def timers_of(world):

@@ -10,7 +10,7 @@ import pytest
 
 from hpcpic.core.errors import FileError
 from hpcpic.core.files import image, snapshot
-from hpcpic.core.files.arrays import FieldArray, ParticleArray
+from hpcpic.core.files.arrays import FieldArray, ParticleArray, spatial
 from hpcpic.core.files.reader import Fields, Particles, open_run
 from hpcpic.core.files.rundir import RunDir
 from hpcpic.core.files.snapshot import FieldsWriter, ParticlesWriter
@@ -59,18 +59,24 @@ def handed(
     return result
 
 
-def write_fields(path: Path, points: tuple[int, ...], steps: range, after: int | None = None) -> None:
-    writer = FieldsWriter(ALONE, path, after)
+def write_fields(
+    path: Path, points: tuple[int, ...], steps: range, after: int | None = None, time_share: float = 1.0
+) -> None:
+    writer = FieldsWriter(ALONE, path, after, time_share)
     for step in steps:
         arrays = fields(points, step)
-        given = {"rho": FieldArray(arrays["rho"], "C/m2"), "E": FieldArray(arrays["E"], "V/m")}
+        given = {name: FieldArray(arrays[name].copy(), unit) for name, unit in (("rho", "C/m2"), ("E", "V/m"))}
         writer.append(10 * step, 0.1 * step, domain(points), given)
+        for field in given.values():
+            field.values[...] = np.nan  # as the run goes on with its arrays
+    writer.flush()
 
 
-def write_particles(path: Path, steps: range, after: int | None = None) -> None:
-    writer = ParticlesWriter(ALONE, path, after)
+def write_particles(path: Path, steps: range, after: int | None = None, time_share: float = 1.0) -> None:
+    writer = ParticlesWriter(ALONE, path, after, time_share)
     for step in steps:
         writer.append(10 * step, 0.1 * step, handed(particles(step)))
+    writer.flush()
 
 
 def vtk_steps(path: Path) -> list[tuple[float, object, dict[str, np.ndarray]]]:
@@ -138,7 +144,7 @@ def test_vtk_and_reader_see_the_fields_of_every_step(
         assert grid.GetSpacing() == (*box.spacing[::-1], 1.0, 1.0)[:3] and grid.GetOrigin() == (0, 0, 0)
         expected = fields(points, step)
         assert np.array_equal(arrays["rho"], expected["rho"].ravel())
-        assert np.array_equal(arrays["E"], expected["E"].reshape(-1, 2))
+        assert np.array_equal(arrays["E"], spatial(expected["E"].reshape(-1, 2)))
 
 
 @pytest.mark.parametrize("chunk", [snapshot.CHUNK_BYTES, 999])
@@ -166,6 +172,55 @@ def test_vtk_and_reader_see_the_particles_of_every_step(
         assert np.array_equal(points, np.concatenate([columns["position"] for columns in sets]))
         assert np.array_equal(vtk_to_numpy(cloud.GetVerts().GetConnectivityArray()), np.arange(n))
         assert np.array_equal(vtk_to_numpy(cloud.GetVerts().GetOffsetsArray()), np.arange(n + 1))
+
+
+WAITING = 1e-9  # share of the time for writing: nothing is written before the first `flush`
+
+
+@pytest.mark.parametrize("points", GRIDS)
+def test_snapshots_that_wait_for_each_other_are_the_same_in_the_end(tmp_path: Path, points: tuple[int, ...]) -> None:
+    """Written together, at a restart too, they give what snapshots give that are written one by one."""
+    one, many = tmp_path / "one.vtkhdf", tmp_path / "many.vtkhdf"
+    for path, share in ((one, 1.0), (many, WAITING)):
+        write_fields(path, points, range(40), time_share=share)
+        write_fields(path, points, range(30, 75), after=299, time_share=share)
+        assert_fields(path, points, 75)
+    assert one.stat().st_size == many.stat().st_size
+    sets = tmp_path / "particles.vtkhdf"
+    write_particles(sets, range(5), time_share=WAITING)
+    write_particles(sets, range(4, 12), after=30, time_share=WAITING)
+    assert_particles(sets, 12)
+    assert [cloud.GetNumberOfVerts() for _, cloud, _ in vtk_steps(sets)] == [
+        COUNTS[k % 7] + COUNTS[k % 7] // 2 for k in range(12)
+    ]
+
+
+def test_small_snapshots_wait_only_as_long_as_writing_is_dear(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The first is there at once; while the clock stands still the others wait; none waits for a later one for long."""
+    now = [0.0]
+    monkeypatch.setattr(snapshot.clock, "monotonic", lambda: now[0])
+    path = tmp_path / "fields.vtkhdf"
+    writer = FieldsWriter(ALONE, path, time_share=0.02)
+    real = image.append
+
+    def slow(*arguments: object) -> None:
+        real(*arguments)  # type: ignore[arg-type]
+        now[0] += 0.01
+
+    monkeypatch.setattr(image, "append", slow)
+    seen = []
+    for step in range(8):
+        given = {"rho": FieldArray(np.full((6, 5), float(step)))}
+        writer.append(step, 0.1 * step, domain((6, 5)), given)
+        seen.append(len(Fields(path).steps))
+        now[0] += 0.2
+    assert seen == [1, 1, 1, 4, 4, 4, 7, 7]  # 0.01 s of writing every 0.5 s, at the next snapshot
+    big = {"rho": FieldArray(np.zeros((6, 5)))}
+    monkeypatch.setattr(snapshot, "BUFFER_BYTES", 2 * 240)
+    writer.append(8, 0.8, domain((6, 5)), big)
+    assert len(Fields(path).steps) == 9
 
 
 @pytest.mark.parametrize("after", [-1, 0, 20, 45])

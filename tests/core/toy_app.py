@@ -75,7 +75,7 @@ class Toy:
         self.u = 1.0 + 0.5 * np.sin(2 * np.pi * np.arange(self.low, self.high) / config.rows)
         self.iteration = 0
         self.n_steps = config.steps
-        self.time_step = 1 / 1024
+        self.time_step = np.float64(1 / 1024)  # as apps have it that reduce it over ranks
         self.work_items, self.local_items = config.rows, self.high - self.low
         self.stop_sem = config.stop_SEM
         self.periods = {name: getattr(config.output, name) for name in type(config.output).model_fields}

@@ -22,6 +22,7 @@ def numbers(estimate: Estimate) -> dict[str, float]:
         "step_seconds": estimate.step_seconds,
         "step_ms": 1e3 * estimate.step_seconds,
         "seconds": estimate.seconds,
+        "start_seconds": estimate.start,
         "memory_mib_per_rank": sum(estimate.memory.values()) / MIB,
         "disk_mib": sum(estimate.disk.values()) / MIB,
     }

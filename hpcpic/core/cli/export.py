@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import csv
+import math
 import shutil
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 from urllib.parse import quote
@@ -12,12 +14,14 @@ from urllib.parse import quote
 import click
 
 from hpcpic.core.cli.app import AppLoader
-from hpcpic.core.errors import ConfigError
+from hpcpic.core.errors import ConfigError, FileError
+from hpcpic.core.run.summary import several
 
 if TYPE_CHECKING:
-    from hpcpic.core.files.reader import Run
+    from hpcpic.core.files.reader import Run, Snapshots
 
 
+Column = tuple[str, Any]  # unit, values
 SAFE = " +,=()[]"  # in a file name, beside letters and digits
 
 
@@ -51,10 +55,14 @@ def make_export_command(app_loader: AppLoader) -> click.Command:
                 raise ConfigError(f"--to {name}: must be of {', '.join(makers)}")
         run = open_run(folder)
         target = Path(output) if output else run.path / "export"
+        written = 0
         for name in asked:
             target.joinpath(name).mkdir(parents=True, exist_ok=True)
             n = makers[name](run, target / name)
-            click.echo(f"{name}: {n} file{'s' if n != 1 else ''} in {target / name}")
+            click.echo(f"{name}: {several(n, 'file')} in {target / name}")
+            written += n
+        if not written:
+            raise FileError(f"{folder}: holds nothing yet that {' or '.join(asked)} could take")
 
     return export
 
@@ -67,70 +75,98 @@ def _to_vtkhdf(run: Run, target: Path) -> int:
 
 
 def to_csv(run: Run, target: Path) -> int:
+    """Tables of names and numbers: the series, and at every snapshot the fields and each species; their units in tables
+    beside them.
+    """
     n = 0
-    if (run.path / "series.csv").exists():
-        shutil.copy2(run.path / "series.csv", target / "series.csv")
-        n += 1
-    for step in run.field_snapshots.steps if run.rundir.fields.exists() else ():
-        _write_field_csv(run, int(step), target / f"fields-{step:08d}.csv")
-        n += 1
-    for step in run.particle_snapshots.steps if run.rundir.particles.exists() else ():
-        for species in run.particle_snapshots.species:
-            columns = run.particles(species, step=int(step))
-            name = quote(species, safe=SAFE)
-            _write_columns(target / f"{name}-{step:08d}.csv", columns, run.particle_snapshots.units)
+    for path in (run.path / "series.csv", run.path / "series.units.csv"):
+        if path.exists():
+            shutil.copy2(path, target / path.name)
             n += 1
+    if run.rundir.fields.exists():
+        n += _write_tables(target, "fields", run.field_snapshots.steps, partial(_field_columns, run))
+    if run.rundir.particles.exists():
+        found = run.particle_snapshots
+        for species in found.species:
+            name = quote(species, safe=SAFE)
+            n += _write_tables(target, name, found.steps, partial(_particle_columns, run, species))
     return n
 
 
-def _write_field_csv(run: Run, step: int, path: Path) -> None:
-    """A row per grid point: its place, then the fields."""
+def _field_columns(run: Run, step: int) -> dict[str, Column]:
+    """Of every grid point its place, then the fields."""
     import numpy as np
 
     snapshots = run.field_snapshots
-    axes = [spacing * np.arange(n) for n, spacing in zip(*snapshots.grid)]
+    axes = [low + spacing * np.arange(n) for low, n, spacing in zip(snapshots.origin, *snapshots.grid)]
     places = np.meshgrid(*axes, indexing="ij")
     names = "xyz"[: len(axes)][::-1]  # storage is slab axis first
     columns: dict[str, Any] = {name: place.ravel() for name, place in zip(names, places)}
     columns = dict(sorted(columns.items()))
     for name in snapshots.names:
         values = _values(run, name, step)
-        columns[name] = values.reshape(-1, *values.shape[len(axes) :])
-    _write_columns(path, columns, snapshots.units | dict.fromkeys(names, "m"))
+        columns[name] = values.reshape(columns["x"].size, *values.shape[len(axes) :])
+    return _flat(columns, snapshots.units | dict.fromkeys(names, "m"))
 
 
-def _write_columns(path: Path, columns: dict[str, Any], units: Any) -> None:
-    """CSV with a row of names and a row of units; vectors become name_x, name_y, name_z."""
-    flat: dict[str, tuple[str, Any]] = {}
+def _particle_columns(run: Run, species: str, step: int) -> dict[str, Column]:
+    return _flat(run.particles(species, step=step), run.particle_snapshots.units)
+
+
+def _flat(columns: Mapping[str, Any], units: Mapping[str, str]) -> dict[str, Column]:
+    """name -> unit, values; vectors become name_x, name_y, name_z."""
+    flat: dict[str, Column] = {}
     for name, values in columns.items():
         unit = units.get(name) or ("m" if name == "position" else "1")
         if values.ndim == 1:
             flat[name] = (unit, values)
         else:
-            parts = values.reshape(len(values), -1).T
-            flat |= {
-                f"{name}_{'xyz'[k] if len(parts) <= 3 else k}": (unit, part) for k, part in enumerate(parts)
-            }
-    with open(path, "w", newline="", encoding="utf-8") as file:
-        writer = csv.writer(file)
-        writer.writerow(flat)
-        writer.writerow(unit for unit, _ in flat.values())
-        writer.writerows(zip(*(values.tolist() for _, values in flat.values())))
+            parts = values.reshape(len(values), math.prod(values.shape[1:])).T
+            flat |= {f"{name}_{'xyz'[k] if len(parts) <= 3 else k}": (unit, part) for k, part in enumerate(parts)}
+    return flat
+
+
+def _write_tables(target: Path, name: str, steps: Any, columns_at: Callable[[int], dict[str, Column]]) -> int:
+    """A table for each step and one of their units; how many."""
+    from hpcpic.core.files.series import units_text
+
+    columns: dict[str, Column] = {}
+    for step in steps:
+        columns = columns_at(int(step))
+        with open(target / f"{name}-{step:08d}.csv", "w", newline="", encoding="utf-8") as file:
+            writer = csv.writer(file, lineterminator="\n")
+            writer.writerow(columns)
+            writer.writerows(zip(*(values.tolist() for _, values in columns.values())))
+    if columns:
+        units = units_text({column: unit for column, (unit, _) in columns.items()})
+        (target / f"{name}.units.csv").write_text(units, encoding="utf-8")
+    return len(steps) + bool(columns)
 
 
 def _to_openpmd(run: Run, target: Path) -> int:
-    """A file per step that has a snapshot of fields or particles."""
+    """A file per step. Readers want the same records in all files of a folder: fields and particles of different steps
+    go to two.
+    """
     from hpcpic.core.files.openpmd import OpenPMDWriter
     from hpcpic.core.files.together import ALONE
 
-    fields = run.field_snapshots if run.rundir.fields.exists() else None
-    particles = run.particle_snapshots if run.rundir.particles.exists() else None
-    times = {int(s): float(t) for kind in (fields, particles) if kind for s, t in zip(kind.steps, kind.times)}
+    fields = _times(run.field_snapshots) if run.rundir.fields.exists() else {}
+    particles = _times(run.particle_snapshots) if run.rundir.particles.exists() else {}
     last = run.summary.get("steps") or 1
-    writer = OpenPMDWriter(ALONE, target, time_step=float(run.summary.get("time") or 0.0) / last)
-    for step, time in times.items():
-        writer.append(step, time, _domain(run), _field_arrays(run, step), _particle_arrays(run, step))
-    return len(times)
+    time_step = float(run.summary.get("time") or 0.0) / last
+    apart = bool(fields and particles) and fields.keys() != particles.keys()
+    folders = {"fields": (fields, {}), "particles": ({}, particles)} if apart else {"": (fields, particles)}
+    for name, (of_fields, of_particles) in folders.items():
+        writer = OpenPMDWriter(ALONE, target / name, time_step)
+        for step, time in (of_fields or of_particles).items():
+            arrays = _field_arrays(run, step) if of_fields else {}
+            species = _particle_arrays(run, step) if of_particles else {}
+            writer.append(step, time, _domain(run), arrays, species)
+    return sum(len(a or b) for a, b in folders.values())
+
+
+def _times(snapshots: Snapshots) -> dict[int, float]:
+    return {int(step): float(time) for step, time in zip(snapshots.steps, snapshots.times)}
 
 
 def _domain(run: Run) -> Any:
@@ -140,7 +176,8 @@ def _domain(run: Run) -> Any:
         return Domain((1.0,), (1,), (True,), (0, 1))
     points, spacing = run.field_snapshots.grid
     lengths = tuple(n * d for n, d in zip(points, spacing))
-    return Domain(lengths, points, (True,) * len(lengths), (0, points[0]))
+    offset = run.field_snapshots.origin[-1] / spacing[-1]
+    return Domain(lengths, points, (True,) * len(lengths), (0, points[0]), offset)
 
 
 def _values(run: Run, name: str, step: int) -> Any:
@@ -152,8 +189,6 @@ def _values(run: Run, name: str, step: int) -> Any:
 def _field_arrays(run: Run, step: int) -> dict[str, Any]:
     from hpcpic.core.files.arrays import FieldArray
 
-    if not run.rundir.fields.exists() or step not in run.field_snapshots.steps:
-        return {}
     snapshots = run.field_snapshots
     return {name: FieldArray(_values(run, name, step), snapshots.units[name]) for name in snapshots.names}
 
@@ -161,12 +196,11 @@ def _field_arrays(run: Run, step: int) -> dict[str, Any]:
 def _particle_arrays(run: Run, step: int) -> dict[str, Any]:
     from hpcpic.core.files.arrays import ParticleArray
 
-    if not run.rundir.particles.exists() or step not in run.particle_snapshots.steps:
-        return {}
     result = {}
     for species in run.particle_snapshots.species:
         columns = run.particles(species, step=step)
         ids, position = columns.pop("id"), columns.pop("position")
-        snapshots = run.particle_snapshots
-        result[species] = ParticleArray(ids, position, columns, snapshots.units, snapshots.time_offsets)
+        known = run.particle_snapshots
+        units, offsets, constants = known.units, known.time_offsets, known.constants[species]
+        result[species] = ParticleArray(ids, position, columns, units, offsets, constants)
     return result

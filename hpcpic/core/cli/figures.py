@@ -38,6 +38,10 @@ class NoData(ValueError):
     """The run does not hold what a figure shows; the message says what to ask for."""
 
 
+class NotInScene(NoData):
+    """A figure of something that this scene cannot have: nobody who asks for all figures waits for it."""
+
+
 @dataclass(frozen=True, slots=True)
 class Plot:
     """One figure an app can make. make(run, step) with step None for the last snapshot, or for all of the
@@ -92,13 +96,23 @@ LOOK: Any = {  # of matplotlib
 
 @contextmanager
 def style() -> Iterator[None]:
-    """Agg and the house look: open axes, few ticks, colours that colour-blind readers can tell apart."""
+    """Agg and the house look, whatever a matplotlibrc says: open axes, few ticks, colours that colour-blind readers can
+    tell apart. matplotlib looks at it again when it draws: for making and for saving a figure.
+    """
     import matplotlib
     from cycler import cycler
 
     matplotlib.use("Agg")
-    with matplotlib.rc_context({**LOOK, "axes.prop_cycle": cycler(color=COLOURS)}):
+    with matplotlib.rc_context():
+        matplotlib.rcdefaults()
+        matplotlib.rcParams.update({**LOOK, "axes.prop_cycle": cycler(color=COLOURS)})
         yield
+
+
+def plain(name: str) -> str:
+    """A name that a user gave, as text of a figure: "$" is no formula, and a leading "_" does not hide it."""
+    name = name.replace("$", r"\$")
+    return f" {name}" if name.startswith("_") else name
 
 
 def new_figure(rows: int = 1, columns: int = 1, size: tuple[float, float] = (6.4, 3.8), **rest: Any) -> tuple:
@@ -119,7 +133,8 @@ def save(figure: Figure, path: Path) -> None:
         write_atomic(path, svg(figure))
         return
     buffer = io.BytesIO()
-    figure.savefig(buffer, format="png", dpi=DOTS_PER_INCH, facecolor=PAPER, metadata={"Software": None})
+    with style():
+        figure.savefig(buffer, format="png", dpi=DOTS_PER_INCH, facecolor=PAPER, metadata={"Software": None})
     write_atomic(path, buffer.getvalue())
 
 
@@ -161,7 +176,8 @@ def _pixels(figure: Figure) -> np.ndarray:
     figure.set_facecolor(PAPER)
     figure.set_dpi(DOTS_PER_INCH)
     canvas: Any = figure.canvas  # of Agg, which its type does not tell
-    canvas.draw()
+    with style():
+        canvas.draw()
     pixels = np.asarray(canvas.buffer_rgba())[..., :3]
     return np.ascontiguousarray(pixels[: pixels.shape[0] // 2 * 2, : pixels.shape[1] // 2 * 2])
 
@@ -208,12 +224,12 @@ def steps_of(snapshots: Callable[[Run], Snapshots]) -> Callable[[Run], Sequence[
 
 
 def timers(run: Run, step: int | None = None) -> Figure:
-    """Share of the sections in the wall time."""
+    """Share of the sections in the time from the first step to the last."""
     return timers_figure(run.summary.get("timers", {}))
 
 
 def timers_figure(timers: Mapping[str, Mapping[str, float]]) -> Figure:
-    """Share of each section of the wall time, longest first, and its spread over the ranks."""
+    """Share of each section of the time from first to last step, longest first, and its spread over the ranks."""
     if not timers:
         raise NoData("run.json has no timers yet")
     names = list(timers)[::-1]
@@ -228,7 +244,7 @@ def timers_figure(timers: Mapping[str, Mapping[str, float]]) -> Figure:
         axes.errorbar(shares, names, xerr=spread, fmt="none", ecolor=COLOURS[4], elinewidth=1.6)
         for row, (share, over) in enumerate(zip(shares, spread[1])):
             axes.annotate(f"{share:.1f} %", (share + over, row), (6, 0), textcoords="offset points", va="center")
-        axes.set_xlabel("share of the wall time, %")
+        axes.set_xlabel("share of the time from the first step to the last, %")
         axes.set_xlim(0, 1.2 * max(share + over for share, over in zip(shares, spread[1])))
         axes.grid(axis="y", visible=False)
         return figure
@@ -247,14 +263,14 @@ def overlay_figure(runs: Mapping[str, Run], name: str) -> Figure:
         lowest, highest = np.inf, 0.0
         for label, run in found.items():
             values = run.series[name]
-            axes.plot(*thinned(run.series.time, values), label=label, alpha=0.9)
+            axes.plot(*thinned(run.series.time, values), label=plain(label), alpha=0.9)
             positive = values[values > 0]
             lowest = min(lowest, positive.min()) if positive.size == values.size else 0.0
             highest = max(highest, positive.max(initial=0.0))
         if lowest > 0 and highest > 100 * lowest:
             axes.set_yscale("log")
         unit = next(iter(found.values())).series.units.get(name, "")
-        axes.set(xlabel="time, s", ylabel=axis_label(name.replace("_", " "), unit))
+        axes.set(xlabel="time, s", ylabel=axis_label(plain(name.replace("_", " ")), unit))
         axes.legend(ncols=2)
         return figure
 

@@ -29,7 +29,8 @@ def imports(*of_the_scene: str) -> list[str]:
 @dataclass(frozen=True, slots=True)
 class Estimate:
     """memory: item -> bytes per rank; disk: item -> bytes of the whole run; seconds of one step, as most of them are,
-    and of the run. phases: what -> seconds of a step; sampling: seconds that the series takes in the whole run.
+    and of the run. phases: what -> seconds of a step; sampling: seconds that the series takes in the whole run; start:
+    seconds before the first step, with kernels from the cache.
     """
 
     memory: Mapping[str, float]
@@ -38,6 +39,7 @@ class Estimate:
     seconds: float
     phases: Mapping[str, float] = field(default_factory=dict)
     sampling: float = 0.0
+    start: float = 0.0
 
 
 def gain(ranks: int, threads: int, rates: Mapping[str, float], all_cores: float) -> float:

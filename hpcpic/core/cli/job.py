@@ -90,6 +90,7 @@ class _Job:
         self.allowed = ""
         self.part: dict[str, Any] | None = None  # this one, once it has begun
         self.going: Any = None  # the simulator in it
+        self.compiling: Any = None
 
     def do(self, prepare: Prepare) -> int:
         collected = log.start(
@@ -127,7 +128,7 @@ class _Job:
         return json.dumps(asdict(plan)).encode()
 
     def _run(self, plan: Plan, stop: Stop, warnings: list[str]) -> int:
-        from hpcpic.core.run import loop
+        from hpcpic.core.run import compiling, loop
         from hpcpic.core.tasks import Pool
         from hpcpic.core.timers import Timers
 
@@ -142,22 +143,23 @@ class _Job:
                 _refuse_others(reader, self.app, settings)
         pool = Pool(threads, self.world.cpus(threads))
         try:
-            with _asking_for_patience(self.world.rank):
-                simulator = self.app.load()
-                memory.require_room(lambda: sum(self._estimated(config, threads).memory.values()))
-                made = simulator(config, self.world, pool, timers)
-            with _closing(made) as app:
-                if reader:
-                    self._take_up(app, reader, plan)
-                self._begin(app, plan, threads)
-                options = loop.Options(
-                    stop, WallLimit(self.flags.seconds(), self.started), timers, threads, sys.stdout,
-                    attributes={"program": self.app.name, "settings": settings},
-                    estimate=self._estimate(config, threads), warnings=warnings, quiet=self.flags.quiet,
-                )  # fmt: skip
-                options.conserved = self._conserved(config, reader)
-                self._complete(options, app, reader, plan)
-                outcome = loop.run(app, self.world, self.rundir, options)
+            with compiling.watched(timers) as self.compiling:
+                with _asking_for_patience(self.world.rank, self.compiling):
+                    simulator = self.app.load()
+                    memory.require_room(lambda: sum(self._estimated(config, threads).memory.values()))
+                    made = simulator(config, self.world, pool, timers)
+                with _closing(made) as app:
+                    if reader:
+                        self._take_up(app, reader, plan)
+                    self._begin(app, plan, threads)
+                    options = loop.Options(
+                        stop, WallLimit(self.flags.seconds(), self.started), timers, threads, sys.stdout,
+                        attributes={"program": self.app.name, "settings": settings},
+                        estimate=self._estimate(config, threads), warnings=warnings, quiet=self.flags.quiet,
+                    )  # fmt: skip
+                    options.conserved = self._conserved(config, reader)
+                    self._complete(options, app, reader, plan)
+                    outcome = loop.run(app, self.world, self.rundir, options)
         finally:
             pool.close()
         if self.world.rank == 0:
@@ -203,6 +205,7 @@ class _Job:
         """The folder says that this part of the run goes on: not before nothing can refuse it. Collective."""
         now = {"ranks": self.world.size, "threads": threads, "status": "running"}
         self.part = summary.part(now | {"first_step": app.iteration, "started": summary.date(self.started)})
+        now |= {"start_seconds": time.monotonic() - self.started, "start_compiling_seconds": self.compiling.seconds}
         now |= {"exit_code": None, "work_unit": app.work_unit, f"{app.work_unit}s": app.work_items}
 
         def write() -> bytes:
@@ -217,7 +220,9 @@ class _Job:
 
     def _conserved(self, config: Any, reader: checkpoint.Reader | None) -> summary.Conserved:
         """Of what this scene conserves what the series says up to the step of the checkpoint; on rank 0."""
-        conserved = summary.Conserved(getattr(config, "conserved", summary.CONSERVED))
+        conserved = summary.Conserved(
+            getattr(config, "conserved", summary.CONSERVED), getattr(config, "dissipated", ())
+        )
         if reader and self.world.rank == 0 and self.rundir and (self.rundir.path / "series.h5").exists():
             from hpcpic.core.files.series import read_series
 
@@ -261,17 +266,26 @@ class _Job:
 
 
 @contextmanager
-def _asking_for_patience(rank: int) -> Iterator[None]:
-    """When the body takes long, a line on rank 0 says why."""
-    text = "setting up; the kernels of a new kind of scene are compiled once, which takes half a minute"
-    timer = threading.Timer(PATIENCE_SECONDS, log.ROOT.info, [text])
-    timer.daemon = True
+def _asking_for_patience(rank: int, compiling: Any) -> Iterator[None]:
+    """When the body takes long, a line on rank 0 says so, and one that kernels are compiled when they are."""
+    over = threading.Event()
+
+    def tell() -> None:
+        text = "setting up"
+        while not over.wait(PATIENCE_SECONDS):
+            if compiling.any:
+                log.ROOT.info("compiling the kernels of this kind of scene; the next run of its kind finds them made")
+                return
+            if text:
+                log.ROOT.info(text)
+                text = ""
+
     if rank == 0:
-        timer.start()
+        threading.Thread(target=tell, name="patience", daemon=True).start()
     try:
         yield
     finally:
-        timer.cancel()
+        over.set()
 
 
 @contextmanager

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 import click
 
 from hpcpic.core.cli.app import App, AppLoader
-from hpcpic.core.errors import ConfigError, FileError
+from hpcpic.core.errors import ConfigError, FileError, HpcpicError
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -39,11 +39,11 @@ def make_plot_command(app_loader: AppLoader) -> click.Command:
     )
     @click.option("--step", type=int, help="Snapshot to draw.  [default: the last one]")
     def plot(folder: str, what: str, output: str | None, kind: str, step: int | None) -> None:
-        """Draw figures of a run: all that its files allow, or the one that WHAT names.
+        """Draw figures of a run: all that its scene and its files allow, or the one that WHAT names.
 
-        Needs no display. An unknown WHAT lists the names there are.
+        Needs no display. An unknown WHAT lists the names there are. If a figure fails, the others are drawn.
         """
-        from hpcpic.core.cli.figures import NoData
+        from hpcpic.core.cli.figures import NoData, NotInScene
         from hpcpic.core.files.reader import open_run
 
         app = app_loader()
@@ -52,6 +52,7 @@ def make_plot_command(app_loader: AppLoader) -> click.Command:
         run = open_run(folder, app.name)
         target = Path(output) if output else Path(folder) / "plots"
         written = 0
+        failed: list[Exception] = []
         for name in names:
             try:
                 click.echo(_draw(run, plots[name], target / f"{name}.{kind}", step))
@@ -59,11 +60,23 @@ def make_plot_command(app_loader: AppLoader) -> click.Command:
             except NoData as error:
                 if what != "all":
                     raise FileError(f"{folder}: cannot draw {name}: {error}") from error
-                click.echo(f"left out {name}: {error}", err=True)
+                if not isinstance(error, NotInScene):
+                    click.echo(f"left out {name}: {error}", err=True)
+            except Exception as error:
+                click.echo(f"failed {name}: {explained(error)}", err=True)
+                failed.append(error)
+        if failed:
+            raise failed[0]
         if not written:
             raise FileError(f"{folder}: holds nothing that can be drawn yet")
 
     return plot
+
+
+def explained(error: Exception) -> str:
+    """In a line; of what is no error of ours its kind too."""
+    text = (str(error).strip().splitlines() or [""])[0]
+    return text if isinstance(error, HpcpicError) else f"{type(error).__name__}: {text}"
 
 
 def _known(what: str, plots: Mapping[str, Plot]) -> str:

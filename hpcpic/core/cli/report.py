@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 import os
 import re
 from collections.abc import Mapping, Sequence
@@ -13,9 +12,11 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from hpcpic.core.cli.app import App, AppLoader
-from hpcpic.core.cli.plot import plots_of
-from hpcpic.core.cli.text import duration
+from hpcpic.core.cli.plot import explained, plots_of
+from hpcpic.core.cli.sweep import swept_labels
+from hpcpic.core.cli.text import count, duration, number
 from hpcpic.core.files.cases import Header, read_header
+from hpcpic.core.run.summary import is_dissipation, several, stepping_seconds
 
 if TYPE_CHECKING:
     from hpcpic.core.files.reader import Run
@@ -56,6 +57,7 @@ class Page:
     figures: Sequence[Drawn] = ()
     tables: Sequence[Table] = ()
     omitted: Sequence[str] = ()
+    failures: Mapping[str, Exception] = field(default_factory=dict)  # figure -> what ended it
     warnings: Sequence[str] = ()
     config: str = ""
     provenance: Mapping[str, str] = field(default_factory=dict)
@@ -76,7 +78,8 @@ def make_report_command(app_loader: AppLoader) -> click.Command:
         from hpcpic.core.files.rundir import write_atomic
 
         app = app_loader()
-        runs = {label: open_run(folder, app.name) for label, folder in zip(_labels(folders), folders, strict=True)}
+        opened = [open_run(folder, app.name) for folder in folders]
+        runs = dict(zip(_labels(folders, opened), opened, strict=True))
         if len(runs) == 1:
             page = one_run(app, next(iter(runs.values())))
             path = Path(output or Path(folders[0]) / "report.html")
@@ -86,6 +89,8 @@ def make_report_command(app_loader: AppLoader) -> click.Command:
         path.parent.mkdir(parents=True, exist_ok=True)
         write_atomic(path, render(page))
         click.echo(path)
+        for error in page.failures.values():
+            raise error
 
     return report
 
@@ -103,9 +108,15 @@ def render(page: Page) -> str:
     return environment.get_template("report.html.j2").render(page=page)
 
 
-def _labels(folders: Sequence[str]) -> list[str]:
-    """Last parts of the paths where these differ, else the paths as given."""
+def _labels(folders: Sequence[str], runs: Sequence[Run]) -> list[str]:
+    """Of runs of a sweep the settings that differ; of others the last parts of their paths, or the whole paths where
+    these are not enough.
+    """
     names = [Path(folder).resolve().name for folder in folders]
+    if all(name.isdigit() and (run.path.resolve().parent / "table.csv").exists() for name, run in zip(names, runs)):
+        swept = swept_labels([run.summary.get("sets") or () for run in runs])
+        if len(set(swept)) == len(swept):
+            return swept
     return names if len(set(names)) == len(names) else [os.path.normpath(folder) for folder in folders]
 
 
@@ -114,7 +125,7 @@ def _labels(folders: Sequence[str]) -> list[str]:
 
 def one_run(app: App, run: Run) -> Page:
     facts = run.summary | _so_far(run)
-    figures, omitted = _figures(app, run)
+    figures, omitted, failures = _figures(app, run)
     status = str(facts.get("status", "unknown"))
     header, description = _case(run)
     return Page(
@@ -127,6 +138,7 @@ def one_run(app: App, run: Run) -> Page:
         header=header,
         figures=figures,
         omitted=omitted,
+        failures=failures,
         tables=[t for t in (_derived(facts), _conserved(facts), _timers(facts), _estimate(facts)) if t.rows],
         warnings=[str(w) for w in facts.get("warnings", ())],
         config=run.config,
@@ -150,17 +162,22 @@ def _case(run: Run) -> tuple[Header, str]:
     return header, re.sub(r"\\(.)", r"\1", found[1]) if found else ""
 
 
-def _figures(app: App, run: Run) -> tuple[list[Drawn], list[str]]:
-    """What can be drawn, and a line on each figure that cannot."""
-    from hpcpic.core.cli.figures import NoData, svg
+def _figures(app: App, run: Run) -> tuple[list[Drawn], list[str], dict[str, Exception]]:
+    """What can be drawn, a line on each figure that the scene has and the files do not, and those that failed."""
+    from hpcpic.core.cli.figures import NoData, NotInScene, svg
 
-    drawn, omitted = [], []
+    drawn, omitted, failures = [], [], {}
     for name, plot in plots_of(app).items():
         try:
             drawn.append(Drawn(plot.title, _inline(svg(plot.make(run, None), f"{name}-"))))
+        except NotInScene:
+            continue
         except NoData as error:
             omitted.append(f"{plot.title}: {error}")
-    return drawn, omitted
+        except Exception as error:
+            omitted.append(f"{plot.title}: failed, {explained(error)}")
+            failures[name] = error
+    return drawn, omitted, failures
 
 
 def _inline(svg: str) -> str:
@@ -176,8 +193,8 @@ def _key_figures(facts: Mapping[str, Any]) -> list[tuple[str, str, str]]:
     items = facts.get("particles") or facts.get("nodes") or 0
     unit = str(facts.get("work_unit", "particle"))
     found: list[tuple[str, str, str]] = [
-        ("steps", _count(facts.get("steps", 0)), f"t = {number(facts.get('time'))} s"),
-        (f"{unit}s", _count(items), ""),
+        ("steps", count(facts.get("steps", 0)), f"t = {number(facts.get('time'))} s"),
+        (f"{unit}s", count(items), ""),
         ("wall time", duration(float(facts.get("wall_seconds") or 0.0)), ""),
         (
             "ranks × threads",
@@ -198,10 +215,12 @@ def _key_figures(facts: Mapping[str, Any]) -> list[tuple[str, str, str]]:
 
 def _derived(facts: Mapping[str, Any]) -> Table:
     rows = [
-        (n["name"], n.get("symbol", ""), number(n["value"]), str(n["unit"]), str(n["limit"]), str(n["verdict"]))
+        (str(n["name"]), str(n.get("symbol", "")), number(n["value"]),
+         *(str(n.get(key, "")) for key in ("unit", "limit", "verdict", "source")))
         for n in facts.get("derived", ())
-    ]
-    return Table("Derived numbers", ("number", "", "value", "unit", "limit", ""), rows, (2,))
+    ]  # fmt: skip
+    head = ("number", "symbol", "value", "unit", "limit", "verdict", "source")
+    return Table("Derived numbers", head, rows, (2,))
 
 
 def _conserved(facts: Mapping[str, Any]) -> Table:
@@ -209,8 +228,9 @@ def _conserved(facts: Mapping[str, Any]) -> Table:
     for name, entry in (facts.get("conservation") or {}).items():
         relative = number(entry["relative"]) if "relative" in entry else "—"
         values = (number(entry[key], 9) for key in ("first", "last"))
-        rows.append((name.replace("_", " "), *values, number(entry["change"]), relative))
-    head = ("quantity", "at the start", "at the end", "largest change", "relative")
+        meaning = "dissipated by the scheme, by design" if is_dissipation(entry) else ""
+        rows.append((name.replace("_", " "), *values, number(entry["change"]), relative, meaning))
+    head = ("quantity", "at the start", "at the end", "largest change", "relative", "")
     return Table("Conservation", head, rows, (1, 2, 3, 4))
 
 
@@ -220,34 +240,46 @@ def _timers(facts: Mapping[str, Any]) -> Table:
             name,
             *(f"{row[key]:.3f}" for key in ("min", "avg", "max")),
             f"{100 * row['share']:.1f} %",
-            _count(row["calls"]) if row.get("calls") else "",
+            count(row["calls"]) if row.get("calls") else "",
         )
         for name, row in (facts.get("timers") or {}).items()
     ]
-    head = ("section", "least s", "mean s", "most s", "share", "calls")
+    head = ("section", "least s", "mean s", "most s", "share of the loop", "calls")
     return Table(
         "Time by section",
         head,
         rows,
         (1, 2, 3, 4, 5),
-        "Least, mean and most over the ranks; the time of a section is without that of sections inside it.",
+        "Least, mean and most over the ranks; the time of a section is without that of sections inside it. The loop, "
+        f"{number(facts.get('loop_seconds'))} s, goes from the first step to the last, with all output; compiling is "
+        "that of kernels which no earlier run had compiled, when the first steps called them.",
     )
 
 
 def _estimate(facts: Mapping[str, Any]) -> Table:
+    """The same on both sides: an estimate counts the start, and no compiling."""
     guess = facts.get("estimate") or {}
-    rows = []
-    for name, estimated, measured in (
-        ("time per step, ms", "step_ms", "step_ms"),
-        ("wall time, s", "seconds", "wall_seconds"),
-        ("memory per rank, MiB", "memory_mib_per_rank", "peak_memory_mib_per_rank"),
-    ):
-        a, b = guess.get(estimated), facts.get(measured)
-        if a and b:
-            rows.append((name, number(a), number(b), f"{b / a:.2f}"))
-    return Table(
-        "Estimate beside measurement", ("quantity", "estimated", "measured", "ratio"), rows, (1, 2, 3)
-    )
+    found: list[tuple[str, float | None, float | None]] = [
+        ("time per step, median, ms", guess.get("step_ms"), facts.get("step_ms"))
+    ]
+    whole, start = guess.get("seconds"), guess.get("start_seconds")
+    if whole and start is not None and "start_seconds" in facts and "loop_seconds" in facts:
+        loop, early = stepping_seconds(facts), facts["start_compiling_seconds"]
+        found += [
+            ("all steps and output, s", whole - start, loop),
+            ("start and set-up, s", start, facts["start_seconds"] - early),
+            ("compiling kernels, once per machine and kind of scene, s", None, facts["loop_seconds"] - loop + early),
+        ]
+    found.append(("memory per rank, MiB", guess.get("memory_mib_per_rank"), facts.get("peak_memory_mib_per_rank")))
+    rows = [
+        (name, number(a), number(b), f"{b / a:.2f}" if a else "—")
+        for name, a, b in found
+        if b is not None and (a or name.startswith("compiling"))
+    ]
+    compiled = facts.get("compiled_functions")
+    note = f"The compiler of {several(compiled, 'function')} is part of the measured memory." if compiled else ""
+    head = ("quantity", "estimated", "measured", "ratio")
+    return Table("Estimate beside measurement", head, rows, (1, 2, 3), note)
 
 
 def _provenance(facts: Mapping[str, Any]) -> dict[str, str]:
@@ -358,18 +390,3 @@ def _settings(runs: Mapping[str, Run]) -> Table:
         if len({str(settings.get(key)) for settings in flat}) > 1
     ]
     return Table("Settings that differ", ("", *runs), rows)
-
-
-def number(value: Any, digits: int = 4) -> str:
-    """A number as people read it; words as they are; nothing for None."""
-    if value is None:
-        return "—"
-    if isinstance(value, bool) or not isinstance(value, int | float):
-        return str(value)
-    if isinstance(value, int):
-        return _count(value)
-    return f"{value:.{digits}g}" if math.isfinite(value) else str(value)
-
-
-def _count(n: float) -> str:
-    return f"{round(n):,}".replace(",", "\u202f")

@@ -116,7 +116,7 @@ def prepare_run(
     warnings += require_memory(app, read.config, world.size, world.node_size, force)
     folder = output or run_folder(read)
     text = dump(read.config)
-    told = ("name", "symbol", "value", "unit", "limit", "verdict")
+    told = ("name", "symbol", "value", "unit", "limit", "verdict", "source")
     facts = provenance(library()) | {
         "program": app.name,
         "case": read.path,

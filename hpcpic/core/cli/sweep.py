@@ -7,6 +7,7 @@ from __future__ import annotations
 import csv
 import io
 import itertools
+import math
 import re
 import shutil
 import subprocess
@@ -44,12 +45,14 @@ def make_sweep_command(app_loader: AppLoader) -> click.Command:
     ) -> int:
         """Run CASE for every combination of --set KEY=1,2,4 or KEY=0.1:0.5:5 (from, to, how many).
 
+        All runs end at the time at which CASE ends: where a setting would change that, the number of steps follows.
         DIR/table.csv has a row per run. Called again it goes on where it stopped.
         """
         refuse_launcher()
         app = app_loader()
         combinations = expand(sets, zipped)
         path = read_case(app, case, combinations[0]).path
+        combinations = with_equal_ends(app, path, combinations)
         folder = Path(output or Path("sweeps") / Path(path).stem)
         shape = (ranks, threads)
         rows = []
@@ -76,6 +79,36 @@ def expand(sets: Sequence[str], zipped: bool = False) -> list[tuple[str, ...]]:
     if len({len(values) for values in lists}) > 1:
         raise ConfigError(f"--zip: the lists have {', '.join(str(len(values)) for values in lists)} values")
     return list(zip(*lists)) or [()]
+
+
+def with_equal_ends(app: App, path: str, combinations: Sequence[tuple[str, ...]]) -> list[tuple[str, ...]]:
+    """The combinations, with the settings that end a run where the case ends when what is swept would move its end, as
+    another time step does where a case counts steps. An end that the user gives is taken as it is.
+    """
+    fixed = tuple(assignment for assignment in combinations[0] if all(assignment in sets for sets in combinations))
+    try:
+        end = _end(app, read_case(app, path, fixed).config)
+    except ConfigError:  # the case lacks what is swept
+        end = _end(app, read_case(app, path, combinations[0]).config)
+    return [_ending_at(app, path, sets, end) for sets in combinations]
+
+
+def _ending_at(app: App, path: str, sets: tuple[str, ...], end: float | None) -> tuple[str, ...]:
+    try:
+        config = read_case(app, path, sets).config
+    except ConfigError:  # its run will say so
+        return sets
+    own = _end(app, config)
+    if end is None or own is None or app.time_step is None or abs(own - end) <= 0.5 * abs(app.time_step(config)):
+        return sets
+    more = app.until(config, math.copysign(end, app.time_step(config)))
+    given = {assignment.partition("=")[0].strip() for assignment in sets}
+    return sets if given & {assignment.partition("=")[0] for assignment in more} else (*sets, *more)
+
+
+def _end(app: App, config: Any) -> float | None:
+    """When the run of a case ends, s; None where the app does not tell."""
+    return app.knobs(config).time if app.knobs else None
 
 
 def _values(assignment: str) -> tuple[str, list[str]]:
@@ -168,6 +201,16 @@ def facts_of(rundir: RunDir) -> Mapping[str, Any]:
         return {}
 
 
+def swept_labels(sets: Sequence[Sequence[str]]) -> list[str]:
+    """Of --set lists what is not the same in all, the keys by their last words where these are unlike."""
+    settings = [dict(assignment.partition("=")[::2] for assignment in given) for given in sets]
+    common = [key for key in settings[0] if all(key in of_run for of_run in settings)]
+    keys = [key for key in common if len({of_run[key] for of_run in settings}) > 1]
+    words = [key.rpartition(".")[2] for key in keys]
+    shown = {key: word if words.count(word) == 1 else key for key, word in zip(keys, words)}
+    return [", ".join(f"{shown[key]} = {of_run[key]}" for key in keys) for of_run in settings]
+
+
 def _row(rundir: RunDir, sets: tuple[str, ...], code: int) -> dict[str, Any]:
     """Settings, how it went, and the last value of every scalar."""
     row: dict[str, Any] = {"run": rundir.path.name}
@@ -184,11 +227,17 @@ def _row(rundir: RunDir, sets: tuple[str, ...], code: int) -> dict[str, Any]:
 
 def _write(path: Path, rows: list[dict[str, Any]]) -> None:
     text = io.StringIO()
-    columns = list(dict.fromkeys(name for row in rows for name in row))
-    writer = csv.DictWriter(text, columns, lineterminator="\n")
+    writer = csv.DictWriter(text, _columns(rows), lineterminator="\n")
     writer.writeheader()
     writer.writerows(rows)
     write_atomic(path, text.getvalue())
+
+
+def _columns(rows: list[dict[str, Any]]) -> list[str]:
+    """Those that some row has: the settings, how it went, the scalars."""
+    names = list(dict.fromkeys(name for row in rows for name in row))
+    settings = {name for row in rows for name in itertools.takewhile(lambda name: name not in _FACTS, row)}
+    return sorted(names, key=lambda name: name not in settings)
 
 
 def _short(value: Any) -> str:
@@ -196,7 +245,8 @@ def _short(value: Any) -> str:
 
 
 def _tell(rows: list[dict[str, Any]], folder: Path) -> None:
-    shown = [name for name in rows[0] if name != "state_digest"][:12]
+    columns = _columns(rows)
+    shown = [name for name in columns if name != "state_digest"][:12]
     table(shown, [[_short(row.get(name)) for name in shown] for row in rows])
     click.echo(f"table: {folder / 'table.csv'}")
     failed = sum(row["exit_code"] != 0 for row in rows)

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import math
 import os
 import shutil
 import sys
 import textwrap
 from collections.abc import Iterable, Sequence
+from typing import Any
 
 import click
 
@@ -89,3 +91,18 @@ def duration(seconds: float) -> str:
     if seconds < 3600:
         return f"{int(seconds // 60)} min {int(seconds % 60)} s"
     return f"{int(seconds // 3600)} h {int(seconds % 3600 // 60)} min"
+
+
+def number(value: Any, digits: int = 4) -> str:
+    """A number as people read it; words as they are; nothing for None."""
+    if value is None:
+        return "—"
+    if isinstance(value, bool) or not isinstance(value, int | float):
+        return str(value)
+    if isinstance(value, int):
+        return count(value)
+    return f"{value:.{digits}g}" if math.isfinite(value) else str(value)
+
+
+def count(n: float) -> str:
+    return f"{round(n):,}".replace(",", "\u202f")

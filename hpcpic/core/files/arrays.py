@@ -6,6 +6,8 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
+PARTICLE_UNITS = {"charge": "C", "mass": "kg", "weighting": "1"}
+
 
 @dataclass(frozen=True, slots=True)
 class Shard:
@@ -31,7 +33,9 @@ class FieldArray:
 class ParticleArray:
     """Particles of one species on this rank in any order: ids[n], position[n, 3] m, columns[name][n, ...].
 
-    time_offsets: s by which a column is of a later time than the positions, where it is.
+    time_offsets: s by which a column is of a later time than the positions, where it is. constants: what all particles
+    of the species have in common, of PARTICLE_UNITS; "charge" and "mass" are those of one real particle, of which each
+    one here stands for "weighting".
     """
 
     ids: NDArray[np.int64]
@@ -39,3 +43,14 @@ class ParticleArray:
     columns: Mapping[str, NDArray] = field(default_factory=dict)
     units: Mapping[str, str] = field(default_factory=dict)
     time_offsets: Mapping[str, float] = field(default_factory=dict)
+    constants: Mapping[str, float] = field(default_factory=dict)
+
+
+def spatial(vectors: NDArray) -> NDArray:
+    """Vectors of one or two components, [..., d], with three; longer ones as they are."""
+    d = vectors.shape[-1]
+    if d >= 3:
+        return vectors
+    padded = np.zeros((*vectors.shape[:-1], 3), vectors.dtype)
+    padded[..., :d] = vectors
+    return padded

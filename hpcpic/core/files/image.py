@@ -15,7 +15,7 @@ import os
 import struct
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, BinaryIO
 
@@ -216,17 +216,21 @@ def rows_slot(dataset: "h5py.Dataset", first: int, rows: int) -> Slot:
     return Slot(first, row_bytes, chunk_rows, _addresses(dataset, [(k * chunk_rows, *rest) for k in numbers]))
 
 
-def layer_slot(dataset: "h5py.Dataset", layer: int, axis: int) -> Slot:
-    """The slot of dataset[layer], made to exist; chunks are cut along `axis`, 0 means one per layer."""
-    extend(dataset, layer + 1)
-    chunk_rows = dataset.chunks[axis]
-    corners = []
-    for row in range(0, dataset.shape[axis], chunk_rows) if axis else [layer]:
-        corner = [layer] + [0] * (dataset.ndim - 1)
-        corner[axis] = row
-        corners.append(tuple(corner))
-    row_bytes = math.prod(dataset.shape[axis + 1 :]) * dataset.dtype.itemsize
-    return Slot(0, row_bytes, chunk_rows, _addresses(dataset, corners))
+def layer_slots(dataset: "h5py.Dataset", first: int, count: int, axis: int) -> list[Slot]:
+    """Of dataset[first], dataset[first + 1], ...: a chunk has whole ones, or rows along `axis` (0: all is one row)."""
+    extend(dataset, first + count)
+    shape, layers, size = dataset.shape, dataset.chunks[0], dataset.dtype.itemsize
+    rows, chunk_rows = (shape[axis], dataset.chunks[axis]) if axis else (1, 1)
+    row_bytes, layer_bytes = math.prod(shape[axis + 1 :]) * size, math.prod(shape[1:]) * size
+    rest, chunks, slots = (0,) * (len(shape) - 1 - axis), {}, []
+    for layer in range(first, first + count):
+        corner = layer - layer % layers
+        if corner not in chunks:
+            starts = [(corner, row) if axis else (corner,) for row in range(0, rows, chunk_rows)]
+            chunks[corner] = _addresses(dataset, [(*start, *rest) for start in starts])
+        shift = layer % layers * layer_bytes
+        slots.append(Slot(0, row_bytes, chunk_rows, tuple(address + shift for address in chunks[corner])))
+    return slots
 
 
 def _addresses(dataset: "h5py.Dataset", corners: list[tuple[int, ...]]) -> tuple[int, ...]:
@@ -235,12 +239,9 @@ def _addresses(dataset: "h5py.Dataset", corners: list[tuple[int, ...]]) -> tuple
 
 def share_slots(world: "World | Alone", slots: Mapping[str, Slot] | None) -> dict[str, Slot]:
     """The slots of rank 0, on all ranks."""
-    text = json.dumps({name: asdict(slot) for name, slot in slots.items()}) if slots is not None else ""
-    described = json.loads(world.bcast(text.encode()))
-    return {
-        name: Slot(d["first"], d["row_bytes"], d["chunk_rows"], tuple(d["addresses"]))
-        for name, d in described.items()
-    }
+    numbers = {name: (s.first, s.row_bytes, s.chunk_rows, s.addresses) for name, s in (slots or {}).items()}
+    described = json.loads(world.bcast(json.dumps(numbers).encode()))
+    return {name: Slot(first, row, rows, tuple(at)) for name, (first, row, rows, at) in described.items()}
 
 
 def create(path: Path, build: Callable[["h5py.File"], Mapping[str, Slot]]) -> dict[str, Slot]:

@@ -2,6 +2,10 @@
 per step.
 
 Every file is laid out by rank 0, written by all ranks and put in place by a rename.
+
+Particles have the records that openPMD-viewer and its kin look for: position, momentum, mass, charge and weighting, as
+far as they are known. As the extension ED-PIC has it, charge, mass and momentum are those of one real particle, and
+one in the file stands for `weighting` of them.
 """
 
 import os
@@ -14,7 +18,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from hpcpic.core.files import image
-from hpcpic.core.files.arrays import FieldArray, ParticleArray, Shard
+from hpcpic.core.files.arrays import PARTICLE_UNITS, FieldArray, ParticleArray, Shard
 from hpcpic.core.files.image import Slot
 from hpcpic.core.files.rundir import temporary
 from hpcpic.core.files.together import Alone, together
@@ -28,6 +32,7 @@ if TYPE_CHECKING:
 
 AXES = "xyz"
 QUATERNION = "wxyz"  # components of a column four wide
+OF_ONE_PARTICLE = ("charge", "mass", "momentum", "weighting")  # what a macro-particle has `weighting` times
 BASE = ("m", "kg", "s", "A", "K", "mol", "cd")
 # Exponents of BASE for the units our arrays come in.
 UNITS: dict[str, tuple[int, ...]] = {
@@ -145,9 +150,22 @@ def _components(fields: Mapping[str, FieldArray], ndim: int) -> Iterator[tuple[s
             yield from ((f"{name}/{AXES[c]}", field.values[..., c]) for c in range(field.values.shape[-1]))
 
 
+def _constants(particles: ParticleArray) -> dict[str, float]:
+    """What all particles have in common. Those that tell of nothing else stand for themselves."""
+    return {"weighting": 1.0, **particles.constants}
+
+
+def _momentum(particles: ParticleArray) -> dict[str, Any]:
+    """Momentum of one real particle, kg m/s; {} where no mass is known."""
+    mass, velocity = particles.columns.get("mass", particles.constants.get("mass")), particles.columns.get("velocity")
+    if mass is None or velocity is None:
+        return {}
+    return {"momentum": np.reshape(mass, (-1, 1)) * velocity}
+
+
 def _records(particles: ParticleArray) -> Iterator[tuple[str, Any]]:
     yield "id", np.asarray(particles.ids, np.uint64)
-    for name, values in {"position": particles.position, **particles.columns}.items():
+    for name, values in {"position": particles.position, **particles.columns, **_momentum(particles)}.items():
         if values.ndim == 1:
             yield name, values
         else:
@@ -183,24 +201,35 @@ def _describe_mesh(record: Any, unit: str, domain: Domain) -> None:
             "dataOrder": np.bytes_("C"),
             "axisLabels": np.array([axis.encode() for axis in AXES[: domain.ndim][::-1]]),
             "gridSpacing": np.array(domain.spacing),
-            "gridGlobalOffset": np.zeros(domain.ndim),
+            "gridGlobalOffset": np.zeros(domain.ndim),  # of the corner of the box; points lie at `position` in cells
             "gridUnitSI": 1.0,
             "unitDimension": np.array(dimension(unit)),
             "timeOffset": 0.0,
         }
     )
     for component in [record] if hasattr(record, "dtype") else record.values():
-        component.attrs["position"] = np.zeros(domain.ndim)
+        component.attrs["position"] = np.full(domain.ndim, domain.offset)
 
 
 def _describe_species(group: Any, particles: ParticleArray, total: int) -> None:
-    units = {"position": "m", **particles.units}
-    for name in list(group):
-        group[name].attrs["unitDimension"] = np.array(dimension(units.get(name, "")))
-        group[name].attrs["timeOffset"] = float(particles.time_offsets.get(name, 0.0))
-    offset = group.create_group("positionOffset")
-    offset.attrs["unitDimension"] = np.array(dimension("m"))
-    offset.attrs["timeOffset"] = 0.0
+    for name, value in _constants(particles).items():
+        _describe_constant(group.create_group(name), value, total)
     for axis in AXES[: particles.position.shape[1]]:
-        constant = offset.create_group(axis)
-        constant.attrs.update({"unitSI": 1.0, "value": 0.0, "shape": np.array([total], np.uint64)})
+        _describe_constant(group.require_group("positionOffset").create_group(axis), 0.0, total)
+    units = PARTICLE_UNITS | {"position": "m", "positionOffset": "m"} | dict(particles.units)
+    dimensions = {name: np.array(dimension(units.get(name, ""))) for name in group}
+    dimensions["momentum"] = np.array(dimension(units["mass"])) + dimension("m/s")
+    offsets = {"momentum": particles.time_offsets.get("velocity", 0.0), **particles.time_offsets}
+    for name in list(group):
+        group[name].attrs.update(
+            {
+                "unitDimension": dimensions[name],
+                "timeOffset": float(offsets.get(name, 0.0)),
+                "macroWeighted": np.uint32(name == "weighting"),
+                "weightingPower": float(name in OF_ONE_PARTICLE),
+            }
+        )
+
+
+def _describe_constant(group: Any, value: float, total: int) -> None:
+    group.attrs.update({"unitSI": 1.0, "value": float(value), "shape": np.array([total], np.uint64)})

@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hpcpic.core.errors import FileError
+from hpcpic.core.files.arrays import PARTICLE_UNITS
 from hpcpic.core.files.rundir import RunDir
 from hpcpic.core.files.safe_hdf5 import Checked, open_checked
 from hpcpic.core.files.series import Series, read_series
@@ -69,7 +70,8 @@ class Snapshots:
 
 class Fields(Snapshots):
     """fields.vtkhdf. `points`, `spacing` and `first`, the place of the first point [m], in the order of the array axes,
-    slab axis first, without axes of one point; those of `grid` with them, up to the last axis that has several.
+    slab axis first, without axes of one point; those of `grid` and `origin` with them, up to the last axis that has
+    several.
     """
 
     def __init__(self, path: Path) -> None:
@@ -81,27 +83,34 @@ class Fields(Snapshots):
             origin = [float(x) for x in np.asarray(file.attribute(ROOT, "Origin"))[::-1]]
             first = next((k for k, n in enumerate(points) if n > 1), len(points) - 1)
             self.grid = tuple(points[first:]), tuple(spacing[first:])
+            self.origin = tuple(origin[first:])
             self.points = tuple(n for n in points if n > 1)
             self.spacing = tuple(d for n, d in zip(points, spacing) if n > 1)
             self.first = tuple(x for n, x in zip(points, origin) if n > 1)
 
     def read(self, name: str, index: int) -> NDArray:
-        """values[rows, ...] of a snapshot; axes with one point are left out."""
+        """values[rows, ...] of a snapshot; axes with one point are left out. A vector has the components of the run."""
         self._require(name)
         with self._open() as file:
             vector = len(file.file[ROOT]["PointData"][name].shape) - 1 - len(self.points)
             values = file.dataset(f"{ROOT}/PointData/{name}", None, (None, *self.points, *(None,) * vector))
             offsets = file.dataset(f"{ROOT}/Steps/PointDataOffsets/{name}", np.int64, (None,))
-            return values[int(offsets[index])]
+            return _of_the_run(file, name, values[int(offsets[index])])
 
 
 class Particles(Snapshots):
-    """particles.vtkhdf. `species`: the names."""
+    """particles.vtkhdf. `species`: the names. `constants`: of each species what its particles have in common."""
 
     def __init__(self, path: Path) -> None:
         super().__init__(path)
         with self._open() as file:
-            self.species = list(file.attribute(f"{ROOT}/PointData/species", "names"))
+            number = f"{ROOT}/PointData/species"
+            self.species = [name for name in file.attribute(number, "names") if name]
+            known = {name: file.attribute(number, name, ()) for name in PARTICLE_UNITS}
+            self.constants = {
+                species: {name: float(values[k]) for name, values in known.items() if k < len(values)}
+                for k, species in enumerate(self.species)
+            }
 
     def read(self, species: str, index: int) -> dict[str, NDArray]:
         """position[n, 3], id[n] and the other columns of one species, in the order of the ids."""
@@ -117,8 +126,14 @@ class Particles(Snapshots):
             result = {"id": ids[own], "position": _rows(file, f"{ROOT}/Points", rows)[own]}
             for name in self.names:
                 if name not in ("id", "species"):
-                    result[name] = _rows(file, f"{ROOT}/PointData/{name}", rows)[own]
+                    result[name] = _of_the_run(file, name, _rows(file, f"{ROOT}/PointData/{name}", rows)[own])
             return result
+
+
+def _of_the_run(file: Checked, name: str, values: NDArray) -> NDArray:
+    """The components that the run has of those in the file."""
+    components = int(file.attribute(f"{ROOT}/PointData/{name}", "components", -1))
+    return values[..., :components] if components >= 0 else values
 
 
 def _rows(file: Checked, name: str, rows: slice) -> NDArray:

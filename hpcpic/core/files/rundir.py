@@ -30,6 +30,7 @@ RUN_NAMES = (
     "timers.csv",
     "series.h5",
     "series.csv",
+    "series.units.csv",
     "fields.vtkhdf",
     "particles.vtkhdf",
     "grains.vtkhdf",

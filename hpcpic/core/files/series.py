@@ -1,5 +1,8 @@
 """Scalars in time: series.h5 and series.csv, written by rank 0.
 
+The table has a row of names and then numbers only, so that any reader of tables takes it as it is; the units of its
+columns stand in series.units.csv, and in the attributes of series.h5.
+
 Rows are buffered and appended by a short open-write-close, so a process killed at any moment leaves readable
 files. In the HDF5 file `step` grows last and tells how many rows are valid.
 """
@@ -51,6 +54,7 @@ class SeriesWriter:
         """
         self._h5 = rundir.path / "series.h5"
         self._csv = rundir.path / "series.csv"
+        self._units_csv = units_path(self._csv)
         self._units = dict(units)
         self._rows: list[tuple[int, float, list[float]]] = []
         self._flushed = clock.monotonic()
@@ -81,8 +85,8 @@ class SeriesWriter:
         except OSError as error:
             made.unlink(missing_ok=True)
             raise FileError(f"cannot make {self._h5}: {explain(error)}") from error
-        head = [[STEP, TIME, *self._units], ["1", "s", *self._units.values()]]
-        write_atomic(self._csv, _lines(head) + _lines(_texts(kept.step, columns)))
+        write_atomic(self._units_csv, units_text({STEP: "1", TIME: "s", **self._units}))
+        write_atomic(self._csv, _lines([[STEP, TIME, *self._units]]) + _lines(_texts(kept.step, columns)))
 
     def append(self, step: int, time: float, values: Mapping[str, float]) -> None:
         """Add a row; every few seconds the rows go to the files. A missing value is NaN. Raises FileError."""
@@ -137,6 +141,16 @@ def _texts(steps: NDArray[np.int64], columns: Mapping[str, NDArray]) -> list[lis
     return [[repr(value) for value in row] for row in zip(*table, strict=True)]
 
 
+def units_path(table: Path) -> Path:
+    """The table of units that belongs to a table."""
+    return table.with_suffix(".units.csv")
+
+
+def units_text(units: Mapping[str, str]) -> str:
+    """A table of units: a row for each column of the table it belongs to."""
+    return _lines([["name", "unit"], *([name, unit or "1"] for name, unit in units.items())])
+
+
 def _lines(rows: list[list[str]]) -> str:
     return "".join(",".join(row) + "\n" for row in rows)
 
@@ -167,14 +181,21 @@ def read_series(folder: Path | str) -> Series:
 
 
 def read_csv(path: Path | str) -> Series:
-    """A series.csv: a row of names, a row of units, numbers. Raises FileError."""
+    """A series.csv with its units; those of older runs have them in a second row. Raises FileError."""
     try:
-        with open(path, newline="", encoding="utf-8") as file:
-            names, units, *rows = list(csv.reader(file))
+        names, *rows = _table(Path(path))
+        if rows and rows[0][names.index(TIME)] == "s":
+            units = dict(zip(names, rows.pop(0), strict=True))
+        else:
+            units = dict(_table(units_path(Path(path)))[1:])
         table = np.array(rows, np.float64).reshape(len(rows), len(names))
-    except (OSError, ValueError) as error:
+        columns = dict(zip(names, table.T, strict=True))
+        step, time = columns.pop(STEP).astype(np.int64), columns.pop(TIME)
+        return Series(columns, {name: units[name] for name in columns}, step, time)
+    except (OSError, ValueError, KeyError, IndexError) as error:
         raise FileError(f"{path}: cannot be read as a series ({error})") from error
-    unit_of = dict(zip(names, units, strict=True))
-    columns = dict(zip(names, table.T, strict=True))
-    step, time = columns.pop(STEP).astype(np.int64), columns.pop(TIME)
-    return Series(columns, {name: unit_of[name] for name in columns}, step, time)
+
+
+def _table(path: Path) -> list[list[str]]:
+    with open(path, newline="", encoding="utf-8") as file:
+        return list(csv.reader(file))

@@ -2,15 +2,18 @@
 particles.vtkhdf (PolyData).
 
 All ranks write their part of a step at its place (core.files.image); `NSteps`, which is what readers look at,
-changes last, so a file is readable at any moment. Values are stored in the type they have. `/step` holds the
-step numbers beside the times in `/VTKHDF/Steps/Values`.
+changes last, so a file is readable at any moment. Values are stored in the type they have. Vectors have three
+components, without which VTK takes them for no vectors; the attribute `components` tells how many the run has. What is
+flat lies at z = 0. `/step` holds the step numbers beside the times in `/VTKHDF/Steps/Values`.
 https://docs.vtk.org/en/latest/vtk_file_formats/vtkhdf_file_format
 """
 
 import math
 import os
+import time as clock
 from abc import ABC, abstractmethod
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -18,7 +21,7 @@ import numpy as np
 
 from hpcpic.core.errors import FileError
 from hpcpic.core.files import image
-from hpcpic.core.files.arrays import FieldArray, ParticleArray, Shard
+from hpcpic.core.files.arrays import PARTICLE_UNITS, FieldArray, ParticleArray, Shard, spatial
 from hpcpic.core.files.image import Slot
 from hpcpic.core.files.rundir import temporary
 from hpcpic.core.files.together import Alone, together
@@ -31,29 +34,81 @@ if TYPE_CHECKING:
 
 VERSION = (2, 2)
 CHUNK_BYTES = 8 << 20
+SMALL_CHUNK_BYTES = 32 << 10  # what is smaller shares a chunk with others: HDF5 finds a chunk by going through all
+BUFFER_BYTES = 4 << 20  # of snapshots that wait for each other
 STEPS_PER_CHUNK = 256
 ROOT = "VTKHDF"
 CELL_KINDS = ("Vertices", "Lines", "Polygons", "Strips")  # the last three are empty
 
 
-class _Temporal(ABC):
-    """A temporal file: made at the first step, or taken up again at a restart."""
+@dataclass(frozen=True, slots=True)
+class _Snapshot:
+    """What one call of `append` was given; `told`: attributes of arrays."""
 
-    def __init__(self, world: "World | Alone", path: Path, after: int | None = None) -> None:
+    step: int
+    time: float
+    shards: Mapping[str, Shard]
+    told: Mapping[str, Mapping[str, Any]]
+    facts: tuple[Any, ...]
+
+    @property
+    def described(self) -> dict[str, Any]:
+        """Row shape and type of each array."""
+        return {name: (shard.local.shape[1:], shard.local.dtype) for name, shard in self.shards.items()}
+
+    @property
+    def bytes(self) -> int:
+        """Of all ranks."""
+        return sum(s.total * math.prod(s.local.shape[1:]) * s.local.itemsize for s in self.shards.values())
+
+    def kept(self) -> "_Snapshot":
+        """With arrays of its own: the run goes on with those it was given."""
+        copies = {name: Shard(np.array(s.local), s.offset, s.total) for name, s in self.shards.items()}
+        return replace(self, shards=copies)
+
+
+class _Temporal(ABC):
+    """A temporal file: made at the first step, or taken up again at a restart.
+
+    To change a file takes milliseconds, however little it gets. Small snapshots wait for each other, up to BUFFER_BYTES
+    or until `flush`, while the writing would take more than `time_share` of the time; with 1, none waits.
+    """
+
+    def __init__(
+        self, world: "World | Alone", path: Path, after: int | None = None, time_share: float = 1.0
+    ) -> None:
         """At a restart the steps up to `after` are kept. Raises FileError on all ranks."""
         self.world = world
         self.path = path
+        self.time_share = time_share
+        self._waiting: list[_Snapshot] = []
+        self._waiting_bytes = 0
+        self._next_flush = 0.0  # by the clock of rank 0
         self._exists = False
         with together(world, f"cannot take up {path}"):
             if world.rank == 0 and path.exists() and after is not None:
                 _take_up(path, after)
         self._exists = world.any(world.rank == 0 and after is not None and path.exists())
 
-    def _append(
-        self, step: int, time: float, shards: Mapping[str, Shard], told: Mapping[str, Mapping[str, Any]], *facts: Any
-    ) -> None:
-        """Add a step; `told`: attributes of arrays. Raises FileError on all ranks; the file is then as before."""
-        described = {name: (shard.local.shape[1:], shard.local.dtype) for name, shard in shards.items()}
+    def _append(self, new: _Snapshot) -> None:
+        """Add a step, now or with later ones. Raises FileError on all ranks; the file is then as before."""
+        if self._waiting and new.described != self._waiting[0].described:
+            self.flush()
+        self._waiting.append(new)
+        self._waiting_bytes += new.bytes
+        due = self.time_share == 1.0 or self._waiting_bytes >= BUFFER_BYTES
+        if due or self.world.any(self.world.rank == 0 and clock.monotonic() >= self._next_flush):
+            self.flush()
+        else:
+            self._waiting[-1] = new.kept()
+
+    def flush(self) -> None:
+        """Bring what waits to the file, all ranks together. Raises FileError on all ranks; the file is as before."""
+        batch, self._waiting, self._waiting_bytes = self._waiting, [], 0
+        if not batch:
+            return
+        began = clock.monotonic()
+        shards = {f"{name} {k}": shard for k, new in enumerate(batch) for name, shard in new.shards.items()}
 
         def build(file: "h5py.File") -> dict[str, Slot]:
             root = file.create_group(ROOT)
@@ -62,20 +117,20 @@ class _Temporal(ABC):
             steps.attrs["NSteps"] = np.int64(0)
             image.growing(file, "step", (), np.int64, (STEPS_PER_CHUNK,))
             image.growing(steps, "Values", (), np.float64, (STEPS_PER_CHUNK,)).attrs["units"] = "s"
-            self._build(root, steps, described, *facts)
-            for name in shards:
-                root[name].attrs.update({"units": "", **told.get(name, {})})
+            self._build(root, steps, batch[0])
+            for name in batch[0].shards:
+                root[name].attrs.update({"units": "", **batch[0].told.get(name, {})})
             return {}
 
         def grow(file: "h5py.File") -> dict[str, Slot]:
-            self._check_names(file, shards)
+            self._check_names(file, batch[0].shards, batch[0].told)
             n = int(file[ROOT]["Steps"].attrs["NSteps"])
-            _set(file["step"], n, step)
-            _set(file[ROOT]["Steps/Values"], n, time)
-            return self._grow(file[ROOT], n, shards, *facts)
+            _put(file["step"], n, [new.step for new in batch])
+            _put(file[ROOT]["Steps/Values"], n, [new.time for new in batch])
+            return self._grow(file[ROOT], n, batch)
 
         def announce(file: "h5py.File") -> None:
-            file[ROOT]["Steps"].attrs.modify("NSteps", file[ROOT]["Steps"].attrs["NSteps"] + 1)
+            file[ROOT]["Steps"].attrs.modify("NSteps", file[ROOT]["Steps"].attrs["NSteps"] + len(batch))
 
         if not self._exists:
             with together(self.world, f"cannot make {self.path}"):
@@ -83,25 +138,33 @@ class _Temporal(ABC):
                     _create(self.path, build)
             self._exists = True
         image.append(self.world, self.path, grow, shards, announce)
+        now = clock.monotonic()
+        self._next_flush = now + (now - began) / self.time_share
 
-    def _check_names(self, file: "h5py.File", shards: Mapping[str, Shard]) -> None:
+    def _check_names(
+        self, file: "h5py.File", shards: Mapping[str, Shard], told: Mapping[str, Mapping[str, Any]]
+    ) -> None:
         present = {f"PointData/{name}" for name in file[ROOT]["PointData"]}
         asked = {name for name in shards if name.startswith("PointData/")}
         for name in present ^ asked:
             raise FileError(f"it has other arrays than this run writes ({name}); move it away")
         for name, shard in shards.items():
-            if file[ROOT][name].dtype != shard.local.dtype:
+            there, here = file[ROOT][name], shard.local
+            if there.dtype != here.dtype:
+                raise FileError(f"{name} has type {there.dtype} there and {here.dtype} in this run")
+            if "components" in told.get(name, {}) and there.shape[-1] != here.shape[-1]:
                 raise FileError(
-                    f"{name} has type {file[ROOT][name].dtype} there and {shard.local.dtype} in this run"
+                    f"{name} has {there.shape[-1]} components there, as older versions wrote, and "
+                    f"{here.shape[-1]} in this run; move it away"
                 )
 
     @abstractmethod
-    def _build(self, root: Any, steps: Any, described: Mapping[str, Any], *facts: Any) -> None:
+    def _build(self, root: Any, steps: Any, first: _Snapshot) -> None:
         """Lay out the file for its first step."""
 
     @abstractmethod
-    def _grow(self, root: Any, n: int, shards: Mapping[str, Shard], *facts: Any) -> dict[str, Slot]:
-        """Make room for a step: where each shard goes."""
+    def _grow(self, root: Any, n: int, batch: Sequence[_Snapshot]) -> dict[str, Slot]:
+        """Make room for steps n, n + 1, ...: where each shard goes, by name and place in the batch."""
 
 
 class FieldsWriter(_Temporal):
@@ -110,19 +173,25 @@ class FieldsWriter(_Temporal):
     def append(self, step: int, time: float, domain: Domain, fields: Mapping[str, FieldArray]) -> None:
         """Add a step, all ranks together. Raises FileError on all ranks; the file is then as before."""
         low, _ = domain.row_range(self.world.rank)
-        shards = {
-            f"PointData/{name}": Shard(field.values, low, domain.points[0]) for name, field in fields.items()
-        }
-        units = {f"PointData/{name}": {"units": field.unit} for name, field in fields.items()}
-        self._append(step, time, shards, units, domain)
+        shards, told = {}, {}
+        for name, field in fields.items():
+            key, values = f"PointData/{name}", field.values
+            told[key] = {"units": field.unit}
+            if values.ndim > domain.ndim:
+                told[key]["components"] = values.shape[-1]
+                values = spatial(values)
+            shards[key] = Shard(values, low, domain.points[0])
+        self._append(_Snapshot(step, time, shards, told, (domain,)))
 
-    def _build(self, root: Any, steps: Any, described: Mapping[str, Any], domain: Domain) -> None:
+    def _build(self, root: Any, steps: Any, first: _Snapshot) -> None:
+        domain: Domain = first.facts[0]
+        described = first.described
         unused = (1,) * (3 - domain.ndim)
         points = (*unused, *domain.points)
         root.attrs["Type"] = np.bytes_("ImageData")
         root.attrs["WholeExtent"] = np.array([edge for n in points[::-1] for edge in (0, n - 1)], np.int64)
         spacing = np.array((*unused, *domain.spacing)[::-1])
-        root.attrs["Origin"] = domain.offset * spacing
+        root.attrs["Origin"] = np.array((*(0.0 for _ in unused), *(domain.offset * d for d in domain.spacing))[::-1])
         root.attrs["Spacing"] = spacing
         root.attrs["Direction"] = np.eye(3).ravel()
         root.create_group("PointData")
@@ -130,20 +199,23 @@ class FieldsWriter(_Temporal):
             layer = _used(domain.points) + shape[domain.ndim - 1 :]
             axis = _slab_axis(domain)
             rows = CHUNK_BYTES // (math.prod(layer[axis:]) * dtype.itemsize)
-            chunk = (1, *layer) if axis == 0 else (1, max(1, min(layer[0], rows)), *layer[1:])
+            layers = max(1, min(CHUNK_BYTES, SMALL_CHUNK_BYTES) // (math.prod(layer) * dtype.itemsize))
+            chunk = (layers, *layer) if axis == 0 else (layers, max(1, min(layer[0], rows)), *layer[1:])
             image.growing(root, name, layer, dtype, chunk)
         _counts(steps, "Layer")
         _link(steps, "Layer", [_offset_name(name) for name in described])
 
-    def _grow(self, root: Any, n: int, shards: Mapping[str, Shard], domain: Domain) -> dict[str, Slot]:
-        slots = {}
+    def _grow(self, root: Any, n: int, batch: Sequence[_Snapshot]) -> dict[str, Slot]:
+        slots: dict[str, Slot] = {}
+        domain: Domain = batch[0].facts[0]
         points = _used(domain.points)
-        for name in shards:
+        for name in batch[0].shards:
             present = root[name].shape[1 : 1 + len(points)]
             if present != points:
                 raise FileError(f"it holds a grid of {present} points, this run has {points}")
-            slots[name] = image.layer_slot(root[name], n, _slab_axis(domain))
-        _set(root["Steps/Layer"], n, n)
+            layers = image.layer_slots(root[name], n, len(batch), _slab_axis(domain))
+            slots |= {f"{name} {k}": slot for k, slot in enumerate(layers)}
+        _put(root["Steps/Layer"], n, range(n, n + len(batch)))
         return slots
 
 
@@ -160,7 +232,8 @@ def _slab_axis(domain: Domain) -> int:
 class ParticlesWriter(_Temporal):
     """particles.vtkhdf: a point and a vertex per particle, all species in one set, told apart by `species`.
 
-    `species` numbers the species in the order of the dict; their names are its attribute `names`.
+    `species` numbers the species in the order of the dict; their names are its attribute `names`, what the particles of
+    each have in common are the attributes `charge`, `mass` and `weighting`.
     The order of particles is that of ranks, then species; `id` identifies them.
     """
 
@@ -180,10 +253,16 @@ class ParticlesWriter(_Temporal):
         shards |= self._vertices(offset, int(counts[self.world.rank]), total)
         told: dict[str, dict[str, Any]] = {"Points": {"units": "m"}}
         for particles in species.values():
-            for name in particles.columns:
+            for name, values in particles.columns.items():
                 offset_s = float(particles.time_offsets.get(name, 0.0))
-                told[f"PointData/{name}"] = {"units": particles.units.get(name, ""), "time_offset": offset_s}
-        self._append(step, time, shards, told, list(species), total)
+                of_name = told[f"PointData/{name}"] = {
+                    "units": particles.units.get(name, ""),
+                    "time_offset": offset_s,
+                }
+                if values.ndim == 2:
+                    of_name["components"] = values.shape[1]
+        constants = {name: particles.constants for name, particles in species.items()}
+        self._append(_Snapshot(step, time, shards, told, (constants, total)))
         self._edges = max(self._edges, total + 1)
 
     def _vertices(self, offset: int, count: int, total: int) -> dict[str, Shard]:
@@ -197,14 +276,18 @@ class ParticlesWriter(_Temporal):
             "Vertices/Offsets": Shard(edges, int(edges[0]) if len(edges) else 0, total + 1),
         }
 
-    def _build(
-        self, root: Any, steps: Any, described: Mapping[str, Any], names: list[str], total: int
-    ) -> None:
+    def _build(self, root: Any, steps: Any, first: _Snapshot) -> None:
+        constants, total = first.facts
+        described = first.described
         root.attrs["Type"] = np.bytes_("PolyData")
         for name, (shape, dtype) in described.items():
             rows = max(1, min(max(total, 1024), CHUNK_BYTES // (math.prod(shape) * dtype.itemsize)))
             image.growing(root, name, shape, dtype, (rows, *shape))
-        root["PointData/species"].attrs["names"] = names
+        root["PointData/species"].attrs["names"] = list(constants) or [""]
+        for name in PARTICLE_UNITS:
+            if any(name in of_species for of_species in constants.values()):
+                values = [of_species.get(name, 0.0) for of_species in constants.values()]
+                root["PointData/species"].attrs[name] = np.array(values)
         for name in ("PartOffsets", "NumberOfParts", "PointOffsets"):
             _counts(steps, name)
         _link(
@@ -218,42 +301,46 @@ class ParticlesWriter(_Temporal):
         _link(root, "Lines/NumberOfCells", ["Lines/NumberOfConnectivityIds"])
         _counts(root, "Lines/Connectivity")
         _counts(root, "Lines/Offsets")
-        _set(root["Lines/Offsets"], 0, 0)
+        _put(root["Lines/Offsets"], 0, [0])
         _link(root, "Lines", ["Polygons", "Strips"])
 
-    def _grow(
-        self, root: Any, n: int, shards: Mapping[str, Shard], names: list[str], total: int
-    ) -> dict[str, Slot]:
-        steps = root["Steps"]
-        first = int(steps["PointOffsets"][n - 1] + root["NumberOfPoints"][n - 1]) if n else 0
-        _set(root["NumberOfPoints"], n, total)
-        _set(root["Lines/NumberOfCells"], n, 0)
-        _set(steps["PartOffsets"], n, n)
-        _set(steps["NumberOfParts"], n, 1)
-        _set(steps["PointOffsets"], n, first)
-        _set(steps["CellOffsets"], n, 0)
-        return {
-            name: image.rows_slot(root[name], 0 if name.startswith("Vertices/") else first, shard.total)
-            for name, shard in shards.items()
-        }
+    def _grow(self, root: Any, n: int, batch: Sequence[_Snapshot]) -> dict[str, Slot]:
+        steps, count = root["Steps"], len(batch)
+        totals = np.array([new.facts[1] for new in batch])
+        before = int(steps["PointOffsets"][n - 1] + root["NumberOfPoints"][n - 1]) if n else 0
+        first = before + np.concatenate([[0], np.cumsum(totals)[:-1]])
+        _put(root["NumberOfPoints"], n, totals)
+        _put(root["Lines/NumberOfCells"], n, np.zeros(count))
+        _put(steps["PartOffsets"], n, range(n, n + count))
+        _put(steps["NumberOfParts"], n, np.ones(count))
+        _put(steps["PointOffsets"], n, first)
+        _put(steps["CellOffsets"], n, np.zeros((count, len(CELL_KINDS))))
+        slots = {}
+        for name in batch[0].shards:
+            dataset = root[name]
+            for k, new in enumerate(batch):
+                row = 0 if name.startswith("Vertices/") else int(first[k])
+                slots[f"{name} {k}"] = image.rows_slot(dataset, row, new.shards[name].total)
+        return slots
 
 
 def _joined(species: Mapping[str, ParticleArray]) -> dict[str, Any]:
     """The columns of all species one after the other. Raises FileError when their columns differ."""
-    columns = {name: set(particles.columns) for name, particles in species.items()}
-    for name, found in columns.items():
-        if found != next(iter(columns.values())):
-            raise FileError(
-                f"species {name} has the columns {sorted(found)}, {next(iter(columns))} has others"
-            )
+    names = {name: set(particles.columns) for name, particles in species.items()}
+    for name, found in names.items():
+        if found != next(iter(names.values())):
+            raise FileError(f"species {name} has the columns {sorted(found)}, {next(iter(names))} has others")
     sets = list(species.values())
+    if not sets:
+        sets = [ParticleArray(np.zeros(0, np.int64), np.zeros((0, 3)))]
     parts = {
-        "Points": [particles.position for particles in sets],
+        "Points": [spatial(particles.position) for particles in sets],
         "PointData/id": [np.asarray(particles.ids, np.int64) for particles in sets],
         "PointData/species": [np.full(len(particles.ids), k, np.int32) for k, particles in enumerate(sets)],
     }
-    for name in sets[0].columns:
-        parts[f"PointData/{name}"] = [particles.columns[name] for particles in sets]
+    for name, first in sets[0].columns.items():
+        columns = [particles.columns[name] for particles in sets]
+        parts[f"PointData/{name}"] = [*map(spatial, columns)] if first.ndim == 2 else columns
     return {name: np.concatenate(values) for name, values in parts.items()}
 
 
@@ -273,9 +360,10 @@ def _link(group: Any, name: str, others: list[str]) -> None:
         image.subgroup(group, parent)[last] = group[name]
 
 
-def _set(dataset: "h5py.Dataset", n: int, value: Any) -> None:
-    image.extend(dataset, n + 1)
-    dataset[n] = value
+def _put(dataset: "h5py.Dataset", n: int, values: Any) -> None:
+    """Rows n, n + 1, ... of a data set, which are made to exist."""
+    image.extend(dataset, n + len(values))
+    dataset[n : n + len(values)] = np.asarray(values)
 
 
 def _create(path: Path, build: Any) -> None:

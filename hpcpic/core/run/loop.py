@@ -324,7 +324,7 @@ def write_post_mortem(
     lines = [
         f"what       {what}",
         f"where      {where}",
-        f"when       seen at step {app.iteration}, t = {app.time!r} s",
+        f"when       seen at step {app.iteration}, t = {float(app.time)!r} s",
         f"kept       {'none: start again' if kept is None else f'checkpoint of step {kept}'}",
         f"replay     {again if kept is None else replay}",
     ]

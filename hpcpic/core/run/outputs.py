@@ -20,6 +20,8 @@ from hpcpic.core.timers import Timers
 
 log = logging.getLogger("hpcpic.output")
 
+WRITING_SHARE = 0.02  # of the time, that small snapshots may take
+
 
 def trigger_of(app: Any, kind: str, begun: bool) -> Every | EveryTime | None:
     """When the app asks for this kind of output: `periods` are in steps, `time_periods` in seconds of physical
@@ -54,6 +56,7 @@ class Outputs:
         self.rest, self.after = rest, after
         self.broken: list[str] = []
         self._series: Any = None
+        self._writers: dict[str, Any] = {}
         makers: Mapping[str, Callable[[], Callable[[], None]]] = {
             "series": self._series_observer,
             "field": self._field_observer,
@@ -73,9 +76,13 @@ class Outputs:
                 observer.look(step, time, at_end)
 
     def flush(self) -> None:
-        """The series so far is in the files afterwards."""
+        """The series and the snapshots so far are in the files afterwards. Collective."""
         if self._series is not None and "series" not in self.broken:
             self._kept_going("series", self._series.flush)()
+        for kind, writer in self._writers.items():
+            if kind not in self.broken:
+                with self.timers.section(f"output {kind}"):
+                    self._kept_going(kind, writer.flush)()
 
     def _kept_going(self, kind: str, observe: Callable[[], None]) -> Callable[[], None]:
         def attempt() -> None:
@@ -108,7 +115,9 @@ class Outputs:
     def _field_observer(self) -> Callable[[], None]:
         from hpcpic.core.files.snapshot import FieldsWriter
 
-        app, writer = self.app, FieldsWriter(self.world, self.rundir.fields, after=self.after)
+        app = self.app
+        writer = FieldsWriter(self.world, self.rundir.fields, after=self.after, time_share=WRITING_SHARE)
+        self._writers["field"] = writer
 
         def observe() -> None:
             fields = app.arrays("field")
@@ -123,7 +132,8 @@ class Outputs:
 
         app = self.app
         path = self.rundir.path / f"{getattr(app, 'particle_name', 'particle')}s.vtkhdf"
-        writer = ParticlesWriter(self.world, path, after=self.after)
+        writer = ParticlesWriter(self.world, path, after=self.after, time_share=WRITING_SHARE)
+        self._writers["particle"] = writer
 
         def observe() -> None:
             species = app.arrays("particle")

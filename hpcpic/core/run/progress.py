@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import shutil
 import time
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import TextIO
 
 from hpcpic.core.run.log import say
@@ -31,6 +31,19 @@ def rate(per_second: float, unit: str) -> str:
         if per_second >= scale:
             return f"{per_second / scale:.3g} {prefix}{unit}/s"
     return f"{per_second:.3g} {unit}/s"
+
+
+LAST_TO_GO = (0, 1, 2, 7, 3, 5, 6, 4)  # which items of the line matter most
+
+
+def _fitting(items: Sequence[str], width: int) -> str:
+    """The items that fit beside each other, the most important first; none is ever cut."""
+    chosen: list[int] = []
+    for k in LAST_TO_GO:
+        tried = sorted([*chosen, k])
+        if items[k] and len("  ".join(items[n] for n in tried)) <= width:
+            chosen = tried
+    return "  ".join(items[n] for n in chosen)
 
 
 class Progress:
@@ -71,7 +84,7 @@ class Progress:
         if self._energy is None:
             self._energy = energy
         elif self._energy:
-            self._change = f"  dE/E {(energy - self._energy) / abs(self._energy):.1e}"
+            self._change = f"dE/E {(energy - self._energy) / abs(self._energy):.1e}"
 
     def _at(self, step: int, t: float) -> float:
         return t if self.last is None else float(step)
@@ -95,18 +108,18 @@ class Progress:
         left = clock((last - at) / whole) if whole > 0 else "--:--:--"
         done = min(100.0 * at / last, 100.0) if last else 100.0
         of = f"/{self.last}" if self.last is not None else ""
-        line = (
-            f"step {step}{of}  {done:.1f} %  left {left}  t {t:.3e}/{end:.3e} s  dt {dt:.2e}  "
-            f"{speed:.3g} step/s  {rate(speed * self.items, self.unit)}{self._change}"
-        )
+        items = [
+            f"step {step}{of}", f"{done:.1f} %", f"left {left}", f"t {t:.3e}/{end:.3e} s", f"dt {dt:.2e}",
+            f"{speed:.3g} step/s", rate(speed * self.items, self.unit), self._change,
+        ]  # fmt: skip
         self._shown, self._shown_step, self._shown_at = now, step, at
         self.lines += 1
         if self.live:
-            line = line[: shutil.get_terminal_size().columns - 1]  # a wrapped line cannot be rewritten
+            line = _fitting(items, shutil.get_terminal_size().columns - 1)  # a wrapped line cannot be rewritten
             say(self.stream, "\r" + line.ljust(self._width))
             self._width = len(line)
         else:
-            say(self.stream, line + "\n")
+            say(self.stream, "  ".join(filter(None, items)) + "\n")
 
     def clear(self) -> None:
         """Take the rewritten line away before something else is written."""

@@ -71,10 +71,14 @@ class StepTimes:
 
 
 class Conserved:
-    """First, last and largest change of the scalars that should not change: of CONSERVED, or of `names`."""
+    """First, last and largest change of the scalars that should not change: of CONSERVED, or of `names`.
 
-    def __init__(self, names: Collection[str] = CONSERVED) -> None:
+    dissipated: those among them that the scheme takes energy from by design: what is lost is no error.
+    """
+
+    def __init__(self, names: Collection[str] = CONSERVED, dissipated: Collection[str] = ()) -> None:
         self.names = [name for name in CONSERVED if name in names]
+        self.dissipated = dissipated
         self._found: dict[str, dict[str, float]] = {}
 
     def add(self, scalars: Mapping[str, float]) -> None:
@@ -86,11 +90,12 @@ class Conserved:
                 change = abs(value - entry["first"])
                 entry["change"] = max(entry["change"], change) if math.isfinite(change) else math.inf
 
-    def facts(self) -> dict[str, dict[str, float]]:
-        """name -> first, last, change (largest), relative (to the first, of what starts away from 0)."""
+    def facts(self) -> dict[str, dict[str, Any]]:
+        """name -> first, last, change (largest), relative (to the first, of what starts away from 0), dissipated."""
         return {
             name: entry
             | ({"relative": entry["change"] / abs(entry["first"])} if _has_scale(name, entry) else {})
+            | ({"dissipated": True} if name in self.dissipated else {})
             for name, entry in self._found.items()
         }
 
@@ -101,7 +106,7 @@ def _has_scale(name: str, entry: Mapping[str, float]) -> bool:
 
 
 def sections(world: World, timers: Timers, wall: float) -> dict[str, dict[str, float]]:
-    """section -> min, avg, max over ranks [s], share of the wall time, calls. Collective.
+    """section -> min, avg, max over ranks [s], share of `wall` [s], calls. Collective.
 
     Rank 0 gets them, the others {}.
     A section that some rank never entered counts as 0 s there, if rank 0 entered it.
@@ -160,10 +165,11 @@ def render(facts: Mapping[str, Any]) -> str:
     peak = f"MiB per rank, peak{f', with compiling {compiled} functions' if compiled else ''}"
     lines.append(_row("memory", _beside(facts, "peak_memory_mib_per_rank", "memory_mib_per_rank", peak)))
     lines.append(_row("step", _beside(facts, "step_ms", "step_ms", "ms, median")))
-    conserved = facts.get("conservation") or {}
-    if conserved:
-        told = [f"{name} {_change(entry)}" for name, entry in conserved.items()]
-        lines.append(_row("conserved", "   ".join(told)))
+    for word, lost in (("conserved", False), ("dissipated", True)):
+        entries = (facts.get("conservation") or {}).items()
+        told = [f"{name} {_change(entry)}" for name, entry in entries if is_dissipation(entry) is lost]
+        if told:
+            lines.append(_row(word, "   ".join(told)))
     for k, text in enumerate(facts.get("warnings", ())):
         lines.append(_row(f"warning {k + 1}", text))
     lines.append(_row("results", str(facts["folder"])))
@@ -174,14 +180,26 @@ def render(facts: Mapping[str, Any]) -> str:
 
 
 def _head(facts: Mapping[str, Any]) -> list[str]:
-    speed = facts["steps_done"] / facts["loop_seconds"] if facts["loop_seconds"] > 0 else 0.0
+    stepping = stepping_seconds(facts)
+    speed = facts["steps_done"] / stepping if stepping > 0 else 0.0
     work = rate(speed * facts["work_items"], facts["work_unit"][0])
     where = f"{several(facts['ranks'], 'rank')} x {several(facts['threads'], 'thread')}"
     return [
         f"{facts['status']}: {facts['reason']}" if facts["reason"] else facts["status"],
         f"{count(facts['steps'])} steps, t = {facts['time']:.4g} s, {facts['wall_seconds']:.3g} s on {where}"
-        f"   {speed:.4g} step/s   {work}",
+        f", {stepping:.3g} s of steps and output   {speed:.4g} step/s   {work}",
     ]
+
+
+def stepping_seconds(facts: Mapping[str, Any]) -> float:
+    """Of the steps and their output, without the kernels that the first ones compile."""
+    compiling = (facts.get("timers") or {}).get("compiling", {}).get("avg", 0.0)
+    return max(0.0, float(facts.get("loop_seconds") or 0.0) - float(compiling))
+
+
+def is_dissipation(entry: Mapping[str, Any]) -> bool:
+    """Whether a scalar is less at the end by what the scheme takes by design; a gain is no dissipation."""
+    return bool(entry.get("dissipated")) and entry["last"] < entry["first"]
 
 
 def several(n: int, word: str) -> str:
@@ -194,7 +212,7 @@ def _section_table(facts: Mapping[str, Any]) -> list[str]:
         return []
     item_steps = max(1, facts["steps_done"] * facts["work_items"])
     lines = [
-        f"{'section':<16}{'min s':>10}{'avg s':>10}{'max s':>10}{'spread':>9}{'share':>8}{'calls':>10}"
+        f"{'section':<16}{'min s':>10}{'avg s':>10}{'max s':>10}{'spread':>9}{'of loop':>8}{'calls':>10}"
         f"   per {facts['work_unit']}-step"
     ]
     for name, row in table.items():
@@ -218,7 +236,9 @@ def _beside(facts: Mapping[str, Any], measured: str, estimated: str, unit: str) 
     return text + (f" (estimate {guess:.4g})" if guess else "")
 
 
-def _change(entry: Mapping[str, float]) -> str:
+def _change(entry: Mapping[str, Any]) -> str:
+    if is_dissipation(entry) and "relative" in entry:
+        return f"{(entry['first'] - entry['last']) / abs(entry['first']):.1%} of that at the start"
     return f"{entry['relative']:.1e}" if "relative" in entry else f"{entry['change']:.1e} (absolute)"
 
 

@@ -1,0 +1,54 @@
+"""How long kernels are compiled, apart from what they are compiled for."""
+
+import threading
+from collections.abc import Iterator
+from contextlib import ExitStack, contextmanager
+from time import perf_counter
+
+from numba.core import event
+
+from hpcpic.core.timers import Timers
+
+SECTION = "compiling"
+
+
+class Compiling(event.Listener):
+    """Of the main thread of this process: seconds, and a section of its own in the timers."""
+
+    def __init__(self, timers: Timers) -> None:
+        self.timers = timers
+        self.seconds = 0.0
+        self.depth = 0
+        self._began = 0.0
+        self._section = ExitStack()
+
+    def on_start(self, _event: event.Event) -> None:
+        if threading.current_thread() is not threading.main_thread():
+            return
+        self.depth += 1
+        if self.depth == 1:  # a kernel compiles those that it calls
+            self._began = perf_counter()
+            self._section.enter_context(self.timers.section(SECTION))
+
+    def on_end(self, _event: event.Event) -> None:
+        if threading.current_thread() is not threading.main_thread() or not self.depth:
+            return
+        self.depth -= 1
+        if self.depth == 0:
+            self._section.close()
+            self.seconds += perf_counter() - self._began
+
+    @property
+    def any(self) -> bool:
+        """Whether anything was compiled so far, or is just now."""
+        return self.depth > 0 or self.seconds > 0.0
+
+
+@contextmanager
+def watched(timers: Timers) -> Iterator[Compiling]:
+    compiling = Compiling(timers)
+    event.register("numba:compile", compiling)
+    try:
+        yield compiling
+    finally:
+        event.unregister("numba:compile", compiling)
