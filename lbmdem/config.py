@@ -64,7 +64,9 @@ class FluidSection(Section):
     )
     magic: float = setting(3.0 / 16.0, "TRT: (tau+ - 1/2)(tau- - 1/2); 3/16 puts walls half-way exactly", gt=0)
     storage: Literal["double", "single"] = setting("double", "type in which populations are kept")
-    body_force: Vector = setting((), "acceleration of the fluid [ax, ay(, az)]", "m/s2")
+    body_force: Vector = setting(
+        (), "acceleration a by a pressure gradient -density a, which pushes moving grains too [ax, ay(, az)]", "m/s2"
+    )
     initial: Initial | None = None
 
 

@@ -190,7 +190,11 @@ class Diagnostics:
         return float(counts[0] / counts[1])
 
     def _solids(self) -> dict[str, float]:
-        """What links tell: those without their rule, and the force on every set of grains and every obstacle."""
+        """What links tell: those without their rule, and the force on every set of grains and every obstacle.
+
+        It is the momentum that the nodes of the fluid lose; a body force a acts on the place of a solid of volume V
+        by density V a besides (Scene.constant_force).
+        """
         app = self.app
         counts = app.immersed.counts()
         share = counts["fallbacks"] / max(1, counts["links"])

@@ -142,7 +142,7 @@ class LbmDem:
             self.world, self.pool, self.domain, columns, law, box_walls(scene), reach=2.0 * config.spacing, film=film
         )
         self.substeps = config.substeps
-        self._weights = self._weight_of_grains()
+        self._constant = scene.constant_force(table.mass, volumes(table.radius, scene.dimensions))
         if self.solid_moves and config.coupling.inertia == "implicit":
             self._add_impedance(dem)
         return dem
@@ -155,11 +155,6 @@ class LbmDem:
         mass, inertia = impedance(LATTICES[self.scene.lattice], rule, own["radius"] / units.dx)
         added = mass * units.mass - own["mass"], inertia * units.mass * units.dx**2 - own["inertia"]
         dem.set_added(*(np.maximum(0.0, part) for part in added))
-
-    def _weight_of_grains(self) -> NDArray[np.float64]:
-        """[N, d]: gravity less buoyancy of every grain, N."""
-        table, d = self.table, self.scene.dimensions
-        return table.mass[:, None] * self.scene.effective_gravity(table.mass, volumes(table.radius, d))
 
     def step(self) -> None:
         """From time step n to n + 1."""
@@ -197,7 +192,7 @@ class LbmDem:
         """n_d substeps per step under the forces of the fluid, which stay the same meanwhile."""
         dem, units, frame = self.dem, self.scene.units, self.scene.shaken(self.time)
         own = dem.grains.ids[: dem.grains.n]
-        force = self._weights[own] - self.table.mass[own, None] * frame
+        force = self._constant[own] - self.table.mass[own, None] * frame
         torque = np.zeros((len(own), self.table.omega.shape[1]))
         if self.immersed:
             pushed, turned = self.immersed.forces(own)
