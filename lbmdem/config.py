@@ -154,7 +154,9 @@ class Coupling(Section):
     refill: Literal["average", "local", "non-equilibrium", "conserving"] = setting(
         "local", "populations of uncovered nodes: equilibrium with the mean density (the paper) or the neighbours'"
     )
-    substeps: int = setting(0, "DEM steps in a fluid step, 0 = from the stability limit", ge=0)
+    substeps: int = setting(
+        0, "DEM steps in a fluid step, 0 = from the stability limits of contacts and, step by step, of films", ge=0
+    )
     inertia: Literal["implicit", "explicit"] = setting(
         "implicit", "grains lighter than the impedance of their links are slowed down to be stable, or none (the paper)"
     )

@@ -14,6 +14,8 @@ from dataclasses import dataclass
 
 CUT_OFF = 2.0 / 3.0  # nodes: where the resolved force begins to lag behind
 SHEAR_CUT_OFF = 0.75  # of that: half a node
+STABLE = 0.2  # resistance x mobility x step: films all round a grain are stable below, as 4.5 of them count fully
+MOST_SUBSTEPS = 1000  # in a step of the fluid, for films: a stiffer one is limited to what is stable
 ROUGHNESS = 1e-3  # least gap over the reduced radius: grains touch before theirs is zero
 
 
@@ -46,6 +48,13 @@ class Film:
             return 6.0 * math.pi * self.viscosity * radius**2 * max(1.0 / gap - 1.0 / self.cut_off, 0.0)
         film = (radius / gap) ** 1.5 - (radius / self.cut_off) ** 1.5
         return 3.0 * math.sqrt(2.0) * math.pi * self.viscosity * max(film, 0.0)
+
+    def gap_of(self, resistance: float, radius: float) -> float:
+        """The gap with this resistance: the inverse of `resistance` above the least gap."""
+        if self.dimensions == 3:
+            return 1.0 / (1.0 / self.cut_off + resistance / (6.0 * math.pi * self.viscosity * radius**2))
+        film = resistance / (3.0 * math.sqrt(2.0) * math.pi * self.viscosity)
+        return radius / ((radius / self.cut_off) ** 1.5 + film) ** (2.0 / 3.0)
 
     def shear_resistance(self, gap: float, first: float, second: float = math.inf) -> float:
         """Force over velocity of sliding of the surfaces of two spheres, or of one and a plane (Jeffrey & Onishi,

@@ -24,7 +24,7 @@ from lbmdem.fluid import Fluid
 from lbmdem.impedance import impedance
 from lbmdem.kernels.layout import FLUID
 from lbmdem.lattices import LATTICES
-from lbmdem.lubrication import Film
+from lbmdem.lubrication import MOST_SUBSTEPS, STABLE, Film
 from lbmdem.obstacles import obstacle_walls
 from lbmdem.patches import Patches
 from lbmdem.places import starts
@@ -141,7 +141,8 @@ class LbmDem:
         dem = Dem(
             self.world, self.pool, self.domain, columns, law, box_walls(scene), reach=2.0 * config.spacing, film=film
         )
-        self.substeps = config.substeps
+        self.substeps = config.substeps  # but for what films want, see move_grains
+        self.films, self.least_film = film is not None, 1.0  # least share of its formula that a film got
         self._constant = scene.constant_force(table.mass, volumes(table.radius, scene.dimensions))
         if self.solid_moves and config.coupling.inertia == "implicit":
             self._add_impedance(dem)
@@ -200,7 +201,17 @@ class LbmDem:
                 pushed = pushed + self.patches.forces()[own]
             force += pushed * units.force
             torque += turned * units.torque
-        dem.advance(self.time_step / self.substeps, steps * self.substeps, force, torque, time=self.time)
+        n, dt = self._substeps_of_films() if self.films else self.substeps, self.time_step
+        dem.advance(dt / n, steps * n, force, torque, time=self.time, usual=dt / self.substeps)
+
+    def _substeps_of_films(self) -> int:
+        """n_d of this step, in which no film is limited unless that takes more than MOST_SUBSTEPS. Collective."""
+        wanted = self.time_step * self.dem.fastest_film(self.time_step) / STABLE
+        n = self.substeps
+        if not self.scene.config.coupling.substeps:
+            n = max(n, math.ceil(min(wanted, MOST_SUBSTEPS)))
+        self.least_film = min(1.0, n / wanted) if wanted else 1.0
+        return n
 
     def advance(self, most: int) -> None:
         """Some steps, `most` at most: what the fluid does in one pass over memory when nothing moves in it, or what
