@@ -7,7 +7,7 @@ import numpy as np
 
 from hpcpic.core.simd.jit import njit
 from hpcpic.core.simd.vector import Vec, fma, maximum, minimum, select, splat, sqrt
-from lbmdem.lubrication import ROUGHNESS, SHEAR_CUT_OFF, STABLE
+from lbmdem.lubrication import GROWTH, RESOLVED, ROUGHNESS, SHEAR_CUT_OFF, STABLE
 
 F = Vec(8, np.float64)
 
@@ -24,7 +24,7 @@ def resistance(gap, radius, inverse_mass, law, dt):
         near, far = radius / h, radius / splat(F, cut)
         film = (near * sqrt(near) - far * sqrt(far)) * factor
     else:
-        film = radius * radius * factor * (1.0 / h - 1.0 / cut)
+        film = radius * radius * factor * (1.0 / h - minimum(RESOLVED + GROWTH / cut * h, splat(F, 1.0)) / cut)
     film = minimum(film, STABLE / (inverse_mass * dt))
     return select((gap >= 0.0) & (film > 0.0), film, splat(F, 0.0))
 
@@ -55,7 +55,8 @@ def logarithm(x):
 @njit
 def fastest(low, high, n_grain_slots, rows, walls, lengths, inverses, law, time):
     """The greatest resistance x mobility (1/s) of all films, at the least gaps that they come to within `time` if
-    nothing slows the grains down. Slots as in kernels.contacts; padding is no number and counts nothing."""
+    nothing slows the grains down. Slots as in kernels.contacts; rows of padding are NaN, which no comparison lets
+    through."""
     most, d = 0.0, np.empty(3)
     for slot in range(low.size):
         a, other = rows[low[slot]], high[slot]
@@ -87,7 +88,7 @@ def fastest(low, high, n_grain_slots, rows, walls, lengths, inverses, law, time)
         if law[7] > 0.0:
             film, shear = law[6] * ((radius / h) ** 1.5 - (radius / law[5]) ** 1.5), 0.0
         else:
-            film = law[6] * radius * radius * (1.0 / h - 1.0 / law[5])
+            film = law[6] * radius * radius * (1.0 / h - min(RESOLVED + GROWTH / law[5] * h, 1.0) / law[5])
             shear = 4.0 / 15.0 * law[6] * size * np.log(SHEAR_CUT_OFF * law[5] / h)
         most = max(most, film * inverse, shear * (inverse + turning))
     return most

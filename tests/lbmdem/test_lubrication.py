@@ -28,9 +28,11 @@ def squeezed(gap, radius, dimensions):
 
 @pytest.mark.parametrize("dimensions", [2, 3])
 def test_resistance_is_the_film_less_that_at_the_cut_off(dimensions):
+    """Of discs; links of spheres give less of it in a narrow gap."""
     film = Film(2.0, 0.05, dimensions)
-    for gap in (0.001, 0.01, 0.04):
-        wanted = 2.0 * (squeezed(gap, 0.7, dimensions) - squeezed(0.05, 0.7, dimensions))
+    for gap in (0.001, 0.01, 0.04, 0.045):
+        given = min(0.53 + 0.55 * gap / 0.05, 1.0) if dimensions == 3 else 1.0
+        wanted = 2.0 * (squeezed(gap, 0.7, dimensions) - given * squeezed(0.05, 0.7, dimensions))
         assert film.resistance(gap, 0.7) == pytest.approx(wanted, rel=1e-7)
 
 
@@ -55,7 +57,7 @@ def test_units_by_powers_of_two_give_the_same_bits(dimensions):
 def test_shearing_of_spheres():
     """The logarithms of Jeffrey & Onishi: 6 pi mu a times 1/6 for equal spheres, 8/15 at a plane."""
     film = Film(2.0, 0.04, 3)
-    cut = 0.75 * 0.04
+    cut = 0.85 * 0.04
     for gap in (0.001, 0.01, 0.029):
         unit = 6 * np.pi * 2.0 * 0.5 * np.log(cut / gap)
         assert film.shear_resistance(gap, 0.5, 0.5) == pytest.approx(unit / 6)
