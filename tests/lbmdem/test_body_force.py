@@ -60,7 +60,7 @@ def test_a_grain_of_the_density_of_the_fluid_goes_with_it(world):
 
 
 def test_nothing_stays_in_motion_in_a_closed_box(world):
-    """The fluid's own pressure balances the gradient that would drive it, also on the grain. Sound goes to and fro:
+    """The fluid's own pressure balances the gradient that would drive it, also on the grain. Sound swings:
     on the mean of four times, the links give what their volume of the grain has, within 3 % of the exact one."""
     with running(world, "lbmdem", DISC, ["domain.periodic=[]"]) as app:
         pushed = []

@@ -8,7 +8,7 @@ from app_runner import running
 
 from hpcpic.core.space.domain import Domain, even_cuts
 from hpcpic.core.tasks import Pool
-from lbmdem.cases import shipped_cases
+from lbmdem.app import shipped_cases
 from lbmdem.coupling import Immersed
 from lbmdem.fluid import Fluid
 from lbmdem.lattices import D3Q19
