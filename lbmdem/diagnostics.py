@@ -217,8 +217,8 @@ class Diagnostics:
         values["energy_kinetic_grains"] = network.kinetic_energy(app.dem)
         if app.films:
             values["least_film"] = app.least_film
-            text = f"a film has {app.least_film:.1%} of its resistance, all that is stable with so few substeps"
-            self._tell("films", app.least_film < 1.0, text)
+            text = f"a film had {app.worst_film:.1%} of its resistance, all that is stable with so few substeps"
+            self._tell("films", app.worst_film < 1.0, text)
         if self.n_slices:
             stress = network.stress(app.dem, self.slices)[:, -1, -1]
             values |= {f"stress_{2 * self.axes[-1]}_{k + 1}": float(s) for k, s in enumerate(stress)}

@@ -142,7 +142,8 @@ class LbmDem:
             self.world, self.pool, self.domain, columns, law, box_walls(scene), reach=2.0 * config.spacing, film=film
         )
         self.substeps = config.substeps  # but for what films want, see move_grains
-        self.films, self.least_film = film is not None, 1.0  # least share of its formula that a film got
+        self.films = film is not None
+        self.least_film = self.worst_film = 1.0  # least share of its formula that a film got, last step and all
         self._constant = scene.constant_force(table.mass, volumes(table.radius, scene.dimensions))
         if self.solid_moves and config.coupling.inertia == "implicit":
             self._add_impedance(dem)
@@ -211,6 +212,7 @@ class LbmDem:
         if not self.scene.config.coupling.substeps:
             n = max(n, math.ceil(min(wanted, MOST_SUBSTEPS)))
         self.least_film = min(1.0, n / wanted) if wanted else 1.0
+        self.worst_film = min(self.worst_film, self.least_film)
         return n
 
     def advance(self, most: int) -> None:
