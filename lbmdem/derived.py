@@ -346,6 +346,9 @@ def films(config: LbmDemConfig) -> Derived:
     film = Film.of_lattice(fluid.viscosity * fluid.density, dx, d)
     some = min((some for some in config.grains if some.moving), key=smallest_diameter)
     radius, mass = 0.5 * smallest_diameter(some), grain_mass(some, smallest_diameter(some), d)
+    if config.coupling.inertia == "implicit":
+        lattice, rule = LATTICES[config.simulation.lattice], config.coupling.bounce_back
+        mass = max(mass, float(impedance(lattice, rule, radius / dx)[0]) * fluid.density * dx**d)
     n = config.coupling.substeps or max(config.substeps, MOST_SUBSTEPS)
     gap = film.gap_of(STABLE * n * mass / config.time_step, radius) / radius
     least, limit = gap if gap > ROUGHNESS else 0.0, 0.01
