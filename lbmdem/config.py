@@ -67,7 +67,9 @@ class FluidSection(Section):
     )
     magic: float = setting(3.0 / 16.0, "TRT: (tau+ - 1/2)(tau- - 1/2); 3/16 puts walls half-way exactly", gt=0)
     storage: Literal["double", "single"] = setting("double", "type in which populations are kept")
-    body_force: Vector = setting((), "acceleration of the fluid [ax, ay(, az)]", "m/s2")
+    body_force: Vector = setting(
+        (), "acceleration a by a pressure gradient -density a, which pushes moving grains too [ax, ay(, az)]", "m/s2"
+    )
     initial: Initial | None = None
 
 
@@ -155,7 +157,9 @@ class Coupling(Section):
     refill: Literal["average", "local", "non-equilibrium", "conserving"] = setting(
         "local", "populations of uncovered nodes: equilibrium with the mean density (the paper) or the neighbours'"
     )
-    substeps: int = setting(0, "DEM steps in a fluid step, 0 = from the stability limit", ge=0)
+    substeps: int = setting(
+        0, "DEM steps in a fluid step, 0 = from the stability limits of contacts and, step by step, of films", ge=0
+    )
     inertia: Literal["implicit", "explicit"] = setting(
         "implicit", "grains lighter than the impedance of their links are slowed down to be stable, or none (the paper)"
     )

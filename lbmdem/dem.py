@@ -20,6 +20,7 @@ from lbmdem.grains import STATE, Grains
 from lbmdem.kernels import contacts as kernels
 from lbmdem.kernels import contacts_motion as motion
 from lbmdem.kernels import contacts_steps as whole
+from lbmdem.kernels import films
 from lbmdem.lubrication import Film
 from lbmdem.pairs import ContactList, Springs
 from lbmdem.room import Room
@@ -150,6 +151,8 @@ class Dem:
                     self._told.append(known)
                 whole.substeps(0, 0, False, 0.0, np.zeros((0, 2), np.int64), self._farthest, self.wall_rows[None],
                                self.wall_rows, self._walls_listed)  # fmt: skip
+                if self._film:
+                    self._fastest_film(0.0)  # compiled
             bounds, parts = [bound for bound, _ in self._bounds], self._blocks
             self._start, self._touch = bounds[:parts], bounds[parts : 3 * parts]
             self._finish = bounds[3 * parts : 4 * parts]
@@ -197,14 +200,29 @@ class Dem:
         force: NDArray | None = None,
         torque: NDArray | None = None,
         time: float | None = None,
+        usual: float | None = None,
     ) -> None:
-        """Collective: substeps under constant given forces; `time` (s) at their start, for the walls."""
+        """Collective: substeps under constant given forces; `time` (s) at their start, for the walls. usual: the step
+        of other calls, if it is not dt: springs are half of it ahead before and after this one."""
         self._give(force, torque)
         begin = self.time if time is None else time
-        if self._fresh and self.list.history:
-            self._set_dt(0.5 * dt)
-            self.pool.each(self._touch)  # puts the springs half a step ahead
+        usual = dt if usual is None else usual
+        if self._fresh:
+            self._put_ahead(0.5 * usual)
         self._fresh = False
+        self._put_ahead(0.5 * (dt - usual))
+        self._substeps(dt, substeps, begin)
+        self._put_ahead(0.5 * (usual - dt))
+
+    def _put_ahead(self, time: float) -> None:
+        """Tangential springs as they are after so much more time (s); contact forces stay."""
+        if time and self.list.history:
+            kept = self.list.lines.copy()
+            self._set_dt(time)
+            self.pool.each(self._touch)
+            self.list.lines[:] = kept
+
+    def _substeps(self, dt: float, substeps: int, begin: float) -> None:
         self._set_dt(dt)
         if self._few:
             for first in range(0, substeps, CHUNK):
@@ -217,6 +235,16 @@ class Dem:
             self._renew()
             self.pool.run(self._forces)
         self.grains.refresh()  # the ghosts had predicted velocities
+
+    def fastest_film(self, time: float) -> float:
+        """Collective: the greatest resistance x mobility (1/s) of the films within `time` (s) from now."""
+        mine = self._fastest_film(time)
+        return mine if self.grains.together else self.world.max(mine)
+
+    def _fastest_film(self, time: float) -> float:
+        grains, pairs = self.grains, self.list
+        where = (pairs.low, pairs.high, pairs.n_grain_slots, grains.rows, self.wall_rows)
+        return films.fastest(*where, grains.lengths, grains.inverses, self._constants, time)
 
     def _advance_alone(self, dt: float, begin: float, first: int, last: int) -> None:
         """Substeps first..last in compiled code, without messages."""

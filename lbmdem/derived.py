@@ -19,6 +19,7 @@ from lbmdem.config import (
 )
 from lbmdem.impedance import impedance
 from lbmdem.lattices import CS2, LATTICES
+from lbmdem.lubrication import MOST_SUBSTEPS, ROUGHNESS, STABLE, Film
 from lbmdem.places import law_diameters, packed_space, solid_volume, survey
 from lbmdem.plan import grain_count
 
@@ -333,7 +334,30 @@ def contacts(config: LbmDemConfig) -> Iterator[Derived]:
     yield Derived(
         "step of the contacts", "dt/dt_max", share, "", words, verdict, source, cure, key, stable_below=1.0
     )
+    if config.fluid and config.coupling.lubrication and not config.coupling.frozen:
+        yield films(config)
     yield from overlaps(config)
+
+
+def films(config: LbmDemConfig) -> Derived:
+    """The gap at a plane wall, over the radius, below which the film of the smallest grain is limited: steps of the
+    contacts take care of stiffer ones up to MOST_SUBSTEPS, or not where their number is given."""
+    d, dx, fluid = config.dimensions, config.spacing, config.fluid
+    film = Film.of_lattice(fluid.viscosity * fluid.density, dx, d)
+    some = min((some for some in config.grains if some.moving), key=smallest_diameter)
+    radius, mass = 0.5 * smallest_diameter(some), grain_mass(some, smallest_diameter(some), d)
+    if config.coupling.inertia == "implicit":
+        lattice, rule = LATTICES[config.simulation.lattice], config.coupling.bounce_back
+        mass = max(mass, float(impedance(lattice, rule, radius / dx)[0]) * fluid.density * dx**d)
+    n = config.coupling.substeps or max(config.substeps, MOST_SUBSTEPS)
+    gap = film.gap_of(STABLE * n * mass / config.time_step, radius) / radius
+    least, limit = gap if gap > ROUGHNESS else 0.0, 0.01
+    verdict, cure = "ok" if least <= limit else "warn", ""
+    if verdict != "ok":
+        wanted = math.ceil(film.resistance(limit * radius, radius) * config.time_step / (STABLE * mass))
+        cure = f"coupling.substeps = {wanted} holds to {limit:g}; a smaller relaxation_time needs fewer"
+    source, key = "stability of lubrication forces", ("coupling", "substeps")
+    return Derived("gap of limited films", "h/R", least, "", f"<= {limit:g}", verdict, source, cure, key)
 
 
 def substeps(config: LbmDemConfig) -> Derived:

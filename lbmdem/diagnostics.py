@@ -89,6 +89,7 @@ class Diagnostics:
                 units |= {f"force_{name}_{axis}": f"N{per}" for axis in self.axes}
         if self.app.dem:
             units |= {"contact_count": "", "energy_kinetic_grains": f"J{per}", "overlap": ""}
+            units |= {"least_film": ""} if self.app.films else {}
         slices = range(1, self.n_slices + 1)
         units |= {f"stress_{2 * self.axes[-1]}_{k}": "Pa" for k in slices}
         units |= {f"pressure_{k}": "Pa" for k in slices if scene.config.fluid}
@@ -190,7 +191,11 @@ class Diagnostics:
         return float(counts[0] / counts[1])
 
     def _solids(self) -> dict[str, float]:
-        """What links tell: those without their rule, and the force on every set of grains and every obstacle."""
+        """What links tell: those without their rule, and the force on every set of grains and every obstacle.
+
+        It is the momentum that the nodes of the fluid lose; a body force a acts on the place of a solid of volume V
+        by density V a besides (Scene.constant_force).
+        """
         app = self.app
         counts = app.immersed.counts()
         share = counts["fallbacks"] / max(1, counts["links"])
@@ -210,6 +215,10 @@ class Diagnostics:
         self.deepest = network.greatest_overlap(app.dem)
         values = {"contact_count": float(network.contact_count(app.dem)), "overlap": self.deepest}
         values["energy_kinetic_grains"] = network.kinetic_energy(app.dem)
+        if app.films:
+            values["least_film"] = app.least_film
+            text = f"a film had {app.worst_film:.1%} of its resistance, all that is stable with so few substeps"
+            self._tell("films", app.worst_film < 1.0, text)
         if self.n_slices:
             stress = network.stress(app.dem, self.slices)[:, -1, -1]
             values |= {f"stress_{2 * self.axes[-1]}_{k + 1}": float(s) for k, s in enumerate(stress)}

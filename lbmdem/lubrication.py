@@ -2,7 +2,9 @@
 
 Below a gap of a node or so no fluid node lies between two grains, and what the links miss is put in by lubrication
 theory: the force at the gap less the force at the cut-off gap (Nguyen & Ladd, Phys. Rev. E 66 (2002) 046708; in this
-form with a least gap, Simeonov & Calantoni, Int. J. Multiphase Flow 46 (2012) 38). SI or any other units alike.
+form with a least gap, Simeonov & Calantoni, Int. J. Multiphase Flow 46 (2012) 38). Links give less of the latter when
+no node is left in the gap: of spheres, what they give beside a wall was measured against Brenner, Chem. Eng. Sci. 16
+(1961) 242, with 10 and 20 nodes across (tests/validation). SI or any other units alike.
 
 Two motions of the film are counted: squeezing, and for spheres shearing by surfaces that slide past each other, as
 Ball & Melrose (Physica A 247 (1997) 444) separate them. What turns spheres against each other without sliding (their
@@ -12,8 +14,11 @@ pumping), of the same order as shearing, is left out.
 import math
 from dataclasses import dataclass
 
-CUT_OFF = 2.0 / 3.0  # nodes: where the resolved force begins to lag behind
-SHEAR_CUT_OFF = 0.75  # of that: half a node
+CUT_OFF = {2: 2.0 / 3.0, 3: 1.0 / 1.7}  # nodes: where the resolved force begins to lag behind
+RESOLVED, GROWTH = 0.53, 0.55  # of a sphere's force at the cut-off: what links give at contact, more by gap / cut-off
+SHEAR_CUT_OFF = 0.85  # of the cut-off: half a node
+STABLE = 0.2  # resistance x mobility x step: films all round a grain are stable below, as 4.5 of them count fully
+MOST_SUBSTEPS = 1000  # in a step of the fluid, for films: a stiffer one is limited to what is stable
 ROUGHNESS = 1e-3  # least gap over the reduced radius: grains touch before theirs is zero
 
 
@@ -32,20 +37,31 @@ class Film:
     @classmethod
     def of_lattice(cls, viscosity: float, spacing: float, dimensions: int) -> "Film":
         """For a fluid on a lattice of that spacing."""
-        return cls(viscosity, CUT_OFF * spacing, dimensions)
+        return cls(viscosity, CUT_OFF[dimensions] * spacing, dimensions)
 
     def resistance(self, gap: float, radius: float) -> float:
         """Force over closing velocity at a gap; radius: the reduced one, a b / (a + b), or a at a plane wall.
 
-        Spheres 6 pi mu R^2 / h, parallel cylinders 3 sqrt(2) pi mu (R / h)^(3/2), less that at the cut-off.
+        Spheres 6 pi mu R^2 / h, parallel cylinders 3 sqrt(2) pi mu (R / h)^(3/2), less what links give of that.
         """
         if not 0.0 <= gap < self.cut_off:
             return 0.0
         gap = max(gap, ROUGHNESS * radius)
         if self.dimensions == 3:
-            return 6.0 * math.pi * self.viscosity * radius**2 * max(1.0 / gap - 1.0 / self.cut_off, 0.0)
+            given = min(RESOLVED + GROWTH * gap / self.cut_off, 1.0) / self.cut_off
+            return 6.0 * math.pi * self.viscosity * radius**2 * max(1.0 / gap - given, 0.0)
         film = (radius / gap) ** 1.5 - (radius / self.cut_off) ** 1.5
         return 3.0 * math.sqrt(2.0) * math.pi * self.viscosity * max(film, 0.0)
+
+    def gap_of(self, resistance: float, radius: float) -> float:
+        """The gap with this resistance: the inverse of `resistance` above the least gap."""
+        if self.dimensions == 3:
+            film = resistance / (6.0 * math.pi * self.viscosity * radius**2) * self.cut_off
+            narrow = (math.hypot(RESOLVED + film, 2.0 * math.sqrt(GROWTH)) - RESOLVED - film) / (2.0 * GROWTH)
+            wide = 1.0 / (1.0 + film)
+            return self.cut_off * (narrow if RESOLVED + GROWTH * narrow < 1.0 else wide)
+        film = resistance / (3.0 * math.sqrt(2.0) * math.pi * self.viscosity)
+        return radius / ((radius / self.cut_off) ** 1.5 + film) ** (2.0 / 3.0)
 
     def shear_resistance(self, gap: float, first: float, second: float = math.inf) -> float:
         """Force over velocity of sliding of the surfaces of two spheres, or of one and a plane (Jeffrey & Onishi,

@@ -92,10 +92,16 @@ class Scene:
             return np.zeros(self.dimensions)
         return np.array(shaking.acceleration) * math.sin(2.0 * math.pi * shaking.frequency * t)
 
-    def effective_gravity(self, mass: NDArray, volume: NDArray) -> NDArray[np.float64]:
-        """Gravity less buoyancy of grains [n, d], m/s2: the fluid's pressure is the one beyond its own weight."""
-        share = 1.0 - self.density * volume / mass
-        return share[:, None] * self.gravity
+    def constant_force(self, mass: NDArray, volume: NDArray) -> NDArray[np.float64]:
+        """Force [n, d] on grains that links do not give, N: weight less buoyancy, and rho V a of a body force a.
+
+        The pressure of the lattice fluid is what is left beside two given parts: that of its own weight, rho g, and
+        that which drives it, -grad p = rho a. A surface in these feels rho V g less and rho V a more.
+        """
+        displaced = self.density * volume
+        force = mass[:, None] * ((1.0 - displaced / mass)[:, None] * self.gravity)
+        driving = self.config.fluid.body_force if self.config.fluid else ()
+        return force + displaced[:, None] * np.array(driving) if any(driving) else force
 
     def initial_velocity(self, axes: tuple[NDArray, ...]) -> NDArray[np.float64]:
         """Velocity of the fluid at nodes, lattice units [..., d]; axes: coordinates x, y(, z) that broadcast, in m."""

@@ -60,7 +60,7 @@ def grain_columns(app: "LbmDem") -> dict[str, NDArray]:
     """Of the grains that this rank owns; vectors have three components. Collective.
 
     fluid_force, fluid_torque (about the centre): by the links, mean of the last two steps; contact_force: of the last
-    substep; without their weight.
+    substep; without their weight and what a body force adds (Scene.constant_force).
     """
     if app.dem:
         own = app.dem.grains

@@ -24,7 +24,7 @@ from lbmdem.fluid import Fluid
 from lbmdem.impedance import impedance
 from lbmdem.kernels.layout import FLUID
 from lbmdem.lattices import LATTICES
-from lbmdem.lubrication import Film
+from lbmdem.lubrication import MOST_SUBSTEPS, STABLE, Film
 from lbmdem.obstacles import obstacle_walls
 from lbmdem.patches import Patches
 from lbmdem.places import starts
@@ -142,8 +142,10 @@ class LbmDem:
         dem = Dem(
             self.world, self.pool, self.domain, columns, law, box_walls(scene), reach=2.0 * config.spacing, film=film
         )
-        self.substeps = config.substeps
-        self._weights = self._weight_of_grains()
+        self.substeps = config.substeps  # but for what films want, see move_grains
+        self.films = film is not None
+        self.least_film = self.worst_film = 1.0  # least share of its formula that a film got, last step and all
+        self._constant = scene.constant_force(table.mass, volumes(table.radius, scene.dimensions))
         if self.solid_moves and config.coupling.inertia == "implicit":
             self._add_impedance(dem)
         return dem
@@ -156,11 +158,6 @@ class LbmDem:
         mass, inertia = impedance(LATTICES[self.scene.lattice], rule, own["radius"] / units.dx)
         added = mass * units.mass - own["mass"], inertia * units.mass * units.dx**2 - own["inertia"]
         dem.set_added(*(np.maximum(0.0, part) for part in added))
-
-    def _weight_of_grains(self) -> NDArray[np.float64]:
-        """[N, d]: gravity less buoyancy of every grain, N."""
-        table, d = self.table, self.scene.dimensions
-        return table.mass[:, None] * self.scene.effective_gravity(table.mass, volumes(table.radius, d))
 
     def step(self) -> None:
         """From time step n to n + 1."""
@@ -198,7 +195,7 @@ class LbmDem:
         """n_d substeps per step under the forces of the fluid, which stay the same meanwhile."""
         dem, units, frame = self.dem, self.scene.units, self.scene.shaken(self.time)
         own = dem.grains.ids[: dem.grains.n]
-        force = self._weights[own] - self.table.mass[own, None] * frame
+        force = self._constant[own] - self.table.mass[own, None] * frame
         torque = np.zeros((len(own), self.table.omega.shape[1]))
         if self.immersed:
             pushed, turned = self.immersed.forces(own)
@@ -206,7 +203,18 @@ class LbmDem:
                 pushed = pushed + self.patches.forces()[own]
             force += pushed * units.force
             torque += turned * units.torque
-        dem.advance(self.time_step / self.substeps, steps * self.substeps, force, torque, time=self.time)
+        n, dt = self._substeps_of_films() if self.films else self.substeps, self.time_step
+        dem.advance(dt / n, steps * n, force, torque, time=self.time, usual=dt / self.substeps)
+
+    def _substeps_of_films(self) -> int:
+        """n_d of this step, in which no film is limited unless that takes more than MOST_SUBSTEPS. Collective."""
+        wanted = self.time_step * self.dem.fastest_film(self.time_step) / STABLE
+        n = self.substeps
+        if not self.scene.config.coupling.substeps:
+            n = max(n, math.ceil(min(wanted, MOST_SUBSTEPS)))
+        self.least_film = min(1.0, n / wanted) if wanted else 1.0
+        self.worst_film = min(self.worst_film, self.least_film)
+        return n
 
     def advance(self, most: int) -> None:
         """Some steps, `most` at most: what the fluid does in one pass over memory when nothing moves in it, or what

@@ -32,13 +32,11 @@ from hpcpic.core.simd.vector import (
     store_at,
     store_lines,
 )
+from lbmdem.kernels.films import resistance, shear_resistance
 
 LANES = 8
 ROW = 16  # values of a grain: x y z radius, v and inverse mass, omega and inverse inertia, orientation
 ROW_BYTES, LINE_BYTES = 8 * ROW, 64
-ROUGHNESS = 1e-3  # least gap of a film over the reduced radius
-SHEAR_CUT = 0.75  # of the cut-off, for films that are sheared
-MOST_FILM = 0.2  # resistance x step / reduced mass
 F, I, H = Vec(LANES, np.float64), Vec(LANES, np.int64), Vec(LANES, np.int32)
 
 
@@ -129,46 +127,6 @@ def forget(springs, p, law):
         size = springs.size // 3
         for k in range(3):
             store(springs, k * size + p, splat(F, 0.0))
-
-
-@njit
-def resistance(gap, radius, inverse_mass, law, dt):
-    """Force over closing velocity of the fluid film in a gap below the cut-off law[5], see lbmdem.lubrication.
-
-    Never so large that films all round a grain would overshoot in a step.
-    """
-    cut, factor, planar = law[5], law[6], law[7]
-    h = maximum(gap, radius * ROUGHNESS)
-    if planar > 0.0:
-        near, far = radius / h, radius / splat(F, cut)
-        film = (near * sqrt(near) - far * sqrt(far)) * factor
-    else:
-        film = radius * radius * factor * (1.0 / h - 1.0 / cut)
-    film = minimum(film, MOST_FILM / (inverse_mass * dt))
-    return select((gap >= 0.0) & (film > 0.0), film, splat(F, 0.0))
-
-
-@njit
-def shear_resistance(gap, radius, size, mobility, law, dt):
-    """Force over velocity of sliding of a film below its own cut-off; radius: reduced; 0 between discs."""
-    cut = SHEAR_CUT * law[5]
-    if law[7] > 0.0:
-        return splat(F, 0.0)
-    film = size * (4.0 / 15.0 * law[6]) * logarithm(cut / maximum(gap, radius * ROUGHNESS))
-    film = minimum(film, MOST_FILM / (mobility * dt))
-    return select((gap >= 0.0) & (film > 0.0), film, splat(F, 0.0))
-
-
-@njit
-def logarithm(x):
-    """ln x to 1e-8 for 1 <= x <= 1000, below 0 for less: sixteen times that of the 16th root, by its odd series."""
-    root = sqrt(sqrt(sqrt(sqrt(x))))
-    t = (root - 1.0) / (root + 1.0)
-    s = t * t
-    series = splat(F, 1.0 / 9.0)
-    for term in (1.0 / 7.0, 1.0 / 5.0, 1.0 / 3.0, 1.0):
-        series = fma(s, series, splat(F, term))
-    return 32.0 * t * series
 
 
 @njit(inline="always")

@@ -87,6 +87,7 @@ LAWS = {
     "3D central single": job(DUCT, 'fluid.storage="single"', 'fluid.collision="central"'),
     **{f"discs {name}": job(DISCS, f'coupling.refill="{name}"') for name in REFILLS},
     "discs explicit": job(DISCS, 'coupling.inertia="explicit"', 'contact.tangential="regularised"'),
+    "discs driven": job(DISCS, "fluid.body_force=[0.3, 0.1]"),
     "spheres": job(SPHERES),
     "bed seen at rest": job(BED),
     "narrow bed": job(BED, NARROW),
