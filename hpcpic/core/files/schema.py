@@ -1,6 +1,7 @@
 """Typed, frozen configurations: validation of a tree with the place of every fault, and back to text."""
 
 import difflib
+import math
 import re
 import typing
 from collections.abc import Iterator
@@ -23,6 +24,8 @@ class Section(BaseModel):
 
     # dotted keys ("plot", "species.charge_mass_ratio") that are accepted and have no effect
     ignored: ClassVar[tuple[str, ...]] = ()
+    # largest magnitude of a number, the inverse of the smallest: products of a few must stay in floating point
+    largest: ClassVar[float] = math.inf
 
     @classmethod
     def modernised(cls, tree: Tree) -> None:
@@ -71,10 +74,32 @@ def validate(model: type[Model], tree: Tree) -> Model:
         found = [fault for fault in found if fault["type"] != "too_short" or fault["loc"] not in wrong]
         found.sort(key=lambda fault: position(tree.where(known_path(tree, fault))))
         raise ConfigError(messages + [described(model, tree, fault) for fault in found]) from None
-    messages += [f"{tree.where(path)}: {dotted(path)}: {text}" for path, text in config.faults()]
+    found = list(magnitude_faults(config)) or config.faults()  # relations of such numbers need not be computable
+    messages += [f"{tree.where(path)}: {dotted(path)}: {text}" for path, text in found]
     if messages:
         raise ConfigError(messages)
     return config.completed()
+
+
+def magnitude_faults(config: Section) -> Iterator[tuple[Path, str]]:
+    """Numbers so large or small that products of a few of them leave floating point."""
+    most = config.largest
+    for path, value in numbers(config, ()):
+        if value and not 1 / most <= abs(value) <= most:
+            text = f"is beyond what is computed with (got {value:g}); 0 or {1 / most:g} to {most:g}: choose other units"
+            yield path, text
+
+
+def numbers(value: Any, path: Path) -> Iterator[tuple[Path, float]]:
+    """Every float in a configuration, with its place."""
+    if isinstance(value, float):
+        yield path, value
+    elif isinstance(value, Section):
+        for name in type(value).model_fields:
+            yield from numbers(getattr(value, name), (*path, name))
+    elif isinstance(value, tuple):
+        for i, item in enumerate(value):
+            yield from numbers(item, (*path, i))
 
 
 def drop_ignored(model: type[Section], tree: Tree) -> None:

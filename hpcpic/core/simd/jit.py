@@ -24,6 +24,7 @@ import numba
 from numba.core import event
 
 from hpcpic.core.simd.caches import private_folder
+from hpcpic.core.simd.registers import has_avx512
 
 _ROOT = Path(__file__).resolve().parents[3]  # of the packages
 _KERNEL_FOLDERS = {"simd", "space", "comm", "kernels"}
@@ -79,7 +80,7 @@ def _fingerprint(program: str) -> str:
     digest.update(binding.get_host_cpu_name().encode() + binding.get_host_cpu_features().flatten().encode())
     settings = {key: value for key, value in os.environ.items() if key.startswith("NUMBA_")}
     settings.pop("NUMBA_CACHE_DIR", None)
-    digest.update(repr(sorted(settings.items())).encode())
+    digest.update(repr([sorted(settings.items()), has_avx512()]).encode())
     return digest.hexdigest()
 
 
