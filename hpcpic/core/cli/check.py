@@ -36,13 +36,13 @@ def whole_run(app: App, config: Any, ranks: int) -> Derived:
     """The estimated time of a run, of which a slip in a unit makes more than anybody can wait for."""
     estimate = app.estimate(config, ranks, 1, read_rates())
     days, steps = estimate.seconds / DAY, estimate.seconds / max(estimate.step_seconds, 1e-300)
-    key, verdict, cure = app.until(config, 1.0)[0].partition("=")[0], "ok", ""
+    key, cure = app.until(config, 1.0)[0].partition("=")[0], ""
     if days > LONGEST:
         end = reduce(getattr, key.split("."), config)
         enough = type(end)(float(f"{end / days:.3g}"))
-        verdict, cure = "warn", f"about {steps:.2g} steps; a day is enough for {key} = {enough!r}"
-    limit, words = f"<= {LONGEST:g}", "estimate, one thread a rank"
-    return Derived("time of the whole run", "", days, "days", limit, verdict, words, cure, tuple(key.split(".")))
+        cure = f"about {steps:.2g} steps; a day is enough for {key} = {enough!r}"
+    limit, words, path = f"<= {LONGEST:g}", "estimate, one thread a rank", tuple(key.split("."))
+    return Derived("time of the whole run", "", days, "days", limit, "warn" if cure else "ok", words, cure, path)
 
 
 def print_check(app: App, read: Case, ranks: int) -> list[Derived]:

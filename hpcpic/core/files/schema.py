@@ -74,8 +74,8 @@ def validate(model: type[Model], tree: Tree) -> Model:
         found = [fault for fault in found if fault["type"] != "too_short" or fault["loc"] not in wrong]
         found.sort(key=lambda fault: position(tree.where(known_path(tree, fault))))
         raise ConfigError(messages + [described(model, tree, fault) for fault in found]) from None
-    found = list(magnitude_faults(config)) or config.faults()  # relations of such numbers need not be computable
-    messages += [f"{tree.where(path)}: {dotted(path)}: {text}" for path, text in found]
+    faults = list(magnitude_faults(config)) or list(config.faults())  # relations of such numbers need not be computable
+    messages += [f"{tree.where(path)}: {dotted(path)}: {text}" for path, text in faults]
     if messages:
         raise ConfigError(messages)
     return config.completed()
