@@ -119,7 +119,13 @@ class Diameters(Section):
 
 
 class Packing(Section):
-    porosity: float | None = setting(None, "void fraction asked for; by default what settling gives", gt=0, lt=1)
+    porosity: float | None = setting(
+        None,
+        "void fraction asked for, of grains that touch and bear no weight; by default what settling gives: grains at "
+        "rest, but without friction, and between rigid sides not the stresses of a silo (check, run's log)",
+        gt=0,
+        lt=1,
+    )
     low: float = setting(0.0, "lower end of the sample along the last axis: a screen for grains that move", "m")
     high: float | None = setting(None, "upper end; by default the height that the porosity gives", "m")
 
@@ -201,6 +207,7 @@ class LbmDemConfig(Section):
     """A whole LBM-DEM case."""
 
     rewritten: ClassVar[tuple[str, ...]] = ("fluid.dynamic_viscosity",)
+    largest = 1e20  # up to four lengths, a density and a stiffness are multiplied, and squared
 
     description: str = setting("", "one sentence")
     simulation: Simulation

@@ -17,22 +17,21 @@ from lbmdem.config import (
     largest_diameter,
     smallest_diameter,
 )
+from lbmdem.estimate import DEFAULT, phases
+from lbmdem.falls import falling, unheld
 from lbmdem.impedance import impedance
 from lbmdem.lattices import CS2, LATTICES
 from lbmdem.lubrication import MOST_SUBSTEPS, ROUGHNESS, STABLE, Film
-from lbmdem.places import law_diameters, packed_space, solid_volume, survey
+from lbmdem.places import law_volume, packed_space, survey
 from lbmdem.plan import grain_count
+from lbmdem.relaxation import GRID_REYNOLDS, SPACING, key_of_tau, relaxation, slower
+from lbmdem.vectors import LOOSE
 
-TAU = ("fluid", "relaxation_time")
-SPACING = ("domain", "spacing")
-# Largest U dx/nu of an under-resolved doubly periodic shear layer that stays finite, measured; central moments: none
-GRID_REYNOLDS = {"BGK": 160.0, "TRT": 43.0, "central": math.inf}
-# Error of the mean velocity of a channel of 16 nodes with half-way walls, measured by tau: BGK
-SLIP = ((1.2, 5e-3), (1.5, 2.3e-2), (2.0, 5.9e-2), (3.0, 0.17), (5.0, 0.57), (10.0, 2.0))
 MOST_PLACES, PADDING = 1 << 31, 32  # of nodes in a slab, and of a row or a line of nodes beside its own
 DENSEST = {2: 0.093, 3: 0.26}  # void fraction of equal discs and spheres in their densest order
 RANDOM = {2: 0.16, 3: 0.36}
 MANY = 1000  # substeps of the contacts in a step of the fluid, which take longer than all else
+FAR_TOO_MANY = 100_000
 ENOUGH_NODES = {2: 10.0, 3: 7.0}  # across a grain (Mansouri et al., section 4)
 
 
@@ -40,33 +39,8 @@ def derived(config: LbmDemConfig, ranks: int = 1) -> list[Derived]:
     """Every derived number of a completed case that runs on so many ranks."""
     parts = (relaxation, lattice_units, speeds, pressures, inflow, sloshing)
     fluid = [number for part in parts for number in part(config)] if config.fluid else []
-    solids = [*obstacles(config), *grains(config), *contacts(config), *slices(config)]
+    solids = [*obstacles(config), *grains(config), *unheld(config), *contacts(config), *slices(config)]
     return [*fluid, *solids, *sizes(config, ranks), *whole_rules(config, ranks)]
-
-
-def key_of_tau(config: LbmDemConfig) -> Path:
-    return ("fluid", "time_step") if config.fluid.time_step is not None else TAU
-
-
-def relaxation(config: LbmDemConfig) -> Iterator[Derived]:
-    """tau and the time step that goes with it [5]."""
-    tau, collision = config.tau, config.fluid.collision
-    yield Derived("time step", "dt", config.time_step, "s")
-    yield Derived("steps", "N", config.n_steps)
-    verdict, limit, cure = "ok", "0.5 < tau <= 5", ""
-    source = "Mansouri et al. [5]; Ginzburg & d'Humieres 2003"
-    if tau >= 1e3:
-        verdict, limit, cure = "fail", "< 1000", "relaxation_time = 5 is large and accurate with TRT"
-    elif collision == "BGK" and tau > 1.2 and (walled(config) or config.grains or config.obstacle):
-        slip = next((error for t, error in reversed(SLIP) if tau >= t), SLIP[0][1])
-        verdict, limit = "warn", "<= 1.2 with BGK and walls"
-        cure = f'walls slip: {slip:.1%} in a channel of 16 nodes; collision = "TRT" does not'
-    elif tau > 5:
-        verdict, cure = "warn", "the time step is no longer short against what happens in a cell"
-    elif tau < 0.505 and collision != "central":
-        verdict, limit = "warn", ">= 0.505"
-        cure = f"nearly no viscosity on this lattice: stable below U dx/nu = {GRID_REYNOLDS[collision]:g} only"
-    yield Derived("relaxation time", "tau", tau, "", limit, verdict, source, cure, key_of_tau(config))
 
 
 def lattice_units(config: LbmDemConfig) -> Iterator[Derived]:
@@ -82,15 +56,6 @@ def lattice_units(config: LbmDemConfig) -> Iterator[Derived]:
         yield Derived(f"largest velocity of {speed:g} m/s", "u dt/dx", speed * dt / dx)
 
 
-def walled(config: LbmDemConfig) -> bool:
-    open_faces = {face.face for face in config.boundary if face.type != "wall"}
-    return any(
-        axis not in config.domain.periodic and axis + side not in open_faces
-        for axis in AXES[: config.dimensions]
-        for side in "-+"
-    )
-
-
 def known_speed(config: LbmDemConfig) -> float:
     """The largest velocity that the case itself states, m/s; what develops later is watched while it runs."""
     vectors = [face.velocity for face in config.boundary] + [obstacle.velocity for obstacle in config.obstacle]
@@ -102,12 +67,6 @@ def known_speed(config: LbmDemConfig) -> float:
 def turning_speed(grains: GrainSet) -> float:
     """Of the surface of the largest grain of a set about its centre, m/s."""
     return 0.5 * largest_diameter(grains) * math.hypot(*grains.angular_velocity)
-
-
-def slower(config: LbmDemConfig, factor: float) -> str:
-    """The relaxation time with so many times the time step: three digits of what it has above 1/2."""
-    excess = (config.tau - 0.5) * factor
-    return f"{0.5 + excess:.{max(1, 2 - math.floor(math.log10(excess)))}f}"
 
 
 def speeds(config: LbmDemConfig) -> Iterator[Derived]:
@@ -192,6 +151,7 @@ def grains(config: LbmDemConfig) -> Iterator[Derived]:
     yield from fits(config)
     yield from overlap_at_start(config)
     yield from packings(config)
+    yield from silo(config)
     for i, some in enumerate(config.grains):
         smallest = smallest_diameter(some)
         if config.fluid is None:
@@ -216,19 +176,24 @@ def obstacles(config: LbmDemConfig) -> Iterator[Derived]:
     """Those that cover no node of the lattice: beyond the box, or smaller than it can see."""
     dx, d = config.spacing, config.dimensions
     for i, obstacle in enumerate(config.obstacle):
-        nodes = [(np.arange(n) + 0.5) * dx for n in config.points]
         if obstacle.shape.plane is not None:
-            ends = np.stack(np.meshgrid(*[x[[0, -1]] for x in nodes]), axis=-1).reshape(-1, d)
+            ends = np.stack(np.meshgrid(*[[0.5 * dx, (n - 0.5) * dx] for n in config.points]), axis=-1).reshape(-1, d)
             count = np.count_nonzero((ends - obstacle.shape.plane.point) @ obstacle.shape.plane.normal <= 0.0)
         else:
-            low, high = (np.array(corner) for corner in (obstacle.shape.box.low, obstacle.shape.box.high))
-            turns = [(-1, 0, 1) if axis in config.domain.periodic else (0,) for axis in AXES[:d]]
-            images = [np.add.outer(np.array(k) * size, x) for k, size, x in zip(turns, config.domain.size, nodes)]
-            count = math.prod(np.count_nonzero((x >= a) & (x <= b)) for x, a, b in zip(images, low, high))
+            box, turns = obstacle.shape.box, [(-1, 0, 1) if axis in config.domain.periodic else (0,) for axis in AXES]
+            count = math.prod(
+                sum(nodes_between(a - k * length, b - k * length, n, dx) for k in images)
+                for a, b, n, length, images in zip(box.low, box.high, config.points, config.domain.size, turns)
+            )
         if not count:
             name = f"nodes in {obstacle.name or f'obstacle_{i + 1}'}"
             cure = "it is not there for the fluid: outside the box, or between the nodes"
             yield Derived(name, "n", 0.0, "", ">= 1", "warn", "", cure, ("obstacle", i, "shape"))
+
+
+def nodes_between(a: float, b: float, n: int, dx: float) -> int:
+    """How many of the n nodes along an axis, half a spacing inside its ends, lie in [a, b]."""
+    return max(0, min(n - 1, math.floor(b / dx - 0.5)) - max(0, math.ceil(a / dx - 0.5)) + 1)
 
 
 def fits(config: LbmDemConfig) -> Iterator[Derived]:
@@ -265,9 +230,10 @@ def packings(config: LbmDemConfig) -> Iterator[Derived]:
         if some.packing is None:
             continue
         law, low, wanted = some.diameters, some.packing.low, some.packing.high
-        solid = solid_volume(0.5 * law_diameters(law.count, law.min, law.max, law.a, law.b, d), d)
+        solid = law_volume(law, d)
         high = packed_space(config, some, solid)
-        void = 1.0 - solid / (math.prod(config.domain.size[:-1]) * (high - low))
+        height = max(high - low, math.ulp(high))
+        void = 1.0 - solid / (math.prod(config.domain.size[:-1]) * height)
         verdict = "ok" if void >= DENSEST[d] else "fail"
         cure = "" if verdict == "ok" else "fewer grains, or more space for them"
         limit, source = f">= {DENSEST[d]:g}", f"densest of equal grains; random packings end at about {RANDOM[d]:g}"
@@ -282,22 +248,27 @@ def packings(config: LbmDemConfig) -> Iterator[Derived]:
         yield Derived(f"top of {some.name}", "z", high, "m", limit, verdict, "", cure, key)
 
 
-def falling(config: LbmDemConfig, i: int) -> Iterator[Derived]:
-    """Mach number of a grain that falls or rises alone: what gravity may bring about, and a bed seldom reaches."""
-    some, fluid, d = config.grains[i], config.fluid, config.dimensions
-    size, gravity = largest_diameter(some), math.hypot(*config.gravity)
-    pull = gravity * abs(some.density / fluid.density - 1.0)
-    if not pull:
+def silo(config: LbmDemConfig) -> Iterator[Derived]:
+    """The share of a packing's weight that its floor carries once the grains have slid down rigid sides: Janssen 1895
+    with K = 1 - sin(phi), tan(phi) the friction. At the start they have not: a fill lands, rebounds and locks.
+    """
+    rigid = [size for axis, size in zip(AXES, config.domain.size[:-1]) if axis not in config.domain.periodic]
+    friction = config.contact.friction
+    if not rigid or not friction or not any(config.gravity):
         return
-    drag = math.sqrt(math.pi / 2.0 * size * pull / 1.0 if d == 2 else 4.0 / 3.0 * size * pull / 0.44)
-    v = min(drag, pull * size**2 / (18.0 * fluid.kinematic_viscosity))
-    mach = v * config.time_step / config.spacing / math.sqrt(CS2)
-    verdict = "ok" if mach <= 0.25 else "warn" if mach < 0.5 else "fail"
-    tau = slower(config, 0.24 / mach)
-    cure = "" if verdict == "ok" else f"relaxation_time = {tau} makes the time step short enough for {v:.3g} m/s"
-    limit = "<= 0.25, < 0.5 at all" if verdict != "fail" else "< 0.5"
-    source = "Stokes 1851; drag coefficient 0.44 of a sphere, 1 of a disc"
-    yield Derived("Mach number of a lone grain", "Ma", mach, "", limit, verdict, source, cure, key_of_tau(config), True)
+    ratio = 1.0 - math.sin(math.atan(friction))
+    for i, some in enumerate(config.grains):
+        if some.packing is None or not some.moving:
+            continue
+        law, d = some.diameters, config.dimensions
+        height = law_volume(law, d) / (1.0 - (some.packing.porosity or LOOSE[d])) / math.prod(config.domain.size[:-1])
+        slides = height * friction * ratio * sum(2.0 / size for size in rigid)
+        share = -math.expm1(-slides) / slides if slides else 1.0
+        verdict = "ok" if share >= 0.9 else "warn"
+        cure = "it starts without friction at its sides, which may lock against a rebound: no silo until it slides"
+        cure = "" if verdict == "ok" else cure
+        name, key = f"weight of {some.name} on its floor", ("grains", i, "packing")
+        yield Derived(name, "Janssen", share, "", ">= 0.9", verdict, "Janssen 1895, K = 1 - sin phi", cure, key)
 
 
 def density_ratio(config: LbmDemConfig, i: int, nodes: float) -> Iterator[Derived]:
@@ -343,7 +314,7 @@ def films(config: LbmDemConfig) -> Derived:
     """The gap at a plane wall, over the radius, below which the film of the smallest grain is limited: steps of the
     contacts take care of stiffer ones up to MOST_SUBSTEPS, or not where their number is given."""
     d, dx, fluid = config.dimensions, config.spacing, config.fluid
-    film = Film.of_lattice(fluid.viscosity * fluid.density, dx, d)
+    film = Film.of_lattice(fluid.kinematic_viscosity * fluid.density, dx, d)
     some = min((some for some in config.grains if some.moving), key=smallest_diameter)
     radius, mass = 0.5 * smallest_diameter(some), grain_mass(some, smallest_diameter(some), d)
     if config.coupling.inertia == "implicit":
@@ -361,12 +332,17 @@ def films(config: LbmDemConfig) -> Derived:
 
 
 def substeps(config: LbmDemConfig) -> Derived:
-    """Of the contacts in a step of the fluid, and how to have fewer where they take the longest."""
-    number, told = config.substeps, ""
+    """Of the contacts in a step of the fluid, what they take, and how to have fewer."""
+    number = config.substeps
+    verdict = "ok" if number <= MANY else "warn" if number <= FAR_TOO_MANY else "fail"
+    cure = ""
     if number > MANY:
+        spent = phases(config, 1, 1, DEFAULT, 1)["grains"]
         softer = config.contact.normal_stiffness * (MANY / number) ** 2
-        told = f"contact.normal_stiffness = {softer:.2g} takes {MANY}; overlaps grow as its inverse"
-    return Derived("substeps of the contacts", "n_d", float(number), source=told)
+        cure = f"they take about {spent:.2g} s of a step; contact.normal_stiffness = {softer:.2g} takes {MANY}, and "
+        cure += "overlaps grow as its inverse"
+    limit, key = f"<= {MANY}, {FAR_TOO_MANY:g} at all", ("contact", "normal_stiffness")
+    return Derived("substeps of the contacts", "n_d", float(number), "", limit, verdict, "cost", cure, key, True)
 
 
 def overlaps(config: LbmDemConfig) -> Iterator[Derived]:

@@ -25,7 +25,7 @@ from hpcpic.core.tasks import Pool
 from lbmdem.config import contact_law
 from lbmdem.contacts import Law, Wall, stable_step
 from lbmdem.dem import Dem
-from lbmdem.network import energies, greatest_overlap
+from lbmdem.network import energies, greatest_overlap, wall_force
 from lbmdem.places import law_diameters, packed_space, solid_volume
 
 if TYPE_CHECKING:
@@ -156,6 +156,10 @@ def settle(world: World, pool: Pool, domain: Domain, sample: Sample, x: NDArray)
             dem.grains.columns["row"][:, 4:7] *= 0.9
             if energies(dem)["kinetic"] < small:
                 break
+    if not domain.periodic[0]:
+        weight = sample.gravity * dem.total(dem.grains.mass[: dem.grains.n])
+        share = -float(wall_force(dem, len(dem.walls) - 2)[d - 1]) / weight
+        log.info("the packing rests, its floor bears %.2f of its weight; a run begins without its friction", share)
     return everywhere(dem)
 
 

@@ -8,13 +8,14 @@ from collections.abc import Iterator
 
 from hpcpic.core.cli.forecast import Array, imports
 from hpcpic.core.space.cuts import even_cuts
-from lbmdem.config import LbmDemConfig
-from lbmdem.vectors import grains
+from lbmdem.config import AXES, LbmDemConfig
+from lbmdem.lattices import LATTICES
+from lbmdem.layout import Layout
+from lbmdem.vectors import TYPES, grains
 
 VELOCITIES = {"D2Q9": 9, "D3Q19": 19}
 CROSSING = {"D2Q9": 3, "D3Q19": 5}  # populations that leave through one face of a slab
 BYTES = {"double": 8, "single": 4}
-TYPES = {"double": "float64", "single": "float32"}
 LINKS = {2: 3.07, 3: 5.74}  # per node of a grain's perimeter or surface: half the sum of |e . n|, any direction n
 
 
@@ -62,15 +63,13 @@ def arrays(config: LbmDemConfig, ranks: int) -> Iterator[Array]:
 
 
 def fluid_arrays(config: LbmDemConfig, ranks: int) -> Iterator[Array]:
-    points = config.points[::-1]
-    rows = even_cuts(points[0], ranks)[1] + 2
-    real = TYPES[config.fluid.storage]
-    lanes = 64 // BYTES[config.fluid.storage]
-    across = -(-points[-1] // lanes) * lanes + 2 * lanes  # a halo of one vector on both sides
-    nodes = (rows, *(n + 2 for n in points[1:-1]), across)
-    yield Array("populations", (VELOCITIES[config.simulation.lattice], *nodes), real)
+    points, real = config.points[::-1], TYPES[config.fluid.storage]
+    own = (even_cuts(points[0], ranks)[1], *points[1:])
+    around = tuple(axis in config.domain.periodic for axis in AXES[: config.dimensions][::-1])
+    layout = Layout.of(LATTICES[config.simulation.lattice], own, around, min(ranks, points[0]) == 1, real)
+    yield Array("populations", (layout.lattice.q, layout.slot_stride), real)
     if config.grains or config.obstacle:
-        yield Array("solid", nodes, "int32")
+        yield Array("solid", tuple(n + 2 for n in own), "int32")
         kept = 4 if moving(config) and not config.coupling.frozen else 9  # of fixed ones also arm, last two steps
         yield Array("links", (link_count(config) // ranks, kept), "float64")
 

@@ -12,11 +12,12 @@ import math
 from collections.abc import Iterator
 from typing import NamedTuple
 
+from hpcpic.core.simd.registers import lanes
 from lbmdem.config import Diameters, GrainSet, LbmDemConfig
 
 SIZES = 32  # of the law of diameters
 LOOSE = {2: 0.2, 3: 0.4}  # void fraction of a packing that settles
-LANES = {"double": 8, "single": 16}
+TYPES = {"double": "float64", "single": "float32"}  # of populations
 
 
 class Shares(NamedTuple):
@@ -30,7 +31,8 @@ def sizes(law: Diameters, d: int) -> Iterator[tuple[float, float]]:
     """(diameter m, share of the grains): Voivret et al. 2007, the law is that of the volume of smaller grains."""
     places = [(k + 0.5) / SIZES for k in range(SIZES)]
     found = [law.min + (law.max - law.min) * x for x in places]
-    weights = [x ** (law.a - 1) * (1 - x) ** (law.b - 1) / size**d for x, size in zip(places, found)]
+    logs = [(law.a - 1) * math.log(x) + (law.b - 1) * math.log1p(-x) - d * math.log(s) for x, s in zip(places, found)]
+    weights = [math.exp(value - max(logs)) for value in logs]
     total = sum(weights)
     yield from ((size, weight / total) for size, weight in zip(found, weights))
 
@@ -42,17 +44,17 @@ def grains(config: LbmDemConfig, some: GrainSet) -> list[tuple[float, float]]:
     return [(0.5 * size / config.spacing, share * count) for size, share in law]
 
 
-def touched(r: float, lanes: int, d: int) -> float:
+def touched(r: float, width: int, d: int) -> float:
     """Nodes swept by the centre of a vector's box, its neighbours included, that touches a grain of this radius."""
-    a, b = lanes + 1.0, 2.0
+    a, b = width + 1.0, 2.0
     if d == 2:
         return math.pi * r * r + 2 * r * (a + b) + a * b
     return 4 / 3 * math.pi * r**3 + math.pi * r * r * (a + 2 * b) + 2 * r * (2 * a * b + b * b) + a * b * b
 
 
-def covered(r: float, lanes: int, d: int) -> float:
+def covered(r: float, width: int, d: int) -> float:
     """The same of a vector all of whose nodes are inside the grain."""
-    s = lanes - 1.0
+    s = width - 1.0
     if 2 * r <= s:
         return 0.0
     if d == 2:
@@ -66,12 +68,12 @@ def volume(r: float, d: int) -> float:
 
 def shares(config: LbmDemConfig) -> Shares:
     """Of the lattice of a case with fluid; obstacles are not looked at."""
-    d, lanes, nodes = config.dimensions, LANES[config.fluid.storage], math.prod(config.points)
-    skipped, plain, anew = 0.0, beside_sides(config, lanes), linked_anew(config)
+    d, width, nodes = config.dimensions, lanes(TYPES[config.fluid.storage]), math.prod(config.points)
+    skipped, plain, anew = 0.0, beside_sides(config, width), linked_anew(config)
     for some in config.grains:
         sizes = grains(config, some)
         solid, hit, inside = (sum(n * of(r) for r, n in sizes) / nodes for of in (
-            lambda r: volume(r, d), lambda r: touched(r, lanes, d), lambda r: covered(r, lanes, d),
+            lambda r: volume(r, d), lambda r: touched(r, width, d), lambda r: covered(r, width, d),
         ))  # fmt: skip
         filled = min(1.0, solid / (1 - (some.packing.porosity or LOOSE[d]))) if some.packing else 1.0
         solid, hit = min(0.9, solid / filled), hit / filled  # of the part of the box where the grains are
@@ -89,8 +91,8 @@ def linked_anew(config: LbmDemConfig) -> bool:
 
 def lanes_of_all(config: LbmDemConfig) -> int:
     """Nodes that a lattice has room for in its vectors: rows along x are whole vectors."""
-    lanes = LANES[config.fluid.storage]
-    return -(-config.points[0] // lanes) * lanes * math.prod(config.points[1:])
+    width = lanes(TYPES[config.fluid.storage])
+    return -(-config.points[0] // width) * width * math.prod(config.points[1:])
 
 
 def fluid_share(config: LbmDemConfig) -> float:
@@ -99,10 +101,10 @@ def fluid_share(config: LbmDemConfig) -> float:
     return max(0.1, 1 - solid / math.prod(config.points))
 
 
-def beside_sides(config: LbmDemConfig, lanes: int) -> float:
+def beside_sides(config: LbmDemConfig, width: int) -> float:
     """The share of vectors that are whole and at no side of the box."""
-    across = -(-config.points[0] // lanes)
-    ends = int(config.points[0] % lanes > 0) if "x" in config.domain.periodic else min(2, across)
+    across = -(-config.points[0] // width)
+    ends = int(config.points[0] % width > 0) if "x" in config.domain.periodic else min(2, across)
     share = 1 - ends / across
     for axis, n in zip("yz"[: config.dimensions - 1], config.points[1:]):
         share *= 1 - (0 if axis in config.domain.periodic else min(2, n)) / n

@@ -273,7 +273,7 @@ def decays(collision: str, tau: float) -> bool:
 
 
 def fluid_rows() -> Iterator[Row]:
-    from lbmdem.derived import GRID_REYNOLDS
+    from lbmdem.relaxation import GRID_REYNOLDS
 
     wave = partial(decays, "BGK")
     yield Row("lbmdem", "BGK, a shear wave decays", "tau", lambda: 0.5, wave, WIDTH - 1.0, above=True)

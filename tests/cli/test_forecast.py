@@ -1,11 +1,15 @@
 """Laws of what estimates are made of."""
 
+import re
+from importlib import import_module
 from itertools import pairwise
 
 import pytest
 
+from hpcpic.core.cli.check import whole_run
 from hpcpic.core.cli.forecast import gain, writing_seconds
 from hpcpic.core.cli.rates import undisturbed
+from hpcpic.core.cli.read import read_case
 
 
 @pytest.mark.parametrize("cores", [1, 2, 8])
@@ -34,3 +38,18 @@ def test_files_cost_their_bytes_and_a_price_each():
 
 def test_a_disturbed_measurement_does_not_count():
     assert undisturbed([1.0, 1.0, 1.0, 50.0, 80.0]) == 1.0
+
+
+@pytest.mark.parametrize(
+    ("program", "case", "endless"),
+    [("hpcpic", "landau-damping", "simulation.cycles=4000000000000000L"),
+     ("sph", "hydrostatic", "simulation.end_time=1e15"), ("lbmdem", "poiseuille", "simulation.end_time=1e15")],
+)  # fmt: skip
+def test_a_run_that_nobody_can_wait_for_is_told_with_what_a_day_is_enough_for(program, case, endless):
+    app = import_module(f"{program}.__main__").load_app()
+    told = [whole_run(app, read_case(app, case, sets).config, 1) for sets in ((), (endless,))]
+    assert [number.verdict for number in told] == ["ok", "warn"]
+    key = endless.partition("=")[0]
+    assert told[1].key == tuple(key.split(".")) and " steps; " in told[1].cure
+    enough = re.search(rf"{key} = \S+", told[1].cure)[0].replace(" ", "")
+    assert whole_run(app, read_case(app, case, (enough,)).config, 1).value == pytest.approx(1.0, rel=0.1)

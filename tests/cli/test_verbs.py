@@ -11,7 +11,7 @@ from types import SimpleNamespace
 import h5py
 import numpy as np
 import pytest
-from app_runner import launch
+from app_runner import TIMEOUT_S, launch
 from toy_runner import ROOT, environment
 
 from hpcpic.core.cli.export import to_csv
@@ -259,6 +259,7 @@ def test_the_name_of_a_species_leads_to_no_other_folder(tmp_path, monkeypatch):
     assert names == {"..%2Fa%2Fb-00000000.csv", "a-00000000.csv", "electron +x-00000000.csv"}
 
 
+@pytest.mark.timeout(TIMEOUT_S)  # in a cache of its own, so it compiles
 def test_bench_keeps_rates_that_estimate_uses(toy):
     cache = {"HPCPIC_CACHE_DIR": str(toy.folder / "cache")}
     done = toy("bench", "--quick", "--threads", "1", env=cache)

@@ -3,15 +3,20 @@
 import math
 
 import pytest
+from hypothesis import example, given, settings
+from hypothesis import strategies as st
 
 from hpcpic.core.errors import ConfigError
-from hpcpic.core.files.config import loads
+from hpcpic.core.files.config import leaves, loads
 from hpcpic.core.files.derived import enforce
 from hpcpic.core.files.schema import dump, validate
 from lbmdem.app import shipped_cases
-from lbmdem.config import LbmDemConfig
+from lbmdem.config import Diameters, LbmDemConfig
 from lbmdem.derived import derived
+from lbmdem.estimate import estimate
 from lbmdem.lattices import CS2
+from lbmdem.places import law_diameters, law_volume, solid_volume
+from lbmdem.plan import plan
 from lbmdem.scene import Scene
 
 CHANNEL = """
@@ -265,3 +270,66 @@ def test_an_obstacle_that_covers_no_node_is_told(low, high, there):
     for shape in shapes:
         told = derived(config_of(f"{CHANNEL} obstacle = ({{ shape = {{ {shape}; }}; }});"))
         assert ("nodes in obstacle_1" in [one.name for one in told]) is not there
+
+
+EVERYTHING = """
+simulation = { end_time = 1.0; };
+domain = { size = [0.064, 0.032, 0.096]; spacing = 1.0e-3; periodic = ["x"]; };
+fluid = { density = 1000.0; viscosity = 1.0e-6; relaxation_time = 0.6; magic = 0.1875; body_force = [0.1, 0.0, 0.0]; };
+boundary = ({ face = "z+"; type = "pressure"; pressure = 1.0; pressure_rate = 1.0; },
+            { face = "z-"; type = "velocity"; velocity = [0.0, 0.0, 1.0e-3]; });
+obstacle = ({ shape = { plane = { point = [0.0, 0.0, 0.002]; normal = [0.0, 0.0, 1.0]; }; }; });
+grains = (
+  { diameters = { min = 3.0e-3; max = 5.0e-3; a = 2.0; b = 3.0; count = 100; }; density = 2650.0;
+    packing = { low = 0.01; porosity = 0.5; }; },
+  { diameter = 4.0e-3; position = [0.03, 0.02, 0.09]; velocity = [0.0, 0.1, 0.0];
+    angular_velocity = [1.0, 0.0, 0.0]; });
+contact = { normal_stiffness = 1.0e4; damping = 0.2; tangential = "history"; tangential_viscosity = 0.1;
+            tangential_stiffness = 2.0e3; friction = 0.5; };
+coupling = { substeps = 0; };
+gravity = [0.0, 0.0, -9.81];
+shaking = { acceleration = [1.0, 0.0, 0.0]; frequency = 2.0; };
+output = { period = { series = 0.1; fields = 0.1; grains = 0.1; checkpoint = 0.1; }; stress_slices = 3; };
+"""
+PLACES = list(leaves(loads(EVERYTHING).data))
+FLOATS = [key for key, value in PLACES if isinstance(value, float)]
+COUNTS = [key for key, value in PLACES if isinstance(value, int)]
+EXTREMES = (5e-324, 1e-30, 1e-20, 1e-12, 0.0, -1.0, 1e12, 1e20, 1e30, 1.7e308)
+
+
+@settings(max_examples=60, deadline=None)
+@given(
+    st.dictionaries(st.sampled_from(FLOATS), st.sampled_from(EXTREMES), max_size=4),
+    st.dictionaries(st.sampled_from(COUNTS), st.sampled_from((0, 1, 2**31 - 1, 10**11, 2**63 - 1)), max_size=1),
+)
+@example({"fluid.viscosity": 1e-30}, {})
+@example({"grains[0].diameters.a": 1e12}, {})
+@example({}, {"grains[0].diameters.count": 10**11})
+def test_no_numbers_break_check_estimate_or_plan(floats, counts):
+    """Whatever a case says, in whatever units: it is refused with a reason, or all is computed, in little memory."""
+    changed = [f"{key}={value!r}" for key, value in floats.items()]
+    changed += [f"{key}={value}L" for key, value in counts.items()]
+    try:
+        config = validate(LbmDemConfig, loads(EVERYTHING, sets=changed))
+    except ConfigError as error:
+        assert error.messages
+        return
+    assert all(isinstance(number.value, (int, float)) and str(number) for number in derived(config, 2))
+    assert estimate(config, 2, 2, {}).seconds > 0.0 and plan(config, 2, 2)
+
+
+@pytest.mark.parametrize("value", [1e-30, 1e30])
+def test_numbers_whose_products_leave_floating_point_are_refused_at_their_key(value):
+    assert "fluid.viscosity: is beyond what is computed with" in messages(CHANNEL.replace("1.0e-6", repr(value)))
+
+
+def test_a_viscosity_that_rounding_takes_away_is_refused():
+    text = CHANNEL.replace("relaxation_time = 1.0", "time_step = 1.0e-18")
+    assert "fluid.time_step: relaxation time tau = 0.5" in messages(text)
+
+
+@pytest.mark.parametrize("count", [1000, 1 << 18])
+def test_the_volume_of_very_many_grains_is_that_of_a_sample_of_them(count):
+    law = Diameters(min=1e-3, max=3e-3, a=2.0, b=3.0, count=count)
+    each = law_diameters(count, law.min, law.max, law.a, law.b, 3)
+    assert law_volume(law, 3) == pytest.approx(solid_volume(0.5 * each, 3), rel=1e-12 if count == 1000 else 1e-5)

@@ -1,17 +1,24 @@
 """The shares of vectors that the estimate expects, beside those of lattices that have been made."""
 
+import json
+import os
+import subprocess
+import sys
+
 import pytest
 from app_runner import running
+from llvmlite import binding
 
 from hpcpic.core.comm.world import World
 from hpcpic.core.files.config import loads
 from hpcpic.core.files.schema import validate
+from hpcpic.core.simd.registers import lanes
 from lbmdem.app import shipped_cases
 from lbmdem.config import LbmDemConfig
 from lbmdem.estimate import DEFAULT, estimate, phases, share_together
 from lbmdem.kernels.sweep import MIXED, SKIP
-from lbmdem.plan import link_count
-from lbmdem.vectors import lanes_of_all, shares
+from lbmdem.plan import arrays, link_count
+from lbmdem.vectors import TYPES, lanes_of_all, shares
 from lbmdem.wavefront import even_depth
 
 FIRST_ORDER = 0.1  # of all vectors: expected of spheres that fill 0.6 of a sample is to first order only, off by 0.07
@@ -25,9 +32,54 @@ fluid = {{ density = 1000.0; viscosity = 1.0e-6; relaxation_time = 0.8; }};
 @pytest.mark.parametrize("case", ["poiseuille", "sphere-array", "settling-sphere", "liquefaction"])
 def test_the_shares_are_those_of_the_lattice(case):
     with running(World.alone(), "lbmdem", shipped_cases()[case].read_text()) as app:
-        kinds, expected = app.fluid.kinds, shares(app.scene.config)
+        kinds, expected, held = app.fluid.kinds, shares(app.scene.config), app.fluid.f.nbytes
+        assert next(arrays(app.scene.config, 1)).bytes == held
     assert expected.skipped == pytest.approx((kinds == SKIP).mean(), abs=FIRST_ORDER)
     assert expected.mixed == pytest.approx((kinds == MIXED).mean(), abs=FIRST_ORDER)
+
+
+# A lattice with the kernels of this processor, or of that which numba is told to compile for; nodes marked by formula
+WIDTH = """
+import json, sys
+import numpy as np
+from hpcpic.core.files.config import loads
+from hpcpic.core.files.schema import validate
+from lbmdem.config import LbmDemConfig
+from lbmdem.kernels.layout import Layout
+from lbmdem.kernels.nodes import classify, mark
+from lbmdem.kernels.sweep import MIXED, SKIP
+from lbmdem.lattices import LATTICES
+from lbmdem.plan import arrays
+from lbmdem.vectors import shares
+
+config = validate(LbmDemConfig, loads(sys.stdin.read()))
+n, centre, radius = config.points[0], np.array(config.grains[0].position[0]), 0.5 * config.grains[0].diameter
+axis = (np.arange(-1, n + 1) % n + 0.5) * config.spacing
+ids = np.where(sum((a - c) ** 2 for a, c in zip(np.meshgrid(*[axis] * 3), centre)) < radius**2, 0, -1).astype(np.int32)
+layout = Layout.of(LATTICES["D3Q19"], (n,) * 3, (True,) * 3, True, np.float64)
+wet = np.zeros((n + 2, n + 2, layout.vectors), np.int32)
+mark(ids, 1, 1 << 30, wet, layout.lanes, 0, n + 2)
+inside = np.full(layout.vectors, (1 << layout.lanes) - 1, np.int32)
+kinds = np.zeros((n, n, layout.vectors), np.uint8)
+classify(wet, wet, inside, layout.lanes, False, kinds, 0, n)
+real = [float((kinds == kind).mean()) for kind in (SKIP, MIXED)]
+print(json.dumps([layout.lanes, layout.size * 8, next(arrays(config, 1)).bytes, real, shares(config)]))
+"""
+
+
+@pytest.mark.parametrize("wide", [False, True], ids=["AVX2", "AVX-512"])
+def test_the_forecast_is_of_the_registers_that_kernels_are_compiled_for(wide):
+    """The same case with either width, on a processor that has both."""
+    host = binding.get_host_cpu_features()
+    if wide and not host["avx512f"]:
+        pytest.skip("this processor has no AVX-512")
+    features = host.flatten() if wide else host.flatten().replace("+avx512", "-avx512")
+    case = shipped_cases()["sphere-array"].read_text()
+    words = {"input": case, "env": os.environ | {"NUMBA_CPU_FEATURES": features}}
+    done = subprocess.run([sys.executable, "-c", WIDTH], **words, capture_output=True, text=True, check=True)
+    lanes, held, expected, real, share = json.loads(done.stdout)
+    assert lanes == (8 if wide else 4) and expected == held
+    assert share == pytest.approx(real, abs=FIRST_ORDER)
 
 
 @pytest.mark.parametrize("case", ["sphere-array", "settling-disc"])
@@ -48,13 +100,14 @@ def test_vectors_at_sides_are_counted(size, periodic, mixed):
     assert found.skipped == 0.0 and found.mixed == pytest.approx(mixed)
 
 
-@pytest.mark.parametrize(("storage", "whole"), [("double", 56), ("single", 64)])
-def test_rows_are_swept_by_whole_vectors(storage, whole):
-    """50 nodes along x cost what 56, or 64 in single precision, do; what is beside sides is another matter."""
+@pytest.mark.parametrize("storage", ["double", "single"])
+def test_rows_are_swept_by_whole_vectors(storage):
+    """49 nodes along x cost what the next whole number of vectors does; what is beside sides is another matter."""
+    whole = -(-49 // lanes(TYPES[storage])) * lanes(TYPES[storage])
     narrow, wide = (
         validate(LbmDemConfig, loads(BOX.format(d=2, size=[n * 1e-3, 0.1], periodic='["x", "y"]')
                                      .replace("fluid = {", f'fluid = {{ storage = "{storage}";')))
-        for n in (50, whole)
+        for n in (49, whole)
     )  # fmt: skip
     assert lanes_of_all(narrow) == lanes_of_all(wide) == whole * 100
     costs = [phases(case, 1, 1, DEFAULT | {"mixed": 0.0}, 1)["nodes"] for case in (narrow, wide)]

@@ -2,14 +2,21 @@
 
 from __future__ import annotations
 
+from functools import reduce
+from typing import Any
+
 import click
 
 from hpcpic.core.cli.app import App, AppLoader
 from hpcpic.core.cli.cures import cures
+from hpcpic.core.cli.rates import read_rates
 from hpcpic.core.cli.read import Case, read_case, set_option, shape_options
 from hpcpic.core.cli.text import table
 from hpcpic.core.errors import CheckFailed
 from hpcpic.core.files.derived import Derived
+
+DAY = 86400.0  # s
+LONGEST = 30.0  # days of a run that nobody is told of
 
 
 def print_derived(numbers: list[Derived]) -> None:
@@ -20,11 +27,29 @@ def print_derived(numbers: list[Derived]) -> None:
     table(("number", "", "value", "unit", "limit", "verdict", "source"), rows, right=("value",))
 
 
+def numbers_of(app: App, config: Any, ranks: int) -> list[Derived]:
+    """The derived numbers of a case and, after them, what the whole of it takes."""
+    return [*app.derived(config, ranks), whole_run(app, config, ranks)]
+
+
+def whole_run(app: App, config: Any, ranks: int) -> Derived:
+    """The estimated time of a run, of which a slip in a unit makes more than anybody can wait for."""
+    estimate = app.estimate(config, ranks, 1, read_rates())
+    days, steps = estimate.seconds / DAY, estimate.seconds / max(estimate.step_seconds, 1e-300)
+    key, cure = app.until(config, 1.0)[0].partition("=")[0], ""
+    if days > LONGEST:
+        end = reduce(getattr, key.split("."), config)
+        enough = type(end)(float(f"{end / days:.3g}"))
+        cure = f"about {steps:.2g} steps; a day is enough for {key} = {enough!r}"
+    limit, words, path = f"<= {LONGEST:g}", "estimate, one thread a rank", tuple(key.split("."))
+    return Derived("time of the whole run", "", days, "days", limit, "warn" if cure else "ok", words, cure, path)
+
+
 def print_check(app: App, read: Case, ranks: int) -> list[Derived]:
     """Print warnings, derived numbers and what to change; returns the numbers."""
     for warning in read.tree.warnings:
         click.echo(f"warning: {warning}", err=True)
-    numbers = app.derived(read.config, ranks)
+    numbers = numbers_of(app, read.config, ranks)
     print_derived(numbers)
     for number in numbers:
         if number.verdict != "ok":

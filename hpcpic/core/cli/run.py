@@ -105,13 +105,14 @@ def prepare_run(
     world: World,
 ) -> tuple[RunDir, Plan]:
     """Read the case and make the run folder; on rank 0."""
+    from hpcpic.core.cli.check import numbers_of
     from hpcpic.core.cli.job import Plan, given_files, require_memory
     from hpcpic.core.comm.library import library
     from hpcpic.core.files.rundir import RunDir, provenance
     from hpcpic.core.files.schema import dump
 
     read = read_case(app, case, sets)
-    numbers = app.derived(read.config, world.size)
+    numbers = numbers_of(app, read.config, world.size)
     warnings = read.tree.warnings + ([] if beyond_limits else enforce(numbers, read.tree, force))
     warnings += require_memory(app, read.config, world.size, world.node_size, force)
     folder = output or run_folder(read)

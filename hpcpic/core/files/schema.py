@@ -2,6 +2,7 @@
 
 import difflib
 import functools
+import math
 import re
 import typing
 from collections.abc import Iterator
@@ -41,6 +42,8 @@ class Section(BaseModel):
     ignored: ClassVar[tuple[str, ...]] = ()
     # keys ("fluid[].kinematic_viscosity") that `modernised` understands beside those of the schema
     rewritten: ClassVar[tuple[str, ...]] = ()
+    # largest magnitude of a number, the inverse of the smallest: products of a few must stay in floating point
+    largest: ClassVar[float] = math.inf
 
     @classmethod
     def modernised(cls, tree: Tree) -> None:
@@ -94,7 +97,8 @@ def validate(model: type[Model], tree: Tree) -> Model:
         if len(found) > MOST_TOLD:
             messages.append(f"and {len(found) - MOST_TOLD} more")
         raise ConfigError(messages) from None
-    messages += [f"{tree.where(path)}: {dotted(path)}: {text}" for path, text in config.faults()]
+    faults = list(magnitude_faults(config)) or list(config.faults())  # relations of such numbers need not be computable
+    messages += [f"{tree.where(path)}: {dotted(path)}: {text}" for path, text in faults]
     if messages:
         raise ConfigError(messages)
     return config.completed()
@@ -113,6 +117,27 @@ def stranger(model: type[Section], tree: Tree) -> str:
     if here == -len(tree.data):
         return f"no case: it has none of the keys {', '.join(model.model_fields)}"
     return ""
+
+
+def magnitude_faults(config: Section) -> Iterator[tuple[Path, str]]:
+    """Numbers so large or small that products of a few of them leave floating point."""
+    most = config.largest
+    for path, value in numbers(config, ()):
+        if value and not 1 / most <= abs(value) <= most:
+            text = f"is beyond what is computed with (got {value:g}); 0 or {1 / most:g} to {most:g}: choose other units"
+            yield path, text
+
+
+def numbers(value: Any, path: Path) -> Iterator[tuple[Path, float]]:
+    """Every float in a configuration, with its place."""
+    if isinstance(value, float):
+        yield path, value
+    elif isinstance(value, Section):
+        for name in type(value).model_fields:
+            yield from numbers(getattr(value, name), (*path, name))
+    elif isinstance(value, tuple):
+        for i, item in enumerate(value):
+            yield from numbers(item, (*path, i))
 
 
 def drop_ignored(model: type[Section], tree: Tree) -> None:

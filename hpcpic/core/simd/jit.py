@@ -25,6 +25,7 @@ from numba.core.compiler import CompileResult
 from numba.core.serialize import dumps
 
 from hpcpic.core.simd.caches import Store
+from hpcpic.core.simd.registers import has_avx512
 
 _ROOT = Path(__file__).resolve().parents[3]  # of the packages
 _KERNEL_FOLDERS = {"simd", "space", "comm", "kernels"}
@@ -81,7 +82,7 @@ def _fingerprint(program: str) -> str:
     digest.update(binding.get_host_cpu_name().encode() + binding.get_host_cpu_features().flatten().encode())
     settings = {key: value for key, value in os.environ.items() if key.startswith("NUMBA_")}
     settings.pop("NUMBA_CACHE_DIR", None)
-    digest.update(repr(sorted(settings.items())).encode())
+    digest.update(repr([sorted(settings.items()), has_avx512()]).encode())
     return digest.hexdigest()
 
 

@@ -16,8 +16,7 @@ parts.
 from collections.abc import Callable
 from typing import Any
 
-import numpy as np
-from llvmlite import binding, ir
+from llvmlite import ir
 from numba import types
 from numba.core import cgutils
 from numba.core.errors import TypingError
@@ -38,6 +37,7 @@ from hpcpic.core.simd.kinds import (
     store_to,
 )
 from hpcpic.core.simd.lines import add_lines, gather_lines, lane_values, store_lines
+from hpcpic.core.simd.registers import lanes
 
 __all__ = [
     "Vec",
@@ -75,12 +75,6 @@ __all__ = [
 ]
 
 _MAGIC = 1.5 * 2.0**52  # adding it leaves the nearest integer in the low bits of a float64
-
-
-def lanes(dtype: Any) -> int:
-    """Lanes of this machine's widest registers: 64 bytes with AVX-512, else 32."""
-    width = 64 if binding.get_host_cpu_features().get("avx512f") else 32
-    return width // np.dtype(dtype).itemsize
 
 
 # ---- arithmetic
