@@ -10,8 +10,9 @@ from hpcpic.core.comm.world import World
 from hpcpic.core.errors import Diverged
 from hpcpic.core.space.exact import LIMBS, add_limbs, power_of_two_above, value
 from sph.kernels.marks import NORMAL, REAL, REPULSIVE, WALL_BITS
-from sph.scene import AHEAD, behind
+from sph.scene import AHEAD
 from sph.solids import signed_distance
+from sph.tanks import depth_in, outside
 
 if TYPE_CHECKING:
     from sph.scene import Scene, Wall
@@ -76,6 +77,11 @@ class Walls:
             found += [(wall, part) for part in shell(made, outer)]
             self.made[wall.index] = outer
         return found
+
+    def outside(self, box: Corners) -> bool:
+        """Whether fluid, which the box holds, is behind a side of an open tank: over its edge, or through it."""
+        shifted = ((wall, self.displacement[wall.index]) for wall in self.scene.walls)
+        return any(outside(wall, box[0] - shift, box[1] - shift) for wall, shift in shifted)
 
     def boxes(self) -> NDArray[np.float64]:
         """Where walls are made, for a checkpoint: [walls, 2, d], not a number where nothing is."""
@@ -160,7 +166,7 @@ def through_wall(engine: "Sph", fluid: NDArray[np.int64]) -> str | None:
         if wall.section.solid or shape.plane:
             depth = -signed_distance(shape, at)
         else:
-            depth = behind(wall, at)
+            depth = depth_in(wall, at)
         lost = np.flatnonzero(depth > scene.spacing)
         if len(lost):
             place = ", ".join(f"{value:.4g}" for value in x[lost[0]])
