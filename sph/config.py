@@ -132,20 +132,23 @@ class Eos(Section):
 
 class Numerics(Section):
     spacing: float = setting(REQUIRED, "particle spacing dp", "m", gt=0)
-    smoothing: float = setting(1.3, "smoothing length over spacing, h / dp", gt=0)
+    smoothing: float = setting(1.3, "smoothing length over spacing, h / dp", gt=0, le=10)
     kernel: Kernel = setting("wendland2", "cubic spline (MP 9), Wendland C2 or C4, quintic spline (reaches 3 h)")
     gradient_correction: bool = setting(False, "renormalised gradients: exact for linear fields")
     density_flux: Flux = setting(
         "delta", "diffusion of density: Rusanov (MP 17), Molteni, Fourtakas, or delta-SPH with renormalised gradient"
     )
-    flux_coefficient: float | None = setting(None, "of the flux; by default 1 (rusanov) or 0.1", ge=0)
+    flux_coefficient: float | None = setting(None, "of the flux; by default 1 (rusanov) or 0.1", ge=0, le=100)
     viscosity_form: Literal["none", "strain-rate", "cleary", "morris", "artificial"] | None = setting(
         None,
         "Morris et al. 1997; strain rate and stress (MP 22-23); Cleary (SC 6), exact for shear along a lattice "
         "and 6 to 40 % too viscous elsewhere; or artificial only. By default morris if viscous, else artificial",
     )
     artificial_viscosity: float | None = setting(
-        None, "alpha of the artificial viscosity, added to any form; by default 0.02 for artificial, else 0", ge=0
+        None,
+        "alpha of the artificial viscosity, added to any form; by default 0.02 for artificial, else 0",
+        ge=0,
+        le=100,
     )
     tensile_correction: float = setting(0.0, "Monaghan's artificial pressure against clumping, 0.2 is usual", ge=0)
     shifting: bool = setting(False, "particles are shifted towards where there are few (Sun et al. 2017)")

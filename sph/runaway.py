@@ -60,15 +60,23 @@ class Runaway:
             self._too_short(acceleration, density)
         if speed * SLOW > scene.c0 and speed > wall:
             self._tell(speed)
-        if sph.time > 0 and not self.leak and sph.walls.outside(sph.box):
+        if not self.leak and sph.walls.outside(sph.box):
             self.leak = through_wall(sph, sph.bodies.fluid)
 
+    def no_number(self) -> None:
+        """The particle with the first velocity, acceleration or density that is none. Collective; raises Diverged."""
+        values = _lengths(self.sph.bodies.v[:, self.sph.bodies.fluid]) + _lengths(self._accelerations())
+        who = self.culprit(values + np.abs(self.sph.bodies.drho[self.sph.bodies.fluid]))
+        self.end(f"a velocity, acceleration or density is not a finite number, the largest are those of {who}")
+
+    def _accelerations(self) -> NDArray[np.float64]:
+        """[d, n] of the fluid, m/s2."""
+        sph, rows = self.sph, self.sph.bodies.fluid
+        return sph.sums.forces_on(rows) / sph.bodies.m[rows] + sph.tasks.arrays["external"][:, None]
+
     def _too_short(self, acceleration: float, density: float) -> None:
-        sph, bodies = self.sph, self.sph.bodies
-        rows = bodies.fluid
-        a = sph.sums.forces_on(rows) / bodies.m[rows] + sph.tasks.arrays["external"][:, None]
-        who = self.culprit(_lengths(a))
-        text = f"the time step has fallen to {sph.time_step:.3g} s, below {SHORTEST:g} of that at the start"
+        who = self.culprit(_lengths(self._accelerations()))
+        text = f"the time step has fallen to {self.sph.time_step:.3g} s, below {SHORTEST:g} of that at the start"
         more = f"by {acceleration:.3g} m/s2, densities by {density / self.scene.rho0:.2g} rho0"
         self.end(f"{text}: {who} is accelerated {more}: a numerical instability")
 

@@ -117,11 +117,8 @@ def bodies_outside(config: SphConfig) -> Iterator[Derived]:
     """Solid bodies at rest that no fluid can come to: most often in other units, or in another place."""
     boxes = [geometry.bounds(group.shape) for group in (*config.wall, *config.fluid)
              if not group.shape.plane and not getattr(group, "solid", False)]  # fmt: skip
-    open_tank = any(wall.shape.box and wall.shape.box.open for wall in config.wall)
-    if not boxes or (open_tank and config.domain.high is not None):
-        boxes.append((config.domain.low or (), config.domain.high or ()))
     for i, wall in enumerate(config.wall):
-        if not wall.solid or wall.motion or wall.shape.plane:
+        if not (boxes and wall.solid) or wall.motion or wall.shape.plane:
             continue
         low, high = geometry.bounds(wall.shape)
         away = min(_apart(low, high, *box) for box in boxes)

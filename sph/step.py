@@ -285,12 +285,12 @@ class Sph:
             worst = self.world.max_array(np.where(np.isnan(worst), np.inf, worst) * np.ones(found.shape[1]))
             self.largest, reach = worst[:3], worst[3:]
             if not np.isfinite(self.largest).all():
-                raise Diverged("a velocity, acceleration or density is not a finite number")
+                self.runaway.no_number()
             self._set_box(reach)
             speed, acceleration, density = self.largest
             self.time_step = self.choose(float(np.sqrt(speed)), float(np.sqrt(acceleration)), float(density))
-            self.runaway.see(float(np.sqrt(speed)), float(np.sqrt(acceleration)), float(density))
             self.strays.find(float(density))
+            self.runaway.see(float(np.sqrt(speed)), float(np.sqrt(acceleration)), float(density))
             self._add_impulses()
         if self.farthest_reach:
             self._widen(*np.sqrt(worst[:2]))
