@@ -65,8 +65,12 @@ class Runaway:
 
     def no_number(self) -> None:
         """The particle with the first velocity, acceleration or density that is none. Collective; raises Diverged."""
-        values = _lengths(self.sph.bodies.v[:, self.sph.bodies.fluid]) + _lengths(self._accelerations())
-        who = self.culprit(values + np.abs(self.sph.bodies.drho[self.sph.bodies.fluid]))
+        rows = self.sph.bodies.fluid
+        values = _lengths(self.sph.bodies.v[:, rows])
+        most = float(np.where(np.isnan(values), np.inf, values).max(initial=0.0))
+        if self.sph.world.max(most) <= self.scene.c0:
+            values = _lengths(self._accelerations()) + np.abs(self.sph.bodies.drho[rows])
+        who = self.culprit(values)
         self.end(f"a velocity, acceleration or density is not a finite number, the largest are those of {who}")
 
     def _accelerations(self) -> NDArray[np.float64]:
@@ -138,5 +142,4 @@ class Runaway:
 
 
 def _lengths(vectors: NDArray) -> NDArray[np.float64]:
-    with np.errstate(over="ignore"):
-        return np.sqrt(np.sum(vectors * vectors, axis=0))
+    return np.hypot.reduce(vectors, axis=0)

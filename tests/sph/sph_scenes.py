@@ -50,7 +50,7 @@ def text(d=2, size=1.0, fill=0.5, spacing=0.05, gravity=None, periodic=(), more=
 
 def torn():
     """A case: water in a tank, above it a drop of two particles at 1.32 rho0, which leaves the domain soon."""
-    drop = """fluid = ( { name = "drop"; surface = 31.0; velocity = [15.0, 0.0];
+    drop = """fluid = ( { name = "drop"; surface = 31.0; velocity = [18.0, 0.0];
         shape = { box = { low = [0.5, 0.8]; high = [0.7, 0.9]; }; }; }, { name ="""
     whole = text(size=(1.0, 1.2), fill=(0.8, 0.5), spacing=0.1, more=tank(2, size=(1.0, 0.6)), outflow=("x+",))
     return whole.replace("fluid = ( { name =", drop)
