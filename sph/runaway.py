@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from hpcpic.core.errors import Diverged
 from sph import limits
 from sph.kernels.marks import CODES
+from sph.tanks import sides
 from sph.walls import through_wall
 
 if TYPE_CHECKING:
@@ -34,6 +35,8 @@ class Runaway:
         self.sph, self.scene = sph, scene
         self.shortest = SHORTEST * limits.time_step(config)
         self.size = float(np.sqrt(np.sum((scene.high - scene.low) ** 2)))
+        self.domain = [*zip(scene.low.tolist(), scene.high.tolist())]
+        self.sides = [(wall.index, side) for wall in scene.walls for side in sides(wall)]
         self.conserving = "energy_total" in config.conserved
         self.fastest = config.eos.max_velocity or 0.0
         self.first: float | None = None
@@ -44,14 +47,14 @@ class Runaway:
     def see(self, speed: float, acceleration: float, density: float) -> None:
         """The largest |v|, |a| and |rho - rho0| of a step that is about to be done. Collective; raises Diverged."""
         sph, scene = self.sph, self.scene
-        wall = float(np.sqrt(np.sum(sph.walls.velocity**2, axis=1)).max(initial=0.0))
+        wall = float(np.sqrt(np.sum(sph.walls.velocity**2, axis=1)).max()) if sph.walls.moving else 0.0
         most = max(scene.c0, wall)
         if speed > most:
             who = self.culprit(_lengths(sph.bodies.v[:, sph.bodies.fluid]))
             cause = "a numerical instability, or a fall that eos.max_velocity does not know of"
             self.end(f"{who} moves at {speed:.4g} m/s, faster than sound ({scene.c0:.4g} m/s): {cause}")
-        low, high = scene.low - sph.box[0], sph.box[1] - scene.high
-        away = float(np.max(np.maximum(low, high), initial=0.0, where=~scene.periodic))
+        box = [*zip(sph.box[0].tolist(), sph.box[1].tolist())]
+        away = max(max(a - low, high - b) for (low, high), (a, b) in zip(box, self.domain))
         if away > self.size + most * sph.time:
             x = sph.bodies.x[:, sph.bodies.fluid] + sph.origin[:, None]
             who = self.culprit(_lengths(x))
@@ -60,8 +63,16 @@ class Runaway:
             self._too_short(acceleration, density)
         if speed * SLOW > scene.c0 and speed > wall:
             self._tell(speed)
-        if not self.leak and sph.walls.outside(sph.box):
+        if self.sides and not self.leak and self._outside(box):
             self.leak = through_wall(sph, sph.bodies.fluid)
+
+    def _outside(self, box: list[tuple[float, float]]) -> bool:
+        """Whether fluid, all of which the box holds, is behind a side of an open tank: over its edge, or through it."""
+        for index, (axis, sign, place) in self.sides:
+            shift = sign * self.sph.walls.displacement[index, axis] if self.sph.walls.moving else 0.0
+            if sign * box[axis][sign > 0] > place + shift:
+                return True
+        return False
 
     def no_number(self) -> None:
         """The particle with the first velocity, acceleration or density that is none. Collective; raises Diverged."""

@@ -52,7 +52,11 @@ def _beyond(wall: "Wall", x: NDArray, faces: set[str]) -> NDArray[np.float64]:
     return np.stack(columns, axis=1) if columns else np.zeros((len(x), 0))
 
 
-def outside(wall: "Wall", low: NDArray, high: NDArray) -> bool:
-    """Whether a box reaches by more than a spacing behind the closed faces of a tank that has edges."""
-    ends = np.array([low, high])
-    return bool(rims(wall)) and np.any(behind(wall, ends) > wall.scene.spacing)
+def sides(wall: "Wall") -> list[tuple[int, float, float]]:
+    """Closed faces of a tank with edges: axis, sign s, and p so that s x > p is more than a spacing behind the face."""
+    box = wall.shape.box
+    if not box or not rims(wall):
+        return []
+    places = {"-": (-1.0, box.low), "+": (1.0, box.high)}
+    found = [(AXES.index(axis), *places[sign]) for axis, sign in sorted(wall.closed)]
+    return [(axis, sign, sign * corner[axis] + wall.scene.spacing) for axis, sign, corner in found]

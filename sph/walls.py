@@ -12,7 +12,7 @@ from hpcpic.core.space.exact import LIMBS, add_limbs, power_of_two_above, value
 from sph.kernels.marks import NORMAL, REAL, REPULSIVE, WALL_BITS
 from sph.scene import AHEAD
 from sph.solids import signed_distance
-from sph.tanks import depth_in, outside
+from sph.tanks import depth_in
 
 if TYPE_CHECKING:
     from sph.scene import Scene, Wall
@@ -77,11 +77,6 @@ class Walls:
             found += [(wall, part) for part in shell(made, outer)]
             self.made[wall.index] = outer
         return found
-
-    def outside(self, box: Corners) -> bool:
-        """Whether fluid, which the box holds, is behind a side of an open tank: over its edge, or through it."""
-        shifted = ((wall, self.displacement[wall.index]) for wall in self.scene.walls)
-        return any(outside(wall, box[0] - shift, box[1] - shift) for wall, shift in shifted)
 
     def boxes(self) -> NDArray[np.float64]:
         """Where walls are made, for a checkpoint: [walls, 2, d], not a number where nothing is."""
