@@ -75,7 +75,7 @@ def domain_of(config: SphConfig) -> Domain:
 def _numerics(config: SphConfig):
     numerics = config.numerics
     viscous = any(fluid.dynamic_viscosity for fluid in config.fluid)
-    form = numerics.viscosity_form or ("morris" if viscous else "none")
+    form = numerics.viscosity_form or ("morris" if viscous else "artificial")
     flux, alpha = numerics.flux_coefficient, numerics.artificial_viscosity
     return numerics.model_copy(
         update={

@@ -44,6 +44,7 @@ class Domain(Section):
     low: Vector | None = setting(None, "lower corner; by default that of fluids and walls", "m")
     high: Vector | None = setting(None, "upper corner; by default that of fluids and walls", "m")
     periodic: Names = setting((), "axes along which the domain repeats itself, of x, y, z")
+    outflow: Names = setting((), 'sides through which fluid leaves for good, as "x+"; elsewhere it may come back')
 
 
 class Box(Section):
@@ -134,19 +135,23 @@ class Eos(Section):
 
 class Numerics(Section):
     spacing: float = setting(REQUIRED, "particle spacing dp", "m", gt=0)
-    smoothing: float = setting(1.3, "smoothing length over spacing, h / dp", gt=0)
+    smoothing: float = setting(1.3, "smoothing length over spacing, h / dp", gt=0, le=10)
     kernel: Kernel = setting("wendland2", "cubic spline (MP 9), Wendland C2 or C4, quintic spline (reaches 3 h)")
     gradient_correction: bool = setting(False, "renormalised gradients: exact for linear fields")
     density_flux: Flux = setting(
         "delta", "diffusion of density: Rusanov (MP 17), Molteni, Fourtakas, or delta-SPH with renormalised gradient"
     )
-    flux_coefficient: float | None = setting(None, "of the flux; by default 1 (rusanov) or 0.1", ge=0)
+    flux_coefficient: float | None = setting(None, "of the flux; by default 1 (rusanov) or 0.1", ge=0, le=100)
     viscosity_form: Literal["none", "strain-rate", "cleary", "morris", "artificial"] | None = setting(
-        None, "Morris et al. 1997; strain rate and stress (MP 22-23); Cleary (SC 6), exact for shear along a lattice "
-        "and 6 to 40 % too viscous elsewhere; or artificial only. By default morris if viscous"
+        None,
+        "Morris et al. 1997; strain rate and stress (MP 22-23); Cleary (SC 6), exact for shear along a lattice "
+        "and 6 to 40 % too viscous elsewhere; or artificial only. By default morris if viscous, else artificial",
     )
     artificial_viscosity: float | None = setting(
-        None, "alpha of the artificial viscosity, added to any form; by default 0.02 for artificial, else 0", ge=0
+        None,
+        "alpha of the artificial viscosity, added to any form; by default 0.02 for artificial, else 0",
+        ge=0,
+        le=100,
     )
     tensile_correction: float = setting(0.0, "Monaghan's artificial pressure against clumping, 0.2 is usual", ge=0)
     shifting: bool = setting(False, "particles are shifted towards where there are few (Sun et al. 2017)")
@@ -253,6 +258,8 @@ class SphConfig(Section):
     @property
     def conserved(self) -> tuple[str, ...]:
         """Scalars of the series that the scene keeps; the energy, but for what the scheme dissipates."""
+        if self.domain.outflow:
+            return ()
         works = any(self.body_force) or any(wall.motion for wall in self.wall)
         pulls = [any(forces) for forces in zip(self.gravity, self.body_force)]
         free = () if self.wall else (f"momentum_{axis}" for axis, pulled in zip(AXES, pulls) if not pulled)
@@ -297,10 +304,12 @@ def name_of(kind: Literal["fluid", "wall", "gauge"], i: int, section: Fluid | Wa
 
 
 def speed_scale(config: SphConfig) -> float:
-    """sqrt(2 g H) of the fluid's height H along gravity, and what moves at t = 0, m/s."""
+    """sqrt(2 g H) of the fluid's height H along gravity, what moves at t = 0, and walls that swing, m/s: these push
+    fluid, as others, such as a gate, need not.
+    """
     g = math.hypot(*config.gravity)
     speeds = [geometry.length(fluid.velocity) + flow_speed(config, fluid) for fluid in config.fluid]
-    speeds += [motion_speed(wall.motion) for wall in config.wall if wall.motion and wall.motion.amplitude]
+    speeds += [motion_speed(wall.motion) for wall in config.wall if wall.motion and any(wall.motion.amplitude)]
     if g:
         heights = [height for fluid in config.fluid for height in heights_of(config, fluid)]
         speeds.append(math.sqrt(2 * g * max(0.0, max(heights, default=0.0) - min(heights, default=0.0))))

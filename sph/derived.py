@@ -10,6 +10,7 @@ from sph.config import SphConfig, motion_speed
 from sph.images import most_images
 from sph.kernels.marks import CODES
 from sph.scene import DOMAIN, Scene
+from sph.sense import sensible
 
 SMALL = 6  # spacings across a repulsive body, below which the force on it is off by more than a tenth
 STRETCH = 0.1  # of the spacing along an edge, which is noticed
@@ -32,6 +33,7 @@ def derived(config: SphConfig, ranks: int = 1) -> list[Derived]:
         *extents(config, scene, ranks),
         *images(scene),
         *dry_gauges(config, scene),
+        *sensible(config, scene),
     ]
 
 
@@ -47,7 +49,6 @@ def step(config: SphConfig) -> Iterator[Derived]:
     yield courant(config, dt)
     smallest = min(parts, key=lambda name: parts[name])
     yield Derived(f"time step at t = 0, {'fixed' if simulation.time_step else smallest}", "dt", dt, "s")
-    yield Derived("steps to the end", "T/dt", simulation.end_time / dt)
     if "viscous" in parts:
         yield from viscous_step(config, dt, parts["viscous"])
     if config.fluid and config.numerics.density_flux == "rusanov" and any(config.gravity):

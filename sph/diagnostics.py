@@ -97,7 +97,11 @@ def scalars(sph: "Sph") -> dict[str, float]:
         "max_density_error": denser / scene.rho0,
         "front_x": farthest[along] + sph.origin[along] + scene.spacing / 2,
         "dt": sph.time_step,
+        "strays": sph.strays.count,
     }
+    if scene.config.domain.outflow:
+        found["outflow"] = sph.outflow.mass()
+    sph.runaway.see_energy(kinetic, kinetic + potential + internal, mass)
     found |= {f"momentum_{AXES[axis]}": value for axis, value in zip(sph.axes, momentum)}
     return {name: float(found[name]) for name in scalar_units(scene.config) if name in found} | wall_scalars(sph, d)
 

@@ -5,22 +5,37 @@ from collections.abc import Iterator
 
 from hpcpic.core.errors import ConfigError
 from hpcpic.core.files.config import Path
+from hpcpic.core.files.schema import Section
 from sph import geometry, limits, periods, series
 from sph.completion import domain_of
 from sph.config import AXES, Fluid, Gauge, Shape, SphConfig, Wall, name_of, speed_scale
 
 MOST_ALONG = 2**21  # particles along an edge, whose places are kept
 MOST_ACROSS = 2**21  # supports of the kernel across the domain: beyond, a place is not known as well as who is near
+HUGE = 1e40  # magnitude of a number, beyond which products of a few leave floating point
 FLAT = ("mirror-no-slip", "repulsive", "point-symmetric-free-slip")
 Fault = tuple[Path, str]
 
 
 def faults(config: SphConfig) -> Iterator[Fault]:
     """The relations between settings; those inside shapes only where all vectors have their length."""
-    found = [*sizes(config), *names(config)]
+    found = [*magnitudes(config), *sizes(config), *names(config)]
     yield from found
     if not found:
         yield from relations(config)
+
+
+def magnitudes(section: Section, path: Path = ()) -> Iterator[Fault]:
+    """Numbers so large or small that products of a few of them are no numbers any more."""
+    for name in type(section).model_fields:
+        value = getattr(section, name)
+        listed = enumerate(value) if isinstance(value, tuple) else [(None, value)]
+        for i, one in listed:
+            at = (*path, name) if i is None else (*path, name, i)
+            if isinstance(one, Section):
+                yield from magnitudes(one, at)
+            elif isinstance(one, float) and one and not 1 / HUGE < abs(one) < HUGE:
+                yield at, f"must be 0 or between {1 / HUGE:g} and {HUGE:g} (got {one:g})"
 
 
 def sizes(config: SphConfig) -> Iterator[Fault]:
@@ -32,6 +47,10 @@ def sizes(config: SphConfig) -> Iterator[Fault]:
     for i, axis in enumerate(config.domain.periodic):
         if axis not in AXES[:d]:
             yield ("domain", "periodic", i), f"must be one of {', '.join(AXES[:d])} (got {axis!r})"
+    sides = [axis + sign for axis in AXES[:d] if axis not in config.domain.periodic for sign in "-+"]
+    for i, side in enumerate(config.domain.outflow):
+        if side not in sides:
+            yield ("domain", "outflow", i), f"must be one of {', '.join(sides)} (got {side!r})"
     for group, i, section in shaped(config):
         yield from (((group, i, "shape", *path), text) for path, text in shape_faults(section.shape, d))
         box = section.shape.box
@@ -104,6 +123,10 @@ def gauge_faults(gauge: Gauge, d: int) -> Iterator[Fault]:
         yield (), f"at is missing, which a gauge of {gauge.what} needs"
     if gauge.what == "flow" and not gauge.axis:
         yield (), f"axis is missing, which a gauge of {gauge.what} needs"
+    if gauge.size and gauge.what != "flow":
+        yield ("size",), f"only a gauge of flow has a size, one of {gauge.what} has none"
+    if gauge.axis and gauge.what in ("pressure", "velocity"):
+        yield ("axis",), f"a gauge of {gauge.what} has no axis"
     if any(length < 0 for length in gauge.size):
         yield ("size",), f"must not be below 0 (got {list(gauge.size)})"
     if gauge.axis and gauge.axis[0] not in AXES[:d]:

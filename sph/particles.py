@@ -197,7 +197,7 @@ class Bodies:
         d = self.d
         shapes = {"state": ((2 * d + 3, capacity), float), "flags": ((capacity,), np.int32)}
         shapes |= dict.fromkeys(self.LINES, ((d, capacity), float)) | {"drho_old": ((capacity,), float)}
-        shapes |= dict.fromkeys(("shear", "matrix"), ((d ** 2, capacity), float))
+        shapes |= dict.fromkeys(("shear", "matrix"), ((d**2, capacity), float))
         for name, (shape, kind) in shapes.items():
             fresh = aligned_zeros((*shape[:-1], 0) if name in self.without else shape, kind)
             if name in self.columns and fresh.size:
@@ -251,6 +251,12 @@ class Bodies:
         self.end = end
         self._rows, self._ghosts = (place[rows].astype(np.int64) for rows in (self._rows, self._ghosts))
 
+    def remove(self, rows: NDArray[np.int64]) -> None:
+        """Own particles are here no more."""
+        self.flags[rows] = 0
+        self.n -= len(rows)
+        self._found.clear()
+
     # ---- between ranks
 
     def migrate(self, iteration: int, owners: NDArray[np.int64]) -> None:
@@ -262,8 +268,7 @@ class Bodies:
         leaving = own[owners[own] != self.world.rank]
         peers = owners[leaving]
         outgoing = {int(peer): self._pack(leaving[peers == peer]) for peer in np.unique(peers)}
-        self.flags[leaving] = 0
-        self.n -= len(leaving)
+        self.remove(leaving)
         for records in self._migrate.send(iteration, outgoing):
             rows = np.ascontiguousarray(records).reshape(-1).view(self._record)
             numbers, d = rows["numbers"].T, self.d

@@ -71,6 +71,4 @@ def box_surface(low: NDArray, high: NDArray, step: float) -> NDArray[np.float64]
 def box_edges(low: NDArray, high: NDArray) -> list[NDArray[np.float64]]:
     """The twelve edges[2, 3] of a box."""
     corners = [np.array(corner) for corner in itertools.product(*zip(low, high))]
-    return [
-        np.stack([a, b]) for a, b in itertools.combinations(corners, 2) if np.count_nonzero(a != b) == 1
-    ]
+    return [np.stack([a, b]) for a, b in itertools.combinations(corners, 2) if np.count_nonzero(a != b) == 1]

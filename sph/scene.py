@@ -16,6 +16,7 @@ from sph import config as case
 from sph import flows, geometry, periods, resting, solids
 from sph.kernels.marks import WALL_BITS
 from sph.lattices import PART, Filled, Grid, Parts, Sheet, Shell, box_sheets, even, grid_of
+from sph.tanks import behind, depth_in
 
 NEAR = 0.25  # of a spacing: fluid nearer to a solid is taken away
 REST = 0.9  # of h: distance at which a repulsive layer holds the fluid (S(y) of (SC 9) is 0.25 there)
@@ -361,25 +362,13 @@ class Scene:
             elif shape.plane:
                 yield wall.name, None, lambda x, s=shape: solids.signed_distance(s, x) < margin
             elif not shape.box or np.any(ends[:, 0] < low) or np.any(ends[:, 1] > high):
-                yield wall.name, None, lambda x, w=wall: behind(w, x) > -margin
+                apart = shape.box and (np.any(ends[:, 1] < low) or np.any(ends[:, 0] > high))
+                depth = depth_in if apart else behind  # what lies beside a tank is not its own
+                yield wall.name, None, lambda x, w=wall, depth=depth: depth(w, x) > -margin
         for fluid in self.fluids:
             shape = fluid.section.shape
             low, high = map(np.array, geometry.bounds(shape))
             yield fluid.section.name, (low, high), lambda x, s=shape: solids.signed_distance(s, x) <= 0.0
-
-
-def behind(wall: Wall, x: NDArray) -> NDArray[np.float64]:
-    """How far points lie behind the closed faces of a tank, m; negative inside of it."""
-    shape = wall.shape
-    if not shape.box:
-        return solids.signed_distance(shape, x)
-    found = np.full(len(x), -FAR)
-    for axis, name in enumerate(case.AXES[: x.shape[1]]):
-        if f"{name}-" in wall.closed:
-            found = np.maximum(found, shape.box.low[axis] - x[:, axis])
-        if f"{name}+" in wall.closed:
-            found = np.maximum(found, x[:, axis] - shape.box.high[axis])
-    return found
 
 
 def flagged(grid: Grid, box: tuple[NDArray, NDArray] | None, bad) -> NDArray[np.int64]:

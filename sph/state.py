@@ -19,10 +19,15 @@ if TYPE_CHECKING:
 def state(sph: "Sph") -> dict[str, Shard]:
     """x (relative to the lower corner, storage axes), v, drho of the fluid; of walls also which particles there are."""
     d, world = sph.scene.dimensions, sph.world
-    result = _sharded(sph, _own(sph, fluid=True), sph.scene.n_fluid, {"x": (d,), "v": (d,), "drho": ()}, "")
+    own, total, shapes = _own(sph, fluid=True), sph.scene.n_fluid, {"x": (d,), "v": (d,), "drho": ()}
+    if sph.scene.config.domain.outflow:
+        total, shapes = _numbered(sph, own), shapes | {"number": ()}
+    result = _sharded(sph, own, total, shapes, "")
     whole = {"reach": np.array([sph.reach])} if sph.farthest_reach else {}  # which neighbours are looked at
     if _have_periods(sph):
         whole["gauges/since"] = np.array([sph.gauges.since])
+    if sph.strays.count:
+        whole["strays"] = np.array([sph.strays.count])
     if sph.scene.walls:
         whole |= {"walls/made": sph.walls.boxes(), "walls/impulse": sph.impulses}
     for name, rows in whole.items():
@@ -31,10 +36,15 @@ def state(sph: "Sph") -> dict[str, Shard]:
     if not sph.scene.walls:
         return result
     own = _own(sph, fluid=False)
+    shapes = {"x": (d,), "drho": (), "number": ()} | ({"normal": (d,)} if sph.law.repulsive else {})
+    return result | _sharded(sph, own, _numbered(sph, own), shapes, "walls/")
+
+
+def _numbered(sph: "Sph", own: dict[str, NDArray]) -> int:
+    """How many particles of a kind there are; their ids, which have gaps, become `number`, ranks among them `id`."""
     ids = _everybodys(sph, own["id"])
     own["number"], own["id"] = own["id"], np.searchsorted(ids, own["id"])
-    shapes = {"x": (d,), "drho": (), "number": ()} | ({"normal": (d,)} if sph.law.repulsive else {})
-    return result | _sharded(sph, own, len(ids), shapes, "walls/")
+    return len(ids)
 
 
 def _have_periods(sph: "Sph") -> bool:
@@ -77,9 +87,12 @@ def restore(sph: "Sph", reader: "Reader") -> None:
         sph.reach = float(reader.read("reach")[0])
     if _have_periods(sph):
         sph.gauges.since = float(reader.read("gauges/since")[0])
+    sph.strays.count = int(reader.read("strays")[0]) if "strays" in reader.names else 0
     bodies.clear()
-    low, high = block_ranges(sph.scene.n_fluid, world.size)[world.rank]
-    ids = np.arange(low, high)
+    outflow = bool(sph.scene.config.domain.outflow)
+    total = reader.total("number") if outflow else sph.scene.n_fluid
+    low, high = block_ranges(total, world.size)[world.rank]
+    ids = reader.read("number", low, high) if outflow else np.arange(low, high)
     x, v, drho = (reader.read(name, low, high) for name in ("x", "v", "drho"))
     bodies.append(x.T, v.T, drho, sph.scene.fluid(ids)["m"], ids, FLUID | REAL | FLOWS)
     if sph.scene.walls:

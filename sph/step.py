@@ -1,6 +1,5 @@
 """The SPH simulation: particles sorted into cells, pair sums, one step in time."""
 
-import logging
 from collections.abc import Mapping
 from typing import Any
 
@@ -24,20 +23,18 @@ from sph.kernels.specialise import specialise
 from sph.laws import law_of, unused
 from sph.neighbours import Cells, Grid
 from sph.particles import Bodies, Slabs, Tasks
+from sph.runaway import Runaway
 from sph.scene import Scene
+from sph.strays import Outflow, Strays
 from sph.sums import PairSums
 from sph.timestep import TimeStep
-from sph.walls import Walls, grow_walls, through_wall, wall_forces
+from sph.walls import Walls, grow_walls, wall_forces
 
 PART = 24_000  # particles of a part of a task, whose odd layers find in the cache what its even ones have left there
 PARTS_PER_THREAD = 4, 16  # at least and at most
 FASTEST = 0.15  # of c0: particles of integrators with stages may move so far in a step of Courant number cfl
 SPARE, LEAST = 1.15, 2e-3  # neighbours are known for this much more than the way of the last step, and for so many h
-DENSITIES = (0.7, 1.3)  # of rho0, beyond which a weakly compressible fluid is none
 MARGIN = 1e-9  # of the support, for rounding
-SLOW = 7.0  # c0 over the largest velocity, below which the fluid is told to be compressible
-
-log = logging.getLogger("hpcpic.sph")
 
 
 class Sph:
@@ -64,7 +61,7 @@ class Sph:
         self.periods = {kind: getattr(every, name) or 0 for kind, name in kinds.items()}
         self.iteration, self.time, self.time_step = 0, 0.0, 0.0
         self._slabs: Slabs | None = None
-        self.evaluations, self._forces_at, self._told = 0, -1, False
+        self.evaluations, self._forces_at = 0, -1
         self.axes = list(scene.axes)
         self.walls, self.impulses = Walls(scene, world), np.zeros((len(scene.walls), 4))
         self._domain()
@@ -72,6 +69,7 @@ class Sph:
         self.tasks = Tasks(pool, parts * pool.threads)
         with world.first_on_node():  # it compiles
             self._prepare()
+        self.runaway, self.strays, self.outflow = Runaway(self), Strays(self), Outflow(self)
         self._distribute()
         self.sort()
 
@@ -86,7 +84,6 @@ class Sph:
         self.reach = self.next_reach = min(LEAST * scene.h, self.farthest_reach)  # how far particles move between sorts
         self.radius = scene.support * (1 + MARGIN) + 2 * self.farthest_reach
         self.grid = Grid(self.lengths, self.radius)
-        self.farthest = scene.spacing / np.finfo(float).eps  # m from the origin
         cuts = balanced_cuts(np.ones(self.grid.layers), self.world.size)
         points = (self.grid.layers, *np.ceil(self.lengths[1:] / self.radius).astype(int).tolist())
         self.domain = Domain(tuple(self.lengths), points, tuple(map(bool, self.periodic)), cuts)
@@ -141,8 +138,11 @@ class Sph:
 
     def resume(self) -> None:
         """Take up a state whose particles have just been appended anywhere."""
-        if not (np.isfinite(self.bodies.x[:, : self.bodies.end]).all() and np.isfinite(self.reach)):
-            raise Diverged("a position, or how far neighbours are known, is not a finite number")
+        if not np.isfinite(self.bodies.x[:, : self.bodies.end]).all():
+            raise Diverged("a position is not a finite number")
+        if not 0.0 <= self.reach <= self.farthest_reach * (1 + MARGIN):
+            known = f"0 .. {self.farthest_reach:.4g} m"
+            raise Diverged(f"neighbours are known for {self.reach:.4g} m of their way, which is not within {known}")
         self._forces_at = -1
         self.migrate()
         self.balance()
@@ -242,6 +242,8 @@ class Sph:
             if self.faces:
                 self.tasks.each(self.motion.swap)
             self.tasks.each(self.motion.rewrap)
+            self.strays.settle()
+            self.outflow.leave()
         self.time += self.time_step
         self.iteration += 1
         with self.timers.section("migrate"):
@@ -285,25 +287,15 @@ class Sph:
             worst = self.world.max_array(np.where(np.isnan(worst), np.inf, worst) * np.ones(found.shape[1]))
             self.largest, reach = worst[:3], worst[3:]
             if not np.isfinite(self.largest).all():
-                raise Diverged("a velocity, acceleration or density is not a finite number")
+                self.runaway.no_number()
             self._set_box(reach)
             speed, acceleration, density = self.largest
             self.time_step = self.choose(float(np.sqrt(speed)), float(np.sqrt(acceleration)), float(density))
+            self.strays.find(float(density))
+            self.runaway.see(float(np.sqrt(speed)), float(np.sqrt(acceleration)), float(density))
             self._add_impulses()
-            self._tell_speed(float(np.sqrt(speed)))
         if self.farthest_reach:
             self._widen(*np.sqrt(worst[:2]))
-
-    def _tell_speed(self, speed: float) -> None:
-        """A warning, once, when the sound speed is too low for what has come about in the fluid."""
-        wall = np.sqrt(np.sum(self.walls.velocity**2, axis=1)).max(initial=0.0)
-        if self._told or speed * SLOW <= self.scene.c0 or speed <= wall:
-            return
-        self._told = True
-        if self.world.rank == 0:
-            factor = self.scene.c0 / speed
-            words = "fluid at %.3g m/s at t = %.3g s: c0 is %.2g times that (below %g densities are off by 2 %%)"
-            log.warning(words + "; larger eos.max_velocity", speed, self.time, factor, SLOW)
 
     def _widen(self, speed: float, acceleration: float) -> None:
         """Neighbours as far as this step takes them from each other, and about as far as the next one may."""
@@ -364,23 +356,8 @@ class Sph:
         state.restore(self, reader)
 
     def guard(self) -> str | None:
-        """Why this rank's state is no solution, or None."""
-        bodies, rho0 = self.bodies, self.scene.rho0
-        x, v = bodies.x[:, : bodies.end], bodies.v[:, : bodies.end]
-        if not (np.isfinite(x).all() and np.isfinite(v).all()):
-            return "a position or velocity is not a finite number"
-        if not np.isfinite(self.impulses).all():
-            return "the impulse of the fluid on a wall is not a finite number"
-        fluid = bodies.fluid
-        lost = fluid[np.abs(x[:, fluid]).max(axis=0) > self.farthest]
-        if len(lost):
-            one = bodies.number(lost[0])
-            return f"particle {one} is so far away that its position has no digits left for its spacing"
-        density = bodies.drho[fluid] / rho0 + 1.0
-        worst = int(np.argmax(np.abs(density - 1.0))) if len(fluid) else 0
-        if len(fluid) and not DENSITIES[0] <= density[worst] <= DENSITIES[1]:
-            return f"the density of particle {bodies.number(fluid[worst])} is {density[worst]:.3g} rho0"
-        return through_wall(self, fluid)
+        """Why this rank's state is no solution, or None. Collective where no series has looked at the energy lately."""
+        return self.runaway.trouble()
 
     def worst(self) -> list[str]:
         """Lines on the worst particles of this rank. Collective."""

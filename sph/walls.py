@@ -10,8 +10,9 @@ from hpcpic.core.comm.world import World
 from hpcpic.core.errors import Diverged
 from hpcpic.core.space.exact import LIMBS, add_limbs, power_of_two_above, value
 from sph.kernels.marks import NORMAL, REAL, REPULSIVE, WALL_BITS
-from sph.scene import AHEAD, behind
+from sph.scene import AHEAD
 from sph.solids import signed_distance
+from sph.tanks import depth_in
 
 if TYPE_CHECKING:
     from sph.scene import Scene, Wall
@@ -160,7 +161,7 @@ def through_wall(engine: "Sph", fluid: NDArray[np.int64]) -> str | None:
         if wall.section.solid or shape.plane:
             depth = -signed_distance(shape, at)
         else:
-            depth = behind(wall, at)
+            depth = depth_in(wall, at)
         lost = np.flatnonzero(depth > scene.spacing)
         if len(lost):
             place = ", ".join(f"{value:.4g}" for value in x[lost[0]])

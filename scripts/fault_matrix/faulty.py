@@ -63,14 +63,14 @@ def middle(reader: Any, name: str) -> int:
     return reader.total(name) // 2
 
 
-def become_nan(app: Any, world: Any, which: int) -> None:
-    """Array number `which` of the state gets a value that is no number, in its middle row. Collective."""
+def become(app: Any, world: Any, which: Callable[[Any], str], value: float) -> None:
+    """An array of the state, chosen by `which(reader)`, gets another value in its middle row. Collective."""
     own = tempfile.mkdtemp() if world.rank == 0 else ""
     folder = RunDir(world.bcast(own.encode()).decode())
     checkpoint.write(world, folder, app.iteration, app.time, app.state())
     reader = checkpoint.newest(folder, world)
-    name = floats(reader)[which]
-    app.restore(Damaged(reader, name, middle(reader, name), 0, lambda value: np.nan))
+    name = which(reader)
+    app.restore(Damaged(reader, name, middle(reader, name), 0, lambda _: value))
 
 
 def misnumber_messages() -> None:
@@ -152,7 +152,10 @@ def with_fault(simulator: type) -> type:
             time.sleep(FAULT["pause"])
             if self.iteration == at:
                 if kind.startswith("nan "):
-                    become_nan(self, self._ranks, int(kind.split()[1]))
+                    become(self, self._ranks, lambda reader: floats(reader)[int(kind.split()[1])], np.nan)
+                elif kind.startswith("value "):
+                    _, name, value = kind.split()
+                    become(self, self._ranks, lambda _: name, float(value))
                 elif self._ranks.rank == rank:
                     fail_here(kind, self._ranks)
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from fault_matrix.bench import Bench, expect
+from fault_matrix.bench import Bench, Skipped, expect
 from fault_matrix.checkpoints import alone
 from fault_matrix.faulty import floats
 from fault_matrix.rows import row
@@ -10,6 +10,9 @@ from hpcpic.core.files.rundir import RunDir
 from hpcpic.core.run import checkpoint
 
 FLIPS = 200
+DAMAGE = {  # numbers of the state that are finite and yet none that a run comes to
+    "sph": ("v 1e12", "v 1e6", "v 3e3", "drho 300", "drho -300", "x 1e12", "reach -1", "walls/impulse 1e300"),
+}
 FLAT_RANKS = 6
 
 
@@ -41,6 +44,20 @@ def flipped_in_memory(bench: Bench) -> str:
     seen = found["caught"] + found["raised"] + found["crashed"]
     expect(seen >= 0.95 * harmful, f"{seen} of {harmful} seen: {found}")
     return f"{seen} of {harmful} seen; of {FLIPS}: {', '.join(f'{n} {what}' for what, n in found.items())}"
+
+
+@row(
+    49,
+    "a number of the state that is finite and none that a run comes to",
+    "exit 4 within 100 steps, the place is named",
+)
+def damaged(bench: Bench) -> str:
+    if bench.program not in DAMAGE:
+        raise Skipped("no such numbers are listed for it")
+    for damage in DAMAGE[bench.program]:
+        done = bench.run("--force", kind=f"value {damage}")
+        expect(done.code == 4 and "Traceback" not in done.err, f"{damage}: {done}")
+    return f"exit 4 for {', '.join(DAMAGE[bench.program])}"
 
 
 @row(47, "the clock jumps an hour forward and back", "exit 0, times are right, --wall holds")

@@ -9,8 +9,17 @@ from sph.kernels.marks import NORMAL, REPULSIVE
 from sph.kernels.pairs import UNIT, Law, columns_of
 
 SCALES = (
-    "per_h", "per_c", "per_rho", "per_m", "background", "viscosity", "tensile", "of_gradient", "of_strain",
-    "of_shifting", "of_around",
+    "per_h",
+    "per_c",
+    "per_rho",
+    "per_m",
+    "background",
+    "viscosity",
+    "tensile",
+    "of_gradient",
+    "of_strain",
+    "of_shifting",
+    "of_around",
 )
 """1 / h, 1 / c0, 1 / rho0, 1 / (rho0 h^d), p / (rho0 c0^2), mu / (rho0 c0 h), Monaghan's coefficient; and what the
 other sums of these kinds are multiplied by."""

@@ -15,7 +15,7 @@ from sph.step import Sph
 
 TEXT = """
 simulation = {{ dimensions = {d}; end_time = 1.0; integrator = "{integrator}"; cfl = {cfl}; {step} }};
-domain = {{ low = {low}; high = {high}; periodic = {periodic}; }};
+domain = {{ low = {domain_low}; high = {high}; periodic = {periodic}; outflow = {outflow}; }};
 gravity = {gravity};
 fluid = ( {{ name = "water"; dynamic_viscosity = {viscosity}; velocity = {velocity}; initial_pressure = "{pressure}";
             shape = {{ box = {{ low = {low}; high = {fill}; }}; }}; }} );
@@ -37,19 +37,27 @@ def text(d=2, size=1.0, fill=0.5, spacing=0.05, gravity=None, periodic=(), more=
         "integrator": "symplectic", "cfl": 0.3, "viscosity": 0.0, "velocity": (0.0,) * d, "pressure": "hydrostatic",
         "smoothing": 1.3, "kernel": "wendland2", "flux": "molteni", "form": "artificial", "alpha": 0.1,
         "precision": "double", "balance": 100, "tensile": 0.0, "corrected": "false", "shifting": "false",
-        "step": "", "sound": 20.0,
+        "step": "", "sound": 20.0, "low": (0.0,) * d, "outflow": (),
     } | settings  # fmt: skip
-    chosen["velocity"] = listed(chosen["velocity"])
+    chosen |= {name: listed(chosen[name]) for name in ("velocity", "low", "outflow")}
     sizes, fills = np.broadcast_to(size, d), np.broadcast_to(fill, d)
     gravity = (0.0,) * (d - 1) + (-9.81,) if gravity is None else gravity
     return TEXT.format(
-        d=d, low=listed((0.0,) * d), high=listed(sizes), fill=listed(fills), gravity=listed(gravity),
+        d=d, domain_low=listed((0.0,) * d), high=listed(sizes), fill=listed(fills), gravity=listed(gravity),
         periodic=listed(periodic), spacing=spacing, more=more, **chosen,
     )  # fmt: skip
 
 
-def config(**settings):
-    return validate(SphConfig, loads(text(**settings)))
+def torn():
+    """A case: water in a tank, above it a drop of two particles at 1.32 rho0, which leaves the domain soon."""
+    drop = """fluid = ( { name = "drop"; surface = 31.0; velocity = [18.0, 0.0];
+        shape = { box = { low = [0.5, 0.8]; high = [0.7, 0.9]; }; }; }, { name ="""
+    whole = text(size=(1.0, 1.2), fill=(0.8, 0.5), spacing=0.1, more=tank(2, size=(1.0, 0.6)), outflow=("x+",))
+    return whole.replace("fluid = ( { name =", drop)
+
+
+def config(case=None, **settings):
+    return validate(SphConfig, loads(case or text(**settings)))
 
 
 def engine(world=None, threads=1, **settings):

@@ -42,7 +42,9 @@ def test_what_is_not_given_follows_from_what_is():
     assert config.eos.max_velocity == pytest.approx((2 * 9.81 * 0.5) ** 0.5)
     assert config.sound_speed == pytest.approx(10 * config.eos.max_velocity)
     assert (config.domain.low, config.domain.high) == ((0.0, 0.0), (1.0, 0.5))
-    assert config.numerics.viscosity_form == "none" and config.numerics.flux_coefficient == 0.1
+    numerics = config.numerics
+    assert (numerics.density_flux, numerics.flux_coefficient) == ("delta", 0.1)
+    assert (numerics.viscosity_form, numerics.artificial_viscosity) == ("artificial", 0.02)
     assert 0.5 < config.simulation.cfl < 1.1
 
 

@@ -43,7 +43,7 @@ def merged(text):
     return "\n".join([*told, *lines])
 
 
-RUSANOV, NONE = 'density_flux = "rusanov";', 'density_flux = "none";'
+RUSANOV, NONE = 'density_flux = "rusanov";', 'density_flux = "none"; viscosity_form = "none";'
 
 
 @pytest.mark.parametrize(

@@ -44,11 +44,12 @@ def end(sph, steps=20):
 @pytest.mark.parametrize(
     "x, v, reason",
     [
-        ((0.5, 2.0), (0.0, 0.0), None), ((0.5, 1e6), (0.0, 0.0), None), ((0.5, 1e12), (0.0, 0.0), None),
-        ((0.5, 1.0), (0.0, 1e4), None),  # thrown out of the tank
+        ((0.5, 2.0), (0.0, 0.0), None), ((0.5, 1.0), (0.0, 19.0), None),  # thrown out of the tank
+        ((0.5, 1e6), (0.0, 0.0), "outside the domain"), ((0.5, 1e12), (0.0, 0.0), "outside the domain"),
+        ((0.5, 1.0), (0.0, 1e4), "faster than sound"),
         ((0.0, 0.2), (0.0, 0.0), None), ((0.0, 0.0), (0.0, 0.0), None),  # on a wall, in a corner
-        ((0.5, -0.2), (0.0, 0.0), "went through tank"), ((-1e3, 0.5), (0.0, 0.0), "went through tank"),
-        ((1e6, 0.2), (0.0, 0.0), "went through tank"),
+        ((0.5, -0.2), (0.0, 0.0), "went through tank"), ((-0.2, 0.5), (0.0, 0.0), "went through tank"),
+        ((-1e3, 0.5), (0.0, 0.0), "outside the domain"), ((1e6, 0.2), (0.0, 0.0), "outside the domain"),
     ],
 )  # fmt: skip
 def test_a_particle_may_leave_by_the_open_side_only(x, v, reason):
@@ -67,7 +68,7 @@ def test_a_particle_that_is_no_number_ends_the_run(column, value):
     sph = water()
     sph.bodies.columns[column][..., fluid(sph)[5]] = value
     reason = end(sph)
-    assert any(words in reason for words in ("not a finite number", "density of particle", "no room", "moved farther"))
+    assert any(words in reason for words in ("not a finite number", "density of", "no room", "moved farther"))
 
 
 @pytest.mark.parametrize("many", [2, 50])
@@ -101,7 +102,7 @@ def test_little_water_and_much_gravity(settings):
     assert np.sqrt(sph.largest[0]) < 0.05 * sph.scene.c0  # it settles by less than a spacing
 
 
-@pytest.mark.parametrize("excess, ends", [(1.001, None), (1.01, None), (1.1, None), (10.0, "density of particle")])
+@pytest.mark.parametrize("excess, ends", [(1.001, None), (1.01, None), (1.1, None), (10.0, "density of 50 particles")])
 def test_water_that_starts_too_dense(excess, ends):
     sph = water()
     sph.bodies.drho[fluid(sph)] = 1000.0 * (excess - 1)

@@ -2,7 +2,7 @@
 
 import pytest
 from app_runner import check_same
-from sph_scenes import tank, text
+from sph_scenes import tank, text, torn
 
 JOBS = {
     name: {"program": "sph", "case": case, "steps": 12}
@@ -13,6 +13,7 @@ JOBS = {
         "periodic": text(d=2, size=(1.0, 0.6), spacing=0.04, fill=(1.0, 0.4), periodic=("x",), form="cleary",
                          viscosity=1.0, precision="single", balance=3, velocity=(2.0, 0.0),
                          more=tank(2, "repulsive", (1.0, 0.6))),
+        "torn": torn(),
     }.items()
 }  # fmt: skip
 

@@ -1,0 +1,121 @@
+"""States that are no solution end a run within 100 steps, and name the particle, its place and the time."""
+
+import numpy as np
+import pytest
+from sph_scenes import engine, tank
+
+from hpcpic.core.errors import Diverged
+
+TANK = {"size": (1.0, 1.2), "fill": (1.0, 0.5), "spacing": 0.1}
+BEFORE = 5  # steps
+
+
+def water(**settings):
+    chosen = TANK | settings
+    return engine(more=tank(2, size=chosen["size"]), **chosen)
+
+
+def attacked(sph, attack, steps=100, every=50):
+    """What ends a run that is attacked after some steps; the guard looks as seldom as in a long run."""
+    for k in range(BEFORE + steps):
+        if k == BEFORE:
+            assert sph.guard() is None
+            attack(sph)
+        try:
+            sph.step()
+        except Diverged as error:
+            return str(error)
+        if (k - BEFORE) % every == every - 1 and (reason := sph.guard()):
+            return reason
+    return None
+
+
+def one(sph):
+    """A particle in the middle of the water."""
+    rows = sph.bodies.fluid
+    return rows[np.argmin(np.abs(sph.physical("x", rows) - (0.45, 0.25)).sum(axis=1))]
+
+
+def set_one(column, value, axis=0):
+    def attack(sph):
+        line = sph.bodies.columns[column]
+        line[(sph.axes.index(axis), one(sph)) if line.ndim == 2 else one(sph)] = value
+        if column == "x":
+            sph.sort()
+
+    return attack
+
+
+@pytest.mark.parametrize("speed", [3e3, 1e6, 1e12, -1e12])
+def test_a_speed_beyond_that_of_sound(speed):
+    sph = water()
+    number = sph.bodies.number(one(sph))
+    reason = attacked(sph, set_one("v", speed))
+    assert f"step {BEFORE}, t = {sph.time:.6g} s: particle {number} at (0.4" in reason and "faster than sound" in reason
+
+
+@pytest.mark.parametrize("column, value", [("v", 1e200), ("v", np.nan), ("drho", np.nan), ("drho", np.inf)])
+def test_what_is_no_number(column, value):
+    sph = water()
+    number = sph.bodies.number(one(sph))
+    reason = attacked(sph, set_one(column, value))
+    assert "not a finite number" in reason and (column != "v" or f"particle {number} at (0.4" in reason)
+
+
+@pytest.mark.parametrize("excess", [0.3, -0.3, 0.5])
+def test_a_density_off_by_a_third(excess):
+    sph = water()
+    number = sph.bodies.number(one(sph))
+    reason = attacked(sph, set_one("drho", excess * 1000.0))
+    assert f"density of particle {number} at (0.4" in reason and f"{1 + excess:.3g} rho0" in reason
+
+
+@pytest.mark.parametrize("away", [30.0, 1e12, -1e12])
+def test_a_place_in_an_open_direction_farther_than_sound_has_run(away):
+    assert "outside the domain" in attacked(water(), set_one("x", abs(away), axis=1))
+
+
+def test_an_acceleration_that_makes_steps_short():
+    def attack(sph):
+        sph.tasks.arrays["external"][:] = 1e12
+
+    reason = attacked(water(), attack)
+    assert "the time step has fallen to" in reason and "particle" in reason and "m/s2" in reason
+
+
+def test_an_impulse_that_no_pressure_has_given():
+    def attack(sph):
+        sph.impulses[0, 0] = 1e300
+
+    assert "impulse" in attacked(water(), attack)
+
+
+@pytest.mark.parametrize("share, words", [(0.8, "mean speed of all fluid"), (0.3, "total energy grew")])
+def test_energy_that_nothing_has_given(share, words):
+    def attack(sph):
+        sph.scalars()
+        rows = sph.bodies.fluid
+        sph.bodies.v[sph.axes.index(1), rows] = share * sph.scene.c0  # out of the tank, all together
+
+    assert words in attacked(water(size=(1.0, 60.0), gravity=(0.0, -9.81)), attack)
+
+
+@pytest.mark.parametrize("reach", [-1e-3, np.nan, 1.0])
+def test_a_reach_of_neighbours_that_cannot_be(reach):
+    sph = water(integrator="rk3-tvd")
+    sph.step()
+    sph.reach = reach
+    with pytest.raises(Diverged, match="neighbours are known for"):
+        sph.resume()
+
+
+def test_a_sound_run_is_left_alone():
+    sph = water(fill=(0.5, 0.9))
+    assert attacked(sph, lambda sph: None, steps=200) is None
+
+
+def test_a_wall_may_be_faster_than_sound():
+    gate = """{ name = "gate"; solid = true; type = "repulsive"; motion = { velocity = [0.0, 100.0]; };
+        shape = { box = { low = [0.5, 0.0]; high = [0.6, 1.0]; }; }; } );"""
+    more = tank(2, size=TANK["size"]).rstrip().removesuffix(");") + "," + gate
+    assert attacked(engine(**TANK | {"fill": (0.5, 0.5)}, more=more), lambda sph: None, steps=20) is None
