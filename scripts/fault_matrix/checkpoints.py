@@ -305,8 +305,8 @@ def stale(bench: Bench) -> str:
 @row(33, "two runs in one folder", "the second: exit 6; the first: same bits")
 def two_runs(bench: Bench) -> str:
     with bench.started(pause=0.15) as running:
-        refused = [bench.run(), bench.run("--force"), bench.restart()]
+        refused = [bench.run(), bench.run("--replace"), bench.restart()]
         done = running.end()
     expect([one.code for one in refused] == [6, 6, 6], refused)
     expect(done.code == 0 and bench.facts()["state_digest"] == bench.digest(), done)
-    return "exit 6 (run, run --force, restart); the first: same bits"
+    return "exit 6 (run, run --replace, restart); the first: same bits"

@@ -93,7 +93,7 @@ def test_killed_in_mid_step_goes_on_to_the_same_state(toy, restart_ranks, tempor
     assert toy.facts("a")["state_digest"] == toy.digest()
     parts = [(p["status"], p["first_step"], p["steps"], p["ranks"]) for p in toy.facts("a")["history"]]
     assert parts == [("killed", 0, None, 2), ("finished", 100, 200, restart_ranks)]
-    toy("run", "ring.conf", "-o", "whole", "--force", "--threads", "1")
+    toy("run", "ring.conf", "-o", "whole", "--replace", "--threads", "1")
     rows = [list(csv.DictReader((toy.folder / name / "series.csv").open())) for name in ("a", "whole")]
     assert rows[0] == rows[1]  # every step once
 

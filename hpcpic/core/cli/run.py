@@ -68,9 +68,8 @@ def make_run_command(app_loader: AppLoader) -> click.Command:
     @set_option
     @job_options
     @click.option("--dry", is_flag=True, help="Check and estimate only; take no step and make no folder.")
-    @click.option(
-        "--force", is_flag=True, help="Replace the run in DIR; run in spite of limits that allow it."
-    )
+    @click.option("--replace", is_flag=True, help="Replace the run in DIR: its files, and nothing else.")
+    @click.option("--force", is_flag=True, help="Run in spite of limits that allow it.")
     @click.option("--beyond-limits", is_flag=True, help="Run in spite of the scheme's limits, as `stability` does.")
     def run(
         case: str,
@@ -81,6 +80,7 @@ def make_run_command(app_loader: AppLoader) -> click.Command:
         checkpoint_every: str | None,
         quiet: bool,
         dry: bool,
+        replace: bool,
         force: bool,
         beyond_limits: bool,
     ) -> int:
@@ -89,7 +89,7 @@ def make_run_command(app_loader: AppLoader) -> click.Command:
             return _dry(app_loader(), case, sets, threads or 1, force)
         from hpcpic.core.cli.job import Flags, job
 
-        prepare = partial(prepare_run, case, output, sets, force, beyond_limits)
+        prepare = partial(prepare_run, case, output, sets, replace, force, beyond_limits)
         return job(app_loader, prepare, Flags(threads, wall, checkpoint_every, quiet))
 
     return run
@@ -99,6 +99,7 @@ def prepare_run(
     case: str,
     output: str | None,
     sets: tuple[str, ...],
+    replace: bool,
     force: bool,
     beyond_limits: bool,
     app: App,
@@ -124,7 +125,7 @@ def prepare_run(
         "derived": [{key: getattr(number, key) for key in told} for number in numbers],
     }
     given = given_files(read.tree.files)
-    rundir = RunDir.create(folder, force, config=text, given=given, sets=sets, facts=facts)
+    rundir = RunDir.create(folder, replace, config=text, given=given, sets=sets, facts=facts)
     allowed = " --beyond-limits" if beyond_limits else " --force" if force else ""
     return rundir, Plan(folder=folder, config=text, allowed=allowed, warnings=warnings)
 

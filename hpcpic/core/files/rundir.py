@@ -9,10 +9,11 @@ import logging
 import math
 import os
 import platform
-import shutil
+import re
 import subprocess
 import sys
 from collections.abc import Mapping, Sequence
+from contextlib import suppress
 from datetime import UTC, datetime
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
@@ -22,22 +23,11 @@ from hpcpic.core.errors import FileError
 from hpcpic.core.files.together import explain
 from hpcpic.version import __version__
 
-RUN_NAMES = (
-    "run.json",
-    "config.conf",
-    "given",
-    "log.txt",
-    "timers.csv",
-    "series.h5",
-    "series.csv",
-    "fields.vtkhdf",
-    "particles.vtkhdf",
-    "grains.vtkhdf",
-    "openpmd",
-    "checkpoints",
-    "STOP",
-    "report.html",
+RUN_FILES = (
+    *("run.json", "config.conf", "log.txt", "timers.csv", "series.h5", "series.csv", "fields.vtkhdf"),
+    *("particles.vtkhdf", "grains.vtkhdf", "post-mortem.txt", "report.html", "STOP"),
 )
+RUN_FOLDERS = {"checkpoints": r"\d{8,}\.h5", "openpmd": r"data\d*\.h5"}  # and what a run calls its files there
 LOCK = ".lock"
 NO_LOCKS = (errno.ENOSYS, errno.EOPNOTSUPP, errno.ENOLCK)  # what parallel file systems say that are mounted without
 log = logging.getLogger(__name__)
@@ -110,7 +100,7 @@ class RunDir:
     def create(
         cls,
         path: Path | str,
-        force: bool = False,
+        replace: bool = False,
         *,
         config: str,
         given: Mapping[str, str | bytes] | None = None,
@@ -121,23 +111,25 @@ class RunDir:
         lock.
 
         `given` maps file names (paths relative to the case's folder) to contents. A folder that holds a run
-        is refused unless `force`, which removes that run's files and nothing else. Raises FileError; nothing
-        is left behind then.
+        is refused unless `replace`, which removes what that run has made and nothing else; a folder with files of other
+        origin that are called as those of a run is always refused. Raises FileError; nothing is left behind then.
         """
         rundir = cls(path)
-        made = _missing_parents(rundir.path)
+        made, begun = _missing_parents(rundir.path), False
         try:
             rundir.path.mkdir(parents=True, exist_ok=True)
-            rundir._refuse_run(force)
+            rundir._refuse_run(replace)
             rundir.lock()
-            rundir._refuse_run(force)
+            rundir._refuse_run(replace)
             _probe(rundir.path)
-            for name in RUN_NAMES:
-                _remove(rundir.path / name)
-            rundir._fill(config, given or {}, sets)
-            rundir.update(status="running", started=_now(), **(facts or {}))
+            begun = True
+            rundir._remove_run()
+            names = rundir._names_in_given(given or {})
+            facts = {"status": "running", "started": _now(), "given": sorted(names), **(facts or {})}
+            rundir.update(**facts)  # first: from now on the folder is known as that of a run
+            rundir._fill(config, names, sets)
         except BaseException as error:
-            rundir._undo(made)
+            rundir._undo(made, begun)
             if isinstance(error, OSError):
                 raise FileError(f"cannot make the run folder {rundir.path}: {explain(error)}") from error
             raise
@@ -156,31 +148,76 @@ class RunDir:
             raise FileError(f"{path}: a run of {made_by}, not of {program}: say `{made_by}` instead of `{program}`")
         return rundir
 
-    def _refuse_run(self, force: bool) -> None:
-        found = [name for name in RUN_NAMES if (self.path / name).exists() and name != "STOP"]
-        if found and not force:
+    def _refuse_run(self, replace: bool) -> None:
+        names = [*RUN_FILES, "given", *RUN_FOLDERS]
+        found = [name for name in names if os.path.lexists(self.path / name) and name != "STOP"]
+        if not found:
+            return
+        named = f"({', '.join(found[:4])}{', ...' if found[4:] else ''})"
+        if not self._is_ours():
             raise FileError(
-                f"{self.path} holds a run already ({', '.join(found[:4])}{', ...' if found[4:] else ''}); "
-                "choose another folder with -o, go on with `restart`, or replace that run with --force"
+                f"{self.path} holds files that a run would write {named}, and no run.json of a run: they are not "
+                "touched; choose another folder with -o, or take them away yourself"
+            )
+        if not replace:
+            raise FileError(
+                f"{self.path} holds a run already {named}; choose another folder with -o, go on with `restart`, or "
+                "replace that run with --replace (--force is for limits alone)"
             )
 
-    def _fill(self, config: str, given: Mapping[str, str | bytes], sets: Sequence[str]) -> None:
-        self.given.mkdir()
+    def _is_ours(self) -> bool:
+        """Whether run.json is what `create` makes."""
+        try:
+            return not self.run_json.is_symlink() and {"status", "started"} <= self.read_run().keys()
+        except FileError:
+            return False
+
+    def _remove_run(self) -> None:
+        """What a run has made here; what somebody else has put beside or among it stays."""
+        given = self.read_run().get("given") if self.run_json.exists() else []
+        if not self.given.is_symlink():
+            for name in given if isinstance(given, list) else []:
+                path = self.given / str(name)
+                if path.parent.resolve().is_relative_to(self.given.resolve()):
+                    path.unlink(missing_ok=True)
+            (self.given / "set.txt").unlink(missing_ok=True)
+        for name, pattern in RUN_FOLDERS.items():
+            folder = self.path / name
+            for path in [] if folder.is_symlink() or not folder.is_dir() else list(folder.iterdir()):
+                if re.fullmatch(rf"{pattern}|\..*\.tmp", path.name):
+                    path.unlink()
+        for name in ("given", *RUN_FOLDERS):
+            _remove_if_empty(self.path / name)
+        for name in RUN_FILES:
+            with suppress(IsADirectoryError):
+                (self.path / name).unlink(missing_ok=True)
+        for path in self.path.glob("trace-rank-*.txt"):
+            path.unlink()
+
+    def _names_in_given(self, given: Mapping[str, str | bytes]) -> dict[str, str | bytes]:
+        """The files with their places in given/: those that would lead out of it lie in it under their last name."""
+        inside = {}
         for name, content in given.items():
-            target = self.given / Path(name)
-            if not target.resolve().is_relative_to(self.given.resolve()):
-                target = self.given / Path(name).name
+            place = os.path.normpath(name)
+            leads_out = os.path.isabs(place) or place.split(os.sep)[0] == os.pardir
+            inside[Path(place).name if leads_out else place] = content
+        return inside
+
+    def _fill(self, config: str, given: Mapping[str, str | bytes], sets: Sequence[str]) -> None:
+        self.given.mkdir(exist_ok=True)
+        for name, content in given.items():
+            target = self.given / name
             target.parent.mkdir(parents=True, exist_ok=True)
             write_atomic(target, content)
         write_atomic(self.given / "set.txt", "".join(f"{line}\n" for line in sets))
         write_atomic(self.config, config)
 
-    def _undo(self, made: list[Path]) -> None:
-        """Remove what `create` made, if it was at it: the lock is held from the first change on."""
-        if self._lock is not None:
-            for name in ("given", "config.conf", "run.json"):
-                _remove(self.path / name)
-            self.unlock()
+    def _undo(self, made: list[Path], begun: bool) -> None:
+        """Remove what `create` made, if it had begun: a run that was to be replaced is then gone already."""
+        if begun:
+            with suppress(OSError, FileError):
+                self._remove_run()
+        self.unlock()
         for folder in made:
             if os.path.isdir(folder) and not any(folder.iterdir()):
                 folder.rmdir()
@@ -276,11 +313,16 @@ def _probe(folder: Path) -> None:
         probe.unlink(missing_ok=True)
 
 
-def _remove(path: Path) -> None:
-    if path.is_dir() and not path.is_symlink():
-        shutil.rmtree(path)
-    else:
-        path.unlink(missing_ok=True)
+def _remove_if_empty(folder: Path) -> None:
+    """A folder in which there are only empty folders; a link to one goes, and what it leads to stays."""
+    if folder.is_symlink():
+        folder.unlink()
+    elif folder.is_dir():
+        for path in folder.iterdir():
+            if path.is_dir() and not path.is_symlink():
+                _remove_if_empty(path)
+        if not any(folder.iterdir()):
+            folder.rmdir()
 
 
 def _alive(pid: int) -> bool:
