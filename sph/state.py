@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hpcpic.core.comm.sharding import by_id
-from hpcpic.core.files.arrays import Shard
+from hpcpic.core.files.arrays import Column, Shard
 from hpcpic.core.space.domain import block_ranges
 from sph.kernels.marks import CODES, FLOWS, FLUID, NORMAL, REAL
 from sph.walls import add_walls
@@ -67,6 +67,34 @@ def _sharded(
     low, _ = block_ranges(total, sph.world.size)[sph.world.rank]
     shared = by_id(sph.world, [chunk], layout, total)
     return {where + name: Shard(values, low, total) for name, values in shared.items()}
+
+
+def columns(sph: "Sph", reader: "Reader", densities: tuple[float, float]) -> dict[str, Column]:
+    """What `state` gives, of fluid of densities between these in rho0, and as many wall particles as were made."""
+    scene, real = sph.scene, np.float64
+    n, d, far = scene.n_fluid, scene.dimensions, sph.farthest
+    thinnest, densest = (scene.rho0 * (share - 1.0) for share in densities)
+    found = {
+        "x": Column(real, (n, d), -far, far),
+        "v": Column(real, (n, d)),
+        "drho": Column(real, (n,), thinnest, densest),
+    }
+    if sph.farthest_reach:
+        found["reach"] = Column(real, (1,), 0.0, sph.farthest_reach)
+    if _have_periods(sph):
+        found["gauges/since"] = Column(real, (1,), high=reader.time, open=True)
+    if scene.walls:
+        walls, number = len(scene.walls), reader.total("walls/number")
+        found |= {
+            "walls/made": Column(real, (walls, 2, d), open=True),
+            "walls/impulse": Column(real, sph.impulses.shape),
+            "walls/x": Column(real, (number, d), -far, far),
+            "walls/drho": Column(real, (number,)),
+            "walls/number": Column(np.int64, (number,), increasing=True, legal=scene.has_wall_particles),
+        }
+        if sph.law.repulsive:
+            found["walls/normal"] = Column(real, (number, d), -1.0, 1.0)
+    return found
 
 
 def restore(sph: "Sph", reader: "Reader") -> None:

@@ -14,7 +14,8 @@ import pytest
 
 from hpcpic.core.errors import FileError
 from hpcpic.core.files import rundir as rundir_module
-from hpcpic.core.files.rundir import RunDir, provenance, temporary, write_atomic
+from hpcpic.core.files.provenance import provenance
+from hpcpic.core.files.rundir import RunDir, temporary, write_atomic
 
 HOLD = """
 import sys

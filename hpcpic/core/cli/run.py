@@ -46,6 +46,14 @@ def job_options(command: Callable) -> Callable:
             help="500 (steps), 30s, 15m or 2h.  [default: the case's, or 15m]",
         ),
         click.option(
+            "--patience",
+            metavar="HH:MM:SS",
+            default="0:10:00",
+            show_default=True,
+            callback=_readable("parse_wall"),
+            help="End a run in which a step does not end for so long, and for 20 times a usual one.",
+        ),
+        click.option(
             "--wall",
             metavar="HH:MM:SS",
             callback=_readable("parse_wall"),
@@ -78,6 +86,7 @@ def make_run_command(app_loader: AppLoader) -> click.Command:
         threads: int | None,
         wall: str | None,
         checkpoint_every: str | None,
+        patience: str,
         quiet: bool,
         dry: bool,
         replace: bool,
@@ -90,7 +99,7 @@ def make_run_command(app_loader: AppLoader) -> click.Command:
         from hpcpic.core.cli.job import Flags, job
 
         prepare = partial(prepare_run, case, output, sets, replace, force, beyond_limits)
-        return job(app_loader, prepare, Flags(threads, wall, checkpoint_every, quiet))
+        return job(app_loader, prepare, Flags(threads, wall, checkpoint_every, patience, quiet))
 
     return run
 
@@ -106,17 +115,18 @@ def prepare_run(
     world: World,
 ) -> tuple[RunDir, Plan]:
     """Read the case and make the run folder; on rank 0."""
-    from hpcpic.core.cli.job import Plan, given_files, require_memory
+    from hpcpic.core.cli.job import Plan, require_memory
     from hpcpic.core.comm.library import library
-    from hpcpic.core.files.rundir import RunDir, provenance
-    from hpcpic.core.files.schema import dump
+    from hpcpic.core.files.given import config_text, contents
+    from hpcpic.core.files.provenance import provenance
+    from hpcpic.core.files.rundir import RunDir
 
     read = read_case(app, case, sets)
     numbers = app.derived(read.config, world.size)
     warnings = read.tree.warnings + ([] if beyond_limits else enforce(numbers, read.tree, force))
     warnings += require_memory(app, read.config, world.size, world.node_size, force)
     folder = output or run_folder(read)
-    text = dump(read.config)
+    text = config_text(read.config, read.tree)
     told = ("name", "symbol", "value", "unit", "limit", "verdict")
     facts = provenance(library()) | {
         "program": app.name,
@@ -124,8 +134,7 @@ def prepare_run(
         "sets": list(sets),
         "derived": [{key: getattr(number, key) for key in told} for number in numbers],
     }
-    given = given_files(read.tree.files)
-    rundir = RunDir.create(folder, replace, config=text, given=given, sets=sets, facts=facts)
+    rundir = RunDir.create(folder, replace, config=text, given=contents(read.tree), sets=sets, facts=facts)
     allowed = " --beyond-limits" if beyond_limits else " --force" if force else ""
     return rundir, Plan(folder=folder, config=text, allowed=allowed, warnings=warnings)
 

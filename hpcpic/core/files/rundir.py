@@ -10,18 +10,14 @@ import math
 import os
 import platform
 import re
-import subprocess
-import sys
 from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from datetime import UTC, datetime
-from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import IO, Any
 
 from hpcpic.core.errors import FileError
 from hpcpic.core.files.together import explain
-from hpcpic.version import __version__
 
 RUN_FILES = (
     *("run.json", "config.conf", "log.txt", "timers.csv", "series.h5", "series.csv", "fields.vtkhdf"),
@@ -31,7 +27,6 @@ RUN_FOLDERS = {"checkpoints": r"\d{8,}\.h5", "openpmd": r"data\d*\.h5"}  # and w
 LOCK = ".lock"
 NO_LOCKS = (errno.ENOSYS, errno.EOPNOTSUPP, errno.ENOLCK)  # what parallel file systems say that are mounted without
 log = logging.getLogger(__name__)
-PACKAGES = ("numpy", "numba", "mpi4py", "h5py", "pyfftw", "scipy", "mpich", "openmpi")
 
 
 def temporary(path: Path, pid: int | str | None = None) -> Path:
@@ -78,6 +73,11 @@ class RunDir:
     """
 
     def __init__(self, path: Path | str) -> None:
+        self.rename(path)
+        self._lock: IO[bytes] | None = None
+
+    def rename(self, path: Path | str) -> None:
+        """The folder is called so."""
         self.path = Path(path)
         self.run_json = self.path / "run.json"
         self.config = self.path / "config.conf"
@@ -88,7 +88,20 @@ class RunDir:
         self.openpmd = self.path / "openpmd"
         self.checkpoints = self.path / "checkpoints"
         self.stop_file = self.path / "STOP"
-        self._lock: IO[bytes] | None = None
+
+    def moved_to(self) -> str:
+        """What the held folder is called now, if it is not there any more under its name; "" if it is."""
+        if self._lock is None:
+            return ""
+        with suppress(OSError):
+            if os.path.samestat(os.fstat(self._lock.fileno()), os.stat(self.path / LOCK)):
+                return ""
+        try:
+            folder = os.path.dirname(os.readlink(f"/proc/self/fd/{self._lock.fileno()}"))
+            here = os.path.samestat(os.fstat(self._lock.fileno()), os.stat(os.path.join(folder, LOCK)))
+        except OSError:  # removed, or no /proc
+            return ""
+        return folder if here else ""
 
     @property
     def particles(self) -> Path:
@@ -136,14 +149,21 @@ class RunDir:
         return rundir
 
     @classmethod
-    def open(cls, path: Path | str, program: str = "") -> "RunDir":
-        """A folder that holds a run, of this `program` if one is named. Raises FileError when it does not."""
+    def open(cls, path: Path | str, program: str = "", damaged: bool = False) -> "RunDir":
+        """A folder that holds a run, of this `program` if one is named. FileError when it does not, and where run.json
+        cannot be read, unless it may be `damaged`.
+        """
         rundir = cls(path)
         if not os.path.isdir(path):  # which takes a name that is too long for none
             raise FileError(f"{path}: no such folder; `run` makes one")
         if not rundir.run_json.is_file():
             raise FileError(f"{path}: not a run folder (no run.json in it)")
-        made_by = rundir.read_run().get("program", program) if program else program
+        try:
+            made_by = rundir.read_run().get("program", program) if program else program
+        except FileError:
+            if not damaged:
+                raise
+            made_by = program
         if made_by != program:
             raise FileError(f"{path}: a run of {made_by}, not of {program}: say `{made_by}` instead of `{program}`")
         return rundir
@@ -275,6 +295,20 @@ class RunDir:
             raise FileError(f"{self.run_json}: not a JSON object")
         return content
 
+    def mend(self) -> list[str]:
+        """What was wrong with run.json, which is put aside and begun anew if it cannot be read. Raises FileError."""
+        try:
+            self.read_run()
+        except FileError as error:
+            kept = self.path / "run.json.damaged"
+            try:
+                os.replace(self.run_json, kept)
+            except OSError as refused:
+                raise FileError(f"cannot put {self.run_json} aside: {explain(refused)}") from refused
+            self.update(status="unknown", started=_now())
+            return [f"{error.message}: kept as {kept.name}; what it said of the run so far is missing in the new one"]
+        return []
+
     def update(self, **facts: Any) -> None:
         """Set keys of run.json; the file is replaced as a whole. Numbers that are not finite become null."""
         content = self.read_run() if self.run_json.exists() else {}
@@ -352,56 +386,3 @@ def _plain(value: Any) -> Any:
     if hasattr(value, "tolist"):  # numpy scalars and arrays
         return _plain(value.tolist())
     return str(value)
-
-
-def provenance(mpi_library: str = "") -> dict[str, Any]:
-    """What produced a run: versions, git state, machine, command line. No environment variables."""
-    return {
-        "versions": {"hpcpic": __version__, "python": platform.python_version(), **_versions()},
-        "git": _git(Path(__file__).resolve().parents[2]),
-        "mpi": " ".join(mpi_library.split()),
-        "cpu": _cpu(),
-        "cores": os.cpu_count(),
-        "host": platform.node(),
-        "system": platform.platform(),
-        "command": list(sys.argv),
-        "python": sys.executable,
-    }
-
-
-def _versions() -> dict[str, str]:
-    found = {}
-    for name in PACKAGES:
-        try:
-            found[name] = version(name)
-        except PackageNotFoundError:
-            continue
-    return found
-
-
-def _git(folder: Path) -> dict[str, Any] | None:
-    """Commit of the package's repository, and whether files differ from it; None for an installed copy."""
-    if not (folder.parent / ".git").exists():
-        return None
-
-    def ask(*words: str) -> str:
-        run = subprocess.run(
-            ["git", "-C", folder, *words], capture_output=True, text=True, timeout=10, check=True
-        )
-        return run.stdout.strip()
-
-    try:
-        return {"commit": ask("rev-parse", "HEAD"), "dirty": bool(ask("status", "--porcelain", "--", "."))}
-    except (OSError, subprocess.SubprocessError):
-        return None
-
-
-def _cpu() -> str:
-    try:
-        lines = Path("/proc/cpuinfo").read_text().splitlines()
-    except OSError:
-        return platform.processor()
-    return next(
-        (line.partition(":")[2].strip() for line in lines if line.startswith("model name")),
-        platform.machine(),
-    )

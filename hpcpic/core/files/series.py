@@ -1,7 +1,7 @@
 """Scalars in time: series.h5 and series.csv, written by rank 0.
 
-Rows are buffered and appended by a short open-write-close, so a process killed at any moment leaves readable
-files. In the HDF5 file `step` grows last and tells how many rows are valid.
+Rows are buffered, and appended by a short open-write-close when `flush` is called, so a process killed at any moment
+leaves readable files. In the HDF5 file `step` grows last and tells how many rows are valid.
 """
 
 import csv
@@ -49,8 +49,7 @@ class SeriesWriter:
 
         A scalar that one part of the run lacks is NaN there. Raises FileError.
         """
-        self._h5 = rundir.path / "series.h5"
-        self._csv = rundir.path / "series.csv"
+        self._rundir = rundir
         self._units = dict(units)
         self._rows: list[tuple[int, float, list[float]]] = []
         self._flushed = clock.monotonic()
@@ -58,6 +57,14 @@ class SeriesWriter:
         if after is not None and self._h5.exists():
             kept = _cut(read_series(rundir.path), after)
         self._start(kept)
+
+    @property
+    def _h5(self) -> Path:
+        return self._rundir.path / "series.h5"
+
+    @property
+    def _csv(self) -> Path:
+        return self._rundir.path / "series.csv"
 
     def _start(self, kept: Series) -> None:
         """Put both files in place, with the rows that are kept."""
@@ -85,10 +92,13 @@ class SeriesWriter:
         write_atomic(self._csv, _lines(head) + _lines(_texts(kept.step, columns)))
 
     def append(self, step: int, time: float, values: Mapping[str, float]) -> None:
-        """Add a row; every few seconds the rows go to the files. A missing value is NaN. Raises FileError."""
+        """Add a row; a missing value is NaN."""
         self._rows.append((int(step), float(time), [float(values.get(name, np.nan)) for name in self._units]))
-        if clock.monotonic() - self._flushed > FLUSH_SECONDS:
-            self.flush()
+
+    @property
+    def due(self) -> bool:
+        """Whether rows have waited for some seconds."""
+        return bool(self._rows) and clock.monotonic() - self._flushed > FLUSH_SECONDS
 
     def flush(self) -> None:
         """Bring the buffered rows to the files. Raises FileError; the files keep the rows they had."""
@@ -109,13 +119,16 @@ class SeriesWriter:
         self._append_csv(_lines(_texts(steps, columns)))
 
     def _append_csv(self, text: str) -> None:
-        with open(self._csv, "r+b", buffering=0) as file:
-            old = file.seek(0, os.SEEK_END)
-            try:
-                image.write_all(file.fileno(), text.encode(), old)
-            except OSError as error:
-                file.truncate(old)
-                raise FileError(f"cannot append to {self._csv}: {explain(error)}") from error
+        try:
+            with open(self._csv, "r+b", buffering=0) as file:
+                old = file.seek(0, os.SEEK_END)
+                try:
+                    image.write_all(file.fileno(), text.encode(), old)
+                except OSError:
+                    file.truncate(old)
+                    raise
+        except OSError as error:
+            raise FileError(f"cannot append to {self._csv}: {explain(error)}") from error
 
 
 def _extend(file: "h5py.File", columns: Mapping[str, NDArray]) -> None:
