@@ -10,7 +10,7 @@ import time
 import traceback
 from pathlib import Path
 
-from fault_matrix import checkpoints, inputs, processes, states  # noqa: F401  (their rows enter the table)
+from fault_matrix import checkpoints, inputs, processes, states, surroundings  # noqa: F401  (their rows enter the table)
 from fault_matrix.bench import HERE, Bench, Skipped, Wrong
 from fault_matrix.rows import ROWS, Row
 

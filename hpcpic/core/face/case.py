@@ -117,8 +117,8 @@ class Case:
 
         folder: by default that of the command line. threads, wall ("HH:MM:SS"), checkpoint_every ("500" steps, "15m")
         and quiet mean what they mean there. replace: the run in the folder. force: run in spite of limits that allow
-        it. A run that was stopped early returns too, with the status "stopped". Raises ConfigError, FileError, and Diverged when the state was no
-        solution any more.
+        it. A run that was stopped early returns too, with the status "stopped". Raises ConfigError, FileError, and
+        Diverged when the state was no solution any more.
         """
         from hpcpic.core.cli.job import Flags, job
         from hpcpic.core.cli.run import prepare_run, run_folder
