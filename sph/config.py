@@ -12,7 +12,7 @@ from typing import Annotated, Literal
 
 from pydantic import BeforeValidator
 
-from hpcpic.core.files.config import Path, Tree
+from hpcpic.core.files.config import Path, Tree, dotted
 from hpcpic.core.files.given import digest_of
 from hpcpic.core.files.schema import REQUIRED, Section, Vector, as_tuple, setting
 from sph import geometry
@@ -263,7 +263,9 @@ class SphConfig(Section):
                     with suppress(OSError, ValueError):  # told when it is read as a surface
                         digest = digest_of(stl["file"])
                         tree.attached.append(stl["file"])
-                        stl.setdefault("sha256", digest)
+                        if stl.setdefault("sha256", digest) != digest:
+                            told = f"not the file of this case: its SHA-256 is {digest}"
+                            tree.faults.append(f"{tree.where(path)}: {dotted(path)}: {told}")
 
     def faults(self) -> Iterator[tuple[Path, str]]:
         from sph.faults import faults
