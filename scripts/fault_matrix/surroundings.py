@@ -128,7 +128,7 @@ def damaged_run(bench: Bench) -> str:
 def told_failure(bench: Bench) -> str:
     with bench.started("--checkpoint-every", "10") as running:
         folder = bench.run_folder / "checkpoints"
-        running.wait_for(folder.exists)
+        running.wait_for(bench.checkpoints)
         folder.rename(bench.folder / "kept")
         folder.write_text("in the way")
         done = running.end()

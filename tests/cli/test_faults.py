@@ -40,6 +40,7 @@ def test_one_traceback_and_exit_1(toy, kind, temporary):
     assert done.returncode == 1
     assert done.stderr.count("Traceback") == 1
     assert done.stderr.count("\nZeroDivisionError: ") == 1
+    assert "MPI_Abort" not in done.stderr  # nothing is told beside the cause
     facts = toy.facts("a")
     assert facts["status"] == "failed" and facts["exit_code"] == 1
     assert [(part["status"], part["exit_code"]) for part in facts["history"]] == [("failed", 1)]

@@ -69,7 +69,7 @@ def test_checkpoints_do_not_follow_a_link(toy):
     (toy.folder / "elsewhere").mkdir()
     (toy.folder / "elsewhere/00000001.h5").write_text("mine")
     folder = toy.folder / "a/checkpoints"
-    wait_until(folder.exists)
+    wait_until(lambda: toy.checkpoints("a"))
     folder.rename(toy.folder / "a/old")
     folder.symlink_to(toy.folder / "elsewhere")
     _, errors = ended(process, 0)
@@ -83,7 +83,7 @@ def test_three_checkpoints_that_fail_are_the_end_that_run_json_tells(toy, ranks)
     words = ("--checkpoint-every", "20")
     process = toy.start("run", "ring.conf", "-o", "a", "--threads", "1", *words, ranks=ranks, **SLOW)
     folder = toy.folder / "a/checkpoints"
-    wait_until(folder.exists)
+    wait_until(lambda: toy.checkpoints("a"))
     folder.rename(toy.folder / "a/old")
     folder.write_text("a file in the way")
     _, errors = ended(process, 6)

@@ -34,6 +34,12 @@ def temporary(path: Path, pid: int | str | None = None) -> Path:
     return path.with_name(f".{path.name}.{pid or os.getpid()}.tmp")
 
 
+def discard(path: Path) -> None:
+    """Remove what was begun, if it is still there to be removed: what hindered it is told, not this."""
+    with suppress(OSError):
+        path.unlink()
+
+
 def create_anew(path: Path) -> IO[bytes]:
     """A new file, whatever has stood there: a link that somebody put in the way is removed, not followed."""
     path.unlink(missing_ok=True)
@@ -56,7 +62,7 @@ def write_atomic(path: Path, content: str | bytes) -> None:
         finally:
             os.close(descriptor)
     except OSError as error:
-        made.unlink(missing_ok=True)
+        discard(made)
         raise FileError(f"cannot write {path}: {explain(error)}") from error
 
 

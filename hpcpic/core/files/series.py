@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from hpcpic.core.errors import FileError
 from hpcpic.core.files import image
-from hpcpic.core.files.rundir import RunDir, temporary, write_atomic
+from hpcpic.core.files.rundir import RunDir, discard, temporary, write_atomic
 from hpcpic.core.files.safe_hdf5 import open_checked
 from hpcpic.core.files.together import explain
 
@@ -86,7 +86,7 @@ class SeriesWriter:
             image.create(made, build)
             os.replace(made, self._h5)
         except OSError as error:
-            made.unlink(missing_ok=True)
+            discard(made)
             raise FileError(f"cannot make {self._h5}: {explain(error)}") from error
         head = [[STEP, TIME, *self._units], ["1", "s", *self._units.values()]]
         write_atomic(self._csv, _lines(head) + _lines(_texts(kept.step, columns)))

@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 from hpcpic.core.errors import FileError
 from hpcpic.core.files import image, sealed
 from hpcpic.core.files.arrays import Column, Shard
-from hpcpic.core.files.rundir import RunDir, temporary
+from hpcpic.core.files.rundir import RunDir, discard, temporary
 from hpcpic.core.files.sealed import CHUNK, Array, Reader
 from hpcpic.core.files.together import ALONE, Alone, together
 from hpcpic.core.space.domain import block_ranges
@@ -74,7 +74,7 @@ def write(
                 _forget_old(rundir.checkpoints, step)
     except BaseException:
         if world.rank == 0:
-            made.unlink(missing_ok=True)
+            discard(made)
         raise
     return final
 
