@@ -25,11 +25,11 @@ from hpcpic.core.run import checkpoint
 PAGE = 4096
 
 
-def alone(bench: Bench, what: str, n: int) -> dict[str, Any]:
+def alone(bench: Bench, what: str, n: int, timeout: float = 300.0) -> dict[str, Any]:
     """Of `fault_matrix.alone`, in a process of its own."""
     expect(bench.run(ranks=1).code == 0, "the run before")
     words = [sys.executable, "-m", "fault_matrix.alone", bench.program, str(bench.run_folder), what, str(n)]
-    done = subprocess.run(words, env=bench.environment({}, {}), capture_output=True, text=True, timeout=300)
+    done = subprocess.run(words, env=bench.environment({}, {}), capture_output=True, text=True, timeout=timeout)
     expect(done.returncode == 0, done.stderr[-500:])
     return json.loads(done.stdout.splitlines()[-1])
 

@@ -40,9 +40,7 @@ own_ending = pytest.mark.skipif(
 )
 
 
-@pytest.mark.parametrize(
-    "name, restart_ranks", [pytest.param("SIGTERM", 1, marks=own_ending), ("SIGUSR1", 3), ("SIGUSR2", 1)]
-)
+@pytest.mark.parametrize("name, restart_ranks", [pytest.param("SIGTERM", 1, marks=own_ending), ("SIGUSR1", 3)])
 def test_signal_to_mpirun(toy, name, restart_ranks):
     process = toy.start("run", "ring.conf", "-o", "a", "--threads", "1", ranks=2, **SLOW)
     process.send_signal(signal.Signals[name])
@@ -56,10 +54,12 @@ def test_signal_to_a_single_process(toy, name, restart_ranks):
     check_stopped_and_goes_on(toy, process, name, restart_ranks)
 
 
-def test_signal_to_one_rank_stops_all_at_one_step(toy):
+@pytest.mark.parametrize("name", ["SIGTERM", "SIGUSR2", "SIGHUP"])
+def test_signal_to_one_rank_stops_all_at_one_step(toy, name):
+    """SIGUSR2 and SIGHUP end MPICH's launcher itself: who sends them sends them to the ranks."""
     process = toy.start("run", "ring.conf", "-o", "a", "--threads", "1", ranks=2, **SLOW)
-    os.kill(ranks_of(process)[-1], signal.SIGTERM)
-    check_stopped_and_goes_on(toy, process, "SIGTERM", 2)
+    os.kill(ranks_of(process)[-1], signal.Signals[name])
+    check_stopped_and_goes_on(toy, process, name, 2)
 
 
 ALONE = """
