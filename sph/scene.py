@@ -254,9 +254,8 @@ class Scene:
     def has_wall_particles(self, ids: NDArray[np.int64]) -> NDArray[np.bool_]:
         """Which of these numbers those of particles of walls can be."""
         wall, within = (ids >> WALL_BITS) - 1, ids & ((1 << WALL_BITS) - 1)
-        known = (wall >= 0) & (wall < len(self.walls))
-        sheets = np.diff(self._first_normal)[np.where(known, wall, 0)]
-        return known & ((sheets == 0) | (within >> PART < sheets))
+        sheets = np.diff(self._first_normal)[np.clip(wall, 0, len(self.walls) - 1)]
+        return (wall >= 0) & (wall < len(self.walls)) & ((sheets == 0) | (within >> PART < sheets))
 
     def normal_of(self, ids: NDArray[np.int64]) -> NDArray[np.int64]:
         """Numbers in `normals` of wall particles: 0, of length 0, but for repulsive walls."""

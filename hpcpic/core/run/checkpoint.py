@@ -214,7 +214,7 @@ def _verified(path: Path, world: "World | Alone") -> Reader:
 
 def hold(reader: Reader, columns: Mapping[str, Column], world: "World | Alone" = ALONE) -> None:
     """Collective: FileError unless the checkpoint has these arrays and no others, of these shapes, types and values."""
-    for name in columns.keys() | set(reader.names):
+    for name in dict.fromkeys((*columns, *reader.names)):
         if name not in columns:
             raise FileError(f"{reader.path}: {name}: this scene has no such array, but {', '.join(columns)}")
         column = columns[name]
