@@ -249,6 +249,9 @@ class Immersed:
         walls = [self._of_walls(parts) for parts in ([], last)]
         return np.vstack((np.hstack(grains), np.hstack(walls)))
 
+    def pending_shape(self, number: int) -> tuple[int, int]:
+        return number + len(self._walls), 2 * GAINS
+
     def restore(self, pending: NDArray[np.int64]) -> None:
         """Take `pending` of a checkpoint; `start` places the grains. All ranks give the same."""
         here = pending if self._world.rank == 0 else np.zeros_like(pending)

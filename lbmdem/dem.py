@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from hpcpic.core.comm.world import World
 from hpcpic.core.errors import ConfigError, Diverged
-from hpcpic.core.files.arrays import Shard
+from hpcpic.core.files.arrays import Column, Shard
 from hpcpic.core.space import exact
 from hpcpic.core.space.domain import Domain, block_ranges
 from hpcpic.core.space.fields import aligned_zeros
@@ -343,6 +343,16 @@ class Dem:
             more = {"partner": partner, "spring": spring}
         low, _ = grains.part()
         return {f"grains/{name}": Shard(part, low, grains.number) for name, part in grains.state(more).items()}
+
+    def state_columns(self, reader: Reader) -> dict[str, Column]:
+        """What the arrays of `state` are: what grains are made of is that of the scene."""
+        found = {f"grains/{name}": column for name, column in self.grains.state_columns().items()}
+        if self.list.history:
+            n, others = self.grains.number, self.grains.number + len(self.walls)
+            most = reader.shape("grains/partner")[1:2] or (None,)
+            found["grains/partner"] = Column(np.int64, (n, *most), -1, others - 1)
+            found["grains/spring"] = Column(np.float64, (n, *most, 3))
+        return found
 
     def restore(self, reader: Reader) -> None:
         """Collective: go on from a checkpoint of any number of ranks."""

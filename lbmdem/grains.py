@@ -8,6 +8,7 @@ grains of the other ranks.
 """
 
 from collections.abc import Mapping
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,6 +18,7 @@ from hpcpic.core.comm.migrate import send_anywhere
 from hpcpic.core.comm.sharding import by_id
 from hpcpic.core.comm.tags import Channel, tag
 from hpcpic.core.comm.world import World
+from hpcpic.core.files.arrays import Column
 from hpcpic.core.space.domain import Domain, block_ranges, wrap
 from hpcpic.core.space.particles import pack_rows, record_type, unpack_rows
 from lbmdem.pairs import Springs
@@ -37,6 +39,7 @@ COLUMNS: dict[str, tuple[type, tuple[int, ...]]] = {
     "heat": (np.float64, ()),  # J made in this grain's half of its contacts
     "work": (np.float64, ()),  # J done by walls on this grain, and by it if it is fixed and turns or moves
 }
+UNIT = 1e-6  # by which a quaternion may miss its length
 STATE = tuple(name for name in COLUMNS if name not in ("id", "given"))
 
 
@@ -53,6 +56,7 @@ class Grains:
         self.dimensions = domain.ndim
         self.number = len(columns["radius"])
         self.together = world.size > 1 and self.number <= TOGETHER
+        self._made_of = {name: np.asarray(columns[name]) for name in ("mass", "inertia", "fixed", "radius")}
         self.columns = self._first(columns)
         self.n = len(self.columns["id"])
         self.lengths = np.zeros(3)
@@ -252,6 +256,24 @@ class Grains:
         columns = {name: self.columns[name][: self.n] for name in STATE} | dict(more or {})
         layout = {name: (column.dtype, column.shape[1:]) for name, column in columns.items()}
         return by_id(self.world, [(self.ids[: self.n], columns)], layout, self.number)
+
+    def state_columns(self) -> dict[str, Column]:
+        """What the arrays of `state` are in a checkpoint. What grains are made of does not change in a run."""
+        n, made = self.number, self._made_of
+        found = {name: Column(dtype, (n, *shape)) for name, (dtype, shape) in COLUMNS.items() if name in STATE}
+        for name in ("mass", "inertia", "fixed"):
+            found[name] = replace(found[name], low=made[name].astype(np.float64), high=made[name].astype(np.float64))
+        low, high = np.full((n, ROW), -np.inf), np.full((n, ROW), np.inf)
+        low[:, 3] = high[:, 3] = made["radius"]
+        free = made["fixed"] == 0
+        low[:, [7, 11]] = 0.0
+        high[:, 7] = np.where(free, 1.0 / made["mass"], 0.0)  # less with added mass
+        high[:, 11] = np.where(free, 1.0 / made["inertia"], 0.0)
+        if self.dimensions == 3:
+            low[:, TURN:], high[:, TURN:] = -1.0 - UNIT, 1.0 + UNIT
+        found["row"] = replace(found["row"], low=low, high=high)
+        found["pull"] = replace(found["pull"], low=0.0, high=1.0)
+        return found
 
     def take(self, ids: NDArray[np.int64], arrays: Mapping[str, NDArray]) -> None:
         """Collective: these grains instead of those of this rank; `settle` next."""

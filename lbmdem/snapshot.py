@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from hpcpic.core.files.arrays import FieldArray, ParticleArray, Shard
+from hpcpic.core.files.arrays import Column, FieldArray, ParticleArray, Shard
 from hpcpic.core.run.worst import worst_nodes, worst_particles
 from lbmdem.kernels.layout import FLUID
 from lbmdem.lattices import CS2
@@ -102,6 +102,19 @@ def state(app: "LbmDem") -> dict[str, Shard]:
         low = 0 if app.world.rank == 0 else len(pending)
         result["pending"] = Shard(pending[low:], low, len(pending))
     return result
+
+
+def columns(app: "LbmDem", reader: "Reader", densest: float) -> dict[str, Column]:
+    """What `state` gives, of fluid of at most this density in lattice units."""
+    found = {}
+    if app.fluid:
+        shape = (*app.domain.points, app.fluid.lattice.q)
+        found["populations"] = Column(app.fluid.layout_dtype, shape, -densest, densest)
+    if app.dem:
+        found |= app.dem.state_columns(reader)
+    if app.immersed:
+        found["pending"] = Column(np.int64, app.immersed.pending_shape(len(app.table)))
+    return found
 
 
 def restore(app: "LbmDem", reader: "Reader") -> None:

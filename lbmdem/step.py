@@ -280,6 +280,10 @@ class LbmDem:
         """Populations by rows, grains by number, bit for bit. Collective."""
         return snapshot.state(self)
 
+    def columns(self, reader) -> Mapping[str, object]:
+        """What the arrays of a checkpoint of this scene are."""
+        return snapshot.columns(self, reader, DENSEST)
+
     def restore(self, reader) -> None:
         """Take the state of a checkpoint, written by any number of ranks. Collective."""
         snapshot.restore(self, reader)

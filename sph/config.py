@@ -7,11 +7,13 @@ import itertools
 import math
 import os
 from collections.abc import Iterator
+from contextlib import suppress
 from typing import Annotated, ClassVar, Literal
 
 from pydantic import BeforeValidator
 
-from hpcpic.core.files.config import Path, Tree
+from hpcpic.core.files.config import Path, Tree, dotted
+from hpcpic.core.files.given import digest_of
 from hpcpic.core.files.schema import REQUIRED, Section, Vector, as_tuple, setting
 from hpcpic.core.files.words import one_period, one_viscosity
 from sph import geometry
@@ -71,6 +73,7 @@ class Plane(Section):
 
 class Stl(Section):
     file: str = setting(REQUIRED, "closed surface in an STL file, beside the case file")
+    sha256: str = setting("", "digest of the file, by which another one is refused; by default that of the file")
     scale: float = setting(1.0, "metres per unit of the file", gt=0)
     shift: Vector = setting((), "moved by this after scaling", "m")
 
@@ -274,7 +277,9 @@ class SphConfig(Section):
 
     @classmethod
     def modernised(cls, tree: Tree) -> None:
-        """One word for each viscosity and period; STL files are named relative to the file that names them."""
+        """One word for each viscosity and period; STL files are named relative to the file that names them, and known
+        by what is in them.
+        """
         listed = tree.data.get("fluid")
         fluids = [("fluid", i) for i in range(len(listed) if isinstance(listed, tuple) else 0)]
         one_viscosity(tree, fluids, "dynamic_viscosity", Fluid.model_fields["density"].default)
@@ -285,7 +290,14 @@ class SphConfig(Section):
                 path = (group, i, "shape", "stl", "file")
                 if tree.has(path) and isinstance(value := tree.data[group][i]["shape"]["stl"]["file"], str):
                     folder = os.path.dirname(os.path.abspath(tree.where(path).file))
-                    tree.data[group][i]["shape"]["stl"]["file"] = os.path.join(folder, value)
+                    stl = tree.data[group][i]["shape"]["stl"]
+                    stl["file"] = os.path.normpath(os.path.join(folder, value))
+                    with suppress(OSError, ValueError):  # told when it is read as a surface
+                        digest = digest_of(stl["file"])
+                        tree.attached.append(stl["file"])
+                        if stl.setdefault("sha256", digest) != digest:
+                            told = f"not the file of this case: its SHA-256 is {digest}"
+                            tree.faults.append(f"{tree.where(path)}: {dotted(path)}: {told}")
 
     def faults(self) -> Iterator[tuple[Path, str]]:
         from sph.faults import faults

@@ -252,6 +252,12 @@ class Scene:
             self.fluids.append(self._fill(section))
         self.n_fluid = sum(fluid.n for fluid in self.fluids)
 
+    def has_wall_particles(self, ids: NDArray[np.int64]) -> NDArray[np.bool_]:
+        """Which of these numbers those of particles of walls can be."""
+        wall, within = (ids >> WALL_BITS) - 1, ids & ((1 << WALL_BITS) - 1)
+        sheets = np.diff(self._first_normal)[np.clip(wall, 0, len(self.walls) - 1)]
+        return (wall >= 0) & (wall < len(self.walls)) & ((sheets == 0) | (within >> PART < sheets))
+
     def normal_of(self, ids: NDArray[np.int64]) -> NDArray[np.int64]:
         """Numbers in `normals` of wall particles: 0, of length 0, but for repulsive walls."""
         wall = (ids >> WALL_BITS) - 1

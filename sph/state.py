@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hpcpic.core.comm.sharding import by_id
-from hpcpic.core.files.arrays import Shard
+from hpcpic.core.files.arrays import Column, Shard
 from hpcpic.core.space.domain import block_ranges
 from sph.kernels.marks import CODES, FLOWS, FLUID, NORMAL, REAL
 from sph.walls import add_walls
@@ -77,6 +77,40 @@ def _sharded(
     low, _ = block_ranges(total, sph.world.size)[sph.world.rank]
     shared = by_id(sph.world, [chunk], layout, total)
     return {where + name: Shard(values, low, total) for name, values in shared.items()}
+
+
+def columns(sph: "Sph", reader: "Reader") -> dict[str, Column]:
+    """What `state` gives: fluid of some density, less of it where it may leave, and as many wall particles as were
+    made.
+    """
+    scene, real = sph.scene, np.float64
+    d, far = scene.dimensions, sph.farthest
+    n = reader.total("number") if scene.config.domain.outflow and "number" in reader.names else scene.n_fluid
+    found = {
+        "x": Column(real, (n, d), -far, far),
+        "v": Column(real, (n, d)),
+        "drho": Column(real, (n,), -scene.rho0),
+    }
+    if scene.config.domain.outflow:
+        found["number"] = Column(np.int64, (n,), 0, scene.n_fluid - 1, increasing=True)
+    if "strays" in reader.names:  # there have been some
+        found["strays"] = Column(np.int64, (1,), 1)
+    if sph.farthest_reach:
+        found["reach"] = Column(real, (1,), 0.0, sph.farthest_reach)
+    if _have_periods(sph):
+        found["gauges/since"] = Column(real, (1,), high=reader.time, open=True)
+    if scene.walls:
+        walls, number = len(scene.walls), reader.total("walls/number")
+        found |= {
+            "walls/made": Column(real, (walls, 2, d), open=True),
+            "walls/impulse": Column(real, sph.impulses.shape),
+            "walls/x": Column(real, (number, d), -far, far),
+            "walls/drho": Column(real, (number,)),
+            "walls/number": Column(np.int64, (number,), increasing=True, legal=scene.has_wall_particles),
+        }
+        if sph.law.repulsive:
+            found["walls/normal"] = Column(real, (number, d), -1.0, 1.0)
+    return found
 
 
 def restore(sph: "Sph", reader: "Reader") -> None:

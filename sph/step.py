@@ -351,6 +351,10 @@ class Sph:
         """Fluid and walls in order of their ids, bit for bit. Collective."""
         return state.state(self)
 
+    def columns(self, reader: Any) -> Mapping[str, object]:
+        """What the arrays of a checkpoint of this scene are."""
+        return state.columns(self, reader)
+
     def restore(self, reader: Any) -> None:
         """Take the state of a checkpoint, written by any number of ranks, for the present one. Collective."""
         state.restore(self, reader)

@@ -1,12 +1,14 @@
 """Closed surfaces from STL files, read by trimesh (extra `stl`)."""
 
 import functools
+import io
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from hpcpic.core.errors import ConfigError
+from hpcpic.core.files.given import content_of
 
 if TYPE_CHECKING:
     from sph.config import Stl
@@ -21,8 +23,8 @@ def mesh(stl: "Stl") -> Any:
     except ImportError as error:
         raise ConfigError(f"{stl.file}: STL files need more packages: pip install 'hpcpic[stl]'") from error
     try:
-        with open(stl.file, "rb") as file:
-            found = trimesh.load(file, file_type="stl", force="mesh")
+        content = content_of(stl.file)
+        found = trimesh.load(io.BytesIO(content), file_type="stl", force="mesh")
     except Exception as error:  # whatever a parser says of files that are none
         words = error.strerror if isinstance(error, OSError) else str(error) or type(error).__name__
         raise ConfigError(f"{stl.file}: cannot be read as STL ({words})") from error

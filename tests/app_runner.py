@@ -10,6 +10,7 @@ from __future__ import annotations
 import importlib
 import json
 import os
+import re
 import subprocess
 import sys
 from collections.abc import Iterator, Mapping, Sequence
@@ -51,7 +52,9 @@ def outcome(world: Any, job: Mapping[str, Any]) -> dict[str, Any]:
 
     with running(world, job["program"], job["case"], job.get("sets", ()), job.get("threads", 1)) as app:
         if "resume" in job:
-            app.restore(checkpoint.newest(RunDir(job["resume"]), world))
+            reader = checkpoint.newest(RunDir(job["resume"]), world)
+            checkpoint.hold(reader, app.columns(reader), world)
+            app.restore(reader)
         while app.iteration < job["steps"]:
             app.step()
         if "save" in job:
@@ -59,6 +62,44 @@ def outcome(world: Any, job: Mapping[str, Any]) -> dict[str, Any]:
         scalars = app.scalars()
         digest = checkpoint.digest(world, app.state())
     return {"digest": digest, "scalars": {name: float(value).hex() for name, value in scalars.items()}}
+
+
+def check_other_arrays_are_refused(app: Any, folder: Path, *fixed: str) -> None:
+    """The state of an app on one rank is one of its scene; another with one array otherwise is not, and is told by its
+    name. fixed: arrays that no step changes.
+    """
+    import numpy as np
+    import pytest
+
+    from hpcpic.core.errors import FileError
+    from hpcpic.core.files.rundir import RunDir
+    from hpcpic.core.run import checkpoint
+
+    def held(arrays: Mapping[str, Any]) -> Mapping[str, Any]:
+        rundir = RunDir(folder)
+        shards = {name: checkpoint.Shard(array, 0, len(array)) for name, array in arrays.items()}
+        checkpoint.write(checkpoint.ALONE, rundir, app.iteration, app.time, shards)
+        reader = checkpoint.newest(rundir)
+        columns = app.columns(reader)
+        checkpoint.hold(reader, columns)
+        return columns
+
+    state = {name: shard.local for name, shard in app.state().items()}
+    columns = held(state)
+    for name, array in state.items():
+        told = re.escape(name.partition("/")[0])  # of arrays of one length either may be the wrong one
+        others = [array[..., None], array.astype("f4" if array.dtype == "f8" else "f8")]
+        others += [np.concatenate([array, array])] if array.size else []
+        finite = array.dtype.kind == "f" and array.size and not columns[name].open
+        others += [np.full_like(array, np.nan)] if finite else []
+        others += [2 * array] if name in fixed else []
+        for other in others:
+            with pytest.raises(FileError, match=told):
+                held(state | {name: other})
+        with pytest.raises(FileError, match=told):
+            held({key: kept for key, kept in state.items() if key != name})
+    with pytest.raises(FileError, match="strange: this scene has no such array"):
+        held(state | {"strange": np.zeros(2)})
 
 
 def environment(**extra: str) -> dict[str, str]:

@@ -9,7 +9,8 @@ import ctypes
 import os
 import threading
 import weakref
-from collections.abc import Hashable, Iterable, Sequence
+from collections.abc import Collection, Hashable, Iterable, Sequence
+from contextlib import suppress
 from typing import Any, Protocol
 
 import numpy as np
@@ -270,7 +271,7 @@ class Pool:
         for other in others:
             other.start()
         if pins[0] is not None:
-            os.sched_setaffinity(0, {pins[0]})
+            _pin({pins[0]})
         self._end = weakref.finalize(self, _dismiss, words, others)
 
     def run(self, graph: Graph) -> None:
@@ -298,12 +299,18 @@ class Pool:
         """End the threads and unpin the caller."""
         if self._end.alive:
             self._end()
-            os.sched_setaffinity(0, self._affinity)
+            _pin(self._affinity)
+
+
+def _pin(cpus: Collection[int]) -> None:
+    """The calling thread runs on these cores, where the system lets us say so; it is as right elsewhere."""
+    with suppress(OSError):
+        os.sched_setaffinity(0, cpus)
 
 
 def _live(words: NDArray[np.int64], worker: int, cpu: int | None) -> None:
     if cpu is not None:
-        os.sched_setaffinity(0, {cpu})  # 0: the calling thread
+        _pin({cpu})
     scheduler.serve(words.ctypes.data, worker)
 
 

@@ -1,5 +1,6 @@
 """The plasma's arrays for the writers: fields, particles, and the state that checkpoints hold."""
 
+import math
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -7,10 +8,11 @@ from numpy.typing import NDArray
 
 from hpcpic.core.comm.sharding import by_id
 from hpcpic.core.errors import Diverged
-from hpcpic.core.files.arrays import FieldArray, ParticleArray, Shard
+from hpcpic.core.files.arrays import Column, FieldArray, ParticleArray, Shard
 from hpcpic.core.run.worst import worst_particles
 from hpcpic.core.space.domain import block_ranges
 from hpcpic.plasma.cloud import CHUNK
+from hpcpic.plasma.moments import FASTEST
 from hpcpic.plasma.sizes import EDGE
 
 if TYPE_CHECKING:
@@ -77,6 +79,21 @@ def state(plasma: "Plasma") -> dict[str, Shard]:
         for name, values in by_id(world, chunks, layout, species.n).items():
             result[f"{species.name}/{name}"] = Shard(values, low, species.n)
     return result
+
+
+def columns(plasma: "Plasma") -> dict[str, Column]:
+    """What `state` gives."""
+    scene, real, d = plasma.scene, plasma.cloud.law.dtype, plasma.scene.dimensions
+    edge = EDGE[d]
+    tiles = math.prod(-(-points // edge) for points in scene.points[:d])
+    found = {}
+    for species in scene.species:
+        found |= {
+            f"{species.name}/tile": Column(np.int32, (species.n,), 0, tiles - 1),
+            f"{species.name}/position": Column(real, (species.n, d), 0, np.nextafter(real(edge), real(0))),
+            f"{species.name}/velocity": Column(real, (species.n, plasma.cloud.law.velocities), -FASTEST, FASTEST),
+        }
+    return found
 
 
 def restore(plasma: "Plasma", reader: "Reader") -> None:

@@ -156,6 +156,10 @@ class Plasma:
         """The particles in order of their numbers, bit for bit: x^n relative to tiles, v^(n-1/2). Collective."""
         return snapshot.state(self)
 
+    def columns(self, reader) -> Mapping[str, object]:
+        """What the arrays of a checkpoint of this scene are."""
+        return snapshot.columns(self)
+
     def restore(self, reader) -> None:
         """Take the state of a checkpoint, written by any number of ranks, for the present one. Collective."""
         snapshot.restore(self, reader)

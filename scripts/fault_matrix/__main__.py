@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import json
 import logging
 import sys
 import tempfile
@@ -10,8 +11,9 @@ import time
 import traceback
 from pathlib import Path
 
-from fault_matrix import caches, checkpoints, inputs, processes, states  # noqa: F401  (their rows enter the table)
+from fault_matrix import caches, checkpoints, inputs, processes, states, surroundings  # noqa: F401  (their rows enter)
 from fault_matrix.bench import HERE, Bench, Skipped, Wrong
+from fault_matrix.checkpoints import alone
 from fault_matrix.rows import ROWS, Row
 
 SETTINGS = {  # of the cases here: beyond the scheme's stability; fewer particles than ranks; fewer rows than ranks
@@ -60,19 +62,27 @@ def main() -> int:
     parser = argparse.ArgumentParser(prog="scripts/faults", description=__doc__)
     parser.add_argument("program", nargs="?", default="hpcpic", choices=SETTINGS, help="[default: hpcpic]")
     parser.add_argument("--only", type=numbers, default=sorted(ROWS), metavar="1,4,20-26")
+    parser.add_argument("--flips", type=int, metavar="N", help="instead: N flipped bits, each followed for 500 steps")
+    parser.add_argument("--kills", type=int, metavar="N", help="instead: kill -9 at N moments of writing")
     asked = parser.parse_args()
     logging.getLogger("hpcpic").setLevel(logging.ERROR)
     begin, failed = time.monotonic(), []
     with tempfile.TemporaryDirectory(prefix="faults-") as work:
         bench = Bench(asked.program, HERE / f"{asked.program}.conf", *SETTINGS[asked.program], Path(work))
         bench.digest()
-        for number in asked.only:
+        for what, n in (("campaign", asked.flips), ("kills", asked.kills)):
+            if n:
+                bench.folder = bench.work / what
+                bench.folder.mkdir()
+                print(json.dumps(alone(bench, what, n, timeout=24 * 3600.0), indent=1))
+        chosen = [] if asked.flips or asked.kills else asked.only
+        for number in chosen:
             row, start = ROWS[number], time.monotonic()
             verdict, got = attempt(row, bench)
             failed += [number] if verdict == "FAILED" else []
             print(f"{number:>3}  {verdict:<8}{row.fault}\n     expected  {row.expected}\n     got       {got}")
             print(f"     took      {time.monotonic() - start:.1f} s", flush=True)
-    n = len(asked.only)
+    n = len(chosen)
     took = time.monotonic() - begin
     print(f"{n - len(failed)} of {n} rows good or skipped in {took:.0f} s; failed: {failed or 'none'}")
     return 3 if failed else 0

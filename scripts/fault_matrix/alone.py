@@ -11,7 +11,8 @@ import os
 import signal
 import sys
 import time
-from collections.abc import Callable
+from collections import Counter
+from collections.abc import Callable, Mapping
 from contextlib import suppress
 from functools import partial
 from importlib import import_module
@@ -30,6 +31,7 @@ from hpcpic.core.tasks import Pool
 from hpcpic.core.timers import Timers
 
 STEPS = 10  # before a bit is flipped, and after
+LONG_STEPS, CHANGE = 500, 1e-6  # of a campaign: a flip does harm that changes a scalar by more than this share of it
 ENERGIES = ("energy_total", "energy_kinetic")  # the first that a program has
 
 
@@ -98,14 +100,19 @@ def flipped(value: Any, bit: int) -> Any:
     return (value.view(kind) ^ kind(1 << (low + bit))).view(value.dtype)
 
 
-def flips(app: Any, world: World, folder: Path, n: int) -> dict[str, Any]:
-    """Turn one bit of an exponent in the state, n times; how the guard or the energy shows it in a few steps."""
+def begun(app: Any, world: World, folder: Path) -> Any:
+    """A checkpoint of a run whose guard has seen some steps, and knows what is usual."""
     app.restore(checkpoint.newest(RunDir(folder), world))
-    energy_after(app)  # what the guard knows of a run
+    energy_after(app)
     rundir = RunDir(folder / "flips")
     rundir.path.mkdir()
     checkpoint.write(world, rundir, app.iteration, app.time, app.state())
-    reader, rng = checkpoint.newest(rundir, world), np.random.default_rng(2)
+    return checkpoint.newest(rundir, world)
+
+
+def flips(app: Any, world: World, folder: Path, n: int) -> dict[str, Any]:
+    """Turn one bit of an exponent in the state, n times; how the guard or the energy shows it in a few steps."""
+    reader, rng = begun(app, world, folder), np.random.default_rng(2)
     quiet = float(within_child(lambda: repr(energy_after(app))))
     found = {"caught": 0, "raised": 0, "crashed": 0, "harmless": 0, "silent": 0}
     for _ in range(n):
@@ -127,6 +134,45 @@ def outcome(app: Any, damaged: Damaged, quiet: float) -> str:
     if app.guard():
         return "caught"
     return "harmless" if abs(energy - quiet) <= 1e-2 * abs(quiet) else "silent"
+
+
+def campaign(app: Any, world: World, folder: Path, n: int) -> dict[str, Any]:
+    """As `flips`, over LONG_STEPS steps and with all scalars; which flips are harmful and silent."""
+    reader = begun(app, world, folder)
+    quiet = json.loads(within_child(lambda: scalars_after(app, LONG_STEPS)))
+    rng, found, silent = np.random.default_rng(5), Counter(), []
+    for _ in range(n):
+        name = str(rng.choice(floats(reader)))
+        row = int(rng.integers(reader.total(name)))
+        one = reader.read(name, row, row + 1).reshape(-1)
+        word, bit = int(rng.integers(one.size)), int(rng.integers(11 if one.dtype == np.float64 else 8))
+        damaged = Damaged(reader, name, row, word, partial(flipped, bit=bit))
+        said = within_child(lambda: (app.restore(damaged), scalars_after(app, LONG_STEPS))[1])  # noqa: B023
+        if said.startswith("{"):
+            said = "harmless" if same_scalars(json.loads(said), quiet) else "silent"
+        found[said] += 1
+        if said == "silent":
+            silent.append(f"{name}[{row}, {word}] {one[word]:.6g} -> {flipped(one[word], bit):.6g}")
+            print(silent[-1], flush=True)
+    return {"found": dict(found), "silent": silent}
+
+
+def scalars_after(app: Any, steps: int) -> str:
+    """All scalars after so many steps, as JSON; "caught" when the guard, which looks at every tenth, sees something."""
+    for step in range(steps):
+        if step % STEPS == 0:
+            app.scalars()
+            if app.guard():
+                return "caught"
+        app.step()
+    return "caught" if app.guard() else json.dumps({name: float(value) for name, value in app.scalars().items()})
+
+
+def same_scalars(one: Mapping[str, float], other: Mapping[str, float]) -> bool:
+    """To CHANGE of each, or of the largest of their kind where they are nought but for rounding."""
+    kinds = {name: name.partition("_")[0] for name in other}
+    largest = {kind: max(abs(other[name]) for name in other if kinds[name] == kind) for kind in set(kinds.values())}
+    return all(abs(one[name] - other[name]) <= CHANGE * largest[kinds[name]] for name in other)
 
 
 def within_child(body: Callable[[], str]) -> str:
@@ -160,7 +206,7 @@ def energy_after(app: Any) -> float:
 def main() -> None:
     program, folder, what, n = sys.argv[1:]
     app, world = made(program, Path(folder))
-    found = {"kills": kills, "flips": flips}[what](app, world, Path(folder), int(n))
+    found = {"kills": kills, "flips": flips, "campaign": campaign}[what](app, world, Path(folder), int(n))
     print(json.dumps(found))
 
 

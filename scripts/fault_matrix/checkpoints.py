@@ -25,11 +25,11 @@ from hpcpic.core.run import checkpoint
 PAGE = 4096
 
 
-def alone(bench: Bench, what: str, n: int) -> dict[str, Any]:
+def alone(bench: Bench, what: str, n: int, timeout: float = 300.0) -> dict[str, Any]:
     """Of `fault_matrix.alone`, in a process of its own."""
     expect(bench.run(ranks=1).code == 0, "the run before")
     words = [sys.executable, "-P", "-m", "fault_matrix.alone", bench.program, str(bench.run_folder), what, str(n)]
-    done = subprocess.run(words, env=bench.environment({}, {}), capture_output=True, text=True, timeout=300)
+    done = subprocess.run(words, env=bench.environment({}, {}), capture_output=True, text=True, timeout=timeout)
     expect(done.returncode == 0, done.stderr[-500:])
     return json.loads(done.stdout.splitlines()[-1])
 
@@ -305,8 +305,8 @@ def stale(bench: Bench) -> str:
 @row(33, "two runs in one folder", "the second: exit 6; the first: same bits")
 def two_runs(bench: Bench) -> str:
     with bench.started(pause=0.15) as running:
-        refused = [bench.run(), bench.run("--force"), bench.restart()]
+        refused = [bench.run(), bench.run("--replace"), bench.restart()]
         done = running.end()
     expect([one.code for one in refused] == [6, 6, 6], refused)
     expect(done.code == 0 and bench.facts()["state_digest"] == bench.digest(), done)
-    return "exit 6 (run, run --force, restart); the first: same bits"
+    return "exit 6 (run, run --replace, restart); the first: same bits"

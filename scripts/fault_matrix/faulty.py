@@ -1,6 +1,6 @@
 """`python -m fault_matrix.faulty PROGRAM VERB ...`: a program with a fault, which $FAULT tells as JSON.
 
-{"kind": name below, "rank": 1, "step": 20, "pause": seconds slept in every step, "patience": of the watchdog [s]}
+{"kind": name below, "rank": 1, "step": 20, "pause": seconds slept in every step}
 """
 
 from __future__ import annotations
@@ -15,7 +15,6 @@ import tempfile
 import time
 from collections.abc import Callable
 from dataclasses import replace
-from functools import partial
 from importlib import import_module
 from typing import Any
 
@@ -28,9 +27,9 @@ from hpcpic.core.comm.tags import WINDOW
 from hpcpic.core.comm.world import World
 from hpcpic.core.files import image
 from hpcpic.core.files.rundir import RunDir
-from hpcpic.core.run import checkpoint, loop
+from hpcpic.core.run import checkpoint
 
-FAULT = {"kind": "none", "rank": 1, "step": 20, "pause": 0.0, "patience": 60.0}
+FAULT = {"kind": "none", "rank": 1, "step": 20, "pause": 0.0}
 FAULT |= json.loads(os.environ.get("FAULT", "{}"))
 
 
@@ -98,6 +97,18 @@ def take_memory() -> None:
     resource.setrlimit(resource.RLIMIT_AS, (now + (4 << 20), resource.RLIM_INFINITY))
 
 
+def stand_still() -> None:
+    """The next write of this process takes ten seconds."""
+    pwrite = os.pwrite
+
+    def late(*words: Any) -> int:
+        os.pwrite = pwrite
+        time.sleep(10.0)
+        return pwrite(*words)
+
+    os.pwrite = late
+
+
 def stop_within_checkpoint() -> None:
     """SIGTERM when half of a checkpoint is written."""
     write = image.write_shards
@@ -132,6 +143,8 @@ def fail_here(kind: str, world: Any) -> None:
         time.sleep(600)
     if kind == "misnumber":
         misnumber_messages()
+    if kind == "stall":
+        stand_still()
     if kind == "term in checkpoint":
         stop_within_checkpoint()
 
@@ -189,7 +202,6 @@ def main() -> None:
     load_app = import_module(f"{program}.__main__").load_app
     if FAULT["kind"] == "clock":
         jumping_clock()
-    loop.Watchdog = partial(loop.Watchdog, least=FAULT["patience"])  # type: ignore[misc]
 
     def load() -> type:
         simulator = with_fault(app.load())

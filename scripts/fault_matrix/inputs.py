@@ -215,12 +215,14 @@ def poisoned_cache(bench: Bench) -> str:
 
 
 def planted(bench: Bench, name: str, victim: Path) -> None:
-    """A folder where a file or folder of the run is a link to the victim; `run --force` goes its own way."""
+    """A run in which a file or folder is a link to the victim; `run --replace` goes its own way."""
     shutil.rmtree(bench.run_folder, ignore_errors=True)
     bench.run_folder.mkdir()
+    write_atomic(bench.run_folder / "run.json", '{"status": "finished", "started": ""}')
+    (bench.run_folder / name).unlink(missing_ok=True)
     (bench.run_folder / name).symlink_to(victim)
     before = contents(victim)
-    done = bench.run("--force", ranks=1)
+    done = bench.run("--replace", ranks=1)
     expect(done.code in (0, 6) and "Traceback" not in done.err, f"{name}: {done}")
     expect(contents(victim) == before, f"{name}: the victim was written to")
 

@@ -93,7 +93,7 @@ for number, fault, kind, expected, code, what in TOLD_ONCE:
 
 def watched(bench: Bench, kind: str) -> str:
     """The watchdog ends a run that stands still, and leaves the stacks."""
-    done = bench.run(kind=kind, patience=5.0)
+    done = bench.run("--patience", "5", kind=kind)
     traces = list(bench.run_folder.glob("trace-rank-*.txt"))
     expect(done.code not in (0, 5) and done.seconds < 60, done)
     expect(any("most recent call first" in trace.read_text() for trace in traces), "no stacks")
@@ -120,7 +120,7 @@ def stop_and_continue(bench: Bench) -> str:
 
 @row(9, "SIGSTOP of one rank for ever", "the watchdog ends all and leaves stacks")
 def stop_for_ever(bench: Bench) -> str:
-    with bench.started(patience=5.0, kind="stop", rank=1, step=12) as running:  # when the time of a step is known
+    with bench.started("--patience", "5", kind="stop", rank=1, step=12) as running:  # when the time of a step is known
         done = running.end()
     expect(done.code not in (0, 5), done)
     expect((bench.run_folder / "trace-rank-0.txt").exists(), "no stack of the rank that waited")

@@ -21,7 +21,7 @@ def not_a_number(bench: Bench) -> str:
     bench.digest()
     names = floats(checkpoint.newest(RunDir(bench.work / "quiet-0" / "run")))
     for k in range(len(names)):
-        done = bench.run("--force", kind=f"nan {k}")
+        done = bench.run("--replace", kind=f"nan {k}")
         expect(done.code == 4 and "Traceback" not in done.err, f"{names[k]}: {done}")
         told = (bench.run_folder / "post-mortem.txt").read_text()
         expect("rank" in told and "step" in told, told)
@@ -74,7 +74,7 @@ def many_ranks(bench: Bench) -> str:
     for ranks in (3, 5):
         same(bench, ranks)
     same(bench, 3, *bench.sparse)
-    done = bench.run("--force", *assigned(bench.flat), ranks=FLAT_RANKS)
+    done = bench.run("--replace", *assigned(bench.flat), ranks=FLAT_RANKS)
     if done.code == 2:
         expect("at most" in done.err and "Traceback" not in done.err, done)
         return f"same bits on 3, 5, and 3 with nothing on one; on {FLAT_RANKS} for fewer rows: exit 2"
@@ -83,7 +83,7 @@ def many_ranks(bench: Bench) -> str:
 
 
 def same(bench: Bench, ranks: int, *sets: str) -> None:
-    done = bench.run("--force", *assigned(sets), ranks=ranks)
+    done = bench.run("--replace", *assigned(sets), ranks=ranks)
     expect(done.code == 0 and bench.facts()["state_digest"] == bench.digest(*sets), f"{ranks} ranks {sets}: {done}")
 
 

@@ -43,6 +43,7 @@ def test_one_traceback_and_exit_1(toy, kind, temporary):
     assert done.returncode == 1
     assert done.stderr.count("Traceback") == 1
     assert done.stderr.count("\nZeroDivisionError: ") == 1
+    assert "MPI_Abort" not in done.stderr  # nothing is told beside the cause
     facts = toy.facts("a")
     assert facts["status"] == "failed" and facts["exit_code"] == 1
     assert [(part["status"], part["exit_code"]) for part in facts["history"]] == [("failed", 1)]
@@ -111,7 +112,7 @@ def test_killed_in_mid_step_goes_on_to_the_same_state(toy, restart_ranks, tempor
     assert toy.facts("a")["state_digest"] == toy.digest()
     parts = [(p["status"], p["first_step"], p["steps"], p["ranks"]) for p in toy.facts("a")["history"]]
     assert parts == [("killed", 0, None, 2), ("finished", 100, 200, restart_ranks)]
-    toy("run", "ring.conf", "-o", "whole", "--force", "--threads", "1")
+    toy("run", "ring.conf", "-o", "whole", "--replace", "--threads", "1")
     rows = [list(csv.DictReader((toy.folder / name / "series.csv").open())) for name in ("a", "whole")]
     assert rows[0] == rows[1]  # every step once
 

@@ -93,10 +93,19 @@ def test_a_folder_that_holds_a_run_is_refused_once_without_force(finished):
     assert toy.facts("a") == before
 
 
-def test_force_replaces_a_run(toy):
+def test_replace_replaces_a_run(toy):
     for steps in (3, 2):
-        assert toy("run", "ring.conf", "-o", "a", "--force", steps=steps).returncode == 0
+        assert toy("run", "ring.conf", "-o", "a", "--replace", steps=steps).returncode == 0
     assert toy.facts("a")["steps"] == 2 and toy.checkpoints("a") == [2]
+
+
+def test_who_accepts_a_limit_loses_no_run(finished):
+    """And who is used to --force as that which replaces a run is told what does."""
+    toy, _ = finished
+    before = toy.facts("a")
+    done = toy("run", "ring.conf", "-o", "a", "--force", courant=1.5)
+    assert done.returncode == 6 and "--replace (--force is for limits alone)" in done.stderr
+    assert toy.facts("a") == before
 
 
 @pytest.mark.parametrize("ranks", [1, 2])

@@ -138,12 +138,16 @@ def test_a_stopped_run_goes_on(toy):
     assert len(toy.facts("s/0000")["history"]) == 2 and toy.facts("s/0000")["steps"] == 400
 
 
-def test_an_interrupt_lets_the_run_write_its_checkpoint_and_is_exit_5(toy):
+@pytest.mark.parametrize("name", ["SIGINT", "SIGTERM", "SIGHUP", "SIGUSR2"])
+def test_a_signal_lets_the_run_write_its_checkpoint_and_is_exit_5(toy, name):
     words = toy.words("sweep", "ring.conf", "-o", "s", steps=5000, pause=0.002)
     sweep = subprocess.Popen(words, cwd=toy.folder, env=environment(), start_new_session=True)
     toy.started.append(sweep)
     log = toy.folder / "s/0000/log.txt"
     wait_until(lambda: log.exists() and "steps 0 to" in log.read_text())
-    os.killpg(sweep.pid, signal.SIGINT)  # what a terminal does
+    if name == "SIGINT":
+        os.killpg(sweep.pid, signal.SIGINT)  # what a terminal does
+    else:
+        os.kill(sweep.pid, signal.Signals[name])  # what others do
     assert sweep.wait(timeout=20) == 5
     assert toy.facts("s/0000")["status"] == "stopped" and toy.checkpoints("s/0000")[-1] > 0

@@ -92,7 +92,7 @@ class Toy:
         """Of an uninterrupted run with these settings; made once."""
         key = repr(settings)
         if key not in DIGESTS:
-            done = self("run", "ring.conf", "-o", "whole", "--force", "--threads", "1", **settings)
+            done = self("run", "ring.conf", "-o", "whole", "--replace", "--threads", "1", **settings)
             assert done.returncode == 0, done.stderr
             DIGESTS[key] = self.facts("whole")["state_digest"]
         return DIGESTS[key]

@@ -160,7 +160,7 @@ def test_a_fed_or_resting_watchdog_leaves_nothing(tmp_path):
 
 def test_long_steps_have_twenty_of_themselves_and_only_as_long_as_they_are_feared(tmp_path):
     watchdog = Watchdog(tmp_path, 0)
-    for seconds, patience in ((60.0, 1200.0), (0.01, 60.0), (100.0, 2000.0)):
+    for seconds, patience in ((60.0, 1200.0), (0.01, 600.0), (100.0, 2000.0)):
         watchdog.feed(seconds)
         assert watchdog.patience == patience
     watchdog.close()

@@ -14,7 +14,8 @@ import pytest
 
 from hpcpic.core.errors import FileError
 from hpcpic.core.files import rundir as rundir_module
-from hpcpic.core.files.rundir import RunDir, provenance, temporary, write_atomic
+from hpcpic.core.files.provenance import provenance
+from hpcpic.core.files.rundir import RunDir, temporary, write_atomic
 
 HOLD = """
 import sys
@@ -48,24 +49,53 @@ def test_a_new_folder_holds_what_the_run_was_given(tmp_path: Path) -> None:
     assert list(tmp_path.rglob("*escape*")) == [rundir.given / "escape.conf"]
 
 
-def test_a_run_is_refused_without_force_and_not_touched(tmp_path: Path) -> None:
+def test_a_run_is_refused_without_replace_and_not_touched(tmp_path: Path) -> None:
     RunDir.create(tmp_path, config="first").unlock()
     before = tree(tmp_path)
-    with pytest.raises(FileError, match=r"holds a run already \(run.json, config.conf.*--force") as failure:
+    with pytest.raises(FileError, match=r"holds a run already \(run.json, config.conf.*--replace") as failure:
         RunDir.create(tmp_path, config="second")
     assert failure.value.exit_code == 6
     assert tree(tmp_path) == before
 
 
-def test_force_replaces_the_run_and_nothing_else(tmp_path: Path) -> None:
-    RunDir.create(tmp_path, config="first", given={"old.conf": ""}).unlock()
-    for name in ("series.h5", "STOP", "notes.txt"):
+def test_replace_removes_what_the_run_made_and_nothing_else(tmp_path: Path) -> None:
+    RunDir.create(tmp_path, config="first", given={"old.conf": "", "parts/ions.conf": ""}).unlock()
+    own = ["series.h5", "STOP", "post-mortem.txt", "trace-rank-3.txt", "checkpoints/00000001.h5",
+           "checkpoints/.00000002.h5.1.tmp", "openpmd/data00000001.h5"]  # fmt: skip
+    others = ["checkpoints/notes.txt", "given/mine.txt", "given/deep/mine.txt", "notes.txt", "openpmd/mine.h5"]
+    for name in own + others:
+        (tmp_path / name).parent.mkdir(exist_ok=True)
         (tmp_path / name).write_text("x")
-    (tmp_path / "checkpoints").mkdir()
-    (tmp_path / "checkpoints" / "00000001.h5").write_text("x")
-    RunDir.create(tmp_path, force=True, config="second").unlock()
-    assert sorted(tree(tmp_path)) == ["config.conf", "given/set.txt", "notes.txt", "run.json"]
-    assert (tmp_path / "config.conf").read_text() == "second"
+    RunDir.create(tmp_path, replace=True, config="second").unlock()
+    assert sorted(tree(tmp_path)) == sorted(["config.conf", "given/set.txt", "run.json", *others])
+    assert (tmp_path / "config.conf").read_text() == "second" and not (tmp_path / "given/parts").exists()
+
+
+@pytest.mark.parametrize("run_json", [None, "mine", "[]", '{"scripts": {"start": "node"}}'])
+@pytest.mark.parametrize("name", ["given/a.txt", "checkpoints/best.h5", "openpmd/x", "report.html", "log.txt"])
+def test_replace_touches_nothing_where_there_is_no_run(tmp_path: Path, name: str, run_json: str | None) -> None:
+    (tmp_path / name).parent.mkdir(exist_ok=True)
+    (tmp_path / name).write_text("mine")
+    if run_json is not None:
+        (tmp_path / "run.json").write_text(run_json)
+    before = tree(tmp_path)
+    for replace in (False, True):
+        with pytest.raises(FileError, match=r"no run\.json of a run: they are not touched"):
+            RunDir.create(tmp_path, replace, config="second")
+    assert tree(tmp_path) == before
+
+
+def test_a_run_that_cannot_be_replaced_is_still_there(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    RunDir.create(tmp_path, config="first").unlock()
+    before = tree(tmp_path)
+
+    def full(*_: object) -> None:
+        raise OSError(errno.ENOSPC, "No space left on device")
+
+    monkeypatch.setattr(os, "posix_fallocate", full)
+    with pytest.raises(FileError, match="No space left on device"):
+        RunDir.create(tmp_path, replace=True, config="second")
+    assert tree(tmp_path) == before
 
 
 def test_a_folder_with_other_files_may_take_a_run(tmp_path: Path) -> None:

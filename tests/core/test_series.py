@@ -97,15 +97,27 @@ def test_observers_may_change_at_a_restart(tmp_path: Path) -> None:
     assert np.array_equal(found["new"], [np.nan, np.nan, 6.0], equal_nan=True)
 
 
-def test_the_buffer_is_flushed_after_a_while(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_rows_are_due_after_a_while(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     writer = SeriesWriter(RunDir(tmp_path), UNITS)
     now = time.monotonic()
     monkeypatch.setattr(series.clock, "monotonic", lambda: now + 1)
     writer.append(0, 0.0, row(0))
-    assert len(read_series(tmp_path).step) == 0
+    assert not writer.due
     monkeypatch.setattr(series.clock, "monotonic", lambda: now + 10)
     writer.append(1, 0.1, row(1))
+    assert writer.due
+    writer.flush()
+    assert not writer.due
     assert_rows(tmp_path, [0, 1])
+
+
+@pytest.mark.parametrize("name", ["series.h5", "series.csv"])
+def test_a_file_that_was_taken_away_is_a_file_error(tmp_path: Path, name: str) -> None:
+    writer = SeriesWriter(RunDir(tmp_path), UNITS)
+    writer.append(0, 0.0, row(0))
+    (tmp_path / name).unlink()
+    with pytest.raises(FileError, match=rf"cannot append to .*{name}: No such file"):
+        writer.flush()
 
 
 def test_a_damaged_series_is_a_file_error(tmp_path: Path) -> None:

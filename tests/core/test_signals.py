@@ -35,7 +35,7 @@ def wait_for(condition, seconds=2.0):
     return condition()
 
 
-@pytest.mark.parametrize("name", ["SIGTERM", "SIGUSR1", "SIGINT"])
+@pytest.mark.parametrize("name", ["SIGTERM", "SIGUSR1", "SIGUSR2", "SIGXCPU", "SIGHUP", "SIGINT"])
 def test_a_signal_is_a_reason(stop, name):
     send(signal.Signals[name])
     assert wait_for(lambda: stop.reason is Reason[name])
@@ -93,6 +93,20 @@ def test_a_second_interrupt_aborts_but_its_echo_does_not(stop, aborts):
     time.sleep(0.3)
     send(signal.SIGINT)
     assert wait_for(lambda: aborts) and "second interrupt" in aborts[0]
+
+
+def test_a_hangup_that_is_ignored_from_the_start_stays_so(aborts):
+    """As nohup asks."""
+    before = signal.signal(signal.SIGHUP, signal.SIG_IGN)
+    try:
+        stop = Stop(aborts.append)
+        send(signal.SIGHUP)
+        send(signal.SIGUSR2)
+        assert wait_for(lambda: stop.reason is Reason.SIGUSR2)
+        stop.close()
+        assert signal.getsignal(signal.SIGHUP) == signal.SIG_IGN
+    finally:
+        signal.signal(signal.SIGHUP, before)
 
 
 def test_the_handlers_before_are_put_back(aborts):

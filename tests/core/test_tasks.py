@@ -337,3 +337,11 @@ def test_shared_cores_are_not_pinned_nor_more_than_are_needed():
         pool = Pool(2, cpus=cpus)
         assert os.sched_getaffinity(0) == before
         pool.close()
+
+
+def test_a_system_that_refuses_to_pin_threads_ends_no_run(monkeypatch):
+    def refuse(*_):
+        raise PermissionError(1, "Operation not permitted")
+
+    monkeypatch.setattr(os, "sched_setaffinity", refuse)
+    Pool(2, cpus=[0, 1]).close()

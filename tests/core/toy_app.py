@@ -22,7 +22,7 @@ from hpcpic.core.cli.app import App
 from hpcpic.core.cli.forecast import Estimate
 from hpcpic.core.cli.main import program
 from hpcpic.core.errors import Diverged
-from hpcpic.core.files.arrays import FieldArray, ParticleArray, Shard
+from hpcpic.core.files.arrays import Column, FieldArray, ParticleArray, Shard
 from hpcpic.core.files.derived import Derived
 from hpcpic.core.files.schema import REQUIRED, Section, setting
 from hpcpic.core.space.domain import Domain, even_cuts
@@ -41,6 +41,7 @@ class Fault(Section):
         "kill in checkpoint",
         "hang",
         "full disk",
+        "stall",
     ] = setting("none", "what goes wrong")
     rank: int = setting(0, "on which rank")
     step: int = setting(0, "at the beginning of which step")
@@ -122,6 +123,10 @@ class Toy:
             "u": Shard(self.u, self.low, rows),
         }
 
+    def columns(self, reader: Any) -> dict[str, Column]:
+        rows = self.config.rows
+        return {"id": Column(np.int64, (rows,), 0, rows - 1, increasing=True), "u": Column(np.float64, (rows,), -9, 9)}
+
     def restore(self, reader: Any) -> None:
         self.iteration = reader.step
         self.u = reader.read("u", self.low, self.high)
@@ -157,11 +162,23 @@ class Toy:
             threading.Event().wait()
 
     def replace_faulty_parts(self) -> None:
-        """ "kill in checkpoint": this rank dies when the file is half written; "full disk": no file above 4
-        MiB.
+        """ "kill in checkpoint": this rank dies when the file is half written; "full disk": no file above 4 MiB;
+        "stall": the first write of a run that goes takes 5 s.
         """
         if self.config.fault.kind == "full disk":
             resource.setrlimit(resource.RLIMIT_FSIZE, (4 << 20, 4 << 20))
+        if self.config.fault.kind == "stall" and self.world.rank == 0:
+            from hpcpic.core.files import series
+
+            pwrite, series.FLUSH_SECONDS = os.pwrite, 0.2
+
+            def late(*words: Any) -> int:
+                if self.iteration:
+                    os.pwrite = pwrite
+                    time.sleep(5.0)
+                return pwrite(*words)
+
+            os.pwrite = late
         if self.config.fault.kind == "kill in checkpoint":
             from hpcpic.core.files import image
 

@@ -6,7 +6,7 @@ Grains touch, cross the seam and the cuts between slabs, cover and uncover nodes
 from itertools import product
 
 import pytest
-from app_runner import check_same, running
+from app_runner import check_other_arrays_are_refused, check_same, running
 
 from hpcpic.core.files.rundir import RunDir
 from hpcpic.core.run import checkpoint
@@ -135,6 +135,13 @@ def test_the_first_sample_after_a_restart_is_that_of_the_whole_run(tmp_path, wor
             found.append(app.scalars())
     assert found[0] == found[1]
     assert any(value for key, value in found[0].items() if key.startswith("force_"))
+
+
+@pytest.mark.parametrize("case", [DISCS, SPHERES, BED], ids=["discs", "spheres", "bed"])
+def test_a_checkpoint_with_other_arrays_is_refused(tmp_path, world, case):
+    with running(world, "lbmdem", case) as app:
+        fixed = ("grains/mass", "grains/inertia", "grains/row") if app.dem else ()
+        check_other_arrays_are_refused(app, tmp_path, *fixed)
 
 
 @pytest.mark.parametrize("column", ["heat", "work"])

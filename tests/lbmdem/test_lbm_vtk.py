@@ -37,7 +37,7 @@ def steps_of(path):
 
 def test_vtk_opens_fields_and_grains(tmp_path):
     (tmp_path / "case.conf").write_text(CASE)
-    words = ("-m", "lbmdem", "run", str(tmp_path / "case.conf"), "-o", str(tmp_path / "run"), "--quiet", "--force")
+    words = ("-m", "lbmdem", "run", str(tmp_path / "case.conf"), "-o", str(tmp_path / "run"), "--quiet", "--replace")
     done = launch(1, *words, "--threads", "1")
     assert done.returncode == 0, done.stderr[-2000:]
     run = tmp_path / "run"

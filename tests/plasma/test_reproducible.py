@@ -3,8 +3,10 @@
 from itertools import product
 
 import pytest
-from app_runner import check_same
+from app_runner import check_other_arrays_are_refused, check_same, running
 from plasma_cases import LINE, PLANE
+
+from hpcpic.core.comm.world import World
 
 STEPS = 20
 SINGLE = 'numerics.precision="single"'
@@ -50,6 +52,12 @@ def test_ranks_threads_blocks_and_restarts(tmp_path):
         (1, [], cut(2, 9)),
     ]
     check_same(tmp_path, jobs(LAWS), launches)
+
+
+@pytest.mark.parametrize("case", [LINE, PLANE], ids=["line", "plane"])
+def test_a_checkpoint_with_other_arrays_is_refused(tmp_path, case):
+    with running(World.alone(), "hpcpic", case) as app:
+        check_other_arrays_are_refused(app, tmp_path)
 
 
 @pytest.mark.validation

@@ -1,8 +1,10 @@
 """The bits of a run do not depend on ranks and threads, nor on where it was stopped and taken up again."""
 
 import pytest
-from app_runner import check_same
+from app_runner import check_other_arrays_are_refused, check_same, running
 from sph_scenes import tank, text, torn
+
+from hpcpic.core.comm.world import World
 
 JOBS = {
     name: {"program": "sph", "case": case, "steps": 12}
@@ -21,6 +23,12 @@ JOBS = {
 def test_same_bits_for_any_ranks_and_threads_and_after_restarts(tmp_path):
     two = {"threads": 2}
     check_same(tmp_path, JOBS, [(1, [{}], None), (2, [two], {}), (3, [{}], {}), (1, [], two)])
+
+
+@pytest.mark.parametrize("name", JOBS)
+def test_a_checkpoint_with_other_arrays_is_refused(tmp_path, name):
+    with running(World.alone(), "sph", JOBS[name]["case"]) as app:
+        check_other_arrays_are_refused(app, tmp_path)
 
 
 @pytest.mark.validation

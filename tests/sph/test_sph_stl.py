@@ -1,11 +1,16 @@
 """Solids from STL files: filled, measured, refused with the reason."""
 
+import os
+
 import numpy as np
 import pytest
 
 from hpcpic.core.errors import ConfigError
+from hpcpic.core.files import given
 from hpcpic.core.files.config import load
+from hpcpic.core.files.rundir import RunDir
 from hpcpic.core.files.schema import validate
+from sph import geometry
 from sph.config import SphConfig
 from sph.derived import derived
 from sph.scene import Scene
@@ -76,6 +81,46 @@ def test_what_is_no_solid_is_refused_at_its_place(case, content, words):
         case()
     assert "case.conf:5:" in error.value.message and "fluid[0].shape.stl.file" in error.value.message
     assert words in error.value.message
+
+
+def test_a_pipe_a_device_and_a_large_file_are_refused_at_once(case, monkeypatch):
+    path, sound = case.folder / "ball.stl", (case.folder / "ball.stl").read_bytes()
+    path.unlink()
+    os.mkfifo(path)
+    with pytest.raises(ConfigError, match=r"ball.stl: cannot be read as STL \(not a regular file"):
+        case()
+    path.unlink()
+    path.symlink_to("/dev/zero")
+    with pytest.raises(ConfigError, match="not a regular file"):
+        case()
+    path.unlink()
+    path.write_bytes(sound)
+    monkeypatch.setattr(given, "MOST", 0)
+    with pytest.raises(ConfigError, match="larger than 0 MiB"):
+        case()
+
+
+def test_a_run_keeps_its_surfaces_and_knows_them(case, tmp_path):
+    """Two files of one name; the originals go, the folder is moved, and config.conf gives the same scene."""
+    (case.folder / "other").mkdir()
+    (case.folder / "ball.stl").rename(case.folder / "other/post.stl")
+    path = case.folder / "case.conf"
+    path.write_text(CASE.replace("SCALE", "").replace("ball.stl", "other/post.stl"))
+    tree = load(str(path))
+    config = validate(SphConfig, tree)
+    bounds = [geometry.bounds(body.shape) for body in (*config.fluid, *config.wall)]
+    text, files = given.config_text(config, tree), given.contents(tree)
+    RunDir.create(tmp_path / "run", config=text, given=files).unlock()
+    (case.folder / "post.stl").unlink()
+    (case.folder / "other/post.stl").unlink()
+    moved = (tmp_path / "run").rename(tmp_path / "moved")
+    again = load(str(moved / "config.conf"))
+    kept = validate(SphConfig, again)
+    assert np.array_equal([geometry.bounds(body.shape) for body in (*kept.fluid, *kept.wall)], bounds)
+    assert given.kept_text(kept, again, moved) == text
+    (moved / "given/post.stl").write_bytes((moved / "given/1-post.stl").read_bytes())
+    with pytest.raises(ConfigError, match=r"fluid\[0\].shape.stl.file: not the file of this case"):
+        validate(SphConfig, load(str(moved / "config.conf")))
 
 
 def test_an_open_surface_is_refused(case):

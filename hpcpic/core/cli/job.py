@@ -6,7 +6,6 @@ import itertools
 import json
 import logging
 import math
-import os
 import shlex
 import sys
 import threading
@@ -14,7 +13,6 @@ import time
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager, suppress
 from dataclasses import asdict, dataclass, field
-from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from hpcpic.core.cli.app import App, AppLoader
@@ -31,6 +29,7 @@ from hpcpic.core.run.failure import Agreed, Failure, everywhere, guarded, share
 from hpcpic.core.run.outputs import trigger_of
 from hpcpic.core.run.signals import Stop, WallLimit, process_start
 from hpcpic.core.run.triggers import Every, EverySeconds, parse_interval, parse_wall
+from hpcpic.version import __version__
 
 if TYPE_CHECKING:
     from hpcpic.core.run import loop
@@ -43,6 +42,7 @@ class Flags:
     threads: int | None = None
     wall: str | None = None
     checkpoint_every: str | None = None
+    patience: str = "0:10:00"
     quiet: bool = False
 
     def interval(self) -> Every | EverySeconds | None:
@@ -64,6 +64,7 @@ class Plan:
     history: list[Mapping[str, Any]] = field(default_factory=list)
 
 
+SECOND = 2.0  # times the patience: who only waits for others leaves it to the watchdog, which knows more
 PATIENCE_SECONDS = 2.0  # of setting up, before a line says why it takes so long
 LEFT = (".failed", "post-mortem.txt", "STOP")  # by an earlier part of the run
 
@@ -87,7 +88,7 @@ class _Job:
         self.started = started
         self.rundir: RunDir | None = None
         self.history: list[Mapping[str, Any]] = []  # the parts before this one
-        self.allowed = ""
+        self.allowed, self.restart = "", False
         self.part: dict[str, Any] | None = None  # this one, once it has begun
         self.going: Any = None  # the simulator in it
         self.compiling: Any = None
@@ -100,7 +101,7 @@ class _Job:
         file = None
         try:
             plan = Plan(**json.loads(share(self.world, lambda: self._prepared(prepare))))
-            self.history, self.allowed = plan.history, plan.allowed
+            self.history, self.allowed, self.restart = plan.history, plan.allowed, plan.restart
             self.rundir = self.rundir or RunDir(plan.folder)
             self.failure.use(self.rundir.path)
             self.failure.on_failure = self._note_failure
@@ -111,6 +112,11 @@ class _Job:
                 if self.world.rank == 0:
                     log.ROOT.warning(warning)
             return self._run(plan, stop, collected.messages)
+        except Agreed as agreed:
+            begun = self.part is not None or (self.rundir is not None and not self.restart)
+            if begun and self.world.rank == 0:
+                self._note_failure(agreed.error.message, agreed.error.exit_code)
+            raise
         finally:
             stop.close()
             if file:
@@ -133,7 +139,7 @@ class _Job:
         from hpcpic.core.timers import Timers
 
         assert self.rundir is not None
-        tree = loads(plan.config)
+        tree = loads(plan.config, str(self.rundir.config))
         settings = fixed_settings(self.app, tree)
         config = validate(self.app.schema(), tree)
         threads, timers = self.flags.threads or self.world.default_threads(), Timers()
@@ -141,7 +147,8 @@ class _Job:
             reader = checkpoint.newest(self.rundir, self.world) if plan.restart else None
             if reader:
                 _refuse_others(reader, self.app, settings)
-        pool = Pool(threads, self.world.cpus(threads))
+        patience = parse_wall(self.flags.patience)
+        pool = Pool(threads, self.world.cpus(threads), SECOND * patience)
         try:
             with compiling.watched(timers) as self.compiling:
                 with _asking_for_patience(self.world.rank, self.compiling):
@@ -156,6 +163,7 @@ class _Job:
                         stop, WallLimit(self.flags.seconds(), self.started), timers, threads, sys.stdout,
                         attributes={"program": self.app.name, "settings": settings},
                         estimate=self._estimate(config, threads), warnings=warnings, quiet=self.flags.quiet,
+                        patience=patience,
                     )  # fmt: skip
                     options.conserved = self._conserved(config, reader)
                     self._complete(options, app, reader, plan)
@@ -199,6 +207,13 @@ class _Job:
                     f"beyond the end asked for, t = {end:g} s"
                 )
             )
+        with everywhere():
+            checkpoint.hold(reader, app.columns(reader), self.world)
+        if reader.version != __version__ and self.world.rank == 0:
+            log.ROOT.warning(
+                "%s: written by version %s; this is version %s, which may go on with other bits",
+                reader.path, reader.version, __version__,
+            )  # fmt: skip
         app.restore(reader)
 
     def _begin(self, app: Any, plan: Plan, threads: int) -> None:
@@ -335,11 +350,3 @@ def require_memory(app: App, config: Any, ranks: int, here: int, force: bool) ->
     if not force:
         raise ConfigError(f"{text} (--force runs it all the same)")
     return [f"{text} (refused without --force)"]
-
-
-def given_files(files: list[tuple[str, str]]) -> dict[str, str]:
-    """name relative to the main file's folder -> text; `_up` stands for a folder above"""
-    main = Path(files[0][0]).resolve().parent
-    names = (os.path.relpath(Path(name).resolve(), main) for name, _ in files)
-    parts = (("_up" if part == ".." else part for part in Path(name).parts) for name in names)
-    return {str(Path(*those)): text for those, (_, text) in zip(parts, files)}

@@ -4,14 +4,20 @@ from __future__ import annotations
 
 import os
 import shutil
+import signal
 import subprocess
 import sys
-from collections.abc import Callable, Sequence
+import threading
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import IO
 
 from hpcpic.core.cli.app import App
 from hpcpic.core.errors import ConfigError
+
+ENDING = (signal.SIGTERM, signal.SIGHUP, signal.SIGUSR1, signal.SIGUSR2, signal.SIGXCPU)
+LOOK_SECONDS = 0.2
 
 Start = Callable[..., int]  # program, arguments, ranks; stdout, stderr -> exit code
 
@@ -44,7 +50,8 @@ def _environment() -> dict[str, str]:
 def launch(program: Sequence[str], arguments: Sequence[str], ranks: int, **settings: object) -> int:
     """Run the program and wait; its exit code. Raises ConfigError without a launcher for several ranks.
 
-    A Ctrl-C, which the program hears too, gives it the time to write its checkpoint.
+    A Ctrl-C, which the program hears too, gives it the time to write its checkpoint; other signals that end a program
+    are handed on as SIGTERM, which every launcher hands on to its ranks.
     """
     words = [*program, *arguments]
     if ranks > 1:
@@ -52,11 +59,33 @@ def launch(program: Sequence[str], arguments: Sequence[str], ranks: int, **setti
         if mpirun is None:
             raise ConfigError("there is no mpirun: install mpich or openmpi, or use --ranks 1")
         words = [mpirun, "-n", str(ranks), *words]
-    process = subprocess.Popen(words, env=_environment(), **settings)  # type: ignore[call-overload]
+    with _hearing() as heard:
+        process = subprocess.Popen(words, env=_environment(), **settings)  # type: ignore[call-overload]
+        told = False
+        while True:
+            with suppress(subprocess.TimeoutExpired, KeyboardInterrupt):
+                return process.wait(LOOK_SECONDS)
+            if heard and not told:
+                process.terminate()
+                told = True
+
+
+@contextmanager
+def _hearing() -> Iterator[list[int]]:
+    """Signals that would end this process, in the order in which they come; those that are ignored stay so."""
+    heard: list[int] = []
+    if threading.current_thread() is not threading.main_thread():
+        yield heard
+        return
+    before = {n: signal.getsignal(n) for n in ENDING}
+    for number, handler in before.items():
+        if handler != signal.SIG_IGN:
+            signal.signal(number, lambda number, _: heard.append(number))
     try:
-        return process.wait()
-    except KeyboardInterrupt:
-        return process.wait()
+        yield heard
+    finally:
+        for number, handler in before.items():
+            signal.signal(number, handler)
 
 
 def within(app: App) -> Start:

@@ -11,10 +11,10 @@ from hpcpic.core.cli.app import App, AppLoader
 from hpcpic.core.cli.read import set_option
 from hpcpic.core.cli.run import job_options
 from hpcpic.core.errors import ConfigError
-from hpcpic.core.files.config import load
+from hpcpic.core.files.config import Tree, load
 from hpcpic.core.files.derived import enforce
 from hpcpic.core.files.rundir import RunDir
-from hpcpic.core.files.schema import dump, validate
+from hpcpic.core.files.schema import validate
 
 if TYPE_CHECKING:
     from hpcpic.core.comm.world import World
@@ -35,6 +35,7 @@ def make_restart_command(app_loader: AppLoader) -> click.Command:
         threads: int | None,
         wall: str | None,
         checkpoint_every: str | None,
+        patience: str,
         quiet: bool,
     ) -> int:
         """Go on from the newest good checkpoint in DIR, on any number of ranks and threads.
@@ -42,28 +43,32 @@ def make_restart_command(app_loader: AppLoader) -> click.Command:
         --set may change what does not belong to the state: the number of steps, outputs.
         """
         from hpcpic.core.cli.job import Flags, Plan, job, require_memory
+        from hpcpic.core.files.given import kept_text
         from hpcpic.core.run.summary import settled
 
         def prepare(app: App, world: World) -> tuple[RunDir, Plan]:
-            rundir = RunDir.open(folder, app.name)
+            rundir = RunDir.open(folder, app.name, damaged=True)
             rundir.lock()
             try:
+                config, tree, warnings = _config(app, rundir, until, sets, world.size)
+                warnings += rundir.mend()
                 history = settled(rundir.read_run().get("history", []))
-                config, warnings = _config(app, rundir, until, sets, world.size)
                 warnings += require_memory(app, config, world.size, world.node_size, force=True)
             except BaseException:
                 rundir.unlock()
                 raise
-            return rundir, Plan(folder=folder, config=dump(config), restart=True, warnings=warnings, history=history)
+            return rundir, Plan(
+                folder, kept_text(config, tree, rundir.path), restart=True, warnings=warnings, history=history
+            )
 
-        return job(app_loader, prepare, Flags(threads, wall, checkpoint_every, quiet))
+        return job(app_loader, prepare, Flags(threads, wall, checkpoint_every, patience, quiet))
 
     return restart
 
 
 def _config(
     app: App, rundir: RunDir, until: float | None, sets: tuple[str, ...], ranks: int
-) -> tuple[Any, list[str]]:
+) -> tuple[Any, Tree, list[str]]:
     """The configuration to go on with, and its warnings.
 
     Raises ConfigError. What --force let pass in the beginning passes again.
@@ -83,4 +88,4 @@ def _config(
     tree = load(rundir.config, sets)
     config = validate(app.schema(), tree)
     warnings = enforce(app.derived(config, ranks), tree, force=True)
-    return config, warnings
+    return config, tree, warnings

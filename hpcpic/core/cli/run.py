@@ -46,6 +46,14 @@ def job_options(command: Callable) -> Callable:
             help="500 (steps), 30s, 15m or 2h.  [default: the case's, or 15m]",
         ),
         click.option(
+            "--patience",
+            metavar="HH:MM:SS",
+            default="0:10:00",
+            show_default=True,
+            callback=_readable("parse_wall"),
+            help="End a run in which a step does not end for so long, and for 20 times a usual one.",
+        ),
+        click.option(
             "--wall",
             metavar="HH:MM:SS",
             callback=_readable("parse_wall"),
@@ -68,9 +76,8 @@ def make_run_command(app_loader: AppLoader) -> click.Command:
     @set_option
     @job_options
     @click.option("--dry", is_flag=True, help="Check and estimate only; take no step and make no folder.")
-    @click.option(
-        "--force", is_flag=True, help="Replace the run in DIR; run in spite of limits that allow it."
-    )
+    @click.option("--replace", is_flag=True, help="Replace the run in DIR: its files, and nothing else.")
+    @click.option("--force", is_flag=True, help="Run in spite of limits that allow it.")
     @click.option("--beyond-limits", is_flag=True, help="Run in spite of the scheme's limits, as `stability` does.")
     def run(
         case: str,
@@ -79,8 +86,10 @@ def make_run_command(app_loader: AppLoader) -> click.Command:
         threads: int | None,
         wall: str | None,
         checkpoint_every: str | None,
+        patience: str,
         quiet: bool,
         dry: bool,
+        replace: bool,
         force: bool,
         beyond_limits: bool,
     ) -> int:
@@ -89,8 +98,8 @@ def make_run_command(app_loader: AppLoader) -> click.Command:
             return _dry(app_loader(), case, sets, threads or 1, force)
         from hpcpic.core.cli.job import Flags, job
 
-        prepare = partial(prepare_run, case, output, sets, force, beyond_limits)
-        return job(app_loader, prepare, Flags(threads, wall, checkpoint_every, quiet))
+        prepare = partial(prepare_run, case, output, sets, replace, force, beyond_limits)
+        return job(app_loader, prepare, Flags(threads, wall, checkpoint_every, patience, quiet))
 
     return run
 
@@ -99,6 +108,7 @@ def prepare_run(
     case: str,
     output: str | None,
     sets: tuple[str, ...],
+    replace: bool,
     force: bool,
     beyond_limits: bool,
     app: App,
@@ -106,17 +116,18 @@ def prepare_run(
 ) -> tuple[RunDir, Plan]:
     """Read the case and make the run folder; on rank 0."""
     from hpcpic.core.cli.check import numbers_of
-    from hpcpic.core.cli.job import Plan, given_files, require_memory
+    from hpcpic.core.cli.job import Plan, require_memory
     from hpcpic.core.comm.library import library
-    from hpcpic.core.files.rundir import RunDir, provenance
-    from hpcpic.core.files.schema import dump
+    from hpcpic.core.files.given import config_text, contents
+    from hpcpic.core.files.provenance import provenance
+    from hpcpic.core.files.rundir import RunDir
 
     read = read_case(app, case, sets)
     numbers = numbers_of(app, read.config, world.size)
     warnings = read.tree.warnings + ([] if beyond_limits else enforce(numbers, read.tree, force))
     warnings += require_memory(app, read.config, world.size, world.node_size, force)
     folder = output or run_folder(read)
-    text = dump(read.config)
+    text = config_text(read.config, read.tree)
     told = ("name", "symbol", "value", "unit", "limit", "verdict", "source")
     facts = provenance(library()) | {
         "program": app.name,
@@ -124,8 +135,7 @@ def prepare_run(
         "sets": list(sets),
         "derived": [{key: getattr(number, key) for key in told} for number in numbers],
     }
-    given = given_files(read.tree.files)
-    rundir = RunDir.create(folder, force, config=text, given=given, sets=sets, facts=facts)
+    rundir = RunDir.create(folder, replace, config=text, given=contents(read.tree), sets=sets, facts=facts)
     allowed = " --beyond-limits" if beyond_limits else " --force" if force else ""
     return rundir, Plan(folder=folder, config=text, allowed=allowed, warnings=warnings)
 

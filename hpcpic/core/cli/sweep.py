@@ -185,10 +185,11 @@ def run_once(
 
 def _is_of(app: App, path: str, sets: tuple[str, ...], rundir: RunDir) -> bool:
     """Whether a run was made of this case as it is now: its files may have changed since."""
-    from hpcpic.core.files.schema import dump
+    from hpcpic.core.files.given import config_text
 
     try:
-        return rundir.config.read_text(encoding="utf-8") == dump(read_case(app, path, sets).config)
+        read = read_case(app, path, sets)
+        return rundir.config.read_text(encoding="utf-8") == config_text(read.config, read.tree)
     except (OSError, ConfigError):
         return False
 

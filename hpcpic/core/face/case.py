@@ -110,24 +110,25 @@ class Case:
         wall: str | None = None,
         checkpoint_every: str | None = None,
         quiet: bool = False,
+        replace: bool = False,
         force: bool = False,
     ) -> Run:
         """Do what the verb `run` does, and open the folder that it made. Collective under mpirun.
 
         folder: by default that of the command line. threads, wall ("HH:MM:SS"), checkpoint_every ("500" steps, "15m")
-        and quiet mean what they mean there. force: run in spite of limits that allow it. A run that was stopped early
-        returns too, with the status "stopped". Raises ConfigError, FileError, and Diverged when the state was no
-        solution any more.
+        and quiet mean what they mean there. replace: the run in the folder. force: run in spite of limits that allow
+        it. A run that was stopped early returns too, with the status "stopped". Raises ConfigError, FileError, and
+        Diverged when the state was no solution any more.
         """
         from hpcpic.core.cli.job import Flags, job
         from hpcpic.core.cli.run import prepare_run, run_folder
 
         def prepare(app: App, world: World) -> tuple[RunDir, Plan]:
             with self._file() as path:
-                return prepare_run(path, target, self._sets, force, False, app, world)
+                return prepare_run(path, target, self._sets, replace, force, False, app, world)
 
         target = run_folder(self._read_case) if folder is None else os.fspath(folder)
-        code = job(lambda: self._app, prepare, Flags(threads, wall, checkpoint_every, quiet), raises=True)
+        code = job(lambda: self._app, prepare, Flags(threads, wall, checkpoint_every, quiet=quiet), raises=True)
         run = Run.open(target, self._app)
         if code in _RAISED:
             raise _RAISED[code](f"{target}: {run.summary.get('reason', '')}")

@@ -1,10 +1,11 @@
 """What the ranks hand to the writers: every rank its part, with the place of that part in the whole."""
 
-from collections.abc import Mapping
+import math
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import DTypeLike, NDArray
 
 PARTICLE_UNITS = {"charge": "C", "mass": "kg", "weighting": "1"}
 
@@ -16,6 +17,48 @@ class Shard:
     local: NDArray
     offset: int
     total: int
+
+
+@dataclass(frozen=True, slots=True)
+class Column:
+    """What an array of the state is in a scene: its type, its shape (None: any number of rows), and which values it can
+    have: finite numbers of [low, high], which are numbers or arrays of the shape of the whole, or of a row.
+
+    open: numbers that are not finite are values too. increasing: each row is above the one before. legal(rows): which
+    of them are values, where limits cannot tell.
+    """
+
+    dtype: DTypeLike
+    shape: tuple[int | None, ...]
+    low: float | NDArray = -math.inf
+    high: float | NDArray = math.inf
+    open: bool = False
+    increasing: bool = False
+    legal: Callable[[NDArray], NDArray[np.bool_]] | None = None
+
+    def fault(self, rows: NDArray, first: int) -> str:
+        """What is wrong with the rows that begin at number `first` of the whole, "" if nothing is."""
+        low, high = (self._limit(limit, first, len(rows)) for limit in (self.low, self.high))
+        good = (rows >= low) & (rows <= high)
+        good |= ~np.isfinite(rows) if self.open else False
+        good &= True if self.open else np.isfinite(rows)
+        if self.legal is not None:
+            good &= self.legal(rows)
+        if self.increasing:
+            good[1:] &= np.diff(rows) > 0
+        if good.all():
+            return ""
+        place = tuple(int(k) for k in np.argwhere(~good)[0])
+        least, most = (np.broadcast_to(limit, rows.shape)[place] for limit in (low, high))
+        span = f" from {least:g} to {most:g}" if np.isfinite([least, most]).any() else ""
+        more = ", each row above the one before" if self.increasing else ""
+        at = ", ".join(map(str, (first + place[0], *place[1:])))
+        return f"[{at}] = {rows[place]:g}; expected{'' if self.open else ' finite'} values{span}{more}"
+
+    def _limit(self, limit: float | NDArray, first: int, n: int) -> float | NDArray:
+        if isinstance(limit, np.ndarray) and limit.ndim == len(self.shape):
+            return limit[first : first + n]
+        return limit
 
 
 @dataclass(frozen=True, slots=True)

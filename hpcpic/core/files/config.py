@@ -46,7 +46,7 @@ class Tree:
     incomplete: a file that was to be included was not: a key that seems to be missing may be in it.
     replaced: where a list stood that another file has put its own in the place of.
     ignored: keys that were accepted and dropped. files: (name, text) of every file read, the main one first.
-    sets: the --set list as given.
+    sets: the --set list as given. attached: paths of other files, which settings name.
     """
 
     data: dict[str, Any] = field(default_factory=dict)
@@ -58,6 +58,7 @@ class Tree:
     ignored: list[str] = field(default_factory=list)
     files: list[tuple[str, str]] = field(default_factory=list)
     sets: tuple[str, ...] = ()
+    attached: list[str] = field(default_factory=list)
 
     def where(self, path: Path) -> Place:
         """The place of a setting, or of the nearest group around it that was written down."""
@@ -243,15 +244,15 @@ def strange(root: str, real: str) -> bool:
     return shared == os.sep or any(part.startswith(".") for part in os.path.relpath(real, shared).split(os.sep))
 
 
-def file_bytes(path: str) -> bytes:
-    """The content of a regular file of at most MAX_BYTES; a pipe or device is refused without waiting."""
+def file_bytes(path: str, most: int = MAX_BYTES) -> bytes:
+    """The content of a regular file of at most so many bytes; a pipe or device is refused without waiting."""
     handle = os.open(path, os.O_RDONLY | os.O_NONBLOCK | os.O_CLOEXEC | os.O_NOFOLLOW)
     with os.fdopen(handle, "rb") as stream:
         if not stat.S_ISREG(os.fstat(handle).st_mode):
             raise ValueError("not a regular file")
-        content = stream.read(MAX_BYTES + 1)
-    if len(content) > MAX_BYTES:
-        raise ValueError("larger than 1 MiB")
+        content = stream.read(most + 1)
+    if len(content) > most:
+        raise ValueError(f"larger than {most >> 20} MiB")
     return content
 
 

@@ -9,45 +9,35 @@ import logging
 import math
 import os
 import platform
-import shutil
-import subprocess
-import sys
+import re
 from collections.abc import Mapping, Sequence
+from contextlib import suppress
 from datetime import UTC, datetime
-from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import IO, Any
 
 from hpcpic.core.errors import FileError
 from hpcpic.core.files.together import explain
-from hpcpic.version import __version__
 
-RUN_NAMES = (
-    "run.json",
-    "config.conf",
-    "given",
-    "log.txt",
-    "timers.csv",
-    "series.h5",
-    "series.csv",
-    "series.units.csv",
-    "fields.vtkhdf",
-    "particles.vtkhdf",
-    "grains.vtkhdf",
-    "openpmd",
-    "checkpoints",
-    "STOP",
-    "report.html",
+RUN_FILES = (
+    *("run.json", "config.conf", "log.txt", "timers.csv", "series.h5", "series.csv", "series.units.csv"),
+    *("fields.vtkhdf", "particles.vtkhdf", "grains.vtkhdf", "post-mortem.txt", "report.html", "STOP"),
 )
+RUN_FOLDERS = {"checkpoints": r"\d{8,}\.h5", "openpmd": r"data\d*\.h5"}  # and what a run calls its files there
 LOCK = ".lock"
 NO_LOCKS = (errno.ENOSYS, errno.EOPNOTSUPP, errno.ENOLCK)  # what parallel file systems say that are mounted without
 log = logging.getLogger(__name__)
-PACKAGES = ("numpy", "numba", "mpi4py", "h5py", "pyfftw", "scipy", "mpich", "openmpi")
 
 
 def temporary(path: Path, pid: int | str | None = None) -> Path:
     """The name a file has while this process writes it."""
     return path.with_name(f".{path.name}.{pid or os.getpid()}.tmp")
+
+
+def discard(path: Path) -> None:
+    """Remove what was begun, if it is still there to be removed: what hindered it is told, not this."""
+    with suppress(OSError):
+        path.unlink()
 
 
 def create_anew(path: Path) -> IO[bytes]:
@@ -72,7 +62,7 @@ def write_atomic(path: Path, content: str | bytes) -> None:
         finally:
             os.close(descriptor)
     except OSError as error:
-        made.unlink(missing_ok=True)
+        discard(made)
         raise FileError(f"cannot write {path}: {explain(error)}") from error
 
 
@@ -89,6 +79,11 @@ class RunDir:
     """
 
     def __init__(self, path: Path | str) -> None:
+        self.rename(path)
+        self._lock: IO[bytes] | None = None
+
+    def rename(self, path: Path | str) -> None:
+        """The folder is called so."""
         self.path = Path(path)
         self.run_json = self.path / "run.json"
         self.config = self.path / "config.conf"
@@ -99,7 +94,20 @@ class RunDir:
         self.openpmd = self.path / "openpmd"
         self.checkpoints = self.path / "checkpoints"
         self.stop_file = self.path / "STOP"
-        self._lock: IO[bytes] | None = None
+
+    def moved_to(self) -> str:
+        """What the held folder is called now, if it is not there any more under its name; "" if it is."""
+        if self._lock is None:
+            return ""
+        with suppress(OSError):
+            if os.path.samestat(os.fstat(self._lock.fileno()), os.stat(self.path / LOCK)):
+                return ""
+        try:
+            folder = os.path.dirname(os.readlink(f"/proc/self/fd/{self._lock.fileno()}"))
+            here = os.path.samestat(os.fstat(self._lock.fileno()), os.stat(os.path.join(folder, LOCK)))
+        except OSError:  # removed, or no /proc
+            return ""
+        return folder if here else ""
 
     @property
     def particles(self) -> Path:
@@ -111,7 +119,7 @@ class RunDir:
     def create(
         cls,
         path: Path | str,
-        force: bool = False,
+        replace: bool = False,
         *,
         config: str,
         given: Mapping[str, str | bytes] | None = None,
@@ -122,23 +130,23 @@ class RunDir:
         lock.
 
         `given` maps file names (paths relative to the case's folder) to contents. A folder that holds a run
-        is refused unless `force`, which removes that run's files and nothing else. Raises FileError; nothing
-        is left behind then.
+        is refused unless `replace`, which removes what that run has made and nothing else; a folder with files of other
+        origin that are called as those of a run is always refused. Raises FileError; nothing is left behind then.
         """
         rundir = cls(path)
-        made = _missing_parents(rundir.path)
-        begun = False
+        made, begun = _missing_parents(rundir.path), False
         try:
             rundir.path.mkdir(parents=True, exist_ok=True)
-            rundir._refuse_run(force)
+            rundir._refuse_run(replace)
             rundir.lock()
-            rundir._refuse_run(force)  # who held the lock before may have made one
-            begun = True
+            rundir._refuse_run(replace)  # who held the lock before may have made one
             _probe(rundir.path)
-            for name in RUN_NAMES:
-                _remove(rundir.path / name)
-            rundir._fill(config, given or {}, sets)
-            rundir.update(status="running", started=_now(), **(facts or {}))
+            begun = True
+            rundir._remove_run()
+            names = rundir._names_in_given(given or {})
+            facts = {"status": "running", "started": _now(), "given": sorted(names), **(facts or {})}
+            rundir.update(**facts)  # first: from now on the folder is known as that of a run
+            rundir._fill(config, names, sets)
         except BaseException as error:
             rundir._undo(made, begun)
             if isinstance(error, OSError):
@@ -147,42 +155,94 @@ class RunDir:
         return rundir
 
     @classmethod
-    def open(cls, path: Path | str, program: str = "") -> "RunDir":
-        """A folder that holds a run, of this `program` if one is named. Raises FileError when it does not."""
+    def open(cls, path: Path | str, program: str = "", damaged: bool = False) -> "RunDir":
+        """A folder that holds a run, of this `program` if one is named. FileError when it does not, and where run.json
+        cannot be read, unless it may be `damaged`.
+        """
         rundir = cls(path)
         if not os.path.isdir(path):  # which takes a name that is too long for none
             raise FileError(f"{path}: no such folder; `run` makes one")
         if not rundir.run_json.is_file():
             raise FileError(f"{path}: not a run folder (no run.json in it)")
-        made_by = rundir.read_run().get("program", program) if program else program
+        try:
+            made_by = rundir.read_run().get("program", program) if program else program
+        except FileError:
+            if not damaged:
+                raise
+            made_by = program
         if made_by != program:
             raise FileError(f"{path}: a run of {made_by}, not of {program}: say `{made_by}` instead of `{program}`")
         return rundir
 
-    def _refuse_run(self, force: bool) -> None:
-        found = [name for name in RUN_NAMES if (self.path / name).exists() and name != "STOP"]
-        if found and not force:
+    def _refuse_run(self, replace: bool) -> None:
+        names = [*RUN_FILES, "given", *RUN_FOLDERS]
+        found = [name for name in names if os.path.lexists(self.path / name) and name != "STOP"]
+        if not found:
+            return
+        named = f"({', '.join(found[:4])}{', ...' if found[4:] else ''})"
+        if not self._is_ours():
             raise FileError(
-                f"{self.path} holds a run already ({', '.join(found[:4])}{', ...' if found[4:] else ''}); "
-                "choose another folder with -o, go on with `restart`, or replace that run with --force"
+                f"{self.path} holds files that a run would write {named}, and no run.json of a run: they are not "
+                "touched; choose another folder with -o, or take them away yourself"
+            )
+        if not replace:
+            raise FileError(
+                f"{self.path} holds a run already {named}; choose another folder with -o, go on with `restart`, or "
+                "replace that run with --replace (--force is for limits alone)"
             )
 
-    def _fill(self, config: str, given: Mapping[str, str | bytes], sets: Sequence[str]) -> None:
-        self.given.mkdir()
+    def _is_ours(self) -> bool:
+        """Whether run.json is what `create` makes."""
+        try:
+            return not self.run_json.is_symlink() and {"status", "started"} <= self.read_run().keys()
+        except FileError:
+            return False
+
+    def _remove_run(self) -> None:
+        """What a run has made here; what somebody else has put beside or among it stays."""
+        given = self.read_run().get("given") if self.run_json.exists() else []
+        if not self.given.is_symlink():
+            for name in given if isinstance(given, list) else []:
+                path = self.given / str(name)
+                if path.parent.resolve().is_relative_to(self.given.resolve()):
+                    path.unlink(missing_ok=True)
+            (self.given / "set.txt").unlink(missing_ok=True)
+        for name, pattern in RUN_FOLDERS.items():
+            folder = self.path / name
+            for path in [] if folder.is_symlink() or not folder.is_dir() else list(folder.iterdir()):
+                if re.fullmatch(rf"{pattern}|\..*\.tmp", path.name):
+                    path.unlink()
+        for name in ("given", *RUN_FOLDERS):
+            _remove_if_empty(self.path / name)
+        for name in RUN_FILES:
+            with suppress(IsADirectoryError):
+                (self.path / name).unlink(missing_ok=True)
+        for path in self.path.glob("trace-rank-*.txt"):
+            path.unlink()
+
+    def _names_in_given(self, given: Mapping[str, str | bytes]) -> dict[str, str | bytes]:
+        """The files with their places in given/: those that would lead out of it lie in it under their last name."""
+        inside = {}
         for name, content in given.items():
-            target = self.given / Path(name)
-            if not target.resolve().is_relative_to(self.given.resolve()):
-                target = self.given / Path(name).name
+            place = os.path.normpath(name)
+            leads_out = os.path.isabs(place) or place.split(os.sep)[0] == os.pardir
+            inside[Path(place).name if leads_out else place] = content
+        return inside
+
+    def _fill(self, config: str, given: Mapping[str, str | bytes], sets: Sequence[str]) -> None:
+        self.given.mkdir(exist_ok=True)
+        for name, content in given.items():
+            target = self.given / name
             target.parent.mkdir(parents=True, exist_ok=True)
             write_atomic(target, content)
         write_atomic(self.given / "set.txt", "".join(f"{line}\n" for line in sets))
         write_atomic(self.config, config)
 
     def _undo(self, made: list[Path], begun: bool) -> None:
-        """Remove what `create` made, if it had begun: before that it is another's run."""
+        """Remove what `create` made, if it had begun: before that it is another's run, or one to be replaced."""
         if begun:
-            for name in ("given", "config.conf", "run.json"):
-                _remove(self.path / name)
+            with suppress(OSError, FileError):
+                self._remove_run()
         self.unlock()
         for folder in made:
             if os.path.isdir(folder) and not any(folder.iterdir()):
@@ -241,6 +301,20 @@ class RunDir:
             raise FileError(f"{self.run_json}: not a JSON object")
         return content
 
+    def mend(self) -> list[str]:
+        """What was wrong with run.json, which is put aside and begun anew if it cannot be read. Raises FileError."""
+        try:
+            self.read_run()
+        except FileError as error:
+            kept = self.path / "run.json.damaged"
+            try:
+                os.replace(self.run_json, kept)
+            except OSError as refused:
+                raise FileError(f"cannot put {self.run_json} aside: {explain(refused)}") from refused
+            self.update(status="unknown", started=_now())
+            return [f"{error.message}: kept as {kept.name}; what it said of the run so far is missing in the new one"]
+        return []
+
     def update(self, **facts: Any) -> None:
         """Set keys of run.json; the file is replaced as a whole. Numbers that are not finite become null."""
         content = self.read_run() if self.run_json.exists() else {}
@@ -279,11 +353,16 @@ def _probe(folder: Path) -> None:
         probe.unlink(missing_ok=True)
 
 
-def _remove(path: Path) -> None:
-    if path.is_dir() and not path.is_symlink():
-        shutil.rmtree(path)
-    else:
-        path.unlink(missing_ok=True)
+def _remove_if_empty(folder: Path) -> None:
+    """A folder in which there are only empty folders; a link to one goes, and what it leads to stays."""
+    if folder.is_symlink():
+        folder.unlink()
+    elif folder.is_dir():
+        for path in folder.iterdir():
+            if path.is_dir() and not path.is_symlink():
+                _remove_if_empty(path)
+        if not any(folder.iterdir()):
+            folder.rmdir()
 
 
 def _alive(pid: int) -> bool:
@@ -313,56 +392,3 @@ def _plain(value: Any) -> Any:
     if hasattr(value, "tolist"):  # numpy scalars and arrays
         return _plain(value.tolist())
     return str(value)
-
-
-def provenance(mpi_library: str = "") -> dict[str, Any]:
-    """What produced a run: versions, git state, machine, command line. No environment variables."""
-    return {
-        "versions": {"hpcpic": __version__, "python": platform.python_version(), **_versions()},
-        "git": _git(Path(__file__).resolve().parents[2]),
-        "mpi": " ".join(mpi_library.split()),
-        "cpu": _cpu(),
-        "cores": os.cpu_count(),
-        "host": platform.node(),
-        "system": platform.platform(),
-        "command": list(sys.argv),
-        "python": sys.executable,
-    }
-
-
-def _versions() -> dict[str, str]:
-    found = {}
-    for name in PACKAGES:
-        try:
-            found[name] = version(name)
-        except PackageNotFoundError:
-            continue
-    return found
-
-
-def _git(folder: Path) -> dict[str, Any] | None:
-    """Commit of the package's repository, and whether files differ from it; None for an installed copy."""
-    if not (folder.parent / ".git").exists():
-        return None
-
-    def ask(*words: str) -> str:
-        run = subprocess.run(
-            ["git", "-C", folder, *words], capture_output=True, text=True, timeout=10, check=True
-        )
-        return run.stdout.strip()
-
-    try:
-        return {"commit": ask("rev-parse", "HEAD"), "dirty": bool(ask("status", "--porcelain", "--", "."))}
-    except (OSError, subprocess.SubprocessError):
-        return None
-
-
-def _cpu() -> str:
-    try:
-        lines = Path("/proc/cpuinfo").read_text().splitlines()
-    except OSError:
-        return platform.processor()
-    return next(
-        (line.partition(":")[2].strip() for line in lines if line.startswith("model name")),
-        platform.machine(),
-    )

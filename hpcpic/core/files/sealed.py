@@ -158,6 +158,8 @@ class Reader:
             self.time = float.fromhex(manifest["time_hex"])
             self.attributes: dict[str, Any] = dict(manifest["attributes"])
             self.version = str(manifest["version"])
+            if self.step < 0 or not math.isfinite(self.time):
+                raise ValueError(f"step {self.step}, time {self.time}")
         except (KeyError, TypeError, ValueError, AttributeError) as error:
             raise FileError(f"{path}: the manifest is not one of ours ({error})") from error
         if any(array.address + array.size > self._end for array in self._arrays.values()):
@@ -174,6 +176,12 @@ class Reader:
     def total(self, name: str) -> int:
         """Rows of an array."""
         return self._array(name).shape[0]
+
+    def shape(self, name: str) -> tuple[int, ...]:
+        return self._array(name).shape
+
+    def dtype(self, name: str) -> np.dtype:
+        return self._array(name).dtype
 
     def read(self, name: str, lo: int = 0, hi: int | None = None) -> NDArray:
         """Rows [lo, hi) of an array. Raises FileError."""

@@ -3,8 +3,8 @@
 The table has a row of names and then numbers only, so that any reader of tables takes it as it is; the units of its
 columns stand in series.units.csv, and in the attributes of series.h5.
 
-Rows are buffered and appended by a short open-write-close, so a process killed at any moment leaves readable
-files. In the HDF5 file `step` grows last and tells how many rows are valid.
+Rows are buffered, and appended by a short open-write-close when `flush` is called, so a process killed at any moment
+leaves readable files. In the HDF5 file `step` grows last and tells how many rows are valid.
 """
 
 import csv
@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 
 from hpcpic.core.errors import FileError
 from hpcpic.core.files import image
-from hpcpic.core.files.rundir import RunDir, temporary, write_atomic
+from hpcpic.core.files.rundir import RunDir, discard, temporary, write_atomic
 from hpcpic.core.files.safe_hdf5 import open_checked
 from hpcpic.core.files.together import explain
 
@@ -52,9 +52,7 @@ class SeriesWriter:
 
         A scalar that one part of the run lacks is NaN there. Raises FileError.
         """
-        self._h5 = rundir.path / "series.h5"
-        self._csv = rundir.path / "series.csv"
-        self._units_csv = units_path(self._csv)
+        self._rundir = rundir
         self._units = dict(units)
         self._rows: list[tuple[int, float, list[float]]] = []
         self._flushed = clock.monotonic()
@@ -62,6 +60,14 @@ class SeriesWriter:
         if after is not None and self._h5.exists():
             kept = _cut(read_series(rundir.path), after)
         self._start(kept)
+
+    @property
+    def _h5(self) -> Path:
+        return self._rundir.path / "series.h5"
+
+    @property
+    def _csv(self) -> Path:
+        return self._rundir.path / "series.csv"
 
     def _start(self, kept: Series) -> None:
         """Put both files in place, with the rows that are kept."""
@@ -83,16 +89,19 @@ class SeriesWriter:
             image.create(made, build)
             os.replace(made, self._h5)
         except OSError as error:
-            made.unlink(missing_ok=True)
+            discard(made)
             raise FileError(f"cannot make {self._h5}: {explain(error)}") from error
-        write_atomic(self._units_csv, units_text({STEP: "1", TIME: "s", **self._units}))
+        write_atomic(units_path(self._csv), units_text({STEP: "1", TIME: "s", **self._units}))
         write_atomic(self._csv, _lines([[STEP, TIME, *self._units]]) + _lines(_texts(kept.step, columns)))
 
     def append(self, step: int, time: float, values: Mapping[str, float]) -> None:
-        """Add a row; every few seconds the rows go to the files. A missing value is NaN. Raises FileError."""
+        """Add a row; a missing value is NaN."""
         self._rows.append((int(step), float(time), [float(values.get(name, np.nan)) for name in self._units]))
-        if clock.monotonic() - self._flushed > FLUSH_SECONDS:
-            self.flush()
+
+    @property
+    def due(self) -> bool:
+        """Whether rows have waited for some seconds."""
+        return bool(self._rows) and clock.monotonic() - self._flushed > FLUSH_SECONDS
 
     def flush(self) -> None:
         """Bring the buffered rows to the files. Raises FileError; the files keep the rows they had."""
@@ -113,13 +122,16 @@ class SeriesWriter:
         self._append_csv(_lines(_texts(steps, columns)))
 
     def _append_csv(self, text: str) -> None:
-        with open(self._csv, "r+b", buffering=0) as file:
-            old = file.seek(0, os.SEEK_END)
-            try:
-                image.write_all(file.fileno(), text.encode(), old)
-            except OSError as error:
-                file.truncate(old)
-                raise FileError(f"cannot append to {self._csv}: {explain(error)}") from error
+        try:
+            with open(self._csv, "r+b", buffering=0) as file:
+                old = file.seek(0, os.SEEK_END)
+                try:
+                    image.write_all(file.fileno(), text.encode(), old)
+                except OSError:
+                    file.truncate(old)
+                    raise
+        except OSError as error:
+            raise FileError(f"cannot append to {self._csv}: {explain(error)}") from error
 
 
 def _extend(file: "h5py.File", columns: Mapping[str, NDArray]) -> None:

@@ -20,10 +20,11 @@ from numpy.typing import NDArray
 
 from hpcpic.core.errors import FileError
 from hpcpic.core.files import image, sealed
-from hpcpic.core.files.arrays import Shard
-from hpcpic.core.files.rundir import RunDir, temporary
+from hpcpic.core.files.arrays import Column, Shard
+from hpcpic.core.files.rundir import RunDir, discard, temporary
 from hpcpic.core.files.sealed import CHUNK, Array, Reader
 from hpcpic.core.files.together import ALONE, Alone, together
+from hpcpic.core.space.domain import block_ranges
 from hpcpic.version import __version__
 
 if TYPE_CHECKING:
@@ -31,7 +32,7 @@ if TYPE_CHECKING:
 
     from hpcpic.core.comm.world import World
 
-__all__ = ["Reader", "Shard", "digest", "newest", "write"]
+__all__ = ["Reader", "Shard", "digest", "hold", "newest", "write"]
 
 log = logging.getLogger(__name__)
 
@@ -73,7 +74,7 @@ def write(
                 _forget_old(rundir.checkpoints, step)
     except BaseException:
         if world.rank == 0:
-            made.unlink(missing_ok=True)
+            discard(made)
         raise
     return final
 
@@ -114,6 +115,9 @@ def _lay_out(
 
     with together(world, doing):
         if world.rank == 0:
+            if made.parent.is_symlink():  # removed, not followed, as all links that somebody puts in the way
+                log.warning("%s was a link to %s: a folder takes its place", made.parent, os.readlink(made.parent))
+                made.parent.unlink()
             made.parent.mkdir(exist_ok=True)
             _sweep(made.parent)
             image.create(made, build)
@@ -206,6 +210,32 @@ def _verified(path: Path, world: "World | Alone") -> Reader:
     if wrong.any():
         raise FileError(f"{path}: damaged: {', '.join(reader.names_of(wrong))}")
     return reader
+
+
+def hold(reader: Reader, columns: Mapping[str, Column], world: "World | Alone" = ALONE) -> None:
+    """Collective: FileError unless the checkpoint has these arrays and no others, of these shapes, types and values."""
+    for name in dict.fromkeys((*columns, *reader.names)):
+        if name not in columns:
+            raise FileError(f"{reader.path}: {name}: this scene has no such array, but {', '.join(columns)}")
+        column = columns[name]
+        shape, dtype = reader.shape(name), reader.dtype(name)
+        fits = len(shape) == len(column.shape) and all(b in (None, a) for a, b in zip(shape, column.shape, strict=True))
+        if not fits or dtype != np.dtype(column.dtype):
+            asked = ", ".join("any" if n is None else str(n) for n in column.shape)
+            raise FileError(
+                f"{reader.path}: {name}: expected {np.dtype(column.dtype)} [{asked}], found {dtype} "
+                f"[{', '.join(map(str, shape))}]"
+            )
+    with together(world):
+        for name, column in columns.items():
+            low, high = block_ranges(reader.total(name), world.size)[world.rank]
+            row_bytes = math.prod(reader.shape(name)[1:]) * reader.dtype(name).itemsize
+            rows = max(2, BLOCK // max(1, row_bytes))
+            for first in range(low, high, rows):
+                first = max(0, first - 1)  # in what order rows are shows beside the one before
+                fault = column.fault(reader.read(name, first, min(first + rows + 1, high)), first)
+                if fault:
+                    raise FileError(f"{reader.path}: {name}{fault}")
 
 
 def digest(world: "World | Alone", shards: Mapping[str, Shard]) -> str:

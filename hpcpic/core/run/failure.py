@@ -28,6 +28,7 @@ from hpcpic.core.files.together import explain
 from hpcpic.core.run.log import write_error
 
 NOWHERE = os.devnull  # a folder in which no file can be
+PATIENCE_SECONDS = 600.0  # with a step that does not end; file systems that are shared stand still for minutes
 LOSER_SECONDS = 5.0  # how long a rank waits for the one that tells to end it
 _BY_CODE = {error.exit_code: error for error in (ConfigError, CheckFailed, Diverged, FileError)}
 
@@ -198,7 +199,7 @@ class Watchdog:
     was away. The file disappears when nothing was written.
     """
 
-    def __init__(self, folder: Path, rank: int, least: float = 60.0) -> None:
+    def __init__(self, folder: Path, rank: int, least: float = PATIENCE_SECONDS) -> None:
         self.rank, self.path = rank, folder / f"trace-rank-{rank}.txt"
         self._file = open(self.path, "wb", buffering=0)  # noqa: SIM115  (lives as long as the run)
         self._least, self._beat = least, min(1.0, least / 8)

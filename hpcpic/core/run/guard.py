@@ -32,6 +32,7 @@ class Verdict:
 
     reason: Reason
     checkpoint: bool
+    write: bool  # rank 0 has rows for the series
     diverged: str | None  # why, in one line
     rank: int  # the rank that says so; -1: none
 
@@ -56,8 +57,8 @@ class Guard:
         """Steps from this one to the next look."""
         return max(1, self._next - step)
 
-    def agree(self, step: int, reason: Reason, checkpoint: bool) -> Verdict:
-        """Collective. `reason` and `checkpoint` are this rank's wishes."""
+    def agree(self, step: int, reason: Reason, checkpoint: bool, write: bool = False) -> Verdict:
+        """Collective. `reason`, `checkpoint` and `write` are this rank's wishes."""
         start = time.perf_counter()
         steps = step - self._step
         step_ns = int(1e9 * (start - self._clock) / steps) if steps else 0
@@ -67,13 +68,13 @@ class Guard:
         trouble_rank = self.world.rank if trouble else -1
         # The last rank to arrive waits for nobody: its look shows the price, so the minimum over ranks
         # counts.
-        mine = [reason, checkpoint, trouble_rank, step_ns, -self._cost_ns]
+        mine = [reason, checkpoint, trouble_rank, step_ns, -self._cost_ns, write]
         agreed = [int(n) for n in self.world.max_array(np.array(mine, dtype=np.int64))]
         self._plan(step, agreed[3], -agreed[4])
         told = self._tell(agreed[2], trouble) if agreed[2] >= 0 else None
         self._clock = time.perf_counter()
         self._cost_ns = int(1e9 * (self._clock - start))
-        return Verdict(Reason(agreed[0]), bool(agreed[1]), told, agreed[2])
+        return Verdict(Reason(agreed[0]), bool(agreed[1]), bool(agreed[5]), told, agreed[2])
 
     def _plan(self, step: int, step_ns: int, cost_ns: int) -> None:
         steps = cost_ns / max(step_ns, 1)  # that a look costs

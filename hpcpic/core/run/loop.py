@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import logging
+import os
 import time
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
@@ -12,7 +13,7 @@ from hpcpic.core.comm.world import World
 from hpcpic.core.errors import FileError
 from hpcpic.core.files.rundir import RunDir
 from hpcpic.core.run import checkpoint, summary
-from hpcpic.core.run.failure import Agreed, Watchdog
+from hpcpic.core.run.failure import PATIENCE_SECONDS, Agreed, Watchdog
 from hpcpic.core.run.guard import Guard, Verdict
 from hpcpic.core.run.outputs import Outputs
 from hpcpic.core.run.progress import Progress
@@ -41,6 +42,7 @@ class Options:
     screen: TextIO
     checkpoint_every: Every | EveryTime | EverySeconds = field(default_factory=lambda: EverySeconds(CHECKPOINT_SECONDS))
     stop_sem: float = 0.0
+    patience: float = PATIENCE_SECONDS  # with a step that does not end
     restarted_from: int | None = None  # step of the checkpoint
     history: Sequence[Mapping[str, Any]] = ()  # the parts of the run before this one
     attributes: Mapping[str, Any] = field(default_factory=dict)  # of every checkpoint
@@ -67,7 +69,7 @@ def run(app: Any, world: World, rundir: RunDir, options: Options) -> Outcome:
     """Step the app to its last step or to a reason to stop. Collective; raises Agreed and whatever the app
     raises.
     """
-    watchdog = Watchdog(rundir.path, world.rank)
+    watchdog = Watchdog(rundir.path, world.rank, options.patience)
     try:
         return _Run(app, world, rundir, options, watchdog).to_the_end()
     finally:
@@ -122,6 +124,8 @@ class _Run:
             self.outputs.look(app.iteration, app.time)
             if self.agreement_due():
                 verdict = self.agree()
+                if verdict.write:
+                    self.write_series()
                 if verdict.checkpoint and not self.over(verdict):
                     self.write_checkpoint()
             self.show_progress()
@@ -178,7 +182,7 @@ class _Run:
         else:
             due = every.due(step, self.app.time)
         with self.options.timers.section("guard"):
-            verdict = self.guard.agree(step, self.reason(), due and step > self.first)
+            verdict = self.guard.agree(step, self.reason(), due and step > self.first, self.outputs.due)
         self.options.stop.step_seconds = self.guard.step_seconds
         self.feed()
         return verdict
@@ -203,9 +207,25 @@ class _Run:
     def over(self, verdict: Verdict) -> bool:
         return bool(verdict.diverged) or verdict.reason is not Reason.NONE or self.at_end()
 
+    def write_series(self) -> None:
+        """Collective: what rank 0 writes is outside the others' patience, and they leave their cores to it."""
+        self.watchdog.rest()
+        self.follow()
+        self.outputs.flush()
+        self.world.wait_for_work()
+        self.feed()
+
+    def follow(self) -> bool:
+        """Collective: whether the folder of the run has another name now; it is known by that from here on."""
+        name = self.world.bcast(os.fsencode(self.rundir.moved_to()))
+        if name:
+            log.warning("the run folder %s was moved: going on in %s", self.rundir.path, os.fsdecode(name))
+            self.rundir.rename(os.fsdecode(name))
+        return bool(name)
+
     def write_checkpoint(self, last: Mapping[str, Any] | None = None) -> None:
         """Collective. A failure is a warning, until the third one in a row or the one of the `last` state."""
-        self.outputs.flush()
+        self.write_series()
         app, options = self.app, self.options
         self.watchdog.rest()
         begin = time.perf_counter()
@@ -231,7 +251,8 @@ class _Run:
         status, code, reason = self.ending(verdict)
         if code == 0:
             self.outputs.look(self.app.iteration, self.app.time, at_end=True)
-        self.outputs.flush()
+        self.write_series()
+        self.watchdog.rest()
         digest = None if code == 4 else self.keep_state()
         if code == 0 and self.world.any(bool(self.outputs.broken)):
             code, reason = 6, "the steps are all done, but output is missing (see the warnings)"

@@ -75,6 +75,11 @@ class Outputs:
             if observer.name == "series" or observer.name not in self.broken:
                 observer.look(step, time, at_end)
 
+    @property
+    def due(self) -> bool:
+        """Whether this rank has rows to write."""
+        return self._series is not None and "series" not in self.broken and self._series.due
+
     def flush(self) -> None:
         """The series and the snapshots so far are in the files afterwards. Collective."""
         if self._series is not None and "series" not in self.broken:

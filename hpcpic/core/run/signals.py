@@ -30,12 +30,15 @@ class Reason(IntEnum):
     STOP_FILE = 2
     WALL = 3
     SIGUSR1 = 4
-    SIGTERM = 5
-    SIGINT = 6
+    SIGUSR2 = 5
+    SIGXCPU = 6
+    SIGHUP = 7
+    SIGTERM = 8
+    SIGINT = 9
 
     @property
     def text(self) -> str:
-        return _TEXTS[self]
+        return _TEXTS.get(self, self.name)
 
 
 _TEXTS = {
@@ -43,11 +46,8 @@ _TEXTS = {
     Reason.MEAN_KNOWN: "the mean step time is known as well as simulation.stop_SEM asks",
     Reason.STOP_FILE: "a file STOP in the run folder",
     Reason.WALL: "the wall clock limit (--wall, or the end of the SLURM job)",
-    Reason.SIGUSR1: "SIGUSR1",
-    Reason.SIGTERM: "SIGTERM",
-    Reason.SIGINT: "SIGINT",
 }
-_SIGNALS = {n: Reason[signal.Signals(n).name] for n in (signal.SIGUSR1, signal.SIGTERM, signal.SIGINT)}
+_SIGNALS = {number: Reason[number.name] for number in signal.Signals if number.name in Reason.__members__}
 
 
 class Stop:
@@ -66,7 +66,8 @@ class Stop:
         self._acknowledged = threading.Event()
         self._read, self._write = os.pipe()
         os.set_blocking(self._write, False)
-        self._before = {n: signal.signal(n, lambda *_: None) for n in _SIGNALS}
+        heard = [n for n in _SIGNALS if n != signal.SIGHUP or signal.getsignal(n) != signal.SIG_IGN]  # as nohup asks
+        self._before = {n: signal.signal(n, lambda *_: None) for n in heard}
         self._fd_before = signal.set_wakeup_fd(self._write, warn_on_full_buffer=False)
         self._thread = threading.Thread(target=self._listen, name="signals", daemon=True)
         self._thread.start()
