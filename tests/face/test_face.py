@@ -94,7 +94,7 @@ def test_a_case_made_of_keys_is_the_case_of_its_text(tmp_path):
         (lambda: sph.Case("water-colum"), "did you mean 'water-column'"),
         (lambda: sph.Case("water-column").changed({"numerics.spacng": 1.0}), "did you mean 'spacing'"),
         (lambda: sph.Case(simulation={"dimensions": 2}), "simulation.end_time: missing"),
-        (lambda: sph.Case(fluid=[{"shpe": 1}]), r"sph.Case: fluid\[0\].shpae: unknown key; did you mean 'shape'"),
+        (lambda: sph.Case(fluid=[{"shpe": 1}]), r"sph.Case: fluid\[0\].shpe: unknown key; did you mean 'shape'"),
         (lambda: sph.Case(gravity=[0.0, {1, 2}]), r"gravity\[1\]: a case holds numbers"),
         (lambda: sph.Case(), "a case is made of"),
     ],
