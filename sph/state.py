@@ -84,7 +84,7 @@ def columns(sph: "Sph", reader: "Reader") -> dict[str, Column]:
     made.
     """
     scene, real = sph.scene, np.float64
-    d, far = scene.dimensions, sph.farthest
+    d, far = scene.dimensions, scene.spacing / np.finfo(real).eps  # farther out, places are coarser than the spacing
     n = reader.total("number") if scene.config.domain.outflow and "number" in reader.names else scene.n_fluid
     found = {
         "x": Column(real, (n, d), -far, far),

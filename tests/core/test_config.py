@@ -215,12 +215,12 @@ def test_includes_may_go_up_and_are_looked_for_in_the_working_directory_last(tmp
 
 
 def test_files_above_the_case_are_kept_with_the_run(tmp_path):
-    from hpcpic.core.cli.job import given_files
+    from hpcpic.core.files.given import contents
 
     (tmp_path / "2d").mkdir()
     write(tmp_path, shared="x = 1;")
     main = write(tmp_path / "2d", main='@include "../shared.conf"\n@include "a..b.conf"', **{"a..b": "y = 1;"})
-    assert list(given_files(load(main).files)) == ["main.conf", "_up/shared.conf", "a..b.conf"]
+    assert list(contents(load(main))) == ["main.conf", "_up/shared.conf", "a..b.conf"]
 
 
 SECRET = "hunter2hunter2"

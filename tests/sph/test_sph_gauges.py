@@ -86,7 +86,9 @@ def test_what_was_due_between_the_last_sample_and_a_stop_is_read_after_the_resta
     run.scalars()
     run.time = 0.15  # here it stops
     kept = {name: shard.local for name, shard in run.state().items()}
-    again.restore(SimpleNamespace(step=9, time=0.15, read=lambda name, *rows: kept[name][slice(*rows or (None,))]))
+    reader = SimpleNamespace(step=9, time=0.15, names=list(kept))
+    reader.read = lambda name, *rows: kept[name][slice(*rows or (None,))]
+    again.restore(reader)
     for sph in (run, again):
         sph.time = 0.16
         assert {"a", "b"} & sph.scalars().keys() == {"a"}
@@ -94,8 +96,10 @@ def test_what_was_due_between_the_last_sample_and_a_stop_is_read_after_the_resta
 
 def test_readings_and_scalars_do_not_depend_on_the_order_of_the_particles():
     text = ", ".join(
-        f'{{ name = "g{k}"; what = "{what}"; at = [0.7, 0.5]; axis = "{axis}"; }}'
-        for k, (what, axis) in enumerate((("pressure", "x+"), ("velocity", "x+"), ("elevation", "y+"), ("flow", "x+")))
+        f'{{ name = "g{k}"; what = "{what}"; at = [0.7, 0.5]; {axis} }}'
+        for k, (what, axis) in enumerate(
+            (("pressure", ""), ("velocity", ""), ("elevation", 'axis = "y+";'), ("flow", 'axis = "x+";'))
+        )
     )
     still = Still(text)
     before = Gauges(still).values(0.0) | diagnostics.scalars(still)

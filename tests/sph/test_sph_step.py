@@ -84,13 +84,6 @@ def test_what_is_not_finite_ends_the_run():
         run(sph, 1)
 
 
-def test_the_guard_knows_how_dense_a_fluid_is():
-    sph = engine(spacing=0.1)
-    assert sph.guard() is None
-    sph.bodies.drho[sph.bodies.fluid[7]] = -400.0
-    assert "density of particle" in sph.guard()
-
-
 @pytest.mark.parametrize("integrator", ["rk3-tvd", "predictor-corrector"])
 def test_neighbours_follow_the_fastest_particle(integrator):
     """Steps with neighbours known just as far as particles move, and with them known much farther: the same but for the
