@@ -320,7 +320,8 @@ def test_no_numbers_break_check_estimate_or_plan(floats, counts):
 
 @pytest.mark.parametrize("value", [1e-30, 1e30])
 def test_numbers_whose_products_leave_floating_point_are_refused_at_their_key(value):
-    assert "fluid.kinematic_viscosity: is beyond what is computed with" in messages(CHANNEL.replace("1.0e-6", repr(value)))
+    told = messages(CHANNEL.replace("1.0e-6", repr(value)))
+    assert "fluid.kinematic_viscosity: is beyond what is computed with" in told
 
 
 def test_a_viscosity_that_rounding_takes_away_is_refused():

@@ -297,7 +297,7 @@ def test_species_of_one_name_are_told_apart_by_their_numbers():
 
 
 def test_his_word_for_opposite_beams_is_that_of_his_program():
-    config, tree = read(CASE.replace('init_method = "quiet"', 'velocity_method = "two-stream"'))
+    config, _ = read(CASE.replace('init_method = "quiet"', 'velocity_method = "two-stream"'))
     assert config.species[0].init_method == "opposite beams"
     (message,) = faults_of(CASE, ['species[0].velocity_method="two-stream"'])  # beside another method
     assert "species[0].velocity_method: unknown key" in message
