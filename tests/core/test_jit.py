@@ -21,7 +21,7 @@ HALF = "from hpcpic.core.simd.jit import njit\n@njit\ndef half(x):\n    return 0
 def cache(monkeypatch, tmp_path):
     """Where a fresh process keeps the compiled code of a program, with the cache root in tmp_path."""
     monkeypatch.setenv("HPCPIC_CACHE_DIR", str(tmp_path / "root"))
-    caches._warn_once.cache_clear()
+    caches._told.clear()
 
     def folder(program=""):
         return jit.kernel_store.__wrapped__(program).folder.path

@@ -28,8 +28,9 @@ def print_derived(numbers: list[Derived]) -> None:
 
 
 def numbers_of(app: App, config: Any, ranks: int) -> list[Derived]:
-    """The derived numbers of a case and, after them, what the whole of it takes."""
-    return [*app.derived(config, ranks), whole_run(app, config, ranks)]
+    """The derived numbers of a case and, where it would take longer than anybody waits, its time."""
+    time = whole_run(app, config, ranks)
+    return [*app.derived(config, ranks), *([time] if time.verdict != "ok" else [])]
 
 
 def whole_run(app: App, config: Any, ranks: int) -> Derived:

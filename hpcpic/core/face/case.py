@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar
 
 from hpcpic.core.cli.app import App
+from hpcpic.core.cli.check import numbers_of
 from hpcpic.core.cli.read import Case as ReadCase
 from hpcpic.core.cli.read import read_case
 from hpcpic.core.errors import ConfigError, Diverged, FileError, HpcpicError
@@ -93,7 +94,7 @@ class Case:
 
     def check(self, ranks: int = 1) -> Check:
         """The derived numbers with their limits, as `check` prints them; no step is taken."""
-        return Check(tuple(self._app.derived(self.config, ranks)), tuple(self._read_case.tree.warnings))
+        return Check(tuple(numbers_of(self._app, self.config, ranks)), tuple(self._read_case.tree.warnings))
 
     def estimate(self, ranks: int = 1, threads: int = 1) -> Forecast:
         """Memory, disk and time on so many ranks and threads, as `estimate` prints them."""

@@ -19,7 +19,7 @@ def provenance(mpi_library: str = "") -> dict[str, Any]:
         "versions": {"hpcpic": __version__, "python": platform.python_version(), **_versions()},
         "git": _git(Path(__file__).resolve().parents[2]),
         "mpi": " ".join(mpi_library.split()),
-        "cpu": _cpu(),
+        "cpu": cpu(),
         "cores": os.cpu_count(),
         "host": platform.node(),
         "system": platform.platform(),
@@ -55,7 +55,7 @@ def _git(folder: Path) -> dict[str, Any] | None:
         return None
 
 
-def _cpu() -> str:
+def cpu() -> str:
     try:
         lines = Path("/proc/cpuinfo").read_text().splitlines()
     except OSError:

@@ -6,7 +6,6 @@ the keys of users; files are opened relative to the last one. Nothing can be exc
 """
 
 import errno
-import functools
 import hashlib
 import logging
 import os
@@ -212,13 +211,19 @@ class Store:
     def damaged(self, how: str) -> None:
         """A file here is of no use; whoever asked makes it anew."""
         assert self.folder is not None
-        _warn_once(f"{self.what}: damaged files in {self.folder.path} ({how}): made anew")
+        _warn_once(self.what, "damaged", f"{self.what}: damaged files in {self.folder.path} ({how}): made anew")
 
     def _not_kept(self, error: OSError) -> None:
         where = f"{error.filename}: {error.strerror}"
-        _warn_once(f"{self.what} not kept, and made anew in every run: {where} (HPCPIC_CACHE_DIR names another folder)")
+        text = f"{self.what} not kept, and made anew in every run: {where} (HPCPIC_CACHE_DIR names another folder)"
+        _warn_once(self.what, "not kept", text)
 
 
-@functools.cache
-def _warn_once(text: str) -> None:
-    log.warning(text)
+_told: set[tuple[str, str]] = set()  # of which files, and what of them
+
+
+def _warn_once(what: str, reason: str, text: str) -> None:
+    """However many files it is about."""
+    if (what, reason) not in _told:
+        _told.add((what, reason))
+        log.warning(text)

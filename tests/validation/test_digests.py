@@ -1,0 +1,49 @@
+"""The bits of every shipped case after a few steps are those that are stored: what moves code moves no bit.
+
+A change of the physics changes them knowingly: `python tests/validation/test_digests.py` stores them anew, for the
+processor that it runs on: the bits of a plasma depend on the codelets that FFTW and libm choose, those of SPH on the
+width of registers, in the lanes of which sums of pairs are made.
+"""
+
+import json
+from pathlib import Path
+
+import pytest
+
+import hpcpic
+import lbmdem
+import sph
+from hpcpic.core.files.provenance import cpu
+from hpcpic.core.simd.registers import has_avx512
+
+STORED = Path(__file__).parents[1] / "data/digests.json"
+STEPS = 4
+LONG = ("column-impact-f", "column-impact-h", "column-impact-i", "column-impact-j", "column-impact-k")  # 5 mm
+PROGRAMS = {"hpcpic": hpcpic, "sph": sph, "lbmdem": lbmdem}
+CASES = [(name, case) for name, package in PROGRAMS.items() for case in package.cases() if case not in LONG]
+
+
+def processor() -> str:
+    return f"{cpu()}, registers of {64 if has_avx512() else 32} bytes"
+
+
+def digest(name: str, case: str) -> str:
+    with PROGRAMS[name].Case(case).simulation(threads=1) as sim:
+        sim.advance(steps=STEPS)
+        return sim.digest()
+
+
+@pytest.mark.validation
+@pytest.mark.timeout(900)
+@pytest.mark.parametrize(("name", "case"), CASES)
+def test_the_bits_of_shipped_cases_are_those_that_are_stored(name, case):
+    stored = json.loads(STORED.read_text())
+    if processor() not in stored:
+        pytest.skip(f"no digests are stored for {processor()}")
+    assert digest(name, case) == stored[processor()][f"{name} {case}"]
+
+
+if __name__ == "__main__":
+    kept = json.loads(STORED.read_text()) if STORED.exists() else {}
+    kept[processor()] = {f"{name} {case}": digest(name, case) for name, case in CASES}
+    STORED.write_text(json.dumps(kept, indent=1) + "\n")
