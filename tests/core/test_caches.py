@@ -172,3 +172,21 @@ def test_descriptors_on_the_way_are_closed(root):
         with pytest.raises(PermissionError):
             private_folder("kernels")
     assert len(os.listdir("/proc/self/fd")) == before
+
+
+def test_many_files_that_are_damaged_or_not_kept_cost_one_warning_each(root, monkeypatch, caplog):
+    stores = [Store("compiled code", program) for program in ("one", "two")]
+    for store in stores:
+        for name in "ab":
+            store.write(name, b"1")
+            (store.folder.path / name).write_bytes(b"")
+            assert store.read(name) is None
+
+    def full(name, content):
+        raise OSError(28, "No space left on device", name)
+
+    for store in stores:
+        monkeypatch.setattr(store.folder, "write", full)
+        store.write("a", b"1")
+        store.write("b", b"1")
+    assert ["damaged" in record.message for record in caplog.records] == [True, False]

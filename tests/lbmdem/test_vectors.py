@@ -90,12 +90,14 @@ def test_links_of_lone_grains_are_as_many_as_expected(case):
 
 
 @pytest.mark.parametrize(
-    ("size", "periodic", "mixed"),
-    [((0.064, 0.1), ["x", "y"], 0.0), ((0.064, 0.1), ["y"], 0.25), ((0.06, 0.1), ["x", "y"], 1 / 8),
-     ((0.064, 0.1), ["x"], 0.02), ((0.064, 0.1, 0.05), ["x"], 1 - 0.98 * 0.96)],
+    ("vectors", "others", "periodic", "mixed"),
+    [(8, (100,), ["x", "y"], 0.0), (8, (100,), ["y"], 0.25), (7.5, (100,), ["x", "y"], 1 / 8),
+     (8, (100,), ["x"], 0.02), (8, (100, 50), ["x"], 1 - 0.98 * 0.96)],
 )  # fmt: skip
-def test_vectors_at_sides_are_counted(size, periodic, mixed):
-    text = BOX.format(d=len(size), size=list(size), periodic=str(periodic).replace("'", '"'))
+def test_vectors_at_sides_are_counted(vectors, others, periodic, mixed):
+    """Of rows of so many vectors of the registers that there are: the ends that are solid or not whole."""
+    size = [1.0e-3 * n for n in (round(vectors * lanes("f8")), *others)]
+    text = BOX.format(d=len(size), size=size, periodic=str(periodic).replace("'", '"'))
     found = shares(validate(LbmDemConfig, loads(text)))
     assert found.skipped == 0.0 and found.mixed == pytest.approx(mixed)
 
