@@ -211,15 +211,15 @@ class Store:
     def damaged(self, how: str) -> None:
         """A file here is of no use; whoever asked makes it anew."""
         assert self.folder is not None
-        _warn_once(self.what, "damaged", f"{self.what}: damaged files in {self.folder.path} ({how}): made anew")
+        _warn_once(self.what, how, f"{self.what}: damaged files in {self.folder.path} ({how}): made anew")
 
     def _not_kept(self, error: OSError) -> None:
         where = f"{error.filename}: {error.strerror}"
         text = f"{self.what} not kept, and made anew in every run: {where} (HPCPIC_CACHE_DIR names another folder)"
-        _warn_once(self.what, "not kept", text)
+        _warn_once(self.what, str(error.strerror), text)
 
 
-_told: set[tuple[str, str]] = set()  # of which files, and what of them
+_told: set[tuple[str, str]] = set()  # of which files, and why
 
 
 def _warn_once(what: str, reason: str, text: str) -> None:
