@@ -110,17 +110,22 @@ def begun(app: Any, world: World, folder: Path) -> Any:
     return checkpoint.newest(rundir, world)
 
 
+def drawn(rng: np.random.Generator, reader: Any) -> tuple[str, int, int, int, np.ndarray, Damaged]:
+    """A bit of an exponent in the state: array, row, number in it, bit, the row, and the state with it turned."""
+    name = str(rng.choice(floats(reader)))
+    row = int(rng.integers(reader.total(name)))
+    one = reader.read(name, row, row + 1).reshape(-1)
+    word, bit = int(rng.integers(one.size)), int(rng.integers(11 if one.dtype == np.float64 else 8))
+    return name, row, word, bit, one, Damaged(reader, name, row, word, partial(flipped, bit=bit))
+
+
 def flips(app: Any, world: World, folder: Path, n: int) -> dict[str, Any]:
     """Turn one bit of an exponent in the state, n times; how the guard or the energy shows it in a few steps."""
     reader, rng = begun(app, world, folder), np.random.default_rng(2)
     quiet = float(within_child(lambda: repr(energy_after(app))))
     found = {"caught": 0, "raised": 0, "crashed": 0, "harmless": 0, "silent": 0}
     for _ in range(n):
-        name = str(rng.choice(floats(reader)))
-        row = int(rng.integers(reader.total(name)))
-        one = reader.read(name, row, row + 1).reshape(-1)
-        word, bit = int(rng.integers(one.size)), int(rng.integers(11 if one.dtype == np.float64 else 8))
-        damaged = Damaged(reader, name, row, word, partial(flipped, bit=bit))
+        name, row, word, bit, one, damaged = drawn(rng, reader)
         said = within_child(lambda: outcome(app, damaged, quiet))  # noqa: B023 - called at once
         found[said] += 1
         print(f"{name}[{row}, {word}] {one[word]:.6g} -> {flipped(one[word], bit):.6g}: {said}")
@@ -142,11 +147,7 @@ def campaign(app: Any, world: World, folder: Path, n: int) -> dict[str, Any]:
     quiet = json.loads(within_child(lambda: scalars_after(app, LONG_STEPS)))
     rng, found, silent = np.random.default_rng(5), Counter(), []
     for _ in range(n):
-        name = str(rng.choice(floats(reader)))
-        row = int(rng.integers(reader.total(name)))
-        one = reader.read(name, row, row + 1).reshape(-1)
-        word, bit = int(rng.integers(one.size)), int(rng.integers(11 if one.dtype == np.float64 else 8))
-        damaged = Damaged(reader, name, row, word, partial(flipped, bit=bit))
+        name, row, word, bit, one, damaged = drawn(rng, reader)
         said = within_child(lambda: (app.restore(damaged), scalars_after(app, LONG_STEPS))[1])  # noqa: B023
         if said.startswith("{"):
             said = "harmless" if same_scalars(json.loads(said), quiet) else "silent"
