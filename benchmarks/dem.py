@@ -20,11 +20,11 @@ from numpy.typing import NDArray
 from hpcpic.core.comm.world import World
 from hpcpic.core.space.domain import Domain
 from hpcpic.core.space.rng import uniforms
-from hpcpic.core.tasks import Pool
-from lbmdem.contacts import Law, Wall
-from lbmdem.dem import Dem
-from lbmdem.network import contact_count
-from lbmdem.packing import everywhere
+from hpcpic.core.tasks.graph import Pool
+from lbmdem.grains.contact_network import contact_count
+from lbmdem.grains.dem import Dem
+from lbmdem.physics.contact_law import Law, Wall
+from lbmdem.setup.packing import everywhere
 
 STEP, STIFFNESS, GRAVITY = 1.5e-4, 2e5, 10.0
 PER_SIDE, APART = 22, 1.02  # spheres along x and y, and their distance at the start

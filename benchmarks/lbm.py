@@ -16,13 +16,13 @@ from time import perf_counter
 import numpy as np
 
 from hpcpic.core.comm.world import World
-from hpcpic.core.simd.jit import njit
+from hpcpic.core.simd.compile import njit
 from hpcpic.core.simd.vector import Vec, address_of, lanes, load_at, prefetch_to_write, store_at
 from hpcpic.core.space.domain import Domain, block_ranges, even_cuts
 from hpcpic.core.space.fields import aligned_zeros
-from hpcpic.core.tasks import Pool, bind
-from lbmdem.fluid import Fluid
-from lbmdem.lattices import LATTICES, Lattice
+from hpcpic.core.tasks.graph import Pool, bind
+from lbmdem.fluid.fluid import Fluid
+from lbmdem.physics.velocity_sets import LATTICES, Lattice
 
 D = Vec(lanes(np.float64), np.float64)
 LINE = 8 * lanes(np.float64)

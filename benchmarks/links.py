@@ -15,10 +15,10 @@ import numpy as np
 
 from hpcpic.core.comm.world import World
 from hpcpic.core.space.domain import Domain
-from hpcpic.core.tasks import Pool
-from lbmdem.coupling import Immersed
-from lbmdem.fluid import Fluid
-from lbmdem.lattices import D3Q19
+from hpcpic.core.tasks.graph import Pool
+from lbmdem.coupling.immersed import Immersed
+from lbmdem.fluid.fluid import Fluid
+from lbmdem.physics.velocity_sets import D3Q19
 
 CASES = [(10, 0.05), (10, 0.2), (10, 0.45), (20, 0.45)]  # diameter in nodes, solid fraction
 REPEATS = 9

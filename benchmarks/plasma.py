@@ -36,12 +36,12 @@ def update_bandwidth() -> float:
 
 def measure(n: int, per_cell: int, precision: str, threads: int) -> None:
     """Print one line of the table, on rank 0."""
+    from hpcpic.core.case.config import loads
+    from hpcpic.core.case.schema import validate
     from hpcpic.core.comm.world import World
-    from hpcpic.core.files.config import loads
-    from hpcpic.core.files.schema import validate
-    from hpcpic.core.tasks import Pool
+    from hpcpic.core.tasks.graph import Pool
     from hpcpic.core.timers import Timers
-    from hpcpic.plasma.config import PlasmaConfig
+    from hpcpic.plasma.case.config import PlasmaConfig
     from hpcpic.plasma.step import Plasma
 
     world = World.start()

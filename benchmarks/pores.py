@@ -14,9 +14,9 @@ from numpy.typing import NDArray
 
 from hpcpic.core.comm.world import World
 from hpcpic.core.space.domain import Domain
-from hpcpic.core.tasks import Pool
-from lbmdem.fluid import Fluid
-from lbmdem.lattices import D3Q19
+from hpcpic.core.tasks.graph import Pool
+from lbmdem.fluid.fluid import Fluid
+from lbmdem.physics.velocity_sets import D3Q19
 
 POROSITIES = (1.0, 0.9, 0.5, 0.35, 0.1)
 ROUNDS = 7

@@ -23,15 +23,15 @@ from time import perf_counter
 
 import numpy as np
 
+from hpcpic.core.case.config import load
+from hpcpic.core.case.schema import validate
 from hpcpic.core.comm.world import World
-from hpcpic.core.files.config import load
-from hpcpic.core.files.schema import validate
-from hpcpic.core.simd.jit import njit
+from hpcpic.core.simd.compile import njit
 from hpcpic.core.space.domain import even_cuts
-from hpcpic.core.tasks import Pool, bind
+from hpcpic.core.tasks.graph import Pool, bind
 from hpcpic.core.timers import Timers
 from sph.app import shipped_cases
-from sph.config import SphConfig
+from sph.case.config import SphConfig
 from sph.step import Sph
 
 VOLUME = 0.4 * 0.61 * 0.3 + 1.2 * 0.61 * 0.01  # of the water, m3

@@ -16,9 +16,9 @@ import numpy as np
 
 from hpcpic.core.comm.requests import RequestSet
 from hpcpic.core.comm.world import World
-from hpcpic.core.simd.jit import njit
+from hpcpic.core.simd.compile import njit
 from hpcpic.core.space.domain import block_ranges
-from hpcpic.core.tasks import Graph, Pool, bind
+from hpcpic.core.tasks.graph import Graph, Pool, bind
 
 SIZES = (256, 512, 1024, 2048)
 DEPTHS = (1, 2)  # ghost rows

@@ -44,7 +44,7 @@ def fft_calls(world: Any, n: int, dtype: Any) -> Callable[[], None]:
     from hpcpic.core.comm import fftw
     from hpcpic.core.comm.transpose import padded, spectrum_range
     from hpcpic.core.comm.transpose_kernels import line
-    from hpcpic.core.simd.jit import njit
+    from hpcpic.core.simd.compile import njit
     from hpcpic.core.space.domain import block_ranges
     from hpcpic.core.space.fields import aligned_zeros
 
@@ -83,7 +83,7 @@ def candidates(
     from hpcpic.core.comm.transpose import SlabFFT, spectrum_range
     from hpcpic.core.comm.world import World
     from hpcpic.core.space.domain import even_cuts
-    from hpcpic.core.tasks import Pool
+    from hpcpic.core.tasks.graph import Pool
 
     alone = World(MPI.COMM_SELF, MPI.COMM_SELF)
     cores = sorted(os.sched_getaffinity(0))

@@ -11,8 +11,8 @@ from typing import Any
 import click
 from mkdocs.structure.files import File, Files
 
+from hpcpic.core.case.schema import Row, describe
 from hpcpic.core.cli.main import VERBS, build
-from hpcpic.core.files.schema import Row, describe
 
 PROGRAMS = {"hpcpic": "Plasma", "sph": "SPH", "lbmdem": "Lattice and grains"}
 

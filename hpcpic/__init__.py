@@ -9,7 +9,7 @@ from hpcpic.version import __version__
 
 if TYPE_CHECKING:
     from hpcpic.core.errors import CheckFailed, ConfigError, Diverged, FileError, HpcpicError
-    from hpcpic.plasma.face import Case, Run, cases, open_run
+    from hpcpic.plasma.api import Case, Run, cases, open_run
 
 __all__ = [
     "Case",
@@ -26,7 +26,7 @@ __all__ = [
 __getattr__ = lazy(
     __name__,
     {
-        "hpcpic.plasma.face": ("Case", "Run", "cases", "open_run"),
+        "hpcpic.plasma.api": ("Case", "Run", "cases", "open_run"),
         "hpcpic.core.errors": ("CheckFailed", "ConfigError", "Diverged", "FileError", "HpcpicError"),
     },
 )

@@ -1,6 +1,6 @@
 """`hpcpic`, or `python -m hpcpic`: the plasma simulator."""
 
-from hpcpic.core.cli.app import App
+from hpcpic.core.app.app import App
 from hpcpic.core.cli.main import program
 
 

@@ -14,8 +14,8 @@ from typing import TYPE_CHECKING
 from hpcpic.core.lazy import lazy
 
 if TYPE_CHECKING:
-    from lbmdem.face import Case, Run, cases, open_run
+    from lbmdem.api import Case, Run, cases, open_run
 
 __all__ = ["Case", "Run", "cases", "open_run"]
 
-__getattr__ = lazy(__name__, {"lbmdem.face": __all__})
+__getattr__ = lazy(__name__, {"lbmdem.api": __all__})

@@ -1,6 +1,6 @@
 """`lbmdem`, or `python -m lbmdem`: the LBM-DEM simulator."""
 
-from hpcpic.core.cli.app import App
+from hpcpic.core.app.app import App
 from hpcpic.core.cli.main import program
 
 

@@ -5,11 +5,11 @@ from __future__ import annotations
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from hpcpic.core.cli.app import App, later, named
-from hpcpic.core.files.cases import cases_in
+from hpcpic.core.app.app import App, later, named
+from hpcpic.core.case.cases import cases_in
 
 if TYPE_CHECKING:
-    from lbmdem.config import LbmDemConfig
+    from lbmdem.case.config import LbmDemConfig
 
 
 def shipped_cases() -> dict[str, Path]:
@@ -41,18 +41,18 @@ def grow(config: LbmDemConfig, factor: int) -> tuple[str, ...]:
 APP = App(
     name="lbmdem",
     title="lattice Boltzmann with discrete-element grains",
-    schema=named("lbmdem.config", "LbmDemConfig"),
+    schema=named("lbmdem.case.config", "LbmDemConfig"),
     cases=shipped_cases,
-    derived=later("lbmdem.derived", "derived"),
-    estimate=later("lbmdem.estimate", "estimate"),
+    derived=later("lbmdem.forecast.derived", "derived"),
+    estimate=later("lbmdem.forecast.estimate", "estimate"),
     load=named("lbmdem.step", "LbmDem"),
     until=until,
     time_step=lambda config: config.time_step,
     grow=grow,
     free=("description", "simulation.end_time", "simulation.blocks", "output"),
-    bench=later("lbmdem.bench", "bench"),
-    bench_ranks=later("lbmdem.bench", "bench_ranks"),
-    plots=named("lbmdem.plots", "PLOTS"),
-    plan=later("lbmdem.plan", "plan"),
-    knobs=later("lbmdem.knobs", "knobs_of"),
+    bench=later("lbmdem.forecast.bench", "bench"),
+    bench_ranks=later("lbmdem.forecast.bench", "bench_ranks"),
+    plots=named("lbmdem.analysis.plots", "PLOTS"),
+    plan=later("lbmdem.forecast.plan", "plan"),
+    knobs=later("lbmdem.forecast.knobs", "knobs_of"),
 )

@@ -9,27 +9,27 @@ from numpy.typing import NDArray
 from hpcpic.core.comm.world import World
 from hpcpic.core.errors import ConfigError
 from hpcpic.core.space.domain import Domain, even_cuts
-from hpcpic.core.tasks import Pool
+from hpcpic.core.tasks.graph import Pool
 from hpcpic.core.timers import Timers
-from lbmdem import snapshot
-from lbmdem.config import AXES, LbmDemConfig, contact_law
-from lbmdem.contacts import Wall
-from lbmdem.coupling import Immersed
-from lbmdem.dem import Dem
-from lbmdem.derived import derived
-from lbmdem.diagnostics import Diagnostics
-from lbmdem.estimate import estimate
-from lbmdem.faces import Face
-from lbmdem.fluid import Fluid
-from lbmdem.impedance import impedance
+from lbmdem.case.config import AXES, LbmDemConfig, contact_law
+from lbmdem.coupling.contact_pressure import Patches
+from lbmdem.coupling.immersed import Immersed
+from lbmdem.diagnostics import snapshot
+from lbmdem.diagnostics.scalars import Diagnostics
+from lbmdem.fluid.faces import Face
+from lbmdem.fluid.fluid import Fluid
+from lbmdem.forecast.derived import derived
+from lbmdem.forecast.estimate import estimate
+from lbmdem.grains.dem import Dem
 from lbmdem.kernels.layout import FLUID
-from lbmdem.lattices import LATTICES
-from lbmdem.lubrication import MOST_SUBSTEPS, STABLE, Film
-from lbmdem.obstacles import obstacle_walls
-from lbmdem.patches import Patches
-from lbmdem.places import starts
-from lbmdem.placing import place_grains
-from lbmdem.scene import Scene, volumes
+from lbmdem.physics.contact_law import Wall
+from lbmdem.physics.impedance import impedance
+from lbmdem.physics.lubrication import MOST_SUBSTEPS, STABLE, Film
+from lbmdem.physics.velocity_sets import LATTICES
+from lbmdem.setup.obstacles import obstacle_walls
+from lbmdem.setup.overlap_survey import starts
+from lbmdem.setup.placement import place_grains
+from lbmdem.setup.scene import Scene, volumes
 
 HOLD = 8  # steps for which the pressure of a creeping flow stays the same
 TOGETHER = 256  # steps of grains alone in one call: short enough to hear signals

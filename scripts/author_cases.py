@@ -18,12 +18,12 @@ from collections.abc import Iterator
 from contextlib import chdir
 from pathlib import Path
 
+from hpcpic.core.case.config import load
+from hpcpic.core.case.derived import enforce
+from hpcpic.core.case.schema import validate
 from hpcpic.core.errors import ConfigError
-from hpcpic.core.files.config import load
-from hpcpic.core.files.derived import enforce
-from hpcpic.core.files.schema import validate
-from hpcpic.plasma.config import PlasmaConfig
-from hpcpic.plasma.derived import derived
+from hpcpic.plasma.case.config import PlasmaConfig
+from hpcpic.plasma.forecast.derived import derived
 
 CASE = re.compile(r"\.conf(\.\d+)?$")
 TEMPLATE = re.compile(r"@[A-Z]+@")  # what his scripts fill in

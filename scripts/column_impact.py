@@ -14,10 +14,10 @@ from pathlib import Path
 
 from gallery import PICTURES, save_small
 
-from hpcpic.core.cli.figures import columns_of, new_figure, style
+from hpcpic.core.app.figures import columns_of, new_figure, style
 from hpcpic.core.files.reader import open_run
-from sph import measured, theory
-from sph.plots import DATA
+from sph.analysis import experiments, theory
+from sph.analysis.plots import DATA
 
 TABLE = """The force on the column in the cases of Silvester & Cleary 2006, by `python scripts/column_impact.py`; all by
 the clock of the experiment, {shift} s late. Peak and plateau are of the force filtered over 13 ms, the impulse until
@@ -35,9 +35,9 @@ def main() -> int:
     if not runs:
         print(__doc__, file=sys.stderr)
         return 2
-    lines = [line("experiment", measured.COLUMN_FIGURES)]
-    lines += [line(name, measured.column_figures(*samples)) for name, samples in runs.items()]
-    text = TABLE.format(shift=measured.COLUMN_SHIFT) + "\n".join(lines) + "\n"
+    lines = [line("experiment", experiments.COLUMN_FIGURES)]
+    lines += [line(name, experiments.column_figures(*samples)) for name, samples in runs.items()]
+    text = TABLE.format(shift=experiments.COLUMN_SHIFT) + "\n".join(lines) + "\n"
     print(text)
     (PICTURES / "sph-column-impact.md").write_text(text, encoding="utf-8")
     draw(runs)
@@ -55,11 +55,11 @@ def draw(runs: dict) -> None:
     with style():
         figure, (top, low) = new_figure(2, 1, (6.4, 6.0), sharex=True)
         for name, (t, impulse) in runs.items():
-            t = t + measured.COLUMN_SHIFT
+            t = t + experiments.COLUMN_SHIFT
             middle, force = theory.mean_rate(t, impulse)
             top.plot(middle, theory.triangular(middle, force), label=name, linewidth=1.0)
             low.plot(t, impulse, label=name, linewidth=1.2)
-        experiment = measured.COLUMN_FORCE
+        experiment = experiments.COLUMN_FORCE
         look = DATA | {"markersize": 2.8, "label": "experiment: Yeh & Petroff"}
         top.plot(*experiment.T, **look)
         low.plot(experiment[:, 0], theory.cumulative(*experiment.T), **look)

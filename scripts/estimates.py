@@ -23,7 +23,7 @@ from typing import Any
 
 from scaling import MPIRUN, PROGRAMS, Point, ending, measure, parse_points, scene
 
-from hpcpic.core.cli.rates import read_rates
+from hpcpic.core.app.rates import read_rates
 
 CASES = {  # case -> steps
     "hpcpic": {

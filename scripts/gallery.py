@@ -22,8 +22,8 @@ from pathlib import Path
 from matplotlib.figure import Figure
 from PIL import Image
 
-from hpcpic.core.cli.figures import NoData
-from hpcpic.core.files.cases import cases_in, read_header
+from hpcpic.core.app.figures import NoData
+from hpcpic.core.case.cases import cases_in, read_header
 from hpcpic.core.files.reader import open_run
 
 ROOT = Path(__file__).resolve().parent.parent
@@ -58,7 +58,7 @@ class Program:
 
 PROGRAMS = (
     Program(
-        "hpcpic", "Plasma", "plasma", "hpcpic.plasma.plots", "energies",
+        "hpcpic", "Plasma", "plasma", "hpcpic.plasma.analysis.plots", "energies",
         {
             "bump-on-tail": "phase-space",
             "cyclotron": "orbits",
@@ -81,7 +81,7 @@ PROGRAMS = (
         },
     ),
     Program(
-        "sph", "SPH", "sph", "sph.plots", "sequence",
+        "sph", "SPH", "sph", "sph.analysis.plots", "sequence",
         {
             "poiseuille": "profiles",
             "hydrostatic": "depth",
@@ -95,7 +95,7 @@ PROGRAMS = (
         },
     ),
     Program(
-        "lbmdem", "LBM-DEM", "lbmdem", "lbmdem.plots", "grains",
+        "lbmdem", "LBM-DEM", "lbmdem", "lbmdem.analysis.plots", "grains",
         {
             "poiseuille": "profile",
             "couette": "profile",

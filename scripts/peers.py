@@ -26,10 +26,10 @@ import numpy as np
 
 from hpcpic.core.comm.world import World
 from hpcpic.core.space.domain import Domain
-from hpcpic.core.tasks import Pool
-from lbmdem.dem import Dem
-from lbmdem.fluid import Fluid
-from lbmdem.lattices import D3Q19
+from hpcpic.core.tasks.graph import Pool
+from lbmdem.fluid.fluid import Fluid
+from lbmdem.grains.dem import Dem
+from lbmdem.physics.velocity_sets import D3Q19
 
 ROOT = Path(__file__).resolve().parent.parent
 PATTERNS = ("esotwist", "aa")
@@ -102,7 +102,7 @@ def memory(threads: int, rounds: int) -> str:
     from benchmarks.lbm import LINE, scale
     from hpcpic.core.space.domain import block_ranges
     from hpcpic.core.space.fields import aligned_zeros
-    from hpcpic.core.tasks import bind
+    from hpcpic.core.tasks.graph import bind
 
     array = aligned_zeros((1 << 26,), np.float64)
     found = []
@@ -160,8 +160,8 @@ def grains(python: Path, rounds: int, cpu: bool) -> Iterator[str]:
 
 def beds(python: Path, dem: Dem, tiles: int, rounds: int, cpu: bool) -> str:
     from benchmarks import dem as bench
-    from lbmdem.network import contact_count
-    from lbmdem.packing import everywhere
+    from lbmdem.grains.contact_network import contact_count
+    from lbmdem.setup.packing import everywhere
 
     law, n, reduced, steps = bench.LAWS["history"], dem.grains.number, 0.5, GRAIN_STEPS // tiles**2
     x = everywhere(dem)

@@ -39,7 +39,7 @@ def measured(place: Path, porosity: float, spacing: float) -> tuple[float, float
     """Porosity of the sample (of the spheres, in the space that the packing fills), k [m2], <d> [m] and
     <d3>/<d2> [m].
     """
-    from lbmdem.packing import beta_diameters
+    from lbmdem.setup.packing import beta_diameters
 
     d = beta_diameters(200, 1.0e-4, 2.0e-4, 1.0, 1.0, 1)
     solid = float((math.pi / 6.0 * d**3).sum()) / SIDE**2 / (1.0 - porosity)
@@ -85,7 +85,7 @@ def report(porosity: np.ndarray, spacing: np.ndarray) -> None:
 
 
 def draw(porosity: np.ndarray, spacing: np.ndarray) -> None:
-    from hpcpic.core.cli.figures import COLOURS, INK, new_figure, style
+    from hpcpic.core.app.figures import COLOURS, INK, new_figure, style
 
     n, k, mean, sauter = porosity.T
     line = np.linspace(0.33, 0.58, 60)

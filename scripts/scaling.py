@@ -19,8 +19,8 @@ from importlib import import_module
 from pathlib import Path
 from typing import Any
 
+from hpcpic.core.app.read import read_case
 from hpcpic.core.cli.launch import launcher
-from hpcpic.core.cli.read import read_case
 from hpcpic.core.errors import HpcpicError
 from hpcpic.core.files.rundir import write_json
 

@@ -21,12 +21,12 @@ from functools import partial
 import numpy as np
 from numpy.typing import NDArray
 
+from hpcpic.core.case.config import loads
+from hpcpic.core.case.schema import validate
 from hpcpic.core.comm.world import World
 from hpcpic.core.errors import Diverged
-from hpcpic.core.files.config import loads
-from hpcpic.core.files.schema import validate
 from hpcpic.core.space.domain import Domain
-from hpcpic.core.tasks import Pool
+from hpcpic.core.tasks.graph import Pool
 from hpcpic.core.timers import Timers
 
 WIDTH = 1.004  # of a bracket that is a limit
@@ -81,7 +81,7 @@ numerics = {{ spacing = {spacing!r}; kernel = "wendland2"; density_flux = "{flux
 
 def lattice(integrator: str, flux: str, courant: float, form: str = "none", slow: float = 0.0) -> object:
     """Completed case; slow: nu / (c0 h)."""
-    from sph.config import SphConfig
+    from sph.case.config import SphConfig
 
     h = 1.3 / SIDE
     text = LATTICE.format(
@@ -93,10 +93,10 @@ def lattice(integrator: str, flux: str, courant: float, form: str = "none", slow
 
 def lattice_theory(*settings: object) -> float:
     """Courant number below which no wave grows by 1e-3 in a step."""
-    from sph import limits
+    from sph.physics import stability
 
     config = lattice(*settings[:2], 0.1, *settings[2:])
-    return limits.limit_of(config.simulation.integrator, *limits.waves(config, True))
+    return stability.limit_of(config.simulation.integrator, *stability.waves(config, True))
 
 
 def lattice_stable(settings: tuple, courant: float) -> bool:
@@ -146,8 +146,8 @@ def sph_row(what: str, number: str, settings: tuple, scale: float = 1.0) -> Row:
 
 def dem_stable(contacts: int, damping: float, dt: float) -> bool:
     """A grain between fixed ones that all touch it along x; dt in sqrt(m/k)."""
-    from lbmdem.contacts import Law
-    from lbmdem.dem import Dem
+    from lbmdem.grains.dem import Dem
+    from lbmdem.physics.contact_law import Law
 
     radius, stiffness, mass, small = 0.05, 1e4, 1.0, 1e-9
     overlap, left = 0.01 * radius, contacts - contacts // 2
@@ -172,7 +172,7 @@ def dem_stable(contacts: int, damping: float, dt: float) -> bool:
 
 
 def dem_rows() -> Iterator[Row]:
-    from lbmdem.contacts import step_limit
+    from lbmdem.physics.contact_law import step_limit
 
     for damping in (0.0, 0.5, 0.9):
         for contacts in (1, 2, 4, 6):
@@ -185,8 +185,8 @@ FLOW = 32  # nodes of a side of the uniform flow
 
 
 def fluid(collision: str, tau: float, n: int) -> object:
-    from lbmdem.fluid import Fluid
-    from lbmdem.lattices import LATTICES
+    from lbmdem.fluid.fluid import Fluid
+    from lbmdem.physics.velocity_sets import LATTICES
 
     domain = Domain((1.0, 1.0), (n, n), (True, True), (0, n))
     return Fluid(World.alone(), POOL, domain, LATTICES["D2Q9"], tau=tau, collision=collision)
@@ -214,7 +214,7 @@ def collision_jacobian(collision: str, tau: float, u: float) -> NDArray[np.float
 
 def flow_radius(collision: str, tau: float, u: float) -> float:
     """Spectral radius over all waves of a box of FLOW x FLOW."""
-    from lbmdem.lattices import LATTICES
+    from lbmdem.physics.velocity_sets import LATTICES
 
     jacobian, e = collision_jacobian(collision, tau, u), LATTICES["D2Q9"].e.astype(float)
     k = 2 * np.pi / FLOW * np.stack(np.meshgrid(np.arange(FLOW), np.arange(FLOW)), -1).reshape(-1, 2)
@@ -273,7 +273,7 @@ def decays(collision: str, tau: float) -> bool:
 
 
 def fluid_rows() -> Iterator[Row]:
-    from lbmdem.relaxation import GRID_REYNOLDS
+    from lbmdem.physics.relaxation import GRID_REYNOLDS
 
     wave = partial(decays, "BGK")
     yield Row("lbmdem", "BGK, a shear wave decays", "tau", lambda: 0.5, wave, WIDTH - 1.0, above=True)
@@ -300,7 +300,7 @@ species = ( {{ name = "electrons"; particles = 1024; charge = -1.0; mass = 1.0; 
 
 def wave_stable(shape: str, gradient: str, dt: float) -> bool:
     """Whether the energy of a cold wave stays."""
-    from hpcpic.plasma.config import PlasmaConfig
+    from hpcpic.plasma.case.config import PlasmaConfig
     from hpcpic.plasma.step import Plasma
 
     app = Plasma(validate(PlasmaConfig, loads(WAVE.format(dt=dt, shape=shape, gradient=gradient))), World.alone(), POOL,

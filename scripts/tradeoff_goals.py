@@ -20,12 +20,12 @@ from typing import Any
 
 import numpy as np
 
-from hpcpic.core.cli.laws import norm
-from hpcpic.core.cli.pilot import Pilots
-from hpcpic.core.cli.read import read_case
-from hpcpic.core.cli.search import Search
-from hpcpic.core.cli.text import table
+from hpcpic.core.app.read import read_case
+from hpcpic.core.app.text import table
 from hpcpic.core.errors import CheckFailed
+from hpcpic.core.study.error_models import norm
+from hpcpic.core.study.pilot import Pilots
+from hpcpic.core.study.search import Search
 
 TOLERANCES = (0.05, 0.02, 0.01, 0.005)
 CASES = {  # those that take seconds

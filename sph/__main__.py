@@ -1,6 +1,6 @@
 """`sph`, or `python -m sph`: the SPH simulator."""
 
-from hpcpic.core.cli.app import App
+from hpcpic.core.app.app import App
 from hpcpic.core.cli.main import program
 
 

@@ -5,11 +5,11 @@ from __future__ import annotations
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from hpcpic.core.cli.app import App, later, named
-from hpcpic.core.files.cases import cases_in
+from hpcpic.core.app.app import App, later, named
+from hpcpic.core.case.cases import cases_in
 
 if TYPE_CHECKING:
-    from sph.config import SphConfig
+    from sph.case.config import SphConfig
 
 
 def shipped_cases() -> dict[str, Path]:
@@ -30,18 +30,18 @@ def grow(config: SphConfig, factor: int) -> tuple[str, ...]:
 APP = App(
     name="sph",
     title="weakly compressible smoothed particle hydrodynamics",
-    schema=named("sph.config", "SphConfig"),
+    schema=named("sph.case.config", "SphConfig"),
     cases=shipped_cases,
-    derived=later("sph.derived", "derived"),
-    estimate=later("sph.estimate", "estimate"),
+    derived=later("sph.forecast.derived", "derived"),
+    estimate=later("sph.forecast.estimate", "estimate"),
     load=named("sph.step", "Sph"),
     until=until,
-    time_step=later("sph.limits", "time_step"),
+    time_step=later("sph.physics.stability", "time_step"),
     grow=grow,
     free=("description", "simulation.end_time", "gauge", "output", "numerics.balance_period"),
-    plots=named("sph.plots", "PLOTS"),
-    plan=later("sph.plan", "plan"),
-    bench=later("sph.bench", "bench"),
-    bench_ranks=later("sph.bench", "bench_ranks"),
-    knobs=later("sph.knobs", "knobs_of"),
+    plots=named("sph.analysis.plots", "PLOTS"),
+    plan=later("sph.forecast.plan", "plan"),
+    bench=later("sph.forecast.bench", "bench"),
+    bench_ranks=later("sph.forecast.bench", "bench_ranks"),
+    knobs=later("sph.forecast.knobs", "knobs_of"),
 )

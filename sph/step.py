@@ -9,26 +9,27 @@ from numpy.typing import NDArray
 from hpcpic.core.comm.world import World
 from hpcpic.core.errors import Diverged
 from hpcpic.core.space.domain import Domain, balanced_cuts, block_ranges
-from hpcpic.core.tasks import Pool
+from hpcpic.core.tasks.graph import Pool
 from hpcpic.core.timers import Timers
-from sph import diagnostics, series, snapshot, state
-from sph.config import SphConfig
-from sph.derived import derived
-from sph.estimate import estimate
-from sph.gauges import Gauges
-from sph.images import Maps, mirrors, periodic_maps, single_mirrors
-from sph.integrators import INTEGRATORS, STAGED, symplectic
+from sph.case import columns
+from sph.case.config import SphConfig
+from sph.diagnostics import checkpoint, scalars, snapshot
+from sph.diagnostics.gauges import Gauges
+from sph.diagnostics.guards import Runaway
+from sph.forecast.derived import derived
+from sph.forecast.estimate import estimate
 from sph.kernels.marks import FLOWS, FLUID, REAL
 from sph.kernels.specialise import specialise
-from sph.laws import law_of, unused
-from sph.neighbours import Cells, Grid
-from sph.particles import Bodies, Slabs, Tasks
-from sph.runaway import Runaway
-from sph.scene import Scene
-from sph.strays import Outflow, Strays
-from sph.sums import PairSums
-from sph.timestep import TimeStep
-from sph.walls import Walls, grow_walls, wall_forces
+from sph.particles.images import Maps, mirrors, periodic_maps, single_mirrors
+from sph.particles.neighbours import Cells, Grid
+from sph.particles.pair_sums import PairSums
+from sph.particles.particles import Bodies, Slabs, Tasks
+from sph.particles.strays import Outflow, Strays
+from sph.particles.walls import Walls, grow_walls, wall_forces
+from sph.physics.integrators import INTEGRATORS, STAGED, symplectic
+from sph.physics.pair_spec import law_of, unused
+from sph.physics.timestep import TimeStep
+from sph.setup.scene import Scene
 
 PART = 24_000  # particles of a part of a task, whose odd layers find in the cache what its even ones have left there
 PARTS_PER_THREAD = 4, 16  # at least and at most
@@ -54,7 +55,7 @@ class Sph:
         self.world, self.timers = world, timers
         self.n_steps, self.end_time = None, scene.end_time
         period, every = config.output.period, config.output.every
-        self.scalar_units = series.scalar_units(config) | series.gauge_units(config)
+        self.scalar_units = columns.scalar_units(config) | columns.gauge_units(config)
         self.gauges = Gauges(self)
         kinds = {"series": "series", "particle": "particles", "checkpoint": "checkpoint"}
         self.time_periods = {kind: getattr(period, name) or 0.0 for kind, name in kinds.items()}
@@ -109,7 +110,7 @@ class Sph:
             wall_shift=np.zeros((len(scene.walls), d)),
             wall_speed=np.zeros((len(scene.walls), d)),
         )
-        self.totals = diagnostics.Totals(self)
+        self.totals = scalars.Totals(self)
 
     def _maps(self) -> Maps:
         """Images of the particles in periodic sides and mirrors, as the walls are now."""
@@ -339,9 +340,9 @@ class Sph:
     # ---- what others see
 
     def scalars(self) -> dict[str, float]:
-        """Energies, mass, momentum, extremes, forces, gauges (see sph.diagnostics, sph.gauges). Collective."""
+        """Energies, mass, momentum, extremes, forces, gauges (see sph.diagnostics). Collective."""
         with self.timers.section("scalars"):
-            return diagnostics.scalars(self) | self.gauges.values(self.time)
+            return scalars.scalars(self) | self.gauges.values(self.time)
 
     def arrays(self, what: str) -> Mapping[str, object]:
         """ "particle": fluids and walls by name."""
@@ -349,15 +350,15 @@ class Sph:
 
     def state(self) -> Mapping[str, object]:
         """Fluid and walls in order of their ids, bit for bit. Collective."""
-        return state.state(self)
+        return checkpoint.state(self)
 
     def columns(self, reader: Any) -> Mapping[str, object]:
         """What the arrays of a checkpoint of this scene are."""
-        return state.columns(self, reader)
+        return checkpoint.columns(self, reader)
 
     def restore(self, reader: Any) -> None:
         """Take the state of a checkpoint, written by any number of ranks, for the present one. Collective."""
-        state.restore(self, reader)
+        checkpoint.restore(self, reader)
 
     def guard(self) -> str | None:
         """Why this rank's state is no solution, or None. Collective where no series has looked at the energy lately."""

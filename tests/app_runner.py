@@ -29,9 +29,9 @@ TIMEOUT_S = 300  # compilation of all kernels included
 @contextmanager
 def running(world: Any, program: str, case: Any, sets: Sequence[str] = (), threads: int = 1) -> Iterator[Any]:
     """A simulator at its initial state, of the text of a case or of the configuration itself."""
-    from hpcpic.core.files.config import loads
-    from hpcpic.core.files.schema import validate
-    from hpcpic.core.tasks import Pool
+    from hpcpic.core.case.config import loads
+    from hpcpic.core.case.schema import validate
+    from hpcpic.core.tasks.graph import Pool
     from hpcpic.core.timers import Timers
 
     app = importlib.import_module(f"{program}.__main__").load_app()

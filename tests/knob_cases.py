@@ -3,8 +3,8 @@
 from collections.abc import Callable
 from typing import Any
 
-from hpcpic.core.files.config import load
-from hpcpic.core.files.schema import validate
+from hpcpic.core.case.config import load
+from hpcpic.core.case.schema import validate
 
 
 def reader(schema: type, cases: Callable[[], Any]) -> Callable[..., Any]:

@@ -10,16 +10,16 @@ from pathlib import Path
 
 import numpy as np
 
+from hpcpic.core.case.config import load
+from hpcpic.core.case.schema import dump, validate
 from hpcpic.core.files.arrays import FieldArray, ParticleArray
-from hpcpic.core.files.config import load
 from hpcpic.core.files.rundir import RunDir
-from hpcpic.core.files.schema import dump, validate
 from hpcpic.core.files.series import SeriesWriter
 from hpcpic.core.files.snapshot import FieldsWriter, ParticlesWriter
 from hpcpic.core.files.together import Alone
 from hpcpic.core.space.domain import Domain
-from hpcpic.plasma.config import PlasmaConfig
-from hpcpic.plasma.scene import Scene
+from hpcpic.plasma.case.config import PlasmaConfig
+from hpcpic.plasma.setup.scene import Scene
 
 N_MODES = 8
 UNITS = {

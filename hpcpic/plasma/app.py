@@ -5,11 +5,11 @@ from __future__ import annotations
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from hpcpic.core.cli.app import App, later, named
-from hpcpic.core.files.cases import cases_in
+from hpcpic.core.app.app import App, later, named
+from hpcpic.core.case.cases import cases_in
 
 if TYPE_CHECKING:
-    from hpcpic.plasma.config import PlasmaConfig
+    from hpcpic.plasma.case.config import PlasmaConfig
 
 
 MOST_CYCLES = 2.0**62  # that a case file can say
@@ -40,10 +40,10 @@ def grow(config: PlasmaConfig, factor: int) -> tuple[str, ...]:
 APP = App(
     name="hpcpic",
     title="electrostatic particle-in-cell plasma",
-    schema=named("hpcpic.plasma.config", "PlasmaConfig"),
+    schema=named("hpcpic.plasma.case.config", "PlasmaConfig"),
     cases=shipped_cases,
-    derived=later("hpcpic.plasma.derived", "derived"),
-    estimate=later("hpcpic.plasma.estimate", "estimate"),
+    derived=later("hpcpic.plasma.forecast.derived", "derived"),
+    estimate=later("hpcpic.plasma.forecast.estimate", "estimate"),
     load=named("hpcpic.plasma.step", "Plasma"),
     until=until,
     time_step=lambda config: config.simulation.time_step,
@@ -56,9 +56,9 @@ APP = App(
         "simulation.plasma_chunks",
         "output",
     ),
-    bench=later("hpcpic.plasma.bench", "bench"),
-    bench_ranks=later("hpcpic.plasma.bench", "bench_ranks"),
-    plots=named("hpcpic.plasma.plots", "PLOTS"),
-    plan=later("hpcpic.plasma.plan", "plan"),
-    knobs=later("hpcpic.plasma.knobs", "knobs_of"),
+    bench=later("hpcpic.plasma.forecast.bench", "bench"),
+    bench_ranks=later("hpcpic.plasma.forecast.bench", "bench_ranks"),
+    plots=named("hpcpic.plasma.analysis.plots", "PLOTS"),
+    plan=later("hpcpic.plasma.forecast.plan", "plan"),
+    knobs=later("hpcpic.plasma.forecast.knobs", "knobs_of"),
 )

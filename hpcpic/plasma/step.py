@@ -6,18 +6,19 @@ import numpy as np
 
 from hpcpic.core.comm.world import World
 from hpcpic.core.space.domain import Domain, block_ranges, even_cuts
-from hpcpic.core.tasks import Pool
+from hpcpic.core.tasks.graph import Pool
 from hpcpic.core.timers import Timers
-from hpcpic.plasma import moments, snapshot
-from hpcpic.plasma.cloud import CHUNK, Cloud
-from hpcpic.plasma.config import PlasmaConfig
-from hpcpic.plasma.derived import derived, total_plasma_frequency
-from hpcpic.plasma.estimate import estimate
-from hpcpic.plasma.law import Law, groups_of_charge
-from hpcpic.plasma.mesh import SHIFT, Mesh
-from hpcpic.plasma.mover import mover
-from hpcpic.plasma.runaway import LATE, EnergyWatch
-from hpcpic.plasma.scene import Scene
+from hpcpic.plasma.case.config import PlasmaConfig
+from hpcpic.plasma.diagnostics import snapshot
+from hpcpic.plasma.diagnostics.energy_watch import LATE, EnergyWatch
+from hpcpic.plasma.diagnostics.scalars import Moments, units
+from hpcpic.plasma.field.mesh import SHIFT, Mesh
+from hpcpic.plasma.forecast.derived import derived, total_plasma_frequency
+from hpcpic.plasma.forecast.estimate import estimate
+from hpcpic.plasma.particles.cloud import CHUNK, Cloud
+from hpcpic.plasma.particles.push_spec import Law, groups_of_charge
+from hpcpic.plasma.physics.boris import mover
+from hpcpic.plasma.setup.scene import Scene
 from hpcpic.plasma.sizes import GHOSTS
 
 COLD = 0.1  # lambda_D/dx to which the grid heats the coldest plasma: its energy is no growth yet
@@ -61,8 +62,8 @@ class Plasma:
             capacity=scene.n_particles // world.size,
         )  # fmt: skip
         self.mesh.collect_from(self.cloud.patches, self.cloud.places, self.cloud.delivery)
-        self.moments = moments.Moments(self)
-        self.scalar_units = moments.units(scene)
+        self.moments = Moments(self)
+        self.scalar_units = units(scene)
         self._distribute()
         self._rewind()
         self.iteration = 0
@@ -140,7 +141,7 @@ class Plasma:
         return self.cloud.n
 
     def scalars(self) -> dict[str, float]:
-        """Energies, momentum, charge and field modes, all at t = n dt (see plasma.moments). Collective."""
+        """Energies, momentum, charge and field modes, all at t = n dt (see diagnostics.scalars). Collective."""
         self.solve()
         with self.timers.section("scalars"):
             values = self.moments.scalars()

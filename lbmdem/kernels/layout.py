@@ -34,8 +34,8 @@ apart. So with planes: one rank that has all planes of a periodic axis stores ju
 which messages fill when it belongs to another rank. Never one below: shifts point up.
 """
 
-from hpcpic.core.simd.jit import njit
-from lbmdem.layout import Layout, storage_order
+from hpcpic.core.simd.compile import njit
+from lbmdem.fluid.layout import Layout, storage_order
 
 __all__ = ["FLUID", "WALL", "Layout", "arrival", "element", "place", "storage_order"]
 
@@ -62,7 +62,7 @@ def arrival(strides, slots, shifts, parity, z, y, x, i):
 
 @njit
 def element(strides, slots, shifts, positions, parity, z, y, x, i):
-    """As `arrival`, also where fluid nodes have `positions` (see `lbmdem.sparse`); of a fluid node then."""
+    """As `arrival`, also where fluid nodes have `positions` (see `lbmdem.fluid.fluid.sparse`); of a fluid node then."""
     if positions.shape[0] == 0:
         return arrival(strides, slots, shifts, parity, z, y, x, i)
     row = y + strides[1]

@@ -12,10 +12,10 @@ which a rule whose coefficients add up to 1 does not notice.
 
 import numpy as np
 
-from hpcpic.core.simd.jit import njit
+from hpcpic.core.simd.compile import njit
 from hpcpic.core.simd.vector import address_of, fma, prefetch, prefetch_to_write
+from lbmdem.kernels.grain_rasters import FLUID
 from lbmdem.kernels.layout import arrival
-from lbmdem.kernels.runs import FLUID
 
 HALFWAY, INTERPOLATED, QUADRATIC, CLI = 0, 1, 2, 3
 AHEAD = 24  # links by which populations are fetched before they are needed: they are where the sweep has long left

@@ -7,7 +7,7 @@ order.
 
 import numpy as np
 
-from hpcpic.core.simd.jit import njit
+from hpcpic.core.simd.compile import njit
 from hpcpic.core.simd.vector import (
     Vec,
     convert,
@@ -23,8 +23,9 @@ from hpcpic.core.simd.vector import (
     store,
     to_fixed,
 )
-from lbmdem.kernels.links import CLI, FALLBACKS, HALFWAY, LINKS, LOST, QUADRATIC, second_behind
-from lbmdem.kernels.listing import (
+from lbmdem.kernels.gather_scatter import gather, scatter
+from lbmdem.kernels.grain_rasters import span
+from lbmdem.kernels.link_lists import (
     COLUMNS,
     FREE,
     FURTHER,
@@ -39,8 +40,7 @@ from lbmdem.kernels.listing import (
     lost_along,
     room,
 )
-from lbmdem.kernels.runs import span
-from lbmdem.kernels.spread import gather, scatter
+from lbmdem.kernels.links import CLI, FALLBACKS, HALFWAY, LINKS, LOST, QUADRATIC, second_behind
 
 GAINS = 7
 N = lanes(np.float64)

@@ -2,9 +2,9 @@
 
 import numpy as np
 
-from hpcpic.core.simd.jit import njit
+from hpcpic.core.simd.compile import njit
+from lbmdem.kernels.grain_rasters import FLUID
 from lbmdem.kernels.layout import arrival, place
-from lbmdem.kernels.runs import FLUID
 
 AVERAGE, LOCAL, NON_EQUILIBRIUM = 0, 1, 2
 CHUNK = 128  # nodes

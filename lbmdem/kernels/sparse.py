@@ -27,8 +27,8 @@ import numpy as np
 from numpy.typing import DTypeLike
 
 from hpcpic.core.simd.generate import module_from_source
-from lbmdem.kernels.collide import Collision, source
-from lbmdem.lattices import Lattice
+from lbmdem.physics.collision import Collision, source
+from lbmdem.physics.velocity_sets import Lattice
 
 PARITY, OPENED, LEAVE = 1, 2, 4
 BROKEN, WHOLE = 0, 1  # kinds of vectors
@@ -39,7 +39,7 @@ FETCHED = 64  # the same of other pieces
 
 _HEAD = '''"""{title}; written by lbmdem.kernels.sparse."""
 import numpy as np
-from hpcpic.core.simd.jit import njit
+from hpcpic.core.simd.compile import njit
 from hpcpic.core.simd.masks import expand_at, load_where, mask_of_bits, store_where
 from hpcpic.core.simd.vector import (
     Vec, address_of, count_bits, fma, lanes, load_at, prefetch_to_write, select, splat, store_at)

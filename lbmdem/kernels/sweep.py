@@ -12,16 +12,16 @@ import numpy as np
 from numpy.typing import DTypeLike
 
 from hpcpic.core.simd.generate import module_from_source
-from lbmdem.kernels.collide import Collision, source
 from lbmdem.kernels.layout import storage_order
-from lbmdem.lattices import Lattice
+from lbmdem.physics.collision import Collision, source
+from lbmdem.physics.velocity_sets import Lattice
 
 SKIP, PLAIN, MIXED = 0, 1, 2
 AHEAD = 8  # vectors with fluid by which populations are fetched before they are needed (4 does nearly as well)
 
 _HEAD = '''"""{title}; written by lbmdem.kernels.sweep."""
 import numpy as np
-from hpcpic.core.simd.jit import njit
+from hpcpic.core.simd.compile import njit
 from hpcpic.core.simd.masks import mask_of_bits, store_where
 from hpcpic.core.simd.vector import Vec, address_of, fma, lanes, load_at, prefetch_to_write, store_at
 

@@ -22,12 +22,12 @@ from typing import Any
 import numpy as np
 
 from fault_matrix.faulty import Damaged, floats
+from hpcpic.core.case.config import load
+from hpcpic.core.case.schema import validate
 from hpcpic.core.comm.world import World
-from hpcpic.core.files.config import load
 from hpcpic.core.files.rundir import RunDir
-from hpcpic.core.files.schema import validate
 from hpcpic.core.run import checkpoint
-from hpcpic.core.tasks import Pool
+from hpcpic.core.tasks.graph import Pool
 from hpcpic.core.timers import Timers
 
 STEPS = 10  # before a bit is flipped, and after

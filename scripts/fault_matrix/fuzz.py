@@ -16,9 +16,9 @@ from importlib import import_module
 from pathlib import Path
 from typing import Any
 
+from hpcpic.core.case.config import loads
+from hpcpic.core.case.schema import validate
 from hpcpic.core.errors import ConfigError
-from hpcpic.core.files.config import loads
-from hpcpic.core.files.schema import validate
 
 ALPHABET = [*'{}()[]=;,:"\\#@+-.0123456789eExnL\n\t \x00\u202e', "@include", "true", "1e999", "0x", "nan", "'"]
 MOST_CHANGES = 7

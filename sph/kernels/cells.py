@@ -14,7 +14,7 @@ Slots of a layer begin at base[l], with room for two vectors after the last: loa
 
 import numpy as np
 
-from hpcpic.core.simd.jit import njit
+from hpcpic.core.simd.compile import njit
 from hpcpic.core.simd.vector import Vec, convert, floor, lanes, load, maximum, minimum, select, splat, store
 
 DIM = 3

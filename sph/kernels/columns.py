@@ -7,7 +7,7 @@ the units of gradient[d, n], see `pairs`.
 
 from sph.kernels.marks import REPULSIVE
 from sph.kernels.packing import SCALES
-from sph.kernels.pairs import Law, columns_of
+from sph.physics.terms import Law, columns_of
 
 ALL_AROUND = {2: 1.5, 3: 2.4}  # of - sum V_j F r^2, d inside the fluid; less near a free surface (Lee et al. 2008)
 LEAST_DETERMINANT = 0.1  # of the sum that L inverts, 1 inside the fluid, about 0.25 at a flat free surface in 2D

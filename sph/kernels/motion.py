@@ -8,7 +8,7 @@ do, only their density evolves here. flags see sph.kernels.marks.
 
 import numpy as np
 
-from hpcpic.core.simd.jit import njit
+from hpcpic.core.simd.compile import njit
 from hpcpic.core.simd.vector import Vec, convert, lanes, load, maximum, select, splat, store, total
 
 DIM = 3

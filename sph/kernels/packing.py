@@ -6,7 +6,7 @@ In single precision also the state in their units.
 import math
 
 from sph.kernels.marks import NORMAL, REPULSIVE
-from sph.kernels.pairs import UNIT, Law, columns_of
+from sph.physics.terms import UNIT, Law, columns_of
 
 SCALES = (
     "per_h",
@@ -28,7 +28,7 @@ MOST_GAMMA = 16  # that a polynomial is made for
 HEAD = """
 import numpy as np
 
-from hpcpic.core.simd.jit import njit
+from hpcpic.core.simd.compile import njit
 from hpcpic.core.simd.vector import (
     Vec, address_of, convert, floor, gather_lines, lanes, load, select, splat, store
 )

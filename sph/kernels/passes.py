@@ -7,8 +7,8 @@ import numpy as np
 
 from hpcpic.core.simd.generate import module_from_source
 from hpcpic.core.simd.vector import lanes
-from sph.kernels.functions import SMOOTHING
-from sph.kernels.pairs import Law, Terms, collect, columns_of, state_of
+from sph.physics.smoothing import SMOOTHING
+from sph.physics.terms import Law, Terms, collect, columns_of, state_of
 
 NUMBERS = (
     "artificial", "viscous", "flux_strength", "gravityx", "gravityy", "gravityz", "reach", "per_w", "per_h", "eta2",
@@ -23,7 +23,7 @@ ARGUMENTS = (
 
 HEAD = """
 import numpy as np
-from hpcpic.core.simd.jit import njit
+from hpcpic.core.simd.compile import njit
 from hpcpic.core.simd.vector import (
     Vec, address_of, bitmask, convert, fma, lane_numbers, load, maximum, minimum, prefetch,
     prefetch_to_write, select, splat, sqrt, store, total

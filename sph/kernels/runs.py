@@ -6,7 +6,7 @@ next layer.
 
 import numpy as np
 
-from hpcpic.core.simd.jit import njit
+from hpcpic.core.simd.compile import njit
 from hpcpic.core.simd.vector import (
     Vec,
     bitmask,

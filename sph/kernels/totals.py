@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from hpcpic.core.simd.jit import njit
+from hpcpic.core.simd.compile import njit
 from hpcpic.core.simd.vector import (
     Vec,
     fma,

@@ -18,13 +18,13 @@ from typing import Any, Literal
 
 import numpy as np
 
-from hpcpic.core.cli.app import App
-from hpcpic.core.cli.forecast import Estimate
+from hpcpic.core.app.app import App
+from hpcpic.core.app.forecast import Estimate
+from hpcpic.core.case.derived import Derived
+from hpcpic.core.case.schema import REQUIRED, Section, setting
 from hpcpic.core.cli.main import program
 from hpcpic.core.errors import Diverged
 from hpcpic.core.files.arrays import Column, FieldArray, ParticleArray, Shard
-from hpcpic.core.files.derived import Derived
-from hpcpic.core.files.schema import REQUIRED, Section, setting
 from hpcpic.core.space.domain import Domain, even_cuts
 
 

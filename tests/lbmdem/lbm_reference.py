@@ -4,8 +4,8 @@ import itertools
 
 import numpy as np
 
-from lbmdem.fluid import equilibrium
-from lbmdem.lattices import Lattice
+from lbmdem.fluid.fluid import equilibrium
+from lbmdem.physics.velocity_sets import Lattice
 
 SMALL = 0.02  # size of random populations: beyond linear, and far from negative densities
 

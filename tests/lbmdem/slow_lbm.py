@@ -5,7 +5,7 @@ Populations h = f - w [q, plane, row, x] (2D: one row). Everything is done node 
 
 import numpy as np
 
-from lbmdem.solid import kernel_axes
+from lbmdem.fluid.solid_nodes import kernel_axes
 
 
 class SlowLbm:

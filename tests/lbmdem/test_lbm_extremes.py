@@ -6,12 +6,12 @@ import numpy as np
 import pytest
 from app_runner import running
 
+from hpcpic.core.case.config import loads
+from hpcpic.core.case.derived import enforce
+from hpcpic.core.case.schema import validate
 from hpcpic.core.errors import ConfigError, Diverged
-from hpcpic.core.files.config import loads
-from hpcpic.core.files.derived import enforce
-from hpcpic.core.files.schema import validate
-from lbmdem.config import LbmDemConfig
-from lbmdem.derived import derived
+from lbmdem.case.config import LbmDemConfig
+from lbmdem.forecast.derived import derived
 
 DX, NU = 2.0e-4, 1.0e-6
 LAYER = f"""

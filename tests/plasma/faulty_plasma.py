@@ -8,7 +8,7 @@ import numpy as np
 
 from hpcpic.__main__ import main
 from hpcpic.core.files import image
-from hpcpic.plasma.cloud import Cloud
+from hpcpic.plasma.particles.cloud import Cloud
 from hpcpic.plasma.step import Plasma
 
 KIND, RANK, STEP = sys.argv[1], int(sys.argv[2]), int(sys.argv[3])

@@ -6,13 +6,13 @@ import numpy as np
 import pytest
 from app_runner import launch, outcomes, running
 
+from hpcpic.core.case.config import loads
+from hpcpic.core.case.derived import enforce
+from hpcpic.core.case.schema import validate
 from hpcpic.core.errors import ConfigError, Diverged
-from hpcpic.core.files.config import loads
-from hpcpic.core.files.derived import enforce
-from hpcpic.core.files.schema import validate
 from hpcpic.core.run import checkpoint
-from hpcpic.plasma.config import PlasmaConfig
-from hpcpic.plasma.derived import derived
+from hpcpic.plasma.case.config import PlasmaConfig
+from hpcpic.plasma.forecast.derived import derived
 
 HOT = """
 simulation = { cycles = 400; time_step = 0.2; space_length = [32.0, 16.0]; random_seed = 3; };

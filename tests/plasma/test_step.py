@@ -3,13 +3,13 @@
 import numpy as np
 import pytest
 
+from hpcpic.core.case.config import loads
+from hpcpic.core.case.schema import validate
 from hpcpic.core.comm.world import World
-from hpcpic.core.files.config import loads
-from hpcpic.core.files.schema import validate
 from hpcpic.core.run import checkpoint
-from hpcpic.core.tasks import Pool
+from hpcpic.core.tasks.graph import Pool
 from hpcpic.core.timers import Timers
-from hpcpic.plasma.config import PlasmaConfig
+from hpcpic.plasma.case.config import PlasmaConfig
 from hpcpic.plasma.step import Plasma
 
 THERMAL = {
@@ -142,7 +142,7 @@ def test_time_runs_backwards(magnetic):
     after(made, 20)
     made.solve()
     # one more impulse and turn brings v^(n-1/2) to v^(n+1/2): no drift, then the mover of -dt
-    from hpcpic.plasma.mover import mover
+    from hpcpic.plasma.physics.boris import mover
 
     made.cloud.rewind(mover(made.scene, made.field_scale, steps=1.0))
     forwards = made.cloud.names["mover"]

@@ -2,15 +2,15 @@
 
 import numpy as np
 
+from hpcpic.core.case.config import loads
+from hpcpic.core.case.schema import validate
 from hpcpic.core.comm.world import World
-from hpcpic.core.files.config import loads
-from hpcpic.core.files.schema import validate
-from hpcpic.core.tasks import Pool
+from hpcpic.core.tasks.graph import Pool
 from hpcpic.core.timers import Timers
-from sph.config import SphConfig
-from sph.kernels.functions import SMOOTHING
+from sph.case.config import SphConfig
 from sph.kernels.marks import CODES, REPULSIVE
-from sph.limits import cleary_constant
+from sph.physics.smoothing import SMOOTHING
+from sph.physics.stability import cleary_constant
 from sph.step import Sph
 
 TEXT = """

@@ -7,13 +7,13 @@ from typing import Any
 
 import numpy as np
 
+from hpcpic.core.case.config import load
+from hpcpic.core.case.schema import validate
 from hpcpic.core.comm.world import World
-from hpcpic.core.files.config import load
-from hpcpic.core.files.schema import validate
-from hpcpic.core.tasks import Pool
+from hpcpic.core.tasks.graph import Pool
 from hpcpic.core.timers import Timers
 from hpcpic.plasma.app import shipped_cases
-from hpcpic.plasma.config import PlasmaConfig
+from hpcpic.plasma.case.config import PlasmaConfig
 from hpcpic.plasma.step import Plasma
 
 Look = Callable[[Plasma], Any]

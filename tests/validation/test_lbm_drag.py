@@ -10,10 +10,10 @@ import numpy as np
 import pytest
 
 from hpcpic.core.space.domain import Domain
-from hpcpic.core.tasks import Pool
-from lbmdem.coupling import Immersed
-from lbmdem.fluid import Fluid
-from lbmdem.lattices import D3Q19
+from hpcpic.core.tasks.graph import Pool
+from lbmdem.coupling.immersed import Immersed
+from lbmdem.fluid.fluid import Fluid
+from lbmdem.physics.velocity_sets import D3Q19
 
 EXACT = {("SC", 0.125): 4.29159, ("SC", 0.343): 15.3995, ("BCC", 0.125): 4.44638, ("BCC", 0.343): 16.3351}
 OFFSETS = np.random.default_rng(0).random((5, 3))  # of the centre from a node: the error scatters by 0.5 %

@@ -7,12 +7,12 @@ import pytest
 from app_runner import running
 
 from hpcpic.core.space.domain import Domain, even_cuts
-from hpcpic.core.tasks import Pool
+from hpcpic.core.tasks.graph import Pool
 from lbmdem.app import shipped_cases
-from lbmdem.coupling import Immersed
-from lbmdem.fluid import Fluid
-from lbmdem.lattices import D3Q19
-from lbmdem.lubrication import Film
+from lbmdem.coupling.immersed import Immersed
+from lbmdem.fluid.fluid import Fluid
+from lbmdem.physics.lubrication import Film
+from lbmdem.physics.velocity_sets import D3Q19
 
 pytestmark = pytest.mark.validation
 

@@ -6,9 +6,16 @@ import numpy as np
 import pytest
 from app_runner import ROOT, running
 
-from lbmdem import quick
+from lbmdem.analysis.quick_condition import (
+    centres,
+    critical_gradient,
+    gradient_inside,
+    lifted,
+    meeting,
+    porosity_between,
+)
 from lbmdem.app import shipped_cases
-from lbmdem.placing import mean_diameters
+from lbmdem.setup.placement import mean_diameters
 
 pytestmark = pytest.mark.validation
 DATA = ROOT / "tests/data"
@@ -197,11 +204,11 @@ def test_quick_condition(world):
         config, edges, table = app.scene.config, app.diagnostics.slices, app.table
     stresses, pressures = ([np.array([row[f"{kind}_{k}"] for row in rows]) for k in range(1, 6)]
                            for kind in ("stress_zz", "pressure"))  # fmt: skip
-    middle = quick.centres(edges)
-    n = quick.porosity_between(table.x[:, 2], table.radius, middle[0], middle[-1], math.prod(config.domain.size[:2]))
-    gradient = quick.gradient_inside(pressures, middle, 1000.0 * 9.81)
-    critical = quick.critical_gradient(2.65, n)
-    met, rest = quick.meeting(gradient, stresses)
+    middle = centres(edges)
+    n = porosity_between(table.x[:, 2], table.radius, middle[0], middle[-1], math.prod(config.domain.size[:2]))
+    gradient = gradient_inside(pressures, middle, 1000.0 * 9.81)
+    critical = critical_gradient(2.65, n)
+    met, rest = meeting(gradient, stresses)
     told("lines of five slices meet, over i_c", met / critical, 1.0, 0.005)
     told("stress there over that of the lowest slice", rest / stresses[0][0], 0.0, 0.06)
     assert abs(met / critical - 1.0) < 0.005
@@ -211,7 +218,7 @@ def test_quick_condition(world):
     solid = float((4.0 / 3.0 * math.pi * table.radius**3).sum())
     top, bottom = (table.x[:, 2] + table.radius).max(), (table.x[:, 2] - table.radius).min()
     whole = 1.0 - solid / (math.prod(config.domain.size[:2]) * (top - bottom))
-    lift = quick.lifted(overall, force, 1650.0 * 9.81 * solid) / quick.critical_gradient(2.65, whole)
+    lift = lifted(overall, force, 1650.0 * 9.81 * solid) / critical_gradient(2.65, whole)
     told("the fluid carries the bed, over i_c", lift, 1.0, 0.002)
     assert abs(lift - 1.0) < 0.002
 

@@ -13,10 +13,11 @@ import numpy as np
 import pytest
 from simulation import Rows, Simulation, case_text, mode_along, positions, quiet_maxwellians, velocities
 
-from hpcpic.plasma import analysis, theory
-from hpcpic.plasma.predictions import beams, mesh_of, predict
+from hpcpic.plasma.analysis import theory
+from hpcpic.plasma.analysis.predictions import beams, mesh_of, predict
+from hpcpic.plasma.analysis.series_analysis import fit_oscillation, peaks, signed, temperature
+from hpcpic.plasma.analysis.theory import Beam
 from hpcpic.plasma.step import Plasma
-from hpcpic.plasma.theory import Beam
 
 pytestmark = pytest.mark.validation
 WB = 1.0 / math.sqrt(2.0)
@@ -54,7 +55,7 @@ def test_cold_wave_has_the_frequency_of_the_scheme(simulate, mode):
     )
     done = simulate("plasma-oscillation", *sets, look=mode_along(0, mode))
     expected = theory.cold_wave_frequency(1.0, 0.2, mode, 2 * math.pi / 64)
-    fit = analysis.fit_oscillation(done.t, _largest_part(done.seen), frequency=expected, damped=False)
+    fit = fit_oscillation(done.t, _largest_part(done.seen), frequency=expected, damped=False)
     compare(f"cold wave, mode {mode} of 64 cells", fit.frequency, expected, 1e-6)
 
 
@@ -86,7 +87,7 @@ def test_cold_wave_in_two_dimensions_with_cells_that_are_not_square(simulate, ax
     done = simulate(text, look=mode_along(axis, n))
     dx = (2, 4)[1 - axis] * math.pi / points[1 - axis]
     expected = theory.mesh_root(0.99, 1.0, (Beam(1.0),), theory.Mesh(dx, 0.2, shape)).real
-    fit = analysis.fit_oscillation(done.t, _largest_part(done.seen), frequency=expected, damped=False)
+    fit = fit_oscillation(done.t, _largest_part(done.seen), frequency=expected, damped=False)
     compare(f"2D cold wave along {'yx'[axis]}, {shape}, {points[0]} x {points[1]}", fit.frequency, expected, 1e-5)
 
 
@@ -99,7 +100,7 @@ def test_cold_wave_of_particles_that_jump_from_cell_to_cell(simulate):
     misses = []
     for per_cell, tolerance in ((1024, 0.03), (4096, 0.01)):
         done = simulate(wave_in_two_dimensions((8, 32), "NGP", per_cell, [0, 2], 0.05), look=mode_along(0, 2))
-        fit = analysis.fit_oscillation(done.t, _largest_part(done.seen), frequency=expected, damped=False)
+        fit = fit_oscillation(done.t, _largest_part(done.seen), frequency=expected, damped=False)
         misses.append(abs(fit.frequency / expected - 1))
         compare(f"2D cold wave, NGP, {per_cell} per cell", fit.frequency, expected, tolerance)
     assert misses[1] < 0.5 * misses[0]
@@ -108,7 +109,7 @@ def test_cold_wave_of_particles_that_jump_from_cell_to_cell(simulate):
 def test_upper_hybrid(simulate):
     done = simulate("upper-hybrid", "species[0].perturbation.velocity_amplitude=1e-5", look=mode_along(0, 1))
     expected = predict(done.config, 1).omega_mesh.real
-    fit = analysis.fit_oscillation(done.t, _largest_part(done.seen), frequency=expected, damped=False)
+    fit = fit_oscillation(done.t, _largest_part(done.seen), frequency=expected, damped=False)
     compare("upper hybrid, in this mesh and step", fit.frequency, expected, 1e-6)
     compare("upper hybrid, continuum", fit.frequency, math.sqrt(2.0), 1e-3)
 
@@ -136,10 +137,10 @@ def test_landau_damping(simulate, k):
     species = quiet_maxwellians([(1.0, 0.0, 1.0)], amplitude=1e-4)
     done = simulate(case_text(species, k=k, cells=64, dt=0.05, time=40.0), look=Plasma.scalars)
     t, amplitude = done.t, done.scalar("mode_1")
-    times, _ = analysis.peaks(t, amplitude)
+    times, _ = peaks(t, amplitude)
     window = (t >= times[2]) & (t <= times[8])
     omega, maxwellian = theory.landau(k), (Beam(1.0, 0.0, 1.0),)
-    fit = analysis.fit_oscillation(t[window], analysis.signed(amplitude)[window], frequency=omega.real, rate=omega.imag)
+    fit = fit_oscillation(t[window], signed(amplitude)[window], frequency=omega.real, rate=omega.imag)
     mesh = theory.mesh_root(omega, k, maxwellian, mesh_of(done.config))
     compare(f"Landau frequency, k = {k}, in this mesh and step", fit.frequency, mesh.real, 1e-4)
     compare(f"Landau damping, k = {k}, in this mesh and step", fit.rate, mesh.imag, 2e-3)
@@ -254,7 +255,7 @@ def test_two_particles_swing_at_the_leapfrog_frequency_on_any_grid(simulate, cel
     """wp^2 = 2 q^2/(eps0 m L) = 1: the discrete force is exactly linear while the particles stay apart."""
     done = simulate("two-particles", f"grid.points=[{cells}]", look=positions)
     distance = np.array([x[1, 0] - x[0, 0] for x in done.seen])
-    fit = analysis.fit_oscillation(done.t, distance)
+    fit = fit_oscillation(done.t, distance)
     compare(f"two particles, {cells} cells", fit.frequency, theory.leapfrog_frequency(1.0, 0.05), 1e-7)
     assert abs(fit.rate) < 1e-8 and fit.offset == pytest.approx(1.0, abs=1e-9)
 
@@ -367,9 +368,9 @@ def test_case_landau_damping(simulate, name, wp):
     """The shipped cases: amplitude 0.01, one Maxwellian in bit-reversed order; second to ninth maximum."""
     done = simulate(name, look=Plasma.scalars)
     t, amplitude = wp * done.t, done.scalar("mode_1")
-    times, _ = analysis.peaks(t, amplitude)
+    times, _ = peaks(t, amplitude)
     window = (t >= times[1]) & (t <= times[8])
-    fit = analysis.fit_oscillation(t[window], analysis.signed(amplitude)[window], frequency=1.4157, rate=-0.1534)
+    fit = fit_oscillation(t[window], signed(amplitude)[window], frequency=1.4157, rate=-0.1534)
     compare(f"case {name}, frequency", fit.frequency, 1.415662, 2e-3)
     compare(f"case {name}, decay", fit.rate, -0.153359, 1e-2)
 
@@ -391,6 +392,6 @@ def test_case_magnetised_thermal_2d(simulate):
     done = simulate("magnetised-thermal-2d", look=Plasma.scalars, every=50)
     total = done.scalar("energy_total")
     assert np.abs(total / total[0] - 1).max() < 5e-3
-    temperatures = analysis.temperature(velocities(done.app), 1.0)
+    temperatures = temperature(velocities(done.app), 1.0)
     print(f"{'largest temperature over the mean':<58}{temperatures.max() / temperatures.mean():>18.6f}")
     assert temperatures == pytest.approx([temperatures.mean()] * 3, rel=1e-2)  # 5e5 draws: sigma 0.2 %

@@ -10,14 +10,14 @@ import math
 import numpy as np
 import pytest
 
-from hpcpic.core.files.config import load
-from hpcpic.core.files.schema import validate
-from hpcpic.core.tasks import Pool
+from hpcpic.core.case.config import load
+from hpcpic.core.case.schema import validate
+from hpcpic.core.tasks.graph import Pool
 from hpcpic.core.timers import Timers
-from sph import measured, theory
+from sph.analysis import experiments, theory
 from sph.app import shipped_cases
-from sph.config import SphConfig
-from sph.snapshot import particles_at
+from sph.case.config import SphConfig
+from sph.diagnostics.snapshot import particles_at
 from sph.step import Sph
 
 pytestmark = [pytest.mark.validation, pytest.mark.timeout(3600)]
@@ -143,7 +143,7 @@ def test_the_water_column_of_the_paper(world):
     """
     done = Done(world, "water-column", period=0.002)
     clock = math.sqrt(2 * 9.81 / 0.146)
-    found = measured.KOSHIZUKA_FRONT
+    found = experiments.KOSHIZUKA_FRONT
     front = np.interp(found[:, 0], done.t * clock, done.series("front_x") / 0.146)
     rms = float(np.sqrt(np.mean((front - found[:, 1])[found[:, 1] < 3.6] ** 2)))
     assert told("water column: front, rms departure / L", rms, "< 0.35") < 0.35
@@ -203,7 +203,7 @@ def test_a_dam_break_arrives_at_the_wall_in_time(world):
     arrival = done.t[np.argmax(pressure > 0.2)] * clock
     assert abs(told("dam break: arrival at the wall over 2.43 - 1", arrival / 2.43 - 1, "3 %")) < 0.03
     later = (done.t * clock > 3.4) & (done.t * clock < 5.4)
-    found = measured.LOBOVSKY_PRESSURE
+    found = experiments.LOBOVSKY_PRESSURE
     wanted = np.interp(done.t[later] * clock, *found.T).mean()
     mean = pressure[later].mean() / wanted - 1
     assert abs(told("dam break: mean pressure from 3.4 to 5.4 over measured - 1", mean, "15 %")) < 0.15
@@ -214,9 +214,9 @@ def test_the_force_of_the_wave_on_the_column(world):
     table of scripts/column_impact.py.
     """
     done = Done(world, "column-impact-a", "simulation.end_time=1.3", period=0.0005)
-    found = measured.column_figures(done.t, done.series("impulse_column_x"))
+    found = experiments.column_figures(done.t, done.series("impulse_column_x"))
     for name, value in found.items():
-        told(f"column impact A: {name}", value, f"{measured.COLUMN_FIGURES[name]:g} measured")
+        told(f"column impact A: {name}", value, f"{experiments.COLUMN_FIGURES[name]:g} measured")
     for name, within in (("peak", 0.2), ("plateau", 0.1), ("impulse", 0.05)):
-        assert abs(found[name] / measured.COLUMN_FIGURES[name] - 1) < within, name
-    assert abs(found["arrival"] - measured.COLUMN_FIGURES["arrival"]) < 0.02
+        assert abs(found[name] / experiments.COLUMN_FIGURES[name] - 1) < within, name
+    assert abs(found["arrival"] - experiments.COLUMN_FIGURES["arrival"]) < 0.02

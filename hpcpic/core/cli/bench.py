@@ -8,8 +8,8 @@ from typing import Any
 
 import click
 
-from hpcpic.core.cli.app import AppLoader
-from hpcpic.core.cli.text import table
+from hpcpic.core.app.app import AppLoader
+from hpcpic.core.app.text import table
 
 TRIAD_BYTES = (
     24  # STREAM's convention: two reads and a write of float64, the fetch before the write not counted
@@ -39,7 +39,7 @@ def make_bench_command(app_loader: AppLoader) -> click.Command:
 
 
 def _measure(app_loader: AppLoader, world: Any, quick: bool, threads: int | None) -> int:
-    from hpcpic.core.cli.rates import keep_rates
+    from hpcpic.core.app.rates import keep_rates
 
     most = threads or world.default_threads()
     rates: dict[str, float] = {}
@@ -88,9 +88,9 @@ def bandwidth(world: Any, threads: int, quick: bool) -> dict[str, float]:
     """Bytes per second of one rank for a = b + s c (triad) and a = s a (update), best of several sweeps."""
     import numpy as np
 
-    from hpcpic.core.simd.jit import njit
+    from hpcpic.core.simd.compile import njit
     from hpcpic.core.space.domain import block_ranges
-    from hpcpic.core.tasks import Pool, bind
+    from hpcpic.core.tasks.graph import Pool, bind
 
     @njit
     def triad(a, b, c, s):

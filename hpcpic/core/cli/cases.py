@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import click
 
-from hpcpic.core.cli.app import AppLoader
-from hpcpic.core.cli.read import read_case
-from hpcpic.core.cli.text import table
-from hpcpic.core.files.cases import read_header
-from hpcpic.core.files.config import Tree, dotted
-from hpcpic.core.files.schema import describe, value_text
+from hpcpic.core.app.app import AppLoader
+from hpcpic.core.app.read import read_case
+from hpcpic.core.app.text import table
+from hpcpic.core.case.cases import read_header
+from hpcpic.core.case.config import Tree, dotted
+from hpcpic.core.case.schema import describe, value_text
 
 
 def make_list_command(app_loader: AppLoader) -> click.Command:

@@ -7,13 +7,13 @@ from typing import Any
 
 import click
 
-from hpcpic.core.cli.app import App, AppLoader
+from hpcpic.core.app.app import App, AppLoader
+from hpcpic.core.app.rates import read_rates
+from hpcpic.core.app.read import Case, read_case, set_option, shape_options
+from hpcpic.core.app.text import table
+from hpcpic.core.case.derived import Derived
 from hpcpic.core.cli.cures import cures
-from hpcpic.core.cli.rates import read_rates
-from hpcpic.core.cli.read import Case, read_case, set_option, shape_options
-from hpcpic.core.cli.text import table
 from hpcpic.core.errors import CheckFailed
-from hpcpic.core.files.derived import Derived
 
 DAY = 86400.0  # s
 LONGEST = 30.0  # days of a run that nobody is told of

@@ -7,16 +7,16 @@ from collections.abc import Callable, Sequence
 from functools import partial
 from typing import TYPE_CHECKING
 
-from hpcpic.core.cli.app import App
-from hpcpic.core.cli.rates import read_rates
-from hpcpic.core.cli.read import Case, read_case
-from hpcpic.core.cli.text import duration
+from hpcpic.core.app.app import App
+from hpcpic.core.app.rates import read_rates
+from hpcpic.core.app.read import Case, read_case
+from hpcpic.core.app.text import duration
+from hpcpic.core.case.config import dotted
+from hpcpic.core.case.derived import Derived
 from hpcpic.core.errors import ConfigError
-from hpcpic.core.files.config import dotted
-from hpcpic.core.files.derived import Derived
 
 if TYPE_CHECKING:
-    from hpcpic.core.cli.knobs import Knob, Knobs
+    from hpcpic.core.app.knobs import Knob, Knobs
 
 Change = Callable[[float], tuple[str, ...]]  # factor on a size -> settings
 

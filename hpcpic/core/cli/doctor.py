@@ -12,9 +12,9 @@ from typing import Any
 
 import click
 
-from hpcpic.core.cli.app import PYTHON, AppLoader
+from hpcpic.core.app.app import PYTHON, AppLoader
+from hpcpic.core.app.text import table
 from hpcpic.core.cli.launch import launcher
-from hpcpic.core.cli.text import table
 from hpcpic.core.errors import CheckFailed
 from hpcpic.core.run.summary import several
 

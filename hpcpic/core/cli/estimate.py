@@ -6,11 +6,11 @@ from typing import Any
 
 import click
 
-from hpcpic.core.cli.app import App, AppLoader
-from hpcpic.core.cli.forecast import Estimate
-from hpcpic.core.cli.rates import rates_file, read_rates
-from hpcpic.core.cli.read import read_case, set_option, shape_options
-from hpcpic.core.cli.text import amount, duration, table
+from hpcpic.core.app.app import App, AppLoader
+from hpcpic.core.app.forecast import Estimate
+from hpcpic.core.app.rates import rates_file, read_rates
+from hpcpic.core.app.read import read_case, set_option, shape_options
+from hpcpic.core.app.text import amount, duration, table
 from hpcpic.core.run.summary import several
 
 MIB = 2.0**20

@@ -15,15 +15,15 @@ from contextlib import contextmanager, suppress
 from dataclasses import asdict, dataclass, field
 from typing import TYPE_CHECKING, Any
 
-from hpcpic.core.cli.app import App, AppLoader
-from hpcpic.core.cli.forecast import Estimate
-from hpcpic.core.cli.rates import read_rates
-from hpcpic.core.cli.text import amount
+from hpcpic.core.app.app import App, AppLoader
+from hpcpic.core.app.forecast import Estimate
+from hpcpic.core.app.rates import read_rates
+from hpcpic.core.app.text import amount
+from hpcpic.core.case.config import Tree, leaves, loads
+from hpcpic.core.case.schema import validate, value_text
 from hpcpic.core.comm.world import World
 from hpcpic.core.errors import ConfigError, FileError, HpcpicError
-from hpcpic.core.files.config import Tree, leaves, loads
 from hpcpic.core.files.rundir import RunDir, write_atomic
-from hpcpic.core.files.schema import validate, value_text
 from hpcpic.core.run import checkpoint, log, memory, summary
 from hpcpic.core.run.failure import Agreed, Failure, everywhere, guarded, share
 from hpcpic.core.run.outputs import trigger_of
@@ -135,7 +135,7 @@ class _Job:
 
     def _run(self, plan: Plan, stop: Stop, warnings: list[str]) -> int:
         from hpcpic.core.run import compiling, loop
-        from hpcpic.core.tasks import Pool
+        from hpcpic.core.tasks.graph import Pool
         from hpcpic.core.timers import Timers
 
         assert self.rundir is not None

@@ -13,7 +13,8 @@ from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import IO
 
-from hpcpic.core.cli.app import App
+from hpcpic.core.app.app import App
+from hpcpic.core.cli.main import build
 from hpcpic.core.errors import ConfigError
 
 ENDING = (signal.SIGTERM, signal.SIGHUP, signal.SIGUSR1, signal.SIGUSR2, signal.SIGXCPU)
@@ -93,8 +94,6 @@ def within(app: App) -> Start:
 
     Standard output goes to the file `stdout`, and errors too.
     """
-    from hpcpic.core.cli.main import build
-
     def start(program: Sequence[str], arguments: Sequence[str], ranks: int, *, stdout: IO[str], stderr: int) -> int:
         assert ranks == 1
         kept, argv = os.dup(1), sys.argv

@@ -17,28 +17,28 @@ from typing import Any
 
 import click
 
-from hpcpic.core.cli.app import AppLoader
+from hpcpic.core.app.app import AppLoader
 from hpcpic.core.errors import FileError, HpcpicError
 from hpcpic.version import __version__
 
-VERBS = {  # verb -> the module of core.cli that makes it, and what --help says without importing it
-    "list": ("cases", "The shipped cases, a line each with the expected time."),
-    "show": ("cases", "A case's header, and every key with its type, unit, default and limits."),
-    "check": ("check", "Validate a case; print every derived number with its limit, verdict and source."),
-    "estimate": ("estimate", "Memory by item, disk and time of a case on any ranks x threads."),
-    "run": ("run", "Run a case; `mpirun -n N` in front runs it on N ranks."),
-    "restart": ("restart", "Go on from the newest good checkpoint, on any number of ranks and threads."),
-    "sweep": ("sweep", "Run a case for every combination of some settings."),
-    "tradeoff": ("tradeoff", "Measure what each knob of a case costs and gains; find the cheapest setting."),
-    "stability": ("stability", "Bisect for the largest stable size of a knob of a case."),
-    "compare": ("compare", "Config, series, last snapshots, timers and final state of two run folders."),
-    "plot": ("plot", "Draw figures of a run."),
-    "report": ("report", "One HTML page on a run, or a comparison of several."),
-    "export": ("export", "Write the snapshots and series of a run for other programs."),
-    "bench": ("bench", "Measure bandwidth and kernel rates of this machine and keep them for `estimate`."),
-    "doctor": ("doctor", "MPI, launcher, threads, HDF5, FFTW, versions, the cache of compiled kernels."),
+VERBS = {  # verb -> the module of core that makes it, and what --help says without importing it
+    "list": ("cli.cases", "The shipped cases, a line each with the expected time."),
+    "show": ("cli.cases", "A case's header, and every key with its type, unit, default and limits."),
+    "check": ("cli.check", "Validate a case; print every derived number with its limit, verdict and source."),
+    "estimate": ("cli.estimate", "Memory by item, disk and time of a case on any ranks x threads."),
+    "run": ("cli.run", "Run a case; `mpirun -n N` in front runs it on N ranks."),
+    "restart": ("cli.restart", "Go on from the newest good checkpoint, on any number of ranks and threads."),
+    "sweep": ("study.sweep", "Run a case for every combination of some settings."),
+    "tradeoff": ("study.tradeoff", "Measure what each knob of a case costs and gains; find the cheapest setting."),
+    "stability": ("study.stability", "Bisect for the largest stable size of a knob of a case."),
+    "compare": ("report.compare", "Config, series, last snapshots, timers and final state of two run folders."),
+    "plot": ("report.plot", "Draw figures of a run."),
+    "report": ("report.report", "One HTML page on a run, or a comparison of several."),
+    "export": ("report.export", "Write the snapshots and series of a run for other programs."),
+    "bench": ("cli.bench", "Measure bandwidth and kernel rates of this machine and keep them for `estimate`."),
+    "doctor": ("cli.doctor", "MPI, launcher, threads, HDF5, FFTW, versions, the cache of compiled kernels."),
 }
-PARALLEL = ("run", "restart", "bench", "doctor")  # verbs in which all ranks take part
+PARALLEL = ("cli.run", "restart", "bench", "doctor")  # verbs in which all ranks take part
 
 RANKS = ("PMI_RANK", "OMPI_COMM_WORLD_RANK", "PMIX_RANK")  # where launchers tell a process its rank
 
@@ -65,7 +65,7 @@ class Face(click.Group):
         if verb not in VERBS:
             return None
         make: Callable[[AppLoader], click.Command] = getattr(
-            import_module(f"hpcpic.core.cli.{VERBS[verb][0]}"), f"make_{verb}_command"
+            import_module(f"hpcpic.core.{VERBS[verb][0]}"), f"make_{verb}_command"
         )
         return make(self.app_loader)
 

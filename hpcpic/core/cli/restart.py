@@ -7,14 +7,14 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from hpcpic.core.cli.app import App, AppLoader
-from hpcpic.core.cli.read import set_option
+from hpcpic.core.app.app import App, AppLoader
+from hpcpic.core.app.read import set_option
+from hpcpic.core.case.config import Tree, load
+from hpcpic.core.case.derived import enforce
+from hpcpic.core.case.schema import validate
 from hpcpic.core.cli.run import job_options
 from hpcpic.core.errors import ConfigError
-from hpcpic.core.files.config import Tree, load
-from hpcpic.core.files.derived import enforce
 from hpcpic.core.files.rundir import RunDir
-from hpcpic.core.files.schema import validate
 
 if TYPE_CHECKING:
     from hpcpic.core.comm.world import World

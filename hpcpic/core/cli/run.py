@@ -10,9 +10,9 @@ from typing import TYPE_CHECKING
 
 import click
 
-from hpcpic.core.cli.app import App, AppLoader
-from hpcpic.core.cli.read import Case, read_case, set_option
-from hpcpic.core.files.derived import enforce
+from hpcpic.core.app.app import App, AppLoader
+from hpcpic.core.app.read import Case, read_case, set_option
+from hpcpic.core.case.derived import enforce
 
 if TYPE_CHECKING:
     from hpcpic.core.cli.job import Plan

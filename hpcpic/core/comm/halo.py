@@ -20,7 +20,7 @@ from hpcpic.core.comm.tags import tag
 from hpcpic.core.comm.world import World
 from hpcpic.core.space.domain import Domain
 from hpcpic.core.space.fields import ALIGNMENT, Field, aligned_zeros
-from hpcpic.core.tasks import Graph, bind
+from hpcpic.core.tasks.graph import Graph, bind
 
 
 @dataclass(frozen=True, slots=True)

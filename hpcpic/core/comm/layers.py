@@ -6,7 +6,7 @@ numpy, for calls from Python, of what `Fill` does. Messages have a header, int64
 
 from typing import Any, NamedTuple
 
-from hpcpic.core.simd.jit import njit
+from hpcpic.core.simd.compile import njit
 
 WRONG_ITERATION = 1  # code: the message belongs to another iteration
 

@@ -11,7 +11,7 @@ from hpcpic.core.comm.requests import RequestSet
 from hpcpic.core.comm.tags import Channel, tag
 from hpcpic.core.comm.world import World
 from hpcpic.core.space.fields import aligned_zeros
-from hpcpic.core.tasks import Bound, Graph, Pool, bind
+from hpcpic.core.tasks.graph import Bound, Graph, Pool, bind
 
 
 class LineFFT:

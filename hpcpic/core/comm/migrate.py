@@ -16,11 +16,11 @@ from numpy.typing import NDArray
 from hpcpic.core.comm.requests import RequestSet
 from hpcpic.core.comm.tags import Channel, tag
 from hpcpic.core.comm.world import World
-from hpcpic.core.simd.jit import njit
+from hpcpic.core.simd.compile import njit
 from hpcpic.core.space.domain import Domain, ring_neighbours
 from hpcpic.core.space.fields import ALIGNMENT, Field, aligned_zeros
 from hpcpic.core.space.particles import Particles
-from hpcpic.core.tasks import Graph, bind
+from hpcpic.core.tasks.graph import Graph, bind
 
 Records = NDArray[np.uint8]  # [n, record_bytes]
 

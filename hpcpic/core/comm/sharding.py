@@ -9,7 +9,7 @@ from hpcpic.core.comm.migrate import send_anywhere
 from hpcpic.core.comm.tags import Channel, tag
 from hpcpic.core.comm.world import World
 from hpcpic.core.errors import Diverged
-from hpcpic.core.simd.jit import njit
+from hpcpic.core.simd.compile import njit
 from hpcpic.core.space.domain import block_ranges
 
 Chunk = tuple[NDArray, Mapping[str, NDArray]]  # ids[m], columns[m, ...]

@@ -31,7 +31,7 @@ from hpcpic.core.comm.tags import Channel, tag
 from hpcpic.core.comm.world import World
 from hpcpic.core.space.domain import block_ranges
 from hpcpic.core.space.fields import ALIGNMENT, aligned_zeros
-from hpcpic.core.tasks import Graph, Pool, bind
+from hpcpic.core.tasks.graph import Graph, Pool, bind
 
 log = logging.getLogger("hpcpic.run")
 MIB = 1 << 20

@@ -10,7 +10,7 @@ from numba import carray, types
 from numba.extending import intrinsic, overload
 
 from hpcpic.core.simd.atomics import atomic_cas, atomic_store, cpu_pause
-from hpcpic.core.simd.jit import njit
+from hpcpic.core.simd.compile import njit
 
 # signed indices would keep the loops scalar
 _0, _1, _2, _3, _4, _32 = (np.uint64(k) for k in (0, 1, 2, 3, 4, 32))

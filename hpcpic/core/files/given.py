@@ -5,8 +5,8 @@ import os
 from pathlib import Path
 from typing import Any
 
-from hpcpic.core.files.config import Tree, file_bytes
-from hpcpic.core.files.schema import dump, value_text
+from hpcpic.core.case.config import Tree, file_bytes
+from hpcpic.core.case.schema import dump, value_text
 
 MOST = 256 << 20  # bytes of a file that a setting names
 

@@ -20,7 +20,7 @@ from hpcpic.core.run.progress import Progress
 from hpcpic.core.run.signals import Reason, Stop, WallLimit
 from hpcpic.core.run.summary import Conserved, StepTimes
 from hpcpic.core.run.triggers import Every, EverySeconds, EveryTime
-from hpcpic.core.simd.jit import compilations
+from hpcpic.core.simd.compile import compilations
 from hpcpic.core.timers import Timers
 
 log = logging.getLogger("hpcpic.run")

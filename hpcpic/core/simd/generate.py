@@ -10,7 +10,7 @@ import re
 import sys
 from types import ModuleType
 
-from hpcpic.core.simd.jit import EVERY, generated, program_of
+from hpcpic.core.simd.compile import EVERY, generated, program_of
 
 
 def module_from_source(source: str, stem: str) -> ModuleType:

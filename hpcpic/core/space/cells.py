@@ -5,7 +5,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from hpcpic.core.simd.jit import njit
+from hpcpic.core.simd.compile import njit
 
 
 class CellList:

@@ -11,7 +11,7 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from hpcpic.core.simd.jit import njit
+from hpcpic.core.simd.compile import njit
 
 LIMBS = 3
 _FIRST, _NEXT = 2.0**31, 2.0**32

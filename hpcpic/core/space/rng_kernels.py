@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from hpcpic.core.simd.jit import njit
+from hpcpic.core.simd.compile import njit
 
 LOW = np.uint64(0xFFFFFFFF)
 HALF, SPLIT = np.uint64(32), np.uint64(6)

@@ -1,6 +1,6 @@
 """Charge from the blocks' patches to the rows of the slab, as integers, and to rho as numbers."""
 
-from hpcpic.core.simd.jit import njit
+from hpcpic.core.simd.compile import njit
 
 GOOD, OVERFLOW = 0, 3
 LARGEST = 2**62  # parts of a particle on a node

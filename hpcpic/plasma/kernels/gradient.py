@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from hpcpic.core.simd.jit import njit
+from hpcpic.core.simd.compile import njit
 
 _1, _2 = np.uint64(1), np.uint64(2)  # signed indices would keep the loops scalar
 

@@ -16,9 +16,10 @@ from hpcpic.core.simd.vector import (
     store_at,
     store_lines,
 )
-from hpcpic.plasma.kernels.cells import add_sums, gather_field, load_sums
+from hpcpic.plasma.kernels.cell_lines import add_sums, gather_field, load_sums
 from hpcpic.plasma.kernels.lanes import address, bits_of, inlined, kernel
-from hpcpic.plasma.kernels.packs import (
+from hpcpic.plasma.kernels.plain import MAGIC
+from hpcpic.plasma.kernels.simd_base import (
     MAGIC_BITS,
     P8,
     R8,
@@ -31,8 +32,7 @@ from hpcpic.plasma.kernels.packs import (
     widened,
     zero_bytes,
 )
-from hpcpic.plasma.kernels.pages import TILE
-from hpcpic.plasma.kernels.plain import MAGIC
+from hpcpic.plasma.kernels.storage import TILE
 
 DIM = 2  # axes of the grid
 

@@ -2,11 +2,11 @@
 
 import numpy as np
 
-from hpcpic.core.simd.jit import njit
+from hpcpic.core.simd.compile import njit
 from hpcpic.core.simd.vector import fma
 from hpcpic.core.space.exact import add_limbs
-from hpcpic.plasma.kernels.pages import LANES, PAGE
 from hpcpic.plasma.kernels.plain import gather
+from hpcpic.plasma.kernels.storage import LANES, PAGE
 
 DIM = 2  # axes of the grid
 VELOCITIES = 2  # components

@@ -1,10 +1,10 @@
 """Nearest grid point (NGP) by vectors: a node is the cell; a line is its field, a sum the parts of its particles."""
 
 from hpcpic.core.simd.vector import convert, load_at, splat, store_at, store_lines
-from hpcpic.plasma.kernels.cells import add_whole, gather_values
+from hpcpic.plasma.kernels.cell_lines import add_whole, gather_values
 from hpcpic.plasma.kernels.lanes import address, inlined, kernel
 from hpcpic.plasma.kernels.nodal import CELLS, PITCH
-from hpcpic.plasma.kernels.packs import P8, R8, SIZE, WIDE, F, field_on, widened, zero_bytes
+from hpcpic.plasma.kernels.simd_base import P8, R8, SIZE, WIDE, F, field_on, widened, zero_bytes
 
 DIM = 2  # axes of the grid
 

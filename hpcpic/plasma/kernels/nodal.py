@@ -2,8 +2,8 @@
 
 from hpcpic.core.simd.vector import floor
 from hpcpic.plasma.kernels.lanes import inlined
-from hpcpic.plasma.kernels.pages import TILE
 from hpcpic.plasma.kernels.plain import HALF
+from hpcpic.plasma.kernels.storage import TILE
 
 DIM = 2  # axes of the grid
 

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from hpcpic.core.simd.jit import njit
+from hpcpic.core.simd.compile import njit
 
 LIMIT = 2.0**900  # terms beyond it are no numbers of a solution
 

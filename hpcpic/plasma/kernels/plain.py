@@ -12,7 +12,7 @@ import numpy as np
 
 from hpcpic.core.simd.vector import fma, prefetch
 from hpcpic.plasma.kernels.lanes import address, inlined, kernel
-from hpcpic.plasma.kernels.pages import (
+from hpcpic.plasma.kernels.storage import (
     COMPONENTS,
     DIVERGED,
     GOOD,

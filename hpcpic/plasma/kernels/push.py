@@ -21,7 +21,7 @@ from hpcpic.core.simd.vector import (
     splat,
     store_at,
 )
-from hpcpic.plasma.kernels.cells import opaque, whole_at
+from hpcpic.plasma.kernels.cell_lines import opaque, whole_at
 from hpcpic.plasma.kernels.lanes import address, bits_of, inlined, kernel
 from hpcpic.plasma.kernels.linear import (
     CELLS,
@@ -37,9 +37,9 @@ from hpcpic.plasma.kernels.linear import (
     gather_sums,
     spread_field,
 )
-from hpcpic.plasma.kernels.packs import MAGIC_BITS, PART, SIZE, F, I, zero_bytes
-from hpcpic.plasma.kernels.pages import COMPONENTS, DIVERGED, GOOD, LANES, PAGE, depart, hole
 from hpcpic.plasma.kernels.plain import MAGIC, boris, deposit_from, push_slot, take_in
+from hpcpic.plasma.kernels.simd_base import MAGIC_BITS, PART, SIZE, F, I, zero_bytes
+from hpcpic.plasma.kernels.storage import COMPONENTS, DIVERGED, GOOD, LANES, PAGE, depart, hole
 
 DIM = 2  # axes of the grid
 REAL = np.float64  # precision of a particle

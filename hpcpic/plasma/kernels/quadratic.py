@@ -16,10 +16,11 @@ from hpcpic.core.simd.vector import (
     store_at,
     store_lines,
 )
-from hpcpic.plasma.kernels.cells import add_sums, add_whole, gather_field, gather_values, load_sums
+from hpcpic.plasma.kernels.cell_lines import add_sums, add_whole, gather_field, gather_values, load_sums
 from hpcpic.plasma.kernels.lanes import address, bits_of, inlined, kernel
 from hpcpic.plasma.kernels.nodal import CELLS, PITCH
-from hpcpic.plasma.kernels.packs import (
+from hpcpic.plasma.kernels.plain import MAGIC, parabola, wings
+from hpcpic.plasma.kernels.simd_base import (
     EIGHT,
     MAGIC_BITS,
     P8,
@@ -33,7 +34,6 @@ from hpcpic.plasma.kernels.packs import (
     widened,
     zero_bytes,
 )
-from hpcpic.plasma.kernels.plain import MAGIC, parabola, wings
 
 DIM = 2  # axes of the grid
 

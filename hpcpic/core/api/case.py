@@ -1,0 +1,157 @@
+"""A case in Python: what a case file says, checked when it is made."""
+
+from __future__ import annotations
+
+import os
+import tempfile
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, ClassVar
+
+from hpcpic.core.api.results import Run
+from hpcpic.core.api.simulation import Simulation
+from hpcpic.core.api.tables import Check, Forecast
+from hpcpic.core.api.texts import case_text, setting_text
+from hpcpic.core.app.app import App
+from hpcpic.core.app.read import Case as ReadCase
+from hpcpic.core.app.read import read_case
+from hpcpic.core.case.config import Place, Tree, loads
+from hpcpic.core.case.derived import enforce
+from hpcpic.core.case.schema import dump, validate
+from hpcpic.core.cli.check import numbers_of
+from hpcpic.core.errors import ConfigError, Diverged, FileError, HpcpicError
+
+if TYPE_CHECKING:
+    from hpcpic.core.cli.job import Plan
+    from hpcpic.core.comm.world import World
+    from hpcpic.core.files.rundir import RunDir
+
+
+class Case:
+    """One case, valid and complete: a shipped name, the path of a case file, or the keys of one.
+
+    >>> import sph
+    >>> case = sph.Case("water-column").changed({"numerics.spacing": 0.02})
+    >>> case.config.numerics.spacing
+    0.02
+
+    Raises ConfigError with every fault, each with its place, its key and what would be right. A case never changes;
+    `changed` gives another one.
+    """
+
+    load_app: ClassVar[Callable[[], App]]
+
+    def __init__(self, source: str | os.PathLike[str] | None = None, /, **sections: Any) -> None:
+        if (source is None) == (not sections):
+            raise ConfigError("a case is made of a shipped name or a path, or else of the sections of a case file")
+        self._source = None if source is None else os.fspath(source)
+        self._text = case_text(sections)
+        self._sets: tuple[str, ...] = ()
+        self._read()
+
+    def _read(self) -> None:
+        self._app = type(self).load_app()
+        if self._source is not None:
+            self._read_case = read_case(self._app, self._source, self._sets)
+        else:
+            tree = self._tree()
+            self._read_case = ReadCase("case.conf", tree, validate(self._app.schema(), tree))
+
+    @property
+    def config(self) -> Any:
+        """The typed configuration, with every default filled in."""
+        return self._read_case.config
+
+    def _tree(self) -> Tree:
+        """The keys given in Python; what is wrong with them is placed by its key alone."""
+        tree = loads(self._text, "case.conf", self._sets)
+        on_sets = {path: place for path, place in tree.places.items() if not place.line}
+        tree.places = {(): Place(f"{self._app.name}.Case"), **on_sets}
+        return tree
+
+    def changed(self, changes: Mapping[str, Any]) -> Case:
+        """Another case, with these keys ("species[0].particles") set to these values. Raises ConfigError."""
+        case = object.__new__(type(self))
+        case._source, case._text = self._source, self._text
+        case._sets = (*self._sets, *(f"{key}={setting_text(value, key)}" for key, value in changes.items()))
+        case._read()
+        return case
+
+    def __str__(self) -> str:
+        """libconfig text with every default filled in, which reads back to the same case."""
+        return dump(self.config)
+
+    def __repr__(self) -> str:
+        made_of = repr(self._source) if self._source else "made in Python"
+        return " ".join([f"<{self._app.name} case {made_of}", *self._sets]) + ">"
+
+    def save(self, path: str | os.PathLike[str]) -> None:
+        """Write the case file. Raises FileError."""
+        from hpcpic.core.files.rundir import write_atomic
+
+        write_atomic(Path(path), str(self))
+
+    def check(self, ranks: int = 1) -> Check:
+        """The derived numbers with their limits, as `check` prints them; no step is taken."""
+        return Check(tuple(numbers_of(self._app, self.config, ranks)), tuple(self._read_case.tree.warnings))
+
+    def estimate(self, ranks: int = 1, threads: int = 1) -> Forecast:
+        """Memory, disk and time on so many ranks and threads, as `estimate` prints them."""
+        from hpcpic.core.app.rates import read_rates
+
+        estimate = self._app.estimate(self.config, ranks, threads, read_rates())
+        return Forecast(self._app, self.config, ranks, threads, estimate)
+
+    def run(
+        self,
+        folder: str | os.PathLike[str] | None = None,
+        *,
+        threads: int | None = None,
+        wall: str | None = None,
+        checkpoint_every: str | None = None,
+        quiet: bool = False,
+        replace: bool = False,
+        force: bool = False,
+    ) -> Run:
+        """Do what the verb `run` does, and open the folder that it made. Collective under mpirun.
+
+        folder: by default that of the command line. threads, wall ("HH:MM:SS"), checkpoint_every ("500" steps, "15m")
+        and quiet mean what they mean there. replace: the run in the folder. force: run in spite of limits that allow
+        it. A run that was stopped early returns too, with the status "stopped". Raises ConfigError, FileError, and
+        Diverged when the state was no solution any more.
+        """
+        from hpcpic.core.cli.job import Flags, job
+        from hpcpic.core.cli.run import prepare_run, run_folder
+
+        def prepare(app: App, world: World) -> tuple[RunDir, Plan]:
+            with self._file() as path:
+                return prepare_run(path, target, self._sets, replace, force, False, app, world)
+
+        target = run_folder(self._read_case) if folder is None else os.fspath(folder)
+        code = job(lambda: self._app, prepare, Flags(threads, wall, checkpoint_every, quiet=quiet), raises=True)
+        run = Run.open(target, self._app)
+        if code in _RAISED:
+            raise _RAISED[code](f"{target}: {run.summary.get('reason', '')}")
+        return run
+
+    @contextmanager
+    def _file(self) -> Iterator[str]:
+        """The case as a file: as it stands, or one that is written for the time being."""
+        if self._source is not None:
+            yield self._source
+            return
+        with tempfile.TemporaryDirectory(prefix="hpcpic-") as folder:
+            path = Path(folder) / self._read_case.path
+            path.write_text(self._text, encoding="utf-8")
+            yield str(path)
+
+    def simulation(self, *, threads: int | None = None, force: bool = False) -> Simulation:
+        """The simulation in memory, at its initial state: use it in a `with`. Nothing is written. Collective.
+
+        force: in spite of limits that allow it. Raises ConfigError beyond the others."""
+        enforce(self._app.derived(self.config, 1), self._read_case.tree, force)
+        return Simulation(self._app, self.config, threads)
+
+
+_RAISED: Mapping[int, type[HpcpicError]] = {4: Diverged, 6: FileError}

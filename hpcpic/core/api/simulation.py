@@ -1,0 +1,197 @@
+"""A simulation in memory: step it, look at it, throw it away."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping
+from typing import TYPE_CHECKING, Any, Self, TypeVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hpcpic.core.api import arrays
+from hpcpic.core.app.app import App
+from hpcpic.core.errors import ConfigError, Diverged
+from hpcpic.core.run.signals import Reason
+from hpcpic.core.run.triggers import Every, EveryTime, Observer
+
+if TYPE_CHECKING:
+    import xarray
+
+Look = TypeVar("Look", bound="Callable[[Simulation], object]")
+
+
+class Simulation:
+    """The state of a case, from its start on. Every method is collective: under mpirun all ranks call it.
+
+    >>> import hpcpic
+    >>> with hpcpic.Case("plasma-oscillation").simulation(threads=1) as sim:
+    ...     sim.advance(steps=3)
+    ...     sim.iteration
+    3
+
+    Its digest after the last step is that of `run`, whatever the ranks, threads and observers.
+    """
+
+    def __init__(self, app: App, config: Any, threads: int | None = None) -> None:
+        from hpcpic.core.comm.world import World
+        from hpcpic.core.run import memory
+        from hpcpic.core.run.guard import Guard
+        from hpcpic.core.tasks.graph import Pool
+        from hpcpic.core.timers import Timers
+
+        self.world = World.start()
+        self.threads = threads or self.world.default_threads()
+        simulator = app.load()
+        self._pool = Pool(self.threads, self.world.cpus(self.threads))
+        try:
+            memory.require_room(lambda: sum(app.estimate(config, self.world.size, self.threads, {}).memory.values()))
+            self.app = simulator(config, self.world, self._pool, Timers())
+        except BaseException:
+            self._pool.close()
+            raise
+        self._guard = Guard(self.world, self.app.guard, self.app.iteration)
+        self._observers: list[Observer] = []
+        self._open = True
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, kind: type[BaseException] | None, *_: object) -> None:
+        self.close(collectively=kind is None or self.world.size == 1)
+
+    def close(self, *, collectively: bool = True) -> None:
+        """Free memory and threads. After an exception on one rank of several, what MPI holds stays with MPI."""
+        if not self._open:
+            return
+        self._open = False
+        if collectively:
+            self.app.close()
+        self._pool.close()
+
+    @property
+    def time(self) -> float:
+        """Physical time of the state, s."""
+        return self.app.time
+
+    @property
+    def iteration(self) -> int:
+        """Steps done."""
+        return self.app.iteration
+
+    @property
+    def rank(self) -> int:
+        return self.world.rank
+
+    def every(self, *, steps: int | None = None, seconds: float | None = None) -> Callable[[Look], Look]:
+        """Call the function with this simulation each so many steps, or at the first step at or after each multiple of
+        so many seconds of physical time; at the start too. All ranks call it, after a whole step.
+        """
+        if (steps is None) == (seconds is None) or (steps or seconds or 0) <= 0:
+            raise ConfigError("every: say steps=N or seconds=T, greater than 0")
+        trigger = Every(steps) if steps is not None else EveryTime(float(seconds or 0.0))
+
+        def observed(look: Look) -> Look:
+            def observe() -> None:
+                look(self)
+
+            self._observers.append(Observer(getattr(look, "__name__", "observer"), trigger, observe))
+            return look
+
+        return observed
+
+    def step(self) -> None:
+        """One step."""
+        self.advance(steps=1)
+
+    def advance(self, *, steps: int | None = None, until: float | None = None) -> None:
+        """So many steps, or until a physical time [s]; by default to the end of the case. Raises Diverged."""
+        if steps is not None and until is not None:
+            raise ConfigError("advance: say steps=N or until=T, not both")
+        last, end = self._goal(steps, until)
+        self._look()
+        while self.iteration < last and self.time < end:
+            self._go(last)
+            self._look()
+            if self._guard.due(self.iteration):
+                self._require_sound()
+        self._require_sound()
+
+    def _goal(self, steps: int | None, until: float | None) -> tuple[float, float]:
+        """(iteration, time): the first that is reached ends the advance."""
+        app = self.app
+        if steps is not None:
+            return app.iteration + steps, math.inf
+        if app.n_steps is None:
+            return math.inf, app.end_time if until is None else until
+        if until is None:
+            return app.n_steps, math.inf
+        return math.ceil(until / app.time_step * (1 - 1e-12)), math.inf
+
+    def _go(self, last: float) -> None:
+        """One step, or as many as the simulator takes at once while nobody looks."""
+        if not hasattr(self.app, "advance"):
+            self.app.step()
+            return
+        unseen = [observer.trigger.ahead(self.iteration) for observer in self._observers]
+        self.app.advance(int(min([last - self.iteration, self._guard.ahead(self.iteration), *unseen])))
+
+    def _look(self) -> None:
+        for observer in self._observers:
+            observer.look(self.iteration, self.time)
+
+    def _require_sound(self) -> None:
+        verdict = self._guard.agree(self.iteration, Reason.NONE, False)
+        if verdict.diverged:
+            raise Diverged(f"step {self.iteration}, t = {self.time:.6g} s, rank {verdict.rank}: {verdict.diverged}")
+
+    def scalars(self) -> dict[str, float]:
+        """The scalars of the series, in the units of `scalar_units`."""
+        return dict(self.app.scalars())
+
+    @property
+    def scalar_units(self) -> Mapping[str, str]:
+        return self.app.scalar_units
+
+    def digest(self) -> str:
+        """SHA-256 of the state in global order: the same on any ranks and threads."""
+        from hpcpic.core.run import checkpoint
+
+        return checkpoint.digest(self.world, self.app.state())
+
+    def fields(self, name: str) -> xarray.DataArray:
+        """A field on the whole grid, on every rank, with the places of its points."""
+        found = self.app.arrays("field")
+        if name not in found:
+            raise ConfigError(f"no field {name!r}; there are {', '.join(found) or 'none'}")
+        domain, field = self.app.domain, found[name]
+        values = self._everywhere(np.ascontiguousarray(field.values))
+        first = [domain.offset * step for step in domain.spacing]
+        return arrays.field(name, values, domain.spacing, first, self._attributes(units=field.unit))
+
+    def particles(self, name: str | None = None) -> xarray.Dataset:
+        """All particles of one species, fluid or set of grains, on every rank, in the order of their numbers; without a
+        name those of the only one.
+        """
+        found = self.app.arrays("particle")
+        if name is None and len(found) == 1:
+            (name,) = found
+        if name not in found:
+            raise ConfigError(f"particles: name one of {', '.join(found) or 'none'} (got {name!r})")
+        own = found[name]
+        columns = {"id": own.ids, "position": own.position, **own.columns}
+        whole = {key: self._everywhere(np.ascontiguousarray(values)) for key, values in columns.items()}
+        order = np.argsort(whole["id"], kind="stable")
+        units = {"position": "m", **own.units}
+        return arrays.particles({key: values[order] for key, values in whole.items()}, units, self._attributes())
+
+    def _attributes(self, **more: str) -> dict[str, Any]:
+        return {"time": self.time, "step": self.iteration, **more}
+
+    def _everywhere(self, rows: NDArray) -> NDArray:
+        """The rows of all ranks in their order, on every rank."""
+        world, whole = self.world, self.world.gather_rows(rows)
+        if world.size == 1:
+            return rows if whole is None else whole
+        content = world.bcast(None if whole is None else whole.tobytes())
+        return np.frombuffer(bytearray(content), rows.dtype).reshape(-1, *rows.shape[1:])

@@ -1,0 +1,38 @@
+"""Values of Python as libconfig text, as the keys of a case want them."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+
+from hpcpic.core.case.schema import value_text
+from hpcpic.core.errors import ConfigError
+
+
+def case_text(sections: Mapping[str, Any]) -> str:
+    """A case file that says these keys. Raises ConfigError for a value that no case file can hold."""
+    return "".join(f"{name} = {setting_text(value, name)};\n" for name, value in sections.items())
+
+
+def setting_text(value: Any, key: str) -> str:
+    """A value in libconfig syntax: mappings are groups, sequences of mappings lists, other sequences arrays."""
+    if isinstance(value, Mapping):
+        inner = (f"{name} = {setting_text(each, f'{key}.{name}')};" for name, each in value.items())
+        return "{ " + " ".join(inner) + " }"
+    if isinstance(value, np.ndarray | np.generic):
+        value = value.tolist()
+    if isinstance(value, list | tuple):
+        if value and isinstance(value[0], Mapping | list | tuple | np.ndarray):
+            return "( " + ", ".join(setting_text(inner, f"{key}[{i}]") for i, inner in enumerate(value)) + " )"
+        return value_text([_plain(inner, f"{key}[{i}]") for i, inner in enumerate(value)])
+    return value_text(_plain(value, key))
+
+
+def _plain(value: Any, key: str) -> bool | int | float | str:
+    if isinstance(value, np.generic):
+        value = value.item()
+    if isinstance(value, bool | int | float | str):
+        return value
+    raise ConfigError(f"{key}: a case holds numbers, texts, true and false (got {type(value).__name__})")

@@ -1,0 +1,1 @@
+"""What a simulator tells the commands, and what commands share."""

@@ -1,0 +1,92 @@
+"""What an app tells `tradeoff` and `stability` of one case: what can be turned, what is asked for, what it costs."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+from hpcpic.core.case.config import Path
+
+if TYPE_CHECKING:
+    import numpy as np
+
+    from hpcpic.core.files.series import Series
+
+
+def itself(size: float) -> float:
+    return size
+
+
+@dataclass(frozen=True, slots=True)
+class Knob:
+    """A continuous setting. In theory its error goes as size^order and the cost of a run as size^-cost.
+
+    size(config): of a completed case, in `unit`. key: where the setting stands. limit: the derived number that ends
+    the stability of the scheme when this knob is turned. shown: how a size is told, as a count for example.
+    """
+
+    name: str
+    text: str
+    unit: str
+    key: Path
+    size: Callable[[Any], float]
+    order: float
+    cost: float
+    limit: str = ""
+    shown: Callable[[float], float] = itself
+
+
+@dataclass(frozen=True, slots=True)
+class Choice:
+    """A discrete setting: key, the value here, and others, as case files write them.
+
+    acts_on: the knob whose error it changes; "" for an error of its own, as that of single precision.
+    """
+
+    name: str
+    key: Path
+    here: str
+    others: tuple[str, ...]
+    acts_on: str = ""
+
+
+@dataclass(frozen=True, slots=True)
+class Quantity:
+    """What the user wants right. measure(series): one number or several, from a run until `time` [s].
+
+    exact: its value in the exact solution, where that is known. Raises ArithmeticError or ValueError where the
+    series does not show it.
+    """
+
+    name: str
+    text: str
+    time: float
+    measure: Callable[[Series], np.ndarray | float]
+    exact: float | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class Knobs:
+    """Of one completed case.
+
+    settings(sizes, time): the --set list that gives the knobs these sizes, or the nearest finer ones there are, in a
+    run until `time` [s]. time: end of the case itself. pilot: settings of every pilot: series densely, no snapshots.
+    quantities(): what can be asked for, the one that the case is about first.
+    work(config): what the run costs, counted instead of timed, in work_unit.
+    horizon: time [s] in which an instability shows. growth(series): how much larger than at the start the quantity has
+    become that an unstable scheme blows up. seed(n): settings of another random state; None where the scene draws no
+    random numbers.
+    """
+
+    knobs: tuple[Knob, ...]
+    choices: tuple[Choice, ...]
+    quantities: Callable[[], Sequence[Quantity]]
+    settings: Callable[[Mapping[str, float], float], tuple[str, ...]]
+    time: float
+    pilot: tuple[str, ...]
+    work: Callable[[Any], float]
+    work_unit: str
+    horizon: float
+    growth: Callable[[Series], float]
+    seed: Callable[[int], tuple[str, ...]] | None = None

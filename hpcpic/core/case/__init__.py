@@ -1,0 +1,1 @@
+"""Case files: their grammar, schema, words and derived numbers."""

@@ -1,0 +1,54 @@
+"""Numbers that follow from a case, with limits: what `check` prints and what stops a run before it starts."""
+
+import math
+from collections.abc import Iterable
+from dataclasses import dataclass
+from typing import Literal
+
+from hpcpic.core.case.config import Path, Tree, dotted
+from hpcpic.core.errors import ConfigError
+
+
+@dataclass(frozen=True, slots=True)
+class Derived:
+    """One number. limit: in words, as "< 2". cure: what to change, with a value that is legal.
+
+    verdict "fail" refuses the run; forceable: --force turns that into a warning. key: the setting to change.
+    stable_below, stable_above: where theory ends the stability of the scheme, for `stability` and `tradeoff`.
+    """
+
+    name: str
+    symbol: str
+    value: float
+    unit: str = ""
+    limit: str = ""
+    verdict: Literal["ok", "warn", "fail"] = "ok"
+    source: str = ""
+    cure: str = ""
+    key: Path = ()
+    forceable: bool = False
+    stable_below: float = math.inf
+    stable_above: float = -math.inf
+
+    def __str__(self) -> str:
+        name = f"{self.name} {self.symbol}" if self.symbol else self.name
+        unit = f" {self.unit}" if self.unit else ""
+        limit = f" (limit {'; '.join(filter(None, (self.limit, self.source)))})" if self.limit else ""
+        cure = f": {self.cure}" if self.cure else ""
+        return f"{name} = {self.value:.4g}{unit}{limit}{cure}"
+
+
+def enforce(numbers: Iterable[Derived], tree: Tree, force: bool = False) -> list[str]:
+    """The warnings of a case. Raises ConfigError with every refusal, placed at the key to change."""
+    warnings, refusals = [], []
+    for number in numbers:
+        if number.verdict == "warn":
+            warnings.append(str(number))
+        elif number.verdict == "fail" and force and number.forceable:
+            warnings.append(f"{number} (refused without --force)")
+        elif number.verdict == "fail":
+            hint = " (--force runs it all the same)" if number.forceable else ""
+            refusals.append(f"{tree.where(number.key)}: {dotted(number.key) or 'case'}: {number}{hint}")
+    if refusals:
+        raise ConfigError(refusals)
+    return warnings

@@ -1,0 +1,399 @@
+"""Typed, frozen configurations: validation of a tree with the place of every fault, and back to text."""
+
+import difflib
+import functools
+import math
+import re
+import typing
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import Annotated, Any, ClassVar, Self, TypeVar
+
+from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, ValidationError
+from pydantic.fields import FieldInfo
+
+from hpcpic.core.case.cases import PROGRAMS, fit, fits
+from hpcpic.core.case.config import Path, Place, Tree, dotted
+from hpcpic.core.errors import ConfigError
+
+REQUIRED = ...
+MOST_TOLD = 100  # of the faults of a case
+SYNONYMS = {  # what others call a key -> what it may be called here
+    **dict.fromkeys(("steps", "nsteps", "n_steps", "iterations"), ("cycles", "end_time")),
+    **dict.fromkeys(("end", "tmax", "t_max", "t_end", "tend", "duration", "final_time"), ("end_time", "cycles")),
+    **dict.fromkeys(("dt", "timestep", "delta_t"), ("time_step",)),
+    **dict.fromkeys(("dx", "dp", "resolution", "cell_size"), ("spacing", "points")),
+    **dict.fromkeys(("nu", "viscosity"), ("kinematic_viscosity",)),
+    **dict.fromkeys(("mu", "eta"), ("dynamic_viscosity",)),
+    **dict.fromkeys(("rho", "rho0", "rho_0"), ("density",)),
+    "c0": ("sound_speed",),
+    "g": ("gravity",),
+    "tau": ("relaxation_time",),
+    "seed": ("random_seed",),
+}
+
+
+class Section(BaseModel):
+    """A group of settings: frozen, no unknown keys, an integer widens to float and nothing else converts."""
+
+    model_config = ConfigDict(frozen=True, extra="forbid", strict=True, allow_inf_nan=False)
+
+    # dotted keys ("plot", "species.charge_mass_ratio") that are accepted and have no effect
+    ignored: ClassVar[tuple[str, ...]] = ()
+    # keys ("fluid[].kinematic_viscosity") that `modernised` understands beside those of the schema
+    rewritten: ClassVar[tuple[str, ...]] = ()
+    # largest magnitude of a number, the inverse of the smallest: products of a few must stay in floating point
+    largest: ClassVar[float] = math.inf
+
+    @classmethod
+    def modernised(cls, tree: Tree) -> None:
+        """Rewrite older spellings in the tree before it is validated; notes go to tree.warnings."""
+
+    def faults(self) -> Iterator[tuple[Path, str]]:
+        """What is wrong between settings that are each right, with the key to change."""
+        return iter(())
+
+    def completed(self) -> Self:
+        """The same configuration with everything filled in that other settings determine."""
+        return self
+
+
+Model = TypeVar("Model", bound=Section)
+
+
+def setting(default: Any, text: str, unit: str = "", **limits: Any) -> Any:
+    """A field with its sentence and unit for `show`; limits are pydantic's (gt, ge, le, min_length ...)."""
+    return Field(default, description=text, json_schema_extra={"unit": unit}, **limits)
+
+
+def as_tuple(value: Any) -> Any:
+    """Lists and lone scalars become tuples: `space_length = 64.0` is a vector of one component."""
+    if isinstance(value, list):
+        return tuple(value)
+    return value if isinstance(value, (tuple, dict)) else (value,)
+
+
+Vector = Annotated[tuple[float, ...], BeforeValidator(as_tuple)]
+Counts = Annotated[tuple[Annotated[int, Field(ge=1)], ...], BeforeValidator(as_tuple)]
+Integers = Annotated[tuple[int, ...], BeforeValidator(as_tuple)]
+Lengths = Annotated[tuple[Annotated[float, Field(gt=0)], ...], BeforeValidator(as_tuple)]
+
+
+def validate(model: type[Model], tree: Tree) -> Model:
+    """The typed configuration. Raises ConfigError with every fault, each with its place and key."""
+    model.modernised(tree)
+    drop_ignored(model, tree)
+    messages = list(tree.faults)
+    try:
+        config = model.model_validate(tree.data)
+    except ValidationError as error:
+        if other := stranger(model, tree):
+            raise ConfigError(f"{tree.where(())}: {other}") from None
+        found = [fault for fault in error.errors() if not (tree.incomplete and fault["type"] == "missing")]
+        wrong = {fault["loc"][:-1] for fault in found}  # a list is too short without its elements that are wrong
+        found = [fault for fault in found if fault["type"] != "too_short" or fault["loc"] not in wrong]
+        found.sort(key=lambda fault: position(tree.where(known_path(tree, fault))))
+        messages += [described(model, tree, fault) for fault in found[:MOST_TOLD]]
+        if len(found) > MOST_TOLD:
+            messages.append(f"and {len(found) - MOST_TOLD} more")
+        raise ConfigError(messages) from None
+    faults = list(magnitude_faults(config)) or list(config.faults())  # relations of such numbers need not be computable
+    messages += [f"{tree.where(path)}: {dotted(path)}: {text}" for path, text in faults]
+    if messages:
+        raise ConfigError(messages)
+    return config.completed()
+
+
+def stranger(model: type[Section], tree: Tree) -> str:
+    """What a tree is that is no case of this program; empty where it may be one."""
+    if tree.incomplete or not tree.data:
+        return ""
+    own = next((program for program, keys in PROGRAMS.items() if keys == set(model.model_fields)), "")
+    found = fits(tree.data)
+    here, other = found.get(own, fit(tree.data, model.model_fields)), max(found, key=lambda program: found[program])
+    if found[other] > max(here, 0):
+        file = tree.files[0][0] if tree.files else ""
+        return f"this is a case of {other}; run: {other} check {file}"
+    if here == -len(tree.data):
+        return f"no case: it has none of the keys {', '.join(model.model_fields)}"
+    return ""
+
+
+def magnitude_faults(config: Section) -> Iterator[tuple[Path, str]]:
+    """Numbers so large or small that products of a few of them leave floating point."""
+    most = config.largest
+    for path, value in numbers(config, ()):
+        if value and not 1 / most <= abs(value) <= most:
+            text = f"is beyond what is computed with (got {value:g}); 0 or {1 / most:g} to {most:g}: choose other units"
+            yield path, text
+
+
+def numbers(value: Any, path: Path) -> Iterator[tuple[Path, float]]:
+    """Every float in a configuration, with its place."""
+    if isinstance(value, float):
+        yield path, value
+    elif isinstance(value, Section):
+        for name in type(value).model_fields:
+            yield from numbers(getattr(value, name), (*path, name))
+    elif isinstance(value, tuple):
+        for i, item in enumerate(value):
+            yield from numbers(item, (*path, i))
+
+
+def drop_ignored(model: type[Section], tree: Tree) -> None:
+    """Take the keys that have no meaning here out of the tree, with one warning that lists them."""
+    for key in model.ignored:
+        *groups, name = key.split(".")
+        for path in matching(tree.data, tuple(groups)):
+            if tree.has((*path, name)):
+                tree.drop((*path, name))
+                tree.ignored.append(dotted((*path, name)))
+    if tree.ignored:
+        tree.warnings.append(f"keys without meaning here, ignored: {', '.join(tree.ignored)}")
+
+
+def matching(data: Any, groups: tuple[str, ...]) -> list[Path]:
+    """The paths of the groups called so; a list of groups gives one path for each element."""
+    paths: list[Path] = [()]
+    for name in groups:
+        following: list[Path] = []
+        for path in paths:
+            value = data
+            for key in path:
+                value = value[key]
+            inner = value.get(name)
+            if isinstance(inner, dict):
+                following.append((*path, name))
+            elif isinstance(inner, (tuple, list)):
+                following += [(*path, name, i) for i, item in enumerate(inner) if isinstance(item, dict)]
+        paths = following
+    return paths
+
+
+def position(place: Place) -> tuple[str, int, int]:
+    """In the order of reading within a file."""
+    return place.file, place.line, place.column
+
+
+def known_path(tree: Tree, fault: Any) -> Path:
+    """The path of what is wrong; pydantic adds the names of the alternatives of a union."""
+    path = fault["loc"]
+    while path and not tree.has(path) and fault["type"] != "missing":
+        path = path[:-1]
+    return path
+
+
+def described(model: type[Section], tree: Tree, fault: Any) -> str:
+    """One line: place, key, what is wrong, what was got, what may have been meant."""
+    path = known_path(tree, fault)
+    got, kind = fault["input"], fault["type"]
+    if kind == "missing":
+        text, hint, shown = "missing, and there is no default", replaced(tree, path), ""
+    elif kind == "extra_forbidden":
+        text, hint, shown = "unknown key", nearest_key(model, path), ""
+    else:
+        text = fault["msg"].replace("Input should be ", "must be ").replace("Value error, ", "")
+        text, shown = plain_words(text), f" (got {abridged(got)})"
+        choices = [
+            word.strip("'")
+            for word in fault.get("ctx", {}).get("expected", "").replace(" or ", ", ").split(", ")
+        ]
+        lower = {choice.lower(): choice for choice in choices}
+        near = difflib.get_close_matches(got.lower(), lower, 1, 0.3) if isinstance(got, str) else []
+        hint = f"; did you mean {lower[near[0]]!r}?" if near and kind == "literal_error" else ""
+    return f"{tree.where(path)}: {dotted(path) or 'case'}: {text}{shown}{hint}"
+
+
+def replaced(tree: Tree, path: Path) -> str:
+    """Where a list around a setting has taken the place of one that another file gave."""
+    for depth in range(1, len(path)):
+        if path[:depth] in tree.replaced:
+            return f" ({dotted(path[:depth])} here takes the place of the whole list at {tree.replaced[path[:depth]]})"
+    return ""
+
+
+def plain_words(text: str) -> str:
+    text = re.sub(r"\w+ should have (at \w+ \d+) items? after validation, not \d+", r"needs \1 value(s)", text)
+    for words, plain in (
+        ("a valid dictionary or instance of", "a group { } for"),
+        ("a valid tuple", "a list ( )"),
+        ("a valid integer", "an integer"),
+        ("a valid number", "a number"),
+        ("a valid string", 'a text in " "'),
+        ("a valid boolean", "true or false"),
+        ("must be True", "must be true"),
+    ):
+        text = text.replace(words, plain)
+    return text
+
+
+def abridged(value: Any) -> str:
+    """A value as shown in a message: one line, 60 characters at most, nothing a terminal would obey."""
+    if isinstance(value, bool):
+        return "true" if value else "false"
+    text = "a group { }" if isinstance(value, dict) else ascii(value)
+    return text if len(text) <= 60 else text[:57] + "..."
+
+
+def nearest_key(model: type[Section], path: Path) -> str:
+    """The known key meant by the last one of `path`: what the field calls so, else the most like it in its own group,
+    else one of that name anywhere.
+    """
+    *groups, name = path
+    own = model
+    for part in groups:
+        own = (section_of(own.model_fields[part]) or own) if isinstance(part, str) else own
+    place = re.sub(r"\[\d+\]", "[]", dotted(tuple(groups)))
+    for word in SYNONYMS.get(str(name).lower(), ()):
+        found = [key for key in keys_of(model) if key.rpartition(".")[2] == word]
+        if found:
+            beside = f"{place}.{word}" in found
+            meant = dotted((*groups, word)) if beside else found[0]
+            return f"; did you mean {meant!r}?"
+    near = difflib.get_close_matches(str(name), own.model_fields, 1, 0.6)
+    if near:
+        return f"; did you mean {near[0]!r}?"
+    elsewhere = [key for key in keys_of(model) if key.rpartition(".")[2] == name]
+    outside = " outside of all groups" if elsewhere and "." not in elsewhere[0] else ""
+    return f"; did you mean {elsewhere[0]!r}{outside}?" if elsewhere else ""
+
+
+@functools.cache
+def keys_of(model: type[Section]) -> tuple[str, ...]:
+    """Every key of a schema, and those that are rewritten before it is asked."""
+    return (*(row.key for row in describe(model)), *model.rewritten)
+
+
+def section_of(field: FieldInfo) -> type[Section] | None:
+    """The Section inside a field's type (itself, optional or in a tuple), or None."""
+    waiting = [field.annotation]
+    while waiting:
+        kind = waiting.pop()
+        if isinstance(kind, type) and issubclass(kind, Section):
+            return kind
+        waiting += [inner for inner in typing.get_args(kind) if inner is not Ellipsis]
+    return None
+
+
+@dataclass(frozen=True, slots=True)
+class Row:
+    """One key of a schema for `show`."""
+
+    key: str
+    type: str
+    unit: str
+    default: str
+    limits: str
+    text: str
+
+
+def describe(model: type[Section], prefix: str = "") -> list[Row]:
+    """Every key of a schema in order, those of groups in lists as species[].charge."""
+    rows = []
+    for name, field in model.model_fields.items():
+        inner = section_of(field)
+        if inner:
+            mark = "[]" if "tuple" in str(field.annotation) else ""
+            rows += describe(inner, f"{prefix}{name}{mark}.")
+            continue
+        default = "required" if field.is_required() else value_text(field.default)
+        kind, limits = type_words(field.annotation), limit_words(field)
+        rows.append(Row(prefix + name, kind, unit_of(field), default, limits, field.description or ""))
+    return rows
+
+
+def unit_of(field: FieldInfo) -> str:
+    extra = field.json_schema_extra
+    return str(extra.get("unit", "")) if isinstance(extra, dict) else ""
+
+
+def limit_words(field: FieldInfo) -> str:
+    """The limits of a field, those of the elements of a vector included."""
+    marks = {"ge": ">=", "gt": ">", "le": "<=", "lt": "<"}
+    inner = typing.get_args(field.annotation)[:1] if typing.get_origin(field.annotation) is tuple else ()
+    limits = [
+        *field.metadata,
+        *(
+            limit
+            for kind in inner
+            if typing.get_origin(kind) is Annotated
+            for info in typing.get_args(kind)[1:]
+            for limit in info.metadata
+        ),
+    ]
+    return ", ".join(
+        f"{mark} {getattr(limit, name):g}"
+        for limit in limits
+        for name, mark in marks.items()
+        if hasattr(limit, name)
+    )
+
+
+def type_words(annotation: Any) -> str:
+    """A type as users call it."""
+    words = {int: "integer", float: "number", str: "text", bool: "true|false", type(None): ""}
+    if annotation in words:
+        return words[annotation]
+    arguments = typing.get_args(annotation)
+    origin = typing.get_origin(annotation)
+    if origin is typing.Literal:
+        return "|".join(value_text(value) for value in arguments)
+    if origin is tuple:
+        inner = type_words(arguments[0])
+        return f"({inner}, ..)" if "[" in inner else f"[{inner}, ..]"  # only lists hold lists
+    if origin is Annotated:
+        return type_words(arguments[0])
+    return "|".join(filter(None, (type_words(argument) for argument in arguments)))
+
+
+def dump(config: Section) -> str:
+    """libconfig text with every default filled in, which reads back to the same configuration."""
+    return "\n".join(group_lines(config, "")) + "\n"
+
+
+def group_lines(config: Section, indent: str) -> list[str]:
+    lines = []
+    for name, field in type(config).model_fields.items():
+        value = getattr(config, name)
+        if value is None:
+            continue
+        if isinstance(value, Section):
+            inner = group_lines(value, indent + "  ")
+            if inner or field.default is None:  # a group that may be missing says something by being there
+                lines += [f"{indent}{name} = {{", *inner, f"{indent}}};"]
+        elif isinstance(value, tuple) and section_of(field):
+            lines += [f"{indent}{name} = (", *list_lines(value, indent + "  "), f"{indent});"]
+        else:
+            comment = f"  # {unit_of(field)}" if unit_of(field) else ""
+            lines.append(f"{indent}{name} = {value_text(value)};{comment}")
+    return lines
+
+
+def list_lines(groups: tuple[Section, ...], indent: str) -> list[str]:
+    lines = []
+    for i, group in enumerate(groups):
+        comma = "," if i + 1 < len(groups) else ""
+        lines += [f"{indent}{{", *group_lines(group, indent + "  "), f"{indent}}}{comma}"]
+    return lines
+
+
+def value_text(value: Any) -> str:
+    """A value in libconfig syntax; None, which it cannot say, is empty."""
+    if value is None:
+        return ""
+    if isinstance(value, bool):
+        return "true" if value else "false"
+    if isinstance(value, int):
+        return f"{value}" if -(2**31) <= value < 2**31 else f"{value}L"
+    if isinstance(value, float):
+        return repr(value)
+    if isinstance(value, str):
+        escaped = "".join(
+            ESCAPED.get(c) or (c if c >= " " and c != "\x7f" else f"\\x{ord(c):02x}") for c in value
+        )
+        return f'"{escaped}"'
+    items = ", ".join(value_text(item) for item in value)
+    return f"({items})" if value and isinstance(value[0], tuple) else f"[{items}]"
+
+
+ESCAPED = {"\n": "\\n", "\t": "\\t", "\r": "\\r", "\f": "\\f", "\\": "\\\\", '"': '\\"'}

@@ -1,0 +1,110 @@
+"""Several words for one quantity: viscosities, periods in seconds or in steps, older spellings.
+
+They meet in the tree, before it is validated. The last one that was set counts, as --set over a file and a file over
+what it includes; two in one file are a fault.
+"""
+
+from collections.abc import Iterable, Mapping
+from typing import Any
+
+from hpcpic.core.case.config import Path, Tree, dotted
+
+VISCOSITIES = {"dynamic_viscosity": "Pa s", "kinematic_viscosity": "m2/s"}
+MOST_STEPS = 2.0**62  # that a case can say
+
+
+def one_of(tree: Tree, paths: Iterable[Path]) -> Path | None:
+    """The one of these settings that counts, or None; the others are dropped."""
+    given = [path for path in paths if tree.has(path)]
+    if len(given) < 2:
+        return given[0] if given else None
+    order = {path: i for i, path in enumerate(tree.places)}
+    given.sort(key=lambda path: order.get(written(tree, path), -1))
+    for i, path in enumerate(given[:-1]):
+        place, again = tree.where(path), tree.where(given[i + 1])
+        if place.file == again.file:
+            tree.faults.append(f"{again}: {dotted(given[i + 1])}: give either this or {dotted(path)}, set at {place}")
+        tree.drop(path)
+    return given[-1]
+
+
+def written(tree: Tree, path: Path) -> Path:
+    """The setting itself, or the group around it that was written down as a whole."""
+    while path and path not in tree.places:
+        path = path[:-1]
+    return path
+
+
+def move(tree: Tree, old: Path, new: Path) -> None:
+    """Give a setting another place in the tree; where it stands in the files is kept."""
+    place, value = tree.where(old), tree.drop(old)
+    group_at(tree, new[:-1])[new[-1]] = value
+    if isinstance(value, (dict, list, tuple)):
+        for path in [path for path in tree.places if len(path) > len(old) and path[: len(old)] == old]:
+            tree.places[(*new, *path[len(old) :])] = tree.places.pop(path)
+    tree.places.pop(old, None)
+    tree.places[new] = place
+
+
+def one_viscosity(tree: Tree, fluids: Iterable[Path], own: str, density: float) -> None:
+    """The viscosity of each fluid under `own`, one of VISCOSITIES, by its density where the other is given; the bare
+    word `viscosity` is taken for `own`. density: that of a fluid that gives none.
+    """
+    bare = []
+    for fluid in fluids:
+        kept = one_of(tree, [(*fluid, word) for word in ("viscosity", *VISCOSITIES)])
+        if kept is None or kept[-1] == own:
+            continue
+        group = group_at(tree, fluid)
+        if kept[-1] == "viscosity":
+            bare.append(dotted(kept))
+        else:
+            group[kept[-1]] = converted(group[kept[-1]], group.get("density", density), own)
+        move(tree, kept, (*fluid, own))
+    if bare:
+        words = " or ".join(f"{word} ({unit})" for word, unit in VISCOSITIES.items())
+        meant = f"{own.replace('_', ' ')} in {VISCOSITIES[own]}"
+        tree.warnings.append(f"{', '.join(bare)}: taken for the {meant}; write {words}")
+
+
+def converted(value: Any, density: Any, own: str) -> Any:
+    """The other viscosity as `own`; what is no number is left as it is, to be refused."""
+    if any(isinstance(number, bool) or not isinstance(number, (int, float)) for number in (value, density)):
+        return value
+    return value * density if own == "dynamic_viscosity" else value / density if density else value
+
+
+def group_at(tree: Tree, path: Path) -> Any:
+    """The group at a path, made where there is none."""
+    group: Any = tree.data
+    for key in path:
+        group = group[key] if isinstance(key, int) else group.setdefault(key, {})
+    return group
+
+
+def one_period(tree: Tree, kinds: Iterable[str], older: Mapping[str, tuple[Path, ...]] | None = None) -> None:
+    """Each kind of output has a period in seconds (output.period) or in steps (output.every). older: further words
+    for the latter, of which the first that is given counts.
+    """
+    for kind in kinds:
+        every = ("output", "every", kind)
+        words = [path for path in (older or {}).get(kind, ()) if tree.has(path)]
+        for path in words[1:]:
+            tree.drop(path)
+        kept = one_of(tree, (("output", "period", kind), every, *words[:1]))
+        if kept in words:
+            output = tree.data.setdefault("output", {})
+            if isinstance(output, dict) and isinstance(output.setdefault("every", {}), dict):
+                move(tree, kept, every)
+
+
+def only_seconds(period: Any, every: Any) -> Any:
+    """The periods in seconds without those that are given in steps."""
+    return period.model_copy(update={name: None for name, steps in every if steps is not None})
+
+
+def in_steps(every: int | None, seconds: float | None, time_step: float) -> int:
+    """The period in steps of a fixed length, as given or the nearest; 0: never."""
+    if every is not None:
+        return every
+    return max(1, round(min(seconds / abs(time_step), MOST_STEPS))) if seconds else 0

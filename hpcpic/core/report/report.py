@@ -1,0 +1,401 @@
+"""report: one HTML page about a run, or about several beside each other; self-contained, without scripts."""
+
+from __future__ import annotations
+
+import os
+import re
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from hpcpic.core.app.app import App, AppLoader
+from hpcpic.core.app.text import count, duration, number
+from hpcpic.core.case.cases import Header, read_header
+from hpcpic.core.report.plot import explained, plots_of
+from hpcpic.core.run.summary import is_dissipation, several, stepping_seconds
+
+if TYPE_CHECKING:
+    from hpcpic.core.files.reader import Run
+
+OVERLAYS = 8  # scalars drawn over each other when runs are compared
+MARKS = {"finished": "ok", "stopped": "warn", "running": "warn"}
+NO_HEADER = Header()
+
+
+@dataclass(frozen=True, slots=True)
+class Table:
+    """A table of the page. Cells are texts; "ok", "warn" and "fail" become marks; `numbers`: columns."""
+
+    title: str
+    head: Sequence[str]
+    rows: Sequence[Sequence[str]]
+    numbers: Sequence[int] = ()
+    note: str = ""
+
+
+@dataclass(frozen=True, slots=True)
+class Drawn:
+    title: str
+    svg: str
+
+
+@dataclass(frozen=True, slots=True)
+class Page:
+    """All that the template shows."""
+
+    program: str
+    title: str
+    subtitle: str
+    status: str
+    mark: str
+    facts: Sequence[tuple[str, str, str]]  # what, value, unit or remark
+    header: Header = NO_HEADER
+    figures: Sequence[Drawn] = ()
+    tables: Sequence[Table] = ()
+    omitted: Sequence[str] = ()
+    failures: Mapping[str, Exception] = field(default_factory=dict)  # figure -> what ended it
+    warnings: Sequence[str] = ()
+    config: str = ""
+    provenance: Mapping[str, str] = field(default_factory=dict)
+
+
+def make_report_command(app_loader: AppLoader) -> click.Command:
+    @click.command("report")
+    @click.argument("folders", metavar="DIR...", nargs=-1, required=True)
+    @click.option(
+        "-o",
+        "--output",
+        metavar="FILE",
+        help="The page.  [default: DIR/report.html; comparison.html here for several]",
+    )
+    def report(folders: tuple[str, ...], output: str | None) -> None:
+        """One HTML page on a run, or a comparison of several: figures, checks, timings, provenance, case."""
+        from hpcpic.core.files.reader import open_run
+        from hpcpic.core.files.rundir import write_atomic
+
+        app = app_loader()
+        opened = [open_run(folder, app.name) for folder in folders]
+        runs = dict(zip(_labels(folders, opened), opened, strict=True))
+        if len(runs) == 1:
+            page = one_run(app, next(iter(runs.values())))
+            path = Path(output or Path(folders[0]) / "report.html")
+        else:
+            page = several_runs(app, runs)
+            path = Path(output or "comparison.html")
+        path.parent.mkdir(parents=True, exist_ok=True)
+        write_atomic(path, render(page))
+        click.echo(path)
+        for error in page.failures.values():
+            raise error
+
+    return report
+
+
+def render(page: Page) -> str:
+    from jinja2 import Environment, FileSystemLoader, StrictUndefined
+
+    environment = Environment(
+        loader=FileSystemLoader(Path(__file__).parent),
+        autoescape=True,
+        undefined=StrictUndefined,
+        trim_blocks=True,
+        lstrip_blocks=True,
+    )
+    return environment.get_template("report.html.j2").render(page=page)
+
+
+def _labels(folders: Sequence[str], runs: Sequence[Run]) -> list[str]:
+    """Of runs of a sweep the settings that differ; of others the last parts of their paths, or the whole paths where
+    these are not enough.
+    """
+    names = [Path(folder).resolve().name for folder in folders]
+    if all(name.isdigit() and (run.path.resolve().parent / "table.csv").exists() for name, run in zip(names, runs)):
+        swept = swept_labels([run.summary.get("sets") or () for run in runs])
+        if len(set(swept)) == len(swept):
+            return swept
+    return names if len(set(names)) == len(names) else [os.path.normpath(folder) for folder in folders]
+
+
+# ---------------------------------------------------------------------------------------------- one run
+
+
+def swept_labels(sets: Sequence[Sequence[str]]) -> list[str]:
+    """Of --set lists what is not the same in all, the keys by their last words where these are unlike."""
+    settings = [dict(assignment.partition("=")[::2] for assignment in given) for given in sets]
+    common = [key for key in settings[0] if all(key in of_run for of_run in settings)]
+    keys = [key for key in common if len({of_run[key] for of_run in settings}) > 1]
+    words = [key.rpartition(".")[2] for key in keys]
+    shown = {key: word if words.count(word) == 1 else key for key, word in zip(keys, words)}
+    return [", ".join(f"{shown[key]} = {of_run[key]}" for key in keys) for of_run in settings]
+
+
+def one_run(app: App, run: Run) -> Page:
+    facts = run.summary | _so_far(run)
+    figures, omitted, failures = _figures(app, run)
+    status = str(facts.get("status", "unknown"))
+    header, description = _case(run)
+    return Page(
+        program=f"{app.name} · {app.title}",
+        title=description or Path(str(facts.get("case", run.path))).stem,
+        subtitle=str(run.path),
+        status=status if facts.get("exit_code") in (0, None) else f"{status}, exit code {facts['exit_code']}",
+        mark=MARKS.get(status, "fail"),
+        facts=_key_figures(facts),
+        header=header,
+        figures=figures,
+        omitted=omitted,
+        failures=failures,
+        tables=[t for t in (_derived(facts), _conserved(facts), _timers(facts), _estimate(facts)) if t.rows],
+        warnings=[str(w) for w in facts.get("warnings", ())],
+        config=run.config,
+        provenance=_provenance(facts),
+    )
+
+
+def _so_far(run: Run) -> dict[str, Any]:
+    """Step and time of a run under way, or killed: those of its newest sample, as run.json tells them at the end."""
+    if run.summary.get("status") != "running" or not (run.path / "series.h5").exists():
+        return {}
+    step, time = run.series.step, run.series.time
+    return {"steps": int(step[-1]), "time": float(time[-1])} if len(step) else {}
+
+
+def _case(run: Run) -> tuple[Header, str]:
+    """Header of the case as it was given, and the description in the configuration as used."""
+    given = run.rundir.given / Path(str(run.summary.get("case", ""))).name
+    header = read_header(given) if given.is_file() else NO_HEADER
+    found = re.search(r'^description = "((?:[^"\\]|\\.)*)"', run.config, re.M)
+    return header, re.sub(r"\\(.)", r"\1", found[1]) if found else ""
+
+
+def _figures(app: App, run: Run) -> tuple[list[Drawn], list[str], dict[str, Exception]]:
+    """What can be drawn, a line on each figure that the scene has and the files do not, and those that failed."""
+    from hpcpic.core.app.figures import NoData, NotInScene, svg
+
+    drawn, omitted, failures = [], [], {}
+    for name, plot in plots_of(app).items():
+        try:
+            drawn.append(Drawn(plot.title, _inline(svg(plot.make(run, None), f"{name}-"))))
+        except NotInScene:
+            continue
+        except NoData as error:
+            omitted.append(f"{plot.title}: {error}")
+        except Exception as error:
+            omitted.append(f"{plot.title}: failed, {explained(error)}")
+            failures[name] = error
+    return drawn, omitted, failures
+
+
+def _inline(svg: str) -> str:
+    """Text and axes take the colour of the page, the size that of the column."""
+    from hpcpic.core.app.figures import INK
+
+    head, rest = svg.split(">", 1)
+    head = re.sub(r' (width|height)="[^"]*"', "", head)
+    return f'{head} role="img">{rest}'.replace(INK, "currentColor")
+
+
+def _key_figures(facts: Mapping[str, Any]) -> list[tuple[str, str, str]]:
+    items = facts.get("particles") or facts.get("nodes") or 0
+    unit = str(facts.get("work_unit", "particle"))
+    found: list[tuple[str, str, str]] = [
+        ("steps", count(facts.get("steps", 0)), f"t = {number(facts.get('time'))} s"),
+        (f"{unit}s", count(items), ""),
+        ("wall time", duration(float(facts.get("wall_seconds") or 0.0)), ""),
+        (
+            "ranks × threads",
+            f"{facts.get('ranks', '?')} × {facts.get('threads', '?')}",
+            str(facts.get("cpu", "")).replace("(R)", ""),
+        ),
+    ]
+    for key, name, remark in (
+        ("ns_per_particle_step", "ns", "per particle and step"),
+        ("mlups", "MLUPS", "million node updates a second"),
+        ("step_ms", "ms", "per step, median"),
+        ("peak_memory_mib_per_rank", "MiB", "peak, largest rank"),
+    ):
+        if key in facts:
+            found.append((remark, f"{number(facts[key])} {name}", ""))
+    return found
+
+
+def _derived(facts: Mapping[str, Any]) -> Table:
+    rows = [
+        (str(n["name"]), str(n.get("symbol", "")), number(n["value"]),
+         *(str(n.get(key, "")) for key in ("unit", "limit", "verdict", "source")))
+        for n in facts.get("derived", ())
+    ]  # fmt: skip
+    head = ("number", "symbol", "value", "unit", "limit", "verdict", "source")
+    return Table("Derived numbers", head, rows, (2,))
+
+
+def _conserved(facts: Mapping[str, Any]) -> Table:
+    rows = []
+    for name, entry in (facts.get("conservation") or {}).items():
+        relative = number(entry["relative"]) if "relative" in entry else "—"
+        values = (number(entry[key], 9) for key in ("first", "last"))
+        meaning = "dissipated by the scheme, by design" if is_dissipation(entry) else ""
+        rows.append((name.replace("_", " "), *values, number(entry["change"]), relative, meaning))
+    head = ("quantity", "at the start", "at the end", "largest change", "relative", "")
+    return Table("Conservation", head, rows, (1, 2, 3, 4))
+
+
+def _timers(facts: Mapping[str, Any]) -> Table:
+    rows = [
+        (
+            name,
+            *(f"{row[key]:.3f}" for key in ("min", "avg", "max")),
+            f"{100 * row['share']:.1f} %",
+            count(row["calls"]) if row.get("calls") else "",
+        )
+        for name, row in (facts.get("timers") or {}).items()
+    ]
+    head = ("section", "least s", "mean s", "most s", "share of the loop", "calls")
+    return Table(
+        "Time by section",
+        head,
+        rows,
+        (1, 2, 3, 4, 5),
+        "Least, mean and most over the ranks; the time of a section is without that of sections inside it. The loop, "
+        f"{number(facts.get('loop_seconds'))} s, goes from the first step to the last, with all output; compiling is "
+        "that of kernels which no earlier run had compiled, when the first steps called them.",
+    )
+
+
+def _estimate(facts: Mapping[str, Any]) -> Table:
+    """The same on both sides: an estimate counts the start, and no compiling."""
+    guess = facts.get("estimate") or {}
+    found: list[tuple[str, float | None, float | None]] = [
+        ("time per step, median, ms", guess.get("step_ms"), facts.get("step_ms"))
+    ]
+    whole, start = guess.get("seconds"), guess.get("start_seconds")
+    if whole and start is not None and "start_seconds" in facts and "loop_seconds" in facts:
+        loop, early = stepping_seconds(facts), facts["start_compiling_seconds"]
+        found += [
+            ("all steps and output, s", whole - start, loop),
+            ("start and set-up, s", start, facts["start_seconds"] - early),
+            ("compiling kernels, once per machine and kind of scene, s", None, facts["loop_seconds"] - loop + early),
+        ]
+    found.append(("memory per rank, MiB", guess.get("memory_mib_per_rank"), facts.get("peak_memory_mib_per_rank")))
+    rows = [
+        (name, number(a), number(b), f"{b / a:.2f}" if a else "—")
+        for name, a, b in found
+        if b is not None and (a or name.startswith("compiling"))
+    ]
+    compiled = facts.get("compiled_functions")
+    note = f"The compiler of {several(compiled, 'function')} is part of the measured memory." if compiled else ""
+    head = ("quantity", "estimated", "measured", "ratio")
+    return Table("Estimate beside measurement", head, rows, (1, 2, 3), note)
+
+
+def _provenance(facts: Mapping[str, Any]) -> dict[str, str]:
+    git = facts.get("git") or {}
+    dirty = " with local changes" if git.get("dirty") else ""
+    versions = facts.get("versions") or {}
+    found = {
+        "started": str(facts.get("started", "")),
+        "command": " ".join(map(str, facts.get("command", ()))),
+        "settings": " ".join(f"--set {s}" for s in facts.get("sets", ())),
+        "commit": f"{git['commit']}{dirty}" if git.get("commit") else "",
+        "versions": ", ".join(f"{name} {version}" for name, version in versions.items()),
+        "machine": ", ".join(str(facts[k]) for k in ("host", "cpu", "system") if facts.get(k)),
+        "MPI": str(facts.get("mpi", "")),
+        "state digest": str(facts.get("state_digest", "")),
+    }
+    return {name: text for name, text in found.items() if text}
+
+
+# ------------------------------------------------------------------------------------------ several runs
+
+
+def several_runs(app: App, runs: Mapping[str, Run]) -> Page:
+    failed = [label for label, run in runs.items() if run.summary.get("exit_code") not in (0, None)]
+    return Page(
+        program=f"{app.name} · {app.title}",
+        title=f"{len(runs)} runs beside each other",
+        subtitle=", ".join(runs),
+        status=f"{len(failed)} did not finish" if failed else "all finished",
+        mark="warn" if failed else "ok",
+        facts=[],
+        figures=_overlays(runs),
+        tables=[t for t in (_results(runs), _conservation_of(runs), _settings(runs)) if t.rows],
+    )
+
+
+def _overlays(runs: Mapping[str, Run]) -> list[Drawn]:
+    from hpcpic.core.app.figures import NoData, overlay_figure, series_of, svg
+
+    drawn: list[Drawn] = []
+    try:
+        common = [set(series_of(run)) for run in runs.values()]
+    except NoData:  # a run without series has nothing to be laid over
+        return []
+    for name in next(iter(runs.values())).series:
+        if len(drawn) == OVERLAYS or not all(name in names for names in common):
+            continue
+        if all(
+            run.series[name].size == 0 or (run.series[name] == run.series[name][0]).all()
+            for run in runs.values()
+        ):
+            continue
+        try:
+            figure = overlay_figure(runs, name)
+        except NoData:
+            continue
+        drawn.append(Drawn(name.replace("_", " "), _inline(svg(figure, f"{name}-"))))
+    return drawn
+
+
+def _results(runs: Mapping[str, Run]) -> Table:
+    """A row for each fact that some run has, a column for each run."""
+    keys = {
+        "status": "status",
+        "steps": "steps",
+        "time": "time, s",
+        "ranks": "ranks",
+        "threads": "threads per rank",
+        "particles": "particles",
+        "nodes": "nodes",
+        "wall_seconds": "wall time, s",
+        "step_ms": "ms per step",
+        "ns_per_particle_step": "ns per particle and step",
+        "mlups": "MLUPS",
+        "peak_memory_mib_per_rank": "peak memory per rank, MiB",
+        "state_digest": "state digest",
+    }
+    rows = []
+    for key, name in keys.items():
+        values = [run.summary.get(key) for run in runs.values()]
+        if any(value is not None for value in values):
+            cells = [str(v)[:12] if key == "state_digest" else number(v) for v in values]
+            rows.append((name, *cells))
+    return Table("Results", ("", *runs), rows, tuple(range(1, len(runs) + 1)))
+
+
+def _conservation_of(runs: Mapping[str, Run]) -> Table:
+    names: dict[str, None] = {}
+    for run in runs.values():
+        names |= dict.fromkeys(run.summary.get("conservation") or {})
+    rows = []
+    for name in names:
+        entries = [(run.summary.get("conservation") or {}).get(name, {}) for run in runs.values()]
+        rows.append((name.replace("_", " "), *(number(e.get("relative", e.get("change"))) for e in entries)))
+    note = "Largest change, relative to the start where that is not zero."
+    return Table("Conservation", ("", *runs), rows, tuple(range(1, len(runs) + 1)), note)
+
+
+def _settings(runs: Mapping[str, Run]) -> Table:
+    """Keys of the configurations that are not the same in all runs."""
+    from hpcpic.core.case.config import leaves, loads
+
+    flat = [dict(leaves(loads(run.config).data)) for run in runs.values()]
+    keys = {key: None for settings in flat for key in settings}
+    rows = [
+        (key, *(str(settings.get(key, "—")) for settings in flat))
+        for key in keys
+        if len({str(settings.get(key)) for settings in flat}) > 1
+    ]
+    return Table("Settings that differ", ("", *runs), rows)

@@ -1,0 +1,193 @@
+"""Compilation of kernels: `njit` with the flags of this package, kept in a private folder.
+
+numba's own cache does not notice edits in another file, ends the program where it cannot write or finds a damaged file,
+and unpickles whatever lies in its folder. Here the folder is named by a hash of the kernel sources, the versions and
+the processor, and a file is unpickled when it is the one that was written, by this user (see caches.py).
+"""
+
+import functools
+import hashlib
+import importlib
+import linecache
+import os
+import pickle
+import sys
+from collections.abc import Callable
+from importlib.metadata import version
+from inspect import isfunction
+from pathlib import Path
+from typing import Any
+
+import numba
+from numba.core import event
+from numba.core.caching import FunctionCache
+from numba.core.compiler import CompileResult
+from numba.core.serialize import dumps
+
+from hpcpic.core.simd.caches import Store
+from hpcpic.core.simd.registers import has_avx512
+
+_ROOT = Path(__file__).resolve().parents[3]  # of the packages
+_KERNEL_FOLDERS = {"simd", "space", "comm", "tasks", "physics", "kernels"}
+_FLAGS: dict[str, Any] = {"nogil": True, "error_model": "numpy"}
+EVERY = "*"  # in place of a program: all there are
+generated: dict[str, str] = {}  # names of generated modules -> the program they belong to
+
+
+class Compilations(event.Listener):
+    """How many functions this process has compiled, that no cache had."""
+
+    n = 0
+
+    def on_start(self, _event: event.Event) -> None:
+        self.n += 1
+
+    def on_end(self, _event: event.Event) -> None:
+        """Nothing to do."""
+
+
+compilations = Compilations()
+event.register("numba:compile", compilations)
+
+
+def program_of(module: str) -> str | None:
+    """The program a module belongs to: "hpcpic.plasma", "sph"; "" for the core, None for what is none of ours."""
+    first, second, *_ = [*module.split("."), "core"]
+    if first == "hpcpic":
+        return "" if second == "core" else f"hpcpic.{second}"
+    return first if (_ROOT / first / "kernels").is_dir() else None
+
+
+def _kernel_sources(program: str) -> list[Path]:
+    """Files whose edit may change compiled code of a program: the kernel folders and whatever compiles by itself, in
+    the core and in the program.
+    """
+    folders = [_ROOT / "hpcpic" / "core"]
+    if program == EVERY:
+        folders += [found.parent for found in sorted([*_ROOT.glob("*/kernels"), *_ROOT.glob("hpcpic/*/kernels")])]
+    elif program:
+        folders.append(_ROOT.joinpath(*program.split(".")))
+    files = [file for folder in folders for file in sorted(folder.rglob("*.py"))]
+    return [
+        file
+        for file in files
+        if _KERNEL_FOLDERS & {*file.relative_to(_ROOT).parts} or b"simd.compile" in file.read_bytes()
+    ]
+
+
+def _fingerprint(program: str) -> str:
+    from llvmlite import binding
+
+    digest = hashlib.sha256()
+    for file in _kernel_sources(program):
+        digest.update(str(file.relative_to(_ROOT)).encode() + b"\0" + file.read_bytes() + b"\0")
+    digest.update(repr([version(name) for name in ("numba", "llvmlite", "numpy")]).encode())
+    digest.update(str(sys.implementation.cache_tag).encode())  # what is kept holds Python's own bytecode
+    digest.update(binding.get_host_cpu_name().encode() + binding.get_host_cpu_features().flatten().encode())
+    settings = {key: value for key, value in os.environ.items() if key.startswith("NUMBA_")}
+    settings.pop("NUMBA_CACHE_DIR", None)
+    digest.update(repr([sorted(settings.items()), has_avx512()]).encode())
+    return digest.hexdigest()
+
+
+@functools.cache
+def kernel_store(program: str = "") -> Store:
+    """Compiled code, in `<cache root>/<user id>/<hash of sources, versions and processor>`.
+
+    The sources are those of the core and of the program, so an edit in one program leaves the code of others alone.
+    """
+    return Store("compiled code", _fingerprint(program))
+
+
+class KernelCache(FunctionCache):
+    """Of one function: numba's interface and key, and a file of our own for each signature."""
+
+    def __init__(self, function: Callable, store: Store, text: bytes) -> None:
+        self._py_func = function
+        self._store = store
+        code = function.__code__
+        self._place = repr((function.__module__, function.__qualname__, code.co_filename, code.co_firstlineno)).encode()
+        self._text = text
+
+    @property
+    def cache_path(self) -> str | None:
+        return str(self._store.folder.path) if self._store.folder else None
+
+    def flush(self) -> None:
+        """Nothing to do: files are named by all that the code depends on."""
+
+    def _name(self, key: tuple) -> str:
+        digest = hashlib.sha256(repr(key).encode() + self._place + self._text)
+        return f"{self._py_func.__name__}-{digest.hexdigest()[:32]}.kernel"
+
+    def load_overload(self, sig: Any, target_context: Any) -> CompileResult | None:
+        target_context.refresh()
+        key = self._index_key(sig, target_context.codegen())
+        content = self._store.read(self._name(key))
+        if content is None:
+            return None
+        try:
+            found, parts = pickle.loads(content)
+            return CompileResult._rebuild(target_context, *parts) if found == key else None
+        except Exception as error:  # whatever unpickling raises
+            self._store.damaged(repr(error))
+            return None
+
+    def save_overload(self, sig: Any, data: Any) -> None:
+        if data.lifted or data.library.has_dynamic_globals:
+            return  # holds addresses of this process
+        key = self._index_key(sig, data.codegen)
+        self._store.write(self._name(key), dumps((key, data._reduce())))
+
+
+def _import_without_blas() -> None:
+    """Import what looks for a BLAS in scipy.linalg, which takes an eighth of a second, as if there were no scipy.
+
+    No kernel here does linear algebra. For others in this process numba's still works; only its np.convolve and
+    np.correlate take a loop where they could call BLAS.
+    """
+    if "scipy.linalg" in sys.modules:
+        return
+    sys.modules["scipy.linalg"] = None  # type: ignore[assignment]  # makes its import an ImportError
+    try:
+        importlib.import_module("numba.np.arraymath")
+    finally:
+        del sys.modules["scipy.linalg"]
+
+
+_import_without_blas()
+
+
+def njit(*signature_or_function: Any, **flags: Any) -> Callable:
+    """`numba.njit` without the GIL, cached, IEEE division by zero, no fastmath; flags may be added."""
+    if signature_or_function and isfunction(signature_or_function[0]):
+        return _cached(signature_or_function[0], (), flags)
+    return lambda function: _cached(function, signature_or_function, flags)
+
+
+def _cached(function: Callable, signatures: tuple, flags: dict[str, Any]) -> Callable:
+    flags = _FLAGS | flags
+    keep = flags.pop("cache", True)
+    kernel = numba.njit(**flags)(function)
+    if kernel is function:  # NUMBA_DISABLE_JIT
+        return kernel
+    text = _text_of(function.__code__.co_filename)
+    if keep and text:
+        kernel._cache = KernelCache(function, _store_of(function), text)
+    for signature in signatures:
+        kernel.compile(signature)
+    if signatures:
+        kernel.disable_compile()
+    return kernel
+
+
+@functools.cache
+def _text_of(file: str) -> bytes:
+    """Hash of a source; nothing of a function that was typed in: its constants are not in its code."""
+    lines = linecache.getlines(file)
+    return hashlib.sha256("".join(lines).encode()).digest() if lines else b""
+
+
+def _store_of(function: Callable) -> Store:
+    program = generated.get(function.__module__, program_of(function.__module__))
+    return kernel_store(EVERY if program is None else program)

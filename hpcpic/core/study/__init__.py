@@ -1,0 +1,1 @@
+"""Many runs of one scene: trade-offs, stability limits, sweeps."""

@@ -1,0 +1,149 @@
+"""Short runs of the user's scene with other sizes of its knobs, each in a folder of its own, done once."""
+
+from __future__ import annotations
+
+import hashlib
+import shutil
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import click
+import numpy as np
+from numpy.typing import NDArray
+
+from hpcpic.core.app.app import App
+from hpcpic.core.app.knobs import Knobs
+from hpcpic.core.app.read import Case, read_case
+from hpcpic.core.case.derived import Derived
+from hpcpic.core.cli.launch import launch, within
+from hpcpic.core.errors import CheckFailed, HpcpicError
+from hpcpic.core.files.rundir import RunDir
+from hpcpic.core.files.series import Series, read_series
+from hpcpic.core.study.error_models import Level
+from hpcpic.core.study.sweep import facts_of, run_once
+
+Settings = Mapping[str, str]  # dotted key -> value of a discrete setting
+
+
+class Interrupted(HpcpicError):
+    """A pilot was stopped from outside."""
+
+    exit_code = 5
+
+
+@dataclass(frozen=True, slots=True)
+class Pilot:
+    """One run: its case, its knobs' real sizes, exit code, seconds of its steps, those that `estimate` says, which
+    other work of the machine does not change, counted work.
+    """
+
+    config: Any
+    sizes: Mapping[str, float]
+    exit_code: int
+    words: str
+    folder: Path
+    seconds: float
+    price: float
+    work: float
+
+    @property
+    def series(self) -> Series:
+        return read_series(self.folder)
+
+    def level(self, knob: str, value: NDArray[np.float64]) -> Level:
+        return Level(self.sizes[knob], value, self.seconds, self.work)
+
+
+class Pilots:
+    """Runs of one case. `spent` counts the seconds of steps of all that were asked for."""
+
+    def __init__(
+        self, app: App, read: Case, sets: tuple[str, ...], knobs: Knobs, folder: Path, shape: tuple[int, int]
+    ) -> None:
+        self.app, self.read, self.sets, self.knobs = app, read, sets, knobs
+        self.folder, self.shape = folder / "pilots", shape
+        self.done: dict[str, Pilot] = {}
+        self.start = within(app) if shape[0] == 1 else launch
+        self.case_digest = repr(read.tree.files)
+
+    def assignments(self, sizes: Mapping[str, float], time: float, others: Settings) -> tuple[str, ...]:
+        """The --set list, beside that of the pilots."""
+        chosen = tuple(f"{key}={value}" for key, value in others.items())
+        plain = {name: float(size) for name, size in sizes.items()}  # not numpy's, whose repr no case file knows
+        return (*self.sets, *self.knobs.settings(plain, float(time)), *chosen)
+
+    def config(self, sizes: Mapping[str, float], time: float, others: Settings) -> Any:
+        """The case with these settings, completed."""
+        return read_case(self.app, self.read.path, self.assignments(sizes, time, others)).config
+
+    def beyond(self, sizes: Mapping[str, float], time: float, others: Settings, margin: float = 1.0) -> Derived | None:
+        """The first derived number that is refused or beyond `margin` of the end of stability."""
+        for number in self.app.derived(self.config(sizes, time, others), self.shape[0]):
+            stable = number.stable_above / margin <= number.value <= margin * number.stable_below
+            if number.verdict == "fail" or not stable:
+                return number
+        return None
+
+    def legal(self, sizes: Mapping[str, float], time: float, others: Settings, margin: float = 1.0) -> bool:
+        return self.beyond(sizes, time, others, margin) is None
+
+    def sizes_of(self, config: Any) -> dict[str, float]:
+        return {knob.name: knob.size(config) for knob in self.knobs.knobs}
+
+    def run(
+        self,
+        sizes: Mapping[str, float],
+        time: float,
+        others: Settings | None = None,
+        more: tuple[str, ...] = (),
+        flags: tuple[str, ...] = (),
+        words: str = "",
+    ) -> Pilot:
+        """Run with these sizes until `time` [s], or take what was run before. Raises Interrupted."""
+        sets = (*self.assignments(sizes, time, others or {}), *self.knobs.pilot, *more)
+        name = hashlib.sha256(repr((self.case_digest, sets, self.shape)).encode()).hexdigest()[:12]
+        if name in self.done:
+            return self.done[name]
+        config = read_case(self.app, self.read.path, sets).config
+        rundir = RunDir(self.folder / name)
+        code, how = run_once(self.app, self.read.path, sets, rundir, self.shape, flags, self.start)
+        facts = facts_of(rundir)
+        if code in (0, 4):
+            shutil.rmtree(rundir.path / "checkpoints", ignore_errors=True)  # nobody goes on from a pilot
+        if code not in (0, 1, 2, 3, 4):
+            raise Interrupted(f"pilot {rundir.path} ended with exit code {code}: {how}; the same command goes on")
+        seconds = facts.get("steps", 0) * float((facts.get("step_seconds") or {}).get("median") or 0.0)
+        seconds = seconds or float(facts.get("loop_seconds", 0.0))
+        price = facts.get("steps", 0) * self.app.estimate(config, *self.shape, {}).step_seconds
+        made = Pilot(config, self.sizes_of(config), code, how, rundir.path, seconds, price, self.knobs.work(config))
+        self.done[name] = made
+        told = "  ".join(
+            f"{knob.name} = {knob.shown(made.sizes[knob.name]):.5g}" for knob in self.knobs.knobs
+        )
+        how = "diverged" if code == 4 else how.strip()
+        click.echo(f"  pilot {len(self.done):2d}  {told}  {words}: {how}  {made.seconds:.3g} s")
+        return made
+
+    @property
+    def spent(self) -> float:
+        return sum(pilot.seconds for pilot in self.done.values())
+
+    @property
+    def paid(self) -> float:
+        """The prices of all that was asked for."""
+        return sum(pilot.price for pilot in self.done.values())
+
+
+def value_of(pilot: Pilot, measure: Any) -> NDArray[np.float64]:
+    """The quantity, as a vector. Raises CheckFailed where the run diverged or does not show it."""
+    if pilot.exit_code:
+        raise CheckFailed(f"the pilot {pilot.folder} did not finish: {pilot.words}")
+    try:
+        value = np.atleast_1d(np.asarray(measure(pilot.series), np.float64))
+    except (ArithmeticError, ValueError, KeyError) as error:
+        raise CheckFailed(f"the pilot {pilot.folder} does not show the quantity: {error}") from error
+    if not np.isfinite(value).all():
+        raise CheckFailed(f"the pilot {pilot.folder} gives no finite value of the quantity")
+    return value

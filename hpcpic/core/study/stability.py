@@ -1,0 +1,222 @@
+"""stability: where the scheme stops being stable, found by bisection, beside the theory's limit."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from hpcpic.core.app.app import App, AppLoader
+from hpcpic.core.app.read import read_case, set_option, shape_options
+from hpcpic.core.app.text import table
+from hpcpic.core.errors import CheckFailed, ConfigError
+from hpcpic.core.files.rundir import write_json
+
+if TYPE_CHECKING:
+    from hpcpic.core.app.knobs import Knob, Knobs
+    from hpcpic.core.study.bisection import Axis, Limit, Limits
+
+STRIP = 61  # characters from a third of the limit to three times it
+
+
+def make_stability_command(app_loader: AppLoader) -> click.Command:
+    @click.command("stability")
+    @click.argument("case")
+    @click.option("--knob", "name", metavar="K", help="What to turn.  [default: the first one with a limit]")
+    @click.option("--map", "pair", metavar="A,B", help="The limit of A over sizes of B, as a picture.")
+    @click.option("-o", "--output", metavar="DIR", help="Folder of the runs.  [default: stability/CASE]")
+    @set_option
+    @shape_options
+    def stability(**asked: Any) -> None:
+        """Bisect for the largest stable size of a knob of CASE; compare with the theory's limit.
+
+        Two horizons tell a limit from slow growth, and three seeds tell it from luck where the scene draws random
+        numbers. Exit code 3 when the case itself is unstable, or when the measured limit is more than 5 % below the
+        theory's.
+        """
+        find(app_loader(), **asked)
+
+    return stability
+
+
+def find(
+    app: App,
+    case: str,
+    name: str | None,
+    pair: str | None,
+    output: str | None,
+    sets: tuple[str, ...],
+    ranks: int,
+    threads: int,
+) -> None:
+    """The limit of one knob, or the map of two. Raises ConfigError and CheckFailed."""
+    from hpcpic.core.study.bisection import Limits
+    from hpcpic.core.study.pilot import Pilots
+    from hpcpic.core.study.tradeoff import knobs_of
+
+    read = read_case(app, case, sets)
+    knobs = knobs_of(app, read)
+    folder = Path(output or Path("stability") / Path(read.path).stem)
+    limits = Limits(Pilots(app, read, sets, knobs, folder, (ranks, threads)), knobs)
+    if pair:
+        first, second = two(knobs, pair)
+        draw_map(limits, first, second, folder)
+        return
+    axis = limits.axis(one(knobs, name))
+    limit = limits.bisect(axis)
+    if math.isfinite(limit.x):
+        limits.confirm(axis, limit)
+    rates = limits.rates(axis) if limit.slow or not math.isfinite(limit.x) else []
+    write_json(folder / "stability.json", facts(limits, axis, limit, rates))
+    tell(limits, axis, limit, rates)
+    judge(limits, axis, limit)
+
+
+def one(knobs: Knobs, name: str | None) -> Knob:
+    """Raises ConfigError."""
+    known = {knob.name: knob for knob in knobs.knobs}
+    if name is None:
+        return next((knob for knob in knobs.knobs if knob.limit), knobs.knobs[0])
+    if name not in known:
+        raise ConfigError(f"--knob {name}: there are {', '.join(known)}")
+    return known[name]
+
+
+def two(knobs: Knobs, pair: str) -> tuple[Knob, Knob]:
+    names = pair.split(",")
+    if len(names) != 2 or names[0] == names[1]:
+        raise ConfigError(f"--map {pair}: expected two knobs, as dt,dx")
+    return one(knobs, names[0]), one(knobs, names[1])
+
+
+def tell(limits: Limits, axis: Axis, limit: Limit, rates: list[tuple[float, float]]) -> None:
+    from hpcpic.core.study.bisection import BLOWUP
+
+    knob, own = axis.knob, limits.own[axis.knob.name]
+    if math.isfinite(limit.x):
+        size = axis.size(limit.x)
+        ends = " .. ".join(f"{knob.shown(axis.size(x)):.4g}" for x in (limit.stable, limit.unstable) if x)
+        click.echo(f"measured    stability ends at {knob.name} = {ends} {knob.unit}")
+        if axis.number is not None:
+            number = axis.number
+            ratio = limit.x if axis.theory == number.stable_below else 1.0 / limit.x
+            click.echo(
+                f"            {number.symbol} = {ratio * axis.theory:.4g}, theory {axis.theory:g} ({number.source}): "
+                f"measured/theory = {ratio:.3f}"
+            )
+        seeds = ", ".join(f"seed {seed} {'agrees' if same else 'differs'}" for seed, same in limit.seeds.items())
+        seeds = seeds or "nothing in the scene is random, so no other seed was run"
+        longer = f"four times as long {'moves it by over 5 %' if limit.slow else 'the same'}"
+        click.echo(f"            {seeds}; {longer}")
+        click.echo(f"the case    {knob.name} = {knob.shown(own):.4g} {knob.unit} is {own / size:.3g} of it")
+        click.echo(strip(axis.x(own) / limit.x))
+    elif limit.stable is not None:
+        last = f"{knob.name} = {knob.shown(axis.size(limit.stable)):.4g} {knob.unit}".rstrip()
+        click.echo(f"measured    nothing grows {BLOWUP:g} times as large until {last}")
+        if axis.number is not None:
+            theory = f"{knob.shown(axis.size(1.0)):.4g} {knob.unit}".strip()
+            click.echo(
+                f"            beyond the theory's limit of {theory} what grows ends before that in this scene; "
+                "a calmer one, as of a single small wave, shows the limit"
+            )
+    else:
+        last = f"{knob.name} = {knob.shown(axis.size(limit.unstable or 0.0)):.4g} {knob.unit}"
+        click.echo(f"measured    unstable down to {last}")
+    if rates:
+        click.echo("slow growth, no limit; rate of growth:" if limit.slow else "rate of growth:")
+        table((with_unit(knob), "1/s"), [(f"{knob.shown(s):.4g}", f"{rate:.3g}") for s, rate in rates])
+
+
+def with_unit(knob: Knob) -> str:
+    return f"{knob.name}, {knob.unit}" if knob.unit else knob.name
+
+
+def strip(place: float) -> str:
+    """A third of the limit to three times it: green, yellow from 0.8, red beyond; ^ marks the case."""
+    cells = []
+    for k in range(STRIP):
+        x = 3.0 ** (2.0 * k / (STRIP - 1) - 1.0)
+        colour = "green" if x < 0.8 else "yellow" if x < 1.0 else "red"
+        cells.append(click.style({"green": ".", "yellow": "!", "red": "#"}[colour], fg=colour))
+    mark = round((math.log(min(max(place, 1 / 3), 3.0), 3.0) + 1.0) / 2.0 * (STRIP - 1))
+    return f"            {''.join(cells)}\n            {' ' * mark}^"
+
+
+def judge(limits: Limits, axis: Axis, limit: Limit) -> None:
+    """Raises CheckFailed."""
+    from hpcpic.core.study.bisection import AGREE
+
+    if not math.isfinite(limit.x):
+        return
+    if axis.x(limits.own[axis.knob.name]) >= limit.x:
+        raise CheckFailed(f"the case itself is unstable: {axis.knob.name} is beyond the measured limit")
+    if axis.number is not None and limit.x < 1.0 / AGREE:
+        raise CheckFailed(f"the measured limit is {limit.x:.3f} of the theory's")
+
+
+def facts(limits: Limits, axis: Axis, limit: Limit, rates: list[tuple[float, float]]) -> dict[str, Any]:
+    number = axis.number
+    known = math.isfinite(limit.x)
+    return {
+        "case": limits.pilots.read.path,
+        "knob": axis.knob.name,
+        "here": limits.own[axis.knob.name],
+        "limit": axis.size(limit.x) if known else None,
+        "measured_over_theory": limit.x if known and number is not None else None,
+        "number": None if number is None else {"symbol": number.symbol, "limit": axis.theory, "source": number.source},
+        "slow": limit.slow,
+        "seeds": {str(seed): same for seed, same in limit.seeds.items()},
+        "rates": rates,
+        "runs": len(limits.pilots.done),
+    }
+
+
+def draw_map(limits: Limits, first: Knob, second: Knob, folder: Path) -> None:
+    """map.png, map.json and a table."""
+    from hpcpic.core.app.figures import save
+
+    columns = limits.march(first, second)
+    rows = [
+        (second.shown(size), first.shown(axis.size(1.0)), first.shown(axis.size(limit.x)), limit.x)
+        for size, axis, limit in columns
+    ]
+    told = [[f"{value:.4g}" for value in row] for row in rows]
+    measured = f"measured, {first.unit}" if first.unit else "measured"
+    table((with_unit(second), "theory's limit", measured, "measured/theory"), told)
+    names = ("second", "theory", "measured", "ratio")
+    found = {"first": first.name, "over": second.name, "columns": [dict(zip(names, row)) for row in rows]}
+    write_json(folder / "map.json", found)
+    limited = [row for row in rows if math.isfinite(row[2])]
+    if not limited:
+        raise CheckFailed(f"no limit of {first.name} was found at any {second.name}: there is nothing to draw")
+    save(map_figure(limits, first, second, limited, columns[0][1].number is not None), folder / "map.png")
+    click.echo(f"map: {folder / 'map.png'}, {folder / 'map.json'}")
+
+
+def map_figure(limits: Limits, first: Knob, second: Knob, rows: Sequence[tuple[float, ...]], theory: bool) -> Any:
+    """Stable, nearly unstable and unstable sizes of the first knob over those of the second."""
+    from matplotlib.ticker import NullFormatter
+
+    from hpcpic.core.app.figures import COLOURS, new_figure, style
+
+    across, limit, measured = ([row[k] for row in rows] for k in range(3))
+    here = first.shown(limits.own[first.name]), second.shown(limits.own[second.name])
+    low, high = 0.3 * min(*measured, here[0]), 3.0 * max(*measured, here[0])
+    with style():
+        fig, ax = new_figure(size=(6.0, 4.0))
+        safe = [0.8 * y for y in measured]
+        ax.fill_between(across, low, safe, color=COLOURS[2], alpha=0.35, lw=0, label="stable")
+        ax.fill_between(across, safe, measured, color=COLOURS[4], alpha=0.5, lw=0, label="above 0.8 of the limit")
+        ax.fill_between(across, measured, high, color=COLOURS[1], alpha=0.35, lw=0, label="unstable")
+        ax.loglog(across, measured, "o-", color="black", ms=4, label="measured")
+        if theory:
+            ax.loglog(across, limit, "--", color=COLOURS[0], label="theory")
+        ax.plot(here[1], here[0], "*", ms=13, color=COLOURS[3], label="the case")
+        ax.set(xlabel=with_unit(second), ylabel=with_unit(first), ylim=(low, high))
+        ax.xaxis.set_minor_formatter(NullFormatter())
+        ax.yaxis.set_minor_formatter(NullFormatter())
+        ax.legend()
+        return fig

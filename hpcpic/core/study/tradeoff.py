@@ -1,0 +1,274 @@
+"""tradeoff: speed against accuracy over the case's own knobs, measured on short runs of the same scene."""
+
+from __future__ import annotations
+
+import re
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from hpcpic.core.app.app import App, AppLoader
+from hpcpic.core.app.read import Case, read_case, set_option, shape_options
+from hpcpic.core.app.text import duration, table
+from hpcpic.core.case.cases import read_header
+from hpcpic.core.cli.launch import refuse_launcher
+from hpcpic.core.errors import CheckFailed, ConfigError, FileError
+
+if TYPE_CHECKING:
+    from hpcpic.core.app.knobs import Knobs, Quantity
+    from hpcpic.core.files.series import Series
+    from hpcpic.core.study.search import Search, Verified
+
+WANTED = 0.01  # the error that matters when no tolerance is asked for
+
+
+def make_tradeoff_command(app_loader: AppLoader) -> click.Command:
+    @click.command("tradeoff")
+    @click.argument("case")
+    @click.option("--knobs", "names", metavar="A,B", help="Only these knobs.  [default: all that the case has]")
+    @click.option("--qoi", metavar="NAME", help="Quantity to get right, or a scalar of the series at the end.")
+    @click.option("--tolerance", metavar="E", help="Relative error wanted, as 0.01 or 1%: recommend and verify.")
+    @click.option("--max-cost", metavar="T", help="Refuse to recommend a run longer than this: 90s, 15m, 2h.")
+    @click.option("--write", "target", metavar="FILE", help="Write the recommended case there.")
+    @click.option("-o", "--output", metavar="DIR", help="Folder of the pilots.  [default: tradeoffs/CASE]")
+    @set_option
+    @shape_options
+    def tradeoff(**asked: Any) -> None:
+        """Measure what each knob of CASE costs and gains; with --tolerance, find the cheapest setting.
+
+        Pilots are short runs of the same scene. The recommendation is run, and settings beside it, before it is
+        given. Called again it goes on where it stopped. Exit code 3 when nothing can be recommended.
+        """
+        trade(app_loader, Asked(**asked))
+
+    return tradeoff
+
+
+@dataclass(frozen=True, slots=True)
+class Asked:
+    """The command line."""
+
+    case: str
+    names: str | None
+    qoi: str | None
+    tolerance: str | None
+    max_cost: str | None
+    target: str | None
+    output: str | None
+    sets: tuple[str, ...]
+    ranks: int
+    threads: int
+
+
+def trade(app_loader: AppLoader, asked: Asked) -> None:
+    """Raises ConfigError, and CheckFailed without a recommendation."""
+    from hpcpic.core.study import front
+
+    wanted, limit = parse_tolerance(asked.tolerance), parse_seconds(asked.max_cost)
+    if asked.target and wanted is None:
+        raise ConfigError("--write needs --tolerance")
+    if asked.target and Path(asked.target).exists() and not read_header(asked.target).source.startswith("tradeoff;"):
+        raise FileError(f"{asked.target} is there, and not from tradeoff: --write another file")
+    if asked.target and not (place := Path(asked.target).parent).is_dir():
+        raise FileError(f"{place}: no such folder, for --write {asked.target}")
+    search, folder = searched(app_loader(), asked, wanted or WANTED)
+    tell_laws(search)
+    points = front.front(search)
+    tell_front(search, points)
+    verified, refusal = None, ""
+    if wanted is not None:
+        try:
+            verified = recommended(search, wanted, limit)
+        except CheckFailed as error:
+            refusal = error.message
+    front.write(search, points, verified, refusal, wanted, folder)
+    click.echo(f"front: {folder / 'front.png'}, {folder / 'front.csv'}, {folder / 'tradeoff.json'}")
+    if refusal:
+        raise CheckFailed(f"no recommendation: {refusal}")
+    if verified is not None and wanted is not None:
+        tell_recommendation(search, verified, wanted)
+        if asked.target:
+            front.write_case(search, verified, wanted, Path(asked.target))
+            click.echo(f"written: {asked.target}")
+
+
+def searched(app: App, asked: Asked, wanted: float) -> tuple[Search, Path]:
+    """All pilots that the laws need, and the folder where they are."""
+    from hpcpic.core.study.pilot import Pilots
+    from hpcpic.core.study.search import Search
+
+    read = read_case(app, asked.case, asked.sets)
+    knobs = knobs_of(app, read)
+    quantity = chosen_quantity(app, read.config, knobs, asked.qoi)
+    folder = Path(asked.output or Path("tradeoffs") / Path(read.path).stem)
+    click.echo(f"{quantity.name}: {quantity.text}; pilots until t = {quantity.time:.4g} of {knobs.time:.4g} s")
+    pilots = Pilots(app, read, asked.sets, knobs, folder, (asked.ranks, asked.threads))
+    listed, choices = chosen_knobs(knobs, asked.names)
+    return Search(pilots, listed, choices, quantity, wanted), folder
+
+
+def parse_tolerance(text: str | None) -> float | None:
+    """ "0.01" or "1%" -> 0.01. Raises ConfigError."""
+    if text is None:
+        return None
+    found = re.fullmatch(r"\s*([0-9.]+(?:[eE][-+]?\d+)?)\s*(%?)\s*", text)
+    try:
+        value = float(found[1]) * (0.01 if found[2] else 1.0) if found else 0.0
+    except ValueError:
+        value = 0.0
+    if not 0.0 < value < 1.0:
+        raise ConfigError(f"--tolerance {text}: expected a relative error such as 0.01 or 1%")
+    return value
+
+
+def parse_seconds(text: str | None) -> float | None:
+    from hpcpic.core.run.triggers import EverySeconds, parse_interval
+
+    if text is None:
+        return None
+    interval = parse_interval(text)
+    if not isinstance(interval, EverySeconds):
+        raise ConfigError(f"--max-cost {text}: expected a time such as 90s, 15m or 2h")
+    return interval.seconds
+
+
+def knobs_of(app: App, read: Case) -> Knobs:
+    """Raises ConfigError for a program that has none, and under mpirun."""
+    refuse_launcher()
+    if app.knobs is None:
+        raise ConfigError(f"{app.name} has no knobs to turn")
+    knobs = app.knobs(read.config)
+    if not knobs.time:
+        raise ConfigError(f"{read.path}: a run of no steps shows no error and no instability")
+    return knobs
+
+
+def scalars_of(app: App, config: Any) -> list[str]:
+    """Names of the series of a case: of a simulator that is set up and takes no step."""
+    from hpcpic.core.comm.world import World
+    from hpcpic.core.tasks.graph import Pool
+    from hpcpic.core.timers import Timers
+
+    pool = Pool(1)
+    try:
+        made = app.load()(config, World.alone(), pool, Timers())
+        made.close()
+        return list(made.scalar_units)
+    finally:
+        pool.close()
+
+
+def chosen_quantity(app: App, config: Any, knobs: Knobs, name: str | None) -> Quantity:
+    """By name, or the first; any scalar of the series at the end of the run is one. Raises ConfigError."""
+    from hpcpic.core.app.knobs import Quantity
+
+    known = knobs.quantities()
+    if name is None:
+        return known[0]
+    for quantity in known:
+        if quantity.name == name:
+            return quantity
+    scalars = scalars_of(app, config)
+    if name not in scalars:
+        raise ConfigError(f"--qoi {name}: there are {', '.join([*(q.name for q in known), *scalars])}")
+
+    def last(series: Series) -> float:
+        return float(series[name][-1])
+
+    return Quantity(name, f"{name} at the end", knobs.time, last)
+
+
+def chosen_knobs(knobs: Knobs, names: str | None) -> tuple[list, list]:
+    """Knobs and choices by name. Raises ConfigError."""
+    known = [knob.name for knob in knobs.knobs] + [choice.name for choice in knobs.choices]
+    asked = names.split(",") if names else known
+    unknown = [name for name in asked if name not in known]
+    if unknown:
+        raise ConfigError(f"--knobs {','.join(unknown)}: there are {', '.join(known)}")
+    listed = [knob for knob in knobs.knobs if knob.name in asked]
+    if not listed:
+        raise ConfigError(f"--knobs {names}: at least one of {', '.join(knob.name for knob in knobs.knobs)}")
+    return listed, [choice for choice in knobs.choices if choice.name in asked]
+
+
+def tell_laws(search: Search) -> None:
+    rows = []
+    for knob in search.knobs:
+        law = search.laws[knob.name]
+        order = "no effect" if law.idle else f"{law.order:.2f}"
+        steady = "" if law.idle else "yes" if law.asymptotic else f"no: order {law.used:g}, safety {law.safety:g}"
+        levels = ", ".join(f"{knob.shown(size):.4g}" for size in law.sizes)
+        here = f"{knob.shown(law.here):.4g} {knob.unit}"
+        error = f"{law.bound(law.here):.2g}"
+        cost = f"{law.cost:.2f}"
+        rows.append((knob.name, here, levels, order, f"{law.theory:g}", steady, error, cost, f"{knob.cost:g}"))
+    click.echo()
+    heads = ("knob", "here", "pilots", "order", "theory", "asymptotic", "error here", "cost exponent", "theory ")
+    table(heads, rows, right=("error here",))
+    for scheme in search.schemes[1:]:
+        own = f", error {scheme.floor:.2g}" if scheme.floor else ""
+        click.echo(f"{scheme.words}: {scheme.cost:.2f} times the cost{own}")
+    known = "" if search.quantity.exact is None else f", {search.floor:.2g} of it from no knob"
+    click.echo(
+        f"reference   {' '.join(f'{v:.6g}' for v in search.reference[:6])}, known to {search.uncertainty:.1g}; "
+        f"the case itself is off by {search.error(search.value):.2g}{known}"
+    )
+
+
+def sizes_text(search: Search, sizes: Any) -> str:
+    return "  ".join(f"{knob.name} = {knob.shown(sizes[knob.name]):.4g}" for knob in search.knobs)
+
+
+def tell_front(search: Search, points: list) -> None:
+    from hpcpic.core.study.error_models import slope
+
+    whole = search.base.seconds * search.pilots.knobs.time / search.quantity.time
+    click.echo()
+    if not points:
+        click.echo(f"front: none, as the reference is known to {search.uncertainty:.1g} only")
+        return
+    rows = [
+        (f"{p.bound:.2g}", f"{p.cost * whole:.3g}", f"{1 / p.cost:.3g}", sizes_text(search, p.sizes), p.scheme.words)
+        for p in points
+    ]
+    table(("error", "seconds", "times faster", "settings", "scheme"), rows, right=("seconds", "times faster"))
+    laws = list(search.laws.values())
+    click.echo(f"the case as it is: {whole:.3g} s; cost ~ error^-{slope(laws):.2f} by the laws")
+
+
+def recommended(search: Search, wanted: float, limit: float | None) -> Verified:
+    """Raises CheckFailed when the cost limit or the reference is in the way."""
+    whole = search.base.seconds * search.pilots.knobs.time / search.quantity.time
+    predicted = search.first(wanted).cost * whole
+    if limit is not None and predicted > limit:
+        raise CheckFailed(f"an error of {wanted:g} takes {duration(predicted)}, more than {duration(limit)}")
+    return search.verify(wanted)
+
+
+def tell_recommendation(search: Search, verified: Verified, wanted: float) -> None:
+    proposal, scale = verified.proposal, search.pilots.knobs.time / search.quantity.time
+    click.echo()
+    rows = [
+        (knob.name, f"{knob.shown(search.own[knob.name]):.5g}",
+         f"{knob.shown(proposal.sizes[knob.name]):.5g} {knob.unit}", f"{proposal.shares[knob.name]:.2g}")
+        for knob in search.knobs
+    ]  # fmt: skip
+    rows += [(name, "", "", f"{share:.2g}") for name, share in proposal.shares.items() if name not in search.laws]
+    table(("knob", "here", "recommended", "share of the error"), rows)
+    if proposal.scheme.others:
+        click.echo(f"with {proposal.scheme.words}")
+    seconds = verified.pilot.seconds * scale
+    faster, fewer = search.base.seconds * scale / seconds, search.base.work / verified.pilot.work
+    told = search.base.price / verified.pilot.price
+    beside = ", ".join(f"{words} neighbour {error:.2g}" for words, error in verified.neighbours.items())
+    click.echo(
+        f"verified    off by {verified.error:.2g} +- {search.uncertainty:.1g} where {wanted:g} is allowed; {beside}\n"
+        f"cost        {duration(seconds)} for the whole run, {faster:.3g} times faster than the case "
+        f"(estimated: {told:.3g}); {fewer:.3g} times fewer {search.pilots.knobs.work_unit}\n"
+        f"search      {duration(search.pilots.spent)} of steps, "
+        f"{search.pilots.spent / search.base.seconds:.3g} pilots of the case's own cost"
+    )
+    for warning in verified.warnings:
+        click.echo(f"warning: {warning}", err=True)

@@ -1,0 +1,1 @@
+"""Task graphs: declared dependences, a compiled scheduler, pinned threads."""

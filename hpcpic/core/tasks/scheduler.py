@@ -1,0 +1,333 @@
+"""The compiled worker of task graphs: takes ready tasks, calls them, releases their successors.
+
+Worker threads live in `serve`, one call without the GIL: they spin for a moment after a launch and sleep on a
+semaphore afterwards. A launch never waits for a sleeper: whoever comes late finds it closed.
+
+A graph is handed over as int64 words: [n_tasks, addresses of the arrays below].
+  functions[n]     adapter address; 0 for a message, whose context is the record of its requests
+  contexts[n]      argument of the adapter
+  first[n] urgent[n]   number of predecessors; 1 for boundary tasks and messages
+  successor_start[n + 1], successors[...]
+  waiting[n]       predecessors not yet done
+  queue[2 (n + 1)] ready tasks in order, normal then urgent, -1 where none is yet
+  pending[n]       messages on their way
+  counters         see below, one cache line each
+"""
+
+from typing import Any, NamedTuple
+
+import numba
+
+from hpcpic.core.simd.atomics import (
+    atomic_add,
+    atomic_cas,
+    atomic_load,
+    atomic_store,
+    call_address,
+    call_startall,
+    call_testall,
+    cpu_pause,
+    load_int32,
+    nanoseconds,
+    sched_yield,
+    semaphore_post,
+    semaphore_wait,
+    words_at,
+)
+from hpcpic.core.simd.compile import njit
+
+LINE = 8  # int64 words in a cache line
+
+# counters of a graph
+HEAD, TAIL = 0, 2 * LINE  # of the normal queue; + LINE of the urgent one
+REMAINING = 4 * LINE
+STOP = 5 * LINE  # 0 running, else one of the two below
+N_PENDING = 6 * LINE
+ERROR, ERROR_TASK = 7 * LINE, 8 * LINE
+N_COUNTERS = 9 * LINE
+FAILED, STUCK = 1, 2
+
+N_ARRAYS = 10  # of a graph
+RECORD_WORDS = 6  # of a message: n, handles, statuses, flag, MPI_Startall, MPI_Testall
+
+# words of a pool
+GENERATION = 0  # launches so far, -1 at the end
+OPEN = LINE  # whether workers may enter the launch
+INSIDE = 2 * LINE  # workers in it, the caller not counted
+MESSAGE_LOCK = 3 * LINE  # one thread at a time calls MPI
+GRAPH = 4 * LINE  # address of the graph's words
+THREADS, IDLE_ROUNDS, LINGER_NS, LIMIT_NS = 5 * LINE, 5 * LINE + 1, 5 * LINE + 2, 5 * LINE + 3
+WORKERS = 6 * LINE  # a block for each worker:
+RUNNING, ASLEEP, SEMAPHORE = 0, LINE, 2 * LINE
+WORKER_WORDS = 4 * LINE
+
+_CLOCK_ROUNDS = 1024  # idle rounds between two looks at the clock
+
+
+class _Views(NamedTuple):
+    """The arrays of a graph."""
+
+    functions: Any
+    contexts: Any
+    first: Any
+    urgent: Any
+    successor_start: Any
+    successors: Any
+    waiting: Any
+    queue: Any
+    pending: Any
+    counters: Any
+
+
+@njit
+def _words(address, n):
+    return numba.carray(words_at(address), (n,))
+
+
+@njit
+def _views(address):
+    head = _words(address, 1 + N_ARRAYS)
+    n = head[0]
+    start = _words(head[5], n + 1)
+    return _Views(
+        _words(head[1], n),
+        _words(head[2], n),
+        _words(head[3], n),
+        _words(head[4], n),
+        start,
+        _words(head[6], start[n]),
+        _words(head[7], n),
+        _words(head[8], 2 * (n + 1)),
+        _words(head[9], n),
+        _words(head[10], N_COUNTERS),
+    )
+
+
+@njit
+def _push(g, task):
+    lane = g.urgent[task]
+    slot = atomic_add(g.counters, TAIL + LINE * lane, 1)
+    atomic_store(g.queue, lane * (g.first.size + 1) + slot, task)
+
+
+@njit
+def _take(g, lane):
+    """A ready task, or -1."""
+    while True:
+        slot = atomic_load(g.counters, HEAD + LINE * lane)
+        task = atomic_load(g.queue, lane * (g.first.size + 1) + slot)
+        if task < 0 or atomic_cas(g.counters, HEAD + LINE * lane, slot, slot + 1):
+            return task
+
+
+@njit
+def _complete(g, task):
+    for k in range(g.successor_start[task], g.successor_start[task + 1]):
+        if atomic_add(g.waiting, g.successors[k], -1) == 1:
+            _push(g, g.successors[k])
+    atomic_add(g.counters, REMAINING, -1)
+
+
+@njit
+def _fail(g, task, code):
+    if atomic_cas(g.counters, ERROR, 0, code):
+        atomic_store(g.counters, ERROR_TASK, task)
+    atomic_cas(g.counters, STOP, 0, FAILED)
+
+
+@njit
+def _poll(g):
+    """Complete the messages that have arrived; the caller holds the message lock."""
+    k = 0
+    while k < g.counters[N_PENDING]:
+        task = g.pending[k]
+        record = _words(g.contexts[task], RECORD_WORDS)
+        code = call_testall(record[5], record[0], record[1], record[3], record[2])
+        if code != 0:
+            _fail(g, task, code)
+            return
+        if load_int32(record[3]) == 0:
+            k += 1
+            continue
+        last = g.counters[N_PENDING] - 1
+        g.pending[k] = g.pending[last]
+        atomic_store(g.counters, N_PENDING, last)
+        _complete(g, task)
+
+
+@njit
+def _idle(pool, rounds):
+    """Wait for a moment; give the core away when it has been long. The rounds so far."""
+    if rounds < pool[IDLE_ROUNDS]:
+        cpu_pause()
+    else:
+        sched_yield()
+    return rounds + 1
+
+
+@njit
+def _start(g, task, pool):
+    record = _words(g.contexts[task], RECORD_WORDS)
+    if record[0] == 0:
+        _complete(g, task)
+        return
+    rounds = 0
+    while not atomic_cas(pool, MESSAGE_LOCK, 0, 1):
+        rounds = _idle(pool, rounds)
+    code = call_startall(record[4], record[0], record[1])
+    if code != 0:
+        _fail(g, task, code)
+    else:
+        n = g.counters[N_PENDING]
+        g.pending[n] = task
+        atomic_store(g.counters, N_PENDING, n + 1)
+    atomic_store(pool, MESSAGE_LOCK, 0)
+
+
+@njit
+def _anybody_running(pool):
+    for worker in range(pool[THREADS]):
+        if atomic_load(pool, WORKERS + WORKER_WORDS * worker + RUNNING):
+            return True
+    return False
+
+
+@njit
+def _look(g, pool, remaining, since, seen):
+    """At the clock: end the launch when nothing has happened for too long. For the next look: how many tasks remain,
+    since when, and the time.
+    """
+    now = nanoseconds()
+    left = atomic_load(g.counters, REMAINING)
+    if left != remaining or _anybody_running(pool):
+        since = now
+    elif now - seen > pool[LIMIT_NS] // 2:
+        since += now - seen  # the process was suspended
+    elif now - since > pool[LIMIT_NS]:
+        atomic_cas(g.counters, STOP, 0, STUCK)
+    return left, since, now
+
+
+@njit
+def _work(g, pool, worker):
+    """Run tasks until none remains, one failed, or nothing has happened for too long."""
+    running = WORKERS + WORKER_WORDS * worker + RUNNING
+    idle = 0
+    due = True  # a poll: not straight after another poll or a start, while there are tasks
+    remaining, since, seen = -1, 0, 0  # see `_look`
+    while atomic_load(g.counters, REMAINING) > 0 and atomic_load(g.counters, STOP) == 0:
+        task = _take(g, 1)
+        if (
+            task < 0
+            and due
+            and atomic_load(g.counters, N_PENDING) > 0
+            and atomic_cas(pool, MESSAGE_LOCK, 0, 1)
+        ):
+            _poll(g)
+            atomic_store(pool, MESSAGE_LOCK, 0)
+            due = False
+            task = _take(g, 1)
+        if task < 0:
+            task = _take(g, 0)
+        if task >= 0:
+            idle, remaining = 0, -1
+            if g.functions[task] == 0:
+                _start(g, task, pool)
+                due = False
+                continue
+            due = True
+            atomic_store(pool, running, 1)
+            code = call_address(g.functions[task], g.contexts[task])
+            atomic_store(pool, running, 0)
+            if code != 0:
+                _fail(g, task, code)
+            else:
+                _complete(g, task)
+            continue
+        due = True
+        idle = _idle(pool, idle)
+        if idle % _CLOCK_ROUNDS == 0:
+            remaining, since, seen = _look(g, pool, remaining, since, seen)
+
+
+@njit
+def _reset(g):
+    g.counters[:] = 0
+    g.queue[:] = -1
+    for task in range(g.first.size):
+        g.waiting[task] = g.first[task]
+        if g.first[task] == 0:
+            _push(g, task)
+    g.counters[REMAINING] = g.first.size
+
+
+@njit
+def _wake(pool, generation, others):
+    """Announce a generation; the workers that spin see it, the sleepers are woken."""
+    atomic_store(pool, GENERATION, generation)
+    for worker in range(1, others + 1):
+        mine = WORKERS + WORKER_WORDS * worker
+        if atomic_cas(pool, mine + ASLEEP, 1, 0):
+            semaphore_post(pool.ctypes.data + 8 * (mine + SEMAPHORE))
+
+
+@njit
+def _next_generation(pool, worker, seen):
+    """Wait for a generation other than the one seen: spin for a while, then sleep."""
+    asleep = WORKERS + WORKER_WORDS * worker + ASLEEP
+    semaphore = pool.ctypes.data + 8 * (WORKERS + WORKER_WORDS * worker + SEMAPHORE)
+    since = nanoseconds()
+    while atomic_load(pool, GENERATION) == seen:
+        if nanoseconds() - since < pool[LINGER_NS]:
+            cpu_pause()
+            continue
+        atomic_store(pool, asleep, 1)
+        if atomic_load(pool, GENERATION) != seen and atomic_cas(pool, asleep, 1, 0):
+            break
+        while semaphore_wait(semaphore) != 0:  # interrupted by a signal
+            pass
+    return atomic_load(pool, GENERATION)
+
+
+@njit("int64(int64, int64)")
+def launch(pool_address, graph):
+    """Run the graph with worker 0 (the caller) and the others that come in time; 0, FAILED or STUCK."""
+    pool = _words(pool_address, WORKERS)
+    pool = _words(pool_address, WORKERS + WORKER_WORDS * pool[THREADS])
+    g = _views(graph)
+    _reset(g)
+    pool[GRAPH] = graph
+    others = min(pool[THREADS], g.first.size) - 1
+    if others > 0:
+        atomic_store(pool, OPEN, 1)
+        _wake(pool, pool[GENERATION] + 1, others)
+    _work(g, pool, 0)
+    if others > 0:
+        atomic_store(pool, OPEN, 0)
+        rounds = 0
+        while atomic_load(pool, INSIDE) > 0:
+            rounds = _idle(pool, rounds)
+    return g.counters[STOP]
+
+
+@njit("void(int64, int64)")
+def serve(pool_address, worker):
+    """Life of a worker but the caller: enter each launch that is open, linger, sleep; ends at a negative generation."""
+    pool = _words(pool_address, WORKERS)
+    pool = _words(pool_address, WORKERS + WORKER_WORDS * pool[THREADS])
+    seen = 0
+    while True:
+        seen = _next_generation(pool, worker, seen)
+        if seen < 0:
+            return
+        atomic_add(pool, INSIDE, 1)
+        if atomic_load(pool, OPEN):  # after INSIDE: the launcher waits for us, or we see it closed
+            _work(_views(pool[GRAPH]), pool, worker)
+        atomic_add(pool, INSIDE, -1)
+
+
+@njit("void(int64)")
+def dismiss(pool_address):
+    """Tell all workers to leave `serve`."""
+    pool = _words(pool_address, WORKERS)
+    _wake(_words(pool_address, WORKERS + WORKER_WORDS * pool[THREADS]), -1, pool[THREADS] - 1)

@@ -1,0 +1,172 @@
+"""Figures of particles: phase space and velocity distributions."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from itertools import cycle
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from hpcpic.core.app.figures import COLOURS, NoData, NotInScene, new_figure, plain, present, style
+from hpcpic.plasma.analysis import series_analysis
+from hpcpic.plasma.analysis.predictions import config_of
+from hpcpic.plasma.case.config import velocity_components
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+    from hpcpic.core.files.reader import Particles, Run
+
+SCATTER_LIMIT = 20_000  # particles drawn as dots; more become a density
+PANELS = 4
+LOOKED = 16  # snapshots from which a movie takes its limits: each frame looks again
+FEW = 16  # particles whose paths are drawn
+
+
+def snapshots_of(run: Run) -> Particles:
+    if not any(species.particles for species in config_of(run).species):
+        raise NotInScene("there are no particles")
+    return present(lambda: run.particle_snapshots, "the particles (output.every.particles)")
+
+
+def _velocity_limits(snapshots: Particles, numbers: Sequence[int]) -> tuple[float, float]:
+    """Common limits of vx over the snapshots shown, a little wider than all but a few particles. Raises NoData."""
+    low, high = np.inf, -np.inf
+    for number in numbers:
+        for species in snapshots.species:
+            v = snapshots.read(species, number)["velocity"][:, 0]
+            if v.size:
+                ends = np.quantile(v, (0.001, 0.999))
+                low, high = min(low, ends[0]), max(high, ends[1])
+    if low > high:
+        raise NoData("there are no particles")
+    middle, half = 0.5 * (low + high), 0.5 * (high - low) or 1.0
+    return float(middle - 1.15 * half), float(middle + 1.15 * half)
+
+
+def _some(last: int, n: int) -> list[int]:
+    """At most n whole numbers from 0 to `last`, evenly."""
+    return sorted(set(np.linspace(0, last, n).astype(int).tolist()))
+
+
+def phase_space(run: Run, step: int | None = None) -> Figure:
+    """x and vx of the particles, coloured by species, at up to four times; at one step when it is given."""
+    snapshots = snapshots_of(run)
+    last = len(snapshots.steps) - 1
+    numbers = [snapshots.index(step)] if step is not None else _some(last, PANELS)
+    length = config_of(run).simulation.space_length[0]
+    limits = _velocity_limits(snapshots, _some(last, LOOKED) if step is not None else numbers)
+    with style():
+        columns = min(2, len(numbers))
+        lines = -(-len(numbers) // columns)
+        size = (6.4, 4.2) if len(numbers) == 1 else (3.5 * columns, 2.5 * lines + 0.5)
+        figure, axes = new_figure(lines, columns, size, squeeze=False, sharex=True, sharey=True)
+        for axis, number in zip(axes.flat, numbers):
+            _phase_panel(axis, snapshots, number, length, limits)
+        for axis in axes[-1]:
+            axis.set_xlabel("x, m")
+        for axis in axes[:, 0]:
+            axis.set_ylabel("$v_x$, m/s")
+        if len(snapshots.species) > 1:
+            _species_legend(figure, snapshots.species)
+        return figure
+
+
+def _phase_panel(axis: Any, snapshots: Particles, number: int, length: float, limits: tuple[float, float]) -> None:
+    """Dots while they can be told apart, else the density of each species laid over the others."""
+    from matplotlib.colors import LinearSegmentedColormap, to_rgb
+
+    read = [snapshots.read(species, number) for species in snapshots.species]
+    dots = sum(len(p["id"]) for p in read) <= SCATTER_LIMIT
+    for particles, colour in zip(read, cycle(COLOURS)):
+        x, v = particles["position"][:, 0], particles["velocity"][:, 0]
+        if dots:
+            size = 0.5 if x.size > 500 else 9.0
+            axis.scatter(x, v, s=size, color=colour, linewidths=0, rasterized=x.size > 500)
+            continue
+        density = series_analysis.phase_space(x, v, length, (200, 150), limits)
+        shade = np.ma.masked_equal(density, 0) ** 0.4  # faint filaments beside dense cores
+        fade = LinearSegmentedColormap.from_list("fade", [(*to_rgb(colour), 0.25), (*to_rgb(colour), 1.0)])
+        axis.imshow(
+            shade,
+            origin="lower",
+            extent=(0, length, *limits),
+            aspect="auto",
+            cmap=fade,
+            interpolation="nearest",
+        )
+    axis.set(xlim=(0, length), ylim=limits)
+    axis.grid(visible=False)
+    axis.set_title(f"t = {snapshots.times[number]:.4g} s", fontsize=10, weight="normal")
+
+
+def _species_legend(figure: Figure, species: Sequence[str]) -> None:
+    from matplotlib.lines import Line2D
+
+    marks = [Line2D([], [], color=c, marker="o", linestyle="") for _, c in zip(species, cycle(COLOURS))]
+    figure.legend(marks, [plain(name) for name in species], ncols=4, loc="outside upper right")
+
+
+def velocities(run: Run, step: int | None = None) -> Figure:
+    """Distribution of each velocity component at the first snapshot and at the last, or the one asked for."""
+    snapshots = snapshots_of(run)
+    if sum(s.particles for s in config_of(run).species) <= FEW:
+        raise NotInScene(f"needs more than {FEW} particles")
+    end = snapshots.index(step)
+    found = {name: snapshots.read(name, end)["velocity"] for name in snapshots.species}
+    found = {name: late for name, late in found.items() if len(late)}
+    components = velocity_components(config_of(run))
+    with style():
+        figure, axes = new_figure(1, components, (2.4 + 3.0 * components, 3.5), squeeze=False)
+        for c, axis in enumerate(axes[0]):
+            highest = 0.0
+            for (name, late), colour in zip(found.items(), cycle(COLOURS)):
+                early, v = snapshots.read(name, 0)["velocity"][:, c], late[:, c]
+                limits = (float(min(early.min(), v.min())), float(max(early.max(), v.max())))
+                bins = int(np.clip(np.sqrt(v.size) / 2, 12, 160))
+                now, then = _stairs(v, bins, limits), _stairs(early, bins, limits)
+                if end:
+                    axis.stairs(*then, color=colour, linewidth=1.0, alpha=0.45)
+                axis.stairs(*now, color=colour, fill=True, alpha=0.14)
+                axis.stairs(*now, color=colour, linewidth=1.8, label=plain(name))
+                highest = max(highest, min(then[0].max(), 2.0 * now[0].max()), now[0].max())
+            axis.set(xlabel=f"$v_{'xyz'[c]}$, m/s", ylim=(0, 1.08 * highest))
+        axes[0, 0].set(ylabel="f(v), s/m", title=f"Velocities at t = {snapshots.times[end]:.4g} s")
+        axes[0, -1].legend(title="thin: at the start" if end else None, title_fontsize=9)
+        return figure
+
+
+def _stairs(v: np.ndarray, bins: int, limits: tuple[float, float]) -> tuple[np.ndarray, np.ndarray]:
+    centres, f = series_analysis.velocity_distribution(v, bins, limits)
+    half = 0.5 * (centres[1] - centres[0])
+    return f, np.append(centres - half, centres[-1] + half)
+
+
+def orbits(run: Run, step: int | None = None) -> Figure:
+    """Paths of all particles when they are few: x and y in 2D, x in time in 1D; open where they leave the box."""
+    config, snapshots = config_of(run), snapshots_of(run)
+    if not 0 < sum(s.particles for s in config.species) <= FEW:
+        raise NotInScene(f"needs one particle, at most {FEW} particles")
+    if len(snapshots.steps) < 8:
+        raise NoData("needs eight snapshots of the particles (output.sampling_period.particle)")
+    lengths = config.simulation.space_length
+    with style():
+        figure, axes = new_figure(size=(6.4, 3.6))
+        for name, colour in zip(snapshots.species, cycle(COLOURS)):
+            path = np.array([snapshots.read(name, k)["position"] for k in range(len(snapshots.steps))])
+            jump = np.abs(np.diff(path[..., : len(lengths)], axis=0)) > 0.5 * np.array(lengths)
+            path[1:][jump.any(axis=2)] = np.nan
+            for p in range(path.shape[1]):
+                across = path[:, p, 0]
+                line = (across, path[:, p, 1]) if config.dimensions == 2 else (snapshots.times, across)
+                axes.plot(*line, color=colour, linewidth=1.3, label=plain(name) if p == 0 else None)
+                axes.plot(line[0][-1], line[1][-1], "o", color=colour, markersize=5)
+        if config.dimensions == 2:
+            axes.set(xlabel="x, m", ylabel="y, m", title="Orbits", aspect="equal")
+            width, height = (np.ptp(limits) for limits in (axes.get_xlim(), axes.get_ylim()))
+            figure.set_size_inches(6.4, np.clip(6.4 * height / width, 1.0, 5.0) + 1.0)
+        else:
+            axes.set(xlabel="time, s", ylabel="x, m", title="Orbits", ylim=(0, lengths[0]))
+        axes.legend(loc="lower right", bbox_to_anchor=(1.0, 1.0), borderaxespad=0.1, ncols=4)
+        return figure

@@ -1,0 +1,302 @@
+"""Figures of a plasma run, by name in PLOTS. Each takes a run folder that is open and makes one figure.
+
+Lines of theory are drawn dashed and dark; what was measured is coloured.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from hpcpic.core.app.figures import (
+    COLOURS,
+    INK,
+    THEORY,
+    TIMERS,
+    NoData,
+    NotInScene,
+    Plot,
+    axis_label,
+    columns_of,
+    new_figure,
+    present,
+    series_of,
+    steps_of,
+    style,
+    thinned,
+)
+from hpcpic.plasma.analysis import series_analysis, theory
+from hpcpic.plasma.analysis.particle_plots import orbits, phase_space, snapshots_of, velocities
+from hpcpic.plasma.analysis.predictions import beams, compare_mode, config_of, predict
+from hpcpic.plasma.case.config import PlasmaConfig
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+    from hpcpic.core.files.reader import Fields, Run
+
+SIGNED, POSITIVE = "RdBu_r", "viridis"
+
+
+def _fields(run: Run) -> Fields:
+    found = present(lambda: run.field_snapshots, "the fields (output.every.fields)")
+    if not found.points:
+        raise NotInScene("the grid has one point")
+    return found
+
+
+# --------------------------------------------------------------------------------------------- series
+
+
+def energies(run: Run, step: int | None = None) -> Figure:
+    """Field, kinetic and total energy, and below them the relative change of the total.
+
+    Logarithmic where the field has under a hundredth of the energy; only the beginning of a long oscillation.
+    """
+    t, field, kinetic, total = columns_of(run, "energy_field", "energy_kinetic", "energy_total")
+    with style():
+        figure, (top, low) = new_figure(2, 1, (6.4, 4.6), height_ratios=(2.2, 1))
+        shown = slice(0, _end_of_beginning(field))
+        for values, colour, label in ((total, INK, "total"), (kinetic, COLOURS[0], "kinetic")):
+            top.plot(*thinned(t[shown], values[shown]), color=colour, label=label)
+        top.plot(*thinned(t[shown], field[shown]), color=COLOURS[1], label="field")
+        if 0.0 < field.max() < 0.01 * total.max():
+            top.set_yscale("log")
+            top.set_ylim(0.3 * np.percentile(field[field > 0], 2), 4.0 * total.max())
+        else:
+            top.set_ylim(0, None)
+        title = "Energy" if shown.stop == len(t) else f"Energy until {t[shown][-1]:.3g} s"
+        top.set(ylabel=axis_label("energy", run.series.units["energy_total"]), title=title)
+        top.legend(ncols=3, loc="lower right", bbox_to_anchor=(1.0, 1.0), borderaxespad=0.1)
+        low.plot(*thinned(t, series_analysis.relative_drift(total)), color=COLOURS[3], linewidth=1.2)
+        low.set(ylabel="change of total", xlabel="time, s")
+        return figure
+
+
+def _end_of_beginning(signal: np.ndarray, crossings: int = 40) -> int:
+    """Index behind so many crossings of the mean if there are over four times as many; else the length."""
+    crossed = np.flatnonzero(np.diff(np.sign(signal - signal.mean())) != 0)
+    return int(crossed[crossings]) if len(crossed) > 4 * crossings else len(signal)
+
+
+def conservation(run: Run, step: int | None = None) -> Figure:
+    """Departures of charge, momentum and total energy, of what the scene keeps: momentum relative to sqrt(2 m W)."""
+    t, charge, total, kinetic = columns_of(run, "charge", "energy_total", "energy_kinetic")
+    config = config_of(run)
+    momenta = [name for name in config.conserved if name.startswith("momentum") and name in run.series]
+    mass = sum(species_masses(config))
+    scale = float(np.sqrt(2.0 * mass * kinetic.max())) if mass else 0.0
+    lines = [("charge", series_analysis.relative_drift(charge))]
+    if "energy_total" in config.conserved:
+        lines.insert(0, ("energy", series_analysis.relative_drift(total)))
+    lines += [(name.replace("_", " "), series_analysis.relative_drift(run.series[name], scale)) for name in momenta]
+    if not any(values.any() for _, values in lines):
+        raise NoData(f"exact: {', '.join(name for name, _ in lines)}")
+    with style():
+        figure, axes = new_figure(size=(6.4, 3.6))
+        for (name, values), colour in zip(lines, COLOURS):
+            size = np.abs(values)
+            label = name if size.any() else f"{name}: exact"
+            axes.plot(*thinned(t, np.where(size > 0, size, np.nan)), color=colour, label=label, linewidth=1.2)
+        axes.set_yscale("log")
+        axes.set(xlabel="time, s", ylabel="relative departure", title="Conservation")
+        axes.set_xlim(t[0], t[-1])
+        figure.legend(ncols=4, loc="outside lower center")  # too wide to stand beside the title
+        return figure
+
+
+def species_masses(config: PlasmaConfig) -> list[float]:
+    """Mass of all particles of each species in kg, as the scene makes them."""
+    from hpcpic.plasma.setup.scene import Scene
+
+    return [species.m * species.n for species in Scene(config).species]
+
+
+def chosen_mode(run: Run) -> int:
+    """The mode that theory and measurement are compared for: the one the case seeds, or the largest."""
+    names = [name for name in series_of(run) if name.startswith("mode_")]
+    if not names:
+        raise NoData("the series has no mode_1 ...")
+    for species in config_of(run).species:
+        if species.perturbation and f"mode_{species.perturbation.mode[0]}" in names:
+            return species.perturbation.mode[0]
+    _, *amplitudes = columns_of(run, *names)
+    return max((float(amplitude.max()), int(name[5:])) for name, amplitude in zip(names, amplitudes))[1]
+
+
+def modes(run: Run, step: int | None = None) -> Figure:
+    """Amplitudes |E_k| of the first modes along x, the one chosen beside the law that the case allows."""
+    chosen = chosen_mode(run)
+    t, amplitude = columns_of(run, f"mode_{chosen}")
+    if not amplitude.any():
+        raise NoData("there is no field")
+    found = compare_mode(t, amplitude, predict(config_of(run), chosen))
+    with style():
+        figure, axes = new_figure(size=(6.4, 4.0))
+        for name in run.series:
+            if name.startswith("mode_") and name != f"mode_{chosen}":
+                axes.plot(*thinned(t, run.series[name]), linewidth=0.8, alpha=0.45, color=COLOURS[6])
+        axes.plot(t, amplitude, color=COLOURS[0], linewidth=2.2, label=f"mode {chosen}")
+        if found.line is not None:
+            axes.plot(t, found.line, label="theory, in this mesh and step", **THEORY)
+        top = amplitude.max()
+        if found.shown:
+            axes.set(xlim=found.shown, ylim=(0, 1.45 * top))
+        else:
+            axes.set_yscale("log")
+            floor = max(np.min(amplitude[amplitude > 0], initial=top), 1e-9 * top)
+            axes.set_ylim(0.5 * floor, 12.0 * top)
+        unit = run.series.units[f"mode_{chosen}"]
+        axes.set(xlabel="time, s", ylabel=axis_label("|$E_k$|", unit), title="Modes of the field")
+        axes.legend(loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=2, borderaxespad=0.1)
+        axes.text(0.015, 0.975, found.words, transform=axes.transAxes, va="top", linespacing=1.5)
+        return figure
+
+
+def spectrum(run: Run, step: int | None = None) -> Figure:
+    """Power of the field along x over wave number and frequency, with the branches that theory gives."""
+    snapshots = _fields(run)
+    name = next((n for n in ("E", "phi") if n in snapshots.names), None)
+    if name is None or len(snapshots.steps) < 16 or len(set(np.diff(snapshots.steps))) > 1:
+        raise NoData("needs 16 snapshots of E or phi at equal intervals (output.every.fields)")
+    species = beams(config_of(run))
+    wp = float(np.sqrt(sum(b.plasma_frequency**2 for b in species))) or 1.0
+    dt = float(abs(snapshots.times[1] - snapshots.times[0]))
+    if np.pi / dt < 1.5 * wp:
+        raise NoData(f"needs a snapshot of the fields every {np.pi / (2 * wp):.3g} s or less (here {dt:.3g} s)")
+    rows = np.array([_along_x(run, name, int(s)) for s in snapshots.steps])
+    k, omega, power = series_analysis.spectrum(rows, dt, snapshots.spacing[-1])
+    speed = max((max(abs(b.drift), b.thermal_velocity) for b in species), default=0.0)
+    high = min(4.0 * wp, omega[-1])
+    right = min(k[-1], max(2.0 * wp / speed, k[min(8, len(k) - 1)])) if speed else k[-1]
+    with style():
+        figure, axes = new_figure(size=(6.4, 4.2))
+        shown = np.log10(power + 1e-300)
+        top = shown[np.ix_(omega <= high, (k > 0) & (k <= right))].max()
+        mesh = axes.pcolormesh(k[1:], omega, shown[:, 1:], vmin=top - 6, vmax=top, cmap="magma", rasterized=True)
+        axes.scatter(*_branches(species, np.linspace(k[1], right, 80)), s=3, color="white", linewidths=0)
+        axes.axhline(wp, color="white", linewidth=0.8, alpha=0.6)
+        label = {"xytext": (-4, 4), "textcoords": "offset points", "ha": "right", "color": "white"}
+        axes.annotate(r"$\omega_p$", (right, wp), **label)
+        axes.grid(visible=False)
+        figure.colorbar(mesh, ax=axes, label=f"log$_{{10}}$ power of {name}", pad=0.02)
+        axes.set(xlabel="wave number, rad/m", ylabel="frequency, rad/s", title="Spectrum of the field")
+        axes.set(xlim=(0.5 * k[1], right), ylim=(0, high))
+        return figure
+
+
+def _branches(species: Sequence[theory.Beam], waves: np.ndarray) -> tuple[list[float], list[float]]:
+    """k and omega of undamped cold waves, or of Landau's root of one warm species while damping is weak."""
+    found: list[tuple[float, float]] = []
+    if all(b.thermal_velocity == 0.0 for b in species):
+        for k in waves:
+            found += [(k, abs(w.real)) for w in theory.cold_roots(k, species) if abs(w.imag) < 1e-6 * abs(w)]
+    elif len(species) == 1:
+        wp, debye = species[0].plasma_frequency, species[0].thermal_velocity / species[0].plasma_frequency
+        found = [(k, wp * theory.landau(k * debye).real) for k in waves if k * debye < 0.6]
+    return [k for k, _ in found], [w for _, w in found]
+
+
+def _along_x(run: Run, name: str, step: int) -> np.ndarray:
+    """The x component, averaged over y, of a snapshot: values[x]; of a box of one column the y component, values[y]."""
+    values = run.field(name, step)
+    if values.ndim > len(run.field_snapshots.points):
+        values = values[..., _axis(run.field_snapshots)]
+    return values.mean(axis=tuple(range(values.ndim - 1))) if values.ndim > 1 else values
+
+
+def _axis(snapshots: Fields) -> int:
+    """0: x, 1: y, where that is the only one with several points."""
+    return len(snapshots.grid[0]) - len(snapshots.points)
+
+
+# --------------------------------------------------------------------------------------------- fields
+
+
+def fields(run: Run, step: int | None = None) -> Figure:
+    """1D: E in space and time, and profiles at a step. 2D: charge, potential and |E| at a step."""
+    snapshots = _fields(run)
+    number = snapshots.index(step)
+    if len(snapshots.points) == 1:
+        return _fields_1d(run, snapshots, number)
+    return _fields_2d(run, snapshots, number)
+
+
+def _fields_1d(run: Run, snapshots: Fields, number: int) -> Figure:
+    length = snapshots.points[0] * snapshots.spacing[0]
+    x = np.arange(snapshots.points[0]) * snapshots.spacing[0]
+    names = [n for n in ("rho", "phi", "E") if n in snapshots.names]
+    several = len(snapshots.steps) > 3
+    shown = names[-1]
+    with style():
+        height = 1.25 * len(names) + (2.8 if several else 0.6)
+        ratios = ([2.4] if several else []) + [1.0] * len(names)
+        figure, axes = new_figure(len(ratios), 1, (6.4, height), height_ratios=ratios, squeeze=False)
+        rows = list(axes[:, 0])
+        if several:
+            top = rows.pop(0)
+            history = np.array([_along_x(run, shown, int(s)) for s in snapshots.steps])
+            limit = float(np.abs(history).max()) or 1.0
+            mesh = top.pcolormesh(x, snapshots.times, history, cmap=SIGNED, vmin=-limit, vmax=limit, rasterized=True)
+            top.axhline(snapshots.times[number], color=INK, linewidth=0.8)
+            top.grid(visible=False)
+            figure.colorbar(mesh, ax=top, label=axis_label(shown, snapshots.units[shown]), pad=0.02)
+            wp = np.sqrt(sum(b.plasma_frequency**2 for b in beams(config_of(run))))
+            coarse = wp * float(np.abs(np.diff(snapshots.times[:2])).max()) > np.pi
+            title = "Field, in snapshots too rare for its swing" if coarse else "Field in space and time"
+            top.set(ylabel="time, s", title=title, xlim=(0, length))
+        for axis, name, colour in zip(rows, names, COLOURS):
+            axis.plot(x, _along_x(run, name, int(snapshots.steps[number])), color=colour)
+            axis.set(ylabel=axis_label(name, snapshots.units[name]), xlim=(0, length))
+        rows[0].set_title(f"Profiles at t = {snapshots.times[number]:.4g} s")
+        rows[-1].set_xlabel(f"{'xy'[_axis(snapshots)]}, m")
+        for axis in rows[:-1]:
+            axis.tick_params(labelbottom=False)
+        return figure
+
+
+def _fields_2d(run: Run, snapshots: Fields, number: int) -> Figure:
+    ly, lx = (n * d for n, d in zip(snapshots.points, snapshots.spacing))
+    at = int(snapshots.steps[number])
+    panels = [(name, run.field(name, at), SIGNED) for name in ("rho", "phi") if name in snapshots.names]
+    panels = [("rho - mean", v - v.mean(), c) if name == "rho" else (name, v, c) for name, v, c in panels]
+    if "E" in snapshots.names:
+        panels.append(("|E|", np.linalg.norm(run.field("E", at), axis=-1), POSITIVE))
+    with style():
+        width = 3.4 * len(panels)
+        height = 0.9 + 3.0 * min(max(ly / lx, 0.4), 1.6)
+        figure, axes = new_figure(1, len(panels), (width, height), squeeze=False)
+        for axis, (name, values, colours) in zip(axes[0], panels):
+            limit = float(np.abs(values).max()) or 1.0
+            low = -limit if colours == SIGNED else 0.0
+            image = axis.imshow(
+                values,
+                origin="lower",
+                extent=(0, lx, 0, ly),
+                cmap=colours,
+                vmin=low,
+                vmax=limit,
+                aspect="equal",
+            )
+            stored = {"rho - mean": "rho", "|E|": "E"}.get(name, name)
+            figure.colorbar(image, ax=axis, shrink=0.8, pad=0.02)
+            axis.grid(visible=False)
+            axis.set(xlabel="x, m", title=axis_label(name, snapshots.units[stored]))
+        axes[0, 0].set_ylabel("y, m")
+        figure.suptitle(f"Fields at t = {snapshots.times[number]:.4g} s", x=0.01, ha="left", fontsize=11)
+        return figure
+
+
+PLOTS = {
+    "energies": Plot("Energy in time", energies),
+    "modes": Plot("Modes of the field beside theory", modes),
+    "conservation": Plot("Departures of charge, momentum and energy", conservation),
+    "fields": Plot("Charge, potential and field", fields, steps_of(_fields)),
+    "phase-space": Plot("Particles in phase space", phase_space, steps_of(snapshots_of)),
+    "orbits": Plot("Paths of single particles", orbits),
+    "velocities": Plot("Velocity distribution", velocities, steps_of(snapshots_of)),
+    "spectrum": Plot("Spectrum over wave number and frequency", spectrum),
+    "timers": TIMERS,
+}

@@ -1,0 +1,1 @@
+"""What a case file says: keys, units, words for one quantity."""

@@ -1,0 +1,370 @@
+"""What a plasma case says: the thesis's vocabulary (chapter 11) as a typed, frozen configuration.
+
+Vectors are in physical order (x, y, z); 1D cases have x only. Older spellings of the thesis author's program
+(grid.blocks x blocksize, simulation.method, sampling_period, scalars for vectors of one component; plasma.older) and
+words for numbers (particle, temperature, particles_per_cell) are understood; `completed` replaces them by the present
+ones.
+"""
+
+import math
+from collections.abc import Iterator
+from typing import ClassVar, Literal
+
+from hpcpic.core.case.config import Path, Tree, dotted
+from hpcpic.core.case.schema import REQUIRED, Counts, Integers, Lengths, Section, Vector, matching, setting
+from hpcpic.core.case.words import in_steps
+from hpcpic.plasma.case import units
+from hpcpic.plasma.case.older_words import KINDS, modernised
+from hpcpic.plasma.setup import loaders
+
+InitMethod = Literal[
+    "random", "quiet", "opposite beams", "uniform velocities", "position delta", "harmonic two electrons",
+    "default", "random position",
+]  # fmt: skip
+MOST_PARTICLES = 2**32  # of a species: their numbers have 32 bits
+MOST_BLOCKS = 4096  # of a rank: tables of what each hands to each grow with their square
+MOST_POINTS = 2**31 - 1  # of an axis: FFTW counts so far
+
+
+class Simulation(Section):
+    dimensions: Literal[1, 2] | None = setting(None, "1 or 2; by default as many as space_length has")
+    solver: Literal["MFT", "LU"] = setting(
+        "MFT", "field solver: multiple Fourier transform, or LU for small grids"
+    )
+    cycles: int = setting(REQUIRED, "number of steps", "steps", ge=0)
+    time_step: float = setting(REQUIRED, "time step, negative runs backwards", "s")
+    space_length: Lengths = setting(
+        REQUIRED, "size of the box, [Lx] or [Lx, Ly]", "m", min_length=1, max_length=2
+    )
+    plasma_chunks: int = setting(0, "task blocks per rank, 0 = automatic", ge=0, le=MOST_BLOCKS)
+    random_seed: int = setting(1, "seed of the random numbers", ge=0)
+    stop_SEM: float = setting(
+        0.0,
+        "stop when the standard error of the mean step time, times 1.96, is below this "
+        "fraction of the mean; 0 = never",
+        ge=0,
+    )
+
+
+class Grid(Section):
+    points: Counts | None = setting(None, "grid points, [Nx] or [Nx, Ny]", min_length=1, max_length=2)
+    blocks: Counts | None = setting(
+        None, "older spelling of points: blocks x blocksize", min_length=1, max_length=2
+    )
+    blocksize: Counts | None = setting(
+        None, "older spelling of points: blocks x blocksize", min_length=1, max_length=2
+    )
+
+
+class FieldSection(Section):
+    magnetic: Vector = setting((0.0, 0.0, 0.0), "uniform background magnetic field [Bx, By, Bz]", "T")
+    electric: Vector = setting((0.0, 0.0, 0.0), "uniform external electric field [Ex, Ey, Ez]", "V/m")
+
+
+class Constants(Section):
+    vacuum_permittivity: float | None = setting(
+        None, "permittivity of free space; by default 1, in SI units 8.854e-12", "F/m", gt=0
+    )
+
+
+class Perturbation(Section):
+    mode: Integers = setting(REQUIRED, "whole wavelengths across the box, [nx] or [nx, ny]; k = 2 pi n / L")
+    amplitude: float = setting(
+        0.0, "relative density a: positions move by (a/k) sin(k.x) along k", gt=-1, lt=1
+    )
+    velocity_amplitude: float = setting(0.0, "velocities change by b sin(k.x) along k", "m/s")
+
+
+class Species(Section):
+    name: str = setting("", "name in the output; by default species_1, species_2, ...")
+    particles: int | None = setting(None, "number of macro-particles", ge=0, le=MOST_PARTICLES)
+    particles_per_cell: float | None = setting(None, "number of macro-particles per cell, in place of particles", gt=0)
+    particle: Literal[*units.PARTICLES] | None = setting(
+        None, "a known particle, in place of charge and mass; needs density or plasma_frequency"
+    )
+    charge: float | None = setting(
+        None, "charge of a macro-particle; of one real particle where density or plasma_frequency is given", "C"
+    )
+    mass: float | None = setting(None, "mass, of the same particle as charge", "kg", gt=0)
+    density: float | None = setting(
+        None,
+        "real particles per volume; a 1D box stands for 1 m2 of cross section, a 2D box for 1 m of depth",
+        "1/m3",
+        gt=0,
+    )
+    temperature: float | None = setting(
+        None, "k_B T, in place of thermal_velocity = sqrt(k_B T/m); needs density or plasma_frequency", "eV", ge=0
+    )
+    drift_velocity: Vector = setting(
+        (),
+        'mean velocity; of "opposite beams" that of every second particle, the others have its opposite; of "uniform '
+        'velocities" the bound v of velocities in [-v, v]',
+        "m/s",
+        max_length=3,
+    )
+    thermal_velocity: float = setting(0.0, "standard deviation of each velocity component", "m/s", ge=0)
+    init_method: InitMethod = setting(
+        "random",
+        "random: random positions, drift plus thermal velocities; quiet: the same evenly; default, random position: "
+        "the thesis author's words for opposite beams and, without a thermal velocity, uniform velocities",
+    )
+    position_init: Vector = setting((), '"position delta": position of the first particle', "m")
+    position_delta: Vector = setting((), '"position delta": step from one particle to the next', "m")
+    perturbation: Perturbation | None = None
+    plasma_frequency: float = setting(
+        0.0,
+        "in place of density: sets charge and mass of a macro-particle by their ratio as given; 0 = not given",
+        "rad/s",
+        ge=0,
+    )
+
+
+class Every(Section):
+    series: int | None = setting(
+        None,
+        "steps between samples of the series, 0 = never; by default what costs a long run 5 % (the thesis: "
+        "simulation.sampling_period.energy)",
+        "steps",
+        ge=0,
+    )
+    fields: int | None = setting(
+        None, "steps between snapshots of the fields, 0 = never (output.sampling_period.field)", "steps", ge=0
+    )
+    particles: int | None = setting(
+        None, "steps between snapshots of the particles, 0 = never (output.sampling_period.particle)", "steps", ge=0
+    )
+    checkpoint: int | None = setting(
+        None, "steps between checkpoints, 0 = only at the end and at an early stop", "steps", ge=0
+    )
+
+
+class Period(Section):
+    series: float | None = setting(None, "time between samples of the series, instead of every.series", "s", ge=0)
+    fields: float | None = setting(None, "time between snapshots of the fields", "s", ge=0)
+    particles: float | None = setting(None, "time between snapshots of the particles", "s", ge=0)
+    checkpoint: float | None = setting(None, "time between checkpoints", "s", ge=0)
+
+
+class Output(Section):
+    path: str | None = setting(None, "run folder, when the command line names none")
+    every: Every = Every()
+    period: Period = Period()
+    openpmd: bool = setting(False, "write snapshots as openPMD too")
+
+
+class Numerics(Section):
+    shape: Literal["NGP", "CIC", "TSC"] = setting("CIC", "particle shape: order 0, 1 (the thesis) or 2")
+    gradient: Literal["difference", "spectral"] = setting(
+        "difference", "E = -grad phi by (5.13), or by ik and k^2"
+    )
+    precision: Literal["double", "single"] = setting("double", "arithmetic of the particles")
+    exact_phase: bool = setting(False, "Boris rotation with t = tan(wc dt/2): exact gyro-phase")
+    reproducible: Literal[True] = setting(True, "same bits for any ranks, threads and task blocks")
+
+
+class PlasmaConfig(Section):
+    """A whole plasma case."""
+
+    ignored: ClassVar[tuple[str, ...]] = (
+        "plot",
+        "constants.light_speed",
+        "constants.boltzmann_constant",
+        "simulation.enable_fftw_threads",
+        "simulation.mft_tap_workers",
+        "simulation.pblock_nmax",
+        "simulation.realtime_plot",
+        "simulation.fftw_recompute_plan",
+        "output.slices",
+        "output.alignment",
+        "species.cyclotron_frequency",
+        "species.charge_mass_ratio",
+    )
+
+    description: str = setting("", "one sentence")
+    units: Literal["normalised", "SI"] = setting(
+        "normalised",
+        "SI: s, m, kg, C, V, eV as they stand here; normalised: the case's own units in their places, in which "
+        "vacuum permittivity, elementary charge and electron mass are 1",
+    )
+    simulation: Simulation
+    grid: Grid
+    field: FieldSection = FieldSection()
+    constants: Constants = Constants()
+    species: tuple[Species, ...] = ()
+    numerics: Numerics = Numerics()
+    output: Output = Output()
+
+    @property
+    def dimensions(self) -> int:
+        return self.simulation.dimensions or len(self.simulation.space_length)
+
+    @property
+    def points(self) -> tuple[int, ...]:
+        """Of the grid, in either spelling."""
+        grid = self.grid
+        return grid.points or tuple(n * m for n, m in zip(grid.blocks or (), grid.blocksize or ()))
+
+    @property
+    def cells(self) -> int:
+        return math.prod(self.points)
+
+    @property
+    def periods(self) -> dict[str, int]:
+        """Steps between samples of series, field and particle, openPMD files, checkpoints; 0 = never."""
+        every = self.output.every
+        snapshots = [steps for steps in (every.fields, every.particles) if steps]
+        return {
+            "series": every.series or 0,
+            "field": every.fields or 0,
+            "particle": every.particles or 0,
+            "openpmd": min(snapshots, default=0) if self.output.openpmd else 0,
+            "checkpoint": every.checkpoint or 0,
+        }
+
+    @classmethod
+    def modernised(cls, tree: Tree) -> None:
+        modernised(tree)
+        for path in matching(tree.data, ("species",)):
+            species = tree.data["species"][path[-1]] if len(path) == 2 else tree.data["species"]
+            given = [name for name in ("particles", "particles_per_cell") if name in species]
+            from_set = [name for name in given if tree.where((*path, name)).file.startswith("--set")]
+            if len(given) == 2 and len(from_set) == 1:  # --set counts, as over the same key
+                tree.drop((*path, *(set(given) - set(from_set))))
+            tree.warnings += [f"{dotted(path)}.{text}" for text in loaders.told_of_drifts(species)]
+
+    def faults(self) -> Iterator[tuple[Path, str]]:
+        d = self.dimensions
+        simulation = self.simulation
+        if len(simulation.space_length) != d:
+            yield (
+                ("simulation", "space_length"),
+                f"needs {d} number(s) in {d}D (got {len(simulation.space_length)})",
+            )
+        if simulation.time_step == 0:
+            yield ("simulation", "time_step"), "must not be 0"
+        yield from self.grid_faults(d)
+        for name in ("magnetic", "electric"):
+            vector = getattr(self.field, name)
+            if len(vector) != 3:
+                yield ("field", name), f"needs 3 numbers, one per axis x, y, z (got {len(vector)})"
+        names = [name_of(species, i) for i, species in enumerate(self.species)]
+        for i, species in enumerate(self.species):
+            if "/" in names[i] or names[i] in (".", ".."):
+                yield ("species", i, "name"), f"{names[i]!r} would be a path in the files of a run"
+            for key, text in (*species_faults(species, d), *loaders.particle_faults(species)):
+                yield ("species", i, *key), text
+            if species.particles_per_cell and species.particles_per_cell * self.cells > MOST_PARTICLES:
+                yield ("species", i, "particles_per_cell"), f"makes more than {MOST_PARTICLES} particles"
+        given, known = self.constants.vacuum_permittivity, units.SI.permittivity
+        if self.units == "SI" and given is not None and abs(given / known - 1) > 0.01:
+            yield ("constants", "vacuum_permittivity"), f"is {known} F/m in SI units: leave it out (got {given})"
+
+    def grid_faults(self, d: int) -> Iterator[tuple[Path, str]]:
+        grid = self.grid
+        older = [name for name in ("blocks", "blocksize") if getattr(grid, name) is not None]
+        if grid.points is not None and older:
+            yield ("grid", older[0]), "give either points, or blocks and blocksize"
+        elif grid.points is None and len(older) < 2:
+            yield ("grid", *older), "needs points = [..] (or blocks and blocksize)"
+        for name in ("points", *older):
+            vector = getattr(grid, name)
+            if vector is not None and len(vector) != d:
+                yield ("grid", name), f"needs {d} number(s) in {d}D (got {len(vector)})"
+            elif vector is not None and max(vector) > MOST_POINTS:
+                yield ("grid", name), f"at most {MOST_POINTS} on an axis (got {max(vector)})"
+
+    def completed(self) -> "PlasmaConfig":
+        d, points = self.dimensions, self.points
+        permittivity = self.constants.vacuum_permittivity or units.SYSTEMS[self.units].permittivity
+        every, period, step = self.output.every, self.output.period, self.simulation.time_step
+        steps = {kind: in_steps(getattr(every, kind), getattr(period, kind), step) for kind in KINDS}
+        unknown = every.series is None and period.series is None
+        output = self.output.model_copy(update={"every": Every(**steps), "period": Period()})
+        full = self.model_copy(
+            update={
+                "simulation": self.simulation.model_copy(update={"dimensions": d}),
+                "grid": Grid(points=points),
+                "constants": Constants(vacuum_permittivity=permittivity),
+                "species": tuple(completed_species(species, i, self) for i, species in enumerate(self.species)),
+                "output": output,
+            }
+        )
+        return full.sampled() if unknown else full
+
+    @property
+    def conserved(self) -> tuple[str, ...]:
+        """Scalars of the series that the scene keeps: a magnetic field turns momentum, an electric one does work."""
+        magnetic, electric = self.field.magnetic, self.field.electric
+        along = (k for k in range(3) if not electric[k] and not any(b for i, b in enumerate(magnetic) if i != k))
+        return ("charge", *(() if any(electric) else ("energy_total",)), *(f"momentum_{'xyz'[k]}" for k in along))
+
+    def sampled(self) -> "PlasmaConfig":
+        """The same with the default period of the series."""
+        from hpcpic.plasma.forecast.estimate import series_period
+
+        every = self.output.every.model_copy(update={"series": series_period(self)})
+        return self.model_copy(update={"output": self.output.model_copy(update={"every": every})})
+
+
+def species_faults(species: Species, d: int) -> Iterator[tuple[Path, str]]:
+    """What does not fit together in one species, in d dimensions."""
+    if species.drift_velocity and len(species.drift_velocity) < d:
+        yield ("drift_velocity",), f"needs {d} numbers in {d}D, or 3 (got {len(species.drift_velocity)})"
+    for name in ("position_init", "position_delta"):
+        vector = getattr(species, name)
+        if vector and len(vector) != d:
+            yield (name,), f"needs {d} number(s) in {d}D (got {len(vector)})"
+    if species.init_method == "position delta":
+        for name in ("position_init", "position_delta"):
+            if not getattr(species, name):
+                yield (), f'{name} is missing, which init_method "position delta" needs'
+    if species.init_method == "harmonic two electrons" and species.particles != 2:
+        yield ("particles",), f'must be 2 for init_method "harmonic two electrons" (got {species.particles})'
+    if species.perturbation:
+        mode = species.perturbation.mode
+        if len(mode) != d:
+            yield ("perturbation", "mode"), f"needs {d} number(s) in {d}D (got {len(mode)})"
+        elif not any(mode):
+            yield ("perturbation", "mode"), "must not be zero on every axis"
+
+
+def name_of(species: Species, i: int) -> str:
+    """The name of species[i], given or by default."""
+    return species.name or f"species_{i + 1}"
+
+
+def completed_species(species: Species, i: int, config: PlasmaConfig) -> Species:
+    """Name given, vectors of full length, numbers in the place of words."""
+    zeros, d = (0.0,) * 3, config.dimensions
+    return species.model_copy(
+        update={
+            "name": name_of(species, i),
+            "drift_velocity": (species.drift_velocity + zeros)[:3],
+            "position_init": species.position_init or zeros[:d],
+            "position_delta": species.position_delta or zeros[:d],
+            **loaders.numbers(species, config.cells, units.SYSTEMS[config.units]),
+        }
+    )
+
+
+def velocity_components(config: PlasmaConfig) -> int:
+    """Velocity components that the motion needs: 1 or 3 in 1D, 2 or 3 in 2D.
+
+    All three are there when the magnetic field turns velocities out of the plane (any B in 1D, an in-plane
+    B in 2D), or when something pushes or drifts along an axis that has no grid.
+    """
+    d = config.dimensions
+    bends = any(config.field.magnetic) if d == 1 else any(config.field.magnetic[:2])
+    pushed = any(config.field.electric[d:]) or any(any(s.drift_velocity[d:]) for s in config.species)
+    return 3 if bends or pushed else d
+
+
+def rotation(config: PlasmaConfig) -> int:
+    """Of velocities in the magnetic field (5.4.1): 0 there is none, 1 about z, 2 about any other axis."""
+    bx, by, bz = config.field.magnetic
+    return 2 if bx or by else int(bz != 0)
+
+
+def volume(config: PlasmaConfig) -> float:
+    """Length (1D, m) or area (2D, m2) of the box."""
+    return math.prod(config.simulation.space_length)

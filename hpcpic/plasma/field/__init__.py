@@ -1,0 +1,1 @@
+"""Charge and field of a slab."""

@@ -1,0 +1,368 @@
+"""The numbers that decide whether a plasma case is stable and accurate, with their limits and sources."""
+
+import itertools
+import math
+from collections.abc import Iterator
+from functools import partial
+
+from hpcpic.core.case.derived import Derived
+from hpcpic.plasma.case.config import MOST_POINTS, PlasmaConfig, Species, velocity_components, volume
+from hpcpic.plasma.case.units import SYSTEMS, known_by_ratio
+from hpcpic.plasma.physics.heating import FEWEST, RATES, energy_ratio
+from hpcpic.plasma.setup.loaders import velocity_moments
+
+HEATED = 0.1  # growth of the energy by the grid that is warned of
+CURES = 5  # doublings of particles or points that are tried against it
+HUGE = 1e75
+NODE_CAPACITY = 2**19  # particles on one node that 64-bit fixed point with 44 fractional bits holds
+MOST_CELLS = 1e9  # that a particle may cross in a step
+SMALLEST = 1e-4  # change in a step below which steps are wasted
+MOST_TURN = 1e6  # wc dt beyond which round-off of the turn heats: in 40 steps by 1e-5 at 1e12, by 5 at 1e15, measured
+UNITS = 'are charge, mass and lengths in the case\'s units (units = "SI" or "normalised")?'
+TIME_STEP = ("simulation", "time_step")
+POINTS = ("grid", "points")
+BOOK = "Birdsall & Langdon"
+
+
+def derived(config: PlasmaConfig, ranks: int = 1) -> list[Derived]:
+    """Every derived number of a completed case that runs on so many ranks."""
+    beyond = list(overflows(config))
+    if beyond:
+        return beyond
+    return [
+        *mistaken_units(config),
+        *stability(config),
+        *resolution(config),
+        *motion(config),
+        *waves(config),
+        *sizes(config),
+        *blocks(config, ranks),
+    ]
+
+
+def plasma_frequency(config: PlasmaConfig, species: Species) -> float:
+    """wp of one species in rad/s: its own where the case gives it, else sqrt(n q^2 / (eps0 m))."""
+    if not species.particles:
+        return 0.0
+    if species.plasma_frequency:
+        return species.plasma_frequency
+    density = species.density or species.particles / volume(config)
+    ratio = species.charge / species.mass
+    return math.sqrt(density * species.charge * ratio / config.constants.vacuum_permittivity)
+
+
+def total_plasma_frequency(config: PlasmaConfig) -> float:
+    return math.hypot(0.0, *(plasma_frequency(config, species) for species in config.species))
+
+
+def thermal_velocities(config: PlasmaConfig, species: Species) -> tuple[float, ...]:
+    """Standard deviation of the velocity per grid axis, m/s, that beams and waves have no part in."""
+    d = config.dimensions
+    if species.init_method == "uniform velocities":
+        return tuple(velocity_moments(config, species, axis)[1] for axis in range(d))
+    return (species.thermal_velocity,) * d
+
+
+def spacing(config: PlasmaConfig) -> tuple[float, ...]:
+    return tuple(length / n for length, n in zip(config.simulation.space_length, config.grid.points))
+
+
+def rounded_down(value: float) -> float:
+    """The largest number of two digits that is not above value > 0."""
+    scale = 10.0 ** (math.floor(math.log10(value)) - 1)
+    return float(f"{math.floor(value / scale) * scale:.2g}")
+
+
+def overflows(config: PlasmaConfig) -> Iterator[Derived]:
+    """The numbers so large or small that products of a few of them leave floating point."""
+    simulation = config.simulation
+    checked = [(("simulation", "time_step"), simulation.time_step)]
+    checked += [(("constants", "vacuum_permittivity"), config.constants.vacuum_permittivity)]
+    checked += [(("simulation", "space_length"), length) for length in simulation.space_length]
+    checked += [(("field", "magnetic"), component) for component in config.field.magnetic]
+    checked += [(("field", "electric"), component) for component in config.field.electric]
+    for i, species in enumerate(config.species):
+        for name in ("charge", "mass", "density", "thermal_velocity", "plasma_frequency"):
+            checked.append((("species", i, name), getattr(species, name)))
+        for name in ("drift_velocity", "position_init", "position_delta"):
+            checked += [(("species", i, name), component) for component in getattr(species, name)]
+        if wave := species.perturbation:
+            checked.append((("species", i, "perturbation", "velocity_amplitude"), wave.velocity_amplitude))
+    wrong = [(key, value) for key, value in checked if value and not 1 / HUGE < abs(value) < HUGE]
+    if not wrong:
+        wp = total_plasma_frequency(config)
+        wrong = [(("species",), wp)] if wp and not 1 / HUGE < wp < HUGE else []
+    for key, value in wrong:
+        symbol = "wp" if key == ("species",) else str(key[-1])
+        limit = f"{1 / HUGE:g} .. {HUGE:g}, 0"
+        cure = "choose other units"
+        yield Derived("magnitude", symbol, value, "", limit, "fail", "floating point", cure, key)
+
+
+def mistaken_units(config: PlasmaConfig) -> Iterator[Derived]:
+    """Particles in kg and C in a box whose permittivity is 1."""
+    if config.constants.vacuum_permittivity != 1.0:
+        return
+    for i, species in enumerate(config.species):
+        known = known_by_ratio(species.charge, species.mass)
+        if known and species.particles:
+            cure = f'its charge/mass is that of the {known} in C/kg: units = "SI" has the permittivity 8.854e-12 F/m'
+            key = ("species", i, "charge")
+            yield Derived("permittivity", "eps0", 1.0, "", "8.854e-12", "warn", "SI units", cure, key)
+
+
+def stability(config: PlasmaConfig) -> Iterator[Derived]:
+    """wp dt and, with a magnetic field, wc dt."""
+    dt = config.simulation.time_step
+    wp = total_plasma_frequency(config)
+    source = f"{BOOK} ch. 4"
+    yield Derived("plasma frequency", "wp", wp, "rad/s")
+    step = abs(wp * dt)
+    verdict = "ok" if step <= 0.5 else "warn" if step < 1.2 else "fail"
+    limit = "< 2, accurate below 0.5" if step < 1.2 else "< 1.2, stable below 2" if step < 2 else "< 2"
+    legal = math.copysign(rounded_down(1.19 / wp), dt) if wp else dt
+    good = math.copysign(rounded_down(0.2 / wp), dt) if wp else dt
+    cure = "" if verdict == "ok" else f"time_step = {legal:g} is the nearest legal one, {good:g} is accurate"
+    yield Derived(
+        "time step", "wp dt", step, "", limit, verdict, source, cure, TIME_STEP, step < 2, stable_below=2.0
+    )
+    turn = fastest_turn(config) * abs(dt)
+    if 0 < max(step, turn, crossing(config)) < SMALLEST:
+        yield idle_steps(max(step, turn, crossing(config)))
+    if (period := config.periods["series"]) > 1 and step:
+        yield sampling(math.pi / (step * period), period)
+    if any(config.field.magnetic):
+        yield turning(config, turn)
+
+
+def sampling(samples: float, period: int) -> Derived:
+    """How well a series shows the energy of the field, which swings twice in a plasma period."""
+    verdict = "ok" if samples > 2 else "warn"
+    cure = "" if verdict == "ok" else f"output.every.series = {max(1, int(period * samples / 8))} shows them"
+    key = ("output", "every", "series")
+    name = "samples in a swing of the field energy"
+    return Derived(name, "pi/(wp dt K)", samples, "", "> 2", verdict, "sampling theorem", cure, key)
+
+
+def idle_steps(step: float) -> Derived:
+    """Steps so short that nothing moves in one."""
+    cure = f"a larger time_step does; {UNITS}"
+    name, symbol, source = "largest change in a step", "max(wp dt, wc dt, v dt/dx)", "10 000 steps for one oscillation"
+    return Derived(name, symbol, step, "", f"> {SMALLEST:g}", "warn", source, cure, TIME_STEP)
+
+
+def fastest_turn(config: PlasmaConfig) -> float:
+    """Largest cyclotron frequency, rad/s."""
+    ratios = (abs(species.charge / species.mass) for species in config.species if species.particles)
+    return max(ratios, default=0.0) * math.hypot(*config.field.magnetic)
+
+
+def turning(config: PlasmaConfig, step: float) -> Derived:
+    """The angle by which a particle turns in a step."""
+    exact, source = config.numerics.exact_phase, f"{BOOK} ch. 4"
+    most, good = (math.pi, math.pi) if exact else (MOST_TURN, 0.35)
+    verdict = "ok" if step <= good else "warn" if step < most else "fail"
+    limit = "< pi" if exact else "< 0.35 for the gyro-phase to 1 %" if step < most else f"< {most:g}"
+    cure = "" if verdict == "ok" else f"time_step = {step_for(config, 0.35 / step):g}"
+    if step >= MOST_TURN:
+        cure += f", or a weaker field: a step only turns velocities round; {UNITS}"
+    elif verdict != "ok" and (exact or step < math.pi):
+        cure += f", or exact_phase = {'false' if exact else 'true'}"
+    return Derived("turn per step", "wc dt", step, "rad", limit, verdict, source, cure, TIME_STEP)
+
+
+def resolution(config: PlasmaConfig) -> Iterator[Derived]:
+    """Debye length against the grid, and the heating that follows from it."""
+    inverse_sq = [0.0] * config.dimensions
+    for species in config.species:
+        wp = plasma_frequency(config, species)
+        for axis, thermal in enumerate(thermal_velocities(config, species)):
+            inverse_sq[axis] += (wp / thermal) ** 2 if thermal > 0 else 0.0
+    axes = zip(inverse_sq, spacing(config), config.grid.points)
+    ratios = [1 / math.sqrt(k) / dx for k, dx, n in axes if k > 0 and n > 1]  # one point has no field along its axis
+    if not ratios:
+        return
+    ratio = min(ratios)
+    known = config.dimensions == 2 and config.numerics.shape in RATES and config.numerics.gradient == "difference"
+    yield shielding(config, ratio, known)
+    longest = max(1 / math.sqrt(k) / length for k, length in zip(inverse_sq, config.simulation.space_length) if k > 0)
+    verdict = "ok" if longest < 10 else "warn"
+    cure = "" if verdict == "ok" else f"no shielding in this box: the particles fly freely; {UNITS}"
+    key = ("simulation", "space_length")
+    yield Derived("Debye length in boxes", "lambda_D/L", longest, "", "< 10", verdict, f"{BOOK} ch. 1", cure, key)
+    if known:
+        yield heating(config, ratio)
+
+
+def shielding(config: PlasmaConfig, ratio: float, known: bool) -> Derived:
+    """Debye length against the grid. known: whether the rates of heating were measured for this scheme."""
+    verdict = "ok" if ratio >= 0.5 else "warn" if ratio >= 0.03 else "fail"
+    cure = ""
+    if verdict != "ok":
+        points = 0.5 / ratio * max(config.grid.points)
+        fine = f"about {math.ceil(points)} points on an axis" if points <= MOST_POINTS else "a hotter or thinner plasma"
+        smooth = heated(config, "TSC", ratio) if known and config.numerics.shape == "CIC" else math.inf
+        cheap = f', or numerics.shape = "TSC", with which the energy grows by {smooth:.2g}' if smooth < HEATED else ""
+        cure = fine + cheap
+    source = f"{BOOK} ch. 8"
+    return Derived("Debye length", "lambda_D/dx", ratio, "", "> 0.5", verdict, source, cure, POINTS, forceable=True)
+
+
+def heated(config: PlasmaConfig, shape: str, ratio: float, more: float = 1.0, finer: float = 1.0) -> float:
+    """W(end)/W(0) - 1 by the measured rates, with `more` times the particles and a `finer` grid; nan where too few."""
+    particles = sum(species.particles for species in config.species)
+    per_cell = more * particles / (math.prod(config.grid.points) * finer**2)
+    time = total_plasma_frequency(config) * abs(config.simulation.time_step) * config.simulation.cycles
+    return energy_ratio(shape, ratio * finer, per_cell, time) - 1 if per_cell >= FEWEST else math.nan
+
+
+def heating(config: PlasmaConfig, ratio: float) -> Derived:
+    """Growth of the total energy over the run that the grid causes, from the measured rates, with cures by the same."""
+    shape = config.numerics.shape
+    growth = heated(config, shape, ratio)
+    if math.isnan(growth):
+        source = f"cannot be foretold with fewer than {FEWEST:g} particles per cell"
+        return Derived("predicted heating", "dW/W", growth, source=source)
+    verdict = "ok" if growth < HEATED else "warn"
+    factors = [2.0**n for n in range(1, CURES + 1)]
+    more = next((f for f in factors if heated(config, shape, ratio, more=f) < HEATED), None)
+    finer = next((f for f in factors if heated(config, shape, ratio, more=f**2, finer=f) < HEATED), None)
+    ways = [f"{more:g} times the particles"] if more else []
+    ways += [f"{finer:g} times the points on each axis with as many particles per cell"] if finer else []
+    if shape != "TSC" and heated(config, "TSC", ratio) < HEATED:
+        ways.insert(0, 'numerics.shape = "TSC"')
+    cure = "" if verdict == "ok" else ", or ".join(ways) or f"no grid up to {factors[-1]:g} times as fine cures it"
+    source = "rates measured at wp dt = 0.2"
+    return Derived("predicted heating", "dW/W", growth, "", f"< {HEATED}", verdict, source, cure, POINTS)
+
+
+def crossing(config: PlasmaConfig) -> float:
+    """Cells that the fastest particle crosses in a step: as loaded, and as the external electric field makes it."""
+    fastest, dt, electric = 0.0, abs(config.simulation.time_step), config.field.electric
+    turn = fastest_turn(config) if any(electric) else 0.0
+    time = dt * max(config.simulation.cycles, 1)
+    time = min(time, 2 / turn) if turn else time  # a cycloid has no more than twice the drift E/B
+    for species in config.species:
+        if not species.particles:
+            continue
+        tail = math.sqrt(2 * math.log(max(species.particles, 2)))
+        wave = abs(species.perturbation.velocity_amplitude) if species.perturbation else 0.0
+        for axis, dx in enumerate(spacing(config)):
+            gained = abs(species.charge / species.mass * electric[axis]) * time
+            speed = abs(species.drift_velocity[axis]) + tail * species.thermal_velocity + wave + gained
+            fastest = max(fastest, speed * dt / dx)
+    return fastest
+
+
+def motion(config: PlasmaConfig) -> Iterator[Derived]:
+    """Velocities as loaded, and how far the fastest particle gets in a step."""
+    fastest, components = crossing(config), velocity_components(config)
+    for species in config.species:
+        axes = range(components) if species.particles else ()
+        for (mean, spread), equal in itertools.groupby(axes, partial(velocity_moments, config, species)):
+            along = ", ".join(f"v{'xyz'[axis]}" for axis in equal)
+            yield Derived(f"mean velocity of {species.name}", f"mean {along}", mean, "m/s")
+            yield Derived(f"velocity spread of {species.name}", f"std {along}", spread, "m/s")
+    verdict, limit, source = "ok" if fastest < 1 else "warn", "< 1", "one cell per step"
+    cure = "" if verdict == "ok" else f"slower, not wrong; time_step = {step_for(config, 0.9 / fastest):g} avoids it"
+    if fastest >= MOST_CELLS:
+        verdict, limit, source = "fail", f"< {MOST_CELLS:g}", "cells are counted in 32 bits"
+        cure = f"time_step = {step_for(config, 0.9 / fastest):g}, or a slower particle; {UNITS}"
+    yield Derived("fastest particle", "v dt/dx", fastest, "cells", limit, verdict, source, cure, TIME_STEP)
+    light = SYSTEMS[config.units].light
+    if math.isfinite(light):
+        speeds = (math.hypot(*s.drift_velocity) + 3 * s.thermal_velocity for s in config.species if s.particles)
+        beta = max(speeds, default=0.0) / light
+        verdict, cure = ("ok", "") if beta < 0.1 else ("warn", "the equations of motion know no relativity")
+        yield Derived("speed against light", "v/c", beta, "", "< 0.1", verdict, "gamma = 1.005", cure, ("species",))
+    yield Derived("velocity components", "", components)
+
+
+def step_for(config: PlasmaConfig, factor: float) -> float:
+    dt = config.simulation.time_step
+    return math.copysign(rounded_down(abs(dt) * factor), dt)
+
+
+def waves(config: PlasmaConfig) -> Iterator[Derived]:
+    """How well the grid carries the waves that the case starts, and how long it watches them."""
+    wp, dt = total_plasma_frequency(config), abs(config.simulation.time_step)
+    if wp:
+        time, key = dt * config.simulation.cycles, ("simulation", "cycles")
+        limit, source = ("", "") if fastest_turn(config) * time >= 1 else ("> 0.16", "wp t > 1")
+        verdict = "ok" if wp * time >= 1 or not limit else "warn"
+        cure = "" if verdict == "ok" else f"the plasma does nothing in it: more cycles, a larger time_step; {UNITS}"
+        periods = wp * time / (2 * math.pi)
+        yield Derived("length of the run", "wp t/2pi", periods, "periods", limit, verdict, source, cure, key)
+    for i, species in enumerate(config.species):
+        if not species.perturbation:
+            continue
+        key = ("species", i, "perturbation", "mode")
+        turns = [2 * math.pi * n / points for n, points in zip(species.perturbation.mode, config.grid.points)]
+        step = max(abs(turn) for turn in turns)
+        if step > math.pi:
+            yield Derived(
+                "perturbed wave",
+                "k dx",
+                step,
+                "rad",
+                "<= pi",
+                "fail",
+                "shortest wave of a grid",
+                "a smaller mode or more points",
+                key,
+                forceable=True,
+            )
+            continue
+        verdict = "ok" if step <= math.pi / 8 else "warn"
+        cure = (
+            "" if verdict == "ok" else f"more than 1 % slow; {math.ceil(8 * step / math.pi)} times the points"
+        )
+        yield Derived("perturbed wave", "k dx", step, "rad", "< pi/8", verdict, f"{BOOK} ch. 4", cure, key)
+        if len(turns) == 1 and 0 < wp * dt < 2 and config.numerics.gradient == "difference":
+            frequency = 2 / (wp * dt) * math.asin(wp * dt / 2 * math.cos(step / 2))
+            yield Derived("cold frequency on this grid", "w/wp", frequency, source=f"{BOOK} ch. 4, 8")
+
+
+def sizes(config: PlasmaConfig) -> Iterator[Derived]:
+    """Particles per cell, the charge of the background, and points where the solver minds."""
+    cells = math.prod(config.grid.points)
+    per_cell = sum(species.particles for species in config.species) / cells
+    verdict = "ok" if per_cell <= NODE_CAPACITY / 4 else "warn" if per_cell <= NODE_CAPACITY else "fail"
+    limit, source = f"< {NODE_CAPACITY}", "64-bit fixed-point charge"
+    cure = "" if verdict == "ok" else "more points"
+    yield Derived("particles per cell", "N/cells", per_cell, "", limit, verdict, source, cure, POINTS)
+    density = -sum(charge_density(config, species) for species in config.species)
+    unit = "C/m3" if config.units == "SI" else "C/m" if config.dimensions == 1 else "C/m2"
+    yield Derived("background charge density", "rho_0", density, unit)
+    if config.simulation.solver == "LU":
+        verdict = "ok" if cells <= 4096 else "warn" if cells <= 16384 else "fail"
+        cure, source = "" if verdict == "ok" else 'solver = "MFT"', "(5.6), cost (2/3) N^3"
+        key = ("simulation", "solver")
+        yield Derived(
+            "points of the LU solver", "Nx Ny", cells, "", "< 4096", verdict, source, cure, key, True
+        )
+
+
+def charge_density(config: PlasmaConfig, species: Species) -> float:
+    """Mean charge density of one species; where wp is given, wp^2 eps0 / (q/m)."""
+    if species.plasma_frequency and species.particles:
+        wp = species.plasma_frequency
+        return wp * wp * config.constants.vacuum_permittivity * species.mass / species.charge
+    return (species.density or species.particles / volume(config)) * species.charge if species.particles else 0.0
+
+
+def blocks(config: PlasmaConfig, ranks: int) -> Iterator[Derived]:
+    """Rows per rank and columns per task block."""
+    columns, rows = config.grid.points[0], config.grid.points[-1]
+    verdict = "ok" if ranks <= rows else "fail"
+    cure = "" if verdict == "ok" else f"at most {rows} ranks"
+    source = "slabs end at one row"
+    yield Derived("rows per rank", "rows/R", rows / ranks, "", ">= 1", verdict, source, cure, POINTS, True)
+    chunks = config.simulation.plasma_chunks
+    if chunks:
+        block = (columns if config.dimensions == 2 else rows / ranks) / chunks
+        verdict = "ok" if block >= 1 else "warn"
+        cure = "" if block >= 1 else "some stay empty: fewer plasma_chunks"
+        key = ("simulation", "plasma_chunks")
+        source = "one column per block"
+        yield Derived("columns per task block", "Nx/chunks", block, "", ">= 1", verdict, source, cure, key)

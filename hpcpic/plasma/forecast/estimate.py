@@ -1,0 +1,215 @@
+"""What a plasma run will need: memory by item, disk, time for any ranks x threads, from measured rates.
+
+A step is the work on particles, on cells and on the field, divided by the gain of the cores, and what does not divide:
+Python with the launches, and the exchanges between ranks. Particles and nodes beyond those that the caches hold are
+waited for, and all cores share one memory. A sample of the series goes through all particles and nodes. The rates
+come from `hpcpic bench` on this machine; what it did not measure keeps its ratio to what it did on the authors'
+machine (DEFAULT).
+"""
+
+import math
+from collections.abc import Mapping
+
+from hpcpic.core.app.forecast import FILES, Estimate, gain, writing_seconds
+from hpcpic.plasma.case.config import PlasmaConfig, velocity_components
+from hpcpic.plasma.forecast.plan import arrays, factor_nonzeros
+from hpcpic.plasma.sizes import EDGE
+
+MIB = 2.0**20
+SERIES_BYTES = 16 * 8 * 2  # of one sample: sixteen numbers, in HDF5 and as text
+SERIES_SHARE = 0.05  # of a run that samples of a series nobody has asked for may take,
+SERIES_SECONDS = 1.0  # or as many seconds of a core: the shortest runs have all their steps in the series
+START = 1.0  # s: interpreter, libraries, kernels from the cache
+HELD = 0.75  # of the last-level cache, by particles: fields and what else runs want the rest
+STANDARD_BYTES = 36  # of a particle in two dimensions and double precision
+NODE_BYTES = 32  # of a node, by the rows and columns of its transform, which are read again within a field
+LEVELS = {2: 18, 1: 16}  # log2 of the nodes for which `field_ns` holds: a transform's work grows with it
+
+# Measured on the authors' machine, one core of a 2-core AMD Zen 5 at 4.1 GHz.
+DEFAULT = FILES | {
+    "particle_ns 2D CIC double": 2.3,  # pushed and delivered, in caches
+    "particle_ns 2D CIC single": 1.9,
+    "particle_ns 2D NGP double": 2.0,
+    "particle_ns 2D NGP single": 1.6,
+    "particle_ns 2D TSC double": 3.6,
+    "particle_ns 2D TSC single": 2.6,
+    "particle_ns 1D CIC double": 1.35,
+    "particle_ns 1D CIC single": 1.1,
+    "particle_ns 1D NGP double": 1.2,
+    "particle_ns 1D NGP single": 0.9,
+    "particle_ns 1D TSC double": 1.6,
+    "particle_ns 1D TSC single": 1.4,
+    "memory_ns": 2.85,  # pushed and delivered, of STANDARD_BYTES, from memory
+    "cache_mb": 32.0,  # last-level cache of a node
+    "cell_ns 2D": 2.8,  # of the push and of the charge
+    "cell_ns 1D": 2.0,
+    "tile_ns 2D": 430.0,  # more, of a tile of cells that is not empty
+    "tile_ns 1D": 220.0,
+    "field_ns 2D": 6.7,  # transforms, potential and its gradient
+    "field_ns 1D": 8.0,
+    "field_memory_ns": 3.0,  # more, of a node that no cache holds, as transforms of 2048^2 and 4096^2 took
+    "cell_memory_ns": 0.6,  # likewise; from a Zen 4, by the ratio of the fields
+    "factor_ns 2D": 0.88,  # per number in the factors of LU
+    "factor_ns 1D": 3.5,
+    "sample_ns": 3.4,  # of the series, per particle
+    "sample_cell_ns": 8.0,
+    "plasma_sample_us": 75.0,
+    "plasma_launch_us": 43.0,  # Python and the launches of a step
+    "plasma_exchange_us": 15.0,  # of ranks with each other: messages, or a word that all agree on
+    "message_gb_s": 8.0,
+    "cores": 2.0,
+    "plasma_core_gain 2D": 1.65,  # of all cores of a node over one
+    "plasma_core_gain 1D": 1.5,
+    "memory_core_gain": 1.3,  # and at particles that no cache holds
+    "mesh_core_gain": 1.65,  # and at what cells and the field need
+    "rank_mib": 220.0,  # Python and the libraries, kernels from the cache
+}
+
+
+def estimate(config: PlasmaConfig, ranks: int, threads: int, measured: Mapping[str, float]) -> Estimate:
+    """Of a completed case on ranks x threads; `measured` rates of this machine take the place of DEFAULT."""
+    rates = completed_rates(measured)
+    cycles, period = config.simulation.cycles, config.periods["series"]
+    whole = phases(config, ranks, threads, rates)
+    shown = {name: seconds for name, seconds in whole.items() if name != "field" or period != 1}
+    sampling = (cycles // period + 1 if period else 0) * sample_seconds(config, ranks, threads, rates)
+    disk = disk_items(config)
+    written = config.output.every
+    snapshots = sum(cycles // every + 1 for every in (written.fields, written.particles) if every)
+    seconds = START + cycles * sum(whole.values()) + sampling + writing_seconds(disk, snapshots, rates)
+    return Estimate(
+        memory_items(config, ranks, threads, rates), disk, sum(shown.values()), seconds, whole, sampling, START
+    )
+
+
+def completed_rates(measured: Mapping[str, float]) -> dict[str, float]:
+    """DEFAULT with the measured rates; a kernel that was not measured keeps its ratio to the standard one."""
+    standard = "particle_ns 2D CIC double"
+    ratio = measured.get(standard, DEFAULT[standard]) / DEFAULT[standard]
+    scaled = {name: value * ratio if "_ns" in name else value for name, value in DEFAULT.items()}
+    return scaled | dict(measured)
+
+
+def particle_count(config: PlasmaConfig) -> int:
+    return sum(species.particles for species in config.species)
+
+
+def particle_bytes(config: PlasmaConfig) -> int:
+    """Position, velocity and number of one particle."""
+    size = 8 if config.numerics.precision == "double" else 4
+    return (config.dimensions + velocity_components(config)) * size + 4
+
+
+def phases(config: PlasmaConfig, ranks: int, threads: int, rates: Mapping[str, float]) -> dict[str, float]:
+    """Seconds of one step by what it does. With a sample in every step the field is solved there, not in the step."""
+    if not particle_count(config):
+        return {"launches": 1e-6}
+    d, cells = config.dimensions, math.prod(config.grid.points)
+    kernel = f"particle_ns {d}D {config.numerics.shape} {config.numerics.precision}"
+    components = (d + velocity_components(config)) / (2 * d)  # of a particle, beside those of the standard kernel
+    gains = rates[f"plasma_core_gain {d}D"], rates["mesh_core_gain"]
+    cores, mesh = (1e9 * gain(ranks, threads, rates, of_node) for of_node in gains)
+    tiles = math.prod(-(-n // EDGE[d]) for n in config.grid.points)
+    filled = sum(filled_tiles(species.particles, tiles) for species in config.species)
+    away = beyond_caches(cells, NODE_BYTES, max(1.0, ranks * threads / rates["cores"]), rates) / NODE_BYTES
+    return {
+        "particles": particle_count(config) * rates[kernel] * components / cores,
+        "memory": memory_seconds(config, ranks, threads, rates),
+        "tiles": filled * rates[f"tile_ns {d}D"] / cores,
+        "cells": (cells * rates[f"cell_ns {d}D"] + away * rates["cell_memory_ns"]) / mesh,
+        "field": field_seconds(config, 1e-9 * mesh, away, rates),
+        "launches": 1e-6 * rates["plasma_launch_us"],
+        "exchanges": exchange_seconds(config, ranks, rates),
+    }
+
+
+def field_seconds(config: PlasmaConfig, cores: float, away: float, rates: Mapping[str, float]) -> float:
+    """Of one field, of which no cache holds `away` nodes. With LU every rank solves the whole of it, on one thread."""
+    d, spectral = config.dimensions, config.numerics.gradient == "spectral"
+    if config.simulation.solver == "LU":
+        return 1e-9 * factor_nonzeros(config.grid.points) * rates[f"factor_ns {d}D"]
+    transforms = 1 + 0.5 * d * spectral  # beside those of differences
+    cells = math.prod(config.grid.points)
+    work = cells * max(1.0, math.log2(cells)) / LEVELS[d] * rates[f"field_ns {d}D"] + away * rates["field_memory_ns"]
+    return 1e-9 * work * transforms / cores
+
+
+def beyond_caches(n: int, size: int, nodes: float, rates: Mapping[str, float]) -> float:
+    """Bytes that come from memory in every step, of n things of so many bytes."""
+    return max(0.0, n * size - nodes * 1e6 * HELD * rates["cache_mb"])
+
+
+def memory_seconds(config: PlasmaConfig, ranks: int, threads: int, rates: Mapping[str, float]) -> float:
+    """Of a step, for particles that no cache holds: all of their time on these cores, less that of their work."""
+    nodes = max(1.0, ranks * threads / rates["cores"])
+    n = beyond_caches(particle_count(config), particle_bytes(config), nodes, rates) / STANDARD_BYTES
+    gains = rates["memory_core_gain"], rates["plasma_core_gain 2D"]
+    memory, cores = (gain(ranks, threads, rates, of_node) for of_node in gains)
+    return 1e-9 * n * max(0.0, rates["memory_ns"] / memory - rates["particle_ns 2D CIC double"] / cores)
+
+
+def filled_tiles(particles: int, tiles: int) -> float:
+    """Of so many tiles, those that are not empty when each particle may be in any of them."""
+    return tiles * -math.expm1(-particles / tiles)
+
+
+def exchanges(d: int, ranks: int) -> int:
+    """Messages of a step that ranks wait for one after the other."""
+    return 5 if d == 1 else 4 + 2 * (ranks - 1)
+
+
+def exchange_seconds(config: PlasmaConfig, ranks: int, rates: Mapping[str, float]) -> float:
+    """Of one step's leavers, the word that says whether more are to come, charge, potential and transposes, whose
+    bytes travel between nodes only.
+    """
+    if ranks == 1:
+        return 0.0
+    size = 8 if config.numerics.precision == "double" else 4
+    away = max(0.0, 1 - rates["cores"] / ranks)
+    transposes = 2 * size * math.prod(config.grid.points) / ranks * away
+    count = exchanges(config.dimensions, ranks)
+    return 1e-6 * count * rates["plasma_exchange_us"] + transposes / (1e9 * rates["message_gb_s"])
+
+
+def sample_seconds(config: PlasmaConfig, ranks: int, threads: int, rates: Mapping[str, float]) -> float:
+    """Of one sample of the series beside the field, which the next step would have solved."""
+    work = particle_count(config) * rates["sample_ns"] + math.prod(config.grid.points) * rates["sample_cell_ns"]
+    cores = gain(ranks, threads, rates, rates[f"plasma_core_gain {config.dimensions}D"])
+    return 1e-9 * work / cores + 1e-6 * rates["plasma_sample_us"]
+
+
+def series_period(config: PlasmaConfig) -> int:
+    """Steps between samples where the case does not say; by DEFAULT rates, so the same on any machine."""
+    cycles = config.simulation.cycles
+    step = cycles * sum(phases(config, 1, 1, DEFAULT).values())
+    samples = cycles * sample_seconds(config, 1, 1, DEFAULT)
+    return max(1, math.ceil(samples / max(SERIES_SHARE * step, SERIES_SECONDS)))
+
+
+def memory_items(
+    config: PlasmaConfig, ranks: int, threads: int, rates: Mapping[str, float]
+) -> dict[str, float]:
+    """Bytes per rank. The largest moment of a run is its end, when the state is put in order for the digest."""
+    items = {"Python and libraries": rates["rank_mib"] * MIB}
+    for array in arrays(config, ranks, threads):
+        items[array.name] = array.bytes
+    items["state in order of number"] = particle_count(config) / ranks * (particle_bytes(config) + 4)
+    return items
+
+
+def disk_items(config: PlasmaConfig) -> dict[str, float]:
+    """Bytes of the whole run."""
+    cycles = config.simulation.cycles
+    size = 8 if config.numerics.precision == "double" else 4
+    series, period = config.periods["series"], config.output.every
+    particles, cells = particle_count(config), math.prod(config.grid.points)
+
+    def times(every: int | None) -> int:
+        return cycles // every + 1 if every else 0
+
+    return {
+        "series": times(series) * SERIES_BYTES,
+        "fields": times(period.fields) * cells * size * (2 + 3),  # vectors have three components
+        "particles": times(period.particles) * particles * (3 * 8 + 3 * 8 + 8 + 4),
+        "checkpoints, two": 2 * particles * (particle_bytes(config) + 4),
+    }

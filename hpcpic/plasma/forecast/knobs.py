@@ -1,0 +1,249 @@
+"""What can be turned in a plasma case, and what is asked of it: growth, frequency, damping, gyration, energy."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from functools import partial
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from hpcpic.core.app.knobs import Choice, Knob, Knobs, Quantity
+from hpcpic.core.case.schema import value_text
+from hpcpic.plasma.analysis.predictions import Prediction, predict
+from hpcpic.plasma.analysis.series_analysis import Oscillation, fit_oscillation, signed
+from hpcpic.plasma.case.config import PlasmaConfig
+from hpcpic.plasma.forecast.derived import fastest_turn, spacing, total_plasma_frequency
+from hpcpic.plasma.setup.loaders import PLACED, RANDOM, SCALABLE, draws_random
+
+if TYPE_CHECKING:
+    from hpcpic.core.files.series import Series
+
+PERIODS = 5  # of an oscillation whose frequency is wanted
+GROWTH_WINDOW = (3.5, 6.5)  # e-folds after the start: other roots have died out, the beams are not trapped yet
+DAMPING_WINDOW = (0.7, 3.6)  # periods after the start: other roots have died out, noise is still small
+WEAK = 1e-3  # of the frequency: a damping rate that the noise of particles hides
+SAMPLES = 129  # of a window, the same times in every pilot
+PER_CELL = 4  # least particles per cell of a quiet species
+MOST_STEPS = 100_000  # of the case in the horizon: a single proton's plasma frequency is far from its gyration's
+HORIZON = 300.0  # 1/wp in which an instability of the time step shows
+
+
+def knobs_of(config: PlasmaConfig) -> Knobs:
+    """Of a completed case."""
+    time = abs(config.simulation.time_step) * config.simulation.cycles
+    return Knobs(
+        knobs=tuple(continuous(config)),
+        choices=tuple(choices_of(config)),
+        quantities=lambda: quantities_of(config, time),
+        settings=partial(settings, config),
+        time=time,
+        pilot=(
+            "output.every.series=1",
+            "output.every.fields=0",
+            "output.every.particles=0",
+            "output.openpmd=false",
+        ),
+        work=lambda c: c.simulation.cycles * max(1, sum(s.particles for s in c.species)),
+        work_unit="particle-steps",
+        horizon=min(
+            HORIZON / (total_plasma_frequency(config) or fastest_turn(config) or 1.0),
+            MOST_STEPS * abs(config.simulation.time_step),
+        ),
+        growth=growth,
+        seed=reseeded if any(draws_random(s) for s in config.species) else None,
+    )
+
+
+def reseeded(seed: int) -> tuple[str, ...]:
+    return (f"simulation.random_seed={seed}",)
+
+
+def continuous(config: PlasmaConfig) -> list[Knob]:
+    d = config.dimensions
+    random = any(s.init_method in RANDOM for s in config.species)
+    found = [
+        Knob("dx", "grid spacing", "m", ("grid", "points"), lambda c: spacing(c)[0], 2.0, d, "Debye length"),
+        Knob("dt", "time step", "s", ("simulation", "time_step"), lambda c: abs(c.simulation.time_step), 2.0, 1.0,
+             "time step"),
+    ]  # fmt: skip
+    if scalable(config):
+        found.append(
+            Knob("particles", "particles of all species", "", ("species", 0, "particles"),
+                 lambda c: 1.0 / sum(s.particles for s in c.species), 0.5 if random else 1.0, 1.0,
+                 shown=lambda size: 1.0 / size)
+        )  # fmt: skip
+    return found
+
+
+def scalable(config: PlasmaConfig) -> bool:
+    """Whether more particles are the same scene: not where they are placed one by one."""
+    return bool(config.species) and all(
+        s.particles > 16 and s.init_method in SCALABLE for s in config.species
+    )
+
+
+def choices_of(config: PlasmaConfig) -> list[Choice]:
+    numerics = config.numerics
+    listed = [("exact_phase", (False, True), "dt")] if any(config.field.magnetic) else []
+    listed += [("gradient", ("difference", "spectral"), "dx"), ("precision", ("double", "single"), "")]
+    listed.append(("shape", ("NGP", "CIC", "TSC"), "dx"))
+    found = []
+    for name, values, acts_on in listed:
+        here = getattr(numerics, name)
+        others = tuple(value_text(value) for value in values if value != here)
+        found.append(Choice(name, ("numerics", name), value_text(here), others, acts_on))
+    return found
+
+
+# --------------------------------------------------------------------------------------------------- settings
+
+
+def settings(config: PlasmaConfig, sizes: Mapping[str, float], time: float) -> tuple[str, ...]:
+    """--set list for spacing dx [m], time step dt [s] and 1/number of particles, in a run until time [s]."""
+    simulation = config.simulation
+    dt = abs(simulation.time_step)
+    cycles = max(1, math.ceil(time / sizes.get("dt", dt) - 1e-6))
+    step = time / cycles
+    made = [f"simulation.cycles={cycles}", f"simulation.time_step={math.copysign(step, simulation.time_step)!r}"]
+    finer = spacing(config)[0] / sizes["dx"] if "dx" in sizes else 1.0
+    points = [n if finer == 1.0 else smooth(max(4.0, n * finer)) for n in config.grid.points]
+    made.append(f"grid.points={points}")
+    if "particles" in sizes and scalable(config):
+        more = 1.0 / (sizes["particles"] * sum(s.particles for s in config.species))
+        for i, s in enumerate(config.species):
+            n = count(s.particles * more, math.prod(points), s.init_method)
+            made.append(f"species[{i}].particles={n}")
+            if n != s.particles and not (s.density or s.plasma_frequency):  # the same plasma: shared among more
+                made += [f"species[{i}].{name}={getattr(s, name) * s.particles / n!r}" for name in ("charge", "mass")]
+    made += [f"{key}={max(1, round(period * dt / step))}" for key, period in sampled(config) if period]
+    return tuple(made)
+
+
+def sampled(config: PlasmaConfig) -> list[tuple[str, int | None]]:
+    """Periods in steps, which another time step changes."""
+    every = config.output.every
+    return [(f"output.every.{kind}", getattr(every, kind)) for kind in ("series", "fields", "particles")]
+
+
+def smooth(least: float) -> int:
+    """The next even number with no prime factor above 5: fast transforms."""
+    n = 2 * math.ceil(least / 2 - 1e-6)
+    while True:
+        rest = n
+        for prime in (2, 3, 5):
+            while rest % prime == 0:
+                rest //= prime
+        if rest == 1:
+            return n
+        n += 2
+
+
+def count(wanted: float, cells: int, init_method: str) -> int:
+    """At least so many particles; as many in every cell where they start evenly, so that no beat is an alias."""
+    if init_method != "quiet":
+        return max(2, math.ceil(wanted - 1e-6))
+    return cells * max(PER_CELL, math.ceil(wanted / cells - 1e-6))
+
+
+# ------------------------------------------------------------------------------------------------- quantities
+
+
+def quantities_of(config: PlasmaConfig, time: float) -> list[Quantity]:
+    """The one that the case is about first. time [s]: of the whole run."""
+    found = []
+    wc = fastest_turn(config)
+    if wc > 100.0 * total_plasma_frequency(config):
+        period = 2.0 * math.pi / wc
+        text = "angular frequency of the gyration, from momentum_x"
+        found.append(Quantity("gyration", text, min(time, PERIODS * period), partial(gyration, wc)))
+    mode = started_mode(config)
+    law = predict(config, mode) if mode else None
+    if law is not None:
+        found += waves(law, mode, time)
+    drift = partial(energy, time=time)
+    text = "total energy at the end over that at the start, by the trend"
+    found.append(Quantity("energy", text, time / 4, drift, exact=1.0))
+    return found
+
+
+def started_mode(config: PlasmaConfig) -> int:
+    """The mode along x that the case starts, 0 if it starts none."""
+    for species in config.species:
+        if species.perturbation and not any(species.perturbation.mode[1:]):
+            return abs(species.perturbation.mode[0])
+    return int(all(s.init_method in PLACED for s in config.species) and config.dimensions == 1)
+
+
+def waves(law: Prediction, mode: int, time: float) -> list[Quantity]:
+    """Of a law: growth, or damping and frequency. Windows follow from the law: the same for every pilot."""
+    rate, frequency = law.omega.imag, abs(law.omega.real)
+    if rate > 1e-6 * abs(law.omega):
+        first, last = (min(efolds / rate, time * efolds / GROWTH_WINDOW[1]) for efolds in GROWTH_WINDOW)
+        text = f"growth rate of mode_{mode} between t = {first:.3g} and {last:.3g} s, 1/s"
+        return [Quantity("growth", text, last, partial(growth_rate, f"mode_{mode}", first, last))]
+    period = 2.0 * math.pi / frequency
+    end = min(time, PERIODS * period)
+    text = "angular frequency of the wave, from energy_kinetic, rad/s"
+    wave = Quantity("frequency", text, end, partial(half_frequency, frequency))
+    if -rate < WEAK * frequency:
+        return [wave]
+    first, last = (min(n * period, time * n / DAMPING_WINDOW[1]) for n in DAMPING_WINDOW)
+    text = f"damping rate of mode_{mode} between t = {first:.3g} and {last:.3g} s, 1/s"
+    fit = partial(damped, f"mode_{mode}", first, last, law.omega)
+    return [
+        Quantity("damping", text, last, lambda series: -fit(series).rate),
+        Quantity("frequency", text.replace("damping rate", "frequency"), last, lambda series: fit(series).frequency),
+    ]
+
+
+def at(t: np.ndarray, first: float, last: float) -> np.ndarray:
+    """SAMPLES times in [first, last], inside the data whatever the last bits say."""
+    return np.clip(np.linspace(first, last, SAMPLES), t[0], t[-1])
+
+
+def growth_rate(name: str, first: float, last: float, series: Series) -> float:
+    """Slope of the log of an amplitude over the window."""
+    from scipy.interpolate import CubicSpline
+
+    times = at(series.time, first, last)
+    line = CubicSpline(series.time, np.log(np.maximum(series[name], 1e-300)))(times)
+    return float(np.polyfit(times - first, line, 1)[0])
+
+
+def damped(name: str, first: float, last: float, omega: complex, series: Series) -> Oscillation:
+    from scipy.interpolate import CubicSpline
+
+    times = at(series.time, first, last)
+    wave = CubicSpline(series.time, signed(series[name]))(times)
+    return fit_oscillation(times, wave, frequency=omega.real, rate=omega.imag)
+
+
+def half_frequency(frequency: float, series: Series) -> float:
+    """The kinetic energy swings twice in a period; unlike that of the field it knows nothing of the grid."""
+    fit = fit_oscillation(series.time, series["energy_kinetic"], frequency=2.0 * frequency, damped=False)
+    return 0.5 * fit.frequency
+
+
+def gyration(frequency: float, series: Series) -> float:
+    return fit_oscillation(series.time, series["momentum_x"], frequency=frequency, damped=False).frequency
+
+
+def energy(series: Series, time: float) -> float:
+    """1 + the relative change of the total energy in `time` at the trend of the series. Raises ZeroDivisionError."""
+    start = float(series["energy_total"][0])
+    if not start:
+        raise ZeroDivisionError("there is no energy at the start")
+    return 1.0 + float(np.polyfit(series.time - series.time[0], series["energy_total"], 1)[0]) * time / start
+
+
+def growth(series: Series) -> float:
+    """Largest total energy over that at the start, or largest field energy where there is none at the start."""
+    total = series["energy_total"]
+    start = abs(float(total[0]))
+    if start == 0.0 or not np.isfinite(total).all():
+        return math.inf if not np.isfinite(total).all() else 1.0
+    return float(np.abs(total).max()) / start
+
+

@@ -1,0 +1,136 @@
+"""What a case makes the program do and hold: kernels, arrays and messages of a step, before anything is allocated.
+
+`check --plan` prints it and `estimate` adds it up, so what a scene does not contain shows as missing lines and bytes.
+"""
+
+import math
+from collections.abc import Iterator, Sequence
+
+from hpcpic.core.app.forecast import Array, imports
+from hpcpic.core.comm.shared_memory import FOLDER as SHARED_MEMORY
+from hpcpic.core.space.cuts import even_cuts
+from hpcpic.plasma.case.config import PlasmaConfig, rotation, velocity_components
+from hpcpic.plasma.setup.loaders import macro_charge
+from hpcpic.plasma.sizes import EDGE, GHOSTS, PAGE
+
+ROTATION = ("no rotation", "rotation about z", "rotation about any axis")
+
+
+def groups(config: PlasmaConfig) -> int:
+    """Species with the same size of charge share one array of integer charge."""
+    return max(1, len({abs(macro_charge(config, species)) for species in config.species}))
+
+
+def kernels(config: PlasmaConfig) -> list[str]:
+    """The compiled kernels of a step, with what they are made for."""
+    d, shape = config.dimensions, config.numerics.shape
+    law = (
+        f"{d}D, {shape}, {velocity_components(config)} velocity components, {config.numerics.precision}, "
+        f"{ROTATION[rotation(config)]}"
+    )
+    field = (
+        "sparse LU of the gathered grid"
+        if config.simulation.solver == "LU"
+        else "transposed FFT, Green function on the columns"
+    )
+    gradient = (
+        "two more inverse transforms" if config.numerics.gradient == "spectral" else "centred differences"
+    )
+    if not any(species.particles for species in config.species):
+        return ["none: nothing changes without particles"]
+    return [
+        f"push       {law} (vectors)",
+        f"deliver    {law}",
+        "collect    integer charge of the blocks",
+        f"solve      {field}",
+        f"gradient   {gradient}",
+    ]
+
+
+def arrays(config: PlasmaConfig, ranks: int, threads: int) -> Iterator[Array]:
+    """The arrays of the rank with the most rows."""
+    d, points = config.dimensions, config.grid.points[::-1]
+    below, above = GHOSTS[config.numerics.shape]
+    ghosts = below + above
+    rows = even_cuts(points[0], ranks)[1]
+    columns = points[1] if d == 2 else 1
+    real = "float64" if config.numerics.precision == "double" else "float32"
+    blocks = config.simulation.plasma_chunks or threads
+    n_groups = groups(config)
+    yield from particle_arrays(config, ranks, rows, columns, blocks, real)
+    wide = (rows + ghosts,) if d == 1 else (rows + ghosts, columns + ghosts * blocks)
+    yield Array("charge of the blocks", (n_groups, *wide), "int64")
+    yield Array("charge of the slab", (n_groups, rows + ghosts, columns), "int64")
+    yield Array("rho", (rows, columns), "float64")
+    yield Array("phi", tuple(n + ghosts + 2 for n in ((rows, columns) if d == 2 else (rows,))), "float64")
+    yield Array("E", (d, *(n + ghosts for n in ((rows, columns) if d == 2 else (rows,)))), "float64")
+    results = d if config.numerics.gradient == "spectral" else 1
+    if config.simulation.solver == "LU":
+        yield Array("LU: gathered grid, twice", (2, points[0], columns), "float64")
+        yield Array("LU: factors", (factor_nonzeros(config.grid.points), 3), "int32")  # a float64 and its row
+    else:
+        across = points[1] if d == 2 else 1
+        yield Array("transform: rows", (1 + results, rows, across), "float64")
+        shared = f" (in {SHARED_MEMORY})" if ranks > 1 and d == 2 else ""
+        yield Array(f"transform: columns{shared}", (results, -(-(across // 2 + 1) // ranks), points[0]), "complex128")
+
+
+def factor_nonzeros(points: Sequence[int]) -> int:
+    """Of L and U together: six per point in 1D; in 2D, with m points along the shorter side, 12 sqrt(m), as we counted
+    them in SuperLU's for m of 16 to 256, to within a quarter.
+    """
+    return round(math.prod(points) * (6 if len(points) == 1 else 12 * math.sqrt(min(points))))
+
+
+def particle_arrays(
+    config: PlasmaConfig, ranks: int, rows: int, columns: int, blocks: int, real: str
+) -> Iterator[Array]:
+    """Pages with their numbers; every tile part of a species leaves half a page empty, on average."""
+    n = sum(species.particles for species in config.species)
+    if not n:
+        return
+    edge, d = EDGE[config.dimensions], config.dimensions
+    parts = -(-rows // edge) * (max(blocks, -(-columns // edge)) if d == 2 else 1)
+    slots = parts * len(config.species)
+    pages = -(-n // ranks // PAGE) + min(slots, n) // 2
+    yield Array("particles", (pages, PAGE, d + velocity_components(config)), real)
+    yield Array("numbers of the particles", (pages, PAGE), "uint32")
+
+
+def messages(config: PlasmaConfig, ranks: int) -> list[str]:
+    """What one rank sends in a step."""
+    if ranks == 1:
+        return ["none: one rank sends no messages"]
+    if not any(species.particles for species in config.species):
+        return ["none: nothing changes without particles"]
+    neighbours = min(2, ranks - 1)
+    row = config.grid.points[0] if config.dimensions == 2 else 1
+    below, above = GHOSTS[config.numerics.shape]
+    charge = 8 * row * groups(config) * (below + above)
+    wide = row + below + above + 2 if config.dimensions == 2 else 1
+    lines = [
+        f"particles  {neighbours}, with the leavers",
+        f"wanted     {(ranks - 1).bit_length()} of 8 bytes: does any rank have leavers that are in no letter",
+        f"charge     {min(1 + bool(below), neighbours)}, together {charge} bytes",
+        f"potential  {neighbours}, together {8 * wide * (below + above + 2)} bytes",
+    ]
+    if config.simulation.solver == "LU":
+        lines.append("solve      the grid gathered on every rank")
+    elif config.dimensions == 1:
+        lines.append(f"solve      the charge gathered on every rank, {ranks - 1} messages")
+    else:
+        lines.append(
+            f"transform  {2 * (ranks - 1)}: tokens of 8 bytes inside a node, columns of the slab between nodes"
+        )
+    return lines
+
+
+def plan(config: PlasmaConfig, ranks: int, threads: int) -> list[str]:
+    """Lines for `check --plan`."""
+    lines = ["kernels of a step", *(f"  {line}" for line in kernels(config)), "arrays per rank"]
+    for array in arrays(config, ranks, threads):
+        shape = " x ".join(map(str, array.shape))
+        lines.append(f"  {array.name:<26}{shape:<24}{array.dtype:<12}{array.bytes / 2**20:10.2f} MiB")
+    lines += ["messages of a step, per rank", *(f"  {line}" for line in messages(config, ranks))]
+    solver = "scipy.sparse" if config.simulation.solver == "LU" else "FFTW (the library of pyfftw alone)"
+    return lines + imports(solver)

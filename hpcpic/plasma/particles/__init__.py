@@ -1,0 +1,1 @@
+"""The particles of a rank: storage, neighbours, exchanges and sums."""

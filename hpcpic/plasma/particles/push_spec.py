@@ -1,0 +1,63 @@
+"""What the kernels of a scene are made for, and into how many parts they divide a particle's charge."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import DTypeLike, NDArray
+
+from hpcpic.plasma.case.config import rotation
+from hpcpic.plasma.kernels.specialise import specialise
+from hpcpic.plasma.setup.scene import Scene
+
+NODES = {"NGP": 1, "CIC": 2, "TSC": 3}
+VECTORS = {"NGP": ("nodal", "nearest"), "CIC": ("linear",), "TSC": ("nodal", "quadratic")}  # their kernels
+WHOLE_BITS = {8: 44, 4: 20}  # a particle's charge is 2^44 parts, in single precision 2^20 (that of its position)
+
+
+@dataclass(frozen=True, slots=True)
+class Law:
+    """What the kernels are made for: axes, shape, velocity components, rotation 0 none, 1 about z, 2 any; type."""
+
+    dimensions: int
+    shape: str
+    velocities: int
+    rotation: int
+    dtype: DTypeLike
+
+    @property
+    def components(self) -> int:
+        return self.dimensions + self.velocities
+
+    @classmethod
+    def of(cls, scene: Scene) -> "Law":
+        numerics = scene.config.numerics
+        dtype = np.float64 if numerics.precision == "double" else np.float32
+        return cls(scene.dimensions, numerics.shape, scene.velocity_components, rotation(scene.config), dtype)
+
+    def kernels(self, plain: bool = False):
+        """The compiled module of this law; `plain` for the reference, one particle after the other."""
+        dtype = np.dtype(self.dtype)
+        return specialise(
+            ("pages", "plain", "moments") + (() if plain else ("packs", *VECTORS[self.shape], "push", "sums")),
+            DIM=self.dimensions,
+            NODES=NODES[self.shape],
+            VELOCITIES=self.velocities,
+            COMPONENTS=self.components,
+            ROTATION=self.rotation,
+            REAL=f"np.{dtype.name}",
+            LANES=64 // dtype.itemsize,
+        )
+
+
+def groups_of_charge(scene: Scene, law: Law) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
+    """charge[species] = (group of equal |q|, parts of one particle with sign), weight[group] = density of a part.
+
+    A node may hold 2^18 particles of a group, or a group's all, or 4096 times the mean: the parts are chosen so.
+    """
+    sizes = sorted({abs(species.q) for species in scene.species}, reverse=True)
+    mean = scene.n_particles / np.prod(scene.points)
+    most = max(1, min(scene.n_particles, max(2**18, 4096 * mean)))
+    bits = min(WHOLE_BITS[np.dtype(law.dtype).itemsize], 62 - int(np.ceil(np.log2(most))))
+    charge = [(sizes.index(abs(species.q)), int(np.sign(species.q)) << bits) for species in scene.species]
+    weight = [q / scene.cell_volume / 2.0**bits for q in sizes]
+    return np.array(charge, np.int64).reshape(-1, 2), np.array(weight or [0.0])

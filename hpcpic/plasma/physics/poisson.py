@@ -1,0 +1,233 @@
+"""Solvers of the field equation: MFT by Fourier transforms (thesis 5.2.3), LU by factorisation (5.2.2).
+
+Both solve (5.7), a phi_xx + b phi_x + c phi + d phi_yy + e phi_y + f phi = g, periodic, with g = -rho / eps0,
+discretised by centred differences; the Poisson equation is a = d = 1 and the rest 0. Departures: every
+spacing counts by itself (the printed (5.3) and (5.11) hold for dx = dy = 1), and a singular equation (c + f =
+0) is solved for g without its mean, phi having mean zero.
+"""
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import DTypeLike, NDArray
+
+from hpcpic.core.space.domain import Domain
+
+if TYPE_CHECKING:
+    from hpcpic.core.comm.world import World
+    from hpcpic.core.tasks.graph import Pool
+
+_LU_POINTS = 256 * 256
+
+
+@dataclass(frozen=True, slots=True)
+class Operator:
+    """The constants of (5.7); lengths in the unit of the domain."""
+
+    a: float = 1.0
+    b: float = 0.0
+    c: float = 0.0
+    d: float = 1.0
+    e: float = 0.0
+    f: float = 0.0
+
+    @property
+    def singular(self) -> bool:
+        """A constant phi gives g = 0."""
+        return self.c + self.f == 0.0
+
+    def along(self, axis: str) -> tuple[float, float]:
+        """Factors of the second and the first derivative along "x" or "y"."""
+        return (self.a, self.b) if axis == "x" else (self.d, self.e)
+
+
+def _angles(n: int) -> NDArray[np.float64]:
+    """2 pi k / n, transform order, k from -n/2: sines and cosines come out odd and even to the bit."""
+    return 2 * np.pi / n * (np.fft.fftfreq(n) * n)
+
+
+def _first(n: int, spacing: float, spectral: bool) -> NDArray[np.float64]:
+    """d/dx = i times this. The highest mode of an even n has no sign, so no derivative."""
+    if not spectral:
+        return np.where(np.arange(n) * 2 == n, 0.0, np.sin(_angles(n))) / spacing
+    return np.where(np.arange(n) * 2 == n, 0.0, _angles(n)) / spacing
+
+
+def _second(n: int, spacing: float, spectral: bool) -> NDArray[np.float64]:
+    """d2/dx2 = this."""
+    k = _angles(n)
+    return (-(k**2) if spectral else 2 * (np.cos(k) - 1)) / spacing**2
+
+
+def green(
+    operator: Operator, points: tuple[int, ...], spacing: tuple[float, ...], columns: slice, *, spectral: bool
+) -> NDArray:
+    """phi_hat / g_hat (5.11) in transform order: [kx of `columns`, ky] in 2D, [kx] in 1D; real if b = e = 0.
+
+    0 for a singular mode 0. spectral: -k^2 and i k for the differences. ValueError if another mode is
+    resonant.
+    """
+    symbol = np.zeros((1,) * len(points))
+    for storage, axis in zip(range(-1, -1 - len(points), -1), "xy"):
+        n, step = points[storage], spacing[storage]
+        second, first = operator.along(axis)
+        part = second * _second(n, step, spectral)
+        if first:
+            part = part + 1j * first * _first(n, step, spectral)
+        if axis == "x":
+            part = part[: n // 2 + 1][columns]
+        symbol = symbol + (part[:, None] if axis == "x" and len(points) == 2 else part)
+    symbol = symbol + (operator.c + operator.f)
+    zero = symbol == 0
+    allowed = int(operator.singular and (columns.start or 0) == 0 and symbol.size > 0)
+    if np.count_nonzero(zero) > allowed:
+        raise ValueError(f"{operator} is resonant: modes of a periodic box satisfy it without a charge")
+    return np.where(zero, 0.0, 1.0 / np.where(zero, 1.0, symbol))
+
+
+def _gradient(points: tuple[int, ...], spacing: tuple[float, ...], columns: slice) -> list[NDArray]:
+    """-i k_x, -i k_y on the modes of `columns`, shaped to multiply `green`."""
+    x = -1j * _first(points[-1], spacing[-1], True)[: points[-1] // 2 + 1][columns]
+    if len(points) == 1:
+        return [x]
+    return [x[:, None], -1j * _first(points[0], spacing[0], True)[None, :]]
+
+
+class MFT:
+    """phi from rho by (5.10): transform, times the Green function, transform back. All ranks call together.
+
+    rho   real[rows, Nx] ([rows] in 1D), to be written: the charge density of this rank's rows
+    phi   real[rows, Nx]: the potential, after solve()
+    E     [x, y components] real[rows, Nx] each, with gradient = "spectral": E_hat = -i k phi_hat; else empty
+
+    permittivity: eps0. spectral: the exact -k^2 and i k for the differences of the operator.
+    """
+
+    def __init__(
+        self,
+        world: "World",
+        pool: "Pool",
+        domain: Domain,
+        dtype: DTypeLike = np.float64,
+        *,
+        operator: Operator = Operator(),
+        permittivity: float = 1.0,
+        spectral: bool = False,
+        gradient: str = "difference",
+    ) -> None:
+        if gradient not in ("difference", "spectral"):
+            raise ValueError(f'gradient must be "difference" or "spectral", not {gradient!r}')
+        _check(domain)
+        points, spacing = domain.points, domain.spacing
+        transform, columns = _transform(world, points)
+        factor = green(operator, points, spacing, columns, spectral=spectral) / -permittivity
+        factor /= np.prod(points)
+        if gradient == "spectral":
+            factor = np.stack(
+                np.broadcast_arrays(factor, *(k * factor for k in _gradient(points, spacing, columns)))
+            )
+        self._fft = transform(world, pool, points, domain.cuts, dtype, factor)
+        self.rho: NDArray = self._fft.real
+        self.phi, *self.E = self._fft.results
+
+    def solve(self) -> None:
+        """rho -> phi (and E)."""
+        self._fft.solve()
+
+    def free(self) -> None:
+        """Free what MPI holds (all ranks together)."""
+        self._fft.free()
+
+
+def _transform(world: "World", points: tuple[int, ...]) -> tuple[Any, slice]:
+    """The transform for that many axes, and the part of the kx axis that this rank multiplies."""
+    if len(points) == 1:
+        from hpcpic.core.comm.line import LineFFT
+
+        return LineFFT, slice(0, None)
+    from hpcpic.core.comm.transpose import SlabFFT, spectrum_range
+
+    return SlabFFT, slice(*spectrum_range(points, world.size, world.rank))
+
+
+def _check(domain: Domain) -> None:
+    if domain.ndim not in (1, 2) or not all(domain.periodic):
+        raise ValueError("the field solvers take one or two periodic axes")
+
+
+class LU:
+    """MFT's equation by factorisation of its matrix, for small grids; the same face and, to round-off, phi.
+
+    Every rank gathers rho and solves the whole. ValueError beyond 256 x 256 points.
+    """
+
+    def __init__(
+        self,
+        world: "World",
+        pool: "Pool",
+        domain: Domain,
+        dtype: DTypeLike = np.float64,
+        *,
+        operator: Operator = Operator(),
+        permittivity: float = 1.0,
+    ) -> None:
+        _check(domain)
+        n = int(np.prod(domain.points))
+        if n > _LU_POINTS:
+            raise ValueError(
+                f'solver "LU" holds a matrix of the whole grid: at most 256 x 256 points, not {n}; use "MFT"'
+            )
+        from scipy.sparse.linalg import splu
+
+        matrix = _matrix(operator, domain)
+        if operator.singular:
+            matrix[0, 0] *= 1.25  # pins phi(0, 0) = 0, as the 3 for 4 of 5.2.2, but keeps the matrix definite
+        self._factors = splu(matrix.tocsc())
+        self._world, self._operator, self._permittivity = world, operator, permittivity
+        self._rows = slice(*domain.row_range(world.rank))
+        self.rho: NDArray = np.zeros(domain.shape(world.rank), dtype)
+        self.phi: NDArray = np.zeros_like(self.rho)
+        self.E: list[NDArray] = []
+
+    def solve(self) -> None:
+        """rho -> phi."""
+        gathered = self._world.gather_rows(self.rho)
+        raw = self._world.bcast(None if gathered is None else gathered.tobytes())
+        rho = np.frombuffer(raw, self.rho.dtype).reshape(-1, *self.rho.shape[1:])
+        g = rho.astype(np.float64) / -self._permittivity
+        if self._operator.singular:
+            g = g - g.mean()
+        phi = self._factors.solve(g.ravel()).reshape(g.shape)
+        if self._operator.singular:
+            phi -= phi.mean()
+        self.phi[:] = phi[self._rows]
+
+    def free(self) -> None:
+        """Nothing is held."""
+
+
+def _matrix(operator: Operator, domain: Domain) -> Any:
+    """Sparse [points, points] of (5.7) with centred differences; points in C order."""
+    from scipy.sparse import identity, kron
+
+    total = (operator.c + operator.f) * identity(int(np.prod(domain.points)), format="csr")
+    for storage, axis in zip(range(domain.ndim - 1, -1, -1), "xy"):
+        n, step = domain.points[storage], domain.spacing[storage]
+        second, first = operator.along(axis)
+        up = _shift(n)
+        line = second / step**2 * (up + up.T - 2 * identity(n)) + first / (2 * step) * (up - up.T)
+        before, after = (
+            np.prod(domain.points[:storage], dtype=int),
+            np.prod(domain.points[storage + 1 :], dtype=int),
+        )
+        total = total + kron(kron(identity(before), line), identity(after))
+    return total.tolil()
+
+
+def _shift(n: int) -> Any:
+    """(shift v)[i] = v[i + 1], periodic; entries add where n < 3 folds them together."""
+    from scipy.sparse import coo_matrix
+
+    i = np.arange(n)
+    return coo_matrix((np.ones(n), (i, (i + 1) % n)), shape=(n, n)).tocsr()

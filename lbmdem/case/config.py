@@ -1,0 +1,407 @@
+"""What a case says, in physical units; vectors are in physical order (x, y, z), 2D cases have x and y.
+
+Lattice units appear only in `check` and inside the program.
+"""
+
+import math
+from collections.abc import Iterator
+from typing import Annotated, ClassVar, Literal
+
+import numpy as np
+from pydantic import BeforeValidator, Field
+
+from hpcpic.core.case.config import Path, Tree
+from hpcpic.core.case.schema import REQUIRED, Lengths, Section, Vector, as_tuple, setting
+from hpcpic.core.case.words import in_steps, one_period, one_viscosity, only_seconds
+from lbmdem.physics.contact_law import Law, stable_step
+
+AXES = "xyz"
+ACCURATE = 0.2  # of the largest stable step of the contacts, for their accuracy
+FaceName = Literal["x-", "x+", "y-", "y+", "z-", "z+"]
+Positive = Annotated[float, Field(gt=0)]
+
+
+def as_points(value: object) -> object:
+    """One position, or a list of them: always a tuple of tuples."""
+    value = as_tuple(value)
+    if isinstance(value, tuple) and value and not isinstance(value[0], (list, tuple)):
+        return (value,)
+    return tuple(as_tuple(point) for point in value) if isinstance(value, tuple) else value
+
+
+Names = Annotated[tuple[Literal["x", "y", "z"], ...], BeforeValidator(as_tuple)]
+Points = Annotated[tuple[tuple[float, ...], ...], BeforeValidator(as_points)]
+
+
+class Simulation(Section):
+    dimensions: Literal[2, 3] | None = setting(None, "2 or 3; by default as many as domain.size has")
+    lattice: Literal["D2Q9", "D3Q19"] | None = setting(None, "velocities of the lattice; by default those of 2D or 3D")
+    end_time: float = setting(REQUIRED, "time at which the run ends", "s", ge=0)
+    time_step: float | None = setting(
+        None, "time step of a case without fluid, by default a fifth of the limit of stability", "s", gt=0
+    )
+    blocks: int = setting(0, "task blocks per rank, 0 = automatic", ge=0)
+    random_seed: int = setting(1, "seed of the packings", ge=0)
+
+
+class DomainSection(Section):
+    size: Lengths = setting(REQUIRED, "size of the box, [Lx, Ly] or [Lx, Ly, Lz]", "m", min_length=2, max_length=3)
+    spacing: float | None = setting(None, "distance of the lattice nodes; no meaning without fluid", "m", gt=0)
+    periodic: Names = setting((), "axes along which the box repeats")
+
+
+class Initial(Section):
+    flow: Literal["taylor-green", "shear-layer"] = setting(REQUIRED, "velocity field at the start")
+    speed: float = setting(REQUIRED, "its largest velocity", "m/s", gt=0)
+
+
+class FluidSection(Section):
+    density: float = setting(1000.0, "density", "kg/m3", gt=0)
+    kinematic_viscosity: float = setting(
+        REQUIRED, "kinematic viscosity; dynamic_viscosity in Pa s is understood too, over density", "m2/s", gt=0
+    )
+    relaxation_time: float | None = setting(None, "tau; gives the time step dt = (tau - 1/2)/3 dx^2/nu", gt=0.5)
+    time_step: float | None = setting(None, "time step, instead of relaxation_time", "s", gt=0)
+    collision: Literal["BGK", "TRT", "central"] = setting(
+        "TRT", "one relaxation time (the paper), two, or central moments, which stay stable as tau goes to 1/2"
+    )
+    magic: float = setting(3.0 / 16.0, "TRT: (tau+ - 1/2)(tau- - 1/2); 3/16 puts walls half-way exactly", gt=0)
+    storage: Literal["double", "single"] = setting("double", "type in which populations are kept")
+    body_force: Vector = setting(
+        (), "acceleration a by a pressure gradient -density a, which pushes moving grains too [ax, ay(, az)]", "m/s2"
+    )
+    initial: Initial | None = None
+
+
+class Boundary(Section):
+    face: FaceName = setting(REQUIRED, "side of the box")
+    type: Literal["wall", "pressure", "velocity", "periodic"] = setting(
+        REQUIRED,
+        "what it does to the fluid (grains meet any face as a wall); periodic: the box repeats along this axis, as in "
+        "domain.periodic",
+    )
+    pressure: float | None = setting(None, 'type "pressure": above that of the density of rest', "Pa")
+    density: float | None = setting(None, 'type "pressure": the density itself', "kg/m3", gt=0)
+    pressure_rate: float = setting(0.0, 'type "pressure": change in time', "Pa/s")
+    velocity: Vector = setting(
+        (), 'of the wall, or of the fluid through a "velocity" face, with which all fluid starts along its axis', "m/s"
+    )
+
+
+class PlaneShape(Section):
+    point: Vector = setting(REQUIRED, "a point of the plane", "m")
+    normal: Vector = setting(REQUIRED, "into the fluid")
+
+
+class BoxShape(Section):
+    low: Vector = setting(REQUIRED, "lower corner; repeats along the axes along which the case does", "m")
+    high: Vector = setting(REQUIRED, "upper corner", "m")
+
+
+class Shape(Section):
+    plane: PlaneShape | None = None
+    box: BoxShape | None = None
+
+
+class Obstacle(Section):
+    name: str = setting("", "name in the output; by default obstacle_1, ...")
+    shape: Shape
+    velocity: Vector = setting((), "of its surface, along which it slides", "m/s")
+
+
+class Diameters(Section):
+    law: Literal["beta"] = setting("beta", "cumulative beta distribution (Voivret et al. 2007)")
+    min: Positive = setting(REQUIRED, "smallest diameter", "m")
+    max: Positive = setting(REQUIRED, "largest diameter", "m")
+    a: Positive = setting(1.0, "first shape parameter")
+    b: Positive = setting(1.0, "second shape parameter")
+    count: int = setting(REQUIRED, "number of grains", ge=1)
+
+
+class Packing(Section):
+    porosity: float | None = setting(
+        None,
+        "void fraction asked for, of grains that touch and bear no weight; by default what settling gives: grains at "
+        "rest, but without friction, and between rigid sides not the stresses of a silo (check, run's log)",
+        gt=0,
+        lt=1,
+    )
+    low: float = setting(0.0, "lower end of the sample along the last axis: a screen for grains that move", "m")
+    high: float | None = setting(None, "upper end; by default the height that the porosity gives", "m")
+
+
+class GrainSet(Section):
+    name: str = setting("", "name in the output; by default grains_1, ...")
+    shape: Literal["disc", "sphere"] | None = setting(None, "by default discs in 2D, spheres in 3D")
+    diameter: float | None = setting(None, "of all grains of the set", "m", gt=0)
+    diameters: Diameters | None = None
+    density: float = setting(2650.0, "density of the material", "kg/m3", gt=0)
+    position: Points = setting((), "of the centres: one vector, or a list of them", "m")
+    packing: Packing | None = None
+    moving: bool = setting(True, "false: fixed in space")
+    velocity: Vector = setting((), "at the start; of fixed grains always", "m/s")
+    angular_velocity: Vector = setting((), "[wz] in 2D, [wx, wy, wz] in 3D", "rad/s")
+
+
+class Contact(Section):
+    normal_stiffness: float = setting(1.0e4, "k_n", "N/m", gt=0)
+    damping: float = setting(0.2, "alpha, of the critical damping of a pair", ge=0, lt=1)
+    tangential: Literal["regularised", "history"] = setting(
+        "regularised", "Coulomb friction smoothed by a viscosity (the paper), or by a spring that remembers"
+    )
+    tangential_viscosity: float | None = setting(
+        None, "beta; by default sqrt(m k_n), or 2 alpha sqrt(m k_t) beside a spring (m: lightest pair)", "N s/m", ge=0
+    )
+    tangential_stiffness: float | None = setting(None, "by default 2/7 of the normal one", "N/m", gt=0)
+    friction: float = setting(0.5, "mu_f", ge=0)
+
+
+class Coupling(Section):
+    bounce_back: Literal["cli", "interpolated", "quadratic", "halfway"] = setting(
+        "cli", "wall rule: parametrised linear, Bouzidi's linear [6] or quadratic, half-way"
+    )
+    refill: Literal["average", "local", "non-equilibrium", "conserving"] = setting(
+        "local", "populations of uncovered nodes: equilibrium with the mean density (the paper) or the neighbours'"
+    )
+    substeps: int = setting(
+        0, "DEM steps in a fluid step, 0 = from the stability limits of contacts and, step by step, of films", ge=0
+    )
+    inertia: Literal["implicit", "explicit"] = setting(
+        "implicit", "grains lighter than the impedance of their links are slowed down to be stable, or none (the paper)"
+    )
+    lubrication: bool = setting(True, "forces of gaps that the lattice does not resolve")
+    frozen: bool = setting(False, "the fluid sees the grains where they were at the start")
+
+
+class Shaking(Section):
+    acceleration: Vector = setting(REQUIRED, "amplitude of the frame's acceleration", "m/s2")
+    frequency: float = setting(REQUIRED, "cycles per second", "1/s", gt=0)
+
+
+class Period(Section):
+    series: float | None = setting(
+        0.0, "time between samples of the series, 0 = 20 to 100 in all that cost 5 %", "s", ge=0
+    )
+    fields: float | None = setting(0.0, "time between snapshots of the fluid, 0 = never", "s", ge=0)
+    grains: float | None = setting(0.0, "time between snapshots of the grains, 0 = never", "s", ge=0)
+    checkpoint: float | None = setting(
+        0.0, "time between checkpoints, 0 = only at the end and at an early stop", "s", ge=0
+    )
+
+
+class Every(Section):
+    series: int | None = setting(None, "steps between samples of the series, instead of period.series", "steps", ge=0)
+    fields: int | None = setting(None, "steps between snapshots of the fluid", "steps", ge=0)
+    grains: int | None = setting(None, "steps between snapshots of the grains", "steps", ge=0)
+    checkpoint: int | None = setting(None, "steps between checkpoints", "steps", ge=0)
+
+
+class Output(Section):
+    path: str | None = setting(None, "run folder, when the command line names none")
+    period: Period = Period()
+    every: Every = Every()
+    stress_slices: int = setting(0, "control slices along the last axis, for the stress between grains", ge=0)
+
+
+class LbmDemConfig(Section):
+    """A whole LBM-DEM case."""
+
+    rewritten: ClassVar[tuple[str, ...]] = ("fluid.dynamic_viscosity",)
+    largest = 1e20  # up to four lengths, a density and a stiffness are multiplied, and squared
+
+    description: str = setting("", "one sentence")
+    simulation: Simulation
+    domain: DomainSection
+    fluid: FluidSection | None = None
+    boundary: tuple[Boundary, ...] = ()
+    obstacle: tuple[Obstacle, ...] = ()
+    grains: tuple[GrainSet, ...] = ()
+    contact: Contact = Contact()
+    coupling: Coupling = Coupling()
+    gravity: Vector = setting((), "acceleration of gravity [gx, gy(, gz)]", "m/s2")
+    shaking: Shaking | None = None
+    output: Output = Output()
+
+    @property
+    def dimensions(self) -> int:
+        return self.simulation.dimensions or len(self.domain.size)
+
+    @property
+    def spacing(self) -> float:
+        """Of the nodes, m; without fluid the size of the rows that slabs are cut into."""
+        if self.domain.spacing is not None:
+            return self.domain.spacing
+        return max((largest_diameter(grains) for grains in self.grains), default=max(self.domain.size))
+
+    @property
+    def time_step(self) -> float:
+        """dt [s]: as given, of tau by [5], or without fluid of the contacts."""
+        fluid = self.fluid
+        if fluid is None:
+            return self.simulation.time_step or ACCURATE * contact_step(self)
+        if fluid.time_step is not None:
+            return fluid.time_step
+        return (self.tau - 0.5) / 3.0 * self.spacing**2 / fluid.kinematic_viscosity
+
+    @property
+    def tau(self) -> float:
+        """The relaxation time [5], in steps."""
+        fluid = self.fluid
+        assert fluid is not None
+        if fluid.time_step is None:
+            return 1.0 if fluid.relaxation_time is None else fluid.relaxation_time
+        return 0.5 + 3.0 * fluid.kinematic_viscosity * fluid.time_step / self.spacing**2
+
+    @property
+    def points(self) -> tuple[int, ...]:
+        """Nodes along x, y(, z); they sit half a spacing inside the faces."""
+        return tuple(max(1, round(length / self.spacing)) for length in self.domain.size)
+
+    @property
+    def substeps(self) -> int:
+        """n_d: steps of the contacts in one of the fluid."""
+        wanted = self.time_step / (ACCURATE * contact_step(self))
+        return self.coupling.substeps or max(1, math.ceil(wanted * (1 - 1e-12)))
+
+    @property
+    def n_steps(self) -> int:
+        return math.ceil(self.simulation.end_time / self.time_step * (1 - 1e-12))
+
+    @property
+    def periods(self) -> dict[str, int]:
+        """Steps between samples of series, fields and grains, checkpoints; 0 = never."""
+
+        def steps(kind: str) -> int:
+            return in_steps(getattr(self.output.every, kind), getattr(self.output.period, kind), self.time_step)
+
+        from lbmdem.forecast.estimate import series_period
+
+        return {
+            "series": steps("series") or series_period(self),
+            "field": steps("fields") if self.fluid else 0,
+            "particle": steps("grains") if self.grains else 0,
+            "checkpoint": steps("checkpoint"),
+        }
+
+    @property
+    def conserved(self) -> tuple[str, ...]:
+        """Scalars of the series that the scene keeps: mass in closed faces, momentum where nothing acts."""
+        closed = all(face.type == "wall" for face in self.boundary)
+        alone = self.fluid is not None and not (self.grains or self.obstacle or self.shaking)
+        alone = alone and len(self.domain.periodic) == self.dimensions
+        free = (axis for axis, force in zip(AXES, self.fluid.body_force) if not force) if alone else ()
+        return (*(("mass",) if closed else ()), *(f"momentum_{axis}" for axis in free))
+
+    @classmethod
+    def modernised(cls, tree: Tree) -> None:
+        fluids = [("fluid",)] if isinstance(tree.data.get("fluid"), dict) else []
+        one_viscosity(tree, fluids, "kinematic_viscosity", FluidSection.model_fields["density"].default)
+        one_period(tree, Period.model_fields)
+
+    def faults(self) -> Iterator[tuple[Path, str]]:
+        from lbmdem.setup.checks import faults
+
+        return faults(self)
+
+    def completed(self) -> "LbmDemConfig":
+        d = self.dimensions
+        around = {face.face[0] for face in self.boundary if face.type == "periodic"}.union(self.domain.periodic)
+        domain = self.domain.model_copy(update={"periodic": tuple(axis for axis in AXES if axis in around)})
+        simulation = self.simulation.model_copy(
+            update={"dimensions": d, "lattice": self.simulation.lattice or ("D2Q9" if d == 2 else "D3Q19")}
+        )
+        fluid = self.fluid
+        if fluid is not None:
+            tau = 1.0 if fluid.time_step is None else None
+            update = {"body_force": padded(fluid.body_force, d), "relaxation_time": fluid.relaxation_time or tau}
+            fluid = fluid.model_copy(update=update)
+        faces = (face for face in self.boundary if face.type != "periodic")
+        boundary = tuple(face.model_copy(update={"velocity": padded(face.velocity, d)}) for face in faces)
+        obstacle = tuple(
+            o.model_copy(update={"velocity": padded(o.velocity, d), "name": o.name or f"obstacle_{i + 1}"})
+            for i, o in enumerate(self.obstacle)
+        )
+        output = self.output.model_copy(update={"period": only_seconds(self.output.period, self.output.every)})
+        return self.model_copy(
+            update={
+                "output": output,
+                "simulation": simulation,
+                "domain": domain,
+                "fluid": fluid,
+                "boundary": boundary,
+                "obstacle": obstacle,
+                "grains": tuple(completed_grains(grains, i, d) for i, grains in enumerate(self.grains)),
+                "gravity": padded(self.gravity, d),
+            }
+        )
+
+
+def padded(vector: tuple[float, ...], d: int) -> tuple[float, ...]:
+    return vector or (0.0,) * d
+
+
+def largest_diameter(grains: GrainSet) -> float:
+    return grains.diameter if grains.diameter is not None else grains.diameters.max
+
+
+def smallest_diameter(grains: GrainSet) -> float:
+    return grains.diameter if grains.diameter is not None else grains.diameters.min
+
+
+def grain_mass(grains: GrainSet, diameter: float, d: int) -> float:
+    """kg; of a disc per metre of depth."""
+    return grains.density * math.pi / (4.0 if d == 2 else 6.0) * diameter**d
+
+
+def lightest(config: LbmDemConfig) -> float:
+    """Mass of the lightest grain that moves, kg."""
+    d = config.dimensions
+    masses = [grain_mass(grains, smallest_diameter(grains), d) for grains in config.grains if grains.moving]
+    return min(masses, default=math.inf)
+
+
+def seeps(config: LbmDemConfig) -> bool:
+    """Whether something drives a flow along the last axis through grains that it sees at rest, so they have a
+    permeability."""
+    ends = [face for face in config.boundary if face.face[0] == AXES[config.dimensions - 1] and face.type == "pressure"]
+    still = config.coupling.frozen or not any(grains.moving for grains in config.grains)
+    driven = len(ends) == 2 or (config.fluid is not None and bool(config.fluid.body_force[-1]))
+    return bool(config.fluid and config.grains and still and driven)
+
+
+def contact_law(config: LbmDemConfig) -> Law:
+    contact, reduced = config.contact, 0.5 * lightest(config)
+    shear = contact.tangential_stiffness or 2.0 / 7.0 * contact.normal_stiffness
+    remembers = contact.tangential == "history"
+    beta = contact.tangential_viscosity
+    if beta is None and math.isfinite(reduced):
+        dashpot = 2.0 * contact.damping * math.sqrt(shear) if remembers else math.sqrt(contact.normal_stiffness)
+        beta = dashpot * math.sqrt(reduced)
+    return Law(
+        stiffness=contact.normal_stiffness,
+        damping=contact.damping,
+        friction=contact.friction,
+        viscosity=beta or 0.0,
+        shear=shear if remembers else 0.0,
+    )
+
+
+def contact_step(config: LbmDemConfig) -> float:
+    """The largest stable step of the grains that move, s; infinite when none does."""
+    d = config.dimensions
+    moving = [grains for grains in config.grains if grains.moving]
+    diameters = np.array([smallest_diameter(grains) for grains in moving])
+    mass = np.array([grain_mass(grains, smallest_diameter(grains), d) for grains in moving])
+    inertia = (0.5 if d == 2 else 0.4) * mass * (0.5 * diameters) ** 2
+    return stable_step(contact_law(config), 0.5 * diameters, mass, inertia)
+
+
+def completed_grains(grains: GrainSet, i: int, d: int) -> GrainSet:
+    return grains.model_copy(
+        update={
+            "name": grains.name or f"grains_{i + 1}",
+            "shape": "disc" if d == 2 else "sphere",
+            "velocity": padded(grains.velocity, d),
+            "angular_velocity": grains.angular_velocity or (0.0,) * (1 if d == 2 else 3),
+        }
+    )

@@ -1,0 +1,1 @@
+"""What fluid and grains do to each other."""

@@ -1,0 +1,303 @@
+"""Solids immersed in a fluid: which nodes they cover, the links to them, and what the fluid does to them.
+
+Two kinds: what stays (walls of any form, grains that do not move) is linked once; grains that move are placed anew
+before every step. Lattice units; node i of an axis is at the coordinate i. Forces are summed in integers, so that their
+bits do not depend on ranks, threads and blocks.
+"""
+
+import math
+from collections.abc import Sequence
+from functools import cached_property
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hpcpic.core.comm.world import World
+from hpcpic.core.tasks.graph import Pool
+from lbmdem.coupling.moving_links import MovingLinks, first_arguments
+from lbmdem.coupling.refill import Refill
+from lbmdem.coupling.wall_links import WallLinks
+from lbmdem.fluid.fixed_links import GAINS, Directions, FixedLinks
+from lbmdem.fluid.fluid import Fluid
+from lbmdem.fluid.solid_nodes import Change, Solid, Table, Window, kernel_axes, kernel_rotation
+from lbmdem.fluid.surfaces import Bodies, Surfaces, Wall, mark_walls
+from lbmdem.kernels import links as kernels
+from lbmdem.kernels.layout import FLUID
+
+_SUM_BITS, _FINEST_BITS = 61, 49  # of the sums, and of terms: 2^51 is the largest integer that `to_fixed` makes
+_BLOCKS = 4  # per thread
+_NONE = np.zeros((0, GAINS), np.int64)
+Grains = tuple[NDArray, NDArray, NDArray, NDArray, NDArray]
+
+
+class Gains(NamedTuple):
+    """What grains gain in a step, and walls when these are among the bodies, in units of 1 / scale: force, torque, and
+    the mass that the fluid gains."""
+
+    ids: NDArray[np.int64]
+    sums: NDArray[np.int64]
+    walls: NDArray[np.int64] = _NONE
+
+
+class StayGains:
+    """Gains of a step from links that stay, summed when somebody asks, which is before the step after the next one."""
+
+    def __init__(self, links: FixedLinks, pool: Pool, parity: int, scale: NDArray[np.float64]) -> None:
+        self.ids = links.bodies.ids
+        self._links, self._pool, self._parity, self._scale = links, pool, parity, scale
+
+    @cached_property
+    def _of_all(self) -> NDArray[np.int64]:
+        return self._links.gains(self._pool, self._parity, self._scale)
+
+    @property
+    def sums(self) -> NDArray[np.int64]:
+        return self._of_all[: len(self.ids)]
+
+    @property
+    def walls(self) -> NDArray[np.int64]:
+        return self._of_all[len(self.ids) :]
+
+
+class Immersed:
+    """Walls and grains in a fluid. Per step: fluid.step(), `forces`, and `move` if grains move.
+
+    fixed: ids (ascending), centres[n, d], radii[n], velocities[n, d] and angular velocities[n, 1 or 3] of the surfaces
+    of the grains that stay, the same on all ranks. refill: see `lbmdem.coupling.refill`.
+    """
+
+    def __init__(
+        self,
+        fluid: Fluid,
+        world: World,
+        pool: Pool,
+        *,
+        rule: str = "cli",
+        refill: str = "local",
+        fixed: Grains | None = None,
+        walls: Sequence[Wall] = (),
+    ) -> None:
+        self.fluid, self._world, self._pool = fluid, world, pool
+        self._rule, self._dimensions = rule, fluid.lattice.dimensions
+        self._blocks = _BLOCKS * pool.threads if pool.threads > 1 else 1
+        self.window = Window.of(fluid.domain, world.rank, ((1, 1),) * fluid.domain.ndim)
+        mark_walls(self.window, fluid.ids, walls, self._dimensions)
+        self._solid = Solid(self.window, fluid.ids, pool)
+        self.refill = Refill(self.window, fluid, world, refill)
+        self._walls = tuple(walls)
+        self._fixed = grain_table(*fixed) if fixed else grain_table(*_no_grains(self._dimensions))
+        self._solid.rebuild(self._fixed)
+        fluid.solid_changed(fill=False)
+        self._stay = self._link(Bodies(*self._fixed, self._walls))
+        self._set_scale(self._fixed.radii, self._stay)
+        self.links: MovingLinks | None = None  # to grains, from when they move
+        self._table = self._fixed  # of the grains that are linked anew
+        self._gains: list[Gains | StayGains] = []  # of the last step
+        self._earlier: list[Gains | StayGains] = []  # of the one before
+        self._gained = 0  # the step that ended with these: passes of several steps count none
+        self._pending = Gains(self._fixed.ids[:0], _NONE)
+        fluid.hooks.append(self._bounce)
+        if self._stay.far is None and not self.refill.conserving:
+            fluid.carry(self._stay.of_planes, self._stay, self._take)  # until grains move
+
+    def _link(self, bodies: Bodies) -> FixedLinks:
+        links = FixedLinks(self.window, self.fluid.layout, self.fluid.ids, bodies, self._rule)
+        if self.refill.conserving:
+            links.speed[...] = 0.0  # what they sweep over is not counted
+        links.bind(self.fluid.f, self._blocks)
+        return links
+
+    def _set_scale(self, radii: NDArray[np.float64], stay: FixedLinks | WallLinks) -> None:
+        """Units of the sums, powers of two: no sum of terms below 2 over all links of a body overflows. Collective."""
+        radius = self._world.max(float(radii.max(initial=1.0)))
+        arm = max(radius + 2.0, self._world.max(float(np.abs(stay.arm).max(initial=0.0))))
+        linked = int(self._world.sum_int(np.array([stay.count], np.int64))[0])
+        links = max(8.0 * (2.0 * radius + 2.0) ** 2, float(linked))
+        bits = [_SUM_BITS - math.ceil(math.log2(4.0 * links * length)) for length in (1.0, arm)]
+        force, torque = (2.0 ** min(b, _FINEST_BITS) for b in bits)
+        self._scale = np.array([force] * 3 + [torque] * 3 + [force])
+
+    def start(self, ids: NDArray, centres: NDArray, radii: NDArray, velocity: NDArray, omega: NDArray) -> None:
+        """Place the moving grains near this slab (all that touch it), in any order; populations stay. Collective.
+
+        From then on all grains are linked at every step, those that stay too: others may come near them.
+        """
+        self._table = _merged(self._fixed, grain_table(ids, centres, radii, velocity, omega))
+        if self.links is None:
+            self._link_anew()
+        images = self._solid.rebuild(self._table)
+        self.fluid.solid_changed(fill=False)
+        self.links.place(self._table, images, self._scale)
+
+    def _link_anew(self) -> None:
+        """From now on all links are looked for at every step. Collective."""
+        del self._stay
+        self.fluid.carry(None)
+        window, layout, ids = self.window, self.fluid.layout, self.fluid.ids
+        open_mass = 0.0 if self.refill.conserving else 1.0
+        head = first_arguments(window, layout, self.fluid.f, ids, self._rule, open_mass)
+        walls = Bodies(*grain_table(*_no_grains(self._dimensions)), self._walls)
+        surfaces = Surfaces(window, self._solid.nodes, walls, Directions(layout.lattice).e, self._dimensions)
+        self._wall_links = WallLinks(head, surfaces, self._blocks)
+        self._set_scale(self._table.radii, self._wall_links)
+        self.links = MovingLinks(head, window, layout)
+        self.fluid.leave_to_links(self.links.of_planes)
+
+    def move(self, ids: NDArray, centres: NDArray, radii: NDArray, velocity: NDArray, omega: NDArray) -> None:
+        """As `start`, from where the grains were; nodes that they uncover are filled. Collective."""
+        if self.links is None:
+            self.start(ids, centres, radii, velocity, omega)
+            return
+        self._table = table = _merged(self._fixed, grain_table(ids, centres, radii, velocity, omega))
+        self.refill.exchange()
+        change = self._solid.update(table)
+        covered, filled = self.refill.change(self._solid, change, table)
+        self.fluid.nodes_changed(self._solid.settle())
+        self.links.place(table, self._solid.images, self._scale)
+        if self.refill.conserving:
+            self._pending = self._account(change, covered, filled)
+
+    def _account(self, change: Change, covered: NDArray, filled: NDArray) -> Gains:
+        """What grains take from covered nodes and give to uncovered ones: part of the forces of the next step."""
+        table, e = self._table, kernel_axes(self.fluid.lattice.e)
+        sums = np.zeros((len(table.ids), GAINS), np.int64)
+        parts = ((1.0, change.covered, change.taken_by, covered), (-1.0, change.uncovered, change.left_by, filled))
+        for sign, nodes, owners, populations in parts:
+            rows = np.searchsorted(table.ids, owners)
+            # one direction after the other: the bits of a product of matrices depend on the number of nodes
+            momentum = sign * sum(h[:, None] * way for h, way in zip(populations.T, e))
+            torque = np.cross(self.refill.arms(nodes, table.centres[rows]), momentum)
+            gains = np.column_stack((momentum, torque, -sign * populations.sum(axis=1)))
+            with np.errstate(invalid="ignore"):  # no number: the guard tells it
+                np.add.at(sums, rows, np.rint(gains * self._scale).astype(np.int64))
+        return Gains(table.ids, sums)
+
+    def _bounce(self, fluid: Fluid, parity: int) -> None:
+        """After the sweep: what comes back from the solids at the next step."""
+        if self.links is None:
+            self._stay.run(self._pool, parity)
+            self._take(fluid.iteration + 1)
+        else:
+            walls = self._wall_links.run(self._pool, parity, self._scale)
+            self._remember([Gains(self._table.ids, self.links.gains(), walls), self._pending], fluid.iteration + 1)
+            self._pending = Gains(self._table.ids[:0], _NONE)
+        if self.refill.conserving:
+            self._keep_mass()
+
+    def _take(self, iteration: int) -> None:
+        """The links that stay have kept what grains gain in the step to this iteration."""
+        self._remember([StayGains(self._stay, self._pool, iteration % 2, self._scale)], iteration)
+
+    def _remember(self, gains: list[Gains | StayGains], iteration: int) -> None:
+        self._earlier, self._gains, self._gained = self._gains, gains, iteration
+
+    def _keep_mass(self) -> None:
+        """Put back evenly what links and nodes have lost. Collective."""
+        inner = tuple(slice(*self.window.inner[axis]) for axis in (2, 1, 0))
+        gained = sum(part[:, 6].sum() for gains in self._gains for part in (gains.sums, gains.walls))
+        here = np.array([gained, np.count_nonzero(self.fluid.ids[inner] == FLUID)], np.int64)
+        gained, nodes = (float(total) for total in self._world.sum_int(here))
+        if nodes:
+            self.refill.add_evenly(-gained / nodes / float(self._scale[6]))
+
+    def owed(self) -> float:
+        """Mass that the last `move` has given to nodes, which the next step takes from all of them. Collective."""
+        gained = np.array([self._pending.sums[:, 6].sum()], np.int64)
+        return float(self._world.sum_int(gained)[0] / self._scale[6])
+
+    def forces(self, ids: NDArray[np.int64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Force [n, d] and torque [n, 1 or 3] on the grains of these numbers, as `all_forces`. Collective."""
+        parts = [*self._gains, *self._earlier]
+        greatest = max([ids.max(initial=-1), *(gains.ids.max(initial=-1) for gains in parts)])
+        force, torque = self.all_forces(int(self._world.max(float(greatest))) + 1)
+        return force[ids], torque[ids]
+
+    def all_forces(self, number: int, steps: int = 2) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Force [number, d] and torque [number, 1 or 3] on the grains 0 .. number - 1. Collective.
+
+        The mean of the last two steps: links leave an alternation from step to step (Ladd, J. Fluid Mech. 271 (1994)
+        285), which would grow with grains that answer it; before the first step there was none. So grains get all that
+        the fluid gives, half of it a step later. steps = 1: of the last one alone, which closes the balance.
+        """
+        force, torque = self._physical(self._total(self._last(steps), number))
+        return force / steps, torque / steps
+
+    def _last(self, steps: int) -> list[Gains | StayGains]:
+        return [*self._gains, *(self._earlier if steps == 2 else [])]
+
+    def _total(self, parts: Sequence[Gains | StayGains], number: int) -> NDArray[np.int64]:
+        sums = np.zeros((number, GAINS), np.int64)
+        for part in parts:
+            sums[part.ids] += part.sums
+        return self._world.sum_int(sums)
+
+    def wall_forces(self, steps: int = 2) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Force and torque on the walls, about their centres: of the steps that `all_forces` takes. Collective."""
+        force, torque = self._physical(self._of_walls(self._last(steps)))
+        return force / steps, torque / steps
+
+    def _of_walls(self, parts: Sequence[Gains | StayGains]) -> NDArray[np.int64]:
+        found = [part.walls for part in parts if len(part.walls)]
+        return self._world.sum_int(sum(found, start=np.zeros((len(self._walls), GAINS), np.int64)))
+
+    def pending(self, number: int) -> NDArray[np.int64]:
+        """For a checkpoint, of grains 0 .. number - 1 and of the walls [.., 14]: what the last `move` left for the next
+        step, and the last step. Collective."""
+        last = self._gains if self._gained == self.fluid.iteration else []
+        grains = [self._total(parts, number) for parts in ([self._pending], last)]
+        walls = [self._of_walls(parts) for parts in ([], last)]
+        return np.vstack((np.hstack(grains), np.hstack(walls)))
+
+    def pending_shape(self, number: int) -> tuple[int, int]:
+        return number + len(self._walls), 2 * GAINS
+
+    def restore(self, pending: NDArray[np.int64]) -> None:
+        """Take `pending` of a checkpoint; `start` places the grains. All ranks give the same."""
+        here = pending if self._world.rank == 0 else np.zeros_like(pending)
+        number = len(pending) - len(self._walls)
+        left, last = (np.array(part, np.int64) for part in np.hsplit(here, 2))
+        ids = np.arange(number)
+        self._pending = Gains(ids, left[:number])
+        self._gains = self._earlier = [Gains(ids, last[:number], last[number:])]
+        self._gained = self.fluid.iteration
+
+    def free(self) -> None:
+        """Release what MPI holds (all ranks together)."""
+        self.refill.free()
+
+    def _physical(self, sums: NDArray[np.int64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        values = sums / self._scale
+        if self._dimensions == 3:
+            return values[:, :3], values[:, 3:6]
+        return values[:, [0, 2]], -values[:, 4:5]
+
+    def counts(self) -> dict[str, int]:
+        """Links of the last step, those without the nodes of their rule, those lost to another solid. Collective."""
+        if self.links is None:
+            here = np.array([self._stay.count, self._stay.fallbacks, 0], np.int64)
+        else:
+            here = self.links.counters.sum(axis=0) + self._wall_links.counters.sum(axis=0)
+        total = self._world.sum_int(here)
+        names = {"links": kernels.LINKS, "fallbacks": kernels.FALLBACKS, "lost": kernels.LOST}
+        return {name: int(total[at]) for name, at in names.items()}
+
+
+def grain_table(ids: NDArray, centres: NDArray, radii: NDArray, velocity: NDArray, omega: NDArray) -> Table:
+    """Grains in the order of ids and in the axes of the kernels."""
+    order = np.argsort(ids)
+    motion = np.hstack((kernel_axes(velocity), kernel_rotation(omega)))
+    kept = (np.asarray(ids, np.int64), kernel_axes(centres), np.asarray(radii, np.float64), motion)
+    return Table(*(column.take(order, axis=0) for column in kept))
+
+
+def _merged(a: Table, b: Table) -> Table:
+    if not len(a.ids):
+        return b
+    order = np.argsort(np.concatenate((a.ids, b.ids)))
+    return Table(*(np.ascontiguousarray(np.concatenate(pair)[order]) for pair in zip(a, b)))
+
+
+def _no_grains(dimensions: int) -> Grains:
+    rotations = np.zeros((0, 3 if dimensions == 3 else 1))
+    return np.zeros(0, np.int64), np.zeros((0, dimensions)), np.zeros(0), np.zeros((0, dimensions)), rotations

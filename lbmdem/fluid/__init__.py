@@ -1,0 +1,1 @@
+"""The populations of a rank: nodes, faces, links and steps."""

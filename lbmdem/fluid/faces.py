@@ -1,0 +1,124 @@
+"""What the six (four) faces of the box are: periodic, walls at rest or moving, given pressure or velocity."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hpcpic.core.tasks.graph import Bound, bind
+from lbmdem.kernels.layout import WALL, storage_order
+from lbmdem.kernels.open_faces import find_places, push_walls, zou_he
+
+if TYPE_CHECKING:
+    from lbmdem.fluid.fluid import Fluid
+
+KINDS = ("periodic", "wall", "pressure", "velocity")
+
+
+@dataclass(frozen=True)
+class Face:
+    """One face, lattice units: density of a pressure face (p = density/3), velocity in physical order (x, y, z).
+
+    A wall is half-way between the last node and the first one outside; pressure and velocity hold at the last nodes.
+    A pressure face takes the velocity along the face from `velocity`, a wall the whole of it.
+    """
+
+    kind: str
+    density: Any = 1.0
+    velocity: Any = (0.0, 0.0, 0.0)
+
+
+def face_names(dimensions: int) -> list[str]:
+    return [axis + side for axis in "xyz"[:dimensions] for side in "-+"]
+
+
+def complete(faces: Mapping[str, Face], dimensions: int, periodic: tuple[bool, ...]) -> dict[str, Face]:
+    """All faces by name; an axis is periodic (storage order) if and only if both its faces are. ValueError else."""
+    names = face_names(dimensions)
+    if unknown := set(faces) - set(names):
+        raise ValueError(f"no such face: {', '.join(sorted(unknown))}")
+    whole: dict[str, Face] = {}
+    for name in names:
+        wraps = periodic[axis_of(name, dimensions)]
+        face = whole[name] = faces.get(name, Face("periodic" if wraps else "wall"))
+        if face.kind not in KINDS:
+            raise ValueError(f"face {name} is {face.kind}, not one of {', '.join(KINDS)}")
+        if (face.kind == "periodic") != wraps:
+            raise ValueError(f"face {name} is {face.kind}, but its axis is {'' if wraps else 'not '}periodic")
+    return whole
+
+
+def axis_of(name: str, dimensions: int) -> int:
+    """Storage axis of a face."""
+    return dimensions - 1 - "xyz".index(name[0])
+
+
+class Layer:
+    """The last nodes inside one face, on this rank, and the tasks that give them what arrives from outside.
+
+    values[plane, row, x, 4] = density - 1 and velocity in storage order, of the nodes; they may change between steps.
+    """
+
+    def __init__(self, fluid: "Fluid", name: str, face: Face) -> None:
+        layout, dimensions = fluid.layout, fluid.lattice.dimensions
+        self.face, self.name, self._dimensions = face, name, dimensions
+        self.axis = axis_of(name, dimensions) + (dimensions == 2 and name[0] == "x")  # of (plane, row, x)
+        self.side = 1 if name[1] == "+" else -1
+        extent = (layout.planes, layout.rows, layout.nx)
+        self.low, self.high = np.zeros(3, np.int64), np.array(extent, np.int64)
+        at = extent[self.axis] - 1 if self.side > 0 else 0
+        self.low[self.axis], self.high[self.axis] = at, at + 1
+        if self.axis == 0 and not fluid.touches(self.side):
+            self.high[0] = self.low[0] = 0
+        self.values = np.zeros((*np.maximum(self.high - self.low, 0), 4), fluid.layout_dtype)
+        self.set(face.density, face.velocity)
+        kernel = push_walls if face.kind == "wall" else zou_he
+        e = np.array([storage_order(fluid.lattice, i) for i in range(fluid.lattice.q)], np.int64)
+        where = [layout.strides, layout.slots, layout.shifts, layout.positions]
+        self._places = np.zeros((2, *self.values.shape[:3], fluid.lattice.q), np.int64)
+        for parity, places in enumerate(self._places):
+            find_places(*where, parity, self.low, self.high, places)
+        given = [fluid.wall_ends()] if face.kind == "wall" else [fluid.force_in_storage, int(face.kind == "velocity")]
+        nodes, sides = [fluid.f, fluid.ids, int(dimensions == 3)], [self.axis, self.side, *given]
+        self._bind = lambda places, low, high, values: bind(
+            kernel, *nodes, places, e, fluid.lattice.w, low, high, *sides, values
+        )
+        self.tasks = [self.of_planes(parity, 0, layout.planes) for parity in range(2)]
+
+    def of_planes(self, parity: int, low: int, high: int) -> list[Bound]:
+        """The task on the arrivals at a parity of the layer's nodes in some planes; none without nodes."""
+        first, last = max(low, int(self.low[0])), min(high, int(self.high[0]))
+        if first >= last or not self.values.size:
+            return []
+        ends = self.low.copy(), self.high.copy()
+        ends[0][0], ends[1][0] = first, last
+        planes = slice(first - self.low[0], last - self.low[0])
+        return [self._bind(self._places[parity, planes], *ends, self.values[planes])]
+
+    def set(self, density: Any = None, velocity: Any = None) -> None:
+        """Numbers, or arrays of the layer's own nodes [storage order without the face's axis] (velocity [..., d])."""
+        if density is not None:
+            self.values[..., 0] = self._spread(np.asarray(density, float)) - 1.0
+        if velocity is not None:
+            for k, component in enumerate(np.moveaxis(np.asarray(velocity, float), -1, 0)[: self._dimensions]):
+                self.values[..., 1 + (2, 1 if self._dimensions == 3 else 0, 0)[k]] = self._spread(component)
+
+    def _spread(self, numbers: NDArray) -> NDArray:
+        if numbers.ndim == 0:
+            return numbers
+        shape = [n for axis, n in enumerate(self.values.shape[:3]) if axis != self.axis]
+        flat = numbers.reshape(shape)
+        return np.expand_dims(flat, self.axis)
+
+
+def wall_ghosts(solid: NDArray[np.int32], faces: Mapping[str, Face], touches: tuple[bool, bool]) -> None:
+    """Ghost nodes beyond walls are WALL, beyond other faces of the box what Fill left there (fluid)."""
+    dimensions = solid.ndim
+    for name, face in faces.items():
+        axis, side = axis_of(name, dimensions), name[1] == "+"
+        if face.kind == "wall" and (axis or touches[side]):
+            layer = [slice(None)] * dimensions
+            layer[axis] = slice(-1, None) if side else slice(0, 1)
+            solid[tuple(layer)] = WALL

@@ -1,0 +1,463 @@
+"""The lattice Boltzmann fluid of one rank's slab: its populations, solid nodes, faces and steps."""
+
+from collections.abc import Callable, Mapping, Sequence
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hpcpic.core.comm.halo import Fill
+from hpcpic.core.comm.tags import Channel
+from hpcpic.core.comm.world import World
+from hpcpic.core.space.domain import Domain, block_ranges
+from hpcpic.core.space.fields import Field, aligned_zeros
+from hpcpic.core.tasks.graph import Bound, Graph, Pool, bind
+from lbmdem.fluid import temporal_blocking
+from lbmdem.fluid.exchange import Exchange
+from lbmdem.fluid.faces import Face, Layer, complete, wall_ghosts
+from lbmdem.fluid.fixed_links import FixedLinks
+from lbmdem.fluid.schedule import After, Links, Passes
+from lbmdem.fluid.sparse import SparseExchange, SparseLayout, Tables
+from lbmdem.kernels import moments as observe
+from lbmdem.kernels.layout import FLUID, Layout
+from lbmdem.kernels.node_kinds import classify, look_ahead, mark, renew
+from lbmdem.kernels.sparse import LEAVE, OPENED, sparse_kernel
+from lbmdem.kernels.sweep import AHEAD, sweep_kernel
+from lbmdem.physics.collision import COLLISIONS, numbers
+from lbmdem.physics.velocity_sets import Lattice, equilibrium
+
+STORAGE = {"double": np.float64, "single": np.float32}
+NO_GRAIN = np.iinfo(np.int32).max  # more than the numbers of all grains
+BLOCKS = 4  # per thread, so that threads with little fluid help the others
+SPARSE = 0.85  # share of fluid nodes below which it is less work to hold these alone
+
+
+class Fluid:
+    """Zero-centred populations f - w of the slab at `iteration`, and `step` to the next one; lattice units.
+
+    f: flat array (kernels.layout says where what is); parity: iteration % 2; solid: Field int32 of node ids (FLUID,
+    WALL or a grain's number) with one ghost on every axis: after edits of solid.inner call `solid_changed`. hooks are
+    called as hook(fluid, parity of the next step) between streaming and the faces. kinds: of the vectors of nodes
+    (kernels.sweep), while those of solids are held too. All ranks make it together.
+
+    stays: set it when solids will be marked once and never again: then a porous medium is held without its solid nodes.
+    """
+
+    def __init__(
+        self,
+        world: World,
+        pool: Pool,
+        domain: Domain,
+        lattice: Lattice,
+        *,
+        tau: float,
+        collision: str = "TRT",
+        magic: float = 3 / 16,
+        force: Sequence[float] | None = None,
+        storage: str = "double",
+        blocks: int = 0,
+        faces: Mapping[str, Face] | None = None,
+    ) -> None:
+        if collision not in COLLISIONS:
+            raise ValueError(f"collision {collision} is none of {', '.join(COLLISIONS)}")
+        self.world, self.pool, self.domain, self.lattice = world, pool, domain, lattice
+        self.tau, self.collision, self.magic, self.storage = tau, collision, magic, storage
+        self.faces = complete(faces or {}, domain.ndim, domain.periodic)
+        self.iteration = 0
+        self.hooks: list[Callable[[Fluid, int], None]] = []
+        self._forced = force is not None
+        self._links: After | None = None
+        self._take: Callable[[int], None] | None = None  # of steps whose links keep their momentum
+        self._ruled: FixedLinks | None = None  # links that the sweep does
+        self._moving: Links | None = None  # links to grains that move
+        self._quiet = False  # whether these links ask for nothing but what every sweep does
+        self._open = False  # whether it has left them half done (kernels.sparse)
+        self.stays, self._blocks = False, blocks
+        self._allocate()
+        self._numbers = np.zeros(len(numbers(lattice, collision, tau, magic, force)), self.layout_dtype)
+        self.set_force(force)
+        with world.first_on_node():
+            self._marks = self._classification(self.layout)
+            self._make_tasks()
+        self.solid_changed()
+
+    def _allocate(self) -> None:
+        domain, rank = self.domain, self.world.rank
+        self.layout_dtype = STORAGE[self.storage]
+        alone = sum(b > a for a, b in zip(domain.cuts, domain.cuts[1:])) == 1
+        layout = Layout.of(self.lattice, domain.shape(rank), domain.periodic, alone, self.layout_dtype)
+        self.layout: Layout | SparseLayout = layout
+        self._tables: Tables | None = None  # with a sparse layout
+        self.f = aligned_zeros((layout.size,), self.layout_dtype)
+        self.solid = Field(domain, rank, dtype=np.int32, ghosts=((1, 1),) * domain.ndim)
+        self.solid.values[...] = FLUID
+        shape = self.solid.values.shape
+        self.ids = self.solid.values.reshape(shape[0], shape[1] if domain.ndim == 3 else 1, shape[-1])
+        self._fill = Fill(self.world, domain, self.solid, Channel.SOLIDS)
+        self._wet = np.zeros((layout.planes + 2, layout.rows + 2, layout.vectors), np.int32)
+        self._free = self._wet  # nodes to which links need not be bounced back by the sweep
+        self.kinds = np.zeros((layout.planes, layout.rows, layout.vectors), np.uint8)
+        self._hops = np.zeros(self.kinds.shape, np.int32)
+        columns = layout.nx - layout.lanes * np.arange(layout.vectors)
+        self._inside = ((1 << np.minimum(columns, layout.lanes)) - 1).astype(np.int32)
+        self.force_in_storage = np.zeros(3)
+        self._half = np.zeros(self.lattice.dimensions)
+        self._observers: dict[str, list[Bound]] = {}
+        self.layers: dict[str, Layer] = {}
+
+    def touches(self, side: int) -> bool:
+        """Does this slab have the first (side -1) or last (+1) planes of the box?"""
+        low, high = self.domain.row_range(self.world.rank)
+        return high > low and (high == self.domain.points[0] if side > 0 else low == 0)
+
+    def wall_ends(self) -> NDArray[np.int64]:
+        """[first, last + 1) node of each of the axes (plane, row, x) of this rank that is not beyond a wall."""
+        far = 1 << 40
+        ends = np.array([[-far, far]] * 3, np.int64)
+        extent = (self.layout.planes, self.layout.rows, self.layout.nx)
+        for name, face in self.faces.items():
+            axis = {"x": 2, "y": 1 if self.domain.ndim == 3 else 0, "z": 0}[name[0]]
+            side = 1 if name[1] == "+" else -1
+            if face.kind == "wall" and (axis or self.touches(side)):
+                ends[axis, int(side > 0)] = extent[axis] if side > 0 else 0
+        return ends
+
+    def _make_tasks(self) -> None:
+        """All that works on `f`."""
+        layout, dtype = self.layout, self.layout_dtype
+        self._exchange: Exchange | SparseExchange
+        if isinstance(layout, SparseLayout):
+            kernel = sparse_kernel(self.lattice, self.collision, self._forced, dtype)
+            shared = [self.f, layout.slot_stride, layout.first, *self._tables.arguments, self._numbers]
+            self._exchange = SparseExchange(self.world, self.domain, layout, self.f)
+        else:
+            kernel = sweep_kernel(self.lattice, self.collision, self._forced, dtype)
+            words = [self.kinds, self._hops, self._wet, self._inside]
+            shared = [self.f, *words, self._numbers, layout.strides, layout.nx]
+            self._exchange = Exchange(self.world, self.domain, layout, self.f, self._wet)
+        periodic_rows = self.domain.ndim == 3 and self.domain.periodic[1]
+        threads = self.pool.threads
+        self._passes = Passes(layout, self._exchange, lambda t: bind(kernel, *shared, t), threads, periodic_rows)
+        n_blocks = self._blocks or (BLOCKS * threads if threads > 1 else 1)
+        self._steps = [self._passes.step(parity, n_blocks, self._moving) for parity in range(2)]
+        self._waves: dict[temporal_blocking.Steps, Graph] = {}
+        self._depths: dict[int, int] = {}
+        self._observers.clear()
+        values = {name: layer.values for name, layer in self.layers.items()}
+        self.layers = {name: Layer(self, name, face) for name, face in self.faces.items() if _acts(face)}
+        for name, given in values.items():
+            self.layers[name].values[...] = given
+
+    def _classification(self, layout: Layout) -> list[list[Bound]]:
+        n = layout.lanes
+        flat = self.domain.ndim == 2
+        shares = block_ranges(layout.planes + 2, self.pool.threads)
+        marked = [(NO_GRAIN, self._wet), (0, self._free)][: 1 + (self._free is not self._wet)]
+        marks = [bind(mark, self.ids, int(not flat), *what, n, a, b) for what in marked for a, b in shares if b > a]
+        shares = block_ranges(layout.planes, self.pool.threads)
+        words = (self._wet, self._free, self._inside)
+        kinds = [bind(classify, *words, n, flat, self.kinds, a, b) for a, b in shares if b > a]
+        sizes = (layout.strides, layout.itemsize, n, AHEAD)
+        hops = [bind(look_ahead, self.kinds, *sizes, self._hops, a, b) for a, b in shares if b > a]
+        return [marks, kinds, hops]
+
+    def solid_changed(self, fill: bool = True) -> None:
+        """Take notice of edits of `solid`. With fill (collective) ghosts of other ranks and periodic ones are fetched,
+        else the caller has set them; walls of the box are always set here."""
+        if fill:
+            self._fill.start(self.iteration)
+            self._fill.finish()
+        if self._tables:
+            raise ValueError("solids that stay have been marked again")
+        wall_ghosts(self.solid.values, self.faces, (self.touches(-1), self.touches(1)))
+        for tasks in self._marks:
+            if tasks:
+                self.pool.each(tasks)
+        if self.stays:
+            wet = int(self.world.sum_int(np.array([np.count_nonzero(self.solid.inner == FLUID)]))[0])
+            if 0 < wet < SPARSE * np.prod(self.domain.points):
+                self._leave_solids_out()
+
+    def _leave_solids_out(self) -> None:
+        """Hold the populations of the fluid nodes alone. Collective."""
+        layout = SparseLayout(self.layout, self.ids, self.world, self.domain)
+        with self.world.first_on_node():
+            self.f = layout.taken_over(self.f, self.layout, self.parity)
+            self._tables = Tables(layout, self.layout_dtype)
+        self.layout = layout
+        self._again()
+        del self.kinds, self._hops, self._wet, self._free, self._inside, self._marks
+
+    def _again(self) -> None:
+        """Collective."""
+        self._exchange.free()
+        with self.world.first_on_node():
+            self._make_tasks()
+
+    def leave_to_links(self, links: Links) -> None:
+        """From now on these do all links to grains, and find what went out where the grain would have read it.
+
+        So the sweep need not bounce it back, and does vectors beside grains, with what is in these, like any others.
+        Populations of solid nodes mean nothing then, and may be no numbers. Collective; `solid_changed` must follow.
+        """
+        with self.world.first_on_node():
+            self._free = np.zeros_like(self._wet)
+            self._marks = self._classification(self.layout)
+        self._moving = links
+        self._again()
+
+    def nodes_changed(self, places: NDArray[np.int64]) -> None:
+        """As `solid_changed(fill=False)` after edits at these flat places of `solid` alone, ghosts among them."""
+        wall_ghosts(self.solid.values, self.faces, (self.touches(-1), self.touches(1)))
+        layout, flat = self.layout, self.domain.ndim == 2
+        same = self._free is self._wet
+        words = (self.ids, int(not flat), self._wet, self._free, same, self._inside, layout.lanes, flat, self.kinds)
+        renew(*words, layout.strides, layout.itemsize, AHEAD, self._hops, places)
+
+    def set_force(self, force: Sequence[float] | None) -> None:
+        """Force per volume for the steps to come; None if the fluid was made without."""
+        if (force is not None) != self._forced:
+            raise ValueError("a fluid made without a force takes none later")
+        self.force = None if force is None else np.array(force, float)
+        self._half[...] = 0.0 if force is None else 0.5 * np.asarray(force, float)
+        self._numbers[...] = numbers(self.lattice, self.collision, self.tau, self.magic, force)
+        if self.force is not None:
+            where = [2, 1, 0] if self.domain.ndim == 3 else [2, 0]
+            self.force_in_storage[where] = self.force
+
+    def set_face(self, name: str, density: Any = None, velocity: Any = None) -> None:
+        """Values of a wall, pressure or velocity face for the steps to come (faces.Layer.set)."""
+        self.layers[name].set(density, velocity)
+
+    @property
+    def parity(self) -> int:
+        return self.iteration % 2
+
+    @property
+    def sweep_bytes(self) -> int:
+        """What the sweep reads."""
+        words = self._tables.arguments if self._tables else [self.kinds, self._hops, self._wet]
+        return self.f.nbytes + sum(array.nbytes for array in words)
+
+    def step(self) -> None:
+        """Collide, stream, hooks, faces."""
+        if self._links and self._leaves_caches and self._depth(1):  # hooks would wait for memory
+            self._pass(1, keep=True)
+            return
+        self._finish()
+        parity = self.parity
+        self.pool.run(self._steps[parity])
+        for hook in self.hooks:
+            hook(self, 1 - parity)
+        for layer in self.layers.values():
+            if layer.tasks[1 - parity]:
+                self.pool.each(layer.tasks[1 - parity])
+        self.iteration += 1
+
+    def carry(
+        self,
+        links: After | None,
+        held: FixedLinks | None = None,
+        take: Callable[[int], None] | None = None,
+    ) -> None:
+        """What hooks do, as tasks links(parity of arrivals, planes from, to, keep), so that waves can: fixed links.
+
+        `held`: these links, which a sweep of the fluid nodes alone does by itself where it can. take(iteration) is
+        called after a wave for each step in which links kept their momentum. Collective.
+        """
+        self._links, self._take = links, take
+        self._waves.clear()
+        self._quiet = held is not None and not self.world.any(not held.quiet)
+        if self._tables and held and not self.world.any(not held.simple):
+            held.hand_over(self._tables, *self._inner_planes)
+            self._ruled = held
+            self._finishes = [held.finish(parity, *self._inner_planes, self.pool.threads) for parity in range(2)]
+            self._again()
+
+    @property
+    def _inner_planes(self) -> tuple[int, int]:
+        """Own planes without a node at a face that acts: before faces links must be done."""
+        if any(layer.axis for layer in self.layers.values()):
+            return 0, 0
+        ends = [0, self.layout.planes]
+        for layer in self.layers.values():
+            if layer.values.size:
+                ends[layer.side > 0] -= layer.side
+        return (ends[0], ends[1]) if ends[1] > ends[0] else (0, 0)
+
+    def _finish(self) -> None:
+        """Complete what the sweep has left open."""
+        if self._open and self._finishes[self.parity]:
+            self.pool.each(self._finishes[self.parity])
+        self._open = False
+
+    def _after(self, parity: int, low: int, high: int, keep: bool) -> list[Bound]:
+        """Links and faces of some planes."""
+        inner, parts = self._inner_planes, ((low, high),)
+        if self._ruled and not keep:
+            parts = ((low, min(high, inner[0])), (max(low, inner[1]), high))
+        tasks = [task for a, b in parts if self._links and b > a for task in self._links(parity, a, b, keep)]
+        return tasks + [bound for layer in self.layers.values() for bound in layer.of_planes(parity, low, high)]
+
+    @property
+    def depth(self) -> int:
+        """Steps that are done per pass over memory."""
+        return max(1, self._depth(self._after_all))
+
+    def _depth(self, after: int) -> int:
+        """The same where something comes after so many sweeps of a pass; 0: it is done after a step."""
+        if self.hooks and not self._links:
+            return 0
+        if after not in self._depths:
+            self._depths[after] = temporal_blocking.possible_depth(self.domain, self.layout, self.pool.threads, after)
+        return self._depths[after]
+
+    @property
+    def _leaves_caches(self) -> bool:
+        return self.layout.plane_bytes * self.domain.points[0] > temporal_blocking.CACHE
+
+    @property
+    def _after_all(self) -> int:
+        """After how many sweeps of a wave something has to be done, but for forces."""
+        by_themselves = self._links and not self._ruled and not self._quiet
+        return temporal_blocking.DEPTH if by_themselves or self.layers else 0
+
+    def leap(self, most: int) -> int:
+        """One pass over memory: `depth` steps, or fewer if `most` is less. Returns the steps done, the same bits as
+        plain ones. In the last two of `most` steps hooks are called, or the links that they carry keep momentum."""
+        depth, keep = self._next_pass(most)
+        if depth < 2:
+            self.step()
+        else:
+            self._pass(depth, keep)
+        return depth
+
+    def _pass(self, depth: int, keep: bool) -> None:
+        steps = self._steps_of_pass(depth, keep)
+        if steps not in self._waves:
+            with self.world.first_on_node():
+                self._waves[steps] = self._passes.wave(steps, self._after)
+        self.pool.run(self._waves[steps])
+        self._open = bool(steps.flags[-1] & LEAVE)
+        self.iteration += depth
+        if keep and self._take:
+            for iteration in range(self.iteration - min(depth, temporal_blocking.KEPT) + 1, self.iteration + 1):
+                self._take(iteration)
+
+    def _next_pass(self, most: int) -> tuple[int, bool]:
+        """How many steps it has, and whether links keep momentum in it."""
+        depth = temporal_blocking.even_depth(self.depth, most)
+        if not self.hooks or most - depth >= temporal_blocking.KEPT:
+            return depth, False
+        deepest = self._depth(max(self._after_all, temporal_blocking.KEPT))
+        if deepest < 2:  # forces only of plain steps
+            return temporal_blocking.even_depth(self.depth, max(1, most - temporal_blocking.KEPT)), False
+        depth = temporal_blocking.even_depth(deepest, most)
+        return depth, most - depth < temporal_blocking.KEPT
+
+    def _steps_of_pass(self, depth: int, keep: bool) -> temporal_blocking.Steps:
+        after = max(self._after_all, temporal_blocking.KEPT * keep)
+        steps = temporal_blocking.Steps(self.parity, depth, min(after, depth), keep, ())
+        leave = [LEAVE * (self._ruled is not None and not steps.keeps(t)) for t in range(depth)]
+        opened = [self._open, *leave]
+        return steps._replace(flags=tuple(OPENED * bool(was) | now for was, now in zip(opened, leave)))
+
+    def advance(self, n: int) -> None:
+        """n steps, several per pass over memory where possible."""
+        while n > 0:
+            n -= self.leap(n)
+
+    def _each(self, name: str, arguments: list[Any], arrays: list[NDArray]) -> None:
+        """Run a kernel of `observe` on the planes of the slab; it ends with parity, planes from, to and new arrays."""
+        self._finish()
+        if name not in self._observers:
+            layout = self.layout
+            head = [self.f, *arguments]
+            shares = [share for share in block_ranges(layout.planes, self.pool.threads) if share[1] > share[0]]
+            with self.world.first_on_node():
+                self._observers[name] = [bind(getattr(observe, name), *head, 0, *share, *arrays) for share in shares]
+        for bound in self._observers[name]:
+            at = 1 + len(arguments)
+            for k, value in ((at, self.parity), *enumerate(arrays, at + 3)):
+                bound.update(k, value)
+        self.pool.each(self._observers[name])
+        for bound in self._observers[name]:  # a task holds its arrays: as many bytes as the populations'
+            for k, value in enumerate(arrays, at + 3):
+                bound.update(k, np.empty((0,) * value.ndim, value.dtype))
+
+    @property
+    def _where(self) -> list[Any]:
+        """What `element` wants."""
+        return [self.layout.strides, self.layout.slots, self.layout.shifts, self.layout.positions]
+
+    @property
+    def _seen(self) -> list[Any]:
+        d = self.lattice.dimensions
+        return [self.ids, int(d == 3), *self._where, self.lattice.e, self._half]
+
+    def populations(self) -> NDArray:
+        """h[q, rows, ...] = f - w of the slab's nodes at `iteration`, zero in solid nodes; whatever the storage.
+
+        A view of [rows, ..., q].
+        """
+        layout = self.layout
+        h = np.empty((layout.planes, layout.rows, layout.nx, self.lattice.q), self.layout_dtype)
+        self._each("read", [self.ids, int(self.domain.ndim == 3), *self._where], [h])
+        return np.moveaxis(h.reshape(*self.domain.shape(self.world.rank), self.lattice.q), -1, 0)
+
+    def set_populations(self, h: NDArray) -> None:
+        """The inverse of `populations`, for the parity of `iteration`. Collective the first time."""
+        layout = self.layout
+        rows = np.ascontiguousarray(np.moveaxis(h, 0, -1), self.layout_dtype)
+        self._each("write", [*self._where, 0], [rows.reshape(layout.planes, layout.rows, layout.nx, self.lattice.q)])
+
+    def moments(self) -> tuple[NDArray, NDArray]:
+        """Density [rows, ...] and velocity [rows, ..., d] with half the force, float64; 1 and 0 in solid nodes."""
+        layout, shape = self.layout, self.domain.shape(self.world.rank)
+        rho = np.empty((layout.planes, layout.rows, layout.nx))
+        u = np.empty((*rho.shape, self.lattice.dimensions))
+        self._each("moments", self._seen, [rho, u])
+        return rho.reshape(shape), u.reshape(*shape, self.lattice.dimensions)
+
+    def row_sums(self) -> tuple[NDArray, NDArray]:
+        """Of each row of nodes [rows of x, ...]: number of fluid nodes, sum of rho - 1, momentum (physical order),
+        rho u^2 and u along the last axis; and the largest u^2. Bits of a row depend on the row alone."""
+        layout = self.layout
+        sums = np.empty((layout.planes, layout.rows, 4 + self.lattice.dimensions))
+        fastest = np.empty(sums.shape[:2])
+        self._each("row_sums", self._seen, [sums, fastest])
+        return sums.reshape(fastest.size, sums.shape[2]), fastest.reshape(fastest.size)
+
+    def set_equilibrium(self, rho: Any = 1.0, u: Any = None) -> None:
+        """Equilibrium of densities [rows, ...] and velocities [rows, ..., d] (or numbers)."""
+        shape = self.domain.shape(self.world.rank)
+        rho = np.broadcast_to(np.asarray(rho, float), shape)
+        d = self.lattice.dimensions
+        u = np.broadcast_to(np.zeros(d) if u is None else np.asarray(u, float), (*shape, d))
+        self._finish()
+        layout = self.layout
+        h = np.empty((1, layout.rows, layout.nx, self.lattice.q), self.layout_dtype)
+        with self.world.first_on_node():
+            observe.write(self.f, *self._where, 0, self.parity, 0, 0, h)  # compiled
+        for row in range(shape[0]):  # one at a time: on the way are several arrays of its size
+            h[...] = np.moveaxis(equilibrium(self.lattice, rho[row], u[row]), 0, -1).reshape(h.shape)
+            observe.write(self.f, *self._where, row, self.parity, row, row + 1, h)
+
+    def rest_bounds(self) -> tuple[float, float]:
+        """The least and the largest population at rest (f - w) of fluid nodes, and zero."""
+        layout, rest, fluid = self.layout, self.f[: self.layout.slot_stride], np.bool_(True)
+        if isinstance(layout, Layout) and self._free is not self._wet:
+            used = rest[layout.lanes : layout.lanes + layout.planes * layout.plane_stride]
+            rest = used.reshape(layout.planes, layout.stored_rows, layout.row_stride)[:, : layout.rows, : layout.nx]
+            fluid = self.solid.inner.reshape(rest.shape) == FLUID
+        return float(rest.min(initial=0.0, where=fluid)), float(rest.max(initial=0.0, where=fluid))
+
+    def free(self) -> None:
+        """Release what MPI holds (all ranks together)."""
+        self._exchange.free()
+        self._fill.free()
+
+
+def _acts(face: Face) -> bool:
+    """Does the face need a pass of its own? A wall that cannot move does not."""
+    return face.kind in ("pressure", "velocity") or (face.kind == "wall" and np.any(np.asarray(face.velocity)))

@@ -1,0 +1,96 @@
+"""Sizes of the array of populations: `kernels.layout` says what is where in it. Light, so that forecasts ask it too."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import DTypeLike, NDArray
+
+from hpcpic.core.simd.registers import lanes
+from lbmdem.physics.velocity_sets import Lattice
+
+_STREAMS_BYTES, _PAGE = 192, 4096  # distance of the slots modulo a page, so that they use different sets of a cache
+
+
+@dataclass(frozen=True)
+class Layout:
+    """Sizes of the array; strides are in elements. `stored`: planes with the one above, if any; rows likewise."""
+
+    lattice: Lattice
+    planes: int
+    rows: int
+    nx: int
+    stored: int
+    stored_rows: int
+    itemsize: int
+    lanes: int
+    whole_planes = False  # waves may do a part of the rows first
+
+    @classmethod
+    def of(
+        cls, lattice: Lattice, shape: tuple[int, ...], periodic: tuple[bool, ...], alone: bool, dtype: DTypeLike
+    ) -> "Layout":
+        """For the slab's own shape (storage order); `alone`: this rank has all planes."""
+        flat = lattice.dimensions == 2
+        planes, rows, nx = (shape[0], 1, shape[1]) if flat else shape
+        stored = planes + (not (alone and periodic[0]))
+        stored_rows = rows + (not flat and not periodic[1])
+        return cls(lattice, planes, rows, nx, stored, stored_rows, np.dtype(dtype).itemsize, lanes(dtype))
+
+    @property
+    def vectors(self) -> int:
+        """Vectors of a row."""
+        return -(-self.nx // self.lanes)
+
+    @property
+    def row_stride(self) -> int:
+        return (self.vectors + 1) * self.lanes
+
+    @property
+    def plane_stride(self) -> int:
+        return self.stored_rows * self.row_stride
+
+    @property
+    def slot_stride(self) -> int:
+        used = (self.stored * self.plane_stride + self.lanes) * self.itemsize
+        return (used + (_STREAMS_BYTES - used) % _PAGE) // self.itemsize
+
+    @property
+    def plane_bytes(self) -> int:
+        """Of all populations of a plane."""
+        return self.lattice.q * self.plane_stride * self.itemsize
+
+    @property
+    def positions(self) -> NDArray[np.int32]:
+        """Nodes have no numbers: their places follow from where they are."""
+        return np.empty((0, 0, 0), np.int32)
+
+    @property
+    def size(self) -> int:
+        """Elements of the array."""
+        return self.lattice.q * self.slot_stride
+
+    @property
+    def strides(self) -> NDArray[np.int64]:
+        """What `arrival` wants: [slot, plane, row stride, element of x = 0 in a row, stored planes, stored rows]."""
+        steps = (self.slot_stride, self.plane_stride, self.row_stride)
+        return np.array([*steps, self.lanes, self.stored, self.stored_rows], np.int64)
+
+    @property
+    def slots(self) -> NDArray[np.int64]:
+        """slot[parity, i] of the arrivals."""
+        even = np.arange(self.lattice.q)
+        return np.array([even, self.lattice.opposite], np.int64)
+
+    @property
+    def shifts(self) -> NDArray[np.int64]:
+        """shift[i, 3] in storage order (plane, row, x)."""
+        shifts = np.zeros((self.lattice.q, 3), np.int64)
+        for i, opposite in self.lattice.pairs:
+            shifts[opposite] = storage_order(self.lattice, i)
+        return shifts
+
+
+def storage_order(lattice: Lattice, i: int) -> tuple[int, int, int]:
+    """e[i] as (plane, row, x)."""
+    e = lattice.velocities[i]
+    return (e[1], 0, e[0]) if lattice.dimensions == 2 else (e[2], e[1], e[0])

@@ -1,0 +1,178 @@
+"""Fluid nodes one behind the other, without the solid ones: for porous media whose solids stay.
+
+The face of `kernels.layout.Layout` and of `exchange.Exchange`; the scheme is that of `kernels.sparse`.
+"""
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hpcpic.core.comm.pieces import Message, Pieces
+from hpcpic.core.comm.tags import Channel
+from hpcpic.core.comm.world import World
+from hpcpic.core.space.domain import Domain
+from hpcpic.core.space.fields import aligned_zeros
+from hpcpic.core.tasks.graph import Bound, bind
+from lbmdem.fluid.exchange import neighbours
+from lbmdem.fluid.solid_nodes import several_slabs
+from lbmdem.kernels import sparse_addresses as kernels
+from lbmdem.kernels.layout import FLUID, Layout, storage_order
+from lbmdem.kernels.sparse import BLOCK, FETCHED
+
+_STREAMS_BYTES, _PAGE = 1088, 4096  # distance of the slots modulo a page, so that they use different sets of a cache
+
+
+class SparseLayout:
+    """Positions of the fluid nodes of a slab: by planes, rows and x, every plane from a multiple of the lanes on.
+
+    ids[planes + 2, rows, nx + 2]: what is solid, with ghosts (rows have none in 2D). positions, of the same shape: -1
+    in solid nodes and beyond faces; those of nodes of the ranks below and above are behind the own ones (`beyond`).
+    """
+
+    whole_planes = True
+
+    def __init__(self, dense: Layout, ids: NDArray[np.int32], world: World, domain: Domain) -> None:
+        self.lattice, self.planes, self.rows, self.nx = dense.lattice, dense.planes, dense.rows, dense.nx
+        self.itemsize, self.lanes = dense.itemsize, dense.lanes
+        flat = self.lattice.dimensions == 2
+        self.row_ghosts = int(not flat)
+        self.positions = np.full(ids.shape, -1, np.int32)
+        inner = (slice(None) if flat else slice(1, -1), slice(1, -1))
+        counts = np.count_nonzero(ids[(slice(None), *inner)] == FLUID, axis=(1, 2))
+        self.first = np.concatenate(([0], np.cumsum(-(-counts[1:-1] // self.lanes)))).astype(np.int64)
+        starts = [-1, *(self.first[:-1] * self.lanes), -1]
+        end, self.beyond = self.vectors * self.lanes, {}
+        for plane, peer in zip((0, self.planes + 1), neighbours(domain, world.rank)):
+            if peer is not None:
+                starts[plane], self.beyond[plane], end = end, (end, int(counts[plane])), end + int(counts[plane])
+        for plane, start in enumerate(starts):
+            if start >= 0:
+                wet = ids[(plane, *inner)] == FLUID
+                self.positions[(plane, *inner)][wet] = start + np.arange(counts[plane])
+        alone = domain.periodic[0] and not several_slabs(domain)
+        self.stored = self.planes + (not alone)  # as `Layout.stored`
+        self._wrap([alone, not flat and domain.periodic[1], domain.periodic[-1]])
+        used = (end + self.lanes) * self.itemsize
+        self.slot_stride = (used + (_STREAMS_BYTES - used) % _PAGE) // self.itemsize
+        largest = np.diff(self.first).max(initial=0) * self.lanes * self.lattice.q * self.itemsize
+        self.plane_bytes = int(world.max(float(largest)))
+
+    def _wrap(self, wraps: list[bool]) -> None:
+        for axis, wrap in enumerate(wraps):
+            if wrap and self.planes:
+                layers = np.moveaxis(self.positions, axis, 0)
+                layers[0], layers[-1] = layers[-2], layers[1]
+
+    def taken_over(self, old: NDArray, dense: Layout, parity: int) -> NDArray:
+        """The populations of a fluid that holds those of solid nodes too."""
+        f = aligned_zeros((self.size,), old.dtype)
+        rules = (self.strides, self.slots, self.shifts, old, dense.strides, dense.slots, dense.shifts)
+        kernels.take_over(f, *rules, self.positions, parity, self.nx, 0, self.planes)
+        return f
+
+    @property
+    def vectors(self) -> int:
+        return int(self.first[-1])
+
+    @property
+    def size(self) -> int:
+        """Elements of the array."""
+        return self.lattice.q * self.slot_stride
+
+    @property
+    def strides(self) -> NDArray[np.int64]:
+        """What `element` wants: [slot stride, ghosts of rows]."""
+        return np.array([self.slot_stride, self.row_ghosts], np.int64)
+
+    @property
+    def slots(self) -> NDArray[np.int64]:
+        """slot[parity, i] of the arrivals."""
+        return np.array([np.arange(self.lattice.q), self.lattice.opposite], np.int64)
+
+    @property
+    def shifts(self) -> NDArray[np.int64]:
+        """-e[i] in storage order: where f_i comes from."""
+        return -np.array([storage_order(self.lattice, i) for i in range(self.lattice.q)], np.int64)
+
+
+class Tables:
+    """What the sweep wants to know of the nodes: see `kernels.sparse`."""
+
+    def __init__(self, layout: SparseLayout, dtype: Any) -> None:
+        n, directions = layout.vectors, layout.lattice.q - 1
+        self.blocks = np.concatenate(([0], np.cumsum(-(-np.diff(layout.first) // BLOCK)))).astype(np.int64)
+        mask = np.uint8 if layout.lanes <= 8 else np.uint16
+        self.kinds = np.zeros(n, np.int8)
+        self.masks = np.zeros((n, directions, 2), mask)
+        self.shifts = np.zeros((n, directions), np.int32)
+        self.rest = np.zeros(self.blocks[-1] + 1, np.int64)
+        self._make_room(layout, 0)
+        self._make_room(layout, self._find(layout))
+        self.masks[...], self.shifts[...] = 0, 0
+        self._find(layout)
+        self.link_with(np.zeros((0, directions), mask), np.zeros(1, dtype), np.zeros(n + 1, np.int64))
+
+    def _make_room(self, layout: SparseLayout, count: int) -> None:
+        narrow = layout.size < 1 << 31
+        self.where = np.zeros(count + FETCHED, np.int32 if narrow else np.int64)
+        self.code = np.zeros(count, np.uint32)
+
+    def _find(self, layout: SparseLayout) -> int:
+        place = (layout.positions, layout.row_ghosts, -layout.shifts[1:], layout.lanes, layout.slot_stride)
+        tables = (self.kinds, self.masks, self.shifts, self.rest, self.where, self.code)
+        return kernels.tables(*place, layout.first, self.blocks, *tables)
+
+    def link_with(self, ruled: NDArray, kappa: NDArray, linked: NDArray[np.int64]) -> None:
+        """Links whose rule the sweep applies."""
+        self.ruled, self.kappa, self.linked = ruled, kappa, linked
+
+    @property
+    def arguments(self) -> list[NDArray]:
+        found = [self.blocks, self.kinds, self.masks, self.shifts, self.rest, self.where, self.code]
+        return [*found, self.ruled, self.kappa, self.linked]
+
+
+class SparseExchange:
+    """After an even step nodes beyond are fetched; what odd steps have written there goes back to their ranks."""
+
+    def __init__(self, world: World, domain: Domain, layout: SparseLayout, f: NDArray) -> None:
+        self._layout, self._slots = layout, f.reshape(layout.lattice.q, -1)
+        self._f = f
+        peers = neighbours(domain, world.rank)
+        self.open = (peers[0] is not None, peers[1] is not None)
+        here: list[list[Message]] = [[], []]  # at a parity: what this rank owns
+        there: list[list[Message]] = [[], []]
+        backs: list[Bound] = []
+        for side, peer in enumerate(peers):
+            if peer is None:
+                continue
+            # slots that nodes beyond this side read from here, and that nodes of this side read from beyond
+            outwards = [i for i in range(layout.lattice.q) if storage_order(layout.lattice, i)[0] == (-1, 1)[1 - side]]
+            inwards = [i for i in range(layout.lattice.q) if storage_order(layout.lattice, i)[0] == (-1, 1)[side]]
+            send, receive = (Channel.POPULATIONS_UP, Channel.POPULATIONS_DOWN)[:: 1 if side else -1]
+            plane = layout.planes - 1 if side else 0
+            own = self._plane(plane)
+            beyond = slice(*np.cumsum(layout.beyond[layout.planes + 1 if side else 0]))
+            here[0].append(Message(peer, send, [self._slots[i, own] for i in outwards]))
+            there[0].append(Message(peer, receive, [self._slots[i, beyond] for i in inwards]))
+            buffer = aligned_zeros((len(outwards), own.stop - own.start), f.dtype)
+            here[1].append(Message(peer, send, [self._slots[i, beyond] for i in inwards]))
+            there[1].append(Message(peer, receive, [buffer]))
+            place = (layout.strides, layout.shifts, layout.positions)
+            backs.append(bind(kernels.returned, f, buffer, *place, np.array(outwards, np.int64), plane))
+        self.messages = [Pieces(world, here[parity], there[parity], parity) for parity in range(2)]
+        self.unpacks: list[list[Bound]] = [[], backs]
+
+    def _plane(self, plane: int) -> slice:
+        """Positions of the nodes of an own plane."""
+        start = int(self._layout.first[plane]) * self._layout.lanes
+        return slice(start, start + int(np.count_nonzero(self._inner(plane) >= 0)))
+
+    def _inner(self, plane: int) -> NDArray[np.int32]:
+        ghosts = self._layout.row_ghosts
+        return self._layout.positions[plane + 1, ghosts : self._layout.positions.shape[1] - ghosts, 1:-1]
+
+    def free(self) -> None:
+        for pieces in self.messages:
+            pieces.free()

@@ -1,0 +1,249 @@
+"""What an LBM-DEM run will need: memory by item, disk, time for any ranks x threads, from measured rates.
+
+A step sweeps all nodes, those beside solids at a higher price; links, grains and their substeps, and what moving solids
+need, come on top. Where nothing moves in the fluid several steps are done in a pass over memory: they share its launch
+and do not wait for memory. Work divides among the cores, launches and exchanges do not.
+"""
+
+import math
+from collections.abc import Mapping
+
+from hpcpic.core.app.forecast import FILES, Estimate, gain, writing_seconds
+from lbmdem.case.config import LbmDemConfig
+from lbmdem.forecast.node_shares import fluid_share, lanes_of_all, shares
+from lbmdem.forecast.plan import BYTES, VELOCITIES, arrays, face_bytes, grain_count, link_count, moving
+
+MIB = 2.0**20
+SERIES_BYTES = 16 * 8 * 2
+SERIES_SHARE = 0.05  # of a run, its start included, that samples of a series nobody has asked for may take, but
+SAMPLES = 20, 100  # so many at least and at most
+START = 1.0  # s: interpreter, libraries, kernels from the cache
+BLOCK = 16 * MIB  # of all ranks' state, which the first one reads for the digest
+DEPTH = 6  # steps per pass at most (lbmdem.wavefront)
+WHOLE = 28e6  # bytes of the planes of a wave with links or faces (lbmdem.wavefront)
+SPARSE = 0.85  # share of fluid nodes below which these alone are held (lbmdem.fluid)
+FEW = 500  # grains per thread up to which one does all substeps (lbmdem.dem)
+TOGETHER = 256  # steps of grains alone in one call (lbmdem.step)
+CACHED = 12e6  # bytes of populations below which a sweep does not wait for memory
+
+# Measured on the authors' machine, one core of a 2-core AMD Zen 5 at 4.1 GHz.
+DEFAULT = FILES | {
+    "mlups D3Q19 double": 190.0,  # one step per pass over memory
+    "mlups D3Q19 single": 400.0,
+    "mlups D2Q9 double": 480.0,
+    "mlups D2Q9 single": 1000.0,
+    "wave_gain D3Q19": 1.45,  # in caches, or with several steps per pass
+    "wave_gain D2Q9": 1.55,
+    "forced": 0.4,  # more, in caches, for a sweep with a body force
+    "central": 0.36,  # and for central moments
+    "mixed": 0.83,  # and for nodes beside solids
+    "sparse": 1.6,  # a fluid node held without the solid ones, over one of a fluid alone
+    "link_ns fixed": 5.7,  # several steps per pass
+    "link_ns sparse": 3.6,  # the same where the sweep does them (lbmdem.sparse)
+    "link_ns fixed single": 7.0,
+    "link_ns moving 2D": 17.3,
+    "link_ns moving 3D": 8.4,
+    "moving_link_us 2D": 0.1,  # and a grain, whatever its links
+    "moving_link_us 3D": 0.1,
+    "moving_grain_us 2D": 1.1,  # and of a grain: which nodes it covers now
+    "moving_grain_us 3D": 5.3,
+    "moving_us": 76.0,  # and a step
+    "cold_us": 275.0,  # more for it, grains and links, where a sweep has emptied the caches
+    "conserving_ns": 2.4,  # per node, where the mass of covered nodes is put back
+    "grains_us": 57.0,  # a step
+    "substep_us": 0.13,
+    "grain_ns": 40.0,  # per grain and substep
+    "lattice_sample_us": 300.0,
+    "lattice_sample_ns": 10.0,  # per node
+    "lattice_launch_us": 2.5,
+    "lattice_drive_us": 50.0,  # a body force that changes from step to step
+    "message_us": 3.0,
+    "message_gb_s": 8.0,
+    "grain_exchange_us": 180.0,  # forces, ghosts and owners of grains, a step of several ranks
+    "refill_plane_ns": 4.0,  # of a population of the planes beside a slab, for nodes that grains uncover
+    "cores": 2.0,
+    "sweep_core_gain": 1.3,  # of all cores over one on a sweep that waits for memory
+    "wave_core_gain": 1.7,  # and on other work
+    "sparse_core_gain": 1.6,  # and on nodes held without the solid ones
+    "rank_mib": 200.0,
+    "scipy_mib": 25.0,  # where sizes of grains follow a law
+}
+
+
+def estimate(config: LbmDemConfig, ranks: int, threads: int, measured: Mapping[str, float]) -> Estimate:
+    """Of a completed case on ranks x threads; `measured` rates of this machine take the place of DEFAULT."""
+    rates = DEFAULT | dict(measured)
+    depth, period = steps_per_pass(config, ranks, threads), config.periods["series"]
+    single = phases(config, ranks, threads, rates, 1)
+    whole = phases(config, ranks, threads, rates, depth) if depth > 1 else single
+    together = share_together(depth, period or config.n_steps)
+    step = sum((whole if together >= 0.5 else single).values())
+    mean = together * sum(whole.values()) + (1 - together) * sum(single.values())
+    sampling = (config.n_steps // period + 1) * sample_seconds(config, ranks, threads, rates) if period else 0.0
+    memory = memory_items(config, ranks, rates)
+    disk = disk_items(config)
+    periods = [config.periods[kind] for kind in ("field", "particle") if config.periods[kind]]
+    snapshots = sum(config.n_steps // every + 1 for every in periods)
+    seconds = START + config.n_steps * mean + sampling + writing_seconds(disk, snapshots, rates)
+    return Estimate(memory, disk, step, seconds, whole if together >= 0.5 else single, sampling, START)
+
+
+def memory_items(config: LbmDemConfig, ranks: int, rates: Mapping[str, float]) -> dict[str, float]:
+    """Bytes per rank. The largest moment of a run is its end, when the state is put in order for the digest."""
+    libraries = rates["rank_mib"] + (rates["scipy_mib"] if any(some.diameters for some in config.grains) else 0.0)
+    memory = {"Python and libraries": libraries * MIB}
+    memory |= {array.name: float(array.bytes) for array in arrays(config, ranks)}
+    if config.fluid:
+        memory["state in order of rows"] = population_bytes(config) / ranks
+        if ranks > 1:  # as they come from others, and as they are put together (core.run.checkpoint)
+            memory["blocks of the digest"] = 2 * min(BLOCK, population_bytes(config))
+    return memory
+
+
+def phases(
+    config: LbmDemConfig, ranks: int, threads: int, rates: Mapping[str, float], together: int
+) -> dict[str, float]:
+    """Seconds of one step by what it does, with so many steps per pass over memory."""
+    cores = 1e9 * gain(ranks, threads, rates, rates["wave_core_gain"])
+    launch = rates["lattice_launch_us"] + (rates["lattice_drive_us"] if config.shaking else 0.0)
+    calls = 1 / together if config.fluid else 1 / TOGETHER
+    seconds = {"launches": 1e-6 * launch * calls}
+    moved = moving(config) and not config.coupling.frozen
+    if config.fluid:
+        seconds |= sweep_seconds(config, ranks, threads, rates, together)
+        seconds["links"] = link_seconds(config, ranks, threads, rates, together)
+        seconds["messages"] = message_seconds(config, ranks, rates)
+    if moving(config):
+        seconds["grains"] = 1e-6 * (rates["grains_us"] * calls + config.substeps * rates["substep_us"])
+        n = grain_count(config)
+        seconds["grains"] += n * config.substeps * rates["grain_ns"] / (1e9 if n <= FEW * threads else cores)
+        if config.fluid and moved:
+            each = grain_count(config) * rates[f"moving_grain_us {config.dimensions}D"]
+            cold = 0.0 if cached(config) else rates["cold_us"]
+            seconds["moving solids"] = 1e-6 * (rates["moving_us"] + cold + each)
+            if config.coupling.refill == "conserving":
+                seconds["moving solids"] += math.prod(config.points) * rates["conserving_ns"] / cores
+        seconds["exchanges"] = exchange_seconds(config, rates) if ranks > 1 else 0.0
+    return seconds
+
+
+def link_seconds(config: LbmDemConfig, ranks: int, threads: int, rates: Mapping[str, float], together: int) -> float:
+    """Bounce back at solids."""
+    links, d = link_count(config), config.dimensions
+    if moving(config) and not config.coupling.frozen:
+        work = links * rates[f"link_ns moving {d}D"] + 1e3 * grain_count(config) * rates[f"moving_link_us {d}D"]
+        return 1e-9 * work / gain(ranks, threads, rates, rates["wave_core_gain"])
+    near, far = ("sparse", "fixed") if sparse(config) else ("fixed", "fixed single")
+    kind = near if together > 1 or cached(config) else far
+    return 1e-9 * links * rates[f"link_ns {kind}"] / gain(ranks, threads, rates, rates[core_gain(config)])
+
+
+def core_gain(config: LbmDemConfig) -> str:
+    """The rate of what all cores gain on sweeps and links that do not wait for memory."""
+    return "sparse_core_gain" if sparse(config) else "wave_core_gain"
+
+
+def steps_per_pass(config: LbmDemConfig, ranks: int, threads: int) -> int:
+    """1 where solids move or something drives the fluid from step to step."""
+    driven = config.shaking is not None or any(face.pressure_rate for face in config.boundary)
+    if not config.fluid or moving(config) or driven:
+        return 1
+    lag = 2 if config.grains or config.obstacle or config.boundary else 1
+    depth = min(DEPTH, config.points[-1] // (ranks * threads * 2 * lag))
+    if lag > 1:
+        depth = min(depth, int((WHOLE / (population_bytes(config) / config.points[-1] * threads) - 1) // 2))
+    return max(1, depth)
+
+
+def share_together(depth: int, period: int) -> float:
+    """The share of the steps between two looks that are done several per pass, in passes of nearly the same."""
+    alone = period if depth == 1 else period % 2 if depth == 2 else int(period == 1)
+    return 1.0 - alone / period
+
+
+def population_bytes(config: LbmDemConfig) -> int:
+    return math.prod(config.points) * VELOCITIES[config.simulation.lattice] * BYTES[config.fluid.storage]
+
+
+def cached(config: LbmDemConfig) -> bool:
+    return population_bytes(config) < CACHED
+
+
+def sparse(config: LbmDemConfig) -> bool:
+    """Whether solid nodes are not held (lbmdem.sparse)."""
+    stays, rules = not moving(config) or config.coupling.frozen, config.coupling
+    general = rules.bounce_back != "quadratic" and rules.refill != "conserving"
+    return stays and general and fluid_share(config) < SPARSE
+
+
+def sweep_seconds(
+    config: LbmDemConfig, ranks: int, threads: int, rates: Mapping[str, float], together: int
+) -> dict[str, float]:
+    """Arithmetic of all nodes with fluid, and the wait for memory where one step is done per pass."""
+    lattice, found, fluid = config.simulation.lattice, shares(config), config.fluid
+    places = math.prod(config.points) if sparse(config) else lanes_of_all(config)
+    one = 1e-6 * places / rates[f"mlups {lattice} {fluid.storage}"]
+    bare = one / rates[f"wave_gain {lattice}"]
+    wet = 1 - found.skipped
+    more = rates["forced"] if any(fluid.body_force) or config.shaking else 0.0
+    more += rates["central"] if fluid.collision == "central" else 0.0
+    if sparse(config):
+        wet = fluid_share(config)
+        work = bare * wet * (rates["sparse"] + more)
+    else:
+        work = bare * (wet * (1 + more) + found.mixed * rates["mixed"])
+    seconds = {"nodes": work / gain(ranks, threads, rates, rates[core_gain(config)])}
+    if together == 1 and not cached(config):
+        both = 1e9 * (one / gain(ranks, threads, rates, rates["sweep_core_gain"])
+                      - bare / gain(ranks, threads, rates, rates["wave_core_gain"]))  # fmt: skip
+        seconds["memory"] = 1e-9 * wet * max(0.0, both)
+    return seconds
+
+
+def message_seconds(config: LbmDemConfig, ranks: int, rates: Mapping[str, float]) -> float:
+    """Every step's populations cross both ends of a slab, also within a pass."""
+    if ranks == 1:
+        return 0.0
+    return 1e-6 * rates["message_us"] + 2 * face_bytes(config) / (1e9 * rates["message_gb_s"])
+
+
+def exchange_seconds(config: LbmDemConfig, rates: Mapping[str, float]) -> float:
+    """Of forces and owners of grains that move, and of the planes beside a slab where they uncover nodes."""
+    planes = 0
+    if config.fluid and not config.coupling.frozen:
+        planes = 2 * math.prod(config.points[:-1]) * VELOCITIES[config.simulation.lattice]
+    return 1e-6 * rates["grain_exchange_us"] + 1e-9 * planes * rates["refill_plane_ns"]
+
+
+def sample_seconds(config: LbmDemConfig, ranks: int, threads: int, rates: Mapping[str, float]) -> float:
+    """Of one sample of the series, which goes through all nodes."""
+    nodes = math.prod(config.points) if config.fluid else 0
+    return 1e-6 * rates["lattice_sample_us"] + 1e-9 * nodes * rates["lattice_sample_ns"] / gain(
+        ranks, threads, rates, rates["wave_core_gain"]
+    )
+
+
+def series_period(config: LbmDemConfig) -> int:
+    """Steps between samples where the case does not say; by DEFAULT rates, so the same on any machine."""
+    step = sum(phases(config, 1, 1, DEFAULT, steps_per_pass(config, 1, 1)).values())
+    affordable = SERIES_SHARE * (START + config.n_steps * step) / sample_seconds(config, 1, 1, DEFAULT)
+    least, most = SAMPLES
+    return max(1, config.n_steps // max(least, min(most, int(affordable))))
+
+
+def disk_items(config: LbmDemConfig) -> dict[str, float]:
+    """Bytes of the whole run."""
+    nodes, periods = math.prod(config.points), config.periods
+
+    def times(every: int) -> int:
+        return config.n_steps // every + 1 if every else 0
+
+    populations = VELOCITIES[config.simulation.lattice] * BYTES[config.fluid.storage] if config.fluid else 0
+    fluid = 2 * (config.fluid is not None)  # force and torque
+    forces = fluid + any(grains.moving for grains in config.grains)  # of contacts
+    return {
+        "series": times(periods["series"]) * SERIES_BYTES,
+        "fields": times(periods["field"]) * nodes * 8 * (1 + 3),  # vectors have three components
+        "grains": times(periods["particle"]) * grain_count(config) * 8 * (13 + 3 * forces),
+        "checkpoints, two": 2 * (nodes * populations + grain_count(config) * 8 * 13),
+    }

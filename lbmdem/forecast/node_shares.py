@@ -1,0 +1,111 @@
+"""How many nodes lie beside solids, before anything is placed: what the sweep of a lattice costs depends on it.
+
+The sweep goes by vectors of nodes along x. Those without fluid cost nothing, those whose nodes and all their neighbours
+are fluid the least, those beside solids more, but for grains that are linked at every step: what is beside and in them
+is swept like fluid. Of grains that stand apart the shares follow from the volumes swept by boxes that touch a grain
+(Steiner's formula) or are inside of it; of those that fill a sample, hard spheres leave a place free with the
+probability (1 - s) exp(-e / (1 - s)), where s is their volume and e what a touching box adds to it (scaled particle
+theory, to first order).
+"""
+
+import math
+from collections.abc import Iterator
+from typing import NamedTuple
+
+from hpcpic.core.simd.registers import lanes
+from lbmdem.case.config import Diameters, GrainSet, LbmDemConfig
+
+SIZES = 32  # of the law of diameters
+LOOSE = {2: 0.2, 3: 0.4}  # void fraction of a packing that settles
+TYPES = {"double": "float64", "single": "float32"}  # of populations
+
+
+class Shares(NamedTuple):
+    """Of all vectors of nodes: without fluid, and beside solids or sides of the box."""
+
+    skipped: float
+    mixed: float
+
+
+def sizes(law: Diameters, d: int) -> Iterator[tuple[float, float]]:
+    """(diameter m, share of the grains): Voivret et al. 2007, the law is that of the volume of smaller grains."""
+    places = [(k + 0.5) / SIZES for k in range(SIZES)]
+    found = [law.min + (law.max - law.min) * x for x in places]
+    logs = [(law.a - 1) * math.log(x) + (law.b - 1) * math.log1p(-x) - d * math.log(s) for x, s in zip(places, found)]
+    weights = [math.exp(value - max(logs)) for value in logs]
+    total = sum(weights)
+    yield from ((size, weight / total) for size, weight in zip(found, weights))
+
+
+def grains(config: LbmDemConfig, some: GrainSet) -> list[tuple[float, float]]:
+    """(radius in nodes, number) of a set."""
+    count = len(some.position) or (some.diameters.count if some.diameters else 0)
+    law = sizes(some.diameters, config.dimensions) if some.diameters and not some.diameter else [(some.diameter, 1.0)]
+    return [(0.5 * size / config.spacing, share * count) for size, share in law]
+
+
+def touched(r: float, width: int, d: int) -> float:
+    """Nodes swept by the centre of a vector's box, its neighbours included, that touches a grain of this radius."""
+    a, b = width + 1.0, 2.0
+    if d == 2:
+        return math.pi * r * r + 2 * r * (a + b) + a * b
+    return 4 / 3 * math.pi * r**3 + math.pi * r * r * (a + 2 * b) + 2 * r * (2 * a * b + b * b) + a * b * b
+
+
+def covered(r: float, width: int, d: int) -> float:
+    """The same of a vector all of whose nodes are inside the grain."""
+    s = width - 1.0
+    if 2 * r <= s:
+        return 0.0
+    if d == 2:
+        return 2 * r * r * math.acos(s / (2 * r)) - 0.5 * s * math.sqrt(4 * r * r - s * s)
+    return 4 / 3 * math.pi * r**3 - math.pi * r * r * s + math.pi * s**3 / 12
+
+
+def volume(r: float, d: int) -> float:
+    return math.pi * r * r if d == 2 else 4 / 3 * math.pi * r**3
+
+
+def shares(config: LbmDemConfig) -> Shares:
+    """Of the lattice of a case with fluid; obstacles are not looked at."""
+    d, width, nodes = config.dimensions, lanes(TYPES[config.fluid.storage]), math.prod(config.points)
+    skipped, plain, anew = 0.0, beside_sides(config, width), linked_anew(config)
+    for some in config.grains:
+        sizes = grains(config, some)
+        solid, hit, inside = (sum(n * of(r) for r, n in sizes) / nodes for of in (
+            lambda r: volume(r, d), lambda r: touched(r, width, d), lambda r: covered(r, width, d),
+        ))  # fmt: skip
+        filled = min(1.0, solid / (1 - (some.packing.porosity or LOOSE[d]))) if some.packing else 1.0
+        solid, hit = min(0.9, solid / filled), hit / filled  # of the part of the box where the grains are
+        plain *= 1.0 if anew else 1 - filled + filled * (1 - solid) * math.exp(-(hit - solid) / (1 - solid))
+        skipped += inside
+    skipped = min(skipped, 0.9)
+    plain *= 1 - skipped if anew else 1.0
+    return Shares(skipped, max(0.0, 1 - plain - skipped))
+
+
+def linked_anew(config: LbmDemConfig) -> bool:
+    """Whether all links to grains are done after the sweep (Fluid.leave_to_links)."""
+    return any(some.moving for some in config.grains) and not config.coupling.frozen
+
+
+def lanes_of_all(config: LbmDemConfig) -> int:
+    """Nodes that a lattice has room for in its vectors: rows along x are whole vectors."""
+    width = lanes(TYPES[config.fluid.storage])
+    return -(-config.points[0] // width) * width * math.prod(config.points[1:])
+
+
+def fluid_share(config: LbmDemConfig) -> float:
+    """Of the nodes, those that no grain covers."""
+    solid = sum(n * volume(r, config.dimensions) for some in config.grains for r, n in grains(config, some))
+    return max(0.1, 1 - solid / math.prod(config.points))
+
+
+def beside_sides(config: LbmDemConfig, width: int) -> float:
+    """The share of vectors that are whole and at no side of the box."""
+    across = -(-config.points[0] // width)
+    ends = int(config.points[0] % width > 0) if "x" in config.domain.periodic else min(2, across)
+    share = 1 - ends / across
+    for axis, n in zip("yz"[: config.dimensions - 1], config.points[1:]):
+        share *= 1 - (0 if axis in config.domain.periodic else min(2, n)) / n
+    return share

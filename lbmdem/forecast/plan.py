@@ -1,0 +1,99 @@
+"""What a case makes the program do and hold: kernels, arrays and messages of a step, before anything is allocated.
+
+`check --plan` prints it and `estimate` adds it up, so what a scene does not contain shows as missing lines and bytes.
+"""
+
+import math
+from collections.abc import Iterator
+
+from hpcpic.core.app.forecast import Array, imports
+from hpcpic.core.space.cuts import even_cuts
+from lbmdem.case.config import AXES, LbmDemConfig
+from lbmdem.fluid.layout import Layout
+from lbmdem.forecast.node_shares import TYPES, grains
+from lbmdem.physics.velocity_sets import LATTICES
+
+VELOCITIES = {"D2Q9": 9, "D3Q19": 19}
+CROSSING = {"D2Q9": 3, "D3Q19": 5}  # populations that leave through one face of a slab
+BYTES = {"double": 8, "single": 4}
+LINKS = {2: 3.07, 3: 5.74}  # per node of a grain's perimeter or surface: half the sum of |e . n|, any direction n
+
+
+def grain_count(config: LbmDemConfig) -> int:
+    return sum(len(some.position) or some.diameters.count for some in config.grains)
+
+
+def link_count(config: LbmDemConfig) -> int:
+    """Links between fluid and grains, of all ranks; grains in contact share some, which is not looked at."""
+    d = config.dimensions
+    surface = sum(n * math.pi * (2 * r) ** (d - 1) for some in config.grains for r, n in grains(config, some))
+    return round(surface * LINKS[d])
+
+
+def moving(config: LbmDemConfig) -> bool:
+    return any(some.moving for some in config.grains)
+
+
+def kernels(config: LbmDemConfig) -> list[str]:
+    """The compiled kernels of a step, with what they are made for."""
+    lines = fluid_kernels(config) if config.fluid else []
+    if moving(config):
+        lines.append(f"contacts   {config.contact.tangential} friction, velocity Verlet")
+    return lines
+
+
+def fluid_kernels(config: LbmDemConfig) -> list[str]:
+    fluid, coupling = config.fluid, config.coupling
+    forced = ", body force" if any(fluid.body_force) or config.shaking else ""
+    lines = [f"sweep      {config.simulation.lattice}, {fluid.collision}, {fluid.storage}{forced}, in place"]
+    kinds = sorted({face.type for face in config.boundary if face.type != "wall"})
+    lines += [f"faces      {' and '.join(kinds)} (Zou & He)"] if kinds else []
+    moved = moving(config) and not coupling.frozen
+    if config.grains or config.obstacle:
+        kind = "moving grains" if moved else "fixed, coefficients kept"
+        lines.append(f"links      {coupling.bounce_back}, {kind}")
+    return lines + (["solid      incremental", f"refill     {coupling.refill}"] if moved else [])
+
+
+def arrays(config: LbmDemConfig, ranks: int) -> Iterator[Array]:
+    if config.fluid:
+        yield from fluid_arrays(config, ranks)
+    if moving(config):
+        yield Array("grains", (grain_count(config) // ranks + 1, 8 * config.dimensions), "float64")
+
+
+def fluid_arrays(config: LbmDemConfig, ranks: int) -> Iterator[Array]:
+    points, real = config.points[::-1], TYPES[config.fluid.storage]
+    own = (even_cuts(points[0], ranks)[1], *points[1:])
+    around = tuple(axis in config.domain.periodic for axis in AXES[: config.dimensions][::-1])
+    layout = Layout.of(LATTICES[config.simulation.lattice], own, around, min(ranks, points[0]) == 1, real)
+    yield Array("populations", (layout.lattice.q, layout.slot_stride), real)
+    if config.grains or config.obstacle:
+        yield Array("solid", tuple(n + 2 for n in own), "int32")
+        kept = 4 if moving(config) and not config.coupling.frozen else 9  # of fixed ones also arm, last two steps
+        yield Array("links", (link_count(config) // ranks, kept), "float64")
+
+
+def face_bytes(config: LbmDemConfig) -> int:
+    """Of the populations that cross one face of a slab."""
+    return math.prod(config.points[:-1]) * BYTES[config.fluid.storage] * CROSSING[config.simulation.lattice]
+
+
+def messages(config: LbmDemConfig, ranks: int) -> list[str]:
+    """What one rank sends in a step."""
+    if ranks == 1:
+        return ["none: one rank sends no messages"]
+    lines = [f"populations  2 of {face_bytes(config)} bytes"] if config.fluid else []
+    if moving(config):
+        lines.append("grains       2, those near a slab's ends; in every substep")
+    return lines + (["forces       2, fixed point"] if moving(config) and config.fluid else [])
+
+
+def plan(config: LbmDemConfig, ranks: int, threads: int) -> list[str]:
+    """Lines for `check --plan`."""
+    lines = ["kernels of a step", *(f"  {line}" for line in kernels(config)), "arrays per rank"]
+    for array in arrays(config, ranks):
+        shape = " x ".join(map(str, array.shape))
+        lines.append(f"  {array.name:<26}{shape:<24}{array.dtype:<12}{array.bytes / 2**20:10.2f} MiB")
+    lines += ["messages of a step, per rank", *(f"  {line}" for line in messages(config, ranks))]
+    return lines + imports(*["scipy.special"] * any(grains.diameters for grains in config.grains))

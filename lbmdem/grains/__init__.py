@@ -1,0 +1,1 @@
+"""The grains of a rank: contacts, films and motion."""

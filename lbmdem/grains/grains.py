@@ -1,0 +1,295 @@
+"""Grains of one rank: state, copies of other ranks' grains, and the way of a grain to the rank that owns it.
+
+Rank r owns the grains whose centre was in its slab when the list of pairs was last made. Ghosts are copies, at their
+own place (not at that of an image), of all grains that may come near one of the slab.
+
+Few grains are held by all ranks together: each moves them all, which costs less than messages. The ghosts are then all
+grains of the other ranks.
+"""
+
+from collections.abc import Mapping
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hpcpic.core.comm.ghosts import Refresh
+from hpcpic.core.comm.migrate import send_anywhere
+from hpcpic.core.comm.sharding import by_id
+from hpcpic.core.comm.tags import Channel, tag
+from hpcpic.core.comm.world import World
+from hpcpic.core.files.arrays import Column
+from hpcpic.core.space.domain import Domain, block_ranges, wrap
+from hpcpic.core.space.particles import pack_rows, record_type, unpack_rows
+from lbmdem.grains.contact_list import Springs
+from lbmdem.grains.room import Room
+
+ROW = 16
+X, V, OMEGA, TURN = 0, 4, 8, 12  # first values of a row: position and radius, velocity, angular velocity, orientation
+TOGETHER = 512  # grains, at most, that all ranks hold
+COLUMNS: dict[str, tuple[type, tuple[int, ...]]] = {
+    "id": (np.int64, ()),
+    "row": (np.float64, (ROW,)),
+    "mass": (np.float64, ()),
+    "inertia": (np.float64, ()),
+    "fixed": (np.int64, ()),
+    "pull": (np.float64, ()),  # share of the acceleration of gravity: 0 fixed, 1, less with added mass
+    "force": (np.float64, (8,)),  # of contacts: force, power, torque, 0
+    "given": (np.float64, (8,)),  # of others, through the substeps
+    "heat": (np.float64, ()),  # J made in this grain's half of its contacts
+    "work": (np.float64, ()),  # J done by walls on this grain, and by it if it is fixed and turns or moves
+}
+UNIT = 1e-6  # by which a quaternion may miss its length
+STATE = tuple(name for name in COLUMNS if name not in ("id", "given"))
+
+
+class Grains:
+    """n own grains, then n_ghosts copies; rows[n + n_ghosts + 1, 16], the last one touches nothing.
+
+    The views x[m, d], v, omega[m, 1 or 3], radius, angle or orientation hold own grains and ghosts, in this order;
+    columns[name] are of the `held` ones: own grains, or all when held together. Order and number change when `settle`
+    is called; version counts that.
+    """
+
+    def __init__(self, world: World, domain: Domain, columns: Mapping[str, NDArray]) -> None:
+        self.world, self.domain = world, domain
+        self.dimensions = domain.ndim
+        self.number = len(columns["radius"])
+        self.together = world.size > 1 and self.number <= TOGETHER
+        self._made_of = {name: np.asarray(columns[name]) for name in ("mass", "inertia", "fixed", "radius")}
+        self.columns = self._first(columns)
+        self.n = len(self.columns["id"])
+        self.lengths = np.zeros(3)
+        self.lengths[: self.dimensions] = domain.lengths[::-1]
+        self.periodic = np.zeros(3, np.bool_)
+        self.periodic[: self.dimensions] = domain.periodic[::-1]
+        self.inverses = np.where(self.periodic, 1.0 / np.where(self.lengths > 0.0, self.lengths, 1.0), 0.0)
+        self.greatest = world.max(float(self.columns["row"][:, 3].max(initial=0.0)))
+        self.room = Room()
+        layout = record_type(self.columns)
+        self._layout, self.version = layout, 0
+        self._refresh = Refresh(world, Channel.GHOSTS_VALUES)
+        self._round = 0
+        self.n_ghosts = 0
+        self._lay_out()
+
+    def _first(self, given: Mapping[str, NDArray]) -> dict[str, NDArray]:
+        """Columns of this rank from those of the scene, which are of all grains."""
+        n, d = len(given["radius"]), self.dimensions
+        columns = {name: np.zeros((n, *shape), dtype) for name, (dtype, shape) in COLUMNS.items()}
+        columns["id"][:] = np.arange(n)
+        for name in ("mass", "inertia", "fixed"):
+            columns[name][:] = given[name]
+        free = ~np.asarray(given["fixed"], bool)
+        columns["pull"][:] = free
+        row = columns["row"]
+        row[:, X : X + d], row[:, V : V + d] = given["x"], given["v"]
+        for axis, (length, periodic) in enumerate(zip(self.domain.lengths[::-1], self.domain.periodic[::-1])):
+            if periodic:
+                row[:, axis] = wrap(row[:, axis], length)
+        row[:, OMEGA + (2 if d == 2 else 0) : OMEGA + 3] = np.reshape(given["omega"], (n, 1 if d == 2 else 3))
+        row[:, 3], row[:, 7] = given["radius"], np.where(free, 1.0 / columns["mass"], 0.0)
+        row[:, 11] = np.where(free, 1.0 / columns["inertia"], 0.0)
+        row[:, TURN] = 1.0 if d == 3 else 0.0
+        if self.together:
+            return columns
+        mine = self._owner(row) == self.world.rank
+        return {name: column[mine] for name, column in columns.items()}
+
+    def _owner(self, rows: NDArray) -> NDArray[np.int64]:
+        """The rank that owns each row."""
+        along = rows[:, self.dimensions - 1] / self.domain.spacing[0]
+        return np.asarray(self.domain.owner(np.clip(np.floor(along), 0, self.domain.points[0] - 1).astype(np.int64)))
+
+    # ---- views
+
+    @property
+    def held(self) -> int:
+        """Grains that this rank moves."""
+        return len(self.columns["id"])
+
+    @property
+    def x(self) -> NDArray[np.float64]:
+        return self.rows[:-1, X : X + self.dimensions]
+
+    @property
+    def v(self) -> NDArray[np.float64]:
+        return self.rows[:-1, V : V + self.dimensions]
+
+    @property
+    def omega(self) -> NDArray[np.float64]:
+        return self.rows[:-1, OMEGA + (2 if self.dimensions == 2 else 0) : OMEGA + 3]
+
+    @property
+    def radius(self) -> NDArray[np.float64]:
+        return self.rows[:-1, 3]
+
+    @property
+    def orientation(self) -> NDArray[np.float64]:
+        """Quaternion [m, 4] (scalar first) of spheres, angle [m] (rad) of discs."""
+        return self.rows[:-1, TURN] if self.dimensions == 2 else self.rows[:-1, TURN:]
+
+    @property
+    def mass(self) -> NDArray[np.float64]:
+        """Of own grains and ghosts, as `fixed` and `inertia` are: kg."""
+        return self._constants[:, 0]
+
+    @property
+    def inertia(self) -> NDArray[np.float64]:
+        return self._constants[:, 1]
+
+    @property
+    def fixed(self) -> NDArray[np.bool_]:
+        return self._constants[:, 2] > 0.0
+
+    # ---- who owns whom
+
+    def settle(self, springs: Springs, margin: float, reach: float) -> Springs:
+        """Collective: every grain to its owner, in an order that is good for caches, and new ghosts.
+
+        margin: of surfaces of a pair, reach: of the surface of a ghost and this slab (m). Springs of contacts travel
+        with either grain.
+        """
+        self._round += 1
+        if self.world.size > 1 and not self.together:
+            springs = self._send(springs)
+        low = self.greatest + 0.5 * margin
+        cell = np.floor(self.columns["row"][:, :3] / (2.0 * low))[:, ::-1]
+        others = self._owner(self.columns["row"]) != self.world.rank
+        order = np.lexsort((self.columns["id"], *cell.T[::-1], others & self.together))
+        self.columns = {name: np.ascontiguousarray(column[order]) for name, column in self.columns.items()}
+        self.n = self.held - np.count_nonzero(others) if self.together else self.held
+        exchange = self.world.size > 1 and not self.together
+        self.n_ghosts = self._refresh.choose(self._members(margin, reach)) if exchange else self.held - self.n
+        self._lay_out()
+        self.version += 1
+        return springs
+
+    def _send(self, springs: Springs) -> Springs:
+        owners = self._owner(self.columns["row"])
+        ids, layout = self.columns["id"], np.dtype([("key", np.int64, (2,)), ("value", np.float64, (3,))])
+        outgoing, kept = {}, owners == self.world.rank
+        loose = {}
+        for peer in np.unique(owners[~kept]).tolist():
+            going = owners == peer
+            outgoing[peer] = pack_rows(self.columns, going)
+            mine = np.isin(springs[0], ids[going]).any(axis=1)
+            loose[peer] = pack_rows({"key": springs[0][mine], "value": springs[1][mine]}, slice(None))
+        label = tag(self._round, Channel.PARTICLES)
+        arrived = send_anywhere(self.world, outgoing, self._layout.itemsize, label)
+        parts = [{name: column[kept] for name, column in self.columns.items()}]
+        parts += [unpack_rows(records, self._layout) for records in arrived]
+        self.columns = {name: np.concatenate([part[name] for part in parts]) for name in COLUMNS}
+        found = [springs]
+        for records in send_anywhere(self.world, loose, layout.itemsize, tag(self._round, Channel.RECUT)):
+            arrived = unpack_rows(records, layout)
+            found.append((arrived["key"], arrived["value"]))
+        return np.concatenate([keys for keys, _ in found]), np.concatenate([values for _, values in found])
+
+    def _members(self, margin: float, reach: float) -> dict[int, NDArray[np.int64]]:
+        """By rank, own grains that may come near its slab or its grains."""
+        axis, rows = self.dimensions - 1, self.columns["row"]
+        at, radius, length = rows[:, axis], rows[:, 3], self.lengths[axis]
+        members = {}
+        for peer in range(self.world.size):
+            low, high = (edge * self.domain.spacing[0] for edge in self.domain.row_range(peer))
+            if peer == self.world.rank or high <= low:
+                continue
+            low, high = (-np.inf if low == 0.0 else low), (np.inf if high >= length else high)
+            if self.periodic[axis]:
+                low, high = max(low, 0.0), min(high, length)
+                middle, half = 0.5 * (low + high), 0.5 * (high - low)
+                beyond = np.abs(at - middle - length * np.rint((at - middle) / length)) - half
+            else:
+                beyond = np.maximum(low - at, at - high)
+            near = beyond < radius + max(self.greatest + margin, reach + margin)
+            members[peer] = np.flatnonzero(near)
+        return members
+
+    def _lay_out(self) -> None:
+        """One array of rows: own grains, ghosts, and one that touches nothing."""
+        held, total = self.held, self.n + self.n_ghosts
+        self.rows = self.room.rows("row", total + 1, shape=(ROW,))
+        for name, values in self.columns.items():
+            dtype, shape = COLUMNS[name]
+            kept = self.room.rows(name, held, dtype, shape)
+            kept[:] = values
+            self.columns[name] = kept
+        self.rows[-1] = np.nan
+        self.ids, self._constants = np.empty(total, np.int64), np.empty((total, 3))
+        here = np.stack([self.columns[name] for name in ("mass", "inertia", "fixed")], 1).astype(np.float64)
+        self.ids[:held], self._constants[:held] = self.columns["id"], here
+        if self.world.size > 1 and not self.together:
+            self.ids[held:], self._constants[held:] = self._sent(self.columns["id"]), self._sent(here)
+            self.refresh()
+
+    def _sent(self, values: NDArray) -> NDArray:
+        self._round += 1
+        self._refresh.start(self._round, np.ascontiguousarray(values))
+        return self._refresh.finish()
+
+    def refresh(self) -> None:
+        """Collective: ghosts as their owners' grains are now."""
+        if self.world.size > 1 and not self.together:
+            self.rows[self.n : -1] = self._sent(self.columns["row"])
+
+    def shared(self, values: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Collective: values[held, ...] as their owners have them in the rows of own grains."""
+        if not self.together:
+            return values
+        bits = np.zeros((self.number, *values.shape[1:]), np.int64)
+        bits[self.ids[: self.n]] = values[: self.n].view(np.int64)
+        return self.world.sum_int(bits)[self.ids].view(np.float64)
+
+    def share(self, name: str) -> None:
+        """Collective: a column as the owners have it."""
+        self.columns[name][:] = self.shared(self.columns[name])
+
+    # ---- state
+
+    def part(self) -> tuple[int, int]:
+        """Range of ids that `state` of this rank holds."""
+        return block_ranges(self.number, self.world.size)[self.world.rank]
+
+    def state(self, more: Mapping[str, NDArray] | None = None) -> dict[str, NDArray]:
+        """Collective: what changes, in id order, of the ids of `part`; `more` are columns of own grains."""
+        columns = {name: self.columns[name][: self.n] for name in STATE} | dict(more or {})
+        layout = {name: (column.dtype, column.shape[1:]) for name, column in columns.items()}
+        return by_id(self.world, [(self.ids[: self.n], columns)], layout, self.number)
+
+    def state_columns(self) -> dict[str, Column]:
+        """What the arrays of `state` are in a checkpoint. What grains are made of does not change in a run."""
+        n, made = self.number, self._made_of
+        found = {name: Column(dtype, (n, *shape)) for name, (dtype, shape) in COLUMNS.items() if name in STATE}
+        for name in ("mass", "inertia", "fixed"):
+            found[name] = replace(found[name], low=made[name].astype(np.float64), high=made[name].astype(np.float64))
+        low, high = np.full((n, ROW), -np.inf), np.full((n, ROW), np.inf)
+        low[:, 3] = high[:, 3] = made["radius"]
+        free = made["fixed"] == 0
+        low[:, [7, 11]] = 0.0
+        high[:, 7] = np.where(free, 1.0 / made["mass"], 0.0)  # less with added mass
+        high[:, 11] = np.where(free, 1.0 / made["inertia"], 0.0)
+        if self.dimensions == 3:
+            low[:, TURN:], high[:, TURN:] = -1.0 - UNIT, 1.0 + UNIT
+        found["row"] = replace(found["row"], low=low, high=high)
+        found["pull"] = replace(found["pull"], low=0.0, high=1.0)
+        return found
+
+    def take(self, ids: NDArray[np.int64], arrays: Mapping[str, NDArray]) -> None:
+        """Collective: these grains instead of those of this rank; `settle` next."""
+        if self.together:
+            ids, arrays = np.arange(self.number), {name: self._gathered(arrays[name]) for name in STATE}
+        self.columns = {name: np.zeros((len(ids), *shape), dtype) for name, (dtype, shape) in COLUMNS.items()}
+        self.columns["id"][:] = ids
+        for name in STATE:
+            self.columns[name][:] = arrays[name]
+
+    def all_springs(self, springs: Springs) -> Springs:
+        """Collective: those of all ranks when grains are held together."""
+        return tuple(map(self._gathered, springs)) if self.together else springs
+
+    def _gathered(self, part: NDArray) -> NDArray:
+        """Rows of all ranks, in rank order, on all ranks."""
+        whole = self.world.gather_rows(part)
+        content = self.world.bcast(None if whole is None else whole.tobytes())
+        return np.frombuffer(content, part.dtype).reshape(-1, *part.shape[1:])

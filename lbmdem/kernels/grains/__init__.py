@@ -1,0 +1,1 @@
+"""Compiled loops over grains and contacts: arrays in, arrays out."""

@@ -1,0 +1,150 @@
+"""Velocity Verlet of grains, in the two halves between which contact forces are found.
+
+Forces depend on velocities, so the first half ends with velocities predicted by the old acceleration, and the second
+adds half the change of acceleration: second order, whatever the dashpots.
+
+A grain is two lines of eight values, rows[n, 16]: x y z radius, v and inverse mass; omega and inverse inertia,
+orientation (quaternion, or angle 0 0 0). Lines of forces[n, 8] and given[n, 8]: force (3), power, torque (3), 0.
+A line of forces with its halves exchanged lies beside what it changes: force at v, torque at omega.
+"""
+
+import numpy as np
+
+from hpcpic.core.simd.compile import njit
+from hpcpic.core.simd.vector import (
+    Vec,
+    address_of,
+    bitmask,
+    convert,
+    fma,
+    halves,
+    join,
+    lane_numbers,
+    load_at,
+    maximum,
+    rint,
+    select,
+    splat,
+    store_at,
+)
+
+F, I = Vec(8, np.float64), Vec(8, np.int64)
+INFINITE = np.inf
+
+
+@njit
+def swap(line):
+    """The upper four lanes before the lower four."""
+    low, high = halves(line)
+    return join(high, low)
+
+
+@njit
+def spread(values, first, other):
+    """values[0..3] in the lanes from `first` on, `other` elsewhere."""
+    k = convert(F, lane_numbers(I))
+    line = splat(F, other)
+    for c in range(3):
+        line = select(k == 1.0 * (first + c), splat(F, values[c]), line)
+    return line
+
+
+@njit
+def start(first, last, rows, pull, forces, given, gravity, origin, lengths, inverses, planar, dt, farthest, place):
+    """Positions at the end of the step, velocities predicted there; farthest[place] is not below the greatest squared
+    distance of a grain from the place in origin[n, 8], and infinite when one is no number.
+    """
+    half, k = 0.5 * dt, convert(F, lane_numbers(I))
+    at_x, at_v = k < 3.0, (k > 3.0) & (k < 7.0)
+    zero, most = splat(F, 0.0), splat(F, 0.0)
+    weight, length, inverse = spread(gravity, 4, 0.0), spread(lengths, 0, 0.0), spread(inverses, 0, 0.0)
+    periodic = inverse > 0.0
+    grain, push, more, home = address_of(rows, 0), address_of(forces, 0), address_of(given, 0), address_of(origin, 0)
+    for i in range(first, last):
+        a, b = load_at(F, grain + 128 * i, 64), load_at(F, grain + 128 * i + 64, 64)
+        force = swap(load_at(F, push + 64 * i, 64) + load_at(F, more + 64 * i, 8))
+        rate = select(at_v, fma(force, splat(F, rows[i, 7]), weight * pull[i]), zero)
+        x = fma(select(at_x, swap(fma(rate, half, a)), zero), splat(F, dt), a)
+        out = periodic & ((x < 0.0) | (x >= length))
+        if bitmask(out) != 0:
+            x = select(out, fma(floor_of(x * inverse), -length, x), x)
+            x = select(periodic & (x >= length), zero, x)  # what rounds up to the length
+        d = x - load_at(F, home + 64 * i, 8)
+        d = select(at_x, fma(rint(d * inverse), -length, d), zero)
+        most = maximum(select(d == d, d * d, splat(F, INFINITE)), most)
+        store_at(grain + 128 * i, fma(rate, dt, x), 64)
+        spin = select(at_x, force, zero) * rows[i, 11]
+        store_at(grain + 128 * i + 64, fma(spin, dt, b), 64)
+        turn(rows, i, half, dt, rows[i, 11] * (forces[i, 4] + given[i, 4]), rows[i, 11] * (forces[i, 5] + given[i, 5]),
+             rows[i, 11] * (forces[i, 6] + given[i, 6]), planar)  # fmt: skip
+    store_at(address_of(farthest, 8 * place), most, 8)
+
+
+@njit
+def floor_of(x):
+    whole = rint(x)
+    return select(whole > x, whole - 1.0, whole)
+
+
+@njit
+def turn(rows, i, half, dt, ax, ay, az, planar):
+    """Orientation by the mean angular velocity of the step; that at its end is in the row."""
+    if planar:
+        rows[i, 12] += dt * (rows[i, 10] - half * az)
+        return
+    x, y, z = rows[i, 8] - half * ax, rows[i, 9] - half * ay, rows[i, 10] - half * az
+    half *= 0.5
+    x, y, z = half * x, half * y, half * z
+    s = x * x + y * y + z * z
+    w = 1.0 - s  # (1 - s, 2 x, 2 y, 2 z) / (1 + s) is the rotation by 4 atan(|s|), to third order that by |omega| dt
+    x, y, z = 2.0 * x, 2.0 * y, 2.0 * z
+    a, b, c, d = rows[i, 12], rows[i, 13], rows[i, 14], rows[i, 15]
+    q0, q1 = w * a - x * b - y * c - z * d, w * b + x * a + y * d - z * c
+    q2, q3 = w * c - x * d + y * a + z * b, w * d + x * c - y * b + z * a
+    scale = 1.0 / np.sqrt(q0 * q0 + q1 * q1 + q2 * q2 + q3 * q3)
+    rows[i, 12], rows[i, 13], rows[i, 14], rows[i, 15] = q0 * scale, q1 * scale, q2 * scale, q3 * scale
+
+
+@njit
+def finish(first, last, rows, lines, begins, slots, forces, heat, half):
+    """Sums of the lines of each grain, in the order of its contacts' ids, and velocities at the end of the step.
+
+    slots[begins[k] .. begins[k + 1]] are twice the slots of grain k's contacts, plus 1 where it is the second.
+    half: dt / 2; dt is the time over which power becomes heat.
+    """
+    k = convert(F, lane_numbers(I))
+    zero, one = splat(F, 0.0), splat(F, 1.0)
+    of_force, of_power = select(k < 3.0, one, zero), select(k == 3.0, one, zero)
+    of_torque = select((k > 3.0) & (k < 7.0), one, zero)
+    grain, push, line = address_of(rows, 0), address_of(forces, 0), address_of(lines, 0)
+    for i in range(first, last):
+        total, radius = splat(F, 0.0), rows[i, 3]
+        for at in range(begins[i], begins[i + 1]):
+            slot = slots[at]
+            sign, arm = 1.0 - 2.0 * (slot & 1), radius - lines[slot >> 1, 7]
+            shares = fma(of_force, splat(F, sign), fma(of_torque, splat(F, arm), of_power))
+            total = fma(load_at(F, line + 64 * (slot >> 1), 64), shares, total)
+        change = swap(total - load_at(F, push + 64 * i, 64)) * half
+        a, b = load_at(F, grain + 128 * i, 64), load_at(F, grain + 128 * i + 64, 64)
+        store_at(grain + 128 * i, fma(change, swap(of_force) * rows[i, 7], a), 64)
+        store_at(grain + 128 * i + 64, fma(change, of_force * rows[i, 11], b), 64)
+        store_at(push + 64 * i, total, 64)
+        heat[i] += half * forces[i, 3]
+
+
+@njit
+def count_work(first, last, rows, lines, begins, slots, first_wall, high, walls, forces, work, half):
+    """Work of moving planes on grains, and of grains that are moved from outside (not free) on others.
+
+    Slots from first_wall on are of walls.
+    """
+    for i in range(first, last):
+        for at in range(begins[i], begins[i + 1]):
+            slot = slots[at] >> 1
+            if slot >= first_wall:
+                w = high[slot]
+                for c in range(3):
+                    work[i] += 2.0 * half * lines[slot, c] * walls[w, 4 + c]
+        if rows[i, 7] == 0.0:
+            for c in range(3):
+                work[i] -= 2.0 * half * (forces[i, c] * rows[i, 4 + c] + forces[i, 4 + c] * rows[i, 8 + c])

@@ -1,0 +1,48 @@
+"""Many substeps in one call, for grains that are few enough for one thread."""
+
+import numpy as np
+
+from hpcpic.core.simd.atomics import call_address
+from hpcpic.core.simd.compile import njit
+
+
+@njit
+def distance_moved(farthest):
+    """Of the grain that moved most, at most: farthest[blocks * 8], squares by axis."""
+    most = 0.0
+    for block in range(0, farthest.size, 8):
+        most = max(most, farthest[block] + farthest[block + 1] + farthest[block + 2])
+    return np.sqrt(most)
+
+
+@njit
+def wall_distance(walls, listed):
+    """Of the plane that moved most since they were listed."""
+    most = 0.0
+    for w in range(walls.shape[0] - 1):
+        square = 0.0
+        for c in range(3):
+            square += (walls[w, c] - listed[w, c]) ** 2
+        most = max(most, square)
+    return np.sqrt(most)
+
+
+@njit
+def substeps(done, steps, begun, skin, kernels, farthest, motion, walls, listed):
+    """Substeps done..steps; kernels[m, 2] = (function, context) of the tasks of a substep, the first half first.
+
+    motion[steps or 1] are the planes at the end of each. Stops in a step, after its first half, when the list is too
+    old or a position is no number; `begun`: goes on there. Returns how many are done; -1 - that when stopped.
+    """
+    for k in range(done, steps):
+        if not begun:
+            call_address(kernels[0, 0], kernels[0, 1])
+            if motion.shape[0] > 1:
+                walls[:] = motion[k]
+            moved = distance_moved(farthest)
+            if not moved + max(moved, wall_distance(walls, listed)) <= skin:
+                return -1 - k
+        begun = False
+        for task in range(1, kernels.shape[0]):
+            call_address(kernels[task, 0], kernels[task, 1])
+    return steps

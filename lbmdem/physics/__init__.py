@@ -1,0 +1,1 @@
+"""The equations and schemes, as the papers write them."""

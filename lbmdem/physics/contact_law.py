@@ -1,0 +1,106 @@
+"""The contact law, walls, and the largest stable step."""
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lbmdem.physics.lubrication import Film
+
+ROW = 16  # values of a grain or a plane in the kernels
+
+
+@dataclass(frozen=True, slots=True)
+class Law:
+    """Contact law [1] of Mansouri et al. 2011, SI units.
+
+    stiffness k_n (N/m), damping alpha in [0, 1), friction mu, viscosity beta (N s/m) of the regularised Coulomb law;
+    shear (N/m): 0 for the law of the paper, else stiffness of a tangential spring with history, beside which
+    `viscosity` is its dashpot. pulls: the dashpot may pull at the end of a contact, as in the paper.
+    """
+
+    stiffness: float
+    damping: float = 0.0
+    friction: float = 0.0
+    viscosity: float = 0.0
+    shear: float = 0.0
+    pulls: bool = True
+
+    def constants(self, film: Film | None = None) -> NDArray[np.float64]:
+        """As the kernels want them."""
+        law = [self.stiffness, self.friction, self.viscosity, self.shear, float(self.pulls)]
+        if film is None:
+            return np.array([*law, 0.0, 0.0, 0.0])
+        planar = film.dimensions == 2
+        factor = (3.0 * math.sqrt(2.0) if planar else 6.0) * math.pi * film.viscosity
+        return np.array([*law, film.cut_off, factor, float(planar)])
+
+
+@dataclass(frozen=True, slots=True)
+class Wall:
+    """A plane with a normal into the grains' side; its point moves: point + velocity t + amplitude sin(2 pi f t)."""
+
+    point: Sequence[float]
+    normal: Sequence[float]
+    velocity: Sequence[float] = ()
+    amplitude: Sequence[float] = ()
+    frequency: float = 0.0
+
+    @property
+    def moves(self) -> bool:
+        return any(self.velocity) or (any(self.amplitude) and self.frequency != 0.0)
+
+    def rows(self, times: NDArray[np.float64]) -> NDArray[np.float64]:
+        """[n, ROW]: point, 0, velocity, 0, normal, 0 ... at times (s), as the kernels want them."""
+        rows, omega = np.zeros((len(times), ROW)), 2.0 * math.pi * self.frequency
+        d = len(self.point)
+        velocity, amplitude = (np.array(v or np.zeros(d), float) for v in (self.velocity, self.amplitude))
+        phases = (omega * times).tolist() if any(self.amplitude) else [0.0]
+        sines, cosines = (np.array([[f(phase)] for phase in phases]) for f in (math.sin, math.cos))  # bits of one alone
+        rows[:, :d] = np.asarray(self.point) + velocity * times[:, None] + amplitude * sines
+        rows[:, 4 : 4 + d] = velocity + amplitude * omega * cosines
+        rows[:, 8 : 8 + d] = np.asarray(self.normal, float) / math.hypot(*self.normal)
+        return rows
+
+
+def wall_rows(walls: Sequence[Wall], times: NDArray[np.float64]) -> NDArray[np.float64]:
+    """[n, walls + 1, ROW]: rows of all walls at times, and one that touches nothing behind them."""
+    rows = np.full((len(times), len(walls) + 1, ROW), np.nan)
+    for k, wall in enumerate(walls):
+        rows[:, k] = wall.rows(times)
+    return rows
+
+
+def step_limit(damping: float, contacts: float) -> float:
+    """Largest stable step of the scheme for `contacts` parallel contacts with fixed neighbours, times sqrt(k/m).
+
+    The scheme's matrix has the eigenvalue -1 where z dt^2 + 8 alpha z dt = 4 (stiffness z k, dashpots
+    2 alpha z sqrt(k m), velocities predicted by the old acceleration).
+    """
+    return 4.0 * (math.sqrt(damping**2 + 0.25 / contacts) - damping)
+
+
+def stable_step(law: Law, radius: NDArray, mass: NDArray, inertia: NDArray, contacts: float = 0.0) -> float:
+    """Largest stable step (s) of grains that move: a bound for the lightest of them among its equals.
+
+    contacts: how many act along one direction; by default the most that equal discs (3) or spheres (4.5) can have:
+    contacts are 60 degrees apart, and one at an angle a counts cos^2 a. Neighbours in antiphase act as half the mass.
+    Tangential springs and dashpots, twice as many along a direction or about an axis, are added.
+    """
+    if len(mass) == 0:
+        return math.inf
+    k = int(np.argmin(mass))
+    planar = inertia[k] > 0.45 * mass[k] * radius[k] ** 2
+    contacts = contacts or (3.0 if planar else 4.5)
+    normal = 2.0 / mass[k]
+    tangential = 2.0 * (normal + 2.0 * radius[k] ** 2 / inertia[k])
+    spring = contacts * (law.stiffness * normal + law.shear * tangential)
+    dashpot = contacts * (2.0 * law.damping * math.sqrt(law.stiffness * normal) + law.viscosity * tangential)
+    return 2.0 / (dashpot + math.sqrt(dashpot**2 + spring))
+
+
+def paper_step(law: Law, mass: NDArray) -> float:
+    """The step [2] of Mansouri et al. 2011 (s): a tenth of the duration of an undamped contact."""
+    return 0.1 * math.pi * math.sqrt(float(np.min(mass)) / law.stiffness)

@@ -1,0 +1,96 @@
+"""What gravity and body forces bring about: how fast a lone grain falls, and what falls for ever."""
+
+import math
+from collections.abc import Iterator
+
+from hpcpic.core.case.derived import Derived
+from lbmdem.case.config import AXES, LbmDemConfig, largest_diameter
+from lbmdem.forecast.node_shares import grains, volume
+from lbmdem.physics.relaxation import GRID_REYNOLDS, SPACING, key_of_tau, slower
+from lbmdem.physics.velocity_sets import CS2
+
+BALANCE = 1e-3  # of the forces on a box that are left over: what is still called a balance
+FAR_BEYOND = 10.0  # times the limit of the grid Reynolds number: a bed falls slower than a grain alone, but not so much
+LAYER = 1.13  # sqrt(Re) delta/D of the boundary layer where the flow divides (Schlichting & Gersten, ch. 5)
+
+
+def drag_coefficient(reynolds: float) -> float:
+    """Of a sphere: Schiller & Naumann 1933; 0.44 beyond Re = 1000."""
+    return 24.0 / reynolds * (1.0 + 0.15 * reynolds**0.687) if reynolds < 1000.0 else 0.44
+
+
+def terminal_speed(config: LbmDemConfig, i: int) -> float:
+    """Of the largest grain of a set alone, m/s; of a disc by the lesser of Stokes's and the drag coefficient 1."""
+    some, fluid = config.grains[i], config.fluid
+    size = largest_diameter(some)
+    pull = math.hypot(*config.gravity) * abs(some.density / fluid.density - 1.0)
+    slow = pull * size**2 / (18.0 * fluid.kinematic_viscosity)
+    if config.dimensions == 2 or not pull:
+        return min(math.sqrt(math.pi / 2.0 * size * pull), slow)
+    v = slow
+    for _ in range(100):  # halves the error of log v, or better
+        v = math.sqrt(4.0 / 3.0 * size * pull / drag_coefficient(v * size / fluid.kinematic_viscosity))
+    return v
+
+
+def falling(config: LbmDemConfig, i: int) -> Iterator[Derived]:
+    """Of a grain that falls or rises alone: what gravity may bring about, and a bed seldom reaches."""
+    v, fluid, dx = terminal_speed(config, i), config.fluid, config.spacing
+    if not v:
+        return
+    source = "Schiller & Naumann 1933" if config.dimensions == 3 else "Stokes; drag coefficient 1 of a disc"
+    mach = v * config.time_step / dx / math.sqrt(CS2)
+    verdict = "ok" if mach <= 0.25 else "warn" if mach < 0.5 else "fail"
+    tau = slower(config, 0.24 / mach)
+    cure = "" if verdict == "ok" else f"relaxation_time = {tau} makes the time step short enough for {v:.3g} m/s"
+    limit = "<= 0.25, < 0.5 at all" if verdict != "fail" else "< 0.5"
+    yield Derived("Mach number of a lone grain", "Ma", mach, "", limit, verdict, source, cure, key_of_tau(config), True)
+    grid, most = v * dx / fluid.kinematic_viscosity, GRID_REYNOLDS[fluid.collision]
+    verdict = "ok" if grid <= most else "warn" if grid <= FAR_BEYOND * most else "fail"
+    cure = "" if verdict == "ok" else 'collision = "central" has no such limit; a finer spacing lowers it'
+    limit = f"<= {most:g}, {FAR_BEYOND * most:g} at all" if math.isfinite(most) else "none"
+    words = f"{source}; shear layer, measured"
+    name = "grid Reynolds number of a lone grain"
+    yield Derived(name, "v dx/nu", grid, "", limit, verdict, words, cure, SPACING, True)
+    size = largest_diameter(config.grains[i])
+    reynolds = v * size / fluid.kinematic_viscosity
+    if reynolds > 1.0:
+        layer = LAYER * size / dx / math.sqrt(reynolds)
+        verdict = "ok" if layer >= 0.5 else "warn"
+        finer = size * LAYER / math.sqrt(reynolds)
+        cure = "" if verdict == "ok" else f"at Re = {reynolds:.3g} it needs spacing = {finer:.2g}"
+        words = "Schlichting & Gersten, ch. 5"
+        yield Derived("boundary layer of a lone grain", "delta/dx", layer, "", ">= 0.5", verdict, words, cure, SPACING)
+
+
+def unheld(config: LbmDemConfig) -> Iterator[Derived]:
+    """The speed that a whole box has at the end, when forces pull along an axis along which it repeats and it has no
+    wall, obstacle or fixed grain to pull against. Without fluid walls hold by friction alone.
+    """
+    fluid, walls = config.fluid, len(config.domain.periodic) < config.dimensions
+    held = walls if fluid else walls and config.contact.friction > 0.0
+    if held or config.obstacle or config.coupling.frozen or any(not some.moving for some in config.grains):
+        return
+    weights, mass = [0.0] * config.dimensions, 0.0
+    room = math.prod(config.domain.size)  # that the fluid has
+    for some in config.grains:
+        solid = sum(n * volume(r * config.spacing, config.dimensions) for r, n in grains(config, some))
+        lighter = some.density - (fluid.density if fluid else 0.0)
+        weights = [weight + lighter * solid * g for weight, g in zip(weights, config.gravity)]
+        mass, room = mass + some.density * solid, room - solid
+    wet = fluid.density * max(room, 0.0) if fluid else 0.0
+    for k, (axis, weight) in enumerate(zip(AXES, weights)):
+        driven = wet * fluid.body_force[k] if fluid else 0.0
+        pulls, left = abs(weight) + abs(driven), abs(weight + driven)
+        if axis not in config.domain.periodic or not pulls:
+            continue
+        end = left / (mass + wet) * config.simulation.end_time
+        far = 0.5 * end * config.simulation.end_time > config.domain.size[k]
+        verdict = "warn" if far and left > BALANCE * pulls else "ok"
+        cure = "it goes ever faster: a wall or a fixed grain holds it"
+        if weight and wet:
+            cure += f", or a fluid.body_force of {-weight / wet:.6g} m/s2 along {axis} balances the weight"
+        name, limit = f"speed at the end along {axis}", f"balanced to {BALANCE:.1%}, or within a box's length"
+        key = ("gravity",) if weight else ("fluid", "body_force")
+        cure = "" if verdict == "ok" else cure
+        yield Derived(name, "a t", end, "m/s", limit, verdict, "momentum of the whole box", cure, key)

@@ -1,0 +1,133 @@
+"""Where grains are at the start, from the case alone: how those at given positions lie to each other, and what space
+packings fill.
+"""
+
+import math
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hpcpic.core.case.config import Path
+from hpcpic.core.space.products import product
+
+if TYPE_CHECKING:
+    from lbmdem.case.config import Diameters, GrainSet, LbmDemConfig
+
+LOOSE, LAYERS = 0.5, 3.0  # porosity from which grains fall, and least height of their space, largest diameters
+SAMPLE = 1 << 17  # grains whose diameters are looked at one by one before a run: their mean volume is within 1e-5
+
+
+class Survey(NamedTuple):
+    """Of grains at given positions. nearest: least distance of two centres (m; of those that overlap); deepest:
+    greatest overlap over the smaller diameter of pairs and walls with a grain that moves; outside: centres outside the
+    box. close, deep, gone: keys of a grain with each.
+    """
+
+    nearest: float = np.inf
+    deepest: float = 0.0
+    outside: int = 0
+    close: Path = ()
+    deep: Path = ()
+    gone: Path = ()
+
+
+def starts(config: "LbmDemConfig") -> tuple[float, float, int]:
+    """The numbers of `survey`."""
+    return survey(config)[:3]
+
+
+def survey(config: "LbmDemConfig") -> Survey:
+    """How grains at given positions lie; those of a law of diameters count as its smallest."""
+    sets = [grains for grains in config.grains if grains.position]
+    if not sets:
+        return Survey()
+    counts = [len(grains.position) for grains in sets]
+    keys = position_keys(config)
+    x = np.concatenate([np.array(grains.position, float) for grains in sets])
+    sizes = [grains.diameter if grains.diameter is not None else grains.diameters.min for grains in sets]
+    radius = 0.5 * np.repeat(np.array(sizes), counts)
+    moving = np.repeat([grains.moving for grains in sets], counts)
+    length = np.array(config.domain.size)
+    periodic = np.array([axis in config.domain.periodic for axis in "xyz"[: len(length)]])
+    outside = np.any(((x < 0.0) | (x > length)) & ~periodic, axis=1)
+    gap = np.minimum(wall_gap(x, length, periodic), plane_gap(config, x))
+    pressed = np.where(moving, (radius - gap) / (2.0 * radius), 0.0)
+    nearest, deepest, close, deep = np.inf, float(pressed.max(initial=0.0)), 0, int(pressed.argmax())
+    x = np.where(periodic, x - length * np.floor(x / length), x)
+    order, reach = np.argsort(x[:, -1], kind="stable"), 2.0 * float(radius.max())
+    x, radius, moving = x[order], radius[order], moving[order]
+    ends = np.searchsorted(x[:, -1], x[:, -1] + reach, side="right")
+    begins = np.searchsorted(x[:, -1], x[:, -1] + length[-1] - reach) if periodic[-1] else np.full(len(x), len(x))
+    for i in range(len(x) - 1):
+        others = np.r_[i + 1 : ends[i], max(begins[i], ends[i]) : len(x)]  # beside it, and across a periodic side
+        delta = x[others] - x[i]
+        delta -= np.where(periodic, length * np.rint(delta / length), 0.0)
+        distance = np.sqrt((delta * delta).sum(axis=1))
+        share = (radius[i] + radius[others] - distance) / (2.0 * np.minimum(radius[i], radius[others]))
+        share[~(moving[others] | moving[i])] = 0.0
+        if distance.min(initial=np.inf) < nearest:
+            nearest, close = float(distance.min()), int(max(order[i], order[others[distance.argmin()]]))
+        if share.max(initial=0.0) > deepest:
+            deepest, deep = float(share.max()), int(max(order[i], order[others[share.argmax()]]))
+    return Survey(nearest, deepest, int(outside.sum()), keys[close], keys[deep], keys[int(outside.argmax())])
+
+
+def position_keys(config: "LbmDemConfig") -> list[Path]:
+    """Where the case has the position of each grain, in their order."""
+    keys: list[Path] = []
+    for i, grains in enumerate(config.grains):
+        place: Path = ("grains", i, "position")
+        keys += [place] if len(grains.position) == 1 else [(*place, k) for k in range(len(grains.position))]
+    return keys
+
+
+def wall_gap(x: NDArray, length: NDArray, periodic: NDArray) -> NDArray[np.float64]:
+    """From centres [n, d] to the nearest side of the box, m [n]."""
+    return np.where(periodic, np.inf, np.minimum(x, length - x)).min(axis=1)
+
+
+def plane_gap(config: "LbmDemConfig", x: NDArray) -> NDArray[np.float64]:
+    """From centres [n, d] to the nearest plane in the box, m [n]."""
+    gap = np.full(len(x), np.inf)
+    for plane in (obstacle.shape.plane for obstacle in config.obstacle):
+        if plane is not None:
+            normal = np.array(plane.normal) / np.linalg.norm(plane.normal)
+            gap = np.minimum(gap, product(x - np.array(plane.point), normal))
+    return gap
+
+
+def law_diameters(n: int, low: float, high: float, a: float, b: float, dimensions: int) -> NDArray[np.float64]:
+    """Diameters [n] of `packing.beta_diameters` in order of size: the middles of n parts of equal number, so they
+    follow the law as well as n grains can.
+    """
+    from scipy.special import betainc
+
+    edges = np.linspace(0.0, 1.0, 1 + (1 << 14))
+    middle = low + (high - low) * 0.5 * (edges[1:] + edges[:-1])
+    number = np.cumsum(np.diff(betainc(a, b, edges)) / middle**dimensions)
+    wanted = (np.arange(n) + 0.5) / n * number[-1]
+    return low + (high - low) * np.interp(wanted, np.concatenate(([0.0], number)), edges)
+
+
+def law_volume(law: "Diameters", dimensions: int) -> float:
+    """Of all grains of a law: m3, m2 in 2D. Of very many, those of a sample stand for the others."""
+    n = min(law.count, SAMPLE)
+    diameters = law_diameters(n, law.min, law.max, law.a, law.b, dimensions)
+    return solid_volume(0.5 * diameters, dimensions) * (law.count / n)
+
+
+def solid_volume(radius: NDArray, dimensions: int) -> float:
+    """Of all grains: m3, m2 in 2D."""
+    return float(np.sum(math.pi * radius**2 if dimensions == 2 else 4.0 / 3.0 * math.pi * radius**3))
+
+
+def packed_space(config: "LbmDemConfig", grains: "GrainSet", solid: float) -> float:
+    """Upper end (m) of the space that a packing of grains of this volume fills, or from which it falls."""
+    packing, law = grains.packing, grains.diameters
+    assert packing is not None and law is not None
+    area = math.prod(config.domain.size[:-1])
+    high = packing.low + solid / (1.0 - (packing.porosity or LOOSE)) / area
+    if packing.porosity is None:
+        high = min(max(high, packing.low + LAYERS * law.max), packing.high or config.domain.size[-1])
+    return high

@@ -1,0 +1,190 @@
+"""What a case contains, the same on all ranks: the lattice, its faces and solids, and the grains at the start."""
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lbmdem.case.config import AXES, Boundary, LbmDemConfig
+from lbmdem.physics.units import Units
+from lbmdem.physics.velocity_sets import CS2
+
+
+@dataclass(slots=True)
+class FaceScene:
+    """One side of the box in lattice units; rate: change of the density in a step."""
+
+    kind: str  # "wall", "pressure", "velocity", "periodic"
+    velocity: tuple[float, ...]
+    density: float = 1.0
+    rate: float = 0.0
+
+
+@dataclass(frozen=True, slots=True)
+class GrainTable:
+    """All grains of the case at the start, in SI units; in 2D per metre of depth. set[n]: index of the set."""
+
+    x: NDArray[np.float64]
+    v: NDArray[np.float64]
+    omega: NDArray[np.float64]
+    radius: NDArray[np.float64]
+    mass: NDArray[np.float64]
+    inertia: NDArray[np.float64]
+    fixed: NDArray[np.bool_]
+    set: NDArray[np.int32]
+
+    def __len__(self) -> int:
+        return len(self.radius)
+
+
+class Scene:
+    """tau, force, faces and speeds in lattice units; sizes, grains and gravity in SI units."""
+
+    def __init__(self, config: LbmDemConfig) -> None:
+        self.config = config
+        self.dimensions = d = config.dimensions
+        self.lattice = config.simulation.lattice
+        self.points = config.points  # along x, y(, z)
+        self.time_step = config.time_step
+        self.density = config.fluid.density if config.fluid else 0.0  # of the fluid, kg/m3
+        self.units = Units(config.spacing, self.time_step, self.density, d)
+        self.periodic = tuple(axis in config.domain.periodic for axis in AXES[:d])
+        self.gravity = np.array(config.gravity)
+        if config.fluid:
+            self.tau = config.tau
+            self.faces = self._faces()
+            self.acceleration = np.array(config.fluid.body_force) / self.units.acceleration
+        self.set_names = [grains.name for grains in config.grains]
+
+    def _faces(self) -> dict[str, FaceScene]:
+        given = {boundary.face: boundary for boundary in self.config.boundary}
+        faces = {}
+        for axis, periodic in zip(AXES[: self.dimensions], self.periodic):
+            for side in "-+":
+                name = axis + side
+                still = (0.0,) * self.dimensions
+                if periodic:
+                    faces[name] = FaceScene("periodic", still)
+                elif name in given:
+                    faces[name] = self._face(given[name])
+                else:
+                    faces[name] = FaceScene("wall", still)
+        return faces
+
+    def _face(self, boundary: Boundary) -> FaceScene:
+        units, rho = self.units, self.density
+        velocity = tuple(u / units.velocity for u in boundary.velocity)
+        density = boundary.density / rho if boundary.density is not None else 1.0
+        if boundary.pressure is not None:
+            density += boundary.pressure / units.pressure / CS2
+        rate = boundary.pressure_rate * units.dt / units.pressure / CS2
+        return FaceScene(boundary.type, velocity, density, rate)
+
+    def body_force(self, step: float) -> NDArray[np.float64]:
+        """Acceleration of the fluid at a step, in lattice units: of the case, and of the shaken frame."""
+        return self.acceleration - self.shaken(step * self.time_step) / self.units.acceleration
+
+    def shaken(self, t: float) -> NDArray[np.float64]:
+        """Acceleration of the frame at time t, in m/s2."""
+        shaking = self.config.shaking
+        if shaking is None:
+            return np.zeros(self.dimensions)
+        return np.array(shaking.acceleration) * math.sin(2.0 * math.pi * shaking.frequency * t)
+
+    def constant_force(self, mass: NDArray, volume: NDArray) -> NDArray[np.float64]:
+        """Force [n, d] on grains that links do not give, N: weight less buoyancy, and rho V a of a body force a.
+
+        The pressure of the lattice fluid is what is left beside two given parts: that of its own weight, rho g, and
+        that which drives it, -grad p = rho a. A surface in these feels rho V g less and rho V a more.
+        """
+        displaced = self.density * volume
+        force = mass[:, None] * ((1.0 - displaced / mass)[:, None] * self.gravity)
+        driving = self.config.fluid.body_force if self.config.fluid else ()
+        return force + displaced[:, None] * np.array(driving) if any(driving) else force
+
+    def initial_velocity(self, axes: tuple[NDArray, ...]) -> NDArray[np.float64]:
+        """Velocity of the fluid at nodes, lattice units [..., d]; axes: coordinates x, y(, z) that broadcast, in m."""
+        shape = np.broadcast_shapes(*(axis.shape for axis in axes))
+        u = np.zeros((*shape, self.dimensions))
+        initial = self.config.fluid.initial
+        if initial is None:
+            for k, x in enumerate(axes):
+                u[..., k] = self._through(k, x / self.config.domain.size[k])
+            return u
+        speed = initial.speed / self.units.velocity
+        kx, ky = (2.0 * math.pi / length for length in self.config.domain.size[:2])
+        x, y = axes[0], axes[1]
+        if initial.flow == "taylor-green":
+            u[..., 0] = -speed * np.cos(kx * x) * np.sin(ky * y)
+            u[..., 1] = speed * kx / ky * np.sin(kx * x) * np.cos(ky * y)
+        else:  # doubly periodic shear layer (Minion & Brown 1997), kappa 80
+            s = y / self.config.domain.size[1]
+            u[..., 0] = speed * np.where(s <= 0.5, np.tanh(80.0 * (s - 0.25)), np.tanh(80.0 * (0.75 - s)))
+            u[..., 1] = 0.05 * speed * np.sin(kx * x + 0.5 * math.pi)
+        return u
+
+    def _through(self, k: int, share: NDArray) -> NDArray[np.float64] | float:
+        """Velocity along axis k between two faces of it that let fluid through, one or both with a given velocity.
+
+        An incompressible fluid follows them at once. From rest this one would answer by sound, which such faces throw
+        back and viscosity hardly damps.
+        """
+        faces = [self.faces[AXES[k] + side] for side in "-+"]
+        given = [face.velocity[k] for face in faces if face.kind == "velocity"]
+        if not given or any(face.kind == "wall" for face in faces):
+            return 0.0
+        return given[0] + (given[-1] - given[0]) * share
+
+    def initial_density(self, axes: tuple[NDArray, ...], sample: tuple[float, float]) -> NDArray[np.float64]:
+        """Density at nodes in lattice units: of rest, or of the initial flow; between two pressure faces of the last
+        axis it falls linearly over the sample of fixed grains, low to high in m.
+        """
+        shape = np.broadcast_shapes(*(axis.shape for axis in axes))
+        rho = np.ones(shape)
+        initial = self.config.fluid.initial
+        if initial is not None and initial.flow == "taylor-green":
+            speed = initial.speed / self.units.velocity
+            kx, ky = (2.0 * math.pi / length for length in self.config.domain.size[:2])
+            ratio = kx * kx / (ky * ky)
+            waves = ratio * np.cos(2.0 * ky * axes[1]) + np.cos(2.0 * kx * axes[0])
+            rho -= 0.25 * speed * speed / CS2 * waves
+        name = AXES[self.dimensions - 1]
+        low, high = self.faces[name + "-"], self.faces[name + "+"]
+        if low.kind == high.kind == "pressure":
+            share = np.clip((axes[-1] - sample[0]) / (sample[1] - sample[0]), 0.0, 1.0)
+            rho += (low.density - 1.0) * (1.0 - share) + (high.density - 1.0) * share
+        return rho
+
+
+def grain_table(config: LbmDemConfig, positions: list[NDArray], radii: list[NDArray]) -> GrainTable:
+    """Grains of all sets one after the other; positions[k][n, d] and radii[k][n] of set k in m."""
+    d = config.dimensions
+    sets = [np.full(len(r), k, np.int32) for k, r in enumerate(radii)]
+    counts = [len(r) for r in radii]
+    x = np.concatenate([p.reshape(-1, d) for p in positions]) if positions else np.zeros((0, d))
+    radius = np.concatenate(radii) if radii else np.zeros(0)
+
+    def each(values: list) -> NDArray:
+        return np.repeat(np.array(values), counts, axis=0) if values else np.zeros(0)
+
+    density = each([grains.density for grains in config.grains])
+    volume = volumes(radius, d)
+    mass = density * volume
+    inertia = (0.5 if d == 2 else 0.4) * mass * radius * radius
+    turning = 1 if d == 2 else 3
+    return GrainTable(
+        x=x,
+        v=each([grains.velocity for grains in config.grains]).reshape(-1, d),
+        omega=each([grains.angular_velocity for grains in config.grains]).reshape(-1, turning),
+        radius=radius,
+        mass=mass,
+        inertia=inertia,
+        fixed=each([not grains.moving for grains in config.grains]).astype(np.bool_),
+        set=np.concatenate(sets) if sets else np.zeros(0, np.int32),
+    )
+
+
+def volumes(radius: NDArray, d: int) -> NDArray:
+    """m3 of spheres, m2 of discs."""
+    return np.pi * radius * radius * (1.0 if d == 2 else 4.0 / 3.0 * radius)

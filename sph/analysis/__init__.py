@@ -1,0 +1,1 @@
+"""After a run: theory, experiments and figures."""

@@ -1,0 +1,291 @@
+"""Figures of particles: pictures in time, profiles across a channel, pressure in depth."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from hpcpic.core.app.figures import COLOURS, INK, NoData, NotInScene, new_figure, present, style
+from sph.analysis import render, theory
+from sph.analysis.run_config import config_of, scene_of
+from sph.case import geometry
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+    from hpcpic.core.files.reader import Particles, Run
+    from sph.case.config import SphConfig
+
+PANELS = 6
+PIXELS = 720  # width of a rendered picture
+SMALL = 0.02  # m: boxes below are told in mm
+THEORY: dict[str, Any] = {"color": INK, "linewidth": 1.0}
+
+
+def snapshots_of(run: Run) -> Particles:
+    return present(lambda: run.particle_snapshots, "the particles (output.period.particles)")
+
+
+def fluid_at(run: Run, snapshots: Particles, number: int) -> dict[str, np.ndarray]:
+    """All fluid particles of a snapshot, whichever set they are from."""
+    names = [fluid.name for fluid in config_of(run).fluid if fluid.name in snapshots.species]
+    parts = [snapshots.read(name, number) for name in names]
+    if not parts or not sum(len(part["id"]) for part in parts):
+        raise NoData("there are no fluid particles")
+    return {key: np.concatenate([part[key] for part in parts]) for key in parts[0]}
+
+
+def walls_at(run: Run, snapshots: Particles, number: int) -> np.ndarray:
+    """Positions[n, 3] of the walls' particles in a snapshot."""
+    names = [wall.name for wall in config_of(run).wall if wall.name in snapshots.species]
+    parts = [snapshots.read(name, number)["position"] for name in names]
+    return np.concatenate([*parts, np.zeros((0, 3))])
+
+
+def chosen(run: Run, snapshots: Particles) -> list[int]:
+    """The snapshots shown: those nearest to output.pictures, or six from the first to the last."""
+    asked = config_of(run).output.pictures
+    if asked:
+        return [snapshots.index(time=t) for t in asked if t <= snapshots.times[-1] * (1 + 1e-6)]
+    return sorted(set(np.linspace(0, len(snapshots.steps) - 1, PANELS).round().astype(int).tolist()))
+
+
+def sequence(run: Run, step: int | None = None) -> Figure:
+    """The particles at several times, or at one step: pressure in 2D, speed in 3D."""
+    snapshots = snapshots_of(run)
+    numbers = chosen(run, snapshots) if step is None else [snapshots.index(step)]
+    if not numbers:
+        raise NoData("no snapshot yet at any of output.pictures")
+    make = _panels_2d if config_of(run).dimensions == 2 else _panels_3d
+    with style():
+        return make(run, snapshots, numbers)
+
+
+def view_limits(run: Run, snapshots: Particles) -> tuple[np.ndarray, np.ndarray]:
+    """The box that is shown: the domain, less what the fluid never reaches above it."""
+    scene = scene_of(run)
+    low, high = scene.low.copy(), scene.high.copy()
+    reached_low, reached_high = np.full(scene.dimensions, np.inf), np.full(scene.dimensions, -np.inf)
+    for number in range(len(snapshots.steps)):
+        x = fluid_at(run, snapshots, number)["position"][:, : scene.dimensions]
+        reached_low = np.minimum(reached_low, np.quantile(x, 0.001, axis=0))
+        reached_high = np.maximum(reached_high, np.quantile(x, 0.999, axis=0))
+    margin = 0.03 * (high - low).max()
+    if not scene.walls:
+        return np.maximum(low, reached_low - margin), np.minimum(high, reached_high + margin)
+    return low - margin, np.minimum(high, reached_high) + margin
+
+
+def _panels_2d(run: Run, snapshots: Particles, numbers: Sequence[int]) -> Figure:
+    low, high = view_limits(run, snapshots)
+    columns = min(len(numbers), 3 if (high - low)[0] < 2.2 * (high - low)[1] else 2)
+    lines = -(-len(numbers) // columns)
+    width = 9.0 / columns if len(numbers) > 1 else 6.4
+    tall = max(0.2 * width, min(1.25 * width, (width - 0.5) * (high - low)[1] / (high - low)[0]))
+    found = [fluid_at(run, snapshots, number) for number in numbers]
+    ends = np.array([np.quantile(particles["pressure"], (0.01, 0.99)) for particles in found])
+    least, most = (0.0, ends[:, 1].max()) if ends[:, 0].min() > -0.1 * ends[:, 1].max() else (ends.min(), ends.max())
+    figure, axes = new_figure(lines, columns, (width * columns + 0.6, lines * (tall + 0.5) + 0.4), squeeze=False,
+                              sharex=True, sharey=True)  # fmt: skip
+    inches = min((width - 0.7) / (high - low)[0], tall / (high - low)[1])
+    size = max(0.3, (config_of(run).numerics.spacing * inches * 72 * 0.95) ** 2)
+    for axis, number, particles in zip(axes.flat, numbers, found):
+        x, walls = particles["position"], walls_at(run, snapshots, number)
+        axis.scatter(walls[:, 0], walls[:, 1], s=0.35 * size, color="#b8bcc2", linewidths=0, rasterized=True)
+        dots = axis.scatter(x[:, 0], x[:, 1], c=particles["pressure"], s=size, linewidths=0, vmin=least, vmax=most,
+                            rasterized=True)  # fmt: skip
+        if not len(walls):
+            for line in wall_outlines(run, float(snapshots.times[number])):
+                axis.plot(*line, color="#b8bcc2", linewidth=1.5)
+        for line in predicted_outline(config_of(run), float(snapshots.times[number])):
+            axis.plot(*line, **THEORY)
+        axis.set(xlim=(low[0], high[0]), ylim=(low[1], high[1]), aspect="equal")
+        axis.set_title(f"t = {snapshots.times[number]:.3g} s", fontsize=10, fontweight="normal")
+        axis.grid(visible=False)
+    for axis in axes.flat[len(numbers) :]:
+        axis.set_visible(False)
+    metre, unit = (1e3, "mm") if (high - low).max() < SMALL else (1.0, "m")
+    for axis in axes.flat:
+        for way in (axis.xaxis, axis.yaxis):
+            way.set_major_formatter(lambda value, _: f"{value * metre:.4g}")
+    for axis in axes.flat[len(numbers) - columns : len(numbers)]:  # the lowest of each column
+        axis.set_xlabel(f"x, {unit}")
+        axis.tick_params(labelbottom=True)
+    for axis in axes[:, 0]:
+        axis.set_ylabel(f"y, {unit}")
+    figure.colorbar(dots, ax=axes, label="pressure, Pa", pad=0.01, aspect=30)
+    return figure
+
+
+def wall_outlines(run: Run, t: float) -> list[tuple[list[float], list[float]]]:
+    """The closed faces of boxes among the walls of a 2D case at time t."""
+    found = []
+    for wall in scene_of(run).walls:
+        if wall.section.shape.box:
+            moved = wall.motion(t)[0]
+            (x0, y0), (x1, y1) = (np.array(corner) + moved for corner in geometry.bounds(wall.section.shape))
+            edges = {"x-": ([x0, x0], [y0, y1]), "x+": ([x1, x1], [y0, y1])}
+            edges |= {"y-": ([x0, x1], [y0, y0]), "y+": ([x0, x1], [y1, y1])}
+            found += [edges[face] for face in sorted(wall.closed)]
+    return found
+
+
+def predicted_outline(config: SphConfig, t: float) -> list[tuple[np.ndarray, np.ndarray]]:
+    """Where theory puts the surface: the ellipse of a round drop that is drawn out along y."""
+    flow, shape = config.fluid[0].flow, config.fluid[0].shape
+    if not (flow and flow.type == "linear" and shape.sphere):
+        return []
+    g = flow.gradient
+    if not (g[1] == g[2] == 0.0 and g[0] == -g[3] < 0):
+        return []
+    a, b = theory.drop_axes(np.array([t]), g[3], shape.sphere.radius)
+    angle = np.linspace(0.0, 2 * np.pi, 181)
+    return [(shape.sphere.centre[0] + a * np.cos(angle), shape.sphere.centre[1] + b * np.sin(angle))]
+
+
+def _panels_3d(run: Run, snapshots: Particles, numbers: Sequence[int]) -> Figure:
+    from matplotlib import colormaps
+    from matplotlib.cm import ScalarMappable
+    from matplotlib.colors import Normalize
+
+    low, high = view_limits(run, snapshots)
+    view = render.View(np.stack([low, high]), PIXELS)
+    found = [fluid_at(run, snapshots, number) for number in numbers]
+    speeds = [np.linalg.norm(particles["velocity"], axis=1) for particles in found]
+    norm = Normalize(0.0, max(float(np.quantile(speed, 0.995)) for speed in speeds) or 1.0)
+    colours = colormaps["viridis"]
+    ratio = view.shape[0] / view.shape[1]
+    columns = min(2 if ratio < 1 else 3, len(numbers))
+    lines = -(-len(numbers) // columns)
+    width = min(9.2 / columns if len(numbers) > 1 else 6.4, 4.6 / ratio)
+    tall = width * ratio
+    figure, axes = new_figure(lines, columns, (width * columns + 0.6, lines * (tall + 0.3)), squeeze=False)
+    spacing = config_of(run).numerics.spacing
+    for axis, number, particles, speed in zip(axes.flat, numbers, found, speeds):
+        x, paint = particles["position"], colours(norm(speed))[:, :3]
+        for wall in solid_boxes(run, float(snapshots.times[number])):
+            surface = render.box_surface(*np.clip(wall, low, high), spacing / 2)
+            x = np.concatenate([x, surface])
+            paint = np.concatenate([paint, np.full((len(surface), 3), 0.72)])
+        axis.imshow(render.paint(view, x, paint, 0.6 * spacing), interpolation="bilinear", zorder=2)
+        for edge in render.box_edges(*tank_box(run, low, high)):
+            line = view.project(edge)
+            axis.plot(line[:, 0], view.shape[0] - 1 - line[:, 1], color="#8a8f98", linewidth=0.6, zorder=1)
+        axis.set_title(f"t = {snapshots.times[number]:.3g} s", fontsize=10, fontweight="normal")
+        axis.axis("off")
+    for axis in axes.flat[len(numbers) :]:
+        axis.set_visible(False)
+    figure.colorbar(ScalarMappable(norm, colours), ax=axes, label="speed, m/s", pad=0.01, aspect=30)
+    edges = " x ".join(f"{edge:.3g}" for edge in np.subtract(*tank_box(run, low, high)[::-1]))
+    figure.supxlabel(f"box {edges} m", fontsize=9)
+    return figure
+
+
+def solid_boxes(run: Run, t: float) -> list[tuple[np.ndarray, np.ndarray]]:
+    """Corners of the solid boxes among the walls at time t."""
+    found = []
+    for wall in scene_of(run).walls:
+        if wall.section.solid and wall.section.shape.box:
+            moved = wall.motion(t)[0]
+            low, high = (np.array(corner) + moved for corner in geometry.bounds(wall.section.shape))
+            found.append((low, high))
+    return found
+
+
+def tank_box(run: Run, low: np.ndarray, high: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Corners of the tank, else of what is shown."""
+    for wall in scene_of(run).walls:
+        if wall.section.shape.box and not wall.section.solid:
+            a, b = (np.array(corner) for corner in geometry.bounds(wall.section.shape))
+            return np.maximum(a, low), np.minimum(b, high)
+    return low, high
+
+
+# ------------------------------------------------------------------------------------------- profiles
+
+
+def channel(config: SphConfig) -> tuple[int, int, float, float]:
+    """Axis of the flow, axis across, lower plane and width of a channel driven by a body force; raises NoData."""
+    force = np.array(config.body_force)
+    walls = [wall for wall in config.wall if wall.type == "mirror-no-slip" and wall.shape.box]
+    viscous = any(fluid.dynamic_viscosity for fluid in config.fluid)
+    if not walls or np.count_nonzero(force) != 1 or any(config.gravity) or not viscous:
+        raise NotInScene("only for a body-forced viscous flow between two planes")
+    along = int(np.flatnonzero(force)[0])
+    periodic = {"xyz".index(axis) for axis in config.domain.periodic}
+    across = [k for k in range(config.dimensions) if k not in periodic]
+    if along not in periodic or len(across) != 1:
+        raise NotInScene("only for a channel that is periodic along the flow")
+    low, high = geometry.bounds(walls[0].shape)
+    return along, across[0], low[across[0]], high[across[0]] - low[across[0]]
+
+
+def rows(z: np.ndarray, values: np.ndarray, width: float, spacing: float) -> tuple[np.ndarray, np.ndarray]:
+    """Means of z and values over the layers of particles across a channel."""
+    n = geometry.count(width, spacing)
+    row = np.clip((z / width * n).astype(int), 0, n - 1)
+    counts = np.maximum(np.bincount(row, minlength=n), 1)
+    return np.bincount(row, z, n) / counts, np.bincount(row, values, n) / counts
+
+
+def profiles(run: Run, step: int | None = None) -> Figure:
+    """Velocity and shear stress across a channel at several times beside the series (MP 24)."""
+    config = config_of(run)
+    along, across, floor, width = channel(config)
+    snapshots = snapshots_of(run)
+    force, density = abs(config.body_force[along]), config.fluid[0].density
+    nu = config.fluid[0].dynamic_viscosity / density
+    settled = width * width / nu
+    if step is None:
+        wanted = [t * settled for t in (0.0225, 0.045, 0.1125, 0.225, 1.0)]
+        numbers = sorted({snapshots.index(time=t) for t in wanted if t <= snapshots.times[-1] + 0.02 * settled})
+    else:
+        numbers = [snapshots.index(step)]
+    fine = np.linspace(0.0, width, 201)
+    steady = force * width**2 / (8 * nu)
+    worst = 0.0
+    with style():
+        figure, (left, right) = new_figure(1, 2, (8.4, 3.9), sharey=True)
+        for number, colour in zip(numbers, COLOURS):
+            t, particles = float(snapshots.times[number]), fluid_at(run, snapshots, number)
+            z = particles["position"][:, across] - floor
+            middle, v = rows(z, particles["velocity"][:, along], width, config.numerics.spacing)
+            exact = theory.poiseuille(z, t, force, nu, width)
+            worst = max(worst, float(np.abs(particles["velocity"][:, along] - exact).max()) / steady)
+            left.plot(v / steady, middle / width, "o", markersize=3.2, color=colour, label=f"t = {t:.3g} s")
+            left.plot(theory.poiseuille(fine, t, force, nu, width) / steady, fine / width, **THEORY)
+            wall = density * force * width / 2
+            stress = density * nu * np.gradient(v, middle)
+            right.plot(stress[1:-1] / wall, middle[1:-1] / width, "o", markersize=3.2, color=colour)
+            right.plot(theory.poiseuille_stress(fine, t, force, nu, width, density) / wall, fine / width, **THEORY)
+        left.set(xlabel=r"velocity / $FL^2/8\nu$", ylabel="z / L", title="Velocity")
+        right.set(xlabel=r"shear stress / $\rho FL/2$", title="Shear stress")
+        left.text(0.98, 0.03, f"largest error {worst:.2%}\nlines: series", transform=left.transAxes, ha="right")
+        right.legend(*left.get_legend_handles_labels(), loc="upper right")
+        return figure
+
+
+def depth(run: Run, step: int | None = None) -> Figure:
+    """Pressure of the particles over the height, beside that of fluid at rest."""
+    scene = scene_of(run)
+    still = [fluid for fluid in scene.fluids if fluid.section.initial_pressure == "hydrostatic"]
+    if not scene.gravity.any() or not still:
+        raise NotInScene("only for fluid that starts at rest under gravity")
+    snapshots = snapshots_of(run)
+    number = snapshots.index(step)
+    particles = fluid_at(run, snapshots, number)
+    g = float(np.sqrt(scene.gravity @ scene.gravity))
+    height = -particles["position"][:, : scene.dimensions] @ scene.gravity / g
+    top = max(max(np.dot(c, -scene.gravity / g) for c in geometry.corners(fluid.section.shape)) for fluid in still)
+    bottom = float(height.min())
+    line = np.linspace(bottom, top, 50)
+    exact = theory.hydrostatic_pressure(top - line, g, scene.rho0, scene.c0, scene.gamma)
+    with style():
+        figure, axes = new_figure(size=(6.4, 4.0))
+        axes.scatter(particles["pressure"], height, s=4, color=COLOURS[0], linewidths=0, rasterized=True)
+        axes.plot(exact, line, label="at rest, equation of state", **THEORY)
+        axes.set(xlabel="pressure, Pa", ylabel="height, m", title=f"Pressure at t = {snapshots.times[number]:.3g} s")
+        axes.legend()
+        return figure

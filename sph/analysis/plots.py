@@ -1,0 +1,261 @@
+"""Figures of an SPH run: energies, front, forces, gauges beside theory and measurements; particles by time."""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from hpcpic.core.app.figures import (
+    COLOURS,
+    INK,
+    TIMERS,
+    NotInScene,
+    Plot,
+    axis_label,
+    columns_of,
+    new_figure,
+    plain,
+    steps_of,
+    style,
+    thinned,
+)
+from sph.analysis import experiments, theory
+from sph.analysis.particle_plots import THEORY, depth, profiles, sequence, snapshots_of
+from sph.analysis.run_config import config_of, scene_of
+from sph.case import geometry
+from sph.case.config import Gauge, SphConfig
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+    from hpcpic.core.files.reader import Run
+
+DATA: dict[str, Any] = {"marker": "o", "linestyle": "none", "markersize": 4, "color": INK, "markerfacecolor": "none"}
+ABOVE: dict[str, Any] = {"loc": "lower right", "bbox_to_anchor": (1.0, 1.0), "borderaxespad": 0.1,
+                         "columnspacing": 1.0, "handlelength": 1.5, "fontsize": 8.5}  # fmt: skip
+SPIKE = 3.0  # times the largest measured value, from where a panel is cut off
+NEAR = 0.05  # of a length: how like the case must be to an experiment to be shown beside it
+
+
+def energies(run: Run, step: int | None = None) -> Figure:
+    """Kinetic energy, changes of potential and internal energy, and of their sum."""
+    t, kinetic, potential, internal = columns_of(run, "energy_kinetic", "energy_potential", "energy_internal")
+    decay = predicted_decay(config_of(run))
+    with style():
+        figure, axes = new_figure(size=(6.4, 3.8))
+        changes = {"potential": potential - potential[0], "internal": internal - internal[0]}
+        if decay is not None:
+            axes.plot(t, kinetic[0] * np.exp(-decay * t), label="theory of the decay", zorder=3, **THEORY)
+        axes.plot(*thinned(t, kinetic), label="kinetic", color=COLOURS[0])
+        for (name, values), colour in zip(changes.items(), COLOURS[1:]):
+            if np.abs(values).max() > 1e-4 * np.abs(kinetic).max() or not kinetic.any():
+                axes.plot(*thinned(t, values), label=f"{name} (change)", color=colour, linewidth=1.3)
+        total = kinetic + sum(changes.values())
+        axes.plot(*thinned(t, total), label="sum", color=COLOURS[6], linewidth=1.2, linestyle="--")
+        axes.set(xlabel="time, s", ylabel=axis_label("energy", run.series.units["energy_kinetic"]), title="Energy")
+        axes.legend(ncols=4, **ABOVE)
+        return figure
+
+
+def predicted_decay(config: SphConfig) -> float | None:
+    """Rate of the kinetic energy of vortices that viscosity ends, 1/s."""
+    flow = config.fluid[0].flow if config.fluid else None
+    if flow is None or flow.type != "taylor-green":
+        return None
+    return 4 * (2 * math.pi / flow.wavelength) ** 2 * config.fluid[0].dynamic_viscosity / config.fluid[0].density
+
+
+def column_of(config: SphConfig) -> tuple[float, float, float]:
+    """Width, height of the first fluid and g, of a column that collapses along x; raises NoData."""
+    scene_axis = config.dimensions - 1
+    if not config.fluid or not config.fluid[0].shape.box or not config.gravity[scene_axis] < 0:
+        raise NotInScene("only for a column of water that collapses")
+    low, high = geometry.bounds(config.fluid[0].shape)
+    if high[0] - low[0] > 0.8 * (config.domain.high[0] - config.domain.low[0]):
+        raise NotInScene("the fluid fills the tank: it has no front")
+    return high[0] - low[0], high[scene_axis] - low[scene_axis], -config.gravity[scene_axis]
+
+
+def front(run: Run, step: int | None = None) -> Figure:
+    """The farthest fluid along x, beside the dry-bed solution of shallow water and, where it fits, an experiment."""
+    config = config_of(run)
+    width, height, g = column_of(config)
+    t, x = columns_of(run, "front_x")
+    low = config.domain.low[0]
+    end = (config.domain.high[0] - low) / width
+    if x[0] - low >= 0.97 * end * width:
+        raise NotInScene("there is fluid up to the far wall from the start: no front is seen")
+    clock = math.sqrt(2 * g / width)
+    with style():
+        figure, axes = new_figure(size=(6.4, 4.0))
+        axes.plot(*thinned(t * clock, (x - low) / width), label="front")
+        arrived = np.flatnonzero((x - low) / width >= 0.97 * end)
+        last = (t * clock)[min(int(1.25 * arrived[0]), len(t) - 1)] if len(arrived) else (t * clock)[-1]
+        ritter = np.linspace(0.0, last, 60)
+        speed = 2 * math.sqrt(g * height) / clock / width
+        axes.plot(ritter, np.minimum(1 + speed * ritter, 1.02 * end), label="shallow water, dry bed (Ritter)",
+                  linestyle=":", **THEORY)  # fmt: skip
+        if abs(height / width - 2) < 2 * NEAR:
+            found = experiments.KOSHIZUKA_FRONT
+            error = np.interp(found[:, 0], t * clock, (x - low) / width) - found[:, 1]
+            inside = found[:, 1] < end - 0.4
+            axes.plot(*found.T, label="experiment: Koshizuka & Oka 1996", **DATA)
+            rms = float(np.sqrt(np.mean(error[inside] ** 2)))
+            axes.text(0.98, 0.04, f"rms departure {rms:.3f} L", transform=axes.transAxes, ha="right")
+        axes.set(xlabel=r"$t\,\sqrt{2g/L}$", ylabel="x / L", xlim=(0, last), ylim=(0.8, 1.06 * end), title="Front")
+        axes.legend(loc="lower right", bbox_to_anchor=(1.0, 0.08))
+        return figure
+
+
+def measured_walls(run: Run) -> list[str]:
+    names = [wall.name for wall in config_of(run).wall if wall.measure_force]
+    if not names:
+        raise NotInScene("no wall has measure_force = true")
+    return names
+
+
+def impact(config: SphConfig) -> bool:
+    """Whether the case is the tank of Yeh & Petroff with its column."""
+    if config.dimensions != 3 or "column" not in [wall.name for wall in config.wall]:
+        return False
+    size = [b - a for a, b in zip(config.domain.low, config.domain.high)]
+    return all(abs(a / b - 1) < NEAR for a, b in zip(size, (1.6, 0.61, 0.75)))
+
+
+def forces(run: Run, step: int | None = None) -> Figure:
+    """Force along x on the measured walls: as it is and through the 13 ms triangular filter of (SC)."""
+    names = measured_walls(run)
+    with style():
+        figure, axes = new_figure(len(names), 1, (6.4, 3.4 * len(names)), squeeze=False, sharex=True)
+        for axis, name in zip(axes[:, 0], names):
+            t, force = theory.mean_rate(*columns_of(run, f"impulse_{name}_x"))
+            smooth = theory.triangular(t, force)
+            axis.plot(t, force, color=COLOURS[6], linewidth=0.5, alpha=0.5, label="unfiltered")
+            axis.plot(*thinned(t, smooth), color=COLOURS[0], linewidth=1.5, label="13 ms filter")
+            if name == "column" and impact(config_of(run)):
+                at, known = experiments.COLUMN_FORCE.T
+                look = DATA | {"markersize": 2.8, "label": "experiment: Yeh & Petroff, 0.068 s earlier"}
+                axis.plot(at - experiments.COLUMN_SHIFT, known, **look)
+                axis.set_ylim(-30, max(60.0, 1.05 * smooth.max()))
+            else:
+                ends = np.quantile(smooth, (0.0, 1.0))
+                axis.set_ylim(ends[0] - 0.3 * np.ptp(ends), ends[1] + 0.3 * np.ptp(ends))
+            label = axis_label("force along x", run.series.units[f"force_{name}_x"])
+            axis.set(ylabel=label, title=f"Force on {plain(name)}")
+            axis.legend()
+        axes[-1, 0].set_xlabel("time, s")
+        return figure
+
+
+def impulses(run: Run, step: int | None = None) -> Figure:
+    """Time integrals of |F| (SC) and of the force along x on the measured walls."""
+    names = measured_walls(run)
+    with style():
+        figure, axes = new_figure(size=(6.4, 3.8))
+        for name, colour in zip(names, COLOURS):
+            t, size, along = columns_of(run, f"impulse_{name}", f"impulse_{name}_x")
+            axes.plot(*thinned(t, along), color=colour, label=f"{plain(name)}, along x")
+            axes.plot(*thinned(t, size), color=colour, linewidth=1.1, linestyle="--", label=f"{plain(name)}, of |F|")
+        if "column" in names and impact(config_of(run)):
+            t, force = experiments.COLUMN_FORCE.T
+            look = DATA | {"markersize": 2.8, "label": "experiment, along x, 0.068 s earlier"}
+            axes.plot(t - experiments.COLUMN_SHIFT, theory.cumulative(t, force), **look)
+        unit = run.series.units[f"impulse_{names[0]}"]
+        axes.set(xlabel="time, s", ylabel=axis_label("impulse", unit), title="Impulse")
+        axes.legend()
+        return figure
+
+
+def gauges(run: Run, step: int | None = None) -> Figure:
+    """Every gauge in time, beside what theory or an experiment says where that is known."""
+    config = config_of(run)
+    shown = [gauge for gauge in config.gauge if gauge.what != "front"]
+    if not shown:
+        raise NotInScene("the case has no gauge but of the front")
+    with style():
+        figure, axes = new_figure(len(shown), 1, (6.4, 2.3 * len(shown) + 0.4), squeeze=False, sharex=True)
+        for axis, gauge in zip(axes[:, 0], shown):
+            _gauge_panel(axis, run, gauge)
+        axes[-1, 0].set_xlabel("time, s")
+        return figure
+
+
+def _gauge_panel(axis: Any, run: Run, gauge: Gauge) -> None:
+    config = config_of(run)
+    names = [name for name in run.series if name == gauge.name or name.startswith(f"{gauge.name}_")]
+    if gauge.what != "velocity":
+        names = [gauge.name]
+    for name in names:
+        t, values = columns_of(run, name)
+        axis.plot(*thinned(t, values), label=plain(name) if len(names) > 1 else None, linewidth=1.3)
+    expected = _expectation(run, config, gauge, t)
+    if expected is not None:
+        text, times, values, style_of = expected
+        axis.plot(times, values, label=text, **style_of)
+        measured_top, top = float(np.max(values)), axis.get_ylim()[1]
+        if text.startswith("experiment") and top > SPIKE * measured_top > 0:  # single particles that hit the gauge
+            axis.set_ylim(-0.5 * SPIKE * measured_top, SPIKE * measured_top)
+            axis.text(0.99, 0.03, f"peaks up to {top:.2g} are cut off", transform=axis.transAxes, ha="right")
+    place = ", ".join(f"{x:g}" for x in gauge.at)
+    axis.set(ylabel=axis_label(gauge.what, run.series.units[names[0]]), title=f"{plain(gauge.name)} at ({place}) m")
+    if axis.get_legend_handles_labels()[1]:
+        axis.legend(ncols=3, **ABOVE)
+
+
+def _expectation(run: Run, config: SphConfig, gauge: Gauge, t: np.ndarray) -> tuple[str, Any, Any, dict] | None:
+    """What a gauge should read: words, times, values, look of the line."""
+    scene = scene_of(run)
+    if not scene.gravity.any() or not config.fluid:
+        return None
+    g, vertical = float(np.abs(scene.gravity).max()), int(np.argmax(np.abs(scene.gravity)))
+    low, high = geometry.bounds(config.fluid[0].shape)
+    flow, water = config.fluid[0].flow, high[vertical] - low[vertical]
+    if flow and flow.type == "standing-wave" and gauge.what == "elevation":
+        k = 2 * math.pi / flow.wavelength
+        phase = np.sin(theory.wave_frequency(k, water, g) * t) * math.cos(k * (gauge.at[0] - low[0]))
+        return "linear theory", t, high[vertical] + flow.amplitude * phase, THEORY
+    fills = all(a <= b for a, b in zip(scene.high - scene.low, [1.001 * (q - p) for p, q in zip(low, high)][:-1]))
+    moving = any(wall.motion for wall in config.wall)
+    if fills and not moving and not flow and gauge.what in ("pressure", "elevation"):
+        deep = np.array([high[vertical] - gauge.at[vertical]])
+        at_rest = float(theory.hydrostatic_pressure(deep, g, scene.rho0, scene.c0, scene.gamma)[0])
+        value = at_rest if gauge.what == "pressure" else high[vertical]
+        return "at rest", t[[0, -1]], [value, value], THEORY
+    foot = len(gauge.at) == 2 and abs(gauge.at[0] - 1.61) < 0.02 and gauge.at[1] < 0.01
+    if gauge.what == "pressure" and foot and abs(water - 0.3) < NEAR * 0.3:
+        times, pressure = experiments.LOBOVSKY_PRESSURE.T
+        known = times * math.sqrt(water / g), pressure * scene.rho0 * g * water
+        return "experiment: Lobovsky et al. 2014", *known, DATA | {"markersize": 3}
+    return None
+
+
+def step_sizes(run: Run, step: int | None = None) -> Figure:
+    """Time step, largest speed over the sound speed, and largest change of density."""
+    t, dt, speed, error = columns_of(run, "dt", "max_velocity", "max_density_error")
+    c0 = config_of(run).sound_speed
+    with style():
+        figure, (top, low) = new_figure(2, 1, (6.4, 4.2), sharex=True)
+        taken = dt > 0
+        top.plot(*thinned(t[taken], dt[taken]), color=COLOURS[0])
+        top.set(ylabel="time step, s", title="Time step", ylim=(0, None))
+        low.plot(*thinned(t, 100 * error), label="density change", color=COLOURS[1])
+        low.plot(*thinned(t, 100 * (speed / c0) ** 2), label=r"$(v/c_0)^2$", color=COLOURS[2])
+        low.set(ylabel="largest, %", xlabel="time, s", title="Compressibility")
+        low.legend()
+        return figure
+
+
+PLOTS = {
+    "sequence": Plot("The particles in time", sequence, steps_of(snapshots_of)),
+    "energies": Plot("Energy in time", energies),
+    "front": Plot("Front beside theory and experiment", front),
+    "forces": Plot("Force on walls, filtered", forces),
+    "impulses": Plot("Impulse on walls", impulses),
+    "gauges": Plot("Gauges in time", gauges),
+    "profiles": Plot("Velocity and shear stress across a channel", profiles, steps_of(snapshots_of)),
+    "depth": Plot("Pressure over the depth", depth, steps_of(snapshots_of)),
+    "step": Plot("Time step and compressibility", step_sizes),
+    "timers": TIMERS,
+}

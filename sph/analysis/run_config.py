@@ -1,0 +1,31 @@
+"""The case of a run that has been made."""
+
+from functools import lru_cache
+from typing import TYPE_CHECKING
+
+from hpcpic.core.case.config import loads
+from hpcpic.core.case.schema import validate
+from sph.case.config import SphConfig
+from sph.setup.scene import Scene
+
+if TYPE_CHECKING:
+    from hpcpic.core.files.reader import Run
+
+
+@lru_cache(maxsize=8)
+def _config(text: str) -> SphConfig:
+    return validate(SphConfig, loads(text))
+
+
+@lru_cache(maxsize=8)
+def _scene(text: str) -> Scene:
+    return Scene(_config(text))
+
+
+def config_of(run: "Run") -> SphConfig:
+    """Raises ConfigError when the folder's case is none of this program."""
+    return _config(run.config)
+
+
+def scene_of(run: "Run") -> Scene:
+    return _scene(run.config)

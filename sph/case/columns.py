@@ -1,0 +1,38 @@
+"""Names and units of the columns of an SPH run's series."""
+
+from sph.case.config import AXES, Gauge, SphConfig, name_of
+
+
+def scalar_units(config: SphConfig) -> dict[str, str]:
+    """All but gauges. In 2D masses, energies and forces are those of a slice one metre thick."""
+    d = config.dimensions
+    per = "/m" if d == 2 else ""
+    force, turn = f"N{per}", "N" if d == 2 else "N m"
+    units = dict.fromkeys(("energy_kinetic", "energy_potential", "energy_internal", "energy_total"), f"J{per}")
+    units |= {"mass": f"kg{per}"} | {f"momentum_{axis}": f"kg m/s{per}" for axis in AXES[:d]}
+    units |= {"max_velocity": "m/s", "max_density_error": "1", "front_x": "m", "dt": "s", "strays": "1"}
+    if config.domain.outflow:
+        units["outflow"] = f"kg{per}"
+    for i, wall in enumerate(config.wall):
+        if wall.measure_force:
+            name = name_of("wall", i, wall)
+            units |= {f"force_{name}_{axis}": force for axis in AXES[:d]}
+            units |= {f"torque_{name}_{axis}": turn for axis in (AXES if d == 3 else "z")}
+            units |= {f"impulse_{name}": f"N s{per}"}
+            units |= {f"impulse_{name}_{axis}": f"N s{per}" for axis in AXES[:d]}
+    return units
+
+
+def gauge_units(config: SphConfig) -> dict[str, str]:
+    """Of all gauges."""
+    units: dict[str, str] = {}
+    for i, gauge in enumerate(config.gauge):
+        units |= columns_of(gauge, name_of("gauge", i, gauge), config.dimensions)
+    return units
+
+
+def columns_of(gauge: Gauge, name: str, d: int) -> dict[str, str]:
+    """Of one gauge."""
+    if gauge.what == "velocity":
+        return {f"{name}_{axis}": "m/s" for axis in AXES[:d]}
+    return {name: {"pressure": "Pa", "flow": "m2/s" if d == 2 else "m3/s"}.get(gauge.what, "m")}

@@ -1,0 +1,358 @@
+"""What an SPH case says, as a typed, frozen configuration. SI units; vectors are in physical order (x, y(, z)).
+
+What other settings determine (sound speed, Courant number, domain, kind of viscosity) is filled in by `completed`.
+"""
+
+import itertools
+import math
+import os
+from collections.abc import Iterator
+from contextlib import suppress
+from typing import Annotated, ClassVar, Literal
+
+from pydantic import BeforeValidator
+
+from hpcpic.core.case.config import Path, Tree, dotted
+from hpcpic.core.case.schema import REQUIRED, Section, Vector, as_tuple, setting
+from hpcpic.core.case.words import one_period, one_viscosity
+from hpcpic.core.files.given import digest_of
+from sph.case import geometry
+
+Names = Annotated[tuple[str, ...], BeforeValidator(as_tuple)]
+Integrator = Literal["euler", "predictor-corrector", "rk3-tvd", "symplectic"]
+Kernel = Literal["cubic", "wendland2", "wendland4", "quintic"]
+Flux = Literal["none", "rusanov", "molteni", "fourtakas", "delta"]
+WallType = Literal["mirror-no-slip", "point-symmetric-free-slip", "repulsive", "pressure-continuity"]
+SUPPORT = {"cubic": 2.0, "wendland2": 2.0, "wendland4": 2.0, "quintic": 3.0}  # radius of the kernel / h
+FLUX_COEFFICIENT = {"none": 0.0, "rusanov": 1.0, "molteni": 0.1, "fourtakas": 0.1, "delta": 0.1}
+AXES = ("x", "y", "z")
+
+
+class Simulation(Section):
+    dimensions: Literal[2, 3] = setting(REQUIRED, "2 or 3")
+    end_time: float = setting(REQUIRED, "physical time to reach", "s", ge=0)
+    integrator: Integrator = setting(
+        "symplectic",
+        "explicit Euler, the predictor-corrector (SC 11-12), TVD Runge-Kutta of third order, or split symplectic: "
+        "velocity first, then density with the new velocity",
+    )
+    cfl: float | None = setting(
+        None, "time step over h / c0 (the acoustic criterion); by default 0.6 of the stability limit", gt=0
+    )
+    time_step: float | None = setting(None, "fixed time step; by default it adapts", "s", gt=0)
+
+
+class Domain(Section):
+    low: Vector | None = setting(None, "lower corner; by default that of fluids and walls", "m")
+    high: Vector | None = setting(None, "upper corner; by default that of fluids and walls", "m")
+    periodic: Names = setting((), "axes along which the domain repeats itself, of x, y, z")
+    outflow: Names = setting((), 'sides through which fluid leaves for good, as "x+"; elsewhere it may come back')
+
+
+class Box(Section):
+    low: Vector = setting(REQUIRED, "lower corner", "m")
+    high: Vector = setting(REQUIRED, "upper corner", "m")
+    open: Names = setting((), 'faces of a wall that are left out, as "z+"')
+
+
+class Sphere(Section):
+    centre: Vector = setting(REQUIRED, "centre", "m")
+    radius: float = setting(REQUIRED, "radius; a disc in 2D", "m", gt=0)
+
+
+class Cylinder(Section):
+    base: Vector = setting(REQUIRED, "middle of the lower end", "m")
+    top: Vector = setting(REQUIRED, "middle of the upper end", "m")
+    radius: float = setting(REQUIRED, "radius; a strip in 2D", "m", gt=0)
+
+
+class Plane(Section):
+    point: Vector = setting(REQUIRED, "a point of the plane", "m")
+    normal: Vector = setting(REQUIRED, "direction away from the solid, into the fluid")
+
+
+class Stl(Section):
+    file: str = setting(REQUIRED, "closed surface in an STL file, beside the case file")
+    sha256: str = setting("", "digest of the file, by which another one is refused; by default that of the file")
+    scale: float = setting(1.0, "metres per unit of the file", gt=0)
+    shift: Vector = setting((), "moved by this after scaling", "m")
+
+
+class Shape(Section):
+    box: Box | None = None
+    sphere: Sphere | None = None
+    cylinder: Cylinder | None = None
+    plane: Plane | None = None
+    stl: Stl | None = None
+
+    @property
+    def kind(self) -> str:
+        given = [name for name in type(self).model_fields if getattr(self, name) is not None]
+        return given[0] if len(given) == 1 else ""
+
+
+class Flow(Section):
+    type: Literal["linear", "taylor-green", "standing-wave"] = setting(
+        REQUIRED, "v = G (x - centre); vortices in a periodic box; the velocity of a deep or shallow standing wave"
+    )
+    gradient: Vector = setting((), "linear: G row by row", "1/s")
+    centre: Vector = setting((), "linear: where the velocity is zero", "m")
+    amplitude: float = setting(0.0, "taylor-green: largest velocity in m/s; standing-wave: of the surface in m")
+    wavelength: float = setting(1.0, "of vortices or wave", "m", gt=0)
+
+
+class Fluid(Section):
+    name: str = setting("", "by default fluid_1, fluid_2, ...")
+    shape: Shape
+    density: float = setting(1000.0, "reference density", "kg/m3", gt=0)
+    dynamic_viscosity: float = setting(
+        0.0, "dynamic viscosity; kinematic_viscosity in m2/s is understood too, times density", "Pa s", ge=0
+    )
+    initial_pressure: Literal["zero", "hydrostatic", "flow"] = setting(
+        "hydrostatic", "at t = 0: none, that of rest under gravity, or the one that goes with `flow`"
+    )
+    surface: float | None = setting(
+        None, "hydrostatic: height of the free surface; by default the top of the shape", "m"
+    )
+    velocity: Vector = setting((), "uniform initial velocity", "m/s")
+    flow: Flow | None = None
+    disorder: float = setting(
+        0.0, "particles start off their lattice by up to this share of the spacing along each axis", ge=0, le=0.25
+    )
+    thin_layer: Literal["refuse", "one layer"] = setting(
+        "refuse", "a box thinner than the spacing: refuse it, or fill it with one layer of reduced mass"
+    )
+
+
+class Eos(Section):
+    sound_speed: float | None = setting(None, "c0", "m/s", gt=0)
+    sound_speed_factor: float = setting(10.0, "c0 / max_velocity where sound_speed is not given", gt=0)
+    max_velocity: float | None = setting(
+        None, "largest velocity to expect; by default sqrt(2 g H) and what moves at t = 0", "m/s", gt=0
+    )
+    gamma: float = setting(7.0, "exponent of the equation of state (MP 14)", ge=1)
+    background_pressure: float = setting(
+        0.0, "added to every pressure: keeps particles apart where there is no free surface", "Pa", ge=0
+    )
+
+
+class Numerics(Section):
+    spacing: float = setting(REQUIRED, "particle spacing dp", "m", gt=0)
+    smoothing: float = setting(1.3, "smoothing length over spacing, h / dp", gt=0, le=10)
+    kernel: Kernel = setting("wendland2", "cubic spline (MP 9), Wendland C2 or C4, quintic spline (reaches 3 h)")
+    gradient_correction: bool = setting(False, "renormalised gradients: exact for linear fields")
+    density_flux: Flux = setting(
+        "delta", "diffusion of density: Rusanov (MP 17), Molteni, Fourtakas, or delta-SPH with renormalised gradient"
+    )
+    flux_coefficient: float | None = setting(None, "of the flux; by default 1 (rusanov) or 0.1", ge=0, le=100)
+    viscosity_form: Literal["none", "strain-rate", "cleary", "morris", "artificial"] | None = setting(
+        None,
+        "Morris et al. 1997; strain rate and stress (MP 22-23); Cleary (SC 6), exact for shear along a lattice "
+        "and 6 to 40 % too viscous elsewhere; or artificial only. By default morris if viscous, else artificial",
+    )
+    artificial_viscosity: float | None = setting(
+        None,
+        "alpha of the artificial viscosity, added to any form; by default 0.02 for artificial, else 0",
+        ge=0,
+        le=100,
+    )
+    tensile_correction: float = setting(0.0, "Monaghan's artificial pressure against clumping, 0.2 is usual", ge=0)
+    shifting: bool = setting(False, "particles are shifted towards where there are few (Sun et al. 2017)")
+    precision: Literal["double", "single"] = setting("double", "arithmetic of the pair sums")
+    balance_period: int = setting(100, "steps between looks at the load of the ranks, 0 = never", "steps", ge=0)
+    reproducible: Literal[True] = setting(True, "same bits for any ranks, threads and task blocks")
+
+
+class Place(Section):
+    time: float = setting(REQUIRED, "time", "s", ge=0)
+    displacement: Vector = setting(REQUIRED, "from the initial place", "m")
+
+
+class Motion(Section):
+    velocity: Vector = setting((), "constant velocity", "m/s")
+    amplitude: Vector = setting((), "of a displacement a sin(2 pi t / period)", "m")
+    period: float = setting(1.0, "of the oscillation", "s", gt=0)
+    start: float = setting(0.0, "rests before", "s", ge=0)
+    stop: float | None = setting(None, "rests after", "s", ge=0)
+    path: tuple[Place, ...] = setting((), "places in time, with straight lines between them")
+
+
+class Wall(Section):
+    name: str = setting("", "by default wall_1, wall_2, ...")
+    shape: Shape
+    type: WallType = setting("pressure-continuity", "how it acts")
+    solid: bool = setting(False, "the fluid is outside of the shape; by default it is inside, as in a tank")
+    motion: Motion | None = None
+    measure_force: bool = setting(False, "force, torque and impulse of the fluid go into the series")
+    torque_about: Vector = setting((), "point of the torque; by default the middle of the shape", "m")
+
+
+class Gauge(Section):
+    name: str = setting("", "by default gauge_1, gauge_2, ...")
+    what: Literal["pressure", "velocity", "elevation", "front", "flow"] = setting(
+        REQUIRED,
+        "pressure or velocity at a point, height of the surface above it, farthest fluid along an axis, "
+        "volume per time through a section",
+    )
+    at: Vector = setting((), "the point; flow: the middle of the section", "m")
+    axis: Literal["x+", "x-", "y+", "y-", "z+", "z-"] | None = setting(
+        None, "front: the direction, by default x+; flow: normal of the section; elevation: up"
+    )
+    size: Vector = setting((), "flow: extent of the section along each axis; 0 or none: as far as fluid goes", "m")
+    period: float | None = setting(None, "of the samples; by default that of the series", "s", gt=0)
+
+
+class Period(Section):
+    series: float | None = setting(0.01, "time between samples of the series, 0 = never", "s", ge=0)
+    particles: float | None = setting(0.0, "time between snapshots of the particles, 0 = never", "s", ge=0)
+    checkpoint: float | None = setting(0.0, "time between checkpoints, 0 = by wall time", "s", ge=0)
+
+
+class Every(Section):
+    series: int | None = setting(None, "steps between samples of the series, instead of period.series", "steps", ge=0)
+    particles: int | None = setting(None, "steps between snapshots of the particles", "steps", ge=0)
+    checkpoint: int | None = setting(None, "steps between checkpoints", "steps", ge=0)
+
+
+class Output(Section):
+    path: str | None = setting(None, "run folder, when the command line names none")
+    period: Period = Period()
+    every: Every = Every()
+    walls: bool = setting(True, "snapshots hold the particles of walls too")
+    pictures: Vector = setting((), "times of the pictures of `plot sequence`; by default six, evenly", "s")
+
+
+class SphConfig(Section):
+    """A whole SPH case."""
+
+    rewritten: ClassVar[tuple[str, ...]] = ("fluid[].kinematic_viscosity",)
+
+    description: str = setting("", "one sentence")
+    simulation: Simulation
+    domain: Domain = Domain()
+    fluid: tuple[Fluid, ...] = ()
+    eos: Eos = Eos()
+    numerics: Numerics
+    gravity: Vector = setting((), "acceleration of gravity", "m/s2")
+    body_force: Vector = setting((), "further acceleration of the fluid", "m/s2")
+    wall: tuple[Wall, ...] = ()
+    gauge: tuple[Gauge, ...] = ()
+    output: Output = Output()
+
+    @property
+    def dimensions(self) -> int:
+        return self.simulation.dimensions
+
+    @property
+    def h(self) -> float:
+        """Smoothing length, m."""
+        return self.numerics.smoothing * self.numerics.spacing
+
+    @property
+    def support(self) -> float:
+        """Radius of the kernel, m."""
+        return SUPPORT[self.numerics.kernel] * self.h
+
+    @property
+    def sound_speed(self) -> float:
+        assert self.eos.sound_speed is not None  # completed
+        return self.eos.sound_speed
+
+    @property
+    def conserved(self) -> tuple[str, ...]:
+        """Scalars of the series that the scene keeps; the energy, but for what the scheme dissipates."""
+        if self.domain.outflow:
+            return ()
+        works = any(self.body_force) or any(wall.motion for wall in self.wall)
+        pulls = [any(forces) for forces in zip(self.gravity, self.body_force)]
+        free = () if self.wall else (f"momentum_{axis}" for axis, pulled in zip(AXES, pulls) if not pulled)
+        return ("mass", *(() if works else ("energy_total",)), *free)
+
+    @property
+    def dissipated(self) -> tuple[str, ...]:
+        """Scalars that the scheme takes from by design: by viscosity, by fluxes and by shifts of particles."""
+        n = self.numerics
+        calm = n.viscosity_form == "none" and n.density_flux == "none" and not (n.artificial_viscosity or n.shifting)
+        return () if calm else ("energy_total",)
+
+    @classmethod
+    def modernised(cls, tree: Tree) -> None:
+        """One word for each viscosity and period; STL files are named relative to the file that names them, and known
+        by what is in them.
+        """
+        listed = tree.data.get("fluid")
+        fluids = [("fluid", i) for i in range(len(listed) if isinstance(listed, tuple) else 0)]
+        one_viscosity(tree, fluids, "dynamic_viscosity", Fluid.model_fields["density"].default)
+        one_period(tree, Period.model_fields)
+        for group in ("fluid", "wall"):
+            listed = tree.data.get(group)
+            for i in range(len(listed) if isinstance(listed, tuple) else 0):
+                path = (group, i, "shape", "stl", "file")
+                if tree.has(path) and isinstance(value := tree.data[group][i]["shape"]["stl"]["file"], str):
+                    folder = os.path.dirname(os.path.abspath(tree.where(path).file))
+                    stl = tree.data[group][i]["shape"]["stl"]
+                    stl["file"] = os.path.normpath(os.path.join(folder, value))
+                    with suppress(OSError, ValueError):  # told when it is read as a surface
+                        digest = digest_of(stl["file"])
+                        tree.attached.append(stl["file"])
+                        if stl.setdefault("sha256", digest) != digest:
+                            told = f"not the file of this case: its SHA-256 is {digest}"
+                            tree.faults.append(f"{tree.where(path)}: {dotted(path)}: {told}")
+
+    def faults(self) -> Iterator[tuple[Path, str]]:
+        from sph.setup.checks import faults
+
+        return faults(self)
+
+    def completed(self) -> "SphConfig":
+        from sph.setup.defaults import completed
+
+        return completed(self)
+
+
+def name_of(kind: Literal["fluid", "wall", "gauge"], i: int, section: Fluid | Wall | Gauge) -> str:
+    """The name of the i-th section of a kind, given or by default."""
+    return section.name or f"{kind}_{i + 1}"
+
+
+def speed_scale(config: SphConfig) -> float:
+    """sqrt(2 g H) of the fluid's height H along gravity, what moves at t = 0, and walls that swing, m/s: these push
+    fluid, as others, such as a gate, need not.
+    """
+    g = math.hypot(*config.gravity)
+    speeds = [geometry.length(fluid.velocity) + flow_speed(config, fluid) for fluid in config.fluid]
+    speeds += [motion_speed(wall.motion) for wall in config.wall if wall.motion and any(wall.motion.amplitude)]
+    if g:
+        heights = [height for fluid in config.fluid for height in heights_of(config, fluid)]
+        speeds.append(math.sqrt(2 * g * max(0.0, max(heights, default=0.0) - min(heights, default=0.0))))
+    return max(speeds, default=0.0)
+
+
+def heights_of(config: SphConfig, fluid: Fluid) -> list[float]:
+    """Heights against gravity of the corners of a fluid, m."""
+    g = math.hypot(*config.gravity)
+    return [-sum(a * b for a, b in zip(corner, config.gravity)) / g for corner in geometry.corners(fluid.shape)]
+
+
+def flow_speed(config: SphConfig, fluid: Fluid) -> float:
+    """Largest speed of the initial flow of a fluid, m/s."""
+    flow = fluid.flow
+    if flow is None:
+        return 0.0
+    if flow.type == "taylor-green":
+        return abs(flow.amplitude)
+    if flow.type == "standing-wave":
+        k, g = 2 * math.pi / flow.wavelength, math.hypot(*config.gravity)
+        return abs(flow.amplitude) * math.sqrt(g * k)
+    return max(geometry.length(geometry.linear(flow.gradient, flow.centre, c)) for c in geometry.corners(fluid.shape))
+
+
+def motion_speed(motion: Motion) -> float:
+    """Largest speed of a wall, m/s."""
+    steps = [
+        math.dist(a.displacement, b.displacement) / (b.time - a.time)
+        for a, b in itertools.pairwise(motion.path)
+        if b.time > a.time
+    ]
+    swing = 2 * math.pi * geometry.length(motion.amplitude) / motion.period
+    return max([geometry.length(motion.velocity), swing, *steps])

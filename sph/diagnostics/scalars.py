@@ -1,0 +1,125 @@
+"""The scalars of an SPH run in time: energies, mass, momentum, extremes, forces on walls; all at one time level.
+
+Sums are exact (core.space.exact), so that their bits depend on neither ranks nor threads. In 2D masses, energies and
+forces are those of a slice one metre thick.
+"""
+
+import math
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hpcpic.core.space import exact
+from sph.case.columns import scalar_units
+from sph.case.config import AXES
+from sph.kernels.specialise import specialise
+from sph.setup.scene import Scene
+
+if TYPE_CHECKING:
+    from sph.step import Sph
+
+MOST_GAMMA = 16  # that a polynomial is made for
+ROOM = 2.0  # for rounding
+
+
+def internal_energy(scene: Scene, drho: NDArray) -> NDArray[np.float64]:
+    """Work of compression from rho0, J/kg: the integral of p / rho^2 of (MP 14)."""
+    gamma, change = scene.gamma, drho / scene.rho0
+    volume = change / (1 + change)  # rho0 (1/rho0 - 1/rho)
+    stretch = np.log1p(change)
+    bent = stretch if gamma == 1.0 else np.expm1((gamma - 1) * stretch) / (gamma - 1)
+    background = scene.config.eos.background_pressure
+    return (scene.stiffness * (bent - volume) + background * volume) / scene.rho0
+
+
+class Totals:
+    """The sums and extremes of a run's fluid, by kernels."""
+
+    def __init__(self, sph: "Sph") -> None:
+        scene, tasks, d = sph.scene, sph.tasks, sph.scene.dimensions
+        self.scene, self.world, self.tasks, self.axes = scene, sph.world, tasks, sph.axes
+        self.kernels = specialise("totals", DIM=d)
+        self.n = self.kernels.TERMS
+        n, whole = round(scene.gamma) - 1, scene.gamma == round(scene.gamma) and 2 <= scene.gamma <= MOST_GAMMA
+        powers = [math.comb(n, k) / n for k in range(1, n + 1)] if whole else []
+        background = scene.config.eos.background_pressure
+        numbers = [scene.rho0, scene.stiffness, background, scene.gamma - 1, *scene.gravity[sph.axes], *sph.origin]
+        tasks.set(
+            constants=np.array(numbers),
+            powers=np.array(powers),
+            most=np.zeros((tasks.parts, 3 + 2 * d)),
+            inverse=np.zeros(self.n),
+            limbs=np.zeros((tasks.parts, self.n, exact.LIMBS), np.int64),
+        )
+
+    def find(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Sums of kinetic, potential and internal energy, mass and momentum; largest mass, |v|^2, |drho|, x and -x, in
+        storage axes. Exact: the same bits for any ranks and threads. Collective.
+        """
+        a = self.tasks.arrays
+        self.tasks.each(self.kernels.extremes)
+        most = np.where(np.isnan(a["most"]).any(axis=1)[:, None], np.inf, a["most"]).max(axis=0)
+        most = self.world.max_array(most)
+        if not np.isfinite(most[:3]).all():
+            return np.full(self.n, np.nan), most
+        scales = [exact.power_of_two_above(float(bound)) for bound in self._bounds(*most[:3], most[3:])]
+        a["inverse"][:] = [1.0 / scale for scale in scales]
+        self.tasks.each(self.kernels.add)
+        limbs = self.world.sum_int(a["limbs"].sum(axis=0))
+        return np.array([exact.value(row, scale) for row, scale in zip(limbs, scales)]), most
+
+    def _bounds(self, mass: float, square: float, excess: float, sides: NDArray) -> NDArray[np.float64]:
+        """No term of a sum is larger than these."""
+        scene, d = self.scene, self.scene.dimensions
+        low = self.tasks.arrays["constants"][4 + d :]
+        farthest = np.maximum(np.abs(low + sides[:d]), np.abs(low - sides[d:]))
+        height = np.abs(scene.gravity[self.axes]) @ farthest
+        ends = np.array([excess, -min(excess, 0.9 * scene.rho0)])
+        background = scene.config.eos.background_pressure * np.abs(ends / (scene.rho0 + ends)) / scene.rho0
+        inner = (np.abs(internal_energy(scene, ends)) + 2 * background).max()
+        speed = math.sqrt(square)
+        return ROOM * mass * np.array([square, height, inner, 1.0, *[speed] * d])
+
+
+def scalars(sph: "Sph") -> dict[str, float]:
+    """All of `scalar_units`. Collective; the same on all ranks."""
+    scene, d = sph.scene, sph.scene.dimensions
+    (kinetic, potential, internal, mass, *momentum), (_, fastest, denser, *farthest) = sph.totals.find()
+    along = sph.axes.index(0)
+    found = {
+        "energy_kinetic": kinetic,
+        "energy_potential": potential,
+        "energy_internal": internal,
+        "energy_total": kinetic + potential + internal,
+        "mass": mass,
+        "max_velocity": math.sqrt(fastest),
+        "max_density_error": denser / scene.rho0,
+        "front_x": farthest[along] + sph.origin[along] + scene.spacing / 2,
+        "dt": sph.time_step,
+        "strays": sph.strays.count,
+    }
+    if scene.config.domain.outflow:
+        found["outflow"] = sph.outflow.mass()
+    sph.runaway.see_energy(kinetic, kinetic + potential + internal, mass)
+    found |= {f"momentum_{AXES[axis]}": value for axis, value in zip(sph.axes, momentum)}
+    return {name: float(found[name]) for name in scalar_units(scene.config) if name in found} | wall_scalars(sph, d)
+
+
+def wall_scalars(sph: "Sph", d: int) -> dict[str, float]:
+    """Force, torque and impulse of the fluid on each measured wall."""
+    found: dict[str, float] = {}
+    if not any(wall.measure_force for wall in sph.scene.walls):
+        return found
+    forces = sph.wall_forces()
+    for wall in sph.scene.walls:
+        if not wall.measure_force:
+            continue
+        force, torque = forces[wall.name]
+        impulse = sph.impulses[wall.index]
+        found |= {f"force_{wall.name}_{axis}": force[k] for k, axis in enumerate(AXES[:d])}
+        turns = enumerate(AXES) if d == 3 else [(2, "z")]
+        found |= {f"torque_{wall.name}_{axis}": torque[k] for k, axis in turns}
+        found |= {f"impulse_{wall.name}": impulse[0]}
+        found |= {f"impulse_{wall.name}_{axis}": impulse[1 + k] for k, axis in enumerate(AXES[:d])}
+    return {name: float(value) for name, value in found.items()}

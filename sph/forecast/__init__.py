@@ -1,0 +1,1 @@
+"""Before a run: derived numbers, plan, estimate, knobs and the rates of this machine."""

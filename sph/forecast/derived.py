@@ -1,0 +1,286 @@
+"""The numbers that decide whether an SPH case is stable and accurate, with their limits and sources."""
+
+import itertools
+import math
+from collections.abc import Iterator
+
+from hpcpic.core.case.derived import Derived
+from sph.case import geometry
+from sph.case.config import SphConfig, motion_speed
+from sph.forecast.plausibility import sensible
+from sph.kernels.marks import CODES
+from sph.particles.images import most_images
+from sph.physics import stability
+from sph.setup.scene import DOMAIN, Scene
+
+SMALL = 6  # spacings across a repulsive body, below which the force on it is off by more than a tenth
+STRETCH = 0.1  # of the spacing along an edge, which is noticed
+STABILITY = "von Neumann, research of this program"
+CFL, STEP = ("simulation", "cfl"), ("simulation", "time_step")
+
+
+def derived(config: SphConfig, ranks: int = 1) -> list[Derived]:
+    """Every derived number of a completed case that runs on so many ranks."""
+    scene = Scene(config)
+    return [
+        *step(config),
+        *compressibility(config),
+        *resolution(config),
+        *decoupling(config),
+        *fast_walls(config),
+        *outer_edges(config),
+        *small_bodies(config),
+        *filling(config, scene),
+        *extents(config, scene, ranks),
+        *images(scene),
+        *dry_gauges(config, scene),
+        *sensible(config, scene),
+    ]
+
+
+def rounded_down(value: float) -> float:
+    """The largest number of two digits that is not above value > 0."""
+    scale = 10.0 ** (math.floor(math.log10(value)) - 1)
+    return float(f"{math.floor(value / scale * (1 + 1e-12)) * scale:.2g}")
+
+
+def step(config: SphConfig) -> Iterator[Derived]:
+    """The time step against the stability of integrator and flux, and the criteria it comes from."""
+    simulation, dt, parts = config.simulation, stability.time_step(config), stability.step_parts(config)
+    yield courant(config, dt)
+    smallest = min(parts, key=lambda name: parts[name])
+    yield Derived(f"time step at t = 0, {'fixed' if simulation.time_step else smallest}", "dt", dt, "s")
+    if "viscous" in parts:
+        yield from viscous_step(config, dt, parts["viscous"])
+    if config.fluid and config.numerics.density_flux == "rusanov" and any(config.gravity):
+        runs = simulation.end_time / settling(config)
+        verdict = "ok" if runs < 20 else "warn"
+        cure = "" if verdict == "ok" else 'density_flux = "delta" keeps still water still'
+        source = "level falls 2 %, bottom pressure 17 % in 8 s (measured)"
+        key = ("numerics", "density_flux")
+        yield Derived("time under the Rusanov flux", "T sqrt(g/H)", runs, "", "< 20", verdict, source, cure, key)
+
+
+def courant(config: SphConfig, dt: float) -> Derived:
+    """The step dt in s against von Neumann's limit."""
+    simulation, numerics = config.simulation, config.numerics
+    key = STEP if simulation.time_step else CFL
+    unit = config.h / config.sound_speed
+    limit = stability.courant_limit(config)
+    what = f"{simulation.integrator}, {numerics.density_flux} flux"
+    source = f"von Neumann: {what}, {numerics.kernel}, h/dp {numerics.smoothing:g}"
+    asked = dt / unit if simulation.time_step else simulation.cfl or 0.0
+    growth = stability.grows(config, dt / unit)
+    verdict, cure, words = "ok", "", f"< {limit:.3g}"
+    if asked > limit and not (simulation.time_step is None and growth <= stability.GROWTH / 10):
+        legal = rounded_down(0.95 * limit)
+        verdict = "fail"
+        given = f"time_step = {legal * unit:.2g}" if simulation.time_step else f"cfl = {legal:g}"
+        cure = f"{given} is the nearest legal one"
+    if simulation.integrator == "euler" and growth > stability.GROWTH / 100:
+        verdict = "fail"
+        words = "no step is stable: some wave always grows"
+        cure = 'density_flux = "rusanov", or integrator = "rk3-tvd" or "symplectic"'
+        if limit > 0.1 and asked > limit:
+            words, cure = f"< {limit:.3g}", f"cfl = {rounded_down(0.95 * limit):g} is the nearest legal one"
+    return Derived("Courant number", "c0 dt/h", asked, "", words, verdict, source, cure, key, True, stable_below=limit)
+
+
+def viscous_step(config: SphConfig, dt: float, longest: float) -> Iterator[Derived]:
+    """The step dt in s against the longest that the viscosity allows."""
+    most, nu = stability.viscous_limit(config), stability.kinematic_viscosity(config)
+    share = dt / longest * most
+    verdict = "ok" if share <= most * 1.001 else "fail"
+    cure = "" if verdict == "ok" else f"time_step = {rounded_down(longest):g} is the nearest legal one"
+    source = "Morris et al. 1997"
+    yield Derived("viscous step", "nu dt/h2", share, "", f"< {most:.3g}", verdict, source, cure, STEP, True)
+    yield Derived(
+        "Reynolds number of a spacing", "u dp/nu", (config.eos.max_velocity or 0) * config.numerics.spacing / nu
+    )
+
+
+def settling(config: SphConfig) -> float:
+    """sqrt(H / g) of the fluid's height, s."""
+    from sph.case.config import heights_of
+
+    heights = [z for fluid in config.fluid for z in heights_of(config, fluid)]
+    return math.sqrt((max(heights) - min(heights)) / math.hypot(*config.gravity))
+
+
+def compressibility(config: SphConfig) -> Iterator[Derived]:
+    """The sound speed against the largest velocity, and the density change that follows."""
+    eos = config.eos
+    factor = config.sound_speed / (eos.max_velocity or config.sound_speed)
+    key = ("eos", "sound_speed") if config.eos.sound_speed_factor == 10.0 else ("eos", "sound_speed_factor")
+    diffuse = config.numerics.density_flux == "rusanov"
+    if factor < 3:
+        verdict, cure = "fail", f"sound_speed = {10 * (eos.max_velocity or 0.1):.3g} (factor 10)"
+    elif factor < 7:
+        verdict, cure = "warn", "factor 10: the density changes by less than 1 %"
+    elif factor > 50:
+        more = ": with the Rusanov flux dissipation grows with c0" if diffuse else ""
+        verdict, cure = "warn", f"factor 10 is {factor / 10:.0f} times as fast{more}"
+    else:
+        verdict, cure = "ok", ""
+    source = "Monaghan 1994; density change measured in a dam break"
+    yield Derived("sound speed", "c0", config.sound_speed, "m/s")
+    yield Derived("sound speed factor", "c0/vmax", factor, "", "7 .. 50", verdict, source, cure, key, factor > 1)
+    change = 1.0 / factor**2
+    yield Derived("expected density change", "(vmax/c0)^2", change, "", "< 0.02", "ok" if change < 0.021 else "warn",
+                  source, "" if change < 0.021 else "sound_speed_factor = 10", key)  # fmt: skip
+
+
+def resolution(config: SphConfig) -> Iterator[Derived]:
+    """Smoothing length over spacing, neighbours of a particle."""
+    ratio, kernel, d = config.numerics.smoothing, config.numerics.kernel, config.dimensions
+    reach = config.support / config.numerics.spacing
+    neighbours = (math.pi * reach**2 if d == 2 else 4 / 3 * math.pi * reach**3) - 1
+    key = ("numerics", "smoothing")
+    verdict, cure = "ok", ""
+    if ratio < 0.7:
+        verdict, cure = "fail", "smoothing = 1.3: particles hardly have neighbours"
+    elif ratio < 1.0:
+        verdict, cure = "warn", "smoothing = 1.3"
+    elif ratio > (1.5 if kernel == "cubic" else 2.5):
+        verdict = "warn"
+        cure = 'kernel = "wendland2": the cubic spline lets particles pair' if kernel == "cubic" else "smoothing = 1.5"
+    words = "1 .. 1.5" if kernel == "cubic" else "1 .. 2.5"
+    source = "Dehnen & Aly 2012 (pairing)"
+    yield Derived("smoothing length", "h/dp", ratio, "", words, verdict, source, cure, key, ratio >= 0.5)
+    yield Derived("neighbours", "", neighbours)
+
+
+def decoupling(config: SphConfig) -> Iterator[Derived]:
+    """Gradients of gradients do not see waves of two spacings: mirrored walls feed them, nothing damps them."""
+    mirrors = [i for i, wall in enumerate(config.wall) if wall.type == "mirror-no-slip"]
+    if config.numerics.viscosity_form == "strain-rate" and mirrors:
+        cure = 'viscosity_form = "morris": mirrors make a checkerboard of 6 % of the speed in 0.1 L^2 / nu'
+        key = ("numerics", "viscosity_form")
+        yield Derived("damping of waves of two spacings", "", 0.0, "", "> 0", "warn", "Poiseuille, measured", cure, key)
+
+
+def fast_walls(config: SphConfig) -> Iterator[Derived]:
+    """Walls with a density of their own: what goes past the fluid fast is a lattice that rattles it."""
+    for i, wall in enumerate(config.wall):
+        if wall.motion and wall.type == "pressure-continuity":
+            mach = motion_speed(wall.motion) / config.sound_speed
+            verdict = "ok" if mach < 1 / 3 else "fail"
+            cure = "" if verdict == "ok" else 'type = "repulsive" lets the fluid go, at any speed of the wall'
+            yield Derived(f"speed of {wall.name}", "v/c0", mach, "", "< 1/3", verdict, "measured with a gate", cure,
+                          ("wall", i, "motion"), True)  # fmt: skip
+
+
+def outer_edges(config: SphConfig) -> Iterator[Derived]:
+    """Point symmetry knows faces only: beside the outer edges of a solid images are missing."""
+    for i, wall in enumerate(config.wall):
+        if wall.solid and wall.type == "point-symmetric-free-slip" and wall.shape.box:
+            cure = 'type = "mirror-no-slip" or "pressure-continuity": here single particles are thrown off the edges'
+            yield Derived(f"images beside the edges of {wall.name}", "", 0.0, "", "> 0", "warn",
+                          "a body in still water, measured", cure, ("wall", i, "type"))  # fmt: skip
+
+
+def small_bodies(config: SphConfig) -> Iterator[Derived]:
+    """Repulsive walls act at a distance, from layers behind their faces: a small body has no room for these."""
+    for i, wall in enumerate(config.wall):
+        if wall.solid and wall.type == "repulsive" and wall.measure_force and wall.shape.box:
+            edges = [b - a for a, b in zip(wall.shape.box.low, wall.shape.box.high)]
+            size = min(edges) / config.numerics.spacing
+            verdict = "ok" if size >= SMALL * (1 - 1e-9) else "warn"
+            cure = "" if verdict == "ok" else 'a smaller spacing, or "pressure-continuity": it is lifted too little'
+            source = "a body of 4 spacings: by 18 to 30 %, of 6 to 16: by 9 %, measured"
+            yield Derived(f"size of {wall.name}", "L/dp", size, "", f">= {SMALL}", verdict, source, cure,
+                          ("wall", i, "shape"))  # fmt: skip
+
+
+def filling(config: SphConfig, scene: Scene) -> Iterator[Derived]:
+    """Particles, what of the fluids was clipped, thin and stretched layers."""
+    yield Derived("fluid particles", "n", scene.n_fluid)
+    for i, fluid in enumerate(scene.fluids):
+        section, key = fluid.section, ("fluid", i, "shape")
+        places = fluid.n + sum(fluid.clipped.values()) if section.shape.box else fluid.grid.n
+        for name, gone in fluid.clipped.items():
+            outside = name == DOMAIN or any(w.name == name and not w.section.solid for w in scene.walls)
+            share = gone / places
+            verdict = "fail" if fluid.n == 0 else "warn" if outside else "ok"
+            cure = "nothing is left of it" if fluid.n == 0 else "part of the shape holds no fluid" if outside else ""
+            if cure and name != DOMAIN and outside:
+                cure += f"; {name} holds fluid inside, as a tank does: solid = true is a body in the fluid"
+            words = f"of {places} ({share:.1%})"
+            title = f"{section.name} clipped by {name}"
+            yield Derived(title, "particles", gone, "", words, verdict, "filling", cure, key, fluid.n > 0)
+        if section.shape.box:
+            yield from layers(config, fluid.section, i)
+        else:
+            exact = section.density * geometry.volume(section.shape)
+            error = fluid.mass * (fluid.n + sum(fluid.clipped.values())) / exact - 1 if exact else 0.0
+            verdict = "ok" if abs(error) < 0.05 else "warn"
+            cure = "" if verdict == "ok" else "a smaller spacing follows the shape better"
+            yield Derived(f"mass of {section.name}", "m/m_exact - 1", error, "", "< 5 %", verdict, "filling", cure, key)
+
+
+def dividing(edges: list[float], dp: float) -> float:
+    """The largest spacing below dp, of three digits, that hardly has to stretch along any edge."""
+    shortest = min(edges)
+    for n in itertools.count(math.ceil(shortest / dp)):
+        step = float(f"{shortest / n:.3g}")
+        if all(abs(edge / geometry.count(edge, step) / step - 1) < STRETCH for edge in edges):
+            return step
+    raise AssertionError  # a spacing small enough divides everything
+
+
+def layers(config: SphConfig, section, i: int) -> Iterator[Derived]:
+    """How well the spacing divides a box."""
+    dp, key = config.numerics.spacing, ("fluid", i, "shape", "box")
+    edges = [b - a for a, b in zip(section.shape.box.low, section.shape.box.high)]
+    counts = [geometry.count(edge, dp) for edge in edges]
+    worst = max((edge / n / dp - 1 for edge, n in zip(edges, counts)), key=abs)
+    verdict = "ok" if abs(worst) < STRETCH else "warn"
+    cure = ""
+    if min(edges) < 0.99 * dp:
+        verdict, cure = ("warn" if min(edges) > 0.5 * dp else "fail"), f"one layer of {min(edges) / dp:.0%} of the mass"
+        cure += f"; two layers need spacing = {rounded_down(min(edges) / 2):g}"
+    elif verdict == "warn":
+        cure = f"spacing = {dividing(edges, dp):g} divides the box"
+    yield Derived(f"stretch of the spacing in {section.name}", "", worst, "", "< 10 %", verdict, "filling", cure, key)
+
+
+def extents(config: SphConfig, scene: Scene, ranks: int) -> Iterator[Derived]:
+    """Periodic lengths against the kernel, walls against the spacing, layers of cells against ranks."""
+    for k, axis in enumerate("xyz"[: config.dimensions]):
+        length = scene.high[k] - scene.low[k]
+        if scene.periodic[k]:
+            ok = length > 3 * scene.support
+            cure = "" if ok else f"{3 * scene.support:g} m or more"
+            source, verdict = "a particle meets no image of itself twice", "ok" if ok else "fail"
+            key = ("domain", "high")
+            yield Derived(
+                f"period along {axis}", "L/support", length / scene.support, "", "> 3", verdict, source, cure, key
+            )
+    for i, wall in enumerate(config.wall):
+        if wall.solid and not wall.shape.plane:
+            low, high = geometry.bounds(wall.shape)
+            thin = min(b - a for a, b in zip(low, high)) / scene.spacing
+            verdict = "ok" if thin >= 0.99 else "fail"
+            cure = "" if verdict == "ok" else f"make it {scene.spacing:g} m thick, or a smaller spacing"
+            yield Derived(f"thickness of {wall.name}", "L/dp", thin, "", ">= 1", verdict, "one layer", cure,
+                          ("wall", i, "shape"), True)  # fmt: skip
+    cells = (scene.high[scene.axes[0]] - scene.low[scene.axes[0]]) / scene.support
+    yield Derived("layers of cells per rank", "", cells / ranks, "", ">= 1", "ok" if cells >= ranks else "warn",
+                  "slabs end at one layer", "" if cells >= ranks else "some ranks stay empty")  # fmt: skip
+
+
+def images(scene: Scene) -> Iterator[Derived]:
+    """Walls that mirror, whose corners mirror the images in each other."""
+    if (n := most_images(scene)) > CODES:
+        cure = 'planes instead of boxes that mirror, or "pressure-continuity"'
+        yield Derived("images of a particle", "", n, "", f"<= {CODES}", "fail", "one in each corner", cure, ("wall",))
+
+
+def dry_gauges(config: SphConfig, scene: Scene) -> Iterator[Derived]:
+    """Gauges where no fluid comes."""
+    for i, gauge in enumerate(config.gauge):
+        ends = zip(gauge.at, scene.low, scene.high, scene.periodic)  # through a period any place is one in the domain
+        beyond = [0.0 if periodic else max(a - x, x - b, 0.0) for x, a, b, periodic in ends]
+        if gauge.what != "elevation" and max(beyond, default=0.0) > 0.0:
+            title, cure = f"{gauge.name} beyond the domain", "a place in the domain: here is nothing to show"
+            yield Derived(title, "", max(beyond), "m", "0", "warn", "domain", cure, ("gauge", i, "at"))

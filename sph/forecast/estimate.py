@@ -1,0 +1,164 @@
+"""What an SPH run will need: memory by item, disk, time for any ranks x threads, from measured rates.
+
+A step is pair sums and what every particle and image of one costs, divided by the gain of the cores, and what does not
+divide: launches, finding images in mirrors and periodic sides, walls and the forces on them, and the exchanges between
+ranks. A sample needs the accelerations that the next step begins with, and leaves them to it.
+"""
+
+import math
+from collections.abc import Mapping
+
+import numpy as np
+
+from hpcpic.core.app.forecast import FILES, Estimate, gain, writing_seconds
+from sph.case.config import SphConfig
+from sph.forecast.plan import MIB, MIRRORS, arrays, counts, images
+from sph.physics import stability
+
+SUMS = {"euler": 1.0, "predictor-corrector": 2.0, "rk3-tvd": 3.0, "symplectic": 1.46}  # pair sums of a step, of these
+FIRST = {"euler": 1.0, "predictor-corrector": 1.0, "rk3-tvd": 1.0, "symplectic": 0.85}  # what a sample needs too
+EVALUATIONS = {"euler": 1, "predictor-corrector": 2, "rk3-tvd": 3, "symplectic": 1}  # for which ghosts are sent anew
+DELTA = {2: 1.0, 3: 1.4}  # more for renormalised gradients, by dimension; measured
+SERIES_BYTES = 24 * 8 * 2
+START = 1.4  # s: interpreter, libraries, kernels from the cache
+LEVELS = 8  # of a gauge of elevation, of which each spacing of the support around a particle has so many (sph.gauges)
+
+# Measured on the authors' machine, one core of a 2-core AMD Zen 5 at 4.1 GHz.
+DEFAULT = FILES | {
+    "pair_ns 3D double": 2.0,  # of a directed pair within the support
+    "pair_ns 3D single": 1.4,
+    "pair_ns 2D double": 1.65,
+    "pair_ns 2D single": 1.45,
+    "body_ns 3D": 50.0,  # sorting, state, criteria
+    "body_ns 2D": 40.0,
+    "step_us euler": 145.0,  # Python and the launches of a step beside its sums
+    "step_us predictor-corrector": 170.0,
+    "step_us rk3-tvd": 195.0,
+    "step_us symplectic": 140.0,
+    "sums_us euler": 35.0,  # and of these
+    "sums_us predictor-corrector": 70.0,
+    "sums_us rk3-tvd": 105.0,
+    "sums_us symplectic": 50.0,
+    "images_us": 170.0,  # a step: who has images in mirrors and periodic sides
+    "symmetric_us": 390.0,  # the same with point symmetry
+    "image_refresh_us": 40.0,  # and an evaluation
+    "walls_us": 10.0,  # a step: whether the fluid comes to where walls are not made yet
+    "force_us": 120.0,  # and the force on a wall, which its impulse needs
+    "sph_sample_us": 70.0,
+    "gauge_ns": 60.0,  # of a sample, a particle and level of a gauge of elevation
+    "ghost_exchange_us": 300.0,  # a step of several ranks: who is a ghost where, leavers, the time step
+    "image_exchange_us": 300.0,  # and who has images there
+    "refresh_us": 30.0,  # of ghosts, an evaluation
+    "ghost_ns": 200.0,  # of one ghost, a step
+    "cores": 2.0,
+    "pair_core_gain": 1.7,  # of all cores of a node over one
+    "rank_mib": 195.0,
+}
+
+
+def estimate(config: SphConfig, ranks: int, threads: int, measured: Mapping[str, float]) -> Estimate:
+    """Of a completed case on ranks x threads; `measured` rates of this machine take the place of DEFAULT."""
+    rates = DEFAULT | dict(measured)
+    whole = phases(config, ranks, threads, rates)
+    one, first = sum(whole.values()), first_seconds(config, whole, rates)
+    steps, samples = config.simulation.end_time / stability.time_step(config), times(config, "series")
+    step = one - first if samples >= steps + 1 else one
+    sampling = samples * sample_seconds(config, rates)
+    memory = {"Python and libraries": rates["rank_mib"] * MIB}
+    memory |= {array.name: float(array.bytes) for array in arrays(config, ranks)}
+    disk = disk_items(config)
+    writing = writing_seconds(disk, round(times(config, "particles")), rates)
+    return Estimate(memory, disk, step, START + steps * one + sampling + writing, whole, sampling, START)
+
+
+def phases(config: SphConfig, ranks: int, threads: int, rates: Mapping[str, float]) -> dict[str, float]:
+    """Seconds of one step by what it does, when no sample was taken before it."""
+    fluid, walls = counts(config)
+    d, others = config.dimensions, walls + images(config)
+    pairs = (fluid + 0.5 * others) * len(around(config.support / config.numerics.spacing, d))
+    cores = 1e9 * gain(ranks, threads, rates, rates["pair_core_gain"])
+    kind = config.simulation.integrator
+    symmetric = any(wall.type == "point-symmetric-free-slip" for wall in config.wall)
+    finding = rates["symmetric_us" if symmetric else "images_us"] + EVALUATIONS[kind] * rates["image_refresh_us"]
+    return {
+        "pairs": sums(config) * pairs * rates[f"pair_ns {d}D {config.numerics.precision}"] / cores,
+        "particles": (fluid + others) * rates[f"body_ns {d}D"] / cores,
+        "launches": 1e-6 * (rates[f"step_us {kind}"] + rates[f"sums_us {kind}"]),
+        "images": 1e-6 * finding if imaged(config) else 0.0,
+        "walls": wall_seconds(config, rates),
+        "exchanges": exchange_seconds(config, ranks, rates),
+    }
+
+
+def around(reach: float, d: int) -> np.ndarray:
+    """Steps[n, d] from a point of a lattice to its neighbours nearer than `reach` spacings."""
+    line = np.arange(-int(reach), int(reach) + 1)
+    steps = np.stack(np.meshgrid(*[line] * d), axis=-1).reshape(-1, d)
+    squares = np.sum(steps**2, axis=1)
+    return steps[(squares > 0) & (squares < reach * reach)]
+
+
+def exchange_seconds(config: SphConfig, ranks: int, rates: Mapping[str, float]) -> float:
+    """Of one step of several ranks: leavers, the time step, and ghosts, as many as a compact body of fluid shows."""
+    if ranks == 1:
+        return 0.0
+    d, (fluid, walls) = config.dimensions, counts(config)
+    ghosts = min(2, ranks - 1) * (fluid + walls) ** (1 - 1 / d) * config.support / config.numerics.spacing
+    fixed = rates["ghost_exchange_us"] + (rates["image_exchange_us"] if imaged(config) else 0.0)
+    fixed += EVALUATIONS[config.simulation.integrator] * rates["refresh_us"]
+    return 1e-6 * fixed + 1e-9 * ghosts * rates["ghost_ns"]
+
+
+def imaged(config: SphConfig) -> bool:
+    """Whether particles have images."""
+    return bool(config.domain.periodic) or any(wall.type.startswith(MIRRORS) for wall in config.wall)
+
+
+def wall_seconds(config: SphConfig, rates: Mapping[str, float]) -> float:
+    """Of one step: walls of particles, and the forces that are measured."""
+    made = any(not wall.type.startswith(MIRRORS) for wall in config.wall)
+    measured = sum(wall.measure_force for wall in config.wall)
+    return 1e-6 * (made * rates["walls_us"] + measured * rates["force_us"])
+
+
+def sample_seconds(config: SphConfig, rates: Mapping[str, float]) -> float:
+    """Of one line of the series: sums, forces, and the columns of fluid over gauges of elevation."""
+    d, reach, (fluid, _) = config.dimensions, config.support / config.numerics.spacing, counts(config)
+    near = min(fluid, 2 * reach * fluid**0.5 if d == 2 else math.pi * reach**2 * fluid ** (1 / 3))
+    elevations = sum(gauge.what == "elevation" for gauge in config.gauge)
+    measured = sum(wall.measure_force for wall in config.wall)
+    fixed = 1e-6 * (rates["sph_sample_us"] + measured * rates["force_us"])
+    return fixed + 1e-9 * elevations * near * LEVELS * reach * rates["gauge_ns"]
+
+
+def sums(config: SphConfig) -> float:
+    """Evaluations of all pair sums that a step is worth."""
+    kind = config.simulation.integrator
+    gradients = DELTA[config.dimensions] if config.numerics.density_flux == "delta" else 0.0
+    return SUMS[kind] + EVALUATIONS[kind] * gradients
+
+
+def first_seconds(config: SphConfig, whole: Mapping[str, float], rates: Mapping[str, float]) -> float:
+    """Of the first evaluation of a step, which it finds done where a sample was taken."""
+    kind = config.simulation.integrator
+    return FIRST[kind] / SUMS[kind] * (whole["pairs"] + 1e-6 * rates[f"sums_us {kind}"])
+
+
+def times(config: SphConfig, kind: str) -> float:
+    """How often this kind of output is written; a step may exceed its period in seconds."""
+    end, dt = config.simulation.end_time, stability.time_step(config)
+    seconds, every = getattr(config.output.period, kind), getattr(config.output.every, kind)
+    if every:
+        return end / (every * dt) + 1
+    return min(end / seconds, end / dt) + 1 if seconds else 0.0
+
+
+def disk_items(config: SphConfig) -> dict[str, float]:
+    """Bytes of the whole run."""
+    fluid, walls = counts(config)
+    shown = fluid + (walls if config.output.walls else 0)
+    return {
+        "series": times(config, "series") * SERIES_BYTES,
+        "particles": times(config, "particles") * shown * (3 * 8 + 3 * 8 + 8 + 8 + 8 + 4),
+        "checkpoints, two": 2 * (fluid + walls) * (8 * (2 * config.dimensions + 3)),
+    }

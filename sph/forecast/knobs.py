@@ -1,0 +1,189 @@
+"""What can be turned in an SPH case, and what is asked of it: impulse, gauges, front, energy."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from functools import partial
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from hpcpic.core.app.knobs import Choice, Knob, Knobs, Quantity
+from hpcpic.core.case.schema import value_text
+from sph.case.config import SphConfig
+from sph.forecast.plan import counts
+from sph.physics import stability
+
+if TYPE_CHECKING:
+    from hpcpic.core.files.series import Series
+
+SAMPLES = 17  # times of a quantity that is a curve
+ROWS = 400  # of the series of a whole run, in pilots
+LAYERS = 8  # particles across the thinnest box of fluid or a sphere, at least
+HORIZON_STEPS = 500  # in which an instability shows
+ORDERS = {"euler": 1.0, "predictor-corrector": 1.0, "symplectic": 1.0, "rk3-tvd": 3.0}
+MIRRORS = ("mirror-no-slip", "point-symmetric-free-slip")
+SMOOTHINGS = (1.3, 1.5, 2.0)
+
+
+def knobs_of(config: SphConfig) -> Knobs:
+    """Of a completed case."""
+    time = config.simulation.end_time
+    return Knobs(
+        knobs=tuple(continuous(config)),
+        choices=tuple(choices_of(config)),
+        quantities=lambda: quantities_of(config, time),
+        settings=partial(settings, config),
+        time=time,
+        pilot=(
+            f"output.period.series={time / ROWS!r}",
+            "output.period.particles=0",
+            "output.period.checkpoint=0",
+        ),
+        work=lambda c: c.simulation.end_time / stability.time_step(c) * sum(counts(c)),
+        work_unit="particle-steps",
+        horizon=min(time, HORIZON_STEPS * stability.time_step(config)),
+        growth=growth,
+    )
+
+
+def continuous(config: SphConfig) -> list[Knob]:
+    """Spacing (with h / dp as it is), Courant number, and the Mach number that the sound speed gives."""
+    eos = ("eos", "sound_speed_factor" if factor_counts(config) else "sound_speed")
+    found = [
+        Knob("dx", "particle spacing, at the same h/dp", "m", ("numerics", "spacing"), lambda c: c.numerics.spacing,
+             2.0 if closed(config) else 1.0, config.dimensions + 1.0),
+        Knob("mach", "largest velocity expected over sound speed", "", eos, mach, 2.0, 1.0),
+    ]  # fmt: skip
+    if config.simulation.time_step is None:
+        found.append(
+            Knob("cfl", "time step over h / c0", "", ("simulation", "cfl"), lambda c: c.simulation.cfl,
+                 ORDERS[config.simulation.integrator], 1.0, "Courant number")
+        )  # fmt: skip
+    return found
+
+
+def closed(config: SphConfig) -> bool:
+    """Whether the fluid ends nowhere, or at mirrors only: a free surface and other walls are of first order."""
+    filled = any(
+        fluid.shape.box and (fluid.shape.box.low, fluid.shape.box.high) == (config.domain.low, config.domain.high)
+        for fluid in config.fluid
+    )
+    return filled and all(wall.type in MIRRORS for wall in config.wall)
+
+
+def mach(config: SphConfig) -> float:
+    """Largest velocity over sound speed; of a case that expects none, a hundredth of c0 is assumed."""
+    return (config.eos.max_velocity or 0.01 * config.sound_speed) / config.sound_speed
+
+
+def factor_counts(config: SphConfig) -> bool:
+    """Whether c0 follows from the factor."""
+    eos = config.eos
+    return bool(eos.max_velocity) and math.isclose(
+        eos.sound_speed or 0.0, eos.sound_speed_factor * (eos.max_velocity or 0.0), rel_tol=1e-9
+    )
+
+
+def choices_of(config: SphConfig) -> list[Choice]:
+    numerics, integrator = config.numerics, config.simulation.integrator
+    listed = (
+        ("smoothing", ("numerics", "smoothing"), numerics.smoothing, SMOOTHINGS, "dx"),
+        ("precision", ("numerics", "precision"), numerics.precision, ("double", "single"), ""),
+        ("integrator", ("simulation", "integrator"), integrator, tuple(ORDERS), "cfl"),
+    )
+    return [
+        Choice(name, key, value_text(here), tuple(value_text(v) for v in values if v != here), acts_on)
+        for name, key, here, values, acts_on in listed
+    ]
+
+
+def settings(config: SphConfig, sizes: Mapping[str, float], time: float) -> tuple[str, ...]:
+    """--set list for spacing dx [m], Courant number and Mach number, in a run until time [s]."""
+    made = [f"simulation.end_time={time!r}"]
+    if "dx" in sizes:
+        made.append(f"numerics.spacing={float(dividing(config, sizes['dx']))!r}")
+    if "cfl" in sizes and config.simulation.time_step is None:
+        made.append(f"simulation.cfl={float(sizes['cfl'])!r}")
+    if "mach" in sizes and not math.isclose(sizes["mach"], mach(config), rel_tol=1e-9):
+        speed = config.sound_speed * mach(config) / sizes["mach"]
+        made.append(f"eos.sound_speed={float(speed)!r}")
+    return tuple(made)
+
+
+def dividing(config: SphConfig, wanted: float) -> float:
+    """The largest spacing not above the wanted one that divides the thinnest side of a box of fluid, and puts LAYERS
+    particles across every sphere.
+    """
+    if math.isclose(wanted, config.numerics.spacing, rel_tol=1e-9):
+        return wanted
+    shapes = [fluid.shape for fluid in config.fluid]
+    edges = [b - a for shape in shapes if shape.box for a, b in zip(shape.box.low, shape.box.high)]
+    wanted = min([wanted, *(2 * shape.sphere.radius / LAYERS for shape in shapes if shape.sphere)])
+    return min(edges) / max(LAYERS, math.ceil(min(edges) / wanted - 1e-6)) if edges else wanted
+
+
+# ------------------------------------------------------------------------------------------------- quantities
+
+
+def quantities_of(config: SphConfig, time: float) -> list[Quantity]:
+    """The one that the case is about first. time [s]: of the whole run."""
+    found, end = [], time / 4
+    for wall in config.wall:
+        if wall.measure_force:
+            name = f"impulse_{wall.name}"
+            found.append(Quantity(name, f"impulse on {wall.name} at the end", time, partial(at_end, name, time)))
+    for gauge in config.gauge:
+        if gauge.what == "velocity":
+            axis = "xyz"[int(np.argmax(np.abs(config.body_force)))]
+            text = f"velocity along {axis} at {gauge.name} in the first quarter"
+            found.append(Quantity(gauge.name, text, end, partial(curve, f"{gauge.name}_{axis}", end)))
+        elif gauge.what == "pressure":
+            text = f"mean pressure at {gauge.name} in the second half"
+            found.append(Quantity(gauge.name, text, time, partial(mean, gauge.name, time)))
+        elif gauge.what == "front":
+            text = f"{gauge.name} in the first quarter"
+            found.append(Quantity(gauge.name, text, end, partial(curve, gauge.name, end)))
+    text = "kinetic energy in the first quarter, over that at the start if there is any"
+    energy = Quantity("energy", text, end, partial(energy_curve, end))
+    found.insert(0 if any(fluid.flow for fluid in config.fluid) else len(found), energy)
+    if any(fluid.flow and fluid.flow.type == "linear" for fluid in config.fluid):  # whose energy hardly changes
+        text = "largest x in the first quarter, over that at the start"
+        found.insert(0, Quantity("stretch", text, end, partial(stretch, end)))
+    return found
+
+
+def curve(name: str, time: float, series: Series) -> np.ndarray:
+    """A scalar at the same times of every pilot, in the second half of [0, time]."""
+    known = np.isfinite(series[name])
+    return np.interp(np.linspace(0.5 * time, time, SAMPLES), series.time[known], series[name][known])
+
+
+def energy_curve(time: float, series: Series) -> np.ndarray:
+    """Of a flow that is there at the start, its energy then is that of a lattice cut by the shape of the fluid: an
+    error that neither falls steadily with the spacing nor belongs to the scheme.
+    """
+    return curve("energy_kinetic", time, series) / (float(series["energy_kinetic"][0]) or 1.0)
+
+
+def stretch(time: float, series: Series) -> np.ndarray:
+    """Of the outermost particle, wherever on the lattice it began."""
+    return curve("front_x", time, series) / float(series["front_x"][0])
+
+
+def at_end(name: str, time: float, series: Series) -> float:
+    return float(np.interp(time, series.time, series[name]))
+
+
+def mean(name: str, time: float, series: Series) -> float:
+    known = np.isfinite(series[name]) & (series.time >= 0.5 * time)
+    return float(series[name][known].mean())
+
+
+def growth(series: Series) -> float:
+    """Largest kinetic energy over that at the start; what starts at rest is watched by the guards of the run."""
+    energy = series["energy_kinetic"]
+    if not np.isfinite(energy).all():
+        return math.inf
+    return float(energy.max() / energy[0]) if energy[0] > 0.0 else 1.0

@@ -1,0 +1,144 @@
+"""What a case makes the program do and hold: sums, arrays and messages of a step, before anything is allocated."""
+
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+
+from hpcpic.core.app.forecast import imports
+from sph.case import config as case
+from sph.case import geometry
+from sph.case.config import SphConfig
+from sph.physics.pair_spec import law_of, most_sums, unused
+from sph.physics.terms import columns_of
+from sph.setup.scene import AHEAD, Scene, Wall
+
+MIB = 2.0**20
+MIRRORS = ("mirror", "point-symmetric")  # types of walls whose particles are images
+WALL_TERMS = {
+    "mirror-no-slip": "mirrored particles of opposite velocity (Morris)",
+    "point-symmetric-free-slip": "particles mirrored about a layer (Ferrari)",
+    "repulsive": "normal force (SC 8-10) and viscous term",
+    "pressure-continuity": "wall particles with evolving density",
+}
+
+FIXED_BYTES = 272_000  # of graphs, tables and heads of arrays: what runs of 10, 20 and 40 thousand particles have alike
+
+
+@dataclass(frozen=True, slots=True)
+class Array:
+    """Arrays of one rank: what they are for, values per particle, particles."""
+
+    name: str
+    columns: int
+    n: float
+    size: int = 8
+
+    @property
+    def bytes(self) -> float:
+        return self.columns * self.n * self.size
+
+
+def counts(config: SphConfig) -> tuple[int, float]:
+    """Fluid particles, and those of the walls that are made around the fluid at t = 0 (about)."""
+    scene = Scene(config)
+    if not config.fluid:
+        return 0, 0.0
+    low, high = _around_fluid(scene, AHEAD)
+    made = {"pressure-continuity": lambda wall: wall.layers, "repulsive": lambda wall: 1}
+    return scene.n_fluid, sum(
+        made[wall.type](wall) * _of_faces(scene, wall, low, high) for wall in scene.walls if wall.type in made
+    )
+
+
+def images(config: SphConfig) -> float:
+    """Images of the fluid at t = 0 in mirrors and periodic sides (about)."""
+    scene, reach = Scene(config), config.support / config.numerics.spacing
+    if not config.fluid:
+        return 0.0
+    low, high = _around_fluid(scene, 1.0)
+    faces = sum(_of_faces(scene, wall, low, high) for wall in scene.walls if wall.type.startswith(MIRRORS))
+    edges = (high - low) / scene.spacing
+    return reach * (faces + 2 * sum(math.prod(np.delete(edges, k)) for k in np.flatnonzero(scene.periodic)))
+
+
+def _around_fluid(scene: Scene, supports: float) -> tuple[np.ndarray, np.ndarray]:
+    """The box around the fluid and so many supports more."""
+    boxes = np.array([geometry.bounds(fluid.shape) for fluid in scene.config.fluid])
+    margin = supports * scene.support
+    return boxes[:, 0].min(axis=0) - margin, boxes[:, 1].max(axis=0) + margin
+
+
+def _of_faces(scene: Scene, wall: Wall, low: np.ndarray, high: np.ndarray) -> float:
+    """Particles of one layer on the faces of a wall in a box."""
+    d, box = scene.dimensions, wall.corners
+    edges = np.minimum(high, box[1]) - np.maximum(low, box[0])
+    faces = [k for k in range(d) for sign, at in (("-", box[0][k]), ("+", box[1][k]))
+             if case.AXES[k] + sign in wall.closed and low[k] < at < high[k]]  # fmt: skip
+    if wall.shape.plane:
+        faces = faces[:1]
+    return sum(math.prod(np.delete(edges, k).clip(0.0)) / scene.spacing ** (d - 1) for k in faces)
+
+
+def sums(config: SphConfig) -> list[str]:
+    """The pair sums of an evaluation: a term that a case does not have is not computed."""
+    numerics, d = config.numerics, config.dimensions
+    terms = [f"pressure and continuity  {d}D, {numerics.kernel}, {numerics.precision}"]
+    if numerics.density_flux != "none":
+        terms.append(f"density flux             {numerics.density_flux}, {numerics.flux_coefficient:g}")
+    if numerics.density_flux == "delta" or numerics.gradient_correction:
+        terms.append(f"renormalised gradient    {d * (d + 1) // 2} + {d} sums more")
+    if numerics.viscosity_form not in ("none", "artificial", None):
+        passes = ", two passes" if numerics.viscosity_form == "strain-rate" else ""
+        terms.append(f"viscosity                {numerics.viscosity_form}{passes}")
+    if numerics.artificial_viscosity:
+        terms.append(f"artificial viscosity     alpha {numerics.artificial_viscosity:g}")
+    if numerics.tensile_correction:
+        terms.append(f"tensile correction       {numerics.tensile_correction:g}")
+    kinds = dict.fromkeys(wall.type for wall in config.wall)
+    return terms + [f"walls                    {WALL_TERMS[kind]}" for kind in kinds]
+
+
+def arrays(config: SphConfig, ranks: int) -> Iterator[Array]:
+    """The arrays of one rank, an eighth more for ghosts and room to grow."""
+    d, n = config.dimensions, 1.125 * (sum(counts(config)) + images(config)) / ranks
+    scene, staged = Scene(config), config.simulation.integrator not in ("euler", "symplectic")
+    law = law_of(scene, bool(scene.walls) or bool(scene.periodic.any()))
+    kept, size = {"offset", "gradient", "shear", "matrix"} - unused(law, staged), 4 if law.single else 8
+    yield Array("state: x, v, rho, m, id", 2 * d + 3, n)
+    yield Array("kinds and cells", 2, n, 4)
+    if staged:
+        yield Array("state of the step before", 2 * d + 1, n)
+    for name in sorted(kept):
+        yield Array(name, d * d if name in ("shear", "matrix") else d, n)
+    if law.single:
+        yield Array("pairs: positions", d, n, 4)
+    yield Array("pairs: operands", len(columns_of(law)), n, size)
+    yield Array("pairs: sums", most_sums(law), n, size)
+    yield Array("pairs: runs of neighbours", 15 if d == 3 else 6, n, 2)
+    yield Array("objects of Python and libraries", 1, FIXED_BYTES, 1)
+    yield Array("state in order, for files and gauges", 2 * d + 3, n)
+
+
+def messages(config: SphConfig, ranks: int) -> list[str]:
+    if ranks == 1:
+        return ["none: one rank sends no messages"]
+    neighbours = min(2, ranks - 1)
+    return [
+        f"ghosts     {neighbours} per evaluation, the layer of cells beside each cut",
+        f"particles  {neighbours}, with those that left the slab",
+        "step       one number agreed by all ranks",
+    ]
+
+
+def plan(config: SphConfig, ranks: int, threads: int) -> list[str]:
+    """Lines for `check --plan`."""
+    lines = ["sums of an evaluation", *(f"  {line}" for line in sums(config)), "arrays per rank"]
+    lines += [
+        f"  {array.name:<40}{array.columns:>3} x {array.n:<12.0f}{array.bytes / MIB:10.2f} MiB"
+        for array in arrays(config, ranks)
+    ]
+    lines += ["messages of a step, per rank", *(f"  {line}" for line in messages(config, ranks))]
+    solids = any(body.shape.stl for body in (*config.fluid, *config.wall))
+    return lines + imports(*["trimesh"] * solids)

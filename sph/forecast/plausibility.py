@@ -1,0 +1,135 @@
+"""What is legal in an SPH case and yet most likely not meant: as numbers with limits, for `check`."""
+
+import math
+from collections.abc import Iterator
+
+import numpy as np
+
+from hpcpic.core.case.config import Path
+from hpcpic.core.case.derived import Derived
+from sph.case import geometry
+from sph.case.config import AXES, FLUX_COEFFICIENT, SphConfig, motion_speed
+from sph.particles.strays import BEYOND, most_strays
+from sph.physics import stability
+from sph.setup.scene import Scene
+
+DENSE, DENSER = 0.02, 0.1  # rho / rho0 - 1 at rest, which are noticed and refused
+MOST_STEPS = 1e9  # 11 days at a millisecond a step
+LEAST_ACROSS = 5  # particles, of which the kernel reaches over most
+LONGEST_WAY = 1.0  # spacings of a wall in a step, beyond which it jumps over fluid
+
+
+def sensible(config: SphConfig, scene: Scene) -> Iterator[Derived]:
+    """All of it."""
+    yield from dissipation(config)
+    yield from steps(config)
+    yield from directions(config)
+    yield from jumps(config)
+    yield from depths(config, scene)
+    yield from bodies_outside(config)
+    if config.fluid:
+        words = f"beyond: exit 4; of fewer than half the neighbours and {1 - BEYOND:g} .. {1 + BEYOND:g} rho0"
+        source = "torn off: they get rho0"
+        yield Derived("stray particles in a step", "n", most_strays(scene.n_fluid), "", words, "ok", source)
+
+
+def dissipation(config: SphConfig) -> Iterator[Derived]:
+    """What keeps densities and velocities smooth, taken by default or not."""
+    numerics, flux = config.numerics, config.numerics.density_flux
+    usual = f'default: "delta", {FLUX_COEFFICIENT["delta"]:g}'
+    yield Derived(f"density flux, {flux}", "delta", numerics.flux_coefficient or 0.0, "", usual, "ok",
+                  "Marrone et al. 2011")  # fmt: skip
+    usual = "default: 0.02, 0 with a viscosity"
+    yield Derived("artificial viscosity", "alpha", numerics.artificial_viscosity or 0.0, "", usual, "ok",
+                  "Marrone et al. 2011")  # fmt: skip
+
+
+def steps(config: SphConfig) -> Iterator[Derived]:
+    """How many there are."""
+    n = config.simulation.end_time / stability.time_step(config)
+    verdict = "ok" if n <= MOST_STEPS else "fail"
+    cure = "" if verdict == "ok" else "a shorter end_time, or check the units of spacing and sound speed"
+    yield Derived("steps to the end", "T/dt", n, "", f"<= {MOST_STEPS:g}", verdict, "a millisecond each: 11 days", cure,
+                  ("simulation", "end_time"), True)  # fmt: skip
+
+
+def directions(config: SphConfig) -> Iterator[Derived]:
+    """Where gravity points."""
+    up, g = config.dimensions - 1, config.gravity
+    key: Path = ("gravity",)
+    if g[up] > 0:
+        down = [*(f"{value:g}" for value in g[:up]), f"{-g[up]:g}"]
+        yield Derived(f"gravity along {AXES[up]}", "", g[up], "m/s2", "<= 0", "fail", f"{AXES[up]} is up",
+                      f"gravity = [{', '.join(down)}]", key, True)  # fmt: skip
+    for axis, value in zip(AXES, g):
+        if value and axis in config.domain.periodic:
+            cure = "body_force drives a flow through a period; nothing rests on a floor there"
+            yield Derived(f"gravity along the periodic {axis}", "", value, "m/s2", "0", "fail", "an endless fall", cure,
+                          key, True)  # fmt: skip
+
+
+def jumps(config: SphConfig) -> Iterator[Derived]:
+    """Walls so fast that they are behind fluid before it has met them."""
+    dt = stability.time_step(config)
+    for i, wall in enumerate(config.wall):
+        if wall.motion:
+            way = motion_speed(wall.motion) * dt / config.numerics.spacing
+            verdict = "ok" if way <= LONGEST_WAY else "fail"
+            cure = "" if verdict == "ok" else f"{LONGEST_WAY * config.numerics.spacing / dt:.3g} m/s or less"
+            yield Derived(f"way of {wall.name} in a step", "v dt/dp", way, "", f"<= {LONGEST_WAY:g}", verdict,
+                          "it jumps over fluid", cure, ("wall", i, "motion"), True)  # fmt: skip
+
+
+def depths(config: SphConfig, scene: Scene) -> Iterator[Derived]:
+    """Densities at rest under the surface, and particles across a fluid."""
+    g = math.hypot(*config.gravity)
+    for i, fluid in enumerate(config.fluid):
+        if g and fluid.initial_pressure == "hydrostatic":
+            heights = [-sum(a * b for a, b in zip(x, config.gravity)) / g for x in geometry.corners(fluid.shape)]
+            surface = max(heights) if fluid.surface is None else fluid.surface
+            depth = max(0.0, surface - min(heights))
+            with np.errstate(over="ignore"):
+                dense = float(scene.rest_density_below(np.array([depth]))[0]) / scene.rho0
+            verdict = "ok" if dense <= DENSE else "warn" if dense <= DENSER else "fail"
+            needed = math.sqrt(g * depth / DENSE) if depth < math.inf else math.inf
+            cure = f"sound_speed = {needed:.3g}" if verdict != "ok" else ""
+            key: Path = ("eos", "sound_speed")
+            if cure and depth > 2 * (max(heights) - min(heights)):
+                cure, key = f"surface = {max(heights):g} is its top", ("fluid", i, "surface")
+            yield Derived(f"density of {fluid.name} at rest at its bottom", "rho/rho0 - 1", dense, "",
+                          f"< {DENSE:g}; {DENSER:g} at most", verdict, f"{depth:.3g} m of water: g H/c0^2", cure, key,
+                          dense < BEYOND)  # fmt: skip
+        if fluid.shape.box:
+            dp = config.numerics.spacing
+            edges = {axis: b - a for axis, a, b in zip(AXES, fluid.shape.box.low, fluid.shape.box.high)}
+            across = {
+                axis: geometry.count(edge, dp) for axis, edge in edges.items() if axis not in config.domain.periodic
+            }
+            if across and fluid.thin_layer == "refuse":
+                axis = min(across, key=lambda name: across[name])
+                verdict = "ok" if across[axis] >= LEAST_ACROSS else "warn"
+                cure = "" if verdict == "ok" else f"spacing = {edges[axis] / LEAST_ACROSS:.3g}"
+                name, source = f"particles across {fluid.name} along {axis}", "the kernel reaches beyond both sides"
+                key = ("numerics", "spacing")
+                yield Derived(name, "n", across[axis], "", f">= {LEAST_ACROSS}", verdict, source, cure, key)
+
+
+def bodies_outside(config: SphConfig) -> Iterator[Derived]:
+    """Solid bodies at rest that no fluid can come to: most often in other units, or in another place."""
+    boxes = [geometry.bounds(group.shape) for group in (*config.wall, *config.fluid)
+             if not group.shape.plane and not getattr(group, "solid", False)]  # fmt: skip
+    for i, wall in enumerate(config.wall):
+        if not (boxes and wall.solid) or wall.motion or wall.shape.plane:
+            continue
+        low, high = geometry.bounds(wall.shape)
+        away = min(_apart(low, high, *box) for box in boxes)
+        if away > config.support:
+            cure = "scale = 0.001 for a file in millimetres" if wall.shape.stl else "a place inside of a tank or fluid"
+            path: Path = ("stl", "scale") if wall.shape.stl else ()
+            yield Derived(f"distance of {wall.name} from all fluid and tanks", "", away, "m", "0", "warn",
+                          "nothing comes to it", cure, ("wall", i, "shape", *path))  # fmt: skip
+
+
+def _apart(low: geometry.Point, high: geometry.Point, a: geometry.Point, b: geometry.Point) -> float:
+    """Between two boxes, m."""
+    return math.hypot(*(max(0.0, p - d, c - q) for p, q, c, d in zip(low, high, a, b)))

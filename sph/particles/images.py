@@ -1,0 +1,219 @@
+"""Images of particles: in periodic sides, in walls that mirror, and through the particles of a layer (point symmetry).
+
+Image k of a body is at turn x + shift with the velocity spin v + push. Positions are relative to the lower corner of
+the domain, axes in storage order.
+"""
+
+import itertools
+import math
+from collections import Counter
+from functools import cached_property
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hpcpic.core.errors import ConfigError
+from hpcpic.core.space.products import product
+from sph.kernels.marks import CODES
+
+if TYPE_CHECKING:
+    from sph.particles.walls import Walls
+    from sph.setup.scene import Scene
+
+FAR = 1e299  # a face as far as this has no edge
+Plane = tuple[NDArray[np.float64], float]
+
+
+class Layer:
+    """A flat layer of particles origin + i t_1 (+ j t_2): the centres of point symmetry.
+
+    counts: how many along each tangent; endless: along which it goes through a period.
+    """
+
+    def __init__(self, origin: NDArray, tangents: NDArray, counts: tuple[int, ...], endless: NDArray[np.bool_]) -> None:
+        self.origin, self.tangents = origin, tangents
+        self.first = np.where(endless, -np.inf, 0.0)
+        self.last = np.where(endless, np.inf, np.array(counts) - 1.0)
+
+    def nearest(self, x: NDArray[np.float64]) -> NDArray[np.float64]:
+        """The particle [n, d] of the layer nearest to each of x[d, n]."""
+        places = product(x.T - self.origin, self.tangents.T) / np.sum(self.tangents**2, axis=1)
+        return self.origin + product(np.clip(np.rint(places), self.first, self.last), self.tangents)
+
+
+class Maps:
+    """All images: turn, spin [k, d, d]; shift, push [k, d]; map 0 is the identity.
+
+    planes[k]: a body has image k if x . normal < offset for all of them. wall[k]: number of the wall + 1, 0 for none.
+    depth[k]: where the face of a mirror is along its normal. layers[k]: centres, by wall normal: along the normal the
+    shift is that of the map, across it twice the nearest centre.
+    """
+
+    def __init__(self, d: int) -> None:
+        self.turn, self.spin = np.eye(d)[None], np.eye(d)[None]
+        self.shift, self.push = np.zeros((1, d)), np.zeros((1, d))
+        self.planes: list[list[Plane]] = [[]]
+        self.wall, self.layers, self.depth = [0], [[]], [0.0]
+
+    @property
+    def around(self) -> bool:
+        """Whether a body is seen a period away along the slab axis."""
+        return any(not wall and shift[0] != 0.0 for wall, shift in zip(self.wall, self.shift))
+
+    @property
+    def mirrored(self) -> list[bool]:
+        return [wall > 0 for wall in self.wall]
+
+    def add(
+        self, turn: NDArray, shift: NDArray, spin: NDArray, push: NDArray, planes: list[Plane], wall: int = 0,
+        layers: list[tuple[NDArray, Layer]] | None = None, depth: float = 0.0,
+    ) -> None:  # fmt: skip
+        if len(self.planes) == CODES:
+            raise ConfigError([f"more than {CODES} images of a particle: too many mirrors"])
+        self.turn, self.spin = np.concatenate([self.turn, turn[None]]), np.concatenate([self.spin, spin[None]])
+        self.shift, self.push = np.concatenate([self.shift, shift[None]]), np.concatenate([self.push, push[None]])
+        self.planes.append(planes)
+        self.wall.append(wall)
+        self.layers.append(layers or [])
+        self.depth.append(depth)
+
+    def combine(self, other: "Maps") -> None:
+        """Every map of `other` after every map here too: corners."""
+        n = len(self.planes)
+        for k in range(1, len(other.planes)):
+            for j in range(n):
+                turn = other.turn[k] @ self.turn[j]
+                shift = other.turn[k] @ self.shift[j] + other.shift[k]
+                spin, push = other.spin[k] @ self.spin[j], other.spin[k] @ self.push[j] + other.push[k]
+                planes, layers = [*self.planes[j], *other.planes[k]], [*self.layers[j], *other.layers[k]]
+                self.add(turn, shift, spin, push, planes, self.wall[j] or other.wall[k], layers)
+
+    @cached_property
+    def turns(self) -> NDArray[np.float64]:
+        """The matrices [k, d, d] of positions: a point symmetry also turns what lies in the layer."""
+        return np.array([-np.eye(len(turn)) if layers else turn for turn, layers in zip(self.turn, self.layers)])
+
+    @cached_property
+    def bounds(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """The planes as arrays: normals[k, p, d], offsets[k, p]; more than there are of an image hold anybody."""
+        most = max(map(len, self.planes))
+        n, d = self.shift.shape
+        normals, offsets = np.zeros((n, most, d)), np.full((n, most), np.inf)
+        for k, planes in enumerate(self.planes):
+            for p, (normal, offset) in enumerate(planes):
+                normals[k, p], offsets[k, p] = normal, offset
+        return normals, offsets
+
+    @cached_property
+    def _symmetric(self) -> dict[int, tuple[Layer, NDArray[np.float64]]]:
+        """Of each image by point symmetry: the layer with its centres, and the matrix that leaves what is across."""
+        one = np.eye(self.shift.shape[1])
+        return {
+            k: (layers[0][1], one - sum(np.outer(normal, normal) for normal, _ in layers))
+            for k, layers in enumerate(self.layers)
+            if layers
+        }
+
+    def shifts(self, codes: NDArray[np.int64], x: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Shift[n, d] of the images codes[n], which ascend, of bodies at x[d, n]."""
+        shift, first = self.shift[codes], np.searchsorted(codes, np.arange(len(self.planes) + 1))
+        for k, (layer, across) in self._symmetric.items():
+            mine = slice(first[k], first[k + 1])
+            shift[mine] += 2 * product(layer.nearest(x[:, mine]), across)
+        return shift
+
+
+def periodic_maps(lengths: NDArray, periodic: NDArray, reach: float) -> Maps:
+    """Shifts by a period, up and down, along each periodic axis and their combinations."""
+    d = len(lengths)
+    maps, one, still = Maps(d), np.eye(d), np.zeros(d)
+    for axis in np.flatnonzero(periodic):
+        step, unit = Maps(d), np.eye(d)[axis]
+        step.add(one, unit * lengths[axis], one, still, [(unit, reach)])
+        step.add(one, -unit * lengths[axis], one, still, [(-unit, reach - lengths[axis])])
+        maps.combine(step)
+    return maps
+
+
+def most_images(scene: "Scene") -> int:
+    """Maps of a scene: of each group of parallel faces one or none, of each period to either side or none."""
+    faces = [face for wall in scene.walls for face in wall.faces]
+    layers = [wall.lattice.parts for wall in scene.walls if wall.type == "point-symmetric-free-slip"]
+    groups = Counter(_direction(face.normal) for face in itertools.chain(faces, *layers))
+    return 3 ** int(scene.periodic.sum()) * math.prod(1 + n for n in groups.values())
+
+
+def _direction(normal: NDArray) -> tuple[float, ...]:
+    """The same for parallel faces, to whichever side they look."""
+    rounded = np.round(normal, 9)
+    return tuple(rounded * np.sign(rounded[np.flatnonzero(rounded)[0]]))
+
+
+def single_mirrors(groups: list[Maps]) -> dict[str, NDArray]:
+    """The faces of groups of mirrors as kernels.motion.swap takes them. Behind: deeper than the face, not farther than
+    its images reach.
+    """
+    d = groups[0].turn.shape[1] if groups else 1
+    maps = [(group, k) for group in groups for k in range(1, len(group.planes))]
+    most = max((len(group.planes[k]) for group, k in maps), default=0)
+    normals, bounds = np.zeros((len(maps), most, d)), np.full((len(maps), most), np.inf)
+    for f, (group, k) in enumerate(maps):
+        for p, (normal, offset) in enumerate(group.planes[k]):
+            normals[f, p], bounds[f, p] = normal, offset
+        normals[f, 0], bounds[f, 0] = group.planes[k][0][0], group.depth[k]
+    return {
+        "normals": normals,
+        "bounds": bounds,
+        **{name: np.array([getattr(group, field)[k] for group, k in maps]).reshape(len(maps), *shape)
+           for name, field, shape in (("turns", "turn", (d, d)), ("shifts", "shift", (d,)),
+                                      ("spins", "spin", (d, d)), ("pushes", "push", (d,)))},
+    }  # fmt: skip
+
+
+def mirrors(scene: "Scene", walls: "Walls", axes: list[int], reach: float) -> list[Maps]:
+    """Maps of the mirror walls (Morris et al. 1997, as (MP) 4.2 uses them) and of point symmetries (Ferrari et al.
+    2009, MP 4.1), parallel faces in one group.
+    """
+    d, groups = scene.dimensions, {}
+    for wall in scene.walls:
+        moved = walls.displacement[wall.index] - scene.low
+        push = 2 * walls.velocity[wall.index][axes]
+        beyond = 0.0 if wall.section.solid else reach  # the corners of a tank belong to both of its faces
+        for point, normal, near, edges, layer in _faces(wall, reach, moved, axes):
+            planes = near + [(plane, offset + beyond * np.sqrt(plane @ plane)) for plane, offset in edges]
+            group = groups.setdefault(_direction(normal), Maps(d))
+            away = np.outer(normal, normal)
+            turn, shift = np.eye(d) - 2 * away, 2 * (point @ normal) * normal
+            if layer is None:
+                group.add(turn, shift, -np.eye(d), push, planes, wall.index + 1, None, point @ normal)
+            else:
+                group.add(turn, shift, turn, away @ push, planes, wall.index + 1, [(normal, layer)], point @ normal)
+    return list(groups.values())
+
+
+def _faces(wall, reach: float, moved: NDArray, axes: list[int]):
+    """Of the faces of a wall: point, normal, planes of who is near, of the edges, layer of centres (None: mirror)."""
+    if wall.type == "mirror-no-slip":
+        for face in wall.faces:
+            point, normal = (face.point + moved)[axes], face.normal[axes]
+            low, high = (face.low + moved)[axes], (face.high + moved)[axes]
+            edges = [(unit, high[k]) for k, unit in enumerate(np.eye(len(axes))) if not normal[k] and high[k] < FAR]
+            edges += [(-unit, -low[k]) for k, unit in enumerate(np.eye(len(axes))) if not normal[k] and low[k] > -FAR]
+            yield point, normal, _near(point, normal, reach), edges, None
+    elif wall.type == "point-symmetric-free-slip":
+        for sheet in wall.lattice.parts:
+            normal, tangents = sheet.normal[axes], sheet.tangents[:, axes]
+            endless = np.any(tangents[:, wall.through[axes]] != 0.0, axis=1)
+            layer = Layer((sheet.origin + moved)[axes], tangents, sheet.counts, endless)
+            edges = []
+            for tangent, n in zip(tangents[~endless], np.array(sheet.counts)[~endless]):
+                step = tangent @ tangent
+                first = layer.origin @ tangent - step / 2
+                edges += [(tangent, first + n * step), (-tangent, -first)]
+            yield layer.origin, normal, _near(layer.origin, normal, reach), edges, layer
+
+
+def _near(point: NDArray, normal: NDArray, reach: float) -> list[Plane]:
+    """Not farther than `reach` before a face, nor behind it by more."""
+    return [(normal, point @ normal + reach), (-normal, reach - point @ normal)]

@@ -1,0 +1,221 @@
+"""What does not fit together in an SPH case: each fault with the key to change."""
+
+import itertools
+from collections.abc import Iterator
+
+from hpcpic.core.case.config import Path
+from hpcpic.core.case.schema import Section
+from hpcpic.core.errors import ConfigError
+from sph.case import geometry
+from sph.case.columns import columns_of, scalar_units
+from sph.case.config import AXES, Fluid, Gauge, Shape, SphConfig, Wall, name_of, speed_scale
+from sph.physics import stability
+from sph.setup import periodic_walls
+from sph.setup.defaults import domain_of
+
+MOST_ALONG = 2**21  # particles along an edge, whose places are kept
+MOST_ACROSS = 2**21  # supports of the kernel across the domain: beyond, a place is not known as well as who is near
+HUGE = 1e40  # magnitude of a number, beyond which products of a few leave floating point
+FLAT = ("mirror-no-slip", "repulsive", "point-symmetric-free-slip")
+Fault = tuple[Path, str]
+
+
+def faults(config: SphConfig) -> Iterator[Fault]:
+    """The relations between settings; those inside shapes only where all vectors have their length."""
+    found = [*magnitudes(config), *sizes(config), *names(config)]
+    yield from found
+    if not found:
+        yield from relations(config)
+
+
+def magnitudes(section: Section, path: Path = ()) -> Iterator[Fault]:
+    """Numbers so large or small that products of a few of them are no numbers any more."""
+    for name in type(section).model_fields:
+        value = getattr(section, name)
+        listed = enumerate(value) if isinstance(value, tuple) else [(None, value)]
+        for i, one in listed:
+            at = (*path, name) if i is None else (*path, name, i)
+            if isinstance(one, Section):
+                yield from magnitudes(one, at)
+            elif isinstance(one, float) and one and not 1 / HUGE < abs(one) < HUGE:
+                yield at, f"must be 0 or between {1 / HUGE:g} and {HUGE:g} (got {one:g})"
+
+
+def sizes(config: SphConfig) -> Iterator[Fault]:
+    """Vectors with another number of components than dimensions; axes that there are not."""
+    d = config.dimensions
+    for path, vector in vectors(config):
+        if vector and len(vector) != d:
+            yield path, f"needs {d} numbers in {d}D (got {len(vector)})"
+    for i, axis in enumerate(config.domain.periodic):
+        if axis not in AXES[:d]:
+            yield ("domain", "periodic", i), f"must be one of {', '.join(AXES[:d])} (got {axis!r})"
+    sides = [axis + sign for axis in AXES[:d] if axis not in config.domain.periodic for sign in "-+"]
+    for i, side in enumerate(config.domain.outflow):
+        if side not in sides:
+            yield ("domain", "outflow", i), f"must be one of {', '.join(sides)} (got {side!r})"
+    for group, i, section in shaped(config):
+        yield from (((group, i, "shape", *path), text) for path, text in shape_faults(section.shape, d))
+        box = section.shape.box
+        if box and box.open:
+            faces = [axis + sign for axis in AXES[:d] for sign in "-+"]
+            wrong = [face for face in box.open if face not in faces]
+            if group == "fluid" or wrong:
+                text = "only a wall has faces to leave out" if group == "fluid" else f"not one of {', '.join(faces)}"
+                yield (group, i, "shape", "box", "open"), text
+    for i, gauge in enumerate(config.gauge):
+        yield from (((("gauge", i, *path), text)) for path, text in gauge_faults(gauge, d))
+
+
+def vectors(config: SphConfig) -> Iterator[tuple[Path, tuple | None]]:
+    yield ("gravity",), config.gravity
+    yield ("body_force",), config.body_force
+    yield ("domain", "low"), config.domain.low
+    yield ("domain", "high"), config.domain.high
+    for group, i, section in shaped(config):
+        shape = getattr(section.shape, section.shape.kind) if section.shape.kind else None
+        for name in ("low", "high", "centre", "base", "top", "point", "normal", "shift"):
+            if hasattr(shape, name):
+                yield (group, i, "shape", section.shape.kind, name), getattr(shape, name)
+    for i, fluid in enumerate(config.fluid):
+        yield ("fluid", i, "velocity"), fluid.velocity
+        if fluid.flow:
+            yield ("fluid", i, "flow", "centre"), fluid.flow.centre
+    for i, wall in enumerate(config.wall):
+        yield ("wall", i, "torque_about"), wall.torque_about
+        if wall.motion:
+            yield ("wall", i, "motion", "velocity"), wall.motion.velocity
+            yield ("wall", i, "motion", "amplitude"), wall.motion.amplitude
+            for k, place in enumerate(wall.motion.path):
+                yield ("wall", i, "motion", "path", k, "displacement"), place.displacement
+    for i, gauge in enumerate(config.gauge):
+        yield ("gauge", i, "at"), gauge.at
+        yield ("gauge", i, "size"), gauge.size
+
+
+def shaped(config: SphConfig) -> Iterator[tuple[str, int, Fluid | Wall]]:
+    for i, fluid in enumerate(config.fluid):
+        yield "fluid", i, fluid
+    for i, wall in enumerate(config.wall):
+        yield "wall", i, wall
+
+
+def shape_faults(shape: Shape, d: int) -> Iterator[Fault]:
+    kinds = ", ".join(type(shape).model_fields)
+    if not shape.kind:
+        yield (), f"needs exactly one of {kinds}"
+    elif shape.box:
+        low, high = shape.box.low, shape.box.high
+        if len(low) == len(high) == d and any(a >= b for a, b in zip(low, high)):
+            yield ("box", "high"), f"must be above low = {list(low)} on every axis (got {list(high)})"
+    elif shape.cylinder and shape.cylinder.base == shape.cylinder.top:
+        yield ("cylinder", "top"), "must differ from base"
+    elif shape.plane and not any(shape.plane.normal):
+        yield ("plane", "normal"), "must not be zero"
+    elif shape.stl and d == 2:
+        yield ("stl",), "surfaces from STL files are for 3D"
+    elif shape.stl:
+        try:
+            geometry.bounds(shape)
+        except ConfigError as error:
+            yield ("stl", "file"), error.message
+
+
+def gauge_faults(gauge: Gauge, d: int) -> Iterator[Fault]:
+    if gauge.what in ("pressure", "velocity", "elevation", "flow") and not gauge.at:
+        yield (), f"at is missing, which a gauge of {gauge.what} needs"
+    if gauge.what == "flow" and not gauge.axis:
+        yield (), f"axis is missing, which a gauge of {gauge.what} needs"
+    if gauge.size and gauge.what != "flow":
+        yield ("size",), f"only a gauge of flow has a size, one of {gauge.what} has none"
+    if gauge.axis and gauge.what in ("pressure", "velocity"):
+        yield ("axis",), f"a gauge of {gauge.what} has no axis"
+    if any(length < 0 for length in gauge.size):
+        yield ("size",), f"must not be below 0 (got {list(gauge.size)})"
+    if gauge.axis and gauge.axis[0] not in AXES[:d]:
+        yield ("axis",), f"there is no {gauge.axis[0]} in {d}D"
+
+
+def names(config: SphConfig) -> Iterator[Fault]:
+    """Names that are taken, also by default, or that make no name of a file or of a column of the series."""
+    columns = set(scalar_units(config))
+    taken: dict[tuple[bool, str], str] = {}  # snapshots tell fluids and walls apart by name, the series gauges
+    for group in ("fluid", "wall", "gauge"):
+        for i, section in enumerate(getattr(config, group)):
+            name, path = name_of(group, i, section), (group, i, "name")
+            if not name.replace("_", "").replace("-", "").isalnum():
+                yield path, f"only letters, digits, _ and - (got {name!r})"
+            earlier = taken.setdefault((group == "gauge", name), f"{group}[{i}]")
+            if earlier != f"{group}[{i}]":
+                yield path, f"{name!r}{'' if section.name else ', its name by default,'} is taken by {earlier}"
+    for i, gauge in enumerate(config.gauge):
+        own = columns_of(gauge, name_of("gauge", i, gauge), config.dimensions)
+        if double := sorted(columns & set(own)):
+            yield ("gauge", i, "name"), f"the series has a column {', '.join(double)} without it"
+        columns |= set(own)
+
+
+def relations(config: SphConfig) -> Iterator[Fault]:
+    domain, d = config.domain, config.dimensions
+    if domain.low and domain.high and any(a >= b for a, b in zip(domain.low, domain.high)):
+        yield ("domain", "high"), f"must be above low = {list(domain.low)} on every axis (got {list(domain.high)})"
+    if domain.periodic and not (domain.low and domain.high):
+        yield ("domain",), "low and high are missing, which a periodic domain needs"
+    whole = domain_of(config)
+    n = max(b - a for a, b in zip(whole.low, whole.high)) / config.support
+    if n > MOST_ACROSS:
+        yield ("domain",), f"{n:.3g} supports of the kernel across, more than {MOST_ACROSS}: a smaller one"
+    for group, i, section in shaped(config):
+        if not section.shape.plane:
+            low, high = geometry.bounds(section.shape)
+            n = max(b - a for a, b in zip(low, high)) / config.numerics.spacing
+            if n > MOST_ALONG:
+                text = f"{n:.3g} particles along an edge, more than {MOST_ALONG}: a larger numerics.spacing"
+                yield (group, i, "shape"), text
+    for i, fluid in enumerate(config.fluid):
+        yield from ((("fluid", i, *path), text) for path, text in fluid_faults(config, fluid, d))
+        first = config.fluid[0]
+        for name in ("density", "dynamic_viscosity"):
+            if getattr(fluid, name) != getattr(first, name):
+                yield ("fluid", i, name), f"all fluids are one liquid: {getattr(first, name):g} as the first one"
+    for i, wall in enumerate(config.wall):
+        found = itertools.chain(wall_faults(wall), periodic_walls.faults(config, wall))
+        yield from ((("wall", i, *path), text) for path, text in found)
+    moving = config.eos.sound_speed or config.eos.max_velocity or not config.fluid
+    if not moving and not speed_scale(config):
+        yield ("eos",), "max_velocity or sound_speed is missing: neither gravity nor the initial state tells a speed"
+    viscous = any(fluid.dynamic_viscosity for fluid in config.fluid)
+    if config.numerics.viscosity_form in stability.PHYSICAL and not viscous:
+        yield ("numerics", "viscosity_form"), 'needs a fluid with viscosity > 0, or "none"'
+
+
+def fluid_faults(config: SphConfig, fluid: Fluid, d: int) -> Iterator[Fault]:
+    if fluid.shape.plane:
+        yield ("shape", "plane"), "a half-space holds no finite number of particles"
+    if fluid.shape.box and fluid.thin_layer == "refuse":
+        edges = [b - a for a, b in zip(fluid.shape.box.low, fluid.shape.box.high)]
+        dp = config.numerics.spacing
+        if min(edges) < 0.99 * dp:
+            yield (
+                ("shape", "box"),
+                f"{min(edges):g} m thick, thinner than the spacing {dp:g} m: a smaller numerics.spacing, or "
+                'thin_layer = "one layer" for one layer of reduced mass',
+            )
+    flow = fluid.flow
+    if flow and flow.type == "linear" and len(flow.gradient) != d * d:
+        yield ("flow", "gradient"), f"needs {d * d} numbers in {d}D, row by row (got {len(flow.gradient)})"
+    if flow and flow.type == "standing-wave" and not any(config.gravity):
+        yield ("flow", "type"), "a standing wave needs gravity"
+    if fluid.initial_pressure == "flow" and flow is None:
+        yield ("initial_pressure",), '"flow" needs a flow'
+
+
+def wall_faults(wall: Wall) -> Iterator[Fault]:
+    kind = wall.shape.kind
+    if wall.type in FLAT and kind not in ("box", "plane"):
+        yield ("type",), f'"{wall.type}" needs flat faces, shape box or plane; use "pressure-continuity" for a {kind}'
+    if wall.motion:
+        if any(b.time <= a.time for a, b in itertools.pairwise(wall.motion.path)):
+            yield ("motion", "path"), "times must grow"
+        if wall.motion.stop is not None and wall.motion.stop <= wall.motion.start:
+            yield ("motion", "stop"), f"must be after start = {wall.motion.start:g}"

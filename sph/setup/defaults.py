@@ -1,0 +1,96 @@
+"""Fills in what the settings of an SPH case determine: names, vectors of full length, domain, c0, Courant number."""
+
+from collections.abc import Iterable
+from typing import Literal
+
+from hpcpic.core.case.words import only_seconds
+from sph.case import geometry
+from sph.case.config import FLUX_COEFFICIENT, Domain, SphConfig, name_of, speed_scale
+from sph.physics.stability import courant_limit
+
+SAFETY = 0.6  # of the stability limit, where no Courant number is given
+
+
+def completed(config: SphConfig) -> SphConfig:
+    d = config.dimensions
+    zeros = (0.0,) * d
+    config = config.model_copy(
+        update={
+            "gravity": config.gravity or zeros,
+            "body_force": config.body_force or zeros,
+            "fluid": tuple(named("fluid", i, _fluid(fluid, d)) for i, fluid in enumerate(config.fluid)),
+            "wall": tuple(named("wall", i, _wall(wall, d)) for i, wall in enumerate(config.wall)),
+            "output": config.output.model_copy(
+                update={"period": only_seconds(config.output.period, config.output.every)}
+            ),
+            "gauge": tuple(named("gauge", i, _gauge(gauge)) for i, gauge in enumerate(config.gauge)),
+        }
+    )
+    config = config.model_copy(update={"domain": domain_of(config), "numerics": _numerics(config)})
+    config = config.model_copy(update={"eos": _eos(config)})
+    simulation = config.simulation
+    if simulation.cfl is None:
+        cfl = float(f"{SAFETY * courant_limit(config):.2g}")
+        config = config.model_copy(update={"simulation": simulation.model_copy(update={"cfl": cfl})})
+    return config
+
+
+def named(kind: Literal["fluid", "wall", "gauge"], i: int, group):
+    return group.model_copy(update={"name": name_of(kind, i, group)})
+
+
+def _fluid(fluid, d: int):
+    flow = fluid.flow
+    if flow and flow.type == "linear":
+        flow = flow.model_copy(update={"centre": flow.centre or (0.0,) * d})
+    return fluid.model_copy(update={"velocity": fluid.velocity or (0.0,) * d, "flow": flow})
+
+
+def _wall(wall, d: int):
+    update: dict = {"torque_about": wall.torque_about or geometry.middle(wall.shape)}
+    if wall.motion:
+        zeros = (0.0,) * d
+        motion = {name: getattr(wall.motion, name) or zeros for name in ("velocity", "amplitude")}
+        update["motion"] = wall.motion.model_copy(update=motion)
+    return wall.model_copy(update=update)
+
+
+def _gauge(gauge):
+    return gauge.model_copy(update={"axis": gauge.axis or ("x+" if gauge.what == "front" else None)})
+
+
+def domain_of(config: SphConfig) -> Domain:
+    """As given, else the box around fluids and walls."""
+    domain = config.domain
+    boxes = [geometry.bounds(group.shape) for group in (*config.fluid, *config.wall)] or [((0.0,), (1.0,))]
+
+    def outermost(points: Iterable, choose) -> tuple[float, ...]:
+        return tuple(choose(xs) for xs in zip(*points))
+
+    low = domain.low or outermost((low for low, _ in boxes), min)
+    high = domain.high or outermost((high for _, high in boxes), max)
+    return domain.model_copy(update={"low": low, "high": high})
+
+
+def _numerics(config: SphConfig):
+    numerics = config.numerics
+    viscous = any(fluid.dynamic_viscosity for fluid in config.fluid)
+    form = numerics.viscosity_form or ("morris" if viscous else "artificial")
+    flux, alpha = numerics.flux_coefficient, numerics.artificial_viscosity
+    return numerics.model_copy(
+        update={
+            "viscosity_form": form,
+            "flux_coefficient": FLUX_COEFFICIENT[numerics.density_flux] if flux is None else flux,
+            "artificial_viscosity": (0.02 if form == "artificial" else 0.0) if alpha is None else alpha,
+        }
+    )
+
+
+def _eos(config: SphConfig):
+    eos = config.eos
+    fastest = eos.max_velocity or speed_scale(config)
+    if not fastest:  # nothing moves, or faults() has said that max_velocity is missing
+        fastest = (eos.sound_speed or 1.0) / eos.sound_speed_factor
+    return eos.model_copy(
+        update={"max_velocity": fastest, "sound_speed": eos.sound_speed or eos.sound_speed_factor * fastest}
+    )

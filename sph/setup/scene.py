@@ -1,0 +1,390 @@
+"""The initial state and the numbers of an SPH run, the same on every rank: pure functions of case and id.
+
+Fluid particles have the ids 0 .. n_fluid - 1, those of wall w the ids (w + 1) 2^50 and on.
+"""
+
+import math
+from dataclasses import dataclass, field
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hpcpic.core.space.rng import uniforms
+from sph.case import config as case
+from sph.case import geometry
+from sph.kernels.marks import WALL_BITS
+from sph.setup import flows, periodic_walls, rest_distance, signed_distance
+from sph.setup.particle_lattices import PART, Filled, Grid, Parts, Sheet, Shell, box_sheets, even, grid_of
+from sph.setup.tanks import behind, depth_in
+
+NEAR = 0.25  # of a spacing: fluid nearer to a solid is taken away
+REST = 0.9  # of h: distance at which a repulsive layer holds the fluid (S(y) of (SC 9) is 0.25 there)
+CHUNK = 1 << 18
+DOMAIN = "the domain"  # as what takes particles away
+FAR = 1e300
+AHEAD = 4.0  # supports around the fluid in which walls are made, once it is nearer than one to what is not made yet
+DISORDER = 1  # stream of the random numbers
+
+
+@dataclass(frozen=True, slots=True)
+class Face:
+    """A flat piece of a wall: a point on it, its normal into the fluid, the box that holds it (m)."""
+
+    point: NDArray[np.float64]
+    normal: NDArray[np.float64]
+    low: NDArray[np.float64]
+    high: NDArray[np.float64]
+
+
+class Wall:
+    """One wall at rest. `faces` of mirror walls, `lattice` of those made of particles (None for mirrors).
+
+    shape: without ends where it goes through a period.
+    """
+
+    def __init__(self, scene: "Scene", section: case.Wall, index: int) -> None:
+        self.scene, self.section, self.index = scene, section, index
+        self.shape = periodic_walls.endless(section.shape, scene.config.domain)
+        self.name, self.type, self.measure_force = section.name, section.type, section.measure_force
+        self.torque_about = np.array(section.torque_about)
+        self.closed = self._closed()
+        self.layers = max(1, math.ceil(scene.support / scene.spacing - 0.5))
+        self.faces: list[Face] = self.flat_faces() if self.type == "mirror-no-slip" else []
+        self.lattice: Any = None if self.type == "mirror-no-slip" else self._lattice()
+
+    @property
+    def moving(self) -> bool:
+        return self.section.motion is not None
+
+    def motion(self, t: float) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Displacement[d] in m and velocity[d] in m/s at time t."""
+        d = self.scene.dimensions
+        motion = self.section.motion
+        if motion is None:
+            return np.zeros(d), np.zeros(d)
+        stop = math.inf if motion.stop is None else motion.stop
+        since, goes = min(max(t, motion.start), stop) - motion.start, motion.start <= t < stop
+        w = 2 * math.pi / motion.period
+        amplitude, velocity = np.array(motion.amplitude), np.array(motion.velocity)
+        x = velocity * since + amplitude * math.sin(w * since)
+        v = (velocity + amplitude * (w * math.cos(w * since))) * float(goes)
+        if motion.path:
+            times = np.array([0.0] + [place.time for place in motion.path])
+            places = np.array([(0.0,) * d] + [place.displacement for place in motion.path])
+            if motion.path[0].time == 0.0:
+                times, places = times[1:], places[1:]
+            x = x + np.array([np.interp(t, times, places[:, k]) for k in range(d)])
+            now = int(np.searchsorted(times, t, side="right"))
+            if 0 < now < len(times):
+                v = v + (places[now] - places[now - 1]) / (times[now] - times[now - 1])
+        return x, v
+
+    def near(self, low: NDArray, high: NDArray) -> tuple[NDArray[np.int64], NDArray, NDArray]:
+        """ids[n], x[n, d] at displacement 0, normals[n, d] into the fluid, of the particles in [low, high)."""
+        index, x, normal = self.lattice.near(np.asarray(low, float), np.asarray(high, float))
+        return index + ((self.index + 1) << WALL_BITS), x, normal
+
+    def at(self, ids: NDArray) -> tuple[NDArray, NDArray]:
+        """x[n, d] at displacement 0 and normals[n, d] of particles by id."""
+        return self.lattice.at(np.asarray(ids, np.int64) & ((1 << WALL_BITS) - 1))
+
+    @cached_property
+    def bounds(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """The box that holds all particles of the wall at displacement 0."""
+        low, high = self.corners
+        margin = np.where(self.through, 0.0, (self.layers + 1) * self.scene.spacing)
+        return low - margin, high + margin
+
+    @cached_property
+    def corners(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Of the box around the shape, or around the part of it in one period; of a plane, of the domain."""
+        scene = self.scene
+        if self.shape.plane:
+            return scene.low, scene.high
+        low, high = map(np.array, geometry.bounds(self.shape))
+        return np.where(self.through, scene.low, low), np.where(self.through, scene.high, high)
+
+    @cached_property
+    def through(self) -> NDArray[np.bool_]:
+        """Along which axes it goes through a period."""
+        scene = self.scene
+        axes = [k for k in np.flatnonzero(scene.periodic).tolist()
+                if self.shape.plane or periodic_walls.through(self.shape, scene.config.domain, k)]  # fmt: skip
+        return np.isin(np.arange(scene.dimensions), axes)
+
+    def _closed(self) -> set[str]:
+        """Faces of a box that are there: not those left out, nor any across a periodic axis."""
+        d, box = self.scene.dimensions, self.shape.box
+        faces = {axis + sign for axis in case.AXES[:d] for sign in "-+"}
+        periodic = {axis for k, axis in enumerate(case.AXES[:d]) if self.scene.periodic[k]}
+        return {face for face in faces if face[0] not in periodic} - set(box.open if box else ())
+
+    def flat_faces(self) -> list[Face]:
+        """Of a plane or a box."""
+        scene, shape, d = self.scene, self.shape, self.scene.dimensions
+        if shape.plane:
+            far = np.full(d, FAR)
+            return [Face(np.array(shape.plane.point), signed_distance.unit(shape.plane.normal), -far, far)]
+        low, high = self.corners
+        faces = []
+        for axis, name in enumerate(case.AXES[:d]):
+            for sign, at in (("-", low[axis]), ("+", high[axis])):
+                if name + sign in self.closed:
+                    a, b, point, normal = low.copy(), high.copy(), (low + high) / 2, np.zeros(d)
+                    a[axis] = b[axis] = point[axis] = at
+                    normal[axis] = -1.0 if (sign == "+") != self.section.solid else 1.0
+                    a[scene.periodic], b[scene.periodic] = -FAR, FAR
+                    faces.append(Face(point, normal, a, b))
+        return faces
+
+    def _lattice(self) -> Any:
+        scene, section, shape, dp = self.scene, self.section, self.shape, self.scene.spacing
+        continuous, (low, high) = self.type == "pressure-continuity", self.corners
+        if shape.plane:
+            depths = (np.arange(self.layers) + 0.5) * dp if continuous else self.recess[:1]
+            return Parts([plane_sheet(scene, shape.plane, float(depth)) for depth in depths])
+        if shape.box and continuous and not section.solid:
+            return Shell(low, high, dp, self.layers, self.closed)
+        if shape.box and not continuous:
+            recess = self.recess if section.solid else -self.recess
+            names = case.AXES[: scene.dimensions]
+            below, above = (np.array([axis + sign in self.closed for axis in names]) for sign in "-+")
+            ends = np.full(scene.dimensions, self.type == "repulsive") & ~scene.periodic
+            ends &= not section.solid  # at outer edges a face must not push what is before another
+            return Parts(box_sheets(low + recess * below, high - recess * above, self.closed, dp, section.solid, ends))
+        return Filled(shape, dp, self.layers, section.solid, self._grid())
+
+    @property
+    def recess(self) -> NDArray[np.float64]:
+        """How far layers lie behind faces [d]: the fluid then rests half a spacing before the face."""
+        scene, shape = self.scene, self.shape
+        depth = np.full(scene.dimensions, max(0.0, REST * scene.h - scene.spacing / 2))
+        if self.type != "repulsive":
+            return np.zeros(scene.dimensions)
+        if self.section.solid and shape.box:
+            low, high = self.corners
+            return np.minimum(depth, (high - low) / 2)
+        return depth
+
+    def _grid(self) -> Grid:
+        """The lattice that holds the particles of what is round, or of a solid."""
+        dp = self.scene.spacing
+        if self.section.solid:
+            lines = list(grid_of(self.shape, dp).coordinates)
+        else:
+            lines = [even(a, a + dp * math.ceil((b - a) / dp), dp) for a, b in zip(*self.bounds)]
+        for k in np.flatnonzero(self.through):
+            lines[k] = even(self.scene.low[k], self.scene.high[k], dp)
+        return Grid(tuple(lines))
+
+
+def plane_sheet(scene: "Scene", plane: case.Plane, recess: float) -> Sheet:
+    """A sheet over all of the domain and a margin, spacing dp; along periodic axes, which lie in it, over a period."""
+    normal, dp = signed_distance.unit(plane.normal), scene.spacing
+    flat = np.flatnonzero(normal == 0.0)
+    inside = np.eye(len(normal))[flat]
+    basis = np.concatenate([inside, np.linalg.svd(np.concatenate([normal[None], inside]))[2][1 + len(flat) :]])
+    middle, reach = (scene.low + scene.high) / 2, np.sqrt(np.sum((scene.high - scene.low) ** 2)) / 2 + scene.support
+    origin = middle - ((middle - plane.point) @ normal + recess) * normal
+    steps, counts = np.full(len(basis), dp), np.full(len(basis), 2 * math.ceil(reach / dp) + 1)
+    for row, k in enumerate(flat):
+        if scene.periodic[k]:
+            length = scene.high[k] - scene.low[k]
+            counts[row] = geometry.count(length, dp)
+            steps[row] = length / counts[row]
+    tangents = basis * steps[:, None]
+    return Sheet(origin - (counts - 1) / 2 @ tangents, tangents, tuple(counts.tolist()), normal)
+
+
+@dataclass(slots=True)
+class FluidSet:
+    """The particles of one fluid: points of a grid without those `removed` (sorted flat indices)."""
+
+    section: case.Fluid
+    grid: Grid
+    first: int
+    mass: float
+    removed: NDArray[np.int64]
+    clipped: dict[str, int] = field(default_factory=dict)  # by what -> how many
+
+    @property
+    def n(self) -> int:
+        return self.grid.n - len(self.removed)
+
+    def points(self, ids: NDArray) -> NDArray[np.float64]:
+        """x[n, d] of particles by id."""
+        rank = np.asarray(ids, np.int64) - self.first
+        flat = rank + np.searchsorted(self.removed - np.arange(len(self.removed)), rank, side="right")
+        return self.grid.points(self.grid.unflat(flat))
+
+
+class Scene:
+    """A case made concrete. Vectors are in physical order, arrays [n, d].
+
+    spacing dp, h, support in m; rho0 kg/m3; c0 m/s; viscosity Pa s; low[d], high[d] of the domain, periodic[d];
+    gravity[d], body_force[d] and their sum `acceleration`; normals[n, d] of repulsive faces, behind a zero one; axes:
+    storage axis k is physical axis axes[k].
+    """
+
+    def __init__(self, config: case.SphConfig) -> None:
+        numerics, first = config.numerics, config.fluid[0] if config.fluid else None
+        self.config = config
+        self.dimensions = d = config.dimensions
+        self.spacing, self.h, self.support, self.kernel = numerics.spacing, config.h, config.support, numerics.kernel
+        self.rho0 = first.density if first else 1000.0
+        self.viscosity = first.dynamic_viscosity if first else 0.0
+        self.c0, self.gamma = config.sound_speed, config.eos.gamma
+        self.low, self.high = np.array(config.domain.low, float), np.array(config.domain.high, float)
+        self.periodic = np.array([axis in config.domain.periodic for axis in case.AXES[:d]])
+        self.gravity, self.body_force = np.array(config.gravity), np.array(config.body_force)
+        self.acceleration = self.gravity + self.body_force
+        extent = self.high - self.low
+        longest = int(np.argmax(extent))
+        self.axes = (longest, *(k for k in range(d) if k != longest))
+        self.end_time = config.simulation.end_time
+        self.walls = [Wall(self, section, k) for k, section in enumerate(config.wall)]
+        sheets = [wall.lattice.parts if wall.type == "repulsive" else [] for wall in self.walls]
+        self.normals = np.array([np.zeros(d), *(sheet.normal for parts in sheets for sheet in parts)])
+        self._first_normal = 1 + np.cumsum([0, *map(len, sheets)])
+        self.fluids: list[FluidSet] = []
+        for section in config.fluid:
+            self.fluids.append(self._fill(section))
+        self.n_fluid = sum(fluid.n for fluid in self.fluids)
+
+    def has_wall_particles(self, ids: NDArray[np.int64]) -> NDArray[np.bool_]:
+        """Which of these numbers those of particles of walls can be."""
+        wall, within = (ids >> WALL_BITS) - 1, ids & ((1 << WALL_BITS) - 1)
+        sheets = np.diff(self._first_normal)[np.clip(wall, 0, len(self.walls) - 1)]
+        return (wall >= 0) & (wall < len(self.walls)) & ((sheets == 0) | (within >> PART < sheets))
+
+    def normal_of(self, ids: NDArray[np.int64]) -> NDArray[np.int64]:
+        """Numbers in `normals` of wall particles: 0, of length 0, but for repulsive walls."""
+        wall = (ids >> WALL_BITS) - 1
+        repulsive = np.diff(self._first_normal)[wall] > 0
+        return np.where(repulsive, self._first_normal[wall] + ((ids & ((1 << WALL_BITS) - 1)) >> PART), 0)
+
+    @property
+    def stiffness(self) -> float:
+        """k0 of (MP 14), Pa."""
+        return self.rho0 * self.c0**2 / self.gamma
+
+    def pressure(self, drho: NDArray) -> NDArray[np.float64]:
+        """p of (MP 14) in Pa from rho - rho0, without the background pressure."""
+        return self.stiffness * np.expm1(self.gamma * np.log1p(np.asarray(drho) / self.rho0))
+
+    def density(self, pressure: NDArray) -> NDArray[np.float64]:
+        """rho - rho0 in kg/m3 at which the equation of state gives this pressure."""
+        return self.rho0 * np.expm1(np.log1p(np.asarray(pressure) / self.stiffness) / self.gamma)
+
+    def fluid(self, ids: NDArray) -> dict[str, NDArray[np.float64]]:
+        """x[n, d] m, v[n, d] m/s, drho[n] = rho - rho0 kg/m3, m[n] kg of fluid particles at t = 0."""
+        ids = np.asarray(ids, np.int64)
+        d = self.dimensions
+        found = {"x": np.zeros((len(ids), d)), "v": np.zeros((len(ids), d))}
+        found |= {"drho": np.zeros(len(ids)), "m": np.zeros(len(ids))}
+        for fluid in self.fluids:
+            own = (ids >= fluid.first) & (ids < fluid.first + fluid.n)
+            x = self.disordered(fluid, fluid.points(ids[own]), ids[own])
+            found["x"][own], found["v"][own] = x, flows.velocity(self, fluid.section, x)
+            found["drho"][own] = self.initial_density(fluid.section, x)
+            found["x"][own] = rest_distance.before_walls(self, fluid.section, x, found["drho"][own])
+            found["m"][own] = fluid.mass
+        return found
+
+    def disordered(self, fluid: FluidSet, x: NDArray, ids: NDArray) -> NDArray[np.float64]:
+        """x[n, d] off the lattice: a perfect one is drawn out into lines before it gives way, all at once."""
+        if not fluid.section.disorder:
+            return x
+        return x + fluid.section.disorder * self.spacing * (2 * uniforms(0, DISORDER, ids, self.dimensions) - 1)
+
+    def initial_density(self, section: case.Fluid, x: NDArray) -> NDArray[np.float64]:
+        """rho - rho0 of points of a fluid at t = 0."""
+        if section.initial_pressure == "zero":
+            return np.zeros(len(x))
+        if section.initial_pressure == "flow":
+            return self.density(flows.pressure(self, section, x))
+        return self.rest_density_below(flows.depth(self, section, x))
+
+    def rest_density_below(self, depth: NDArray) -> NDArray[np.float64]:
+        """Hydrostatic rho - rho0 at a depth in m, exact for the equation of state: (rho/rho0)^(g-1) =
+        1 + (g-1) |g| depth / c0^2.
+        """
+        g, gamma = math.hypot(*self.gravity), self.gamma
+        head = g * np.maximum(depth, 0.0) / self.c0**2
+        if gamma == 1.0:
+            return self.rho0 * np.expm1(head)
+        return self.rho0 * np.expm1(np.log1p((gamma - 1) * head) / (gamma - 1))
+
+    def rest_density(self, x: NDArray) -> NDArray[np.float64]:
+        """rho - rho0 with which particles of walls at x[n, d] start: of the hydrostatic fluid within the support."""
+        found = np.zeros(len(x))
+        for fluid in reversed(self.fluids):
+            if fluid.section.initial_pressure == "hydrostatic" and fluid.n:
+                low, high = map(np.array, geometry.bounds(fluid.section.shape))
+                near = np.all((x > low - self.support) & (x < high + self.support), axis=1)
+                found[near] = self.rest_density_below(flows.depth(self, fluid.section, x[near]))
+        return found
+
+    def _fill(self, section: case.Fluid) -> FluidSet:
+        """The lattice of a fluid, less what lies outside its shape, in walls, in earlier fluids, or nowhere."""
+        grid, beyond = grid_of(section.shape, self.spacing), 0
+        if section.shape.box:
+            mass = section.density * geometry.volume(section.shape) / grid.n
+            whole, grid = grid, grid.within(self.low, self.high)
+            beyond = whole.n - grid.n
+        else:
+            mass = section.density * self.spacing**self.dimensions
+        first = sum(fluid.n for fluid in self.fluids)
+        gone: list[NDArray[np.int64]] = []
+        fluid = FluidSet(section, grid, first, mass, np.zeros(0, np.int64))
+        if beyond:
+            fluid.clipped[DOMAIN] = beyond
+        if not section.shape.box:
+            gone.append(flagged(grid, None, lambda x: signed_distance.signed_distance(section.shape, x) > 0.0))
+        for name, box, bad in self._obstacles(grid):
+            before = np.concatenate([*gone, np.zeros(0, np.int64)])
+            found = np.setdiff1d(flagged(grid, box, bad), before, assume_unique=True)
+            if len(found):
+                fluid.clipped[name] = len(found)
+                gone.append(found)
+        fluid.removed = np.sort(np.concatenate([*gone, np.zeros(0, np.int64)]))  # none twice
+        return fluid
+
+    def _obstacles(self, grid: Grid):
+        """What takes particles away: name, box in which it can (None: everywhere), test of points x[n, d]."""
+        if not grid.n:
+            return
+        ends = np.array([(c[0], c[-1]) for c in grid.coordinates])
+        if np.any(ends[:, 0] < self.low) or np.any(ends[:, 1] > self.high):
+            yield DOMAIN, None, lambda x: np.any((x < self.low) | (x > self.high), axis=1)
+        margin = NEAR * self.spacing
+        for wall in self.walls:
+            shape = wall.shape
+            low, high = map(np.array, geometry.bounds(shape))
+            if wall.section.solid and not shape.plane:
+                box = (low - margin, high + margin)
+                yield wall.name, box, lambda x, s=shape: signed_distance.signed_distance(s, x) < margin
+            elif shape.plane:
+                yield wall.name, None, lambda x, s=shape: signed_distance.signed_distance(s, x) < margin
+            elif not shape.box or np.any(ends[:, 0] < low) or np.any(ends[:, 1] > high):
+                apart = shape.box and (np.any(ends[:, 1] < low) or np.any(ends[:, 0] > high))
+                depth = depth_in if apart else behind  # what lies beside a tank is not its own
+                yield wall.name, None, lambda x, w=wall, depth=depth: depth(w, x) > -margin
+        for fluid in self.fluids:
+            shape = fluid.section.shape
+            low, high = map(np.array, geometry.bounds(shape))
+            yield fluid.section.name, (low, high), lambda x, s=shape: signed_distance.signed_distance(s, x) <= 0.0
+
+
+def flagged(grid: Grid, box: tuple[NDArray, NDArray] | None, bad) -> NDArray[np.int64]:
+    """Flat indices, ascending, of the points (in the box) for which bad(x[n, d]) holds."""
+    if box is not None:
+        at = grid.inside(*box)
+        return grid.flat(at[bad(grid.points(at))])
+    found = [np.zeros(0, np.int64)]
+    for start in range(0, grid.n, CHUNK):
+        flat = np.arange(start, min(start + CHUNK, grid.n))
+        found.append(flat[bad(grid.points(grid.unflat(flat)))])
+    return np.concatenate(found)

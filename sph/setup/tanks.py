@@ -1,0 +1,62 @@
+"""Where the sides of a tank are, which end at its edges: what has gone over an edge is outside, what has gone through a
+side is lost.
+"""
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sph.case.config import AXES
+from sph.setup import signed_distance
+
+if TYPE_CHECKING:
+    from sph.setup.scene import Wall
+
+
+def rims(wall: "Wall") -> set[str]:
+    """Faces that are left out of a tank: over their edges fluid can leave it."""
+    box, scene = wall.shape.box, wall.scene
+    real = {axis for axis, repeats in zip(AXES, scene.periodic) if not repeats}
+    return {face for face in box.open if face[0] in real} if box and not wall.section.solid else set()
+
+
+def behind(wall: "Wall", x: NDArray) -> NDArray[np.float64]:
+    """How far points lie behind the closed faces of a tank and what goes on in their planes, m; negative before all."""
+    shape = wall.shape
+    if not shape.box:
+        return signed_distance.signed_distance(shape, x)
+    faces = _beyond(wall, x, wall.closed)
+    return np.max(faces, axis=1, initial=-np.inf)
+
+
+def depth_in(wall: "Wall", x: NDArray) -> NDArray[np.float64]:
+    """How deep points lie in what a tank is made of, m; negative inside of it, and outside where fluid can come to over
+    the edges of faces that are left out. A wall is as thick as its particles; one without edges is so without end.
+    """
+    depth = behind(wall, x)
+    if not rims(wall):
+        return depth
+    over = np.max(_beyond(wall, x, rims(wall)), axis=1)
+    thick = wall.layers * wall.scene.spacing
+    return np.where(depth <= thick, np.minimum(depth, -over), -np.inf)
+
+
+def _beyond(wall: "Wall", x: NDArray, faces: set[str]) -> NDArray[np.float64]:
+    """[n, face]: how far points lie beyond the planes of these faces of a box, m."""
+    box = wall.shape.box
+    assert box is not None
+    sides = {"-": (box.low, -1.0), "+": (box.high, 1.0)}
+    columns = [(x[:, AXES.index(axis)] - sides[sign][0][AXES.index(axis)]) * sides[sign][1]
+               for axis, sign in sorted(faces)]  # fmt: skip
+    return np.stack(columns, axis=1) if columns else np.zeros((len(x), 0))
+
+
+def sides(wall: "Wall") -> list[tuple[int, float, float]]:
+    """Closed faces of a tank with edges: axis, sign s, and p so that s x > p is more than a spacing behind the face."""
+    box = wall.shape.box
+    if not box or not rims(wall):
+        return []
+    places = {"-": (-1.0, box.low), "+": (1.0, box.high)}
+    found = [(AXES.index(axis), *places[sign]) for axis, sign in sorted(wall.closed)]
+    return [(axis, sign, sign * corner[axis] + wall.scene.spacing) for axis, sign, corner in found]

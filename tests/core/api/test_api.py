@@ -1,0 +1,150 @@
+"""The Python face: what is done in Python gives what the command line gives, and errors are exceptions."""
+
+import json
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import hpcpic
+import lbmdem
+import sph
+
+SHORT = {"simulation.cycles": 12}
+EXAMPLES = Path(__file__).parents[3] / "examples"
+
+
+@pytest.fixture(scope="module")
+def oscillation(tmp_path_factory):
+    """A run of the plasma, made in Python."""
+    case = hpcpic.Case("plasma-oscillation").changed(SHORT)
+    return case.run(tmp_path_factory.mktemp("runs") / "oscillation", threads=1, quiet=True)
+
+
+def test_import_loads_nothing_heavy():
+    heavy = "{'numba', 'mpi4py', 'xarray', 'pydantic', 'numpy', 'h5py'}"
+    code = f"import sys, hpcpic, sph, lbmdem; print(*({heavy} & set(sys.modules)))"
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert done.stdout.strip() == ""
+
+
+def test_a_run_from_python_is_that_of_the_command_line(oscillation, tmp_path):
+    words = [sys.executable, "-m", "hpcpic", "run", "plasma-oscillation", "--set", "simulation.cycles=12"]
+    subprocess.run([*words, "-o", str(tmp_path / "run"), "--threads", "1", "--quiet"], check=True, capture_output=True)
+    assert json.loads((tmp_path / "run/run.json").read_text())["state_digest"] == oscillation.digest
+    assert (tmp_path / "run/config.conf").read_text() == oscillation.case_text
+
+
+def test_a_simulation_in_memory_ends_as_the_run(oscillation):
+    with hpcpic.Case("plasma-oscillation").changed(SHORT).simulation(threads=2) as sim:
+        sim.advance()
+        assert sim.digest() == oscillation.digest
+        last = oscillation.series.isel(time=-1)
+        assert {name: float(last[name]) for name in last.data_vars} == sim.scalars()
+        assert sim.fields("rho").equals(oscillation.fields("rho")) or np.array_equal(
+            sim.fields("rho"), oscillation.fields("rho")
+        )
+        (name,) = oscillation.species
+        assert sim.particles(name).equals(oscillation.particles(name))
+
+
+def test_observers_see_each_multiple_once_and_change_nothing(oscillation):
+    seen = {"steps": [], "seconds": []}
+    with hpcpic.Case("plasma-oscillation").changed(SHORT).simulation(threads=1) as sim:
+        sim.every(steps=5)(lambda sim: seen["steps"].append(sim.iteration))
+        sim.every(seconds=0.5)(lambda sim: seen["seconds"].append(sim.time))
+        sim.advance(steps=3)
+        sim.advance(until=1.0)
+        sim.advance()
+        assert sim.digest() == oscillation.digest
+    assert seen["steps"] == [0, 5, 10]
+    assert np.allclose(seen["seconds"], [0.0, 0.6, 1.0, 1.6, 2.0])  # steps of 0.2 s
+
+
+def test_series_has_units_and_makes_a_table(oscillation):
+    assert oscillation.series["energy_field"].attrs["units"] == "J"
+    table = oscillation.series.to_dataframe()
+    assert table["energy_total"].mean() == pytest.approx(float(oscillation.series["energy_total"].mean()))
+    assert list(table["step"]) == list(range(13))
+
+
+def test_a_figure_comes_as_an_object(oscillation):
+    assert oscillation.plot("energies").axes
+    with pytest.raises(hpcpic.ConfigError, match="there are energies"):
+        oscillation.plot("nonsense")
+
+
+def test_a_case_made_of_keys_is_the_case_of_its_text(tmp_path):
+    case = sph.Case(
+        simulation={"dimensions": 2, "end_time": 0.1},
+        numerics={"spacing": 0.05},
+        gravity=(0.0, -9.81),
+        fluid=[{"shape": {"box": {"low": np.zeros(2), "high": [0.5, np.float64(0.5)]}}}],
+    )
+    case.save(tmp_path / "my.conf")
+    assert str(sph.Case(tmp_path / "my.conf")) == str(case) == (tmp_path / "my.conf").read_text()
+    assert case.config.fluid[0].shape.box.high == (0.5, 0.5)
+
+
+@pytest.mark.parametrize(
+    ("make", "told"),
+    [
+        (lambda: sph.Case("water-colum"), "did you mean 'water-column'"),
+        (lambda: sph.Case("water-column").changed({"numerics.spacng": 1.0}), "did you mean 'spacing'"),
+        (lambda: sph.Case(simulation={"dimensions": 2}), "simulation.end_time: missing"),
+        (lambda: sph.Case(fluid=[{"shpe": 1}]), r"sph.Case: fluid\[0\].shpe: unknown key; did you mean 'shape'"),
+        (lambda: sph.Case(gravity=[0.0, {1, 2}]), r"gravity\[1\]: a case holds numbers"),
+        (lambda: sph.Case(), "a case is made of"),
+    ],
+)
+def test_what_is_wrong_is_raised_in_the_words_of_the_command_line(make, told):
+    with pytest.raises(hpcpic.ConfigError, match=told):
+        make()
+
+
+def test_limits_bind_in_python_too(tmp_path):
+    case = hpcpic.Case("plasma-oscillation").changed({"simulation.time_step": 100.0})
+    assert not case.check().ok
+    assert case.check()["wp dt"].verdict == "fail"
+    with pytest.raises(hpcpic.ConfigError, match="limit < 2"):
+        case.run(tmp_path / "run")
+    with pytest.raises(hpcpic.ConfigError, match="limit < 2"):
+        case.simulation()
+    assert not (tmp_path / "run").exists()
+
+
+def test_a_folder_that_holds_a_run_is_a_file_error(oscillation):
+    with pytest.raises(hpcpic.FileError, match="holds a run already"):
+        hpcpic.Case("plasma-oscillation").changed(SHORT).run(oscillation.path)
+    with pytest.raises(hpcpic.FileError, match="a run of hpcpic"):
+        lbmdem.open_run(oscillation.path)
+
+
+def test_the_shipped_cases_are_told(capsys):
+    for package in (hpcpic, sph, lbmdem):
+        found = package.cases()
+        assert len(found) > 5 and all(found[name].what for name in found)
+        assert all(name in repr(found) and name in found._repr_html_() for name in found)
+
+
+def test_an_estimate_reads_as_the_command_prints_it():
+    forecast = sph.Case("water-column").estimate(ranks=2)
+    assert forecast.seconds > 0 and sum(forecast.memory.values()) > 0
+    assert "2 ranks x 1 thread" in repr(forecast)
+
+
+@pytest.mark.parametrize("name", ["run_a_case", "build_a_case", "read_a_run"])
+def test_examples_run_on_one_rank_and_on_two(name, tmp_path):
+    """The same last line on two ranks: it holds the digest where the example prints one."""
+    told = []
+    for ranks in (1, 2):
+        folder = tmp_path / str(ranks)
+        launcher = [] if ranks == 1 else [str(Path(sys.executable).with_name("mpirun")), "-n", "2"]
+        arguments = [str(folder)] if "[FOLDER]" in (EXAMPLES / f"{name}.py").read_text() else []
+        words = [*launcher, sys.executable, "-m", "mpi4py", str(EXAMPLES / f"{name}.py"), *arguments]
+        done = subprocess.run(words, capture_output=True, text=True, cwd=tmp_path)
+        assert done.returncode == 0, done.stderr
+        told.append([line for line in done.stdout.splitlines() if len(line) == 64 and " " not in line])
+    assert set(told[0]) == set(told[1])

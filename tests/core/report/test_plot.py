@@ -1,0 +1,87 @@
+"""`plot`: files where asked, reasons for what is left out, exit codes of the contract."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+
+import pytest
+from click.testing import CliRunner
+from plasma_reference import make_run
+
+from hpcpic.__main__ import load_app
+from hpcpic.core.app.figures import NoData, movie
+from hpcpic.core.cli.main import build
+from hpcpic.core.files.reader import open_run
+from hpcpic.plasma.analysis.plots import PLOTS
+from hpcpic.plasma.app import shipped_cases
+
+SETS = ("species[0].particles=512", "species[1].particles=512", "simulation.cycles=200")
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory):
+    return make_run(shipped_cases()["two-stream-cold"], tmp_path_factory.mktemp("runs") / "a", SETS)
+
+
+def hpcpic(*words):
+    return CliRunner().invoke(build(load_app, "hpcpic", "plasma"), [str(word) for word in words])
+
+
+def test_all_figures_go_beside_the_run(folder):
+    done = hpcpic("plot", folder)
+    assert done.exit_code == 0, done.output
+    written = sorted(path.name for path in (folder / "plots").iterdir())
+    assert {"energies.png", "fields.png", "modes.png", "phase-space.png", "timers.png"} <= set(written)
+    assert "left out spectrum: needs 16 snapshots" in done.output and "spectrum.png" not in written
+
+
+def test_one_figure_as_svg_elsewhere(folder, tmp_path):
+    done = hpcpic("plot", folder, "phase-space", "--format", "svg", "--step", 100, "-o", tmp_path / "new")
+    assert done.exit_code == 0, done.output
+    (path,) = (tmp_path / "new").iterdir()
+    assert path.name == "phase-space.svg" and path.read_text().startswith("<svg")
+
+
+def test_unknown_names_are_usage_errors(folder):
+    done = hpcpic("plot", folder, "phasespace")
+    assert done.exit_code == 2
+    assert "did you mean 'phase-space'" in done.output
+
+
+def test_what_the_run_lacks_is_a_file_error(folder, tmp_path):
+    assert hpcpic("plot", folder, "spectrum").exit_code == 6
+    assert hpcpic("plot", folder, "phase-space", "--step", 3).exit_code == 6
+    done = hpcpic("plot", tmp_path)
+    assert done.exit_code == 6 and str(tmp_path) in done.output
+
+
+def test_movie_has_a_frame_for_each_snapshot(folder, tmp_path):
+    imageio = pytest.importorskip("imageio.v2", reason="movies are an extra")
+    done = hpcpic("plot", folder, "phase-space", "--format", "mp4", "-o", tmp_path)
+    assert done.exit_code == 0, done.output
+    assert imageio.get_reader(tmp_path / "phase-space.mp4").count_frames() == 3
+
+
+def test_a_movie_that_ends_early_leaves_nothing(folder, tmp_path):
+    pytest.importorskip("imageio.v2", reason="movies are an extra")
+    run = open_run(folder)
+
+    def frames():
+        yield PLOTS["phase-space"].make(run, 0)
+        raise NoData("no more")
+
+    with pytest.raises(NoData):
+        movie(frames(), tmp_path / "a.mp4")
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_help_loads_nothing_heavy():
+    code = (
+        "import sys\nfrom hpcpic.__main__ import load_app\nfrom hpcpic.core.cli.main import build\n"
+        "sys.argv = ['hpcpic', 'plot', '--help']\n"
+        "try:\n    build(load_app, 'hpcpic', '')()\nexcept SystemExit:\n    pass\n"
+        "print(sorted({'matplotlib', 'h5py', 'scipy', 'numba', 'mpi4py'} & set(sys.modules)))"
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, timeout=30)
+    assert done.stdout.rstrip().endswith("[]"), done.stdout + done.stderr

@@ -1,0 +1,97 @@
+"""stability on a simulator whose limit is known: bracket, slow growth, exit codes, map."""
+
+import math
+from types import SimpleNamespace
+
+import pytest
+from test_tradeoff import program, read_json  # noqa: F401  (program: a fixture)
+
+from hpcpic.core.study.bisection import RESOLUTION, Axis, Limits, bracketed
+from hpcpic.core.study.stability import strip
+
+
+@pytest.mark.parametrize("limit", [0.4, 0.95, 1.0, 1.07, 2.5])
+def test_the_bracket_closes_about_the_limit_from_any_start(limit):
+    tried = []
+
+    def probe(x):
+        tried.append(x)
+        return x, x > limit
+
+    found = bracketed(probe, 1.0, 3.0)
+    assert found.stable <= limit <= found.unstable <= found.stable * RESOLUTION
+    assert len(tried) <= 12
+
+
+def test_a_limit_out_of_reach_is_none():
+    assert bracketed(lambda x: (x, False), 1.0, 3.0).unstable is None
+    assert bracketed(lambda x: (x, True), 1.0, 3.0).stable is None
+
+
+def test_sizes_that_cannot_be_met_exactly_end_the_search():
+    """Steps are whole: between 0.9 and 1.1 there may be nothing."""
+    found = bracketed(lambda x: (round(x, 1), round(x, 1) > 1.0), 1.0, 3.0)
+    assert (found.stable, found.unstable) == (1.0, 1.1)
+
+
+def test_the_strip_marks_the_case():
+    place = [strip(x).splitlines()[1].index("^") for x in (0.01, 1.0, 100.0)]
+    assert place == sorted(place) and place[1] - place[0] == place[2] - place[1]
+
+
+def facts(folder, name="out"):
+    return read_json(folder / name / "stability.json")
+
+
+def test_a_sharp_limit_is_found_beside_the_theory(program, tmp_path):  # noqa: F811
+    done = program("stability", "-o", "out", "--knob", "dt")
+    assert done.returncode == 0, done.stderr
+    found = facts(tmp_path)
+    assert found["measured_over_theory"] == pytest.approx(1.0, abs=0.05)
+    assert found["seeds"] == {"2": True, "3": True} and not found["slow"] and found["runs"] <= 16
+    assert "measured/theory" in done.stdout
+
+
+def test_slow_growth_is_told_by_the_longer_horizon(program, tmp_path):  # noqa: F811
+    """exp(0.1 t): no blow-up in 20 s, one in 80 s."""
+    done = program("stability", "-o", "out", "--knob", "dt", slow=0.05)
+    assert done.returncode == 0, done.stderr
+    assert facts(tmp_path)["slow"] and "slow growth, no limit" in done.stdout
+    sizes, rates = zip(*facts(tmp_path)["rates"])
+    assert rates[0] == pytest.approx(0.05 * 2 * sizes[0] / 0.5, rel=1e-3)
+
+
+def test_growth_of_a_size_that_cannot_be_met_is_told_once():
+    """A grid of four points gets no coarser."""
+
+    class Ended(Limits):
+        def __init__(self):
+            self.own, self.knobs = {"dx": 1.0}, SimpleNamespace(horizon=1.0)
+
+        config = staticmethod(lambda sizes: sizes["dx"])
+        run = staticmethod(lambda sizes, *_, **__: None)
+        growth = staticmethod(lambda pilot: math.exp(8.0))
+
+    knob = SimpleNamespace(name="dx", size=lambda dx: min(dx, 2.0))
+    assert Ended().rates(Axis(knob, None, 1.0, 1.0)) == [(1.0, 2.0), (2.0, 2.0)]
+
+
+def test_a_case_beyond_its_limit_and_a_limit_below_the_theory_are_exit_3(program):  # noqa: F811
+    done = program("stability", "-o", "a", dt=0.6, steps=40)
+    assert done.returncode == 3 and "the case itself is unstable" in done.stderr
+    done = program("stability", "-o", "b", limit=0.4)
+    assert done.returncode == 3 and "of the theory's" in done.stderr
+
+
+def test_a_map_follows_the_limit_over_a_second_knob(program, tmp_path):  # noqa: F811
+    done = program("stability", "--map", "dt,dx", "-o", "out", steps=40)
+    assert done.returncode == 0, done.stderr
+    columns = read_json(tmp_path / "out/map.json")["columns"]
+    assert len(columns) == 6 and all(c["ratio"] == pytest.approx(1.0, abs=0.05) for c in columns)
+    assert (tmp_path / "out/map.png").stat().st_size > 5000
+    none = program("stability", "--map", "dt,dx", "-o", "none", steps=40, limit=100)
+    assert none.returncode == 3 and "no limit of dt was found" in none.stderr
+    assert {column["measured"] for column in read_json(tmp_path / "none/map.json")["columns"]} == {None}
+    assert "nothing grows 30 times" in program("stability", "-o", "none", "--knob", "dt", limit=100).stdout
+    assert program("stability", "--map", "dt").returncode == 2
+    assert program("stability", "--knob", "x").returncode == 2

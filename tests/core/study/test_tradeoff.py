@@ -1,0 +1,265 @@
+"""tradeoff: orders, budget and refusals on a simulator whose errors are known; the laws by themselves."""
+
+import itertools
+import json
+import math
+import subprocess
+import sys
+from dataclasses import dataclass, replace
+
+import error_app
+import numpy as np
+import pytest
+from toy_runner import MPIRUN, environment
+
+from hpcpic.core.case.config import load
+from hpcpic.core.case.schema import validate
+from hpcpic.core.cli.main import build
+from hpcpic.core.errors import ConfigError
+from hpcpic.core.study import search
+from hpcpic.core.study.error_models import (
+    SAFETY,
+    SAFETY_IMPLAUSIBLE,
+    Level,
+    cheapest,
+    fit,
+    observed_order,
+    relative_cost,
+    weights,
+)
+from hpcpic.core.study.front import commented
+from hpcpic.core.study.tradeoff import parse_tolerance
+
+A, B, C = 0.4, 0.3, 0.02  # of error_app
+
+
+def levels(sizes, law, cost=1.0):
+    return [Level(h, np.atleast_1d(law(h)), h**-cost, h**-cost) for h in sizes]
+
+
+def power_law(name, amplitude, order, cost, here=1.0):
+    return fit(name, levels((1.0, 2.0, 4.0), lambda h: 1 + amplitude * h**order, cost), here, order, cost, 1.0)
+
+
+@pytest.mark.parametrize("order", [0.5, 1.0, 2.0, 4.0])
+@pytest.mark.parametrize("sizes", [(1.0, 2.0, 4.0), (0.7, 1.0, 3.1), (0.2, 0.22, 0.4)])
+def test_the_order_of_a_power_law_is_found_for_any_ratios(order, sizes):
+    values = [np.array([2.0, -1.0]) + np.array([0.3, 0.1]) * h**order for h in sizes]
+    assert observed_order(sizes, values) == pytest.approx(order, abs=1e-6)
+
+
+def test_a_power_law_gives_its_own_error_and_size_back():
+    law = power_law("dx", 0.3, 2.0, 1.5)
+    assert law.asymptotic and law.cost == pytest.approx(1.5)
+    for h in (0.3, 1.0, 2.7, 5.0):  # beyond the levels too
+        assert law.error(h) == pytest.approx(0.3 * h * h, rel=0.06)  # 6 %: chords of a power law are its own
+        assert law.size(law.bound(h)) == pytest.approx(h, rel=1e-6)
+    assert law.size(1e9) == pytest.approx(1.3 * 4.0)  # no further than the pilots speak for
+
+
+def test_an_implausible_order_is_replaced_by_the_theory_with_safety_3():
+    slow = fit("dx", levels((1.0, 2.0, 4.0), lambda h: 1 + 0.1 * h**0.3), 1.0, 2.0, 1.0, 1.0)
+    assert (slow.used, slow.safety) == (2.0, SAFETY_IMPLAUSIBLE)
+    wavy = fit("dx", levels((1.0, 2.0, 4.0), lambda h: 1 + 0.1 * math.cos(3 * h)), 1.0, 2.0, 1.0, 1.0)
+    assert math.isnan(wavy.order) and wavy.safety == SAFETY_IMPLAUSIBLE
+    assert fit("dx", levels((1.0, 2.0, 4.0), lambda h: 1 + h * h), 1.0, 2.0, 1.0, 1.0).safety == SAFETY
+
+
+def test_errors_never_fall_towards_coarser_sizes():
+    """A zero crossing of the signed error is luck."""
+    law = fit("dx", levels((1.0, 2.0, 4.0, 8.0), lambda h: 1 + 0.01 * h**2 - 0.00125 * h**3), 1.0, 2.0, 1.0, 1.0)
+    assert (np.diff(law.errors) >= 0).all()
+
+
+def test_a_knob_without_effect_goes_as_far_as_was_measured():
+    law = fit("particles", levels((1.0, 2.0, 4.0), lambda h: 1.0), 1.0, 1.0, 1.0, 1.0)
+    assert law.idle and law.error(4.0) == 0.0
+    assert cheapest([law, power_law("dx", 0.1, 2.0, 1.0)], 0.01, {})["particles"] == pytest.approx(1.3 * 4.0)
+
+
+def test_the_budget_is_split_as_c_over_p_and_no_other_split_is_cheaper():
+    laws = [power_law("dx", 0.03, 2.0, 2.0), power_law("dt", 0.02, 2.0, 1.0), power_law("n", 0.05, 1.0, 1.0)]
+    budget = 0.01
+    sizes = cheapest(laws, budget, {})
+    bounds = {law.name: law.bound(sizes[law.name]) for law in laws}
+    assert sum(bounds.values()) == pytest.approx(budget, rel=1e-6)
+    shares = weights(laws)
+    for law in laws:
+        assert bounds[law.name] == pytest.approx(budget * shares[law.name] / sum(shares.values()), rel=1e-6)
+    best = relative_cost(laws, sizes)
+    for taker, giver in itertools.permutations(laws, 2):
+        moved = bounds | {taker.name: 1.1 * bounds[taker.name]}
+        moved[giver.name] -= 0.1 * bounds[taker.name]
+        assert relative_cost(laws, {law.name: law.size(moved[law.name]) for law in laws}) > best
+
+
+def test_the_front_has_the_slope_of_the_theory():
+    laws = [power_law("dx", 0.03, 2.0, 2.0), power_law("dt", 0.02, 2.0, 1.0)]
+    costs = [relative_cost(laws, cheapest(laws, error, {})) for error in (1e-3, 1e-4)]
+    assert math.log10(costs[1] / costs[0]) == pytest.approx(2.0 / 2.0 + 1.0 / 2.0, abs=0.01)
+
+
+def test_what_a_limit_leaves_over_goes_to_the_other_knobs():
+    laws = [power_law("dx", 0.03, 2.0, 1.0), power_law("dt", 0.02, 2.0, 1.0)]
+    free, held = cheapest(laws, 0.05, {}), cheapest(laws, 0.05, {"dt": 0.2})
+    assert held["dt"] == 0.2 < free["dt"] and held["dx"] > free["dx"]
+    assert sum(law.bound(held[law.name]) for law in laws) == pytest.approx(0.05, rel=1e-6)
+
+
+def test_tolerances_are_read():
+    assert parse_tolerance("1%") == parse_tolerance("0.01") == 0.01 and parse_tolerance(None) is None
+    for text in ("0", "-1", "2", "1e", "x", "150%", "..1"):
+        with pytest.raises(ConfigError):
+            parse_tolerance(text)
+
+
+def test_comments_stand_at_their_keys():
+    text = "a = 1;\ng = {\n  a = 2;  # s\n};\nl = (\n  {\n    a = 3;\n  },\n  {\n    a = 4;\n  }\n);\n"
+    made = commented(text, {"a": "top", "g.a": "inner", "l[1].a": "second"})
+    assert "a = 1;  # top" in made and "a = 2;  # s, inner" in made and "a = 4;  # second" in made
+    assert "a = 3;\n" in made
+
+
+# ------------------------------------------------------------------------------------------------ the program
+
+
+@dataclass
+class Done:
+    returncode: int
+    stdout: str
+    stderr: str
+
+
+@pytest.fixture
+def program(tmp_path, monkeypatch, capfd):
+    """error_app on case.conf, in this process: pilots are many. Settings by --set."""
+    (tmp_path / "case.conf").write_text("# what: known errors\nsteps = 400;\ndt = 0.05;\n")
+    monkeypatch.chdir(tmp_path)
+
+    def run(*words, **settings):
+        sets = [word for key, value in settings.items() for word in ("--set", f"{key}={value}")]
+        with pytest.raises(SystemExit) as end:
+            build(lambda: error_app.APP, "errors", "known errors").main([words[0], "case.conf", *words[1:], *sets])
+        return Done(int(end.value.code or 0), *capfd.readouterr())
+
+    return run
+
+
+def read_json(path):
+    """As other programs read it, which know no NaN."""
+    return json.loads(path.read_text(), parse_constant=lambda word: pytest.fail(f"{path}: {word}"))
+
+
+def found(folder, name="out"):
+    return read_json(folder / name / "tradeoff.json")
+
+
+def true_error(sizes):
+    """Of the known errors, and the sum of their sizes."""
+    parts = A * sizes["dx"] ** 2, -B * sizes["dt"] ** 2, C * sizes["particles"]
+    return abs(sum(parts)), sum(map(abs, parts))
+
+
+def test_a_recommendation_keeps_the_tolerance_without_luck_and_goes_on_where_it_stopped(program, tmp_path):
+    words = ("tradeoff", "-o", "out", "--tolerance", "1%", "--write", "new.conf")
+    done = program(*words)
+    assert done.returncode == 0, done.stderr
+    facts = found(tmp_path)
+    orders = {name: knob["order"] for name, knob in facts["knobs"].items()}
+    assert orders == pytest.approx({"dx": 2.0, "dt": 2.0, "particles": 1.0}, abs=0.02)
+    best = facts["recommended"]
+    error, budgeted = true_error(best["sizes"])
+    assert error <= budgeted <= 0.01  # each error by itself, not what is left when they cancel
+    assert facts["reference"] == pytest.approx([1.0], abs=1e-4)
+    assert best["error"] == pytest.approx(error, abs=1e-4)
+    beside = best["neighbours"]  # all knobs 1.25 times finer (left out where that would be dear) or coarser
+    assert beside.get("finer", 0.0) <= budgeted and beside["coarser"] <= 1.25**2 * budgeted  # orders 2, 2 and 1
+    written = (tmp_path / "new.conf").read_text()
+    assert "# dt: " in written and "of the error 1.0e-02" in written
+    assert validate(error_app.ErrorConfig, load(tmp_path / "new.conf")).dx == best["sizes"]["dx"]
+    assert (tmp_path / "out/front.png").stat().st_size > 5000
+    again = program(*words)
+    assert again.returncode == 0
+    ends = [line for line in again.stdout.splitlines() if line.startswith("  pilot ")]
+    assert ends and all("done before" in line for line in ends)
+
+
+def test_a_scheme_that_fails_together_with_the_knobs_is_left_for_the_next_best(program, tmp_path, monkeypatch):
+    """mode 2 halves the error in dx in every pilot that turns one knob, and makes 40 times as much of it with two."""
+    monkeypatch.setattr(search, "WORTH", 0.95)  # here it saves a tenth of the cost, not a fifth
+    timed = search.Search.pilot
+
+    def priced(*words, **more):  # clocks would decide which scheme is tried
+        pilot = timed(*words, **more)
+        return replace(pilot, seconds=pilot.price)
+
+    monkeypatch.setattr(search.Search, "pilot", priced)
+    done = program("tradeoff", "-o", "out", "--tolerance", "0.3%", dear=4)
+    assert done.returncode == 0, done.stderr
+    best = found(tmp_path)["recommended"]
+    runs = [line for line in done.stdout.splitlines() if "recommended:" in line]
+    assert len(runs) == 2 and not best["others"]
+    assert best["error"] <= 0.003
+
+
+def test_a_case_that_is_measured_to_be_good_is_recommended_where_the_laws_cannot_promise_it(program, tmp_path):
+    """Errors that no knob accounts for are as large as the tolerance; but the answer is known, the case near."""
+    words = ("tradeoff", "-o", "out", "--tolerance", "1%", "--knobs", "dx,dt")
+    done = program(*words, exact="true", offset=0.009, dx=0.05)
+    facts = found(tmp_path)
+    assert facts["error_here"] < 0.01 and facts["floor"] == pytest.approx(0.009, rel=0.1)
+    assert done.returncode == 0, done.stderr
+    assert facts["recommended"]["sizes"]["dx"] == 0.05 and "promise no less than" in done.stderr
+
+
+def test_a_knob_without_room_says_what_is_in_the_way(program):
+    done = program("tradeoff", "-o", "out", "--knobs", "dx,dt", dx=0.1, most=0.11, steps=400)
+    assert done.returncode == 0, done.stderr  # 0.8 and 0.65 times the spacing are affordable
+    done = program("tradeoff", "-o", "out", "--knobs", "dx,dt", dx=0.1, most=0.11, dear=6)
+    assert done.returncode == 3
+    for words in ("coarser: spacing dx = 0.14 m (limit < 0.11)", "10 pilots", "without it: --knobs dt"):
+        assert words in done.stderr
+
+
+def test_refusals_say_why(program, tmp_path):
+    quick = ("tradeoff", "-o", "out", "--knobs", "dt")
+    for words, settings, code, text in (
+        ((*quick, "--tolerance", "1e-9"), {}, 3, "the reference itself is known to"),
+        ((*quick, "--tolerance", "1%", "--max-cost", "0.000001s"), {}, 3, "takes"),
+        (("tradeoff", "--knobs", "dz"), {}, 2, "there are dx, dt, particles, mode"),
+        (("tradeoff", "--qoi", "nothing", "-o", "q"), {}, 2, "there are answer"),
+        (("tradeoff", "--write", "x.conf"), {}, 2, "--write needs --tolerance"),
+        (("tradeoff", "--tolerance", "1%", "--write", "case.conf"), {}, 6, "case.conf is there"),
+        (("tradeoff", "--tolerance", "1%", "--write", "none/new.conf"), {}, 6, "none: no such folder"),
+    ):
+        done = program(*words, **settings)
+        assert done.returncode == code and text in done.stderr, (words, done.stdout, done.stderr)
+        assert "Traceback" not in done.stderr
+    assert not (tmp_path / "q").exists()  # no pilot for a quantity that is not there
+
+
+def test_a_scalar_at_the_end_is_a_quantity_and_noise_is_called_not_asymptotic(program, tmp_path):
+    done = program("tradeoff", "-o", "out", "--qoi", "answer", "--knobs", "dx", noise=0.01)
+    assert done.returncode == 0, done.stderr
+    assert "no: order 2, safety 3" in done.stdout or found(tmp_path)["knobs"]["dx"]["bound_here"] > 1e-3
+
+
+def command(folder, *words, ranks):
+    """error_app.py as users start it."""
+    (folder / "case.conf").write_text("steps = 20;\ndt = 0.05;\n")
+    launcher = [str(MPIRUN), "-n", str(ranks)] if ranks > 1 else []
+    whole = [*launcher, sys.executable, error_app.__file__, words[0], "case.conf", *words[1:]]
+    return subprocess.run(whole, cwd=folder, env=environment(), capture_output=True, text=True, timeout=110)
+
+
+def test_under_mpirun_it_says_what_to_do_and_leaves(tmp_path):
+    done = command(tmp_path, "tradeoff", ranks=2)
+    assert done.returncode == 2 and done.stderr.count("without mpirun") == 1
+
+
+@pytest.mark.validation
+def test_pilots_run_on_several_ranks(tmp_path):
+    done = command(tmp_path, "tradeoff", "-o", "out", "--knobs", "dx", "--ranks", "2", ranks=1)
+    assert done.returncode == 0, done.stderr
+    run = next((tmp_path / "out/pilots").glob("*/run.json"))
+    assert json.loads(run.read_text())["ranks"] == 2

@@ -1,0 +1,71 @@
+"""Figures of many grains, on a bed of discs across a periodic side."""
+
+import json
+import subprocess
+import sys
+
+import numpy as np
+import pytest
+from figure_texts import unreadable
+from matplotlib.collections import PatchCollection
+
+from hpcpic.core.files.reader import open_run
+from lbmdem.analysis.grain_plots import all_grains, config_of, touching, with_images
+from lbmdem.analysis.plots import PLOTS
+
+BED = """
+simulation = { end_time = 0.002; random_seed = 2; };
+domain = { size = [0.012, 0.012]; spacing = 1.5e-4; periodic = ["x"]; };
+fluid = { viscosity = 1.0e-5; relaxation_time = 0.62; };
+obstacle = ({ shape = { plane = { point = [0.0, -1.0e-4]; normal = [0.0, 1.0]; }; }; });
+grains = ({ diameters = { min = 1.5e-3; max = 2.0e-3; count = 20; }; packing = { low = 1.5e-4; }; });
+contact = { normal_stiffness = 1.5e4; damping = 0.5; tangential = "history"; friction = 0.4; };
+gravity = [0.0, -9.81];
+output = { period = { series = 0.001; fields = 0.001; grains = 0.001; }; };
+"""
+
+
+@pytest.fixture(scope="module")
+def run(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("bed")
+    (folder / "bed.conf").write_text(BED)
+    words = [sys.executable, "-m", "lbmdem", "run", str(folder / "bed.conf"), "-o", str(folder / "run"), "--quiet"]
+    done = subprocess.run(words, capture_output=True, text=True)
+    assert done.returncode == 0, done.stdout + done.stderr
+    return open_run(folder / "run")
+
+
+def test_the_words_of_all_figures_can_be_read(run):
+    """Of a square box too, whose labels were cut off."""
+    for what in ("flow", "grains", "contacts"):
+        assert not unreadable(PLOTS[what].make(run, None)), what
+
+
+def test_grains_that_reach_over_a_periodic_side_are_seen_on_both(run):
+    columns = all_grains(run, int(run.particle_snapshots.steps[-1]))
+    x, r = columns["position"][:, 0], columns["radius"]
+    over = int((x < r).sum() + (x > 0.012 - r).sum())
+    figure = PLOTS["grains"].make(run, None)
+    drawn = next(some for some in figure.axes[-1].collections if isinstance(some, PatchCollection))
+    assert over > 0 and len(drawn.get_paths()) == 20 + over
+    assert len(figure.axes[-1].patches) == 1  # the plane
+
+
+def test_the_contacts_that_are_drawn_are_those_of_the_run(run):
+    """As many between grains and with the floor as the grains' own dynamics counts, across the periodic side too."""
+    columns, config = all_grains(run, int(run.particle_snapshots.steps[-1])), config_of(run)
+    images = with_images(columns, config, float(columns["radius"].max()))
+    ends, overlap, share, neighbours = touching(images, config, 20)
+    on_floor = int((columns["position"][:, 1] - columns["radius"] < 1.5e-4).sum())
+    assert on_floor > 3 and share.sum() == run.series["contact_count"][-1] == 0.5 * neighbours + on_floor
+    assert np.linalg.norm(ends[:, 1] - ends[:, 0], axis=1).max() < 2.0e-3
+    assert 0.0 < 0.5 * overlap.max() / 1.0e-3 <= run.series["overlap"][-1]  # over the largest diameter, the smaller
+
+
+def test_what_a_run_warns_of_is_kept_with_it(run):
+    """In its log and its summary, as the making of the packing is: not only on the screen."""
+    said = (run.path / "log.txt").read_text()
+    assert "of the links have no room for their rule" in said and "packing" in said
+    assert any(
+        "of the links have no room" in text for text in json.loads((run.path / "run.json").read_text())["warnings"]
+    )

@@ -1,0 +1,62 @@
+"""Figures are made from real runs, and what a run does not hold is said."""
+
+import subprocess
+import sys
+
+import numpy as np
+import pytest
+from figure_texts import unreadable
+
+from hpcpic.core.app.figures import NoData, save
+from hpcpic.core.files.reader import open_run
+from lbmdem.analysis.plots import PLOTS, config_of
+
+SHORT = {
+    "settling-disc": ("domain.spacing=4e-4", "simulation.end_time=0.2", "output.period.fields=0.1"),
+    "poiseuille": ("simulation.end_time=0.3",),
+    "slide-to-roll": ("simulation.end_time=0.004",),
+    "restitution": ("gravity=[0.0, 0.0, -9.81]",),  # no friction ends sliding
+    "sphere-array": ("domain.spacing=1.61199e-5", "simulation.end_time=0.004", "output.period.fields=0.004"),
+}
+ALWAYS = {"energies", "timers"}
+EXPECTED = {
+    "settling-disc": ALWAYS | {"flow", "grains", "tracks", "mass"},
+    "poiseuille": ALWAYS | {"flow", "profile", "mass"},
+    "slide-to-roll": ALWAYS | {"grains", "tracks", "rolling"},
+    "restitution": ALWAYS | {"grains", "tracks"},
+    "sphere-array": ALWAYS | {"flow", "permeability", "mass"},
+}
+
+
+@pytest.fixture(scope="module")
+def run(request, tmp_path_factory):
+    folder = tmp_path_factory.mktemp("runs") / request.param
+    words = [sys.executable, "-m", "lbmdem", "run", request.param, "-o", str(folder), "--threads", "1", "--quiet"]
+    words += [word for setting in SHORT[request.param] for word in ("--set", setting)]
+    done = subprocess.run(words, capture_output=True, text=True)
+    assert done.returncode == 0, done.stdout + done.stderr
+    return open_run(folder)
+
+
+@pytest.mark.parametrize(("run", "expected"), EXPECTED.items(), indirect=["run"])
+def test_figures_of_a_run(run, expected, tmp_path):
+    made = set()
+    for what, plot in PLOTS.items():
+        try:
+            figure = plot.make(run, None)
+        except NoData as reason:
+            assert str(reason)
+            continue
+        save(figure, tmp_path / f"{what}.png")
+        assert not unreadable(figure)
+        made.add(what)
+    assert made == expected
+
+
+@pytest.mark.parametrize("run", ["settling-disc"], indirect=True)
+def test_tracks_are_the_grains_of_the_snapshots(run):
+    """The disc sinks: its drawn heights are those in the file, and fall."""
+    height = next(axes for axes in PLOTS["tracks"].make(run, None).axes if axes.get_ylabel().startswith("height"))
+    drawn = np.asarray(height.get_lines()[0].get_ydata())
+    assert drawn[0] == pytest.approx(config_of(run).grains[0].position[0][1])
+    assert len(drawn) == len(run.particle_snapshots.steps) and np.all(np.diff(drawn) < 0)

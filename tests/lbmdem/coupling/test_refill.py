@@ -1,0 +1,136 @@
+"""What uncovered nodes are filled with."""
+
+import numpy as np
+import pytest
+
+from hpcpic.core.space.domain import Domain
+from hpcpic.core.tasks.graph import Pool
+from lbmdem.coupling.immersed import Immersed
+from lbmdem.fluid.fluid import Fluid, equilibrium
+from lbmdem.fluid.solid_nodes import Change
+from lbmdem.physics.velocity_sets import D2Q9, D3Q19
+
+SHAPES = {"D3Q19": (12, 13, 14), "D2Q9": (17, 19)}
+LATTICES = pytest.mark.parametrize("lattice", [D2Q9, D3Q19], ids=lambda lattice: lattice.name)
+
+
+@pytest.fixture(scope="module")
+def pool():
+    pool = Pool(1)
+    yield pool
+    pool.close()
+
+
+class Uncovered:
+    """A grain at a seam has moved by most of a node: `nodes` (mask) it left, `h` what they hold, `u` its velocity."""
+
+    def __init__(self, world, pool, lattice, refill, populations):
+        shape, d = SHAPES[lattice.name], lattice.dimensions
+        domain = Domain(tuple(map(float, shape)), shape, (True,) * d, (0, shape[0]))
+        fluid = Fluid(world, pool, domain, lattice, tau=0.8)
+        immersed = Immersed(fluid, world, pool, refill=refill)
+        x, radius = np.full((1, d), 0.4), np.array([3.3])
+        self.u = np.array([0.8, 0.3, -0.4])[:d] / 40
+        still = np.zeros((1, 3 if d == 3 else 1))
+        immersed.start(np.array([7]), x, radius, self.u[None], still)
+        fluid.set_populations(populations(fluid))
+        before = fluid.solid.inner == 7
+        immersed.move(np.array([7]), (x + 40 * self.u) % shape[::-1], radius, self.u[None], still)
+        self.nodes = before & (fluid.solid.inner == -1)
+        assert self.nodes.sum() > 2
+        self.h = fluid.populations()[:, self.nodes]
+
+
+def uniform(density, velocity):
+    def populations(fluid):
+        shape = fluid.domain.points
+        u = np.broadcast_to(np.array(velocity)[: len(shape)], (*shape, len(shape)))
+        return equilibrium(fluid.lattice, np.full(shape, density), u)
+
+    return populations
+
+
+def rest(lattice, density, u):
+    return equilibrium(lattice, np.array([density]), u[None])
+
+
+@LATTICES
+def test_the_paper_takes_the_mean_density_and_the_velocity_of_the_grain(world, pool, lattice):
+    left = Uncovered(world, pool, lattice, "average", uniform(1.03, (0.01, 0.0, 0.0)))
+    assert left.h == pytest.approx(np.broadcast_to(rest(lattice, 1.0, left.u), left.h.shape), abs=1e-16)
+
+
+@LATTICES
+@pytest.mark.parametrize("refill", ["local", "non-equilibrium", "conserving"])
+def test_the_density_is_that_of_the_neighbours(world, pool, lattice, refill):
+    left = Uncovered(world, pool, lattice, refill, uniform(1.03, (0.01, 0.0, 0.0)))
+    assert left.h == pytest.approx(np.broadcast_to(rest(lattice, 1.03, left.u), left.h.shape), abs=1e-15)
+
+
+@LATTICES
+def test_non_equilibrium_comes_from_the_neighbours(world, pool, lattice):
+    """A departure that is the same everywhere, without mass and momentum, is in the uncovered nodes too."""
+    e = lattice.e.astype(float)
+    departure = 1e-3 * lattice.w * (e[:, 0] * e[:, 1])
+
+    def populations(fluid):
+        return uniform(1.0, (0.0, 0.0, 0.0))(fluid) + departure.reshape(-1, *[1] * fluid.domain.ndim)
+
+    for refill, share in (("non-equilibrium", 1.0), ("local", 0.0)):
+        left = Uncovered(world, pool, lattice, refill, populations)
+        wanted = rest(lattice, 1.0, left.u) + share * departure[:, None]
+        assert left.h == pytest.approx(np.broadcast_to(wanted, left.h.shape), abs=1e-16)
+
+
+@LATTICES
+def test_what_a_grain_gets_of_covered_nodes_has_the_bits_of_one_node_after_the_other(world, pool, lattice):
+    """However many of them a rank has."""
+    shape, d = SHAPES[lattice.name], lattice.dimensions
+    fluid = Fluid(world, pool, Domain(tuple(map(float, shape)), shape, (True,) * d, (0, shape[0])), lattice, tau=0.8)
+    immersed = Immersed(fluid, world, pool, refill="conserving")
+    place = np.full((1, d), 5.0), np.array([3.3]), np.zeros((1, d)), np.zeros((1, 3 if d == 3 else 1))
+    immersed.start(np.array([7]), *place)
+    covered = np.flatnonzero(fluid.ids == 7)
+    h = np.random.default_rng(1).random((len(covered), lattice.q))
+    nothing = covered[:0], np.zeros(0, np.int32)
+
+    def gained(rows):
+        change = Change(*nothing, covered[rows], np.full(len(covered[rows]), 7, np.int32))
+        return immersed._account(change, h[rows], h[:0]).sums
+
+    one_by_one = sum(gained(slice(k, k + 1)) for k in range(len(covered)))
+    assert np.array_equal(gained(slice(None)), one_by_one) and one_by_one.any()
+
+
+@LATTICES
+def test_nodes_of_a_grain_that_is_no_longer_there_are_filled_at_rest(world, pool, lattice):
+    shape, d = SHAPES[lattice.name], lattice.dimensions
+    fluid = Fluid(world, pool, Domain(tuple(map(float, shape)), shape, (True,) * d, (0, shape[0])), lattice, tau=0.8)
+    immersed = Immersed(fluid, world, pool)
+    still = np.zeros((1, 3 if d == 3 else 1))
+    grain = np.array([7]), np.full((1, d), 5.0), np.array([3.3]), np.full((1, d), 0.1), still
+    immersed.start(*grain)
+    left = fluid.solid.inner == 7
+    immersed.move(*(part[:0] for part in grain))
+    assert left.any() and not fluid.populations()[:, left].any()
+
+
+@LATTICES
+@pytest.mark.parametrize("refill", ["local", "non-equilibrium", "conserving"])
+def test_threads_move_grains_to_the_same_bits(world, lattice, refill):
+    shape, d = SHAPES[lattice.name], lattice.dimensions
+    rng = np.random.default_rng(3)
+    x, v, h = rng.uniform(0, 12, (70, d)), rng.normal(0, 0.3, (70, d)), 1e-2 * rng.random((lattice.q, *shape))
+    found = []
+    for threads in (1, 3):
+        pool = Pool(threads)
+        domain = Domain(tuple(map(float, shape)), shape, (True,) * d, (0, shape[0]))
+        fluid = Fluid(world, pool, domain, lattice, tau=0.8)
+        immersed = Immersed(fluid, world, pool, refill=refill)
+        for k in range(4):  # they overlap
+            place = (x + k * v) % shape[::-1], np.full(70, 1.2), v, np.zeros((70, 3 if d == 3 else 1))
+            immersed.move(np.arange(70), *place)
+            fluid.set_populations(h) if k == 0 else None
+        found.append((fluid.ids.copy(), fluid.populations().copy()))
+        pool.close()
+    assert np.array_equal(found[0][0], found[1][0]) and np.array_equal(found[0][1], found[1][1])

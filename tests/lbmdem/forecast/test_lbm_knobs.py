@@ -1,0 +1,85 @@
+"""Knobs of LBM-DEM: settings mean what they say, every case knows what it is about."""
+
+import math
+
+import pytest
+from app_runner import running
+from knob_cases import made_again, reader, sizes_of
+
+from hpcpic.core.cli.main import build
+from lbmdem.app import APP, shipped_cases
+from lbmdem.case.config import LbmDemConfig
+from lbmdem.forecast.knobs import knobs_of
+
+CASES = sorted(shipped_cases())
+
+
+read = reader(LbmDemConfig, shipped_cases)
+
+
+@pytest.mark.parametrize("case", CASES)
+def test_its_own_sizes_are_the_case_itself(case):
+    config, again = made_again(read, knobs_of, case)
+    assert again.points == config.points and again.substeps == config.substeps
+    assert again.time_step == pytest.approx(config.time_step, rel=1e-12)
+    assert again.simulation.end_time == config.simulation.end_time
+
+
+@pytest.mark.parametrize("case", CASES)
+@pytest.mark.parametrize("factor", [1.9, 0.6])
+def test_settings_are_valid_and_never_coarser_than_asked(case, factor):
+    config = read(case)
+    knobs = knobs_of(config)
+    wanted = {name: factor * size for name, size in sizes_of(knobs, config).items()}
+    made = read(case, knobs.settings(wanted, 0.5 * knobs.time))
+    for name, size in sizes_of(knobs, made).items():
+        assert size <= wanted[name] * (1 + 1e-9), name
+    if config.fluid:  # the spacing divides the box
+        assert all(abs(length / made.spacing - n) <= 1e-6 * n for length, n in zip(config.domain.size, made.points))
+
+
+def test_each_knob_turns_alone():
+    config = read("poiseuille")
+    knobs = knobs_of(config)
+    own = sizes_of(knobs, config)
+    finer = read("poiseuille", knobs.settings({**own, "dx": own["dx"] / 2}, knobs.time))
+    assert finer.tau == config.tau and finer.time_step == pytest.approx(config.time_step / 4)
+    slower = read("poiseuille", knobs.settings({**own, "tau": own["tau"] / 2}, knobs.time))
+    assert slower.points == config.points and slower.time_step == pytest.approx(config.time_step / 2)
+    assert knobs.work(finer) == pytest.approx(16 * knobs.work(config), rel=0.01)
+
+
+@pytest.mark.parametrize("sets", [("domain.size=[1.0e-4, 1.0e-4, 1.0e-4]",), ("fluid.body_force=[1.0, 0.0, 0.0]",)])
+def test_permeability_is_asked_for_where_it_is_measured(sets, world):
+    """A flow along another axis than the last one has none in the series."""
+    config = read("sphere-array", ("domain.spacing=1.0e-5", "domain.size=[1.0e-4, 1.0e-4, 1.0e-4]", *sets))
+    asked = "permeability" in [quantity.name for quantity in knobs_of(config).quantities()]
+    with running(world, "lbmdem", config) as app:
+        assert ("permeability" in app.scalar_units) == asked == (not config.fluid.body_force[0])
+
+
+@pytest.mark.parametrize("case", CASES)
+def test_every_case_knows_what_it_is_about(case):
+    knobs = knobs_of(read(case))
+    quantities = knobs.quantities()
+    assert quantities and all(0 < quantity.time <= knobs.time for quantity in quantities)
+    about = {"taylor-green": "energy", "poiseuille": "momentum", "couette": "momentum", "sphere-array": "permeability"}
+    assert quantities[0].name == about.get(case, quantities[0].name)
+    assert math.isfinite(knobs.horizon) and knobs.horizon > 0
+
+
+def test_what_no_knob_turns_is_turned_where_the_refusal_says(capfd):
+    """Soft grains: the stiffness is no knob of the accuracy, yet the nearest legal one is told, and what it costs."""
+    with pytest.raises(SystemExit) as end:
+        build(lambda: APP, "lbmdem", "").main(["check", "settling-disc", "--set", "contact.normal_stiffness=1.0"])
+    told = capfd.readouterr().out
+    assert end.value.code == 3 and "fail: overlap at rest" in told
+    ways = [line for line in told.splitlines() if line.startswith("  --set contact.normal_stiffness=")]
+    assert len(ways) == 2 and "the nearest legal one" in ways[0] and "without a warning" in ways[1]
+    assert all("times the cost" in way for way in ways)
+
+
+def test_only_grains_whose_sizes_or_places_are_drawn_have_another_seed():
+    for case in ("poiseuille", "settling-disc", "sphere-array"):  # no grains, placed ones, a lattice of them
+        assert knobs_of(read(case)).seed is None, case
+    assert knobs_of(read("liquefaction")).seed(3) == ("simulation.random_seed=3",)

@@ -1,0 +1,134 @@
+"""The shares of vectors that the estimate expects, beside those of lattices that have been made."""
+
+import json
+import os
+import subprocess
+import sys
+
+import pytest
+from app_runner import running
+from llvmlite import binding
+
+from hpcpic.core.case.config import loads
+from hpcpic.core.case.schema import validate
+from hpcpic.core.comm.world import World
+from hpcpic.core.simd.registers import lanes
+from lbmdem.app import shipped_cases
+from lbmdem.case.config import LbmDemConfig
+from lbmdem.fluid.temporal_blocking import even_depth
+from lbmdem.forecast.estimate import DEFAULT, estimate, phases, share_together
+from lbmdem.forecast.node_shares import TYPES, lanes_of_all, shares
+from lbmdem.forecast.plan import arrays, link_count
+from lbmdem.kernels.sweep import MIXED, SKIP
+
+FIRST_ORDER = 0.1  # of all vectors: expected of spheres that fill 0.6 of a sample is to first order only, off by 0.07
+BOX = """
+simulation = {{ dimensions = {d}; end_time = 1.0; }};
+domain = {{ size = {size}; spacing = 1.0e-3; periodic = {periodic}; }};
+fluid = {{ density = 1000.0; viscosity = 1.0e-6; relaxation_time = 0.8; }};
+"""
+
+
+@pytest.mark.parametrize("case", ["poiseuille", "sphere-array", "settling-sphere", "liquefaction"])
+def test_the_shares_are_those_of_the_lattice(case):
+    with running(World.alone(), "lbmdem", shipped_cases()[case].read_text()) as app:
+        kinds, expected, held = app.fluid.kinds, shares(app.scene.config), app.fluid.f.nbytes
+        assert next(arrays(app.scene.config, 1)).bytes == held
+    assert expected.skipped == pytest.approx((kinds == SKIP).mean(), abs=FIRST_ORDER)
+    assert expected.mixed == pytest.approx((kinds == MIXED).mean(), abs=FIRST_ORDER)
+
+
+# A lattice with the kernels of this processor, or of that which numba is told to compile for; nodes marked by formula
+WIDTH = """
+import json, sys
+import numpy as np
+from hpcpic.core.case.config import loads
+from hpcpic.core.case.schema import validate
+from lbmdem.case.config import LbmDemConfig
+from lbmdem.kernels.layout import Layout
+from lbmdem.kernels.node_kinds import classify, mark
+from lbmdem.kernels.sweep import MIXED, SKIP
+from lbmdem.physics.velocity_sets import LATTICES
+from lbmdem.forecast.plan import arrays
+from lbmdem.forecast.node_shares import shares
+
+config = validate(LbmDemConfig, loads(sys.stdin.read()))
+n, centre, radius = config.points[0], np.array(config.grains[0].position[0]), 0.5 * config.grains[0].diameter
+axis = (np.arange(-1, n + 1) % n + 0.5) * config.spacing
+ids = np.where(sum((a - c) ** 2 for a, c in zip(np.meshgrid(*[axis] * 3), centre)) < radius**2, 0, -1).astype(np.int32)
+layout = Layout.of(LATTICES["D3Q19"], (n,) * 3, (True,) * 3, True, np.float64)
+wet = np.zeros((n + 2, n + 2, layout.vectors), np.int32)
+mark(ids, 1, 1 << 30, wet, layout.lanes, 0, n + 2)
+inside = np.full(layout.vectors, (1 << layout.lanes) - 1, np.int32)
+kinds = np.zeros((n, n, layout.vectors), np.uint8)
+classify(wet, wet, inside, layout.lanes, False, kinds, 0, n)
+real = [float((kinds == kind).mean()) for kind in (SKIP, MIXED)]
+print(json.dumps([layout.lanes, layout.size * 8, next(arrays(config, 1)).bytes, real, shares(config)]))
+"""
+
+
+@pytest.mark.parametrize("wide", [False, True], ids=["AVX2", "AVX-512"])
+def test_the_forecast_is_of_the_registers_that_kernels_are_compiled_for(wide):
+    """The same case with either width, on a processor that has both."""
+    host = binding.get_host_cpu_features()
+    if wide and not host["avx512f"]:
+        pytest.skip("this processor has no AVX-512")
+    features = host.flatten() if wide else host.flatten().replace("+avx512", "-avx512")
+    case = shipped_cases()["sphere-array"].read_text()
+    words = {"input": case, "env": os.environ | {"NUMBA_CPU_FEATURES": features}}
+    done = subprocess.run([sys.executable, "-c", WIDTH], **words, capture_output=True, text=True, check=True)
+    lanes, held, expected, real, share = json.loads(done.stdout)
+    assert lanes == (8 if wide else 4) and expected == held
+    assert share == pytest.approx(real, abs=FIRST_ORDER)
+
+
+@pytest.mark.parametrize("case", ["sphere-array", "settling-disc"])
+def test_links_of_lone_grains_are_as_many_as_expected(case):
+    with running(World.alone(), "lbmdem", shipped_cases()[case].read_text()) as app:
+        app.step()
+        assert link_count(app.scene.config) == pytest.approx(app.immersed.counts()["links"], rel=0.08)
+
+
+@pytest.mark.parametrize(
+    ("vectors", "others", "periodic", "mixed"),
+    [(8, (100,), ["x", "y"], 0.0), (8, (100,), ["y"], 0.25), (7.5, (100,), ["x", "y"], 1 / 8),
+     (8, (100,), ["x"], 0.02), (8, (100, 50), ["x"], 1 - 0.98 * 0.96)],
+)  # fmt: skip
+def test_vectors_at_sides_are_counted(vectors, others, periodic, mixed):
+    """Of rows of so many vectors of the registers that there are: the ends that are solid or not whole."""
+    size = [1.0e-3 * n for n in (round(vectors * lanes("f8")), *others)]
+    text = BOX.format(d=len(size), size=size, periodic=str(periodic).replace("'", '"'))
+    found = shares(validate(LbmDemConfig, loads(text)))
+    assert found.skipped == 0.0 and found.mixed == pytest.approx(mixed)
+
+
+@pytest.mark.parametrize("storage", ["double", "single"])
+def test_rows_are_swept_by_whole_vectors(storage):
+    """49 nodes along x cost what the next whole number of vectors does; what is beside sides is another matter."""
+    whole = -(-49 // lanes(TYPES[storage])) * lanes(TYPES[storage])
+    narrow, wide = (
+        validate(LbmDemConfig, loads(BOX.format(d=2, size=[n * 1e-3, 0.1], periodic='["x", "y"]')
+                                     .replace("fluid = {", f'fluid = {{ storage = "{storage}";')))
+        for n in (49, whole)
+    )  # fmt: skip
+    assert lanes_of_all(narrow) == lanes_of_all(wide) == whole * 100
+    costs = [phases(case, 1, 1, DEFAULT | {"mixed": 0.0}, 1)["nodes"] for case in (narrow, wide)]
+    assert costs[0] == costs[1]
+
+
+def test_memory_of_the_end_is_counted_once_and_shared_by_the_ranks():
+    """The state in order is as large as the populations, and each rank holds its part."""
+    case = validate(LbmDemConfig, loads(BOX.format(d=2, size=[0.064, 0.1], periodic='["x"]')))
+    one, four = (estimate(case, ranks, 1, {}).memory["state in order of rows"] for ranks in (1, 4))
+    assert one == 64 * 100 * 9 * 8 and four == one / 4
+
+
+@pytest.mark.parametrize("depth", range(1, 7))
+@pytest.mark.parametrize("period", [1, 2, 3, 7, 13, 100])
+def test_the_share_of_steps_that_are_done_together(depth, period):
+    left, alone = period, 0
+    while left:
+        steps = even_depth(depth, left)
+        assert steps <= depth
+        left, alone = left - steps, alone + (steps == 1)
+    assert share_together(depth, period) == pytest.approx(1.0 - alone / period)

@@ -1,0 +1,130 @@
+"""What check tells of gravity and body forces: falls that nothing holds, and grains too fast for their lattice."""
+
+import math
+
+import numpy as np
+import pytest
+
+from hpcpic.core.case.config import loads
+from hpcpic.core.case.schema import validate
+from lbmdem.case.config import LbmDemConfig
+from lbmdem.forecast.derived import derived
+from lbmdem.physics.free_fall import drag_coefficient, terminal_speed
+
+DROP = """
+simulation = { end_time = 2.0; };
+domain = { size = [0.016, 0.016]; spacing = 5.0e-4; periodic = ["x", "y"]; };
+fluid = { density = 1000.0; viscosity = 1.0e-5; relaxation_time = 0.6; };
+grains = ({ diameter = 5.0e-3; density = 1200.0; position = [0.008, 0.008]; });
+gravity = [0.0, -1.0];
+"""
+SPHERE = """
+simulation = { end_time = 1.0; };
+domain = { size = [0.1, 0.1, 0.16]; spacing = 2.0e-3; };
+fluid = { density = 960.0; viscosity = 6.04e-5; relaxation_time = 0.9; };
+grains = ({ diameter = 0.015; density = 1120.0; position = [0.05, 0.05, 0.12]; });
+gravity = [0.0, 0.0, -9.81];
+"""
+DRY = """
+simulation = { end_time = 1.0; };
+domain = { size = [0.016, 0.016]; periodic = ["y"]; };
+grains = ({ diameter = 5.0e-3; density = 1200.0; position = [0.008, 0.008]; });
+contact = { friction = 0.5; };
+gravity = [0.0, -1.0];
+"""
+
+
+def config_of(text, *sets):
+    return validate(LbmDemConfig, loads(text, sets=sets))
+
+
+def number(text, name, *sets):
+    return next((one for one in derived(config_of(text, *sets)) if one.name == name), None)
+
+
+def fall(text, *sets):
+    return number(text, "speed at the end along y", *sets)
+
+
+def test_the_speed_of_a_box_that_nothing_holds_is_that_of_its_momentum():
+    """Weight less buoyancy over the mass of grain and fluid; a force that balances it is not told."""
+    told, disc = fall(DROP), math.pi / 4.0 * 5.0e-3**2
+    assert told.verdict == "warn" and told.key == ("gravity",)
+    mass = 1000.0 * (0.016**2 - disc) + 1200.0 * disc
+    assert told.value == pytest.approx(200.0 * disc * 1.0 * 2.0 / mass, rel=1e-12)
+    balance = float(told.cure.split("fluid.body_force of ")[1].split()[0])
+    assert fall(DROP, f"fluid.body_force=[0.0, {balance!r}]").verdict == "ok"
+    assert fall(DROP, "simulation.end_time=0.02").verdict == "ok"  # it does not get far
+
+
+@pytest.mark.parametrize(
+    "held",
+    ['domain.periodic=["y"]', "gravity=[0.0, 0.0]", "grains[0].moving=false",
+     'domain.periodic=["x"]'],
+)  # fmt: skip
+def test_what_has_walls_or_fixed_grains_to_pull_against_is_not_told(held):
+    assert fall(DROP, held) is None
+
+
+def test_a_fluid_alone_that_nothing_holds_is_told():
+    driven = DROP.replace("gravity = [0.0, -1.0];", "").split("grains")[0]
+    told = fall(driven, "fluid.body_force=[0.0, 0.5]")
+    assert told.verdict == "warn" and told.value == pytest.approx(0.5 * 2.0) and told.key == ("fluid", "body_force")
+
+
+def test_without_fluid_walls_hold_by_friction():
+    assert fall(DRY) is None
+    told = fall(DRY, "contact.friction=0.0")
+    assert told.verdict == "warn" and told.value == pytest.approx(1.0) and "body_force" not in told.cure
+
+
+def test_the_terminal_speed_balances_weight_and_drag():
+    """From Stokes's fall to the constant drag coefficient."""
+    for viscosity in 10.0 ** np.arange(-9.0, 2.0):
+        config = config_of(SPHERE, f"fluid.viscosity={viscosity}")
+        v, pull = terminal_speed(config, 0), 9.81 * (1120.0 / 960.0 - 1.0)
+        drag = drag_coefficient(v * 0.015 / viscosity)
+        assert drag * v * v == pytest.approx(4.0 / 3.0 * 0.015 * pull, rel=1e-6)
+    assert v == pytest.approx(pull * 0.015**2 / 18.0 / viscosity, rel=1e-3)
+
+
+def test_a_sphere_too_fast_for_four_nodes_is_told():
+    """Re = 1e6, whatever the time step: refused with TRT, and told of where central moments stay stable."""
+    sets = ("domain.spacing=0.004", "fluid.viscosity=3.8e-9", "fluid.relaxation_time=0.5000001")
+    sets += ("domain.size=[0.1, 0.1, 0.16]",)
+    name, layer = "grid Reynolds number of a lone grain", "boundary layer of a lone grain"
+    assert number(SPHERE, name).verdict == number(SPHERE, layer).verdict == "ok"
+    told = number(SPHERE, name, *sets)
+    assert told.verdict == "fail" and told.forceable and 2e5 < told.value < 4e5
+    central = (*sets, 'fluid.collision="central"')
+    assert number(SPHERE, name, *central).verdict == "ok" and number(SPHERE, layer, *central).verdict == "warn"
+
+
+@pytest.mark.parametrize(("stiffness", "verdict"), [(100.0, "ok"), (1e6, "ok"), (1e15, "fail")])
+def test_substeps_that_take_longer_than_all_else_are_told_with_what_they_take(stiffness, verdict):
+    told = number(SPHERE, "substeps of the contacts", f"contact.normal_stiffness={stiffness}")
+    assert told.verdict == verdict and told.forceable
+    assert bool(told.source) == (told.value > 1000) and bool(told.cure) == (verdict == "fail")
+    if told.source:
+        softer = told.source.split("normal_stiffness = ")[1].split()[0]
+        fewer = number(SPHERE, "substeps of the contacts", f"contact.normal_stiffness={softer}")
+        assert fewer.value == pytest.approx(1000, rel=0.03) and " s of a step" in told.source
+
+
+SILO = """
+simulation = { end_time = 1.0; };
+domain = { size = [0.012, 0.1]; };
+grains = ({ diameters = { min = 0.9e-3; max = 1.1e-3; count = COUNT; }; packing = { }; });
+contact = { friction = 0.5; };
+gravity = [0.0, -9.81];
+"""
+
+
+def test_a_packing_between_walls_that_would_carry_it_is_no_silo_at_rest():
+    """Janssen: of a low heap the floor bears all, of a tall one what a screening length weighs."""
+    name = "weight of grains_1 on its floor"
+    low, tall, endless = (number(SILO.replace("COUNT", str(n)), name) for n in (20, 2000, 4000))
+    assert (low.verdict, tall.verdict) == ("ok", "warn") and low.value > 0.95
+    assert endless.value / tall.value == pytest.approx(0.5, rel=0.01)
+    for sets in (("contact.friction=0.0",), ('domain.periodic=["x"]',)):
+        assert number(SILO.replace("COUNT", "400"), name, *sets) is None

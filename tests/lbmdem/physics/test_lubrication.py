@@ -1,0 +1,165 @@
+"""Resistance of thin films."""
+
+import math
+
+import numpy as np
+import pytest
+from app_runner import running
+from dem_scenes import box, grains
+from scipy.integrate import quad
+
+from hpcpic.core.tasks.graph import Pool
+from lbmdem.forecast.derived import derived
+from lbmdem.grains.dem import Dem
+from lbmdem.physics.contact_law import Law, Wall
+from lbmdem.physics.lubrication import ROUGHNESS, STABLE, Film
+
+
+def squeezed(gap, radius, dimensions):
+    """Force over velocity of the parabolic film: pressure 6 mu U R / h^2 or 3 mu U R / h^2 (Reynolds), mu = 1."""
+
+    def height(s):
+        return gap + s * s / (2 * radius)
+
+    if dimensions == 2:
+        return quad(lambda s: 6 * radius / height(s) ** 2, -np.inf, np.inf, epsabs=0, limit=500)[0]
+    return quad(lambda s: 3 * radius / height(s) ** 2 * 2 * np.pi * s, 0, np.inf, epsabs=0, limit=500)[0]
+
+
+@pytest.mark.parametrize("dimensions", [2, 3])
+def test_resistance_is_the_film_less_that_at_the_cut_off(dimensions):
+    """Of discs; links of spheres give less of it in a narrow gap."""
+    film = Film(2.0, 0.05, dimensions)
+    for gap in (0.001, 0.01, 0.04, 0.045):
+        given = min(0.53 + 0.55 * gap / 0.05, 1.0) if dimensions == 3 else 1.0
+        wanted = 2.0 * (squeezed(gap, 0.7, dimensions) - given * squeezed(0.05, 0.7, dimensions))
+        assert film.resistance(gap, 0.7) == pytest.approx(wanted, rel=1e-7)
+
+
+@pytest.mark.parametrize("dimensions", [2, 3])
+def test_films_begin_at_the_cut_off_and_end_at_contact(dimensions):
+    film = Film.of_lattice(1.0, 0.1, dimensions)
+    gaps = np.linspace(0.0, film.cut_off, 200)
+    values = np.array([film.resistance(gap, 0.5) for gap in gaps])
+    assert np.all(np.diff(values) <= 0.0) and values[-1] == 0.0
+    assert values[0] == film.resistance(ROUGHNESS * 0.5, 0.5) > 0.0
+    assert film.resistance(-1e-9, 0.5) == 0.0
+    assert film.resistance(0.999 * film.cut_off, 0.5) < 0.01 * values[0]
+
+
+@pytest.mark.parametrize("dimensions", [2, 3])
+def test_units_by_powers_of_two_give_the_same_bits(dimensions):
+    one, other = Film(0.3, 0.05, dimensions), Film(0.3 * 2.0**10, 0.05 * 2.0**-20, dimensions)
+    scale = 2.0**10 * (2.0**-20 if dimensions == 3 else 1.0)
+    assert other.resistance(0.01 * 2.0**-20, 0.7 * 2.0**-20) == one.resistance(0.01, 0.7) * scale
+
+
+def test_shearing_of_spheres():
+    """The logarithms of Jeffrey & Onishi: 6 pi mu a times 1/6 for equal spheres, 8/15 at a plane."""
+    film = Film(2.0, 0.04, 3)
+    cut = 0.85 * 0.04
+    for gap in (0.001, 0.01, 0.029):
+        unit = 6 * np.pi * 2.0 * 0.5 * np.log(cut / gap)
+        assert film.shear_resistance(gap, 0.5, 0.5) == pytest.approx(unit / 6)
+        assert film.shear_resistance(gap, 0.5) == pytest.approx(unit * 8 / 15)
+        assert film.shear_resistance(gap, 0.5, 5e8) == pytest.approx(unit * 8 / 15)
+        assert film.shear_resistance(gap, 0.5, 0.2) == film.shear_resistance(gap, 0.2, 0.5)
+    assert film.shear_resistance(cut, 0.5) == film.shear_resistance(-1e-9, 0.5) == 0.0
+    assert Film(2.0, 0.04, 2).shear_resistance(0.001, 0.5, 0.5) == 0.0
+
+
+@pytest.mark.parametrize("dimensions", [2, 3])
+def test_the_gap_of_a_resistance_is_its_inverse(dimensions):
+    film = Film(2.0, 0.05, dimensions)
+    for gap in (0.001, 0.01, 0.04, 0.0499):
+        assert film.gap_of(film.resistance(gap, 0.7), 0.7) == pytest.approx(gap)
+    assert film.gap_of(0.0, 0.7) == pytest.approx(film.cut_off)
+
+
+FILM_CASE = """
+simulation = { end_time = 1.0; };
+domain = { size = [4.0e-3, 4.0e-3, 4.0e-3]; spacing = 2.0e-4; };
+fluid = { density = 970.0; viscosity = 1.0e-4; relaxation_time = 1.1; };
+grains = ({ diameter = 2.0e-3; density = 2650.0; position = [2.05e-3, 2.0e-3, 1.02e-3]; });
+gravity = [0.0, 0.0, -9.81];
+contact = { normal_stiffness = 100.0; damping = 0.3; };
+"""
+
+
+@pytest.fixture(scope="module")
+def pool():
+    pool = Pool(1)
+    yield pool
+    pool.close()
+
+
+@pytest.mark.parametrize("d", [2, 3])
+@pytest.mark.parametrize("share", [0.01, 0.02, 0.05])
+def test_a_film_has_its_whole_force_with_the_substeps_that_it_asks_for(world, pool, d, share):
+    """A grain pressed on a wall, with contacts that would be stable with one substep in a step of the fluid. Six
+    digits: what it changes its speed by in a substep is less."""
+    radius, fluid_step = 0.05, 0.2
+    film = Film(0.5, radius * 2 / 15, d)  # ten nodes across it
+    columns = grains([[0.5] * (d - 1) + [radius * (1 + share)]])
+    floor = Wall([0.0] * d, np.eye(d)[-1])
+    scene = Dem(world, pool, box(world, (1.0,) * d), columns, Law(1e-3), (floor,), film=film)
+    push = np.zeros((1, d))
+    push[0, -1] = -1e-5 * film.resistance(share * radius, radius)
+    for _ in range(20):
+        n = math.ceil(fluid_step * scene.fastest_film(fluid_step) / STABLE)
+        scene.advance(fluid_step / n, n, push)
+    gap, v = scene.grains.x[0, -1] - radius, scene.grains.v[0, -1]
+    assert n > 3 and gap < share * radius
+    force = scene.grains.columns["force"][0, d - 1]
+    assert force == pytest.approx(-film.resistance(gap, radius) * v, rel=1e-6)
+    assert force == pytest.approx(-push[0, -1], rel=1e-2)
+
+
+def test_films_keep_momentum_and_never_make_energy(world, pool):
+    """A line of spheres of two sizes that fly together, with gaps down to a thousandth: no clip at the substeps that
+    `fastest_film` asks for, momentum to rounding, and less kinetic energy after every one."""
+    radius = np.array([0.05, 0.03, 0.05, 0.05])
+    gaps = np.array([1e-4, 1e-3, 5e-5])
+    x = np.full((4, 3), 0.5)
+    x[:, 0] = 0.2 + np.cumsum([0.0, *(radius[:-1] + radius[1:] + gaps)])
+    v = 0.01 * np.array([[0.1, 0.02, 0.0], [0.0, 0.0, 0.0], [-0.3, 0.0, 0.1], [0.05, -0.1, 0.0]])
+    columns = grains(x, v=v, radius=radius)
+    film = Film(0.5, 0.01, 3)
+    scene = Dem(world, pool, box(world, (1.0,) * 3), columns, Law(1.0), film=film)
+    order = np.argsort(scene.grains.ids[:4])
+
+    def now():
+        own = scene.grains
+        u, w = own.v[:4][order], own.omega[:4][order]
+        energy = 0.5 * np.sum(columns["mass"] * np.sum(u * u, axis=1) + columns["inertia"] * np.sum(w * w, axis=1))
+        return columns["mass"] @ u, energy
+
+    (start, energy), fluid_step = now(), 2e-2
+    for _ in range(5):
+        wanted = fluid_step * scene.fastest_film(fluid_step) / STABLE
+        n = math.ceil(wanted)
+        assert n > 10
+        for _ in range(n):
+            scene.advance(fluid_step / n, 1)
+            momentum, left = now()
+            assert np.abs(momentum - start).max() < 1e-14 * np.abs(columns["mass"][:, None] * v).sum()
+            assert left <= energy * (1 + 1e-12)
+            energy = left
+
+
+def least_film(world, sets):
+    with running(world, "lbmdem", FILM_CASE, sets) as app:
+        app.step()
+        told = {number.name: number for number in derived(app.scene.config)}
+        return app.scalars()["least_film"], app.substeps, told["gap of limited films"]
+
+
+def test_what_is_limited_is_told(world):
+    """Where the number of substeps is given, films get what is stable with it; `check` and the series say so."""
+    soft = "contact.normal_stiffness=0.01"
+    share, n, told = least_film(world, [soft])
+    assert (share, n, told.verdict, told.value) == (1.0, 1, "ok", 0.0)
+    share, n, told = least_film(world, [soft, "coupling.substeps=1"])
+    assert share < 0.5 and n == 1 and told.verdict == "warn" and 0.02 < told.value < 0.2
+    share, n, told = least_film(world, [soft, f"coupling.substeps={told.cure.split()[2]}"])
+    assert share == 1.0 and told.verdict == "ok"

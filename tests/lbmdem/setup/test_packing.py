@@ -1,0 +1,177 @@
+"""Sizes and places of packings."""
+
+import math
+import os
+
+import numpy as np
+import pytest
+from app_runner import running
+from scipy.special import betainc
+
+from hpcpic.core.errors import ConfigError
+from hpcpic.core.simd.caches import Store
+from hpcpic.core.space.domain import Domain, even_cuts
+from hpcpic.core.tasks.graph import Pool
+from lbmdem.physics.contact_law import Law
+from lbmdem.setup.packing import Sample, beta_diameters, cached, grow, pack, porosity_of, settle, solid_volume
+
+
+@pytest.fixture(scope="module")
+def pool():
+    return Pool(1)
+
+
+def sample_of(world, n, porosity, d=3, periodic=True, seed=4):
+    """A cube of n grains at a porosity, and their diameters from 1 to 2 mm."""
+    radius = 0.5 * beta_diameters(n, 1e-3, 2e-3, 1.0, 1.0, seed, d)
+    side = (solid_volume(radius, d) / (1.0 - porosity)) ** (1 / d)
+    domain = Domain((side,) * d, (12,) * d, (periodic,) + (True,) * (d - 1), even_cuts(12, world.size))
+    return domain, Sample(radius, 0.0, side, seed)
+
+
+def gaps(domain, sample, x):
+    """Least gap / diameter of grains, and of grains and rigid ends."""
+    d, side, r = domain.ndim, domain.lengths[0], sample.radius
+    delta = x[:, None] - x[None]
+    periodic = np.array(domain.periodic[::-1])
+    delta -= np.where(periodic, side * np.rint(delta / side), 0.0)
+    between = np.sqrt(np.square(delta).sum(-1)) - r[:, None] - r[None]
+    np.fill_diagonal(between, np.inf)
+    ends = np.minimum(x - r[:, None], side - x - r[:, None])[:, ~periodic]
+    return min(between.min(), ends.min(initial=np.inf)) / (2 * r.min()), d
+
+
+@pytest.mark.parametrize(("a", "b", "d"), [(1.0, 1.0, 3), (2.0, 5.0, 3), (0.5, 0.5, 2)])
+def test_sizes_follow_the_beta_law_in_volume(a, b, d):
+    """The share of volume below a size is the incomplete beta function, to the size of one grain's share."""
+    sizes = np.sort(beta_diameters(2000, 1.0, 3.0, a, b, 1, d))
+    assert 1.0 <= sizes[0] < sizes[-1] <= 3.0
+    volume = np.cumsum(sizes**d)
+    shares = (volume - 0.5 * sizes**d) / volume[-1]
+    np.testing.assert_allclose(shares, betainc(a, b, (sizes - 1.0) / 2.0), atol=2e-3)
+
+
+def test_the_seed_only_deals_the_sizes_out():
+    one, two = (beta_diameters(100, 1.0, 2.0, 1.0, 2.0, seed) for seed in (1, 2))
+    assert np.any(one != two)
+    np.testing.assert_array_equal(np.sort(one), np.sort(two))
+
+
+@pytest.mark.parametrize(("porosity", "periodic", "d"), [(0.5, False, 3), (0.4, True, 3), (0.25, True, 2)])
+def test_a_packing_has_the_porosity_asked_for_and_no_overlaps(world, pool, porosity, periodic, d):
+    domain, sample = sample_of(world, 40, porosity, d, periodic)
+    assert porosity_of(domain, sample) == pytest.approx(porosity)
+    x = grow(world, pool, domain, sample)
+    least, _ = gaps(domain, sample, x)
+    assert least > -2e-3
+    assert np.all((x >= 0.0) & (x <= domain.lengths[0]))
+    spread = x.std(axis=0) / domain.lengths[0]  # a uniform spread: sqrt(1/12) = 0.289
+    assert np.all(np.abs(spread - 0.289) < 0.08)
+
+
+def test_too_dense_a_packing_is_refused(world, pool):
+    with pytest.raises(ConfigError, match="denser than can be"):
+        grow(world, pool, *sample_of(world, 40, 0.2))
+
+
+def test_grains_settle_on_each_other(world, pool):
+    """Below a loose state, at rest, none fallen through the floor, the heap's top lower than before."""
+    radius = 0.5 * beta_diameters(50, 1e-3, 2e-3, 1.0, 1.0, 3)
+    side = 5e-3
+    domain = Domain((4 * side, side, side), (8, 2, 2), (False, True, True), even_cuts(8, world.size))
+    high = solid_volume(radius, 3) / 0.4 / side**2
+    sample = Sample(radius, 0.0, high, 3, 2650.0, 9.81, Law(300.0, 0.3, 0.5, 1e-3))
+    x = settle(world, pool, domain, sample, grow(world, pool, domain, sample))
+    assert np.all(x[:, 2] > 0.97 * radius)
+    touched = 1.0 - solid_volume(radius, 3) / (side**2 * np.max(x[:, 2] + radius))
+    assert 0.36 < touched < 0.55
+    assert x[:, 2].mean() < 0.47 * high
+
+
+@pytest.mark.parametrize("count", [1, 4, 12])
+def test_few_grains_on_a_wide_floor_have_room_to_fall(world, monkeypatch, count):
+    """The space that a loose state of so many would fill is lower than a grain, or not much higher."""
+    monkeypatch.setattr("lbmdem.setup.packing.cached", lambda world, facts, made, *rest: made())
+    case = f"""
+    simulation = {{ end_time = 1.0; }};
+    domain = {{ size = [4.0e-3, 4.0e-3, 6.0e-3]; periodic = ["x", "y"]; }};
+    grains = ({{ diameters = {{ min = 0.8e-3; max = 1.0e-3; count = {count}; }}; packing = {{ }}; }});
+    contact = {{ normal_stiffness = 100.0; }};
+    gravity = [0.0, 0.0, -9.81];
+    """
+    with running(world, "lbmdem", case) as app:
+        x, radius = app.table.x, app.table.radius
+    assert len(x) == count and np.all(x[:, 2] > 0.97 * radius)
+    assert x[:, 2].max() < 2.1e-3
+
+
+def test_a_packing_is_kept_and_a_damaged_one_made_again(world, tmp_path, monkeypatch, caplog):
+    monkeypatch.setenv("HPCPIC_CACHE_DIR", str(tmp_path))
+    store = Store("packings", "packings")
+    monkeypatch.setattr("lbmdem.setup.packing._store", lambda: store)
+    made = []
+
+    def make():
+        made.append(1)
+        return np.arange(6.0).reshape(2, 3)
+
+    def taken(n, shape=(2, 3), possible=lambda x: x[0, 0] == 0.0):
+        return cached(world, {"n": n}, make, shape, possible)
+
+    for expected, n in ((1, 1), (1, 1), (2, 2)):
+        np.testing.assert_array_equal(taken(n), np.arange(6.0).reshape(2, 3))
+        assert len(made) == expected
+    for path in store.folder.path.iterdir():
+        content = bytearray(path.read_bytes())
+        content[40] ^= 1
+        path.write_bytes(content)
+    taken(1)
+    assert len(made) == 3
+    taken(1, shape=(3, 3))
+    assert len(made) == 4
+    taken(1, possible=lambda x: x[0, 0] == 1.0)
+    assert len(made) == 5
+    assert len([record for record in caplog.records if "made anew" in record.message]) == 2  # once for each reason
+
+
+@pytest.mark.parametrize("wrong", [np.nan, 1e300, -1.0])
+def test_a_kept_packing_outside_the_box_is_not_taken(world, tmp_path, monkeypatch, wrong):
+    """Whoever wrote it and however it came there."""
+    monkeypatch.setenv("HPCPIC_CACHE_DIR", str(tmp_path))
+    store = Store("packings", "packings")
+    monkeypatch.setattr("lbmdem.setup.packing._store", lambda: store)
+    arguments = sample_of(world, 30, 0.5)
+    sound = pack(world, Pool(1), *arguments)
+    (path,) = store.folder.path.iterdir()
+    forged = sound.copy()
+    forged[7, 1] = wrong
+    store.write(path.name, forged.tobytes())
+    np.testing.assert_array_equal(pack(world, Pool(1), *arguments), sound)
+    np.testing.assert_array_equal(np.frombuffer(store.read(path.name)).reshape(sound.shape), sound)
+
+
+def test_a_pipe_or_a_folder_in_the_place_of_a_packing_ends_nothing(world, tmp_path, monkeypatch):
+    monkeypatch.setenv("HPCPIC_CACHE_DIR", str(tmp_path))
+    store = Store("packings", "packings")
+    monkeypatch.setattr("lbmdem.setup.packing._store", lambda: store)
+
+    def take():
+        return cached(world, {"n": 1}, lambda: np.zeros((1, 3)), (1, 3), lambda x: True)
+
+    take()
+    (path,) = store.folder.path.iterdir()
+    for put in (os.mkfifo, os.mkdir):
+        path.unlink()
+        put(path)
+        assert take().shape == (1, 3)
+
+
+@pytest.mark.mpi(min_size=2)
+def test_a_packing_does_not_depend_on_ranks(world, monkeypatch):
+    from hpcpic.core.comm.world import World
+
+    monkeypatch.setattr("lbmdem.setup.packing.cached", lambda world, facts, made, *rest: made())
+    found = pack(world, Pool(1), *sample_of(world, 30, 0.5))
+    alone = World.alone()
+    np.testing.assert_array_equal(found, pack(alone, Pool(1), *sample_of(alone, 30, 0.5)))
+    assert math.isfinite(found.sum())

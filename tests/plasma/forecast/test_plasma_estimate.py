@@ -1,0 +1,96 @@
+"""Laws of the estimate: what divides among cores, what ranks cost, the period of a series that nobody asked for."""
+
+import pytest
+
+from hpcpic.core.case.config import loads
+from hpcpic.core.case.schema import validate
+from hpcpic.core.comm.world import World
+from hpcpic.core.space.domain import Domain
+from hpcpic.core.tasks.graph import Pool
+from hpcpic.plasma.case.config import PlasmaConfig
+from hpcpic.plasma.forecast.estimate import (
+    DEFAULT,
+    SERIES_SECONDS,
+    SERIES_SHARE,
+    STANDARD_BYTES,
+    estimate,
+    phases,
+    sample_seconds,
+)
+from hpcpic.plasma.forecast.plan import factor_nonzeros
+from hpcpic.plasma.physics.poisson import LU
+
+CASE = """
+simulation = {{ dimensions = 2; cycles = {cycles}; time_step = 0.1; space_length = [64.0, 64.0]; {period} }};
+grid = {{ points = [64, 64]; }};
+species = ( {{ name = "electron"; particles = {n}; charge = -1.0; mass = 1.0; plasma_frequency = 1.0;
+              init_method = "random position"; thermal_velocity = 0.1; }} );
+"""
+
+
+def config(cycles: int = 100, n: int = 100_000, period: str = "") -> PlasmaConfig:
+    return validate(PlasmaConfig, loads(CASE.format(cycles=cycles, n=n, period=period)))
+
+
+@pytest.mark.parametrize("cycles", [1, 1000, 30_000, 10**7])
+@pytest.mark.parametrize("n", [1, 100_000, 10**9])
+def test_a_series_not_asked_for_costs_its_share_or_some_seconds(cycles, n):
+    case = config(cycles, n)
+    step, sample = sum(phases(case, 1, 1, DEFAULT).values()), sample_seconds(case, 1, 1, DEFAULT)
+    period, most = case.periods["series"], max(SERIES_SHARE * cycles * step, SERIES_SECONDS)
+    assert cycles / period * sample <= most * (1 + 1e-9)
+    assert period == 1 or cycles / (period - 1) * sample > most
+
+
+@pytest.mark.parametrize("asked", [0, 1, 7])
+def test_a_series_that_is_asked_for_is_kept(asked):
+    case = config(10**7, 10**6, f"sampling_period = {{ energy = {asked}; }};")
+    assert case.periods["series"] == asked
+
+
+def test_the_field_is_solved_by_the_sample_in_every_step_and_else_by_the_step():
+    every, never = (estimate(config(period=f"sampling_period = {{ energy = {k}; }};"), 1, 1, {}) for k in (1, 0))
+    assert every.phases == never.phases and never.sampling == 0.0 < every.sampling
+    assert never.step_seconds - every.step_seconds == pytest.approx(never.phases["field"])
+    assert every.seconds > never.seconds
+
+
+def test_work_divides_and_launches_do_not():
+    one, two, ranks = (estimate(config(), *shape, {}).phases for shape in ((1, 1), (1, 2), (2, 1)))
+    for name, what in {"particles": "plasma", "tiles": "plasma", "cells": "mesh", "field": "mesh"}.items():
+        cores = DEFAULT["plasma_core_gain 2D" if what == "plasma" else "mesh_core_gain"]
+        assert two[name] == ranks[name] == pytest.approx(one[name] / cores)
+    assert one["launches"] == two["launches"] == ranks["launches"]
+    assert one["exchanges"] == two["exchanges"] == 0.0 < ranks["exchanges"]
+
+
+def test_memory_is_waited_for_by_particles_beyond_the_caches():
+    held = int(0.75e6 * DEFAULT["cache_mb"] / STANDARD_BYTES)
+    within, once, twice = (phases(config(n=n), 1, 1, DEFAULT)["memory"] for n in (held, 2 * held, 3 * held))
+    assert within == 0.0 and twice == pytest.approx(2 * once)
+    wait = DEFAULT["memory_ns"] - DEFAULT["particle_ns 2D CIC double"]
+    assert once == pytest.approx(1e-9 * held * wait, rel=1e-4)  # held is a whole number
+
+
+def test_together_cores_wait_for_one_memory():
+    rates = DEFAULT | {"memory_core_gain": 1.0, "plasma_core_gain 2D": 2.0, "mesh_core_gain": 2.0}
+    one, two = (sum(phases(config(n=10**9), 1, threads, rates).values()) for threads in (1, 2))
+    assert two == pytest.approx(one, rel=0.02)  # of 10^9 particles a few are in caches
+    nodes = phases(config(n=10**9), 4000, 2, rates)
+    assert nodes["memory"] == 0.0  # all are in the caches of so many nodes
+
+
+def test_a_field_by_lu_does_not_divide():
+    lu = 'solver = "LU";'
+    one, two, ranks = (estimate(config(period=lu), *shape, {}).phases for shape in ((1, 1), (1, 2), (2, 1)))
+    assert one["field"] == two["field"] == ranks["field"] > estimate(config(), 1, 1, {}).phases["field"]
+
+
+@pytest.mark.parametrize("points", [(4096,), (16, 16), (64, 64), (128, 128), (16, 1024)])
+def test_numbers_in_the_factors_of_lu(points):
+    """As we told what they are: SuperLU's ordering is a heuristic."""
+    domain = Domain(tuple(map(float, points)), points, (True,) * len(points), (0, points[0]))
+    pool = Pool(1)
+    factors = LU(World.alone(), pool, domain)._factors
+    pool.close()
+    assert factor_nonzeros(points) == pytest.approx(factors.L.nnz + factors.U.nnz, rel=0.26)

@@ -1,0 +1,176 @@
+"""Knobs of the plasma: settings mean what they say, every case knows what it is about, orders and limits are right."""
+
+import json
+import math
+
+import numpy as np
+import pytest
+from knob_cases import made_again, reader, sizes_of
+
+from hpcpic.core.cli.main import build
+from hpcpic.core.files.series import Series
+from hpcpic.plasma.app import APP, shipped_cases
+from hpcpic.plasma.case.config import PlasmaConfig
+from hpcpic.plasma.forecast.derived import total_plasma_frequency
+from hpcpic.plasma.forecast.knobs import knobs_of, smooth
+from hpcpic.plasma.setup.scene import Scene
+
+CASES = sorted(shipped_cases())
+ABOUT = {
+    "bump-on-tail": "growth",
+    "cyclotron": "gyration",
+    "exb-drift": "gyration",
+    "landau-damping": "damping",
+    "landau-damping-si": "damping",
+    "magnetised-thermal-2d": "energy",
+    "plasma-oscillation": "frequency",
+    "thesis-1024-on-512": "energy",
+    "thesis-10240-on-64": "energy",
+    "two-particles": "frequency",
+    "two-stream-cold": "growth",
+    "two-stream-warm": "growth",
+    "upper-hybrid": "frequency",
+}
+
+
+read = reader(PlasmaConfig, shipped_cases)
+
+
+@pytest.mark.parametrize("case", CASES)
+def test_its_own_sizes_are_the_case_itself(case):
+    config, again = made_again(read, knobs_of, case)
+    simulation = again.simulation.model_copy(update={"time_step": config.simulation.time_step})
+    assert again.model_copy(update={"simulation": simulation}) == config
+    assert again.simulation.time_step == pytest.approx(config.simulation.time_step, rel=1e-12)
+
+
+@pytest.mark.parametrize("case", CASES)
+@pytest.mark.parametrize("factor", [3.7, 1.25, 0.4])
+def test_settings_are_never_coarser_than_asked_and_end_at_the_time(case, factor):
+    config = read(case)
+    knobs = knobs_of(config)
+    wanted = {name: factor * size for name, size in sizes_of(knobs, config).items()}
+    time = 0.37 * knobs.time
+    made = read(case, knobs.settings(wanted, time))
+    assert made.simulation.cycles * made.simulation.time_step == pytest.approx(time, rel=1e-12)
+    for name, size in sizes_of(knobs, made).items():
+        assert size <= wanted[name] * (1 + 1e-9)
+    assert all(n % 2 == 0 for n in made.grid.points)
+    assert total_plasma_frequency(made) == pytest.approx(total_plasma_frequency(config), rel=1e-12)
+    for species in made.species:  # as many in every cell, so that no beat is an alias
+        assert species.init_method != "quiet" or species.particles % math.prod(made.grid.points) == 0
+
+
+@pytest.mark.parametrize("case", CASES)
+def test_every_case_knows_what_it_is_about_and_its_pilot_is_no_longer_than_the_run(case):
+    knobs = knobs_of(read(case))
+    first, *_ = quantities = knobs.quantities()
+    assert first.name == ABOUT[case] and quantities[-1].name == "energy"
+    assert all(0 < quantity.time <= knobs.time for quantity in quantities)
+
+
+def test_a_wave_that_hardly_decays_is_asked_for_its_frequency():
+    """k lambda_D = 0.14, as in an ordinary case in SI units: exp(-27) of the frequency, which is noise in any run."""
+    long = read("landau-damping", ("simulation.space_length=[45.0]",))
+    assert [q.name for q in knobs_of(long).quantities()] == ["frequency", "energy"]
+
+
+def test_smooth_numbers_are_even_without_large_primes():
+    found = [smooth(n) for n in (1, 2, 7, 8.5, 121, 1025)]
+    assert found == [2, 2, 8, 10, 128, 1080]
+
+
+def series(**values):
+    time = np.linspace(0.0, 40.0, 801)
+    return Series({name: value(time) for name, value in values.items()}, {}, np.arange(801), time)
+
+
+def test_quantities_read_exact_signals():
+    growth = {q.name: q for q in knobs_of(read("two-stream-cold")).quantities()}["growth"]
+    assert growth.measure(series(mode_1=lambda t: 1e-5 * np.exp(0.3 * t))) == pytest.approx(0.3, rel=1e-9)
+    frequency = {q.name: q for q in knobs_of(read("plasma-oscillation")).quantities()}["frequency"]
+    wave = series(energy_kinetic=lambda t: np.sin(1.01 * t) ** 2)
+    assert frequency.measure(wave) == pytest.approx(1.01, rel=1e-9)
+    damping = {q.name: q for q in knobs_of(read("landau-damping")).quantities()}["damping"]
+    damped = series(mode_1=lambda t: np.abs(np.exp(-0.15 * t) * np.cos(1.4 * t)))
+    assert damping.measure(damped) == pytest.approx(0.15, rel=1e-5)  # a spline between the samples
+    energy = {q.name: q for q in knobs_of(read("magnetised-thermal-2d")).quantities()}["energy"]
+    assert energy.measure(series(energy_total=lambda t: 2 + 0.001 * t)) == pytest.approx(1 + 0.0005 * 100, rel=1e-9)
+    with pytest.raises(ArithmeticError, match="no energy"):
+        energy.measure(series(energy_total=lambda t: 0 * t))
+
+
+def program(*words):
+    with pytest.raises(SystemExit) as end:
+        build(lambda: APP, "hpcpic", "plasma").main(list(words))
+    return int(end.value.code or 0)
+
+
+def test_orders_of_a_cold_wave_and_a_recommendation_that_theory_confirms(tmp_path, monkeypatch, capfd):
+    """The truth is sqrt(k-independent wp) = 1: the continuum, in no way known to the search."""
+    monkeypatch.chdir(tmp_path)
+    words = ("-o", "out", "--tolerance", "2%", "--knobs", "dx,dt,particles")
+    assert program("tradeoff", "plasma-oscillation", *words) == 0
+    facts = json.loads((tmp_path / "out/tradeoff.json").read_text())
+    assert facts["knobs"]["dx"]["order"] == pytest.approx(2.0, abs=0.15)
+    assert facts["knobs"]["dt"]["order"] == pytest.approx(2.0, abs=0.15)
+    assert facts["knobs"]["particles"]["bound_here"] < 1e-6
+    assert facts["reference"][0] == pytest.approx(1.0, abs=facts["uncertainty"])
+    best = facts["recommended"]
+    assert best["error"] * facts["reference"][0] <= 0.02
+    # (2/dt) asin(dt/2 cos(k dx/2)): the law of the scheme at the recommended sizes
+    dt, dx = best["sizes"]["dt"], best["sizes"]["dx"]
+    law = 2 / dt * math.asin(dt / 2 * math.cos(dx / 2))
+    assert abs(law - 1.0) <= 0.02
+    assert best["work"] < 0.2 * facts["pilot_work"]  # the shipped case is over-careful in particles
+    capfd.readouterr()
+
+
+def test_the_limit_of_the_time_step_is_measured_at_2(tmp_path, monkeypatch, capfd):
+    monkeypatch.chdir(tmp_path)
+    assert program("stability", "plasma-oscillation", "--knob", "dt", "-o", "out") == 0
+    facts = json.loads((tmp_path / "out/stability.json").read_text())
+    assert facts["measured_over_theory"] == pytest.approx(1.0, abs=0.05)
+    assert facts["seeds"] == {} and not facts["slow"]
+    assert "nothing in the scene is random, so no other seed was run" in capfd.readouterr().out
+
+
+@pytest.mark.parametrize(
+    "case, sets",
+    [
+        ("plasma-oscillation", ()),
+        ("landau-damping", ()),  # thermal, but from the inverse distribution
+        ("two-particles", ()),
+        ("two-particles", ("species[0].thermal_velocity=0.1",)),
+        ("magnetised-thermal-2d", ()),
+        ("magnetised-thermal-2d", ("species[0].particles=0",)),
+        ("thesis-10240-on-64", ()),
+        ("thesis-10240-on-64", ('species[0].init_method="opposite beams"',)),
+    ],
+)
+def test_a_scene_has_another_seed_where_another_seed_makes_another_scene(case, sets):
+    config = read(case, sets)
+    other = read(case, (*sets, "simulation.random_seed=2"))
+
+    def start(config):
+        return [(s.positions(ids), s.velocities(ids)) for s in Scene(config).species for ids in [np.array(s.ids[:64])]]
+
+    same = all(np.array_equal(a, b) for s, t in zip(start(config), start(other)) for a, b in zip(s, t))
+    assert same == (knobs_of(config).seed is None)
+
+
+def test_a_refusal_comes_with_ways_out_and_what_they_cost(capfd):
+    assert program("check", "two-stream-warm", "--set", "simulation.time_step=1.5") == 3
+    told = capfd.readouterr().out
+    ways = [line for line in told.splitlines() if line.startswith("  --")]
+    assert len(ways) == 3 and all("times the cost" in way for way in ways)
+    assert "the nearest legal one" in ways[0] and "without a warning" in ways[1] and "--force" in ways[2]
+    words = [word for word in ways[0].split(": the nearest")[0].split() if word != "--set"]
+    assert program("check", "two-stream-warm", *(w for word in words for w in ("--set", word))) == 0
+    capfd.readouterr()
+
+
+def test_the_horizon_of_a_single_particle_is_no_billion_steps():
+    """A proton's plasma frequency in SI units is 1e-7 of its gyration's: growth rates were run for 4e10 steps."""
+    config = read("cyclotron", ("species[0].charge=-1e-20", "species[0].mass=1e-20"))
+    assert knobs_of(config).horizon <= 100_000 * config.simulation.time_step

@@ -1,0 +1,41 @@
+"""Tile parts cover the grid once; pages are found for everybody."""
+
+import numpy as np
+import pytest
+
+from hpcpic.core.space.domain import Domain, even_cuts
+from hpcpic.plasma.particles.tiles import Pages, Tiles
+from hpcpic.plasma.sizes import EDGE
+
+
+@pytest.mark.parametrize("points", [(1, 7), (8, 1), (9, 9), (97, 101), (16, 32), (5,), (256,), (700,)])
+@pytest.mark.parametrize("ranks", [1, 2, 3])
+@pytest.mark.parametrize("blocks", [1, 4, 9])
+def test_parts_of_all_ranks_cover_every_cell_once(points, ranks, blocks):
+    domain = Domain(tuple(map(float, points)), points, (True,) * len(points), even_cuts(points[0], ranks))
+    seen = np.zeros((1, *points) if len(points) == 1 else points, int)
+    for rank in range(ranks):
+        tiles = Tiles(domain, rank, blocks)
+        assert [a for a, _ in tiles.ranges[1:]] == [b for _, b in tiles.ranges[:-1]]
+        for part, (_, row, column, r0, r1, c0, c1, block) in enumerate(tiles.parts):
+            assert row % EDGE[len(points)] == 0
+            assert column % EDGE[len(points)] == 0
+            assert tiles.ranges[block][0] <= part < tiles.ranges[block][1]
+            cells = np.s_[row + r0 : row + r1, column + c0 : column + c1]
+            seen[cells] += 1
+            found = tiles.column_part[cells[1]][None] + (
+                tiles.row_part[cells[0]][:, None] * tiles.column_stride[cells[1]][None]
+            )
+            assert (found == part).all()
+    assert (seen == 1).all()
+
+
+def test_every_block_gets_the_pages_it_needs():
+    pages = Pages(4, 3, 4, np.float64, 8)
+    for wanted in ([3, 0, 2], [0, 9, 0], [40, 1, 1]):
+        pages.need(wanted)
+        assert (pages.counters[:3, 0] >= wanted).all()
+        stacks = [pages.free[b, : pages.counters[b, 0]] for b in range(3)]
+        held = np.concatenate(stacks)
+        assert len(set(held)) == len(held) == pages.fresh  # none twice, none lost
+        assert held.max() < pages.capacity

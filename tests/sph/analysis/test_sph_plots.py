@@ -1,0 +1,102 @@
+"""Figures are made from real runs, and what a run does not hold is said."""
+
+import subprocess
+import sys
+
+import numpy as np
+import pytest
+from figure_texts import unreadable
+
+from hpcpic.core.app.figures import NoData, save
+from hpcpic.core.files.reader import open_run
+from sph.analysis import experiments, render, theory
+from sph.analysis.plots import PLOTS
+
+SHORT = {
+    "water-column": ("numerics.spacing=0.0146", "simulation.end_time=0.06", "output.pictures=[]"),
+    "column-impact-a": ("numerics.spacing=0.018", "simulation.end_time=0.006"),
+}
+PERIODS = ("output.period.series=0.002", "output.period.particles=0.03")
+EXPECTED = {
+    "water-column": {"sequence", "energies", "front", "depth", "step", "timers"},
+    "column-impact-a": {"sequence", "energies", "forces", "impulses", "depth", "step", "timers"},
+}
+
+
+def run_of(name, folder):
+    words = [sys.executable, "-m", "sph", "run", name, "-o", str(folder), "--threads", "1", "--quiet"]
+    words += [word for setting in (*SHORT[name], *PERIODS) for word in ("--set", setting)]
+    done = subprocess.run(words, capture_output=True, text=True)
+    assert done.returncode == 0, done.stdout + done.stderr
+    return open_run(folder)
+
+
+@pytest.mark.parametrize(
+    "name", ["water-column", pytest.param("column-impact-a", marks=pytest.mark.validation)]
+)  # another kind of scene to compile
+def test_figures_of_a_run(name, tmp_path):
+    run, made = run_of(name, tmp_path / "run"), set()
+    for what, plot in PLOTS.items():
+        try:
+            figure = plot.make(run, None)
+            save(figure, tmp_path / f"{what}.png")
+        except NoData as reason:
+            assert str(reason)
+            continue
+        assert (tmp_path / f"{what}.png").stat().st_size > 4000
+        assert not unreadable(figure)
+        made.add(what)
+    assert made == EXPECTED[name]
+    steps = PLOTS["sequence"].steps(run)
+    assert len(steps) >= 2
+    save(PLOTS["sequence"].make(run, steps[0]), tmp_path / "one.png")
+
+
+def test_painted_balls_hide_what_is_behind_them():
+    box = np.array([[0.0, 0.0, 0.0], [1.0, 1.0, 1.0]])
+    view = render.View(box, 60)
+    eye = view.axes[2]
+    near, far = np.array([0.5, 0.5, 0.5]) + 0.3 * eye, np.array([0.5, 0.5, 0.5]) - 0.3 * eye
+    colours = np.array([[1.0, 0.0, 0.0], [0.0, 1.0, 0.0]])
+    for order in ([0, 1], [1, 0]):
+        image = render.paint(view, np.stack([near, far])[order], colours[order], 0.1)
+        painted = image[image[..., 3] > 0]
+        assert len(painted) > 20 and np.all(painted[:, 1] == 0.0) and painted[:, 0].max() > 0.4
+    edges = render.box_edges(*box)
+    assert len(edges) == 12 and all(np.isclose(np.linalg.norm(edge[1] - edge[0]), 1.0) for edge in edges)
+
+
+def test_the_triangular_filter_keeps_lines_and_impulses_of_uneven_samples():
+    t = np.sort(np.random.default_rng(1).uniform(0.0, 1.0, 3000))
+    smooth = theory.triangular(t, 3.0 + 2.0 * t)
+    inner = (t > 0.02) & (t < 0.98)
+    assert np.abs(smooth - 3.0 - 2.0 * t)[inner].max() < 2e-3  # half a gap between samples
+    peak = np.exp(-(((t - 0.5) / 0.004) ** 2))
+    filtered = theory.triangular(t, peak)
+    assert filtered.max() < 0.75
+    areas = [np.trapezoid(values, t) for values in (peak, filtered)]
+    assert areas[1] == pytest.approx(areas[0], rel=0.03)
+
+
+def test_the_series_of_poiseuille_flow_starts_at_rest_and_ends_steady():
+    z = np.linspace(0.0, 1e-3, 41)
+    assert np.abs(theory.poiseuille(z, 0.0, 2e-4, 1e-6, 1e-3)).max() < 1e-9
+    assert theory.poiseuille(z, 10.0, 2e-4, 1e-6, 1e-3).max() == pytest.approx(2.5e-5, rel=1e-9)
+    assert theory.poiseuille(np.array([2.5e-4]), 0.045, 2e-4, 1e-6, 1e-3)[0] == pytest.approx(7.0361e-6, rel=1e-5)
+    slope = np.gradient(theory.poiseuille(z, 0.1, 2e-4, 1e-6, 1e-3), z) * 1e-3
+    assert np.allclose(slope[1:-1], theory.poiseuille_stress(z, 0.1, 2e-4, 1e-6, 1e-3, 1000.0)[1:-1], atol=3e-7)
+
+
+def test_the_ellipse_keeps_its_area_and_waves_their_relation():
+    a, b = theory.drop_axes(np.array([0.0, 0.0038, 0.0076]), 100.0, 1.0)
+    assert np.allclose(a * b, 1.0, rtol=1e-6) and b[-1] == pytest.approx(1.94452, rel=1e-5)
+    k = theory.wave_number(5.0, 0.7, 9.81)
+    assert theory.wave_frequency(k, 0.7, 9.81) == pytest.approx(5.0, rel=1e-12)
+    assert 2 * np.pi / theory.wave_frequency(np.pi, 1.0, 9.81) == pytest.approx(1.13392, rel=1e-5)
+
+
+def test_measurements_are_in_order_of_time():
+    for table in (experiments.KOSHIZUKA_FRONT, experiments.COLUMN_FORCE):
+        assert np.all(np.diff(table[:, 0]) > 0)
+    t, force = experiments.COLUMN_FORCE.T
+    assert force.max() == 33.3 and np.trapezoid(force[t < 1.3], t[t < 1.3]) == pytest.approx(13.1, rel=0.01)

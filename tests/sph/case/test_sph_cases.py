@@ -1,0 +1,100 @@
+"""Every shipped case is legal, and takes its first steps."""
+
+import math
+
+import numpy as np
+import pytest
+
+from hpcpic.core.case.config import load
+from hpcpic.core.case.schema import validate
+from hpcpic.core.comm.world import World
+from hpcpic.core.tasks.graph import Pool
+from hpcpic.core.timers import Timers
+from sph.app import shipped_cases
+from sph.case.config import SphConfig
+from sph.forecast.derived import derived
+from sph.forecast.estimate import estimate
+from sph.forecast.plan import images, plan
+
+COARSE = {  # settings that leave the kind of scene as it is and make it small
+    "column-impact-a": ("numerics.spacing=0.04",),
+    "column-impact-b": ("numerics.spacing=0.04", "wall[2].shape.box.high=[0.44, 0.61, 0.45]"),
+    "column-impact-h": ("numerics.spacing=0.04",),
+    "hydrostatic": ("numerics.spacing=0.04", "numerics.smoothing=1.0"),
+    "oscillating-piston": ("numerics.spacing=0.04",),
+    "still-tank": ("numerics.spacing=0.1",),
+    "standing-wave": ("numerics.spacing=0.1",),
+    "dam-break-pressure": ("numerics.spacing=0.05",),
+}
+TAKEN_AS_ANOTHER = ("column-impact-c", "column-impact-f", "column-impact-i", "column-impact-j", "column-impact-k")
+
+
+@pytest.mark.parametrize("name", shipped_cases())
+def test_a_shipped_case_is_within_its_limits(name):
+    config = validate(SphConfig, load(shipped_cases()[name]))
+    assert [str(number) for number in derived(config, 2) if number.verdict == "fail"] == []
+
+
+@pytest.mark.parametrize("name", ["poiseuille", "standing-wave", "taylor-green"])
+def test_images_are_about_as_many_as_planned(name):
+    """At the scene's own spacing: a third to three quarters as many as the particles of the fluid, or few."""
+    from sph.step import Sph
+
+    config, pool = validate(SphConfig, load(shipped_cases()[name])), Pool(1)
+    try:
+        app = Sph(config, World.alone(), pool, Timers())
+        assert images(config) == pytest.approx(np.count_nonzero(app.bodies.flags) - app.bodies.n, rel=0.2)
+    finally:
+        pool.close()
+
+
+@pytest.mark.validation  # each kind of scene is compiled
+@pytest.mark.parametrize("name", [name for name in shipped_cases() if name not in TAKEN_AS_ANOTHER])
+def test_a_shipped_case_takes_its_first_steps(name, world):
+    from sph.step import Sph
+
+    config = validate(SphConfig, load(shipped_cases()[name], COARSE.get(name, ())))
+    pool = Pool(1)
+    try:
+        app = Sph(config, world, pool, Timers())
+        before = app.scalars()
+        for _ in range(3):
+            app.step()
+        after = app.scalars()
+        app.close()
+    finally:
+        pool.close()
+    assert set(before) == set(app.scalar_units) and set(after) <= set(before)  # some gauges have a period
+    assert all(map(math.isfinite, after.values()))
+    assert after["mass"] == before["mass"] and app.time > 0
+    assert app.guard() is None
+
+
+def test_the_estimate_scales_with_the_case():
+    """Four times the particles: four times the pair sums; two cores: less than half of it is lost."""
+    coarse, fine, launches = (still_tank(f"numerics.spacing={dp}") for dp in (0.01, 0.005, 0.5))
+    one = [estimate(config, 1, 1, {}) for config in (coarse, fine)]
+    step, larger, least = (sum(estimate(config, 1, 1, {}).phases.values()) for config in (coarse, fine, launches))
+    assert (larger - least) / (step - least) == pytest.approx(4.0, rel=0.05)
+    assert one[1].seconds > 5 * one[0].seconds  # steps are half as long, but for what each costs in any case
+    assert estimate(fine, 1, 2, {}).step_seconds < 0.65 * one[1].step_seconds
+    assert sum(estimate(fine, 2, 1, {}).memory.values()) < sum(one[1].memory.values())
+
+
+def still_tank(*sets: str) -> SphConfig:
+    return validate(SphConfig, load(shipped_cases()["still-tank"], sets))
+
+
+def test_a_step_after_a_sample_is_cheaper_by_what_the_sample_has_done():
+    """The first evaluation is there already, and the run takes no less than without samples."""
+    often, never = (estimate(still_tank(f"output.period.series={s}"), 1, 1, {}) for s in (1e-9, 0.0))
+    assert often.phases == never.phases and never.step_seconds == sum(never.phases.values())
+    assert 0.2 * never.step_seconds < often.step_seconds < 0.8 * never.step_seconds
+    assert often.seconds >= never.seconds and never.sampling == 0.0
+
+
+def test_the_plan_has_no_line_for_what_a_case_has_not():
+    drop = "\n".join(plan(validate(SphConfig, load(shipped_cases()["elliptical-drop"])), 1, 1))
+    assert "walls" not in drop and "viscosity" not in drop and "renormalis" not in drop and "no messages" in drop
+    still = "\n".join(plan(validate(SphConfig, load(shipped_cases()["still-tank"])), 2, 1))
+    assert "walls" in still and "renormalised gradient" in still and "ghosts" in still

@@ -1,0 +1,133 @@
+"""What is most likely not meant is told with a number, a limit and a cure, or refused."""
+
+import math
+
+import pytest
+
+from hpcpic.core.case.config import loads
+from hpcpic.core.case.schema import validate
+from hpcpic.core.errors import ConfigError
+from sph.case.config import SphConfig
+from sph.forecast.derived import derived
+
+PARTS = {
+    "simulation": "{ dimensions = 2; end_time = 1.0; }",
+    "gravity": "[0.0, -9.81]",
+    "domain": "{ low = [0.0, 0.0]; high = [1.0, 1.0]; }",
+    "fluid": '( { name = "water"; shape = { box = { low = [0.0, 0.0]; high = [1.0, 0.3]; }; }; } )',
+    "eos": "{ }",
+    "numerics": "{ spacing = 0.05; }",
+    "wall": '( { name = "tank"; shape = { box = { low = [0.0, 0.0]; high = [1.0, 1.0]; open = ["y+"]; }; }; } )',
+    "gauge": "( )",
+}
+
+
+def told(**parts):
+    """Derived numbers by name."""
+    text = "\n".join(f"{name} = {value};" for name, value in (PARTS | parts).items())
+    return {number.name: number for number in derived(validate(SphConfig, loads(text)))}
+
+
+def gate(motion, kind="repulsive"):
+    solid = f"""{{ name = "gate"; solid = true; type = "{kind}"; motion = {{ {motion} }};
+        shape = {{ box = {{ low = [0.5, 0.3]; high = [0.6, 0.9]; }}; }}; }} )"""
+    return PARTS["wall"][:-1] + "," + solid
+
+
+def surface(z):
+    return PARTS["fluid"].replace("shape", f"surface = {z}; shape", 1)
+
+
+@pytest.mark.parametrize(
+    "name, verdict, parts",
+    [
+        ("density of water at rest at its bottom", "ok", {}),
+        ("density of water at rest at its bottom", "fail",
+         {"eos": "{ sound_speed = 0.01; max_velocity = 0.001; }"}),
+        ("density of water at rest at its bottom", "ok", {"fluid": surface(0.6)}),
+        ("density of water at rest at its bottom", "fail", {"fluid": surface(300.0)}),
+        ("gravity along y", "fail", {"gravity": "[0.0, 9.81]"}),
+        ("gravity along the periodic x", "fail",
+         {"gravity": "[1.0, -9.81]", "domain": '{ low = [0.0, 0.0]; high = [1.0, 1.0]; periodic = ["x"]; }'}),
+        ("steps to the end", "ok", {}),
+        ("steps to the end", "fail", {"simulation": "{ dimensions = 2; end_time = 1e30; }"}),
+        ("way of gate in a step", "ok", {"wall": gate("velocity = [0.0, 3.0];")}),
+        ("way of gate in a step", "fail",
+         {"wall": gate("path = ( { time = 0.5; displacement = [0.0, 0.0]; }, "
+                       "{ time = 0.500001; displacement = [0.0, 0.6]; } );")}),
+        ("particles across water along y", "ok", {}),
+        ("particles across water along y", "warn", {"numerics": "{ spacing = 0.15; }"}),
+        ("speed of gate", "ok", {"wall": gate("velocity = [0.0, 3.0];", "pressure-continuity")}),
+        ("speed of gate", "fail", {"wall": gate("velocity = [0.0, 50.0];", "pressure-continuity")}),
+    ],
+)  # fmt: skip
+def test_a_limit_holds_on_both_sides(name, verdict, parts):
+    number = told(**parts)[name]
+    assert number.verdict == verdict
+    assert bool(number.cure) == (verdict != "ok")
+
+
+@pytest.mark.parametrize("speed", [3.0, 50.0])
+def test_a_gate_does_not_raise_the_sound_speed_but_a_piston_does(speed):
+    plain = told()["sound speed"].value
+    assert plain == pytest.approx(10 * math.sqrt(2 * 9.81 * 0.3))
+    assert told(wall=gate(f"velocity = [0.0, {speed}];"))["sound speed"].value == plain
+    swinging = told(wall=gate(f"amplitude = [{speed / (2 * math.pi)}, 0.0];"))["sound speed"].value
+    assert swinging == pytest.approx(10 * speed)
+
+
+def test_a_body_in_other_units_is_far_from_all_fluid():
+    body = '{{ name = "body"; solid = true; shape = {{ box = {{ low = [{0}, {0}]; high = [{1}, {1}]; }}; }}; }} )'
+    walls = [PARTS["wall"][:-1] + "," + body.format(*ends) for ends in ((0.4, 0.6), (400.0, 600.0))]
+    name = "distance of body from all fluid and tanks"
+    assert name not in told(wall=walls[0])
+    number = told(wall=walls[1], domain="{ }")[name]
+    assert number.verdict == "warn" and number.value == pytest.approx(399 * math.sqrt(2))
+
+
+def test_the_defaults_of_a_new_case_are_told():
+    found = told()
+    assert found["density flux, delta"].value == 0.1 and found["artificial viscosity"].value == 0.02
+    assert told(numerics='{ spacing = 0.05; viscosity_form = "none"; }')["artificial viscosity"].value == 0.0
+    assert found["stray particles in a step"].value == 10
+
+
+@pytest.mark.parametrize(
+    "key, text",
+    [("gauge[0].size", '( { what = "pressure"; at = [1.0, 0.1]; size = [0.01, 0.01]; } )'),
+     ("gauge[0].axis", '( { what = "velocity"; at = [1.0, 0.1]; axis = "x+"; } )')],
+)  # fmt: skip
+def test_a_key_of_another_gauge_is_refused(key, text):
+    with pytest.raises(ConfigError) as error:
+        told(gauge=text)
+    assert key in str(error.value)
+
+
+@pytest.mark.parametrize("side", ["x", "z-", "x+"])
+def test_a_side_of_outflow_is_one_of_the_domain_that_is_not_periodic(side):
+    domain = f'{{ low = [0.0, 0.0]; high = [1.0, 1.0]; periodic = ["x"]; outflow = ["{side}"]; }}'
+    with pytest.raises(ConfigError, match=r"domain.outflow\[0\]: must be one of y-, y\+"):
+        told(domain=domain)
+
+
+KEYS = {
+    "simulation.end_time": 1, "simulation.cfl": 1, "simulation.time_step": 1, "eos.sound_speed": 1, "eos.gamma": 1,
+    "eos.sound_speed_factor": 1, "eos.max_velocity": 1, "eos.background_pressure": 1, "numerics.spacing": 1,
+    "numerics.smoothing": 1, "numerics.flux_coefficient": 1, "numerics.artificial_viscosity": 1, "fluid[0].density": 1,
+    "fluid[0].viscosity": 1, "fluid[0].surface": 1, "fluid[0].velocity": 2, "gravity": 2, "body_force": 2,
+    "domain.high": 2,    "fluid[0].shape.box.high": 2, "wall[0].shape.box.high": 2, "output.period.series": 1,
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("value", ["1e-320", "1e-60", "1e-35", "1e35", "1e60", "1.7e308", "-1.7e308"])
+@pytest.mark.parametrize("key", KEYS)
+def test_numbers_at_the_edge_of_floating_point_are_judged(key, value):
+    """With words, whatever they say: neither a traceback nor a number that is none."""
+    text = "\n".join(f"{name} = {part};" for name, part in PARTS.items())
+    given = value if KEYS[key] == 1 else f"[{value}, {value}]"
+    try:
+        config = validate(SphConfig, loads(text, sets=(f"{key}={given}",)))
+        numbers = derived(config)
+    except ConfigError:
+        return
+    assert not any(math.isnan(number.value) for number in numbers)

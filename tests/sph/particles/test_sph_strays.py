@@ -1,0 +1,131 @@
+"""Particles torn off the fluid fly on as drops; fluid leaves a tank over its edges, and the domain where it may."""
+
+import numpy as np
+import pytest
+from sph_scenes import config, engine, listed, tank, torn
+
+from hpcpic.core.errors import Diverged
+from sph.particles.strays import BEYOND, most_strays
+from sph.setup.scene import Scene
+
+TANK = {"size": (1.0, 1.2), "fill": (1.0, 0.5), "spacing": 0.1}
+
+
+def water(**settings):
+    chosen = TANK | settings
+    return engine(more=tank(2, size=chosen["size"]), **chosen)
+
+
+def run(sph, steps):
+    for _ in range(steps):
+        sph.step()
+        assert sph.guard() is None
+    return sph
+
+
+def test_a_stray_gets_the_density_of_rest_keeps_its_mass_and_falls_on(caplog):
+    """A drop of two particles starts at 1.32 rho0, with one neighbour each."""
+    sph = engine(case=torn())
+    start = sph.scalars()
+    drop = sph.bodies.fluid[sph.bodies.drho[sph.bodies.fluid] > BEYOND * sph.scene.rho0]
+    numbers = sph.bodies.key[drop]
+    assert len(drop) == 2
+    run(sph, 3)
+    found = sph.scalars()
+    assert found["strays"] == sph.strays.count == 2 and "2 stray particles" in caplog.text
+    assert found["mass"] == start["mass"] and found["max_density_error"] < BEYOND
+    rows = np.flatnonzero(np.isin(sph.bodies.key, numbers) & (sph.bodies.flags > 0))
+    assert np.mean(sph.bodies.v[sph.axes.index(1), rows]) == pytest.approx(-9.81 * sph.time, rel=1e-9)
+
+
+@pytest.mark.parametrize("excess", [BEYOND, -BEYOND])
+def test_such_a_density_inside_the_fluid_ends_the_run_and_names_the_particle(excess):
+    sph = water()
+    inside = sph.bodies.fluid[np.argmin(np.abs(sph.physical("x", sph.bodies.fluid) - (0.45, 0.25)).sum(axis=1))]
+    sph.bodies.drho[inside] = excess * sph.scene.rho0
+    number = sph.bodies.number(inside)
+    with pytest.raises(Diverged, match=rf"step 0, t = 0 s: the density of particle {number} at \(0.45, 0.25\) m is"):
+        sph.step()
+
+
+def test_a_fluid_that_bursts_ends_the_run():
+    """More strays in a step than there may be, each without neighbours."""
+    sph = engine(size=(20.0, 20.0), fill=(1.0, 1.3), spacing=0.1, gravity=(0.0, 0.0), more=tank(2, size=(20.0, 20.0)))
+    rows = sph.bodies.fluid[: most_strays(sph.scene.n_fluid) + 1]
+    sph.bodies.x[0, rows] = 5.0 + np.arange(len(rows))
+    sph.bodies.drho[rows] = -BEYOND * sph.scene.rho0
+    sph.sort()
+    with pytest.raises(Diverged, match=f"the density of {len(rows)} particles is beyond"):
+        sph.step()
+
+
+# name: domain, open sides of it, tanks (low, high, faces left out)
+LEAVING = {
+    "overflow": ((2.0, 1.0), ["y-"], [((0.0, 0.0), (0.5, 0.1), ["y+"])]),
+    "open end": ((1.0, 1.0), ["x+"], [((0.0, 0.0), (0.7, 1.0), ["y+", "x+"])]),
+    "waterfall": ((1.5, 1.0), [], [((0.0, 0.3), (0.55, 1.0), ["y+", "x+"]), ((0.55, 0.0), (1.5, 0.3), ["y+"])]),
+}
+
+
+def leaving(name):
+    size, outflow, tanks = LEAVING[name]
+    bottom = min(0.3, tanks[0][0][1])
+    walls = ", ".join(
+        f"{{ shape = {{ box = {{ low = {listed(low)}; high = {listed(high)}; open = {listed(faces)}; }}; }}; }}"
+        for low, high, faces in tanks
+    )
+    settings = {"size": size, "fill": (0.5, bottom + 0.5), "spacing": 0.05, "low": (0.0, bottom), "sound": 14.0}
+    return engine(more=f"wall = ( {walls} );", outflow=outflow, **settings)
+
+
+@pytest.mark.parametrize("name", LEAVING)
+def test_fluid_that_has_gone_over_an_edge_has_not_gone_through_a_wall(name):
+    sph = leaving(name)
+    start, n = sph.scalars(), sph.scene.n_fluid
+    assert n == 100  # nothing of it is taken for what lies in the other tank
+    for _ in range(300):
+        sph.step()
+        assert sph.iteration % 10 or sph.guard() is None
+    found = sph.scalars()
+    x = sph.physical("x", sph.bodies.fluid)
+    if sph.scene.config.domain.outflow:
+        assert 0 < found["outflow"] == pytest.approx(start["mass"] - found["mass"], rel=1e-9)
+        assert len(x) < n and np.all(x[:, 1] > -0.5)
+    else:
+        assert found["mass"] == start["mass"] and np.count_nonzero(x[:, 1] < 0.3) > n / 10
+        assert np.all(x[:, 1] > -0.05)
+
+
+@pytest.mark.parametrize("look", [True, False])
+def test_a_leak_is_seen_though_fluid_may_be_outside(look):
+    """Also if it is no longer in the wall when the guard looks."""
+    sph = leaving("overflow")
+    one = sph.bodies.fluid[5]
+    for axis, physical in enumerate(sph.axes):
+        sph.bodies.x[axis, one], sph.bodies.v[axis, one] = (0.25, -0.075)[physical], (0.0, -10.0)[physical]
+    sph.sort()
+    if look:
+        assert "went through wall_1" in sph.guard()
+    for _ in range(40):
+        sph.step()
+    assert sph.physical("x", sph.bodies.fluid)[:, 1].min() > 0.0  # the wall has pushed it back
+    assert "went through wall_1" in sph.guard()
+
+
+def test_when_all_has_left_the_run_goes_on():
+    sph = leaving("open end")
+    x = sph.axes.index(0)
+    sph.bodies.x[x, sph.bodies.fluid] = 0.99 + 1e-3 * sph.bodies.x[x, sph.bodies.fluid]
+    sph.bodies.v[x, sph.bodies.fluid] = 10.0
+    sph.sort()
+    run(sph, 40)
+    assert len(sph.bodies.fluid) == 0 and sph.outflow.mass() == pytest.approx(250.0)
+
+
+def test_fluid_beside_a_tank_is_its_neighbours_and_what_a_tank_cannot_hold_is_clipped():
+    def kept(low, high):
+        return Scene(config(low=low, fill=high, size=(2.0, 1.0), spacing=0.05, more=tank(2, size=(0.5, 0.5)))).n_fluid
+
+    assert kept((0.7, 0.0), (1.0, 0.5)) == 60
+    assert kept((0.0, 0.0), (1.0, 0.5)) == 100
+    assert kept((0.51, 0.0), (0.81, 0.5)) < 60  # three layers of the wall are there
