@@ -11,7 +11,7 @@ from types import ModuleType
 from hpcpic.core.simd.generate import module_from_source
 
 _BETWEEN_KERNELS = re.compile(
-    r"^from hpcpic\.plasma\.kernels\.(plain|pages|packs|nodal|linear|push) import ([^\n(]*|\([^)]*\))\n", re.M
+    r"^from hpcpic\.plasma\.kernels\.(plain|storage|simd_base|nodal|linear|push) import ([^\n(]*|\([^)]*\))\n", re.M
 )
 
 

@@ -38,7 +38,7 @@ class Law:
         """The compiled module of this law; `plain` for the reference, one particle after the other."""
         dtype = np.dtype(self.dtype)
         return specialise(
-            ("pages", "plain", "moments") + (() if plain else ("packs", *VECTORS[self.shape], "push", "sums")),
+            ("storage", "plain", "moments") + (() if plain else ("simd_base", *VECTORS[self.shape], "push", "moments_simd")),
             DIM=self.dimensions,
             NODES=NODES[self.shape],
             VELOCITIES=self.velocities,
