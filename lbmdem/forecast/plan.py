@@ -6,8 +6,9 @@
 import math
 from collections.abc import Iterator
 
-from hpcpic.core.app.forecast import Array, imports
+from hpcpic.core.app.forecast import imports
 from hpcpic.core.space.cuts import even_cuts
+from hpcpic.core.space.declared import Array
 from lbmdem.case.config import AXES, LbmDemConfig
 from lbmdem.fluid.layout import Layout
 from lbmdem.forecast.node_shares import TYPES, grains

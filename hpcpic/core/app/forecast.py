@@ -1,24 +1,9 @@
 """What a program foretells of a run before it starts, in the form that check, estimate and the report read."""
 
-import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 
 OF_EVERY_RUN = ("click", "lark", "pydantic", "numpy", "numba", "mpi4py", "h5py")
-
-
-@dataclass(frozen=True, slots=True)
-class Array:
-    """One array of one rank, of the rank with the most rows."""
-
-    name: str
-    shape: tuple[int, ...]
-    dtype: str
-
-    @property
-    def bytes(self) -> int:
-        size = int("".join(c for c in self.dtype if c.isdigit())) // 8
-        return math.prod(self.shape) * size
 
 
 def imports(*of_the_scene: str) -> list[str]:

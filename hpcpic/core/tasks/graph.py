@@ -61,6 +61,8 @@ def _words(argument: Any, numba_type: types.Type) -> list[int]:
     if isinstance(numba_type, types.Array):
         head = [0, 0, argument.size, argument.itemsize, argument.ctypes.data]
         return [*head, *argument.shape, *argument.strides]
+    if isinstance(numba_type, types.BaseTuple):
+        return [word for part, of_part in zip(argument, numba_type.types) for word in _words(part, of_part)]
     raw = np.asarray(argument).tobytes()
     return [int.from_bytes(raw.ljust(8, b"\0"), "little", signed=True)]
 
@@ -70,8 +72,11 @@ def _type_of(argument: Any) -> types.Type:
     if isinstance(numba_type, types.Array):
         if not argument.flags.c_contiguous:
             raise TypeError("arrays of a task must be C-contiguous")
+    elif isinstance(numba_type, types.BaseTuple):
+        for part in argument:
+            _type_of(part)
     elif not isinstance(numba_type, types.Integer | types.Float | types.Boolean):
-        raise TypeError(f"a task takes arrays, ints, floats and bools, not {type(argument).__name__}")
+        raise TypeError(f"a task takes arrays, numbers, bools and tuples of them, not {type(argument).__name__}")
     return numba_type
 
 
@@ -100,9 +105,9 @@ class Bound:
         self.context = np.array([entry, *(word for part in parts for word in part)], np.int64)
 
     def update(self, index: int, value: Any) -> None:
-        """Replace argument `index` for the launches to come: a scalar, or an array of the same type."""
+        """Replace argument `index` for the launches to come: a number, or an array or a tuple of the same type."""
         numba_type = self._types[index]
-        if not isinstance(numba_type, types.Array):
+        if not isinstance(numba_type, types.Array | types.BaseTuple):
             value = as_dtype(numba_type).type(value)
         elif _type_of(value) != numba_type:
             raise TypeError(f"argument {index} of {self.name} is {numba_type}, not {typeof(value)}")
@@ -111,7 +116,7 @@ class Bound:
 
 
 def bind(kernel: Any, *arguments: Any) -> Bound:
-    """Fix the arguments of a compiled kernel: C-contiguous arrays (data and shape), ints, floats, bools.
+    """Fix the arguments of a compiled kernel: C-contiguous arrays (data and shape), numbers, bools, tuples of them.
 
     The kernel returns an integer error code (0 is good) or nothing; an exception gives the code RAISED.
     Compiles the kernel for these types if need be.

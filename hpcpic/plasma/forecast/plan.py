@@ -6,9 +6,10 @@
 import math
 from collections.abc import Iterator, Sequence
 
-from hpcpic.core.app.forecast import Array, imports
+from hpcpic.core.app.forecast import imports
 from hpcpic.core.comm.shared_memory import FOLDER as SHARED_MEMORY
 from hpcpic.core.space.cuts import even_cuts
+from hpcpic.core.space.declared import Array
 from hpcpic.plasma.case.config import PlasmaConfig, rotation, velocity_components
 from hpcpic.plasma.setup.loaders import macro_charge
 from hpcpic.plasma.sizes import EDGE, GHOSTS, PAGE

@@ -37,8 +37,9 @@ class Law:
     def kernels(self, plain: bool = False):
         """The compiled module of this law; `plain` for the reference, one particle after the other."""
         dtype = np.dtype(self.dtype)
+        vectors = () if plain else ("simd_base", *VECTORS[self.shape], "push", "moments_simd")
         return specialise(
-            ("storage", "plain", "moments") + (() if plain else ("simd_base", *VECTORS[self.shape], "push", "moments_simd")),
+            ("storage", "plain", "moments", *vectors),
             DIM=self.dimensions,
             NODES=NODES[self.shape],
             VELOCITIES=self.velocities,
