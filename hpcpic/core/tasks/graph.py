@@ -62,7 +62,7 @@ def _words(argument: Any, numba_type: types.Type) -> list[int]:
         head = [0, 0, argument.size, argument.itemsize, argument.ctypes.data]
         return [*head, *argument.shape, *argument.strides]
     if isinstance(numba_type, types.BaseTuple):
-        return [word for part, of_part in zip(argument, numba_type.types) for word in _words(part, of_part)]
+        return [word for part in argument for word in _words(part, _type_of(part))]
     raw = np.asarray(argument).tobytes()
     return [int.from_bytes(raw.ljust(8, b"\0"), "little", signed=True)]
 
