@@ -10,6 +10,7 @@ class Array:
     """One array of a rank. `shape` holds numbers and names of sizes that are known later ("slots", "d").
 
     `dtype` as numpy writes it ("float64", "int32"); `unit` of its values, "" for none; `text` says what they are.
+    `phase`: arrays of different phases of a step use the same memory in turn; "" for an array with its own memory.
     """
 
     name: str
@@ -17,6 +18,7 @@ class Array:
     dtype: str
     unit: str = ""
     text: str = ""
+    phase: str = ""
 
     def sized(self, sizes: Mapping[str, int]) -> "Array":
         """The same array with numbers in place of names. KeyError for a size that is not given."""

@@ -2,7 +2,8 @@
 
 A kernel says what it reads and writes in its signature. An argument is an array of the arena, a value that was set
 under that name, a group of arrays (a NamedTuple whose fields are names of arrays), or is given where the kernel is
-bound. Arrays grow between launches; every task that was bound to one is told where it lies now.
+bound. Arrays grow between launches; every task that was bound to one is told where it lies now. Arrays of different
+phases share memory: what one phase leaves in it is lost when the next begins.
 """
 
 import inspect
@@ -13,8 +14,8 @@ from typing import Any
 from numpy.typing import NDArray
 
 from hpcpic.core.space.declared import Array
-from hpcpic.core.space.fields import aligned_zeros
-from hpcpic.core.tasks.graph import Bound, bind
+from hpcpic.core.space.fields import ALIGNMENT, aligned_zeros
+from hpcpic.core.tasks.graph import Bound
 
 SPARE = 8  # an array that must grow gets one row more for so many
 
@@ -29,7 +30,9 @@ class Arena:
     def __init__(self, declared: Iterable[Array], **sizes: int) -> None:
         self.declared = {array.name: array for array in declared}
         self.sizes = sizes
-        self._values: dict[str, Any] = {name: self._made(array) for name, array in self.declared.items()}
+        self._values: dict[str, Any] = {
+            name: self._made(array) for name, array in self.declared.items() if not array.phase
+        } | self._shared()
         self._groups: dict[str, type] = {}
         self._uses: dict[str, list[tuple[weakref.ref[Bound], int]]] = {}  # tasks by argument, with its place
 
@@ -40,18 +43,38 @@ class Arena:
         sized = array.sized(self.sizes)
         return aligned_zeros([int(n) for n in sized.shape], sized.dtype)
 
+    def _shared(self) -> dict[str, NDArray]:
+        """Arrays of the phases: those of one phase lie one behind another, each on cache lines, from where those of
+        every other phase begin.
+        """
+        arrays = [array.sized(self.sizes) for array in self.declared.values() if array.phase]
+        ends: dict[str, int] = {}
+        starts = []
+        for array in arrays:
+            starts.append(ends.get(array.phase, 0))
+            ends[array.phase] = starts[-1] + -(-array.bytes // ALIGNMENT) * ALIGNMENT
+        memory = aligned_zeros((max(ends.values(), default=0),), "uint8")
+        return {
+            array.name: memory[start : start + array.bytes].view(array.dtype).reshape([int(n) for n in array.shape])
+            for array, start in zip(arrays, starts)
+        }
+
     def reserve(self, **sizes: int) -> bool:
-        """Make room: sizes grow to what is asked and an eighth more, values stay. Whether any array moved."""
+        """Make room: sizes grow to what is asked and an eighth more. Values stay, but those of phases are lost.
+        Whether any array moved.
+        """
         grown = {name: n + n // SPARE for name, n in sizes.items() if n > self.sizes[name]}
         if not grown:
             return False
         self.sizes |= grown
         moved = {}
         for name, array in self.declared.items():
-            if grown.keys() & set(array.shape):
+            if not array.phase and grown.keys() & set(array.shape):
                 old, new = self._values[name], self._made(array)
                 new[tuple(slice(n) for n in old.shape)] = old
                 moved[name] = new
+        if any(array.phase and grown.keys() & set(array.shape) for array in self.declared.values()):
+            moved |= self._shared()
         self.set(**moved)
         return True
 
@@ -75,15 +98,20 @@ class Arena:
             return self._values[name]
         return kind(*(self._values[field] for field in kind._fields))  # type: ignore[attr-defined]
 
-    def bind(self, kernel: Any, **more: Any) -> Bound:
-        """The kernel as a task: arguments by name, those in `more` before those of the arena."""
+    def bind(self, kernel: Any, parts: int | None = None, /, **more: Any) -> Bound:
+        """The kernel as a task: arguments by name, those in `more` before those of the arena; a text in `more` is
+        the name of the arena's value to take. With `parts`: as so many tasks, whose first argument is their number.
+        """
         names = list(inspect.signature(kernel.py_func).parameters)
         if unknown := more.keys() - set(names):
             raise TypeError(f"{kernel.py_func.__name__} takes no {', '.join(sorted(unknown))}")
-        bound = bind(kernel, *(more[name] if name in more else self.value(name) for name in names))
-        for index, name in enumerate(names):
-            if name not in more:
-                self._uses.setdefault(name, []).append((weakref.ref(bound), index))
+        wanted = [more.get(name, name) for name in names]
+        if parts is not None:
+            wanted[0] = 0
+        bound = Bound(kernel, [self.value(one) if isinstance(one, str) else one for one in wanted], parts)
+        for index, one in enumerate(wanted):
+            if isinstance(one, str):
+                self._uses.setdefault(one, []).append((weakref.ref(bound), index))
         return bound
 
     def _tell(self, name: str) -> None:

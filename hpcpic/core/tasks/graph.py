@@ -11,6 +11,7 @@ import threading
 import weakref
 from collections.abc import Collection, Hashable, Iterable, Sequence
 from contextlib import suppress
+from itertools import chain
 from typing import Any, Protocol
 
 import numpy as np
@@ -81,9 +82,12 @@ def _type_of(argument: Any) -> types.Type:
 
 
 class Bound:
-    """A compiled kernel with its arguments: what a task calls. Made by `bind`."""
+    """A compiled kernel with its arguments: what a task calls. Made by `bind`.
 
-    def __init__(self, kernel: Any, arguments: Sequence[Any]) -> None:
+    With `parts`, it stands for so many tasks that differ in the first argument alone: 0 .. parts - 1.
+    """
+
+    def __init__(self, kernel: Any, arguments: Sequence[Any], parts: int | None = None) -> None:
         self.name: str = kernel.py_func.__name__
         self._types = tuple(_type_of(argument) for argument in arguments)
         kernel.compile(self._types)
@@ -98,11 +102,13 @@ class Bound:
             call_conv.get_function_type(result, self._types), getattr(result, "bitwidth", 0)
         )
         self._kept = [kernel, *arguments]  # the context holds their bare addresses
-        parts = [_words(argument, numba_type) for argument, numba_type in zip(arguments, self._types)]
+        words = [_words(argument, numba_type) for argument, numba_type in zip(arguments, self._types)]
         entry = compiled.library.get_pointer_to_function(compiled.fndesc.llvm_func_name)
-        self._starts = np.cumsum([1, *map(len, parts)])
+        self._starts = np.cumsum([1, *map(len, words)])
         self.graphs: dict[tuple[int, ...], Graph] = {}  # that Pool.each has made, by the ids of their tasks
-        self.context = np.array([entry, *(word for part in parts for word in part)], np.int64)
+        self.contexts = np.tile(np.array([entry, *chain.from_iterable(words)], np.int64), (parts or 1, 1))
+        if parts is not None:
+            self.contexts[:, 1] = np.arange(parts)
 
     def update(self, index: int, value: Any) -> None:
         """Replace argument `index` for the launches to come: a number, or an array or a tuple of the same type."""
@@ -111,8 +117,13 @@ class Bound:
             value = as_dtype(numba_type).type(value)
         elif _type_of(value) != numba_type:
             raise TypeError(f"argument {index} of {self.name} is {numba_type}, not {typeof(value)}")
-        self.context[self._starts[index] : self._starts[index + 1]] = _words(value, numba_type)
+        self.contexts[:, self._starts[index] : self._starts[index + 1]] = _words(value, numba_type)
         self._kept[1 + index] = value
+
+    @property
+    def context(self) -> NDArray[np.int64]:
+        """The words of the first task."""
+        return self.contexts[0]
 
 
 def bind(kernel: Any, *arguments: Any) -> Bound:
@@ -153,11 +164,14 @@ class Graph:
         inouts: Iterable[Hashable] = (),
         priority: int = 0,
         name: str = "",
+        part: int = 0,
     ) -> int:
-        """Add a kernel call; its number. Tasks of positive priority (boundaries) are taken before others."""
+        """Add a kernel call (of its tasks the one of this part); its number. Tasks of positive priority (boundaries)
+        are taken before others.
+        """
         self._kept.append(bound)
         accesses = (ins, outs, inouts)
-        return self._add(bound.address, bound.context, priority > 0, name or bound.name, accesses)
+        return self._add(bound.address, bound.contexts[part], priority > 0, name or bound.name, accesses)
 
     def message(
         self,

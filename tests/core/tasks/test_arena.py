@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from hpcpic.core.simd.compile import njit
 from hpcpic.core.space.declared import Array
 from hpcpic.core.tasks.arena import Arena
-from hpcpic.core.tasks.graph import Pool
+from hpcpic.core.tasks.graph import Graph, Pool
 
 DECLARED = (
     Array("x", ("d", "slots"), "float64", "m", "positions"),
@@ -72,6 +72,37 @@ def test_what_is_given_where_a_kernel_is_bound_comes_first_and_stays(pool):
         arena.bind(add, speed=1.0)
     with pytest.raises(KeyError, match="factor"):
         Arena(DECLARED, d=1, slots=1).bind(add, bodies=arena.value("bodies"))
+
+
+@njit
+def mark(part, line, factor):
+    line[part] = part * factor
+
+
+def test_one_binding_serves_every_part_and_a_text_names_what_to_take(pool):
+    arena = Arena([Array("here", ("n",), "float64")], n=3)
+    arena.set(factor=2.0)
+    bound, graph = arena.bind(mark, 3, line="here"), Graph()
+    for part in range(3):
+        graph.task(bound, part=part)
+    graph.freeze()
+    arena.reserve(n=8)
+    arena.set(factor=5.0)
+    pool.run(graph)
+    assert arena["here"].tolist() == [0.0, 5.0, 10.0] + [0.0] * 6
+
+
+@pytest.mark.parametrize("grown", [3, 200])
+def test_phases_share_memory_and_arrays_of_one_do_not(grown):
+    kinds = {"order": "int32", "gain": "float64"}
+    declared = [Array(name, ("n",), kind, phase="sort") for name, kind in kinds.items()]
+    arena = Arena([*declared, Array("sums", (2, "n"), "float64", phase="pairs"), Array("x", ("n",), "float64")], n=10)
+    for _ in range(2):
+        arena["order"][:], arena["gain"][:] = np.arange(len(arena["order"])), 1.0
+        assert (arena["order"] == np.arange(len(arena["order"]))).all()
+        assert np.shares_memory(arena["order"], arena["sums"]) and not np.shares_memory(arena["x"], arena["sums"])
+        assert all(arena[name].ctypes.data % 64 == 0 for name in arena.declared)
+        arena.reserve(n=grown)
 
 
 def test_memory_is_foretold_from_the_declarations():
