@@ -37,17 +37,16 @@ def update_bandwidth() -> float:
 def measure(n: int, per_cell: int, precision: str, threads: int) -> None:
     """Print one line of the table, on rank 0."""
     from hpcpic.core.case.config import loads
-    from hpcpic.core.case.schema import validate
     from hpcpic.core.comm.world import World
     from hpcpic.core.tasks.graph import Pool
     from hpcpic.core.timers import Timers
-    from hpcpic.plasma.case.config import PlasmaConfig
+    from hpcpic.plasma.configure import configure
     from hpcpic.plasma.step import Plasma
 
     world = World.start()
     pool, timers, particles = Pool(threads, world.cpus(threads)), Timers(), n * n * per_cell
     bandwidth = update_bandwidth()
-    config = validate(PlasmaConfig, loads(CASE.format(n=n, precision=precision, particles=particles)))
+    config = configure(loads(CASE.format(n=n, precision=precision, particles=particles)))
     plasma = Plasma(config, world, pool, timers)
     for _ in range(3):
         plasma.step()

@@ -24,14 +24,13 @@ from time import perf_counter
 import numpy as np
 
 from hpcpic.core.case.config import load
-from hpcpic.core.case.schema import validate
 from hpcpic.core.comm.world import World
 from hpcpic.core.simd.compile import njit
 from hpcpic.core.space.domain import even_cuts
 from hpcpic.core.tasks.graph import Pool, bind
 from hpcpic.core.timers import Timers
 from sph.app import shipped_cases
-from sph.case.config import SphConfig
+from sph.configure import configure
 from sph.step import Sph
 
 VOLUME = 0.4 * 0.61 * 0.3 + 1.2 * 0.61 * 0.01  # of the water, m3
@@ -47,7 +46,7 @@ def engine(world: World, pool: Pool, integrator: str, precision: str, particles:
         f"numerics.spacing={spacing!r}", f'numerics.precision="{precision}"',
         f'simulation.integrator="{integrator}"', "simulation.cfl=0.6", *more,
     )  # fmt: skip
-    return Sph(validate(SphConfig, load(shipped_cases()["column-impact-a"], settings)), world, pool, Timers())
+    return Sph(configure(load(shipped_cases()["column-impact-a"], settings)), world, pool, Timers())
 
 
 def step(sph: Sph) -> None:

@@ -42,6 +42,7 @@ APP = App(
     name="lbmdem",
     title="lattice Boltzmann with discrete-element grains",
     schema=named("lbmdem.case.config", "LbmDemConfig"),
+    configure=later("lbmdem.configure", "configure"),
     cases=shipped_cases,
     derived=later("lbmdem.forecast.derived", "derived"),
     estimate=later("lbmdem.forecast.estimate", "estimate"),

@@ -18,8 +18,7 @@ from lbmdem.diagnostics import snapshot
 from lbmdem.diagnostics.scalars import Diagnostics
 from lbmdem.fluid.faces import Face
 from lbmdem.fluid.fluid import Fluid
-from lbmdem.forecast.derived import derived
-from lbmdem.forecast.estimate import estimate
+from lbmdem.forecast.estimate import output_periods
 from lbmdem.grains.dem import Dem
 from lbmdem.kernels.layout import FLUID
 from lbmdem.physics.contact_law import Wall
@@ -43,17 +42,12 @@ MOST_JUMP = 1e-9  # of the same between two looks where it stays to rounding: 1e
 class LbmDem:
     """Populations and grains at `iteration`; `time` in s. A case without fluid has no populations."""
 
-    name = "lbmdem"
-    title = "lattice Boltzmann with discrete-element grains"
-    schema = LbmDemConfig
-    derived = staticmethod(derived)
-    estimate = staticmethod(estimate)
     particle_name = "grain"
 
     def __init__(self, config: LbmDemConfig, world: World, pool: Pool, timers: Timers) -> None:
         self.scene = scene = Scene(config)
         self.world, self.pool, self.timers = world, pool, timers
-        self.n_steps, self.periods = config.n_steps, config.periods
+        self.n_steps, self.periods = config.n_steps, output_periods(config)
         points, periodic = scene.points[::-1], scene.periodic[::-1]
         cuts = even_cuts(points[0], world.size)
         self.domain = Domain(tuple(config.domain.size[::-1]), points, periodic, cuts, offset=0.5)

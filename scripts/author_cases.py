@@ -20,9 +20,8 @@ from pathlib import Path
 
 from hpcpic.core.case.config import load
 from hpcpic.core.case.derived import enforce
-from hpcpic.core.case.schema import validate
 from hpcpic.core.errors import ConfigError
-from hpcpic.plasma.case.config import PlasmaConfig
+from hpcpic.plasma.configure import configure
 from hpcpic.plasma.forecast.derived import derived
 
 CASE = re.compile(r"\.conf(\.\d+)?$")
@@ -83,7 +82,7 @@ def checked(root: Path, path: Path) -> tuple[str, str]:
     try:
         with chdir(root):
             tree = load(name)
-            config = validate(PlasmaConfig, tree)
+            config = configure(tree)
             enforce(derived(config), tree)
     except ConfigError as error:
         return "refused", " | ".join(error.messages)

@@ -24,7 +24,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hpcpic.core.case.config import loads
-from hpcpic.core.case.schema import validate
 from hpcpic.core.comm.world import World
 from hpcpic.core.tasks.graph import Pool
 from hpcpic.core.timers import Timers
@@ -117,7 +116,7 @@ def spheres(nodes: tuple[int, ...], apart: int, diameter: float, moving: bool = 
 
 def app_and_config(case: Case) -> tuple[Any, Any]:
     app = import_module(f"{case.program}.__main__").load_app()
-    return app, validate(app.schema(), loads(case.text))
+    return app, app.configure(loads(case.text))
 
 
 def made(case: Case, pool: Pool, world: World | None = None) -> Any:

@@ -22,7 +22,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hpcpic.core.case.config import loads
-from hpcpic.core.case.schema import validate
 from hpcpic.core.comm.world import World
 from hpcpic.core.errors import Diverged
 from hpcpic.core.space.domain import Domain
@@ -81,14 +80,14 @@ numerics = {{ spacing = {spacing!r}; kernel = "wendland2"; density_flux = "{flux
 
 def lattice(integrator: str, flux: str, courant: float, form: str = "none", slow: float = 0.0) -> object:
     """Completed case; slow: nu / (c0 h)."""
-    from sph.case.config import SphConfig
+    from sph.configure import configure
 
     h = 1.3 / SIDE
     text = LATTICE.format(
         integrator=integrator, flux=flux, form=form, dt=courant * h / C0, c0=C0, spacing=1.0 / SIDE,
         viscosity=1000.0 * slow * C0 * h,
     )  # fmt: skip
-    return validate(SphConfig, loads(text))
+    return configure(loads(text))
 
 
 def lattice_theory(*settings: object) -> float:
@@ -300,10 +299,10 @@ species = ( {{ name = "electrons"; particles = 1024; charge = -1.0; mass = 1.0; 
 
 def wave_stable(shape: str, gradient: str, dt: float) -> bool:
     """Whether the energy of a cold wave stays."""
-    from hpcpic.plasma.case.config import PlasmaConfig
+    from hpcpic.plasma.configure import configure
     from hpcpic.plasma.step import Plasma
 
-    app = Plasma(validate(PlasmaConfig, loads(WAVE.format(dt=dt, shape=shape, gradient=gradient))), World.alone(), POOL,
+    app = Plasma(configure(loads(WAVE.format(dt=dt, shape=shape, gradient=gradient))), World.alone(), POOL,
                  Timers())  # fmt: skip
     start = app.scalars()["energy_field"]
     for _ in range(60):

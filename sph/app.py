@@ -31,6 +31,7 @@ APP = App(
     name="sph",
     title="weakly compressible smoothed particle hydrodynamics",
     schema=named("sph.case.config", "SphConfig"),
+    configure=later("sph.configure", "configure"),
     cases=shipped_cases,
     derived=later("sph.forecast.derived", "derived"),
     estimate=later("sph.forecast.estimate", "estimate"),

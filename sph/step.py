@@ -16,8 +16,6 @@ from sph.case.config import SphConfig
 from sph.diagnostics import checkpoint, scalars, snapshot
 from sph.diagnostics.gauges import Gauges
 from sph.diagnostics.guards import Runaway
-from sph.forecast.derived import derived
-from sph.forecast.estimate import estimate
 from sph.kernels.marks import FLOWS, FLUID, REAL
 from sph.kernels.specialise import specialise
 from sph.particles.images import Maps, mirrors, periodic_maps, single_mirrors
@@ -43,11 +41,6 @@ class Sph:
     to the lower corner of the domain.
     """
 
-    name = "sph"
-    title = "weakly compressible smoothed particle hydrodynamics"
-    schema = SphConfig
-    derived = staticmethod(derived)
-    estimate = staticmethod(estimate)
     work_unit = "particle"
 
     def __init__(self, config: SphConfig, world: World, pool: Pool, timers: Timers) -> None:

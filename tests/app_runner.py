@@ -30,12 +30,11 @@ TIMEOUT_S = 300  # compilation of all kernels included
 def running(world: Any, program: str, case: Any, sets: Sequence[str] = (), threads: int = 1) -> Iterator[Any]:
     """A simulator at its initial state, of the text of a case or of the configuration itself."""
     from hpcpic.core.case.config import loads
-    from hpcpic.core.case.schema import validate
     from hpcpic.core.tasks.graph import Pool
     from hpcpic.core.timers import Timers
 
     app = importlib.import_module(f"{program}.__main__").load_app()
-    config = validate(app.schema(), loads(case, sets=sets)) if isinstance(case, str) else case
+    config = app.configure(loads(case, sets=sets)) if isinstance(case, str) else case
     pool = Pool(threads, world.cpus(threads))
     try:
         made = app.load()(config, world, pool, Timers())

@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 
 from hpcpic.core.case.config import load
-from hpcpic.core.case.schema import dump, validate
+from hpcpic.core.case.schema import dump
 from hpcpic.core.files.arrays import FieldArray, ParticleArray
 from hpcpic.core.files.rundir import RunDir
 from hpcpic.core.files.series import SeriesWriter
@@ -19,6 +19,7 @@ from hpcpic.core.files.snapshot import FieldsWriter, ParticlesWriter
 from hpcpic.core.files.together import Alone
 from hpcpic.core.space.domain import Domain
 from hpcpic.plasma.case.config import PlasmaConfig
+from hpcpic.plasma.configure import configure
 from hpcpic.plasma.setup.scene import Scene
 
 N_MODES = 8
@@ -88,7 +89,7 @@ class Reference:
 
 def make_run(case: Path, folder: Path, sets: tuple[str, ...] = ()) -> Path:
     """Run a 1D case without magnetic field and leave a run folder."""
-    config = validate(PlasmaConfig, load(case, sets))
+    config = configure(load(case, sets))
     state = Reference(config)
     rundir = RunDir.create(folder, config=dump(config), given={case.name: case.read_text()}, sets=sets)
     world, domain = Alone(), Domain((state.length,), (state.n,), (True,), (0, state.n))

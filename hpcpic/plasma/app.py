@@ -41,6 +41,7 @@ APP = App(
     name="hpcpic",
     title="electrostatic particle-in-cell plasma",
     schema=named("hpcpic.plasma.case.config", "PlasmaConfig"),
+    configure=later("hpcpic.plasma.configure", "configure"),
     cases=shipped_cases,
     derived=later("hpcpic.plasma.forecast.derived", "derived"),
     estimate=later("hpcpic.plasma.forecast.estimate", "estimate"),

@@ -13,8 +13,7 @@ from hpcpic.plasma.diagnostics import snapshot
 from hpcpic.plasma.diagnostics.energy_watch import LATE, EnergyWatch
 from hpcpic.plasma.diagnostics.scalars import Moments, units
 from hpcpic.plasma.field.mesh import SHIFT, Mesh
-from hpcpic.plasma.forecast.derived import derived, total_plasma_frequency
-from hpcpic.plasma.forecast.estimate import estimate
+from hpcpic.plasma.forecast.derived import total_plasma_frequency
 from hpcpic.plasma.particles.cloud import CHUNK, Cloud
 from hpcpic.plasma.particles.push_spec import Law, groups_of_charge
 from hpcpic.plasma.physics.boris import mover
@@ -30,11 +29,6 @@ class Plasma:
     `iteration` n, -2 while particles are distributed and -1 while velocities are rewound; `time` n dt in s.
     """
 
-    name = "hpcpic"
-    title = "electrostatic particle-in-cell"
-    schema = PlasmaConfig
-    derived = staticmethod(derived)
-    estimate = staticmethod(estimate)
     work_unit = "particle"
 
     def __init__(self, config: PlasmaConfig, world: World, pool: Pool, timers: Timers) -> None:

@@ -8,8 +8,8 @@ import numpy as np
 
 from hpcpic.core.app.figures import COLOURS, INK, THEORY, NoData, NotInScene, new_figure, present, style
 from hpcpic.core.case.config import loads
-from hpcpic.core.case.schema import validate
 from lbmdem.case.config import AXES, LbmDemConfig
+from lbmdem.configure import configure
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -20,7 +20,7 @@ SOLID = "#b9bec5"
 
 
 def config_of(run: Run) -> LbmDemConfig:
-    return validate(LbmDemConfig, loads(run.config))
+    return configure(loads(run.config))
 
 
 def snapshots_of(run: Run) -> Particles:

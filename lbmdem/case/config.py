@@ -4,15 +4,14 @@ Lattice units appear only in `check` and inside the program.
 """
 
 import math
-from collections.abc import Iterator
 from typing import Annotated, ClassVar, Literal
 
 import numpy as np
 from pydantic import BeforeValidator, Field
 
-from hpcpic.core.case.config import Path, Tree
+from hpcpic.core.case.config import Tree
 from hpcpic.core.case.schema import REQUIRED, Lengths, Section, Vector, as_tuple, setting
-from hpcpic.core.case.words import in_steps, one_period, one_viscosity, only_seconds
+from hpcpic.core.case.words import one_period, one_viscosity
 from lbmdem.physics.contact_law import Law, stable_step
 
 AXES = "xyz"
@@ -268,22 +267,6 @@ class LbmDemConfig(Section):
         return math.ceil(self.simulation.end_time / self.time_step * (1 - 1e-12))
 
     @property
-    def periods(self) -> dict[str, int]:
-        """Steps between samples of series, fields and grains, checkpoints; 0 = never."""
-
-        def steps(kind: str) -> int:
-            return in_steps(getattr(self.output.every, kind), getattr(self.output.period, kind), self.time_step)
-
-        from lbmdem.forecast.estimate import series_period
-
-        return {
-            "series": steps("series") or series_period(self),
-            "field": steps("fields") if self.fluid else 0,
-            "particle": steps("grains") if self.grains else 0,
-            "checkpoint": steps("checkpoint"),
-        }
-
-    @property
     def conserved(self) -> tuple[str, ...]:
         """Scalars of the series that the scene keeps: mass in closed faces, momentum where nothing acts."""
         closed = all(face.type == "wall" for face in self.boundary)
@@ -297,48 +280,6 @@ class LbmDemConfig(Section):
         fluids = [("fluid",)] if isinstance(tree.data.get("fluid"), dict) else []
         one_viscosity(tree, fluids, "kinematic_viscosity", FluidSection.model_fields["density"].default)
         one_period(tree, Period.model_fields)
-
-    def faults(self) -> Iterator[tuple[Path, str]]:
-        from lbmdem.setup.checks import faults
-
-        return faults(self)
-
-    def completed(self) -> "LbmDemConfig":
-        d = self.dimensions
-        around = {face.face[0] for face in self.boundary if face.type == "periodic"}.union(self.domain.periodic)
-        domain = self.domain.model_copy(update={"periodic": tuple(axis for axis in AXES if axis in around)})
-        simulation = self.simulation.model_copy(
-            update={"dimensions": d, "lattice": self.simulation.lattice or ("D2Q9" if d == 2 else "D3Q19")}
-        )
-        fluid = self.fluid
-        if fluid is not None:
-            tau = 1.0 if fluid.time_step is None else None
-            update = {"body_force": padded(fluid.body_force, d), "relaxation_time": fluid.relaxation_time or tau}
-            fluid = fluid.model_copy(update=update)
-        faces = (face for face in self.boundary if face.type != "periodic")
-        boundary = tuple(face.model_copy(update={"velocity": padded(face.velocity, d)}) for face in faces)
-        obstacle = tuple(
-            o.model_copy(update={"velocity": padded(o.velocity, d), "name": o.name or f"obstacle_{i + 1}"})
-            for i, o in enumerate(self.obstacle)
-        )
-        output = self.output.model_copy(update={"period": only_seconds(self.output.period, self.output.every)})
-        return self.model_copy(
-            update={
-                "output": output,
-                "simulation": simulation,
-                "domain": domain,
-                "fluid": fluid,
-                "boundary": boundary,
-                "obstacle": obstacle,
-                "grains": tuple(completed_grains(grains, i, d) for i, grains in enumerate(self.grains)),
-                "gravity": padded(self.gravity, d),
-            }
-        )
-
-
-def padded(vector: tuple[float, ...], d: int) -> tuple[float, ...]:
-    return vector or (0.0,) * d
-
 
 def largest_diameter(grains: GrainSet) -> float:
     return grains.diameter if grains.diameter is not None else grains.diameters.max
@@ -394,14 +335,3 @@ def contact_step(config: LbmDemConfig) -> float:
     mass = np.array([grain_mass(grains, smallest_diameter(grains), d) for grains in moving])
     inertia = (0.5 if d == 2 else 0.4) * mass * (0.5 * diameters) ** 2
     return stable_step(contact_law(config), 0.5 * diameters, mass, inertia)
-
-
-def completed_grains(grains: GrainSet, i: int, d: int) -> GrainSet:
-    return grains.model_copy(
-        update={
-            "name": grains.name or f"grains_{i + 1}",
-            "shape": "disc" if d == 2 else "sphere",
-            "velocity": padded(grains.velocity, d),
-            "angular_velocity": grains.angular_velocity or (0.0,) * (1 if d == 2 else 3),
-        }
-    )

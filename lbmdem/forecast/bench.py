@@ -18,12 +18,11 @@ import numpy as np
 
 from hpcpic.core.app.rates import in_turn, undisturbed
 from hpcpic.core.case.config import loads
-from hpcpic.core.case.schema import validate
 from hpcpic.core.comm.world import World
 from hpcpic.core.space.domain import Domain
 from hpcpic.core.tasks.graph import Pool
 from hpcpic.core.timers import Timers
-from lbmdem.case.config import LbmDemConfig
+from lbmdem.configure import configure
 from lbmdem.coupling.immersed import Immersed
 from lbmdem.fluid.fluid import Fluid
 from lbmdem.forecast.node_shares import Shares
@@ -200,7 +199,7 @@ class Moving:
         listed = ", ".join(map(str, places))
         text = CASE.format(d=d, size=[float(size)] * d, diameter=1.001 * apart, places=listed, speed=[SPEED] * d,
                            substeps=substeps, refill=refill)  # fmt: skip
-        self.config = validate(LbmDemConfig, loads(text))
+        self.config = configure(loads(text))
         self.app = LbmDem(self.config, world, pool, Timers())
         self.n, self.links = across**d, link_count(self.config)
         self.app.fluid.hooks = [partial(self.timed, hook) for hook in self.app.fluid.hooks]

@@ -9,6 +9,7 @@ import math
 from collections.abc import Mapping
 
 from hpcpic.core.app.forecast import FILES, Estimate, gain, writing_seconds
+from hpcpic.core.case.words import in_steps
 from lbmdem.case.config import LbmDemConfig
 from lbmdem.forecast.node_shares import fluid_share, lanes_of_all, shares
 from lbmdem.forecast.plan import BYTES, VELOCITIES, arrays, face_bytes, grain_count, link_count, moving
@@ -73,7 +74,8 @@ DEFAULT = FILES | {
 def estimate(config: LbmDemConfig, ranks: int, threads: int, measured: Mapping[str, float]) -> Estimate:
     """Of a completed case on ranks x threads; `measured` rates of this machine take the place of DEFAULT."""
     rates = DEFAULT | dict(measured)
-    depth, period = steps_per_pass(config, ranks, threads), config.periods["series"]
+    every = output_periods(config)
+    depth, period = steps_per_pass(config, ranks, threads), every["series"]
     single = phases(config, ranks, threads, rates, 1)
     whole = phases(config, ranks, threads, rates, depth) if depth > 1 else single
     together = share_together(depth, period or config.n_steps)
@@ -82,8 +84,7 @@ def estimate(config: LbmDemConfig, ranks: int, threads: int, measured: Mapping[s
     sampling = (config.n_steps // period + 1) * sample_seconds(config, ranks, threads, rates) if period else 0.0
     memory = memory_items(config, ranks, rates)
     disk = disk_items(config)
-    periods = [config.periods[kind] for kind in ("field", "particle") if config.periods[kind]]
-    snapshots = sum(config.n_steps // every + 1 for every in periods)
+    snapshots = sum(config.n_steps // every[kind] + 1 for kind in ("field", "particle") if every[kind])
     seconds = START + config.n_steps * mean + sampling + writing_seconds(disk, snapshots, rates)
     return Estimate(memory, disk, step, seconds, whole if together >= 0.5 else single, sampling, START)
 
@@ -231,9 +232,24 @@ def series_period(config: LbmDemConfig) -> int:
     return max(1, config.n_steps // max(least, min(most, int(affordable))))
 
 
+def output_periods(config: LbmDemConfig) -> dict[str, int]:
+    """Steps between samples of series, fields and grains, checkpoints; 0 = never."""
+    every, seconds = config.output.every, config.output.period
+
+    def steps(kind: str) -> int:
+        return in_steps(getattr(every, kind), getattr(seconds, kind), config.time_step)
+
+    return {
+        "series": steps("series") or series_period(config),
+        "field": steps("fields") if config.fluid else 0,
+        "particle": steps("grains") if config.grains else 0,
+        "checkpoint": steps("checkpoint"),
+    }
+
+
 def disk_items(config: LbmDemConfig) -> dict[str, float]:
     """Bytes of the whole run."""
-    nodes, periods = math.prod(config.points), config.periods
+    nodes, periods = math.prod(config.points), output_periods(config)
 
     def times(every: int) -> int:
         return config.n_steps // every + 1 if every else 0

@@ -23,7 +23,6 @@ import numpy as np
 
 from fault_matrix.faulty import Damaged, floats
 from hpcpic.core.case.config import load
-from hpcpic.core.case.schema import validate
 from hpcpic.core.comm.world import World
 from hpcpic.core.files.rundir import RunDir
 from hpcpic.core.run import checkpoint
@@ -38,7 +37,7 @@ ENERGIES = ("energy_total", "energy_kinetic")  # the first that a program has
 def made(program: str, folder: Path) -> tuple[Any, World]:
     """The simulator of the run in the folder, at its initial state."""
     app = import_module(f"{program}.__main__").load_app()
-    config, world = validate(app.schema(), load(folder / "config.conf")), World.alone()
+    config, world = app.configure(load(folder / "config.conf")), World.alone()
     return app.load()(config, world, Pool(1), Timers()), world
 
 

@@ -17,7 +17,6 @@ from pathlib import Path
 from typing import Any
 
 from hpcpic.core.case.config import loads
-from hpcpic.core.case.schema import validate
 from hpcpic.core.errors import ConfigError
 
 ALPHABET = [*'{}()[]=;,:"\\#@+-.0123456789eExnL\n\t \x00\u202e', "@include", "true", "1e999", "0x", "nan", "'"]
@@ -47,7 +46,7 @@ def read(text: str, whole: bool, app: Any) -> bool:
     try:
         tree = loads(text)
         if whole:
-            app.derived(validate(app.schema(), tree), 1)
+            app.derived(app.configure(tree), 1)
     except ConfigError as error:
         str(error)
         return False

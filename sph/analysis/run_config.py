@@ -4,8 +4,8 @@ from functools import lru_cache
 from typing import TYPE_CHECKING
 
 from hpcpic.core.case.config import loads
-from hpcpic.core.case.schema import validate
 from sph.case.config import SphConfig
+from sph.configure import configure
 from sph.setup.scene import Scene
 
 if TYPE_CHECKING:
@@ -14,7 +14,7 @@ if TYPE_CHECKING:
 
 @lru_cache(maxsize=8)
 def _config(text: str) -> SphConfig:
-    return validate(SphConfig, loads(text))
+    return configure(loads(text))
 
 
 @lru_cache(maxsize=8)

@@ -1,18 +1,17 @@
 """What an SPH case says, as a typed, frozen configuration. SI units; vectors are in physical order (x, y(, z)).
 
-What other settings determine (sound speed, Courant number, domain, kind of viscosity) is filled in by `completed`.
+What other settings determine (sound speed, Courant number, domain, kind of viscosity) is filled in by setup.defaults.
 """
 
 import itertools
 import math
 import os
-from collections.abc import Iterator
 from contextlib import suppress
 from typing import Annotated, ClassVar, Literal
 
 from pydantic import BeforeValidator
 
-from hpcpic.core.case.config import Path, Tree, dotted
+from hpcpic.core.case.config import Tree, dotted
 from hpcpic.core.case.schema import REQUIRED, Section, Vector, as_tuple, setting
 from hpcpic.core.case.words import one_period, one_viscosity
 from hpcpic.core.files.given import digest_of
@@ -298,16 +297,6 @@ class SphConfig(Section):
                         if stl.setdefault("sha256", digest) != digest:
                             told = f"not the file of this case: its SHA-256 is {digest}"
                             tree.faults.append(f"{tree.where(path)}: {dotted(path)}: {told}")
-
-    def faults(self) -> Iterator[tuple[Path, str]]:
-        from sph.setup.checks import faults
-
-        return faults(self)
-
-    def completed(self) -> "SphConfig":
-        from sph.setup.defaults import completed
-
-        return completed(self)
 
 
 def name_of(kind: Literal["fluid", "wall", "gauge"], i: int, section: Fluid | Wall | Gauge) -> str:

@@ -15,11 +15,10 @@ import numpy as np
 
 from hpcpic.core.app.rates import in_turn, undisturbed
 from hpcpic.core.case.config import loads
-from hpcpic.core.case.schema import validate
 from hpcpic.core.comm.world import World
 from hpcpic.core.tasks.graph import Pool
 from hpcpic.core.timers import Timers
-from sph.case.config import SphConfig
+from sph.configure import configure
 from sph.forecast.estimate import EVALUATIONS, SUMS, around
 from sph.step import Sph
 
@@ -59,7 +58,7 @@ class Trial:
             integrator=integrator, periodic='periodic = ["x"];' if images else "", wall=WALLS.get(walls, ""),
         )  # fmt: skip
         self.pool = Pool(threads, world.cpus(threads))
-        self.sph = sph = Sph(validate(SphConfig, loads(text)), world, self.pool, Timers())
+        self.sph = sph = Sph(configure(loads(text)), world, self.pool, Timers())
         sph.bodies.x[:] += np.random.default_rng(1).uniform(0.0, 0.2 / across, sph.bodies.x.shape)
         sph.migrate()
         sph.sort()

@@ -19,7 +19,7 @@ import toy_app  # noqa: E402
 from hpcpic.core.app.app import App  # noqa: E402
 from hpcpic.core.app.knobs import Choice, Knob, Knobs, Quantity  # noqa: E402
 from hpcpic.core.case.derived import Derived  # noqa: E402
-from hpcpic.core.case.schema import REQUIRED, Section, setting  # noqa: E402
+from hpcpic.core.case.schema import REQUIRED, Section, setting, validate  # noqa: E402
 from hpcpic.core.cli.main import program  # noqa: E402
 
 A, B, C = 0.4, 0.3, 0.02
@@ -49,7 +49,6 @@ class ErrorConfig(Section):
 
 
 class ErrorToy(toy_app.Toy):
-    name, title = "errors", "errors that are known"
     scalar_units: Mapping[str, str] = {"answer": "1", "energy_total": "J"}
 
     def __init__(self, config: ErrorConfig, world, pool, timers) -> None:
@@ -107,8 +106,9 @@ def derived(config: ErrorConfig, ranks: int) -> list[Derived]:
 
 APP = App(
     name="errors",
-    title=ErrorToy.title,
+    title="errors that are known",
     schema=lambda: ErrorConfig,
+    configure=lambda tree: validate(ErrorConfig, tree),
     cases=lambda: {},
     derived=derived,
     estimate=toy_app.estimate,
@@ -119,4 +119,4 @@ APP = App(
 )
 
 if __name__ == "__main__":
-    program(lambda: APP, "errors", ErrorToy.title)
+    program(lambda: APP, APP.name, APP.title)

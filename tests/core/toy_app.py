@@ -21,7 +21,7 @@ import numpy as np
 from hpcpic.core.app.app import App
 from hpcpic.core.app.forecast import Estimate
 from hpcpic.core.case.derived import Derived
-from hpcpic.core.case.schema import REQUIRED, Section, setting
+from hpcpic.core.case.schema import REQUIRED, Section, setting, validate
 from hpcpic.core.cli.main import program
 from hpcpic.core.errors import Diverged
 from hpcpic.core.files.arrays import Column, FieldArray, ParticleArray, Shard
@@ -65,7 +65,6 @@ class ToyConfig(Section):
 
 
 class Toy:
-    name, title = "toy", "a field carried round a ring"
     scalar_units: Mapping[str, str] = {"mass": "1", "energy_total": "J"}
     work_unit = "node"
 
@@ -212,8 +211,9 @@ def derived(config: ToyConfig, ranks: int) -> list[Derived]:
 
 APP = App(
     name="toy",
-    title=Toy.title,
+    title="a field carried round a ring",
     schema=lambda: ToyConfig,
+    configure=lambda tree: validate(ToyConfig, tree),
     cases=lambda: {},
     derived=derived,
     estimate=estimate,
@@ -225,4 +225,4 @@ APP = App(
 )
 
 if __name__ == "__main__":
-    program(lambda: APP, "toy", Toy.title)
+    program(lambda: APP, APP.name, APP.title)

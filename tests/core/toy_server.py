@@ -29,7 +29,7 @@ def become(words: list[str], folder: str, streams: list[str]) -> None:
         os.dup2(os.open(path, os.O_RDWR), number)
     sys.stdin = open(0, closefd=False)  # noqa: SIM115  (without what the server has read ahead)
     sys.argv = [toy_app.__file__, *words]
-    toy_app.program(lambda: toy_app.APP, "toy", toy_app.Toy.title)
+    toy_app.program(lambda: toy_app.APP, toy_app.APP.name, toy_app.APP.title)
 
 
 def main() -> None:

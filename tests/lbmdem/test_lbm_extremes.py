@@ -8,9 +8,8 @@ from app_runner import running
 
 from hpcpic.core.case.config import loads
 from hpcpic.core.case.derived import enforce
-from hpcpic.core.case.schema import validate
 from hpcpic.core.errors import ConfigError, Diverged
-from lbmdem.case.config import LbmDemConfig
+from lbmdem.configure import configure
 from lbmdem.forecast.derived import derived
 
 DX, NU = 2.0e-4, 1.0e-6
@@ -47,7 +46,7 @@ def ended(world, case, sets=(), *, force=False, steps=STEPS):
     said = []
     try:
         tree = loads(case, sets=sets)
-        config = validate(LbmDemConfig, tree)
+        config = configure(tree)
         said += enforce(derived(config, world.size), tree, force)
         with running(world, "lbmdem", case, sets) as app:
             last = app.scalars()
@@ -259,7 +258,7 @@ def test_populations_that_come_from_nowhere_end_a_run_where_their_sum_is_kept(wo
 
 def test_many_substeps_are_told_with_the_stiffness_that_has_fewer():
     def row(*sets):
-        config = validate(LbmDemConfig, loads(DISC, sets=sets))
+        config = configure(loads(DISC, sets=sets))
         return next(line for line in derived(config, 1) if line.symbol == "n_d")
 
     stiff = row("contact.normal_stiffness=1e8")
@@ -281,7 +280,7 @@ def test_explicit_coupling_explodes_where_check_says(world, d, across, nodes):
     contact = {{ normal_stiffness = 1.0e-3; damping = 0.3; friction = 0.3; }};
     gravity = [{", ".join(["0.0"] * (d - 1) + ["-1.0e-3"])}];
     """
-    config = validate(LbmDemConfig, loads(text))
+    config = configure(loads(text))
     row = next(number for number in derived(config, 1) if number.name == "density ratio")
     limit = float(row.limit.split()[1])
     for share, stable in ((0.9 / 1.2, False), (1.02, True)):

@@ -8,10 +8,9 @@ from app_runner import launch, outcomes, running
 
 from hpcpic.core.case.config import loads
 from hpcpic.core.case.derived import enforce
-from hpcpic.core.case.schema import validate
 from hpcpic.core.errors import ConfigError, Diverged
 from hpcpic.core.run import checkpoint
-from hpcpic.plasma.case.config import PlasmaConfig
+from hpcpic.plasma.configure import configure
 from hpcpic.plasma.forecast.derived import derived
 
 HOT = """
@@ -31,7 +30,7 @@ def ended(world, sets, *, force=False, case=HOT, steps=40):
     """(class, warnings, relative change of the energy) of a case on one rank; nothing may get lost."""
     tree = loads(case, sets=sets)
     try:
-        config = validate(PlasmaConfig, tree)
+        config = configure(tree)
         warnings = enforce(derived(config, world.size), tree, force)
     except ConfigError as error:
         return "C", error.messages, 0.0

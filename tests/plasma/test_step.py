@@ -4,12 +4,11 @@ import numpy as np
 import pytest
 
 from hpcpic.core.case.config import loads
-from hpcpic.core.case.schema import validate
 from hpcpic.core.comm.world import World
 from hpcpic.core.run import checkpoint
 from hpcpic.core.tasks.graph import Pool
 from hpcpic.core.timers import Timers
-from hpcpic.plasma.case.config import PlasmaConfig
+from hpcpic.plasma.configure import configure
 from hpcpic.plasma.step import Plasma
 
 THERMAL = {
@@ -34,7 +33,7 @@ def plasma(*, threads=1, chunks=0, n=3000, points=(32, 32), lengths=None, v=0.5,
     grid = {{ points = {list(points)}; }};  field = {{ magnetic = {list(magnetic)}; }};  numerics = {{ {settings} }};
     species = ( {{ name = "electron"; particles = {n}; charge = -1.0; mass = 1.0; plasma_frequency = 1.0;
                    init_method = "{init}"; thermal_velocity = {v}; {extra} }} {"," + ion if ions else ""} );"""
-    return Plasma(validate(PlasmaConfig, loads(text)), World.start(), Pool(threads), Timers())
+    return Plasma(configure(loads(text)), World.start(), Pool(threads), Timers())
 
 
 def digest(made):

@@ -3,11 +3,10 @@
 import numpy as np
 
 from hpcpic.core.case.config import loads
-from hpcpic.core.case.schema import validate
 from hpcpic.core.comm.world import World
 from hpcpic.core.tasks.graph import Pool
 from hpcpic.core.timers import Timers
-from sph.case.config import SphConfig
+from sph.configure import configure
 from sph.kernels.marks import CODES, REPULSIVE
 from sph.physics.smoothing import SMOOTHING
 from sph.physics.stability import cleary_constant
@@ -57,7 +56,7 @@ def torn():
 
 
 def config(case=None, **settings):
-    return validate(SphConfig, loads(case or text(**settings)))
+    return configure(loads(case or text(**settings)))
 
 
 def engine(world=None, threads=1, **settings):

@@ -8,12 +8,11 @@ from typing import Any
 import numpy as np
 
 from hpcpic.core.case.config import load
-from hpcpic.core.case.schema import validate
 from hpcpic.core.comm.world import World
 from hpcpic.core.tasks.graph import Pool
 from hpcpic.core.timers import Timers
 from hpcpic.plasma.app import shipped_cases
-from hpcpic.plasma.case.config import PlasmaConfig
+from hpcpic.plasma.configure import configure
 from hpcpic.plasma.step import Plasma
 
 Look = Callable[[Plasma], Any]
@@ -23,7 +22,7 @@ class Simulation:
     """`config`, the `app` after the last step, and what `look(app)` gave before each step and at the end."""
 
     def __init__(self, world: World, case: str, *sets: str, look: Look | None = None, every: int = 1) -> None:
-        self.config = validate(PlasmaConfig, load(shipped_cases().get(case, case), sets))
+        self.config = configure(load(shipped_cases().get(case, case), sets))
         self.seen, self.times = [], []
         pool = Pool(1)
         try:

@@ -11,12 +11,11 @@ import numpy as np
 import pytest
 
 from hpcpic.core.case.config import load
-from hpcpic.core.case.schema import validate
 from hpcpic.core.tasks.graph import Pool
 from hpcpic.core.timers import Timers
 from sph.analysis import experiments, theory
 from sph.app import shipped_cases
-from sph.case.config import SphConfig
+from sph.configure import configure
 from sph.diagnostics.snapshot import particles_at
 from sph.step import Sph
 
@@ -27,7 +26,7 @@ class Done:
     """A shipped case run to its end: `app`, and the scalars `seen` at `t`, at least `period` s apart."""
 
     def __init__(self, world, case: str, *sets: str, period: float = math.inf, at: tuple[float, ...] = ()) -> None:
-        self.config = validate(SphConfig, load(shipped_cases()[case], sets))
+        self.config = configure(load(shipped_cases()[case], sets))
         self.rows, self.states, times = [], {}, []
         pool = Pool(1)
         try:

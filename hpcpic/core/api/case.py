@@ -18,7 +18,7 @@ from hpcpic.core.app.read import Case as ReadCase
 from hpcpic.core.app.read import read_case
 from hpcpic.core.case.config import Place, Tree, loads
 from hpcpic.core.case.derived import enforce
-from hpcpic.core.case.schema import dump, validate
+from hpcpic.core.case.schema import dump
 from hpcpic.core.cli.check import numbers_of
 from hpcpic.core.errors import ConfigError, Diverged, FileError, HpcpicError
 
@@ -56,7 +56,7 @@ class Case:
             self._read_case = read_case(self._app, self._source, self._sets)
         else:
             tree = self._tree()
-            self._read_case = ReadCase("case.conf", tree, validate(self._app.schema(), tree))
+            self._read_case = ReadCase("case.conf", tree, self._app.configure(tree))
 
     @property
     def config(self) -> Any:

@@ -1,12 +1,10 @@
-"""What the command line knows of a simulator. Each field is a function, so that nothing heavy is imported
-early.
-"""
+"""What the command line knows of a simulator. Its fields are functions, so that nothing heavy is imported early."""
 
 from __future__ import annotations
 
 import sys
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from importlib import import_module
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -15,6 +13,7 @@ if TYPE_CHECKING:
     from hpcpic.core.app.figures import Plot
     from hpcpic.core.app.forecast import Estimate
     from hpcpic.core.app.knobs import Knobs
+    from hpcpic.core.case.config import Tree
     from hpcpic.core.case.derived import Derived
     from hpcpic.core.case.schema import Section
     from hpcpic.core.comm.world import World
@@ -25,35 +24,28 @@ PYTHON = (sys.executable, "-P")  # starts this Python; what lies in the current 
 
 @dataclass(frozen=True, slots=True)
 class App:
-    """One simulator. `config` below is an instance of the schema.
-
-    derived(config, ranks): the numbers `check` prints. estimate(config, ranks, threads, rates): memory, disk,
-    time. load(): the class with the closed shape. until(config, t): the --set list that ends the run at time
-    t [s]. time_step(config): that of the start [s]. grow(config, factor): the --set list of a scene so many
-    times as large, for weak scaling; ValueError where it cannot grow. free: keys, or groups of keys, that a
-    restart may change. bench(quick): kernel rates of this machine. bench_ranks(quick, world): what ranks need for each
-    other, collective. plan(config, ranks, threads): lines on
-    kernels, arrays and messages. plots(): the figures of a run by name. knobs(config): what `tradeoff` and
-    `stability` may turn. command: what starts this program.
-    """
+    """One simulator. `config` is an instance of its schema; a --set list is a tuple of KEY=VALUE."""
 
     name: str
     title: str
     schema: Callable[[], type[Section]]
-    cases: Callable[[], Mapping[str, Path]]
-    derived: Callable[[Any, int], list[Derived]]
-    estimate: Callable[[Any, int, int, Mapping[str, float]], Estimate]
-    load: Callable[[], type]
-    until: Callable[[Any, float], tuple[str, ...]]
-    time_step: Callable[[Any], float] | None = None
+    configure: Callable[[Tree], Any]  # the valid and complete config of a case; ConfigError with every fault
+    cases: Callable[[], Mapping[str, Path]]  # the shipped ones, by name
+    derived: Callable[[Any, int], list[Derived]]  # (config, ranks): the numbers that `check` prints
+    estimate: Callable[[Any, int, int, Mapping[str, float]], Estimate]  # (config, ranks, threads, measured rates)
+    load: Callable[[], type]  # the class with the closed shape
+    until: Callable[[Any, float], tuple[str, ...]]  # (config, t): the --set list that ends the run at time t [s]
+    time_step: Callable[[Any], float] | None = None  # (config): at the start, s
+    # (config, factor): the --set list of a scene so many times as large, for weak scaling; ValueError where it cannot
+    # grow
     grow: Callable[[Any, int], tuple[str, ...]] | None = None
-    free: tuple[str, ...] = ()
-    bench: Callable[[bool], Mapping[str, float]] | None = None
-    bench_ranks: Callable[[bool, World], Mapping[str, float]] | None = None
-    plan: Callable[[Any, int, int], list[str]] | None = None
-    plots: Callable[[], Mapping[str, Plot]] | None = None
-    knobs: Callable[[Any], Knobs] | None = None
-    command: tuple[str, ...] = field(default=())
+    free: tuple[str, ...] = ()  # keys, or groups of keys, that a restart may change
+    bench: Callable[[bool], Mapping[str, float]] | None = None  # (quick): rates of the kernels on this machine
+    bench_ranks: Callable[[bool, World], Mapping[str, float]] | None = None  # rates of messages; collective
+    plan: Callable[[Any, int, int], list[str]] | None = None  # (config, ranks, threads): kernels, arrays, messages
+    plots: Callable[[], Mapping[str, Plot]] | None = None  # the figures of a run by name
+    knobs: Callable[[Any], Knobs] | None = None  # (config): what `tradeoff` and `stability` may turn
+    command: tuple[str, ...] = ()  # what starts this program
 
     @property
     def program(self) -> tuple[str, ...]:

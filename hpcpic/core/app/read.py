@@ -43,6 +43,4 @@ class Case:
 def read_case(app: App, case: str, sets: tuple[str, ...] = ()) -> Case:
     """Raises ConfigError with every fault."""
     tree = load(path := str(find_case(case, app.cases())), sets)
-    from hpcpic.core.case.schema import validate  # takes long to import: only where there is something to validate
-
-    return Case(path, tree, validate(app.schema(), tree))
+    return Case(path, tree, app.configure(tree))

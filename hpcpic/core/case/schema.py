@@ -5,9 +5,9 @@ import functools
 import math
 import re
 import typing
-from collections.abc import Iterator
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
-from typing import Annotated, Any, ClassVar, Self, TypeVar
+from typing import Annotated, Any, ClassVar, TypeVar
 
 from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, ValidationError
 from pydantic.fields import FieldInfo
@@ -49,16 +49,9 @@ class Section(BaseModel):
     def modernised(cls, tree: Tree) -> None:
         """Rewrite older spellings in the tree before it is validated; notes go to tree.warnings."""
 
-    def faults(self) -> Iterator[tuple[Path, str]]:
-        """What is wrong between settings that are each right, with the key to change."""
-        return iter(())
-
-    def completed(self) -> Self:
-        """The same configuration with everything filled in that other settings determine."""
-        return self
-
 
 Model = TypeVar("Model", bound=Section)
+Fault = tuple[Path, str]  # the key to change, and what is wrong with it
 
 
 def setting(default: Any, text: str, unit: str = "", **limits: Any) -> Any:
@@ -79,8 +72,17 @@ Integers = Annotated[tuple[int, ...], BeforeValidator(as_tuple)]
 Lengths = Annotated[tuple[Annotated[float, Field(gt=0)], ...], BeforeValidator(as_tuple)]
 
 
-def validate(model: type[Model], tree: Tree) -> Model:
-    """The typed configuration. Raises ConfigError with every fault, each with its place and key."""
+def validate(
+    model: type[Model],
+    tree: Tree,
+    checks: Callable[[Model], Iterable[Fault]] = lambda config: (),
+    complete: Callable[[Model], Model] = lambda config: config,
+) -> Model:
+    """The typed configuration of a tree of settings. Raises ConfigError with every fault, each with its place and key.
+
+    checks(config): what is wrong between settings that are each right. complete(config): the same configuration with
+    everything filled in that other settings determine.
+    """
     model.modernised(tree)
     drop_ignored(model, tree)
     messages = list(tree.faults)
@@ -97,11 +99,11 @@ def validate(model: type[Model], tree: Tree) -> Model:
         if len(found) > MOST_TOLD:
             messages.append(f"and {len(found) - MOST_TOLD} more")
         raise ConfigError(messages) from None
-    faults = list(magnitude_faults(config)) or list(config.faults())  # relations of such numbers need not be computable
+    faults = list(magnitude_faults(config)) or list(checks(config))  # relations of such numbers need not be computable
     messages += [f"{tree.where(path)}: {dotted(path)}: {text}" for path, text in faults]
     if messages:
         raise ConfigError(messages)
-    return config.completed()
+    return complete(config)
 
 
 def stranger(model: type[Section], tree: Tree) -> str:

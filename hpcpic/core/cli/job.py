@@ -20,7 +20,7 @@ from hpcpic.core.app.forecast import Estimate
 from hpcpic.core.app.rates import read_rates
 from hpcpic.core.app.text import amount
 from hpcpic.core.case.config import Tree, leaves, loads
-from hpcpic.core.case.schema import validate, value_text
+from hpcpic.core.case.schema import value_text
 from hpcpic.core.comm.world import World
 from hpcpic.core.errors import ConfigError, FileError, HpcpicError
 from hpcpic.core.files.rundir import RunDir, write_atomic
@@ -141,7 +141,7 @@ class _Job:
         assert self.rundir is not None
         tree = loads(plan.config, str(self.rundir.config))
         settings = fixed_settings(self.app, tree)
-        config = validate(self.app.schema(), tree)
+        config = self.app.configure(tree)
         threads, timers = self.flags.threads or self.world.default_threads(), Timers()
         with everywhere():
             reader = checkpoint.newest(self.rundir, self.world) if plan.restart else None

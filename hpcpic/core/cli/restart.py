@@ -11,7 +11,6 @@ from hpcpic.core.app.app import App, AppLoader
 from hpcpic.core.app.read import set_option
 from hpcpic.core.case.config import Tree, load
 from hpcpic.core.case.derived import enforce
-from hpcpic.core.case.schema import validate
 from hpcpic.core.cli.run import job_options
 from hpcpic.core.errors import ConfigError
 from hpcpic.core.files.rundir import RunDir
@@ -79,13 +78,13 @@ def _config(
             raise ConfigError(
                 f"--set {assignment}: a restart cannot change {key}; it can change {', '.join(app.free)}"
             )
-    before = validate(app.schema(), load(rundir.config))
+    before = app.configure(load(rundir.config))
     if until is not None:
         forwards = app.time_step is None or app.time_step(before) > 0
         if not math.isfinite(until) or (until < 0) == forwards:
             raise ConfigError(f"--until {until:g}: must be a time in s after the start of the run, t = 0")
         sets = (*sets, *app.until(before, until))
     tree = load(rundir.config, sets)
-    config = validate(app.schema(), tree)
+    config = app.configure(tree)
     warnings = enforce(app.derived(config, ranks), tree, force=True)
     return config, tree, warnings

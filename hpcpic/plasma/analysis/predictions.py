@@ -11,6 +11,7 @@ import numpy as np
 from hpcpic.plasma.analysis import series_analysis, theory
 from hpcpic.plasma.analysis.theory import Beam, Mesh
 from hpcpic.plasma.case.config import PlasmaConfig
+from hpcpic.plasma.configure import configure
 from hpcpic.plasma.forecast.derived import plasma_frequency
 
 if TYPE_CHECKING:
@@ -30,9 +31,8 @@ class Prediction:
 def config_of(run: Run) -> PlasmaConfig:
     """The case of a run, with every default filled in."""
     from hpcpic.core.case.config import loads
-    from hpcpic.core.case.schema import validate
 
-    return validate(PlasmaConfig, loads(run.config))
+    return configure(loads(run.config))
 
 
 def beams(config: PlasmaConfig) -> tuple[Beam, ...]:

@@ -1,21 +1,17 @@
 """What a plasma case says: the thesis's vocabulary (chapter 11) as a typed, frozen configuration.
 
 Vectors are in physical order (x, y, z); 1D cases have x only. Older spellings of the thesis author's program
-(grid.blocks x blocksize, simulation.method, sampling_period, scalars for vectors of one component; plasma.older) and
-words for numbers (particle, temperature, particles_per_cell) are understood; `completed` replaces them by the present
-ones.
+(grid.blocks x blocksize, simulation.method, sampling_period, scalars for vectors of one component) and words for
+numbers (particle, temperature, particles_per_cell) are understood; setup.defaults replaces them by the present ones.
 """
 
 import math
-from collections.abc import Iterator
 from typing import ClassVar, Literal
 
-from hpcpic.core.case.config import Path, Tree, dotted
+from hpcpic.core.case.config import Tree, dotted
 from hpcpic.core.case.schema import REQUIRED, Counts, Integers, Lengths, Section, Vector, matching, setting
-from hpcpic.core.case.words import in_steps
 from hpcpic.plasma.case import units
-from hpcpic.plasma.case.older_words import KINDS, modernised
-from hpcpic.plasma.setup import loaders
+from hpcpic.plasma.case.older_words import drift_warnings, modernised
 
 InitMethod = Literal[
     "random", "quiet", "opposite beams", "uniform velocities", "position delta", "harmonic two electrons",
@@ -230,66 +226,7 @@ class PlasmaConfig(Section):
             from_set = [name for name in given if tree.where((*path, name)).file.startswith("--set")]
             if len(given) == 2 and len(from_set) == 1:  # --set counts, as over the same key
                 tree.drop((*path, *(set(given) - set(from_set))))
-            tree.warnings += [f"{dotted(path)}.{text}" for text in loaders.told_of_drifts(species)]
-
-    def faults(self) -> Iterator[tuple[Path, str]]:
-        d = self.dimensions
-        simulation = self.simulation
-        if len(simulation.space_length) != d:
-            yield (
-                ("simulation", "space_length"),
-                f"needs {d} number(s) in {d}D (got {len(simulation.space_length)})",
-            )
-        if simulation.time_step == 0:
-            yield ("simulation", "time_step"), "must not be 0"
-        yield from self.grid_faults(d)
-        for name in ("magnetic", "electric"):
-            vector = getattr(self.field, name)
-            if len(vector) != 3:
-                yield ("field", name), f"needs 3 numbers, one per axis x, y, z (got {len(vector)})"
-        names = [name_of(species, i) for i, species in enumerate(self.species)]
-        for i, species in enumerate(self.species):
-            if "/" in names[i] or names[i] in (".", ".."):
-                yield ("species", i, "name"), f"{names[i]!r} would be a path in the files of a run"
-            for key, text in (*species_faults(species, d), *loaders.particle_faults(species)):
-                yield ("species", i, *key), text
-            if species.particles_per_cell and species.particles_per_cell * self.cells > MOST_PARTICLES:
-                yield ("species", i, "particles_per_cell"), f"makes more than {MOST_PARTICLES} particles"
-        given, known = self.constants.vacuum_permittivity, units.SI.permittivity
-        if self.units == "SI" and given is not None and abs(given / known - 1) > 0.01:
-            yield ("constants", "vacuum_permittivity"), f"is {known} F/m in SI units: leave it out (got {given})"
-
-    def grid_faults(self, d: int) -> Iterator[tuple[Path, str]]:
-        grid = self.grid
-        older = [name for name in ("blocks", "blocksize") if getattr(grid, name) is not None]
-        if grid.points is not None and older:
-            yield ("grid", older[0]), "give either points, or blocks and blocksize"
-        elif grid.points is None and len(older) < 2:
-            yield ("grid", *older), "needs points = [..] (or blocks and blocksize)"
-        for name in ("points", *older):
-            vector = getattr(grid, name)
-            if vector is not None and len(vector) != d:
-                yield ("grid", name), f"needs {d} number(s) in {d}D (got {len(vector)})"
-            elif vector is not None and max(vector) > MOST_POINTS:
-                yield ("grid", name), f"at most {MOST_POINTS} on an axis (got {max(vector)})"
-
-    def completed(self) -> "PlasmaConfig":
-        d, points = self.dimensions, self.points
-        permittivity = self.constants.vacuum_permittivity or units.SYSTEMS[self.units].permittivity
-        every, period, step = self.output.every, self.output.period, self.simulation.time_step
-        steps = {kind: in_steps(getattr(every, kind), getattr(period, kind), step) for kind in KINDS}
-        unknown = every.series is None and period.series is None
-        output = self.output.model_copy(update={"every": Every(**steps), "period": Period()})
-        full = self.model_copy(
-            update={
-                "simulation": self.simulation.model_copy(update={"dimensions": d}),
-                "grid": Grid(points=points),
-                "constants": Constants(vacuum_permittivity=permittivity),
-                "species": tuple(completed_species(species, i, self) for i, species in enumerate(self.species)),
-                "output": output,
-            }
-        )
-        return full.sampled() if unknown else full
+            tree.warnings += [f"{dotted(path)}.{text}" for text in drift_warnings(species)]
 
     @property
     def conserved(self) -> tuple[str, ...]:
@@ -298,53 +235,10 @@ class PlasmaConfig(Section):
         along = (k for k in range(3) if not electric[k] and not any(b for i, b in enumerate(magnetic) if i != k))
         return ("charge", *(() if any(electric) else ("energy_total",)), *(f"momentum_{'xyz'[k]}" for k in along))
 
-    def sampled(self) -> "PlasmaConfig":
-        """The same with the default period of the series."""
-        from hpcpic.plasma.forecast.estimate import series_period
-
-        every = self.output.every.model_copy(update={"series": series_period(self)})
-        return self.model_copy(update={"output": self.output.model_copy(update={"every": every})})
-
-
-def species_faults(species: Species, d: int) -> Iterator[tuple[Path, str]]:
-    """What does not fit together in one species, in d dimensions."""
-    if species.drift_velocity and len(species.drift_velocity) < d:
-        yield ("drift_velocity",), f"needs {d} numbers in {d}D, or 3 (got {len(species.drift_velocity)})"
-    for name in ("position_init", "position_delta"):
-        vector = getattr(species, name)
-        if vector and len(vector) != d:
-            yield (name,), f"needs {d} number(s) in {d}D (got {len(vector)})"
-    if species.init_method == "position delta":
-        for name in ("position_init", "position_delta"):
-            if not getattr(species, name):
-                yield (), f'{name} is missing, which init_method "position delta" needs'
-    if species.init_method == "harmonic two electrons" and species.particles != 2:
-        yield ("particles",), f'must be 2 for init_method "harmonic two electrons" (got {species.particles})'
-    if species.perturbation:
-        mode = species.perturbation.mode
-        if len(mode) != d:
-            yield ("perturbation", "mode"), f"needs {d} number(s) in {d}D (got {len(mode)})"
-        elif not any(mode):
-            yield ("perturbation", "mode"), "must not be zero on every axis"
-
 
 def name_of(species: Species, i: int) -> str:
     """The name of species[i], given or by default."""
     return species.name or f"species_{i + 1}"
-
-
-def completed_species(species: Species, i: int, config: PlasmaConfig) -> Species:
-    """Name given, vectors of full length, numbers in the place of words."""
-    zeros, d = (0.0,) * 3, config.dimensions
-    return species.model_copy(
-        update={
-            "name": name_of(species, i),
-            "drift_velocity": (species.drift_velocity + zeros)[:3],
-            "position_init": species.position_init or zeros[:d],
-            "position_delta": species.position_delta or zeros[:d],
-            **loaders.numbers(species, config.cells, units.SYSTEMS[config.units]),
-        }
-    )
 
 
 def velocity_components(config: PlasmaConfig) -> int:

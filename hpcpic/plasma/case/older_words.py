@@ -2,6 +2,8 @@
 
 import difflib
 import itertools
+from collections.abc import Iterator, Mapping
+from typing import Any
 
 from hpcpic.core.case.config import Path, Tree, dotted
 from hpcpic.core.case.words import move, one_period
@@ -15,6 +17,8 @@ OLDER = {  # the thesis's words for output.every
     "particles": ((*WRITTEN, "particle"), ("output", "period", "particle"), (*SAMPLING, "particle")),
     "checkpoint": (("output", "checkpoint"),),
 }
+
+ITS_DRIFT = 'init_method = "random" gives all of them the drift_velocity'
 
 
 def modernised(tree: Tree) -> None:
@@ -74,3 +78,24 @@ def named_apart(tree: Tree) -> None:
             place = tree.where(("species", i, "name"))
             tree.warnings.append(f"{place}: species[{i}].name: {name!r} is taken; called {group['name']!r} here")
         taken.add(name)
+
+
+def drift_warnings(species: Mapping[str, Any]) -> Iterator[str]:
+    """Warnings where a drift_velocity is no drift, or was none in earlier versions; of a species not yet validated."""
+    drift = species.get("drift_velocity")
+    drift = drift if isinstance(drift, list | tuple) else (drift,)
+    if not any(isinstance(v, int | float) and v for v in drift):
+        return
+    word, cold = species.get("init_method"), not (species.get("thermal_velocity") or species.get("temperature"))
+    if word is None:
+        yield (
+            "init_method: not given: all particles have the drift_velocity; until now they made two opposite "
+            'beams, which is init_method = "opposite beams"'
+        )
+    elif word == "default":
+        yield f'init_method: "default" makes two opposite beams, without a mean drift; {ITS_DRIFT}'
+    elif word == "random position" and cold:
+        yield (
+            'init_method: "random position" without a thermal velocity makes velocities uniform in [-v, v], v = '
+            f"drift_velocity, without a mean drift; {ITS_DRIFT}"
+        )

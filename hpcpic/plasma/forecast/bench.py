@@ -17,12 +17,11 @@ from time import perf_counter
 
 from hpcpic.core.app.rates import in_turn, undisturbed
 from hpcpic.core.case.config import loads
-from hpcpic.core.case.schema import validate
 from hpcpic.core.comm.world import World
 from hpcpic.core.space.domain import Domain, even_cuts
 from hpcpic.core.tasks.graph import Pool
 from hpcpic.core.timers import Timers
-from hpcpic.plasma.case.config import PlasmaConfig
+from hpcpic.plasma.configure import configure
 from hpcpic.plasma.forecast.estimate import (
     DEFAULT,
     LEVELS,
@@ -70,7 +69,7 @@ class Trial:
         lengths, cells = [float(k) for k in points], list(points)
         text = CASE.format(d=len(points), lengths=lengths, points=cells, n=n, shape=shape, precision=precision)
         self.pool, self.timers = Pool(threads, world.cpus(threads)), Timers()
-        self.plasma = Plasma(validate(PlasmaConfig, loads(text)), world, self.pool, self.timers)
+        self.plasma = Plasma(configure(loads(text)), world, self.pool, self.timers)
         self.turn_steps = TINY_STEPS if points == TINY[len(points)] else STEPS
         self.steps, self.fields, self.samples = list[float](), list[float](), list[float]()
 

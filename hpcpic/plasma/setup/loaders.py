@@ -7,7 +7,7 @@ is many; without, they are the macro-particle's own.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
@@ -18,7 +18,6 @@ if TYPE_CHECKING:
 RANDOM = ("random", "opposite beams", "uniform velocities")  # their positions are random
 SCALABLE = (*RANDOM, "quiet")  # more particles are the same scene
 PLACED = ("position delta", "harmonic two electrons")  # one by one
-ITS_DRIFT = 'init_method = "random" gives all of them the drift_velocity'
 
 
 def loader(word: str, thermal_velocity: float) -> str:
@@ -28,27 +27,6 @@ def loader(word: str, thermal_velocity: float) -> str:
     if word == "random position":
         return "random" if thermal_velocity else "uniform velocities"
     return word
-
-
-def told_of_drifts(species: Mapping[str, Any]) -> Iterator[str]:
-    """Warnings where a drift_velocity is no drift, or was none in earlier versions; of a species not yet validated."""
-    drift = species.get("drift_velocity")
-    drift = drift if isinstance(drift, list | tuple) else (drift,)
-    if not any(isinstance(v, int | float) and v for v in drift):
-        return
-    word, cold = species.get("init_method"), not (species.get("thermal_velocity") or species.get("temperature"))
-    if word is None:
-        yield (
-            "init_method: not given: all particles have the drift_velocity; until now they made two opposite "
-            'beams, which is init_method = "opposite beams"'
-        )
-    elif word == "default":
-        yield f'init_method: "default" makes two opposite beams, without a mean drift; {ITS_DRIFT}'
-    elif word == "random position" and cold:
-        yield (
-            'init_method: "random position" without a thermal velocity makes velocities uniform in [-v, v], v = '
-            f"drift_velocity, without a mean drift; {ITS_DRIFT}"
-        )
 
 
 def particle_faults(species: Species) -> Iterator[tuple[Path, str]]:

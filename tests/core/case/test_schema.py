@@ -34,15 +34,14 @@ class Model(Section):
     part: tuple[Part, ...] = ()
     limit: float | None = setting(None, "limit")
 
-    def faults(self):
-        for i, part in enumerate(self.part):
-            if part.name == "bad":
-                yield ("part", i, "name"), "is bad"
+
+def bad_names(config: Model):
+    return ((("part", i, "name"), "is bad") for i, part in enumerate(config.part) if part.name == "bad")
 
 
 def faults_of(text: str, sets=()) -> list[str]:
     with pytest.raises(ConfigError) as caught:
-        validate(Model, loads(text, sets=sets))
+        validate(Model, loads(text, sets=sets), bad_names)
     assert caught.value.exit_code == 2
     return caught.value.messages
 

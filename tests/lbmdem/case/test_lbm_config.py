@@ -8,10 +8,11 @@ from hypothesis import strategies as st
 
 from hpcpic.core.case.config import leaves, loads
 from hpcpic.core.case.derived import enforce
-from hpcpic.core.case.schema import dump, validate
+from hpcpic.core.case.schema import dump
 from hpcpic.core.errors import ConfigError
 from lbmdem.app import shipped_cases
 from lbmdem.case.config import Diameters, LbmDemConfig
+from lbmdem.configure import configure
 from lbmdem.forecast.derived import derived
 from lbmdem.forecast.estimate import estimate
 from lbmdem.forecast.plan import plan
@@ -27,13 +28,13 @@ fluid = { kinematic_viscosity = 1.0e-6; relaxation_time = 1.0; body_force = [1.0
 
 
 def config_of(text: str) -> LbmDemConfig:
-    return validate(LbmDemConfig, loads(text))
+    return configure(loads(text))
 
 
 def messages(text: str) -> str:
     with pytest.raises(ConfigError) as caught:
         tree = loads(text)
-        enforce(derived(validate(LbmDemConfig, tree)), tree)
+        enforce(derived(configure(tree)), tree)
     return str(caught.value)
 
 
@@ -199,7 +200,7 @@ def test_a_fast_lid_is_warned_of_and_refused():
     assert warned[0].verdict == "warn" and "relaxation_time" in warned[0].cure
     tree = loads(lid(1.1 * unit * CS2**0.5))
     with pytest.raises(ConfigError, match="Mach number"):
-        enforce(derived(validate(LbmDemConfig, tree)), tree, force=True)
+        enforce(derived(configure(tree)), tree, force=True)
 
 
 def test_the_speed_of_a_falling_grain_is_foreseen():
@@ -310,7 +311,7 @@ def test_no_numbers_break_check_estimate_or_plan(floats, counts):
     changed = [f"{key}={value!r}" for key, value in floats.items()]
     changed += [f"{key}={value}L" for key, value in counts.items()]
     try:
-        config = validate(LbmDemConfig, loads(EVERYTHING, sets=changed))
+        config = configure(loads(EVERYTHING, sets=changed))
     except ConfigError as error:
         assert error.messages
         return

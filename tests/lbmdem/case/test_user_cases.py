@@ -6,11 +6,10 @@ from app_runner import running
 
 from hpcpic.core.case.config import loads
 from hpcpic.core.case.derived import enforce
-from hpcpic.core.case.schema import validate
 from hpcpic.core.errors import ConfigError
 from lbmdem import step
 from lbmdem.app import shipped_cases
-from lbmdem.case.config import LbmDemConfig
+from lbmdem.configure import configure
 from lbmdem.forecast import estimate as estimates
 from lbmdem.forecast.derived import derived
 
@@ -28,7 +27,7 @@ STILL = f"grains = ({{ diameter = {10 * DX!r}; moving = false; position = [{16.3
 def refused(text: str, ranks: int = 1, force: bool = False) -> str:
     tree = loads(text)
     with pytest.raises(ConfigError) as caught:
-        enforce(derived(validate(LbmDemConfig, tree), ranks), tree, force)
+        enforce(derived(configure(tree), ranks), tree, force)
     return str(caught.value)
 
 
@@ -68,15 +67,15 @@ def test_what_would_do_nothing_is_not_passed_over(text, said):
 
 
 def test_an_inlet_without_an_outlet_is_warned_of():
-    numbers = derived(validate(LbmDemConfig, loads(f"{BOX}{INLET});")))
+    numbers = derived(configure(loads(f"{BOX}{INLET});")))
     assert [n.verdict for n in numbers if n.name == "mean density at the end"] == ["warn"]
-    numbers = derived(validate(LbmDemConfig, loads(BOX + INLET + OUTLET)))
+    numbers = derived(configure(loads(BOX + INLET + OUTLET)))
     assert not any(n.name == "mean density at the end" for n in numbers)
 
 
 def test_the_quadratic_rule_on_two_ranks_is_refused_beforehand():
     text = f'{BOX}{STILL} coupling = {{ bounce_back = "quadratic"; }};'
-    derived(validate(LbmDemConfig, loads(text)), 1)
+    derived(configure(loads(text)), 1)
     assert "coupling.bounce_back: ranks of the quadratic rule R = 2" in refused(text, 2, force=True)
 
 
@@ -159,7 +158,7 @@ def test_shaking_that_sound_cannot_follow_is_warned_of(world, tau, most, verdict
     contact = {{ normal_stiffness = 100.0; }};
     shaking = {{ acceleration = [0.1, 0.0]; frequency = 10.0; }};
     """
-    said = [n.verdict for n in derived(validate(LbmDemConfig, loads(text))) if n.name == "shaking against sound"]
+    said = [n.verdict for n in derived(configure(loads(text))) if n.name == "shaking against sound"]
     fastest = 0.0
     with running(world, "lbmdem", text) as run:
         while run.iteration < run.n_steps:
@@ -171,7 +170,7 @@ def test_shaking_that_sound_cannot_follow_is_warned_of(world, tau, most, verdict
 
 def test_grains_alone_are_not_charged_for_calls_that_they_share():
     """Many of their steps are one call: what a call costs was told for each, six times the time of a hundred grains."""
-    config = validate(LbmDemConfig, loads(shipped_cases()["settling-pile"].read_text()))
+    config = configure(loads(shipped_cases()["settling-pile"].read_text()))
     assert estimates.TOGETHER == step.TOGETHER  # written twice, as the command imports nothing of the program
     of_grains = 1e-9 * 200 * estimates.DEFAULT["grain_ns"]
     assert of_grains < estimates.estimate(config, 1, 1, {}).step_seconds < 1.1 * of_grains

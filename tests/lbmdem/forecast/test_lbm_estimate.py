@@ -3,11 +3,20 @@
 import pytest
 
 from hpcpic.core.case.config import loads
-from hpcpic.core.case.schema import validate
 from lbmdem.case.config import LbmDemConfig
+from lbmdem.configure import configure
 from lbmdem.fluid import fluid, temporal_blocking
 from lbmdem.forecast import estimate as estimates
-from lbmdem.forecast.estimate import DEFAULT, SAMPLES, SERIES_SHARE, START, estimate, phases, sample_seconds
+from lbmdem.forecast.estimate import (
+    DEFAULT,
+    SAMPLES,
+    SERIES_SHARE,
+    START,
+    estimate,
+    output_periods,
+    phases,
+    sample_seconds,
+)
 from lbmdem.grains import dem
 
 CASE = """
@@ -21,14 +30,14 @@ contact = {{ normal_stiffness = 0.01; }};"""
 
 
 def config(steps: int = 1000, n: int = 32, more: str = "") -> LbmDemConfig:
-    return validate(LbmDemConfig, loads(CASE.format(steps=steps, n=n, more=more)))
+    return configure(loads(CASE.format(steps=steps, n=n, more=more)))
 
 
 @pytest.mark.parametrize("steps", [1, 10, 1000, 10**6])
 @pytest.mark.parametrize("n", [16, 96, 500])
 def test_a_series_not_asked_for_costs_its_share_or_has_the_least_samples(steps, n):
     case = config(steps, n)
-    period, sample = case.periods["series"], sample_seconds(case, 1, 1, DEFAULT)
+    period, sample = output_periods(case)["series"], sample_seconds(case, 1, 1, DEFAULT)
     samples, run = steps / period, START + steps * sum(phases(case, 1, 1, DEFAULT, 6).values())
     assert samples >= min(steps, SAMPLES[0])
     assert samples * sample <= SERIES_SHARE * run * 1.1 or samples < 2 * SAMPLES[0]
@@ -36,7 +45,7 @@ def test_a_series_not_asked_for_costs_its_share_or_has_the_least_samples(steps, 
 
 
 def test_a_series_that_is_asked_for_is_kept():
-    assert config(more="output = { period = { series = 7.0; }; };").periods["series"] == 7
+    assert output_periods(config(more="output = { period = { series = 7.0; }; };"))["series"] == 7
 
 
 def test_grains_cost_more_when_they_move_and_ranks_when_there_are_two():

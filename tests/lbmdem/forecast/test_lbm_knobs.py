@@ -8,13 +8,13 @@ from knob_cases import made_again, reader, sizes_of
 
 from hpcpic.core.cli.main import build
 from lbmdem.app import APP, shipped_cases
-from lbmdem.case.config import LbmDemConfig
+from lbmdem.configure import configure
 from lbmdem.forecast.knobs import knobs_of
 
 CASES = sorted(shipped_cases())
 
 
-read = reader(LbmDemConfig, shipped_cases)
+read = reader(configure, shipped_cases)
 
 
 @pytest.mark.parametrize("case", CASES)

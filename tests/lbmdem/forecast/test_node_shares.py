@@ -10,11 +10,10 @@ from app_runner import running
 from llvmlite import binding
 
 from hpcpic.core.case.config import loads
-from hpcpic.core.case.schema import validate
 from hpcpic.core.comm.world import World
 from hpcpic.core.simd.registers import lanes
 from lbmdem.app import shipped_cases
-from lbmdem.case.config import LbmDemConfig
+from lbmdem.configure import configure
 from lbmdem.fluid.temporal_blocking import even_depth
 from lbmdem.forecast.estimate import DEFAULT, estimate, phases, share_together
 from lbmdem.forecast.node_shares import TYPES, lanes_of_all, shares
@@ -43,8 +42,7 @@ WIDTH = """
 import json, sys
 import numpy as np
 from hpcpic.core.case.config import loads
-from hpcpic.core.case.schema import validate
-from lbmdem.case.config import LbmDemConfig
+from lbmdem.configure import configure
 from lbmdem.kernels.layout import Layout
 from lbmdem.kernels.node_kinds import classify, mark
 from lbmdem.kernels.sweep import MIXED, SKIP
@@ -52,7 +50,7 @@ from lbmdem.physics.velocity_sets import LATTICES
 from lbmdem.forecast.plan import arrays
 from lbmdem.forecast.node_shares import shares
 
-config = validate(LbmDemConfig, loads(sys.stdin.read()))
+config = configure(loads(sys.stdin.read()))
 n, centre, radius = config.points[0], np.array(config.grains[0].position[0]), 0.5 * config.grains[0].diameter
 axis = (np.arange(-1, n + 1) % n + 0.5) * config.spacing
 ids = np.where(sum((a - c) ** 2 for a, c in zip(np.meshgrid(*[axis] * 3), centre)) < radius**2, 0, -1).astype(np.int32)
@@ -98,7 +96,7 @@ def test_vectors_at_sides_are_counted(vectors, others, periodic, mixed):
     """Of rows of so many vectors of the registers that there are: the ends that are solid or not whole."""
     size = [1.0e-3 * n for n in (round(vectors * lanes("f8")), *others)]
     text = BOX.format(d=len(size), size=size, periodic=str(periodic).replace("'", '"'))
-    found = shares(validate(LbmDemConfig, loads(text)))
+    found = shares(configure(loads(text)))
     assert found.skipped == 0.0 and found.mixed == pytest.approx(mixed)
 
 
@@ -107,7 +105,7 @@ def test_rows_are_swept_by_whole_vectors(storage):
     """49 nodes along x cost what the next whole number of vectors does; what is beside sides is another matter."""
     whole = -(-49 // lanes(TYPES[storage])) * lanes(TYPES[storage])
     narrow, wide = (
-        validate(LbmDemConfig, loads(BOX.format(d=2, size=[n * 1e-3, 0.1], periodic='["x", "y"]')
+        configure(loads(BOX.format(d=2, size=[n * 1e-3, 0.1], periodic='["x", "y"]')
                                      .replace("fluid = {", f'fluid = {{ storage = "{storage}";')))
         for n in (49, whole)
     )  # fmt: skip
@@ -118,7 +116,7 @@ def test_rows_are_swept_by_whole_vectors(storage):
 
 def test_memory_of_the_end_is_counted_once_and_shared_by_the_ranks():
     """The state in order is as large as the populations, and each rank holds its part."""
-    case = validate(LbmDemConfig, loads(BOX.format(d=2, size=[0.064, 0.1], periodic='["x"]')))
+    case = configure(loads(BOX.format(d=2, size=[0.064, 0.1], periodic='["x"]')))
     one, four = (estimate(case, ranks, 1, {}).memory["state in order of rows"] for ranks in (1, 4))
     assert one == 64 * 100 * 9 * 8 and four == one / 4
 

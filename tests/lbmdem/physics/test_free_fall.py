@@ -6,8 +6,7 @@ import numpy as np
 import pytest
 
 from hpcpic.core.case.config import loads
-from hpcpic.core.case.schema import validate
-from lbmdem.case.config import LbmDemConfig
+from lbmdem.configure import configure
 from lbmdem.forecast.derived import derived
 from lbmdem.physics.free_fall import drag_coefficient, terminal_speed
 
@@ -35,7 +34,7 @@ gravity = [0.0, -1.0];
 
 
 def config_of(text, *sets):
-    return validate(LbmDemConfig, loads(text, sets=sets))
+    return configure(loads(text, sets=sets))
 
 
 def number(text, name, *sets):

@@ -15,7 +15,6 @@ from plasma_reference import make_run
 from hpcpic.__main__ import load_app
 from hpcpic.core.app.figures import NoData, overlay_figure, save, svg, thinned, timers_figure
 from hpcpic.core.case.config import load
-from hpcpic.core.case.schema import validate
 from hpcpic.core.cli.main import build
 from hpcpic.core.files import reader
 from hpcpic.core.files.arrays import FieldArray
@@ -27,6 +26,7 @@ from hpcpic.plasma.analysis import particle_plots, predictions
 from hpcpic.plasma.analysis.plots import PLOTS
 from hpcpic.plasma.app import shipped_cases
 from hpcpic.plasma.case.config import PlasmaConfig
+from hpcpic.plasma.configure import configure
 
 FEW = ("species[0].particles=2048", "species[1].particles=2048", "simulation.cycles=700")
 
@@ -38,7 +38,7 @@ def run(tmp_path_factory):
 
 
 def case(name: str, *sets: str) -> PlasmaConfig:
-    return validate(PlasmaConfig, load(shipped_cases()[name], sets))
+    return configure(load(shipped_cases()[name], sets))
 
 
 @pytest.mark.parametrize("name", [name for name in PLOTS if name != "orbits"])

@@ -5,10 +5,9 @@ import pytest
 from hpcpic.core.case.cases import cases_in, find_case, read_header
 from hpcpic.core.case.config import load
 from hpcpic.core.case.derived import enforce
-from hpcpic.core.case.schema import validate
 from hpcpic.core.errors import ConfigError
 from hpcpic.plasma.app import shipped_cases
-from hpcpic.plasma.case.config import PlasmaConfig
+from hpcpic.plasma.configure import configure
 from hpcpic.plasma.forecast.derived import derived
 
 SHIPPED = shipped_cases()
@@ -17,7 +16,7 @@ SHIPPED = shipped_cases()
 @pytest.mark.parametrize("name", SHIPPED)
 def test_shipped_case_is_legal_on_two_ranks_and_without_warnings(name):
     tree = load(SHIPPED[name])
-    config = validate(PlasmaConfig, tree)
+    config = configure(tree)
     assert enforce(derived(config, ranks=2), tree) == [] and tree.warnings == []
     assert config.description and config.periods["series"]
 
@@ -37,9 +36,9 @@ def test_the_cases_of_the_thesis_are_there():
         "thesis-1024-on-512",
         "thesis-10240-on-64",
     } <= set(SHIPPED)
-    config = validate(PlasmaConfig, load(SHIPPED["thesis-1024-on-512"]))
+    config = configure(load(SHIPPED["thesis-1024-on-512"]))
     assert config.grid.points == (512, 512) and config.species[0].particles == 1024
-    config = validate(PlasmaConfig, load(SHIPPED["thesis-10240-on-64"]))
+    config = configure(load(SHIPPED["thesis-10240-on-64"]))
     assert config.grid.points == (64, 64) and config.species[0].particles == 10240
 
 

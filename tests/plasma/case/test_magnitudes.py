@@ -5,9 +5,8 @@ from test_extremes import HOT, at, ended
 
 from hpcpic.core.case.config import loads
 from hpcpic.core.case.derived import enforce
-from hpcpic.core.case.schema import validate
 from hpcpic.core.errors import ConfigError
-from hpcpic.plasma.case.config import PlasmaConfig
+from hpcpic.plasma.configure import configure
 from hpcpic.plasma.forecast.derived import derived
 from hpcpic.plasma.forecast.estimate import estimate
 
@@ -51,7 +50,7 @@ def test_a_number_of_any_magnitude_is_refused_or_its_run_goes_on(world, base, ke
     found, messages, _ = ended(world, sets, case=case, steps=3)
     assert found in "ABC", messages
     if found != "C":
-        assert estimate(validate(PlasmaConfig, loads(case, sets=sets)), 1, 1, {}).seconds >= 0
+        assert estimate(configure(loads(case, sets=sets)), 1, 1, {}).seconds >= 0
 
 
 @pytest.mark.parametrize("count", ["0", "1", "2147483647", "4611686018427387904"])
@@ -63,7 +62,7 @@ def test_a_count_of_any_magnitude_has_an_answer(key, count):
     }
     tree = loads(HOT, sets=[words.get(key, f"{key}={count}")])
     try:
-        config = validate(PlasmaConfig, tree)
+        config = configure(tree)
         enforce(derived(config), tree)
     except ConfigError as error:
         assert error.messages

@@ -8,9 +8,10 @@ from hypothesis import strategies as st
 
 from hpcpic.core.case.config import Tree, load, loads
 from hpcpic.core.case.derived import enforce
-from hpcpic.core.case.schema import describe, dump, validate
+from hpcpic.core.case.schema import describe, dump
 from hpcpic.core.errors import ConfigError
 from hpcpic.plasma.case.config import PlasmaConfig, velocity_components
+from hpcpic.plasma.configure import configure
 from hpcpic.plasma.forecast.derived import derived
 
 CPIC = Path(__file__).parents[2] / "data" / "cpic"
@@ -38,7 +39,7 @@ NONE = {"openpmd": 0, "checkpoint": 0}  # unless they are asked for
 
 def read(text=CASE, sets=()):
     tree = loads(text, sets=sets)
-    return validate(PlasmaConfig, tree), tree
+    return configure(tree), tree
 
 
 def faults_of(text, sets=()):
@@ -91,7 +92,7 @@ def test_both_spellings_of_the_grid_are_one():
 )
 def test_files_in_the_style_of_the_thesis_author_are_read(name, points, species, ignored):
     tree = load(CPIC / f"{name}.conf")
-    config = validate(PlasmaConfig, tree)
+    config = configure(tree)
     assert config.grid.points == points and len(config.species) == species
     listing = [
         warning for warning in tree.warnings if warning.startswith("keys without meaning here, ignored: ")
@@ -136,16 +137,16 @@ def test_a_drift_without_a_method_is_told_once_and_the_case_as_used_says_it():
 
 
 def test_an_included_default_is_overridden_key_by_key():
-    config = validate(PlasmaConfig, load(CPIC / "two-species-2d.conf"))
+    config = configure(load(CPIC / "two-species-2d.conf"))
     assert config.simulation.solver == "LU"  # `method` of the case over `solver` of the defaults
     assert config.simulation.cycles == 10 and config.simulation.random_seed == 138
     assert config.simulation.space_length == (1.0, 1.0)
 
 
 def test_periods_of_the_live_plot_ask_for_no_snapshots():
-    config = validate(PlasmaConfig, load(CPIC / "two-electrons-1d.conf"))
+    config = configure(load(CPIC / "two-electrons-1d.conf"))
     assert config.periods == {"series": 10, "field": 0, "particle": 0} | NONE
-    config = validate(PlasmaConfig, load(CPIC / "pair-2d.conf"))
+    config = configure(load(CPIC / "pair-2d.conf"))
     assert config.periods == {"series": 0, "field": 5, "particle": 25} | NONE
 
 
@@ -356,10 +357,9 @@ def test_checking_a_case_loads_no_heavy_library():
     code = (
         "import sys\n"
         "from hpcpic.core.case.config import load\n"
-        "from hpcpic.core.case.schema import validate, describe, dump\n"
-        "from hpcpic.plasma.config import PlasmaConfig\n"
-        "from hpcpic.plasma.derived import derived\n"
-        f"derived(validate(PlasmaConfig, load({str(CPIC / 'pair-2d.conf')!r})))\n"
+        "from hpcpic.plasma.configure import configure\n"
+        "from hpcpic.plasma.forecast.derived import derived\n"
+        f"derived(configure(load({str(CPIC / 'pair-2d.conf')!r})))\n"
         "print({'mpi4py', 'numba', 'h5py', 'pyfftw', 'matplotlib', 'scipy'} & set(sys.modules))\n"
     )
     out = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True)
@@ -385,7 +385,7 @@ anything = st.recursive(
 @given(st.dictionaries(keys | st.sampled_from(["plot", "method", "period"]), anything))
 def test_no_tree_breaks_the_validation(data):
     try:
-        validate(PlasmaConfig, Tree(data=data))
+        configure(Tree(data=data))
     except ConfigError as error:
         assert error.messages and all("\n" not in message for message in error.messages)
 
@@ -416,7 +416,7 @@ def test_no_setting_of_a_wrong_kind_breaks_the_validation(changes):
         if isinstance(parent, (dict, list)) and tree.has(path):
             parent[path[-1]] = value
     try:
-        config = validate(PlasmaConfig, tree)
+        config = configure(tree)
     except ConfigError as error:
         assert error.messages and all(message.startswith("case:") for message in error.messages)
     else:

@@ -7,10 +7,10 @@ import pytest
 from app_runner import running
 
 from hpcpic.core.case.config import loads
-from hpcpic.core.case.schema import dump, validate
+from hpcpic.core.case.schema import dump
 from hpcpic.core.errors import ConfigError
-from hpcpic.plasma.case.config import PlasmaConfig
 from hpcpic.plasma.case.units import PARTICLES, SI
+from hpcpic.plasma.configure import configure
 from hpcpic.plasma.forecast.derived import derived, plasma_frequency
 from hpcpic.plasma.setup.loaders import macro_charge, macro_mass
 from hpcpic.plasma.setup.scene import Scene
@@ -43,7 +43,7 @@ def twins(d, precision="double"):
     one = PHYSICAL.format(
         dt=0.1, lengths=list(lengths), magnetic=0.2, density=1.0, temperature=1.0, drift=[0.5] * d, **shared
     ).replace('"SI"', '"normalised"')
-    return [validate(PlasmaConfig, loads(text, sets=[f"numerics.precision={precision}"])) for text in (si, one)]
+    return [configure(loads(text, sets=[f"numerics.precision={precision}"])) for text in (si, one)]
 
 
 @pytest.mark.parametrize("d, precision, close", [(1, "double", 1e-9), (2, "double", 1e-9), (2, "single", 2e-3)])
@@ -102,7 +102,7 @@ species = ( { particle = "electron"; density = 1e16; temperature = 1.0; particle
 
 def read(*sets, text=CASE):
     tree = loads(text, sets=sets)
-    return validate(PlasmaConfig, tree), tree
+    return configure(tree), tree
 
 
 def test_a_macro_particle_is_as_many_electrons_as_the_density_says():

@@ -6,11 +6,10 @@ import numpy as np
 import pytest
 
 from hpcpic.core.case.config import loads
-from hpcpic.core.case.schema import validate
 from hpcpic.core.comm.world import World
 from hpcpic.core.tasks.graph import Pool
 from hpcpic.core.timers import Timers
-from hpcpic.plasma.case.config import PlasmaConfig
+from hpcpic.plasma.configure import configure
 from hpcpic.plasma.diagnostics.scalars import LEAST, TOP, Moments
 from hpcpic.plasma.step import Plasma
 
@@ -38,7 +37,7 @@ LAWS = {
 
 
 def plasma_of(world, sets=(), threads=1):
-    config = validate(PlasmaConfig, loads(CASE, sets=sets))
+    config = configure(loads(CASE, sets=sets))
     plasma = Plasma(config, world, Pool(threads), Timers())
     for _ in range(config.simulation.cycles):
         plasma.step()

@@ -4,13 +4,12 @@ import numpy as np
 import pytest
 
 from hpcpic.core.case.config import loads
-from hpcpic.core.case.schema import validate
 from hpcpic.core.comm.world import World
 from hpcpic.core.errors import Diverged
 from hpcpic.core.run.checkpoint import digest
 from hpcpic.core.tasks.graph import Pool
 from hpcpic.core.timers import Timers
-from hpcpic.plasma.case.config import PlasmaConfig
+from hpcpic.plasma.configure import configure
 from hpcpic.plasma.particles import cloud
 from hpcpic.plasma.step import Plasma
 
@@ -29,7 +28,7 @@ species = (
 
 
 def plasma_of(world, *sets):
-    config = validate(PlasmaConfig, loads(CASE, sets=sets))
+    config = configure(loads(CASE, sets=sets))
     plasma = Plasma(config, world, Pool(1), Timers())
     for _ in range(config.simulation.cycles):
         plasma.step()

@@ -9,9 +9,8 @@ from hypothesis import strategies as st
 
 from hpcpic.core.case.config import Tree, loads
 from hpcpic.core.case.derived import enforce
-from hpcpic.core.case.schema import validate
 from hpcpic.core.errors import ConfigError
-from hpcpic.plasma.case.config import PlasmaConfig
+from hpcpic.plasma.configure import configure
 from hpcpic.plasma.forecast.derived import derived
 from hpcpic.plasma.physics.heating import energy_ratio, rate
 
@@ -27,7 +26,7 @@ species = (
 
 def numbers(sets=(), text=CASE, ranks=1):
     tree = loads(text, sets=sets)
-    config = validate(PlasmaConfig, tree)
+    config = configure(tree)
     return {number.symbol: number for number in derived(config, ranks)}, tree
 
 
@@ -279,7 +278,7 @@ cases = st.fixed_dictionaries(
 def test_no_numbers_break_the_check(data):
     tree = Tree(data=data)
     try:
-        enforce(derived(validate(PlasmaConfig, tree)), tree)
+        enforce(derived(configure(tree)), tree)
     except ConfigError as error:
         assert error.messages
 

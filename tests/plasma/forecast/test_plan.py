@@ -4,10 +4,10 @@ import numpy as np
 import pytest
 
 from hpcpic.core.case.config import loads
-from hpcpic.core.case.schema import validate
 from hpcpic.core.tasks.graph import Pool
 from hpcpic.core.timers import Timers
-from hpcpic.plasma.case.config import PlasmaConfig, rotation
+from hpcpic.plasma.case.config import rotation
+from hpcpic.plasma.configure import configure
 from hpcpic.plasma.forecast.plan import arrays, groups, kernels, messages, plan
 
 CASE = """
@@ -28,7 +28,7 @@ def config(d=2, shape="CIC", n=5000, magnetic=(0.0, 0.0, 0.0)):
     text = CASE.format(
         d=d, lengths=[float(p) for p in points], points=points, n=n, shape=shape, magnetic=list(magnetic)
     )
-    return validate(PlasmaConfig, loads(text))
+    return configure(loads(text))
 
 
 @pytest.mark.parametrize(("d", "shape"), [(1, "CIC"), (2, "CIC"), (2, "TSC")])

@@ -3,11 +3,11 @@
 import pytest
 
 from hpcpic.core.case.config import loads
-from hpcpic.core.case.schema import validate
 from hpcpic.core.comm.world import World
 from hpcpic.core.space.domain import Domain
 from hpcpic.core.tasks.graph import Pool
 from hpcpic.plasma.case.config import PlasmaConfig
+from hpcpic.plasma.configure import configure
 from hpcpic.plasma.forecast.estimate import (
     DEFAULT,
     SERIES_SECONDS,
@@ -29,7 +29,7 @@ species = ( {{ name = "electron"; particles = {n}; charge = -1.0; mass = 1.0; pl
 
 
 def config(cycles: int = 100, n: int = 100_000, period: str = "") -> PlasmaConfig:
-    return validate(PlasmaConfig, loads(CASE.format(cycles=cycles, n=n, period=period)))
+    return configure(loads(CASE.format(cycles=cycles, n=n, period=period)))
 
 
 @pytest.mark.parametrize("cycles", [1, 1000, 30_000, 10**7])

@@ -10,7 +10,7 @@ from knob_cases import made_again, reader, sizes_of
 from hpcpic.core.cli.main import build
 from hpcpic.core.files.series import Series
 from hpcpic.plasma.app import APP, shipped_cases
-from hpcpic.plasma.case.config import PlasmaConfig
+from hpcpic.plasma.configure import configure
 from hpcpic.plasma.forecast.derived import total_plasma_frequency
 from hpcpic.plasma.forecast.knobs import knobs_of, smooth
 from hpcpic.plasma.setup.scene import Scene
@@ -33,7 +33,7 @@ ABOUT = {
 }
 
 
-read = reader(PlasmaConfig, shipped_cases)
+read = reader(configure, shipped_cases)
 
 
 @pytest.mark.parametrize("case", CASES)

@@ -6,9 +6,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from hpcpic.core.case.config import load, loads
-from hpcpic.core.case.schema import validate
 from hpcpic.plasma.app import shipped_cases
-from hpcpic.plasma.case.config import PlasmaConfig
+from hpcpic.plasma.configure import configure
 from hpcpic.plasma.physics.quiet_start import BASES, lattice, radical_inverse
 from hpcpic.plasma.setup.loaders import velocity_moments
 from hpcpic.plasma.setup.scene import Scene
@@ -24,7 +23,7 @@ species = (
 
 
 def scene_of(*sets, text=CASE):
-    return Scene(validate(PlasmaConfig, loads(text, sets=sets)))
+    return Scene(configure(loads(text, sets=sets)))
 
 
 def second(*sets, text=CASE):
@@ -290,7 +289,7 @@ def test_half_kick_turns_volts_per_metre_into_cells_per_step():
 
 @pytest.mark.parametrize("name", shipped_cases())
 def test_every_shipped_case_makes_a_scene(name):
-    scene = Scene(validate(PlasmaConfig, load(shipped_cases()[name])))
+    scene = Scene(configure(load(shipped_cases()[name])))
     for species in scene.species:
         ids = np.array(species.ids[:: max(1, species.n // 100)])
         assert np.isfinite(species.positions(ids)).all() and np.isfinite(species.velocities(ids)).all()

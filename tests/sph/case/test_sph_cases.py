@@ -6,12 +6,12 @@ import numpy as np
 import pytest
 
 from hpcpic.core.case.config import load
-from hpcpic.core.case.schema import validate
 from hpcpic.core.comm.world import World
 from hpcpic.core.tasks.graph import Pool
 from hpcpic.core.timers import Timers
 from sph.app import shipped_cases
 from sph.case.config import SphConfig
+from sph.configure import configure
 from sph.forecast.derived import derived
 from sph.forecast.estimate import estimate
 from sph.forecast.plan import images, plan
@@ -31,7 +31,7 @@ TAKEN_AS_ANOTHER = ("column-impact-c", "column-impact-f", "column-impact-i", "co
 
 @pytest.mark.parametrize("name", shipped_cases())
 def test_a_shipped_case_is_within_its_limits(name):
-    config = validate(SphConfig, load(shipped_cases()[name]))
+    config = configure(load(shipped_cases()[name]))
     assert [str(number) for number in derived(config, 2) if number.verdict == "fail"] == []
 
 
@@ -40,7 +40,7 @@ def test_images_are_about_as_many_as_planned(name):
     """At the scene's own spacing: a third to three quarters as many as the particles of the fluid, or few."""
     from sph.step import Sph
 
-    config, pool = validate(SphConfig, load(shipped_cases()[name])), Pool(1)
+    config, pool = configure(load(shipped_cases()[name])), Pool(1)
     try:
         app = Sph(config, World.alone(), pool, Timers())
         assert images(config) == pytest.approx(np.count_nonzero(app.bodies.flags) - app.bodies.n, rel=0.2)
@@ -53,7 +53,7 @@ def test_images_are_about_as_many_as_planned(name):
 def test_a_shipped_case_takes_its_first_steps(name, world):
     from sph.step import Sph
 
-    config = validate(SphConfig, load(shipped_cases()[name], COARSE.get(name, ())))
+    config = configure(load(shipped_cases()[name], COARSE.get(name, ())))
     pool = Pool(1)
     try:
         app = Sph(config, world, pool, Timers())
@@ -82,7 +82,7 @@ def test_the_estimate_scales_with_the_case():
 
 
 def still_tank(*sets: str) -> SphConfig:
-    return validate(SphConfig, load(shipped_cases()["still-tank"], sets))
+    return configure(load(shipped_cases()["still-tank"], sets))
 
 
 def test_a_step_after_a_sample_is_cheaper_by_what_the_sample_has_done():
@@ -94,7 +94,7 @@ def test_a_step_after_a_sample_is_cheaper_by_what_the_sample_has_done():
 
 
 def test_the_plan_has_no_line_for_what_a_case_has_not():
-    drop = "\n".join(plan(validate(SphConfig, load(shipped_cases()["elliptical-drop"])), 1, 1))
+    drop = "\n".join(plan(configure(load(shipped_cases()["elliptical-drop"])), 1, 1))
     assert "walls" not in drop and "viscosity" not in drop and "renormalis" not in drop and "no messages" in drop
-    still = "\n".join(plan(validate(SphConfig, load(shipped_cases()["still-tank"])), 2, 1))
+    still = "\n".join(plan(configure(load(shipped_cases()["still-tank"])), 2, 1))
     assert "walls" in still and "renormalised gradient" in still and "ghosts" in still

@@ -4,10 +4,10 @@ import pytest
 
 from hpcpic.core.case.cases import read_header
 from hpcpic.core.case.config import load, loads
-from hpcpic.core.case.schema import dump, validate
+from hpcpic.core.case.schema import dump
 from hpcpic.core.errors import ConfigError
 from sph.app import shipped_cases
-from sph.case.config import SphConfig
+from sph.configure import configure
 
 BASE = """
 simulation = { dimensions = 2; end_time = 1.0; };
@@ -23,7 +23,7 @@ FRONT = '{ name = "a"; what = "front"; axis = "x+"; }'
 
 def refused(text):
     with pytest.raises(ConfigError) as error:
-        validate(SphConfig, loads(text))
+        configure(loads(text))
     return error.value.message
 
 
@@ -32,12 +32,12 @@ def test_a_shipped_case_is_headed_and_reads_back_as_used(name):
     path = shipped_cases()[name]
     header = read_header(path)
     assert all((header.what, header.source, header.expected, header.time))
-    config = validate(SphConfig, load(str(path)))
-    assert validate(SphConfig, loads(dump(config))) == config
+    config = configure(load(str(path)))
+    assert configure(loads(dump(config))) == config
 
 
 def test_what_is_not_given_follows_from_what_is():
-    config = validate(SphConfig, loads(BASE))
+    config = configure(loads(BASE))
     assert config.fluid[0].name == "fluid_1"
     assert config.eos.max_velocity == pytest.approx((2 * 9.81 * 0.5) ** 0.5)
     assert config.sound_speed == pytest.approx(10 * config.eos.max_velocity)
@@ -104,7 +104,7 @@ def test_an_stl_file_is_looked_for_beside_the_case(tmp_path):
         + 'wall = ( { shape = { stl = { file = "ship.stl"; }; }; solid = true; } );'
     )  # fmt: skip
     with pytest.raises(ConfigError) as error:
-        validate(SphConfig, load(str(case)))
+        configure(load(str(case)))
     assert str(tmp_path / "ship.stl") in error.value.message
 
 
@@ -113,7 +113,7 @@ def test_an_stl_file_is_looked_for_beside_the_case(tmp_path):
     [("elliptical-drop", ("mass", "energy_total", "momentum_x", "momentum_y")), ("poiseuille", ("mass",))],
 )
 def test_a_scene_keeps_what_nothing_takes_from_it(name, kept):
-    assert validate(SphConfig, load(shipped_cases()[name])).conserved == kept
+    assert configure(load(shipped_cases()[name])).conserved == kept
 
 
 @pytest.mark.parametrize(
@@ -136,7 +136,7 @@ def test_walls_lie_within_a_period_or_go_through_it(key, wall):
     assert f": wall[0].{key}: " in refused(text + f"wall = ( {{ {wall} }} );")
     accepted = wall.replace("0.9, 0.0]", "0.5, 0.0]").replace("1.1, 0.1]", "0.7, 0.1]")
     if accepted != wall:
-        validate(SphConfig, loads(text + f"wall = ( {{ {accepted} }} );"))
+        configure(loads(text + f"wall = ( {{ {accepted} }} );"))
 
 
 def test_output_is_asked_for_in_steps_or_in_seconds():

@@ -6,12 +6,11 @@ import numpy as np
 import pytest
 
 from hpcpic.core.case.config import load
-from hpcpic.core.case.schema import validate
 from hpcpic.core.errors import ConfigError
 from hpcpic.core.files import given
 from hpcpic.core.files.rundir import RunDir
 from sph.case import geometry
-from sph.case.config import SphConfig
+from sph.configure import configure
 from sph.forecast.derived import derived
 from sph.setup.scene import Scene
 
@@ -40,7 +39,7 @@ def case(tmp_path):
     def make(scale=""):
         path = tmp_path / "case.conf"
         path.write_text(CASE.replace("SCALE", scale))
-        return validate(SphConfig, load(str(path)))
+        return configure(load(str(path)))
 
     make.folder = tmp_path
     return make
@@ -107,7 +106,7 @@ def test_a_run_keeps_its_surfaces_and_knows_them(case, tmp_path):
     path = case.folder / "case.conf"
     path.write_text(CASE.replace("SCALE", "").replace("ball.stl", "other/post.stl"))
     tree = load(str(path))
-    config = validate(SphConfig, tree)
+    config = configure(tree)
     bounds = [geometry.bounds(body.shape) for body in (*config.fluid, *config.wall)]
     text, files = given.config_text(config, tree), given.contents(tree)
     RunDir.create(tmp_path / "run", config=text, given=files).unlock()
@@ -115,12 +114,12 @@ def test_a_run_keeps_its_surfaces_and_knows_them(case, tmp_path):
     (case.folder / "other/post.stl").unlink()
     moved = (tmp_path / "run").rename(tmp_path / "moved")
     again = load(str(moved / "config.conf"))
-    kept = validate(SphConfig, again)
+    kept = configure(again)
     assert np.array_equal([geometry.bounds(body.shape) for body in (*kept.fluid, *kept.wall)], bounds)
     assert given.kept_text(kept, again, moved) == text
     (moved / "given/post.stl").write_bytes((moved / "given/1-post.stl").read_bytes())
     with pytest.raises(ConfigError, match=r"fluid\[0\].shape.stl.file: not the file of this case"):
-        validate(SphConfig, load(str(moved / "config.conf")))
+        configure(load(str(moved / "config.conf")))
 
 
 def test_an_open_surface_is_refused(case):

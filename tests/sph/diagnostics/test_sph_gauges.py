@@ -7,12 +7,11 @@ import pytest
 from sph_scenes import engine, jitter, tank
 
 from hpcpic.core.case.config import loads
-from hpcpic.core.case.schema import validate
 from hpcpic.core.comm.world import World
 from hpcpic.core.tasks.graph import Pool
 from hpcpic.core.timers import Timers
 from sph.case import columns
-from sph.case.config import SphConfig
+from sph.configure import configure
 from sph.diagnostics import scalars
 from sph.diagnostics.gauges import Gauges
 from sph.step import Sph
@@ -31,7 +30,7 @@ gauge = ( GAUGE );
 def Still(gauge="", high=2.0, periodic='periodic = ["x"];'):
     """A run at t = 0, of which gauges and scalars see the particles."""
     text = POOL.replace("GAUGE", gauge).replace("HIGH", str(high)).replace("PERIODIC", periodic)
-    return Sph(validate(SphConfig, loads(text)), World.alone(), Pool(1), Timers())
+    return Sph(configure(loads(text)), World.alone(), Pool(1), Timers())
 
 
 def reading(gauge, **more):

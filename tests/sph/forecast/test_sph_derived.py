@@ -3,8 +3,7 @@
 import pytest
 
 from hpcpic.core.case.config import loads
-from hpcpic.core.case.schema import validate
-from sph.case.config import SphConfig
+from sph.configure import configure
 from sph.forecast.derived import derived
 
 TANK = """
@@ -23,7 +22,7 @@ def numbers(**changes):
     for group, more in changes.items():
         text += f"{group} = {{ {more} }};\n"
     tree = loads(merged(text))
-    return {number.name: number for number in derived(validate(SphConfig, tree))}
+    return {number.name: number for number in derived(configure(tree))}
 
 
 def merged(text):
@@ -68,7 +67,7 @@ def test_the_courant_number(integrator, cfl, flux, verdict):
 @pytest.mark.parametrize("integrator", ["rk3-tvd", "symplectic", "predictor-corrector"])
 def test_the_default_courant_number_is_legal_and_the_cure_is_too(integrator, flux):
     text = TANK.replace("cfl = 0.4; ", "").replace('"symplectic"', f'"{integrator}"').replace(RUSANOV, flux)
-    assert all(n.verdict != "fail" for n in derived(validate(SphConfig, loads(text))))
+    assert all(n.verdict != "fail" for n in derived(configure(loads(text))))
     bad = numbers(simulation=f'integrator = "{integrator}"; cfl = 3.0;', numerics=flux)["Courant number"]
     cure = bad.cure.split(" is ")[0]
     assert numbers(simulation=f'integrator = "{integrator}"; {cure};', numerics=flux)["Courant number"].verdict == "ok"
@@ -93,38 +92,38 @@ def test_the_smoothing_length(ratio, kernel, verdict):
 def test_a_fixed_viscous_step(step, verdict):
     text = TANK.replace("cfl = 0.4;", f"time_step = {step};")
     text = text.replace("0.5]; }; }; }", "0.5]; }; }; dynamic_viscosity = 50.0; }")
-    found = {n.name: n for n in derived(validate(SphConfig, loads(text)))}
+    found = {n.name: n for n in derived(configure(loads(text)))}
     assert found["viscous step"].verdict == verdict
 
 
 @pytest.mark.parametrize("g", [0.0981, 9.81, 981.0])
 def test_the_sound_speed_follows_gravity(g):
     text = TANK.replace("-9.81", f"-{g}").replace(RUSANOV, "")
-    found = {n.name: n for n in derived(validate(SphConfig, loads(text)))}
+    found = {n.name: n for n in derived(configure(loads(text)))}
     assert found["sound speed"].value == pytest.approx(10 * (2 * g * 0.5) ** 0.5)
     assert all(n.verdict == "ok" for n in found.values())
 
 
 def test_no_fluid_is_a_legal_case():
     text = TANK.replace(TANK.splitlines()[4], "").replace("numerics", "eos = { max_velocity = 1.0; };\nnumerics", 1)
-    assert all(n.verdict == "ok" for n in derived(validate(SphConfig, loads(text))))
+    assert all(n.verdict == "ok" for n in derived(configure(loads(text))))
 
 
 def test_what_was_clipped_is_told():
     outside = TANK.replace("high = [1.0, 0.5]", "high = [1.5, 0.5]")
     outside = outside.replace("high = [1.0, 1.0]; };\ng", "high = [2.0, 1.0]; };\ng")
-    found = {n.name: n for n in derived(validate(SphConfig, loads(outside)))}
+    found = {n.name: n for n in derived(configure(loads(outside)))}
     number = found["fluid_1 clipped by tank"]
     assert (number.verdict, number.value) == ("warn", 100)
     gone = TANK.replace("low = [0.0, 0.0]; high = [1.0, 0.5]", "low = [0.1, 1.2]; high = [0.9, 1.5]")
-    numbers = {n.name: n for n in derived(validate(SphConfig, loads(gone)))}
+    numbers = {n.name: n for n in derived(configure(loads(gone)))}
     assert numbers["fluid_1 clipped by the domain"].verdict == "fail"
 
 
 def test_a_wall_thinner_than_the_spacing_is_refused():
     gate = '{ name = "gate"; shape = { box = { low = [0.5, 0.0]; high = [0.52, 1.0]; }; }; solid = true; } );'
     text = TANK.rstrip().removesuffix(");") + ", " + gate
-    found = {n.name: n for n in derived(validate(SphConfig, loads(text)))}
+    found = {n.name: n for n in derived(configure(loads(text)))}
     assert found["thickness of gate"].verdict == "fail"
 
 
@@ -138,7 +137,7 @@ def test_a_form_that_leaves_a_checkerboard_undamped_is_told_where_walls_feed_it(
     mirrors = TANK.replace('open = ["y+"]; }; };', 'open = ["y+"]; }; }; type = "mirror-no-slip";')
     text = mirrors.replace("0.5]; }; };", "0.5]; }; }; dynamic_viscosity = 0.001;")
     text = text.replace("};\nwall", f'viscosity_form = "{form}"; }};\nwall')
-    found = {n.name: n for n in derived(validate(SphConfig, loads(text)))}
+    found = {n.name: n for n in derived(configure(loads(text)))}
     assert ("damping of waves of two spacings" in found) is told
 
 
@@ -150,7 +149,7 @@ def test_a_wall_that_rattles_the_fluid_is_refused(kind, speed, verdict):
     gate = f"""{{ name = "gate"; type = "{kind}"; motion = {{ velocity = [0.0, {speed}]; }}; solid = true;
         shape = {{ box = {{ low = [0.5, 0.0]; high = [0.6, 1.0]; }}; }}; }} );"""
     text = "eos = { sound_speed = 31.0; };" + TANK.rstrip().removesuffix(");") + ", " + gate
-    found = {n.name: n.verdict for n in derived(validate(SphConfig, loads(text)))}
+    found = {n.name: n.verdict for n in derived(configure(loads(text)))}
     assert found.get("speed of gate") == verdict
 
 
@@ -163,7 +162,7 @@ def test_a_small_repulsive_body_whose_force_is_asked_for_is_told(kind, size, mor
     body = f"""{{ name = "body"; type = "{kind}"; solid = true; {more}
         shape = {{ box = {{ low = [0.4, 0.1]; high = [{0.4 + size}, 0.4]; }}; }}; }} );"""
     text = TANK.rstrip().removesuffix(");") + ", " + body
-    found = {n.name: n.verdict for n in derived(validate(SphConfig, loads(text)))}
+    found = {n.name: n.verdict for n in derived(configure(loads(text)))}
     assert found.get("size of body") == verdict
 
 
@@ -181,7 +180,7 @@ def test_a_spacing_that_stretches_is_told_one_that_does_not(spacing):
 def test_a_gauge_beyond_the_domain_is_told_but_not_through_a_period(periodic, told):
     gauge = 'gauge = ( { name = "far"; what = "flow"; axis = "x+"; at = [2.5, 0.2]; } );\n'
     text = TANK.replace("high = [1.0, 1.0]; };", f"high = [1.0, 1.0]; {periodic} }};", 1) + gauge
-    found = {n.name for n in derived(validate(SphConfig, loads(text)))}
+    found = {n.name for n in derived(configure(loads(text)))}
     assert ("far beyond the domain" in found) is told
 
 
@@ -197,5 +196,5 @@ def test_more_images_than_a_particle_can_have_are_told_before_the_run(shape, ver
     kind = 'type = "point-symmetric-free-slip";'
     text = text.replace('name = "tank";', f'name = "tank"; {kind}').rstrip().removesuffix(");")
     text += f", {{ {kind} shape = {{ {shape}; }} );"
-    found = {n.name: n.verdict for n in derived(validate(SphConfig, loads(text)))}
+    found = {n.name: n.verdict for n in derived(configure(loads(text)))}
     assert found.get("images of a particle") == verdict

@@ -4,13 +4,13 @@ import pytest
 from knob_cases import made_again, reader, sizes_of
 
 from sph.app import shipped_cases
-from sph.case.config import SphConfig
+from sph.configure import configure
 from sph.forecast.knobs import knobs_of, mach
 
 CASES = sorted(name for name in shipped_cases() if name in ("column-impact-a", "poiseuille") or "-impact" not in name)
 
 
-read = reader(SphConfig, shipped_cases)
+read = reader(configure, shipped_cases)
 
 
 @pytest.mark.parametrize("case", CASES)

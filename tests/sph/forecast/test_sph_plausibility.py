@@ -5,9 +5,8 @@ import math
 import pytest
 
 from hpcpic.core.case.config import loads
-from hpcpic.core.case.schema import validate
 from hpcpic.core.errors import ConfigError
-from sph.case.config import SphConfig
+from sph.configure import configure
 from sph.forecast.derived import derived
 
 PARTS = {
@@ -25,7 +24,7 @@ PARTS = {
 def told(**parts):
     """Derived numbers by name."""
     text = "\n".join(f"{name} = {value};" for name, value in (PARTS | parts).items())
-    return {number.name: number for number in derived(validate(SphConfig, loads(text)))}
+    return {number.name: number for number in derived(configure(loads(text)))}
 
 
 def gate(motion, kind="repulsive"):
@@ -126,7 +125,7 @@ def test_numbers_at_the_edge_of_floating_point_are_judged(key, value):
     text = "\n".join(f"{name} = {part};" for name, part in PARTS.items())
     given = value if KEYS[key] == 1 else f"[{value}, {value}]"
     try:
-        config = validate(SphConfig, loads(text, sets=(f"{key}={given}",)))
+        config = configure(loads(text, sets=(f"{key}={given}",)))
         numbers = derived(config)
     except ConfigError:
         return

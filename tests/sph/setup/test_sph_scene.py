@@ -4,8 +4,7 @@ import numpy as np
 import pytest
 
 from hpcpic.core.case.config import loads
-from hpcpic.core.case.schema import validate
-from sph.case.config import SphConfig
+from sph.configure import configure
 from sph.setup import flows, signed_distance
 from sph.setup.scene import Scene
 
@@ -26,7 +25,7 @@ GATE = "motion = { velocity = [0.0, 0.0, 2.0]; amplitude = [0.1, 0.0, 0.0]; peri
 
 
 def scene_of(text=TANK, kind="pressure-continuity", motion=""):
-    return Scene(validate(SphConfig, loads(text.replace("KIND", kind).replace("MOTION", motion))))
+    return Scene(configure(loads(text.replace("KIND", kind).replace("MOTION", motion))))
 
 
 def flat_case(shape, more="", d=2):

@@ -1,0 +1,73 @@
+"""What does not fit together in a plasma case: each fault with the key to change."""
+
+from collections.abc import Iterator
+
+from hpcpic.core.case.schema import Fault
+from hpcpic.plasma.case import units
+from hpcpic.plasma.case.config import MOST_PARTICLES, MOST_POINTS, PlasmaConfig, Species, name_of
+from hpcpic.plasma.setup import loaders
+
+
+def faults(config: PlasmaConfig) -> Iterator[Fault]:
+    d = config.dimensions
+    simulation = config.simulation
+    if len(simulation.space_length) != d:
+        yield (
+            ("simulation", "space_length"),
+            f"needs {d} number(s) in {d}D (got {len(simulation.space_length)})",
+        )
+    if simulation.time_step == 0:
+        yield ("simulation", "time_step"), "must not be 0"
+    yield from grid_faults(config, d)
+    for name in ("magnetic", "electric"):
+        vector = getattr(config.field, name)
+        if len(vector) != 3:
+            yield ("field", name), f"needs 3 numbers, one per axis x, y, z (got {len(vector)})"
+    names = [name_of(species, i) for i, species in enumerate(config.species)]
+    for i, species in enumerate(config.species):
+        if "/" in names[i] or names[i] in (".", ".."):
+            yield ("species", i, "name"), f"{names[i]!r} would be a path in the files of a run"
+        for key, text in (*species_faults(species, d), *loaders.particle_faults(species)):
+            yield ("species", i, *key), text
+        if species.particles_per_cell and species.particles_per_cell * config.cells > MOST_PARTICLES:
+            yield ("species", i, "particles_per_cell"), f"makes more than {MOST_PARTICLES} particles"
+    given, known = config.constants.vacuum_permittivity, units.SI.permittivity
+    if config.units == "SI" and given is not None and abs(given / known - 1) > 0.01:
+        yield ("constants", "vacuum_permittivity"), f"is {known} F/m in SI units: leave it out (got {given})"
+
+
+def grid_faults(config: PlasmaConfig, d: int) -> Iterator[Fault]:
+    grid = config.grid
+    older = [name for name in ("blocks", "blocksize") if getattr(grid, name) is not None]
+    if grid.points is not None and older:
+        yield ("grid", older[0]), "give either points, or blocks and blocksize"
+    elif grid.points is None and len(older) < 2:
+        yield ("grid", *older), "needs points = [..] (or blocks and blocksize)"
+    for name in ("points", *older):
+        vector = getattr(grid, name)
+        if vector is not None and len(vector) != d:
+            yield ("grid", name), f"needs {d} number(s) in {d}D (got {len(vector)})"
+        elif vector is not None and max(vector) > MOST_POINTS:
+            yield ("grid", name), f"at most {MOST_POINTS} on an axis (got {max(vector)})"
+
+
+def species_faults(species: Species, d: int) -> Iterator[Fault]:
+    """What does not fit together in one species, in d dimensions."""
+    if species.drift_velocity and len(species.drift_velocity) < d:
+        yield ("drift_velocity",), f"needs {d} numbers in {d}D, or 3 (got {len(species.drift_velocity)})"
+    for name in ("position_init", "position_delta"):
+        vector = getattr(species, name)
+        if vector and len(vector) != d:
+            yield (name,), f"needs {d} number(s) in {d}D (got {len(vector)})"
+    if species.init_method == "position delta":
+        for name in ("position_init", "position_delta"):
+            if not getattr(species, name):
+                yield (), f'{name} is missing, which init_method "position delta" needs'
+    if species.init_method == "harmonic two electrons" and species.particles != 2:
+        yield ("particles",), f'must be 2 for init_method "harmonic two electrons" (got {species.particles})'
+    if species.perturbation:
+        mode = species.perturbation.mode
+        if len(mode) != d:
+            yield ("perturbation", "mode"), f"needs {d} number(s) in {d}D (got {len(mode)})"
+        elif not any(mode):
+            yield ("perturbation", "mode"), "must not be zero on every axis"
