@@ -157,8 +157,8 @@ def touching(
     """
     from scipy.spatial import cKDTree
 
+    from lbmdem.grains.box_walls import box_walls
     from lbmdem.setup.scene import Scene
-    from lbmdem.step import box_walls
 
     d = config.dimensions
     x, r = columns["position"][:, :d], columns["radius"]

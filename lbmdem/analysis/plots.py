@@ -34,15 +34,14 @@ from lbmdem.analysis.quick_condition import (
     lines,
     meeting,
     porosity_between,
-    slice_edges,
 )
 from lbmdem.case.config import LbmDemConfig
+from lbmdem.diagnostics.sample import slice_edges
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
     from hpcpic.core.files.reader import Fields, Run
-
 
 
 def _fields(run: Run) -> Fields:

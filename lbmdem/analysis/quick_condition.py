@@ -15,14 +15,6 @@ LINEAR = 0.3, 0.8  # of the first stress of the lowest slice: before, the bed st
 PLANES = 512  # at which cross-sections are summed
 
 
-def slice_edges(low: float, high: float, largest: float, count: int) -> NDArray[np.float64]:
-    """Ends [count + 1] of equal control slices of a sample from low to high: away from its looser ends by the largest
-    diameter, or by a tenth of its height if that is less.
-    """
-    inset = min(largest, 0.1 * (high - low))
-    return np.linspace(low + inset, high - inset, count + 1)
-
-
 def centres(edges: NDArray) -> NDArray[np.float64]:
     return 0.5 * (edges[1:] + edges[:-1])
 

@@ -3,15 +3,12 @@
 from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import pairwise
-from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
 from hpcpic.core.space.products import product
-
-if TYPE_CHECKING:
-    from lbmdem.grains.dem import Dem
+from lbmdem.grains.dem import Dem
 
 
 @dataclass(frozen=True, slots=True)
@@ -30,7 +27,7 @@ class Contacts:
     x: NDArray[np.float64]
 
 
-def contacts(dem: "Dem") -> Contacts:
+def contacts(dem: Dem) -> Contacts:
     """Of the last step; a contact of zero overlap is none."""
     grains, pairs, d = dem.grains, dem.list, dem.grains.dimensions
     here = np.flatnonzero((pairs.low < grains.n) & (pairs.lines[:, 7] > 0.0))
@@ -48,12 +45,12 @@ def contacts(dem: "Dem") -> Contacts:
     )
 
 
-def contact_count(dem: "Dem") -> int:
+def contact_count(dem: Dem) -> int:
     """Collective: contacts of grains with grains and with walls."""
     return int(dem.world.sum_int(np.array([len(contacts(dem).first)]))[0])
 
 
-def greatest_overlap(dem: "Dem") -> float:
+def greatest_overlap(dem: Dem) -> float:
     """Collective: overlap / diameter of the smaller grain, at most."""
     pairs, rows = dem.list, dem.grains.rows
     half, radius = pairs.lines[:, 7], rows[pairs.low, 3]
@@ -62,14 +59,14 @@ def greatest_overlap(dem: "Dem") -> float:
     return dem.world.max(float(np.max(half[half > 0.0] / radius[half > 0.0], initial=0.0)))
 
 
-def kinetic_energy(dem: "Dem") -> float:
+def kinetic_energy(dem: Dem) -> float:
     """Collective, J: of translation and rotation, of grains that are not fixed, without added mass."""
     c = {name: column[: dem.grains.n] for name, column in dem.grains.columns.items()}
     speed, spin = np.square(c["row"][:, 4:7]).sum(axis=1), np.square(c["row"][:, 8:11]).sum(axis=1)
     return dem.total(np.where(c["fixed"] == 0, 0.5 * (c["mass"] * speed + c["inertia"] * spin), 0.0))
 
 
-def energies(dem: "Dem") -> dict[str, float]:
+def energies(dem: Dem) -> dict[str, float]:
     """Collective, J: kinetic, elastic, potential (of gravity), heat made so far, work done so far on the grains.
 
     kinetic + elastic + potential + heat - work is constant but for the error of the time step; given forces and added
@@ -86,20 +83,20 @@ def energies(dem: "Dem") -> dict[str, float]:
     return {"kinetic": kinetic_energy(dem)} | {name: dem.total(values) for name, values in parts.items()}
 
 
-def stress(dem: "Dem", edges: Sequence[float], area: float = 0.0) -> NDArray[np.float64]:
+def stress(dem: Dem, edges: Sequence[float] | NDArray, area: float = 0.0) -> NDArray[np.float64]:
     """Collective: mean contact stress [slices, d, d] (Pa, compression positive) between edges along the last axis.
 
     Love-Weber: the sum of force x branch over contacts, each by the share of its branch in the slice, per volume of
     the box (or of `area`, m2; width in 2D, where forces are per metre) between the edges.
     """
-    grains, d, edges = dem.grains, dem.grains.dimensions, np.asarray(edges, float)
+    grains, d, ends = dem.grains, dem.grains.dimensions, np.asarray(edges, float)
     found = contacts(dem)
     start = found.x[:, d - 1]
     end = start + found.branch[:, d - 1]
     low, high, length = np.minimum(start, end), np.maximum(start, end), grains.lengths[d - 1]
-    result = np.zeros((len(edges) - 1, d, d))
+    result = np.zeros((len(ends) - 1, d, d))
     area = area or float(np.prod(grains.lengths[: d - 1]))
-    for k, (a, b) in enumerate(pairwise(edges)):
+    for k, (a, b) in enumerate(pairwise(ends)):
         share = np.zeros(len(start))
         for shift in (-length, 0.0, length) if grains.periodic[d - 1] else (0.0,):
             flat = (start + shift >= a) & (start + shift < b)
@@ -111,19 +108,19 @@ def stress(dem: "Dem", edges: Sequence[float], area: float = 0.0) -> NDArray[np.
     return result
 
 
-def momentum(dem: "Dem") -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+def momentum(dem: Dem) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Collective: linear momentum and angular momentum about the origin (3 values each), of grains that move."""
     c = {name: column[: dem.grains.n] for name, column in dem.grains.columns.items()}
     free, row = c["fixed"] == 0, c["row"]
     p = np.where(free, c["mass"], 0.0)[:, None] * row[:, 4:7]
     spin = np.cross(row[:, :3], p) + np.where(free, c["inertia"], 0.0)[:, None] * row[:, 8:11]
-    return tuple(np.array([dem.total(values[:, k]) for k in range(3)]) for values in (p, spin))
+    linear, angular = (np.array([dem.total(values[:, k]) for k in range(3)]) for values in (p, spin))
+    return linear, angular
 
 
-def wall_force(dem: "Dem", wall: int) -> NDArray[np.float64]:
+def wall_force(dem: Dem, wall: int) -> NDArray[np.float64]:
     """Collective: force (3 values, N) of the grains on a wall."""
     pairs = dem.list
     here = np.arange(pairs.n_slots) >= pairs.n_grain_slots
     here &= (pairs.high == wall) & (pairs.low < dem.grains.n)
     return np.array([dem.total(-pairs.lines[here, k]) for k in range(3)])
-

@@ -29,8 +29,3 @@ def test_gradient_of_a_hydrostatic_column():
     z = np.array([0.1, 0.3, 0.35, 0.7])
     pressures = [np.array([9810.0, 4905.0]) * (1.0 - height) for height in z]
     assert quick_condition.gradient_inside(pressures, z, 9810.0) == pytest.approx([1.0, 0.5])
-
-
-def test_slices_keep_away_from_the_ends():
-    np.testing.assert_allclose(quick_condition.slice_edges(0.0, 10.0, 0.5, 3), [0.5, 3.5, 6.5, 9.5])
-    np.testing.assert_allclose(quick_condition.slice_edges(0.0, 2.0, 0.5, 2), [0.2, 1.0, 1.8])

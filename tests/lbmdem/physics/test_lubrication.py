@@ -151,7 +151,7 @@ def least_film(world, sets):
     with running(world, "lbmdem", FILM_CASE, sets) as app:
         app.step()
         told = {number.name: number for number in derived(app.scene.config)}
-        return app.scalars()["least_film"], app.substeps, told["gap of limited films"]
+        return app.scalars()["least_film"], app.grains.substeps, told["gap of limited films"]
 
 
 def test_what_is_limited_is_told(world):

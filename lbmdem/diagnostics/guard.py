@@ -1,0 +1,35 @@
+"""Limits beyond which the state of a run is no solution."""
+
+import numpy as np
+
+from lbmdem.diagnostics.scalars import Diagnostics
+from lbmdem.fluid.fluid import Fluid
+from lbmdem.grains.dem import Dem
+
+MAX_SPEED = 0.4  # nodes per step beyond which no collision is a fluid any more
+MAX_DENSITY = 2.0  # density of the lattice fluid, likewise; its inverse is the least one
+MAX_DRIFT = 0.01  # change of the mean density of a fluid that cannot leave
+MAX_JUMP = 1e-9  # the same between two looks where it stays to rounding: 1e-17 a step
+
+
+def fault(seen: Diagnostics, fluid: Fluid | None, dem: Dem | None, max_overlap: float) -> str | None:
+    """Why this rank's state is no solution, or None; max_overlap: allowed overlap over diameter."""
+    if seen.fastest > MAX_SPEED:
+        return f"the fluid moves by {seen.fastest:.3g} nodes in a step (limit {MAX_SPEED})"
+    if fluid:
+        share = float(fluid.lattice.w[0])  # populations at rest follow the density
+        low, high = (1.0 / MAX_DENSITY - 1.0) * 2.0 * share, (MAX_DENSITY - 1.0) * share
+        least, most = fluid.rest_bounds()
+        if not low <= least <= most <= high:
+            return f"the density left {1 / MAX_DENSITY} .. {MAX_DENSITY} times that of rest"
+    if dem and not np.isfinite(dem.grains.x).all():
+        return "a grain is nowhere"
+    if dem and not all(np.isfinite(dem.grains.columns[name]).all() for name in ("heat", "work")):
+        return "the energy of a grain is no number"
+    if seen.overlap > max_overlap:
+        return f"grains overlap by {seen.overlap:.1%} of a diameter (limit {max_overlap:.0%})"
+    if abs(seen.drift) > MAX_DRIFT:
+        return f"the mean density of the fluid has changed by {seen.drift:.2%} (limit {MAX_DRIFT:.0%})"
+    if not abs(seen.jump) <= MAX_JUMP:
+        return f"the mean density of the fluid jumped by {seen.jump:.1e}, which nothing in it can do"
+    return None

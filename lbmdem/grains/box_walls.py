@@ -1,0 +1,32 @@
+"""The plane walls that the grains of a scene meet."""
+
+import numpy as np
+
+from lbmdem.case.config import AXES, LbmDemConfig
+from lbmdem.physics.contact_law import Wall
+from lbmdem.setup.scene import Scene
+
+
+def box_walls(scene: Scene) -> list[Wall]:
+    """The sides of the box that are not periodic, then the planes among the obstacles."""
+    d, size = scene.dimensions, scene.config.domain.size
+    walls = []
+    for axis, name in enumerate(AXES[:d]):
+        if scene.periodic[axis]:
+            continue
+        speeds: dict[str, tuple[float, ...]] = {
+            face.face: face.velocity for face in scene.config.boundary if face.type == "wall"
+        }
+        floor = floor_height(scene.config) if axis == d - 1 else 0.0
+        for side, place, way in (("-", floor, 1.0), ("+", size[axis], -1.0)):
+            point, normal = np.zeros(d), np.zeros(d)
+            point[axis], normal[axis] = place, way
+            walls.append(Wall(tuple(point), tuple(normal), speeds.get(name + side, ())))
+    planes = [(obstacle.shape.plane, obstacle.velocity) for obstacle in scene.config.obstacle]
+    return walls + [Wall(plane.point, plane.normal, velocity) for plane, velocity in planes if plane is not None]
+
+
+def floor_height(config: LbmDemConfig) -> float:
+    """Where grains end below along the last axis (m): a screen under a sample, through which the fluid passes."""
+    samples = [grains.packing.low for grains in config.grains if grains.packing and grains.moving]
+    return max(0.0, min(samples)) if samples and len(samples) == len(config.grains) else 0.0
