@@ -95,7 +95,7 @@ def measured(world: World, kinds: list[tuple], rounds: int) -> list[dict]:
 def nbytes(sph: Sph) -> int:
     """Bytes of the arrays of a rank; views of one memory count once."""
     held = {}
-    for array in sph.tasks.arrays.values():
+    for array in map(sph.tasks.arena.__getitem__, sph.tasks.arena.declared):
         while isinstance(array, np.ndarray) and isinstance(array.base, np.ndarray):
             array = array.base
         held[id(array)] = getattr(array, "nbytes", 0)

@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 from hpcpic.core.comm.world import World
 from hpcpic.core.errors import Diverged
 from hpcpic.core.space.domain import Domain, balanced_cuts, block_ranges
+from hpcpic.core.tasks.arena import Arena
 from hpcpic.core.tasks.graph import Pool
 from hpcpic.core.timers import Timers
 from sph.case import columns
@@ -16,16 +17,19 @@ from sph.case.config import SphConfig
 from sph.diagnostics import checkpoint, scalars, snapshot
 from sph.diagnostics.gauges import Gauges
 from sph.diagnostics.guards import Runaway
+from sph.kernels.groups import Mirrors
 from sph.kernels.marks import FLOWS, FLUID, REAL
 from sph.kernels.specialise import specialise
+from sph.particles.arrays import arrays_of
 from sph.particles.images import Maps, mirrors, periodic_maps, single_mirrors
 from sph.particles.neighbours import Cells, Grid
 from sph.particles.pair_sums import PairSums
-from sph.particles.particles import Bodies, Slabs, Tasks
+from sph.particles.particles import Bodies, Slabs
 from sph.particles.strays import Outflow, Strays
+from sph.particles.tasks import Tasks
 from sph.particles.walls import Walls, grow_walls, wall_forces
 from sph.physics.integrators import INTEGRATORS, STAGED, symplectic
-from sph.physics.pair_spec import law_of, unused
+from sph.physics.pair_spec import law_of
 from sph.physics.timestep import TimeStep
 from sph.setup.scene import Scene
 
@@ -60,9 +64,8 @@ class Sph:
         self.walls, self.impulses = Walls(scene, world), np.zeros((len(scene.walls), 4))
         self._domain()
         parts = int(np.clip(scene.n_fluid // (PART * world.size * pool.threads), *PARTS_PER_THREAD))
-        self.tasks = Tasks(pool, parts * pool.threads)
         with world.first_on_node():  # it compiles
-            self._prepare()
+            self._prepare(pool, parts * pool.threads)
         self.runaway, self.strays, self.outflow = Runaway(self), Strays(self), Outflow(self)
         self._distribute()
         self.sort()
@@ -82,38 +85,38 @@ class Sph:
         points = (self.grid.layers, *np.ceil(self.lengths[1:] / self.radius).astype(int).tolist())
         self.domain = Domain(tuple(self.lengths), points, tuple(map(bool, self.periodic)), cuts)
 
-    def _prepare(self) -> None:
+    def _prepare(self, pool: Pool, parts: int) -> None:
         """Bodies, cells and sums of nothing yet."""
         scene, d = self.scene, self.scene.dimensions
-        maps = self._maps()
+        maps, mirrors = self._maps()
         staged = scene.config.simulation.integrator in STAGED
         self.law = law_of(scene, bool(scene.walls) or len(maps.planes) > 1)
         self.motion = specialise("motion", DIM=d, REAL=self.law.real)
-        self.bodies = Bodies(self.world, self.tasks, self.motion, d, maps, unused(self.law, staged))
+        sizes = {"slots": 1024, "layers": 0, "rows": 0, "cells": 0, "parts": parts, "ends": parts + 1}
+        self.tasks = Tasks(pool, Arena(arrays_of(self.law, staged), **sizes))
+        self.bodies = Bodies(self.world, self.tasks.arena, self.motion, d, maps)
         self.cells = Cells(self.tasks, self.grid, d)
         self.sums = PairSums(scene, self.law, self.tasks, self.cells, self.bodies)
         self.integrate = INTEGRATORS[scene.config.simulation.integrator]
         self.choose = TimeStep(scene, self.farthest_reach if staged else np.inf)
-        self.numbers = np.zeros(5)
-        self.tasks.set(
-            numbers=self.numbers,
+        self.numbers = self.tasks.arena["numbers"]
+        self.tasks.arena.set(
+            mirrors=mirrors,
             external=np.ascontiguousarray(scene.acceleration[self.axes]),
             period=np.where(self.periodic, self.lengths, 0.0),
-            found=np.zeros((self.tasks.parts, 3 + 2 * d)),
             wall_shift=np.zeros((len(scene.walls), d)),
             wall_speed=np.zeros((len(scene.walls), d)),
         )
         self.totals = scalars.Totals(self)
 
-    def _maps(self) -> Maps:
+    def _maps(self) -> tuple[Maps, Mirrors]:
         """Images of the particles in periodic sides and mirrors, as the walls are now."""
         maps = periodic_maps(self.lengths, self.periodic, self.radius)
         groups = mirrors(self.scene, self.walls, self.axes, self.radius)
         for group in groups:
             maps.combine(group)
         self.faces = sum(len(group.planes) - 1 for group in groups)
-        self.tasks.refill(**single_mirrors(groups))
-        return maps
+        return maps, single_mirrors(groups)
 
     def _distribute(self) -> None:
         """Every rank makes its share of the particles by number, then they go home."""
@@ -160,7 +163,7 @@ class Sph:
     def _move_walls(self, time: float) -> None:
         """Walls to where they are at `time`."""
         if self.walls.moving:
-            a = self.tasks.arrays
+            a = self.tasks.arena
             shift, speed = self.walls.move(time)
             a["wall_shift"][:], a["wall_speed"][:] = shift[:, self.axes], speed[:, self.axes]
             self.tasks.each(self.motion.carry)
@@ -218,12 +221,13 @@ class Sph:
         bodies, cells = self.bodies, self.cells
         with self.timers.section("ghosts"):
             if self.walls.moving and any(bodies.maps.mirrored):
-                bodies.maps = self._maps()
+                bodies.maps, mirrors = self._maps()
+                self.tasks.arena.set(mirrors=mirrors)
             if self.world.size > 1 or len(bodies.maps.planes) > 1:
                 bodies.choose_ghosts(cells.layer_of(bodies), self.grid.layer, self.slabs)
                 bodies.refresh(self.iteration)
         with self.timers.section("sort"):
-            cells.sort(bodies, self.domain.row_range(self.world.rank), self.sums.fit)
+            cells.sort(bodies, self.domain.row_range(self.world.rank))
             cells.find(self.scene.support * (1 + MARGIN) + 2 * self.reach)
 
     def step(self) -> None:
@@ -276,7 +280,7 @@ class Sph:
         """dt from the largest speed, acceleration and density error of all particles. Collective."""
         with self.timers.section("dt"):
             self.tasks.each(self.motion.largest)
-            found = self.tasks.arrays["found"]
+            found = self.tasks.arena["found"]
             worst = np.nan if np.isnan(found).any() else found.max(axis=0)
             worst = self.world.max_array(np.where(np.isnan(worst), np.inf, worst) * np.ones(found.shape[1]))
             self.largest, reach = worst[:3], worst[3:]
@@ -374,7 +378,7 @@ class Sph:
         """Column x (absolute) or v of bodies, the own ones if not told which, [n, d] in physical order of axes."""
         rows = self.bodies.rows if rows is None else rows
         values = np.empty((len(rows), self.scene.dimensions))
-        values[:, self.axes] = self.bodies.columns[name][:, rows].T
+        values[:, self.axes] = self.bodies.arena[name][:, rows].T
         if name == "x":
             values += self.scene.low
         return values

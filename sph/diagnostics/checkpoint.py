@@ -56,7 +56,7 @@ def _own(sph: "Sph", fluid: bool) -> dict[str, NDArray]:
     """Columns [n, ...] of the own particles of the fluid, or of walls."""
     bodies = sph.bodies
     rows = bodies.fluid if fluid else np.setdiff1d(bodies.rows, bodies.fluid, assume_unique=True)
-    own = {name: bodies.columns[name][..., rows].T for name in ("x", "v", "drho")} | {"id": bodies.key[rows] // CODES}
+    own = {name: bodies.arena[name][..., rows].T for name in ("x", "v", "drho")} | {"id": bodies.key[rows] // CODES}
     if sph.law.repulsive:
         own["normal"] = sph.scene.normals[bodies.flags[rows] >> NORMAL][:, sph.axes]
     return own

@@ -87,7 +87,7 @@ class Runaway:
     def _accelerations(self) -> NDArray[np.float64]:
         """[d, n] of the fluid, m/s2."""
         sph, rows = self.sph, self.sph.bodies.fluid
-        return sph.sums.forces_on(rows) / sph.bodies.m[rows] + sph.tasks.arrays["external"][:, None]
+        return sph.sums.forces_on(rows) / sph.bodies.m[rows] + sph.tasks.arena["external"][:, None]
 
     def _too_short(self, acceleration: float, density: float) -> None:
         who = self.culprit(_lengths(self._accelerations()))

@@ -45,7 +45,7 @@ class Totals:
         powers = [math.comb(n, k) / n for k in range(1, n + 1)] if whole else []
         background = scene.config.eos.background_pressure
         numbers = [scene.rho0, scene.stiffness, background, scene.gamma - 1, *scene.gravity[sph.axes], *sph.origin]
-        tasks.set(
+        tasks.arena.set(
             constants=np.array(numbers),
             powers=np.array(powers),
             most=np.zeros((tasks.parts, 3 + 2 * d)),
@@ -57,7 +57,7 @@ class Totals:
         """Sums of kinetic, potential and internal energy, mass and momentum; largest mass, |v|^2, |drho|, x and -x, in
         storage axes. Exact: the same bits for any ranks and threads. Collective.
         """
-        a = self.tasks.arrays
+        a = self.tasks.arena
         self.tasks.each(self.kernels.extremes)
         most = np.where(np.isnan(a["most"]).any(axis=1)[:, None], np.inf, a["most"]).max(axis=0)
         most = self.world.max_array(most)
@@ -72,7 +72,7 @@ class Totals:
     def _bounds(self, mass: float, square: float, excess: float, sides: NDArray) -> NDArray[np.float64]:
         """No term of a sum is larger than these."""
         scene, d = self.scene, self.scene.dimensions
-        low = self.tasks.arrays["constants"][4 + d :]
+        low = self.tasks.arena["constants"][4 + d :]
         farthest = np.maximum(np.abs(low + sides[:d]), np.abs(low - sides[d:]))
         height = np.abs(scene.gravity[self.axes]) @ farthest
         ends = np.array([excess, -min(excess, 0.9 * scene.rho0)])

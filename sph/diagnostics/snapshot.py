@@ -48,7 +48,7 @@ def particles_at(sph: "Sph", rows: NDArray[np.int64]) -> dict[str, NDArray]:
     """Of bodies: id[n], x[n, d] m, v[n, d] m/s, drho[n] = rho - rho0 kg/m3, m[n] kg."""
     bodies = sph.bodies
     found = {"x": sph.physical("x", rows), "v": sph.physical("v", rows), "id": bodies.key[rows] // CODES}
-    return found | {name: bodies.columns[name][rows] for name in ("drho", "m")}
+    return found | {name: bodies.arena[name][rows] for name in ("drho", "m")}
 
 
 def three(x: NDArray) -> NDArray[np.float64]:

@@ -16,6 +16,7 @@ import numpy as np
 
 from hpcpic.core.simd.compile import njit
 from hpcpic.core.simd.vector import Vec, convert, floor, lanes, load, maximum, minimum, select, splat, store
+from sph.kernels.marks import FLOWS, FLUID, PLAIN
 
 DIM = 3
 
@@ -24,7 +25,6 @@ FINE = 8
 FAR = 2**24  # fine cells from the corner: what is farther counts to the last one
 N = lanes(np.float64)
 F, I = Vec(N, np.float64), Vec(N, np.int32)
-PLAIN = 16  # flag of kernels.runs
 LOST = 1
 
 
@@ -92,8 +92,9 @@ def scatter(chunk, chunks, layer, start, bucket):
 
 
 @njit
-def extents(block, blocks, begin, bucket, row, fine, rows, row_table, fine_total):
+def extents(block, blocks, begin, bucket, row, fine, table):
     """Bodies and fine cells of each row of the layers of a block."""
+    rows, row_table = table.rows, table.row_table
     for l in range(blocks[block], blocks[block + 1]):
         first, n_rows, at = rows[l, 0], rows[l, 1], rows[l, 2]
         for k in range(at, at + n_rows):
@@ -108,18 +109,18 @@ def extents(block, blocks, begin, bucket, row, fine, rows, row_table, fine_total
         for k in range(at, at + n_rows):
             row_table[k, 2] = max(row_table[k, 2] - row_table[k, 1] + 1, 0)
             cells += row_table[k, 2] + 1
-        fine_total[l] = cells
+        table.fine_total[l] = cells
 
 
 @njit
-def arrange(block, blocks, begin, base, bucket, row, fine, key, flags, rows, row_table, fine_total, fine_start, body,
-            kind):  # fmt: skip
+def arrange(block, blocks, begin, base, bucket, row, fine, key, flags, table, body, kind):
     """Bodies and their flags by slots, of a block's layers, and the tables of their rows; fine_total[l] = place of its
     cells now, fine[body] becomes that of its own.
     """
+    rows, row_table, fine_start = table.rows, table.row_table, table.fine_start
     for l in range(blocks[block], blocks[block + 1]):
         first, n_rows, at = rows[l, 0], rows[l, 1], rows[l, 2]
-        slot, place = base[l], fine_total[l]
+        slot, place = base[l], table.fine_total[l]
         for k in range(at, at + n_rows):
             entry = row_table[k]
             entry[3] = place
@@ -182,12 +183,12 @@ def put_back(block, blocks, begin, base, k, state, moved):
 
 @njit
 def free_cells(entry, fine_start, kind):
-    """The longest stretch of fine cells of a row without a body that lacks bit 8."""
+    """The longest stretch of fine cells of a row without a body that lacks FLOWS."""
     entry[4], entry[5] = 0, 0
     place, c, since = np.int64(entry[3]), np.int64(0), np.int64(0)
     end = np.uint64(fine_start[place + entry[2]])
     for s in range(np.uint64(entry[0]), end):
-        if kind[s] & 8 == 0:
+        if kind[s] & FLOWS == 0:
             while fine_start[place + c + 1] <= s:
                 c += 1
             if c - since > entry[5] - entry[4]:
@@ -199,11 +200,11 @@ def free_cells(entry, fine_start, kind):
 
 @njit
 def wet_slots(entry, fine_start, kind):
-    """From the first to the last fluid of a row, bit 1."""
+    """From the first to the last fluid of a row."""
     first, end = entry[0], fine_start[entry[3] + entry[2]]
-    while first < end and kind[first] & 1 == 0:
+    while first < end and kind[first] & FLUID == 0:
         first += 1
-    while first < end and kind[end - 1] & 1 == 0:
+    while first < end and kind[end - 1] & FLUID == 0:
         end -= 1
     entry[6], entry[7] = first, end
 

@@ -1,7 +1,4 @@
-"""Who is in a slot: flags, 0 where nobody is, and keys = number of the particle CODES + number of its image.
-
-Kernels that are templates (see `specialise`) repeat what they use: they stand by themselves.
-"""
+"""Who is in a slot: flags, 0 where nobody is, and keys = number of the particle CODES + number of its image."""
 
 FLUID = 1
 REAL = 2  # its sums are used; images only give
@@ -11,6 +8,8 @@ PLAIN = 16  # it meets nothing but fluid (kernels.runs)
 BODY = 32
 OWN = 64  # particles of this rank
 MINE = FLUID | OWN
+FLOWING_FLUID = FLUID | REAL | FLOWS
+PARTNERS = FLUID | REAL  # two meet of which one is fluid and one real
 NORMAL = 8  # flags >> this: number of the normal of a repulsive particle
 
 CODES = 64

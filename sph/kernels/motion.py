@@ -10,37 +10,36 @@ import numpy as np
 
 from hpcpic.core.simd.compile import njit
 from hpcpic.core.simd.vector import Vec, convert, lanes, load, maximum, select, splat, store, total
+from sph.kernels.marks import FLUID, MINE, OWN, REPULSIVE, WALL_SHIFT
 
 DIM = 3
 REAL = "float64"  # of the sums
 
 N = lanes(np.float64)
 F, I, S = Vec(N, np.float64), Vec(N, np.int32), Vec(N, np.dtype(REAL))
-FLUID, REPULSIVE, OWN = 1, 4, 64
-MINE = FLUID | OWN
-WALL_SHIFT = 56  # key >> this: number of the wall + 1
 
 
 @njit
-def keep(chunk, chunks, x, v, drho, x_old, v_old, drho_old):
+def keep(chunk, chunks, y, y_old):
     """Remember the state at the start of a step."""
     for b in range(np.uint64(chunks[chunk]), np.uint64(chunks[chunk + 1])):
         for k in range(DIM):
-            x_old[k, b], v_old[k, b] = x[k, b], v[k, b]
-        drho_old[b] = drho[b]
+            y_old.x_old[k, b], y_old.v_old[k, b] = y.x[k, b], y.v[k, b]
+        y_old.drho_old[b] = y.drho[b]
 
 
 @njit
-def advance(chunk, chunks, numbers, factors, at, flags, external, x, v, drho, m, sums, x_old, v_old, drho_old):
+def advance(chunk, chunks, numbers, factors, at, flags, external, y, m, sums, y_old):
     """y = old y_old + now y + new dt f(y), a stage of a Runge-Kutta method; numbers[4] != 0: x with the new v."""
     old, now, new = numbers[1], numbers[2], numbers[3] * numbers[0]
+    x, v, drho = y.x, y.v, y.drho
     for b in range(np.uint64(chunks[chunk]), np.uint64(chunks[chunk + 1])):
         if flags[b] & OWN == 0:
             continue
         rate = np.float64(sums[at, b]) * factors[1] if flags[b] & REPULSIVE == 0 else 0.0
         drho[b] = now * drho[b] + new * rate
         if old != 0.0:  # else there may be no old state
-            drho[b] += old * drho_old[b]
+            drho[b] += old * y_old.drho_old[b]
         if flags[b] & FLUID == 0:
             drho[b] = max(drho[b], 0.0)  # walls do not suck
             continue
@@ -49,11 +48,11 @@ def advance(chunk, chunks, numbers, factors, at, flags, external, x, v, drho, m,
             before = v[k, b]
             v[k, b] = now * before + new * (np.float64(sums[k, b]) * factor + external[k])
             if old != 0.0:
-                v[k, b] += old * v_old[k, b]
+                v[k, b] += old * y_old.v_old[k, b]
             speed = v[k, b] if numbers[4] != 0.0 else before
             x[k, b] = now * x[k, b] + new * speed
             if old != 0.0:
-                x[k, b] += old * x_old[k, b]
+                x[k, b] += old * y_old.x_old[k, b]
 
 
 @njit
@@ -101,11 +100,9 @@ def spread(chunk, chunks, numbers, flags, offset, x):
 
 
 @njit
-def swap(chunk, chunks, flags, normals, bounds, turns, shifts, spins, pushes, x, v):
-    """A particle that is behind a mirror changes places with its image, which changes nothing else.
-
-    bounds[f, p]: behind if x . normals[f, p] < bounds[f, p] for all p; image x -> turn x + shift, v -> spin v + push.
-    """
+def swap(chunk, chunks, flags, mirrors, x, v):
+    """A particle that is behind a mirror changes places with its image, which changes nothing else."""
+    normals, bounds = mirrors.normals, mirrors.bounds
     at, speed = np.zeros(DIM), np.zeros(DIM)
     for b in range(chunks[chunk], chunks[chunk + 1]):
         if flags[b] & FLUID == 0 or flags[b] & OWN == 0:
@@ -121,10 +118,10 @@ def swap(chunk, chunks, flags, normals, bounds, turns, shifts, spins, pushes, x,
                     break
             if behind:
                 for k in range(DIM):
-                    at[k], speed[k] = shifts[f, k], pushes[f, k]
+                    at[k], speed[k] = mirrors.shifts[f, k], mirrors.pushes[f, k]
                     for j in range(DIM):
-                        at[k] += turns[f, k, j] * x[j, b]
-                        speed[k] += spins[f, k, j] * v[j, b]
+                        at[k] += mirrors.turns[f, k, j] * x[j, b]
+                        speed[k] += mirrors.spins[f, k, j] * v[j, b]
                 for k in range(DIM):
                     x[k, b], v[k, b] = at[k], speed[k]
 
@@ -194,65 +191,66 @@ def imaged(layer, x, normals, offsets, rows, codes):
 
 
 @njit
-def ghost_values(rows, codes, turn, shift, spin, push, x, v, drho, gradient, shear, matrix, values):
+def ghost_values(rows, codes, shift, turns, shown, values):
     """values[g] = x, v, drho, and gradient, shear where they are kept, of the image codes[g] of body rows[g]:
     x -> turn x + shift[g], v -> spin v + push; shear[a, b] = d v_b / d x_a.
     """
+    turn, spin = turns.turn, turns.spin
     for g in range(rows.size):
         b, code = rows[g], codes[g]
         for k in range(DIM):
-            at, speed = shift[g, k], push[code, k]
+            at, speed = shift[g, k], turns.push[code, k]
             for j in range(DIM):
                 if turn[code, k, j] != 0.0:
-                    at += turn[code, k, j] * x[j, b]
+                    at += turn[code, k, j] * shown.x[j, b]
                 if spin[code, k, j] != 0.0:
-                    speed += spin[code, k, j] * v[j, b]
+                    speed += spin[code, k, j] * shown.v[j, b]
             values[g, k], values[g, DIM + k] = at, speed
-        values[g, 2 * DIM] = drho[b]
+        values[g, 2 * DIM] = shown.drho[b]
         column = 2 * DIM + 1
-        if gradient.shape[1] > 0:
+        if shown.gradient.shape[1] > 0:
             for k in range(DIM):
                 slope = 0.0
                 for j in range(DIM):
-                    slope += turn[code, k, j] * gradient[j, b]
+                    slope += turn[code, k, j] * shown.gradient[j, b]
                 values[g, column + k] = slope
             column += DIM
-        if shear.shape[1] > 0:
+        if shown.shear.shape[1] > 0:
             for k in range(DIM):
                 for l in range(DIM):
                     slope = 0.0
                     for i in range(DIM):
                         for j in range(DIM):
-                            slope += turn[code, k, i] * spin[code, l, j] * shear[DIM * i + j, b]
+                            slope += turn[code, k, i] * spin[code, l, j] * shown.shear[DIM * i + j, b]
                     values[g, column + DIM * k + l] = slope
             column += DIM * DIM
-        if matrix.shape[1] > 0:
+        if shown.matrix.shape[1] > 0:
             for k in range(DIM):
                 for l in range(DIM):
                     slope = 0.0
                     for i in range(DIM):
                         for j in range(DIM):
-                            slope += turn[code, k, i] * turn[code, l, j] * matrix[DIM * i + j, b]
+                            slope += turn[code, k, i] * turn[code, l, j] * shown.matrix[DIM * i + j, b]
                     values[g, column + DIM * k + l] = slope
 
 
 @njit
-def take_ghosts(values, rows, x, v, drho, gradient, shear, matrix):
+def take_ghosts(values, rows, shown):
     """What `ghost_values` are of into the ghosts, at `rows`."""
     for g in range(values.shape[0]):
         b = rows[g]
         for k in range(DIM):
-            x[k, b], v[k, b] = values[g, k], values[g, DIM + k]
-        drho[b] = values[g, 2 * DIM]
+            shown.x[k, b], shown.v[k, b] = values[g, k], values[g, DIM + k]
+        shown.drho[b] = values[g, 2 * DIM]
         column = 2 * DIM + 1
-        if gradient.shape[1] > 0:
+        if shown.gradient.shape[1] > 0:
             for k in range(DIM):
-                gradient[k, b] = values[g, column + k]
+                shown.gradient[k, b] = values[g, column + k]
             column += DIM
-        if shear.shape[1] > 0:
+        if shown.shear.shape[1] > 0:
             for k in range(DIM * DIM):
-                shear[k, b] = values[g, column + k]
+                shown.shear[k, b] = values[g, column + k]
             column += DIM * DIM
-        if matrix.shape[1] > 0:
+        if shown.matrix.shape[1] > 0:
             for k in range(DIM * DIM):
-                matrix[k, b] = values[g, column + k]
+                shown.matrix[k, b] = values[g, column + k]

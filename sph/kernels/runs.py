@@ -4,7 +4,10 @@ Rows of half a neighbourhood: own from the next body on, then in 3D the next row
 next layer.
 """
 
+from typing import NamedTuple
+
 import numpy as np
+from numpy.typing import NDArray
 
 from hpcpic.core.simd.compile import njit
 from hpcpic.core.simd.vector import (
@@ -24,6 +27,7 @@ from hpcpic.core.simd.vector import (
     sqrt,
     store,
 )  # fmt: skip
+from sph.kernels.marks import FLOWING_FLUID, FLOWS, FLUID, PARTNERS, PLAIN
 
 DIM = 3
 
@@ -34,16 +38,24 @@ OWN_ROWS = 2 if DIM == 3 else 1  # of these in the layer of the body
 N, M = lanes(np.float64), lanes(np.float32)
 F, I, S = Vec(N, np.float64), Vec(N, np.int32), Vec(N, np.float32)
 WIDE, KINDS = Vec(M, np.float32), Vec(M, np.int32)
-PLAIN = 16  # flag (see sph.kernels.marks): has FLUID, REAL and FLOWS, and all in its runs that are near have FLOWS
 CROWDED = 1
 MOST = 65535  # slots of a run
 
 
+class Reach(NamedTuple):
+    """Places[k, slot] of the bodies of two layers, in fine cells, and the square of the radius."""
+
+    own: NDArray[np.float32]
+    around: NDArray[np.float32]
+    limit: np.float32
+
+
 @njit
-def find(block, blocks, base, shape, edge, x, flags, rows, row_table, fine_start, run_first, run_length):
+def find(block, blocks, base, shape, edge, x, flags, table, run_first, run_length):
     """run_first[k, slot], run_length[k, slot]: the slots in row k of the half neighbourhood where all within the radius
     are; the flag PLAIN. edge = (edge of a layer, of a row, of a fine cell, pads, radius).
     """
+    rows, row_table, fine_start = table.rows, table.row_table, table.fine_start
     longest = N + longest_row(block, blocks, rows, row_table, fine_start)  # vectors overrun
     height, left = np.zeros(longest), np.zeros((6, longest))
     cells, met = np.zeros((3, longest), np.int32), np.zeros(longest, np.int32)
@@ -68,9 +80,9 @@ def find(block, blocks, base, shape, edge, x, flags, rows, row_table, fine_start
                     continue
                 other = row_table[rows[l + up, 2] + at]
                 chords(height, left[3 * up + 1 + side], after - first, other, cells)
+                reach = Reach(places[l & 1], places[(l + up) & 1], limit)
                 most = max(most, cut(
-                    n == 0, first - base[l], base[l + up], places[l & 1], places[(l + up) & 1], limit,
-                    flags[first:after], flags[base[l + up] :], cells,
+                    n == 0, first - base[l], base[l + up], reach, flags[first:after], flags[base[l + up] :], cells,
                     fine_start[other[3] : other[3] + other[2] + 1], other, run_first[n, first:after],
                     run_length[n, first:after], met,
                 ))  # fmt: skip
@@ -116,7 +128,7 @@ def beside(n):
 def tell_plain(many, met, flags):
     """The flag PLAIN of the fluid that met nothing else."""
     for m in range(many):
-        if flags[m] & 11 == 11 and met[m] == 0:
+        if flags[m] & FLOWING_FLUID == FLOWING_FLUID and met[m] == 0:
             flags[m] |= PLAIN
 
 
@@ -177,7 +189,7 @@ def chords(height, left, many, row, cells):
 
 
 @njit
-def cut(same, first, since, own, around, limit, kinds, flags, cells, start, row, begins, lengths, met):
+def cut(same, first, since, reach, kinds, flags, cells, start, row, begins, lengths, met):
     """Runs of the bodies of a row; the longest of them. In another row than their own they are from about the first to
     about the last body that is within the radius and of a class that the body has to do with. met: not 0 from now on
     where there is one without FLOWS. What is no fluid only meets fluid, which is in a part of the row.
@@ -188,13 +200,13 @@ def cut(same, first, since, own, around, limit, kinds, flags, cells, start, row,
         at, end = start[np.uint32(cells[0, m])] - since, start[np.uint32(cells[1, m])] - since
         if same:
             at = max(at, np.int64(b) + 1)  # each pair once
-        if cells[2, m] == 0 and kinds[m] & 3 == 3:
+        if cells[2, m] == 0 and kinds[m] & PARTNERS == PARTNERS:
             if not same:  # there most are within it
-                at, end = cut_ends(own, around, b, limit, at, end)
+                at, end = cut_ends(reach, b, at, end)
         else:
-            if kinds[m] & 1 == 0:
+            if kinds[m] & FLUID == 0:
                 at, end = max(at, wet), min(end, wet_end)
-            at, end, strange = cut_classes(own, around, flags, kinds[m] & 3, b, limit, at, end)
+            at, end, strange = cut_classes(reach, flags, kinds[m] & PARTNERS, b, at, end)
             met[m] |= strange != 0
         length = max(end - at, 0)
         longest = max(longest, length)
@@ -203,23 +215,23 @@ def cut(same, first, since, own, around, limit, kinds, flags, cells, start, row,
 
 
 @njit
-def cut_ends(own, around, b, limit, at, end):
+def cut_ends(reach, b, at, end):
     """A run without the bodies beyond the radius in its first and its last vector."""
     back = max(end - M, at)
     valid = (1 << min(end - at, np.int64(M))) - 1
-    ahead, behind = reached(own, around, b, limit, at) & valid, reached(own, around, b, limit, back) & valid
+    ahead, behind = reached(reach, b, at) & valid, reached(reach, b, back) & valid
     return min(at + min(first_bit(ahead), M), end), back + last_bit(behind) + 1
 
 
 @njit
-def cut_classes(own, around, flags, kind, b, limit, at, end):
+def cut_classes(reach, flags, kind, b, at, end):
     """A run from the first to the last body that a body has to do with, and bits of those that lack FLOWS."""
     low, high, strange = end, min(at, end), np.int64(0)
     while at < end:
         kinds = load(KINDS, flags, at)
-        bits = reached(own, around, b, limit, at) & bitmask((kinds | kind) & 3 == 3)
+        bits = reached(reach, b, at) & bitmask((kinds | kind) & PARTNERS == PARTNERS)
         bits &= (1 << min(end - at, np.int64(M))) - 1
-        strange |= bits & bitmask(kinds & 8 == 0)
+        strange |= bits & bitmask(kinds & FLOWS == 0)
         if bits != 0:
             low, high = min(low, at + first_bit(bits)), at + last_bit(bits) + 1
         at += M
@@ -227,10 +239,10 @@ def cut_classes(own, around, flags, kind, b, limit, at, end):
 
 
 @njit
-def reached(own, around, b, limit, j):
+def reached(reach, b, j):
     """Which of the M bodies from j on are within the radius around a body, as bits."""
     square = splat(WIDE, 0.0)
     for k in range(DIM):
-        d = load(WIDE, around[k], j) - own[k, b]
+        d = load(WIDE, reach.around[k], j) - reach.own[k, b]
         square = fma(d, d, square)
-    return bitmask(square <= limit)
+    return bitmask(square <= reach.limit)

@@ -17,10 +17,10 @@ from hpcpic.core.simd.vector import (
     to_fixed,
     total,
 )
+from sph.kernels.marks import MINE
 
 DIM = 3
 
-MINE = 65  # flags of the own fluid
 TERMS = 4 + DIM  # kinetic, potential, internal energy, mass, momentum
 _FIRST, _NEXT = 2.0**31, 2.0**32  # as core.space.exact
 N = lanes(np.float64)

@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from hpcpic.core.errors import ConfigError
 from hpcpic.core.space.products import product
+from sph.kernels.groups import Mirrors
 from sph.kernels.marks import CODES
 
 if TYPE_CHECKING:
@@ -150,7 +151,7 @@ def _direction(normal: NDArray) -> tuple[float, ...]:
     return tuple(rounded * np.sign(rounded[np.flatnonzero(rounded)[0]]))
 
 
-def single_mirrors(groups: list[Maps]) -> dict[str, NDArray]:
+def single_mirrors(groups: list[Maps]) -> Mirrors:
     """The faces of groups of mirrors as kernels.motion.swap takes them. Behind: deeper than the face, not farther than
     its images reach.
     """
@@ -162,13 +163,13 @@ def single_mirrors(groups: list[Maps]) -> dict[str, NDArray]:
         for p, (normal, offset) in enumerate(group.planes[k]):
             normals[f, p], bounds[f, p] = normal, offset
         normals[f, 0], bounds[f, 0] = group.planes[k][0][0], group.depth[k]
-    return {
-        "normals": normals,
-        "bounds": bounds,
-        **{name: np.array([getattr(group, field)[k] for group, k in maps]).reshape(len(maps), *shape)
-           for name, field, shape in (("turns", "turn", (d, d)), ("shifts", "shift", (d,)),
-                                      ("spins", "spin", (d, d)), ("pushes", "push", (d,)))},
-    }  # fmt: skip
+
+    def stacked(field: str, *shape: int) -> NDArray:
+        return np.array([getattr(group, field)[k] for group, k in maps]).reshape(len(maps), *shape)
+
+    return Mirrors(
+        normals, bounds, stacked("turn", d, d), stacked("shift", d), stacked("spin", d, d), stacked("push", d)
+    )
 
 
 def mirrors(scene: "Scene", walls: "Walls", axes: list[int], reach: float) -> list[Maps]:

@@ -1,15 +1,15 @@
 """Cells of a rank: bodies in slots by layer, row and fine cell, and the runs of slots where neighbours are."""
 
-from collections.abc import Callable
-
 import numpy as np
 from numpy.typing import NDArray
 
 from hpcpic.core.errors import Diverged
 from hpcpic.core.tasks.graph import TaskError
+from sph.kernels.groups import Table
 from sph.kernels.marks import BODY, OWN
 from sph.kernels.specialise import specialise
-from sph.particles.particles import PADS, Bodies, Tasks, even
+from sph.particles.particles import PADS, Bodies
+from sph.particles.tasks import Tasks, equal_parts
 
 FINE = 8
 MOST_FINE = 2**28  # fine cells of a rank: a table of 1 GB
@@ -35,79 +35,39 @@ class Grid:
 
 
 class Cells:
-    """Slots and runs of the bodies of a rank; `tasks.arrays` gets all of it by name."""
+    """Slots and runs of the bodies of a rank."""
 
     def __init__(self, tasks: Tasks, grid: Grid, d: int) -> None:
         self.tasks, self.grid, self.parts = tasks, grid, tasks.parts
         self.kernels, self.runs = (specialise(stem, DIM=d) for stem in ("cells", "runs"))
-        self.n_runs = self.runs.ROWS
-        self._layers = self._rows = self._fine = -1  # no arrays yet
-        tasks.set(
-            scale=grid.scale,
-            edge=grid.edges,
-            shape=np.zeros(6, np.int64),
-            chunks=np.zeros(self.parts + 1, np.int64),
-            span=np.zeros((self.parts, 2), np.int64),
-            layers=np.zeros(self.parts + 1, np.int64),
-            sweeps=np.zeros(self.parts + 1, np.int64),
-            inner=np.zeros(self.parts + 1, np.int64),
-        )
-
-    def _room(self, **sizes: int) -> None:
-        """Make the arrays named by a size large enough for it."""
-        tasks, parts = self.tasks, self.parts
-        n = sizes.get("layers", 0)
-        if n > self._layers:
-            self._layers = n = n + n // 8 + 4
-            table = {name: np.zeros((parts, n), np.int64) for name in ("count", "low", "high", "start")}
-            tasks.set(
-                **table, begin=np.zeros(n + 1, np.int64), base=np.zeros(n + 1, np.int64),
-                rows=np.zeros((n, 3), np.int64), fine_total=np.zeros(n + 1, np.int64),
-            )  # fmt: skip
-        n = sizes.get("rows", 0)
-        if n > self._rows:
-            self._rows = n = n + n // 4
-            tasks.set(row_table=np.zeros((n, 8), np.int32))
-        n = sizes.get("fine", 0)
-        if n > self._fine:
-            self._fine = n = n + n // 4
-            tasks.set(fine_start=np.zeros(n, np.int32))
-
-    def _fit(self, bodies: Bodies) -> None:
-        """Memory for a sort, as large as the bodies now are."""
-        n, need = bodies.capacity, self.tasks.workspace.need
-        slots = {"body": ((n,), np.int32), "kind": ((n,), np.int32)}
-        need("move", **slots, moved=((n,), np.float64))
-        need("sort", **slots, **dict.fromkeys(("layer", "row", "fine", "bucket"), ((n,), np.int32)))
+        tasks.arena.group(table=Table)
+        tasks.arena.set(scale=grid.scale, edge=grid.edges)
 
     def _place(self, bodies: Bodies, wanted: int) -> None:
-        a = self.tasks.arrays
-        self._fit(bodies)
+        a = self.tasks.arena
         a["shape"][:] = PADS, self.grid.layers, 0, 0, self.grid.rows, 0
-        a["chunks"][:] = even(bodies.end, self.parts)
+        a["chunks"][:] = equal_parts(bodies.end, self.parts)
         self.tasks.each(self.kernels.place, wanted=wanted)
 
     def layer_of(self, bodies: Bodies) -> NDArray[np.int32]:
         """Global layers by row, of others than the own bodies -1, in memory that the next `sort` uses."""
         self._place(bodies, OWN)
-        return self.tasks.arrays["layer"][: bodies.end]
+        return self.tasks.arena["layer"][: bodies.end]
 
-    def sort(self, bodies: Bodies, slab: tuple[int, int], fit: Callable[[], None]) -> None:
+    def sort(self, bodies: Bodies, slab: tuple[int, int]) -> None:
         """Bodies into slots by cells. The own ones are in the layers of the slab from slab[0] up to slab[1], ghosts
-        also beside it. `fit` makes what else shares the memory as large as the bodies are.
+        also beside it.
         """
-        tasks, kernels = self.tasks, self.kernels
-        fit()
+        tasks, kernels, a = self.tasks, self.kernels, self.tasks.arena
         self._place(bodies, BODY)
-        a = tasks.arrays
         first, here = self._span(*slab)
         self.here = here
-        self._room(layers=here)
+        a.reserve(layers=here + 1)
         a["shape"][2:4] = first, here
         self._tally()
         self._buckets(a["count"][:, :here], first, here)
         if bodies.reserve(int(a["base"][here])):  # in other memory now
-            return self.sort(bodies, slab, fit)
+            return self.sort(bodies, slab)
         tasks.each(kernels.scatter)
         tasks.each(kernels.extents, blocks="layers")
         fine = a["fine_total"]
@@ -116,19 +76,19 @@ class Cells:
         np.cumsum(totals, out=fine[1 : here + 1])
         if fine[here] > MOST_FINE:
             raise Diverged("particles are too far from each other: there is no room for the cells between them")
-        self._room(fine=int(fine[here]))
+        a.reserve(cells=int(fine[here]))
         tasks.each(kernels.arrange, blocks="layers")
         tasks.each(kernels.find_places, blocks="layers")
         bodies.sorted(a["bucket"], int(a["base"][here]))
         for k in range(len(bodies.state)):
             tasks.each(kernels.gather, blocks="layers", k=k)
             tasks.each(kernels.put_back, blocks="layers", k=k)
-        a["chunks"][:] = even(bodies.end, self.parts)
+        a["chunks"][:] = equal_parts(bodies.end, self.parts)
         return None
 
     def find(self, radius: float) -> None:
         """Runs of the slots of all neighbours within `radius`."""
-        self.tasks.arrays["edge"][4] = radius
+        self.tasks.arena["edge"][4] = radius
         try:
             self.tasks.each(self.runs.find, blocks="sweeps")
         except TaskError as error:
@@ -146,7 +106,7 @@ class Cells:
 
     def _span(self, low: int, high: int) -> tuple[int, int]:
         """First and number of the layers with bodies, and one more on each side: an empty tank costs nothing."""
-        lowest, highest = self.tasks.arrays["span"].min(axis=0)[0], self.tasks.arrays["span"].max(axis=0)[1]
+        lowest, highest = self.tasks.arena["span"].min(axis=0)[0], self.tasks.arena["span"].max(axis=0)[1]
         if highest < 0:
             return low - 1, 2
         first, last = max(lowest - 1, low - 1), min(highest + 1, high)
@@ -154,7 +114,7 @@ class Cells:
 
     def _buckets(self, count: NDArray[np.int64], first: int, here: int) -> None:
         """From the counts of chunks and layers: where layers begin, their rows, and blocks of about equal load."""
-        a = self.tasks.arrays
+        a = self.tasks.arena
         per_layer = count.sum(axis=0)
         begin, base = a["begin"], a["base"]
         begin[0] = base[0] = 0
@@ -166,9 +126,8 @@ class Cells:
         rows[:here, 0] = low
         rows[:here, 1] = np.maximum(high - low + 1, 0)
         rows[:here, 2] = np.cumsum(rows[:here, 1]) - rows[:here, 1]
-        self._room(rows=int(rows[:here, 1].sum()))
+        a.reserve(rows=int(rows[:here, 1].sum()))
         share = begin[here] * np.arange(self.parts + 1) / self.parts
-        a = self.tasks.arrays
         cuts = np.searchsorted(begin[: here + 1], share)
         cuts[0], cuts[-1] = 0, here
         a["layers"][:] = cuts

@@ -9,11 +9,12 @@ from hpcpic.core.simd.generate import module_from_source
 from sph.kernels import columns, packing, passes
 from sph.kernels.passes import NUMBERS
 from sph.particles.neighbours import Cells
-from sph.particles.particles import Bodies, Tasks
+from sph.particles.particles import Bodies
+from sph.particles.tasks import Tasks
 from sph.physics.pair_spec import most_sums, terms_of
 from sph.physics.smoothing import SMOOTHING
 from sph.physics.stability import cleary_constant
-from sph.physics.terms import UNIT, Law, columns_of, sums_of
+from sph.physics.terms import UNIT, Law, sums_of
 
 if TYPE_CHECKING:
     from sph.setup.scene import Scene
@@ -24,7 +25,7 @@ HEAD = "import numpy as np\n\nfrom hpcpic.core.simd.compile import njit\n"
 
 
 class PairSums:
-    """Rates of the bodies in `cells`, left as sums in `tasks.arrays` until the next sums or sort.
+    """Rates of the bodies in `cells`, left as sums in the arena until the next sums or sort.
 
     factors: what makes of them a [m/s2] without gravity and body force, with 1 / m, and d rho / dt [kg/m3 s].
     rate: which of the sums is that of rates.
@@ -43,7 +44,7 @@ class PairSums:
         h, c, rho = scene.h, scene.c0, scene.rho0
         si = 1.0, 1.0, 1.0, 1.0
         self.units = (h * UNIT, c, rho, rho * h**scene.dimensions) if law.single else si  # of pair sums
-        tasks.set(
+        tasks.arena.set(
             scales=self._scales(scene), pair_numbers=self._numbers(scene), factors=self._factors(scene),
             face_normals=np.ascontiguousarray(scene.normals[:, scene.axes].T),
         )  # fmt: skip
@@ -92,23 +93,9 @@ class PairSums:
         } | {f"gravity{axis}": gravity[k] for k, axis in enumerate("xyz")}
         return np.array([numbers[name] for name in NUMBERS])
 
-    def fit(self) -> None:
-        """Arrays for the slots that there now are; what phases before left in their memory is lost."""
-        n, rows, law = self.bodies.capacity, self.cells.n_runs, self.law
-        real = np.dtype(law.real).type
-        arrays = {
-            "sums": ((self.n_sums, n), real),
-            "values": ((len(columns_of(law)), n), real),
-            "run_first": ((rows, n), np.int32),
-            "run_length": ((rows, n), np.uint16),
-        }
-        if law.single:
-            arrays["position"] = (law.dimensions, n), np.int32
-        self.tasks.workspace.need("pairs", **arrays)
-
     def forces_on(self, rows: NDArray[np.int64]) -> NDArray[np.float64]:
         """[d, k] N (2D: N/m) on bodies, of the last sums."""
-        a = self.tasks.arrays
+        a = self.tasks.arena
         return a["sums"][: self.law.dimensions, rows] * a["factors"][0]
 
     def _sweep(self, title: str) -> None:

@@ -4,8 +4,7 @@ A ghost is a body seen through a map x -> turn x + shift: the identity for those
 periodic sides, reflections for walls that mirror. The owner of a particle knows who needs which of its images.
 """
 
-import inspect
-from collections.abc import Callable, Container, Mapping
+from collections.abc import Callable
 from itertools import pairwise
 from typing import Any
 
@@ -18,76 +17,16 @@ from hpcpic.core.comm.tags import Channel
 from hpcpic.core.comm.world import World
 from hpcpic.core.errors import ConfigError
 from hpcpic.core.space.domain import Domain
-from hpcpic.core.space.fields import aligned_zeros
-from hpcpic.core.tasks.graph import Graph, Pool, bind
+from hpcpic.core.tasks.arena import Arena
 from sph.kernels import readings
+from sph.kernels.groups import OldState, Shown, State, Turns
 from sph.kernels.marks import BODY, CODES, FLOWS, FLUID, OWN, REAL, WALL_BITS
 from sph.particles.images import Maps
-from sph.particles.workspace import Workspace
 
-LINE = 16  # slots that only one part of a task writes
+VECTOR = 16  # slots behind the last one that vectors may touch
 PADS = 2  # layers and rows outside the domain, for walls and images
-MOST = 2**31 - 2**20  # bodies of a rank: their slots are int32
-SLACK = 16  # one body more for so many, when there is no room
+MOST = 2**31 * 7 // 8  # bodies of a rank: their slots are int32
 IMAGES_REACH = 4  # layers from a body to where its image, but for a period, is looked for; with one to spare
-
-
-class Tasks:
-    """Kernels run by the pool on arrays found by the names of their arguments."""
-
-    def __init__(self, pool: Pool, parts: int) -> None:
-        self.pool, self.parts = pool, parts
-        self.arrays: dict[str, Any] = {}
-        self._graphs: dict[Any, Graph] = {}
-        self.workspace = Workspace(self)
-
-    def set(self, **arrays: Any) -> None:
-        """Name arrays; a new array for a name makes all tasks be bound again."""
-        self.arrays.update(arrays)
-        self._graphs.clear()
-
-    def refill(self, **arrays: NDArray) -> None:
-        """As `set`, but where an array is as large as the one before, that one takes its values and tasks stay bound:
-        it takes 50 ms to bind them all.
-        """
-        for name, values in arrays.items():
-            before = self.arrays.get(name)
-            if before is not None and before.shape == values.shape:
-                before[...] = values
-            else:
-                self.set(**{name: values})
-
-    def each(self, kernel: Callable, **more: Any) -> None:
-        """The kernel for every part (its first argument); `more`: arguments that are numbers, or other names."""
-        self._run(kernel, more, {"": {}})
-
-    def alternate(self, kernel: Callable, **more: Any) -> None:
-        """The kernel for every part with odd = 0, and with odd = 1 once that part and the next one are through: at
-        once, while what both read is in the cache.
-        """
-        self._run(kernel, more, {"outs": {"odd": 0}, "ins": {"odd": 1}})
-
-    def _run(self, kernel: Callable, more: Mapping[str, Any], rounds: Mapping[str, Mapping[str, Any]]) -> None:
-        key = (kernel, *more.items())
-        if key not in self._graphs:
-            graph = Graph()
-            for way, numbers in rounds.items():
-                arguments = self._arguments(kernel, {**more, **numbers})
-                for part in range(self.parts):
-                    touched = {"outs": {"outs": [part]}, "ins": {"ins": [part, part + 1]}}.get(way, {})
-                    graph.task(bind(kernel, part, *arguments), priority="ins" in touched, **touched)
-            self._graphs[key] = graph.freeze()
-        self.pool.run(self._graphs[key])
-
-    def _arguments(self, kernel: Any, more: Mapping[str, Any]) -> list[Any]:
-        names = list(inspect.signature(kernel.py_func).parameters)[1:]
-        values = (more.get(name, name) for name in names)
-        return [self.arrays[value] if isinstance(value, str) else value for value in values]
-
-
-def even(n: int, parts: int) -> NDArray[np.int64]:
-    """parts + 1 bounds of n items, in whole cache lines of int32."""
-    return np.arange(parts + 1) * (-(-n // LINE)) // parts * LINE
 
 
 class Slabs:
@@ -128,27 +67,26 @@ class Bodies:
     `without` are empty. What comes is put behind all others, until the cells give it a slot.
     """
 
-    LINES = ("gradient", "x_old", "v_old", "offset")
-
-    def __init__(self, world: World, tasks: Tasks, motion: Any, d: int, maps: Maps, without: Container[str]) -> None:
-        self.world, self.tasks, self.motion, self.d, self.maps = world, tasks, motion, d, maps
-        self.without = without  # columns that nobody needs
-        self.n = self.end = self.capacity = 0
-        self.columns: dict[str, NDArray] = {}
+    def __init__(self, world: World, arena: Arena, motion: Any, d: int, maps: Maps) -> None:
+        self.world, self.arena, self.motion, self.d, self.maps = world, arena, motion, d, maps
+        arena.group(y=State, y_old=OldState, shown=Shown)
+        self.n = self.end = 0
+        self._name_lines()
         self._found: dict[str, Any] = {}  # rows that were asked for since the last sort
         self._ghosts = self._rows = self._codes = np.zeros(0, np.int64)
-        self.reserve(1024)
         self._refresh = Refresh(world, Channel.GHOSTS_VALUES)
         self._record = np.dtype([("numbers", np.float64, 2 * d + 2), ("id", np.int64), ("flags", np.int64)])
         self._migrate = Migrate(world, self._record.itemsize, Channel.PARTICLES)
         self._shift = np.zeros((0, d))
         self.moved = 0
 
-    def __getattr__(self, name: str) -> NDArray:
-        try:
-            return self.__dict__["columns"][name]
-        except KeyError:
-            raise AttributeError(name) from None
+    def _name_lines(self) -> None:
+        """The lines of the state by name, here and in the arena."""
+        state, d = self.arena["state"], self.d
+        self.state, self.flags = state, self.arena["flags"]
+        self.x, self.v, self.drho, self.m = state[:d], state[d : 2 * d], state[2 * d], state[2 * d + 1]
+        self.key: NDArray[np.int64] = state[2 * d + 2].view(np.int64)
+        self.arena.set(x=self.x, v=self.v, drho=self.drho, m=self.m, key=self.key)
 
     @property
     def rows(self) -> NDArray[np.int64]:
@@ -175,11 +113,11 @@ class Bodies:
         """
         if name in ("id", "wall"):
             return self.key[self.rows] // CODES >> (WALL_BITS if name == "wall" else 0)
-        return self.columns[name][..., self.rows]
+        return self.arena[name][..., self.rows]
 
     def put(self, name: str, values: NDArray | float) -> None:
         """A column of the own particles."""
-        self.columns[name][..., self.rows] = values
+        self.arena[name][..., self.rows] = values
 
     @property
     def id(self) -> NDArray[np.int64]:
@@ -187,28 +125,14 @@ class Bodies:
         return self.own("id")
 
     def reserve(self, capacity: int) -> bool:
-        """Room for `capacity` slots; whether there was none."""
-        capacity += LINE  # vectors may overrun
-        if capacity <= self.capacity:
-            return False
-        capacity += capacity // SLACK
-        if capacity > MOST:
-            raise ConfigError([f"{capacity:.3g} particles on a rank, more than {MOST}: more ranks"])
-        d = self.d
-        shapes = {"state": ((2 * d + 3, capacity), float), "flags": ((capacity,), np.int32)}
-        shapes |= dict.fromkeys(self.LINES, ((d, capacity), float)) | {"drho_old": ((capacity,), float)}
-        shapes |= dict.fromkeys(("shear", "matrix"), ((d**2, capacity), float))
-        for name, (shape, kind) in shapes.items():
-            fresh = aligned_zeros((*shape[:-1], 0) if name in self.without else shape, kind)
-            if name in self.columns and fresh.size:
-                fresh[..., : self.end] = self.columns[name][..., : self.end]
-            self.columns[name] = fresh
-        state = self.columns["state"]
-        self.columns |= {"x": state[:d], "v": state[d : 2 * d], "drho": state[2 * d], "m": state[2 * d + 1]}
-        self.columns["key"] = state[2 * d + 2].view(np.int64)
-        self.capacity = capacity
-        self.tasks.set(**self.columns)
-        return True
+        """Make room for so many slots. Whether there was none, so that arrays are elsewhere now."""
+        slots = capacity + VECTOR
+        if slots > MOST:
+            raise ConfigError([f"{slots:.3g} particles on a rank, more than {MOST}: more ranks"])
+        moved = self.arena.reserve(slots=slots)
+        if moved:
+            self._name_lines()
+        return moved
 
     def clear(self) -> None:
         """No bodies."""
@@ -233,7 +157,7 @@ class Bodies:
         """Add own particles, x and v [d, k]."""
         rows = self._behind(len(ids))
         for name, values in (("x", x), ("v", v), ("drho", drho), ("m", m), ("flags", flags | BODY | OWN)):
-            self.columns[name][..., rows] = values
+            self.arena[name][..., rows] = values
         self.key[rows] = np.asarray(ids, np.int64) * CODES
         self.n += len(ids)
 
@@ -348,13 +272,10 @@ class Bodies:
         """Ghosts' x, v, drho and gradient as they are now. Collective."""
         if self.world.size == 1 and not len(self._ghosts):
             return
-        sizes = {"gradient": self.d, "shear": self.d**2, "matrix": self.d**2}
-        extra = sum(size for name, size in sizes.items() if name not in self.without)
-        values, maps = np.empty((len(self._rows), 2 * self.d + 1 + extra)), self.maps
-        self.motion.ghost_values(
-            self._rows, self._codes, maps.turns, self._shift, maps.spin, maps.push, self.x, self.v, self.drho,
-            self.gradient, self.shear, self.matrix, values,
-        )  # fmt: skip
+        shown, maps = self.arena.value("shown"), self.maps
+        kept = sum(len(lines) for lines in (shown.gradient, shown.shear, shown.matrix) if lines.size)
+        values = np.empty((len(self._rows), 2 * self.d + 1 + kept))
+        turns = Turns(maps.turns, maps.spin, maps.push)
+        self.motion.ghost_values(self._rows, self._codes, self._shift, turns, shown, values)
         self._refresh.start(iteration, values)
-        ghosts = self._refresh.finish()
-        self.motion.take_ghosts(ghosts, self._ghosts, self.x, self.v, self.drho, self.gradient, self.shear, self.matrix)
+        self.motion.take_ghosts(self._refresh.finish(), self._ghosts, shown)

@@ -90,7 +90,7 @@ def column(sph, name):
     if name == "a":
         return sums.forces_on(bodies.rows) / bodies.own("m")
     if name == "rate":
-        rates = sph.tasks.arrays["sums"][sums.rate, bodies.rows] * sph.tasks.arrays["factors"][1]
+        rates = sph.tasks.arena["sums"][sums.rate, bodies.rows] * sph.tasks.arena["factors"][1]
         return np.where(bodies.own("flags") & REPULSIVE, 0.0, rates)
     return bodies.own(name)
 

@@ -66,7 +66,7 @@ def test_a_particle_may_leave_by_the_open_side_only(x, v, reason):
 @pytest.mark.parametrize("value", [np.nan, np.inf])
 def test_a_particle_that_is_no_number_ends_the_run(column, value):
     sph = water()
-    sph.bodies.columns[column][..., fluid(sph)[5]] = value
+    sph.bodies.arena[column][..., fluid(sph)[5]] = value
     reason = end(sph)
     assert any(words in reason for words in ("not a finite number", "density of", "no room", "moved farther"))
 

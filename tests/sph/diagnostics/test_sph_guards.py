@@ -38,7 +38,7 @@ def one(sph):
 
 def set_one(column, value, axis=0):
     def attack(sph):
-        line = sph.bodies.columns[column]
+        line = sph.bodies.arena[column]
         line[(sph.axes.index(axis), one(sph)) if line.ndim == 2 else one(sph)] = value
         if column == "x":
             sph.sort()
@@ -77,7 +77,7 @@ def test_a_place_in_an_open_direction_farther_than_sound_has_run(away):
 
 def test_an_acceleration_that_makes_steps_short():
     def attack(sph):
-        sph.tasks.arrays["external"][:] = 1e12
+        sph.tasks.arena["external"][:] = 1e12
 
     reason = attacked(water(), attack)
     assert "the time step has fallen to" in reason and "particle" in reason and "m/s2" in reason

@@ -108,9 +108,9 @@ def test_an_empty_tank_costs_nothing():
         for _ in range(4):
             sph.step()
     assert all(np.array_equal(*pair) for pair in zip(by_id(near, "x", "v"), by_id(far, "x", "v")))
-    assert near.cells.here == far.cells.here and near.bodies.capacity == far.bodies.capacity
-    held = [[getattr(array, "nbytes", 0) for array in sph.tasks.arrays.values()] for sph in (near, far)]
-    assert sum(held[1]) <= 1.05 * sum(held[0])
+    assert near.cells.here == far.cells.here and near.tasks.arena.sizes["slots"] == far.tasks.arena.sizes["slots"]
+    held = [sum(sph.tasks.arena.bytes.values()) for sph in (near, far)]
+    assert held[1] <= 1.05 * held[0]
 
 
 def test_moving_walls_are_where_their_motion_says():
@@ -236,7 +236,7 @@ def test_tasks_stay_bound_while_mirrors_move():
     sph = engine(fill=(1.0, 0.5), more=f"wall = ( {gate} );")
     for _ in range(3):
         sph.step()
-    before, bounds = dict(sph.tasks._graphs), sph.tasks.arrays["bounds"].copy()
+    before, bounds = dict(sph.tasks._graphs), sph.tasks.arena["bounds"].copy()
     for _ in range(3):
         sph.step()
-    assert sph.tasks._graphs == before and np.abs(sph.tasks.arrays["bounds"] - bounds)[np.isfinite(bounds)].max() > 0
+    assert sph.tasks._graphs == before and np.abs(sph.tasks.arena["bounds"] - bounds)[np.isfinite(bounds)].max() > 0

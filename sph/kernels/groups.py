@@ -1,0 +1,65 @@
+"""Arrays that kernels take together, by the names that they have in the arena of a rank."""
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+Reals = NDArray[np.float64]
+
+
+class Table(NamedTuple):
+    """The occupied rows of cells (see kernels.cells)."""
+
+    rows: NDArray[np.int64]
+    row_table: NDArray[np.int32]
+    fine_total: NDArray[np.int64]
+    fine_start: NDArray[np.int32]
+
+
+class State(NamedTuple):
+    """What integrators call y: positions [d, slots] m, velocities [d, slots] m/s, rho - rho0 [slots] kg/m3."""
+
+    x: Reals
+    v: Reals
+    drho: Reals
+
+
+class OldState(NamedTuple):
+    """The state at the start of a step."""
+
+    x_old: Reals
+    v_old: Reals
+    drho_old: Reals
+
+
+class Shown(NamedTuple):
+    """What ghosts and images show of a particle: [d, slots], [slots] for drho, [d d, slots] for the last two."""
+
+    x: Reals
+    v: Reals
+    drho: Reals
+    gradient: Reals
+    shear: Reals
+    matrix: Reals
+
+
+class Turns(NamedTuple):
+    """What maps do to positions and velocities: matrices [k, d, d], and velocities [k, d] that they add."""
+
+    turn: Reals
+    spin: Reals
+    push: Reals
+
+
+class Mirrors(NamedTuple):
+    """Faces f that mirror. Behind one is who has x . normals[f, p] < bounds[f, p] for all p; its image is at turns x +
+    shifts with the velocity spins v + pushes.
+    """
+
+    normals: Reals
+    bounds: Reals
+    turns: Reals
+    shifts: Reals
+    spins: Reals
+    pushes: Reals
