@@ -1,5 +1,4 @@
-"""How particles and nodes are laid out, for what holds them and for what foretells it (without numpy)."""
+"""How particles and cells are laid out: numbers that both the code and the forecasts read. Without numpy."""
 
 PAGE = 128  # particles
 EDGE = {1: 256, 2: 16}  # cells of a tile along each axis
-GHOSTS = {"NGP": (0, 1), "CIC": (0, 1), "TSC": (1, 2)}  # layers of nodes below and above that a shape reaches

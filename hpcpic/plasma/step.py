@@ -15,10 +15,8 @@ from hpcpic.plasma.diagnostics.scalars import Moments, units
 from hpcpic.plasma.field.mesh import SHIFT, Mesh
 from hpcpic.plasma.forecast.derived import total_plasma_frequency
 from hpcpic.plasma.particles.cloud import CHUNK, Cloud
-from hpcpic.plasma.particles.push_spec import Law, groups_of_charge
-from hpcpic.plasma.physics.boris import mover
+from hpcpic.plasma.particles.push_spec import PushSpec, groups_of_charge
 from hpcpic.plasma.setup.scene import Scene
-from hpcpic.plasma.sizes import GHOSTS
 
 COLD = 0.1  # lambda_D/dx to which the grid heats the coldest plasma: its energy is no growth yet
 
@@ -39,17 +37,17 @@ class Plasma:
         points, lengths = scene.points[::-1], tuple(scene.lengths[::-1])
         cuts = even_cuts(points[0], world.size)
         self.domain = Domain(lengths, tuple(points), (True,) * scene.dimensions, cuts)
-        law = Law.of(scene)
-        charge, weight = groups_of_charge(scene, law)
-        self.mesh = Mesh(world, pool, self.domain, scene, GHOSTS[law.shape], weight)
+        spec = PushSpec.of(scene)
+        charge, weight = groups_of_charge(scene, spec)
+        self.mesh = Mesh(world, pool, self.domain, scene, spec.shape.ghosts, weight)
         self._parts = np.zeros(len(weight), np.int64)  # of each group in all, as Mesh.check wants them
         for species, (group, parts) in zip(scene.species, charge):
             self._parts[group] += species.n * (parts >> SHIFT)
         self.field_scale = self._field_scale()
         self.cloud = Cloud(
-            world, pool, self.domain, law,
+            world, pool, self.domain, spec,
             blocks=config.simulation.plasma_chunks or pool.threads,
-            mover=mover(scene, self.field_scale),
+            mover=scene.mover(self.field_scale),
             charge=charge,
             e=self.mesh.e,
             scale=self.field_scale,
@@ -98,7 +96,7 @@ class Plasma:
         """Rewind phase (9.2.1): v^0 -> v^(-1/2) with the field of x^0."""
         self.iteration = -1
         self.solve()
-        self.cloud.rewind(mover(self.scene, self.field_scale, steps=-0.5))
+        self.cloud.rewind(self.scene.mover(self.field_scale, steps=-0.5))
 
     def solve(self) -> None:
         """E^n from rho^n (5.10), (5.13), unless it is known."""

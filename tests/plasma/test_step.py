@@ -141,11 +141,9 @@ def test_time_runs_backwards(magnetic):
     after(made, 20)
     made.solve()
     # one more impulse and turn brings v^(n-1/2) to v^(n+1/2): no drift, then the mover of -dt
-    from hpcpic.plasma.physics.boris import mover
-
-    made.cloud.rewind(mover(made.scene, made.field_scale, steps=1.0))
+    made.cloud.rewind(made.scene.mover(made.field_scale, steps=1.0))
     forwards = made.cloud.names["mover"]
-    forwards[:] = mover(made.scene, made.field_scale, steps=1.0)
+    forwards[:] = made.scene.mover(made.field_scale, steps=1.0)
     retrace(made)
     after(made, 20)
     box = np.array(made.scene.lengths)

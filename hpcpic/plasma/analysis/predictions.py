@@ -13,6 +13,7 @@ from hpcpic.plasma.analysis.theory import Beam, Mesh
 from hpcpic.plasma.case.config import PlasmaConfig
 from hpcpic.plasma.configure import configure
 from hpcpic.plasma.forecast.derived import plasma_frequency
+from hpcpic.plasma.setup.loaders import loader_of
 
 if TYPE_CHECKING:
     from hpcpic.core.files.reader import Run
@@ -36,19 +37,14 @@ def config_of(run: Run) -> PlasmaConfig:
 
 
 def beams(config: PlasmaConfig) -> tuple[Beam, ...]:
-    """The species as Maxwellian beams along x; two for a species that the thesis's program starts as two."""
+    """The species as Maxwellian beams along x; two for a species that starts as two."""
     found: list[Beam] = []
     for species in config.species:
         wp = plasma_frequency(config, species)
         if not wp:
             continue
-        drift, spread = (species.drift_velocity or (0.0,))[0], species.thermal_velocity
-        if species.init_method == "opposite beams" and drift:
-            found += [Beam(wp / math.sqrt(2), v, spread) for v in (drift, -drift)]
-        elif species.init_method == "uniform velocities" and drift:
-            found.append(Beam(wp, 0.0, abs(drift) / math.sqrt(3)))
-        else:
-            found.append(Beam(wp, drift, spread))
+        populations = loader_of(species).populations(species, 0)
+        found += [Beam(wp * math.sqrt(part.share), part.mean, part.spread) for part in populations]
     return tuple(found)
 
 

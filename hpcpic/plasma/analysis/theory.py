@@ -16,9 +16,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from hpcpic.plasma.physics.shapes import SHAPES
+
 ALIASES = 24  # the shape falls as 1/p^2 or faster: what is left out is under 1e-6 of the sum for CIC
 COLD = 1e-4  # k vth dt below which the spread of a beam is left out: 3e-6 of its response at |omega - k v| dt = 0.1
-SHAPE_ORDER = {"NGP": 1, "CIC": 2, "TSC": 3}
 
 
 class NoRoot(ArithmeticError):
@@ -202,7 +203,7 @@ def mesh_factors(k: float, mesh: Mesh) -> tuple[np.ndarray, np.ndarray]:
     chapter 8), in one dimension: the field along k.
     """
     aliases = k + 2.0 * np.pi / mesh.dx * np.arange(-ALIASES, ALIASES + 1)
-    shape = np.sinc(0.5 * aliases * mesh.dx / np.pi) ** SHAPE_ORDER[mesh.shape]
+    shape = np.sinc(0.5 * aliases * mesh.dx / np.pi) ** SHAPES[mesh.shape].nodes
     half = 0.5 * k * mesh.dx
     inverse_gradient = 1.0 / k if mesh.spectral else 0.5 * mesh.dx / np.tan(half)
     return aliases, shape**2 * aliases * inverse_gradient

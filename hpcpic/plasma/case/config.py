@@ -13,10 +13,6 @@ from hpcpic.core.case.schema import REQUIRED, Counts, Integers, Lengths, Section
 from hpcpic.plasma.case import units
 from hpcpic.plasma.case.older_words import drift_warnings, modernised
 
-InitMethod = Literal[
-    "random", "quiet", "opposite beams", "uniform velocities", "position delta", "harmonic two electrons",
-    "default", "random position",
-]  # fmt: skip
 MOST_PARTICLES = 2**32  # of a species: their numbers have 32 bits
 MOST_BLOCKS = 4096  # of a rank: tables of what each hands to each grow with their square
 MOST_POINTS = 2**31 - 1  # of an axis: FFTW counts so far
@@ -99,7 +95,7 @@ class Species(Section):
         max_length=3,
     )
     thermal_velocity: float = setting(0.0, "standard deviation of each velocity component", "m/s", ge=0)
-    init_method: InitMethod = setting(
+    init_method: str = setting(
         "random",
         "random: random positions, drift plus thermal velocities; quiet: the same evenly; default, random position: "
         "the thesis author's words for opposite beams and, without a thermal velocity, uniform velocities",

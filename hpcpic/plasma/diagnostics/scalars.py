@@ -11,8 +11,8 @@ from hpcpic.core.space import exact
 from hpcpic.core.space.domain import block_ranges
 from hpcpic.core.tasks.graph import TaskError, bind
 from hpcpic.plasma.kernels.nodes import node_sums
-from hpcpic.plasma.physics.boris import part_of_turn
-from hpcpic.plasma.setup.scene import Scene, cross_matrix
+from hpcpic.plasma.physics.boris import part_of_turn, turn
+from hpcpic.plasma.setup.scene import Scene
 
 if TYPE_CHECKING:
     from hpcpic.plasma.step import Plasma
@@ -52,11 +52,11 @@ class Moments:
         ratio = np.ones(3)
         ratio[: scene.dimensions] = np.array(scene.spacing) / scene.spacing[0]
         self.particle_tasks = cloud.bind_moments(
-            half_kick=kick.astype(cloud.law.dtype), ratio_sq=ratio**2, inv_scale=self.inv_scale, limbs=self.limbs
+            half_kick=kick.astype(cloud.spec.dtype), ratio_sq=ratio**2, inv_scale=self.inv_scale, limbs=self.limbs
         )
         self.ratio_most = float((ratio**2).sum())
         self.side = np.array((*scene.spacing, scene.spacing[0], scene.spacing[0])[:v])
-        self.turns = [_half_turn(species.boris[0]) for species in scene.species]
+        self.half_turns = [turn(*part_of_turn(species.rotation[0], 0.5)) for species in scene.species]
         self.masses, self.charges = ([getattr(s, name) for s in scene.species] for name in ("m", "q"))
         self._bind_nodes()
         self._lay_out()
@@ -147,12 +147,13 @@ class Moments:
         too_fast, counts, limbs, energy, columns = self._all()
         scales = (1 / self.inv_scale).tolist()
         kinetic, momentum, charge = 0.0, np.zeros(3), 0.0
-        for m, q, count, row, turn in zip(self.masses, self.charges, counts.tolist(), limbs.tolist(), self.turns):
+        species = zip(self.masses, self.charges, counts.tolist(), limbs.tolist(), self.half_turns)
+        for m, q, count, row, half_turn in species:
             squares, *v_sums = (exact.value(k, scales[min(i, 1)]) for i, k in enumerate(row))
             kinetic += 0.5 * m * squares * (scene.spacing[0] / dt) ** 2
             v = np.zeros(3)
             v[: len(self.side)] = np.array(v_sums) * self.side / dt
-            momentum += m * (v + turn @ v)  # v^n is v- turned by half the angle
+            momentum += m * (v + half_turn @ v)  # v^n is v- turned by half the angle
             charge += q * count
         if too_fast:
             kinetic, momentum[:] = math.nan, math.nan
@@ -180,13 +181,6 @@ class Moments:
         if not np.isfinite(rho).all() or not np.isfinite(self.plasma.mesh.phi.inner).all():
             return "the field is not finite"
         return None
-
-
-def _half_turn(t: NDArray) -> NDArray[np.float64]:
-    """A[3, 3]: v + A v is v turned by half the angle of the rotation of t (5.4.1)."""
-    t, s = part_of_turn(t, 0.5)
-    kt, ks = cross_matrix(t), cross_matrix(s)
-    return ks + ks @ kt
 
 
 def _level(most: float) -> int:

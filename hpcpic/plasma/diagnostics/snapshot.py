@@ -67,8 +67,8 @@ def anchors(plasma: "Plasma", tiles: NDArray[np.int32]) -> NDArray[np.int64]:
 def state(plasma: "Plasma") -> dict[str, Shard]:
     """Tile, position in it [cells] and velocity [cells per step] by species, in order of the numbers."""
     cloud, world, d = plasma.cloud, plasma.world, plasma.scene.dimensions
-    real = cloud.law.dtype
-    layout = {"tile": (np.int32, ()), "position": (real, (d,)), "velocity": (real, (cloud.law.velocities,))}
+    real = cloud.spec.dtype
+    layout = {"tile": (np.int32, ()), "position": (real, (d,)), "velocity": (real, (cloud.spec.velocities,))}
     result = {}
     for k, species in enumerate(plasma.scene.species):
         chunks = (
@@ -83,7 +83,7 @@ def state(plasma: "Plasma") -> dict[str, Shard]:
 
 def columns(plasma: "Plasma") -> dict[str, Column]:
     """What `state` gives."""
-    scene, real, d = plasma.scene, plasma.cloud.law.dtype, plasma.scene.dimensions
+    scene, real, d = plasma.scene, plasma.cloud.spec.dtype, plasma.scene.dimensions
     edge = EDGE[d]
     tiles = math.prod(-(-points // edge) for points in scene.points[:d])
     found = {}
@@ -91,7 +91,7 @@ def columns(plasma: "Plasma") -> dict[str, Column]:
         found |= {
             f"{species.name}/tile": Column(np.int32, (species.n,), 0, tiles - 1),
             f"{species.name}/position": Column(real, (species.n, d), 0, np.nextafter(real(edge), real(0))),
-            f"{species.name}/velocity": Column(real, (species.n, plasma.cloud.law.velocities), -FASTEST, FASTEST),
+            f"{species.name}/velocity": Column(real, (species.n, plasma.cloud.spec.velocities), -FASTEST, FASTEST),
         }
     return found
 

@@ -8,11 +8,13 @@ from functools import partial
 from hpcpic.core.case.derived import Derived
 from hpcpic.plasma.case.config import MOST_POINTS, PlasmaConfig, Species, velocity_components, volume
 from hpcpic.plasma.case.units import SYSTEMS, known_by_ratio
-from hpcpic.plasma.physics.heating import FEWEST, RATES, energy_ratio
-from hpcpic.plasma.setup.loaders import velocity_moments
+from hpcpic.plasma.physics.heating import MIN_PER_CELL, energy_ratio
+from hpcpic.plasma.physics.shapes import SHAPES, Shape
+from hpcpic.plasma.setup.loaders import loader_of, velocity_moments
 
 HEATED = 0.1  # growth of the energy by the grid that is warned of
 CURES = 5  # doublings of particles or points that are tried against it
+SMOOTHEST = SHAPES["TSC"]
 HUGE = 1e75
 NODE_CAPACITY = 2**19  # particles on one node that 64-bit fixed point with 44 fractional bits holds
 MOST_CELLS = 1e9  # that a particle may cross in a step
@@ -57,10 +59,8 @@ def total_plasma_frequency(config: PlasmaConfig) -> float:
 
 def thermal_velocities(config: PlasmaConfig, species: Species) -> tuple[float, ...]:
     """Standard deviation of the velocity per grid axis, m/s, that beams and waves have no part in."""
-    d = config.dimensions
-    if species.init_method == "uniform velocities":
-        return tuple(velocity_moments(config, species, axis)[1] for axis in range(d))
-    return (species.thermal_velocity,) * d
+    populations = loader_of(species).populations
+    return tuple(max(part.spread for part in populations(species, axis)) for axis in range(config.dimensions))
 
 
 def spacing(config: PlasmaConfig) -> tuple[float, ...]:
@@ -183,7 +183,8 @@ def resolution(config: PlasmaConfig) -> Iterator[Derived]:
     if not ratios:
         return
     ratio = min(ratios)
-    known = config.dimensions == 2 and config.numerics.shape in RATES and config.numerics.gradient == "difference"
+    shape = SHAPES[config.numerics.shape]
+    known = config.dimensions == 2 and bool(shape.heating) and config.numerics.gradient == "difference"
     yield shielding(config, ratio, known)
     longest = max(1 / math.sqrt(k) / length for k, length in zip(inverse_sq, config.simulation.space_length) if k > 0)
     verdict = "ok" if longest < 10 else "warn"
@@ -201,27 +202,27 @@ def shielding(config: PlasmaConfig, ratio: float, known: bool) -> Derived:
     if verdict != "ok":
         points = 0.5 / ratio * max(config.grid.points)
         fine = f"about {math.ceil(points)} points on an axis" if points <= MOST_POINTS else "a hotter or thinner plasma"
-        smooth = heated(config, "TSC", ratio) if known and config.numerics.shape == "CIC" else math.inf
+        smooth = heated(config, SMOOTHEST, ratio) if known and config.numerics.shape == "CIC" else math.inf
         cheap = f', or numerics.shape = "TSC", with which the energy grows by {smooth:.2g}' if smooth < HEATED else ""
         cure = fine + cheap
     source = f"{BOOK} ch. 8"
     return Derived("Debye length", "lambda_D/dx", ratio, "", "> 0.5", verdict, source, cure, POINTS, forceable=True)
 
 
-def heated(config: PlasmaConfig, shape: str, ratio: float, more: float = 1.0, finer: float = 1.0) -> float:
+def heated(config: PlasmaConfig, shape: Shape, ratio: float, more: float = 1.0, finer: float = 1.0) -> float:
     """W(end)/W(0) - 1 by the measured rates, with `more` times the particles and a `finer` grid; nan where too few."""
     particles = sum(species.particles for species in config.species)
     per_cell = more * particles / (math.prod(config.grid.points) * finer**2)
     time = total_plasma_frequency(config) * abs(config.simulation.time_step) * config.simulation.cycles
-    return energy_ratio(shape, ratio * finer, per_cell, time) - 1 if per_cell >= FEWEST else math.nan
+    return energy_ratio(shape, ratio * finer, per_cell, time) - 1 if per_cell >= MIN_PER_CELL else math.nan
 
 
 def heating(config: PlasmaConfig, ratio: float) -> Derived:
     """Growth of the total energy over the run that the grid causes, from the measured rates, with cures by the same."""
-    shape = config.numerics.shape
+    shape = SHAPES[config.numerics.shape]
     growth = heated(config, shape, ratio)
     if math.isnan(growth):
-        source = f"cannot be foretold with fewer than {FEWEST:g} particles per cell"
+        source = f"cannot be foretold with fewer than {MIN_PER_CELL:g} particles per cell"
         return Derived("predicted heating", "dW/W", growth, source=source)
     verdict = "ok" if growth < HEATED else "warn"
     factors = [2.0**n for n in range(1, CURES + 1)]
@@ -229,7 +230,7 @@ def heating(config: PlasmaConfig, ratio: float) -> Derived:
     finer = next((f for f in factors if heated(config, shape, ratio, more=f**2, finer=f) < HEATED), None)
     ways = [f"{more:g} times the particles"] if more else []
     ways += [f"{finer:g} times the points on each axis with as many particles per cell"] if finer else []
-    if shape != "TSC" and heated(config, "TSC", ratio) < HEATED:
+    if shape != SMOOTHEST and heated(config, SMOOTHEST, ratio) < HEATED:
         ways.insert(0, 'numerics.shape = "TSC"')
     cure = "" if verdict == "ok" else ", or ".join(ways) or f"no grid up to {factors[-1]:g} times as fine cures it"
     source = "rates measured at wp dt = 0.2"

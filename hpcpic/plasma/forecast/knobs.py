@@ -15,7 +15,8 @@ from hpcpic.plasma.analysis.predictions import Prediction, predict
 from hpcpic.plasma.analysis.series_analysis import Oscillation, fit_oscillation, signed
 from hpcpic.plasma.case.config import PlasmaConfig
 from hpcpic.plasma.forecast.derived import fastest_turn, spacing, total_plasma_frequency
-from hpcpic.plasma.setup.loaders import PLACED, RANDOM, SCALABLE, draws_random
+from hpcpic.plasma.physics.shapes import SHAPES
+from hpcpic.plasma.setup.loaders import loader_of
 
 if TYPE_CHECKING:
     from hpcpic.core.files.series import Series
@@ -52,7 +53,7 @@ def knobs_of(config: PlasmaConfig) -> Knobs:
             MOST_STEPS * abs(config.simulation.time_step),
         ),
         growth=growth,
-        seed=reseeded if any(draws_random(s) for s in config.species) else None,
+        seed=reseeded if any(loader_of(s).draws_random(s) for s in config.species) else None,
     )
 
 
@@ -62,7 +63,7 @@ def reseeded(seed: int) -> tuple[str, ...]:
 
 def continuous(config: PlasmaConfig) -> list[Knob]:
     d = config.dimensions
-    random = any(s.init_method in RANDOM for s in config.species)
+    random = any(loader_of(s).random_positions for s in config.species)
     found = [
         Knob("dx", "grid spacing", "m", ("grid", "points"), lambda c: spacing(c)[0], 2.0, d, "Debye length"),
         Knob("dt", "time step", "s", ("simulation", "time_step"), lambda c: abs(c.simulation.time_step), 2.0, 1.0,
@@ -79,16 +80,14 @@ def continuous(config: PlasmaConfig) -> list[Knob]:
 
 def scalable(config: PlasmaConfig) -> bool:
     """Whether more particles are the same scene: not where they are placed one by one."""
-    return bool(config.species) and all(
-        s.particles > 16 and s.init_method in SCALABLE for s in config.species
-    )
+    return bool(config.species) and all(s.particles > 16 and not loader_of(s).placed for s in config.species)
 
 
 def choices_of(config: PlasmaConfig) -> list[Choice]:
     numerics = config.numerics
     listed = [("exact_phase", (False, True), "dt")] if any(config.field.magnetic) else []
     listed += [("gradient", ("difference", "spectral"), "dx"), ("precision", ("double", "single"), "")]
-    listed.append(("shape", ("NGP", "CIC", "TSC"), "dx"))
+    listed.append(("shape", tuple(SHAPES), "dx"))
     found = []
     for name, values, acts_on in listed:
         here = getattr(numerics, name)
@@ -113,7 +112,7 @@ def settings(config: PlasmaConfig, sizes: Mapping[str, float], time: float) -> t
     if "particles" in sizes and scalable(config):
         more = 1.0 / (sizes["particles"] * sum(s.particles for s in config.species))
         for i, s in enumerate(config.species):
-            n = count(s.particles * more, math.prod(points), s.init_method)
+            n = count(s.particles * more, math.prod(points), loader_of(s).whole_cells)
             made.append(f"species[{i}].particles={n}")
             if n != s.particles and not (s.density or s.plasma_frequency):  # the same plasma: shared among more
                 made += [f"species[{i}].{name}={getattr(s, name) * s.particles / n!r}" for name in ("charge", "mass")]
@@ -140,9 +139,9 @@ def smooth(least: float) -> int:
         n += 2
 
 
-def count(wanted: float, cells: int, init_method: str) -> int:
-    """At least so many particles; as many in every cell where they start evenly, so that no beat is an alias."""
-    if init_method != "quiet":
+def count(wanted: float, cells: int, whole_cells: bool) -> int:
+    """At least so many particles, and as many in every cell where the loader asks for it."""
+    if not whole_cells:
         return max(2, math.ceil(wanted - 1e-6))
     return cells * max(PER_CELL, math.ceil(wanted / cells - 1e-6))
 
@@ -173,7 +172,7 @@ def started_mode(config: PlasmaConfig) -> int:
     for species in config.species:
         if species.perturbation and not any(species.perturbation.mode[1:]):
             return abs(species.perturbation.mode[0])
-    return int(all(s.init_method in PLACED for s in config.species) and config.dimensions == 1)
+    return int(all(loader_of(s).placed for s in config.species) and config.dimensions == 1)
 
 
 def waves(law: Prediction, mode: int, time: float) -> list[Quantity]:

@@ -11,8 +11,9 @@ from hpcpic.core.comm.shared_memory import FOLDER as SHARED_MEMORY
 from hpcpic.core.space.cuts import even_cuts
 from hpcpic.core.space.declared import Array
 from hpcpic.plasma.case.config import PlasmaConfig, rotation, velocity_components
-from hpcpic.plasma.setup.loaders import macro_charge
-from hpcpic.plasma.sizes import EDGE, GHOSTS, PAGE
+from hpcpic.plasma.physics.shapes import SHAPES
+from hpcpic.plasma.setup.macro_particles import macro_charge
+from hpcpic.plasma.sizes import EDGE, PAGE
 
 ROTATION = ("no rotation", "rotation about z", "rotation about any axis")
 
@@ -51,7 +52,7 @@ def kernels(config: PlasmaConfig) -> list[str]:
 def arrays(config: PlasmaConfig, ranks: int, threads: int) -> Iterator[Array]:
     """The arrays of the rank with the most rows."""
     d, points = config.dimensions, config.grid.points[::-1]
-    below, above = GHOSTS[config.numerics.shape]
+    below, above = SHAPES[config.numerics.shape].ghosts
     ghosts = below + above
     rows = even_cuts(points[0], ranks)[1]
     columns = points[1] if d == 2 else 1
@@ -106,7 +107,7 @@ def messages(config: PlasmaConfig, ranks: int) -> list[str]:
         return ["none: nothing changes without particles"]
     neighbours = min(2, ranks - 1)
     row = config.grid.points[0] if config.dimensions == 2 else 1
-    below, above = GHOSTS[config.numerics.shape]
+    below, above = SHAPES[config.numerics.shape].ghosts
     charge = 8 * row * groups(config) * (below + above)
     wide = row + below + above + 2 if config.dimensions == 2 else 1
     lines = [

@@ -14,11 +14,10 @@ from hpcpic.core.comm.world import World
 from hpcpic.core.errors import Diverged
 from hpcpic.core.space.domain import Domain
 from hpcpic.core.tasks.graph import Bound, Graph, Pool, TaskError, bind
-from hpcpic.plasma.particles.push_spec import Law
+from hpcpic.plasma.particles.push_spec import PushSpec
 from hpcpic.plasma.particles.tiles import Pages, Patches, Tiles, aligned
-from hpcpic.plasma.sizes import GHOSTS, PAGE
+from hpcpic.plasma.sizes import PAGE
 
-SCRATCH = {"NGP": (416 * 2, 416), "CIC": (264 * 8, 264 * 4), "TSC": (416 * 18, 416 * 9)}  # field, charge of a tile
 CHUNK = 1 << 16  # particles placed or read at a time
 
 
@@ -35,7 +34,7 @@ class Cloud:
         world: World,
         pool: Pool,
         domain: Domain,
-        law: Law,
+        spec: PushSpec,
         blocks: int,
         mover: NDArray,
         charge: NDArray[np.int64],
@@ -44,21 +43,21 @@ class Cloud:
         capacity: int,
         plain: bool = False,
     ) -> None:
-        self.world, self.pool, self.law = world, pool, law
+        self.world, self.pool, self.spec = world, pool, spec
         self.n_species = len(charge)
         self.tiles = tiles = Tiles(domain, world.rank, blocks)
         self.blocks = blocks
         slots = len(tiles.parts) * self.n_species
         pages = (capacity + capacity // 8 + CHUNK) // PAGE + 2 * slots  # memory is used when touched
-        self.pages = Pages(slots, blocks, law.components, law.dtype, pages)
-        self.record_bytes = law.components * np.dtype(law.dtype).itemsize + 8
+        self.pages = Pages(slots, blocks, spec.components, spec.dtype, pages)
+        self.record_bytes = spec.components * np.dtype(spec.dtype).itemsize + 8
         self.near = Migrate(world, self.record_bytes, Channel.PARTICLES, cuts=domain.cuts)
         self.owner = np.asarray(domain.owner(np.arange(domain.points[0])), np.int32)
         groups = int(charge[:, 0].max(initial=0)) + 1  # a case without species has one, of zeros
-        self._patch = Patches(tiles, groups, domain.ndim, GHOSTS[law.shape])
+        self._patch = Patches(tiles, groups, domain.ndim, spec.shape.ghosts)
         self.patches, self.places = self._patch.values, self._patch.places
-        self.names = self._names(np.ascontiguousarray(mover, law.dtype), charge, e, float(scale))
-        self.kernels = law.kernels(plain)
+        self.names = self._names(np.ascontiguousarray(mover, spec.dtype), charge, e, float(scale))
+        self.kernels = spec.kernels(plain)
         self._bounds: list[tuple[Bound, list[tuple[int, str]]]] = []
         with world.first_on_node():
             self._compile()
@@ -66,8 +65,8 @@ class Cloud:
 
     def _names(self, mover: NDArray, charge: NDArray[np.int64], e: NDArray[np.float64], scale: float) -> dict[str, Any]:
         """Arguments of the kernels that stay where they are."""
-        tiles, pages, one = self.tiles, self.pages, self.law.dimensions == 1
-        below, _ = GHOSTS[self.law.shape]
+        tiles, pages, one = self.tiles, self.pages, self.spec.dimensions == 1
+        below, _ = self.spec.shape.ghosts
         return {
             "n_species": self.n_species,
             "points": tiles.points,
@@ -89,9 +88,8 @@ class Cloud:
 
     def _compile(self) -> None:
         """Bind the kernels of the step, and load those that Python calls."""
-        lines, sums = SCRATCH[self.law.shape]
-        self._lines = aligned((self.blocks, lines), self.law.dtype)
-        self._sums = aligned((self.blocks, sums), f"i{np.dtype(self.law.dtype).itemsize}")
+        self._lines = aligned((self.blocks, self.spec.shape.field_scratch), self.spec.dtype)
+        self._sums = aligned((self.blocks, self.spec.shape.charge_scratch), f"i{np.dtype(self.spec.dtype).itemsize}")
         self._cells = aligned((self.blocks, PAGE), self._sums.dtype)
         self._push = self._of_blocks(self.kernels.push)
         self._deliver = self._of_blocks(self.kernels.deliver)
@@ -108,7 +106,7 @@ class Cloud:
         self.delivery = [self._deliver, [self._bound(self.kernels.empty, slots=slots, most=self._most)]]
         self._bind_letters()
         self._motion = [self._graph_of_motion(parity) for parity in range(2)]
-        self.place(0, np.zeros((0, self.law.dimensions)), np.zeros((0, self.law.velocities)), np.zeros(0))
+        self.place(0, np.zeros((0, self.spec.dimensions)), np.zeros((0, self.spec.velocities)), np.zeros(0))
         if self.n_species:
             next(self.export(0), None)
 
@@ -197,7 +195,7 @@ class Cloud:
         """Take in new particles: x[n, d] in cells of the grid, v[n, v] in cells per step; migrate and deliver next."""
         self._make_room(len(x))
         code = self.kernels.place(
-            np.ascontiguousarray(x, np.float64), np.ascontiguousarray(v, self.law.dtype),
+            np.ascontiguousarray(x, np.float64), np.ascontiguousarray(v, self.spec.dtype),
             np.ascontiguousarray(numbers, np.uint32), species, *self._grid, *self._box(-1), self.pages.counters[-1],
         )  # fmt: skip
         if code:
@@ -252,7 +250,7 @@ class Cloud:
         """Records (see kernels.pages.pack) of particles by tile and position in it."""
         records = np.empty((len(numbers), self.record_bytes), np.uint8)
         real, whole = self._views(records).values()
-        real[:, : x.shape[1]], real[:, x.shape[1] : self.law.components] = x, v
+        real[:, : x.shape[1]], real[:, x.shape[1] : self.spec.components] = x, v
         whole[:, -2], whole[:, -1] = tiles * self.n_species + species, numbers.astype(np.uint32).view(np.int32)
         return records
 
@@ -316,7 +314,7 @@ class Cloud:
 
     def _views(self, records: NDArray[np.uint8]) -> dict[str, NDArray]:
         """The same memory as arguments of kernels."""
-        return {"records_real": records.view(self.law.dtype), "records_int": records.view(np.int32)}
+        return {"records_real": records.view(self.spec.dtype), "records_int": records.view(np.int32)}
 
     def _outgoing(self) -> dict[int, NDArray[np.uint8]]:
         """Records by rank of all that is bound for other ranks, valid until others are taken in."""
@@ -340,7 +338,7 @@ class Cloud:
         """
         pages, cursor = self.pages, np.array([0, -1])
         numbers, tiles = np.empty(CHUNK, np.int64), np.empty(CHUNK, np.int32)
-        components = np.empty((CHUNK, self.law.components), self.law.dtype)
+        components = np.empty((CHUNK, self.spec.components), self.spec.dtype)
         while n := self.kernels.export(
             species, self.n_species, self.tiles.parts, pages.pool, pages.ids, pages.chain, pages.head, pages.count,
             cursor, numbers, tiles, components,

@@ -7,19 +7,18 @@ from numpy.typing import DTypeLike, NDArray
 
 from hpcpic.plasma.case.config import rotation
 from hpcpic.plasma.kernels.specialise import specialise
+from hpcpic.plasma.physics.shapes import SHAPES, Shape
 from hpcpic.plasma.setup.scene import Scene
 
-NODES = {"NGP": 1, "CIC": 2, "TSC": 3}
-VECTORS = {"NGP": ("nodal", "nearest"), "CIC": ("linear",), "TSC": ("nodal", "quadratic")}  # their kernels
 WHOLE_BITS = {8: 44, 4: 20}  # a particle's charge is 2^44 parts, in single precision 2^20 (that of its position)
 
 
 @dataclass(frozen=True, slots=True)
-class Law:
+class PushSpec:
     """What the kernels are made for: axes, shape, velocity components, rotation 0 none, 1 about z, 2 any; type."""
 
     dimensions: int
-    shape: str
+    shape: Shape
     velocities: int
     rotation: int
     dtype: DTypeLike
@@ -29,19 +28,19 @@ class Law:
         return self.dimensions + self.velocities
 
     @classmethod
-    def of(cls, scene: Scene) -> "Law":
+    def of(cls, scene: Scene) -> "PushSpec":
         numerics = scene.config.numerics
         dtype = np.float64 if numerics.precision == "double" else np.float32
-        return cls(scene.dimensions, numerics.shape, scene.velocity_components, rotation(scene.config), dtype)
+        return cls(scene.dimensions, SHAPES[numerics.shape], scene.velocity_components, rotation(scene.config), dtype)
 
     def kernels(self, plain: bool = False):
-        """The compiled module of this law; `plain` for the reference, one particle after the other."""
+        """The compiled module of this specification; `plain` for the reference, one particle after the other."""
         dtype = np.dtype(self.dtype)
-        vectors = () if plain else ("simd_base", *VECTORS[self.shape], "push", "moments_simd")
+        vectors = () if plain else ("simd_base", *self.shape.vector_kernels, "push", "moments_simd")
         return specialise(
             ("storage", "plain", "moments", *vectors),
             DIM=self.dimensions,
-            NODES=NODES[self.shape],
+            NODES=self.shape.nodes,
             VELOCITIES=self.velocities,
             COMPONENTS=self.components,
             ROTATION=self.rotation,
@@ -50,7 +49,7 @@ class Law:
         )
 
 
-def groups_of_charge(scene: Scene, law: Law) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
+def groups_of_charge(scene: Scene, spec: PushSpec) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
     """charge[species] = (group of equal |q|, parts of one particle with sign), weight[group] = density of a part.
 
     A node may hold 2^18 particles of a group, or a group's all, or 4096 times the mean: the parts are chosen so.
@@ -58,7 +57,7 @@ def groups_of_charge(scene: Scene, law: Law) -> tuple[NDArray[np.int64], NDArray
     sizes = sorted({abs(species.q) for species in scene.species}, reverse=True)
     mean = scene.n_particles / np.prod(scene.points)
     most = max(1, min(scene.n_particles, max(2**18, 4096 * mean)))
-    bits = min(WHOLE_BITS[np.dtype(law.dtype).itemsize], 62 - int(np.ceil(np.log2(most))))
+    bits = min(WHOLE_BITS[np.dtype(spec.dtype).itemsize], 62 - int(np.ceil(np.log2(most))))
     charge = [(sizes.index(abs(species.q)), int(np.sign(species.q)) << bits) for species in scene.species]
     weight = [q / scene.cell_volume / 2.0**bits for q in sizes]
     return np.array(charge, np.int64).reshape(-1, 2), np.array(weight or [0.0])

@@ -1,11 +1,13 @@
 """What does not fit together in a plasma case: each fault with the key to change."""
 
+import itertools
 from collections.abc import Iterator
 
 from hpcpic.core.case.schema import Fault
 from hpcpic.plasma.case import units
 from hpcpic.plasma.case.config import MOST_PARTICLES, MOST_POINTS, PlasmaConfig, Species, name_of
-from hpcpic.plasma.setup import loaders
+from hpcpic.plasma.setup.loaders import loader_faults
+from hpcpic.plasma.setup.macro_particles import particle_faults
 
 
 def faults(config: PlasmaConfig) -> Iterator[Fault]:
@@ -27,7 +29,8 @@ def faults(config: PlasmaConfig) -> Iterator[Fault]:
     for i, species in enumerate(config.species):
         if "/" in names[i] or names[i] in (".", ".."):
             yield ("species", i, "name"), f"{names[i]!r} would be a path in the files of a run"
-        for key, text in (*species_faults(species, d), *loaders.particle_faults(species)):
+        found = species_faults(species, d), particle_faults(species), loader_faults(species, d)
+        for key, text in itertools.chain(*found):
             yield ("species", i, *key), text
         if species.particles_per_cell and species.particles_per_cell * config.cells > MOST_PARTICLES:
             yield ("species", i, "particles_per_cell"), f"makes more than {MOST_PARTICLES} particles"
@@ -59,12 +62,6 @@ def species_faults(species: Species, d: int) -> Iterator[Fault]:
         vector = getattr(species, name)
         if vector and len(vector) != d:
             yield (name,), f"needs {d} number(s) in {d}D (got {len(vector)})"
-    if species.init_method == "position delta":
-        for name in ("position_init", "position_delta"):
-            if not getattr(species, name):
-                yield (), f'{name} is missing, which init_method "position delta" needs'
-    if species.init_method == "harmonic two electrons" and species.particles != 2:
-        yield ("particles",), f'must be 2 for init_method "harmonic two electrons" (got {species.particles})'
     if species.perturbation:
         mode = species.perturbation.mode
         if len(mode) != d:

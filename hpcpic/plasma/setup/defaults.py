@@ -4,7 +4,7 @@ from hpcpic.core.case.words import in_steps
 from hpcpic.plasma.case import units
 from hpcpic.plasma.case.config import Constants, Every, Grid, Period, PlasmaConfig, Species, name_of
 from hpcpic.plasma.case.older_words import KINDS
-from hpcpic.plasma.setup import loaders
+from hpcpic.plasma.setup.macro_particles import numbers
 
 
 def completed(config: PlasmaConfig) -> PlasmaConfig:
@@ -39,6 +39,6 @@ def completed_species(species: Species, i: int, config: PlasmaConfig) -> Species
             "drift_velocity": (species.drift_velocity + zeros)[:3],
             "position_init": species.position_init or zeros[:d],
             "position_delta": species.position_delta or zeros[:d],
-            **loaders.numbers(species, config.cells, units.SYSTEMS[config.units]),
+            **numbers(species, config.cells, units.SYSTEMS[config.units]),
         }
     )

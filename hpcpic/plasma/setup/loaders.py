@@ -1,26 +1,229 @@
-"""How a species is loaded: its words in numbers, what a macro-particle has, what is random, mean and spread.
+"""How a species starts: a loader gives positions and velocities by the number of a particle, whoever asks.
 
-With density or plasma_frequency, charge and mass in the case are those of one real particle, of which a macro-particle
-is many; without, they are the macro-particle's own.
+A case names its loader as init_method. Another one is a subclass of Loader that replaces what differs, registered:
+
+    class Ring(Loader):
+        name = "ring"
+        def mean_velocities(self, batch): ...
+
+    register(Ring())
 """
 
-from __future__ import annotations
-
+import difflib
 import math
 from collections.abc import Iterator
-from typing import TYPE_CHECKING, Any
+from dataclasses import dataclass
+from typing import NamedTuple
 
-if TYPE_CHECKING:
-    from hpcpic.core.case.config import Path
-    from hpcpic.plasma.case.config import PlasmaConfig, Species
-    from hpcpic.plasma.case.units import Units
+import numpy as np
+from numpy.typing import NDArray
 
-RANDOM = ("random", "opposite beams", "uniform velocities")  # their positions are random
-SCALABLE = (*RANDOM, "quiet")  # more particles are the same scene
-PLACED = ("position delta", "harmonic two electrons")  # one by one
+from hpcpic.core.case.schema import Fault, abridged
+from hpcpic.core.space.domain import wrap
+from hpcpic.core.space.rng import normal_quantile, normals, uniforms
+from hpcpic.plasma.case.config import PlasmaConfig, Species
+from hpcpic.plasma.physics.quiet_start import BASES, lattice, radical_inverse
+
+POSITION, VELOCITY = 1, 2  # streams of random numbers
 
 
-def loader(word: str, thermal_velocity: float) -> str:
+@dataclass(frozen=True, slots=True)
+class Batch:
+    """Particles of one species that are to be loaded, and what a loader may want to know of the run.
+
+    section: the species as the case says it, complete. n: all its particles. index[m]: number within the species;
+    ids[m]: within the run. lengths[d] m, points[d] of the grid; components of the velocity; seed of random numbers.
+    """
+
+    section: Species
+    n: int
+    index: NDArray[np.int64]
+    ids: NDArray[np.int64]
+    lengths: NDArray[np.float64]
+    points: tuple[int, ...]
+    components: int
+    seed: int
+
+    @property
+    def drift(self) -> NDArray[np.float64]:
+        """drift_velocity[v], m/s."""
+        return np.array(self.section.drift_velocity[: self.components])
+
+    @property
+    def odd(self) -> NDArray[np.bool_]:
+        """Every second particle, [m, 1]."""
+        return self.index[:, None] % 2 == 1
+
+
+class Population(NamedTuple):
+    """A part of a species: its share of the particles, mean and standard deviation of a velocity component, m/s."""
+
+    share: float
+    mean: float
+    spread: float
+
+
+class Loader:
+    """Random positions, and normal deviates of the thermal velocity about the drift.
+
+    random_positions, random_deviates: drawn with the seed of the case. placed: particle by particle, so that another
+    number of them is another scene. whole_cells: as many particles in every cell, so that no beat is an alias.
+    """
+
+    name = "random"
+    random_positions = True
+    random_deviates = True
+    placed = False
+    whole_cells = False
+
+    def positions(self, batch: Batch) -> NDArray[np.float64]:
+        """Positions[m, d] in m within the box, before the perturbation."""
+        return uniforms(batch.seed, POSITION, batch.ids, len(batch.lengths)) * batch.lengths
+
+    def mean_velocities(self, batch: Batch) -> NDArray[np.float64]:
+        """Velocities[m, v] in m/s, before the thermal deviate and the perturbation are added."""
+        return np.tile(batch.drift, (len(batch.ids), 1))
+
+    def deviates(self, batch: Batch) -> NDArray[np.float64]:
+        """Standard normal deviates[m, v] of a warm species."""
+        return normals(batch.seed, VELOCITY, batch.ids, batch.components)
+
+    def faults(self, section: Species, dimensions: int) -> Iterator[Fault]:
+        """What this loader misses or cannot take in a species: key within it, and sentence."""
+        return iter(())
+
+    def populations(self, section: Species, axis: int) -> tuple[Population, ...]:
+        """Distribution of a velocity component as loaded, without the perturbation: what forecasts and theory read."""
+        return (Population(1.0, section.drift_velocity[axis], section.thermal_velocity),)
+
+    def draws_random(self, section: Species) -> bool:
+        """Whether the initial state changes with the seed."""
+        drawn = self.random_positions or (self.random_deviates and section.thermal_velocity)
+        return bool(section.particles and drawn)
+
+
+class Quiet(Loader):
+    """Even positions and velocities, without random numbers (see physics.quiet_start).
+
+    1D, and x of a warm 2D species: equal steps. A cold 2D species: a lattice; the y of a warm one, or of a number that
+    makes no lattice, is in bit-reversed order.
+    """
+
+    name = "quiet"
+    random_positions = random_deviates = False
+    whole_cells = True
+
+    def positions(self, batch: Batch) -> NDArray[np.float64]:
+        index, n = batch.index, batch.n
+        even = (index + 0.5) / max(n, 1)
+        if len(batch.lengths) == 1:
+            return even[:, None] * batch.lengths
+        shape = None if batch.section.thermal_velocity or not n else lattice(n, batch.points)
+        if shape is None:
+            return np.stack([even, radical_inverse(index, BASES[0], n)], axis=1) * batch.lengths
+        columns, rows = shape
+        return np.stack([(index % columns + 0.5) / columns, (index // columns + 0.5) / rows], axis=1) * batch.lengths
+
+    def deviates(self, batch: Batch) -> NDArray[np.float64]:
+        d = len(batch.lengths)
+        bases = BASES[d - 1 : d - 1 + batch.components]
+        fractions = (radical_inverse(batch.index, base, batch.n) for base in bases)
+        return np.stack([normal_quantile(u) for u in fractions], axis=1)
+
+
+class OppositeBeams(Loader):
+    """Every second particle has the drift, the others have its opposite."""
+
+    name = "opposite beams"
+
+    def mean_velocities(self, batch: Batch) -> NDArray[np.float64]:
+        return np.where(batch.odd, batch.drift, -batch.drift)
+
+    def populations(self, section: Species, axis: int) -> tuple[Population, ...]:
+        return beams(section.particles or 0, -section.drift_velocity[axis], section.thermal_velocity)
+
+
+class UniformVelocities(Loader):
+    """Velocities uniform in [-drift, drift], without a thermal velocity."""
+
+    name = "uniform velocities"
+
+    def mean_velocities(self, batch: Batch) -> NDArray[np.float64]:
+        u = uniforms(batch.seed, VELOCITY, batch.ids, batch.components)
+        return (2 * u - 1) * batch.drift
+
+    def faults(self, section: Species, dimensions: int) -> Iterator[Fault]:
+        if section.thermal_velocity or section.temperature:
+            yield ("init_method",), '"uniform velocities" have a spread of their own: no thermal_velocity, or "random"'
+
+    def populations(self, section: Species, axis: int) -> tuple[Population, ...]:
+        return (Population(1.0, 0.0, abs(section.drift_velocity[axis]) / math.sqrt(3)),)
+
+
+class PositionDelta(Loader):
+    """Particles in equal steps from one position on, through the periodic box."""
+
+    name = "position delta"
+    random_positions = False
+    placed = True
+
+    def positions(self, batch: Batch) -> NDArray[np.float64]:
+        first, step = np.array(batch.section.position_init), np.array(batch.section.position_delta)
+        x = first + batch.index[:, None] * step
+        return np.stack([wrap(x[:, i], length) for i, length in enumerate(batch.lengths)], axis=1)
+
+    def faults(self, section: Species, dimensions: int) -> Iterator[Fault]:
+        for name in ("position_init", "position_delta"):
+            if not getattr(section, name):
+                yield (), f'{name} is missing, which init_method "position delta" needs'
+
+
+class HarmonicTwoElectrons(Loader):
+    """Two particles at 3/8 and 5/8 of the box along x, with the drift along x and its opposite."""
+
+    name = "harmonic two electrons"
+    random_positions = False
+    placed = True
+
+    def positions(self, batch: Batch) -> NDArray[np.float64]:
+        fraction = np.full((len(batch.ids), len(batch.lengths)), 0.5)
+        fraction[:, 0] = np.where(batch.index % 2 == 1, 5 / 8, 3 / 8)
+        return fraction * batch.lengths
+
+    def mean_velocities(self, batch: Batch) -> NDArray[np.float64]:
+        along_x = np.arange(batch.components) == 0
+        return np.where(along_x, np.where(batch.odd, -batch.drift, batch.drift), 0.0)
+
+    def faults(self, section: Species, dimensions: int) -> Iterator[Fault]:
+        if section.particles != 2:
+            yield ("particles",), f'must be 2 for init_method "harmonic two electrons" (got {section.particles})'
+
+    def populations(self, section: Species, axis: int) -> tuple[Population, ...]:
+        return beams(2, section.drift_velocity[0] if axis == 0 else 0.0, section.thermal_velocity)
+
+
+def beams(n: int, drift: float, spread: float) -> tuple[Population, ...]:
+    """n particles, of which the first, third, ... have the drift and the others its opposite."""
+    if not drift or not n:
+        return (Population(1.0, 0.0, spread),)
+    second = n // 2 / n
+    return Population(1 - second, drift, spread), Population(second, -drift, spread)
+
+
+LOADERS: dict[str, Loader] = {}  # by name
+OLDER = ("default", "random position")  # the thesis author's words
+
+
+def register(loader: Loader) -> None:
+    """Make a loader known under its name."""
+    LOADERS[loader.name] = loader
+
+
+for kind in (Loader, Quiet, OppositeBeams, UniformVelocities, PositionDelta, HarmonicTwoElectrons):
+    register(kind())
+
+
+def present_word(word: str, thermal_velocity: float) -> str:
     """The present word for an init_method. "random position" has its own velocities where no spread is given."""
     if word == "default":
         return "opposite beams"
@@ -29,87 +232,32 @@ def loader(word: str, thermal_velocity: float) -> str:
     return word
 
 
-def particle_faults(species: Species) -> Iterator[tuple[Path, str]]:
-    """What does not fit together in how many particles of which kind there are."""
-    if (species.particles is None) == (species.particles_per_cell is None):
-        yield ("particles",), "give either particles or particles_per_cell"
-    if species.particles_per_cell and species.init_method in PLACED:
-        yield ("particles_per_cell",), f"give particles where init_method is {species.init_method!r}"
-    missing = [name for name in ("charge", "mass") if getattr(species, name) is None]
-    if species.particle and len(missing) < 2:
-        yield ("particle",), "give either particle, or charge and mass"
-    for name in missing if not species.particle else ():
-        yield (name,), "missing: give charge and mass, or particle"
-    if species.density and species.plasma_frequency:
-        yield ("density",), "give either density or plasma_frequency"
-    for name in ("particle", "temperature"):
-        if getattr(species, name) is not None and not (species.density or species.plasma_frequency):
-            yield (name,), "needs density or plasma_frequency: without, charge and mass are a macro-particle's"
-    if species.temperature is not None and species.thermal_velocity:
-        yield ("temperature",), "give either temperature or thermal_velocity"
-    if species.init_method == "uniform velocities" and (species.thermal_velocity or species.temperature):
-        yield ("init_method",), '"uniform velocities" have a spread of their own: no thermal_velocity, or "random"'
-    if species.plasma_frequency and species.charge == 0:
-        yield ("charge",), "must not be 0 where plasma_frequency is given"
+def loader_of(section: Species) -> Loader:
+    """The loader of a species that has no faults."""
+    return LOADERS[present_word(section.init_method, section.thermal_velocity)]
 
 
-def numbers(species: Species, cells: int, scale: Units) -> dict[str, Any]:
-    """What a completed species has in the place of words: count, charge, mass, thermal velocity."""
-    charge, mass = scale.particle(species.particle) if species.particle else (species.charge, species.mass)
-    hot = species.temperature is not None
-    thermal = scale.thermal_velocity(species.temperature, mass) if hot else species.thermal_velocity
-    counted = species.particles is not None
-    return {
-        "particles": species.particles if counted else round(species.particles_per_cell * cells),
-        "particles_per_cell": None,
-        "particle": None,
-        "charge": charge,
-        "mass": mass,
-        "temperature": None,
-        "thermal_velocity": thermal,
-        "init_method": loader(species.init_method, thermal),
-    }
+def loader_faults(section: Species, dimensions: int) -> Iterator[Fault]:
+    """An init_method that nobody has registered, and what the loader objects to."""
+    word = section.init_method
+    if word in LOADERS:
+        yield from LOADERS[word].faults(section, dimensions)
+        if section.particles_per_cell and LOADERS[word].placed:
+            yield ("particles_per_cell",), f"give particles where init_method is {word!r}"
+    elif word not in OLDER:
+        *names, last = (*LOADERS, *OLDER)
+        near = difflib.get_close_matches(word.lower(), (*names, last), 1, 0.3)
+        hint = f"; did you mean {near[0]!r}?" if near else ""
+        known = f"{', '.join(map(repr, names))} or {last!r}"
+        yield ("init_method",), f"must be {known} (got {abridged(word)}){hint}"
 
 
-def macro_charge(config: PlasmaConfig, species: Species) -> float:
-    """Charge of a macro-particle, C: as given, or from the density, or from wp^2 = (N / V) q (q/m) / eps0."""
-    n, wp, volume = species.particles, species.plasma_frequency, math.prod(config.simulation.space_length)
-    if n and species.density:
-        return species.density * volume / n * species.charge
-    if n and wp:
-        charge_to_mass = species.charge / species.mass
-        return wp * wp * config.constants.vacuum_permittivity * volume / (n * charge_to_mass)
-    return species.charge
-
-
-def macro_mass(config: PlasmaConfig, species: Species) -> float:
-    """Mass of a macro-particle, kg, likewise."""
-    n = species.particles
-    if n and species.density:
-        return species.density * math.prod(config.simulation.space_length) / n * species.mass
-    if n and species.plasma_frequency:
-        return macro_charge(config, species) / (species.charge / species.mass)
-    return species.mass
-
-
-def draws_random(species: Species) -> bool:
-    """Whether the initial state of a species changes with random_seed."""
-    drawn = species.init_method in RANDOM or (species.thermal_velocity and species.init_method != "quiet")
-    return bool(species.particles and drawn)
-
-
-def velocity_moments(config: PlasmaConfig, species: Species, axis: int) -> tuple[float, float]:
+def velocity_moments(config: PlasmaConfig, section: Species, axis: int) -> tuple[float, float]:
     """Mean and standard deviation, m/s, of a velocity component as loaded."""
-    n, v, method = species.particles or 0, species.drift_velocity[axis], species.init_method
-    mean, variance = v, species.thermal_velocity**2
-    if method == "opposite beams" and n:
-        mean = -v * (n % 2) / n
-        variance += v * v - mean * mean
-    elif method == "uniform velocities":
-        mean, variance = 0.0, v * v / 3
-    elif method == "harmonic two electrons":
-        mean, variance = 0.0, variance + (v * v if axis == 0 else 0.0)
-    wave = species.perturbation
+    populations = loader_of(section).populations(section, axis)
+    mean = sum(part.share * part.mean for part in populations)
+    variance = sum(part.share * (part.spread**2 + (part.mean - mean) ** 2) for part in populations)
+    wave = section.perturbation
     if wave and axis < len(wave.mode):
         k = [mode / length for mode, length in zip(wave.mode, config.simulation.space_length)]
         variance += 0.5 * (wave.velocity_amplitude * k[axis] / math.hypot(*k)) ** 2  # sin(k.x) has the variance 1/2

@@ -10,12 +10,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hpcpic.core.space.domain import wrap
-from hpcpic.core.space.rng import normal_quantile, normals, uniforms
 from hpcpic.plasma.case import config as case
-from hpcpic.plasma.physics.quiet_start import BASES, lattice, radical_inverse
-from hpcpic.plasma.setup import loaders
-
-POSITION, VELOCITY = 1, 2  # streams of random numbers
+from hpcpic.plasma.physics.boris import part_of_turn, rotation_vectors, shears
+from hpcpic.plasma.setup import loaders, macro_particles
 
 
 class Scene:
@@ -47,6 +44,28 @@ class Scene:
         self.n_particles = int(first[-1])
         self.background = -sum(species.q * species.n for species in self.species) / self.volume
 
+    def mover(self, field_scale: float, steps: float = 1.0) -> NDArray[np.float64]:
+        """mover[species, 10] of kernels.plain.boris for `steps` time steps; kernels gather E times field_scale.
+
+        steps = -1/2 rewinds: half the impulse, and half the angle that the mover turns in a step, backwards.
+        """
+        kind, rows = case.rotation(self.config), np.zeros((len(self.species), 10))
+        side = np.array((*self.spacing, self.spacing[0], self.spacing[0])[:3])
+        uniform = np.array(self.config.field.electric)
+        for row, species in zip(rows, self.species):
+            impulse = np.zeros(3)
+            impulse[: self.velocity_components] = species.half_kick * steps * (1 if kind else 2)
+            row[: self.dimensions] = impulse[: self.dimensions] / field_scale
+            row[2:4] = [impulse[1] * uniform[1] if self.dimensions == 1 else 0.0, impulse[2] * uniform[2]]
+            t, s = species.rotation
+            if steps != 1.0:
+                t, s = part_of_turn(t, steps)
+            if kind == 1:
+                row[4:6] = t[2] * side[1] / side[0], -s[2] * side[0] / side[1]
+            elif kind == 2:
+                row[4:] = shears(t, s, side)
+        return rows
+
 
 @dataclass(frozen=True, slots=True)
 class SceneSpecies:
@@ -75,12 +94,12 @@ class SceneSpecies:
     @property
     def q(self) -> float:
         """Charge of a macro-particle, C."""
-        return loaders.macro_charge(self.scene.config, self.section)
+        return macro_particles.macro_charge(self.scene.config, self.section)
 
     @property
     def m(self) -> float:
         """Mass of a macro-particle, kg."""
-        return loaders.macro_mass(self.scene.config, self.section)
+        return macro_particles.macro_mass(self.scene.config, self.section)
 
     @property
     def half_kick(self) -> NDArray[np.float64]:
@@ -89,26 +108,11 @@ class SceneSpecies:
         return 0.5 * self.charge_to_mass * (dt * dt) / self.scene.velocity_spacing
 
     @property
-    def boris(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """The vectors t[3] and s[3] of the rotation (5.4.1): t = (q/m) B dt/2, s = 2 t / (1 + t.t).
-
-        With numerics.exact_phase, t has the length tan(wc dt/2) and the angle per step is exactly wc dt.
-        """
-        t = np.array(self.scene.config.field.magnetic) * (self.charge_to_mass * self.scene.time_step / 2)
-        length = np.sqrt(t @ t)
-        if self.scene.config.numerics.exact_phase and length:
-            t = t * (np.tan(length) / length)
-        return t, 2 * t / (1 + t @ t)
-
-    @property
-    def turn(self) -> NDArray[np.float64]:
-        """A[v, v] with v+ = v- + A v- in cells per step: the rotation of (5.4.1) less the identity.
-
-        Small entries are kept to their own precision, so that |v| does not drift.
-        """
-        t, s = (cross_matrix(vector) for vector in self.boris)
-        v, spacing = self.scene.velocity_components, self.scene.velocity_spacing
-        return (s + s @ t)[:v, :v] * spacing[None, :] / spacing[:, None]
+    def rotation(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """The vectors t[3] and s[3] of the rotation in the magnetic field, see physics.boris."""
+        config = self.scene.config
+        exact = config.numerics.exact_phase
+        return rotation_vectors(config.field.magnetic, self.charge_to_mass, self.scene.time_step, exact)
 
     def positions(self, ids: NDArray) -> NDArray[np.float64]:
         """Positions[n, d] in m, in [0, L), of particles ids[n] of this species at t = 0."""
@@ -121,8 +125,9 @@ class SceneSpecies:
 
     def velocities(self, ids: NDArray) -> NDArray[np.float64]:
         """Velocities[n, v] in m/s at t = 0."""
-        ids = np.asarray(ids)
-        velocity = self.mean_velocities(ids) + self.section.thermal_velocity * self.deviates(ids)
+        ids, thermal = np.asarray(ids), self.section.thermal_velocity
+        batch = self.batch(ids)
+        velocity = self.loader.mean_velocities(batch) + (thermal * self.loader.deviates(batch) if thermal else 0.0)
         perturbation = self.section.perturbation
         if perturbation and perturbation.velocity_amplitude:
             k, sine = self.wave(self.unperturbed(ids))
@@ -130,62 +135,21 @@ class SceneSpecies:
         return velocity
 
     def unperturbed(self, ids: NDArray) -> NDArray[np.float64]:
-        """Positions[n, d] in m before the perturbation; those of "position delta" may lie outside the box."""
-        lengths = np.array(self.scene.lengths)
-        index = ids - self.first
-        method = self.section.init_method
-        if method == "position delta":
-            x = np.array(self.section.position_init) + index[:, None] * np.array(self.section.position_delta)
-            return np.stack([wrap(x[:, i], length) for i, length in enumerate(lengths)], axis=1)
-        if method == "harmonic two electrons":
-            fraction = np.full((len(ids), len(lengths)), 0.5)
-            fraction[:, 0] = np.where(index % 2 == 1, 5 / 8, 3 / 8)
-            return fraction * lengths
-        if method == "quiet":
-            return self.quiet_fractions(index) * lengths
-        return uniforms(self.scene.config.simulation.random_seed, POSITION, ids, len(lengths)) * lengths
+        """Positions[n, d] in m before the perturbation."""
+        return self.loader.positions(self.batch(ids))
 
-    def quiet_fractions(self, index: NDArray) -> NDArray[np.float64]:
-        """Even positions[n, d] in (0, 1).
+    @property
+    def loader(self) -> loaders.Loader:
+        """What gives the particles their positions and velocities."""
+        return loaders.loader_of(self.section)
 
-        1D, and x of a warm 2D species: equal steps. A cold 2D species: a lattice; the y of a warm one, or of
-        a number that makes no lattice, is in bit-reversed order.
-        """
-        even = (index + 0.5) / max(self.n, 1)
-        if self.scene.dimensions == 1:
-            return even[:, None]
-        shape = None if self.section.thermal_velocity or not self.n else lattice(self.n, self.scene.points)
-        if shape is None:
-            return np.stack([even, radical_inverse(index, BASES[0], self.n)], axis=1)
-        columns, rows = shape
-        return np.stack([(index % columns + 0.5) / columns, (index // columns + 0.5) / rows], axis=1)
-
-    def mean_velocities(self, ids: NDArray) -> NDArray[np.float64]:
-        """Velocities[n, v] in m/s before the thermal deviate and the perturbation are added."""
-        v = self.scene.velocity_components
-        drift = np.array(self.section.drift_velocity[:v])
-        method = self.section.init_method
-        if method == "uniform velocities":
-            u = uniforms(self.scene.config.simulation.random_seed, VELOCITY, ids, v)
-            return (2 * u - 1) * drift
-        odd = (ids - self.first)[:, None] % 2 == 1
-        if method == "opposite beams":
-            return np.where(odd, drift, -drift)
-        if method == "harmonic two electrons":
-            along_x = np.arange(v) == 0
-            return np.where(along_x, np.where(odd, -drift, drift), 0.0)
-        return np.tile(drift, (len(ids), 1))
-
-    def deviates(self, ids: NDArray) -> NDArray[np.float64] | float:
-        """Standard normal deviates[n, v]; 0 for a cold species."""
-        if not self.section.thermal_velocity:
-            return 0.0
-        v, d = self.scene.velocity_components, self.scene.dimensions
-        if self.section.init_method == "quiet":
-            bases = BASES[d - 1 : d - 1 + v]
-            fractions = (radical_inverse(ids - self.first, base, self.n) for base in bases)
-            return np.stack([normal_quantile(u) for u in fractions], axis=1)
-        return normals(self.scene.config.simulation.random_seed, VELOCITY, ids, v)
+    def batch(self, ids: NDArray) -> loaders.Batch:
+        """The particles ids[n], as loaders take them."""
+        scene, lengths = self.scene, np.array(self.scene.lengths)
+        seed = scene.config.simulation.random_seed
+        return loaders.Batch(
+            self.section, self.n, ids - self.first, ids, lengths, scene.points, scene.velocity_components, seed
+        )
 
     def wave(self, x: NDArray) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """k[d] in rad/m of the perturbation and sin(k.x)[n]."""
@@ -194,8 +158,3 @@ class SceneSpecies:
         k = np.array([2 * np.pi * n / length for n, length in zip(mode, lengths)])
         turns = sum(n * (x[:, i] / lengths[i]) for i, n in enumerate(mode))
         return k, np.sin(2 * np.pi * np.ascontiguousarray(turns - np.floor(turns)))
-
-
-def cross_matrix(w: NDArray) -> NDArray[np.float64]:
-    """The matrix K with K x = x cross w."""
-    return np.array([[0.0, w[2], -w[1]], [-w[2], 0.0, w[0]], [w[1], -w[0], 0.0]])

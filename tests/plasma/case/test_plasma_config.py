@@ -260,6 +260,8 @@ def test_all_bad_settings_are_told_at_once_with_their_places():
         ("species[0].position_init=[1.0]", "species[0].position_init: needs 2 number(s)"),
         ('species[0].init_method="position delta"', "species[0]: position_init is missing"),
         ('species[0].init_method="harmonic two electrons"', "species[0].particles: must be 2"),
+        ('species[0].init_method="quite"', "'harmonic two electrons', 'default' or 'random position' (got 'quite'); "
+         "did you mean 'quiet'?"),
         (
             "species[0].perturbation={mode=[1]}",
             "species[0].perturbation.mode: needs 2 number(s) in 2D (got 1)",

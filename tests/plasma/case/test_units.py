@@ -12,7 +12,7 @@ from hpcpic.core.errors import ConfigError
 from hpcpic.plasma.case.units import PARTICLES, SI
 from hpcpic.plasma.configure import configure
 from hpcpic.plasma.forecast.derived import derived, plasma_frequency
-from hpcpic.plasma.setup.loaders import macro_charge, macro_mass
+from hpcpic.plasma.setup.macro_particles import macro_charge, macro_mass
 from hpcpic.plasma.setup.scene import Scene
 
 DENSITY, TEMPERATURE = 1e16, 2.0

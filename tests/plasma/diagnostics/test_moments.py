@@ -58,7 +58,7 @@ def test_vectors_sum_what_single_particles_do(world, law, precision):
     values = plasma.scalars()
     by_vectors = plasma.moments.limbs.copy()
     assert by_vectors.all(axis=(0, 3)).any()
-    plasma.cloud.kernels = plasma.cloud.law.kernels(plain=True)
+    plasma.cloud.kernels = plasma.cloud.spec.kernels(plain=True)
     plasma.moments = Moments(plasma)
     assert plasma.scalars() == values
     np.testing.assert_array_equal(plasma.moments.limbs, by_vectors)

@@ -13,6 +13,7 @@ from hpcpic.core.errors import ConfigError
 from hpcpic.plasma.configure import configure
 from hpcpic.plasma.forecast.derived import derived
 from hpcpic.plasma.physics.heating import energy_ratio, rate
+from hpcpic.plasma.physics.shapes import SHAPES
 
 CASE = """
 simulation = { cycles = 1000; time_step = 0.2; space_length = [64.0, 32.0]; };
@@ -122,23 +123,23 @@ HEATED = [
 
 @pytest.mark.parametrize("shape, debye, per_cell, time, measured", HEATED)
 def test_heating_is_foretold_as_it_was_measured(shape, debye, per_cell, time, measured):
-    assert energy_ratio(shape, debye, per_cell, time) - 1 == pytest.approx(measured - 1, rel=0.1)
+    assert energy_ratio(SHAPES[shape], debye, per_cell, time) - 1 == pytest.approx(measured - 1, rel=0.1)
 
 
 def test_heating_slows_down_as_the_debye_length_grows():
     """Two runs one after the other are one run, at the Debye length that the first has left."""
-    half = energy_ratio("CIC", 0.3, 16, 5000)
-    whole = energy_ratio("CIC", 0.3, 16, 10000)
-    assert energy_ratio("CIC", 0.3 * math.sqrt(half), 16, 5000) * half == pytest.approx(whole, rel=1e-3)
-    assert whole < half**2 and energy_ratio("CIC", 0.3, 16, 0.0) == 1.0
+    half = energy_ratio(SHAPES["CIC"], 0.3, 16, 5000)
+    whole = energy_ratio(SHAPES["CIC"], 0.3, 16, 10000)
+    assert energy_ratio(SHAPES["CIC"], 0.3 * math.sqrt(half), 16, 5000) * half == pytest.approx(whole, rel=1e-3)
+    assert whole < half**2 and energy_ratio(SHAPES["CIC"], 0.3, 16, 0.0) == 1.0
     for debye in (1e-70, 1e-4, 1.0, 1e70):  # and ends, in any number of steps
-        assert 1.0 <= energy_ratio("CIC", debye, 16, 1e30) < math.inf
+        assert 1.0 <= energy_ratio(SHAPES["CIC"], debye, 16, 1e30) < math.inf
 
 
 def test_the_noise_heats_less_with_more_particles_and_the_aliases_do_not():
-    few, many = (rate("CIC", math.log(1.0), n) for n in (16, 64))
+    few, many = (rate(SHAPES["CIC"], math.log(1.0), n) for n in (16, 64))
     assert few == pytest.approx(4 * many, rel=0.01)
-    assert rate("CIC", math.log(0.03), 1e9) == pytest.approx(rate("CIC", math.log(0.03), 16), rel=0.05)
+    assert rate(SHAPES["CIC"], math.log(0.03), 1e9) == pytest.approx(rate(SHAPES["CIC"], math.log(0.03), 16), rel=0.05)
 
 
 def test_a_few_particles_have_no_heating_that_could_be_foretold():

@@ -10,19 +10,19 @@ from hpcpic.core.errors import Diverged
 from hpcpic.core.space.domain import Domain
 from hpcpic.core.tasks.graph import Pool
 from hpcpic.plasma.particles.cloud import Cloud
-from hpcpic.plasma.particles.push_spec import WHOLE_BITS, Law
-from hpcpic.plasma.sizes import GHOSTS
+from hpcpic.plasma.particles.push_spec import WHOLE_BITS, PushSpec
+from hpcpic.plasma.physics.shapes import SHAPES
 
-LAWS = [(2, 2, 0, "CIC"), (2, 2, 1, "CIC"), (2, 3, 2, "CIC"), (1, 1, 0, "CIC"), (1, 3, 2, "CIC"),
+SPECS = [(2, 2, 0, "CIC"), (2, 2, 1, "CIC"), (2, 3, 2, "CIC"), (1, 1, 0, "CIC"), (1, 3, 2, "CIC"),
         (2, 2, 0, "NGP"), (1, 1, 0, "NGP"), (2, 2, 0, "TSC"), (1, 1, 0, "TSC")]  # fmt: skip
-FEW = [(2, 2, 0, "CIC", np.float32), (2, 2, 1, "CIC", np.float64), (2, 3, 2, "CIC", np.float64),
+BY_DEFAULT = [(2, 2, 0, "CIC", np.float32), (2, 2, 1, "CIC", np.float64), (2, 3, 2, "CIC", np.float64),
        (1, 1, 0, "NGP", np.float32), (2, 2, 0, "TSC", np.float64)]  # fmt: skip
 BOTH = [
-    pytest.param(*law, dtype, marks=[] if (*law, dtype) in FEW else pytest.mark.validation)
-    for law in LAWS
+    pytest.param(*spec, dtype, marks=[] if (*spec, dtype) in BY_DEFAULT else pytest.mark.validation)
+    for spec in SPECS
     for dtype in (np.float64, np.float32)
 ]  # by default each shape, number of axes, rotation and precision: each of all modules takes 27 s to compile
-SHAPES = [
+BY_AXES_AND_SHAPE = [
     pytest.param(d, shape, marks=[] if (d, shape) in {(2, "CIC"), (1, "NGP"), (2, "TSC")} else pytest.mark.validation)
     for d in (1, 2)
     for shape in ("NGP", "CIC", "TSC")
@@ -31,7 +31,7 @@ SHAPES = [
 
 def free(d, shape):
     """Without a field, in the precision that is compiled by default."""
-    return Law(d, shape, d, 0, np.float64 if shape == "TSC" else np.float32)
+    return PushSpec(d, SHAPES[shape], d, 0, np.float64 if shape == "TSC" else np.float32)
 
 
 @pytest.fixture(scope="module")
@@ -41,7 +41,7 @@ def pool():
     pool.close()
 
 
-class ThriftyLaw(Law):
+class ThriftySpec(PushSpec):
     """Its plain kernels are those that differ from vectors'; what both modules have alike is compiled once."""
 
     def kernels(self, plain=False):
@@ -53,10 +53,10 @@ class ThriftyLaw(Law):
         return SimpleNamespace(**vars(made) | differ)
 
 
-def cloud(pool, law, points, *, blocks=1, n=4000, speed=0.3, plain=False, field=0.1, x=None):
+def cloud(pool, spec, points, *, blocks=1, n=4000, speed=0.3, plain=False, field=0.1, x=None):
     """Two species of opposite charge in a random field; two ranks' worth of nothing else."""
     rng = np.random.default_rng(1)
-    d, (below, above) = law.dimensions, GHOSTS[law.shape]
+    d, (below, above) = spec.dimensions, spec.shape.ghosts
     shape = points[::-1]
     domain = Domain(tuple(map(float, shape)), shape, (True,) * d, (0, shape[0]))
     e = np.stack([np.pad(rng.standard_normal(shape) * field, [(below, above)] * d, mode="wrap") for _ in range(d)])
@@ -65,13 +65,13 @@ def cloud(pool, law, points, *, blocks=1, n=4000, speed=0.3, plain=False, field=
     t = 0.1
     s = 2 * t / (1 + t * t)
     mover = np.array([[0.1, 0.1, 0, 0, *([t, -s] * 3)]] * 2)
-    unit = 1 << WHOLE_BITS[np.dtype(law.dtype).itemsize]
+    unit = 1 << WHOLE_BITS[np.dtype(spec.dtype).itemsize]
     charge = np.array([[0, unit], [0, -unit]], np.int64)
     e = room[: e.size].reshape(e.shape)
-    made = Cloud(World.start(), pool, domain, law, blocks, mover, charge, e, 1.0, 2 * n, plain=plain)
+    made = Cloud(World.start(), pool, domain, spec, blocks, mover, charge, e, 1.0, 2 * n, plain=plain)
     for species in range(2):
         at = rng.random((n, d)) * points if x is None else np.broadcast_to(x, (n, d))
-        made.place(species, at, rng.standard_normal((n, law.velocities)) * speed, np.arange(n))
+        made.place(species, at, rng.standard_normal((n, spec.velocities)) * speed, np.arange(n))
     made.deliver()
     made.deposit_all()
     return made
@@ -103,9 +103,9 @@ def advance(made, steps):
 @pytest.mark.parametrize(("d", "v", "rotation", "shape", "dtype"), BOTH)
 def test_vectors_give_the_bits_of_the_plain_kernels(pool, shape, d, v, rotation, dtype):
     points = (41, 37)[:d] if d == 2 else (600,)
-    law = ThriftyLaw(d, shape, v, rotation, dtype)
+    spec = ThriftySpec(d, SHAPES[shape], v, rotation, dtype)
     for n, speed in ((4000, 0.3), (4000, 40.0), (60, 5.0)):  # 60: so few that some tiles go without vectors
-        fast, plain = (cloud(pool, law, points, blocks=3, n=n, speed=speed, plain=plain) for plain in (False, True))
+        fast, plain = (cloud(pool, spec, points, blocks=3, n=n, speed=speed, plain=plain) for plain in (False, True))
         for _ in range(3):
             advance(fast, 1)
             advance(plain, 1)
@@ -113,21 +113,21 @@ def test_vectors_give_the_bits_of_the_plain_kernels(pool, shape, d, v, rotation,
             assert np.array_equal(fast.patches, plain.patches)
 
 
-@pytest.mark.parametrize(("d", "shape"), SHAPES)
+@pytest.mark.parametrize(("d", "shape"), BY_AXES_AND_SHAPE)
 def test_charge_is_exact_and_blocks_do_not_show(pool, d, shape):
-    law = free(d, shape)
+    spec = free(d, shape)
     for points in [(300,), (1,)] if d == 1 else [(1, 5), (7, 8), (9, 1), (97, 101)]:
         found = set()
         for blocks in (1, 4, 9):
-            made = cloud(pool, law, points, blocks=blocks, n=300, speed=40.0)
+            made = cloud(pool, spec, points, blocks=blocks, n=300, speed=40.0)
             made.names["charge"][1] *= -1  # now both species add
             advance(made, 3)
-            assert made.patches.sum() == 600 << WHOLE_BITS[np.dtype(law.dtype).itemsize]
+            assert made.patches.sum() == 600 << WHOLE_BITS[np.dtype(spec.dtype).itemsize]
             found.add(bits(made))
         assert len(found) == 1, points
 
 
-@pytest.mark.parametrize(("d", "shape"), SHAPES)
+@pytest.mark.parametrize(("d", "shape"), BY_AXES_AND_SHAPE)
 def test_patches_hold_the_charge_of_all_particles(pool, d, shape):
     """What push and deliver add up by the way is what a fresh deposit of everybody gives."""
     made = cloud(pool, free(d, shape), (40, 33) if d == 2 else (700,), blocks=3, speed=5.0)
@@ -140,7 +140,7 @@ def test_patches_hold_the_charge_of_all_particles(pool, d, shape):
 @pytest.mark.parametrize("dtype", [np.float64, np.float32])
 @pytest.mark.parametrize("x", [0.0, np.nextafter(32.0, 0.0), -1e-20, 16.0, np.nextafter(16.0, 0.0), -33.5, 1e6])
 def test_positions_at_the_edges_are_in_their_tile(pool, x, dtype):
-    made = cloud(pool, Law(2, "CIC", 2, 0, dtype), (32, 32), n=50, speed=1e-9, field=0.0, x=x)
+    made = cloud(pool, PushSpec(2, SHAPES["CIC"], 2, 0, dtype), (32, 32), n=50, speed=1e-9, field=0.0, x=x)
     advance(made, 2)
     for species in range(2):
         _, tiles, components = everybody(made, species)
@@ -151,7 +151,7 @@ def test_positions_at_the_edges_are_in_their_tile(pool, x, dtype):
 
 
 def test_one_cell_may_hold_everybody(pool):
-    made = cloud(pool, Law(2, "CIC", 2, 0, np.float32), (64, 64), n=20000, speed=0.0, field=0.0, x=5.25)
+    made = cloud(pool, PushSpec(2, SHAPES["CIC"], 2, 0, np.float32), (64, 64), n=20000, speed=0.0, field=0.0, x=5.25)
     made.names["charge"][1] *= -1
     for velocity in (0.0, 20.0):  # they stay, then all go to another tile at once
         made.pages.pool[: made.pages.fresh, :, 2] = velocity
@@ -162,7 +162,7 @@ def test_one_cell_may_hold_everybody(pool):
 
 @pytest.mark.parametrize("bad", [np.nan, np.inf, 1e300])
 def test_a_velocity_that_is_no_motion_is_told(pool, bad):
-    made = cloud(pool, Law(2, "CIC", 2, 0, np.float64), (32, 32), n=200)
+    made = cloud(pool, PushSpec(2, SHAPES["CIC"], 2, 0, np.float64), (32, 32), n=200)
     page, pack, lane = made.pages.head[0], 0, 0
     made.pages.pool[page, pack, 2, lane] = bad
     with pytest.raises(Diverged):
@@ -172,7 +172,7 @@ def test_a_velocity_that_is_no_motion_is_told(pool, bad):
 @pytest.mark.parametrize(("v", "rotation"), [(2, 1), (3, 2)])
 def test_speed_is_kept_in_a_magnetic_field(pool, v, rotation):
     """Three shears per plane round off, but do not drift: 1e-12 after 2000 turns of 0.2 rad."""
-    made = cloud(pool, Law(2, "CIC", v, rotation, np.float64), (32, 32), n=100, field=0.0, speed=0.1)
+    made = cloud(pool, PushSpec(2, SHAPES["CIC"], v, rotation, np.float64), (32, 32), n=100, field=0.0, speed=0.1)
     before = np.sort(speeds(made))
     advance(made, 2000)
     assert np.abs(np.sort(speeds(made)) / before - 1).max() < 1e-12

@@ -1,0 +1,48 @@
+"""A loader of one's own is one class, named by the case."""
+
+import numpy as np
+import pytest
+
+from hpcpic.core.case.config import loads
+from hpcpic.plasma.configure import configure
+from hpcpic.plasma.setup import loaders
+from hpcpic.plasma.setup.scene import Scene
+
+CASE = """
+simulation = { cycles = 10; time_step = 0.1; space_length = [8.0]; };
+grid = { points = [16]; };
+species = ( { name = "e"; particles = 64; charge = -1.0; mass = 1.0; drift_velocity = [2.0]; init_method = "swarm"; } );
+"""
+
+
+class Swarm(loaders.Loader):
+    """All at one place; velocities rise evenly to the drift."""
+
+    name = "swarm"
+    random_positions = False
+
+    def positions(self, batch):
+        return np.full((len(batch.ids), 1), 3.0)
+
+    def mean_velocities(self, batch):
+        return batch.drift * batch.index[:, None] / batch.n
+
+    def faults(self, section, dimensions):
+        if section.particles > 100:
+            yield ("particles",), "a swarm has no more than 100"
+
+
+def test_a_registered_loader_is_known_to_cases_and_asked_for_its_faults(monkeypatch):
+    monkeypatch.setattr(loaders, "LOADERS", dict(loaders.LOADERS))
+    loaders.register(Swarm())
+    species = Scene(configure(loads(CASE))).species[0]
+    ids = np.array(species.ids)
+    assert (species.positions(ids) == 3.0).all()
+    np.testing.assert_array_equal(species.velocities(ids)[:, 0], 2.0 * ids / 64)
+    with pytest.raises(Exception, match="a swarm has no more than 100"):
+        configure(loads(CASE, sets=["species[0].particles=101"]))
+
+
+def test_a_loader_that_nobody_registered_is_a_fault():
+    with pytest.raises(Exception, match="init_method: must be 'random', 'quiet'"):
+        configure(loads(CASE))
