@@ -9,6 +9,7 @@ from hpcpic.core.app.app import App, later, named
 from hpcpic.core.case.cases import cases_in
 
 if TYPE_CHECKING:
+    from hpcpic.core.run.model import Make
     from lbmdem.case.config import LbmDemConfig
 
 
@@ -38,6 +39,13 @@ def grow(config: LbmDemConfig, factor: int) -> tuple[str, ...]:
     return (f"domain.size={size}", *packed)
 
 
+def load() -> Make:
+    """The model of a case."""
+    from lbmdem.step import LbmDem
+
+    return LbmDem
+
+
 APP = App(
     name="lbmdem",
     title="lattice Boltzmann with discrete-element grains",
@@ -46,7 +54,7 @@ APP = App(
     cases=shipped_cases,
     derived=later("lbmdem.forecast.derived", "derived"),
     estimate=later("lbmdem.forecast.estimate", "estimate"),
-    load=named("lbmdem.step", "LbmDem"),
+    load=load,
     until=until,
     time_step=lambda config: config.time_step,
     grow=grow,

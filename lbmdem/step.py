@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 
 from hpcpic.core.comm.world import World
 from hpcpic.core.errors import ConfigError
+from hpcpic.core.files.arrays import Column, FieldArray, ParticleArray, Shard
 from hpcpic.core.files.sealed import Reader
 from hpcpic.core.space.domain import Domain, even_cuts
 from hpcpic.core.tasks.graph import Pool
@@ -39,11 +40,14 @@ class LbmDem:
     """Populations and grains at `iteration`; `time` in s. A case without fluid has no populations."""
 
     particle_name = "grain"
+    local_items = None  # slabs are of equal height
 
     def __init__(self, config: LbmDemConfig, world: World, pool: Pool, timers: Timers) -> None:
         self.scene = scene = Scene(config)
         self.world, self.pool, self.timers = world, pool, timers
         self.n_steps, self.periods = config.n_steps, output_periods(config)
+        self.end_time = self.n_steps * scene.time_step
+        self.time_periods: Mapping[str, float] = {}
         points, periodic = scene.points[::-1], scene.periodic[::-1]
         cuts = even_cuts(points[0], world.size)
         self.domain = domain = Domain(tuple(config.domain.size[::-1]), points, periodic, cuts, offset=0.5)
@@ -184,17 +188,19 @@ class LbmDem:
         with self.timers.section("scalars"):
             return self.diagnostics.scalars(self.iteration)
 
-    def arrays(self, what: str) -> Mapping[str, object]:
-        """ "field": velocity, pressure, solid; "particle": grains by set. Collective."""
-        if what == "field" and self.fluid:
-            return snapshot.fields(self.scene, self.fluid)
+    def fields(self) -> Mapping[str, FieldArray]:
+        """Velocity, pressure and solid nodes. Collective."""
+        return snapshot.fields(self.scene, self.fluid) if self.fluid else {}
+
+    def particles(self) -> Mapping[str, ParticleArray]:
+        """Grains by set. Collective."""
         return snapshot.grains(self.scene, self.world, self.table, self.dem, self.immersed)
 
-    def state(self) -> Mapping[str, object]:
+    def state(self) -> Mapping[str, Shard]:
         """Populations by rows, grains by number, bit for bit. Collective."""
         return snapshot.state(self.world, len(self.table), self.fluid, self.dem, self.immersed)
 
-    def columns(self, reader: Reader) -> Mapping[str, object]:
+    def columns(self, reader: Reader) -> Mapping[str, Column]:
         """What the arrays of a checkpoint of this scene are."""
         return snapshot.columns(reader, len(self.table), self.fluid, self.dem, self.immersed, guard.MAX_DENSITY)
 

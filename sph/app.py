@@ -9,6 +9,7 @@ from hpcpic.core.app.app import App, later, named
 from hpcpic.core.case.cases import cases_in
 
 if TYPE_CHECKING:
+    from hpcpic.core.run.model import Make
     from sph.case.config import SphConfig
 
 
@@ -27,6 +28,13 @@ def grow(config: SphConfig, factor: int) -> tuple[str, ...]:
     return (f"numerics.spacing={config.numerics.spacing / factor ** (1 / config.dimensions)!r}",)
 
 
+def load() -> Make:
+    """The model of a case."""
+    from sph.step import Sph
+
+    return Sph
+
+
 APP = App(
     name="sph",
     title="weakly compressible smoothed particle hydrodynamics",
@@ -35,7 +43,7 @@ APP = App(
     cases=shipped_cases,
     derived=later("sph.forecast.derived", "derived"),
     estimate=later("sph.forecast.estimate", "estimate"),
-    load=named("sph.step", "Sph"),
+    load=load,
     until=until,
     time_step=later("sph.physics.stability", "time_step"),
     grow=grow,

@@ -8,6 +8,8 @@ from numpy.typing import NDArray
 
 from hpcpic.core.comm.world import World
 from hpcpic.core.errors import Diverged
+from hpcpic.core.files.arrays import Column, FieldArray, ParticleArray, Shard
+from hpcpic.core.files.sealed import Reader
 from hpcpic.core.space.domain import Domain, balanced_cuts, block_ranges
 from hpcpic.core.tasks.arena import Arena
 from hpcpic.core.tasks.graph import Pool
@@ -45,7 +47,7 @@ class Sph:
     to the lower corner of the domain.
     """
 
-    work_unit = "particle"
+    work_unit = particle_name = "particle"
 
     def __init__(self, config: SphConfig, world: World, pool: Pool, timers: Timers) -> None:
         self.scene = scene = Scene(config)
@@ -253,6 +255,10 @@ class Sph:
         self.reach = self.next_reach
         self.sort()
 
+    def advance(self, most: int) -> None:
+        """One step, of `most` that may be done at once."""
+        self.step()
+
     # ---- what integrators are made of
 
     def evaluate(self, start: bool = False) -> None:
@@ -341,19 +347,23 @@ class Sph:
         with self.timers.section("scalars"):
             return scalars.scalars(self) | self.gauges.values(self.time)
 
-    def arrays(self, what: str) -> Mapping[str, object]:
-        """ "particle": fluids and walls by name."""
+    def fields(self) -> Mapping[str, FieldArray]:
+        """None: there is no mesh."""
+        return {}
+
+    def particles(self) -> Mapping[str, ParticleArray]:
+        """Fluids and walls by name."""
         return snapshot.particles(self)
 
-    def state(self) -> Mapping[str, object]:
+    def state(self) -> Mapping[str, Shard]:
         """Fluid and walls in order of their ids, bit for bit. Collective."""
         return checkpoint.state(self)
 
-    def columns(self, reader: Any) -> Mapping[str, object]:
+    def columns(self, reader: Reader) -> Mapping[str, Column]:
         """What the arrays of a checkpoint of this scene are."""
         return checkpoint.columns(self, reader)
 
-    def restore(self, reader: Any) -> None:
+    def restore(self, reader: Reader) -> None:
         """Take the state of a checkpoint, written by any number of ranks, for the present one. Collective."""
         checkpoint.restore(self, reader)
 

@@ -9,6 +9,7 @@ from hpcpic.core.app.app import App, later, named
 from hpcpic.core.case.cases import cases_in
 
 if TYPE_CHECKING:
+    from hpcpic.core.run.model import Make
     from hpcpic.plasma.case.config import PlasmaConfig
 
 
@@ -37,6 +38,13 @@ def grow(config: PlasmaConfig, factor: int) -> tuple[str, ...]:
     return (f"grid.points={points}", f"simulation.space_length={lengths}", *particles)
 
 
+def load() -> Make:
+    """The model of a case."""
+    from hpcpic.plasma.step import Plasma
+
+    return Plasma
+
+
 APP = App(
     name="hpcpic",
     title="electrostatic particle-in-cell plasma",
@@ -45,10 +53,11 @@ APP = App(
     cases=shipped_cases,
     derived=later("hpcpic.plasma.forecast.derived", "derived"),
     estimate=later("hpcpic.plasma.forecast.estimate", "estimate"),
-    load=named("hpcpic.plasma.step", "Plasma"),
+    load=load,
     until=until,
     time_step=lambda config: config.simulation.time_step,
     grow=grow,
+    stop_sem=lambda config: config.simulation.stop_SEM,
     free=(
         "description",
         "simulation.cycles",

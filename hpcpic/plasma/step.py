@@ -5,6 +5,8 @@ from collections.abc import Mapping
 import numpy as np
 
 from hpcpic.core.comm.world import World
+from hpcpic.core.files.arrays import Column, FieldArray, ParticleArray, Shard
+from hpcpic.core.files.sealed import Reader
 from hpcpic.core.space.domain import Domain, block_ranges, even_cuts
 from hpcpic.core.tasks.graph import Pool
 from hpcpic.core.timers import Timers
@@ -27,13 +29,15 @@ class Plasma:
     `iteration` n, -2 while particles are distributed and -1 while velocities are rewound; `time` n dt in s.
     """
 
-    work_unit = "particle"
+    work_unit = particle_name = "particle"
 
     def __init__(self, config: PlasmaConfig, world: World, pool: Pool, timers: Timers) -> None:
         self.scene = scene = Scene(config)
         self.world, self.timers = world, timers
         self.n_steps, self.work_items = config.simulation.cycles, scene.n_particles
-        self.stop_sem, self.periods = config.simulation.stop_SEM, config.periods
+        self.end_time = self.n_steps * scene.time_step
+        self.periods: Mapping[str, int] = config.periods
+        self.time_periods: Mapping[str, float] = {}
         points, lengths = scene.points[::-1], tuple(scene.lengths[::-1])
         cuts = even_cuts(points[0], world.size)
         self.domain = Domain(lengths, tuple(points), (True,) * scene.dimensions, cuts)
@@ -119,6 +123,10 @@ class Plasma:
         self._solved = False
         self.iteration += 1
 
+    def advance(self, most: int) -> None:
+        """One step, of `most` that may be done at once."""
+        self.step()
+
     @property
     def time_step(self) -> float:
         return self.scene.time_step
@@ -140,20 +148,25 @@ class Plasma:
         self._energy.see(values["energy_total"], self.time, self.iteration)
         return values
 
-    def arrays(self, what: str) -> Mapping[str, object]:
-        """ "field": rho, phi, E at t = n dt; "particle": x^n and v^(n-1/2) by species. Collective."""
+    def fields(self) -> Mapping[str, FieldArray]:
+        """rho, phi, E at t = n dt. Collective."""
         self.solve()
-        return snapshot.fields(self) if what == "field" else snapshot.particles(self)
+        return snapshot.fields(self)
 
-    def state(self) -> Mapping[str, object]:
+    def particles(self) -> Mapping[str, ParticleArray]:
+        """x^n and v^(n-1/2) by species. Collective."""
+        self.solve()
+        return snapshot.particles(self)
+
+    def state(self) -> Mapping[str, Shard]:
         """The particles in order of their numbers, bit for bit: x^n relative to tiles, v^(n-1/2). Collective."""
         return snapshot.state(self)
 
-    def columns(self, reader) -> Mapping[str, object]:
+    def columns(self, reader: Reader) -> Mapping[str, Column]:
         """What the arrays of a checkpoint of this scene are."""
         return snapshot.columns(self)
 
-    def restore(self, reader) -> None:
+    def restore(self, reader: Reader) -> None:
         """Take the state of a checkpoint, written by any number of ranks, for the present one. Collective."""
         snapshot.restore(self, reader)
         self._deposit_checked()

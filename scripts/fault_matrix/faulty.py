@@ -177,15 +177,13 @@ def with_fault(simulator: type) -> type:
                 self.before()
             super().step()
 
-        if hasattr(simulator, "advance"):
-
-            def advance(self, most: int) -> None:
-                """Single steps where they are slowed down; else none beyond the fault."""
-                self.before()
-                ahead = at - self.iteration
-                self._within = True
-                super().advance(1 if FAULT["pause"] else min(most, ahead) if ahead > 0 else most)
-                self._within = False
+        def advance(self, most: int) -> None:
+            """Single steps where they are slowed down; else none beyond the fault."""
+            self.before()
+            ahead = at - self.iteration
+            self._within = True
+            super().advance(1 if FAULT["pause"] else min(most, ahead) if ahead > 0 else most)
+            self._within = False
 
     Faulty.__name__ = simulator.__name__
     return Faulty

@@ -66,7 +66,7 @@ class ToyConfig(Section):
 
 class Toy:
     scalar_units: Mapping[str, str] = {"mass": "1", "energy_total": "J"}
-    work_unit = "node"
+    work_unit, particle_name = "node", "particle"
 
     def __init__(self, config: ToyConfig, world: Any, pool: Any, timers: Any) -> None:
         self.config, self.world, self.timers = config, world, timers
@@ -77,13 +77,17 @@ class Toy:
         self.n_steps = config.steps
         self.time_step = np.float64(1 / 1024)  # as apps have it that reduce it over ranks
         self.work_items, self.local_items = config.rows, self.high - self.low
-        self.stop_sem = config.stop_SEM
+        self.end_time = self.n_steps * self.time_step
+        self.time_periods: Mapping[str, float] = {}
         self.periods = {name: getattr(config.output, name) for name in type(config.output).model_fields}
         self.replace_faulty_parts()
 
     @property
     def time(self) -> float:
         return self.iteration * self.time_step
+
+    def advance(self, most: int) -> None:
+        self.step()
 
     def step(self) -> None:
         self.fail_if_asked()
@@ -107,9 +111,10 @@ class Toy:
         mass = float(np.frombuffer(self.world.bcast(np.float64(mass).tobytes()))[0])
         return {"mass": mass, "energy_total": mass / 2}
 
-    def arrays(self, what: str) -> dict[str, Any]:
-        if what == "field":
-            return {"u": FieldArray(self.u, "1")}
+    def fields(self) -> dict[str, FieldArray]:
+        return {"u": FieldArray(self.u, "1")}
+
+    def particles(self) -> dict[str, ParticleArray]:
         ids = np.arange(self.low, self.high)
         place = np.zeros((len(ids), 3))
         place[:, 0] = ids / self.config.rows
@@ -129,6 +134,9 @@ class Toy:
     def restore(self, reader: Any) -> None:
         self.iteration = reader.step
         self.u = reader.read("u", self.low, self.high)
+
+    def worst(self) -> list[str]:
+        return []
 
     def close(self) -> None:
         """Nothing to give back."""
@@ -219,6 +227,7 @@ APP = App(
     estimate=estimate,
     load=lambda: Toy,
     until=lambda config, t: (f"steps={round(1024 * t)}",),
+    stop_sem=lambda config: config.stop_SEM,
     free=("steps", "output", "fault", "pause", "stop_SEM"),
     bench=lambda quick: {"toy": 2e-9},
     command=(sys.executable, str(Path(__file__).resolve())),

@@ -191,7 +191,7 @@ def test_one_particle_stays_at_rest(world, precision):
     with running(world, "hpcpic", HOT, (*at(7.3, 5.1), f'numerics.precision="{precision}"')) as app:
         for _ in range(100):
             app.step()
-        velocity = app.arrays("particle")["electrons"].columns["velocity"]
+        velocity = app.particles()["electrons"].columns["velocity"]
         # rounding of E of one macro-particle (q/m) q / eps0 ~ 1.3 for 20 / wp
         assert np.abs(velocity).max() < {"double": 1e-13, "single": 1e-5}[precision]
 
@@ -200,14 +200,14 @@ def test_no_charge_streams_freely(world):
     """Over every seam and corner, at any speed, to where x + v t is."""
     free = species(charge=0.0, plasma_frequency=0.0, drift_velocity=[-77.7, 33.3])
     with running(world, "hpcpic", HOT, free) as app:
-        start = app.arrays("particle")["electrons"]
+        start = app.particles()["electrons"]
         begin, v = (
             start.position[np.argsort(start.ids), :2],
             start.columns["velocity"][np.argsort(start.ids), :2],
         )
         for _ in range(200):
             app.step()
-        end = app.arrays("particle")["electrons"]
+        end = app.particles()["electrons"]
         box = np.array([32.0, 16.0])
         apart = (end.position[np.argsort(end.ids), :2] - begin - v * app.time) / box
         assert np.abs(apart - np.round(apart)).max() < 1e-12  # of the box, after 200 roundings at 8 cells

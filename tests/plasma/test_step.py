@@ -160,7 +160,7 @@ def retrace(made):
 
 
 def positions(made):
-    ordered = made.arrays("particle")["electron"]
+    ordered = made.particles()["electron"]
     return ordered.position[np.argsort(ordered.ids)][:, : made.scene.dimensions]
 
 

@@ -34,7 +34,7 @@ class Simulation:
                 if n < self.config.simulation.cycles:
                     self.app.step()
             self.last = self.app.scalars()
-            self.particles = self.app.arrays("particle")
+            self.particles = self.app.particles()
             self.state = {name: shard.local.copy() for name, shard in self.app.state().items()}
         finally:
             pool.close()
@@ -65,7 +65,7 @@ def mode_along(axis: int, n: int) -> Look:
 
     def look(app: Plasma) -> complex:
         app.solve()
-        rho = app.arrays("field")["rho"].values
+        rho = app.fields()["rho"].values
         line = rho.mean(axis=1 - axis) if rho.ndim == 2 else rho
         return complex(np.fft.rfft(line)[n] / line.size)
 
@@ -74,13 +74,13 @@ def mode_along(axis: int, n: int) -> Look:
 
 def velocities(app: Plasma) -> np.ndarray:
     """v[n, 3] in m/s of the first species at n - 1/2, by id."""
-    particles = next(iter(app.arrays("particle").values()))
+    particles = next(iter(app.particles().values()))
     return particles.columns["velocity"][np.argsort(particles.ids)]
 
 
 def positions(app: Plasma) -> np.ndarray:
     """x[n, 3] in m of the first species, by id."""
-    particles = next(iter(app.arrays("particle").values()))
+    particles = next(iter(app.particles().values()))
     return particles.position[np.argsort(particles.ids)]
 
 

@@ -47,7 +47,7 @@ def channel(world, nodes, tau, collision):
     height = nodes * 1e-3
     with running(world, "lbmdem", CHANNEL.format(height=height, tau=tau, collision=collision, force=1e-9)) as app:
         forward(app, round(3.5 * nodes**2 / ((tau - 0.5) / 3.0)))
-        u = app.arrays("field")["velocity"].values[:, 0, 0]
+        u = app.fields()["velocity"].values[:, 0, 0]
     y = (np.arange(nodes) + 0.5) / nodes
     return u / (1e-9 * height**2 / (8 * NU)), 4.0 * y * (1.0 - y)
 
@@ -80,7 +80,7 @@ def test_taylor_green_is_of_second_order(world):
     for n in (16, 32, 64):
         with running(world, "lbmdem", shipped("taylor-green"), [f"domain.spacing={0.01 / n!r}"]) as app:
             forward(app, round(2.0 / app.time_step))
-            u = app.arrays("field")["velocity"].values
+            u = app.fields()["velocity"].values
             exact = app.scene.initial_velocity(app.coordinates()) * app.scene.units.velocity
             exact = exact * math.exp(-2.0 * NU * (2.0 * math.pi / 0.01) ** 2 * app.time)
         errors.append(float(np.linalg.norm(u - exact) / np.linalg.norm(exact)))
@@ -96,7 +96,7 @@ def test_couette_with_the_wall_anywhere(world, share):
     case = shipped("couette").replace("1.1e-4]", f"{floor!r}]")
     with running(world, "lbmdem", case) as app:
         forward(app, round(3.0 / app.time_step))
-        u = app.arrays("field")["velocity"].values[:, 0, 0]
+        u = app.fields()["velocity"].values[:, 0, 0]
     y = (np.arange(32) + 0.5) * 3.125e-5
     exact = np.where(y > floor, 1e-4 * (y - floor) / (1e-3 - floor), 0.0)
     error = float(np.abs(u - exact)[y > floor].max() / 1e-4)

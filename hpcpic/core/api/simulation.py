@@ -42,15 +42,15 @@ class Simulation:
 
         self.world = World.start()
         self.threads = threads or self.world.default_threads()
-        simulator = app.load()
+        make = app.load()
         self._pool = Pool(self.threads, self.world.cpus(self.threads))
         try:
             memory.require_room(lambda: sum(app.estimate(config, self.world.size, self.threads, {}).memory.values()))
-            self.app = simulator(config, self.world, self._pool, Timers())
+            self.model = make(config, self.world, self._pool, Timers())
         except BaseException:
             self._pool.close()
             raise
-        self._guard = Guard(self.world, self.app.guard, self.app.iteration)
+        self._guard = Guard(self.world, self.model.guard, self.model.iteration)
         self._observers: list[Observer] = []
         self._open = True
 
@@ -66,18 +66,18 @@ class Simulation:
             return
         self._open = False
         if collectively:
-            self.app.close()
+            self.model.close()
         self._pool.close()
 
     @property
     def time(self) -> float:
         """Physical time of the state, s."""
-        return self.app.time
+        return self.model.time
 
     @property
     def iteration(self) -> int:
         """Steps done."""
-        return self.app.iteration
+        return self.model.iteration
 
     @property
     def rank(self) -> int:
@@ -119,22 +119,20 @@ class Simulation:
 
     def _goal(self, steps: int | None, until: float | None) -> tuple[float, float]:
         """(iteration, time): the first that is reached ends the advance."""
-        app = self.app
+        model = self.model
         if steps is not None:
-            return app.iteration + steps, math.inf
-        if app.n_steps is None:
-            return math.inf, app.end_time if until is None else until
+            return model.iteration + steps, math.inf
+        if model.n_steps is None:
+            return math.inf, model.end_time if until is None else until
         if until is None:
-            return app.n_steps, math.inf
-        return math.ceil(until / app.time_step * (1 - 1e-12)), math.inf
+            return model.n_steps, math.inf
+        return math.ceil(until / model.time_step * (1 - 1e-12)), math.inf
 
     def _go(self, last: float) -> None:
         """One step, or as many as the simulator takes at once while nobody looks."""
-        if not hasattr(self.app, "advance"):
-            self.app.step()
-            return
         unseen = [observer.trigger.ahead(self.iteration) for observer in self._observers]
-        self.app.advance(int(min([last - self.iteration, self._guard.ahead(self.iteration), *unseen])))
+        most = min([last - self.iteration, self._guard.ahead(self.iteration), *unseen])
+        self.model.advance(1 if self.model.n_steps is None else int(most))
 
     def _look(self) -> None:
         for observer in self._observers:
@@ -147,24 +145,24 @@ class Simulation:
 
     def scalars(self) -> dict[str, float]:
         """The scalars of the series, in the units of `scalar_units`."""
-        return dict(self.app.scalars())
+        return dict(self.model.scalars())
 
     @property
     def scalar_units(self) -> Mapping[str, str]:
-        return self.app.scalar_units
+        return self.model.scalar_units
 
     def digest(self) -> str:
         """SHA-256 of the state in global order: the same on any ranks and threads."""
         from hpcpic.core.run import checkpoint
 
-        return checkpoint.digest(self.world, self.app.state())
+        return checkpoint.digest(self.world, self.model.state())
 
     def fields(self, name: str) -> xarray.DataArray:
         """A field on the whole grid, on every rank, with the places of its points."""
-        found = self.app.arrays("field")
+        found = self.model.fields()
         if name not in found:
             raise ConfigError(f"no field {name!r}; there are {', '.join(found) or 'none'}")
-        domain, field = self.app.domain, found[name]
+        domain, field = self.model.domain, found[name]
         values = self._everywhere(np.ascontiguousarray(field.values))
         first = [domain.offset * step for step in domain.spacing]
         return arrays.field(name, values, domain.spacing, first, self._attributes(units=field.unit))
@@ -173,10 +171,10 @@ class Simulation:
         """All particles of one species, fluid or set of grains, on every rank, in the order of their numbers; without a
         name those of the only one.
         """
-        found = self.app.arrays("particle")
+        found = self.model.particles()
         if name is None and len(found) == 1:
             (name,) = found
-        if name not in found:
+        if name is None or name not in found:
             raise ConfigError(f"particles: name one of {', '.join(found) or 'none'} (got {name!r})")
         own = found[name]
         columns = {"id": own.ids, "position": own.position, **own.columns}

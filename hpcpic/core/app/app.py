@@ -17,6 +17,7 @@ if TYPE_CHECKING:
     from hpcpic.core.case.derived import Derived
     from hpcpic.core.case.schema import Section
     from hpcpic.core.comm.world import World
+    from hpcpic.core.run.model import Make
 
 
 PYTHON = (sys.executable, "-P")  # starts this Python; what lies in the current folder is not imported
@@ -33,12 +34,13 @@ class App:
     cases: Callable[[], Mapping[str, Path]]  # the shipped ones, by name
     derived: Callable[[Any, int], list[Derived]]  # (config, ranks): the numbers that `check` prints
     estimate: Callable[[Any, int, int, Mapping[str, float]], Estimate]  # (config, ranks, threads, measured rates)
-    load: Callable[[], type]  # the class with the closed shape
+    load: Callable[[], Make]  # the class that makes the model of a case
     until: Callable[[Any, float], tuple[str, ...]]  # (config, t): the --set list that ends the run at time t [s]
     time_step: Callable[[Any], float] | None = None  # (config): at the start, s
     # (config, factor): the --set list of a scene so many times as large, for weak scaling; ValueError where it cannot
     # grow
     grow: Callable[[Any, int], tuple[str, ...]] | None = None
+    stop_sem: Callable[[Any], float] = lambda config: 0.0  # (config): relative error of the mean step that ends a run
     free: tuple[str, ...] = ()  # keys, or groups of keys, that a restart may change
     bench: Callable[[bool], Mapping[str, float]] | None = None  # (quick): rates of the kernels on this machine
     bench_ranks: Callable[[bool, World], Mapping[str, float]] | None = None  # rates of messages; collective

@@ -1,4 +1,4 @@
-"""The main job of `run` and `restart`: all ranks agree on the case, make the app, and go through the loop."""
+"""The main job of `run` and `restart`: all ranks agree on the case, make its model, and go through the loop."""
 
 from __future__ import annotations
 
@@ -33,6 +33,7 @@ from hpcpic.version import __version__
 
 if TYPE_CHECKING:
     from hpcpic.core.run import loop
+    from hpcpic.core.run.model import Model
 
 
 @dataclass(frozen=True, slots=True)
@@ -90,7 +91,7 @@ class _Job:
         self.history: list[Mapping[str, Any]] = []  # the parts before this one
         self.allowed, self.restart = "", False
         self.part: dict[str, Any] | None = None  # this one, once it has begun
-        self.going: Any = None  # the simulator in it
+        self.going: Model | None = None  # the model in it
         self.compiling: Any = None
 
     def do(self, prepare: Prepare) -> int:
@@ -152,22 +153,23 @@ class _Job:
         try:
             with compiling.watched(timers) as self.compiling:
                 with _asking_for_patience(self.world.rank, self.compiling):
-                    simulator = self.app.load()
+                    make = self.app.load()
                     memory.require_room(lambda: sum(self._estimated(config, threads).memory.values()))
-                    made = simulator(config, self.world, pool, timers)
-                with _closing(made) as app:
+                    made = make(config, self.world, pool, timers)
+                with _closing(made) as model:
                     if reader:
-                        self._take_up(app, reader, plan)
-                    self._begin(app, plan, threads)
+                        self._take_up(model, reader, plan)
+                    self._begin(model, plan, threads)
                     options = loop.Options(
                         stop, WallLimit(self.flags.seconds(), self.started), timers, threads, sys.stdout,
                         attributes={"program": self.app.name, "settings": settings},
+                        stop_sem=self.app.stop_sem(config),
                         estimate=self._estimate(config, threads), warnings=warnings, quiet=self.flags.quiet,
                         patience=patience,
                     )  # fmt: skip
                     options.conserved = self._conserved(config, reader)
-                    self._complete(options, app, reader, plan)
-                    outcome = loop.run(app, self.world, self.rundir, options)
+                    self._complete(options, model, reader, plan)
+                    outcome = loop.run(model, self.world, self.rundir, options)
         finally:
             pool.close()
         if self.world.rank == 0:
@@ -175,15 +177,14 @@ class _Job:
         return outcome.exit_code
 
     def _complete(
-        self, options: loop.Options, app: Any, reader: checkpoint.Reader | None, plan: Plan
+        self, options: loop.Options, model: Model, reader: checkpoint.Reader | None, plan: Plan
     ) -> None:
-        """What the app, the checkpoint and the command line say on how to run."""
-        options.stop_sem = getattr(app, "stop_sem", 0.0)
+        """What the model, the checkpoint and the command line say on how to run."""
         options.restarted_from = reader.step if reader else None
         options.history, options.started = plan.history, self.started
         options.replay, options.again = self._replay(plan.folder), self._again(plan.folder)
         options.checkpoint_every = (
-            self.flags.interval() or trigger_of(app, "checkpoint", True) or options.checkpoint_every
+            self.flags.interval() or trigger_of(model, "checkpoint", True) or options.checkpoint_every
         )
 
     def _replay(self, folder: str) -> str:
@@ -193,13 +194,13 @@ class _Job:
         config, new = shlex.quote(f"{folder}/config.conf"), shlex.quote(f"{folder}-again")
         return f"{self.app.name} run {config} -o {new}{self.allowed}"
 
-    def _take_up(self, app: Any, reader: checkpoint.Reader, plan: Plan) -> None:
+    def _take_up(self, model: Model, reader: checkpoint.Reader, plan: Plan) -> None:
         """Go on from a checkpoint. Collective; raises Agreed."""
         step = reader.time / max(reader.step, 1)  # on average
-        if app.n_steps is None:  # whose last step ends a little after the end
-            end, beyond = app.end_time, app.end_time < reader.time - 2.0 * step
+        if model.n_steps is None:  # whose last step ends a little after the end
+            end, beyond = model.end_time, model.end_time < reader.time - 2.0 * step
         else:
-            end, beyond = app.n_steps * step, app.n_steps < reader.step
+            end, beyond = model.n_steps * step, model.n_steps < reader.step
         if beyond:
             raise Agreed(
                 ConfigError(
@@ -208,20 +209,20 @@ class _Job:
                 )
             )
         with everywhere():
-            checkpoint.hold(reader, app.columns(reader), self.world)
+            checkpoint.hold(reader, model.columns(reader), self.world)
         if reader.version != __version__ and self.world.rank == 0:
             log.ROOT.warning(
                 "%s: written by version %s; this is version %s, which may go on with other bits",
                 reader.path, reader.version, __version__,
             )  # fmt: skip
-        app.restore(reader)
+        model.restore(reader)
 
-    def _begin(self, app: Any, plan: Plan, threads: int) -> None:
+    def _begin(self, model: Model, plan: Plan, threads: int) -> None:
         """The folder says that this part of the run goes on: not before nothing can refuse it. Collective."""
         now = {"ranks": self.world.size, "threads": threads, "status": "running"}
-        self.part = summary.part(now | {"first_step": app.iteration, "started": summary.date(self.started)})
+        self.part = summary.part(now | {"first_step": model.iteration, "started": summary.date(self.started)})
         now |= {"start_seconds": time.monotonic() - self.started, "start_compiling_seconds": self.compiling.seconds}
-        now |= {"exit_code": None, "work_unit": app.work_unit, f"{app.work_unit}s": app.work_items}
+        now |= {"exit_code": None, "work_unit": model.work_unit, f"{model.work_unit}s": model.work_items}
 
         def write() -> bytes:
             assert self.rundir is not None
@@ -231,7 +232,7 @@ class _Job:
             return b""
 
         share(self.world, write)
-        self.going = app
+        self.going = model
 
     def _conserved(self, config: Any, reader: checkpoint.Reader | None) -> summary.Conserved:
         """Of what this scene conserves what the series says up to the step of the checkpoint; on rank 0."""
@@ -304,14 +305,14 @@ def _asking_for_patience(rank: int, compiling: Any) -> Iterator[None]:
 
 
 @contextmanager
-def _closing(app: Any) -> Iterator[Any]:
-    """Closes the app when all ranks leave together; a rank that fails alone has nobody to close it with."""
+def _closing(model: Model) -> Iterator[Model]:
+    """Closes the model when all ranks leave together; a rank that fails alone has nobody to close it with."""
     try:
-        yield app
+        yield model
     except Agreed:
-        app.close()
+        model.close()
         raise
-    app.close()
+    model.close()
 
 
 def fixed_settings(app: App, tree: Tree) -> dict[str, str]:

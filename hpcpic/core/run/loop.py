@@ -7,7 +7,7 @@ import os
 import time
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import Any, TextIO
+from typing import TYPE_CHECKING, Any, TextIO
 
 from hpcpic.core.comm.world import World
 from hpcpic.core.errors import FileError
@@ -22,6 +22,9 @@ from hpcpic.core.run.summary import Conserved, StepTimes
 from hpcpic.core.run.triggers import Every, EverySeconds, EveryTime
 from hpcpic.core.simd.compile import compilations
 from hpcpic.core.timers import Timers
+
+if TYPE_CHECKING:
+    from hpcpic.core.run.model import Model
 
 log = logging.getLogger("hpcpic.run")
 
@@ -65,32 +68,30 @@ class Outcome:
     facts: Mapping[str, Any]
 
 
-def run(app: Any, world: World, rundir: RunDir, options: Options) -> Outcome:
-    """Step the app to its last step or to a reason to stop. Collective; raises Agreed and whatever the app
-    raises.
-    """
+def run(model: Model, world: World, rundir: RunDir, options: Options) -> Outcome:
+    """Step the model to its last step or to a reason to stop. Collective; raises Agreed and what the model raises."""
     watchdog = Watchdog(rundir.path, world.rank, options.patience)
     try:
-        return _Run(app, world, rundir, options, watchdog).to_the_end()
+        return _Run(model, world, rundir, options, watchdog).to_the_end()
     finally:
         watchdog.close()
 
 
 class _Run:
-    def __init__(self, app: Any, world: World, rundir: RunDir, options: Options, watchdog: Watchdog) -> None:
-        self.app, self.world, self.rundir, self.options, self.watchdog = app, world, rundir, options, watchdog
-        self.first = app.iteration
+    def __init__(self, model: Model, world: World, rundir: RunDir, options: Options, watchdog: Watchdog) -> None:
+        self.model, self.world, self.rundir, self.options, self.watchdog = model, world, rundir, options, watchdog
+        self.first = model.iteration
         self.step_times = StepTimes()
         self.progress = Progress(
             options.screen,
             self.first,
-            app.n_steps,
-            app.work_items,
-            "p" if app.work_unit == "particle" else "n",
-            times=(app.time, self.end_time()),
+            model.n_steps,
+            model.work_items,
+            "p" if model.work_unit == "particle" else "n",
+            times=(model.time, model.end_time),
         )
         self.outputs = Outputs(
-            app,
+            model,
             world,
             rundir,
             options.timers,
@@ -99,29 +100,29 @@ class _Run:
             rest=watchdog.rest,
             after=options.restarted_from,
         )
-        self.guard = Guard(world, app.guard, app.iteration)
+        self.guard = Guard(world, model.guard, model.iteration)
         self.checkpoint_failures = 0
         self.checkpoint_seconds = 0.0
         self.saved: int | None = options.restarted_from
         self.looked = 0.0
 
     def to_the_end(self) -> Outcome:
-        app, options = self.app, self.options
+        model, options = self.model, self.options
         log.info(
             "%s on %s x %s",
-            f"steps {self.first} to {app.n_steps}"
-            if app.n_steps is not None
-            else f"from step {self.first}, t = {app.time:g} s, to t = {app.end_time:g} s",
+            f"steps {self.first} to {model.n_steps}"
+            if model.n_steps is not None
+            else f"from step {self.first}, t = {model.time:g} s, to t = {model.end_time:g} s",
             summary.several(self.world.size, "rank"),
             summary.several(options.threads, "thread"),
         )
         options.timers.reset()
         started = time.perf_counter()
-        self.outputs.look(app.iteration, app.time)
+        self.outputs.look(model.iteration, model.time)
         verdict = self.agree()
         while not self.over(verdict):
             self.take_steps()
-            self.outputs.look(app.iteration, app.time)
+            self.outputs.look(model.iteration, model.time)
             if self.agreement_due():
                 verdict = self.agree()
                 if verdict.write:
@@ -133,54 +134,46 @@ class _Run:
         return self.finish(verdict, time.perf_counter() - started)
 
     def show_progress(self) -> None:
-        app = self.app
-        if self.world.rank == 0 and not self.options.quiet and self.progress.due(app.iteration, app.time):
-            self.progress.show(app.iteration, app.time, self.time_step(), self.end_time())
+        model = self.model
+        if self.world.rank == 0 and not self.options.quiet and self.progress.due(model.iteration, model.time):
+            self.progress.show(model.iteration, model.time, self.model.time_step, self.model.end_time)
 
     def take_steps(self) -> None:
-        """One step, or, where their number is known, as many as the app can take at once while nobody looks."""
-        app, first = self.app, self.app.iteration
+        """One step, or, where their number is known, as many as the model takes at once while nobody looks."""
+        model, first = self.model, self.model.iteration
         begin = time.perf_counter()
-        if app.n_steps is not None and hasattr(app, "advance"):
-            app.advance(self.unseen_steps())
-        else:
-            app.step()
+        model.advance(self.unseen_steps())
         self.watchdog.step()
-        steps = app.iteration - first
+        steps = model.iteration - first
         self.step_times.add((time.perf_counter() - begin) / steps, steps)
 
     def unseen_steps(self) -> int:
         """From this step to the next that is observed, guarded, kept or the last: the same on all ranks."""
-        step, every = self.app.iteration, self.options.checkpoint_every
-        looks = [self.app.n_steps - step, self.guard.ahead(step)]
+        step, every, last = self.model.iteration, self.options.checkpoint_every, self.model.n_steps
+        if last is None:
+            return 1
+        looks: list[float] = [last - step, self.guard.ahead(step)]
         looks += [observer.trigger.ahead(step) for observer in self.outputs.observers]
         looks += [every.ahead(step)] if isinstance(every, Every) else []
         return int(min(looks))
 
-    def time_step(self) -> float:
-        mean = self.app.time / self.app.iteration if self.app.iteration else 0.0
-        return getattr(self.app, "time_step", mean)
-
-    def end_time(self) -> float:
-        return self.app.end_time if self.app.n_steps is None else self.time_step() * self.app.n_steps
-
     def at_end(self) -> bool:
-        """Of the steps, or of the time of an app that does not know their number."""
-        app = self.app
-        return app.time >= app.end_time if app.n_steps is None else app.iteration >= app.n_steps
+        """Of the steps, or of the time of a model that does not know their number."""
+        model = self.model
+        return model.time >= model.end_time if model.n_steps is None else model.iteration >= model.n_steps
 
     def agreement_due(self) -> bool:
-        step, every = self.app.iteration, self.options.checkpoint_every
-        timely = isinstance(every, (Every, EveryTime)) and every.due(step, self.app.time)
+        step, every = self.model.iteration, self.options.checkpoint_every
+        timely = isinstance(every, (Every, EveryTime)) and every.due(step, self.model.time)
         return self.guard.due(step) or self.at_end() or timely
 
     def agree(self) -> Verdict:
         """Collective: divergence, reasons to stop, and whether a checkpoint is due."""
-        every, step = self.options.checkpoint_every, self.app.iteration
+        every, step = self.options.checkpoint_every, self.model.iteration
         if isinstance(every, EverySeconds):
             due = self.world.rank == 0 and every.due()
         else:
-            due = every.due(step, self.app.time)
+            due = every.due(step, self.model.time)
         with self.options.timers.section("guard"):
             verdict = self.guard.agree(step, self.reason(), due and step > self.first, self.outputs.due)
         self.options.stop.step_seconds = self.guard.step_seconds
@@ -226,31 +219,31 @@ class _Run:
     def write_checkpoint(self, last: Mapping[str, Any] | None = None) -> None:
         """Collective. A failure is a warning, until the third one in a row or the one of the `last` state."""
         self.write_series()
-        app, options = self.app, self.options
+        model, options = self.model, self.options
         self.watchdog.rest()
         begin = time.perf_counter()
         try:
             with options.timers.section("checkpoint"):
-                state = app.state() if last is None else last
-                place = (app.iteration, app.time)
+                state = model.state() if last is None else last
+                place = (model.iteration, model.time)
                 checkpoint.write(self.world, self.rundir, *place, state, options.attributes)
         except FileError as error:
             self.checkpoint_failures += 1
             if last is not None or self.checkpoint_failures == CHECKPOINT_TRIES:
                 raise Agreed(error) from error
-            log.warning("checkpoint at step %d: %s", app.iteration, error.message)
+            log.warning("checkpoint at step %d: %s", model.iteration, error.message)
         else:
             self.checkpoint_failures = 0
-            self.saved = app.iteration
+            self.saved = model.iteration
         self.checkpoint_seconds = time.perf_counter() - begin
-        options.checkpoint_every.done(app.time)
+        options.checkpoint_every.done(model.time)
         self.feed()
 
     def finish(self, verdict: Verdict, loop_seconds: float) -> Outcome:
         self.watchdog.rest()
         status, code, reason = self.ending(verdict)
         if code == 0:
-            self.outputs.look(self.app.iteration, self.app.time, at_end=True)
+            self.outputs.look(self.model.iteration, self.model.time, at_end=True)
         self.write_series()
         self.watchdog.rest()
         digest = None if code == 4 else self.keep_state()
@@ -268,20 +261,20 @@ class _Run:
     def keep_state(self) -> str:
         """The state at the end, in a checkpoint unless it is in one; its digest. Collective."""
         with self.options.timers.section("checkpoint"):
-            state = self.app.state()
-        if self.saved != self.app.iteration:
+            state = self.model.state()
+        if self.saved != self.model.iteration:
             self.write_checkpoint(last=state)
             self.watchdog.rest()
         return checkpoint.digest(self.world, state)
 
     def ending(self, verdict: Verdict) -> tuple[str, int, str]:
         """status, exit code, reason"""
-        step = self.app.iteration
+        step = self.model.iteration
         if verdict.diverged:
             return (
                 "diverged",
                 4,
-                f"step {step}, t = {self.app.time:.6g} s, rank {verdict.rank}: {verdict.diverged}",
+                f"step {step}, t = {self.model.time:.6g} s, rank {verdict.rank}: {verdict.diverged}",
             )
         if self.at_end() or verdict.reason is Reason.NONE:
             return "finished", 0, ""
@@ -291,28 +284,28 @@ class _Run:
 
     def facts(self, status: str, code: int, reason: str, loop_seconds: float) -> dict[str, Any]:
         """What run.json says at the end. Collective; timers are on rank 0 only."""
-        app, options, world = self.app, self.options, self.world
+        model, options, world = self.model, self.options, self.world
         wall = time.monotonic() - options.started
-        steps = app.iteration - self.first
+        steps = model.iteration - self.first
         facts: dict[str, Any] = {
             "status": status,
             "exit_code": code,
             "reason": reason,
-            "steps": app.iteration,
+            "steps": model.iteration,
             "first_step": self.first,
             "steps_done": steps,
-            "time": app.time,
+            "time": model.time,
             "wall_seconds": wall,
             "loop_seconds": loop_seconds,
             "started": summary.date(options.started),
             "ranks": world.size,
             "threads": options.threads,
-            "work_items": app.work_items,
-            "work_unit": app.work_unit,
+            "work_items": model.work_items,
+            "work_unit": model.work_unit,
             "step_seconds": self.step_times.facts(),
             "peak_memory_mib_per_rank": summary.peak_memory_mib(world),
             "compiled_functions": round(world.max(float(compilations.n))),
-            "load": summary.load(world, getattr(app, "local_items", None)),
+            "load": summary.load(world, model.local_items),
             "timers": summary.sections(world, options.timers, options.timers.wall),
             "conservation": self.options.conserved.facts(),
             "estimate": dict(options.estimate or {}),
@@ -328,15 +321,15 @@ class _Run:
 
     def write_post_mortem(self, verdict: Verdict) -> None:
         """Collective; by the rank that has the worst particles."""
-        app, options = self.app, self.options
+        model, options = self.model, self.options
         where = f"rank {verdict.rank} of {self.world.size}"
-        worst = app.worst() if hasattr(app, "worst") else []
+        worst = model.worst()
         if self.world.rank == verdict.rank:
-            write_post_mortem(self.rundir, str(verdict.diverged), where, app, options.replay, options.again, worst)
+            write_post_mortem(self.rundir, str(verdict.diverged), where, model, options.replay, options.again, worst)
 
 
 def write_post_mortem(
-    rundir: RunDir, what: str, where: str, app: Any, replay: str, again: str, worst: Sequence[str] = ()
+    rundir: RunDir, what: str, where: str, model: Model, replay: str, again: str, worst: Sequence[str] = ()
 ) -> None:
     """post-mortem.txt: what is wrong, where and when it was seen, from where to go on, lines on the worst particles and
     nodes of this rank. replay: from a checkpoint; again: from the start. Raises OSError.
@@ -345,7 +338,7 @@ def write_post_mortem(
     lines = [
         f"what       {what}",
         f"where      {where}",
-        f"when       seen at step {app.iteration}, t = {float(app.time)!r} s",
+        f"when       seen at step {model.iteration}, t = {float(model.time)!r} s",
         f"kept       {'none: start again' if kept is None else f'checkpoint of step {kept}'}",
         f"replay     {again if kept is None else replay}",
     ]

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import logging
 from collections.abc import Callable, Mapping
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from hpcpic.core.comm.world import World
 from hpcpic.core.errors import FileError
@@ -18,18 +18,21 @@ from hpcpic.core.run.summary import Conserved
 from hpcpic.core.run.triggers import Every, EveryTime, Observer
 from hpcpic.core.timers import Timers
 
+if TYPE_CHECKING:
+    from hpcpic.core.run.model import Model
+
 log = logging.getLogger("hpcpic.output")
 
 WRITING_SHARE = 0.02  # of the time, that small snapshots may take
 
 
-def trigger_of(app: Any, kind: str, begun: bool) -> Every | EveryTime | None:
-    """When the app asks for this kind of output: `periods` are in steps, `time_periods` in seconds of physical
+def trigger_of(model: Model, kind: str, begun: bool) -> Every | EveryTime | None:
+    """When the model asks for this kind of output: `periods` are in steps, `time_periods` in seconds of physical
     time; None: never. begun: the present time has been seen.
     """
-    steps, seconds = app.periods.get(kind, 0), getattr(app, "time_periods", {}).get(kind, 0.0)
+    steps, seconds = model.periods.get(kind, 0), model.time_periods.get(kind, 0.0)
     if seconds:
-        return EveryTime(seconds, app.time) if begun else EveryTime(seconds)
+        return EveryTime(seconds, model.time) if begun else EveryTime(seconds)
     return Every(steps) if steps else None
 
 
@@ -41,7 +44,7 @@ class Outputs:
 
     def __init__(
         self,
-        app: Any,
+        model: Model,
         world: World,
         rundir: RunDir,
         timers: Timers,
@@ -51,7 +54,7 @@ class Outputs:
         rest: Callable[[], None],
         after: int | None = None,
     ) -> None:
-        self.app, self.world, self.rundir, self.timers = app, world, rundir, timers
+        self.model, self.world, self.rundir, self.timers = model, world, rundir, timers
         self.progress, self.conserved = progress, conserved
         self.rest, self.after = rest, after
         self.broken: list[str] = []
@@ -66,7 +69,7 @@ class Outputs:
         self.observers = [
             Observer(kind, trigger, self._kept_going(kind, make()), seen=after)
             for kind, make in makers.items()
-            if (trigger := trigger_of(app, kind, after is not None))
+            if (trigger := trigger_of(model, kind, after is not None))
         ]
 
     def look(self, step: int, time: float, at_end: bool = False) -> None:
@@ -95,69 +98,69 @@ class Outputs:
                 observe()
             except FileError as error:
                 self.broken.append(kind)
-                log.warning("no %s output from step %d on: %s", kind, self.app.iteration, error.message)
+                log.warning("no %s output from step %d on: %s", kind, self.model.iteration, error.message)
 
         return attempt
 
     def _series_observer(self) -> Callable[[], None]:
-        app = self.app
+        model = self.model
         if self.world.rank == 0:
             from hpcpic.core.files.series import SeriesWriter
 
-            self._series = SeriesWriter(self.rundir, app.scalar_units, after=self.after)
+            self._series = SeriesWriter(self.rundir, model.scalar_units, after=self.after)
 
         def observe() -> None:
-            values = app.scalars()
+            values = model.scalars()
             if "energy_total" in self.conserved.names:
                 self.progress.scalars(values)
             self.conserved.add(values)
             if self._series is not None and "series" not in self.broken:
                 with self.timers.section("output series"):
-                    self._series.append(app.iteration, app.time, values)
+                    self._series.append(model.iteration, model.time, values)
 
         return observe
 
     def _field_observer(self) -> Callable[[], None]:
         from hpcpic.core.files.snapshot import FieldsWriter
 
-        app = self.app
+        model = self.model
         writer = FieldsWriter(self.world, self.rundir.fields, after=self.after, time_share=WRITING_SHARE)
         self._writers["field"] = writer
 
         def observe() -> None:
-            fields = app.arrays("field")
+            fields = model.fields()
             self.rest()
             with self.timers.section("output field"):
-                writer.append(app.iteration, app.time, app.domain, fields)
+                writer.append(model.iteration, model.time, model.domain, fields)
 
         return observe
 
     def _particle_observer(self) -> Callable[[], None]:
         from hpcpic.core.files.snapshot import ParticlesWriter
 
-        app = self.app
-        path = self.rundir.path / f"{getattr(app, 'particle_name', 'particle')}s.vtkhdf"
+        model = self.model
+        path = self.rundir.path / f"{model.particle_name}s.vtkhdf"
         writer = ParticlesWriter(self.world, path, after=self.after, time_share=WRITING_SHARE)
         self._writers["particle"] = writer
 
         def observe() -> None:
-            species = app.arrays("particle")
+            species = model.particles()
             self.rest()
             with self.timers.section("output particle"):
-                writer.append(app.iteration, app.time, species)
+                writer.append(model.iteration, model.time, species)
 
         return observe
 
     def _openpmd_observer(self) -> Callable[[], None]:
         from hpcpic.core.files.openpmd import OpenPMDWriter
 
-        app = self.app
-        writer = OpenPMDWriter(self.world, self.rundir.openpmd, app.time_step, after=self.after)
+        model = self.model
+        writer = OpenPMDWriter(self.world, self.rundir.openpmd, model.time_step, after=self.after)
 
         def observe() -> None:
-            fields, species = app.arrays("field"), app.arrays("particle")
+            fields, species = model.fields(), model.particles()
             self.rest()
             with self.timers.section("output openpmd"):
-                writer.append(app.iteration, app.time, app.domain, fields, species)
+                writer.append(model.iteration, model.time, model.domain, fields, species)
 
         return observe

@@ -134,7 +134,7 @@ def test_the_torque_on_a_turning_disc(world):
     with running(world, "lbmdem", text) as run:
         while run.iteration < run.n_steps:
             run.step()
-        found = run.arrays("particle")["grains_1"]
+        found = run.particles()["grains_1"]
     alone = 4.0 * np.pi * 1.0e-2 * a * a * omega
     assert found.units["fluid_torque"] == "N m/m" and not found.columns["fluid_torque"][0, :2].any()
     least, most = (alone / (1.0 - (a / radius) ** 2) for radius in (side / 2**0.5, side / 2))

@@ -78,7 +78,7 @@ def test_the_floor_carries_the_weight_of_a_grain_at_rest():
     with running(World.alone(), "lbmdem", case) as app:
         while app.iteration < app.n_steps:
             app.step()
-        ball = app.arrays("particle")["ball"]
+        ball = app.particles()["ball"]
     weight = 2000.0 * np.pi / 6.0 * 8e-9 * 10.0
     assert ball.columns["contact_force"][0] == pytest.approx([0.0, 0.0, weight], rel=1e-6)  # e^-20 of it still swings
     assert ball.units["contact_force"] == "N"

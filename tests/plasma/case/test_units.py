@@ -53,7 +53,7 @@ def test_a_run_in_si_units_is_its_normalised_twin_scaled(world, d, precision, cl
         with running(world, "hpcpic", config) as app:
             for _ in range(20):
                 app.step()
-            field = app.arrays("field")
+            field = app.fields()
             found.append((app.scalars(), {name: np.array(field[name].values, float) for name in ("rho", "phi")}))
     (si, si_field), (one, one_field) = found
     energy = DENSITY * DEBYE**d * SI.mass * SPEED**2

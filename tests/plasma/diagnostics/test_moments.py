@@ -69,7 +69,7 @@ def test_energies_and_momenta_are_those_of_the_particles(world):
     """Charges so small that v- is v: sums can be made of what the files get."""
     neutral = (f"species[{k}].{what}" for k in (0, 1) for what in ("charge=1e-30", "plasma_frequency=0.0"))
     plasma = plasma_of(world, (*neutral, "species[0].mass=2.0"))
-    values, particles = plasma.scalars(), plasma.arrays("particle")
+    values, particles = plasma.scalars(), plasma.particles()
     v = particles["e"].columns["velocity"]
     ions = particles["i"].columns["velocity"]
     energy = math.fsum((v**2).ravel()) + 50 * math.fsum((ions**2).ravel())

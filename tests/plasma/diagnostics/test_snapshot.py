@@ -45,7 +45,7 @@ def plasma(request, world):
 def check_state_is_what_particles_says(plasma):
     """Row k of the state is the particle of number k of `particles`, which goes its own way to metres."""
     scene, world = plasma.scene, plasma.world
-    state, particles = plasma.state(), plasma.arrays("particle")
+    state, particles = plasma.state(), plasma.particles()
     for species in scene.species:
         found = particles[species.name]
         assert found.time_offsets == {"velocity": -0.5 * scene.time_step}
