@@ -14,7 +14,7 @@ from time import perf_counter
 
 import numpy as np
 
-from hpcpic.core.comm.requests import RequestSet
+from hpcpic.core.comm.messages import Message, Messages
 from hpcpic.core.comm.world import World
 from hpcpic.core.simd.compile import njit
 from hpcpic.core.space.domain import block_ranges
@@ -71,17 +71,17 @@ class Stencil:
         self.buffers = [np.zeros((n_rows + 2 * depth, n + 2)) for _ in range(2)]
         inner = block_ranges(n_rows - 2 * depth, bands)
         self.cuts = [2 * depth + low for low, _ in inner] + [n_rows]
-        self.requests = [self._exchange(buffer, 2 * which) for which, buffer in enumerate(self.buffers)]
+        self.messages = [self._exchange(buffer, 2 * which) for which, buffer in enumerate(self.buffers)]
         self.graph = self._graph(steps)
 
-    def _exchange(self, a: np.ndarray, tag: int) -> RequestSet:
+    def _exchange(self, a: np.ndarray, channel: int) -> Messages:
         comm, d = self.world.comm, self.depth
         up, down = (self.world.rank + 1) % self.world.size, (self.world.rank - 1) % self.world.size
         if self.world.size == 1:
-            return RequestSet([])
-        receives = [comm.Recv_init(a[-d:], up, tag), comm.Recv_init(a[:d], down, tag + 1)]
-        sends = [comm.Send_init(a[d : 2 * d], down, tag), comm.Send_init(a[-2 * d : -d], up, tag + 1)]
-        return RequestSet(receives + sends)
+            return Messages(comm)
+        receives = [Message(up, channel, a[-d:]), Message(down, channel + 1, a[:d])]
+        sends = [Message(down, channel, a[d : 2 * d]), Message(up, channel + 1, a[-2 * d : -d])]
+        return Messages(comm, sends=sends, receives=receives)
 
     def _graph(self, steps: int) -> Graph:
         graph, last = Graph(), len(self.cuts)
@@ -103,7 +103,7 @@ class Stencil:
         """Ghost rows are blocks -1 and last + 1."""
         edges, ghosts = [(old, 0), (old, last)], [(old, -1), (old, last + 1)]
         if self.world.size > 1:
-            graph.message(self.requests[old], ins=edges, outs=ghosts)
+            graph.message(self.messages[old], ins=edges, outs=ghosts)
         else:
             graph.task(bind(wrap, self.buffers[old], self.depth), ins=edges, outs=ghosts, priority=1)
 
@@ -114,8 +114,8 @@ class Stencil:
         inner[:, 0], inner[:, -1] = inner[:, -2], inner[:, 1]
 
     def free(self) -> None:
-        for requests in self.requests:
-            requests.free()
+        for messages in self.messages:
+            messages.free()
 
 
 @njit

@@ -25,7 +25,6 @@ TIMEOUT_S = 60
 NAMESPACE = "HPCPIC_TEST_NAMESPACE"  # set in a test run within one
 _REFEREES = pytest.StashKey()
 _counts = {"passed": 0, "failed": 0}
-_requests: list = []  # all sets of persistent requests that a test has made
 
 
 def _parallel(config: pytest.Config) -> bool:
@@ -95,33 +94,10 @@ def pytest_collection_modifyitems(config, items):
     if _parallel(config):
         from mpi4py import MPI
 
-        _remember_requests()
         config.stash[_REFEREES] = MPI.COMM_WORLD.Dup()  # apart from the messages of the tests
         for item in items:
             if item.get_closest_marker("mpi"):
                 item.add_marker(pytest.mark.timeout(TIMEOUT_S, method="thread"))
-
-
-def _remember_requests() -> None:
-    from hpcpic.core.comm.requests import RequestSet
-
-    init = RequestSet.__init__
-
-    def remembered(self, requests) -> None:
-        init(self, requests)
-        _requests.append(self)
-
-    RequestSet.__init__ = remembered
-
-
-@pytest.hookimpl(wrapper=True)
-def pytest_runtest_call():
-    """Messages that a test leaves are freed when it has passed: MPICH has a line for each of them in the end."""
-    _requests.clear()  # of fixtures, which may be of all tests of a module
-    outcome = yield
-    for requests in _requests:
-        requests.free()
-    return outcome
 
 
 def _agree(referees, failed: bool, report: str) -> bool:

@@ -85,7 +85,7 @@ class Plasma:
                 numbers = np.arange(low + first, min(low + first + CHUNK, high))
                 ids = numbers + species.first
                 self.cloud.place(k, species.positions(ids) / cells, species.velocities(ids) * steps, numbers)
-                self.cloud.migrate()
+                self.cloud.migrate(self.iteration)
                 self.cloud.deliver()
         self.cloud.deposit_all()
         self._deposit_checked()

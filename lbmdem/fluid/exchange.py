@@ -1,11 +1,12 @@
 """Populations that cross from slab to slab: five of nineteen (three of nine) each way, sent from where they are."""
 
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from hpcpic.core.comm.pieces import Message, Pieces
+from hpcpic.core.comm.pieces import Parcel, Pieces
 from hpcpic.core.comm.tags import Channel
 from hpcpic.core.comm.world import World
 from hpcpic.core.simd.vector import lanes
@@ -27,6 +28,12 @@ def neighbours(domain: Domain, rank: int) -> tuple[int | None, int | None]:
     return below, above
 
 
+def tell_iteration(messages: Sequence[Pieces], iteration: int) -> None:
+    """messages[iteration % 2] go first, at this iteration; the others at the next."""
+    for later in range(2):
+        messages[(iteration + later) % 2].messages.at(iteration + later)
+
+
 class Exchange:
     """After the collision of a step that began at parity p: `messages[p]`, then the tasks `unpacks[p]`."""
 
@@ -45,15 +52,15 @@ class Exchange:
             sends, receives, unpacks = [], [], []
             if above is not None:
                 buffer = self._buffer(len(crossing))
-                sends.append(Message(above, Channel.POPULATIONS_UP, self._plane(high, layout.planes)))
-                receives.append(Message(above, Channel.POPULATIONS_DOWN, [buffer]))
+                sends.append(Parcel(above, Channel.POPULATIONS_UP, self._plane(high, layout.planes)))
+                receives.append(Parcel(above, Channel.POPULATIONS_DOWN, [buffer]))
                 unpacks.append(self._unpack(buffer, low, layout.planes, layout.planes + 1, 1))
             if below is not None:
                 buffer = self._buffer(len(crossing))
-                sends.append(Message(below, Channel.POPULATIONS_DOWN, self._plane(low, 0)))
-                receives.append(Message(below, Channel.POPULATIONS_UP, [buffer]))
+                sends.append(Parcel(below, Channel.POPULATIONS_DOWN, self._plane(low, 0)))
+                receives.append(Parcel(below, Channel.POPULATIONS_UP, [buffer]))
                 unpacks.append(self._unpack(buffer, high, 0, 0, -1))
-            self.messages.append(Pieces(world, sends, receives, parity))
+            self.messages.append(Pieces(world, sends, receives, stride=2))
             self.unpacks.append(unpacks)
 
     @property
@@ -71,6 +78,10 @@ class Exchange:
     def _unpack(self, buffer: NDArray, slots: NDArray, plane: int, beyond: int, sign: int) -> Bound:
         arguments: list[Any] = [self._f, buffer, self._layout.strides, self._wet, lanes(self._f.dtype)]
         return bind(receive, *arguments, slots, self._moves, plane, beyond, sign)
+
+    def at(self, iteration: int) -> None:
+        """The next launch begins at this iteration."""
+        tell_iteration(self.messages, iteration)
 
     def free(self) -> None:
         for pieces in self.messages:

@@ -246,6 +246,7 @@ class Fluid:
             return
         self._finish()
         parity = self.parity
+        self._exchange.at(self.iteration)
         self.pool.run(self._steps[parity])
         for hook in self.hooks:
             hook(self, 1 - parity)
@@ -337,6 +338,7 @@ class Fluid:
         if steps not in self._waves:
             with self.world.first_on_node():
                 self._waves[steps] = self._passes.wave(steps, self._after)
+        self._exchange.at(self.iteration)
         self.pool.run(self._waves[steps])
         self._open = bool(steps.flags[-1] & LEAVE)
         self.iteration += depth

@@ -72,7 +72,7 @@ class Passes:
         for handle, (low, high) in zip(ENDS, ends):
             task = self._planes(parity | flags, low, high)
             graph.task(task, inouts=[handle], priority=1, name=f"planes {low}..{high}")
-        graph.message(self._exchange.messages[parity].requests, inouts=ENDS, name="populations")
+        graph.message(self._exchange.messages[parity].messages, inouts=ENDS, name="populations")
         for bound in self._exchange.unpacks[parity]:
             graph.task(bound, inouts=ENDS, priority=1)
 

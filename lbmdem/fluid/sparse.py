@@ -8,13 +8,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from hpcpic.core.comm.pieces import Message, Pieces
+from hpcpic.core.comm.pieces import Parcel, Pieces
 from hpcpic.core.comm.tags import Channel
 from hpcpic.core.comm.world import World
 from hpcpic.core.space.domain import Domain
 from hpcpic.core.space.fields import aligned_zeros
 from hpcpic.core.tasks.graph import Bound, bind
-from lbmdem.fluid.exchange import neighbours
+from lbmdem.fluid.exchange import neighbours, tell_iteration
 from lbmdem.fluid.solid_nodes import several_slabs
 from lbmdem.kernels import sparse_addresses as kernels
 from lbmdem.kernels.layout import FLUID, Layout, storage_order
@@ -141,8 +141,8 @@ class SparseExchange:
         self._f = f
         peers = neighbours(domain, world.rank)
         self.open = (peers[0] is not None, peers[1] is not None)
-        here: list[list[Message]] = [[], []]  # at a parity: what this rank owns
-        there: list[list[Message]] = [[], []]
+        here: list[list[Parcel]] = [[], []]  # at a parity: what this rank owns
+        there: list[list[Parcel]] = [[], []]
         backs: list[Bound] = []
         for side, peer in enumerate(peers):
             if peer is None:
@@ -154,14 +154,14 @@ class SparseExchange:
             plane = layout.planes - 1 if side else 0
             own = self._plane(plane)
             beyond = slice(*np.cumsum(layout.beyond[layout.planes + 1 if side else 0]))
-            here[0].append(Message(peer, send, [self._slots[i, own] for i in outwards]))
-            there[0].append(Message(peer, receive, [self._slots[i, beyond] for i in inwards]))
+            here[0].append(Parcel(peer, send, [self._slots[i, own] for i in outwards]))
+            there[0].append(Parcel(peer, receive, [self._slots[i, beyond] for i in inwards]))
             buffer = aligned_zeros((len(outwards), own.stop - own.start), f.dtype)
-            here[1].append(Message(peer, send, [self._slots[i, beyond] for i in inwards]))
-            there[1].append(Message(peer, receive, [buffer]))
+            here[1].append(Parcel(peer, send, [self._slots[i, beyond] for i in inwards]))
+            there[1].append(Parcel(peer, receive, [buffer]))
             place = (layout.strides, layout.shifts, layout.positions)
             backs.append(bind(kernels.returned, f, buffer, *place, np.array(outwards, np.int64), plane))
-        self.messages = [Pieces(world, here[parity], there[parity], parity) for parity in range(2)]
+        self.messages = [Pieces(world, here[parity], there[parity], stride=2) for parity in range(2)]
         self.unpacks: list[list[Bound]] = [[], backs]
 
     def _plane(self, plane: int) -> slice:
@@ -172,6 +172,10 @@ class SparseExchange:
     def _inner(self, plane: int) -> NDArray[np.int32]:
         ghosts = self._layout.row_ghosts
         return self._layout.positions[plane + 1, ghosts : self._layout.positions.shape[1] - ghosts, 1:-1]
+
+    def at(self, iteration: int) -> None:
+        """The next launch begins at this iteration."""
+        tell_iteration(self.messages, iteration)
 
     def free(self) -> None:
         for pieces in self.messages:

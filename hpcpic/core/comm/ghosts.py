@@ -9,14 +9,11 @@ from numpy.typing import NDArray
 from hpcpic.core.comm.tags import tag
 from hpcpic.core.comm.world import World
 
-HEADER = 8  # bytes before the rows of a message: its iteration
-
 
 class Refresh:
     """Owner to ghost, for rows of any array. Ghosts are in order of rank, then as their owner listed them.
 
-    A rank may list members for itself (images across a periodic box): these are copied. A message of another
-    iteration fails an assertion.
+    A rank may list members for itself (images across a periodic box): these are copied.
     n: ghosts of this rank; messages: sent by one start.
     """
 
@@ -26,8 +23,7 @@ class Refresh:
         self._members: dict[int, NDArray[np.int64]] = {}
         self._places: dict[int, slice] = {}
         self._requests: list[MPI.Request] = []
-        self._incoming: dict[int, NDArray[np.uint8]] = {}
-        self._iteration = 0
+        self._choices = 0
         self.n = 0
 
     @property
@@ -40,6 +36,7 @@ class Refresh:
         peers: the other ranks that may keep any, or whose rows this one may; then nobody else is asked. A rank is a
         peer of its peers.
         """
+        self._choices += 1  # the tag of its messages
         counts = np.zeros(self._world.size, np.int64)
         for peer, rows in members.items():
             counts[peer] = len(rows)
@@ -59,37 +56,32 @@ class Refresh:
         strangers = set(np.flatnonzero(counts).tolist()) - set(peers) - {self._world.rank}
         if strangers:
             raise ValueError(f"ghosts for ranks {sorted(strangers)}, which are no peers of rank {self._world.rank}")
-        comm = self._world.comm
-        requests = [comm.Irecv(expected[peer : peer + 1], peer, self._channel) for peer in peers]
-        requests += [comm.Isend(counts[peer : peer + 1], peer, self._channel) for peer in peers]
+        comm, label = self._world.comm, tag(self._choices, self._channel)
+        requests = [comm.Irecv(expected[peer : peer + 1], peer, label) for peer in peers]
+        requests += [comm.Isend(counts[peer : peer + 1], peer, label) for peer in peers]
         MPI.Request.Waitall(requests)
 
     def start(self, iteration: int, values: NDArray) -> None:
         """Send the members' rows of values[n, ...]; the same type and shape of a row on all ranks."""
         comm, label = self._world.comm, tag(iteration, self._channel)
         self._ghosts = np.empty((self.n, *values.shape[1:]), values.dtype)
-        row = values.dtype.itemsize * int(np.prod(values.shape[1:], dtype=np.int64))
-        self._requests, self._incoming, self._iteration = [], {}, iteration
+        self._requests = []
         for peer, place in self._places.items():
             if peer == self._world.rank:
                 self._ghosts[place] = values[self._members[peer]]
             else:
-                self._incoming[peer] = np.empty(HEADER + (place.stop - place.start) * row, np.uint8)
-                self._requests.append(comm.Irecv(self._incoming[peer], peer, label))
+                self._requests.append(comm.Irecv(_bytes(self._ghosts[place]), peer, label))
         for peer, rows in self._members.items():
             if peer != self._world.rank:
-                message = np.empty(HEADER + len(rows) * row, np.uint8)
-                message[:HEADER].view(np.int64)[0] = iteration
-                message[HEADER:].view(values.dtype).reshape(len(rows), *values.shape[1:])[:] = values[rows]
-                self._requests.append(comm.Isend(message, peer, label))
+                self._requests.append(comm.Isend(_bytes(values[rows]), peer, label))
 
     def finish(self) -> NDArray:
         """The ghosts' rows [n, ...], as the owners' values were at `start`."""
         if self._requests:
             MPI.Request.Waitall(self._requests)
-        for peer, message in self._incoming.items():
-            told = message[:HEADER].view(np.int64)[0]
-            assert told == self._iteration, f"got a message of iteration {told}, not of {self._iteration}"
-            ghosts = self._ghosts[self._places[peer]]
-            ghosts[:] = message[HEADER:].view(ghosts.dtype).reshape(ghosts.shape)
         return self._ghosts
+
+
+def _bytes(rows: NDArray) -> NDArray[np.uint8]:
+    """Whole rows of an array, of whatever type, as MPI takes them."""
+    return np.ascontiguousarray(rows).reshape(-1).view(np.uint8)

@@ -11,15 +11,13 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
-from mpi4py import MPI
 from numpy.typing import NDArray
 
 from hpcpic.core.comm.layers import ADD, CLEAR, COPY, PACK, UNPACK, UNPACK_ADD, Kernel
-from hpcpic.core.comm.requests import RequestSet
-from hpcpic.core.comm.tags import tag
+from hpcpic.core.comm.messages import Message, Messages
 from hpcpic.core.comm.world import World
 from hpcpic.core.space.domain import Domain
-from hpcpic.core.space.fields import ALIGNMENT, Field, aligned_zeros
+from hpcpic.core.space.fields import Field, aligned_zeros
 from hpcpic.core.tasks.graph import Graph, bind
 
 
@@ -70,34 +68,18 @@ def halo_plan(cuts: Sequence[int], periodic: bool, rank: int, below: int, above:
     }
 
 
-class _Buffer:
-    """A packed message: an int64 iteration on the first cache line, then `layers` layers [before, after]."""
-
-    def __init__(self, n_layers: int, layers: NDArray) -> None:
-        before, _, after = layers.shape
-        n_bytes = n_layers * before * after * layers.itemsize
-        self.bytes = aligned_zeros((ALIGNMENT + n_bytes,), np.uint8)
-        self.header = self.bytes[:8].view(np.int64)
-        self.body = self.bytes[ALIGNMENT:].view(layers.dtype).reshape(n_layers, before, after)
+def _packed(n_layers: int, layers: NDArray) -> NDArray:
+    """Memory of a message: [n_layers, before, after]."""
+    before, _, after = layers.shape
+    return aligned_zeros((n_layers, before, after), layers.dtype)
 
 
 class _Leg:
-    """The messages to and from one peer: layers out and layers in, buffers for even and odd iterations."""
+    """The messages to and from one peer: layers out and layers in."""
 
     def __init__(self, peer: int, out: NDArray[np.int64], into: NDArray[np.int64], layers: NDArray) -> None:
         self.peer, self.out, self.into = peer, out, into
-        self.send = [_Buffer(len(out), layers) for _ in range(2)]
-        self.receive = [_Buffer(len(into), layers) for _ in range(2)]
-
-    def requests(self, comm: MPI.Comm, parity: int, channel: int) -> list[MPI.Prequest]:
-        """The receive first, so that the message finds its place."""
-        label = tag(parity, channel)
-        made = []
-        if len(self.into):
-            made.append(comm.Recv_init(self.receive[parity].bytes, self.peer, label))
-        if len(self.out):
-            made.append(comm.Send_init(self.send[parity].bytes, self.peer, label))
-        return made
+        self.send, self.receive = _packed(len(out), layers), _packed(len(into), layers)
 
 
 class _Operation(NamedTuple):
@@ -110,31 +92,29 @@ class _Operation(NamedTuple):
 
 
 class Exchange(ABC):
-    """What Fill and Fold have in common: legs, persistent requests by parity of the iteration, counters.
+    """What Fill and Fold have in common: legs, messages, counters.
 
-    messages, bytes: sent by this rank in one exchange. A message of another iteration is an error (the code
-    WRONG_ITERATION in a task). One exchange of an object may be under way at a time.
+    sent, bytes: messages of this rank in one exchange, which must not be under way twice at a time.
     """
 
     def __init__(self, world: World, domain: Domain, field: Field, channel: int) -> None:
-        self._iteration = np.zeros(1, np.int64)
         self._layers = field.layers(0)
         self._width = field.ghosts[0]
         plan = halo_plan(domain.cuts, domain.periodic[0], world.rank, *self._width)
         self._own = plan.pop(world.rank, _NOTHING)
         self._legs = [_Leg(peer, *self._ends(share), self._layers) for peer, share in plan.items()]
-        self._requests = [
-            RequestSet([r for leg in self._legs for r in leg.requests(world.comm, parity, channel)])
-            for parity in range(2)
-        ]
+        self._messages = Messages(
+            world.comm,
+            sends=[Message(leg.peer, channel, leg.send) for leg in self._legs if len(leg.out)],
+            receives=[Message(leg.peer, channel, leg.receive) for leg in self._legs if len(leg.into)],
+        )
         self._sides: list[tuple[NDArray, tuple[int, int], Share]] = []  # the axes whose ghosts are copies
         for axis in range(1, domain.ndim):
             plan = halo_plan((0, domain.points[axis]), domain.periodic[axis], 0, *field.ghosts[axis])
             self._sides.append((field.layers(axis), field.ghosts[axis], plan.get(0, _NOTHING)))
-        self._first = [self._before(parity) for parity in range(2)]
-        self._last = [self._after(parity) for parity in range(2)]
-        self.messages = sum(len(leg.out) > 0 for leg in self._legs)
-        self.bytes = sum(leg.send[0].bytes.nbytes for leg in self._legs if len(leg.out))
+        self._first, self._last = self._before(), self._after()
+        self.sent = sum(len(leg.out) > 0 for leg in self._legs)
+        self.bytes = sum(leg.send.nbytes for leg in self._legs if len(leg.out))
 
     @staticmethod
     @abstractmethod
@@ -142,29 +122,27 @@ class Exchange(ABC):
         """The layers that go out, and the layers that what comes in belongs to."""
 
     @abstractmethod
-    def _before(self, parity: int) -> list[_Operation]:
+    def _before(self) -> list[_Operation]:
         """What is done before the messages go."""
 
     @abstractmethod
-    def _after(self, parity: int) -> list[_Operation]:
+    def _after(self) -> list[_Operation]:
         """What is done when they have come."""
 
-    def _packs(self, parity: int, reads: str) -> list[_Operation]:
+    def _packs(self, reads: str) -> list[_Operation]:
         packs = []
         for leg in self._legs:
             if len(leg.out):
-                buffer = leg.send[parity]
-                arguments = (self._layers, leg.out, buffer.body, buffer.header, self._iteration)
+                arguments = (self._layers, leg.out, leg.send)
                 packs.append(_Operation(PACK, arguments, (reads,), (f"to {leg.peer}",)))
         return packs
 
-    def _unpacks(self, parity: int, kernel: Kernel, writes: str) -> list[_Operation]:
+    def _unpacks(self, kernel: Kernel, writes: str) -> list[_Operation]:
         """In the order of ranks, so that sums of floats are repeatable."""
         unpacks = []
         for leg in self._legs:
             if len(leg.into):
-                buffer = leg.receive[parity]
-                arguments = (self._layers, leg.into, buffer.body, buffer.header, self._iteration)
+                arguments = (self._layers, leg.into, leg.receive)
                 unpacks.append(_Operation(kernel, arguments, ("received",), (writes,)))
         return unpacks
 
@@ -175,42 +153,37 @@ class Exchange(ABC):
         *,
         inner: Iterable[Hashable] = (),
         ghosts: Iterable[Hashable] = (),
-        parity: int = 0,
     ) -> None:
         """Put the exchange into a task graph: pack, messages as a node, unpack.
 
-        inner, ghosts: handles of these parts of the field, for both `handle` when not given. In two graphs
-        that run in turn an exchange takes a parity each. Call `at(iteration)` before every launch. Compiles.
+        inner, ghosts: handles of these parts of the field, for both `handle` when not given. Call `at(iteration)`
+        before every launch. Compiles.
         """
         parts = {"inner": list(inner) or [handle], "ghosts": list(ghosts) or [handle]}
-        requests = self._requests[parity]
 
         def handles(names: Iterable[str]) -> list[Hashable]:
-            return [h for name in names for h in parts.get(name, [(id(requests), name)])]
+            return [h for name in names for h in parts.get(name, [(id(self), name)])]
 
         def add(operations: Iterable[_Operation]) -> None:
             for kernel, arguments, ins, inouts in operations:
                 name = f"{type(self).__name__.lower()} {handle}: {kernel.compiled.__name__}"
-                if kernel in (UNPACK, UNPACK_ADD):
-                    name += " (1: a message of another iteration)"
                 bound = bind(kernel.compiled, *arguments)
                 graph.task(bound, ins=handles(ins), inouts=handles(inouts), priority=1, name=name)
 
-        add(self._first[parity])
-        if len(requests):
+        add(self._first)
+        if len(self._messages):
             packed = handles(f"to {leg.peer}" for leg in self._legs)
             name = f"{type(self).__name__.lower()} {handle}: ranks {[leg.peer for leg in self._legs]}"
-            graph.message(requests, ins=packed, outs=handles(["received"]), name=name)
-        add(self._last[parity])
+            graph.message(self._messages, ins=packed, outs=handles(["received"]), name=name)
+        add(self._last)
 
     def at(self, iteration: int) -> None:
         """Tell the tasks made by `add_to` which iteration the next launch is."""
-        self._iteration[0] = iteration
+        self._messages.at(iteration)
 
     def free(self) -> None:
-        """Release the persistent requests; no exchange may be under way."""
-        for requests in self._requests:
-            requests.free()
+        """Withdraw receives that nothing has matched; no exchange may be under way."""
+        self._messages.free()
 
 
 class Fill(Exchange):
@@ -220,31 +193,29 @@ class Fill(Exchange):
     def _ends(share: Share) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
         return share.sources, share.ghosts
 
-    def _before(self, parity: int) -> list[_Operation]:
+    def _before(self) -> list[_Operation]:
         own = _Operation(COPY, (self._layers, self._own.sources, self._own.ghosts), ("inner",), ("ghosts",))
-        return [own, *self._packs(parity, "inner")]
+        return [own, *self._packs("inner")]
 
-    def _after(self, parity: int) -> list[_Operation]:
+    def _after(self) -> list[_Operation]:
         sides = [
             _Operation(COPY, (layers, share.sources, share.ghosts), ("inner",), ("ghosts",))
             for layers, _, share in self._sides
         ]
-        return [*self._unpacks(parity, UNPACK, "ghosts"), *sides]
+        return [*self._unpacks(UNPACK, "ghosts"), *sides]
 
     def start(self, iteration: int) -> None:
         """Without a task graph: pack and send. Until `finish` leave the ghosts alone."""
-        self._iteration[0] = iteration
-        for operation in self._first[iteration % 2]:
+        self.at(iteration)
+        for operation in self._first:
             operation.kernel.plain(*operation.arguments)
-        self._requests[iteration % 2].start()
+        self._messages.start()
 
     def finish(self) -> None:
         """Wait for the messages and put what they bring where it belongs."""
-        iteration = int(self._iteration[0])
-        self._requests[iteration % 2].wait()
-        for operation in self._last[iteration % 2]:
-            code = operation.kernel.plain(*operation.arguments)
-            assert not code, f"got a message that is not of iteration {iteration}"
+        self._messages.wait()
+        for operation in self._last:
+            operation.kernel.plain(*operation.arguments)
 
 
 class Fold(Exchange):
@@ -254,15 +225,15 @@ class Fold(Exchange):
     def _ends(share: Share) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
         return share.ghosts, share.sources
 
-    def _before(self, parity: int) -> list[_Operation]:
+    def _before(self) -> list[_Operation]:
         sides: list[_Operation] = []
         for layers, width, share in reversed(self._sides):
             sides += [_adding(layers, share), _clearing(layers, width)]
-        packs = self._packs(parity, "ghosts")
+        packs = self._packs("ghosts")
         return [*sides, _adding(self._layers, self._own), *packs, _clearing(self._layers, self._width)]
 
-    def _after(self, parity: int) -> list[_Operation]:
-        return self._unpacks(parity, UNPACK_ADD, "inner")
+    def _after(self) -> list[_Operation]:
+        return self._unpacks(UNPACK_ADD, "inner")
 
 
 def _adding(layers: NDArray, share: Share) -> _Operation:

@@ -1,14 +1,12 @@
 """Operations on the layers of an array seen as [before, layer, after].
 
 `compiled` is loops, for task graphs (numba compiles loops in a twentieth of the time it takes for slices); `plain` is
-numpy, for calls from Python, of what `Fill` does. Messages have a header, int64[1], that names their iteration.
+numpy, for calls from Python, of what `Fill` does.
 """
 
 from typing import Any, NamedTuple
 
 from hpcpic.core.simd.compile import njit
-
-WRONG_ITERATION = 1  # code: the message belongs to another iteration
 
 
 class Kernel(NamedTuple):
@@ -16,16 +14,14 @@ class Kernel(NamedTuple):
     plain: Any = None
 
 
-def _pack(layers, out, body, header, iteration):
-    header[0] = iteration[0]
+def _pack(layers, out, body):
     for k, layer in enumerate(out):
         body[k] = layers[:, layer]
 
 
 @njit
-def pack(layers, out, body, header, iteration):
+def pack(layers, out, body):
     """body[k, before, after] = layer out[k]."""
-    header[0] = iteration[0]
     for k in range(out.size):
         for b in range(layers.shape[0]):
             source, target = layers[b, out[k]], body[k, b]
@@ -33,38 +29,29 @@ def pack(layers, out, body, header, iteration):
                 target[i] = source[i]
 
 
-def _unpack(layers, into, body, header, iteration):
-    if header[0] != iteration[0]:
-        return WRONG_ITERATION
+def _unpack(layers, into, body):
     for k, layer in enumerate(into):
         layers[:, layer] = body[k]
-    return 0
 
 
 @njit
-def unpack(layers, into, body, header, iteration):
+def unpack(layers, into, body):
     """Layer into[k] = body[k, before, after]."""
-    if header[0] != iteration[0]:
-        return WRONG_ITERATION
     for k in range(into.size):
         for b in range(layers.shape[0]):
             source, target = body[k, b], layers[b, into[k]]
             for i in range(target.size):
                 target[i] = source[i]
-    return 0
 
 
 @njit
-def unpack_add(layers, into, body, header, iteration):
+def unpack_add(layers, into, body):
     """Layer into[k] += body[k, before, after], one after the other: a layer may come twice."""
-    if header[0] != iteration[0]:
-        return WRONG_ITERATION
     for k in range(into.size):
         for b in range(layers.shape[0]):
             source, target = body[k, b], layers[b, into[k]]
             for i in range(target.size):
                 target[i] += source[i]
-    return 0
 
 
 def _copy(layers, sources, ghosts):

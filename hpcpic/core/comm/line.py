@@ -7,8 +7,8 @@ from numpy.typing import DTypeLike, NDArray
 
 from hpcpic.core.comm import fftw
 from hpcpic.core.comm import transpose_kernels as kernels
-from hpcpic.core.comm.requests import RequestSet
-from hpcpic.core.comm.tags import Channel, tag
+from hpcpic.core.comm.messages import Message, Messages
+from hpcpic.core.comm.tags import Channel
 from hpcpic.core.comm.world import World
 from hpcpic.core.space.fields import aligned_zeros
 from hpcpic.core.tasks.graph import Bound, Graph, Pool, bind
@@ -43,9 +43,13 @@ class LineFFT:
         self.spectrum = aligned_zeros((m,), complex_type)
         own = slice(cuts[world.rank], cuts[world.rank + 1])
         self.real, self.results = self._whole[own], [whole[own] for whole in self._results]
-        self._requests = self._connect(world, cuts)
+        self._messages = self._connect(world, cuts)
         with world.first_on_node():  # it compiles
             self._prepare(n, real_type)
+
+    def at(self, iteration: int) -> None:
+        """The next transform belongs to this iteration; those after it to the following ones."""
+        self._messages.at(iteration)
 
     def forward(self) -> None:
         """real -> spectrum."""
@@ -60,20 +64,16 @@ class LineFFT:
         self._pool.run(self._solve)
 
     def free(self) -> None:
-        """Free the requests."""
-        self._requests.free()
+        """Withdraw receives that nothing has matched."""
+        self._messages.free()
 
-    def _connect(self, world: World, cuts: Sequence[int]) -> RequestSet:
+    def _connect(self, world: World, cuts: Sequence[int]) -> Messages:
         """Our points to every other rank, theirs into their places."""
-        number = tag(0, Channel.TRANSPOSE)
-        requests = []
-        for p in range(world.size):
-            theirs = self._whole[cuts[p] : cuts[p + 1]]
-            if p != world.rank and self.real.size:
-                requests.append(world.comm.Send_init(self.real, p, number))
-            if p != world.rank and theirs.size:
-                requests.append(world.comm.Recv_init(theirs, p, number))
-        return RequestSet(requests)
+        others = [p for p in range(world.size) if p != world.rank]
+        theirs = {p: self._whole[cuts[p] : cuts[p + 1]] for p in others}
+        sends = [Message(p, Channel.TRANSPOSE, self.real) for p in others if self.real.size]
+        receives = [Message(p, Channel.TRANSPOSE, points) for p, points in theirs.items() if points.size]
+        return Messages(world.comm, sends=sends, receives=receives)
 
     def _prepare(self, n: int, real_type: np.dtype) -> None:
         plan = fftw.real_to_complex((n,), real_type)
@@ -93,8 +93,8 @@ class LineFFT:
     def _graph(self, tasks: list[Bound], gather: bool) -> Graph:
         """The tasks one after the other, after the messages."""
         graph = Graph()
-        if gather and len(self._requests):
-            graph.message(self._requests, outs=["line"], name="points of a line")
+        if gather and len(self._messages):
+            graph.message(self._messages, outs=["line"], name="points of a line")
         for task in tasks:
             graph.task(task, inouts=["line"])
         return graph.freeze()

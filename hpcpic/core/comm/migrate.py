@@ -1,10 +1,9 @@
 """Records (opaque bytes, as particles) to their new ranks, any distance; and rows of a field to new cuts.
 
-Nearly all records go to the previous or the next slab, in letters of a fixed size: persistent messages, sent by a task
-graph, that need no count before them (a letter's empty half costs less than a message more). As in a halo they have
-a tag for even and one for odd iterations, and name theirs in the head. What goes farther or does not fit travels in a
-second, general round, which takes place only if any rank wants it. All learn that in log2(ranks) rounds of small
-messages that go with the letters (dissemination: Hensgen, Finkel & Manber 1988).
+Nearly all records go to the previous or the next slab, in letters of a fixed size: messages sent by a task graph that
+need no count before them (a letter's empty half costs less than a message more). What goes farther or does not fit
+travels in a second, general round, which takes place only if any rank wants it. All learn that in log2(ranks) rounds of
+small messages that go with the letters (dissemination: Hensgen, Finkel & Manber 1988).
 """
 
 from collections.abc import Hashable, Iterable, Mapping, Sequence
@@ -13,7 +12,7 @@ import numpy as np
 from mpi4py import MPI
 from numpy.typing import NDArray
 
-from hpcpic.core.comm.requests import RequestSet
+from hpcpic.core.comm.messages import Message, Messages
 from hpcpic.core.comm.tags import Channel, tag
 from hpcpic.core.comm.world import World
 from hpcpic.core.simd.compile import njit
@@ -52,11 +51,11 @@ def send_anywhere(
 
 
 class Letter:
-    """A message of a fixed size: the iteration[0], how many records it holds, n[0], records[capacity, record_bytes]."""
+    """A message of a fixed size: how many records it holds, n[0], and records[capacity, record_bytes]."""
 
     def __init__(self, capacity: int, record_bytes: int) -> None:
         self.bytes = aligned_zeros((ALIGNMENT + capacity * record_bytes,), np.uint8)
-        self.iteration, self.n = self.bytes[:8].view(np.int64), self.bytes[8:16].view(np.int64)
+        self.n = self.bytes[:8].view(np.int64)
         self.records: Records = self.bytes[ALIGNMENT:].reshape(capacity, record_bytes)
 
 
@@ -69,7 +68,7 @@ def join(mine, theirs):
 class Migrate:
     """Records to their new ranks: letters to the neighbours, and `rest` for what is not in them.
 
-    In task graphs, one for even and one for odd iterations: tasks fill `outgoing` and set wants[0] to 1 if records are
+    In a task graph: tasks fill `outgoing` and set wants[0] to 1 if records are
     left over, for ranks that are no neighbours or because a letter is full, else to 0; others read `incoming`. Then
     wants[0] tells whether any rank has records left over. `send` does it all for records that are at hand.
     peers: the next ranks with rows by `cuts`, all ranks having some without it. capacity: records of a letter.
@@ -88,7 +87,7 @@ class Migrate:
         self.peers = ring_neighbours(cuts or range(world.size + 1), world.rank)
         self.wants = np.zeros(1, np.int64)
         self._heard = [np.zeros(1, np.int64) for _ in range((world.size - 1).bit_length())]
-        self._requests: list[list[RequestSet]] = []  # by parity of the iteration, by round
+        self._rounds: list[Messages] = []
         self._allocate(capacity)
 
     def _allocate(self, capacity: int) -> None:
@@ -97,42 +96,38 @@ class Migrate:
         self.incoming, self.outgoing = (
             [Letter(capacity, self._record_bytes) for _ in self.peers] for _ in ("incoming", "outgoing")
         )
-        self._requests = [self._of_parity(parity) for parity in range(2)]
+        self._rounds = self._connect()
 
-    def _of_parity(self, parity: int) -> list[RequestSet]:
-        """The letters go with the first round."""
+    def _connect(self) -> list[Messages]:
+        """The messages of each round; the letters go with the first."""
         comm, rank, size = self._world.comm, self._world.rank, self._world.size
-        label, wanted = tag(parity, self._channel), tag(parity, self._channel.wanted)
-        requests = [comm.Recv_init(letter.bytes, peer, label) for peer, letter in zip(self.peers, self.incoming)]
-        requests += [comm.Send_init(letter.bytes, peer, label) for peer, letter in zip(self.peers, self.outgoing)]
+        sends, receives = (
+            [Message(peer, self._channel, letter.bytes) for peer, letter in zip(self.peers, letters)]
+            for letters in (self.outgoing, self.incoming)
+        )
         rounds = []
         for k, heard in enumerate(self._heard):  # after round k one has heard of the 2^(k + 1) - 1 ranks before
-            requests.append(comm.Recv_init(heard, (rank - 2**k) % size, wanted))
-            requests.append(comm.Send_init(self.wants, (rank + 2**k) % size, wanted))
-            rounds.append(RequestSet(requests))
-            requests = []
+            receives.append(Message((rank - 2**k) % size, self._channel.wanted, heard))
+            sends.append(Message((rank + 2**k) % size, self._channel.wanted, self.wants))
+            rounds.append(Messages(comm, sends=sends, receives=receives))
+            sends, receives = [], []
         return rounds
 
-    def add_to(self, graph: Graph, *, written: Iterable[Hashable], arrived: Hashable, parity: int) -> None:
+    def add_to(self, graph: Graph, *, written: Iterable[Hashable], arrived: Hashable) -> None:
         """Messages for a task graph: from letters and wants, `written`, to letters, `arrived`, and wants.
 
-        Call `at(iteration)` before every launch and `check` after it. Compiles.
+        Call `at(iteration)` before every launch. Compiles.
         """
         sent = [*written]
-        for k, (requests, heard) in enumerate(zip(self._requests[parity], self._heard)):
-            graph.message(requests, ins=sent, outs=[("heard", k), *([] if k else [arrived])], name=f"migration {k}")
+        for k, (messages, heard) in enumerate(zip(self._rounds, self._heard)):
+            graph.message(messages, ins=sent, outs=[("heard", k), *([] if k else [arrived])], name=f"migration {k}")
             graph.task(bind(join, self.wants, heard), ins=[("heard", k)], inouts=["wants"], priority=1)
             sent = ["wants"]
 
     def at(self, iteration: int) -> None:
-        """Tell the letters which iteration the next launch is."""
-        for letter in self.outgoing:
-            letter.iteration[0] = iteration
-
-    def check(self, iteration: int) -> None:
-        """All letters are of this iteration."""
-        for letter in self.incoming:
-            assert letter.iteration[0] == iteration, f"got a letter that is not of iteration {iteration}"
+        """Tell the messages which iteration the next launch is."""
+        for messages in self._rounds:
+            messages.at(iteration)
 
     def send(self, iteration: int, outgoing: Mapping[int, Records]) -> list[Records]:
         """Collective, without a task graph: records to any ranks but this one; arrivals, valid until the next call."""
@@ -145,11 +140,10 @@ class Migrate:
                 left[peer] = records[n:]
         self.wants[0] = bool(left)
         self.at(iteration)
-        for requests, heard in zip(self._requests[iteration % 2], self._heard):
-            requests.start()
-            requests.wait()
+        for messages, heard in zip(self._rounds, self._heard):
+            messages.start()
+            messages.wait()
             self.wants |= heard
-        self.check(iteration)
         arrived = [letter.records[: letter.n[0]] for letter in self.incoming]
         return arrived + (self.rest(iteration, left) if self.wants[0] else [])
 
@@ -167,11 +161,10 @@ class Migrate:
         return arrived
 
     def free(self) -> None:
-        """Release the requests; no migration may be under way."""
-        for rounds in self._requests:
-            for requests in rounds:
-                requests.free()
-        self._requests = []
+        """Withdraw receives that nothing has matched; no migration may be under way."""
+        for messages in self._rounds:
+            messages.free()
+        self._rounds = []
 
 
 def recut_field(world: World, field: Field, domain: Domain) -> Field:

@@ -1,4 +1,4 @@
-"""Persistent messages made of several pieces of memory, sent from where they are."""
+"""Messages made of several pieces of memory, sent from where they are."""
 
 from collections.abc import Sequence
 from typing import NamedTuple
@@ -6,12 +6,11 @@ from typing import NamedTuple
 from mpi4py import MPI
 from numpy.typing import NDArray
 
-from hpcpic.core.comm.requests import RequestSet
-from hpcpic.core.comm.tags import tag
+from hpcpic.core.comm.messages import Message, Messages
 from hpcpic.core.comm.world import World
 
 
-class Message(NamedTuple):
+class Parcel(NamedTuple):
     """C-contiguous arrays that travel one after the other to or from a peer, under a channel."""
 
     peer: int
@@ -20,33 +19,33 @@ class Message(NamedTuple):
 
 
 class Pieces:
-    """Messages that leave and come together: `requests` is for a task graph, or start() and wait() it.
+    """Parcels that leave and come together: `messages` is for a task graph, or start() and wait() it.
 
-    The arrays belong to the messages from the start to the end of an exchange. messages, bytes: sent in one exchange.
+    The arrays belong to the messages from the start to the end of an exchange. sent, bytes: messages of one exchange.
+    stride: iterations between two exchanges.
     """
 
-    def __init__(self, world: World, sends: Sequence[Message], receives: Sequence[Message], parity: int = 0) -> None:
+    def __init__(self, world: World, sends: Sequence[Parcel], receives: Sequence[Parcel], stride: int = 1) -> None:
         self._kept = (sends, receives)  # MPI holds their bare addresses
         self._types: list[MPI.Datatype] = []
-        made = [world.comm.Recv_init(self._buffer(m), m.peer, tag(parity, m.channel)) for m in receives]
-        made += [world.comm.Send_init(self._buffer(m), m.peer, tag(parity, m.channel)) for m in sends]
-        self.requests = RequestSet(made)
-        self.messages = len(sends)
-        self.bytes = sum(piece.nbytes for m in sends for piece in m.pieces)
+        there, back = ([self._message(parcel) for parcel in parcels] for parcels in (sends, receives))
+        self.messages = Messages(world.comm, sends=there, receives=back, stride=stride)
+        self.sent = len(sends)
+        self.bytes = sum(piece.nbytes for parcel in sends for piece in parcel.pieces)
 
-    def _buffer(self, message: Message) -> list:
-        for piece in message.pieces:
+    def _message(self, parcel: Parcel) -> Message:
+        for piece in parcel.pieces:
             if not piece.flags.c_contiguous:
                 raise ValueError("a piece of a message must be contiguous")
-        places = [MPI.Get_address(piece) for piece in message.pieces]
-        lengths = [piece.nbytes for piece in message.pieces]
+        places = [MPI.Get_address(piece) for piece in parcel.pieces]
+        lengths = [piece.nbytes for piece in parcel.pieces]
         kind = MPI.BYTE.Create_hindexed(lengths, places).Commit()
         self._types.append(kind)
-        return [MPI.BOTTOM, 1, kind]
+        return Message(parcel.peer, parcel.channel, (0, 1, kind))  # MPI_BOTTOM: the type holds the addresses
 
     def free(self) -> None:
-        """Release requests and types; no exchange may be under way."""
-        self.requests.free()
+        """Release the types; no exchange may be under way."""
+        self.messages.free()
         for kind in self._types:
             kind.Free()
         self._types = []

@@ -12,7 +12,7 @@ overwritten too early: r fills its part anew only after it has read it, which is
 starts only on r's next token. (A token is an MPI message, which orders the stores to shared memory before
 it.)
 
-Between nodes the same parts travel as persistent messages, in chunks of columns: the transform of a chunk
+Between nodes the same parts travel as messages, in chunks of columns: the transform of a chunk
 runs while the next one arrives, and it leaves while the next one is transformed.
 """
 
@@ -26,8 +26,8 @@ from numpy.typing import DTypeLike, NDArray
 
 from hpcpic.core.comm import fftw, shared_memory
 from hpcpic.core.comm import transpose_kernels as kernels
-from hpcpic.core.comm.requests import RequestSet
-from hpcpic.core.comm.tags import Channel, tag
+from hpcpic.core.comm.messages import Message, Messages
+from hpcpic.core.comm.tags import CHANNELS, Channel
 from hpcpic.core.comm.world import World
 from hpcpic.core.space.domain import block_ranges
 from hpcpic.core.space.fields import ALIGNMENT, aligned_zeros
@@ -105,6 +105,11 @@ class SlabFFT:
             self._multiplier = np.ascontiguousarray(multiplier, kind).reshape(outputs, -1, points[0])
             self._prepare("solve")
 
+    def at(self, iteration: int) -> None:
+        """The next call belongs to this iteration; those after it to the following ones."""
+        for messages in self._sets.values():
+            messages.at(iteration)
+
     def forward(self) -> None:
         """real -> spectrum."""
         self._world.barrier()  # a neighbour may still read the spectrum that we are about to replace
@@ -124,9 +129,9 @@ class SlabFFT:
         self._run("solve")
 
     def free(self) -> None:
-        """Free requests and window (all ranks together)."""
-        for requests in self._sets.values():
-            requests.free()
+        """Free the window (all ranks together)."""
+        for messages in self._sets.values():
+            messages.free()
         if self._window is not None:
             del self.spectrum  # its memory goes
             self._window.Unlock_all()
@@ -236,7 +241,7 @@ class SlabFFT:
         self._busy = np.zeros(8 * threads, np.int64)
 
     def _connect(self) -> None:
-        """Persistent requests by (what, number of the chunk), and the chunks of our columns."""
+        """Messages by (what, number of the chunk), and the chunks of our columns."""
         peer_bytes = self._n0 * self._width * self._type.itemsize // self._world.size**2
         self._n_chunks = 4 if self._sent and peer_bytes >= _CHUNKED else 1
         columns = {p: block_ranges(b - a, self._n_chunks) for p, (a, b) in enumerate(self._columns)}
@@ -245,7 +250,7 @@ class SlabFFT:
         size = max(1, min(_COLUMN_BLOCK // self._n0, -(-n_own // (4 * self._pool.threads))))
         self._column_blocks = [blocks_of(lo, hi, size) for lo, hi in own]
         self._token = np.zeros(1 + self._world.size, np.int64)  # what tokens carry is never read
-        self._sets: dict[Any, RequestSet] = {}
+        self._sets: dict[Any, Messages] = {}
         for what, channel in (("rows in", _TOKEN_ROWS), ("columns done", _TOKEN_COLUMNS)):
             pairs = [(p, [self._token[:1]], [self._token[1 + p : 2 + p]]) for p in self._near]
             self._request(what, 0, channel, pairs)
@@ -258,19 +263,19 @@ class SlabFFT:
             self._request("backward", j, channel, [(p, back[p], to[p]) for p in to], step=self._n_chunks)
 
     def _request(self, what: str, j: int, channel: int, pairs: list[tuple], step: int = 1) -> None:
-        """Requests of one exchange from (peer, arrays to send, to receive); empty arrays are not sent."""
+        """Messages of one exchange from (peer, arrays to send, to receive); empty arrays are not sent."""
         comm = self._world.comm
 
-        def number(k: int) -> int:
-            assert Channel.TRANSPOSE + channel + k * step < 64
-            return tag(0, Channel.TRANSPOSE + channel + k * step)
+        def message(p: int, k: int, array: NDArray) -> Message:
+            assert Channel.TRANSPOSE + channel + k * step < CHANNELS
+            return Message(p, Channel.TRANSPOSE + channel + k * step, array)
 
-        sends = [comm.Send_init(a, p, number(k)) for p, s, _ in pairs for k, a in enumerate(s) if a.size]
-        receives = [comm.Recv_init(a, p, number(k)) for p, _, r in pairs for k, a in enumerate(r) if a.size]
+        sends = [message(p, k, a) for p, s, _ in pairs for k, a in enumerate(s) if a.size]
+        receives = [message(p, k, a) for p, _, r in pairs for k, a in enumerate(r) if a.size]
         if sends:
-            self._sets[f"send {what}", j] = RequestSet(sends)
+            self._sets[f"send {what}", j] = Messages(comm, sends=sends)
         if receives:
-            self._sets[f"receive {what}", j] = RequestSet(receives)
+            self._sets[f"receive {what}", j] = Messages(comm, receives=receives)
 
     def _build(self, what: str) -> Graph:
         graph = Graph()

@@ -146,9 +146,12 @@ def call_address(typing_context, function, context):
 
 
 @intrinsic
-def call_startall(typing_context, function, n, requests):
-    """int MPI_Startall(int n, void *requests)."""
-    return _function_call(2, _I32, types.int32)
+def call_message(typing_context, function, buffer, count, datatype, peer, tag, comm, request):
+    """int MPI_Isend(void *buffer, int count, datatype, int peer, int tag, comm, void *request), or MPI_Irecv.
+
+    Handles are ints (MPICH) or pointers (Open MPI): both travel in the low part of a register.
+    """
+    return _function_call(7, _I32, types.int32)
 
 
 @intrinsic

@@ -24,7 +24,7 @@ from hpcpic.core.simd.atomics import (
     atomic_load,
     atomic_store,
     call_address,
-    call_startall,
+    call_message,
     call_testall,
     cpu_pause,
     load_int32,
@@ -48,7 +48,10 @@ N_COUNTERS = 9 * LINE
 FAILED, STUCK = 1, 2
 
 N_ARRAYS = 10  # of a graph
-RECORD_WORDS = 6  # of a message: n, handles, statuses, flag, MPI_Startall, MPI_Testall
+# words of a set of messages: n; addresses of handles, statuses, flag, table and MPI_Testall; bytes of a handle; the
+# iteration and what a start adds to it; the tag is (iteration % the first of the last two words) * the second + channel
+RECORD_WORDS = 11
+MESSAGE_WORDS = 7  # a row of its table: MPI_Isend or MPI_Irecv, buffer, count, datatype, peer, channel, communicator
 
 # words of a pool
 GENERATION = 0  # launches so far, -1 at the end
@@ -166,6 +169,21 @@ def _idle(pool, rounds):
 
 
 @njit
+def start_messages(record):
+    """Start the messages of a set under the tag of its iteration, and go on to the next; the first error code, or 0."""
+    table = _words(record[4], MESSAGE_WORDS * record[0])
+    first = (record[7] % record[9]) * record[10]
+    record[7] += record[8]
+    for k in range(record[0]):
+        row = table[MESSAGE_WORDS * k : MESSAGE_WORDS * (k + 1)]
+        request = record[1] + record[6] * k
+        code = call_message(row[0], row[1], row[2], row[3], row[4], first + row[5], row[6], request)
+        if code != 0:
+            return code
+    return 0
+
+
+@njit
 def _start(g, task, pool):
     record = _words(g.contexts[task], RECORD_WORDS)
     if record[0] == 0:
@@ -174,7 +192,7 @@ def _start(g, task, pool):
     rounds = 0
     while not atomic_cas(pool, MESSAGE_LOCK, 0, 1):
         rounds = _idle(pool, rounds)
-    code = call_startall(record[4], record[0], record[1])
+    code = start_messages(record)
     if code != 0:
         _fail(g, task, code)
     else:

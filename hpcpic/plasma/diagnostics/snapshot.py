@@ -111,7 +111,7 @@ def restore(plasma: "Plasma", reader: "Reader") -> None:
             if not all_in_tiles(plasma, *columns[:2]):
                 raise Diverged(f"a position of {species.name} is not a number, or not within its tile")
             cloud.admit(cloud.records(k, np.arange(a, b), *columns))
-            cloud.migrate()
+            cloud.migrate(plasma.iteration)
             cloud.deliver()
     cloud.deposit_all()
 

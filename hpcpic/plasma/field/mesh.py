@@ -86,20 +86,17 @@ class Mesh:
         rho, source = _wide(self.rho, rows), _wide(self.solver.rho, rows)
         return [bind(density, a, b, ghosts[0], self.weight, parts, rho, source) for a, b in self._shares(rows)]
 
-    def _around(self, exchange: Exchange, before: Sequence[list[Bound]], after: list[Bound]) -> list[Graph]:
-        """By parity of the iteration: stages of tasks before an exchange of ghosts, the exchange, the tasks `after`."""
-        graphs = []
-        for parity in range(2):
-            graph, pieces = Graph(), []
-            for stage, tasks in enumerate(before):
-                done, pieces = pieces, [(stage, k) for k in range(len(tasks))]
-                for piece, bound in zip(pieces, tasks):
-                    graph.task(bound, ins=done, outs=[piece])
-            exchange.add_to(graph, "ghosts", inner=pieces, ghosts=["ghosts"], parity=parity)
-            for bound in after:
-                graph.task(bound, ins=[*pieces, "ghosts"])
-            graphs.append(graph.freeze())
-        return graphs
+    def _around(self, exchange: Exchange, before: Sequence[list[Bound]], after: list[Bound]) -> Graph:
+        """Stages of tasks before an exchange of ghosts, the exchange, the tasks `after`."""
+        graph, pieces = Graph(), []
+        for stage, tasks in enumerate(before):
+            done, pieces = pieces, [(stage, k) for k in range(len(tasks))]
+            for piece, bound in zip(pieces, tasks):
+                graph.task(bound, ins=done, outs=[piece])
+        exchange.add_to(graph, "ghosts", inner=pieces, ghosts=["ghosts"])
+        for bound in after:
+            graph.task(bound, ins=[*pieces, "ghosts"])
+        return graph.freeze()
 
     def _shares(self, rows: int) -> list[tuple[int, int]]:
         """Ranges of rows for the threads."""
@@ -128,10 +125,10 @@ class Mesh:
         """The same after the tasks of `delivery`."""
         self._collect(self._deliver, iteration)
 
-    def _collect(self, graphs: list[Graph], iteration: int) -> None:
+    def _collect(self, graph: Graph, iteration: int) -> None:
         self.fold.at(iteration)
         try:
-            self.pool.run(graphs[iteration % 2])
+            self.pool.run(graph)
         except TaskError as error:
             if error.code == OVERFLOW:
                 raise Diverged(CROWDED) from error
@@ -148,12 +145,12 @@ class Mesh:
 
     def solve(self, iteration: int) -> None:
         """phi from the rho of the last deposit (5.10), E = E_0 - grad phi (5.13). Once for each deposit."""
-        self.solver.solve()
+        self.solver.solve(iteration)
         self._differentiate(iteration)
 
     def _difference(self, iteration: int) -> None:
         self.fill.at(iteration)
-        self.pool.run(self._gradient[iteration % 2])
+        self.pool.run(self._gradient)
 
     def _spectral(self, iteration: int) -> None:
         self.phi.inner[...] = self.solver.phi

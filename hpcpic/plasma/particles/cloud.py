@@ -105,7 +105,7 @@ class Cloud:
         self._lacks = self._bound(self.kernels.lacks_pages, slots=slots, short=self._short)
         self.delivery = [self._deliver, [self._bound(self.kernels.empty, slots=slots, most=self._most)]]
         self._bind_letters()
-        self._motion = [self._graph_of_motion(parity) for parity in range(2)]
+        self._motion = self._graph_of_motion()
         self.place(0, np.zeros((0, self.spec.dimensions)), np.zeros((0, self.spec.velocities)), np.zeros(0))
         if self.n_species:
             next(self.export(0), None)
@@ -137,10 +137,10 @@ class Cloud:
         for bound, letter in zip(self._write + self._read, self.near.outgoing + self.near.incoming):
             for k, view in enumerate((*self._views(letter.records).values(), letter.n)):  # the first arguments
                 bound.update(k, view)
-        self._motion = [self._graph_of_motion(parity) for parity in range(2)]
+        self._motion = self._graph_of_motion()
 
-    def _graph_of_motion(self, parity: int) -> Graph:
-        """Push, then letters to the neighbours and from them, in even or odd iterations."""
+    def _graph_of_motion(self) -> Graph:
+        """Push, then letters to the neighbours and from them."""
         near, graph = self.near, Graph()
         boxes = [*range(self.blocks)]
         for block, bound in enumerate(self._push):
@@ -150,7 +150,7 @@ class Cloud:
         if self.world.size > 1:
             graph.task(self._any_left, ins=boxes, outs=["wants"])
             written = ["wants", *(("to", peer) for peer in near.peers)]
-            near.add_to(graph, written=written, arrived="arrived", parity=parity)
+            near.add_to(graph, written=written, arrived="arrived")
         for bound in self._read:
             graph.task(bound, ins=["arrived"], inouts=["box from outside"])
         graph.task(self._lacks, ins=[*boxes, "box from outside"])
@@ -208,8 +208,7 @@ class Cloud:
         near = self.near
         self.pages.room(max(int(self._most[0]), len(near.peers) * near.capacity))
         near.at(iteration)
-        self._run(self.pool.run, self._motion[iteration % 2])
-        near.check(iteration)
+        self._run(self.pool.run, self._motion)
         if near.wants[0]:
             capacity = near.capacity
             self._admit_all(near.rest(iteration, self._outgoing()))
@@ -254,9 +253,9 @@ class Cloud:
         whole[:, -2], whole[:, -1] = tiles * self.n_species + species, numbers.astype(np.uint32).view(np.int32)
         return records
 
-    def migrate(self) -> None:
+    def migrate(self, iteration: int) -> None:
         """Particles that were placed or admitted go to the boxes of the rank where they belong. Collective."""
-        label = tag(0, Channel.PARTICLES_FAR)
+        label = tag(iteration, Channel.PARTICLES_FAR)
         self._admit_all(send_anywhere(self.world, self._outgoing(), self.record_bytes, label))
 
     def _admit_all(self, arrivals: list[NDArray[np.uint8]]) -> None:

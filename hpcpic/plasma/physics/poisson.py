@@ -131,8 +131,9 @@ class MFT:
         self.rho: NDArray = self._fft.real
         self.phi, *self.E = self._fft.results
 
-    def solve(self) -> None:
-        """rho -> phi (and E)."""
+    def solve(self, iteration: int = 0) -> None:
+        """rho -> phi (and E); messages carry the iteration."""
+        self._fft.at(iteration)
         self._fft.solve()
 
     def free(self) -> None:
@@ -190,7 +191,7 @@ class LU:
         self.phi: NDArray = np.zeros_like(self.rho)
         self.E: list[NDArray] = []
 
-    def solve(self) -> None:
+    def solve(self, _iteration: int = 0) -> None:
         """rho -> phi."""
         gathered = self._world.gather_rows(self.rho)
         raw = self._world.bcast(None if gathered is None else gathered.tobytes())

@@ -40,11 +40,12 @@ class FakeRequests:
     def __init__(self, n=1, polls=1, code=0, source=None, target=None):
         self.n_started = self.n_tests = 0
 
-        @ctypes.CFUNCTYPE(ctypes.c_int, ctypes.c_int, ctypes.c_void_p)
-        def startall(count, handles):
-            assert (count, handles) == (n, self.handles.ctypes.data)
-            self.n_started += 1
-            self.left = polls
+        @ctypes.CFUNCTYPE(ctypes.c_int, *[ctypes.c_int64] * 7)
+        def isend(buffer, count, datatype, peer, tag, comm, handle):
+            self.tags.append(tag)
+            if handle == self.handles.ctypes.data:
+                self.n_started += 1
+                self.left = polls
             return 0
 
         @ctypes.CFUNCTYPE(ctypes.c_int, *[ctypes.c_int, ctypes.c_void_p, ctypes.c_void_p, ctypes.c_void_p])
@@ -56,11 +57,12 @@ class FakeRequests:
             self.flag[0] = self.left == 0
             return code
 
-        self.handles, self.flag = np.zeros(n + 1, np.int32), np.zeros(1, np.int32)
-        self.kept = [startall, testall]
-        addresses = [ctypes.cast(f, ctypes.c_void_p).value for f in self.kept]
-        places = [a.ctypes.data for a in (self.handles, self.handles, self.flag)]
-        self.record = np.array([n, *places, *addresses], np.int64)
+        self.handles, self.flag, self.tags = np.zeros(n + 1, np.int32), np.zeros(1, np.int32), []
+        self.kept = [isend, testall]
+        send, test = (ctypes.cast(f, ctypes.c_void_p).value for f in self.kept)
+        self.table = np.array([[send, 0, 0, 0, 0, channel, 0] for channel in range(n)], np.int64)
+        places = [a.ctypes.data for a in (self.handles, self.handles, self.flag, self.table)]
+        self.record = np.array([n, *places, test, 4, 0, 1, 512, 64], np.int64)
 
 
 @pytest.mark.parametrize("polls", [1, 5, 200])
@@ -152,19 +154,17 @@ def test_a_process_that_was_suspended_has_not_waited():
 def test_a_ring_of_messages_in_a_graph():
     from mpi4py import MPI
 
-    from hpcpic.core.comm.requests import RequestSet
+    from hpcpic.core.comm.messages import Message, Messages
     from hpcpic.core.comm.world import World
 
     world, rounds = World.start(), 40
     mine, left = np.full(1, world.rank, np.int64), np.zeros(1, np.int64)
     right_rank, left_rank = (world.rank + 1) % world.size, (world.rank - 1) % world.size
-    requests = RequestSet(
-        [world.comm.Recv_init(left, left_rank, 5), world.comm.Send_init(mine, right_rank, 5)]
-    )
+    messages = Messages(world.comm, sends=[Message(right_rank, 5, mine)], receives=[Message(left_rank, 5, left)])
     own, copies = np.zeros(1), np.zeros(1)
     graph = Graph()
     for turn in range(rounds):
-        graph.message(requests, ins=["mine"], outs=["left"], name=f"ring {turn}")
+        graph.message(messages, ins=["mine"], outs=["left"], name=f"ring {turn}")
         graph.task(bind(take_over, mine, left, turn), ins=["left"], inouts=["mine"])
         for _ in range(3):  # work that needs no message
             graph.task(bind(copy_first, own, copies), inouts=["own"])
@@ -178,4 +178,3 @@ def test_a_ring_of_messages_in_a_graph():
         wrong = world.comm.allreduce(int(mine[0] != expected[world.rank]), MPI.SUM)
         assert wrong == 0
     pool.close()
-    requests.free()
