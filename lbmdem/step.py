@@ -27,6 +27,7 @@ from lbmdem.forecast.estimate import output_periods
 from lbmdem.grains.dem import Dem
 from lbmdem.kernels.layout import FLUID
 from lbmdem.physics.velocity_sets import LATTICES
+from lbmdem.physics.wall_rules import RULES
 from lbmdem.setup.obstacles import obstacle_walls
 from lbmdem.setup.overlap_survey import starts
 from lbmdem.setup.placement import place_grains
@@ -89,7 +90,8 @@ class LbmDem:
             blocks=config.simulation.blocks,
             faces={name: Face(face.kind, face.density, face.velocity) for name, face in scene.faces.items()},
         )  # fmt: skip
-        made.stays = stays and config.coupling.bounce_back != "quadratic" and config.coupling.refill != "conserving"
+        near = RULES[config.coupling.bounce_back].reach < 2
+        made.stays = stays and near and config.coupling.refill != "conserving"
         axes, sample = self.coordinates(), sample_ends(self.table.x, self.table.radius, config.domain.size[-1])
         made.set_equilibrium(scene.initial_density(axes, sample), scene.initial_velocity(axes))
         return made

@@ -13,9 +13,9 @@ from lbmdem.coupling.contact_pressure import Patches
 from lbmdem.coupling.immersed import Immersed
 from lbmdem.grains.box_walls import box_walls
 from lbmdem.grains.dem import Dem
-from lbmdem.physics.impedance import impedance
 from lbmdem.physics.lubrication import MOST_SUBSTEPS, STABLE, Film
 from lbmdem.physics.velocity_sets import LATTICES
+from lbmdem.physics.wall_rules import impedance
 from lbmdem.setup.scene import GrainTable, Scene, volumes
 
 

@@ -3,13 +3,11 @@
 import numpy as np
 from numpy.typing import NDArray
 
-from hpcpic.core.errors import ConfigError
 from hpcpic.core.tasks.graph import Bound, bind
-from lbmdem.fluid.fixed_links import GAINS, RULES, Directions
+from lbmdem.fluid.fixed_links import GAINS, Directions, rule_in
 from lbmdem.fluid.solid_nodes import Images, Table, Window
 from lbmdem.kernels import moving as kernels
 from lbmdem.kernels.layout import Layout
-from lbmdem.kernels.links import QUADRATIC
 
 _CENTRES = 18  # place of the first argument of the kernel that changes from step to step
 
@@ -21,10 +19,8 @@ def first_arguments(
 
     open_mass: 1 to count the fluid that a wall sweeps over as its momentum, 0 where nodes are counted themselves.
     """
-    if RULES[rule] == QUADRATIC and not window.whole:
-        raise ConfigError("the quadratic rule reads two nodes beyond a slab: it works on one rank only")
     directions = Directions(layout.lattice)
-    lattice = (directions.e, directions.opposite, directions.w6, RULES[rule], open_mass)
+    lattice = (directions.e, directions.opposite, directions.w6, rule_in(window, rule).number, open_mass)
     nodes = (solid.reshape(-1), window.shape, window.inner, window.box)
     return [(f, layout.strides, layout.slots, layout.shifts, parity, *lattice, *nodes) for parity in range(2)]
 

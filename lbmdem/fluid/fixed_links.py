@@ -1,7 +1,7 @@
 """Links that stay: walls of any form and grains that do not move; found once, with the weights of their rule.
 
 For each fluid node with a solid node in direction i the wall is crossed at the fraction q of the link; the rules are in
-`lbmdem.kernels.links`.
+`lbmdem.physics.wall_rules`.
 """
 
 from types import SimpleNamespace
@@ -18,14 +18,17 @@ from lbmdem.fluid.surfaces import NODES, Bodies, Surfaces, ids_at
 from lbmdem.kernels import links as kernels
 from lbmdem.kernels.layout import FLUID, Layout
 from lbmdem.physics.velocity_sets import Lattice
+from lbmdem.physics.wall_rules import RULES, WallRule
 
-RULES = {
-    "halfway": kernels.HALFWAY,
-    "interpolated": kernels.INTERPOLATED,
-    "quadratic": kernels.QUADRATIC,
-    "cli": kernels.CLI,
-}
 GAINS = 7  # of a body from its links: force, torque, and the mass that the fluid gains
+
+
+def rule_in(window: Window, name: str) -> WallRule:
+    """The wall rule of this name, when the slab has all the nodes that it reads."""
+    rule = RULES[name]
+    if rule.reach > 1 and not window.whole:
+        raise ConfigError(f"the {name} rule reads two nodes beyond a slab: it works on one rank only")
+    return rule
 
 
 class Directions:
@@ -60,9 +63,7 @@ class FixedLinks:
     ) -> None:
         self.directions = Directions(layout.lattice)
         self.bodies = bodies
-        self._rule = RULES[rule]
-        if self._rule == kernels.QUADRATIC and not window.whole:
-            raise ConfigError("the quadratic rule reads two nodes beyond a slab: it works on one rank only")
+        self._rule = rule_in(window, rule)
         self._window, self._layout = window, layout
         self._solid = solid.reshape(tuple(window.shape[::-1]))
         self._surfaces = Surfaces(window, self._solid, bodies, self.directions.e, layout.lattice.dimensions)
@@ -95,7 +96,7 @@ class FixedLinks:
 
         self.fallbacks = sum(part.fallbacks for part in parts)
         self.far = self.far_weights = None
-        if kernels.rule_reach.py_func(self._rule) == 2:
+        if self._rule.reach == 2:
             self.far, self.far_weights = joined("far", 1), joined("far_weights")
         self.wall = joined("wall", keep=not still or self.far is not None)
         self.speed, self.arm = joined("speed", keep=not still), joined("arm")
@@ -119,7 +120,7 @@ class FixedLinks:
     @property
     def simple(self) -> bool:
         """Whether the sweep of fluid nodes alone can do them (kernels.sparse)."""
-        return self._rule in (kernels.HALFWAY, kernels.CLI) and not self.wall.size
+        return self._rule.numbers <= 1 and not self.wall.size
 
     @property
     def quiet(self) -> bool:
@@ -235,7 +236,7 @@ class FixedLinks:
 
     def _weigh(self, part: "_Part", local: NDArray, way: NDArray, q: NDArray) -> None:
         """The weights of the rule, or of the lower one for which there are enough fluid nodes."""
-        e, reach = self.directions.e[way], kernels.rule_reach.py_func(self._rule)
+        e, reach = self.directions.e[way], self._rule.reach
         box = self._window.box - self._window.inner[:, :1]
         inside = np.all((local - e >= box[:, 0]) & (local - e < box[:, 1]), axis=1)
         behind = ((self._id_at(local - e) == FLUID) & inside).astype(np.int64)
@@ -248,10 +249,10 @@ class FixedLinks:
         behind = np.minimum(behind, reach)
         part.fallbacks = int(np.count_nonzero(behind < reach))
         table = np.empty((len(q), 6))
-        kernels.weigh(self._rule, q, behind, table)
-        columns = {kernels.HALFWAY: slice(0), kernels.CLI: slice(1, 2)}.get(self._rule, slice(3))
+        kernels.weigh(self._rule.number, q, behind, table)
+        columns = (slice(0), slice(1, 2), None, slice(3))[self._rule.numbers]
         part.weights = (table[:, :3] - np.array([1.0, 0.0, 0.0]))[:, columns].copy()
-        if self._rule == kernels.CLI and self._layout.itemsize == 4:  # as the sweep computes with them
+        if self._rule.numbers == 1 and self._layout.itemsize == 4:  # as the sweep computes with them
             part.weights = part.weights.astype(np.float32)
         part.far_weights = table[:, 3:5].copy()
         part.wall = table[:, 5] * self.directions.w6[way] * np.sum(e * part.speed, axis=1)

@@ -21,10 +21,10 @@ from lbmdem.forecast.estimate import DEFAULT, phases
 from lbmdem.forecast.node_shares import LOOSE
 from lbmdem.forecast.plan import grain_count
 from lbmdem.physics.free_fall import falling, unheld
-from lbmdem.physics.impedance import impedance
 from lbmdem.physics.lubrication import MOST_SUBSTEPS, ROUGHNESS, STABLE, Film
 from lbmdem.physics.relaxation import GRID_REYNOLDS, SPACING, key_of_tau, relaxation, slower
 from lbmdem.physics.velocity_sets import CS2, LATTICES
+from lbmdem.physics.wall_rules import RULES, impedance
 from lbmdem.setup.overlap_survey import law_volume, packed_space, survey
 
 MOST_PLACES, PADDING = 1 << 31, 32  # of nodes in a slab, and of a row or a line of nodes beside its own
@@ -378,7 +378,7 @@ def slices(config: LbmDemConfig) -> Iterator[Derived]:
 
 def whole_rules(config: LbmDemConfig, ranks: int) -> Iterator[Derived]:
     """What works on one rank only."""
-    if config.fluid and (config.grains or config.obstacle) and config.coupling.bounce_back == "quadratic":
+    if config.fluid and (config.grains or config.obstacle) and RULES[config.coupling.bounce_back].reach > 1:
         verdict = "ok" if ranks == 1 else "fail"
         cure = "" if verdict == "ok" else 'it reads two nodes beyond a slab; "cli" and "interpolated" read one'
         key = ("coupling", "bounce_back")

@@ -13,6 +13,7 @@ from hpcpic.core.case.words import in_steps
 from lbmdem.case.config import LbmDemConfig
 from lbmdem.forecast.node_shares import fluid_share, lanes_of_all, shares
 from lbmdem.forecast.plan import BYTES, VELOCITIES, arrays, face_bytes, grain_count, link_count, moving
+from lbmdem.physics.wall_rules import RULES
 
 MIB = 2.0**20
 SERIES_BYTES = 16 * 8 * 2
@@ -173,7 +174,7 @@ def cached(config: LbmDemConfig) -> bool:
 def sparse(config: LbmDemConfig) -> bool:
     """Whether solid nodes are not held (lbmdem.sparse)."""
     stays, rules = not moving(config) or config.coupling.frozen, config.coupling
-    general = rules.bounce_back != "quadratic" and rules.refill != "conserving"
+    general = RULES[rules.bounce_back].reach < 2 and rules.refill != "conserving"
     return stays and general and fluid_share(config) < SPARSE
 
 

@@ -14,6 +14,7 @@ from hpcpic.core.case.schema import value_text
 from lbmdem.case.config import LbmDemConfig, seeps
 from lbmdem.forecast.plan import grain_count
 from lbmdem.physics.velocity_sets import CS2
+from lbmdem.physics.wall_rules import RULES
 
 if TYPE_CHECKING:
     from hpcpic.core.files.series import Series
@@ -88,7 +89,7 @@ def choices_of(config: LbmDemConfig) -> list[Choice]:
     ]  # fmt: skip
     if config.grains or config.obstacle:
         here = config.coupling.bounce_back
-        rules = others(here, ("cli", "interpolated", "quadratic", "halfway"))
+        rules = others(here, tuple(RULES))
         listed.append(Choice("bounce_back", ("coupling", "bounce_back"), value_text(here), rules, "dx"))
     return listed
 

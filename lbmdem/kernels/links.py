@@ -1,58 +1,30 @@
-"""Links between fluid and solid nodes: rules, populations that come back, momentum; compiled.
+"""Links between fluid and solid nodes: what comes back to the fluid, and the momentum that it gives; compiled.
 
-On the link of a fluid node x along e_i to a solid one, with y = x - e_i, z = y - e_i behind it and j opposite to i, the
-sweep has bounced g_i(x) back half-way. A rule makes of it, where j arrives at x at the next step,
-
-    out + weights . (out, g_i(y), g_j(x), g_i(z), g_j(y)) - wall term,     out = g_i(x)
-
-`kernels.layout` says where these are: all in the slots i and j, at the node itself or at the one its pair (up, -up)
-points to. No link writes what another one reads, so their order does not matter. Populations are zero-centred (f - w),
-which a rule whose coefficients add up to 1 does not notice.
+The sweep has bounced g_i(x) of each link back half-way, to where f_j of the next step arrives at x. The rules that make
+of it what `lbmdem.physics.wall_rules` says read g_i(y), g_j(x), g_i(z) and g_j(y). `kernels.layout` says where these
+are: all in the slots i and j, at the node itself or at the one its pair (up, -up) points to. No link writes what
+another one reads, so their order does not matter.
 """
 
 import numpy as np
 
 from hpcpic.core.simd.compile import njit
-from hpcpic.core.simd.vector import address_of, fma, prefetch, prefetch_to_write
+from hpcpic.core.simd.vector import address_of, prefetch, prefetch_to_write
 from lbmdem.kernels.grain_rasters import FLUID
 from lbmdem.kernels.layout import arrival
+from lbmdem.physics.wall_rules import REACH, applicable, begun, coefficients, finished
 
-HALFWAY, INTERPOLATED, QUADRATIC, CLI = 0, 1, 2, 3
 AHEAD = 24  # links by which populations are fetched before they are needed: they are where the sweep has long left
 LINKS, FALLBACKS, LOST = 0, 1, 2  # counters: links, those without the fluid nodes of their rule, those not served
 
 
-@njit(inline="always")
-def coefficients(rule, q, behind):
-    """Coefficients of g_i(x), g_i(y), g_j(x), g_i(z), g_j(y) and of the wall term, for the crossing at q of the link.
-
-    `behind`: fluid nodes behind x that can be used (0, 1, 2). The wall term is 6 w e.u (Ladd 1994) times one minus
-    the coefficients of g_j: a fluid that moves with the wall is left as it is. Bouzidi, Firdaouss & Lallemand, Phys.
-    Fluids 13 (2001) 3452, (5); Ginzburg & d'Humieres, Phys. Rev. E 68 (2003) 066614, for CLI.
-    """
-    if behind == 0 or rule == HALFWAY:
-        return 1.0, 0.0, 0.0, 0.0, 0.0, 1.0
-    if rule == CLI:
-        kappa = (1.0 - 2.0 * q) / (1.0 + 2.0 * q)
-        return 1.0, kappa, -kappa, 0.0, 0.0, 1.0 + kappa
-    if rule == INTERPOLATED or behind == 1:
-        if q <= 0.5:
-            return 2.0 * q, 1.0 - 2.0 * q, 0.0, 0.0, 0.0, 1.0
-        inverse = 1.0 / (2.0 * q)
-        return inverse, 0.0, 1.0 - inverse, 0.0, 0.0, inverse
-    if q <= 0.5:
-        return q * (2.0 * q + 1.0), 1.0 - 4.0 * q * q, 0.0, -q * (1.0 - 2.0 * q), 0.0, 1.0
-    first = 1.0 / (q * (2.0 * q + 1.0))
-    return first, 0.0, (2.0 * q - 1.0) / q, 0.0, -(2.0 * q - 1.0) / (2.0 * q + 1.0), first
-
-
 @njit
 def weigh(rule, q, behind, table):
-    """table[n, 6]: coefficients of links."""
-    for k in range(q.size):
-        table[k, 0], table[k, 1], table[k, 2], table[k, 3], table[k, 4], table[k, 5] = coefficients(
-            rule, q[k], behind[k]
-        )
+    """table[n, 6]: coefficients of links that have so many fluid nodes behind them; see `wall_rules.coefficients`."""
+    for n in range(q.size):
+        found = coefficients(applicable(rule, behind[n]), q[n])
+        for k in range(6):
+            table[n, k] = found[k]
 
 
 @njit(inline="always")
@@ -66,12 +38,6 @@ def second_behind(f, strides, slots, shifts, parity, solid, shape, inner, p, r, 
     zx, zr, zp = (zx - inner[0, 0]) % nx, (zr - inner[1, 0]) % ny, (zp - inner[2, 0]) % nz
     third = f[arrival(strides, slots, shifts, parity, yp, yr, yx, i)]
     return True, float(third), float(f[arrival(strides, slots, shifts, parity, zp, zr, zx, j)])
-
-
-@njit(inline="always")
-def rule_reach(rule):
-    """Fluid nodes behind the first that a rule reads."""
-    return 0 if rule == HALFWAY else 2 if rule == QUADRATIC else 1
 
 
 @njit
@@ -102,9 +68,9 @@ def fixed_links(f, offsets, start, node, node_b, node_c, weights, wall, low, hig
                 prefetch(first + size * (b + np.int64(node_b[later])))
                 prefetch(first + size * (c + np.int64(node_c[later])))
                 second, outwards = f[np.uint64(b + np.int64(node_b[n]))], f[np.uint64(c + np.int64(node_c[n]))]
-                if terms == 1:  # as the sweep does it: first what a node knows at the end of a step, then the rest
+                if terms == 1:
                     kappa = weights[n, zero]
-                    v = float(fma(kappa, second, fma(-kappa, outwards, out))) - wall[n]
+                    v = float(finished(kappa, second, begun(kappa, out, outwards))) - wall[n]
                 else:
                     v += weights[n, zero] * out + weights[n, one] * second + weights[n, two] * outwards
             f[np.uint64(a + x)] = v
@@ -132,7 +98,7 @@ def cli_links(f, offsets, start, node, node_b, node_c, weights, low, high, kept)
                 at, kappa = np.uint64(a + np.int64(node[n])), weights[n, zero]
                 second, outwards = f[np.uint64(b + np.int64(node_b[n]))], f[np.uint64(c + np.int64(node_c[n]))]
                 out = f[at]
-                v = fma(kappa, second, fma(-kappa, outwards, out))
+                v = finished(kappa, second, begun(kappa, out, outwards))
                 f[at] = v
                 if keeps:
                     kept[n, zero], kept[n, one] = out, v
@@ -147,7 +113,7 @@ def finish_links(f, offsets, start, node, node_b, weights, low, high):
         a, b = offsets[s, 0], offsets[s, 1]
         for n in range(np.uint64(start[s]), np.uint64(start[s + 1])):
             at = np.uint64(a + np.int64(node[n]))
-            f[at] = fma(weights[n, zero], f[np.uint64(b + np.int64(node_b[n]))], f[at])
+            f[at] = finished(weights[n, zero], f[np.uint64(b + np.int64(node_b[n]))], f[at])
 
 
 @njit
@@ -198,18 +164,18 @@ def links_beside_grains(
         z, y, column = p - inner[2, 0], r - inner[1, 0], x - inner[0, 0]
         at = arrival(strides, slots, shifts, parity, z, y, column, j)
         behind, second, outwards, third, fourth = 0, 0.0, 0.0, 0.0, 0.0
-        if rule_reach(rule) and is_fluid(solid, shape, box, p - ez, r - ey, x - ex):
+        if REACH[rule] and is_fluid(solid, shape, box, p - ez, r - ey, x - ex):
             behind = 1
             second = float(f[arrival(strides, slots, shifts, parity, z, y, column, i)])
             outwards = float(f[arrival(strides, slots, shifts, parity, z - ez, y - ey, column - ex, j)])
-        if rule_reach(rule) == 2 and behind:
+        if REACH[rule] == 2 and behind:
             further, third, fourth = second_behind(
                 f, strides, slots, shifts, parity, solid, shape, inner, p, r, x, ex, ey, ez, i, j
             )
             behind += further
         counters[LINKS] += 1
-        counters[FALLBACKS] += behind < rule_reach(rule)
-        c = coefficients(rule, q[n], behind)
+        counters[FALLBACKS] += behind < REACH[rule]
+        c = coefficients(applicable(rule, behind), q[n])
         out, push = float(f[at]), w6[i] * (ex * speed[n, 0] + ey * speed[n, 1] + ez * speed[n, 2])
         v = c[0] * out + c[1] * second + c[2] * outwards + c[3] * third + c[4] * fourth - c[5] * push
         f[at] = v

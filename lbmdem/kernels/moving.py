@@ -40,7 +40,8 @@ from lbmdem.kernels.link_lists import (
     lost_along,
     room,
 )
-from lbmdem.kernels.links import CLI, FALLBACKS, HALFWAY, LINKS, LOST, QUADRATIC, second_behind
+from lbmdem.kernels.links import FALLBACKS, LINKS, LOST, second_behind
+from lbmdem.physics.wall_rules import REACH, applicable, halfway, returned
 
 GAINS = 7
 N = lanes(np.float64)
@@ -94,7 +95,7 @@ def moving_links(
     table, listed, size = room(radii)
     work, sums = np.empty(size, np.int32), np.empty(GAINS * N, np.int64)
     counters[:] = 0
-    further = np.empty((2, listed if rule == QUADRATIC else 0))
+    further = np.empty((2, listed if REACH[rule] == 2 else 0))
     for k in range(cuts[share], cuts[share + 1]):
         m = image[k]
         g = grain[m]
@@ -134,14 +135,14 @@ def window(
             n, n_free = along(work, table, listed, planes, rows + 2, e[i, 0], to, i % 2 == 1, lists)
             ahead = (lists, n, slots[parity, i] * strides[0], slots[parity, opposite[i]] * strides[0])
             counters[LINKS] += n
-            counters[FALLBACKS] += n - n_free if rule != HALFWAY else 0
+            counters[FALLBACKS] += n - n_free if REACH[rule] else 0
             if any_lost:
                 counters[LOST] += lost_along(work, table, planes, rows + 2, e[i, 0], to)
         if now[1] == 0:
             fetch(f, ahead, 0, ahead[1], work, listed)
         else:
             i -= 1
-            if rule == QUADRATIC:
+            if REACH[rule] == 2:
                 counters[FALLBACKS] += look_further(
                     f, strides, slots, shifts, parity, solid, shape, inner, e[i], i, opposite[i], here, work,
                     now[0] + 2 * listed, now[1], further,
@@ -179,7 +180,7 @@ def bounce(
     f, now, ahead, work, listed, further, e, weight, rule, open_mass, here, offset, centre, radius, motion, scale,
     sums,
 ):  # fmt: skip
-    """The links of the list `now` along e: the rule of `kernels.links`, and 7 sums of N lanes each.
+    """The links of the list `now` along e: the wall rule, and 7 sums of N lanes each.
 
     now, ahead: as `listing.fetch` wants them; the memory of those ahead is fetched meanwhile.
     """
@@ -198,10 +199,12 @@ def bounce(
         push = along_way(wall, way) * weight
         out, outwards = gather(F, f, slot_i, work, lists + k), gather(F, f, slot_j, work, nears + k)
         behind = gather(F, f, slot_i, work, nears + k)
-        v = returned(rule, q, (code >> FREE) > 0, out, behind, outwards, push, zero)
-        if rule == QUADRATIC:
+        v = returned(applicable(rule, 1), q, out, behind, outwards, zero, zero, push)
+        v = select((code >> FREE) > 0, v, halfway(out, push))  # of what is behind no free node it may be no number
+        if REACH[rule] == 2:
             third, fourth = load(F, further[0], k), load(F, further[1], k)
-            v = select((code & np.int32(1 << FURTHER)) > 0, quadratic(q, out, behind, outwards, third, fourth, push), v)
+            both = returned(rule, q, out, behind, outwards, third, fourth, push)
+            v = select((code & np.int32(1 << FURTHER)) > 0, both, v)
         scatter(f, slot_j, work, lists + k, v)
         linked = lane_numbers(L) < n - k
         out, v = select(linked, out, zero), select(linked, v, zero)
@@ -248,28 +251,3 @@ def given(give, keep, open_mass, way, wall, arm):
     fy = fma(give, way[1], -(swept * wall[1]))
     fz = fma(give, way[2], -(swept * wall[2]))
     return fx, fy, fz, fma(y, fz, -(z * fy)), fma(z, fx, -(x * fz)), fma(x, fy, -(y * fx)), -keep
-
-
-@njit(inline="always")
-def returned(rule, q, free, out, second, outwards, push, zero):
-    """What comes back, of links with one fluid node behind (free) or none."""
-    if rule == CLI:
-        kappa = (1.0 - 2.0 * q) / (1.0 + 2.0 * q)  # of a second that is not free nothing is known: it may be no number
-        return fma(kappa, select(free, (second - outwards) - push, zero), out - push)
-    if rule == HALFWAY:
-        return out - push
-    twice = 2.0 * q
-    near = (twice * out + (1.0 - twice) * second) - push
-    inverse = 1.0 / twice
-    far = inverse * (out - push) + (1.0 - inverse) * outwards
-    return select(free, select(q <= 0.5, near, far), out - push)
-
-
-@njit(inline="always")
-def quadratic(q, out, second, outwards, third, fourth, push):
-    """What comes back, of links with two fluid nodes behind."""
-    twice = 2.0 * q
-    near = (q * (twice + 1.0) * out + (1.0 - twice * twice) * second - q * (1.0 - twice) * third) - push
-    first = 1.0 / (q * (twice + 1.0))
-    far = first * (out - push) + (twice - 1.0) / q * outwards - (twice - 1.0) / (twice + 1.0) * fourth
-    return select(q <= 0.5, near, far)

@@ -16,7 +16,7 @@ blocks of BLOCK vectors of a plane, `rest[block]` being the first of a block: `w
 A processor waits for a masked write to be done before it reads beside it. So a block is read and collided first, its
 vectors stay in the buffer, and are written then; vectors whose neighbours are in one piece each (WHOLE) go by it.
 
-Links of the rule CLI (see `links`) are done by the node itself: v = (g_i - kappa g_j) + kappa g_i(y). The first part is
+Links of the rule CLI are done by the node itself in two parts, `wall_rules.begun` and `finished`: the first one is
 stored; the second one, in which g_i(y) is f_i of the next step, is added then. `modes` of a tile are bits: PARITY of
 the steps done, OPENED when populations are such first parts, LEAVE when they shall be so afterwards.
 """
@@ -43,6 +43,7 @@ from hpcpic.core.simd.compile import njit
 from hpcpic.core.simd.masks import expand_at, load_where, mask_of_bits, store_where
 from hpcpic.core.simd.vector import (
     Vec, address_of, count_bits, fma, lanes, load_at, prefetch_to_write, select, splat, store_at)
+from lbmdem.physics.wall_rules import begun, finished
 
 F = Vec(lanes(np.{dtype}), np.{dtype})
 N = lanes(np.{dtype})
@@ -189,10 +190,10 @@ def _weights(lattice: Lattice, line: str) -> list[str]:
 
 
 def _finish(lattice: Lattice) -> list[str]:
-    return _weights(lattice, "f{j} = select(mask, fma(weight, f{i}, f{j}), f{j})")
+    return _weights(lattice, "f{j} = select(mask, finished(weight, f{i}, f{j}), f{j})")
 
 
 def _begin(lattice: Lattice) -> list[str]:
     """All of h before all of g: the two of a pair use each other's."""
-    lines = _weights(lattice, "h{i} = select(mask, fma(-weight, g{j}, g{i}), g{i})")
+    lines = _weights(lattice, "h{i} = select(mask, begun(weight, g{i}, g{j}), g{i})")
     return lines + [f"g{i} = h{i}" for i in range(1, lattice.q)]

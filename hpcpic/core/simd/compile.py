@@ -23,6 +23,7 @@ from numba.core import event
 from numba.core.caching import FunctionCache
 from numba.core.compiler import CompileResult
 from numba.core.serialize import dumps
+from numba.extending import register_jitable
 
 from hpcpic.core.simd.caches import Store
 from hpcpic.core.simd.registers import has_avx512
@@ -163,6 +164,14 @@ def njit(*signature_or_function: Any, **flags: Any) -> Callable:
     if signature_or_function and isfunction(signature_or_function[0]):
         return _cached(signature_or_function[0], (), flags)
     return lambda function: _cached(function, signature_or_function, flags)
+
+
+def formulas(*modules: Any) -> None:
+    """Let kernels call the functions of modules of formulas (see formulas.py); LLVM puts them into their callers."""
+    for module in modules:
+        for function in vars(module).values():
+            if isfunction(function) and function.__module__ == module.__name__:
+                register_jitable(**_FLAGS)(function)
 
 
 def _cached(function: Callable, signatures: tuple, flags: dict[str, Any]) -> Callable:

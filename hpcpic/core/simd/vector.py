@@ -20,8 +20,9 @@ from llvmlite import ir
 from numba import types
 from numba.core import cgutils
 from numba.core.errors import TypingError
-from numba.extending import intrinsic
+from numba.extending import intrinsic, overload
 
+from hpcpic.core.simd import formulas
 from hpcpic.core.simd.kinds import (
     I1,
     I32,
@@ -150,11 +151,21 @@ maximum = intrinsic(_pick(">"))
 
 @intrinsic
 def select(typing_context, mask, a, b):
-    """a where the mask is true, else b; one of them may be a scalar."""
+    """a where the mask is true, else b; one of them may be a scalar. With a number as mask, a number."""
     kind = a if isinstance(a, Vec) else b
-    if not isinstance(kind, Vec):
+    if isinstance(mask, Vec) and not isinstance(kind, Vec):
         raise TypingError("one choice of select must be a vector: splat it")
     return kind(mask, kind, kind), lambda context, builder, sig, args: builder.select(*args)
+
+
+@overload(formulas.fma)
+def _fma(a, b, c):
+    return lambda a, b, c: fma(a, b, c)
+
+
+@overload(formulas.select)
+def _select(mask, a, b):
+    return lambda mask, a, b: select(mask, a, b)
 
 
 @intrinsic

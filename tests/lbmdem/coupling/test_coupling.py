@@ -9,13 +9,12 @@ from hpcpic.core.space.domain import Domain, even_cuts
 from hpcpic.core.tasks.graph import Pool
 from lbmdem.coupling.immersed import Immersed
 from lbmdem.fluid.faces import Face
-from lbmdem.fluid.fixed_links import RULES
 from lbmdem.fluid.fluid import Fluid
 from lbmdem.fluid.surfaces import Wall, ball, plane
 from lbmdem.kernels.layout import FLUID
 from lbmdem.kernels.sweep import SKIP
-from lbmdem.physics.impedance import impedance
 from lbmdem.physics.velocity_sets import D2Q9, D3Q19
+from lbmdem.physics.wall_rules import RULES, impedance
 
 BOX = {"D3Q19": (13, 14, 17), "D2Q9": (26, 31)}
 LATTICES = pytest.mark.parametrize("lattice", [D2Q9, D3Q19], ids=lambda lattice: lattice.name)
@@ -73,7 +72,7 @@ def momentum(fluid):
 
 
 @LATTICES
-@pytest.mark.parametrize("rule", ["halfway", "interpolated", "quadratic", "cli"])
+@pytest.mark.parametrize("rule", RULES)
 def test_what_the_fluid_loses_the_grains_get(alone, pool, lattice, rule):
     fluid = fluid_in_a_box(alone, pool, lattice, BOX[lattice.name])
     grains = Grains(lattice)

@@ -1,4 +1,4 @@
-"""Links against the plain method of slow_lbm, and laws of the wall rules."""
+"""Links against the plain method of slow_lbm."""
 
 import numpy as np
 import pytest
@@ -7,11 +7,10 @@ from slow_lbm import SlowLbm
 from hpcpic.core.space.domain import Domain
 from hpcpic.core.tasks.graph import Pool
 from lbmdem.coupling.immersed import Immersed
-from lbmdem.fluid.fixed_links import RULES
 from lbmdem.fluid.fluid import Fluid
 from lbmdem.fluid.solid_nodes import kernel_axes, kernel_rotation
-from lbmdem.kernels.links import coefficients
 from lbmdem.physics.velocity_sets import D2Q9, D3Q19
+from lbmdem.physics.wall_rules import RULES
 
 BOXES = {"D3Q19": (9, 10, 11), "D2Q9": (12, 13)}
 ROUNDING = 3e-16  # populations are below 0.02, some tens of operations in four steps
@@ -84,18 +83,3 @@ def test_links_are_those_of_the_papers(world, pool, lattice, rule, moving):
     turned = wanted[:, 3:] if lattice is D3Q19 else -wanted[:, 4:5]
     assert np.abs(torque - turned).max() < FORCE_ROUNDING
     assert np.abs(wanted).min(axis=0)[[0, 2]].min() > 1e-4  # there is something to compare
-
-
-@pytest.mark.parametrize("rule", RULES.values())
-def test_a_rule_leaves_a_fluid_alone_that_moves_with_the_wall(rule):
-    for q in np.linspace(0.01, 1.0, 34):
-        for behind in range(3):
-            out, second, outwards, third, fourth, wall = coefficients.py_func(rule, q, behind)
-            assert out + second + outwards + third + fourth == pytest.approx(1.0, abs=1e-14)
-            assert wall == pytest.approx(1.0 - outwards - fourth, abs=1e-14)
-
-
-@pytest.mark.parametrize("rule", RULES.values())
-def test_rules_meet_half_way(rule):
-    """At q = 1/2 all rules are the simple bounce back."""
-    assert coefficients.py_func(rule, 0.5, 2) == pytest.approx((1, 0, 0, 0, 0, 1), abs=1e-15)
