@@ -20,7 +20,7 @@ from hpcpic.core.comm.tags import Channel, tag
 from hpcpic.core.comm.world import World
 from hpcpic.core.files.arrays import Column
 from hpcpic.core.space.domain import Domain, block_ranges, wrap
-from hpcpic.core.space.particles import pack_rows, record_type, unpack_rows
+from hpcpic.core.space.records import pack_rows, record_type, unpack_rows
 from lbmdem.grains.contact_list import Springs
 from lbmdem.grains.room import Room
 

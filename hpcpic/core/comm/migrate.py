@@ -1,4 +1,4 @@
-"""Records (opaque bytes, as particles) to their new ranks, any distance; and rows of a field to new cuts.
+"""Records (opaque bytes, as particles) to their new ranks, at any distance.
 
 Nearly all records go to the previous or the next slab, in letters of a fixed size: messages sent by a task graph that
 need no count before them (a letter's empty half costs less than a message more). What goes farther or does not fit
@@ -16,9 +16,8 @@ from hpcpic.core.comm.messages import Message, Messages
 from hpcpic.core.comm.tags import Channel, tag
 from hpcpic.core.comm.world import World
 from hpcpic.core.simd.compile import njit
-from hpcpic.core.space.domain import Domain, ring_neighbours
-from hpcpic.core.space.fields import ALIGNMENT, Field, aligned_zeros
-from hpcpic.core.space.particles import Particles
+from hpcpic.core.space.domain import ring_neighbours
+from hpcpic.core.space.fields import ALIGNMENT, aligned_zeros
 from hpcpic.core.tasks.graph import Graph, bind
 
 Records = NDArray[np.uint8]  # [n, record_bytes]
@@ -165,34 +164,3 @@ class Migrate:
         for messages in self._rounds:
             messages.free()
         self._rounds = []
-
-
-def recut_field(world: World, field: Field, domain: Domain) -> Field:
-    """Collective: the same inner values on the slabs of `domain`, in a new field whose ghosts are zero."""
-    moved = field.like(domain)
-    axis = len(field.leading)
-    old, new = np.moveaxis(field.inner, axis, 0), np.moveaxis(moved.inner, axis, 0)
-    row_bytes = 8 + int(np.prod(old.shape[1:], dtype=np.int64)) * field.dtype.itemsize
-    owners = domain.owner(np.arange(*field.rows))
-    outgoing = {}
-    for peer in np.unique(owners):
-        rows = np.flatnonzero(owners == peer)
-        records = np.empty((len(rows), row_bytes), np.uint8)
-        records[:, :8] = (rows + field.rows[0])[:, None].view(np.uint8)
-        records[:, 8:] = np.ascontiguousarray(old[rows]).reshape(len(rows), -1).view(np.uint8)
-        outgoing[int(peer)] = records
-    for records in send_anywhere(world, outgoing, row_bytes, tag(0, Channel.RECUT)):
-        rows = np.ascontiguousarray(records[:, :8]).view(np.int64)[:, 0] - moved.rows[0]
-        values = np.ascontiguousarray(records[:, 8:]).view(field.dtype)
-        new[rows] = values.reshape(len(rows), *new.shape[1:])
-    return moved
-
-
-def recut_particles(world: World, particles: Particles, owners: NDArray[np.int64]) -> None:
-    """Collective: particle k goes to rank owners[k]."""
-    leaving = np.flatnonzero(owners != world.rank)
-    peers = owners[leaving]
-    outgoing = {int(peer): particles.pack(leaving[peers == peer]) for peer in np.unique(peers)}
-    particles.take(leaving)
-    for records in send_anywhere(world, outgoing, particles.record_bytes, tag(0, Channel.RECUT)):
-        particles.append(particles.unpack(records))

@@ -96,7 +96,7 @@ def _words(rows: NDArray) -> NDArray:
 def _outgoing(world: World, owners: NDArray, columns: Mapping[str, NDArray]) -> dict[int, NDArray[np.uint8]]:
     """By rank, its rows of all columns: one column after the other, the widest type first, so all aligned."""
     result = {}
-    owners[owners == world.size] = world.rank  # no ids at all; told by `mark`
+    owners[owners == world.size] = world.rank  # no ids at all; `mark` says so
     for peer in np.unique(owners[owners != world.rank]):
         index = np.flatnonzero(owners == peer)
         blocks = [columns[name][index].reshape(-1).view(np.uint8) for name in _aligned(columns)]

@@ -166,7 +166,7 @@ class SlabFFT:
         return tuple(map(int, ranks))
 
     def _room(self, shape: tuple[int, ...]) -> bool:
-        """Whether every node has memory for the columns of its ranks to be shared; told once where not."""
+        """True if every node has shared memory for the columns of its ranks; one warning where it has not."""
         wanted = np.array([self._bytes(shape) + shared_memory.SPARE], np.int64)
         several = self._world.node_size > 1
         if several:

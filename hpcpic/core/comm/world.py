@@ -182,7 +182,7 @@ class World:
                 _sleep_until(self.node.Ibarrier())
 
     def abort(self, code: int) -> None:
-        """End all ranks now. What was wrong has been told: that MPI was asked to abort is not."""
+        """End all ranks now. The cause has been printed; the abort itself prints nothing."""
         sys.stdout.flush()
         sys.stderr.flush()
         with suppress(OSError):

@@ -101,7 +101,7 @@ def kernel_store(program: str = "") -> Store:
 
 
 class KernelCache(FunctionCache):
-    """Of one function: numba's interface and key, and a file of our own for each signature."""
+    """The cache of one function: numba's interface and key, and a file of our own for each signature."""
 
     def __init__(self, function: Callable, store: Store, text: bytes) -> None:
         self._py_func = function

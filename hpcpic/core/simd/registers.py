@@ -14,9 +14,9 @@ import numpy as np
 def has_avx512() -> bool:
     """Of the processor, or of the features that numba is told to compile for in its place."""
     generic = os.environ.get("NUMBA_CPU_NAME", "").lower() == "generic"
-    told = os.environ.get("NUMBA_CPU_FEATURES", "" if generic else None)
-    if told is not None:
-        return "+avx512f" in told.split(",")
+    chosen = os.environ.get("NUMBA_CPU_FEATURES", "" if generic else None)
+    if chosen is not None:
+        return "+avx512f" in chosen.split(",")
     from numpy._core._multiarray_umath import __cpu_features__
 
     return bool(__cpu_features__.get("AVX512F"))

@@ -58,14 +58,3 @@ class Field:
         shape = self.values.shape
         before, after = (int(np.prod(part, dtype=np.int64)) for part in (shape[:at], shape[at + 1 :]))
         return self.values.reshape(before, shape[at], after)
-
-    def like(self, domain: Domain) -> "Field":
-        """A zero field of the same kind on another domain, for the same rank."""
-        return Field(
-            domain,
-            self.rank,
-            dtype=self.dtype,
-            leading=self.leading,
-            trailing=self.trailing,
-            ghosts=self.ghosts,
-        )

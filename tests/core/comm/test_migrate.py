@@ -3,11 +3,8 @@ from contextlib import contextmanager
 import numpy as np
 import pytest
 
-from hpcpic.core.comm.migrate import Migrate, recut_field, recut_particles, send_anywhere
+from hpcpic.core.comm.migrate import Migrate, send_anywhere
 from hpcpic.core.comm.tags import WINDOW, Channel, tag
-from hpcpic.core.space.domain import Domain, block_ranges, even_cuts
-from hpcpic.core.space.fields import Field
-from hpcpic.core.space.particles import Particles
 from hpcpic.core.tasks.graph import Graph, Pool
 
 RECORD = 24
@@ -198,53 +195,10 @@ def check_send_anywhere(world):
     assert send_anywhere(world, {}, RECORD, tag(6, Channel.SHARDS)) == []
 
 
-def check_recut_field(world, leading, dtype):
-    rows = 9
-    domain = Domain((1.0, 1.0), (rows, 5), (True, True), even_cuts(rows, world.size))
-    full = np.random.default_rng(3).random((*leading, rows, 5)).astype(dtype)
-    field = Field(domain, world.rank, leading=leading, dtype=dtype, ghosts=((1, 1), (0, 2)))
-    at = (slice(None),) * len(leading)
-    field.inner[...] = full[(*at, slice(*field.rows))]
-    inner = [0, 9, 4, 4, 1, 7, 0]
-    for turn in range(4):
-        cuts = (0, *sorted(inner[turn : turn + world.size - 1]), rows)
-        field = recut_field(world, field, domain.with_cuts(cuts))
-        assert field.rows == (cuts[world.rank], cuts[world.rank + 1])
-        np.testing.assert_array_equal(field.inner, full[(*at, slice(*field.rows))])
-        assert field.values.sum() == field.inner.sum() or field.values.size != field.inner.size
-        assert np.count_nonzero(field.values) == np.count_nonzero(field.inner)  # ghosts are zero
-
-
-def check_recut_particles(world):
-    low, high = block_ranges(TOTAL, world.size)[world.rank]
-    particles = Particles({"x": (np.float64, (2,))})
-    ids = np.arange(low, high)
-    particles.append({"id": ids, "x": np.stack([ids / 3, ids / 7], 1)})
-    for rule in (lambda i: i % world.size, lambda i: 0 * i, lambda i: (i * 31 // 7) % world.size):
-        recut_particles(world, particles, rule(particles.columns["id"]))
-        ids = particles.columns["id"]
-        everything = np.arange(TOTAL)
-        np.testing.assert_array_equal(np.sort(ids), everything[rule(everything) == world.rank])
-        np.testing.assert_array_equal(particles.columns["x"], np.stack([ids / 3, ids / 7], 1))
-
-
-def test_general_round_and_new_cuts_on_one_rank(world):
+def test_a_general_round_on_one_rank(world):
     check_send_anywhere(world)
-    check_recut_field(world, (2,), np.float64)
-    check_recut_particles(world)
 
 
 @pytest.mark.mpi(min_size=2)
 def test_records_go_anywhere(world):
     check_send_anywhere(world)
-
-
-@pytest.mark.mpi(min_size=2)
-@pytest.mark.parametrize("leading, dtype", [((), np.float64), ((2, 3), np.float32), ((), np.int64)])
-def test_a_field_is_the_same_on_new_cuts(world, leading, dtype):
-    check_recut_field(world, leading, dtype)
-
-
-@pytest.mark.mpi(min_size=2)
-def test_particles_are_the_same_on_new_cuts(world):
-    check_recut_particles(world)
