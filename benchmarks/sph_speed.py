@@ -80,7 +80,7 @@ def measured(world: World, kinds: list[tuple], rounds: int) -> list[dict]:
                 times.append(world.max(perf_counter() - begin) / STEPS)
         for n, sph, times in zip(threads, runs, seconds):
             totals = sph.timers.totals()
-            bodies, held = world.sum_int(np.array([sph.bodies.n, nbytes(sph)]))
+            bodies, held = world.sum_int(np.array([sph.storage.n, nbytes(sph)]))
             found.append({
                 "integrator": integrator, "precision": precision, "ranks": world.size, "threads": n,
                 "bodies": int(bodies), "seconds": statistics.median(times[1:]), "bytes": int(held) / int(bodies),
@@ -128,13 +128,13 @@ def load_of_ranks(particles: float, end: float) -> None:
     for name, period in (("dynamic cuts", 100), ("cuts made once", 0), ("even cuts", 0)):
         sph = engine(world, Pool(1), "symplectic", "double", particles, f"numerics.balance_period={period}")
         if name == "even cuts":
-            sph.domain = sph.domain.with_cuts(even_cuts(sph.grid.layers, world.size))
+            sph.slabs.cut(sph.domain.with_cuts(even_cuts(sph.grid.layers, world.size)))
             sph.migrate()
             sph.sort()
         loads, begin = [], perf_counter()
         while sph.time < end:
             sph.step()
-            loads.append(sph.bodies.n)
+            loads.append(sph.storage.n)
         mean = np.mean([world.sum_int(np.array([n]))[0] / world.size for n in loads[::10]])
         worst = np.mean([world.max(n) for n in loads[::10]])
         if world.rank == 0:

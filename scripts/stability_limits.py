@@ -103,14 +103,15 @@ def lattice_stable(settings: tuple, courant: float) -> bool:
     from sph.step import Sph
 
     app = Sph(lattice(*settings[:2], courant, *settings[2:]), World.alone(), POOL, Timers())
-    bodies, rng = app.bodies, np.random.default_rng(1)
+    storage, rng = app.storage, np.random.default_rng(1)
     for name, scale in (("v", C0), ("drho", app.scene.rho0)):
-        column = bodies.own(name)
-        bodies.put(name, column + NOISE * scale * rng.uniform(-1, 1, column.shape))
+        column = storage.own_values(name)
+        storage.set_own_values(name, column + NOISE * scale * rng.uniform(-1, 1, column.shape))
     app.resume()
 
     def energy() -> float:
-        return float(np.sum(bodies.own("v") ** 2) + np.sum((C0 * bodies.own("drho") / app.scene.rho0) ** 2))
+        v, drho = storage.own_values("v"), storage.own_values("drho")
+        return float(np.sum(v**2) + np.sum((C0 * drho / app.scene.rho0) ** 2))
 
     start = energy()
     try:

@@ -4,7 +4,6 @@ Each rank adds its own particles as integers (2^-40 of a unit), so that readings
 """
 
 import math
-from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,15 +12,13 @@ from hpcpic.core.space.products import product
 from sph.case.config import AXES, Gauge
 from sph.diagnostics.snapshot import particles_at
 from sph.kernels import readings
+from sph.particles.storage import Storage
 from sph.physics import stability
 
-if TYPE_CHECKING:
-    from sph.step import Sph
-
-FIXED = 2.0**40
+FIXED_POINT = 2.0**40
 LEVELS = 4  # heights looked at per spacing
-EMPTY = 0.05  # of the kernel's sum, below which a point is dry
-REACH = 2  # spacings on each side of a section in which flow is counted
+MIN_WEIGHT = 0.05  # of the kernel's sum, below which a point is dry
+HALF_SLICE = 2  # spacings on each side of a section in which flow is counted
 
 Own = dict[str, NDArray]
 
@@ -29,8 +26,8 @@ Own = dict[str, NDArray]
 class Gauges:
     """The gauges of a run; `since`: the time up to which they have been read."""
 
-    def __init__(self, sph: "Sph", since: float = -math.inf) -> None:
-        self.sph, self.scene = sph, sph.scene
+    def __init__(self, storage: Storage, since: float = -math.inf) -> None:
+        self.storage, self.scene, self.world = storage, storage.scene, storage.world
         self.since = since
 
     def values(self, time: float) -> dict[str, float]:
@@ -44,12 +41,13 @@ class Gauges:
                 found[gauge.name] = self.front(gauge)
                 continue
             if own is None:
-                own = particles_at(self.sph, self.sph.bodies.fluid)
+                own = particles_at(self.storage, self.storage.fluid_slots)
             found |= self.read(gauge, own)
         self.since = time
         return found
 
     def read(self, gauge: Gauge, own: Own) -> dict[str, float]:
+        """What one gauge reads from the fluid of all ranks. Collective."""
         if gauge.what == "elevation":
             return {gauge.name: self.elevation(gauge, own)}
         if gauge.what == "flow":
@@ -65,7 +63,7 @@ class Gauges:
 
     def summed(self, values: NDArray[np.float64]) -> NDArray[np.float64]:
         """Sums over n and over all ranks of values[n, k], rounded to 2^-40 each. Collective."""
-        return self.sph.world.sum_int(np.rint(values * FIXED).astype(np.int64).sum(axis=0)) / FIXED
+        return self.world.sum_int(np.rint(values * FIXED_POINT).astype(np.int64).sum(axis=0)) / FIXED_POINT
 
     def at_point(self, gauge: Gauge, own: Own) -> list[float]:
         """Pressure, or velocity: Shepard's mean of the fluid within the support; nothing is 0.
@@ -84,15 +82,17 @@ class Gauges:
             scale = scene.rho0 * scene.c0**2
             values = (scene.pressure(own["drho"][near]) - scene.rho0 * product(r, scene.gravity))[:, None]
         sums = self.summed(np.column_stack([weight, weight[:, None] * values / scale]))
-        return [float(value) for value in sums[1:] * scale / sums[0]] if sums[0] > EMPTY else [0.0] * (len(sums) - 1)
+        return (
+            [float(value) for value in sums[1:] * scale / sums[0]] if sums[0] > MIN_WEIGHT else [0.0] * (len(sums) - 1)
+        )
 
     def front(self, gauge: Gauge) -> float:
         """The farthest edge of the fluid along an axis."""
         assert gauge.axis is not None
         sign, k = (1.0 if gauge.axis[1] == "+" else -1.0), AXES.index(gauge.axis[0])
-        bodies, along = self.sph.bodies, self.sph.axes.index(k)
-        farthest = self.sph.world.max(readings.farthest(bodies.end, sign, bodies.flags, bodies.x[along]))
-        return sign * (farthest + sign * self.sph.origin[along] + self.scene.spacing / 2)
+        storage, along = self.storage, self.scene.axes.index(k)
+        farthest = self.world.max(readings.farthest(storage.end, sign, storage.flags, storage.x[along]))
+        return sign * (farthest + sign * self.scene.low[k] + self.scene.spacing / 2)
 
     def elevation(self, gauge: Gauge, own: Own) -> float:
         """Highest place over the point where half of the space is fluid; the lowest looked at when none is."""
@@ -112,10 +112,10 @@ class Gauges:
         gap = height[:, None] - (ends[0] + step * at)
         q = np.sqrt(gap * gap + np.sum(r[near] ** 2, axis=1)[:, None]) / scene.h
         weight = stability.value(scene.kernel, q, d) * (own["m"][near] / (scene.rho0 * scene.h**d))[:, None]
-        np.add.at(sums, at[inside], np.rint(weight[inside] * FIXED).astype(np.int64))
-        share = self.sph.world.sum_int(sums) / FIXED
-        full = np.median(share[share > 0.5 * share.max()]) if share.max() > EMPTY else 0.0
-        wet = np.flatnonzero(share > 0.5 * full) if full else []
+        np.add.at(sums, at[inside], np.rint(weight[inside] * FIXED_POINT).astype(np.int64))
+        share = self.world.sum_int(sums) / FIXED_POINT
+        full = np.median(share[share > 0.5 * share.max()]) if share.max() > MIN_WEIGHT else 0.0
+        wet = np.flatnonzero(share > 0.5 * full) if full else np.zeros(0, int)
         if not len(wet):
             return sign * ends[0]
         top = int(wet[-1])
@@ -138,7 +138,7 @@ class Gauges:
         scene, d = self.scene, self.scene.dimensions
         k = AXES.index(gauge.axis[0])
         r = self.separation(own["x"], gauge.at)
-        width = REACH * scene.spacing
+        width = HALF_SLICE * scene.spacing
         inside = np.abs(r[:, k]) < width
         for axis, size in enumerate(gauge.size or (0.0,) * d):
             if axis != k and size:

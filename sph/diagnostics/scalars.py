@@ -5,22 +5,20 @@ forces are those of a slice one metre thick.
 """
 
 import math
-from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
+from hpcpic.core.comm.world import World
 from hpcpic.core.space import exact
-from sph.case.columns import scalar_units
 from sph.case.config import AXES
 from sph.kernels.specialise import specialise
+from sph.particles.tasks import Tasks
+from sph.particles.wall_forces import WallForces
 from sph.setup.scene import Scene
 
-if TYPE_CHECKING:
-    from sph.step import Sph
-
 MOST_GAMMA = 16  # that a polynomial is made for
-ROOM = 2.0  # for rounding
+ROUNDING_FACTOR = 2.0
 
 
 def internal_energy(scene: Scene, drho: NDArray) -> NDArray[np.float64]:
@@ -36,15 +34,15 @@ def internal_energy(scene: Scene, drho: NDArray) -> NDArray[np.float64]:
 class Totals:
     """The sums and extremes of a run's fluid, by kernels."""
 
-    def __init__(self, sph: "Sph") -> None:
-        scene, tasks, d = sph.scene, sph.tasks, sph.scene.dimensions
-        self.scene, self.world, self.tasks, self.axes = scene, sph.world, tasks, sph.axes
+    def __init__(self, scene: Scene, world: World, tasks: Tasks) -> None:
+        d, axes = scene.dimensions, list(scene.axes)
+        self.scene, self.world, self.tasks, self.axes = scene, world, tasks, axes
         self.kernels = specialise("totals", DIM=d)
         self.n = self.kernels.TERMS
         n, whole = round(scene.gamma) - 1, scene.gamma == round(scene.gamma) and 2 <= scene.gamma <= MOST_GAMMA
         powers = [math.comb(n, k) / n for k in range(1, n + 1)] if whole else []
         background = scene.config.eos.background_pressure
-        numbers = [scene.rho0, scene.stiffness, background, scene.gamma - 1, *scene.gravity[sph.axes], *sph.origin]
+        numbers = [scene.rho0, scene.stiffness, background, scene.gamma - 1, *scene.gravity[axes], *scene.low[axes]]
         tasks.arena.set(
             constants=np.array(numbers),
             powers=np.array(powers),
@@ -54,8 +52,8 @@ class Totals:
         )
 
     def find(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """Sums of kinetic, potential and internal energy, mass and momentum; largest mass, |v|^2, |drho|, x and -x, in
-        storage axes. Exact: the same bits for any ranks and threads. Collective.
+        """Sums of kinetic, potential and internal energy (J), mass (kg) and momentum (kg m/s); largest mass, |v|^2,
+        |drho|, x and -x, in storage axes. Exact: with the same bits for any ranks and threads. Collective.
         """
         a = self.tasks.arena
         self.tasks.each(self.kernels.extremes)
@@ -63,14 +61,14 @@ class Totals:
         most = self.world.max_array(most)
         if not np.isfinite(most[:3]).all():
             return np.full(self.n, np.nan), most
-        scales = [exact.power_of_two_above(float(bound)) for bound in self._bounds(*most[:3], most[3:])]
+        scales = [exact.power_of_two_above(float(bound)) for bound in self._bounds(most[0], most[1], most[2], most[3:])]
         a["inverse"][:] = [1.0 / scale for scale in scales]
         self.tasks.each(self.kernels.add)
         limbs = self.world.sum_int(a["limbs"].sum(axis=0))
         return np.array([exact.value(row, scale) for row, scale in zip(limbs, scales)]), most
 
     def _bounds(self, mass: float, square: float, excess: float, sides: NDArray) -> NDArray[np.float64]:
-        """No term of a sum is larger than these."""
+        """Bounds of the terms of each sum, from largest mass, |v|^2, |drho|, x and -x."""
         scene, d = self.scene, self.scene.dimensions
         low = self.tasks.arena["constants"][4 + d :]
         farthest = np.maximum(np.abs(low + sides[:d]), np.abs(low - sides[d:]))
@@ -79,14 +77,13 @@ class Totals:
         background = scene.config.eos.background_pressure * np.abs(ends / (scene.rho0 + ends)) / scene.rho0
         inner = (np.abs(internal_energy(scene, ends)) + 2 * background).max()
         speed = math.sqrt(square)
-        return ROOM * mass * np.array([square, height, inner, 1.0, *[speed] * d])
+        return ROUNDING_FACTOR * mass * np.array([square, height, inner, 1.0, *[speed] * d])
 
 
-def scalars(sph: "Sph") -> dict[str, float]:
-    """All of `scalar_units`. Collective; the same on all ranks."""
-    scene, d = sph.scene, sph.scene.dimensions
-    (kinetic, potential, internal, mass, *momentum), (_, fastest, denser, *farthest) = sph.totals.find()
-    along = sph.axes.index(0)
+def fluid_scalars(scene: Scene, totals: Totals) -> dict[str, float]:
+    """Energies, mass, momentum and extremes of the fluid. Collective; the same on all ranks."""
+    (kinetic, potential, internal, mass, *momentum), (_, fastest, denser, *farthest) = totals.find()
+    along = scene.axes.index(0)
     found = {
         "energy_kinetic": kinetic,
         "energy_potential": potential,
@@ -95,28 +92,19 @@ def scalars(sph: "Sph") -> dict[str, float]:
         "mass": mass,
         "max_velocity": math.sqrt(fastest),
         "max_density_error": denser / scene.rho0,
-        "front_x": farthest[along] + sph.origin[along] + scene.spacing / 2,
-        "dt": sph.time_step,
-        "strays": sph.strays.count,
+        "front_x": farthest[along] + scene.low[0] + scene.spacing / 2,
     }
-    if scene.config.domain.outflow:
-        found["outflow"] = sph.outflow.mass()
-    sph.runaway.see_energy(kinetic, kinetic + potential + internal, mass)
-    found |= {f"momentum_{AXES[axis]}": value for axis, value in zip(sph.axes, momentum)}
-    return {name: float(found[name]) for name in scalar_units(scene.config) if name in found} | wall_scalars(sph, d)
+    found |= {f"momentum_{AXES[axis]}": value for axis, value in zip(scene.axes, momentum)}
+    return {name: float(value) for name, value in found.items()}
 
 
-def wall_scalars(sph: "Sph", d: int) -> dict[str, float]:
-    """Force, torque and impulse of the fluid on each measured wall."""
+def wall_scalars(scene: Scene, forces: WallForces) -> dict[str, float]:
+    """Force, torque and impulse of the fluid on each measured wall, by the last pair sums. Collective."""
     found: dict[str, float] = {}
-    if not any(wall.measure_force for wall in sph.scene.walls):
-        return found
-    forces = sph.wall_forces()
-    for wall in sph.scene.walls:
-        if not wall.measure_force:
-            continue
-        force, torque = forces[wall.name]
-        impulse = sph.impulses[wall.index]
+    d, now = scene.dimensions, forces.now() if forces.measured else {}
+    for wall in forces.measured:
+        force, torque = now[wall.name]
+        impulse = forces.impulses[wall.index]
         found |= {f"force_{wall.name}_{axis}": force[k] for k, axis in enumerate(AXES[:d])}
         turns = enumerate(AXES) if d == 3 else [(2, "z")]
         found |= {f"torque_{wall.name}_{axis}": torque[k] for k, axis in turns}

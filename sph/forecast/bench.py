@@ -59,7 +59,7 @@ class Trial:
         )  # fmt: skip
         self.pool = Pool(threads, world.cpus(threads))
         self.sph = sph = Sph(configure(loads(text)), world, self.pool, Timers())
-        sph.bodies.x[:] += np.random.default_rng(1).uniform(0.0, 0.2 / across, sph.bodies.x.shape)
+        sph.storage.x[:] += np.random.default_rng(1).uniform(0.0, 0.2 / across, sph.storage.x.shape)
         sph.migrate()
         sph.sort()
         self.n, self.pairs = sph.work_items, neighbours(sph, across)
@@ -153,7 +153,7 @@ def small_rates(world: World, quick: bool, pair_ns: float, body_ns: float) -> di
     if not quick:
         trials |= {walls: Trial(world, 2, "double", FEW[2], walls=walls) for walls in WALLS}
         trials["sample"] = Sampled(world, 2, "double", FEW[2])
-    bodies = {name: np.count_nonzero(trial.sph.bodies.flags) for name, trial in trials.items()}
+    bodies = {name: np.count_nonzero(trial.sph.storage.flags) for name, trial in trials.items()}
     taken(trials, SMALL_ROUNDS[quick], CALLS)
     rates = {}
     for kind in kinds:

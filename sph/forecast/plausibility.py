@@ -9,7 +9,7 @@ from hpcpic.core.case.config import Path
 from hpcpic.core.case.derived import Derived
 from sph.case import geometry
 from sph.case.config import AXES, FLUX_COEFFICIENT, SphConfig, motion_speed
-from sph.particles.strays import BEYOND, most_strays
+from sph.particles.strays import MAX_DENSITY_ERROR, most_strays
 from sph.physics import stability
 from sph.setup.scene import Scene
 
@@ -28,7 +28,8 @@ def sensible(config: SphConfig, scene: Scene) -> Iterator[Derived]:
     yield from depths(config, scene)
     yield from bodies_outside(config)
     if config.fluid:
-        words = f"beyond: exit 4; of fewer than half the neighbours and {1 - BEYOND:g} .. {1 + BEYOND:g} rho0"
+        limits = f"{1 - MAX_DENSITY_ERROR:g} .. {1 + MAX_DENSITY_ERROR:g} rho0"
+        words = f"beyond: exit 4; of fewer than half the neighbours and {limits}"
         source = "torn off: they get rho0"
         yield Derived("stray particles in a step", "n", most_strays(scene.n_fluid), "", words, "ok", source)
 
@@ -98,7 +99,7 @@ def depths(config: SphConfig, scene: Scene) -> Iterator[Derived]:
                 cure, key = f"surface = {max(heights):g} is its top", ("fluid", i, "surface")
             yield Derived(f"density of {fluid.name} at rest at its bottom", "rho/rho0 - 1", dense, "",
                           f"< {DENSE:g}; {DENSER:g} at most", verdict, f"{depth:.3g} m of water: g H/c0^2", cure, key,
-                          dense < BEYOND)  # fmt: skip
+                          dense < MAX_DENSITY_ERROR)  # fmt: skip
         if fluid.shape.box:
             dp = config.numerics.spacing
             edges = {axis: b - a for axis, a, b in zip(AXES, fluid.shape.box.low, fluid.shape.box.high)}

@@ -2,7 +2,7 @@
 
 A slot is a place for one particle, ghost or image; sizes of shapes are those of the arena:
 slots, layers (of cells that have particles, and one more), rows (of cells in these), cells (fine cells in these),
-parts (tasks of a launch) and ends (one more: where the parts begin, and where the last one ends).
+parts (tasks of a launch), ends (one more: where the parts begin, and where the last one ends), walls.
 """
 
 from hpcpic.core.space.declared import Array
@@ -88,6 +88,8 @@ def _of_cells(d: int) -> list[Array]:
         Array("fine_start", ("cells",), "int32", "", "first slot of a fine cell"),
         Array("span", ("parts", 2), "int64", "", "lowest and highest layer of the particles of a part"),
         Array("found", ("parts", 3 + 2 * d), "float64", "SI", "largest v^2, a^2, |rho - rho0|, -x and x of a part"),
+        Array("wall_shift", ("walls", d), "float64", "m", "way of the walls since they were last moved"),
+        Array("wall_speed", ("walls", d), "float64", "m/s", "velocities of the walls"),
         Array("shape", (6,), "int64", "", "pads, layers, first layer here, layers here, rows, 0"),
         Array("numbers", (5,), "float64", "", "what kernels.motion is told of a step"),
     ]

@@ -7,8 +7,8 @@ the domain, axes in storage order.
 import itertools
 import math
 from collections import Counter
+from collections.abc import Iterator
 from functools import cached_property
-from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,10 +17,8 @@ from hpcpic.core.errors import ConfigError
 from hpcpic.core.space.products import product
 from sph.kernels.groups import Mirrors
 from sph.kernels.marks import CODES
-
-if TYPE_CHECKING:
-    from sph.particles.walls import Walls
-    from sph.setup.scene import Scene
+from sph.particles.walls import Walls
+from sph.setup.scene import Scene, Wall
 
 FAR = 1e299  # a face as far as this has no edge
 Plane = tuple[NDArray[np.float64], float]
@@ -55,12 +53,8 @@ class Maps:
         self.turn, self.spin = np.eye(d)[None], np.eye(d)[None]
         self.shift, self.push = np.zeros((1, d)), np.zeros((1, d))
         self.planes: list[list[Plane]] = [[]]
-        self.wall, self.layers, self.depth = [0], [[]], [0.0]
-
-    @property
-    def around(self) -> bool:
-        """Whether a body is seen a period away along the slab axis."""
-        return any(not wall and shift[0] != 0.0 for wall, shift in zip(self.wall, self.shift))
+        self.layers: list[list[tuple[NDArray[np.float64], Layer]]] = [[]]
+        self.wall, self.depth = [0], [0.0]
 
     @property
     def mirrored(self) -> list[bool]:
@@ -137,7 +131,7 @@ def periodic_maps(lengths: NDArray, periodic: NDArray, reach: float) -> Maps:
     return maps
 
 
-def most_images(scene: "Scene") -> int:
+def most_images(scene: Scene) -> int:
     """Maps of a scene: of each group of parallel faces one or none, of each period to either side or none."""
     faces = [face for wall in scene.walls for face in wall.faces]
     layers = [wall.lattice.parts for wall in scene.walls if wall.type == "point-symmetric-free-slip"]
@@ -172,11 +166,21 @@ def single_mirrors(groups: list[Maps]) -> Mirrors:
     )
 
 
-def mirrors(scene: "Scene", walls: "Walls", axes: list[int], reach: float) -> list[Maps]:
+def images_of(walls: Walls, reach: float) -> tuple[Maps, Mirrors]:
+    """All images within `reach` m where walls are now, and the mirrors by themselves."""
+    scene, axes = walls.scene, list(walls.scene.axes)
+    maps = periodic_maps((scene.high - scene.low)[axes], scene.periodic[axes], reach)
+    groups = mirrors(scene, walls, axes, reach)
+    for group in groups:
+        maps.combine(group)
+    return maps, single_mirrors(groups)
+
+
+def mirrors(scene: Scene, walls: Walls, axes: list[int], reach: float) -> list[Maps]:
     """Maps of the mirror walls (Morris et al. 1997, as (MP) 4.2 uses them) and of point symmetries (Ferrari et al.
     2009, MP 4.1), parallel faces in one group.
     """
-    d, groups = scene.dimensions, {}
+    d, groups = scene.dimensions, dict[tuple[float, ...], Maps]()
     for wall in scene.walls:
         moved = walls.displacement[wall.index] - scene.low
         push = 2 * walls.velocity[wall.index][axes]
@@ -193,7 +197,7 @@ def mirrors(scene: "Scene", walls: "Walls", axes: list[int], reach: float) -> li
     return list(groups.values())
 
 
-def _faces(wall, reach: float, moved: NDArray, axes: list[int]):
+def _faces(wall: Wall, reach: float, moved: NDArray, axes: list[int]) -> Iterator[tuple]:
     """Of the faces of a wall: point, normal, planes of who is near, of the edges, layer of centres (None: mirror)."""
     if wall.type == "mirror-no-slip":
         for face in wall.faces:

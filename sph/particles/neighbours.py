@@ -8,83 +8,66 @@ from hpcpic.core.tasks.graph import TaskError
 from sph.kernels.groups import Table
 from sph.kernels.marks import BODY, OWN
 from sph.kernels.specialise import specialise
-from sph.particles.particles import PADS, Bodies
+from sph.particles.cell_grid import PADS, CellGrid
+from sph.particles.slabs import Slabs
+from sph.particles.storage import Storage
 from sph.particles.tasks import Tasks, equal_parts
 
-FINE = 8
-MOST_FINE = 2**28  # fine cells of a rank: a table of 1 GB
+MAX_FINE_CELLS = 2**28  # fine cells of a rank: a table of 1 GB
 GAP = 16  # slots between layers: a vector may overrun
-
-
-class Grid:
-    """Layers and rows of thickness `edge` over a box of these lengths [m], with PADS more on each side."""
-
-    def __init__(self, lengths: NDArray[np.float64], edge: float) -> None:
-        self.edge = edge
-        self.layers, self.rows = (int(np.ceil(length / edge)) + 2 * PADS for length in lengths[:2])
-        if len(lengths) == 2:
-            self.rows = 1
-        self.scale = np.full(len(lengths), 1.0 / edge)
-        self.scale[-1] *= FINE
-        self.edges = np.array([edge, edge, edge / FINE, PADS, 0.0])
-
-    def layer(self, x: NDArray[np.float64]) -> NDArray[np.int64]:
-        """Layer of positions along the slab axis, as the kernels find it."""
-        at = np.floor(x * self.scale[0]) + PADS
-        return np.clip(at, 0, self.layers - 1).astype(np.int64)
 
 
 class Cells:
     """Slots and runs of the bodies of a rank."""
 
-    def __init__(self, tasks: Tasks, grid: Grid, d: int) -> None:
+    def __init__(self, tasks: Tasks, grid: CellGrid, d: int) -> None:
         self.tasks, self.grid, self.parts = tasks, grid, tasks.parts
         self.kernels, self.runs = (specialise(stem, DIM=d) for stem in ("cells", "runs"))
         tasks.arena.group(table=Table)
         tasks.arena.set(scale=grid.scale, edge=grid.edges)
 
-    def _place(self, bodies: Bodies, wanted: int) -> None:
+    def _place(self, storage: Storage, wanted: int) -> None:
         a = self.tasks.arena
         a["shape"][:] = PADS, self.grid.layers, 0, 0, self.grid.rows, 0
-        a["chunks"][:] = equal_parts(bodies.end, self.parts)
+        a["chunks"][:] = equal_parts(storage.end, self.parts)
         self.tasks.each(self.kernels.place, wanted=wanted)
 
-    def layer_of(self, bodies: Bodies) -> NDArray[np.int32]:
+    def layer_of(self, storage: Storage) -> NDArray[np.int32]:
         """Global layers by row, of others than the own bodies -1, in memory that the next `sort` uses."""
-        self._place(bodies, OWN)
-        return self.tasks.arena["layer"][: bodies.end]
+        self._place(storage, OWN)
+        return self.tasks.arena["layer"][: storage.end]
 
-    def sort(self, bodies: Bodies, slab: tuple[int, int]) -> None:
-        """Bodies into slots by cells. The own ones are in the layers of the slab from slab[0] up to slab[1], ghosts
-        also beside it.
+    def sort(self, storage: Storage, slabs: Slabs) -> NDArray[np.int32]:
+        """Put bodies into slots by cells: own ones are in layers of the slab, ghosts also beside it. By old slot, the
+        new one, until the next search.
         """
         tasks, kernels, a = self.tasks, self.kernels, self.tasks.arena
-        self._place(bodies, BODY)
-        first, here = self._span(*slab)
+        self._place(storage, BODY)
+        first, here = self._span(slabs.low, slabs.high)
         self.here = here
         a.reserve(layers=here + 1)
         a["shape"][2:4] = first, here
         self._tally()
         self._buckets(a["count"][:, :here], first, here)
-        if bodies.reserve(int(a["base"][here])):  # in other memory now
-            return self.sort(bodies, slab)
+        if storage.reserve(int(a["base"][here])):  # in other memory now
+            return self.sort(storage, slabs)
         tasks.each(kernels.scatter)
         tasks.each(kernels.extents, blocks="layers")
         fine = a["fine_total"]
         totals = fine[:here].copy()
         fine[0] = 0
         np.cumsum(totals, out=fine[1 : here + 1])
-        if fine[here] > MOST_FINE:
+        if fine[here] > MAX_FINE_CELLS:
             raise Diverged("particles are too far from each other: there is no room for the cells between them")
         a.reserve(cells=int(fine[here]))
         tasks.each(kernels.arrange, blocks="layers")
         tasks.each(kernels.find_places, blocks="layers")
-        bodies.sorted(a["bucket"], int(a["base"][here]))
-        for k in range(len(bodies.state)):
+        storage.sorted(int(a["base"][here]))
+        for k in range(len(storage.state)):
             tasks.each(kernels.gather, blocks="layers", k=k)
             tasks.each(kernels.put_back, blocks="layers", k=k)
-        a["chunks"][:] = equal_parts(bodies.end, self.parts)
-        return None
+        a["chunks"][:] = equal_parts(storage.end, self.parts)
+        return a["bucket"]
 
     def find(self, radius: float) -> None:
         """Runs of the slots of all neighbours within `radius`."""

@@ -8,8 +8,7 @@ from numpy.typing import NDArray
 from hpcpic.core.simd.generate import module_from_source
 from sph.kernels import columns, packing, passes
 from sph.kernels.passes import NUMBERS
-from sph.particles.neighbours import Cells
-from sph.particles.particles import Bodies
+from sph.particles.ghosts import Ghosts
 from sph.particles.tasks import Tasks
 from sph.physics.pair_spec import most_sums, terms_of
 from sph.physics.smoothing import SMOOTHING
@@ -25,14 +24,14 @@ HEAD = "import numpy as np\n\nfrom hpcpic.core.simd.compile import njit\n"
 
 
 class PairSums:
-    """Rates of the bodies in `cells`, left as sums in the arena until the next sums or sort.
+    """Rates of the bodies in slots, left as sums in the arena until the next sums or sort.
 
     factors: what makes of them a [m/s2] without gravity and body force, with 1 / m, and d rho / dt [kg/m3 s].
     rate: which of the sums is that of rates.
     """
 
-    def __init__(self, scene: "Scene", law: Law, tasks: Tasks, cells: Cells, bodies: Bodies) -> None:
-        self.law, self.tasks, self.cells, self.bodies = law, tasks, cells, bodies
+    def __init__(self, scene: "Scene", law: Law, tasks: Tasks, ghosts: Ghosts) -> None:
+        self.law, self.tasks, self.ghosts = law, tasks, ghosts
         terms = terms_of(law)
         self._sums = {title: sums_of(law, names) for title, names in terms.items()}
         self._held = {} if law.single else {"position": "x"}
@@ -132,7 +131,7 @@ class PairSums:
 
     def rates(self, iteration: int) -> None:
         """Split scheme, second half: d rho / dt from x^n, rho^n and the new v."""
-        self.bodies.refresh(iteration)
+        self.ghosts.refresh(iteration)
         self._pack_again()
         self._sweep("second")
 
@@ -141,7 +140,7 @@ class PairSums:
         if self.law.corrected:
             self._sweep("matrices")
             self._unpack("matrices", "matrix")
-            self.bodies.refresh(iteration)
+            self.ghosts.refresh(iteration)
             self.tasks.each(self.around.pack_matrix, blocks="layers")
 
     def stresses(self, iteration: int) -> None:
@@ -150,19 +149,19 @@ class PairSums:
             return
         self._sweep("strain")
         self._unpack("strain", "strain")
-        self.bodies.refresh(iteration)
+        self.ghosts.refresh(iteration)
         self.tasks.each(self.around.pack_stress, blocks="layers")
 
     def everything(self, iteration: int) -> None:
         """a and d rho / dt from one state."""
-        self.bodies.refresh(iteration)
+        self.ghosts.refresh(iteration)
         self.pack()
         self.matrices(iteration)
         self.stresses(iteration)
         if self.law.needs_gradient:
             self._sweep("slopes")
             self._unpack("slopes", "gradient")
-            self.bodies.refresh(iteration)
+            self.ghosts.refresh(iteration)
             self._pack_again()
         self._sweep("both")
         if self.law.shifting:

@@ -1,14 +1,19 @@
 """Launches of kernels on the particles of a rank: a task for every part of them."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from hpcpic.core.space.declared import Array
 from hpcpic.core.tasks.arena import Arena
 from hpcpic.core.tasks.graph import Graph, Pool
+from sph.setup.scene import Scene
 
+FIRST_SLOTS = 1024
+PARTICLES_PER_PART = 24_000  # of a launch: odd layers of a part find in the cache what its even ones have left there
+PARTS_PER_THREAD = 4, 16  # at least and at most
 SLOTS_PER_LINE = 16  # int32 in a cache line, which only one part of a task writes
 
 
@@ -52,6 +57,22 @@ class Tasks:
         for part in range(self.parts):
             graph.task(odd, part=part, ins=[part, part + 1], priority=1)
         return graph
+
+
+def arena_of(scene: Scene, declared: Iterable[Array], parts: int) -> Arena:
+    """The arrays of a rank, nearly empty, with what kernels read of the scene: `external` acceleration [d] m/s2 and
+    `period` [d] m, 0 where there is none, in storage axes.
+    """
+    axes, sizes = list(scene.axes), {"slots": FIRST_SLOTS, "layers": 0, "rows": 0, "cells": 0}
+    arena = Arena(declared, **sizes, parts=parts, ends=parts + 1, walls=len(scene.walls))
+    period = np.where(scene.periodic, scene.high - scene.low, 0.0)[axes]
+    arena.set(external=np.ascontiguousarray(scene.acceleration[axes]), period=period)
+    return arena
+
+
+def parts_of(n: int, threads: int) -> int:
+    """How many parts a launch on n particles has."""
+    return threads * min(max(n // (PARTICLES_PER_PART * threads), PARTS_PER_THREAD[0]), PARTS_PER_THREAD[1])
 
 
 def equal_parts(n: int, parts: int) -> NDArray[np.int64]:

@@ -1,54 +1,79 @@
-"""One step in time: what is evaluated when. Each integrator is a function of the engine; dt is known after the first
+"""One step in time of the state y = (x, v, rho): what is evaluated when. `choose_step` finds dt after the first
 evaluation, from its accelerations.
 """
 
 from collections.abc import Callable
-from typing import TYPE_CHECKING
+from typing import Protocol
 
-if TYPE_CHECKING:
-    from sph.step import Sph
+
+class Evolving(Protocol):
+    """What integrators ask of a state y. f(y) = (v, a, D) are the rates of x, v, rho."""
+
+    def evaluate(self, start: bool = False) -> None:
+        """Find a and D = d rho / dt of the present y; `start`: it is y^n."""
+
+    def evaluate_forces(self) -> None:
+        """Find a of y^n."""
+
+    def evaluate_rates(self) -> None:
+        """Find D of x and rho as in `evaluate_forces`, and the new v."""
+
+    def keep(self) -> None:
+        """Remember y^n."""
+
+    def combine(
+        self, old: float, now: float, new: float, *, until: float = 1.0, with_new_velocity: bool = False
+    ) -> None:
+        """y = old y^n + now y + new dt f(y); the stage stands for t^n + until dt."""
+
+    def kick(self) -> None:
+        """v = v + dt a."""
+
+    def drift(self) -> None:
+        """x = x + dt v, rho = rho + dt D."""
+
 
 RK3 = ((0.0, 1.0, 1.0), (0.75, 0.25, 0.25), (1 / 3, 2 / 3, 2 / 3))  # weights of y^n, y, dt f(y); Gottlieb and Shu
 
 
-def euler(engine: "Sph") -> None:
+def euler(y: Evolving, choose_step: Callable[[], None]) -> None:
     """y = y + dt f(y)."""
-    engine.evaluate(start=True)
-    engine.choose_step()
-    engine.combine(0.0, 1.0, 1.0)
+    y.evaluate(start=True)
+    choose_step()
+    y.combine(0.0, 1.0, 1.0)
 
 
-def predictor_corrector(engine: "Sph") -> None:
+def predictor_corrector(y: Evolving, choose_step: Callable[[], None]) -> None:
     """(SC 11): y* = y + dt f(y); (SC 12): v = v^n + dt f(y*), x = x^n + dt v, rho = rho^n + dt D(y*)."""
-    engine.evaluate(start=True)
-    engine.choose_step()
-    engine.keep()
-    engine.combine(0.0, 1.0, 1.0, until=1.0)
-    engine.evaluate()
-    engine.combine(1.0, 0.0, 1.0, with_new_velocity=True)
+    y.evaluate(start=True)
+    choose_step()
+    y.keep()
+    y.combine(0.0, 1.0, 1.0, until=1.0)
+    y.evaluate()
+    y.combine(1.0, 0.0, 1.0, with_new_velocity=True)
 
 
-def rk3_tvd(engine: "Sph") -> None:
+def rk3_tvd(y: Evolving, choose_step: Callable[[], None]) -> None:
     """Runge-Kutta of third order that diminishes total variation (Gottlieb and Shu 1998)."""
-    engine.evaluate(start=True)
-    engine.choose_step()
-    engine.keep()
+    y.evaluate(start=True)
+    choose_step()
+    y.keep()
     for stage, (weights, until) in enumerate(zip(RK3, (1.0, 0.5, 1.0))):
         if stage:
-            engine.evaluate()
-        engine.combine(*weights, until=until)
+            y.evaluate()
+        y.combine(*weights, until=until)
 
 
-def symplectic(engine: "Sph") -> None:
+def symplectic(y: Evolving, choose_step: Callable[[], None]) -> None:
     """v = v + dt a(x, v, rho), then with the new v rho = rho + dt D(x, v, rho), x = x + dt v: two half evaluations."""
-    engine.evaluate_forces()
-    engine.choose_step()
-    engine.kick()
-    engine.evaluate_rates()
-    engine.drift()
+    y.evaluate_forces()
+    choose_step()
+    y.kick()
+    y.evaluate_rates()
+    y.drift()
 
 
-INTEGRATORS: dict[str, Callable[["Sph"], None]] = {
+INTEGRATORS: dict[str, Callable[[Evolving, Callable[[], None]], None]] = {
     "euler": euler,
     "predictor-corrector": predictor_corrector,
     "rk3-tvd": rk3_tvd,

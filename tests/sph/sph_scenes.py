@@ -65,13 +65,13 @@ def engine(world=None, threads=1, **settings):
 
 def jitter(sph, amount=0.2, speed=1.0, density=5.0, seed=1):
     """Disorder the particles, in a way that depends on their ids alone."""
-    bodies, d = sph.bodies, sph.scene.dimensions
+    storage, d = sph.storage, sph.scene.dimensions
     noise = np.random.default_rng(seed).uniform(-1, 1, (sph.scene.n_fluid, 2 * d + 1))
-    fluid = bodies.fluid
-    noise = noise[bodies.key[fluid] // CODES].T
-    bodies.x[:, fluid] += amount * sph.scene.spacing * noise[:d]
-    bodies.v[:, fluid] += speed * noise[d : 2 * d]
-    bodies.drho[fluid] += density * noise[2 * d]
+    fluid = storage.fluid_slots
+    noise = noise[storage.key[fluid] // CODES].T
+    storage.x[:, fluid] += amount * sph.scene.spacing * noise[:d]
+    storage.v[:, fluid] += speed * noise[d : 2 * d]
+    storage.drho[fluid] += density * noise[2 * d]
     sph.tasks.each(sph.motion.rewrap)
     sph.migrate()
     sph.sort()
@@ -86,18 +86,18 @@ def tank(d=2, kind="pressure-continuity", size=1.0, more=""):
 
 def column(sph, name):
     """A column of the own particles; a [d, n] and rate [n] of the last pair sums."""
-    bodies, sums = sph.bodies, sph.sums
+    storage, sums = sph.storage, sph.sums
     if name == "a":
-        return sums.forces_on(bodies.rows) / bodies.own("m")
+        return sums.forces_on(storage.own_slots) / storage.own_values("m")
     if name == "rate":
-        rates = sph.tasks.arena["sums"][sums.rate, bodies.rows] * sph.tasks.arena["factors"][1]
-        return np.where(bodies.own("flags") & REPULSIVE, 0.0, rates)
-    return bodies.own(name)
+        rates = sph.tasks.arena["sums"][sums.rate, storage.own_slots] * sph.tasks.arena["factors"][1]
+        return np.where(storage.own_values("flags") & REPULSIVE, 0.0, rates)
+    return storage.own_values(name)
 
 
 def by_id(sph, *names):
     """Columns of the particles in order of their ids."""
-    order = np.argsort(sph.bodies.own("id"))
+    order = np.argsort(sph.storage.own_values("id"))
     return [column(sph, name)[..., order] for name in names]
 
 
@@ -109,8 +109,9 @@ class Reference:
         x, v, self.drho, self.m = by_id(sph, "x", "v", "drho", "m")
         self.rho = self.scene.rho0 + self.drho
         self.dx, self.dv = x[:, :, None] - x[:, None, :], v[:, :, None] - v[:, None, :]
-        for k in np.flatnonzero(sph.periodic):
-            self.dx[k] -= sph.lengths[k] * np.rint(self.dx[k] / sph.lengths[k])
+        for k in np.flatnonzero(sph.slabs.domain.periodic):
+            length = sph.slabs.domain.lengths[k]
+            self.dx[k] -= length * np.rint(self.dx[k] / length)
         d, h = self.scene.dimensions, self.scene.h
         self.r = np.sqrt(np.sum(self.dx**2, axis=0))
         self.f = SMOOTHING[self.scene.kernel].f(self.r / h, d) / h ** (d + 2)

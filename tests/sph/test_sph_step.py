@@ -17,9 +17,9 @@ def test_a_uniform_velocity_changes_nothing_else():
     moved, at_rest = (engine(spacing=0.1, step="time_step = 5e-4;") for _ in range(2))
     for sph in (moved, at_rest):
         jitter(sph)
-    moved.bodies.put("v", moved.bodies.own("v") + np.array([[3.0], [-2.0]]))
+    moved.storage.set_own_values("v", moved.storage.own_values("v") + np.array([[3.0], [-2.0]]))
     (x, v), (x_rest, v_rest) = (by_id(run(sph, 20), "x", "v") for sph in (moved, at_rest))
-    shift = np.array([[3.0], [-2.0]])[moved.axes]
+    shift = np.array([[3.0], [-2.0]])[moved.scene.axes]
     assert np.abs(v - v_rest - shift).max() < 1e-11  # rounding of v = 3 m/s in twenty steps, amplified by the motion
     assert np.abs(x - x_rest - shift * at_rest.time).max() < 1e-12
 
@@ -51,8 +51,8 @@ def smooth(integrator, dt, periods=8):
     """A sound wave in a periodic box."""
     sph = engine(periodic=("x", "y"), fill=1.0, spacing=0.1, flux="none", alpha=0.0, integrator=integrator,
                  step=f"time_step = {dt!r};", **STILL)  # fmt: skip
-    bodies = sph.bodies
-    bodies.put("v", 0.2 * np.sin(2 * np.pi * bodies.own("x")))
+    storage = sph.storage
+    storage.set_own_values("v", 0.2 * np.sin(2 * np.pi * storage.own_values("x")))
     run(sph, round(periods * 1e-3 / dt))
     return np.concatenate([values.ravel() for values in by_id(sph, "x", "v", "drho")])
 
@@ -70,7 +70,7 @@ def test_order_of_the_integrators(integrator, order):
 def test_the_step_follows_the_fastest_criterion():
     sph = engine(spacing=0.1, cfl=0.5)
     run(sph, 1)
-    h, c = sph.scene.h, sph.scene.c0 * (1 + sph.largest[2] / 1000) ** 3
+    h, c = sph.scene.h, sph.scene.c0 * (1 + sph.extremes.density_error / 1000) ** 3
     assert sph.time_step == pytest.approx(0.5 * h / c, rel=1e-12)
     assert engine(spacing=0.1, step="time_step = 1e-5;").choose(1.0, 1.0, 0.0) == 1e-5
     assert sph.choose(1.0, 1e9, 0.0) == pytest.approx(0.25 * np.sqrt(h / 1e9), rel=1e-12)
@@ -78,7 +78,7 @@ def test_the_step_follows_the_fastest_criterion():
 
 def test_what_is_not_finite_ends_the_run():
     sph = engine(spacing=0.1)
-    sph.bodies.v[0, sph.bodies.fluid[3]] = np.nan
+    sph.storage.v[0, sph.storage.fluid_slots[3]] = np.nan
     assert "not a finite number" in sph.guard()
     with pytest.raises(Diverged):
         run(sph, 1)
@@ -92,15 +92,15 @@ def test_neighbours_follow_the_fastest_particle(integrator):
     spare, plenty = (engine(d=2, integrator=integrator, velocity=(0.5, 0.0)) for _ in range(2))
     sorts = count_calls(spare, "sort")
     for _ in range(6):
-        plenty.reach = plenty.farthest_reach
+        plenty.skin.reach = plenty.skin.farthest
         plenty.sort()
         for sph in (spare, plenty):
             sph.step()
     assert len(sorts) > 6  # the first step needed more than it had
-    assert 0 < spare.reach < 0.5 * spare.farthest_reach
+    assert 0 < spare.skin.reach < 0.5 * spare.skin.farthest
     assert spare.time == pytest.approx(plenty.time, rel=1e-12)  # criteria from sums in another order
     for name, scale in (("x", spare.scene.spacing), ("v", 0.5)):
-        both = [sph.bodies.own(name)[:, np.argsort(sph.bodies.own("id"))] for sph in (spare, plenty)]
+        both = [sph.storage.own_values(name)[:, np.argsort(sph.storage.own_values("id"))] for sph in (spare, plenty)]
         assert np.abs(both[0] - both[1]).max() <= 1e-11 * scale  # rounding of 18 sums of 20 neighbours
 
 

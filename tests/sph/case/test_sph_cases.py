@@ -43,7 +43,7 @@ def test_images_are_about_as_many_as_planned(name):
     config, pool = configure(load(shipped_cases()[name])), Pool(1)
     try:
         app = Sph(config, World.alone(), pool, Timers())
-        assert images(config) == pytest.approx(np.count_nonzero(app.bodies.flags) - app.bodies.n, rel=0.2)
+        assert images(config) == pytest.approx(np.count_nonzero(app.storage.flags) - app.storage.n, rel=0.2)
     finally:
         pool.close()
 

@@ -12,7 +12,6 @@ from hpcpic.core.tasks.graph import Pool
 from hpcpic.core.timers import Timers
 from sph.case import columns
 from sph.configure import configure
-from sph.diagnostics import scalars
 from sph.diagnostics.gauges import Gauges
 from sph.step import Sph
 
@@ -34,7 +33,7 @@ def Still(gauge="", high=2.0, periodic='periodic = ["x"];'):
 
 
 def reading(gauge, **more):
-    return Gauges(Still(f"{{ name = \"g\"; {gauge} }}", **more)).values(0.0)  # fmt: skip
+    return Gauges(Still(f"{{ name = \"g\"; {gauge} }}", **more).storage).values(0.0)  # fmt: skip
 
 
 @pytest.mark.parametrize("x", [0.0, 0.31, 1.999])
@@ -75,7 +74,7 @@ def test_a_gauge_with_a_period_is_read_at_its_multiples_only():
                           '{ name = "b"; what = "front"; axis = "y+"; }'))  # fmt: skip
     times = (0.0, 0.04, 0.1, 0.19, 0.21, 0.3)
     assert [sorted(gauges.values(t)) for t in times] == [["a", "b"], ["b"], ["a", "b"], ["b"], ["a", "b"], ["a", "b"]]
-    later = Gauges(gauges.sph, since=0.21)
+    later = Gauges(gauges.storage, since=0.21)
     assert sorted(later.values(0.25)) == ["b"]
 
 
@@ -84,13 +83,13 @@ def test_what_was_due_between_the_last_sample_and_a_stop_is_read_after_the_resta
     text = '{ name = "a"; what = "front"; axis = "y+"; period = 0.1; }, { name = "b"; what = "front"; period = 0.3; }'
     run, again = Still(text), Still(text)
     run.scalars()
-    run.time = 0.15  # here it stops
+    run.clock.time = 0.15  # here it stops
     kept = {name: shard.local for name, shard in run.state().items()}
     reader = SimpleNamespace(step=9, time=0.15, names=list(kept))
     reader.read = lambda name, *rows: kept[name][slice(*rows or (None,))]
     again.restore(reader)
     for sph in (run, again):
-        sph.time = 0.16
+        sph.clock.time = 0.16
         assert {"a", "b"} & sph.scalars().keys() == {"a"}
 
 
@@ -102,17 +101,17 @@ def test_readings_and_scalars_do_not_depend_on_the_order_of_the_particles():
         )
     )
     still = Still(text)
-    before = Gauges(still).values(0.0) | scalars.scalars(still)
-    bodies = still.bodies
-    rows, mixed = bodies.rows, np.random.default_rng(5).permutation(bodies.rows)
-    bodies.state[:, rows] = bodies.state[:, mixed]
-    assert Gauges(still).values(0.0) | scalars.scalars(still) == before
+    before = still.scalars()
+    storage = still.storage
+    rows, mixed = storage.own_slots, np.random.default_rng(5).permutation(storage.own_slots)
+    storage.state[:, rows] = storage.state[:, mixed]
+    assert still.scalars() == before
     assert set(before) == set(columns.scalar_units(still.scene.config) | columns.gauge_units(still.scene.config))
 
 
 def test_energies_of_a_stream_at_rest_pressure():
     still = Still()
-    found = scalars.scalars(still)
+    found = still.scalars()
     mass = 2000.0
     assert found["mass"] == pytest.approx(mass, rel=1e-12)
     assert found["energy_kinetic"] == pytest.approx(0.5 * mass * 0.25, rel=1e-12)
@@ -127,11 +126,11 @@ def test_energies_of_a_stream_at_rest_pressure():
 def test_internal_energy_is_the_work_of_pressure(gamma):
     """u' = p / rho^2."""
     still = engine(sound=f"20.0; gamma = {gamma}")
-    scene, mass = still.scene, still.bodies.own("m").sum()
+    scene, mass = still.scene, still.storage.own_values("m").sum()
 
     def energy(drho):
-        still.bodies.put("drho", drho)
-        return scalars.scalars(still)["energy_internal"] / mass
+        still.storage.set_own_values("drho", drho)
+        return still.scalars()["energy_internal"] / mass
 
     for drho in (-20.0, 0.0, 80.0):
         slope = (energy(drho + 1e-3) - energy(drho - 1e-3)) / 2e-3
@@ -143,9 +142,9 @@ def test_scalars_are_the_sums_over_the_fluid():
     """As numpy adds them, to its rounding; what walls hold is not counted."""
     sph = engine(d=3, spacing=0.125, more=tank(3))
     jitter(sph)
-    found, fluid = scalars.scalars(sph), sph.bodies.own("wall") == 0
+    found, fluid = sph.scalars(), sph.storage.own_values("wall") == 0
     assert not fluid.all()
-    x, v, m = sph.physical("x")[fluid], sph.physical("v")[fluid], sph.bodies.own("m")[fluid]
+    x, v, m = sph.storage.physical("x")[fluid], sph.storage.physical("v")[fluid], sph.storage.own_values("m")[fluid]
     assert found["mass"] == pytest.approx(m.sum(), rel=1e-13)
     assert found["energy_kinetic"] == pytest.approx((0.5 * m * (v * v).sum(axis=1)).sum(), rel=1e-13)
     assert found["energy_potential"] == pytest.approx(-(m * (x @ sph.scene.gravity)).sum(), rel=1e-13)
@@ -157,5 +156,5 @@ def test_scalars_are_the_sums_over_the_fluid():
 
 def test_what_is_not_a_number_is_said():
     still = Still()
-    still.bodies.v[0, still.bodies.fluid[3]] = np.nan
-    assert np.isnan(scalars.scalars(still)["energy_kinetic"])
+    still.storage.v[0, still.storage.fluid_slots[3]] = np.nan
+    assert np.isnan(still.scalars()["energy_kinetic"])

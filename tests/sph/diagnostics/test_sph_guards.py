@@ -32,14 +32,14 @@ def attacked(sph, attack, steps=100, every=50):
 
 def one(sph):
     """A particle in the middle of the water."""
-    rows = sph.bodies.fluid
-    return rows[np.argmin(np.abs(sph.physical("x", rows) - (0.45, 0.25)).sum(axis=1))]
+    rows = sph.storage.fluid_slots
+    return rows[np.argmin(np.abs(sph.storage.physical("x", rows) - (0.45, 0.25)).sum(axis=1))]
 
 
 def set_one(column, value, axis=0):
     def attack(sph):
-        line = sph.bodies.arena[column]
-        line[(sph.axes.index(axis), one(sph)) if line.ndim == 2 else one(sph)] = value
+        line = sph.storage.arena[column]
+        line[(sph.scene.axes.index(axis), one(sph)) if line.ndim == 2 else one(sph)] = value
         if column == "x":
             sph.sort()
 
@@ -49,7 +49,7 @@ def set_one(column, value, axis=0):
 @pytest.mark.parametrize("speed", [3e3, 1e6, 1e12, -1e12])
 def test_a_speed_beyond_that_of_sound(speed):
     sph = water()
-    number = sph.bodies.number(one(sph))
+    number = sph.storage.number(one(sph))
     reason = attacked(sph, set_one("v", speed))
     assert f"step {BEFORE}, t = {sph.time:.6g} s: particle {number} at (0.4" in reason and "faster than sound" in reason
 
@@ -57,7 +57,7 @@ def test_a_speed_beyond_that_of_sound(speed):
 @pytest.mark.parametrize("column, value", [("v", 1e200), ("v", np.nan), ("drho", np.nan), ("drho", np.inf)])
 def test_what_is_no_number(column, value):
     sph = water()
-    number = sph.bodies.number(one(sph))
+    number = sph.storage.number(one(sph))
     reason = attacked(sph, set_one(column, value))
     assert "not a finite number" in reason and (column != "v" or f"particle {number} at (0.4" in reason)
 
@@ -65,7 +65,7 @@ def test_what_is_no_number(column, value):
 @pytest.mark.parametrize("excess", [0.3, -0.3, 0.5])
 def test_a_density_off_by_a_third(excess):
     sph = water()
-    number = sph.bodies.number(one(sph))
+    number = sph.storage.number(one(sph))
     reason = attacked(sph, set_one("drho", excess * 1000.0))
     assert f"density of particle {number} at (0.4" in reason and f"{1 + excess:.3g} rho0" in reason
 
@@ -85,7 +85,7 @@ def test_an_acceleration_that_makes_steps_short():
 
 def test_an_impulse_that_no_pressure_has_given():
     def attack(sph):
-        sph.impulses[0, 0] = 1e300
+        sph.forces.impulses[0, 0] = 1e300
 
     assert "impulse" in attacked(water(), attack)
 
@@ -94,8 +94,8 @@ def test_an_impulse_that_no_pressure_has_given():
 def test_energy_that_nothing_has_given(share, words):
     def attack(sph):
         sph.scalars()
-        rows = sph.bodies.fluid
-        sph.bodies.v[sph.axes.index(1), rows] = share * sph.scene.c0  # out of the tank, all together
+        rows = sph.storage.fluid_slots
+        sph.storage.v[sph.scene.axes.index(1), rows] = share * sph.scene.c0  # out of the tank, all together
 
     assert words in attacked(water(size=(1.0, 60.0), gravity=(0.0, -9.81)), attack)
 
@@ -104,7 +104,7 @@ def test_energy_that_nothing_has_given(share, words):
 def test_a_reach_of_neighbours_that_cannot_be(reach):
     sph = water(integrator="rk3-tvd")
     sph.step()
-    sph.reach = reach
+    sph.skin.reach = reach
     with pytest.raises(Diverged, match="neighbours are known for"):
         sph.resume()
 

@@ -5,7 +5,7 @@ import pytest
 from sph_scenes import config, engine, listed, tank, torn
 
 from hpcpic.core.errors import Diverged
-from sph.particles.strays import BEYOND, most_strays
+from sph.particles.strays import MAX_DENSITY_ERROR, most_strays
 from sph.setup.scene import Scene
 
 TANK = {"size": (1.0, 1.2), "fill": (1.0, 0.5), "spacing": 0.1}
@@ -27,23 +27,25 @@ def test_a_stray_gets_the_density_of_rest_keeps_its_mass_and_falls_on(caplog):
     """A drop of two particles starts at 1.32 rho0, with one neighbour each."""
     sph = engine(case=torn())
     start = sph.scalars()
-    drop = sph.bodies.fluid[sph.bodies.drho[sph.bodies.fluid] > BEYOND * sph.scene.rho0]
-    numbers = sph.bodies.key[drop]
+    drop = sph.storage.fluid_slots[sph.storage.drho[sph.storage.fluid_slots] > MAX_DENSITY_ERROR * sph.scene.rho0]
+    numbers = sph.storage.key[drop]
     assert len(drop) == 2
     run(sph, 3)
     found = sph.scalars()
     assert found["strays"] == sph.strays.count == 2 and "2 stray particles" in caplog.text
-    assert found["mass"] == start["mass"] and found["max_density_error"] < BEYOND
-    rows = np.flatnonzero(np.isin(sph.bodies.key, numbers) & (sph.bodies.flags > 0))
-    assert np.mean(sph.bodies.v[sph.axes.index(1), rows]) == pytest.approx(-9.81 * sph.time, rel=1e-9)
+    assert found["mass"] == start["mass"] and found["max_density_error"] < MAX_DENSITY_ERROR
+    rows = np.flatnonzero(np.isin(sph.storage.key, numbers) & (sph.storage.flags > 0))
+    assert np.mean(sph.storage.v[sph.scene.axes.index(1), rows]) == pytest.approx(-9.81 * sph.time, rel=1e-9)
 
 
-@pytest.mark.parametrize("excess", [BEYOND, -BEYOND])
+@pytest.mark.parametrize("excess", [MAX_DENSITY_ERROR, -MAX_DENSITY_ERROR])
 def test_such_a_density_inside_the_fluid_ends_the_run_and_names_the_particle(excess):
     sph = water()
-    inside = sph.bodies.fluid[np.argmin(np.abs(sph.physical("x", sph.bodies.fluid) - (0.45, 0.25)).sum(axis=1))]
-    sph.bodies.drho[inside] = excess * sph.scene.rho0
-    number = sph.bodies.number(inside)
+    inside = sph.storage.fluid_slots[
+        np.argmin(np.abs(sph.storage.physical("x", sph.storage.fluid_slots) - (0.45, 0.25)).sum(axis=1))
+    ]
+    sph.storage.drho[inside] = excess * sph.scene.rho0
+    number = sph.storage.number(inside)
     with pytest.raises(Diverged, match=rf"step 0, t = 0 s: the density of particle {number} at \(0.45, 0.25\) m is"):
         sph.step()
 
@@ -51,9 +53,9 @@ def test_such_a_density_inside_the_fluid_ends_the_run_and_names_the_particle(exc
 def test_a_fluid_that_bursts_ends_the_run():
     """More strays in a step than there may be, each without neighbours."""
     sph = engine(size=(20.0, 20.0), fill=(1.0, 1.3), spacing=0.1, gravity=(0.0, 0.0), more=tank(2, size=(20.0, 20.0)))
-    rows = sph.bodies.fluid[: most_strays(sph.scene.n_fluid) + 1]
-    sph.bodies.x[0, rows] = 5.0 + np.arange(len(rows))
-    sph.bodies.drho[rows] = -BEYOND * sph.scene.rho0
+    rows = sph.storage.fluid_slots[: most_strays(sph.scene.n_fluid) + 1]
+    sph.storage.x[0, rows] = 5.0 + np.arange(len(rows))
+    sph.storage.drho[rows] = -MAX_DENSITY_ERROR * sph.scene.rho0
     sph.sort()
     with pytest.raises(Diverged, match=f"the density of {len(rows)} particles is beyond"):
         sph.step()
@@ -87,7 +89,7 @@ def test_fluid_that_has_gone_over_an_edge_has_not_gone_through_a_wall(name):
         sph.step()
         assert sph.iteration % 10 or sph.guard() is None
     found = sph.scalars()
-    x = sph.physical("x", sph.bodies.fluid)
+    x = sph.storage.physical("x", sph.storage.fluid_slots)
     if sph.scene.config.domain.outflow:
         assert 0 < found["outflow"] == pytest.approx(start["mass"] - found["mass"], rel=1e-9)
         assert len(x) < n and np.all(x[:, 1] > -0.5)
@@ -100,26 +102,26 @@ def test_fluid_that_has_gone_over_an_edge_has_not_gone_through_a_wall(name):
 def test_a_leak_is_seen_though_fluid_may_be_outside(look):
     """Also if it is no longer in the wall when the guard looks."""
     sph = leaving("overflow")
-    one = sph.bodies.fluid[5]
-    for axis, physical in enumerate(sph.axes):
-        sph.bodies.x[axis, one], sph.bodies.v[axis, one] = (0.25, -0.075)[physical], (0.0, -10.0)[physical]
+    one = sph.storage.fluid_slots[5]
+    for axis, physical in enumerate(sph.scene.axes):
+        sph.storage.x[axis, one], sph.storage.v[axis, one] = (0.25, -0.075)[physical], (0.0, -10.0)[physical]
     sph.sort()
     if look:
         assert "went through wall_1" in sph.guard()
     for _ in range(40):
         sph.step()
-    assert sph.physical("x", sph.bodies.fluid)[:, 1].min() > 0.0  # the wall has pushed it back
+    assert sph.storage.physical("x", sph.storage.fluid_slots)[:, 1].min() > 0.0  # the wall has pushed it back
     assert "went through wall_1" in sph.guard()
 
 
 def test_when_all_has_left_the_run_goes_on():
     sph = leaving("open end")
-    x = sph.axes.index(0)
-    sph.bodies.x[x, sph.bodies.fluid] = 0.99 + 1e-3 * sph.bodies.x[x, sph.bodies.fluid]
-    sph.bodies.v[x, sph.bodies.fluid] = 10.0
+    x = sph.scene.axes.index(0)
+    sph.storage.x[x, sph.storage.fluid_slots] = 0.99 + 1e-3 * sph.storage.x[x, sph.storage.fluid_slots]
+    sph.storage.v[x, sph.storage.fluid_slots] = 10.0
     sph.sort()
     run(sph, 40)
-    assert len(sph.bodies.fluid) == 0 and sph.outflow.mass() == pytest.approx(250.0)
+    assert len(sph.storage.fluid_slots) == 0 and sph.outflow.mass() == pytest.approx(250.0)
 
 
 def test_fluid_beside_a_tank_is_its_neighbours_and_what_a_tank_cannot_hold_is_clipped():

@@ -70,8 +70,8 @@ def test_corrected_gradients_are_exact_for_linear_fields():
     sph = engine(integrator="euler", d=2, corrected="true", flux="none", alpha=0.0, gravity=(0.0, 0.0), pressure="zero")
     jitter(sph, density=0.0, speed=0.0)
     gradient = np.array([[1.0, 2.0], [-3.0, 4.0]])
-    sph.bodies.put("v", gradient @ sph.bodies.own("x"))
-    sph.evaluate()
+    sph.storage.set_own_values("v", gradient @ sph.storage.own_values("x"))
+    sph.evolution.evaluate()
     error = np.sort(np.abs(column(sph, "rate") / sph.scene.rho0 + np.trace(gradient)))
     assert error[-5] < 1e-12 * np.abs(gradient).sum()  # but for corners with too few neighbours
 
@@ -81,11 +81,11 @@ def test_shifting_pushes_particles_towards_the_lattice():
     sph = engine(integrator="euler", d=2, shifting="true", periodic=("x", "y"), fill=1.0, **still)
     x = by_id(sph, "x")[0]
     jitter(sph, amount=0.1, speed=0.0, density=0.0)
-    ids = sph.bodies.own("id")
-    away = sph.bodies.own("x") - x[:, ids]
+    ids = sph.storage.own_values("id")
+    away = sph.storage.own_values("x") - x[:, ids]
     away -= np.rint(away)  # around the unit box
-    sph.evaluate()
-    offset = sph.bodies.own("offset")
+    sph.evolution.evaluate()
+    offset = sph.storage.own_values("offset")
     assert np.sum(away * offset) < -0.5 * np.sqrt(np.sum(away**2) * np.sum(offset**2))
 
 
@@ -105,10 +105,10 @@ def test_sums_far_away(axis):
     """Neighbours are found from places in single precision, whose rounding is reckoned with: 0.06 m and more here."""
     sph = engine(integrator="euler", d=3, spacing=0.1)
     jitter(sph)
-    sph.bodies.x[axis, sph.bodies.rows] += 1e6
+    sph.storage.x[axis, sph.storage.own_slots] += 1e6
     sph.sort()
     expected = Reference(sph).acceleration()
-    sph.evaluate()
+    sph.evolution.evaluate()
     assert np.abs(by_id(sph, "a")[0] - expected).max() <= ROUNDING * np.abs(expected).max()
 
 
@@ -117,13 +117,15 @@ def test_sums_of_stages_use_the_neighbours_of_the_start(integrator):
     """Particles that have moved as far as the sort allows still find each other."""
     sph = engine(d=2, integrator=integrator, cfl=1.0)
     jitter(sph)
-    ids = sph.bodies.own("id")
+    ids = sph.storage.own_values("id")
     direction = np.random.default_rng(3).uniform(0, 2 * np.pi, len(ids))[ids]
-    sph.reach = sph.farthest_reach
+    sph.skin.reach = sph.skin.farthest
     sph.sort()
-    sph.bodies.put("x", sph.bodies.own("x") + sph.reach * np.array([np.cos(direction), np.sin(direction)]))
+    sph.storage.set_own_values(
+        "x", sph.storage.own_values("x") + sph.skin.reach * np.array([np.cos(direction), np.sin(direction)])
+    )
     expected = Reference(sph)
-    sph.evaluate()
+    sph.evolution.evaluate()
     assert np.abs(by_id(sph, "a")[0] - expected.acceleration()).max() <= ROUNDING * np.abs(by_id(sph, "a")[0]).max()
 
 
@@ -131,7 +133,7 @@ def test_momentum_and_diffused_density_are_conserved():
     """Pair forces are opposite; the flux takes from one particle what it gives to the other, by volume."""
     sph = engine(integrator="euler", d=3, fill=1.0, spacing=0.125, flux="delta", periodic=("x", "y", "z"))
     jitter(sph)
-    sph.evaluate()
+    sph.evolution.evaluate()
     a, rate, drho, m = by_id(sph, "a", "rate", "drho", "m")
     assert np.abs((m * a).sum(axis=1)).max() <= 1e-12 * np.abs(m * a).sum()
     plain = engine(integrator="euler", d=3, fill=1.0, spacing=0.125, flux="none", periodic=("x", "y", "z"))
@@ -144,8 +146,8 @@ def test_momentum_and_diffused_density_are_conserved():
 
 def test_a_still_patch_has_no_acceleration_inside():
     sph = engine(integrator="euler", d=2, gravity=(0.0, 0.0), pressure="zero", periodic=("x", "y"), fill=1.0)
-    sph.bodies.put("drho", 3.0)
-    sph.evaluate()
+    sph.storage.set_own_values("drho", 3.0)
+    sph.evolution.evaluate()
     a, rate = by_id(sph, "a", "rate")
     scale = sph.scene.c0**2 / sph.scene.h  # of an acceleration by a pressure difference of rho c^2 over h
     assert np.abs(a).max() <= 1e-14 * scale
@@ -154,8 +156,8 @@ def test_a_still_patch_has_no_acceleration_inside():
 
 def test_coincident_particles_do_not_push_each_other():
     sph = engine(integrator="euler", d=2, kernel="cubic", gravity=(0.0, 0.0))
-    first, second = sph.bodies.rows[:2]
-    sph.bodies.x[:, second] = sph.bodies.x[:, first]
+    first, second = sph.storage.own_slots[:2]
+    sph.storage.x[:, second] = sph.storage.x[:, first]
     sph.sort()
-    sph.evaluate()
+    sph.evolution.evaluate()
     assert all(np.isfinite(column(sph, name)).all() for name in ("a", "rate"))

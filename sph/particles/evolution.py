@@ -1,0 +1,85 @@
+"""What integrators are made of: the rates of the state y = (x, v, rho), and its way forward in time by kernels."""
+
+from collections.abc import Callable
+from types import ModuleType
+
+from hpcpic.core.timers import Timers
+from sph.particles.clock import Clock
+from sph.particles.pair_sums import PairSums
+from sph.particles.tasks import Tasks
+from sph.particles.walls import Walls
+
+
+class Evolution:
+    """`motion`: the kernels of that name; `evaluations`: of pair sums so far (see physics.integrators.Evolving)."""
+
+    def __init__(
+        self, clock: Clock, tasks: Tasks, motion: ModuleType, sums: PairSums, walls: Walls, timers: Timers
+    ) -> None:
+        self.clock, self.tasks, self.motion, self.sums = clock, tasks, motion, sums
+        self.walls, self.timers, self.numbers = walls, timers, tasks.arena["numbers"]
+        self.evaluations, self._evaluated_at = 0, -1
+
+    def evaluate(self, start: bool = False) -> None:
+        """Find a and D = d rho / dt of the present y; `start`: it is y^n, whose rates may be known. Collective."""
+        if not start or self._evaluated_at != self.clock.step:
+            with self.timers.section("pairs"):
+                self.evaluations += 1
+                self.sums.everything(self.clock.step)
+        self._evaluated_at = self.clock.step if start else -1
+
+    def evaluate_forces(self) -> None:
+        """Find a of y^n, if it is not known. Collective."""
+        if self._evaluated_at != self.clock.step:
+            with self.timers.section("pairs"):
+                self.evaluations += 1
+                self.sums.forces(self.clock.step)
+            self._evaluated_at = self.clock.step
+
+    def evaluate_rates(self) -> None:
+        """Find D of x and rho as in `evaluate_forces`, and the new v. Collective."""
+        with self.timers.section("pairs"):
+            self.sums.rates(self.clock.step)
+
+    def forget_rates(self) -> None:
+        """The rates of y^n are not known any more."""
+        self._evaluated_at = -1
+
+    def keep(self) -> None:
+        """Remember y^n."""
+        self._update(self.motion.keep)
+
+    def combine(
+        self, old: float, now: float, new: float, *, until: float = 1.0, with_new_velocity: bool = False
+    ) -> None:
+        """y = old y^n + now y + new dt f(y); the stage stands for t^n + until dt."""
+        self._update(self.motion.advance, old, now, new, float(with_new_velocity), at=self.sums.rate)
+        self._carry_walls(until)
+
+    def kick(self) -> None:
+        """v = v + dt a."""
+        self._update(self.motion.kick)
+
+    def drift(self) -> None:
+        """x = x + dt v, rho = rho + dt D."""
+        self._update(self.motion.drift, at=self.sums.rate)
+        self._carry_walls(1.0)
+
+    def shift(self, speed: float) -> None:
+        """x = x + dt speed offset: particles away from where they are crowded, for the largest speed in m/s."""
+        self.numbers[1] = self.clock.time_step * speed
+        self.tasks.each(self.motion.spread)
+
+    def wrap(self) -> None:
+        """Particles behind a mirror change places with their images; x goes back into periodic sides."""
+        if len(self.tasks.arena["mirrors"].normals):
+            self.tasks.each(self.motion.swap)
+        self.tasks.each(self.motion.rewrap)
+
+    def _update(self, kernel: Callable, *numbers: float, **more: int) -> None:
+        with self.timers.section("update"):
+            self.numbers[: 1 + len(numbers)] = self.clock.time_step, *numbers
+            self.tasks.each(kernel, **more)
+
+    def _carry_walls(self, until: float) -> None:
+        self.walls.carry(self.clock.time + until * self.clock.time_step, self.tasks, self.motion.carry)

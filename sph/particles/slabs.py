@@ -1,0 +1,64 @@
+"""Who owns which layers of cells: cuts between ranks, made again where one has much more to do than the others."""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hpcpic.core.comm.world import World
+from hpcpic.core.space.domain import Domain, balanced_cuts
+from sph.particles.cell_grid import PADS, CellGrid
+from sph.setup.scene import Scene
+
+IMAGES_REACH = 4  # layers from a body to where its image, but for a period, is looked for; with one to spare
+MAX_IMBALANCE = 1.03  # load of the fullest rank over what it can be, beyond which cuts are made again
+
+
+class Slabs:
+    """owner[layer]: rank; beside[layer]: own layers next to those of other ranks; peers: the other ranks that a body
+    of this one, or an image of it, may be a ghost of, and the other way round.
+    """
+
+    def __init__(self, scene: Scene, grid: CellGrid, world: World) -> None:
+        self.grid, self.world = grid, world
+        lengths, periodic = (scene.high - scene.low)[list(scene.axes)], scene.periodic[list(scene.axes)]
+        points = (grid.layers, *np.ceil(lengths[1:] / grid.edge).astype(int).tolist())
+        self.around = bool(periodic[0])  # one end of the domain lies beside the other
+        cuts = balanced_cuts(np.ones(grid.layers), world.size)
+        self.cut(Domain(tuple(lengths), points, tuple(map(bool, periodic)), cuts))
+
+    def cut(self, domain: Domain) -> None:
+        """Give the layers to the ranks as the cuts of `domain` say."""
+        layers, me = domain.points[0], self.world.rank
+        self.domain, self.peers = domain, list[int]()
+        self.low, self.high = domain.row_range(me)  # first own layer, and the one behind the last
+        self.beside: NDArray[np.bool_] = np.broadcast_to(False, layers)
+        self.owner: NDArray[np.int64] = np.broadcast_to(0, layers)  # many in a large tank: without a list for one rank
+        if self.world.size == 1:
+            return
+        self.owner = np.asarray(domain.owner(np.arange(layers)))
+        ends = np.concatenate([self.owner[:1], self.owner, self.owner[-1:]])
+        self.beside = (ends[:-2] != me) | (ends[2:] != me)
+        mine = np.flatnonzero(self.owner == me)
+        if len(mine):
+            self.peers = self._near(mine[0], mine[-1], me)
+
+    def _near(self, first: int, last: int, me: int) -> list[int]:
+        near = self.owner[max(first - IMAGES_REACH, 0) : last + IMAGES_REACH + 1]
+        if self.around:
+            ends = self.owner[: IMAGES_REACH + PADS], self.owner[-IMAGES_REACH - PADS :]
+            for here, there in (ends, ends[::-1]):
+                if me in here:
+                    near = np.concatenate([near, there])
+        return [int(peer) for peer in np.unique(near) if peer != me]
+
+    def balance(self, layer: NDArray[np.int32]) -> bool:
+        """Make cuts of equal load if the present ones are far from it: layer[slot] of own particles, others -1.
+        Whether they are new. Collective.
+        """
+        load = self.world.sum_int(np.bincount(layer + 1, minlength=self.grid.layers + 1)[1:])  # 0: nobody
+        cuts = balanced_cuts(load, self.world.size)
+        prefix = np.concatenate(([0], np.cumsum(load)))
+        worst, best = (np.diff(prefix[list(c)]).max() for c in (self.domain.cuts, cuts))
+        if worst > MAX_IMBALANCE * best:
+            self.cut(self.domain.with_cuts(cuts))
+            return True
+        return False

@@ -1,0 +1,73 @@
+"""The force of the fluid on walls, and its integral over time."""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hpcpic.core.comm.world import World
+from hpcpic.core.space.exact import LIMBS, add_limbs, power_of_two_above, value
+from sph.kernels import readings
+from sph.particles.ghosts import Ghosts
+from sph.particles.pair_sums import PairSums
+from sph.particles.slabs import Slabs
+from sph.particles.storage import Slots
+from sph.particles.walls import Walls
+
+Forces = dict[str, tuple[NDArray[np.float64], NDArray[np.float64]]]
+
+
+class WallForces:
+    """`impulses` [walls, 1 + 3]: integrals over time of |F| and F on the measured walls, N s (2D: N s/m)."""
+
+    def __init__(self, walls: Walls, ghosts: Ghosts, sums: PairSums, slabs: Slabs) -> None:
+        self.walls, self.ghosts, self.storage, self.sums, self.slabs = walls, ghosts, ghosts.storage, sums, slabs
+        self.measured = [wall for wall in walls.scene.walls if wall.measure_force]
+        self.impulses = np.zeros((len(walls.scene.walls), 4))
+
+    def now(self) -> Forces:
+        """Force [d] in N (2D: N/m) and torque [3] about `torque_about` of the fluid on each measured wall, by the
+        last pair sums. Collective.
+        """
+        storage, scene = self.storage, self.walls.scene
+        axes, d = list(scene.axes), scene.dimensions
+        slots, of = storage.until_sorted("walls", self._wall_slots)
+        layer = self.slabs.grid.layer(storage.x[0, slots])
+        here = (layer >= self.slabs.low) & (layer < self.slabs.high)  # images here hold what they do to this slab
+        terms = []
+        for wall in self.measured:
+            own = slots[here & (of == wall.index)]
+            force, arm = np.zeros((3, len(own))), np.zeros((3, len(own)))
+            force[axes] = self.sums.forces_on(own)
+            centre = wall.torque_about + self.walls.displacement[wall.index] - scene.low
+            arm[axes] = storage.x[:, own] - centre[axes, None]
+            (x, y, z), (fx, fy, fz) = arm, force
+            terms.append(np.concatenate([force, [y * fz - z * fy, z * fx - x * fz, x * fy - y * fx]]))
+        totals = exact_sums(self.slabs.world, terms) if terms else []
+        return {wall.name: (total[:d], total[3:]) for wall, total in zip(self.measured, totals)}
+
+    def _wall_slots(self) -> tuple[Slots, NDArray[np.int64]]:
+        """Slots of the particles of measured walls, also of images in them, and the number of the wall of each."""
+        storage, images, none = self.storage, np.array(self.ghosts.maps.wall), np.zeros(0, np.int64)
+        measured = np.array([wall.measure_force for wall in self.walls.scene.walls], bool)
+        here = storage.end, storage.flags, storage.key, images, measured
+        slots, walls = np.empty((2, readings.of_walls(*here, none, none)), np.int64)
+        readings.of_walls(*here, slots, walls)
+        return slots, walls
+
+    def add_impulses(self, dt: float) -> None:
+        """The forces of now for a step of dt s. Collective."""
+        if self.measured:
+            forces = self.now()
+            for wall in self.measured:
+                force = forces[wall.name][0]
+                parts = [float(np.sqrt(np.sum(force * force))), *force]
+                self.impulses[wall.index, : len(parts)] += np.array(parts) * dt
+
+
+def exact_sums(world: World, terms: list[NDArray[np.float64]]) -> list[NDArray[np.float64]]:
+    """By group, [k]: sums over all ranks of terms[group][k, n]; with the same bits for any ranks. Collective."""
+    scale = power_of_two_above(world.max(max(float(np.abs(values).max(initial=0.0)) for values in terms)))
+    limbs = np.zeros((len(terms), len(terms[0]), LIMBS), np.int64)
+    for own, values in zip(limbs, terms):
+        for line, numbers in zip(own, values):
+            add_limbs(line, numbers, 1.0 / scale)
+    return [np.array([value(line, scale) for line in lines]) for lines in world.sum_int(limbs)]
