@@ -19,7 +19,7 @@ def test_a_uniform_velocity_changes_nothing_else():
         jitter(sph)
     moved.storage.set_own_values("v", moved.storage.own_values("v") + np.array([[3.0], [-2.0]]))
     (x, v), (x_rest, v_rest) = (by_id(run(sph, 20), "x", "v") for sph in (moved, at_rest))
-    shift = np.array([[3.0], [-2.0]])[moved.scene.axes]
+    shift = np.array([[3.0], [-2.0]])[list(moved.scene.axes)]
     assert np.abs(v - v_rest - shift).max() < 1e-11  # rounding of v = 3 m/s in twenty steps, amplified by the motion
     assert np.abs(x - x_rest - shift * at_rest.time).max() < 1e-12
 

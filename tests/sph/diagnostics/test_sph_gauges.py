@@ -70,8 +70,8 @@ def test_the_front_is_the_edge_of_the_fluid():
 
 
 def test_a_gauge_with_a_period_is_read_at_its_multiples_only():
-    gauges = Gauges(Still('{ name = "a"; what = "front"; axis = "y+"; period = 0.1; },'
-                          '{ name = "b"; what = "front"; axis = "y+"; }'))  # fmt: skip
+    text = '{ name = "a"; what = "front"; axis = "y+"; period = 0.1; }, { name = "b"; what = "front"; axis = "y+"; }'
+    gauges = Gauges(Still(text).storage)
     times = (0.0, 0.04, 0.1, 0.19, 0.21, 0.3)
     assert [sorted(gauges.values(t)) for t in times] == [["a", "b"], ["b"], ["a", "b"], ["b"], ["a", "b"], ["a", "b"]]
     later = Gauges(gauges.storage, since=0.21)
