@@ -76,7 +76,7 @@ def test_corrected_gradients_leave_still_water_beside_walls_still():
 def test_a_particle_behind_a_mirror_changes_places_with_its_image():
     sph = engine(spacing=0.1, more=tank(2, "mirror-no-slip"), step="time_step = 1e-3;")
     b = sph.storage
-    low = b.fluid[np.argmin(b.x[sph.scene.axes.index(1), b.fluid])]
+    low = b.fluid_slots[np.argmin(b.x[sph.scene.axes.index(1), b.fluid_slots])]
     x, v = b.x[:, low], b.v[:, low]
     up, across = sph.scene.axes.index(1), sph.scene.axes.index(0)
     x[up], v[up], v[across] = -0.01, -1.0, 0.5
