@@ -227,7 +227,7 @@ def test_slopes_that_mirror_have_a_corner_between_them(kind):
     plates = slope.format(0.0, [1.0, 1.0]) + ", " + slope.format(1.0, [-1.0, -1.0])
     for walls, images in ((valley, 3), (plates, 2)):
         sph = engine(spacing=0.1, size=(1.0, 1.0), more=f"wall = ( {walls} );".replace("KIND", f'type = "{kind}";'))
-        assert len(sph.storage.maps.planes) == 1 + images
+        assert len(sph.ghosts.maps.planes) == 1 + images
 
 
 def test_tasks_stay_bound_while_mirrors_move():

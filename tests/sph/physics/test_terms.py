@@ -11,8 +11,8 @@ def check(tolerance, density=5.0, **settings):
     jitter(sph, density=density)
     expected = Reference(sph)
     for name, wanted, evaluate in (
-        ("a", expected.acceleration(), sph.evaluate_forces if sph.law.split else sph.evaluate),
-        ("rate", expected.rate(), sph.evaluate_rates if sph.law.split else sph.evaluate),
+        ("a", expected.acceleration(), sph.evolution.evaluate_forces if sph.law.split else sph.evolution.evaluate),
+        ("rate", expected.rate(), sph.evolution.evaluate_rates if sph.law.split else sph.evolution.evaluate),
     ):
         evaluate()
         assert np.abs(by_id(sph, name)[0] - wanted).max() <= tolerance * np.abs(wanted).max()
@@ -138,7 +138,7 @@ def test_momentum_and_diffused_density_are_conserved():
     assert np.abs((m * a).sum(axis=1)).max() <= 1e-12 * np.abs(m * a).sum()
     plain = engine(integrator="euler", d=3, fill=1.0, spacing=0.125, flux="none", periodic=("x", "y", "z"))
     jitter(plain)
-    plain.evaluate()
+    plain.evolution.evaluate()
     diffusion = (rate - by_id(plain, "rate")[0]) * m / (sph.scene.rho0 + drho)
     assert np.abs(diffusion).sum() > 0
     assert abs(diffusion.sum()) <= 1e-12 * np.abs(rate * m / sph.scene.rho0).sum()
