@@ -62,7 +62,7 @@ class Sph:
         self.grid = CellGrid(scene, self.skin.largest_radius)
         self.slabs = Slabs(scene, self.grid, world)
         with world.first_on_node():  # it compiles
-            self._prepare(pool)
+            self._prepare(scene, pool)
         self.forces = WallForces(self.walls, self.ghosts, self.sums, self.slabs)
         self.gauges = Gauges(self.storage)
         self.runaway = Runaway(self.clock, self.storage, self.forces, self.totals)
@@ -75,20 +75,19 @@ class Sph:
         self.balance()
         self.sort()
 
-    def _prepare(self, pool: Pool) -> None:
+    def _prepare(self, scene: Scene, pool: Pool) -> None:
         """Make arrays without particles, and the kernels of the scene."""
-        scene = self.scene
         maps, mirrors = images_of(self.walls, self.skin.largest_radius)
         self.law = law_of(scene, bool(scene.walls) or len(maps.planes) > 1)
         declared = arrays_of(self.law, scene.config.simulation.integrator in STAGED)
-        self.tasks = Tasks(pool, arena_of(scene, declared, parts_of(scene.n_fluid // self.world.size, pool.threads)))
-        self.tasks.arena.set(mirrors=mirrors)
-        self.motion = motion = specialise("motion", DIM=scene.dimensions, REAL=self.law.real)
+        parts = parts_of(scene.n_fluid // self.world.size, pool.threads)
+        self.tasks = Tasks(pool, arena_of(scene, declared, parts, mirrors=mirrors))
+        self.motion = specialise("motion", DIM=scene.dimensions, REAL=self.law.real)
         self.storage = Storage(scene, self.world, self.tasks.arena)
-        self.ghosts = Ghosts(self.storage, motion, maps)
+        self.ghosts = Ghosts(self.storage, self.motion, maps)
         self.cells = Cells(self.tasks, self.grid, scene.dimensions)
         self.sums = PairSums(scene, self.law, self.tasks, self.ghosts)
-        self.evolution = Evolution(self.clock, self.tasks, motion, self.sums, self.walls, self.timers)
+        self.evolution = Evolution(self.clock, self.tasks, self.motion, self.sums, self.walls, self.timers)
         self.totals = scalars.Totals(scene, self.world, self.tasks)
 
     # ---- the step
@@ -132,17 +131,17 @@ class Sph:
 
     def sort(self) -> None:
         """Find ghosts, cells and neighbours for the positions as they are. Collective."""
-        ghosts, cells = self.ghosts, self.cells
+        ghosts = self.ghosts
         with self.timers.section("ghosts"):
             if self.walls.moving and any(ghosts.maps.mirrored):
                 ghosts.maps, mirrors = images_of(self.walls, self.skin.largest_radius)
                 self.tasks.arena.set(mirrors=mirrors)
             if not ghosts.none_anywhere:
-                ghosts.choose(cells.layer_of(self.storage), self.slabs)
+                ghosts.choose(self.cells.layer_of(self.storage), self.slabs)
                 ghosts.refresh(self.clock.step)
         with self.timers.section("sort"):
-            ghosts.sorted(cells.sort(self.storage, self.slabs))
-            cells.find(self.skin.radius)
+            ghosts.sorted(self.cells.sort(self.storage, self.slabs))
+            self.cells.find(self.skin.radius)
 
     def choose_step(self) -> None:
         """dt from the largest speed, acceleration and density error of all particles. Collective."""

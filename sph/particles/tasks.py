@@ -59,14 +59,14 @@ class Tasks:
         return graph
 
 
-def arena_of(scene: Scene, declared: Iterable[Array], parts: int) -> Arena:
+def arena_of(scene: Scene, declared: Iterable[Array], parts: int, **more: Any) -> Arena:
     """The arrays of a rank, nearly empty, with what kernels read of the scene: `external` acceleration [d] m/s2 and
-    `period` [d] m, 0 where there is none, in storage axes.
+    `period` [d] m, 0 where there is none, in storage axes; and `more` of its values.
     """
     axes, sizes = list(scene.axes), {"slots": FIRST_SLOTS, "layers": 0, "rows": 0, "cells": 0}
     arena = Arena(declared, **sizes, parts=parts, ends=parts + 1, walls=len(scene.walls))
     period = np.where(scene.periodic, scene.high - scene.low, 0.0)[axes]
-    arena.set(external=np.ascontiguousarray(scene.acceleration[axes]), period=period)
+    arena.set(external=np.ascontiguousarray(scene.acceleration[axes]), period=period, **more)
     return arena
 
 
