@@ -7,6 +7,7 @@ import click
 from hpcpic.core.app.app import AppLoader
 from hpcpic.core.app.read import read_case
 from hpcpic.core.app.text import table
+from hpcpic.core.app.use import use_option
 from hpcpic.core.case.cases import read_header
 from hpcpic.core.case.config import Tree, dotted
 from hpcpic.core.case.schema import describe, value_text
@@ -25,6 +26,7 @@ def make_list_command(app_loader: AppLoader) -> click.Command:
 def make_show_command(app_loader: AppLoader) -> click.Command:
     @click.command("show")
     @click.argument("case")
+    @use_option
     def show(case: str) -> None:
         """A case's header, and every key with its type, unit, default and limits."""
         app = app_loader()

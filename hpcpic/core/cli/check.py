@@ -11,6 +11,7 @@ from hpcpic.core.app.app import App, AppLoader
 from hpcpic.core.app.rates import read_rates
 from hpcpic.core.app.read import Case, read_case, set_option, shape_options
 from hpcpic.core.app.text import table
+from hpcpic.core.app.use import use_option
 from hpcpic.core.case.derived import Derived
 from hpcpic.core.cli.cures import cures
 from hpcpic.core.errors import CheckFailed
@@ -65,6 +66,7 @@ def make_check_command(app_loader: AppLoader) -> click.Command:
     @click.command("check")
     @click.argument("case")
     @set_option
+    @use_option
     @shape_options
     @click.option("--plan", is_flag=True, help="Also list kernels, arrays and messages of a step, and imports.")
     def check(case: str, sets: tuple[str, ...], ranks: int, threads: int, plan: bool) -> None:

@@ -11,6 +11,7 @@ from hpcpic.core.app.forecast import Estimate
 from hpcpic.core.app.rates import rates_file, read_rates
 from hpcpic.core.app.read import read_case, set_option, shape_options
 from hpcpic.core.app.text import amount, duration, table
+from hpcpic.core.app.use import use_option
 from hpcpic.core.run.summary import several
 
 MIB = 2.0**20
@@ -68,6 +69,7 @@ def make_estimate_command(app_loader: AppLoader) -> click.Command:
     @click.command("estimate")
     @click.argument("case")
     @set_option
+    @use_option
     @shape_options
     def estimate(case: str, sets: tuple[str, ...], ranks: int, threads: int) -> None:
         """Memory by item, disk and time of a case on any ranks x threads; works on one process."""

@@ -15,6 +15,7 @@ from contextlib import contextmanager, suppress
 from dataclasses import asdict, dataclass, field
 from typing import TYPE_CHECKING, Any
 
+from hpcpic.core.app import use
 from hpcpic.core.app.app import App, AppLoader
 from hpcpic.core.app.forecast import Estimate
 from hpcpic.core.app.rates import read_rates
@@ -61,6 +62,7 @@ class Plan:
     config: str  # with every default filled in
     restart: bool = False
     allowed: str = ""  # words of the command that let it run beyond limits
+    used: dict[str, str] = field(default_factory=dict)  # name -> text of Python files of the user
     warnings: list[str] = field(default_factory=list)
     history: list[Mapping[str, Any]] = field(default_factory=list)
 
@@ -141,6 +143,8 @@ class _Job:
 
         assert self.rundir is not None
         tree = loads(plan.config, str(self.rundir.config))
+        for name, text in plan.used.items():
+            use.import_text(name, text, str(self.rundir.given / name))
         settings = fixed_settings(self.app, tree)
         config = self.app.configure(tree)
         threads, timers = self.flags.threads or self.world.default_threads(), Timers()
@@ -192,7 +196,7 @@ class _Job:
 
     def _again(self, folder: str) -> str:
         config, new = shlex.quote(f"{folder}/config.conf"), shlex.quote(f"{folder}-again")
-        return f"{self.app.name} run {config} -o {new}{self.allowed}"
+        return " ".join([f"{self.app.name} run {config} -o {new}{self.allowed}", *map(shlex.quote, use.words(folder))])
 
     def _take_up(self, model: Model, reader: checkpoint.Reader, plan: Plan) -> None:
         """Go on from a checkpoint. Collective; raises Agreed."""

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
+from hpcpic.core.app import use
 from hpcpic.core.app.app import App, AppLoader
 from hpcpic.core.app.read import set_option
 from hpcpic.core.case.config import Tree, load
@@ -49,16 +50,17 @@ def make_restart_command(app_loader: AppLoader) -> click.Command:
             rundir = RunDir.open(folder, app.name, damaged=True)
             rundir.lock()
             try:
+                facts = rundir.read_run()
+                use.import_kept(facts, rundir.given)
                 config, tree, warnings = _config(app, rundir, until, sets, world.size)
                 warnings += rundir.mend()
-                history = settled(rundir.read_run().get("history", []))
+                history = settled(facts.get("history", []))
                 warnings += require_memory(app, config, world.size, world.node_size, force=True)
             except BaseException:
                 rundir.unlock()
                 raise
-            return rundir, Plan(
-                folder, kept_text(config, tree, rundir.path), restart=True, warnings=warnings, history=history
-            )
+            text, texts = kept_text(config, tree, rundir.path), use.texts()
+            return rundir, Plan(folder, text, restart=True, used=texts, warnings=warnings, history=history)
 
         return job(app_loader, prepare, Flags(threads, wall, checkpoint_every, patience, quiet))
 

@@ -10,8 +10,10 @@ from typing import TYPE_CHECKING
 
 import click
 
+from hpcpic.core.app import use
 from hpcpic.core.app.app import App, AppLoader
 from hpcpic.core.app.read import Case, read_case, set_option
+from hpcpic.core.app.use import use_option
 from hpcpic.core.case.derived import enforce
 
 if TYPE_CHECKING:
@@ -74,6 +76,7 @@ def make_run_command(app_loader: AppLoader) -> click.Command:
         "-o", "--output", metavar="DIR", help="Run folder.  [default: the case's output.path, or runs/CASE]"
     )
     @set_option
+    @use_option
     @job_options
     @click.option("--dry", is_flag=True, help="Check and estimate only; take no step and make no folder.")
     @click.option("--replace", is_flag=True, help="Replace the run in DIR: its files, and nothing else.")
@@ -133,11 +136,13 @@ def prepare_run(
         "program": app.name,
         "case": read.path,
         "sets": list(sets),
+        "used": use.kept_digests(),
         "derived": [{key: getattr(number, key) for key in told} for number in numbers],
     }
-    rundir = RunDir.create(folder, replace, config=text, given=contents(read.tree), sets=sets, facts=facts)
+    given = contents(read.tree) | use.texts()
+    rundir = RunDir.create(folder, replace, config=text, given=given, sets=sets, facts=facts)
     allowed = " --beyond-limits" if beyond_limits else " --force" if force else ""
-    return rundir, Plan(folder=folder, config=text, allowed=allowed, warnings=warnings)
+    return rundir, Plan(folder=folder, config=text, allowed=allowed, used=use.texts(), warnings=warnings)
 
 
 def run_folder(read: Case) -> str:

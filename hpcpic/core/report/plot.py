@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 import click
 
 from hpcpic.core.app.app import App, AppLoader
+from hpcpic.core.app.use import use_option
 from hpcpic.core.errors import ConfigError, FileError, HpcpicError
 
 if TYPE_CHECKING:
@@ -37,6 +38,7 @@ def make_plot_command(app_loader: AppLoader) -> click.Command:
         show_default=True,
         help="mp4: a movie over the snapshots.",
     )
+    @use_option
     @click.option("--step", type=int, help="Snapshot to draw.  [default: the last one]")
     def plot(folder: str, what: str, output: str | None, kind: str, step: int | None) -> None:
         """Draw figures of a run: all that its scene and its files allow, or the one that WHAT names.

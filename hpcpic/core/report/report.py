@@ -13,6 +13,7 @@ import click
 
 from hpcpic.core.app.app import App, AppLoader
 from hpcpic.core.app.text import count, duration, number
+from hpcpic.core.app.use import use_option
 from hpcpic.core.case.cases import Header, read_header
 from hpcpic.core.report.plot import explained, plots_of
 from hpcpic.core.run.summary import is_dissipation, several, stepping_seconds
@@ -65,6 +66,7 @@ class Page:
 def make_report_command(app_loader: AppLoader) -> click.Command:
     @click.command("report")
     @click.argument("folders", metavar="DIR...", nargs=-1, required=True)
+    @use_option
     @click.option(
         "-o",
         "--output",

@@ -12,6 +12,7 @@ import click
 from hpcpic.core.app.app import App, AppLoader
 from hpcpic.core.app.read import read_case, set_option, shape_options
 from hpcpic.core.app.text import table
+from hpcpic.core.app.use import use_option
 from hpcpic.core.errors import CheckFailed, ConfigError
 from hpcpic.core.files.rundir import write_json
 
@@ -29,6 +30,7 @@ def make_stability_command(app_loader: AppLoader) -> click.Command:
     @click.option("--map", "pair", metavar="A,B", help="The limit of A over sizes of B, as a picture.")
     @click.option("-o", "--output", metavar="DIR", help="Folder of the runs.  [default: stability/CASE]")
     @set_option
+    @use_option
     @shape_options
     def stability(**asked: Any) -> None:
         """Bisect for the largest stable size of a knob of CASE; compare with the theory's limit.

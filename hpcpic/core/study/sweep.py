@@ -17,9 +17,11 @@ from typing import Any
 
 import click
 
+from hpcpic.core.app import use
 from hpcpic.core.app.app import App, AppLoader
 from hpcpic.core.app.read import read_case, set_option, shape_options
 from hpcpic.core.app.text import table
+from hpcpic.core.app.use import use_option
 from hpcpic.core.cli.launch import Start, launch, refuse_launcher
 from hpcpic.core.errors import CheckFailed, ConfigError, FileError
 from hpcpic.core.files.rundir import RunDir, write_atomic
@@ -32,6 +34,7 @@ def make_sweep_command(app_loader: AppLoader) -> click.Command:
     @click.command("sweep")
     @click.argument("case")
     @set_option
+    @use_option
     @click.option("-o", "--output", metavar="DIR", help="Folder of the runs.  [default: sweeps/CASE]")
     @click.option(
         "--zip",
@@ -154,7 +157,8 @@ def run_once(
     A finished one is left as it is, a stopped one goes on. flags: more words for `run`. Raises FileError.
     """
     facts = facts_of(rundir)
-    same = facts.get("sets") == list(sets) and _is_of(app, path, sets, rundir)
+    same = (facts.get("sets"), facts.get("used", {})) == (list(sets), use.kept_digests())
+    same = same and _is_of(app, path, sets, rundir)
     if rundir.run_json.exists() and not same:
         raise FileError(
             f"{rundir.path} holds a run of another sweep, or of the case before it was changed; "
@@ -169,7 +173,7 @@ def run_once(
             rundir.lock()  # nobody is at it
             shutil.rmtree(rundir.path)  # an earlier attempt of this sweep
             rundir.unlock()
-        words = ["run", path, "-o", str(rundir.path), *flags]
+        words = ["run", path, "-o", str(rundir.path), *flags, *use.words()]
         words += [word for assignment in sets for word in ("--set", assignment)]
     ranks, threads = shape
     rundir.path.parent.mkdir(parents=True, exist_ok=True)

@@ -12,6 +12,7 @@ import click
 from hpcpic.core.app.app import App, AppLoader
 from hpcpic.core.app.read import Case, read_case, set_option, shape_options
 from hpcpic.core.app.text import duration, table
+from hpcpic.core.app.use import use_option
 from hpcpic.core.case.cases import read_header
 from hpcpic.core.cli.launch import refuse_launcher
 from hpcpic.core.errors import CheckFailed, ConfigError, FileError
@@ -34,6 +35,7 @@ def make_tradeoff_command(app_loader: AppLoader) -> click.Command:
     @click.option("--write", "target", metavar="FILE", help="Write the recommended case there.")
     @click.option("-o", "--output", metavar="DIR", help="Folder of the pilots.  [default: tradeoffs/CASE]")
     @set_option
+    @use_option
     @shape_options
     def tradeoff(**asked: Any) -> None:
         """Measure what each knob of CASE costs and gains; with --tolerance, find the cheapest setting.

@@ -1,0 +1,80 @@
+"""--use: a file of the user is imported before the case is read, kept in the run folder, and used by a restart."""
+
+import hashlib
+import json
+import subprocess
+import sys
+
+import pytest
+from app_runner import environment, launch
+
+LOADER = """
+import numpy as np
+
+from hpcpic.plasma.setup.loaders import Loader, register
+
+
+class Middle(Loader):
+    name = "middle"
+
+    def positions(self, batch):
+        return np.full((len(batch.ids), len(batch.lengths)), 0.5) * batch.lengths
+
+
+register(Middle())
+"""
+CASE = """
+simulation = { cycles = 4; time_step = 0.1; space_length = [8.0]; };
+grid = { points = [8]; };
+species = ( { name = "e"; particles = 64; charge = -1.0; mass = 1.0; init_method = "middle"; } );
+"""
+
+
+@pytest.fixture
+def folder(tmp_path):
+    (tmp_path / "own.py").write_text(LOADER)
+    (tmp_path / "own.conf").write_text(CASE)
+    return tmp_path
+
+
+def hpcpic(folder, *words):
+    command = [sys.executable, "-m", "hpcpic", *words]
+    return subprocess.run(command, cwd=folder, env=environment(), capture_output=True, text=True, timeout=120)
+
+
+def test_a_loader_from_a_file_runs_is_kept_and_goes_on_without_the_file(folder):
+    assert "init_method" in hpcpic(folder, "check", "own.conf").stderr
+    done = hpcpic(folder, "run", "own.conf", "-o", "a", "--use", "own.py", "--threads", "1")
+    assert done.returncode == 0, done.stderr
+    assert json.loads((folder / "a/run.json").read_text())["used"] == {
+        "own.py": hashlib.sha256(LOADER.encode()).hexdigest()
+    }
+    (folder / "own.py").unlink()
+    more = hpcpic(folder, "restart", "a", "--set", "simulation.cycles=6", "--threads", "1")
+    assert more.returncode == 0, more.stderr
+    (folder / "a/given/own.py").write_text(LOADER + "\n")
+    refused = hpcpic(folder, "restart", "a", "--set", "simulation.cycles=8")
+    assert refused.returncode == 2 and "own.py: not the file that the run was started with" in refused.stderr
+
+
+@pytest.mark.parametrize(
+    "text, line, told",
+    [("x = 1\n\nx = (\n", 3, "SyntaxError"), ("x = 1\n1 / 0\n", 2, "ZeroDivisionError"), ("exit()\n", 1, "SystemExit")],
+)
+def test_a_file_that_cannot_be_imported_is_told_with_its_line(folder, text, line, told):
+    (folder / "own.py").write_text(text)
+    done = hpcpic(folder, "check", "own.conf", "--use", "own.py")
+    assert done.returncode == 2 and done.stderr.startswith(f"own.py:{line}: {told}"), done.stderr
+
+
+def test_a_file_that_is_not_there_is_told(folder):
+    done = hpcpic(folder, "estimate", "own.conf", "--use", "other.py")
+    assert done.returncode == 2 and done.stderr == "--use other.py: cannot read: No such file or directory\n"
+
+
+def test_all_ranks_and_all_runs_of_a_sweep_use_the_file(folder):
+    words = ("-m", "hpcpic", "run", "own.conf", "-o", "two", "--use", "own.py", "--threads", "1")
+    done = launch(2, *words, cwd=folder)
+    assert done.returncode == 0, done.stderr
+    swept = hpcpic(folder, "sweep", "own.conf", "--use", "own.py", "--set", "simulation.time_step=0.1,0.2")
+    assert swept.returncode == 0, swept.stdout + swept.stderr
