@@ -129,7 +129,7 @@ class Simulation:
         return math.ceil(until / model.time_step * (1 - 1e-12)), math.inf
 
     def _go(self, last: float) -> None:
-        """One step, or as many as the simulator takes at once while nobody looks."""
+        """One step, or as many as the model takes at once without an observer in between."""
         unseen = [observer.trigger.ahead(self.iteration) for observer in self._observers]
         most = min([last - self.iteration, self._guard.ahead(self.iteration), *unseen])
         self.model.advance(1 if self.model.n_steps is None else int(most))

@@ -58,7 +58,7 @@ class Cases(Table, Mapping[str, "Header"]):
 
 @dataclass(frozen=True, slots=True, repr=False)
 class Check(Table):
-    """rows: the derived numbers with their limits, verdicts and sources. warnings: what reading the case said."""
+    """rows: the derived numbers with their limits, verdicts and sources. warnings: those of reading the case."""
 
     rows: tuple[Derived, ...]
     warnings: tuple[str, ...]

@@ -55,7 +55,7 @@ class App:
         return self.command or (*PYTHON, "-m", self.name)
 
     def may_change(self, key: str) -> bool:
-        """Whether a restart may change this setting: it does not belong to the state."""
+        """True if a restart may change this setting, which then does not belong to the state."""
         return any(key == free or key.startswith((f"{free}.", f"{free}[")) for free in self.free)
 
 

@@ -31,7 +31,7 @@ PAPER = "#ffffff"
 THEORY: Any = {"color": INK, "linestyle": (0, (5, 3)), "linewidth": 1.4}  # a line of theory: dashed and dark
 DOTS_PER_INCH = 150
 FRAMES_PER_SECOND = 12
-BINS = 2000  # pieces of a long line that are told apart
+BINS = 2000  # pieces that a long line is drawn in
 
 
 class NoData(ValueError):

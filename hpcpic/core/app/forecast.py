@@ -1,4 +1,4 @@
-"""What a program foretells of a run before it starts, in the form that check, estimate and the report read."""
+"""What a program forecasts of a run before it starts, in the form that check, estimate and the report read."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
@@ -28,7 +28,7 @@ class Estimate:
 
 
 def gain(ranks: int, threads: int, rates: Mapping[str, float], all_cores: float) -> float:
-    """How many times faster than one core ranks x threads are at what all cores of a node do `all_cores` times faster.
+    """The speed-up of ranks x threads over one core in work that all cores of a node do `all_cores` times faster.
 
     On one node not more than it has; beyond twice its cores, nodes of the same kind. A gain that was measured while the
     machine changed may be none, or more than there are cores: it is taken for the nearest that can be.
@@ -41,7 +41,7 @@ def gain(ranks: int, threads: int, rates: Mapping[str, float], all_cores: float)
 
 
 def writing_seconds(disk: Mapping[str, float], snapshots: int, rates: Mapping[str, float]) -> float:
-    """Of all files of a run: their bytes, and what every snapshot takes to be opened and told."""
+    """Seconds of writing all files of a run: their bytes, and a constant for every snapshot."""
     return sum(disk.values()) / (1e9 * rates["disk_gb_s"]) + 1e-3 * snapshots * rates["snapshot_ms"]
 
 

@@ -1,4 +1,4 @@
-"""What an app tells `tradeoff` and `stability` of one case: what can be turned, what is asked for, what it costs."""
+"""What an app gives `tradeoff` and `stability` of one case: what can be turned, what is asked for, what it costs."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ class Knob:
     """A continuous setting. In theory its error goes as size^order and the cost of a run as size^-cost.
 
     size(config): of a completed case, in `unit`. key: where the setting stands. limit: the derived number that ends
-    the stability of the scheme when this knob is turned. shown: how a size is told, as a count for example.
+    the stability of the scheme when this knob is turned. shown(size): the number that is printed, a count for example.
     """
 
     name: str
@@ -68,7 +68,7 @@ class Quantity:
 
 @dataclass(frozen=True, slots=True)
 class Knobs:
-    """Of one completed case.
+    """What can be turned in one completed case, and what it costs.
 
     settings(sizes, time): the --set list that gives the knobs these sizes, or the nearest finer ones there are, in a
     run until `time` [s]. time: end of the case itself. pilot: settings of every pilot: series densely, no snapshots.

@@ -1,4 +1,4 @@
-"""From what the user typed to a typed configuration."""
+"""Reads a case that the command line names: the options for it, and the file to a configuration."""
 
 from __future__ import annotations
 

@@ -51,18 +51,18 @@ def _longest_word(text: str) -> int:
 
 
 def _stacked(headers: Sequence[str], rows: Sequence[Sequence[str]], room: int) -> None:
-    """Where not even the words fit beside each other: a paragraph per row."""
+    """Print a paragraph per row, where not even the words fit beside each other."""
     for first, *others in rows:
         click.echo(first)
-        told = "; ".join(f"{name} {cell}".strip() for name, cell in zip(headers[1:], others) if cell)
-        lines = textwrap.wrap(told, max(room - 4, 20), break_long_words=False, break_on_hyphens=False)
+        cells = "; ".join(f"{name} {cell}".strip() for name, cell in zip(headers[1:], others) if cell)
+        lines = textwrap.wrap(cells, max(room - 4, 20), break_long_words=False, break_on_hyphens=False)
         click.echo(textwrap.indent("\n".join(lines), "    "))
 
 
 def _folded(
     headers: Sequence[str], rows: Sequence[Sequence[str]], right: Sequence[str], least: Sequence[int]
 ) -> None:
-    """The same where lines do not fit, or characters may be two columns wide; no column is narrower than `least`."""
+    """Print a table with folded lines, or characters two columns wide; no column is narrower than `least`."""
     from rich.console import Console
     from rich.table import Table
     from rich.text import Text

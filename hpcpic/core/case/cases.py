@@ -26,12 +26,12 @@ GROUP = re.compile(rf"(?m)^\s*(@include\b|({'|'.join(sorted(set().union(*PROGRAM
 
 
 def looks_like_case(text: str) -> bool:
-    """Whether a line begins as in a case; what does not may be anybody's secret and is not quoted."""
+    """True if a line begins as in a case; messages quote no other line, which may hold a secret."""
     return GROUP.search(text) is not None
 
 
 def fit(data: Mapping[str, Any], keys: Iterable[str]) -> int:
-    """How many of a case's outermost keys are among these, less those that are not."""
+    """Score of a case for a program: its outermost keys that are among these, less those that are not."""
     known = len(set(keys).intersection(data))
     return 2 * known - len(data)
 

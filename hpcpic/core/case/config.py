@@ -28,7 +28,7 @@ WORD = re.compile(r"[A-Za-z][-A-Za-z0-9_]*")
 
 @dataclass(frozen=True, slots=True)
 class Place:
-    """Where a setting stands; line 0: it came from the command line, which `file` then quotes."""
+    """The place of a setting; line 0: it came from the command line, which `file` then quotes."""
 
     file: str
     line: int = 0
@@ -151,7 +151,7 @@ class Reader:
     def take(
         self, text: str, name: str, within: tuple[str, ...], group: dict, path: Path, foreign: bool = False
     ) -> None:
-        """foreign: the text is perhaps no case, so what is wrong with it is told without its words."""
+        """foreign: the text is perhaps no case, so messages about it do not quote it."""
         self.tree.files.append((name, text))
         node, faults = grammar.parse(text)
         if faults and foreign:
@@ -237,7 +237,7 @@ class Reader:
 
 
 def strange(root: str, real: str) -> bool:
-    """Whether the way from a folder to a file leads over the root of the file system, or into something hidden."""
+    """True if the way from a folder to a file leads over the root of the file system, or into something hidden."""
     shared = os.path.commonpath((root, real))
     if shared == root:
         return False
@@ -303,7 +303,7 @@ def is_many(value: Any) -> bool:
 
 
 def holds(value: Any, key: str | int) -> bool:
-    """Whether a group has the key, or a list or array the index."""
+    """True if a group has the key, or a list or array the index."""
     if isinstance(value, dict):
         return key in value
     return is_many(value) and isinstance(key, int) and key < len(value)

@@ -173,7 +173,7 @@ def matching(data: Any, groups: tuple[str, ...]) -> list[Path]:
 
 
 def position(place: Place) -> tuple[str, int, int]:
-    """In the order of reading within a file."""
+    """Sort key: places of one file in the order of reading."""
     return place.file, place.line, place.column
 
 
@@ -207,7 +207,7 @@ def described(model: type[Section], tree: Tree, fault: Any) -> str:
 
 
 def replaced(tree: Tree, path: Path) -> str:
-    """Where a list around a setting has taken the place of one that another file gave."""
+    """A note where a list around a setting has replaced one that another file gave; else empty."""
     for depth in range(1, len(path)):
         if path[:depth] in tree.replaced:
             return f" ({dotted(path[:depth])} here takes the place of the whole list at {tree.replaced[path[:depth]]})"

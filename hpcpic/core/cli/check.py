@@ -17,7 +17,7 @@ from hpcpic.core.cli.cures import cures
 from hpcpic.core.errors import CheckFailed
 
 DAY = 86400.0  # s
-LONGEST = 30.0  # days of a run that nobody is told of
+LONGEST = 30.0  # days of a run that needs no warning
 
 
 def print_derived(numbers: list[Derived]) -> None:
@@ -29,13 +29,13 @@ def print_derived(numbers: list[Derived]) -> None:
 
 
 def numbers_of(app: App, config: Any, ranks: int) -> list[Derived]:
-    """The derived numbers of a case and, where it would take longer than anybody waits, its time."""
+    """The derived numbers of a case and, where it would take longer than LONGEST, its time."""
     time = whole_run(app, config, ranks)
     return [*app.derived(config, ranks), *([time] if time.verdict != "ok" else [])]
 
 
 def whole_run(app: App, config: Any, ranks: int) -> Derived:
-    """The estimated time of a run, of which a slip in a unit makes more than anybody can wait for."""
+    """The estimated time of a run; a slip in a unit can make it centuries."""
     estimate = app.estimate(config, ranks, 1, read_rates())
     days, steps = estimate.seconds / DAY, estimate.seconds / max(estimate.step_seconds, 1e-300)
     key, cure = app.until(config, 1.0)[0].partition("=")[0], ""

@@ -67,7 +67,7 @@ class Finder:
         return f"{seconds / self.seconds:.3g} times the cost ({duration(seconds)})"
 
     def verdict(self, assignments: tuple[str, ...]) -> str:
-        """Of the number under these settings; "fail" also where they are not valid, or another number refuses."""
+        """The number's verdict under these settings; "fail" also where they are not valid, or another number fails."""
         try:
             config = read_case(self.app, self.path, (*self.sets, *assignments)).config
         except ConfigError:

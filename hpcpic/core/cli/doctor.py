@@ -91,8 +91,8 @@ def _try_launcher(mpirun: str) -> Finding:
     if done.returncode == _OTHER_SIZE:
         return Finding("launcher", f"{mpirun} is of another MPI", "fail", f"use {sys.prefix}/bin/mpirun")
     if done.returncode:
-        told = " ".join(done.stderr.replace("-" * 20, " ").split()).partition(". ")[0]
-        return Finding("launcher", f"{mpirun} starts no two ranks: {told[:200]}", "fail", "what it asks for")
+        message = " ".join(done.stderr.replace("-" * 20, " ").split()).partition(". ")[0]
+        return Finding("launcher", f"{mpirun} starts no two ranks: {message[:200]}", "fail", "what it asks for")
     return Finding("launcher", mpirun)
 
 
@@ -125,7 +125,7 @@ def _libraries() -> Iterator[Finding]:
 
 
 def _cache() -> Iterator[Finding]:
-    """Whether compiled kernels can be kept, and where nobody else can change them."""
+    """Finding on the cache of compiled kernels: it can be written, and no other user can change it."""
     from hpcpic.core.simd.caches import private_folder
 
     try:

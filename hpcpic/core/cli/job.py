@@ -78,7 +78,7 @@ Prepare = Callable[[App, World], tuple[RunDir, Plan]]
 
 def job(app_loader: AppLoader, prepare: Prepare, flags: Flags, raises: bool = False) -> int:
     """Start MPI and do the job; the exit code, the same on all ranks. `prepare` runs on rank 0 and holds the
-    folder. raises: errors are raised instead of told, for a program that is not ours.
+    folder. raises: errors are raised instead of printed, for a program that is not ours.
     """
     started = process_start() if next(_jobs) == 0 and not raises else time.monotonic()
     world = World.start()
@@ -239,7 +239,7 @@ class _Job:
         self.going = model
 
     def _conserved(self, config: Any, reader: checkpoint.Reader | None) -> summary.Conserved:
-        """Of what this scene conserves what the series says up to the step of the checkpoint; on rank 0."""
+        """The conserved scalars of this scene, as the series has them up to the step of the checkpoint; on rank 0."""
         conserved = summary.Conserved(
             getattr(config, "conserved", summary.CONSERVED), getattr(config, "dissipated", ())
         )
@@ -252,7 +252,7 @@ class _Job:
         return conserved
 
     def _estimate(self, config: Any, threads: int) -> dict[str, float]:
-        """Of this run, in the units of the summary; on rank 0."""
+        """The estimate of this run, in the units of the summary; on rank 0."""
         if self.world.rank:
             return {}
         from hpcpic.core.cli.estimate import numbers
@@ -269,7 +269,7 @@ class _Job:
             file.write(text + "\n")
 
     def _note_failure(self, text: str, code: int) -> None:
-        """From the one rank that tells the failure: the folder says so too, if it still can."""
+        """Write the failure into the run folder, if that still works; called by the one rank that reports it."""
         from hpcpic.core.run.loop import write_post_mortem
 
         assert self.rundir is not None
@@ -310,7 +310,7 @@ def _asking_for_patience(rank: int, compiling: Any) -> Iterator[None]:
 
 @contextmanager
 def _closing(model: Model) -> Iterator[Model]:
-    """Closes the model when all ranks leave together; a rank that fails alone has nobody to close it with."""
+    """Closes the model when all ranks leave together; a rank that fails alone cannot close it."""
     try:
         yield model
     except Agreed:
@@ -339,8 +339,8 @@ def _refuse_others(reader: checkpoint.Reader, app: App, settings: Mapping[str, s
 
 
 def require_memory(app: App, config: Any, ranks: int, here: int, force: bool) -> list[str]:
-    """A warning where those of the ranks that are on this machine will take more than it gives, which the system ends
-    without a word; ConfigError without `force`.
+    """A warning where the ranks on this machine need more memory than it has: the out-of-memory killer of the kernel
+    would end them without a message. ConfigError without `force`.
     """
     items = app.estimate(config, ranks, 1, read_rates()).memory
     wanted, there = here * sum(items.values()), memory.free() + here * memory.held()

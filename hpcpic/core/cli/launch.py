@@ -62,13 +62,13 @@ def launch(program: Sequence[str], arguments: Sequence[str], ranks: int, **setti
         words = [mpirun, "-n", str(ranks), *words]
     with _hearing() as heard:
         process = subprocess.Popen(words, env=_environment(), **settings)  # type: ignore[call-overload]
-        told = False
+        terminated = False
         while True:
             with suppress(subprocess.TimeoutExpired, KeyboardInterrupt):
                 return process.wait(LOOK_SECONDS)
-            if heard and not told:
+            if heard and not terminated:
                 process.terminate()
-                told = True
+                terminated = True
 
 
 @contextmanager

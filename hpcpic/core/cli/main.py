@@ -1,4 +1,4 @@
-"""One face for every simulator: the verbs, and the exit codes they leave with."""
+"""The command line of every simulator: the verbs, and the exit codes they leave with."""
 
 from __future__ import annotations
 
@@ -51,8 +51,8 @@ def launcher_rank() -> int:
     return 0
 
 
-class Face(click.Group):
-    """Imports a verb when it is asked for; says known errors once, and leaves with their code."""
+class CommandLine(click.Group):
+    """All verbs: imports a verb when it is asked for, prints a known error once, and exits with its code."""
 
     def __init__(self, app_loader: AppLoader, name: str, title: str) -> None:
         super().__init__(name=name, help=f"{title[:1].upper()}{title[1:]}.")
@@ -111,7 +111,7 @@ class Face(click.Group):
             self.leave(FileError(f"{error.filename or 'the output'}: {error.strerror}"))
 
     def leave(self, error: HpcpicError) -> None:
-        """Say the error once and exit with its code."""
+        """Print the error on one rank and exit with its code."""
         if not launcher_rank():
             click.echo(error.message, err=True)
         sys.exit(error.exit_code)
@@ -143,8 +143,8 @@ def steady_streams() -> None:
 
 def build(app_loader: AppLoader, name: str, title: str) -> click.Group:
     """The command group of one simulator; `app_loader` is called by the verbs that need the app."""
-    face = Face(app_loader, name, title)
-    return click.version_option(__version__, prog_name=name)(face)
+    group = CommandLine(app_loader, name, title)
+    return click.version_option(__version__, prog_name=name)(group)
 
 
 def program(app_loader: AppLoader, name: str, title: str) -> None:
@@ -163,7 +163,7 @@ def program(app_loader: AppLoader, name: str, title: str) -> None:
         leave_alone()
         code = 1
     for stream in (sys.stdout, sys.stderr):
-        with suppress(OSError):  # full, or gone: who had to know has been told
+        with suppress(OSError):  # full, or gone: what mattered has been printed
             stream.flush()
     atexit._run_exitfuncs()
     mpi = sys.modules.get("mpi4py.MPI")

@@ -25,7 +25,7 @@ LOCAL_SIZES = ("MPI_LOCALNRANKS", "OMPI_COMM_WORLD_LOCAL_SIZE")  # where launche
 
 
 def _readable(parse: str) -> Callable:
-    """Tells a text that hpcpic.core.run.triggers.`parse` cannot read before anything starts."""
+    """A callback that refuses a text which hpcpic.core.run.triggers.`parse` cannot read, before anything starts."""
 
     def check(context: click.Context, option: click.Parameter, text: str | None) -> str | None:
         from hpcpic.core.run import triggers
@@ -131,13 +131,13 @@ def prepare_run(
     warnings += require_memory(app, read.config, world.size, world.node_size, force)
     folder = output or run_folder(read)
     text = config_text(read.config, read.tree)
-    told = ("name", "symbol", "value", "unit", "limit", "verdict", "source")
+    shown = ("name", "symbol", "value", "unit", "limit", "verdict", "source")
     facts = provenance(library()) | {
         "program": app.name,
         "case": read.path,
         "sets": list(sets),
         "used": use.kept_digests(),
-        "derived": [{key: getattr(number, key) for key in told} for number in numbers],
+        "derived": [{key: getattr(number, key) for key in shown} for number in numbers],
     }
     given = contents(read.tree) | use.texts()
     rundir = RunDir.create(folder, replace, config=text, given=given, sets=sets, facts=facts)
@@ -146,7 +146,7 @@ def prepare_run(
 
 
 def run_folder(read: Case) -> str:
-    """Where the run goes when nobody says where."""
+    """The run folder when the command line names none."""
     asked = getattr(getattr(read.config, "output", None), "path", None)
     return asked or str(Path("runs") / Path(read.path).stem)
 

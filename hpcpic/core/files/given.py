@@ -12,12 +12,12 @@ MOST = 256 << 20  # bytes of a file that a setting names
 
 
 def content_of(path: str) -> bytes:
-    """Of a file that a setting names. OSError, or ValueError where it is no regular file or too large."""
+    """Bytes of a file that a setting names. OSError, or ValueError where it is no regular file or too large."""
     return file_bytes(os.path.realpath(path), MOST)
 
 
 def digest_of(path: str) -> str:
-    """SHA-256 of its content. Raises as `content_of`."""
+    """SHA-256 of the content of a file. Raises as `content_of`."""
     return hashlib.sha256(content_of(path)).hexdigest()
 
 

@@ -134,7 +134,7 @@ class Image:
 
 @dataclass(frozen=True, slots=True)
 class Slot:
-    """Where a stretch of rows of one data set lies in the file.
+    """The place in the file of a stretch of rows of one data set.
 
     Row r of the stretch is row first + r of the data set; `addresses` are those of the chunk that holds row
     `first` and of the following ones, each of `chunk_rows` rows. A contiguous data set is one chunk.
@@ -217,7 +217,7 @@ def rows_slot(dataset: "h5py.Dataset", first: int, rows: int) -> Slot:
 
 
 def layer_slots(dataset: "h5py.Dataset", first: int, count: int, axis: int) -> list[Slot]:
-    """Of dataset[first], dataset[first + 1], ...: a chunk has whole ones, or rows along `axis` (0: all is one row)."""
+    """Slots of dataset[first], dataset[first + 1], ...: a chunk has all of one, or rows along `axis` (0: one row)."""
     extend(dataset, first + count)
     shape, layers, size = dataset.shape, dataset.chunks[0], dataset.dtype.itemsize
     rows, chunk_rows = (shape[axis], dataset.chunks[axis]) if axis else (1, 1)
@@ -335,7 +335,7 @@ def settle(path: Path) -> None:
 
 
 def _journal_of(file: BinaryIO, size: int) -> tuple[int, bytes]:
-    """Where the journal at the end of a file starts and its regions; none when there is no complete one."""
+    """Start of the journal at the end of a file, and its regions; none when there is no complete one."""
     file.seek(max(0, size - JOURNAL_END.size))
     end = file.read()
     if len(end) == JOURNAL_END.size and end.startswith(JOURNAL_MARK):

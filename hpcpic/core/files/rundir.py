@@ -35,13 +35,13 @@ def temporary(path: Path, pid: int | str | None = None) -> Path:
 
 
 def discard(path: Path) -> None:
-    """Remove what was begun, if it is still there to be removed: what hindered it is told, not this."""
+    """Remove what was begun, if it is still there to be removed: an error of the removal is not reported."""
     with suppress(OSError):
         path.unlink()
 
 
 def create_anew(path: Path) -> IO[bytes]:
-    """A new file, whatever has stood there: a link that somebody put in the way is removed, not followed."""
+    """A new file, whatever has stood there: a link put in the way is removed, not followed."""
     path.unlink(missing_ok=True)
     flags = os.O_WRONLY | os.O_CREAT | os.O_EXCL | os.O_NOFOLLOW | os.O_CLOEXEC
     return os.fdopen(os.open(path, flags, 0o644), "wb")
@@ -192,14 +192,14 @@ class RunDir:
             )
 
     def _is_ours(self) -> bool:
-        """Whether run.json is what `create` makes."""
+        """True if run.json is what `create` makes."""
         try:
             return not self.run_json.is_symlink() and {"status", "started"} <= self.read_run().keys()
         except FileError:
             return False
 
     def _remove_run(self) -> None:
-        """What a run has made here; what somebody else has put beside or among it stays."""
+        """What a run has made here; what others have put beside or among it stays."""
         given = self.read_run().get("given") if self.run_json.exists() else []
         if not self.given.is_symlink():
             for name in given if isinstance(given, list) else []:
@@ -302,7 +302,7 @@ class RunDir:
         return content
 
     def mend(self) -> list[str]:
-        """What was wrong with run.json, which is put aside and begun anew if it cannot be read. Raises FileError."""
+        """What was wrong with run.json, which is put aside and replaced if it cannot be read. Raises FileError."""
         try:
             self.read_run()
         except FileError as error:
@@ -334,7 +334,7 @@ class RunDir:
         write_atomic(self.timers, text.getvalue())
 
     def stop_asked(self) -> bool:
-        """Whether the user has put a file STOP there."""
+        """True if the user has put a file STOP there."""
         return self.stop_file.exists()
 
 

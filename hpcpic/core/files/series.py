@@ -100,7 +100,7 @@ class SeriesWriter:
 
     @property
     def due(self) -> bool:
-        """Whether rows have waited for some seconds."""
+        """True if rows have waited for FLUSH_SECONDS."""
         return bool(self._rows) and clock.monotonic() - self._flushed > FLUSH_SECONDS
 
     def flush(self) -> None:

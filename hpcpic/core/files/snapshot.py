@@ -43,12 +43,12 @@ CELL_KINDS = ("Vertices", "Lines", "Polygons", "Strips")  # the last three are e
 
 @dataclass(frozen=True, slots=True)
 class _Snapshot:
-    """What one call of `append` was given; `told`: attributes of arrays."""
+    """What one call of `append` was given; `attributes` of arrays, by their names."""
 
     step: int
     time: float
     shards: Mapping[str, Shard]
-    told: Mapping[str, Mapping[str, Any]]
+    attributes: Mapping[str, Mapping[str, Any]]
     facts: tuple[Any, ...]
 
     @property
@@ -58,7 +58,7 @@ class _Snapshot:
 
     @property
     def bytes(self) -> int:
-        """Of all ranks."""
+        """Bytes of the arrays of all ranks."""
         return sum(s.total * math.prod(s.local.shape[1:]) * s.local.itemsize for s in self.shards.values())
 
     def kept(self) -> "_Snapshot":
@@ -119,11 +119,11 @@ class _Temporal(ABC):
             image.growing(steps, "Values", (), np.float64, (STEPS_PER_CHUNK,)).attrs["units"] = "s"
             self._build(root, steps, batch[0])
             for name in batch[0].shards:
-                root[name].attrs.update({"units": "", **batch[0].told.get(name, {})})
+                root[name].attrs.update({"units": "", **batch[0].attributes.get(name, {})})
             return {}
 
         def grow(file: "h5py.File") -> dict[str, Slot]:
-            self._check_names(file, batch[0].shards, batch[0].told)
+            self._check_names(file, batch[0].shards, batch[0].attributes)
             n = int(file[ROOT]["Steps"].attrs["NSteps"])
             _put(file["step"], n, [new.step for new in batch])
             _put(file[ROOT]["Steps/Values"], n, [new.time for new in batch])
@@ -142,7 +142,7 @@ class _Temporal(ABC):
         self._next_flush = now + (now - began) / self.time_share
 
     def _check_names(
-        self, file: "h5py.File", shards: Mapping[str, Shard], told: Mapping[str, Mapping[str, Any]]
+        self, file: "h5py.File", shards: Mapping[str, Shard], attributes: Mapping[str, Mapping[str, Any]]
     ) -> None:
         present = {f"PointData/{name}" for name in file[ROOT]["PointData"]}
         asked = {name for name in shards if name.startswith("PointData/")}
@@ -152,7 +152,7 @@ class _Temporal(ABC):
             there, here = file[ROOT][name], shard.local
             if there.dtype != here.dtype:
                 raise FileError(f"{name} has type {there.dtype} there and {here.dtype} in this run")
-            if "components" in told.get(name, {}) and there.shape[-1] != here.shape[-1]:
+            if "components" in attributes.get(name, {}) and there.shape[-1] != here.shape[-1]:
                 raise FileError(
                     f"{name} has {there.shape[-1]} components there, as older versions wrote, and "
                     f"{here.shape[-1]} in this run; move it away"
@@ -173,15 +173,15 @@ class FieldsWriter(_Temporal):
     def append(self, step: int, time: float, domain: Domain, fields: Mapping[str, FieldArray]) -> None:
         """Add a step, all ranks together. Raises FileError on all ranks; the file is then as before."""
         low, _ = domain.row_range(self.world.rank)
-        shards, told = {}, {}
+        shards, attributes = {}, {}
         for name, field in fields.items():
             key, values = f"PointData/{name}", field.values
-            told[key] = {"units": field.unit}
+            attributes[key] = {"units": field.unit}
             if values.ndim > domain.ndim:
-                told[key]["components"] = values.shape[-1]
+                attributes[key]["components"] = values.shape[-1]
                 values = spatial(values)
             shards[key] = Shard(values, low, domain.points[0])
-        self._append(_Snapshot(step, time, shards, told, (domain,)))
+        self._append(_Snapshot(step, time, shards, attributes, (domain,)))
 
     def _build(self, root: Any, steps: Any, first: _Snapshot) -> None:
         domain: Domain = first.facts[0]
@@ -251,18 +251,18 @@ class ParticlesWriter(_Temporal):
         with together(self.world, f"cannot append to {self.path}"):
             shards = {name: Shard(values, offset, total) for name, values in _joined(species).items()}
         shards |= self._vertices(offset, int(counts[self.world.rank]), total)
-        told: dict[str, dict[str, Any]] = {"Points": {"units": "m"}}
+        attributes: dict[str, dict[str, Any]] = {"Points": {"units": "m"}}
         for particles in species.values():
             for name, values in particles.columns.items():
                 offset_s = float(particles.time_offsets.get(name, 0.0))
-                of_name = told[f"PointData/{name}"] = {
+                of_name = attributes[f"PointData/{name}"] = {
                     "units": particles.units.get(name, ""),
                     "time_offset": offset_s,
                 }
                 if values.ndim == 2:
                     of_name["components"] = values.shape[1]
         constants = {name: particles.constants for name, particles in species.items()}
-        self._append(_Snapshot(step, time, shards, told, (constants, total)))
+        self._append(_Snapshot(step, time, shards, attributes, (constants, total)))
         self._edges = max(self._edges, total + 1)
 
     def _vertices(self, offset: int, count: int, total: int) -> dict[str, Shard]:

@@ -83,7 +83,7 @@ def _verdict(difference: Difference, tolerance: float) -> str:
 
 
 def difference(what: str, a: NDArray, b: NDArray) -> Difference | str:
-    """Of two arrays, or a sentence when their shapes differ."""
+    """The difference of two arrays, or a sentence when their shapes differ."""
     import numpy as np
 
     if a.shape != b.shape:
@@ -145,7 +145,7 @@ def _particles(a: Run, b: Run) -> Iterator[Difference | str]:
 
 
 def _same_last(kind: str, a: Run, b: Run) -> Generator[str, None, bool]:
-    """Whether both runs have snapshots of `kind` ("fields" or "particles"), the last ones of the same step."""
+    """True if both runs have snapshots of `kind` ("fields" or "particles"), the last ones of the same step."""
     have = [getattr(run.rundir, kind).exists() for run in (a, b)]
     if have[0] != have[1]:
         yield f"{kind}: only in {a.path if have[0] else b.path}"

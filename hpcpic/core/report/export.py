@@ -94,7 +94,7 @@ def to_csv(run: Run, target: Path) -> int:
 
 
 def _field_columns(run: Run, step: int) -> dict[str, Column]:
-    """Of every grid point its place, then the fields."""
+    """Columns with a row for every grid point: its position, then the fields."""
     import numpy as np
 
     snapshots = run.field_snapshots

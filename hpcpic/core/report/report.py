@@ -110,8 +110,8 @@ def render(page: Page) -> str:
 
 
 def _labels(folders: Sequence[str], runs: Sequence[Run]) -> list[str]:
-    """Of runs of a sweep the settings that differ; of others the last parts of their paths, or the whole paths where
-    these are not enough.
+    """Labels of runs: those of a sweep by the settings that differ, others by the last parts of their paths, or by
+    the whole paths where these are not enough.
     """
     names = [Path(folder).resolve().name for folder in folders]
     if all(name.isdigit() and (run.path.resolve().parent / "table.csv").exists() for name, run in zip(names, runs)):
@@ -125,7 +125,7 @@ def _labels(folders: Sequence[str], runs: Sequence[Run]) -> list[str]:
 
 
 def swept_labels(sets: Sequence[Sequence[str]]) -> list[str]:
-    """Of --set lists what is not the same in all, the keys by their last words where these are unlike."""
+    """Labels of --set lists: what is not the same in all, keys by their last words where these differ."""
     settings = [dict(assignment.partition("=")[::2] for assignment in given) for given in sets]
     common = [key for key in settings[0] if all(key in of_run for of_run in settings)]
     keys = [key for key in common if len({of_run[key] for of_run in settings}) > 1]
@@ -268,7 +268,7 @@ def _timers(facts: Mapping[str, Any]) -> Table:
 
 
 def _estimate(facts: Mapping[str, Any]) -> Table:
-    """The same on both sides: an estimate counts the start, and no compiling."""
+    """Estimate beside measurement; both count the start of the program and no compiling."""
     guess = facts.get("estimate") or {}
     found: list[tuple[str, float | None, float | None]] = [
         ("time per step, median, ms", guess.get("step_ms"), facts.get("step_ms"))

@@ -115,7 +115,7 @@ def _lay_out(
 
     with together(world, doing):
         if world.rank == 0:
-            if made.parent.is_symlink():  # removed, not followed, as all links that somebody puts in the way
+            if made.parent.is_symlink():  # removed, not followed, as all links put in the way
                 log.warning("%s was a link to %s: a folder takes its place", made.parent, os.readlink(made.parent))
                 made.parent.unlink()
             made.parent.mkdir(exist_ok=True)

@@ -1,4 +1,4 @@
-"""How long kernels are compiled, apart from what they are compiled for."""
+"""Measures the time of compiling kernels, apart from the sections that they are compiled in."""
 
 import threading
 from collections.abc import Iterator
@@ -13,7 +13,7 @@ SECTION = "compiling"
 
 
 class Compiling(event.Listener):
-    """Of the main thread of this process: seconds, and a section of its own in the timers."""
+    """Seconds that the main thread of this process compiles, as a section of its own in the timers."""
 
     def __init__(self, timers: Timers) -> None:
         self.timers = timers
@@ -40,7 +40,7 @@ class Compiling(event.Listener):
 
     @property
     def any(self) -> bool:
-        """Whether anything was compiled so far, or is just now."""
+        """True if anything was compiled so far, or is being compiled."""
         return self.depth > 0 or self.seconds > 0.0
 
 

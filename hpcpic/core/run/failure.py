@@ -1,4 +1,4 @@
-"""Whatever goes wrong on any rank is told once, and all ranks leave with one code; nobody is left waiting.
+"""A failure on any rank is reported once, and all ranks leave with one code; no rank is left waiting.
 
 Three kinds of failure:
 * an error all ranks know of (`share`, `Agreed`): rank 0 tells it, every rank returns its code;
@@ -43,21 +43,21 @@ class Agreed(Exception):
 
 def share(world: World, make: Callable[[], bytes]) -> bytes:
     """Collective: rank 0 makes bytes, all get them; when it fails with a known error or at a file all raise Agreed."""
-    told = None
+    message = None
     if world.rank == 0:
         try:
-            told = b"\0" + make()
+            message = b"\0" + make()
         except HpcpicError as error:
-            told = bytes([error.exit_code]) + error.message.encode()
+            message = bytes([error.exit_code]) + error.message.encode()
         except OSError as error:
             if error.filename is None:
                 raise
-            told = bytes([FileError.exit_code]) + explain(error).encode()
+            message = bytes([FileError.exit_code]) + explain(error).encode()
     world.wait_for_work()
-    told = bytes(world.bcast(told))
-    if told[0]:
-        raise Agreed(_BY_CODE.get(told[0], HpcpicError)(told[1:].decode()))
-    return told[1:]
+    message = bytes(world.bcast(message))
+    if message[0]:
+        raise Agreed(_BY_CODE.get(message[0], HpcpicError)(message[1:].decode()))
+    return message[1:]
 
 
 @contextmanager
@@ -143,7 +143,7 @@ class Failure:
         except FileExistsError:
             return False
         except OSError:
-            return True  # no folder, or one that this node cannot see: better told twice than never
+            return True  # no folder, or one that this node cannot see: better twice than never
         return True
 
     def _thread_failed(self, args: threading.ExceptHookArgs) -> None:
@@ -169,7 +169,7 @@ def guarded(world: World, main: Callable[[Failure], int], raises: bool = False) 
     """Run `main` on all ranks; return the exit code that every rank leaves with.
 
     A failure of one rank of several does not return: all ranks are ended with its code. raises: what all ranks know of,
-    or the only one, is raised and not told.
+    or the only one, is raised and not printed.
     """
     failure = Failure(world, tells=not (raises and world.size == 1))
     try:

@@ -71,10 +71,10 @@ class Guard:
         mine = [reason, checkpoint, trouble_rank, step_ns, -self._cost_ns, write]
         agreed = [int(n) for n in self.world.max_array(np.array(mine, dtype=np.int64))]
         self._plan(step, agreed[3], -agreed[4])
-        told = self._tell(agreed[2], trouble) if agreed[2] >= 0 else None
+        trouble_there = self._tell(agreed[2], trouble) if agreed[2] >= 0 else None
         self._clock = time.perf_counter()
         self._cost_ns = int(1e9 * (self._clock - start))
-        return Verdict(Reason(agreed[0]), bool(agreed[1]), bool(agreed[5]), told, agreed[2])
+        return Verdict(Reason(agreed[0]), bool(agreed[1]), bool(agreed[5]), trouble_there, agreed[2])
 
     def _plan(self, step: int, step_ns: int, cost_ns: int) -> None:
         steps = cost_ns / max(step_ns, 1)  # that a look costs

@@ -65,7 +65,7 @@ def start(rank: int, size: int, level: int = logging.INFO) -> Collected:
 
 
 def to_file(path: Path) -> logging.Handler:
-    """From now on to this file too, appended; close the returned handler at the end."""
+    """Append the log to this file too from now on; close the returned handler at the end."""
     handler = logging.FileHandler(path, mode="a", encoding="utf-8")
     handler.setFormatter(logging.Formatter(_FORMAT, "%H:%M:%S"))
     ROOT.addHandler(handler)

@@ -36,7 +36,7 @@ LOOK_SECONDS = 0.1  # between two looks for the file STOP
 
 @dataclass(slots=True)
 class Options:
-    """How to run; the same on all ranks."""
+    """Options of a run; the same on all ranks."""
 
     stop: Stop
     wall: WallLimit
@@ -60,7 +60,7 @@ class Options:
 
 @dataclass(frozen=True, slots=True)
 class Outcome:
-    """How the run ended: the same on all ranks. `facts` (rank 0 has all of them) are what run.json got."""
+    """The end of a run, the same on all ranks. `facts` (rank 0 has all of them) are what run.json got."""
 
     exit_code: int
     status: str
@@ -139,7 +139,7 @@ class _Run:
             self.progress.show(model.iteration, model.time, self.model.time_step, self.model.end_time)
 
     def take_steps(self) -> None:
-        """One step, or, where their number is known, as many as the model takes at once while nobody looks."""
+        """One step, or as many as the model takes at once without an observer in between."""
         model, first = self.model, self.model.iteration
         begin = time.perf_counter()
         model.advance(self.unseen_steps())
@@ -148,7 +148,7 @@ class _Run:
         self.step_times.add((time.perf_counter() - begin) / steps, steps)
 
     def unseen_steps(self) -> int:
-        """From this step to the next that is observed, guarded, kept or the last: the same on all ranks."""
+        """Steps from this one to the next that is observed, guarded, kept or the last: the same on all ranks."""
         step, every, last = self.model.iteration, self.options.checkpoint_every, self.model.n_steps
         if last is None:
             return 1
@@ -158,7 +158,7 @@ class _Run:
         return int(min(looks))
 
     def at_end(self) -> bool:
-        """Of the steps, or of the time of a model that does not know their number."""
+        """True after the last step, or at the end time of a model that does not know their number."""
         model = self.model
         return model.time >= model.end_time if model.n_steps is None else model.iteration >= model.n_steps
 
@@ -185,7 +185,7 @@ class _Run:
         self.watchdog.feed(self.guard.step_seconds or UNKNOWN_STEP_SECONDS)
 
     def reason(self) -> Reason:
-        """Why this rank would stop now."""
+        """The reason for which this rank would stop now."""
         heard = self.options.stop.reason
         now = time.monotonic()
         if self.world.rank != 0 or heard or now - self.looked < LOOK_SECONDS:

@@ -15,7 +15,7 @@ LIMITS = {  # controller in /proc/self/cgroup, "" in version 2 -> files of its l
     "": ("memory.max", "memory.current"),
     "memory": ("memory.limit_in_bytes", "memory.usage_in_bytes"),
 }
-CACHED = ("inactive_file", "active_file")  # counts as used, and is given back when somebody wants it
+CACHED = ("inactive_file", "active_file")  # counts as used, and is given back on demand
 
 
 def free() -> float:
@@ -27,7 +27,7 @@ def free() -> float:
 
 
 def _free_of_groups() -> Iterator[float]:
-    """Of every control group around this process that has a limit."""
+    """Free bytes of every control group around this process that has a limit."""
     for line in _text(PROC / "self/cgroup").splitlines():
         _, controller, path = line.split(":", 2)
         if controller not in LIMITS:
@@ -72,7 +72,7 @@ def _numbers(path: Path) -> dict[str, float]:
 
 
 def _text(path: Path) -> str:
-    """Of a file; nothing where there is none."""
+    """The text of a file; empty where there is none."""
     try:
         return path.read_text()
     except OSError:

@@ -80,7 +80,7 @@ class Outputs:
 
     @property
     def due(self) -> bool:
-        """Whether this rank has rows to write."""
+        """True if this rank has rows of the series to write."""
         return self._series is not None and "series" not in self.broken and self._series.due
 
     def flush(self) -> None:

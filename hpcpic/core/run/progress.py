@@ -1,4 +1,4 @@
-"""How far the run is: one rewritten line on a terminal, otherwise few lines.
+"""Progress of a run: one rewritten line on a terminal, otherwise few lines.
 
 Elsewhere a line per 5 % of the run, at least 2 s apart, and one in ten minutes whatever the progress: at most
 about twenty lines for a short run, and a long one is never silent.
@@ -47,7 +47,7 @@ def _fitting(items: Sequence[str], width: int) -> str:
 
 
 class Progress:
-    """Of one run from `first` to `last` step; `items` are worked on in every step, `unit` is their letter.
+    """The progress of a run from step `first` to `last`; `items` are worked on in every step, `unit` is their letter.
 
     last: None where the number of steps is not known; then `times` [s], of first and last step, tell how far it is.
     """

@@ -23,7 +23,7 @@ ECHO_SECONDS = 0.5  # the launcher and the terminal may both deliver one Ctrl-C
 
 
 class Reason(IntEnum):
-    """Why a run stops before its last step; when ranks differ, the largest is told."""
+    """Reasons to stop a run before its last step; when ranks differ, the largest is reported."""
 
     NONE = 0
     MEAN_KNOWN = 1  # the mean step time is known well enough (simulation.stop_SEM)
@@ -122,7 +122,7 @@ def process_start() -> float:
 
 
 def _end_of_job() -> list[float]:
-    """When the SLURM job ends, as seconds since 1970; none where there is no job, or nobody can read when."""
+    """When the SLURM job ends, as seconds since 1970; none where there is no job, or its end cannot be read."""
     text = os.environ.get("SLURM_JOB_END_TIME")
     if text is None:
         return []

@@ -39,7 +39,7 @@ class StepTimes:
         self._kept = array("d")
 
     def add(self, seconds: float, steps: int = 1) -> None:
-        """So many seconds each of some steps that were done together."""
+        """Add steps that were done together, each of which took so many seconds."""
         self._seen += 1
         if self._seen <= WARM_UP:
             return
@@ -167,9 +167,9 @@ def render(facts: Mapping[str, Any]) -> str:
     lines.append(_row("step", _beside(facts, "step_ms", "step_ms", "ms, median")))
     for word, lost in (("conserved", False), ("dissipated", True)):
         entries = (facts.get("conservation") or {}).items()
-        told = [f"{name} {_change(entry)}" for name, entry in entries if is_dissipation(entry) is lost]
-        if told:
-            lines.append(_row(word, "   ".join(told)))
+        changes = [f"{name} {_change(entry)}" for name, entry in entries if is_dissipation(entry) is lost]
+        if changes:
+            lines.append(_row(word, "   ".join(changes)))
     for k, text in enumerate(facts.get("warnings", ())):
         lines.append(_row(f"warning {k + 1}", text))
     lines.append(_row("results", str(facts["folder"])))
@@ -192,13 +192,13 @@ def _head(facts: Mapping[str, Any]) -> list[str]:
 
 
 def stepping_seconds(facts: Mapping[str, Any]) -> float:
-    """Of the steps and their output, without the kernels that the first ones compile."""
+    """Seconds of the steps and their output, without the kernels that the first ones compile."""
     compiling = (facts.get("timers") or {}).get("compiling", {}).get("avg", 0.0)
     return max(0.0, float(facts.get("loop_seconds") or 0.0) - float(compiling))
 
 
 def is_dissipation(entry: Mapping[str, Any]) -> bool:
-    """Whether a scalar is less at the end by what the scheme takes by design; a gain is no dissipation."""
+    """True if a scalar is less at the end by what the scheme takes by design; a gain is no dissipation."""
     return bool(entry.get("dissipated")) and entry["last"] < entry["first"]
 
 
@@ -260,5 +260,5 @@ def settled(history: Any) -> list[Mapping[str, Any]]:
 
 
 def date(monotonic: float) -> str:
-    """What time.monotonic() said, as the date of then."""
+    """The date of a value of time.monotonic()."""
     return datetime.fromtimestamp(time.time() - time.monotonic() + monotonic, UTC).isoformat(timespec="seconds")

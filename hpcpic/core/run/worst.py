@@ -15,12 +15,12 @@ SHOWN = 10
 def worst_particles(species: Mapping[str, ParticleArray]) -> list[str]:
     """A line for each of the worst of this rank."""
     found: list[tuple[float, str]] = []
-    for name, some in species.items():
-        v = some.columns["velocity"]
-        for k, badness in ordered(some.position, v):
-            more = f", density {some.columns['density'][k]:.5g} kg/m3" if "density" in some.columns else ""
-            place = f"at {vector(some.position[k])} m, velocity {vector(v[k])} m/s{more}"
-            found.append((badness, f"{name} {some.ids[k]} {place}"))
+    for name, particles in species.items():
+        v = particles.columns["velocity"]
+        for k, badness in ordered(particles.position, v):
+            more = f", density {particles.columns['density'][k]:.5g} kg/m3" if "density" in particles.columns else ""
+            place = f"at {vector(particles.position[k])} m, velocity {vector(v[k])} m/s{more}"
+            found.append((badness, f"{name} {particles.ids[k]} {place}"))
     return [line for _, line in sorted(found, key=lambda one: -one[0])[:SHOWN]]
 
 

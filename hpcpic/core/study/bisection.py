@@ -106,7 +106,7 @@ class Limits:
         return self.pilots.run({**self.own, **sizes}, time, None, more, ("--beyond-limits",), words)
 
     def growth(self, pilot: Pilot) -> float:
-        """How much larger the watched quantity became; infinite when the run diverged. Raises CheckFailed."""
+        """Factor by which the watched quantity has grown; infinite when the run diverged. Raises CheckFailed."""
         if pilot.exit_code == 4:
             return math.inf
         if pilot.exit_code:

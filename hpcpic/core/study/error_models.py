@@ -1,4 +1,4 @@
-"""How the error of a quantity follows from the size of each knob, and the cheapest sizes for a wanted error.
+"""Models of the error of a quantity as a function of the size of each knob, and the cheapest sizes for a wanted error.
 
 Sources: Roache, Verification and Validation in Computational Science and Engineering (1998): observed order, and
 the safety factor 1.25, or 3 with the theory's order where the observed one is implausible; Celik et al., J. Fluids
@@ -33,8 +33,8 @@ class Level:
 
 
 @dataclass(frozen=True, slots=True)
-class Law:
-    """Of one knob. sizes[m] and errors[m] ascend; signed[n] is the error of the case itself, relative.
+class ErrorModel:
+    """The error and cost of one knob. sizes[m] and errors[m] ascend; signed[n]: relative error of the case itself.
 
     order: observed; used: the one calculated with; safety: Roache's factor. cost: exponent c of seconds ~ size^-c.
     """
@@ -53,7 +53,7 @@ class Law:
 
     @property
     def idle(self) -> bool:
-        """Whether the knob has no effect."""
+        """True if the knob has no effect."""
         return bool(self.errors[-1] <= NOTHING)
 
     @property
@@ -61,7 +61,7 @@ class Law:
         return self.safety == SAFETY
 
     def error(self, size: float) -> float:
-        """Of a size, without the safety factor: a power law between the levels and beyond them."""
+        """The relative error at a size, without the safety factor: a power law between the levels and beyond them."""
         if self.idle:
             return 0.0
         x, xs, ys = math.log(size), np.log(self.sizes), np.log(np.maximum(self.errors, 1e-300))
@@ -112,7 +112,7 @@ def spaced(sizes: NDArray) -> list[int]:
     return [0, 1 + int(np.argmin(inner)), len(sizes) - 1]
 
 
-def fit(name: str, levels: Sequence[Level], here: float, theory: float, cost_theory: float, scale: float) -> Law:
+def fit(name: str, levels: Sequence[Level], here: float, theory: float, cost_theory: float, scale: float) -> ErrorModel:
     """The law of one knob from three levels or more; `here` is the case's own size, `scale` the quantity's norm."""
     levels = sorted(levels, key=lambda level: level.size)
     sizes = np.array([level.size for level in levels])
@@ -123,7 +123,8 @@ def fit(name: str, levels: Sequence[Level], here: float, theory: float, cost_the
     least = LEAST_COST * cost_theory
     if spread <= NOTHING:
         nothing = np.zeros_like(sizes)
-        return Law(name, sizes, nothing, np.zeros_like(values[0]), here, math.nan, theory, theory, SAFETY, cost, least)
+        signed = np.zeros_like(values[0])
+        return ErrorModel(name, sizes, nothing, signed, here, math.nan, theory, theory, SAFETY, cost, least)
     three = [0, 1, 2] if spread > NEAR else spaced(sizes)
     order = observed_order(sizes[three], [values[k] for k in three])
     good = math.isfinite(order) and PLAUSIBLE[0] * theory < order < PLAUSIBLE[1] * theory
@@ -135,19 +136,20 @@ def fit(name: str, levels: Sequence[Level], here: float, theory: float, cost_the
     if not good:  # the coarser pair may say more
         other = norm(values[2] - values[1]) / ((sizes[2] / sizes[0]) ** used - (sizes[1] / sizes[0]) ** used)
         errors = np.maximum(errors, other)
-    return Law(name, sizes, np.maximum.accumulate(errors), signed[mine], here, order, theory, used, safety, cost, least)
+    errors = np.maximum.accumulate(errors)
+    return ErrorModel(name, sizes, errors, signed[mine], here, order, theory, used, safety, cost, least)
 
 
 def _slope(x: NDArray, y: NDArray) -> float:
     return float(np.polyfit(x, y, 1)[0])
 
 
-def weights(laws: Sequence[Law]) -> dict[str, float]:
+def weights(laws: Sequence[ErrorModel]) -> dict[str, float]:
     """c/p of each knob that has an effect; the share of the budget is this over their sum."""
     return {law.name: max(law.cost, law.least_cost) / law.used for law in laws if not law.idle}
 
 
-def cheapest(laws: Sequence[Law], budget: float, most: Mapping[str, float]) -> dict[str, float]:
+def cheapest(laws: Sequence[ErrorModel], budget: float, most: Mapping[str, float]) -> dict[str, float]:
     """Sizes of least cost with the sum of the bounds within the budget: each gets the share (c/p) / sum(c/p).
 
     Lagrange's condition for cost prod s^-c and error sum A s^p. `most`: sizes not to exceed, such as 0.8 of a limit
@@ -170,12 +172,12 @@ def cheapest(laws: Sequence[Law], budget: float, most: Mapping[str, float]) -> d
         fixed |= held
 
 
-def relative_cost(laws: Sequence[Law], sizes: Mapping[str, float]) -> float:
-    """Of the sizes, where the case itself has cost 1."""
+def relative_cost(laws: Sequence[ErrorModel], sizes: Mapping[str, float]) -> float:
+    """Cost of a run with these sizes, in units of that of the case itself."""
     factors = [(sizes[law.name] / law.here, law) for law in laws]
     return math.prod(f ** -(law.cost if f > 1.0 else max(law.cost, law.least_cost)) for f, law in factors)
 
 
-def slope(laws: Sequence[Law]) -> float:
+def slope(laws: Sequence[ErrorModel]) -> float:
     """Theory's exponent of cost ~ error^-slope along the front: the sum of c/p."""
     return sum(law.cost / law.used for law in laws if not law.idle)

@@ -111,7 +111,7 @@ class Pilots:
         code, how = run_once(self.app, self.read.path, sets, rundir, self.shape, flags, self.start)
         facts = facts_of(rundir)
         if code in (0, 4):
-            shutil.rmtree(rundir.path / "checkpoints", ignore_errors=True)  # nobody goes on from a pilot
+            shutil.rmtree(rundir.path / "checkpoints", ignore_errors=True)  # no run goes on from a pilot
         if code not in (0, 1, 2, 3, 4):
             raise Interrupted(f"pilot {rundir.path} ended with exit code {code}: {how}; the same command goes on")
         seconds = facts.get("steps", 0) * float((facts.get("step_seconds") or {}).get("median") or 0.0)
@@ -119,11 +119,11 @@ class Pilots:
         price = facts.get("steps", 0) * self.app.estimate(config, *self.shape, {}).step_seconds
         made = Pilot(config, self.sizes_of(config), code, how, rundir.path, seconds, price, self.knobs.work(config))
         self.done[name] = made
-        told = "  ".join(
+        settings = "  ".join(
             f"{knob.name} = {knob.shown(made.sizes[knob.name]):.5g}" for knob in self.knobs.knobs
         )
         how = "diverged" if code == 4 else how.strip()
-        click.echo(f"  pilot {len(self.done):2d}  {told}  {words}: {how}  {made.seconds:.3g} s")
+        click.echo(f"  pilot {len(self.done):2d}  {settings}  {words}: {how}  {made.seconds:.3g} s")
         return made
 
     @property

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from hpcpic.core.app.knobs import Choice, Knob, Quantity
 from hpcpic.core.case.config import dotted
 from hpcpic.core.errors import CheckFailed
-from hpcpic.core.study.error_models import Law, Level, cheapest, fit, norm, relative_cost
+from hpcpic.core.study.error_models import ErrorModel, Level, cheapest, fit, norm, relative_cost
 from hpcpic.core.study.pilot import Pilot, Pilots, Settings, value_of
 
 LADDERS = (  # times the case's own size: coarser where that is legal, finer where it is affordable
@@ -40,7 +40,7 @@ class Scheme:
     others: Settings
     cost: float
     floor: float
-    laws: tuple[Law, ...]
+    laws: tuple[ErrorModel, ...]
 
     @property
     def words(self) -> str:
@@ -73,7 +73,7 @@ class Verified:
 
 
 class Search:
-    """Of one quantity of one case. Errors are relative to the norm of the reference."""
+    """Search for the cheapest setting for one quantity of a case. Errors are relative to the norm of the reference."""
 
     def __init__(
         self, pilots: Pilots, knobs: Sequence[Knob], choices: Sequence[Choice], quantity: Quantity, wanted: float
@@ -88,7 +88,7 @@ class Search:
             raise CheckFailed(f"{quantity.name} is zero in the case itself: no relative error")
         self.levels: dict[str, list[Level]] = {}
         self._caps: dict[str, float] = {}
-        self.laws: dict[str, Law] = {}
+        self.laws: dict[str, ErrorModel] = {}
         for knob in knobs:
             self.climb(knob)
         while self.finer():
@@ -137,7 +137,7 @@ class Search:
             self.refit(knob)
 
     def stuck(self, knob: Knob) -> str:
-        """Why there are no three levels of a knob."""
+        """A sentence on why there are no three levels of a knob."""
         own = self.own[knob.name]
         found = [f"{knob.name}: no three levels about {knob.shown(own):.4g} {knob.unit}".rstrip()]
         for word, factor in (("coarser", 1.4), ("finer", 0.7)):
@@ -192,7 +192,7 @@ class Search:
 
     @property
     def uncertainty(self) -> float:
-        """Of the reference, relative: what the safety factors add to the error of the case."""
+        """Relative uncertainty of the reference: what the safety factors add to the error of the case."""
         return 0.0 if self.quantity.exact is not None else sum(doubt(law) for law in self.laws.values())
 
     @property
@@ -242,7 +242,7 @@ class Search:
             return None
         return Alternative(others, cost, self.changed(law, signed, error, others))
 
-    def changed(self, law: Law, signed: NDArray, error: float, others: Settings) -> Law:
+    def changed(self, law: ErrorModel, signed: NDArray, error: float, others: Settings) -> ErrorModel:
         """The law of a knob in another scheme, from its error here and at the coarsest level."""
         coarse = float(law.sizes[-1])
         pilot = self.pilot({**self.own, law.name: coarse}, others, words=f"{law.name} x {coarse / law.here:.3g}")
@@ -389,21 +389,21 @@ class Alternative:
 
     others: Settings
     cost: float
-    law: Law | None
+    law: ErrorModel | None
     floor: float = 0.0
 
 
-def doubt(law: Law) -> float:
-    """How well the case's own error of this knob is known."""
+def doubt(law: ErrorModel) -> float:
+    """The uncertainty of the case's own error of this knob."""
     return (law.safety - 1.0) * norm(law.signed)
 
 
-def combined(laws: tuple[Law, ...], picks: Sequence[Alternative | None]) -> Scheme:
+def combined(laws: tuple[ErrorModel, ...], picks: Sequence[Alternative | None]) -> Scheme:
     """Laws of a scheme. Of two choices that change one knob's law the worse counts: they were not tried together."""
     others: dict[str, str] = {}
     cost, floor = 1.0, 0.0
     known = {law.name: law for law in laws}
-    new: dict[str, Law] = {}
+    new: dict[str, ErrorModel] = {}
     for pick in filter(None, picks):
         others |= pick.others
         cost *= pick.cost

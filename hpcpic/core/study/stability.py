@@ -185,9 +185,9 @@ def draw_map(limits: Limits, first: Knob, second: Knob, folder: Path) -> None:
         (second.shown(size), first.shown(axis.size(1.0)), first.shown(axis.size(limit.x)), limit.x)
         for size, axis, limit in columns
     ]
-    told = [[f"{value:.4g}" for value in row] for row in rows]
+    cells = [[f"{value:.4g}" for value in row] for row in rows]
     measured = f"measured, {first.unit}" if first.unit else "measured"
-    table((with_unit(second), "theory's limit", measured, "measured/theory"), told)
+    table((with_unit(second), "theory's limit", measured, "measured/theory"), cells)
     names = ("second", "theory", "measured", "ratio")
     found = {"first": first.name, "over": second.name, "columns": [dict(zip(names, row)) for row in rows]}
     write_json(folder / "map.json", found)

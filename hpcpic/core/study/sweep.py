@@ -1,6 +1,4 @@
-"""sweep: one run per combination of settings, one table. Finished runs are not repeated, failures stop
-nobody.
-"""
+"""sweep: one run per combination of settings, one table. Finished runs are not repeated, a failure stops no other."""
 
 from __future__ import annotations
 
@@ -170,7 +168,7 @@ def run_once(
         words = ["restart", str(rundir.path)]
     else:
         if rundir.run_json.exists():
-            rundir.lock()  # nobody is at it
+            rundir.lock()  # no other process works in it
             shutil.rmtree(rundir.path)  # an earlier attempt of this sweep
             rundir.unlock()
         words = ["run", path, "-o", str(rundir.path), *flags, *use.words()]
@@ -183,12 +181,12 @@ def run_once(
         code = start(app.program, words, ranks, stdout=screen, stderr=subprocess.STDOUT)
     if code == 0 and facts_of(rundir).get("exit_code") != 0:
         return 1, f"exit 0, but no finished run in {rundir.path}: is what was started {app.name}?"
-    told = output.read_text(encoding="utf-8", errors="replace").strip().splitlines()
-    return code, f"exit {code}  {told[-1] if told and code not in (0, 5) else ''}"
+    lines = output.read_text(encoding="utf-8", errors="replace").strip().splitlines()
+    return code, f"exit {code}  {lines[-1] if lines and code not in (0, 5) else ''}"
 
 
 def _is_of(app: App, path: str, sets: tuple[str, ...], rundir: RunDir) -> bool:
-    """Whether a run was made of this case as it is now: its files may have changed since."""
+    """True if a run was made of this case as it is now: its files may have changed since."""
     from hpcpic.core.files.given import config_text
 
     try:

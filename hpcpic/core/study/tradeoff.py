@@ -263,12 +263,12 @@ def tell_recommendation(search: Search, verified: Verified, wanted: float) -> No
         click.echo(f"with {proposal.scheme.words}")
     seconds = verified.pilot.seconds * scale
     faster, fewer = search.base.seconds * scale / seconds, search.base.work / verified.pilot.work
-    told = search.base.price / verified.pilot.price
+    estimated = search.base.price / verified.pilot.price
     beside = ", ".join(f"{words} neighbour {error:.2g}" for words, error in verified.neighbours.items())
     click.echo(
         f"verified    off by {verified.error:.2g} +- {search.uncertainty:.1g} where {wanted:g} is allowed; {beside}\n"
         f"cost        {duration(seconds)} for the whole run, {faster:.3g} times faster than the case "
-        f"(estimated: {told:.3g}); {fewer:.3g} times fewer {search.pilots.knobs.work_unit}\n"
+        f"(estimated: {estimated:.3g}); {fewer:.3g} times fewer {search.pilots.knobs.work_unit}\n"
         f"search      {duration(search.pilots.spent)} of steps, "
         f"{search.pilots.spent / search.base.seconds:.3g} pilots of the case's own cost"
     )
