@@ -123,8 +123,8 @@ def fit(name: str, levels: Sequence[Level], here: float, theory: float, cost_the
     least = LEAST_COST * cost_theory
     if spread <= NOTHING:
         nothing = np.zeros_like(sizes)
-        signed = np.zeros_like(values[0])
-        return ErrorModel(name, sizes, nothing, signed, here, math.nan, theory, theory, SAFETY, cost, least)
+        none = np.zeros_like(values[0])
+        return ErrorModel(name, sizes, nothing, none, here, math.nan, theory, theory, SAFETY, cost, least)
     three = [0, 1, 2] if spread > NEAR else spaced(sizes)
     order = observed_order(sizes[three], [values[k] for k in three])
     good = math.isfinite(order) and PLAUSIBLE[0] * theory < order < PLAUSIBLE[1] * theory
