@@ -23,18 +23,18 @@ from hpcpic.core.space.rng import uniforms
 from hpcpic.core.tasks.graph import Pool
 from lbmdem.grains.contact_network import contact_count
 from lbmdem.grains.dem import Dem
-from lbmdem.physics.contact_law import Law, Wall
+from lbmdem.physics.contact_law import ContactLaw, PlaneWall
 from lbmdem.setup.packing import everywhere
 
 STEP, STIFFNESS, GRAVITY = 1.5e-4, 2e5, 10.0
 PER_SIDE, APART = 22, 1.02  # spheres along x and y, and their distance at the start
 LAWS = {
-    "history": Law(STIFFNESS, damping=0.16, friction=0.5, viscosity=25.0, shear=2 / 7 * STIFFNESS),
-    "regularised": Law(STIFFNESS, damping=0.16, friction=0.5, viscosity=25.0),
+    "history": ContactLaw(STIFFNESS, damping=0.16, friction=0.5, viscosity=25.0, shear=2 / 7 * STIFFNESS),
+    "regularised": ContactLaw(STIFFNESS, damping=0.16, friction=0.5, viscosity=25.0),
 }
 
 
-def bed(world: World, pool: Pool, law: Law, x: NDArray, v: NDArray, tiles: int = 1) -> Dem:
+def bed(world: World, pool: Pool, law: ContactLaw, x: NDArray, v: NDArray, tiles: int = 1) -> Dem:
     """Spheres at x[n, 3] with v[n, 3], the periodic bed repeated `tiles` times along x and y."""
     side = APART * PER_SIDE
     shifts = [(i * side, j * side, 0.0) for i in range(tiles) for j in range(tiles)]
@@ -52,10 +52,10 @@ def bed(world: World, pool: Pool, law: Law, x: NDArray, v: NDArray, tiles: int =
     }
     lengths = (height, tiles * side, tiles * side)
     domain = Domain(lengths, (rows, PER_SIDE, PER_SIDE), (False, True, True), (0, *cuts, rows))
-    return Dem(world, pool, domain, columns, law, (Wall((0, 0, 0), (0, 0, 1)),), (0.0, 0.0, -GRAVITY))
+    return Dem(world, pool, domain, columns, law, (PlaneWall((0, 0, 0), (0, 0, 1)),), (0.0, 0.0, -GRAVITY))
 
 
-def settled(world: World, pool: Pool, law: Law, steps: int = 20000) -> tuple[NDArray, NDArray]:
+def settled(world: World, pool: Pool, law: ContactLaw, steps: int = 20000) -> tuple[NDArray, NDArray]:
     """Positions and velocities of a bed that fell from a loose lattice."""
     ids = np.arange(PER_SIDE**3)
     places = np.stack([ids % PER_SIDE, ids // PER_SIDE % PER_SIDE, ids // PER_SIDE**2], 1) + 0.5

@@ -24,6 +24,7 @@ from lbmdem.fluid.drive import Drive
 from lbmdem.fluid.faces import Face
 from lbmdem.fluid.fluid import Fluid
 from lbmdem.forecast.estimate import output_periods
+from lbmdem.grains.arrays import STEPS_PER_CALL
 from lbmdem.grains.dem import Dem
 from lbmdem.kernels.layout import FLUID
 from lbmdem.physics.velocity_sets import LATTICES
@@ -33,7 +34,6 @@ from lbmdem.setup.overlap_survey import starts
 from lbmdem.setup.placement import place_grains
 from lbmdem.setup.scene import Scene
 
-STEPS_PER_CALL = 256  # steps of grains alone in one call: short enough to hear signals
 MAX_OVERLAP = 0.1  # over diameter, at which grains are no grains any more, unless they start so
 
 

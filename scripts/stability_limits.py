@@ -147,7 +147,7 @@ def sph_row(what: str, number: str, settings: tuple, scale: float = 1.0) -> Row:
 def dem_stable(contacts: int, damping: float, dt: float) -> bool:
     """A grain between fixed ones that all touch it along x; dt in sqrt(m/k)."""
     from lbmdem.grains.dem import Dem
-    from lbmdem.physics.contact_law import Law
+    from lbmdem.physics.contact_law import ContactLaw
 
     radius, stiffness, mass, small = 0.05, 1e4, 1.0, 1e-9
     overlap, left = 0.01 * radius, contacts - contacts // 2
@@ -159,7 +159,7 @@ def dem_stable(contacts: int, damping: float, dt: float) -> bool:
         "mass": np.full(n, mass), "inertia": np.full(n, 0.5 * mass * radius**2), "fixed": np.arange(n) > 0,
     }  # fmt: skip
     domain = Domain((1.0, 1.0), (12, 4), (True, True), (0, 12))
-    scene = Dem(World.alone(), POOL, domain, columns, Law(stiffness, damping), (), ())
+    scene = Dem(World.alone(), POOL, domain, columns, ContactLaw(stiffness, damping), (), ())
     own = scene.grains.ids == 0
     balance = np.zeros_like(scene.grains.x)
     balance[own, 0] = -stiffness * overlap * (2 * left - contacts)

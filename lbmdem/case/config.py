@@ -12,7 +12,7 @@ from pydantic import BeforeValidator, Field
 from hpcpic.core.case.config import Tree
 from hpcpic.core.case.schema import REQUIRED, Lengths, Section, Vector, as_tuple, setting
 from hpcpic.core.case.words import one_period, one_viscosity
-from lbmdem.physics.contact_law import Law, stable_step
+from lbmdem.physics.contact_law import ContactLaw, stable_step
 
 AXES = "xyz"
 ACCURATE = 0.2  # of the largest stable step of the contacts, for their accuracy
@@ -310,7 +310,7 @@ def seeps(config: LbmDemConfig) -> bool:
     return bool(config.fluid and config.grains and still and driven)
 
 
-def contact_law(config: LbmDemConfig) -> Law:
+def contact_law(config: LbmDemConfig) -> ContactLaw:
     contact, reduced = config.contact, 0.5 * lightest(config)
     shear = contact.tangential_stiffness or 2.0 / 7.0 * contact.normal_stiffness
     remembers = contact.tangential == "history"
@@ -318,7 +318,7 @@ def contact_law(config: LbmDemConfig) -> Law:
     if beta is None and math.isfinite(reduced):
         dashpot = 2.0 * contact.damping * math.sqrt(shear) if remembers else math.sqrt(contact.normal_stiffness)
         beta = dashpot * math.sqrt(reduced)
-    return Law(
+    return ContactLaw(
         stiffness=contact.normal_stiffness,
         damping=contact.damping,
         friction=contact.friction,

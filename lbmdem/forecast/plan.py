@@ -12,6 +12,7 @@ from hpcpic.core.space.declared import Array
 from lbmdem.case.config import AXES, LbmDemConfig
 from lbmdem.fluid.layout import Layout
 from lbmdem.forecast.node_shares import TYPES, grains
+from lbmdem.grains.arrays import expected
 from lbmdem.physics.velocity_sets import LATTICES
 
 VELOCITIES = {"D2Q9": 9, "D3Q19": 19}
@@ -60,7 +61,7 @@ def arrays(config: LbmDemConfig, ranks: int) -> Iterator[Array]:
     if config.fluid:
         yield from fluid_arrays(config, ranks)
     if moving(config):
-        yield Array("grains", (grain_count(config) // ranks + 1, 8 * config.dimensions), "float64")
+        yield from expected(grain_count(config) // ranks + 1, config.dimensions)
 
 
 def fluid_arrays(config: LbmDemConfig, ranks: int) -> Iterator[Array]:

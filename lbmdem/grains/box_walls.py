@@ -3,11 +3,11 @@
 import numpy as np
 
 from lbmdem.case.config import AXES, LbmDemConfig
-from lbmdem.physics.contact_law import Wall
+from lbmdem.physics.contact_law import PlaneWall
 from lbmdem.setup.scene import Scene
 
 
-def box_walls(scene: Scene) -> list[Wall]:
+def box_walls(scene: Scene) -> list[PlaneWall]:
     """The sides of the box that are not periodic, then the planes among the obstacles."""
     d, size = scene.dimensions, scene.config.domain.size
     walls = []
@@ -21,9 +21,9 @@ def box_walls(scene: Scene) -> list[Wall]:
         for side, place, way in (("-", floor, 1.0), ("+", size[axis], -1.0)):
             point, normal = np.zeros(d), np.zeros(d)
             point[axis], normal[axis] = place, way
-            walls.append(Wall(tuple(point), tuple(normal), speeds.get(name + side, ())))
+            walls.append(PlaneWall(tuple(point), tuple(normal), speeds.get(name + side, ())))
     planes = [(obstacle.shape.plane, obstacle.velocity) for obstacle in scene.config.obstacle]
-    return walls + [Wall(plane.point, plane.normal, velocity) for plane, velocity in planes if plane is not None]
+    return walls + [PlaneWall(plane.point, plane.normal, velocity) for plane, velocity in planes if plane is not None]
 
 
 def floor_height(config: LbmDemConfig) -> float:

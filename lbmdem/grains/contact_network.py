@@ -37,7 +37,7 @@ def contacts(dem: Dem) -> Contacts:
     second[~wall] = grains.ids[j]
     delta = grains.rows[j, :3] - grains.rows[i, :3]
     branch[~wall] = delta - grains.lengths * np.rint(delta * grains.inverses)
-    planes, x = dem.wall_rows[high[wall]], grains.rows[low[wall], :3]
+    planes, x = dem.arena["walls"][high[wall]], grains.rows[low[wall], :3]
     branch[wall] = -planes[:, 8:11] * np.sum((x - planes[:, :3]) * planes[:, 8:11], axis=1)[:, None]
     lines = pairs.lines[here]
     return Contacts(
@@ -77,7 +77,7 @@ def energies(dem: Dem) -> dict[str, float]:
     here = (pairs.low < n) & (pairs.lines[:, 7] > 0.0)
     elastic = 0.5 * law.stiffness * np.square(2.0 * pairs.lines[here, 7])
     if law.shear > 0.0:
-        elastic = elastic + 0.5 * law.shear * np.square(pairs.spring_columns[:, here]).sum(axis=0)
+        elastic = elastic + 0.5 * law.shear * np.square(pairs.springs[:, here]).sum(axis=0)
     potential = -np.where(c["fixed"] == 0, c["mass"] * product(c["row"][:, :3], dem.gravity), 0.0)
     parts = {"elastic": elastic, "potential": potential, "heat": c["heat"], "work": c["work"]}
     return {"kinetic": kinetic_energy(dem)} | {name: dem.total(values) for name, values in parts.items()}

@@ -1,9 +1,7 @@
 """Discrete elements: grains that touch, moved by velocity Verlet in substeps (Mansouri et al. 2011, section 2)."""
 
-import inspect
 import math
 from collections.abc import Mapping, Sequence
-from typing import Any, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,32 +9,25 @@ from numpy.typing import NDArray
 from hpcpic.core.comm.world import World
 from hpcpic.core.errors import ConfigError, Diverged
 from hpcpic.core.files.arrays import Column, Shard
+from hpcpic.core.files.sealed import Reader
 from hpcpic.core.space import exact
 from hpcpic.core.space.domain import Domain, block_ranges
-from hpcpic.core.space.fields import aligned_zeros
-from hpcpic.core.tasks.graph import Bound, Graph, Pool, bind
+from hpcpic.core.tasks.arena import Arena
+from hpcpic.core.tasks.graph import Bound, Graph, Pool
+from lbmdem.grains.arrays import CONTACTS, GRAINS, GRAINS_OF_ONE_THREAD, STEP
 from lbmdem.grains.contact_list import ContactList, Springs
-from lbmdem.grains.grains import STATE, Grains
-from lbmdem.grains.room import Room
-from lbmdem.kernels.grains import contact_forces as kernels
-from lbmdem.kernels.grains import films, motion
-from lbmdem.kernels.grains import substeps as whole
-from lbmdem.physics.contact_law import Law, Wall, wall_rows
+from lbmdem.grains.grains import STATE, Grains, replicated
+from lbmdem.kernels.grains import contact_forces, films, motion
+from lbmdem.kernels.grains.arrays import Box, Contacts, GrainArrays, GrainLists
+from lbmdem.kernels.grains.substeps import distance_moved, substeps, wall_distance
+from lbmdem.physics.contact_law import LANES, ContactLaw, PlaneWall, wall_rows
 from lbmdem.physics.lubrication import Film
 
-FEW = 500  # grains per thread up to which one thread does all substeps in one call
-CHUNK = 512  # substeps for which the planes' places are made at a time
-SCALARS = {"first", "last", "place", "first_wall", "planar"}
-LEAST_SKIN, MOST_SKIN = 0.02, 0.5  # of the smallest radius
-SELDOM, OFTEN = 250, 60  # substeps between two lists: beyond them the skin changes; results do not depend on it
-
-
-class Reader(Protocol):
-    """A checkpoint, as core.files.sealed.Reader."""
-
-    time: float
-
-    def read(self, name: str, lo: int, hi: int) -> NDArray: ...
+WALL_SUBSTEPS = 512  # substeps for which the planes' places are made at a time
+MIN_SKIN, MAX_SKIN = 0.02, 0.5  # of the smallest radius
+YOUNG_LIST, OLD_LIST = 60, 250  # substeps: a list that lasts fewer or more changes the skin, but no result
+PARTS = 4  # of a kernel, per thread
+NO_FILM = Film(0.0, 0.0, 3)
 
 
 class Dem:
@@ -54,38 +45,42 @@ class Dem:
         pool: Pool,
         domain: Domain,
         columns: Mapping[str, NDArray],
-        law: Law,
-        walls: Sequence[Wall] = (),
+        law: ContactLaw,
+        walls: Sequence[PlaneWall] = (),
         acceleration: Sequence[float] = (),
         reach: float = 0.0,
         film: Film | None = None,
     ) -> None:
         self.world, self.pool, self.law, self.walls, self.reach = world, pool, law, tuple(walls), reach
-        self._constants, self._film = law.constants(film), film.cut_off if film else 0.0
-        self.grains = grains = Grains(world, domain, columns)
+        self._film = film or NO_FILM
+        number = len(columns["radius"])
+        few = pool.threads == 1 or number <= GRAINS_OF_ONE_THREAD * pool.threads
+        self._serial = few and (world.size == 1 or replicated(world, number))
+        parts = 1 if self._serial or pool.threads == 1 else PARTS * pool.threads
+        sizes = {"parts": parts, "cuts": parts + 1, "walls": len(walls) + 1}
+        sizes |= dict.fromkeys(("grains", "rows", "slots", "entries"), LANES)  # to begin with
+        self.arena = arena = Arena((*GRAINS, *CONTACTS, *STEP), **sizes)
+        arena.group(grains=GrainArrays, contacts=Contacts, lists=GrainLists, box=Box)
         self.gravity = np.zeros(3)
         self.gravity[: len(acceleration)] = acceleration
+        law = ContactLaw._make((*map(float, law[:5]), law.pulls))
+        arena.set(gravity=self.gravity, planar=domain.ndim == 2, law=law, film=self._film, dt=0.0, first_wall=0)
+        self.grains = grains = Grains(world, domain, columns, arena)
+        arena.set(lengths=grains.lengths, inverses=grains.inverses)
         self.time = 0.0
         smallest = -world.max(-float(grains.columns["row"][:, 3].min(initial=np.inf)))
         self._check_box()
-        self._skins = LEAST_SKIN * smallest, MOST_SKIN * smallest
+        self._skins = MIN_SKIN * smallest, MAX_SKIN * smallest
         self.skin = 0.1 * smallest if math.isfinite(smallest) else 0.0
         self._age, self._dt = 0, 0.0
-        self.list = ContactList(len(self.walls), law.shear > 0.0)
-        self.wall_rows = aligned_zeros((len(self.walls) + 1, kernels.ROW), np.float64)
-        self._walls_listed = self.wall_rows.copy()
-        self._few = (world.size == 1 or grains.together) and (pool.threads == 1 or grains.number <= FEW * pool.threads)
-        self._blocks = 1 if self._few or pool.threads == 1 else 4 * pool.threads
-        self._farthest = np.zeros(8 * self._blocks)
-        self._bounds: list[tuple[Bound, tuple[str, ...]]] = []
-        self._told: list[dict[str, Any]] = []  # the arguments that each of them has
-        self._room = Room()
+        self.list = ContactList(arena, grains.number, len(self.walls), law)
+        self._walls_listed = arena["walls"].copy()
         driven = (columns["fixed"] != 0) & (np.any(columns["v"], axis=1) | np.any(columns["omega"], axis=1))
-        self._driven = bool(np.any(driven)) or any(wall.moves for wall in self.walls)
+        self._works = bool(np.any(driven)) or any(wall.moves for wall in self.walls)
+        self._bind()
         self._set_walls(0.0, always=True)
         self.rebuild()
-        self._set_dt(0.0)
-        self.pool.run(self._forces)
+        self.pool.run(self._second_half)
         self._fresh = True
         self._check_start()
 
@@ -110,81 +105,55 @@ class Dem:
 
     # ---- tasks
 
-    def _arguments(self) -> dict[str, object]:
-        """Arrays of the kernels by the names of their arguments."""
-        grains, pairs, whole = self.grains, self.list, self.grains.room.whole
-        return self.list.room.whole | {
-            "rows": whole["row"], "pull": whole["pull"], "forces": whole["force"], "given": whole["given"],
-            "heat": whole["heat"], "work": whole["work"], "origin": self._room.whole["origin"],
-            "lengths": grains.lengths, "inverses": grains.inverses, "planar": grains.dimensions == 2,
-            "gravity": self.gravity, "farthest": self._farthest, "springs": pairs.springs,
-            "first_wall": pairs.n_grain_slots, "walls": self.wall_rows, "law": self._constants,
-        }  # fmt: skip
-
-    def _jobs(self) -> list[tuple[Any, dict[str, int]]]:
-        """Kernels of a substep with their ranges: first halves, forces, second halves."""
-        pairs, parts, lanes = self.list, self._blocks, kernels.LANES
-        grain_blocks = block_ranges(self.grains.held, parts)
-        pair_blocks = [(a * lanes, b * lanes) for a, b in block_ranges(pairs.n_grain_slots // lanes, parts)]
-        walls = block_ranges((pairs.n_slots - pairs.n_grain_slots) // lanes, parts)
-        wall_blocks = [(pairs.n_grain_slots + a * lanes, pairs.n_grain_slots + b * lanes) for a, b in walls]
-        kinds = (
-            (motion.start, grain_blocks), (kernels.grain_pairs, pair_blocks), (kernels.wall_pairs, wall_blocks),
-            (motion.finish, grain_blocks), (motion.count_work, grain_blocks),
-        )  # fmt: skip
-        return [
-            (kernel, {"first": first, "last": last, "place": place})
-            for kernel, blocks in kinds
-            for place, (first, last) in enumerate(blocks)
-        ]
-
     def _bind(self) -> None:
-        """Bind the kernels of a substep, or tell those that are bound where the arrays are now."""
-        values, jobs = self._arguments(), self._jobs()
-        if not self._bounds:
-            with self.world.first_on_node():
-                for kernel, more in jobs:
-                    names = tuple(inspect.signature(kernel.py_func).parameters)
-                    known = values | more | {"dt": 0.0, "half": 0.0}
-                    self._bounds.append((bind(kernel, *(known[name] for name in names)), names))
-                    self._told.append(known)
-                whole.substeps(0, 0, False, 0.0, np.zeros((0, 2), np.int64), self._farthest, self.wall_rows[None],
-                               self.wall_rows, self._walls_listed)  # fmt: skip
-                if self._film:
-                    self._fastest_film(0.0)  # compiled
-            bounds, parts = [bound for bound, _ in self._bounds], self._blocks
-            self._start, self._touch = bounds[:parts], bounds[parts : 3 * parts]
-            self._finish = bounds[3 * parts : 4 * parts]
-            self._work = bounds[4 * parts :] if self._driven else []
-            self._forces = self._graph()
-            return
-        for (bound, names), (_, more), told in zip(self._bounds, jobs, self._told):
-            known = values | more
-            for index, name in enumerate(names):
-                new = known.get(name)
-                if name in known and new is not told[name] and (name not in SCALARS or new != told[name]):
-                    bound.update(index, new)
-            told.update(known)
+        """Bind the kernels of a substep to the arrays: first half, contact forces, second half."""
+        arena, parts = self.arena, self.arena.sizes["parts"]
+        with self.world.first_on_node():
+            self._start = arena.bind(motion.start, parts)
+            self._touch = [
+                arena.bind(contact_forces.grain_pairs, parts, rows="row"),
+                arena.bind(contact_forces.wall_pairs, parts, rows="row"),
+            ]
+            self._finish = [arena.bind(motion.finish, parts)]
+            if self._works:
+                self._finish.append(arena.bind(motion.count_work, parts))
+            substeps(0, 0, False, 0.0, np.zeros((0, 2), np.int64), arena["farthest"], arena["walls"][None],
+                     arena["walls"], self._walls_listed)  # fmt: skip
+            if self._film.cut_off:
+                self._fastest_film(0.0)  # compiled
+        self._first_half, self._contacts = Graph(), Graph()
+        for part in range(parts):
+            self._first_half.task(self._start, part=part)
+            for touch in self._touch:
+                self._contacts.task(touch, part=part)
+        self._first_half.freeze()
+        self._contacts.freeze()
+        self._second_half = self._graph(parts)
 
-    def _graph(self) -> Graph:
+    def _graph(self, parts: int) -> Graph:
         """Contact forces, and what grains make of them when all are there."""
-        graph, lines = Graph(), [("lines", k) for k in range(len(self._touch))]
-        for touch, line in zip(self._touch, lines):
-            graph.task(touch, outs=[line])
-        for k, finish in enumerate(self._finish):
-            graph.task(finish, ins=lines, outs=[("sums", k)])
-        for k, work in enumerate(self._work):
-            graph.task(work, ins=[*lines, ("sums", k)])
+        graph, lines = Graph(), [(touch.name, part) for touch in self._touch for part in range(parts)]
+        for touch in self._touch:
+            for part in range(parts):
+                graph.task(touch, outs=[(touch.name, part)], part=part)
+        for finish in self._finish:
+            for part in range(parts):
+                graph.task(finish, ins=lines, inouts=[("sums", part)], part=part)
         return graph.freeze()
+
+    def _cut(self) -> None:
+        """Divide grains and slots among the parts of the kernels."""
+        arena, pairs, parts = self.arena, self.list, self.arena.sizes["parts"]
+        arena["grain_cuts"][:] = cuts(self.grains.held, parts)
+        arena["pair_cuts"][:] = LANES * cuts(pairs.n_grain_slots // LANES, parts)
+        walls = (pairs.n_slots - pairs.n_grain_slots) // LANES
+        arena["wall_cuts"][:] = pairs.n_grain_slots + LANES * cuts(walls, parts)
+        arena.set(first_wall=pairs.n_grain_slots)
 
     def _set_dt(self, dt: float) -> None:
         if dt != self._dt:
             self._dt = dt
-            for bound, names in self._bounds:
-                if "dt" in names:
-                    bound.update(names.index("dt"), dt)
-                if "half" in names:
-                    bound.update(names.index("half"), 0.5 * dt)
+            self.arena.set(dt=dt)
 
     # ---- steps
 
@@ -215,55 +184,54 @@ class Dem:
 
     def _put_ahead(self, time: float) -> None:
         """Tangential springs as they are after so much more time (s); contact forces stay."""
-        if time and self.list.history:
+        if time and self.list.remembers:
             kept = self.list.lines.copy()
             self._set_dt(time)
-            self.pool.each(self._touch)
+            self.pool.run(self._contacts)
             self.list.lines[:] = kept
 
-    def _substeps(self, dt: float, substeps: int, begin: float) -> None:
+    def _substeps(self, dt: float, count: int, begin: float) -> None:
         self._set_dt(dt)
-        if self._few:
-            for first in range(0, substeps, CHUNK):
-                self._advance_alone(dt, begin, first, min(first + CHUNK, substeps))
+        if self._serial:
+            for first in range(0, count, WALL_SUBSTEPS):
+                self._advance_alone(dt, begin, first, min(first + WALL_SUBSTEPS, count))
             return
-        for k in range(substeps):
+        for k in range(count):
             self.time = begin + (k + 1) * dt
-            self.pool.each(self._start)
+            self.pool.run(self._first_half)
             self._set_walls(self.time)
             self._renew()
-            self.pool.run(self._forces)
+            self.pool.run(self._second_half)
         self.grains.refresh()  # the ghosts had predicted velocities
 
     def fastest_film(self, time: float) -> float:
         """Collective: the greatest resistance x mobility (1/s) of the films within `time` (s) from now."""
         mine = self._fastest_film(time)
-        return mine if self.grains.together else self.world.max(mine)
+        return mine if self.grains.replicated else self.world.max(mine)
 
     def _fastest_film(self, time: float) -> float:
-        grains, pairs = self.grains, self.list
-        where = (pairs.low, pairs.high, pairs.n_grain_slots, grains.rows, self.wall_rows)
-        return films.fastest(*where, grains.lengths, grains.inverses, self._constants, time)
+        arena, pairs = self.arena, self.list
+        return films.fastest(arena.value("contacts"), pairs.n_slots, pairs.n_grain_slots, arena["row"], arena["walls"],
+                             arena.value("box"), self._film, time)  # fmt: skip
 
     def _advance_alone(self, dt: float, begin: float, first: int, last: int) -> None:
         """Substeps first..last in compiled code, without messages."""
-        motions = self.wall_rows[None]
+        walls, farthest = self.arena["walls"], self.arena["farthest"]
+        motions = walls[None]
         if any(wall.moves for wall in self.walls):
             motions = wall_rows(self.walls, begin + np.arange(first + 1, last + 1) * dt)
             if len(motions) == 1:
-                self.wall_rows[:] = motions[0]
-        bounds = [*self._start, *self._touch, *self._finish, *self._work]
+                walls[:] = motions[0]
+        bounds: list[Bound] = [self._start, *self._touch, *self._finish]
         tasks = np.array([(bound.address, bound.context.ctypes.data) for bound in bounds])
         done, begun, steps = 0, False, last - first
         while done < steps:
-            outcome = whole.substeps(
-                done, steps, begun, self.skin, tasks, self._farthest, motions, self.wall_rows, self._walls_listed
-            )
+            outcome = substeps(done, steps, begun, self.skin, tasks, farthest, motions, walls, self._walls_listed)
             begun = outcome < 0
             self._age += (-1 - outcome if begun else outcome) - done
             done = -1 - outcome if begun else outcome
             if begun:
-                self._check(whole.distance_moved(self._farthest))
+                self._check(distance_moved(self.arena["farthest"]))
                 self.rebuild()
         self.time = begin + last * dt
 
@@ -279,14 +247,14 @@ class Dem:
 
     def _set_walls(self, time: float, always: bool = False) -> None:
         if always or any(wall.moves for wall in self.walls):
-            self.wall_rows[:] = wall_rows(self.walls, np.array([time]))[0]
+            self.arena["walls"][:] = wall_rows(self.walls, np.array([time]))[0]
 
     def _renew(self) -> None:
         """Ghosts at their new places; a new list when a grain may have come from beyond the old one."""
         self._age += 1
-        moved = self.world.max(whole.distance_moved(self._farthest))
+        moved = self.world.max(distance_moved(self.arena["farthest"]))
         self._check(moved)
-        if moved + max(moved, whole.wall_distance(self.wall_rows, self._walls_listed)) > self.skin:
+        if moved + max(moved, wall_distance(self.arena["walls"], self._walls_listed)) > self.skin:
             self.rebuild()
         else:
             self.grains.refresh()
@@ -301,22 +269,21 @@ class Dem:
         self._list(self.list.stretched())
 
     def _tune(self) -> None:
-        if 0 < self._age < OFTEN:
+        if 0 < self._age < YOUNG_LIST:
             self.skin = min(1.25 * self.skin, self._skins[1])
-        elif self._age > SELDOM:
+        elif self._age > OLD_LIST:
             self.skin = max(0.8 * self.skin, self._skins[0])
         self._age = 0
 
     def _list(self, springs: Springs) -> None:
         grains = self.grains
-        margin = self.skin + self._film
+        margin = self.skin + self._film.cut_off
         springs = grains.settle(springs, margin, self.reach)
         inverse = np.where(grains.fixed, 0.0, 1.0 / grains.mass)
-        self.list.build(grains.rows, grains.ids, inverse, grains.held, margin, grains.lengths, grains.inverses,
-                        self.wall_rows, grains.number, self.law, springs)  # fmt: skip
-        self._room.rows("origin", grains.held, shape=(8,))[:] = grains.rows[: grains.held, :8]
-        self._walls_listed[:] = self.wall_rows
-        self._bind()
+        self.list.build(grains.ids, inverse, grains.held, margin, springs)
+        self.arena["origin"][: grains.held] = grains.rows[: grains.held, :8]
+        self._walls_listed[:] = self.arena["walls"]
+        self._cut()
 
     def set_added(self, mass: NDArray, inertia: NDArray) -> None:
         """Added mass and inertia [n] of own grains: they divide all forces, and make no weight."""
@@ -337,7 +304,7 @@ class Dem:
         bits for any ranks and threads.
         """
         grains, more = self.grains, {}
-        if self.list.history:
+        if self.list.remembers:
             partner, spring = self.list.by_grain(grains.ids[: grains.n], self.world)
             more = {"partner": partner, "spring": spring}
         low, _ = grains.part()
@@ -346,7 +313,7 @@ class Dem:
     def state_columns(self, reader: Reader) -> dict[str, Column]:
         """What the arrays of `state` are: what grains are made of is that of the scene."""
         found = {f"grains/{name}": column for name, column in self.grains.state_columns().items()}
-        if self.list.history:
+        if self.list.remembers:
             n, others = self.grains.number, self.grains.number + len(self.walls)
             most = reader.shape("grains/partner")[1:2] or (None,)
             found["grains/partner"] = Column(np.int64, (n, *most), -1, others - 1)
@@ -360,18 +327,18 @@ class Dem:
         ids = np.arange(low, high)
         grains.take(ids, {name: reader.read(f"grains/{name}", low, high) for name in STATE})
         springs = np.zeros((0, 2), np.int64), np.zeros((0, 3))
-        if self.list.history:
+        if self.list.remembers:
             partner, spring = (reader.read(f"grains/{name}", low, high) for name in ("partner", "spring"))
-            some = partner >= 0
-            first = np.broadcast_to(ids[:, None], some.shape)
-            springs = np.stack([first[some], partner[some]], 1), np.ascontiguousarray(spring[some])
+            used = partner >= 0
+            first = np.broadcast_to(ids[:, None], used.shape)
+            springs = np.stack([first[used], partner[used]], 1), np.ascontiguousarray(spring[used])
             springs = grains.all_springs(springs)
         self.time, self._fresh = reader.time, False
         self._set_walls(self.time, always=True)
         self._list(springs)
         kept = self.list.springs.copy()
         self._set_dt(0.0)
-        self.pool.each(self._touch)  # lines of forces for what is asked before the next step; no force changes
+        self.pool.run(self._contacts)  # lines of forces for what is asked before the next step; no force changes
         self.list.springs[:] = kept
 
     # ---- what users ask for
@@ -389,3 +356,8 @@ class Dem:
             raise Diverged("a mass, a place or a velocity of a grain is not a finite number")
         scale = exact.power_of_two_above(largest)
         return exact.value(self.world.sum_int(exact.exact_limbs(values, scale)), scale)
+
+
+def cuts(n: int, parts: int) -> NDArray[np.int64]:
+    """Ends [parts + 1] of nearly equal parts of n."""
+    return np.array([0, *(end for _, end in block_ranges(n, parts))], np.int64)

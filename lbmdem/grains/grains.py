@@ -21,26 +21,25 @@ from hpcpic.core.comm.world import World
 from hpcpic.core.files.arrays import Column
 from hpcpic.core.space.domain import Domain, block_ranges, wrap
 from hpcpic.core.space.records import pack_rows, record_type, unpack_rows
+from hpcpic.core.tasks.arena import Arena
+from lbmdem.grains.arrays import GRAINS, MAX_REPLICATED
 from lbmdem.grains.contact_list import Springs
-from lbmdem.grains.room import Room
+from lbmdem.physics.contact_law import ROW
 
-ROW = 16
 X, V, OMEGA, TURN = 0, 4, 8, 12  # first values of a row: position and radius, velocity, angular velocity, orientation
-TOGETHER = 512  # grains, at most, that all ranks hold
-COLUMNS: dict[str, tuple[type, tuple[int, ...]]] = {
-    "id": (np.int64, ()),
-    "row": (np.float64, (ROW,)),
-    "mass": (np.float64, ()),
-    "inertia": (np.float64, ()),
-    "fixed": (np.int64, ()),
-    "pull": (np.float64, ()),  # share of the acceleration of gravity: 0 fixed, 1, less with added mass
-    "force": (np.float64, (8,)),  # of contacts: force, power, torque, 0
-    "given": (np.float64, (8,)),  # of others, through the substeps
-    "heat": (np.float64, ()),  # J made in this grain's half of its contacts
-    "work": (np.float64, ()),  # J done by walls on this grain, and by it if it is fixed and turns or moves
+COLUMNS: dict[str, tuple[np.dtype, tuple[int, ...]]] = {
+    array.name: (np.dtype(array.dtype), tuple(int(n) for n in array.shape[1:]))
+    for array in GRAINS
+    if array.name != "origin"
 }
 UNIT = 1e-6  # by which a quaternion may miss its length
 STATE = tuple(name for name in COLUMNS if name not in ("id", "given"))
+SPRING = np.dtype([("key", np.int64, (2,)), ("value", np.float64, (3,))])  # that travels with a grain
+
+
+def replicated(world: World, number: int) -> bool:
+    """True where all ranks hold all of so many grains."""
+    return world.size > 1 and number <= MAX_REPLICATED
 
 
 class Grains:
@@ -51,11 +50,11 @@ class Grains:
     is called; version counts that.
     """
 
-    def __init__(self, world: World, domain: Domain, columns: Mapping[str, NDArray]) -> None:
-        self.world, self.domain = world, domain
+    def __init__(self, world: World, domain: Domain, columns: Mapping[str, NDArray], arena: Arena) -> None:
+        self.world, self.domain, self.arena = world, domain, arena
         self.dimensions = domain.ndim
         self.number = len(columns["radius"])
-        self.together = world.size > 1 and self.number <= TOGETHER
+        self.replicated = replicated(world, self.number)
         self._made_of = {name: np.asarray(columns[name]) for name in ("mass", "inertia", "fixed", "radius")}
         self.columns = self._first(columns)
         self.n = len(self.columns["id"])
@@ -65,9 +64,7 @@ class Grains:
         self.periodic[: self.dimensions] = domain.periodic[::-1]
         self.inverses = np.where(self.periodic, 1.0 / np.where(self.lengths > 0.0, self.lengths, 1.0), 0.0)
         self.greatest = world.max(float(self.columns["row"][:, 3].max(initial=0.0)))
-        self.room = Room()
-        layout = record_type(self.columns)
-        self._layout, self.version = layout, 0
+        self._layout, self.version = record_type(self.columns), 0
         self._refresh = Refresh(world, Channel.GHOSTS_VALUES)
         self._round = 0
         self.n_ghosts = 0
@@ -76,7 +73,7 @@ class Grains:
     def _first(self, given: Mapping[str, NDArray]) -> dict[str, NDArray]:
         """Columns of this rank from those of the scene, which are of all grains."""
         n, d = len(given["radius"]), self.dimensions
-        columns = {name: np.zeros((n, *shape), dtype) for name, (dtype, shape) in COLUMNS.items()}
+        columns: dict[str, NDArray] = {name: np.zeros((n, *shape), dtype) for name, (dtype, shape) in COLUMNS.items()}
         columns["id"][:] = np.arange(n)
         for name in ("mass", "inertia", "fixed"):
             columns[name][:] = given[name]
@@ -91,7 +88,7 @@ class Grains:
         row[:, 3], row[:, 7] = given["radius"], np.where(free, 1.0 / columns["mass"], 0.0)
         row[:, 11] = np.where(free, 1.0 / columns["inertia"], 0.0)
         row[:, TURN] = 1.0 if d == 3 else 0.0
-        if self.together:
+        if self.replicated:
             return columns
         mine = self._owner(row) == self.world.rank
         return {name: column[mine] for name, column in columns.items()}
@@ -151,23 +148,23 @@ class Grains:
         with either grain.
         """
         self._round += 1
-        if self.world.size > 1 and not self.together:
+        if self.world.size > 1 and not self.replicated:
             springs = self._send(springs)
         low = self.greatest + 0.5 * margin
         cell = np.floor(self.columns["row"][:, :3] / (2.0 * low))[:, ::-1]
         others = self._owner(self.columns["row"]) != self.world.rank
-        order = np.lexsort((self.columns["id"], *cell.T[::-1], others & self.together))
+        order = np.lexsort((self.columns["id"], *cell.T[::-1], others & self.replicated))
         self.columns = {name: np.ascontiguousarray(column[order]) for name, column in self.columns.items()}
-        self.n = self.held - np.count_nonzero(others) if self.together else self.held
-        exchange = self.world.size > 1 and not self.together
+        self.n = self.held - int(np.count_nonzero(others)) if self.replicated else self.held
+        exchange = self.world.size > 1 and not self.replicated
         self.n_ghosts = self._refresh.choose(self._members(margin, reach)) if exchange else self.held - self.n
         self._lay_out()
         self.version += 1
         return springs
 
     def _send(self, springs: Springs) -> Springs:
-        owners = self._owner(self.columns["row"])
-        ids, layout = self.columns["id"], np.dtype([("key", np.int64, (2,)), ("value", np.float64, (3,))])
+        """Grains, and the springs of their contacts, to the ranks that own them. Collective."""
+        owners, ids = self._owner(self.columns["row"]), self.columns["id"]
         outgoing, kept = {}, owners == self.world.rank
         loose = {}
         for peer in np.unique(owners[~kept]).tolist():
@@ -181,9 +178,9 @@ class Grains:
         parts += [unpack_rows(records, self._layout) for records in arrived]
         self.columns = {name: np.concatenate([part[name] for part in parts]) for name in COLUMNS}
         found = [springs]
-        for records in send_anywhere(self.world, loose, layout.itemsize, tag(self._round, Channel.RECUT)):
-            arrived = unpack_rows(records, layout)
-            found.append((arrived["key"], arrived["value"]))
+        for records in send_anywhere(self.world, loose, SPRING.itemsize, tag(self._round, Channel.RECUT)):
+            part = unpack_rows(records, SPRING)
+            found.append((part["key"], part["value"]))
         return np.concatenate([keys for keys, _ in found]), np.concatenate([values for _, values in found])
 
     def _members(self, margin: float, reach: float) -> dict[int, NDArray[np.int64]]:
@@ -209,17 +206,17 @@ class Grains:
     def _lay_out(self) -> None:
         """One array of rows: own grains, ghosts, and one that touches nothing."""
         held, total = self.held, self.n + self.n_ghosts
-        self.rows = self.room.rows("row", total + 1, shape=(ROW,))
+        self.arena.reserve(grains=held, rows=total + 1)
+        self.rows = self.arena["row"][: total + 1]
         for name, values in self.columns.items():
-            dtype, shape = COLUMNS[name]
-            kept = self.room.rows(name, held, dtype, shape)
+            kept = self.arena[name][:held]
             kept[:] = values
             self.columns[name] = kept
         self.rows[-1] = np.nan
         self.ids, self._constants = np.empty(total, np.int64), np.empty((total, 3))
         here = np.stack([self.columns[name] for name in ("mass", "inertia", "fixed")], 1).astype(np.float64)
         self.ids[:held], self._constants[:held] = self.columns["id"], here
-        if self.world.size > 1 and not self.together:
+        if self.world.size > 1 and not self.replicated:
             self.ids[held:], self._constants[held:] = self._sent(self.columns["id"]), self._sent(here)
             self.refresh()
 
@@ -230,12 +227,12 @@ class Grains:
 
     def refresh(self) -> None:
         """Collective: ghosts as their owners' grains are now."""
-        if self.world.size > 1 and not self.together:
+        if self.world.size > 1 and not self.replicated:
             self.rows[self.n : -1] = self._sent(self.columns["row"])
 
     def shared(self, values: NDArray[np.float64]) -> NDArray[np.float64]:
         """Collective: values[held, ...] as their owners have them in the rows of own grains."""
-        if not self.together:
+        if not self.replicated:
             return values
         bits = np.zeros((self.number, *values.shape[1:]), np.int64)
         bits[self.ids[: self.n]] = values[: self.n].view(np.int64)
@@ -277,7 +274,7 @@ class Grains:
 
     def take(self, ids: NDArray[np.int64], arrays: Mapping[str, NDArray]) -> None:
         """Collective: these grains instead of those of this rank; `settle` next."""
-        if self.together:
+        if self.replicated:
             ids, arrays = np.arange(self.number), {name: self._gathered(arrays[name]) for name in STATE}
         self.columns = {name: np.zeros((len(ids), *shape), dtype) for name, (dtype, shape) in COLUMNS.items()}
         self.columns["id"][:] = ids
@@ -286,7 +283,8 @@ class Grains:
 
     def all_springs(self, springs: Springs) -> Springs:
         """Collective: those of all ranks when grains are held together."""
-        return tuple(map(self._gathered, springs)) if self.together else springs
+        keys, values = springs
+        return (self._gathered(keys), self._gathered(values)) if self.replicated else springs
 
     def _gathered(self, part: NDArray) -> NDArray:
         """Rows of all ranks, in rank order, on all ranks."""

@@ -3,18 +3,17 @@
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from lbmdem.physics.lubrication import Film
+ROW = 16  # values of a grain (x y z radius, v and inverse mass, omega and inverse inertia, orientation) or a plane
+LANES = 8  # contacts whose forces are found at a time
 
-ROW = 16  # values of a grain or a plane in the kernels
 
-
-@dataclass(frozen=True, slots=True)
-class Law:
-    """Contact law [1] of Mansouri et al. 2011, SI units.
+class ContactLaw(NamedTuple):
+    """Contact law [1] of Mansouri et al. 2011, SI units; `physics.contact_forces` has its formulas.
 
     stiffness k_n (N/m), damping alpha in [0, 1), friction mu, viscosity beta (N s/m) of the regularised Coulomb law;
     shear (N/m): 0 for the law of the paper, else stiffness of a tangential spring with history, beside which
@@ -28,18 +27,9 @@ class Law:
     shear: float = 0.0
     pulls: bool = True
 
-    def constants(self, film: Film | None = None) -> NDArray[np.float64]:
-        """As the kernels want them."""
-        law = [self.stiffness, self.friction, self.viscosity, self.shear, float(self.pulls)]
-        if film is None:
-            return np.array([*law, 0.0, 0.0, 0.0])
-        planar = film.dimensions == 2
-        factor = (3.0 * math.sqrt(2.0) if planar else 6.0) * math.pi * film.viscosity
-        return np.array([*law, film.cut_off, factor, float(planar)])
-
 
 @dataclass(frozen=True, slots=True)
-class Wall:
+class PlaneWall:
     """A plane with a normal into the grains' side; its point moves: point + velocity t + amplitude sin(2 pi f t)."""
 
     point: Sequence[float]
@@ -52,21 +42,22 @@ class Wall:
     def moves(self) -> bool:
         return any(self.velocity) or (any(self.amplitude) and self.frequency != 0.0)
 
-    def rows(self, times: NDArray[np.float64]) -> NDArray[np.float64]:
-        """[n, ROW]: point, 0, velocity, 0, normal, 0 ... at times (s), as the kernels want them."""
+    def rows(self, times: NDArray) -> NDArray[np.float64]:
+        """Values [n, ROW] for the kernels at times (s): point, 0, velocity, 0, normal, 0 ..."""
         rows, omega = np.zeros((len(times), ROW)), 2.0 * math.pi * self.frequency
         d = len(self.point)
         velocity, amplitude = (np.array(v or np.zeros(d), float) for v in (self.velocity, self.amplitude))
         phases = (omega * times).tolist() if any(self.amplitude) else [0.0]
-        sines, cosines = (np.array([[f(phase)] for phase in phases]) for f in (math.sin, math.cos))  # bits of one alone
+        # each time alone, so that its bits do not depend on the others
+        sines, cosines = (np.array([[f(phase)] for phase in phases]) for f in (math.sin, math.cos))
         rows[:, :d] = np.asarray(self.point) + velocity * times[:, None] + amplitude * sines
         rows[:, 4 : 4 + d] = velocity + amplitude * omega * cosines
         rows[:, 8 : 8 + d] = np.asarray(self.normal, float) / math.hypot(*self.normal)
         return rows
 
 
-def wall_rows(walls: Sequence[Wall], times: NDArray[np.float64]) -> NDArray[np.float64]:
-    """[n, walls + 1, ROW]: rows of all walls at times, and one that touches nothing behind them."""
+def wall_rows(walls: Sequence[PlaneWall], times: NDArray) -> NDArray[np.float64]:
+    """Rows [n, walls + 1, ROW] of all walls at times (s), and one that touches nothing behind them."""
     rows = np.full((len(times), len(walls) + 1, ROW), np.nan)
     for k, wall in enumerate(walls):
         rows[:, k] = wall.rows(times)
@@ -82,7 +73,7 @@ def step_limit(damping: float, contacts: float) -> float:
     return 4.0 * (math.sqrt(damping**2 + 0.25 / contacts) - damping)
 
 
-def stable_step(law: Law, radius: NDArray, mass: NDArray, inertia: NDArray, contacts: float = 0.0) -> float:
+def stable_step(law: ContactLaw, radius: NDArray, mass: NDArray, inertia: NDArray, contacts: float = 0.0) -> float:
     """Largest stable step (s) of grains that move: a bound for the lightest of them among its equals.
 
     contacts: how many act along one direction; by default the most that equal discs (3) or spheres (4.5) can have:
@@ -101,6 +92,6 @@ def stable_step(law: Law, radius: NDArray, mass: NDArray, inertia: NDArray, cont
     return 2.0 / (dashpot + math.sqrt(dashpot**2 + spring))
 
 
-def paper_step(law: Law, mass: NDArray) -> float:
+def paper_step(law: ContactLaw, mass: NDArray) -> float:
     """The step [2] of Mansouri et al. 2011 (s): a tenth of the duration of an undamped contact."""
     return 0.1 * math.pi * math.sqrt(float(np.min(mass)) / law.stiffness)

@@ -12,7 +12,7 @@ pumping), of the same order as shearing, is left out.
 """
 
 import math
-from dataclasses import dataclass
+from typing import Any, NamedTuple
 
 CUT_OFF = {2: 2.0 / 3.0, 3: 1.0 / 1.7}  # nodes: where the resolved force begins to lag behind
 RESOLVED, GROWTH = 0.53, 0.55  # of a sphere's force at the cut-off: what links give at contact, more by gap / cut-off
@@ -22,9 +22,8 @@ MOST_SUBSTEPS = 1000  # in a step of the fluid, for films: a stiffer one is limi
 ROUGHNESS = 1e-3  # least gap over the reduced radius: grains touch before theirs is zero
 
 
-@dataclass(frozen=True, slots=True)
-class Film:
-    """The normal resistance of gaps below `cut_off` between grains in a fluid of dynamic viscosity `viscosity`.
+class Film(NamedTuple):
+    """The resistance of gaps below `cut_off` between grains in a fluid of dynamic viscosity `viscosity`.
 
     A film takes the force -resistance x (closing velocity along the normal), equal and opposite on both grains; no
     force beyond the cut-off and none while the grains overlap. 2D: per depth.
@@ -36,22 +35,17 @@ class Film:
 
     @classmethod
     def of_lattice(cls, viscosity: float, spacing: float, dimensions: int) -> "Film":
-        """For a fluid on a lattice of that spacing."""
+        """The film for a fluid on a lattice of that spacing."""
         return cls(viscosity, CUT_OFF[dimensions] * spacing, dimensions)
 
     def resistance(self, gap: float, radius: float) -> float:
-        """Force over closing velocity at a gap; radius: the reduced one, a b / (a + b), or a at a plane wall.
-
-        Spheres 6 pi mu R^2 / h, parallel cylinders 3 sqrt(2) pi mu (R / h)^(3/2), less what links give of that.
-        """
+        """Force over closing velocity at a gap; radius: the reduced one, a b / (a + b), or a at a plane wall."""
         if not 0.0 <= gap < self.cut_off:
             return 0.0
         gap = max(gap, ROUGHNESS * radius)
         if self.dimensions == 3:
-            given = min(RESOLVED + GROWTH * gap / self.cut_off, 1.0) / self.cut_off
-            return 6.0 * math.pi * self.viscosity * radius**2 * max(1.0 / gap - given, 0.0)
-        film = (radius / gap) ** 1.5 - (radius / self.cut_off) ** 1.5
-        return 3.0 * math.sqrt(2.0) * math.pi * self.viscosity * max(film, 0.0)
+            return max(0.0, squeezed_spheres(gap, radius, min(force_of_links(gap, self), 1.0), self))
+        return max(0.0, squeezed_discs((radius / gap) ** 1.5, (radius / self.cut_off) ** 1.5, self))
 
     def gap_of(self, resistance: float, radius: float) -> float:
         """The gap with this resistance: the inverse of `resistance` above the least gap."""
@@ -74,5 +68,27 @@ class Film:
         if math.isfinite(second):
             size = first * second * (2.0 * (first**2 + second**2) + first * second) / (first + second) ** 3
             reduced = first * second / (first + second)
-        least = max(gap, ROUGHNESS * reduced)
-        return 6.0 * math.pi * self.viscosity * 4.0 / 15.0 * size * max(math.log(cut / least), 0.0)
+        return max(0.0, sheared_spheres(size, math.log(cut / max(gap, ROUGHNESS * reduced)), self))
+
+
+# Formulas for numbers, and compiled for vectors of pairs in kernels/grains/films.py
+
+
+def force_of_links(gap: Any, film: Film) -> Any:
+    """What links beside a sphere give at a gap, over the force at the cut-off; 1 at most."""
+    return RESOLVED + GROWTH / film.cut_off * gap
+
+
+def squeezed_spheres(gap: Any, radius: Any, given: Any, film: Film) -> Any:
+    """6 pi mu R^2 / h of a sphere, less what links give of that at the cut-off."""
+    return radius * radius * (6.0 * math.pi * film.viscosity) * (1.0 / gap - given / film.cut_off)
+
+
+def squeezed_discs(here: Any, cut: Any, film: Film) -> Any:
+    """3 sqrt(2) pi mu (R / h)^(3/2) of parallel cylinders less that at the cut-off; here, cut: (R / h)^(3/2)."""
+    return (here - cut) * (3.0 * math.sqrt(2.0) * math.pi * film.viscosity)
+
+
+def sheared_spheres(size: Any, logarithm: Any, film: Film) -> Any:
+    """4/15 6 pi mu a ln(h_c / h) of two spheres that slide; size: a x their function of the ratio of radii."""
+    return size * (4.0 / 15.0 * (6.0 * math.pi * film.viscosity)) * logarithm

@@ -25,7 +25,7 @@ from hpcpic.core.tasks.graph import Pool
 from lbmdem.case.config import contact_law
 from lbmdem.grains.contact_network import energies, greatest_overlap, wall_force
 from lbmdem.grains.dem import Dem
-from lbmdem.physics.contact_law import Law, Wall, stable_step
+from lbmdem.physics.contact_law import ContactLaw, PlaneWall, stable_step
 from lbmdem.setup.overlap_survey import law_diameters, packed_space, solid_volume
 
 if TYPE_CHECKING:
@@ -53,7 +53,7 @@ class Sample:
     seed: int
     density: float = 1.0
     gravity: float = 0.0
-    law: Law | None = None
+    law: ContactLaw | None = None
 
 
 def beta_diameters(
@@ -82,7 +82,7 @@ def _columns(sample: Sample, x: NDArray) -> dict[str, NDArray]:
     }
 
 
-def _walls(domain: Domain, sample: Sample) -> list[Wall]:
+def _walls(domain: Domain, sample: Sample) -> list[PlaneWall]:
     """Rigid sides of the sample's space."""
     d = domain.ndim
     walls = []
@@ -91,7 +91,7 @@ def _walls(domain: Domain, sample: Sample) -> list[Wall]:
             continue
         inward, length = np.eye(d)[axis], domain.lengths[d - 1 - axis]
         low, high = (sample.low, sample.high) if axis == d - 1 else (0.0, length)
-        walls += [Wall(tuple(low * inward), tuple(inward)), Wall(tuple(high * inward), tuple(-inward))]
+        walls += [PlaneWall(tuple(low * inward), tuple(inward)), PlaneWall(tuple(high * inward), tuple(-inward))]
     return walls
 
 
@@ -110,7 +110,7 @@ def grow(world: World, pool: Pool, domain: Domain, sample: Sample) -> NDArray[np
 
     Small grains without friction grow and push each other away; then they relax. ConfigError when overlaps stay.
     """
-    law = Law(1.0, damping=0.3)
+    law = ContactLaw(1.0, damping=0.3)
     columns = _columns(replace(sample, density=1.0), _scatter(domain, sample))
     dem = Dem(world, pool, domain, columns, law, _walls(domain, sample))
     dt = 0.5 * stable_step(law, columns["radius"], columns["mass"], columns["inertia"])
@@ -142,7 +142,7 @@ def settle(world: World, pool: Pool, domain: Domain, sample: Sample, x: NDArray)
     """
     assert sample.law is not None
     d, law = domain.ndim, sample.law
-    law = replace(law, shear=law.shear or 2.0 / 7.0 * law.stiffness)
+    law = law._replace(shear=law.shear or 2.0 / 7.0 * law.stiffness)
     columns = _columns(sample, x)
     down = (0.0,) * (d - 1) + (-sample.gravity,)
     dem = Dem(world, pool, domain, columns, law, _walls(domain, sample), down)
@@ -230,7 +230,7 @@ def pack(world: World, pool: Pool, domain: Domain, sample: Sample) -> NDArray[np
         "seed": sample.seed,
         "density": sample.density,
         "gravity": sample.gravity,
-        "law": None if sample.law is None else [*sample.law.constants().tolist(), sample.law.damping],
+        "law": None if sample.law is None else list(sample.law),
     }
 
     def made() -> NDArray[np.float64]:

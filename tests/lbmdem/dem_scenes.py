@@ -9,7 +9,7 @@ from hpcpic.core.space.domain import Domain, even_cuts
 from hpcpic.core.space.rng import uniforms
 from hpcpic.core.tasks.graph import Pool
 from lbmdem.grains.dem import Dem
-from lbmdem.physics.contact_law import Law, Wall
+from lbmdem.physics.contact_law import ContactLaw, PlaneWall
 
 STIFFNESS, RADIUS, DENSITY = 1.0e4, 0.05, 2000.0
 
@@ -64,9 +64,9 @@ def cloud(n, d, lengths, *, seed=3, speed=0.5, spread=0.3):
     return columns
 
 
-LAW = Law(STIFFNESS, damping=0.2, friction=0.4, viscosity=10.0)
-HISTORY = Law(STIFFNESS, damping=0.2, friction=0.4, viscosity=2.0, shear=0.8 * STIFFNESS)
-FLOOR = Wall((0.0, 0.0, 0.0), (0.0, 0.0, 1.0))
+LAW = ContactLaw(STIFFNESS, damping=0.2, friction=0.4, viscosity=10.0)
+HISTORY = ContactLaw(STIFFNESS, damping=0.2, friction=0.4, viscosity=2.0, shear=0.8 * STIFFNESS)
+FLOOR = PlaneWall((0.0, 0.0, 0.0), (0.0, 0.0, 1.0))
 
 
 class Saved:

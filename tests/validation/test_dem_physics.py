@@ -12,7 +12,7 @@ from hpcpic.core.space.domain import Domain, even_cuts
 from hpcpic.core.tasks.graph import Pool
 from lbmdem.grains.contact_network import contacts, energies, momentum
 from lbmdem.grains.dem import Dem
-from lbmdem.physics.contact_law import Law, Wall, stable_step
+from lbmdem.physics.contact_law import ContactLaw, PlaneWall, stable_step
 from lbmdem.setup.packing import Sample, beta_diameters, grow, solid_volume
 
 sys.path.insert(0, str(Path(__file__).parent.parent / "lbmdem"))
@@ -50,7 +50,7 @@ def test_restitution_wherever_in_a_step_the_contact_begins(world, pool):
     for alpha, full, _, clipped, _ in rows:
         for pulls, exact in ((True, full), (False, clipped)):
             coarse, fine = (
-                np.abs(rebounds(world, pool, Law(STIFFNESS, alpha, pulls=pulls), part) - exact).max()
+                np.abs(rebounds(world, pool, ContactLaw(STIFFNESS, alpha, pulls=pulls), part) - exact).max()
                 for part in (0.02, 0.005)
             )
             assert coarse < 0.003, (alpha, pulls, coarse)
@@ -63,8 +63,8 @@ def test_the_energy_budget_of_a_shaken_bed_closes_with_the_step(world, pool, she
     gaps = []
     for part in (0.2, 0.1, 0.05):
         columns = cloud(500, 3, (0.8, 0.8, 0.8), speed=0.2)
-        law = Law(STIFFNESS, 0.2, 0.4, 2.0, shear)
-        floor = Wall((0.0, 0.0, 0.0), (0.0, 0.0, 1.0), amplitude=(0.0, 0.0, 0.01), frequency=10.0)
+        law = ContactLaw(STIFFNESS, 0.2, 0.4, 2.0, shear)
+        floor = PlaneWall((0.0, 0.0, 0.0), (0.0, 0.0, 1.0), amplitude=(0.0, 0.0, 0.01), frequency=10.0)
         scene = Dem(
             world, pool, box(world, (0.8, 0.8, 2.0), (True, True, False)), columns, law, (floor,), (0, 0, -9.81)
         )
@@ -82,7 +82,7 @@ def test_the_energy_budget_of_a_shaken_bed_closes_with_the_step(world, pool, she
 def test_momentum_of_many_collisions(world, pool):
     """Drift of the linear momentum of a periodic gas after 20 000 steps, to rounding."""
     columns = cloud(216, 3, (0.7, 0.7, 0.7), speed=1.0)
-    scene = Dem(world, pool, box(world, (0.7, 0.7, 0.7)), columns, Law(1e5, 0.0, 0.3, 5.0))
+    scene = Dem(world, pool, box(world, (0.7, 0.7, 0.7)), columns, ContactLaw(1e5, 0.0, 0.3, 5.0))
     before, _ = momentum(scene)
     scene.advance(5e-5, 20000)
     after, _ = momentum(scene)
@@ -114,9 +114,9 @@ def test_a_heap_stands_on_a_rough_floor(world, pool):
         ids = np.arange(300)
         heap = np.stack([3.3 + 0.11 * (ids % 13) + 0.03 * (ids // 13 % 2), 0.11 * (1 + ids // 13)], 1)
         columns = grains(np.concatenate([floor, heap]), fixed=[True] * 80 + [False] * 300)
-        law = Law(1e6, 0.4, friction, 100.0, 3e5 * (friction > 0))
+        law = ContactLaw(1e6, 0.4, friction, 100.0, 3e5 * (friction > 0))
         domain = box(world, (8.0, 4.0), (True, False))
-        scene = Dem(world, pool, domain, columns, law, (Wall((0.0, -RADIUS), (0.0, 1.0)),), (0.0, -9.81))
+        scene = Dem(world, pool, domain, columns, law, (PlaneWall((0.0, -RADIUS), (0.0, 1.0)),), (0.0, -9.81))
         dt = 0.4 * stable_step(law, columns["radius"], columns["mass"], columns["inertia"])
         scene.advance(dt, round(3.0 / dt))
         x = by_id(scene, scene.grains.x)[80:]

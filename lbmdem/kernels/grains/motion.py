@@ -16,6 +16,7 @@ from hpcpic.core.simd.vector import (
     address_of,
     bitmask,
     convert,
+    floor,
     fma,
     halves,
     join,
@@ -40,7 +41,7 @@ def swap(line):
 
 
 @njit
-def spread(values, first, other):
+def in_lanes(values, first, other):
     """values[0..3] in the lanes from `first` on, `other` elsewhere."""
     k = convert(F, lane_numbers(I))
     line = splat(F, other)
@@ -50,24 +51,27 @@ def spread(values, first, other):
 
 
 @njit
-def start(first, last, rows, pull, forces, given, gravity, origin, lengths, inverses, planar, dt, farthest, place):
-    """Positions at the end of the step, velocities predicted there; farthest[place] is not below the greatest squared
-    distance of a grain from the place in origin[n, 8], and infinite when one is no number.
+def start(part, grain_cuts, grains, box, gravity, planar, farthest, dt):
+    """First half: positions at the end of the step, velocities predicted there.
+
+    farthest[part, :3] are not below the greatest squared distances of a grain from its place in `origin`, and infinite
+    when one is no number.
     """
+    rows, pull, forces, given, _, _, origin = grains
     half, k = 0.5 * dt, convert(F, lane_numbers(I))
     at_x, at_v = k < 3.0, (k > 3.0) & (k < 7.0)
     zero, most = splat(F, 0.0), splat(F, 0.0)
-    weight, length, inverse = spread(gravity, 4, 0.0), spread(lengths, 0, 0.0), spread(inverses, 0, 0.0)
+    weight, length, inverse = in_lanes(gravity, 4, 0.0), in_lanes(box.lengths, 0, 0.0), in_lanes(box.inverses, 0, 0.0)
     periodic = inverse > 0.0
     grain, push, more, home = address_of(rows, 0), address_of(forces, 0), address_of(given, 0), address_of(origin, 0)
-    for i in range(first, last):
+    for i in range(grain_cuts[part], grain_cuts[part + 1]):
         a, b = load_at(F, grain + 128 * i, 64), load_at(F, grain + 128 * i + 64, 64)
         force = swap(load_at(F, push + 64 * i, 64) + load_at(F, more + 64 * i, 8))
         rate = select(at_v, fma(force, splat(F, rows[i, 7]), weight * pull[i]), zero)
         x = fma(select(at_x, swap(fma(rate, half, a)), zero), splat(F, dt), a)
         out = periodic & ((x < 0.0) | (x >= length))
         if bitmask(out) != 0:
-            x = select(out, fma(floor_of(x * inverse), -length, x), x)
+            x = select(out, fma(floor(x * inverse), -length, x), x)
             x = select(periodic & (x >= length), zero, x)  # what rounds up to the length
         d = x - load_at(F, home + 64 * i, 8)
         d = select(at_x, fma(rint(d * inverse), -length, d), zero)
@@ -77,13 +81,7 @@ def start(first, last, rows, pull, forces, given, gravity, origin, lengths, inve
         store_at(grain + 128 * i + 64, fma(spin, dt, b), 64)
         turn(rows, i, half, dt, rows[i, 11] * (forces[i, 4] + given[i, 4]), rows[i, 11] * (forces[i, 5] + given[i, 5]),
              rows[i, 11] * (forces[i, 6] + given[i, 6]), planar)  # fmt: skip
-    store_at(address_of(farthest, 8 * place), most, 8)
-
-
-@njit
-def floor_of(x):
-    whole = rint(x)
-    return select(whole > x, whole - 1.0, whole)
+    store_at(address_of(farthest, 8 * part), most, 8)
 
 
 @njit
@@ -106,21 +104,18 @@ def turn(rows, i, half, dt, ax, ay, az, planar):
 
 
 @njit
-def finish(first, last, rows, lines, begins, slots, forces, heat, half):
-    """Sums of the lines of each grain, in the order of its contacts' ids, and velocities at the end of the step.
-
-    slots[begins[k] .. begins[k + 1]] are twice the slots of grain k's contacts, plus 1 where it is the second.
-    half: dt / 2; dt is the time over which power becomes heat.
-    """
+def finish(part, grain_cuts, grains, lines, lists, dt):
+    """Second half: sums of the lines of each grain in the order of its contacts' ids, velocities at the step's end."""
+    rows, forces, half = grains.row, grains.force, 0.5 * dt
     k = convert(F, lane_numbers(I))
     zero, one = splat(F, 0.0), splat(F, 1.0)
     of_force, of_power = select(k < 3.0, one, zero), select(k == 3.0, one, zero)
     of_torque = select((k > 3.0) & (k < 7.0), one, zero)
     grain, push, line = address_of(rows, 0), address_of(forces, 0), address_of(lines, 0)
-    for i in range(first, last):
+    for i in range(grain_cuts[part], grain_cuts[part + 1]):
         total, radius = splat(F, 0.0), rows[i, 3]
-        for at in range(begins[i], begins[i + 1]):
-            slot = slots[at]
+        for at in range(lists.begins[i], lists.begins[i + 1]):
+            slot = lists.entries[at]
             sign, arm = 1.0 - 2.0 * (slot & 1), radius - lines[slot >> 1, 7]
             shares = fma(of_force, splat(F, sign), fma(of_torque, splat(F, arm), of_power))
             total = fma(load_at(F, line + 64 * (slot >> 1), 64), shares, total)
@@ -129,22 +124,23 @@ def finish(first, last, rows, lines, begins, slots, forces, heat, half):
         store_at(grain + 128 * i, fma(change, swap(of_force) * rows[i, 7], a), 64)
         store_at(grain + 128 * i + 64, fma(change, of_force * rows[i, 11], b), 64)
         store_at(push + 64 * i, total, 64)
-        heat[i] += half * forces[i, 3]
+        grains.heat[i] += half * forces[i, 3]
 
 
 @njit
-def count_work(first, last, rows, lines, begins, slots, first_wall, high, walls, forces, work, half):
+def count_work(part, grain_cuts, grains, contacts, lists, first_wall, walls, dt):
     """Work of moving planes on grains, and of grains that are moved from outside (not free) on others.
 
     Slots from first_wall on are of walls.
     """
-    for i in range(first, last):
-        for at in range(begins[i], begins[i + 1]):
-            slot = slots[at] >> 1
+    rows, forces, work, half = grains.row, grains.force, grains.work, 0.5 * dt
+    for i in range(grain_cuts[part], grain_cuts[part + 1]):
+        for at in range(lists.begins[i], lists.begins[i + 1]):
+            slot = lists.entries[at] >> 1
             if slot >= first_wall:
-                w = high[slot]
+                w = contacts.high[slot]
                 for c in range(3):
-                    work[i] += 2.0 * half * lines[slot, c] * walls[w, 4 + c]
+                    work[i] += 2.0 * half * contacts.lines[slot, c] * walls[w, 4 + c]
         if rows[i, 7] == 0.0:
             for c in range(3):
                 work[i] -= 2.0 * half * (forces[i, c] * rows[i, 4 + c] + forces[i, 4 + c] * rows[i, 8 + c])

@@ -4,26 +4,27 @@ import numpy as np
 
 from hpcpic.core.simd.compile import njit
 
-LANES = 8
 FAR = 1 << 40  # cell numbers of a grain thrown away stay integers
 
 
 @njit
-def bucket(x, y, z, mask):
+def hash_of(x, y, z, mask):
+    """Index in `head` of the cell (x, y, z)."""
     return (x * 73856093 ^ y * 19349663 ^ z * 83492791) & mask
 
 
 @njit
-def locate(rows, n, size, shape, inverses, place, head, chain):
-    """place[n, 3]: cells of grains; shape: cells of a periodic axis (inverses: per length), else 0. Chains by hash."""
+def locate(rows, size, box, cells):
+    """Put all grains into cells of the size, or a little larger along periodic axes."""
+    shape, place, head, chain = cells
     head[:] = -1
-    for k in range(n - 1, -1, -1):
+    for k in range(chain.size - 1, -1, -1):
         for c in range(3):
             if shape[c] > 0:
-                place[k, c] = max(0, min(np.int64(rows[k, c] * inverses[c] * shape[c]), shape[c] - 1))
+                place[k, c] = max(0, min(np.int64(rows[k, c] * box.inverses[c] * shape[c]), shape[c] - 1))
             else:
                 place[k, c] = np.int64(np.floor(min(max(rows[k, c] / size, -FAR), FAR)))
-        h = bucket(place[k, 0], place[k, 1], place[k, 2], head.size - 1)
+        h = hash_of(place[k, 0], place[k, 1], place[k, 2], head.size - 1)
         chain[k] = head[h]
         head[h] = k
 
@@ -40,12 +41,24 @@ def around(cell, cells):
 
 
 @njit
-def neighbours(rows, ids, n_own, n, margin, lengths, inverses, shape, place, head, chain, begins, others):
+def distance_sq(row, other, box):
+    """Squared distance of two centres, of nearest images."""
+    square = 0.0
+    for c in range(3):
+        d = other[c] - row[c]
+        d -= box.lengths[c] * np.rint(d * box.inverses[c])
+        square += d * d
+    return square
+
+
+@njit
+def neighbours(rows, ids, n_own, margin, box, cells, begins, others):
     """others[begins[k] .. begins[k + 1]]: grains whose surface is within the margin of own grain k's, by id.
 
     Two grains of inverse mass 0 are no pair. Returns how many entries are wanted; beyond others.size none is stored.
     """
     count = 0
+    shape, place, head, chain = cells
     low, high = np.empty(3, np.int64), np.empty(3, np.int64)
     for c in range(3):
         low[c] = -1 if shape[c] == 0 or shape[c] > 2 else 0
@@ -59,17 +72,13 @@ def neighbours(rows, ids, n_own, n, margin, lengths, inverses, shape, place, hea
                 y = around(place[k, 1] + oy, shape[1])
                 for oz in range(low[2], high[2] + 1):
                     z = around(place[k, 2] + oz, shape[2])
-                    j = head[bucket(x, y, z, head.size - 1)]
+                    j = head[hash_of(x, y, z, head.size - 1)]
                     while j >= 0:
                         other = rows[j]
                         if place[j, 0] == x and place[j, 1] == y and place[j, 2] == z and j != k:
-                            square = 0.0
-                            for c in range(3):
-                                d = other[c] - row[c]
-                                d -= lengths[c] * np.rint(d * inverses[c])
-                                square += d * d
                             reach = row[3] + other[3] + margin
-                            if square < reach * reach and (row[7] > 0.0 or other[7] > 0.0):
+                            near = distance_sq(row, other, box) < reach * reach
+                            if near and (row[7] > 0.0 or other[7] > 0.0):
                                 if count < others.size:
                                     insert(others, begins[k], count, j, ids)
                                 count += 1
@@ -107,24 +116,20 @@ def near_walls(rows, n_own, margin, walls, n_walls, found):
 
 
 @njit
-def gap_of(row, other, lengths, inverses):
-    square = 0.0
-    for c in range(3):
-        d = other[c] - row[c]
-        d -= lengths[c] * np.rint(d * inverses[c])
-        square += d * d
-    return np.sqrt(square) - row[3] - other[3]
+def gap_between(row, other, box):
+    """Distance of the surfaces of two grains, below 0 where they overlap."""
+    return np.sqrt(distance_sq(row, other, box)) - row[3] - other[3]
 
 
 @njit
-def count_slots(rows, ids, n_own, near, lengths, inverses, begins, others):
+def count_slots(rows, ids, n_own, near, box, begins, others):
     """How many pairs have a gap below `near`, and how many a larger one."""
     close, far = 0, 0
     for k in range(n_own):
         for at in range(begins[k], begins[k + 1]):
             j = others[at]
             if j >= n_own or ids[k] < ids[j]:
-                if gap_of(rows[k], rows[j], lengths, inverses) < near:
+                if gap_between(rows[k], rows[j], box) < near:
                     close += 1
                 else:
                     far += 1
@@ -132,16 +137,17 @@ def count_slots(rows, ids, n_own, near, lengths, inverses, begins, others):
 
 
 @njit
-def number_slots(rows, ids, n_own, near, lengths, inverses, begins, others, close, far, low, high, slots):
-    """Give pairs slots: the close ones from slot `close` on, the others from `far` on; low[slot] has the smaller id.
+def number_slots(rows, ids, n_own, near, box, begins, others, far, low, high, slots):
+    """Give pairs slots: those with a gap below `near` from slot 0 on, the others from `far` on.
 
-    slots[entry] as kernels.contacts_motion.finish wants it.
+    low[slot] is the grain with the smaller id; slots[entry] are as in `GrainLists.entries`.
     """
+    close = 0
     for k in range(n_own):
         for at in range(begins[k], begins[k + 1]):
             j = others[at]
             if j >= n_own or ids[k] < ids[j]:
-                if gap_of(rows[k], rows[j], lengths, inverses) < near:
+                if gap_between(rows[k], rows[j], box) < near:
                     slot = close
                     close += 1
                 else:
@@ -160,16 +166,16 @@ def number_slots(rows, ids, n_own, near, lengths, inverses, begins, others, clos
 
 
 @njit
-def join_walls(n_own, begins, slots, found, first_slot, wall_begins, wall_slots):
-    """Entries of grains followed by those of walls, found[m, 2] by grain: wall contact m has slot first_slot + m."""
+def join_walls(n_own, begins, slots, found, first_slot, lists):
+    """Fill the lists: entries of grains, then those of walls; found[m, 2] by grain has the slot first_slot + m."""
     m, count = 0, 0
     for k in range(n_own):
-        wall_begins[k] = count
+        lists.begins[k] = count
         for at in range(begins[k], begins[k + 1]):
-            wall_slots[count] = slots[at]
+            lists.entries[count] = slots[at]
             count += 1
         while m < found.shape[0] and found[m, 0] == k:
-            wall_slots[count] = 2 * (first_slot + m)
+            lists.entries[count] = 2 * (first_slot + m)
             count += 1
             m += 1
-    wall_begins[n_own] = count
+    lists.begins[n_own] = count

@@ -8,16 +8,16 @@ from hpcpic.core.simd.compile import njit
 
 @njit
 def distance_moved(farthest):
-    """Of the grain that moved most, at most: farthest[blocks * 8], squares by axis."""
+    """Distance (m) that no grain has moved beyond since pairs were listed; farthest[parts, 8]: squares by axis."""
     most = 0.0
-    for block in range(0, farthest.size, 8):
-        most = max(most, farthest[block] + farthest[block + 1] + farthest[block + 2])
+    for part in range(farthest.shape[0]):
+        most = max(most, farthest[part, 0] + farthest[part, 1] + farthest[part, 2])
     return np.sqrt(most)
 
 
 @njit
 def wall_distance(walls, listed):
-    """Of the plane that moved most since they were listed."""
+    """Distance (m) of the plane that moved most since pairs were listed."""
     most = 0.0
     for w in range(walls.shape[0] - 1):
         square = 0.0

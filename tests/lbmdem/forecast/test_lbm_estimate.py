@@ -61,7 +61,7 @@ def test_grains_cost_more_when_they_move_and_ranks_when_there_are_two():
 
 def test_its_limits_are_those_of_the_program():
     """Written twice, as the command imports nothing of the program."""
-    there = (temporal_blocking.DEPTH, temporal_blocking.WHOLE, fluid.SPARSE, dem.FEW)
+    there = (temporal_blocking.DEPTH, temporal_blocking.WHOLE, fluid.SPARSE, dem.GRAINS_OF_ONE_THREAD)
     assert there == (estimates.DEPTH, estimates.WHOLE, estimates.SPARSE, estimates.FEW)
 
 

@@ -19,7 +19,7 @@ from lbmdem.grains.contact_network import (
     stress,
     wall_force,
 )
-from lbmdem.physics.contact_law import Law, Wall
+from lbmdem.physics.contact_law import ContactLaw, PlaneWall
 
 DATA = Path(__file__).parents[2] / "data"
 G = 9.81
@@ -43,7 +43,7 @@ def on_slope(world, pool, d, law, slope=0.0, speed=0.0, overlap=0.0):
     columns["x"][0, -1] = RADIUS - weight / law.stiffness
     gravity = np.zeros(d)
     gravity[0], gravity[-1] = G * math.sin(slope), -G * math.cos(slope)
-    wall = Wall((0.0,) * d, (0.0,) * (d - 1) + (1.0,))
+    wall = PlaneWall((0.0,) * d, (0.0,) * (d - 1) + (1.0,))
     return dem(
         world,
         columns,
@@ -66,7 +66,7 @@ def spin_of(scene):
 def test_sliding_becomes_rolling(world, pool, d, shear):
     """Final velocity, time and distance of data/dem_slide_roll.csv, to the relative size of the overlap."""
     final, time, distance, decay = table("dem_slide_roll.csv", "sphere" if d == 3 else "disc")
-    law, speed = Law(1e7, 0.2, 0.3, 5e3, shear), 0.5
+    law, speed = ContactLaw(1e7, 0.2, 0.3, 5e3, shear), 0.5
     scene = on_slope(world, pool, d, law, speed=speed)
     stop, dt = time * speed / (law.friction * G), 2e-5
     scene.advance(dt, int(0.8 * stop / dt))
@@ -86,7 +86,7 @@ def test_a_grain_on_a_slope_rolls_or_slides(world, pool, d):
     critical, rolling = table("dem_incline.csv", "sphere" if d == 3 else "disc")
     slope = 0.5
     for part in (1.3, 0.6):
-        law = Law(1e7, 0.2, part * critical * math.tan(slope), 5e3, 1e7)
+        law = ContactLaw(1e7, 0.2, part * critical * math.tan(slope), 5e3, 1e7)
         scene = on_slope(world, pool, d, law, slope=slope)
         scene.advance(2e-5, 5000)
         slides = G * (math.sin(slope) - law.friction * math.cos(slope))
@@ -103,7 +103,7 @@ def slides_spin(law, slope, d):
 def test_history_holds_a_block_where_the_regularised_law_creeps(world, pool):
     """A grain that cannot turn, on a slope below the angle of friction: at rest with springs, else m g sin / beta."""
     for shear, beta in ((STIFFNESS, 20.0), (0.0, 20.0)):
-        law = Law(STIFFNESS, 0.3, 0.5, beta, shear)
+        law = ContactLaw(STIFFNESS, 0.3, 0.5, beta, shear)
         scene = on_slope(world, pool, 3, law, slope=0.3)
         scene.grains.columns["row"][:, 11] = 0.0
         scene.advance(2e-4, 5000)
@@ -131,7 +131,7 @@ def test_free_grains_keep_momentum(world, pool, d, law):
 
 def budget(world, pool, law, dt, time=0.2, d=3):
     columns = cloud(64, d, (0.5,) * d, speed=0.3)
-    wall = Wall((0.0,) * d, (0.0,) * (d - 1) + (1.0,), amplitude=(0.0,) * (d - 1) + (0.02,), frequency=5.0)
+    wall = PlaneWall((0.0,) * d, (0.0,) * (d - 1) + (1.0,), amplitude=(0.0,) * (d - 1) + (0.02,), frequency=5.0)
     scene = dem(world, columns, law, (0.5,) * d, periodic=(True,) * (d - 1) + (False,), walls=(wall,),
                 gravity=(0.0,) * (d - 1) + (-3.0,), pool=pool)  # fmt: skip
     history = [energies(scene)]
@@ -141,7 +141,7 @@ def budget(world, pool, law, dt, time=0.2, d=3):
     return history
 
 
-@pytest.mark.parametrize("law", [Law(STIFFNESS), LAW, HISTORY])
+@pytest.mark.parametrize("law", [ContactLaw(STIFFNESS), LAW, HISTORY])
 def test_the_energy_budget_closes(world, pool, law):
     """Of a shaken, falling, rubbing cloud: below 0.5 % of what was turned over is missing."""
     gaps = []
@@ -160,7 +160,7 @@ def test_the_energy_budget_closes(world, pool, law):
 @pytest.mark.parametrize("law", [LAW, HISTORY])
 def test_energy_never_grows(world, pool, law):
     """Kinetic and elastic energy of free grains, sampled often; without damping it is bounded."""
-    for chosen, bound in ((law, 1e-4), (Law(STIFFNESS), 2e-3)):
+    for chosen, bound in ((law, 1e-4), (ContactLaw(STIFFNESS), 2e-3)):
         columns = cloud(64, 3, (0.5,) * 3, speed=0.5)
         scene = dem(world, columns, chosen, (0.5,) * 3, pool=pool)
         sums = []
@@ -178,7 +178,7 @@ def test_verlet_is_second_order(world, pool):
     def final(dt):
         columns = grains([[0.5, 0.5, 0.5], [0.5 + 1.98 * RADIUS, 0.5, 0.5]], v=[[0, 0.01, 0], [0, -0.01, 0.002]])
         columns["omega"][:] = [[0.3, 0.0, 0.5], [0.1, -0.2, 0.4]]
-        law = Law(STIFFNESS, 0.1, 1e6, 0.5, 0.3 * STIFFNESS)
+        law = ContactLaw(STIFFNESS, 0.1, 1e6, 0.5, 0.3 * STIFFNESS)
         scene = dem(world, columns, law, (1.0,) * 3, pool=pool)
         scene.advance(dt, round(4e-3 / dt))
         return np.concatenate([by_id(scene, scene.grains.x), by_id(scene, scene.grains.orientation)], axis=1)
@@ -192,7 +192,7 @@ def test_verlet_is_second_order(world, pool):
 def test_overlap_stays_below_one_per_cent(world, pool):
     """The stiffness for v = 0.3 m/s: sqrt(m / 2 k) v < 1 % of a diameter."""
     columns = cloud(64, 3, (0.5,) * 3, speed=0.15)
-    scene = dem(world, columns, Law(1e5, 0.2, 0.4, 5.0), (0.5,) * 3, pool=pool)
+    scene = dem(world, columns, ContactLaw(1e5, 0.2, 0.4, 5.0), (0.5,) * 3, pool=pool)
     most = 0.0
     for _ in range(100):
         scene.advance(5e-5, 20)
@@ -214,10 +214,10 @@ def busy_scene(world, law=HISTORY, threads=1, d=3, scale=(1.0, 1.0, 1.0)):
     columns["mass"] *= mass
     columns["inertia"] *= mass * length**2
     force = mass * length / time**2
-    law = Law(law.stiffness * force / length, law.damping, law.friction, law.viscosity * force * time / length,
+    law = ContactLaw(law.stiffness * force / length, law.damping, law.friction, law.viscosity * force * time / length,
               law.shear * force / length)  # fmt: skip
     along = np.eye(d)[0]
-    wall = Wall(0.1 * length * along, along, amplitude=tuple(0.02 * length * along), frequency=8.0 / time)
+    wall = PlaneWall(0.1 * length * along, along, amplitude=tuple(0.02 * length * along), frequency=8.0 / time)
     return dem(world, columns, law, (0.7 * length,) * d, periodic=(False,) + (True,) * (d - 1), walls=(wall,),
                gravity=(-5.0 * length / time**2,) + (0.0,) * (d - 1), threads=threads)  # fmt: skip
 
@@ -226,8 +226,8 @@ def test_places_of_a_wall_are_found_at_once_for_many_substeps(monkeypatch):
     """One after the other they took more than the grains, by a hundred times where these are few."""
     from hpcpic.core.comm.world import World
 
-    scene, asked, rows = busy_scene(World.alone(), HISTORY, d=2), [], Wall.rows
-    monkeypatch.setattr(Wall, "rows", lambda wall, times: asked.append(len(times)) or rows(wall, times))
+    scene, asked, rows = busy_scene(World.alone(), HISTORY, d=2), [], PlaneWall.rows
+    monkeypatch.setattr(PlaneWall, "rows", lambda wall, times: asked.append(len(times)) or rows(wall, times))
     scene.advance(2e-4, 90)
     assert sum(asked) == 90 and len(asked) < 9
     times = np.array([0.1, 0.2, 0.3])
@@ -254,7 +254,7 @@ def serial_digest(law, d):
 
 @pytest.mark.parametrize("d", [2, 3])
 def test_bits_do_not_depend_on_threads_or_lists(world, d, monkeypatch):
-    monkeypatch.setattr("lbmdem.grains.dem.FEW", 0)
+    monkeypatch.setattr("lbmdem.grains.dem.GRAINS_OF_ONE_THREAD", 0)
     scene = busy_scene(world, threads=2, d=d)
     scene.skin *= 2.5
     scene.advance(2e-4, 90)
@@ -269,7 +269,7 @@ def test_bits_do_not_depend_on_threads_or_lists(world, d, monkeypatch):
 @pytest.mark.parametrize(("law", "d", "together"), [(LAW, 2, 0), (HISTORY, 3, 0), (HISTORY, 2, 512), (LAW, 3, 512)])
 def test_bits_do_not_depend_on_ranks(world, law, d, together, monkeypatch):
     """Whether each rank moves its own grains and knows copies of others, or all ranks move all of them."""
-    monkeypatch.setattr("lbmdem.grains.grains.TOGETHER", together)
+    monkeypatch.setattr("lbmdem.grains.grains.MAX_REPLICATED", together)
     scene = busy_scene(world, law, d=d)
     scene.advance(2e-4, 90)
     push = np.sin(scene.grains.ids[: scene.grains.n, None] + np.arange(d))
@@ -322,7 +322,7 @@ def test_stress_of_a_column_is_its_weight(world, pool):
     """Settled grains above a floor: the mean vertical stress in a slice is the weight above it per area."""
     n, side = 6, 4 * RADIUS
     columns = grains(np.stack([np.full(n, 0.1), np.full(n, 0.1), RADIUS * (2 * np.arange(n) + 1)], 1))
-    law = Law(1e5, 0.8)
+    law = ContactLaw(1e5, 0.8)
     scene = dem(world, columns, law, (side, side, 1.5), periodic=(True, True, False), walls=(FLOOR,),
                 gravity=(0, 0, -G), pool=pool)  # fmt: skip
     scene.advance(1e-4, 20000)

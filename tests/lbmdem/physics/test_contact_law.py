@@ -11,10 +11,12 @@ from dem_scenes import RADIUS, STIFFNESS, box, by_id, dem, grains
 from hpcpic.core.tasks.graph import Pool
 from lbmdem.grains.contact_network import contact_count, energies
 from lbmdem.grains.dem import Dem
-from lbmdem.physics.contact_law import Law, Wall, paper_step, stable_step, step_limit
+from lbmdem.physics.contact_law import ContactLaw, PlaneWall, paper_step, stable_step, step_limit
 from lbmdem.physics.lubrication import Film
 
 TABLE = Path(__file__).parents[2] / "data" / "dem_restitution.csv"
+FRICTION = ContactLaw(STIFFNESS, 0.2, 0.3, 1.0)
+SPRINGS = ContactLaw(STIFFNESS, 0.3, 0.5, 1.0, 0.5 * STIFFNESS)
 
 
 @pytest.fixture(scope="module")
@@ -46,7 +48,10 @@ def rows():
 def test_restitution_is_that_of_the_damped_oscillator(world, pool):
     """With the crossing inside the step accounted for, 2 % of a contact per step gives e within 0.003."""
     for alpha, full, _, clipped, _ in rows():
-        for law, expected in ((Law(STIFFNESS, alpha), full), (Law(STIFFNESS, alpha, pulls=False), clipped)):
+        for law, expected in (
+            (ContactLaw(STIFFNESS, alpha), full),
+            (ContactLaw(STIFFNESS, alpha, pulls=False), clipped),
+        ):
             assert rebound(world, pool, law, 0.02) == pytest.approx(expected, abs=3e-3), (alpha, law.pulls)
 
 
@@ -54,7 +59,7 @@ def test_restitution_is_second_order_in_the_step(world, pool):
     """A step four times smaller makes the error about sixteen times smaller: here at least ten."""
     exact = math.exp(-math.pi * 0.3 / math.sqrt(1 - 0.09))
     for d in (2, 3):
-        coarse, fine = (abs(rebound(world, pool, Law(STIFFNESS, 0.3), part, d) - exact) for part in (0.04, 0.01))
+        coarse, fine = (abs(rebound(world, pool, ContactLaw(STIFFNESS, 0.3), part, d) - exact) for part in (0.04, 0.01))
         assert coarse < 0.01
         assert fine < coarse / 10
 
@@ -66,7 +71,7 @@ def oscillation(world, pool, contacts, alpha, dt_of_root):
     at = 2 * RADIUS - overlap
     x = [[0.5, 0.5]] + [[0.5 - at, 0.5]] * left + [[0.5 + at, 0.5]] * right
     columns = grains(x, fixed=[False] + [True] * contacts)
-    scene = dem(world, columns, Law(STIFFNESS, alpha), (1.0, 1.0), pool=pool)
+    scene = dem(world, columns, ContactLaw(STIFFNESS, alpha), (1.0, 1.0), pool=pool)
     balance = np.zeros_like(scene.grains.x)
     balance[scene.grains.ids == 0, 0] = -STIFFNESS * overlap * (left - right)
     small = 1e-6 * overlap
@@ -107,7 +112,9 @@ def crystal_growth(world, pool, law, d, part):
 
 
 @pytest.mark.parametrize("d", [2, 3])
-@pytest.mark.parametrize("law", [Law(STIFFNESS), Law(STIFFNESS, 0.9), Law(STIFFNESS, 0.3, 0.5, 1.0, 0.5 * STIFFNESS)])
+@pytest.mark.parametrize(
+    "law", [ContactLaw(STIFFNESS), ContactLaw(STIFFNESS, 0.9), ContactLaw(STIFFNESS, 0.3, 0.5, 1.0, 0.5 * STIFFNESS)]
+)
 def test_the_stable_step_is_a_sharp_bound(world, pool, law, d):
     """Every grain of a crystal has the most contacts there can be, and all move, in antiphase too."""
     assert crystal_growth(world, pool, law, d, 0.8) < 2
@@ -116,7 +123,7 @@ def test_the_stable_step_is_a_sharp_bound(world, pool, law, d):
 
 def test_the_step_of_the_paper_is_beyond_the_limit_of_many_damped_contacts():
     columns = grains([[0.0, 0.0, 0.0]])
-    law = Law(STIFFNESS, damping=0.9)
+    law = ContactLaw(STIFFNESS, damping=0.9)
     paper = paper_step(law, columns["mass"])
     assert paper == pytest.approx(0.1 * math.pi * math.sqrt(columns["mass"][0] / STIFFNESS))
     assert paper > stable_step(law, columns["radius"], columns["mass"], columns["inertia"])
@@ -133,8 +140,10 @@ def test_a_film_slows_grains_down_as_lubrication_says(world, pool, d):
         walls = ()
         if to_wall:
             columns = {name: values[1:] for name, values in columns.items()}
-            walls = (Wall([0.5 + RADIUS] + [0.0] * (d - 1), np.eye(d)[0]),)
-        scene = Dem(world, pool, box(world, (1.0,) * d), columns, Law(STIFFNESS, 0.2, 0.3, 1.0), walls, film=film)
+            walls = (PlaneWall([0.5 + RADIUS] + [0.0] * (d - 1), np.eye(d)[0]),)
+        scene = Dem(
+            world, pool, box(world, (1.0,) * d), columns, ContactLaw(STIFFNESS, 0.2, 0.3, 1.0), walls, film=film
+        )
         scene.advance(dt, 2000)
         gap, v, mass = start, speed, columns["mass"][-1]
         for _ in range(20000):
@@ -156,9 +165,11 @@ def sliding(world, pool, radius, gap, v, omega, *, planar=False, to_wall=False):
     walls = ()
     if to_wall:
         columns = {name: values[1:] for name, values in columns.items()}
-        walls = (Wall([0.0] * (d - 1) + [x[1, -1] - radius[1] - gap], np.eye(d)[-1]),)
+        walls = (PlaneWall([0.0] * (d - 1) + [x[1, -1] - radius[1] - gap], np.eye(d)[-1]),)
     film = Film(0.7, 0.08, d)
-    return Dem(world, pool, box(world, (1.0,) * d), columns, Law(STIFFNESS, 0.2, 0.3, 1.0), walls, film=film), film
+    return Dem(
+        world, pool, box(world, (1.0,) * d), columns, ContactLaw(STIFFNESS, 0.2, 0.3, 1.0), walls, film=film
+    ), film
 
 
 @pytest.mark.parametrize("gap", [1e-4, 5e-3, 0.03, 0.067, 0.069, 0.09])

@@ -11,7 +11,7 @@ from scipy.integrate import quad
 from hpcpic.core.tasks.graph import Pool
 from lbmdem.forecast.derived import derived
 from lbmdem.grains.dem import Dem
-from lbmdem.physics.contact_law import Law, Wall
+from lbmdem.physics.contact_law import ContactLaw, PlaneWall
 from lbmdem.physics.lubrication import ROUGHNESS, STABLE, Film
 
 
@@ -101,8 +101,8 @@ def test_a_film_has_its_whole_force_with_the_substeps_that_it_asks_for(world, po
     radius, fluid_step = 0.05, 0.2
     film = Film(0.5, radius * 2 / 15, d)  # ten nodes across it
     columns = grains([[0.5] * (d - 1) + [radius * (1 + share)]])
-    floor = Wall([0.0] * d, np.eye(d)[-1])
-    scene = Dem(world, pool, box(world, (1.0,) * d), columns, Law(1e-3), (floor,), film=film)
+    floor = PlaneWall([0.0] * d, np.eye(d)[-1])
+    scene = Dem(world, pool, box(world, (1.0,) * d), columns, ContactLaw(1e-3), (floor,), film=film)
     push = np.zeros((1, d))
     push[0, -1] = -1e-5 * film.resistance(share * radius, radius)
     for _ in range(20):
@@ -125,7 +125,7 @@ def test_films_keep_momentum_and_never_make_energy(world, pool):
     v = 0.01 * np.array([[0.1, 0.02, 0.0], [0.0, 0.0, 0.0], [-0.3, 0.0, 0.1], [0.05, -0.1, 0.0]])
     columns = grains(x, v=v, radius=radius)
     film = Film(0.5, 0.01, 3)
-    scene = Dem(world, pool, box(world, (1.0,) * 3), columns, Law(1.0), film=film)
+    scene = Dem(world, pool, box(world, (1.0,) * 3), columns, ContactLaw(1.0), film=film)
     order = np.argsort(scene.grains.ids[:4])
 
     def now():

@@ -12,7 +12,7 @@ from hpcpic.core.errors import ConfigError
 from hpcpic.core.simd.caches import Store
 from hpcpic.core.space.domain import Domain, even_cuts
 from hpcpic.core.tasks.graph import Pool
-from lbmdem.physics.contact_law import Law
+from lbmdem.physics.contact_law import ContactLaw
 from lbmdem.setup.packing import Sample, beta_diameters, cached, grow, pack, porosity_of, settle, solid_volume
 
 
@@ -80,7 +80,7 @@ def test_grains_settle_on_each_other(world, pool):
     side = 5e-3
     domain = Domain((4 * side, side, side), (8, 2, 2), (False, True, True), even_cuts(8, world.size))
     high = solid_volume(radius, 3) / 0.4 / side**2
-    sample = Sample(radius, 0.0, high, 3, 2650.0, 9.81, Law(300.0, 0.3, 0.5, 1e-3))
+    sample = Sample(radius, 0.0, high, 3, 2650.0, 9.81, ContactLaw(300.0, 0.3, 0.5, 1e-3))
     x = settle(world, pool, domain, sample, grow(world, pool, domain, sample))
     assert np.all(x[:, 2] > 0.97 * radius)
     touched = 1.0 - solid_volume(radius, 3) / (side**2 * np.max(x[:, 2] + radius))

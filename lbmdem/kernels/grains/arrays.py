@@ -1,0 +1,55 @@
+"""Groups of arrays that the kernels of grains take; `lbmdem.grains.arrays` says what each holds."""
+
+from typing import NamedTuple
+
+from numpy.typing import NDArray
+
+
+class GrainArrays(NamedTuple):
+    """State of the grains that this rank moves; `row` holds ghosts too, and a last row that touches nothing."""
+
+    row: NDArray
+    pull: NDArray
+    force: NDArray
+    given: NDArray
+    heat: NDArray
+    work: NDArray
+    origin: NDArray
+
+
+class Contacts(NamedTuple):
+    """Slots of pairs that may touch."""
+
+    low: NDArray
+    high: NDArray
+    damping: NDArray
+    lines: NDArray
+    springs: NDArray
+    busy: NDArray
+
+
+class GrainLists(NamedTuple):
+    """entries[begins[k] .. begins[k + 1]] are twice the slots of grain k's contacts, in the order of the partners' ids,
+    plus 1 where it is the second of the pair.
+    """
+
+    begins: NDArray
+    entries: NDArray
+
+
+class Box(NamedTuple):
+    """lengths[3] of the box; inverses[3] of the lengths of its periodic axes, 0 for others."""
+
+    lengths: NDArray
+    inverses: NDArray
+
+
+class Cells(NamedTuple):
+    """Grains by cells of about a diameter. shape[3]: cells along a periodic axis, else 0; place[n, 3]: the cell of a
+    grain; head, chain: the first grain of a hash, and the next one after a grain (-1: none).
+    """
+
+    shape: NDArray
+    place: NDArray
+    head: NDArray
+    chain: NDArray
