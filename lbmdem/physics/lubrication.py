@@ -14,6 +14,8 @@ pumping), of the same order as shearing, is left out.
 import math
 from typing import Any, NamedTuple
 
+from hpcpic.core.simd.formulas import maximum, minimum, select, sqrt
+
 CUT_OFF = {2: 2.0 / 3.0, 3: 1.0 / 1.7}  # nodes: where the resolved force begins to lag behind
 RESOLVED, GROWTH = 0.53, 0.55  # of a sphere's force at the cut-off: what links give at contact, more by gap / cut-off
 SHEAR_CUT_OFF = 0.85  # of the cut-off: half a node
@@ -40,12 +42,7 @@ class Film(NamedTuple):
 
     def resistance(self, gap: float, radius: float) -> float:
         """Force over closing velocity at a gap; radius: the reduced one, a b / (a + b), or a at a plane wall."""
-        if not 0.0 <= gap < self.cut_off:
-            return 0.0
-        gap = max(gap, ROUGHNESS * radius)
-        if self.dimensions == 3:
-            return max(0.0, squeezed_spheres(gap, radius, min(force_of_links(gap, self), 1.0), self))
-        return max(0.0, squeezed_discs((radius / gap) ** 1.5, (radius / self.cut_off) ** 1.5, self))
+        return float(squeeze_resistance(self, gap, radius))
 
     def gap_of(self, resistance: float, radius: float) -> float:
         """The gap with this resistance: the inverse of `resistance` above the least gap."""
@@ -68,27 +65,24 @@ class Film(NamedTuple):
         if math.isfinite(second):
             size = first * second * (2.0 * (first**2 + second**2) + first * second) / (first + second) ** 3
             reduced = first * second / (first + second)
-        return max(0.0, sheared_spheres(size, math.log(cut / max(gap, ROUGHNESS * reduced)), self))
+        return max(0.0, sheared_spheres(self, size, math.log(cut / max(gap, ROUGHNESS * reduced))))
 
 
-# Formulas for numbers, and compiled for vectors of pairs in kernels/grains/films.py
+def squeeze_resistance(film: Film, gap: Any, radius: Any) -> Any:
+    """Force over closing velocity at a gap; 0 beyond the cut-off and below contact. radius: see Film.resistance.
+
+    Spheres 6 pi mu R^2 / h, parallel cylinders 3 sqrt(2) pi mu (R / h)^(3/2), less what links give of that.
+    """
+    h = maximum(gap, radius * ROUGHNESS)
+    if film.dimensions == 2:
+        near, far = radius / h, radius / film.cut_off
+        found = (near * sqrt(near) - far * sqrt(far)) * (3.0 * math.sqrt(2.0) * math.pi * film.viscosity)
+    else:
+        given = minimum(RESOLVED + GROWTH / film.cut_off * h, 1.0)
+        found = radius * radius * (6.0 * math.pi * film.viscosity) * (1.0 / h - given / film.cut_off)
+    return select((gap >= 0.0) & (found > 0.0), found, 0.0)
 
 
-def force_of_links(gap: Any, film: Film) -> Any:
-    """What links beside a sphere give at a gap, over the force at the cut-off; 1 at most."""
-    return RESOLVED + GROWTH / film.cut_off * gap
-
-
-def squeezed_spheres(gap: Any, radius: Any, given: Any, film: Film) -> Any:
-    """6 pi mu R^2 / h of a sphere, less what links give of that at the cut-off."""
-    return radius * radius * (6.0 * math.pi * film.viscosity) * (1.0 / gap - given / film.cut_off)
-
-
-def squeezed_discs(here: Any, cut: Any, film: Film) -> Any:
-    """3 sqrt(2) pi mu (R / h)^(3/2) of parallel cylinders less that at the cut-off; here, cut: (R / h)^(3/2)."""
-    return (here - cut) * (3.0 * math.sqrt(2.0) * math.pi * film.viscosity)
-
-
-def sheared_spheres(size: Any, logarithm: Any, film: Film) -> Any:
+def sheared_spheres(film: Film, size: Any, logarithm: Any) -> Any:
     """4/15 6 pi mu a ln(h_c / h) of two spheres that slide; size: a x their function of the ratio of radii."""
     return size * (4.0 / 15.0 * (6.0 * math.pi * film.viscosity)) * logarithm

@@ -7,12 +7,13 @@
         return fma(-beta, u, a)                        formulas(drag)
 
 A module of formulas imports nothing heavy, so what forecasts a run can read it too. Kernels call its functions with
-numbers or with vectors (`hpcpic.core.simd.vector`), which these two operations then mean.
+numbers or with vectors (`hpcpic.core.simd.vector`), which these operations then mean.
 """
 
+import math
 from typing import Any
 
-__all__ = ["fma", "select"]
+__all__ = ["fma", "maximum", "minimum", "select", "sqrt"]
 
 
 def fma(a: Any, b: Any, c: Any) -> Any:
@@ -27,3 +28,22 @@ def select(mask: Any, a: Any, b: Any) -> Any:
     import numpy as np
 
     return np.where(mask, a, b)
+
+
+def minimum(a: Any, b: Any) -> Any:
+    """The smaller one, number by number; b where they are not ordered."""
+    return select(a < b, a, b)
+
+
+def maximum(a: Any, b: Any) -> Any:
+    """The larger one, number by number; b where they are not ordered."""
+    return select(a > b, a, b)
+
+
+def sqrt(a: Any) -> Any:
+    """Square root, number by number."""
+    if isinstance(a, float):
+        return math.sqrt(a)
+    import numpy as np
+
+    return np.sqrt(a)

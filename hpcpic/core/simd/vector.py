@@ -137,7 +137,8 @@ def _pick(symbol: str) -> Callable:
         kind = a if isinstance(a, Vec) else b
 
         def codegen(context: Any, builder: Any, sig: Any, args: Any) -> Any:
-            compare = builder.fcmp_ordered if kind.real else builder.icmp_signed
+            real = kind.real if isinstance(kind, Vec) else isinstance(kind, types.Float)
+            compare = builder.fcmp_ordered if real else builder.icmp_signed
             return builder.select(compare(symbol, *args), *args)
 
         return kind(kind, kind), codegen
@@ -161,6 +162,21 @@ def select(typing_context, mask, a, b):
 @overload(formulas.fma)
 def _fma(a, b, c):
     return lambda a, b, c: fma(a, b, c)
+
+
+@overload(formulas.minimum)
+def _minimum(a, b):
+    return lambda a, b: minimum(a, b)
+
+
+@overload(formulas.maximum)
+def _maximum(a, b):
+    return lambda a, b: maximum(a, b)
+
+
+@overload(formulas.sqrt)
+def _sqrt(a):
+    return lambda a: sqrt(a)
 
 
 @overload(formulas.select)

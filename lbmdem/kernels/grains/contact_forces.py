@@ -1,4 +1,4 @@
-"""Contact forces, eight pairs at a time; the law is in `lbmdem.physics.contact_forces`.
+"""Contact forces, eight pairs at a time; the law is in `lbmdem.physics.contact_law`.
 
 Every pair has a slot; slot s holds its force in line s of `lines` (float64[slots, 8]): force on the first of the two
 (3 values), power turned into heat, torque per arm n x T (3 values), half the overlap. The first is the one with the
@@ -25,11 +25,18 @@ from hpcpic.core.simd.vector import (
     store_lines,
 )
 from lbmdem.kernels.grains.films import resistance, shear_resistance
-from lbmdem.physics.contact_forces import F, dot, normal_force, regularised_friction, slip_velocity, spring_friction
-from lbmdem.physics.contact_law import LANES, ROW
+from lbmdem.physics.contact_law import (
+    LANES,
+    ROW,
+    dot,
+    normal_force,
+    regularised_friction,
+    slip_velocity,
+    spring_friction,
+)
 
 ROW_BYTES, LINE_BYTES = 8 * ROW, 64
-I, H = Vec(LANES, "int64"), Vec(LANES, "int32")
+F, I, H = Vec(LANES, "float64"), Vec(LANES, "int64"), Vec(LANES, "int32")
 
 
 @njit

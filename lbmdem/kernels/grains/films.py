@@ -1,19 +1,12 @@
 """Films between grains: their resistances, eight pairs at a time, and how fast they damp (see physics.lubrication)."""
 
-import math
-
 import numpy as np
 
 from hpcpic.core.simd.compile import njit
 from hpcpic.core.simd.vector import Vec, fma, maximum, minimum, select, splat, sqrt
-from lbmdem.physics import lubrication
-from lbmdem.physics.lubrication import ROUGHNESS, SHEAR_CUT_OFF, STABLE
+from lbmdem.physics.lubrication import ROUGHNESS, SHEAR_CUT_OFF, STABLE, sheared_spheres, squeeze_resistance
 
 F = Vec(8, np.float64)
-force_of_links = njit(lubrication.force_of_links)
-squeezed_discs = njit(lubrication.squeezed_discs)
-squeezed_spheres = njit(lubrication.squeezed_spheres)
-sheared_spheres = njit(lubrication.sheared_spheres)
 
 
 @njit
@@ -22,14 +15,7 @@ def resistance(gap, radius, inverse_mass, film, dt):
 
     Never so large that films all round a grain would overshoot in a step; `fastest` tells the step that needs no limit.
     """
-    h = maximum(gap, radius * ROUGHNESS)
-    if film.dimensions == 2:
-        near, far = radius / h, radius / splat(F, film.cut_off)
-        found = squeezed_discs(near * sqrt(near), far * sqrt(far), film)
-    else:
-        found = squeezed_spheres(h, radius, minimum(force_of_links(h, film), splat(F, 1.0)), film)
-    found = minimum(found, STABLE / (inverse_mass * dt))
-    return select((gap >= 0.0) & (found > 0.0), found, splat(F, 0.0))
+    return minimum(squeeze_resistance(film, gap, radius), STABLE / (inverse_mass * dt))
 
 
 @njit
@@ -37,7 +23,7 @@ def shear_resistance(gap, radius, size, mobility, film, dt):
     """Force over velocity of sliding of a film below its own cut-off; radius: reduced; 0 between discs."""
     if film.dimensions == 2:
         return splat(F, 0.0)
-    found = sheared_spheres(size, logarithm(SHEAR_CUT_OFF * film.cut_off / maximum(gap, radius * ROUGHNESS)), film)
+    found = sheared_spheres(film, size, logarithm(SHEAR_CUT_OFF * film.cut_off / maximum(gap, radius * ROUGHNESS)))
     found = minimum(found, STABLE / (mobility * dt))
     return select((gap >= 0.0) & (found > 0.0), found, splat(F, 0.0))
 
@@ -87,11 +73,9 @@ def fastest(contacts, n_slots, n_grain_slots, rows, walls, box, film, time):
             size = 2.0 * radius * (1.0 - 1.5 * radius / (a[3] + b[3]))
             inverse, turning = inverse + b[7], turning + b[3] * b[3] * b[11]
         h = max(min(gap, later), radius * ROUGHNESS)
-        if film.dimensions == 2:
-            near, far = radius / h, radius / film.cut_off
-            squeezing, shear = squeezed_discs(near * math.sqrt(near), far * math.sqrt(far), film), 0.0
-        else:
-            squeezing = squeezed_spheres(h, radius, min(force_of_links(h, film), 1.0), film)
-            shear = sheared_spheres(size, np.log(SHEAR_CUT_OFF * film.cut_off / h), film)
+        shear = 0.0
+        if film.dimensions == 3:
+            shear = sheared_spheres(film, size, np.log(SHEAR_CUT_OFF * film.cut_off / h))
+        squeezing = squeeze_resistance(film, h, radius)
         most = max(most, squeezing * inverse, shear * (inverse + turning))
     return most

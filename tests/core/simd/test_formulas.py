@@ -5,7 +5,7 @@ import types
 import numpy as np
 
 from hpcpic.core.simd.compile import formulas, njit
-from hpcpic.core.simd.formulas import fma, select
+from hpcpic.core.simd.formulas import fma, maximum, minimum, select, sqrt
 from hpcpic.core.simd.vector import Vec, load, store
 
 F = Vec(4, np.float64)
@@ -16,9 +16,9 @@ def half(x):
 
 
 def bent(x, a):
-    """a x / 2 + 1 below 1/2, else its half."""
+    """The root of a x / 2 + 1 below 1/2, else of its half, from 0.6 to 1.25."""
     line = fma(a, half(x), 1.0)
-    return select(x < 0.5, line, half(line))
+    return sqrt(maximum(minimum(select(x < 0.5, line, half(line)), 1.25), 0.6))
 
 
 module = types.ModuleType(__name__)
