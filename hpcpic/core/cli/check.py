@@ -69,13 +69,21 @@ def make_check_command(app_loader: AppLoader) -> click.Command:
     @use_option
     @shape_options
     @click.option("--plan", is_flag=True, help="Also list kernels, arrays and messages of a step, and imports.")
-    def check(case: str, sets: tuple[str, ...], ranks: int, threads: int, plan: bool) -> None:
+    @click.option("--kernel", metavar="NAME", help="Print the source of a kernel written for CASE; list: their names.")
+    def check(
+        case: str, sets: tuple[str, ...], ranks: int, threads: int, plan: bool, kernel: str | None
+    ) -> None:
         """Validate a case; print every derived number with its limit, verdict and source.
 
         Exit code 2 when a key is wrong, 3 when a number is beyond its limit.
         """
         app = app_loader()
         read = read_case(app, case, sets)
+        if kernel is not None:
+            from hpcpic.core.cli.kernels import print_kernel
+
+            print_kernel(app, read.config, kernel)
+            return
         numbers = print_check(app, read, ranks)
         if plan and app.plan:
             click.echo()

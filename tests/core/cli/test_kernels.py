@@ -1,0 +1,30 @@
+"""check --kernel: the source of kernels that are written for a case."""
+
+import subprocess
+import sys
+
+import pytest
+from app_runner import environment
+
+
+def check(program, case, name):
+    command = [sys.executable, "-m", program, "check", case, "--kernel", name]
+    return subprocess.run(command, env=environment(), capture_output=True, text=True, timeout=120)
+
+
+@pytest.mark.parametrize(
+    "program, case, kernel",
+    [("hpcpic", "two-particles", "push"), ("sph", "poiseuille", "first"), ("lbmdem", "poiseuille", "lbm_d2q9.sweep")],
+)
+def test_a_kernel_of_a_case_is_listed_and_printed(program, case, kernel):
+    listed = check(program, case, "list").stdout
+    name = kernel.rpartition(".")[2]
+    assert f".{name} " in listed
+    printed = check(program, case, kernel)
+    assert printed.returncode == 0 and printed.stdout.startswith("@"), printed.stderr
+    assert f"def {name}(" in printed.stdout
+
+
+def test_a_kernel_that_is_not_there_is_told_with_those_like_it():
+    done = check("lbmdem", "poiseuille", "swep")
+    assert done.returncode == 2 and "none of that name; there are lbm_d2q9.sweep" in done.stderr
