@@ -50,7 +50,7 @@ APP = App(
     free=("description", "simulation.end_time", "gauge", "output", "numerics.balance_period"),
     plots=named("sph.analysis.plots", "PLOTS"),
     plan=later("sph.forecast.plan", "plan"),
-    bench=later("sph.forecast.bench", "bench"),
-    bench_ranks=later("sph.forecast.bench", "bench_ranks"),
+    bench=later("sph.bench", "bench"),
+    bench_ranks=later("sph.bench", "bench_ranks"),
     knobs=later("sph.forecast.knobs", "knobs_of"),
 )

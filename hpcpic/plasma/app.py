@@ -29,11 +29,11 @@ def until(config: PlasmaConfig, t: float) -> tuple[str, ...]:
 def grow(config: PlasmaConfig, factor: int) -> tuple[str, ...]:
     """The --set list that makes the box `factor` times as long along the slab axis, with as many particles a cell."""
     axis = config.dimensions - 1
-    points, lengths = list(config.grid.points), list(config.simulation.space_length)
+    points, lengths = list(config.points), list(config.simulation.space_length)
     points[axis] *= factor
     lengths[axis] *= factor
     particles = (
-        f"species[{k}].particles={species.particles * factor}" for k, species in enumerate(config.species)
+        f"species[{k}].particles={(species.particles or 0) * factor}" for k, species in enumerate(config.species)
     )
     return (f"grid.points={points}", f"simulation.space_length={lengths}", *particles)
 
@@ -66,9 +66,9 @@ APP = App(
         "simulation.plasma_chunks",
         "output",
     ),
-    bench=later("hpcpic.plasma.forecast.bench", "bench"),
-    bench_ranks=later("hpcpic.plasma.forecast.bench", "bench_ranks"),
+    bench=later("hpcpic.plasma.bench", "bench"),
+    bench_ranks=later("hpcpic.plasma.bench", "bench_ranks"),
     plots=named("hpcpic.plasma.analysis.plots", "PLOTS"),
     plan=later("hpcpic.plasma.forecast.plan", "plan"),
-    knobs=later("hpcpic.plasma.forecast.knobs", "knobs_of"),
+    knobs=later("hpcpic.plasma.analysis.knobs", "knobs_of"),
 )

@@ -71,7 +71,7 @@ class Species(Section):
     name: str = setting("", "name in the output; by default species_1, species_2, ...")
     particles: int | None = setting(None, "number of macro-particles", ge=0, le=MOST_PARTICLES)
     particles_per_cell: float | None = setting(None, "number of macro-particles per cell, in place of particles", gt=0)
-    particle: Literal[*units.PARTICLES] | None = setting(
+    particle: Literal[*units.PARTICLES] | None = setting(  # type: ignore[valid-type]
         None, "a known particle, in place of charge and mass; needs density or plasma_frequency"
     )
     charge: float | None = setting(

@@ -38,10 +38,10 @@ def modernised(tree: Tree) -> None:
     one_period(tree, KINDS, OLDER)
     for group, words in ((SAMPLING, ("energy", "field", "particle")), (WRITTEN, ("field", "particle"))):
         emptied(tree, group, words)
-    for group in species_of(tree):
-        if group.get("velocity_method") == "two-stream" and "init_method" not in group:
-            del group["velocity_method"]  # no program of his read it: all took every second particle the other way
-            group["init_method"] = "default"
+    for species in species_of(tree):
+        if species.get("velocity_method") == "two-stream" and "init_method" not in species:
+            del species["velocity_method"]  # no program of his read it: all took every second particle the other way
+            species["init_method"] = "default"
     named_apart(tree)
 
 

@@ -9,10 +9,10 @@ from knob_cases import made_again, reader, sizes_of
 
 from hpcpic.core.cli.main import build
 from hpcpic.core.files.series import Series
+from hpcpic.plasma.analysis.knobs import knobs_of, smooth
 from hpcpic.plasma.app import APP, shipped_cases
 from hpcpic.plasma.configure import configure
 from hpcpic.plasma.forecast.derived import total_plasma_frequency
-from hpcpic.plasma.forecast.knobs import knobs_of, smooth
 from hpcpic.plasma.setup.scene import Scene
 
 CASES = sorted(shipped_cases())
