@@ -46,7 +46,7 @@ class Totals:
         tasks.arena.set(
             constants=np.array(numbers),
             powers=np.array(powers),
-            most=np.zeros((tasks.parts, 3 + 2 * d)),
+            part_maxima=np.zeros((tasks.parts, 3 + 2 * d)),
             inverse=np.zeros(self.n),
             limbs=np.zeros((tasks.parts, self.n, exact.LIMBS), np.int64),
         )
@@ -57,7 +57,8 @@ class Totals:
         """
         a = self.tasks.arena
         self.tasks.each(self.kernels.extremes)
-        most = np.where(np.isnan(a["most"]).any(axis=1)[:, None], np.inf, a["most"]).max(axis=0)
+        maxima = a["part_maxima"]
+        most = np.where(np.isnan(maxima).any(axis=1)[:, None], np.inf, maxima).max(axis=0)
         most = self.world.max_array(most)
         if not np.isfinite(most[:3]).all():
             return np.full(self.n, np.nan), most

@@ -29,27 +29,28 @@ LOST = 1
 
 
 @njit
-def number(x, b, scale, pads, n):
-    """Layers or rows of a vector of bodies; what is beyond the last ones is counted to them."""
+def cell_numbers(x, b, scale, pads, n):
+    """Layers or rows of the N bodies from b on, n in all; those beyond the first or last are counted to it."""
     at = floor(load(F, x, b) * scale) + pads
     return convert(I, minimum(maximum(at, 0.0), n - 1.0))
 
 
 @njit
 def place(chunk, chunks, wanted, flags, x, scale, shape, layer, row, fine, span):
-    """Global layer, row and fine cell of the bodies of a chunk that have a flag `wanted`; the layer of others is -1.
-    span[chunk] = lowest and highest layer.
+    """Find layer, row and fine cell (each [slots], of the whole domain) of the bodies of a chunk that have a flag
+    `wanted`; the layer of others is -1. x[d, slots] m; scale[d]: layers, rows, fine cells per m; span[chunk] = lowest
+    and highest layer.
     """
     pads, layers, n_rows = 1.0 * shape[0], 1.0 * shape[1], 1.0 * shape[4]
     lowest, highest = splat(I, FAR), splat(I, -1)
     for b in range(chunks[chunk], chunks[chunk + 1], N):
         there = load(I, flags, b) & wanted != 0
-        l = select(there, number(x[0], b, scale[0], pads, layers), -1)
+        l = select(there, cell_numbers(x[0], b, scale[0], pads, layers), -1)
         lowest, highest = minimum(lowest, select(there, l, FAR)), maximum(highest, l)
         store(layer, b, l)
         f = floor(load(F, x[AXIS], b) * scale[AXIS])
         store(fine, b, convert(I, minimum(maximum(f, -1.0 * FAR), 1.0 * FAR)))
-        store(row, b, number(x[1], b, scale[1], pads, n_rows) if DIM == 3 else splat(I, 0))
+        store(row, b, cell_numbers(x[1], b, scale[1], pads, n_rows) if DIM == 3 else splat(I, 0))
     ends = np.empty((2, N), np.int32)
     store(ends[0], 0, lowest)
     store(ends[1], 0, highest)
@@ -58,7 +59,8 @@ def place(chunk, chunks, wanted, flags, x, scale, shape, layer, row, fine, span)
 
 @njit
 def tally(chunk, chunks, shape, layer, row, count, low, high):
-    """Bodies of a chunk by layers, from now on counted from the first here, and the rows of these that they are in.
+    """Count the bodies of a chunk by layers, which are numbered from the first one here from now on: count[chunk, l],
+    with their lowest and highest row.
 
     shape = (pads, layers, first layer here, layers here, rows, bodies).
     """
@@ -83,7 +85,9 @@ def tally(chunk, chunks, shape, layer, row, count, low, high):
 
 @njit
 def scatter(chunk, chunks, layer, start, bucket):
-    """Numbers of the bodies of a chunk, by layer: start[chunk, l] is where its bodies of layer l go."""
+    """Put the slots of the bodies of a chunk into bucket[slots], layer by layer: those of layer l go where
+    start[chunk, l] says.
+    """
     for b in range(np.uint64(chunks[chunk]), np.uint64(chunks[chunk + 1])):
         if layer[b] >= 0:
             l = np.uint64(layer[b])
@@ -93,7 +97,7 @@ def scatter(chunk, chunks, layer, start, bucket):
 
 @njit
 def extents(block, blocks, begin, bucket, row, fine, table):
-    """Bodies and fine cells of each row of the layers of a block."""
+    """Count bodies and fine cells of each row of the layers of a block."""
     rows, row_table = table.rows, table.row_table
     for l in range(blocks[block], blocks[block + 1]):
         first, n_rows, at = rows[l, 0], rows[l, 1], rows[l, 2]
@@ -114,8 +118,8 @@ def extents(block, blocks, begin, bucket, row, fine, table):
 
 @njit
 def arrange(block, blocks, begin, base, bucket, row, fine, key, flags, table, body, kind):
-    """Bodies and their flags by slots, of a block's layers, and the tables of their rows; fine_total[l] = place of its
-    cells now, fine[body] becomes that of its own.
+    """Order the bodies of a block's layers: body[slot] = slot where it is now, kind[slot] = its flags; and fill the
+    tables of their rows. fine_total[l] = place of the cells of layer l in fine_start; fine[body] becomes that of its own.
     """
     rows, row_table, fine_start = table.rows, table.row_table, table.fine_start
     for l in range(blocks[block], blocks[block + 1]):
@@ -149,13 +153,13 @@ def arrange(block, blocks, begin, base, bucket, row, fine, key, flags, table, bo
         for s in range(np.uint64(base[l]), np.uint64(base[l] + begin[l + 1] - begin[l])):
             kind[s] = flags[np.uint32(body[s])] & ~PLAIN
         for k in range(at, at + n_rows):
-            free_cells(row_table[k], fine_start, kind)
-            wet_slots(row_table[k], fine_start, kind)
+            cells_with_fluid_only(row_table[k], fine_start, kind)
+            slots_with_fluid(row_table[k], fine_start, kind)
 
 
 @njit
 def find_places(block, blocks, begin, base, body, kind, bucket, flags):
-    """bucket[body] = its slot; the flags by slots: between layers nobody is."""
+    """Invert the order, bucket[body] = its slot, and put the flags into the slots; between layers nobody is."""
     for l in range(blocks[block], blocks[block + 1]):
         end = base[l] + begin[l + 1] - begin[l]
         for s in range(np.uint64(base[l]), np.uint64(end)):
@@ -166,7 +170,7 @@ def find_places(block, blocks, begin, base, body, kind, bucket, flags):
 
 @njit
 def gather(block, blocks, begin, base, body, k, state, moved):
-    """moved = line k of the state, in the order of slots."""
+    """Copy line k of the state into moved[slots] in the order of slots."""
     line = state[k]
     for l in range(blocks[block], blocks[block + 1]):
         for s in range(np.uint64(base[l]), np.uint64(base[l] + begin[l + 1] - begin[l])):
@@ -175,15 +179,15 @@ def gather(block, blocks, begin, base, body, k, state, moved):
 
 @njit
 def put_back(block, blocks, begin, base, k, state, moved):
-    """The moved line of the state in its place, while it is in the cache."""
+    """Copy the moved line back into the state, while it is in the cache."""
     for l in range(blocks[block], blocks[block + 1]):
         end = base[l] + begin[l + 1] - begin[l]
         state[k, base[l] : end] = moved[base[l] : end]
 
 
 @njit
-def free_cells(entry, fine_start, kind):
-    """The longest stretch of fine cells of a row without a body that lacks FLOWS."""
+def cells_with_fluid_only(entry, fine_start, kind):
+    """Find the longest stretch of fine cells of a row where all bodies have FLOWS."""
     entry[4], entry[5] = 0, 0
     place, c, since = np.int64(entry[3]), np.int64(0), np.int64(0)
     end = np.uint64(fine_start[place + entry[2]])
@@ -199,8 +203,8 @@ def free_cells(entry, fine_start, kind):
 
 
 @njit
-def wet_slots(entry, fine_start, kind):
-    """From the first to the last fluid of a row."""
+def slots_with_fluid(entry, fine_start, kind):
+    """Find the slots from the first to the last fluid of a row."""
     first, end = entry[0], fine_start[entry[3] + entry[2]]
     while first < end and kind[first] & FLUID == 0:
         first += 1
@@ -211,7 +215,7 @@ def wet_slots(entry, fine_start, kind):
 
 @njit
 def order_by_key(body, key, cell, first, end):
-    """Sort the few bodies of each cell; most are in order from the last time."""
+    """Sort the few bodies of each cell by key, by insertion: most are in order from the last time."""
     for s in range(np.uint64(first + 1), np.uint64(end)):
         b, before = np.uint32(body[s]), np.uint32(body[s - np.uint64(1)])
         if (cell[before] == cell[b]) & (key[before] > key[b]):

@@ -81,7 +81,7 @@ def drift(chunk, chunks, numbers, factors, at, flags, x, v, drho, sums):
 
 @njit
 def carry(chunk, chunks, flags, key, wall_shift, wall_speed, x, v):
-    """Wall particles with their walls."""
+    """Move wall particles with their walls, by wall_shift[w, d] m, at wall_speed[w, d] m/s."""
     for b in range(chunks[chunk], chunks[chunk + 1]):
         w = (key[b] >> WALL_SHIFT) - 1
         if w >= 0 and flags[b] & OWN:
@@ -92,7 +92,7 @@ def carry(chunk, chunks, flags, key, wall_shift, wall_speed, x, v):
 
 @njit
 def spread(chunk, chunks, numbers, flags, offset, x):
-    """x += numbers[1] offset: particles away from where they are crowded."""
+    """x += numbers[1] offset: move particles of the fluid away from where they are crowded."""
     for b in range(chunks[chunk], chunks[chunk + 1]):
         if flags[b] & FLUID and flags[b] & OWN:
             for k in range(DIM):
@@ -128,7 +128,7 @@ def swap(chunk, chunks, flags, mirrors, x, v):
 
 @njit
 def rewrap(chunk, chunks, period, x):
-    """Positions back into [0, period) along periodic axes (period > 0)."""
+    """Bring positions back into [0, period) along periodic axes (period > 0)."""
     for k in range(DIM):
         if period[k] > 0.0:
             for b in range(chunks[chunk], chunks[chunk + 1]):
@@ -139,10 +139,12 @@ def rewrap(chunk, chunks, period, x):
 
 
 @njit
-def largest(chunk, chunks, factors, flags, external, x, v, m, sums, drho, found):
-    """found[chunk] = largest v^2, a^2 of the fluid, |drho|, -x and x of the fluid; not a number where one is not."""
+def largest(chunk, chunks, factors, flags, external, x, v, m, sums, drho, part_extremes):
+    """part_extremes[chunk] = largest v^2 of all, a^2 of the fluid, |drho| of all, -x and x of the fluid; not a number
+    where one is not.
+    """
     best, zero = np.full((3 + 2 * DIM, N), -np.inf), splat(F, 0.0)
-    sound = zero
+    finite = zero
     for b in range(chunks[chunk], chunks[chunk + 1], N):
         kinds = load(I, flags, b)
         mine, own = kinds & MINE == MINE, kinds & OWN == OWN
@@ -155,16 +157,16 @@ def largest(chunk, chunks, factors, flags, external, x, v, m, sums, drho, found)
             for n, side in ((3 + k, -at), (3 + DIM + k, at)):
                 store(best[n], 0, maximum(load(F, best[n], 0), select(mine, side, -np.inf)))
         v2, a2, excess = select(own, v2, 0.0), select(mine, a2, 0.0), select(own, abs(load(F, drho, b)), 0.0)
-        sound = sound + v2 + a2 + excess
+        finite = finite + v2 + a2 + excess
         for n, one in ((0, v2), (1, a2), (2, excess)):
             store(best[n], 0, maximum(load(F, best[n], 0), one))
     for n in range(3 + 2 * DIM):
-        found[chunk, n] = best[n].max() if np.isfinite(total(sound)) else np.nan
+        part_extremes[chunk, n] = best[n].max() if np.isfinite(total(finite)) else np.nan
 
 
 @njit
 def within(x, b, normals, offsets):
-    """Whether x . normals[p] < offsets[p] for all p."""
+    """True if x . normals[p] < offsets[p] for all p, for the body in slot b."""
     for p in range(offsets.size):
         along = 0.0
         for a in range(DIM):
@@ -177,8 +179,9 @@ def within(x, b, normals, offsets):
 
 @njit
 def imaged(layer, x, normals, offsets, rows, codes):
-    """Own bodies (layer >= 0) and their images, of the image k > 0 those with x . normals[k, p] < offsets[k, p] for all
-    p: image after image. How many; they are stored if there is room.
+    """Find the images of own bodies (layer >= 0), image after image: a body has image k > 0 if x . normals[k, p] <
+    offsets[k, p] for all p. rows = slots of the bodies, codes = numbers of the images, as far as there is room. Returns
+    how many there are.
     """
     count = 0
     for k in range(1, normals.shape[0]):
@@ -192,8 +195,8 @@ def imaged(layer, x, normals, offsets, rows, codes):
 
 @njit
 def ghost_values(rows, codes, shift, turns, shown, values):
-    """values[g] = x, v, drho, and gradient, shear where they are kept, of the image codes[g] of body rows[g]:
-    x -> turn x + shift[g], v -> spin v + push; shear[a, b] = d v_b / d x_a.
+    """values[g] = x, v, drho, and gradient, shear, matrix where they are kept, of the image codes[g] of the body in slot
+    rows[g]: x -> turn x + shift[g], v -> spin v + push; shear[a, b] = d v_b / d x_a.
     """
     turn, spin = turns.turn, turns.spin
     for g in range(rows.size):
@@ -236,7 +239,7 @@ def ghost_values(rows, codes, shift, turns, shown, values):
 
 @njit
 def take_ghosts(values, rows, shown):
-    """What `ghost_values` are of into the ghosts, at `rows`."""
+    """Put values[g], as `ghost_values` made them, into the ghosts in slots rows[g]."""
     for g in range(values.shape[0]):
         b = rows[g]
         for k in range(DIM):

@@ -1,4 +1,4 @@
-"""What instruments look for among the bodies of a rank, in slots up to `end`: the edge of the fluid, and walls."""
+"""Searches among the bodies of a rank, in slots up to `end`: the edge of the fluid, and walls."""
 
 import numpy as np
 
@@ -23,8 +23,8 @@ def farthest(end, sign, flags, x):
 
 @njit
 def of_walls(end, flags, key, images, wanted, slots, walls):
-    """Slots, and walls, of bodies of walls that are wanted[wall], also of the fluid's images in them (images[number] =
-    1 + wall, 0 for none): how many there are, as many as there is room for in slots[n], walls[n].
+    """Find bodies of the walls wanted[wall], and images of the fluid in them (images[number] = 1 + wall, 0 for none):
+    their slots and walls, as many as there is room for in slots[n], walls[n]. Returns how many there are.
     """
     n = 0
     for b in range(0, end, N):

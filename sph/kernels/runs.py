@@ -39,7 +39,7 @@ N, M = lanes(np.float64), lanes(np.float32)
 F, I, S = Vec(N, np.float64), Vec(N, np.int32), Vec(N, np.float32)
 WIDE, KINDS = Vec(M, np.float32), Vec(M, np.int32)
 CROWDED = 1
-MOST = 65535  # slots of a run
+MAX_RUN = 65535  # slots, uint16
 
 
 class Reach(NamedTuple):
@@ -52,8 +52,8 @@ class Reach(NamedTuple):
 
 @njit
 def find(block, blocks, base, shape, edge, x, flags, table, run_first, run_length):
-    """run_first[k, slot], run_length[k, slot]: the slots in row k of the half neighbourhood where all within the radius
-    are; the flag PLAIN. edge = (edge of a layer, of a row, of a fine cell, pads, radius).
+    """Find run_first[k, slot], run_length[k, slot]: the slots in row k of the half neighbourhood where all bodies within
+    the radius are; and set the flag PLAIN. x[d, slots] m; edge = (edge of a layer, of a row, of a fine cell, pads, radius).
     """
     rows, row_table, fine_start = table.rows, table.row_table, table.fine_start
     longest = N + longest_row(block, blocks, rows, row_table, fine_start)  # vectors overrun
@@ -61,9 +61,9 @@ def find(block, blocks, base, shape, edge, x, flags, table, run_first, run_lengt
     cells, met = np.zeros((3, longest), np.int32), np.zeros(longest, np.int32)
     places = np.zeros((2, DIM, 2 * M + largest_layer(block, blocks, base)), np.float32)  # of even and odd layers
     low, high, most = blocks[block], blocks[block + 1], np.int64(0)
-    far = in_cells(low, base, edge, x, flags, places[low & 1]) if low < high else 0.0
+    far = to_cell_units(low, base, edge, x, flags, places[low & 1]) if low < high else 0.0
     for l in range(low, high):
-        farther = in_cells(l + 1, base, edge, x, flags, places[(l + 1) & 1])
+        farther = to_cell_units(l + 1, base, edge, x, flags, places[(l + 1) & 1])
         limit = square_of_reach(edge, max(far, farther))
         far = farther
         for k in range(rows[l, 1]):
@@ -86,19 +86,19 @@ def find(block, blocks, base, shape, edge, x, flags, table, run_first, run_lengt
                     fine_start[other[3] : other[3] + other[2] + 1], other, run_first[n, first:after],
                     run_length[n, first:after], met,
                 ))  # fmt: skip
-            tell_plain(after - first, met, flags[first:after])
-    return CROWDED if most > MOST else 0
+            mark_plain(after - first, met, flags[first:after])
+    return CROWDED if most > MAX_RUN else 0
 
 
 @njit
 def square_of_reach(edge, far):
-    """Of the radius in fine cells, and what rounding of places up to `far` to single precision may add to it."""
+    """Square of the radius in fine cells, and of what rounding of places up to `far` to single precision may add."""
     return np.float32((edge[4] / edge[2] * (1.0 + 2.0**-20) + far * 2.0**-21) ** 2)
 
 
 @njit
 def largest_layer(block, blocks, base):
-    """Most slots of a layer of a block or the next one."""
+    """The most slots that a layer of a block or the next one has."""
     largest = 0
     for l in range(blocks[block], blocks[block + 1] + 1):
         largest = max(largest, base[l + 1] - base[l])
@@ -107,7 +107,7 @@ def largest_layer(block, blocks, base):
 
 @njit
 def longest_row(block, blocks, rows, row_table, fine_start):
-    """Most bodies of a row of a block."""
+    """The most bodies that a row of a block has."""
     longest = 0
     for l in range(blocks[block], blocks[block + 1]):
         for k in range(rows[l, 2], rows[l, 2] + rows[l, 1]):
@@ -117,7 +117,7 @@ def longest_row(block, blocks, rows, row_table, fine_start):
 
 @njit
 def beside(n):
-    """Layers and rows from a row to row n of its half neighbourhood."""
+    """How many layers and rows it is from a row to row n of its half neighbourhood."""
     up = np.int64(n >= OWN_ROWS)
     if DIM == 2:
         return up, np.int64(0)
@@ -125,16 +125,16 @@ def beside(n):
 
 
 @njit
-def tell_plain(many, met, flags):
-    """The flag PLAIN of the fluid that met nothing else."""
+def mark_plain(many, met, flags):
+    """Set the flag PLAIN of fluid that met nothing else."""
     for m in range(many):
         if flags[m] & FLOWING_FLUID == FLOWING_FLUID and met[m] == 0:
             flags[m] |= PLAIN
 
 
 @njit
-def in_cells(l, base, edge, x, flags, places):
-    """Places of the bodies of a layer in fine cells; the largest of them."""
+def to_cell_units(l, base, edge, x, flags, places):
+    """Put the places of the bodies of a layer into places[k, slot], in fine cells. Returns the largest."""
     per_cell = 1.0 / edge[2]
     farthest = splat(F, 0.0)
     for k in range(DIM):
@@ -150,8 +150,8 @@ def in_cells(l, base, edge, x, flags, places):
 
 @njit
 def spheres(first, many, layer, row, edge, x, height, left):
-    """Of the bodies of a row, in fine cells: heights along it; left[k, m], radius^2 less the square of the distance to
-    a row: before, own and after of the own layer, then of the next one. layer, row: number of the next ones.
+    """For the bodies of a row, in fine cells: height[m] along it; left[k, m], the square of the radius less that of the
+    distance to a row: before, own and after of the own layer, then of the next one. layer, row: number of the next ones.
     """
     per_cell = 1.0 / edge[2]
     limit, ceiling, wall = edge[4] * per_cell, layer * edge[0], row * edge[1]
@@ -170,8 +170,9 @@ def spheres(first, many, layer, row, edge, x, height, left):
 
 @njit
 def chords(height, left, many, row, cells):
-    """cells[0], cells[1]: first and end fine cells, of those of a row of the table, of the chords around heights, half
-    as long as the root of left; cells[2]: not 0 where a chord leaves the cells with fluid only.
+    """Find the fine cells of a row of the table that chords around the heights reach, which are half as long as the
+    root of left: cells[0], cells[1] = the first and the one behind the last; cells[2] is not 0 where a chord leaves the
+    cells with fluid only.
     """
     low_cell, n_cells, free, free_end = 1.0 * row[1], 1.0 * row[2], row[4], row[5]
     bottom, top = -FAR - low_cell, FAR - low_cell  # also from one that is farther
@@ -190,9 +191,9 @@ def chords(height, left, many, row, cells):
 
 @njit
 def cut(same, first, since, reach, kinds, flags, cells, start, row, begins, lengths, met):
-    """Runs of the bodies of a row; the longest of them. In another row than their own they are from about the first to
-    about the last body that is within the radius and of a class that the body has to do with. met: not 0 from now on
-    where there is one without FLOWS. What is no fluid only meets fluid, which is in a part of the row.
+    """Find the runs of the bodies of a row. In another row than their own they go from about the first to about the
+    last body that is within the radius and of a class that the body has to do with. met[m] is not 0 from now on where
+    there is one without FLOWS. What is no fluid only meets fluid, which is in a part of the row. Returns the longest.
     """
     longest, wet, wet_end = 0, np.int64(row[6]) - since, np.int64(row[7]) - since
     for m in range(np.uint64(kinds.size)):
@@ -206,8 +207,8 @@ def cut(same, first, since, reach, kinds, flags, cells, start, row, begins, leng
         else:
             if kinds[m] & FLUID == 0:
                 at, end = max(at, wet), min(end, wet_end)
-            at, end, strange = cut_classes(reach, flags, kinds[m] & PARTNERS, b, at, end)
-            met[m] |= strange != 0
+            at, end, without_flow = cut_classes(reach, flags, kinds[m] & PARTNERS, b, at, end)
+            met[m] |= without_flow != 0
         length = max(end - at, 0)
         longest = max(longest, length)
         begins[m], lengths[m] = at + since, length
@@ -216,7 +217,7 @@ def cut(same, first, since, reach, kinds, flags, cells, start, row, begins, leng
 
 @njit
 def cut_ends(reach, b, at, end):
-    """A run without the bodies beyond the radius in its first and its last vector."""
+    """Shorten a run by the bodies beyond the radius in its first and its last vector."""
     back = max(end - M, at)
     valid = (1 << min(end - at, np.int64(M))) - 1
     ahead, behind = reached(reach, b, at) & valid, reached(reach, b, back) & valid
@@ -225,22 +226,24 @@ def cut_ends(reach, b, at, end):
 
 @njit
 def cut_classes(reach, flags, kind, b, at, end):
-    """A run from the first to the last body that a body has to do with, and bits of those that lack FLOWS."""
-    low, high, strange = end, min(at, end), np.int64(0)
+    """Shorten a run to the first and the last body that body b has to do with. Returns also bits of those that lack
+    FLOWS.
+    """
+    low, high, without_flow = end, min(at, end), np.int64(0)
     while at < end:
         kinds = load(KINDS, flags, at)
         bits = reached(reach, b, at) & bitmask((kinds | kind) & PARTNERS == PARTNERS)
         bits &= (1 << min(end - at, np.int64(M))) - 1
-        strange |= bits & bitmask(kinds & FLOWS == 0)
+        without_flow |= bits & bitmask(kinds & FLOWS == 0)
         if bits != 0:
             low, high = min(low, at + first_bit(bits)), at + last_bit(bits) + 1
         at += M
-    return min(low, high), high, strange
+    return min(low, high), high, without_flow
 
 
 @njit
 def reached(reach, b, j):
-    """Which of the M bodies from j on are within the radius around a body, as bits."""
+    """Bits of those of the M bodies from j on that are within the radius around body b."""
     square = splat(WIDE, 0.0)
     for k in range(DIM):
         d = load(WIDE, reach.around[k], j) - reach.own[k, b]

@@ -30,7 +30,7 @@ F, I, L = Vec(N, np.float64), Vec(N, np.int32), Vec(N, np.int64)
 
 @njit
 def fill(b, last, flags, constants, powers, x, v, m, drho, terms):
-    """terms[k, N] of the bodies from b on; 0 for those that are no fluid and from `last` on.
+    """Find terms[k, N] of the sums for the N bodies from b on; 0 for those that are no fluid and from `last` on.
 
     `powers`: coefficients of ((1 + e)^(gamma - 1) - 1) / (gamma - 1) in e, for whole gamma.
     """
@@ -63,10 +63,10 @@ def fill(b, last, flags, constants, powers, x, v, m, drho, terms):
 
 
 @njit
-def extremes(chunk, chunks, flags, x, v, m, drho, most):
-    """most[chunk] = largest mass, |v|^2, |drho|, x and -x of the fluid; not a number where one is not."""
+def extremes(chunk, chunks, flags, x, v, m, drho, part_maxima):
+    """part_maxima[chunk] = largest mass, |v|^2, |drho|, x and -x of the fluid; not a number where one is not."""
     best = np.full((3 + 2 * DIM, N), -np.inf)
-    sound = splat(F, 0.0)
+    finite = splat(F, 0.0)
     last = chunks[chunk + 1]
     for b in range(chunks[chunk], last, N):
         fluid = load(I, flags, b) & np.int32(MINE) == np.int32(MINE)
@@ -78,16 +78,16 @@ def extremes(chunk, chunks, flags, x, v, m, drho, most):
             speed = select(counts, load(F, v[k], b), 0.0)
             square = fma(speed, speed, square)
             at = load(F, x[k], b)
-            sound = sound + select(counts, at, 0.0)
+            finite = finite + select(counts, at, 0.0)
             for n, side in ((3 + k, at), (3 + DIM + k, -at)):
                 reached = load(F, best[n], 0)
                 store(best[n], 0, maximum(reached, select(counts, side, reached)))
         excess = abs(select(counts, load(F, drho, b), 0.0))
-        sound = sound + square + excess
+        finite = finite + square + excess
         for n, one in ((0, mass), (1, square), (2, excess)):
             store(best[n], 0, maximum(load(F, best[n], 0), one))
     for k in range(3 + 2 * DIM):
-        most[chunk, k] = best[k].max() if np.isfinite(total(sound)) else np.nan
+        part_maxima[chunk, k] = best[k].max() if np.isfinite(total(finite)) else np.nan
 
 
 @njit

@@ -33,7 +33,7 @@ class Extremes(NamedTuple):
 def extremes(scene: Scene, world: World, tasks: Tasks, largest: Callable) -> Extremes:
     """Extremes of the state of which the last pair sums are, by the kernel `largest`. Collective."""
     tasks.each(largest)
-    found = tasks.arena["found"]
+    found = tasks.arena["part_extremes"]
     own = np.full(found.shape[1], np.inf) if np.isnan(found).any() else found.max(axis=0)
     worst = world.max_array(own)
     speed, acceleration = (float(np.sqrt(square)) for square in worst[:2])

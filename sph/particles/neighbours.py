@@ -18,7 +18,7 @@ GAP = 16  # slots between layers: a vector may overrun
 
 
 class Cells:
-    """Slots and runs of the bodies of a rank."""
+    """Puts the bodies of a rank into slots and finds their neighbours; `here`: layers of cells that it looks at."""
 
     def __init__(self, tasks: Tasks, grid: CellGrid, d: int) -> None:
         self.tasks, self.grid, self.parts = tasks, grid, tasks.parts
@@ -33,7 +33,7 @@ class Cells:
         self.tasks.each(self.kernels.place, wanted=wanted)
 
     def layer_of(self, storage: Storage) -> NDArray[np.int32]:
-        """Global layers by row, of others than the own bodies -1, in memory that the next `sort` uses."""
+        """Layers [slots] of the own particles, in the whole domain; of others -1. In memory that `sort` uses."""
         self._place(storage, OWN)
         return self.tasks.arena["layer"][: storage.end]
 
@@ -70,13 +70,13 @@ class Cells:
         return a["bucket"]
 
     def find(self, radius: float) -> None:
-        """Runs of the slots of all neighbours within `radius`."""
+        """Find the runs of slots where all neighbours within `radius` m are."""
         self.tasks.arena["edge"][4] = radius
         try:
             self.tasks.each(self.runs.find, blocks="sweeps")
         except TaskError as error:
             if error.code == self.runs.CROWDED:
-                raise Diverged(f"more than {self.runs.MOST} particles in one place") from error
+                raise Diverged(f"more than {self.runs.MAX_RUN} particles in one place") from error
             raise
 
     def _tally(self) -> None:
@@ -88,7 +88,9 @@ class Cells:
             raise
 
     def _span(self, low: int, high: int) -> tuple[int, int]:
-        """First and number of the layers with bodies, and one more on each side: an empty tank costs nothing."""
+        """First and number of the layers with bodies and of one more on each side: an empty tank costs nothing. low,
+        high: own layers.
+        """
         lowest, highest = self.tasks.arena["span"].min(axis=0)[0], self.tasks.arena["span"].max(axis=0)[1]
         if highest < 0:
             return low - 1, 2
@@ -96,7 +98,7 @@ class Cells:
         return int(first), int(last - first) + 1
 
     def _buckets(self, count: NDArray[np.int64], first: int, here: int) -> None:
-        """From the counts of chunks and layers: where layers begin, their rows, and blocks of about equal load."""
+        """Find from count[part, layer] where layers begin, their rows, and blocks of layers of about equal load."""
         a = self.tasks.arena
         per_layer = count.sum(axis=0)
         begin, base = a["begin"], a["base"]
