@@ -119,7 +119,8 @@ def extents(block, blocks, begin, bucket, row, fine, table):
 @njit
 def arrange(block, blocks, begin, base, bucket, row, fine, key, flags, table, body, kind):
     """Order the bodies of a block's layers: body[slot] = slot where it is now, kind[slot] = its flags; and fill the
-    tables of their rows. fine_total[l] = place of the cells of layer l in fine_start; fine[body] becomes that of its own.
+    tables of their rows. fine_total[l] = place of the cells of layer l in fine_start; fine[body] becomes that of its
+    own.
     """
     rows, row_table, fine_start = table.rows, table.row_table, table.fine_start
     for l in range(blocks[block], blocks[block + 1]):

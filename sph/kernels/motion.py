@@ -195,7 +195,7 @@ def imaged(layer, x, normals, offsets, rows, codes):
 
 @njit
 def ghost_values(rows, codes, shift, turns, shown, values):
-    """values[g] = x, v, drho, and gradient, shear, matrix where they are kept, of the image codes[g] of the body in slot
+    """values[g] = x, v, drho, and gradient, shear, matrix where they are kept, of image codes[g] of the body in slot
     rows[g]: x -> turn x + shift[g], v -> spin v + push; shear[a, b] = d v_b / d x_a.
     """
     turn, spin = turns.turn, turns.spin

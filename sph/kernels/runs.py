@@ -52,8 +52,9 @@ class Reach(NamedTuple):
 
 @njit
 def find(block, blocks, base, shape, edge, x, flags, table, run_first, run_length):
-    """Find run_first[k, slot], run_length[k, slot]: the slots in row k of the half neighbourhood where all bodies within
-    the radius are; and set the flag PLAIN. x[d, slots] m; edge = (edge of a layer, of a row, of a fine cell, pads, radius).
+    """Find run_first[k, slot], run_length[k, slot]: the slots in row k of the half neighbourhood where all bodies in the
+    radius are; and set the flag PLAIN. x[d, slots] m; edge = (edge of a layer, of a row, of a fine cell, pads,
+    radius), m.
     """
     rows, row_table, fine_start = table.rows, table.row_table, table.fine_start
     longest = N + longest_row(block, blocks, rows, row_table, fine_start)  # vectors overrun
@@ -151,7 +152,7 @@ def to_cell_units(l, base, edge, x, flags, places):
 @njit
 def spheres(first, many, layer, row, edge, x, height, left):
     """For the bodies of a row, in fine cells: height[m] along it; left[k, m], the square of the radius less that of the
-    distance to a row: before, own and after of the own layer, then of the next one. layer, row: number of the next ones.
+    distance to a row: before, own and after of the own layer, then of the next one. layer, row: numbers of the next.
     """
     per_cell = 1.0 / edge[2]
     limit, ceiling, wall = edge[4] * per_cell, layer * edge[0], row * edge[1]
