@@ -52,7 +52,7 @@ class Reach(NamedTuple):
 
 @njit
 def find(block, blocks, base, shape, edge, x, flags, table, run_first, run_length):
-    """Find run_first[k, slot], run_length[k, slot]: the slots in row k of the half neighbourhood where all bodies in the
+    """Find run_first[k, slot], run_length[k, slot]: the slots in row k of the half neighbourhood where all in the
     radius are; and set the flag PLAIN. x[d, slots] m; edge = (edge of a layer, of a row, of a fine cell, pads,
     radius), m.
     """
