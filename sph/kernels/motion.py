@@ -194,66 +194,58 @@ def imaged(layer, x, normals, offsets, rows, codes):
 
 
 @njit
+def turned_tensor(left, right, tensor, b, values):
+    """values[DIM k + l] = sum of left[k, i] right[l, j] tensor[DIM i + j, b] over i and j."""
+    for k in range(DIM):
+        for l in range(DIM):
+            entry = 0.0
+            for i in range(DIM):
+                for j in range(DIM):
+                    entry += left[k, i] * right[l, j] * tensor[DIM * i + j, b]
+            values[DIM * k + l] = entry
+
+
+@njit
 def ghost_values(rows, codes, shift, turns, shown, values):
     """values[g] = x, v, drho, and gradient, shear, matrix where they are kept, of image codes[g] of the body in slot
     rows[g]: x -> turn x + shift[g], v -> spin v + push; shear[a, b] = d v_b / d x_a.
     """
-    turn, spin = turns.turn, turns.spin
     for g in range(rows.size):
         b, code = rows[g], codes[g]
+        turn, spin, column = turns.turn[code], turns.spin[code], 2 * DIM + 1
         for k in range(DIM):
             at, speed = shift[g, k], turns.push[code, k]
             for j in range(DIM):
-                if turn[code, k, j] != 0.0:
-                    at += turn[code, k, j] * shown.x[j, b]
-                if spin[code, k, j] != 0.0:
-                    speed += spin[code, k, j] * shown.v[j, b]
+                if turn[k, j] != 0.0:
+                    at += turn[k, j] * shown.x[j, b]
+                if spin[k, j] != 0.0:
+                    speed += spin[k, j] * shown.v[j, b]
             values[g, k], values[g, DIM + k] = at, speed
         values[g, 2 * DIM] = shown.drho[b]
-        column = 2 * DIM + 1
         if shown.gradient.shape[1] > 0:
             for k in range(DIM):
                 slope = 0.0
                 for j in range(DIM):
-                    slope += turn[code, k, j] * shown.gradient[j, b]
+                    slope += turn[k, j] * shown.gradient[j, b]
                 values[g, column + k] = slope
             column += DIM
         if shown.shear.shape[1] > 0:
-            for k in range(DIM):
-                for l in range(DIM):
-                    slope = 0.0
-                    for i in range(DIM):
-                        for j in range(DIM):
-                            slope += turn[code, k, i] * spin[code, l, j] * shown.shear[DIM * i + j, b]
-                    values[g, column + DIM * k + l] = slope
+            turned_tensor(turn, spin, shown.shear, b, values[g, column:])
             column += DIM * DIM
         if shown.matrix.shape[1] > 0:
-            for k in range(DIM):
-                for l in range(DIM):
-                    slope = 0.0
-                    for i in range(DIM):
-                        for j in range(DIM):
-                            slope += turn[code, k, i] * turn[code, l, j] * shown.matrix[DIM * i + j, b]
-                    values[g, column + DIM * k + l] = slope
+            turned_tensor(turn, turn, shown.matrix, b, values[g, column:])
 
 
 @njit
 def take_ghosts(values, rows, shown):
     """Put values[g], as `ghost_values` made them, into the ghosts in slots rows[g]."""
     for g in range(values.shape[0]):
-        b = rows[g]
+        b, column = rows[g], 2 * DIM + 1
         for k in range(DIM):
             shown.x[k, b], shown.v[k, b] = values[g, k], values[g, DIM + k]
         shown.drho[b] = values[g, 2 * DIM]
-        column = 2 * DIM + 1
-        if shown.gradient.shape[1] > 0:
-            for k in range(DIM):
-                shown.gradient[k, b] = values[g, column + k]
-            column += DIM
-        if shown.shear.shape[1] > 0:
-            for k in range(DIM * DIM):
-                shown.shear[k, b] = values[g, column + k]
-            column += DIM * DIM
-        if shown.matrix.shape[1] > 0:
-            for k in range(DIM * DIM):
-                shown.matrix[k, b] = values[g, column + k]
+        for lines in (shown.gradient, shown.shear, shown.matrix):
+            if lines.shape[1] > 0:
+                for k in range(lines.shape[0]):
+                    lines[k, b] = values[g, column + k]
+                column += lines.shape[0]
