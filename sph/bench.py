@@ -19,7 +19,8 @@ from hpcpic.core.comm.world import World
 from hpcpic.core.tasks.graph import Pool
 from hpcpic.core.timers import Timers
 from sph.configure import configure
-from sph.forecast.estimate import EVALUATIONS, SUMS, around
+from sph.forecast.estimate import around
+from sph.physics.integrators import INTEGRATORS
 from sph.step import Sph
 
 ACROSS = {2: 100, 3: 36}  # particles along an edge of the cube
@@ -121,7 +122,7 @@ def bench(quick: bool) -> Mapping[str, float]:
 def of_pair(trials: Mapping[str, Trial]) -> float:
     """Seconds of a directed pair within the support."""
     few, many = trials["few"], trials["many"]
-    return (many.sums - few.sums) / (many.pairs - few.pairs) / SUMS["symplectic"]
+    return (many.sums - few.sums) / (many.pairs - few.pairs) / INTEGRATORS["symplectic"].work
 
 
 def of_body(trials: Mapping[str, Trial]) -> float:
@@ -148,7 +149,7 @@ def small_rates(world: World, quick: bool, pair_ns: float, body_ns: float) -> di
     """What the launches of a step of each integrator take, in its sums and beside them, images of particles, walls and
     forces on them, and a sample.
     """
-    kinds = SUMS if not quick else ("symplectic",)
+    kinds = tuple(INTEGRATORS) if not quick else ("symplectic",)
     trials = {kind: Trial(world, 2, "double", FEW[2], integrator=kind) for kind in kinds}
     if not quick:
         trials |= {walls: Trial(world, 2, "double", FEW[2], walls=walls) for walls in WALLS}
@@ -159,14 +160,14 @@ def small_rates(world: World, quick: bool, pair_ns: float, body_ns: float) -> di
     for kind in kinds:
         trial = trials[kind]
         rates[f"step_us {kind}"] = 1e6 * trial.rest
-        rates[f"sums_us {kind}"] = 1e6 * max(0.0, trial.sums - 1e-9 * SUMS[kind] * trial.pairs * pair_ns)
+        rates[f"sums_us {kind}"] = 1e6 * max(0.0, trial.sums - 1e-9 * INTEGRATORS[kind].work * trial.pairs * pair_ns)
     if not quick:
         plain = trials["symplectic"]
         beside = {walls: trials[walls].rest - plain.rest - 1e-9 * body_ns * (bodies[walls] - plain.n)
                   for walls in WALLS}  # fmt: skip
         rates["images_us"] = 1e6 * max(0.0, beside["images"])
         rates["symmetric_us"] = 1e6 * max(0.0, beside["symmetric"])
-        refresh = (trials["images"].sums - plain.sums) / EVALUATIONS["symplectic"]
+        refresh = (trials["images"].sums - plain.sums) / INTEGRATORS["symplectic"].evaluations
         rates["image_refresh_us"] = 1e6 * max(0.0, refresh)
         rates["walls_us"] = 1e6 * max(0.0, beside["walls"])
         rates["force_us"] = 1e6 * max(0.0, beside["forces"] - beside["walls"])
@@ -183,7 +184,7 @@ def bench_ranks(quick: bool, world: World) -> Mapping[str, float]:
              for name, walls in kinds.items()}  # fmt: skip
     taken(alone | ranks, SMALL_ROUNDS[quick], CALLS)
     more = {name: world.max(ranks[f"{name} ranks"].rest - alone[name].rest) for name in kinds}
-    refresh = world.max(ranks["plain ranks"].sums - alone["plain"].sums) / EVALUATIONS["symplectic"]
+    refresh = world.max(ranks["plain ranks"].sums - alone["plain"].sums) / INTEGRATORS["symplectic"].evaluations
     return {
         "ghost_exchange_us": 1e6 * max(0.0, more["plain"]),
         "image_exchange_us": 1e6 * max(0.0, more["images"] - more["plain"]),

@@ -34,9 +34,9 @@ from sph.particles.strays import Outflow, Strays
 from sph.particles.tasks import Tasks, arena_of, parts_of
 from sph.particles.wall_forces import Forces, WallForces
 from sph.particles.walls import Walls
-from sph.physics.integrators import INTEGRATORS, STAGED, symplectic
-from sph.physics.pair_spec import law_of
+from sph.physics.integrators import INTEGRATORS
 from sph.physics.timestep import TimeStep
+from sph.setup.pair_numbers import pair_spec_of
 from sph.setup.scene import Scene
 
 
@@ -55,9 +55,9 @@ class Sph:
         kinds = {"series": "series", "particle": "particles", "checkpoint": "checkpoint"}
         self.time_periods = {kind: getattr(config.output.period, name) or 0.0 for kind, name in kinds.items()}
         self.periods = {kind: getattr(config.output.every, name) or 0 for kind, name in kinds.items()}
-        self.integrate = INTEGRATORS[config.simulation.integrator]
-        self.skin = Skin(scene, config.simulation.integrator in STAGED)
-        self.choose = TimeStep(scene, self.skin.step_limit)
+        self.integrator = INTEGRATORS[config.simulation.integrator]
+        self.skin = Skin(scene, self.integrator.staged)
+        self.choose = TimeStep(config, scene.rho0, self.skin.step_limit)
         self.walls = Walls(scene)
         self.grid = CellGrid(scene, self.skin.largest_radius)
         self.slabs = Slabs(scene, self.grid, world)
@@ -78,15 +78,15 @@ class Sph:
     def _prepare(self, scene: Scene, pool: Pool) -> None:
         """Make arrays without particles, and the kernels of the scene."""
         maps, mirrors = images_of(self.walls, self.skin.largest_radius)
-        self.law = law_of(scene, bool(scene.walls) or len(maps.planes) > 1)
-        declared = arrays_of(self.law, scene.config.simulation.integrator in STAGED)
+        self.spec = pair_spec_of(scene.config, bool(scene.walls) or len(maps.planes) > 1)
+        declared = arrays_of(self.spec, self.integrator.staged)
         parts = parts_of(scene.n_fluid // self.world.size, pool.threads)
         self.tasks = Tasks(pool, arena_of(scene, declared, parts, mirrors=mirrors))
-        self.motion = specialise("motion", DIM=scene.dimensions, REAL=self.law.real)
+        self.motion = specialise("motion", DIM=scene.dimensions, REAL=self.spec.real)
         self.storage = Storage(scene, self.world, self.tasks.arena)
         self.ghosts = Ghosts(self.storage, self.motion, maps)
         self.cells = Cells(self.tasks, self.grid, scene.dimensions)
-        self.sums = PairSums(scene, self.law, self.tasks, self.ghosts)
+        self.sums = PairSums(scene, self.spec, self.tasks, self.ghosts)
         self.evolution = Evolution(self.clock, self.tasks, self.motion, self.sums, self.walls, self.timers)
         self.totals = scalars.Totals(scene, self.world, self.tasks)
 
@@ -94,10 +94,10 @@ class Sph:
 
     def step(self) -> None:
         """x^n, v^n, rho^n -> n + 1."""
-        self.integrate(self.evolution, self.choose_step)
+        self.integrator.step(self.evolution, self.choose_step)
         box = self.extremes.box
         with self.timers.section("update"):
-            if self.law.shifting:
+            if self.spec.shifting:
                 self.evolution.shift(self.extremes.speed)
             self.evolution.wrap()
             self.strays.settle()
@@ -187,7 +187,7 @@ class Sph:
 
     def current_forces(self) -> None:
         """Find a of the present state, if it is not known: the next step will not evaluate it again. Collective."""
-        if self.integrate is symplectic:
+        if self.integrator.split:
             self.evolution.evaluate_forces()
         else:
             self.evolution.evaluate(start=True)

@@ -19,11 +19,8 @@ from sph.case import geometry
 
 Names = Annotated[tuple[str, ...], BeforeValidator(as_tuple)]
 Integrator = Literal["euler", "predictor-corrector", "rk3-tvd", "symplectic"]
-Kernel = Literal["cubic", "wendland2", "wendland4", "quintic"]
 Flux = Literal["none", "rusanov", "molteni", "fourtakas", "delta"]
 WallType = Literal["mirror-no-slip", "point-symmetric-free-slip", "repulsive", "pressure-continuity"]
-SUPPORT = {"cubic": 2.0, "wendland2": 2.0, "wendland4": 2.0, "quintic": 3.0}  # radius of the kernel / h
-FLUX_COEFFICIENT = {"none": 0.0, "rusanov": 1.0, "molteni": 0.1, "fourtakas": 0.1, "delta": 0.1}
 AXES = ("x", "y", "z")
 
 
@@ -138,7 +135,10 @@ class Eos(Section):
 class Numerics(Section):
     spacing: float = setting(REQUIRED, "particle spacing dp", "m", gt=0)
     smoothing: float = setting(1.3, "smoothing length over spacing, h / dp", gt=0, le=10)
-    kernel: Kernel = setting("wendland2", "cubic spline (MP 9), Wendland C2 or C4, quintic spline (reaches 3 h)")
+    kernel: str = setting(
+        "wendland2",
+        "cubic (spline, MP 9), wendland2 (C2), wendland4 (C4), quintic (spline, reaches 3 h), or one of your own",
+    )
     gradient_correction: bool = setting(False, "renormalised gradients: exact for linear fields")
     density_flux: Flux = setting(
         "delta", "diffusion of density: Rusanov (MP 17), Molteni, Fourtakas, or delta-SPH with renormalised gradient"
@@ -246,11 +246,6 @@ class SphConfig(Section):
     def h(self) -> float:
         """Smoothing length, m."""
         return self.numerics.smoothing * self.numerics.spacing
-
-    @property
-    def support(self) -> float:
-        """Radius of the kernel, m."""
-        return SUPPORT[self.numerics.kernel] * self.h
 
     @property
     def sound_speed(self) -> float:

@@ -63,7 +63,7 @@ class Checkpoint:
     @property
     def _normal(self) -> list[str]:
         """The array of normals, where there are repulsive walls."""
-        return ["normal"] if any(wall.type == "repulsive" for wall in self.storage.scene.walls) else []
+        return ["normal"] if any(wall.rule.repulsive for wall in self.storage.scene.walls) else []
 
     @property
     def _have_periods(self) -> bool:

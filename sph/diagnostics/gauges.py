@@ -13,7 +13,7 @@ from sph.case.config import AXES, Gauge
 from sph.diagnostics.snapshot import particles_at
 from sph.kernels import readings
 from sph.particles.storage import Storage
-from sph.physics import stability
+from sph.physics.smoothing import SMOOTHING
 
 FIXED_POINT = 2.0**40
 LEVELS = 4  # heights looked at per spacing
@@ -74,7 +74,7 @@ class Gauges:
         r = self.separation(own["x"], gauge.at)
         near = np.sum(r * r, axis=1) < scene.support**2
         r = r[near]
-        weight = stability.value(scene.kernel, np.sqrt(np.sum(r * r, axis=1)) / scene.h, d)
+        weight = SMOOTHING[scene.kernel].value(np.sqrt(np.sum(r * r, axis=1)) / scene.h, d)
         weight *= own["m"][near] / (scene.rho0 * scene.h**d)
         if gauge.what == "velocity":
             scale, values = scene.c0, own["v"][near]
@@ -111,7 +111,7 @@ class Gauges:
         inside = (at >= 0) & (at < len(levels))
         gap = height[:, None] - (ends[0] + step * at)
         q = np.sqrt(gap * gap + np.sum(r[near] ** 2, axis=1)[:, None]) / scene.h
-        weight = stability.value(scene.kernel, q, d) * (own["m"][near] / (scene.rho0 * scene.h**d))[:, None]
+        weight = SMOOTHING[scene.kernel].value(q, d) * (own["m"][near] / (scene.rho0 * scene.h**d))[:, None]
         np.add.at(sums, at[inside], np.rint(weight[inside] * FIXED_POINT).astype(np.int64))
         share = self.world.sum_int(sums) / FIXED_POINT
         full = np.median(share[share > 0.5 * share.max()]) if share.max() > MIN_WEIGHT else 0.0

@@ -6,11 +6,13 @@ from collections.abc import Iterator
 
 from hpcpic.core.case.derived import Derived
 from sph.case import geometry
-from sph.case.config import SphConfig, motion_speed
+from sph.case.config import SphConfig, heights_of, motion_speed
 from sph.forecast.plausibility import sensible
 from sph.kernels.marks import CODES
 from sph.particles.images import most_images
 from sph.physics import stability
+from sph.physics.viscosities import VISCOSITIES
+from sph.physics.wall_rules import WALL_RULES
 from sph.setup.scene import DOMAIN, Scene
 
 SMALL = 6  # spacings across a repulsive body, below which the force on it is off by more than a tenth
@@ -101,8 +103,6 @@ def viscous_step(config: SphConfig, dt: float, longest: float) -> Iterator[Deriv
 
 def settling(config: SphConfig) -> float:
     """sqrt(H / g) of the fluid's height, s."""
-    from sph.case.config import heights_of
-
     heights = [z for fluid in config.fluid for z in heights_of(config, fluid)]
     return math.sqrt((max(heights) - min(heights)) / math.hypot(*config.gravity))
 
@@ -133,7 +133,7 @@ def compressibility(config: SphConfig) -> Iterator[Derived]:
 def resolution(config: SphConfig) -> Iterator[Derived]:
     """Smoothing length over spacing, neighbours of a particle."""
     ratio, kernel, d = config.numerics.smoothing, config.numerics.kernel, config.dimensions
-    reach = config.support / config.numerics.spacing
+    reach = stability.support_of(config) / config.numerics.spacing
     neighbours = (math.pi * reach**2 if d == 2 else 4 / 3 * math.pi * reach**3) - 1
     key = ("numerics", "smoothing")
     verdict, cure = "ok", ""
@@ -152,8 +152,8 @@ def resolution(config: SphConfig) -> Iterator[Derived]:
 
 def decoupling(config: SphConfig) -> Iterator[Derived]:
     """Gradients of gradients do not see waves of two spacings: mirrored walls feed them, nothing damps them."""
-    mirrors = [i for i, wall in enumerate(config.wall) if wall.type == "mirror-no-slip"]
-    if config.numerics.viscosity_form == "strain-rate" and mirrors:
+    mirrors = [i for i, wall in enumerate(config.wall) if WALL_RULES[wall.type].face_images]
+    if VISCOSITIES[config.numerics.viscosity_form or "none"].stress and mirrors:
         cure = 'viscosity_form = "morris": mirrors make a checkerboard of 6 % of the speed in 0.1 L^2 / nu'
         key = ("numerics", "viscosity_form")
         yield Derived("damping of waves of two spacings", "", 0.0, "", "> 0", "warn", "Poiseuille, measured", cure, key)
@@ -162,7 +162,7 @@ def decoupling(config: SphConfig) -> Iterator[Derived]:
 def fast_walls(config: SphConfig) -> Iterator[Derived]:
     """Walls with a density of their own: what goes past the fluid fast is a lattice that rattles it."""
     for i, wall in enumerate(config.wall):
-        if wall.motion and wall.type == "pressure-continuity":
+        if wall.motion and WALL_RULES[wall.type].own_density:
             mach = motion_speed(wall.motion) / config.sound_speed
             verdict = "ok" if mach < 1 / 3 else "fail"
             cure = "" if verdict == "ok" else 'type = "repulsive" lets the fluid go, at any speed of the wall'
@@ -173,7 +173,7 @@ def fast_walls(config: SphConfig) -> Iterator[Derived]:
 def outer_edges(config: SphConfig) -> Iterator[Derived]:
     """Point symmetry knows faces only: beside the outer edges of a solid images are missing."""
     for i, wall in enumerate(config.wall):
-        if wall.solid and wall.type == "point-symmetric-free-slip" and wall.shape.box:
+        if wall.solid and WALL_RULES[wall.type].layer_images and wall.shape.box:
             cure = 'type = "mirror-no-slip" or "pressure-continuity": here single particles are thrown off the edges'
             yield Derived(f"images beside the edges of {wall.name}", "", 0.0, "", "> 0", "warn",
                           "a body in still water, measured", cure, ("wall", i, "type"))  # fmt: skip
@@ -182,7 +182,7 @@ def outer_edges(config: SphConfig) -> Iterator[Derived]:
 def small_bodies(config: SphConfig) -> Iterator[Derived]:
     """Repulsive walls act at a distance, from layers behind their faces: a small body has no room for these."""
     for i, wall in enumerate(config.wall):
-        if wall.solid and wall.type == "repulsive" and wall.measure_force and wall.shape.box:
+        if wall.solid and WALL_RULES[wall.type].repulsive and wall.measure_force and wall.shape.box:
             edges = [b - a for a, b in zip(wall.shape.box.low, wall.shape.box.high)]
             size = min(edges) / config.numerics.spacing
             verdict = "ok" if size >= SMALL * (1 - 1e-9) else "warn"

@@ -12,12 +12,12 @@ import numpy as np
 
 from hpcpic.core.app.forecast import FILES, Estimate, gain, writing_seconds
 from sph.case.config import SphConfig
-from sph.forecast.plan import MIB, MIRRORS, arrays, counts, images
+from sph.forecast.plan import MIB, arrays, counts, images
 from sph.physics import stability
+from sph.physics.integrators import INTEGRATORS
+from sph.physics.stability import support_of
+from sph.physics.wall_rules import WALL_RULES
 
-SUMS = {"euler": 1.0, "predictor-corrector": 2.0, "rk3-tvd": 3.0, "symplectic": 1.46}  # pair sums of a step, of these
-FIRST = {"euler": 1.0, "predictor-corrector": 1.0, "rk3-tvd": 1.0, "symplectic": 0.85}  # what a sample needs too
-EVALUATIONS = {"euler": 1, "predictor-corrector": 2, "rk3-tvd": 3, "symplectic": 1}  # for which ghosts are sent anew
 DELTA = {2: 1.0, 3: 1.4}  # more for renormalised gradients, by dimension; measured
 SERIES_BYTES = 24 * 8 * 2
 START = 1.4  # s: interpreter, libraries, kernels from the cache
@@ -75,11 +75,12 @@ def phases(config: SphConfig, ranks: int, threads: int, rates: Mapping[str, floa
     """Seconds of one step by what it does, when no sample was taken before it."""
     fluid, walls = counts(config)
     d, others = config.dimensions, walls + images(config)
-    pairs = (fluid + 0.5 * others) * len(around(config.support / config.numerics.spacing, d))
+    pairs = (fluid + 0.5 * others) * len(around(support_of(config) / config.numerics.spacing, d))
     cores = 1e9 * gain(ranks, threads, rates, rates["pair_core_gain"])
     kind = config.simulation.integrator
-    symmetric = any(wall.type == "point-symmetric-free-slip" for wall in config.wall)
-    finding = rates["symmetric_us" if symmetric else "images_us"] + EVALUATIONS[kind] * rates["image_refresh_us"]
+    symmetric = any(WALL_RULES[wall.type].layer_images for wall in config.wall)
+    finding = rates["symmetric_us" if symmetric else "images_us"]
+    finding += INTEGRATORS[kind].evaluations * rates["image_refresh_us"]
     return {
         "pairs": sums(config) * pairs * rates[f"pair_ns {d}D {config.numerics.precision}"] / cores,
         "particles": (fluid + others) * rates[f"body_ns {d}D"] / cores,
@@ -103,27 +104,27 @@ def exchange_seconds(config: SphConfig, ranks: int, rates: Mapping[str, float]) 
     if ranks == 1:
         return 0.0
     d, (fluid, walls) = config.dimensions, counts(config)
-    ghosts = min(2, ranks - 1) * (fluid + walls) ** (1 - 1 / d) * config.support / config.numerics.spacing
+    ghosts = min(2, ranks - 1) * (fluid + walls) ** (1 - 1 / d) * support_of(config) / config.numerics.spacing
     fixed = rates["ghost_exchange_us"] + (rates["image_exchange_us"] if imaged(config) else 0.0)
-    fixed += EVALUATIONS[config.simulation.integrator] * rates["refresh_us"]
+    fixed += INTEGRATORS[config.simulation.integrator].evaluations * rates["refresh_us"]
     return 1e-6 * fixed + 1e-9 * ghosts * rates["ghost_ns"]
 
 
 def imaged(config: SphConfig) -> bool:
     """Whether particles have images."""
-    return bool(config.domain.periodic) or any(wall.type.startswith(MIRRORS) for wall in config.wall)
+    return bool(config.domain.periodic) or any(WALL_RULES[wall.type].images for wall in config.wall)
 
 
 def wall_seconds(config: SphConfig, rates: Mapping[str, float]) -> float:
     """Of one step: walls of particles, and the forces that are measured."""
-    made = any(not wall.type.startswith(MIRRORS) for wall in config.wall)
+    made = any(not WALL_RULES[wall.type].images for wall in config.wall)
     measured = sum(wall.measure_force for wall in config.wall)
     return 1e-6 * (made * rates["walls_us"] + measured * rates["force_us"])
 
 
 def sample_seconds(config: SphConfig, rates: Mapping[str, float]) -> float:
     """Of one line of the series: sums, forces, and the columns of fluid over gauges of elevation."""
-    d, reach, (fluid, _) = config.dimensions, config.support / config.numerics.spacing, counts(config)
+    d, reach, (fluid, _) = config.dimensions, support_of(config) / config.numerics.spacing, counts(config)
     near = min(fluid, 2 * reach * fluid**0.5 if d == 2 else math.pi * reach**2 * fluid ** (1 / 3))
     elevations = sum(gauge.what == "elevation" for gauge in config.gauge)
     measured = sum(wall.measure_force for wall in config.wall)
@@ -133,15 +134,15 @@ def sample_seconds(config: SphConfig, rates: Mapping[str, float]) -> float:
 
 def sums(config: SphConfig) -> float:
     """Evaluations of all pair sums that a step is worth."""
-    kind = config.simulation.integrator
+    integrator = INTEGRATORS[config.simulation.integrator]
     gradients = DELTA[config.dimensions] if config.numerics.density_flux == "delta" else 0.0
-    return SUMS[kind] + EVALUATIONS[kind] * gradients
+    return integrator.work + integrator.evaluations * gradients
 
 
 def first_seconds(config: SphConfig, whole: Mapping[str, float], rates: Mapping[str, float]) -> float:
     """Of the first evaluation of a step, which it finds done where a sample was taken."""
     kind = config.simulation.integrator
-    return FIRST[kind] / SUMS[kind] * (whole["pairs"] + 1e-6 * rates[f"sums_us {kind}"])
+    return INTEGRATORS[kind].first_work / INTEGRATORS[kind].work * (whole["pairs"] + 1e-6 * rates[f"sums_us {kind}"])
 
 
 def times(config: SphConfig, kind: str) -> float:

@@ -14,6 +14,8 @@ from hpcpic.core.case.schema import value_text
 from sph.case.config import SphConfig
 from sph.forecast.plan import counts
 from sph.physics import stability
+from sph.physics.integrators import INTEGRATORS
+from sph.physics.wall_rules import WALL_RULES
 
 if TYPE_CHECKING:
     from hpcpic.core.files.series import Series
@@ -22,8 +24,6 @@ SAMPLES = 17  # times of a quantity that is a curve
 ROWS = 400  # of the series of a whole run, in pilots
 LAYERS = 8  # particles across the thinnest box of fluid or a sphere, at least
 HORIZON_STEPS = 500  # in which an instability shows
-ORDERS = {"euler": 1.0, "predictor-corrector": 1.0, "symplectic": 1.0, "rk3-tvd": 3.0}
-MIRRORS = ("mirror-no-slip", "point-symmetric-free-slip")
 SMOOTHINGS = (1.3, 1.5, 2.0)
 
 
@@ -59,7 +59,7 @@ def continuous(config: SphConfig) -> list[Knob]:
     if config.simulation.time_step is None:
         found.append(
             Knob("cfl", "time step over h / c0", "", ("simulation", "cfl"), lambda c: c.simulation.cfl,
-                 ORDERS[config.simulation.integrator], 1.0, "Courant number")
+                 INTEGRATORS[config.simulation.integrator].order, 1.0, "Courant number")
         )  # fmt: skip
     return found
 
@@ -70,7 +70,7 @@ def closed(config: SphConfig) -> bool:
         fluid.shape.box and (fluid.shape.box.low, fluid.shape.box.high) == (config.domain.low, config.domain.high)
         for fluid in config.fluid
     )
-    return filled and all(wall.type in MIRRORS for wall in config.wall)
+    return filled and all(WALL_RULES[wall.type].images for wall in config.wall)
 
 
 def mach(config: SphConfig) -> float:
@@ -91,7 +91,7 @@ def choices_of(config: SphConfig) -> list[Choice]:
     listed = (
         ("smoothing", ("numerics", "smoothing"), numerics.smoothing, SMOOTHINGS, "dx"),
         ("precision", ("numerics", "precision"), numerics.precision, ("double", "single"), ""),
-        ("integrator", ("simulation", "integrator"), integrator, tuple(ORDERS), "cfl"),
+        ("integrator", ("simulation", "integrator"), integrator, tuple(INTEGRATORS), "cfl"),
     )
     return [
         Choice(name, key, value_text(here), tuple(value_text(v) for v in values if v != here), acts_on)

@@ -10,19 +10,15 @@ from hpcpic.core.app.forecast import imports
 from sph.case import config as case
 from sph.case import geometry
 from sph.case.config import SphConfig
-from sph.physics.pair_spec import law_of, most_sums, unused
-from sph.physics.terms import columns_of
+from sph.physics.integrators import INTEGRATORS
+from sph.physics.pair_spec import columns_of, most_sums, unused
+from sph.physics.stability import support_of
+from sph.physics.viscosities import VISCOSITIES
+from sph.physics.wall_rules import WALL_RULES
+from sph.setup.pair_numbers import pair_spec_of
 from sph.setup.scene import AHEAD, Scene, Wall
 
 MIB = 2.0**20
-MIRRORS = ("mirror", "point-symmetric")  # types of walls whose particles are images
-WALL_TERMS = {
-    "mirror-no-slip": "mirrored particles of opposite velocity (Morris)",
-    "point-symmetric-free-slip": "particles mirrored about a layer (Ferrari)",
-    "repulsive": "normal force (SC 8-10) and viscous term",
-    "pressure-continuity": "wall particles with evolving density",
-}
-
 FIXED_BYTES = 272_000  # of graphs, tables and heads of arrays: what runs of 10, 20 and 40 thousand particles have alike
 
 
@@ -46,19 +42,17 @@ def counts(config: SphConfig) -> tuple[int, float]:
     if not config.fluid:
         return 0, 0.0
     low, high = _around_fluid(scene, AHEAD)
-    made = {"pressure-continuity": lambda wall: wall.layers, "repulsive": lambda wall: 1}
-    return scene.n_fluid, sum(
-        made[wall.type](wall) * _of_faces(scene, wall, low, high) for wall in scene.walls if wall.type in made
-    )
+    made = [(wall, wall.layers if wall.rule.own_density else 1) for wall in scene.walls if not wall.rule.images]
+    return scene.n_fluid, sum(layers * _of_faces(scene, wall, low, high) for wall, layers in made)
 
 
 def images(config: SphConfig) -> float:
     """Images of the fluid at t = 0 in mirrors and periodic sides (about)."""
-    scene, reach = Scene(config), config.support / config.numerics.spacing
+    scene, reach = Scene(config), support_of(config) / config.numerics.spacing
     if not config.fluid:
         return 0.0
     low, high = _around_fluid(scene, 1.0)
-    faces = sum(_of_faces(scene, wall, low, high) for wall in scene.walls if wall.type.startswith(MIRRORS))
+    faces = sum(_of_faces(scene, wall, low, high) for wall in scene.walls if wall.rule.images)
     edges = (high - low) / scene.spacing
     return reach * (faces + 2 * sum(math.prod(np.delete(edges, k)) for k in np.flatnonzero(scene.periodic)))
 
@@ -89,33 +83,33 @@ def sums(config: SphConfig) -> list[str]:
         terms.append(f"density flux             {numerics.density_flux}, {numerics.flux_coefficient:g}")
     if numerics.density_flux == "delta" or numerics.gradient_correction:
         terms.append(f"renormalised gradient    {d * (d + 1) // 2} + {d} sums more")
-    if numerics.viscosity_form not in ("none", "artificial", None):
-        passes = ", two passes" if numerics.viscosity_form == "strain-rate" else ""
-        terms.append(f"viscosity                {numerics.viscosity_form}{passes}")
+    viscosity = VISCOSITIES[numerics.viscosity_form or "none"]
+    if viscosity.physical:
+        terms.append(f"viscosity                {numerics.viscosity_form}{', two passes' if viscosity.stress else ''}")
     if numerics.artificial_viscosity:
         terms.append(f"artificial viscosity     alpha {numerics.artificial_viscosity:g}")
     if numerics.tensile_correction:
         terms.append(f"tensile correction       {numerics.tensile_correction:g}")
     kinds = dict.fromkeys(wall.type for wall in config.wall)
-    return terms + [f"walls                    {WALL_TERMS[kind]}" for kind in kinds]
+    return terms + [f"walls                    {WALL_RULES[kind].text}" for kind in kinds]
 
 
 def arrays(config: SphConfig, ranks: int) -> Iterator[Array]:
     """The arrays of one rank, an eighth more for ghosts and room to grow."""
     d, n = config.dimensions, 1.125 * (sum(counts(config)) + images(config)) / ranks
-    scene, staged = Scene(config), config.simulation.integrator not in ("euler", "symplectic")
-    law = law_of(scene, bool(scene.walls) or bool(scene.periodic.any()))
-    kept, size = {"offset", "gradient", "shear", "matrix"} - unused(law, staged), 4 if law.single else 8
+    staged = INTEGRATORS[config.simulation.integrator].staged
+    spec = pair_spec_of(config, bool(config.wall or config.domain.periodic))
+    kept, size = {"offset", "gradient", "shear", "matrix"} - unused(spec, staged), 4 if spec.single else 8
     yield Array("state: x, v, rho, m, id", 2 * d + 3, n)
     yield Array("kinds and cells", 2, n, 4)
     if staged:
         yield Array("state of the step before", 2 * d + 1, n)
     for name in sorted(kept):
         yield Array(name, d * d if name in ("shear", "matrix") else d, n)
-    if law.single:
+    if spec.single:
         yield Array("pairs: positions", d, n, 4)
-    yield Array("pairs: operands", len(columns_of(law)), n, size)
-    yield Array("pairs: sums", most_sums(law), n, size)
+    yield Array("pairs: operands", len(columns_of(spec)), n, size)
+    yield Array("pairs: sums", most_sums(spec), n, size)
     yield Array("pairs: runs of neighbours", 15 if d == 3 else 6, n, 2)
     yield Array("objects of Python and libraries", 1, FIXED_BYTES, 1)
     yield Array("state in order, for files and gauges", 2 * d + 3, n)

@@ -8,9 +8,10 @@ import numpy as np
 from hpcpic.core.case.config import Path
 from hpcpic.core.case.derived import Derived
 from sph.case import geometry
-from sph.case.config import AXES, FLUX_COEFFICIENT, SphConfig, motion_speed
+from sph.case.config import AXES, SphConfig, motion_speed
 from sph.particles.strays import MAX_DENSITY_ERROR, most_strays
 from sph.physics import stability
+from sph.physics.fluxes import FLUXES
 from sph.setup.scene import Scene
 
 DENSE, DENSER = 0.02, 0.1  # rho / rho0 - 1 at rest, which are noticed and refused
@@ -37,7 +38,7 @@ def sensible(config: SphConfig, scene: Scene) -> Iterator[Derived]:
 def dissipation(config: SphConfig) -> Iterator[Derived]:
     """What keeps densities and velocities smooth, taken by default or not."""
     numerics, flux = config.numerics, config.numerics.density_flux
-    usual = f'default: "delta", {FLUX_COEFFICIENT["delta"]:g}'
+    usual = f'default: "delta", {FLUXES["delta"].coefficient:g}'
     yield Derived(f"density flux, {flux}", "delta", numerics.flux_coefficient or 0.0, "", usual, "ok",
                   "Marrone et al. 2011")  # fmt: skip
     usual = "default: 0.02, 0 with a viscosity"
@@ -124,7 +125,7 @@ def bodies_outside(config: SphConfig) -> Iterator[Derived]:
             continue
         low, high = geometry.bounds(wall.shape)
         away = min(_apart(low, high, *box) for box in boxes)
-        if away > config.support:
+        if away > stability.support_of(config):
             cure = "scale = 0.001 for a file in millimetres" if wall.shape.stl else "a place inside of a tank or fluid"
             path: Path = ("stl", "scale") if wall.shape.stl else ()
             yield Derived(f"distance of {wall.name} from all fluid and tanks", "", away, "m", "0", "warn",

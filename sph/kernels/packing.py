@@ -6,7 +6,7 @@ In single precision also the state in their units.
 import math
 
 from sph.kernels.marks import NORMAL, REPULSIVE
-from sph.physics.terms import UNIT, Law, columns_of
+from sph.physics.pair_spec import UNIT, PairSpec, columns_of
 
 SCALES = (
     "per_h",
@@ -68,39 +68,40 @@ def _slope_lines(gamma: float) -> list[str]:
     return ["slope = " + " * ".join(["splat(F, 0.5)", *[factor] * n])]
 
 
-def _values(law: Law) -> dict[str, str]:
+def _values(spec: PairSpec) -> dict[str, str]:
     values = {"push": "(p + background) * (light * light)", "light": "light", "slope": "slope", "excess": "e"}
     values |= {"tension": "select(p < 0.0, -tensile * p, 0.05 * tensile * p) * (light * light)"}
-    mass = "load(F, m, s) * per_m" if law.single else "load(F, m, s)"
+    mass = "load(F, m, s) * per_m" if spec.single else "load(F, m, s)"
     there = f"select(load(I, flags, s) & {REPULSIVE} == {REPULSIVE}, 0.0, {mass})"  # repulsive particles have no volume
     values |= {"mass": mass, "volume": f"{there} * light"}
     code = f"(load(I, flags, s) >> {NORMAL}) * 8"
-    for k, a in enumerate(law.axes):
+    for k, a in enumerate(spec.axes):
         values[f"v{a}"] = f"load(F, v[{k}], s) * per_c"
         values[f"n{a}"] = f"gather_lines(F, 1, address_of(face_normals[{k}], 0), {code})[0]"
     return values
 
 
-def _lines(law: Law, gamma: float, columns: list[str]) -> list[str]:
+def _lines(spec: PairSpec, gamma: float, columns: list[str]) -> list[str]:
     """For the bodies in the slots from s on."""
-    kept, values = columns_of(law), _values(law)
+    kept, values = columns_of(spec), _values(spec)
     lines = ["e = load(F, drho, s) * per_rho", "rho = e + 1.0", "light = 1.0 / rho", *pressure_lines(gamma)]
     if "slope" in columns:
         lines += _slope_lines(gamma)
-    if law.single:  # fixed point, modulo 256 h
-        for k in range(law.dimensions):
+    if spec.single:  # fixed point, modulo 256 h
+        for k in range(spec.dimensions):
             place = f"convert(I, convert(L, floor(load(F, x[{k}], s) * (per_h * {1 / UNIT!r}))))"
             lines.append(f"store(position[{k}], s, {place})")
     return lines + [f"store(values[{kept.index(name)}], s, convert(R, {values[name]}))" for name in columns]
 
 
-def source(law: Law, gamma: float) -> str:
+def source(spec: PairSpec, gamma: float) -> str:
     """The module with `pack`: all columns but those that come from other pair sums."""
-    columns = [name for name in columns_of(law) if name[:-1] != "g" and not (name[0] in "tl" and len(name) == 3)]
+    others = {name for column in "glt" for name in spec.components(column)}
+    columns = [name for name in columns_of(spec) if name not in others]
     lines = ["def pack(block, blocks, base, scales, flags, x, v, drho, m, face_normals, position, values):"]
     lines += [f"    {name} = scales[{k}]" for k, name in enumerate(SCALES)]
     lines += ["    line = np.zeros(N)"]
     lines += ["    for l in range(blocks[block], blocks[block + 1]):"]
     lines += ["        for s in range(base[l], base[l + 1], N):  # also where nobody is: vectors overrun"]
-    lines += [f"            {line}" for line in _lines(law, gamma, columns)]
-    return HEAD.format(real=law.real) + "\n\n@njit\n" + "\n".join(lines) + "\n"
+    lines += [f"            {line}" for line in _lines(spec, gamma, columns)]
+    return HEAD.format(real=spec.real) + "\n\n@njit\n" + "\n".join(lines) + "\n"

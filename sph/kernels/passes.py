@@ -1,149 +1,56 @@
-"""The passes over all pairs: terms (see `pairs`) put into loops over layers, bodies, rows and vectors of neighbours."""
+"""The passes over all pairs: lines of formulas put into loops over layers, bodies, rows and vectors of neighbours.
 
-from collections.abc import Sequence
+Each pair of bodies is met once, for both, along the runs that `runs.find` has found. Layers of even number come first,
+then the odd ones; each adds to what it and the next one have, so that those of a kind are independent and the result
+does not depend on who computes them. Lanes count from the start of a run.
+
+Lengths, velocities, densities and masses are in units that the numbers of a scene know: in double precision the state
+is read as it is held, in SI units; in single, columns in those of c0, rho0 and rho0 h^d, positions in UNIT. F lacks the
+factor of its kernel, which the scales of a scene make up for in the sums.
+
+The kernels are text that calls the formulas of `terms` by name. What a formula needs is known by its parameters: lines
+that compute it are put before it, once.
+"""
+
+import inspect
+from collections.abc import Callable, Sequence
 from types import ModuleType
 
 import numpy as np
 
+from hpcpic.core.simd.compile import formula, formulas
 from hpcpic.core.simd.generate import module_from_source
 from hpcpic.core.simd.vector import lanes
+from sph.physics import terms
+from sph.physics.pair_spec import NUMBERS, Line, PairSpec, Pass, columns_of, passes_of, state_of, sums_of
 from sph.physics.smoothing import SMOOTHING
-from sph.physics.terms import Law, Terms, collect, columns_of, state_of
 
-NUMBERS = (
-    "artificial", "viscous", "flux_strength", "gravityx", "gravityy", "gravityz", "reach", "per_w", "per_h", "eta2",
-    "density", "hundredth",
-)  # fmt: skip
+formulas(terms)
 
 ROWS = {2: 2, 3: 5}  # as kernels.runs has them
 FRESH = {2: (1,), 3: (1, 4)}  # of these, which the row before has not met
 ARGUMENTS = (
     "block, blocks, odd, begin, base, shape, numbers, run_first, run_length, flags, position, v, drho, m, values, sums"
 )
+GIVEN = ("d", "n", "solid_i", "solid_j")  # that the loops compute
+AMONG_FLUID = ("flux", "fluid_F")  # 0 unless both are fluid
 
 HEAD = """
 import numpy as np
 from hpcpic.core.simd.compile import njit
 from hpcpic.core.simd.vector import (
-    Vec, address_of, bitmask, convert, fma, lane_numbers, load, maximum, minimum, prefetch,
-    prefetch_to_write, select, splat, sqrt, store, total
+    Vec, address_of, bitmask, convert, fma, lane_numbers, load, prefetch, prefetch_to_write, select, splat, store, total
 )
+from sph.physics import terms
+from sph.physics.smoothing import SMOOTHING
 
 REAL = np.{real}
 F_ = Vec({lanes}, REAL)
 I_ = Vec({lanes}, np.int32)
+LANES_ = np.int64({lanes})
+smoothing = SMOOTHING[{kernel!r}]
+smoothing_w, smoothing_f = smoothing.w, smoothing.f
 """
-
-
-def _distance(law: Law) -> list[str]:
-    if law.single:
-        lines = [f"    d{a} = convert(F_, {a}_i - load(I_, {a}_, j))" for a in law.axes]
-    else:
-        lines = [f"    d{a} = {a}_i - load(F_, {a}_, j)" for a in law.axes]
-    r2 = f"d{law.axes[-1]} * d{law.axes[-1]}"
-    for a in law.axes[-2::-1]:
-        r2 = f"fma(d{a}, d{a}, {r2})"
-    return [*lines, f"    r2 = {r2}", "    r = sqrt(r2)", *SMOOTHING[law.kernel].source]
-
-
-def _pair(law: Law, terms: Terms, plain: bool) -> list[str]:
-    """One vector of neighbours; plain: all are fluid and near none that is not."""
-    lines = [*_distance(law), "    F = select(lane < np.int32(end - j), F, 0.0)"]
-    if not plain:
-        lines += [
-            "    kinds = load(I_, flags, j)",
-            "    partners = (kinds | class_i) & 3 == 3",
-            "    mixing = kinds & class_i & 8 == 8",
-            "    F = select(partners, F, 0.0)",
-        ]
-    lines += [f"    {name}_j = load(F_, {name}_, j)" for name in sorted(terms.columns)]
-    if terms.rare and not plain:  # these have neither mass nor volume
-        lines += ["    stands = kinds & 4 == 4", "    solid_j = select(stands, mass_j, 0.0)"]
-        lines += ["    mass_j = select(stands, 0.0, mass_j)"]
-    lines += [line for line in terms.lines if not (plain and "mixing" in line)]
-    for k, (_, to_i, to_j, by_i, by_j) in enumerate(terms.sums):
-        lines.append(f"    sum{k} = fma({to_i}, {by_i}, sum{k})")
-        lines.append(f"    store(sums{k}, j, fma({to_j}, {by_j}, load(F_, sums{k}, j)))")
-    if terms.rare and not plain:
-        lines += ["    repels = ((kinds | class_i) & 4 == 4) & (F != 0.0)  # it does not reach as far as the support"]
-        lines += ["    if bitmask(repels) != 0:", *(f"        {line}" for line in terms.rare)]
-        lines += [f"        e{a} = select(partners, e{a}, 0.0)" for a in law.axes]
-        names = [entry[0] for entry in terms.sums]
-        for a in law.axes:
-            k = names.index(f"f{a}")
-            lines.append(f"        sum{k} = sum{k} + e{a}")
-            lines.append(f"        store(sums{k}, j, load(F_, sums{k}, j) - e{a})")
-    return lines
-
-
-def _fetch_ahead(law: Law, read: Sequence[str], n: int) -> list[str]:
-    """Cache lines that bodies soon after i will want first, and no row has before: there are more streams than the
-    processor follows by itself.
-    """
-    lines = []
-    for row in FRESH[law.dimensions]:
-        lines.append(f"soon = np.int64(run_first[{row}, i]) + np.int64(run_length[{row}, i]) + 4 * LANES_")
-        lines += [f"prefetch(address_of({name}, soon))" for name in read]
-        lines += [f"prefetch_to_write(address_of(sums{k}, soon))" for k in range(n)]
-    return ["if i & (LANES_ // 4 - 1) == 0:", *(f"    {line}" for line in lines)]  # ends vary by more than a line
-
-
-def _indent(lines: Sequence[str], depth: int) -> str:
-    return "".join(" " * depth + line + "\n" for line in lines)
-
-
-def _pass_source(law: Law, title: str, names: Sequence[str]) -> str:
-    terms = collect(law, names)
-    columns = columns_of(law)
-    n, read = len(terms.sums), sorted(terms.columns)
-    places = {name: f"values[{columns.index(name)}]" for name in columns} | ({} if law.single else state_of(law))
-    if law.in_turn:
-        places["volume"] = places["light"]
-    numbers = [f"{name} = REAL(numbers[{k}])" for k, name in enumerate(NUMBERS)]
-    views = [f"{a}_ = position[{k}]" for k, a in enumerate(law.axes)] + [f"{name}_ = {places[name]}" for name in read]
-    fetch = [f"{name}_i = {name}_[u]" for name in (*law.axes, *read)]
-    fetch += [f"sum{k} = splat(F_, 0.0)" for k in range(n)]
-    fetch += _fetch_ahead(law, [view.split(" ")[0] for view in views], n)
-    views += [f"sums{k} = sums[{k}]" for k in range(n)]
-    if terms.rare:
-        views += [f"n{a}_ = {places[f'n{a}']}" for a in law.axes]
-    return (
-        f"\n\n@njit\ndef {title}({ARGUMENTS}):\n"
-        + _indent([*numbers, *views, "lane = lane_numbers(I_)"], 4)
-        + _indent(["for l in range(blocks[block], blocks[block + 1]):"], 4)
-        + _indent(["if (shape[2] + l) & 1 != odd:", "    continue"], 8)
-        + _indent(["first, last = base[l], base[l] + begin[l + 1] - begin[l]"], 8)
-        + _indent(["if odd == 0:  # the first that adds to these two"], 8)
-        + _indent([f"clear(sums{k}, first, base[l + 2])" for k in range(n)], 12)
-        + _indent(["for i in range(first, last):", "    u = np.uint64(i)  # numba looks whether others are below 0"], 8)
-        + _indent(fetch, 12)
-        + _neighbours(law, terms)
-        + _indent([f"sums{k}[u] += total(sum{k})" for k in range(n)], 12)
-    )
-
-
-def _neighbours(law: Law, terms: Terms) -> str:
-    """The loops over the runs of a body."""
-
-    def loop(plain: bool, depth: int) -> str:
-        head = [
-            f"for row in range({ROWS[law.dimensions]}):",
-            "    j = np.int64(run_first[np.uint64(row), u])",
-            "    end = j + np.int64(run_length[np.uint64(row), u])",
-            "    while j < end:",
-        ]
-        return _indent(head, depth) + _indent([*_pair(law, terms, plain), "    j += LANES_"], depth + 4)
-
-    if law.walls:
-        body = _indent(["class_i = flags[u]", "if class_i & 16 == 16:"], 12) + loop(True, 16)
-        body += _indent(["else:"], 12)
-        if terms.rare:
-            body += _indent(["solid_i = mass_i if class_i & 4 == 4 else REAL(0.0)", "mass_i -= solid_i"], 16)
-        body += loop(False, 16)
-    else:
-        body = loop(True, 12)
-    return body
-
 
 CLEAR = """
 
@@ -154,9 +61,176 @@ def clear(line, first, last):
 """
 
 
-def make(law: Law, passes: dict[str, Sequence[str]]) -> ModuleType:
-    """Module with a kernel for each pass: title -> names of its terms."""
-    n = lanes(np.dtype(law.real))
-    text = HEAD.format(real=law.real, lanes=n) + f"LANES_ = np.int64({n})\n" + CLEAR
-    text += "".join(_pass_source(law, title, names) for title, names in passes.items())
-    return module_from_source(text, "sph_pairs")
+def needs(formula: Callable) -> list[str]:
+    """The parameters of a formula."""
+    return list(inspect.signature(formula).parameters)
+
+
+class PassText:
+    """The kernel of one pass."""
+
+    def __init__(self, spec: PairSpec, title: str, one: Pass) -> None:
+        self.spec, self.title, self.one = spec, title, one
+        self.sums = sums_of(spec, one)
+        self.columns = set[str]()  # that the text reads
+        self._pair(plain=False)  # finds them
+
+    @property
+    def source(self) -> str:
+        spec, columns, n = self.spec, columns_of(self.spec), len(self.sums)
+        read = sorted(self.columns)
+        places = {name: f"values[{columns.index(name)}]" for name in columns} | ({} if spec.single else state_of(spec))
+        if spec.in_turn:
+            places["volume"] = places["light"]
+        numbers = [f"{name} = REAL(numbers[{k}])" for k, name in enumerate(NUMBERS)]
+        numbers.append(f"gravity = {_tuple('gravity' + a for a in spec.axes)}")
+        lines = [f"{a}_ = position[{k}]" for k, a in enumerate(spec.axes)] + [f"{c}_ = {places[c]}" for c in read]
+        fetch = [f"{name}_i = {name}_[u]" for name in (*spec.axes, *read)] + self._tuples("i")
+        fetch += [f"sum{k} = splat(F_, 0.0)" for k in range(n)]
+        fetch += self._fetch_ahead([line.split(" ")[0] for line in lines])
+        lines += [f"sums{k} = sums[{k}]" for k in range(n)]
+        if self.one.wall:
+            lines += [f"{name}_ = {places[name]}" for name in spec.components("n")]
+        return (
+            f"\n\n@njit\ndef {self.title}({ARGUMENTS}):\n"
+            + _indent([*numbers, *lines, "lane = lane_numbers(I_)"], 4)
+            + _indent(["for l in range(blocks[block], blocks[block + 1]):"], 4)
+            + _indent(["if (shape[2] + l) & 1 != odd:", "    continue"], 8)
+            + _indent(["first, last = base[l], base[l] + begin[l + 1] - begin[l]"], 8)
+            + _indent(["if odd == 0:  # the first that adds to these two"], 8)
+            + _indent([f"clear(sums{k}, first, base[l + 2])" for k in range(n)], 12)
+            + _indent(["for i in range(first, last):", "    u = np.uint64(i)  # numba looks whether others are < 0"], 8)
+            + _indent(fetch, 12)
+            + self._neighbours()
+            + _indent([f"sums{k}[u] += total(sum{k})" for k in range(n)], 12)
+        )
+
+    def _tuples(self, side: str) -> list[str]:
+        """Vectors and matrices of one side, of the columns that are read."""
+        names = {name for name in ("v", "g", "l", "t") if self.columns >= set(self.spec.components(name))}
+        return [f"{name}_{side} = {_tuple(f'{c}_{side}' for c in self.spec.components(name))}"
+                for name in sorted(names)]  # fmt: skip
+
+    def _fetch_ahead(self, read: Sequence[str]) -> list[str]:
+        """Cache lines that bodies soon after i will want first, and no row has before: there are more streams than the
+        processor follows by itself.
+        """
+        lines = []
+        for row in FRESH[self.spec.dimensions]:
+            lines.append(f"soon = np.int64(run_first[{row}, i]) + np.int64(run_length[{row}, i]) + 4 * LANES_")
+            lines += [f"prefetch(address_of({name}, soon))" for name in read]
+            lines += [f"prefetch_to_write(address_of(sums{k}, soon))" for k in range(len(self.sums))]
+        return ["if i & (LANES_ // 4 - 1) == 0:", *(f"    {line}" for line in lines)]  # ends vary by more than a line
+
+    def _neighbours(self) -> str:
+        """The loops over the runs of a body; those that meet only fluid need no classes."""
+
+        def loop(plain: bool, depth: int) -> str:
+            head = [
+                f"for row in range({ROWS[self.spec.dimensions]}):",
+                "    j = np.int64(run_first[np.uint64(row), u])",
+                "    end = j + np.int64(run_length[np.uint64(row), u])",
+                "    while j < end:",
+            ]
+            return _indent(head, depth) + _indent([*self._pair(plain), "j += LANES_"], depth + 8)
+
+        if not self.spec.walls:
+            return loop(True, 12)
+        body = _indent(["class_i = flags[u]", "if class_i & 16 == 16:"], 12) + loop(True, 16) + _indent(["else:"], 12)
+        if self.one.wall:
+            body += _indent(["solid_i = mass_i if class_i & 4 == 4 else REAL(0.0)", "mass_i -= solid_i"], 16)
+        return body + loop(False, 16)
+
+    def _pair(self, plain: bool) -> list[str]:
+        """One vector of neighbours; plain: all are fluid and near none that is not."""
+        mixed = not plain
+        known = {*GIVEN, *NUMBERS, "gravity"}
+        before = self._distance() + self._prepared("F", known, mixed)
+        before.append("F = select(lane < np.int32(end - j), F, 0.0)")
+        if mixed:
+            before += [
+                "kinds = load(I_, flags, j)",
+                "partners = (kinds | class_i) & 3 == 3",
+                "mixing = kinds & class_i & 8 == 8",
+                "F = select(partners, F, 0.0)",
+            ]
+        lines = [line for one in self.one.lines for line in self._line(one, known, mixed)]
+        for _, _, by in self.one.sums:
+            lines += [line for name in by for line in self._prepared(name, known, mixed)]
+        for k, (name, to, by) in enumerate(self._parts()):
+            lines.append(f"sum{k} = fma({to[0]}, {by[0]}, sum{k})  # {name}")
+            lines.append(f"store(sums{k}, j, fma({to[1]}, {by[1]}, load(F_, sums{k}, j)))")
+        if self.one.wall and mixed:
+            lines += self._wall_force(known)
+        loads = [f"{name}_j = load(F_, {name}_, j)" for name in sorted(self.columns)]
+        if self.one.wall and mixed:  # these have neither mass nor volume
+            loads += ["stands = kinds & 4 == 4", "solid_j = select(stands, mass_j, 0.0)"]
+            loads += ["mass_j = select(stands, 0.0, mass_j)"]
+        return before + loads + self._tuples("j") + lines
+
+    def _distance(self) -> list[str]:
+        read = "convert(F_, {a}_i - load(I_, {a}_, j))" if self.spec.single else "{a}_i - load(F_, {a}_, j)"
+        return [f"d = {_tuple(read.format(a=a) for a in self.spec.axes)}"]
+
+    def _parts(self) -> list[tuple[str, tuple[str, ...], list[str]]]:
+        """Every scalar sum: name, weights, and what they multiply."""
+        found = []
+        for name, weights, by in self.one.sums:
+            parts = self.spec.components(name)
+            for k, part in enumerate(parts):
+                found.append((part, weights, [f"{term}[{k}]" if len(parts) > 1 else term for term in by]))
+        return found
+
+    def _line(self, line: Line, known: set[str], mixed: bool) -> list[str]:
+        """A formula and before it what it needs that is not known yet."""
+        lines = [text for name in needs(line.formula) for text in self._prepared(name, known, mixed)]
+        known |= set(line.out.split(", "))
+        lines.append(f"{line.out} = terms.{line.formula.__name__}({', '.join(needs(line.formula))})")
+        if mixed and line.out in AMONG_FLUID:
+            lines.append(f"{line.out} = select(mixing, {line.out}, 0.0)")
+        return lines
+
+    def _prepared(self, name: str, known: set[str], mixed: bool) -> list[str]:
+        """Lines that compute a need, unless it is known: of the kernel, a column, or the formula of that name."""
+        if name in known:
+            return []
+        if name in ("W", "F"):
+            known.add(name)
+            return [*self._prepared("r", known, mixed), f"{name} = smoothing_{name.lower()}(r, per_h)"]
+        if name.endswith(("_i", "_j")):
+            self.columns.update(self.spec.components(name[:-2]))
+            return []
+        return self._line(Line(name, getattr(terms, name)), known, mixed)
+
+    def _wall_force(self, known: set[str]) -> list[str]:
+        """The further force between a body and a particle of a repulsive wall, which does not reach the support."""
+        spec = self.spec
+        lines = [f"n = {_tuple(f'load(F_, {n}_, j) - {n}_[i]' for n in spec.components('n'))}"]
+        lines += [text for line in self.one.wall for text in self._line(line, known, True)]
+        for k, a in enumerate(self.sums[: spec.dimensions]):
+            lines += [f"here = select(partners & (lane < np.int32(end - j)), wall[{k}], 0.0)  # {a}"]
+            lines += [f"sum{k} = sum{k} + here", f"store(sums{k}, j, load(F_, sums{k}, j) - here)"]
+        head = ["repels = ((kinds | class_i) & 4 == 4) & (F != 0.0)", "if bitmask(repels) != 0:"]
+        return head + [f"    {line}" for line in lines]
+
+
+def _tuple(parts) -> str:
+    return f"({', '.join(parts)})"
+
+
+def _indent(lines: Sequence[str], depth: int) -> str:
+    return "".join(" " * depth + line + "\n" for line in lines)
+
+
+def source(spec: PairSpec) -> str:
+    """The module with a kernel for each pass of a case."""
+    texts = [PassText(spec, title, one) for title, one in passes_of(spec).items()]
+    head = HEAD.format(real=spec.real, lanes=lanes(np.dtype(spec.real)), kernel=spec.kernel)
+    return head + CLEAR + "".join(text.source for text in texts) + f"\n# {SMOOTHING[spec.kernel].digest}\n"
+
+
+def make(spec: PairSpec) -> ModuleType:
+    """The compiled kernels, by the titles of `passes_of`."""
+    for function in (SMOOTHING[spec.kernel].w, SMOOTHING[spec.kernel].f):
+        formula(function)
+    return module_from_source(source(spec), "sph_pairs")

@@ -6,22 +6,21 @@ parts (tasks of a launch), ends (one more: where the parts begin, and where the 
 """
 
 from hpcpic.core.space.declared import Array
-from sph.physics.pair_spec import most_sums, unused
-from sph.physics.terms import Law, columns_of
+from sph.physics.pair_spec import PairSpec, columns_of, most_sums, unused
 
 HALF_ROWS = {2: 2, 3: 5}  # rows of cells in half a neighbourhood, by dimensions
 
 
-def arrays_of(law: Law, staged: bool) -> list[Array]:
+def arrays_of(spec: PairSpec, staged: bool) -> list[Array]:
     """The arrays of a scene; `staged`: its integrator evaluates more than once a step. Those it does not need have
     no slots.
     """
-    unneeded = unused(law, staged)
+    unneeded = unused(spec, staged)
 
     def lines(name: str, shape: tuple[int, ...], unit: str, text: str) -> Array:
         return Array(name, (*shape, 0 if name in unneeded else "slots"), "float64", unit, text)
 
-    d = law.dimensions
+    d = spec.dimensions
     return [
         Array("state", (2 * d + 3, "slots"), "float64", "", "x[d] m, v[d] m/s, rho - rho0 kg/m3, mass kg, key (int64)"),
         Array("flags", ("slots",), "int32", "", "who is there (kernels.marks), 0: nobody"),
@@ -32,7 +31,7 @@ def arrays_of(law: Law, staged: bool) -> list[Array]:
         lines("shear", (d * d,), "", "velocity gradient d v_b / d x_a, in units of the pair sums"),
         lines("matrix", (d * d,), "", "renormalisation of gradients"),
         lines("offset", (d,), "m", "shift per Courant and Mach number"),
-        *_of_pairs(law),
+        *_of_pairs(spec),
         *(Array(name, ("slots",), "int32", "", text, phase="sort") for name, text in SORTING.items()),
         Array("moved", ("slots",), "float64", "", "a line of the state, in the order of slots", phase="sort"),
         *_of_cells(d),
@@ -49,17 +48,17 @@ SORTING = {
 }
 
 
-def _of_pairs(law: Law) -> list[Array]:
+def _of_pairs(spec: PairSpec) -> list[Array]:
     """What sums over pairs read and leave."""
-    n = HALF_ROWS[law.dimensions]
+    n = HALF_ROWS[spec.dimensions]
     arrays = [
-        Array("sums", (most_sums(law), "slots"), law.real, "", "pair sums of the last pass", phase="pairs"),
-        Array("values", (len(columns_of(law)), "slots"), law.real, "", "what pairs read", phase="pairs"),
+        Array("sums", (most_sums(spec), "slots"), spec.real, "", "pair sums of the last pass", phase="pairs"),
+        Array("values", (len(columns_of(spec)), "slots"), spec.real, "", "what pairs read", phase="pairs"),
         Array("run_first", (n, "slots"), "int32", "", "first slot of a run of neighbours", phase="pairs"),
         Array("run_length", (n, "slots"), "uint16", "", "slots of a run of neighbours", phase="pairs"),
     ]
-    if law.single:
-        arrays.append(Array("position", (law.dimensions, "slots"), "int32", "", "fixed point", phase="pairs"))
+    if spec.single:
+        arrays.append(Array("position", (spec.dimensions, "slots"), "int32", "", "fixed point", phase="pairs"))
     return arrays
 
 

@@ -134,7 +134,7 @@ def periodic_maps(lengths: NDArray, periodic: NDArray, reach: float) -> Maps:
 def most_images(scene: Scene) -> int:
     """Maps of a scene: of each group of parallel faces one or none, of each period to either side or none."""
     faces = [face for wall in scene.walls for face in wall.faces]
-    layers = [wall.lattice.parts for wall in scene.walls if wall.type == "point-symmetric-free-slip"]
+    layers = [wall.lattice.parts for wall in scene.walls if wall.rule.layer_images]
     groups = Counter(_direction(face.normal) for face in itertools.chain(faces, *layers))
     return 3 ** int(scene.periodic.sum()) * math.prod(1 + n for n in groups.values())
 
@@ -199,14 +199,14 @@ def mirrors(scene: Scene, walls: Walls, axes: list[int], reach: float) -> list[M
 
 def _faces(wall: Wall, reach: float, moved: NDArray, axes: list[int]) -> Iterator[tuple]:
     """Of the faces of a wall: point, normal, planes of who is near, of the edges, layer of centres (None: mirror)."""
-    if wall.type == "mirror-no-slip":
+    if wall.rule.face_images:
         for face in wall.faces:
             point, normal = (face.point + moved)[axes], face.normal[axes]
             low, high = (face.low + moved)[axes], (face.high + moved)[axes]
             edges = [(unit, high[k]) for k, unit in enumerate(np.eye(len(axes))) if not normal[k] and high[k] < FAR]
             edges += [(-unit, -low[k]) for k, unit in enumerate(np.eye(len(axes))) if not normal[k] and low[k] > -FAR]
             yield point, normal, _near(point, normal, reach), edges, None
-    elif wall.type == "point-symmetric-free-slip":
+    elif wall.rule.layer_images:
         for sheet in wall.lattice.parts:
             normal, tangents = sheet.normal[axes], sheet.tangents[:, axes]
             endless = np.any(tangents[:, wall.through[axes]] != 0.0, axis=1)

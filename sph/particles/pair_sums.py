@@ -1,24 +1,17 @@
 """The pair sums of a scene: accelerations and rates of density of all bodies of a rank."""
 
-from typing import TYPE_CHECKING
-
 import numpy as np
 from numpy.typing import NDArray
 
 from hpcpic.core.simd.generate import module_from_source
 from sph.kernels import columns, packing, passes
-from sph.kernels.passes import NUMBERS
 from sph.particles.ghosts import Ghosts
 from sph.particles.tasks import Tasks
-from sph.physics.pair_spec import most_sums, terms_of
-from sph.physics.smoothing import SMOOTHING
-from sph.physics.stability import cleary_constant
-from sph.physics.terms import UNIT, Law, sums_of
+from sph.physics.pair_spec import PairSpec, passes_of, sums_of
+from sph.setup.pair_numbers import PairNumbers
+from sph.setup.scene import Scene
 
-if TYPE_CHECKING:
-    from sph.setup.scene import Scene
-
-FIRST = {"gradient": "mxx", "shifting": "hx"}  # sums
+FIRST_SUMS = {"gradient": "momentsxx", "shifting": "shiftsx"}  # of what `unpack` takes
 
 HEAD = "import numpy as np\n\nfrom hpcpic.core.simd.compile import njit\n"
 
@@ -30,76 +23,27 @@ class PairSums:
     rate: which of the sums is that of rates.
     """
 
-    def __init__(self, scene: "Scene", law: Law, tasks: Tasks, ghosts: Ghosts) -> None:
-        self.law, self.tasks, self.ghosts = law, tasks, ghosts
-        terms = terms_of(law)
-        self._sums = {title: sums_of(law, names) for title, names in terms.items()}
-        self._held = {} if law.single else {"position": "x"}
+    def __init__(self, scene: Scene, spec: PairSpec, tasks: Tasks, ghosts: Ghosts) -> None:
+        self.spec, self.tasks, self.ghosts = spec, tasks, ghosts
+        self._sums = {title: sums_of(spec, one) for title, one in passes_of(spec).items()}
+        self._held = {} if spec.single else {"position": "x"}
         self.rate = -1
-        self.kernels = passes.make(law, terms)
-        self.packing = module_from_source(packing.source(law, scene.config.eos.gamma), "sph_packing")
-        self.around = module_from_source(HEAD + columns.source(law), "sph_columns")
-        self.n_sums = most_sums(law)
-        h, c, rho = scene.h, scene.c0, scene.rho0
-        si = 1.0, 1.0, 1.0, 1.0
-        self.units = (h * UNIT, c, rho, rho * h**scene.dimensions) if law.single else si  # of pair sums
+        self.kernels = passes.make(spec)
+        self.packing = module_from_source(packing.source(spec, scene.config.eos.gamma), "sph_packing")
+        self.around = module_from_source(HEAD + columns.source(spec), "sph_columns")
+        known = PairNumbers(scene, spec)
         tasks.arena.set(
-            scales=self._scales(scene), pair_numbers=self._numbers(scene), factors=self._factors(scene),
+            scales=known.scales, pair_numbers=known.numbers, factors=known.factors,
             face_normals=np.ascontiguousarray(scene.normals[:, scene.axes].T),
         )  # fmt: skip
-
-    def _relative_units(self, scene: "Scene") -> tuple[float, float, float, float]:
-        """Units of pair sums in those of h, c0, rho0, rho0 h^d."""
-        length, speed, density, mass = self.units
-        h, c, rho = scene.h, scene.c0, scene.rho0
-        return length / h, speed / c, density / rho, mass / (rho * h**scene.dimensions)
-
-    def _scales(self, scene: "Scene") -> np.ndarray:
-        h, c, rho, d = scene.h, scene.c0, scene.rho0, scene.dimensions
-        background = scene.config.eos.background_pressure / (rho * c * c)
-        viscosity = scene.viscosity / (rho * c * h)
-        length, speed, _, mass = self._relative_units(scene)
-        sums = SMOOTHING[scene.kernel].factor(d) * mass * length
-        return np.array(
-            [1 / h, 1 / c, 1 / rho, 1 / (rho * h**d), background, viscosity, scene.config.numerics.tensile_correction,
-             sums * length, sums * speed, sums, sums * length]
-        )  # fmt: skip
-
-    def _factors(self, scene: "Scene") -> np.ndarray:
-        h, c, rho, d = scene.h, scene.c0, scene.rho0, scene.dimensions
-        length, speed, density, mass = self._relative_units(scene)
-        sums = SMOOTHING[scene.kernel].factor(d) * mass * length
-        return np.array([c * c / h * (sums * mass) * (rho * h**d), rho * c / h * (sums * density * speed)])
-
-    def _numbers(self, scene: "Scene") -> np.ndarray:
-        h, c, numerics, d = scene.h, scene.c0, scene.config.numerics, scene.dimensions
-        length, speed, density, mass = self._relative_units(scene)
-        strength = numerics.flux_coefficient * (length if self.law.flux == "rusanov" else 2.0)
-        cleary = numerics.viscosity_form == "cleary"
-        xi = cleary_constant(scene.kernel, d, numerics.smoothing) if cleary else 1.0
-        gravity = np.zeros(3)
-        gravity[:d] = scene.gravity * (h / (c * c)) * (length / density)
-        numbers = {
-            "artificial": -0.5 * (numerics.artificial_viscosity or 0.0) * (speed / length),
-            "viscous": -2.0 * xi * scene.viscosity / (scene.rho0 * c * h) * (speed / length),
-            "flux_strength": strength / (length * speed),
-            "reach": scene.h / scene.spacing,
-            "per_w": 1.0 / float(SMOOTHING[scene.kernel].shape(np.float64(scene.spacing / h))),
-            "per_h": length,
-            "eta2": 0.01 / (length * length),
-            "density": 1.0 / density,
-            "hundredth": 0.01 / (SMOOTHING[scene.kernel].factor(d) * mass * length),
-        } | {f"gravity{axis}": gravity[k] for k, axis in enumerate("xyz")}
-        return np.array([numbers[name] for name in NUMBERS])
 
     def forces_on(self, rows: NDArray[np.int64]) -> NDArray[np.float64]:
         """[d, k] N (2D: N/m) on bodies, of the last sums."""
         a = self.tasks.arena
-        return a["sums"][: self.law.dimensions, rows] * a["factors"][0]
+        return a["sums"][: self.spec.dimensions, rows] * a["factors"][0]
 
     def _sweep(self, title: str) -> None:
         names = self._sums[title]
-        assert len(names) <= self.n_sums
         self.rate = names.index("rate") if "rate" in names else -1
         self.tasks.alternate(getattr(self.kernels, title), blocks="sweeps", numbers="pair_numbers", **self._held)
 
@@ -107,7 +51,7 @@ class PairSums:
         """Sums of the pass `title` into the columns of the bodies."""
         names = self._sums[title]
         kernel = getattr(self.around, f"unpack_{kind}")
-        more = {"at": names.index(FIRST[kind])} if kind in FIRST else {}
+        more = {"at": names.index(FIRST_SUMS[kind])} if kind in FIRST_SUMS else {}
         self.tasks.each(kernel, blocks="inner", **more)
 
     def pack(self) -> None:
@@ -124,9 +68,9 @@ class PairSums:
         self.matrices(iteration)
         self.stresses(iteration)
         self._sweep("first")
-        if self.law.needs_gradient:
+        if self.spec.needs_gradient:
             self._unpack("first", "gradient")
-        if self.law.shifting:
+        if self.spec.shifting:
             self._unpack("first", "shifting")
 
     def rates(self, iteration: int) -> None:
@@ -137,7 +81,7 @@ class PairSums:
 
     def matrices(self, iteration: int) -> None:
         """Renormalisation of the gradients at all bodies."""
-        if self.law.corrected:
+        if self.spec.corrected:
             self._sweep("matrices")
             self._unpack("matrices", "matrix")
             self.ghosts.refresh(iteration)
@@ -145,7 +89,7 @@ class PairSums:
 
     def stresses(self, iteration: int) -> None:
         """(MP 22) at all bodies, for (MP 23)."""
-        if self.law.viscosity != "strain-rate":
+        if not self.spec.needs_stress:
             return
         self._sweep("strain")
         self._unpack("strain", "strain")
@@ -158,11 +102,11 @@ class PairSums:
         self.pack()
         self.matrices(iteration)
         self.stresses(iteration)
-        if self.law.needs_gradient:
+        if self.spec.needs_gradient:
             self._sweep("slopes")
             self._unpack("slopes", "gradient")
             self.ghosts.refresh(iteration)
             self._pack_again()
         self._sweep("both")
-        if self.law.shifting:
+        if self.spec.shifting:
             self._unpack("both", "shifting")

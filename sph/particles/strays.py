@@ -16,6 +16,7 @@ from sph.case.config import SphConfig
 from sph.kernels.marks import BODY
 from sph.particles.clock import Clock
 from sph.particles.storage import Slots, Storage
+from sph.physics.stability import support_of
 from sph.setup.scene import Scene
 
 MAX_DENSITY_ERROR = 0.3  # |rho / rho0 - 1| of a weakly compressible fluid: fluids at 0.3 c0 that meet come to 0.19
@@ -33,7 +34,7 @@ def most_strays(n: int) -> int:
 
 def full_neighbourhood(config: SphConfig) -> float:
     """How many neighbours a particle inside the fluid has."""
-    reach = config.support / config.numerics.spacing
+    reach = support_of(config) / config.numerics.spacing
     return (math.pi * reach**2 if config.dimensions == 2 else 4 / 3 * math.pi * reach**3) - 1
 
 

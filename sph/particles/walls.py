@@ -12,7 +12,6 @@ from sph.particles.storage import Storage
 from sph.particles.tasks import Tasks
 from sph.setup.scene import AHEAD, Scene, Wall
 
-WALL_FLAGS = {"pressure-continuity": REAL, "repulsive": REAL | REPULSIVE}  # of walls made of particles
 Corners = tuple[NDArray[np.float64], NDArray[np.float64]]
 
 
@@ -36,7 +35,7 @@ class Walls:
 
     def __init__(self, scene: Scene) -> None:
         self.scene = scene
-        self.walls: list[Wall] = [wall for wall in scene.walls if wall.type in WALL_FLAGS]
+        self.walls: list[Wall] = [wall for wall in scene.walls if not wall.rule.images]
         self.made: dict[int, Corners] = {}
         self.moving = any(wall.moving for wall in scene.walls)
         self.displacement = np.zeros((len(scene.walls), scene.dimensions))
@@ -93,7 +92,7 @@ class Walls:
         ahead = 0.5 * scene.support  # more than it moves in a step
         for wall, part in self._boxes_to_make(box[0] - ahead, box[1] + ahead):
             ids, x, _ = wall.near(*part)
-            drho = scene.rest_density(x) if wall.type == "pressure-continuity" else np.zeros(len(x))
+            drho = scene.rest_density(x) if wall.rule.own_density else np.zeros(len(x))
             x = (x + self.displacement[wall.index])[:, axes] - scene.low[axes]
             mine = np.flatnonzero(slabs.owner[slabs.grid.layer(x[:, 0])] == slabs.world.rank)
             self.add(storage, ids[mine], x[mine].T, drho[mine])
@@ -101,7 +100,7 @@ class Walls:
     def add(self, storage: Storage, ids: NDArray[np.int64], x: NDArray, drho: NDArray) -> None:
         """Append wall particles: x[d, n] m and drho[n] kg/m3 as the storage has them."""
         index, scene = (ids >> WALL_BITS) - 1, self.scene
-        kinds = np.array([WALL_FLAGS.get(wall.type, REAL) for wall in scene.walls])
+        kinds = np.array([REAL | REPULSIVE * wall.rule.repulsive for wall in scene.walls])
         mass = np.full(len(ids), scene.rho0 * scene.spacing**scene.dimensions)
         v = self.velocity[index][:, list(scene.axes)].T
         storage.append(x, v, drho, mass, ids, kinds[index] | scene.normal_of(ids) << NORMAL)

@@ -1,61 +1,213 @@
-"""What pair sums a case needs: their terms, pass by pass. Light: the plan and the estimate ask here too."""
+"""What pair sums are made for, and the passes over all pairs that a case needs: lines of formulas, and their sums."""
 
-from typing import TYPE_CHECKING
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from typing import NamedTuple
 
-from sph.physics.terms import Law, sums_of
+from sph.physics import terms
+from sph.physics.fluxes import FLUXES
+from sph.physics.viscosities import VISCOSITIES
 
-if TYPE_CHECKING:
-    from sph.setup.scene import Scene
+AXES = "xyz"
+UNIT = 2.0**-24  # of fixed-point positions, in h
+NUMBERS = (
+    "artificial", "viscous", "flux_strength", "gravityx", "gravityy", "gravityz", "reach", "per_w", "per_h", "eta2",
+    "density", "hundredth",
+)  # fmt: skip
+VECTORS = ("v", "n", "g", "gravity", "force", "steps", "shifts")
+TRIANGLES = ("l", "t", "moments", "matrix")  # symmetric matrices
+MATRICES = ("strains",)
 
 
-def law_of(scene: "Scene", others: bool) -> Law:
-    """What the kernels of a scene are made for; `others`: there are walls, or images of the fluid."""
-    numerics = scene.config.numerics
-    form = numerics.viscosity_form if scene.viscosity > 0 or numerics.viscosity_form == "artificial" else "none"
-    return Law(
-        scene.dimensions,
-        scene.kernel,
-        flux=numerics.density_flux if numerics.flux_coefficient else "none",
-        viscosity=form if form in ("cleary", "morris", "strain-rate") else "none",
-        artificial=bool(numerics.artificial_viscosity),
-        single=numerics.precision == "single",
-        walls=others,
-        tensile=numerics.tensile_correction > 0,
-        shifting=numerics.shifting,
-        corrected=numerics.gradient_correction,
-        split=scene.config.simulation.integrator == "symplectic",
-        repulsive=any(wall.type == "repulsive" for wall in scene.walls),
+@dataclass(frozen=True)
+class PairSpec:
+    """What the pair sums of a scene are made for."""
+
+    dimensions: int
+    kernel: str
+    flux: str = "none"
+    viscosity: str = "none"
+    artificial: bool = False
+    single: bool = False
+    walls: bool = False
+    """Whether bodies of other classes than fluid are there."""
+    repulsive: bool = False
+    tensile: bool = False
+    shifting: bool = False
+    corrected: bool = False
+    split: bool = False
+    """Whether forces and rates are summed one after the other."""
+
+    @property
+    def in_turn(self) -> bool:
+        """Whether a column can hold 1 / rho for forces, then volumes for rates."""
+        return self.split and not (self.needs_gradient or self.shifting or self.corrected or self.needs_stress)
+
+    @property
+    def real(self) -> str:
+        return "float32" if self.single else "float64"
+
+    @property
+    def axes(self) -> str:
+        return AXES[: self.dimensions]
+
+    @property
+    def needs_gradient(self) -> bool:
+        return self.flux == "delta"
+
+    @property
+    def needs_stress(self) -> bool:
+        return VISCOSITIES[self.viscosity].stress
+
+    def components(self, name: str) -> list[str]:
+        """The columns, sums or numbers that a name stands for: those of a vector, of a matrix, or itself."""
+        if name in VECTORS:
+            return [name + a for a in self.axes]
+        if name in TRIANGLES:
+            return [name + a + b for k, a in enumerate(self.axes) for b in self.axes[k:]]
+        if name in MATRICES:
+            return [name + a + b for a in self.axes for b in self.axes]
+        return [name]
+
+
+class Line(NamedTuple):
+    """`out`, names separated by commas, becomes what the formula gives."""
+
+    out: str
+    formula: Callable
+
+
+class Sum(NamedTuple):
+    """Of i, weight[0] times term[0]; of j, weight[1] times term[1]; component by component."""
+
+    name: str
+    weights: tuple[str, str]
+    terms: tuple[str, str]
+
+
+@dataclass
+class Pass:
+    """Lines of a pair, sums of them, and lines that give `wall`, the further force on i next to a repulsive wall."""
+
+    lines: list[Line] = field(default_factory=list)
+    sums: list[Sum] = field(default_factory=list)
+    wall: list[Line] = field(default_factory=list)
+
+
+def momentum(spec: PairSpec) -> Pass:
+    """Forces of pressure and viscosity on i and j, which are opposite."""
+    viscosity = VISCOSITIES[spec.viscosity]
+    lines = [Line("push", terms.pressure)]
+    lines += [Line("push", terms.artificial_viscosity)] * spec.artificial
+    if viscosity.push:
+        lines.append(Line("push", viscosity.push))
+    lines += [Line("push", terms.tensile_correction)] * spec.tensile
+    if spec.corrected or viscosity.pull:
+        lines.append(Line("pull", terms.corrected_pull if spec.corrected else terms.pull))
+        if viscosity.pull:
+            lines.append(Line("pull", viscosity.pull))
+        lines.append(Line("minus_g, g", terms.tensor_force))
+        force = Sum("force", ("minus_g", "g"), ("pull", "pull"))
+    else:
+        lines.append(Line("minus_g, g", terms.central_force))
+        force = Sum("force", ("minus_g", "g"), ("d", "d"))
+    wall = [Line("wall", terms.repulsion)] * spec.repulsive
+    if wall and viscosity.wall_drag:
+        wall.append(Line("wall", viscosity.wall_drag))
+    return Pass(lines, [force], wall)
+
+
+def continuity(spec: PairSpec) -> Pass:
+    """Rates of density, with the flux of the case."""
+    flux = FLUXES[spec.flux]
+    lines = [Line("vd_i, vd_j", terms.corrected_approach if spec.corrected else terms.approach)]
+    lines.append(Line("to_i, to_j", terms.volumes))
+    if flux.correction:
+        lines.append(Line("d_rho", flux.correction))
+    if flux.formula:
+        lines.append(Line("flux", flux.formula))
+    rates = terms.continuity_with_flux if flux.formula else terms.continuity
+    return Pass([*lines, Line("rate_i, rate_j", rates)], [Sum("rate", ("to_i", "to_j"), ("rate_i", "rate_j"))])
+
+
+def gradient(_: PairSpec) -> Pass:
+    """Sums for the renormalised density gradient of the fluid."""
+    lines = [Line("less_i, less_j", terms.minus_fluid_volumes), Line("by_i, by_j", terms.fluid_volumes)]
+    lines += [Line("moments", terms.moments), Line("steps", terms.steps)]
+    sums = [Sum("moments", ("less_i", "less_j"), ("moments",) * 2), Sum("steps", ("by_i", "by_j"), ("steps",) * 2)]
+    return Pass(lines, sums)
+
+
+def strain(_: PairSpec) -> Pass:
+    """Sums of the velocity gradient."""
+    lines = [Line("less_i, less_j", terms.minus_volumes), Line("strains", terms.strains)]
+    return Pass(lines, [Sum("strains", ("less_i", "less_j"), ("strains",) * 2)])
+
+
+def matrix(_: PairSpec) -> Pass:
+    """Sums of the matrix that renormalises all gradients."""
+    lines = [Line("less_i, less_j", terms.minus_volumes), Line("matrix", terms.moments)]
+    return Pass(lines, [Sum("matrix", ("less_i", "less_j"), ("matrix",) * 2)])
+
+
+def shifting(_: PairSpec) -> Pass:
+    """Sums of shifts, and of - V F r^2: d where fluid is all around."""
+    lines = [Line("apart_i, apart_j", terms.shifts), Line("around_i, around_j", terms.minus_volumes)]
+    sums = [Sum("shifts", ("apart_i", "apart_j"), ("d", "d")), Sum("around", ("around_i", "around_j"), ("r2", "r2"))]
+    return Pass(lines, sums)
+
+
+def passes_of(spec: PairSpec) -> dict[str, Pass]:
+    """The passes over all pairs of a case, by title."""
+    stages = [gradient] if spec.needs_gradient else []
+    spread = [shifting] if spec.shifting else []
+    titles: dict[str, list[Callable[[PairSpec], Pass]]] = (
+        {"first": [momentum, *stages, *spread], "second": [continuity]}  # before and after the velocity changes
+        if spec.split
+        else {"both": [momentum, continuity, *spread]} | ({"slopes": stages} if stages else {})
     )
+    if spec.corrected:
+        titles["matrices"] = [matrix]
+    if spec.needs_stress:
+        titles["strain"] = [strain]
+    return {title: joined([part(spec) for part in parts]) for title, parts in titles.items()}
 
 
-def terms_of(law: Law) -> dict[str, tuple[str, ...]]:
-    """The passes over all pairs and the terms of each."""
-    stages = ("gradient",) if law.needs_gradient else ()
-    spread = ("shifting",) if law.shifting else ()
-    terms: dict[str, tuple[str, ...]] = {
-        "first": ("momentum", *stages, *spread),  # of the split scheme, before the velocity changes
-        "second": ("continuity",),
-        "both": ("momentum", "continuity", *spread),
-    }
-    if law.corrected:
-        terms["matrices"] = ("matrix",)
-    if law.needs_gradient:
-        terms["slopes"] = ("gradient",)
-    if law.viscosity == "strain-rate":
-        terms["strain"] = ("strain",)
-    return terms
+def joined(parts: list[Pass]) -> Pass:
+    """One pass of several."""
+    every = [(part.lines, part.sums, part.wall) for part in parts]
+    return Pass(*([item for group in groups for item in group] for groups in zip(*every)))
 
 
-def most_sums(law: Law) -> int:
-    """Accumulators of the pass that has most, of those that there are."""
-    never = ("both", "slopes") if law.split else ("first", "second")
-    return max(len(sums_of(law, terms)) for title, terms in terms_of(law).items() if title not in never)
+def sums_of(spec: PairSpec, one: Pass) -> list[str]:
+    """What a pass leaves in sums[k]."""
+    return [name for entry in one.sums for name in spec.components(entry.name)]
 
 
-def unused(law: Law, staged: bool) -> set[str]:
+def most_sums(spec: PairSpec) -> int:
+    """Accumulators of the pass that has most."""
+    return max(len(sums_of(spec, one)) for one in passes_of(spec).values())
+
+
+def columns_of(spec: PairSpec) -> list[str]:
+    """Columns of a slot besides what the state has: what `pack` and other pair sums fill in."""
+    names = ["push", "light"] + ["volume"] * (not spec.in_turn)
+    if spec.single:
+        names += ["excess", "mass", "v"]
+    names += ["n"] * spec.repulsive + ["g"] * spec.needs_gradient + ["slope"] * (spec.flux == "fourtakas")
+    names += ["tension"] * spec.tensile + ["l"] * spec.corrected + ["t"] * spec.needs_stress
+    return [column for name in names for column in spec.components(name)]
+
+
+def state_of(spec: PairSpec) -> dict[str, str]:
+    """Columns that are the state, and where it is held."""
+    return {"excess": "drho", "mass": "m"} | {f"v{a}": f"v[{k}]" for k, a in enumerate(spec.axes)}
+
+
+def unused(spec: PairSpec, staged: bool) -> set[str]:
     """Columns of the bodies that a case has no need of."""
     needed = {
-        "gradient": law.needs_gradient, "shear": law.viscosity == "strain-rate",
-        "matrix": law.corrected, "offset": law.shifting,
+        "gradient": spec.needs_gradient, "shear": spec.needs_stress,
+        "matrix": spec.corrected, "offset": spec.shifting,
     } | dict.fromkeys(("x_old", "v_old", "drho_old"), staged)  # fmt: skip
     return {name for name, used in needed.items() if not used}

@@ -1,104 +1,135 @@
-"""Smoothing kernels W(q), q = r / h, normalised with h = 1 in 2D and 3D, and F(q) = W'(q) / q of their gradient F r_ij.
+"""Smoothing kernels W(q), q = r / h, in 2D and 3D, and F(q) = W'(q) / q of their gradient F r_ij / h^(d + 2).
 
-Each is written once for numpy and once as lines of a vector kernel, which know r and per_h and leave F but for a factor
-that sums are multiplied by later. The normalisation of (MP 9), missing there, is that of the cubic spline.
+A kernel is two formulas, used by the pair sums, by numpy and by the analysis of stability alike. They take r and 1 / h
+rather than q, so that a product with q needs one rounding: fma(r, 2.0 * per_h, 1.0) is 1 + 2 q.
+
+    from sph.physics.smoothing import Smoothing, register
+
+    register(Smoothing("mine", support=2.0, norm={2: ..., 3: ...}, w=my_w, f=my_f))
+
+in a file of one's own adds one, which cases then name as numerics.kernel.
 """
 
+import hashlib
+import linecache
 import math
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from hpcpic.core.simd.formulas import fma, maximum
+
+LEAST_Q = 1e-15  # that is divided by
+
 
 @dataclass(frozen=True)
 class Smoothing:
-    """A kernel: `support` / h, norm by dimension, shape(q) = W / norm, slope(q) = F / norm, and its vector lines."""
+    """A kernel: W h^d = norm[d] w(r, 1 / h), F h^(d + 2) = norm[d] slope f(r, 1 / h), 0 from `support` h on.
 
+    `norm` by dimension, such that the integral of W is 1. `slope` is a factor that the sums apply at their end.
+    """
+
+    name: str
     support: float
     norm: dict[int, float]
-    shape: Callable[[NDArray], NDArray]
-    slope: Callable[[NDArray], NDArray]
-    lines: str
-    """Source of `F` / (norm `scale`)."""
-    scale: float
-    shape_line: str
-    """Source of W without the norm, after `lines`."""
+    w: Callable[[Any, Any], Any]
+    f: Callable[[Any, Any], Any]
+    slope: float = 1.0
+
+    def factor(self, d: int) -> float:
+        """What sums of f lack in d dimensions."""
+        return self.norm[d] * self.slope
+
+    def value(self, q: NDArray, d: int) -> NDArray[np.float64]:
+        """W(q) h^d in d dimensions."""
+        return self.norm[d] * self.w(np.asarray(q, np.float64), 1.0)
+
+    def gradient(self, q: NDArray, d: int) -> NDArray[np.float64]:
+        """F(q) h^(d + 2) in d dimensions."""
+        return self.f(np.asarray(q, np.float64), 1.0) * self.norm[d] * self.slope
 
     @property
-    def source(self) -> list[str]:
-        """Lines that leave F h^(d + 2) / `factor`."""
-        return self.lines.strip("\n").split("\n")
-
-    def factor(self, dimensions: int) -> float:
-        """What sums of the lines' F lack."""
-        return self.norm[dimensions] * self.scale
-
-    def w(self, q: NDArray, dimensions: int) -> NDArray[np.float64]:
-        """W(q) h^d."""
-        return self.norm[dimensions] * self.shape(np.asarray(q, np.float64))
-
-    def f(self, q: NDArray, dimensions: int) -> NDArray[np.float64]:
-        """F(q) h^(d + 2)."""
-        return self.norm[dimensions] * self.slope(np.asarray(q, np.float64))
+    def digest(self) -> str:
+        """A hash of the files that the formulas are in, by which compiled code of them is known."""
+        files = sorted({formula.__code__.co_filename for formula in (self.w, self.f)})
+        text = "".join(line for file in files for line in linecache.getlines(file))
+        return hashlib.sha256(text.encode()).hexdigest()
 
 
-def _plus(x: NDArray) -> NDArray:
-    return np.maximum(x, 0.0)
+SMOOTHING: dict[str, Smoothing] = {}
 
 
-def _positive(q: NDArray) -> NDArray:
-    return np.maximum(q, 1e-300)
+def register(smoothing: Smoothing) -> None:
+    """Make a kernel known by its name. ValueError where another one has it."""
+    if SMOOTHING.get(smoothing.name, smoothing) != smoothing:
+        raise ValueError(f"there is another kernel {smoothing.name!r}")
+    SMOOTHING[smoothing.name] = smoothing
 
 
-CUBIC = Smoothing(
-    2.0,
-    {2: 10 / (7 * math.pi), 3: 1 / math.pi},
-    lambda q: 0.25 * _plus(2 - q) ** 3 - _plus(1 - q) ** 3,
-    lambda q: (3 * _plus(1 - q) ** 2 - 0.75 * _plus(2 - q) ** 2) / _positive(q),
-    """
-    q = maximum(r * per_h, 1e-15)
+def cubic_w(r, per_h):
+    """(MP 9): (2 - q)^3 / 4 - (1 - q)^3, each where it is positive."""
+    q = r * per_h
     near, far = maximum(1.0 - q, 0.0), maximum(2.0 - q, 0.0)
-    F = fma(near * near, -4.0, far * far) / q""",
-    -0.75,
-    "fma(far * far, far * 0.25, -(near * near) * near)",
-)
-WENDLAND2 = Smoothing(
-    2.0,
-    {2: 7 / (4 * math.pi), 3: 21 / (16 * math.pi)},
-    lambda q: _plus(1 - q / 2) ** 4 * (1 + 2 * q),
-    lambda q: -5 * _plus(1 - q / 2) ** 3,
-    """
+    return fma(far * far, far * 0.25, -(near * near) * near)
+
+
+def cubic_f(r, per_h):
+    """((2 - q)^2 - 4 (1 - q)^2) / q."""
+    q = maximum(r * per_h, LEAST_Q)
+    near, far = maximum(1.0 - q, 0.0), maximum(2.0 - q, 0.0)
+    return fma(near * near, -4.0, far * far) / q
+
+
+def wendland2_w(r, per_h):
+    """(1 - q / 2)^4 (1 + 2 q), Wendland 1995."""
     far = maximum(fma(r, -0.5 * per_h, 1.0), 0.0)
-    F = (far * far) * far""",
-    -5.0,
-    "(far * far) * (far * far) * fma(r, 2.0 * per_h, 1.0)",
-)
-WENDLAND4 = Smoothing(
-    2.0,
-    {2: 9 / (4 * math.pi), 3: 495 / (256 * math.pi)},
-    lambda q: _plus(1 - q / 2) ** 6 * (1 + 3 * q + 35 / 12 * q**2),
-    lambda q: -7 / 3 * _plus(1 - q / 2) ** 5 * (2 + 5 * q),
-    """
+    return (far * far) * (far * far) * fma(r, 2.0 * per_h, 1.0)
+
+
+def wendland2_f(r, per_h):
+    """(1 - q / 2)^3."""
+    far = maximum(fma(r, -0.5 * per_h, 1.0), 0.0)
+    return (far * far) * far
+
+
+def wendland4_w(r, per_h):
+    """(1 - q / 2)^6 (1 + 3 q + 35 / 12 q^2), Wendland 1995."""
     far = maximum(fma(r, -0.5 * per_h, 1.0), 0.0)
     square = far * far
-    F = (square * square) * (far * fma(r, 2.5 * per_h, 1.0))""",
-    -14.0 / 3.0,
-    "(square * square) * square * fma(r * r, 35.0 / 12.0 * per_h * per_h, fma(r, 3.0 * per_h, 1.0))",
-)
-QUINTIC = Smoothing(
-    3.0,
-    {2: 7 / (478 * math.pi), 3: 1 / (120 * math.pi)},
-    lambda q: _plus(3 - q) ** 5 - 6 * _plus(2 - q) ** 5 + 15 * _plus(1 - q) ** 5,
-    lambda q: -5 * (_plus(3 - q) ** 4 - 6 * _plus(2 - q) ** 4 + 15 * _plus(1 - q) ** 4) / _positive(q),
-    """
-    q = maximum(r * per_h, 1e-15)
+    return (square * square) * square * fma(r * r, 35.0 / 12.0 * per_h * per_h, fma(r, 3.0 * per_h, 1.0))
+
+
+def wendland4_f(r, per_h):
+    """(1 - q / 2)^5 (1 + 5 / 2 q)."""
+    far = maximum(fma(r, -0.5 * per_h, 1.0), 0.0)
+    square = far * far
+    return (square * square) * (far * fma(r, 2.5 * per_h, 1.0))
+
+
+def quintic_w(r, per_h):
+    """(3 - q)^5 - 6 (2 - q)^5 + 15 (1 - q)^5, each where it is positive; Morris et al. 1997."""
+    q = r * per_h
     near, middle, far = maximum(1.0 - q, 0.0), maximum(2.0 - q, 0.0), maximum(3.0 - q, 0.0)
     near2, middle2, far2 = near * near, middle * middle, far * far
     near4, middle4, far4 = near2 * near2, middle2 * middle2, far2 * far2
-    F = fma(near4, 15.0, fma(middle4, -6.0, far4)) / q""",
-    -5.0,
-    "fma(near4, near * 15.0, fma(middle4, middle * -6.0, far4 * far))",
+    return fma(near4, near * 15.0, fma(middle4, middle * -6.0, far4 * far))
+
+
+def quintic_f(r, per_h):
+    """((3 - q)^4 - 6 (2 - q)^4 + 15 (1 - q)^4) / q."""
+    q = maximum(r * per_h, LEAST_Q)
+    near, middle, far = maximum(1.0 - q, 0.0), maximum(2.0 - q, 0.0), maximum(3.0 - q, 0.0)
+    near2, middle2, far2 = near * near, middle * middle, far * far
+    near4, middle4, far4 = near2 * near2, middle2 * middle2, far2 * far2
+    return fma(near4, 15.0, fma(middle4, -6.0, far4)) / q
+
+
+register(Smoothing("cubic", 2.0, {2: 10 / (7 * math.pi), 3: 1 / math.pi}, cubic_w, cubic_f, -0.75))
+register(Smoothing("wendland2", 2.0, {2: 7 / (4 * math.pi), 3: 21 / (16 * math.pi)}, wendland2_w, wendland2_f, -5.0))
+register(
+    Smoothing("wendland4", 2.0, {2: 9 / (4 * math.pi), 3: 495 / (256 * math.pi)}, wendland4_w, wendland4_f, -14.0 / 3.0)
 )
-SMOOTHING = {"cubic": CUBIC, "wendland2": WENDLAND2, "wendland4": WENDLAND4, "quintic": QUINTIC}
+register(Smoothing("quintic", 3.0, {2: 7 / (478 * math.pi), 3: 1 / (120 * math.pi)}, quintic_w, quintic_f, -5.0))

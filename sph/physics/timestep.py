@@ -1,12 +1,9 @@
 """The length of a step (MP, SC: Courant condition modified for viscosity; Monaghan 1992 for forces)."""
 
 import math
-from typing import TYPE_CHECKING
 
-from sph.physics.stability import FORCE, PHYSICAL, viscous_limit
-
-if TYPE_CHECKING:
-    from sph.setup.scene import Scene
+from sph.case.config import SphConfig
+from sph.physics.stability import MAX_FORCE_STEP, physical_viscosity, viscous_limit
 
 
 class TimeStep:
@@ -15,19 +12,18 @@ class TimeStep:
     reach: the farthest a particle may move in a step, m; inf where neighbours are only needed at its start.
     """
 
-    def __init__(self, scene: "Scene", reach: float) -> None:
-        config = scene.config
+    def __init__(self, config: SphConfig, rho0: float, reach: float) -> None:
         self.fixed = config.simulation.time_step
-        self.h, self.cfl, self.reach = scene.h, config.simulation.cfl, reach
-        self.c0, self.rho0, self.gamma = scene.c0, scene.rho0, scene.gamma
-        nu = scene.viscosity / scene.rho0 if config.numerics.viscosity_form in PHYSICAL else 0.0
-        self.viscous = viscous_limit(config) * scene.h**2 / nu if nu else math.inf
+        self.h, self.cfl, self.reach = config.h, config.simulation.cfl or 0.0, reach
+        self.c0, self.rho0, self.gamma = config.sound_speed, rho0, config.eos.gamma
+        nu = physical_viscosity(config)
+        self.viscous = viscous_limit(config) * config.h**2 / nu if nu else math.inf
 
     def __call__(self, speed: float, acceleration: float, drho: float) -> float:
         """dt in s for the largest |v|, |a| and |rho - rho0| of all particles."""
         if self.fixed:
             return self.fixed
         sound = self.c0 * (1.0 + drho / self.rho0) ** ((self.gamma - 1.0) / 2.0)
-        force = FORCE * math.sqrt(self.h / acceleration) if acceleration > 0 else math.inf
+        force = MAX_FORCE_STEP * math.sqrt(self.h / acceleration) if acceleration > 0 else math.inf
         travel = self.reach / speed if speed > 0 else math.inf
         return min(self.cfl * self.h / sound, self.viscous, force, travel)

@@ -5,24 +5,27 @@ from collections.abc import Iterator
 
 from hpcpic.core.case.config import Path
 from hpcpic.core.case.schema import Section
+from hpcpic.core.case.words import unknown
 from hpcpic.core.errors import ConfigError
 from sph.case import geometry
 from sph.case.columns import columns_of, scalar_units
 from sph.case.config import AXES, Fluid, Gauge, Shape, SphConfig, Wall, name_of, speed_scale
 from sph.physics import stability
+from sph.physics.smoothing import SMOOTHING
+from sph.physics.viscosities import VISCOSITIES
+from sph.physics.wall_rules import WALL_RULES
 from sph.setup import periodic_walls
 from sph.setup.defaults import domain_of
 
 MOST_ALONG = 2**21  # particles along an edge, whose places are kept
 MOST_ACROSS = 2**21  # supports of the kernel across the domain: beyond, a place is not known as well as who is near
 HUGE = 1e40  # magnitude of a number, beyond which products of a few leave floating point
-FLAT = ("mirror-no-slip", "repulsive", "point-symmetric-free-slip")
 Fault = tuple[Path, str]
 
 
 def faults(config: SphConfig) -> Iterator[Fault]:
     """The relations between settings; those inside shapes only where all vectors have their length."""
-    found = [*magnitudes(config), *sizes(config), *names(config)]
+    found = [*magnitudes(config), *kernels(config), *sizes(config), *names(config)]
     yield from found
     if not found:
         yield from relations(config)
@@ -39,6 +42,12 @@ def magnitudes(section: Section, path: Path = ()) -> Iterator[Fault]:
                 yield from magnitudes(one, at)
             elif isinstance(one, float) and one and not 1 / HUGE < abs(one) < HUGE:
                 yield at, f"must be 0 or between {1 / HUGE:g} and {HUGE:g} (got {one:g})"
+
+
+def kernels(config: SphConfig) -> Iterator[Fault]:
+    """A smoothing kernel that nobody has registered."""
+    if config.numerics.kernel not in SMOOTHING:
+        yield ("numerics", "kernel"), unknown(config.numerics.kernel, SMOOTHING)
 
 
 def sizes(config: SphConfig) -> Iterator[Fault]:
@@ -162,7 +171,7 @@ def relations(config: SphConfig) -> Iterator[Fault]:
     if domain.periodic and not (domain.low and domain.high):
         yield ("domain",), "low and high are missing, which a periodic domain needs"
     whole = domain_of(config)
-    n = max(b - a for a, b in zip(whole.low, whole.high)) / config.support
+    n = max(b - a for a, b in zip(whole.low, whole.high)) / stability.support_of(config)
     if n > MOST_ACROSS:
         yield ("domain",), f"{n:.3g} supports of the kernel across, more than {MOST_ACROSS}: a smaller one"
     for group, i, section in shaped(config):
@@ -185,7 +194,7 @@ def relations(config: SphConfig) -> Iterator[Fault]:
     if not moving and not speed_scale(config):
         yield ("eos",), "max_velocity or sound_speed is missing: neither gravity nor the initial state tells a speed"
     viscous = any(fluid.dynamic_viscosity for fluid in config.fluid)
-    if config.numerics.viscosity_form in stability.PHYSICAL and not viscous:
+    if VISCOSITIES[config.numerics.viscosity_form or "none"].physical and not viscous:
         yield ("numerics", "viscosity_form"), 'needs a fluid with viscosity > 0, or "none"'
 
 
@@ -212,7 +221,7 @@ def fluid_faults(config: SphConfig, fluid: Fluid, d: int) -> Iterator[Fault]:
 
 def wall_faults(wall: Wall) -> Iterator[Fault]:
     kind = wall.shape.kind
-    if wall.type in FLAT and kind not in ("box", "plane"):
+    if WALL_RULES[wall.type].flat and kind not in ("box", "plane"):
         yield ("type",), f'"{wall.type}" needs flat faces, shape box or plane; use "pressure-continuity" for a {kind}'
     if wall.motion:
         if any(b.time <= a.time for a, b in itertools.pairwise(wall.motion.path)):

@@ -5,7 +5,8 @@ from typing import Literal
 
 from hpcpic.core.case.words import only_seconds
 from sph.case import geometry
-from sph.case.config import FLUX_COEFFICIENT, Domain, SphConfig, name_of, speed_scale
+from sph.case.config import Domain, SphConfig, name_of, speed_scale
+from sph.physics.fluxes import FLUXES
 from sph.physics.stability import courant_limit
 
 SAFETY = 0.6  # of the stability limit, where no Courant number is given
@@ -80,7 +81,7 @@ def _numerics(config: SphConfig):
     return numerics.model_copy(
         update={
             "viscosity_form": form,
-            "flux_coefficient": FLUX_COEFFICIENT[numerics.density_flux] if flux is None else flux,
+            "flux_coefficient": FLUXES[numerics.density_flux].coefficient if flux is None else flux,
             "artificial_viscosity": (0.02 if form == "artificial" else 0.0) if alpha is None else alpha,
         }
     )

@@ -24,7 +24,7 @@ def before_walls(scene: "Scene", section: "Fluid", x: NDArray, drho: NDArray) ->
     beside them is moved there; where walls hold all of the fluid, also what is farther and feels them. A layer of
     thickness dp and pressure p is held by p / (rho0 dp), and half of its own weight.
     """
-    walls = [wall for wall in scene.walls if wall.type == "repulsive"]
+    walls = [wall for wall in scene.walls if wall.rule.repulsive]
     if not walls:
         return x
     needed = np.maximum(scene.pressure(drho), 0.0) / (scene.rho0 * scene.spacing) + np.linalg.norm(scene.gravity) / 2

@@ -15,6 +15,8 @@ from hpcpic.core.space.rng import uniforms
 from sph.case import config as case
 from sph.case import geometry
 from sph.kernels.marks import WALL_BITS
+from sph.physics.stability import support_of
+from sph.physics.wall_rules import WALL_RULES
 from sph.setup import flows, periodic_walls, rest_distance, signed_distance
 from sph.setup.particle_lattices import PART, Filled, Grid, Parts, Sheet, Shell, box_sheets, even, grid_of
 from sph.setup.tanks import behind, depth_in
@@ -47,12 +49,12 @@ class Wall:
     def __init__(self, scene: "Scene", section: case.Wall, index: int) -> None:
         self.scene, self.section, self.index = scene, section, index
         self.shape = periodic_walls.endless(section.shape, scene.config.domain)
-        self.name, self.type, self.measure_force = section.name, section.type, section.measure_force
+        self.name, self.rule, self.measure_force = section.name, WALL_RULES[section.type], section.measure_force
         self.torque_about = np.array(section.torque_about)
         self.closed = self._closed()
         self.layers = max(1, math.ceil(scene.support / scene.spacing - 0.5))
-        self.faces: list[Face] = self.flat_faces() if self.type == "mirror-no-slip" else []
-        self.lattice: Any = None if self.type == "mirror-no-slip" else self._lattice()
+        self.faces: list[Face] = self.flat_faces() if self.rule.face_images else []
+        self.lattice: Any = None if self.rule.face_images else self._lattice()
 
     @property
     def moving(self) -> bool:
@@ -141,7 +143,7 @@ class Wall:
 
     def _lattice(self) -> Any:
         scene, section, shape, dp = self.scene, self.section, self.shape, self.scene.spacing
-        continuous, (low, high) = self.type == "pressure-continuity", self.corners
+        continuous, (low, high) = self.rule.own_density, self.corners
         if shape.plane:
             depths = (np.arange(self.layers) + 0.5) * dp if continuous else self.recess[:1]
             return Parts([plane_sheet(scene, shape.plane, float(depth)) for depth in depths])
@@ -151,7 +153,7 @@ class Wall:
             recess = self.recess if section.solid else -self.recess
             names = case.AXES[: scene.dimensions]
             below, above = (np.array([axis + sign in self.closed for axis in names]) for sign in "-+")
-            ends = np.full(scene.dimensions, self.type == "repulsive") & ~scene.periodic
+            ends = np.full(scene.dimensions, self.rule.repulsive) & ~scene.periodic
             ends &= not section.solid  # at outer edges a face must not push what is before another
             return Parts(box_sheets(low + recess * below, high - recess * above, self.closed, dp, section.solid, ends))
         return Filled(shape, dp, self.layers, section.solid, self._grid())
@@ -161,7 +163,7 @@ class Wall:
         """How far layers lie behind faces [d]: the fluid then rests half a spacing before the face."""
         scene, shape = self.scene, self.shape
         depth = np.full(scene.dimensions, max(0.0, REST * scene.h - scene.spacing / 2))
-        if self.type != "repulsive":
+        if not self.rule.repulsive:
             return np.zeros(scene.dimensions)
         if self.section.solid and shape.box:
             low, high = self.corners
@@ -232,7 +234,7 @@ class Scene:
         numerics, first = config.numerics, config.fluid[0] if config.fluid else None
         self.config = config
         self.dimensions = d = config.dimensions
-        self.spacing, self.h, self.support, self.kernel = numerics.spacing, config.h, config.support, numerics.kernel
+        self.spacing, self.h, self.support, self.kernel = numerics.spacing, config.h, support_of(config), numerics.kernel
         self.rho0 = first.density if first else 1000.0
         self.viscosity = first.dynamic_viscosity if first else 0.0
         self.c0, self.gamma = config.sound_speed, config.eos.gamma
@@ -245,7 +247,7 @@ class Scene:
         self.axes = (longest, *(k for k in range(d) if k != longest))
         self.end_time = config.simulation.end_time
         self.walls = [Wall(self, section, k) for k, section in enumerate(config.wall)]
-        sheets = [wall.lattice.parts if wall.type == "repulsive" else [] for wall in self.walls]
+        sheets = [wall.lattice.parts if wall.rule.repulsive else [] for wall in self.walls]
         self.normals = np.array([np.zeros(d), *(sheet.normal for parts in sheets for sheet in parts)])
         self._first_normal = 1 + np.cumsum([0, *map(len, sheets)])
         self.fluids: list[FluidSet] = []

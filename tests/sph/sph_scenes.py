@@ -9,7 +9,7 @@ from hpcpic.core.timers import Timers
 from sph.configure import configure
 from sph.kernels.marks import CODES, REPULSIVE
 from sph.physics.smoothing import SMOOTHING
-from sph.physics.stability import cleary_constant
+from sph.physics.waves import cleary_constant
 from sph.step import Sph
 
 TEXT = """
@@ -114,7 +114,7 @@ class Reference:
             self.dx[k] -= length * np.rint(self.dx[k] / length)
         d, h = self.scene.dimensions, self.scene.h
         self.r = np.sqrt(np.sum(self.dx**2, axis=0))
-        self.f = SMOOTHING[self.scene.kernel].f(self.r / h, d) / h ** (d + 2)
+        self.f = SMOOTHING[self.scene.kernel].gradient(self.r / h, d) / h ** (d + 2)
         np.fill_diagonal(self.f, 0.0)
         self.vd = np.sum(self.dx * self.dv, axis=0)
         self.g = self.scene.acceleration[list(self.scene.axes)]
@@ -133,7 +133,7 @@ class Reference:
         if self.numerics.viscosity_form == "morris" and scene.viscosity:
             drag = 2 * scene.viscosity * np.einsum("j,ij,kij->ki", self.m / self.rho, self.f, self.dv) / self.rho
         if self.numerics.tensile_correction:
-            w = SMOOTHING[scene.kernel].shape(self.r / h) / SMOOTHING[scene.kernel].shape(scene.spacing / h)
+            w = SMOOTHING[scene.kernel].w(self.r / h, 1.0) / SMOOTHING[scene.kernel].w(scene.spacing / h, 1.0)
             tension = self.numerics.tensile_correction * np.where(p < 0, -p, 0.05 * p) / self.rho**2
             push += (tension[:, None] + tension[None, :]) * w**4
         if self.numerics.gradient_correction:

@@ -4,6 +4,7 @@ They meet in the tree, before it is validated. The last one that was set counts,
 what it includes; two in one file are a fault.
 """
 
+import difflib
 from collections.abc import Iterable, Mapping
 from typing import Any
 
@@ -11,6 +12,14 @@ from hpcpic.core.case.config import Path, Tree, dotted
 
 VISCOSITIES = {"dynamic_viscosity": "Pa s", "kinematic_viscosity": "m2/s"}
 MOST_STEPS = 2.0**62  # that a case can say
+
+
+def unknown(name: str, known: Iterable[str]) -> str:
+    """What is said of a name that is none of the known ones."""
+    *others, last = map(repr, known)
+    near = difflib.get_close_matches(name, known, 1, 0.3)
+    hint = f"; did you mean {near[0]!r}?" if near else ""
+    return f"must be {', '.join(others)} or {last} (got {name!r}){hint}"
 
 
 def one_of(tree: Tree, paths: Iterable[Path]) -> Path | None:

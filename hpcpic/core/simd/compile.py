@@ -171,7 +171,13 @@ def formulas(*modules: Any) -> None:
     for module in modules:
         for function in vars(module).values():
             if isfunction(function) and function.__module__ == module.__name__:
-                register_jitable(**_FLAGS)(function)
+                formula(function)
+
+
+@functools.cache
+def formula(function: Callable) -> None:
+    """Let kernels call a function of its own. Nothing but kernels calls what is compiled of it."""
+    register_jitable(**_FLAGS, _nrt=False, forceinline=True, no_cpython_wrapper=True, no_cfunc_wrapper=True)(function)
 
 
 def _cached(function: Callable, signatures: tuple, flags: dict[str, Any]) -> Callable:

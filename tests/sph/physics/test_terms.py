@@ -1,6 +1,6 @@
 import numpy as np
 import pytest
-from sph_scenes import Reference, by_id, column, engine, jitter
+from sph_scenes import reference, by_id, column, engine, jitter
 
 ROUNDING = 1e-12  # of sums of 100 terms in float64, relative to the largest value
 SINGLE = 2e-5  # the same in float32
@@ -9,10 +9,10 @@ SINGLE = 2e-5  # the same in float32
 def check(tolerance, density=5.0, **settings):
     sph = engine(**settings)
     jitter(sph, density=density)
-    expected = Reference(sph)
+    expected = reference(sph)
     for name, wanted, evaluate in (
-        ("a", expected.acceleration(), sph.evolution.evaluate_forces if sph.law.split else sph.evolution.evaluate),
-        ("rate", expected.rate(), sph.evolution.evaluate_rates if sph.law.split else sph.evolution.evaluate),
+        ("a", expected.acceleration(), sph.evolution.evaluate_forces if sph.spec.split else sph.evolution.evaluate),
+        ("rate", expected.rate(), sph.evolution.evaluate_rates if sph.spec.split else sph.evolution.evaluate),
     ):
         evaluate()
         assert np.abs(by_id(sph, name)[0] - wanted).max() <= tolerance * np.abs(wanted).max()
@@ -107,7 +107,7 @@ def test_sums_far_away(axis):
     jitter(sph)
     sph.storage.x[axis, sph.storage.own_slots] += 1e6
     sph.sort()
-    expected = Reference(sph).acceleration()
+    expected = reference(sph).acceleration()
     sph.evolution.evaluate()
     assert np.abs(by_id(sph, "a")[0] - expected).max() <= ROUNDING * np.abs(expected).max()
 
@@ -124,7 +124,7 @@ def test_sums_of_stages_use_the_neighbours_of_the_start(integrator):
     sph.storage.set_own_values(
         "x", sph.storage.own_values("x") + sph.skin.reach * np.array([np.cos(direction), np.sin(direction)])
     )
-    expected = Reference(sph)
+    expected = reference(sph)
     sph.evolution.evaluate()
     assert np.abs(by_id(sph, "a")[0] - expected.acceleration()).max() <= ROUNDING * np.abs(by_id(sph, "a")[0]).max()
 

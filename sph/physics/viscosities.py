@@ -1,0 +1,42 @@
+"""The viscosities that a case may name as numerics.viscosity_form, and how fast each damps a wave."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+from numpy.typing import NDArray
+
+from sph.physics import terms
+from sph.physics.waves import Waves
+
+
+@dataclass(frozen=True)
+class Viscosity:
+    """push or pull: the term of a pair (see `terms`); wall_drag: that with particles of repulsive walls.
+
+    decay(waves): of waves, in c0 / h, for nu = c0 h; None where it is none of the fluid. stress: pull takes the stress
+    of a pass of its own.
+    """
+
+    push: Callable | None = None
+    pull: Callable | None = None
+    wall_drag: Callable | None = None
+    decay: Callable[[Waves], NDArray] | None = None
+    stress: bool = False
+
+    @property
+    def physical(self) -> bool:
+        """Whether it is that of the fluid."""
+        return self.decay is not None
+
+
+VISCOSITIES = {
+    "none": Viscosity(),
+    "artificial": Viscosity(),  # that which numerics.artificial_viscosity adds to any form
+    "strain-rate": Viscosity(pull=terms.stress, decay=lambda waves: waves.square, stress=True),
+    "morris": Viscosity(
+        pull=terms.morris_viscosity, wall_drag=terms.morris_wall_drag, decay=lambda waves: waves.laplacian
+    ),
+    "cleary": Viscosity(
+        push=terms.cleary_viscosity, wall_drag=terms.cleary_wall_drag, decay=lambda waves: 2 * waves.xi * waves.pairs
+    ),
+}

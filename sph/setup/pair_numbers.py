@@ -1,0 +1,91 @@
+"""What the pair sums of a scene are made for, and the numbers and units that they compute with."""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sph.case.config import SphConfig
+from sph.physics.integrators import INTEGRATORS
+from sph.physics.pair_spec import NUMBERS, UNIT, PairSpec
+from sph.physics.smoothing import SMOOTHING
+from sph.physics.viscosities import VISCOSITIES
+from sph.physics.wall_rules import WALL_RULES
+from sph.physics.waves import cleary_constant
+from sph.setup.scene import Scene
+
+
+def pair_spec_of(config: SphConfig, others: bool) -> PairSpec:
+    """What the kernels of a case are made for; `others`: there are walls, or images of the fluid."""
+    numerics, form = config.numerics, config.numerics.viscosity_form or "none"
+    viscous = bool(config.fluid) and config.fluid[0].dynamic_viscosity > 0
+    return PairSpec(
+        config.dimensions,
+        numerics.kernel,
+        flux=numerics.density_flux if numerics.flux_coefficient else "none",
+        viscosity=form if viscous and VISCOSITIES[form].physical else "none",
+        artificial=bool(numerics.artificial_viscosity),
+        single=numerics.precision == "single",
+        walls=others,
+        tensile=numerics.tensile_correction > 0,
+        shifting=numerics.shifting,
+        corrected=numerics.gradient_correction,
+        split=INTEGRATORS[config.simulation.integrator].split,
+        repulsive=any(WALL_RULES[wall.type].repulsive for wall in config.wall),
+    )
+
+
+class PairNumbers:
+    """Arrays of a scene for kernels, in units of h, c0, rho0 and rho0 h^d, or for single precision with lengths in UNIT.
+
+    scales: see kernels.packing.SCALES; numbers: see NUMBERS; factors: what makes of sums a [m/s2] without gravity and
+    body force, with 1 / m, and d rho / dt [kg/m3 s].
+    """
+
+    def __init__(self, scene: Scene, spec: PairSpec) -> None:
+        self.scene, self.spec = scene, spec
+        h, c, rho, d = scene.h, scene.c0, scene.rho0, scene.dimensions
+        si = 1.0, 1.0, 1.0, 1.0
+        length, speed, density, mass = (h * UNIT, c, rho, rho * h**d) if spec.single else si
+        self.length, self.speed = length / h, speed / c  # the units of pair sums in those of the scene
+        self.density, self.mass = density / rho, mass / (rho * h**d)
+        self.sums = SMOOTHING[scene.kernel].factor(d) * self.mass * self.length
+
+    @property
+    def scales(self) -> NDArray[np.float64]:
+        scene = self.scene
+        h, c, rho = scene.h, scene.c0, scene.rho0
+        background = scene.config.eos.background_pressure / (rho * c * c)
+        viscosity, tensile = scene.viscosity / (rho * c * h), scene.config.numerics.tensile_correction
+        length, speed, sums = self.length, self.speed, self.sums
+        return np.array(
+            [1 / h, 1 / c, 1 / rho, 1 / (rho * h**scene.dimensions), background, viscosity, tensile, sums * length,
+             sums * speed, sums, sums * length]
+        )  # fmt: skip
+
+    @property
+    def factors(self) -> NDArray[np.float64]:
+        scene, sums = self.scene, self.sums
+        h, c, rho = scene.h, scene.c0, scene.rho0
+        forces = c * c / h * (sums * self.mass) * (rho * h**scene.dimensions)
+        return np.array([forces, rho * c / h * (sums * self.density * self.speed)])
+
+    @property
+    def numbers(self) -> NDArray[np.float64]:
+        scene, numerics, smoothing = self.scene, self.scene.config.numerics, SMOOTHING[self.scene.kernel]
+        h, c, d, length, speed = scene.h, scene.c0, scene.dimensions, self.length, self.speed
+        strength = (numerics.flux_coefficient or 0.0) * (length if self.spec.flux == "rusanov" else 2.0)
+        cleary = numerics.viscosity_form == "cleary"
+        xi = cleary_constant(scene.kernel, d, numerics.smoothing) if cleary else 1.0
+        gravity = np.zeros(3)
+        gravity[:d] = scene.gravity * (h / (c * c)) * (length / self.density)
+        numbers = {
+            "artificial": -0.5 * (numerics.artificial_viscosity or 0.0) * (speed / length),
+            "viscous": -2.0 * xi * scene.viscosity / (scene.rho0 * c * h) * (speed / length),
+            "flux_strength": strength / (length * speed),
+            "reach": h / scene.spacing,
+            "per_w": 1.0 / float(smoothing.w(np.float64(scene.spacing / h), 1.0)),
+            "per_h": length,
+            "eta2": 0.01 / (length * length),
+            "density": 1.0 / self.density,
+            "hundredth": 0.01 / (smoothing.factor(d) * self.mass * length),
+        } | {f"gravity{axis}": gravity[k] for k, axis in enumerate("xyz")}
+        return np.array([numbers[name] for name in NUMBERS])
