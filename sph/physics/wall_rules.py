@@ -7,9 +7,9 @@ from dataclasses import dataclass
 class WallRule:
     """A wall shows images of the fluid, or it is made of particles.
 
-    face_images: mirrored in its faces, with opposite velocity. layer_images: by point symmetry about a layer of centres.
-    repulsive: one layer of particles pushes along its normal. own_density: layers of particles that take part in the
-    sums of pressure and continuity; of any shape, the others need flat faces.
+    face_images: mirrored in its faces, with opposite velocity. layer_images: by point symmetry about a layer of
+    centres. repulsive: one layer of particles pushes along its normal. own_density: layers of particles that take part
+    in the sums of pressure and continuity; these may have any shape, the others need flat faces.
     """
 
     text: str

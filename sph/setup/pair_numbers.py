@@ -34,7 +34,7 @@ def pair_spec_of(config: SphConfig, others: bool) -> PairSpec:
 
 
 class PairNumbers:
-    """Arrays of a scene for kernels, in units of h, c0, rho0 and rho0 h^d, or for single precision with lengths in UNIT.
+    """Arrays of a scene for kernels. Single precision has lengths in h UNIT, and units of c0, rho0 and rho0 h^d.
 
     scales: see kernels.packing.SCALES; numbers: see NUMBERS; factors: what makes of sums a [m/s2] without gravity and
     body force, with 1 / m, and d rho / dt [kg/m3 s].

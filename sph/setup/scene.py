@@ -234,7 +234,8 @@ class Scene:
         numerics, first = config.numerics, config.fluid[0] if config.fluid else None
         self.config = config
         self.dimensions = d = config.dimensions
-        self.spacing, self.h, self.support, self.kernel = numerics.spacing, config.h, support_of(config), numerics.kernel
+        self.spacing, self.h, self.support = numerics.spacing, config.h, support_of(config)
+        self.kernel = numerics.kernel
         self.rho0 = first.density if first else 1000.0
         self.viscosity = first.dynamic_viscosity if first else 0.0
         self.c0, self.gamma = config.sound_speed, config.eos.gamma

@@ -1,4 +1,4 @@
-"""Small scenes for the tests of the engine, and the pair sums in plain numpy."""
+"""Small scenes for the tests of the engine."""
 
 import numpy as np
 
@@ -8,8 +8,7 @@ from hpcpic.core.tasks.graph import Pool
 from hpcpic.core.timers import Timers
 from sph.configure import configure
 from sph.kernels.marks import CODES, REPULSIVE
-from sph.physics.smoothing import SMOOTHING
-from sph.physics.waves import cleary_constant
+from sph.physics.reference import Reference
 from sph.step import Sph
 
 TEXT = """
@@ -101,82 +100,9 @@ def by_id(sph, *names):
     return [column(sph, name)[..., order] for name in names]
 
 
-class Reference:
-    """All pairs at once, in SI units: acceleration without gravity and d rho / dt."""
-
-    def __init__(self, sph):
-        self.scene, self.numerics = sph.scene, sph.scene.config.numerics
-        x, v, self.drho, self.m = by_id(sph, "x", "v", "drho", "m")
-        self.rho = self.scene.rho0 + self.drho
-        self.dx, self.dv = x[:, :, None] - x[:, None, :], v[:, :, None] - v[:, None, :]
-        for k in np.flatnonzero(sph.slabs.domain.periodic):
-            length = sph.slabs.domain.lengths[k]
-            self.dx[k] -= length * np.rint(self.dx[k] / length)
-        d, h = self.scene.dimensions, self.scene.h
-        self.r = np.sqrt(np.sum(self.dx**2, axis=0))
-        self.f = SMOOTHING[self.scene.kernel].gradient(self.r / h, d) / h ** (d + 2)
-        np.fill_diagonal(self.f, 0.0)
-        self.vd = np.sum(self.dx * self.dv, axis=0)
-        self.g = self.scene.acceleration[list(self.scene.axes)]
-
-    def acceleration(self):
-        scene, h = self.scene, self.scene.h
-        p = scene.pressure(self.drho) + scene.config.eos.background_pressure
-        push = (p / self.rho**2)[:, None] + (p / self.rho**2)[None, :]
-        near = self.vd / (self.r**2 + 0.01 * h * h)
-        mean = 0.5 * (1 / self.rho[:, None] + 1 / self.rho[None, :])
-        push -= self.numerics.artificial_viscosity * scene.c0 * h * np.minimum(near, 0.0) * mean
-        if self.numerics.viscosity_form == "cleary" and scene.viscosity:
-            xi = cleary_constant(scene.kernel, scene.dimensions, self.numerics.smoothing)
-            push -= 2 * xi * scene.viscosity / (self.rho[:, None] * self.rho[None, :]) * near
-        drag = 0.0
-        if self.numerics.viscosity_form == "morris" and scene.viscosity:
-            drag = 2 * scene.viscosity * np.einsum("j,ij,kij->ki", self.m / self.rho, self.f, self.dv) / self.rho
-        if self.numerics.tensile_correction:
-            w = SMOOTHING[scene.kernel].w(self.r / h, 1.0) / SMOOTHING[scene.kernel].w(scene.spacing / h, 1.0)
-            tension = self.numerics.tensile_correction * np.where(p < 0, -p, 0.05 * p) / self.rho**2
-            push += (tension[:, None] + tension[None, :]) * w**4
-        if self.numerics.gradient_correction:
-            plain = (p / self.rho**2)[:, None] + (p / self.rho**2)[None, :]
-            turned = np.einsum("iab,bij->aij", self.matrix(), self.dx) * (p / self.rho**2)[:, None]
-            turned += np.einsum("jab,bij->aij", self.matrix(), self.dx) * (p / self.rho**2)[None, :]
-            return drag - np.einsum("j,ij,kij->ki", self.m, self.f, turned + (push - plain) * self.dx)
-        force = drag - np.einsum("j,ij,ij,kij->ki", self.m, push, self.f, self.dx)
-        if self.numerics.viscosity_form == "strain-rate" and scene.viscosity:
-            force += self._stress()
-        return force
-
-    def matrix(self):
-        sums = -np.einsum("j,ij,aij,bij->iab", self.m / self.rho, self.f, self.dx, self.dx)
-        good = np.linalg.det(sums) > 0.1
-        return np.where(good[:, None, None], np.linalg.inv(sums), np.eye(self.scene.dimensions))
-
-    def _stress(self):
-        d, volume = self.scene.dimensions, self.m / self.rho
-        w = -np.einsum("j,ij,aij,bij->abi", volume, self.f, self.dx, self.dv)
-        strain = w + w.transpose(1, 0, 2) - 2 / d * np.einsum("aai->i", w) * np.eye(d)[:, :, None]
-        t = self.scene.viscosity * strain / self.rho**2
-        return np.einsum("j,ij,abij,bij->ai", self.m, self.f, t[:, :, :, None] + t[:, :, None, :], self.dx)
-
-    def rate(self):
-        scene, h, c = self.scene, self.scene.h, self.scene.c0
-        volume = self.m / self.rho
-        vd = self.vd
-        if self.numerics.gradient_correction:
-            vd = np.einsum("aij,iab,bij->ij", self.dv, self.matrix(), self.dx)
-        result = self.rho * np.einsum("j,ij,ij->i", volume, self.f, vd)
-        flux, k = self.numerics.density_flux, self.numerics.flux_coefficient
-        step = self.rho[None, :] - self.rho[:, None]
-        if flux == "none":
-            return result
-        if flux == "rusanov":
-            return result - k * c * np.einsum("j,ij,ij,ij->i", volume, self.f, self.r, step)
-        if flux == "fourtakas":
-            slope = self.rho / c**2 * (self.rho / scene.rho0) ** (1 - scene.gamma)
-            step = step + 0.5 * (slope[:, None] + slope[None, :]) * np.einsum("k,kij->ij", self.g, self.dx)
-        if flux == "delta":
-            matrix = -np.einsum("j,ij,aij,bij->iab", volume, self.f, self.dx, self.dx)
-            plain = np.einsum("j,ij,ij,aij->ia", volume, self.f, step, self.dx)
-            gradient = np.linalg.solve(matrix, plain[:, :, None])[:, :, 0].T
-            step = step + 0.5 * np.einsum("aij,aij->ij", gradient[:, :, None] + gradient[:, None, :], self.dx)
-        return result - 2 * k * h * c * np.einsum("j,ij,ij->i", volume, self.f, step)
+def reference(sph):
+    """The pair sums of all particles in order of their ids, in plain numpy."""
+    columns, scene = by_id(sph, "x", "v", "drho", "m"), sph.scene
+    axes = list(scene.axes)
+    period = np.where(scene.periodic, scene.high - scene.low, 0.0)[axes]
+    return Reference(scene.config, *columns, scene.acceleration[axes], period)

@@ -1,8 +1,13 @@
+import dataclasses
+import runpy
+
 import numpy as np
 import pytest
+from sph_scenes import by_id, engine, reference
 
+from hpcpic.core.errors import ConfigError
 from sph.kernels import cells, marks, motion, readings, runs, totals
-from sph.physics.smoothing import SMOOTHING
+from sph.physics.smoothing import SMOOTHING, register
 
 Q = np.linspace(0.0, 3.0, 300001)
 
@@ -23,7 +28,8 @@ def test_the_gradient_is_that_of_the_kernel(name):
     kernel = SMOOTHING[name]
     slope = np.diff(kernel.value(Q, 3)) / np.diff(Q)
     middle = (Q[1:] + Q[:-1]) / 2
-    assert np.abs(slope - kernel.gradient(middle, 3) * middle).max() < 1e-9  # (Q step)^2 times a third derivative below 10
+    error = slope - kernel.gradient(middle, 3) * middle
+    assert np.abs(error).max() < 1e-9  # (Q step)^2 times a third derivative below 10
 
 
 @pytest.mark.parametrize("name", SMOOTHING)
@@ -63,3 +69,74 @@ def test_readings_find_what_all_bodies_show(n):
 def test_templates_mean_the_same_flags_and_keys(template):
     same = [name for name in vars(marks) if isinstance(getattr(template, name, None), int)]
     assert same and all(getattr(template, name) == getattr(marks, name) for name in same)
+
+
+WENDLAND6 = '''
+import math
+
+from hpcpic.core.simd.formulas import fma, maximum
+from sph.physics.smoothing import Smoothing, register
+
+
+def w(r, per_h):
+    """(1 - q / 2)^8 (1 + 4 q + 25 / 4 q^2 + 4 q^3)."""
+    far = maximum(fma(r, -0.5 * per_h, 1.0), 0.0)
+    q, square = r * per_h, far * far
+    return (square * square) * (square * square) * fma(q, fma(q, fma(q, 4.0, 6.25), 4.0), 1.0)
+
+
+def f(r, per_h):
+    """(1 - q / 2)^7 (1 + 7 / 2 q + 4 q^2)."""
+    far = maximum(fma(r, -0.5 * per_h, 1.0), 0.0)
+    q, square = r * per_h, far * far
+    return (square * square) * (square * far) * fma(q, fma(q, 4.0, 3.5), 1.0)
+
+
+register(Smoothing("wendland6", 2.0, {2: 78 / (28 * math.pi), 3: 1365 / (512 * math.pi)}, w, f, -5.5))
+'''
+
+
+@pytest.fixture
+def wendland6(tmp_path):
+    """A kernel of a user's own file."""
+    file = tmp_path / "wendland6.py"
+    file.write_text(WENDLAND6)
+    runpy.run_path(str(file))
+    yield "wendland6"
+    del SMOOTHING["wendland6"]
+
+
+def test_a_kernel_of_ones_own_is_one_like_the_others(wendland6):
+    for d in (2, 3):
+        test_kernels_are_normalised(wendland6, d)
+        test_a_linear_field_has_its_gradient(wendland6, d)
+    test_the_gradient_is_that_of_the_kernel(wendland6)
+    test_nothing_beyond_the_support(wendland6)
+
+
+def test_pair_sums_of_a_kernel_of_ones_own_are_those_of_the_reference(wendland6):
+    """And their error in the gradient of a linear pressure falls with h / dp: particles are spread evenly."""
+    errors = []
+    for smoothing in (1.3, 2.0):
+        sph = engine(
+            kernel=wendland6, smoothing=smoothing, flux="none", alpha=0.0, integrator="euler", gravity=(0.0, 0.0),
+            pressure="zero", fill=1.0, periodic=("x",),
+        )  # fmt: skip
+        sph.storage.put("drho", 0.1 * sph.storage.own_values("x")[1])
+        expected = reference(sph).acceleration()
+        sph.evolution.evaluate()
+        a, x = by_id(sph, "a", "x")
+        assert np.abs(a - expected).max() <= 1e-12 * np.abs(expected).max()  # rounding
+        inside = np.abs(x[1] - 0.5) < 0.5 - 2.5 * sph.scene.h
+        errors.append(np.abs(a[1, inside] / (-0.1 * sph.scene.c0**2 / sph.scene.rho0) - 1).max())
+    assert errors[1] < 0.2 * errors[0]
+
+
+def test_an_unknown_kernel_is_told_with_those_that_there_are():
+    with pytest.raises(ConfigError, match=r"must be 'cubic', .* or 'quintic' .*did you mean 'wendland2'"):
+        engine(kernel="wendland22")
+
+
+def test_a_name_belongs_to_one_kernel():
+    with pytest.raises(ValueError, match="another kernel 'cubic'"):
+        register(dataclasses.replace(SMOOTHING["cubic"], support=3.0))

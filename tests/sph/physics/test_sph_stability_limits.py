@@ -3,34 +3,21 @@
 import numpy as np
 import pytest
 
-from sph.physics.stability import limit_of, rates, slope, value
-
-KERNELS = ("cubic", "wendland2", "wendland4", "quintic")
-
-
-@pytest.mark.parametrize("kernel", KERNELS)
-@pytest.mark.parametrize("d", [2, 3])
-def test_kernels_integrate_to_one_and_slope_is_their_derivative(kernel, d):
-    reach = 3.0 if kernel == "quintic" else 2.0
-    q = (np.arange(200_000) + 0.5) * reach / 200_000
-    surface = 2 * np.pi * q if d == 2 else 4 * np.pi * q * q
-    assert np.sum(value(kernel, q, d) * surface) * (q[1] - q[0]) == pytest.approx(1.0, rel=1e-8)  # midpoint rule
-    e = 1e-5
-    difference = -(value(kernel, q[::997] + e, d) - value(kernel, q[::997] - e, d)) / (2 * e)
-    assert np.abs(difference - slope(kernel, q[::997], d)).max() < 1e-7  # e^2 of third derivatives under 100
-    assert value(kernel, np.array([reach]), d)[0] == slope(kernel, np.array([reach]), d)[0] == 0.0
+from sph.physics.smoothing import SMOOTHING
+from sph.physics.stability import limit_of
+from sph.physics.waves import waves_of
 
 
-@pytest.mark.parametrize("kernel", KERNELS)
+@pytest.mark.parametrize("kernel", SMOOTHING)
 @pytest.mark.parametrize("d", [2, 3])
 def test_long_waves_see_the_continuous_operators(kernel, d):
     """At k h -> 0 the gradient is ik, both laplacians are k^2 but for what the lattice leaves."""
-    found = rates(kernel, d, 1.5)
+    waves = waves_of(kernel, d, 1.5)
     k = np.pi / 24 * 1.5
-    assert found["acoustic"][0] == pytest.approx(k, rel=0.03)  # k^2 h^2 / 2 and the lattice sums
-    assert found["molteni"][0] == found["morris"][0] == pytest.approx(k * k, rel=0.06)
+    assert waves.acoustic[0] == pytest.approx(k, rel=0.03)  # k^2 h^2 / 2 and the lattice sums
+    assert waves.laplacian[0] == pytest.approx(k * k, rel=0.06)
     mean = {2: 3 / 8, 3: 3 / 10}[d]  # half of <cos^4> / <cos^2> over all directions; a lattice has few of them
-    assert found["artificial"][0] / found["molteni"][0] == pytest.approx(mean, rel=0.1)
+    assert waves.pairs[0] / waves.laplacian[0] == pytest.approx(mean, rel=0.1)
 
 
 @pytest.mark.parametrize(
@@ -56,15 +43,15 @@ def test_the_limits_of_integrators_on_the_axes(integrator, imaginary, real):
 )
 def test_the_measured_limits_of_the_cubic_spline_in_3d(integrator, none, weak, rusanov):
     """Bisection of the discrete operator on a 3D lattice, h/dp = 1.3: no flux, delta = alpha = 0.1, full Rusanov."""
-    r = rates("cubic", 3, 1.3)
-    a, nothing = r["acoustic"], np.zeros_like(r["acoustic"])
+    waves = waves_of("cubic", 3, 1.3)
+    a, nothing = waves.acoustic, np.zeros_like(waves.acoustic)
     assert limit_of(integrator, a, nothing, nothing) == pytest.approx(none, rel=0.05)
-    assert limit_of(integrator, a, 0.1 * r["molteni"], 0.1 * r["artificial"]) == pytest.approx(weak, rel=0.08)
-    assert limit_of(integrator, a, r["rusanov"], nothing) == pytest.approx(rusanov, rel=0.06)
+    assert limit_of(integrator, a, 0.1 * waves.laplacian, 0.1 * waves.pairs) == pytest.approx(weak, rel=0.08)
+    assert limit_of(integrator, a, waves.upwind, nothing) == pytest.approx(rusanov, rel=0.06)
 
 
-@pytest.mark.parametrize("kernel", KERNELS)
+@pytest.mark.parametrize("kernel", SMOOTHING)
 @pytest.mark.parametrize("smoothing", [0.1, 0.34, 0.5, 0.7])
 def test_particles_without_neighbours_have_finite_rates(kernel, smoothing):
     with np.errstate(all="raise"):
-        assert all(np.isfinite(found).all() for d in (2, 3) for found in rates(kernel, d, smoothing).values())
+        assert all(np.isfinite(found).all() for d in (2, 3) for found in waves_of(kernel, d, smoothing))

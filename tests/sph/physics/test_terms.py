@@ -1,6 +1,6 @@
 import numpy as np
 import pytest
-from sph_scenes import reference, by_id, column, engine, jitter
+from sph_scenes import by_id, column, engine, jitter, reference
 
 ROUNDING = 1e-12  # of sums of 100 terms in float64, relative to the largest value
 SINGLE = 2e-5  # the same in float32

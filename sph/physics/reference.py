@@ -1,0 +1,131 @@
+"""The pair sums of SPH in plain numpy: all pairs at once, slow and plain to read; tests hold the kernels against it.
+
+Arrays over pairs have the indices [.., i, j]: `dx[:, i, j]` = x_i - x_j, `f[i, j]` = F of the pair, so that the
+gradient of W at i is F dx. (MP n) and (SC n) are equations of the papers that `sph` cites.
+"""
+
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sph.case.config import SphConfig
+from sph.physics.smoothing import SMOOTHING
+from sph.physics.viscosities import VISCOSITIES
+from sph.physics.waves import cleary_constant
+
+LEAST_DETERMINANT = 0.1  # of a matrix that is inverted
+
+
+class Reference:
+    """a [d, n] without gravity and body force, and d rho / dt [n], of n particles of fluid; SI units, storage axes.
+
+    x[d, n] m, v[d, n] m/s, drho[n] = rho - rho0 kg/m3, m[n] kg; gravity[d] m/s2, with body force; period[d] m, 0: none.
+    """
+
+    def __init__(
+        self, config: SphConfig, x: NDArray, v: NDArray, drho: NDArray, m: NDArray, gravity: NDArray, period: NDArray
+    ) -> None:
+        self.numerics, self.m, self.gravity = config.numerics, m, gravity
+        self.d, self.h, self.c, self.gamma = config.dimensions, config.h, config.sound_speed, config.eos.gamma
+        self.rho0, self.mu = config.fluid[0].density, config.fluid[0].dynamic_viscosity
+        self.smoothing = SMOOTHING[config.numerics.kernel]
+        self.rho, self.volume = self.rho0 + drho, m / (self.rho0 + drho)
+        stiffness = self.rho0 * self.c**2 / self.gamma
+        self.p = stiffness * np.expm1(self.gamma * np.log1p(drho / self.rho0))  # (MP 14): (rho / rho0)^gamma - 1
+        self.p += config.eos.background_pressure
+        self.dx, self.dv = x[:, :, None] - x[:, None, :], v[:, :, None] - v[:, None, :]
+        for k in np.flatnonzero(period):
+            self.dx[k] -= period[k] * np.rint(self.dx[k] / period[k])
+        self.r = np.sqrt(np.sum(self.dx**2, axis=0))
+        self.f = self.smoothing.gradient(self.r / self.h, self.d) / self.h ** (self.d + 2)
+        np.fill_diagonal(self.f, 0.0)
+        self.vd = np.sum(self.dx * self.dv, axis=0)  # v_ij . r_ij
+
+    def acceleration(self) -> NDArray[np.float64]:
+        """(MP 20), (SC 5): a_i = - sum m_j (p_i / rho_i^2 + p_j / rho_j^2 + Pi) F r_ij, and viscosity."""
+        pressure = self._both(self.p / self.rho**2)
+        push = pressure + self._viscous_pressure() + self._tension()
+        if not self.numerics.gradient_correction:
+            return self._viscous_force() - np.einsum("j,ij,ij,kij->ki", self.m, push, self.f, self.dx)
+        at_i = np.einsum("iab,bij->aij", self.renormalisation, self.dx) * (self.p / self.rho**2)[:, None]
+        at_j = np.einsum("jab,bij->aij", self.renormalisation, self.dx) * (self.p / self.rho**2)[None, :]
+        pulls = at_i + at_j + (push - pressure) * self.dx
+        return self._viscous_force() - np.einsum("j,ij,kij->ki", self.m, self.f, pulls)
+
+    def rate(self) -> NDArray[np.float64]:
+        """(MP 16): d rho_i / dt = rho_i sum V_j F v_ij . r_ij, less the flux of density."""
+        vd = self.vd
+        if self.numerics.gradient_correction:
+            vd = np.einsum("aij,iab,bij->ij", self.dv, self.renormalisation, self.dx)
+        return self.rho * np.einsum("j,ij,ij->i", self.volume, self.f, vd) - self._flux()
+
+    # ---- terms of the force
+
+    @staticmethod
+    def _both(a: NDArray) -> NDArray[np.float64]:
+        """a_i + a_j."""
+        return a[:, None] + a[None, :]
+
+    def _viscous_pressure(self) -> NDArray[np.float64]:
+        """Monaghan's artificial viscosity, and (SC 6)."""
+        near = self.vd / (self.r**2 + 0.01 * self.h**2)
+        mean = 0.5 * self._both(1 / self.rho)
+        found = -(self.numerics.artificial_viscosity or 0.0) * self.c * self.h * np.minimum(near, 0.0) * mean
+        if self.numerics.viscosity_form == "cleary":
+            xi = cleary_constant(self.smoothing.name, self.d, self.numerics.smoothing)
+            found -= 2 * xi * self.mu / np.outer(self.rho, self.rho) * near
+        return found
+
+    def _tension(self) -> NDArray[np.float64] | float:
+        """Monaghan 2000: artificial pressure times (W / W(dp))^4."""
+        if not self.numerics.tensile_correction:
+            return 0.0
+        value = self.smoothing.value
+        ratio = value(self.r / self.h, self.d) / value(self.numerics.spacing / self.h, self.d)
+        tension = self.numerics.tensile_correction * np.where(self.p < 0, -self.p, 0.05 * self.p) / self.rho**2
+        return self._both(tension) * ratio**4
+
+    def _viscous_force(self) -> NDArray[np.float64] | float:
+        """Morris et al. 1997: a_i = sum m_j 2 mu v_ij F / (rho_i rho_j); or (MP 22-23), the divergence of a stress."""
+        form, mu = self.numerics.viscosity_form or "none", self.mu
+        if form == "morris":
+            return 2 * mu * np.einsum("j,ij,kij->ki", self.volume, self.f, self.dv) / self.rho
+        if not VISCOSITIES[form].stress:
+            return 0.0
+        gradient = -np.einsum("j,ij,aij,bij->abi", self.volume, self.f, self.dx, self.dv)  # d v_b / d x_a
+        trace = 2 / self.d * np.einsum("aai->i", gradient) * np.eye(self.d)[:, :, None]
+        stress = mu * (gradient + gradient.transpose(1, 0, 2) - trace) / self.rho**2
+        return np.einsum("j,ij,abij,bij->ai", self.m, self.f, stress[..., :, None] + stress[..., None, :], self.dx)
+
+    # ---- renormalised gradients
+
+    @cached_property
+    def moments(self) -> NDArray[np.float64]:
+        """[n, d, d]: - sum V_j F r r^T, the identity inside of a lattice (Randles and Libersky 1996)."""
+        return -np.einsum("j,ij,aij,bij->iab", self.volume, self.f, self.dx, self.dx)
+
+    @cached_property
+    def renormalisation(self) -> NDArray[np.float64]:
+        """[n, d, d]: the inverse of the moments, where there are neighbours enough."""
+        good = np.linalg.det(self.moments) > LEAST_DETERMINANT
+        return np.where(good[:, None, None], np.linalg.inv(self.moments), np.eye(self.d))
+
+    # ---- terms of the rate
+
+    def _flux(self) -> NDArray[np.float64] | float:
+        """What leaves i: 2 delta c0 h sum V_j F (rho_j - rho_i - what is left out); (MP 17) with r for 2 h."""
+        flux, strength = self.numerics.density_flux, (self.numerics.flux_coefficient or 0.0) * self.c
+        step = self.rho[None, :] - self.rho[:, None]
+        if flux == "none":
+            return 0.0
+        if flux == "rusanov":
+            return strength * np.einsum("j,ij,ij,ij->i", self.volume, self.f, self.r, step)
+        if flux == "fourtakas":  # less what rest under gravity would give
+            slope = self.rho / self.c**2 * (self.rho / self.rho0) ** (1 - self.gamma)
+            step = step + 0.5 * self._both(slope) * np.einsum("k,kij->ij", self.gravity, self.dx)
+        if flux == "delta":  # Antuono et al. 2010: less what a linear density would give
+            plain = np.einsum("j,ij,ij,aij->ia", self.volume, self.f, step, self.dx)
+            gradient = np.linalg.solve(self.moments, plain[:, :, None])[:, :, 0].T
+            step = step + 0.5 * np.einsum("aij,aij->ij", gradient[:, :, None] + gradient[:, None, :], self.dx)
+        return 2 * strength * self.h * np.einsum("j,ij,ij->i", self.volume, self.f, step)
