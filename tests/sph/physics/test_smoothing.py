@@ -122,7 +122,7 @@ def test_pair_sums_of_a_kernel_of_ones_own_are_those_of_the_reference(wendland6)
             kernel=wendland6, smoothing=smoothing, flux="none", alpha=0.0, integrator="euler", gravity=(0.0, 0.0),
             pressure="zero", fill=1.0, periodic=("x",),
         )  # fmt: skip
-        sph.storage.put("drho", 0.1 * sph.storage.own_values("x")[1])
+        sph.storage.set_own_values("drho", 0.1 * sph.storage.own_values("x")[1])
         expected = reference(sph).acceleration()
         sph.evolution.evaluate()
         a, x = by_id(sph, "a", "x")
