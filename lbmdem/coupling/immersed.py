@@ -15,15 +15,16 @@ from numpy.typing import NDArray
 
 from hpcpic.core.comm.world import World
 from hpcpic.core.tasks.graph import Pool
-from lbmdem.coupling.moving_links import MovingLinks, first_arguments
+from lbmdem.coupling.arrays import GAINS
+from lbmdem.coupling.moving_links import MovingLinks, link_arena
 from lbmdem.coupling.refill import Refill
 from lbmdem.coupling.wall_links import WallLinks
-from lbmdem.fluid.fixed_links import GAINS, Directions, FixedLinks
+from lbmdem.fluid.fixed_links import Directions, FixedLinks
 from lbmdem.fluid.fluid import Fluid
 from lbmdem.fluid.solid_nodes import Change, Solid, Table, Window, kernel_axes, kernel_rotation
 from lbmdem.fluid.surfaces import Bodies, Surfaces, Wall, mark_walls
 from lbmdem.kernels import links as kernels
-from lbmdem.kernels.layout import FLUID
+from lbmdem.kernels.layout import FLUID, Layout
 
 _SUM_BITS, _FINEST_BITS = 61, 49  # of the sums, and of terms: 2^51 is the largest integer that `to_fixed` makes
 _BLOCKS = 4  # per thread
@@ -124,25 +125,27 @@ class Immersed:
         From then on all grains are linked at every step, those that stay too: others may come near them.
         """
         self._table = _merged(self._fixed, grain_table(ids, centres, radii, velocity, omega))
-        if self.links is None:
-            self._link_anew()
+        links = self.links or self._link_anew()
         images = self._solid.rebuild(self._table)
         self.fluid.solid_changed(fill=False)
-        self.links.place(self._table, images, self._scale)
+        links.place(self._table, images)
 
-    def _link_anew(self) -> None:
+    def _link_anew(self) -> MovingLinks:
         """From now on all links are looked for at every step. Collective."""
         del self._stay
         self.fluid.carry(None)
         window, layout, ids = self.window, self.fluid.layout, self.fluid.ids
+        assert isinstance(layout, Layout)  # nodes of a fluid in which grains move are all held
         open_mass = 0.0 if self.refill.conserving else 1.0
-        head = first_arguments(window, layout, self.fluid.f, ids, self._rule, open_mass)
+        arena = link_arena(window, layout, self.fluid.f, ids, self._rule, open_mass)
         walls = Bodies(*grain_table(*_no_grains(self._dimensions)), self._walls)
         surfaces = Surfaces(window, self._solid.nodes, walls, Directions(layout.lattice).e, self._dimensions)
-        self._wall_links = WallLinks(head, surfaces, self._blocks)
+        self._wall_links = WallLinks(arena, surfaces, self._blocks)
         self._set_scale(self._table.radii, self._wall_links)
-        self.links = MovingLinks(head, window, layout)
-        self.fluid.leave_to_links(self.links.of_planes)
+        arena["scale"][:] = self._scale
+        self.links = links = MovingLinks(arena, int(window.inner[2, 0]))
+        self.fluid.leave_to_links(links.of_planes)
+        return links
 
     def move(self, ids: NDArray, centres: NDArray, radii: NDArray, velocity: NDArray, omega: NDArray) -> None:
         """As `start`, from where the grains were; nodes that they uncover are filled. Collective."""
@@ -154,7 +157,7 @@ class Immersed:
         change = self._solid.update(table)
         covered, filled = self.refill.change(self._solid, change, table)
         self.fluid.nodes_changed(self._solid.settle())
-        self.links.place(table, self._solid.images, self._scale)
+        self.links.place(table, self._solid.images)
         if self.refill.conserving:
             self._pending = self._account(change, covered, filled)
 
@@ -179,7 +182,7 @@ class Immersed:
             self._stay.run(self._pool, parity)
             self._take(fluid.iteration + 1)
         else:
-            walls = self._wall_links.run(self._pool, parity, self._scale)
+            walls = self._wall_links.run(self._pool, parity)
             self._remember([Gains(self._table.ids, self.links.gains(), walls), self._pending], fluid.iteration + 1)
             self._pending = Gains(self._table.ids[:0], _NONE)
         if self.refill.conserving:
@@ -287,8 +290,10 @@ def grain_table(ids: NDArray, centres: NDArray, radii: NDArray, velocity: NDArra
     """Grains in the order of ids and in the axes of the kernels."""
     order = np.argsort(ids)
     motion = np.hstack((kernel_axes(velocity), kernel_rotation(omega)))
-    kept = (np.asarray(ids, np.int64), kernel_axes(centres), np.asarray(radii, np.float64), motion)
-    return Table(*(column.take(order, axis=0) for column in kept))
+    return Table(
+        np.asarray(ids, np.int64)[order], kernel_axes(centres)[order], np.asarray(radii, np.float64)[order],
+        motion[order],
+    )  # fmt: skip
 
 
 def _merged(a: Table, b: Table) -> Table:

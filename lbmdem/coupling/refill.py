@@ -20,11 +20,13 @@ from hpcpic.core.comm.tags import Channel
 from hpcpic.core.comm.world import World
 from hpcpic.core.space.domain import Domain
 from hpcpic.core.space.fields import Field
-from hpcpic.core.tasks.graph import bind
+from hpcpic.core.tasks.arena import Arena
+from lbmdem.coupling.arrays import REFILL
 from lbmdem.fluid.fixed_links import Directions
 from lbmdem.fluid.fluid import Fluid
 from lbmdem.fluid.solid_nodes import Change, Solid, Table, Window, several_slabs
 from lbmdem.kernels import refill as kernels
+from lbmdem.kernels.link_arrays import Nodes, Populations
 
 _BLOCKS = 4  # per thread
 MODES = {
@@ -40,28 +42,21 @@ class Refill:
 
     def __init__(self, window: Window, fluid: Fluid, world: World, mode: str) -> None:
         self.conserving = mode == "conserving"
-        self._mode = MODES[mode]
         self._window, self._fluid, self._world = window, fluid, world
-        self._directions = Directions(fluid.lattice)
-        layout = fluid.layout
-        self._rule = (layout.strides, layout.slots, layout.shifts)
-        self._sizes = np.array([layout.nx, layout.rows, layout.planes], np.int64)
+        layout, directions = fluid.layout, Directions(fluid.lattice)
         self._edges = np.zeros((2, 0, 0, 0))
-        self._cuts = np.zeros((_BLOCKS * fluid.pool.threads if fluid.pool.threads > 1 else 1) + 1, np.int64)
         self._fill: Fill | None = None
-        if several_slabs(fluid.domain) and self._mode != kernels.AVERAGE:
+        if several_slabs(fluid.domain) and MODES[mode] != kernels.AVERAGE:
             self._share_edges()
-        self._make_room(64)
-
-    def _make_room(self, nodes: int) -> None:
-        """To fill so many nodes."""
-        window, fluid = self._window, self._fluid
-        self._nodes, self._speed = np.empty(nodes, np.int64), np.empty((nodes, 3))
-        solid = (fluid.ids.reshape(-1), window.shape, window.inner, window.box, self._sizes, self._edges)
-        rule = (self._directions.e, fluid.lattice.w, self._mode)
-        shares = [(self._nodes, self._speed, self._cuts, share) for share in range(len(self._cuts) - 1)]
+        shares = _BLOCKS * fluid.pool.threads if fluid.pool.threads > 1 else 1
+        self._arena = arena = Arena(REFILL, uncovered=64, cuts=shares + 1)
+        self._populations = Populations(fluid.f, layout.strides, layout.slots, layout.shifts)
+        self._nodes = Nodes(fluid.ids.reshape(-1), window.shape, window.inner, window.box)
+        sizes = np.array([layout.nx, layout.rows, layout.planes], np.int64)
+        arena.set(populations=self._populations, nodes=self._nodes, sizes=sizes, edge=self._edges)
+        arena.set(e=directions.e, w=fluid.lattice.w, mode=MODES[mode])
         self._tasks = [
-            [bind(kernels.fill, *self._place(parity), *solid, *rule, *share) for share in shares] for parity in range(2)
+            [arena.bind(kernels.fill, share=share, parity=parity) for share in range(shares)] for parity in range(2)
         ]
 
     def _share_edges(self) -> None:
@@ -76,9 +71,6 @@ class Refill:
         self._edges = np.zeros((2, *self._planes.values[:, 0].shape))
         self._fill = Fill(self._world, planes, self._planes, Channel.EDGES)
 
-    def _place(self, parity: int) -> tuple:
-        return (self._fluid.f, *self._rule, parity)
-
     def exchange(self) -> None:
         """Get the planes of other ranks beside this slab. Collective."""
         if self._fill is None:
@@ -87,7 +79,7 @@ class Refill:
         if planes:
             for at, plane in ((1, 0), (2, planes - 1)):
                 there = np.empty((values.shape[0], 1, *values.shape[2:]))
-                kernels.copy_plane(*self._place(self._fluid.parity), plane, there)
+                kernels.copy_plane(self._populations, self._fluid.parity, plane, there)
                 values[:, at : at + 1] = there
         self._fill.start(self._fluid.iteration)
         self._fill.finish()
@@ -96,23 +88,21 @@ class Refill:
     def change(self, solid: Solid, change: Change, table: Table) -> tuple[NDArray, NDArray]:
         """Fill the uncovered nodes. Populations [n, q] of the covered nodes before, which are read only if they are
         counted ("conserving"), and of the uncovered ones now."""
-        window, place = self._window, self._place(self._fluid.parity)
-        q = self._fluid.lattice.q
+        window, arena, parity, q = self._window, self._arena, self._fluid.parity, self._fluid.lattice.q
         covered, filled = np.empty((len(change.covered), q)), np.empty((len(change.uncovered), q))
         if self.conserving and len(change.covered):
-            kernels.read(*place, window.shape, window.inner, change.covered, covered)
+            kernels.read(self._populations, parity, self._nodes, change.covered, covered)
         if not len(change.uncovered):
             return covered, filled
-        where = (window.shape, window.origin, window.points, window.periodic, table.ids, table.centres, table.motion)
-        uncovered = len(change.uncovered)
-        if uncovered > len(self._nodes):
-            self._make_room(2 * uncovered)
-        self._nodes[:uncovered] = change.uncovered
-        kernels.speeds(*where, change.uncovered, change.left_by, self._speed)
-        self._cuts[:] = np.arange(len(self._cuts)) * uncovered // (len(self._cuts) - 1)
-        self._fluid.pool.each(self._tasks[self._fluid.parity])
+        n, shares = len(change.uncovered), len(self._tasks[parity])
+        arena.reserve(uncovered=n)
+        arena["uncovered"][:n] = change.uncovered
+        where = (window.shape, window.origin, window.points, window.periodic)
+        kernels.speeds(*where, table, change.uncovered, change.left_by, arena["speed"])
+        arena["fill_cuts"][:] = np.arange(shares + 1) * n // shares
+        self._fluid.pool.each(self._tasks[parity])
         if self.conserving:
-            kernels.read(*place, window.shape, window.inner, change.uncovered, filled)
+            kernels.read(self._populations, parity, self._nodes, change.uncovered, filled)
         return covered, filled
 
     def arms(self, nodes: NDArray[np.int64], centres: NDArray[np.float64]) -> NDArray[np.float64]:

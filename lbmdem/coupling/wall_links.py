@@ -4,8 +4,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hpcpic.core.space.domain import block_ranges
-from hpcpic.core.tasks.graph import Bound, Pool, bind
-from lbmdem.fluid.fixed_links import GAINS
+from hpcpic.core.tasks.arena import Arena
+from hpcpic.core.tasks.graph import Pool
+from lbmdem.coupling.arrays import GAINS
 from lbmdem.fluid.surfaces import NODES, Crossings, Surfaces
 from lbmdem.kernels import links as kernels
 from lbmdem.kernels.layout import WALL
@@ -14,26 +15,25 @@ from lbmdem.kernels.layout import WALL
 class WallLinks:
     """Links of a slab to walls; `run` after the sweep looks at the grains in `solid`.
 
-    head: `moving.first_arguments`; arm: as of Crossings.
+    arena: `moving_links.link_arena`; arm: as of Crossings.
     """
 
-    def __init__(self, head: list[tuple], surfaces: Surfaces, blocks: int) -> None:
+    def __init__(self, arena: Arena, surfaces: Surfaces, blocks: int) -> None:
         found = _found(surfaces)
         self.arm, self.count = found.arm, len(found.way)
         shares = [share for share in block_ranges(self.count, blocks) if share[1] > share[0]]
         self.counters = np.zeros((len(shares), 3), np.int64)
         self._sums = np.zeros((len(shares), len(surfaces.bodies), GAINS), np.int64)
-        self._scale = np.ones(GAINS)
-        links = (found.local + surfaces.window.inner[:, 0], *found[1:])
-        self._tasks: list[list[Bound]] = []
-        for first in head:
-            parts = zip(shares, self.counters, self._sums)
-            tasks = [(*first, *share, *links, n, self._scale, sums) for share, n, sums in parts]
-            self._tasks.append([bind(kernels.links_beside_grains, *task) for task in tasks])
+        links = found._replace(local=found.local + surfaces.window.inner[:, 0])
+        shared = zip(shares, self.counters, self._sums)
+        parts = [{"low": a, "high": b, "counters": counters, "sums": sums} for (a, b), counters, sums in shared]
+        self._tasks = [
+            [arena.bind(kernels.links_beside_grains, parity=parity, links=links, **part) for part in parts]
+            for parity in range(2)
+        ]
 
-    def run(self, pool: Pool, parity: int, scale: NDArray[np.float64]) -> NDArray[np.int64]:
+    def run(self, pool: Pool, parity: int) -> NDArray[np.int64]:
         """Bounce back; force, torque and mass that the fluid gains, [walls, 7] in units of 1 / scale[7]."""
-        self._scale[:] = scale
         self.counters[...], self._sums[...] = 0, 0
         if self._tasks[parity]:
             pool.each(self._tasks[parity])
@@ -41,12 +41,12 @@ class WallLinks:
 
 
 def _found(surfaces: Surfaces) -> Crossings:
-    """From all nodes of the slab that are in no wall, whatever grains have them now."""
+    """Crossings from all nodes of the slab that are in no wall, whatever grains have them now."""
     inner = tuple(slice(*surfaces.window.inner[axis]) for axis in (2, 1, 0))
     free = surfaces.solid[inner] != WALL
     step = max(1, NODES // max(1, free[:1].size))
     parts = []
     for low in range(0, max(1, len(free)), step):
-        nodes = np.argwhere(free[low : low + step])[:, ::-1] + [0, 0, low]
+        nodes = np.argwhere(free[low : low + step])[:, ::-1] + np.array([0, 0, low])
         parts.append(surfaces.crossings(nodes))
     return Crossings(*(np.ascontiguousarray(np.concatenate(column)) for column in zip(*parts)))

@@ -156,8 +156,7 @@ class Solid:
             images = 2 * (len(was.grain) + len(self.images.grain))
             self._make_room(images, changes)
         old, window = self._table, self.window
-        before, now = (old.ids, old.centres, old.radii, *was), (table.ids, table.centres, table.radii, *self.images)
-        moved = grain_rasters.pairs(*before, *now, window.points, window.periodic, *self._moved)
+        moved = grain_rasters.pairs(old, was, table, self.images, window.points, window.periodic, *self._moved)
         shares = len(self._tasks) if moved > _FEW else 1
         self._counts[:, 0] = np.minimum(np.arange(len(self._counts)) * moved // shares, moved)
         self._counts[:, 1:] = 0

@@ -118,35 +118,33 @@ def _claim(flat, node, number, ids, lost):
 
 
 @njit
-def pairs(
-    old_ids, old_centres, old_radii, old_grain, old_offset, ids, centres, radii, grain, offset, points, periodic,
-    places, shifts, numbers,
-):  # fmt: skip
+def pairs(old, old_images, table, images, points, periodic, places, shifts, numbers):
     """Images that are not where they were, of two lists in the order of ids and of offsets; how many.
 
-    places[m, 2, 4]: centre and squared radius before and now, the latter below 0 where there is none; shifts[m, 2, 3]:
-    the offsets; numbers[m]: the ids. There is room for all.
+    old, table: grains before and now (`fluid.solid_nodes.Table`). places[m, 2, 4]: centre and squared radius before
+    and now, the latter below 0 where there is none; shifts[m, 2, 3]: the offsets; numbers[m]: the ids. There is room
+    for all.
     """
     count, i, j = 0, 0, 0
-    while i < old_grain.size or j < grain.size:
-        order = np.int64(i == old_grain.size) - np.int64(j == grain.size)  # below 0: the old one alone
+    while i < old_images.grain.size or j < images.grain.size:
+        order = np.int64(i == old_images.grain.size) - np.int64(j == images.grain.size)  # below 0: the old one alone
         if order == 0:
-            g, h = old_grain[i], grain[j]
-            order = np.int64(old_ids[g] > ids[h]) - np.int64(old_ids[g] < ids[h])
+            g, h = old_images.grain[i], images.grain[j]
+            order = np.int64(old.ids[g] > table.ids[h]) - np.int64(old.ids[g] < table.ids[h])
             for a in range(3):
                 if order == 0:
-                    turns = np.rint((old_centres[g, a] - centres[h, a]) / points[a]) if periodic[a] else 0.0
-                    further = old_offset[i, a] + np.int64(turns) * points[a] - offset[j, a]
+                    turns = np.rint((old.centres[g, a] - table.centres[h, a]) / points[a]) if periodic[a] else 0.0
+                    further = old_images.offset[i, a] + np.int64(turns) * points[a] - images.offset[j, a]
                     order = np.int64(further > 0) - np.int64(further < 0)
         if order <= 0:
-            g = old_grain[i]
-            _put(places[count], shifts[count], 0, old_centres[g], old_radii[g], old_offset[i])
-            numbers[count] = old_ids[g]
+            g = old_images.grain[i]
+            _put(places[count], shifts[count], 0, old.centres[g], old.radii[g], old_images.offset[i])
+            numbers[count] = old.ids[g]
             i += 1
         if order >= 0:
-            g = grain[j]
-            _put(places[count], shifts[count], 1, centres[g], radii[g], offset[j])
-            numbers[count] = ids[g]
+            g = images.grain[j]
+            _put(places[count], shifts[count], 1, table.centres[g], table.radii[g], images.offset[j])
+            numbers[count] = table.ids[g]
             j += 1
         if order != 0:
             here = 0 if order < 0 else 1

@@ -30,8 +30,8 @@ from hpcpic.core.simd.vector import (
     to_fixed,
 )
 from lbmdem.kernels.gather_scatter import first_bits, side_by_side
-from lbmdem.kernels.grain_rasters import FLUID
 from lbmdem.kernels.layout import place
+from lbmdem.kernels.link_arrays import FLUID
 
 PLANES, COLUMNS = 12, 28  # of a window at most, without the nodes beside it
 N, M = lanes(np.float64), lanes(np.int32)
@@ -53,14 +53,16 @@ def room(radii):
 
 
 @njit
-def look(
-    solid, shape, inner, box, strides, p0, planes, r0, rows, x, columns, centre, radius, number, offset, work, table,
-):  # fmt: skip
-    """Fill the tables of the rows r0 - 1 .. of the planes p0 - 1 .. of a window; bit b is the column x - 1 + b.
+def look(nodes, strides, view, grain, scratch):
+    """Fill the tables of the rows r - 1 .. of the planes p - 1 .. of a view; bit b is the column x - 1 + b.
 
     STARTS: nodes where links start; FLUIDS: of the fluid; MINE: the grain's; LOSTS: within it, but of others; HERE:
-    element of column 0; CODES: as those of links. Whether there are any of others.
+    element of column 0; CODES: as those of links. Returns whether there are any of others.
     """
+    solid, shape, inner, box = nodes
+    p0, planes, r0, rows, x, columns = view
+    centre, radius, number, _, offset = grain
+    work, table = scratch.work, scratch.table
     inside, low, high = ((1 << columns) - 1) << 1, max(box[0, 0] - (x - 1), 0), min(box[0, 1] - (x - 1), columns + 2)
     in_box = ((1 << high) - 1) & ~((1 << low) - 1)
     any_lost, at, width = splat(I, np.int32(0)), PAD, rows + 2

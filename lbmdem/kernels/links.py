@@ -10,8 +10,7 @@ import numpy as np
 
 from hpcpic.core.simd.compile import njit
 from hpcpic.core.simd.vector import address_of, prefetch, prefetch_to_write
-from lbmdem.kernels.grain_rasters import FLUID
-from lbmdem.kernels.layout import arrival
+from lbmdem.kernels.link_arrays import FLUID, arrival, is_fluid
 from lbmdem.physics.wall_rules import REACH, applicable, begun, coefficients, finished
 
 AHEAD = 24  # links by which populations are fetched before they are needed: they are where the sweep has long left
@@ -28,16 +27,20 @@ def weigh(rule, q, behind, table):
 
 
 @njit(inline="always")
-def second_behind(f, strides, slots, shifts, parity, solid, shape, inner, p, r, x, ex, ey, ez, i, j):
-    """Whether z behind y can be used too, and g_i(z), g_j(y). Only where this rank has them, periodic or not."""
+def second_behind(populations, parity, nodes, node, e, i, j):
+    """True where z behind y = node - e is fluid too, and g_i(z), g_j(y); node: (x, row, plane) in `solid`.
+
+    Only where this rank has all planes, periodic or not.
+    """
+    (x, r, p), inner, shape = node, nodes.inner, nodes.shape
     nx, ny, nz = inner[0, 1] - inner[0, 0], inner[1, 1] - inner[1, 0], inner[2, 1] - inner[2, 0]
-    yx, yr, yp = (x - inner[0, 0] - ex) % nx, (r - inner[1, 0] - ey) % ny, (p - inner[2, 0] - ez) % nz
-    zx, zr, zp = yx + inner[0, 0] - ex, yr + inner[1, 0] - ey, yp + inner[2, 0] - ez
-    if solid[(zp * shape[1] + zr) * shape[0] + zx] != FLUID:
+    yx, yr, yp = (x - inner[0, 0] - e[0]) % nx, (r - inner[1, 0] - e[1]) % ny, (p - inner[2, 0] - e[2]) % nz
+    zx, zr, zp = yx + inner[0, 0] - e[0], yr + inner[1, 0] - e[1], yp + inner[2, 0] - e[2]
+    if nodes.solid[(zp * shape[1] + zr) * shape[0] + zx] != FLUID:
         return False, 0.0, 0.0
     zx, zr, zp = (zx - inner[0, 0]) % nx, (zr - inner[1, 0]) % ny, (zp - inner[2, 0]) % nz
-    third = f[arrival(strides, slots, shifts, parity, yp, yr, yx, i)]
-    return True, float(third), float(f[arrival(strides, slots, shifts, parity, zp, zr, zx, j)])
+    third = populations.f[arrival(populations, parity, yp, yr, yx, i)]
+    return True, float(third), float(populations.f[arrival(populations, parity, zp, zr, zx, j)])
 
 
 @njit
@@ -147,49 +150,41 @@ def momentum(kept, start, way, body, arm, speed, low, high, sums, scale):
 
 @njit
 def links_beside_grains(
-    f, strides, slots, shifts, parity, e, opposite, w6, rule, open_mass, solid, shape, inner, box,
-    low, high, node, way, body, q, arm, speed, counters, scale, sums,
+    populations, parity, nodes, directions, bounce_back, low, high, links, counters, scale, sums
 ):  # fmt: skip
     """The links low .. high - 1 of walls where grains move: those from nodes that no grain has now bounce back, by the
-    rule or by the lower one for which grains leave fluid nodes enough. What they give is added to sums[bodies, 7].
+    rule or by the lower one for which grains leave fluid nodes enough. What they give is added to sums[bodies, 7],
+    int64 of 1 / scale[7].
 
-    Arguments as of `moving.moving_links`, and of `momentum`; node[n, 3]: (x, row, plane) in `solid`.
+    links: arrays of `fluid.surfaces.Crossings`, whose `local` are places (x, row, plane) in `solid` here.
     """
+    f, (rule, open_mass), inner, speed = populations.f, bounce_back, nodes.inner, links.speed
     for n in range(low, high):
-        x, r, p = node[n, 0], node[n, 1], node[n, 2]
-        if solid[(p * shape[1] + r) * shape[0] + x] != FLUID:
+        x, r, p = links.local[n, 0], links.local[n, 1], links.local[n, 2]
+        if nodes.solid[(p * nodes.shape[1] + r) * nodes.shape[0] + x] != FLUID:
             continue
-        i, j = way[n], opposite[way[n]]
-        ex, ey, ez = e[i, 0], e[i, 1], e[i, 2]
+        i = links.way[n]
+        j, ex, ey, ez = directions.opposite[i], directions.e[i, 0], directions.e[i, 1], directions.e[i, 2]
         z, y, column = p - inner[2, 0], r - inner[1, 0], x - inner[0, 0]
-        at = arrival(strides, slots, shifts, parity, z, y, column, j)
+        at = arrival(populations, parity, z, y, column, j)
         behind, second, outwards, third, fourth = 0, 0.0, 0.0, 0.0, 0.0
-        if REACH[rule] and is_fluid(solid, shape, box, p - ez, r - ey, x - ex):
+        if REACH[rule] and is_fluid(nodes, p - ez, r - ey, x - ex):
             behind = 1
-            second = float(f[arrival(strides, slots, shifts, parity, z, y, column, i)])
-            outwards = float(f[arrival(strides, slots, shifts, parity, z - ez, y - ey, column - ex, j)])
+            second = float(f[arrival(populations, parity, z, y, column, i)])
+            outwards = float(f[arrival(populations, parity, z - ez, y - ey, column - ex, j)])
         if REACH[rule] == 2 and behind:
-            further, third, fourth = second_behind(
-                f, strides, slots, shifts, parity, solid, shape, inner, p, r, x, ex, ey, ez, i, j
-            )
+            further, third, fourth = second_behind(populations, parity, nodes, (x, r, p), (ex, ey, ez), i, j)
             behind += further
         counters[LINKS] += 1
         counters[FALLBACKS] += behind < REACH[rule]
-        c = coefficients(applicable(rule, behind), q[n])
-        out, push = float(f[at]), w6[i] * (ex * speed[n, 0] + ey * speed[n, 1] + ez * speed[n, 2])
+        c = coefficients(applicable(rule, behind), links.q[n])
+        out, push = float(f[at]), directions.w6[i] * (ex * speed[n, 0] + ey * speed[n, 1] + ez * speed[n, 2])
         v = c[0] * out + c[1] * second + c[2] * outwards + c[3] * third + c[4] * fourth - c[5] * push
         f[at] = v
         give, keep = out + v, out - v
         swept = keep * open_mass
         fx, fy, fz = give * ex - swept * speed[n, 0], give * ey - swept * speed[n, 1], give * ez - swept * speed[n, 2]
-        add_gains(sums[body[n]], fx, fy, fz, arm[n], keep, scale)
-
-
-@njit(inline="always")
-def is_fluid(solid, shape, box, p, r, x):
-    """Whether a node, ghosts among them, is of the fluid and in the box."""
-    inside = box[0, 0] <= x < box[0, 1] and box[1, 0] <= r < box[1, 1] and box[2, 0] <= p < box[2, 1]
-    return inside and solid[(p * shape[1] + r) * shape[0] + x] == FLUID
+        add_gains(sums[links.body[n]], fx, fy, fz, links.arm[n], keep, scale)
 
 
 @njit(inline="always")

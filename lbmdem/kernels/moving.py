@@ -25,6 +25,7 @@ from hpcpic.core.simd.vector import (
 )
 from lbmdem.kernels.gather_scatter import gather, scatter
 from lbmdem.kernels.grain_rasters import span
+from lbmdem.kernels.link_arrays import Grain, Scratch, View
 from lbmdem.kernels.link_lists import (
     COLUMNS,
     FREE,
@@ -49,144 +50,133 @@ F, L, H = Vec(N, np.float64), Vec(N, np.int64), Vec(N, np.int32)
 
 
 @njit
-def windows(centres, radii, grain, offset, ends, cuts, image, first, after):
-    """Planes first[k] .. after[k] of image[k] in which links start, PLANES at most, share by share: those of the planes
+def find_parts(table, images, ends, cuts, parts):
+    """Parts of images in which links start, PLANES planes at most, share by share: those of the planes
     ends[s] .. ends[s + 1] are cuts[s] .. cuts[s + 1]. They are stored if there is room for all cuts[-1] of them."""
     number = np.zeros(ends.size - 1, np.int64)
     for storing in range(2):
-        for m in range(grain.size):
-            a, b = span(centres[grain[m], 2], radii[grain[m]] + 1.0, offset[m, 2], ends[0], ends[-1])
+        for m in range(images.grain.size):
+            g = images.grain[m]
+            a, b = span(table.centres[g, 2], table.radii[g] + 1.0, images.offset[m, 2], ends[0], ends[-1])
             s = np.searchsorted(ends, a, side="right") - 1
             while a < b:
                 end = min(b, ends[s + 1], a + PLANES)
                 if storing:
                     k = cuts[s] + number[s]
-                    image[k], first[k], after[k] = m, a, end
+                    parts.image[k], parts.first[k], parts.after[k] = m, a, end
                 number[s] += 1
                 s, a = s + (end == ends[s + 1]), end
         if not storing:
             cuts[0], cuts[1:], number[:] = 0, np.cumsum(number), 0
-            if cuts[-1] > image.size:
+            if cuts[-1] > parts.image.size:
                 break
 
 
 @njit
-def add_up(image, grain, count, parts, sums):
-    """sums[grain] of parts[:count]."""
+def add_up(parts, grain, count, sums):
+    """sums[grain] of the gains of the first `count` parts; grain: of each image."""
     sums[:] = 0
     for k in range(count):
         for a in range(GAINS):
-            sums[grain[image[k]], a] += parts[k, a]
+            sums[grain[parts.image[k]], a] += parts.gains[k, a]
 
 
 @njit
 def moving_links(
-    f, strides, slots, shifts, parity, e, opposite, w6, rule, open_mass, solid, shape, inner, box,
-    share, counters, cuts, scale, centres, radii, ids, motion, grain, offset, image, first, after, parts,
+    share, cuts, populations, parity, nodes, directions, bounce_back, table, images, parts, scale, counters
 ):  # fmt: skip
-    """Links of the windows cuts[share] .. cuts[share + 1]: bounce back; what they give to parts[n, 7].
+    """Links of the parts cuts[share] .. cuts[share + 1]: bounce back; what they give to parts.gains.
 
-    These are int64 of 1 / scale[7]: force, torque and the mass that the fluid gains. motion[n, 6]: velocity and angular
-    velocity; e[q, 3], w6[q] = 6 w; solid: flat, of shape[3] with inner[3, 2]; box[3, 2]: nodes behind that count;
-    strides, slots, shifts: `kernels.layout`. open_mass: 1 to count the fluid that the wall sweeps over as momentum (Wen
-    et al., JCP 266 (2014) 161: Galilean invariant on the mean), 0 where covered and uncovered nodes are counted
-    themselves.
+    These are int64 of 1 / scale[7]: force, torque and the mass that the fluid gains. table, images: as
+    `fluid.solid_nodes.Table` and `Images`.
     """
-    table, listed, size = room(radii)
-    work, sums = np.empty(size, np.int32), np.empty(GAINS * N, np.int64)
-    counters[:] = 0
-    further = np.empty((2, listed if REACH[rule] == 2 else 0))
+    inner, reach = nodes.inner, REACH[bounce_back.rule]
+    words, listed, size = room(table.radii)
+    further = np.empty((2, listed if reach == 2 else 0))
+    scratch = Scratch(np.empty(size, np.int32), words, listed, further, np.empty(GAINS * N, np.int64))
+    counters[share] = 0
     for k in range(cuts[share], cuts[share + 1]):
-        m = image[k]
-        g = grain[m]
-        r0, r1 = span(centres[g, 1], radii[g] + 1.0, offset[m, 1], inner[1, 0], inner[1, 1])
-        x0, x1 = span(centres[g, 0], radii[g] + 1.0, offset[m, 0], inner[0, 0], inner[0, 1])
-        sums[:] = 0
+        m = parts.image[k]
+        g, offset = images.grain[m], images.offset[m]
+        centre, radius = table.centres[g], table.radii[g]
+        grain = Grain(centre, radius, np.int32(table.ids[g]), table.motion[g], offset)
+        r0, r1 = span(centre[1], radius + 1.0, offset[1], inner[1, 0], inner[1, 1])
+        x0, x1 = span(centre[0], radius + 1.0, offset[0], inner[0, 0], inner[0, 1])
+        first, planes = parts.first[k], parts.after[k] - parts.first[k]
+        scratch.sums[:] = 0
         for x in range(x0, x1, COLUMNS):
-            window(
-                f, strides, slots, shifts, parity, e, opposite, w6, rule, open_mass, solid, shape, inner, box,
-                first[k], after[k] - first[k], r0, max(r1 - r0, 0), x, min(x1 - x, COLUMNS),
-                centres[g], radii[g], np.int32(ids[g]), motion[g], offset[m], work, table, listed, further,
-                scale, sums, counters,
-            )  # fmt: skip
+            view = View(first, planes, r0, max(r1 - r0, 0), x, min(x1 - x, COLUMNS))
+            links_of(populations, parity, nodes, directions, bounce_back, view, grain, scratch, scale, counters[share])
         for a in range(GAINS):
-            parts[k, a] = sums[a * N : (a + 1) * N].sum()
+            parts.gains[k, a] = scratch.sums[a * N : (a + 1) * N].sum()
 
 
 @njit
-def window(
-    f, strides, slots, shifts, parity, e, opposite, w6, rule, open_mass, solid, shape, inner, box,
-    p, planes, r, rows, x, columns, centre, radius, number, motion, offset, work, table, listed, further,
-    scale, sums, counters,
-):  # fmt: skip
-    """The links of a window that start at the node x, r, p or after it.
+def links_of(populations, parity, nodes, directions, bounce_back, view, grain, scratch, scale, counters):
+    """The links that start at the nodes of a view.
 
     While those of a direction are done, the memory of the next one is on its way.
     """
-    any_lost = look(
-        solid, shape, inner, box, strides, p, planes, r, rows, x, columns, centre, radius, number, offset, work, table
-    )  # fmt: skip
-    here, first = (x - 1, r - 1, p - 1), TABLES * table + LISTS * listed
+    f, strides, slots, _ = populations
+    e, opposite, w6 = directions
+    work, words, listed, _, _ = scratch
+    planes, width, reach = view.planes, view.rows + 2, REACH[bounce_back.rule]
+    any_lost = look(nodes, strides, view, grain, scratch)
+    corner, first = (view.x - 1, view.r - 1, view.p - 1), TABLES * words + LISTS * listed
     now = (first, 0, 0, 0)
     for i in range(1, opposite.size + 1):
         ahead = (first, 0, 0, 0)
         if i < opposite.size:
-            lists, to = first + 3 * listed * (i % 2), e[i, 2] * (rows + 2) + e[i, 1]
-            n, n_free = along(work, table, listed, planes, rows + 2, e[i, 0], to, i % 2 == 1, lists)
+            lists, to = first + 3 * listed * (i % 2), e[i, 2] * width + e[i, 1]
+            n, n_free = along(work, words, listed, planes, width, e[i, 0], to, i % 2 == 1, lists)
             ahead = (lists, n, slots[parity, i] * strides[0], slots[parity, opposite[i]] * strides[0])
             counters[LINKS] += n
-            counters[FALLBACKS] += n - n_free if REACH[rule] else 0
+            counters[FALLBACKS] += n - n_free if reach else 0
             if any_lost:
-                counters[LOST] += lost_along(work, table, planes, rows + 2, e[i, 0], to)
+                counters[LOST] += lost_along(work, words, planes, width, e[i, 0], to)
         if now[1] == 0:
             fetch(f, ahead, 0, ahead[1], work, listed)
         else:
             i -= 1
-            if REACH[rule] == 2:
+            if reach == 2:
                 counters[FALLBACKS] += look_further(
-                    f, strides, slots, shifts, parity, solid, shape, inner, e[i], i, opposite[i], here, work,
-                    now[0] + 2 * listed, now[1], further,
-                )  # fmt: skip
-            bounce(
-                f, now, ahead, work, listed, further, e[i], w6[i], rule, open_mass, here, offset, centre, radius,
-                motion, scale, sums,
-            )  # fmt: skip
+                    populations, parity, nodes, e[i], i, opposite[i], corner, scratch, now[0] + 2 * listed, now[1]
+                )
+            bounce(f, now, ahead, e[i], w6[i], bounce_back, corner, grain, scratch, scale)
         now = ahead
 
 
 @njit
-def look_further(
-    f, strides, slots, shifts, parity, solid, shape, inner, e, i, j, here, work, codes, n, further
-):  # fmt: skip
+def look_further(populations, parity, nodes, e, i, j, corner, scratch, codes, n):
     """Mark the links with two fluid nodes behind them, and get g_i(z) and g_j(y). How many have one only."""
-    short = 0
-    x0, r0, p0 = here
+    short, work, further = 0, scratch.work, scratch.further
+    x0, r0, p0 = corner
     for k in range(n):
         further[0, k], further[1, k] = 0.0, 0.0
-        which = work[codes + k]
-        if which >> FREE:
-            p, r, x = p0 + ((which >> PLANE) & 15), r0 + ((which >> ROW) & 4095), x0 + (which & 63)
-            found, further[0, k], further[1, k] = second_behind(
-                f, strides, slots, shifts, parity, solid, shape, inner, p, r, x, e[0], e[1], e[2], i, j
-            )
-            work[codes + k] = which | np.int32(found) << FURTHER
+        code = work[codes + k]
+        if code >> FREE:
+            node = (x0 + (code & 63), r0 + ((code >> ROW) & 4095), p0 + ((code >> PLANE) & 15))
+            way = (e[0], e[1], e[2])
+            found, further[0, k], further[1, k] = second_behind(populations, parity, nodes, node, way, i, j)
+            work[codes + k] = code | np.int32(found) << FURTHER
             short += not found
     further[:, n : n + N] = further[:, n - 1 : n]  # the last vector is filled up with the last link
     return short
 
 
 @njit
-def bounce(
-    f, now, ahead, work, listed, further, e, weight, rule, open_mass, here, offset, centre, radius, motion, scale,
-    sums,
-):  # fmt: skip
+def bounce(f, now, ahead, e, weight, bounce_back, corner, grain, scratch, scale):
     """The links of the list `now` along e: the wall rule, and 7 sums of N lanes each.
 
-    now, ahead: as `listing.fetch` wants them; the memory of those ahead is fetched meanwhile.
+    now, ahead: as `link_lists.fetch` wants them; the memory of those ahead is fetched meanwhile. corner: the node of
+    the code 0.
     """
     lists, n, slot_i, slot_j = now
+    centre, radius, _, motion, offset = grain
+    work, _, listed, further, sums = scratch
+    rule, open_mass = bounce_back
     way, radius_sq, zero = (float(e[0]), float(e[1]), float(e[2])), radius * radius, splat(F, 0.0)
-    first = (float(here[0] - offset[0]), float(here[1] - offset[1]), float(here[2] - offset[2]))
+    first = (float(corner[0] - offset[0]), float(corner[1] - offset[1]), float(corner[2] - offset[2]))
     middle, speed = (centre[0], centre[1], centre[2]), (motion[0], motion[1], motion[2])
     turn, nears, codes = (motion[3], motion[4], motion[5]), lists + listed, lists + 2 * listed
     for at in (lists, nears, codes):  # the last vector is filled up, see above

@@ -3,22 +3,23 @@
 import numpy as np
 
 from hpcpic.core.simd.compile import njit
-from lbmdem.kernels.grain_rasters import FLUID
-from lbmdem.kernels.layout import arrival, place
+from lbmdem.kernels.layout import place
+from lbmdem.kernels.link_arrays import FLUID, arrival
 
 AVERAGE, LOCAL, NON_EQUILIBRIUM = 0, 1, 2
 CHUNK = 128  # nodes
 
 
 @njit
-def local_node(k, shape, inner):
+def local_node(k, nodes):
     """(x, row, plane) among the own nodes of a flat place in the padded array of nodes."""
+    shape, inner = nodes.shape, nodes.inner
     x = k % shape[0] - inner[0, 0]
     return x, k // shape[0] % shape[1] - inner[1, 0], k // (shape[0] * shape[1]) - inner[2, 0]
 
 
 @njit
-def populations(f, strides, slots, shifts, parity, sizes, edge, x, r, p, h):
+def populations_of(populations, parity, sizes, edge, x, r, p, h):
     """h[q] of a node of this slab, or of the planes below and above it; around the other axes if beyond.
 
     edge[2, q, rows, nx]: the planes below and above, of other ranks; empty when this rank has all planes.
@@ -31,16 +32,16 @@ def populations(f, strides, slots, shifts, parity, sizes, edge, x, r, p, h):
         return
     p %= sizes[2]
     for i in range(h.size):
-        h[i] = f[arrival(strides, slots, shifts, parity, p, r, x, i)]
+        h[i] = populations.f[arrival(populations, parity, p, r, x, i)]
 
 
 @njit
-def copy_plane(f, strides, slots, shifts, parity, p, plane):
+def copy_plane(populations, parity, p, plane):
     """plane[q, 1, rows, nx]: the populations of an own plane."""
     for i in range(plane.shape[0]):
         for r in range(plane.shape[2]):
             for x in range(plane.shape[3]):
-                plane[i, 0, r, x] = f[arrival(strides, slots, shifts, parity, p, r, x, i)]
+                plane[i, 0, r, x] = populations.f[arrival(populations, parity, p, r, x, i)]
 
 
 @njit
@@ -75,26 +76,26 @@ def add_equilibrium(h, e, w, sign, density, ux, uy, uz):
 
 
 @njit
-def outside(place, inner, box):
-    """Whether a node (x, row, plane) of this slab, or beside it, is beyond a face of the box (box[3, 2], padded)."""
+def outside(node, nodes):
+    """True for a node (x, row, plane) of this slab, or beside it, that is beyond a face of the box."""
     for a in range(3):
-        at = place[a] + inner[a, 0]
-        if at < box[a, 0] or at >= box[a, 1]:
+        at = node[a] + nodes.inner[a, 0]
+        if at < nodes.box[a, 0] or at >= nodes.box[a, 1]:
             return True
     return False
 
 
 @njit
-def mean(f, strides, slots, shifts, parity, solid, shape, inner, box, sizes, edge, e, w, mode, k, total):
+def mean(populations, parity, nodes, sizes, edge, e, w, mode, k, total):
     """Mean of the density less one over the fluid neighbours of node k; total[q]: mean of their non-equilibrium."""
-    x, r, p = local_node(k, shape, inner)
-    found, density, h = 0, 0.0, np.empty(w.size)
+    x, r, p = local_node(k, nodes)
+    shape, found, density, h = nodes.shape, 0, 0.0, np.empty(w.size)
     total[:] = 0.0
     for i in range(1, e.shape[0]):
         at = (x + e[i, 0], r + e[i, 1], p + e[i, 2])
         there = k + (e[i, 2] * shape[1] + e[i, 1]) * shape[0] + e[i, 0]
-        if solid[there] == FLUID and not outside(at, inner, box):
-            populations(f, strides, slots, shifts, parity, sizes, edge, *at, h)
+        if nodes.solid[there] == FLUID and not outside(at, nodes):
+            populations_of(populations, parity, sizes, edge, *at, h)
             extra, jx, jy, jz = moments(h, e)
             density += extra
             found += 1
@@ -108,7 +109,7 @@ def mean(f, strides, slots, shifts, parity, solid, shape, inner, box, sizes, edg
 
 @njit
 def beside_others(p, sizes, edge):
-    """Whether nodes beside a plane are other ranks'."""
+    """True where nodes beside a plane are other ranks'."""
     return edge.size > 0 and (p == 0 or p == sizes[2] - 1)
 
 
@@ -125,31 +126,32 @@ def kind_of(p, r, sizes):
 
 
 @njit
-def offsets_of_kinds(strides, slots, shifts, parity, sizes):
+def offsets_of_kinds(populations, parity, sizes):
     """steps[kind, q]: elements from the place of a node in slot 0 to its arrivals."""
-    steps = np.empty((6, slots.shape[1]), np.int64)
+    strides, q = populations.strides, populations.slots.shape[1]
+    steps = np.empty((6, q), np.int64)
     for p in range(max(sizes[2] - 2, 0), sizes[2]):
         for r in (0, min(1, sizes[1] - 1), sizes[1] - 1):
-            for i in range(slots.shape[1]):
-                there = arrival(strides, slots, shifts, parity, p, r, 0, i)
+            for i in range(q):
+                there = arrival(populations, parity, p, r, 0, i)
                 steps[kind_of(p, r, sizes), i] = there - place(strides, p, r)
     return steps
 
 
 @njit
-def fluid_neighbours(strides, solid, shape, inner, box, sizes, edge, e, nodes, where, kinds, after):
+def fluid_neighbours(strides, nodes, sizes, edge, e, uncovered, where, kinds, after):
     """Where the populations of the fluid neighbours of nodes are, but of nodes beside other ranks: elements of slot 0.
 
-    kinds: of their rows; after[n]: the end of those of nodes[n]. How many.
+    kinds: of their rows; after[n]: the end of those of uncovered[n]. Returns how many.
     """
-    count, q = 0, e.shape[0]
+    count, q, solid, shape = 0, e.shape[0], nodes.solid, nodes.shape
     near, to = np.empty(q, np.int64), np.empty(q, np.int64)
     for i in range(q):
         near[i] = (e[i, 2] * shape[1] + e[i, 1]) * shape[0] + e[i, 0]
         to[i] = e[i, 2] * strides[1] + e[i, 1] * strides[2] + e[i, 0]
-    for n in range(nodes.size):
-        k = nodes[n]
-        x, r, p = local_node(k, shape, inner)
+    for n in range(uncovered.size):
+        k = uncovered[n]
+        x, r, p = local_node(k, nodes)
         if 0 < x < sizes[0] - 1 and 1 < r < sizes[1] - 2 and 0 < p < sizes[2] - 2:
             start = place(strides, p, r) + x
             for i in range(1, q):
@@ -161,7 +163,7 @@ def fluid_neighbours(strides, solid, shape, inner, box, sizes, edge, e, nodes, w
                 row, plane = around(at[1], sizes[1]), around(at[2], sizes[2])
                 where[count] = place(strides, plane, row) + around(at[0], sizes[0])
                 kinds[count] = kind_of(plane, row, sizes)
-                count += (solid[k + near[i]] == FLUID) & (not outside(at, inner, box))
+                count += (solid[k + near[i]] == FLUID) & (not outside(at, nodes))
         after[n] = count
     return count
 
@@ -177,25 +179,23 @@ def densities(f, steps, where, kinds, count, sums):
 
 
 @njit
-def fill(
-    f, strides, slots, shifts, parity, solid, shape, inner, box, sizes, edge, e, w, mode, nodes, speed, cuts, share,
-):  # fmt: skip
-    """Give the uncovered nodes[n] of a share the equilibrium with speed[n, 3] and, by mode, the density of their fluid
+def fill(share, fill_cuts, populations, parity, nodes, sizes, edge, e, w, mode, uncovered, speed):
+    """Give the uncovered nodes of a share the equilibrium with speed[n, 3] and, by mode, the density of their fluid
     neighbours, and the non-equilibrium of these.
 
     The mean density is the reference one, 1. Neighbours that are being uncovered too are not asked.
     """
-    h, steps = np.zeros(w.size), offsets_of_kinds(strides, slots, shifts, parity, sizes)
+    h, steps = np.zeros(w.size), offsets_of_kinds(populations, parity, sizes)
     where, kinds = np.empty(CHUNK * w.size, np.int64), np.empty(CHUNK * w.size, np.int64)
     sums, after = np.empty(CHUNK * w.size), np.empty(CHUNK, np.int64)
-    for first in range(cuts[share], cuts[share + 1], CHUNK):
-        chunk = nodes[first : min(first + CHUNK, cuts[share + 1])]
+    for first in range(fill_cuts[share], fill_cuts[share + 1], CHUNK):
+        chunk = uncovered[first : min(first + CHUNK, fill_cuts[share + 1])]
         if mode == LOCAL:  # where all is comes first, so that memory is asked for many nodes at a time
-            count = fluid_neighbours(strides, solid, shape, inner, box, sizes, edge, e, chunk, where, kinds, after)
-            densities(f, steps, where, kinds, count, sums)
+            count = fluid_neighbours(populations.strides, nodes, sizes, edge, e, chunk, where, kinds, after)
+            densities(populations.f, steps, where, kinds, count, sums)
         begin = 0
         for n in range(chunk.size):
-            x, r, p = local_node(chunk[n], shape, inner)
+            x, r, p = local_node(chunk[n], nodes)
             density = 0.0
             if mode == LOCAL and not beside_others(p, sizes, edge):
                 for m in range(begin, after[n]):
@@ -203,19 +203,18 @@ def fill(
                 density /= max(after[n] - begin, 1)
                 begin = after[n]
             elif mode != AVERAGE:
-                density = mean(
-                    f, strides, slots, shifts, parity, solid, shape, inner, box, sizes, edge, e, w, mode, chunk[n], h
-                )  # fmt: skip
+                density = mean(populations, parity, nodes, sizes, edge, e, w, mode, chunk[n], h)
             v = speed[first + n]
             add_equilibrium(h, e, w, 1.0, density, v[0], v[1], v[2])
             for i in range(h.size):
-                f[arrival(strides, slots, shifts, parity, p, r, x, i)] = h[i]
+                populations.f[arrival(populations, parity, p, r, x, i)] = h[i]
             h[:] = 0.0
 
 
 @njit
-def speeds(shape, origin, points, periodic, ids, centres, motion, nodes, owners, speed):
-    """speed[n, 3] of the grain owners[n], at its place now, at nodes[n]; 0 where it is no longer among the ids."""
+def speeds(shape, origin, points, periodic, table, nodes, owners, speed):
+    """speed[n, 3] of the grain owners[n], at its place now, at nodes[n]; 0 where it is no longer in the table."""
+    ids, centres = table.ids, table.centres
     arm = np.empty(3)
     for n in range(nodes.size):
         g = np.searchsorted(ids, owners[n])
@@ -227,19 +226,19 @@ def speeds(shape, origin, points, periodic, ids, centres, motion, nodes, owners,
             at = place[a] + origin[a]
             turns = np.int64(np.rint((at - centres[g, a]) / points[a])) if periodic[a] else 0
             arm[a] = (at - turns * points[a]) - centres[g, a]
-        v, omega = motion[g, :3], motion[g, 3:]
+        v, omega = table.motion[g, :3], table.motion[g, 3:]
         for a in range(3):
             b, c = (a + 1) % 3, (a + 2) % 3
             speed[n, a] = v[a] + (omega[b] * arm[c] - omega[c] * arm[b])
 
 
 @njit
-def read(f, strides, slots, shifts, parity, shape, inner, nodes, values):
-    """values[n, q]: the populations of nodes[n]."""
-    for n in range(nodes.size):
-        x, r, p = local_node(nodes[n], shape, inner)
+def read(populations, parity, nodes, places, values):
+    """values[n, q]: the populations of the nodes at flat places[n]."""
+    for n in range(places.size):
+        x, r, p = local_node(places[n], nodes)
         for i in range(values.shape[1]):
-            values[n, i] = f[arrival(strides, slots, shifts, parity, p, r, x, i)]
+            values[n, i] = populations.f[arrival(populations, parity, p, r, x, i)]
 
 
 @njit
