@@ -14,7 +14,7 @@ from hpcpic.core.space.domain import Domain, even_cuts
 from hpcpic.core.tasks.graph import Pool
 from hpcpic.core.timers import Timers
 from lbmdem.case.config import FluidSection, LbmDemConfig
-from lbmdem.coupling.contact_pressure import Patches
+from lbmdem.coupling.contact_pressure import ContactPressure
 from lbmdem.coupling.driven_grains import DrivenGrains
 from lbmdem.coupling.immersed import Immersed
 from lbmdem.diagnostics import guard, snapshot
@@ -63,8 +63,8 @@ class LbmDem:
         self.immersed = self._immersed(self.fluid) if self.fluid and solid else None
         self.solids_move = grains_move and self.immersed is not None and not frozen
         at_rest = grains_move and self.immersed is not None and frozen
-        patches = Patches(self.fluid, world, table.radius) if self.fluid and at_rest else None
-        solids = self.immersed, patches
+        pressure = ContactPressure(self.fluid, world, table.radius) if self.fluid and at_rest else None
+        solids = self.immersed, pressure
         self.grains = DrivenGrains(scene, world, pool, domain, table, *solids) if grains_move else None
         self.dem = self.grains.dem if self.grains else None
         self.start_solid()
@@ -122,7 +122,7 @@ class LbmDem:
         return x / self.scene.units.dx - 0.5
 
     def step(self) -> None:
-        """From time step n to n + 1."""
+        """Advance by one time step, from n to n + 1."""
         if self.fluid and self.drive:
             with self.timers.section("fluid"):
                 self.drive.apply(self.iteration)  # body force and pressures that change
@@ -203,7 +203,7 @@ class LbmDem:
         return snapshot.state(self.world, len(self.table), self.fluid, self.dem, self.immersed)
 
     def columns(self, reader: Reader) -> Mapping[str, Column]:
-        """What the arrays of a checkpoint of this scene are."""
+        """Types and limits of the arrays of a checkpoint of this scene."""
         return snapshot.columns(reader, len(self.table), self.fluid, self.dem, self.immersed, guard.MAX_DENSITY)
 
     def restore(self, reader: Reader) -> None:
@@ -227,7 +227,7 @@ class LbmDem:
         return snapshot.worst(self.world, self.dem, self.fluid)
 
     def close(self) -> None:
-        """Free what MPI holds (all ranks together)."""
+        """Release what MPI holds. Collective."""
         if self.immersed:
             self.immersed.free()
         if self.fluid:

@@ -2,7 +2,7 @@
 
 Round a contact the gap is thinner than a spacing: nodes of the two grains are neighbours there, with no fluid node in
 between. Real fluid fills that gap at the pressure of its surroundings and pushes the grains apart, so that a pressure
-which falls through a bed acts on the whole of every grain (Terzaghi). Without these patches the grains inside a bed
+which falls through a bed acts on the whole of every grain (Terzaghi). Without this force the grains inside a bed
 feel too little of it, by their share of the cross-section (some 10 % at ten nodes across, of first order in the
 spacing), and those at its ends the rest: the sum over the bed is right either way.
 """
@@ -17,13 +17,13 @@ from lbmdem.fluid.fluid import Fluid
 from lbmdem.kernels.layout import FLUID, storage_order
 from lbmdem.kernels.moments import excesses
 
-ENOUGH = 32  # nodes at which the pressure round a grain is taken
-UNIT = 2.0**44  # sums of excess densities are integers, so that no decomposition shows
-WHOLE = 36.0  # 1 / the smallest weight: weights are whole numbers of it in D2Q9 and D3Q19
+SAMPLE_NODES = 32  # nodes at which the pressure round a grain is taken
+SUM_UNIT = 2.0**44  # sums of excess densities are integers, so that no decomposition shows
+WEIGHTS = 36.0  # 1 / the smallest weight: weights are whole numbers of it in D2Q9 and D3Q19
 
 
-class Patches:
-    """Between grains that stay where they are in the fluid; radius[n] of all of them. All ranks make it together."""
+class ContactPressure:
+    """The force between touching grains that stay where they are in the fluid; radius[n] of all grains. Collective."""
 
     def __init__(self, fluid: Fluid, world: World, radius: NDArray) -> None:
         self._fluid, self._world, self._number = fluid, world, len(radius)
@@ -38,7 +38,7 @@ class Patches:
             self._at_samples()
 
     def _neighbours(self) -> Iterator[tuple[NDArray, NDArray, int]]:
-        """For each direction i: ids of own nodes, ids of the nodes next to them along e[i], i."""
+        """Yield for each direction i the ids of own nodes, those of the nodes next to them along e[i], and i."""
         ids = self._fluid.ids
         flat = self._fluid.lattice.dimensions == 2
         inner = ids[1:-1, :, 1:-1] if flat else ids[1:-1, 1:-1, 1:-1]
@@ -48,7 +48,7 @@ class Patches:
             yield inner, ids[1 + z : ids.shape[0] - 1 + z, rows, 1 + x : ids.shape[2] - 1 + x], i
 
     def _samples(self) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-        """Own fluid nodes [m, 3] next to a grain, and that grain: all, or about ENOUGH, chosen by their place."""
+        """Own fluid nodes [m, 3] next to a grain, and that grain: all, or about SAMPLE_NODES, chosen by their place."""
         found = []
         for here, there, _ in self._neighbours():
             at = np.argwhere((here == FLUID) & (there >= 0))
@@ -59,7 +59,7 @@ class Patches:
         points = self._fluid.domain.points
         place = (rows[:, 1] + low) * points[-1] * points[-2] + rows[:, 2] * points[-1] + rows[:, 3]
         mixed = (place.astype(np.uint64) * np.uint64(0x9E3779B97F4A7C15)) >> np.uint64(40)
-        chosen = mixed % np.maximum(1, count[rows[:, 0]] // ENOUGH).astype(np.uint64) == 0
+        chosen = mixed % np.maximum(1, count[rows[:, 0]] // SAMPLE_NODES).astype(np.uint64) == 0
         return rows[chosen, 1:], rows[chosen, 0]
 
     def _touching(self) -> tuple[NDArray[np.int64], NDArray[np.int64], NDArray[np.int64]]:
@@ -69,7 +69,7 @@ class Patches:
         for here, there, i in self._neighbours():
             on = (here >= 0) & (there >= 0) & (here != there)
             keys.append(here[on].astype(np.int64) * n + there[on])
-            area = np.rint(2.0 * WHOLE * lattice.w[i] * lattice.e[i]).astype(np.int64)
+            area = np.rint(2.0 * WEIGHTS * lattice.w[i] * lattice.e[i]).astype(np.int64)
             areas.append(np.broadcast_to(area, (len(keys[-1]), lattice.dimensions)))
         pairs, back = np.unique(np.concatenate(keys), return_inverse=True)
         total = np.zeros((len(pairs), lattice.dimensions), np.int64)
@@ -80,7 +80,7 @@ class Patches:
         return self._world.sum_int(np.ascontiguousarray(values, np.int64))
 
     def _at_samples(self) -> NDArray[np.float64]:
-        """rho - 1 at the nodes."""
+        """rho - 1 at the sample nodes."""
         fluid, values = self._fluid, np.empty(len(self._nodes))
         layout = fluid.layout
         where = (layout.strides, layout.slots, layout.shifts, layout.positions)
@@ -90,8 +90,8 @@ class Patches:
     def _excess(self) -> NDArray[np.float64]:
         """Mean of rho - 1 round each grain [number]; 0 round one that no fluid touches. Collective."""
         sums = np.zeros(self._number, np.int64)
-        np.add.at(sums, self._owner, np.rint(self._at_samples() * UNIT).astype(np.int64))
-        return self._sum(sums) / UNIT / np.maximum(self._count, 1)
+        np.add.at(sums, self._owner, np.rint(self._at_samples() * SUM_UNIT).astype(np.int64))
+        return self._sum(sums) / SUM_UNIT / np.maximum(self._count, 1)
 
     def forces(self) -> NDArray[np.float64]:
         """Force [number, d] on the grains, lattice units: equal and opposite in every pair. Collective.
@@ -100,7 +100,7 @@ class Patches:
         """
         mean, d = self._excess(), self._fluid.lattice.dimensions
         between = mean[self._low] + (mean[self._high] - mean[self._low]) * self._share
-        excess = np.rint(between * UNIT / WHOLE).astype(np.int64)
+        excess = np.rint(between * SUM_UNIT / WEIGHTS).astype(np.int64)
         sums = np.zeros((self._number, d), np.int64)
         np.add.at(sums, self._first, -self._area * excess[:, None])
-        return self._sum(sums) / UNIT
+        return self._sum(sums) / SUM_UNIT

@@ -9,7 +9,7 @@ from hpcpic.core.comm.world import World
 from hpcpic.core.space.domain import Domain
 from hpcpic.core.tasks.graph import Pool
 from lbmdem.case.config import contact_law
-from lbmdem.coupling.contact_pressure import Patches
+from lbmdem.coupling.contact_pressure import ContactPressure
 from lbmdem.coupling.immersed import Immersed
 from lbmdem.grains.box_walls import box_walls
 from lbmdem.grains.dem import Dem
@@ -20,8 +20,8 @@ from lbmdem.setup.scene import GrainTable, Scene, volumes
 
 
 class DrivenGrains:
-    """The moving grains `dem` of a scene. immersed: the solids of its fluid, patches: contacts of grains that it sees
-    at rest.
+    """The moving grains `dem` of a scene. immersed: the solids of its fluid; pressure: of fluid that it sees at rest,
+    at contacts.
 
     least_film, worst_film: least share of its formula that a film got, in the last step and in all so far.
     """
@@ -34,10 +34,10 @@ class DrivenGrains:
         domain: Domain,
         table: GrainTable,
         immersed: Immersed | None = None,
-        patches: Patches | None = None,
+        pressure: ContactPressure | None = None,
     ) -> None:
         config = scene.config
-        self._scene, self._table, self._immersed, self._patches = scene, table, immersed, patches
+        self._scene, self._table, self._immersed, self._pressure = scene, table, immersed, pressure
         solids_move = immersed is not None and not config.coupling.frozen
         film = None
         if solids_move and config.fluid and config.coupling.lubrication:
@@ -80,8 +80,8 @@ class DrivenGrains:
         torque = np.zeros((len(own), self._table.omega.shape[1]))
         if self._immersed:
             fluid_force, fluid_torque = self._immersed.forces(own)
-            if self._patches:
-                fluid_force = fluid_force + self._patches.forces()[own]
+            if self._pressure:
+                fluid_force = fluid_force + self._pressure.forces()[own]
             force += fluid_force * units.force
             torque += fluid_torque * units.torque
         return force, torque

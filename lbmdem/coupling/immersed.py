@@ -26,23 +26,23 @@ from lbmdem.fluid.surfaces import Bodies, Surfaces, Wall, mark_walls
 from lbmdem.kernels import links as kernels
 from lbmdem.kernels.layout import FLUID, Layout
 
-_SUM_BITS, _FINEST_BITS = 61, 49  # of the sums, and of terms: 2^51 is the largest integer that `to_fixed` makes
-_BLOCKS = 4  # per thread
-_NONE = np.zeros((0, GAINS), np.int64)
-Grains = tuple[NDArray, NDArray, NDArray, NDArray, NDArray]
+SUM_BITS, TERM_BITS = 61, 49  # of the sums, and of terms: 2^51 is the largest integer that `to_fixed` makes
+PARTS = 4  # per thread
+NO_GAINS = np.zeros((0, GAINS), np.int64)
+GrainColumns = tuple[NDArray, NDArray, NDArray, NDArray, NDArray]
 
 
 class Gains(NamedTuple):
-    """What grains gain in a step, and walls when these are among the bodies, in units of 1 / scale: force, torque, and
-    the mass that the fluid gains."""
+    """Force, torque and mass (of the fluid) that grains gain in a step, and walls when these are among the bodies, in
+    units of 1 / scale."""
 
     ids: NDArray[np.int64]
     sums: NDArray[np.int64]
-    walls: NDArray[np.int64] = _NONE
+    walls: NDArray[np.int64] = NO_GAINS
 
 
-class StayGains:
-    """Gains of a step from links that stay, summed when somebody asks, which is before the step after the next one."""
+class FixedGains:
+    """Gains of a step from fixed links, summed when first read, which must be before the step after the next one."""
 
     def __init__(self, links: FixedLinks, pool: Pool, parity: int, scale: NDArray[np.float64]) -> None:
         self.ids = links.bodies.ids
@@ -76,33 +76,34 @@ class Immersed:
         *,
         rule: str = "cli",
         refill: str = "local",
-        fixed: Grains | None = None,
+        fixed: GrainColumns | None = None,
         walls: Sequence[Wall] = (),
     ) -> None:
         self.fluid, self._world, self._pool = fluid, world, pool
         self._rule, self._dimensions = rule, fluid.lattice.dimensions
-        self._blocks = _BLOCKS * pool.threads if pool.threads > 1 else 1
+        self._blocks = PARTS * pool.threads if pool.threads > 1 else 1
         self.window = Window.of(fluid.domain, world.rank, ((1, 1),) * fluid.domain.ndim)
         mark_walls(self.window, fluid.ids, walls, self._dimensions)
         self._solid = Solid(self.window, fluid.ids, pool)
         self.refill = Refill(self.window, fluid, world, refill)
         self._walls = tuple(walls)
-        self._fixed = grain_table(*fixed) if fixed else grain_table(*_no_grains(self._dimensions))
+        self._fixed = sorted_table(*fixed) if fixed else sorted_table(*_no_grains(self._dimensions))
         self._solid.rebuild(self._fixed)
         fluid.solid_changed(fill=False)
-        self._stay = self._link(Bodies(*self._fixed, self._walls))
-        self._set_scale(self._fixed.radii, self._stay)
+        self._fixed_links = self._link(Bodies(*self._fixed, self._walls))
+        self._set_scale(self._fixed.radii, self._fixed_links)
         self.links: MovingLinks | None = None  # to grains, from when they move
         self._table = self._fixed  # of the grains that are linked anew
-        self._gains: list[Gains | StayGains] = []  # of the last step
-        self._earlier: list[Gains | StayGains] = []  # of the one before
+        self._gains: list[Gains | FixedGains] = []  # of the last step
+        self._earlier: list[Gains | FixedGains] = []  # of the one before
         self._gained = 0  # the step that ended with these: passes of several steps count none
-        self._pending = Gains(self._fixed.ids[:0], _NONE)
+        self._pending = Gains(self._fixed.ids[:0], NO_GAINS)
         fluid.hooks.append(self._bounce)
-        if self._stay.far is None and not self.refill.conserving:
-            fluid.carry(self._stay.of_planes, self._stay, self._take)  # until grains move
+        if self._fixed_links.far is None and not self.refill.conserving:
+            fluid.carry(self._fixed_links.of_planes, self._fixed_links, self._take)  # until grains move
 
     def _link(self, bodies: Bodies) -> FixedLinks:
+        """Find the links to bodies that stay, and bind their tasks."""
         links = FixedLinks(self.window, self.fluid.layout, self.fluid.ids, bodies, self._rule)
         if self.refill.conserving:
             links.speed[...] = 0.0  # what they sweep over is not counted
@@ -115,8 +116,8 @@ class Immersed:
         arm = max(radius + 2.0, self._world.max(float(np.abs(stay.arm).max(initial=0.0))))
         linked = int(self._world.sum_int(np.array([stay.count], np.int64))[0])
         links = max(8.0 * (2.0 * radius + 2.0) ** 2, float(linked))
-        bits = [_SUM_BITS - math.ceil(math.log2(4.0 * links * length)) for length in (1.0, arm)]
-        force, torque = (2.0 ** min(b, _FINEST_BITS) for b in bits)
+        bits = [SUM_BITS - math.ceil(math.log2(4.0 * links * length)) for length in (1.0, arm)]
+        force, torque = (2.0 ** min(b, TERM_BITS) for b in bits)
         self._scale = np.array([force] * 3 + [torque] * 3 + [force])
 
     def start(self, ids: NDArray, centres: NDArray, radii: NDArray, velocity: NDArray, omega: NDArray) -> None:
@@ -124,21 +125,21 @@ class Immersed:
 
         From then on all grains are linked at every step, those that stay too: others may come near them.
         """
-        self._table = _merged(self._fixed, grain_table(ids, centres, radii, velocity, omega))
+        self._table = _merged(self._fixed, sorted_table(ids, centres, radii, velocity, omega))
         links = self.links or self._link_anew()
         images = self._solid.rebuild(self._table)
         self.fluid.solid_changed(fill=False)
         links.place(self._table, images)
 
     def _link_anew(self) -> MovingLinks:
-        """From now on all links are looked for at every step. Collective."""
-        del self._stay
+        """Begin to look for all links at every step. Collective."""
+        del self._fixed_links
         self.fluid.carry(None)
         window, layout, ids = self.window, self.fluid.layout, self.fluid.ids
         assert isinstance(layout, Layout)  # nodes of a fluid in which grains move are all held
         open_mass = 0.0 if self.refill.conserving else 1.0
         arena = link_arena(window, layout, self.fluid.f, ids, self._rule, open_mass)
-        walls = Bodies(*grain_table(*_no_grains(self._dimensions)), self._walls)
+        walls = Bodies(*sorted_table(*_no_grains(self._dimensions)), self._walls)
         surfaces = Surfaces(window, self._solid.nodes, walls, Directions(layout.lattice).e, self._dimensions)
         self._wall_links = WallLinks(arena, surfaces, self._blocks)
         self._set_scale(self._table.radii, self._wall_links)
@@ -148,11 +149,11 @@ class Immersed:
         return links
 
     def move(self, ids: NDArray, centres: NDArray, radii: NDArray, velocity: NDArray, omega: NDArray) -> None:
-        """As `start`, from where the grains were; nodes that they uncover are filled. Collective."""
+        """Move the grains of `start` to their new places; nodes that they uncover are filled. Collective."""
         if self.links is None:
             self.start(ids, centres, radii, velocity, omega)
             return
-        self._table = table = _merged(self._fixed, grain_table(ids, centres, radii, velocity, omega))
+        self._table = table = _merged(self._fixed, sorted_table(ids, centres, radii, velocity, omega))
         self.refill.exchange()
         change = self._solid.update(table)
         covered, filled = self.refill.change(self._solid, change, table)
@@ -162,7 +163,7 @@ class Immersed:
             self._pending = self._account(change, covered, filled)
 
     def _account(self, change: Change, covered: NDArray, filled: NDArray) -> Gains:
-        """What grains take from covered nodes and give to uncovered ones: part of the forces of the next step."""
+        """Gains of grains from nodes that they cover and uncover: part of the forces of the next step."""
         table, e = self._table, kernel_axes(self.fluid.lattice.e)
         sums = np.zeros((len(table.ids), GAINS), np.int64)
         parts = ((1.0, change.covered, change.taken_by, covered), (-1.0, change.uncovered, change.left_by, filled))
@@ -179,20 +180,20 @@ class Immersed:
     def _bounce(self, fluid: Fluid, parity: int) -> None:
         """After the sweep: what comes back from the solids at the next step."""
         if self.links is None:
-            self._stay.run(self._pool, parity)
+            self._fixed_links.run(self._pool, parity)
             self._take(fluid.iteration + 1)
         else:
             walls = self._wall_links.run(self._pool, parity)
             self._remember([Gains(self._table.ids, self.links.gains(), walls), self._pending], fluid.iteration + 1)
-            self._pending = Gains(self._table.ids[:0], _NONE)
+            self._pending = Gains(self._table.ids[:0], NO_GAINS)
         if self.refill.conserving:
             self._keep_mass()
 
     def _take(self, iteration: int) -> None:
         """The links that stay have kept what grains gain in the step to this iteration."""
-        self._remember([StayGains(self._stay, self._pool, iteration % 2, self._scale)], iteration)
+        self._remember([FixedGains(self._fixed_links, self._pool, iteration % 2, self._scale)], iteration)
 
-    def _remember(self, gains: list[Gains | StayGains], iteration: int) -> None:
+    def _remember(self, gains: list[Gains | FixedGains], iteration: int) -> None:
         self._earlier, self._gains, self._gained = self._gains, gains, iteration
 
     def _keep_mass(self) -> None:
@@ -226,10 +227,10 @@ class Immersed:
         force, torque = self._physical(self._total(self._last(steps), number))
         return force / steps, torque / steps
 
-    def _last(self, steps: int) -> list[Gains | StayGains]:
+    def _last(self, steps: int) -> list[Gains | FixedGains]:
         return [*self._gains, *(self._earlier if steps == 2 else [])]
 
-    def _total(self, parts: Sequence[Gains | StayGains], number: int) -> NDArray[np.int64]:
+    def _total(self, parts: Sequence[Gains | FixedGains], number: int) -> NDArray[np.int64]:
         sums = np.zeros((number, GAINS), np.int64)
         for part in parts:
             sums[part.ids] += part.sums
@@ -240,7 +241,7 @@ class Immersed:
         force, torque = self._physical(self._of_walls(self._last(steps)))
         return force / steps, torque / steps
 
-    def _of_walls(self, parts: Sequence[Gains | StayGains]) -> NDArray[np.int64]:
+    def _of_walls(self, parts: Sequence[Gains | FixedGains]) -> NDArray[np.int64]:
         found = [part.walls for part in parts if len(part.walls)]
         return self._world.sum_int(sum(found, start=np.zeros((len(self._walls), GAINS), np.int64)))
 
@@ -278,7 +279,7 @@ class Immersed:
     def counts(self) -> dict[str, int]:
         """Links of the last step, those without the nodes of their rule, those lost to another solid. Collective."""
         if self.links is None:
-            here = np.array([self._stay.count, self._stay.fallbacks, 0], np.int64)
+            here = np.array([self._fixed_links.count, self._fixed_links.fallbacks, 0], np.int64)
         else:
             here = self.links.counters.sum(axis=0) + self._wall_links.counters.sum(axis=0)
         total = self._world.sum_int(here)
@@ -286,7 +287,7 @@ class Immersed:
         return {name: int(total[at]) for name, at in names.items()}
 
 
-def grain_table(ids: NDArray, centres: NDArray, radii: NDArray, velocity: NDArray, omega: NDArray) -> Table:
+def sorted_table(ids: NDArray, centres: NDArray, radii: NDArray, velocity: NDArray, omega: NDArray) -> Table:
     """Grains in the order of ids and in the axes of the kernels."""
     order = np.argsort(ids)
     motion = np.hstack((kernel_axes(velocity), kernel_rotation(omega)))
@@ -303,6 +304,6 @@ def _merged(a: Table, b: Table) -> Table:
     return Table(*(np.ascontiguousarray(np.concatenate(pair)[order]) for pair in zip(a, b)))
 
 
-def _no_grains(dimensions: int) -> Grains:
+def _no_grains(dimensions: int) -> GrainColumns:
     rotations = np.zeros((0, 3 if dimensions == 3 else 1))
     return np.zeros(0, np.int64), np.zeros((0, dimensions)), np.zeros(0), np.zeros((0, dimensions)), rotations

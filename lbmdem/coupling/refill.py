@@ -1,4 +1,4 @@
-"""What is done with the populations of nodes that grains cover and uncover.
+"""The populations of nodes that grains cover and uncover.
 
 The paper fills an uncovered node with the equilibrium of the mean density and of the velocity of the grain there
 ("average"; the mean density is the reference one). Others take the density of the fluid neighbours ("local"), and their
@@ -28,7 +28,7 @@ from lbmdem.fluid.solid_nodes import Change, Solid, Table, Window, several_slabs
 from lbmdem.kernels import refill as kernels
 from lbmdem.kernels.link_arrays import Nodes, Populations
 
-_BLOCKS = 4  # per thread
+PARTS = 4  # per thread
 MODES = {
     "average": kernels.AVERAGE,
     "local": kernels.LOCAL,
@@ -48,7 +48,7 @@ class Refill:
         self._fill: Fill | None = None
         if several_slabs(fluid.domain) and MODES[mode] != kernels.AVERAGE:
             self._share_edges()
-        shares = _BLOCKS * fluid.pool.threads if fluid.pool.threads > 1 else 1
+        shares = PARTS * fluid.pool.threads if fluid.pool.threads > 1 else 1
         self._arena = arena = Arena(REFILL, uncovered=64, cuts=shares + 1)
         self._populations = Populations(fluid.f, layout.strides, layout.slots, layout.shifts)
         self._nodes = Nodes(fluid.ids.reshape(-1), window.shape, window.inner, window.box)
@@ -106,7 +106,7 @@ class Refill:
         return covered, filled
 
     def arms(self, nodes: NDArray[np.int64], centres: NDArray[np.float64]) -> NDArray[np.float64]:
-        """From the centres [n, 3], nearest images, to the nodes."""
+        """Vectors [n, 3] to the nodes from the centres [n, 3] of their nearest images."""
         window = self._window
         nx, rows, _ = window.shape
         at = np.column_stack((nodes % nx, nodes // nx % rows, nodes // (nx * rows))) + window.origin

@@ -113,7 +113,7 @@ def state(
 def columns(
     reader: Reader, n_grains: int, fluid: Fluid | None, dem: Dem | None, immersed: Immersed | None, max_density: float
 ) -> dict[str, Column]:
-    """What `state` gives, of fluid of at most this density in lattice units."""
+    """Types and limits of the arrays of `state`; max_density: of the fluid, lattice units."""
     found = {}
     if fluid:
         shape = (*fluid.domain.points, fluid.lattice.q)

@@ -135,7 +135,8 @@ class Solid:
         self._lists = left, left_by, taken, taken_by
         where = (self.nodes, *self._moved, self._counts)
         self._tasks = [
-            bind(grain_rasters.change, *where, share, *(part[share] for part in self._lists)) for share in range(shares)
+            bind(grain_rasters.list_changes, *where, share, *(part[share] for part in self._lists))
+            for share in range(shares)
         ]
 
     def rebuild(self, table: Table) -> Images:
@@ -156,7 +157,7 @@ class Solid:
             images = 2 * (len(was.grain) + len(self.images.grain))
             self._make_room(images, changes)
         old, window = self._table, self.window
-        moved = grain_rasters.pairs(old, was, table, self.images, window.points, window.periodic, *self._moved)
+        moved = grain_rasters.moved_images(old, was, table, self.images, window.points, window.periodic, *self._moved)
         shares = len(self._tasks) if moved > _FEW else 1
         self._counts[:, 0] = np.minimum(np.arange(len(self._counts)) * moved // shares, moved)
         self._counts[:, 1:] = 0
@@ -186,12 +187,12 @@ class Solid:
         number = int(self._counts[:, 1:].sum())
         nodes, own, by = np.empty(number, np.int64), np.empty((2, number), np.int64), np.empty((2, number), np.int32)
         lists = (self._counts, *self._lists)
-        changed, left, taken = grain_rasters.join(self.nodes, *lists, self.window.inner, nodes, own, by)
+        changed, left, taken = grain_rasters.join_lists(self.nodes, *lists, self.window.inner, nodes, own, by)
         self._changed = nodes[:changed]
         return Change(own[0, :left], by[0, :left], own[1, :taken], by[1, :taken])
 
     def settle(self) -> NDArray[np.int64]:
         """The nodes that the last update freed are fluid from now on. Flat places of all that have changed, of ghosts
         too."""
-        grain_rasters.settle(self.nodes, self._changed)
+        grain_rasters.free_left_nodes(self.nodes, self._changed)
         return self._changed

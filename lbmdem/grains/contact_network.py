@@ -1,4 +1,4 @@
-"""What contacts tell: the network, energies and stresses. Sums have the same bits on any number of ranks."""
+"""The network of contacts, energies and stresses. Sums have the same bits on any number of ranks."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -28,7 +28,7 @@ class Contacts:
 
 
 def contacts(dem: Dem) -> Contacts:
-    """Of the last step; a contact of zero overlap is none."""
+    """The contacts of the last step; one of zero overlap is none."""
     grains, pairs, d = dem.grains, dem.list, dem.grains.dimensions
     here = np.flatnonzero((pairs.low < grains.n) & (pairs.lines[:, 7] > 0.0))
     low, high, wall = pairs.low[here], pairs.high[here], here >= pairs.n_grain_slots

@@ -96,7 +96,7 @@ class Dem:
                 )
 
     def _check_start(self) -> None:
-        """A contact whose normal is no vector: ConfigError on all ranks."""
+        """ConfigError on all ranks where a contact has no normal."""
         grains, pairs = self.grains, self.list
         bad = np.flatnonzero(~np.isfinite(pairs.lines[: pairs.n_grain_slots]).all(axis=1))
         if self.world.any(bad.size > 0):
@@ -121,24 +121,20 @@ class Dem:
                      arena["walls"], self._walls_listed)  # fmt: skip
             if self._film.cut_off:
                 self._fastest_film(0.0)  # compiled
-        self._first_half, self._contacts = Graph(), Graph()
-        for part in range(parts):
-            self._first_half.task(self._start, part=part)
-            for touch in self._touch:
-                self._contacts.task(touch, part=part)
-        self._first_half.freeze()
-        self._contacts.freeze()
-        self._second_half = self._graph(parts)
+        self._first_half = self._graph([self._start], [])
+        self._contacts = self._graph(self._touch, [])
+        self._second_half = self._graph(self._touch, self._finish)
 
-    def _graph(self, parts: int) -> Graph:
-        """Contact forces, and what grains make of them when all are there."""
-        graph, lines = Graph(), [(touch.name, part) for touch in self._touch for part in range(parts)]
-        for touch in self._touch:
-            for part in range(parts):
-                graph.task(touch, outs=[(touch.name, part)], part=part)
-        for finish in self._finish:
-            for part in range(parts):
-                graph.task(finish, ins=lines, inouts=[("sums", part)], part=part)
+    def _graph(self, first: list[Bound], then: list[Bound]) -> Graph:
+        """All parts of the first kernels, and when these are done those of the others, one after the other."""
+        graph, parts = Graph(), range(self.arena.sizes["parts"])
+        done = [(bound.name, part) for bound in first for part in parts]
+        for bound in first:
+            for part in parts:
+                graph.task(bound, outs=[(bound.name, part)], part=part)
+        for bound in then:
+            for part in parts:
+                graph.task(bound, ins=done, inouts=[("sums", part)], part=part)
         return graph.freeze()
 
     def _cut(self) -> None:
@@ -156,10 +152,6 @@ class Dem:
             self.arena.set(dt=dt)
 
     # ---- steps
-
-    def verlet(self, dt: float, force: NDArray | None = None, torque: NDArray | None = None) -> None:
-        """Collective: one substep under forces[n, d] (N) and torques[n, 1 or 3] (N m) on own grains."""
-        self.advance(dt, 1, force, torque)
 
     def advance(
         self,
@@ -183,7 +175,7 @@ class Dem:
         self._put_ahead(0.5 * (usual - dt))
 
     def _put_ahead(self, time: float) -> None:
-        """Tangential springs as they are after so much more time (s); contact forces stay."""
+        """Move the tangential springs ahead by a time (s); contact forces stay."""
         if time and self.list.remembers:
             kept = self.list.lines.copy()
             self._set_dt(time)
@@ -191,6 +183,7 @@ class Dem:
             self.list.lines[:] = kept
 
     def _substeps(self, dt: float, count: int, begin: float) -> None:
+        """Do substeps from the time `begin` (s)."""
         self._set_dt(dt)
         if self._serial:
             for first in range(0, count, WALL_SUBSTEPS):
@@ -250,7 +243,7 @@ class Dem:
             self.arena["walls"][:] = wall_rows(self.walls, np.array([time]))[0]
 
     def _renew(self) -> None:
-        """Ghosts at their new places; a new list when a grain may have come from beyond the old one."""
+        """Refresh the ghosts, or list the pairs anew when a grain may have come from beyond the old list."""
         self._age += 1
         moved = self.world.max(distance_moved(self.arena["farthest"]))
         self._check(moved)
@@ -264,11 +257,12 @@ class Dem:
             raise Diverged("a grain's position is not a number")
 
     def rebuild(self) -> None:
-        """Collective: grains to their owners, ghosts, and the list of pairs."""
+        """Collective: send grains to their owners, choose ghosts, and list the pairs."""
         self._tune()
         self._list(self.list.stretched())
 
     def _tune(self) -> None:
+        """Change the skin where the last list was used for few substeps, or for many."""
         if 0 < self._age < YOUNG_LIST:
             self.skin = min(1.25 * self.skin, self._skins[1])
         elif self._age > OLD_LIST:
@@ -286,7 +280,7 @@ class Dem:
         self._cut()
 
     def set_added(self, mass: NDArray, inertia: NDArray) -> None:
-        """Added mass and inertia [n] of own grains: they divide all forces, and make no weight."""
+        """Give own grains added mass and inertia [n], which divide all forces and make no weight."""
         grains, c = self.grains, self.grains.columns
         added = np.zeros((grains.held, 2))
         added[: grains.n, 0], added[: grains.n, 1] = mass, inertia
@@ -311,7 +305,7 @@ class Dem:
         return {f"grains/{name}": Shard(part, low, grains.number) for name, part in grains.state(more).items()}
 
     def state_columns(self, reader: Reader) -> dict[str, Column]:
-        """What the arrays of `state` are: what grains are made of is that of the scene."""
+        """Types and limits of the arrays of `state`; masses, radii and so on are those of the scene."""
         found = {f"grains/{name}": column for name, column in self.grains.state_columns().items()}
         if self.list.remembers:
             n, others = self.grains.number, self.grains.number + len(self.walls)

@@ -32,7 +32,7 @@ COLUMNS: dict[str, tuple[np.dtype, tuple[int, ...]]] = {
     for array in GRAINS
     if array.name != "origin"
 }
-UNIT = 1e-6  # by which a quaternion may miss its length
+QUATERNION_ERROR = 1e-6  # by which a quaternion may miss its length
 STATE = tuple(name for name in COLUMNS if name not in ("id", "given"))
 SPRING = np.dtype([("key", np.int64, (2,)), ("value", np.float64, (3,))])  # that travels with a grain
 
@@ -128,7 +128,7 @@ class Grains:
 
     @property
     def mass(self) -> NDArray[np.float64]:
-        """Of own grains and ghosts, as `fixed` and `inertia` are: kg."""
+        """Mass [m] of own grains and ghosts, kg."""
         return self._constants[:, 0]
 
     @property
@@ -255,7 +255,7 @@ class Grains:
         return by_id(self.world, [(self.ids[: self.n], columns)], layout, self.number)
 
     def state_columns(self) -> dict[str, Column]:
-        """What the arrays of `state` are in a checkpoint. What grains are made of does not change in a run."""
+        """Types and limits of the arrays of `state` in a checkpoint; masses, radii and so on do not change in a run."""
         n, made = self.number, self._made_of
         found = {name: Column(dtype, (n, *shape)) for name, (dtype, shape) in COLUMNS.items() if name in STATE}
         for name in ("mass", "inertia", "fixed"):
@@ -267,7 +267,7 @@ class Grains:
         high[:, 7] = np.where(free, 1.0 / made["mass"], 0.0)  # less with added mass
         high[:, 11] = np.where(free, 1.0 / made["inertia"], 0.0)
         if self.dimensions == 3:
-            low[:, TURN:], high[:, TURN:] = -1.0 - UNIT, 1.0 + UNIT
+            low[:, TURN:], high[:, TURN:] = -1.0 - QUATERNION_ERROR, 1.0 + QUATERNION_ERROR
         found["row"] = replace(found["row"], low=low, high=high)
         found["pull"] = replace(found["pull"], low=0.0, high=1.0)
         return found
@@ -282,7 +282,7 @@ class Grains:
             self.columns[name][:] = arrays[name]
 
     def all_springs(self, springs: Springs) -> Springs:
-        """Collective: those of all ranks when grains are held together."""
+        """Collective: the springs of all ranks where these hold all grains."""
         keys, values = springs
         return (self._gathered(keys), self._gathered(values)) if self.replicated else springs
 

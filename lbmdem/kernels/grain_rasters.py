@@ -66,7 +66,7 @@ def images(centres, radii, margin, origin, shape, points, periodic, grain, offse
 
 
 @njit(inline="always")
-def run(x, h_sq):
+def chord(x, h_sq):
     """First and last node within sqrt(h_sq) of x; the first is above the last when there is none."""
     if h_sq < 0.0:
         return _FAR, -_FAR
@@ -98,14 +98,14 @@ def mark(solid, centres, radii, ids, grain, offset, lost):
             r0, r1 = span(c[1], radius, shift[1], 0, solid.shape[1])
             for r in range(r0, r1):
                 dy = (r - shift[1]) - c[1]
-                a, b = run(c[0], radius * radius - dz * dz - dy * dy)
+                a, b = chord(c[0], radius * radius - dz * dz - dy * dy)
                 start = (p * solid.shape[1] + r) * solid.shape[2]
                 for x in range(max(a + shift[0], 0), min(b + shift[0] + 1, solid.shape[2])):
-                    _claim(flat, start + x, number, ids, lost)
+                    _take(flat, start + x, number, ids, lost)
 
 
 @njit(inline="always")
-def _claim(flat, node, number, ids, lost):
+def _take(flat, node, number, ids, lost):
     """A grain wants a node: a lower id keeps or takes it, and the other one is noted in `lost`."""
     now = flat[node]
     if now in (FLUID, LEFT):
@@ -118,7 +118,7 @@ def _claim(flat, node, number, ids, lost):
 
 
 @njit
-def pairs(old, old_images, table, images, points, periodic, places, shifts, numbers):
+def moved_images(old, old_images, table, images, points, periodic, places, shifts, numbers):
     """Images that are not where they were, of two lists in the order of ids and of offsets; how many.
 
     old, table: grains before and now (`fluid.solid_nodes.Table`). places[m, 2, 4]: centre and squared radius before
@@ -174,7 +174,7 @@ def _same(places, shifts):
 
 
 @njit(inline="always")
-def both(place, shift, axis, low, high):
+def joint_span(place, shift, axis, low, high):
     """Local nodes [first, last + 1) along an axis that an image reaches at its two places, cut to [low, high)."""
     reach = math.sqrt(max(place[0, 3], place[1, 3]))
     first, after = span(place[0, axis], reach, shift[0, axis], low, high)
@@ -184,7 +184,7 @@ def both(place, shift, axis, low, high):
 
 @njit(inline="always")
 def chords(c, shift, p, r):
-    """First and last local node of rows r, r + 1, ... that a grain c = (centre, squared radius) covers; as `run`."""
+    """First and last local node of rows r, r + 1, ... that a grain c = (centre, squared radius) covers; as `chord`."""
     dy = (convert(F, lane_numbers(H)) + float(r - shift[1])) - c[1]
     dz = (p - shift[2]) - c[2]
     h_sq = (c[3] - dz * dz) - dy * dy
@@ -194,16 +194,16 @@ def chords(c, shift, p, r):
 
 
 @njit
-def change(solid, places, shifts, numbers, counts, share, left, left_by, taken, taken_by):
-    """List the nodes that images counts[share, 0] .. counts[share + 1, 0] - 1 of `pairs` leave and take.
+def list_changes(solid, places, shifts, numbers, counts, share, left, left_by, taken, taken_by):
+    """List the nodes that images counts[share, 0] .. counts[share + 1, 0] - 1 of `moved_images` leave and take.
 
     counts[share, 1:]: how many, those for which the lists have no room too.
     """
     n_left, n_taken, ends = 0, 0, np.empty((4, N))
     for m in range(counts[share, 0], counts[share + 1, 0]):
         place, shift, number = places[m], shifts[m], numbers[m]
-        p0, p1 = both(place, shift, 2, 0, solid.shape[0])
-        r0, r1 = both(place, shift, 1, 0, solid.shape[1])
+        p0, p1 = joint_span(place, shift, 2, 0, solid.shape[0])
+        r0, r1 = joint_span(place, shift, 1, 0, solid.shape[1])
         for p in range(p0, p1):
             for low in range(r0, r1, N):
                 a, b = chords(place[0], shift[0], p, low)
@@ -257,12 +257,12 @@ def claim(solid, ids, counts, left, left_by, taken, taken_by, lost):
             if flat[node] == FLUID:
                 taken[share, kept], taken_by[share, kept] = node, number
                 kept += 1
-            _claim(flat, node, number, ids, lost)
+            _take(flat, node, number, ids, lost)
         counts[share, 2] = kept
 
 
 @njit
-def join(solid, counts, left, left_by, taken, taken_by, inner, nodes, own, own_by):
+def join_lists(solid, counts, left, left_by, taken, taken_by, inner, nodes, own, own_by):
     """The lists of all shares as one: nodes[n] that are LEFT or taken, and which of them are no ghosts.
 
     own[0, :a], own_by[0, :a]: those that are LEFT and by which id; own[1, :b] and so on: taken. Returns n, a, b.
@@ -278,15 +278,15 @@ def join(solid, counts, left, left_by, taken, taken_by, inner, nodes, own, own_b
                 nodes[count] = node
                 count += 1
                 p, r = node // (solid.shape[1] * solid.shape[2]), node // solid.shape[2] % solid.shape[1]
-                if within(node % solid.shape[2], r, p, inner):
+                if is_own(node % solid.shape[2], r, p, inner):
                     own[kind, kept[kind]], own_by[kind, kept[kind]] = node, owners[share, k]
                     kept[kind] += 1
     return count, kept[0], kept[1]
 
 
 @njit
-def settle(solid, nodes):
-    """Those of the nodes that are LEFT are fluid from now on."""
+def free_left_nodes(solid, nodes):
+    """Make those of the nodes that are LEFT fluid."""
     flat = solid.reshape(-1)
     for node in nodes:
         if flat[node] == LEFT:
@@ -294,7 +294,7 @@ def settle(solid, nodes):
 
 
 @njit
-def within(x, r, p, inner):
-    """Whether a local node is no ghost."""
+def is_own(x, r, p, inner):
+    """True for a local node that is no ghost."""
     along = inner[0, 0] <= x < inner[0, 1] and inner[1, 0] <= r < inner[1, 1]
     return along and inner[2, 0] <= p < inner[2, 1]

@@ -1,6 +1,6 @@
 """Lists of the links of a grain that moves, from words with a bit for each column of its rows; compiled.
 
-A grain is seen through a window of planes, rows and columns of nodes. Every row of it has words of 32 bits: nodes that
+A grain is seen through a view of planes, rows and columns of nodes. Every row of it has words of 32 bits: nodes that
 the grain has, nodes of the fluid. The links along e are the bits of the fluid that meet the grain's bits of the row
 that e points to, moved back by e. Rows with links wait in a queue: each gives one link when its turn comes, a vector
 of rows at a time, and goes to the end of the queue if it has more. All is held in one line of int32, `work`: tables of
@@ -33,18 +33,18 @@ from lbmdem.kernels.gather_scatter import first_bits, side_by_side
 from lbmdem.kernels.layout import place
 from lbmdem.kernels.link_arrays import FLUID
 
-PLANES, COLUMNS = 12, 28  # of a window at most, without the nodes beside it
+PLANES, COLUMNS = 12, 28  # of a view at most, without the nodes beside it
 N, M = lanes(np.float64), lanes(np.int32)
 F, L, H, I = Vec(N, np.float64), Vec(N, np.int64), Vec(N, np.int32), Vec(M, np.int32)
 PAD = 2 * M  # words before and after a table
-STARTS, FLUIDS, MINE, LOSTS, HERE, CODES, TABLES = range(7)  # of rows, see `look`
+STARTS, FLUIDS, MINE, LOSTS, HERE, CODES, TABLES = range(7)  # of rows, see `fill_tables`
 LINKS, BEHIND, OUTS, NEARS, WHICH, LISTS = range(6)  # columns of the queue, and the first of two times three lists
 ROW, PLANE, FURTHER, FREE = 6, 18, 29, 30  # bits of the code of a link: column, row, plane; are z, y fluid?
 
 
 @njit
-def room(radii):
-    """Words of a table, of a list, and of all, which is enough for windows of these grains."""
+def scratch_sizes(radii):
+    """Words of a table, of a list, and of all of `work`, enough for views of grains of these radii."""
     height = 0
     for g in range(radii.size):
         height = max(height, np.int64(2.0 * radii[g]) + 7)
@@ -53,7 +53,7 @@ def room(radii):
 
 
 @njit
-def look(nodes, strides, view, grain, scratch):
+def fill_tables(nodes, strides, view, grain, scratch):
     """Fill the tables of the rows r - 1 .. of the planes p - 1 .. of a view; bit b is the column x - 1 + b.
 
     STARTS: nodes where links start; FLUIDS: of the fluid; MINE: the grain's; LOSTS: within it, but of others; HERE:
@@ -133,7 +133,7 @@ def nodes_of(solid, shape, plane, row, rows, x, columns, number, work, table, at
 def chords(of_plane, centre, offset, x0, last, r0, rows, work, at):
     """Words of rows from r0 on with the bits 0 .. last of the columns from x0 on that are within the grain.
 
-    of_plane: radius^2 less the square of the plane's distance. The same nodes as `runs.run` finds.
+    of_plane: radius^2 less the square of the plane's distance. They are those that `grain_rasters.chord` finds.
     """
     x, shift = splat(F, centre[0]), float(offset[0] - x0)
     for r in range(0, rows, N):
@@ -147,8 +147,8 @@ def chords(of_plane, centre, offset, x0, last, r0, rows, work, at):
 
 
 @njit
-def along(work, table, listed, planes, width, ex, to, upwards, lists):
-    """List the links along an e of a window whose planes have `width` rows: see `serve`.
+def list_links(work, table, listed, planes, width, ex, to, upwards, lists):
+    """List the links along an e of a view whose planes have `width` rows: see `empty_queue`.
 
     to: rows from a node's to that which e points to; upwards: e points to larger storage indices.
     """
@@ -162,21 +162,21 @@ def along(work, table, listed, planes, width, ex, to, upwards, lists):
     end = begin
     for at in range(PAD + width, PAD + (planes + 1) * width, M):
         links = load(I, work, starts + at) & ((load(I, work, mine + at) << left) >> right)
-        some = links != np.int32(0)
-        found = bitmask(some)
+        linked = links != np.int32(0)
+        found = bitmask(linked)
         if found:
             behind = (load(I, work, fluids + at) << right) >> left
-            store(work, end, side_by_side(links, some))
-            store(work, end + BEHIND * listed, side_by_side(behind, some))
-            store(work, end + OUTS * listed, side_by_side(load(I, work, out + at) + shift_out, some))
-            store(work, end + NEARS * listed, side_by_side(load(I, work, near + at) + shift_near, some))
-            store(work, end + WHICH * listed, side_by_side(load(I, work, CODES * table + at), some))
+            store(work, end, side_by_side(links, linked))
+            store(work, end + BEHIND * listed, side_by_side(behind, linked))
+            store(work, end + OUTS * listed, side_by_side(load(I, work, out + at) + shift_out, linked))
+            store(work, end + NEARS * listed, side_by_side(load(I, work, near + at) + shift_near, linked))
+            store(work, end + WHICH * listed, side_by_side(load(I, work, CODES * table + at), linked))
             end += count_bits(found)
-    return serve(work, begin, end, listed, lists)
+    return empty_queue(work, begin, end, listed, lists)
 
 
 @njit(inline="always")
-def serve(work, k, end, listed, lists):
+def empty_queue(work, k, end, listed, lists):
     """List a link of each row in the queue from k to the end, until there are none.
 
     Three lists: the elements in a slot of what goes out and of what is behind, and codes. How many links, and how many
@@ -210,8 +210,8 @@ def serve(work, k, end, listed, lists):
 
 
 @njit(inline="always")
-def fetch(f, ahead, k, after, work, listed):
-    """Get the memory of the links k to `after` of a list on its way. ahead: the list, how many, slots of i and of j."""
+def prefetch_links(f, ahead, k, after, work, listed):
+    """Prefetch the populations of the links k to `after` of a list. ahead: the list, how many, slots of i and of j."""
     lists, n, slot_i, slot_j = ahead
     size, to_i, to_j = f.itemsize, address_of(f, slot_i), address_of(f, slot_j)
     for m in range(lists + k, lists + min(after, n)):
@@ -223,8 +223,8 @@ def fetch(f, ahead, k, after, work, listed):
 
 
 @njit
-def lost_along(work, table, planes, width, ex, to):
-    """Links along e that go to nodes within the grain that others have."""
+def count_lost(work, table, planes, width, ex, to):
+    """Number of links along e that end at nodes within the grain that other grains have."""
     count = 0
     for at in range(PAD + width, PAD + (planes + 1) * width):
         met = (np.int64(work[LOSTS * table + at + to]) << (ex < 0)) >> (ex > 0)

@@ -1,6 +1,6 @@
 """Links of grains that move, found anew at every step; compiled.
 
-Each window of a grain is looked at once, and for each direction its links are listed (`kernels.listing`) and done a
+Each view of a grain is looked at once, and for each direction its links are listed (`kernels.link_lists`) and done a
 vector at a time (`bounce`). All terms of the sums are rounded to integers, so that the sums do not depend on their
 order.
 """
@@ -35,11 +35,11 @@ from lbmdem.kernels.link_lists import (
     PLANES,
     ROW,
     TABLES,
-    along,
-    fetch,
-    look,
-    lost_along,
-    room,
+    count_lost,
+    fill_tables,
+    list_links,
+    prefetch_links,
+    scratch_sizes,
 )
 from lbmdem.kernels.links import FALLBACKS, LINKS, LOST, second_behind
 from lbmdem.physics.wall_rules import REACH, applicable, halfway, returned
@@ -91,7 +91,7 @@ def moving_links(
     `fluid.solid_nodes.Table` and `Images`.
     """
     inner, reach = nodes.inner, REACH[bounce_back.rule]
-    words, listed, size = room(table.radii)
+    words, listed, size = scratch_sizes(table.radii)
     further = np.empty((2, listed if reach == 2 else 0))
     scratch = Scratch(np.empty(size, np.int32), words, listed, further, np.empty(GAINS * N, np.int64))
     counters[share] = 0
@@ -121,21 +121,21 @@ def links_of(populations, parity, nodes, directions, bounce_back, view, grain, s
     e, opposite, w6 = directions
     work, words, listed, _, _ = scratch
     planes, width, reach = view.planes, view.rows + 2, REACH[bounce_back.rule]
-    any_lost = look(nodes, strides, view, grain, scratch)
+    any_lost = fill_tables(nodes, strides, view, grain, scratch)
     corner, first = (view.x - 1, view.r - 1, view.p - 1), TABLES * words + LISTS * listed
     now = (first, 0, 0, 0)
     for i in range(1, opposite.size + 1):
         ahead = (first, 0, 0, 0)
         if i < opposite.size:
             lists, to = first + 3 * listed * (i % 2), e[i, 2] * width + e[i, 1]
-            n, n_free = along(work, words, listed, planes, width, e[i, 0], to, i % 2 == 1, lists)
+            n, n_free = list_links(work, words, listed, planes, width, e[i, 0], to, i % 2 == 1, lists)
             ahead = (lists, n, slots[parity, i] * strides[0], slots[parity, opposite[i]] * strides[0])
             counters[LINKS] += n
             counters[FALLBACKS] += n - n_free if reach else 0
             if any_lost:
-                counters[LOST] += lost_along(work, words, planes, width, e[i, 0], to)
+                counters[LOST] += count_lost(work, words, planes, width, e[i, 0], to)
         if now[1] == 0:
-            fetch(f, ahead, 0, ahead[1], work, listed)
+            prefetch_links(f, ahead, 0, ahead[1], work, listed)
         else:
             i -= 1
             if reach == 2:
@@ -182,11 +182,11 @@ def bounce(f, now, ahead, e, weight, bounce_back, corner, grain, scratch, scale)
     for at in (lists, nears, codes):  # the last vector is filled up, see above
         store(work, at + n, splat(H, work[at + n - 1]))
     for k in range(0, n, N):
-        fetch(f, ahead, k, k + N, work, listed)
+        prefetch_links(f, ahead, k, k + N, work, listed)
         code = load(H, work, codes + k)
         q, arm = crossing(code, first, middle, way, radius_sq)
-        wall = swept_by(arm, speed, turn)
-        push = along_way(wall, way) * weight
+        wall = wall_velocity(arm, speed, turn)
+        push = dot(wall, way) * weight
         out, outwards = gather(F, f, slot_i, work, lists + k), gather(F, f, slot_j, work, nears + k)
         behind = gather(F, f, slot_i, work, nears + k)
         v = returned(applicable(rule, 1), q, out, behind, outwards, zero, zero, push)
@@ -198,14 +198,14 @@ def bounce(f, now, ahead, e, weight, bounce_back, corner, grain, scratch, scale)
         scatter(f, slot_j, work, lists + k, v)
         linked = lane_numbers(L) < n - k
         out, v = select(linked, out, zero), select(linked, v, zero)
-        for a, term in enumerate(given(out + v, out - v, open_mass, way, wall, arm)):
+        for a, term in enumerate(gains_of(out + v, out - v, open_mass, way, wall, arm)):
             store(sums, a * N, load(L, sums, a * N) + to_fixed(term, scale[a]))
-    fetch(f, ahead, (n + N - 1) // N * N, ahead[1], work, listed)
+    prefetch_links(f, ahead, (n + N - 1) // N * N, ahead[1], work, listed)
 
 
 @njit(inline="always")
-def along_way(a, way):
-    """Dot product."""
+def dot(a, way):
+    """Scalar product of three components."""
     return fma(a[0], way[0], fma(a[1], way[1], a[2] * way[2]))
 
 
@@ -216,15 +216,15 @@ def crossing(code, first, middle, way, radius_sq):
     dy = (convert(F, (code >> ROW) & np.int32(4095)) + first[1]) - middle[1]
     dz = (convert(F, (code >> PLANE) & np.int32(15)) + first[2]) - middle[2]
     d_sq = fma(dx, dx, fma(dy, dy, dz * dz)) - radius_sq
-    b, e_sq = along_way((dx, dy, dz), way), way[0] * way[0] + way[1] * way[1] + way[2] * way[2]
+    b, e_sq = dot((dx, dy, dz), way), way[0] * way[0] + way[1] * way[1] + way[2] * way[2]
     q = (b + sqrt(maximum(fma(b, b, -d_sq * e_sq), 0.0))) * (-1.0 / e_sq)
     q = minimum(maximum(q, 0.0), 1.0)
     return q, (fma(q, way[0], dx), fma(q, way[1], dy), fma(q, way[2], dz))
 
 
 @njit(inline="always")
-def swept_by(arm, speed, turn):
-    """Velocity of the wall."""
+def wall_velocity(arm, speed, turn):
+    """Velocity of the wall at the arm from the middle of the grain; turn: angular velocity."""
     (x, y, z), (wx, wy, wz) = arm, turn
     return (
         fma(z, wy, fma(y, -wz, speed[0])),
@@ -234,7 +234,7 @@ def swept_by(arm, speed, turn):
 
 
 @njit(inline="always")
-def given(give, keep, open_mass, way, wall, arm):
+def gains_of(give, keep, open_mass, way, wall, arm):
     """Force, torque and mass that a grain gains, the mass with the sign of the fluid's."""
     (x, y, z), swept = arm, keep * open_mass
     fx = fma(give, way[0], -(swept * wall[0]))

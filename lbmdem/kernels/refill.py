@@ -140,7 +140,7 @@ def offsets_of_kinds(populations, parity, sizes):
 
 @njit
 def fluid_neighbours(strides, nodes, sizes, edge, e, uncovered, where, kinds, after):
-    """Where the populations of the fluid neighbours of nodes are, but of nodes beside other ranks: elements of slot 0.
+    """Find the populations of the fluid neighbours of nodes, but of nodes beside other ranks: elements of slot 0.
 
     kinds: of their rows; after[n]: the end of those of uncovered[n]. Returns how many.
     """

@@ -1,4 +1,4 @@
-"""The pressure between grains that touch: what links and patches give together."""
+"""The pressure between grains that touch: what links and contacts give together."""
 
 import numpy as np
 import pytest
@@ -6,7 +6,7 @@ import pytest
 from hpcpic.core.comm.world import World
 from hpcpic.core.space.domain import Domain, even_cuts
 from hpcpic.core.tasks.graph import Pool
-from lbmdem.coupling.contact_pressure import Patches
+from lbmdem.coupling.contact_pressure import ContactPressure
 from lbmdem.coupling.immersed import Immersed
 from lbmdem.fluid.fluid import Fluid
 from lbmdem.physics.velocity_sets import CS2, D2Q9, D3Q19
@@ -42,7 +42,7 @@ def scene(world, pool, lattice):
     fluid = Fluid(world, pool, domain, lattice, tau=0.8)
     still = np.zeros((3, d)), np.zeros((3, 1 if d == 2 else 3))
     solids = Immersed(fluid, world, pool, fixed=(np.arange(3), column(lattice), RADII, *still))
-    return fluid, solids, Patches(fluid, world, RADII)
+    return fluid, solids, ContactPressure(fluid, world, RADII)
 
 
 @LATTICES
