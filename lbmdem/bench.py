@@ -26,7 +26,7 @@ from lbmdem.configure import configure
 from lbmdem.coupling.immersed import Immersed
 from lbmdem.fluid.fluid import Fluid
 from lbmdem.forecast.node_shares import Shares
-from lbmdem.forecast.plan import VELOCITIES, link_count
+from lbmdem.forecast.plan import link_count
 from lbmdem.kernels.layout import FLUID
 from lbmdem.kernels.sweep import MIXED, SKIP
 from lbmdem.physics.velocity_sets import D2Q9, D3Q19, Lattice
@@ -68,7 +68,7 @@ def bench(quick: bool) -> Mapping[str, float]:
             rates |= sparse_rates(world, pool, others, rates)
             for d in (2, 3):
                 rates |= moving_rates(world, pool, d)
-    moved = {"mlups_bytes D3Q19 double": 2 * 8 * VELOCITIES["D3Q19"]}  # read and written in place
+    moved = {"mlups_bytes D3Q19 double": 2 * 8 * D3Q19.q}  # read and written in place
     return rates | {"cores": cores} | moved
 
 
@@ -88,7 +88,7 @@ def box(
     return Fluid(world, pool, domain, lattice, tau=0.8, storage=storage, **kind)
 
 
-def together(fluid: Fluid) -> Callable[[], None]:
+def together(fluid: Fluid) -> Callable[[], Any]:
     """A step, as one of several per pass over memory, of those before which nobody asks for forces."""
     return lambda: [fluid.leap(2 * fluid.depth) for _ in range(2)]
 
@@ -99,7 +99,7 @@ def per_step(seconds: float, fluid: Fluid) -> float:
 
 def sweep_rates(world: World, pool: Pool, others: list[Pool], quick: bool) -> dict[str, float]:
     """Million node updates per second, one step per pass over memory; how much faster several are, and all cores."""
-    rates = {}
+    rates: dict[str, float] = {}
     for lattice in (D3Q19, D2Q9)[: 1 if quick else None]:
         name, shape = lattice.name, SHAPES[lattice.name]
         fluids = [box(world, each, lattice, shape) for each in (pool, *(others if lattice is D3Q19 else []))]
@@ -120,7 +120,8 @@ def sweep_rates(world: World, pool: Pool, others: list[Pool], quick: bool) -> di
 
 def cached_rates(world: World, pool: Pool) -> dict[str, float]:
     """What a launch takes, and what a body force and central moments add to a sweep."""
-    kinds = {"plain": {}, "force": {"force": (1e-6, 0.0, 0.0)}, "central": {"collision": "central"}}
+    kinds: dict[str, dict[str, Any]] = {"plain": {}, "force": {"force": (1e-6, 0.0, 0.0)}}
+    kinds["central"] = {"collision": "central"}
     fluids = {name: box(world, pool, D3Q19, CACHED, **kind) for name, kind in kinds.items()}
     spent = in_turn({name: together(fluid) for name, fluid in fluids.items()}, 2 * ROUNDS[False])
     tiny = box(world, pool, D2Q9, TINY)
@@ -131,7 +132,7 @@ def cached_rates(world: World, pool: Pool) -> dict[str, float]:
     return rates | {"forced": forced, "central": central}
 
 
-def bed(apart: int) -> tuple[np.ndarray, ...]:
+def bed(apart: int) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
     """Spheres at rest, as Immersed takes them."""
     centres = np.stack(np.meshgrid(*[np.arange(0, SIDE, apart) + 0.3] * 3), axis=-1).reshape(-1, 3)
     still = np.zeros((len(centres), 3))
@@ -202,7 +203,9 @@ class Moving:
         self.config = configure(loads(text))
         self.app = LbmDem(self.config, world, pool, Timers())
         self.n, self.links = across**d, link_count(self.config)
-        self.app.fluid.hooks = [partial(self.timed, hook) for hook in self.app.fluid.hooks]
+        assert self.app.fluid and self.app.immersed and self.app.immersed.links
+        self.fluid, self.immersed, self.link_tasks = self.app.fluid, self.app.immersed, self.app.immersed.links
+        self.fluid.hooks = [partial(self.timed, hook) for hook in self.fluid.hooks]
         self.parts: dict[str, list[float]] = {"step": [], "links": []}
         self._hooks = 0.0
 
@@ -214,7 +217,7 @@ class Moving:
     def links_alone(self) -> float:
         """They are done with the sweep: seconds of doing them once more, which changes the fluid, but not its cost."""
         begin = perf_counter()
-        self.app.pool.each(self.app.immersed.links.tasks(self.app.fluid.parity))
+        self.app.pool.each(self.link_tasks.tasks(self.fluid.parity))
         return perf_counter() - begin
 
     def step(self) -> None:
@@ -279,8 +282,8 @@ def bench_ranks(quick: bool, world: World) -> Mapping[str, float]:
         spent = in_turn({"slabs": slabs.step, "tiny": tiny.step}, ROUNDS[quick], 100)
         in_turn({"alone": alone.step, "all": all_ranks.step}, ROUNDS[quick], 40)
         deep = Moving(world, pool, 3, *GRAINS[3]["one"], size=CONSERVING)
-        planes = in_turn({"planes": deep.app.immersed.refill.exchange}, ROUNDS[quick])["planes"]
-        plane_values = 2 * CONSERVING**2 * VELOCITIES["D3Q19"]
+        planes = in_turn({"planes": deep.immersed.refill.exchange}, ROUNDS[quick])["planes"]
+        plane_values = 2 * CONSERVING**2 * D3Q19.q
         message = world.max(spent["slabs"] - spent["tiny"])
         parts = alone.usual("fluid") / world.size + alone.usual("grains") + alone.usual("solid")
         grains = world.max(all_ranks.usual("step") - parts)

@@ -273,7 +273,7 @@ def decays(collision: str, tau: float) -> bool:
 
 
 def fluid_rows() -> Iterator[Row]:
-    from lbmdem.physics.relaxation import GRID_REYNOLDS
+    from lbmdem.physics.collision import COLLISIONS
 
     wave = partial(decays, "BGK")
     yield Row("lbmdem", "BGK, a shear wave decays", "tau", lambda: 0.5, wave, WIDTH - 1.0, above=True)
@@ -284,7 +284,8 @@ def fluid_rows() -> Iterator[Row]:
     for collision in ("BGK", "TRT"):
         for mach in (0.05, 0.1, 0.2):
             yield Row("lbmdem", f"{collision}, shear layers, Ma {mach:g}", "u dx/nu",
-                      partial(GRID_REYNOLDS.get, collision), partial(layers_stable, collision, mach), None)  # fmt: skip
+                      partial(getattr, COLLISIONS[collision], "grid_reynolds"),
+                      partial(layers_stable, collision, mach), None)  # fmt: skip
 
 
 # ---------------------------------------------------------------------------------------------------------- plasma

@@ -109,7 +109,7 @@ def _draw_grains(axis: Any, columns: dict[str, np.ndarray], dimensions: int) -> 
     if dimensions == 2:
         ends = np.stack([np.cos(columns["angle"]), np.sin(columns["angle"])], axis=1) * r[:, None]
         lines = np.stack([x[:, :2] - ends, x[:, :2] + ends], axis=1)
-        axis.add_collection(LineCollection(lines, color="white", linewidth=1.2))
+        axis.add_collection(LineCollection(list(lines), color="white", linewidth=1.2))
 
 
 def contacts(run: Run, step: int | None = None) -> Figure:
@@ -137,7 +137,7 @@ def contacts(run: Run, step: int | None = None) -> Figure:
         axes.add_collection(PatchCollection(circles, facecolor="none", edgecolor=INK, linewidth=0.4, alpha=0.5))
         mean = float(force @ share / share.sum())
         widths = 2.0 * force / mean
-        axes.add_collection(LineCollection(ends[:, :, [0, up]], linewidths=widths, color=COLOURS[1]))
+        axes.add_collection(LineCollection(list(ends[:, :, [0, up]]), linewidths=widths, color=COLOURS[1]))
         axes.set(xlim=(0, width), ylim=(0, height), aspect="equal", xlabel="x, m", ylabel=f"{AXES[up]}, m")
         axes.grid(visible=False)
         unit = "N/m" if config.dimensions == 2 else "N"

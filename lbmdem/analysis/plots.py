@@ -126,11 +126,11 @@ def _between_plates(config: LbmDemConfig, y: np.ndarray, floor: float) -> np.nda
         return None
     if any(face.type != "wall" for face in config.boundary):
         return None
-    speeds = {face.face: face.velocity[0] for face in config.boundary if face.type == "wall"}
-    length, a = config.domain.size[-1] - floor, config.fluid.body_force[0]
+    speeds: dict[str, float] = {face.face: face.velocity[0] for face in config.boundary if face.type == "wall"}
+    length, a = config.domain.size[-1] - floor, config.liquid.body_force[0]
     low, high = 0.0 if floor else speeds.get(f"{axis}-", 0.0), speeds.get(f"{axis}+", 0.0)
     y = y - floor
-    return 0.5 * a / config.fluid.kinematic_viscosity * y * (length - y) + low + (high - low) * y / length
+    return 0.5 * a / config.liquid.kinematic_viscosity * y * (length - y) + low + (high - low) * y / length
 
 
 def permeability(run: Run, step: int | None = None) -> Figure:
@@ -186,8 +186,8 @@ def stress(run: Run, step: int | None = None) -> Figure:
     )
     bed = _bed(run, config)
     stresses, pressures = values[:count], values[count:]
-    gradient = gradient_inside(pressures, bed.middles, config.fluid.density * math.hypot(*config.gravity))
-    ratio = config.grains[0].density / config.fluid.density
+    gradient = gradient_inside(pressures, bed.middles, config.liquid.density * math.hypot(*config.gravity))
+    ratio = config.grains[0].density / config.liquid.density
     critical = critical_gradient(ratio, bed.porosity_inside)
     met, rest = meeting(gradient, stresses)
     _, force = columns_of(run, f"force_{config.grains[0].name}_{'xyz'[up]}")
@@ -196,8 +196,8 @@ def stress(run: Run, step: int | None = None) -> Figure:
         figure, axes = new_figure(size=(6.6, 4.6))
         fits = lines(gradient, stresses)
         bottom, ends = fits[0, 1], np.array([0.0, 1.04 * critical])
-        for k, (values, (slope, offset)) in enumerate(zip(stresses, fits)):
-            axes.plot(gradient, values / bottom, "o", markersize=4, color=COLOURS[k], label=f"slice {k + 1}")
+        for k, (points, (slope, offset)) in enumerate(zip(stresses, fits)):
+            axes.plot(gradient, points / bottom, "o", markersize=4, color=COLOURS[k], label=f"slice {k + 1}")
             axes.plot(ends, (offset + slope * ends) / bottom, color=COLOURS[k], linewidth=1.0)
         axes.axvline(critical, ymax=0.72, label="critical gradient", **THEORY)
         axes.text(
@@ -231,7 +231,7 @@ def _bed(run: Run, config: LbmDemConfig) -> Bed:
     low, high, area = float((z - r).min()), float((z + r).max()), math.prod(config.domain.size[:2])
     middle = centres(slice_edges(low, high, 2.0 * float(r.max()), config.output.stress_slices))
     solid = float((4.0 / 3.0 * math.pi * r**3).sum())
-    heavier = (config.grains[0].density - config.fluid.density) * math.hypot(*config.gravity)
+    heavier = (config.grains[0].density - config.liquid.density) * math.hypot(*config.gravity)
     inside = porosity_between(z, r, middle[0], middle[-1], area)
     return Bed(1.0 - solid / (area * (high - low)), inside, middle, heavier * solid)
 

@@ -141,6 +141,27 @@ class GrainSet(Section):
     velocity: Vector = setting((), "at the start; of fixed grains always", "m/s")
     angular_velocity: Vector = setting((), "[wz] in 2D, [wx, wy, wz] in 3D", "rad/s")
 
+    @property
+    def law(self) -> Diameters:
+        """The law of diameters of a set that has no single diameter."""
+        assert self.diameters is not None
+        return self.diameters
+
+    @property
+    def smallest_diameter(self) -> float:
+        """Of the smallest grain, m."""
+        return self.law.min if self.diameter is None else self.diameter
+
+    @property
+    def largest_diameter(self) -> float:
+        """Of the largest grain, m."""
+        return self.law.max if self.diameter is None else self.diameter
+
+    @property
+    def count(self) -> int:
+        """Number of grains."""
+        return len(self.position) or self.law.count
+
 
 class Contact(Section):
     normal_stiffness: float = setting(1.0e4, "k_n", "N/m", gt=0)
@@ -226,11 +247,22 @@ class LbmDemConfig(Section):
         return self.simulation.dimensions or len(self.domain.size)
 
     @property
+    def lattice(self) -> str:
+        """Name of the velocity set."""
+        return self.simulation.lattice or ("D2Q9" if self.dimensions == 2 else "D3Q19")
+
+    @property
+    def liquid(self) -> FluidSection:
+        """The fluid of a case that has one."""
+        assert self.fluid is not None
+        return self.fluid
+
+    @property
     def spacing(self) -> float:
         """Of the nodes, m; without fluid the size of the rows that slabs are cut into."""
         if self.domain.spacing is not None:
             return self.domain.spacing
-        return max((largest_diameter(grains) for grains in self.grains), default=max(self.domain.size))
+        return max((grains.largest_diameter for grains in self.grains), default=max(self.domain.size))
 
     @property
     def time_step(self) -> float:
@@ -245,8 +277,7 @@ class LbmDemConfig(Section):
     @property
     def tau(self) -> float:
         """The relaxation time [5], in steps."""
-        fluid = self.fluid
-        assert fluid is not None
+        fluid = self.liquid
         if fluid.time_step is None:
             return 1.0 if fluid.relaxation_time is None else fluid.relaxation_time
         return 0.5 + 3.0 * fluid.kinematic_viscosity * fluid.time_step / self.spacing**2
@@ -272,7 +303,7 @@ class LbmDemConfig(Section):
         closed = all(face.type == "wall" for face in self.boundary)
         alone = self.fluid is not None and not (self.grains or self.obstacle or self.shaking)
         alone = alone and len(self.domain.periodic) == self.dimensions
-        free = (axis for axis, force in zip(AXES, self.fluid.body_force) if not force) if alone else ()
+        free = (axis for axis, force in zip(AXES, self.liquid.body_force) if not force) if alone else ()
         return (*(("mass",) if closed else ()), *(f"momentum_{axis}" for axis in free))
 
     @classmethod
@@ -280,14 +311,6 @@ class LbmDemConfig(Section):
         fluids = [("fluid",)] if isinstance(tree.data.get("fluid"), dict) else []
         one_viscosity(tree, fluids, "kinematic_viscosity", FluidSection.model_fields["density"].default)
         one_period(tree, Period.model_fields)
-
-def largest_diameter(grains: GrainSet) -> float:
-    return grains.diameter if grains.diameter is not None else grains.diameters.max
-
-
-def smallest_diameter(grains: GrainSet) -> float:
-    return grains.diameter if grains.diameter is not None else grains.diameters.min
-
 
 def grain_mass(grains: GrainSet, diameter: float, d: int) -> float:
     """kg; of a disc per metre of depth."""
@@ -297,7 +320,7 @@ def grain_mass(grains: GrainSet, diameter: float, d: int) -> float:
 def lightest(config: LbmDemConfig) -> float:
     """Mass of the lightest grain that moves, kg."""
     d = config.dimensions
-    masses = [grain_mass(grains, smallest_diameter(grains), d) for grains in config.grains if grains.moving]
+    masses = [grain_mass(grains, grains.smallest_diameter, d) for grains in config.grains if grains.moving]
     return min(masses, default=math.inf)
 
 
@@ -306,7 +329,7 @@ def seeps(config: LbmDemConfig) -> bool:
     permeability."""
     ends = [face for face in config.boundary if face.face[0] == AXES[config.dimensions - 1] and face.type == "pressure"]
     still = config.coupling.frozen or not any(grains.moving for grains in config.grains)
-    driven = len(ends) == 2 or (config.fluid is not None and bool(config.fluid.body_force[-1]))
+    driven = len(ends) == 2 or (config.fluid is not None and bool(config.liquid.body_force[-1]))
     return bool(config.fluid and config.grains and still and driven)
 
 
@@ -331,7 +354,7 @@ def contact_step(config: LbmDemConfig) -> float:
     """The largest stable step of the grains that move, s; infinite when none does."""
     d = config.dimensions
     moving = [grains for grains in config.grains if grains.moving]
-    diameters = np.array([smallest_diameter(grains) for grains in moving])
-    mass = np.array([grain_mass(grains, smallest_diameter(grains), d) for grains in moving])
+    diameters = np.array([grains.smallest_diameter for grains in moving])
+    mass = np.array([grain_mass(grains, grains.smallest_diameter, d) for grains in moving])
     inertia = (0.5 if d == 2 else 0.4) * mass * (0.5 * diameters) ** 2
     return stable_step(contact_law(config), 0.5 * diameters, mass, inertia)

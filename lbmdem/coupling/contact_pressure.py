@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from hpcpic.core.comm.world import World
 from lbmdem.fluid.fluid import Fluid
+from lbmdem.fluid.layout import addresses
 from lbmdem.kernels.layout import FLUID, storage_order
 from lbmdem.kernels.moments import excesses
 
@@ -82,9 +83,7 @@ class ContactPressure:
     def _at_samples(self) -> NDArray[np.float64]:
         """rho - 1 at the sample nodes."""
         fluid, values = self._fluid, np.empty(len(self._nodes))
-        layout = fluid.layout
-        where = (layout.strides, layout.slots, layout.shifts, layout.positions)
-        excesses(fluid.f, *where, fluid.parity, self._nodes, values)
+        excesses(fluid.f, addresses(fluid.layout), fluid.parity, self._nodes, values)
         return values
 
     def _excess(self) -> NDArray[np.float64]:

@@ -8,8 +8,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hpcpic.core.tasks.graph import Bound, bind
+from lbmdem.fluid.layout import addresses
 from lbmdem.kernels.layout import WALL, storage_order
-from lbmdem.kernels.open_faces import find_places, push_walls, zou_he
+from lbmdem.kernels.open_faces import LayerNodes, find_places, push_walls, zou_he
 
 if TYPE_CHECKING:
     from lbmdem.fluid.fluid import Fluid
@@ -76,15 +77,17 @@ class Layer:
         self.set(face.density, face.velocity)
         kernel = push_walls if face.kind == "wall" else zou_he
         e = np.array([storage_order(fluid.lattice, i) for i in range(fluid.lattice.q)], np.int64)
-        where = [layout.strides, layout.slots, layout.shifts, layout.positions]
         self._places = np.zeros((2, *self.values.shape[:3], fluid.lattice.q), np.int64)
         for parity, places in enumerate(self._places):
-            find_places(*where, parity, self.low, self.high, places)
-        given = [fluid.wall_ends()] if face.kind == "wall" else [fluid.force_in_storage, int(face.kind == "velocity")]
-        nodes, sides = [fluid.f, fluid.ids, int(dimensions == 3)], [self.axis, self.side, *given]
-        self._bind = lambda places, low, high, values: bind(
-            kernel, *nodes, places, e, fluid.lattice.w, low, high, *sides, values
-        )
+            find_places(addresses(layout), parity, self.low, self.high, places)
+        given = [fluid.wall_ends()] if face.kind == "wall" else [fluid.shift_in_storage, int(face.kind == "velocity")]
+        f, solid, ghosts, weights = fluid.f, fluid.ids, int(dimensions == 3), fluid.lattice.w
+
+        def bound(places: NDArray, low: NDArray, high: NDArray, values: NDArray) -> Bound:
+            nodes = LayerNodes(solid, ghosts, places, e, weights, low, high, self.axis, self.side)
+            return bind(kernel, f, nodes, *given, values)
+
+        self._bind = bound
         self.tasks = [self.of_planes(parity, 0, layout.planes) for parity in range(2)]
 
     def of_planes(self, parity: int, low: int, high: int) -> list[Bound]:

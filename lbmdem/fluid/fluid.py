@@ -1,10 +1,10 @@
 """The lattice Boltzmann fluid of one rank's slab: its populations, solid nodes, faces and steps."""
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from hpcpic.core.comm.halo import Fill
 from hpcpic.core.comm.tags import Channel
@@ -16,20 +16,21 @@ from lbmdem.fluid import temporal_blocking
 from lbmdem.fluid.exchange import Exchange
 from lbmdem.fluid.faces import Face, Layer, complete, wall_ghosts
 from lbmdem.fluid.fixed_links import FixedLinks
+from lbmdem.fluid.layout import addresses
 from lbmdem.fluid.schedule import After, Links, Passes
 from lbmdem.fluid.sparse import SparseExchange, SparseLayout, Tables
 from lbmdem.kernels import moments as observe
 from lbmdem.kernels.layout import FLUID, Layout
-from lbmdem.kernels.node_kinds import classify, look_ahead, mark, renew
+from lbmdem.kernels.node_kinds import Vectors, classify, look_ahead, mark, renew
 from lbmdem.kernels.sparse import LEAVE, OPENED, sparse_kernel
 from lbmdem.kernels.sweep import AHEAD, sweep_kernel
-from lbmdem.physics.collision import COLLISIONS, numbers
+from lbmdem.physics.collision import COLLISIONS, Collision
+from lbmdem.physics.forcing import GUO
 from lbmdem.physics.velocity_sets import Lattice, equilibrium
+from lbmdem.sizes import SPARSE_BELOW, STORAGE
 
-STORAGE = {"double": np.float64, "single": np.float32}
 NO_GRAIN = np.iinfo(np.int32).max  # more than the numbers of all grains
 BLOCKS = 4  # per thread, so that threads with little fluid help the others
-SPARSE = 0.85  # share of fluid nodes below which it is less work to hold these alone
 
 
 class Fluid:
@@ -53,19 +54,19 @@ class Fluid:
         tau: float,
         collision: str = "TRT",
         magic: float = 3 / 16,
-        force: Sequence[float] | None = None,
+        force: ArrayLike | None = None,
         storage: str = "double",
         blocks: int = 0,
         faces: Mapping[str, Face] | None = None,
     ) -> None:
         if collision not in COLLISIONS:
             raise ValueError(f"collision {collision} is none of {', '.join(COLLISIONS)}")
+        self.collision = Collision(lattice, COLLISIONS[collision], tau, magic, GUO if force is not None else None)
         self.world, self.pool, self.domain, self.lattice = world, pool, domain, lattice
-        self.tau, self.collision, self.magic, self.storage = tau, collision, magic, storage
+        self.tau, self.storage = tau, storage
         self.faces = complete(faces or {}, domain.ndim, domain.periodic)
         self.iteration = 0
         self.hooks: list[Callable[[Fluid, int], None]] = []
-        self._forced = force is not None
         self._links: After | None = None
         self._take: Callable[[int], None] | None = None  # of steps whose links keep their momentum
         self._ruled: FixedLinks | None = None  # links that the sweep does
@@ -74,7 +75,7 @@ class Fluid:
         self._open = False  # whether it has left them half done (kernels.sparse)
         self.stays, self._blocks = False, blocks
         self._allocate()
-        self._numbers = np.zeros(len(numbers(lattice, collision, tau, magic, force)), self.layout_dtype)
+        self._numbers = np.zeros(len(self.collision.source.names), self.layout_dtype)
         self.set_force(force)
         with world.first_on_node():
             self._marks = self._classification(self.layout)
@@ -83,7 +84,7 @@ class Fluid:
 
     def _allocate(self) -> None:
         domain, rank = self.domain, self.world.rank
-        self.layout_dtype = STORAGE[self.storage]
+        self.layout_dtype = np.dtype(STORAGE[self.storage])
         alone = sum(b > a for a, b in zip(domain.cuts, domain.cuts[1:])) == 1
         layout = Layout.of(self.lattice, domain.shape(rank), domain.periodic, alone, self.layout_dtype)
         self.layout: Layout | SparseLayout = layout
@@ -100,8 +101,8 @@ class Fluid:
         self._hops = np.zeros(self.kinds.shape, np.int32)
         columns = layout.nx - layout.lanes * np.arange(layout.vectors)
         self._inside = ((1 << np.minimum(columns, layout.lanes)) - 1).astype(np.int32)
-        self.force_in_storage = np.zeros(3)
-        self._half = np.zeros(self.lattice.dimensions)
+        self._shift = np.zeros(self.lattice.dimensions)  # of the momentum, see Collision.shift
+        self.shift_in_storage = np.zeros(3)
         self._observers: dict[str, list[Bound]] = {}
         self.layers: dict[str, Layer] = {}
 
@@ -127,11 +128,11 @@ class Fluid:
         layout, dtype = self.layout, self.layout_dtype
         self._exchange: Exchange | SparseExchange
         if isinstance(layout, SparseLayout):
-            kernel = sparse_kernel(self.lattice, self.collision, self._forced, dtype)
+            kernel = sparse_kernel(self.collision, dtype)
             shared = [self.f, layout.slot_stride, layout.first, *self._tables.arguments, self._numbers]
             self._exchange = SparseExchange(self.world, self.domain, layout, self.f)
         else:
-            kernel = sweep_kernel(self.lattice, self.collision, self._forced, dtype)
+            kernel = sweep_kernel(self.collision, dtype)
             words = [self.kinds, self._hops, self._wet, self._inside]
             shared = [self.f, *words, self._numbers, layout.strides, layout.nx]
             self._exchange = Exchange(self.world, self.domain, layout, self.f, self._wet)
@@ -175,7 +176,7 @@ class Fluid:
                 self.pool.each(tasks)
         if self.stays:
             wet = int(self.world.sum_int(np.array([np.count_nonzero(self.solid.inner == FLUID)]))[0])
-            if 0 < wet < SPARSE * np.prod(self.domain.points):
+            if 0 < wet < SPARSE_BELOW * np.prod(self.domain.points):
                 self._leave_solids_out()
 
     def _leave_solids_out(self) -> None:
@@ -211,19 +212,17 @@ class Fluid:
         wall_ghosts(self.solid.values, self.faces, (self.touches(-1), self.touches(1)))
         layout, flat = self.layout, self.domain.ndim == 2
         same = self._free is self._wet
-        words = (self.ids, int(not flat), self._wet, self._free, same, self._inside, layout.lanes, flat, self.kinds)
-        renew(*words, layout.strides, layout.itemsize, AHEAD, self._hops, places)
+        vectors = Vectors(layout.lanes, self._wet, self._free, self._inside, self.kinds, self._hops)
+        renew(self.ids, int(not flat), vectors, same, flat, layout.strides, layout.itemsize, AHEAD, places)
 
-    def set_force(self, force: Sequence[float] | None) -> None:
+    def set_force(self, force: ArrayLike | None) -> None:
         """Force per volume for the steps to come; None if the fluid was made without."""
-        if (force is not None) != self._forced:
+        if (force is not None) != (self.collision.forcing is not None):
             raise ValueError("a fluid made without a force takes none later")
         self.force = None if force is None else np.array(force, float)
-        self._half[...] = 0.0 if force is None else 0.5 * np.asarray(force, float)
-        self._numbers[...] = numbers(self.lattice, self.collision, self.tau, self.magic, force)
-        if self.force is not None:
-            where = [2, 1, 0] if self.domain.ndim == 3 else [2, 0]
-            self.force_in_storage[where] = self.force
+        self._shift[...] = self.collision.shift(force)
+        self._numbers[...] = self.collision.numbers(force)
+        self.shift_in_storage[[2, 1, 0] if self.domain.ndim == 3 else [2, 0]] = self._shift
 
     def set_face(self, name: str, density: Any = None, velocity: Any = None) -> None:
         """Values of a wall, pressure or velocity face for the steps to come (faces.Layer.set)."""
@@ -321,7 +320,7 @@ class Fluid:
     def _after_all(self) -> int:
         """After how many sweeps of a wave something has to be done, but for forces."""
         by_themselves = self._links and not self._ruled and not self._quiet
-        return temporal_blocking.DEPTH if by_themselves or self.layers else 0
+        return temporal_blocking.STEPS_PER_PASS if by_themselves or self.layers else 0
 
     def leap(self, most: int) -> int:
         """One pass over memory: `depth` steps, or fewer if `most` is less. Returns the steps done, the same bits as
@@ -388,14 +387,9 @@ class Fluid:
                 bound.update(k, np.empty((0,) * value.ndim, value.dtype))
 
     @property
-    def _where(self) -> list[Any]:
-        """What `element` wants."""
-        return [self.layout.strides, self.layout.slots, self.layout.shifts, self.layout.positions]
-
-    @property
     def _seen(self) -> list[Any]:
         d = self.lattice.dimensions
-        return [self.ids, int(d == 3), *self._where, self.lattice.e, self._half]
+        return [self.ids, int(d == 3), addresses(self.layout), self.lattice.e, self._shift]
 
     def populations(self) -> NDArray:
         """h[q, rows, ...] = f - w of the slab's nodes at `iteration`, zero in solid nodes; whatever the storage.
@@ -404,14 +398,15 @@ class Fluid:
         """
         layout = self.layout
         h = np.empty((layout.planes, layout.rows, layout.nx, self.lattice.q), self.layout_dtype)
-        self._each("read", [self.ids, int(self.domain.ndim == 3), *self._where], [h])
+        self._each("read", [self.ids, int(self.domain.ndim == 3), addresses(self.layout)], [h])
         return np.moveaxis(h.reshape(*self.domain.shape(self.world.rank), self.lattice.q), -1, 0)
 
     def set_populations(self, h: NDArray) -> None:
         """The inverse of `populations`, for the parity of `iteration`. Collective the first time."""
         layout = self.layout
         rows = np.ascontiguousarray(np.moveaxis(h, 0, -1), self.layout_dtype)
-        self._each("write", [*self._where, 0], [rows.reshape(layout.planes, layout.rows, layout.nx, self.lattice.q)])
+        rows = rows.reshape(layout.planes, layout.rows, layout.nx, self.lattice.q)
+        self._each("write", [addresses(layout), 0], [rows])
 
     def moments(self) -> tuple[NDArray, NDArray]:
         """Density [rows, ...] and velocity [rows, ..., d] with half the force, float64; 1 and 0 in solid nodes."""
@@ -440,10 +435,10 @@ class Fluid:
         layout = self.layout
         h = np.empty((1, layout.rows, layout.nx, self.lattice.q), self.layout_dtype)
         with self.world.first_on_node():
-            observe.write(self.f, *self._where, 0, self.parity, 0, 0, h)  # compiled
+            observe.write(self.f, addresses(self.layout), 0, self.parity, 0, 0, h)  # compiled
         for row in range(shape[0]):  # one at a time: on the way are several arrays of its size
             h[...] = np.moveaxis(equilibrium(self.lattice, rho[row], u[row]), 0, -1).reshape(h.shape)
-            observe.write(self.f, *self._where, row, self.parity, row, row + 1, h)
+            observe.write(self.f, addresses(self.layout), row, self.parity, row, row + 1, h)
 
     def rest_bounds(self) -> tuple[float, float]:
         """The least and the largest population at rest (f - w) of fluid nodes, and zero."""

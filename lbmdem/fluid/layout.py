@@ -1,6 +1,7 @@
 """Sizes of the array of populations: `kernels.layout` says what is where in it. Light, so that forecasts ask it too."""
 
 from dataclasses import dataclass
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import DTypeLike, NDArray
@@ -9,6 +10,15 @@ from hpcpic.core.simd.registers import lanes
 from lbmdem.physics.velocity_sets import Lattice
 
 _STREAMS_BYTES, _PAGE = 192, 4096  # distance of the slots modulo a page, so that they use different sets of a cache
+
+
+class Addresses(NamedTuple):
+    """Where populations are, for `kernels.layout.element`: see the properties of a layout."""
+
+    strides: NDArray[np.int64]
+    slots: NDArray[np.int64]
+    shifts: NDArray[np.int64]
+    positions: NDArray[np.int32]
 
 
 @dataclass(frozen=True)
@@ -88,6 +98,11 @@ class Layout:
         for i, opposite in self.lattice.pairs:
             shifts[opposite] = storage_order(self.lattice, i)
         return shifts
+
+
+def addresses(layout: Any) -> Addresses:
+    """Of a layout or a sparse layout."""
+    return Addresses(layout.strides, layout.slots, layout.shifts, layout.positions)
 
 
 def storage_order(lattice: Lattice, i: int) -> tuple[int, int, int]:

@@ -15,6 +15,7 @@ from hpcpic.core.space.domain import Domain
 from hpcpic.core.space.fields import aligned_zeros
 from hpcpic.core.tasks.graph import Bound, bind
 from lbmdem.fluid.exchange import neighbours, tell_iteration
+from lbmdem.fluid.layout import addresses
 from lbmdem.fluid.solid_nodes import several_slabs
 from lbmdem.kernels import sparse_addresses as kernels
 from lbmdem.kernels.layout import FLUID, Layout, storage_order
@@ -67,8 +68,7 @@ class SparseLayout:
     def taken_over(self, old: NDArray, dense: Layout, parity: int) -> NDArray:
         """The populations of a fluid that holds those of solid nodes too."""
         f = aligned_zeros((self.size,), old.dtype)
-        rules = (self.strides, self.slots, self.shifts, old, dense.strides, dense.slots, dense.shifts)
-        kernels.take_over(f, *rules, self.positions, parity, self.nx, 0, self.planes)
+        kernels.take_over(f, addresses(self), old, addresses(dense), parity, self.nx, 0, self.planes)
         return f
 
     @property
@@ -120,8 +120,8 @@ class Tables:
 
     def _find(self, layout: SparseLayout) -> int:
         place = (layout.positions, layout.row_ghosts, -layout.shifts[1:], layout.lanes, layout.slot_stride)
-        tables = (self.kinds, self.masks, self.shifts, self.rest, self.where, self.code)
-        return kernels.tables(*place, layout.first, self.blocks, *tables)
+        found = kernels.Neighbours(self.kinds, self.masks, self.shifts, self.rest, self.where, self.code)
+        return int(kernels.tables(*place, layout.first, self.blocks, found))
 
     def link_with(self, ruled: NDArray, kappa: NDArray, linked: NDArray[np.int64]) -> None:
         """Links whose rule the sweep applies."""

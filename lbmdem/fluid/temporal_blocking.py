@@ -18,10 +18,8 @@ from typing import NamedTuple
 from hpcpic.core.space.domain import Domain, block_ranges
 from lbmdem.fluid.sparse import SparseLayout
 from lbmdem.kernels.layout import Layout
+from lbmdem.sizes import CACHE, CACHE_OF_WHOLE_PLANES, STEPS_PER_PASS
 
-DEPTH = 6  # steps per pass: more gain little
-CACHE = 12e6  # bytes of the last-level cache that the planes of all threads' waves may fill, in tiles of rows
-WHOLE = 28e6  # the same for waves of whole planes
 SHEET = 5e5  # bytes of planes that are done in one go
 KEPT = 2  # steps, the last ones before a look, whose forces on solids can be asked for
 
@@ -137,5 +135,5 @@ def possible_depth(domain: Domain, layout: Layout | SparseLayout, threads: int, 
     thinnest = min(b - a for a, b in zip(domain.cuts, domain.cuts[1:]) if b > a) // threads
     most = thinnest // 2
     if (after or layout.whole_planes) and layout.plane_bytes:
-        most = min(most, int(WHOLE / (layout.plane_bytes * threads) - 1))
-    return max((depth for depth in range(1, DEPTH + 1) if len(operations(depth, after)) <= most), default=0)
+        most = min(most, int(CACHE_OF_WHOLE_PLANES / (layout.plane_bytes * threads) - 1))
+    return max((depth for depth in range(1, STEPS_PER_PASS + 1) if len(operations(depth, after)) <= most), default=0)

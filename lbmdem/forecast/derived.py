@@ -6,7 +6,7 @@ from collections.abc import Iterator
 import numpy as np
 
 from hpcpic.core.case.config import Path
-from hpcpic.core.case.derived import Derived
+from hpcpic.core.case.derived import Derived, Verdict
 from lbmdem.case.config import (
     ACCURATE,
     AXES,
@@ -14,15 +14,14 @@ from lbmdem.case.config import (
     LbmDemConfig,
     contact_step,
     grain_mass,
-    largest_diameter,
-    smallest_diameter,
 )
 from lbmdem.forecast.estimate import DEFAULT, phases
 from lbmdem.forecast.node_shares import LOOSE
 from lbmdem.forecast.plan import grain_count
+from lbmdem.physics.collision import COLLISIONS
 from lbmdem.physics.free_fall import falling, unheld
 from lbmdem.physics.lubrication import MOST_SUBSTEPS, ROUGHNESS, STABLE, Film
-from lbmdem.physics.relaxation import GRID_REYNOLDS, SPACING, key_of_tau, relaxation, slower
+from lbmdem.physics.relaxation import SPACING, key_of_tau, relaxation, slower
 from lbmdem.physics.velocity_sets import CS2, LATTICES
 from lbmdem.physics.wall_rules import RULES, impedance
 from lbmdem.setup.overlap_survey import law_volume, packed_space, survey
@@ -48,7 +47,7 @@ def lattice_units(config: LbmDemConfig) -> Iterator[Derived]:
     dx, dt = config.spacing, config.time_step
     yield Derived("lattice length", "dx", dx, "m")
     yield Derived("lattice velocity", "dx/dt", dx / dt, "m/s")
-    nu, force, speed = config.fluid.kinematic_viscosity, math.hypot(*config.fluid.body_force), known_speed(config)
+    nu, force, speed = config.liquid.kinematic_viscosity, math.hypot(*config.liquid.body_force), known_speed(config)
     yield Derived(f"viscosity of {nu:g} m2/s", "nu dt/dx2", nu * dt / dx**2)
     if force:
         yield Derived(f"body force of {force:g} m/s2", "a dt2/dx", force * dt**2 / dx)
@@ -60,13 +59,13 @@ def known_speed(config: LbmDemConfig) -> float:
     """The largest velocity that the case itself states, m/s; what develops later is watched while it runs."""
     vectors = [face.velocity for face in config.boundary] + [obstacle.velocity for obstacle in config.obstacle]
     others = [math.hypot(*some.velocity) + turning_speed(some) for some in config.grains]
-    others += [config.fluid.initial.speed] if config.fluid.initial else []
+    others += [config.liquid.initial.speed] if config.liquid.initial else []
     return max([*(math.hypot(*vector) for vector in vectors), *others], default=0.0)
 
 
 def turning_speed(grains: GrainSet) -> float:
     """Of the surface of the largest grain of a set about its centre, m/s."""
-    return 0.5 * largest_diameter(grains) * math.hypot(*grains.angular_velocity)
+    return 0.5 * grains.largest_diameter * math.hypot(*grains.angular_velocity)
 
 
 def speeds(config: LbmDemConfig) -> Iterator[Derived]:
@@ -74,7 +73,7 @@ def speeds(config: LbmDemConfig) -> Iterator[Derived]:
     u, dx, dt = known_speed(config), config.spacing, config.time_step
     mach = u * dt / dx / math.sqrt(CS2)
     if mach:
-        verdict = "ok" if mach <= 0.1 else "warn" if mach < 0.5 else "fail"
+        verdict: Verdict = "ok" if mach <= 0.1 else "warn" if mach < 0.5 else "fail"
         cure = ""
         if verdict != "ok":
             error = f"compressibility error about {mach * mach:.1%}; " if mach < 0.5 else ""
@@ -82,9 +81,9 @@ def speeds(config: LbmDemConfig) -> Iterator[Derived]:
         limit = "<= 0.1, < 0.5 at all" if verdict != "fail" else "< 0.5"
         source = "Mansouri et al., section 3.2"
         yield Derived("Mach number", "Ma", mach, "", limit, verdict, source, cure, key_of_tau(config), mach < 1.0)
-    reynolds = u * dx / config.fluid.kinematic_viscosity
+    reynolds = u * dx / config.liquid.kinematic_viscosity
     if reynolds:
-        most = GRID_REYNOLDS[config.fluid.collision]
+        most = COLLISIONS[config.liquid.collision].grid_reynolds
         verdict = "ok" if reynolds <= most / 2 else "warn" if reynolds <= most else "fail"
         cure = "" if verdict == "ok" else 'collision = "central" has no such limit; a finer spacing lowers it'
         limit = f"<= {most:g}" if math.isfinite(most) else "none"
@@ -94,16 +93,16 @@ def speeds(config: LbmDemConfig) -> Iterator[Derived]:
 
 def pressures(config: LbmDemConfig) -> Iterator[Derived]:
     """Densities at the pressure faces: the lattice fluid is compressible."""
-    dx, dt, rho = config.spacing, config.time_step, config.fluid.density
+    dx, dt, rho = config.spacing, config.time_step, config.liquid.density
     unit = rho * (dx / dt) ** 2 * CS2  # pressure of a density change of one
     for i, face in enumerate(config.boundary):
         if face.type != "pressure":
             continue
-        start = face.density / rho if face.density is not None else 1.0 + face.pressure / unit
+        start = face.density / rho if face.density is not None else 1.0 + (face.pressure or 0.0) / unit
         end = start + face.pressure_rate * config.simulation.end_time / unit
         worst = max(start, end, key=lambda density: abs(density - 1.0))
         off = abs(worst - 1.0)
-        verdict = "ok" if off <= 0.02 else "warn" if off < 0.5 else "fail"
+        verdict: Verdict = "ok" if off <= 0.02 else "warn" if off < 0.5 else "fail"
         cure = "" if verdict == "ok" else "a smaller relaxation_time makes the time step and this change smaller"
         key = ("boundary", i, "density" if face.density is not None else "pressure")
         limit, source = "within 1 +- 0.02, 0.5 at all", "weak compressibility"
@@ -120,7 +119,7 @@ def inflow(config: LbmDemConfig) -> Iterator[Derived]:
     into = sum(face.velocity[axis] if face.face[1] == "-" else -face.velocity[axis] for _, face in given)
     density = 1.0 + into * config.simulation.end_time / config.domain.size[axis]
     off = abs(density - 1.0)
-    verdict = "ok" if off <= 0.02 else "warn" if off < 0.5 else "fail"
+    verdict: Verdict = "ok" if off <= 0.02 else "warn" if off < 0.5 else "fail"
     cure = "" if verdict == "ok" else f"what flows in has no way out: a pressure face across {AXES[axis]} is one"
     limit, source, key = "within 1 +- 0.02, 0.5 at all", "conservation of mass", ("boundary", given[-1][0], "velocity")
     yield Derived("mean density at the end", "rho/rho0", density, "", limit, verdict, source, cure, key, density > 0.0)
@@ -138,7 +137,7 @@ def sloshing(config: LbmDemConfig) -> Iterator[Derived]:
     ratio = 2.0 * length * config.shaking.frequency * config.time_step / config.spacing / math.sqrt(CS2)
     if not ratio:
         return
-    verdict = "ok" if ratio <= 0.2 else "warn" if ratio < 1.0 else "fail"
+    verdict: Verdict = "ok" if ratio <= 0.2 else "warn" if ratio < 1.0 else "fail"
     cure = "" if verdict == "ok" else f"relaxation_time = {slower(config, 0.2 / ratio)} makes sound fast enough"
     source = "compressible fluid between walls; 0.2 is an error of 5 %"
     name, words = "shaking against sound", "<= 0.2, < 1"
@@ -153,13 +152,13 @@ def grains(config: LbmDemConfig) -> Iterator[Derived]:
     yield from packings(config)
     yield from silo(config)
     for i, some in enumerate(config.grains):
-        smallest = smallest_diameter(some)
+        smallest = some.smallest_diameter
         if config.fluid is None:
             continue
         nodes, enough = smallest / dx, ENOUGH_NODES[d]
         key: Path = ("grains", i, "diameter" if some.diameter is not None else "diameters")
         least = 2.5 if some.moving else 2.0
-        verdict = "ok" if nodes >= enough * (1 - 1e-9) else "warn" if nodes >= least else "fail"
+        verdict: Verdict = "ok" if nodes >= enough * (1 - 1e-9) else "warn" if nodes >= least else "fail"
         cure = "" if verdict == "ok" else f"domain.spacing = {smallest / enough:.3g} resolves the grains of {some.name}"
         limit, source = f">= {enough:g}, {least:g} at least", "Mansouri et al., section 4"
         yield Derived("nodes across a grain", "D/dx", nodes, "", limit, verdict, source, cure, key, nodes >= 1)
@@ -178,9 +177,9 @@ def obstacles(config: LbmDemConfig) -> Iterator[Derived]:
     for i, obstacle in enumerate(config.obstacle):
         if obstacle.shape.plane is not None:
             ends = np.stack(np.meshgrid(*[[0.5 * dx, (n - 0.5) * dx] for n in config.points]), axis=-1).reshape(-1, d)
-            count = np.count_nonzero((ends - obstacle.shape.plane.point) @ obstacle.shape.plane.normal <= 0.0)
-        else:
-            box, turns = obstacle.shape.box, [(-1, 0, 1) if axis in config.domain.periodic else (0,) for axis in AXES]
+            count = int(np.count_nonzero((ends - obstacle.shape.plane.point) @ obstacle.shape.plane.normal <= 0.0))
+        elif (box := obstacle.shape.box) is not None:
+            turns = [(-1, 0, 1) if axis in config.domain.periodic else (0,) for axis in AXES]
             count = math.prod(
                 sum(nodes_between(a - k * length, b - k * length, n, dx) for k in images)
                 for a, b, n, length, images in zip(box.low, box.high, config.points, config.domain.size, turns)
@@ -199,10 +198,10 @@ def nodes_between(a: float, b: float, n: int, dx: float) -> int:
 def fits(config: LbmDemConfig) -> Iterator[Derived]:
     """The largest grain against the box; across a periodic side one that moves must not meet two images of another."""
     for some in config.grains:
-        size, several = largest_diameter(some), some.moving and grain_count(config) > 1
+        size, several = some.largest_diameter, some.moving and grain_count(config) > 1
         needs = {axis: 2.0 if several and axis in config.domain.periodic else 1.0 for axis in AXES[: config.dimensions]}
         share, least = max((size * n / length, size * n) for length, n in zip(config.domain.size, needs.values()))
-        verdict = "ok" if share <= 1.0 else "fail"
+        verdict: Verdict = "ok" if share <= 1.0 else "fail"
         cure = "" if verdict == "ok" else f"a side of the box of at least {least:.6g} m has room for {some.name}"
         source = "two diameters of grains that move along a periodic side, one elsewhere"
         yield Derived("grain in the box", "D/L", share, "", "<= 1", verdict, source, cure, ("domain", "size"))
@@ -217,7 +216,7 @@ def overlap_at_start(config: LbmDemConfig) -> Iterator[Derived]:
         limit, key = "0" if outside else "> 0", gone if outside else close
         yield Derived(name, "n" if outside else "r", float(outside), "", limit, "fail", "", cure, key)
     elif deepest > 0.0:
-        verdict = "ok" if deepest <= 0.01 else "warn" if deepest < 0.1 else "fail"
+        verdict: Verdict = "ok" if deepest <= 0.01 else "warn" if deepest < 0.1 else "fail"
         cure = "" if verdict == "ok" else "they fly apart; move them, or let packing = {..} find places without overlap"
         limit, source = "<= 1 %, < 10 %", "linear contacts"
         yield Derived("overlap at the start", "delta/d", deepest, "", limit, verdict, source, cure, deep, True)
@@ -229,12 +228,12 @@ def packings(config: LbmDemConfig) -> Iterator[Derived]:
     for i, some in enumerate(config.grains):
         if some.packing is None:
             continue
-        law, low, wanted = some.diameters, some.packing.low, some.packing.high
+        law, low, wanted = some.law, some.packing.low, some.packing.high
         solid = law_volume(law, d)
         high = packed_space(config, some, solid)
         height = max(high - low, math.ulp(high))
         void = 1.0 - solid / (math.prod(config.domain.size[:-1]) * height)
-        verdict = "ok" if void >= DENSEST[d] else "fail"
+        verdict: Verdict = "ok" if void >= DENSEST[d] else "fail"
         cure = "" if verdict == "ok" else "fewer grains, or more space for them"
         limit, source = f">= {DENSEST[d]:g}", f"densest of equal grains; random packings end at about {RANDOM[d]:g}"
         key: Path = ("grains", i, "packing") if some.packing.porosity is None else ("grains", i, "packing", "porosity")
@@ -260,11 +259,11 @@ def silo(config: LbmDemConfig) -> Iterator[Derived]:
     for i, some in enumerate(config.grains):
         if some.packing is None or not some.moving:
             continue
-        law, d = some.diameters, config.dimensions
+        law, d = some.law, config.dimensions
         height = law_volume(law, d) / (1.0 - (some.packing.porosity or LOOSE[d])) / math.prod(config.domain.size[:-1])
         slides = height * friction * ratio * sum(2.0 / size for size in rigid)
         share = -math.expm1(-slides) / slides if slides else 1.0
-        verdict = "ok" if share >= 0.9 else "warn"
+        verdict: Verdict = "ok" if share >= 0.9 else "warn"
         cure = "it starts without friction at its sides, which may lock against a rebound: no silo until it slides"
         cure = "" if verdict == "ok" else cure
         name, key = f"weight of {some.name} on its floor", ("grains", i, "packing")
@@ -274,12 +273,12 @@ def silo(config: LbmDemConfig) -> Iterator[Derived]:
 def density_ratio(config: LbmDemConfig, i: int, nodes: float) -> Iterator[Derived]:
     """Explicit coupling explodes where a grain is lighter than half the impedance of its links: measured at 1.0 to 1.2
     times that density with discs of 10 nodes and spheres of 7."""
-    d, lattice = config.dimensions, LATTICES[config.simulation.lattice]
-    ratio = config.grains[i].density / config.fluid.density
+    d, lattice = config.dimensions, LATTICES[config.lattice]
+    ratio = config.grains[i].density / config.liquid.density
     volume = math.pi / 4 * nodes**2 if d == 2 else math.pi / 6 * nodes**3
     limit = float(1.2 * 0.5 * impedance(lattice, config.coupling.bounce_back, 0.5 * nodes)[0] / volume)
     explicit = config.coupling.inertia == "explicit"
-    verdict = "ok" if not explicit or ratio > 1.5 * limit else "warn" if ratio > limit else "fail"
+    verdict: Verdict = "ok" if not explicit or ratio > 1.5 * limit else "warn" if ratio > limit else "fail"
     cure = "" if verdict == "ok" else 'coupling.inertia = "implicit" is stable at any ratio'
     words = f"> {limit:.2g} with explicit coupling" if explicit else "none with implicit coupling"
     source = "impedance of the links, zeta/(2 V)"
@@ -297,7 +296,7 @@ def contacts(config: LbmDemConfig) -> Iterator[Derived]:
     if config.fluid:
         yield substeps(config)
     share = config.time_step / config.substeps / limit
-    verdict = "ok" if share <= 2.01 * ACCURATE else "warn" if share < 1.0 else "fail"
+    verdict: Verdict = "ok" if share <= 2.01 * ACCURATE else "warn" if share < 1.0 else "fail"
     good = ACCURATE * limit
     cure = f"substeps = {math.ceil(config.time_step / good)}" if config.fluid else f"time_step = {good:.3g}"
     cure = "" if verdict == "ok" else cure
@@ -313,17 +312,18 @@ def contacts(config: LbmDemConfig) -> Iterator[Derived]:
 def films(config: LbmDemConfig) -> Derived:
     """The gap at a plane wall, over the radius, below which the film of the smallest grain is limited: steps of the
     contacts take care of stiffer ones up to MOST_SUBSTEPS, or not where their number is given."""
-    d, dx, fluid = config.dimensions, config.spacing, config.fluid
+    d, dx, fluid = config.dimensions, config.spacing, config.liquid
     film = Film.of_lattice(fluid.kinematic_viscosity * fluid.density, dx, d)
-    some = min((some for some in config.grains if some.moving), key=smallest_diameter)
-    radius, mass = 0.5 * smallest_diameter(some), grain_mass(some, smallest_diameter(some), d)
+    some = min((some for some in config.grains if some.moving), key=lambda some: some.smallest_diameter)
+    radius, mass = 0.5 * some.smallest_diameter, grain_mass(some, some.smallest_diameter, d)
     if config.coupling.inertia == "implicit":
-        lattice, rule = LATTICES[config.simulation.lattice], config.coupling.bounce_back
+        lattice, rule = LATTICES[config.lattice], config.coupling.bounce_back
         mass = max(mass, float(impedance(lattice, rule, radius / dx)[0]) * fluid.density * dx**d)
     n = config.coupling.substeps or max(config.substeps, MOST_SUBSTEPS)
     gap = film.gap_of(STABLE * n * mass / config.time_step, radius) / radius
     least, limit = gap if gap > ROUGHNESS else 0.0, 0.01
-    verdict, cure = "ok" if least <= limit else "warn", ""
+    verdict: Verdict = "ok" if least <= limit else "warn"
+    cure = ""
     if verdict != "ok":
         wanted = math.ceil(film.resistance(limit * radius, radius) * config.time_step / (STABLE * mass))
         cure = f"coupling.substeps = {wanted} holds to {limit:g}; a smaller relaxation_time needs fewer"
@@ -334,7 +334,8 @@ def films(config: LbmDemConfig) -> Derived:
 def substeps(config: LbmDemConfig) -> Derived:
     """Of the contacts in a step of the fluid, what they take, and how to have fewer."""
     number = config.substeps
-    verdict, told, key = "ok" if number <= FAR_TOO_MANY else "fail", "", ("contact", "normal_stiffness")
+    verdict: Verdict = "ok" if number <= FAR_TOO_MANY else "fail"
+    told, key = "", ("contact", "normal_stiffness")
     if number > MANY:
         spent = phases(config, 1, 1, DEFAULT, 1)["grains"]
         softer = config.contact.normal_stiffness * (MANY / number) ** 2
@@ -347,16 +348,16 @@ def substeps(config: LbmDemConfig) -> Derived:
 def overlaps(config: LbmDemConfig) -> Iterator[Derived]:
     """Of a column of grains as high as the box, or as all of them, at rest."""
     gravity, d = math.hypot(*config.gravity), config.dimensions
-    density = config.fluid.density if config.fluid else 0.0
+    density = config.liquid.density if config.fluid else 0.0
     for some in config.grains:
         if not some.moving or not gravity:
             continue
-        size = largest_diameter(some)
-        count = len(some.position) or some.diameters.count
+        size = some.largest_diameter
+        count = some.count
         layers = min(count, config.domain.size[-1] / size)
         weight = grain_mass(some, size, d) * gravity * abs(1.0 - density / some.density)
         overlap = layers * weight / config.contact.normal_stiffness / size
-        verdict = "ok" if overlap <= 0.01 else "warn" if overlap < 0.1 else "fail"
+        verdict: Verdict = "ok" if overlap <= 0.01 else "warn" if overlap < 0.1 else "fail"
         stiff = layers * weight / (0.01 * size)
         cure = "" if verdict == "ok" else f"normal_stiffness = {stiff:.2g} gives 1 % for {some.name}"
         key = ("contact", "normal_stiffness")
@@ -370,7 +371,7 @@ def slices(config: LbmDemConfig) -> Iterator[Derived]:
     if count:
         height, dx = config.domain.size[-1] / count, config.spacing
         least = dx if config.fluid else 0.1 * dx  # the largest diameter
-        verdict = "ok" if height >= least * (1 - 1e-9) else "fail"
+        verdict: Verdict = "ok" if height >= least * (1 - 1e-9) else "fail"
         cure = "" if verdict == "ok" else f"stress_slices = {math.floor(config.domain.size[-1] / least * (1 + 1e-9))}"
         limit, key = f">= {least:g}", ("output", "stress_slices")
         yield Derived("height of a control slice", "h", height, "m", limit, verdict, "", cure, key)
@@ -379,7 +380,7 @@ def slices(config: LbmDemConfig) -> Iterator[Derived]:
 def whole_rules(config: LbmDemConfig, ranks: int) -> Iterator[Derived]:
     """What works on one rank only."""
     if config.fluid and (config.grains or config.obstacle) and RULES[config.coupling.bounce_back].reach > 1:
-        verdict = "ok" if ranks == 1 else "fail"
+        verdict: Verdict = "ok" if ranks == 1 else "fail"
         cure = "" if verdict == "ok" else 'it reads two nodes beyond a slab; "cli" and "interpolated" read one'
         key = ("coupling", "bounce_back")
         yield Derived("ranks of the quadratic rule", "R", float(ranks), "", "1", verdict, "", cure, key)
@@ -390,7 +391,7 @@ def sizes(config: LbmDemConfig, ranks: int) -> Iterator[Derived]:
     points = config.points
     rows, others = points[-1], math.prod(n + PADDING for n in points[:-1])
     n, most = math.prod(points), MOST_PLACES // others - 1  # a row more is held than there are
-    verdict = "fail" if config.fluid and rows > most * ranks else "ok"
+    verdict: Verdict = "fail" if config.fluid and rows > most * ranks else "ok"
     cure = f"{math.ceil(rows / most)} ranks hold them" if most > 0 else "a row alone has too many"
     limit = f"{most * others:.2g} per rank" if config.fluid else ""
     key = SPACING if config.fluid else ()

@@ -12,8 +12,12 @@ from hpcpic.core.app.forecast import FILES, Estimate, gain, writing_seconds
 from hpcpic.core.case.words import in_steps
 from lbmdem.case.config import LbmDemConfig
 from lbmdem.forecast.node_shares import fluid_share, lanes_of_all, shares
-from lbmdem.forecast.plan import BYTES, VELOCITIES, arrays, face_bytes, grain_count, link_count, moving
+from lbmdem.forecast.plan import arrays, face_bytes, grain_count, link_count, moving, node_bytes
+from lbmdem.grains.arrays import GRAINS_OF_ONE_THREAD, STEPS_PER_CALL
+from lbmdem.physics.collision import COLLISIONS
+from lbmdem.physics.velocity_sets import LATTICES
 from lbmdem.physics.wall_rules import RULES
+from lbmdem.sizes import CACHE, CACHE_OF_WHOLE_PLANES, SPARSE_BELOW, STEPS_PER_PASS
 
 MIB = 2.0**20
 SERIES_BYTES = 16 * 8 * 2
@@ -21,12 +25,6 @@ SERIES_SHARE = 0.05  # of a run, its start included, that samples of a series no
 SAMPLES = 20, 100  # so many at least and at most
 START = 1.0  # s: interpreter, libraries, kernels from the cache
 BLOCK = 16 * MIB  # of all ranks' state, which the first one reads for the digest
-DEPTH = 6  # steps per pass at most (lbmdem.wavefront)
-WHOLE = 28e6  # bytes of the planes of a wave with links or faces (lbmdem.wavefront)
-SPARSE = 0.85  # share of fluid nodes below which these alone are held (lbmdem.fluid)
-FEW = 500  # grains per thread up to which one does all substeps (lbmdem.dem)
-TOGETHER = 256  # steps of grains alone in one call (lbmdem.step)
-CACHED = 12e6  # bytes of populations below which a sweep does not wait for memory
 
 # Measured on the authors' machine, one core of a 2-core AMD Zen 5 at 4.1 GHz.
 DEFAULT = FILES | {
@@ -108,7 +106,7 @@ def phases(
     """Seconds of one step by what it does, with so many steps per pass over memory."""
     cores = 1e9 * gain(ranks, threads, rates, rates["wave_core_gain"])
     launch = rates["lattice_launch_us"] + (rates["lattice_drive_us"] if config.shaking else 0.0)
-    calls = 1 / together if config.fluid else 1 / TOGETHER
+    calls = 1 / together if config.fluid else 1 / STEPS_PER_CALL
     seconds = {"launches": 1e-6 * launch * calls}
     moved = moving(config) and not config.coupling.frozen
     if config.fluid:
@@ -118,7 +116,8 @@ def phases(
     if moving(config):
         seconds["grains"] = 1e-6 * (rates["grains_us"] * calls + config.substeps * rates["substep_us"])
         n = grain_count(config)
-        seconds["grains"] += n * config.substeps * rates["grain_ns"] / (1e9 if n <= FEW * threads else cores)
+        rate = 1e9 if n <= GRAINS_OF_ONE_THREAD * threads else cores
+        seconds["grains"] += n * config.substeps * rates["grain_ns"] / rate
         if config.fluid and moved:
             each = grain_count(config) * rates[f"moving_grain_us {config.dimensions}D"]
             cold = 0.0 if cached(config) else rates["cold_us"]
@@ -151,9 +150,10 @@ def steps_per_pass(config: LbmDemConfig, ranks: int, threads: int) -> int:
     if not config.fluid or moving(config) or driven:
         return 1
     lag = 2 if config.grains or config.obstacle or config.boundary else 1
-    depth = min(DEPTH, config.points[-1] // (ranks * threads * 2 * lag))
+    depth = min(STEPS_PER_PASS, config.points[-1] // (ranks * threads * 2 * lag))
     if lag > 1:
-        depth = min(depth, int((WHOLE / (population_bytes(config) / config.points[-1] * threads) - 1) // 2))
+        wave = population_bytes(config) / config.points[-1] * threads
+        depth = min(depth, int((CACHE_OF_WHOLE_PLANES / wave - 1) // 2))
     return max(1, depth)
 
 
@@ -164,31 +164,31 @@ def share_together(depth: int, period: int) -> float:
 
 
 def population_bytes(config: LbmDemConfig) -> int:
-    return math.prod(config.points) * VELOCITIES[config.simulation.lattice] * BYTES[config.fluid.storage]
+    return math.prod(config.points) * node_bytes(config)
 
 
 def cached(config: LbmDemConfig) -> bool:
-    return population_bytes(config) < CACHED
+    return population_bytes(config) < CACHE
 
 
 def sparse(config: LbmDemConfig) -> bool:
     """Whether solid nodes are not held (lbmdem.sparse)."""
     stays, rules = not moving(config) or config.coupling.frozen, config.coupling
     general = RULES[rules.bounce_back].reach < 2 and rules.refill != "conserving"
-    return stays and general and fluid_share(config) < SPARSE
+    return stays and general and fluid_share(config) < SPARSE_BELOW
 
 
 def sweep_seconds(
     config: LbmDemConfig, ranks: int, threads: int, rates: Mapping[str, float], together: int
 ) -> dict[str, float]:
     """Arithmetic of all nodes with fluid, and the wait for memory where one step is done per pass."""
-    lattice, found, fluid = config.simulation.lattice, shares(config), config.fluid
+    lattice, found, fluid = config.simulation.lattice, shares(config), config.liquid
     places = math.prod(config.points) if sparse(config) else lanes_of_all(config)
     one = 1e-6 * places / rates[f"mlups {lattice} {fluid.storage}"]
     bare = one / rates[f"wave_gain {lattice}"]
     wet = 1 - found.skipped
     more = rates["forced"] if any(fluid.body_force) or config.shaking else 0.0
-    more += rates["central"] if fluid.collision == "central" else 0.0
+    more += rates["central"] if COLLISIONS[fluid.collision].dearer else 0.0
     if sparse(config):
         wet = fluid_share(config)
         work = bare * wet * (rates["sparse"] + more)
@@ -213,7 +213,7 @@ def exchange_seconds(config: LbmDemConfig, rates: Mapping[str, float]) -> float:
     """Of forces and owners of grains that move, and of the planes beside a slab where they uncover nodes."""
     planes = 0
     if config.fluid and not config.coupling.frozen:
-        planes = 2 * math.prod(config.points[:-1]) * VELOCITIES[config.simulation.lattice]
+        planes = 2 * math.prod(config.points[:-1]) * LATTICES[config.lattice].q
     return 1e-6 * rates["grain_exchange_us"] + 1e-9 * planes * rates["refill_plane_ns"]
 
 
@@ -255,7 +255,7 @@ def disk_items(config: LbmDemConfig) -> dict[str, float]:
     def times(every: int) -> int:
         return config.n_steps // every + 1 if every else 0
 
-    populations = VELOCITIES[config.simulation.lattice] * BYTES[config.fluid.storage] if config.fluid else 0
+    populations = node_bytes(config) if config.fluid else 0
     fluid = 2 * (config.fluid is not None)  # force and torque
     forces = fluid + any(grains.moving for grains in config.grains)  # of contacts
     return {

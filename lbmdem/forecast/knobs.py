@@ -13,8 +13,10 @@ from hpcpic.core.app.knobs import Choice, Knob, Knobs, Quantity
 from hpcpic.core.case.schema import value_text
 from lbmdem.case.config import LbmDemConfig, seeps
 from lbmdem.forecast.plan import grain_count
+from lbmdem.physics.collision import COLLISIONS
 from lbmdem.physics.velocity_sets import CS2
 from lbmdem.physics.wall_rules import RULES
+from lbmdem.sizes import STORAGE
 
 if TYPE_CHECKING:
     from hpcpic.core.files.series import Series
@@ -57,7 +59,7 @@ def reseeded(seed: int) -> tuple[str, ...]:
 def wet(config: LbmDemConfig) -> list[Knob]:
     """dx at fixed tau is diffusive scaling: dt ~ dx^2. tau - 1/2 alone is the time step."""
     d = config.dimensions
-    key = ("fluid", "time_step") if config.fluid.time_step is not None else ("fluid", "relaxation_time")
+    key = ("fluid", "time_step") if config.liquid.time_step is not None else ("fluid", "relaxation_time")
     found = [
         Knob("dx", "node spacing, at the same tau", "m", ("domain", "spacing"), lambda c: c.spacing, 2.0, d + 2.0,
              "grid Reynolds number"),
@@ -83,9 +85,9 @@ def choices_of(config: LbmDemConfig) -> list[Choice]:
         return []
     listed = [
         Choice("collision", ("fluid", "collision"), value_text(fluid.collision),
-               others(fluid.collision, ("BGK", "TRT", "central")), "dx"),
+               others(fluid.collision, tuple(COLLISIONS)), "dx"),
         Choice("storage", ("fluid", "storage"), value_text(fluid.storage),
-               others(fluid.storage, ("double", "single"))),
+               others(fluid.storage, tuple(STORAGE))),
     ]  # fmt: skip
     if config.grains or config.obstacle:
         here = config.coupling.bounce_back
@@ -111,9 +113,9 @@ def settings(config: LbmDemConfig, sizes: Mapping[str, float], time: float) -> t
     made.append(f"domain.spacing={spacing!r}")
     if "substeps" in sizes and any(grains.moving for grains in config.grains):
         made.append(f"coupling.substeps={max(1, math.ceil(1.0 / sizes['substeps'] - 1e-6))}")
-    if config.fluid.time_step is None:
+    if config.liquid.time_step is None:
         return (*made, f"fluid.relaxation_time={0.5 + excess!r}")
-    return (*made, f"fluid.time_step={excess * CS2 * spacing**2 / config.fluid.kinematic_viscosity!r}")
+    return (*made, f"fluid.time_step={excess * CS2 * spacing**2 / config.liquid.kinematic_viscosity!r}")
 
 
 def fitting(config: LbmDemConfig, wanted: float) -> float:
@@ -150,7 +152,7 @@ def quantities_of(config: LbmDemConfig, time: float) -> list[Quantity]:
         found.append(Quantity("grain-energy", text, time / 4, partial(curve, name, time / 4)))
     text = "kinetic energy of the fluid in the first quarter"
     found.append(Quantity("energy", text, time / 4, partial(curve, "energy_kinetic", time / 4)))
-    if any(config.fluid.body_force) or any(any(face.velocity) for face in config.boundary):
+    if any(config.liquid.body_force) or any(any(face.velocity) for face in config.boundary):
         axis = main_axis(config)
         text = f"momentum of the fluid along {axis} in the first quarter"
         found.insert(0 if not config.grains else len(found),
@@ -160,7 +162,7 @@ def quantities_of(config: LbmDemConfig, time: float) -> list[Quantity]:
 
 def main_axis(config: LbmDemConfig) -> str:
     """Axis along which the flow is driven."""
-    vectors = [config.fluid.body_force, *(face.velocity for face in config.boundary)]
+    vectors = [config.liquid.body_force, *(face.velocity for face in config.boundary)]
     sizes = [max((abs(v[k]) for v in vectors if len(v) > k), default=0.0) for k in range(config.dimensions)]
     return "xyz"[int(np.argmax(sizes))]
 

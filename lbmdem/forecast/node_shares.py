@@ -14,10 +14,10 @@ from typing import NamedTuple
 
 from hpcpic.core.simd.registers import lanes
 from lbmdem.case.config import Diameters, GrainSet, LbmDemConfig
+from lbmdem.sizes import STORAGE
 
 SIZES = 32  # of the law of diameters
 LOOSE = {2: 0.2, 3: 0.4}  # void fraction of a packing that settles
-TYPES = {"double": "float64", "single": "float32"}  # of populations
 
 
 class Shares(NamedTuple):
@@ -40,7 +40,8 @@ def sizes(law: Diameters, d: int) -> Iterator[tuple[float, float]]:
 def grains(config: LbmDemConfig, some: GrainSet) -> list[tuple[float, float]]:
     """(radius in nodes, number) of a set."""
     count = len(some.position) or (some.diameters.count if some.diameters else 0)
-    law = sizes(some.diameters, config.dimensions) if some.diameters and not some.diameter else [(some.diameter, 1.0)]
+    equal = [(some.diameter, 1.0)] if some.diameter else None
+    law = equal or sizes(some.law, config.dimensions)
     return [(0.5 * size / config.spacing, share * count) for size, share in law]
 
 
@@ -68,7 +69,7 @@ def volume(r: float, d: int) -> float:
 
 def shares(config: LbmDemConfig) -> Shares:
     """Of the lattice of a case with fluid; obstacles are not looked at."""
-    d, width, nodes = config.dimensions, lanes(TYPES[config.fluid.storage]), math.prod(config.points)
+    d, width, nodes = config.dimensions, lanes(STORAGE[config.liquid.storage]), math.prod(config.points)
     skipped, plain, anew = 0.0, beside_sides(config, width), linked_anew(config)
     for some in config.grains:
         sizes = grains(config, some)
@@ -91,7 +92,7 @@ def linked_anew(config: LbmDemConfig) -> bool:
 
 def lanes_of_all(config: LbmDemConfig) -> int:
     """Nodes that a lattice has room for in its vectors: rows along x are whole vectors."""
-    width = lanes(TYPES[config.fluid.storage])
+    width = lanes(STORAGE[config.liquid.storage])
     return -(-config.points[0] // width) * width * math.prod(config.points[1:])
 
 

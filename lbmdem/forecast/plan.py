@@ -11,18 +11,16 @@ from hpcpic.core.space.cuts import even_cuts
 from hpcpic.core.space.declared import Array
 from lbmdem.case.config import AXES, LbmDemConfig
 from lbmdem.fluid.layout import Layout
-from lbmdem.forecast.node_shares import TYPES, grains
+from lbmdem.forecast.node_shares import grains
 from lbmdem.grains.arrays import expected
 from lbmdem.physics.velocity_sets import LATTICES
+from lbmdem.sizes import STORAGE
 
-VELOCITIES = {"D2Q9": 9, "D3Q19": 19}
-CROSSING = {"D2Q9": 3, "D3Q19": 5}  # populations that leave through one face of a slab
-BYTES = {"double": 8, "single": 4}
 LINKS = {2: 3.07, 3: 5.74}  # per node of a grain's perimeter or surface: half the sum of |e . n|, any direction n
 
 
 def grain_count(config: LbmDemConfig) -> int:
-    return sum(len(some.position) or some.diameters.count for some in config.grains)
+    return sum(some.count for some in config.grains)
 
 
 def link_count(config: LbmDemConfig) -> int:
@@ -45,7 +43,7 @@ def kernels(config: LbmDemConfig) -> list[str]:
 
 
 def fluid_kernels(config: LbmDemConfig) -> list[str]:
-    fluid, coupling = config.fluid, config.coupling
+    fluid, coupling = config.liquid, config.coupling
     forced = ", body force" if any(fluid.body_force) or config.shaking else ""
     lines = [f"sweep      {config.simulation.lattice}, {fluid.collision}, {fluid.storage}{forced}, in place"]
     kinds = sorted({face.type for face in config.boundary if face.type != "wall"})
@@ -65,10 +63,10 @@ def arrays(config: LbmDemConfig, ranks: int) -> Iterator[Array]:
 
 
 def fluid_arrays(config: LbmDemConfig, ranks: int) -> Iterator[Array]:
-    points, real = config.points[::-1], TYPES[config.fluid.storage]
+    points, real = config.points[::-1], STORAGE[config.liquid.storage]
     own = (even_cuts(points[0], ranks)[1], *points[1:])
     around = tuple(axis in config.domain.periodic for axis in AXES[: config.dimensions][::-1])
-    layout = Layout.of(LATTICES[config.simulation.lattice], own, around, min(ranks, points[0]) == 1, real)
+    layout = Layout.of(LATTICES[config.lattice], own, around, min(ranks, points[0]) == 1, real)
     yield Array("populations", (layout.lattice.q, layout.slot_stride), real)
     if config.grains or config.obstacle:
         yield Array("solid", tuple(n + 2 for n in own), "int32")
@@ -76,9 +74,17 @@ def fluid_arrays(config: LbmDemConfig, ranks: int) -> Iterator[Array]:
         yield Array("links", (link_count(config) // ranks, kept), "float64")
 
 
+def node_bytes(config: LbmDemConfig) -> int:
+    """Of the populations of a node."""
+    q = LATTICES[config.lattice].q
+    return Array("node", (q,), STORAGE[config.liquid.storage]).bytes
+
+
 def face_bytes(config: LbmDemConfig) -> int:
     """Of the populations that cross one face of a slab."""
-    return math.prod(config.points[:-1]) * BYTES[config.fluid.storage] * CROSSING[config.simulation.lattice]
+    lattice = LATTICES[config.lattice]
+    leaving = sum(e[-1] > 0 for e in lattice.velocities)
+    return math.prod(config.points[:-1]) * leaving * node_bytes(config) // lattice.q
 
 
 def messages(config: LbmDemConfig, ranks: int) -> list[str]:

@@ -29,8 +29,9 @@ COLUMNS = 6  # of a row's sums, less the count of nodes: rho - 1, momentum, rho 
 
 
 @njit
-def fetch(f, strides, slots, shifts, positions, parity, z, y, i, line):
-    """line[x] = f_i of a row's nodes, 0 where solid nodes have no positions."""
+def fetch(f, places, parity, z, y, i, line):
+    """line[x] = f_i of a row's nodes, 0 where solid nodes have no positions. places: `layout.Addresses`."""
+    strides, slots, shifts, positions = places
     if positions.shape[0] == 0:
         start = arrival(strides, slots, shifts, parity, z, y, 0, i)
         line[:] = f[start : start + line.size]
@@ -47,7 +48,7 @@ def fetch(f, strides, slots, shifts, positions, parity, z, y, i, line):
 
 
 @njit
-def gather(f, strides, slots, shifts, positions, e, parity, z, y, h, lines):
+def gather(f, places, e, parity, z, y, h, lines):
     """lines[0] = sum of h, lines[1 + c] = momentum without force along physical axis c, of a row's nodes.
 
     h[x] is room for a population.
@@ -55,7 +56,7 @@ def gather(f, strides, slots, shifts, positions, e, parity, z, y, h, lines):
     lines[:] = 0.0
     nx = lines.shape[1]
     for i in range(e.shape[0]):
-        fetch(f, strides, slots, shifts, positions, parity, z, y, i, h)
+        fetch(f, places, parity, z, y, i, h)
         mass = lines[0]
         for x in range(nx):
             mass[x] += h[x]
@@ -70,31 +71,33 @@ def gather(f, strides, slots, shifts, positions, e, parity, z, y, h, lines):
 
 
 @njit
-def moments(f, ids, ghosts, strides, slots, shifts, positions, e, half, parity, low, high, rho, u):
-    """rho[planes, rows, nx] and u[..., d] of planes low..; half[c]: half the force. Solid nodes have 1 and 0."""
+def moments(f, ids, ghosts, places, e, shift, parity, low, high, rho, u):
+    """rho[planes, rows, nx] and u[..., d] of planes low..; shift[c]: the part of the force in the
+    momentum. Solid nodes have 1 and 0."""
     d = e.shape[1]
     lines, h = np.empty((1 + d, rho.shape[2])), np.empty(rho.shape[2], f.dtype)
     for z in range(low, high):
         for y in range(rho.shape[1]):
-            gather(f, strides, slots, shifts, positions, e, parity, z, y, h, lines)
+            gather(f, places, e, parity, z, y, h, lines)
             solid, density, velocity = ids[z + 1, y + ghosts], rho[z, y], u[z, y]
             for x in range(density.size):
                 fluid = solid[x + 1] == FLUID
                 density[x] = 1.0 + lines[0, x] if fluid else 1.0
                 for c in range(d):
-                    velocity[x, c] = (lines[1 + c, x] + half[c]) / density[x] if fluid else 0.0
+                    velocity[x, c] = (lines[1 + c, x] + shift[c]) / density[x] if fluid else 0.0
 
 
 @njit
-def row_sums(f, ids, ghosts, strides, slots, shifts, positions, e, half, parity, low, high, sums, fastest):
-    """sums[plane, row] = fluid nodes, their sum of h, momentum (with half the force), rho u^2, last component of u; and
+def row_sums(f, ids, ghosts, places, e, shift, parity, low, high, sums, fastest):
+    """sums[plane, row] = fluid nodes, their sum of h, momentum (with shift[c]), rho u^2, last component of u; and
     fastest[plane, row] = largest u^2. A row is summed in the order of its nodes, so that no decomposition shows."""
+    strides, slots, shifts, positions = places
     q, d = e.shape
     starts, way, forced, terms = np.empty(q, np.int64), np.zeros(3 * q), np.zeros(3), np.empty(COLUMNS * N)
     for i in range(q):
         for c in range(d):
             way[3 * i + c] = e[i, c]
-    forced[:d] = half
+    forced[:d] = shift
     line, nx = ids.reshape(-1), ids.shape[2] - 2
     dense = positions.shape[0] == 0
     room = np.zeros((q, 1 if dense else nx + N), f.dtype)
@@ -105,7 +108,7 @@ def row_sums(f, ids, ghosts, strides, slots, shifts, positions, e, half, parity,
             if not dense:
                 starts[:] = steps
                 for i in range(q):
-                    fetch(f, strides, slots, shifts, positions, parity, z, y, i, room[i, :nx])
+                    fetch(f, places, parity, z, y, i, room[i, :nx])
             elif z + 1 < sums.shape[0] and 0 < y < sums.shape[1] - 1:
                 starts[:] = z * strides[1] + y * strides[2] + strides[3] + steps
             else:
@@ -159,8 +162,9 @@ def of_row(f, starts, way, half, last, line, node, nx, terms):
 
 
 @njit
-def excesses(f, strides, slots, shifts, positions, parity, nodes, excess):
+def excesses(f, places, parity, nodes, excess):
     """excess[m] = rho - 1 at nodes[m, 3] (plane, row, x)."""
+    strides, slots, shifts, positions = places
     for k in range(excess.size):
         total = 0.0
         for i in range(shifts.shape[0]):
@@ -170,21 +174,22 @@ def excesses(f, strides, slots, shifts, positions, parity, nodes, excess):
 
 
 @njit
-def read(f, ids, ghosts, strides, slots, shifts, positions, parity, low, high, h):
+def read(f, ids, ghosts, places, parity, low, high, h):
     """h[plane, row, x, i] of planes low..; 0 in solid nodes."""
     line = np.empty(h.shape[2], f.dtype)
     for z in range(low, high):
         for y in range(h.shape[1]):
             solid, target = ids[z + 1, y + ghosts], h[z, y]
             for i in range(h.shape[3]):
-                fetch(f, strides, slots, shifts, positions, parity, z, y, i, line)
+                fetch(f, places, parity, z, y, i, line)
                 for x in range(h.shape[2]):
                     target[x, i] = line[x] if solid[x + 1] == FLUID else 0
 
 
 @njit
-def write(f, strides, slots, shifts, positions, first, parity, low, high, h):
+def write(f, places, first, parity, low, high, h):
     """The inverse of `read`; h begins with the plane `first`."""
+    strides, slots, shifts, positions = places
     for z in range(low, high):
         for y in range(h.shape[1]):
             for i in range(h.shape[3]):

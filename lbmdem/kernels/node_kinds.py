@@ -1,10 +1,24 @@
 """Which nodes are fluid, as the sweep wants to know it, and populations that came from another rank."""
 
+from typing import NamedTuple
+
 import numpy as np
+from numpy.typing import NDArray
 
 from hpcpic.core.simd.compile import njit
 from lbmdem.kernels.layout import FLUID
 from lbmdem.kernels.sweep import MIXED, PLAIN, SKIP
+
+
+class Vectors(NamedTuple):
+    """What the sweep knows of vectors of n nodes: see `mark`, `classify` and `look_ahead`."""
+
+    n: int
+    wet: NDArray[np.int32]
+    free: NDArray[np.int32]
+    inside: NDArray[np.int32]
+    kinds: NDArray[np.uint8]
+    hops: NDArray[np.int32]
 
 
 @njit
@@ -94,12 +108,13 @@ def _fetch(kinds, strides, bytes_per_element, n, ahead, hops, low, row, high, mo
 
 
 @njit
-def renew(solid, ghosts, wet, free, same, inside, n, flat, kinds, strides, bytes_per_element, ahead, hops, changed):
+def renew(solid, ghosts, vectors, same, flat, strides, bytes_per_element, ahead, changed):
     """What mark, classify and look_ahead say after edits of `solid` at the flat places `changed` alone.
 
     same: free is wet; else it does not change. Rows whose vectors do not change between with and without fluid keep
     their hops.
     """
+    n, wet, free, inside, kinds, hops = vectors
     rows, columns, full = solid.shape[1], solid.shape[2], (1 << (n + 2)) - 1
     for place in changed:
         x, row, z = place % columns, place // columns % rows + 1 - ghosts, place // (columns * rows)

@@ -27,7 +27,7 @@ import numpy as np
 from numpy.typing import DTypeLike
 
 from hpcpic.core.simd.generate import module_from_source
-from lbmdem.physics.collision import Collision, source
+from lbmdem.physics.collision import Collision, Source
 from lbmdem.physics.velocity_sets import Lattice
 
 PARITY, OPENED, LEAVE = 1, 2, 4
@@ -87,22 +87,24 @@ def sweep(f, stride, first, blocks, kinds, masks, shifts, rest, where, code, rul
 '''
 
 
-def sparse_kernel(lattice: Lattice, collision: str, forced: bool, dtype: DTypeLike) -> Any:
+def sparse_kernel(collision: Collision, dtype: DTypeLike) -> Any:
     """The compiled kernel `sweep` (see the text above)."""
-    text = sparse_source(lattice, source(lattice, collision, forced), dtype)
-    return module_from_source(text, f"sparse_{lattice.name.lower()}").sweep
+    name = collision.lattice.name.lower()
+    return module_from_source(sparse_source(collision, dtype), f"sparse_{name}").sweep
 
 
-def sparse_source(lattice: Lattice, collision: Collision, dtype: DTypeLike) -> str:
+def sparse_source(collision: Collision, dtype: DTypeLike) -> str:
+    """The text of the module with that kernel."""
+    lattice, source = collision.lattice, collision.source
     name = np.dtype(dtype).name
     text = _HEAD.format(title=f"{lattice.name}, {name}", dtype=name, room=BLOCK * (lattice.q - 1), fetched=FETCHED)
-    lines = [f"{word} = numbers[{k}]" for k, word in enumerate(collision.names)]
+    lines = [f"{word} = numbers[{k}]" for k, word in enumerate(source.names)]
     lines += ["for k in range(tiles.shape[0]):", "    modes = tiles[k, 0]"]
     lines += [f"    odd, opened, leave = modes & {PARITY}, modes & {OPENED}, modes & {LEAVE}"]
     lines += ["    for z in range(tiles[k, 1], tiles[k, 2]):", "        for b in range(blocks[z], blocks[z + 1]):"]
     inner = [f"low = first[z] + (b - blocks[z]) * {BLOCK}", f"high = min(low + {BLOCK}, first[z + 1])", "if odd:"]
     inner += ["    take_rest(start, room, where, code, rest[b], rest[b + 1])"]
-    inner += ["for v in range(low, high):", *_indent(_vector(lattice, collision)), "if odd:"]
+    inner += ["for v in range(low, high):", *_indent(_vector(lattice, source)), "if odd:"]
     inner += ["    for v in range(low, high):", f"        if kinds[v] == {BROKEN}:"]
     inner += ["            " + line for line in _put(lattice)]
     inner += ["    put_rest(start, room, where, code, rest[b], rest[b + 1])"]
@@ -132,7 +134,7 @@ def _kept(lattice: Lattice, i: int) -> str:
     return f"kept + {i - 1} * BYTES"
 
 
-def _vector(lattice: Lattice, collision: Collision) -> list[str]:
+def _vector(lattice: Lattice, source: Source) -> list[str]:
     """Read, collide, and write unless others have to be read first."""
     keep = f"kept = room + (v - low) * {lattice.q - 1} * BYTES"
     lines = ["here, kind = start + v * BYTES, kinds[v]", "f0 = load_at(F, here, BYTES)", keep]
@@ -141,7 +143,7 @@ def _vector(lattice: Lattice, collision: Collision) -> list[str]:
         lines += [f"    f{i} = load_at(F, here + {i} * slot, BYTES)"]
         lines += [f"    prefetch_to_write(here + {i} * slot + {AHEAD} * BYTES)"]
     lines += ["has_links = linked[v + 1] > linked[v]"]
-    lines += ["if opened and has_links:", *_indent(_finish(lattice)), *collision.lines]
+    lines += ["if opened and has_links:", *_indent(_finish(lattice)), *source.lines]
     lines += ["if leave and has_links:", *_indent(_begin(lattice)), "store_at(here, g0, BYTES)"]
     lines += ["if not odd:", *(f"    store_at(here + {j} * slot, g{i}, BYTES)" for i, j in _both(lattice))]
     lines += [f"elif kind == {WHOLE}:", *(f"    store_at({_piece(i)}, g{i}, SIZE)" for i, _ in _both(lattice))]

@@ -1,18 +1,33 @@
 """Positions of fluid nodes one behind the other: tables for the sweep, and what crosses to other ranks; compiled."""
 
+from typing import NamedTuple
+
 import numpy as np
+from numpy.typing import NDArray
 
 from hpcpic.core.simd.compile import njit
 from lbmdem.kernels.layout import arrival, element
 from lbmdem.kernels.sparse import BLOCK, BROKEN, FIRST, SHUT, WHOLE
 
 
+class Neighbours(NamedTuple):
+    """Where vectors of nodes have their neighbours: see `kernels.sparse`."""
+
+    kinds: NDArray[np.int8]
+    masks: NDArray
+    shifts: NDArray[np.int32]
+    rest: NDArray[np.int64]
+    where: NDArray
+    code: NDArray[np.uint32]
+
+
 @njit
-def tables(positions, row_ghosts, ways, n, stride, first, blocks, kinds, masks, shifts, rest, where, code):
-    """The tables of kernels.sparse, from positions[planes + 2, rows + 2 row_ghosts, nx + 2]; ways[i - 1] = e_i.
+def tables(positions, row_ghosts, ways, n, stride, first, blocks, found):
+    """Fill the Neighbours `found`, from positions[planes + 2, rows + 2 row_ghosts, nx + 2]; ways[i - 1] = e_i.
 
     Returns how many other pieces there are; they are stored if there is room for all.
     """
+    kinds, masks, shifts, rest, where, code = found
     masks[:, :, SHUT] = (1 << n) - 1  # also in lanes without a node, whose values stay where they are
     q, total = ways.shape[0], 0
     n_others, others, others_at = np.zeros(q, np.int64), np.zeros((q, n), np.int64), np.zeros((q, n), np.int64)
@@ -74,8 +89,10 @@ def _put(v, row, n, stride, n_others, others, others_at, total, where, code):
 
 
 @njit
-def take_over(f, strides, slots, shifts, old, old_strides, old_slots, old_shifts, positions, parity, nx, low, high):
-    """Populations of fluid nodes of planes low..high from the array `old` of `kernels.layout`."""
+def take_over(f, places, old, old_places, parity, nx, low, high):
+    """Populations of fluid nodes of planes low..high from the array `old`; places, old_places: `layout.Addresses`."""
+    strides, slots, shifts, positions = places
+    old_strides, old_slots, old_shifts, _ = old_places
     rows = positions.shape[1] - 2 * strides[1]
     for z in range(low, high):
         for y in range(rows):

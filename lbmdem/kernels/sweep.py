@@ -13,7 +13,7 @@ from numpy.typing import DTypeLike
 
 from hpcpic.core.simd.generate import module_from_source
 from lbmdem.kernels.layout import storage_order
-from lbmdem.physics.collision import Collision, source
+from lbmdem.physics.collision import Collision, Source
 from lbmdem.physics.velocity_sets import Lattice
 
 SKIP, PLAIN, MIXED = 0, 1, 2
@@ -49,16 +49,18 @@ def {name}(f, kinds, hops, wet, inside, numbers, strides, nx, tiles):
 '''
 
 
-def sweep_kernel(lattice: Lattice, collision: str, forced: bool, dtype: DTypeLike) -> Any:
+def sweep_kernel(collision: Collision, dtype: DTypeLike) -> Any:
     """The compiled kernel `sweep` (see the text above)."""
-    text = sweep_source(lattice, source(lattice, collision, forced), dtype)
-    return module_from_source(text, f"lbm_{lattice.name.lower()}").sweep
+    name = collision.lattice.name.lower()
+    return module_from_source(sweep_source(collision, dtype), f"lbm_{name}").sweep
 
 
-def sweep_source(lattice: Lattice, collision: Collision, dtype: DTypeLike) -> str:
+def sweep_source(collision: Collision, dtype: DTypeLike) -> str:
+    """The text of the module with that kernel."""
+    lattice, source = collision.lattice, collision.source
     name = np.dtype(dtype).name
     text = _HEAD.format(title=f"{lattice.name}, {name}", dtype=name, name="sweep")
-    lines = [f"{word} = numbers[{k}]" for k, word in enumerate(collision.names)]
+    lines = [f"{word} = numbers[{k}]" for k, word in enumerate(source.names)]
     lines += ["for k in range(tiles.shape[0]):", "    parity, tile = tiles[k, 0], tiles[k]"]
     lines += ["    swap = slot * (2 * parity - 1)"]
     lines += ["    for z in range(tile[1], tile[2]):", "        up = z + 1 if z + 1 < stored else 0"]
@@ -66,7 +68,7 @@ def sweep_source(lattice: Lattice, collision: Collision, dtype: DTypeLike) -> st
     inner = ["above = y + 1 if y + 1 < rows else 0", "below = y - 1 if y > 0 else rows - 1"]
     inner += _addresses(lattice)
     inner += ["v, at = 0, (z * kinds.shape[1] + y) * vectors", "while v < vectors:"]
-    inner += ["    " + line for line in _vector(lattice, collision)]
+    inner += ["    " + line for line in _vector(lattice, source)]
     inner += _seam(lattice)
     lines += ["            " + line for line in inner]
     return text + "".join(f"    {line}\n" for line in lines) + "    return 0\n"
@@ -90,7 +92,7 @@ def _addresses(lattice: Lattice) -> list[str]:
     return lines
 
 
-def _vector(lattice: Lattice, collision: Collision) -> list[str]:
+def _vector(lattice: Lattice, source: Source) -> list[str]:
     lines = ["kind, hop = kinds[z, y, v], hops[z, y, v]", f"if kind == {SKIP}:", "    v += hop", "    continue"]
     lines.append("x = v * BYTES")
     loads = ["f0 = load_at(F, here + x, BYTES)"]
@@ -98,7 +100,7 @@ def _vector(lattice: Lattice, collision: Collision) -> list[str]:
         loads += [f"f{i} = load_at(F, lo{i} + x, BYTES)", f"f{j} = load_at(F, hi{i} + x, SIZE)"]
     streams = ["here", *(f"{side}{i}" for i, _ in lattice.pairs for side in ("lo", "hi"))]
     loads += ["there = x + hop", *(f"prefetch_to_write({stream} + there)" for stream in streams)]
-    lines += loads + list(collision.lines)
+    lines += loads + list(source.lines)
     # what is fetched is most often the vector AHEAD of this one in memory, which tells whether it is mixed
     lines += [f"if line[min(at + v + {AHEAD}, line.size - 1)] != {PLAIN}:", *_fetch_mixed(lattice)]
     lines += [f"if kind == {PLAIN}:", "    store_at(here + x, g0, BYTES)"]

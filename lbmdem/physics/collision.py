@@ -1,68 +1,104 @@
-"""Collisions as source text: from f0..f<q-1> (without their weights) to g0..g<q-1>, and the numbers they use.
+"""Collisions: what a node makes of its populations, as source text of a sweep and the numbers that it reads.
 
-BGK and TRT (Ginzburg 2005) with Guo's force (2002), written on sums and differences of opposite pairs; BGK is TRT with
-equal rates. "central": central moments about the fluid velocity, second order relaxed at 1/tau, its trace and all
-higher orders set to equilibrium (the Maxwellian's; De Rosis 2019 for D3Q19), which stays stable as tau -> 1/2. The
-third and fourth orders need not be measured then, so that it costs little more than TRT.
+The text leads from f0..f<q-1> (without their weights) to g0..g<q-1>. BGK and TRT (Ginzburg 2005) are written on sums
+and differences of opposite pairs; BGK is TRT with equal rates. "central": central moments about the fluid velocity,
+second order relaxed at 1/tau, its trace and all higher orders set to equilibrium (the Maxwellian's; De Rosis 2019 for
+D3Q19), which stays stable as tau -> 1/2. The third and fourth orders need not be measured then, so that it costs little
+more than TRT. `lbmdem.physics.reference` has all of them in plain numpy.
 
-A collision is `Collision(names, lines)`; `numbers` gives the values that belong to the names. Values may change
-between steps (force), the text does not.
+Numbers may change between steps (the force), the text does not.
 """
 
 import functools
 import itertools
-from collections.abc import Sequence
+import math
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
+from lbmdem.physics.forcing import Forcing
 from lbmdem.physics.velocity_sets import Lattice
-
-COLLISIONS = ("BGK", "TRT", "central")
 
 
 @dataclass(frozen=True)
-class Collision:
+class Scheme:
+    """A collision by its name in a case.
+
+    text(lattice, forced): its lines after the moments. magic: whether odd populations have a rate of their own, from
+    (tau - 1/2)(1/odd rate - 1/2). grid_reynolds: the largest U dx/nu of an under-resolved doubly periodic shear layer
+    that stays finite, measured. slips: whether the place of walls depends on tau. dearer: whether a sweep takes longer,
+    by the share "central" of the rates of a machine.
+    """
+
+    name: str
+    text: Callable[[Lattice, bool], list[str]]
+    magic: bool = False
+    grid_reynolds: float = math.inf
+    slips: bool = False
+    dearer: bool = False
+
+
+@dataclass(frozen=True)
+class Source:
+    """The text of a collision, and the names of the numbers that it reads."""
+
     names: tuple[str, ...]
     lines: tuple[str, ...]
 
 
-def rates(collision: str, tau: float, magic: float) -> tuple[float, float]:
-    """Relaxation rates of even and odd populations; magic = (tau - 1/2)(1/odd rate - 1/2), TRT only."""
-    even = 1.0 / tau
-    odd = 1.0 / (magic / (tau - 0.5) + 0.5) if collision == "TRT" else even
-    return even, odd
+@dataclass(frozen=True)
+class Collision:
+    """A scheme with its relaxation times on a lattice; forcing: how a force enters, None of a fluid without."""
 
+    lattice: Lattice
+    scheme: Scheme
+    tau: float
+    magic: float
+    forcing: Forcing | None = None
 
-def numbers(
-    lattice: Lattice, collision: str, tau: float, magic: float, force: Sequence[float] | None
-) -> NDArray[np.float64]:
-    """Values of the names of `source(lattice, collision, force is not None)`; force per volume, lattice units."""
-    even, odd = rates(collision, tau, magic)
-    values = {"keep_rest": 1 - even, "keep_even": (1 - even) / 2, "keep_odd": (1 - odd) / 2, "keep": 1 - even}
-    for k, w in enumerate(_classes(lattice)):
-        values |= {f"even{k}": even * w, f"curve{k}": 4.5 * even * w, f"odd{k}": 3 * odd * w}
-        values |= {f"tilt{k}": 9 * (1 - even / 2) * w, f"work{k}": 3 * (1 - even / 2) * w}
-    if force is not None:
-        vector = np.asarray(force, float)
-        for axis, component in zip("xyz", vector):
-            values |= {f"f{axis}": component, f"h{axis}": component / 2, f"sixth{axis}": component / 6}
-        for i, _ in lattice.pairs:
-            along = float(lattice.e[i] @ vector)
-            values |= {f"along{i}": along, f"push{i}": 3 * (1 - odd / 2) * lattice.weights[i] * along}
-    return np.array([values[name] for name in source(lattice, collision, force is not None).names])
+    @property
+    def source(self) -> Source:
+        return _source(self.lattice, self.scheme, self.forcing is not None)
+
+    @property
+    def rates(self) -> tuple[float, float]:
+        """Relaxation rates of even and odd populations."""
+        even = 1.0 / self.tau
+        return even, 1.0 / (self.magic / (self.tau - 0.5) + 0.5) if self.scheme.magic else even
+
+    def shift(self, force: ArrayLike | None) -> NDArray[np.float64]:
+        """The part of a force per volume that belongs to the momentum of the fluid [d]."""
+        if self.forcing is None or force is None:
+            return np.zeros(self.lattice.dimensions)
+        return self.forcing.share * np.asarray(force, float)
+
+    def numbers(self, force: ArrayLike | None) -> NDArray[np.float64]:
+        """Values of the names of `source`; force per volume, lattice units."""
+        lattice, (even, odd) = self.lattice, self.rates
+        values = {"keep_rest": 1 - even, "keep_even": (1 - even) / 2, "keep_odd": (1 - odd) / 2, "keep": 1 - even}
+        for k, w in enumerate(_classes(lattice)):
+            values |= {f"even{k}": even * w, f"curve{k}": 4.5 * even * w, f"odd{k}": 3 * odd * w}
+        if self.forcing is not None:
+            vector, left = np.asarray(force, float), self.forcing.factor
+            for k, w in enumerate(_classes(lattice)):
+                values |= {f"tilt{k}": 9 * left(even) * w, f"work{k}": 3 * left(even) * w}
+            for axis, component, part in zip("xyz", vector, self.shift(vector)):
+                values |= {f"f{axis}": component, f"h{axis}": part, f"sixth{axis}": component / 6}
+            for i, _ in lattice.pairs:
+                along = float(lattice.e[i] @ vector)
+                values |= {f"along{i}": along, f"push{i}": 3 * left(odd) * lattice.weights[i] * along}
+        return np.array([values[name] for name in self.source.names])
 
 
 @functools.cache
-def source(lattice: Lattice, collision: str, forced: bool) -> Collision:
-    """The text of a collision."""
-    lines = _moments(lattice, forced)
-    lines += _central(lattice, forced) if collision == "central" else _two_rates(lattice, forced)
+def _source(lattice: Lattice, scheme: Scheme, forced: bool) -> Source:
+    lines = _moments(lattice, forced) + scheme.text(lattice, forced)
     words = set(itertools.chain.from_iterable(_words(line.split("=", 1)[1]) for line in lines))
     defined = {name for line in lines for name in _words(line.split("=", 1)[0])}
     given = {f"f{i}" for i in range(lattice.q)} | {"fma"}
-    return Collision(tuple(sorted(words - defined - given)), tuple(lines))
+    return Source(tuple(sorted(words - defined - given)), tuple(lines))
 
 
 def _words(text: str) -> list[str]:
@@ -86,7 +122,7 @@ def _signed(terms: Sequence[tuple[int, str]]) -> str:
 
 
 def _moments(lattice: Lattice, forced: bool) -> list[str]:
-    """s, d: sums and differences of pairs; drho = rho - 1; j: momentum with half the force; u."""
+    """s, d: sums and differences of pairs; drho = rho - 1; j: momentum with the forcing's share of the force."""
     axes, lines = _axes(lattice), []
     for i, j in lattice.pairs:
         lines += [f"s{i} = f{i} + f{j}", f"d{i} = f{i} - f{j}"]
@@ -99,6 +135,7 @@ def _moments(lattice: Lattice, forced: bool) -> list[str]:
 
 
 def _two_rates(lattice: Lattice, forced: bool) -> list[str]:
+    """p, m: even and odd parts of a pair after the collision."""
     axes, classes = _axes(lattice), _classes(lattice)
     square = "+".join(f"j{a}*j{a}" for a in axes)
     lines = [f"base = drho - 1.5*inverse*({square})"]
@@ -185,3 +222,13 @@ def _from_moments(lattice: Lattice, couples: list[tuple[str, str]]) -> list[str]
             lines.append(f"n{i} = 0.25*(" + _signed([(int(e[a]), f"m{b}{b}{a}"), (int(e[b]), f"m{a}{a}{b}")]) + ")")
         lines += [f"g{i} = p{i} + n{i}", f"g{j} = p{i} - n{i}"]
     return lines
+
+
+COLLISIONS = {
+    scheme.name: scheme
+    for scheme in (
+        Scheme("BGK", _two_rates, grid_reynolds=160.0, slips=True),
+        Scheme("TRT", _two_rates, magic=True, grid_reynolds=43.0),
+        Scheme("central", _central, dearer=True),
+    )
+}

@@ -3,10 +3,11 @@
 import math
 from collections.abc import Iterator
 
-from hpcpic.core.case.derived import Derived
-from lbmdem.case.config import AXES, LbmDemConfig, largest_diameter
+from hpcpic.core.case.derived import Derived, Verdict
+from lbmdem.case.config import AXES, LbmDemConfig
 from lbmdem.forecast.node_shares import grains, volume
-from lbmdem.physics.relaxation import GRID_REYNOLDS, SPACING, key_of_tau, slower
+from lbmdem.physics.collision import COLLISIONS
+from lbmdem.physics.relaxation import SPACING, key_of_tau, slower
 from lbmdem.physics.velocity_sets import CS2
 
 BALANCE = 1e-3  # of the forces on a box that are left over: what is still called a balance
@@ -21,8 +22,8 @@ def drag_coefficient(reynolds: float) -> float:
 
 def terminal_speed(config: LbmDemConfig, i: int) -> float:
     """Of the largest grain of a set alone, m/s; of a disc by the lesser of Stokes's and the drag coefficient 1."""
-    some, fluid = config.grains[i], config.fluid
-    size = largest_diameter(some)
+    some, fluid = config.grains[i], config.liquid
+    size = some.largest_diameter
     pull = math.hypot(*config.gravity) * abs(some.density / fluid.density - 1.0)
     slow = pull * size**2 / (18.0 * fluid.kinematic_viscosity)
     if config.dimensions == 2 or not pull:
@@ -35,24 +36,24 @@ def terminal_speed(config: LbmDemConfig, i: int) -> float:
 
 def falling(config: LbmDemConfig, i: int) -> Iterator[Derived]:
     """Of a grain that falls or rises alone: what gravity may bring about, and a bed seldom reaches."""
-    v, fluid, dx = terminal_speed(config, i), config.fluid, config.spacing
+    v, fluid, dx = terminal_speed(config, i), config.liquid, config.spacing
     if not v:
         return
     source = "Schiller & Naumann 1933" if config.dimensions == 3 else "Stokes; drag coefficient 1 of a disc"
     mach = v * config.time_step / dx / math.sqrt(CS2)
-    verdict = "ok" if mach <= 0.25 else "warn" if mach < 0.5 else "fail"
+    verdict: Verdict = "ok" if mach <= 0.25 else "warn" if mach < 0.5 else "fail"
     tau = slower(config, 0.24 / mach)
     cure = "" if verdict == "ok" else f"relaxation_time = {tau} makes the time step short enough for {v:.3g} m/s"
     limit = "<= 0.25, < 0.5 at all" if verdict != "fail" else "< 0.5"
     yield Derived("Mach number of a lone grain", "Ma", mach, "", limit, verdict, source, cure, key_of_tau(config), True)
-    grid, most = v * dx / fluid.kinematic_viscosity, GRID_REYNOLDS[fluid.collision]
+    grid, most = v * dx / fluid.kinematic_viscosity, COLLISIONS[fluid.collision].grid_reynolds
     verdict = "ok" if grid <= most else "warn" if grid <= FAR_BEYOND * most else "fail"
     cure = "" if verdict == "ok" else 'collision = "central" has no such limit; a finer spacing lowers it'
     limit = f"<= {most:g}, {FAR_BEYOND * most:g} at all" if math.isfinite(most) else "none"
     words = f"{source}; shear layer, measured"
     name = "grid Reynolds number of a lone grain"
     yield Derived(name, "v dx/nu", grid, "", limit, verdict, words, cure, SPACING, True)
-    size = largest_diameter(config.grains[i])
+    size = config.grains[i].largest_diameter
     reynolds = v * size / fluid.kinematic_viscosity
     if reynolds > 1.0:
         layer = LAYER * size / dx / math.sqrt(reynolds)
@@ -86,7 +87,7 @@ def unheld(config: LbmDemConfig) -> Iterator[Derived]:
             continue
         end = left / (mass + wet) * config.simulation.end_time
         far = 0.5 * end * config.simulation.end_time > config.domain.size[k]
-        verdict = "warn" if far and left > BALANCE * pulls else "ok"
+        verdict: Verdict = "warn" if far and left > BALANCE * pulls else "ok"
         cure = "it goes ever faster: a wall or a fixed grain holds it"
         if weight and wet:
             cure += f", or a fluid.body_force of {-weight / wet:.6g} m/s2 along {axis} balances the weight"

@@ -4,43 +4,43 @@ import math
 from collections.abc import Iterator
 
 from hpcpic.core.case.config import Path
-from hpcpic.core.case.derived import Derived
+from hpcpic.core.case.derived import Derived, Verdict
 from lbmdem.case.config import AXES, LbmDemConfig
+from lbmdem.physics.collision import COLLISIONS
 
 TAU = ("fluid", "relaxation_time")
 SPACING = ("domain", "spacing")
-# Largest U dx/nu of an under-resolved doubly periodic shear layer that stays finite, measured; central moments: none
-GRID_REYNOLDS = {"BGK": 160.0, "TRT": 43.0, "central": math.inf}
 # Error of the mean velocity of a channel of 16 nodes with half-way walls, measured by tau: BGK
 SLIP = ((1.2, 5e-3), (1.5, 2.3e-2), (2.0, 5.9e-2), (3.0, 0.17), (5.0, 0.57), (10.0, 2.0))
 LEAST_EXCESS = 1e-12  # of tau over 1/2: of less, rounding leaves fewer than four digits of the viscosity
 
 
 def key_of_tau(config: LbmDemConfig) -> Path:
-    return ("fluid", "time_step") if config.fluid.time_step is not None else TAU
+    return ("fluid", "time_step") if config.liquid.time_step is not None else TAU
 
 
 def relaxation(config: LbmDemConfig) -> Iterator[Derived]:
     """tau and the time step that goes with it [5]."""
-    tau, collision = config.tau, config.fluid.collision
+    tau, collision = config.tau, COLLISIONS[config.liquid.collision]
     yield Derived("time step", "dt", config.time_step, "s")
     yield Derived("steps", "N", config.n_steps)
-    verdict, limit, cure = "ok", "0.5 < tau <= 5", ""
+    verdict: Verdict = "ok"
+    limit, cure = "0.5 < tau <= 5", ""
     source = "Mansouri et al. [5]; Ginzburg & d'Humieres 2003"
     if tau - 0.5 < LEAST_EXCESS:
         verdict, limit = "fail", f"> 0.5 + {LEAST_EXCESS:g}"
         cure = "rounding leaves no viscosity: a larger time step or viscosity, or a finer spacing"
     elif tau >= 1e3:
         verdict, limit, cure = "fail", "< 1000", "relaxation_time = 5 is large and accurate with TRT"
-    elif collision == "BGK" and tau > 1.2 and (walled(config) or config.grains or config.obstacle):
+    elif collision.slips and tau > 1.2 and (walled(config) or config.grains or config.obstacle):
         slip = next((error for t, error in reversed(SLIP) if tau >= t), SLIP[0][1])
         verdict, limit = "warn", "<= 1.2 with BGK and walls"
         cure = f'walls slip: {slip:.1%} in a channel of 16 nodes; collision = "TRT" does not'
     elif tau > 5:
         verdict, cure = "warn", "the time step is no longer short against what happens in a cell"
-    elif tau < 0.505 and collision != "central":
+    elif tau < 0.505 and math.isfinite(collision.grid_reynolds):
         verdict, limit = "warn", ">= 0.505"
-        cure = f"nearly no viscosity on this lattice: stable below U dx/nu = {GRID_REYNOLDS[collision]:g} only"
+        cure = f"nearly no viscosity on this lattice: stable below U dx/nu = {collision.grid_reynolds:g} only"
     yield Derived("relaxation time", "tau", tau, "", limit, verdict, source, cure, key_of_tau(config))
 
 

@@ -16,7 +16,7 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from hpcpic.core.simd.formulas import fma, select
 from lbmdem.physics.velocity_sets import Lattice
@@ -118,7 +118,7 @@ def coefficients(rule: Any, q: Any) -> Any:
     )
 
 
-def impedance(lattice: Lattice, rule: str, radius: NDArray[np.float64]) -> tuple[NDArray, NDArray]:
+def impedance(lattice: Lattice, rule: str, radius: ArrayLike) -> tuple[NDArray, NDArray]:
     """Mass and moment of inertia to add to grains of a radius so that light ones are stable, in lattice units.
 
     The force of the links changes by -zeta du when the grain's velocity changes by du within a step, zeta = sum over

@@ -37,7 +37,9 @@ def size_faults(config: LbmDemConfig, d: int) -> Iterator[tuple[Path, str]]:
     size, dx = config.domain.size, config.domain.spacing
     if len(size) != d:
         yield ("domain", "size"), f"needs {d} numbers in {d}D (got {len(size)})"
-    for axis, length in zip(AXES, size if dx is not None else ()):
+    for axis, length in zip(AXES, size):
+        if dx is None:
+            break
         cells = length / dx
         if round(cells) < 1:
             yield ("domain", "size"), f"is less than one spacing along {axis} ({length:g} m of {dx:g} m)"
@@ -111,7 +113,7 @@ def vector_faults(config: LbmDemConfig, d: int) -> Iterator[tuple[Path, str]]:
     """Vectors with another number of components than the case has dimensions."""
     vectors: list[tuple[Path, tuple[float, ...]]] = [
         (("gravity",), config.gravity),
-        (("fluid", "body_force"), config.fluid.body_force if config.fluid else ()),
+        (("fluid", "body_force"), config.liquid.body_force if config.fluid else ()),
     ]
     vectors += [(("boundary", i, "velocity"), face.velocity) for i, face in enumerate(config.boundary)]
     if config.shaking:
@@ -179,9 +181,9 @@ def obstacle_faults(config: LbmDemConfig, obstacle: Obstacle) -> Iterator[tuple[
             yield ("shape", "box"), "has no inside: low must be below high along every axis"
         if any(grains.moving for grains in config.grains):
             yield ("shape", "box"), "is nothing that moving grains could touch; a plane is"
-    elif not any(plane.normal):
+    elif plane is not None and not any(plane.normal):
         yield ("shape", "plane", "normal"), "is no direction"
-    elif len(plane.normal) == d:
+    elif plane is not None and len(plane.normal) == d:
         for axis, part in zip(AXES, plane.normal):
             if part and axis in config.domain.periodic:
                 yield ("shape", "plane", "normal"), f"has a part along {axis}, along which the box is periodic"

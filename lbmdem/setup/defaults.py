@@ -10,7 +10,7 @@ def completed(config: LbmDemConfig) -> LbmDemConfig:
     around = {face.face[0] for face in config.boundary if face.type == "periodic"}.union(config.domain.periodic)
     domain = config.domain.model_copy(update={"periodic": tuple(axis for axis in AXES if axis in around)})
     simulation = config.simulation.model_copy(
-        update={"dimensions": d, "lattice": config.simulation.lattice or ("D2Q9" if d == 2 else "D3Q19")}
+        update={"dimensions": d, "lattice": config.lattice}
     )
     fluid = config.fluid
     if fluid is not None:

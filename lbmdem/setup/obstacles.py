@@ -18,7 +18,7 @@ def obstacle_walls(scene: Scene) -> list[Wall]:
         shape = obstacle.shape
         if shape.plane is not None:
             distance = plane(tuple(np.array(shape.plane.point) / dx - 0.5), shape.plane.normal)
-        else:
+        elif shape.box is not None:
             distance = box(shape.box, dx, np.where(scene.periodic, scene.points, np.inf))
         walls.append(Wall(distance, tuple(u / unit for u in obstacle.velocity)))
     return walls

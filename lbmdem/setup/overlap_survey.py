@@ -45,7 +45,7 @@ def survey(config: "LbmDemConfig") -> Survey:
     counts = [len(grains.position) for grains in sets]
     keys = position_keys(config)
     x = np.concatenate([np.array(grains.position, float) for grains in sets])
-    sizes = [grains.diameter if grains.diameter is not None else grains.diameters.min for grains in sets]
+    sizes = [grains.smallest_diameter for grains in sets]
     radius = 0.5 * np.repeat(np.array(sizes), counts)
     moving = np.repeat([grains.moving for grains in sets], counts)
     length = np.array(config.domain.size)

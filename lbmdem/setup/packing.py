@@ -271,7 +271,7 @@ def make(
     sample = Sample(radius, low, min(high, top), seed, grains.density)
     if porosity is None:
         down = abs(config.gravity[-1]) or 9.81
-        if config.fluid and config.fluid.density != grains.density:  # they rest under their weight less buoyancy
-            down *= abs(1.0 - config.fluid.density / grains.density)
+        if config.fluid and config.liquid.density != grains.density:  # they rest under their weight less buoyancy
+            down *= abs(1.0 - config.liquid.density / grains.density)
         sample = replace(sample, gravity=down, law=contact_law(config))
     return pack(world, pool, domain, sample), radius

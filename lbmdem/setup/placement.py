@@ -30,7 +30,7 @@ def given_radii(config: LbmDemConfig, grains: GrainSet) -> NDArray[np.float64]:
         return np.full(n, 0.5 * grains.diameter)
     from lbmdem.setup.packing import beta_diameters
 
-    d = grains.diameters
+    d = grains.law
     return 0.5 * beta_diameters(n, d.min, d.max, d.a, d.b, config.simulation.random_seed, config.dimensions)
 
 

@@ -47,14 +47,14 @@ class Scene:
         self.lattice = config.simulation.lattice
         self.points = config.points  # along x, y(, z)
         self.time_step = config.time_step
-        self.density = config.fluid.density if config.fluid else 0.0  # of the fluid, kg/m3
+        self.density = config.liquid.density if config.fluid else 0.0  # of the fluid, kg/m3
         self.units = Units(config.spacing, self.time_step, self.density, d)
         self.periodic = tuple(axis in config.domain.periodic for axis in AXES[:d])
         self.gravity = np.array(config.gravity)
         if config.fluid:
             self.tau = config.tau
             self.faces = self._faces()
-            self.acceleration = np.array(config.fluid.body_force) / self.units.acceleration
+            self.acceleration = np.array(config.liquid.body_force) / self.units.acceleration
         self.set_names = [grains.name for grains in config.grains]
 
     def _faces(self) -> dict[str, FaceScene]:
@@ -100,14 +100,14 @@ class Scene:
         """
         displaced = self.density * volume
         force = mass[:, None] * ((1.0 - displaced / mass)[:, None] * self.gravity)
-        driving = self.config.fluid.body_force if self.config.fluid else ()
+        driving = self.config.liquid.body_force if self.config.fluid else ()
         return force + displaced[:, None] * np.array(driving) if any(driving) else force
 
     def initial_velocity(self, axes: tuple[NDArray, ...]) -> NDArray[np.float64]:
         """Velocity of the fluid at nodes, lattice units [..., d]; axes: coordinates x, y(, z) that broadcast, in m."""
         shape = np.broadcast_shapes(*(axis.shape for axis in axes))
         u = np.zeros((*shape, self.dimensions))
-        initial = self.config.fluid.initial
+        initial = self.config.liquid.initial
         if initial is None:
             for k, x in enumerate(axes):
                 u[..., k] = self._through(k, x / self.config.domain.size[k])
@@ -142,7 +142,7 @@ class Scene:
         """
         shape = np.broadcast_shapes(*(axis.shape for axis in axes))
         rho = np.ones(shape)
-        initial = self.config.fluid.initial
+        initial = self.config.liquid.initial
         if initial is not None and initial.flow == "taylor-green":
             speed = initial.speed / self.units.velocity
             kx, ky = (2.0 * math.pi / length for length in self.config.domain.size[:2])

@@ -8,6 +8,8 @@ from typing import Literal
 from hpcpic.core.case.config import Path, Tree, dotted
 from hpcpic.core.errors import ConfigError
 
+Verdict = Literal["ok", "warn", "fail"]
+
 
 @dataclass(frozen=True, slots=True)
 class Derived:
@@ -22,7 +24,7 @@ class Derived:
     value: float
     unit: str = ""
     limit: str = ""
-    verdict: Literal["ok", "warn", "fail"] = "ok"
+    verdict: Verdict = "ok"
     source: str = ""
     cure: str = ""
     key: Path = ()

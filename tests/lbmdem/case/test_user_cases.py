@@ -7,7 +7,6 @@ from app_runner import running
 from hpcpic.core.case.config import loads
 from hpcpic.core.case.derived import enforce
 from hpcpic.core.errors import ConfigError
-from lbmdem import step
 from lbmdem.app import shipped_cases
 from lbmdem.configure import configure
 from lbmdem.forecast import estimate as estimates
@@ -171,6 +170,5 @@ def test_shaking_that_sound_cannot_follow_is_warned_of(world, tau, most, verdict
 def test_grains_alone_are_not_charged_for_calls_that_they_share():
     """Many of their steps are one call: what a call costs was told for each, six times the time of a hundred grains."""
     config = configure(loads(shipped_cases()["settling-pile"].read_text()))
-    assert estimates.TOGETHER == step.STEPS_PER_CALL  # written twice, as the command imports nothing of the program
     of_grains = 1e-9 * 200 * estimates.DEFAULT["grain_ns"]
     assert of_grains < estimates.estimate(config, 1, 1, {}).step_seconds < 1.1 * of_grains

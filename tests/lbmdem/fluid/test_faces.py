@@ -1,12 +1,12 @@
 import numpy as np
 import pytest
-from lbm_reference import random_populations
 
 from hpcpic.core.comm.world import World
 from hpcpic.core.space.domain import Domain, even_cuts
 from hpcpic.core.tasks.graph import Pool
 from lbmdem.fluid.faces import Face
 from lbmdem.fluid.fluid import Fluid
+from lbmdem.physics.reference import random_populations
 from lbmdem.physics.velocity_sets import CS2, D2Q9, D3Q19
 
 AXES = {"x": 0, "y": 1, "z": 2}

@@ -1,14 +1,14 @@
-"""Links against the plain method of slow_lbm."""
+"""Links against the plain method of physics/reference.py."""
 
 import numpy as np
 import pytest
-from slow_lbm import SlowLbm
 
 from hpcpic.core.space.domain import Domain
 from hpcpic.core.tasks.graph import Pool
 from lbmdem.coupling.immersed import Immersed
 from lbmdem.fluid.fluid import Fluid
 from lbmdem.fluid.solid_nodes import kernel_axes, kernel_rotation
+from lbmdem.physics.reference import Links
 from lbmdem.physics.velocity_sets import D2Q9, D3Q19
 from lbmdem.physics.wall_rules import RULES
 
@@ -41,7 +41,7 @@ def two_grains(lattice):
 def slow_steps(fluid, grains, rule, steps):
     """The plain method from the same populations; its forces on the grains [2, 6] in the axes of kernels."""
     shape = fluid.ids[1:-1, 1:-1, 1:-1].shape if fluid.domain.ndim == 3 else fluid.ids[1:-1, :, 1:-1].shape
-    slow = SlowLbm(fluid.lattice, shape, fluid.tau, seed=3)
+    slow = Links(fluid.lattice, shape, *fluid.collision.rates)
     slow.solid[:] = fluid.solid.inner.reshape(shape)
     _, centres, radii, velocity, omega = grains
     places, speeds, turns = kernel_axes(centres), kernel_axes(velocity), kernel_rotation(omega)

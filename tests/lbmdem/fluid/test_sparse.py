@@ -2,7 +2,6 @@
 
 import numpy as np
 import pytest
-from lbm_reference import random_populations
 
 from hpcpic.core.comm.world import World
 from hpcpic.core.space.domain import Domain, even_cuts
@@ -13,6 +12,7 @@ from lbmdem.fluid.faces import Face
 from lbmdem.fluid.fluid import Fluid
 from lbmdem.fluid.sparse import SparseLayout
 from lbmdem.kernels import sparse
+from lbmdem.physics.reference import random_populations
 from lbmdem.physics.velocity_sets import D2Q9, D3Q19
 
 SHAPES = {"D2Q9": (40, 37), "D3Q19": (36, 14, 19)}

@@ -3,7 +3,6 @@ import itertools
 import numpy as np
 import pytest
 from app_runner import running
-from lbm_reference import random_populations
 
 from hpcpic.core.comm.world import World
 from hpcpic.core.simd.compile import njit
@@ -16,7 +15,9 @@ from lbmdem.fluid.faces import Face
 from lbmdem.fluid.fluid import Fluid
 from lbmdem.forecast.estimate import steps_per_pass
 from lbmdem.kernels.layout import arrival
+from lbmdem.physics.reference import random_populations
 from lbmdem.physics.velocity_sets import D2Q9, D3Q19
+from lbmdem.sizes import CACHE_OF_WHOLE_PLANES, STEPS_PER_PASS
 
 SHAPES = {"D2Q9": (40, 37), "D3Q19": (36, 26, 12)}
 
@@ -49,7 +50,7 @@ def test_a_wave_has_the_bits_of_plain_steps(monkeypatch, lattice, periodic, thre
     """Depths odd and even, with and without tiles of rows, from either parity, steps left over."""
     plain = stepped(lattice, periodic, 13)
     for depth, cache in itertools.product((2, 3, 4), (1.0, 1e9)):
-        monkeypatch.setattr(temporal_blocking, "DEPTH", depth)
+        monkeypatch.setattr(temporal_blocking, "STEPS_PER_PASS", depth)
         monkeypatch.setattr(temporal_blocking, "CACHE", cache)
         fluid = make(lattice, periodic, threads=threads)
         fluid.step()
@@ -110,7 +111,7 @@ def test_what_comes_after_a_sweep_finds_neighbours_swept_and_not_yet_again(
 
 def test_a_slab_too_thin_for_a_wave_is_stepped():
     fluid = make(D2Q9, (True, True))
-    assert fluid.depth == temporal_blocking.DEPTH
+    assert fluid.depth == STEPS_PER_PASS
     thin = Domain((5.0, 9.0), (5, 9), (True, True), (0, 5))
     assert temporal_blocking.possible_depth(thin, fluid.layout, 1, 0) == 2
     assert temporal_blocking.possible_depth(thin, fluid.layout, 2, 0) == 1
@@ -171,11 +172,11 @@ def test_a_wave_carries_links_and_faces_through_ranks(world, faces):
     assert np.array_equal(fluid[1], plain[1][:, low:high])
 
 
-@pytest.mark.parametrize("whole", [temporal_blocking.WHOLE, 25e3, 20e3, 1.0])
+@pytest.mark.parametrize("whole", [CACHE_OF_WHOLE_PLANES, 25e3, 20e3, 1.0])
 @pytest.mark.parametrize("n", range(1, 17))
 def test_momentum_of_the_last_two_steps_is_kept_in_a_pass_or_by_hooks(monkeypatch, n, whole):
     """Also where planes that are done whole do not fit into the caches, or for fewer steps than others."""
-    monkeypatch.setattr(temporal_blocking, "WHOLE", whole)
+    monkeypatch.setattr(temporal_blocking, "CACHE_OF_WHOLE_PLANES", whole)
     fluid, called, kept = make(D2Q9, (True, True)), [], []
     fluid.hooks.append(lambda fluid, parity: called.append(fluid.iteration + 1))
 

@@ -5,8 +5,6 @@ import pytest
 from hpcpic.core.case.config import loads
 from lbmdem.case.config import LbmDemConfig
 from lbmdem.configure import configure
-from lbmdem.fluid import fluid, temporal_blocking
-from lbmdem.forecast import estimate as estimates
 from lbmdem.forecast.estimate import (
     DEFAULT,
     SAMPLES,
@@ -17,7 +15,6 @@ from lbmdem.forecast.estimate import (
     phases,
     sample_seconds,
 )
-from lbmdem.grains import dem
 
 CASE = """
 simulation = {{ dimensions = 3; end_time = {steps}.0; }};
@@ -57,12 +54,6 @@ def test_grains_cost_more_when_they_move_and_ranks_when_there_are_two():
     one, two = (estimate(moving, ranks, 1, {}).phases for ranks in (1, 2))
     assert one["exchanges"] == one["messages"] == 0.0 < min(two["exchanges"], two["messages"])
     assert two["nodes"] == pytest.approx(one["nodes"] / DEFAULT["wave_core_gain"])
-
-
-def test_its_limits_are_those_of_the_program():
-    """Written twice, as the command imports nothing of the program."""
-    there = (temporal_blocking.DEPTH, temporal_blocking.WHOLE, fluid.SPARSE, dem.GRAINS_OF_ONE_THREAD)
-    assert there == (estimates.DEPTH, estimates.WHOLE, estimates.SPARSE, estimates.FEW)
 
 
 def test_what_was_measured_takes_the_place_of_the_default():

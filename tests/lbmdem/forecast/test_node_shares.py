@@ -16,9 +16,10 @@ from lbmdem.app import shipped_cases
 from lbmdem.configure import configure
 from lbmdem.fluid.temporal_blocking import even_depth
 from lbmdem.forecast.estimate import DEFAULT, estimate, phases, share_together
-from lbmdem.forecast.node_shares import TYPES, lanes_of_all, shares
+from lbmdem.forecast.node_shares import lanes_of_all, shares
 from lbmdem.forecast.plan import arrays, link_count
 from lbmdem.kernels.sweep import MIXED, SKIP
+from lbmdem.sizes import STORAGE
 
 FIRST_ORDER = 0.1  # of all vectors: expected of spheres that fill 0.6 of a sample is to first order only, off by 0.07
 BOX = """
@@ -46,6 +47,7 @@ from lbmdem.configure import configure
 from lbmdem.kernels.layout import Layout
 from lbmdem.kernels.node_kinds import classify, mark
 from lbmdem.kernels.sweep import MIXED, SKIP
+from lbmdem.sizes import STORAGE
 from lbmdem.physics.velocity_sets import LATTICES
 from lbmdem.forecast.plan import arrays
 from lbmdem.forecast.node_shares import shares
@@ -103,7 +105,7 @@ def test_vectors_at_sides_are_counted(vectors, others, periodic, mixed):
 @pytest.mark.parametrize("storage", ["double", "single"])
 def test_rows_are_swept_by_whole_vectors(storage):
     """49 nodes along x cost what the next whole number of vectors does; what is beside sides is another matter."""
-    whole = -(-49 // lanes(TYPES[storage])) * lanes(TYPES[storage])
+    whole = -(-49 // lanes(STORAGE[storage])) * lanes(STORAGE[storage])
     narrow, wide = (
         configure(loads(BOX.format(d=2, size=[n * 1e-3, 0.1], periodic='["x", "y"]')
                                      .replace("fluid = {", f'fluid = {{ storage = "{storage}";')))
