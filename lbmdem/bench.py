@@ -163,7 +163,7 @@ def bed_rates(world: World, pool: Pool, rates: Mapping[str, float]) -> dict[str,
 
 def kind_shares(fluid: Fluid) -> Shares:
     """Of the vectors that its sweep goes by."""
-    kinds = fluid.kinds
+    kinds = fluid.nodes.kinds
     return Shares(float((kinds == SKIP).mean()), float((kinds == MIXED).mean()))
 
 

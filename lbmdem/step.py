@@ -23,13 +23,13 @@ from lbmdem.diagnostics.scalars import Diagnostics
 from lbmdem.fluid.drive import Drive
 from lbmdem.fluid.faces import Face
 from lbmdem.fluid.fluid import Fluid
+from lbmdem.fluid.obstacles import obstacle_walls
 from lbmdem.forecast.estimate import output_periods
 from lbmdem.grains.arrays import STEPS_PER_CALL
 from lbmdem.grains.dem import Dem
 from lbmdem.kernels.layout import FLUID
 from lbmdem.physics.velocity_sets import LATTICES
 from lbmdem.physics.wall_rules import RULES
-from lbmdem.setup.obstacles import obstacle_walls
 from lbmdem.setup.overlap_survey import starts
 from lbmdem.setup.placement import place_grains
 from lbmdem.setup.scene import Scene

@@ -2,18 +2,16 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from hpcpic.core.tasks.graph import Bound, bind
-from lbmdem.fluid.layout import addresses
+from lbmdem.fluid.layout import Layout, addresses
+from lbmdem.fluid.sparse import SparseLayout
 from lbmdem.kernels.layout import WALL, storage_order
 from lbmdem.kernels.open_faces import LayerNodes, find_places, push_walls, zou_he
-
-if TYPE_CHECKING:
-    from lbmdem.fluid.fluid import Fluid
 
 KINDS = ("periodic", "wall", "pressure", "velocity")
 
@@ -56,14 +54,42 @@ def axis_of(name: str, dimensions: int) -> int:
     return dimensions - 1 - "xyz".index(name[0])
 
 
+def wall_ends(
+    faces: Mapping[str, Face], layout: Layout | SparseLayout, touches: tuple[bool, bool]
+) -> NDArray[np.int64]:
+    """[first, last + 1) node of each of the axes (plane, row, x) of this rank that is not beyond a wall."""
+    far, flat = 1 << 40, layout.lattice.dimensions == 2
+    ends = np.array([[-far, far]] * 3, np.int64)
+    for name, face in faces.items():
+        axis, upper = {"x": 2, "y": 0 if flat else 1, "z": 0}[name[0]], name[1] == "+"
+        if face.kind == "wall" and (axis or touches[upper]):
+            ends[axis, int(upper)] = (layout.planes, layout.rows, layout.nx)[axis] if upper else 0
+    return ends
+
+
+@dataclass(frozen=True)
+class Slab:
+    """What a layer works on: populations f of a layout, ids of nodes with ghosts, whether the slab touches the lower
+    and the upper end of the box, `wall_ends`, and shift[3], the part of the force in the momentum (storage order).
+    """
+
+    layout: Layout | SparseLayout
+    f: NDArray
+    ids: NDArray[np.int32]
+    touches: tuple[bool, bool]
+    ends: NDArray[np.int64]
+    shift: NDArray[np.float64]
+
+
 class Layer:
     """The last nodes inside one face, on this rank, and the tasks that give them what arrives from outside.
 
     values[plane, row, x, 4] = density - 1 and velocity in storage order, of the nodes; they may change between steps.
     """
 
-    def __init__(self, fluid: "Fluid", name: str, face: Face) -> None:
-        layout, dimensions = fluid.layout, fluid.lattice.dimensions
+    def __init__(self, slab: Slab, name: str, face: Face) -> None:
+        layout, lattice = slab.layout, slab.layout.lattice
+        dimensions = lattice.dimensions
         self.face, self.name, self._dimensions = face, name, dimensions
         self.axis = axis_of(name, dimensions) + (dimensions == 2 and name[0] == "x")  # of (plane, row, x)
         self.side = 1 if name[1] == "+" else -1
@@ -71,17 +97,17 @@ class Layer:
         self.low, self.high = np.zeros(3, np.int64), np.array(extent, np.int64)
         at = extent[self.axis] - 1 if self.side > 0 else 0
         self.low[self.axis], self.high[self.axis] = at, at + 1
-        if self.axis == 0 and not fluid.touches(self.side):
+        if self.axis == 0 and not slab.touches[self.side > 0]:
             self.high[0] = self.low[0] = 0
-        self.values = np.zeros((*np.maximum(self.high - self.low, 0), 4), fluid.layout_dtype)
+        self.values = np.zeros((*np.maximum(self.high - self.low, 0), 4), slab.f.dtype)
         self.set(face.density, face.velocity)
         kernel = push_walls if face.kind == "wall" else zou_he
-        e = np.array([storage_order(fluid.lattice, i) for i in range(fluid.lattice.q)], np.int64)
-        self._places = np.zeros((2, *self.values.shape[:3], fluid.lattice.q), np.int64)
+        e = np.array([storage_order(lattice, i) for i in range(lattice.q)], np.int64)
+        self._places = np.zeros((2, *self.values.shape[:3], lattice.q), np.int64)
         for parity, places in enumerate(self._places):
             find_places(addresses(layout), parity, self.low, self.high, places)
-        given = [fluid.wall_ends()] if face.kind == "wall" else [fluid.shift_in_storage, int(face.kind == "velocity")]
-        f, solid, ghosts, weights = fluid.f, fluid.ids, int(dimensions == 3), fluid.lattice.w
+        given = [slab.ends] if face.kind == "wall" else [slab.shift, int(face.kind == "velocity")]
+        f, solid, ghosts, weights = slab.f, slab.ids, int(dimensions == 3), lattice.w
 
         def bound(places: NDArray, low: NDArray, high: NDArray, values: NDArray) -> Bound:
             nodes = LayerNodes(solid, ghosts, places, e, weights, low, high, self.axis, self.side)

@@ -202,8 +202,8 @@ class FixedLinks:
         """Where the plane, the direction or the distance to the paired node changes, a segment starts."""
         up = np.where(way % 2 == 1, 1, -1)[:, None] * self.directions.e[way]
         sparse, narrow = isinstance(self._layout, SparseLayout), self._layout.slot_stride < 1 << 31
-        node = self._position(local) if sparse else self._element(local)
-        there = np.zeros_like(node) if sparse else self._element(local + up) - node
+        node = self._layout.places(local)
+        there = np.zeros_like(node) if sparse else self._layout.places(local + up) - node
         part.node = node.astype(np.int32 if narrow else np.int64)
         changes = np.diff(local[:, 2]) | np.diff(way) | np.diff(there)
         first = np.flatnonzero(np.concatenate(([len(way) > 0], changes != 0))[: len(way)])
@@ -214,25 +214,11 @@ class FixedLinks:
         slots = self._layout.slots * self._layout.slot_stride
         places = [slots[:, j] + out, slots[:, i] + others, slots[:, j] + others]
         if sparse:
-            behind = self._position(local - self.directions.e[way])
+            behind = self._layout.places(local - self.directions.e[way])
             part.behind = np.where(behind < 0, node, behind).astype(part.node.dtype)
             places[0] = slots[[0, 0]][:, j]
         part.offsets = np.array(np.stack(places, axis=-1), order="C")
         part.direction, part.plane = i, local[first, 2]
-
-    def _position(self, local: NDArray[np.int64]) -> NDArray[np.int64]:
-        """Positions of nodes (x, row, plane) of this slab or one beyond; -1 where there is none."""
-        x, row, plane = local.T
-        return self._layout.positions[plane + 1, row + self._layout.row_ghosts, x + 1].astype(np.int64)
-
-    def _element(self, local: NDArray[np.int64]) -> NDArray[np.int64]:
-        """Place in a slot of nodes (x, row, plane) of this slab or one beyond; see `kernels.layout`."""
-        x, row, plane = local.T
-        layout = self._layout
-        row = row % layout.stored_rows
-        if layout.stored == layout.planes:
-            plane = plane % layout.planes
-        return plane * layout.plane_stride + row * layout.row_stride + layout.lanes + x
 
     def _weigh(self, part: "_Part", local: NDArray, way: NDArray, q: NDArray) -> None:
         """The weights of the rule, or of the lower one for which there are enough fluid nodes."""
@@ -260,4 +246,4 @@ class FixedLinks:
     def _arrival(self, local: NDArray[np.int64], way: NDArray[np.int64]) -> NDArray[np.int64]:
         """[parity, n]: elements of the array where directions arrive at own nodes."""
         shift = np.where(way % 2 == 1, 0, 1)[:, None] * self.directions.e[self.directions.opposite[way]]
-        return self._layout.slots[:, way] * self._layout.slot_stride + self._element(local + shift)
+        return self._layout.slots[:, way] * self._layout.slot_stride + self._layout.places(local + shift)

@@ -1,6 +1,7 @@
 """The lattice Boltzmann fluid of one rank's slab: its populations, solid nodes, faces and steps."""
 
 from collections.abc import Callable, Mapping
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -9,27 +10,26 @@ from numpy.typing import ArrayLike, NDArray
 from hpcpic.core.comm.halo import Fill
 from hpcpic.core.comm.tags import Channel
 from hpcpic.core.comm.world import World
-from hpcpic.core.space.domain import Domain, block_ranges
-from hpcpic.core.space.fields import Field, aligned_zeros
-from hpcpic.core.tasks.graph import Bound, Graph, Pool, bind
+from hpcpic.core.space.domain import Domain
+from hpcpic.core.space.fields import Field
+from hpcpic.core.tasks.arena import Arena
+from hpcpic.core.tasks.graph import Bound, Graph, Pool
 from lbmdem.fluid import temporal_blocking
 from lbmdem.fluid.exchange import Exchange
-from lbmdem.fluid.faces import Face, Layer, complete, wall_ghosts
+from lbmdem.fluid.faces import Face, Layer, Slab, complete, wall_ends, wall_ghosts
 from lbmdem.fluid.fixed_links import FixedLinks
-from lbmdem.fluid.layout import addresses
+from lbmdem.fluid.node_kinds import NodeKinds
+from lbmdem.fluid.observers import Observers
 from lbmdem.fluid.schedule import After, Links, Passes
 from lbmdem.fluid.sparse import SparseExchange, SparseLayout, Tables
-from lbmdem.kernels import moments as observe
 from lbmdem.kernels.layout import FLUID, Layout
-from lbmdem.kernels.node_kinds import Vectors, classify, look_ahead, mark, renew
 from lbmdem.kernels.sparse import LEAVE, OPENED, sparse_kernel
-from lbmdem.kernels.sweep import AHEAD, sweep_kernel
+from lbmdem.kernels.sweep import sweep_kernel
 from lbmdem.physics.collision import COLLISIONS, Collision
 from lbmdem.physics.forcing import GUO
-from lbmdem.physics.velocity_sets import Lattice, equilibrium
+from lbmdem.physics.velocity_sets import Lattice
 from lbmdem.sizes import SPARSE_BELOW, STORAGE
 
-NO_GRAIN = np.iinfo(np.int32).max  # more than the numbers of all grains
 BLOCKS = 4  # per thread, so that threads with little fluid help the others
 
 
@@ -38,8 +38,8 @@ class Fluid:
 
     f: flat array (kernels.layout says where what is); parity: iteration % 2; solid: Field int32 of node ids (FLUID,
     WALL or a grain's number) with one ghost on every axis: after edits of solid.inner call `solid_changed`. hooks are
-    called as hook(fluid, parity of the next step) between streaming and the faces. kinds: of the vectors of nodes
-    (kernels.sweep), while those of solids are held too. All ranks make it together.
+    called as hook(fluid, parity of the next step) between streaming and the faces. nodes: what the sweep
+    knows of them, while those of solids are held too. All ranks make it together.
 
     stays: set it when solids will be marked once and never again: then a porous medium is held without its solid nodes.
     """
@@ -74,93 +74,71 @@ class Fluid:
         self._quiet = False  # whether these links ask for nothing but what every sweep does
         self._open = False  # whether it has left them half done (kernels.sparse)
         self.stays, self._blocks = False, blocks
-        self._allocate()
+        layout = self._allocate()
         self._numbers = np.zeros(len(self.collision.source.names), self.layout_dtype)
+        self._arena.set(numbers=self._numbers)
         self.set_force(force)
         with world.first_on_node():
-            self._marks = self._classification(self.layout)
+            self.nodes = NodeKinds(self._arena, layout, pool)
             self._make_tasks()
         self.solid_changed()
 
-    def _allocate(self) -> None:
+    def _allocate(self) -> Layout:
+        """The arrays, as of a fluid that holds its solid nodes too."""
         domain, rank = self.domain, self.world.rank
         self.layout_dtype = np.dtype(STORAGE[self.storage])
         alone = sum(b > a for a, b in zip(domain.cuts, domain.cuts[1:])) == 1
         layout = Layout.of(self.lattice, domain.shape(rank), domain.periodic, alone, self.layout_dtype)
         self.layout: Layout | SparseLayout = layout
         self._tables: Tables | None = None  # with a sparse layout
-        self.f = aligned_zeros((layout.size,), self.layout_dtype)
+        declared = [array for array in layout.arrays(STORAGE[self.storage]) if array.name != "solid"]  # that is a Field
+        self._arena = Arena(declared)
+        self.f = self._arena["populations"].reshape(-1)
         self.solid = Field(domain, rank, dtype=np.int32, ghosts=((1, 1),) * domain.ndim)
         self.solid.values[...] = FLUID
         shape = self.solid.values.shape
         self.ids = self.solid.values.reshape(shape[0], shape[1] if domain.ndim == 3 else 1, shape[-1])
         self._fill = Fill(self.world, domain, self.solid, Channel.SOLIDS)
-        self._wet = np.zeros((layout.planes + 2, layout.rows + 2, layout.vectors), np.int32)
-        self._free = self._wet  # nodes to which links need not be bounced back by the sweep
-        self.kinds = np.zeros((layout.planes, layout.rows, layout.vectors), np.uint8)
-        self._hops = np.zeros(self.kinds.shape, np.int32)
-        columns = layout.nx - layout.lanes * np.arange(layout.vectors)
-        self._inside = ((1 << np.minimum(columns, layout.lanes)) - 1).astype(np.int32)
+        self._arena.set(f=self.f, solid=self.ids, nx=layout.nx)
         self._shift = np.zeros(self.lattice.dimensions)  # of the momentum, see Collision.shift
-        self.shift_in_storage = np.zeros(3)
-        self._observers: dict[str, list[Bound]] = {}
+        self._shift_in_storage = np.zeros(3)
         self.layers: dict[str, Layer] = {}
+        return layout
 
-    def touches(self, side: int) -> bool:
-        """Does this slab have the first (side -1) or last (+1) planes of the box?"""
+    @property
+    def _touches(self) -> tuple[bool, bool]:
+        """Whether this slab has the first planes of the box, and the last ones."""
         low, high = self.domain.row_range(self.world.rank)
-        return high > low and (high == self.domain.points[0] if side > 0 else low == 0)
-
-    def wall_ends(self) -> NDArray[np.int64]:
-        """[first, last + 1) node of each of the axes (plane, row, x) of this rank that is not beyond a wall."""
-        far = 1 << 40
-        ends = np.array([[-far, far]] * 3, np.int64)
-        extent = (self.layout.planes, self.layout.rows, self.layout.nx)
-        for name, face in self.faces.items():
-            axis = {"x": 2, "y": 1 if self.domain.ndim == 3 else 0, "z": 0}[name[0]]
-            side = 1 if name[1] == "+" else -1
-            if face.kind == "wall" and (axis or self.touches(side)):
-                ends[axis, int(side > 0)] = extent[axis] if side > 0 else 0
-        return ends
+        return high > low and low == 0, high > low and high == self.domain.points[0]
 
     def _make_tasks(self) -> None:
         """All that works on `f`."""
         layout, dtype = self.layout, self.layout_dtype
         self._exchange: Exchange | SparseExchange
         if isinstance(layout, SparseLayout):
+            assert self._tables is not None
+            self._arena.set(**self._tables.arguments)
             kernel = sparse_kernel(self.collision, dtype)
-            shared = [self.f, layout.slot_stride, layout.first, *self._tables.arguments, self._numbers]
             self._exchange = SparseExchange(self.world, self.domain, layout, self.f)
         else:
             kernel = sweep_kernel(self.collision, dtype)
-            words = [self.kinds, self._hops, self._wet, self._inside]
-            shared = [self.f, *words, self._numbers, layout.strides, layout.nx]
-            self._exchange = Exchange(self.world, self.domain, layout, self.f, self._wet)
+            self._exchange = Exchange(self.world, self.domain, layout, self.f, self._arena["wet"])
         periodic_rows = self.domain.ndim == 3 and self.domain.periodic[1]
         threads = self.pool.threads
-        self._passes = Passes(layout, self._exchange, lambda t: bind(kernel, *shared, t), threads, periodic_rows)
+        sweep = partial(self._arena.bind, kernel)
+        self._passes = Passes(layout, self._exchange, lambda tiles: sweep(tiles=tiles), threads, periodic_rows)
         n_blocks = self._blocks or (BLOCKS * threads if threads > 1 else 1)
         self._steps = [self._passes.step(parity, n_blocks, self._moving) for parity in range(2)]
         self._waves: dict[temporal_blocking.Steps, Graph] = {}
         self._depths: dict[int, int] = {}
-        self._observers.clear()
+        shape, ids = self.domain.shape(self.world.rank), self.ids
+        self._observers = Observers(self.world, self.pool, layout, shape, f=self.f, ids=ids, shift=self._shift)
         values = {name: layer.values for name, layer in self.layers.items()}
-        self.layers = {name: Layer(self, name, face) for name, face in self.faces.items() if _acts(face)}
+        ends = wall_ends(self.faces, layout, self._touches)
+        slab = Slab(layout, self.f, self.ids, self._touches, ends, self._shift_in_storage)
+        self.layers = {name: Layer(slab, name, face) for name, face in self.faces.items() if _acts(face)}
         for name, given in values.items():
             self.layers[name].values[...] = given
-
-    def _classification(self, layout: Layout) -> list[list[Bound]]:
-        n = layout.lanes
-        flat = self.domain.ndim == 2
-        shares = block_ranges(layout.planes + 2, self.pool.threads)
-        marked = [(NO_GRAIN, self._wet), (0, self._free)][: 1 + (self._free is not self._wet)]
-        marks = [bind(mark, self.ids, int(not flat), *what, n, a, b) for what in marked for a, b in shares if b > a]
-        shares = block_ranges(layout.planes, self.pool.threads)
-        words = (self._wet, self._free, self._inside)
-        kinds = [bind(classify, *words, n, flat, self.kinds, a, b) for a, b in shares if b > a]
-        sizes = (layout.strides, layout.itemsize, n, AHEAD)
-        hops = [bind(look_ahead, self.kinds, *sizes, self._hops, a, b) for a, b in shares if b > a]
-        return [marks, kinds, hops]
 
     def solid_changed(self, fill: bool = True) -> None:
         """Take notice of edits of `solid`. With fill (collective) ghosts of other ranks and periodic ones are fetched,
@@ -170,10 +148,8 @@ class Fluid:
             self._fill.finish()
         if self._tables:
             raise ValueError("solids that stay have been marked again")
-        wall_ghosts(self.solid.values, self.faces, (self.touches(-1), self.touches(1)))
-        for tasks in self._marks:
-            if tasks:
-                self.pool.each(tasks)
+        wall_ghosts(self.solid.values, self.faces, self._touches)
+        self.nodes.fill()
         if self.stays:
             wet = int(self.world.sum_int(np.array([np.count_nonzero(self.solid.inner == FLUID)]))[0])
             if 0 < wet < SPARSE_BELOW * np.prod(self.domain.points):
@@ -181,13 +157,15 @@ class Fluid:
 
     def _leave_solids_out(self) -> None:
         """Hold the populations of the fluid nodes alone. Collective."""
+        assert isinstance(self.layout, Layout)
         layout = SparseLayout(self.layout, self.ids, self.world, self.domain)
         with self.world.first_on_node():
             self.f = layout.taken_over(self.f, self.layout, self.parity)
             self._tables = Tables(layout, self.layout_dtype)
-        self.layout = layout
+        self.layout, self._arena = layout, Arena(())
+        self._arena.set(f=self.f, stride=layout.slot_stride, first=layout.first, numbers=self._numbers)
         self._again()
-        del self.kinds, self._hops, self._wet, self._free, self._inside, self._marks
+        del self.nodes
 
     def _again(self) -> None:
         """Collective."""
@@ -202,18 +180,14 @@ class Fluid:
         Populations of solid nodes mean nothing then, and may be no numbers. Collective; `solid_changed` must follow.
         """
         with self.world.first_on_node():
-            self._free = np.zeros_like(self._wet)
-            self._marks = self._classification(self.layout)
+            self.nodes.free_grains()
         self._moving = links
         self._again()
 
     def nodes_changed(self, places: NDArray[np.int64]) -> None:
         """As `solid_changed(fill=False)` after edits at these flat places of `solid` alone, ghosts among them."""
-        wall_ghosts(self.solid.values, self.faces, (self.touches(-1), self.touches(1)))
-        layout, flat = self.layout, self.domain.ndim == 2
-        same = self._free is self._wet
-        vectors = Vectors(layout.lanes, self._wet, self._free, self._inside, self.kinds, self._hops)
-        renew(self.ids, int(not flat), vectors, same, flat, layout.strides, layout.itemsize, AHEAD, places)
+        wall_ghosts(self.solid.values, self.faces, self._touches)
+        self.nodes.renew(places)
 
     def set_force(self, force: ArrayLike | None) -> None:
         """Force per volume for the steps to come; None if the fluid was made without."""
@@ -222,7 +196,7 @@ class Fluid:
         self.force = None if force is None else np.array(force, float)
         self._shift[...] = self.collision.shift(force)
         self._numbers[...] = self.collision.numbers(force)
-        self.shift_in_storage[[2, 1, 0] if self.domain.ndim == 3 else [2, 0]] = self._shift
+        self._shift_in_storage[[2, 1, 0] if self.domain.ndim == 3 else [2, 0]] = self._shift
 
     def set_face(self, name: str, density: Any = None, velocity: Any = None) -> None:
         """Values of a wall, pressure or velocity face for the steps to come (faces.Layer.set)."""
@@ -235,7 +209,7 @@ class Fluid:
     @property
     def sweep_bytes(self) -> int:
         """What the sweep reads."""
-        words = self._tables.arguments if self._tables else [self.kinds, self._hops, self._wet]
+        words = self._tables.arguments.values() if self._tables else [self._arena[n] for n in ("kinds", "hops", "wet")]
         return self.f.nbytes + sum(array.nbytes for array in words)
 
     def step(self) -> None:
@@ -293,9 +267,9 @@ class Fluid:
 
     def _after(self, parity: int, low: int, high: int, keep: bool) -> list[Bound]:
         """Links and faces of some planes."""
-        inner, parts = self._inner_planes, ((low, high),)
+        inner, parts = self._inner_planes, [(low, high)]
         if self._ruled and not keep:
-            parts = ((low, min(high, inner[0])), (max(low, inner[1]), high))
+            parts = [(low, min(high, inner[0])), (max(low, inner[1]), high)]
         tasks = [task for a, b in parts if self._links and b > a for task in self._links(parity, a, b, keep)]
         return tasks + [bound for layer in self.layers.values() for bound in layer.of_planes(parity, low, high)]
 
@@ -368,82 +342,38 @@ class Fluid:
         while n > 0:
             n -= self.leap(n)
 
-    def _each(self, name: str, arguments: list[Any], arrays: list[NDArray]) -> None:
-        """Run a kernel of `observe` on the planes of the slab; it ends with parity, planes from, to and new arrays."""
-        self._finish()
-        if name not in self._observers:
-            layout = self.layout
-            head = [self.f, *arguments]
-            shares = [share for share in block_ranges(layout.planes, self.pool.threads) if share[1] > share[0]]
-            with self.world.first_on_node():
-                self._observers[name] = [bind(getattr(observe, name), *head, 0, *share, *arrays) for share in shares]
-        for bound in self._observers[name]:
-            at = 1 + len(arguments)
-            for k, value in ((at, self.parity), *enumerate(arrays, at + 3)):
-                bound.update(k, value)
-        self.pool.each(self._observers[name])
-        for bound in self._observers[name]:  # a task holds its arrays: as many bytes as the populations'
-            for k, value in enumerate(arrays, at + 3):
-                bound.update(k, np.empty((0,) * value.ndim, value.dtype))
-
-    @property
-    def _seen(self) -> list[Any]:
-        d = self.lattice.dimensions
-        return [self.ids, int(d == 3), addresses(self.layout), self.lattice.e, self._shift]
-
     def populations(self) -> NDArray:
         """h[q, rows, ...] = f - w of the slab's nodes at `iteration`, zero in solid nodes; whatever the storage.
 
         A view of [rows, ..., q].
         """
-        layout = self.layout
-        h = np.empty((layout.planes, layout.rows, layout.nx, self.lattice.q), self.layout_dtype)
-        self._each("read", [self.ids, int(self.domain.ndim == 3), addresses(self.layout)], [h])
-        return np.moveaxis(h.reshape(*self.domain.shape(self.world.rank), self.lattice.q), -1, 0)
+        self._finish()
+        return self._observers.populations(self.parity)
 
     def set_populations(self, h: NDArray) -> None:
         """The inverse of `populations`, for the parity of `iteration`. Collective the first time."""
-        layout = self.layout
-        rows = np.ascontiguousarray(np.moveaxis(h, 0, -1), self.layout_dtype)
-        rows = rows.reshape(layout.planes, layout.rows, layout.nx, self.lattice.q)
-        self._each("write", [addresses(layout), 0], [rows])
+        self._finish()
+        self._observers.set_populations(h, self.parity)
 
     def moments(self) -> tuple[NDArray, NDArray]:
         """Density [rows, ...] and velocity [rows, ..., d] with half the force, float64; 1 and 0 in solid nodes."""
-        layout, shape = self.layout, self.domain.shape(self.world.rank)
-        rho = np.empty((layout.planes, layout.rows, layout.nx))
-        u = np.empty((*rho.shape, self.lattice.dimensions))
-        self._each("moments", self._seen, [rho, u])
-        return rho.reshape(shape), u.reshape(*shape, self.lattice.dimensions)
+        self._finish()
+        return self._observers.moments(self.parity)
 
     def row_sums(self) -> tuple[NDArray, NDArray]:
-        """Of each row of nodes [rows of x, ...]: number of fluid nodes, sum of rho - 1, momentum (physical order),
-        rho u^2 and u along the last axis; and the largest u^2. Bits of a row depend on the row alone."""
-        layout = self.layout
-        sums = np.empty((layout.planes, layout.rows, 4 + self.lattice.dimensions))
-        fastest = np.empty(sums.shape[:2])
-        self._each("row_sums", self._seen, [sums, fastest])
-        return sums.reshape(fastest.size, sums.shape[2]), fastest.reshape(fastest.size)
+        """Sums and the largest u^2 of each row of nodes: see `Observers.row_sums`."""
+        self._finish()
+        return self._observers.row_sums(self.parity)
 
     def set_equilibrium(self, rho: Any = 1.0, u: Any = None) -> None:
         """Equilibrium of densities [rows, ...] and velocities [rows, ..., d] (or numbers)."""
-        shape = self.domain.shape(self.world.rank)
-        rho = np.broadcast_to(np.asarray(rho, float), shape)
-        d = self.lattice.dimensions
-        u = np.broadcast_to(np.zeros(d) if u is None else np.asarray(u, float), (*shape, d))
         self._finish()
-        layout = self.layout
-        h = np.empty((1, layout.rows, layout.nx, self.lattice.q), self.layout_dtype)
-        with self.world.first_on_node():
-            observe.write(self.f, addresses(self.layout), 0, self.parity, 0, 0, h)  # compiled
-        for row in range(shape[0]):  # one at a time: on the way are several arrays of its size
-            h[...] = np.moveaxis(equilibrium(self.lattice, rho[row], u[row]), 0, -1).reshape(h.shape)
-            observe.write(self.f, addresses(self.layout), row, self.parity, row, row + 1, h)
+        self._observers.set_equilibrium(rho, u, self.parity)
 
     def rest_bounds(self) -> tuple[float, float]:
         """The least and the largest population at rest (f - w) of fluid nodes, and zero."""
         layout, rest, fluid = self.layout, self.f[: self.layout.slot_stride], np.bool_(True)
-        if isinstance(layout, Layout) and self._free is not self._wet:
+        if isinstance(layout, Layout) and self.nodes.grains_are_free:
             used = rest[layout.lanes : layout.lanes + layout.planes * layout.plane_stride]
             rest = used.reshape(layout.planes, layout.stored_rows, layout.row_stride)[:, : layout.rows, : layout.nx]
             fluid = self.solid.inner.reshape(rest.shape) == FLUID
@@ -457,4 +387,4 @@ class Fluid:
 
 def _acts(face: Face) -> bool:
     """Does the face need a pass of its own? A wall that cannot move does not."""
-    return face.kind in ("pressure", "velocity") or (face.kind == "wall" and np.any(np.asarray(face.velocity)))
+    return face.kind in ("pressure", "velocity") or (face.kind == "wall" and bool(np.any(np.asarray(face.velocity))))

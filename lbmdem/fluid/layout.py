@@ -7,6 +7,7 @@ import numpy as np
 from numpy.typing import DTypeLike, NDArray
 
 from hpcpic.core.simd.registers import lanes
+from hpcpic.core.space.declared import Array
 from lbmdem.physics.velocity_sets import Lattice
 
 _STREAMS_BYTES, _PAGE = 192, 4096  # distance of the slots modulo a page, so that they use different sets of a cache
@@ -68,6 +69,27 @@ class Layout:
     def plane_bytes(self) -> int:
         """Of all populations of a plane."""
         return self.lattice.q * self.plane_stride * self.itemsize
+
+    def places(self, local: NDArray[np.int64]) -> NDArray[np.int64]:
+        """Places in a slot of nodes (x, row, plane) of this slab or one beyond."""
+        x, row, plane = local.T
+        row = row % self.stored_rows
+        if self.stored == self.planes:
+            plane = plane % self.planes
+        return plane * self.plane_stride + row * self.row_stride + self.lanes + x
+
+    def arrays(self, real: str) -> tuple[Array, ...]:
+        """What a rank holds of its nodes, with populations of the type `real`."""
+        around = (self.planes + 2, self.rows + (0 if self.lattice.dimensions == 2 else 2), self.nx + 2)
+        vectors = (self.planes, self.rows, self.vectors)
+        bits = (self.planes + 2, self.rows + 2, self.vectors)
+        return (
+            Array("populations", (self.lattice.q, self.slot_stride), real, "", "f - w"),
+            Array("solid", around, "int32", "", "ids of nodes: fluid, wall or the number of a grain"),
+            Array("wet", bits, "int32", "", "bit b of a vector: its node b - 1 is fluid"),
+            Array("kinds", vectors, "uint8", "", "of vectors: without fluid, all fluid, or mixed"),
+            Array("hops", vectors, "int32", "", "vectors to the next with fluid, or bytes to what is fetched"),
+        )
 
     @property
     def positions(self) -> NDArray[np.int32]:

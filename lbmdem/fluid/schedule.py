@@ -111,7 +111,9 @@ class Passes:
         """The steps of a piece, one task after the other; one task in all when nothing comes between its sweeps."""
         layout = self._layout
         whole = steps.after or layout.whole_planes
-        width = layout.rows if whole else row_width(layout, self._threads, steps.depth)
+        width = layout.rows
+        if isinstance(layout, Layout) and not whole:
+            width = row_width(layout, self._threads, steps.depth)
         rows = row_tiles(layout.rows, self._periodic_rows, width, steps.depth)
         waiting: list[tuple[int, ...]] = []
 

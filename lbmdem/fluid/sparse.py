@@ -38,7 +38,7 @@ class SparseLayout:
         self.itemsize, self.lanes = dense.itemsize, dense.lanes
         flat = self.lattice.dimensions == 2
         self.row_ghosts = int(not flat)
-        self.positions = np.full(ids.shape, -1, np.int32)
+        self.positions: NDArray[np.int32] = np.full(ids.shape, -1, np.int32)
         inner = (slice(None) if flat else slice(1, -1), slice(1, -1))
         counts = np.count_nonzero(ids[(slice(None), *inner)] == FLUID, axis=(1, 2))
         self.first = np.concatenate(([0], np.cumsum(-(-counts[1:-1] // self.lanes)))).astype(np.int64)
@@ -70,6 +70,11 @@ class SparseLayout:
         f = aligned_zeros((self.size,), old.dtype)
         kernels.take_over(f, addresses(self), old, addresses(dense), parity, self.nx, 0, self.planes)
         return f
+
+    def places(self, local: NDArray[np.int64]) -> NDArray[np.int64]:
+        """Positions of nodes (x, row, plane) of this slab or one beyond; -1 where there is none."""
+        x, row, plane = local.T
+        return self.positions[plane + 1, row + self.row_ghosts, x + 1].astype(np.int64)
 
     @property
     def vectors(self) -> int:
@@ -128,9 +133,9 @@ class Tables:
         self.ruled, self.kappa, self.linked = ruled, kappa, linked
 
     @property
-    def arguments(self) -> list[NDArray]:
-        found = [self.blocks, self.kinds, self.masks, self.shifts, self.rest, self.where, self.code]
-        return [*found, self.ruled, self.kappa, self.linked]
+    def arguments(self) -> dict[str, NDArray]:
+        """By the names of the sweep's arguments."""
+        return dict(vars(self))
 
 
 class SparseExchange:

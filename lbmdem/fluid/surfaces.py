@@ -5,7 +5,7 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from hpcpic.core.space.products import product
 from lbmdem.fluid.solid_nodes import Window, kernel_axes, kernel_rotation
@@ -44,7 +44,7 @@ def plane(point: Sequence[float], normal: Sequence[float]) -> Callable[[NDArray]
     return lambda x: product(x - np.asarray(point), unit)
 
 
-def ball(centre: Sequence[float], radius: float, outside: bool = True) -> Callable[[NDArray], NDArray]:
+def ball(centre: ArrayLike, radius: float, outside: bool = True) -> Callable[[NDArray], NDArray]:
     """Distance from a sphere or disc with the fluid outside, or from a round vessel with the fluid inside."""
     sign = 1.0 if outside else -1.0
     return lambda x: sign * (np.linalg.norm(x - np.asarray(centre), axis=1) - radius)
@@ -147,7 +147,7 @@ class Surfaces:
         motion = bodies.motion[at]
         return local, at, q, arm, motion[:, :3] + np.cross(motion[:, 3:], arm)
 
-    def _at_walls(self, local: NDArray, e: NDArray) -> list[tuple[NDArray, ...]]:
+    def _at_walls(self, local: NDArray, e: NDArray) -> list[tuple[NDArray, NDArray, NDArray, NDArray, NDArray]]:
         """Crossings with the first wall that each link meets; links to walls of other kinds are left to the sweep."""
         axes = _axes(self.dimensions)
         x = (local + self.window.inner[:, 0] + self.window.origin)[:, axes].astype(np.float64)

@@ -16,12 +16,12 @@ from lbmdem.case.config import (
     grain_mass,
 )
 from lbmdem.forecast.estimate import DEFAULT, phases
+from lbmdem.forecast.free_fall import falling, unheld
 from lbmdem.forecast.node_shares import LOOSE
 from lbmdem.forecast.plan import grain_count
+from lbmdem.forecast.relaxation import SPACING, key_of_tau, relaxation, slower
 from lbmdem.physics.collision import COLLISIONS
-from lbmdem.physics.free_fall import falling, unheld
 from lbmdem.physics.lubrication import MOST_SUBSTEPS, ROUGHNESS, STABLE, Film
-from lbmdem.physics.relaxation import SPACING, key_of_tau, relaxation, slower
 from lbmdem.physics.velocity_sets import CS2, LATTICES
 from lbmdem.physics.wall_rules import RULES, impedance
 from lbmdem.setup.overlap_survey import law_volume, packed_space, survey

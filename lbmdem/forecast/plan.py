@@ -67,9 +67,8 @@ def fluid_arrays(config: LbmDemConfig, ranks: int) -> Iterator[Array]:
     own = (even_cuts(points[0], ranks)[1], *points[1:])
     around = tuple(axis in config.domain.periodic for axis in AXES[: config.dimensions][::-1])
     layout = Layout.of(LATTICES[config.lattice], own, around, min(ranks, points[0]) == 1, real)
-    yield Array("populations", (layout.lattice.q, layout.slot_stride), real)
+    yield from layout.arrays(real)
     if config.grains or config.obstacle:
-        yield Array("solid", tuple(n + 2 for n in own), "int32")
         kept = 4 if moving(config) and not config.coupling.frozen else 9  # of fixed ones also arm, last two steps
         yield Array("links", (link_count(config) // ranks, kept), "float64")
 

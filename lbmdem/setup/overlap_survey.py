@@ -3,16 +3,14 @@ packings fill.
 """
 
 import math
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from hpcpic.core.case.config import Path
 from hpcpic.core.space.products import product
-
-if TYPE_CHECKING:
-    from lbmdem.case.config import Diameters, GrainSet, LbmDemConfig
+from lbmdem.case.config import Diameters, GrainSet, LbmDemConfig
 
 LOOSE, LAYERS = 0.5, 3.0  # porosity from which grains fall, and least height of their space, largest diameters
 SAMPLE = 1 << 17  # grains whose diameters are looked at one by one before a run: their mean volume is within 1e-5
@@ -32,12 +30,12 @@ class Survey(NamedTuple):
     gone: Path = ()
 
 
-def starts(config: "LbmDemConfig") -> tuple[float, float, int]:
+def starts(config: LbmDemConfig) -> tuple[float, float, int]:
     """The numbers of `survey`."""
     return survey(config)[:3]
 
 
-def survey(config: "LbmDemConfig") -> Survey:
+def survey(config: LbmDemConfig) -> Survey:
     """How grains at given positions lie; those of a law of diameters count as its smallest."""
     sets = [grains for grains in config.grains if grains.position]
     if not sets:
@@ -73,7 +71,7 @@ def survey(config: "LbmDemConfig") -> Survey:
     return Survey(nearest, deepest, int(outside.sum()), keys[close], keys[deep], keys[int(outside.argmax())])
 
 
-def position_keys(config: "LbmDemConfig") -> list[Path]:
+def position_keys(config: LbmDemConfig) -> list[Path]:
     """Where the case has the position of each grain, in their order."""
     keys: list[Path] = []
     for i, grains in enumerate(config.grains):
@@ -87,7 +85,7 @@ def wall_gap(x: NDArray, length: NDArray, periodic: NDArray) -> NDArray[np.float
     return np.where(periodic, np.inf, np.minimum(x, length - x)).min(axis=1)
 
 
-def plane_gap(config: "LbmDemConfig", x: NDArray) -> NDArray[np.float64]:
+def plane_gap(config: LbmDemConfig, x: NDArray) -> NDArray[np.float64]:
     """From centres [n, d] to the nearest plane in the box, m [n]."""
     gap = np.full(len(x), np.inf)
     for plane in (obstacle.shape.plane for obstacle in config.obstacle):
@@ -110,7 +108,7 @@ def law_diameters(n: int, low: float, high: float, a: float, b: float, dimension
     return low + (high - low) * np.interp(wanted, np.concatenate(([0.0], number)), edges)
 
 
-def law_volume(law: "Diameters", dimensions: int) -> float:
+def law_volume(law: Diameters, dimensions: int) -> float:
     """Of all grains of a law: m3, m2 in 2D. Of very many, those of a sample stand for the others."""
     n = min(law.count, SAMPLE)
     diameters = law_diameters(n, law.min, law.max, law.a, law.b, dimensions)
@@ -122,7 +120,7 @@ def solid_volume(radius: NDArray, dimensions: int) -> float:
     return float(np.sum(math.pi * radius**2 if dimensions == 2 else 4.0 / 3.0 * math.pi * radius**3))
 
 
-def packed_space(config: "LbmDemConfig", grains: "GrainSet", solid: float) -> float:
+def packed_space(config: LbmDemConfig, grains: GrainSet, solid: float) -> float:
     """Upper end (m) of the space that a packing of grains of this volume fills, or from which it falls."""
     packing, law = grains.packing, grains.diameters
     assert packing is not None and law is not None

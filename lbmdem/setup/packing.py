@@ -11,7 +11,6 @@ import logging
 import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
@@ -22,14 +21,11 @@ from hpcpic.core.simd.caches import Store
 from hpcpic.core.space.domain import Domain
 from hpcpic.core.space.rng import uniforms
 from hpcpic.core.tasks.graph import Pool
-from lbmdem.case.config import contact_law
+from lbmdem.case.config import GrainSet, LbmDemConfig, contact_law
 from lbmdem.grains.contact_network import energies, greatest_overlap, wall_force
 from lbmdem.grains.dem import Dem
 from lbmdem.physics.contact_law import ContactLaw, PlaneWall, stable_step
 from lbmdem.setup.overlap_survey import law_diameters, packed_space, solid_volume
-
-if TYPE_CHECKING:
-    from lbmdem.case.config import GrainSet, LbmDemConfig
 
 log = logging.getLogger("hpcpic.lbmdem")
 
@@ -248,7 +244,7 @@ def pack(world: World, pool: Pool, domain: Domain, sample: Sample) -> NDArray[np
 
 
 def make(
-    config: "LbmDemConfig", grains: "GrainSet", world: World, pool: Pool, domain: Domain
+    config: LbmDemConfig, grains: GrainSet, world: World, pool: Pool, domain: Domain
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Collective: places [n, d] and radii [n] (m) of a set of grains, the same on all ranks.
 

@@ -327,10 +327,11 @@ def test_what_the_sweep_knows_of_changed_nodes_is_what_it_finds_in_all(world, po
         x, before = (x + v) % size, fluid.ids.copy()
         immersed.move(np.arange(18), x, radii, v, np.zeros((18, 3 if d == 3 else 1)))
         changed += np.count_nonzero(fluid.ids != before)
-        skipped = fluid.kinds == SKIP
-        kept = [part.copy() for part in (fluid.ids, fluid._wet, fluid.kinds, fluid._hops[skipped])]
+        words = fluid._arena
+        skipped = words["kinds"] == SKIP
+        kept = [part.copy() for part in (fluid.ids, words["wet"], words["kinds"], words["hops"][skipped])]
         fluid.solid_changed(fill=False)
-        for part, anew in zip(kept, (fluid.ids, fluid._wet, fluid.kinds, fluid._hops[skipped])):
+        for part, anew in zip(kept, (fluid.ids, words["wet"], words["kinds"], words["hops"][skipped])):
             assert np.array_equal(part, anew)
     assert changed > 1000 and skipped.any()
 

@@ -32,7 +32,7 @@ fluid = {{ density = 1000.0; viscosity = 1.0e-6; relaxation_time = 0.8; }};
 @pytest.mark.parametrize("case", ["poiseuille", "sphere-array", "settling-sphere", "liquefaction"])
 def test_the_shares_are_those_of_the_lattice(case):
     with running(World.alone(), "lbmdem", shipped_cases()[case].read_text()) as app:
-        kinds, expected, held = app.fluid.kinds, shares(app.scene.config), app.fluid.f.nbytes
+        kinds, expected, held = app.fluid.nodes.kinds, shares(app.scene.config), app.fluid.f.nbytes
         assert next(arrays(app.scene.config, 1)).bytes == held
     assert expected.skipped == pytest.approx((kinds == SKIP).mean(), abs=FIRST_ORDER)
     assert expected.mixed == pytest.approx((kinds == MIXED).mean(), abs=FIRST_ORDER)

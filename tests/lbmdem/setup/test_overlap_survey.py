@@ -5,6 +5,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
+from lbmdem.case.config import GrainSet
 from lbmdem.setup.overlap_survey import starts
 
 
@@ -29,7 +30,7 @@ def test_the_deepest_overlap_is_that_of_all_pairs(seed):
     d = int(rng.integers(2, 4))
     length, periodic = rng.uniform(1.0, 2.0, d), rng.random(d) < 0.5
     sets = [
-        SimpleNamespace(position=(rng.uniform(-0.2, 1.2, (n, d)) * length).tolist(), diameter=size, moving=moves)
+        GrainSet(position=(rng.uniform(-0.2, 1.2, (n, d)) * length).tolist(), diameter=size, moving=moves)
         for n, size, moves in ((rng.integers(1, 30), 0.2, True), (rng.integers(1, 30), 0.05, seed % 2 == 0))
     ]
     names = tuple(axis for axis, around in zip("xyz", periodic) if around)

@@ -8,7 +8,7 @@ import pytest
 from hpcpic.core.case.config import loads
 from lbmdem.configure import configure
 from lbmdem.forecast.derived import derived
-from lbmdem.physics.free_fall import drag_coefficient, terminal_speed
+from lbmdem.forecast.free_fall import drag_coefficient, terminal_speed
 
 DROP = """
 simulation = { end_time = 2.0; };

@@ -6,8 +6,8 @@ from collections.abc import Iterator
 from hpcpic.core.case.derived import Derived, Verdict
 from lbmdem.case.config import AXES, LbmDemConfig
 from lbmdem.forecast.node_shares import grains, volume
+from lbmdem.forecast.relaxation import SPACING, key_of_tau, slower
 from lbmdem.physics.collision import COLLISIONS
-from lbmdem.physics.relaxation import SPACING, key_of_tau, slower
 from lbmdem.physics.velocity_sets import CS2
 
 BALANCE = 1e-3  # of the forces on a box that are left over: what is still called a balance

@@ -1,0 +1,83 @@
+"""What is seen of the populations of a slab, and what sets them; the order of storage does not show."""
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hpcpic.core.comm.world import World
+from hpcpic.core.space.domain import block_ranges
+from hpcpic.core.tasks.arena import Arena
+from hpcpic.core.tasks.graph import Bound, Pool
+from lbmdem.fluid.layout import Layout, addresses
+from lbmdem.fluid.sparse import SparseLayout
+from lbmdem.kernels import moments as kernels
+from lbmdem.physics.velocity_sets import equilibrium
+
+
+class Observers:
+    """Reads and writes populations f of a layout; solid: ids of nodes with ghosts, shift[d]: see Collision.shift.
+
+    Results have the slab's `shape` in storage order. All ranks of a node make it together.
+    """
+
+    def __init__(
+        self, world: World, pool: Pool, layout: Layout | SparseLayout, shape: tuple[int, ...], **arrays: NDArray
+    ) -> None:
+        self._world, self._pool, self._layout, self._shape = world, pool, layout, shape
+        self._nodes = (layout.planes, layout.rows, layout.nx)
+        self._arena = Arena(())
+        self._arena.set(**arrays, ghosts=int(len(shape) == 3), places=addresses(layout), e=layout.lattice.e, first=0)
+        self._tasks: dict[str, list[Bound]] = {}
+
+    def _each(self, name: str, parity: int, **arrays: NDArray) -> None:
+        """Run a kernel on all planes; the arrays are those that it fills or reads."""
+        self._arena.set(parity=parity, **arrays)
+        if name not in self._tasks:
+            shares = [share for share in block_ranges(self._layout.planes, self._pool.threads) if share[1] > share[0]]
+            kernel = getattr(kernels, name)
+            with self._world.first_on_node():
+                self._tasks[name] = [self._arena.bind(kernel, low=a, high=b) for a, b in shares]
+        self._pool.each(self._tasks[name])
+        # a task holds its arrays, which may be as many bytes as the populations
+        self._arena.set(**{key: np.empty((0,) * value.ndim, value.dtype) for key, value in arrays.items()})
+
+    def populations(self, parity: int) -> NDArray:
+        """h[q, rows, ...] = f - w, zero in solid nodes; a view of [rows, ..., q]."""
+        q = self._layout.lattice.q
+        h = np.empty((*self._nodes, q), self._arena["f"].dtype)
+        self._each("read", parity, h=h)
+        return np.moveaxis(h.reshape(*self._shape, q), -1, 0)
+
+    def set_populations(self, h: NDArray, parity: int) -> None:
+        """The inverse of `populations`."""
+        rows = np.ascontiguousarray(np.moveaxis(h, 0, -1), self._arena["f"].dtype)
+        self._each("write", parity, h=rows.reshape(*self._nodes, self._layout.lattice.q))
+
+    def moments(self, parity: int) -> tuple[NDArray, NDArray]:
+        """Density [rows, ...] and velocity [rows, ..., d], float64; 1 and 0 in solid nodes."""
+        d = self._layout.lattice.dimensions
+        rho, u = np.empty(self._nodes), np.empty((*self._nodes, d))
+        self._each("moments", parity, rho=rho, u=u)
+        return rho.reshape(self._shape), u.reshape(*self._shape, d)
+
+    def row_sums(self, parity: int) -> tuple[NDArray, NDArray]:
+        """Of each row of nodes [rows of x, ...]: number of fluid nodes, sum of rho - 1, momentum (physical order),
+        rho u^2 and u along the last axis; and the largest u^2. Bits of a row depend on the row alone."""
+        sums = np.empty((*self._nodes[:2], 4 + self._layout.lattice.dimensions))
+        fastest = np.empty(sums.shape[:2])
+        self._each("row_sums", parity, sums=sums, fastest=fastest)
+        return sums.reshape(fastest.size, sums.shape[2]), fastest.reshape(fastest.size)
+
+    def set_equilibrium(self, rho: Any, u: Any, parity: int) -> None:
+        """Equilibrium of densities [rows, ...] and velocities [rows, ..., d] (or numbers)."""
+        lattice, f, places = self._layout.lattice, self._arena["f"], self._arena["places"]
+        rho = np.broadcast_to(np.asarray(rho, float), self._shape)
+        u = np.zeros(lattice.dimensions) if u is None else np.asarray(u, float)
+        u = np.broadcast_to(u, (*self._shape, lattice.dimensions))
+        h = np.empty((1, *self._nodes[1:], lattice.q), f.dtype)
+        with self._world.first_on_node():
+            kernels.write(f, places, 0, parity, 0, 0, h)  # compiled
+        for row in range(self._shape[0]):  # one at a time: on the way are several arrays of its size
+            h[...] = np.moveaxis(equilibrium(lattice, rho[row], u[row]), 0, -1).reshape(h.shape)
+            kernels.write(f, places, row, parity, row, row + 1, h)
