@@ -182,7 +182,7 @@ def sweep_seconds(
     config: LbmDemConfig, ranks: int, threads: int, rates: Mapping[str, float], together: int
 ) -> dict[str, float]:
     """Arithmetic of all nodes with fluid, and the wait for memory where one step is done per pass."""
-    lattice, found, fluid = config.simulation.lattice, shares(config), config.liquid
+    lattice, found, fluid = config.lattice, shares(config), config.liquid
     places = math.prod(config.points) if sparse(config) else lanes_of_all(config)
     one = 1e-6 * places / rates[f"mlups {lattice} {fluid.storage}"]
     bare = one / rates[f"wave_gain {lattice}"]

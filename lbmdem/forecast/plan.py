@@ -45,7 +45,7 @@ def kernels(config: LbmDemConfig) -> list[str]:
 def fluid_kernels(config: LbmDemConfig) -> list[str]:
     fluid, coupling = config.liquid, config.coupling
     forced = ", body force" if any(fluid.body_force) or config.shaking else ""
-    lines = [f"sweep      {config.simulation.lattice}, {fluid.collision}, {fluid.storage}{forced}, in place"]
+    lines = [f"sweep      {config.lattice}, {fluid.collision}, {fluid.storage}{forced}, in place"]
     kinds = sorted({face.type for face in config.boundary if face.type != "wall"})
     lines += [f"faces      {' and '.join(kinds)} (Zou & He)"] if kinds else []
     moved = moving(config) and not coupling.frozen

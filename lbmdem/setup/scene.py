@@ -44,7 +44,7 @@ class Scene:
     def __init__(self, config: LbmDemConfig) -> None:
         self.config = config
         self.dimensions = d = config.dimensions
-        self.lattice = config.simulation.lattice
+        self.lattice = config.lattice
         self.points = config.points  # along x, y(, z)
         self.time_step = config.time_step
         self.density = config.liquid.density if config.fluid else 0.0  # of the fluid, kg/m3
