@@ -140,7 +140,7 @@ def bed(apart: int) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray, np.
 
 
 def bed_rates(world: World, pool: Pool, rates: Mapping[str, float]) -> dict[str, float]:
-    """Of a bed of fixed spheres: what nodes beside solids cost more, and ns per link."""
+    """Rates of a bed of fixed spheres: what nodes beside solids cost more, and ns per link."""
     linked, alone = (box(world, pool, D3Q19, (SIDE,) * 3) for _ in range(2))
     links = Immersed(linked, world, pool, fixed=bed(BEDS["fine"])).counts()["links"]
     alone.solid.inner[...] = linked.solid.inner
@@ -162,13 +162,13 @@ def bed_rates(world: World, pool: Pool, rates: Mapping[str, float]) -> dict[str,
 
 
 def kind_shares(fluid: Fluid) -> Shares:
-    """Of the vectors that its sweep goes by."""
+    """Shares of the vectors that the sweep of a fluid goes by."""
     kinds = fluid.nodes.kinds
     return Shares(float((kinds == SKIP).mean()), float((kinds == MIXED).mean()))
 
 
 def sparse_rates(world: World, pool: Pool, others: list[Pool], rates: Mapping[str, float]) -> dict[str, float]:
-    """Of beds that are held without their solid nodes: a node, a link, and what all cores gain."""
+    """Rates of beds that are held without their solid nodes: a node, a link, and what all cores gain."""
     made, found = {}, {}
     for name, (apart, each) in {
         "fine": (BEDS["fine"], pool), "coarse": (BEDS["coarse"], pool), "cores": (BEDS["fine"], (pool, *others)[-1]),
@@ -234,7 +234,7 @@ class Moving:
 
 
 def moving_rates(world: World, pool: Pool, d: int) -> dict[str, float]:
-    """Of a link, a grain and a step where grains move, and of their contacts."""
+    """Times of a link, a grain and a step where grains move, and of their contacts."""
     scenes = {name: Moving(world, pool, d, *kind) for name, kind in GRAINS[d].items()}
     alone = partial(Moving, world, pool, d, *GRAINS[d]["one"])
     if d == 2:

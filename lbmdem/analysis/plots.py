@@ -216,7 +216,7 @@ def stress(run: Run, step: int | None = None) -> Figure:
 
 
 class Bed(NamedTuple):
-    """Of the grains at the start: porosity of the whole, and between the middles (m) of the outer slices; weight less
+    """The bed at the start: porosity of the whole, and between the middles (m) of the outer slices; weight less
     buoyancy of all, N."""
 
     porosity: float

@@ -325,7 +325,7 @@ def lightest(config: LbmDemConfig) -> float:
 
 
 def seeps(config: LbmDemConfig) -> bool:
-    """Whether something drives a flow along the last axis through grains that it sees at rest, so they have a
+    """True when something drives a flow along the last axis through grains at rest, so that they have a
     permeability."""
     ends = [face for face in config.boundary if face.face[0] == AXES[config.dimensions - 1] and face.type == "pressure"]
     still = config.coupling.frozen or not any(grains.moving for grains in config.grains)

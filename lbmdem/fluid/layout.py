@@ -14,7 +14,7 @@ _STREAMS_BYTES, _PAGE = 192, 4096  # distance of the slots modulo a page, so tha
 
 
 class Addresses(NamedTuple):
-    """Where populations are, for `kernels.layout.element`: see the properties of a layout."""
+    """What `kernels.layout.element` needs to find a population: see the properties of a layout."""
 
     strides: NDArray[np.int64]
     slots: NDArray[np.int64]
@@ -123,7 +123,7 @@ class Layout:
 
 
 def addresses(layout: Any) -> Addresses:
-    """Of a layout or a sparse layout."""
+    """The addresses of a layout or a sparse layout."""
     return Addresses(layout.strides, layout.slots, layout.shifts, layout.positions)
 
 

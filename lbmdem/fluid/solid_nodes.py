@@ -37,7 +37,7 @@ def kernel_rotation(vectors: ArrayLike) -> NDArray[np.float64]:
 
 
 def several_slabs(domain: Domain) -> bool:
-    """Whether more than one rank has rows."""
+    """True when more than one rank has rows."""
     return sum(high > low for low, high in zip(domain.cuts, domain.cuts[1:])) > 1
 
 

@@ -66,7 +66,7 @@ def mark_walls(window: Window, nodes: NDArray[np.int32], walls: Sequence[Wall], 
 
 
 def coordinates(window: Window, places: NDArray[np.int64], dimensions: int) -> NDArray[np.float64]:
-    """Where the nodes at flat places are, [n, d], in nodes of the box."""
+    """Coordinates [n, d] in the box of the nodes at flat places."""
     nx, rows, _ = window.shape
     local = np.column_stack((places % nx, places // nx % rows, places // (nx * rows))) + window.origin
     return local[:, _axes(dimensions)].astype(np.float64)
@@ -109,7 +109,7 @@ class Crossings(NamedTuple):
 
 @dataclass(frozen=True, slots=True)
 class Surfaces:
-    """Of bodies, as links of one slab meet them; e[q, 3] in the axes of kernels."""
+    """Surfaces of bodies, as links of one slab meet them; e[q, 3] in the axes of kernels."""
 
     window: Window
     solid: NDArray[np.int32]  # as in `Solid`, [planes, rows, x] with ghosts

@@ -37,8 +37,8 @@ class Span(NamedTuple):
 
 
 class Steps(NamedTuple):
-    """Of a pass from a parity: links or faces come after the last `after` sweeps, and when it is to keep, links keep
-    what their forces follow from in the last steps. flags: what each sweep is told besides the parity (kernels.sparse).
+    """The steps of a pass from a parity: links or faces come after the last `after` sweeps. keep: links keep what their
+    forces follow from in the last steps. flags: what each sweep is told besides the parity (kernels.sparse).
     """
 
     parity: int

@@ -27,10 +27,10 @@ from lbmdem.physics.wall_rules import RULES, impedance
 from lbmdem.setup.overlap_survey import law_volume, packed_space, survey
 
 MOST_PLACES, PADDING = 1 << 31, 32  # of nodes in a slab, and of a row or a line of nodes beside its own
-DENSEST = {2: 0.093, 3: 0.26}  # void fraction of equal discs and spheres in their densest order
-RANDOM = {2: 0.16, 3: 0.36}
-MANY = 1000  # substeps of the contacts in a step of the fluid, which take longer than all else
-FAR_TOO_MANY = 100_000
+DENSEST_VOID = {2: 0.093, 3: 0.26}  # void fraction of equal discs and spheres in their densest order
+RANDOM_VOID = {2: 0.16, 3: 0.36}  # the same of packings poured at random
+DEAR_SUBSTEPS = 1000  # of the contacts in a step of the fluid, which take longer than all else
+MAX_SUBSTEPS = 100_000
 ENOUGH_NODES = {2: 10.0, 3: 7.0}  # across a grain (Mansouri et al., section 4)
 
 
@@ -58,13 +58,13 @@ def lattice_units(config: LbmDemConfig) -> Iterator[Derived]:
 def known_speed(config: LbmDemConfig) -> float:
     """The largest velocity that the case itself states, m/s; what develops later is watched while it runs."""
     vectors = [face.velocity for face in config.boundary] + [obstacle.velocity for obstacle in config.obstacle]
-    others = [math.hypot(*some.velocity) + turning_speed(some) for some in config.grains]
+    others = [math.hypot(*group.velocity) + turning_speed(group) for group in config.grains]
     others += [config.liquid.initial.speed] if config.liquid.initial else []
     return max([*(math.hypot(*vector) for vector in vectors), *others], default=0.0)
 
 
 def turning_speed(grains: GrainSet) -> float:
-    """Of the surface of the largest grain of a set about its centre, m/s."""
+    """Speed of the surface of the largest grain of a set about its centre, m/s."""
     return 0.5 * grains.largest_diameter * math.hypot(*grains.angular_velocity)
 
 
@@ -151,21 +151,22 @@ def grains(config: LbmDemConfig) -> Iterator[Derived]:
     yield from overlap_at_start(config)
     yield from packings(config)
     yield from silo(config)
-    for i, some in enumerate(config.grains):
-        smallest = some.smallest_diameter
+    for i, group in enumerate(config.grains):
+        smallest = group.smallest_diameter
         if config.fluid is None:
             continue
         nodes, enough = smallest / dx, ENOUGH_NODES[d]
-        key: Path = ("grains", i, "diameter" if some.diameter is not None else "diameters")
-        least = 2.5 if some.moving else 2.0
+        key: Path = ("grains", i, "diameter" if group.diameter is not None else "diameters")
+        least = 2.5 if group.moving else 2.0
         verdict: Verdict = "ok" if nodes >= enough * (1 - 1e-9) else "warn" if nodes >= least else "fail"
-        cure = "" if verdict == "ok" else f"domain.spacing = {smallest / enough:.3g} resolves the grains of {some.name}"
+        fine = f"domain.spacing = {smallest / enough:.3g} resolves the grains of {group.name}"
+        cure = "" if verdict == "ok" else fine
         limit, source = f">= {enough:g}, {least:g} at least", "Mansouri et al., section 4"
         yield Derived("nodes across a grain", "D/dx", nodes, "", limit, verdict, source, cure, key, nodes >= 1)
-        if some.moving:
+        if group.moving:
             yield from density_ratio(config, i, nodes)
             yield from falling(config, i)
-    if config.fluid and not config.coupling.lubrication and any(some.moving for some in config.grains):
+    if config.fluid and not config.coupling.lubrication and any(group.moving for group in config.grains):
         cure = "lubrication = true adds what the lattice does not resolve in them"
         key = ("coupling", "lubrication")
         yield Derived("narrowest gap", "h/dx", 0.0, "", ">= 1", "warn", "grains may come closer", cure, key)
@@ -197,18 +198,18 @@ def nodes_between(a: float, b: float, n: int, dx: float) -> int:
 
 def fits(config: LbmDemConfig) -> Iterator[Derived]:
     """The largest grain against the box; across a periodic side one that moves must not meet two images of another."""
-    for some in config.grains:
-        size, several = some.largest_diameter, some.moving and grain_count(config) > 1
+    for group in config.grains:
+        size, several = group.largest_diameter, group.moving and grain_count(config) > 1
         needs = {axis: 2.0 if several and axis in config.domain.periodic else 1.0 for axis in AXES[: config.dimensions]}
         share, least = max((size * n / length, size * n) for length, n in zip(config.domain.size, needs.values()))
         verdict: Verdict = "ok" if share <= 1.0 else "fail"
-        cure = "" if verdict == "ok" else f"a side of the box of at least {least:.6g} m has room for {some.name}"
+        cure = "" if verdict == "ok" else f"a side of the box of at least {least:.6g} m has room for {group.name}"
         source = "two diameters of grains that move along a periodic side, one elsewhere"
         yield Derived("grain in the box", "D/L", share, "", "<= 1", verdict, source, cure, ("domain", "size"))
 
 
 def overlap_at_start(config: LbmDemConfig) -> Iterator[Derived]:
-    """Of grains at given positions."""
+    """The deepest overlap of grains at given positions, or why they cannot start."""
     nearest, deepest, outside, close, deep, gone = survey(config)
     if outside or nearest == 0.0:
         name = "grains outside the box" if outside else "least distance of centres"
@@ -225,26 +226,27 @@ def overlap_at_start(config: LbmDemConfig) -> Iterator[Derived]:
 def packings(config: LbmDemConfig) -> Iterator[Derived]:
     """How high each reaches, and how dense it is, or where its grains begin to fall."""
     d, top = config.dimensions, config.domain.size[-1]
-    for i, some in enumerate(config.grains):
-        if some.packing is None:
+    for i, group in enumerate(config.grains):
+        if group.packing is None:
             continue
-        law, low, wanted = some.law, some.packing.low, some.packing.high
+        law, low, wanted = group.law, group.packing.low, group.packing.high
         solid = law_volume(law, d)
-        high = packed_space(config, some, solid)
+        high = packed_space(config, group, solid)
         height = max(high - low, math.ulp(high))
         void = 1.0 - solid / (math.prod(config.domain.size[:-1]) * height)
-        verdict: Verdict = "ok" if void >= DENSEST[d] else "fail"
+        verdict: Verdict = "ok" if void >= DENSEST_VOID[d] else "fail"
         cure = "" if verdict == "ok" else "fewer grains, or more space for them"
-        limit, source = f">= {DENSEST[d]:g}", f"densest of equal grains; random packings end at about {RANDOM[d]:g}"
-        key: Path = ("grains", i, "packing") if some.packing.porosity is None else ("grains", i, "packing", "porosity")
-        yield Derived(f"void fraction of {some.name}", "n", void, "", limit, verdict, source, cure, key, void > 0.0)
-        if some.packing.porosity is None:
+        limit = f">= {DENSEST_VOID[d]:g}"
+        source = f"densest of equal grains; random packings end at about {RANDOM_VOID[d]:g}"
+        key: Path = ("grains", i, "packing") if group.packing.porosity is None else ("grains", i, "packing", "porosity")
+        yield Derived(f"void fraction of {group.name}", "n", void, "", limit, verdict, source, cure, key, void > 0.0)
+        if group.packing.porosity is None:
             continue
         as_said = wanted is None or abs(high - wanted) <= 1e-3 * (high - low)
         verdict = "ok" if high <= top * (1.0 + 1e-12) and as_said else "fail"
         limit = f"<= {top:g}, the top of the box" if as_said else f"{wanted:g}, as packing.high says"
         cure = "" if verdict == "ok" else "change its count or porosity" + ("" if as_said else ", or leave high out")
-        yield Derived(f"top of {some.name}", "z", high, "m", limit, verdict, "", cure, key)
+        yield Derived(f"top of {group.name}", "z", high, "m", limit, verdict, "", cure, key)
 
 
 def silo(config: LbmDemConfig) -> Iterator[Derived]:
@@ -256,17 +258,17 @@ def silo(config: LbmDemConfig) -> Iterator[Derived]:
     if not rigid or not friction or not any(config.gravity):
         return
     ratio = 1.0 - math.sin(math.atan(friction))
-    for i, some in enumerate(config.grains):
-        if some.packing is None or not some.moving:
+    for i, group in enumerate(config.grains):
+        if group.packing is None or not group.moving:
             continue
-        law, d = some.law, config.dimensions
-        height = law_volume(law, d) / (1.0 - (some.packing.porosity or LOOSE[d])) / math.prod(config.domain.size[:-1])
+        law, d = group.law, config.dimensions
+        height = law_volume(law, d) / (1.0 - (group.packing.porosity or LOOSE[d])) / math.prod(config.domain.size[:-1])
         slides = height * friction * ratio * sum(2.0 / size for size in rigid)
         share = -math.expm1(-slides) / slides if slides else 1.0
         verdict: Verdict = "ok" if share >= 0.9 else "warn"
         cure = "it starts without friction at its sides, which may lock against a rebound: no silo until it slides"
         cure = "" if verdict == "ok" else cure
-        name, key = f"weight of {some.name} on its floor", ("grains", i, "packing")
+        name, key = f"weight of {group.name} on its floor", ("grains", i, "packing")
         yield Derived(name, "Janssen", share, "", ">= 0.9", verdict, "Janssen 1895, K = 1 - sin phi", cure, key)
 
 
@@ -314,8 +316,8 @@ def films(config: LbmDemConfig) -> Derived:
     contacts take care of stiffer ones up to MOST_SUBSTEPS, or not where their number is given."""
     d, dx, fluid = config.dimensions, config.spacing, config.liquid
     film = Film.of_lattice(fluid.kinematic_viscosity * fluid.density, dx, d)
-    some = min((some for some in config.grains if some.moving), key=lambda some: some.smallest_diameter)
-    radius, mass = 0.5 * some.smallest_diameter, grain_mass(some, some.smallest_diameter, d)
+    group = min((group for group in config.grains if group.moving), key=lambda group: group.smallest_diameter)
+    radius, mass = 0.5 * group.smallest_diameter, grain_mass(group, group.smallest_diameter, d)
     if config.coupling.inertia == "implicit":
         lattice, rule = LATTICES[config.lattice], config.coupling.bounce_back
         mass = max(mass, float(impedance(lattice, rule, radius / dx)[0]) * fluid.density * dx**d)
@@ -332,34 +334,34 @@ def films(config: LbmDemConfig) -> Derived:
 
 
 def substeps(config: LbmDemConfig) -> Derived:
-    """Of the contacts in a step of the fluid, what they take, and how to have fewer."""
+    """The number of substeps of the contacts in a step of the fluid, what they take, and how to have fewer."""
     number = config.substeps
-    verdict: Verdict = "ok" if number <= FAR_TOO_MANY else "fail"
+    verdict: Verdict = "ok" if number <= MAX_SUBSTEPS else "fail"
     told, key = "", ("contact", "normal_stiffness")
-    if number > MANY:
+    if number > DEAR_SUBSTEPS:
         spent = phases(config, 1, 1, DEFAULT, 1)["grains"]
-        softer = config.contact.normal_stiffness * (MANY / number) ** 2
-        told = f"contact.normal_stiffness = {softer:.2g} takes {MANY}, and overlaps grow as its inverse; now they take "
-        told += f"about {spent:.2g} s of a step"
-    limit, cure = f"<= {FAR_TOO_MANY:g}", told if verdict == "fail" else ""
+        softer = config.contact.normal_stiffness * (DEAR_SUBSTEPS / number) ** 2
+        told = f"contact.normal_stiffness = {softer:.2g} takes {DEAR_SUBSTEPS}, and overlaps grow as its inverse; "
+        told += f"now they take about {spent:.2g} s of a step"
+    limit, cure = f"<= {MAX_SUBSTEPS:g}", told if verdict == "fail" else ""
     return Derived("substeps of the contacts", "n_d", float(number), "", limit, verdict, told, cure, key, True)
 
 
 def overlaps(config: LbmDemConfig) -> Iterator[Derived]:
-    """Of a column of grains as high as the box, or as all of them, at rest."""
+    """The overlap at rest below a column of grains as high as the box, or as all of them."""
     gravity, d = math.hypot(*config.gravity), config.dimensions
     density = config.liquid.density if config.fluid else 0.0
-    for some in config.grains:
-        if not some.moving or not gravity:
+    for group in config.grains:
+        if not group.moving or not gravity:
             continue
-        size = some.largest_diameter
-        count = some.count
+        size = group.largest_diameter
+        count = group.count
         layers = min(count, config.domain.size[-1] / size)
-        weight = grain_mass(some, size, d) * gravity * abs(1.0 - density / some.density)
+        weight = grain_mass(group, size, d) * gravity * abs(1.0 - density / group.density)
         overlap = layers * weight / config.contact.normal_stiffness / size
         verdict: Verdict = "ok" if overlap <= 0.01 else "warn" if overlap < 0.1 else "fail"
         stiff = layers * weight / (0.01 * size)
-        cure = "" if verdict == "ok" else f"normal_stiffness = {stiff:.2g} gives 1 % for {some.name}"
+        cure = "" if verdict == "ok" else f"normal_stiffness = {stiff:.2g} gives 1 % for {group.name}"
         key = ("contact", "normal_stiffness")
         limit, source = "<= 1 %, < 10 %", "weight of the column above"
         yield Derived("overlap at rest", "delta/d", overlap, "", limit, verdict, source, cure, key)

@@ -71,7 +71,7 @@ DEFAULT = FILES | {
 
 
 def estimate(config: LbmDemConfig, ranks: int, threads: int, measured: Mapping[str, float]) -> Estimate:
-    """Of a completed case on ranks x threads; `measured` rates of this machine take the place of DEFAULT."""
+    """What a completed case needs on ranks x threads; `measured` rates of this machine take the place of DEFAULT."""
     rates = DEFAULT | dict(measured)
     every = output_periods(config)
     depth, period = steps_per_pass(config, ranks, threads), every["series"]
@@ -90,7 +90,7 @@ def estimate(config: LbmDemConfig, ranks: int, threads: int, measured: Mapping[s
 
 def memory_items(config: LbmDemConfig, ranks: int, rates: Mapping[str, float]) -> dict[str, float]:
     """Bytes per rank. The largest moment of a run is its end, when the state is put in order for the digest."""
-    libraries = rates["rank_mib"] + (rates["scipy_mib"] if any(some.diameters for some in config.grains) else 0.0)
+    libraries = rates["rank_mib"] + (rates["scipy_mib"] if any(group.diameters for group in config.grains) else 0.0)
     memory = {"Python and libraries": libraries * MIB}
     memory |= {array.name: float(array.bytes) for array in arrays(config, ranks)}
     if config.fluid:
@@ -172,7 +172,7 @@ def cached(config: LbmDemConfig) -> bool:
 
 
 def sparse(config: LbmDemConfig) -> bool:
-    """Whether solid nodes are not held (lbmdem.sparse)."""
+    """True when the fluid nodes alone are held (fluid.sparse)."""
     stays, rules = not moving(config) or config.coupling.frozen, config.coupling
     general = RULES[rules.bounce_back].reach < 2 and rules.refill != "conserving"
     return stays and general and fluid_share(config) < SPARSE_BELOW
@@ -210,7 +210,7 @@ def message_seconds(config: LbmDemConfig, ranks: int, rates: Mapping[str, float]
 
 
 def exchange_seconds(config: LbmDemConfig, rates: Mapping[str, float]) -> float:
-    """Of forces and owners of grains that move, and of the planes beside a slab where they uncover nodes."""
+    """Seconds of exchanging forces and owners of moving grains, and planes beside a slab where they uncover nodes."""
     planes = 0
     if config.fluid and not config.coupling.frozen:
         planes = 2 * math.prod(config.points[:-1]) * LATTICES[config.lattice].q
@@ -218,7 +218,7 @@ def exchange_seconds(config: LbmDemConfig, rates: Mapping[str, float]) -> float:
 
 
 def sample_seconds(config: LbmDemConfig, ranks: int, threads: int, rates: Mapping[str, float]) -> float:
-    """Of one sample of the series, which goes through all nodes."""
+    """Seconds of one sample of the series, which goes through all nodes."""
     nodes = math.prod(config.points) if config.fluid else 0
     return 1e-6 * rates["lattice_sample_us"] + 1e-9 * nodes * rates["lattice_sample_ns"] / gain(
         ranks, threads, rates, rates["wave_core_gain"]

@@ -16,15 +16,16 @@ LAYER = 1.13  # sqrt(Re) delta/D of the boundary layer where the flow divides (S
 
 
 def drag_coefficient(reynolds: float) -> float:
-    """Of a sphere: Schiller & Naumann 1933; 0.44 beyond Re = 1000."""
+    """The drag coefficient of a sphere: Schiller & Naumann 1933; 0.44 beyond Re = 1000."""
     return 24.0 / reynolds * (1.0 + 0.15 * reynolds**0.687) if reynolds < 1000.0 else 0.44
 
 
 def terminal_speed(config: LbmDemConfig, i: int) -> float:
-    """Of the largest grain of a set alone, m/s; of a disc by the lesser of Stokes's and the drag coefficient 1."""
-    some, fluid = config.grains[i], config.liquid
-    size = some.largest_diameter
-    pull = math.hypot(*config.gravity) * abs(some.density / fluid.density - 1.0)
+    """Speed (m/s) at which the largest grain of a set falls alone; of a disc the lesser of Stokes's and that of a drag
+    coefficient of 1."""
+    group, fluid = config.grains[i], config.liquid
+    size = group.largest_diameter
+    pull = math.hypot(*config.gravity) * abs(group.density / fluid.density - 1.0)
     slow = pull * size**2 / (18.0 * fluid.kinematic_viscosity)
     if config.dimensions == 2 or not pull:
         return min(math.sqrt(math.pi / 2.0 * size * pull), slow)
@@ -35,7 +36,7 @@ def terminal_speed(config: LbmDemConfig, i: int) -> float:
 
 
 def falling(config: LbmDemConfig, i: int) -> Iterator[Derived]:
-    """Of a grain that falls or rises alone: what gravity may bring about, and a bed seldom reaches."""
+    """Mach and Reynolds numbers of a grain that falls or rises alone, which a bed seldom reaches."""
     v, fluid, dx = terminal_speed(config, i), config.liquid, config.spacing
     if not v:
         return
@@ -70,15 +71,15 @@ def unheld(config: LbmDemConfig) -> Iterator[Derived]:
     """
     fluid, walls = config.fluid, len(config.domain.periodic) < config.dimensions
     held = walls if fluid else walls and config.contact.friction > 0.0
-    if held or config.obstacle or config.coupling.frozen or any(not some.moving for some in config.grains):
+    if held or config.obstacle or config.coupling.frozen or any(not group.moving for group in config.grains):
         return
     weights, mass = [0.0] * config.dimensions, 0.0
     room = math.prod(config.domain.size)  # that the fluid has
-    for some in config.grains:
-        solid = sum(n * volume(r * config.spacing, config.dimensions) for r, n in grains(config, some))
-        lighter = some.density - (fluid.density if fluid else 0.0)
+    for group in config.grains:
+        solid = sum(n * volume(r * config.spacing, config.dimensions) for r, n in grains(config, group))
+        lighter = group.density - (fluid.density if fluid else 0.0)
         weights = [weight + lighter * solid * g for weight, g in zip(weights, config.gravity)]
-        mass, room = mass + some.density * solid, room - solid
+        mass, room = mass + group.density * solid, room - solid
     wet = fluid.density * max(room, 0.0) if fluid else 0.0
     for k, (axis, weight) in enumerate(zip(AXES, weights)):
         driven = wet * fluid.body_force[k] if fluid else 0.0

@@ -30,7 +30,7 @@ DRY_STEPS = 10000  # of grains alone
 
 
 def knobs_of(config: LbmDemConfig) -> Knobs:
-    """Of a completed case."""
+    """The knobs of a completed case."""
     time = config.simulation.end_time
     return Knobs(
         knobs=tuple(wet(config) if config.fluid else dry()),

@@ -21,7 +21,7 @@ LOOSE = {2: 0.2, 3: 0.4}  # void fraction of a packing that settles
 
 
 class Shares(NamedTuple):
-    """Of all vectors of nodes: without fluid, and beside solids or sides of the box."""
+    """Shares of all vectors of nodes: those without fluid, and those beside solids or sides of the box."""
 
     skipped: float
     mixed: float
@@ -37,11 +37,11 @@ def sizes(law: Diameters, d: int) -> Iterator[tuple[float, float]]:
     yield from ((size, weight / total) for size, weight in zip(found, weights))
 
 
-def grains(config: LbmDemConfig, some: GrainSet) -> list[tuple[float, float]]:
+def grains(config: LbmDemConfig, group: GrainSet) -> list[tuple[float, float]]:
     """(radius in nodes, number) of a set."""
-    count = len(some.position) or (some.diameters.count if some.diameters else 0)
-    equal = [(some.diameter, 1.0)] if some.diameter else None
-    law = equal or sizes(some.law, config.dimensions)
+    count = len(group.position) or (group.diameters.count if group.diameters else 0)
+    equal = [(group.diameter, 1.0)] if group.diameter else None
+    law = equal or sizes(group.law, config.dimensions)
     return [(0.5 * size / config.spacing, share * count) for size, share in law]
 
 
@@ -54,7 +54,7 @@ def touched(r: float, width: int, d: int) -> float:
 
 
 def covered(r: float, width: int, d: int) -> float:
-    """The same of a vector all of whose nodes are inside the grain."""
+    """Nodes swept by the centre of a vector's box all of whose nodes are inside the grain."""
     s = width - 1.0
     if 2 * r <= s:
         return 0.0
@@ -68,26 +68,27 @@ def volume(r: float, d: int) -> float:
 
 
 def shares(config: LbmDemConfig) -> Shares:
-    """Of the lattice of a case with fluid; obstacles are not looked at."""
+    """The shares of the lattice of a case with fluid; obstacles are left out."""
     d, width, nodes = config.dimensions, lanes(STORAGE[config.liquid.storage]), math.prod(config.points)
-    skipped, plain, anew = 0.0, beside_sides(config, width), linked_anew(config)
-    for some in config.grains:
-        sizes = grains(config, some)
-        solid, hit, inside = (sum(n * of(r) for r, n in sizes) / nodes for of in (
+    skipped, plain, moving_links = 0.0, beside_sides(config, width), links_follow_grains(config)
+    for group in config.grains:
+        sizes = grains(config, group)
+        solid, touching, inside = (sum(n * of(r) for r, n in sizes) / nodes for of in (
             lambda r: volume(r, d), lambda r: touched(r, width, d), lambda r: covered(r, width, d),
         ))  # fmt: skip
-        filled = min(1.0, solid / (1 - (some.packing.porosity or LOOSE[d]))) if some.packing else 1.0
-        solid, hit = min(0.9, solid / filled), hit / filled  # of the part of the box where the grains are
-        plain *= 1.0 if anew else 1 - filled + filled * (1 - solid) * math.exp(-(hit - solid) / (1 - solid))
+        filled = min(1.0, solid / (1 - (group.packing.porosity or LOOSE[d]))) if group.packing else 1.0
+        solid, touching = min(0.9, solid / filled), touching / filled  # of the part of the box where the grains are
+        none_touches = math.exp(-(touching - solid) / (1 - solid))
+        plain *= 1.0 if moving_links else 1 - filled + filled * (1 - solid) * none_touches
         skipped += inside
     skipped = min(skipped, 0.9)
-    plain *= 1 - skipped if anew else 1.0
+    plain *= 1 - skipped if moving_links else 1.0
     return Shares(skipped, max(0.0, 1 - plain - skipped))
 
 
-def linked_anew(config: LbmDemConfig) -> bool:
-    """Whether all links to grains are done after the sweep (Fluid.leave_to_links)."""
-    return any(some.moving for some in config.grains) and not config.coupling.frozen
+def links_follow_grains(config: LbmDemConfig) -> bool:
+    """True when all links to grains are done after the sweep (Fluid.leave_to_links)."""
+    return any(group.moving for group in config.grains) and not config.coupling.frozen
 
 
 def lanes_of_all(config: LbmDemConfig) -> int:
@@ -97,8 +98,8 @@ def lanes_of_all(config: LbmDemConfig) -> int:
 
 
 def fluid_share(config: LbmDemConfig) -> float:
-    """Of the nodes, those that no grain covers."""
-    solid = sum(n * volume(r, config.dimensions) for some in config.grains for r, n in grains(config, some))
+    """Share of the nodes that no grain covers."""
+    solid = sum(n * volume(r, config.dimensions) for group in config.grains for r, n in grains(config, group))
     return max(0.1, 1 - solid / math.prod(config.points))
 
 

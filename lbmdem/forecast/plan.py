@@ -20,18 +20,18 @@ LINKS = {2: 3.07, 3: 5.74}  # per node of a grain's perimeter or surface: half t
 
 
 def grain_count(config: LbmDemConfig) -> int:
-    return sum(some.count for some in config.grains)
+    return sum(group.count for group in config.grains)
 
 
 def link_count(config: LbmDemConfig) -> int:
     """Links between fluid and grains, of all ranks; grains in contact share some, which is not looked at."""
     d = config.dimensions
-    surface = sum(n * math.pi * (2 * r) ** (d - 1) for some in config.grains for r, n in grains(config, some))
+    surface = sum(n * math.pi * (2 * r) ** (d - 1) for group in config.grains for r, n in grains(config, group))
     return round(surface * LINKS[d])
 
 
 def moving(config: LbmDemConfig) -> bool:
-    return any(some.moving for some in config.grains)
+    return any(group.moving for group in config.grains)
 
 
 def kernels(config: LbmDemConfig) -> list[str]:
@@ -74,13 +74,13 @@ def fluid_arrays(config: LbmDemConfig, ranks: int) -> Iterator[Array]:
 
 
 def node_bytes(config: LbmDemConfig) -> int:
-    """Of the populations of a node."""
+    """Bytes of the populations of a node."""
     q = LATTICES[config.lattice].q
     return Array("node", (q,), STORAGE[config.liquid.storage]).bytes
 
 
 def face_bytes(config: LbmDemConfig) -> int:
-    """Of the populations that cross one face of a slab."""
+    """Bytes of the populations that cross one face of a slab."""
     lattice = LATTICES[config.lattice]
     leaving = sum(e[-1] > 0 for e in lattice.velocities)
     return math.prod(config.points[:-1]) * leaving * node_bytes(config) // lattice.q

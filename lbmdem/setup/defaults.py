@@ -5,7 +5,7 @@ from lbmdem.case.config import AXES, GrainSet, LbmDemConfig
 
 
 def completed(config: LbmDemConfig) -> LbmDemConfig:
-    """The same case with names, vectors of full length, and the defaults that other settings determine."""
+    """A case completed by names, vectors of full length, and the defaults that other settings determine."""
     d = config.dimensions
     around = {face.face[0] for face in config.boundary if face.type == "periodic"}.union(config.domain.periodic)
     domain = config.domain.model_copy(update={"periodic": tuple(axis for axis in AXES if axis in around)})

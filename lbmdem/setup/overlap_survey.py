@@ -17,7 +17,7 @@ SAMPLE = 1 << 17  # grains whose diameters are looked at one by one before a run
 
 
 class Survey(NamedTuple):
-    """Of grains at given positions. nearest: least distance of two centres (m; of those that overlap); deepest:
+    """How grains at given positions lie. nearest: least distance of two centres (m; of those that overlap); deepest:
     greatest overlap over the smaller diameter of pairs and walls with a grain that moves; outside: centres outside the
     box. close, deep, gone: keys of a grain with each.
     """
@@ -72,7 +72,7 @@ def survey(config: LbmDemConfig) -> Survey:
 
 
 def position_keys(config: LbmDemConfig) -> list[Path]:
-    """Where the case has the position of each grain, in their order."""
+    """Keys of the case that hold the position of each grain, in their order."""
     keys: list[Path] = []
     for i, grains in enumerate(config.grains):
         place: Path = ("grains", i, "position")
@@ -109,14 +109,14 @@ def law_diameters(n: int, low: float, high: float, a: float, b: float, dimension
 
 
 def law_volume(law: Diameters, dimensions: int) -> float:
-    """Of all grains of a law: m3, m2 in 2D. Of very many, those of a sample stand for the others."""
+    """Volume of all grains of a law, m3 (m2 in 2D). Of very many, a sample stands for the others."""
     n = min(law.count, SAMPLE)
     diameters = law_diameters(n, law.min, law.max, law.a, law.b, dimensions)
     return solid_volume(0.5 * diameters, dimensions) * (law.count / n)
 
 
 def solid_volume(radius: NDArray, dimensions: int) -> float:
-    """Of all grains: m3, m2 in 2D."""
+    """Volume of all grains of these radii, m3 (m2 in 2D)."""
     return float(np.sum(math.pi * radius**2 if dimensions == 2 else 4.0 / 3.0 * math.pi * radius**3))
 
 

@@ -24,7 +24,7 @@ def place_grains(config: LbmDemConfig, world: World, pool: Pool, domain: Domain)
 
 
 def given_radii(config: LbmDemConfig, grains: GrainSet) -> NDArray[np.float64]:
-    """Of grains whose positions the case gives, m."""
+    """Radii of grains whose positions the case gives, m [n]."""
     n = len(grains.position)
     if grains.diameter is not None:
         return np.full(n, 0.5 * grains.diameter)
