@@ -47,7 +47,6 @@ from lbmdem.configure import configure
 from lbmdem.kernels.layout import Layout
 from lbmdem.kernels.node_kinds import classify, mark
 from lbmdem.kernels.sweep import MIXED, SKIP
-from lbmdem.sizes import STORAGE
 from lbmdem.physics.velocity_sets import LATTICES
 from lbmdem.forecast.plan import arrays
 from lbmdem.forecast.node_shares import shares
