@@ -6,9 +6,9 @@ import pytest
 from hpcpic.core.space.domain import Domain
 from hpcpic.core.tasks.graph import Pool
 from lbmdem.coupling.immersed import Immersed
-from lbmdem.fluid.fluid import Fluid, equilibrium
+from lbmdem.fluid.fluid import Fluid
 from lbmdem.fluid.solid_nodes import Change
-from lbmdem.physics.velocity_sets import D2Q9, D3Q19
+from lbmdem.physics.velocity_sets import D2Q9, D3Q19, equilibrium
 
 SHAPES = {"D3Q19": (12, 13, 14), "D2Q9": (17, 19)}
 LATTICES = pytest.mark.parametrize("lattice", [D2Q9, D3Q19], ids=lambda lattice: lattice.name)
