@@ -90,8 +90,6 @@ class Sph:
         self.evolution = Evolution(self.clock, self.tasks, self.motion, self.sums, self.walls, self.timers)
         self.totals = scalars.Totals(scene, self.world, self.tasks)
 
-    # ---- the step
-
     def step(self) -> None:
         """x^n, v^n, rho^n -> n + 1."""
         self.integrator.step(self.evolution, self.choose_step)
@@ -114,7 +112,7 @@ class Sph:
         self.sort()
 
     def advance(self, most: int) -> None:
-        """One step, of `most` that may be done at once."""
+        """Do one step, of `most` that may be done at once."""
         self.step()
 
     def migrate(self) -> None:
@@ -208,7 +206,7 @@ class Sph:
             return {name: found[name] for name in self.scalar_units if name in found}
 
     def fields(self) -> Mapping[str, FieldArray]:
-        """None: there is no mesh."""
+        """Nothing: there is no mesh."""
         return {}
 
     def particles(self) -> Mapping[str, ParticleArray]:

@@ -67,7 +67,7 @@ class Checkpoint:
 
     @property
     def _have_periods(self) -> bool:
-        """Whether it matters up to when gauges have been read: a run may stop between two samples."""
+        """True if it matters up to when gauges have been read: a run may stop between two samples."""
         return any(gauge.period for gauge in self.storage.scene.config.gauge)
 
     def _shapes(self, *names: str) -> Shapes:

@@ -56,7 +56,7 @@ class Gauges:
         return dict(zip(names, self.at_point(gauge, own)))
 
     def separation(self, x: NDArray, at: tuple[float, ...]) -> NDArray[np.float64]:
-        """x - at, to the nearest image along periodic axes."""
+        """x[n, d] - at in m, to the nearest image along periodic axes."""
         r = x - np.array(at)
         length = self.scene.high - self.scene.low
         return np.where(self.scene.periodic, r - length * np.rint(r / length), r)
@@ -66,7 +66,7 @@ class Gauges:
         return self.world.sum_int(np.rint(values * FIXED_POINT).astype(np.int64).sum(axis=0)) / FIXED_POINT
 
     def at_point(self, gauge: Gauge, own: Own) -> list[float]:
-        """Pressure, or velocity: Shepard's mean of the fluid within the support; nothing is 0.
+        """Pressure in Pa, or velocity in m/s: Shepard's mean of the fluid within the support, 0 where there is none.
 
         Pressures are carried to the height of the gauge as in fluid at rest: half a spacing matters at a floor.
         """
@@ -87,7 +87,7 @@ class Gauges:
         )
 
     def front(self, gauge: Gauge) -> float:
-        """The farthest edge of the fluid along an axis."""
+        """The farthest edge of the fluid along an axis, m. Collective."""
         assert gauge.axis is not None
         sign, k = (1.0 if gauge.axis[1] == "+" else -1.0), AXES.index(gauge.axis[0])
         storage, along = self.storage, self.scene.axes.index(k)
@@ -95,7 +95,9 @@ class Gauges:
         return sign * (farthest + sign * self.scene.low[k] + self.scene.spacing / 2)
 
     def elevation(self, gauge: Gauge, own: Own) -> float:
-        """Highest place over the point where half of the space is fluid; the lowest looked at when none is."""
+        """Highest place over the point where half of the space is fluid, m; the lowest looked at when none is.
+        Collective.
+        """
         scene, d = self.scene, self.scene.dimensions
         axis, sign = self.vertical(gauge)
         others = [k for k in range(d) if k != axis]
@@ -133,7 +135,7 @@ class Gauges:
         return k, 1.0 if g[k] <= 0 else -1.0
 
     def flow(self, gauge: Gauge, own: Own) -> float:
-        """Volume per time through the section, counted in a slice of two spacings on each side."""
+        """Volume per time through the section, m3/s (2D: m2/s), counted in a slice of two spacings on each side."""
         assert gauge.axis is not None
         scene, d = self.scene, self.scene.dimensions
         k = AXES.index(gauge.axis[0])
@@ -151,7 +153,7 @@ class Gauges:
 
 
 def due(gauge: Gauge, time: float, since: float) -> bool:
-    """Whether a multiple of the period lies in (since, time]; without a period, always."""
+    """True if a multiple of the period lies in (since, time]; without a period, always."""
     if gauge.period is None or not math.isfinite(since):
         return True
     return math.floor(time / gauge.period * (1 + 1e-12)) > math.floor(since / gauge.period * (1 + 1e-12))

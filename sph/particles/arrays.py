@@ -86,9 +86,7 @@ def _of_cells(d: int) -> list[Array]:
         Array("row_table", ("rows", 8), "int32", "", "see kernels.cells"),
         Array("fine_start", ("cells",), "int32", "", "first slot of a fine cell"),
         Array("span", ("parts", 2), "int64", "", "lowest and highest layer of the particles of a part"),
-        Array(
-            "part_extremes", ("parts", 3 + 2 * d), "float64", "SI", "largest v^2, a^2, |rho - rho0|, -x, x"
-        ),
+        Array("part_extremes", ("parts", 3 + 2 * d), "float64", "SI", "largest v^2, a^2, |rho - rho0|, -x, x"),
         Array("wall_shift", ("walls", d), "float64", "m", "way of the walls since they were last moved"),
         Array("wall_speed", ("walls", d), "float64", "m/s", "velocities of the walls"),
         Array("shape", (6,), "int64", "", "pads, layers, first layer here, layers here, rows, 0"),

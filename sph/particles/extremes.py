@@ -26,7 +26,7 @@ class Extremes(NamedTuple):
 
     @property
     def finite(self) -> bool:
-        """All three are numbers."""
+        """True if all three are numbers."""
         return bool(np.isfinite(self[:3]).all())
 
 
@@ -47,7 +47,7 @@ def fluid_box(scene: Scene, world: World, storage: Storage) -> Corners:
 
 
 def _corners(scene: Scene, reach: NDArray[np.float64]) -> Corners:
-    """From the largest -x and x of the fluid, [2 d] in storage axes."""
+    """Corners in physical axes from the largest -x and x of the fluid, [2 d] in storage axes."""
     axes, d = list(scene.axes), scene.dimensions
     low, high = np.empty(d), np.empty(d)
     low[axes], high[axes] = scene.low[axes] - reach[:d], scene.low[axes] + reach[d:]

@@ -33,7 +33,7 @@ class Ghosts:
 
     @property
     def none_anywhere(self) -> bool:
-        """Neither ranks nor maps make any."""
+        """True if neither ranks nor maps make ghosts."""
         return self.storage.world.size == 1 and len(self.maps.planes) == 1
 
     def forget(self) -> None:

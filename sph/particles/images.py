@@ -58,12 +58,14 @@ class Maps:
 
     @property
     def mirrored(self) -> list[bool]:
+        """By map: it is that of a wall, so that velocities turn and density does not flow."""
         return [wall > 0 for wall in self.wall]
 
     def add(
         self, turn: NDArray, shift: NDArray, spin: NDArray, push: NDArray, planes: list[Plane], wall: int = 0,
         layers: list[tuple[NDArray, Layer]] | None = None, depth: float = 0.0,
     ) -> None:  # fmt: skip
+        """Add one map. ConfigError if there are too many."""
         if len(self.planes) == CODES:
             raise ConfigError([f"more than {CODES} images of a particle: too many mirrors"])
         self.turn, self.spin = np.concatenate([self.turn, turn[None]]), np.concatenate([self.spin, spin[None]])
@@ -91,7 +93,7 @@ class Maps:
 
     @cached_property
     def bounds(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """The planes as arrays: normals[k, p, d], offsets[k, p]; more than there are of an image hold anybody."""
+        """The planes as arrays: normals[k, p, d], offsets[k, p]; an image with fewer planes has some that hold all."""
         most = max(map(len, self.planes))
         n, d = self.shift.shape
         normals, offsets = np.zeros((n, most, d)), np.full((n, most), np.inf)
@@ -102,7 +104,7 @@ class Maps:
 
     @cached_property
     def _symmetric(self) -> dict[int, tuple[Layer, NDArray[np.float64]]]:
-        """Of each image by point symmetry: the layer with its centres, and the matrix that leaves what is across."""
+        """For each image by point symmetry, the layer with its centres and the matrix that leaves what is across."""
         one = np.eye(self.shift.shape[1])
         return {
             k: (layers[0][1], one - sum(np.outer(normal, normal) for normal, _ in layers))
@@ -111,7 +113,7 @@ class Maps:
         }
 
     def shifts(self, codes: NDArray[np.int64], x: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Shift[n, d] of the images codes[n], which ascend, of bodies at x[d, n]."""
+        """Shifts [n, d] in m of the images codes[n], which ascend, of bodies at x[d, n]."""
         shift, first = self.shift[codes], np.searchsorted(codes, np.arange(len(self.planes) + 1))
         for k, (layer, across) in self._symmetric.items():
             mine = slice(first[k], first[k + 1])
@@ -132,7 +134,7 @@ def periodic_maps(lengths: NDArray, periodic: NDArray, reach: float) -> Maps:
 
 
 def most_images(scene: Scene) -> int:
-    """Maps of a scene: of each group of parallel faces one or none, of each period to either side or none."""
+    """How many maps a scene has at most: of each group of parallel faces one or none, of each period to either side or none."""
     faces = [face for wall in scene.walls for face in wall.faces]
     layers = [wall.lattice.parts for wall in scene.walls if wall.rule.layer_images]
     groups = Counter(_direction(face.normal) for face in itertools.chain(faces, *layers))
@@ -140,7 +142,7 @@ def most_images(scene: Scene) -> int:
 
 
 def _direction(normal: NDArray) -> tuple[float, ...]:
-    """The same for parallel faces, to whichever side they look."""
+    """A direction that parallel faces share, to whichever side they look."""
     rounded = np.round(normal, 9)
     return tuple(rounded * np.sign(rounded[np.flatnonzero(rounded)[0]]))
 
@@ -220,5 +222,5 @@ def _faces(wall: Wall, reach: float, moved: NDArray, axes: list[int]) -> Iterato
 
 
 def _near(point: NDArray, normal: NDArray, reach: float) -> list[Plane]:
-    """Not farther than `reach` before a face, nor behind it by more."""
+    """The planes between which a body is at most `reach` m before a face or behind it."""
     return [(normal, point @ normal + reach), (-normal, reach - point @ normal)]

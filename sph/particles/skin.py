@@ -43,8 +43,8 @@ class Skin:
             raise Diverged(f"neighbours are known for {self.reach:.4g} m of their way, which is not within {known}")
 
     def suffices(self, dt: float, speed: float, acceleration: float) -> bool:
-        """Whether neighbours are known as far as a step takes particles. If not they are to be found again, for the
-        reach that there is then; the next one is about as far as the next step may take them.
+        """True if neighbours are known as far as a step of dt s takes particles, for the largest speed and acceleration.
+        If not, the reach grows and they must be found again. Sets the reach of the next step: as far as that may go.
         """
         way = dt * max(speed, 0.5 * speed + 0.25 * dt * acceleration)  # of the stages where rates are evaluated
         if way > self.farthest * (1 + ROUNDING):

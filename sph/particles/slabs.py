@@ -52,7 +52,7 @@ class Slabs:
 
     def balance(self, layer: NDArray[np.int32]) -> bool:
         """Make cuts of equal load if the present ones are far from it: layer[slot] of own particles, others -1.
-        Whether they are new. Collective.
+        True if they are new. Collective.
         """
         load = self.world.sum_int(np.bincount(layer + 1, minlength=self.grid.layers + 1)[1:])  # 0: nobody
         cuts = balanced_cuts(load, self.world.size)

@@ -115,7 +115,7 @@ class Storage:
     # ---- coming and going
 
     def reserve(self, slots: int) -> bool:
-        """Make room for so many slots. Whether there was none, so that arrays lie elsewhere now."""
+        """Make room for so many slots. True if there was none, so that arrays lie elsewhere now."""
         slots += OVERRUN
         if slots > MAX_SLOTS:
             raise ConfigError([f"{slots:.3g} particles on a rank, more than {MAX_SLOTS}: more ranks"])

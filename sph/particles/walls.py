@@ -31,7 +31,9 @@ def shell(inner: Corners | None, outer: Corners) -> Iterator[Corners]:
 
 
 class Walls:
-    """The walls made of particles; boxes and positions in physical axes."""
+    """The walls of a scene at the present time: displacement[wall, d] m and velocity[wall, d] m/s; `made`: the box in
+    which the particles of a wall exist, at displacement 0. In physical axes.
+    """
 
     def __init__(self, scene: Scene) -> None:
         self.scene = scene
@@ -79,7 +81,7 @@ class Walls:
         return boxes
 
     def restore(self, boxes: NDArray[np.float64], t: float) -> None:
-        """Made are the walls whose boxes are numbers. Diverged for a box that is one in part."""
+        """Take the boxes of a checkpoint at time t. Raises Diverged for a box that is not of numbers throughout."""
         nothing = np.array([np.isnan(box).all() for box in boxes], bool)
         if not np.isfinite(boxes[~nothing]).all():
             raise Diverged("the box where a wall is made is not of finite numbers")
