@@ -43,7 +43,7 @@ class Skin:
             raise Diverged(f"neighbours are known for {self.reach:.4g} m of their way, which is not within {known}")
 
     def suffices(self, dt: float, speed: float, acceleration: float) -> bool:
-        """True if neighbours are known as far as a step of dt s takes particles, for the largest speed and acceleration.
+        """True if neighbours are known as far as a step of dt s takes particles at the largest speed and acceleration.
         If not, the reach grows and they must be found again. Sets the reach of the next step: as far as that may go.
         """
         way = dt * max(speed, 0.5 * speed + 0.25 * dt * acceleration)  # of the stages where rates are evaluated
