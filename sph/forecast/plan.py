@@ -1,17 +1,16 @@
 """What a case makes the program do and hold: sums, arrays and messages of a step, before anything is allocated."""
 
 import math
-from collections.abc import Iterator
-from dataclasses import dataclass
 
 import numpy as np
 
 from hpcpic.core.app.forecast import imports
+from hpcpic.core.space.declared import Array
 from sph.case import config as case
 from sph.case import geometry
 from sph.case.config import SphConfig
+from sph.particles.arrays import arrays_of
 from sph.physics.integrators import INTEGRATORS
-from sph.physics.pair_spec import columns_of, most_sums, unused
 from sph.physics.stability import support_of
 from sph.physics.viscosities import VISCOSITIES
 from sph.physics.wall_rules import WALL_RULES
@@ -20,20 +19,6 @@ from sph.setup.scene import AHEAD, Scene, Wall
 
 MIB = 2.0**20
 FIXED_BYTES = 272_000  # of graphs, tables and heads of arrays: what runs of 10, 20 and 40 thousand particles have alike
-
-
-@dataclass(frozen=True, slots=True)
-class Array:
-    """Arrays of one rank: what they are for, values per particle, particles."""
-
-    name: str
-    columns: int
-    n: float
-    size: int = 8
-
-    @property
-    def bytes(self) -> float:
-        return self.columns * self.n * self.size
 
 
 def counts(config: SphConfig) -> tuple[int, float]:
@@ -94,25 +79,18 @@ def sums(config: SphConfig) -> list[str]:
     return terms + [f"walls                    {WALL_RULES[kind].text}" for kind in kinds]
 
 
-def arrays(config: SphConfig, ranks: int) -> Iterator[Array]:
-    """The arrays of one rank, an eighth more for ghosts and room to grow."""
-    d, n = config.dimensions, 1.125 * (sum(counts(config)) + images(config)) / ranks
-    staged = INTEGRATORS[config.simulation.integrator].staged
+def arrays(config: SphConfig, ranks: int) -> list[Array]:
+    """The arrays of one rank that grow with its particles, an eighth more for ghosts and room to grow. Those of sorting
+    are left out: they share the larger memory of the pair sums.
+    """
+    n = math.ceil(1.125 * (sum(counts(config)) + images(config)) / ranks)
     spec = pair_spec_of(config, bool(config.wall or config.domain.periodic))
-    kept, size = {"offset", "gradient", "shear", "matrix"} - unused(spec, staged), 4 if spec.single else 8
-    yield Array("state: x, v, rho, m, id", 2 * d + 3, n)
-    yield Array("kinds and cells", 2, n, 4)
-    if staged:
-        yield Array("state of the step before", 2 * d + 1, n)
-    for name in sorted(kept):
-        yield Array(name, d * d if name in ("shear", "matrix") else d, n)
-    if spec.single:
-        yield Array("pairs: positions", d, n, 4)
-    yield Array("pairs: operands", len(columns_of(spec)), n, size)
-    yield Array("pairs: sums", most_sums(spec), n, size)
-    yield Array("pairs: runs of neighbours", 15 if d == 3 else 6, n, 2)
-    yield Array("objects of Python and libraries", 1, FIXED_BYTES, 1)
-    yield Array("state in order, for files and gauges", 2 * d + 3, n)
+    declared = arrays_of(spec, INTEGRATORS[config.simulation.integrator].staged)
+    return [
+        *(array.sized({"slots": n}) for array in declared if "slots" in array.shape and array.phase != "sort"),
+        Array("objects of Python and libraries", (FIXED_BYTES,), "uint8"),
+        Array("state in order, for files and gauges", (2 * config.dimensions + 3, n), "float64"),
+    ]
 
 
 def messages(config: SphConfig, ranks: int) -> list[str]:
@@ -129,10 +107,10 @@ def messages(config: SphConfig, ranks: int) -> list[str]:
 def plan(config: SphConfig, ranks: int, threads: int) -> list[str]:
     """Lines for `check --plan`."""
     lines = ["sums of an evaluation", *(f"  {line}" for line in sums(config)), "arrays per rank"]
-    lines += [
-        f"  {array.name:<40}{array.columns:>3} x {array.n:<12.0f}{array.bytes / MIB:10.2f} MiB"
-        for array in arrays(config, ranks)
-    ]
+    for array in arrays(config, ranks):
+        *columns, n = map(int, array.shape)
+        name = f"{array.name:<12}{array.text[:60]}" if array.text else array.name
+        lines.append(f"  {name:<74}{math.prod(columns):>3} x {n:<12}{array.bytes / MIB:10.2f} MiB")
     lines += ["messages of a step, per rank", *(f"  {line}" for line in messages(config, ranks))]
     solids = any(body.shape.stl for body in (*config.fluid, *config.wall))
     return lines + imports(*["trimesh"] * solids)

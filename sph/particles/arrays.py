@@ -53,12 +53,14 @@ def _of_pairs(spec: PairSpec) -> list[Array]:
     n = HALF_ROWS[spec.dimensions]
     arrays = [
         Array("sums", (most_sums(spec), "slots"), spec.real, "", "pair sums of the last pass", phase="pairs"),
-        Array("values", (len(columns_of(spec)), "slots"), spec.real, "", "what pairs read", phase="pairs"),
+        Array("values", (len(columns_of(spec)), "slots"), spec.real, "", "operands of pairs", phase="pairs"),
         Array("run_first", (n, "slots"), "int32", "", "first slot of a run of neighbours", phase="pairs"),
         Array("run_length", (n, "slots"), "uint16", "", "slots of a run of neighbours", phase="pairs"),
     ]
     if spec.single:
-        arrays.append(Array("position", (spec.dimensions, "slots"), "int32", "", "fixed point", phase="pairs"))
+        arrays.append(
+            Array("position", (spec.dimensions, "slots"), "int32", "", "positions in fixed point", phase="pairs")
+        )
     return arrays
 
 

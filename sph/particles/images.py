@@ -134,7 +134,7 @@ def periodic_maps(lengths: NDArray, periodic: NDArray, reach: float) -> Maps:
 
 
 def most_images(scene: Scene) -> int:
-    """How many maps a scene has at most: of each group of parallel faces or period, one or none (period: either side)."""
+    """How many maps a scene has at most: one or none for parallel faces, either side or none for a period."""
     faces = [face for wall in scene.walls for face in wall.faces]
     layers = [wall.lattice.parts for wall in scene.walls if wall.rule.layer_images]
     groups = Counter(_direction(face.normal) for face in itertools.chain(faces, *layers))

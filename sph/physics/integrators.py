@@ -112,7 +112,5 @@ INTEGRATORS = {
         predictor_corrector, lambda m: np.eye(2) + m + m @ m, 1.0, 1.0, 2, 2.0, staged=True
     ),
     "symplectic": Integrator(symplectic, split_step, 1.0, 2.0, 1, 1.46, 0.85, split=True),
-    "rk3-tvd": Integrator(
-        rk3_tvd, lambda m: np.eye(2) + m + m @ m / 2 + m @ m @ m / 6, 3.0, 2.51, 3, 3.0, staged=True
-    ),
+    "rk3-tvd": Integrator(rk3_tvd, lambda m: np.eye(2) + m + m @ m / 2 + m @ m @ m / 6, 3.0, 2.51, 3, 3.0, staged=True),
 }
