@@ -59,7 +59,7 @@ def _of_pairs(spec: PairSpec) -> list[Array]:
     ]
     if spec.single:
         arrays.append(
-            Array("position", (spec.dimensions, "slots"), "int32", "", "positions in fixed point", phase="pairs")
+            Array("position", (spec.dimensions, "slots"), "int32", "", "x in fixed point", phase="pairs")
         )
     return arrays
 
