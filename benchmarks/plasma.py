@@ -57,8 +57,8 @@ def measure(n: int, per_cell: int, precision: str, threads: int) -> None:
         begin = perf_counter()
         plasma.step()
         times.append(world.max(perf_counter() - begin))
-    pages = plasma.cloud.pages
-    stored = pages.fresh * (pages.pool[0].nbytes + pages.ids[0].nbytes) / max(plasma.cloud.n, 1)
+    pages, arena = plasma.cloud.pages, plasma.cloud.arena
+    stored = pages.fresh * (arena["pool"][0].nbytes + arena["ids"][0].nbytes) / max(plasma.cloud.n, 1)
     resident = psutil.Process().memory_info().rss / 2**20
     if world.rank == 0:
         per = 1e9 / particles

@@ -133,10 +133,11 @@ def running(case: Case, pool: Pool) -> Iterator[Any]:
         app.close()
 
 
-def unused(pages: Any) -> int:
+def unused(cloud: Any) -> int:
     """Bytes that were reserved for particles but never touched: free pages, and boxes of those who leave a tile."""
-    reserved = (pages.pool, pages.ids, pages.chain, pages.free, pages.moving, pages.holes)
-    return sum(a.nbytes for a in reserved) - pages.fresh * (pages.pool[0].nbytes + pages.ids[0].nbytes)
+    arena, pages = cloud.arena, cloud.pages
+    reserved = [arena[name] for name in ("pool", "ids", "chain", "free", "moving", "leavers")]
+    return sum(a.nbytes for a in reserved) - pages.fresh * (arena["pool"][0].nbytes + arena["ids"][0].nbytes)
 
 
 def held(case: Case, pool: Pool, steps: int = 2, change: Callable[[Any], None] = lambda app: None) -> int:
@@ -157,7 +158,7 @@ def held(case: Case, pool: Pool, steps: int = 2, change: Callable[[Any], None] =
                 app.step()
             gc.collect()
             total = tracemalloc.get_traced_memory()[0]
-            return total - (unused(app.cloud.pages) if case.program == "hpcpic" else 0)
+            return total - (unused(app.cloud) if case.program == "hpcpic" else 0)
     finally:
         tracemalloc.stop()
 

@@ -1,4 +1,5 @@
 """How particles and cells are laid out: numbers that both the code and the forecasts read. Without numpy."""
 
 PAGE = 128  # particles
+MAX_SPEED = 2.0**40  # cells per step that a particle may have
 EDGE = {1: 256, 2: 16}  # cells of a tile along each axis

@@ -7,13 +7,14 @@ import numpy as np
 from hpcpic.core.comm.world import World
 from hpcpic.core.files.arrays import Column, FieldArray, ParticleArray, Shard
 from hpcpic.core.files.sealed import Reader
+from hpcpic.core.run.worst import worst_particles
 from hpcpic.core.space.domain import Domain, block_ranges, even_cuts
 from hpcpic.core.tasks.graph import Pool
 from hpcpic.core.timers import Timers
 from hpcpic.plasma.case.config import PlasmaConfig
-from hpcpic.plasma.diagnostics import snapshot
-from hpcpic.plasma.diagnostics.energy_watch import LATE, EnergyWatch
-from hpcpic.plasma.diagnostics.scalars import Moments, units
+from hpcpic.plasma.diagnostics import scalars, snapshot
+from hpcpic.plasma.diagnostics.energy_watch import STEPS_BETWEEN_LOOKS, EnergyWatch
+from hpcpic.plasma.diagnostics.series_sums import SeriesSums
 from hpcpic.plasma.field.mesh import SHIFT, Mesh
 from hpcpic.plasma.forecast.derived import total_plasma_frequency
 from hpcpic.plasma.particles.cloud import CHUNK, Cloud
@@ -41,7 +42,7 @@ class Plasma:
         points, lengths = scene.points[::-1], tuple(scene.lengths[::-1])
         cuts = even_cuts(points[0], world.size)
         self.domain = Domain(lengths, tuple(points), (True,) * scene.dimensions, cuts)
-        spec = PushSpec.of(scene)
+        spec = PushSpec.of(scene, scalars.moments())
         charge, weight = groups_of_charge(scene, spec)
         self.mesh = Mesh(world, pool, self.domain, scene, spec.shape.ghosts, weight)
         self._parts = np.zeros(len(weight), np.int64)  # of each group in all, as Mesh.check wants them
@@ -58,8 +59,8 @@ class Plasma:
             capacity=scene.n_particles // world.size,
         )  # fmt: skip
         self.mesh.collect_from(self.cloud.patches, self.cloud.places, self.cloud.delivery)
-        self.moments = Moments(self)
-        self.scalar_units = units(scene)
+        self.sums = SeriesSums(scene, world, self.mesh, self.cloud, self.field_scale)
+        self.scalar_units = scalars.units()
         self._distribute()
         self._rewind()
         self.iteration = 0
@@ -144,43 +145,44 @@ class Plasma:
         """Energies, momentum, charge and field modes, all at t = n dt (see diagnostics.scalars). Collective."""
         self.solve()
         with self.timers.section("scalars"):
-            values = self.moments.scalars()
+            values = self.sums.scalars()
         self._energy.see(values["energy_total"], self.time, self.iteration)
         return values
 
     def fields(self) -> Mapping[str, FieldArray]:
         """rho, phi, E at t = n dt. Collective."""
         self.solve()
-        return snapshot.fields(self)
+        return snapshot.fields(self.mesh)
 
     def particles(self) -> Mapping[str, ParticleArray]:
         """x^n and v^(n-1/2) by species. Collective."""
         self.solve()
-        return snapshot.particles(self)
+        return snapshot.particles(self.scene, self.cloud)
 
     def state(self) -> Mapping[str, Shard]:
         """The particles in order of their numbers, bit for bit: x^n relative to tiles, v^(n-1/2). Collective."""
-        return snapshot.state(self)
+        return snapshot.state(self.scene, self.world, self.cloud)
 
     def columns(self, reader: Reader) -> Mapping[str, Column]:
         """What the arrays of a checkpoint of this scene are."""
-        return snapshot.columns(self)
+        return snapshot.columns(self.scene, self.cloud.spec)
 
     def restore(self, reader: Reader) -> None:
         """Take the state of a checkpoint, written by any number of ranks, for the present one. Collective."""
-        snapshot.restore(self, reader)
+        self.iteration = reader.step
+        snapshot.restore(self.scene, self.world, self.cloud, reader)
         self._deposit_checked()
 
     def guard(self) -> str | None:
-        """Why this rank's state is no solution, or None. Collective where no series has looked at the energy lately."""
+        """Why this rank's state is no solution, or None. Collective where the energy was not seen for long."""
         fed = any(self.scene.config.field.electric)  # energy comes in
-        if not fed and self.iteration - self._energy.step >= LATE:
+        if not fed and self.iteration - self._energy.step >= STEPS_BETWEEN_LOOKS:
             self.scalars()
-        return self.moments.trouble() or (None if fed else self._energy.trouble())
+        return self.mesh.trouble() or (None if fed else self._energy.trouble())
 
     def worst(self) -> list[str]:
         """Lines on the worst particles of this rank. Collective."""
-        return snapshot.worst(self)
+        return worst_particles(snapshot.particles(self.scene, self.cloud))
 
     def _watch(self) -> EnergyWatch:
         wp, species = total_plasma_frequency(self.scene.config), self.scene.species

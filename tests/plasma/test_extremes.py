@@ -42,7 +42,7 @@ def ended(world, sets, *, force=False, case=HOT, steps=40):
         except Diverged as error:
             return "D", [error.message], 0.0
         last = app.scalars()
-        assert app.moments.counts().sum() == n and last["charge"] == first["charge"]
+        assert app.sums.counts().sum() == n and last["charge"] == first["charge"]
         if app.guard():
             return "D", [app.guard()], 0.0
     assert all(np.isfinite(value) for value in last.values())

@@ -119,7 +119,7 @@ def test_charge_and_number_are_exact_at_any_speed(v):
     charge = made.mesh.parts.inner.sum(axis=(1, 2)).tolist()
     after(made, 20)
     assert made.mesh.parts.inner.sum(axis=(1, 2)).tolist() == charge
-    assert made.moments.counts().tolist() == [3000, 1500]
+    assert made.sums.counts().tolist() == [3000, 1500]
     assert made.guard() is None
 
 
@@ -142,7 +142,7 @@ def test_time_runs_backwards(magnetic):
     made.solve()
     # one more impulse and turn brings v^(n-1/2) to v^(n+1/2): no drift, then the mover of -dt
     made.cloud.rewind(made.scene.mover(made.field_scale, steps=1.0))
-    forwards = made.cloud.names["mover"]
+    forwards = made.cloud.arena["mover"]
     forwards[:] = made.scene.mover(made.field_scale, steps=1.0)
     retrace(made)
     after(made, 20)
@@ -155,8 +155,8 @@ def test_time_runs_backwards(magnetic):
 def retrace(made):
     """Turn every velocity and the magnetic field round: the map backwards in time."""
     d = made.scene.dimensions
-    made.cloud.pages.pool[: made.cloud.pages.fresh, :, d:, :] *= -1
-    made.cloud.names["mover"][:, 4:] *= -1
+    made.cloud.arena["pool"][: made.cloud.pages.fresh, :, d:, :] *= -1
+    made.cloud.arena["mover"][:, 4:] *= -1
 
 
 def positions(made):

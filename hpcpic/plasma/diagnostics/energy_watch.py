@@ -7,9 +7,9 @@ import math
 GROWTH = 30.0  # of the total energy, beyond which a run is no solution; wp dt = 1.6 gives 1.4 in 100 / wp
 JUMP = 0.01  # of the energy between two looks that may be a jump, and is one if it is also
 TENFOLD = 10.0  # times the largest change seen before, beyond the fastest growth that a plasma can have
-KNOWN = 3  # changes seen before that speak for the next
-LATE = 100  # steps after which the energy is seen again, written or not; it costs 0.9 of a step
-MANY = 1000  # particles: in fewer one encounter may make the energy jump
+MIN_CHANGES = 3  # seen before that speak for the next
+STEPS_BETWEEN_LOOKS = 100  # after which the energy is seen again, written or not; it costs 0.9 of a step
+MIN_PARTICLES = 1000  # in fewer one encounter may make the energy jump
 
 
 class EnergyWatch:
@@ -22,7 +22,7 @@ class EnergyWatch:
     def __init__(self, cold: float, wp: float, particles: int) -> None:
         self.cold, self.wp, self.particles = cold, wp, particles
         self.first = self.last = math.nan
-        self.time, self.step, self.seen, self.largest = 0.0, -LATE, 0, 0.0
+        self.time, self.step, self.seen, self.largest = 0.0, -STEPS_BETWEEN_LOOKS, 0, 0.0
         self.jump: str | None = None
 
     def see(self, energy: float, time: float, step: int) -> None:
@@ -33,7 +33,7 @@ class EnergyWatch:
             change = abs(energy - self.last)
             grown = math.exp(min(2.0 * self.wp * abs(time - self.time), 700.0))
             usual = max(JUMP * (self.first + self.cold), TENFOLD * self.largest * grown)
-            if self.particles >= MANY and self.seen >= KNOWN and change > usual:
+            if self.particles >= MIN_PARTICLES and self.seen >= MIN_CHANGES and change > usual:
                 self.jump = f"the total energy jumped from {self.last:.4g} J to {energy:.4g} J at t = {time:.6g} s"
             self.largest, self.seen = max(self.largest, change), self.seen + 1
         self.last, self.time, self.step = energy, time, step

@@ -1,28 +1,26 @@
 """The plasma's arrays for the writers: fields, particles, and the state that checkpoints hold."""
 
 import math
-from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
 from hpcpic.core.comm.sharding import by_id
+from hpcpic.core.comm.world import World
 from hpcpic.core.errors import Diverged
 from hpcpic.core.files.arrays import Column, FieldArray, ParticleArray, Shard
-from hpcpic.core.run.worst import worst_particles
+from hpcpic.core.files.sealed import Reader
 from hpcpic.core.space.domain import block_ranges
-from hpcpic.plasma.diagnostics.scalars import FASTEST
-from hpcpic.plasma.particles.cloud import CHUNK
-from hpcpic.plasma.sizes import EDGE
-
-if TYPE_CHECKING:
-    from hpcpic.core.files.sealed import Reader
-    from hpcpic.plasma.step import Plasma
+from hpcpic.plasma.field.mesh import Mesh
+from hpcpic.plasma.particles.cloud import CHUNK, Cloud
+from hpcpic.plasma.particles.push_spec import PushSpec
+from hpcpic.plasma.setup.scene import Scene
+from hpcpic.plasma.sizes import EDGE, MAX_SPEED
 
 
-def fields(plasma: "Plasma") -> dict[str, FieldArray]:
+def fields(mesh: Mesh) -> dict[str, FieldArray]:
     """rho, phi and E of this rank's rows at t = n dt."""
-    mesh, d = plasma.mesh, plasma.scene.dimensions
+    d = mesh.domain.ndim
     e = np.stack([component[mesh.inside] for component in mesh.e], axis=-1)
     return {
         "rho": FieldArray(mesh.rho, "C/m" if d == 1 else f"C/m{d}"),
@@ -31,17 +29,17 @@ def fields(plasma: "Plasma") -> dict[str, FieldArray]:
     }
 
 
-def particles(plasma: "Plasma") -> dict[str, ParticleArray]:
+def particles(scene: Scene, cloud: Cloud) -> dict[str, ParticleArray]:
     """Ids, x^n in m and v^(n-1/2) in m/s of this rank's particles."""
-    scene, d = plasma.scene, plasma.scene.dimensions
+    d = scene.dimensions
     result = {}
     for k, species in enumerate(scene.species):
-        n, done = plasma.cloud.count(k), 0
+        n, done = cloud.count(k), 0
         ids, position, velocity = np.empty(n, np.int64), np.zeros((n, 3)), np.zeros((n, 3))
-        for numbers, tiles, components in plasma.cloud.export(k):
+        for numbers, tiles, components in cloud.export(k):
             rows = slice(done, done + len(numbers))
             ids[rows] = numbers + species.first
-            position[rows, :d] = (anchors(plasma, tiles) + components[:, :d]) * scene.spacing
+            position[rows, :d] = (anchors(scene, tiles) + components[:, :d]) * scene.spacing
             v = components[:, d:].astype(np.float64) * (scene.velocity_spacing / scene.time_step)
             velocity[rows, : v.shape[1]] = v
             done = rows.stop
@@ -52,25 +50,20 @@ def particles(plasma: "Plasma") -> dict[str, ParticleArray]:
     return result
 
 
-def worst(plasma: "Plasma") -> list[str]:
-    """Lines on the worst particles of this rank."""
-    return worst_particles(particles(plasma))
-
-
-def anchors(plasma: "Plasma", tiles: NDArray[np.int32]) -> NDArray[np.int64]:
+def anchors(scene: Scene, tiles: NDArray[np.int32]) -> NDArray[np.int64]:
     """Column (and row) of the first cell of tiles."""
-    edge = EDGE[plasma.scene.dimensions]
-    across = -(-plasma.scene.points[0] // edge)
-    return np.stack([tiles % across, tiles // across][: plasma.scene.dimensions], axis=1) * edge
+    edge = EDGE[scene.dimensions]
+    across = -(-scene.points[0] // edge)
+    return np.stack([tiles % across, tiles // across][: scene.dimensions], axis=1) * edge
 
 
-def state(plasma: "Plasma") -> dict[str, Shard]:
+def state(scene: Scene, world: World, cloud: Cloud) -> dict[str, Shard]:
     """Tile, position in it [cells] and velocity [cells per step] by species, in order of the numbers."""
-    cloud, world, d = plasma.cloud, plasma.world, plasma.scene.dimensions
+    d = scene.dimensions
     real = cloud.spec.dtype
     layout = {"tile": (np.int32, ()), "position": (real, (d,)), "velocity": (real, (cloud.spec.velocities,))}
     result = {}
-    for k, species in enumerate(plasma.scene.species):
+    for k, species in enumerate(scene.species):
         chunks = (
             (numbers, {"tile": tiles, "position": components[:, :d], "velocity": components[:, d:]})
             for numbers, tiles, components in cloud.export(k)
@@ -81,9 +74,9 @@ def state(plasma: "Plasma") -> dict[str, Shard]:
     return result
 
 
-def columns(plasma: "Plasma") -> dict[str, Column]:
+def columns(scene: Scene, spec: PushSpec) -> dict[str, Column]:
     """What `state` gives."""
-    scene, real, d = plasma.scene, plasma.cloud.spec.dtype, plasma.scene.dimensions
+    real, d = np.dtype(spec.dtype).type, scene.dimensions
     edge = EDGE[d]
     tiles = math.prod(-(-points // edge) for points in scene.points[:d])
     found = {}
@@ -91,33 +84,31 @@ def columns(plasma: "Plasma") -> dict[str, Column]:
         found |= {
             f"{species.name}/tile": Column(np.int32, (species.n,), 0, tiles - 1),
             f"{species.name}/position": Column(real, (species.n, d), 0, np.nextafter(real(edge), real(0))),
-            f"{species.name}/velocity": Column(real, (species.n, plasma.cloud.spec.velocities), -FASTEST, FASTEST),
+            f"{species.name}/velocity": Column(real, (species.n, spec.velocities), -MAX_SPEED, MAX_SPEED),
         }
     return found
 
 
-def restore(plasma: "Plasma", reader: "Reader") -> None:
+def restore(scene: Scene, world: World, cloud: Cloud, reader: Reader) -> None:
     """Replace all particles by those of a checkpoint. Raises Diverged when one is not in its tile."""
-    cloud = plasma.cloud
     cloud.clear()
-    plasma.iteration = reader.step
-    for k, species in enumerate(plasma.scene.species):
-        low, high = block_ranges(species.n, plasma.world.size)[plasma.world.rank]
-        for first in range(0, -(-species.n // plasma.world.size), CHUNK):
+    for k, species in enumerate(scene.species):
+        low, high = block_ranges(species.n, world.size)[world.rank]
+        for first in range(0, -(-species.n // world.size), CHUNK):
             a, b = min(low + first, high), min(low + first + CHUNK, high)
             columns = [
                 reader.read(f"{species.name}/{name}", a, b) for name in ("tile", "position", "velocity")
             ]
-            if not all_in_tiles(plasma, *columns[:2]):
+            if not all_in_tiles(scene, *columns[:2]):
                 raise Diverged(f"a position of {species.name} is not a number, or not within its tile")
             cloud.admit(cloud.records(k, np.arange(a, b), *columns))
-            cloud.migrate(plasma.iteration)
+            cloud.migrate(reader.step)
             cloud.deliver()
     cloud.deposit_all()
 
 
-def all_in_tiles(plasma: "Plasma", tiles: NDArray[np.int32], x: NDArray) -> bool:
-    """Kernels rely on it: are the positions x[n, d], in cells, within their tiles, and these on the grid?"""
-    d = plasma.scene.dimensions
-    corner = anchors(plasma, tiles)
-    return bool(((x >= 0) & (x < EDGE[d]) & (corner >= 0) & (corner + x < plasma.scene.points[:d])).all())
+def all_in_tiles(scene: Scene, tiles: NDArray[np.int32], x: NDArray) -> bool:
+    """True if the positions x[n, d], in cells, are within their tiles, and these on the grid: kernels rely on it."""
+    d = scene.dimensions
+    corner = anchors(scene, tiles)
+    return bool(((x >= 0) & (x < EDGE[d]) & (corner >= 0) & (corner + x < scene.points[:d])).all())

@@ -160,6 +160,12 @@ class Mesh:
         self.fill.finish()
         self.e[...] = self.wide.values
 
+    def trouble(self) -> str | None:
+        """Why the field of this rank is no solution, or None."""
+        if not np.isfinite(self.rho).all() or not np.isfinite(self.phi.inner).all():
+            return "the field is not finite"
+        return None
+
     def free(self) -> None:
         """Free what MPI holds (all ranks together)."""
         self.fill.free()

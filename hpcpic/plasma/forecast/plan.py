@@ -5,12 +5,14 @@
 
 import math
 from collections.abc import Iterator, Sequence
+from dataclasses import replace
 
 from hpcpic.core.app.forecast import imports
 from hpcpic.core.comm.shared_memory import FOLDER as SHARED_MEMORY
 from hpcpic.core.space.cuts import even_cuts
 from hpcpic.core.space.declared import Array
 from hpcpic.plasma.case.config import PlasmaConfig, rotation, velocity_components
+from hpcpic.plasma.particles.arrays import declared
 from hpcpic.plasma.physics.shapes import SHAPES
 from hpcpic.plasma.setup.macro_particles import macro_charge
 from hpcpic.plasma.sizes import EDGE, PAGE
@@ -87,7 +89,7 @@ def factor_nonzeros(points: Sequence[int]) -> int:
 def particle_arrays(
     config: PlasmaConfig, ranks: int, rows: int, columns: int, blocks: int, real: str
 ) -> Iterator[Array]:
-    """Pages with their numbers; every tile part of a species leaves half a page empty, on average."""
+    """Pages that are touched; every tile part of a species leaves half a page empty, on average."""
     n = sum(species.particles for species in config.species)
     if not n:
         return
@@ -95,8 +97,11 @@ def particle_arrays(
     parts = -(-rows // edge) * (max(blocks, -(-columns // edge)) if d == 2 else 1)
     slots = parts * len(config.species)
     pages = -(-n // ranks // PAGE) + min(slots, n) // 2
-    yield Array("particles", (pages, PAGE, d + velocity_components(config)), real)
-    yield Array("numbers of the particles", (pages, PAGE), "uint32")
+    lanes = 64 // Array("one", (), real).itemsize
+    sizes = {"pages": pages, "packs": PAGE // lanes, "components": d + velocity_components(config), "lanes": lanes}
+    for array in declared(real):
+        if array.name in ("pool", "ids"):
+            yield replace(array.sized(sizes), name=array.text)
 
 
 def messages(config: PlasmaConfig, ranks: int) -> list[str]:

@@ -50,8 +50,9 @@ def cell_of(x):
 
 
 @kernel
-def spread_field(part, origin, parts, e_x, e_y, scale, lines):
+def spread_field(part, parts, field, lines):
     """Coefficients of the cells of a tile part, and zero ones for parked lanes behind them."""
+    e_x, e_y, scale, origin = field.e_x, field.e_y, field.scale, field.origin
     row, column = parts[part, 1] - origin[0], parts[part, 2] - origin[1]
     width = e_x.shape[1] * 8
     for r in range(parts[part, 3], parts[part, 4]):
@@ -113,11 +114,13 @@ def corners_of(at):
 
 
 @kernel
-def gather_sums(part, corner, parts, sums, patch, group, sign):
+def gather_sums(part, parts, sums, patch, group, sign):
     """Add the corner sums of the part's cells, times sign, to the nodes of the patch, and zero them."""
     zero_bytes(sums + CELLS * SUM, sums + SUM_BYTES)
+    corner = patch.corner
     row, column = parts[part, 1] - corner[0] + parts[part, 3], parts[part, 2] - corner[1]
-    base, width = address(patch) + group * patch.shape[1] * patch.shape[2] * 8, patch.shape[2] * 8
+    nodes = patch.nodes
+    base, width = address(nodes) + group * nodes.shape[1] * nodes.shape[2] * 8, nodes.shape[2] * 8
     zero = splat(WIDE, 0)
     for c in range(parts[part, 5], parts[part, 6], 8):
         at, left, right = base + row * width + (column + c) * 8, zero, zero  # of the cells in the row below

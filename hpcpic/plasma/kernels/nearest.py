@@ -14,8 +14,9 @@ REACH = 0  # nodes of the field below the first cell
 
 
 @kernel
-def spread_field(part, origin, parts, e_x, e_y, scale, lines):
+def spread_field(part, parts, field, lines):
     """The field of the nodes of a tile part, and none for parked lanes behind them."""
+    e_x, e_y, scale, origin = field.e_x, field.e_y, field.scale, field.origin
     row, column = parts[part, 1] - origin[0], parts[part, 2] - origin[1]
     width = e_x.shape[1] * 8
     for r in range(parts[part, 3], parts[part, 4] + DIM - 1):
@@ -45,11 +46,13 @@ def add_charge(sums, cells, f, g, unit, whole):
 
 
 @kernel
-def gather_sums(part, corner, parts, sums, patch, group, sign):
+def gather_sums(part, parts, sums, patch, group, sign):
     """Add the sums of the part's nodes, times sign, to the patch, and zero them."""
     zero_bytes(sums + CELLS * SUM, sums + SUM_BYTES)
+    corner = patch.corner
     row, column = parts[part, 1] - corner[0], parts[part, 2] - corner[1]
-    base, width = address(patch) + group * patch.shape[1] * patch.shape[2] * 8, patch.shape[2] * 8
+    nodes = patch.nodes
+    base, width = address(nodes) + group * nodes.shape[1] * nodes.shape[2] * 8, nodes.shape[2] * 8
     for r in range(parts[part, 3], parts[part, 4] + DIM - 1):
         for c in range(parts[part, 5], parts[part, 6] + 1, 8):
             at, found = base + (row + r) * width + (column + c) * 8, sums + (r * PITCH + c) * SUM

@@ -1,11 +1,9 @@
 """The particle kernels of one block, one particle after the other: the reference, for every shape and dimension.
 
 Every kernel works on the tile parts `parts[first:last]` = (tile, anchor row, anchor column, rows from and to,
-columns from and to relative to the anchor, block). Fields e_x, e_y [rows, columns] carry the ghosts the shape needs,
-their first node is (origin[0], origin[1]) of the grid; `scale` is a power of two that brings them to numbers near one.
-Charge goes to the block's patch[group, row, column], whose first node is (corner[0], corner[1]), in integer parts of
-a particle: charge[species] = (group, parts of one particle with the sign of its charge).
-In 1D there is one row.
+columns from and to relative to the anchor, block), and takes its arrays in groups (see kernels.groups). Fields carry
+the ghosts the shape needs; `scale` is a power of two that brings them to numbers near one. Charge goes to the block's
+patch in integer parts of a particle. In 1D there is one row.
 """
 
 import numpy as np
@@ -24,9 +22,11 @@ from hpcpic.plasma.kernels.storage import (
     RECORD_BYTES,
     SLOT,
     append,
-    ask_for,
+    box_of,
     depart,
-    hole,
+    leaver_mask,
+    pages_of,
+    prefetch_pack,
 )
 
 DIM = 2  # axes of the grid
@@ -48,8 +48,8 @@ def cell_and_place(x):
 
 
 @inlined
-def wings(d):
-    """Shares of the nodes before and after the nearest one of TSC, at d from it."""
+def tsc_outer_weights(d):
+    """Weights of the nodes before and after the nearest one of TSC, at d from it."""
     before, after = HALF - d, HALF + d
     return HALF * (before * before), HALF * (after * after)
 
@@ -63,11 +63,13 @@ def parabola(before, here, after):
 
 @inlined
 def along_row_of(e, row, i, scale):
+    """Coefficients (see parabola) about node i of a row."""
     return parabola(e[row, i - 1] * scale, e[row, i] * scale, e[row, i + 1] * scale)
 
 
 @inlined
 def quadratic(k, d):
+    """k[0] + k[1] d + k[2] d^2."""
     return fma(d, fma(d, REAL(k[2]), REAL(k[1])), REAL(k[0]))
 
 
@@ -156,12 +158,12 @@ def deposit(patch, group, unit, row, column, x, y):
 
 @inlined
 def deposit_nine(nodes, unit, j, i, f, g):
-    """The same for TSC about node (j, i): what the node and the next ones in line with it get are differences."""
+    """Charge of one particle by TSC about node (j, i): what the node and those in line with it get are differences."""
     whole = REAL(unit)
-    u = wings(f)
+    u = tsc_outer_weights(f)
     left, right = parts_of(u[0], whole), parts_of(u[1], whole)
     if DIM == 2:
-        for w, step in zip(wings(g), (-1, 1)):
+        for w, step in zip(tsc_outer_weights(g), (-1, 1)):
             share = w * whole
             row, at_left, at_right = parts_of(share, ONE), parts_of(u[0], share), parts_of(u[1], share)
             nodes[j + step, i - 1] += at_left
@@ -174,13 +176,13 @@ def deposit_nine(nodes, unit, j, i, f, g):
 
 
 @kernel
-def push_slot(slot, n_species, origin, corner, parts, e_x, e_y, scale, mover, charge, pool, chain, head, count, holes,
-              patch):  # fmt: skip
-    """Push the particles of a slot; those who stay leave their charge, the others are in holes[:n]. Returns n."""
-    part, species = slot // n_species, slot % n_species
+def push_slot(slot, grid, field, species, pages, leavers, patch):
+    """Push the particles of a slot; those who stay leave their charge, the others are in leavers[:n]. Returns n."""
+    parts, pool, origin, corner, scale = grid.parts, pages.pool, field.origin, patch.corner, field.scale
+    part, kind = slot // grid.n_species, slot % grid.n_species
     row, column = parts[part, 1], parts[part, 2]
-    m, group, unit = mover[species], charge[species, 0], charge[species, 1]
-    page, used, n_holes = np.int64(head[slot]), (count[slot] - 1) % PAGE + 1, 0
+    m, group, unit = species.mover[kind], species.charge[kind, 0], species.charge[kind, 1]
+    page, used, n = np.int64(pages.head[slot]), (pages.count[slot] - 1) % PAGE + 1, 0
     while page >= 0:
         for place in range(used - 1, -1, -1):
             pack, lane = place // LANES, place % LANES
@@ -192,8 +194,8 @@ def push_slot(slot, n_species, origin, corner, parts, e_x, e_y, scale, mover, ch
                 vz = pool[page, pack, DIM + 2, lane]
             if DIM == 2:
                 y = pool[page, pack, 1, lane]
-                ey = gather(e_y, row - origin[0], column - origin[1], x, y, scale)
-            ex = gather(e_x, row - origin[0], column - origin[1], x, y, scale)
+                ey = gather(field.e_y, row - origin[0], column - origin[1], x, y, scale)
+            ex = gather(field.e_x, row - origin[0], column - origin[1], x, y, scale)
             vx, vy, vz = boris(vx, vy, vz, ex, ey, m)
             x += vx
             pool[page, pack, 0, lane] = x
@@ -208,50 +210,45 @@ def push_slot(slot, n_species, origin, corner, parts, e_x, e_y, scale, mover, ch
                 pool[page, pack, 1, lane] = y
                 inside = inside and y >= parts[part, 3] and y < parts[part, 4]
             if inside:
-                deposit(patch, group, unit, row - corner[0], column - corner[1], x, y)
+                deposit(patch.nodes, group, unit, row - corner[0], column - corner[1], x, y)
             else:
-                holes[n_holes] = hole(page, pack, 1 << lane)
-                n_holes += 1
-        page, used = np.int64(chain[page]), PAGE
-    return n_holes
+                leavers[n] = leaver_mask(page, pack, 1 << lane)
+                n += 1
+        page, used = np.int64(pages.chain[page]), PAGE
+    return n
 
 
 @kernel
-def push(block, first, last, n_species, points, origin, corner, row_part, column_part, column_stride, parts, e_x, e_y,
-         scale, mover, charge, pool, ids, chain, head, count, free, holes,
-         moving, words, lists, counters, patch):  # fmt: skip
+def push(block, first, last, grid, field, species, pages, boxes, leavers, patch):
     """x^n, v^(n-1/2) -> x^(n+1), v^(n+1/2) (5.18), (5.19); those who stay leave their charge, the others depart."""
-    free, holes, moving, words = free[block], holes[block], moving[block], words[block]
-    lists, counters = lists[block], counters[block]
-    lists[0, :] = -1
-    lists[1, :] = 0
-    counters[1] = 0
-    patch[:] = 0
-    for slot in range(first * n_species, last * n_species):
-        n_holes = push_slot(slot, n_species, origin, corner, parts, e_x, e_y, scale, mover, charge, pool, chain, head,
-                            count, holes, patch)  # fmt: skip
-        if depart(slot, n_holes, holes, n_species, points, row_part, column_part, column_stride, parts, pool, ids,
-                  chain, head, count, free, moving, words, lists, counters) != GOOD:  # fmt: skip
+    pages, box, leavers = pages_of(block, pages), box_of(block, boxes), leavers[block]
+    box.lists[0, :] = -1
+    box.lists[1, :] = 0
+    box.counters[1] = 0
+    patch.nodes[:] = 0
+    for slot in range(first * grid.n_species, last * grid.n_species):
+        n = push_slot(slot, grid, field, species, pages, leavers, patch)
+        if depart(slot, n, leavers, grid, pages, box) != GOOD:
             return DIVERGED
     return GOOD
 
 
 @kernel
-def take_in(block, first, last, n_species, pool, ids, chain, head, count, settled, free, counters, moving, words,
-            lists):  # fmt: skip
+def take_in(block, first, last, grid, pages, boxes):
     """The particles that all boxes have for this block go into their slots, after the settled[slot] that are there."""
-    free, counters = free[block], counters[block]
-    for slot in range(first * n_species, last * n_species):
-        settled[slot] = count[slot]
+    mine, pool, ids, head, count = pages_of(block, pages), pages.pool, pages.ids, pages.head, pages.count
+    lists = boxes.lists
+    for slot in range(first * grid.n_species, last * grid.n_species):
+        pages.settled[slot] = count[slot]
         if head[slot] >= 0:
-            ask_for(head[slot] * PAGE + count[slot] % PAGE // LANES * LANES, pool, ids)
+            prefetch_pack(head[slot] * PAGE + count[slot] % PAGE // LANES * LANES, pool, ids)
     for box in range(lists.shape[0]):
-        records, record_words = moving[box], words[box]
+        records, record_words = boxes.moving[box], boxes.words[box]
         k = np.int64(lists[box, 0, block])
         while k >= 0:
             prefetch(address(records) + (k - AHEAD) * RECORD_BYTES)  # lists mostly go on by the particle before
             word = record_words[k]
-            page, place = append(np.int64(word[SLOT]), pool, ids, chain, head, count, free, counters)
+            page, place = append(np.int64(word[SLOT]), mine)
             if page < 0:
                 return NO_PAGE
             pack, lane = place // LANES, place % LANES
@@ -259,53 +256,54 @@ def take_in(block, first, last, n_species, pool, ids, chain, head, count, settle
                 pool[page, pack, c, lane] = records[k, c]
             ids[page, place] = np.uint32(word[NUMBER])
             if lane == 0:
-                ask_for(page * PAGE + (place + LANES) % PAGE, pool, ids)
+                prefetch_pack(page * PAGE + (place + LANES) % PAGE, pool, ids)
             k = np.int64(word[LINK])
     return GOOD
 
 
 @kernel
-def deposit_from(low, slot, n_species, corner, parts, charge, pool, chain, head, count, patch):
+def deposit_from(low, slot, grid, species, pages, patch):
     """The charge (5.1) of a slot's particles from number `low` on."""
-    part, species = slot // n_species, slot % n_species
-    row, column = parts[part, 1] - corner[0], parts[part, 2] - corner[1]
-    group, unit = charge[species, 0], charge[species, 1]
-    page, end = np.int64(head[slot]), count[slot]
+    pool, corner, nodes = pages.pool, patch.corner, patch.nodes
+    part, kind = slot // grid.n_species, slot % grid.n_species
+    row, column = grid.parts[part, 1] - corner[0], grid.parts[part, 2] - corner[1]
+    group, unit = species.charge[kind, 0], species.charge[kind, 1]
+    page, end = np.int64(pages.head[slot]), pages.count[slot]
     while end > low:
         begin = max((end - 1) // PAGE * PAGE, low)
         for number in range(begin, end):
             pack, lane = number % PAGE // LANES, number % LANES
-            deposit(patch, group, unit, row, column, pool[page, pack, 0, lane], pool[page, pack, DIM - 1, lane])
-        page, end = np.int64(chain[page]), begin
+            deposit(nodes, group, unit, row, column, pool[page, pack, 0, lane], pool[page, pack, DIM - 1, lane])
+        page, end = np.int64(pages.chain[page]), begin
 
 
 @kernel
-def deliver(block, first, last, n_species, corner, parts, charge, pool, ids, chain, head, count, settled, free,
-            counters, moving, words, lists, patch):  # fmt: skip
+def deliver(block, first, last, grid, species, pages, boxes, patch):
     """Take the particles that all boxes have for this block into their slots, with their charge."""
-    code = take_in(block, first, last, n_species, pool, ids, chain, head, count, settled, free, counters, moving,
-                   words, lists)  # fmt: skip
-    for slot in range(first * n_species, last * n_species):
-        deposit_from(settled[slot], slot, n_species, corner, parts, charge, pool, chain, head, count, patch)
+    code = take_in(block, first, last, grid, pages, boxes)
+    for slot in range(first * grid.n_species, last * grid.n_species):
+        deposit_from(pages.settled[slot], slot, grid, species, pages, patch)
     return code
 
 
 @kernel
-def rewind(first, last, n_species, origin, parts, e_x, e_y, scale, mover, pool, chain, head, count):
+def rewind(first, last, grid, field, species, pages):
     """v^0 -> v^(-1/2): the velocity alone, with a mover of half a step backwards (9.2.1)."""
+    n_species, parts, origin, scale = grid.n_species, grid.parts, field.origin, field.scale
+    pool = pages.pool
     for part in range(first, last):
         row, column = parts[part, 1] - origin[0], parts[part, 2] - origin[1]
         for slot in range(part * n_species, (part + 1) * n_species):
-            m = mover[slot % n_species]
-            page, used = np.int64(head[slot]), (count[slot] - 1) % PAGE + 1
+            m = species.mover[slot % n_species]
+            page, used = np.int64(pages.head[slot]), (pages.count[slot] - 1) % PAGE + 1
             while page >= 0:
                 for place in range(used):
                     pack, lane = place // LANES, place % LANES
                     x, y, vy, vz, ey = pool[page, pack, 0, lane], ZERO, ZERO, ZERO, ZERO
                     if DIM == 2:
                         y = pool[page, pack, 1, lane]
-                        ey = gather(e_y, row, column, x, y, scale)
-                    ex = gather(e_x, row, column, x, y, scale)
+                        ey = gather(field.e_y, row, column, x, y, scale)
+                    ex = gather(field.e_x, row, column, x, y, scale)
                     if VELOCITIES > 1:
                         vy = pool[page, pack, DIM + 1, lane]
                     if VELOCITIES > 2:
@@ -316,14 +314,14 @@ def rewind(first, last, n_species, origin, parts, e_x, e_y, scale, mover, pool, 
                         pool[page, pack, DIM + 1, lane] = vy
                     if VELOCITIES > 2:
                         pool[page, pack, DIM + 2, lane] = vz
-                page, used = np.int64(chain[page]), PAGE
+                page, used = np.int64(pages.chain[page]), PAGE
     return GOOD
 
 
 @kernel
-def deposit_all(first, last, n_species, corner, parts, charge, pool, chain, head, count, patch):
+def deposit_all(first, last, grid, species, pages, patch):
     """The charge (5.1) of all particles of a block."""
-    patch[:] = 0
-    for slot in range(first * n_species, last * n_species):
-        deposit_from(0, slot, n_species, corner, parts, charge, pool, chain, head, count, patch)
+    patch.nodes[:] = 0
+    for slot in range(first * grid.n_species, last * grid.n_species):
+        deposit_from(0, slot, grid, species, pages, patch)
     return GOOD

@@ -39,7 +39,7 @@ from hpcpic.plasma.kernels.linear import (
 )
 from hpcpic.plasma.kernels.plain import MAGIC, boris, deposit_from, push_slot, take_in
 from hpcpic.plasma.kernels.simd_base import MAGIC_BITS, PART, SIZE, F, I, zero_bytes
-from hpcpic.plasma.kernels.storage import COMPONENTS, DIVERGED, GOOD, LANES, PAGE, depart, hole
+from hpcpic.plasma.kernels.storage import COMPONENTS, DIVERGED, GOOD, LANES, PAGE, box_of, depart, leaver_mask, pages_of
 
 DIM = 2  # axes of the grid
 REAL = np.float64  # precision of a particle
@@ -49,23 +49,24 @@ ALL = (1 << LANES) - 1
 PACK_BYTES, PAGE_BYTES = 64 * COMPONENTS, PAGE * SIZE * COMPONENTS
 PARKED = MAGIC_BITS + CELLS * SUM
 PAGES_AHEAD = 2
-MANY = 40  # particles: fewer are done one by one, which costs less than to spread or gather what all cells have
+MIN_FOR_VECTORS = 40  # particles: fewer are done one by one, which costs less than to spread or gather all cells
 BATCH = 31 if SIZE == 4 else 1 << 60  # pages whose charge the sums of one cell can hold
 
 
 @kernel
-def look_ahead(part, origin, corner, parts, e_x, e_y, patch):
-    """Ask for the lines of field and charge of a part that comes next: it finds them far away where tiles are poor."""
+def prefetch_part(part, parts, field, patch):
+    """Prefetch the cache lines of field and charge of a part that comes next: they are far where tiles are poor."""
+    origin, corner, nodes = field.origin, patch.corner, patch.nodes
     row, column = parts[part, 1] + parts[part, 3], parts[part, 2] + parts[part, 5] - REACH
     row -= (DIM - 1) * REACH
-    e_width, width = e_x.shape[1] * 8, patch.shape[2] * 8
+    e_width, width = field.e_x.shape[1] * 8, nodes.shape[2] * 8
     to_e = (row - origin[0]) * e_width + (column - origin[1]) * 8
-    to_patch = address(patch) + (row - corner[0]) * width + (column - corner[1]) * 8
+    to_patch = address(nodes) + (row - corner[0]) * width + (column - corner[1]) * 8
     for _ in range(parts[part, 4] - parts[part, 3] + (DIM - 1) * (1 + 2 * REACH)):
         for c in range(0, (parts[part, 6] - parts[part, 5]) * 8 + 64, 64):
-            prefetch(address(e_x) + to_e + c)
+            prefetch(address(field.e_x) + to_e + c)
             if DIM == 2:
-                prefetch(address(e_y) + to_e + c)
+                prefetch(address(field.e_y) + to_e + c)
             prefetch_to_write(to_patch + c)
         to_e += e_width
         to_patch += width
@@ -81,14 +82,14 @@ def lines_at(x, y):
 
 @inlined
 def sums_at(x, y):
-    """The same for the sums of the cells."""
+    """Where the sums of the cells at (x, y) are, MAGIC_BITS too far."""
     cell = fma(cell_of(x), REAL(SUM), MAGIC)
     return bits_of(cell) if DIM == 1 else bits_of(fma(cell_of(y), REAL(PITCH * SUM), cell))
 
 
 @inlined
-def push_pack(at, cells, lines, m, low_x, high_x, low_y, high_y):
-    """Gather, Boris, drift of one pack; bits of the lanes that stay in their part.
+def push_pack(at, cells, lines, m, bounds):
+    """Gather, Boris, drift of one pack; bits of the lanes that stay in their part, x and y within `bounds`.
 
     `cells` holds lines_at of the pack; the cells for the deposit take its place, of lanes that leave one without a
     node.
@@ -106,11 +107,11 @@ def push_pack(at, cells, lines, m, low_x, high_x, low_y, high_y):
     x = x + vx
     store_at(at, x, 64)
     store_at(at + 64 * DIM, vx, 64)
-    inside = (x >= low_x) & (x < high_x)
+    inside = (x >= bounds[0]) & (x < bounds[1])
     if DIM == 2:
         y = y + vy
         store_at(at + 64, y, 64)
-        inside = inside & (y >= low_y) & (y < high_y)
+        inside = inside & (y >= bounds[2]) & (y < bounds[3])
     if VELOCITIES > 1:
         store_at(at + 64 * (DIM + 1), vy, 64)
     if VELOCITIES > 2:
@@ -120,16 +121,16 @@ def push_pack(at, cells, lines, m, low_x, high_x, low_y, high_y):
 
 
 @inlined
-def deposit_pack(at, cells, sums, unit, whole):
-    """Charge of one pack to the sums of the cells that push_pack found."""
+def deposit_pack(at, cells, sums, unit):
+    """Charge of one pack to the sums of the cells that push_pack found; unit: see unit_of."""
     x = load_at(F, at, 64)
     y = load_at(F, at + 64 * (DIM - 1), 64)
-    add_charge(sums, cells, x - cell_of(x), y - cell_of(y), unit, whole)
+    add_charge(sums, cells, x - cell_of(x), y - cell_of(y), unit[0], unit[1])
 
 
 @kernel
 def park(pool, page, used):
-    """The last pack's lanes without a particle: at rest behind the last cell, where is no field and no node."""
+    """Fill the last pack's lanes without a particle: at rest behind the last cell, where no field and no node is."""
     for place in range(used, (used + LANES - 1) // LANES * LANES):
         pack, lane = place // LANES, place % LANES
         for c in range(COMPONENTS):
@@ -139,6 +140,7 @@ def park(pool, page, used):
 
 @inlined
 def same(a, b):
+    """Two rows of the table of charges are alike."""
     return a[0] == b[0] and a[1] == b[1]
 
 
@@ -155,17 +157,22 @@ def next_page(page, slot, end, heads, chains):
 
 @inlined
 def unit_of(charge):
-    """Parts of a particle, as vectors of numbers and of whole numbers, and their sign; charge = (group, parts)."""
+    """Parts of a particle, as a pair of vectors of numbers and of whole numbers, and their sign.
+
+    charge = (group, parts with sign).
+    """
     sign = 1 if charge[1] > 0 else -1
-    return splat(F, REAL(charge[1] * sign)), splat(I, PART(charge[1] * sign)), sign
+    return (splat(F, REAL(charge[1] * sign)), splat(I, PART(charge[1] * sign))), sign
 
 
 @inlined
-def push_page(at, ahead, page, packs, lanes, m, low_x, high_x, low_y, high_y, unit, whole, to_lines, to_sums, to_cells,
-              holes, n):  # fmt: skip
-    """Push `packs` packs of the page at an address, and ask for those of the page `ahead`; lanes: bits of the last
-    one's particles. Those who leave follow the n that are in `holes`; returns how many there are then.
+def push_page(at, ahead, page, packs, lanes, m, bounds, unit, room, leavers, n):
+    """Push `packs` packs of the page at an address, and prefetch those of the page `ahead`.
+
+    lanes: bits of the last pack's particles; unit: see unit_of; room: addresses of lines, sums and cells. Those who
+    leave follow the n that are in `leavers`; returns how many there are then.
     """
+    to_lines, to_sums, to_cells = room
     for pack in range(packs):
         here = opaque(at + pack * PACK_BYTES)
         place = lines_at(load_at(F, here, 64), load_at(F, here + 64 * (DIM - 1), 64))
@@ -174,93 +181,88 @@ def push_page(at, ahead, page, packs, lanes, m, low_x, high_x, low_y, high_y, un
         asked = opaque(ahead + pack * PACK_BYTES)
         for c in range(COMPONENTS):
             prefetch_to_write(asked + 64 * c)
-        stay = push_pack(opaque(at + pack * PACK_BYTES), opaque(to_cells + pack * 64), to_lines - MAGIC_BITS, m,
-                         low_x, high_x, low_y, high_y) & lanes  # fmt: skip
+        stay = push_pack(opaque(at + pack * PACK_BYTES), opaque(to_cells + pack * 64), to_lines - MAGIC_BITS, m, bounds)
+        stay &= lanes
         gone, lanes = lanes ^ stay, ALL
-        holes[np.uint64(n)] = hole(page, pack, gone)
+        leavers[np.uint64(n)] = leaver_mask(page, pack, gone)
         n += gone != 0
     for pack in range(packs):
-        deposit_pack(opaque(at + pack * PACK_BYTES), opaque(to_cells + pack * 64), to_sums - MAGIC_BITS, unit, whole)
+        deposit_pack(opaque(at + pack * PACK_BYTES), opaque(to_cells + pack * 64), to_sums - MAGIC_BITS, unit)
     return n
 
 
 @inlined
-def push_pages(slot, end, n_species, corner, parts, mover, charge, pool, chain, head, count, holes, patch, to_lines,
-               to_sums, to_cells, scout, scout_slot, batch):  # fmt: skip
-    """kernels.plain.push_slot for many particles, whose charge is in `sums` then. The scout runs ahead up to the slot
-    `end`; batch: pages since the sums were emptied. Returns n, and these as they are then.
+def push_pages(slot, end, grid, species, pages, leavers, patch, room, scout, batch):
+    """kernels.plain.push_slot for many particles, whose charge is in the sums then.
+
+    room: addresses of lines, sums and cells. scout = (page, slot) runs ahead up to the slot `end`; batch: pages since
+    the sums were emptied. Returns n, and scout and batch as they are then.
     """
-    part, species = slot // n_species, slot % n_species
-    low_x, high_x = splat(F, REAL(parts[part, 5])), splat(F, REAL(parts[part, 6]))
-    low_y, high_y = splat(F, REAL(parts[part, 3])), splat(F, REAL(parts[part, 4]))
-    row = mover[species]
+    parts, pool, charge = grid.parts, pages.pool, species.charge
+    heads, chains = address(pages.head), address(pages.chain)
+    part, kind = slot // grid.n_species, slot % grid.n_species
+    bounds = (splat(F, REAL(parts[part, 5])), splat(F, REAL(parts[part, 6])),
+              splat(F, REAL(parts[part, 3])), splat(F, REAL(parts[part, 4])))  # fmt: skip
+    row = species.mover[kind]
     m = (row[0], row[1], row[2], row[3], row[4], row[5], row[6], row[7], row[8], row[9])
-    unit, whole, sign = unit_of(charge[species])
-    page, used, n = np.int64(head[slot]), (count[slot] - 1) % PAGE + 1, 0
+    unit, sign = unit_of(charge[kind])
+    page, used, n = np.int64(pages.head[slot]), (pages.count[slot] - 1) % PAGE + 1, 0
     if page >= 0:
         park(pool, page, used)
     while page >= 0:
-        at, ahead = address(pool) + page * PAGE_BYTES, address(pool) + max(scout, 0) * PAGE_BYTES
-        scout, scout_slot = next_page(scout, scout_slot, end, address(head), address(chain))
+        at, ahead = address(pool) + page * PAGE_BYTES, address(pool) + max(scout[0], 0) * PAGE_BYTES
+        scout = next_page(scout[0], scout[1], end, heads, chains)
         packs = (used + LANES - 1) // LANES
-        n = push_page(at, ahead, page, packs, ALL >> (packs * LANES - used), m, low_x, high_x, low_y, high_y, unit,
-                      whole, to_lines, to_sums, to_cells, holes, n)  # fmt: skip
+        n = push_page(at, ahead, page, packs, ALL >> (packs * LANES - used), m, bounds, unit, room, leavers, n)
         batch += 1
         if batch == BATCH:
-            gather_sums(part, corner, parts, to_sums, patch, charge[species, 0], sign)
+            gather_sums(part, parts, room[1], patch, charge[kind, 0], sign)
             batch = 0
-        page, used = whole_at(address(chain), page), PAGE
-    return n, scout, scout_slot, batch
+        page, used = whole_at(chains, page), PAGE
+    return n, scout, batch
 
 
 @kernel
-def push(block, first, last, n_species, points, origin, corner, row_part, column_part, column_stride, parts, e_x, e_y,
-         scale, mover, charge, pool, ids, chain, head, count, free, holes, moving, words, lists,
-         counters, patch, lines, sums, cells):  # fmt: skip
+def push(block, first, last, grid, field, species, pages, boxes, leavers, patch, scratch):
     """x^n, v^(n-1/2) -> x^(n+1), v^(n+1/2) (5.18), (5.19); those who stay leave their charge, the others depart."""
-    free, holes, moving, words = free[block], holes[block], moving[block], words[block]
-    lists, counters = lists[block], counters[block]
-    lists[0, :], lists[1, :], counters[1] = -1, 0, 0
-    patch[:] = 0
-    to_lines, to_sums, to_cells = address(lines), address(sums), address(cells)
-    zero_bytes(to_sums, to_sums + SUM_BYTES)
+    pages, box, leavers = pages_of(block, pages), box_of(block, boxes), leavers[block]
+    n_species, charge, head = grid.n_species, species.charge, pages.head
+    box.lists[0, :], box.lists[1, :], box.counters[1] = -1, 0, 0
+    patch.nodes[:] = 0
+    room = (address(scratch.lines[block]), address(scratch.sums[block]), address(scratch.cells[block]))
+    zero_bytes(room[1], room[1] + SUM_BYTES)
     end = last * n_species
-    scout, scout_slot = np.int64(-1), first * n_species - 1  # runs PAGES_AHEAD pages ahead and asks for their lines
+    scout = (np.int64(-1), first * n_species - 1)  # runs PAGES_AHEAD pages ahead and prefetches their lines
     for _ in range(PAGES_AHEAD + 1):
-        scout, scout_slot = next_page(scout, scout_slot, end, address(head), address(chain))
+        scout = next_page(scout[0], scout[1], end, address(head), address(pages.chain))
     for part in range(first, last):
-        many, batch = count[part * n_species : (part + 1) * n_species].sum() >= MANY, 0
+        many, batch = pages.count[part * n_species : (part + 1) * n_species].sum() >= MIN_FOR_VECTORS, 0
         if many:
-            spread_field(part, origin, parts, e_x, e_y, scale, to_lines)
-            look_ahead(min(part + 1, last - 1), origin, corner, parts, e_x, e_y, patch)
+            spread_field(part, grid.parts, field, room[0])
+            prefetch_part(min(part + 1, last - 1), grid.parts, field, patch)
         for slot in range(part * n_species, (part + 1) * n_species):
-            species = slot % n_species
+            kind = slot % n_species
             if many:
-                n, scout, scout_slot, batch = push_pages(
-                    slot, end, n_species, corner, parts, mover, charge, pool, chain, head, count, holes, patch,
-                    to_lines, to_sums, to_cells, scout, scout_slot, batch,
-                )  # fmt: skip
+                n, scout, batch = push_pages(slot, end, grid, species, pages, leavers, patch, room, scout, batch)
             else:
-                n = push_slot(slot, n_species, origin, corner, parts, e_x, e_y, scale, mover, charge, pool, chain,
-                              head, count, holes, patch)  # fmt: skip
+                n = push_slot(slot, grid, field, species, pages, leavers, patch)
                 if head[slot] >= 0:
-                    scout, scout_slot = next_page(scout, scout_slot, end, address(head), address(chain))
-            if depart(slot, n, holes, n_species, points, row_part, column_part, column_stride, parts, pool, ids, chain,
-                      head, count, free, moving, words, lists, counters) != GOOD:  # fmt: skip
+                    scout = next_page(scout[0], scout[1], end, address(head), address(pages.chain))
+            if depart(slot, n, leavers, grid, pages, box) != GOOD:
                 return DIVERGED
-            if many and (species + 1 == n_species or not same(charge[species + 1], charge[species])):
-                gather_sums(part, corner, parts, to_sums, patch, charge[species, 0], unit_of(charge[species])[2])
+            if many and (kind + 1 == n_species or not same(charge[kind + 1], charge[kind])):
+                gather_sums(part, grid.parts, room[1], patch, charge[kind, 0], unit_of(charge[kind])[1])
                 batch = 0
     return GOOD
 
 
 @kernel
-def deposit_new(low, slot, n_species, corner, parts, charge, pool, chain, head, count, patch, sums, cells):
+def deposit_new(low, slot, grid, species, pages, patch, to_sums, to_cells):
     """kernels.plain.deposit_from for many particles; the sums of the cells are zero before and after."""
-    part, species = slot // n_species, slot % n_species
-    unit, whole, sign = unit_of(charge[species])
-    base, to_sums, to_cells = address(pool), address(sums), address(cells)
-    page, end, batch = np.int64(head[slot]), count[slot], 0
+    parts, charge, base = grid.parts, species.charge, address(pages.pool)
+    part, kind = slot // grid.n_species, slot % grid.n_species
+    unit, sign = unit_of(charge[kind])
+    page, end, batch = np.int64(pages.head[slot]), pages.count[slot], 0
     while end > low:
         begin = max((end - 1) // PAGE * PAGE, low)
         first, last = begin % PAGE, (end - 1) % PAGE  # in the page
@@ -270,26 +272,25 @@ def deposit_new(low, slot, n_species, corner, parts, charge, pool, chain, head, 
             new = (number >= PART(first)) & (number <= PART(last))
             x, y = load_at(F, at, 64), load_at(F, at + 64 * (DIM - 1), 64)
             store_at(to_cells, select(new, sums_at(x, y), splat(I, PARKED)), 64)
-            deposit_pack(at, to_cells, to_sums - MAGIC_BITS, unit, whole)
+            deposit_pack(at, to_cells, to_sums - MAGIC_BITS, unit)
         batch += 1
         if batch == BATCH:
-            gather_sums(part, corner, parts, to_sums, patch, charge[species, 0], sign)
+            gather_sums(part, parts, to_sums, patch, charge[kind, 0], sign)
             batch = 0
-        page, end = np.int64(chain[page]), begin
-    gather_sums(part, corner, parts, to_sums, patch, charge[species, 0], sign)
+        page, end = np.int64(pages.chain[page]), begin
+    gather_sums(part, parts, to_sums, patch, charge[kind, 0], sign)
 
 
 @kernel
-def deliver(block, first, last, n_species, corner, parts, charge, pool, ids, chain, head, count, settled, free,
-            counters, moving, words, lists, patch, sums, cells):  # fmt: skip
+def deliver(block, first, last, grid, species, pages, boxes, patch, scratch):
     """Take the particles that all boxes have for this block into their slots, with their charge."""
-    code = take_in(block, first, last, n_species, pool, ids, chain, head, count, settled, free, counters, moving,
-                   words, lists)  # fmt: skip
-    zero_bytes(address(sums), address(sums) + SUM_BYTES)
-    for slot in range(first * n_species, last * n_species):
-        if count[slot] - settled[slot] >= MANY:
-            deposit_new(settled[slot], slot, n_species, corner, parts, charge, pool, chain, head, count, patch, sums,
-                        cells)  # fmt: skip
+    code = take_in(block, first, last, grid, pages, boxes)
+    to_sums, to_cells = address(scratch.sums[block]), address(scratch.cells[block])
+    zero_bytes(to_sums, to_sums + SUM_BYTES)
+    for slot in range(first * grid.n_species, last * grid.n_species):
+        settled = pages.settled[slot]
+        if pages.count[slot] - settled >= MIN_FOR_VECTORS:
+            deposit_new(settled, slot, grid, species, pages, patch, to_sums, to_cells)
         else:
-            deposit_from(settled[slot], slot, n_species, corner, parts, charge, pool, chain, head, count, patch)
+            deposit_from(settled, slot, grid, species, pages, patch)
     return code

@@ -19,7 +19,7 @@ from hpcpic.core.simd.vector import (
 from hpcpic.plasma.kernels.cell_lines import add_sums, add_whole, gather_field, gather_values, load_sums
 from hpcpic.plasma.kernels.lanes import address, bits_of, inlined, kernel
 from hpcpic.plasma.kernels.nodal import CELLS, PITCH
-from hpcpic.plasma.kernels.plain import MAGIC, parabola, wings
+from hpcpic.plasma.kernels.plain import MAGIC, parabola, tsc_outer_weights
 from hpcpic.plasma.kernels.simd_base import (
     EIGHT,
     MAGIC_BITS,
@@ -46,8 +46,9 @@ REACH = 1  # nodes of the field below the first cell
 
 
 @kernel
-def spread_field(part, origin, parts, e_x, e_y, scale, lines):
+def spread_field(part, parts, field, lines):
     """Coefficients of the nodes of a tile part, and zero ones for parked lanes behind them."""
+    e_x, e_y, scale, origin = field.e_x, field.e_y, field.scale, field.origin
     row, column = parts[part, 1] - origin[0], parts[part, 2] - origin[1]
     width = e_x.shape[1] * 8
     for r in range(parts[part, 3], parts[part, 4] + DIM - 1):
@@ -109,12 +110,12 @@ def biquadratic(u, last, f, g):
 @inlined
 def add_charge(sums, cells, f, g, unit, whole):
     """Charge of a pack to the sums of its nodes."""
-    left, right = wings(f)
+    left, right = tsc_outer_weights(f)
     parts_left, parts_right = whole_of(left * unit), whole_of(right * unit)
     if DIM == 1:
         add_sums(sums, cells, (whole, parts_left, parts_right, splat(I, 0)))
     else:
-        below, above = wings(g)
+        below, above = tsc_outer_weights(g)
         below, above = below * unit, above * unit
         add_sums(sums, cells, (
             parts_left, parts_right, whole_of(below), whole_of(above),
@@ -159,12 +160,14 @@ def neighbours_of(sums, cell):
 
 
 @kernel
-def gather_sums(part, corner, parts, sums, patch, group, sign):
+def gather_sums(part, parts, sums, patch, group, sign):
     """Add the charge that the part's nodes have for their neighbours, times sign, to the patch, and zero the sums."""
     zero_bytes(sums + CELLS * SUM, sums + (CELLS + 8) * SUM)
     zero_bytes(sums + PARTS + CELLS * SIZE, sums + PARTS + (CELLS + 8) * SIZE)
+    corner = patch.corner
     row, column = parts[part, 1] - corner[0] + parts[part, 3], parts[part, 2] - corner[1]
-    base, width = address(patch) + group * patch.shape[1] * patch.shape[2] * 8, patch.shape[2] * 8
+    nodes = patch.nodes
+    base, width = address(nodes) + group * nodes.shape[1] * nodes.shape[2] * 8, nodes.shape[2] * 8
     zero = splat(WIDE, 0)
     for c in range(parts[part, 5], parts[part, 6] + 1, 8):
         at = base + (row + 1 - DIM) * width + (column + c) * 8

@@ -14,6 +14,7 @@ one for other ranks, start at `lists[0, block]` and go on by LINK; -1 ends; `lis
 import numpy as np
 
 from hpcpic.core.simd.vector import prefetch_to_write
+from hpcpic.plasma.kernels.groups import BoxArrays, PageArrays
 from hpcpic.plasma.kernels.lanes import address, inlined, kernel, last_bit
 
 DIM = 2  # axes of the grid
@@ -25,25 +26,39 @@ PAGE = 128
 TILE = 16 if DIM == 2 else 256  # cells of a tile along an axis; in 1D one row
 GOOD, NO_PAGE, DIVERGED = 0, 2, 4
 LANE_BITS = 16
-HOLES_AHEAD = 16
+LEAVERS_AHEAD = 16  # packs whose lines are asked for before they are needed
 RECORD_BYTES = 8 * np.dtype(REAL).itemsize
 SLOT, NUMBER, LINK = -3, -2, -1
 FARTHEST = 2.0**31  # cells in one step; beyond it, or not a number, is no motion
 
 
 @inlined
-def append(slot, pool, ids, chain, head, count, free, counters):
+def pages_of(block, pages):
+    """The pages with the stack of free ones and the counters of one block."""
+    return PageArrays(pages.pool, pages.ids, pages.chain, pages.head, pages.count, pages.settled, pages.free[block],
+                      pages.counters[block])  # fmt: skip
+
+
+@inlined
+def box_of(block, boxes):
+    """One of the boxes."""
+    return BoxArrays(boxes.moving[block], boxes.words[block], boxes.lists[block], boxes.counters[block])
+
+
+@inlined
+def append(slot, pages):
     """Page and place for one more particle of the slot; (-1, 0) when the block has no free page."""
-    place = count[slot] % PAGE
+    head, counters = pages.head, pages.counters
+    place = pages.count[slot] % PAGE
     page = np.int64(head[slot])
     if place == 0:
         if counters[0] == 0:
             return np.int64(-1), place
         counters[0] -= 1
-        page = np.int64(free[counters[0]])
-        chain[page] = head[slot]
+        page = np.int64(pages.free[counters[0]])
+        pages.chain[page] = head[slot]
         head[slot] = page
-    count[slot] += 1
+    pages.count[slot] += 1
     return page, place
 
 
@@ -69,18 +84,19 @@ def settle(x, anchor, n):
 
 
 @inlined
-def destination(row, column, species, n_species, points, row_part, column_part, column_stride, parts, lists):
+def destination(row, column, species, grid, lists):
     """Slot and list of a global cell: of this rank, or the global slot in the last list."""
-    if row_part[row] >= 0 and column_part[column] >= 0:
-        part = np.int64(column_part[column]) + np.int64(row_part[row]) * np.int64(column_stride[column])
-        return part * n_species + species, parts[part, 7]
-    tiles = (points[1] + TILE - 1) // TILE
+    row_part, column_part = grid.row_part[row], grid.column_part[column]
+    if row_part >= 0 and column_part >= 0:
+        part = np.int64(column_part) + np.int64(row_part) * np.int64(grid.column_stride[column])
+        return part * grid.n_species + species, grid.parts[part, 7]
+    tiles = (grid.points[1] + TILE - 1) // TILE
     tile = (row // TILE) * tiles + column // TILE if DIM == 2 else column // TILE
-    return tile * n_species + species, np.int64(lists.shape[1] - 1)
+    return tile * grid.n_species + species, np.int64(lists.shape[1] - 1)
 
 
 @inlined
-def list_up(k, slot, number, target, words, lists):
+def append_to_list(k, slot, number, target, words, lists):
     """Enter particle k of the box, bound for `slot`, in list `target`."""
     word = words[k]
     word[SLOT] = slot
@@ -91,48 +107,50 @@ def list_up(k, slot, number, target, words, lists):
 
 
 @inlined
-def hole(page, pack, lanes):
-    """Particles of one pack that leave, by the bits of their lanes, as one number."""
+def leaver_mask(page, pack, lanes):
+    """The particles of one pack that leave, by the bits of their lanes and the pack's place, as one number."""
     return (page * PAGE + pack * LANES) << LANE_BITS | lanes
 
 
 @inlined
-def ask_for(first, pool, ids):
-    """Ask for the lines of the pack whose first particle is place `first` of all pages, to write them."""
+def prefetch_pack(first, pool, ids):
+    """Prefetch, to write them, the cache lines of the pack whose first particle is place `first` of all pages."""
     for c in range(COMPONENTS):
         prefetch_to_write(address(pool) + first // LANES * (64 * COMPONENTS) + 64 * c)
     prefetch_to_write(address(ids) + first * 4)
 
 
 @inlined
-def close_up(slot, to, place, pool, ids, chain, head, count, free, counters):
+def close_up(slot, to, place, pages):
     """The last particle of the slot takes a place of the page `to`; a page that is empty then is free."""
+    pool, ids, head, count, counters = pages.pool, pages.ids, pages.head, pages.count, pages.counters
     count[slot] -= 1
     last, page = count[slot] % PAGE, np.int64(head[slot])
     for c in range(COMPONENTS):
         pool[to, place // LANES, c, place % LANES] = pool[page, last // LANES, c, last % LANES]
     ids[to, place] = ids[page, last]
     if last == 0:
-        head[slot] = chain[page]
-        free[counters[0]] = page
+        head[slot] = pages.chain[page]
+        pages.free[counters[0]] = page
         counters[0] += 1
 
 
 @kernel
-def depart(slot, n, holes, n_species, points, row_part, column_part, column_stride, parts, pool, ids, chain, head,
-           count, free, moving, words, lists, counters):  # fmt: skip
-    """The particles of `holes[:n]` (see hole; last place first) go into the box, bound for where they belong.
+def depart(slot, n, leavers, grid, pages, box):
+    """The particles of `leavers[:n]` (see leaver_mask; last place first) go into the box, bound for where they belong.
 
     The last particles of the slot take their places. Returns DIVERGED for a position that is no motion's.
     """
-    part = slot // n_species
-    species = slot - part * n_species
+    points, parts, pool, ids = grid.points, grid.parts, pages.pool, pages.ids
+    moving, counters = box.moving, box.counters
+    part = slot // grid.n_species
+    species = slot - part * grid.n_species
     row, y = np.int64(0), REAL(0)
-    for i in range(min(n, HOLES_AHEAD)):
-        ask_for(holes[i] >> LANE_BITS, pool, ids)
+    for i in range(min(n, LEAVERS_AHEAD)):
+        prefetch_pack(leavers[i] >> LANE_BITS, pool, ids)
     for i in range(n):
-        ask_for(holes[min(i + HOLES_AHEAD, n - 1)] >> LANE_BITS, pool, ids)
-        first, lanes = holes[i] >> LANE_BITS, holes[i] & ((1 << LANE_BITS) - 1)
+        prefetch_pack(leavers[min(i + LEAVERS_AHEAD, n - 1)] >> LANE_BITS, pool, ids)
+        first, lanes = leavers[i] >> LANE_BITS, leavers[i] & ((1 << LANE_BITS) - 1)
         to, at = first // PAGE, first % PAGE
         while lanes != 0:
             lane = last_bit(lanes)
@@ -150,21 +168,19 @@ def depart(slot, n, holes, n_species, points, row_part, column_part, column_stri
                 record[DIM - 1] = y
             for c in range(DIM, COMPONENTS):
                 record[c] = leaver[c]
-            target_slot, target = destination(
-                row, column, species, n_species, points, row_part, column_part, column_stride, parts, lists
-            )
-            list_up(k, target_slot, ids[to, at + lane], target, words, lists)
-            close_up(slot, to, at + lane, pool, ids, chain, head, count, free, counters)
+            target_slot, target = destination(row, column, species, grid, box.lists)
+            append_to_list(k, target_slot, ids[to, at + lane], target, box.words, box.lists)
+            close_up(slot, to, at + lane, pages)
     return GOOD
 
 
 @kernel
-def place(x, v, numbers, species, n_species, points, row_part, column_part, column_stride, parts,
-          moving, words, lists, counters):  # fmt: skip
+def place(x, v, numbers, species, grid, box):
     """Put new particles into the box: x[n, DIM] in cells of the grid, v[n, COMPONENTS - DIM], numbers[n].
 
     Returns DIVERGED for a position that is not finite.
     """
+    points, moving, counters = grid.points, box.moving, box.counters
     for p in range(x.shape[0]):
         for d in range(DIM):
             if not abs(x[p, d]) < FARTHEST:
@@ -173,12 +189,10 @@ def place(x, v, numbers, species, n_species, points, row_part, column_part, colu
         row, position_y = np.int64(0), REAL(0)
         if DIM == 2:
             row, position_y = settle(x[p, DIM - 1], 0, points[0])
-        slot, target = destination(
-            row, column, species, n_species, points, row_part, column_part, column_stride, parts, lists
-        )
+        slot, target = destination(row, column, species, grid, box.lists)
         k = counters[1]
         counters[1] += 1
-        list_up(k, slot, numbers[p], target, words, lists)
+        append_to_list(k, slot, numbers[p], target, box.words, box.lists)
         moving[k, 0] = position_x
         if DIM == 2:
             moving[k, 1] = position_y
@@ -195,32 +209,33 @@ def global_row(tile, tiles, record):
 
 
 @inlined
-def write_record(records_real, records_int, n, record, word):
+def write_record(records, n, record, word):
     """Record n, see pack, of a particle under way."""
     for c in range(COMPONENTS):
-        records_real[n, c] = record[c]
-    records_int[n, records_int.shape[1] - 2] = word[SLOT]
-    records_int[n, records_int.shape[1] - 1] = word[NUMBER]
+        records.real[n, c] = record[c]
+    records.whole[n, records.whole.shape[1] - 2] = word[SLOT]
+    records.whole[n, records.whole.shape[1] - 1] = word[NUMBER]
 
 
 @kernel
-def pack(records_real, records_int, ends, owner, n_species, points, moving, words, lists):
+def pack(records, ends, owner, grid, boxes):
     """Records of all boxes' particles bound for other ranks, rank after rank up to ends[rank]; their lists are empty
     then.
 
-    A record is the components, the global slot and the number; `records_real` and `records_int` are the same
-    memory, with room for all. `owner[row]` (1D: column) is the rank.
+    A record is the components, the global slot and the number; there is room for all. `owner[row]` (1D: column) is
+    the rank.
     """
-    tiles, outside = (points[1] + TILE - 1) // TILE, lists.shape[2] - 1
+    moving, words, lists = boxes.moving, boxes.words, boxes.lists
+    tiles, outside = (grid.points[1] + TILE - 1) // TILE, lists.shape[2] - 1
     ends[:] = 0
     for counted in range(2):
         for box in range(lists.shape[0]):
             k = np.int64(lists[box, 0, outside])
             while k >= 0:
                 record, word = moving[box, k], words[box, k]
-                rank = owner[global_row(word[SLOT] // n_species, tiles, record)]
+                rank = owner[global_row(word[SLOT] // grid.n_species, tiles, record)]
                 if counted:
-                    write_record(records_real, records_int, ends[rank], record, word)
+                    write_record(records, ends[rank], record, word)
                 ends[rank] += 1
                 k = np.int64(word[LINK])
         if not counted:
@@ -232,16 +247,20 @@ def pack(records_real, records_int, ends, owner, n_species, points, moving, word
 
 
 @kernel
-def pack_near(records_real, records_int, filled, peer, owner, n_species, points, moving, words, lists):
-    """The same for those bound for the rank `peer`, as many as there is room for: filled[0]. The others stay."""
-    tiles, outside, n = (points[1] + TILE - 1) // TILE, lists.shape[2] - 1, 0
+def pack_near(records, filled, peer, owner, grid, boxes):
+    """Records of the boxes' particles bound for the rank `peer`, as many as there is room for: filled[0].
+
+    The others stay. See pack.
+    """
+    moving, words, lists = boxes.moving, boxes.words, boxes.lists
+    tiles, outside, n = (grid.points[1] + TILE - 1) // TILE, lists.shape[2] - 1, 0
     for box in range(lists.shape[0]):
         k, kept, n_kept = np.int64(lists[box, 0, outside]), np.int64(-1), 0
         while k >= 0:
             record, word = moving[box, k], words[box, k]
             following = np.int64(word[LINK])
-            if owner[global_row(word[SLOT] // n_species, tiles, record)] == peer and n < records_real.shape[0]:
-                write_record(records_real, records_int, n, record, word)
+            if owner[global_row(word[SLOT] // grid.n_species, tiles, record)] == peer and n < records.real.shape[0]:
+                write_record(records, n, record, word)
                 n += 1
             else:
                 word[LINK] = kept
@@ -253,13 +272,13 @@ def pack_near(records_real, records_int, filled, peer, owner, n_species, points,
 
 @kernel
 def any_left(lists, wants):
-    """wants[0] = whether particles bound for other ranks are still in the boxes."""
+    """wants[0] = 1 while particles bound for other ranks are in the boxes, else 0."""
     wants[0] = lists[:, 1, lists.shape[2] - 1].sum() > 0
 
 
 @kernel
 def lacks_pages(slots, lists, counters, short):
-    """short[0] = whether any block's stack has fewer pages than its arrivals may need; slots[block] = its slots."""
+    """short[0] = 1 where a block's stack has fewer pages than its arrivals may need, else 0. slots[block]."""
     short[0] = 0
     for block in range(slots.size):
         arrivals = lists[:, 1, block].sum()
@@ -277,36 +296,35 @@ def empty(slots, count, lists, counters, most):
 
 
 @kernel
-def unpack(records_real, records_int, n, n_species, points, row_part, column_part, column_stride, parts,
-           moving, words, lists, counters):  # fmt: skip
+def unpack(records, n, grid, boxes):
     """Put the particles of the first n[0] records into the last box."""
-    tiles, box = (points[1] + TILE - 1) // TILE, lists.shape[0] - 1
-    moving, words, lists, counters = moving[box], words[box], lists[box], counters[box]
+    records_real, records_int, n_species = records.real, records.whole, grid.n_species
+    tiles, box = (grid.points[1] + TILE - 1) // TILE, box_of(boxes.lists.shape[0] - 1, boxes)
+    counters = box.counters
     for p in range(n[0]):
         tile, species = divmod(np.int64(records_int[p, records_int.shape[1] - 2]), n_species)
         row, column = np.int64(0), tile * TILE + np.int64(records_real[p, 0])
         if DIM == 2:
             row = tile // tiles * TILE + np.int64(records_real[p, DIM - 1])
             column = tile % tiles * TILE + np.int64(records_real[p, 0])
-        slot, target = destination(
-            row, column, species, n_species, points, row_part, column_part, column_stride, parts, lists
-        )
+        slot, target = destination(row, column, species, grid, box.lists)
         k = counters[1]
         counters[1] += 1
-        list_up(k, slot, records_int[p, records_int.shape[1] - 1], target, words, lists)
+        append_to_list(k, slot, records_int[p, records_int.shape[1] - 1], target, box.words, box.lists)
         for c in range(COMPONENTS):
-            moving[k, c] = records_real[p, c]
+            box.moving[k, c] = records_real[p, c]
 
 
 @kernel
-def export(species, n_species, parts, pool, ids, chain, head, count, cursor, numbers, tiles, components):
+def export(species, grid, pages, cursor, numbers, tiles, components):
     """The next particles of a species, whole pages of them: numbers[m], tiles[m], components[m, COMPONENTS].
 
     cursor = (part, page) to go on with, page -1 for the first one; (0, -1) to begin. Returns how many; 0 at the end.
     """
+    parts, pool, ids, head, count = grid.parts, pages.pool, pages.ids, pages.head, pages.count
     n, part, page = 0, cursor[0], cursor[1]
     while part < parts.shape[0]:
-        slot = part * n_species + species
+        slot = part * grid.n_species + species
         if page < 0:
             page = np.int64(head[slot])
         while page >= 0:
@@ -319,7 +337,7 @@ def export(species, n_species, parts, pool, ids, chain, head, count, cursor, num
                 for c in range(COMPONENTS):
                     components[n, c] = pool[page, place // LANES, c, place % LANES]
                 n += 1
-            page = np.int64(chain[page])
+            page = np.int64(pages.chain[page])
         part += 1
     cursor[0], cursor[1] = part, -1
     return n

@@ -1,12 +1,14 @@
 """What the kernels of a scene are made for, and into how many parts they divide a particle's charge."""
 
 from dataclasses import dataclass
+from types import ModuleType
 
 import numpy as np
 from numpy.typing import DTypeLike, NDArray
 
+from hpcpic.core.simd.generate import specialise
 from hpcpic.plasma.case.config import rotation
-from hpcpic.plasma.kernels.specialise import specialise
+from hpcpic.plasma.physics.moments import Moment, integrands_source
 from hpcpic.plasma.physics.shapes import SHAPES, Shape
 from hpcpic.plasma.setup.scene import Scene
 
@@ -15,30 +17,41 @@ WHOLE_BITS = {8: 44, 4: 20}  # a particle's charge is 2^44 parts, in single prec
 
 @dataclass(frozen=True, slots=True)
 class PushSpec:
-    """What the kernels are made for: axes, shape, velocity components, rotation 0 none, 1 about z, 2 any; type."""
+    """What the kernels are made for: axes, shape, velocity components, rotation 0 none, 1 about z, 2 any; type of a
+    particle's numbers; moments of the series.
+    """
 
     dimensions: int
     shape: Shape
     velocities: int
     rotation: int
     dtype: DTypeLike
+    moments: tuple[Moment, ...] = ()
 
     @property
     def components(self) -> int:
         return self.dimensions + self.velocities
 
-    @classmethod
-    def of(cls, scene: Scene) -> "PushSpec":
-        numerics = scene.config.numerics
-        dtype = np.float64 if numerics.precision == "double" else np.float32
-        return cls(scene.dimensions, SHAPES[numerics.shape], scene.velocity_components, rotation(scene.config), dtype)
+    @property
+    def n_moments(self) -> int:
+        """Values that a sample sums over each species."""
+        return sum(moment.size(self.velocities) for moment in self.moments)
 
-    def kernels(self, plain: bool = False):
+    @classmethod
+    def of(cls, scene: Scene, moments: tuple[Moment, ...]) -> "PushSpec":
+        numerics, v = scene.config.numerics, scene.velocity_components
+        dtype = np.float64 if numerics.precision == "double" else np.float32
+        return cls(scene.dimensions, SHAPES[numerics.shape], v, rotation(scene.config), dtype, moments)
+
+    def kernels(self, plain: bool = False) -> ModuleType:
         """The compiled module of this specification; `plain` for the reference, one particle after the other."""
         dtype = np.dtype(self.dtype)
         vectors = () if plain else ("simd_base", *self.shape.vector_kernels, "push", "moments_simd")
         return specialise(
+            "hpcpic.plasma.kernels",
             ("storage", "plain", "moments", *vectors),
+            integrands_source(self.moments, self.velocities),
+            replaced=("linear",),
             DIM=self.dimensions,
             NODES=self.shape.nodes,
             VELOCITIES=self.velocities,
@@ -46,6 +59,7 @@ class PushSpec:
             ROTATION=self.rotation,
             REAL=f"np.{dtype.name}",
             LANES=64 // dtype.itemsize,
+            MOMENTS=self.n_moments,
         )
 
 

@@ -4,10 +4,10 @@ import math
 
 import pytest
 
-from hpcpic.plasma.diagnostics.energy_watch import GROWTH, JUMP, MANY, EnergyWatch
+from hpcpic.plasma.diagnostics.energy_watch import GROWTH, JUMP, MIN_PARTICLES, EnergyWatch
 
 
-def watched(energies, dt=0.1, particles=MANY):
+def watched(energies, dt=0.1, particles=MIN_PARTICLES):
     watch = EnergyWatch(cold=0.0, wp=1.0, particles=particles)
     for k, energy in enumerate(energies):
         watch.see(energy, k * dt, k)
@@ -35,7 +35,7 @@ def test_small_usual_and_first_changes_are_no_jump(energies):
 
 
 def test_one_encounter_of_few_particles_is_no_jump():
-    assert watched([1.0] * 10 + [1.5] * 3, particles=MANY - 1) is None
+    assert watched([1.0] * 10 + [1.5] * 3, particles=MIN_PARTICLES - 1) is None
 
 
 def test_growth_without_end_and_no_number_end_a_run():
@@ -45,7 +45,7 @@ def test_growth_without_end_and_no_number_end_a_run():
 
 
 def test_a_plasma_colder_than_the_grid_stands_may_heat():
-    watch = EnergyWatch(cold=1.0, wp=1.0, particles=MANY)
+    watch = EnergyWatch(cold=1.0, wp=1.0, particles=MIN_PARTICLES)
     for k, energy in enumerate((1e-9, 1e-6, 1e-3, 0.5, 20.0)):
         watch.see(energy, float(k), k)
     assert watch.trouble() is None

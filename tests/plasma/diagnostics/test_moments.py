@@ -10,7 +10,7 @@ from hpcpic.core.comm.world import World
 from hpcpic.core.tasks.graph import Pool
 from hpcpic.core.timers import Timers
 from hpcpic.plasma.configure import configure
-from hpcpic.plasma.diagnostics.scalars import LEAST, TOP, Moments
+from hpcpic.plasma.diagnostics.series_sums import LEAST, TOP, SeriesSums
 from hpcpic.plasma.step import Plasma
 
 CASE = """
@@ -44,9 +44,9 @@ def plasma_of(world, sets=(), threads=1):
     return plasma
 
 
-FEW = [("2D", "single"), ("2D, any B", "double"), ("1D", "double")]
+BY_DEFAULT = [("2D", "single"), ("2D, any B", "double"), ("1D", "double")]
 BOTH = [
-    pytest.param(law, way, marks=[] if (law, way) in FEW else pytest.mark.validation)
+    pytest.param(law, way, marks=[] if (law, way) in BY_DEFAULT else pytest.mark.validation)
     for law in LAWS
     for way in ("double", "single")
 ]  # by default those of the modules that test_push compiles
@@ -56,12 +56,12 @@ BOTH = [
 def test_vectors_sum_what_single_particles_do(world, law, precision):
     plasma = plasma_of(world, (*LAWS[law], f'numerics.precision="{precision}"'))
     values = plasma.scalars()
-    by_vectors = plasma.moments.limbs.copy()
+    by_vectors = plasma.cloud.arena["limbs"].copy()
     assert by_vectors.all(axis=(0, 3)).any()
     plasma.cloud.kernels = plasma.cloud.spec.kernels(plain=True)
-    plasma.moments = Moments(plasma)
+    plasma.sums = SeriesSums(plasma.scene, world, plasma.mesh, plasma.cloud, plasma.field_scale)
     assert plasma.scalars() == values
-    np.testing.assert_array_equal(plasma.moments.limbs, by_vectors)
+    np.testing.assert_array_equal(plasma.cloud.arena["limbs"], by_vectors)
     plasma.close()
 
 
@@ -90,7 +90,7 @@ def test_energies_and_momenta_are_those_of_the_particles(world):
 def test_a_sample_does_not_depend_on_earlier_ones(world, levels):
     plasma = plasma_of(world)
     values = plasma.scalars()
-    plasma.moments.levels = list(levels)
+    plasma.sums.levels = list(levels)
     assert plasma.scalars() == values
     plasma.close()
 
@@ -104,8 +104,8 @@ def test_what_is_not_finite_makes_its_scalars_no_numbers(world):
     plasma.mesh.phi.inner[3, 4], plasma.mesh.e[0][5, 5] = 0, np.inf
     assert all(math.isnan(plasma.scalars()[f"mode_{n}"]) for n in range(1, 9))
     plasma.mesh.e[0][5, 5] = 0
-    page = plasma.cloud.pages.head[0]
-    plasma.cloud.pages.pool[page, 0, 2, 0] = np.nan
+    page = plasma.cloud.arena["head"][0]
+    plasma.cloud.arena["pool"][page, 0, 2, 0] = np.nan
     values = plasma.scalars()
     assert math.isnan(values["energy_kinetic"]) and math.isnan(values["momentum_x"])
     assert values["charge"] == good["charge"]
@@ -115,8 +115,8 @@ def test_what_is_not_finite_makes_its_scalars_no_numbers(world):
 def test_fast_particles_are_summed_at_a_larger_scale(world):
     plasma = plasma_of(world)
     before = plasma.scalars()["momentum_x"]
-    page, speed = plasma.cloud.pages.head[0], 2.0**20
-    plasma.cloud.pages.pool[page, 0, 2, 0] += speed
+    page, speed = plasma.cloud.arena["head"][0], 2.0**20
+    plasma.cloud.arena["pool"][page, 0, 2, 0] += speed
     scene = plasma.scene
     more = scene.species[0].m * speed * scene.spacing[0] / scene.time_step
     assert plasma.scalars()["momentum_x"] - before == pytest.approx(more, rel=1e-12)

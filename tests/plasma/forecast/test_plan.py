@@ -39,15 +39,15 @@ def test_planned_arrays_are_the_allocated_ones(world, d, shape):
     planned = {array.name: array.bytes for array in arrays(case, 1, 1)}
     pool = Pool(1)
     plasma = Plasma(case, world, pool, Timers())
-    mesh, pages = plasma.mesh, plasma.cloud.pages
+    mesh, arena = plasma.mesh, plasma.cloud.arena
     assert planned["E"] == mesh.e.nbytes
     assert planned["phi"] == mesh.phi.values.nbytes
     assert planned["charge of the slab"] == mesh.parts.values.nbytes
     assert planned["rho"] == mesh.rho.nbytes
     # A page of a tile part is half full on average: within one page for each of the tile parts.
-    page_bytes = pages.pool[0].nbytes
-    slots = len(pages.count)
-    used = int(-(-pages.count // 128).sum())
+    page_bytes = arena["pool"][0].nbytes
+    slots = len(arena["count"])
+    used = int(-(-arena["count"] // 128).sum())
     assert abs(planned["particles"] - used * page_bytes) <= slots * page_bytes
     plasma.close()
     pool.close()

@@ -9,6 +9,7 @@ from hpcpic.core.comm.world import World
 from hpcpic.core.errors import Diverged
 from hpcpic.core.space.domain import Domain
 from hpcpic.core.tasks.graph import Pool
+from hpcpic.plasma.diagnostics.scalars import moments
 from hpcpic.plasma.particles.cloud import Cloud
 from hpcpic.plasma.particles.push_spec import WHOLE_BITS, PushSpec
 from hpcpic.plasma.physics.shapes import SHAPES
@@ -31,7 +32,7 @@ BY_AXES_AND_SHAPE = [
 
 def free(d, shape):
     """Without a field, in the precision that is compiled by default."""
-    return PushSpec(d, SHAPES[shape], d, 0, np.float64 if shape == "TSC" else np.float32)
+    return PushSpec(d, SHAPES[shape], d, 0, np.float64 if shape == "TSC" else np.float32, moments())
 
 
 @pytest.fixture(scope="module")
@@ -39,6 +40,11 @@ def pool():
     pool = Pool(1)
     yield pool
     pool.close()
+
+
+def linear(dtype, velocities=2, rotation=0):
+    """CIC in 2D."""
+    return PushSpec(2, SHAPES["CIC"], velocities, rotation, dtype, moments())
 
 
 class ThriftySpec(PushSpec):
@@ -68,7 +74,8 @@ def cloud(pool, spec, points, *, blocks=1, n=4000, speed=0.3, plain=False, field
     unit = 1 << WHOLE_BITS[np.dtype(spec.dtype).itemsize]
     charge = np.array([[0, unit], [0, -unit]], np.int64)
     e = room[: e.size].reshape(e.shape)
-    made = Cloud(World.start(), pool, domain, spec, blocks, mover, charge, e, 1.0, 2 * n, plain=plain)
+    made = Cloud(World.start(), pool, domain, spec, blocks=blocks, mover=mover, charge=charge, e=e, scale=1.0,
+                 capacity=2 * n, plain=plain)  # fmt: skip
     for species in range(2):
         at = rng.random((n, d)) * points if x is None else np.broadcast_to(x, (n, d))
         made.place(species, at, rng.standard_normal((n, spec.velocities)) * speed, np.arange(n))
@@ -103,7 +110,7 @@ def advance(made, steps):
 @pytest.mark.parametrize(("d", "v", "rotation", "shape", "dtype"), BOTH)
 def test_vectors_give_the_bits_of_the_plain_kernels(pool, shape, d, v, rotation, dtype):
     points = (41, 37)[:d] if d == 2 else (600,)
-    spec = ThriftySpec(d, SHAPES[shape], v, rotation, dtype)
+    spec = ThriftySpec(d, SHAPES[shape], v, rotation, dtype, moments())
     for n, speed in ((4000, 0.3), (4000, 40.0), (60, 5.0)):  # 60: so few that some tiles go without vectors
         fast, plain = (cloud(pool, spec, points, blocks=3, n=n, speed=speed, plain=plain) for plain in (False, True))
         for _ in range(3):
@@ -120,7 +127,7 @@ def test_charge_is_exact_and_blocks_do_not_show(pool, d, shape):
         found = set()
         for blocks in (1, 4, 9):
             made = cloud(pool, spec, points, blocks=blocks, n=300, speed=40.0)
-            made.names["charge"][1] *= -1  # now both species add
+            made.arena["charge"][1] *= -1  # now both species add
             advance(made, 3)
             assert made.patches.sum() == 600 << WHOLE_BITS[np.dtype(spec.dtype).itemsize]
             found.add(bits(made))
@@ -140,7 +147,7 @@ def test_patches_hold_the_charge_of_all_particles(pool, d, shape):
 @pytest.mark.parametrize("dtype", [np.float64, np.float32])
 @pytest.mark.parametrize("x", [0.0, np.nextafter(32.0, 0.0), -1e-20, 16.0, np.nextafter(16.0, 0.0), -33.5, 1e6])
 def test_positions_at_the_edges_are_in_their_tile(pool, x, dtype):
-    made = cloud(pool, PushSpec(2, SHAPES["CIC"], 2, 0, dtype), (32, 32), n=50, speed=1e-9, field=0.0, x=x)
+    made = cloud(pool, linear(dtype), (32, 32), n=50, speed=1e-9, field=0.0, x=x)
     advance(made, 2)
     for species in range(2):
         _, tiles, components = everybody(made, species)
@@ -151,10 +158,10 @@ def test_positions_at_the_edges_are_in_their_tile(pool, x, dtype):
 
 
 def test_one_cell_may_hold_everybody(pool):
-    made = cloud(pool, PushSpec(2, SHAPES["CIC"], 2, 0, np.float32), (64, 64), n=20000, speed=0.0, field=0.0, x=5.25)
-    made.names["charge"][1] *= -1
+    made = cloud(pool, linear(np.float32), (64, 64), n=20000, speed=0.0, field=0.0, x=5.25)
+    made.arena["charge"][1] *= -1
     for velocity in (0.0, 20.0):  # they stay, then all go to another tile at once
-        made.pages.pool[: made.pages.fresh, :, 2] = velocity
+        made.arena["pool"][: made.pages.fresh, :, 2] = velocity
         advance(made, 1)
         assert made.patches.sum() == 40000 * 2**20
         assert made.patches.max() == 40000 * 2**20 * 9 // 16  # the nearest corner of (0.25, 0.25)
@@ -162,9 +169,9 @@ def test_one_cell_may_hold_everybody(pool):
 
 @pytest.mark.parametrize("bad", [np.nan, np.inf, 1e300])
 def test_a_velocity_that_is_no_motion_is_told(pool, bad):
-    made = cloud(pool, PushSpec(2, SHAPES["CIC"], 2, 0, np.float64), (32, 32), n=200)
-    page, pack, lane = made.pages.head[0], 0, 0
-    made.pages.pool[page, pack, 2, lane] = bad
+    made = cloud(pool, linear(np.float64), (32, 32), n=200)
+    page, pack, lane = made.arena["head"][0], 0, 0
+    made.arena["pool"][page, pack, 2, lane] = bad
     with pytest.raises(Diverged):
         made.push(0)
 
@@ -172,7 +179,7 @@ def test_a_velocity_that_is_no_motion_is_told(pool, bad):
 @pytest.mark.parametrize(("v", "rotation"), [(2, 1), (3, 2)])
 def test_speed_is_kept_in_a_magnetic_field(pool, v, rotation):
     """Three shears per plane round off, but do not drift: 1e-12 after 2000 turns of 0.2 rad."""
-    made = cloud(pool, PushSpec(2, SHAPES["CIC"], v, rotation, np.float64), (32, 32), n=100, field=0.0, speed=0.1)
+    made = cloud(pool, linear(np.float64, v, rotation), (32, 32), n=100, field=0.0, speed=0.1)
     before = np.sort(speeds(made))
     advance(made, 2000)
     assert np.abs(np.sort(speeds(made)) / before - 1).max() < 1e-12

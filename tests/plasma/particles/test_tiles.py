@@ -4,7 +4,10 @@ import numpy as np
 import pytest
 
 from hpcpic.core.space.domain import Domain, even_cuts
-from hpcpic.plasma.particles.tiles import Pages, Tiles
+from hpcpic.core.tasks.arena import Arena
+from hpcpic.plasma.particles.arrays import declared
+from hpcpic.plasma.particles.pages import Pages
+from hpcpic.plasma.particles.tiles import Tiles
 from hpcpic.plasma.sizes import EDGE
 
 
@@ -31,11 +34,15 @@ def test_parts_of_all_ranks_cover_every_cell_once(points, ranks, blocks):
 
 
 def test_every_block_gets_the_pages_it_needs():
-    pages = Pages(4, 3, 4, np.float64, 8)
+    sizes = {"pages": 8, "packs": 16, "components": 4, "lanes": 8, "slots": 4, "blocks": 3, "boxes": 4, "box_size": 9,
+             "list_length": 16, "field_scratch": 8, "charge_scratch": 8, "species": 1, "moments": 1, "records": 0,
+             "record_bytes": 40}  # fmt: skip
+    arena = Arena(declared("float64"), **sizes)
+    pages = Pages(arena)
     for wanted in ([3, 0, 2], [0, 9, 0], [40, 1, 1]):
         pages.need(wanted)
-        assert (pages.counters[:3, 0] >= wanted).all()
-        stacks = [pages.free[b, : pages.counters[b, 0]] for b in range(3)]
+        assert (arena["counters"][:3, 0] >= wanted).all()
+        stacks = [arena["free"][b, : arena["counters"][b, 0]] for b in range(3)]
         held = np.concatenate(stacks)
         assert len(set(held)) == len(held) == pages.fresh  # none twice, none lost
-        assert held.max() < pages.capacity
+        assert held.max() < arena.sizes["pages"]

@@ -1,0 +1,188 @@
+"""The sums that the scalars of the series are made of, exact: their bits depend on neither ranks nor threads."""
+
+import itertools
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hpcpic.core.comm.world import World
+from hpcpic.core.space import exact
+from hpcpic.core.space.domain import block_ranges
+from hpcpic.core.tasks.graph import TaskError, bind
+from hpcpic.plasma.diagnostics import scalars
+from hpcpic.plasma.diagnostics.scalars import MODES, Sample, SpeciesSample
+from hpcpic.plasma.field.mesh import Mesh
+from hpcpic.plasma.kernels.nodes import node_sums
+from hpcpic.plasma.particles.cloud import Cloud
+from hpcpic.plasma.physics.boris import part_of_turn, turn
+from hpcpic.plasma.physics.moments import Moment
+from hpcpic.plasma.setup.scene import Scene
+from hpcpic.plasma.sizes import MAX_SPEED
+
+LEAST, TOP = -225, 226  # levels (powers of 16) of nothing, and of what is not finite
+
+
+class SeriesSums:
+    """Sums over particles and nodes whose bits depend on neither ranks nor threads (core.space.exact).
+
+    A sample is one reduction of integers over the ranks. The scales of the nodes' sums are those that served last;
+    they are right if the greatest term of all ranks is of the same level, which counts of ranks tell. Else the
+    levels are agreed on and all is summed again, so that a sample depends on the present state alone.
+    """
+
+    def __init__(self, scene: Scene, world: World, mesh: Mesh, cloud: Cloud, field_scale: float) -> None:
+        self.scene, self.world, self.mesh, self.cloud = scene, world, mesh, cloud
+        self.moments = cloud.spec.moments
+        self.n_species, v = len(scene.species), scene.velocity_components
+        kick = np.zeros((self.n_species, 3))
+        for row, species in zip(kick, scene.species):
+            row[:v] = species.half_kick
+        kick[:, : scene.dimensions] /= field_scale
+        kick[:, scene.dimensions :] *= np.array(scene.config.field.electric)[scene.dimensions :]
+        ratio = np.ones(3)
+        ratio[: scene.dimensions] = np.array(scene.spacing) / scene.spacing[0]
+        cloud.arena.set(half_kick=kick.astype(cloud.spec.dtype), ratio_sq=ratio**2)
+        self.particle_tasks = cloud.bind_moments()
+        self.speed = 1.0  # power of two above |v| in cells per step
+        self.largest_square = exact.power_of_two_above(float((ratio**2).sum()))  # |v|^2 of v = (1, 1, 1)
+        self.side = np.array((*scene.spacing, scene.spacing[0], scene.spacing[0])[:v])
+        self.half_turns = [turn(*part_of_turn(species.rotation[0], 0.5)) for species in scene.species]
+        self._bind_nodes()
+        self._lay_out()
+
+    def _bind_nodes(self) -> None:
+        """Tasks of kernels.nodes for the threads."""
+        scene, mesh, domain, world = self.scene, self.mesh, self.mesh.domain, self.world
+        flat = scene.dimensions == 1
+        rho, phi, e_x = (a.reshape(1, -1) if flat else a for a in (mesh.rho, mesh.phi.values, mesh.e[0]))
+        first = mesh.inside[0].start
+        corners = np.array([[0 if flat else first + 1, first + 1], [0 if flat else first, first]])
+        shares = block_ranges(len(rho), self.cloud.pool.threads)
+        self.rows, self.width = (1, domain.points[0]) if flat else domain.points
+        self.own = slice(*domain.row_range(world.rank)) if flat else slice(None)  # columns
+        self.levels = [LEAST, LEAST]  # of the terms of the field energy, and of E_x
+        self.node_inv_scale = np.ones(2)
+        self.energy = np.zeros((len(shares), exact.LIMBS), np.int64)
+        self.columns = np.zeros((len(shares), rho.shape[1]), np.int64)
+        self.most = np.zeros((len(shares), 2))
+        with world.first_on_node():
+            self.node_tasks = [
+                bind(node_sums, a, b, k, corners, scene.background, self.node_inv_scale, rho, phi, e_x,
+                     self.energy, self.columns, self.most)
+                for k, (a, b) in enumerate(shares)
+            ]  # fmt: skip
+
+    def _lay_out(self) -> None:
+        """The words of a sample in one line, which one reduction sums over the ranks."""
+        shape = self.cloud.arena["limbs"].shape[1:]
+        ends = np.cumsum([5, shape[0], math.prod(shape), exact.LIMBS, self.width]).tolist()
+        self.words = np.zeros(ends[-1], np.int64)
+        self.parts = [slice(a, b) for a, b in itertools.pairwise([0, *ends])]
+
+    def _local(self) -> list[int]:
+        """Levels [2] of this rank's terms. Fills the words: flags (too fast; above and at the levels, two each),
+        counts, limbs of particles, limbs of the field energy, columns.
+        """
+        cloud, too_fast = self.cloud, False
+        limbs_of_blocks = cloud.arena["limbs"]
+        limbs_of_blocks[:] = 0
+        cloud.arena["inv_scale"][:] = [1 / scale for scale in self._scales()]
+        self.node_inv_scale[:] = [math.ldexp(1.0, -4 * level) for level in self.levels]
+        self.node_inv_scale[1] *= 2.0 ** (61 - int(self.rows).bit_length())
+        cloud.pool.each(self.node_tasks)
+        try:
+            cloud.each(self.particle_tasks)
+        except TaskError as error:
+            if error.code != exact.NOT_BOUNDED:
+                raise
+            too_fast = True
+        levels = [_level(most) for most in self.most.max(axis=0).tolist()]
+        flags, counts, limbs, energy, columns = (self.words[part] for part in self.parts)
+        here = list(zip(levels, self.levels))
+        flags[:] = [too_fast, *(own > known for own, known in here), *(own == known for own, known in here)]
+        counts[:] = self._counts()
+        np.sum(limbs_of_blocks, axis=0, out=limbs.reshape(limbs_of_blocks.shape[1:]))
+        np.sum(self.energy, axis=0, out=energy)
+        np.sum(self.columns, axis=0, out=columns[self.own])
+        return levels
+
+    def _scales(self) -> list[float]:
+        """Scale of each value of the moments: a power of two that no particle exceeds at the present `speed`."""
+        v = self.cloud.spec.velocities
+        return [
+            self.speed**moment.power * self.largest_square ** (moment.power // 2)
+            for moment in self.moments
+            for _ in range(moment.size(v))
+        ]
+
+    def _counts(self) -> NDArray[np.int64]:
+        """Particles of each species on this rank."""
+        return self.cloud.arena["count"].reshape(-1, max(self.n_species, 1)).sum(axis=0)
+
+    def counts(self) -> NDArray[np.int64]:
+        """Particles of each species, counted on all ranks."""
+        return self.world.sum_int(self._counts())
+
+    def _all(self) -> tuple[bool, NDArray, NDArray, NDArray, NDArray]:
+        """True where a particle is beyond MAX_SPEED, counts [species], limbs [species, k, 3] of the moments of v-,
+        limbs [3] of (rho + rho_0) phi, and sums over columns [Nx] of E_x: of all ranks.
+        """
+        world = self.world
+        while True:
+            levels = self._local()
+            words = world.sum_int(self.words)
+            flags, counts, limbs, energy, columns = (words[part] for part in self.parts)
+            too_fast, *above, first_at, second_at = flags.tolist()
+            if too_fast and self.speed < MAX_SPEED:
+                self.speed *= 16
+            elif any(above) or not (first_at and second_at):
+                self.levels = world.max_array(np.array(levels)).tolist()
+            else:
+                return bool(too_fast), counts, limbs.reshape(self.cloud.arena["limbs"].shape[1:]), energy, columns
+
+    def scalars(self) -> dict[str, float]:
+        """All columns of the series at the present time. Collective."""
+        too_fast, counts, limbs, energy, columns = self._all()
+        scales, species = self._scales(), []
+        for one, count, rows, half_turn in zip(self.scene.species, counts.tolist(), limbs.tolist(), self.half_turns):
+            values = [exact.value(row, scale) for row, scale in zip(rows, scales)]
+            sums = self._moments_of(values, half_turn, math.nan if too_fast else 1.0)
+            species.append(SpeciesSample(one.m, one.q, count, sums))
+        field = math.nan
+        if self.levels[0] < TOP:
+            field = 0.5 * self.scene.cell_volume * exact.value(energy, 1 / float(self.node_inv_scale[0]))
+        sample = Sample(tuple(species), field, tuple(self.modes(columns)))
+        return {scalar.name: scalar.value(sample) for scalar in scalars.SCALARS.values()}
+
+    def _moments_of(self, values: list[float], half_turn: NDArray, valid: float) -> dict[Moment, float | NDArray]:
+        """Moments of a species in powers of m/s, of v^n: v- is turned by half the angle. `valid` is 1, or nan."""
+        found: dict[Moment, float | NDArray] = {}
+        rest, dt = values, self.scene.time_step
+        for moment in self.moments:
+            size = moment.size(len(self.side))
+            here, rest = rest[:size], rest[size:]
+            unit = valid * (self.scene.spacing[0] / dt) ** (moment.power - moment.vector)
+            if moment.vector:
+                v = np.zeros(3)
+                v[:size] = np.array(here) * self.side / dt
+                found[moment] = unit * (v + half_turn @ v)
+            else:
+                found[moment] = unit * here[0]
+        return found
+
+    def modes(self, columns: NDArray[np.int64]) -> list[float]:
+        """Amplitudes |E_k| of cos, sin (2 pi n x / Lx) in E_x averaged over y, n = 1 .. MODES."""
+        if self.levels[1] == TOP:
+            return [math.nan] * MODES
+        mean = columns * (1 / self.node_inv_scale[1] / self.rows)
+        waves = np.abs(np.fft.rfft(mean)[1 : MODES + 1]).tolist()
+        both = [2.0 if 2 * n < self.width else 1.0 for n in range(1, MODES + 1)]  # the shortest wave is its own mirror
+        return [k * wave / self.width for k, wave in zip(both, waves)]
+
+
+def _level(most: float) -> int:
+    """Exponent of the least power of 16 above a magnitude."""
+    if most == 0:
+        return LEAST
+    return -(-math.frexp(most)[1] // 4) if math.isfinite(most) else TOP

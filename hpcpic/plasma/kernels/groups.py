@@ -1,0 +1,94 @@
+"""Arrays that kernels take together: each argument of these names is one of these groups."""
+
+from typing import NamedTuple
+
+from numpy.typing import NDArray
+
+
+class GridArrays(NamedTuple):
+    """Where cells and particles belong (see particles.tiles). points[2]: rows and columns of the grid.
+
+    row_part, column_part, column_stride: tables from a global cell to the tile part of this rank. parts[part, 8].
+    """
+
+    n_species: int
+    points: NDArray
+    row_part: NDArray
+    column_part: NDArray
+    column_stride: NDArray
+    parts: NDArray
+
+
+class FieldArrays(NamedTuple):
+    """E of the slab: e_x, e_y [rows, columns] with ghosts, first node origin[2], and what they are scaled by."""
+
+    e_x: NDArray
+    e_y: NDArray
+    origin: NDArray
+    scale: float
+
+
+class PageArrays(NamedTuple):
+    """Particles of the rank in chains of pages (see kernels.storage)."""
+
+    pool: NDArray
+    ids: NDArray
+    chain: NDArray
+    head: NDArray
+    count: NDArray
+    settled: NDArray
+    free: NDArray
+    counters: NDArray
+
+
+class BoxArrays(NamedTuple):
+    """Particles under way (see kernels.storage): of all boxes, or of one."""
+
+    moving: NDArray
+    words: NDArray
+    lists: NDArray
+    counters: NDArray
+
+
+class SpeciesArrays(NamedTuple):
+    """Numbers by species: mover[species, 10] of kernels.plain.boris; charge[species] = (group, parts with sign)."""
+
+    mover: NDArray
+    charge: NDArray
+
+
+class PatchArrays(NamedTuple):
+    """Charge of one block: nodes[group, row, column], the first at corner[2] of the grid."""
+
+    nodes: NDArray
+    corner: NDArray
+
+
+class ScratchArrays(NamedTuple):
+    """Room of each block: lines of field coefficients, sums of charge, cells of a page's particles."""
+
+    lines: NDArray
+    sums: NDArray
+    cells: NDArray
+
+
+class RecordArrays(NamedTuple):
+    """Particles on their way between ranks: the same memory as real numbers and as 32-bit integers."""
+
+    real: NDArray
+    whole: NDArray
+
+
+class SumArrays(NamedTuple):
+    """What a sample of the series adds up: limbs[block, species, moment, 3], and of each moment its inverse scale.
+
+    half_kick[species, 3]: half the electric impulse; ratio_sq[3]: squared sides of a cell, in that along x.
+    values[block, moment, PAGE]: scratch of single particles; bits[block, moment, 3, 8]: of vectors.
+    """
+
+    limbs: NDArray
+    inv_scale: NDArray
+    half_kick: NDArray
+    ratio_sq: NDArray
+    values: NDArray
+    bits: NDArray

@@ -1,0 +1,37 @@
+"""What is summed over particles: integrands of the velocity, written once, compiled for numbers and for vectors."""
+
+import inspect
+import textwrap
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+
+@dataclass(frozen=True, slots=True)
+class Moment:
+    """A sum over the particles of a species.
+
+    integrand(vx, vy, vz, square) gives one value, or three where the moment is a vector. Components of the velocity are
+    in cells per step, square = |v|^2 in (side of a cell along x per step)^2. It is arithmetic of its arguments alone,
+    numbers or vectors of them: its source is compiled with the kernels. It must not exceed S^(power // 2) s^power,
+    where s is above every component and S = square for v = (1, 1, 1): so |v|^2 v has the power 3.
+    """
+
+    integrand: Callable[[Any, Any, Any, Any], Any]
+    power: int
+    vector: bool = False
+
+    def size(self, components: int) -> int:
+        """Values of the moment of velocities with so many components."""
+        return components if self.vector else 1
+
+
+def integrands_source(moments: Sequence[Moment], components: int) -> str:
+    """Text of `integrands`, which gives all values of the moments one after the other, for kernels.moments."""
+    text, values = "", []
+    for k, moment in enumerate(moments):
+        text += f"\n\n@njit\n{textwrap.dedent(inspect.getsource(moment.integrand))}"
+        values += [f"m{k}[{c}]" for c in range(components)] if moment.vector else [f"m{k}"]
+    found = (f"    m{k} = {moment.integrand.__name__}(vx, vy, vz, square)\n" for k, moment in enumerate(moments))
+    given = "".join(f"{value}, " for value in values)
+    return f"{text}\n\n@njit\ndef integrands(vx, vy, vz, square):\n{''.join(found)}    return ({given})\n"

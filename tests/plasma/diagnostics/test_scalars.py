@@ -1,0 +1,39 @@
+"""A scalar of one's own is a name, a unit and a function; its integrand is compiled for numbers and for vectors."""
+
+import numpy as np
+import pytest
+from test_moments import plasma_of
+
+from hpcpic.plasma.diagnostics import scalars
+from hpcpic.plasma.diagnostics.series_sums import SeriesSums
+from hpcpic.plasma.physics.moments import Moment
+
+
+def energy_flux(vx, vy, vz, square):
+    return square * vx, square * vy, square * vz
+
+
+ENERGY_FLUX = Moment(energy_flux, power=3, vector=True)
+
+
+def energy_flux_x(sample):
+    return sum(0.5 * species.m * species[ENERGY_FLUX][0] for species in sample.species)
+
+
+def test_a_registered_scalar_is_summed_exactly_in_every_sample(world, monkeypatch):
+    monkeypatch.setattr(scalars, "SCALARS", dict(scalars.SCALARS))
+    scalars.register(scalars.Scalar("energy_flux_x", "W m", energy_flux_x, (ENERGY_FLUX,)))
+    neutral = (f"species[{k}].{what}" for k in (0, 1) for what in ("charge=1e-30", "plasma_frequency=0.0"))
+    plasma = plasma_of(world, (*neutral, 'numerics.precision="double"'))
+    assert plasma.scalar_units["energy_flux_x"] == "W m"
+    found, particles = plasma.scalars()["energy_flux_x"], plasma.particles()
+    expected = size = 0.0
+    for species in plasma.scene.species:
+        v = particles[species.name].columns["velocity"]
+        terms = 0.5 * species.m * (v**2).sum(axis=1) * v[:, 0]
+        expected, size = expected + terms.sum(), size + np.abs(terms).sum()
+    assert found == pytest.approx(expected, abs=1e-14 * size)  # the sum of numpy is rounded
+    plasma.cloud.kernels = plasma.cloud.spec.kernels(plain=True)
+    plasma.sums = SeriesSums(plasma.scene, world, plasma.mesh, plasma.cloud, plasma.field_scale)
+    assert plasma.scalars()["energy_flux_x"] == found
+    plasma.close()
