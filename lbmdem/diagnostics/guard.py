@@ -14,9 +14,9 @@ MAX_JUMP = 1e-9  # the same between two looks where it stays to rounding: 1e-17 
 
 def fault(seen: Diagnostics, fluid: Fluid | None, dem: Dem | None, max_overlap: float) -> str | None:
     """Why this rank's state is no solution, or None; max_overlap: allowed overlap over diameter."""
-    if seen.fastest > MAX_SPEED:
-        return f"the fluid moves by {seen.fastest:.3g} nodes in a step (limit {MAX_SPEED})"
-    if fluid:
+    if fluid and seen.fluid:
+        if seen.fluid.fastest > MAX_SPEED:
+            return f"the fluid moves by {seen.fluid.fastest:.3g} nodes in a step (limit {MAX_SPEED})"
         share = float(fluid.lattice.w[0])  # populations at rest follow the density
         low, high = (1.0 / MAX_DENSITY - 1.0) * 2.0 * share, (MAX_DENSITY - 1.0) * share
         least, most = fluid.rest_bounds()
@@ -28,8 +28,8 @@ def fault(seen: Diagnostics, fluid: Fluid | None, dem: Dem | None, max_overlap: 
         return "the energy of a grain is no number"
     if seen.overlap > max_overlap:
         return f"grains overlap by {seen.overlap:.1%} of a diameter (limit {max_overlap:.0%})"
-    if abs(seen.drift) > MAX_DRIFT:
-        return f"the mean density of the fluid has changed by {seen.drift:.2%} (limit {MAX_DRIFT:.0%})"
-    if not abs(seen.jump) <= MAX_JUMP:
-        return f"the mean density of the fluid jumped by {seen.jump:.1e}, which nothing in it can do"
+    if seen.fluid and abs(seen.fluid.drift) > MAX_DRIFT:
+        return f"the mean density of the fluid has changed by {seen.fluid.drift:.2%} (limit {MAX_DRIFT:.0%})"
+    if seen.fluid and not abs(seen.fluid.jump) <= MAX_JUMP:
+        return f"the mean density of the fluid jumped by {seen.fluid.jump:.1e}, which nothing in it can do"
     return None

@@ -25,7 +25,7 @@ WARN_FALLBACKS = 0.01  # share of links that do not follow their rule
 class Diagnostics:
     """The scalars of a simulation with their `units`, and what the guard looks at.
 
-    heights: of the rows of this rank, m. overlap: greatest one over diameter, at the last look.
+    heights: of the rows of this rank, m. fluid: its part. overlap: greatest one over diameter, at the last look.
     """
 
     def __init__(
@@ -48,40 +48,25 @@ class Diagnostics:
         ends = sample_ends(table.x, table.radius, scene.config.domain.size[-1])
         n_slices = scene.config.output.stress_slices if grains else 0
         self.slices = slice_edges(*ends, 2.0 * float(table.radius.max(initial=0.0)), n_slices)
-        self._fluid = FluidScalars(scene, world, fluid, drive, immersed, ends, heights) if fluid and drive else None
+        self.fluid = FluidScalars(scene, world, fluid, drive, immersed, ends, heights) if fluid and drive else None
         self.units = self._units()
-
-    @property
-    def fastest(self) -> float:
-        """Greatest speed of the fluid at the last look, nodes per step."""
-        return self._fluid.fastest if self._fluid else 0.0
-
-    @property
-    def drift(self) -> float:
-        """Change of the mean density of a closed fluid since the start, over that of rest."""
-        return self._fluid.drift if self._fluid else 0.0
-
-    @property
-    def jump(self) -> float:
-        """Change of the mean density since the look before, where nothing can change it."""
-        return self._fluid.jump if self._fluid else 0.0
 
     def _units(self) -> dict[str, str]:
         per = "" if self._scene.dimensions == 3 else "/m"  # two-dimensional quantities are per metre of depth
-        units = dict(self._fluid.units) if self._fluid else {}
+        units = dict(self.fluid.units) if self.fluid else {}
         units |= {"link_fallbacks": ""} if self._immersed else {}
-        if self._fluid:
+        if self.fluid:
             units |= {f"force_{name}_{axis}": f"N{per}" for name in self._bodies for axis in self._axes}
         if self._grains:
             units |= {"contact_count": "", "energy_kinetic_grains": f"J{per}", "overlap": ""}
             units |= {"least_film": ""} if self._grains.has_films else {}
         slices = range(1, len(self.slices))
         units |= {f"stress_{2 * self._axes[-1]}_{k}": "Pa" for k in slices}
-        return units | {f"pressure_{k}": "Pa" for k in slices if self._fluid}
+        return units | {f"pressure_{k}": "Pa" for k in slices if self.fluid}
 
     def scalars(self, step: int) -> dict[str, float]:
         """Collective. Momentum and velocity are those at full steps, with half of the body force."""
-        values = self._of_fluid(self._fluid, step) if self._fluid else {}
+        values = self._of_fluid(self.fluid, step) if self.fluid else {}
         values |= self._of_solids(self._immersed, step) if self._immersed else {}
         values |= self._of_grains(self._grains, step) if self._grains else {}
         return {name: values[name] for name in self.units}

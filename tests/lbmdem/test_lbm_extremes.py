@@ -246,7 +246,7 @@ def test_populations_that_come_from_nowhere_end_a_run_where_their_sum_is_kept(wo
         for _ in range(100):
             app.step()
             app.scalars()
-            jumps.append(abs(app.diagnostics.jump))
+            jumps.append(abs(app.diagnostics.fluid.jump))
         assert max(jumps) < 1e-15 and app.guard() is None
         assert np.any(app.fluid.ids != start) == (case == DISC)
         h = app.fluid.populations()
