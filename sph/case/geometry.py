@@ -5,10 +5,8 @@ A shape is a `config.Shape`; 2D shapes have two coordinates.
 
 import itertools
 import math
-from typing import TYPE_CHECKING
 
-if TYPE_CHECKING:
-    from sph.case.config import Shape
+from sph.case.config import Shape
 
 Point = tuple[float, ...]
 
@@ -23,7 +21,7 @@ def linear(gradient: Point, centre: Point, x: Point) -> Point:
     return tuple(sum(gradient[i * d + j] * (x[j] - centre[j]) for j in range(d)) for i in range(d))
 
 
-def bounds(shape: "Shape") -> tuple[Point, Point]:
+def bounds(shape: Shape) -> tuple[Point, Point]:
     """Lower and upper corner of the smallest box around a shape; of a plane, its point twice."""
     if shape.box:
         return shape.box.low, shape.box.high
@@ -46,16 +44,16 @@ def bounds(shape: "Shape") -> tuple[Point, Point]:
     return shape.plane.point, shape.plane.point
 
 
-def corners(shape: "Shape") -> list[Point]:
+def corners(shape: Shape) -> list[Point]:
     """The corners of the box around a shape."""
     return list(itertools.product(*zip(*bounds(shape))))
 
 
-def middle(shape: "Shape") -> Point:
+def middle(shape: Shape) -> Point:
     return tuple((a + b) / 2 for a, b in zip(*bounds(shape)))
 
 
-def volume(shape: "Shape") -> float:
+def volume(shape: Shape) -> float:
     """Volume in 3D, m3; area in 2D, m2."""
     d = len(bounds(shape)[0])
     if shape.box:

@@ -4,15 +4,16 @@ import itertools
 import math
 from collections.abc import Iterator
 
-from hpcpic.core.case.derived import Derived
+from hpcpic.core.case.derived import Derived, Verdict
 from sph.case import geometry
-from sph.case.config import SphConfig, heights_of, motion_speed
+from sph.case.config import SphConfig
+from sph.case.speeds import heights_of, motion_speed
 from sph.forecast.plausibility import sensible
 from sph.kernels.marks import CODES
-from sph.particles.images import most_images
 from sph.physics import stability
 from sph.physics.viscosities import VISCOSITIES
 from sph.physics.wall_rules import WALL_RULES
+from sph.setup.mirror_groups import most_images
 from sph.setup.scene import DOMAIN, Scene
 
 SMALL = 6  # spacings across a repulsive body, below which the force on it is off by more than a tenth
@@ -56,7 +57,7 @@ def step(config: SphConfig) -> Iterator[Derived]:
         yield from viscous_step(config, dt, parts["viscous"])
     if config.fluid and config.numerics.density_flux == "rusanov" and any(config.gravity):
         runs = simulation.end_time / settling(config)
-        verdict = "ok" if runs < 20 else "warn"
+        verdict: Verdict = "ok" if runs < 20 else "warn"
         cure = "" if verdict == "ok" else 'density_flux = "delta" keeps still water still'
         source = "level falls 2 %, bottom pressure 17 % in 8 s (measured)"
         key = ("numerics", "density_flux")
@@ -92,7 +93,7 @@ def viscous_step(config: SphConfig, dt: float, longest: float) -> Iterator[Deriv
     """The step dt in s against the longest that the viscosity allows."""
     most, nu = stability.viscous_limit(config), stability.kinematic_viscosity(config)
     share = dt / longest * most
-    verdict = "ok" if share <= most * 1.001 else "fail"
+    verdict: Verdict = "ok" if share <= most * 1.001 else "fail"
     cure = "" if verdict == "ok" else f"time_step = {rounded_down(longest):g} is the nearest legal one"
     source = "Morris et al. 1997"
     yield Derived("viscous step", "nu dt/h2", share, "", f"< {most:.3g}", verdict, source, cure, STEP, True)
@@ -164,7 +165,7 @@ def fast_walls(config: SphConfig) -> Iterator[Derived]:
     for i, wall in enumerate(config.wall):
         if wall.motion and WALL_RULES[wall.type].own_density:
             mach = motion_speed(wall.motion) / config.sound_speed
-            verdict = "ok" if mach < 1 / 3 else "fail"
+            verdict: Verdict = "ok" if mach < 1 / 3 else "fail"
             cure = "" if verdict == "ok" else 'type = "repulsive" lets the fluid go, at any speed of the wall'
             yield Derived(f"speed of {wall.name}", "v/c0", mach, "", "< 1/3", verdict, "measured with a gate", cure,
                           ("wall", i, "motion"), True)  # fmt: skip
@@ -185,7 +186,7 @@ def small_bodies(config: SphConfig) -> Iterator[Derived]:
         if wall.solid and WALL_RULES[wall.type].repulsive and wall.measure_force and wall.shape.box:
             edges = [b - a for a, b in zip(wall.shape.box.low, wall.shape.box.high)]
             size = min(edges) / config.numerics.spacing
-            verdict = "ok" if size >= SMALL * (1 - 1e-9) else "warn"
+            verdict: Verdict = "ok" if size >= SMALL * (1 - 1e-9) else "warn"
             cure = "" if verdict == "ok" else 'a smaller spacing, or "pressure-continuity": it is lifted too little'
             source = "a body of 4 spacings: by 18 to 30 %, of 6 to 16: by 9 %, measured"
             yield Derived(f"size of {wall.name}", "L/dp", size, "", f">= {SMALL}", verdict, source, cure,
@@ -201,7 +202,7 @@ def filling(config: SphConfig, scene: Scene) -> Iterator[Derived]:
         for name, gone in fluid.clipped.items():
             outside = name == DOMAIN or any(w.name == name and not w.section.solid for w in scene.walls)
             share = gone / places
-            verdict = "fail" if fluid.n == 0 else "warn" if outside else "ok"
+            verdict: Verdict = "fail" if fluid.n == 0 else "warn" if outside else "ok"
             cure = "nothing is left of it" if fluid.n == 0 else "part of the shape holds no fluid" if outside else ""
             if cure and name != DOMAIN and outside:
                 cure += f"; {name} holds fluid inside, as a tank does: solid = true is a body in the fluid"
@@ -213,7 +214,7 @@ def filling(config: SphConfig, scene: Scene) -> Iterator[Derived]:
         else:
             exact = section.density * geometry.volume(section.shape)
             error = fluid.mass * (fluid.n + sum(fluid.clipped.values())) / exact - 1 if exact else 0.0
-            verdict = "ok" if abs(error) < 0.05 else "warn"
+            verdict: Verdict = "ok" if abs(error) < 0.05 else "warn"
             cure = "" if verdict == "ok" else "a smaller spacing follows the shape better"
             yield Derived(f"mass of {section.name}", "m/m_exact - 1", error, "", "< 5 %", verdict, "filling", cure, key)
 
@@ -234,7 +235,7 @@ def layers(config: SphConfig, section, i: int) -> Iterator[Derived]:
     edges = [b - a for a, b in zip(section.shape.box.low, section.shape.box.high)]
     counts = [geometry.count(edge, dp) for edge in edges]
     worst = max((edge / n / dp - 1 for edge, n in zip(edges, counts)), key=abs)
-    verdict = "ok" if abs(worst) < STRETCH else "warn"
+    verdict: Verdict = "ok" if abs(worst) < STRETCH else "warn"
     cure = ""
     if min(edges) < 0.99 * dp:
         verdict, cure = ("warn" if min(edges) > 0.5 * dp else "fail"), f"one layer of {min(edges) / dp:.0%} of the mass"
@@ -260,7 +261,7 @@ def extents(config: SphConfig, scene: Scene, ranks: int) -> Iterator[Derived]:
         if wall.solid and not wall.shape.plane:
             low, high = geometry.bounds(wall.shape)
             thin = min(b - a for a, b in zip(low, high)) / scene.spacing
-            verdict = "ok" if thin >= 0.99 else "fail"
+            verdict: Verdict = "ok" if thin >= 0.99 else "fail"
             cure = "" if verdict == "ok" else f"make it {scene.spacing:g} m thick, or a smaller spacing"
             yield Derived(f"thickness of {wall.name}", "L/dp", thin, "", ">= 1", verdict, "one layer", cure,
                           ("wall", i, "shape"), True)  # fmt: skip

@@ -6,12 +6,13 @@ from collections.abc import Iterator
 import numpy as np
 
 from hpcpic.core.case.config import Path
-from hpcpic.core.case.derived import Derived
+from hpcpic.core.case.derived import Derived, Verdict
 from sph.case import geometry
-from sph.case.config import AXES, SphConfig, motion_speed
-from sph.particles.strays import MAX_DENSITY_ERROR, most_strays
+from sph.case.config import AXES, SphConfig
+from sph.case.speeds import motion_speed
 from sph.physics import stability
 from sph.physics.fluxes import FLUXES
+from sph.physics.stray_limits import MAX_DENSITY_ERROR, most_strays
 from sph.setup.scene import Scene
 
 DENSE, DENSER = 0.02, 0.1  # rho / rho0 - 1 at rest, which are noticed and refused
@@ -49,7 +50,7 @@ def dissipation(config: SphConfig) -> Iterator[Derived]:
 def steps(config: SphConfig) -> Iterator[Derived]:
     """How many there are."""
     n = config.simulation.end_time / stability.time_step(config)
-    verdict = "ok" if n <= MOST_STEPS else "fail"
+    verdict: Verdict = "ok" if n <= MOST_STEPS else "fail"
     cure = "" if verdict == "ok" else "a shorter end_time, or check the units of spacing and sound speed"
     yield Derived("steps to the end", "T/dt", n, "", f"<= {MOST_STEPS:g}", verdict, "a millisecond each: 11 days", cure,
                   ("simulation", "end_time"), True)  # fmt: skip
@@ -76,7 +77,7 @@ def jumps(config: SphConfig) -> Iterator[Derived]:
     for i, wall in enumerate(config.wall):
         if wall.motion:
             way = motion_speed(wall.motion) * dt / config.numerics.spacing
-            verdict = "ok" if way <= LONGEST_WAY else "fail"
+            verdict: Verdict = "ok" if way <= LONGEST_WAY else "fail"
             cure = "" if verdict == "ok" else f"{LONGEST_WAY * config.numerics.spacing / dt:.3g} m/s or less"
             yield Derived(f"way of {wall.name} in a step", "v dt/dp", way, "", f"<= {LONGEST_WAY:g}", verdict,
                           "it jumps over fluid", cure, ("wall", i, "motion"), True)  # fmt: skip
@@ -92,7 +93,7 @@ def depths(config: SphConfig, scene: Scene) -> Iterator[Derived]:
             depth = max(0.0, surface - min(heights))
             with np.errstate(over="ignore"):
                 dense = float(scene.rest_density_below(np.array([depth]))[0]) / scene.rho0
-            verdict = "ok" if dense <= DENSE else "warn" if dense <= DENSER else "fail"
+            verdict: Verdict = "ok" if dense <= DENSE else "warn" if dense <= DENSER else "fail"
             needed = math.sqrt(g * depth / DENSE) if depth < math.inf else math.inf
             cure = f"sound_speed = {needed:.3g}" if verdict != "ok" else ""
             key: Path = ("eos", "sound_speed")
@@ -109,7 +110,7 @@ def depths(config: SphConfig, scene: Scene) -> Iterator[Derived]:
             }
             if across and fluid.thin_layer == "refuse":
                 axis = min(across, key=lambda name: across[name])
-                verdict = "ok" if across[axis] >= LEAST_ACROSS else "warn"
+                verdict: Verdict = "ok" if across[axis] >= LEAST_ACROSS else "warn"
                 cure = "" if verdict == "ok" else f"spacing = {edges[axis] / LEAST_ACROSS:.3g}"
                 name, source = f"particles across {fluid.name} along {axis}", "the kernel reaches beyond both sides"
                 key = ("numerics", "spacing")

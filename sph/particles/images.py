@@ -4,9 +4,6 @@ Image k of a body is at turn x + shift with the velocity spin v + push. Position
 the domain, axes in storage order.
 """
 
-import itertools
-import math
-from collections import Counter
 from collections.abc import Iterator
 from functools import cached_property
 
@@ -18,6 +15,7 @@ from hpcpic.core.space.products import product
 from sph.kernels.groups import Mirrors
 from sph.kernels.marks import CODES
 from sph.particles.walls import Walls
+from sph.setup.mirror_groups import direction
 from sph.setup.scene import Scene, Wall
 
 FAR = 1e299  # a face as far as this has no edge
@@ -133,20 +131,6 @@ def periodic_maps(lengths: NDArray, periodic: NDArray, reach: float) -> Maps:
     return maps
 
 
-def most_images(scene: Scene) -> int:
-    """How many maps a scene has at most: one or none for parallel faces, either side or none for a period."""
-    faces = [face for wall in scene.walls for face in wall.faces]
-    layers = [wall.lattice.parts for wall in scene.walls if wall.rule.layer_images]
-    groups = Counter(_direction(face.normal) for face in itertools.chain(faces, *layers))
-    return 3 ** int(scene.periodic.sum()) * math.prod(1 + n for n in groups.values())
-
-
-def _direction(normal: NDArray) -> tuple[float, ...]:
-    """A direction that parallel faces share, to whichever side they look."""
-    rounded = np.round(normal, 9)
-    return tuple(rounded * np.sign(rounded[np.flatnonzero(rounded)[0]]))
-
-
 def single_mirrors(groups: list[Maps]) -> Mirrors:
     """The faces of groups of mirrors as kernels.motion.swap takes them. Behind: deeper than the face, not farther than
     its images reach.
@@ -189,7 +173,7 @@ def mirrors(scene: Scene, walls: Walls, axes: list[int], reach: float) -> list[M
         beyond = 0.0 if wall.section.solid else reach  # the corners of a tank belong to both of its faces
         for point, normal, near, edges, layer in _faces(wall, reach, moved, axes):
             planes = near + [(plane, offset + beyond * np.sqrt(plane @ plane)) for plane, offset in edges]
-            group = groups.setdefault(_direction(normal), Maps(d))
+            group = groups.setdefault(direction(normal), Maps(d))
             away = np.outer(normal, normal)
             turn, shift = np.eye(d) - 2 * away, 2 * (point @ normal) * normal
             if layer is None:

@@ -6,36 +6,18 @@ gravity and before walls, until it falls back. Its mass stays. Among enough neig
 """
 
 import logging
-import math
 
 import numpy as np
 from numpy.typing import NDArray
 
 from hpcpic.core.comm.world import World
-from sph.case.config import SphConfig
 from sph.kernels.marks import BODY
 from sph.particles.clock import Clock
 from sph.particles.storage import Slots, Storage
-from sph.physics.stability import support_of
+from sph.physics.stray_limits import FREE_NEIGHBOUR_SHARE, LIMIT, MAX_DENSITY_ERROR, full_neighbourhood, most_strays
 from sph.setup.scene import Scene
 
-MAX_DENSITY_ERROR = 0.3  # |rho / rho0 - 1| of a weakly compressible fluid: fluids at 0.3 c0 that meet come to 0.19
-FREE_NEIGHBOUR_SHARE = 0.5  # a stray has fewer of the neighbours inside a fluid; beside a flat surface there are 0.6
-BURST, BURST_SHARE = 10, 0.01  # strays of one step beyond which the fluid bursts: that many, or of all particles
-LIMIT = MAX_DENSITY_ERROR * (1 - 1e-9)  # for rounding
-
 log = logging.getLogger("hpcpic.sph")
-
-
-def most_strays(n: int) -> int:
-    """How many of n particles may be torn off in one step."""
-    return max(BURST, int(BURST_SHARE * n))
-
-
-def full_neighbourhood(config: SphConfig) -> float:
-    """How many neighbours a particle inside the fluid has."""
-    reach = support_of(config) / config.numerics.spacing
-    return (math.pi * reach**2 if config.dimensions == 2 else 4 / 3 * math.pi * reach**3) - 1
 
 
 class Strays:

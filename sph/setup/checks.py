@@ -9,7 +9,8 @@ from hpcpic.core.case.words import unknown
 from hpcpic.core.errors import ConfigError
 from sph.case import geometry
 from sph.case.columns import columns_of, scalar_units
-from sph.case.config import AXES, Fluid, Gauge, Shape, SphConfig, Wall, name_of, speed_scale
+from sph.case.config import AXES, Fluid, Gauge, Shape, SphConfig, Wall, name_of
+from sph.case.speeds import speed_scale
 from sph.physics import stability
 from sph.physics.smoothing import SMOOTHING
 from sph.physics.viscosities import VISCOSITIES

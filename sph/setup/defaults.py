@@ -5,7 +5,8 @@ from typing import Literal
 
 from hpcpic.core.case.words import only_seconds
 from sph.case import geometry
-from sph.case.config import Domain, SphConfig, name_of, speed_scale
+from sph.case.config import Domain, SphConfig, name_of
+from sph.case.speeds import speed_scale
 from sph.physics.fluxes import FLUXES
 from sph.physics.stability import courant_limit
 
