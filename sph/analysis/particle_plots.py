@@ -100,8 +100,8 @@ def _panels_2d(run: Run, snapshots: Particles, numbers: Sequence[int]) -> Figure
         if not len(walls):
             for line in wall_outlines(run, float(snapshots.times[number])):
                 axis.plot(*line, color="#b8bcc2", linewidth=1.5)
-        for line in predicted_outline(config_of(run), float(snapshots.times[number])):
-            axis.plot(*line, **THEORY)
+        for outline in predicted_outline(config_of(run), float(snapshots.times[number])):
+            axis.plot(*outline, **THEORY)
         axis.set(xlim=(low[0], high[0]), ylim=(low[1], high[1]), aspect="equal")
         axis.set_title(f"t = {snapshots.times[number]:.3g} s", fontsize=10, fontweight="normal")
         axis.grid(visible=False)
@@ -167,7 +167,7 @@ def _panels_3d(run: Run, snapshots: Particles, numbers: Sequence[int]) -> Figure
     for axis, number, particles, speed in zip(axes.flat, numbers, found, speeds):
         x, paint = particles["position"], colours(norm(speed))[:, :3]
         for wall in solid_boxes(run, float(snapshots.times[number])):
-            surface = render.box_surface(*np.clip(wall, low, high), spacing / 2)
+            surface = render.box_surface(np.clip(wall[0], low, high), np.clip(wall[1], low, high), spacing / 2)
             x = np.concatenate([x, surface])
             paint = np.concatenate([paint, np.full((len(surface), 3), 0.72)])
         axis.imshow(render.paint(view, x, paint, 0.6 * spacing), interpolation="bilinear", zorder=2)

@@ -73,7 +73,7 @@ def column_of(config: SphConfig) -> tuple[float, float, float]:
     if not config.fluid or not config.fluid[0].shape.box or not config.gravity[scene_axis] < 0:
         raise NotInScene("only for a column of water that collapses")
     low, high = geometry.bounds(config.fluid[0].shape)
-    if high[0] - low[0] > 0.8 * (config.domain.high[0] - config.domain.low[0]):
+    if high[0] - low[0] > 0.8 * (config.domain.corners[1][0] - config.domain.corners[0][0]):
         raise NotInScene("the fluid fills the tank: it has no front")
     return high[0] - low[0], high[scene_axis] - low[scene_axis], -config.gravity[scene_axis]
 
@@ -83,8 +83,8 @@ def front(run: Run, step: int | None = None) -> Figure:
     config = config_of(run)
     width, height, g = column_of(config)
     t, x = columns_of(run, "front_x")
-    low = config.domain.low[0]
-    end = (config.domain.high[0] - low) / width
+    low = config.domain.corners[0][0]
+    end = (config.domain.corners[1][0] - low) / width
     if x[0] - low >= 0.97 * end * width:
         raise NotInScene("there is fluid up to the far wall from the start: no front is seen")
     clock = math.sqrt(2 * g / width)
@@ -120,7 +120,7 @@ def impact(config: SphConfig) -> bool:
     """Whether the case is the tank of Yeh & Petroff with its column."""
     if config.dimensions != 3 or "column" not in [wall.name for wall in config.wall]:
         return False
-    size = [b - a for a, b in zip(config.domain.low, config.domain.high)]
+    size = [b - a for a, b in zip(*config.domain.corners)]
     return all(abs(a / b - 1) < NEAR for a, b in zip(size, (1.6, 0.61, 0.75)))
 
 

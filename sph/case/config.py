@@ -41,6 +41,12 @@ class Domain(Section):
     periodic: Names = setting((), "axes along which the domain repeats itself, of x, y, z")
     outflow: Names = setting((), 'sides through which fluid leaves for good, as "x+"; elsewhere it may come back')
 
+    @property
+    def corners(self) -> tuple[Vector, Vector]:
+        """Lower and upper corner, m, of a completed case or one that gives both."""
+        assert self.low is not None and self.high is not None
+        return self.low, self.high
+
 
 class Box(Section):
     low: Vector = setting(REQUIRED, "lower corner", "m")
@@ -294,3 +300,8 @@ class SphConfig(Section):
 def name_of(kind: Literal["fluid", "wall", "gauge"], i: int, section: Fluid | Wall | Gauge) -> str:
     """The name of the i-th section of a kind, given or by default."""
     return section.name or f"{kind}_{i + 1}"
+
+
+def shapes_of(config: SphConfig) -> list[Shape]:
+    """The shapes of all fluids and walls."""
+    return [fluid.shape for fluid in config.fluid] + [wall.shape for wall in config.wall]

@@ -24,7 +24,7 @@ def mesh(stl: "Stl") -> Any:
         raise ConfigError(f"{stl.file}: STL files need more packages: pip install 'hpcpic[stl]'") from error
     try:
         content = content_of(stl.file)
-        found = trimesh.load(io.BytesIO(content), file_type="stl", force="mesh")
+        found: Any = trimesh.load(io.BytesIO(content), file_type="stl", force="mesh")
     except Exception as error:  # whatever a parser says of files that are none
         words = error.strerror if isinstance(error, OSError) else str(error) or type(error).__name__
         raise ConfigError(f"{stl.file}: cannot be read as STL ({words})") from error

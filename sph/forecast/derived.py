@@ -66,6 +66,7 @@ def step(config: SphConfig) -> Iterator[Derived]:
 
 def courant(config: SphConfig, dt: float) -> Derived:
     """The step dt in s against von Neumann's limit."""
+    verdict: Verdict
     simulation, numerics = config.simulation, config.numerics
     key = STEP if simulation.time_step else CFL
     unit = config.h / config.sound_speed
@@ -110,6 +111,7 @@ def settling(config: SphConfig) -> float:
 
 def compressibility(config: SphConfig) -> Iterator[Derived]:
     """The sound speed against the largest velocity, and the density change that follows."""
+    verdict: Verdict
     eos = config.eos
     factor = config.sound_speed / (eos.max_velocity or config.sound_speed)
     key = ("eos", "sound_speed") if config.eos.sound_speed_factor == 10.0 else ("eos", "sound_speed_factor")
@@ -133,6 +135,7 @@ def compressibility(config: SphConfig) -> Iterator[Derived]:
 
 def resolution(config: SphConfig) -> Iterator[Derived]:
     """Smoothing length over spacing, neighbours of a particle."""
+    verdict: Verdict
     ratio, kernel, d = config.numerics.smoothing, config.numerics.kernel, config.dimensions
     reach = stability.support_of(config) / config.numerics.spacing
     neighbours = (math.pi * reach**2 if d == 2 else 4 / 3 * math.pi * reach**3) - 1
@@ -195,6 +198,7 @@ def small_bodies(config: SphConfig) -> Iterator[Derived]:
 
 def filling(config: SphConfig, scene: Scene) -> Iterator[Derived]:
     """Particles, what of the fluids was clipped, thin and stretched layers."""
+    verdict: Verdict
     yield Derived("fluid particles", "n", scene.n_fluid)
     for i, fluid in enumerate(scene.fluids):
         section, key = fluid.section, ("fluid", i, "shape")
@@ -202,7 +206,7 @@ def filling(config: SphConfig, scene: Scene) -> Iterator[Derived]:
         for name, gone in fluid.clipped.items():
             outside = name == DOMAIN or any(w.name == name and not w.section.solid for w in scene.walls)
             share = gone / places
-            verdict: Verdict = "fail" if fluid.n == 0 else "warn" if outside else "ok"
+            verdict = "fail" if fluid.n == 0 else "warn" if outside else "ok"
             cure = "nothing is left of it" if fluid.n == 0 else "part of the shape holds no fluid" if outside else ""
             if cure and name != DOMAIN and outside:
                 cure += f"; {name} holds fluid inside, as a tank does: solid = true is a body in the fluid"
@@ -214,7 +218,7 @@ def filling(config: SphConfig, scene: Scene) -> Iterator[Derived]:
         else:
             exact = section.density * geometry.volume(section.shape)
             error = fluid.mass * (fluid.n + sum(fluid.clipped.values())) / exact - 1 if exact else 0.0
-            verdict: Verdict = "ok" if abs(error) < 0.05 else "warn"
+            verdict = "ok" if abs(error) < 0.05 else "warn"
             cure = "" if verdict == "ok" else "a smaller spacing follows the shape better"
             yield Derived(f"mass of {section.name}", "m/m_exact - 1", error, "", "< 5 %", verdict, "filling", cure, key)
 
@@ -247,6 +251,7 @@ def layers(config: SphConfig, section, i: int) -> Iterator[Derived]:
 
 def extents(config: SphConfig, scene: Scene, ranks: int) -> Iterator[Derived]:
     """Periodic lengths against the kernel, walls against the spacing, layers of cells against ranks."""
+    verdict: Verdict
     for k, axis in enumerate("xyz"[: config.dimensions]):
         length = scene.high[k] - scene.low[k]
         if scene.periodic[k]:
@@ -261,7 +266,7 @@ def extents(config: SphConfig, scene: Scene, ranks: int) -> Iterator[Derived]:
         if wall.solid and not wall.shape.plane:
             low, high = geometry.bounds(wall.shape)
             thin = min(b - a for a, b in zip(low, high)) / scene.spacing
-            verdict: Verdict = "ok" if thin >= 0.99 else "fail"
+            verdict = "ok" if thin >= 0.99 else "fail"
             cure = "" if verdict == "ok" else f"make it {scene.spacing:g} m thick, or a smaller spacing"
             yield Derived(f"thickness of {wall.name}", "L/dp", thin, "", ">= 1", verdict, "one layer", cure,
                           ("wall", i, "shape"), True)  # fmt: skip

@@ -8,7 +8,7 @@ from hpcpic.core.app.forecast import imports
 from hpcpic.core.space.declared import Array
 from sph.case import config as case
 from sph.case import geometry
-from sph.case.config import SphConfig
+from sph.case.config import SphConfig, shapes_of
 from sph.particles.arrays import arrays_of
 from sph.physics.integrators import INTEGRATORS
 from sph.physics.stability import support_of
@@ -112,5 +112,5 @@ def plan(config: SphConfig, ranks: int, threads: int) -> list[str]:
         name = f"{array.name:<12}{array.text[:60]}" if array.text else array.name
         lines.append(f"  {name:<74}{math.prod(columns):>3} x {n:<12}{array.bytes / MIB:10.2f} MiB")
     lines += ["messages of a step, per rank", *(f"  {line}" for line in messages(config, ranks))]
-    solids = any(body.shape.stl for body in (*config.fluid, *config.wall))
+    solids = any(shape.stl for shape in shapes_of(config))
     return lines + imports(*["trimesh"] * solids)

@@ -85,6 +85,7 @@ def jumps(config: SphConfig) -> Iterator[Derived]:
 
 def depths(config: SphConfig, scene: Scene) -> Iterator[Derived]:
     """Densities at rest under the surface, and particles across a fluid."""
+    verdict: Verdict
     g = math.hypot(*config.gravity)
     for i, fluid in enumerate(config.fluid):
         if g and fluid.initial_pressure == "hydrostatic":
@@ -93,7 +94,7 @@ def depths(config: SphConfig, scene: Scene) -> Iterator[Derived]:
             depth = max(0.0, surface - min(heights))
             with np.errstate(over="ignore"):
                 dense = float(scene.rest_density_below(np.array([depth]))[0]) / scene.rho0
-            verdict: Verdict = "ok" if dense <= DENSE else "warn" if dense <= DENSER else "fail"
+            verdict = "ok" if dense <= DENSE else "warn" if dense <= DENSER else "fail"
             needed = math.sqrt(g * depth / DENSE) if depth < math.inf else math.inf
             cure = f"sound_speed = {needed:.3g}" if verdict != "ok" else ""
             key: Path = ("eos", "sound_speed")
@@ -110,7 +111,7 @@ def depths(config: SphConfig, scene: Scene) -> Iterator[Derived]:
             }
             if across and fluid.thin_layer == "refuse":
                 axis = min(across, key=lambda name: across[name])
-                verdict: Verdict = "ok" if across[axis] >= LEAST_ACROSS else "warn"
+                verdict = "ok" if across[axis] >= LEAST_ACROSS else "warn"
                 cure = "" if verdict == "ok" else f"spacing = {edges[axis] / LEAST_ACROSS:.3g}"
                 name, source = f"particles across {fluid.name} along {axis}", "the kernel reaches beyond both sides"
                 key = ("numerics", "spacing")
@@ -119,8 +120,8 @@ def depths(config: SphConfig, scene: Scene) -> Iterator[Derived]:
 
 def bodies_outside(config: SphConfig) -> Iterator[Derived]:
     """Solid bodies at rest that no fluid can come to: most often in other units, or in another place."""
-    boxes = [geometry.bounds(group.shape) for group in (*config.wall, *config.fluid)
-             if not group.shape.plane and not getattr(group, "solid", False)]  # fmt: skip
+    around = [wall.shape for wall in config.wall if not wall.solid] + [fluid.shape for fluid in config.fluid]
+    boxes = [geometry.bounds(shape) for shape in around if not shape.plane]
     for i, wall in enumerate(config.wall):
         if not (boxes and wall.solid) or wall.motion or wall.shape.plane:
             continue

@@ -157,9 +157,9 @@ class PassText:
         lines = [line for one in self.one.lines for line in self._line(one, known, mixed)]
         for _, _, by in self.one.sums:
             lines += [line for name in by for line in self._prepared(name, known, mixed)]
-        for k, (name, to, by) in enumerate(self._parts()):
-            lines.append(f"sum{k} = fma({to[0]}, {by[0]}, sum{k})  # {name}")
-            lines.append(f"store(sums{k}, j, fma({to[1]}, {by[1]}, load(F_, sums{k}, j)))")
+        for k, (name, to, factors) in enumerate(self._parts()):
+            lines.append(f"sum{k} = fma({to[0]}, {factors[0]}, sum{k})  # {name}")
+            lines.append(f"store(sums{k}, j, fma({to[1]}, {factors[1]}, load(F_, sums{k}, j)))")
         if self.one.wall and mixed:
             lines += self._wall_force(known)
         loads = [f"{name}_j = load(F_, {name}_, j)" for name in sorted(self.columns)]
@@ -172,7 +172,7 @@ class PassText:
         read = "convert(F_, {a}_i - load(I_, {a}_, j))" if self.spec.single else "{a}_i - load(F_, {a}_, j)"
         return [f"d = {_tuple(read.format(a=a) for a in self.spec.axes)}"]
 
-    def _parts(self) -> list[tuple[str, tuple[str, ...], list[str]]]:
+    def _parts(self) -> list[tuple[str, tuple[str, str], list[str]]]:
         """Every scalar sum: name, weights, and what they multiply."""
         found = []
         for name, weights, by in self.one.sums:

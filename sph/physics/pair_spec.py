@@ -161,11 +161,11 @@ def passes_of(spec: PairSpec) -> dict[str, Pass]:
     """The passes over all pairs of a case, by title."""
     stages = [gradient] if spec.needs_gradient else []
     spread = [shifting] if spec.shifting else []
-    titles: dict[str, list[Callable[[PairSpec], Pass]]] = (
-        {"first": [momentum, *stages, *spread], "second": [continuity]}  # before and after the velocity changes
-        if spec.split
-        else {"both": [momentum, continuity, *spread]} | ({"slopes": stages} if stages else {})
-    )
+    titles: dict[str, list[Callable[[PairSpec], Pass]]] = {}
+    if spec.split:  # before and after the velocity changes
+        titles |= {"first": [momentum, *stages, *spread], "second": [continuity]}
+    else:
+        titles |= {"both": [momentum, continuity, *spread]} | ({"slopes": stages} if stages else {})
     if spec.corrected:
         titles["matrices"] = [matrix]
     if spec.needs_stress:

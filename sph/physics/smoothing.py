@@ -43,11 +43,11 @@ class Smoothing:
         """What sums of f lack in d dimensions."""
         return self.norm[d] * self.slope
 
-    def value(self, q: NDArray, d: int) -> NDArray[np.float64]:
+    def value(self, q: NDArray | float, d: int) -> NDArray[np.float64]:
         """W(q) h^d in d dimensions."""
         return self.norm[d] * self.w(np.asarray(q, np.float64), 1.0)
 
-    def gradient(self, q: NDArray, d: int) -> NDArray[np.float64]:
+    def gradient(self, q: NDArray | float, d: int) -> NDArray[np.float64]:
         """F(q) h^(d + 2) in d dimensions."""
         return self.f(np.asarray(q, np.float64), 1.0) * self.norm[d] * self.slope
 

@@ -109,7 +109,7 @@ def step_parts(config: SphConfig) -> dict[str, float]:
     parts = {"acoustic": (config.simulation.cfl or 0.0) * h / config.sound_speed}
     if nu:
         parts["viscous"] = viscous_limit(config) * h * h / nu
-    acceleration = float(np.hypot(np.hypot(*config.gravity[:2]), sum(config.gravity[2:])))
+    acceleration = float(np.hypot(np.hypot(config.gravity[0], config.gravity[1]), sum(config.gravity[2:])))
     acceleration += float(np.sqrt(sum(b * b for b in config.body_force)))
     if acceleration:
         parts["force"] = MAX_FORCE_STEP * float(np.sqrt(h / acceleration))

@@ -172,7 +172,7 @@ def relations(config: SphConfig) -> Iterator[Fault]:
     if domain.periodic and not (domain.low and domain.high):
         yield ("domain",), "low and high are missing, which a periodic domain needs"
     whole = domain_of(config)
-    n = max(b - a for a, b in zip(whole.low, whole.high)) / stability.support_of(config)
+    n = max(b - a for a, b in zip(*whole.corners)) / stability.support_of(config)
     if n > MOST_ACROSS:
         yield ("domain",), f"{n:.3g} supports of the kernel across, more than {MOST_ACROSS}: a smaller one"
     for group, i, section in shaped(config):

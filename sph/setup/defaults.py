@@ -5,7 +5,7 @@ from typing import Literal
 
 from hpcpic.core.case.words import only_seconds
 from sph.case import geometry
-from sph.case.config import Domain, SphConfig, name_of
+from sph.case.config import Domain, SphConfig, name_of, shapes_of
 from sph.case.speeds import speed_scale
 from sph.physics.fluxes import FLUXES
 from sph.physics.stability import courant_limit
@@ -64,7 +64,7 @@ def _gauge(gauge):
 def domain_of(config: SphConfig) -> Domain:
     """As given, else the box around fluids and walls."""
     domain = config.domain
-    boxes = [geometry.bounds(group.shape) for group in (*config.fluid, *config.wall)] or [((0.0,), (1.0,))]
+    boxes = [geometry.bounds(shape) for shape in shapes_of(config)] or [((0.0,), (1.0,))]
 
     def outermost(points: Iterable, choose) -> tuple[float, ...]:
         return tuple(choose(xs) for xs in zip(*points))

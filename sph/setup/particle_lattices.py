@@ -69,7 +69,7 @@ class Grid:
 def even(low: float, high: float, spacing: float) -> NDArray[np.float64]:
     """Middles of equal pieces of [low, high], each about `spacing` long."""
     n = geometry.count(high - low, spacing)
-    return low + (np.arange(n) + 0.5) * ((high - low) / n)
+    return low + (np.arange(n, dtype=np.float64) + 0.5) * ((high - low) / n)
 
 
 def grid_of(shape: Shape, spacing: float) -> Grid:
@@ -82,7 +82,7 @@ def grid_of(shape: Shape, spacing: float) -> Grid:
 
 def _centred(low: float, high: float, spacing: float) -> NDArray[np.float64]:
     n = max(1, math.ceil((high - low) / spacing - 1e-4))  # STL files hold float32
-    return (low + high) / 2 + (np.arange(n) - (n - 1) / 2) * spacing
+    return (low + high) / 2 + (np.arange(n, dtype=np.float64) - (n - 1) / 2) * spacing
 
 
 class Shell:
@@ -178,7 +178,7 @@ class Parts:
         if not found:
             return np.zeros(0, np.int64), np.zeros((0, len(low))), np.zeros((0, len(low)))
         index = [i + (k << PART) for k, (i, _, _) in enumerate(found)]
-        return np.concatenate(index), *(np.concatenate([f[j] for f in found]) for j in (1, 2))
+        return np.concatenate(index), np.concatenate([f[1] for f in found]), np.concatenate([f[2] for f in found])
 
     def at(self, index: NDArray[np.int64]) -> tuple[NDArray, NDArray]:
         d = self.parts[0].origin.size

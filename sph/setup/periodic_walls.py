@@ -4,6 +4,7 @@ import math
 from collections.abc import Iterator
 
 from hpcpic.core.case.config import Path
+from hpcpic.core.case.schema import Section
 from sph.case import geometry
 from sph.case.config import AXES, Domain, Motion, Shape, SphConfig, Wall
 
@@ -29,7 +30,7 @@ def endless(shape: Shape, domain: Domain) -> Shape:
             ends = 2 * a - b, 2 * b - a
             if shape.box:
                 corners = (_with(corner, k, end) for corner, end in zip((shape.box.low, shape.box.high), ends))
-                update = {"box": shape.box.model_copy(update=dict(zip(("low", "high"), corners)))}
+                update: dict[str, Section] = {"box": shape.box.model_copy(update=dict(zip(("low", "high"), corners)))}
             else:
                 assert shape.cylinder is not None
                 middles = (_with(shape.cylinder.base, k, end) for end in ends)
@@ -46,12 +47,12 @@ def faults(config: SphConfig, wall: Wall) -> Iterator[tuple[Path, str]]:
     """What of a wall does not fit the periods of the domain."""
     domain, shape = config.domain, wall.shape
     for axis in domain.periodic if domain.low and domain.high else ():
-        k = AXES.index(axis)
+        k, (first, last) = AXES.index(axis), domain.corners
         if shape.plane:
             if shape.plane.normal[k]:
                 yield ("shape", "plane", "normal"), f"a plane across {axis}, along which the domain repeats itself"
             continue
-        period = f"the period {domain.low[k]:g} .. {domain.high[k]:g} m along {axis}"
+        period = f"the period {first[k]:g} .. {last[k]:g} m along {axis}"
         if through(shape, domain, k):
             if not (shape.box or (shape.cylinder and _along(shape, k))):
                 yield ("shape",), f"only a box, or a cylinder along {axis}, can go all through {period}"
@@ -62,8 +63,8 @@ def faults(config: SphConfig, wall: Wall) -> Iterator[tuple[Path, str]]:
             yield ("shape", "box"), text
             continue
         back, forth = _way(wall.motion, config.simulation.end_time, k)
-        tiny = TINY * (domain.high[k] - domain.low[k])
-        if low + back < domain.low[k] - tiny or high + forth > domain.high[k] + tiny:
+        tiny = TINY * (last[k] - first[k])
+        if low + back < first[k] - tiny or high + forth > last[k] + tiny:
             text = f"must lie within {period}, or go all through it (got {low + back:g} .. {high + forth:g}"
             yield ("shape",), text + (" while it moves)" if back or forth else ")")
 

@@ -49,7 +49,7 @@ def held(scene: "Scene", section: "Fluid") -> bool:
     flat = [wall for wall in scene.walls if (wall.shape.box or wall.shape.plane) and not wall.moving]
     faces = [face for wall in flat for face in wall.flat_faces()]
     low, high = np.array(box.low), np.array(box.high)
-    for axis in np.flatnonzero(~scene.periodic):
+    for axis in np.flatnonzero(~scene.periodic).tolist():
         for sign, corner in ((1.0, low), (-1.0, high)):
             side = np.where(np.arange(len(low)) == axis, corner, (low + high) / 2)
             covered = any(_covers(face, side, axis, sign, scene.spacing) for face in faces)

@@ -285,7 +285,7 @@ class Scene:
         """x[n, d] m, v[n, d] m/s, drho[n] = rho - rho0 kg/m3, m[n] kg of fluid particles at t = 0."""
         ids = np.asarray(ids, np.int64)
         d = self.dimensions
-        found = {"x": np.zeros((len(ids), d)), "v": np.zeros((len(ids), d))}
+        found: dict[str, NDArray[np.float64]] = {"x": np.zeros((len(ids), d)), "v": np.zeros((len(ids), d))}
         found |= {"drho": np.zeros(len(ids)), "m": np.zeros(len(ids))}
         for fluid in self.fluids:
             own = (ids >= fluid.first) & (ids < fluid.first + fluid.n)

@@ -48,7 +48,7 @@ def _beyond(wall: "Wall", x: NDArray, faces: set[str]) -> NDArray[np.float64]:
     assert box is not None
     sides = {"-": (box.low, -1.0), "+": (box.high, 1.0)}
     columns = [(x[:, AXES.index(axis)] - sides[sign][0][AXES.index(axis)]) * sides[sign][1]
-               for axis, sign in sorted(faces)]  # fmt: skip
+               for axis, sign in map(tuple, sorted(faces))]  # fmt: skip
     return np.stack(columns, axis=1) if columns else np.zeros((len(x), 0))
 
 
@@ -58,5 +58,5 @@ def sides(wall: "Wall") -> list[tuple[int, float, float]]:
     if not box or not rims(wall):
         return []
     places = {"-": (-1.0, box.low), "+": (1.0, box.high)}
-    found = [(AXES.index(axis), *places[sign]) for axis, sign in sorted(wall.closed)]
+    found = [(AXES.index(axis), *places[sign]) for axis, sign in map(tuple, sorted(wall.closed))]
     return [(axis, sign, sign * corner[axis] + wall.scene.spacing) for axis, sign, corner in found]
