@@ -84,7 +84,7 @@ def test_only_moving_grains_have_contacts(pool):  # C4
         (water(), water(flux="rusanov"), {"density flux"}),
         (water(), water(form="cleary", more="dynamic_viscosity = 1.0;"), {"viscosity"}),
         (water(), water(walls=TANK.format(kind="mirror-no-slip")), {"walls"}),
-        (water(), water(integrator="rk3-tvd"), {"state of the step before"}),
+        (water(), water(integrator="rk3-tvd"), {"x_old", "v_old", "drho_old"}),
         (water(gravity=0.0), water(), set()),
         (flow((32, 32)), flow((32, 32), spheres((32, 32), 32, 10.0)), {"links", "solid"}),
         (plasma(particles=0), plasma(), {"push", "deliver", "collect", "solve", "gradient", "particles",
@@ -100,10 +100,10 @@ def test_each_part_of_the_physics_brings_its_lines_alone(without, with_it, expec
 def test_terms_that_a_scene_has_not_are_not_compiled(pool):  # C7
     """What the plan of the water leaves out is in neither the law of its kernels nor the arrays of its bodies."""
     with scenes.running(water(high=(0.2, 0.2), top=(0.1, 0.1)), pool) as app:
-        law, bodies = app.spec, app.bodies
+        law, arena = app.spec, app.tasks.arena
         assert (law.flux, law.viscosity, law.artificial) == ("none", "none", False)
         assert not (law.walls or law.tensile or law.shifting or law.corrected or law.repulsive)
-        empty = {name for name, column in bodies.columns.items() if not column.size}
+        empty = {name for name in arena.declared if not arena[name].size}
     assert empty >= {"x_old", "v_old", "drho_old", "gradient", "shear", "matrix", "offset"}
 
 
