@@ -1,8 +1,4 @@
-"""A whole run folder made by a plain 1D particle-in-cell loop of a few lines: CIC, 3-point Poisson, leapfrog.
-
-It takes its initial state from the scene of the case and writes with the program's own writers, and so serves
-both as data for the figures and as the independent program that the fast one can be compared with.
-"""
+"""A whole run folder made by the plain reference (hpcpic.plasma.physics.reference) and the program's own writers."""
 
 from __future__ import annotations
 
@@ -20,77 +16,34 @@ from hpcpic.core.files.together import Alone
 from hpcpic.core.space.domain import Domain
 from hpcpic.plasma.case.config import PlasmaConfig
 from hpcpic.plasma.configure import configure
+from hpcpic.plasma.diagnostics.scalars import units
+from hpcpic.plasma.physics.reference import Reference
 from hpcpic.plasma.setup.scene import Scene
 
-N_MODES = 8
-UNITS = {
-    "energy_field": "J",
-    "energy_kinetic": "J",
-    "energy_total": "J",
-    "momentum_x": "kg m/s",
-    "charge": "C",
-    **{f"mode_{n}": "V/m" for n in range(1, N_MODES + 1)},
-}
+UNITS = {name: unit for name, unit in units().items() if name != "momentum_y"}
 
 
-class Reference:
-    """State of all species side by side: x[n] m, v[n] m/s at the same time level only inside `advance`."""
-
-    def __init__(self, config: PlasmaConfig) -> None:
-        self.scene = scene = Scene(config)
-        every = [(s, np.arange(s.first, s.first + s.n)) for s in scene.species]
-        self.x = np.concatenate([s.positions(ids)[:, 0] for s, ids in every])
-        self.v = np.concatenate([s.velocities(ids)[:, 0] for s, ids in every])
-        self.q = np.concatenate([np.full(s.n, s.q) for s in scene.species])
-        self.m = np.concatenate([np.full(s.n, s.m) for s in scene.species])
-        self.length, self.n, self.dx, self.dt = (
-            scene.lengths[0],
-            scene.points[0],
-            scene.spacing[0],
-            scene.time_step,
-        )
-        self.solve()
-        self.v -= 0.5 * self.dt * self.kick()  # v at -1/2
-
-    def weights(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        s = self.x / self.dx
-        i = np.floor(s).astype(int)
-        return i % self.n, (i + 1) % self.n, s - i
-
-    def solve(self) -> None:
-        """rho[n] C/m, phi[n] V, E[n] V/m at the time of x."""
-        i, j, f = self.weights()
-        rho = np.bincount(i, self.q * (1 - f), self.n) + np.bincount(j, self.q * f, self.n)
-        self.rho = rho / self.dx + self.scene.background
-        k = np.arange(self.n // 2 + 1)
-        laplace = (2 * np.sin(np.pi * k / self.n) / self.dx) ** 2 * self.scene.permittivity
-        laplace[0] = np.inf
-        self.phi = np.fft.irfft(np.fft.rfft(self.rho) / laplace, self.n)
-        self.E = (np.roll(self.phi, 1) - np.roll(self.phi, -1)) / (2 * self.dx)
-
-    def kick(self) -> np.ndarray:
-        i, j, f = self.weights()
-        return self.q / self.m * ((1 - f) * self.E[i] + f * self.E[j])
-
-    def advance(self) -> dict[str, float]:
-        """One step; the scalars at its beginning, velocities centred."""
-        old = self.v
-        self.v = old + self.dt * self.kick()
-        kinetic = 0.5 * (self.m * (0.5 * (old + self.v)) ** 2).sum()
-        field = 0.5 * self.dx * self.rho @ self.phi
-        waves = 2 * np.abs(np.fft.rfft(self.E)) / self.n
-        scalars = {f"mode_{k}": float(waves[k]) if k < len(waves) else 0.0 for k in range(1, N_MODES + 1)}
-        scalars |= {"energy_field": field, "energy_kinetic": kinetic, "energy_total": field + kinetic}
-        scalars |= {"momentum_x": float((self.m * 0.5 * (old + self.v)).sum()), "charge": float(self.q.sum())}
-        self.x = (self.x + self.dt * self.v) % self.length
-        self.solve()
-        return scalars
+def reference_of(scene: Scene) -> Reference:
+    """The initial state of a 1D case without magnetic field."""
+    every = [(s, np.arange(s.first, s.first + s.n)) for s in scene.species]
+    return Reference(
+        np.concatenate([s.positions(ids)[:, 0] for s, ids in every]),
+        np.concatenate([s.velocities(ids)[:, 0] for s, ids in every]),
+        np.concatenate([np.full(s.n, s.q) for s in scene.species]),
+        np.concatenate([np.full(s.n, s.m) for s in scene.species]),
+        length=scene.lengths[0],
+        n=scene.points[0],
+        time_step=scene.time_step,
+        permittivity=scene.permittivity,
+        background=scene.background,
+    )
 
 
 def make_run(case: Path, folder: Path, sets: tuple[str, ...] = ()) -> Path:
     """Run a 1D case without magnetic field and leave a run folder."""
     config = configure(load(case, sets))
-    state = Reference(config)
+    scene = Scene(config)
+    state = reference_of(scene)
     rundir = RunDir.create(folder, config=dump(config), given={case.name: case.read_text()}, sets=sets)
     world, domain = Alone(), Domain((state.length,), (state.n,), (True,), (0, state.n))
     series, fields = SeriesWriter(rundir, UNITS), FieldsWriter(world, rundir.fields)
@@ -105,7 +58,7 @@ def make_run(case: Path, folder: Path, sets: tuple[str, ...] = ()) -> Path:
             }
             fields.append(step, time, domain, arrays)
         if periods["particle"] and step % periods["particle"] == 0:
-            particles.append(step, time, {s.name: _particles(state, s) for s in state.scene.species})
+            particles.append(step, time, {s.name: _particles(state, s) for s in scene.species})
         scalars = state.advance()
         if periods["series"] and step % periods["series"] == 0:
             series.append(step, time, scalars)

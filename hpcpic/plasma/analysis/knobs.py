@@ -107,7 +107,7 @@ def settings(config: PlasmaConfig, sizes: Mapping[str, float], time: float) -> t
     step = time / cycles
     made = [f"simulation.cycles={cycles}", f"simulation.time_step={math.copysign(step, simulation.time_step)!r}"]
     finer = spacing(config)[0] / sizes["dx"] if "dx" in sizes else 1.0
-    points = [n if finer == 1.0 else smooth(max(4.0, n * finer)) for n in config.grid.points]
+    points = [n if finer == 1.0 else smooth(max(4.0, n * finer)) for n in config.points]
     made.append(f"grid.points={points}")
     if "particles" in sizes and scalable(config):
         more = 1.0 / (sizes["particles"] * sum(s.particles for s in config.species))

@@ -50,7 +50,7 @@ def beams(config: PlasmaConfig) -> tuple[Beam, ...]:
 
 def mesh_of(config: PlasmaConfig) -> Mesh:
     """What the dispersion of the scheme needs, for waves along x."""
-    dx = config.simulation.space_length[0] / config.grid.points[0]
+    dx = config.simulation.space_length[0] / config.points[0]
     dt = abs(config.simulation.time_step)  # backwards a wave does the same
     return Mesh(dx, dt, config.numerics.shape, config.numerics.gradient == "spectral")
 

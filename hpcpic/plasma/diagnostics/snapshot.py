@@ -79,7 +79,7 @@ def columns(scene: Scene, spec: PushSpec) -> dict[str, Column]:
     real, d = np.dtype(spec.dtype).type, scene.dimensions
     edge = EDGE[d]
     tiles = math.prod(-(-points // edge) for points in scene.points[:d])
-    found = {}
+    found: dict[str, Column] = {}
     for species in scene.species:
         found |= {
             f"{species.name}/tile": Column(np.int32, (species.n,), 0, tiles - 1),

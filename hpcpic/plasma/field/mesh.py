@@ -88,7 +88,8 @@ class Mesh:
 
     def _around(self, exchange: Exchange, before: Sequence[list[Bound]], after: list[Bound]) -> Graph:
         """Stages of tasks before an exchange of ghosts, the exchange, the tasks `after`."""
-        graph, pieces = Graph(), []
+        graph = Graph()
+        pieces: list[tuple[int, int]] = []
         for stage, tasks in enumerate(before):
             done, pieces = pieces, [(stage, k) for k in range(len(tasks))]
             for piece, bound in zip(pieces, tasks):

@@ -4,6 +4,7 @@ import itertools
 import math
 from collections.abc import Iterator
 from functools import partial
+from typing import Literal
 
 from hpcpic.core.case.derived import Derived
 from hpcpic.plasma.case.config import MOST_POINTS, PlasmaConfig, Species, velocity_components, volume
@@ -12,6 +13,7 @@ from hpcpic.plasma.physics.heating import MIN_PER_CELL, energy_ratio
 from hpcpic.plasma.physics.shapes import SHAPES, Shape
 from hpcpic.plasma.setup.loaders import loader_of, velocity_moments
 
+Verdict = Literal["ok", "warn", "fail"]
 HEATED = 0.1  # growth of the energy by the grid that is warned of
 CURES = 5  # doublings of particles or points that are tried against it
 SMOOTHEST = SHAPES["TSC"]
@@ -64,7 +66,7 @@ def thermal_velocities(config: PlasmaConfig, species: Species) -> tuple[float, .
 
 
 def spacing(config: PlasmaConfig) -> tuple[float, ...]:
-    return tuple(length / n for length, n in zip(config.simulation.space_length, config.grid.points))
+    return tuple(length / n for length, n in zip(config.simulation.space_length, config.points))
 
 
 def rounded_down(value: float) -> float:
@@ -118,7 +120,7 @@ def stability(config: PlasmaConfig) -> Iterator[Derived]:
     source = f"{BOOK} ch. 4"
     yield Derived("plasma frequency", "wp", wp, "rad/s")
     step = abs(wp * dt)
-    verdict = "ok" if step <= 0.5 else "warn" if step < 1.2 else "fail"
+    verdict: Verdict = "ok" if step <= 0.5 else "warn" if step < 1.2 else "fail"
     limit = "< 2, accurate below 0.5" if step < 1.2 else "< 1.2, stable below 2" if step < 2 else "< 2"
     legal = math.copysign(rounded_down(1.19 / wp), dt) if wp else dt
     good = math.copysign(rounded_down(0.2 / wp), dt) if wp else dt
@@ -137,7 +139,7 @@ def stability(config: PlasmaConfig) -> Iterator[Derived]:
 
 def sampling(samples: float, period: int) -> Derived:
     """How well a series shows the energy of the field, which swings twice in a plasma period."""
-    verdict = "ok" if samples > 2 else "warn"
+    verdict: Verdict = "ok" if samples > 2 else "warn"
     cure = "" if verdict == "ok" else f"output.every.series = {max(1, int(period * samples / 8))} shows them"
     key = ("output", "every", "series")
     name = "samples in a swing of the field energy"
@@ -161,7 +163,7 @@ def turning(config: PlasmaConfig, step: float) -> Derived:
     """The angle by which a particle turns in a step."""
     exact, source = config.numerics.exact_phase, f"{BOOK} ch. 4"
     most, good = (math.pi, math.pi) if exact else (MOST_TURN, 0.35)
-    verdict = "ok" if step <= good else "warn" if step < most else "fail"
+    verdict: Verdict = "ok" if step <= good else "warn" if step < most else "fail"
     limit = "< pi" if exact else "< 0.35 for the gyro-phase to 1 %" if step < most else f"< {most:g}"
     cure = "" if verdict == "ok" else f"time_step = {step_for(config, 0.35 / step):g}"
     if step >= MOST_TURN:
@@ -178,7 +180,7 @@ def resolution(config: PlasmaConfig) -> Iterator[Derived]:
         wp = plasma_frequency(config, species)
         for axis, thermal in enumerate(thermal_velocities(config, species)):
             inverse_sq[axis] += (wp / thermal) ** 2 if thermal > 0 else 0.0
-    axes = zip(inverse_sq, spacing(config), config.grid.points)
+    axes = zip(inverse_sq, spacing(config), config.points)
     ratios = [1 / math.sqrt(k) / dx for k, dx, n in axes if k > 0 and n > 1]  # one point has no field along its axis
     if not ratios:
         return
@@ -187,7 +189,7 @@ def resolution(config: PlasmaConfig) -> Iterator[Derived]:
     known = config.dimensions == 2 and bool(shape.heating) and config.numerics.gradient == "difference"
     yield shielding(config, ratio, known)
     longest = max(1 / math.sqrt(k) / length for k, length in zip(inverse_sq, config.simulation.space_length) if k > 0)
-    verdict = "ok" if longest < 10 else "warn"
+    verdict: Verdict = "ok" if longest < 10 else "warn"
     cure = "" if verdict == "ok" else f"no shielding in this box: the particles fly freely; {UNITS}"
     key = ("simulation", "space_length")
     yield Derived("Debye length in boxes", "lambda_D/L", longest, "", "< 10", verdict, f"{BOOK} ch. 1", cure, key)
@@ -197,10 +199,10 @@ def resolution(config: PlasmaConfig) -> Iterator[Derived]:
 
 def shielding(config: PlasmaConfig, ratio: float, known: bool) -> Derived:
     """Debye length against the grid. known: whether the rates of heating were measured for this scheme."""
-    verdict = "ok" if ratio >= 0.5 else "warn" if ratio >= 0.03 else "fail"
+    verdict: Verdict = "ok" if ratio >= 0.5 else "warn" if ratio >= 0.03 else "fail"
     cure = ""
     if verdict != "ok":
-        points = 0.5 / ratio * max(config.grid.points)
+        points = 0.5 / ratio * max(config.points)
         fine = f"about {math.ceil(points)} points on an axis" if points <= MOST_POINTS else "a hotter or thinner plasma"
         smooth = heated(config, SMOOTHEST, ratio) if known and config.numerics.shape == "CIC" else math.inf
         cheap = f', or numerics.shape = "TSC", with which the energy grows by {smooth:.2g}' if smooth < HEATED else ""
@@ -212,7 +214,7 @@ def shielding(config: PlasmaConfig, ratio: float, known: bool) -> Derived:
 def heated(config: PlasmaConfig, shape: Shape, ratio: float, more: float = 1.0, finer: float = 1.0) -> float:
     """W(end)/W(0) - 1 by the measured rates, with `more` times the particles and a `finer` grid; nan where too few."""
     particles = sum(species.particles for species in config.species)
-    per_cell = more * particles / (math.prod(config.grid.points) * finer**2)
+    per_cell = more * particles / (math.prod(config.points) * finer**2)
     time = total_plasma_frequency(config) * abs(config.simulation.time_step) * config.simulation.cycles
     return energy_ratio(shape, ratio * finer, per_cell, time) - 1 if per_cell >= MIN_PER_CELL else math.nan
 
@@ -224,7 +226,7 @@ def heating(config: PlasmaConfig, ratio: float) -> Derived:
     if math.isnan(growth):
         source = f"cannot be foretold with fewer than {MIN_PER_CELL:g} particles per cell"
         return Derived("predicted heating", "dW/W", growth, source=source)
-    verdict = "ok" if growth < HEATED else "warn"
+    verdict: Verdict = "ok" if growth < HEATED else "warn"
     factors = [2.0**n for n in range(1, CURES + 1)]
     more = next((f for f in factors if heated(config, shape, ratio, more=f) < HEATED), None)
     finer = next((f for f in factors if heated(config, shape, ratio, more=f**2, finer=f) < HEATED), None)
@@ -290,7 +292,7 @@ def waves(config: PlasmaConfig) -> Iterator[Derived]:
     if wp:
         time, key = dt * config.simulation.cycles, ("simulation", "cycles")
         limit, source = ("", "") if fastest_turn(config) * time >= 1 else ("> 0.16", "wp t > 1")
-        verdict = "ok" if wp * time >= 1 or not limit else "warn"
+        verdict: Verdict = "ok" if wp * time >= 1 or not limit else "warn"
         cure = "" if verdict == "ok" else f"the plasma does nothing in it: more cycles, a larger time_step; {UNITS}"
         periods = wp * time / (2 * math.pi)
         yield Derived("length of the run", "wp t/2pi", periods, "periods", limit, verdict, source, cure, key)
@@ -298,7 +300,7 @@ def waves(config: PlasmaConfig) -> Iterator[Derived]:
         if not species.perturbation:
             continue
         key = ("species", i, "perturbation", "mode")
-        turns = [2 * math.pi * n / points for n, points in zip(species.perturbation.mode, config.grid.points)]
+        turns = [2 * math.pi * n / points for n, points in zip(species.perturbation.mode, config.points)]
         step = max(abs(turn) for turn in turns)
         if step > math.pi:
             yield Derived(
@@ -326,9 +328,9 @@ def waves(config: PlasmaConfig) -> Iterator[Derived]:
 
 def sizes(config: PlasmaConfig) -> Iterator[Derived]:
     """Particles per cell, the charge of the background, and points where the solver minds."""
-    cells = math.prod(config.grid.points)
+    cells = math.prod(config.points)
     per_cell = sum(species.particles for species in config.species) / cells
-    verdict = "ok" if per_cell <= NODE_CAPACITY / 4 else "warn" if per_cell <= NODE_CAPACITY else "fail"
+    verdict: Verdict = "ok" if per_cell <= NODE_CAPACITY / 4 else "warn" if per_cell <= NODE_CAPACITY else "fail"
     limit, source = f"< {NODE_CAPACITY}", "64-bit fixed-point charge"
     cure = "" if verdict == "ok" else "more points"
     yield Derived("particles per cell", "N/cells", per_cell, "", limit, verdict, source, cure, POINTS)
@@ -354,8 +356,8 @@ def charge_density(config: PlasmaConfig, species: Species) -> float:
 
 def blocks(config: PlasmaConfig, ranks: int) -> Iterator[Derived]:
     """Rows per rank and columns per task block."""
-    columns, rows = config.grid.points[0], config.grid.points[-1]
-    verdict = "ok" if ranks <= rows else "fail"
+    columns, rows = config.points[0], config.points[-1]
+    verdict: Verdict = "ok" if ranks <= rows else "fail"
     cure = "" if verdict == "ok" else f"at most {rows} ranks"
     source = "slabs end at one row"
     yield Derived("rows per rank", "rows/R", rows / ranks, "", ">= 1", verdict, source, cure, POINTS, True)

@@ -104,12 +104,12 @@ def phases(config: PlasmaConfig, ranks: int, threads: int, rates: Mapping[str, f
     """Seconds of one step by what it does. With a sample in every step the field is solved there, not in the step."""
     if not particle_count(config):
         return {"launches": 1e-6}
-    d, cells = config.dimensions, math.prod(config.grid.points)
+    d, cells = config.dimensions, math.prod(config.points)
     kernel = f"particle_ns {d}D {config.numerics.shape} {config.numerics.precision}"
     components = (d + velocity_components(config)) / (2 * d)  # of a particle, beside those of the standard kernel
     gains = rates[f"plasma_core_gain {d}D"], rates["mesh_core_gain"]
     cores, mesh = (1e9 * gain(ranks, threads, rates, of_node) for of_node in gains)
-    tiles = math.prod(-(-n // EDGE[d]) for n in config.grid.points)
+    tiles = math.prod(-(-n // EDGE[d]) for n in config.points)
     filled = sum(filled_tiles(species.particles, tiles) for species in config.species)
     away = beyond_caches(cells, NODE_BYTES, max(1.0, ranks * threads / rates["cores"]), rates) / NODE_BYTES
     return {
@@ -127,9 +127,9 @@ def field_seconds(config: PlasmaConfig, cores: float, away: float, rates: Mappin
     """Of one field, of which no cache holds `away` nodes. With LU every rank solves the whole of it, on one thread."""
     d, spectral = config.dimensions, config.numerics.gradient == "spectral"
     if config.simulation.solver == "LU":
-        return 1e-9 * factor_nonzeros(config.grid.points) * rates[f"factor_ns {d}D"]
+        return 1e-9 * factor_nonzeros(config.points) * rates[f"factor_ns {d}D"]
     transforms = 1 + 0.5 * d * spectral  # beside those of differences
-    cells = math.prod(config.grid.points)
+    cells = math.prod(config.points)
     work = cells * max(1.0, math.log2(cells)) / LEVELS[d] * rates[f"field_ns {d}D"] + away * rates["field_memory_ns"]
     return 1e-9 * work * transforms / cores
 
@@ -166,14 +166,14 @@ def exchange_seconds(config: PlasmaConfig, ranks: int, rates: Mapping[str, float
         return 0.0
     size = 8 if config.numerics.precision == "double" else 4
     away = max(0.0, 1 - rates["cores"] / ranks)
-    transposes = 2 * size * math.prod(config.grid.points) / ranks * away
+    transposes = 2 * size * math.prod(config.points) / ranks * away
     count = exchanges(config.dimensions, ranks)
     return 1e-6 * count * rates["plasma_exchange_us"] + transposes / (1e9 * rates["message_gb_s"])
 
 
 def sample_seconds(config: PlasmaConfig, ranks: int, threads: int, rates: Mapping[str, float]) -> float:
     """Of one sample of the series beside the field, which the next step would have solved."""
-    work = particle_count(config) * rates["sample_ns"] + math.prod(config.grid.points) * rates["sample_cell_ns"]
+    work = particle_count(config) * rates["sample_ns"] + math.prod(config.points) * rates["sample_cell_ns"]
     cores = gain(ranks, threads, rates, rates[f"plasma_core_gain {config.dimensions}D"])
     return 1e-9 * work / cores + 1e-6 * rates["plasma_sample_us"]
 
@@ -202,7 +202,7 @@ def disk_items(config: PlasmaConfig) -> dict[str, float]:
     cycles = config.simulation.cycles
     size = 8 if config.numerics.precision == "double" else 4
     series, period = config.periods["series"], config.output.every
-    particles, cells = particle_count(config), math.prod(config.grid.points)
+    particles, cells = particle_count(config), math.prod(config.points)
 
     def times(every: int | None) -> int:
         return cycles // every + 1 if every else 0

@@ -53,7 +53,7 @@ def kernels(config: PlasmaConfig) -> list[str]:
 
 def arrays(config: PlasmaConfig, ranks: int, threads: int) -> Iterator[Array]:
     """The arrays of the rank with the most rows."""
-    d, points = config.dimensions, config.grid.points[::-1]
+    d, points = config.dimensions, config.points[::-1]
     below, above = SHAPES[config.numerics.shape].ghosts
     ghosts = below + above
     rows = even_cuts(points[0], ranks)[1]
@@ -71,7 +71,7 @@ def arrays(config: PlasmaConfig, ranks: int, threads: int) -> Iterator[Array]:
     results = d if config.numerics.gradient == "spectral" else 1
     if config.simulation.solver == "LU":
         yield Array("LU: gathered grid, twice", (2, points[0], columns), "float64")
-        yield Array("LU: factors", (factor_nonzeros(config.grid.points), 3), "int32")  # a float64 and its row
+        yield Array("LU: factors", (factor_nonzeros(config.points), 3), "int32")  # a float64 and its row
     else:
         across = points[1] if d == 2 else 1
         yield Array("transform: rows", (1 + results, rows, across), "float64")
@@ -111,7 +111,7 @@ def messages(config: PlasmaConfig, ranks: int) -> list[str]:
     if not any(species.particles for species in config.species):
         return ["none: nothing changes without particles"]
     neighbours = min(2, ranks - 1)
-    row = config.grid.points[0] if config.dimensions == 2 else 1
+    row = config.points[0] if config.dimensions == 2 else 1
     below, above = SHAPES[config.numerics.shape].ghosts
     charge = 8 * row * groups(config) * (below + above)
     wide = row + below + above + 2 if config.dimensions == 2 else 1

@@ -29,7 +29,7 @@ class Scene:
         self.config = config
         self.dimensions = config.dimensions
         self.lengths = simulation.space_length
-        self.points = config.grid.points
+        self.points = config.points
         self.spacing = tuple(length / n for length, n in zip(self.lengths, self.points))
         self.time_step = simulation.time_step
         self.permittivity = config.constants.vacuum_permittivity
