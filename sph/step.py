@@ -8,6 +8,7 @@ from hpcpic.core.comm.world import World
 from hpcpic.core.errors import Diverged
 from hpcpic.core.files.arrays import Column, FieldArray, ParticleArray, Shard
 from hpcpic.core.files.sealed import Reader
+from hpcpic.core.simd.generate import specialise
 from hpcpic.core.space.domain import Domain
 from hpcpic.core.tasks.graph import Pool
 from hpcpic.core.timers import Timers
@@ -17,7 +18,6 @@ from sph.diagnostics import scalars, snapshot
 from sph.diagnostics.checkpoint import Checkpoint
 from sph.diagnostics.gauges import Gauges
 from sph.diagnostics.guards import Runaway
-from sph.kernels.specialise import specialise
 from sph.particles.arrays import arrays_of
 from sph.particles.cell_grid import CellGrid
 from sph.particles.clock import Clock
@@ -82,7 +82,7 @@ class Sph:
         declared = arrays_of(self.spec, self.integrator.staged)
         parts = parts_of(scene.n_fluid // self.world.size, pool.threads)
         self.tasks = Tasks(pool, arena_of(scene, declared, parts, mirrors=mirrors))
-        self.motion = specialise("motion", DIM=scene.dimensions, REAL=self.spec.real)
+        self.motion = specialise("sph.kernels", ["motion"], DIM=scene.dimensions, REAL=repr(self.spec.real))
         self.storage = Storage(scene, self.world, self.tasks.arena)
         self.ghosts = Ghosts(self.storage, self.motion, maps)
         self.cells = Cells(self.tasks, self.grid, scene.dimensions)

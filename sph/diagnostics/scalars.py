@@ -10,9 +10,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hpcpic.core.comm.world import World
+from hpcpic.core.simd.generate import specialise
 from hpcpic.core.space import exact
 from sph.case.config import AXES
-from sph.kernels.specialise import specialise
 from sph.particles.tasks import Tasks
 from sph.particles.wall_forces import WallForces
 from sph.setup.scene import Scene
@@ -37,7 +37,7 @@ class Totals:
     def __init__(self, scene: Scene, world: World, tasks: Tasks) -> None:
         d, axes = scene.dimensions, list(scene.axes)
         self.scene, self.world, self.tasks, self.axes = scene, world, tasks, axes
-        self.kernels = specialise("totals", DIM=d)
+        self.kernels = specialise("sph.kernels", ["totals"], DIM=d)
         self.n = self.kernels.TERMS
         n, whole = round(scene.gamma) - 1, scene.gamma == round(scene.gamma) and 2 <= scene.gamma <= MOST_GAMMA
         powers = [math.comb(n, k) / n for k in range(1, n + 1)] if whole else []

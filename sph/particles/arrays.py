@@ -58,9 +58,7 @@ def _of_pairs(spec: PairSpec) -> list[Array]:
         Array("run_length", (n, "slots"), "uint16", "", "slots of a run of neighbours", phase="pairs"),
     ]
     if spec.single:
-        arrays.append(
-            Array("position", (spec.dimensions, "slots"), "int32", "", "x in fixed point", phase="pairs")
-        )
+        arrays.append(Array("position", (spec.dimensions, "slots"), "int32", "", "x in fixed point", phase="pairs"))
     return arrays
 
 

@@ -4,10 +4,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hpcpic.core.errors import Diverged
+from hpcpic.core.simd.generate import specialise
 from hpcpic.core.tasks.graph import TaskError
 from sph.kernels.groups import Table
 from sph.kernels.marks import BODY, OWN
-from sph.kernels.specialise import specialise
 from sph.particles.cell_grid import PADS, CellGrid
 from sph.particles.slabs import Slabs
 from sph.particles.storage import Storage
@@ -22,7 +22,7 @@ class Cells:
 
     def __init__(self, tasks: Tasks, grid: CellGrid, d: int) -> None:
         self.tasks, self.grid, self.parts = tasks, grid, tasks.parts
-        self.kernels, self.runs = (specialise(stem, DIM=d) for stem in ("cells", "runs"))
+        self.kernels, self.runs = (specialise("sph.kernels", [stem], DIM=d) for stem in ("cells", "runs"))
         tasks.arena.group(table=Table)
         tasks.arena.set(scale=grid.scale, edge=grid.edges)
 
