@@ -1,7 +1,7 @@
 """Velocities and pressures with which fluids start; points x[n, d] in m."""
 
 import math
-from typing import TYPE_CHECKING
+from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -10,18 +10,29 @@ from hpcpic.core.space.products import product
 from sph.case import geometry
 from sph.case.config import Fluid
 
-if TYPE_CHECKING:
-    from sph.setup.scene import Scene
-
 TERMS = 60  # of the double sine series in each direction
 
 
-def up(scene: "Scene") -> NDArray[np.float64]:
+class Liquid(Protocol):
+    """What is read of a scene: gravity[d] m/s2, rho0 kg/m3, and the pressures of densities."""
+
+    dimensions: int
+    gravity: NDArray[np.float64]
+    rho0: float
+
+    def pressure(self, drho: NDArray) -> NDArray[np.float64]:
+        """p in Pa from rho - rho0."""
+
+    def rest_density_below(self, depth: NDArray) -> NDArray[np.float64]:
+        """Hydrostatic rho - rho0 at a depth in m."""
+
+
+def up(scene: Liquid) -> NDArray[np.float64]:
     """Unit vector against gravity."""
     return -scene.gravity / math.hypot(*scene.gravity)
 
 
-def depth(scene: "Scene", fluid: Fluid, x: NDArray) -> NDArray[np.float64]:
+def depth(scene: Liquid, fluid: Fluid, x: NDArray) -> NDArray[np.float64]:
     """Distance[n] below the free surface of a fluid along gravity; 0 without gravity."""
     if not scene.gravity.any():
         return np.zeros(len(x))
@@ -31,7 +42,7 @@ def depth(scene: "Scene", fluid: Fluid, x: NDArray) -> NDArray[np.float64]:
     return top - product(x, up(scene))
 
 
-def velocity(scene: "Scene", fluid: Fluid, x: NDArray) -> NDArray[np.float64]:
+def velocity(scene: Liquid, fluid: Fluid, x: NDArray) -> NDArray[np.float64]:
     """v[n, d] at t = 0, m/s."""
     v = np.tile(np.array(fluid.velocity), (len(x), 1))
     flow = fluid.flow
@@ -55,7 +66,7 @@ def velocity(scene: "Scene", fluid: Fluid, x: NDArray) -> NDArray[np.float64]:
     return v
 
 
-def pressure(scene: "Scene", fluid: Fluid, x: NDArray) -> NDArray[np.float64]:
+def pressure(scene: Liquid, fluid: Fluid, x: NDArray) -> NDArray[np.float64]:
     """p[n] in Pa that keeps the initial flow free of divergence.
 
     Vortices: -rho U^2 / 4 (cos 2kx + cos 2ky). Linear: lap p = -rho tr(G^2) with p = 0 on the surface of a disc,

@@ -1,17 +1,26 @@
 """Where fluid rests before repulsive walls: from nearer it would be thrown off them, from farther it would fall."""
 
-from typing import TYPE_CHECKING
+from typing import Any, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
 from hpcpic.core.space.products import product
-
-if TYPE_CHECKING:
-    from sph.case.config import Fluid
-    from sph.setup.scene import Face, Scene
+from sph.case.config import Fluid
+from sph.setup.faces import Face
+from sph.setup.flows import Liquid
 
 STRENGTH = 0.01  # of c0^2 / h: the acceleration by a repulsive wall where S = 1 (SC 8)
+
+
+class Surroundings(Liquid, Protocol):
+    """What is read of a scene besides: its walls, lengths in m, c0 in m/s."""
+
+    walls: list[Any]
+    spacing: float
+    h: float
+    c0: float
+    periodic: NDArray[np.bool_]
 
 
 def distance(strength: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -19,7 +28,7 @@ def distance(strength: NDArray[np.float64]) -> NDArray[np.float64]:
     return np.where(strength < 1.0, 1.0 - 0.2 * np.sqrt(strength), 0.8 * np.maximum(strength, 1.0) ** -0.125)
 
 
-def before_walls(scene: "Scene", section: "Fluid", x: NDArray, drho: NDArray) -> NDArray[np.float64]:
+def before_walls(scene: Surroundings, section: Fluid, x: NDArray, drho: NDArray) -> NDArray[np.float64]:
     """x[n, d] of a fluid at t = 0: what is nearer to repulsive faces than where these push as much as the pressure
     beside them is moved there; where walls hold all of the fluid, also what is farther and feels them. A layer of
     thickness dp and pressure p is held by p / (rho0 dp), and half of its own weight.
@@ -41,7 +50,7 @@ def before_walls(scene: "Scene", section: "Fluid", x: NDArray, drho: NDArray) ->
     return x
 
 
-def held(scene: "Scene", section: "Fluid") -> bool:
+def held(scene: Surroundings, section: Fluid) -> bool:
     """Whether a fluid lies in a box with flat walls that stay on all sides but the upper one: it will not run out."""
     box, gravity = section.shape.box, scene.gravity
     if not box or np.count_nonzero(gravity) != 1:
@@ -58,7 +67,7 @@ def held(scene: "Scene", section: "Fluid") -> bool:
     return True
 
 
-def _covers(face: "Face", side: NDArray, axis: int, sign: float, spacing: float) -> bool:
+def _covers(face: Face, side: NDArray, axis: int, sign: float, spacing: float) -> bool:
     """Whether a face looks along an axis from the middle of a side."""
     off = abs((side - face.point) @ face.normal)
     across = np.arange(len(side)) == axis

@@ -18,6 +18,7 @@ from sph.kernels.marks import WALL_BITS
 from sph.physics.stability import support_of
 from sph.physics.wall_rules import WALL_RULES
 from sph.setup import flows, periodic_walls, rest_distance, signed_distance
+from sph.setup.faces import Face
 from sph.setup.particle_lattices import PART, Filled, Grid, Parts, Sheet, Shell, box_sheets, even, grid_of
 from sph.setup.tanks import behind, depth_in
 
@@ -28,16 +29,6 @@ DOMAIN = "the domain"  # as what takes particles away
 FAR = 1e300
 AHEAD = 4.0  # supports around the fluid in which walls are made, once it is nearer than one to what is not made yet
 DISORDER = 1  # stream of the random numbers
-
-
-@dataclass(frozen=True, slots=True)
-class Face:
-    """A flat piece of a wall: a point on it, its normal into the fluid, the box that holds it (m)."""
-
-    point: NDArray[np.float64]
-    normal: NDArray[np.float64]
-    low: NDArray[np.float64]
-    high: NDArray[np.float64]
 
 
 class Wall:

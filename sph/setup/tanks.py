@@ -2,26 +2,34 @@
 side is lost.
 """
 
-from typing import TYPE_CHECKING
+from typing import Any, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
+from sph.case import config as case
 from sph.case.config import AXES
 from sph.setup import signed_distance
 
-if TYPE_CHECKING:
-    from sph.setup.scene import Wall
+
+class Tank(Protocol):
+    """What is read of a wall: its shape and closed faces, layers of particles, and the scene that it is in."""
+
+    scene: Any
+    section: case.Wall
+    shape: case.Shape
+    closed: set[str]
+    layers: int
 
 
-def rims(wall: "Wall") -> set[str]:
+def rims(wall: Tank) -> set[str]:
     """Faces that are left out of a tank: over their edges fluid can leave it."""
     box, scene = wall.shape.box, wall.scene
     real = {axis for axis, repeats in zip(AXES, scene.periodic) if not repeats}
     return {face for face in box.open if face[0] in real} if box and not wall.section.solid else set()
 
 
-def behind(wall: "Wall", x: NDArray) -> NDArray[np.float64]:
+def behind(wall: Tank, x: NDArray) -> NDArray[np.float64]:
     """How far points lie behind the closed faces of a tank and what goes on in their planes, m; negative before all."""
     shape = wall.shape
     if not shape.box:
@@ -30,7 +38,7 @@ def behind(wall: "Wall", x: NDArray) -> NDArray[np.float64]:
     return np.max(faces, axis=1, initial=-np.inf)
 
 
-def depth_in(wall: "Wall", x: NDArray) -> NDArray[np.float64]:
+def depth_in(wall: Tank, x: NDArray) -> NDArray[np.float64]:
     """How deep points lie in what a tank is made of, m; negative inside of it, and outside where fluid can come to over
     the edges of faces that are left out. A wall is as thick as its particles; one without edges is so without end.
     """
@@ -42,7 +50,7 @@ def depth_in(wall: "Wall", x: NDArray) -> NDArray[np.float64]:
     return np.where(depth <= thick, np.minimum(depth, -over), -np.inf)
 
 
-def _beyond(wall: "Wall", x: NDArray, faces: set[str]) -> NDArray[np.float64]:
+def _beyond(wall: Tank, x: NDArray, faces: set[str]) -> NDArray[np.float64]:
     """[n, face]: how far points lie beyond the planes of these faces of a box, m."""
     box = wall.shape.box
     assert box is not None
@@ -52,7 +60,7 @@ def _beyond(wall: "Wall", x: NDArray, faces: set[str]) -> NDArray[np.float64]:
     return np.stack(columns, axis=1) if columns else np.zeros((len(x), 0))
 
 
-def sides(wall: "Wall") -> list[tuple[int, float, float]]:
+def sides(wall: Tank) -> list[tuple[int, float, float]]:
     """Closed faces of a tank with edges: axis, sign s, and p so that s x > p is more than a spacing behind the face."""
     box = wall.shape.box
     if not box or not rims(wall):
