@@ -51,6 +51,11 @@ class Section(BaseModel):
 
 
 Model = TypeVar("Model", bound=Section)
+Value = TypeVar("Value")
+if typing.TYPE_CHECKING:  # a key that may be left out; a complete case, which is what programs read, has it
+    Filled = Annotated[Value, "filled"]
+else:
+    Filled = Value | None
 Fault = tuple[Path, str]  # the key to change, and what is wrong with it
 
 

@@ -85,7 +85,7 @@ def scalable(config: PlasmaConfig) -> bool:
 
 def choices_of(config: PlasmaConfig) -> list[Choice]:
     numerics = config.numerics
-    listed = [("exact_phase", (False, True), "dt")] if any(config.field.magnetic) else []
+    listed: list[tuple[str, tuple, str]] = [("exact_phase", (False, True), "dt")] if any(config.field.magnetic) else []
     listed += [("gradient", ("difference", "spectral"), "dx"), ("precision", ("double", "single"), "")]
     listed.append(("shape", tuple(SHAPES), "dx"))
     found = []

@@ -6,7 +6,7 @@ Lines of theory are drawn dashed and dark; what was measured is coloured.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -260,7 +260,8 @@ def _fields_1d(run: Run, snapshots: Fields, number: int) -> Figure:
 def _fields_2d(run: Run, snapshots: Fields, number: int) -> Figure:
     ly, lx = (n * d for n, d in zip(snapshots.points, snapshots.spacing))
     at = int(snapshots.steps[number])
-    panels = [(name, run.field(name, at), SIGNED) for name in ("rho", "phi") if name in snapshots.names]
+    there = (name for name in ("rho", "phi") if name in snapshots.names)
+    panels: list[tuple[str, Any, Any]] = [(name, run.field(name, at), SIGNED) for name in there]
     panels = [("rho - mean", v - v.mean(), c) if name == "rho" else (name, v, c) for name, v, c in panels]
     if "E" in snapshots.names:
         panels.append(("|E|", np.linalg.norm(run.field("E", at), axis=-1), POSITIVE))

@@ -115,7 +115,7 @@ def landau(k_lambda_d: float) -> complex:
     for k in np.append(np.arange(0.2, k_lambda_d, 0.05), k_lambda_d) if k_lambda_d > 0.2 else (k_lambda_d,):
         if k <= 0.2:
             omega = np.sqrt(1.0 + 3.0 * k * k) - 1e-9j
-        omega = root_near(omega, lambda w, k=k: 1.0 - susceptibility(w, k, beam))
+        omega = root_near(omega, lambda w, k=k: 1.0 - susceptibility(w, k, beam))  # type: ignore[misc]
     return omega
 
 

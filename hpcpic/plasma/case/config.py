@@ -9,7 +9,7 @@ import math
 from typing import ClassVar, Literal
 
 from hpcpic.core.case.config import Tree, dotted
-from hpcpic.core.case.schema import REQUIRED, Counts, Integers, Lengths, Section, Vector, matching, setting
+from hpcpic.core.case.schema import REQUIRED, Counts, Filled, Integers, Lengths, Section, Vector, matching, setting
 from hpcpic.plasma.case import units
 from hpcpic.plasma.case.older_words import drift_warnings, modernised
 
@@ -19,7 +19,7 @@ MOST_POINTS = 2**31 - 1  # of an axis: FFTW counts so far
 
 
 class Simulation(Section):
-    dimensions: Literal[1, 2] | None = setting(None, "1 or 2; by default as many as space_length has")
+    dimensions: Filled[Literal[1, 2]] = setting(None, "1 or 2; by default as many as space_length has")
     solver: Literal["MFT", "LU"] = setting(
         "MFT", "field solver: multiple Fourier transform, or LU for small grids"
     )
@@ -39,7 +39,7 @@ class Simulation(Section):
 
 
 class Grid(Section):
-    points: Counts | None = setting(None, "grid points, [Nx] or [Nx, Ny]", min_length=1, max_length=2)
+    points: Filled[Counts] = setting(None, "grid points, [Nx] or [Nx, Ny]", min_length=1, max_length=2)
     blocks: Counts | None = setting(
         None, "older spelling of points: blocks x blocksize", min_length=1, max_length=2
     )
@@ -54,7 +54,7 @@ class FieldSection(Section):
 
 
 class Constants(Section):
-    vacuum_permittivity: float | None = setting(
+    vacuum_permittivity: Filled[float] = setting(
         None, "permittivity of free space; by default 1, in SI units 8.854e-12", "F/m", gt=0
     )
 
@@ -69,15 +69,15 @@ class Perturbation(Section):
 
 class Species(Section):
     name: str = setting("", "name in the output; by default species_1, species_2, ...")
-    particles: int | None = setting(None, "number of macro-particles", ge=0, le=MOST_PARTICLES)
+    particles: Filled[int] = setting(None, "number of macro-particles", ge=0, le=MOST_PARTICLES)
     particles_per_cell: float | None = setting(None, "number of macro-particles per cell, in place of particles", gt=0)
     particle: Literal[*units.PARTICLES] | None = setting(  # type: ignore[valid-type]
         None, "a known particle, in place of charge and mass; needs density or plasma_frequency"
     )
-    charge: float | None = setting(
+    charge: Filled[float] = setting(
         None, "charge of a macro-particle; of one real particle where density or plasma_frequency is given", "C"
     )
-    mass: float | None = setting(None, "mass, of the same particle as charge", "kg", gt=0)
+    mass: Filled[float] = setting(None, "mass, of the same particle as charge", "kg", gt=0)
     density: float | None = setting(
         None,
         "real particles per volume; a 1D box stands for 1 m2 of cross section, a 2D box for 1 m of depth",

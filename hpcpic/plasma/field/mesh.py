@@ -46,6 +46,7 @@ class Mesh:
         self.weight = np.array(weight, np.float64)
         self.fold = Fold(world, domain, self.parts, Channel.CHARGE)
         numerics, spectral = scene.config.numerics, scene.config.numerics.gradient == "spectral"
+        self.solver: LU | MFT
         if scene.config.simulation.solver == "LU":
             self.solver = LU(world, pool, domain, permittivity=scene.permittivity)
         else:

@@ -4,16 +4,15 @@ import itertools
 import math
 from collections.abc import Iterator
 from functools import partial
-from typing import Literal
 
-from hpcpic.core.case.derived import Derived
+from hpcpic.core.case.config import Path
+from hpcpic.core.case.derived import Derived, Verdict
 from hpcpic.plasma.case.config import MOST_POINTS, PlasmaConfig, Species, velocity_components, volume
 from hpcpic.plasma.case.units import SYSTEMS, known_by_ratio
 from hpcpic.plasma.physics.heating import MIN_PER_CELL, energy_ratio
 from hpcpic.plasma.physics.shapes import SHAPES, Shape
 from hpcpic.plasma.setup.loaders import loader_of, velocity_moments
 
-Verdict = Literal["ok", "warn", "fail"]
 HEATED = 0.1  # growth of the energy by the grid that is warned of
 CURES = 5  # doublings of particles or points that are tried against it
 SMOOTHEST = SHAPES["TSC"]
@@ -78,7 +77,7 @@ def rounded_down(value: float) -> float:
 def overflows(config: PlasmaConfig) -> Iterator[Derived]:
     """The numbers so large or small that products of a few of them leave floating point."""
     simulation = config.simulation
-    checked = [(("simulation", "time_step"), simulation.time_step)]
+    checked: list[tuple[Path, float]] = [(("simulation", "time_step"), simulation.time_step)]
     checked += [(("constants", "vacuum_permittivity"), config.constants.vacuum_permittivity)]
     checked += [(("simulation", "space_length"), length) for length in simulation.space_length]
     checked += [(("field", "magnetic"), component) for component in config.field.magnetic]
@@ -266,7 +265,8 @@ def motion(config: PlasmaConfig) -> Iterator[Derived]:
             along = ", ".join(f"v{'xyz'[axis]}" for axis in equal)
             yield Derived(f"mean velocity of {species.name}", f"mean {along}", mean, "m/s")
             yield Derived(f"velocity spread of {species.name}", f"std {along}", spread, "m/s")
-    verdict, limit, source = "ok" if fastest < 1 else "warn", "< 1", "one cell per step"
+    verdict: Verdict = "ok" if fastest < 1 else "warn"
+    limit, source = "< 1", "one cell per step"
     cure = "" if verdict == "ok" else f"slower, not wrong; time_step = {step_for(config, 0.9 / fastest):g} avoids it"
     if fastest >= MOST_CELLS:
         verdict, limit, source = "fail", f"< {MOST_CELLS:g}", "cells are counted in 32 bits"
@@ -299,7 +299,7 @@ def waves(config: PlasmaConfig) -> Iterator[Derived]:
     for i, species in enumerate(config.species):
         if not species.perturbation:
             continue
-        key = ("species", i, "perturbation", "mode")
+        mode = ("species", i, "perturbation", "mode")
         turns = [2 * math.pi * n / points for n, points in zip(species.perturbation.mode, config.points)]
         step = max(abs(turn) for turn in turns)
         if step > math.pi:
@@ -312,7 +312,7 @@ def waves(config: PlasmaConfig) -> Iterator[Derived]:
                 "fail",
                 "shortest wave of a grid",
                 "a smaller mode or more points",
-                key,
+                mode,
                 forceable=True,
             )
             continue

@@ -42,7 +42,7 @@ class Operator:
         return (self.a, self.b) if axis == "x" else (self.d, self.e)
 
 
-def _angles(n: int) -> NDArray[np.float64]:
+def _angles(n: int) -> NDArray:
     """2 pi k / n, transform order, k from -n/2: sines and cosines come out odd and even to the bit."""
     return 2 * np.pi / n * (np.fft.fftfreq(n) * n)
 

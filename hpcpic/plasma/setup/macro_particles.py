@@ -37,11 +37,12 @@ def particle_faults(species: Species) -> Iterator[Fault]:
 def numbers(species: Species, cells: int, scale: Units) -> dict[str, Any]:
     """Settings of a completed species that take the place of words: count, charge, mass, thermal velocity, loader."""
     charge, mass = scale.particle(species.particle) if species.particle else (species.charge, species.mass)
-    hot = species.temperature is not None
-    thermal = scale.thermal_velocity(species.temperature, mass) if hot else species.thermal_velocity
-    counted = species.particles is not None
+    thermal = species.thermal_velocity
+    if species.temperature is not None:
+        thermal = scale.thermal_velocity(species.temperature, mass)
+    per_cell = species.particles_per_cell
     return {
-        "particles": species.particles if counted else round(species.particles_per_cell * cells),
+        "particles": species.particles if per_cell is None else round(per_cell * cells),
         "particles_per_cell": None,
         "particle": None,
         "charge": charge,

@@ -153,6 +153,7 @@ class SceneSpecies:
 
     def wave(self, x: NDArray) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """k[d] in rad/m of the perturbation and sin(k.x)[n]."""
+        assert self.section.perturbation is not None
         mode = self.section.perturbation.mode
         lengths = self.scene.lengths
         k = np.array([2 * np.pi * n / length for n, length in zip(mode, lengths)])
