@@ -78,7 +78,7 @@ def courant(config: SphConfig, dt: float) -> Derived:
     verdict, cure, words = "ok", "", f"< {limit:.3g}"
     if asked > limit and not (simulation.time_step is None and growth <= stability.GROWTH / 10):
         legal = rounded_down(0.95 * limit)
-        verdict: Verdict = "fail"
+        verdict = "fail"
         given = f"time_step = {legal * unit:.2g}" if simulation.time_step else f"cfl = {legal:g}"
         cure = f"{given} is the nearest legal one"
     if simulation.integrator == "euler" and growth > stability.GROWTH / 100:
@@ -146,7 +146,7 @@ def resolution(config: SphConfig) -> Iterator[Derived]:
     elif ratio < 1.0:
         verdict, cure = "warn", "smoothing = 1.3"
     elif ratio > (1.5 if kernel == "cubic" else 2.5):
-        verdict: Verdict = "warn"
+        verdict = "warn"
         cure = 'kernel = "wendland2": the cubic spline lets particles pair' if kernel == "cubic" else "smoothing = 1.5"
     words = "1 .. 1.5" if kernel == "cubic" else "1 .. 2.5"
     source = "Dehnen & Aly 2012 (pairing)"
@@ -206,7 +206,7 @@ def filling(config: SphConfig, scene: Scene) -> Iterator[Derived]:
         for name, gone in fluid.clipped.items():
             outside = name == DOMAIN or any(w.name == name and not w.section.solid for w in scene.walls)
             share = gone / places
-            verdict: Verdict = "fail" if fluid.n == 0 else "warn" if outside else "ok"
+            verdict = "fail" if fluid.n == 0 else "warn" if outside else "ok"
             cure = "nothing is left of it" if fluid.n == 0 else "part of the shape holds no fluid" if outside else ""
             if cure and name != DOMAIN and outside:
                 cure += f"; {name} holds fluid inside, as a tank does: solid = true is a body in the fluid"
@@ -266,7 +266,7 @@ def extents(config: SphConfig, scene: Scene, ranks: int) -> Iterator[Derived]:
         if wall.solid and not wall.shape.plane:
             low, high = geometry.bounds(wall.shape)
             thin = min(b - a for a, b in zip(low, high)) / scene.spacing
-            verdict: Verdict = "ok" if thin >= 0.99 else "fail"
+            verdict = "ok" if thin >= 0.99 else "fail"
             cure = "" if verdict == "ok" else f"make it {scene.spacing:g} m thick, or a smaller spacing"
             yield Derived(f"thickness of {wall.name}", "L/dp", thin, "", ">= 1", verdict, "one layer", cure,
                           ("wall", i, "shape"), True)  # fmt: skip
