@@ -135,7 +135,7 @@ def test_an_estimate_reads_as_the_command_prints_it():
     assert "2 ranks x 1 thread" in repr(forecast)
 
 
-@pytest.mark.parametrize("name", ["run_a_case", "build_a_case", "read_a_run"])
+@pytest.mark.parametrize("name", ["run_a_case", "build_a_case", "read_a_run", "own_loader"])
 def test_examples_run_on_one_rank_and_on_two(name, tmp_path):
     """The same last line on two ranks: it holds the digest where the example prints one."""
     told = []
