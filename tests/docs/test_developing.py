@@ -1,0 +1,53 @@
+"""The worked examples of docs/developing.md: each is a diff that applies to this tree, and three do what they say."""
+
+import os
+import re
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).parents[2]
+PARTS = ("hpcpic", "sph", "lbmdem", "tests", "configs", "scripts", "pyproject.toml")
+WORKED = {file.stem: file.read_text() for file in sorted((ROOT / "docs/worked").glob("*.diff"))}
+RUN = ("smoothing_kernel", "loader", "scalar")  # and what their tests run
+
+
+def apply(diff: str, tree: Path, *options: str) -> None:
+    done = subprocess.run(
+        ["git", "apply", *options, "-"], cwd=tree, input=diff, text=True, capture_output=True,
+        env=os.environ | {"GIT_CEILING_DIRECTORIES": str(tree.parent)},
+    )  # fmt: skip
+    assert done.returncode == 0, done.stderr
+
+
+@pytest.mark.parametrize("name", WORKED)
+def test_a_worked_example_applies_to_this_tree_and_is_shown(name):
+    apply(WORKED[name], ROOT, "--check")
+    assert f"docs/worked/{name}.diff" in (ROOT / "docs/developing.md").read_text()
+
+
+@pytest.mark.slow
+@pytest.mark.timeout(400)
+@pytest.mark.parametrize("name", RUN)
+def test_what_a_worked_example_adds_works(name, tmp_path):
+    for part in PARTS:
+        copy = shutil.copytree if (ROOT / part).is_dir() else shutil.copy
+        copy(ROOT / part, tmp_path / part, **({"symlinks": True} if copy is shutil.copytree else {}))
+    diff = WORKED[name]
+    apply(diff, tmp_path)
+    tests = re.findall(r"^\+\+\+ b/(tests/\S+)", diff, re.MULTILINE)
+    assert tests
+    words = [sys.executable, "-P", "-m", "pytest", "-q", "-p", "no:cacheprovider", *tests]
+    settings = os.environ | {"PYTHONPATH": str(tmp_path)}
+    done = subprocess.run(words, cwd=tmp_path, env=settings, capture_output=True, text=True)
+    assert done.returncode == 0, done.stdout + done.stderr
+    assert str(tmp_path) in _origin(settings)
+
+
+def _origin(settings: dict[str, str]) -> str:
+    """Where a program started like the tests finds the package."""
+    words = [sys.executable, "-P", "-c", "import sph; print(sph.__file__)"]
+    return subprocess.run(words, env=settings, capture_output=True, text=True, check=True).stdout
