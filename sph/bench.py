@@ -88,7 +88,7 @@ class Trial:
 
 
 class Sampled(Trial):
-    """Of which samples of the series are taken in place of steps: seconds of one, as rest."""
+    """A simulation of which samples of the series are taken in place of steps: seconds of one, as rest."""
 
     def step(self) -> None:
         self.sph.current_forces()
@@ -132,7 +132,7 @@ def of_body(trials: Mapping[str, Trial]) -> float:
 
 
 def standard_rates(world: World, cores: int, quick: bool) -> dict[str, float]:
-    """Of pairs and particles in 3D and double precision, and what all cores gain."""
+    """Rates of pairs and particles in 3D and double precision, and what all cores gain."""
     kinds = {"few": FEW[3], "many": ACROSS[3]}
     trials = {name: Trial(world, 3, "double", across) for name, across in kinds.items()}
     if cores > 1:

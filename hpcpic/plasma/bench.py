@@ -99,7 +99,7 @@ class Trial:
 
     @property
     def rest(self) -> float:
-        """Of a step without its field."""
+        """Seconds of a step without its field."""
         return undisturbed([step - field for step, field in zip(self.steps, self.fields)])
 
     @property
@@ -142,7 +142,7 @@ def of_particle(trials: Mapping[str, Trial], d: int) -> float:
 
 
 def standard_rates(world: World, d: int, quick: bool) -> dict[str, float]:
-    """Of CIC in double precision: particles, tiles, cells, field, launches, samples, and what all cores gain."""
+    """Rates of CIC in double precision: particles, tiles, cells, field, launches, samples, and what all cores gain."""
     n, cells = FULL[d][0] ** d, EMPTY[d][0] ** d
     tiles = cells // EDGE[d] ** d
     kinds = {
@@ -214,7 +214,7 @@ def memory_wait(trials: Mapping[str, Trial], particle: float, cache: float) -> f
 
 
 def cache_mb() -> float:
-    """Of the last-level cache, as the system tells it; 0 where it does not."""
+    """Size of the last-level cache, as the system tells it; 0 where it does not."""
     try:
         sizes = [path.read_text().strip() for path in Path("/sys/devices/system/cpu/cpu0/cache").glob("index*/size")]
         return max(int(size.removesuffix("K")) * 1024e-6 for size in sizes)

@@ -14,7 +14,7 @@ def configure(tree: Tree) -> PlasmaConfig:
 
 
 def complete(config: PlasmaConfig) -> PlasmaConfig:
-    """The same case with all defaults; that of the series' period follows from the estimated cost of a step."""
+    """The case with all defaults; that of the series' period follows from the estimated cost of a step."""
     full = completed(config)
     if full.output.every.series is not None:
         return full

@@ -157,7 +157,7 @@ def touching(
     """
     from scipy.spatial import cKDTree
 
-    from lbmdem.grains.box_walls import box_walls
+    from lbmdem.setup.box_walls import box_walls
     from lbmdem.setup.scene import Scene
 
     d = config.dimensions

@@ -149,12 +149,12 @@ class GrainSet(Section):
 
     @property
     def smallest_diameter(self) -> float:
-        """Of the smallest grain, m."""
+        """Diameter of the smallest grain, m."""
         return self.law.min if self.diameter is None else self.diameter
 
     @property
     def largest_diameter(self) -> float:
-        """Of the largest grain, m."""
+        """Diameter of the largest grain, m."""
         return self.law.max if self.diameter is None else self.diameter
 
     @property
@@ -259,7 +259,7 @@ class LbmDemConfig(Section):
 
     @property
     def spacing(self) -> float:
-        """Of the nodes, m; without fluid the size of the rows that slabs are cut into."""
+        """Distance of the nodes, m; without fluid the size of the rows that slabs are cut into."""
         if self.domain.spacing is not None:
             return self.domain.spacing
         return max((grains.largest_diameter for grains in self.grains), default=max(self.domain.size))

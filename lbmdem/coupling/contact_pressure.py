@@ -14,9 +14,9 @@ from numpy.typing import NDArray
 
 from hpcpic.core.comm.world import World
 from lbmdem.fluid.fluid import Fluid
-from lbmdem.fluid.layout import addresses
 from lbmdem.kernels.layout import FLUID, storage_order
 from lbmdem.kernels.moments import excesses
+from lbmdem.layout import addresses
 
 SAMPLE_NODES = 32  # nodes at which the pressure round a grain is taken
 SUM_UNIT = 2.0**44  # sums of excess densities are integers, so that no decomposition shows

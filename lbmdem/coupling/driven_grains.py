@@ -11,11 +11,11 @@ from hpcpic.core.tasks.graph import Pool
 from lbmdem.case.config import contact_law
 from lbmdem.coupling.contact_pressure import ContactPressure
 from lbmdem.coupling.immersed import Immersed
-from lbmdem.grains.box_walls import box_walls
 from lbmdem.grains.dem import Dem
 from lbmdem.physics.lubrication import MOST_SUBSTEPS, STABLE, Film
 from lbmdem.physics.velocity_sets import LATTICES
 from lbmdem.physics.wall_rules import impedance
+from lbmdem.setup.box_walls import box_walls
 from lbmdem.setup.scene import GrainTable, Scene, volumes
 
 

@@ -8,10 +8,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hpcpic.core.tasks.graph import Bound, bind
-from lbmdem.fluid.layout import Layout, addresses
 from lbmdem.fluid.sparse import SparseLayout
 from lbmdem.kernels.layout import WALL, storage_order
 from lbmdem.kernels.open_faces import LayerNodes, find_places, push_walls, zou_he
+from lbmdem.layout import Layout, addresses
 
 KINDS = ("periodic", "wall", "pressure", "velocity")
 

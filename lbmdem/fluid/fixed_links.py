@@ -184,7 +184,9 @@ class FixedLinks:
                 pool.each(tasks)
 
     def gains(self, pool: Pool, parity: int, scale: NDArray[np.float64]) -> NDArray[np.int64]:
-        """Of links last kept at this parity: force, torque, mass that the fluid gains, [bodies, 7] of 1 / scale[7]."""
+        """Gains of links last kept at this parity: force, torque, mass that the fluid gains, [bodies, 7] of 1 /
+        scale[7].
+        """
         self._scale[:] = scale
         self._sums[...] = 0
         summed = self._tasks[parity][2]

@@ -185,7 +185,9 @@ class Fluid:
         self._again()
 
     def nodes_changed(self, places: NDArray[np.int64]) -> None:
-        """As `solid_changed(fill=False)` after edits at these flat places of `solid` alone, ghosts among them."""
+        """Take notice, as `solid_changed(fill=False)`, of edits at these flat places of `solid` alone, ghosts among
+        them.
+        """
         wall_ghosts(self.solid.values, self.faces, self._touches)
         self.nodes.renew(places)
 
@@ -279,7 +281,7 @@ class Fluid:
         return max(1, self._depth(self._after_all))
 
     def _depth(self, after: int) -> int:
-        """The same where something comes after so many sweeps of a pass; 0: it is done after a step."""
+        """Depth of a pass where something comes after so many sweeps of a pass; 0: it is done after a step."""
         if self.hooks and not self._links:
             return 0
         if after not in self._depths:

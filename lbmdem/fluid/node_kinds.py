@@ -6,9 +6,9 @@ from numpy.typing import NDArray
 from hpcpic.core.space.domain import block_ranges
 from hpcpic.core.tasks.arena import Arena
 from hpcpic.core.tasks.graph import Bound, Pool
-from lbmdem.fluid.layout import Layout
 from lbmdem.kernels.node_kinds import Vectors, classify, look_ahead, mark, renew
 from lbmdem.kernels.sweep import AHEAD
+from lbmdem.layout import Layout
 
 NO_GRAIN = np.iinfo(np.int32).max  # more than the numbers of all grains
 

@@ -9,9 +9,9 @@ from hpcpic.core.comm.world import World
 from hpcpic.core.space.domain import block_ranges
 from hpcpic.core.tasks.arena import Arena
 from hpcpic.core.tasks.graph import Bound, Pool
-from lbmdem.fluid.layout import Layout, addresses
 from lbmdem.fluid.sparse import SparseLayout
 from lbmdem.kernels import moments as kernels
+from lbmdem.layout import Layout, addresses
 from lbmdem.physics.velocity_sets import equilibrium
 
 
@@ -62,7 +62,7 @@ class Observers:
         return rho.reshape(self._shape), u.reshape(*self._shape, d)
 
     def row_sums(self, parity: int) -> tuple[NDArray, NDArray]:
-        """Of each row of nodes [rows of x, ...]: number of fluid nodes, sum of rho - 1, momentum (physical order),
+        """Sums of each row of nodes [rows of x, ...]: number of fluid nodes, sum of rho - 1, momentum (physical order),
         rho u^2 and u along the last axis; and the largest u^2. Bits of a row depend on the row alone."""
         sums = np.empty((*self._nodes[:2], 4 + self._layout.lattice.dimensions))
         fastest = np.empty(sums.shape[:2])

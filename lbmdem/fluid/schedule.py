@@ -56,7 +56,9 @@ class Passes:
         return graph.freeze()
 
     def _links(self, graph: Graph, parity: int, links: Links, swept: list[int]) -> None:
-        """Of all planes, as soon as each block up to `swept` is swept; those around both ends for themselves."""
+        """Tasks on the links of all planes, as soon as each block up to `swept` is swept; those around both ends for
+        themselves.
+        """
         planes = self._layout.planes
         inner = {end - REACH for end in swept if end - REACH > REACH} if len(swept) > 1 else set()
         for a, b in pairwise(sorted({0, *inner, planes} | ({REACH} if inner else set()))):

@@ -15,11 +15,11 @@ from hpcpic.core.space.domain import Domain
 from hpcpic.core.space.fields import aligned_zeros
 from hpcpic.core.tasks.graph import Bound, bind
 from lbmdem.fluid.exchange import neighbours, tell_iteration
-from lbmdem.fluid.layout import addresses
 from lbmdem.fluid.solid_nodes import several_slabs
 from lbmdem.kernels import sparse_addresses as kernels
 from lbmdem.kernels.layout import FLUID, Layout, storage_order
 from lbmdem.kernels.sparse import BLOCK, FETCHED
+from lbmdem.layout import addresses
 
 _STREAMS_BYTES, _PAGE = 1088, 4096  # distance of the slots modulo a page, so that they use different sets of a cache
 

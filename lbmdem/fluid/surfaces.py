@@ -118,14 +118,14 @@ class Surfaces:
     dimensions: int
 
     def crossings(self, nodes: NDArray[np.int64]) -> Crossings:
-        """Of the links from nodes [n, 3] that are in none of them."""
+        """Crossings of the links from nodes [n, 3] that are in none of them."""
         if not len(self.bodies):
             nodes = nodes[:0]
         found = [self._of_direction(i, nodes) for i in range(1, len(self.e))]
         return Crossings(*(np.concatenate(column) for column in zip(*found)))
 
     def _of_direction(self, i: int, nodes: NDArray) -> tuple[NDArray, ...]:
-        """As `Crossings`, of one direction."""
+        """Crossings of one direction."""
         e, bodies = self.e[i], self.bodies
         beyond = ids_at(self.window, self.solid, nodes + e)
         grain = np.isin(beyond, bodies.ids)

@@ -10,9 +10,9 @@ from hpcpic.core.app.forecast import imports
 from hpcpic.core.space.cuts import even_cuts
 from hpcpic.core.space.declared import Array
 from lbmdem.case.config import AXES, LbmDemConfig
-from lbmdem.fluid.layout import Layout
 from lbmdem.forecast.node_shares import grains
 from lbmdem.grains.arrays import expected
+from lbmdem.layout import Layout
 from lbmdem.physics.velocity_sets import LATTICES
 from lbmdem.sizes import STORAGE
 

@@ -67,7 +67,7 @@ def scatter(typing_context, array, start, lists, index, a):
 
 @intrinsic
 def first_bits(typing_context, a):
-    """Of each lane the number of the lowest bit set; the width of a lane for 0."""
+    """For each lane, the number of the lowest bit set; the width of a lane for 0."""
 
     def codegen(context, builder, sig, args):
         kind = args[0].type

@@ -35,7 +35,7 @@ which messages fill when it belongs to another rank. Never one below: shifts poi
 """
 
 from hpcpic.core.simd.compile import njit
-from lbmdem.fluid.layout import Layout, storage_order
+from lbmdem.layout import Layout, storage_order
 
 __all__ = ["FLUID", "WALL", "Layout", "arrival", "element", "place", "storage_order"]
 
@@ -62,7 +62,9 @@ def arrival(strides, slots, shifts, parity, z, y, x, i):
 
 @njit
 def element(strides, slots, shifts, positions, parity, z, y, x, i):
-    """As `arrival`, also where fluid nodes have `positions` (see `lbmdem.fluid.fluid.sparse`); of a fluid node then."""
+    """Place of a population that arrives, as `arrival`, also where fluid nodes have `positions` (see
+    `lbmdem.fluid.fluid.sparse`); of a fluid node then.
+    """
     if positions.shape[0] == 0:
         return arrival(strides, slots, shifts, parity, z, y, x, i)
     row = y + strides[1]

@@ -126,7 +126,7 @@ def row_sums(f, ids, ghosts, places, e, shift, parity, low, high, sums, fastest)
 
 @njit
 def of_row(f, starts, way, half, last, line, node, nx, terms):
-    """Of a row's nodes: what `row_sums` tells, with momentum along three axes. terms[6 N]: room."""
+    """Sums of a row's nodes: what `row_sums` tells, with momentum along three axes. terms[6 N]: room."""
     count, fastest, zero = 0, splat(F, 0.0), splat(F, 0.0)
     mass, px, py, pz, energy, flow = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
     for x in range(0, nx, N):

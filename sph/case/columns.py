@@ -24,7 +24,7 @@ def scalar_units(config: SphConfig) -> dict[str, str]:
 
 
 def gauge_units(config: SphConfig) -> dict[str, str]:
-    """Of all gauges."""
+    """Unit of each column of all gauges."""
     units: dict[str, str] = {}
     for i, gauge in enumerate(config.gauge):
         units |= columns_of(gauge, name_of("gauge", i, gauge), config.dimensions)
@@ -32,7 +32,7 @@ def gauge_units(config: SphConfig) -> dict[str, str]:
 
 
 def columns_of(gauge: Gauge, name: str, d: int) -> dict[str, str]:
-    """Of one gauge."""
+    """Columns of one gauge, with their units."""
     if gauge.what == "velocity":
         return {f"{name}_{axis}": "m/s" for axis in AXES[:d]}
     return {name: {"pressure": "Pa", "flow": "m2/s" if d == 2 else "m3/s"}.get(gauge.what, "m")}

@@ -57,7 +57,9 @@ DEFAULT = FILES | {
 
 
 def estimate(config: SphConfig, ranks: int, threads: int, measured: Mapping[str, float]) -> Estimate:
-    """Of a completed case on ranks x threads; `measured` rates of this machine take the place of DEFAULT."""
+    """Memory, disk and time of a completed case on ranks x threads; `measured` rates of this machine take the place of
+    DEFAULT.
+    """
     rates = DEFAULT | dict(measured)
     whole = phases(config, ranks, threads, rates)
     one, first = sum(whole.values()), first_seconds(config, whole, rates)
@@ -100,7 +102,9 @@ def around(reach: float, d: int) -> np.ndarray:
 
 
 def exchange_seconds(config: SphConfig, ranks: int, rates: Mapping[str, float]) -> float:
-    """Of one step of several ranks: leavers, the time step, and ghosts, as many as a compact body of fluid shows."""
+    """Seconds of messages in one step of several ranks: leavers, the time step, and ghosts, as many as a compact body
+    of fluid shows.
+    """
     if ranks == 1:
         return 0.0
     d, (fluid, walls) = config.dimensions, counts(config)
@@ -116,14 +120,14 @@ def imaged(config: SphConfig) -> bool:
 
 
 def wall_seconds(config: SphConfig, rates: Mapping[str, float]) -> float:
-    """Of one step: walls of particles, and the forces that are measured."""
+    """Seconds of walls in one step: those of particles, and the forces that are measured."""
     made = any(not WALL_RULES[wall.type].images for wall in config.wall)
     measured = sum(wall.measure_force for wall in config.wall)
     return 1e-6 * (made * rates["walls_us"] + measured * rates["force_us"])
 
 
 def sample_seconds(config: SphConfig, rates: Mapping[str, float]) -> float:
-    """Of one line of the series: sums, forces, and the columns of fluid over gauges of elevation."""
+    """Seconds of one line of the series: sums, forces, and the columns of fluid over gauges of elevation."""
     d, reach, (fluid, _) = config.dimensions, support_of(config) / config.numerics.spacing, counts(config)
     near = min(fluid, 2 * reach * fluid**0.5 if d == 2 else math.pi * reach**2 * fluid ** (1 / 3))
     elevations = sum(gauge.what == "elevation" for gauge in config.gauge)
@@ -140,7 +144,7 @@ def sums(config: SphConfig) -> float:
 
 
 def first_seconds(config: SphConfig, whole: Mapping[str, float], rates: Mapping[str, float]) -> float:
-    """Of the first evaluation of a step, which it finds done where a sample was taken."""
+    """Seconds of the first evaluation of a step, which it finds done where a sample was taken."""
     kind = config.simulation.integrator
     return INTEGRATORS[kind].first_work / INTEGRATORS[kind].work * (whole["pairs"] + 1e-6 * rates[f"sums_us {kind}"])
 

@@ -28,7 +28,7 @@ SMOOTHINGS = (1.3, 1.5, 2.0)
 
 
 def knobs_of(config: SphConfig) -> Knobs:
-    """Of a completed case."""
+    """Knobs, choices and quantities of a completed case."""
     time = config.simulation.end_time
     return Knobs(
         knobs=tuple(continuous(config)),
@@ -161,14 +161,14 @@ def curve(name: str, time: float, series: Series) -> np.ndarray:
 
 
 def energy_curve(time: float, series: Series) -> np.ndarray:
-    """Of a flow that is there at the start, its energy then is that of a lattice cut by the shape of the fluid: an
-    error that neither falls steadily with the spacing nor belongs to the scheme.
+    """Energy of a flow that is there at the start: its energy then is that of a lattice cut by the shape of the fluid:
+    an error that neither falls steadily with the spacing nor belongs to the scheme.
     """
     return curve("energy_kinetic", time, series) / (float(series["energy_kinetic"][0]) or 1.0)
 
 
 def stretch(time: float, series: Series) -> np.ndarray:
-    """Of the outermost particle, wherever on the lattice it began."""
+    """Stretch of the drop by its outermost particle, wherever on the lattice it began."""
     return curve("front_x", time, series) / float(series["front_x"][0])
 
 

@@ -184,7 +184,9 @@ def mirrors(scene: Scene, walls: Walls, axes: list[int], reach: float) -> list[M
 
 
 def _faces(wall: Wall, reach: float, moved: NDArray, axes: list[int]) -> Iterator[tuple]:
-    """Of the faces of a wall: point, normal, planes of who is near, of the edges, layer of centres (None: mirror)."""
+    """Columns that describe the faces of a wall: point, normal, planes of who is near, of the edges, layer of centres
+    (None: mirror).
+    """
     if wall.rule.face_images:
         for face in wall.faces:
             point, normal = (face.point + moved)[axes], face.normal[axes]

@@ -78,7 +78,7 @@ class Line(NamedTuple):
 
 
 class Sum(NamedTuple):
-    """Of i, weight[0] times term[0]; of j, weight[1] times term[1]; component by component."""
+    """One sum over pairs: of i, weight[0] times term[0]; of j, weight[1] times term[1]; component by component."""
 
     name: str
     weights: tuple[str, str]

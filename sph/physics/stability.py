@@ -84,7 +84,7 @@ def _limit(config: SphConfig, viscous: bool) -> float:
 
 
 def courant_limit(config: SphConfig) -> float:
-    """Of dt c0 / h without the physical viscosity, which has a limit of its own."""
+    """Limit of dt c0 / h without the physical viscosity, which has a limit of its own."""
     return _limit(config, False)
 
 
@@ -94,7 +94,7 @@ def grows(config: SphConfig, z: float) -> float:
 
 
 def viscous_limit(config: SphConfig) -> float:
-    """Of nu dt / h^2: the customary one, or less where the integrator would not stand the fastest decay."""
+    """Limit of nu dt / h^2: the customary one, or less where the integrator would not stand the fastest decay."""
     numerics = config.numerics
     decay = VISCOSITIES[numerics.viscosity_form].decay if numerics.viscosity_form else None
     if decay is None:

@@ -25,7 +25,7 @@ class Viscosity:
 
     @property
     def physical(self) -> bool:
-        """Whether it is that of the fluid."""
+        """Whether this form stands for the viscosity of the fluid."""
         return self.decay is not None
 
 

@@ -20,12 +20,12 @@ class WallRule:
 
     @property
     def images(self) -> bool:
-        """Whether it shows images of the fluid."""
+        """Whether such a wall shows images of the fluid."""
         return self.face_images or self.layer_images
 
     @property
     def flat(self) -> bool:
-        """Whether it needs flat faces."""
+        """Whether such a wall needs flat faces."""
         return not self.own_density
 
 

@@ -62,7 +62,7 @@ def _gauge(gauge):
 
 
 def domain_of(config: SphConfig) -> Domain:
-    """As given, else the box around fluids and walls."""
+    """The domain as given, else the box around fluids and walls."""
     domain = config.domain
     boxes = [geometry.bounds(shape) for shape in shapes_of(config)] or [((0.0,), (1.0,))]
 

@@ -92,7 +92,7 @@ class Wall:
 
     @cached_property
     def corners(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """Of the box around the shape, or around the part of it in one period; of a plane, of the domain."""
+        """Corners of the box around the shape, or around the part of it in one period; of a plane, of the domain."""
         scene = self.scene
         if self.shape.plane:
             return scene.low, scene.high
@@ -115,7 +115,7 @@ class Wall:
         return {face for face in faces if face[0] not in periodic} - set(box.open if box else ())
 
     def flat_faces(self) -> list[Face]:
-        """Of a plane or a box."""
+        """Whether the shape is a plane or a box."""
         scene, shape, d = self.scene, self.shape, self.scene.dimensions
         if shape.plane:
             far = np.full(d, FAR)

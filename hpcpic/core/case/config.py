@@ -96,7 +96,7 @@ def load(path: str | os.PathLike, sets: tuple[str, ...] | list[str] = ()) -> Tre
 
 
 def loads(text: str, name: str = "case", sets: tuple[str, ...] | list[str] = ()) -> Tree:
-    """As `load`, from a text that includes no files."""
+    """Read a case as `load` does, from a text that includes no files."""
     reader = Reader(None)
     reader.take(text, name, (), reader.tree.data, ())
     return finish(reader, sets)

@@ -12,7 +12,7 @@ import numpy as np
 
 @functools.cache
 def has_avx512() -> bool:
-    """Of the processor, or of the features that numba is told to compile for in its place."""
+    """Whether the processor, or the one that numba is told to compile for in its place, has AVX-512."""
     generic = os.environ.get("NUMBA_CPU_NAME", "").lower() == "generic"
     chosen = os.environ.get("NUMBA_CPU_FEATURES", "" if generic else None)
     if chosen is not None:

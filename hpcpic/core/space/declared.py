@@ -21,7 +21,7 @@ class Array:
     phase: str = ""
 
     def sized(self, sizes: Mapping[str, int]) -> "Array":
-        """The same array with numbers in place of names. KeyError for a size that is not given."""
+        """This array with numbers in place of names. KeyError for a size that is not given."""
         return replace(self, shape=tuple(sizes[n] if isinstance(n, str) else n for n in self.shape))
 
     @property
@@ -31,5 +31,5 @@ class Array:
 
     @property
     def bytes(self) -> int:
-        """Of an array whose sizes are numbers."""
+        """Memory of an array whose sizes are numbers."""
         return math.prod(int(n) for n in self.shape) * self.itemsize

@@ -32,7 +32,7 @@ HORIZON = 300.0  # 1/wp in which an instability of the time step shows
 
 
 def knobs_of(config: PlasmaConfig) -> Knobs:
-    """Of a completed case."""
+    """Knobs, choices and quantities of a completed case."""
     time = abs(config.simulation.time_step) * config.simulation.cycles
     return Knobs(
         knobs=tuple(continuous(config)),
@@ -176,7 +176,9 @@ def started_mode(config: PlasmaConfig) -> int:
 
 
 def waves(law: Prediction, mode: int, time: float) -> list[Quantity]:
-    """Of a law: growth, or damping and frequency. Windows follow from the law: the same for every pilot."""
+    """Quantities that follow from a law of waves: growth, or damping and frequency. Windows follow from the law: the
+    same for every pilot.
+    """
     rate, frequency = law.omega.imag, abs(law.omega.real)
     if rate > 1e-6 * abs(law.omega):
         first, last = (min(efolds / rate, time * efolds / GROWTH_WINDOW[1]) for efolds in GROWTH_WINDOW)

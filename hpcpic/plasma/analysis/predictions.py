@@ -91,7 +91,7 @@ def _on_mesh(omega: complex, k: float, found: tuple[Beam, ...], mesh: Mesh) -> c
 
 
 def _upper_hybrid(config: PlasmaConfig, mode: int) -> Prediction | None:
-    """Of one cold species with B across x."""
+    """Prediction for one cold species with B across x."""
     bx, by, bz = config.field.magnetic
     moving = [s for s in config.species if s.particles]
     if bx or len(moving) != 1:

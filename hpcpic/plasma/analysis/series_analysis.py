@@ -145,7 +145,7 @@ def fit_oscillation(
 
 
 def _fit(t: np.ndarray, y: np.ndarray, frequency: float | None, rate: float, damped: bool) -> Oscillation:
-    """As fit_oscillation, of a signal of length and height 1."""
+    """Fit an oscillation, as fit_oscillation does, to a signal of length and height 1."""
     origin = t[0]
     x = t - origin
     omega = frequency if frequency is not None else _first_frequency(x, y)

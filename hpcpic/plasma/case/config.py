@@ -192,7 +192,7 @@ class PlasmaConfig(Section):
 
     @property
     def points(self) -> tuple[int, ...]:
-        """Of the grid, in either spelling."""
+        """Points of the grid, in either spelling."""
         grid = self.grid
         return grid.points or tuple(n * m for n, m in zip(grid.blocks or (), grid.blocksize or ()))
 
@@ -250,7 +250,8 @@ def velocity_components(config: PlasmaConfig) -> int:
 
 
 def rotation(config: PlasmaConfig) -> int:
-    """Of velocities in the magnetic field (5.4.1): 0 there is none, 1 about z, 2 about any other axis."""
+    """Kind of rotation of velocities in the magnetic field (5.4.1): 0 there is none, 1 about z, 2 about any other axis.
+    """
     bx, by, bz = config.field.magnetic
     return 2 if bx or by else int(bz != 0)
 

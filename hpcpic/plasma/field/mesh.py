@@ -124,7 +124,7 @@ class Mesh:
         self._collect(self._deposit, iteration)
 
     def deliver_and_deposit(self, iteration: int) -> None:
-        """The same after the tasks of `delivery`."""
+        """rho (5.1), as `deposit`, after the tasks of `delivery`."""
         self._collect(self._deliver, iteration)
 
     def _collect(self, graph: Graph, iteration: int) -> None:

@@ -67,7 +67,9 @@ DEFAULT = FILES | {
 
 
 def estimate(config: PlasmaConfig, ranks: int, threads: int, measured: Mapping[str, float]) -> Estimate:
-    """Of a completed case on ranks x threads; `measured` rates of this machine take the place of DEFAULT."""
+    """Memory, disk and time of a completed case on ranks x threads; `measured` rates of this machine take the place of
+    DEFAULT.
+    """
     rates = completed_rates(measured)
     cycles, period = config.simulation.cycles, config.periods["series"]
     whole = phases(config, ranks, threads, rates)
@@ -124,7 +126,9 @@ def phases(config: PlasmaConfig, ranks: int, threads: int, rates: Mapping[str, f
 
 
 def field_seconds(config: PlasmaConfig, cores: float, away: float, rates: Mapping[str, float]) -> float:
-    """Of one field, of which no cache holds `away` nodes. With LU every rank solves the whole of it, on one thread."""
+    """Seconds of one field, of which no cache holds `away` nodes. With LU every rank solves the whole of it, on one
+    thread.
+    """
     d, spectral = config.dimensions, config.numerics.gradient == "spectral"
     if config.simulation.solver == "LU":
         return 1e-9 * factor_nonzeros(config.points) * rates[f"factor_ns {d}D"]
@@ -140,7 +144,9 @@ def beyond_caches(n: int, size: int, nodes: float, rates: Mapping[str, float]) -
 
 
 def memory_seconds(config: PlasmaConfig, ranks: int, threads: int, rates: Mapping[str, float]) -> float:
-    """Of a step, for particles that no cache holds: all of their time on these cores, less that of their work."""
+    """Seconds that memory adds to a step, for particles that no cache holds: all of their time on these cores, less
+    that of their work.
+    """
     nodes = max(1.0, ranks * threads / rates["cores"])
     n = beyond_caches(particle_count(config), particle_bytes(config), nodes, rates) / STANDARD_BYTES
     gains = rates["memory_core_gain"], rates["plasma_core_gain 2D"]
@@ -149,7 +155,7 @@ def memory_seconds(config: PlasmaConfig, ranks: int, threads: int, rates: Mappin
 
 
 def filled_tiles(particles: int, tiles: int) -> float:
-    """Of so many tiles, those that are not empty when each particle may be in any of them."""
+    """How many of so many tiles are not empty when each particle may be in any of them."""
     return tiles * -math.expm1(-particles / tiles)
 
 
@@ -159,8 +165,8 @@ def exchanges(d: int, ranks: int) -> int:
 
 
 def exchange_seconds(config: PlasmaConfig, ranks: int, rates: Mapping[str, float]) -> float:
-    """Of one step's leavers, the word that says whether more are to come, charge, potential and transposes, whose
-    bytes travel between nodes only.
+    """Seconds of messages of one step: leavers, the word that says whether more are to come, charge, potential and
+    transposes, whose bytes travel between nodes only.
     """
     if ranks == 1:
         return 0.0
@@ -172,7 +178,7 @@ def exchange_seconds(config: PlasmaConfig, ranks: int, rates: Mapping[str, float
 
 
 def sample_seconds(config: PlasmaConfig, ranks: int, threads: int, rates: Mapping[str, float]) -> float:
-    """Of one sample of the series beside the field, which the next step would have solved."""
+    """Seconds of one sample of the series beside the field, which the next step would have solved."""
     work = particle_count(config) * rates["sample_ns"] + math.prod(config.points) * rates["sample_cell_ns"]
     cores = gain(ranks, threads, rates, rates[f"plasma_core_gain {config.dimensions}D"])
     return 1e-9 * work / cores + 1e-6 * rates["plasma_sample_us"]

@@ -80,8 +80,8 @@ def arrays(config: PlasmaConfig, ranks: int, threads: int) -> Iterator[Array]:
 
 
 def factor_nonzeros(points: Sequence[int]) -> int:
-    """Of L and U together: six per point in 1D; in 2D, with m points along the shorter side, 12 sqrt(m), as we counted
-    them in SuperLU's for m of 16 to 256, to within a quarter.
+    """Nonzeros of L and U together: six per point in 1D; in 2D, with m points along the shorter side, 12 sqrt(m), as we
+    counted them in SuperLU's for m of 16 to 256, to within a quarter.
     """
     return round(math.prod(points) * (6 if len(points) == 1 else 12 * math.sqrt(min(points))))
 

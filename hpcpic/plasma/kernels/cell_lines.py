@@ -22,7 +22,7 @@ WORDS = 4  # of a register
 
 @intrinsic
 def opaque(typing_context, number):
-    """The same number, of which the compiler knows nothing: it leaves alone what is made of it in a loop."""
+    """Return a number of which the compiler knows nothing: it leaves alone what is made of it in a loop."""
 
     def codegen(context, builder, signature, arguments):
         return builder.asm(ir.FunctionType(I64, [I64]), "", "=r,0", arguments, False)

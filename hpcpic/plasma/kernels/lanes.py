@@ -18,7 +18,9 @@ def kernel(function: Callable) -> Callable:
 
 
 def inlined(function: Callable) -> Callable:
-    """The same for a part of a kernel: a call would hand over arrays by dozens of numbers, and empty the registers."""
+    """Compile a part of a kernel into its callers: a call would hand over arrays by dozens of numbers, and empty the
+    registers.
+    """
     return njit(_nrt=False, forceinline=True)(function)
 
 

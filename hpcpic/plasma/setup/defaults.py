@@ -8,7 +8,7 @@ from hpcpic.plasma.setup.macro_particles import numbers
 
 
 def completed(config: PlasmaConfig) -> PlasmaConfig:
-    """The same case with numbers in place of words, names, and vectors of full length.
+    """The case with numbers in place of words, names, and vectors of full length.
 
     The period of the series stays None where none is given: what it is to be depends on what a run costs.
     """

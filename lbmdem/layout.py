@@ -67,7 +67,7 @@ class Layout:
 
     @property
     def plane_bytes(self) -> int:
-        """Of all populations of a plane."""
+        """Bytes of all populations of a plane."""
         return self.lattice.q * self.plane_stride * self.itemsize
 
     def places(self, local: NDArray[np.int64]) -> NDArray[np.int64]:

@@ -1,0 +1,104 @@
+"""The shape of the sources: no import circle at any depth, few modules in a folder, few parameters in a function."""
+
+import ast
+from collections.abc import Iterator
+from functools import cache
+from graphlib import CycleError, TopologicalSorter
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).parents[1]
+PACKAGES = ("hpcpic", "sph", "lbmdem")
+MOST_MODULES = 16  # in a folder: more hide each other
+MOST_PARAMETERS = 12
+MOST_LINES = 420
+
+
+@cache
+def modules() -> dict[str, Path]:
+    files = [file for package in PACKAGES for file in sorted((ROOT / package).rglob("*.py"))]
+    names = (".".join(file.relative_to(ROOT).with_suffix("").parts).removesuffix(".__init__") for file in files)
+    return dict(zip(names, files))
+
+
+def imports(name: str, file: Path) -> Iterator[str]:
+    """What a module imports of ours, inside functions and for type checkers too, and what it names in a text to import
+    later.
+    """
+    known, package = modules(), name if file.name == "__init__.py" else name.rpartition(".")[0]
+    for node in ast.walk(ast.parse(file.read_text())):
+        if isinstance(node, ast.Import):
+            yield from (alias.name for alias in node.names if alias.name in known)
+        elif isinstance(node, ast.ImportFrom):
+            above = ".".join(package.split(".")[: len(package.split(".")) - node.level + 1]) if node.level else ""
+            base = ".".join(part for part in (above, node.module) if part)
+            for alias in node.names:
+                whole = f"{base}.{alias.name}"
+                if whole in known or base in known:
+                    yield whole if whole in known else base
+
+
+def circle(graph: dict[str, set[str]]) -> list[str]:
+    try:
+        TopologicalSorter(graph).prepare()
+    except CycleError as error:
+        return error.args[1]
+    return []
+
+
+def test_no_module_imports_itself_by_way_of_others():
+    graph = {name: set(imports(name, file)) - {name} for name, file in modules().items()}
+    assert not circle(graph)
+
+
+@pytest.mark.parametrize("package", ["hpcpic.core", "hpcpic.plasma", "sph", "lbmdem"])
+def test_no_room_imports_itself_by_way_of_others(package):
+    """Rooms are the folders of a package; modules beside them are rooms of their own."""
+    graph: dict[str, set[str]] = {}
+    for name, file in modules().items():
+        if name.startswith(f"{package}."):
+            room = ".".join(name.split(".")[: package.count(".") + 2])
+            others = {".".join(other.split(".")[: package.count(".") + 2]) for other in imports(name, file)
+                      if other.startswith(f"{package}.")}  # fmt: skip
+            graph.setdefault(room, set()).update(others - {room})
+    assert not circle(graph)
+
+
+def test_a_folder_holds_few_modules():
+    folders = {file.parent for file in modules().values()}
+    crowded = {str(folder.relative_to(ROOT)): n for folder in folders if (n := len([
+        file for file in folder.glob("*.py") if not file.name.startswith("__")
+    ])) > MOST_MODULES}  # fmt: skip
+    assert not crowded
+
+
+def test_a_function_has_few_parameters_and_a_file_few_lines():
+    many, long = {}, {}
+    for name, file in modules().items():
+        text = file.read_text()
+        if (n := text.count("\n")) > MOST_LINES:
+            long[name] = n
+        for node in ast.walk(ast.parse(text)):
+            if isinstance(node, ast.FunctionDef):
+                n = len(node.args.posonlyargs + node.args.args + node.args.kwonlyargs)
+                if n > MOST_PARAMETERS and not _is_command(node):
+                    many[f"{name}.{node.name}"] = n
+    assert not many and not long
+
+
+def _is_command(node: ast.FunctionDef) -> bool:
+    """A verb of the command line has a parameter for each of its options."""
+    return any("click" in ast.unparse(decorator) for decorator in node.decorator_list)
+
+
+def test_every_docstring_can_be_read_alone():
+    """It names its subject: it does not go on from somewhere else ("Of a particle.", "The same in 3D.")."""
+    beginnings, found = ("Of ", "The same", "Whether it", "As "), []
+    for name, file in modules().items():
+        for node in ast.walk(ast.parse(file.read_text())):
+            if isinstance(node, ast.FunctionDef | ast.ClassDef | ast.Module):
+                text = ast.get_docstring(node) or ""
+                if text.startswith(beginnings):
+                    found.append(f"{name}.{getattr(node, 'name', '')}: {text[:40]}")
+    assert not found, f"{len(found)}"
