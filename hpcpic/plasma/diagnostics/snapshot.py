@@ -50,7 +50,7 @@ def particles(scene: Scene, cloud: Cloud) -> dict[str, ParticleArray]:
     return result
 
 
-def anchors(scene: Scene, tiles: NDArray[np.int32]) -> NDArray[np.int64]:
+def anchors(scene: Scene, tiles: NDArray[np.int32]) -> NDArray[np.integer]:
     """Column (and row) of the first cell of tiles."""
     edge = EDGE[scene.dimensions]
     across = -(-scene.points[0] // edge)

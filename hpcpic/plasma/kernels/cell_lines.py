@@ -64,9 +64,9 @@ def _within_words(builder: Any, rows: list) -> list:
                                        for word in range(0, n, size) for k in lanes])  # fmt: skip
 
     if size == 2:
-        return [mixed(*rows, (0, 2)), mixed(*rows, (1, 3))]
+        return [mixed(rows[0], rows[1], (0, 2)), mixed(rows[0], rows[1], (1, 3))]
     low, high = (0, 4, 1, 5), (2, 6, 3, 7)
-    a, b, c, d = (mixed(*pair, lanes) for lanes in (low, high) for pair in (rows[:2], rows[2:]))
+    a, b, c, d = (mixed(one, other, lanes) for lanes in (low, high) for one, other in (rows[:2], rows[2:]))
     return [mixed(p, q, lanes) for p, q in ((a, b), (c, d)) for lanes in ((0, 1, 4, 5), (2, 3, 6, 7))]
 
 

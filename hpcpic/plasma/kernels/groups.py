@@ -35,7 +35,7 @@ class PageArrays(NamedTuple):
     ids: NDArray
     chain: NDArray
     head: NDArray
-    count: NDArray
+    count: NDArray  # type: ignore[assignment]  # not the method of tuples
     settled: NDArray
     free: NDArray
     counters: NDArray

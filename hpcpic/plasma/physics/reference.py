@@ -55,7 +55,8 @@ class Reference:
         kinetic, field = 0.5 * (self.m * centred**2).sum(), 0.5 * self.dx * self.rho @ self.phi
         waves = 2 * np.abs(np.fft.rfft(self.E)) / self.n
         scalars = {f"mode_{k}": float(waves[k]) if k < len(waves) else 0.0 for k in range(1, MODES + 1)}
-        scalars |= {"energy_field": field, "energy_kinetic": kinetic, "energy_total": field + kinetic}
+        energies = {"energy_field": field, "energy_kinetic": kinetic, "energy_total": field + kinetic}
+        scalars |= {name: float(energy) for name, energy in energies.items()}
         scalars |= {"momentum_x": float((self.m * centred).sum()), "charge": float(self.q.sum())}
         self.x = (self.x + self.dt * self.v) % self.length
         self.solve()
