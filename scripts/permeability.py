@@ -16,6 +16,7 @@ from pathlib import Path
 import numpy as np
 
 from hpcpic.core.files.reader import open_run
+from lbmdem.analysis.plots import carman_kozeny
 
 ROOT = Path(__file__).resolve().parent.parent
 PICTURE = ROOT / "docs/gallery/lbmdem-carman-kozeny.png"
@@ -65,11 +66,6 @@ def measured(place: Path, porosity: float, spacing: float) -> tuple[float, float
     return porosity, float(k.mean()), float(d.mean()), float((d**3).sum() / (d**2).sum())
 
 
-def kozeny(n: np.ndarray) -> np.ndarray:
-    """k / d2."""
-    return n**3 / (180.0 * (1.0 - n) ** 2)
-
-
 def extrapolated(dx: np.ndarray, k: np.ndarray) -> float:
     """k of no spacing: a line through k against dx2, by least squares over the three finest."""
     return float(np.polyfit(dx[-3:] ** 2, k[-3:], 1)[1])
@@ -77,7 +73,7 @@ def extrapolated(dx: np.ndarray, k: np.ndarray) -> float:
 
 def report(porosity: np.ndarray, spacing: np.ndarray) -> None:
     for n, k, mean, sauter in porosity:
-        by_mean, by_sauter = k / mean**2 / kozeny(n), k / sauter**2 / kozeny(n)
+        by_mean, by_sauter = k / mean**2 / carman_kozeny(n), k / sauter**2 / carman_kozeny(n)
         print(f"n {n:.2f}  k/<d>2 {k / mean**2:.4e}  over Carman-Kozeny {by_mean:.3f}, by <d3>/<d2> {by_sauter:.3f}")
     exact = extrapolated(np.array(SPACINGS), spacing[:, 1])
     for dx, (_, k, mean, _) in zip(SPACINGS, spacing, strict=True):
@@ -91,8 +87,8 @@ def draw(porosity: np.ndarray, spacing: np.ndarray) -> None:
     line = np.linspace(0.33, 0.58, 60)
     with style():
         figure, (left, right) = new_figure(1, 2, (8.4, 3.6))
-        left.plot(line, kozeny(line), color=INK, linestyle="--", label="Carman-Kozeny")
-        left.fill_between(line, 0.85 * kozeny(line), 1.15 * kozeny(line), color="#d5d8dc", label="15 %")
+        left.plot(line, carman_kozeny(line), color=INK, linestyle="--", label="Carman-Kozeny")
+        left.fill_between(line, 0.85 * carman_kozeny(line), 1.15 * carman_kozeny(line), color="#d5d8dc", label="15 %")
         left.plot(n, k / mean**2, "o", color=COLOURS[0], label="by <d>")
         left.plot(n, k / sauter**2, "s", color=COLOURS[1], label="by <d$^3$>/<d$^2$>")
         left.set(yscale="log", xlabel="porosity", ylabel="k / d$^2$", title="200 spheres, d$_{max}$ = 2 d$_{min}$")

@@ -133,6 +133,11 @@ def _between_plates(config: LbmDemConfig, y: np.ndarray, floor: float) -> np.nda
     return 0.5 * a / config.liquid.kinematic_viscosity * y * (length - y) + low + (high - low) * y / length
 
 
+def carman_kozeny(porosity: np.ndarray) -> np.ndarray:
+    """Permeability of packed spheres over the square of their diameter."""
+    return porosity**3 / (180.0 * (1.0 - porosity) ** 2)
+
+
 def permeability(run: Run, step: int | None = None) -> Figure:
     """Permeability in time, with what it converges to beside Carman and Kozeny's."""
     from lbmdem.setup.placement import mean_diameters
@@ -142,7 +147,7 @@ def permeability(run: Run, step: int | None = None) -> Figure:
     t, k, porosity = columns_of(run, "permeability", "porosity")
     mean, sauter = mean_diameters(config_of(run))
     n, last, half = porosity[-1], k[-1], k[len(k) // 2]
-    kozeny = n**3 / (180.0 * (1.0 - n) ** 2)
+    kozeny = carman_kozeny(n)
     with style():
         figure, axes = new_figure(size=(6.4, 3.8))
         axes.plot(*thinned(t, k), color=COLOURS[0], label="measured")

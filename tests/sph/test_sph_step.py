@@ -3,6 +3,7 @@ import pytest
 from sph_scenes import by_id, engine, jitter
 
 from hpcpic.core.errors import Diverged
+from sph.physics.reference import Reference
 
 STILL = {"gravity": (0.0, 0.0), "pressure": "zero"}
 
@@ -65,6 +66,25 @@ def test_order_of_the_integrators(integrator, order):
     coarse, middle, fine = (smooth(integrator, dt) for dt in (5e-4, 2.5e-4, 1.25e-4))
     measured = np.log2(np.abs(coarse - middle).max() / np.abs(middle - fine).max())
     assert order - 0.2 < measured < order + 0.6  # the steps are not infinitely small
+
+
+def test_a_step_of_the_predictor_corrector_is_that_of_the_paper():
+    """(SC 11): y* = y + dt f(y); (SC 12): v = v^n + dt a(y*), rho = rho^n + dt D(y*), and x = x^n + dt v, the new v."""
+    dt = 5e-4
+    sph = engine(integrator="predictor-corrector", step=f"time_step = {dt!r};", periodic=("x", "y"), fill=1.0, **STILL)
+    jitter(sph)
+    x, v, drho, m = by_id(sph, "x", "v", "drho", "m")
+    still, period = np.zeros(2), np.ones(2)
+    first = Reference(sph.scene.config, x, v, drho, m, still, period)
+    predicted = x + dt * v, v + dt * first.acceleration(), drho + dt * first.rate()
+    second = Reference(sph.scene.config, *predicted, m, still, period)
+    corrected = v + dt * second.acceleration()
+    sph.step()
+    away, speed, density = (a - b for a, b in zip(by_id(sph, "x", "v", "drho"), (x, corrected, drho)))
+    assert np.abs(speed).max() < 1e-12 * np.abs(corrected).max()
+    assert np.abs(density - dt * second.rate()).max() < 1e-12 * np.abs(dt * second.rate()).max()
+    moved = away - np.rint(away)  # around the unit box
+    assert np.abs(moved - dt * corrected).max() < 1e-14
 
 
 def test_the_step_follows_the_fastest_criterion():

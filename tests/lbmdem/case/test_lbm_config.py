@@ -11,7 +11,7 @@ from hpcpic.core.case.derived import enforce
 from hpcpic.core.case.schema import dump
 from hpcpic.core.errors import ConfigError
 from lbmdem.app import shipped_cases
-from lbmdem.case.config import Diameters, LbmDemConfig
+from lbmdem.case.config import Diameters, LbmDemConfig, contact_step
 from lbmdem.configure import configure
 from lbmdem.forecast.derived import derived
 from lbmdem.forecast.estimate import estimate
@@ -49,6 +49,19 @@ def plane(normal: str = "[0.0, 1.0]", velocity: str = "[1e-4, 0.0]") -> str:
 def packed(*packings: str) -> str:
     law = "diameters = { min = 8e-5; max = 1e-4; count = 4; }"
     return f"grains = ({', '.join(f'{{ {law}; packing = {{ {packing} }}; }}' for packing in packings)});"
+
+
+@pytest.mark.parametrize("stiffness", [0.01, 1.0, 1e3, 1e5])
+def test_a_substep_of_the_contacts_is_a_fifth_of_the_largest_stable_one(stiffness):
+    """A step of the fluid has as few substeps as that allows; grains without fluid take a fifth exactly."""
+    config = config_of(f"{CHANNEL} {DISC} contact = {{ normal_stiffness = {stiffness}; }};")
+    wanted = config.time_step / contact_step(config) / 0.2
+    assert config.substeps - 1 < wanted <= config.substeps * (1 + 1e-9)
+    alone = config_of(
+        f"simulation = {{ end_time = 1.0; }}; domain = {{ size = [1e-3, 1e-3]; }}; {DISC} "
+        f"contact = {{ normal_stiffness = {stiffness}; }};"
+    )
+    assert alone.time_step == pytest.approx(0.2 * contact_step(alone), rel=1e-12)
 
 
 @pytest.mark.parametrize("name", sorted(shipped_cases()))

@@ -12,6 +12,7 @@ from hpcpic.core.tasks.graph import Pool
 from hpcpic.plasma.diagnostics.scalars import moments
 from hpcpic.plasma.particles.cloud import Cloud
 from hpcpic.plasma.particles.push_spec import WHOLE_BITS, PushSpec
+from hpcpic.plasma.physics.boris import rotation_vectors, shears, turn
 from hpcpic.plasma.physics.shapes import SHAPES
 
 SPECS = [(2, 2, 0, "CIC"), (2, 2, 1, "CIC"), (2, 3, 2, "CIC"), (1, 1, 0, "CIC"), (1, 3, 2, "CIC"),
@@ -183,6 +184,27 @@ def test_speed_is_kept_in_a_magnetic_field(pool, v, rotation):
     before = np.sort(speeds(made))
     advance(made, 2000)
     assert np.abs(np.sort(speeds(made)) / before - 1).max() < 1e-12
+
+
+@pytest.mark.parametrize("magnetic", [(1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0), (1.0, -2.0, 3.0)])
+def test_the_shears_turn_as_the_product_of_boris_about_any_axis(pool, magnetic):
+    """Cells have unequal sides; the sense of the turn is that of the force q v x B."""
+    made = cloud(pool, linear(np.float64, 3, 2), (32, 32), n=100, field=0.0, speed=0.1)
+    side = np.array([0.5, 0.2, 0.5])
+    t, s = rotation_vectors(magnetic, 1.5, 0.2, False)
+    made.arena["mover"][:, 4:] = shears(t, s, side)
+    before = velocities(made) * side
+    made.push(0)
+    made.deliver()
+    after = velocities(made) * side
+    np.testing.assert_allclose(after, before + before @ turn(t, s).T, rtol=0, atol=1e-15)
+    assert (np.sum((after - before) * np.cross(before, magnetic), axis=1) > 0).all()
+
+
+def velocities(made):
+    """Cells per step [n, 3] in order of the numbers."""
+    numbers, _, components = everybody(made, 0)
+    return components[np.argsort(numbers), 2:]
 
 
 def speeds(made):

@@ -2,6 +2,7 @@
 
 import subprocess
 import sys
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -9,8 +10,9 @@ from figure_texts import unreadable
 
 from hpcpic.core.app.figures import NoData, save
 from hpcpic.core.files.reader import open_run
-from sph.analysis import experiments, render, theory
+from sph.analysis import experiments, particle_plots, render, theory
 from sph.analysis.plots import PLOTS
+from sph.app import shipped_cases
 
 SHORT = {
     "water-column": ("numerics.spacing=0.0146", "simulation.end_time=0.06", "output.pictures=[]"),
@@ -76,6 +78,28 @@ def test_the_triangular_filter_keeps_lines_and_impulses_of_uneven_samples():
     assert filtered.max() < 0.75
     areas = [np.trapezoid(values, t) for values in (peak, filtered)]
     assert areas[1] == pytest.approx(areas[0], rel=0.03)
+
+
+def test_the_filter_makes_a_triangle_13_ms_wide_of_a_spike():
+    t = 1e-4 * np.arange(-200, 201)
+    found = theory.triangular(t, (t == 0.0).astype(float))
+    np.testing.assert_allclose(found, np.maximum(0.0, 1 - np.abs(t) / 6.5e-3) * 1e-4 / 6.5e-3, atol=1e-12)
+
+
+def test_the_drawn_profiles_are_the_parabola_and_its_stress(monkeypatch):
+    """Of steady Poiseuille flow: v / v_max = 4 z/L (1 - z/L), rho nu dv/dz / (rho F L / 2) = 1 - 2 z/L."""
+    width, force, nu = 1e-3, 2e-4, 1e-6
+    z = (np.arange(40) + 0.5) / 40 * width
+    along = force / (2 * nu) * z * (width - z)
+    particles = {"position": np.stack([0 * z, z], axis=1), "velocity": np.stack([along, 0 * z], axis=1)}
+    monkeypatch.setattr(particle_plots, "fluid_at", lambda *_: particles)
+    steady = SimpleNamespace(times=np.array([5.0]), index=lambda step: 0)  # s: after five times L2 / nu
+    monkeypatch.setattr(particle_plots, "snapshots_of", lambda _: steady)
+    figure = particle_plots.profiles(SimpleNamespace(config=shipped_cases()["poiseuille"].read_text()), 0)
+    for axes, exact in zip(figure.axes, (lambda y: 4 * y * (1 - y), lambda y: 1 - 2 * y)):
+        assert len(axes.lines) == 2  # of particles, of the series
+        for line in axes.lines:
+            np.testing.assert_allclose(line.get_xdata(), exact(np.array(line.get_ydata())), atol=1e-9)
 
 
 def test_the_series_of_poiseuille_flow_starts_at_rest_and_ends_steady():

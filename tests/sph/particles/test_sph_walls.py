@@ -2,6 +2,8 @@ import numpy as np
 import pytest
 from sph_scenes import by_id, engine, jitter, tank
 
+from sph.physics.reference import Reference
+
 KINDS = ["pressure-continuity", "repulsive", "mirror-no-slip", "point-symmetric-free-slip"]
 
 
@@ -83,6 +85,35 @@ def test_a_particle_behind_a_mirror_changes_places_with_its_image():
     sph.tasks.each(sph.motion.swap)
     assert x[up] == pytest.approx(0.01)
     assert (v[up], v[across]) == (1.0, -0.5)
+
+
+def above_a_plane(kind, **settings):
+    """Water above the plane y = 0, periodic along x, with the viscosity of (MP 22) and (MP 23)."""
+    plane = f'wall = ( {{ type = "{kind}"; shape = {{ plane = {{ point = [0.0, 0.0]; normal = [0.0, 1.0]; }}; }}; }} );'
+    return engine(fill=(1.0, 0.5), periodic=("x",), more=plane, form="strain-rate", viscosity=5.0, **settings)
+
+
+@pytest.mark.parametrize("kind, slips", [("point-symmetric-free-slip", True), ("mirror-no-slip", False)])
+def test_a_stream_along_a_plane_feels_nothing_where_it_slips(kind, slips):
+    sph = above_a_plane(kind, velocity=(2.0, 0.0), gravity=(0.0, 0.0), pressure="zero")
+    jitter(sph, speed=0.0, density=0.0)
+    sph.evolution.evaluate_forces()
+    drag = np.abs(by_id(sph, "a")[0]).max()
+    scale = 5.0 / sph.scene.rho0 * 2.0 / sph.scene.h**2  # nu v / h^2
+    assert drag < 1e-12 * scale if slips else drag > 0.1 * scale
+
+
+def test_the_stress_beside_a_mirror_is_that_of_a_domain_twice_as_high():
+    """There particles stand where images do, at (x, -y), and move with -v; images have the strain rate of those."""
+    sph = above_a_plane("mirror-no-slip")
+    jitter(sph)
+    x, v, drho, m = by_id(sph, "x", "v", "drho", "m")
+    flip = np.where(np.array(sph.scene.axes) == 1, -1.0, 1.0)[:, None]
+    period = np.where(sph.scene.periodic, 1.0, 0.0)[list(sph.scene.axes)]
+    both = [np.concatenate(pair, axis=-1) for pair in ((x, flip * x), (v, -v), (drho, drho), (m, m))]
+    wanted = Reference(sph.scene.config, *both, np.zeros(2), period).acceleration()[:, : len(m)]
+    sph.evolution.evaluate_forces()
+    assert np.abs(by_id(sph, "a")[0] - wanted).max() < 1e-12 * np.abs(wanted).max()
 
 
 def test_walls_are_made_where_the_fluid_comes():
