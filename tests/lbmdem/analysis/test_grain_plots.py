@@ -7,9 +7,10 @@ import sys
 import numpy as np
 import pytest
 from figure_texts import unreadable
-from matplotlib.collections import PatchCollection
+from matplotlib.collections import LineCollection, PatchCollection
 
 from hpcpic.core.files.reader import open_run
+from lbmdem.analysis import grain_plots
 from lbmdem.analysis.grain_plots import all_grains, config_of, touching, with_images
 from lbmdem.analysis.plots import PLOTS
 
@@ -49,6 +50,17 @@ def test_grains_that_reach_over_a_periodic_side_are_seen_on_both(run):
     drawn = next(some for some in figure.axes[-1].collections if isinstance(some, PatchCollection))
     assert over > 0 and len(drawn.get_paths()) == 20 + over
     assert len(figure.axes[-1].patches) == 1  # the plane
+
+
+def test_the_lines_of_discs_are_diameters_that_turn_with_them(run, monkeypatch):
+    """The line of the first disc lies along x, that of the second along y, that of the third halfway between."""
+    x = np.array([[0.004, 0.004], [0.008, 0.004], [0.006, 0.008]])
+    discs = {"position": x, "radius": np.full(3, 1e-3), "angle": np.array([0.0, 0.5, 0.25]) * np.pi}
+    monkeypatch.setattr(grain_plots, "all_grains", lambda run, step: discs)
+    axes = grain_plots.grains(run, int(run.particle_snapshots.steps[0])).axes[-1]
+    drawn = next(some for some in axes.collections if isinstance(some, LineCollection)).get_segments()
+    half = 1e-3 * np.array([[1.0, 0.0], [0.0, 1.0], [np.sqrt(0.5), np.sqrt(0.5)]])
+    np.testing.assert_allclose(drawn, np.stack([x - half, x + half], axis=1), atol=1e-15)
 
 
 def test_the_contacts_that_are_drawn_are_those_of_the_run(run):
