@@ -95,7 +95,7 @@ def lattice_theory(*settings: object) -> float:
     from sph.physics import stability
 
     config = lattice(*settings[:2], 0.1, *settings[2:])
-    return stability.limit_of(config.simulation.integrator, *stability.waves(config, True))
+    return stability.limit_of(config.simulation.integrator, *stability.decays(config, True))
 
 
 def lattice_stable(settings: tuple, courant: float) -> bool:
