@@ -11,6 +11,7 @@ import hashlib
 import os
 import traceback
 from collections.abc import Mapping
+from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -65,9 +66,15 @@ def _line_of(error: BaseException, stem: str) -> int:
 
 
 def import_kept(facts: Mapping[str, object], given: Path) -> None:
-    """Import what the run of these facts (run.json) has used, from its given/. Raises ConfigError."""
+    """Import what the run of these facts (run.json) has used, from its given/. Raises ConfigError: also where a file
+    belongs to another user, whose code must not run as ours.
+    """
     kept = facts.get("used", {})
     for name, digest in kept.items() if isinstance(kept, dict) else ():
+        with suppress(OSError):  # `use` says what is missing
+            if (given / name).stat().st_uid != os.geteuid():
+                raise ConfigError(f"{given / name}: belongs to another user, and would run as you; copy the run's folder "
+                                  "if you trust it")  # fmt: skip
         use(str(given / name))
         if used[name].digest != digest:
             raise ConfigError(f"{given / name}: not the file that the run was started with")

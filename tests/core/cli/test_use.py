@@ -2,11 +2,15 @@
 
 import hashlib
 import json
+import os
 import subprocess
 import sys
 
 import pytest
 from app_runner import environment, launch
+
+from hpcpic.core.app.use import import_kept
+from hpcpic.core.errors import ConfigError
 
 LOADER = """
 import numpy as np
@@ -78,3 +82,10 @@ def test_all_ranks_and_all_runs_of_a_sweep_use_the_file(folder):
     assert done.returncode == 0, done.stderr
     swept = hpcpic(folder, "sweep", "own.conf", "--use", "own.py", "--set", "simulation.time_step=0.1,0.2")
     assert swept.returncode == 0, swept.stdout + swept.stderr
+
+
+def test_python_of_another_user_does_not_run_as_ours(tmp_path, monkeypatch):
+    (tmp_path / "own.py").write_text("raise SystemExit")
+    monkeypatch.setattr(os, "geteuid", lambda: (tmp_path / "own.py").stat().st_uid + 1)
+    with pytest.raises(ConfigError, match="belongs to another user"):
+        import_kept({"used": {"own.py": ""}}, tmp_path)
