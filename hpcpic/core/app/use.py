@@ -73,8 +73,8 @@ def import_kept(facts: Mapping[str, object], given: Path) -> None:
     for name, digest in kept.items() if isinstance(kept, dict) else ():
         with suppress(OSError):  # `use` says what is missing
             if (given / name).stat().st_uid != os.geteuid():
-                raise ConfigError(f"{given / name}: belongs to another user, and would run as you; copy the run's folder "
-                                  "if you trust it")  # fmt: skip
+                said = "belongs to another user, and would run as you; copy the folder of the run if you trust it"
+                raise ConfigError(f"{given / name}: {said}")
         use(str(given / name))
         if used[name].digest != digest:
             raise ConfigError(f"{given / name}: not the file that the run was started with")
