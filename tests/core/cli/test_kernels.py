@@ -14,7 +14,7 @@ def check(program, case, name):
 
 @pytest.mark.parametrize(
     "program, case, kernel",
-    [("hpcpic", "two-particles", "push"), ("sph", "poiseuille", "first"), ("lbmdem", "poiseuille", "lbm_d2q9.sweep")],
+    [("hpcpic", "two-particles", "push"), ("sph", "poiseuille", "both"), ("lbmdem", "poiseuille", "lbm_d2q9.sweep")],
 )
 def test_a_kernel_of_a_case_is_listed_and_printed(program, case, kernel):
     listed = check(program, case, "list").stdout
