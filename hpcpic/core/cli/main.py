@@ -38,7 +38,7 @@ VERBS = {  # verb -> the module of core that makes it, and what --help says with
     "bench": ("cli.bench", "Measure bandwidth and kernel rates of this machine and keep them for `estimate`."),
     "doctor": ("cli.doctor", "MPI, launcher, threads, HDF5, FFTW, versions, the cache of compiled kernels."),
 }
-PARALLEL = ("cli.run", "restart", "bench", "doctor")  # verbs in which all ranks take part
+PARALLEL = ("run", "restart", "bench", "doctor")  # verbs in which all ranks take part
 
 RANKS = ("PMI_RANK", "OMPI_COMM_WORLD_RANK", "PMIX_RANK")  # where launchers tell a process its rank
 

@@ -13,7 +13,7 @@ from hpcpic.core.app.read import set_option
 from hpcpic.core.case.config import Tree, load
 from hpcpic.core.case.derived import enforce
 from hpcpic.core.cli.run import job_options
-from hpcpic.core.errors import ConfigError
+from hpcpic.core.errors import ConfigError, FileError
 from hpcpic.core.files.rundir import RunDir
 
 if TYPE_CHECKING:
@@ -50,7 +50,7 @@ def make_restart_command(app_loader: AppLoader) -> click.Command:
             rundir = RunDir.open(folder, app.name, damaged=True)
             rundir.lock()
             try:
-                facts = rundir.read_run()
+                facts = _facts(rundir)
                 use.import_kept(facts, rundir.given)
                 config, tree, warnings = _config(app, rundir, until, sets, world.size)
                 warnings += rundir.mend()
@@ -65,6 +65,14 @@ def make_restart_command(app_loader: AppLoader) -> click.Command:
         return job(app_loader, prepare, Flags(threads, wall, checkpoint_every, patience, quiet))
 
     return restart
+
+
+def _facts(rundir: RunDir) -> dict[str, Any]:
+    """What run.json tells; nothing where it is damaged, which ends no restart from good checkpoints."""
+    try:
+        return rundir.read_run()
+    except FileError:
+        return {}
 
 
 def _config(
