@@ -1,8 +1,8 @@
 """The bits of every shipped case after a few steps are those that are stored: what moves code moves no bit.
 
 A change of the physics changes them knowingly: `python tests/validation/test_digests.py` stores them anew, for the
-processor that it runs on. They depend on the width of registers: in the lanes of these SPH adds up its pairs, and by it
-FFTW chooses its codelets.
+processor that it runs on. They depend on the width of registers: in the lanes of these SPH adds up its pairs; why the
+plasma's differ has not been found out.
 """
 
 import json

@@ -21,7 +21,7 @@ class Parcel(NamedTuple):
 class Pieces:
     """Parcels that leave and come together: `messages` is for a task graph, or start() and wait() it.
 
-    The arrays belong to the messages from the start to the end of an exchange. sent, bytes: messages of one exchange.
+    The arrays belong to the messages from the start to the end of an exchange.
     stride: iterations between two exchanges.
     """
 
@@ -30,8 +30,6 @@ class Pieces:
         self._types: list[MPI.Datatype] = []
         there, back = ([self._message(parcel) for parcel in parcels] for parcels in (sends, receives))
         self.messages = Messages(world.comm, sends=there, receives=back, stride=stride)
-        self.sent = len(sends)
-        self.bytes = sum(piece.nbytes for parcel in sends for piece in parcel.pieces)
 
     def _message(self, parcel: Parcel) -> Message:
         for piece in parcel.pieces:
