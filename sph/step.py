@@ -19,8 +19,6 @@ from sph.diagnostics.checkpoint import Checkpoint
 from sph.diagnostics.gauges import Gauges
 from sph.diagnostics.guards import Runaway
 from sph.particles.arrays import arrays_of
-from sph.particles.cell_grid import CellGrid
-from sph.particles.clock import Clock
 from sph.particles.evolution import Evolution
 from sph.particles.extremes import extremes, fluid_box
 from sph.particles.ghosts import Ghosts
@@ -28,14 +26,14 @@ from sph.particles.images import images_of
 from sph.particles.neighbours import Cells
 from sph.particles.pair_sums import PairSums
 from sph.particles.skin import Skin
-from sph.particles.slabs import Slabs
+from sph.particles.slabs import CellGrid, Slabs
 from sph.particles.storage import Storage
 from sph.particles.strays import Outflow, Strays
 from sph.particles.tasks import Tasks, arena_of, parts_of
 from sph.particles.wall_forces import Forces, WallForces
 from sph.particles.walls import Walls
 from sph.physics.integrators import INTEGRATORS
-from sph.physics.timestep import TimeStep
+from sph.physics.timestep import Clock, TimeStep
 from sph.setup.pair_numbers import pair_spec_of
 from sph.setup.scene import Scene
 

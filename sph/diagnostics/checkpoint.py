@@ -11,11 +11,11 @@ from hpcpic.core.files.sealed import Reader
 from hpcpic.core.space.domain import block_ranges
 from sph.diagnostics.gauges import Gauges
 from sph.kernels.marks import FLOWS, FLUID, NORMAL, REAL
-from sph.particles.clock import Clock
 from sph.particles.skin import Skin
 from sph.particles.storage import Storage
 from sph.particles.strays import Strays
 from sph.particles.wall_forces import WallForces
+from sph.physics.timestep import Clock
 
 Arrays = dict[str, NDArray]
 Shapes = dict[str, tuple[int, ...]]

@@ -10,11 +10,11 @@ from numpy.typing import NDArray
 
 from sph.diagnostics.leaks import LeakFinder
 from sph.diagnostics.scalars import Totals, fluid_scalars
-from sph.particles.clock import Clock
 from sph.particles.extremes import Extremes
 from sph.particles.storage import Storage
 from sph.particles.wall_forces import WallForces
 from sph.physics import stability
+from sph.physics.timestep import Clock
 
 MIN_SOUND_RATIO = 7.0  # c0 over the largest velocity, below which the fluid is told to be compressible
 SHORTEST_STEP = 1e-2  # of that at the start: the fluid crosses h in it only if accelerated by 1e4 times c0^2/h

@@ -4,10 +4,10 @@ from collections.abc import Callable
 from types import ModuleType
 
 from hpcpic.core.timers import Timers
-from sph.particles.clock import Clock
 from sph.particles.pair_sums import PairSums
 from sph.particles.tasks import Tasks
 from sph.particles.walls import Walls
+from sph.physics.timestep import Clock
 
 
 class Evolution:

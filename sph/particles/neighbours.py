@@ -8,8 +8,7 @@ from hpcpic.core.simd.generate import specialise
 from hpcpic.core.tasks.graph import TaskError
 from sph.kernels.groups import Table
 from sph.kernels.marks import BODY, OWN
-from sph.particles.cell_grid import PADS, CellGrid
-from sph.particles.slabs import Slabs
+from sph.particles.slabs import PADS, CellGrid, Slabs
 from sph.particles.storage import Storage
 from sph.particles.tasks import Tasks, equal_parts
 

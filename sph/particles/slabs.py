@@ -1,15 +1,40 @@
-"""Who owns which layers of cells: cuts between ranks, made again where one has much more to do than the others."""
+"""The grid of cells over the domain: layers across the first storage axis, rows of cells in them; and which rank owns
+which layers: cuts are made again where one has much more to do than the others.
+"""
 
 import numpy as np
 from numpy.typing import NDArray
 
 from hpcpic.core.comm.world import World
 from hpcpic.core.space.domain import Domain, balanced_cuts
-from sph.particles.cell_grid import PADS, CellGrid
+from sph.kernels.cells import FINE
 from sph.setup.scene import Scene
 
+PADS = 2  # layers and rows outside the domain, for walls and images
 IMAGES_REACH = 4  # layers from a body to where its image, but for a period, is looked for; with one to spare
 MAX_IMBALANCE = 1.03  # load of the fullest rank over what it can be, beyond which cuts are made again
+
+
+class CellGrid:
+    """Layers and rows of thickness `edge` m over the domain, with PADS more on each side.
+
+    scale[d]: layers, rows and fine cells per m; edges: what kernels.runs.find is told of them.
+    """
+
+    def __init__(self, scene: Scene, edge: float) -> None:
+        lengths = (scene.high - scene.low)[list(scene.axes)]
+        self.edge = edge
+        self.layers, self.rows = (int(np.ceil(length / edge)) + 2 * PADS for length in lengths[:2])
+        if len(lengths) == 2:
+            self.rows = 1
+        self.scale = np.full(len(lengths), 1.0 / edge)
+        self.scale[-1] *= FINE
+        self.edges = np.array([edge, edge, edge / FINE, PADS, 0.0])
+
+    def layer(self, x: NDArray[np.float64]) -> NDArray[np.int64]:
+        """Layer of positions along the first storage axis, m, as the kernels find it."""
+        at = np.floor(x * self.scale[0]) + PADS
+        return np.clip(at, 0, self.layers - 1).astype(np.int64)
 
 
 class Slabs:

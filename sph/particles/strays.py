@@ -12,9 +12,9 @@ from numpy.typing import NDArray
 
 from hpcpic.core.comm.world import World
 from sph.kernels.marks import BODY
-from sph.particles.clock import Clock
 from sph.particles.storage import Slots, Storage
 from sph.physics.stray_limits import FREE_NEIGHBOUR_SHARE, LIMIT, MAX_DENSITY_ERROR, full_neighbourhood, most_strays
+from sph.physics.timestep import Clock
 from sph.setup.scene import Scene
 
 log = logging.getLogger("hpcpic.sph")

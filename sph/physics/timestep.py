@@ -1,9 +1,26 @@
-"""The length of a step (MP, SC: Courant condition modified for viscosity; Monaghan 1992 for forces)."""
+"""Where a run is in time, and the length of a step (MP, SC: Courant condition modified for viscosity; Monaghan 1992 for
+forces).
+"""
 
 import math
+from dataclasses import dataclass
 
+from hpcpic.core.errors import Diverged
 from sph.case.config import SphConfig
 from sph.physics.stability import MAX_FORCE_STEP, physical_viscosity, viscous_limit
+
+
+@dataclass(slots=True)
+class Clock:
+    """Steps done, the time they have led to and the length of the last one (or of the one that is being done), s."""
+
+    step: int = 0
+    time: float = 0.0
+    time_step: float = 0.0
+
+    def diverged(self, reason: str) -> Diverged:
+        """The error that ends a run here."""
+        return Diverged(f"step {self.step}, t = {self.time:.6g} s: {reason}")
 
 
 class TimeStep:
