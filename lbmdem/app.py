@@ -28,7 +28,7 @@ def grow(config: LbmDemConfig, factor: int) -> tuple[str, ...]:
 
     Raises ValueError where grains have places of their own.
     """
-    if any(grains.position for grains in config.grains):
+    if any(len(grains.centres) for grains in config.grains):
         raise ValueError("grains at given places do not multiply")
     size = [*config.domain.size[:-1], config.domain.size[-1] * factor]
     packed = (

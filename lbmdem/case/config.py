@@ -12,6 +12,7 @@ from pydantic import BeforeValidator, Field
 from hpcpic.core.case.config import Tree
 from hpcpic.core.case.schema import REQUIRED, Lengths, Section, Vector, as_tuple, setting
 from hpcpic.core.case.words import one_period, one_viscosity
+from hpcpic.core.files.start import Start, arrays, attach
 from lbmdem.physics.contact_law import ContactLaw, stable_step
 
 AXES = "xyz"
@@ -70,6 +71,7 @@ class FluidSection(Section):
         (), "acceleration a by a pressure gradient -density a, which pushes moving grains too [ax, ay(, az)]", "m/s2"
     )
     initial: Initial | None = None
+    start: Start | None = None
 
 
 class Boundary(Section):
@@ -140,6 +142,7 @@ class GrainSet(Section):
     moving: bool = setting(True, "false: fixed in space")
     velocity: Vector = setting((), "at the start; of fixed grains always", "m/s")
     angular_velocity: Vector = setting((), "[wz] in 2D, [wx, wy, wz] in 3D", "rad/s")
+    start: Start | None = None
 
     @property
     def law(self) -> Diameters:
@@ -147,20 +150,39 @@ class GrainSet(Section):
         assert self.diameters is not None
         return self.diameters
 
+    def given(self, name: str) -> np.ndarray | None:
+        """An array that the set starts with; None where the case names none."""
+        return arrays(self.start).get(name) if self.start else None
+
+    @property
+    def centres(self) -> np.ndarray | tuple[tuple[float, ...], ...]:
+        """Positions [n, d] as given, m; none of a packing."""
+        given = self.given("position")
+        return self.position if given is None else given
+
+    @property
+    def own_diameters(self) -> np.ndarray | None:
+        """Diameters [n] of grains that are given or all alike, m; None under a law of diameters."""
+        if self.diameter is not None:
+            return np.full(max(len(self.centres), 1), self.diameter)
+        return self.given("diameter")
+
     @property
     def smallest_diameter(self) -> float:
         """Diameter of the smallest grain, m."""
-        return self.law.min if self.diameter is None else self.diameter
+        own = self.own_diameters
+        return self.law.min if own is None else float(own.min())
 
     @property
     def largest_diameter(self) -> float:
         """Diameter of the largest grain, m."""
-        return self.law.max if self.diameter is None else self.diameter
+        own = self.own_diameters
+        return self.law.max if own is None else float(own.max())
 
     @property
     def count(self) -> int:
         """Number of grains."""
-        return len(self.position) or self.law.count
+        return len(self.centres) or self.law.count
 
 
 class Contact(Section):
@@ -311,6 +333,9 @@ class LbmDemConfig(Section):
         fluids = [("fluid",)] if isinstance(tree.data.get("fluid"), dict) else []
         one_viscosity(tree, fluids, "kinematic_viscosity", FluidSection.model_fields["density"].default)
         one_period(tree, Period.model_fields)
+        attach(tree, ("fluid", "start"))
+        attach(tree, ("grains", "start"))
+
 
 def grain_mass(grains: GrainSet, diameter: float, d: int) -> float:
     """kg; of a disc per metre of depth."""

@@ -53,5 +53,5 @@ def creeping(config: LbmDemConfig) -> bool:
     still = all(face.type == "pressure" and (face.pressure == 0.0 or face in ramped) for face in open_faces)
     moved = any(any(face.velocity) for face in config.boundary) or any(any(solid.velocity) for solid in config.obstacle)
     fluid = config.fluid
-    calm = not moved and fluid is not None and not any(fluid.body_force) and fluid.initial is None
+    calm = not moved and fluid is not None and not any(fluid.body_force) and not (fluid.initial or fluid.start)
     return config.coupling.frozen and len(ramped) == 1 and still and calm

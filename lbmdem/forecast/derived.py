@@ -7,6 +7,7 @@ import numpy as np
 
 from hpcpic.core.case.config import Path
 from hpcpic.core.case.derived import Derived, Verdict
+from hpcpic.core.files.start import arrays
 from lbmdem.case.config import (
     ACCURATE,
     AXES,
@@ -60,6 +61,9 @@ def known_speed(config: LbmDemConfig) -> float:
     vectors = [face.velocity for face in config.boundary] + [obstacle.velocity for obstacle in config.obstacle]
     others = [math.hypot(*group.velocity) + turning_speed(group) for group in config.grains]
     others += [config.liquid.initial.speed] if config.liquid.initial else []
+    starts = (config.fluid.start if config.fluid else None, *(group.start for group in config.grains))
+    given = (arrays(start).get("velocity", np.zeros(1)) for start in starts if start)
+    others += [math.sqrt(float((velocity**2).sum(axis=-1).max(initial=0.0))) for velocity in given]
     return max([*(math.hypot(*vector) for vector in vectors), *others], default=0.0)
 
 
@@ -156,7 +160,7 @@ def grains(config: LbmDemConfig) -> Iterator[Derived]:
         if config.fluid is None:
             continue
         nodes, enough = smallest / dx, ENOUGH_NODES[d]
-        key: Path = ("grains", i, "diameter" if group.diameter is not None else "diameters")
+        key: Path = ("grains", i, "diameters" if group.diameters is not None else "diameter")
         least = 2.5 if group.moving else 2.0
         verdict: Verdict = "ok" if nodes >= enough * (1 - 1e-9) else "warn" if nodes >= least else "fail"
         fine = f"domain.spacing = {smallest / enough:.3g} resolves the grains of {group.name}"

@@ -39,10 +39,11 @@ def sizes(law: Diameters, d: int) -> Iterator[tuple[float, float]]:
 
 def grains(config: LbmDemConfig, group: GrainSet) -> list[tuple[float, float]]:
     """(radius in nodes, number) of a set."""
-    count = len(group.position) or (group.diameters.count if group.diameters else 0)
-    equal = [(group.diameter, 1.0)] if group.diameter else None
-    law = equal or sizes(group.law, config.dimensions)
-    return [(0.5 * size / config.spacing, share * count) for size, share in law]
+    own = group.given("diameter")
+    if own is not None:
+        return [(0.5 * float(size) / config.spacing, 1.0) for size in own]
+    law = sizes(group.law, config.dimensions) if group.diameter is None else [(group.diameter, 1.0)]
+    return [(0.5 * size / config.spacing, share * group.count) for size, share in law]
 
 
 def touched(r: float, width: int, d: int) -> float:

@@ -4,6 +4,7 @@ import math
 from collections.abc import Iterator
 
 from hpcpic.core.case.config import Path
+from hpcpic.core.files.start import start_faults
 from lbmdem.case.config import AXES, GrainSet, LbmDemConfig, Obstacle
 
 
@@ -22,6 +23,12 @@ def faults(config: LbmDemConfig) -> Iterator[tuple[Path, str]]:
         yield ("fluid", "time_step"), "give either relaxation_time or time_step"
     if fluid is not None and config.simulation.time_step is not None:
         yield ("simulation", "time_step"), "is of a case without fluid; fluid.time_step is that of a lattice"
+    if fluid is not None and fluid.start is not None:
+        grid = config.points[::-1]
+        found = start_faults(fluid.start, {"velocity": (*grid, d), "pressure": grid})
+        yield from ((("fluid", "start", *path), text) for path, text in found)
+        if fluid.initial is not None:
+            yield ("fluid", "start"), "give either initial or start"
     yield from name_faults(config)
     yield from unused_faults(config)
     yield from packing_faults(config)
@@ -196,13 +203,29 @@ def grain_faults(grains: GrainSet, d: int) -> Iterator[tuple[Path, str]]:
     """What does not fit together in one set of grains."""
     if grains.shape not in (None, "disc" if d == 2 else "sphere"):
         yield ("shape",), f"{grains.shape} in {d}D; {'disc' if d == 2 else 'sphere'} is the shape there"
-    if (grains.diameter is None) == (grains.diameters is None):
-        yield (), "needs either diameter or diameters = {..}"
-    if bool(grains.position) == (grains.packing is not None):
-        yield (), "needs either position or packing = {..}"
+    turning = 1 if d == 2 else 3
+    shapes = {"position": (None, d), "diameter": (None,), "velocity": (None, d), "angular_velocity": (None, turning)}
+    if grains.start is not None:
+        wrong = list(start_faults(grains.start, shapes))
+        yield from ((("start", *path), text) for path, text in wrong)
+        if wrong:
+            return
+    diameter = grains.given("diameter")
+    if diameter is not None and not (diameter > 0.0).all():
+        yield ("start",), "diameter must be above 0"
+    if (grains.diameter is not None) + (diameter is not None) + (grains.diameters is not None) != 1:
+        yield (), "needs either diameter or diameters = {..}, or an array diameter in start"
+    if bool(grains.position) + (grains.given("position") is not None) + (grains.packing is not None) != 1:
+        yield (), "needs either position or packing = {..}, or an array position in start"
     if grains.packing is not None and grains.diameters is None:
         yield ("packing",), "needs diameters = {..}, which gives their number"
-    if grains.position and grains.diameters is not None and grains.diameters.count != len(grains.position):
-        yield ("diameters", "count"), f"is not the number of positions ({len(grains.position)})"
+    n = len(grains.centres)
+    if n and grains.diameters is not None and grains.diameters.count != n:
+        yield ("diameters", "count"), f"is not the number of positions ({n})"
+    for name in shapes:
+        given = grains.given(name)
+        count = n or (grains.diameters.count if grains.diameters else 0)
+        if given is not None and len(given) != count:
+            yield ("start",), f"{name} has {len(given)} rows for {count} grains"
     if grains.diameters is not None and grains.diameters.min > grains.diameters.max:
         yield ("diameters", "min"), "is above max"

@@ -37,14 +37,15 @@ def starts(config: LbmDemConfig) -> tuple[float, float, int]:
 
 def survey(config: LbmDemConfig) -> Survey:
     """How grains at given positions lie; those of a law of diameters count as its smallest."""
-    sets = [grains for grains in config.grains if grains.position]
+    sets = [grains for grains in config.grains if len(grains.centres)]
     if not sets:
         return Survey()
-    counts = [len(grains.position) for grains in sets]
+    counts = [len(grains.centres) for grains in sets]
     keys = position_keys(config)
-    x = np.concatenate([np.array(grains.position, float) for grains in sets])
-    sizes = [grains.smallest_diameter for grains in sets]
-    radius = 0.5 * np.repeat(np.array(sizes), counts)
+    x = np.concatenate([np.array(grains.centres, float) for grains in sets])
+    own = (grains.own_diameters for grains in sets)
+    sizes = [np.full(n, g.smallest_diameter) if d is None else d for n, g, d in zip(counts, sets, own)]
+    radius = 0.5 * np.concatenate(sizes)
     moving = np.repeat([grains.moving for grains in sets], counts)
     length = np.array(config.domain.size)
     periodic = np.array([axis in config.domain.periodic for axis in "xyz"[: len(length)]])
@@ -75,8 +76,9 @@ def position_keys(config: LbmDemConfig) -> list[Path]:
     """Keys of the case that hold the position of each grain, in their order."""
     keys: list[Path] = []
     for i, grains in enumerate(config.grains):
-        place: Path = ("grains", i, "position")
-        keys += [place] if len(grains.position) == 1 else [(*place, k) for k in range(len(grains.position))]
+        place: Path = ("grains", i, "position" if grains.position else "start")
+        many = len(grains.position) > 1
+        keys += [(*place, k) if many else place for k in range(len(grains.centres))]
     return keys
 
 

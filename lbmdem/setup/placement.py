@@ -17,7 +17,7 @@ def place_grains(config: LbmDemConfig, world: World, pool: Pool, domain: Domain)
         if grains.packing is not None:
             x, r = packed(config, grains, world, pool, domain)
         else:
-            x, r = np.array(grains.position, np.float64), given_radii(config, grains)
+            x, r = np.array(grains.centres, np.float64), given_radii(config, grains)
         positions.append(x)
         radii.append(r)
     return grain_table(config, positions, radii)
@@ -25,9 +25,9 @@ def place_grains(config: LbmDemConfig, world: World, pool: Pool, domain: Domain)
 
 def given_radii(config: LbmDemConfig, grains: GrainSet) -> NDArray[np.float64]:
     """Radii of grains whose positions the case gives, m [n]."""
-    n = len(grains.position)
-    if grains.diameter is not None:
-        return np.full(n, 0.5 * grains.diameter)
+    n, own = len(grains.centres), grains.own_diameters
+    if own is not None:
+        return 0.5 * np.asarray(own, float)
     from lbmdem.setup.packing import beta_diameters
 
     d = grains.law
@@ -42,7 +42,7 @@ def mean_diameters(config: LbmDemConfig) -> tuple[float, float]:
     for grains in config.grains:
         law = grains.diameters
         if law is None:
-            parts.append(np.full(len(grains.position), grains.diameter))
+            parts.append(2.0 * given_radii(config, grains))
         else:
             parts.append(beta_diameters(law.count, law.min, law.max, law.a, law.b, 0, config.dimensions))
     d = np.concatenate(parts)

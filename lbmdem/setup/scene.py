@@ -6,6 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from hpcpic.core.files.start import arrays
 from lbmdem.case.config import AXES, Boundary, LbmDemConfig
 from lbmdem.physics.units import Units
 from lbmdem.physics.velocity_sets import CS2
@@ -107,6 +108,9 @@ class Scene:
         """Velocity of the fluid at nodes, lattice units [..., d]; axes: coordinates x, y(, z) that broadcast, in m."""
         shape = np.broadcast_shapes(*(axis.shape for axis in axes))
         u = np.zeros((*shape, self.dimensions))
+        given = self.given_rows("velocity", axes)
+        if given is not None:
+            return given / self.units.velocity
         initial = self.config.liquid.initial
         if initial is None:
             for k, x in enumerate(axes):
@@ -123,6 +127,12 @@ class Scene:
             u[..., 0] = speed * np.where(s <= 0.5, np.tanh(80.0 * (s - 0.25)), np.tanh(80.0 * (0.75 - s)))
             u[..., 1] = 0.05 * speed * np.sin(kx * x + 0.5 * math.pi)
         return u
+
+    def given_rows(self, name: str, axes: tuple[NDArray, ...]) -> NDArray[np.float64] | None:
+        """These rows of an array that the fluid starts with, in storage order; None where the case names none."""
+        start = self.config.liquid.start
+        given = arrays(start).get(name) if start else None
+        return None if given is None else given[np.rint(axes[-1].ravel() / self.units.dx - 0.5).astype(int)]
 
     def _through(self, k: int, share: NDArray) -> NDArray[np.float64] | float:
         """Velocity along axis k between two faces of it that let fluid through, one or both with a given velocity.
@@ -142,6 +152,9 @@ class Scene:
         """
         shape = np.broadcast_shapes(*(axis.shape for axis in axes))
         rho = np.ones(shape)
+        given = self.given_rows("pressure", axes)
+        if given is not None:
+            return rho + given / self.units.pressure / CS2
         initial = self.config.liquid.initial
         if initial is not None and initial.flow == "taylor-green":
             speed = initial.speed / self.units.velocity
@@ -168,6 +181,12 @@ def grain_table(config: LbmDemConfig, positions: list[NDArray], radii: list[NDAr
     def each(values: list) -> NDArray:
         return np.repeat(np.array(values), counts, axis=0) if values else np.zeros(0)
 
+    def rows(name: str, columns: int) -> NDArray:
+        """An array that each set starts with, or the one value that all its grains have; [n, columns]."""
+        parts = ((grains.given(name), getattr(grains, name), n) for grains, n in zip(config.grains, counts))
+        made = [np.tile(value, (n, 1)) if given is None else given for given, value, n in parts]
+        return np.concatenate([np.zeros((0, columns)), *made])
+
     density = each([grains.density for grains in config.grains])
     volume = volumes(radius, d)
     mass = density * volume
@@ -175,8 +194,8 @@ def grain_table(config: LbmDemConfig, positions: list[NDArray], radii: list[NDAr
     turning = 1 if d == 2 else 3
     return GrainTable(
         x=x,
-        v=each([grains.velocity for grains in config.grains]).reshape(-1, d),
-        omega=each([grains.angular_velocity for grains in config.grains]).reshape(-1, turning),
+        v=rows("velocity", d),
+        omega=rows("angular_velocity", turning),
         radius=radius,
         mass=mass,
         inertia=inertia,

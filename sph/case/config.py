@@ -3,16 +3,14 @@
 What other settings determine (sound speed, Courant number, domain, kind of viscosity) is filled in by setup.defaults.
 """
 
-import os
-from contextlib import suppress
 from typing import Annotated, ClassVar, Literal
 
 from pydantic import BeforeValidator
 
-from hpcpic.core.case.config import Tree, dotted
+from hpcpic.core.case.config import Tree
 from hpcpic.core.case.schema import REQUIRED, Section, Vector, as_tuple, setting
 from hpcpic.core.case.words import one_period, one_viscosity
-from hpcpic.core.files.given import digest_of
+from hpcpic.core.files.start import Start, attach, attached_arrays
 
 Names = Annotated[tuple[str, ...], BeforeValidator(as_tuple)]
 Integrator = Literal["euler", "predictor-corrector", "rk3-tvd", "symplectic"]
@@ -115,6 +113,7 @@ class Fluid(Section):
     )
     velocity: Vector = setting((), "uniform initial velocity", "m/s")
     flow: Flow | None = None
+    start: Start | None = None
     disorder: float = setting(
         0.0, "particles start off their lattice by up to this share of the spacing along each axis", ge=0, le=0.25
     )
@@ -282,19 +281,13 @@ class SphConfig(Section):
         one_viscosity(tree, fluids, "dynamic_viscosity", Fluid.model_fields["density"].default)
         one_period(tree, Period.model_fields)
         for group in ("fluid", "wall"):
-            listed = tree.data.get(group)
-            for i in range(len(listed) if isinstance(listed, tuple) else 0):
-                path = (group, i, "shape", "stl", "file")
-                if tree.has(path) and isinstance(value := tree.data[group][i]["shape"]["stl"]["file"], str):
-                    folder = os.path.dirname(os.path.abspath(tree.where(path).file))
-                    stl = tree.data[group][i]["shape"]["stl"]
-                    stl["file"] = os.path.normpath(os.path.join(folder, value))
-                    with suppress(OSError, ValueError):  # told when it is read as a surface
-                        digest = digest_of(stl["file"])
-                        tree.attached.append(stl["file"])
-                        if stl.setdefault("sha256", digest) != digest:
-                            told = f"not the file of this case: its SHA-256 is {digest}"
-                            tree.faults.append(f"{tree.where(path)}: {dotted(path)}: {told}")
+            attach(tree, (group, "shape", "stl"))
+        for path in attach(tree, ("fluid", "start")):
+            fluid, x = tree.data["fluid"][path[1]], attached_arrays(tree, path).get("position")
+            dp = tree.data.get("numerics", {}).get("spacing")
+            if "shape" not in fluid and x is not None and x.ndim == 2 and len(x) and isinstance(dp, int | float):
+                low, high = (x.min(axis=0) - dp / 2).tolist(), (x.max(axis=0) + dp / 2).tolist()
+                fluid["shape"] = {"box": {"low": low, "high": high}}
 
 
 def name_of(kind: Literal["fluid", "wall", "gauge"], i: int, section: Fluid | Wall | Gauge) -> str:

@@ -3,6 +3,9 @@
 import itertools
 import math
 
+import numpy as np
+
+from hpcpic.core.files.start import arrays
 from sph.case import geometry
 from sph.case.config import Fluid, Motion, SphConfig
 
@@ -29,6 +32,8 @@ def heights_of(config: SphConfig, fluid: Fluid) -> list[float]:
 def flow_speed(config: SphConfig, fluid: Fluid) -> float:
     """Largest speed of the initial flow of a fluid, m/s."""
     flow = fluid.flow
+    if fluid.start:
+        return float(np.sqrt((np.asarray(arrays(fluid.start).get("velocity", 0.0)) ** 2).sum(axis=-1)).max(initial=0.0))
     if flow is None:
         return 0.0
     if flow.type == "taylor-green":

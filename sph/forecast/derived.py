@@ -213,6 +213,8 @@ def filling(config: SphConfig, scene: Scene) -> Iterator[Derived]:
             words = f"of {places} ({share:.1%})"
             title = f"{section.name} clipped by {name}"
             yield Derived(title, "particles", gone, "", words, verdict, "filling", cure, key, fluid.n > 0)
+        if fluid.given is not None:
+            continue
         if section.shape.box:
             yield from layers(config, fluid.section, i)
         else:

@@ -7,6 +7,7 @@ from hpcpic.core.case.config import Path
 from hpcpic.core.case.schema import Section
 from hpcpic.core.case.words import unknown
 from hpcpic.core.errors import ConfigError
+from hpcpic.core.files.start import start_faults
 from sph.case import geometry
 from sph.case.columns import columns_of, scalar_units
 from sph.case.config import AXES, Fluid, Gauge, Shape, SphConfig, Wall, name_of
@@ -211,6 +212,9 @@ def fluid_faults(config: SphConfig, fluid: Fluid, d: int) -> Iterator[Fault]:
                 f"{min(edges):g} m thick, thinner than the spacing {dp:g} m: a smaller numerics.spacing, or "
                 'thin_layer = "one layer" for one layer of reduced mass',
             )
+    if fluid.start:
+        shapes = {"position": (None, d), "velocity": (None, d)}
+        yield from ((("start", *path), text) for path, text in start_faults(fluid.start, shapes))
     flow = fluid.flow
     if flow and flow.type == "linear" and len(flow.gradient) != d * d:
         yield ("flow", "gradient"), f"needs {d * d} numbers in {d}D, row by row (got {len(flow.gradient)})"

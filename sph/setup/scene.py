@@ -11,6 +11,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from hpcpic.core.errors import ConfigError
+from hpcpic.core.files.start import arrays
 from hpcpic.core.space.rng import uniforms
 from sph.case import config as case
 from sph.case import geometry
@@ -193,7 +195,7 @@ def plane_sheet(scene: "Scene", plane: case.Plane, recess: float) -> Sheet:
 
 @dataclass(slots=True)
 class FluidSet:
-    """The particles of one fluid: points of a grid without those `removed` (sorted flat indices)."""
+    """The particles of one fluid: points of a grid without those `removed` (sorted flat indices), or those `given`."""
 
     section: case.Fluid
     grid: Grid
@@ -201,14 +203,19 @@ class FluidSet:
     mass: float
     removed: NDArray[np.int64]
     clipped: dict[str, int] = field(default_factory=dict)  # by what -> how many
+    given: NDArray[np.float64] | None = None  # x[n, d] of the array that the case names
 
     @property
     def n(self) -> int:
+        if self.given is not None:
+            return len(self.given)
         return self.grid.n - len(self.removed)
 
     def points(self, ids: NDArray) -> NDArray[np.float64]:
         """x[n, d] of particles by id."""
         rank = np.asarray(ids, np.int64) - self.first
+        if self.given is not None:
+            return self.given[rank]
         flat = rank + np.searchsorted(self.removed - np.arange(len(self.removed)), rank, side="right")
         return self.grid.points(self.grid.unflat(flat))
 
@@ -245,6 +252,7 @@ class Scene:
         self.fluids: list[FluidSet] = []
         for section in config.fluid:
             self.fluids.append(self._fill(section))
+            require_fit(self, self.fluids[-1])
         self.n_fluid = sum(fluid.n for fluid in self.fluids)
 
     def has_wall_particles(self, ids: NDArray[np.int64]) -> NDArray[np.bool_]:
@@ -281,11 +289,18 @@ class Scene:
         for fluid in self.fluids:
             own = (ids >= fluid.first) & (ids < fluid.first + fluid.n)
             x = self.disordered(fluid, fluid.points(ids[own]), ids[own])
-            found["x"][own], found["v"][own] = x, flows.velocity(self, fluid.section, x)
+            found["x"][own], found["v"][own] = x, self.initial_velocity(fluid, x, ids[own])
             found["drho"][own] = self.initial_density(fluid.section, x)
-            found["x"][own] = rest_distance.before_walls(self, fluid.section, x, found["drho"][own])
+            if fluid.given is None:
+                found["x"][own] = rest_distance.before_walls(self, fluid.section, x, found["drho"][own])
             found["m"][own] = fluid.mass
         return found
+
+    def initial_velocity(self, fluid: FluidSet, x: NDArray, ids: NDArray) -> NDArray[np.float64]:
+        """v[n, d] in m/s: of the array that the case names, or of its flow."""
+        start = fluid.section.start
+        given = arrays(start).get("velocity") if start else None
+        return flows.velocity(self, fluid.section, x) if given is None else given[ids - fluid.first]
 
     def disordered(self, fluid: FluidSet, x: NDArray, ids: NDArray) -> NDArray[np.float64]:
         """x[n, d] off the lattice: a perfect one is drawn out into lines before it gives way, all at once."""
@@ -323,6 +338,11 @@ class Scene:
 
     def _fill(self, section: case.Fluid) -> FluidSet:
         """The lattice of a fluid, less what lies outside its shape, in walls, in earlier fluids, or nowhere."""
+        first = sum(fluid.n for fluid in self.fluids)
+        given = arrays(section.start).get("position") if section.start else None
+        if given is not None:
+            nowhere, mass = Grid((np.zeros(0),) * self.dimensions), section.density * self.spacing**self.dimensions
+            return FluidSet(section, nowhere, first, mass, np.zeros(0, np.int64), given=np.asarray(given, float))
         grid, beyond = grid_of(section.shape, self.spacing), 0
         if section.shape.box:
             mass = section.density * geometry.volume(section.shape) / grid.n
@@ -330,7 +350,6 @@ class Scene:
             beyond = whole.n - grid.n
         else:
             mass = section.density * self.spacing**self.dimensions
-        first = sum(fluid.n for fluid in self.fluids)
         gone: list[NDArray[np.int64]] = []
         fluid = FluidSet(section, grid, first, mass, np.zeros(0, np.int64))
         if beyond:
@@ -370,6 +389,17 @@ class Scene:
             shape = fluid.section.shape
             low, high = map(np.array, geometry.bounds(shape))
             yield fluid.section.name, (low, high), lambda x, s=shape: signed_distance.signed_distance(s, x) <= 0.0
+
+
+def require_fit(scene: Scene, fluid: FluidSet) -> None:
+    """Raises ConfigError where arrays that a fluid starts from are not of its particles, or lie outside the domain."""
+    start = fluid.section.start
+    if fluid.given is not None and np.any((fluid.given < scene.low) | (fluid.given > scene.high)):
+        raise ConfigError(f"{fluid.section.name}: start: position leaves the domain {scene.low} to {scene.high} m")
+    n = len(arrays(start).get("velocity", range(fluid.n))) if start else fluid.n
+    if n != fluid.n:
+        told = f"velocity has {n} rows, and its shape holds {fluid.n} particles"
+        raise ConfigError(f"{fluid.section.name}: start: {told}")
 
 
 def flagged(grid: Grid, box: tuple[NDArray, NDArray] | None, bad) -> NDArray[np.int64]:

@@ -9,6 +9,8 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar
 
+import numpy as np
+
 from hpcpic.core.api.results import Run
 from hpcpic.core.api.simulation import Simulation
 from hpcpic.core.api.tables import Check, Forecast
@@ -46,9 +48,22 @@ class Case:
         if (source is None) == (not sections):
             raise ConfigError("a case is made of a shipped name or a path, or else of the sections of a case file")
         self._source = None if source is None else os.fspath(source)
-        self._text = case_text(sections)
+        self._starts: tuple[tempfile.TemporaryDirectory, ...] = ()  # of arrays, as long as a case lives that uses them
+        self._text = case_text(sections, self._keep)
         self._sets: tuple[str, ...] = ()
         self._read()
+
+    def _keep(self, given: Mapping[str, Any]) -> str:
+        """Write arrays that a case starts from; the path of their file. Raises ConfigError."""
+        try:
+            plain = {name: np.asarray(values) for name, values in given.items()}
+        except ValueError as error:
+            raise ConfigError(f"start: no arrays: {error}") from None
+        folder = tempfile.TemporaryDirectory(prefix="hpcpic-")
+        self._starts = (*self._starts, folder)
+        path = Path(folder.name) / f"start-{len(self._starts)}.npz"
+        np.savez(path, allow_pickle=False, **plain)
+        return str(path)
 
     def _read(self) -> None:
         self._app = type(self).load_app()
@@ -73,8 +88,9 @@ class Case:
     def changed(self, changes: Mapping[str, Any]) -> Case:
         """Another case, with these keys ("species[0].particles") set to these values. Raises ConfigError."""
         case = object.__new__(type(self))
-        case._source, case._text = self._source, self._text
-        case._sets = (*self._sets, *(f"{key}={setting_text(value, key)}" for key, value in changes.items()))
+        case._source, case._text, case._starts = self._source, self._text, self._starts
+        sets = (f"{key}={setting_text(value, key, case._keep)}" for key, value in changes.items())
+        case._sets = (*self._sets, *sets)
         case._read()
         return case
 
@@ -87,10 +103,15 @@ class Case:
         return " ".join([f"<{self._app.name} case {made_of}", *self._sets]) + ">"
 
     def save(self, path: str | os.PathLike[str]) -> None:
-        """Write the case file. Raises FileError."""
+        """Write the case file, and beside it the files that it names. Raises FileError."""
+        from hpcpic.core.files.given import content_of, located, names_of
         from hpcpic.core.files.rundir import write_atomic
 
-        write_atomic(Path(path), str(self))
+        target, names = Path(path), names_of(self._read_case.tree)
+        beside = {source: f"{target.stem}-{name}" for source, name in names.items()}
+        for source, name in beside.items():
+            write_atomic(target.with_name(name), content_of(source))
+        write_atomic(target, located(str(self), beside))
 
     def check(self, ranks: int = 1) -> Check:
         """The derived numbers with their limits, as `check` prints them; no step is taken."""

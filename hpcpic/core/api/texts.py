@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from typing import Any
 
 import numpy as np
@@ -10,22 +10,27 @@ import numpy as np
 from hpcpic.core.case.schema import value_text
 from hpcpic.core.errors import ConfigError
 
+Keep = Callable[[Mapping[str, Any]], str]  # writes arrays to a file, and tells its path
 
-def case_text(sections: Mapping[str, Any]) -> str:
+
+def case_text(sections: Mapping[str, Any], keep: Keep) -> str:
     """A case file that says these keys. Raises ConfigError for a value that no case file can hold."""
-    return "".join(f"{name} = {setting_text(value, name)};\n" for name, value in sections.items())
+    return "".join(f"{name} = {setting_text(value, name, keep)};\n" for name, value in sections.items())
 
 
-def setting_text(value: Any, key: str) -> str:
-    """A value in libconfig syntax: mappings are groups, sequences of mappings lists, other sequences arrays."""
+def setting_text(value: Any, key: str, keep: Keep) -> str:
+    """A value in libconfig syntax: mappings are groups, sequences of mappings lists, other sequences arrays. What
+    stands under a key `start` are arrays, which are kept in a file."""
     if isinstance(value, Mapping):
-        inner = (f"{name} = {setting_text(each, f'{key}.{name}')};" for name, each in value.items())
+        if key.rpartition(".")[2] == "start" and "file" not in value:
+            value = {"file": keep(value)}
+        inner = (f"{name} = {setting_text(each, f'{key}.{name}', keep)};" for name, each in value.items())
         return "{ " + " ".join(inner) + " }"
     if isinstance(value, np.ndarray | np.generic):
         value = value.tolist()
     if isinstance(value, list | tuple):
         if value and isinstance(value[0], Mapping | list | tuple | np.ndarray):
-            return "( " + ", ".join(setting_text(inner, f"{key}[{i}]") for i, inner in enumerate(value)) + " )"
+            return "( " + ", ".join(setting_text(inner, f"{key}[{i}]", keep) for i, inner in enumerate(value)) + " )"
         return value_text([_plain(inner, f"{key}[{i}]") for i, inner in enumerate(value)])
     return value_text(_plain(value, key))
 

@@ -43,16 +43,17 @@ def contents(tree: Tree) -> dict[str, str | bytes]:
 
 def config_text(config: Any, tree: Tree) -> str:
     """config.conf of a new run: files that settings name are the copies in given/."""
-    return _located(dump(config), {path: f"given/{name}" for path, name in names_of(tree).items()})
+    return located(dump(config), {path: f"given/{name}" for path, name in names_of(tree).items()})
 
 
 def kept_text(config: Any, tree: Tree, folder: Path) -> str:
     """config.conf of a run that goes on in the folder, which may have been moved."""
     here = {path: os.path.relpath(path, folder.resolve()) for path in tree.attached}
-    return _located(dump(config), {path: name for path, name in here.items() if not name.startswith(os.pardir)})
+    return located(dump(config), {path: name for path, name in here.items() if not name.startswith(os.pardir)})
 
 
-def _located(text: str, names: dict[str, str]) -> str:
+def located(text: str, names: dict[str, str]) -> str:
+    """The text of a case in which files are called by other names: path -> name."""
     for path, name in names.items():
         text = text.replace(f" = {value_text(path)};", f" = {value_text(name)};")
     return text

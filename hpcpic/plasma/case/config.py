@@ -10,6 +10,7 @@ from typing import ClassVar, Literal
 
 from hpcpic.core.case.config import Tree, dotted
 from hpcpic.core.case.schema import REQUIRED, Counts, Filled, Integers, Lengths, Section, Vector, matching, setting
+from hpcpic.core.files.start import Start, arrays, attach, attached_arrays
 from hpcpic.plasma.case import units
 from hpcpic.plasma.case.older_words import drift_warnings, modernised
 
@@ -97,11 +98,13 @@ class Species(Section):
     thermal_velocity: float = setting(0.0, "standard deviation of each velocity component", "m/s", ge=0)
     init_method: str = setting(
         "random",
-        "random: random positions, drift plus thermal velocities; quiet: the same evenly; default, random position: "
+        "random: random positions, drift plus thermal velocities; quiet: the same evenly; arrays: those of `start` "
+        "(position and velocity, each as random where it is not there); default, random position: "
         "the thesis author's words for opposite beams and, without a thermal velocity, uniform velocities",
     )
     position_init: Vector = setting((), '"position delta": position of the first particle', "m")
     position_delta: Vector = setting((), '"position delta": step from one particle to the next', "m")
+    start: Start | None = None
     perturbation: Perturbation | None = None
     plasma_frequency: float = setting(
         0.0,
@@ -216,6 +219,12 @@ class PlasmaConfig(Section):
     @classmethod
     def modernised(cls, tree: Tree) -> None:
         modernised(tree)
+        for path in attach(tree, ("species", "start")):
+            species = tree.data["species"][path[1]]
+            species.setdefault("init_method", "arrays")
+            if "particles_per_cell" not in species:
+                lengths = [len(values) for values in attached_arrays(tree, path).values() if values.ndim]
+                species.setdefault("particles", max(lengths, default=0))
         for path in matching(tree.data, ("species",)):
             species = tree.data["species"][path[-1]] if len(path) == 2 else tree.data["species"]
             given = [name for name in ("particles", "particles_per_cell") if name in species]
@@ -237,6 +246,12 @@ def name_of(species: Species, i: int) -> str:
     return species.name or f"species_{i + 1}"
 
 
+def velocity_columns(species: Species) -> int:
+    """Components of the velocities that a species starts with as an array; 0 where there is none."""
+    velocity = arrays(species.start).get("velocity") if species.start else None
+    return velocity.shape[1] if velocity is not None and velocity.ndim == 2 else 0
+
+
 def velocity_components(config: PlasmaConfig) -> int:
     """Velocity components that the motion needs: 1 or 3 in 1D, 2 or 3 in 2D.
 
@@ -245,7 +260,9 @@ def velocity_components(config: PlasmaConfig) -> int:
     """
     d = config.dimensions
     bends = any(config.field.magnetic) if d == 1 else any(config.field.magnetic[:2])
-    pushed = any(config.field.electric[d:]) or any(any(s.drift_velocity[d:]) for s in config.species)
+    pushed = any(config.field.electric[d:]) or any(
+        any(s.drift_velocity[d:]) or velocity_columns(s) > d for s in config.species
+    )
     return 3 if bends or pushed else d
 
 

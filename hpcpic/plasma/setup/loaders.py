@@ -19,9 +19,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hpcpic.core.case.schema import Fault, abridged
+from hpcpic.core.files.start import arrays, start_faults
 from hpcpic.core.space.domain import wrap
 from hpcpic.core.space.rng import normal_quantile, normals, uniforms
-from hpcpic.plasma.case.config import PlasmaConfig, Species
+from hpcpic.plasma.case.config import PlasmaConfig, Species, velocity_columns
 from hpcpic.plasma.physics.quiet_start import BASES, lattice, radical_inverse
 
 POSITION, VELOCITY = 1, 2  # streams of random numbers
@@ -202,6 +203,43 @@ class HarmonicTwoElectrons(Loader):
         return beams(2, section.drift_velocity[0] if axis == 0 else 0.0, section.thermal_velocity)
 
 
+class Arrays(Loader):
+    """The positions[n, d] and velocities[n, v] of arrays; random ones in the place of an array that there is not."""
+
+    name = "arrays"
+    placed = True
+
+    def positions(self, batch: Batch) -> NDArray[np.float64]:
+        given = arrays(batch.section.start).get("position")
+        if given is None:
+            return super().positions(batch)
+        x = np.asarray(given[batch.index], float)
+        return np.stack([wrap(x[:, i], length) for i, length in enumerate(batch.lengths)], axis=1)
+
+    def mean_velocities(self, batch: Batch) -> NDArray[np.float64]:
+        given = arrays(batch.section.start).get("velocity")
+        if given is None:
+            return super().mean_velocities(batch)
+        velocity = np.zeros((len(batch.ids), batch.components))
+        velocity[:, : given.shape[1]] = given[batch.index]
+        return velocity
+
+    def faults(self, section: Species, dimensions: int) -> Iterator[Fault]:
+        if section.start is None:
+            yield (), 'start is missing, which init_method "arrays" needs'
+            return
+        components = 3 if velocity_columns(section) == 3 else dimensions
+        shapes = {"position": (None, dimensions), "velocity": (None, components)}
+        yield from ((("start", *path), text) for path, text in start_faults(section.start, shapes, section.particles))
+
+    def populations(self, section: Species, axis: int) -> tuple[Population, ...]:
+        given = arrays(section.start).get("velocity")
+        if given is None:
+            return super().populations(section, axis)
+        own = given[:, axis] if axis < given.shape[1] and len(given) else np.zeros(1)
+        return (Population(1.0, float(own.mean()), math.hypot(float(own.std()), section.thermal_velocity)),)
+
+
 def beams(n: int, drift: float, spread: float) -> tuple[Population, ...]:
     """n particles, of which the first, third, ... have the drift and the others its opposite."""
     if not drift or not n:
@@ -219,7 +257,7 @@ def register(loader: Loader) -> None:
     LOADERS[loader.name] = loader
 
 
-for kind in (Loader, Quiet, OppositeBeams, UniformVelocities, PositionDelta, HarmonicTwoElectrons):
+for kind in (Loader, Quiet, OppositeBeams, UniformVelocities, PositionDelta, Arrays, HarmonicTwoElectrons):
     register(kind())
 
 
