@@ -58,7 +58,7 @@ class Plasma:
             scale=self.field_scale,
             capacity=scene.n_particles // world.size,
         )  # fmt: skip
-        self.mesh.collect_from(self.cloud.patches, self.cloud.places, self.cloud.delivery)
+        self.mesh.collect_from(self.cloud.patches, self.cloud.delivery)
         self.sums = SeriesSums(scene, world, self.mesh, self.cloud, self.field_scale)
         self.scalar_units = scalars.units()
         self._distribute()

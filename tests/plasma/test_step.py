@@ -116,9 +116,9 @@ def test_a_restart_goes_on_with_the_same_bits(case):
 def test_charge_and_number_are_exact_at_any_speed(v):
     """200 m/s are 40 cells per step."""
     made = plasma(v=v, chunks=3)
-    charge = made.mesh.parts.inner.sum(axis=(1, 2)).tolist()
+    charge = made.mesh.charge.field.inner.sum(axis=(1, 2)).tolist()
     after(made, 20)
-    assert made.mesh.parts.inner.sum(axis=(1, 2)).tolist() == charge
+    assert made.mesh.charge.field.inner.sum(axis=(1, 2)).tolist() == charge
     assert made.sums.counts().tolist() == [3000, 1500]
     assert made.guard() is None
 

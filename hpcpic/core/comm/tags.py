@@ -15,6 +15,7 @@ class Channel(IntEnum):
     FIELD_2 = 3
     FIELD_3 = 4
     FIELD_4 = 5
+    MOMENTS = 6
     PARTICLES = 8
     PARTICLES_FAR = 9
     PARTICLES_WANTED = 10

@@ -8,12 +8,13 @@ from numpy.typing import NDArray
 
 from hpcpic.core.comm.world import World
 from hpcpic.core.space import exact
-from hpcpic.core.space.domain import block_ranges
-from hpcpic.core.tasks.graph import TaskError, bind
+from hpcpic.core.tasks.arena import Arena
+from hpcpic.core.tasks.graph import TaskError
 from hpcpic.plasma.diagnostics import scalars
 from hpcpic.plasma.diagnostics.scalars import MODES, Sample, SpeciesSample
 from hpcpic.plasma.field.mesh import Mesh
-from hpcpic.plasma.kernels.nodes import node_sums
+from hpcpic.plasma.field.slab_sums import shares
+from hpcpic.plasma.kernels.mesh import node_sums
 from hpcpic.plasma.particles.cloud import Cloud
 from hpcpic.plasma.physics.boris import part_of_turn, turn
 from hpcpic.plasma.physics.moments import Moment
@@ -52,26 +53,35 @@ class SeriesSums:
         self._lay_out()
 
     def _bind_nodes(self) -> None:
-        """Tasks of kernels.nodes for the threads."""
-        scene, mesh, domain, world = self.scene, self.mesh, self.mesh.domain, self.world
-        flat = scene.dimensions == 1
+        """Tasks of kernels.mesh.node_sums for the threads."""
+        mesh, domain, world = self.mesh, self.mesh.domain, self.world
+        flat = domain.ndim == 1
         rho, phi, e_x = (a.reshape(1, -1) if flat else a for a in (mesh.rho, mesh.phi.values, mesh.e[0]))
         first = mesh.inside[0].start
-        corners = np.array([[0 if flat else first + 1, first + 1], [0 if flat else first, first]])
-        shares = block_ranges(len(rho), self.cloud.pool.threads)
+        rows = shares(len(rho), self.cloud.pool)
         self.rows, self.width = (1, domain.points[0]) if flat else domain.points
         self.own = slice(*domain.row_range(world.rank)) if flat else slice(None)  # columns
         self.levels = [LEAST, LEAST]  # of the terms of the field energy, and of E_x
-        self.node_inv_scale = np.ones(2)
-        self.energy = np.zeros((len(shares), exact.LIMBS), np.int64)
-        self.columns = np.zeros((len(shares), rho.shape[1]), np.int64)
-        self.most = np.zeros((len(shares), 2))
+        self.per_scale = np.ones(2)
+        self.energy = np.zeros((len(rows), exact.LIMBS), np.int64)
+        self.columns = np.zeros((len(rows), rho.shape[1]), np.int64)
+        self.most = np.zeros((len(rows), 2))
+        arena = Arena(())
+        arena.set(
+            corners=np.array([[0 if flat else first + 1, first + 1], [0 if flat else first, first]]),
+            background=self.scene.background,
+            per_scale=self.per_scale,
+            rho_rows=rho,
+            phi_rows=phi,
+            e_x=e_x,
+            limbs=self.energy,
+            columns=self.columns,
+            most=self.most,
+        )
         with world.first_on_node():
             self.node_tasks = [
-                bind(node_sums, a, b, k, corners, scene.background, self.node_inv_scale, rho, phi, e_x,
-                     self.energy, self.columns, self.most)
-                for k, (a, b) in enumerate(shares)
-            ]  # fmt: skip
+                arena.bind(node_sums, first=a, last=b, share=k) for k, (a, b) in enumerate(rows)
+            ]
 
     def _lay_out(self) -> None:
         """The words of a sample in one line, which one reduction sums over the ranks."""
@@ -88,8 +98,8 @@ class SeriesSums:
         limbs_of_blocks = cloud.arena["limbs"]
         limbs_of_blocks[:] = 0
         cloud.arena["inv_scale"][:] = [1 / scale for scale in self._scales()]
-        self.node_inv_scale[:] = [math.ldexp(1.0, -4 * level) for level in self.levels]
-        self.node_inv_scale[1] *= 2.0 ** (61 - int(self.rows).bit_length())
+        self.per_scale[:] = [math.ldexp(1.0, -4 * level) for level in self.levels]
+        self.per_scale[1] *= 2.0 ** (61 - int(self.rows).bit_length())
         cloud.pool.each(self.node_tasks)
         try:
             cloud.each(self.particle_tasks)
@@ -151,7 +161,7 @@ class SeriesSums:
             species.append(SpeciesSample(one.m, one.q, count, sums))
         field = math.nan
         if self.levels[0] < TOP:
-            field = 0.5 * self.scene.cell_volume * exact.value(energy, 1 / float(self.node_inv_scale[0]))
+            field = 0.5 * self.scene.cell_volume * exact.value(energy, 1 / float(self.per_scale[0]))
         sample = Sample(tuple(species), field, tuple(self.modes(columns)))
         return {scalar.name: scalar.value(sample) for scalar in scalars.SCALARS.values()}
 
@@ -175,7 +185,7 @@ class SeriesSums:
         """Amplitudes |E_k| of cos, sin (2 pi n x / Lx) in E_x averaged over y, n = 1 .. MODES."""
         if self.levels[1] == TOP:
             return [math.nan] * MODES
-        mean = columns * (1 / self.node_inv_scale[1] / self.rows)
+        mean = columns * (1 / self.per_scale[1] / self.rows)
         waves = np.abs(np.fft.rfft(mean)[1 : MODES + 1]).tolist()
         both = [2.0 if 2 * n < self.width else 1.0 for n in range(1, MODES + 1)]  # the shortest wave is its own mirror
         return [k * wave / self.width for k, wave in zip(both, waves)]

@@ -10,10 +10,18 @@ from hpcpic.core.simd.compile import njit
 from hpcpic.core.simd.kinds import Vec
 
 
+WITHOUT_WRAPPERS = {"no_cpython_wrapper": True, "no_cfunc_wrapper": True}  # which would take up groups of arrays
+
+
 def kernel(function: Callable) -> Callable:
     """`njit` for what allocates nothing: numba counts the owners of arrays at every use, which is half of the work
-    on a particle that moves from tile to tile; without its run time it does not.
+    on a particle that moves from tile to tile; without its run time it does not. For tasks and other kernels alone.
     """
+    return njit(_nrt=False, **WITHOUT_WRAPPERS)(function)
+
+
+def called_from_python(function: Callable) -> Callable:
+    """A `kernel` that Python calls without a task."""
     return njit(_nrt=False)(function)
 
 
@@ -21,7 +29,7 @@ def inlined(function: Callable) -> Callable:
     """Compile a part of a kernel into its callers: a call would hand over arrays by dozens of numbers, and empty the
     registers.
     """
-    return njit(_nrt=False, forceinline=True)(function)
+    return njit(_nrt=False, forceinline=True, **WITHOUT_WRAPPERS)(function)
 
 
 @intrinsic

@@ -6,9 +6,9 @@ of a run take the place of `integrands` (see physics.moments).
 
 import numpy as np
 
-from hpcpic.core.simd.compile import njit
 from hpcpic.core.simd.vector import fma
 from hpcpic.core.space.exact import add_limbs
+from hpcpic.plasma.kernels.lanes import inlined, kernel
 from hpcpic.plasma.kernels.plain import gather
 from hpcpic.plasma.kernels.storage import LANES, PAGE
 
@@ -17,13 +17,13 @@ VELOCITIES = 2  # components
 MOMENTS = 3  # values that `integrands` gives
 
 
-@njit
+@inlined
 def integrands(vx, vy, vz, square):
     """|v|^2 and the first components of v."""
     return square, vx, vy
 
 
-@njit
+@inlined
 def centred_velocity(x, y, v, row, column, field, half_kick):
     """v- of a particle at (x, y) in cells from an anchor: v^(n-1/2) with half the electric impulse."""
     e_x, e_y, scale = field.e_x, field.e_y, field.scale
@@ -38,7 +38,7 @@ def centred_velocity(x, y, v, row, column, field, half_kick):
     return vx, vy, vz
 
 
-@njit
+@kernel
 def moments(block, first, last, grid, field, pages, moment_sums):
     """limbs[block, species, k] += sums over particles of the k-th integrand of v-.
 

@@ -6,7 +6,6 @@ bits of these sums are added up as integers: what the large numbers contribute i
 
 import numpy as np
 
-from hpcpic.core.simd.compile import njit
 from hpcpic.core.simd.vector import (
     Vec,
     bitmask,
@@ -21,7 +20,7 @@ from hpcpic.core.simd.vector import (
     store_at,
 )
 from hpcpic.core.space.exact import NOT_BOUNDED
-from hpcpic.plasma.kernels.lanes import address, bits_of
+from hpcpic.plasma.kernels.lanes import address, bits_of, inlined, kernel
 from hpcpic.plasma.kernels.linear import cell_of, field_at, spread_field
 from hpcpic.plasma.kernels.moments import MOMENTS, integrands
 from hpcpic.plasma.kernels.push import PACK_BYTES, PAGE_BYTES, lines_at
@@ -38,7 +37,7 @@ HALVES = LANES // 8  # vectors of float64 in a pack
 MOMENT_BYTES = 3 * 64  # of the sums of bits of one moment
 
 
-@njit
+@inlined
 def add_moments(bits, good, vx, vy, vz, ratio_sq, inv_scale):
     """Add the biased limbs of the moments of eight particles at an address; good: all were within the scales."""
     found = integrands(vx, vy, vz, ratio_sq[0] * vx * vx + ratio_sq[1] * vy * vy + ratio_sq[2] * vz * vz)
@@ -55,7 +54,7 @@ def add_moments(bits, good, vx, vy, vz, ratio_sq, inv_scale):
     return good
 
 
-@njit
+@inlined
 def half(v, k):
     """Eight lanes of a pack as float64."""
     if LANES == 8:
@@ -63,7 +62,7 @@ def half(v, k):
     return convert(E8, halves(v)[0]) if k == 0 else convert(E8, halves(v)[1])
 
 
-@njit
+@inlined
 def centred(at, n, lines, cells, m):
     """v- of one pack; zero from lane n on. `cells` is an address for as many integers."""
     here = lane_numbers(I) < n
@@ -82,7 +81,7 @@ def centred(at, n, lines, cells, m):
     return select(here, vx, 0), select(here, vy, 0), select(here, vz, 0)
 
 
-@njit
+@kernel
 def moments(block, first, last, grid, field, pages, scratch, moment_sums):
     """limbs[block, species, k] += sums over particles of the k-th integrand of v-. See kernels.moments.moments."""
     limbs, bits = moment_sums.limbs[block], moment_sums.bits[block]

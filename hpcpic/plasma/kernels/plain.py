@@ -28,6 +28,7 @@ from hpcpic.plasma.kernels.storage import (
     pages_of,
     prefetch_pack,
 )
+from hpcpic.plasma.physics.boris import boris
 
 DIM = 2  # axes of the grid
 NODES = 2  # of the shape along an axis: 1 NGP, 2 CIC, 3 TSC
@@ -101,32 +102,6 @@ def gather(e, row, column, x, y, scale):
 
 
 @inlined
-def boris(vx, vy, vz, ex, ey, m):
-    """Boris (5.4.1): half of the electric impulse, rotation about B, the other half.
-
-    m = (impulse of E along x, y; of the uniform field along an axis y, z without a grid; t and s of the rotations
-    about z, y, x). Without a magnetic field the impulse is the whole one. Each rotation is three shears, with the
-    ratio of the cell sides in t and s: exactly reversible, and |v| does not drift however s is rounded.
-    """
-    ux = fma(m[0], ex, vx)  # v-
-    uy = fma(m[1], ey, vy) if DIM == 2 else vy + m[2]
-    uz = vz + m[3]
-    if ROTATION == 0:
-        return ux, uy, uz
-    if ROTATION == 2:
-        uy = fma(m[8], uz, uy)
-        uz = fma(m[9], uy, uz)
-        uy = fma(m[8], uz, uy)
-        uz = fma(m[6], ux, uz)
-        ux = fma(m[7], uz, ux)
-        uz = fma(m[6], ux, uz)
-    ux = fma(m[4], uy, ux)
-    uy = fma(m[5], ux, uy)
-    ux = fma(m[4], uy, ux)
-    return fma(m[0], ex, ux), (fma(m[1], ey, uy) if DIM == 2 else uy + m[2]), uz + m[3]
-
-
-@inlined
 def parts_of(a, b):
     """The product of a share and a number of parts, as a whole number."""
     return np.int64(fma(a, b, MAGIC) - MAGIC)
@@ -196,7 +171,7 @@ def push_slot(slot, grid, field, species, pages, leavers, patch):
                 y = pool[page, pack, 1, lane]
                 ey = gather(field.e_y, row - origin[0], column - origin[1], x, y, scale)
             ex = gather(field.e_x, row - origin[0], column - origin[1], x, y, scale)
-            vx, vy, vz = boris(vx, vy, vz, ex, ey, m)
+            vx, vy, vz = boris(vx, vy, vz, ex, ey, m, DIM, ROTATION)
             x += vx
             pool[page, pack, 0, lane] = x
             pool[page, pack, DIM, lane] = vx
@@ -308,7 +283,7 @@ def rewind(first, last, grid, field, species, pages):
                         vy = pool[page, pack, DIM + 1, lane]
                     if VELOCITIES > 2:
                         vz = pool[page, pack, DIM + 2, lane]
-                    vx, vy, vz = boris(pool[page, pack, DIM, lane], vy, vz, ex, ey, m)
+                    vx, vy, vz = boris(pool[page, pack, DIM, lane], vy, vz, ex, ey, m, DIM, ROTATION)
                     pool[page, pack, DIM, lane] = vx
                     if VELOCITIES > 1:
                         pool[page, pack, DIM + 1, lane] = vy
@@ -323,5 +298,5 @@ def deposit_all(first, last, grid, species, pages, patch):
     """The charge (5.1) of all particles of a block."""
     patch.nodes[:] = 0
     for slot in range(first * grid.n_species, last * grid.n_species):
-        deposit_from(0, slot, grid, species, pages, patch)
+        deposit_from(np.int64(0), slot, grid, species, pages, patch)
     return GOOD

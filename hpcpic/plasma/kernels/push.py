@@ -1,7 +1,7 @@
 """The push by vectors: same results, bit for bit, as kernels.plain.
 
 Per tile part, the field becomes a line of coefficients per cell, and the charge is added up in a line of sums per cell
-(see kernels.packs and the shapes: linear here, in whose place another may stand). A page is gone through in three
+(see kernels.cell_lines and the shapes: linear here, in whose place another may stand). A page is gone through in three
 short loops: where the lines of the cells are; gather, Boris and drift; then deposit, where lanes that left the part
 count in a cell that has no node. So no load waits for a store just made. Scalar code takes those who left out after
 the last page, from a list without branches: a branch on who leaves is a mispredicted one. Sums of single precision are
@@ -37,12 +37,14 @@ from hpcpic.plasma.kernels.linear import (
     gather_sums,
     spread_field,
 )
-from hpcpic.plasma.kernels.plain import MAGIC, boris, deposit_from, push_slot, take_in
+from hpcpic.plasma.kernels.plain import MAGIC, deposit_from, push_slot, take_in
 from hpcpic.plasma.kernels.simd_base import MAGIC_BITS, PART, SIZE, F, I, zero_bytes
 from hpcpic.plasma.kernels.storage import COMPONENTS, DIVERGED, GOOD, LANES, PAGE, box_of, depart, leaver_mask, pages_of
+from hpcpic.plasma.physics.boris import boris
 
 DIM = 2  # axes of the grid
 REAL = np.float64  # precision of a particle
+ROTATION = 0  # 0 no magnetic field, 1 along z, 2 any direction
 VELOCITIES = 2  # components
 
 ALL = (1 << LANES) - 1
@@ -103,7 +105,7 @@ def push_pack(at, cells, lines, m, bounds):
     if DIM == 2:
         y = load_at(F, at + 64, 64)
     ex, ey = field_at(lines, cells, x - cell_of(x), y - cell_of(y))
-    vx, vy, vz = boris(vx, vy, vz, ex, ey, m)
+    vx, vy, vz = boris(vx, vy, vz, ex, ey, m, DIM, ROTATION)
     x = x + vx
     store_at(at, x, 64)
     store_at(at + 64 * DIM, vx, 64)
@@ -206,7 +208,7 @@ def push_pages(slot, end, grid, species, pages, leavers, patch, room, scout, bat
     row = species.mover[kind]
     m = (row[0], row[1], row[2], row[3], row[4], row[5], row[6], row[7], row[8], row[9])
     unit, sign = unit_of(charge[kind])
-    page, used, n = np.int64(pages.head[slot]), (pages.count[slot] - 1) % PAGE + 1, 0
+    page, used, n = np.int64(pages.head[slot]), (pages.count[slot] - 1) % PAGE + 1, np.int64(0)
     if page >= 0:
         park(pool, page, used)
     while page >= 0:
@@ -236,7 +238,7 @@ def push(block, first, last, grid, field, species, pages, boxes, leavers, patch,
     for _ in range(PAGES_AHEAD + 1):
         scout = next_page(scout[0], scout[1], end, address(head), address(pages.chain))
     for part in range(first, last):
-        many, batch = pages.count[part * n_species : (part + 1) * n_species].sum() >= MIN_FOR_VECTORS, 0
+        many, batch = pages.count[part * n_species : (part + 1) * n_species].sum() >= MIN_FOR_VECTORS, np.int64(0)
         if many:
             spread_field(part, grid.parts, field, room[0])
             prefetch_part(min(part + 1, last - 1), grid.parts, field, patch)

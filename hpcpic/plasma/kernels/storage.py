@@ -15,7 +15,7 @@ import numpy as np
 
 from hpcpic.core.simd.vector import prefetch_to_write
 from hpcpic.plasma.kernels.groups import BoxArrays, PageArrays
-from hpcpic.plasma.kernels.lanes import address, inlined, kernel, last_bit
+from hpcpic.plasma.kernels.lanes import address, called_from_python, inlined, kernel, last_bit
 
 DIM = 2  # axes of the grid
 COMPONENTS = 4  # of a particle: positions and velocities
@@ -174,7 +174,7 @@ def depart(slot, n, leavers, grid, pages, box):
     return GOOD
 
 
-@kernel
+@called_from_python
 def place(x, v, numbers, species, grid, box):
     """Put new particles into the box: x[n, DIM] in cells of the grid, v[n, COMPONENTS - DIM], numbers[n].
 
@@ -185,10 +185,10 @@ def place(x, v, numbers, species, grid, box):
         for d in range(DIM):
             if not abs(x[p, d]) < FARTHEST:
                 return DIVERGED
-        column, position_x = settle(x[p, 0], 0, points[1])
+        column, position_x = settle(x[p, 0], np.int64(0), points[1])
         row, position_y = np.int64(0), REAL(0)
         if DIM == 2:
-            row, position_y = settle(x[p, DIM - 1], 0, points[0])
+            row, position_y = settle(x[p, DIM - 1], np.int64(0), points[0])
         slot, target = destination(row, column, species, grid, box.lists)
         k = counters[1]
         counters[1] += 1
@@ -315,7 +315,7 @@ def unpack(records, n, grid, boxes):
             box.moving[k, c] = records_real[p, c]
 
 
-@kernel
+@called_from_python
 def export(species, grid, pages, cursor, numbers, tiles, components):
     """The next particles of a species, whole pages of them: numbers[m], tiles[m], components[m, COMPONENTS].
 

@@ -26,10 +26,10 @@ FIRST_BOX_SIZE = 1024  # particles
 
 
 class Cloud:
-    """Particles of one rank in pages; `patches` holds the charge of each block after `push` and `deliver`.
+    """Particles of one rank in pages; `patches` hold the charge of each block after `push` and `deliver`.
 
     e[axis] is E of the slab [rows, columns] with the ghosts of the shape on the axes that have neighbours, scaled in
-    the kernels by `scale`, a power of two; mover[species, 10] see kernels.plain.boris; charge[species] =
+    the kernels by `scale`, a power of two; mover[species, 10] see physics.boris; charge[species] =
     (group, parts of one particle with sign). `arena` holds the arrays of particles.arrays.
     """
 
@@ -57,8 +57,7 @@ class Cloud:
         self.pages = Pages(self.arena)
         self.near = Migrate(world, self.record_bytes, Channel.PARTICLES, cuts=domain.cuts)
         group_count = int(charge[:, 0].max(initial=0)) + 1  # a case without species has one, of zeros
-        self._patch = Patches(tiles, group_count, domain.ndim, spec.shape.ghosts)
-        self.patches, self.places = self._patch.values, self._patch.places
+        self.patches = Patches(tiles, group_count, domain.ndim, spec.shape.ghosts)
         one, (below, _) = spec.dimensions == 1, spec.shape.ghosts
         self.arena.set(
             n_species=self.n_species,
@@ -126,7 +125,7 @@ class Cloud:
         self._rewind = [bind(kernels.rewind, first=first, last=last) for first, last in self.tiles.ranges]
         self._deposit = [
             bind(kernels.deposit_all, first=first, last=last, patch=patch)
-            for (first, last), patch in zip(self.tiles.ranges, self._patch.of_block)
+            for (first, last), patch in zip(self.tiles.ranges, self.patches.of_block)
         ]
         self._arrived = np.zeros(1, np.int64)
         self._pack, self._unpack = [bind(kernels.pack)], [bind(kernels.unpack, n=self._arrived)]
@@ -141,7 +140,7 @@ class Cloud:
         """The kernel bound for each block."""
         return [
             self.arena.bind(kernel, block=b, first=first, last=last, patch=patch)
-            for b, ((first, last), patch) in enumerate(zip(self.tiles.ranges, self._patch.of_block))
+            for b, ((first, last), patch) in enumerate(zip(self.tiles.ranges, self.patches.of_block))
         ]
 
     def _bind_messages(self) -> None:

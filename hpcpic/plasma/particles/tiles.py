@@ -71,7 +71,7 @@ class Tiles:
 class Patches:
     """Charge of all blocks in one array `values`: group, rows and columns with ghosts, below and above.
 
-    of_block[block] is its part, as kernels take it; `places` see kernels.charge.
+    of_block[block] is its part, as kernels take it; `places` see kernels.mesh.collect.
     """
 
     def __init__(self, tiles: Tiles, groups: int, dimensions: int, ghosts: tuple[int, int]) -> None:

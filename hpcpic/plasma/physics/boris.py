@@ -1,10 +1,42 @@
-"""The rotation of the Boris mover (5.4.1): its vectors, its matrix, and the shears that kernels.plain.boris takes.
+"""The Boris mover (5.4.1), and its rotation as vectors, as a matrix and as the shears that the mover takes.
 
 The rotation turns v- into v+ = v- + (v- + v- x t) x s, by the angle 2 atan |t| about B.
 """
 
+from typing import Any
+
 import numpy as np
 from numpy.typing import NDArray
+
+from hpcpic.core.simd.formulas import fma
+
+NO_ROTATION, ABOUT_Z, ABOUT_ANY = 0, 1, 2  # kinds of rotation
+
+
+def sheared(p: Any, q: Any, t: Any, s: Any) -> Any:
+    """(p, q) turned in their plane by three shears: exactly reversible, and the length does not drift however s is
+    rounded. t and s hold the ratio of the cell sides.
+    """
+    p = fma(t, q, p)
+    q = fma(s, p, q)
+    return fma(t, q, p), q
+
+
+def boris(vx: Any, vy: Any, vz: Any, ex: Any, ey: Any, m: Any, dimensions: int, rotation: int) -> Any:
+    """The velocity after a step: half of the electric impulse, rotation about B, the other half.
+
+    m[10] = impulse of E along x and y; of the uniform field along an axis y and z without a grid; t and s of the
+    rotations about z, y and x (see `shears`). Without a rotation the impulse is the whole one.
+    """
+    ux, uz = fma(m[0], ex, vx), vz + m[3]  # v-
+    uy = fma(m[1], ey, vy) if dimensions == 2 else vy + m[2]
+    if rotation == NO_ROTATION:
+        return ux, uy, uz
+    if rotation == ABOUT_ANY:
+        uy, uz = sheared(uy, uz, m[8], m[9])
+        uz, ux = sheared(uz, ux, m[6], m[7])
+    ux, uy = sheared(ux, uy, m[4], m[5])
+    return fma(m[0], ex, ux), (fma(m[1], ey, uy) if dimensions == 2 else uy + m[2]), uz + m[3]
 
 
 def rotation_vectors(

@@ -30,8 +30,8 @@ def integrands_source(moments: Sequence[Moment], components: int) -> str:
     """Text of `integrands`, which gives all values of the moments one after the other, for kernels.moments."""
     text, values = "", []
     for k, moment in enumerate(moments):
-        text += f"\n\n@njit\n{textwrap.dedent(inspect.getsource(moment.integrand))}"
+        text += f"\n\n@inlined\n{textwrap.dedent(inspect.getsource(moment.integrand))}"
         values += [f"m{k}[{c}]" for c in range(components)] if moment.vector else [f"m{k}"]
     found = (f"    m{k} = {moment.integrand.__name__}(vx, vy, vz, square)\n" for k, moment in enumerate(moments))
     given = "".join(f"{value}, " for value in values)
-    return f"{text}\n\n@njit\ndef integrands(vx, vy, vz, square):\n{''.join(found)}    return ({given})\n"
+    return f"{text}\n\n@inlined\ndef integrands(vx, vy, vz, square):\n{''.join(found)}    return ({given})\n"

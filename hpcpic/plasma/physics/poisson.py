@@ -191,7 +191,7 @@ class LU:
         self.phi: NDArray = np.zeros_like(self.rho)
         self.E: list[NDArray] = []
 
-    def solve(self, _iteration: int = 0) -> None:
+    def solve(self) -> None:
         """rho -> phi."""
         gathered = self._world.gather_rows(self.rho)
         raw = self._world.bcast(None if gathered is None else gathered.tobytes())

@@ -45,7 +45,7 @@ class Scene:
         self.background = -sum(species.q * species.n for species in self.species) / self.volume
 
     def mover(self, field_scale: float, steps: float = 1.0) -> NDArray[np.float64]:
-        """mover[species, 10] of kernels.plain.boris for `steps` time steps; kernels gather E times field_scale.
+        """mover[species, 10] of physics.boris for `steps` time steps; kernels gather E times field_scale.
 
         steps = -1/2 rewinds: half the impulse, and half the angle that the mover turns in a step, backwards.
         """

@@ -42,7 +42,7 @@ def test_planned_arrays_are_the_allocated_ones(world, d, shape):
     mesh, arena = plasma.mesh, plasma.cloud.arena
     assert planned["E"] == mesh.e.nbytes
     assert planned["phi"] == mesh.phi.values.nbytes
-    assert planned["charge of the slab"] == mesh.parts.values.nbytes
+    assert planned["charge of the slab"] == mesh.charge.field.values.nbytes
     assert planned["rho"] == mesh.rho.nbytes
     # A page of a tile part is half full on average: within one page for each of the tile parts.
     page_bytes = arena["pool"][0].nbytes

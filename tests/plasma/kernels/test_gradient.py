@@ -5,7 +5,7 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
-from hpcpic.plasma.kernels.gradient import minus_gradient_1d, minus_gradient_2d
+from hpcpic.plasma.kernels.mesh import minus_gradient_1d, minus_gradient_2d
 
 
 def with_ghosts(phi):

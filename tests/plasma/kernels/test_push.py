@@ -118,7 +118,7 @@ def test_vectors_give_the_bits_of_the_plain_kernels(pool, shape, d, v, rotation,
             advance(fast, 1)
             advance(plain, 1)
             assert bits(fast) == bits(plain)
-            assert np.array_equal(fast.patches, plain.patches)
+            assert np.array_equal(fast.patches.values, plain.patches.values)
 
 
 @pytest.mark.parametrize(("d", "shape"), BY_AXES_AND_SHAPE)
@@ -130,7 +130,7 @@ def test_charge_is_exact_and_blocks_do_not_show(pool, d, shape):
             made = cloud(pool, spec, points, blocks=blocks, n=300, speed=40.0)
             made.arena["charge"][1] *= -1  # now both species add
             advance(made, 3)
-            assert made.patches.sum() == 600 << WHOLE_BITS[np.dtype(spec.dtype).itemsize]
+            assert made.patches.values.sum() == 600 << WHOLE_BITS[np.dtype(spec.dtype).itemsize]
             found.add(bits(made))
         assert len(found) == 1, points
 
@@ -140,9 +140,9 @@ def test_patches_hold_the_charge_of_all_particles(pool, d, shape):
     """What push and deliver add up by the way is what a fresh deposit of everybody gives."""
     made = cloud(pool, free(d, shape), (40, 33) if d == 2 else (700,), blocks=3, speed=5.0)
     advance(made, 2)
-    by_the_way = made.patches.copy()
+    by_the_way = made.patches.values.copy()
     made.deposit_all()
-    assert np.array_equal(made.patches, by_the_way)
+    assert np.array_equal(made.patches.values, by_the_way)
 
 
 @pytest.mark.parametrize("dtype", [np.float64, np.float32])
@@ -164,8 +164,8 @@ def test_one_cell_may_hold_everybody(pool):
     for velocity in (0.0, 20.0):  # they stay, then all go to another tile at once
         made.arena["pool"][: made.pages.fresh, :, 2] = velocity
         advance(made, 1)
-        assert made.patches.sum() == 40000 * 2**20
-        assert made.patches.max() == 40000 * 2**20 * 9 // 16  # the nearest corner of (0.25, 0.25)
+        assert made.patches.values.sum() == 40000 * 2**20
+        assert made.patches.values.max() == 40000 * 2**20 * 9 // 16  # the nearest corner of (0.25, 0.25)
 
 
 @pytest.mark.parametrize("bad", [np.nan, np.inf, 1e300])
