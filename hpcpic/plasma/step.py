@@ -14,11 +14,13 @@ from hpcpic.core.timers import Timers
 from hpcpic.plasma.case.config import PlasmaConfig
 from hpcpic.plasma.diagnostics import scalars, snapshot
 from hpcpic.plasma.diagnostics.energy_watch import STEPS_BETWEEN_LOOKS, EnergyWatch
+from hpcpic.plasma.diagnostics.node_moments import NodeMoments
 from hpcpic.plasma.diagnostics.series_sums import SeriesSums
 from hpcpic.plasma.field.mesh import SHIFT, Mesh
 from hpcpic.plasma.forecast.derived import total_plasma_frequency
 from hpcpic.plasma.particles.cloud import CHUNK, Cloud
 from hpcpic.plasma.particles.push_spec import PushSpec, groups_of_charge
+from hpcpic.plasma.physics.species_fields import asked_for
 from hpcpic.plasma.setup.scene import Scene
 
 COLD = 0.1  # lambda_D/dx to which the grid heats the coldest plasma: its energy is no growth yet
@@ -61,6 +63,8 @@ class Plasma:
         self.mesh.collect_from(self.cloud.patches, self.cloud.delivery)
         self.sums = SeriesSums(scene, world, self.mesh, self.cloud, self.field_scale)
         self.scalar_units = scalars.units()
+        asked = asked_for(config.output.fields)
+        self._node_moments = NodeMoments(scene, world, self.domain, self.cloud, asked) if asked else None
         self._distribute()
         self._rewind()
         self.iteration = 0
@@ -150,9 +154,10 @@ class Plasma:
         return values
 
     def fields(self) -> Mapping[str, FieldArray]:
-        """rho, phi, E at t = n dt. Collective."""
+        """What the case asks for of rho, phi, E and the fields of the species, at t = n dt. Collective."""
         self.solve()
-        return snapshot.fields(self.mesh)
+        found = snapshot.fields(self.mesh, self.scene.config.output.fields)
+        return found | self._node_moments.arrays_of(self.iteration) if self._node_moments else found
 
     def particles(self) -> Mapping[str, ParticleArray]:
         """x^n and v^(n-1/2) by species. Collective."""
@@ -192,5 +197,7 @@ class Plasma:
 
     def close(self) -> None:
         """Free what MPI holds (all ranks together)."""
+        if self._node_moments:
+            self._node_moments.free()
         self.mesh.free()
         self.cloud.free()

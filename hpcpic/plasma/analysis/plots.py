@@ -6,6 +6,7 @@ Lines of theory are drawn dashed and dark; what was measured is coloured.
 from __future__ import annotations
 
 from collections.abc import Sequence
+from itertools import cycle
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -227,7 +228,8 @@ def fields(run: Run, step: int | None = None) -> Figure:
 def _fields_1d(run: Run, snapshots: Fields, number: int) -> Figure:
     length = snapshots.points[0] * snapshots.spacing[0]
     x = np.arange(snapshots.points[0]) * snapshots.spacing[0]
-    names = [n for n in ("rho", "phi", "E") if n in snapshots.names]
+    known = [name for name in ("rho", "phi", "E") if name in snapshots.names]
+    names = [*(name for name in snapshots.names if name not in known), *known]
     several = len(snapshots.steps) > 3
     shown = names[-1]
     with style():
@@ -247,7 +249,7 @@ def _fields_1d(run: Run, snapshots: Fields, number: int) -> Figure:
             coarse = wp * float(np.abs(np.diff(snapshots.times[:2])).max()) > np.pi
             title = "Field, in snapshots too rare for its swing" if coarse else "Field in space and time"
             top.set(ylabel="time, s", title=title, xlim=(0, length))
-        for axis, name, colour in zip(rows, names, COLOURS):
+        for axis, name, colour in zip(rows, names, cycle(COLOURS)):
             axis.plot(x, _along_x(run, name, int(snapshots.steps[number])), color=colour)
             axis.set(ylabel=axis_label(name, snapshots.units[name]), xlim=(0, length))
         rows[0].set_title(f"Profiles at t = {snapshots.times[number]:.4g} s")
@@ -263,8 +265,12 @@ def _fields_2d(run: Run, snapshots: Fields, number: int) -> Figure:
     there = (name for name in ("rho", "phi") if name in snapshots.names)
     panels: list[tuple[str, Any, Any]] = [(name, run.field(name, at), SIGNED) for name in there]
     panels = [("rho - mean", v - v.mean(), c) if name == "rho" else (name, v, c) for name, v, c in panels]
-    if "E" in snapshots.names:
-        panels.append(("|E|", np.linalg.norm(run.field("E", at), axis=-1), POSITIVE))
+    for name in snapshots.names:
+        if name not in ("rho", "phi"):
+            values = run.field(name, at)
+            vector = values.ndim > 2
+            size = np.linalg.norm(values, axis=-1) if vector else values
+            panels.append((f"|{name}|" if vector else name, size, POSITIVE))
     with style():
         width = 3.4 * len(panels)
         height = 0.9 + 3.0 * min(max(ly / lx, 0.4), 1.6)
@@ -281,7 +287,7 @@ def _fields_2d(run: Run, snapshots: Fields, number: int) -> Figure:
                 vmax=limit,
                 aspect="equal",
             )
-            stored = {"rho - mean": "rho", "|E|": "E"}.get(name, name)
+            stored = name.removesuffix(" - mean").strip("|")
             figure.colorbar(image, ax=axis, shrink=0.8, pad=0.02)
             axis.grid(visible=False)
             axis.set(xlabel="x, m", title=axis_label(name, snapshots.units[stored]))

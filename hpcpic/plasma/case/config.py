@@ -6,14 +6,28 @@ numbers (particle, temperature, particles_per_cell) are understood; setup.defaul
 """
 
 import math
-from typing import ClassVar, Literal
+from typing import Annotated, ClassVar, Literal
+
+from pydantic import BeforeValidator
 
 from hpcpic.core.case.config import Tree, dotted
-from hpcpic.core.case.schema import REQUIRED, Counts, Filled, Integers, Lengths, Section, Vector, matching, setting
+from hpcpic.core.case.schema import (
+    REQUIRED,
+    Counts,
+    Filled,
+    Integers,
+    Lengths,
+    Section,
+    Vector,
+    as_tuple,
+    matching,
+    setting,
+)
 from hpcpic.core.files.start import Start, arrays, attach, attached_arrays
 from hpcpic.plasma.case import units
 from hpcpic.plasma.case.older_words import drift_warnings, modernised
 
+Names = Annotated[tuple[str, ...], BeforeValidator(as_tuple)]
 MOST_PARTICLES = 2**32  # of a species: their numbers have 32 bits
 MOST_BLOCKS = 4096  # of a rank: tables of what each hands to each grow with their square
 MOST_POINTS = 2**31 - 1  # of an axis: FFTW counts so far
@@ -142,6 +156,11 @@ class Period(Section):
 
 class Output(Section):
     path: str | None = setting(None, "run folder, when the command line names none")
+    fields: Names = setting(
+        ("rho", "phi", "E"),
+        "fields in snapshots: rho, phi, E, and of each species n (density), u (mean velocity), T (temperature in J of "
+        "the velocity components that the scene has)",
+    )
     every: Every = Every()
     period: Period = Period()
     openpmd: bool = setting(False, "write snapshots as openPMD too")

@@ -16,7 +16,7 @@ from dataclasses import dataclass
 from functools import partial
 from typing import Any
 
-from hpcpic.plasma.physics.moments import Moment
+from hpcpic.plasma.physics.moments import SPEED_SQUARED, VELOCITY, Moment
 
 MODES = 8
 
@@ -56,20 +56,6 @@ class Scalar:
     unit: str
     value: Callable[[Sample], float]
     moments: tuple[Moment, ...] = ()
-
-
-def speed_squared(vx, vy, vz, square):
-    """|v|^2."""
-    return square
-
-
-def velocity(vx, vy, vz, square):
-    """v."""
-    return vx, vy, vz
-
-
-SPEED_SQUARED = Moment(speed_squared, power=2)
-VELOCITY = Moment(velocity, power=1, vector=True)
 
 
 def kinetic_energy(sample: Sample) -> float:

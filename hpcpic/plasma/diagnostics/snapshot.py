@@ -1,6 +1,7 @@
 """The plasma's arrays for the writers: fields, particles, and the state that checkpoints hold."""
 
 import math
+from collections.abc import Collection
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,15 +19,16 @@ from hpcpic.plasma.setup.scene import Scene
 from hpcpic.plasma.sizes import EDGE, MAX_SPEED
 
 
-def fields(mesh: Mesh) -> dict[str, FieldArray]:
-    """rho, phi and E of this rank's rows at t = n dt."""
+def fields(mesh: Mesh, names: Collection[str]) -> dict[str, FieldArray]:
+    """Those of rho, phi and E of this rank's rows at t = n dt that are among the names."""
     d = mesh.domain.ndim
     e = np.stack([component[mesh.inside] for component in mesh.e], axis=-1)
-    return {
+    found = {
         "rho": FieldArray(mesh.rho, "C/m" if d == 1 else f"C/m{d}"),
         "phi": FieldArray(mesh.phi.inner, "V"),
         "E": FieldArray(e, "V/m"),
     }
+    return {name: field for name, field in found.items() if name in names}
 
 
 def particles(scene: Scene, cloud: Cloud) -> dict[str, ParticleArray]:

@@ -13,6 +13,7 @@ from collections.abc import Mapping
 from hpcpic.core.app.forecast import FILES, Estimate, gain, writing_seconds
 from hpcpic.plasma.case.config import PlasmaConfig, velocity_components
 from hpcpic.plasma.forecast.plan import arrays, factor_nonzeros
+from hpcpic.plasma.physics.species_fields import asked_for
 from hpcpic.plasma.sizes import EDGE
 
 MIB = 2.0**20
@@ -203,10 +204,16 @@ def memory_items(
     return items
 
 
+def stored_components(config: PlasmaConfig) -> int:
+    """Numbers of a node in a snapshot of the fields; vectors are stored with three components."""
+    names = config.output.fields
+    of_species = sum(3 if field.vector else 1 for field in asked_for(names))
+    return ("rho" in names) + ("phi" in names) + 3 * ("E" in names) + len(config.species) * of_species
+
+
 def disk_items(config: PlasmaConfig) -> dict[str, float]:
     """Bytes of the whole run."""
     cycles = config.simulation.cycles
-    size = 8 if config.numerics.precision == "double" else 4
     series, period = config.periods["series"], config.output.every
     particles, cells = particle_count(config), math.prod(config.points)
 
@@ -215,7 +222,7 @@ def disk_items(config: PlasmaConfig) -> dict[str, float]:
 
     return {
         "series": times(series) * SERIES_BYTES,
-        "fields": times(period.fields) * cells * size * (2 + 3),  # vectors have three components
+        "fields": times(period.fields) * cells * 8 * stored_components(config),
         "particles": times(period.particles) * particles * (3 * 8 + 3 * 8 + 8 + 4),
         "checkpoints, two": 2 * particles * (particle_bytes(config) + 4),
     }

@@ -13,7 +13,9 @@ from hpcpic.core.space.cuts import even_cuts
 from hpcpic.core.space.declared import Array
 from hpcpic.plasma.case.config import PlasmaConfig, rotation, velocity_components
 from hpcpic.plasma.particles.arrays import declared
+from hpcpic.plasma.physics.moments import values_of
 from hpcpic.plasma.physics.shapes import SHAPES
+from hpcpic.plasma.physics.species_fields import asked_for
 from hpcpic.plasma.setup.macro_particles import macro_charge
 from hpcpic.plasma.sizes import EDGE, PAGE
 
@@ -68,6 +70,11 @@ def arrays(config: PlasmaConfig, ranks: int, threads: int) -> Iterator[Array]:
     yield Array("rho", (rows, columns), "float64")
     yield Array("phi", tuple(n + ghosts + 2 for n in ((rows, columns) if d == 2 else (rows,))), "float64")
     yield Array("E", (d, *(n + ghosts for n in ((rows, columns) if d == 2 else (rows,)))), "float64")
+    if asked := asked_for(config.output.fields):
+        moments = dict.fromkeys(moment for field in asked for moment in field.moments)
+        n = 1 + max(1, values_of(tuple(moments), velocity_components(config)))
+        yield Array("moments of the blocks", (n, *wide), "int64")
+        yield Array("moments of the slab", (n, rows + ghosts, columns), "int64")
     results = d if config.numerics.gradient == "spectral" else 1
     if config.simulation.solver == "LU":
         yield Array("LU: gathered grid, twice", (2, points[0], columns), "float64")

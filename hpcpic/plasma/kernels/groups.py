@@ -72,6 +72,23 @@ class ScratchArrays(NamedTuple):
     cells: NDArray
 
 
+class NodeSumArrays(NamedTuple):
+    """What kernels.moments.node_moments adds up: of the species sampled[0], of which a particle counts whole[0] parts.
+
+    node_half_kick[species, 3]: half the electric impulse; half_turn[species, 3, 3]: the rotation of half a step less
+    the identity; side[3]: sides of a cell in that along x; per_scale[moment]: parts of a value of 1; fastest[block]:
+    the largest component of a velocity that was met, in cells along x per step.
+    """
+
+    sampled: NDArray
+    whole: NDArray
+    node_half_kick: NDArray
+    half_turn: NDArray
+    side: NDArray
+    per_scale: NDArray
+    fastest: NDArray
+
+
 class RecordArrays(NamedTuple):
     """Particles on their way between ranks: the same memory as real numbers and as 32-bit integers."""
 

@@ -9,7 +9,6 @@ from numba.extending import intrinsic
 from hpcpic.core.simd.compile import njit
 from hpcpic.core.simd.kinds import Vec
 
-
 WITHOUT_WRAPPERS = {"no_cpython_wrapper": True, "no_cfunc_wrapper": True}  # which would take up groups of arrays
 
 

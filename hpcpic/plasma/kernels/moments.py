@@ -9,11 +9,13 @@ import numpy as np
 from hpcpic.core.simd.vector import fma
 from hpcpic.core.space.exact import add_limbs
 from hpcpic.plasma.kernels.lanes import inlined, kernel
-from hpcpic.plasma.kernels.plain import gather
+from hpcpic.plasma.kernels.mesh import bounded
+from hpcpic.plasma.kernels.plain import deposit, gather
 from hpcpic.plasma.kernels.storage import LANES, PAGE
 
 DIM = 2  # axes of the grid
 VELOCITIES = 2  # components
+REAL = np.float64  # precision of the arithmetic
 MOMENTS = 3  # values that `integrands` gives
 
 
@@ -27,10 +29,10 @@ def integrands(vx, vy, vz, square):
 def centred_velocity(x, y, v, row, column, field, half_kick):
     """v- of a particle at (x, y) in cells from an anchor: v^(n-1/2) with half the electric impulse."""
     e_x, e_y, scale = field.e_x, field.e_y, field.scale
-    vx = np.float64(fma(half_kick[0], gather(e_x, row, column, x, y, scale), v[0]))
+    vx = np.float64(fma(REAL(half_kick[0]), gather(e_x, row, column, x, y, scale), REAL(v[0])))
     vy = vz = 0.0
     if DIM == 2:
-        vy = np.float64(fma(half_kick[1], gather(e_y, row, column, x, y, scale), v[1]))
+        vy = np.float64(fma(REAL(half_kick[1]), gather(e_y, row, column, x, y, scale), REAL(v[1])))
     elif VELOCITIES > 1:
         vy = np.float64(v[1] + half_kick[1])
     if VELOCITIES > 2:
@@ -66,3 +68,44 @@ def moments(block, first, last, grid, field, pages, moment_sums):
                     bad |= add_limbs(limbs[kind, k], values[k, :used], inv_scale[k])
                 page, used = np.int64(pages.chain[page]), PAGE
     return bad
+
+
+@inlined
+def whole_velocity(v, side, turn):
+    """v^n of v-, in cells along x per step: its rotation by half an angle, `turn` less the identity."""
+    x, y, z = v[0] * side[0], v[1] * side[1], v[2] * side[2]
+    return (
+        x + (turn[0, 0] * x + turn[0, 1] * y + turn[0, 2] * z),
+        y + (turn[1, 0] * x + turn[1, 1] * y + turn[1, 2] * z),
+        z + (turn[2, 0] * x + turn[2, 1] * y + turn[2, 2] * z),
+    )
+
+
+@kernel
+def node_moments(block, first, last, grid, field, pages, node_sums, patch):
+    """patch.nodes[0] = particles of a species in parts, nodes[1 + k] = their sums of the k-th integrand of v^n.
+
+    All values of a particle are shared among nodes as charge is. REAL is double precision whatever that of particles.
+    """
+    parts, pool, origin, corner, nodes = grid.parts, pages.pool, field.origin, patch.corner, patch.nodes
+    kind, whole, per_scale, most = node_sums.sampled[0], node_sums.whole[0], node_sums.per_scale, 0.0
+    half_kick, half_turn = node_sums.node_half_kick[kind], node_sums.half_turn[kind]
+    nodes[:] = 0
+    for part in range(first, last):
+        row, column, slot = parts[part, 1], parts[part, 2], part * grid.n_species + kind
+        page, used = np.int64(pages.head[slot]), (pages.count[slot] - 1) % PAGE + 1
+        while page >= 0:
+            for place in range(used):
+                pack, lane = place // LANES, place % LANES
+                x, y = REAL(pool[page, pack, 0, lane]), REAL(pool[page, pack, DIM - 1, lane])
+                stored = pool[page, pack, DIM:, lane]
+                v = centred_velocity(x, y, stored, row - origin[0], column - origin[1], field, half_kick)
+                vx, vy, vz = whole_velocity(v, node_sums.side, half_turn)
+                most = max(most, bounded(max(abs(vx), abs(vy), abs(vz))))
+                found = integrands(vx, vy, vz, vx * vx + vy * vy + vz * vz)
+                deposit(nodes, 0, whole, row - corner[0], column - corner[1], x, y)
+                for k in range(MOMENTS):
+                    value = np.int64(np.rint(found[k] * per_scale[k]))
+                    deposit(nodes, 1 + k, value, row - corner[0], column - corner[1], x, y)
+            page, used = np.int64(pages.chain[page]), PAGE
+    node_sums.fastest[block] = most

@@ -2,13 +2,14 @@
 
 from dataclasses import dataclass
 from types import ModuleType
+from typing import Any
 
 import numpy as np
 from numpy.typing import DTypeLike, NDArray
 
 from hpcpic.core.simd.generate import specialise
 from hpcpic.plasma.case.config import rotation
-from hpcpic.plasma.physics.moments import Moment, integrands_source
+from hpcpic.plasma.physics.moments import Moment, integrands_source, values_of
 from hpcpic.plasma.physics.shapes import SHAPES, Shape
 from hpcpic.plasma.setup.scene import Scene
 
@@ -35,7 +36,7 @@ class PushSpec:
     @property
     def n_moments(self) -> int:
         """Values that a sample sums over each species."""
-        return sum(moment.size(self.velocities) for moment in self.moments)
+        return values_of(self.moments, self.velocities)
 
     @classmethod
     def of(cls, scene: Scene, moments: tuple[Moment, ...]) -> "PushSpec":
@@ -47,19 +48,29 @@ class PushSpec:
         """The compiled module of this specification; `plain` for the reference, one particle after the other."""
         dtype = np.dtype(self.dtype)
         vectors = () if plain else ("simd_base", *self.shape.vector_kernels, "push", "moments_simd")
+        return self._module(("storage", "plain", "moments", *vectors), dtype, self.moments, ROTATION=self.rotation)
+
+    def node_moments(self, moments: tuple[Moment, ...]) -> Any:
+        """The kernel that sums moments of a species on the nodes, in double precision."""
+        return self._module(("storage", "plain", "moments"), np.dtype(np.float64), moments).node_moments
+
+    def _module(
+        self, stems: tuple[str, ...], real: np.dtype, moments: tuple[Moment, ...], **constants: int
+    ) -> ModuleType:
+        """Kernels that calculate in `real`, whatever the precision of the particles."""
         return specialise(
             "hpcpic.plasma.kernels",
-            ("storage", "plain", "moments", *vectors),
-            integrands_source(self.moments, self.velocities),
+            stems,
+            integrands_source(moments, self.velocities),
             replaced=("linear",),
             DIM=self.dimensions,
             NODES=self.shape.nodes,
             VELOCITIES=self.velocities,
             COMPONENTS=self.components,
-            ROTATION=self.rotation,
-            REAL=f"np.{dtype.name}",
-            LANES=64 // dtype.itemsize,
-            MOMENTS=self.n_moments,
+            REAL=f"np.{real.name}",
+            LANES=64 // np.dtype(self.dtype).itemsize,
+            MOMENTS=values_of(moments, self.velocities),
+            **constants,
         )
 
 

@@ -15,6 +15,9 @@ class Moment:
     in cells per step, square = |v|^2 in (side of a cell along x per step)^2. It is arithmetic of its arguments alone,
     numbers or vectors of them: its source is compiled with the kernels. It must not exceed S^(power // 2) s^power,
     where s is above every component and S = square for v = (1, 1, 1): so |v|^2 v has the power 3.
+
+    For fields of species (see species_fields) all components are in cells along x per step, so that any integrand of
+    that power has a meaning; for the series it must be made of |v|^2, and of one component of v where it is a vector.
     """
 
     integrand: Callable[[Any, Any, Any, Any], Any]
@@ -24,6 +27,25 @@ class Moment:
     def size(self, components: int) -> int:
         """Values of the moment of velocities with so many components."""
         return components if self.vector else 1
+
+
+def speed_squared(vx, vy, vz, square):
+    """|v|^2."""
+    return square
+
+
+def velocity(vx, vy, vz, square):
+    """v."""
+    return vx, vy, vz
+
+
+SPEED_SQUARED = Moment(speed_squared, power=2)
+VELOCITY = Moment(velocity, power=1, vector=True)
+
+
+def values_of(moments: Sequence[Moment], components: int) -> int:
+    """How many values the integrands of all moments give, of velocities with so many components."""
+    return sum(moment.size(components) for moment in moments)
 
 
 def integrands_source(moments: Sequence[Moment], components: int) -> str:

@@ -3,9 +3,10 @@
 import itertools
 from collections.abc import Iterator
 
-from hpcpic.core.case.schema import Fault
+from hpcpic.core.case.schema import Fault, abridged
 from hpcpic.plasma.case import units
 from hpcpic.plasma.case.config import MOST_PARTICLES, MOST_POINTS, PlasmaConfig, Species, name_of
+from hpcpic.plasma.physics.species_fields import MESH_FIELDS, SPECIES_FIELDS
 from hpcpic.plasma.setup.loaders import loader_faults
 from hpcpic.plasma.setup.macro_particles import particle_faults
 
@@ -25,6 +26,7 @@ def faults(config: PlasmaConfig) -> Iterator[Fault]:
         vector = getattr(config.field, name)
         if len(vector) != 3:
             yield ("field", name), f"needs 3 numbers, one per axis x, y, z (got {len(vector)})"
+    yield from field_faults(config.output.fields)
     names = [name_of(species, i) for i, species in enumerate(config.species)]
     for i, species in enumerate(config.species):
         if "/" in names[i] or names[i] in (".", ".."):
@@ -52,6 +54,16 @@ def grid_faults(config: PlasmaConfig, d: int) -> Iterator[Fault]:
             yield ("grid", name), f"needs {d} number(s) in {d}D (got {len(vector)})"
         elif vector is not None and max(vector) > MOST_POINTS:
             yield ("grid", name), f"at most {MOST_POINTS} on an axis (got {max(vector)})"
+
+
+def field_faults(names: tuple[str, ...]) -> Iterator[Fault]:
+    """Names in output.fields that no field has, or that stand there twice."""
+    known = (*MESH_FIELDS, *SPECIES_FIELDS)
+    for name in names:
+        if name not in known:
+            yield ("output", "fields"), f"{abridged(name)} is no field; there are {', '.join(known)}"
+    for name in {name for name in names if names.count(name) > 1}:
+        yield ("output", "fields"), f"{abridged(name)} stands there twice"
 
 
 def species_faults(species: Species, d: int) -> Iterator[Fault]:
