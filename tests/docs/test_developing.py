@@ -1,4 +1,4 @@
-"""The worked examples of docs/developing.md: each is a diff that applies to this tree, and three do what they say."""
+"""The worked examples of docs/developing.md: each is a diff that applies to this tree, and four do what they say."""
 
 import os
 import re
@@ -12,7 +12,7 @@ import pytest
 ROOT = Path(__file__).parents[2]
 PARTS = ("hpcpic", "sph", "lbmdem", "tests", "configs", "scripts", "pyproject.toml")
 WORKED = {file.stem: file.read_text() for file in sorted((ROOT / "docs/worked").glob("*.diff"))}
-RUN = ("smoothing_kernel", "loader", "scalar")  # and what their tests run
+RUN = ("smoothing_kernel", "loader", "scalar", "field")  # and what their tests run
 
 
 def apply(diff: str, tree: Path, *options: str) -> None:
