@@ -153,5 +153,5 @@ def test_snapshots_of_all_kinds_and_figures_have_them(tmp_path, sets):
         assert set(file["data/3/meshes"]) == set(names)
         assert file["data/3/meshes/T_e"].attrs["unitDimension"].tolist()[:3] == [2, 1, -2]
     figure = PLOTS["fields"].make(run, None)
-    texts = " ".join(axes.get_title() + axes.get_ylabel() for axes in figure.axes)
+    texts = " ".join(axes.get_title() + axes.get_title("left") + axes.get_ylabel() for axes in figure.axes)
     assert all(name in texts for name in names)
