@@ -122,6 +122,38 @@ class Layout:
         return shifts
 
 
+def place_type(elements: int) -> str:
+    """Type of the places in an array, or in a part of it, of so many elements."""
+    return "int32" if elements < 1 << 31 else "int64"
+
+
+def sparse_arrays(lattice: Lattice, around: tuple[int, ...], real: str, places: str) -> tuple[Array, ...]:
+    """What a rank holds of fluid nodes alone; see `kernels.sparse`. around: nodes of the slab with ghosts; real: type
+    of the populations; places: of places among them.
+
+    Sizes: "slot" elements for each direction, "planes" and the end of the last one, "vectors" of nodes, "blocks" of
+    these, "pieces" of memory beside the first of a direction, "ruled" vectors with links that the sweep does, "ends" of
+    the links of vectors, "links" and one more.
+    """
+    ways, mask = lattice.q - 1, "uint8" if lanes(real) <= 8 else "uint16"
+    return (
+        Array("populations", (lattice.q, "slot"), real, "", "f - w"),
+        Array("solid", around, "int32", "", "ids of nodes: fluid, wall or the number of a grain"),
+        Array("positions", around, "int32", "", "of fluid nodes, -1 of others"),
+        Array("first", ("planes",), "int64", "", "vector of each plane"),
+        Array("blocks", ("planes",), "int64", "", "first block of each plane"),
+        Array("kinds", ("vectors",), "int8", "", "of vectors: neighbours in one piece each, or not"),
+        Array("masks", ("vectors", ways, 2), mask, "", "lanes of the first piece, lanes that bounce back"),
+        Array("shifts", ("vectors", ways), "int32", "", "elements from a vector to the first piece"),
+        Array("rest", ("blocks",), "int64", "", "first of the other pieces of each block"),
+        Array("where", ("pieces",), places, "", "element for lane 0"),
+        Array("code", ("pieces",), "uint32", "", "lanes, and the place in the buffer of a block"),
+        Array("ruled", ("ruled", ways), mask, "", "lanes with a link"),
+        Array("linked", ("ends",), "int64", "", "first link of each vector"),
+        Array("kappa", ("links",), real, "", "factors of the links"),
+    )
+
+
 def addresses(layout: Any) -> Addresses:
     """The addresses of a layout or a sparse layout."""
     return Addresses(layout.strides, layout.slots, layout.shifts, layout.positions)

@@ -25,14 +25,14 @@ from lbmdem.fluid.faces import Face
 from lbmdem.fluid.fluid import Fluid
 from lbmdem.fluid.obstacles import obstacle_walls
 from lbmdem.forecast.estimate import output_periods
-from lbmdem.grains.arrays import STEPS_PER_CALL
 from lbmdem.grains.dem import Dem
+from lbmdem.grains.placement import place_grains
 from lbmdem.kernels.layout import FLUID
 from lbmdem.physics.velocity_sets import LATTICES
 from lbmdem.physics.wall_rules import RULES
 from lbmdem.setup.overlap_survey import starts
-from lbmdem.setup.placement import place_grains
 from lbmdem.setup.scene import Scene
+from lbmdem.sizes import STEPS_PER_CALL
 
 MAX_OVERLAP = 0.1  # over diameter, at which grains are no grains any more, unless they start so
 

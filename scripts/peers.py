@@ -161,7 +161,7 @@ def grains(python: Path, rounds: int, cpu: bool) -> Iterator[str]:
 def beds(python: Path, dem: Dem, tiles: int, rounds: int, cpu: bool) -> str:
     from benchmarks import dem as bench
     from lbmdem.grains.contact_network import contact_count
-    from lbmdem.setup.packing import everywhere
+    from lbmdem.grains.packing import everywhere
 
     law, n, reduced, steps = bench.LAWS["history"], dem.grains.number, 0.5, GRAIN_STEPS // tiles**2
     x = everywhere(dem)

@@ -40,7 +40,7 @@ def measured(place: Path, porosity: float, spacing: float) -> tuple[float, float
     """Porosity of the sample (of the spheres, in the space that the packing fills), k [m2], <d> [m] and
     <d3>/<d2> [m].
     """
-    from lbmdem.setup.packing import beta_diameters
+    from lbmdem.grains.packing import beta_diameters
 
     d = beta_diameters(200, 1.0e-4, 2.0e-4, 1.0, 1.0, 1)
     solid = float((math.pi / 6.0 * d**3).sum()) / SIDE**2 / (1.0 - porosity)

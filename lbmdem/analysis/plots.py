@@ -140,7 +140,7 @@ def carman_kozeny(porosity: np.ndarray) -> np.ndarray:
 
 def permeability(run: Run, step: int | None = None) -> Figure:
     """Permeability in time, with what it converges to beside Carman and Kozeny's."""
-    from lbmdem.setup.placement import mean_diameters
+    from lbmdem.grains.placement import mean_diameters
 
     if "permeability" not in series_of(run):
         raise NotInScene("the series has no permeability: no flow is driven through grains")

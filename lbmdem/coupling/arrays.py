@@ -4,8 +4,7 @@ Sizes: "grains" and their "images" near a slab, "parts" of images, "shares" of p
 """
 
 from hpcpic.core.space.declared import Array
-
-GAINS = 7  # of a body from its links: force, torque, and the mass that the fluid gains
+from lbmdem.sizes import GAINS
 
 MOVING_LINKS = (
     Array("ids", ("grains",), "int64"),

@@ -15,7 +15,6 @@ from numpy.typing import NDArray
 
 from hpcpic.core.comm.world import World
 from hpcpic.core.tasks.graph import Pool
-from lbmdem.coupling.arrays import GAINS
 from lbmdem.coupling.moving_links import MovingLinks, link_arena
 from lbmdem.coupling.refill import Refill
 from lbmdem.coupling.wall_links import WallLinks
@@ -25,6 +24,7 @@ from lbmdem.fluid.solid_nodes import Change, Solid, Table, Window, kernel_axes, 
 from lbmdem.fluid.surfaces import Bodies, Surfaces, Wall, mark_walls
 from lbmdem.kernels import links as kernels
 from lbmdem.kernels.layout import FLUID, Layout
+from lbmdem.sizes import GAINS
 
 SUM_BITS, TERM_BITS = 61, 49  # of the sums, and of terms: 2^51 is the largest integer that `to_fixed` makes
 PARTS = 4  # per thread
@@ -99,15 +99,15 @@ class Immersed:
         self._gained = 0  # the step that ended with these: passes of several steps count none
         self._pending = Gains(self._fixed.ids[:0], NO_GAINS)
         fluid.hooks.append(self._bounce)
-        if self._fixed_links.far is None and not self.refill.conserving:
+        if not self._fixed_links.reads_further and not self.refill.conserving:
             fluid.carry(self._fixed_links.of_planes, self._fixed_links, self._take)  # until grains move
 
     def _link(self, bodies: Bodies) -> FixedLinks:
         """Find the links to bodies that stay, and bind their tasks."""
-        links = FixedLinks(self.window, self.fluid.layout, self.fluid.ids, bodies, self._rule)
+        fluid = self.fluid
+        links = FixedLinks(self.window, fluid.layout, fluid.f, fluid.ids, bodies, self._rule, self._blocks)
         if self.refill.conserving:
-            links.speed[...] = 0.0  # what they sweep over is not counted
-        links.bind(self.fluid.f, self._blocks)
+            links.arena["speed"][...] = 0.0  # what they sweep over is not counted
         return links
 
     def _set_scale(self, radii: NDArray[np.float64], stay: FixedLinks | WallLinks) -> None:

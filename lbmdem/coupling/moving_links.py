@@ -5,12 +5,13 @@ from numpy.typing import NDArray
 
 from hpcpic.core.tasks.arena import Arena
 from hpcpic.core.tasks.graph import Bound
-from lbmdem.coupling.arrays import GAINS, MOVING_LINKS
+from lbmdem.coupling.arrays import MOVING_LINKS
 from lbmdem.fluid.fixed_links import Directions, rule_in
 from lbmdem.fluid.solid_nodes import Images, Table, Window
 from lbmdem.kernels import moving as kernels
 from lbmdem.kernels.layout import Layout
 from lbmdem.kernels.link_arrays import BounceBack, LinkDirections, Nodes, Parts, Populations
+from lbmdem.sizes import GAINS
 
 
 def link_arena(

@@ -6,10 +6,10 @@ from numpy.typing import NDArray
 from hpcpic.core.space.domain import block_ranges
 from hpcpic.core.tasks.arena import Arena
 from hpcpic.core.tasks.graph import Pool
-from lbmdem.coupling.arrays import GAINS
 from lbmdem.fluid.surfaces import NODES, Crossings, Surfaces
 from lbmdem.kernels import links as kernels
 from lbmdem.kernels.layout import WALL
+from lbmdem.sizes import GAINS
 
 
 class WallLinks:

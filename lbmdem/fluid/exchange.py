@@ -1,7 +1,6 @@
 """Populations that cross from slab to slab: five of nineteen (three of nine) each way, sent from where they are."""
 
 from collections.abc import Sequence
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -9,10 +8,10 @@ from numpy.typing import NDArray
 from hpcpic.core.comm.pieces import Parcel, Pieces
 from hpcpic.core.comm.tags import Channel
 from hpcpic.core.comm.world import World
-from hpcpic.core.simd.vector import lanes
 from hpcpic.core.space.domain import Domain
 from hpcpic.core.space.fields import aligned_zeros
-from hpcpic.core.tasks.graph import Bound, bind
+from hpcpic.core.tasks.arena import Arena
+from hpcpic.core.tasks.graph import Bound
 from lbmdem.kernels.layout import Layout, storage_order
 from lbmdem.kernels.node_kinds import receive
 
@@ -37,11 +36,10 @@ def tell_iteration(messages: Sequence[Pieces], iteration: int) -> None:
 class Exchange:
     """After the collision of a step that began at parity p: `messages[p]`, then the tasks `unpacks[p]`."""
 
-    def __init__(self, world: World, domain: Domain, layout: Layout, f: NDArray, wet: NDArray[np.int32]) -> None:
+    def __init__(self, world: World, domain: Domain, layout: Layout, arena: Arena) -> None:
         below, above = neighbours(domain, world.rank)
         self.open = (below is not None, above is not None)
-        self._layout, self._f, self._wet = layout, f, wet
-        self._slots = f.reshape(layout.lattice.q, -1)
+        self._layout, self._arena, self._slots = layout, arena, arena["populations"]
         crossing = [(i, j) for i, j in layout.lattice.pairs if storage_order(layout.lattice, i)[0]]
         self._moves = np.array([storage_order(layout.lattice, i)[1:] for i, _ in crossing], np.int64)
         self.messages: list[Pieces] = []
@@ -69,15 +67,15 @@ class Exchange:
         return self._layout.plane_stride + self._layout.lanes
 
     def _buffer(self, slots: int) -> NDArray:
-        return aligned_zeros((slots, self.width), self._f.dtype)
+        return aligned_zeros((slots, self.width), self._slots.dtype)
 
     def _plane(self, slots: NDArray[np.int64], plane: int) -> list[NDArray]:
         start = plane * self._layout.plane_stride
         return [self._slots[slot, start : start + self.width] for slot in slots]
 
     def _unpack(self, buffer: NDArray, slots: NDArray, plane: int, beyond: int, sign: int) -> Bound:
-        arguments: list[Any] = [self._f, buffer, self._layout.strides, self._wet, lanes(self._f.dtype)]
-        return bind(receive, *arguments, slots, self._moves, plane, beyond, sign)
+        place = {"slots": slots, "moves": self._moves, "plane": plane, "beyond": beyond, "sign": sign}
+        return self._arena.bind(receive, buffer=buffer, **place)
 
     def at(self, iteration: int) -> None:
         """The next launch begins at this iteration."""

@@ -7,7 +7,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from hpcpic.core.tasks.graph import Bound, bind
+from hpcpic.core.tasks.arena import Arena
+from hpcpic.core.tasks.graph import Bound
 from lbmdem.fluid.sparse import SparseLayout
 from lbmdem.kernels.layout import WALL, storage_order
 from lbmdem.kernels.open_faces import LayerNodes, find_places, push_walls, zou_he
@@ -69,16 +70,14 @@ def wall_ends(
 
 @dataclass(frozen=True)
 class Slab:
-    """What a layer works on: populations f of a layout, ids of nodes with ghosts, whether the slab touches the lower
-    and the upper end of the box, `wall_ends`, and shift[3], the part of the force in the momentum (storage order).
+    """What a layer works on: a layout, whether the slab touches the lower and the upper end of the box, and an arena of
+    populations `f`, ids `solid` of nodes with ghosts, ends of walls `others` (`wall_ends`), and shift[3], the part of
+    the force in the momentum (storage order).
     """
 
     layout: Layout | SparseLayout
-    f: NDArray
-    ids: NDArray[np.int32]
     touches: tuple[bool, bool]
-    ends: NDArray[np.int64]
-    shift: NDArray[np.float64]
+    arena: Arena
 
 
 class Layer:
@@ -99,19 +98,19 @@ class Layer:
         self.low[self.axis], self.high[self.axis] = at, at + 1
         if self.axis == 0 and not slab.touches[self.side > 0]:
             self.high[0] = self.low[0] = 0
-        self.values = np.zeros((*np.maximum(self.high - self.low, 0), 4), slab.f.dtype)
+        self.values = np.zeros((*np.maximum(self.high - self.low, 0), 4), slab.arena["f"].dtype)
         self.set(face.density, face.velocity)
         kernel = push_walls if face.kind == "wall" else zou_he
         e = np.array([storage_order(lattice, i) for i in range(lattice.q)], np.int64)
         self._places = np.zeros((2, *self.values.shape[:3], lattice.q), np.int64)
         for parity, places in enumerate(self._places):
             find_places(addresses(layout), parity, self.low, self.high, places)
-        given = [slab.ends] if face.kind == "wall" else [slab.shift, int(face.kind == "velocity")]
-        f, solid, ghosts, weights = slab.f, slab.ids, int(dimensions == 3), lattice.w
+        given = {} if face.kind == "wall" else {"given": int(face.kind == "velocity")}
+        arena, ghosts, weights = slab.arena, int(dimensions == 3), lattice.w
 
         def bound(places: NDArray, low: NDArray, high: NDArray, values: NDArray) -> Bound:
-            nodes = LayerNodes(solid, ghosts, places, e, weights, low, high, self.axis, self.side)
-            return bind(kernel, f, nodes, *given, values)
+            nodes = LayerNodes(arena["solid"], ghosts, places, e, weights, low, high, self.axis, self.side)
+            return arena.bind(kernel, layer=nodes, values=values, **given)
 
         self._bind = bound
         self.tasks = [self.of_planes(parity, 0, layout.planes) for parity in range(2)]

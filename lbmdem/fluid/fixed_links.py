@@ -4,23 +4,22 @@ For each fluid node with a solid node in direction i the wall is crossed at the 
 `lbmdem.physics.wall_rules`.
 """
 
-from types import SimpleNamespace
-
 import numpy as np
 from numpy.typing import NDArray
 
 from hpcpic.core.errors import ConfigError
 from hpcpic.core.space.domain import block_ranges
-from hpcpic.core.tasks.graph import Bound, Pool, bind
+from hpcpic.core.tasks.arena import Arena
+from hpcpic.core.tasks.graph import Bound, Pool
+from lbmdem.fluid import arrays
 from lbmdem.fluid.solid_nodes import Window, kernel_axes
-from lbmdem.fluid.sparse import SparseLayout, Tables
+from lbmdem.fluid.sparse import SparseLayout
 from lbmdem.fluid.surfaces import NODES, Bodies, Surfaces, ids_at
 from lbmdem.kernels import links as kernels
 from lbmdem.kernels.layout import FLUID, Layout
+from lbmdem.layout import place_type
 from lbmdem.physics.velocity_sets import Lattice
 from lbmdem.physics.wall_rules import RULES, WallRule
-
-GAINS = 7  # of a body from its links: force, torque, and the mass that the fluid gains
 
 
 def rule_in(window: Window, name: str) -> WallRule:
@@ -40,159 +39,164 @@ class Directions:
         self.w6 = 6.0 * lattice.w
 
 
-class _Part(SimpleNamespace):
-    """Arrays of `FixedLinks` of some planes; plane: of each segment."""
-
-
 class FixedLinks:
     """Links of a slab in the order (plane, direction, node), with what the kernels need of each.
 
-    nodes[parity] (elements in a slot of the three that a link reads), body, weights[n, 0, 1 or 3], wall (term taken
-    off), arm[n, 3] from the centre of the body to the crossing, speed[n, 3] of the wall there; wall and speed have no
-    length when nothing moves. Segments: start, offsets[parity, segment, 3], direction and way[segment, 3]; planes[p]:
-    first segment of the own plane p. fallbacks: links without the fluid nodes that their rule reads.
+    The arrays of `arena` are those of `fluid.arrays.fixed_links`. planes[p]: first segment of the own plane p.
+    fallbacks: links without the fluid nodes that their rule reads. f: the populations; blocks: of tasks, at most.
     """
 
     def __init__(
         self,
         window: Window,
         layout: Layout | SparseLayout,
+        f: NDArray,
         solid: NDArray[np.int32],
         bodies: Bodies,
         rule: str = "cli",
+        blocks: int = 1,
     ) -> None:
         self.directions = Directions(layout.lattice)
         self.bodies = bodies
         self._rule = rule_in(window, rule)
         self._window, self._layout = window, layout
+        self._sparse = isinstance(layout, SparseLayout)
+        self._real, self._place = f.dtype.name, place_type(layout.slot_stride)
         self._solid = solid.reshape(tuple(window.shape[::-1]))
         self._surfaces = Surfaces(window, self._solid, bodies, self.directions.e, layout.lattice.dimensions)
         fluid = self._inner(self._solid) == FLUID
         self._sizes = np.array(fluid.shape[::-1])
         step = max(1, NODES // max(1, fluid[:1].size))
-        self._join([self._part(fluid, low, low + step) for low in range(0, max(1, len(fluid)), step)])
+        parts = [self._part(fluid, low, low + step) for low in range(0, max(1, len(fluid)), step)]
+        self.fallbacks = sum(int(part.pop("fallbacks")) for part in parts)
+        self._join(parts, blocks)
+        self.arena.set(f=f)
+        self._tasks = [self._bind(parity) for parity in range(2)]
 
-    def _part(self, fluid: NDArray[np.bool_], low: int, high: int) -> "_Part":
-        """Links of the planes low .. high - 1."""
+    def _part(self, fluid: NDArray[np.bool_], low: int, high: int) -> dict[str, NDArray]:
+        """Arrays of the links of the planes low .. high - 1, by name; plane: of each segment."""
         nodes = np.argwhere(fluid[low:high])[:, ::-1].copy()  # (x, row, plane), in the order of memory
         nodes[:, 2] += low
         local, way, body, q, arm, speed = self._surfaces.crossings(nodes)
         order = np.lexsort((local[:, 0], local[:, 1], way, local[:, 2]))
         local, way, q, speed = local[order], way[order], q[order], speed[order]
-        part = _Part(body=body[order].astype(np.int32), arm=arm[order], speed=speed)
-        self._segments(part, local, way)
-        self._weigh(part, local, way, q)
-        return part
+        part: dict[str, NDArray] = {"body": body[order].astype(np.int32), "arm": arm[order], "speed": speed}
+        return part | self._segments(local, way) | self._weigh(local, way, q, speed)
 
-    def _join(self, parts: list["_Part"]) -> None:
+    def _join(self, parts: list[dict[str, NDArray]], blocks: int) -> None:
         """One after the other; what no link needs is left out. An array at a time, as each is there twice meanwhile."""
-        still = not any(part.speed.any() for part in parts)
-
-        def joined(name: str, axis: int = 0, keep: bool = True) -> NDArray:
-            values = [getattr(part, name)[: None if keep else 0] for part in parts]
-            for part in parts:
-                delattr(part, name)
-            return np.ascontiguousarray(np.concatenate(values, axis=axis))
-
-        self.fallbacks = sum(part.fallbacks for part in parts)
-        self.far = self.far_weights = None
-        if self._rule.reach == 2:
-            self.far, self.far_weights = joined("far", 1), joined("far_weights")
-        self.wall = joined("wall", keep=not still or self.far is not None)
-        self.speed, self.arm = joined("speed", keep=not still), joined("arm")
-        self.weights, self.body, node = joined("weights"), joined("body"), joined("node")
-        self.nodes = [[node] * 3] * 2
-        if isinstance(self._layout, SparseLayout):  # what came from y is at x if the step was odd; else still at y
-            behind = joined("behind")
-            self.nodes = [[node, node, behind], [node, behind, node]]
-        self.offsets, self.direction = joined("offsets", 1), joined("direction")
-        self.way = self.directions.e[self.direction].astype(np.float64)
-        ends = np.cumsum([0, *(part.start[-1] for part in parts)])
-        starts = [part.start[:-1] + end for part, end in zip(parts, ends)]
-        self.start = np.concatenate((*starts, ends[-1:])).astype(np.int64)
-        own = np.arange(self._layout.planes + 1)
-        self.planes = np.searchsorted(joined("plane"), own).astype(np.int64)
+        layout, moved = self._layout, any(part["speed"].any() for part in parts)
+        ends = np.cumsum([0, *(part["start"][-1] for part in parts)])
+        segments = sum(len(part["plane"]) for part in parts)
+        self._shares = [share for share in block_ranges(segments, blocks) if share[1] > share[0]]
+        self.arena = arena = Arena(
+            arrays.fixed_links(self._rule, self._real, self._place, sparse=self._sparse, moved=moved),
+            links=int(ends[-1]), segments=segments, ends=segments + 1,
+            bodies=len(self.bodies), shares=len(self._shares),
+        )  # fmt: skip
+        own = np.arange(layout.planes + 1)
+        self.planes = np.searchsorted(np.concatenate([part.pop("plane") for part in parts]), own).astype(np.int64)
+        arena["start"][-1] = ends[-1]
+        np.concatenate([part.pop("start")[:-1] + end for part, end in zip(parts, ends)], out=arena["start"][:-1])
+        for name in list(parts[0]):
+            values, target = [part.pop(name) for part in parts], arena[name]
+            if target.size:
+                np.concatenate(values, axis=1 if name in ("offsets", "far") else 0, out=target, casting="unsafe")
+        arena["way"][...] = self.directions.e[arena["direction"]]
 
     @property
     def count(self) -> int:
-        return int(self.start[-1])
+        return int(self.arena.sizes["links"])
+
+    @property
+    def arm(self) -> NDArray[np.float64]:
+        """Vectors [n, 3] from the centres of the bodies to the crossings, nodes."""
+        return self.arena["arm"]
+
+    @property
+    def reads_further(self) -> bool:
+        """Whether the rule reads two nodes behind a link, which cannot be done plane by plane."""
+        return self._rule.reach == 2
 
     @property
     def simple(self) -> bool:
         """Whether the sweep of fluid nodes alone can do them (kernels.sparse)."""
-        return self._rule.numbers <= 1 and not self.wall.size
+        return self._rule.numbers <= 1 and not self.arena["wall"].size
 
     @property
     def quiet(self) -> bool:
         """Whether the sweep has bounced all back: half-way, from what is at rest."""
-        return not self.weights.shape[1] and not self.wall.size
+        return not self._rule.numbers and not self.arena["wall"].size
 
-    def bind(self, f: NDArray, blocks: int) -> None:
-        """Make the tasks on the populations, `blocks` of them at most."""
-        self._f = f
-        shares = [share for share in block_ranges(len(self.way), blocks) if share[1] > share[0]]
-        self._sums = np.zeros((len(shares), len(self.bodies), GAINS), np.int64)
-        self._scale = np.ones(GAINS)
-        wall = self.wall if self.far is None else np.zeros(self.count)
-        self._kept = np.zeros((2, self.count, 2))
-        self._tasks: list[list[list[Bound]]] = []
-        for parity in range(2):
-            links = (f, self.offsets[parity], self.start, *self.nodes[parity], self.weights, wall)
-            body = (self.way, self.body, self.arm, self.speed)
-            kept, far, bounced, summed = self._kept[parity], [], [], []
-            for sums, share in zip(self._sums, shares):
-                if self.far is not None:
-                    there = (self.far[parity], self.far_weights, self.wall)
-                    far.append(bind(kernels.far_terms, f, self.start, *there, *share, wall))
-                bounced.append(bind(kernels.fixed_links, *links, *share, kept))
-                summed.append(bind(kernels.momentum, kept, self.start, *body, *share, sums, self._scale))
-            self._tasks.append([far, bounced, summed])
+    def _links(self, parity: int) -> dict[str, NDArray | str]:
+        """Arguments of the kernels at a parity: what came from the node behind is at the node itself if the step was
+        odd, and where fluid nodes alone are held still at the one behind if it was even.
+        """
+        behind = "behind" if self._sparse else "node"
+        return {
+            "offsets": self.arena["offsets"][parity],
+            "node_b": behind if parity else "node",
+            "node_c": "node" if parity else behind,
+        }
+
+    def _bind(self, parity: int) -> list[list[Bound]]:
+        """Tasks on all links: terms from further behind, bounce back, sums of momentum."""
+        bind, kept, links = self.arena.bind, self.arena["kept"][parity], self._links(parity)
+        far, bounced, summed = [], [], []
+        for sums, (low, high) in zip(self.arena["sums"], self._shares):
+            part = {"low": low, "high": high}
+            if self.reads_further:
+                far.append(bind(kernels.far_terms, far=self.arena["far"][parity], **part))
+            wall = "wall_now" if self.reads_further else "wall"
+            bounced.append(bind(kernels.fixed_links, kept=kept, wall=wall, **links, **part))
+            summed.append(bind(kernels.momentum, kept=kept, sums=sums, **part))
+        return [far, bounced, summed]
 
     def of_planes(self, parity: int, low: int, high: int, keep: bool) -> list[Bound]:
         """The task that bounces back at own planes from, to; not for the quadratic rule. keep: for `gains`."""
         first, last = int(self.planes[low]), int(self.planes[high])
         if last == first or (self.quiet and not keep):
             return []
-        links = (self.offsets[parity], self.start, *self.nodes[parity], self.weights, self.wall)
-        kept = self._kept[parity] if keep else np.zeros((0, 2))
-        return [bind(kernels.fixed_links, self._f, *links, first, last, kept)]
+        kept = self.arena["kept"][parity] if keep else np.zeros((0, 2))
+        return [self.arena.bind(kernels.fixed_links, low=first, high=last, kept=kept, **self._links(parity))]
 
-    def hand_over(self, tables: Tables, low: int, high: int) -> None:
-        """Let the sweep apply the rule in own planes from, to; `simple` ones."""
+    def hand_over(self, tables: Arena, low: int, high: int) -> None:
+        """Let the sweep with these tables (fluid.sparse) apply the rule in own planes from, to; `simple` ones."""
         a, b = self.planes[low], self.planes[high]
-        links = slice(self.start[a], self.start[b] if self.weights.shape[1] else self.start[a])
-        vector, lane = np.divmod(self.nodes[0][0][links].astype(np.int64), self._layout.lanes)
-        way = np.repeat(self.direction[a:b], np.diff(self.start[a : b + 1]))[: len(lane)] - 1
-        ruled = np.zeros(tables.masks.shape[:2], tables.masks.dtype)
+        start, weights = self.arena["start"], self.arena["weights"]
+        links = slice(start[a], start[b] if weights.shape[1] else start[a])
+        vector, lane = np.divmod(self.arena["node"][links].astype(np.int64), self._layout.lanes)
+        way = np.repeat(self.arena["direction"][a:b], np.diff(start[a : b + 1]))[: len(lane)] - 1
+        ruled = np.zeros(tables["masks"].shape[:2], tables["masks"].dtype)
         np.bitwise_or.at(ruled, (vector, way), (1 << lane).astype(ruled.dtype))
         order = np.lexsort((lane, way, vector))
-        kappa = np.append(self.weights[links].reshape(-1)[order], 0).astype(self.weights.dtype)
-        tables.link_with(ruled, kappa, np.searchsorted(vector[order], np.arange(len(ruled) + 1)).astype(np.int64))
+        kappa = np.append(weights[links].reshape(-1)[order], 0).astype(tables["kappa"].dtype)
+        linked = np.searchsorted(vector[order], np.arange(len(ruled) + 1)).astype(np.int64)
+        tables.set(ruled=ruled, kappa=kappa, linked=linked)
 
     def finish(self, parity: int, low: int, high: int, parts: int) -> list[Bound]:
         """Tasks that complete what the sweep has left open in these planes, for arrivals at `parity`."""
-        links = (self._f, self.offsets[parity], self.start, *self.nodes[parity][:2], self.weights)
+        links = self._links(parity)
+        del links["node_c"]
         a, b = int(self.planes[low]), int(self.planes[high])
-        shares = block_ranges(b - a if self.weights.shape[1] else 0, parts)
-        return [bind(kernels.finish_links, *links, a + first, a + last) for first, last in shares if last > first]
+        shares = block_ranges(b - a if self._rule.numbers else 0, parts)
+        kernel, bind = kernels.finish_links, self.arena.bind
+        return [bind(kernel, low=a + first, high=a + last, **links) for first, last in shares if last > first]
 
     def run(self, pool: Pool, parity: int) -> None:
         """Bounce back; arrivals are at `parity`."""
         far, bounced, _ = self._tasks[parity]
-        for tasks in (far, bounced):
-            if tasks:
-                pool.each(tasks)
+        pool.each(far)
+        pool.each(bounced)
 
     def gains(self, pool: Pool, parity: int, scale: NDArray[np.float64]) -> NDArray[np.int64]:
         """Gains of links last kept at this parity: force, torque, mass that the fluid gains, [bodies, 7] of 1 /
         scale[7].
         """
-        self._scale[:] = scale
-        self._sums[...] = 0
-        summed = self._tasks[parity][2]
-        if summed:
-            pool.each(summed)
-        return self._sums.sum(axis=0)
+        sums = self.arena["sums"]
+        self.arena["scale"][:], sums[...] = scale, 0
+        pool.each(self._tasks[parity][2])
+        return sums.sum(axis=0)
 
     def _inner(self, values: NDArray) -> NDArray:
         return values[tuple(slice(*self._window.inner[a]) for a in (2, 1, 0))]
@@ -200,50 +204,52 @@ class FixedLinks:
     def _id_at(self, local: NDArray[np.int64]) -> NDArray[np.int32]:
         return ids_at(self._window, self._solid, local)
 
-    def _segments(self, part: "_Part", local: NDArray, way: NDArray) -> None:
+    def _segments(self, local: NDArray, way: NDArray) -> dict[str, NDArray]:
         """Where the plane, the direction or the distance to the paired node changes, a segment starts."""
         up = np.where(way % 2 == 1, 1, -1)[:, None] * self.directions.e[way]
-        sparse, narrow = isinstance(self._layout, SparseLayout), self._layout.slot_stride < 1 << 31
         node = self._layout.places(local)
-        there = np.zeros_like(node) if sparse else self._layout.places(local + up) - node
-        part.node = node.astype(np.int32 if narrow else np.int64)
+        there = np.zeros_like(node) if self._sparse else self._layout.places(local + up) - node
         changes = np.diff(local[:, 2]) | np.diff(way) | np.diff(there)
         first = np.flatnonzero(np.concatenate(([len(way) > 0], changes != 0))[: len(way)])
-        part.start = np.append(first, len(way)).astype(np.int64)
         i, j = way[first], self.directions.opposite[way[first]]
         out = np.where(i % 2 == 1, there[first], 0)
         others = there[first] - out
         slots = self._layout.slots * self._layout.slot_stride
         places = [slots[:, j] + out, slots[:, i] + others, slots[:, j] + others]
-        if sparse:
+        behind = node[:0]
+        if self._sparse:
             behind = self._layout.places(local - self.directions.e[way])
-            part.behind = np.where(behind < 0, node, behind).astype(part.node.dtype)
+            behind = np.where(behind < 0, node, behind)
             places[0] = slots[[0, 0]][:, j]
-        part.offsets = np.array(np.stack(places, axis=-1), order="C")
-        part.direction, part.plane = i, local[first, 2]
+        return {
+            "node": node.astype(self._place), "behind": behind.astype(self._place),
+            "plane": local[first, 2], "direction": i, "start": np.append(first, len(way)),
+            "offsets": np.stack(places, axis=-1),
+        }  # fmt: skip
 
-    def _weigh(self, part: "_Part", local: NDArray, way: NDArray, q: NDArray) -> None:
+    def _weigh(self, local: NDArray, way: NDArray, q: NDArray, speed: NDArray) -> dict[str, NDArray]:
         """The weights of the rule, or of the lower one for which there are enough fluid nodes."""
         e, reach = self.directions.e[way], self._rule.reach
+        part: dict[str, NDArray] = {}
         box = self._window.box - self._window.inner[:, :1]
         inside = np.all((local - e >= box[:, 0]) & (local - e < box[:, 1]), axis=1)
         behind = ((self._id_at(local - e) == FLUID) & inside).astype(np.int64)
-        if reach == 2:
+        if self.reads_further:
             y = np.mod(local - e, self._sizes)
             behind[(behind == 1) & (self._id_at(y - e) == FLUID)] = 2
             z = np.mod(y - e, self._sizes)
             arrivals = (self._arrival(y, way), self._arrival(z, self.directions.opposite[way]))
-            part.far = np.array(np.stack(arrivals, axis=-1), order="C")
+            part["far"] = np.stack(arrivals, axis=-1)
         behind = np.minimum(behind, reach)
-        part.fallbacks = int(np.count_nonzero(behind < reach))
         table = np.empty((len(q), 6))
         kernels.weigh(self._rule.number, q, behind, table)
         columns = (slice(0), slice(1, 2), None, slice(3))[self._rule.numbers]
-        part.weights = (table[:, :3] - np.array([1.0, 0.0, 0.0]))[:, columns].copy()
-        if self._rule.numbers == 1 and self._layout.itemsize == 4:  # as the sweep computes with them
-            part.weights = part.weights.astype(np.float32)
-        part.far_weights = table[:, 3:5].copy()
-        part.wall = table[:, 5] * self.directions.w6[way] * np.sum(e * part.speed, axis=1)
+        return part | {
+            "fallbacks": np.array(np.count_nonzero(behind < reach)),
+            "weights": (table[:, :3] - np.array([1.0, 0.0, 0.0]))[:, columns],
+            "far_weights": table[:, 3:5],
+            "wall": table[:, 5] * self.directions.w6[way] * np.sum(e * speed, axis=1),
+        }
 
     def _arrival(self, local: NDArray[np.int64], way: NDArray[np.int64]) -> NDArray[np.int64]:
         """[parity, n]: elements of the array where directions arrive at own nodes."""

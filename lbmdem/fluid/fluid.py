@@ -21,10 +21,12 @@ from lbmdem.fluid.fixed_links import FixedLinks
 from lbmdem.fluid.node_kinds import NodeKinds
 from lbmdem.fluid.observers import Observers
 from lbmdem.fluid.schedule import After, Links, Passes
-from lbmdem.fluid.sparse import SparseExchange, SparseLayout, Tables
+from lbmdem.fluid.sparse import SparseExchange, SparseLayout, sparse_arena
 from lbmdem.kernels.layout import FLUID, Layout
 from lbmdem.kernels.sparse import LEAVE, OPENED, sparse_kernel
+from lbmdem.kernels.sparse_addresses import take_over
 from lbmdem.kernels.sweep import sweep_kernel
+from lbmdem.layout import addresses
 from lbmdem.physics.collision import COLLISIONS, Collision
 from lbmdem.physics.forcing import GUO
 from lbmdem.physics.velocity_sets import Lattice
@@ -90,7 +92,6 @@ class Fluid:
         alone = sum(b > a for a, b in zip(domain.cuts, domain.cuts[1:])) == 1
         layout = Layout.of(self.lattice, domain.shape(rank), domain.periodic, alone, self.layout_dtype)
         self.layout: Layout | SparseLayout = layout
-        self._tables: Tables | None = None  # with a sparse layout
         declared = [array for array in layout.arrays(STORAGE[self.storage]) if array.name != "solid"]  # that is a Field
         self._arena = Arena(declared)
         self.f = self._arena["populations"].reshape(-1)
@@ -116,13 +117,11 @@ class Fluid:
         layout, dtype = self.layout, self.layout_dtype
         self._exchange: Exchange | SparseExchange
         if isinstance(layout, SparseLayout):
-            assert self._tables is not None
-            self._arena.set(**self._tables.arguments)
             kernel = sparse_kernel(self.collision, dtype)
-            self._exchange = SparseExchange(self.world, self.domain, layout, self.f)
+            self._exchange = SparseExchange(self.world, self.domain, layout, self._arena)
         else:
             kernel = sweep_kernel(self.collision, dtype)
-            self._exchange = Exchange(self.world, self.domain, layout, self.f, self._arena["wet"])
+            self._exchange = Exchange(self.world, self.domain, layout, self._arena)
         periodic_rows = self.domain.ndim == 3 and self.domain.periodic[1]
         threads = self.pool.threads
         sweep = partial(self._arena.bind, kernel)
@@ -134,8 +133,8 @@ class Fluid:
         shape, ids = self.domain.shape(self.world.rank), self.ids
         self._observers = Observers(self.world, self.pool, layout, shape, f=self.f, ids=ids, shift=self._shift)
         values = {name: layer.values for name, layer in self.layers.items()}
-        ends = wall_ends(self.faces, layout, self._touches)
-        slab = Slab(layout, self.f, self.ids, self._touches, ends, self._shift_in_storage)
+        self._arena.set(shift=self._shift_in_storage, others=wall_ends(self.faces, layout, self._touches))
+        slab = Slab(layout, self._touches, self._arena)
         self.layers = {name: Layer(slab, name, face) for name, face in self.faces.items() if _acts(face)}
         for name, given in values.items():
             self.layers[name].values[...] = given
@@ -146,7 +145,7 @@ class Fluid:
         if fill:
             self._fill.start(self.iteration)
             self._fill.finish()
-        if self._tables:
+        if isinstance(self.layout, SparseLayout):
             raise ValueError("solids that stay have been marked again")
         wall_ghosts(self.solid.values, self.faces, self._touches)
         self.nodes.fill()
@@ -160,10 +159,11 @@ class Fluid:
         assert isinstance(self.layout, Layout)
         layout = SparseLayout(self.layout, self.ids, self.world, self.domain)
         with self.world.first_on_node():
-            self.f = layout.taken_over(self.f, self.layout, self.parity)
-            self._tables = Tables(layout, self.layout_dtype)
-        self.layout, self._arena = layout, Arena(())
-        self._arena.set(f=self.f, stride=layout.slot_stride, first=layout.first, numbers=self._numbers)
+            arena = sparse_arena(layout, STORAGE[self.storage])
+            before = {"old": self.f, "old_places": addresses(self.layout), "parity": self.parity, "nx": layout.nx}
+            arena.call(take_over, places=addresses(layout), low=0, high=layout.planes, **before)
+        arena.set(solid=self.ids, numbers=self._numbers)
+        self.layout, self._arena, self.f = layout, arena, arena["f"]
         self._again()
         del self.nodes
 
@@ -211,8 +211,7 @@ class Fluid:
     @property
     def sweep_bytes(self) -> int:
         """What the sweep reads."""
-        words = self._tables.arguments.values() if self._tables else [self._arena[n] for n in ("kinds", "hops", "wet")]
-        return self.f.nbytes + sum(array.nbytes for array in words)
+        return sum(self._arena.bytes.values())
 
     def step(self) -> None:
         """Collide, stream, hooks, faces."""
@@ -244,8 +243,8 @@ class Fluid:
         self._links, self._take = links, take
         self._waves.clear()
         self._quiet = held is not None and not self.world.any(not held.quiet)
-        if self._tables and held and not self.world.any(not held.simple):
-            held.hand_over(self._tables, *self._inner_planes)
+        if isinstance(self.layout, SparseLayout) and held and not self.world.any(not held.simple):
+            held.hand_over(self._arena, *self._inner_planes)
             self._ruled = held
             self._finishes = [held.finish(parity, *self._inner_planes, self.pool.threads) for parity in range(2)]
             self._again()

@@ -69,6 +69,4 @@ class NodeKinds:
 
     def renew(self, changed: NDArray[np.int64]) -> None:
         """After edits of the ids at these flat places alone, ghosts among them."""
-        words = [self._arena.value(name) for name in ("solid", "ghosts", "vectors")]
-        sizes = [self._arena.value(name) for name in ("flat", "strides", "bytes_per_element", "ahead")]
-        renew(*words, not self.grains_are_free, *sizes, changed)
+        self._arena.call(renew, same=not self.grains_are_free, changed=changed)

@@ -11,7 +11,9 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from hpcpic.core.space.domain import Domain
-from hpcpic.core.tasks.graph import Pool, bind
+from hpcpic.core.tasks.arena import Arena
+from hpcpic.core.tasks.graph import Pool
+from lbmdem.fluid.arrays import MOVED_NODES
 from lbmdem.kernels import grain_rasters
 from lbmdem.kernels.layout import FLUID
 
@@ -121,50 +123,38 @@ class Solid:
         self.window, self._pool = window, pool
         self.nodes = nodes.reshape(tuple(window.shape[::-1]))
         assert np.shares_memory(self.nodes, nodes)
-        self._counts = np.zeros(((_BLOCKS * pool.threads if pool.threads > 1 else 1) + 1, 3), np.int64)
+        blocks = _BLOCKS * pool.threads if pool.threads > 1 else 1
+        self._arena = arena = Arena(MOVED_NODES, images=64, changes=64, blocks=blocks, block_ends=blocks + 1)
+        arena.set(solid=self.nodes, points=window.points, periodic=window.periodic, inner=window.inner)
+        self._tasks = [arena.bind(grain_rasters.list_changes, share=share) for share in range(blocks)]
         self._suspects = np.empty(0, np.int64)
         self._changed = np.empty(0, np.int64)
-        self._make_room(64, 64)
-
-    def _make_room(self, images: int, changes: int) -> None:
-        """For so many images that have moved, and so many nodes that each share of them leaves or takes."""
-        shares = len(self._counts) - 1
-        self._moved = np.empty((images, 2, 4)), np.empty((images, 2, 3), np.int64), np.empty(images, np.int32)
-        left, taken = (np.empty((shares, changes), np.int64) for _ in range(2))
-        left_by, taken_by = (np.empty((shares, changes), np.int32) for _ in range(2))
-        self._lists = left, left_by, taken, taken_by
-        where = (self.nodes, *self._moved, self._counts)
-        self._tasks = [
-            bind(grain_rasters.list_changes, *where, share, *(part[share] for part in self._lists))
-            for share in range(shares)
-        ]
 
     def rebuild(self, table: Table) -> Images:
         """Forget all grains and mark these."""
         self.nodes[self.nodes >= 0] = FLUID
         self._table, self.images = table, find_images(self.window, table)
         lost = np.zeros(len(table.ids), np.bool_)
-        grain_rasters.mark(self.nodes, table.centres, table.radii, table.ids, *self.images, lost)
+        self._mark(self.images, lost)
         self._suspects = table.ids[lost]
         return self.images
+
+    def _mark(self, images: Images, lost: NDArray[np.bool_]) -> None:
+        self._arena.call(grain_rasters.mark, **self._table._asdict(), **images._asdict(), lost=lost)
 
     def update(self, table: Table) -> Change:
         """Move the grains that were there to their new places; others come and go. The same nodes as `rebuild`, but
         nodes that become fluid are marked LEFT until `settle`, so that one can tell them from their neighbours."""
-        images, changes = len(self._moved[0]), self._lists[0].shape[1]
-        was, self.images = self.images, find_images(self.window, table)
-        if len(was.grain) + len(self.images.grain) > images:
-            images = 2 * (len(was.grain) + len(self.images.grain))
-            self._make_room(images, changes)
-        old, window = self._table, self.window
-        moved = grain_rasters.moved_images(old, was, table, self.images, window.points, window.periodic, *self._moved)
-        shares = len(self._tasks) if moved > _FEW else 1
-        self._counts[:, 0] = np.minimum(np.arange(len(self._counts)) * moved // shares, moved)
-        self._counts[:, 1:] = 0
-        self._pool.each(self._tasks[:shares])
-        most = int(self._counts[:, 1:].max())
-        if most > changes:  # start again
-            self._make_room(images, 2 * most)
+        arena, counts, was = self._arena, self._arena["counts"], self.images
+        self.images = find_images(self.window, table)
+        arena.reserve(images=len(was.grain) + len(self.images.grain))
+        now = {"table": table, "images": self.images}
+        moved = arena.call(grain_rasters.moved_images, old=self._table, old_images=was, **now)
+        blocks = len(self._tasks) if moved > _FEW else 1
+        counts[:, 0] = np.minimum(np.arange(len(counts)) * moved // blocks, moved)
+        counts[:, 1:] = 0
+        self._pool.each(self._tasks[:blocks])
+        if arena.reserve(changes=int(counts[:, 1:].max())):  # start again
             self.images = was
             return self.update(table)
         self._table = table
@@ -173,21 +163,19 @@ class Solid:
 
     def _claim(self) -> None:
         """Nodes go to the grains that have come to them, or have wanted them before."""
-        table = self._table
-        lost = np.zeros(len(table.ids), np.bool_)
-        grain_rasters.claim(self.nodes, table.ids, self._counts, *self._lists, lost)
+        ids, images = self._table.ids, self.images
+        lost = np.zeros(len(ids), np.bool_)
+        self._arena.call(grain_rasters.claim, ids=ids, lost=lost)
         if len(self._suspects):
-            again = np.isin(table.ids[self.images.grain], self._suspects)
-            images = self.images.grain[again], self.images.offset[again]
-            grain_rasters.mark(self.nodes, table.centres, table.radii, table.ids, *images, lost)
-        self._suspects = table.ids[lost]
+            again = np.isin(ids[images.grain], self._suspects)
+            self._mark(Images(images.grain[again], images.offset[again]), lost)
+        self._suspects = ids[lost]
 
     def _joined(self) -> Change:
-        """The lists of all shares as one."""
-        number = int(self._counts[:, 1:].sum())
+        """The lists of all blocks as one."""
+        number = int(self._arena["counts"][:, 1:].sum())
         nodes, own, by = np.empty(number, np.int64), np.empty((2, number), np.int64), np.empty((2, number), np.int32)
-        lists = (self._counts, *self._lists)
-        changed, left, taken = grain_rasters.join_lists(self.nodes, *lists, self.window.inner, nodes, own, by)
+        changed, left, taken = self._arena.call(grain_rasters.join_lists, nodes=nodes, own=own, own_by=by)
         self._changed = nodes[:changed]
         return Change(own[0, :left], by[0, :left], own[1, :taken], by[1, :taken])
 

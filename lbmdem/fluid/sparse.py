@@ -3,23 +3,23 @@
 The face of `kernels.layout.Layout` and of `exchange.Exchange`; the scheme is that of `kernels.sparse`.
 """
 
-from typing import Any
-
 import numpy as np
 from numpy.typing import NDArray
 
 from hpcpic.core.comm.pieces import Parcel, Pieces
 from hpcpic.core.comm.tags import Channel
 from hpcpic.core.comm.world import World
+from hpcpic.core.space.declared import Array
 from hpcpic.core.space.domain import Domain
 from hpcpic.core.space.fields import aligned_zeros
-from hpcpic.core.tasks.graph import Bound, bind
+from hpcpic.core.tasks.arena import Arena
+from hpcpic.core.tasks.graph import Bound
 from lbmdem.fluid.exchange import neighbours, tell_iteration
 from lbmdem.fluid.solid_nodes import several_slabs
 from lbmdem.kernels import sparse_addresses as kernels
 from lbmdem.kernels.layout import FLUID, Layout, storage_order
 from lbmdem.kernels.sparse import BLOCK, FETCHED
-from lbmdem.layout import addresses
+from lbmdem.layout import place_type, sparse_arrays
 
 _STREAMS_BYTES, _PAGE = 1088, 4096  # distance of the slots modulo a page, so that they use different sets of a cache
 
@@ -65,11 +65,9 @@ class SparseLayout:
                 layers = np.moveaxis(self.positions, axis, 0)
                 layers[0], layers[-1] = layers[-2], layers[1]
 
-    def taken_over(self, old: NDArray, dense: Layout, parity: int) -> NDArray:
-        """The populations of a fluid that holds those of solid nodes too."""
-        f = aligned_zeros((self.size,), old.dtype)
-        kernels.take_over(f, addresses(self), old, addresses(dense), parity, self.nx, 0, self.planes)
-        return f
+    def arrays(self, real: str) -> tuple[Array, ...]:
+        """What a rank holds of its nodes, with populations of the type `real`."""
+        return sparse_arrays(self.lattice, self.positions.shape, real, place_type(self.size))
 
     def places(self, local: NDArray[np.int64]) -> NDArray[np.int64]:
         """Positions of nodes (x, row, plane) of this slab or one beyond; -1 where there is none."""
@@ -101,49 +99,28 @@ class SparseLayout:
         return -np.array([storage_order(self.lattice, i) for i in range(self.lattice.q)], np.int64)
 
 
-class Tables:
-    """What the sweep wants to know of the nodes: see `kernels.sparse`."""
-
-    def __init__(self, layout: SparseLayout, dtype: Any) -> None:
-        n, directions = layout.vectors, layout.lattice.q - 1
-        self.blocks = np.concatenate(([0], np.cumsum(-(-np.diff(layout.first) // BLOCK)))).astype(np.int64)
-        mask = np.uint8 if layout.lanes <= 8 else np.uint16
-        self.kinds = np.zeros(n, np.int8)
-        self.masks = np.zeros((n, directions, 2), mask)
-        self.shifts = np.zeros((n, directions), np.int32)
-        self.rest = np.zeros(self.blocks[-1] + 1, np.int64)
-        self._make_room(layout, 0)
-        self._make_room(layout, self._find(layout))
-        self.masks[...], self.shifts[...] = 0, 0
-        self._find(layout)
-        self.link_with(np.zeros((0, directions), mask), np.zeros(1, dtype), np.zeros(n + 1, np.int64))
-
-    def _make_room(self, layout: SparseLayout, count: int) -> None:
-        narrow = layout.size < 1 << 31
-        self.where = np.zeros(count + FETCHED, np.int32 if narrow else np.int64)
-        self.code = np.zeros(count, np.uint32)
-
-    def _find(self, layout: SparseLayout) -> int:
-        place = (layout.positions, layout.row_ghosts, -layout.shifts[1:], layout.lanes, layout.slot_stride)
-        found = kernels.Neighbours(self.kinds, self.masks, self.shifts, self.rest, self.where, self.code)
-        return int(kernels.tables(*place, layout.first, self.blocks, found))
-
-    def link_with(self, ruled: NDArray, kappa: NDArray, linked: NDArray[np.int64]) -> None:
-        """Links whose rule the sweep applies."""
-        self.ruled, self.kappa, self.linked = ruled, kappa, linked
-
-    @property
-    def arguments(self) -> dict[str, NDArray]:
-        """By the names of the sweep's arguments."""
-        return dict(vars(self))
+def sparse_arena(layout: SparseLayout, real: str) -> Arena:
+    """The arrays of a slab of fluid nodes, with all that the sweep wants to know of the nodes; no populations yet."""
+    n, blocks = layout.vectors, np.concatenate(([0], np.cumsum(-(-np.diff(layout.first) // BLOCK)))).astype(np.int64)
+    held = {"solid": None, "positions": layout.positions, "first": layout.first, "blocks": blocks}
+    arena = Arena(
+        [array for array in layout.arrays(real) if array.name not in held],
+        slot=layout.slot_stride, vectors=n, blocks=int(blocks[-1]) + 1, pieces=FETCHED, ruled=0, ends=n + 1, links=1,
+    )  # fmt: skip
+    arena.set(**held, f=arena["populations"].reshape(-1), stride=layout.slot_stride)
+    arena.set(n=layout.lanes, row_ghosts=layout.row_ghosts, ways=-layout.shifts[1:])
+    arena.group(found=kernels.Neighbours)
+    arena.reserve(pieces=arena.call(kernels.tables) + FETCHED)
+    arena["masks"][...], arena["shifts"][...] = 0, 0
+    arena.call(kernels.tables)
+    return arena
 
 
 class SparseExchange:
     """After an even step nodes beyond are fetched; what odd steps have written there goes back to their ranks."""
 
-    def __init__(self, world: World, domain: Domain, layout: SparseLayout, f: NDArray) -> None:
-        self._layout, self._slots = layout, f.reshape(layout.lattice.q, -1)
-        self._f = f
+    def __init__(self, world: World, domain: Domain, layout: SparseLayout, arena: Arena) -> None:
+        self._layout, self._slots = layout, arena["populations"]
         peers = neighbours(domain, world.rank)
         self.open = (peers[0] is not None, peers[1] is not None)
         here: list[list[Parcel]] = [[], []]  # at a parity: what this rank owns
@@ -161,11 +138,11 @@ class SparseExchange:
             beyond = slice(*np.cumsum(layout.beyond[layout.planes + 1 if side else 0]))
             here[0].append(Parcel(peer, send, [self._slots[i, own] for i in outwards]))
             there[0].append(Parcel(peer, receive, [self._slots[i, beyond] for i in inwards]))
-            buffer = aligned_zeros((len(outwards), own.stop - own.start), f.dtype)
+            buffer = aligned_zeros((len(outwards), own.stop - own.start), self._slots.dtype)
             here[1].append(Parcel(peer, send, [self._slots[i, beyond] for i in inwards]))
             there[1].append(Parcel(peer, receive, [buffer]))
-            place = (layout.strides, layout.shifts, layout.positions)
-            backs.append(bind(kernels.returned, f, buffer, *place, np.array(outwards, np.int64), plane))
+            place = {"strides": layout.strides, "shifts": layout.shifts, "plane": plane}
+            backs.append(arena.bind(kernels.returned, buffer=buffer, ways=np.array(outwards, np.int64), **place))
         self.messages = [Pieces(world, here[parity], there[parity], stride=2) for parity in range(2)]
         self.unpacks: list[list[Bound]] = [[], backs]
 

@@ -6,7 +6,7 @@ from collections.abc import Iterator
 import numpy as np
 
 from hpcpic.core.case.config import Path
-from hpcpic.core.case.derived import Derived, Verdict
+from hpcpic.core.case.derived import Derived, Verdict, judged
 from hpcpic.core.files.start import arrays
 from lbmdem.case.config import (
     ACCURATE,
@@ -17,7 +17,7 @@ from lbmdem.case.config import (
     grain_mass,
 )
 from lbmdem.forecast.estimate import DEFAULT, phases
-from lbmdem.forecast.free_fall import falling, unheld
+from lbmdem.forecast.free_fall import OTHER_COLLISION, falling, unheld
 from lbmdem.forecast.node_shares import LOOSE
 from lbmdem.forecast.plan import grain_count
 from lbmdem.forecast.relaxation import SPACING, key_of_tau, relaxation, slower
@@ -77,22 +77,23 @@ def speeds(config: LbmDemConfig) -> Iterator[Derived]:
     u, dx, dt = known_speed(config), config.spacing, config.time_step
     mach = u * dt / dx / math.sqrt(CS2)
     if mach:
-        verdict: Verdict = "ok" if mach <= 0.1 else "warn" if mach < 0.5 else "fail"
-        cure = ""
-        if verdict != "ok":
-            error = f"compressibility error about {mach * mach:.1%}; " if mach < 0.5 else ""
-            cure = f"{error}relaxation_time = {slower(config, 0.1 / mach)} gives Ma = 0.1"
-        limit = "<= 0.1, < 0.5 at all" if verdict != "fail" else "< 0.5"
-        source = "Mansouri et al., section 3.2"
-        yield Derived("Mach number", "Ma", mach, "", limit, verdict, source, cure, key_of_tau(config), mach < 1.0)
+        legal = mach < 0.5
+        error = f"compressibility error about {mach * mach:.1%}; " if legal else ""
+        yield judged(
+            "Mach number", "Ma", mach, ok=mach <= 0.1, legal=legal,
+            limit="<= 0.1, < 0.5 at all" if legal else "< 0.5", source="Mansouri et al., section 3.2",
+            cure=f"{error}relaxation_time = {slower(config, 0.1 / mach)} gives Ma = 0.1",
+            key=key_of_tau(config), forceable=mach < 1.0,
+        )  # fmt: skip
     reynolds = u * dx / config.liquid.kinematic_viscosity
     if reynolds:
         most = COLLISIONS[config.liquid.collision].grid_reynolds
-        verdict = "ok" if reynolds <= most / 2 else "warn" if reynolds <= most else "fail"
-        cure = "" if verdict == "ok" else 'collision = "central" has no such limit; a finer spacing lowers it'
-        limit = f"<= {most:g}" if math.isfinite(most) else "none"
-        source = "doubly periodic shear layer, measured (tests/validation)"
-        yield Derived("grid Reynolds number", "U dx/nu", reynolds, "", limit, verdict, source, cure, SPACING, True)
+        yield judged(
+            "grid Reynolds number", "U dx/nu", reynolds, ok=reynolds <= most / 2, legal=reynolds <= most,
+            limit=f"<= {most:g}" if math.isfinite(most) else "none",
+            source="doubly periodic shear layer, measured (tests/validation)",
+            cure=OTHER_COLLISION, key=SPACING, forceable=True,
+        )  # fmt: skip
 
 
 def pressures(config: LbmDemConfig) -> Iterator[Derived]:
@@ -105,13 +106,18 @@ def pressures(config: LbmDemConfig) -> Iterator[Derived]:
         start = face.density / rho if face.density is not None else 1.0 + (face.pressure or 0.0) / unit
         end = start + face.pressure_rate * config.simulation.end_time / unit
         worst = max(start, end, key=lambda density: abs(density - 1.0))
-        off = abs(worst - 1.0)
-        verdict: Verdict = "ok" if off <= 0.02 else "warn" if off < 0.5 else "fail"
-        cure = "" if verdict == "ok" else "a smaller relaxation_time makes the time step and this change smaller"
         key = ("boundary", i, "density" if face.density is not None else "pressure")
-        limit, source = "within 1 +- 0.02, 0.5 at all", "weak compressibility"
-        name = f"density at {face.face}"
-        yield Derived(name, "rho/rho0", worst, "", limit, verdict, source, cure, key, worst > 0.0)
+        cure = "a smaller relaxation_time makes the time step and this change smaller"
+        yield density(f"density at {face.face}", worst, "weak compressibility", cure, key)
+
+
+def density(name: str, value: float, source: str, cure: str, key: Path) -> Derived:
+    """A density over that of rest, which may differ by a half at the most, and by 2 % without a word."""
+    off = abs(value - 1.0)
+    return judged(
+        name, "rho/rho0", value, ok=off <= 0.02, legal=off < 0.5, limit="within 1 +- 0.02, 0.5 at all",
+        source=source, cure=cure, key=key, forceable=value > 0.0,
+    )  # fmt: skip
 
 
 def inflow(config: LbmDemConfig) -> Iterator[Derived]:
@@ -121,12 +127,10 @@ def inflow(config: LbmDemConfig) -> Iterator[Derived]:
         return
     axis = AXES.index(given[0][1].face[0])  # open faces are those of one axis
     into = sum(face.velocity[axis] if face.face[1] == "-" else -face.velocity[axis] for _, face in given)
-    density = 1.0 + into * config.simulation.end_time / config.domain.size[axis]
-    off = abs(density - 1.0)
-    verdict: Verdict = "ok" if off <= 0.02 else "warn" if off < 0.5 else "fail"
-    cure = "" if verdict == "ok" else f"what flows in has no way out: a pressure face across {AXES[axis]} is one"
-    limit, source, key = "within 1 +- 0.02, 0.5 at all", "conservation of mass", ("boundary", given[-1][0], "velocity")
-    yield Derived("mean density at the end", "rho/rho0", density, "", limit, verdict, source, cure, key, density > 0.0)
+    mean = 1.0 + into * config.simulation.end_time / config.domain.size[axis]
+    cure = f"what flows in has no way out: a pressure face across {AXES[axis]} is one"
+    key = ("boundary", given[-1][0], "velocity")
+    yield density("mean density at the end", mean, "conservation of mass", cure, key)
 
 
 def sloshing(config: LbmDemConfig) -> Iterator[Derived]:
@@ -141,11 +145,12 @@ def sloshing(config: LbmDemConfig) -> Iterator[Derived]:
     ratio = 2.0 * length * config.shaking.frequency * config.time_step / config.spacing / math.sqrt(CS2)
     if not ratio:
         return
-    verdict: Verdict = "ok" if ratio <= 0.2 else "warn" if ratio < 1.0 else "fail"
-    cure = "" if verdict == "ok" else f"relaxation_time = {slower(config, 0.2 / ratio)} makes sound fast enough"
-    source = "compressible fluid between walls; 0.2 is an error of 5 %"
-    name, words = "shaking against sound", "<= 0.2, < 1"
-    yield Derived(name, "2 f L/c", ratio, "", words, verdict, source, cure, key_of_tau(config), True)
+    yield judged(
+        "shaking against sound", "2 f L/c", ratio, ok=ratio <= 0.2, legal=ratio < 1.0, limit="<= 0.2, < 1",
+        source="compressible fluid between walls; 0.2 is an error of 5 %",
+        cure=f"relaxation_time = {slower(config, 0.2 / ratio)} makes sound fast enough",
+        key=key_of_tau(config), forceable=True,
+    )  # fmt: skip
 
 
 def grains(config: LbmDemConfig) -> Iterator[Derived]:
@@ -162,11 +167,12 @@ def grains(config: LbmDemConfig) -> Iterator[Derived]:
         nodes, enough = smallest / dx, ENOUGH_NODES[d]
         key: Path = ("grains", i, "diameters" if group.diameters is not None else "diameter")
         least = 2.5 if group.moving else 2.0
-        verdict: Verdict = "ok" if nodes >= enough * (1 - 1e-9) else "warn" if nodes >= least else "fail"
-        fine = f"domain.spacing = {smallest / enough:.3g} resolves the grains of {group.name}"
-        cure = "" if verdict == "ok" else fine
-        limit, source = f">= {enough:g}, {least:g} at least", "Mansouri et al., section 4"
-        yield Derived("nodes across a grain", "D/dx", nodes, "", limit, verdict, source, cure, key, nodes >= 1)
+        yield judged(
+            "nodes across a grain", "D/dx", nodes, ok=nodes >= enough * (1 - 1e-9), legal=nodes >= least,
+            limit=f">= {enough:g}, {least:g} at least", source="Mansouri et al., section 4",
+            cure=f"domain.spacing = {smallest / enough:.3g} resolves the grains of {group.name}",
+            key=key, forceable=nodes >= 1,
+        )  # fmt: skip
         if group.moving:
             yield from density_ratio(config, i, nodes)
             yield from falling(config, i)
@@ -206,10 +212,11 @@ def fits(config: LbmDemConfig) -> Iterator[Derived]:
         size, several = group.largest_diameter, group.moving and grain_count(config) > 1
         needs = {axis: 2.0 if several and axis in config.domain.periodic else 1.0 for axis in AXES[: config.dimensions]}
         share, least = max((size * n / length, size * n) for length, n in zip(config.domain.size, needs.values()))
-        verdict: Verdict = "ok" if share <= 1.0 else "fail"
-        cure = "" if verdict == "ok" else f"a side of the box of at least {least:.6g} m has room for {group.name}"
-        source = "two diameters of grains that move along a periodic side, one elsewhere"
-        yield Derived("grain in the box", "D/L", share, "", "<= 1", verdict, source, cure, ("domain", "size"))
+        yield judged(
+            "grain in the box", "D/L", share, ok=share <= 1.0, limit="<= 1", key=("domain", "size"),
+            source="two diameters of grains that move along a periodic side, one elsewhere",
+            cure=f"a side of the box of at least {least:.6g} m has room for {group.name}",
+        )  # fmt: skip
 
 
 def overlap_at_start(config: LbmDemConfig) -> Iterator[Derived]:
@@ -221,10 +228,16 @@ def overlap_at_start(config: LbmDemConfig) -> Iterator[Derived]:
         limit, key = "0" if outside else "> 0", gone if outside else close
         yield Derived(name, "n" if outside else "r", float(outside), "", limit, "fail", "", cure, key)
     elif deepest > 0.0:
-        verdict: Verdict = "ok" if deepest <= 0.01 else "warn" if deepest < 0.1 else "fail"
-        cure = "" if verdict == "ok" else "they fly apart; move them, or let packing = {..} find places without overlap"
-        limit, source = "<= 1 %, < 10 %", "linear contacts"
-        yield Derived("overlap at the start", "delta/d", deepest, "", limit, verdict, source, cure, deep, True)
+        cure = "they fly apart; move them, or let packing = {..} find places without overlap"
+        yield overlap("overlap at the start", deepest, "linear contacts", cure, deep, forceable=True)
+
+
+def overlap(name: str, value: float, source: str, cure: str, key: Path, forceable: bool = False) -> Derived:
+    """An overlap over a diameter: 1 % is as linear contacts are meant, and 10 % no contact any more."""
+    return judged(
+        name, "delta/d", value, ok=value <= 0.01, legal=value < 0.1, limit="<= 1 %, < 10 %",
+        source=source, cure=cure, key=key, forceable=forceable,
+    )  # fmt: skip
 
 
 def packings(config: LbmDemConfig) -> Iterator[Derived]:
@@ -238,19 +251,19 @@ def packings(config: LbmDemConfig) -> Iterator[Derived]:
         high = packed_space(config, group, solid)
         height = max(high - low, math.ulp(high))
         void = 1.0 - solid / (math.prod(config.domain.size[:-1]) * height)
-        verdict: Verdict = "ok" if void >= DENSEST_VOID[d] else "fail"
-        cure = "" if verdict == "ok" else "fewer grains, or more space for them"
-        limit = f">= {DENSEST_VOID[d]:g}"
-        source = f"densest of equal grains; random packings end at about {RANDOM_VOID[d]:g}"
         key: Path = ("grains", i, "packing") if group.packing.porosity is None else ("grains", i, "packing", "porosity")
-        yield Derived(f"void fraction of {group.name}", "n", void, "", limit, verdict, source, cure, key, void > 0.0)
+        yield judged(
+            f"void fraction of {group.name}", "n", void, ok=void >= DENSEST_VOID[d], limit=f">= {DENSEST_VOID[d]:g}",
+            source=f"densest of equal grains; random packings end at about {RANDOM_VOID[d]:g}",
+            cure="fewer grains, or more space for them", key=key, forceable=void > 0.0,
+        )  # fmt: skip
         if group.packing.porosity is None:
             continue
         as_said = wanted is None or abs(high - wanted) <= 1e-3 * (high - low)
-        verdict = "ok" if high <= top * (1.0 + 1e-12) and as_said else "fail"
         limit = f"<= {top:g}, the top of the box" if as_said else f"{wanted:g}, as packing.high says"
-        cure = "" if verdict == "ok" else "change its count or porosity" + ("" if as_said else ", or leave high out")
-        yield Derived(f"top of {group.name}", "z", high, "m", limit, verdict, "", cure, key)
+        cure = "change its count or porosity" + ("" if as_said else ", or leave high out")
+        ok = high <= top * (1.0 + 1e-12) and as_said
+        yield judged(f"top of {group.name}", "z", high, unit="m", ok=ok, limit=limit, cure=cure, key=key)
 
 
 def silo(config: LbmDemConfig) -> Iterator[Derived]:
@@ -269,11 +282,11 @@ def silo(config: LbmDemConfig) -> Iterator[Derived]:
         height = law_volume(law, d) / (1.0 - (group.packing.porosity or LOOSE[d])) / math.prod(config.domain.size[:-1])
         slides = height * friction * ratio * sum(2.0 / size for size in rigid)
         share = -math.expm1(-slides) / slides if slides else 1.0
-        verdict: Verdict = "ok" if share >= 0.9 else "warn"
-        cure = "it starts without friction at its sides, which may lock against a rebound: no silo until it slides"
-        cure = "" if verdict == "ok" else cure
-        name, key = f"weight of {group.name} on its floor", ("grains", i, "packing")
-        yield Derived(name, "Janssen", share, "", ">= 0.9", verdict, "Janssen 1895, K = 1 - sin phi", cure, key)
+        yield judged(
+            f"weight of {group.name} on its floor", "Janssen", share, ok=share >= 0.9, legal=True, limit=">= 0.9",
+            source="Janssen 1895, K = 1 - sin phi", key=("grains", i, "packing"),
+            cure="it starts without friction at its sides, which may lock against a rebound: no silo until it slides",
+        )  # fmt: skip
 
 
 def density_ratio(config: LbmDemConfig, i: int, nodes: float) -> Iterator[Derived]:
@@ -284,12 +297,12 @@ def density_ratio(config: LbmDemConfig, i: int, nodes: float) -> Iterator[Derive
     volume = math.pi / 4 * nodes**2 if d == 2 else math.pi / 6 * nodes**3
     limit = float(1.2 * 0.5 * impedance(lattice, config.coupling.bounce_back, 0.5 * nodes)[0] / volume)
     explicit = config.coupling.inertia == "explicit"
-    verdict: Verdict = "ok" if not explicit or ratio > 1.5 * limit else "warn" if ratio > limit else "fail"
-    cure = "" if verdict == "ok" else 'coupling.inertia = "implicit" is stable at any ratio'
-    words = f"> {limit:.2g} with explicit coupling" if explicit else "none with implicit coupling"
-    source = "impedance of the links, zeta/(2 V)"
-    key = ("grains", i, "density")
-    yield Derived("density ratio", "rho_s/rho_f", ratio, "", words, verdict, source, cure, key, True)
+    yield judged(
+        "density ratio", "rho_s/rho_f", ratio, ok=not explicit or ratio > 1.5 * limit, legal=ratio > limit,
+        limit=f"> {limit:.2g} with explicit coupling" if explicit else "none with implicit coupling",
+        source="impedance of the links, zeta/(2 V)", key=("grains", i, "density"), forceable=True,
+        cure='coupling.inertia = "implicit" is stable at any ratio',
+    )  # fmt: skip
 
 
 def contacts(config: LbmDemConfig) -> Iterator[Derived]:
@@ -297,19 +310,15 @@ def contacts(config: LbmDemConfig) -> Iterator[Derived]:
     limit = contact_step(config)
     if not math.isfinite(limit):
         return
-    source = "velocity Verlet with damped contacts on all sides (lbmdem.contacts)"
-    key: Path = ("coupling", "substeps") if config.fluid else ("simulation", "time_step")
     if config.fluid:
         yield substeps(config)
-    share = config.time_step / config.substeps / limit
-    verdict: Verdict = "ok" if share <= 2.01 * ACCURATE else "warn" if share < 1.0 else "fail"
-    good = ACCURATE * limit
-    cure = f"substeps = {math.ceil(config.time_step / good)}" if config.fluid else f"time_step = {good:.3g}"
-    cure = "" if verdict == "ok" else cure
-    words = "<= 0.4, < 1"
-    yield Derived(
-        "step of the contacts", "dt/dt_max", share, "", words, verdict, source, cure, key, stable_below=1.0
-    )
+    share, good = config.time_step / config.substeps / limit, ACCURATE * limit
+    yield judged(
+        "step of the contacts", "dt/dt_max", share, ok=share <= 2.01 * ACCURATE, legal=share < 1.0, limit="<= 0.4, < 1",
+        source="velocity Verlet with damped contacts on all sides (physics.contact_law)", stable_below=1.0,
+        cure=f"substeps = {math.ceil(config.time_step / good)}" if config.fluid else f"time_step = {good:.3g}",
+        key=("coupling", "substeps") if config.fluid else ("simulation", "time_step"),
+    )  # fmt: skip
     if config.fluid and config.coupling.lubrication and not config.coupling.frozen:
         yield films(config)
     yield from overlaps(config)
@@ -328,13 +337,12 @@ def films(config: LbmDemConfig) -> Derived:
     n = config.coupling.substeps or max(config.substeps, MOST_SUBSTEPS)
     gap = film.gap_of(STABLE * n * mass / config.time_step, radius) / radius
     least, limit = gap if gap > ROUGHNESS else 0.0, 0.01
-    verdict: Verdict = "ok" if least <= limit else "warn"
-    cure = ""
-    if verdict != "ok":
-        wanted = math.ceil(film.resistance(limit * radius, radius) * config.time_step / (STABLE * mass))
-        cure = f"coupling.substeps = {wanted} holds to {limit:g}; a smaller relaxation_time needs fewer"
-    source, key = "stability of lubrication forces", ("coupling", "substeps")
-    return Derived("gap of limited films", "h/R", least, "", f"<= {limit:g}", verdict, source, cure, key)
+    wanted = math.ceil(film.resistance(limit * radius, radius) * config.time_step / (STABLE * mass))
+    return judged(
+        "gap of limited films", "h/R", least, ok=least <= limit, legal=True, limit=f"<= {limit:g}",
+        source="stability of lubrication forces", key=("coupling", "substeps"),
+        cure=f"coupling.substeps = {wanted} holds to {limit:g}; a smaller relaxation_time needs fewer",
+    )  # fmt: skip
 
 
 def substeps(config: LbmDemConfig) -> Derived:
@@ -359,16 +367,12 @@ def overlaps(config: LbmDemConfig) -> Iterator[Derived]:
         if not group.moving or not gravity:
             continue
         size = group.largest_diameter
-        count = group.count
-        layers = min(count, config.domain.size[-1] / size)
+        layers = min(group.count, config.domain.size[-1] / size)
         weight = grain_mass(group, size, d) * gravity * abs(1.0 - density / group.density)
-        overlap = layers * weight / config.contact.normal_stiffness / size
-        verdict: Verdict = "ok" if overlap <= 0.01 else "warn" if overlap < 0.1 else "fail"
-        stiff = layers * weight / (0.01 * size)
-        cure = "" if verdict == "ok" else f"normal_stiffness = {stiff:.2g} gives 1 % for {group.name}"
+        share = layers * weight / config.contact.normal_stiffness / size
+        cure = f"normal_stiffness = {layers * weight / (0.01 * size):.2g} gives 1 % for {group.name}"
         key = ("contact", "normal_stiffness")
-        limit, source = "<= 1 %, < 10 %", "weight of the column above"
-        yield Derived("overlap at rest", "delta/d", overlap, "", limit, verdict, source, cure, key)
+        yield overlap("overlap at rest", share, "weight of the column above", cure, key)
 
 
 def slices(config: LbmDemConfig) -> Iterator[Derived]:
@@ -377,19 +381,19 @@ def slices(config: LbmDemConfig) -> Iterator[Derived]:
     if count:
         height, dx = config.domain.size[-1] / count, config.spacing
         least = dx if config.fluid else 0.1 * dx  # the largest diameter
-        verdict: Verdict = "ok" if height >= least * (1 - 1e-9) else "fail"
-        cure = "" if verdict == "ok" else f"stress_slices = {math.floor(config.domain.size[-1] / least * (1 + 1e-9))}"
-        limit, key = f">= {least:g}", ("output", "stress_slices")
-        yield Derived("height of a control slice", "h", height, "m", limit, verdict, "", cure, key)
+        yield judged(
+            "height of a control slice", "h", height, unit="m", ok=height >= least * (1 - 1e-9),
+            limit=f">= {least:g}", key=("output", "stress_slices"),
+            cure=f"stress_slices = {math.floor(config.domain.size[-1] / least * (1 + 1e-9))}",
+        )  # fmt: skip
 
 
 def whole_rules(config: LbmDemConfig, ranks: int) -> Iterator[Derived]:
     """What works on one rank only."""
     if config.fluid and (config.grains or config.obstacle) and RULES[config.coupling.bounce_back].reach > 1:
-        verdict: Verdict = "ok" if ranks == 1 else "fail"
-        cure = "" if verdict == "ok" else 'it reads two nodes beyond a slab; "cli" and "interpolated" read one'
-        key = ("coupling", "bounce_back")
-        yield Derived("ranks of the quadratic rule", "R", float(ranks), "", "1", verdict, "", cure, key)
+        cure, key = 'it reads two nodes beyond a slab; "cli" and "interpolated" read one', ("coupling", "bounce_back")
+        name = "ranks of the quadratic rule"
+        yield judged(name, "R", float(ranks), ok=ranks == 1, limit="1", cure=cure, key=key)
 
 
 def sizes(config: LbmDemConfig, ranks: int) -> Iterator[Derived]:
@@ -397,11 +401,12 @@ def sizes(config: LbmDemConfig, ranks: int) -> Iterator[Derived]:
     points = config.points
     rows, others = points[-1], math.prod(n + PADDING for n in points[:-1])
     n, most = math.prod(points), MOST_PLACES // others - 1  # a row more is held than there are
-    verdict: Verdict = "fail" if config.fluid and rows > most * ranks else "ok"
-    cure = f"{math.ceil(rows / most)} ranks hold them" if most > 0 else "a row alone has too many"
-    limit = f"{most * others:.2g} per rank" if config.fluid else ""
-    key = SPACING if config.fluid else ()
-    yield Derived("nodes", "n", float(n), "", limit, verdict, "32-bit places", cure if verdict == "fail" else "", key)
-    verdict = "ok" if ranks <= rows else "warn"
-    cure = "" if verdict == "ok" else f"{rows} ranks have a row each, the others are idle"
-    yield Derived("rows of nodes per rank", "", rows / ranks, "", ">= 1", verdict, "one row per rank", cure)
+    yield judged(
+        "nodes", "n", float(n), ok=not config.fluid or rows <= most * ranks, source="32-bit places",
+        limit=f"{most * others:.2g} per rank" if config.fluid else "", key=SPACING if config.fluid else (),
+        cure=f"{math.ceil(rows / most)} ranks hold them" if most > 0 else "a row alone has too many",
+    )  # fmt: skip
+    yield judged(
+        "rows of nodes per rank", "", rows / ranks, ok=ranks <= rows, legal=True, limit=">= 1",
+        source="one row per rank", cure=f"{rows} ranks have a row each, the others are idle",
+    )  # fmt: skip

@@ -13,11 +13,17 @@ from hpcpic.core.case.words import in_steps
 from lbmdem.case.config import LbmDemConfig
 from lbmdem.forecast.node_shares import fluid_share, lanes_of_all, shares
 from lbmdem.forecast.plan import arrays, face_bytes, grain_count, link_count, moving, node_bytes
-from lbmdem.grains.arrays import GRAINS_OF_ONE_THREAD, STEPS_PER_CALL
 from lbmdem.physics.collision import COLLISIONS
 from lbmdem.physics.velocity_sets import LATTICES
 from lbmdem.physics.wall_rules import RULES
-from lbmdem.sizes import CACHE, CACHE_OF_WHOLE_PLANES, SPARSE_BELOW, STEPS_PER_PASS
+from lbmdem.sizes import (
+    CACHE,
+    CACHE_OF_WHOLE_PLANES,
+    GRAINS_OF_ONE_THREAD,
+    SPARSE_BELOW,
+    STEPS_PER_CALL,
+    STEPS_PER_PASS,
+)
 
 MIB = 2.0**20
 SERIES_BYTES = 16 * 8 * 2

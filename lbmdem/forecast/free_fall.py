@@ -3,7 +3,7 @@
 import math
 from collections.abc import Iterator
 
-from hpcpic.core.case.derived import Derived, Verdict
+from hpcpic.core.case.derived import Derived, judged
 from lbmdem.case.config import AXES, LbmDemConfig
 from lbmdem.forecast.node_shares import grains, volume
 from lbmdem.forecast.relaxation import SPACING, key_of_tau, slower
@@ -12,6 +12,7 @@ from lbmdem.physics.velocity_sets import CS2
 
 BALANCE = 1e-3  # of the forces on a box that are left over: what is still called a balance
 FAR_BEYOND = 10.0  # times the limit of the grid Reynolds number: a bed falls slower than a grain alone, but not so much
+OTHER_COLLISION = 'collision = "central" has no such limit; a finer spacing lowers it'
 LAYER = 1.13  # sqrt(Re) delta/D of the boundary layer where the flow divides (Schlichting & Gersten, ch. 5)
 
 
@@ -42,27 +43,28 @@ def falling(config: LbmDemConfig, i: int) -> Iterator[Derived]:
         return
     source = "Schiller & Naumann 1933" if config.dimensions == 3 else "Stokes; drag coefficient 1 of a disc"
     mach = v * config.time_step / dx / math.sqrt(CS2)
-    verdict: Verdict = "ok" if mach <= 0.25 else "warn" if mach < 0.5 else "fail"
-    tau = slower(config, 0.24 / mach)
-    cure = "" if verdict == "ok" else f"relaxation_time = {tau} makes the time step short enough for {v:.3g} m/s"
-    limit = "<= 0.25, < 0.5 at all" if verdict != "fail" else "< 0.5"
-    yield Derived("Mach number of a lone grain", "Ma", mach, "", limit, verdict, source, cure, key_of_tau(config), True)
+    legal = mach < 0.5
+    yield judged(
+        "Mach number of a lone grain", "Ma", mach, ok=mach <= 0.25, legal=legal,
+        limit="<= 0.25, < 0.5 at all" if legal else "< 0.5", source=source, key=key_of_tau(config), forceable=True,
+        cure=f"relaxation_time = {slower(config, 0.24 / mach)} makes the time step short enough for {v:.3g} m/s",
+    )  # fmt: skip
     grid, most = v * dx / fluid.kinematic_viscosity, COLLISIONS[fluid.collision].grid_reynolds
-    verdict = "ok" if grid <= most else "warn" if grid <= FAR_BEYOND * most else "fail"
-    cure = "" if verdict == "ok" else 'collision = "central" has no such limit; a finer spacing lowers it'
-    limit = f"<= {most:g}, {FAR_BEYOND * most:g} at all" if math.isfinite(most) else "none"
-    words = f"{source}; shear layer, measured"
-    name = "grid Reynolds number of a lone grain"
-    yield Derived(name, "v dx/nu", grid, "", limit, verdict, words, cure, SPACING, True)
+    yield judged(
+        "grid Reynolds number of a lone grain", "v dx/nu", grid, ok=grid <= most, legal=grid <= FAR_BEYOND * most,
+        limit=f"<= {most:g}, {FAR_BEYOND * most:g} at all" if math.isfinite(most) else "none",
+        source=f"{source}; shear layer, measured", cure=OTHER_COLLISION, key=SPACING, forceable=True,
+    )  # fmt: skip
     size = config.grains[i].largest_diameter
     reynolds = v * size / fluid.kinematic_viscosity
     if reynolds > 1.0:
         layer = LAYER * size / dx / math.sqrt(reynolds)
-        verdict = "ok" if layer >= 0.5 else "warn"
         finer = size * LAYER / math.sqrt(reynolds)
-        cure = "" if verdict == "ok" else f"at Re = {reynolds:.3g} it needs spacing = {finer:.2g}"
-        words = "Schlichting & Gersten, ch. 5"
-        yield Derived("boundary layer of a lone grain", "delta/dx", layer, "", ">= 0.5", verdict, words, cure, SPACING)
+        yield judged(
+            "boundary layer of a lone grain", "delta/dx", layer, ok=layer >= 0.5, legal=True, limit=">= 0.5",
+            source="Schlichting & Gersten, ch. 5", cure=f"at Re = {reynolds:.3g} it needs spacing = {finer:.2g}",
+            key=SPACING,
+        )  # fmt: skip
 
 
 def unheld(config: LbmDemConfig) -> Iterator[Derived]:
@@ -88,11 +90,11 @@ def unheld(config: LbmDemConfig) -> Iterator[Derived]:
             continue
         end = left / (mass + wet) * config.simulation.end_time
         far = 0.5 * end * config.simulation.end_time > config.domain.size[k]
-        verdict: Verdict = "warn" if far and left > BALANCE * pulls else "ok"
         cure = "it goes ever faster: a wall or a fixed grain holds it"
         if weight and wet:
             cure += f", or a fluid.body_force of {-weight / wet:.6g} m/s2 along {axis} balances the weight"
-        name, limit = f"speed at the end along {axis}", f"balanced to {BALANCE:.1%}, or within a box's length"
-        key = ("gravity",) if weight else ("fluid", "body_force")
-        cure = "" if verdict == "ok" else cure
-        yield Derived(name, "a t", end, "m/s", limit, verdict, "momentum of the whole box", cure, key)
+        yield judged(
+            f"speed at the end along {axis}", "a t", end, unit="m/s", ok=not far or left <= BALANCE * pulls, legal=True,
+            limit=f"balanced to {BALANCE:.1%}, or within a box's length", source="momentum of the whole box", cure=cure,
+            key=("gravity",) if weight else ("fluid", "body_force"),
+        )  # fmt: skip

@@ -1,4 +1,4 @@
-"""The arrays of the grains of a rank and of their contacts, and the numbers that the forecast reads. Without numba.
+"""The arrays of the grains of a rank and of their contacts. Without numba.
 
 Sizes: "grains" that this rank moves, "rows" of these, of ghosts and one that touches nothing, "slots" of pairs that may
 touch (whole vectors of LANES), "entries" of pairs in the grains' own lists, "parts" of a substep, "walls".
@@ -8,11 +8,7 @@ from collections.abc import Iterator
 
 from hpcpic.core.space.declared import Array
 from lbmdem.physics.contact_law import LANES, ROW
-
-GRAINS_OF_ONE_THREAD = 500  # grains per thread up to which one thread does all substeps in one call
-MAX_REPLICATED = 512  # grains, at most, that all ranks hold
-STEPS_PER_CALL = 256  # steps of grains alone in one call: short enough to hear signals
-PAIRS_PER_GRAIN = {2: 3, 3: 6}  # near enough to be listed, in a dense packing
+from lbmdem.sizes import PAIRS_PER_GRAIN
 
 GRAINS = (
     Array("id", ("grains",), "int64"),

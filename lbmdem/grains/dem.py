@@ -14,7 +14,7 @@ from hpcpic.core.space import exact
 from hpcpic.core.space.domain import Domain, block_ranges
 from hpcpic.core.tasks.arena import Arena
 from hpcpic.core.tasks.graph import Bound, Graph, Pool
-from lbmdem.grains.arrays import CONTACTS, GRAINS, GRAINS_OF_ONE_THREAD, STEP
+from lbmdem.grains.arrays import CONTACTS, GRAINS, STEP
 from lbmdem.grains.contact_list import ContactList, Springs
 from lbmdem.grains.grains import STATE, Grains, replicated
 from lbmdem.kernels.grains import contact_forces, films, motion
@@ -22,6 +22,7 @@ from lbmdem.kernels.grains.arrays import Box, Contacts, GrainArrays, GrainLists
 from lbmdem.kernels.grains.substeps import distance_moved, substeps, wall_distance
 from lbmdem.physics.contact_law import LANES, ContactLaw, PlaneWall, wall_rows
 from lbmdem.physics.lubrication import Film
+from lbmdem.sizes import GRAINS_OF_ONE_THREAD
 
 WALL_SUBSTEPS = 512  # substeps for which the planes' places are made at a time
 MIN_SKIN, MAX_SKIN = 0.02, 0.5  # of the smallest radius

@@ -22,9 +22,10 @@ from hpcpic.core.files.arrays import Column
 from hpcpic.core.space.domain import Domain, block_ranges, wrap
 from hpcpic.core.space.records import pack_rows, record_type, unpack_rows
 from hpcpic.core.tasks.arena import Arena
-from lbmdem.grains.arrays import GRAINS, MAX_REPLICATED
+from lbmdem.grains.arrays import GRAINS
 from lbmdem.grains.contact_list import Springs
 from lbmdem.physics.contact_law import ROW
+from lbmdem.sizes import MAX_REPLICATED
 
 X, V, OMEGA, TURN = 0, 4, 8, 12  # first values of a row: position and radius, velocity, angular velocity, orientation
 COLUMNS: dict[str, tuple[np.dtype, tuple[int, ...]]] = {

@@ -197,9 +197,10 @@ def chords(c, shift, p, r):
 def list_changes(solid, places, shifts, numbers, counts, share, left, left_by, taken, taken_by):
     """List the nodes that images counts[share, 0] .. counts[share + 1, 0] - 1 of `moved_images` leave and take.
 
-    counts[share, 1:]: how many, those for which the lists have no room too.
+    left[share], taken[share] and whose they were; counts[share, 1:]: how many, those for which there is no room too.
     """
     n_left, n_taken, ends = 0, 0, np.empty((4, N))
+    leaving, leaving_by, taking, taking_by = left[share], left_by[share], taken[share], taken_by[share]
     for m in range(counts[share, 0], counts[share + 1, 0]):
         place, shift, number = places[m], shifts[m], numbers[m]
         p0, p1 = joint_span(place, shift, 2, 0, solid.shape[0])
@@ -217,8 +218,8 @@ def list_changes(solid, places, shifts, numbers, counts, share, left, left_by, t
                     start = (p * solid.shape[1] + low + r) * solid.shape[2]
                     was = np.int64(ends[0, r]), np.int64(ends[1, r])
                     now = np.int64(ends[2, r]), np.int64(ends[3, r])
-                    n_left = _list(start, was, now, solid.shape[2], number, left, left_by, n_left)
-                    n_taken = _list(start, now, was, solid.shape[2], number, taken, taken_by, n_taken)
+                    n_left = _list(start, was, now, solid.shape[2], number, leaving, leaving_by, n_left)
+                    n_taken = _list(start, now, was, solid.shape[2], number, taking, taking_by, n_taken)
     counts[share, 1], counts[share, 2] = n_left, n_taken
 
 

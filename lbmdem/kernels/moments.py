@@ -34,7 +34,8 @@ def fetch(f, places, parity, z, y, i, line):
     strides, slots, shifts, positions = places
     if positions.shape[0] == 0:
         start = arrival(strides, slots, shifts, parity, z, y, 0, i)
-        line[:] = f[start : start + line.size]
+        for x in range(line.size):
+            line[x] = f[start + x]
         return
     row, own, other = y + strides[1], i * strides[0], slots[1, i] * strides[0]
     here = positions[z + 1, row, 1 : line.size + 1]
@@ -96,23 +97,22 @@ def row_sums(f, ids, ghosts, places, e, shift, parity, low, high, sums, fastest)
     starts, way, forced, terms = np.empty(q, np.int64), np.zeros(3 * q), np.zeros(3), np.empty(COLUMNS * N)
     for i in range(q):
         for c in range(d):
-            way[3 * i + c] = e[i, c]
-    forced[:d] = shift
+            way[3 * i + c], forced[c] = e[i, c], shift[c]
     line, nx = ids.reshape(-1), ids.shape[2] - 2
     dense = positions.shape[0] == 0
     room = np.zeros((q, 1 if dense else nx + N), f.dtype)
     rows = f if dense else room.reshape(-1)
-    steps = offsets(strides, slots, shifts, parity) if dense else np.arange(q) * room.shape[1]
+    steps = offsets(strides, slots, shifts, parity) if dense else starts
     for z in range(low, high):
         for y in range(sums.shape[1]):
-            if not dense:
-                starts[:] = steps
-                for i in range(q):
+            inside = z + 1 < sums.shape[0] and 0 < y < sums.shape[1] - 1
+            for i in range(q):
+                if not dense:
+                    starts[i] = i * room.shape[1]
                     fetch(f, places, parity, z, y, i, room[i, :nx])
-            elif z + 1 < sums.shape[0] and 0 < y < sums.shape[1] - 1:
-                starts[:] = z * strides[1] + y * strides[2] + strides[3] + steps
-            else:
-                for i in range(q):
+                elif inside:
+                    starts[i] = z * strides[1] + y * strides[2] + strides[3] + steps[i]
+                else:
                     starts[i] = arrival(strides, slots, shifts, parity, z, y, 0, i)
             node = ((z + 1) * ids.shape[1] + y + ghosts) * ids.shape[2] + 1
             row = sums[z, y]

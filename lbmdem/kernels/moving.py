@@ -43,8 +43,8 @@ from lbmdem.kernels.link_lists import (
 )
 from lbmdem.kernels.links import FALLBACKS, LINKS, LOST, second_behind
 from lbmdem.physics.wall_rules import REACH, applicable, halfway, returned
+from lbmdem.sizes import GAINS
 
-GAINS = 7
 N = lanes(np.float64)
 F, L, H = Vec(N, np.float64), Vec(N, np.int64), Vec(N, np.int32)
 
@@ -67,7 +67,9 @@ def find_parts(table, images, ends, cuts, parts):
                 number[s] += 1
                 s, a = s + (end == ends[s + 1]), end
         if not storing:
-            cuts[0], cuts[1:], number[:] = 0, np.cumsum(number), 0
+            cuts[0] = 0
+            for s in range(number.size):
+                cuts[s + 1], number[s] = cuts[s] + number[s], 0
             if cuts[-1] > parts.image.size:
                 break
 
@@ -108,7 +110,9 @@ def moving_links(
             view = View(first, planes, r0, max(r1 - r0, 0), x, min(x1 - x, COLUMNS))
             links_of(populations, parity, nodes, directions, bounce_back, view, grain, scratch, scale, counters[share])
         for a in range(GAINS):
-            parts.gains[k, a] = scratch.sums[a * N : (a + 1) * N].sum()
+            parts.gains[k, a] = 0
+            for lane in range(a * N, (a + 1) * N):
+                parts.gains[k, a] += scratch.sums[lane]
 
 
 @njit
@@ -123,9 +127,10 @@ def links_of(populations, parity, nodes, directions, bounce_back, view, grain, s
     planes, width, reach = view.planes, view.rows + 2, REACH[bounce_back.rule]
     any_lost = fill_tables(nodes, strides, view, grain, scratch)
     corner, first = (view.x - 1, view.r - 1, view.p - 1), TABLES * words + LISTS * listed
-    now = (first, 0, 0, 0)
+    none = (first, np.int64(0), np.int64(0), np.int64(0))  # of one type with all lists, so that all is compiled once
+    now = none
     for i in range(1, opposite.size + 1):
-        ahead = (first, 0, 0, 0)
+        ahead = none
         if i < opposite.size:
             lists, to = first + 3 * listed * (i % 2), e[i, 2] * width + e[i, 1]
             n, n_free = list_links(work, words, listed, planes, width, e[i, 0], to, i % 2 == 1, lists)
@@ -160,7 +165,8 @@ def look_further(populations, parity, nodes, e, i, j, corner, scratch, codes, n)
             found, further[0, k], further[1, k] = second_behind(populations, parity, nodes, node, way, i, j)
             work[codes + k] = code | np.int32(found) << FURTHER
             short += not found
-    further[:, n : n + N] = further[:, n - 1 : n]  # the last vector is filled up with the last link
+    for k in range(n, n + N):  # the last vector is filled up with the last link
+        further[0, k], further[1, k] = further[0, n - 1], further[1, n - 1]
     return short
 
 

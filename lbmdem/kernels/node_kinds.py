@@ -74,7 +74,8 @@ def look_ahead(kinds, strides, bytes_per_element, n, ahead, hops, low, high):
     for z in range(low, high):
         for y in range(kinds.shape[1]):
             _skip(kinds, hops, z, y)
-    _fetch(kinds, strides, bytes_per_element, n, ahead, hops, low, 0, high, 1 << 40)
+    first, most = np.int64(0), np.int64(1 << 40)  # as typed as in `renew`, so that `_fetch` is compiled once
+    _fetch(kinds, strides, bytes_per_element, n, ahead, hops, low, first, high, most)
 
 
 @njit(inline="always")
@@ -127,7 +128,9 @@ def renew(solid, ghosts, vectors, same, flat, strides, bytes_per_element, ahead,
                 kinds[z - 1, row - 1, v] = now
                 if (before == SKIP) != (now == SKIP):
                     _skip(kinds, hops, z - 1, row - 1)
-                    in_row = np.count_nonzero(kinds[z - 1, row - 1] != SKIP)
+                    in_row = np.int64(0)
+                    for kind in kinds[z - 1, row - 1]:
+                        in_row += kind != SKIP
                     end = min(z + 1, kinds.shape[0])
                     _fetch(kinds, strides, bytes_per_element, n, ahead, hops, z - 1, row - 1, end, in_row)
             if not same or (is_wet and word != full):

@@ -102,8 +102,10 @@ def mean(populations, parity, nodes, sizes, edge, e, w, mode, k, total):
             if mode == NON_EQUILIBRIUM:
                 rho = 1.0 + extra
                 add_equilibrium(h, e, w, -1.0, extra, jx / rho, jy / rho, jz / rho)
-                total += h
-    total /= max(found, 1)
+                for j in range(h.size):
+                    total[j] += h[j]
+    for j in range(total.size):
+        total[j] /= max(found, 1)
     return density / max(found, 1)
 
 

@@ -15,7 +15,7 @@ from lbmdem.analysis.quick_condition import (
     porosity_between,
 )
 from lbmdem.app import shipped_cases
-from lbmdem.setup.placement import mean_diameters
+from lbmdem.grains.placement import mean_diameters
 
 pytestmark = pytest.mark.validation
 DATA = ROOT / "tests/data"

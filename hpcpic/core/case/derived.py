@@ -3,7 +3,7 @@
 import math
 from collections.abc import Iterable
 from dataclasses import dataclass
-from typing import Literal
+from typing import Any, Literal
 
 from hpcpic.core.case.config import Path, Tree, dotted
 from hpcpic.core.errors import ConfigError
@@ -38,6 +38,15 @@ class Derived:
         limit = f" (limit {'; '.join(filter(None, (self.limit, self.source)))})" if self.limit else ""
         cure = f": {self.cure}" if self.cure else ""
         return f"{name} = {self.value:.4g}{unit}{limit}{cure}"
+
+
+def judged(name: str, symbol: str, value: float, *, ok: bool, legal: bool = False, cure: str, **more: Any) -> Derived:
+    """A number with its verdict: "ok", which needs no cure, else "warn" where it is legal, else "fail".
+
+    more: the other fields of Derived.
+    """
+    verdict: Verdict = "ok" if ok else "warn" if legal else "fail"
+    return Derived(name, symbol, value, verdict=verdict, cure="" if ok else cure, **more)
 
 
 def enforce(numbers: Iterable[Derived], tree: Tree, force: bool = False) -> list[str]:

@@ -114,6 +114,11 @@ class Arena:
                 self._uses.setdefault(one, []).append((weakref.ref(bound), index))
         return bound
 
+    def call(self, kernel: Any, /, **more: Any) -> Any:
+        """Call the kernel now, with arguments as `bind` finds them; what it returns."""
+        wanted = (more.get(name, name) for name in inspect.signature(kernel.py_func).parameters)
+        return kernel(*(self.value(one) if isinstance(one, str) else one for one in wanted))
+
     def _tell(self, name: str) -> None:
         uses = [use for use in self._uses.get(name, ()) if use[0]() is not None]
         if not uses:

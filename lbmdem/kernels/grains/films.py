@@ -77,5 +77,5 @@ def fastest(contacts, n_slots, n_grain_slots, rows, walls, box, film, time):
         if film.dimensions == 3:
             shear = sheared_spheres(film, size, np.log(SHEAR_CUT_OFF * film.cut_off / h))
         squeezing = squeeze_resistance(film, h, radius)
-        most = max(most, squeezing * inverse, shear * (inverse + turning))
+        most = max(most, max(squeezing * inverse, shear * (inverse + turning)))
     return most

@@ -57,7 +57,7 @@ def neighbours(rows, ids, n_own, margin, box, cells, begins, others):
 
     Two grains of inverse mass 0 are no pair. Returns how many entries are wanted; beyond others.size none is stored.
     """
-    count = 0
+    count = np.int64(0)
     shape, place, head, chain = cells
     low, high = np.empty(3, np.int64), np.empty(3, np.int64)
     for c in range(3):

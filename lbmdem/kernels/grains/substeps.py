@@ -38,7 +38,9 @@ def substeps(done, steps, begun, skin, kernels, farthest, motion, walls, listed)
         if not begun:
             call_address(kernels[0, 0], kernels[0, 1])
             if motion.shape[0] > 1:
-                walls[:] = motion[k]
+                for w in range(walls.shape[0]):
+                    for c in range(walls.shape[1]):
+                        walls[w, c] = motion[k, w, c]
             moved = distance_moved(farthest)
             if not moved + max(moved, wall_distance(walls, listed)) <= skin:
                 return -1 - k

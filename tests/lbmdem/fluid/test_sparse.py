@@ -132,10 +132,10 @@ def test_it_goes_on_from_populations_of_either_parity(after):
 
 def test_every_kind_of_vector_is_there():
     """Else the comparisons above say little."""
-    tables = porous(D3Q19, True, rule="cli")._tables
-    assert 0 < np.count_nonzero(tables.kinds == sparse.WHOLE) < len(tables.kinds)
-    assert tables.linked[-1] > 1000 and len(tables.code) > 100
-    first = tables.code[: tables.rest[1]] >> 16
+    tables = porous(D3Q19, True, rule="cli")._arena
+    assert 0 < np.count_nonzero(tables["kinds"] == sparse.WHOLE) < len(tables["kinds"])
+    assert tables["linked"][-1] > 1000 and tables["rest"][-1] > 100
+    first = tables["code"][: tables["rest"][1]] >> 16
     assert len(np.unique(first)) < len(first)  # more pieces than two in a direction
 
 

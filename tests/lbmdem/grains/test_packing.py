@@ -12,8 +12,8 @@ from hpcpic.core.errors import ConfigError
 from hpcpic.core.simd.caches import Store
 from hpcpic.core.space.domain import Domain, even_cuts
 from hpcpic.core.tasks.graph import Pool
+from lbmdem.grains.packing import Sample, beta_diameters, cached, grow, pack, porosity_of, settle, solid_volume
 from lbmdem.physics.contact_law import ContactLaw
-from lbmdem.setup.packing import Sample, beta_diameters, cached, grow, pack, porosity_of, settle, solid_volume
 
 
 @pytest.fixture(scope="module")
@@ -91,7 +91,7 @@ def test_grains_settle_on_each_other(world, pool):
 @pytest.mark.parametrize("count", [1, 4, 12])
 def test_few_grains_on_a_wide_floor_have_room_to_fall(world, monkeypatch, count):
     """The space that a loose state of so many would fill is lower than a grain, or not much higher."""
-    monkeypatch.setattr("lbmdem.setup.packing.cached", lambda world, facts, made, *rest: made())
+    monkeypatch.setattr("lbmdem.grains.packing.cached", lambda world, facts, made, *rest: made())
     case = f"""
     simulation = {{ end_time = 1.0; }};
     domain = {{ size = [4.0e-3, 4.0e-3, 6.0e-3]; periodic = ["x", "y"]; }};
@@ -108,7 +108,7 @@ def test_few_grains_on_a_wide_floor_have_room_to_fall(world, monkeypatch, count)
 def test_a_packing_is_kept_and_a_damaged_one_made_again(world, tmp_path, monkeypatch, caplog):
     monkeypatch.setenv("HPCPIC_CACHE_DIR", str(tmp_path))
     store = Store("packings", "packings")
-    monkeypatch.setattr("lbmdem.setup.packing._store", lambda: store)
+    monkeypatch.setattr("lbmdem.grains.packing._store", lambda: store)
     made = []
 
     def make():
@@ -139,7 +139,7 @@ def test_a_kept_packing_outside_the_box_is_not_taken(world, tmp_path, monkeypatc
     """Whoever wrote it and however it came there."""
     monkeypatch.setenv("HPCPIC_CACHE_DIR", str(tmp_path))
     store = Store("packings", "packings")
-    monkeypatch.setattr("lbmdem.setup.packing._store", lambda: store)
+    monkeypatch.setattr("lbmdem.grains.packing._store", lambda: store)
     arguments = sample_of(world, 30, 0.5)
     sound = pack(world, Pool(1), *arguments)
     (path,) = store.folder.path.iterdir()
@@ -153,7 +153,7 @@ def test_a_kept_packing_outside_the_box_is_not_taken(world, tmp_path, monkeypatc
 def test_a_pipe_or_a_folder_in_the_place_of_a_packing_ends_nothing(world, tmp_path, monkeypatch):
     monkeypatch.setenv("HPCPIC_CACHE_DIR", str(tmp_path))
     store = Store("packings", "packings")
-    monkeypatch.setattr("lbmdem.setup.packing._store", lambda: store)
+    monkeypatch.setattr("lbmdem.grains.packing._store", lambda: store)
 
     def take():
         return cached(world, {"n": 1}, lambda: np.zeros((1, 3)), (1, 3), lambda x: True)
@@ -170,7 +170,7 @@ def test_a_pipe_or_a_folder_in_the_place_of_a_packing_ends_nothing(world, tmp_pa
 def test_a_packing_does_not_depend_on_ranks(world, monkeypatch):
     from hpcpic.core.comm.world import World
 
-    monkeypatch.setattr("lbmdem.setup.packing.cached", lambda world, facts, made, *rest: made())
+    monkeypatch.setattr("lbmdem.grains.packing.cached", lambda world, facts, made, *rest: made())
     found = pack(world, Pool(1), *sample_of(world, 30, 0.5))
     alone = World.alone()
     np.testing.assert_array_equal(found, pack(alone, Pool(1), *sample_of(alone, 30, 0.5)))

@@ -28,7 +28,7 @@ def given_radii(config: LbmDemConfig, grains: GrainSet) -> NDArray[np.float64]:
     n, own = len(grains.centres), grains.own_diameters
     if own is not None:
         return 0.5 * np.asarray(own, float)
-    from lbmdem.setup.packing import beta_diameters
+    from lbmdem.grains.packing import beta_diameters
 
     d = grains.law
     return 0.5 * beta_diameters(n, d.min, d.max, d.a, d.b, config.simulation.random_seed, config.dimensions)
@@ -36,7 +36,7 @@ def given_radii(config: LbmDemConfig, grains: GrainSet) -> NDArray[np.float64]:
 
 def mean_diameters(config: LbmDemConfig) -> tuple[float, float]:
     """<d>, and Sauter's <d^3> / <d^2> of the area they offer to a flow, of all grains, m."""
-    from lbmdem.setup.packing import beta_diameters
+    from lbmdem.grains.packing import beta_diameters
 
     parts = []
     for grains in config.grains:
@@ -53,6 +53,6 @@ def packed(
     config: LbmDemConfig, grains: GrainSet, world: World, pool: Pool, domain: Domain
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Centres [n, d] and radii [n] of a packing, m."""
-    from lbmdem.setup.packing import make
+    from lbmdem.grains.packing import make
 
     return make(config, grains, world, pool, domain)
