@@ -12,15 +12,13 @@ from hpcpic.core.app.forecast import FILES, Estimate, gain, writing_seconds
 from hpcpic.core.case.words import in_steps
 from lbmdem.case.config import LbmDemConfig
 from lbmdem.forecast.node_shares import fluid_share, lanes_of_all, shares
-from lbmdem.forecast.plan import arrays, face_bytes, grain_count, link_count, moving, node_bytes
+from lbmdem.forecast.plan import arrays, face_bytes, grain_count, link_count, moving, node_bytes, sparse
 from lbmdem.physics.collision import COLLISIONS
 from lbmdem.physics.velocity_sets import LATTICES
-from lbmdem.physics.wall_rules import RULES
 from lbmdem.sizes import (
     CACHE,
     CACHE_OF_WHOLE_PLANES,
     GRAINS_OF_ONE_THREAD,
-    SPARSE_BELOW,
     STEPS_PER_CALL,
     STEPS_PER_PASS,
 )
@@ -175,13 +173,6 @@ def population_bytes(config: LbmDemConfig) -> int:
 
 def cached(config: LbmDemConfig) -> bool:
     return population_bytes(config) < CACHE
-
-
-def sparse(config: LbmDemConfig) -> bool:
-    """True when the fluid nodes alone are held (fluid.sparse)."""
-    stays, rules = not moving(config) or config.coupling.frozen, config.coupling
-    general = RULES[rules.bounce_back].reach < 2 and rules.refill != "conserving"
-    return stays and general and fluid_share(config) < SPARSE_BELOW
 
 
 def sweep_seconds(

@@ -4,19 +4,23 @@
 """
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 
 from hpcpic.core.app.forecast import imports
 from hpcpic.core.space.cuts import even_cuts
 from hpcpic.core.space.declared import Array
-from lbmdem.case.config import AXES, LbmDemConfig
-from lbmdem.forecast.node_shares import grains
+from lbmdem.case.config import AXES, LbmDemConfig, Obstacle
+from lbmdem.coupling.arrays import MOVING_LINKS
+from lbmdem.fluid.arrays import MOVED_NODES, fixed_links
+from lbmdem.forecast.node_shares import fluid_share, grains
 from lbmdem.grains.arrays import expected
-from lbmdem.layout import Layout
+from lbmdem.layout import Layout, place_type, sparse_arrays
 from lbmdem.physics.velocity_sets import LATTICES
-from lbmdem.sizes import STORAGE
+from lbmdem.physics.wall_rules import RULES
+from lbmdem.sizes import SPARSE_BELOW, STORAGE
 
 LINKS = {2: 3.07, 3: 5.74}  # per node of a grain's perimeter or surface: half the sum of |e . n|, any direction n
+VECTORS_OF_BLOCK = 16  # of nodes held without the solid ones (kernels.sparse.BLOCK)
 
 
 def grain_count(config: LbmDemConfig) -> int:
@@ -24,10 +28,36 @@ def grain_count(config: LbmDemConfig) -> int:
 
 
 def link_count(config: LbmDemConfig) -> int:
-    """Links between fluid and grains, of all ranks; grains in contact share some, which is not looked at."""
+    """Links between fluid and solids, of all ranks: as many as surfaces of this size have on the mean. Grains in
+    contact share some; where the grains of a packing are, nobody knows before a run has made it.
+    """
     d = config.dimensions
     surface = sum(n * math.pi * (2 * r) ** (d - 1) for group in config.grains for r, n in grains(config, group))
-    return round(surface * LINKS[d])
+    return round(surface * LINKS[d] + sum(obstacle_links(config, obstacle) for obstacle in config.obstacle))
+
+
+def obstacle_links(config: LbmDemConfig, obstacle: Obstacle) -> float:
+    """Links to an obstacle of which no part is outside the box."""
+    d, velocities = config.dimensions, LATTICES[config.lattice].velocities
+    plane, box = obstacle.shape.plane, obstacle.shape.box
+
+    def per_node(normal: Sequence[float]) -> float:
+        return 0.5 * sum(abs(sum(a * b for a, b in zip(e, normal))) for e in velocities)
+
+    if plane is not None:  # its area is that of its projection along the axis that it is most across to
+        axis = max(range(d), key=lambda k: abs(plane.normal[k]))
+        across = math.prod(n for k, n in enumerate(config.points) if k != axis)
+        return across * per_node(plane.normal) / abs(plane.normal[axis])
+    assert box is not None
+    sides = [(b - a) / config.spacing for a, b in zip(box.low, box.high)]
+    return 2.0 * per_node([1.0] + [0.0] * (d - 1)) * sum(math.prod(sides) / side for side in sides)
+
+
+def sparse(config: LbmDemConfig) -> bool:
+    """True when the fluid nodes alone are held (fluid.sparse)."""
+    stays, rules = not moving(config) or config.coupling.frozen, config.coupling
+    general = RULES[rules.bounce_back].reach < 2 and rules.refill != "conserving"
+    return stays and general and fluid_share(config) < SPARSE_BELOW
 
 
 def moving(config: LbmDemConfig) -> bool:
@@ -67,10 +97,39 @@ def fluid_arrays(config: LbmDemConfig, ranks: int) -> Iterator[Array]:
     own = (even_cuts(points[0], ranks)[1], *points[1:])
     around = tuple(axis in config.domain.periodic for axis in AXES[: config.dimensions][::-1])
     layout = Layout.of(LATTICES[config.lattice], own, around, min(ranks, points[0]) == 1, real)
-    yield from layout.arrays(real)
-    if config.grains or config.obstacle:
-        kept = 4 if moving(config) and not config.coupling.frozen else 9  # of fixed ones also arm, last two steps
-        yield Array("links", (link_count(config) // ranks, kept), "float64")
+    yield from fluid_nodes(config, layout, real) if sparse(config) else layout.arrays(real)
+    if moving(config) and not config.coupling.frozen:
+        n = grain_count(config) // ranks + 1
+        sizes = {"shares": layout.planes, "cuts": layout.planes + 1, "grains": n, "images": n, "parts": n}
+        yield from (array.sized(sizes) for array in MOVING_LINKS)
+        sizes = {"images": 2 * n, "blocks": 1, "block_ends": 2, "changes": 64}
+        yield from (array.sized(sizes) for array in MOVED_NODES)
+    elif config.grains or config.obstacle:
+        yield from linked_once(config, layout, link_count(config) // ranks, real)
+
+
+def linked_once(config: LbmDemConfig, layout: Layout, links: int, real: str) -> Iterator[Array]:
+    """The arrays of so many links to solids that stay."""
+    segments, rule = layout.planes * (layout.lattice.q - 1), RULES[config.coupling.bounce_back]
+    sizes = {"links": links, "segments": segments, "ends": segments + 1, "shares": 1}
+    sizes["bodies"] = grain_count(config) + len(config.obstacle)
+    speeds = [*(solid.velocity for solid in config.obstacle), *(group.velocity for group in config.grains)]
+    moved = any(map(any, (*speeds, *(group.angular_velocity for group in config.grains))))
+    declared = fixed_links(rule, real, place_type(layout.slot_stride), sparse=sparse(config), moved=moved)
+    return (array.sized(sizes) for array in declared if array.sized(sizes).bytes)
+
+
+def fluid_nodes(config: LbmDemConfig, layout: Layout, real: str) -> Iterator[Array]:
+    """The arrays of the fluid nodes of a slab alone, with about as many other pieces of memory as there are links."""
+    nodes = layout.planes * layout.rows * layout.nx * fluid_share(config)
+    vectors = math.ceil(nodes / layout.lanes + 0.5 * layout.planes)  # every plane begins one
+    links = round(link_count(config) * layout.planes / config.points[-1])
+    sizes = {"slot": (vectors + 1) * layout.lanes, "planes": layout.planes + 1, "vectors": vectors, "ends": vectors + 1}
+    sizes |= {"blocks": vectors // VECTORS_OF_BLOCK + layout.planes, "pieces": links, "ruled": vectors, "links": links}
+    around = next(array.shape for array in layout.arrays(real) if array.name == "solid")
+    places = place_type(sizes["slot"] * layout.lattice.q)
+    declared = sparse_arrays(layout.lattice, tuple(int(n) for n in around), real, places)
+    return (array.sized(sizes) for array in declared)
 
 
 def node_bytes(config: LbmDemConfig) -> int:
@@ -102,5 +161,7 @@ def plan(config: LbmDemConfig, ranks: int, threads: int) -> list[str]:
     for array in arrays(config, ranks):
         shape = " x ".join(map(str, array.shape))
         lines.append(f"  {array.name:<26}{shape:<24}{array.dtype:<12}{array.bytes / 2**20:10.2f} MiB")
+    if config.fluid and (config.grains or config.obstacle) and (not moving(config) or config.coupling.frozen):
+        lines.append("  links: as many as surfaces of this size have on the mean; a run finds them when it starts")
     lines += ["messages of a step, per rank", *(f"  {line}" for line in messages(config, ranks))]
     return lines + imports(*["scipy.special"] * any(grains.diameters for grains in config.grains))

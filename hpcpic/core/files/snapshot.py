@@ -34,7 +34,7 @@ if TYPE_CHECKING:
 
 VERSION = (2, 2)
 CHUNK_BYTES = 8 << 20
-SMALL_CHUNK_BYTES = 32 << 10  # what is smaller shares a chunk with others: HDF5 finds a chunk by going through all
+SMALL_CHUNK_BYTES = 128 << 10  # what is smaller shares a chunk with others: HDF5 finds a chunk by going through all
 BUFFER_BYTES = 4 << 20  # of snapshots that wait for each other
 STEPS_PER_CHUNK = 256
 ROOT = "VTKHDF"

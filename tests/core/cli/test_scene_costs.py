@@ -20,6 +20,8 @@ from hpcpic.core.comm.messages import Messages
 from hpcpic.core.comm.tags import CHANNELS, Channel
 from hpcpic.core.comm.world import World
 from hpcpic.core.tasks.graph import Pool
+from lbmdem.coupling.arrays import MOVING_LINKS
+from lbmdem.fluid.arrays import MOVED_NODES
 from lbmdem.grains.arrays import CONTACTS, GRAINS
 
 SPEC = importlib.util.spec_from_file_location("scene_costs", Path(__file__).parents[3] / "scripts/scene_costs.py")
@@ -33,7 +35,7 @@ TANK = """wall = ( {{ name = "tank"; type = "{kind}"; shape = {{ box = {{ low = 
 IONS = """, { name = "ions"; particles = 20000; charge = 1.0; mass = 64.0; plasma_frequency = 0.125;
               init_method = "random position"; thermal_velocity = 0.01; }"""
 
-
+LINK_ARRAYS = {"node", "weights", "body", "arm", "kept", "start", "offsets", "direction", "way", "sums", "scale"}
 PLASMAS = plasma(64, 150_000), plasma(64, 300_000)
 WATERS = water(spacing=0.005), water(high=(1, 2), top=(0.5, 1.0), spacing=0.005)
 FLOWS = flow((128, 128)), flow((128, 256))
@@ -69,7 +71,7 @@ def test_empty_space_costs_nothing(pool):  # C1
 
 def test_only_moving_grains_have_contacts(pool):  # C4
     """Fixed ones are linked once: nobody looks for them again."""
-    fixed, moving = (flow((32, 32), spheres((32, 32), 32, 10.0, moves)) for moves in (False, True))
+    fixed, moving = (flow((32, 32), spheres((32, 32), 32, 6.0, moves)) for moves in (False, True))
     calls = []
     with scenes.running(fixed, pool) as app:
         app.immersed.move = app.immersed.start = lambda *grains: calls.append(grains)
@@ -77,7 +79,9 @@ def test_only_moving_grains_have_contacts(pool):  # C4
             app.step()
         assert app.dem is None and not calls
     more, less = changed(fixed, moving)
-    assert more == {"contacts", "refill"} | {array.name for array in (*GRAINS, *CONTACTS)} and not less
+    linked_anew = {array.name for array in (*MOVING_LINKS, *MOVED_NODES)}
+    assert more == {"contacts", "refill"} | {array.name for array in (*GRAINS, *CONTACTS)} | linked_anew - {"scale"}
+    assert less == LINK_ARRAYS - {"scale"}
 
 
 @pytest.mark.parametrize(
@@ -88,7 +92,7 @@ def test_only_moving_grains_have_contacts(pool):  # C4
         (water(), water(walls=TANK.format(kind="mirror-no-slip")), {"walls"}),
         (water(), water(integrator="rk3-tvd"), {"x_old", "v_old", "drho_old"}),
         (water(gravity=0.0), water(), set()),
-        (flow((32, 32)), flow((32, 32), spheres((32, 32), 32, 10.0)), {"links"}),
+        (flow((32, 32)), flow((32, 32), spheres((32, 32), 32, 6.0)), {"links"} | LINK_ARRAYS),
         (plasma(particles=0), plasma(), {"push", "deliver", "collect", "solve", "gradient", "particles",
                                          "numbers of the particles"}),
     ],

@@ -5,7 +5,6 @@ import pytest
 
 from hpcpic.core.comm.world import World
 from hpcpic.core.space.domain import Domain, even_cuts
-from hpcpic.core.tasks.graph import Pool
 from lbmdem.coupling.contact_pressure import ContactPressure
 from lbmdem.coupling.immersed import Immersed
 from lbmdem.fluid.fluid import Fluid
@@ -14,13 +13,6 @@ from lbmdem.physics.velocity_sets import CS2, D2Q9, D3Q19
 SHAPE = {"D3Q19": (31, 15, 16), "D2Q9": (31, 16)}
 LATTICES = pytest.mark.parametrize("lattice", [D2Q9, D3Q19], ids=lambda lattice: lattice.name)
 RADII = np.array([4.3, 4.8, 3.9])
-
-
-@pytest.fixture(scope="module")
-def pool():
-    pool = Pool(1)
-    yield pool
-    pool.close()
 
 
 def column(lattice):

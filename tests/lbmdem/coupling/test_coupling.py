@@ -3,13 +3,13 @@
 import numpy as np
 import pytest
 from app_runner import running
+from lattice_scenes import fluid_in_a_box
 
 from hpcpic.core.comm.world import World
-from hpcpic.core.space.domain import Domain, even_cuts
+from hpcpic.core.space.domain import even_cuts
 from hpcpic.core.tasks.graph import Pool
 from lbmdem.coupling.immersed import Immersed
 from lbmdem.fluid.faces import Face
-from lbmdem.fluid.fluid import Fluid
 from lbmdem.fluid.surfaces import Wall, ball, plane
 from lbmdem.kernels.layout import FLUID
 from lbmdem.kernels.sweep import SKIP
@@ -18,24 +18,6 @@ from lbmdem.physics.wall_rules import RULES, impedance
 
 BOX = {"D3Q19": (13, 14, 17), "D2Q9": (26, 31)}
 LATTICES = pytest.mark.parametrize("lattice", [D2Q9, D3Q19], ids=lambda lattice: lattice.name)
-
-
-@pytest.fixture(scope="module")
-def alone():
-    return World.alone()
-
-
-@pytest.fixture(scope="module")
-def pool():
-    pool = Pool(1)
-    yield pool
-    pool.close()
-
-
-def fluid_in_a_box(world, pool, lattice, shape, periodic=None, **options):
-    periodic = periodic or (True,) * len(shape)
-    domain = Domain(tuple(map(float, shape)), shape, periodic, even_cuts(shape[0], world.size))
-    return Fluid(world, pool, domain, lattice, **{"tau": 0.7, **options})
 
 
 def stir(fluid, seed=1):
@@ -341,9 +323,7 @@ def test_forces_do_not_depend_on_who_has_asked_before(world, pool, rule):
     """They are summed when somebody asks: at every step here, and there after the last one only."""
     told = []
     for often in (True, False):
-        fluid = Fluid(
-            world, pool, Domain((16.0,) * 2, (16, 16), (True,) * 2, (0, 16)), D2Q9, tau=0.7, force=(1e-5, 2e-5)
-        )
+        fluid = fluid_in_a_box(world, pool, D2Q9, (16, 16), force=(1e-5, 2e-5))
         grain = (np.zeros(1, np.int64), np.array([[7.3, 8.1]]), np.array([4.2]), np.full((1, 2), 0.01), np.ones((1, 1)))
         immersed = Immersed(fluid, world, pool, rule=rule, fixed=grain)
         for step in range(5):

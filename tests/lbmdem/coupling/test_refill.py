@@ -2,11 +2,10 @@
 
 import numpy as np
 import pytest
+from lattice_scenes import fluid_in_a_box
 
-from hpcpic.core.space.domain import Domain
 from hpcpic.core.tasks.graph import Pool
 from lbmdem.coupling.immersed import Immersed
-from lbmdem.fluid.fluid import Fluid
 from lbmdem.fluid.solid_nodes import Change
 from lbmdem.physics.velocity_sets import D2Q9, D3Q19, equilibrium
 
@@ -14,20 +13,12 @@ SHAPES = {"D3Q19": (12, 13, 14), "D2Q9": (17, 19)}
 LATTICES = pytest.mark.parametrize("lattice", [D2Q9, D3Q19], ids=lambda lattice: lattice.name)
 
 
-@pytest.fixture(scope="module")
-def pool():
-    pool = Pool(1)
-    yield pool
-    pool.close()
-
-
 class Uncovered:
     """A grain at a seam has moved by most of a node: `nodes` (mask) it left, `h` what they hold, `u` its velocity."""
 
     def __init__(self, world, pool, lattice, refill, populations):
         shape, d = SHAPES[lattice.name], lattice.dimensions
-        domain = Domain(tuple(map(float, shape)), shape, (True,) * d, (0, shape[0]))
-        fluid = Fluid(world, pool, domain, lattice, tau=0.8)
+        fluid = fluid_in_a_box(world, pool, lattice, shape)
         immersed = Immersed(fluid, world, pool, refill=refill)
         x, radius = np.full((1, d), 0.4), np.array([3.3])
         self.u = np.array([0.8, 0.3, -0.4])[:d] / 40
@@ -86,7 +77,7 @@ def test_non_equilibrium_comes_from_the_neighbours(world, pool, lattice):
 def test_what_a_grain_gets_of_covered_nodes_has_the_bits_of_one_node_after_the_other(world, pool, lattice):
     """However many of them a rank has."""
     shape, d = SHAPES[lattice.name], lattice.dimensions
-    fluid = Fluid(world, pool, Domain(tuple(map(float, shape)), shape, (True,) * d, (0, shape[0])), lattice, tau=0.8)
+    fluid = fluid_in_a_box(world, pool, lattice, shape)
     immersed = Immersed(fluid, world, pool, refill="conserving")
     place = np.full((1, d), 5.0), np.array([3.3]), np.zeros((1, d)), np.zeros((1, 3 if d == 3 else 1))
     immersed.start(np.array([7]), *place)
@@ -105,7 +96,7 @@ def test_what_a_grain_gets_of_covered_nodes_has_the_bits_of_one_node_after_the_o
 @LATTICES
 def test_nodes_of_a_grain_that_is_no_longer_there_are_filled_at_rest(world, pool, lattice):
     shape, d = SHAPES[lattice.name], lattice.dimensions
-    fluid = Fluid(world, pool, Domain(tuple(map(float, shape)), shape, (True,) * d, (0, shape[0])), lattice, tau=0.8)
+    fluid = fluid_in_a_box(world, pool, lattice, shape)
     immersed = Immersed(fluid, world, pool)
     still = np.zeros((1, 3 if d == 3 else 1))
     grain = np.array([7]), np.full((1, d), 5.0), np.array([3.3]), np.full((1, d), 0.1), still
@@ -124,8 +115,7 @@ def test_threads_move_grains_to_the_same_bits(world, lattice, refill):
     found = []
     for threads in (1, 3):
         pool = Pool(threads)
-        domain = Domain(tuple(map(float, shape)), shape, (True,) * d, (0, shape[0]))
-        fluid = Fluid(world, pool, domain, lattice, tau=0.8)
+        fluid = fluid_in_a_box(world, pool, lattice, shape)
         immersed = Immersed(fluid, world, pool, refill=refill)
         for k in range(4):  # they overlap
             place = (x + k * v) % shape[::-1], np.full(70, 1.2), v, np.zeros((70, 3 if d == 3 else 1))

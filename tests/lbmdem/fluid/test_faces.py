@@ -1,8 +1,8 @@
 import numpy as np
 import pytest
+from lattice_scenes import fluid_in_a_box
 
 from hpcpic.core.comm.world import World
-from hpcpic.core.space.domain import Domain, even_cuts
 from hpcpic.core.tasks.graph import Pool
 from lbmdem.fluid.faces import Face
 from lbmdem.fluid.fluid import Fluid
@@ -13,11 +13,9 @@ AXES = {"x": 0, "y": 1, "z": 2}
 
 
 def make(lattice, shape, faces, *, world=None, **options) -> Fluid:
-    world = world or World.alone()
     names = "xyz"[: lattice.dimensions][::-1]
     periodic = tuple(not any(face[0] == name for face in faces) for name in names)
-    domain = Domain(tuple(map(float, shape)), shape, periodic, even_cuts(shape[0], world.size))
-    return Fluid(world, Pool(1), domain, lattice, faces=faces, **options)
+    return fluid_in_a_box(world or World.alone(), Pool(1), lattice, shape, periodic, faces=faces, **options)
 
 
 @pytest.mark.parametrize(("moving", "across"), [("x", "y"), ("y", "x"), ("x", "z"), ("z", "x"), ("y", "z")])

@@ -2,11 +2,9 @@
 
 import numpy as np
 import pytest
+from lattice_scenes import fluid_in_a_box
 
-from hpcpic.core.space.domain import Domain
-from hpcpic.core.tasks.graph import Pool
 from lbmdem.coupling.immersed import Immersed
-from lbmdem.fluid.fluid import Fluid
 from lbmdem.fluid.solid_nodes import kernel_axes, kernel_rotation
 from lbmdem.physics.reference import Links
 from lbmdem.physics.velocity_sets import D2Q9, D3Q19
@@ -15,18 +13,6 @@ from lbmdem.physics.wall_rules import RULES
 BOXES = {"D3Q19": (9, 10, 11), "D2Q9": (12, 13)}
 ROUNDING = 3e-16  # populations are below 0.02, some tens of operations in four steps
 FORCE_ROUNDING = 2e-13  # a thousand links, each rounded to 2^-50
-
-
-@pytest.fixture(scope="module")
-def pool():
-    pool = Pool(1)
-    yield pool
-    pool.close()
-
-
-def periodic_fluid(world, pool, lattice, shape, **options):
-    domain = Domain(tuple(map(float, shape)), shape, (True,) * len(shape), (0, shape[0]))
-    return Fluid(world, pool, domain, lattice, **{"tau": 0.7, **options})
 
 
 def two_grains(lattice):
@@ -67,7 +53,7 @@ def slow_steps(fluid, grains, rule, steps):
 @pytest.mark.parametrize("lattice", [D2Q9, D3Q19], ids=lambda lattice: lattice.name)
 def test_links_are_those_of_the_papers(world, pool, lattice, rule, moving):
     grains, steps = two_grains(lattice), 1 if lattice is D3Q19 else 3
-    fluid = periodic_fluid(world, pool, lattice, BOXES[lattice.name])
+    fluid = fluid_in_a_box(world, pool, lattice, BOXES[lattice.name])
     immersed = Immersed(fluid, world, pool, rule=rule, fixed=None if moving else grains)
     if moving:
         immersed.move(*grains)

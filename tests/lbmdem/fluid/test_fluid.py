@@ -4,9 +4,10 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from lattice_scenes import fluid_in_a_box
 
 from hpcpic.core.comm.world import World
-from hpcpic.core.space.domain import Domain, even_cuts
+from hpcpic.core.space.domain import even_cuts
 from hpcpic.core.tasks.graph import Pool
 from lbmdem.fluid.fluid import Fluid
 from lbmdem.physics.reference import random_populations
@@ -16,10 +17,7 @@ SLIP = Path(__file__).parents[2] / "data" / "poiseuille_slip.csv"
 
 
 def make(lattice, shape, *, periodic=None, world=None, threads=1, cuts=None, **options) -> Fluid:
-    world = world or World.alone()
-    periodic = periodic or (True,) * len(shape)
-    domain = Domain(tuple(map(float, shape)), shape, periodic, cuts or even_cuts(shape[0], world.size))
-    return Fluid(world, Pool(threads), domain, lattice, **options)
+    return fluid_in_a_box(world or World.alone(), Pool(threads), lattice, shape, periodic, cuts, **options)
 
 
 def taylor_green(n: int, tau: float, steps: int, **options) -> tuple[float, float]:

@@ -2,9 +2,9 @@ import itertools
 
 import numpy as np
 import pytest
+from lattice_scenes import fluid_in_a_box
 
 from hpcpic.core.comm.world import World
-from hpcpic.core.space.domain import Domain
 from hpcpic.core.tasks.graph import Pool
 from lbmdem.fluid.fluid import Fluid
 from lbmdem.physics.reference import central, random_populations, stream, two_rates
@@ -15,8 +15,7 @@ TAU = 0.7
 
 
 def make(lattice, shape, **options) -> Fluid:
-    domain = Domain(tuple(map(float, shape)), shape, (True,) * len(shape), (0, shape[0]))
-    return Fluid(World.alone(), Pool(1), domain, lattice, tau=TAU, **options)
+    return fluid_in_a_box(World.alone(), Pool(1), lattice, shape, tau=TAU, **options)
 
 
 @pytest.mark.parametrize("lattice", [D2Q9, D3Q19], ids=["D2Q9", "D3Q19"])

@@ -2,9 +2,9 @@
 
 import numpy as np
 import pytest
+from lattice_scenes import fluid_in_a_box
 
 from hpcpic.core.comm.world import World
-from hpcpic.core.space.domain import Domain, even_cuts
 from hpcpic.core.tasks.graph import Pool
 from lbmdem.coupling.immersed import Immersed
 from lbmdem.fluid import temporal_blocking
@@ -27,11 +27,10 @@ def porous(lattice, stays, *, faces=None, world=None, threads=1, storage="double
     if lattice is D2Q9 and faces:
         names = "zx"
     periodic = tuple(not any(face[0] == axis for face in faces or {}) for axis in names)
-    domain = Domain(tuple(map(float, shape)), shape, periodic, even_cuts(shape[0], world.size))
-    force = (1e-4,) * lattice.dimensions
-    fluid = Fluid(world, Pool(threads), domain, lattice, tau=0.8, storage=storage, force=force, faces=faces)
+    options = {"storage": storage, "force": (1e-4,) * lattice.dimensions, "faces": faces}
+    fluid = fluid_in_a_box(world, Pool(threads), lattice, shape, periodic, **options)
     fluid.stays = stays
-    low, high = domain.row_range(world.rank)
+    low, high = fluid.domain.row_range(world.rank)
     fluid.set_populations(random_populations(lattice, shape)[:, low:high])
     if rule:
         centres = np.array([[3.2, 6.1, 9.7], [8.9, 12.3, 20.2], [11.8, 5.2, 33.1]])

@@ -3,10 +3,11 @@ import itertools
 import numpy as np
 import pytest
 from app_runner import running
+from lattice_scenes import fluid_in_a_box
 
 from hpcpic.core.comm.world import World
 from hpcpic.core.simd.compile import njit
-from hpcpic.core.space.domain import Domain, even_cuts
+from hpcpic.core.space.domain import Domain
 from hpcpic.core.tasks.graph import Pool, bind
 from lbmdem.app import shipped_cases
 from lbmdem.coupling.immersed import Immersed
@@ -25,9 +26,8 @@ SHAPES = {"D2Q9": (40, 37), "D3Q19": (36, 26, 12)}
 def make(lattice, periodic, *, world=None, threads=1, storage="double", faces=None, solid=0.1) -> Fluid:
     """Random populations and solid nodes."""
     world, shape = world or World.alone(), SHAPES[lattice.name]
-    domain = Domain(tuple(map(float, shape)), shape, periodic, even_cuts(shape[0], world.size))
-    fluid = Fluid(world, Pool(threads), domain, lattice, tau=0.8, storage=storage, faces=faces)
-    low, high = domain.row_range(world.rank)
+    fluid = fluid_in_a_box(world, Pool(threads), lattice, shape, periodic, storage=storage, faces=faces)
+    low, high = fluid.domain.row_range(world.rank)
     fluid.solid.inner[(np.random.default_rng(4).random(shape) < solid)[low:high]] = 1
     fluid.solid_changed()
     fluid.set_populations(random_populations(lattice, shape)[:, low:high])

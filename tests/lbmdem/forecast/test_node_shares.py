@@ -81,11 +81,29 @@ def test_the_forecast_is_of_the_registers_that_kernels_are_compiled_for(wide):
     assert share == pytest.approx(real, abs=FIRST_ORDER)
 
 
-@pytest.mark.parametrize("case", ["sphere-array", "settling-disc"])
-def test_links_of_lone_grains_are_as_many_as_expected(case):
+@pytest.mark.parametrize("case", ["sphere-array", "settling-disc", "couette"])
+def test_links_of_lone_solids_are_as_many_as_expected(case):
     with running(World.alone(), "lbmdem", shipped_cases()[case].read_text()) as app:
         app.step()
         assert link_count(app.scene.config) == pytest.approx(app.immersed.counts()["links"], rel=0.08)
+
+
+@pytest.mark.parametrize(("case", "sets", "rel"), [
+    ("sphere-array", (), 0.08),
+    ("permeability", ("domain.spacing=2.0e-5",), 0.25),  # held without solid nodes; grains in contact share links
+])  # fmt: skip
+def test_the_plan_lists_the_arrays_that_a_run_has(case, sets, rel):
+    """By name, type and, as far as it is known beforehand, size."""
+    with running(World.alone(), "lbmdem", shipped_cases()[case].read_text(), sets) as app:
+        planned = {array.name: array for array in arrays(app.scene.config, 1)}
+        arenas = app.fluid._arena, app.immersed._fixed_links.arena
+        held = {array.name: arena[array.name] for arena in arenas for array in arena.declared.values()}
+    assert {name for name, values in held.items() if values.size} <= set(planned)
+    for name in ("populations", "masks", "shifts", "linked", "node", "weights", "arm", "kept"):
+        assert (name in held) == (name in planned)
+        if name in held:
+            assert planned[name].dtype == held[name].dtype.name
+            assert planned[name].bytes == pytest.approx(held[name].nbytes, rel=rel), name
 
 
 @pytest.mark.parametrize(

@@ -9,7 +9,6 @@ import pytest
 from dem_scenes import DENSITY, FLOOR, HISTORY, LAW, RADIUS, STIFFNESS, Saved, by_id, cloud, dem, grains
 
 from hpcpic.core.errors import ConfigError, Diverged
-from hpcpic.core.tasks.graph import Pool
 from lbmdem.grains.contact_network import (
     contact_count,
     contacts,
@@ -23,11 +22,6 @@ from lbmdem.physics.contact_law import ContactLaw, PlaneWall
 
 DATA = Path(__file__).parents[2] / "data"
 G = 9.81
-
-
-@pytest.fixture(scope="module")
-def pool():
-    return Pool(1)
 
 
 def table(name, shape):

@@ -16,11 +16,6 @@ from lbmdem.grains.packing import Sample, beta_diameters, cached, grow, pack, po
 from lbmdem.physics.contact_law import ContactLaw
 
 
-@pytest.fixture(scope="module")
-def pool():
-    return Pool(1)
-
-
 def sample_of(world, n, porosity, d=3, periodic=True, seed=4):
     """A cube of n grains at a porosity, and their diameters from 1 to 2 mm."""
     radius = 0.5 * beta_diameters(n, 1e-3, 2e-3, 1.0, 1.0, seed, d)

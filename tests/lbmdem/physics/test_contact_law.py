@@ -8,7 +8,6 @@ import numpy as np
 import pytest
 from dem_scenes import RADIUS, STIFFNESS, box, by_id, dem, grains
 
-from hpcpic.core.tasks.graph import Pool
 from lbmdem.grains.contact_network import contact_count, energies
 from lbmdem.grains.dem import Dem
 from lbmdem.physics.contact_law import ContactLaw, PlaneWall, paper_step, stable_step, step_limit
@@ -17,11 +16,6 @@ from lbmdem.physics.lubrication import Film
 TABLE = Path(__file__).parents[2] / "data" / "dem_restitution.csv"
 FRICTION = ContactLaw(STIFFNESS, 0.2, 0.3, 1.0)
 SPRINGS = ContactLaw(STIFFNESS, 0.3, 0.5, 1.0, 0.5 * STIFFNESS)
-
-
-@pytest.fixture(scope="module")
-def pool():
-    return Pool(1)
 
 
 def rebound(world, pool, law, fraction, d=3, shift=0.37):

@@ -8,7 +8,6 @@ from app_runner import running
 from dem_scenes import box, grains
 from scipy.integrate import quad
 
-from hpcpic.core.tasks.graph import Pool
 from lbmdem.forecast.derived import derived
 from lbmdem.grains.dem import Dem
 from lbmdem.physics.contact_law import ContactLaw, PlaneWall
@@ -84,13 +83,6 @@ grains = ({ diameter = 2.0e-3; density = 2650.0; position = [2.05e-3, 2.0e-3, 1.
 gravity = [0.0, 0.0, -9.81];
 contact = { normal_stiffness = 100.0; damping = 0.3; };
 """
-
-
-@pytest.fixture(scope="module")
-def pool():
-    pool = Pool(1)
-    yield pool
-    pool.close()
 
 
 @pytest.mark.parametrize("d", [2, 3])
