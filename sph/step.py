@@ -55,7 +55,7 @@ class Sph:
         self.periods = {kind: getattr(config.output.every, name) or 0 for kind, name in kinds.items()}
         self.integrator = INTEGRATORS[config.simulation.integrator]
         self.skin = Skin(scene, self.integrator.staged)
-        self.choose = TimeStep(config, scene.rho0, self.skin.step_limit)
+        self.choose = TimeStep(config, scene.eos, self.skin.step_limit)
         self.walls = Walls(scene)
         self.grid = CellGrid(scene, self.skin.largest_radius)
         self.slabs = Slabs(scene, self.grid, world)

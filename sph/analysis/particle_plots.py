@@ -282,7 +282,7 @@ def depth(run: Run, step: int | None = None) -> Figure:
     top = max(max(np.dot(c, -scene.gravity / g) for c in geometry.corners(fluid.section.shape)) for fluid in still)
     bottom = float(height.min())
     line = np.linspace(bottom, top, 50)
-    exact = theory.hydrostatic_pressure(top - line, g, scene.rho0, scene.c0, scene.gamma)
+    exact = scene.eos.pressure(scene.eos.excess_at_rest(top - line, g))
     with style():
         figure, axes = new_figure(size=(6.4, 4.0))
         axes.scatter(particles["pressure"], height, s=4, color=COLOURS[0], linewidths=0, rasterized=True)

@@ -220,7 +220,7 @@ def _expectation(run: Run, config: SphConfig, gauge: Gauge, t: np.ndarray) -> tu
     moving = any(wall.motion for wall in config.wall)
     if fills and not moving and not flow and gauge.what in ("pressure", "elevation"):
         deep = np.array([high[vertical] - gauge.at[vertical]])
-        at_rest = float(theory.hydrostatic_pressure(deep, g, scene.rho0, scene.c0, scene.gamma)[0])
+        at_rest = float(scene.eos.pressure(scene.eos.excess_at_rest(deep, g))[0])
         value = at_rest if gauge.what == "pressure" else high[vertical]
         return "at rest", t[[0, -1]], [value, value], THEORY
     foot = len(gauge.at) == 2 and abs(gauge.at[0] - 1.61) < 0.02 and gauge.at[1] < 0.01

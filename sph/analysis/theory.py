@@ -69,12 +69,6 @@ def wavemaker_height(stroke: float, k: float, depth: float) -> float:
     return stroke * 2 * (math.cosh(x) - 1) / (math.sinh(x) + x)
 
 
-def hydrostatic_pressure(depth: NDArray, g: float, density: float, c0: float, gamma: float) -> NDArray[np.float64]:
-    """p below the surface of a fluid of (MP 14) at rest, Pa: (rho/rho0)^(gamma-1) = 1 + (gamma-1) g d / c0^2."""
-    head = np.log1p((gamma - 1) * g * np.maximum(depth, 0.0) / c0**2) / (gamma - 1)
-    return density * c0**2 / gamma * np.expm1(gamma * head)
-
-
 def triangular(t: NDArray, values: NDArray, width: float = 0.013) -> NDArray[np.float64]:
     """Two-sided moving average with triangular weights over `width` s (SC: 13 ms), for any sample times.
 

@@ -80,7 +80,7 @@ class Gauges:
             scale, values = scene.c0, own["v"][near]
         else:
             scale = scene.rho0 * scene.c0**2
-            values = (scene.pressure(own["drho"][near]) - scene.rho0 * product(r, scene.gravity))[:, None]
+            values = (scene.eos.pressure(own["drho"][near]) - scene.rho0 * product(r, scene.gravity))[:, None]
         sums = self.summed(np.column_stack([weight, weight[:, None] * values / scale]))
         return (
             [float(value) for value in sums[1:] * scale / sums[0]] if sums[0] > MIN_WEIGHT else [0.0] * (len(sums) - 1)

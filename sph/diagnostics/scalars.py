@@ -15,20 +15,10 @@ from hpcpic.core.space import exact
 from sph.case.config import AXES
 from sph.particles.tasks import Tasks
 from sph.particles.wall_forces import WallForces
+from sph.physics.equation_of_state import coefficients
 from sph.setup.scene import Scene
 
-MOST_GAMMA = 16  # that a polynomial is made for
 ROUNDING_FACTOR = 2.0
-
-
-def internal_energy(scene: Scene, drho: NDArray) -> NDArray[np.float64]:
-    """Work of compression from rho0, J/kg: the integral of p / rho^2 of (MP 14)."""
-    gamma, change = scene.gamma, drho / scene.rho0
-    volume = change / (1 + change)  # rho0 (1/rho0 - 1/rho)
-    stretch = np.log1p(change)
-    bent = stretch if gamma == 1.0 else np.expm1((gamma - 1) * stretch) / (gamma - 1)
-    background = scene.config.eos.background_pressure
-    return (scene.stiffness * (bent - volume) + background * volume) / scene.rho0
 
 
 class Totals:
@@ -39,13 +29,11 @@ class Totals:
         self.scene, self.world, self.tasks, self.axes = scene, world, tasks, axes
         self.kernels = specialise("sph.kernels", ["totals"], DIM=d)
         self.n = self.kernels.TERMS
-        n, whole = round(scene.gamma) - 1, scene.gamma == round(scene.gamma) and 2 <= scene.gamma <= MOST_GAMMA
-        powers = [math.comb(n, k) / n for k in range(1, n + 1)] if whole else []
-        background = scene.config.eos.background_pressure
-        numbers = [scene.rho0, scene.stiffness, background, scene.gamma - 1, *scene.gravity[axes], *scene.low[axes]]
+        eos = scene.eos
+        numbers = [scene.rho0, eos.stiffness, eos.background, eos.gamma - 1, *scene.gravity[axes], *scene.low[axes]]
         tasks.arena.set(
             constants=np.array(numbers),
-            powers=np.array(powers),
+            powers=coefficients(eos.gamma - 1),
             part_maxima=np.zeros((tasks.parts, 3 + 2 * d)),
             inverse=np.zeros(self.n),
             limbs=np.zeros((tasks.parts, self.n, exact.LIMBS), np.int64),
@@ -75,8 +63,8 @@ class Totals:
         farthest = np.maximum(np.abs(low + sides[:d]), np.abs(low - sides[d:]))
         height = np.abs(scene.gravity[self.axes]) @ farthest
         ends = np.array([excess, -min(excess, 0.9 * scene.rho0)])
-        background = scene.config.eos.background_pressure * np.abs(ends / (scene.rho0 + ends)) / scene.rho0
-        inner = (np.abs(internal_energy(scene, ends)) + 2 * background).max()
+        background = scene.eos.background * np.abs(ends / (scene.rho0 + ends)) / scene.rho0
+        inner = (np.abs(scene.eos.energy(ends)) + 2 * background).max()
         speed = math.sqrt(square)
         return ROUNDING_FACTOR * mass * np.array([square, height, inner, 1.0, *[speed] * d])
 

@@ -20,13 +20,12 @@ def particles(storage: Storage) -> dict[str, ParticleArray]:
         chosen |= {
             wall.name: storage.own_slots[kind == wall.index + 1] for wall in scene.walls if wall.lattice is not None
         }
-    background = scene.config.eos.background_pressure
     found = {}
     for name, slots in chosen.items():
         own = particles_at(storage, slots)
         columns = {
             "velocity": three(own["v"]).astype(np.float32),
-            "pressure": (scene.pressure(own["drho"]) + background).astype(np.float32),
+            "pressure": (scene.eos.pressure(own["drho"]) + scene.eos.background).astype(np.float32),
             "density": (scene.rho0 + own["drho"]).astype(np.float32),
             "mass": own["m"].astype(np.float32),
         }

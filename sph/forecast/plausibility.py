@@ -93,7 +93,7 @@ def depths(config: SphConfig, scene: Scene) -> Iterator[Derived]:
             surface = max(heights) if fluid.surface is None else fluid.surface
             depth = max(0.0, surface - min(heights))
             with np.errstate(over="ignore"):
-                dense = float(scene.rest_density_below(np.array([depth]))[0]) / scene.rho0
+                dense = float(scene.eos.excess_at_rest(np.array([depth]), g)[0]) / scene.rho0
             verdict = "ok" if dense <= DENSE else "warn" if dense <= DENSER else "fail"
             needed = math.sqrt(g * depth / DENSE) if depth < math.inf else math.inf
             cure = f"sound_speed = {needed:.3g}" if verdict != "ok" else ""

@@ -1,127 +1,211 @@
-"""Generated text of what stands around the pair sums: what changes in the columns of slots (see `packing`), and sums
-other than forces and rates to what later ones need.
+"""What stands around the pair sums: values[column, slot], which they read of bodies besides the state, and their own
+sums, of which later ones or the motion need more than forces and rates.
 
-Bodies are in SI units: v[d, n], drho[n] (density less the reference), flags[n] (see sph.kernels.marks). Columns, and
-the units of gradient[d, n], see `pairs`.
+PUSH .. T are the first lines of the columns (see physics.pair_spec), -1 for those that the case does not have. Bodies
+are in SI units, columns in those of the pair sums (see `passes`). All slots are looked at, also where nobody is.
 """
 
-from sph.kernels.marks import REPULSIVE
-from sph.kernels.packing import SCALES
-from sph.physics.pair_spec import PairSpec, columns_of
+import numpy as np
 
-ALL_AROUND = {2: 1.5, 3: 2.4}  # of - sum V_j F r^2, d inside the fluid; less near a free surface (Lee et al. 2008)
+from hpcpic.core.simd.compile import njit
+from hpcpic.core.simd.vector import (
+    Vec,
+    address_of,
+    convert,
+    floor,
+    gather_lines,
+    lanes,
+    load,
+    select,
+    splat,
+    store,
+)  # fmt: skip
+from sph.kernels.marks import FLUID, NORMAL, REPULSIVE
+from sph.kernels.powers import power
+from sph.physics.equation_of_state import MOST_GAMMA
+from sph.physics.pair_spec import UNIT
+
+DIM = 3
+KIND = "float64"  # of columns and sums
+SINGLE = False
+GAMMA = 7.0
+PUSH = -1
+LIGHT = -1
+VOLUME = -1
+EXCESS = -1
+MASS = -1
+V = -1
+NORMALS = -1
+G = -1
+SLOPE = -1
+TENSION = -1
+L = -1
+T = -1
+IN_TURN = False  # LIGHT holds 1 / rho for forces, then volumes for rates
+
+N = lanes(np.float64)
+F, I, WIDE, R = Vec(N, np.float64), Vec(N, np.int32), Vec(N, np.int64), Vec(N, np.dtype(KIND))
+SLOPE_FACTORS = int(abs(GAMMA - 2.0))
+SLOPE_WHOLE = abs(GAMMA - 2.0) == SLOPE_FACTORS and GAMMA <= MOST_GAMMA
+ALL_AROUND = 1.5 if DIM == 2 else 2.4  # of - sum V_j F r^2, DIM inside the fluid; less at a surface (Lee et al. 2008)
 LEAST_DETERMINANT = 0.1  # of the sum that L inverts, 1 inside the fluid, about 0.25 at a flat free surface in 2D
 
 
-def _kernel(title: str, arguments: str, body: list[str]) -> str:
-    """For all slots, also where nobody is: vectors overrun."""
-    lines = [f"def {title}(block, blocks, base, scales, {arguments}):"]
-    lines += [f"    {name} = scales[{k}]" for k, name in enumerate(SCALES)]
-    lines += ["    for l in range(blocks[block], blocks[block + 1]):"]
-    lines += ["        for b in range(np.uint64(base[l]), np.uint64(base[l + 1])):"]
-    lines += [f"            {line}" for line in body]
-    return "\n\n@njit\n" + "\n".join(lines) + "\n"
+@njit
+def pack(block, blocks, base, scales, powers, flags, y, m, face_normals, position, values):
+    """Fill in all columns but those that come from other pair sums. y: see State; powers: coefficients of (MP 14)."""
+    for l in range(blocks[block], blocks[block + 1]):
+        for s in range(base[l], base[l + 1], N):
+            e, kinds = load(F, y.drho, s) * scales.per_rho, load(I, flags, s)
+            rho = e + 1.0
+            light, p, mass = 1.0 / rho, power(e, GAMMA, powers), load(F, m, s)
+            if SINGLE:
+                mass = mass * scales.per_m
+                for k in range(DIM):  # in fixed point, modulo 256 h
+                    place = floor(load(F, y.x[k], s) * (scales.per_h * (1.0 / UNIT)))
+                    store(position[k], s, convert(I, convert(WIDE, place)))
+                    store(values[V + k], s, convert(R, load(F, y.v[k], s) * scales.per_c))
+                store(values[EXCESS], s, convert(R, e))
+                store(values[MASS], s, convert(R, mass))
+            store(values[PUSH], s, convert(R, (p + scales.background) * (light * light)))
+            store(values[LIGHT], s, convert(R, light))
+            if VOLUME >= 0:
+                volume = select(kinds & REPULSIVE == REPULSIVE, 0.0, mass) * light  # repulsive particles have none
+                store(values[VOLUME], s, convert(R, volume))
+            if SLOPE >= 0:
+                store(values[SLOPE], s, convert(R, slope(rho, light)))
+            if TENSION >= 0:
+                tension = select(p < 0.0, -scales.tensile * p, 0.05 * scales.tensile * p)
+                store(values[TENSION], s, convert(R, tension * (light * light)))
+            if NORMALS >= 0:
+                for k in range(DIM):
+                    normal = gather_lines(F, 1, address_of(face_normals[k], 0), (kinds >> NORMAL) * 8)[0]
+                    store(values[NORMALS + k], s, convert(R, normal))
 
 
-def source(spec: PairSpec) -> str:
-    """Kernels pack_again (velocity, gradient, volume), those for stresses and matrices, and one to unpack each kind of
-    sum.
+@njit
+def slope(rho, light):
+    """rho / (2 c^2) in units of rho0 / c0^2: half of rho^(2 - gamma); light = 1 / rho."""
+    if SLOPE_WHOLE:
+        found = splat(F, 0.5)
+        for _ in range(SLOPE_FACTORS):
+            found = found * (light if GAMMA > 2.0 else rho)
+        return found
+    line = np.empty(N)
+    store(line, 0, rho)
+    for k in range(N):
+        line[k] = 0.5 * line[k] ** (2.0 - GAMMA)
+    return load(F, line, 0)
+
+
+@njit
+def pack_again(block, blocks, base, scales, flags, v, drho, m, gradient, values):
+    """Bring up to date what changes between forces and rates: velocities, gradients, volumes."""
+    for l in range(blocks[block], blocks[block + 1]):
+        for b in range(np.uint64(base[l]), np.uint64(base[l + 1])):
+            if SINGLE:
+                for k in range(DIM):
+                    values[V + k, b] = v[k, b] * scales.per_c
+            if G >= 0:
+                for k in range(DIM):
+                    values[G + k, b] = gradient[k, b]
+            if IN_TURN:
+                mass = m[b] * scales.per_m if SINGLE else m[b]
+                values[LIGHT, b] = (mass if flags[b] & REPULSIVE == 0 else 0.0) / (1.0 + drho[b] * scales.per_rho)
+
+
+@njit
+def pack_stress(block, blocks, base, scales, drho, shear, values):
+    """The columns T, stress / rho^2 (MP 22), from shear[DIM a + b, slot] = d v_b / d x_a."""
+    for l in range(blocks[block], blocks[block + 1]):
+        for b in range(np.uint64(base[l]), np.uint64(base[l + 1])):
+            trace = shear[0, b]
+            for i in range(1, DIM):
+                trace += shear[i * (DIM + 1), b]
+            trace *= 2.0 / DIM
+            rho = 1.0 + drho[b] * scales.per_rho
+            factor, column = scales.viscosity / (rho * rho), T
+            for i in range(DIM):
+                for j in range(i, DIM):
+                    strain = shear[i * DIM + j, b] + shear[j * DIM + i, b]
+                    values[column, b] = (strain - trace if i == j else strain) * factor
+                    column += 1
+
+
+@njit
+def unpack_strain(block, blocks, base, scales, at, sums, shear):
+    """The velocity gradient, shear[DIM a + b, slot] = d v_b / d x_a."""
+    for l in range(blocks[block], blocks[block + 1]):
+        for b in range(np.uint64(base[l]), np.uint64(base[l + 1])):
+            for k in range(DIM * DIM):
+                shear[k, b] = np.float64(sums[at + k, b]) * scales.of_strain
+
+
+@njit
+def cofactors(sums, at, b, factor):
+    """Of the symmetric matrix whose upper triangle begins in line `at` of the sums, times a factor: the upper triangle
+    of its cofactors, and its determinant.
     """
-    columns = columns_of(spec)
-    changed = {*spec.components("v"), *spec.components("g"), *(["light"] if spec.in_turn else [])}
-    later = [name for name in columns if name in changed]
-    values = {f"v{a}": f"v[{k}, b] * per_c" for k, a in enumerate(spec.axes)}
-    values |= {f"g{a}": f"gradient[{k}, b]" for k, a in enumerate(spec.axes)}
-    mass = f"(m[b] * {'per_m' if spec.single else '1.0'} if flags[b] & {REPULSIVE} == 0 else 0.0)"
-    values["light"] = f"{mass} / (1.0 + drho[b] * per_rho)"  # the volume from now on
-    again = [f"values[{columns.index(name)}, b] = {values[name]}" for name in later]
-    text = _kernel("pack_again", "flags, v, drho, m, gradient, values", again) if again else ""
-    if spec.needs_stress:
-        text += _kernel("pack_stress", "drho, shear, values", _stress(spec, columns)) + _unpack_strain(spec)
-    if spec.corrected:
-        body = [
-            f"values[{columns.index(f'l{a}{b}')}, b] = matrix[{i * spec.dimensions + j}, b]"
-            for i, a in enumerate(spec.axes) for j, b in enumerate(spec.axes) if i <= j
-        ]  # fmt: skip
-        text += _kernel("pack_matrix", "matrix, values", body) + _unpack_matrix(spec)
-    if spec.shifting:
-        text += _unpack_shifting(spec)
-    if spec.needs_gradient:
-        text += _unpack_gradient(spec)
-    return text
+    m00, m01 = np.float64(sums[at, b]) * factor, np.float64(sums[at + 1, b]) * factor
+    if DIM == 2:
+        m11 = np.float64(sums[at + 2, b]) * factor
+        return (m11, -m01, m00), m00 * m11 - m01 * m01
+    m02, m11 = np.float64(sums[at + 2, b]) * factor, np.float64(sums[at + 3, b]) * factor
+    m12, m22 = np.float64(sums[at + 4, b]) * factor, np.float64(sums[at + 5, b]) * factor
+    c00, c01, c02 = m11 * m22 - m12 * m12, m02 * m12 - m01 * m22, m01 * m12 - m02 * m11
+    c11, c12, c22 = m00 * m22 - m02 * m02, m01 * m02 - m00 * m12, m00 * m11 - m01 * m01
+    return (c00, c01, c02, c11, c12, c22), m00 * c00 + m01 * c01 + m02 * c02
 
 
-def _sum(k: str) -> str:
-    return f"np.float64(sums[{k}, b])"
+@njit
+def entry(i, j):
+    """Place of (i, j) in the upper triangle of a symmetric matrix."""
+    return min(i, j) * (2 * DIM - 1 - min(i, j)) // 2 + max(i, j)
 
 
-def _unpack_gradient(spec: PairSpec) -> str:
-    """Half of the renormalised gradient, L b / 2, in the units of pair sums; 0 where too few neighbours are there for
-    L.
-    """
-    d = spec.dimensions
-    names = [f"m{i}{j}" for i in range(d) for j in range(i, d)] + [f"b{i}" for i in range(d)]
-    body = [f"{name} = {_sum(f'at + {k}')} * of_gradient" for k, name in enumerate(names)]
-    return _kernel("unpack_gradient", "at, sums, gradient", body + _solve(d))
+@njit
+def unpack_gradient(block, blocks, base, scales, at, sums, gradient):
+    """Half of the renormalised gradient, L b / 2, in the units of pair sums; 0 where too few neighbours are there."""
+    for l in range(blocks[block], blocks[block + 1]):
+        for b in range(np.uint64(base[l]), np.uint64(base[l + 1])):
+            matrix, det = cofactors(sums, at, b, scales.of_gradient)
+            factor = 0.5 / det if det > 1e-3 else 0.0
+            for i in range(DIM):
+                found = 0.0
+                for j in range(DIM):
+                    step = np.float64(sums[at + len(matrix) + j, b]) * scales.of_gradient
+                    found += matrix[entry(i, j)] * step
+                gradient[i, b] = found * factor
 
 
-def _solve(d: int) -> list[str]:
-    if d == 2:
-        lines = ["det = m00 * m11 - m01 * m01", "g0 = m11 * b0 - m01 * b1", "g1 = m00 * b1 - m01 * b0"]
-    else:
-        lines = [
-            "c00, c01, c02 = m11 * m22 - m12 * m12, m02 * m12 - m01 * m22, m01 * m12 - m02 * m11",
-            "c11, c12, c22 = m00 * m22 - m02 * m02, m01 * m02 - m00 * m12, m00 * m11 - m01 * m01",
-            "det = m00 * c00 + m01 * c01 + m02 * c02",
-            "g0 = c00 * b0 + c01 * b1 + c02 * b2",
-            "g1 = c01 * b0 + c11 * b1 + c12 * b2",
-            "g2 = c02 * b0 + c12 * b1 + c22 * b2",
-        ]
-    lines += ["factor = 0.5 / det if det > 1e-3 else 0.0"]
-    return lines + [f"gradient[{k}, b] = g{k} * factor" for k in range(d)]
-
-
-def _unpack_strain(spec: PairSpec) -> str:
-    """The velocity gradient, shear[a, b] = d v_b / d x_a."""
-    body = [f"shear[{k}, b] = {_sum(str(k))} * of_strain" for k in range(spec.dimensions**2)]
-    return _kernel("unpack_strain", "sums, shear", body)
-
-
-def _stress(spec: PairSpec, columns: list[str]) -> list[str]:
-    """mu eps / rho^2 (MP 22)."""
-    d = spec.dimensions
-    body = [f"trace = 2.0 / {d}.0 * (" + " + ".join(f"shear[{k * (d + 1)}, b]" for k in range(d)) + ")"]
-    body += ["rho = 1.0 + drho[b] * per_rho", "factor = viscosity / (rho * rho)"]
-    for i, a in enumerate(spec.axes):
-        for j, b in enumerate(spec.axes[i:], start=i):
-            strain = f"shear[{i * d + j}, b] + shear[{j * d + i}, b]{' - trace' if i == j else ''}"
-            body.append(f"values[{columns.index(f't{a}{b}')}, b] = ({strain}) * factor")
-    return body
-
-
-def _unpack_shifting(spec: PairSpec) -> str:
-    """offset[d, n] in h per Courant and Mach number; zero where fluid or walls are not all around."""
-    d = spec.dimensions
-    body = [f"inside = {_sum(f'at + {d}')} * of_around > {ALL_AROUND[d]} and flags[b] & 1 == 1"]
-    body += [f"offset[{k}, b] = -4.0 * of_shifting * {_sum(f'at + {k}')} if inside else 0.0" for k in range(d)]
-    return _kernel("unpack_shifting", "at, flags, sums, offset", body)
-
-
-def _unpack_matrix(spec: PairSpec) -> str:
+@njit
+def unpack_matrix(block, blocks, base, scales, at, flags, sums, matrix):
     """Renormalisation L; the identity where too few neighbours are there, and in walls, whose particles do not meet."""
-    d = spec.dimensions
-    body, k = [], 0
-    for i in range(d):
-        for j in range(i, d):
-            body.append(f"m{i}{j} = {_sum(str(k))} * of_gradient")
-            k += 1
-    if d == 2:
-        body += ["det = m00 * m11 - m01 * m01", "c00, c01, c11 = m11, -m01, m00"]
-    else:
-        body += _solve(3)[:1] + _solve(3)[1:3]
-    body += [f"good = det > {LEAST_DETERMINANT!r} and flags[b] & 1 == 1"]
-    for i in range(d):
-        for j in range(d):
-            name = f"c{min(i, j)}{max(i, j)}"
-            body.append(f"matrix[{i * d + j}, b] = {name} / det if good else {float(i == j)!r}")
-    return _kernel("unpack_matrix", "flags, sums, matrix", body)
+    for l in range(blocks[block], blocks[block + 1]):
+        for b in range(np.uint64(base[l]), np.uint64(base[l + 1])):
+            inverse, det = cofactors(sums, at, b, scales.of_gradient)
+            good = det > LEAST_DETERMINANT and flags[b] & FLUID == FLUID
+            for i in range(DIM):
+                for j in range(DIM):
+                    matrix[i * DIM + j, b] = inverse[entry(i, j)] / det if good else np.float64(i == j)
+
+
+@njit
+def pack_matrix(block, blocks, base, matrix, values):
+    """The columns L, upper triangles of the renormalisation."""
+    for l in range(blocks[block], blocks[block + 1]):
+        for b in range(np.uint64(base[l]), np.uint64(base[l + 1])):
+            for i in range(DIM):
+                for j in range(i, DIM):
+                    values[L + entry(i, j), b] = matrix[i * DIM + j, b]
+
+
+@njit
+def unpack_shifting(block, blocks, base, scales, at, flags, sums, offset):
+    """offset[d, slot] in h per Courant and Mach number; zero where fluid or walls are not all around."""
+    for l in range(blocks[block], blocks[block + 1]):
+        for b in range(np.uint64(base[l]), np.uint64(base[l + 1])):
+            around = np.float64(sums[at + DIM, b]) * scales.of_around
+            inside = around > ALL_AROUND and flags[b] & FLUID == FLUID
+            for k in range(DIM):
+                offset[k, b] = -4.0 * scales.of_shifting * np.float64(sums[at + k, b]) if inside else 0.0

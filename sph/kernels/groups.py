@@ -63,3 +63,21 @@ class Mirrors(NamedTuple):
     shifts: Reals
     spins: Reals
     pushes: Reals
+
+
+class Scales(NamedTuple):
+    """1 / h, 1 / c0, 1 / rho0, 1 / (rho0 h^d), p / (rho0 c0^2) of the background, mu / (rho0 c0 h), Monaghan's
+    coefficient against tension; and what the other sums of these kinds are multiplied by.
+    """
+
+    per_h: float
+    per_c: float
+    per_rho: float
+    per_m: float
+    background: float
+    viscosity: float
+    tensile: float
+    of_gradient: float
+    of_strain: float
+    of_shifting: float
+    of_around: float

@@ -18,6 +18,7 @@ from hpcpic.core.simd.vector import (
     total,
 )
 from sph.kernels.marks import MINE
+from sph.kernels.powers import power
 
 DIM = 3
 
@@ -32,7 +33,7 @@ F, I, L = Vec(N, np.float64), Vec(N, np.int32), Vec(N, np.int64)
 def fill(b, last, flags, constants, powers, x, v, m, drho, terms):
     """Find terms[k, N] of the sums for the N bodies from b on; 0 for those that are no fluid and from `last` on.
 
-    `powers`: coefficients of ((1 + e)^(gamma - 1) - 1) / (gamma - 1) in e, for whole gamma.
+    powers: coefficients of ((1 + e)^(gamma - 1) - 1) / (gamma - 1) in e.
     """
     fluid = load(I, flags, b) & np.int32(MINE) == np.int32(MINE)
     mass = select(fluid, load(F, m, b), 0.0)
@@ -46,16 +47,7 @@ def fill(b, last, flags, constants, powers, x, v, m, drho, terms):
         store(terms[4 + k], 0, mass * speed)
     change = select(counts, load(F, drho, b), 0.0) / constants[0]
     volume = change / (change + 1.0)  # rho0 (1 / rho0 - 1 / rho)
-    bent = splat(F, 0.0)
-    for k in range(powers.size - 1, -1, -1):
-        bent = change * (bent + powers[k])
-    if powers.size == 0:
-        line = terms[2]
-        store(line, 0, change)
-        for k in range(N):
-            stretch = np.log1p(line[k])
-            line[k] = np.expm1(constants[3] * stretch) / constants[3] if constants[3] != 0.0 else stretch
-        bent = load(F, line, 0)
+    bent = power(change, constants[3], powers)
     store(terms[0], 0, 0.5 * mass * square)
     store(terms[1], 0, -mass * height)
     store(terms[2], 0, mass * (((bent - volume) * constants[1] + volume * constants[2]) / constants[0]))

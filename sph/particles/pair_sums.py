@@ -1,19 +1,31 @@
 """The pair sums of a scene: accelerations and rates of density of all bodies of a rank."""
 
+from types import ModuleType
+from typing import Any
+
 import numpy as np
 from numpy.typing import NDArray
 
-from hpcpic.core.simd.generate import module_from_source
-from sph.kernels import columns, packing, passes
+from hpcpic.core.simd.generate import specialise
+from sph.kernels import passes
 from sph.particles.ghosts import Ghosts
 from sph.particles.tasks import Tasks
-from sph.physics.pair_spec import PairSpec, passes_of, sums_of
+from sph.physics.equation_of_state import coefficients
+from sph.physics.pair_spec import PairSpec, columns_of, passes_of, sums_of
 from sph.setup.pair_numbers import PairNumbers
 from sph.setup.scene import Scene
 
-FIRST_SUMS = {"gradient": "momentsxx", "shifting": "shiftsx"}  # of what `unpack` takes
+FIRST_SUMS = {"gradient": "momentsxx", "matrix": "matrixxx", "shifting": "shiftsx", "strain": "strainsxx"}
 
-HEAD = "import numpy as np\n\nfrom hpcpic.core.simd.compile import njit\n"
+
+def columns_kernels(spec: PairSpec, gamma: float) -> ModuleType:
+    """The module kernels.columns as a case needs it."""
+    columns = columns_of(spec)
+    first = {"NORMALS": "nx", "V": "vx", "G": "gx", "L": "lxx", "T": "txx"}
+    first |= {name.upper(): name for name in ("push", "light", "volume", "excess", "mass", "slope", "tension")}
+    constants: dict[str, Any] = {key: columns.index(name) if name in columns else -1 for key, name in first.items()}
+    constants |= {"DIM": spec.dimensions, "KIND": repr(spec.real), "SINGLE": spec.single, "GAMMA": gamma}
+    return specialise("sph.kernels", ["columns"], IN_TURN=spec.in_turn, **constants)
 
 
 class PairSums:
@@ -29,12 +41,11 @@ class PairSums:
         self._held = {} if spec.single else {"position": "x"}
         self.rate = -1
         self.kernels = passes.make(spec)
-        self.packing = module_from_source(packing.source(spec, scene.config.eos.gamma), "sph_packing")
-        self.around = module_from_source(HEAD + columns.source(spec), "sph_columns")
+        self.columns = columns_kernels(spec, scene.eos.gamma)
         known = PairNumbers(scene, spec)
         tasks.arena.set(
-            scales=known.scales, pair_numbers=known.numbers, factors=known.factors,
-            face_normals=np.ascontiguousarray(scene.normals[:, scene.axes].T),
+            scales=known.scales, powers_of_pressure=coefficients(scene.eos.gamma), pair_numbers=known.numbers,
+            factors=known.factors, face_normals=np.ascontiguousarray(scene.normals[:, scene.axes].T),
         )  # fmt: skip
 
     def forces_on(self, rows: NDArray[np.int64]) -> NDArray[np.float64]:
@@ -50,17 +61,16 @@ class PairSums:
     def _unpack(self, title: str, kind: str) -> None:
         """Sums of the pass `title` into the columns of the bodies."""
         names = self._sums[title]
-        kernel = getattr(self.around, f"unpack_{kind}")
-        more = {"at": names.index(FIRST_SUMS[kind])} if kind in FIRST_SUMS else {}
-        self.tasks.each(kernel, blocks="inner", **more)
+        kernel = getattr(self.columns, f"unpack_{kind}")
+        self.tasks.each(kernel, blocks="inner", at=names.index(FIRST_SUMS[kind]))
 
     def pack(self) -> None:
         """What pair sums read of all bodies besides the state."""
-        self.tasks.each(self.packing.pack, blocks="layers", **self._held)
+        self.tasks.each(self.columns.pack, blocks="layers", powers="powers_of_pressure", **self._held)
 
     def _pack_again(self) -> None:
-        if hasattr(self.around, "pack_again"):
-            self.tasks.each(self.around.pack_again, blocks="layers")
+        if self.spec.changes:
+            self.tasks.each(self.columns.pack_again, blocks="layers")
 
     def forces(self, iteration: int) -> None:
         """Split scheme, first half: a (and the density gradient) from x^n, v^n, rho^n."""
@@ -85,7 +95,7 @@ class PairSums:
             self._sweep("matrices")
             self._unpack("matrices", "matrix")
             self.ghosts.refresh(iteration)
-            self.tasks.each(self.around.pack_matrix, blocks="layers")
+            self.tasks.each(self.columns.pack_matrix, blocks="layers")
 
     def stresses(self, iteration: int) -> None:
         """(MP 22) at all bodies, for (MP 23)."""
@@ -94,7 +104,7 @@ class PairSums:
         self._sweep("strain")
         self._unpack("strain", "strain")
         self.ghosts.refresh(iteration)
-        self.tasks.each(self.around.pack_stress, blocks="layers")
+        self.tasks.each(self.columns.pack_stress, blocks="layers")
 
     def everything(self, iteration: int) -> None:
         """a and d rho / dt from one state."""

@@ -44,6 +44,11 @@ class PairSpec:
         return self.split and not (self.needs_gradient or self.shifting or self.corrected or self.needs_stress)
 
     @property
+    def changes(self) -> bool:
+        """Whether columns change between forces and rates, besides the state."""
+        return self.single or self.needs_gradient or self.in_turn
+
+    @property
     def real(self) -> str:
         return "float32" if self.single else "float64"
 

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sph.case.config import SphConfig
+from sph.physics.equation_of_state import EquationOfState
 from sph.physics.smoothing import SMOOTHING
 from sph.physics.viscosities import VISCOSITIES
 from sph.physics.waves import cleary_constant
@@ -29,11 +30,10 @@ class Reference:
         self.numerics, self.m, self.gravity = config.numerics, m, gravity
         self.d, self.h, self.c, self.gamma = config.dimensions, config.h, config.sound_speed, config.eos.gamma
         self.rho0, self.mu = config.fluid[0].density, config.fluid[0].dynamic_viscosity
+        eos = EquationOfState(self.rho0, self.c, self.gamma, config.eos.background_pressure)
         self.smoothing = SMOOTHING[config.numerics.kernel]
         self.rho, self.volume = self.rho0 + drho, m / (self.rho0 + drho)
-        stiffness = self.rho0 * self.c**2 / self.gamma
-        self.p = stiffness * np.expm1(self.gamma * np.log1p(drho / self.rho0))  # (MP 14): (rho / rho0)^gamma - 1
-        self.p += config.eos.background_pressure
+        self.p = eos.pressure(drho) + eos.background  # (MP 14)
         self.dx, self.dv = x[:, :, None] - x[:, None, :], v[:, :, None] - v[:, None, :]
         for k in np.flatnonzero(period):
             self.dx[k] -= period[k] * np.rint(self.dx[k] / period[k])

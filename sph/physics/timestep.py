@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 from hpcpic.core.errors import Diverged
 from sph.case.config import SphConfig
+from sph.physics.equation_of_state import EquationOfState
 from sph.physics.stability import MAX_FORCE_STEP, physical_viscosity, viscous_limit
 
 
@@ -29,10 +30,10 @@ class TimeStep:
     reach: the farthest a particle may move in a step, m; inf where neighbours are only needed at its start.
     """
 
-    def __init__(self, config: SphConfig, rho0: float, reach: float) -> None:
+    def __init__(self, config: SphConfig, eos: EquationOfState, reach: float) -> None:
         self.fixed = config.simulation.time_step
         self.h, self.cfl, self.reach = config.h, config.simulation.cfl or 0.0, reach
-        self.c0, self.rho0, self.gamma = config.sound_speed, rho0, config.eos.gamma
+        self.eos = eos
         nu = physical_viscosity(config)
         self.viscous = viscous_limit(config) * config.h**2 / nu if nu else math.inf
 
@@ -40,7 +41,6 @@ class TimeStep:
         """dt in s for the largest |v|, |a| and |rho - rho0| of all particles."""
         if self.fixed:
             return self.fixed
-        sound = self.c0 * (1.0 + drho / self.rho0) ** ((self.gamma - 1.0) / 2.0)
         force = MAX_FORCE_STEP * math.sqrt(self.h / acceleration) if acceleration > 0 else math.inf
         travel = self.reach / speed if speed > 0 else math.inf
-        return min(self.cfl * self.h / sound, self.viscous, force, travel)
+        return min(self.cfl * self.h / self.eos.sound_speed(drho), self.viscous, force, travel)

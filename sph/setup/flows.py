@@ -9,22 +9,17 @@ from numpy.typing import NDArray
 from hpcpic.core.space.products import product
 from sph.case import geometry
 from sph.case.config import Fluid
+from sph.physics.equation_of_state import EquationOfState
 
 TERMS = 60  # of the double sine series in each direction
 
 
 class Liquid(Protocol):
-    """What is read of a scene: gravity[d] m/s2, rho0 kg/m3, and the pressures of densities."""
+    """What is read of a scene: gravity[d] m/s2 and the equation of state."""
 
     dimensions: int
     gravity: NDArray[np.float64]
-    rho0: float
-
-    def pressure(self, drho: NDArray) -> NDArray[np.float64]:
-        """p in Pa from rho - rho0."""
-
-    def rest_density_below(self, depth: NDArray) -> NDArray[np.float64]:
-        """Hydrostatic rho - rho0 at a depth in m."""
+    eos: EquationOfState
 
 
 def up(scene: Liquid) -> NDArray[np.float64]:
@@ -40,6 +35,11 @@ def depth(scene: Liquid, fluid: Fluid, x: NDArray) -> NDArray[np.float64]:
     if top is None:
         top = max(float(np.dot(corner, up(scene))) for corner in geometry.corners(fluid.shape))
     return top - product(x, up(scene))
+
+
+def hydrostatic(scene: Liquid, fluid: Fluid, x: NDArray) -> NDArray[np.float64]:
+    """rho - rho0 at rest[n], kg/m3."""
+    return scene.eos.excess_at_rest(depth(scene, fluid, x), math.hypot(*scene.gravity))
 
 
 def velocity(scene: Liquid, fluid: Fluid, x: NDArray) -> NDArray[np.float64]:
@@ -76,11 +76,11 @@ def pressure(scene: Liquid, fluid: Fluid, x: NDArray) -> NDArray[np.float64]:
     assert flow is not None
     if flow.type == "taylor-green":
         k, a = 2 * math.pi / flow.wavelength, flow.amplitude
-        return -scene.rho0 * a * a / 4 * (np.cos(2 * k * x[:, 0]) + np.cos(2 * k * x[:, 1]))
+        return -scene.eos.rho0 * a * a / 4 * (np.cos(2 * k * x[:, 0]) + np.cos(2 * k * x[:, 1]))
     if flow.type == "standing-wave":
-        return scene.pressure(scene.rest_density_below(depth(scene, fluid, x)))
+        return scene.eos.pressure(hydrostatic(scene, fluid, x))
     gradient = np.array(flow.gradient).reshape(scene.dimensions, -1)
-    source = scene.rho0 * float(np.trace(gradient @ gradient))
+    source = scene.eos.rho0 * float(np.trace(gradient @ gradient))
     if fluid.shape.sphere:
         r2 = np.sum((x - np.array(fluid.shape.sphere.centre)) ** 2, axis=1)
         return source / (2 * scene.dimensions) * (fluid.shape.sphere.radius**2 - r2)

@@ -4,6 +4,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sph.case.config import SphConfig
+from sph.kernels.groups import Scales
 from sph.physics.integrators import INTEGRATORS
 from sph.physics.pair_spec import NUMBERS, UNIT, PairSpec
 from sph.physics.smoothing import SMOOTHING
@@ -36,7 +37,7 @@ def pair_spec_of(config: SphConfig, others: bool) -> PairSpec:
 class PairNumbers:
     """Arrays of a scene for kernels. Single precision has lengths in h UNIT, and units of c0, rho0 and rho0 h^d.
 
-    scales: see kernels.packing.SCALES; numbers: see NUMBERS; factors: what makes of sums a [m/s2] without gravity and
+    numbers: see NUMBERS; factors: what makes of sums a [m/s2] without gravity and
     body force, with 1 / m, and d rho / dt [kg/m3 s].
     """
 
@@ -50,15 +51,15 @@ class PairNumbers:
         self.sums = SMOOTHING[scene.kernel].factor(d) * self.mass * self.length
 
     @property
-    def scales(self) -> NDArray[np.float64]:
+    def scales(self) -> Scales:
+        """What kernels.columns multiplies with."""
         scene = self.scene
         h, c, rho = scene.h, scene.c0, scene.rho0
-        background = scene.config.eos.background_pressure / (rho * c * c)
-        viscosity, tensile = scene.viscosity / (rho * c * h), scene.config.numerics.tensile_correction
         length, speed, sums = self.length, self.speed, self.sums
-        return np.array(
-            [1 / h, 1 / c, 1 / rho, 1 / (rho * h**scene.dimensions), background, viscosity, tensile, sums * length,
-             sums * speed, sums, sums * length]
+        return Scales(
+            1 / h, 1 / c, 1 / rho, 1 / (rho * h**scene.dimensions), scene.eos.background / (rho * c * c),
+            scene.viscosity / (rho * c * h), scene.config.numerics.tensile_correction, sums * length, sums * speed,
+            sums, sums * length,
         )  # fmt: skip
 
     @property

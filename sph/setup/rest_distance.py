@@ -36,7 +36,8 @@ def before_walls(scene: Surroundings, section: Fluid, x: NDArray, drho: NDArray)
     walls = [wall for wall in scene.walls if wall.rule.repulsive]
     if not walls:
         return x
-    needed = np.maximum(scene.pressure(drho), 0.0) / (scene.rho0 * scene.spacing) + np.linalg.norm(scene.gravity) / 2
+    p = np.maximum(scene.eos.pressure(drho), 0.0)
+    needed = p / (scene.eos.rho0 * scene.spacing) + np.linalg.norm(scene.gravity) / 2
     rest = distance(needed * scene.h / (STRENGTH * scene.c0**2)) * scene.h
     farthest = scene.h if held(scene, section) else rest
     for wall in walls:

@@ -17,6 +17,7 @@ from hpcpic.core.space.rng import uniforms
 from sph.case import config as case
 from sph.case import geometry
 from sph.kernels.marks import WALL_BITS
+from sph.physics.equation_of_state import EquationOfState
 from sph.physics.stability import support_of
 from sph.physics.wall_rules import WALL_RULES
 from sph.setup import flows, periodic_walls, rest_distance, signed_distance
@@ -236,7 +237,8 @@ class Scene:
         self.kernel = numerics.kernel
         self.rho0 = first.density if first else 1000.0
         self.viscosity = first.dynamic_viscosity if first else 0.0
-        self.c0, self.gamma = config.sound_speed, config.eos.gamma
+        self.eos = EquationOfState(self.rho0, config.sound_speed, config.eos.gamma, config.eos.background_pressure)
+        self.c0 = config.sound_speed
         self.low, self.high = np.array(config.domain.low, float), np.array(config.domain.high, float)
         self.periodic = np.array([axis in config.domain.periodic for axis in case.AXES[:d]])
         self.gravity, self.body_force = np.array(config.gravity), np.array(config.body_force)
@@ -266,19 +268,6 @@ class Scene:
         wall = (ids >> WALL_BITS) - 1
         repulsive = np.diff(self._first_normal)[wall] > 0
         return np.where(repulsive, self._first_normal[wall] + ((ids & ((1 << WALL_BITS) - 1)) >> PART), 0)
-
-    @property
-    def stiffness(self) -> float:
-        """k0 of (MP 14), Pa."""
-        return self.rho0 * self.c0**2 / self.gamma
-
-    def pressure(self, drho: NDArray) -> NDArray[np.float64]:
-        """p of (MP 14) in Pa from rho - rho0, without the background pressure."""
-        return self.stiffness * np.expm1(self.gamma * np.log1p(np.asarray(drho) / self.rho0))
-
-    def density(self, pressure: NDArray) -> NDArray[np.float64]:
-        """rho - rho0 in kg/m3 at which the equation of state gives this pressure."""
-        return self.rho0 * np.expm1(np.log1p(np.asarray(pressure) / self.stiffness) / self.gamma)
 
     def fluid(self, ids: NDArray) -> dict[str, NDArray[np.float64]]:
         """x[n, d] m, v[n, d] m/s, drho[n] = rho - rho0 kg/m3, m[n] kg of fluid particles at t = 0."""
@@ -313,18 +302,8 @@ class Scene:
         if section.initial_pressure == "zero":
             return np.zeros(len(x))
         if section.initial_pressure == "flow":
-            return self.density(flows.pressure(self, section, x))
-        return self.rest_density_below(flows.depth(self, section, x))
-
-    def rest_density_below(self, depth: NDArray) -> NDArray[np.float64]:
-        """Hydrostatic rho - rho0 at a depth in m, exact for the equation of state: (rho/rho0)^(g-1) =
-        1 + (g-1) |g| depth / c0^2.
-        """
-        g, gamma = math.hypot(*self.gravity), self.gamma
-        head = g * np.maximum(depth, 0.0) / self.c0**2
-        if gamma == 1.0:
-            return self.rho0 * np.expm1(head)
-        return self.rho0 * np.expm1(np.log1p((gamma - 1) * head) / (gamma - 1))
+            return self.eos.excess(flows.pressure(self, section, x))
+        return flows.hydrostatic(self, section, x)
 
     def rest_density(self, x: NDArray) -> NDArray[np.float64]:
         """rho - rho0 with which particles of walls at x[n, d] start: of the hydrostatic fluid within the support."""
@@ -333,7 +312,7 @@ class Scene:
             if fluid.section.initial_pressure == "hydrostatic" and fluid.n:
                 low, high = map(np.array, geometry.bounds(fluid.section.shape))
                 near = np.all((x > low - self.support) & (x < high + self.support), axis=1)
-                found[near] = self.rest_density_below(flows.depth(self, fluid.section, x[near]))
+                found[near] = flows.hydrostatic(self, fluid.section, x[near])
         return found
 
     def _fill(self, section: case.Fluid) -> FluidSet:

@@ -135,7 +135,7 @@ def test_internal_energy_is_the_work_of_pressure(gamma):
     for drho in (-20.0, 0.0, 80.0):
         slope = (energy(drho + 1e-3) - energy(drho - 1e-3)) / 2e-3
         # the difference of two energies has lost their first five digits or so
-        assert slope == pytest.approx(float(scene.pressure(drho)) / (1000 + drho) ** 2, rel=1e-5, abs=1e-9)
+        assert slope == pytest.approx(float(scene.eos.pressure(drho)) / (1000 + drho) ** 2, rel=1e-5, abs=1e-9)
 
 
 def test_scalars_are_the_sums_over_the_fluid():

@@ -168,17 +168,17 @@ def test_hydrostatic_density_balances_gravity(gamma):
     text = TANK + f"eos = {{ gamma = {gamma}; sound_speed = 30.0; }};"
     scene = scene_of(text)
     depth = np.linspace(0.0, 1.0, 2001)
-    drho = scene.rest_density_below(depth)
-    p = scene.pressure(drho)
+    drho = scene.eos.excess_at_rest(depth, 9.81)
+    p = scene.eos.pressure(drho)
     slope = (p[2:] - p[:-2]) / (depth[2:] - depth[:-2])
     assert np.allclose(slope, (scene.rho0 + drho[1:-1]) * 9.81, rtol=1e-6)  # central differences
-    assert np.allclose(scene.density(p), drho, rtol=1e-11)
+    assert np.allclose(scene.eos.excess(p), drho, rtol=1e-11)
 
 
 def test_particles_of_walls_start_with_the_pressure_of_the_fluid_beside_them():
     scene = scene_of()
     x = np.array([[0.2, 0.25, -0.025], [0.9, 0.25, -0.025], [0.9, 0.25, 0.55]])
-    p = scene.pressure(scene.rest_density(x))
+    p = scene.eos.pressure(scene.rest_density(x))
     assert p == pytest.approx([1000 * 9.81 * 0.325, 1000 * 9.81 * 0.125, 0.0], rel=5e-3)
 
 

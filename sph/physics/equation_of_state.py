@@ -1,0 +1,61 @@
+"""The equation of state (MP 14) and what follows from it: sound speed, density at rest, work of compression."""
+
+import math
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+MOST_GAMMA = 16  # that a polynomial is made for
+
+
+def power(e: Any, n: float) -> Any:
+    """((1 + e)^n - 1) / n without loss for small e, log(1 + e) for n = 0. Kernels have it as kernels.powers.power."""
+    stretch = np.log1p(e)
+    return np.expm1(n * stretch) / n if n else stretch
+
+
+def coefficients(n: float) -> NDArray[np.float64]:
+    """Coefficients of `power` as a polynomial in e, for whole n from 1 to MOST_GAMMA; else none."""
+    whole = range(1, round(n) + 1) if n == round(n) and n <= MOST_GAMMA else ()
+    return np.array([math.comb(round(n), k) / n for k in whole], np.float64)
+
+
+@dataclass(frozen=True)
+class EquationOfState:
+    """p = rho0 c0^2 / gamma ((rho / rho0)^gamma - 1) in Pa, and a background pressure; of `excess` = rho - rho0."""
+
+    rho0: float
+    c0: float
+    gamma: float
+    background: float = 0.0
+
+    @property
+    def stiffness(self) -> float:
+        """k0 of (MP 14), Pa."""
+        return self.rho0 * self.c0**2 / self.gamma
+
+    def pressure(self, excess: NDArray | float) -> NDArray[np.float64]:
+        """p in Pa without the background, from kg/m3."""
+        return self.stiffness * np.expm1(self.gamma * np.log1p(np.asarray(excess) / self.rho0))
+
+    def excess(self, pressure: NDArray | float) -> NDArray[np.float64]:
+        """rho - rho0 in kg/m3 at which p without the background is this pressure in Pa."""
+        return self.rho0 * np.expm1(np.log1p(np.asarray(pressure) / self.stiffness) / self.gamma)
+
+    def sound_speed(self, excess: Any) -> Any:
+        """(MP 15): c = c0 (rho / rho0)^((gamma - 1) / 2), m/s."""
+        return self.c0 * (1.0 + excess / self.rho0) ** ((self.gamma - 1.0) / 2.0)
+
+    def excess_at_rest(self, depth: NDArray, gravity: float) -> NDArray[np.float64]:
+        """rho - rho0 at rest at a depth in m, exact: (rho / rho0)^(gamma - 1) = 1 + (gamma - 1) g depth / c0^2."""
+        head, n = gravity * np.maximum(depth, 0.0) / self.c0**2, self.gamma - 1
+        return self.rho0 * np.expm1(np.log1p(n * head) / n if n else head)
+
+    def energy(self, excess: NDArray) -> NDArray[np.float64]:
+        """Work of compression from rho0, J/kg: the integral of (p + background) / rho^2."""
+        change = excess / self.rho0
+        volume = change / (1 + change)  # rho0 (1 / rho0 - 1 / rho)
+        bent = power(change, self.gamma - 1)
+        return (self.stiffness * (bent - volume) + self.background * volume) / self.rho0
