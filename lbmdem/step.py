@@ -73,7 +73,7 @@ class LbmDem:
         self.driven = config.shaking is not None or (self.drive is not None and self.drive.changes)
         heights = self.coordinates()[-1].ravel()
         parts = self.fluid, self.drive, self.immersed, self.grains
-        self.diagnostics = Diagnostics(scene, world, table, heights, *parts)
+        self.diagnostics = Diagnostics(scene, world, domain, table, heights, *parts)
         self.scalar_units = self.diagnostics.units
 
     def _fluid(self, fluid: FluidSection, stays: bool) -> Fluid:

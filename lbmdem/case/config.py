@@ -10,6 +10,7 @@ import numpy as np
 from pydantic import BeforeValidator, Field
 
 from hpcpic.core.case.config import Tree
+from hpcpic.core.case.gauge import Gauge
 from hpcpic.core.case.schema import REQUIRED, Lengths, Section, Vector, as_tuple, setting
 from hpcpic.core.case.words import one_period, one_viscosity
 from hpcpic.core.files.start import Start, arrays, attach
@@ -262,11 +263,17 @@ class LbmDemConfig(Section):
     coupling: Coupling = Coupling()
     gravity: Vector = setting((), "acceleration of gravity [gx, gy(, gz)]", "m/s2")
     shaking: Shaking | None = None
+    gauge: tuple[Gauge, ...] = ()
     output: Output = Output()
 
     @property
     def dimensions(self) -> int:
         return self.simulation.dimensions or len(self.domain.size)
+
+    @property
+    def fields(self) -> dict[str, tuple[str, int]]:
+        """Unit and number of components (0: a scalar) of each field of the fluid."""
+        return {"velocity": ("m/s", self.dimensions), "pressure": ("Pa", 0)} if self.fluid else {}
 
     @property
     def lattice(self) -> str:

@@ -8,7 +8,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hpcpic.core.comm.world import World
-from hpcpic.core.space import exact
 from lbmdem.case.config import AXES, seeps
 from lbmdem.coupling.immersed import Immersed
 from lbmdem.fluid.drive import Drive
@@ -18,20 +17,6 @@ from lbmdem.physics.velocity_sets import CS2
 from lbmdem.setup.scene import Scene
 
 GRAVITY = 9.81  # m/s2, of hydraulic gradients where a case has none of its own
-
-
-def column_sums(world: World, values: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Collective: sums [k] of values[n, k] over the rows of all ranks, with the same bits however they are divided."""
-    columns = np.ascontiguousarray(values.T)
-    most = world.max_array(np.abs(columns).max(axis=1, initial=0.0))
-    if not np.all(np.isfinite(most)):
-        return np.full(values.shape[1], np.nan)
-    scales = [exact.power_of_two_above(m) for m in most]
-    limbs = np.zeros((len(columns), exact.LIMBS), np.int64)
-    for of_column, column, scale in zip(limbs, columns, scales):
-        exact.add_limbs(of_column, column, 1.0 / scale)
-    limbs = world.sum_int(limbs.ravel()).reshape(-1, exact.LIMBS)
-    return np.array([exact.value(limb, scale) for limb, scale in zip(limbs, scales)])
 
 
 class FluidScalars:
@@ -86,7 +71,7 @@ class FluidScalars:
         """Collective. slices: ends of the control slices, m; none to leave out their pressures."""
         scene, units = self._scene, self._scene.units
         rows, squares = self._fluid.row_sums()
-        nodes, excess, *momentum, energy, flow = column_sums(self._world, rows)
+        nodes, excess, *momentum, energy, flow = self._world.sum_exact(rows)
         values = {"mass": (nodes + excess) * units.mass}
         values["energy_kinetic"] = 0.5 * energy * units.mass * units.velocity**2
         self._watch_mass(excess, nodes)
@@ -107,7 +92,7 @@ class FluidScalars:
         z = np.repeat(self._heights, len(rows) // max(1, len(self._heights)))
         for k in range(len(slices) - 1):
             inside = (z >= slices[k]) & (z < slices[k + 1])
-            nodes, excess = column_sums(self._world, np.where(inside[:, None], rows[:, :2], 0.0))
+            nodes, excess = self._world.sum_exact(np.where(inside[:, None], rows[:, :2], 0.0))
             values[f"pressure_{k + 1}"] = excess / max(nodes, 1.0) * CS2 * self._scene.units.pressure
         return values
 

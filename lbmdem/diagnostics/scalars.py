@@ -5,14 +5,18 @@ import logging
 from numpy.typing import NDArray
 
 from hpcpic.core.comm.world import World
+from hpcpic.core.run.gauges import Gauges
+from hpcpic.core.space.domain import Domain
 from lbmdem.case.config import AXES
 from lbmdem.coupling.driven_grains import DrivenGrains
 from lbmdem.coupling.immersed import Immersed
+from lbmdem.diagnostics import snapshot
 from lbmdem.diagnostics.fluid_scalars import FluidScalars
 from lbmdem.diagnostics.sample import sample_ends, slice_edges
 from lbmdem.fluid.drive import Drive
 from lbmdem.fluid.fluid import Fluid
 from lbmdem.grains import contact_network
+from lbmdem.kernels.layout import FLUID
 from lbmdem.setup.scene import GrainTable, Scene
 
 log = logging.getLogger("hpcpic.lbmdem")
@@ -32,6 +36,7 @@ class Diagnostics:
         self,
         scene: Scene,
         world: World,
+        domain: Domain,
         table: GrainTable,
         heights: NDArray,
         fluid: Fluid | None,
@@ -43,13 +48,16 @@ class Diagnostics:
         self._immersed, self._grains = immersed, grains
         self._axes = AXES[: scene.dimensions]
         self._bodies = [*scene.set_names, *(obstacle.name for obstacle in scene.config.obstacle)]
+        self._flow = fluid
         self._warned: set[str] = set()
         self.overlap = 0.0
         ends = sample_ends(table.x, table.radius, scene.config.domain.size[-1])
         n_slices = scene.config.output.stress_slices if grains else 0
         self.slices = slice_edges(*ends, 2.0 * float(table.radius.max(initial=0.0)), n_slices)
         self.fluid = FluidScalars(scene, world, fluid, drive, immersed, ends, heights) if fluid and drive else None
+        self.gauges = Gauges(scene.config.gauge, domain, world)
         self.units = self._units()
+        self.units |= self.gauges.units(scene.config.fields, self.units)
 
     def _units(self) -> dict[str, str]:
         per = "" if self._scene.dimensions == 3 else "/m"  # two-dimensional quantities are per metre of depth
@@ -69,6 +77,7 @@ class Diagnostics:
         values = self._of_fluid(self.fluid, step) if self.fluid else {}
         values |= self._of_solids(self._immersed, step) if self._immersed else {}
         values |= self._of_grains(self._grains, step) if self._grains else {}
+        values |= self._of_gauges() if self.gauges else {}
         return {name: values[name] for name in self.units}
 
     def _warn_once(self, kind: str, wrong: bool, text: str, step: int) -> None:
@@ -85,6 +94,11 @@ class Diagnostics:
         text = f"the mean density of the fluid has changed by {fluid.drift:.1e}: {cure}"
         self._warn_once("mass", abs(fluid.drift) > WARN_DRIFT, text, step)
         return values
+
+    def _of_gauges(self) -> dict[str, float]:
+        """Gauges read the nodes of the fluid alone."""
+        assert self._flow is not None
+        return self.gauges.values(snapshot.fields(self._scene, self._flow), self._flow.solid.inner == FLUID)
 
     def _of_solids(self, immersed: Immersed, step: int) -> dict[str, float]:
         """Share of links without their rule, and the force on every set of grains and every obstacle.

@@ -4,6 +4,7 @@ import math
 from collections.abc import Iterator
 
 from hpcpic.core.case.config import Path
+from hpcpic.core.case.gauge import gauge_faults
 from hpcpic.core.files.start import start_faults
 from lbmdem.case.config import AXES, GrainSet, LbmDemConfig, Obstacle
 
@@ -32,6 +33,7 @@ def faults(config: LbmDemConfig) -> Iterator[tuple[Path, str]]:
     yield from name_faults(config)
     yield from unused_faults(config)
     yield from packing_faults(config)
+    yield from gauge_faults(config.gauge, config.fields, config.domain.size)
     for i, obstacle in enumerate(config.obstacle):
         for key, text in obstacle_faults(config, obstacle):
             yield ("obstacle", i, *key), text

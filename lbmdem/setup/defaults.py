@@ -1,5 +1,6 @@
 """Fills in what the settings of a case determine: lattice, periodic axes, names, vectors of full length."""
 
+from hpcpic.core.case.gauge import named
 from hpcpic.core.case.words import only_seconds
 from lbmdem.case.config import AXES, GrainSet, LbmDemConfig
 
@@ -33,6 +34,7 @@ def completed(config: LbmDemConfig) -> LbmDemConfig:
             "boundary": boundary,
             "obstacle": obstacle,
             "grains": tuple(completed_grains(grains, i, d) for i, grains in enumerate(config.grains)),
+            "gauge": named(config.gauge),
             "gravity": padded(config.gravity, d),
         }
     )

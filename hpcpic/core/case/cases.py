@@ -14,10 +14,10 @@ from typing import Any
 
 from hpcpic.core.errors import ConfigError
 
-SHARED = ("description", "simulation", "output")
+SHARED = ("description", "simulation", "gauge", "output")
 PROGRAMS = {  # the groups and settings outside of groups in a case of each program
     "hpcpic": {*SHARED, "units", "grid", "field", "constants", "species", "numerics"},
-    "sph": {*SHARED, "domain", "fluid", "eos", "numerics", "gravity", "body_force", "wall", "gauge"},
+    "sph": {*SHARED, "domain", "fluid", "eos", "numerics", "gravity", "body_force", "wall"},
     "lbmdem": {
         *SHARED, "domain", "fluid", "boundary", "obstacle", "grains", "contact", "coupling", "gravity", "shaking",
     },

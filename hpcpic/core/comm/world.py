@@ -139,6 +139,23 @@ class World:
         assert values.dtype == np.int64
         return self._reduce(values, "SUM")
 
+    def sum_exact(self, values: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Sums [k] of values[n, k] over the rows of all ranks, with the same bits however they are divided; not a
+        number where a value is none. Collective.
+        """
+        from hpcpic.core.space import exact
+
+        columns = np.ascontiguousarray(values.T)
+        most = self.max_array(np.abs(columns).max(axis=1, initial=0.0))
+        if not np.all(np.isfinite(most)):
+            return np.full(values.shape[1], np.nan)
+        scales = [exact.power_of_two_above(m) for m in most]
+        limbs = np.zeros((len(columns), exact.LIMBS), np.int64)
+        for of_column, column, scale in zip(limbs, columns, scales):
+            exact.add_limbs(of_column, column, 1.0 / scale)
+        limbs = self.sum_int(limbs.ravel()).reshape(-1, exact.LIMBS)
+        return np.array([exact.value(limb, scale) for limb, scale in zip(limbs, scales)])
+
     def any(self, flag: bool) -> bool:
         return bool(self._reduce(np.array([flag], np.int64), "MAX")[0])
 
