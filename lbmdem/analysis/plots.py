@@ -18,6 +18,7 @@ from hpcpic.core.app.figures import (
     Plot,
     axis_label,
     columns_of,
+    gauges_figure,
     new_figure,
     present,
     series_of,
@@ -179,6 +180,11 @@ def mass(run: Run, step: int | None = None) -> Figure:
         return figure
 
 
+def gauges(run: Run, step: int | None = None) -> Figure:
+    """Gauges in the fluid, in time."""
+    return gauges_figure(run, config_of(run).gauge)
+
+
 def stress(run: Run, step: int | None = None) -> Figure:
     """Stress between grains in the control slices against the gradient between them, and where their lines meet."""
     config = config_of(run)
@@ -281,6 +287,7 @@ PLOTS = {
     "rolling": Plot("From sliding to rolling", rolling),
     "permeability": Plot("Permeability in time", permeability),
     "stress": Plot("Stress between grains against the hydraulic gradient", stress),
+    "gauges": Plot("Gauges in time", gauges),
     "energies": Plot("Kinetic energies", energies),
     "mass": Plot("Mass and Mach number", mass),
     "timers": TIMERS,

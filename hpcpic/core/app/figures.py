@@ -20,6 +20,7 @@ from hpcpic.core.errors import FileError
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
+    from hpcpic.core.case.gauge import Gauge
     from hpcpic.core.files.reader import Run, Snapshots
     from hpcpic.core.files.series import Series
 
@@ -251,6 +252,26 @@ def timers_figure(timers: Mapping[str, Mapping[str, float]]) -> Figure:
 
 
 TIMERS = Plot("Where the time went", timers)
+
+
+def gauges_figure(run: Run, gauges: Sequence[Gauge]) -> Figure:
+    """What each gauge in the fields of a grid read, in time."""
+    if not gauges:
+        raise NotInScene("the case has no gauge")
+    with style():
+        figure, axes = new_figure(len(gauges), 1, (6.4, 2.0 * len(gauges) + 0.6), squeeze=False, sharex=True)
+        for axis, gauge in zip(axes[:, 0], gauges):
+            names = [name for name in run.series if name in gauge.names]
+            for name in names:
+                axis.plot(*thinned(*columns_of(run, name)), label=plain(name), linewidth=1.3)
+            place = f"at ({', '.join(f'{x:g}' for x in gauge.at)}) m"
+            size = f", {' x '.join(f'{x:g}' for x in gauge.size)} m wide" if any(gauge.size) else ""
+            axis.set(ylabel=axis_label(gauge.what, run.series.units[names[0]]))
+            axis.set_title(f"{plain(gauge.name)}: {gauge.take + ' ' if size else ''}{place}{size}")
+            if len(names) > 1:
+                axis.legend(ncols=3)
+        axes[-1, 0].set_xlabel("time, s")
+        return figure
 
 
 def overlay_figure(runs: Mapping[str, Run], name: str) -> Figure:

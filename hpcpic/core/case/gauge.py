@@ -21,6 +21,11 @@ class Gauge(Section):
         "mean", "mean of the field interpolated linearly between nodes, or its least or greatest value at a node"
     )
 
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Names that its columns can have: its own of a scalar, one for each axis of a vector."""
+        return (self.name, *(f"{self.name}_{axis}" for axis in AXES))
+
     def columns(self, units: Mapping[str, tuple[str, int]]) -> dict[str, str]:
         """Columns of the series with their units; units: of each field, with its number of components (0: a scalar)."""
         unit, components = units[self.what]

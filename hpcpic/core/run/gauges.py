@@ -4,13 +4,12 @@ A mean is a sum over nodes with weights that are a product of one along each axi
 has the same bits however the rows are shared among ranks.
 """
 
-import math
 from collections.abc import Mapping, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
 
-from hpcpic.core.case.gauge import Gauge
+from hpcpic.core.case.gauge import AXES, Gauge
 from hpcpic.core.comm.world import World
 from hpcpic.core.errors import ConfigError
 from hpcpic.core.files.arrays import FieldArray
@@ -81,10 +80,10 @@ class Gauges:
         for gauge, nodes, weights in self._places:
             field = fields[gauge.what].values[nodes].astype(np.float64)
             counted = weights if holds is None else weights * holds[nodes]
+            components = field.shape[weights.ndim :]
+            names = [f"{gauge.name}_{axis}" for axis in AXES[: components[0]]] if components else [gauge.name]
             read = self._mean if gauge.take == "mean" else self._extreme
-            found = read(gauge, field.reshape(counted.size, max(1, math.prod(field.shape[counted.ndim :]))), counted.ravel())
-            scalar = field.ndim == counted.ndim
-            names = [gauge.name] if scalar else [f"{gauge.name}_{axis}" for axis in "xyz"[: len(found)]]
+            found = read(gauge, field.reshape(weights.size, len(names)), counted.ravel())
             values |= dict(zip(names, found.tolist()))
         return values
 
