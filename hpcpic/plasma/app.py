@@ -64,6 +64,7 @@ APP = App(
         "simulation.stop_SEM",
         "simulation.sampling_period",
         "simulation.plasma_chunks",
+        "gauge",
         "output",
     ),
     bench=later("hpcpic.plasma.bench", "bench"),

@@ -1,12 +1,13 @@
 """The simulation flow of the thesis (9.2): allocation, rewind, loop."""
 
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 
 import numpy as np
 
 from hpcpic.core.comm.world import World
 from hpcpic.core.files.arrays import Column, FieldArray, ParticleArray, Shard
 from hpcpic.core.files.sealed import Reader
+from hpcpic.core.run.gauges import Gauges
 from hpcpic.core.run.worst import worst_particles
 from hpcpic.core.space.domain import Domain, block_ranges, even_cuts
 from hpcpic.core.tasks.graph import Pool
@@ -20,7 +21,7 @@ from hpcpic.plasma.field.mesh import SHIFT, Mesh
 from hpcpic.plasma.forecast.derived import total_plasma_frequency
 from hpcpic.plasma.particles.cloud import CHUNK, Cloud
 from hpcpic.plasma.particles.push_spec import PushSpec, groups_of_charge
-from hpcpic.plasma.physics.species_fields import asked_for
+from hpcpic.plasma.physics.species_fields import asked_for, field_units
 from hpcpic.plasma.setup.scene import Scene
 
 COLD = 0.1  # lambda_D/dx to which the grid heats the coldest plasma: its energy is no growth yet
@@ -63,7 +64,9 @@ class Plasma:
         self.mesh.collect_from(self.cloud.patches, self.cloud.delivery)
         self.sums = SeriesSums(scene, world, self.mesh, self.cloud, self.field_scale)
         self.scalar_units = scalars.units()
-        asked = asked_for(config.output.fields)
+        self._gauges = Gauges(config.gauge, self.domain, world)
+        self.scalar_units |= self._gauges.units(field_units(config), self.scalar_units)
+        asked = asked_for(config)
         self._node_moments = NodeMoments(scene, world, self.domain, self.cloud, asked) if asked else None
         self._distribute()
         self._rewind()
@@ -150,14 +153,19 @@ class Plasma:
         self.solve()
         with self.timers.section("scalars"):
             values = self.sums.scalars()
+            if self._gauges:
+                values |= self._gauges.values(self._fields({gauge.what for gauge in self.scene.config.gauge}))
         self._energy.see(values["energy_total"], self.time, self.iteration)
         return values
 
     def fields(self) -> Mapping[str, FieldArray]:
         """What the case asks for of rho, phi, E and the fields of the species, at t = n dt. Collective."""
         self.solve()
-        found = snapshot.fields(self.mesh, self.scene.config.output.fields)
-        return found | self._node_moments.arrays_of(self.iteration) if self._node_moments else found
+        return self._fields(self.scene.config.output.fields)
+
+    def _fields(self, names: Collection[str]) -> dict[str, FieldArray]:
+        found = snapshot.fields(self.mesh, names)
+        return found | self._node_moments.arrays_of(self.iteration, names) if self._node_moments else found
 
     def particles(self) -> Mapping[str, ParticleArray]:
         """x^n and v^(n-1/2) by species. Collective."""

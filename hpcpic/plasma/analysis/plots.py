@@ -21,6 +21,7 @@ from hpcpic.core.app.figures import (
     Plot,
     axis_label,
     columns_of,
+    gauges_figure,
     new_figure,
     present,
     series_of,
@@ -80,6 +81,11 @@ def _end_of_beginning(signal: np.ndarray, crossings: int = 40) -> int:
     """Index behind so many crossings of the mean if there are over four times as many; else the length."""
     crossed = np.flatnonzero(np.diff(np.sign(signal - signal.mean())) != 0)
     return int(crossed[crossings]) if len(crossed) > 4 * crossings else len(signal)
+
+
+def gauges(run: Run, step: int | None = None) -> Figure:
+    """Gauges in the fields, in time."""
+    return gauges_figure(run, config_of(run).gauge)
 
 
 def conservation(run: Run, step: int | None = None) -> Figure:
@@ -300,6 +306,7 @@ PLOTS = {
     "energies": Plot("Energy in time", energies),
     "modes": Plot("Modes of the field beside theory", modes),
     "conservation": Plot("Departures of charge, momentum and energy", conservation),
+    "gauges": Plot("Gauges in time", gauges),
     "fields": Plot("Charge, potential and field", fields, steps_of(_fields)),
     "phase-space": Plot("Particles in phase space", phase_space, steps_of(snapshots_of)),
     "orbits": Plot("Paths of single particles", orbits),

@@ -11,6 +11,7 @@ from typing import Annotated, ClassVar, Literal
 from pydantic import BeforeValidator
 
 from hpcpic.core.case.config import Tree, dotted
+from hpcpic.core.case.gauge import Gauge
 from hpcpic.core.case.schema import (
     REQUIRED,
     Counts,
@@ -206,6 +207,7 @@ class PlasmaConfig(Section):
     constants: Constants = Constants()
     species: tuple[Species, ...] = ()
     numerics: Numerics = Numerics()
+    gauge: tuple[Gauge, ...] = ()
     output: Output = Output()
 
     @property

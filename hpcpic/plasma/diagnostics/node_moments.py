@@ -1,6 +1,7 @@
 """Fields of the species: sums over particles on the nodes, exact, so that their bits depend on no order."""
 
 import math
+from collections.abc import Collection
 
 import numpy as np
 
@@ -15,7 +16,7 @@ from hpcpic.plasma.particles.cloud import Cloud
 from hpcpic.plasma.particles.tiles import Patches
 from hpcpic.plasma.physics.boris import part_of_turn, turn
 from hpcpic.plasma.physics.moments import SPEED_SQUARED
-from hpcpic.plasma.physics.species_fields import NodeSample, SpeciesField
+from hpcpic.plasma.physics.species_fields import NodeSample, SpeciesField, unit_in
 from hpcpic.plasma.setup.scene import Scene, SceneSpecies
 
 SQUARE = 4.0  # a power of two above |v|^2 of v = (1, 1, 1)
@@ -58,14 +59,19 @@ class NodeMoments:
         self._tasks = tasks  # the arena follows them as long as somebody holds them
         self._graph = self.sums.graph(patches, before=[tasks])
 
-    def arrays_of(self, iteration: int) -> dict[str, FieldArray]:
-        """Every field of every species at t = n dt, as <field>_<species>. Collective."""
+    def arrays_of(self, iteration: int, names: Collection[str]) -> dict[str, FieldArray]:
+        """Fields at t = n dt, as <field>_<species>: those of these names, of all species where a name has none.
+        Collective.
+        """
         found = {}
         for k, species in enumerate(self.scene.species):
+            wanted = [f for f in self.fields if f.name in names or f"{f.name}_{species.name}" in names]
+            if not wanted:
+                continue
             self.arrays.sampled[0] = k
             sample = self._sample(species, iteration)
-            for field in self.fields:
-                unit = field.unit_in(self.scene.dimensions)
+            for field in wanted:
+                unit = unit_in(field.unit, self.scene.dimensions)
                 found[f"{field.name}_{species.name}"] = FieldArray(field.value(sample), unit)
         return found
 

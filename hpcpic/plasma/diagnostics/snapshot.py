@@ -15,6 +15,7 @@ from hpcpic.core.space.domain import block_ranges
 from hpcpic.plasma.field.mesh import Mesh
 from hpcpic.plasma.particles.cloud import CHUNK, Cloud
 from hpcpic.plasma.particles.push_spec import PushSpec
+from hpcpic.plasma.physics.species_fields import MESH_FIELDS, unit_in
 from hpcpic.plasma.setup.scene import Scene
 from hpcpic.plasma.sizes import EDGE, MAX_SPEED
 
@@ -24,11 +25,13 @@ def fields(mesh: Mesh, names: Collection[str]) -> dict[str, FieldArray]:
     d = mesh.domain.ndim
     e = np.stack([component[mesh.inside] for component in mesh.e], axis=-1)
     found = {
-        "rho": FieldArray(mesh.rho, "C/m" if d == 1 else f"C/m{d}"),
-        "phi": FieldArray(mesh.phi.inner, "V"),
-        "E": FieldArray(e, "V/m"),
+        "rho": mesh.rho,
+        "phi": mesh.phi.inner,
+        "E": e,
     }
-    return {name: field for name, field in found.items() if name in names}
+    return {
+        name: FieldArray(values, unit_in(MESH_FIELDS[name], d)) for name, values in found.items() if name in names
+    }
 
 
 def particles(scene: Scene, cloud: Cloud) -> dict[str, ParticleArray]:

@@ -13,7 +13,7 @@ from collections.abc import Mapping
 from hpcpic.core.app.forecast import FILES, Estimate, gain, writing_seconds
 from hpcpic.plasma.case.config import PlasmaConfig, velocity_components
 from hpcpic.plasma.forecast.plan import arrays, factor_nonzeros
-from hpcpic.plasma.physics.species_fields import asked_for
+from hpcpic.plasma.physics.species_fields import SPECIES_FIELDS
 from hpcpic.plasma.sizes import EDGE
 
 MIB = 2.0**20
@@ -207,7 +207,7 @@ def memory_items(
 def stored_components(config: PlasmaConfig) -> int:
     """Numbers of a node in a snapshot of the fields; vectors are stored with three components."""
     names = config.output.fields
-    of_species = sum(3 if field.vector else 1 for field in asked_for(names))
+    of_species = sum(3 if field.vector else 1 for field in SPECIES_FIELDS.values() if field.name in names)
     return ("rho" in names) + ("phi" in names) + 3 * ("E" in names) + len(config.species) * of_species
 
 

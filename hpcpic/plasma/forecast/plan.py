@@ -70,7 +70,7 @@ def arrays(config: PlasmaConfig, ranks: int, threads: int) -> Iterator[Array]:
     yield Array("rho", (rows, columns), "float64")
     yield Array("phi", tuple(n + ghosts + 2 for n in ((rows, columns) if d == 2 else (rows,))), "float64")
     yield Array("E", (d, *(n + ghosts for n in ((rows, columns) if d == 2 else (rows,)))), "float64")
-    if asked := asked_for(config.output.fields):
+    if asked := asked_for(config):
         moments = dict.fromkeys(moment for field in asked for moment in field.moments)
         n = 1 + max(1, values_of(tuple(moments), velocity_components(config)))
         yield Array("moments of the blocks", (n, *wide), "int64")

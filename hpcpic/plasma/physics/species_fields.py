@@ -20,9 +20,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from hpcpic.plasma.case.config import PlasmaConfig, name_of, velocity_components
 from hpcpic.plasma.physics.moments import SPEED_SQUARED, VELOCITY, Moment
 
-MESH_FIELDS = ("rho", "phi", "E")  # of all species together
+MESH_FIELDS = {"rho": "C/m^d", "phi": "V", "E": "V/m"}  # of all species together, with their units
 
 
 @dataclass(frozen=True, slots=True)
@@ -54,9 +55,10 @@ class SpeciesField:
     moments: tuple[Moment, ...] = ()
     vector: bool = False
 
-    def unit_in(self, dimensions: int) -> str:
-        """The unit in a box of so many dimensions."""
-        return self.unit.replace("m^d", "m" if dimensions == 1 else f"m{dimensions}")
+
+def unit_in(unit: str, dimensions: int) -> str:
+    """The unit in a box of so many dimensions."""
+    return unit.replace("m^d", "m" if dimensions == 1 else f"m{dimensions}")
 
 
 def temperature(sample: NodeSample) -> NDArray[np.float64]:
@@ -78,6 +80,20 @@ register(SpeciesField("u", "m/s", lambda sample: sample[VELOCITY], (VELOCITY,), 
 register(SpeciesField("T", "J", temperature, (VELOCITY, SPEED_SQUARED)))
 
 
-def asked_for(names: tuple[str, ...]) -> list[SpeciesField]:
-    """The fields of species among the names in output.fields."""
-    return [SPECIES_FIELDS[name] for name in names if name in SPECIES_FIELDS]
+def field_units(config: PlasmaConfig) -> dict[str, tuple[str, int]]:
+    """Unit and number of components (0: a scalar) of the fields that gauges can read: those of the mesh, and
+    <field>_<species>.
+    """
+    d, components = config.dimensions, velocity_components(config)
+    units = {name: (unit, d if name == "E" else 0) for name, unit in MESH_FIELDS.items()}
+    for i, species in enumerate(config.species):
+        for field in SPECIES_FIELDS.values():
+            units[f"{field.name}_{name_of(species, i)}"] = field.unit, components if field.vector else 0
+    return {name: (unit_in(unit, d), n) for name, (unit, n) in units.items()}
+
+
+def asked_for(config: PlasmaConfig) -> list[SpeciesField]:
+    """The fields of species that snapshots or gauges of a case show."""
+    names = {*config.output.fields, *(gauge.what for gauge in config.gauge)}
+    species = [name_of(species, i) for i, species in enumerate(config.species)]
+    return [f for f in SPECIES_FIELDS.values() if {f.name, *(f"{f.name}_{one}" for one in species)} & names]

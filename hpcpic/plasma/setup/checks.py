@@ -3,10 +3,11 @@
 import itertools
 from collections.abc import Iterator
 
+from hpcpic.core.case.gauge import gauge_faults
 from hpcpic.core.case.schema import Fault, abridged
 from hpcpic.plasma.case import units
 from hpcpic.plasma.case.config import MOST_PARTICLES, MOST_POINTS, PlasmaConfig, Species, name_of
-from hpcpic.plasma.physics.species_fields import MESH_FIELDS, SPECIES_FIELDS
+from hpcpic.plasma.physics.species_fields import MESH_FIELDS, SPECIES_FIELDS, field_units
 from hpcpic.plasma.setup.loaders import loader_faults
 from hpcpic.plasma.setup.macro_particles import particle_faults
 
@@ -27,6 +28,8 @@ def faults(config: PlasmaConfig) -> Iterator[Fault]:
         if len(vector) != 3:
             yield ("field", name), f"needs 3 numbers, one per axis x, y, z (got {len(vector)})"
     yield from field_faults(config.output.fields)
+    if len(simulation.space_length) == d:
+        yield from gauge_faults(config.gauge, field_units(config), simulation.space_length)
     names = [name_of(species, i) for i, species in enumerate(config.species)]
     for i, species in enumerate(config.species):
         if "/" in names[i] or names[i] in (".", ".."):

@@ -1,5 +1,6 @@
 """Fills in what the settings of a plasma case determine: numbers in place of words, names, vectors of full length."""
 
+from hpcpic.core.case.gauge import named
 from hpcpic.core.case.words import in_steps
 from hpcpic.plasma.case import units
 from hpcpic.plasma.case.config import Constants, Every, Grid, Period, PlasmaConfig, Species, name_of
@@ -25,6 +26,7 @@ def completed(config: PlasmaConfig) -> PlasmaConfig:
             "grid": Grid(points=points),
             "constants": Constants(vacuum_permittivity=permittivity),
             "species": tuple(completed_species(species, i, config) for i, species in enumerate(config.species)),
+            "gauge": named(config.gauge),
             "output": output,
         }
     )
