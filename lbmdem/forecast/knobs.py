@@ -9,9 +9,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from hpcpic.core.app.knobs import Choice, Knob, Knobs, Quantity
-from hpcpic.core.case.schema import value_text
-from lbmdem.case.config import LbmDemConfig, seeps
+from hpcpic.core.app.knobs import Choice, Knob, Knobs, Quantity, Seen
+from hpcpic.core.case.schema import group_lines, value_text
+from lbmdem.case.config import AXES, LbmDemConfig, seeps
 from lbmdem.forecast.plan import grain_count
 from lbmdem.physics.collision import COLLISIONS
 from lbmdem.physics.velocity_sets import CS2
@@ -24,6 +24,7 @@ if TYPE_CHECKING:
 SAMPLES = 17  # times of a quantity that is a curve
 ROWS = 400  # of the series of a whole run, in pilots
 COARSEST = 2  # cells across the shortest side
+FINE = 8  # cells that sides have in common: enough spacings divide all of them
 LIMIT = "step of the contacts"  # the derived number
 HORIZON_STEPS = 500  # of the fluid in which an instability shows
 DRY_STEPS = 10000  # of grains alone
@@ -49,7 +50,17 @@ def knobs_of(config: LbmDemConfig) -> Knobs:
         horizon=min(time, (HORIZON_STEPS if config.fluid else DRY_STEPS) * config.time_step),
         growth=growth,
         seed=reseeded if any(grains.diameters for grains in config.grains) else None,  # only these draw numbers
+        seen=seen(config) if config.fluid else None,
     )
+
+
+def seen(config: LbmDemConfig) -> Seen:
+    return Seen("velocity", (0.0,) * config.dimensions, tuple(config.domain.size), config.points, snapshot)
+
+
+def snapshot(time: float) -> tuple[str, ...]:
+    """--set list that writes the fields at the end."""
+    return (f"output.period.fields={time!r}",)
 
 
 def reseeded(seed: int) -> tuple[str, ...]:
@@ -108,9 +119,9 @@ def settings(config: LbmDemConfig, sizes: Mapping[str, float], time: float) -> t
     made = [f"simulation.end_time={time!r}"]
     if config.fluid is None:
         return (*made, f"simulation.time_step={float(sizes.get('dt', config.time_step))!r}", "coupling.substeps=1")
-    spacing = fitting(config, float(sizes.get("dx", config.spacing)))
+    spacing, box = fitting(config, float(sizes.get("dx", config.spacing)))
     excess = float(sizes.get("tau", config.tau - 0.5))
-    made.append(f"domain.spacing={spacing!r}")
+    made += [f"domain.spacing={spacing!r}", *box]
     if "substeps" in sizes and any(grains.moving for grains in config.grains):
         made.append(f"coupling.substeps={max(1, math.ceil(1.0 / sizes['substeps'] - 1e-6))}")
     if config.liquid.time_step is None:
@@ -118,13 +129,54 @@ def settings(config: LbmDemConfig, sizes: Mapping[str, float], time: float) -> t
     return (*made, f"fluid.time_step={excess * CS2 * spacing**2 / config.liquid.kinematic_viscosity!r}")
 
 
-def fitting(config: LbmDemConfig, wanted: float) -> float:
-    """The largest spacing not above the wanted one that divides every side of the box."""
-    points = config.points
-    whole = math.gcd(*points)
-    least = math.ceil(COARSEST * whole / min(points)) if min(points) >= COARSEST else whole
+def fitting(config: LbmDemConfig, wanted: float) -> tuple[float, tuple[str, ...]]:
+    """The largest spacing not above the wanted one that divides the sides which must keep their length, and --set words
+    for the others.
+
+    Sides along which the box repeats keep their length, else the shortest. The other sides need not be whole: where
+    fluid enters and leaves, the outlet moves by at most half a spacing; between walls the box ends beyond the upper
+    wall, which becomes a plane anywhere between the nodes.
+    """
+    points, size, d = config.points, config.domain.size, config.dimensions
+    opened = {AXES.index(face.face[0]) for face in config.boundary if face.type in ("pressure", "velocity")}
+    around = {AXES.index(axis) for axis in config.domain.periodic}
+    around |= {AXES.index(face.face[0]) for face in config.boundary if face.type == "periodic"}
+    walled = set(range(d)) - opened - around
+    fixed = around or {min(walled or opened, key=lambda axis: size[axis])}
+    for axis in sorted(walled - fixed):  # those that fit as well
+        if math.gcd(*(points[k] for k in fixed), points[axis]) >= FINE:
+            fixed.add(axis)
+    whole = math.gcd(*(points[k] for k in fixed))
+    fewest = min(points[k] for k in fixed)
+    least = math.ceil(COARSEST * whole / fewest) if fewest >= COARSEST else whole
     cells = max(least, math.ceil(whole * config.spacing / wanted - 1e-6))
-    return config.spacing * whole / cells
+    spacing = config.spacing * whole / cells
+    if math.isclose(spacing, config.spacing, rel_tol=1e-12):
+        return config.spacing, ()
+    counts = [
+        length / spacing if axis in fixed else max(1, round(length / spacing)) if axis in opened
+        else max(1, math.ceil(length / spacing - 1e-6))
+        for axis, length in enumerate(size)
+    ]  # fmt: skip
+    cut = [axis for axis in sorted(walled - fixed) if counts[axis] * spacing > size[axis] * 1.001]
+    planes = [upper_wall(config, axis) for axis in cut]
+    if len(fixed) == d or all(math.isclose(n * spacing, length) for n, length in zip(counts, size)):
+        return spacing, ()
+    box = [round(n) * spacing for n in counts]
+    words: tuple[str, ...] = (f"domain.size={box!r}",)
+    if planes:
+        given = [f"{{ {' '.join(line.partition('  #')[0] for line in group_lines(o, ''))} }}" for o in config.obstacle]
+        words += (f"obstacle=({', '.join([*given, *planes])})",)
+    return spacing, words
+
+
+def upper_wall(config: LbmDemConfig, axis: int) -> str:
+    """The upper wall along an axis as a plane where it is, which slides as the face does, in the words of a case."""
+    d, name = config.dimensions, AXES[axis]
+    point, normal = ([value if k == axis else 0.0 for k in range(d)] for value in (config.domain.size[axis], -1.0))
+    slides = next((list(face.velocity) for face in config.boundary if face.face == f"{name}+" and face.velocity), None)
+    velocity = f" velocity = {slides};" if slides else ""
+    return f'{{ name = "wall_{name}"; shape = {{ plane = {{ point = {point}; normal = {normal}; }}; }};{velocity} }}'
 
 
 def work(config: LbmDemConfig) -> float:
@@ -142,29 +194,36 @@ def quantities_of(config: LbmDemConfig, time: float) -> list[Quantity]:
     moving = any(grains.moving for grains in config.grains)
     if config.fluid is None:
         text = "kinetic energy of the grains at the end"
-        return [Quantity("grain-energy", text, time, partial(at_end, "energy_kinetic_grains", time))]
+        measure = partial(at_end, "energy_kinetic_grains", time)
+        return [Quantity("grain-energy", text, time, measure, why="the case has grains and no fluid")]
     found = []
     if seeps(config) and not moving:
         text = "permeability at half the run"
-        found.append(Quantity("permeability", text, time / 2, partial(at_end, "permeability", time / 2)))
+        why, measure = "a flow is driven through grains at rest", partial(at_end, "permeability", time / 2)
+        found.append(Quantity("permeability", text, time / 2, measure, why=why))
     if moving:
         name, text = "energy_kinetic_grains", "kinetic energy of the grains in the first quarter"
-        found.append(Quantity("grain-energy", text, time / 4, partial(curve, name, time / 4)))
+        found.append(Quantity("grain-energy", text, time / 4, partial(curve, name, time / 4), why="grains move"))
     text = "kinetic energy of the fluid in the first quarter"
-    found.append(Quantity("energy", text, time / 4, partial(curve, "energy_kinetic", time / 4)))
-    if any(config.liquid.body_force) or any(any(face.velocity) for face in config.boundary):
-        axis = main_axis(config)
-        text = f"momentum of the fluid along {axis} in the first quarter"
-        found.insert(0 if not config.grains else len(found),
-                     Quantity("momentum", text, time / 4, partial(curve, f"momentum_{axis}", time / 4)))  # fmt: skip
+    why = "nothing drives a flow through the box"
+    found.append(Quantity("energy", text, time / 4, partial(curve, "energy_kinetic", time / 4), why=why))
+    axis = main_axis(config)
+    if axis:
+        text, why = f"momentum of the fluid along {axis} in the first quarter", f"a flow is driven along {axis}"
+        made = Quantity("momentum", text, time / 4, partial(curve, f"momentum_{axis}", time / 4), why=why)
+        found.insert(0 if not config.grains else len(found), made)
     return found
 
 
 def main_axis(config: LbmDemConfig) -> str:
-    """Axis along which the flow is driven."""
+    """Axis along which a flow is driven that does not end at walls; "" where none is: what a lid drives turns round,
+    and its momentum is zero in the mean.
+    """
     vectors = [config.liquid.body_force, *(face.velocity for face in config.boundary)]
     sizes = [max((abs(v[k]) for v in vectors if len(v) > k), default=0.0) for k in range(config.dimensions)]
-    return "xyz"[int(np.argmax(sizes))]
+    axis = AXES[int(np.argmax(sizes))]
+    ends = {face.face[0] for face in config.boundary if face.type != "wall"}.union(config.domain.periodic)
+    return axis if max(sizes) and axis in ends else ""
 
 
 def curve(name: str, time: float, series: Series) -> np.ndarray:

@@ -31,6 +31,7 @@ class Simulation(Section):
         None, "time step over h / c0 (the acoustic criterion); by default 0.6 of the stability limit", gt=0
     )
     time_step: float | None = setting(None, "fixed time step; by default it adapts", "s", gt=0)
+    random_seed: int = setting(0, "seed of the disorder of fluids", ge=0)
 
 
 class Domain(Section):

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from hpcpic.core.app.knobs import Choice, Knob, Knobs, Quantity
+from hpcpic.core.app.knobs import Choice, Knob, Knobs, Quantity, Seen
 from hpcpic.core.case.schema import value_text
 from sph.case.config import SphConfig
 from sph.forecast.plan import counts
@@ -25,6 +25,7 @@ ROWS = 400  # of the series of a whole run, in pilots
 LAYERS = 8  # particles across the thinnest box of fluid or a sphere, at least
 HORIZON_STEPS = 500  # in which an instability shows
 SMOOTHINGS = (1.3, 1.5, 2.0)
+DISORDER = 0.01  # of the spacing: another start of the same scene
 
 
 def knobs_of(config: SphConfig) -> Knobs:
@@ -45,7 +46,30 @@ def knobs_of(config: SphConfig) -> Knobs:
         work_unit="particle-steps",
         horizon=min(time, HORIZON_STEPS * stability.time_step(config)),
         growth=growth,
+        seed=reseeded if any(fluid.disorder for fluid in config.fluid) else None,
+        shaken=partial(shaken, config),
+        seen=seen(config),
     )
+
+
+def reseeded(seed: int) -> tuple[str, ...]:
+    return (f"simulation.random_seed={seed}",)
+
+
+def shaken(config: SphConfig, seed: int) -> tuple[str, ...]:
+    """Fluids that start on a perfect lattice are disordered a little."""
+    return (*reseeded(seed), *(f"fluid[{i}].disorder={DISORDER!r}" for i in range(len(config.fluid))))
+
+
+def seen(config: SphConfig) -> Seen:
+    low, high = config.domain.corners
+    cells = tuple(round((b - a) / config.numerics.spacing) for a, b in zip(low, high))
+    return Seen("velocity", low, high, cells, snapshot)
+
+
+def snapshot(time: float) -> tuple[str, ...]:
+    """--set list that writes the particles of the fluid at the end."""
+    return (f"output.period.particles={time!r}", "output.walls=false")
 
 
 def continuous(config: SphConfig) -> list[Knob]:
@@ -133,24 +157,28 @@ def quantities_of(config: SphConfig, time: float) -> list[Quantity]:
     for wall in config.wall:
         if wall.measure_force:
             name = f"impulse_{wall.name}"
-            found.append(Quantity(name, f"impulse on {wall.name} at the end", time, partial(at_end, name, time)))
+            text, why = f"impulse on {wall.name} at the end", f"the case measures the force on {wall.name}"
+            found.append(Quantity(name, text, time, partial(at_end, name, time), why=why))
     for gauge in config.gauge:
+        why = f"the case has the gauge {gauge.name}"
         if gauge.what == "velocity":
             axis = "xyz"[int(np.argmax(np.abs(config.body_force)))]
             text = f"velocity along {axis} at {gauge.name} in the first quarter"
-            found.append(Quantity(gauge.name, text, end, partial(curve, f"{gauge.name}_{axis}", end)))
+            found.append(Quantity(gauge.name, text, end, partial(curve, f"{gauge.name}_{axis}", end), why=why))
         elif gauge.what == "pressure":
             text = f"mean pressure at {gauge.name} in the second half"
-            found.append(Quantity(gauge.name, text, time, partial(mean, gauge.name, time)))
+            found.append(Quantity(gauge.name, text, time, partial(mean, gauge.name, time), why=why))
         elif gauge.what == "front":
             text = f"{gauge.name} in the first quarter"
-            found.append(Quantity(gauge.name, text, end, partial(curve, gauge.name, end)))
+            found.append(Quantity(gauge.name, text, end, partial(curve, gauge.name, end), why=why))
     text = "kinetic energy in the first quarter, over that at the start if there is any"
-    energy = Quantity("energy", text, end, partial(energy_curve, end))
-    found.insert(0 if any(fluid.flow for fluid in config.fluid) else len(found), energy)
+    flows = any(fluid.flow for fluid in config.fluid)
+    why = "the fluid starts in a flow" if flows else "the case has no gauge and measures no force"
+    found.insert(0 if flows else len(found), Quantity("energy", text, end, partial(energy_curve, end), why=why))
     if any(fluid.flow and fluid.flow.type == "linear" for fluid in config.fluid):  # whose energy hardly changes
         text = "largest x in the first quarter, over that at the start"
-        found.insert(0, Quantity("stretch", text, end, partial(stretch, end)))
+        why = "a linear flow stretches the fluid"
+        found.insert(0, Quantity("stretch", text, end, partial(stretch, end), why=why))
     return found
 
 

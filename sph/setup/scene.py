@@ -295,7 +295,8 @@ class Scene:
         """x[n, d] off the lattice: a perfect one is drawn out into lines before it gives way, all at once."""
         if not fluid.section.disorder:
             return x
-        return x + fluid.section.disorder * self.spacing * (2 * uniforms(0, DISORDER, ids, self.dimensions) - 1)
+        shifts = 2 * uniforms(self.config.simulation.random_seed, DISORDER, ids, self.dimensions) - 1
+        return x + fluid.section.disorder * self.spacing * shifts
 
     def initial_density(self, section: case.Fluid, x: NDArray) -> NDArray[np.float64]:
         """rho - rho0 of points of a fluid at t = 0."""

@@ -39,6 +39,7 @@ class ErrorConfig(Section):
     dear: float = setting(1.0, "exponent of the cost of dx that is told")
     exact: bool = setting(False, "the answer is known to be 1")
     most: float = setting(1e9, "dx beyond which the case is refused")
+    warned: float = setting(1e9, "dx beyond which it is warned of")
     seed: int = setting(1, "of nothing")
     fault: toy_app.Fault = toy_app.Fault()
     output: toy_app.Output = toy_app.Output()
@@ -99,7 +100,8 @@ def knobs(config: ErrorConfig) -> Knobs:
 def derived(config: ErrorConfig, ranks: int) -> list[Derived]:
     number = config.dt / 0.5
     verdict = "ok" if number < 1 else "fail"
-    coarse = Derived("spacing", "dx", config.dx, "m", f"< {config.most:g}", "ok" if config.dx < config.most else "fail")
+    verdict_of_dx = "fail" if config.dx >= config.most else "warn" if config.dx >= config.warned else "ok"
+    coarse = Derived("spacing", "dx", config.dx, "m", f"< {config.most:g}", verdict_of_dx)
     step = Derived("time step", "dt/limit", number, "", "< 1", verdict, "known", key=("dt",), stable_below=1.0)
     return [step, coarse]
 

@@ -24,6 +24,7 @@ class Knob:
 
     size(config): of a completed case, in `unit`. key: where the setting stands. limit: the derived number that ends
     the stability of the scheme when this knob is turned. shown(size): the number that is printed, a count for example.
+    noisy: sampling: its error is drawn anew with every size, and falls as size^order in the mean only.
     """
 
     name: str
@@ -35,6 +36,7 @@ class Knob:
     cost: float
     limit: str = ""
     shown: Callable[[float], float] = itself
+    noisy: bool = False
 
 
 @dataclass(frozen=True, slots=True)
@@ -56,7 +58,8 @@ class Quantity:
     """What the user wants right. measure(series): one number or several, from a run until `time` [s].
 
     exact: its value in the exact solution, where that is known. Raises ArithmeticError or ValueError where the
-    series does not show it.
+    series does not show it. why: it is the one that the case is about. column: of the series, where it is of one.
+    noise(series): half the 95 % interval of what is a mean over time. field: it is the field that is seen at the end.
     """
 
     name: str
@@ -64,6 +67,23 @@ class Quantity:
     time: float
     measure: Callable[[Series], np.ndarray | float]
     exact: float | None = None
+    why: str = ""
+    column: str = ""
+    noise: Callable[[Series], float] | None = None
+    field: bool = False
+
+
+@dataclass(frozen=True, slots=True)
+class Seen:
+    """The field of a snapshot that is looked at beside the quantity: its name, the box [m], and the --set list of a run
+    until `time` [s] that writes it at the end. cells: of the case along each axis.
+    """
+
+    name: str
+    low: tuple[float, ...]
+    high: tuple[float, ...]
+    cells: tuple[int, ...]
+    snapshot: Callable[[float], tuple[str, ...]]
 
 
 @dataclass(frozen=True, slots=True)
@@ -76,7 +96,8 @@ class Knobs:
     work(config): what the run costs, counted instead of timed, in work_unit.
     horizon: time [s] in which an instability shows. growth(series): how much larger than at the start the quantity has
     become that an unstable scheme blows up. seed(n): settings of another random state; None where the scene draws no
-    random numbers.
+    random numbers. shaken(n): likewise, of a start off by a little, where chaos is to be seen in a scene
+    that draws none. seen: the field that is looked at beside a quantity.
     """
 
     knobs: tuple[Knob, ...]
@@ -90,3 +111,5 @@ class Knobs:
     horizon: float
     growth: Callable[[Series], float]
     seed: Callable[[int], tuple[str, ...]] | None = None
+    shaken: Callable[[int], tuple[str, ...]] | None = None
+    seen: Seen | None = None

@@ -106,3 +106,9 @@ def number(value: Any, digits: int = 4) -> str:
 
 def count(n: float) -> str:
     return f"{round(n):,}".replace(",", "\u202f")
+
+
+def percent(share: float) -> str:
+    """0.0123 -> "1.2 %", 1.7 -> "170 %"."""
+    digits = 1 - math.floor(math.log10(100.0 * share)) if share > 0.0 else 0
+    return f"{100.0 * share:.{min(max(digits, 0), 8)}f} %" if share < 1e4 else "over a million %"

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,17 +19,22 @@ SAFETY, SAFETY_IMPLAUSIBLE = 1.25, 3.0
 NOTHING = 1e-11  # relative difference between levels that counts as none
 LEAST_COST = 0.25  # of the theory's exponent: a knob that costs little now will cost more when it is finer
 NEAR = 0.05  # relative change over all levels below which the coarse ones are as asymptotic, and less noisy
+FITTED = 5  # levels of a least-squares fit, of four at least
 BEYOND = 1.3  # times the coarsest size measured: no recommendation is coarser
 
 
 @dataclass(frozen=True, slots=True)
 class Level:
-    """One pilot: size of the knob, value[n] of the quantity, seconds and counted work."""
+    """One pilot: size of the knob, value[n] of the quantity, seconds and counted work, half the 95 % interval of the
+    value where it is a mean over time, and the field at the end.
+    """
 
     size: float
     value: NDArray[np.float64]
     seconds: float
     work: float
+    noise: float = 0.0
+    field: NDArray[np.float64] | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -37,6 +42,7 @@ class ErrorModel:
     """The error and cost of one knob. sizes[m] and errors[m] ascend; signed[n]: relative error of the case itself.
 
     order: observed; used: the one calculated with; safety: Roache's factor. cost: exponent c of seconds ~ size^-c.
+    doubt: how far the error of the case itself may be from `signed`.
     """
 
     name: str
@@ -50,6 +56,7 @@ class ErrorModel:
     safety: float
     cost: float
     least_cost: float
+    doubt: float = 0.0
 
     @property
     def idle(self) -> bool:
@@ -58,7 +65,22 @@ class ErrorModel:
 
     @property
     def asymptotic(self) -> bool:
-        return self.safety == SAFETY
+        return self.safety == SAFETY and not self.random
+
+    @property
+    def steady(self) -> bool:
+        """True if the order was observed in three levels."""
+        return self.asymptotic and math.isfinite(self.order) and self.used == self.order
+
+    @property
+    def mine(self) -> int:
+        """Number of the level that is the case itself."""
+        return int(np.argmin(np.abs(np.log(self.sizes / self.here))))
+
+    @property
+    def random(self) -> bool:
+        """True if the error is drawn anew at every size: no extrapolation takes it off."""
+        return self.doubt > 0.0 and not self.signed.any()
 
     def error(self, size: float) -> float:
         """The relative error at a size, without the safety factor: a power law between the levels and beyond them."""
@@ -137,7 +159,56 @@ def fit(name: str, levels: Sequence[Level], here: float, theory: float, cost_the
         other = norm(values[2] - values[1]) / ((sizes[2] / sizes[0]) ** used - (sizes[1] / sizes[0]) ** used)
         errors = np.maximum(errors, other)
     errors = np.maximum.accumulate(errors)
-    return ErrorModel(name, sizes, errors, signed[mine], here, order, theory, used, safety, cost, least)
+    doubt = (safety - 1.0) * (norm(signed[mine]) if good else float(errors[mine]))
+    return ErrorModel(name, sizes, errors, signed[mine], here, order, theory, used, safety, cost, least, doubt)
+
+
+def scattered(law: ErrorModel, levels: Sequence[Level], scale: float) -> ErrorModel:
+    """The law of a knob whose error is drawn anew at every size, with a spread a size^p, p the theory's order.
+
+    a from the differences of all pairs of levels; errors are twice the spread, which 95 % of draws keep.
+    """
+    pairs = [(one, two) for k, one in enumerate(levels) for two in levels[:k]]
+    square = np.mean(
+        [
+            (norm(one.value - two.value) / scale) ** 2 / (one.size ** (2 * law.theory) + two.size ** (2 * law.theory))
+            for one, two in pairs
+        ]
+    )
+    errors = 2.0 * math.sqrt(square) * law.sizes**law.theory
+    doubt = 2.0 * math.sqrt(square) * law.here**law.theory
+    nothing = np.zeros_like(law.signed)
+    return replace(law, errors=errors, signed=nothing, used=law.theory, safety=1.0, doubt=doubt)
+
+
+def levelled(law: ErrorModel, levels: Sequence[Level], scale: float) -> ErrorModel:
+    """The law of a knob whose errors scatter about a power law, as where walls lie otherwise among the nodes of every
+    level: least squares of v0 + a h^p through the finest FITTED levels, p of theory (Eca & Hoekstra, J. Comput.
+    Phys. 262 (2014)). As it was where they scatter by more than they differ.
+    """
+    near = sorted(levels, key=lambda level: level.size)[:FITTED]
+    sizes, values = np.array([level.size for level in near]), np.array([level.value / scale for level in near])
+    lines = np.stack([np.ones_like(sizes), (sizes / law.here) ** law.theory], axis=1)
+    weight = (law.here / sizes)[:, None]
+    found = np.linalg.lstsq(weight * lines, weight * values, rcond=None)[0]
+    free = len(near) - 2
+    scatter = math.sqrt(sum(norm(part) ** 2 for part in weight * (values - lines @ found)) / free)
+    steps = max(norm(value - values[0]) for value in values) / (len(near) - 1)
+    if scatter >= steps:
+        return law
+    slope, start = norm(found[1]), 2.0 * scatter * math.sqrt(np.linalg.inv((weight * lines).T @ (weight * lines))[0, 0])
+    errors = np.maximum(slope * (law.sizes / law.here) ** law.theory + scatter, law.errors * (law.sizes > sizes[-1]))
+    signed = next(level.value for level in levels if level.size == law.sizes[law.mine]) / scale - found[0]
+    doubt = (SAFETY - 1.0) * slope + start
+    errors = np.maximum.accumulate(errors)
+    return replace(law, errors=errors, signed=signed, used=law.theory, safety=SAFETY, doubt=doubt)
+
+
+def hidden(law: ErrorModel, spread: float) -> ErrorModel:
+    """The law of a knob whose effect is within the sampling noise of the levels: at the coarsest no more than that."""
+    errors = spread * (law.sizes / law.sizes[-1]) ** law.theory
+    doubt = spread * (law.here / float(law.sizes[-1])) ** law.theory
+    return replace(law, errors=errors, signed=np.zeros_like(law.signed), used=law.theory, safety=1.0, doubt=doubt)
 
 
 def _slope(x: NDArray, y: NDArray) -> float:

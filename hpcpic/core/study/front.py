@@ -9,24 +9,26 @@ from typing import Any
 
 import numpy as np
 
+from hpcpic.core.app.text import percent
 from hpcpic.core.case.config import dotted
 from hpcpic.core.case.schema import dump
 from hpcpic.core.errors import CheckFailed
 from hpcpic.core.files.rundir import write_atomic, write_json
 from hpcpic.core.study.error_models import slope
-from hpcpic.core.study.search import Proposal, Search, Verified
+from hpcpic.core.study.recommend import Proposal, Recommendation, Verified
+from hpcpic.core.study.search import Search
 
 ERRORS = (0.1, 0.05, 0.02, 0.01, 5e-3, 2e-3, 1e-3, 5e-4, 2e-4, 1e-4)
 
 
-def front(search: Search) -> list[Proposal]:
+def front(made: Recommendation) -> list[Proposal]:
     """The cheapest settings for a row of errors, down to what the reference is known to."""
     found: list[Proposal] = []
     for error in ERRORS:
-        if error < 2.0 * search.uncertainty:
+        if error < 2.0 * made.search.uncertainty:
             break
         try:
-            proposal = search.propose(error)
+            proposal = made.propose(error)
         except CheckFailed:
             break
         if not found or proposal.cost > 1.01 * found[-1].cost:
@@ -123,6 +125,8 @@ def _verified(search: Search, verified: Verified) -> dict[str, Any]:
     )
     return _told(verified.proposal) | {
         "error": verified.error,
+        "field": verified.field if np.isfinite(verified.field) else None,
+        "certified": verified.certified,
         "neighbours": dict(verified.neighbours),
         "seconds": verified.pilot.seconds,
         "work": verified.pilot.work,
@@ -178,8 +182,10 @@ def write_case(search: Search, verified: Verified, tolerance: float, path: Path)
     }
     comments |= dict.fromkeys(proposal.scheme.others, "scheme")
     head = (
-        f"# what: {Path(pilots.read.path).stem} with {search.quantity.name} right to {tolerance:g}\n"
-        f"# source: tradeoff; measured error {verified.error:.1e}, reference known to {search.uncertainty:.1e}\n"
+        f"# what: {Path(pilots.read.path).stem} with {search.quantity.name} right to {percent(tolerance)}"
+        f"{'' if verified.certified else ', not certified'}\n"
+        f"# source: tradeoff; off by {percent(verified.error)} from a reference known to "
+        f"{percent(search.uncertainty)}\n"
     )
     write_atomic(path, head + commented(dump(config), comments))
 

@@ -5,7 +5,8 @@ from __future__ import annotations
 import hashlib
 import shutil
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from functools import cached_property
 from pathlib import Path
 from typing import Any
 
@@ -21,7 +22,6 @@ from hpcpic.core.cli.launch import launch, within
 from hpcpic.core.errors import CheckFailed, HpcpicError
 from hpcpic.core.files.rundir import RunDir
 from hpcpic.core.files.series import Series, read_series
-from hpcpic.core.study.error_models import Level
 from hpcpic.core.study.sweep import facts_of, run_once
 
 Settings = Mapping[str, str]  # dotted key -> value of a discrete setting
@@ -52,8 +52,10 @@ class Pilot:
     def series(self) -> Series:
         return read_series(self.folder)
 
-    def level(self, knob: str, value: NDArray[np.float64]) -> Level:
-        return Level(self.sizes[knob], value, self.seconds, self.work)
+    @property
+    def warnings(self) -> list[str]:
+        """What the run itself warned of."""
+        return [str(words) for words in facts_of(RunDir(self.folder)).get("warnings", ())]
 
 
 class Pilots:
@@ -79,12 +81,28 @@ class Pilots:
         return read_case(self.app, self.read.path, self.assignments(sizes, time, others)).config
 
     def beyond(self, sizes: Mapping[str, float], time: float, others: Settings, margin: float = 1.0) -> Derived | None:
-        """The first derived number that is refused or beyond `margin` of the end of stability."""
+        """The first derived number that is refused or beyond `margin` of the end of stability; with a margin also one
+        that `check` warns of, where the case itself does not, or less.
+        """
         for number in self.app.derived(self.config(sizes, time, others), self.shape[0]):
             stable = number.stable_above / margin <= number.value <= margin * number.stable_below
             if number.verdict == "fail" or not stable:
                 return number
+            if margin < 1.0 and number.verdict == "warn" and self.worse(number):
+                return number
         return None
+
+    @cached_property
+    def own_numbers(self) -> dict[str, Derived]:
+        return {number.name: number for number in self.app.derived(self.read.config, self.shape[0])}
+
+    def worse(self, number: Derived) -> bool:
+        """True if the case itself is not warned of this number, or is nearer to its limit."""
+        own = self.own_numbers.get(number.name)
+        if own is None or own.verdict == "ok":
+            return True
+        farther = number.value / own.value if own.value else 1.0
+        return farther < 0.999 if number.limit.startswith(">") else farther > 1.001
 
     def legal(self, sizes: Mapping[str, float], time: float, others: Settings, margin: float = 1.0) -> bool:
         return self.beyond(sizes, time, others, margin) is None
@@ -122,7 +140,12 @@ class Pilots:
         settings = "  ".join(
             f"{knob.name} = {knob.shown(made.sizes[knob.name]):.5g}" for knob in self.knobs.knobs
         )
-        how = "diverged" if code == 4 else how.strip()
+        if code == 4:
+            lines = (self.folder / f"{name}.txt").read_text(encoding="utf-8", errors="replace").splitlines()
+            how = next((line for line in lines if line.startswith("diverged")), "diverged")
+            made = replace(made, words=how)
+            self.done[name] = made
+        how = how.strip()
         click.echo(f"  pilot {len(self.done):2d}  {settings}  {words}: {how}  {made.seconds:.3g} s")
         return made
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import re
 from dataclasses import dataclass
 from pathlib import Path
@@ -11,7 +12,7 @@ import click
 
 from hpcpic.core.app.app import App, AppLoader
 from hpcpic.core.app.read import Case, read_case, set_option, shape_options
-from hpcpic.core.app.text import duration, table
+from hpcpic.core.app.text import duration, percent, table
 from hpcpic.core.app.use import use_option
 from hpcpic.core.case.cases import read_header
 from hpcpic.core.cli.launch import refuse_launcher
@@ -19,8 +20,8 @@ from hpcpic.core.errors import CheckFailed, ConfigError, FileError
 
 if TYPE_CHECKING:
     from hpcpic.core.app.knobs import Knobs, Quantity
-    from hpcpic.core.files.series import Series
-    from hpcpic.core.study.search import Search, Verified
+    from hpcpic.core.study.recommend import Recommendation, Verified
+    from hpcpic.core.study.search import Search
 
 WANTED = 0.01  # the error that matters when no tolerance is asked for
 
@@ -29,9 +30,11 @@ def make_tradeoff_command(app_loader: AppLoader) -> click.Command:
     @click.command("tradeoff")
     @click.argument("case")
     @click.option("--knobs", "names", metavar="A,B", help="Only these knobs.  [default: all that the case has]")
-    @click.option("--qoi", metavar="NAME", help="Quantity to get right, or a scalar of the series at the end.")
+    @click.option("--qoi", metavar="Q", help="What to get right, as 'mean(force_x, from=0.5)'.  [default: the scene's]")
     @click.option("--tolerance", metavar="E", help="Relative error wanted, as 0.01 or 1%: recommend and verify.")
     @click.option("--max-cost", metavar="T", help="Refuse to recommend a run longer than this: 90s, 15m, 2h.")
+    @click.option("--pilots", "most", type=click.FloatRange(3), default=10.0, show_default=True, metavar="N",
+                  help="What the search may cost, in pilots of the case's own cost.")
     @click.option("--write", "target", metavar="FILE", help="Write the recommended case there.")
     @click.option("-o", "--output", metavar="DIR", help="Folder of the pilots.  [default: tradeoffs/CASE]")
     @set_option
@@ -41,7 +44,10 @@ def make_tradeoff_command(app_loader: AppLoader) -> click.Command:
         """Measure what each knob of CASE costs and gains; with --tolerance, find the cheapest setting.
 
         Pilots are short runs of the same scene. The recommendation is run, and settings beside it, before it is
-        given. Called again it goes on where it stopped. Exit code 3 when nothing can be recommended.
+        given. Called again it goes on where it stopped. Exit code 3 when nothing is certified, with the ways out.
+
+        --qoi: REDUCTION(COLUMN) or REDUCTION(COLUMN, from=T, to=T) of any column of the series, REDUCTION one of mean,
+        min, max, last, curve, norm, frequency, damping, growth, peak; or `field`, the norm of a field at the end.
         """
         trade(app_loader, Asked(**asked))
 
@@ -57,6 +63,7 @@ class Asked:
     qoi: str | None
     tolerance: str | None
     max_cost: str | None
+    most: float
     target: str | None
     output: str | None
     sets: tuple[str, ...]
@@ -67,6 +74,7 @@ class Asked:
 def trade(app_loader: AppLoader, asked: Asked) -> None:
     """Raises ConfigError, and CheckFailed without a recommendation."""
     from hpcpic.core.study import front
+    from hpcpic.core.study.recommend import Recommendation
 
     wanted, limit = parse_tolerance(asked.tolerance), parse_seconds(asked.max_cost)
     if asked.target and wanted is None:
@@ -77,23 +85,26 @@ def trade(app_loader: AppLoader, asked: Asked) -> None:
         raise FileError(f"{place}: no such folder, for --write {asked.target}")
     search, folder = searched(app_loader(), asked, wanted or WANTED)
     tell_laws(search)
-    points = front.front(search)
+    made = Recommendation(search)
+    points = front.front(made)
     tell_front(search, points)
     verified, refusal = None, ""
     if wanted is not None:
         try:
-            verified = recommended(search, wanted, limit)
+            verified = recommended(made, wanted, limit)
         except CheckFailed as error:
             refusal = error.message
     front.write(search, points, verified, refusal, wanted, folder)
     click.echo(f"front: {folder / 'front.png'}, {folder / 'front.csv'}, {folder / 'tradeoff.json'}")
-    if refusal:
-        raise CheckFailed(f"no recommendation: {refusal}")
     if verified is not None and wanted is not None:
         tell_recommendation(search, verified, wanted)
         if asked.target:
             front.write_case(search, verified, wanted, Path(asked.target))
             click.echo(f"written: {asked.target}")
+    if wanted is not None and (verified is None or not verified.certified):
+        known = f"the reference is known to {percent(search.uncertainty)}, {percent(wanted)} is asked for"
+        refusal = f"no recommendation: {refusal}; {known}" if refusal else f"not certified: {known}"
+        raise CheckFailed("\n".join([refusal, *(f"way out: {words}" for words in made.ways(wanted))]))
 
 
 def searched(app: App, asked: Asked, wanted: float) -> tuple[Search, Path]:
@@ -106,9 +117,13 @@ def searched(app: App, asked: Asked, wanted: float) -> tuple[Search, Path]:
     quantity = chosen_quantity(app, read.config, knobs, asked.qoi)
     folder = Path(asked.output or Path("tradeoffs") / Path(read.path).stem)
     click.echo(f"{quantity.name}: {quantity.text}; pilots until t = {quantity.time:.4g} of {knobs.time:.4g} s")
+    if asked.qoi is None:
+        others = ", ".join(q.name for q in knobs.quantities()[1:])
+        click.echo(f"            taken as {quantity.why or 'the case is about it'}; --qoi takes another"
+                   f"{f': {others}' if others else ''}, or mean(COLUMN), max(COLUMN), ... (--help)")
     pilots = Pilots(app, read, asked.sets, knobs, folder, (asked.ranks, asked.threads))
     listed, choices = chosen_knobs(knobs, asked.names)
-    return Search(pilots, listed, choices, quantity, wanted), folder
+    return Search(pilots, listed, choices, quantity, wanted, asked.most), folder
 
 
 def parse_tolerance(text: str | None) -> float | None:
@@ -163,8 +178,9 @@ def scalars_of(app: App, config: Any) -> list[str]:
 
 
 def chosen_quantity(app: App, config: Any, knobs: Knobs, name: str | None) -> Quantity:
-    """By name, or the first; any scalar of the series at the end of the run is one. Raises ConfigError."""
+    """By name, or the first; any reduction of a column of the series is one. Raises ConfigError."""
     from hpcpic.core.app.knobs import Quantity
+    from hpcpic.core.study.quantities import parsed
 
     known = knobs.quantities()
     if name is None:
@@ -172,14 +188,10 @@ def chosen_quantity(app: App, config: Any, knobs: Knobs, name: str | None) -> Qu
     for quantity in known:
         if quantity.name == name:
             return quantity
-    scalars = scalars_of(app, config)
-    if name not in scalars:
-        raise ConfigError(f"--qoi {name}: there are {', '.join([*(q.name for q in known), *scalars])}")
-
-    def last(series: Series) -> float:
-        return float(series[name][-1])
-
-    return Quantity(name, f"{name} at the end", knobs.time, last)
+    if name == "field" and knobs.seen:
+        text = f"the field {knobs.seen.name} at the end, seen through windows of a twelfth of the box"
+        return Quantity(name, text, knobs.time, lambda series: math.nan, field=True)
+    return parsed(name, scalars_of(app, config), knobs)
 
 
 def chosen_knobs(knobs: Knobs, names: str | None) -> tuple[list, list]:
@@ -200,22 +212,24 @@ def tell_laws(search: Search) -> None:
     for knob in search.knobs:
         law = search.laws[knob.name]
         order = "no effect" if law.idle else f"{law.order:.2f}"
-        steady = "" if law.idle else "yes" if law.asymptotic else f"no: order {law.used:g}, safety {law.safety:g}"
+        unsteady = f"no: order {law.used:g}, safety {law.safety:g}"
+        unsteady = f"drawn: 95 % within order {law.used:g}" if law.random else unsteady
+        steady = "" if law.idle else "yes" if law.asymptotic else unsteady
         levels = ", ".join(f"{knob.shown(size):.4g}" for size in law.sizes)
         here = f"{knob.shown(law.here):.4g} {knob.unit}"
-        error = f"{law.bound(law.here):.2g}"
+        error = percent(law.bound(law.here))
         cost = f"{law.cost:.2f}"
         rows.append((knob.name, here, levels, order, f"{law.theory:g}", steady, error, cost, f"{knob.cost:g}"))
     click.echo()
     heads = ("knob", "here", "pilots", "order", "theory", "asymptotic", "error here", "cost exponent", "theory ")
     table(heads, rows, right=("error here",))
     for scheme in search.schemes[1:]:
-        own = f", error {scheme.floor:.2g}" if scheme.floor else ""
+        own = f", error {percent(scheme.floor)}" if scheme.floor else ""
         click.echo(f"{scheme.words}: {scheme.cost:.2f} times the cost{own}")
-    known = "" if search.quantity.exact is None else f", {search.floor:.2g} of it from no knob"
+    known = "" if search.quantity.exact is None else f", {percent(search.floor)} of it from no knob"
     click.echo(
-        f"reference   {' '.join(f'{v:.6g}' for v in search.reference[:6])}, known to {search.uncertainty:.1g}; "
-        f"the case itself is off by {search.error(search.value):.2g}{known}"
+        f"reference   {' '.join(f'{v:.6g}' for v in search.reference[:6])}, known to {percent(search.uncertainty)}; "
+        f"the case itself is off by {percent(search.error(search.value))}{known}"
     )
 
 
@@ -229,10 +243,10 @@ def tell_front(search: Search, points: list) -> None:
     whole = search.base.seconds * search.pilots.knobs.time / search.quantity.time
     click.echo()
     if not points:
-        click.echo(f"front: none, as the reference is known to {search.uncertainty:.1g} only")
+        click.echo(f"front: none, as the reference is known to {percent(search.uncertainty)} only")
         return
     rows = [
-        (f"{p.bound:.2g}", f"{p.cost * whole:.3g}", f"{1 / p.cost:.3g}", sizes_text(search, p.sizes), p.scheme.words)
+        (percent(p.bound), f"{p.cost * whole:.3g}", f"{1 / p.cost:.3g}", sizes_text(search, p.sizes), p.scheme.words)
         for p in points
     ]
     table(("error", "seconds", "times faster", "settings", "scheme"), rows, right=("seconds", "times faster"))
@@ -240,13 +254,16 @@ def tell_front(search: Search, points: list) -> None:
     click.echo(f"the case as it is: {whole:.3g} s; cost ~ error^-{slope(laws):.2f} by the laws")
 
 
-def recommended(search: Search, wanted: float, limit: float | None) -> Verified:
+def recommended(made: Recommendation, wanted: float, limit: float | None) -> Verified:
     """Raises CheckFailed when the cost limit or the reference is in the way."""
+    search = made.search
     whole = search.base.seconds * search.pilots.knobs.time / search.quantity.time
-    predicted = search.first(wanted).cost * whole
+    predicted = made.first(wanted).cost * whole
     if limit is not None and predicted > limit:
-        raise CheckFailed(f"an error of {wanted:g} takes {duration(predicted)}, more than {duration(limit)}")
-    return search.verify(wanted)
+        way = f"--max-cost {math.ceil(predicted)}s allows it"
+        takes = f"an error of {percent(wanted)} takes {duration(predicted)}"
+        raise CheckFailed(f"{takes}, more than {duration(limit)}: {way}")
+    return made.verify(wanted)
 
 
 def tell_recommendation(search: Search, verified: Verified, wanted: float) -> None:
@@ -254,19 +271,23 @@ def tell_recommendation(search: Search, verified: Verified, wanted: float) -> No
     click.echo()
     rows = [
         (knob.name, f"{knob.shown(search.own[knob.name]):.5g}",
-         f"{knob.shown(proposal.sizes[knob.name]):.5g} {knob.unit}", f"{proposal.shares[knob.name]:.2g}")
+         f"{knob.shown(proposal.sizes[knob.name]):.5g} {knob.unit}", percent(proposal.shares[knob.name]))
         for knob in search.knobs
     ]  # fmt: skip
-    rows += [(name, "", "", f"{share:.2g}") for name, share in proposal.shares.items() if name not in search.laws]
+    rows += [(name, "", "", percent(share)) for name, share in proposal.shares.items() if name not in search.laws]
     table(("knob", "here", "recommended", "share of the error"), rows)
     if proposal.scheme.others:
         click.echo(f"with {proposal.scheme.words}")
     seconds = verified.pilot.seconds * scale
     faster, fewer = search.base.seconds * scale / seconds, search.base.work / verified.pilot.work
     estimated = search.base.price / verified.pilot.price
-    beside = ", ".join(f"{words} neighbour {error:.2g}" for words, error in verified.neighbours.items())
+    beside = ", ".join(f"{words} neighbour {percent(error)}" for words, error in verified.neighbours.items())
+    seen = search.pilots.knobs.seen
+    field = f"; {seen.name} at the end off by {percent(verified.field)}" if seen and verified.field >= 0.0 else ""
+    head = "certified   " if verified.certified else "marked      NOT certified: "
     click.echo(
-        f"verified    off by {verified.error:.2g} +- {search.uncertainty:.1g} where {wanted:g} is allowed; {beside}\n"
+        f"{head}off by {percent(verified.error)}, from a reference known to {percent(search.uncertainty)}, "
+        f"where {percent(wanted)} is allowed\n            {beside or 'no neighbour was run'}{field}\n"
         f"cost        {duration(seconds)} for the whole run, {faster:.3g} times faster than the case "
         f"(estimated: {estimated:.3g}); {fewer:.3g} times fewer {search.pilots.knobs.work_unit}\n"
         f"search      {duration(search.pilots.spent)} of steps, "

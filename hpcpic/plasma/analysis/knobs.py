@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from hpcpic.core.app.knobs import Choice, Knob, Knobs, Quantity
+from hpcpic.core.app.knobs import Choice, Knob, Knobs, Quantity, Seen
 from hpcpic.core.case.schema import value_text
 from hpcpic.plasma.analysis.predictions import Prediction, predict
 from hpcpic.plasma.analysis.series_analysis import Oscillation, fit_oscillation, signed
@@ -54,7 +54,13 @@ def knobs_of(config: PlasmaConfig) -> Knobs:
         ),
         growth=growth,
         seed=reseeded if any(loader_of(s).draws_random(s) for s in config.species) else None,
+        seen=Seen("E", (0.0,) * config.dimensions, tuple(config.simulation.space_length), config.points, snapshot),
     )
+
+
+def snapshot(time: float) -> tuple[str, ...]:
+    """--set list that writes the fields once, at the end."""
+    return (f"output.period.fields={time!r}",)
 
 
 def reseeded(seed: int) -> tuple[str, ...]:
@@ -73,7 +79,7 @@ def continuous(config: PlasmaConfig) -> list[Knob]:
         found.append(
             Knob("particles", "particles of all species", "", ("species", 0, "particles"),
                  lambda c: 1.0 / sum(s.particles for s in c.species), 0.5 if random else 1.0, 1.0,
-                 shown=lambda size: 1.0 / size)
+                 shown=lambda size: 1.0 / size, noisy=True)
         )  # fmt: skip
     return found
 
@@ -156,14 +162,15 @@ def quantities_of(config: PlasmaConfig, time: float) -> list[Quantity]:
     if wc > 100.0 * total_plasma_frequency(config):
         period = 2.0 * math.pi / wc
         text = "angular frequency of the gyration, from momentum_x"
-        found.append(Quantity("gyration", text, min(time, PERIODS * period), partial(gyration, wc)))
+        why, measure = "particles gyrate far faster than the plasma swings", partial(gyration, wc)
+        found.append(Quantity("gyration", text, min(time, PERIODS * period), measure, why=why))
     mode = started_mode(config)
     law = predict(config, mode) if mode else None
     if law is not None:
         found += waves(law, mode, time)
     drift = partial(energy, time=time)
     text = "total energy at the end over that at the start, by the trend"
-    found.append(Quantity("energy", text, time / 4, drift, exact=1.0))
+    found.append(Quantity("energy", text, time / 4, drift, exact=1.0, why="no law of a wave is known for this start"))
     return found
 
 
@@ -183,18 +190,20 @@ def waves(law: Prediction, mode: int, time: float) -> list[Quantity]:
     if rate > 1e-6 * abs(law.omega):
         first, last = (min(efolds / rate, time * efolds / GROWTH_WINDOW[1]) for efolds in GROWTH_WINDOW)
         text = f"growth rate of mode_{mode} between t = {first:.3g} and {last:.3g} s, 1/s"
-        return [Quantity("growth", text, last, partial(growth_rate, f"mode_{mode}", first, last))]
+        measure = partial(growth_rate, f"mode_{mode}", first, last)
+        return [Quantity("growth", text, last, measure, why=f"mode {mode} grows by the law of waves")]
     period = 2.0 * math.pi / frequency
     end = min(time, PERIODS * period)
     text = "angular frequency of the wave, from energy_kinetic, rad/s"
-    wave = Quantity("frequency", text, end, partial(half_frequency, frequency))
+    why = f"the case starts mode {mode}, which swings by the law of waves"
+    wave = Quantity("frequency", text, end, partial(half_frequency, frequency), why=why)
     if -rate < WEAK * frequency:
         return [wave]
     first, last = (min(n * period, time * n / DAMPING_WINDOW[1]) for n in DAMPING_WINDOW)
     text = f"damping rate of mode_{mode} between t = {first:.3g} and {last:.3g} s, 1/s"
     fit = partial(damped, f"mode_{mode}", first, last, law.omega)
     return [
-        Quantity("damping", text, last, lambda series: -fit(series).rate),
+        Quantity("damping", text, last, lambda series: -fit(series).rate, why=f"mode {mode} dies by the law of waves"),
         Quantity("frequency", text.replace("damping rate", "frequency"), last, lambda series: fit(series).frequency),
     ]
 

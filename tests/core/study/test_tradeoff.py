@@ -135,6 +135,7 @@ def program(tmp_path, monkeypatch, capfd):
     """error_app on case.conf, in this process: pilots are many. Settings by --set."""
     (tmp_path / "case.conf").write_text("# what: known errors\nsteps = 400;\ndt = 0.05;\n")
     monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr(search, "THRIFT", 0.0)  # these pilots cost nothing
 
     def run(*words, **settings):
         sets = [word for key, value in settings.items() for word in ("--set", f"{key}={value}")]
@@ -224,10 +225,10 @@ def test_a_knob_without_room_says_what_is_in_the_way(program):
 def test_refusals_say_why(program, tmp_path):
     quick = ("tradeoff", "-o", "out", "--knobs", "dt")
     for words, settings, code, text in (
-        ((*quick, "--tolerance", "1e-9"), {}, 3, "the reference itself is known to"),
+        ((*quick, "--tolerance", "1e-9"), {}, 3, "the reference is known to"),
         ((*quick, "--tolerance", "1%", "--max-cost", "0.000001s"), {}, 3, "takes"),
         (("tradeoff", "--knobs", "dz"), {}, 2, "there are dx, dt, particles, mode"),
-        (("tradeoff", "--qoi", "nothing", "-o", "q"), {}, 2, "there are answer"),
+        (("tradeoff", "--qoi", "nothing", "-o", "q"), {}, 2, "expected REDUCTION(COLUMN)"),
         (("tradeoff", "--write", "x.conf"), {}, 2, "--write needs --tolerance"),
         (("tradeoff", "--tolerance", "1%", "--write", "case.conf"), {}, 6, "case.conf is there"),
         (("tradeoff", "--tolerance", "1%", "--write", "none/new.conf"), {}, 6, "none: no such folder"),
@@ -238,8 +239,35 @@ def test_refusals_say_why(program, tmp_path):
     assert not (tmp_path / "q").exists()  # no pilot for a quantity that is not there
 
 
+def test_what_check_warns_of_is_not_recommended(program, tmp_path):
+    words = ("tradeoff", "-o", "out", "--tolerance", "5%", "--knobs", "dx")
+    assert program(*words).returncode == 0 and found(tmp_path)["recommended"]["sizes"]["dx"] > 0.2
+    done = program(*words, warned=0.15)
+    assert done.returncode == 0, done.stderr
+    assert 0.1 < found(tmp_path)["recommended"]["sizes"]["dx"] < 0.15
+    done = program(*words, dx=0.2, warned=0.15)  # where the case itself is warned of, no nearer to the limit
+    assert done.returncode == 0, done.stderr
+    assert found(tmp_path)["recommended"]["sizes"]["dx"] <= 0.2
+
+
+def test_a_recommendation_below_what_is_known_is_marked_and_its_way_out_leads_to_a_certified_one(program, tmp_path):
+    """Order 3.5 where theory says 2: what is known of dx = 0.3 is not enough, finer pilots within --pilots are."""
+    words = ("tradeoff", "-o", "out", "--tolerance", "0.5%", "--knobs", "dx", "--write", "new.conf")
+    settings = {"dx": 0.3, "order": 3.5, "dear": 3}
+    done = program(*words, **settings)
+    assert done.returncode == 3 and "certified" in done.stderr, done.stdout + done.stderr
+    ways = [line.partition("way out: ")[2] for line in done.stderr.splitlines() if line.startswith("way out: ")]
+    assert ways and ways[0].startswith("--tolerance ")
+    more = max(int(way.split()[1]) for way in ways if way.startswith("--pilots "))
+    done = program(*words, "--pilots", str(more), **settings)
+    assert done.returncode == 0, done.stdout + done.stderr
+    best = found(tmp_path)["recommended"]
+    assert best["certified"] and A * best["sizes"]["dx"] ** 3.5 <= 0.005
+    assert "not certified" not in (tmp_path / "new.conf").read_text()
+
+
 def test_a_scalar_at_the_end_is_a_quantity_and_noise_is_called_not_asymptotic(program, tmp_path):
-    done = program("tradeoff", "-o", "out", "--qoi", "answer", "--knobs", "dx", noise=0.01)
+    done = program("tradeoff", "-o", "out", "--qoi", "last(answer)", "--knobs", "dx", noise=0.01)
     assert done.returncode == 0, done.stderr
     assert "no: order 2, safety 3" in done.stdout or found(tmp_path)["knobs"]["dx"]["bound_here"] > 1e-3
 

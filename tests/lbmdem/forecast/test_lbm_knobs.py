@@ -35,7 +35,39 @@ def test_settings_are_valid_and_never_coarser_than_asked(case, factor):
     for name, size in sizes_of(knobs, made).items():
         assert size <= wanted[name] * (1 + 1e-9), name
     if config.fluid:  # the spacing divides the box
-        assert all(abs(length / made.spacing - n) <= 1e-6 * n for length, n in zip(config.domain.size, made.points))
+        assert all(abs(length / made.spacing - n) <= 1e-6 * n for length, n in zip(made.domain.size, made.points))
+
+
+CHANNEL = (  # 41 x 88: no common divisor
+    "domain.size=[0.088, 0.041]", "domain.spacing=1.0e-3", "domain.periodic=[]", "fluid.relaxation_time=0.8",
+    "fluid.kinematic_viscosity=1.0e-5", "fluid.body_force=[]",
+)  # fmt: skip
+INLET = 'face = "x-"; type = "velocity"; velocity = [0.01, 0.0];'
+OUTLET = 'face = "x+"; type = "pressure"; pressure = 0.0;'
+OPEN = (f"boundary=({{ {INLET} }}, {{ {OUTLET} }})",)
+LID = ('boundary=({ face = "x+"; type = "wall"; velocity = [0.0, 1.0e-4]; })',)
+
+
+@pytest.mark.parametrize("factor", [1.9, 1.25, 1.1, 0.95, 0.6])
+def test_a_spacing_of_any_factor_is_there_where_sides_have_no_common_divisor(factor):
+    """An outlet moves by at most half a spacing; the upper wall of the longer side stays where it is, as a plane."""
+    for faces in (OPEN, LID):
+        config = read("poiseuille", (*CHANNEL, *faces))
+        knobs = knobs_of(config)
+        made = read("poiseuille", (*CHANNEL, *faces, *knobs.settings({"dx": factor * config.spacing}, knobs.time)))
+        assert 0.9 * factor * config.spacing < made.spacing <= factor * config.spacing * (1 + 1e-9)
+        assert made.domain.size[1] == pytest.approx(0.041, rel=1e-12)
+        if faces is OPEN:
+            assert abs(made.domain.size[0] - 0.088) <= 0.5 * made.spacing and not made.obstacle
+        else:
+            wall = made.obstacle[0]
+            assert wall.shape.plane.point == (0.088, 0.0) and wall.velocity == (0.0, 1.0e-4)
+            assert 0.088 < made.domain.size[0] < 0.088 + made.spacing
+
+
+def test_the_momentum_of_a_closed_box_is_not_asked_for():
+    config = read("poiseuille", (*CHANNEL, *LID))
+    assert [quantity.name for quantity in knobs_of(config).quantities()] == ["energy"]
 
 
 def test_each_knob_turns_alone():

@@ -1,0 +1,335 @@
+"""From the laws of a search to a recommendation that was run: certified, or marked as known less well; or the ways out.
+
+Certified: the measured error and the uncertainty of the reference are together within the tolerance. Marked: the
+measured error is, and what is known does not suffice for more.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+from hpcpic.core.app.text import duration, percent
+from hpcpic.core.errors import CheckFailed
+from hpcpic.core.study.error_models import cheapest, relative_cost
+from hpcpic.core.study.pilot import Pilot
+from hpcpic.core.study.search import WORTH, Scheme, Search
+
+LIMIT_MARGIN = 0.8  # of the end of stability
+NEIGHBOUR = 1.25
+DEAREST = 2.0  # times the cost of the case's pilot: a neighbour that is not run
+TRIES = 4
+MOST_STEPS = 24  # of a tenth, back from what `check` warns of
+SEEN = 2.0  # times the tolerance: an error of the field beside the quantity that is told as a warning
+SEEDS = (2, 3, 4)  # of the ensemble that a refusal measures
+HALVINGS = 12  # of all knobs together, that a way out may name
+
+
+@dataclass(frozen=True, slots=True)
+class Proposal:
+    """Sizes in a scheme, the error each may make (with safety), and the cost beside the case's own."""
+
+    scheme: Scheme
+    sizes: Mapping[str, float]
+    shares: Mapping[str, float]
+    cost: float
+
+    @property
+    def bound(self) -> float:
+        return sum(self.shares.values())
+
+
+@dataclass(frozen=True, slots=True)
+class Verified:
+    """A proposal that was run: pilot, its measured error, that of the field beside it (nan: not known), those of the
+    coarser and finer neighbour.
+    """
+
+    proposal: Proposal
+    pilot: Pilot
+    error: float
+    field: float
+    certified: bool
+    neighbours: Mapping[str, float] = dataclasses.field(default_factory=dict)
+    warnings: list[str] = dataclasses.field(default_factory=list)
+
+
+class Recommendation:
+    """The cheapest settings that a search's laws allow, and their verification."""
+
+    def __init__(self, search: Search) -> None:
+        self.search, self.pilots = search, search.pilots
+        self.schemes = list(search.schemes)
+        self._caps: dict[str, float] = {}
+
+    # -------------------------------------------------------------------------------------- proposals
+
+    def propose(self, tolerance: float) -> Proposal:
+        """The cheapest settings by the laws whose errors together are within the tolerance. Raises CheckFailed."""
+        made = [self.proposed(scheme, tolerance) for scheme in self.schemes]
+        found = [proposal for proposal in made if proposal is not None]
+        if not found:
+            floor = self.search.floor
+            raise CheckFailed(f"no knob accounts for errors of {percent(floor)}, of {percent(tolerance)} asked for")
+        best = min(found, key=lambda p: p.cost)
+        return best if not best.scheme.others or best.cost < WORTH * found[0].cost else found[0]
+
+    def proposed(self, scheme: Scheme, tolerance: float) -> Proposal | None:
+        budget = tolerance - self.search.floor - scheme.floor
+        if budget <= 0.25 * tolerance:
+            return None
+        sizes = cheapest(scheme.laws, budget, self.caps())
+        for _ in range(MOST_STEPS):
+            number = self.pilots.beyond(sizes, self.search.quantity.time, scheme.others, LIMIT_MARGIN)
+            if number is None:
+                return self.realised(scheme, sizes)
+            turned = [k.name for k in self.search.knobs if k.limit == number.name or k.key == number.key]
+            turned = turned or [name for name, size in sizes.items() if size > 1.001 * self.search.own[name]]
+            sizes = {name: 0.9 * size if name in turned else size for name, size in sizes.items()}
+        return None
+
+    def legal(self, sizes: Mapping[str, float], scheme: Scheme) -> bool:
+        """Neither near the end of stability nor where `check` warns, unless the case itself is."""
+        return self.pilots.legal(sizes, self.search.quantity.time, scheme.others, LIMIT_MARGIN)
+
+    def realised(self, scheme: Scheme, sizes: Mapping[str, float]) -> Proposal:
+        """With the sizes there really are, and the errors they may make."""
+        real = self.pilots.sizes_of(self.pilots.config(sizes, self.search.quantity.time, scheme.others))
+        sizes = {law.name: real[law.name] for law in scheme.laws}
+        shares = {law.name: law.bound(sizes[law.name]) for law in scheme.laws}
+        if self.search.floor:
+            shares["rest"] = self.search.floor
+        shares |= {"scheme": scheme.floor} if scheme.floor else {}
+        return Proposal(scheme, sizes, shares, scheme.cost * relative_cost(scheme.laws, sizes))
+
+    def itself(self) -> Proposal:
+        return self.realised(self.schemes[0], self.search.own)
+
+    def caps(self) -> dict[str, float]:
+        """Sizes at LIMIT_MARGIN of the end of stability, or where the case is refused or warned of."""
+        if not self._caps:
+            for law in self.search.laws.values():
+                low, high = float(law.sizes[0]), 2.0 * float(law.sizes[-1])
+                if not self.search.legal(law.name, high, LIMIT_MARGIN):
+                    for _ in range(12):
+                        middle = math.sqrt(low * high)
+                        legal = self.search.legal(law.name, middle, LIMIT_MARGIN)
+                        low, high = (middle, high) if legal else (low, middle)
+                    self._caps[law.name] = low
+        return self._caps
+
+    def nearer(self, proposal: Proposal, part: float) -> Proposal:
+        """The proposal with this part of its way from the case, in logs, where it is coarser."""
+        sizes = {}
+        for name, size in proposal.sizes.items():
+            factor = size / self.search.own[name]
+            sizes[name] = self.search.own[name] * max(factor, 1.0) ** part * min(factor, 1.0)
+        return self.realised(proposal.scheme, sizes)
+
+    # ---------------------------------------------------------------------------------------- verified
+
+    def verify(self, tolerance: float) -> Verified:
+        """Propose and run; on a miss propose for less; what comes nearest to the tolerance. Raises CheckFailed."""
+        search, uncertainty = self.search, self.search.uncertainty
+        known: list[Verified] = []
+        proposal, misses = self.first(self.certain(tolerance)), 0
+        while misses < TRIES:
+            run = self.tried(proposal)
+            if run is None and not misses:  # as far as can be known, that may be enough
+                run = self.tried(proposal := self.first(tolerance))
+            if run is not None:
+                if run.error + uncertainty <= tolerance:
+                    return self.compared(run, certified=True)
+                known.append(run)
+            if proposal.scheme.others:  # what it and the knobs do together is not in the laws: without it
+                self.schemes = self.schemes[:1]
+                proposal = self.first(self.certain(tolerance))
+                continue
+            misses += 1
+            proposal = self.after_miss(misses, proposal, tolerance, run.error if run else tolerance)
+        own = self.itself()
+        known.append(Verified(own, search.base, search.error(search.value), search.field_error(search.base), False))
+        good = [run for run in known if run.error <= tolerance and self.legal(run.proposal.sizes, run.proposal.scheme)]
+        if not good:
+            raise CheckFailed(self.told(known))
+        near = [run for run in good if run.error + uncertainty <= 1.5 * tolerance]
+        chosen = min(near, key=lambda run: run.proposal.cost) if near else min(good, key=lambda run: run.error)
+        return self.compared(chosen, certified=False)
+
+    def certain(self, tolerance: float) -> float:
+        """What the laws are asked for, so that the uncertainty of the reference has room beside it."""
+        return max(tolerance - self.search.uncertainty, 0.5 * tolerance)
+
+    @property
+    def most(self) -> float:
+        """What running a recommendation may cost, in pilots of the case's own cost."""
+        return max(DEAREST, self.search.allowance / self.search.base.price)
+
+    def price(self, proposal: Proposal) -> float:
+        """What running a proposal costs, in pilots of the case's own cost."""
+        config = self.pilots.config(proposal.sizes, self.search.quantity.time, proposal.scheme.others)
+        return self.pilots.knobs.work(config) / self.search.base.work
+
+    def tried(self, proposal: Proposal) -> Verified | None:
+        """The proposal, run; None where it is beyond what the search may cost, or shows nothing."""
+        search = self.search
+        if self.price(proposal) > self.most:
+            return None
+        pilot = search.pilot(proposal.sizes, proposal.scheme.others, "recommended")
+        try:
+            error = search.error(search.measured(pilot))
+        except CheckFailed:
+            return None
+        return Verified(proposal, pilot, error, search.field_error(pilot), False)
+
+    def told(self, known: list[Verified]) -> str:
+        """What the settings that were run are off by."""
+        rows = {self.text(run.proposal): f"{self.text(run.proposal)}: off by {percent(run.error)}" for run in known}
+        return "; ".join(rows.values())
+
+    def text(self, proposal: Proposal) -> str:
+        sizes = [f"{knob.name} = {knob.shown(proposal.sizes[knob.name]):.4g}" for knob in self.search.knobs]
+        return " ".join([*sizes, proposal.scheme.words]).strip()
+
+    def first(self, tolerance: float) -> Proposal:
+        """What is run first: the cheapest by the laws, or the case itself where that is known to be as good."""
+        search = self.search
+        good = search.error(search.value) + search.uncertainty <= tolerance
+        try:
+            proposal = self.propose(tolerance)
+        except CheckFailed:
+            return self.itself()
+        return self.itself() if good and proposal.cost >= 1.0 else proposal
+
+    def after_miss(self, misses: int, proposal: Proposal, tolerance: float, error: float) -> Proposal:
+        """What knobs do together is not in the laws: ask them for less, go half-way back to the case, take the case."""
+        if misses == 1:
+            try:
+                asked = self.propose(0.8 * tolerance**2 / (error + self.search.uncertainty))
+            except CheckFailed:
+                asked = proposal
+            if asked.cost < 1.0:
+                return asked
+        return self.nearer(proposal, 0.5) if misses < TRIES - 1 else self.itself()
+
+    def compared(self, run: Verified, certified: bool) -> Verified:
+        """With the settings beside it: where their errors do not follow the laws a small one is luck."""
+        search, proposal = self.search, run.proposal
+        neighbours: dict[str, float] = {}
+        warnings = self.unpromised(run)
+        laws = {law.name: law for law in proposal.scheme.laws}
+        for words, factor in (("coarser", NEIGHBOUR), ("finer", 1.0 / NEIGHBOUR)):
+            sizes = {name: size if laws[name].idle else size * factor for name, size in proposal.sizes.items()}
+            cost = proposal.scheme.cost * relative_cost(proposal.scheme.laws, sizes)
+            legal = self.pilots.legal(sizes, search.quantity.time, proposal.scheme.others)
+            if not legal or cost > DEAREST:
+                continue
+            beside = search.pilot(sizes, proposal.scheme.others, f"{words} neighbour")
+            try:
+                neighbours[words] = search.error(search.measured(beside))
+            except CheckFailed as failure:
+                warnings.append(f"the {words} neighbour: {failure.message}")
+                continue
+            bound = sum(law.bound(sizes[law.name]) for law in proposal.scheme.laws) + proposal.scheme.floor
+            if neighbours[words] > 2.0 * (bound + search.floor) + search.uncertainty:
+                warnings.append(
+                    f"the {words} neighbour is off by {percent(neighbours[words])}, more than twice the law's "
+                    f"{percent(bound + search.floor)}"
+                )
+        return Verified(proposal, run.pilot, run.error, run.field, certified, neighbours, warnings)
+
+    def unpromised(self, run: Verified) -> list[str]:
+        """Warnings where the laws alone would not say that the proposal is good enough, where the field beside the
+        quantity is worse than it, and those that the run itself gave and the case's did not.
+        """
+        wanted, found, seen = self.search.wanted, [], self.pilots.knobs.seen
+        if run.proposal.bound > wanted * 1.001:
+            found.append(
+                f"it is off by {percent(run.error)}, but the laws of its knobs promise no less than "
+                f"{percent(run.proposal.bound)}"
+            )
+        if run.field > SEEN * wanted and seen:
+            found.append(
+                f"the field {seen.name} at the end is off by {percent(run.field)}: errors may cancel in "
+                f"{self.search.quantity.name} that do not cancel elsewhere"
+            )
+        own = {words.partition(":")[2][:12] for words in self.search.base.warnings}
+        return found + [words for words in run.pilot.warnings if words.partition(":")[2][:12] not in own]
+
+    # ----------------------------------------------------------------------------------------- ways out
+
+    def ways(self, tolerance: float) -> list[str]:
+        """What to do where nothing is certified, each with its price."""
+        search = self.search
+        reached = search.error(search.value) + search.uncertainty
+        found = [f"--tolerance {percent(1.05 * reached).replace(' ', '')} is certified by the case itself, at no cost"]
+        return [*found, *self.dearer(tolerance), *self.deeper(tolerance), *self.ensemble(tolerance)]
+
+    def dearer(self, tolerance: float) -> list[str]:
+        """Settings that the laws promise to be good enough, and that were not run for their price."""
+        proposal = self.first(self.certain(tolerance))
+        price = self.price(proposal)
+        if price <= self.most:
+            return []
+        seconds = duration(price * self.search.base.seconds)
+        return [f"--pilots {math.ceil(price)} runs {self.text(proposal)} too, {seconds}"]
+
+    def deeper(self, tolerance: float) -> list[str]:
+        """Finer pilots, until the reference is known to half of the tolerance; or a finer case where none helps."""
+        search = self.search
+        doubts = {law.name: law.doubt for law in search.laws.values()}
+        halved = dict.fromkeys(doubts, 0)
+        cost = {knob.name: knob.cost for knob in search.knobs}
+        extra = 0.0
+        while sum(doubts.values()) > 0.5 * tolerance and sum(halved.values()) < HALVINGS:
+            name = max(doubts, key=doubts.__getitem__)
+            doubts[name] *= 0.5 ** search.laws[name].used
+            halved[name] += 1
+            extra += 2.0 ** (cost[name] * halved[name])
+        if sum(doubts.values()) > 0.5 * tolerance or not extra:
+            return []
+        drawn = any(halved[law.name] and law.random for law in search.laws.values())
+        if not drawn:
+            pilots = math.ceil(search.pilots.paid / search.base.price + extra)
+            return [f"--pilots {pilots} may measure it: about {duration(extra * search.base.seconds)} more"]
+        sizes = {name: search.own[name] * 0.5**n for name, n in halved.items() if n}
+        factor = math.prod(2.0 ** (cost[name] * n) for name, n in halved.items())
+        sets = " ".join(f"--set {word}" for word in self.different(sizes))
+        return [f"start from a finer case: {sets}, {duration(factor * search.base.seconds)} a pilot"]
+
+    def different(self, sizes: Mapping[str, float]) -> list[str]:
+        """The --set list of these sizes, without what the case says already."""
+        knobs = self.pilots.knobs
+        own = set(knobs.settings(self.search.own, knobs.time))
+        return [word for word in knobs.settings({**self.search.own, **sizes}, knobs.time) if word not in own]
+
+    def ensemble(self, tolerance: float) -> list[str]:
+        """Where numbers are drawn: how far seeds lie apart, and how many make a mean that is known to the tolerance."""
+        search, knobs = self.search, self.pilots.knobs
+        other = knobs.seed or knobs.shaken
+        if other is None or not any(not law.asymptotic and not law.idle for law in search.laws.values()):
+            return []
+        if not search.affordable(len(SEEDS) * search.base.price):
+            return []
+        snapshot = knobs.seen.snapshot(float(search.quantity.time)) if knobs.seen else ()
+        values = [search.value] if knobs.seed else []
+        for seed in SEEDS:
+            more = (*other(seed), *snapshot)
+            pilot = self.pilots.run(search.own, search.quantity.time, None, more, words=f"seed {seed}")
+            try:
+                values.append(search.measured(pilot))
+            except CheckFailed:
+                return []
+        centre = sum(values) / len(values)
+        squares = sum(float(((value - centre) ** 2).mean()) for value in values)
+        spread = math.sqrt(squares / (len(values) - 1)) / search.scale
+        runs = math.ceil((2.0 * spread / (0.5 * tolerance)) ** 2)
+        if runs <= 1:
+            return []
+        return [
+            f"seeds lie {percent(spread)} apart (standard deviation of {len(values)}): a mean over {runs} seeds is "
+            f"known to {percent(0.5 * tolerance)} with 95 %, {duration(runs * search.base.seconds)} in all "
+            f"(sweep{''.join(f' --set {word}' for word in other(1)[1:])} --set {other(1)[0]}:{runs}:{runs})"
+        ]
