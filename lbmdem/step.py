@@ -70,7 +70,8 @@ class LbmDem:
         self.start_solid()
         self._check_fluid()
         self.max_overlap = max(MAX_OVERLAP, 1.1 * starts(config)[1])
-        self.driven = config.shaking is not None or (self.drive is not None and self.drive.changes)
+        own = any(grains.acceleration for grains in config.grains)
+        self.driven = own or config.shaking is not None or (self.drive is not None and self.drive.changes)
         heights = self.coordinates()[-1].ravel()
         parts = self.fluid, self.drive, self.immersed, self.grains
         self.diagnostics = Diagnostics(scene, world, domain, table, heights, *parts)

@@ -4,6 +4,7 @@ from collections.abc import Mapping
 
 import numpy as np
 
+from hpcpic.core.case.accelerations import ACCELERATIONS
 from hpcpic.core.comm.world import World
 from hpcpic.core.errors import Diverged
 from hpcpic.core.files.arrays import Column, FieldArray, ParticleArray, Shard
@@ -18,6 +19,7 @@ from sph.diagnostics import scalars, snapshot
 from sph.diagnostics.checkpoint import Checkpoint
 from sph.diagnostics.gauges import Gauges
 from sph.diagnostics.guards import Runaway
+from sph.kernels.driven import driven_kernel
 from sph.particles.arrays import arrays_of
 from sph.particles.evolution import Evolution
 from sph.particles.extremes import extremes, fluid_box
@@ -86,7 +88,17 @@ class Sph:
         self.cells = Cells(self.tasks, self.grid, scene.dimensions)
         self.sums = PairSums(scene, self.spec, self.tasks, self.ghosts)
         self.evolution = Evolution(self.clock, self.tasks, self.motion, self.sums, self.walls, self.timers)
+        self._drive(scene)
         self.totals = scalars.Totals(scene, self.world, self.tasks)
+
+    def _drive(self, scene: Scene) -> None:
+        """Accelerations of the user's own that fluids name."""
+        axes, named = tuple(scene.axes), [fluid for fluid in scene.fluids if fluid.section.acceleration]
+        if named:
+            self.tasks.arena.set(moment=np.zeros(1), corner=np.ascontiguousarray(scene.low[list(axes)]))
+        for fluid in named:
+            own = ACCELERATIONS[fluid.section.acceleration]
+            self.evolution.driven.append(driven_kernel(own, axes, fluid.first, fluid.first + fluid.n))
 
     def step(self) -> None:
         """x^n, v^n, rho^n -> n + 1."""
@@ -231,6 +243,8 @@ class Sph:
             raise Diverged("a position is not a finite number")
         self.skin.check()
         self.evolution.forget_rates()
+        if self.evolution.driven:
+            self.tasks.arena["moment"][0] = self.clock.time
         self.migrate()
         self.balance()
         self.sort()

@@ -4,6 +4,7 @@ from collections.abc import Collection, Mapping
 
 import numpy as np
 
+from hpcpic.core.case.accelerations import ACCELERATIONS
 from hpcpic.core.comm.world import World
 from hpcpic.core.files.arrays import Column, FieldArray, ParticleArray, Shard
 from hpcpic.core.files.sealed import Reader
@@ -20,6 +21,7 @@ from hpcpic.plasma.diagnostics.series_sums import SeriesSums
 from hpcpic.plasma.field.mesh import SHIFT, Mesh
 from hpcpic.plasma.forecast.derived import total_plasma_frequency
 from hpcpic.plasma.particles.cloud import CHUNK, Cloud
+from hpcpic.plasma.particles.driven import driven_kernel
 from hpcpic.plasma.particles.push_spec import PushSpec, groups_of_charge
 from hpcpic.plasma.physics.species_fields import asked_for, field_units
 from hpcpic.plasma.setup.scene import Scene
@@ -68,6 +70,10 @@ class Plasma:
         self.scalar_units |= self._gauges.units(field_units(config), self.scalar_units)
         asked = asked_for(config)
         self._node_moments = NodeMoments(scene, world, self.domain, self.cloud, asked) if asked else None
+        named = [(k, species.section.acceleration) for k, species in enumerate(scene.species)]
+        sides = tuple(float(side) for side in scene.velocity_spacing)
+        kernels = (driven_kernel(ACCELERATIONS[name], k, scene.dimensions, sides) for k, name in named if name)
+        self._drives = [task for kernel in kernels for task in self.cloud.bind_driven(kernel)]
         self._distribute()
         self._rewind()
         self.iteration = 0
@@ -109,6 +115,13 @@ class Plasma:
         self.iteration = -1
         self.solve()
         self.cloud.rewind(self.scene.mover(self.field_scale, steps=-0.5))
+        self._drive(0.0, -0.5)
+
+    def _drive(self, time: float, steps: float) -> None:
+        """v += a dt for so many steps, of accelerations of the user's own."""
+        if self._drives:
+            self.cloud.arena["moment"][:] = time, self.time_step, steps
+            self.cloud.each(self._drives)
 
     def solve(self) -> None:
         """E^n from rho^n (5.10), (5.13), unless it is known."""
@@ -124,6 +137,7 @@ class Plasma:
             return
         self.solve()  # E^n from rho^n
         with self.timers.section("push"):
+            self._drive(self.time, 1.0)
             # E at the particles (5.14), v (5.19) by Boris (5.4.1), x (5.18), charge of who stays
             self.cloud.push(self.iteration)
         with self.timers.section("deposit"):
@@ -188,7 +202,7 @@ class Plasma:
 
     def guard(self) -> str | None:
         """Why this rank's state is no solution, or None. Collective where the energy was not seen for long."""
-        fed = any(self.scene.config.field.electric)  # energy comes in
+        fed = bool(any(self.scene.config.field.electric) or self._drives)  # energy comes in
         if not fed and self.iteration - self._energy.step >= STEPS_BETWEEN_LOOKS:
             self.scalars()
         return self.mesh.trouble() or (None if fed else self._energy.trouble())

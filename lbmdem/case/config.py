@@ -9,6 +9,7 @@ from typing import Annotated, ClassVar, Literal
 import numpy as np
 from pydantic import BeforeValidator, Field
 
+from hpcpic.core.case.accelerations import MEANING
 from hpcpic.core.case.config import Tree
 from hpcpic.core.case.gauge import Gauge
 from hpcpic.core.case.schema import REQUIRED, Lengths, Section, Vector, as_tuple, setting
@@ -144,6 +145,7 @@ class GrainSet(Section):
     velocity: Vector = setting((), "at the start; of fixed grains always", "m/s")
     angular_velocity: Vector = setting((), "[wz] in 2D, [wx, wy, wz] in 3D", "rad/s")
     start: Start | None = None
+    acceleration: str = setting("", MEANING, "m/s2")
 
     @property
     def law(self) -> Diameters:
@@ -200,8 +202,9 @@ class Contact(Section):
 
 
 class Coupling(Section):
-    bounce_back: Literal["cli", "interpolated", "quadratic", "halfway"] = setting(
-        "cli", "wall rule: parametrised linear, Bouzidi's linear [6] or quadratic, half-way"
+    bounce_back: str = setting(
+        "cli", "wall rule: cli (parametrised linear), interpolated (Bouzidi's linear [6]), quadratic (Bouzidi's), "
+        "halfway, or one of your own"
     )
     refill: Literal["average", "local", "non-equilibrium", "conserving"] = setting(
         "local", "populations of uncovered nodes: equilibrium with the mean density (the paper) or the neighbours'"

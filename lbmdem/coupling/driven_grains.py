@@ -5,6 +5,7 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
+from hpcpic.core.case.accelerations import ACCELERATIONS
 from hpcpic.core.comm.world import World
 from hpcpic.core.space.domain import Domain
 from hpcpic.core.tasks.graph import Pool
@@ -12,6 +13,7 @@ from lbmdem.case.config import contact_law
 from lbmdem.coupling.contact_pressure import ContactPressure
 from lbmdem.coupling.immersed import Immersed
 from lbmdem.grains.dem import Dem
+from lbmdem.kernels.driven import driven
 from lbmdem.physics.lubrication import MOST_SUBSTEPS, STABLE, Film
 from lbmdem.physics.velocity_sets import LATTICES
 from lbmdem.physics.wall_rules import impedance
@@ -78,6 +80,11 @@ class DrivenGrains:
         own = grains.ids[: grains.n]
         force = self._constant[own] - self._table.mass[own, None] * self._scene.shaken(time)
         torque = np.zeros((len(own), self._table.omega.shape[1]))
+        for k, grains_set in enumerate(self._scene.config.grains):
+            if grains_set.acceleration:
+                rows = np.flatnonzero(self._table.set[own] == k)
+                a = driven(ACCELERATIONS[grains_set.acceleration], grains.x[rows], grains.v[rows], time)
+                force[rows] += self._table.mass[own[rows], None] * a
         if self._immersed:
             fluid_force, fluid_torque = self._immersed.forces(own)
             if self._pressure:

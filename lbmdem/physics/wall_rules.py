@@ -7,11 +7,13 @@ push = 6 w_i e_i . u (Ladd, J. Fluid Mech. 271 (1994) 285). Populations are zero
 coefficients add up to 1 does not notice. A fluid that moves with the wall is left as it is when the coefficient of
 -push is one minus those of g_j.
 
-A new rule is a formula, its line in `returned` and its entry in RULES, and its name in `coupling.bounce_back` of a
-case.
+A new rule is a formula, its line in `returned` and its entry in RULES; cases then name it as coupling.bounce_back. In a
+file of the user's own, `register(name, formula)` does the same for one rule that reads no further than y.
 """
 
 import math
+import sys
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
@@ -19,9 +21,10 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from hpcpic.core.simd.formulas import fma, select
+from hpcpic.core.simd.own import note
 from lbmdem.physics.velocity_sets import Lattice
 
-CLI, INTERPOLATED, QUADRATIC, HALFWAY = range(4)
+CLI, INTERPOLATED, QUADRATIC, HALFWAY, OWN = range(5)
 
 
 @dataclass(frozen=True)
@@ -50,13 +53,32 @@ RULES = {
         WallRule("halfway", HALFWAY, 0, HALFWAY, 0, 1.0),
     )
 }
-REACH = tuple(rule.reach for rule in RULES.values())
-SIMPLER = tuple(rule.simpler for rule in RULES.values())
+REACH = (*(rule.reach for rule in RULES.values()), 1)
+SIMPLER = (*(rule.simpler for rule in RULES.values()), HALFWAY)
 
 
 def halfway(gi_x: Any, push: Any) -> Any:
     """Half-way bounce back: the wall is taken to be at q = 1/2."""
     return gi_x - push
+
+
+def own(q: Any, gi_x: Any, gi_y: Any, gj_x: Any, push: Any) -> Any:
+    """The formula of `register` stands here."""
+    return halfway(gi_x, push)
+
+
+def register(name: str, formula: Callable[[Any, Any, Any, Any, Any], Any]) -> None:
+    """Make a rule known by its name: formula(q, gi_x, gi_y, gj_x, push), linear in all but q, for numbers and vectors.
+
+    One in a process, before anything of the lattice is compiled: ValueError.
+    """
+    global own
+    if OWN in (rule.number for rule in RULES.values()) or "lbmdem.kernels" in sys.modules:
+        raise ValueError("one wall rule of your own, registered before the first simulation of the process")
+    note(formula)
+    own = formula  # type: ignore[assignment]
+    middles = (np.arange(1000) + 0.5) / 1000
+    RULES[name] = WallRule(name, OWN, 1, HALFWAY, 3, -float(np.mean([formula(q, 0.0, 0.0, 0.0, 1.0) for q in middles])))
 
 
 def cli(q: Any, gi_x: Any, gi_y: Any, gj_x: Any, push: Any) -> Any:
@@ -88,6 +110,8 @@ def returned(rule: Any, q: Any, gi_x: Any, gi_y: Any, gj_x: Any, gi_z: Any, gj_y
         return interpolated(q, gi_x, gi_y, gj_x, push)
     if rule == QUADRATIC:
         return quadratic(q, gi_x, gi_y, gj_x, gi_z, gj_y, push)
+    if rule == OWN:
+        return own(q, gi_x, gi_y, gj_x, push)
     return halfway(gi_x, push)
 
 

@@ -3,16 +3,21 @@
 import math
 from collections.abc import Iterator
 
+from hpcpic.core.case import accelerations
 from hpcpic.core.case.config import Path
 from hpcpic.core.case.gauge import gauge_faults
+from hpcpic.core.case.words import unknown
 from hpcpic.core.files.start import start_faults
 from lbmdem.case.config import AXES, GrainSet, LbmDemConfig, Obstacle
+from lbmdem.physics.wall_rules import RULES
 
 
 def faults(config: LbmDemConfig) -> Iterator[tuple[Path, str]]:
     """Place and text of each; none of a case that is sound."""
     d = config.dimensions
     yield from size_faults(config, d)
+    if config.coupling.bounce_back not in RULES:
+        yield ("coupling", "bounce_back"), unknown(config.coupling.bounce_back, RULES)
     yield from vector_faults(config, d)
     yield from face_faults(config, d)
     fluid = config.fluid
@@ -205,6 +210,7 @@ def grain_faults(grains: GrainSet, d: int) -> Iterator[tuple[Path, str]]:
     """What does not fit together in one set of grains."""
     if grains.shape not in (None, "disc" if d == 2 else "sphere"):
         yield ("shape",), f"{grains.shape} in {d}D; {'disc' if d == 2 else 'sphere'} is the shape there"
+    yield from accelerations.faults(grains.acceleration)
     turning = 1 if d == 2 else 3
     shapes = {"position": (None, d), "diameter": (None,), "velocity": (None, d), "angular_velocity": (None, turning)}
     if grains.start is not None:

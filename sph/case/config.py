@@ -7,6 +7,7 @@ from typing import Annotated, ClassVar, Literal
 
 from pydantic import BeforeValidator
 
+from hpcpic.core.case.accelerations import MEANING
 from hpcpic.core.case.config import Tree
 from hpcpic.core.case.schema import REQUIRED, Section, Vector, as_tuple, setting
 from hpcpic.core.case.words import one_period, one_viscosity
@@ -115,6 +116,7 @@ class Fluid(Section):
     velocity: Vector = setting((), "uniform initial velocity", "m/s")
     flow: Flow | None = None
     start: Start | None = None
+    acceleration: str = setting("", MEANING, "m/s2")
     disorder: float = setting(
         0.0, "particles start off their lattice by up to this share of the spacing along each axis", ge=0, le=0.25
     )
@@ -260,9 +262,10 @@ class SphConfig(Section):
         """Scalars of the series that the scene keeps; the energy, but for what the scheme dissipates."""
         if self.domain.outflow:
             return ()
-        works = any(self.body_force) or any(wall.motion for wall in self.wall)
+        own = any(fluid.acceleration for fluid in self.fluid)
+        works = own or any(self.body_force) or any(wall.motion for wall in self.wall)
         pulls = [any(forces) for forces in zip(self.gravity, self.body_force)]
-        free = () if self.wall else (f"momentum_{axis}" for axis, pulled in zip(AXES, pulls) if not pulled)
+        free = () if self.wall or own else (f"momentum_{axis}" for axis, pulled in zip(AXES, pulls) if not pulled)
         return ("mass", *(() if works else ("energy_total",)), *free)
 
     @property

@@ -19,6 +19,7 @@ class Evolution:
         self.clock, self.tasks, self.motion, self.sums = clock, tasks, motion, sums
         self.walls, self.timers, self.numbers = walls, timers, tasks.arena["numbers"]
         self.evaluations, self._evaluated_at = 0, -1
+        self.driven: list[Callable] = []  # kernels of accelerations of the user's own
 
     def evaluate(self, start: bool = False) -> None:
         """Find a and D = d rho / dt of the present y; `start`: it is y^n, whose rates may be known. Collective."""
@@ -26,6 +27,7 @@ class Evolution:
             with self.timers.section("pairs"):
                 self.evaluations += 1
                 self.sums.everything(self.clock.step)
+                self._drive()
         self._evaluated_at = self.clock.step if start else -1
 
     def evaluate_forces(self) -> None:
@@ -34,7 +36,12 @@ class Evolution:
             with self.timers.section("pairs"):
                 self.evaluations += 1
                 self.sums.forces(self.clock.step)
+                self._drive()
             self._evaluated_at = self.clock.step
+
+    def _drive(self) -> None:
+        for kernel in self.driven:
+            self.tasks.each(kernel)
 
     def evaluate_rates(self) -> None:
         """Find D of x and rho as in `evaluate_forces`, and the new v. Collective."""
@@ -82,4 +89,7 @@ class Evolution:
             self.tasks.each(kernel, **more)
 
     def _carry_walls(self, until: float) -> None:
-        self.walls.carry(self.clock.time + until * self.clock.time_step, self.tasks, self.motion.carry)
+        now = self.clock.time + until * self.clock.time_step
+        if self.driven:
+            self.tasks.arena["moment"][0] = now
+        self.walls.carry(now, self.tasks, self.motion.carry)

@@ -21,6 +21,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hpcpic.core.simd.formulas import fma, maximum
+from hpcpic.core.simd.own import note
 
 LEAST_Q = 1e-15  # that is divided by
 
@@ -66,6 +67,7 @@ def register(smoothing: Smoothing) -> None:
     """Make a kernel known by its name. ValueError where another one has it."""
     if SMOOTHING.get(smoothing.name, smoothing) != smoothing:
         raise ValueError(f"there is another kernel {smoothing.name!r}")
+    note(smoothing.w)
     SMOOTHING[smoothing.name] = smoothing
 
 

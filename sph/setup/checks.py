@@ -3,6 +3,7 @@
 import itertools
 from collections.abc import Iterator
 
+from hpcpic.core.case import accelerations
 from hpcpic.core.case.config import Path
 from hpcpic.core.case.schema import Section
 from hpcpic.core.case.words import unknown
@@ -212,6 +213,7 @@ def fluid_faults(config: SphConfig, fluid: Fluid, d: int) -> Iterator[Fault]:
                 f"{min(edges):g} m thick, thinner than the spacing {dp:g} m: a smaller numerics.spacing, or "
                 'thin_layer = "one layer" for one layer of reduced mass',
             )
+    yield from accelerations.faults(fluid.acceleration)
     if fluid.start:
         shapes = {"position": (None, d), "velocity": (None, d)}
         yield from ((("start", *path), text) for path, text in start_faults(fluid.start, shapes))

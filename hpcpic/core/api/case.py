@@ -142,13 +142,17 @@ class Case:
         it. A run that was stopped early returns too, with the status "stopped". Raises ConfigError, FileError, and
         Diverged when the state was no solution any more.
         """
+        from hpcpic.core.app import use
         from hpcpic.core.cli.job import Flags, job
         from hpcpic.core.cli.run import prepare_run, run_folder
 
         def prepare(app: App, world: World) -> tuple[RunDir, Plan]:
             with self._file() as path:
-                return prepare_run(path, target, self._sets, replace, force, False, app, world)
+                rundir, plan = prepare_run(path, target, self._sets, replace, force, False, app, world)
+            plan.warnings += told
+            return rundir, plan
 
+        told = use.keep_own()
         target = run_folder(self._read_case) if folder is None else os.fspath(folder)
         code = job(lambda: self._app, prepare, Flags(threads, wall, checkpoint_every, quiet=quiet), raises=True)
         run = Run.open(target, self._app)

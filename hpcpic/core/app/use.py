@@ -19,6 +19,7 @@ import click
 
 from hpcpic.core.case.config import file_bytes
 from hpcpic.core.errors import ConfigError
+from hpcpic.core.simd import own
 
 
 @dataclass(frozen=True, slots=True)
@@ -47,14 +48,28 @@ def import_text(name: str, text: str, path: str) -> None:
     """Import the text of a file of the user, once in a process. Raises ConfigError."""
     from hpcpic.core.simd.generate import module_from_source
 
-    if name in used and used[name].text != text:
-        raise ConfigError(f"--use {path}: {used[name].path} has the same name; give one of them another")
+    if name in used:
+        if used[name].text != text:
+            raise ConfigError(f"--use {path}: {used[name].path} has the same name; give one of them another")
+        return
     stem = f"use_{Path(name).stem}"
     try:
         module_from_source(text, stem)
     except (Exception, SystemExit) as error:
         raise ConfigError(f"{path}:{_line_of(error, stem)}: {type(error).__name__}: {error}") from error
-    used.setdefault(name, UserFile(path, text))
+    used[name] = UserFile(path, text)
+
+
+def keep_own() -> list[str]:
+    """Keep what a script has registered, as a run of it is to be restarted; what cannot be imported is told."""
+    told = []
+    for path in sorted(own.files):
+        text = file_bytes(path).decode("utf-8-sig")
+        if "__main__" in text:
+            used.setdefault(Path(path).name, UserFile(path, text))
+        else:
+            told.append(f'{path}: no restart can import it: put what runs under if __name__ == "__main__":')
+    return told
 
 
 def _line_of(error: BaseException, stem: str) -> int:

@@ -32,6 +32,7 @@ _ROOT = Path(__file__).resolve().parents[3]  # of the packages
 _KERNEL_FOLDERS = {"simd", "space", "comm", "tasks", "physics", "kernels"}
 _FLAGS: dict[str, Any] = {"nogil": True, "error_model": "numpy"}
 EVERY = "*"  # in place of a program: all there are
+_own: dict[str, bytes] = {}  # program -> hash of a file of the user that its kernels call
 generated: dict[str, str] = {}  # names of generated modules -> the program they belong to
 
 
@@ -88,6 +89,7 @@ def _fingerprint(program: str) -> str:
     settings = {key: value for key, value in os.environ.items() if key.startswith("NUMBA_")}
     settings.pop("NUMBA_CACHE_DIR", None)
     digest.update(repr([sorted(settings.items()), has_avx512()]).encode())
+    digest.update(_own.get(program, b""))
     return digest.hexdigest()
 
 
@@ -172,6 +174,12 @@ def formulas(*modules: Any) -> None:
         for function in vars(module).values():
             if isfunction(function) and function.__module__ == module.__name__:
                 formula(function)
+
+
+def depends_on(program: str, function: Callable) -> None:
+    """Let kernels of a program call a function of the user's own: they are kept apart from those that do not."""
+    formula(function)
+    _own[program] = _text_of(function.__code__.co_filename)
 
 
 @functools.cache

@@ -10,6 +10,7 @@ from typing import Annotated, ClassVar, Literal
 
 from pydantic import BeforeValidator
 
+from hpcpic.core.case.accelerations import MEANING
 from hpcpic.core.case.config import Tree, dotted
 from hpcpic.core.case.gauge import Gauge
 from hpcpic.core.case.schema import (
@@ -120,6 +121,7 @@ class Species(Section):
     position_init: Vector = setting((), '"position delta": position of the first particle', "m")
     position_delta: Vector = setting((), '"position delta": step from one particle to the next', "m")
     start: Start | None = None
+    acceleration: str = setting("", MEANING, "m/s2")
     perturbation: Perturbation | None = None
     plasma_frequency: float = setting(
         0.0,
@@ -258,6 +260,8 @@ class PlasmaConfig(Section):
     def conserved(self) -> tuple[str, ...]:
         """Scalars of the series that the scene keeps: a magnetic field turns momentum, an electric one does work."""
         magnetic, electric = self.field.magnetic, self.field.electric
+        if any(species.acceleration for species in self.species):
+            return ("charge",)
         along = (k for k in range(3) if not electric[k] and not any(b for i, b in enumerate(magnetic) if i != k))
         return ("charge", *(() if any(electric) else ("energy_total",)), *(f"momentum_{'xyz'[k]}" for k in along))
 

@@ -16,6 +16,7 @@ from dataclasses import dataclass
 from functools import partial
 from typing import Any
 
+from hpcpic.core.simd.own import note
 from hpcpic.plasma.physics.moments import SPEED_SQUARED, VELOCITY, Moment
 
 MODES = 8
@@ -78,6 +79,7 @@ SCALARS: dict[str, Scalar] = {}  # by name, in the order of the columns
 
 def register(scalar: Scalar) -> None:
     """Make a scalar a column of every series from now on."""
+    note(scalar.value)
     SCALARS[scalar.name] = scalar
 
 

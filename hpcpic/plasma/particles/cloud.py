@@ -78,6 +78,7 @@ class Cloud:
             short=np.zeros(1, np.int64),
             most=np.zeros(1, np.int64),
             wants=self.near.wants,
+            moment=np.zeros(3),
             records=self._views(self.arena["records_bytes"]),
         )
         self.arena.group(
@@ -223,6 +224,10 @@ class Cloud:
         self.arena["mover"][:] = mover
         self.each(self._rewind)
         self.arena["mover"][:] = forwards
+
+    def bind_driven(self, kernel: Callable) -> list[Bound]:
+        """Tasks of an acceleration of the user's own, one per block."""
+        return [self.arena.bind(kernel, first=first, last=last) for first, last in self.tiles.ranges]
 
     def bind_moments(self) -> list[Bound]:
         """Tasks of kernels.moments, one per block."""

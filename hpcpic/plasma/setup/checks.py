@@ -3,6 +3,7 @@
 import itertools
 from collections.abc import Iterator
 
+from hpcpic.core.case import accelerations
 from hpcpic.core.case.gauge import gauge_faults
 from hpcpic.core.case.schema import Fault, abridged
 from hpcpic.plasma.case import units
@@ -34,7 +35,8 @@ def faults(config: PlasmaConfig) -> Iterator[Fault]:
     for i, species in enumerate(config.species):
         if "/" in names[i] or names[i] in (".", ".."):
             yield ("species", i, "name"), f"{names[i]!r} would be a path in the files of a run"
-        found = species_faults(species, d), particle_faults(species), loader_faults(species, d)
+        own = accelerations.faults(species.acceleration)
+        found = own, species_faults(species, d), particle_faults(species), loader_faults(species, d)
         for key, text in itertools.chain(*found):
             yield ("species", i, *key), text
         if species.particles_per_cell and species.particles_per_cell * config.cells > MOST_PARTICLES:

@@ -20,6 +20,7 @@ from numpy.typing import NDArray
 
 from hpcpic.core.case.schema import Fault, abridged
 from hpcpic.core.files.start import arrays, start_faults
+from hpcpic.core.simd.own import note
 from hpcpic.core.space.domain import wrap
 from hpcpic.core.space.rng import normal_quantile, normals, uniforms
 from hpcpic.plasma.case.config import PlasmaConfig, Species, velocity_columns
@@ -254,6 +255,7 @@ OLDER = ("default", "random position")  # the thesis author's words
 
 def register(loader: Loader) -> None:
     """Make a loader known under its name."""
+    note(loader)
     LOADERS[loader.name] = loader
 
 

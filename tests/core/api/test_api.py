@@ -178,6 +178,18 @@ def test_arrays_that_cannot_be_a_start_are_told(start, told):
         started(**start)
 
 
+def test_a_script_that_registers_a_kernel_makes_a_run_that_restarts(tmp_path):
+    run = [sys.executable, str(EXAMPLES / "own_kernel.py"), str(tmp_path / "run")]
+    done = subprocess.run(run, capture_output=True, text=True)
+    assert done.returncode == 0, done.stderr
+    words = [sys.executable, "-m", "sph", "restart", str(tmp_path / "run"), "--until", "0.03"]
+    done = subprocess.run(words, capture_output=True, text=True)
+    assert done.returncode == 0, done.stderr
+    assert (tmp_path / "run/given/own_kernel.py").read_text() == (EXAMPLES / "own_kernel.py").read_text()
+
+
+@pytest.mark.slow
+@pytest.mark.timeout(600)
 @pytest.mark.parametrize("name", sorted(path.stem for path in EXAMPLES.glob("*.py")))
 def test_examples_run_on_one_rank_and_on_two(name, tmp_path):
     """The same last line on two ranks: it holds the digest where the example prints one."""

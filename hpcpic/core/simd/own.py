@@ -1,0 +1,17 @@
+"""Files of the user that have registered something: a kernel, a loader, a wall rule. A run keeps a copy of them."""
+
+import sys
+from pathlib import Path
+
+_PACKAGES = tuple(f"{Path(__file__).parents[3] / name}/" for name in ("hpcpic", "sph", "lbmdem"))
+files: set[str] = set()
+
+
+def note(thing: object) -> None:
+    """Note where a function, or the class of an object, comes from, unless that is this program or no file."""
+    thing = getattr(thing, "func", thing)  # of a functools.partial
+    code = getattr(thing, "__code__", None)
+    kind = sys.modules.get(type(thing).__module__)
+    file = code.co_filename if code else getattr(kind, "__file__", None) or ""
+    if Path(file).is_file() and not file.startswith(_PACKAGES):
+        files.add(str(Path(file).resolve()))
