@@ -1,7 +1,11 @@
-"""Tables on the screen: as wide as the terminal, and unwrapped where there is none. No word is ever cut."""
+"""Tables: on the screen as wide as the terminal, unwrapped where there is none, no word ever cut; or, where --json
+asks for it, as one object with all tables of a command.
+"""
 
 from __future__ import annotations
 
+import io
+import json
 import math
 import os
 import shutil
@@ -17,8 +21,56 @@ _COLOURS = {"ok": ("green", False), "warn": ("yellow", False), "fail": ("red", T
 _STYLES = {"ok": "green", "warn": "yellow", "fail": "bold red"}
 
 
+class Shown(str):
+    """A cell of a table: what people read, and the number behind it."""
+
+    value: float | int | bool
+
+
+def shown(value: float, form: str = ".4g", unit: str = "") -> Shown:
+    """A number as a cell, in a format of Python and with its unit."""
+    cell = Shown(f"{value:{form}} {unit}".rstrip())
+    cell.value = value
+    return cell
+
+
+class Answer:
+    """What a command prints, as JSON: {"tables": [[{column: value}]], "text": [line]}."""
+
+    def __init__(self) -> None:
+        self.tables: list[list[dict[str, Any]]] = []
+        self._screen, sys.stdout = sys.stdout, io.StringIO()
+
+    def close(self, silent: bool) -> None:
+        lines = sys.stdout.getvalue().splitlines() if isinstance(sys.stdout, io.StringIO) else []
+        sys.stdout = self._screen
+        if not silent:
+            print(json.dumps({"tables": self.tables, "text": [line for line in lines if line]}, indent=1))
+
+
+answer: Answer | None = None  # where --json has asked for one
+
+
+def ask_for_json(context: click.Context, option: click.Parameter, wanted: bool) -> None:
+    """The callback of --json."""
+    global answer
+    if wanted:
+        answer = Answer()
+
+
+def _plain(cell: object) -> Any:
+    value = getattr(cell, "value", cell)
+    if isinstance(value, float) and not math.isfinite(value):
+        return None
+    return value if isinstance(value, bool | int | float) else str(value)
+
+
 def table(headers: Sequence[str], rows: Iterable[Sequence[object]], right: Sequence[str] = ()) -> None:
     """Print rows under their headers; columns named in `right` are aligned there; verdicts are coloured."""
+    rows = list(rows)
+    if answer:
+        answer.tables.append([dict(zip(headers, map(_plain, row))) for row in rows])
+        return
     cells = [list(map(str, row)) for row in rows]
     widths = [max(map(len, column)) for column in zip(headers, *cells)]
     shown = sys.stdout.isatty()
@@ -75,22 +127,21 @@ def _folded(
     Console(width=None if sys.stdout.isatty() else WIDE, highlight=False).print(made)
 
 
-def amount(n: float) -> str:
-    """1.5 MiB"""
-    for prefix in ("", "Ki", "Mi", "Gi"):
-        if n < 1024:
-            return f"{n:.4g} {prefix}B"
-        n /= 1024
-    return f"{n:.4g} TiB"
+def amount(n: float) -> Shown:
+    """1.5 MiB, of bytes"""
+    k = next((k for k in range(4) if n < 1024 ** (k + 1)), 4)
+    cell = Shown(f"{n / 1024**k:.4g} {('', 'Ki', 'Mi', 'Gi', 'Ti')[k]}B")
+    cell.value = n
+    return cell
 
 
-def duration(seconds: float) -> str:
+def duration(seconds: float) -> Shown:
     """0.12 s, 3 min 20 s, 2 h 5 min"""
-    if seconds < 60:
-        return f"{seconds:.3g} s"
-    if seconds < 3600:
-        return f"{int(seconds // 60)} min {int(seconds % 60)} s"
-    return f"{int(seconds // 3600)} h {int(seconds % 3600 // 60)} min"
+    minutes, hours = f"{seconds // 60:.0f} min {int(seconds % 60)} s", f"{seconds // 3600:.0f} h"
+    longer = minutes if seconds < 3600 else f"{hours} {int(seconds % 3600 // 60)} min"
+    cell = Shown(f"{seconds:.3g} s" if seconds < 60 else longer)
+    cell.value = seconds
+    return cell
 
 
 def number(value: Any, digits: int = 4) -> str:
@@ -108,7 +159,9 @@ def count(n: float) -> str:
     return f"{round(n):,}".replace(",", "\u202f")
 
 
-def percent(share: float) -> str:
+def percent(share: float) -> Shown:
     """0.0123 -> "1.2 %", 1.7 -> "170 %"."""
     digits = 1 - math.floor(math.log10(100.0 * share)) if share > 0.0 else 0
-    return f"{100.0 * share:.{min(max(digits, 0), 8)}f} %" if share < 1e4 else "over a million %"
+    cell = Shown(f"{100.0 * share:.{min(max(digits, 0), 8)}f} %" if share < 1e4 else "over a million %")
+    cell.value = share
+    return cell

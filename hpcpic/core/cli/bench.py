@@ -9,7 +9,7 @@ from typing import Any
 import click
 
 from hpcpic.core.app.app import AppLoader
-from hpcpic.core.app.text import table
+from hpcpic.core.app.text import shown, table
 
 TRIAD_BYTES = (
     24  # STREAM's convention: two reads and a write of float64, the fetch before the write not counted
@@ -43,11 +43,12 @@ def _measure(app_loader: AppLoader, world: Any, quick: bool, threads: int | None
 
     most = threads or world.default_threads()
     rates: dict[str, float] = {}
-    rows: list[tuple[str, ...]] = []
+    rows: list[tuple[object, ...]] = []
     for n in sorted({1, most}):
         for name, rate in bandwidth(world, n, quick).items():
             rates[name if n == 1 else f"{name}_{n}_threads"] = rate
-            rows.append((name, f"{n}", f"{rate / 1e9:.2f} GB/s", f"{rate * world.size / 1e9:.2f} GB/s"))
+            every = shown(rate * world.size / 1e9, ".2f", "GB/s")
+            rows.append((name, n, shown(rate / 1e9, ".2f", "GB/s"), every))
     app = app_loader()
     kernels: Mapping[str, float] = {}
     if world.size == 1:
@@ -60,28 +61,27 @@ def _measure(app_loader: AppLoader, world: Any, quick: bool, threads: int | None
             rows,
             right=("per rank", "all ranks"),
         )
-        for line in _kernel_lines(kernels, rates["update"]):
-            click.echo(line)
+        if found := _kernel_rows(kernels, rates["update"]):
+            table(("kernel", "rate", "of the memory bound"), found, right=("rate", "of the memory bound"))
         known = {name: rate for name, rate in kernels.items() if "_bytes" not in name}
         kept = rates | known if world.size == 1 else known
         click.echo(f"kept for `estimate`: {keep_rates(kept)}")
     return 0
 
 
-def _kernel_lines(kernels: Mapping[str, float], bandwidth: float) -> list[str]:
+def _kernel_rows(kernels: Mapping[str, float], bandwidth: float) -> list[tuple[object, ...]]:
     """Rates as the simulator names them. Beside `push_ns` with `push_bytes` and `mlups A` with `mlups_bytes A`, the
     fraction of the memory bound: the time of these bytes at this bandwidth over that which was measured.
     """
-    lines = []
+    rows: list[tuple[object, ...]] = []
     for name, rate in kernels.items():
         if "_bytes" in name:
             continue
         of_bytes = name.replace("_ns", "_bytes").replace("mlups", "mlups_bytes")
         size = kernels.get(of_bytes, 0.0) if of_bytes != name else 0.0
         seconds = 1e-6 / rate if name.startswith("mlups") and rate else 1e-9 * rate
-        fraction = f"   {size / bandwidth / seconds:.0%} of the memory bound" if size and seconds else ""
-        lines.append(f"{name:<32}{rate:10.4g}{fraction}")
-    return lines
+        rows.append((name, shown(rate), shown(size / bandwidth / seconds, ".0%") if size and seconds else ""))
+    return rows
 
 
 def bandwidth(world: Any, threads: int, quick: bool) -> dict[str, float]:

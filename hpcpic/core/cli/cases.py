@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import json
+
 import click
 
 from hpcpic.core.app.app import AppLoader
@@ -27,9 +29,13 @@ def make_show_command(app_loader: AppLoader) -> click.Command:
     @click.command("show")
     @click.argument("case")
     @use_option
-    def show(case: str) -> None:
+    @click.option("--schema", is_flag=True, help="Print the JSON schema of all cases of this program instead.")
+    def show(case: str, schema: bool) -> None:
         """A case's header, and every key with its type, unit, default and limits."""
         app = app_loader()
+        if schema:
+            click.echo(json.dumps(app.schema().model_json_schema(), indent=1))
+            return
         read = read_case(app, case)
         header = read_header(read.path)
         click.echo(read.path)

@@ -10,7 +10,7 @@ import click
 from hpcpic.core.app.app import App, AppLoader
 from hpcpic.core.app.rates import read_rates
 from hpcpic.core.app.read import Case, read_case, set_option, shape_options
-from hpcpic.core.app.text import table
+from hpcpic.core.app.text import shown, table
 from hpcpic.core.app.use import use_option
 from hpcpic.core.case.derived import Derived
 from hpcpic.core.cli.cures import cures
@@ -22,10 +22,10 @@ LONGEST = 30.0  # days of a run that needs no warning
 
 def print_derived(numbers: list[Derived]) -> None:
     rows = [
-        (n.name, n.symbol, f"{n.value + 0.0:.5g}", n.unit, n.limit, n.verdict if n.limit else "", n.source)
+        (n.name, n.symbol, shown(n.value + 0.0, ".5g"), n.unit, n.limit, n.verdict if n.limit else "", n.source)
         for n in numbers
     ]
-    table(("number", "", "value", "unit", "limit", "verdict", "source"), rows, right=("value",))
+    table(("number", "symbol", "value", "unit", "limit", "verdict", "source"), rows, right=("value",))
 
 
 def numbers_of(app: App, config: Any, ranks: int) -> list[Derived]:

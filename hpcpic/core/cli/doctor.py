@@ -46,7 +46,7 @@ def make_doctor_command(app_loader: AppLoader) -> click.Command:
         shared = list(_cores(world, threads))
         if world.rank == 0:
             findings = [*_mpi(world), *shared, *_libraries(), *_cache(), *_memory(), *_environment()]
-            table(("what", "found", "", "cure"), [(f.what, f.value, f.verdict, f.cure) for f in findings])
+            table(("what", "found", "verdict", "cure"), [(f.what, f.value, f.verdict, f.cure) for f in findings])
             failed = [f.what for f in findings if f.verdict == "fail"]
             problem = world.max(float(len(failed)))
             if failed:

@@ -10,7 +10,7 @@ from hpcpic.core.app.app import App, AppLoader
 from hpcpic.core.app.forecast import Estimate
 from hpcpic.core.app.rates import rates_file, read_rates
 from hpcpic.core.app.read import read_case, set_option, shape_options
-from hpcpic.core.app.text import amount, duration, table
+from hpcpic.core.app.text import amount, duration, shown, table
 from hpcpic.core.app.use import use_option
 from hpcpic.core.run.summary import several
 
@@ -33,10 +33,8 @@ def print_estimate(app: App, config: Any, ranks: int, threads: int) -> None:
     rates = read_rates()
     estimate = app.estimate(config, ranks, threads, rates)
     total = sum(estimate.memory.values())
-    rows = [(name, amount(size), f"{size / total:.1%}") for name, size in estimate.memory.items()]
-    table(
-        ("memory per rank", "size", "share"), [*rows, ("total", amount(total), "")], right=("size", "share")
-    )
+    rows = [(name, amount(size), shown(size / total, ".1%")) for name, size in estimate.memory.items()]
+    table(("memory per rank", "size", "share"), [*rows, ("total", amount(total), "")], right=("size", "share"))
     click.echo()
     files = [(name, amount(size)) for name, size in estimate.disk.items()]
     table(("disk", "size"), [*files, ("total", amount(sum(estimate.disk.values())))], right=("size",))
@@ -45,10 +43,9 @@ def print_estimate(app: App, config: Any, ranks: int, threads: int) -> None:
         print_phases(estimate)
     one = app.estimate(config, 1, 1, rates)
     efficiency = one.step_seconds / (ranks * threads * estimate.step_seconds)
-    click.echo(
-        f"time        {duration(estimate.seconds)} on {several(ranks, 'rank')} x {several(threads, 'thread')}, "
-        f"{1e3 * estimate.step_seconds:.4g} ms per step, efficiency {efficiency:.0%} of 1 x 1"
-    )
+    whole = ("whole run", duration(estimate.seconds)), ("a step", shown(1e3 * estimate.step_seconds, ".4g", "ms"))
+    head = f"time on {several(ranks, 'rank')} x {several(threads, 'thread')}"
+    table((head, "value"), [*whole, ("efficiency of 1 x 1", shown(efficiency, ".0%"))], right=("value",))
     click.echo(
         f"rates       measured on this machine ({rates_file()})"
         if rates
@@ -59,8 +56,13 @@ def print_estimate(app: App, config: Any, ranks: int, threads: int) -> None:
 def print_phases(estimate: Estimate) -> None:
     """What a step is made of; a sample may have done some of it before the step begins."""
     whole = sum(estimate.phases.values())
-    rows = [(name, f"{1e3 * spent:.4g} ms", f"{spent / whole:.1%}") for name, spent in estimate.phases.items() if spent]
-    sampling = ("samples of the series", f"{estimate.sampling:.4g} s", f"{estimate.sampling / estimate.seconds:.1%}")
+    rows = [
+        (name, shown(1e3 * spent, ".4g", "ms"), shown(spent / whole, ".1%"))
+        for name, spent in estimate.phases.items()
+        if spent
+    ]
+    share = shown(estimate.sampling / estimate.seconds, ".1%")
+    sampling = ("samples of the series", shown(1e3 * estimate.sampling, ".4g", "ms"), share)
     table(("a step", "time", "share"), [*rows, *([sampling] if estimate.sampling else [])], right=("time", "share"))
     click.echo()
 

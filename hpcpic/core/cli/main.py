@@ -17,6 +17,7 @@ from typing import Any
 
 import click
 
+from hpcpic.core.app import text
 from hpcpic.core.app.app import AppLoader
 from hpcpic.core.errors import FileError, HpcpicError
 from hpcpic.version import __version__
@@ -38,6 +39,7 @@ VERBS = {  # verb -> the module of core that makes it, and what --help says with
     "bench": ("cli.bench", "Measure bandwidth and kernel rates of this machine and keep them for `estimate`."),
     "doctor": ("cli.doctor", "MPI, launcher, threads, HDF5, FFTW, versions, the cache of compiled kernels."),
 }
+TABLES = ("list", "show", "check", "estimate", "sweep", "tradeoff", "stability", "compare", "bench", "doctor")
 PARALLEL = ("run", "restart", "bench", "doctor")  # verbs in which all ranks take part
 
 RANKS = ("PMI_RANK", "OMPI_COMM_WORLD_RANK", "PMIX_RANK")  # where launchers tell a process its rank
@@ -67,7 +69,13 @@ class CommandLine(click.Group):
         make: Callable[[AppLoader], click.Command] = getattr(
             import_module(f"hpcpic.core.{VERBS[verb][0]}"), f"make_{verb}_command"
         )
-        return make(self.app_loader)
+        command = make(self.app_loader)
+        if verb in TABLES:
+            words = "Print all tables as one object: {tables: [[{column: value}]], text: [line]}."
+            command.params.append(click.Option(
+                ["--json"], is_flag=True, is_eager=True, expose_value=False, callback=text.ask_for_json, help=words
+            ))  # fmt: skip
+        return command
 
     def format_commands(self, context: click.Context, formatter: click.HelpFormatter) -> None:
         with formatter.section("Commands"):
@@ -92,7 +100,7 @@ class CommandLine(click.Group):
         settings["standalone_mode"] = False
         settings["prog_name"] = self.name
         try:
-            sys.exit(super().main(args, *rest, **settings) or 0)
+            sys.exit(self._answered(args, *rest, **settings) or 0)
         except click.ClickException as error:
             if not launcher_rank():
                 error.show()
@@ -109,6 +117,13 @@ class CommandLine(click.Group):
             if error.filename is None and error.errno not in (errno.ENOSPC, errno.EDQUOT):
                 raise
             self.leave(FileError(f"{error.filename or 'the output'}: {error.strerror}"))
+
+    def _answered(self, *rest: Any, **settings: Any) -> Any:
+        try:
+            return super().main(*rest, **settings)
+        finally:
+            if text.answer:
+                text.answer.close(silent=bool(launcher_rank()))
 
     def leave(self, error: HpcpicError) -> None:
         """Print the error on one rank and exit with its code."""

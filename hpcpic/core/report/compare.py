@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from hpcpic.core.app.app import AppLoader
-from hpcpic.core.app.text import table
+from hpcpic.core.app.text import shown, table
 from hpcpic.core.errors import CheckFailed
 
 if TYPE_CHECKING:
@@ -73,9 +73,10 @@ def make_compare_command(app_loader: AppLoader) -> click.Command:
 
 def _print_differences(differences: Sequence[Difference], tolerance: float) -> None:
     rows = [
-        (d.what, f"{d.max:.3e}", f"{d.rms:.3e}", f"{d.relative:.3e}", _verdict(d, tolerance)) for d in differences
+        (d.what, *(shown(value, ".3e") for value in (d.max, d.rms, d.relative)), _verdict(d, tolerance))
+        for d in differences
     ]
-    table(("what", "max |a - b|", "rms", "relative", ""), rows, right=("max |a - b|", "rms", "relative"))
+    table(("what", "max |a - b|", "rms", "relative", "verdict"), rows, right=("max |a - b|", "rms", "relative"))
 
 
 def _verdict(difference: Difference, tolerance: float) -> str:
@@ -177,7 +178,7 @@ def _config_difference(a: str, b: str) -> dict[str, tuple[str, str]]:
 def _print_timers(a: Run, b: Run) -> None:
     first, second = (run.summary.get("timers") or {} for run in (a, b))
     rows = [
-        (name, *(f"{t[name]['avg']:.3f}" if name in t else "-" for t in (first, second)))
+        (name, *(shown(t[name]["avg"], ".3f") if name in t else "-" for t in (first, second)))
         for name in dict.fromkeys([*first, *second])
     ]
     shapes = [f"{run.summary.get('ranks')} x {run.summary.get('threads')}" for run in (a, b)]

@@ -11,7 +11,7 @@ import click
 
 from hpcpic.core.app.app import App, AppLoader
 from hpcpic.core.app.read import read_case, set_option, shape_options
-from hpcpic.core.app.text import table
+from hpcpic.core.app.text import shown, table
 from hpcpic.core.app.use import use_option
 from hpcpic.core.errors import CheckFailed, ConfigError
 from hpcpic.core.files.rundir import write_json
@@ -129,7 +129,7 @@ def tell(limits: Limits, axis: Axis, limit: Limit, rates: list[tuple[float, floa
         click.echo(f"measured    unstable down to {last}")
     if rates:
         click.echo("slow growth, no limit; rate of growth:" if limit.slow else "rate of growth:")
-        table((with_unit(knob), "1/s"), [(f"{knob.shown(s):.4g}", f"{rate:.3g}") for s, rate in rates])
+        table((with_unit(knob), "1/s"), [(shown(knob.shown(s)), shown(rate, ".3g")) for s, rate in rates])
 
 
 def with_unit(knob: Knob) -> str:
@@ -185,7 +185,7 @@ def draw_map(limits: Limits, first: Knob, second: Knob, folder: Path) -> None:
         (second.shown(size), first.shown(axis.size(1.0)), first.shown(axis.size(limit.x)), limit.x)
         for size, axis, limit in columns
     ]
-    cells = [[f"{value:.4g}" for value in row] for row in rows]
+    cells = [[shown(value) for value in row] for row in rows]
     measured = f"measured, {first.unit}" if first.unit else "measured"
     table((with_unit(second), "theory's limit", measured, "measured/theory"), cells)
     names = ("second", "theory", "measured", "ratio")

@@ -18,7 +18,7 @@ import click
 from hpcpic.core.app import use
 from hpcpic.core.app.app import App, AppLoader
 from hpcpic.core.app.read import read_case, set_option, shape_options
-from hpcpic.core.app.text import table
+from hpcpic.core.app.text import shown, table
 from hpcpic.core.app.use import use_option
 from hpcpic.core.cli.launch import Start, launch, refuse_launcher
 from hpcpic.core.errors import CheckFailed, ConfigError, FileError
@@ -234,7 +234,7 @@ def _columns(rows: list[dict[str, Any]]) -> list[str]:
 
 
 def _short(value: Any) -> str:
-    return "" if value is None else f"{value:.6g}" if isinstance(value, float) else str(value)
+    return "" if value is None else shown(value, ".6g") if isinstance(value, float) else str(value)
 
 
 def _tell(rows: list[dict[str, Any]], folder: Path) -> None:

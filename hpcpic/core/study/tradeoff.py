@@ -12,7 +12,7 @@ import click
 
 from hpcpic.core.app.app import App, AppLoader
 from hpcpic.core.app.read import Case, read_case, set_option, shape_options
-from hpcpic.core.app.text import duration, percent, table
+from hpcpic.core.app.text import duration, percent, shown, table
 from hpcpic.core.app.use import use_option
 from hpcpic.core.case.cases import read_header
 from hpcpic.core.cli.launch import refuse_launcher
@@ -211,17 +211,17 @@ def tell_laws(search: Search) -> None:
     rows = []
     for knob in search.knobs:
         law = search.laws[knob.name]
-        order = "no effect" if law.idle else f"{law.order:.2f}"
+        order = "no effect" if law.idle else shown(law.order, ".2f")
         unsteady = f"no: order {law.used:g}, safety {law.safety:g}"
         unsteady = f"drawn: 95 % within order {law.used:g}" if law.random else unsteady
         steady = "" if law.idle else "yes" if law.asymptotic else unsteady
         levels = ", ".join(f"{knob.shown(size):.4g}" for size in law.sizes)
-        here = f"{knob.shown(law.here):.4g} {knob.unit}"
+        here = shown(knob.shown(law.here), ".4g", knob.unit)
         error = percent(law.bound(law.here))
-        cost = f"{law.cost:.2f}"
-        rows.append((knob.name, here, levels, order, f"{law.theory:g}", steady, error, cost, f"{knob.cost:g}"))
+        cost, theory = shown(law.cost, ".2f"), (shown(law.theory, "g"), shown(knob.cost, "g"))
+        rows.append((knob.name, here, levels, order, theory[0], steady, error, cost, theory[1]))
     click.echo()
-    heads = ("knob", "here", "pilots", "order", "theory", "asymptotic", "error here", "cost exponent", "theory ")
+    heads = ("knob", "here", "pilots", "order", "theory", "asymptotic", "error here", "cost exponent", "its theory")
     table(heads, rows, right=("error here",))
     for scheme in search.schemes[1:]:
         own = f", error {percent(scheme.floor)}" if scheme.floor else ""
@@ -246,9 +246,10 @@ def tell_front(search: Search, points: list) -> None:
         click.echo(f"front: none, as the reference is known to {percent(search.uncertainty)} only")
         return
     rows = [
-        (percent(p.bound), f"{p.cost * whole:.3g}", f"{1 / p.cost:.3g}", sizes_text(search, p.sizes), p.scheme.words)
+        (percent(p.bound), shown(p.cost * whole, ".3g"), shown(1 / p.cost, ".3g"),
+         sizes_text(search, p.sizes), p.scheme.words)
         for p in points
-    ]
+    ]  # fmt: skip
     table(("error", "seconds", "times faster", "settings", "scheme"), rows, right=("seconds", "times faster"))
     laws = list(search.laws.values())
     click.echo(f"the case as it is: {whole:.3g} s; cost ~ error^-{slope(laws):.2f} by the laws")

@@ -1,6 +1,7 @@
 """The verbs that take no step or only look: light, quick, right exit codes."""
 
 import csv
+import json
 import resource
 import subprocess
 import sys
@@ -295,3 +296,29 @@ def test_doctor_tells_of_a_cache_that_others_could_change_and_of_what_killed_ran
 def test_doctor_is_exit_3_when_cores_are_oversubscribed(toy, ranks):
     done = toy("doctor", "--threads", "1000", ranks=ranks)
     assert done.returncode == 3 and "not in order: load" in done.stderr
+
+
+@pytest.mark.parametrize(
+    ("words", "column", "first"),
+    [
+        ("list", "case", "bump-on-tail"),
+        ("show landau-damping", "key", "description"),
+        ("check landau-damping", "number", None),
+        ("estimate landau-damping --ranks 2", "memory per rank", "Python and libraries"),
+        ("doctor", "what", "MPI"),
+    ],
+)
+def test_tables_as_json_hold_the_numbers_behind_their_cells(words, column, first):
+    command = [sys.executable, "-m", "hpcpic", *words.split(), "--json"]
+    done = subprocess.run(command, capture_output=True, text=True, env=environment(), check=False)
+    answer = json.loads(done.stdout)
+    row = answer["tables"][0][0]
+    assert first in (None, row[column])
+    numbers = [value for table in answer["tables"] for row in table for value in row.values()]
+    assert any(isinstance(value, float) for value in numbers) == (words.split()[0] in ("check", "estimate"))
+
+
+def test_the_schema_of_cases_is_one_of_json():
+    command = [sys.executable, "-m", "sph", "show", "water-column", "--schema"]
+    schema = json.loads(subprocess.run(command, capture_output=True, text=True, env=environment()).stdout)
+    assert schema["type"] == "object" and "fluid" in schema["properties"]
