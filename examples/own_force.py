@@ -17,7 +17,7 @@ def spring(x, v, t):
 
 
 def tide(x, v, t):
-    """To and fro along x, damped by a drag."""
+    """Swings along x, damped by a drag."""
     return np.sin(10.0 * t) - 0.5 * v[0], 0.0, 0.0
 
 
