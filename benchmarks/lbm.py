@@ -39,7 +39,7 @@ def scale(a, low, high):
 
 
 def seconds(world: World, action: Callable[[], None]) -> float:
-    """Of the slowest rank."""
+    """Seconds that an action takes on the slowest rank."""
     world.barrier()
     begin = perf_counter()
     action()
@@ -56,7 +56,7 @@ def measure(world: World, pool: Pool, lattice: Lattice, shape: tuple, collision:
     array = aligned_zeros((moved // 16,), np.float64)
     array[...] = 1.0
     lines = block_ranges(array.nbytes // LINE, pool.threads)
-    stream = [bind(scale, array, low, high) for low, high in lines]
+    stream = [bind(scale, a=array, low=low, high=high) for low, high in lines]
     deep = fluid.depth
     samples: list[tuple[float, float, float]] = []
     for _ in range(rounds + 1):

@@ -112,7 +112,7 @@ def stream(threads: int) -> float:
     """GB/s of a = b + 2 c, best of five."""
     pool, n = Pool(threads, World.alone().cpus(threads)), 16_000_000
     a, b, c = (np.ones(n) for _ in range(3))
-    tasks = [bind(triad, a, b, c, n * k // threads, n * (k + 1) // threads) for k in range(threads)]
+    tasks = [bind(triad, a=a, b=b, c=c, low=n * k // threads, high=n * (k + 1) // threads) for k in range(threads)]
     best = np.inf
     for _ in range(5):
         begin = perf_counter()

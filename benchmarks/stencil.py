@@ -91,7 +91,8 @@ class Stencil:
                 self._ghosts(graph, old, last)
             limits = [lost, *self.cuts, self.buffers[0].shape[0] - lost]
             for block in (0, last, *range(1, last)):
-                kernel = bind(sweep, self.buffers[old], self.buffers[new], *limits[block : block + 2])
+                first, end = limits[block : block + 2]
+                kernel = bind(sweep, a=self.buffers[old], b=self.buffers[new], first=first, last=end)
                 near = [(old, k) for k in (block - 1, block, block + 1)]
                 mine = [(new, block)]
                 if block in (0, last) and lost < self.depth:
@@ -105,7 +106,7 @@ class Stencil:
         if self.world.size > 1:
             graph.message(self.messages[old], ins=edges, outs=ghosts)
         else:
-            graph.task(bind(wrap, self.buffers[old], self.depth), ins=edges, outs=ghosts, priority=1)
+            graph.task(bind(wrap, a=self.buffers[old], depth=self.depth), ins=edges, outs=ghosts, priority=1)
 
     def start(self, values: np.ndarray) -> None:
         """Inner values of the whole grid; ghost columns are set, ghost rows come by message."""
@@ -137,14 +138,12 @@ def check(world: World, pool: Pool, depth: int) -> None:
             near = np.roll(grid, -1, 0) + np.roll(grid, 1, 0) + np.roll(grid, -1, 1) + np.roll(grid, 1, 1)
             grid = grid + 0.1 * (near - 4.0 * grid)
         mine = grid[stencil.rows[0] : stencil.rows[1]]
-        assert np.array_equal(stencil.buffers[0][depth:-depth, 1:-1], mine), (
-            f"wrong result in launch {launch}"
-        )
+        assert np.array_equal(stencil.buffers[0][depth:-depth, 1:-1], mine), f"wrong result in launch {launch}"
     stencil.free()
 
 
 def seconds(world: World, action, *arguments) -> float:
-    """Of the slowest rank."""
+    """Seconds that an action takes on the slowest rank."""
     world.barrier()
     begin = perf_counter()
     action(*arguments)
@@ -172,7 +171,7 @@ def compare(world: World, pool: Pool, n: int, depth: int, samples: int = 60) -> 
 def cost_of_tasks(pool: Pool) -> None:
     """Empty tasks, launches, and what tasks of 100 us lose."""
     x = np.zeros(1)
-    empty = bind(nothing, x)
+    empty = bind(nothing, x=x)
     for what, n_before in (("independent", 0), ("chained", 1), ("with 3 predecessors", 3)):
         graph = Graph()
         for k in range(10_000):
@@ -186,7 +185,7 @@ def cost_of_tasks(pool: Pool) -> None:
             times.append((perf_counter() - begin) / 10_000)
         print(f"  {statistics.median(times) * 1e6:7.3f} us per empty task, {what}")
     for count in (1, 2):
-        bounds, times = [bind(nothing, x) for _ in range(count)], []
+        bounds, times = [bind(nothing, x=x) for _ in range(count)], []
         for _ in range(2000):
             begin = perf_counter()
             pool.each(bounds)
@@ -196,7 +195,7 @@ def cost_of_tasks(pool: Pool) -> None:
 
 def loss_of_long_tasks(pool: Pool) -> None:
     x, n_tasks = np.zeros((64, 8)), 64
-    bounds = [bind(spend, row, 60_000) for row in x]
+    bounds = [bind(spend, x=row, rounds=60_000) for row in x]
     ratios = []
     spend(x[0], 1)
     for _ in range(25):
@@ -207,9 +206,7 @@ def loss_of_long_tasks(pool: Pool) -> None:
         ratios.append((perf_counter() - middle) / (middle - begin))
     each = (middle - begin) / n_tasks * 1e6
     loss = statistics.median(ratios) * pool.threads - 1.0
-    print(
-        f"  {100 * loss:7.2f} % lost in {n_tasks} tasks of {each:.0f} us, against one loop shared perfectly"
-    )
+    print(f"  {100 * loss:7.2f} % lost in {n_tasks} tasks of {each:.0f} us, against one loop shared perfectly")
 
 
 def main() -> None:

@@ -49,9 +49,9 @@ def fft_calls(world: Any, n: int, dtype: Any) -> Callable[[], None]:
     from hpcpic.core.space.fields import aligned_zeros
 
     @njit(cache=False)
-    def rows(execute, plan, source, target):
+    def rows(plan, source, target):
         for i in range(source.shape[0]):
-            line(execute, plan, source[i], target[i])
+            line(plan, source[i], target[i])
 
     kind = np.dtype(np.complex64 if dtype == np.float32 else np.complex128)
     low, high = block_ranges(n, world.size)[world.rank]
@@ -68,14 +68,12 @@ def fft_calls(world: Any, n: int, dtype: Any) -> Callable[[], None]:
 
     def calls() -> None:
         for plan, source, target in plans:
-            rows(plan.execute, plan.plan, source, target)
+            rows(plan, source, target)
 
     return calls
 
 
-def candidates(
-    world: Any, n: int, dtype: Any
-) -> tuple[dict[str, tuple[bool, Callable[[], None]]], list[Any]]:
+def candidates(world: Any, n: int, dtype: Any) -> tuple[dict[str, tuple[bool, Callable[[], None]]], list[Any]]:
     """Name -> (rank 0 alone?, what to time), and the solvers to free."""
     import numpy as np
     from mpi4py import MPI

@@ -12,16 +12,15 @@ import sys
 import tempfile
 from pathlib import Path
 
+from gallery import COLOURS, PICTURES
 from PIL import Image
 
-ROOT = Path(__file__).resolve().parent.parent
-PICTURES = ROOT / "docs/gallery"
 CASES = {  # program -> case, tolerance
     "hpcpic": ("two-stream-cold", "1%"),
     "sph": ("poiseuille", "1%"),
     "lbmdem": ("taylor-green", "1%"),
 }
-WIDTH, COLOURS = 840, 96  # of a picture: keeps it small
+WIDTH = 840  # of a picture: keeps it small
 
 
 def main() -> int:

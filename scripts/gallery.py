@@ -137,7 +137,7 @@ def main() -> int:
 
 
 def seconds(time: str) -> float:
-    """Of "20 s", "2 min" or "1 h"."""
+    """The seconds that "20 s", "2 min" or "1 h" are."""
     number, unit = re.match(r"([\d.]+) *(\w+)", time).groups()
     return float(number) * {"s": 1.0, "min": 60.0, "h": 3600.0}[unit]
 

@@ -108,7 +108,7 @@ def memory(threads: int, rounds: int) -> str:
     found = []
     for used in sorted({1, threads}):
         pool = Pool(used)
-        tasks = [bind(scale, array, *part) for part in block_ranges(array.nbytes // LINE, used)]
+        tasks = [bind(scale, a=array, low=low, high=high) for low, high in block_ranges(array.nbytes // LINE, used)]
         best = min(timed(partial(pool.each, tasks), cpu=False) for _ in range(rounds + 1))
         found.append(f"{2e-9 * array.nbytes / best:.1f} GB/s on {used} thread(s)")
         pool.close()

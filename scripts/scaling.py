@@ -1,4 +1,12 @@
-"""What the two scaling scripts share: run a case for ranks x threads, repeat until the mean is known, tabulate, draw.
+"""Scaling of a case of any simulator over ranks x threads: repeated until the mean is known, tabulated, drawn.
+
+    python scripts/scaling.py strong hpcpic magnetised-thermal-2d --points 1x1,2x1,1x2
+    python scripts/scaling.py weak sph hydrostatic --points 1x1,2x1,1x2
+
+strong: the same case on more and more cores; efficiency is t(1x1) / (cores t). weak: a case that grows with the cores
+that run it, and says itself how: plasma and lattice are made longer along the slab axis, with as many particles or
+grains in a volume; SPH takes more particles for the same scene. Efficiency is the work (particles or nodes) per core
+and second beside that of 1x1. Both tell how far the model of `estimate` is off.
 
 A point is repeated until the standard error of the mean step time is 1 % of the mean (the rule of the thesis,
 `stop_SEM`) or the repeats are used up. The points of one table are interleaved, so that a slow minute of the machine
@@ -61,9 +69,9 @@ class Point:
         return n >= 3 and statistics.stdev(self.seconds) / n**0.5 < STANDARD_ERROR * statistics.mean(self.seconds)
 
 
-def arguments(title: str | None) -> argparse.Namespace:
-    """The command line of both scripts."""
-    parser = argparse.ArgumentParser(description=title, formatter_class=argparse.RawDescriptionHelpFormatter)
+def arguments() -> argparse.Namespace:
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("law", choices=("strong", "weak"))
     parser.add_argument("program", choices=PROGRAMS)
     parser.add_argument("case", help="a path or a shipped case")
     parser.add_argument("--points", default="1x1,2x1,1x2", help="ranks x threads, comma separated; 1x1 first")
@@ -118,9 +126,12 @@ def measure_all(program: str, case: str, points: list[Point], repeats: int) -> N
                 )
 
 
-def table(points: list[Point], efficiency) -> list[dict]:
-    """One row a point; efficiency(point, first) is the law of the script."""
-    first = points[0]
+def table(points: list[Point], weak: bool) -> list[dict]:
+    """One row a point; efficiency is the work per core and second beside that of the first point."""
+
+    def rate(p: Point) -> float:
+        return (p.items if weak else 1) / (p.cores * p.median())
+
     return [
         {
             "ranks": p.ranks,
@@ -128,7 +139,7 @@ def table(points: list[Point], efficiency) -> list[dict]:
             "step_ms": 1e3 * p.median(),
             "interval_ms": 1e3 * p.half_interval(),
             "repeats": len(p.seconds),
-            "efficiency": efficiency(p, first),
+            "efficiency": rate(p) / rate(points[0]),
             "estimate_ms": 1e3 * p.estimate,
             "estimate_error": p.estimate / p.median() - 1,
         }
@@ -179,3 +190,27 @@ def draw(title: str, rows: list[dict], path: Path) -> None:
 def parse_points(text: str) -> list[tuple[int, int]]:
     """'1x1,2x1,1x2' -> [(1, 1), (2, 1), (1, 2)]"""
     return [tuple(int(n) for n in part.split("x")) for part in text.split(",")]
+
+
+def settings(a: argparse.Namespace, app: Any, config: Any, cores: int) -> tuple[str, ...]:
+    """The --set list of a point. Exits when the case cannot grow."""
+    try:
+        grown = app.grow(config, cores) if a.law == "weak" else ()
+    except ValueError as error:
+        sys.exit(f"{a.case}: {error}")
+    sets = (*a.sets, *grown)
+    return (*sets, *ending(*scene(a.program, a.case, list(sets)), a.steps))
+
+
+def main() -> None:
+    a = arguments()
+    app, config = scene(a.program, a.case, a.sets)
+    shapes = parse_points(a.points)
+    points = [Point(ranks, threads, settings(a, app, config, ranks * threads)) for ranks, threads in shapes]
+    measure_all(a.program, a.case, points, a.repeats)
+    name = Path(a.case).stem
+    report(f"{a.law} scaling of {name}", table(points, a.law == "weak"), a.out or Path(f"benchmarks/{a.law}-{name}"))
+
+
+if __name__ == "__main__":
+    main()

@@ -71,7 +71,7 @@ class Row(NamedTuple):
 
 
 def listed(values: Any) -> str:
-    """As the case files write it."""
+    """A list as case files write it."""
     return "[" + ", ".join(f'"{v}"' if isinstance(v, str) else repr(float(v)) for v in values) + "]"
 
 
@@ -175,7 +175,7 @@ def seconds(work: Callable[[], Any]) -> float:
 
 
 def timing(work: Callable[..., Any], spent: list[float]) -> Callable[..., None]:
-    """The same work, whose seconds are kept."""
+    """A function that does the work and keeps its seconds in `spent`."""
     return lambda *words: spent.append(seconds(partial(work, *words)))
 
 
@@ -396,7 +396,7 @@ def planned_seconds(case: Case) -> float:
 
 
 def planned_bytes(case: Case) -> float:
-    """Of the arrays while it runs."""
+    """Bytes of the arrays while it runs."""
     app, config = app_and_config(case)
     memory = app.estimate(config, 1, 1, {}).memory
     apart = ("Python and libraries", "state in order")  # the latter at the end of a run only

@@ -332,7 +332,7 @@ def rows() -> list[Row]:
 
 
 def line(row: Row) -> tuple[str, float]:
-    """Of the table, and measured over theory."""
+    """A row of the table, and measured over theory."""
     theory = row.theory()
     found = measured(row, theory)
     ratio = found / theory

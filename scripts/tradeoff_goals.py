@@ -65,7 +65,7 @@ def main() -> int:
 
 
 def measure(app: Any, case: str, folder: Path, own_scheme: bool = False) -> dict[str, Any]:
-    """Of one case."""
+    """The row of one case."""
     read = read_case(app, case)
     knobs = app.knobs(read.config)
     said = re.search(r"^# quantity: (.*)", Path(read.path).read_text(), re.M)

@@ -1,13 +1,17 @@
 """Obstacles of a case as walls of the fluid, by their signed distance in nodes."""
 
 from collections.abc import Callable
+from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
 
+from hpcpic.core.space import shapes
 from lbmdem.case.config import BoxShape
-from lbmdem.fluid.surfaces import Wall, plane
+from lbmdem.fluid.surfaces import Wall
 from lbmdem.setup.scene import Scene
+
+Distance = Callable[[NDArray], NDArray]
 
 
 def obstacle_walls(scene: Scene) -> list[Wall]:
@@ -17,22 +21,21 @@ def obstacle_walls(scene: Scene) -> list[Wall]:
     for obstacle in scene.config.obstacle:
         shape = obstacle.shape
         if shape.plane is not None:
-            distance = plane(tuple(np.array(shape.plane.point) / dx - 0.5), shape.plane.normal)
+            point = np.array(shape.plane.point) / dx - 0.5
+            distance: Distance = partial(shapes.plane, point=point, normal=shape.plane.normal)
         elif shape.box is not None:
-            distance = box(shape.box, dx, np.where(scene.periodic, scene.points, np.inf))
+            distance = periodic_box(shape.box, dx, np.where(scene.periodic, scene.points, np.inf))
         walls.append(Wall(distance, tuple(u / unit for u in obstacle.velocity)))
     return walls
 
 
-def box(shape: BoxShape, dx: float, repeats: NDArray[np.float64]) -> Callable[[NDArray], NDArray]:
+def periodic_box(shape: BoxShape, dx: float, repeats: NDArray[np.float64]) -> Distance:
     """Distance from a box with the fluid outside; repeats[d]: nodes after which it comes again, or infinity."""
     low, high = np.array(shape.low) / dx - 0.5, np.array(shape.high) / dx - 0.5
     length = np.where(np.isinf(repeats), 0.0, repeats)
 
     def distance(points: NDArray) -> NDArray:
-        points = points - np.rint((points - 0.5 * (low + high)) / repeats) * length  # of the nearest image
-        beyond = np.maximum(low - points, points - high)
-        outside = np.linalg.norm(np.maximum(beyond, 0.0), axis=-1)
-        return outside + np.minimum(beyond.max(axis=-1), 0.0)
+        nearest = points - np.rint((points - 0.5 * (low + high)) / repeats) * length  # image
+        return shapes.box(nearest, low, high)
 
     return distance

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 
 from hpcpic.core.space.products import product
 from lbmdem.fluid.solid_nodes import Window, kernel_axes, kernel_rotation
@@ -36,25 +36,6 @@ class Wall:
         if w:
             moving += np.cross(kernel_rotation([w])[0], arm)
         return moving
-
-
-def plane(point: Sequence[float], normal: Sequence[float]) -> Callable[[NDArray], NDArray]:
-    """Distance from a plane through a point, whose normal points into the fluid."""
-    unit = np.asarray(normal, np.float64) / np.linalg.norm(normal)
-    return lambda x: product(x - np.asarray(point), unit)
-
-
-def ball(centre: ArrayLike, radius: float, outside: bool = True) -> Callable[[NDArray], NDArray]:
-    """Distance from a sphere or disc with the fluid outside, or from a round vessel with the fluid inside."""
-    sign = 1.0 if outside else -1.0
-    return lambda x: sign * (np.linalg.norm(x - np.asarray(centre), axis=1) - radius)
-
-
-def cylinder(axis: int, centre: Sequence[float], radius: float, outside: bool) -> Callable[[NDArray], NDArray]:
-    """Distance from a cylinder along one axis; `centre` has a number for every axis."""
-    others = [a for a in range(len(centre)) if a != axis]
-    round_part = ball(np.asarray(centre)[others], radius, outside)
-    return lambda x: round_part(x[:, others])
 
 
 def mark_walls(window: Window, nodes: NDArray[np.int32], walls: Sequence[Wall], dimensions: int) -> None:

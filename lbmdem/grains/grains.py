@@ -66,7 +66,7 @@ class Grains:
         self.inverses = np.where(self.periodic, 1.0 / np.where(self.lengths > 0.0, self.lengths, 1.0), 0.0)
         self.greatest = world.max(float(self.columns["row"][:, 3].max(initial=0.0)))
         self._layout, self.version = record_type(self.columns), 0
-        self._refresh = Refresh(world, Channel.GHOSTS_VALUES)
+        self._refresh = Refresh(world, Channel.GHOSTS)
         self._round = 0
         self.n_ghosts = 0
         self._lay_out()

@@ -141,7 +141,7 @@ def outcome(app: Any, damaged: Damaged, quiet: float) -> str:
 
 
 def campaign(app: Any, world: World, folder: Path, n: int) -> dict[str, Any]:
-    """As `flips`, over LONG_STEPS steps and with all scalars; which flips are harmful and silent."""
+    """Flip bits as `flips` does, follow all scalars for LONG_STEPS steps, and list what is harmful and silent."""
     reader = begun(app, world, folder)
     quiet = json.loads(within_child(lambda: scalars_after(app, LONG_STEPS)))
     rng, found, silent = np.random.default_rng(5), Counter(), []
@@ -192,7 +192,7 @@ def within_child(body: Callable[[], str]) -> str:
 
 
 def energy_after(app: Any) -> float:
-    """Of STEPS steps, watched at each."""
+    """The energy after STEPS steps, each watched by the guard."""
     for _ in range(STEPS):
         energies = app.scalars()
         if app.guard():

@@ -135,7 +135,7 @@ class Bench:
         return sorted((self.run_folder / "checkpoints").glob("*.h5"), key=lambda path: int(path.stem))
 
     def digest(self, *sets: str) -> str:
-        """Of the run that nothing befalls."""
+        """The digest of the run that nothing befalls."""
         if sets not in self._digests:
             here, self.folder = self.folder, self.work / f"quiet-{len(self._digests)}"
             self.folder.mkdir()

@@ -26,7 +26,7 @@ PAGE = 4096
 
 
 def alone(bench: Bench, what: str, n: int, timeout: float = 300.0) -> dict[str, Any]:
-    """Of `fault_matrix.alone`, in a process of its own."""
+    """What `fault_matrix.alone` finds, in a process of its own."""
     expect(bench.run(ranks=1).code == 0, "the run before")
     words = [sys.executable, "-P", "-m", "fault_matrix.alone", bench.program, str(bench.run_folder), what, str(n)]
     done = subprocess.run(words, env=bench.environment({}, {}), capture_output=True, text=True, timeout=timeout)

@@ -29,7 +29,7 @@ class Ghosts:
         self.storage, self.motion, self.maps = storage, motion, maps
         self.slots = self.sources = self.codes = np.zeros(0, np.int64)
         self.shift = np.zeros((0, storage.d))
-        self._refresh = Refresh(storage.world, Channel.GHOSTS_VALUES)
+        self._refresh = Refresh(storage.world, Channel.GHOSTS)
 
     @property
     def none_anywhere(self) -> bool:

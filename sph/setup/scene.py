@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from hpcpic.core.errors import ConfigError
 from hpcpic.core.files.start import arrays
 from hpcpic.core.space.rng import uniforms
+from hpcpic.core.space.shapes import unit
 from sph.case import config as case
 from sph.case import geometry
 from sph.kernels.marks import WALL_BITS
@@ -122,7 +123,7 @@ class Wall:
         scene, shape, d = self.scene, self.shape, self.scene.dimensions
         if shape.plane:
             far = np.full(d, FAR)
-            return [Face(np.array(shape.plane.point), signed_distance.unit(shape.plane.normal), -far, far)]
+            return [Face(np.array(shape.plane.point), unit(shape.plane.normal), -far, far)]
         low, high = self.corners
         faces = []
         for axis, name in enumerate(case.AXES[:d]):
@@ -178,7 +179,7 @@ class Wall:
 
 def plane_sheet(scene: "Scene", plane: case.Plane, recess: float) -> Sheet:
     """A sheet over all of the domain and a margin, spacing dp; along periodic axes, which lie in it, over a period."""
-    normal, dp = signed_distance.unit(plane.normal), scene.spacing
+    normal, dp = unit(plane.normal), scene.spacing
     flat = np.flatnonzero(normal == 0.0)
     inside = np.eye(len(normal))[flat]
     basis = np.concatenate([inside, np.linalg.svd(np.concatenate([normal[None], inside]))[2][1 + len(flat) :]])

@@ -202,9 +202,7 @@ class Toy:
 
 def estimate(config: ToyConfig, ranks: int, threads: int, rates: Mapping[str, float]) -> Estimate:
     step = config.rows * rates.get("toy", 1e-9) / ranks + 1e-5
-    return Estimate(
-        {"u": 8.0 * config.rows / ranks}, {"checkpoints": 32.0 * config.rows}, step, step * config.steps
-    )
+    return Estimate({"u": 8.0 * config.rows / ranks}, {"checkpoints": 32.0 * config.rows}, step, step * config.steps)
 
 
 def derived(config: ToyConfig, ranks: int) -> list[Derived]:

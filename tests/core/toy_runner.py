@@ -49,9 +49,7 @@ class Toy:
     def words(self, *arguments: str, ranks: int = 1, **settings: Any) -> list[str]:
         """Settings such as steps=9 or fault__kind='"raise"' become --set."""
         launcher = [str(MPIRUN), "-n", str(ranks)] if ranks > 1 else []
-        sets = [
-            word for key, value in settings.items() for word in ("--set", f"{key.replace('__', '.')}={value}")
-        ]
+        sets = [word for key, value in settings.items() for word in ("--set", f"{key.replace('__', '.')}={value}")]
         return [*launcher, sys.executable, str(TOY), *arguments, *sets]
 
     def __call__(

@@ -19,8 +19,8 @@ PROGRAMS = {  # words -> rows of its table at the least
     "benchmarks/stencil.py": 4,
     "scripts/scene_costs.py": 30,
     "scripts/estimates.py hpcpic --cases two-stream-warm --rounds 1": 3,
-    "scripts/strong_scaling.py hpcpic plasma-oscillation --steps 10 --repeats 2 --out {folder}/strong": 3,
-    "scripts/weak_scaling.py sph hydrostatic --steps 10 --repeats 2 --out {folder}/weak": 3,
+    "scripts/scaling.py strong hpcpic plasma-oscillation --steps 10 --repeats 2 --out {folder}/strong": 3,
+    "scripts/scaling.py weak sph hydrostatic --steps 10 --repeats 2 --out {folder}/weak": 3,
 }
 
 

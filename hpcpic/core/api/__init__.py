@@ -1,4 +1,4 @@
 """The face in Python, the same for every simulator: cases, runs, simulations in memory, results.
 
-Each simulator's package exports the names of `faces`, bound to its own program.
+Each simulator's `api.py` binds them to its own program.
 """

@@ -23,12 +23,10 @@ set_option = click.option(
 
 def shape_options(command: Callable) -> Callable:
     """--ranks and --threads, for verbs that only think about a run."""
-    command = click.option(
-        "--threads", type=click.IntRange(1), default=1, show_default=True, help="Threads per rank."
-    )(command)
-    return click.option("--ranks", type=click.IntRange(1), default=1, show_default=True, help="MPI ranks.")(
+    command = click.option("--threads", type=click.IntRange(1), default=1, show_default=True, help="Threads per rank.")(
         command
     )
+    return click.option("--ranks", type=click.IntRange(1), default=1, show_default=True, help="MPI ranks.")(command)
 
 
 @dataclass(frozen=True, slots=True)

@@ -16,7 +16,7 @@ from typing import Any
 
 import click
 
-WIDE = 400
+COLUMNS_WITHOUT_TERMINAL = 400
 _COLOURS = {"ok": ("green", False), "warn": ("yellow", False), "fail": ("red", True)}
 _STYLES = {"ok": "green", "warn": "yellow", "fail": "bold red"}
 
@@ -74,7 +74,7 @@ def table(headers: Sequence[str], rows: Iterable[Sequence[object]], right: Seque
     cells = [list(map(str, row)) for row in rows]
     widths = [max(map(len, column)) for column in zip(headers, *cells)]
     shown = sys.stdout.isatty()
-    room = shutil.get_terminal_size().columns if shown else WIDE
+    room = shutil.get_terminal_size().columns if shown else COLUMNS_WITHOUT_TERMINAL
     if sum(widths) + 2 * (len(widths) - 1) > room or not all(cell.isascii() for row in cells for cell in row):
         words = [max(_longest_word(cell) for cell in column) for column in zip(headers, *cells)]
         if sum(words) + 2 * (len(words) - 1) > room:
@@ -111,9 +111,7 @@ def _stacked(headers: Sequence[str], rows: Sequence[Sequence[str]], room: int) -
         click.echo(textwrap.indent("\n".join(lines), "    "))
 
 
-def _folded(
-    headers: Sequence[str], rows: Sequence[Sequence[str]], right: Sequence[str], least: Sequence[int]
-) -> None:
+def _folded(headers: Sequence[str], rows: Sequence[Sequence[str]], right: Sequence[str], least: Sequence[int]) -> None:
     """Print a table with folded lines, or characters two columns wide; no column is narrower than `least`."""
     from rich.console import Console
     from rich.table import Table
@@ -124,7 +122,7 @@ def _folded(
         made.add_column(header, justify="right" if header in right else "left", overflow="fold", min_width=width)
     for row in rows:
         made.add_row(*(Text(cell, _STYLES.get(cell, "")) for cell in row))
-    Console(width=None if sys.stdout.isatty() else WIDE, highlight=False).print(made)
+    Console(width=None if sys.stdout.isatty() else COLUMNS_WITHOUT_TERMINAL, highlight=False).print(made)
 
 
 def amount(n: float) -> Shown:

@@ -204,9 +204,7 @@ class Reader:
             self.tree.places.pop((*path, key), None)
             self.forget((*path, key), inner)
 
-    def include(
-        self, name: str, place: Place, group: dict, path: Path, file: str, within: tuple[str, ...]
-    ) -> None:
+    def include(self, name: str, place: Place, group: dict, path: Path, file: str, within: tuple[str, ...]) -> None:
         target = os.path.normpath(os.path.join(os.path.dirname(file), name))
         root, problem = self.root, None
         if root is not None and not os.path.lexists(target) and os.path.lexists(name):

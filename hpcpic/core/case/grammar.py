@@ -117,9 +117,7 @@ class Builder:
         (token,) = children
         text = token.rstrip("L")
         digits = text.lstrip("+-").lower().replace("q", "o")
-        value = (
-            int(digits[:400], 0 if digits[:2] in ("0x", "0b", "0o") else 10) if len(digits) < 400 else 2**64
-        )
+        value = int(digits[:400], 0 if digits[:2] in ("0x", "0b", "0o") else 10) if len(digits) < 400 else 2**64
         value = -value if text.startswith("-") else value
         if not -(2**63) <= value < 2**63:
             self.faults.add(token, f"the integer {token[:24]} does not fit into 64 bits")

@@ -202,8 +202,7 @@ def described(model: type[Section], tree: Tree, fault: Any) -> str:
         text = fault["msg"].replace("Input should be ", "must be ").replace("Value error, ", "")
         text, shown = plain_words(text), f" (got {abridged(got)})"
         choices = [
-            word.strip("'")
-            for word in fault.get("ctx", {}).get("expected", "").replace(" or ", ", ").split(", ")
+            word.strip("'") for word in fault.get("ctx", {}).get("expected", "").replace(" or ", ", ").split(", ")
         ]
         lower = {choice.lower(): choice for choice in choices}
         near = difflib.get_close_matches(got.lower(), lower, 1, 0.3) if isinstance(got, str) else []
@@ -329,10 +328,7 @@ def limit_words(field: FieldInfo) -> str:
         ),
     ]
     return ", ".join(
-        f"{mark} {getattr(limit, name):g}"
-        for limit in limits
-        for name, mark in marks.items()
-        if hasattr(limit, name)
+        f"{mark} {getattr(limit, name):g}" for limit in limits for name, mark in marks.items() if hasattr(limit, name)
     )
 
 
@@ -395,9 +391,7 @@ def value_text(value: Any) -> str:
     if isinstance(value, float):
         return repr(value)
     if isinstance(value, str):
-        escaped = "".join(
-            ESCAPED.get(c) or (c if c >= " " and c != "\x7f" else f"\\x{ord(c):02x}") for c in value
-        )
+        escaped = "".join(ESCAPED.get(c) or (c if c >= " " and c != "\x7f" else f"\\x{ord(c):02x}") for c in value)
         return f'"{escaped}"'
     items = ", ".join(value_text(item) for item in value)
     return f"({items})" if value and isinstance(value[0], tuple) else f"[{items}]"

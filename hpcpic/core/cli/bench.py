@@ -103,14 +103,14 @@ def bandwidth(world: Any, threads: int, quick: bool) -> dict[str, float]:
             a[i] = s * a[i]
 
     n = (16 if quick else 32) << 20  # arrays that no cache holds
-    arrays = [np.ones(n) for _ in range(3)]
+    arrays = {name: np.ones(n) for name in "abc"}
     with_bytes = {"triad": (triad, TRIAD_BYTES), "update": (update, UPDATE_BYTES)}
     pool = Pool(threads, world.cpus(threads))
     result = {}
     try:
         for name, (kernel, size) in with_bytes.items():
             parts = [
-                bind(kernel, *(array[low:high] for array in arrays), 1.0 + 1e-9)
+                bind(kernel, s=1.0 + 1e-9, **{name: array[low:high] for name, array in arrays.items()})
                 for low, high in block_ranges(n, threads)
             ]
             best = float("inf")

@@ -11,8 +11,8 @@ import importlib.util
 import math
 import re
 import threading
-from dataclasses import dataclass
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import DTypeLike
@@ -21,8 +21,7 @@ _DESTROY_INPUT, _PRESERVE_INPUT, _ESTIMATE = 1, 16, 64  # flags of fftw3.h
 _planner = threading.Lock()  # only fftw_execute_* may run in several threads at once
 
 
-@dataclass(frozen=True, slots=True)
-class Plan:
+class Plan(NamedTuple):
     """One transform: `execute(plan, input, output)`, all addresses. Safe in any number of threads."""
 
     execute: int

@@ -8,7 +8,7 @@ Ghosts beyond a wall (an axis that is not periodic) are not filled, and what the
 from abc import ABC, abstractmethod
 from collections.abc import Hashable, Iterable, Sequence
 from dataclasses import dataclass
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -33,9 +33,7 @@ class Share:
     ghosts: NDArray[np.int64]
 
 
-def _ghost_layers(
-    cuts: Sequence[int], periodic: bool, rank: int, below: int, above: int
-) -> list[tuple[int, int]]:
+def _ghost_layers(cuts: Sequence[int], periodic: bool, rank: int, below: int, above: int) -> list[tuple[int, int]]:
     """(layer, global row) of each ghost of the rank that has an owner."""
     low, high, n = cuts[rank], cuts[rank + 1], cuts[-1]
     rows = [*range(low - below, low), *range(high, high + above)]
@@ -86,7 +84,7 @@ class _Operation(NamedTuple):
     """A kernel call of an exchange, what it reads and what it changes: "inner", "ghosts" or a message."""
 
     kernel: Kernel
-    arguments: tuple
+    arrays: dict[str, Any]
     ins: tuple[str, ...]
     inouts: tuple[str, ...]
 
@@ -133,8 +131,8 @@ class Exchange(ABC):
         packs = []
         for leg in self._legs:
             if len(leg.out):
-                arguments = (self._layers, leg.out, leg.send)
-                packs.append(_Operation(PACK, arguments, (reads,), (f"to {leg.peer}",)))
+                arrays = {"layers": self._layers, "out": leg.out, "body": leg.send}
+                packs.append(_Operation(PACK, arrays, (reads,), (f"to {leg.peer}",)))
         return packs
 
     def _unpacks(self, kernel: Kernel, writes: str) -> list[_Operation]:
@@ -142,8 +140,8 @@ class Exchange(ABC):
         unpacks = []
         for leg in self._legs:
             if len(leg.into):
-                arguments = (self._layers, leg.into, leg.receive)
-                unpacks.append(_Operation(kernel, arguments, ("received",), (writes,)))
+                arrays = {"layers": self._layers, "into": leg.into, "body": leg.receive}
+                unpacks.append(_Operation(kernel, arrays, ("received",), (writes,)))
         return unpacks
 
     def add_to(
@@ -165,9 +163,9 @@ class Exchange(ABC):
             return [h for name in names for h in parts.get(name, [(id(self), name)])]
 
         def add(operations: Iterable[_Operation]) -> None:
-            for kernel, arguments, ins, inouts in operations:
+            for kernel, arrays, ins, inouts in operations:
                 name = f"{type(self).__name__.lower()} {handle}: {kernel.compiled.__name__}"
-                bound = bind(kernel.compiled, *arguments)
+                bound = bind(kernel.compiled, **arrays)
                 graph.task(bound, ins=handles(ins), inouts=handles(inouts), priority=1, name=name)
 
         add(self._first)
@@ -194,28 +192,24 @@ class Fill(Exchange):
         return share.sources, share.ghosts
 
     def _before(self) -> list[_Operation]:
-        own = _Operation(COPY, (self._layers, self._own.sources, self._own.ghosts), ("inner",), ("ghosts",))
-        return [own, *self._packs("inner")]
+        return [_copying(self._layers, self._own), *self._packs("inner")]
 
     def _after(self) -> list[_Operation]:
-        sides = [
-            _Operation(COPY, (layers, share.sources, share.ghosts), ("inner",), ("ghosts",))
-            for layers, _, share in self._sides
-        ]
+        sides = [_copying(layers, share) for layers, _, share in self._sides]
         return [*self._unpacks(UNPACK, "ghosts"), *sides]
 
     def start(self, iteration: int) -> None:
         """Without a task graph: pack and send. Until `finish` leave the ghosts alone."""
         self.at(iteration)
         for operation in self._first:
-            operation.kernel.plain(*operation.arguments)
+            operation.kernel.plain(**operation.arrays)
         self._messages.start()
 
     def finish(self) -> None:
         """Wait for the messages and put what they bring where it belongs."""
         self._messages.wait()
         for operation in self._last:
-            operation.kernel.plain(*operation.arguments)
+            operation.kernel.plain(**operation.arrays)
 
 
 class Fold(Exchange):
@@ -236,9 +230,15 @@ class Fold(Exchange):
         return self._unpacks(UNPACK_ADD, "inner")
 
 
+def _copying(layers: NDArray, share: Share) -> _Operation:
+    arrays = {"layers": layers, "sources": share.sources, "ghosts": share.ghosts}
+    return _Operation(COPY, arrays, ("inner",), ("ghosts",))
+
+
 def _adding(layers: NDArray, share: Share) -> _Operation:
-    return _Operation(ADD, (layers, share.sources, share.ghosts), ("ghosts",), ("inner", "ghosts"))
+    arrays = {"layers": layers, "sources": share.sources, "ghosts": share.ghosts}
+    return _Operation(ADD, arrays, ("ghosts",), ("inner", "ghosts"))
 
 
 def _clearing(layers: NDArray, width: tuple[int, int]) -> _Operation:
-    return _Operation(CLEAR, (layers, *width), (), ("ghosts",))
+    return _Operation(CLEAR, {"layers": layers, "below": width[0], "above": width[1]}, (), ("ghosts",))

@@ -77,12 +77,13 @@ class LineFFT:
 
     def _prepare(self, n: int, real_type: np.dtype) -> None:
         plan = fftw.real_to_complex((n,), real_type)
-        forward = bind(kernels.line, plan.execute, plan.plan, self._whole, self.spectrum)
+        forward = bind(kernels.line, plan=plan, source=self._whole, target=self.spectrum)
         plan = fftw.complex_to_real((n,), real_type)
         product = aligned_zeros(self.spectrum.shape, self.spectrum.dtype)
 
         def back(factor: NDArray, whole: NDArray) -> Bound:
-            return bind(kernels.line_product, plan.execute, plan.plan, self.spectrum, factor, product, whole)
+            arrays = {"source": self.spectrum, "factor": factor, "product": product, "target": whole}
+            return bind(kernels.line_product, plan=plan, **arrays)
 
         one = np.ones(n // 2 + 1, real_type)
         self._forward = self._graph([forward], gather=True)

@@ -99,11 +99,6 @@ class Messages:
         """Return when all messages are complete."""
         _call("MPI_Waitall", self._n, self._handles.ctypes.data, self._statuses.ctypes.data)
 
-    def test(self) -> bool:
-        """Whether all messages are complete."""
-        _call("MPI_Testall", self._n, *(array.ctypes.data for array in (self._handles, self._flag, self._statuses)))
-        return bool(self._flag[0])
-
     def free(self) -> None:
         """Withdraw receives that nothing has matched, as after a failure: their memory may go."""
         size = MPI._sizeof(MPI.Request)

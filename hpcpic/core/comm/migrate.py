@@ -23,9 +23,7 @@ from hpcpic.core.tasks.graph import Graph, bind
 Records = NDArray[np.uint8]  # [n, record_bytes]
 
 
-def send_anywhere(
-    world: World, outgoing: Mapping[int, Records], record_bytes: int, label: int
-) -> list[Records]:
+def send_anywhere(world: World, outgoing: Mapping[int, Records], record_bytes: int, label: int) -> list[Records]:
     """Collective: records to any ranks, oneself too; arrivals in rank order, none empty."""
     counts = np.zeros(world.size, np.int64)
     for peer, records in outgoing.items():
@@ -120,7 +118,7 @@ class Migrate:
         sent = [*written]
         for k, (messages, heard) in enumerate(zip(self._rounds, self._heard)):
             graph.message(messages, ins=sent, outs=[("heard", k), *([] if k else [arrived])], name=f"migration {k}")
-            graph.task(bind(join, self.wants, heard), ins=[("heard", k)], inouts=["wants"], priority=1)
+            graph.task(bind(join, mine=self.wants, theirs=heard), ins=[("heard", k)], inouts=["wants"], priority=1)
             sent = ["wants"]
 
     def at(self, iteration: int) -> None:

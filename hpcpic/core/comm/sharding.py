@@ -68,9 +68,7 @@ def by_id(world: World, chunks: Iterable[Chunk], layout: Layout, total: int) -> 
                 take(arrived.pop("id"), arrived)
     lost, doubled, strange = world.sum_int(np.array([(seen == 0).sum(), (seen > 1).sum(), strange]))
     if lost or doubled or strange:
-        raise Diverged(
-            f"of the ids below {total}, {lost} are lost and {doubled} doubled; {strange} are no ids"
-        )
+        raise Diverged(f"of the ids below {total}, {lost} are lost and {doubled} doubled; {strange} are no ids")
     return result
 
 

@@ -12,15 +12,11 @@ class Channel(IntEnum):
     POTENTIAL = 0
     CHARGE = 1
     FIELD = 2
-    FIELD_2 = 3
-    FIELD_3 = 4
-    FIELD_4 = 5
     MOMENTS = 6
     PARTICLES = 8
     PARTICLES_FAR = 9
     PARTICLES_WANTED = 10
-    GHOSTS = 12
-    GHOSTS_VALUES = 13
+    GHOSTS = 13
     SHARDS = 16
     RECUT = 17
     POPULATIONS_UP = 18

@@ -237,8 +237,8 @@ class SlabFFT:
         self._row_blocks = blocks_of(0, n_rows, wanted // 8 * 8)
         height = max((last - first for first, last in self._row_blocks), default=0)
         size = max(height * self._block_pitch, 2 * padded(self._n0, self._type))
-        self._workspace = aligned_zeros((threads, padded(size, self._type)), self._type)
-        self._busy = np.zeros(8 * threads, np.int64)
+        workspace = aligned_zeros((threads, padded(size, self._type)), self._type)
+        self._work = {"workspace": workspace, "busy": np.zeros(8 * threads, np.int64)}
 
     def _connect(self) -> None:
         """Messages by (what, number of the chunk), and the chunks of our columns."""
@@ -306,13 +306,13 @@ class SlabFFT:
         for j in range(self._n_chunks):
             self._message(graph, "receive forward", j, outs=[("in", j)])
         self._message(graph, "receive rows in", 0, outs=["near rows"])
-        plan, homes = self._from_rows, self._home_table(0)
+        rows = {"real": self._real_rows, "plan": self._from_rows, "width": self._block_pitch}
+        homes = self._home_table(0)
         for first, last in self._row_blocks:
-            arguments = (first, last, self._real_rows, plan.execute, plan.plan, self._workspace, self._busy)
-            task = bind(kernels.rows_forward, *arguments, self._block_pitch, homes)
+            task = bind(kernels.rows_forward, first=first, last=last, homes=homes, **rows, **self._work)
             graph.task(task, outs=[("row", first)])
         handles = [("row", first) for first, _ in self._row_blocks]
-        graph.task(bind(kernels.join, 0), ins=handles, outs=["rows"])
+        graph.task(bind(kernels.join), ins=handles, outs=["rows"])
         self._message(graph, "send rows in", 0, ins=["rows"])
         for j in range(self._n_chunks):
             self._message(graph, "send forward", j, ins=["rows"], outs=[("sent", j)])
@@ -320,14 +320,17 @@ class SlabFFT:
     def _add_columns(self, graph: Graph, what: str) -> None:
         parts = [(a.ctypes.data, a.shape[2], self._rows[p][0]) for p, a in self._got.items() if a.shape[2]]
         table = np.array(parts, np.int64).reshape(-1, 3)
-        forward, backward = self._forward.plan, self._backward.plan
-        plans = {"forward": [forward], "backward": [backward], "solve": [forward, backward]}
-        kernel = getattr(kernels, f"columns_{what}")
-        extra = (self._multiplier,) if what == "solve" else ()
+        columns = {"spectrum": self._spectrum, "n": self._n0, "parts": table, **self._work}
+        if what == "forward":
+            kernel, more = kernels.columns_forward, {"plan": self._forward}
+        elif what == "backward":
+            kernel, more = kernels.columns_backward, {"plan": self._backward}
+        else:
+            kernel, more = kernels.columns_solve, {"forward": self._forward, "backward": self._backward}
+            columns["multiplier"] = self._multiplier
         for j, blocks in enumerate(self._column_blocks):
             for first, last in blocks:
-                arguments = (first, last, self._spectrum, self._n0, self._forward.execute, *plans[what])
-                task = bind(kernel, *arguments, self._workspace, self._busy, table, *extra)
+                task = bind(kernel, first=first, last=last, **columns, **more)
                 graph.task(task, ins=["rows", "near rows", ("in", j)], outs=[("column", first)])
 
     def _add_rows_backward(self, graph: Graph) -> None:
@@ -336,14 +339,11 @@ class SlabFFT:
             self._message(graph, "receive backward", j, ins=[("sent", j)], outs=[("back", j)])
             self._message(graph, "send backward", j, ins=columns)
         own = [handle for columns in done for handle in columns]
-        graph.task(bind(kernels.join, 0), ins=own, outs=["columns"])
+        graph.task(bind(kernels.join), ins=own, outs=["columns"])
         self._message(graph, "send columns done", 0, ins=["columns"])
         self._message(graph, "receive columns done", 0, outs=["near columns"])
         needed = ["columns", "near columns", *(("back", j) for j in range(self._n_chunks))]
-        plan = self._to_rows
         for k, result in enumerate(self._result_rows):
-            homes = self._home_table(k)
+            rows = {"real": result, "plan": self._to_rows, "width": self._block_pitch, "homes": self._home_table(k)}
             for first, last in self._row_blocks:
-                arguments = (first, last, result, plan.execute, plan.plan, self._workspace, self._busy)
-                task = bind(kernels.rows_backward, *arguments, self._block_pitch, homes)
-                graph.task(task, ins=needed)
+                graph.task(bind(kernels.rows_backward, first=first, last=last, **rows, **self._work), ins=needed)

@@ -17,7 +17,7 @@ _0, _1, _2, _3, _4, _32 = (np.uint64(k) for k in (0, 1, 2, 3, 4, 32))
 
 
 @intrinsic
-def _execute(typing_context, execute, plan, source, target):
+def _call(typing_context, execute, plan, source, target):
     """fftw_execute_dft*(plan, source, target) by address."""
 
     def generate(context, builder, signature, arguments):
@@ -27,6 +27,12 @@ def _execute(typing_context, execute, plan, source, target):
         return context.get_dummy_value()
 
     return types.void(types.int64, types.int64, types.int64, types.int64), generate
+
+
+@njit
+def _execute(plan, source, target):
+    """Transform one contiguous array into another, by a plan (core.comm.fftw)."""
+    _call(plan.execute, plan.plan, source.ctypes.data, target.ctypes.data)
 
 
 @intrinsic
@@ -82,7 +88,7 @@ def transpose(source, i, c, target, d, e, n, m):
 
 
 @njit
-def rows_forward(first, last, real, execute, plan, workspace, busy, width, homes):
+def rows_forward(first, last, real, plan, workspace, busy, width, homes):
     """Transform rows first..last of real[n0, pitch] and write them transposed to the homes of their columns.
 
     workspace[slots, at least (last - first) * width] complex. homes int64[ranks, 5]: address of
@@ -92,7 +98,7 @@ def rows_forward(first, last, real, execute, plan, workspace, busy, width, homes
     block = workspace[slot, : (last - first) * width].reshape(last - first, width)
     height = np.uint64(last - first)
     for i in range(last - first):
-        _execute(execute, plan, real[first + i].ctypes.data, block[i].ctypes.data)
+        _execute(plan, real[first + i], block[i])
     for h in range(homes.shape[0]):
         address, pitch, offset, lo, hi = homes[h]
         home = carray(_pointer(address), (hi - lo, pitch), block.dtype)
@@ -102,7 +108,7 @@ def rows_forward(first, last, real, execute, plan, workspace, busy, width, homes
 
 
 @njit
-def rows_backward(first, last, real, execute, plan, workspace, busy, width, homes):
+def rows_backward(first, last, real, plan, workspace, busy, width, homes):
     """Read rows first..last back from the homes of their columns and transform them into real[n0, pitch]."""
     slot = _take(busy)
     block = workspace[slot, : (last - first) * width].reshape(last - first, width)
@@ -112,7 +118,7 @@ def rows_backward(first, last, real, execute, plan, workspace, busy, width, home
         home = carray(_pointer(address), (hi - lo, pitch), block.dtype)
         transpose(home, _0, np.uint64(offset + first), block, _0, np.uint64(lo), np.uint64(hi - lo), height)
     for i in range(last - first):
-        _execute(execute, plan, block[i].ctypes.data, real[first + i].ctypes.data)
+        _execute(plan, block[i], real[first + i])
     atomic_store(busy, 8 * slot, 0)
     return 0
 
@@ -160,13 +166,13 @@ def _choose_multiply(source, factor, target):
 
 
 @njit
-def columns_forward(first, last, spectrum, n, execute, plan, workspace, busy, parts):
+def columns_forward(first, last, spectrum, n, plan, workspace, busy, parts):
     """Transform columns first..last of spectrum[outputs, m, pitch], n points each, in place in output 0."""
     slot = _take(busy)
     for c in range(first, last):
         column = spectrum[0, c, :n]
         _bring(column, c, parts)
-        _execute(execute, plan, column.ctypes.data, workspace[slot].ctypes.data)
+        _execute(plan, column, workspace[slot])
         for i in range(n):
             column[i] = workspace[slot, i]
     atomic_store(busy, 8 * slot, 0)
@@ -174,12 +180,12 @@ def columns_forward(first, last, spectrum, n, execute, plan, workspace, busy, pa
 
 
 @njit
-def columns_backward(first, last, spectrum, n, execute, plan, workspace, busy, parts):
+def columns_backward(first, last, spectrum, n, plan, workspace, busy, parts):
     """The inverse of columns_forward (not normalised)."""
     slot = _take(busy)
     for c in range(first, last):
         column = spectrum[0, c, :n]
-        _execute(execute, plan, column.ctypes.data, workspace[slot].ctypes.data)
+        _execute(plan, column, workspace[slot])
         for i in range(n):
             column[i] = workspace[slot, i]
         _send(column, 0, c, spectrum.shape[1], parts)
@@ -188,7 +194,7 @@ def columns_backward(first, last, spectrum, n, execute, plan, workspace, busy, p
 
 
 @njit
-def columns_solve(first, last, spectrum, n, execute, forward, backward, workspace, busy, parts, multiplier):
+def columns_solve(first, last, spectrum, n, forward, backward, workspace, busy, parts, multiplier):
     """Columns first..last: transform, times multiplier[outputs, m, n], transform back for each output."""
     slot = _take(busy)
     half = workspace.shape[1] // 2
@@ -196,30 +202,30 @@ def columns_solve(first, last, spectrum, n, execute, forward, backward, workspac
     for c in range(first, last):
         column = spectrum[0, c, :n]
         _bring(column, c, parts)
-        _execute(execute, forward, column.ctypes.data, transformed.ctypes.data)
+        _execute(forward, column, transformed)
         for k in range(multiplier.shape[0]):
             result = spectrum[k, c, :n]
             _multiply(transformed, multiplier[k, c], product)
-            _execute(execute, backward, product.ctypes.data, result.ctypes.data)
+            _execute(backward, product, result)
             _send(result, k, c, spectrum.shape[1], parts)
     atomic_store(busy, 8 * slot, 0)
     return 0
 
 
 @njit
-def line(execute, plan, source, target):
+def line(plan, source, target):
     """One transform."""
-    _execute(execute, plan, source.ctypes.data, target.ctypes.data)
+    _execute(plan, source, target)
 
 
 @njit
-def line_product(execute, plan, source, factor, product, target):
+def line_product(plan, source, factor, product, target):
     """The inverse of source * factor, complex[m] each, into real target."""
     _multiply(source, factor, product)
-    _execute(execute, plan, product.ctypes.data, target.ctypes.data)
+    _execute(plan, product, target)
 
 
 @njit
-def join(_):
+def join():
     """Nothing: a task that waits for many, so that many can wait for one."""
     return 0

@@ -67,9 +67,7 @@ def dimension(unit: str) -> tuple[float, ...]:
 class OpenPMDWriter:
     """Writes one file per step into a folder."""
 
-    def __init__(
-        self, world: "World | Alone", folder: Path, time_step: float, after: int | None = None
-    ) -> None:
+    def __init__(self, world: "World | Alone", folder: Path, time_step: float, after: int | None = None) -> None:
         """At a restart the files of steps later than `after` are removed. Raises FileError on all ranks."""
         self.world = world
         self.folder = folder

@@ -44,9 +44,7 @@ def _git(folder: Path) -> dict[str, Any] | None:
         return None
 
     def ask(*words: str) -> str:
-        run = subprocess.run(
-            ["git", "-C", folder, *words], capture_output=True, text=True, timeout=10, check=True
-        )
+        run = subprocess.run(["git", "-C", folder, *words], capture_output=True, text=True, timeout=10, check=True)
         return run.stdout.strip()
 
     try:

@@ -40,9 +40,7 @@ class Snapshots:
             self.steps = file.dataset("step", np.int64, (None,))[:count]
             self.times = file.dataset(f"{ROOT}/Steps/Values", np.float64, (None,))[:count]
             self.names = file.names(f"{ROOT}/PointData")
-            self.units = {
-                name: str(file.attribute(f"{ROOT}/PointData/{name}", "units")) for name in self.names
-            }
+            self.units = {name: str(file.attribute(f"{ROOT}/PointData/{name}", "units")) for name in self.names}
             self.time_offsets = {
                 name: float(file.attribute(f"{ROOT}/PointData/{name}", "time_offset", 0.0)) for name in self.names
             }
@@ -182,9 +180,7 @@ class Run:
         """One field at a step, at the snapshot nearest to a time, or at the last one."""
         return self.field_snapshots.read(name, self.field_snapshots.index(step, time))
 
-    def fields(
-        self, names: Iterable[str] | None = None, steps: Iterable[int] | None = None
-    ) -> dict[str, NDArray]:
+    def fields(self, names: Iterable[str] | None = None, steps: Iterable[int] | None = None) -> dict[str, NDArray]:
         """name -> values[snapshots, rows, ...]; all names and all steps by default."""
         snapshots = self.field_snapshots
         asked = snapshots.steps.tolist() if steps is None else list(steps)
@@ -193,8 +189,6 @@ class Run:
             for name in (snapshots.names if names is None else names)
         }
 
-    def particles(
-        self, species: str, step: int | None = None, time: float | None = None
-    ) -> dict[str, NDArray]:
+    def particles(self, species: str, step: int | None = None, time: float | None = None) -> dict[str, NDArray]:
         """Columns of one species, in the order of the ids."""
         return self.particle_snapshots.read(species, self.particle_snapshots.index(step, time))

@@ -260,9 +260,7 @@ class RunDir:
                 file.seek(0)
                 owner = file.read(200).decode(errors="replace").strip() or "another process"
                 file.close()
-                raise FileError(
-                    f"{self.path} is in use by {owner}; wait for it or choose another folder"
-                ) from None
+                raise FileError(f"{self.path} is in use by {owner}; wait for it or choose another folder") from None
             except OSError as error:
                 if error.errno not in NO_LOCKS:
                     raise

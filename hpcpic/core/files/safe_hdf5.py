@@ -84,16 +84,12 @@ class Checked:
         self._check_storage(name, found)
         return found
 
-    def _check_type(
-        self, name: str, found: "h5py.Dataset", dtype: Any, shape: tuple[int | None, ...]
-    ) -> None:
+    def _check_type(self, name: str, found: "h5py.Dataset", dtype: Any, shape: tuple[int | None, ...]) -> None:
         if found.shape is None or found.dtype.kind not in "iufcb":
             raise self._refuse(name, f"does not hold plain numbers (type {found.dtype})")
         if dtype is not None and found.dtype != np.dtype(dtype):
             raise self._refuse(name, f"has type {found.dtype}, expected {np.dtype(dtype)}")
-        fits = len(found.shape) == len(shape) and all(
-            b in (None, a) for a, b in zip(found.shape, shape, strict=True)
-        )
+        fits = len(found.shape) == len(shape) and all(b in (None, a) for a, b in zip(found.shape, shape, strict=True))
         if not fits:
             expected = tuple("any" if length is None else length for length in shape)
             raise self._refuse(name, f"has shape {found.shape}, expected {expected}".replace("'", ""))
@@ -103,9 +99,7 @@ class Checked:
         filters = [plan.get_filter(k)[0] for k in range(plan.get_nfilters())]
         unknown = [number for number in filters if number not in ALLOWED_FILTERS]
         if unknown:
-            raise self._refuse(
-                name, f"uses the filter {unknown[0]}, allowed are {', '.join(ALLOWED_FILTERS.values())}"
-            )
+            raise self._refuse(name, f"uses the filter {unknown[0]}, allowed are {', '.join(ALLOWED_FILTERS.values())}")
         limit = self._size * (MAX_COMPRESSION if 1 in filters else 1)
         if found.nbytes > min(limit, MAX_BYTES):
             raise self._refuse(name, f"declares {found.nbytes} bytes in a file of {self._size}")

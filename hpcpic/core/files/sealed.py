@@ -59,9 +59,7 @@ class Array:
 
 
 def describe(arrays: Mapping[str, Array]) -> dict[str, Any]:
-    return {
-        name: {"shape": a.shape, "dtype": a.dtype.str, "address": a.address} for name, a in arrays.items()
-    }
+    return {name: {"shape": a.shape, "dtype": a.dtype.str, "address": a.address} for name, a in arrays.items()}
 
 
 def arrays_of(described: Mapping[str, Any]) -> dict[str, Array]:
@@ -110,9 +108,7 @@ def _digest_of(descriptor: int, stretches: Iterable[tuple[int, int]]) -> NDArray
     return np.frombuffer(state.digest(), np.uint8)
 
 
-def seal(
-    path: Path, arrays: Mapping[str, Array], facts: Mapping[str, Any], hashes: NDArray[np.uint8]
-) -> None:
+def seal(path: Path, arrays: Mapping[str, Array], facts: Mapping[str, Any], hashes: NDArray[np.uint8]) -> None:
     """Append the manifest and bring the file to the disk. Raises OSError."""
     manifest = {
         "schema": SCHEMA,
@@ -165,9 +161,7 @@ class Reader:
         if any(array.address + array.size > self._end for array in self._arrays.values()):
             raise FileError(f"{path}: an array reaches beyond the end of the file")
         if len(self._hashes) != 1 + sum(array.n_chunks for array in self._arrays.values()):
-            raise FileError(
-                f"{path}: the manifest has another number of checksums than the arrays have chunks"
-            )
+            raise FileError(f"{path}: the manifest has another number of checksums than the arrays have chunks")
 
     @property
     def names(self) -> list[str]:

@@ -7,7 +7,6 @@ Rows are buffered, and appended by a short open-write-close when `flush` is call
 leaves readable files. In the HDF5 file `step` grows last and tells how many rows are valid.
 """
 
-import csv
 import os
 import time as clock
 from collections.abc import Mapping
@@ -34,9 +33,7 @@ STEP, TIME = "step", "time"
 class Series(dict[str, NDArray]):
     """name -> values[rows], with `units` of each name and `step`, `time` of the rows."""
 
-    def __init__(
-        self, values: Mapping[str, NDArray], units: Mapping[str, str], step: NDArray, time: NDArray
-    ) -> None:
+    def __init__(self, values: Mapping[str, NDArray], units: Mapping[str, str], step: NDArray, time: NDArray) -> None:
         super().__init__(values)
         self.units = dict(units)
         self.step = step
@@ -190,24 +187,3 @@ def read_series(folder: Path | str) -> Series:
             values[name] = file.dataset(name, np.float64, (None,))[:rows]
             units[name] = str(file.attribute(name, "units"))
         return Series(values, units, step, time)
-
-
-def read_csv(path: Path | str) -> Series:
-    """A series.csv with its units; those of older runs have them in a second row. Raises FileError."""
-    try:
-        names, *rows = _table(Path(path))
-        if rows and rows[0][names.index(TIME)] == "s":
-            units = dict(zip(names, rows.pop(0), strict=True))
-        else:
-            units = dict(_table(units_path(Path(path)))[1:])
-        table = np.array(rows, np.float64).reshape(len(rows), len(names))
-        columns = dict(zip(names, table.T, strict=True))
-        step, time = columns.pop(STEP).astype(np.int64), columns.pop(TIME)
-        return Series(columns, {name: units[name] for name in columns}, step, time)
-    except (OSError, ValueError, KeyError, IndexError) as error:
-        raise FileError(f"{path}: cannot be read as a series ({error})") from error
-
-
-def _table(path: Path) -> list[list[str]]:
-    with open(path, newline="", encoding="utf-8") as file:
-        return list(csv.reader(file))

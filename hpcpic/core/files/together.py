@@ -73,11 +73,7 @@ def _spread(world: "World | Alone", error: Exception | None, doing: str) -> tupl
     if world.rank == failing:
         assert error is not None
         bug = not isinstance(error, OSError | FileError)
-        text = (
-            (f"{doing}: " if doing else "")
-            + explain(error)
-            + (f" (rank {failing})" if world.size > 1 else "")
-        )
+        text = (f"{doing}: " if doing else "") + explain(error) + (f" (rank {failing})" if world.size > 1 else "")
         content = text.encode()[: MESSAGE_BYTES - 1]
         buffer[0] = bug
         buffer[1 : 1 + len(content)] = np.frombuffer(content, np.uint8)

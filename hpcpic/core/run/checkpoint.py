@@ -248,15 +248,11 @@ def digest(world: "World | Alone", shards: Mapping[str, Shard]) -> str:
         content = image.as_bytes(shard.local)
         row_bytes = math.prod(shard.local.shape[1:]) * shard.local.dtype.itemsize
         for low in range(0, shard.total * row_bytes, BLOCK):
-            state.update(
-                _block(world, content, place * row_bytes, low, min(low + BLOCK, shard.total * row_bytes))
-            )
+            state.update(_block(world, content, place * row_bytes, low, min(low + BLOCK, shard.total * row_bytes)))
     return world.bcast(state.hexdigest().encode()).decode()
 
 
-def _block(
-    world: "World | Alone", content: memoryview, place: NDArray[np.int64], low: int, high: int
-) -> memoryview:
+def _block(world: "World | Alone", content: memoryview, place: NDArray[np.int64], low: int, high: int) -> memoryview:
     """Bytes [low, high) of the whole on rank 0; `place` is (offset, length) in bytes of every rank."""
     if world.size == 1:
         return content[low:high]

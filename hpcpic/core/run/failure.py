@@ -137,9 +137,7 @@ class Failure:
 
     def _first(self) -> bool:
         try:
-            os.close(
-                os.open(self.folder / ".failed", os.O_CREAT | os.O_EXCL | os.O_WRONLY | os.O_NOFOLLOW, 0o600)
-            )
+            os.close(os.open(self.folder / ".failed", os.O_CREAT | os.O_EXCL | os.O_WRONLY | os.O_NOFOLLOW, 0o600))
         except FileExistsError:
             return False
         except OSError:
@@ -180,9 +178,7 @@ def guarded(world: World, main: Callable[[Failure], int], raises: bool = False) 
         if world.rank == 0:
             write_error(agreed.error.message + "\n")
         return agreed.error.exit_code
-    except (
-        BaseException
-    ) as error:  # also SystemExit and KeyboardInterrupt: the others must not wait for this rank
+    except BaseException as error:  # also SystemExit and KeyboardInterrupt: the others must not wait for this rank
         code = failure.fail(error)
         if raises:
             raise

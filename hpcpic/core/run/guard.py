@@ -18,10 +18,10 @@ import numpy as np
 from hpcpic.core.comm.world import World
 from hpcpic.core.run.signals import Reason
 
-SHARE = 1e-3
-MOST_SHARE = 1e-2
-LATE = 50  # steps between looks: with what is looked at as seldom, a divergence is seen within 100
-WIDER = 10  # times the interval before
+LOOK_SHARE = 1e-3  # of the time, that looks may take
+MOST_LOOK_SHARE = 1e-2  # where a divergence would else be seen too late
+MOST_STEPS = 50  # between looks: with what is looked at as seldom, a divergence is seen within 100
+MOST_GROWTH = 10  # of the interval, from one look to the next
 REACTION_SECONDS = 0.2
 _TEXT_LENGTH = 512
 
@@ -78,9 +78,10 @@ class Guard:
 
     def _plan(self, step: int, step_ns: int, cost_ns: int) -> None:
         steps = cost_ns / max(step_ns, 1)  # that a look costs
-        cheap = max(steps / MOST_SHARE, min(steps / SHARE, LATE))
+        cheap = max(steps / MOST_LOOK_SHARE, min(steps / LOOK_SHARE, MOST_STEPS))
         prompt = 1e9 * REACTION_SECONDS / max(step_ns, 1)
-        most = min(math.ceil(cheap), int(prompt), WIDER * (step - self._step))  # the first looks cost more than others
+        grown = MOST_GROWTH * (step - self._step)  # the first looks cost more than others
+        most = min(math.ceil(cheap), int(prompt), grown)
         self._next = step + max(1, most)
         self.step_seconds = 1e-9 * step_ns
         self._step = step

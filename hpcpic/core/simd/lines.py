@@ -102,9 +102,7 @@ def add_lines(typing_context, base, offsets, vectors):
         for lane, start in enumerate(starts):
             for first, width, rows in blocks:
                 group, row = divmod(lane, width)
-                line = shuffle(
-                    builder, rows[row], rows[row], list(range(group * width, group * width + width))
-                )
+                line = shuffle(builder, rows[row], rows[row], list(range(group * width, group * width + width)))
                 place = offset(builder, start, first * vec.size)
                 before = load_from(builder, place, line.type, width * vec.size)
                 store_to(builder, place, add(before, line), width * vec.size)

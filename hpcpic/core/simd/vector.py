@@ -114,22 +114,13 @@ def fma(typing_context, a, b, c):
     return kind(kind, kind, kind), codegen
 
 
-@intrinsic
-def sqrt(typing_context, a):
-    """Square root of each lane, correctly rounded."""
-    return a(a), lambda context, builder, sig, args: llvm(builder, "sqrt", args[0])
+def _of_each_lane(name: str) -> Callable:
+    return lambda typing_context, a: (a(a), lambda context, builder, sig, args: llvm(builder, name, args[0]))
 
 
-@intrinsic
-def floor(typing_context, a):
-    """Largest whole number not above, as a float."""
-    return a(a), lambda context, builder, sig, args: llvm(builder, "floor", args[0])
-
-
-@intrinsic
-def rint(typing_context, a):
-    """Nearest whole number, ties to even, as a float."""
-    return a(a), lambda context, builder, sig, args: llvm(builder, "rint", args[0])
+sqrt = intrinsic(_of_each_lane("sqrt"))  # correctly rounded
+floor = intrinsic(_of_each_lane("floor"))  # the largest whole number not above, as a float
+rint = intrinsic(_of_each_lane("rint"))  # the nearest whole number, ties to even, as a float
 
 
 def _pick(symbol: str) -> Callable:
@@ -159,29 +150,11 @@ def select(typing_context, mask, a, b):
     return kind(mask, kind, kind), lambda context, builder, sig, args: builder.select(*args)
 
 
-@overload(formulas.fma)
-def _fma(a, b, c):
-    return lambda a, b, c: fma(a, b, c)
-
-
-@overload(formulas.minimum)
-def _minimum(a, b):
-    return lambda a, b: minimum(a, b)
-
-
-@overload(formulas.maximum)
-def _maximum(a, b):
-    return lambda a, b: maximum(a, b)
-
-
-@overload(formulas.sqrt)
-def _sqrt(a):
-    return lambda a: sqrt(a)
-
-
-@overload(formulas.select)
-def _select(mask, a, b):
-    return lambda mask, a, b: select(mask, a, b)
+overload(formulas.fma)(lambda a, b, c: lambda a, b, c: fma(a, b, c))  # type: ignore[call-arg]
+overload(formulas.minimum)(lambda a, b: lambda a, b: minimum(a, b))
+overload(formulas.maximum)(lambda a, b: lambda a, b: maximum(a, b))
+overload(formulas.sqrt)(lambda a: lambda a: sqrt(a))
+overload(formulas.select)(lambda mask, a, b: lambda mask, a, b: select(mask, a, b))  # type: ignore[call-arg]
 
 
 @intrinsic
@@ -194,30 +167,16 @@ def bitmask(typing_context, mask):
     return types.int64(mask), codegen
 
 
-@intrinsic
-def first_bit(typing_context, bits):
-    """Number of the lowest bit set; 64 for 0."""
-
-    def codegen(context, builder, sig, args):
-        return builder.cttz(args[0], ir.Constant(I1, 0))
-
-    return types.int64(types.int64), codegen
+def _of_bits(emit: Callable) -> Callable:
+    """An operation on the bits of an int64: emit(builder, bits)."""
+    int64 = types.int64
+    return lambda typing_context, bits: (int64(int64), lambda context, builder, sig, args: emit(builder, args[0]))
 
 
-@intrinsic
-def last_bit(typing_context, bits):
-    """Number of the highest bit set; -1 for 0."""
-
-    def codegen(context, builder, sig, args):
-        return builder.sub(ir.Constant(I64, 63), builder.ctlz(args[0], ir.Constant(I1, 0)))
-
-    return types.int64(types.int64), codegen
-
-
-@intrinsic
-def count_bits(typing_context, bits):
-    """Number of bits set."""
-    return types.int64(types.int64), lambda context, builder, sig, args: builder.ctpop(args[0])
+_FALSE, _63 = ir.Constant(I1, 0), ir.Constant(I64, 63)
+first_bit = intrinsic(_of_bits(lambda builder, bits: builder.cttz(bits, _FALSE)))  # of those set; 64 for 0
+last_bit = intrinsic(_of_bits(lambda builder, bits: builder.sub(_63, builder.ctlz(bits, _FALSE))))  # -1 for 0
+count_bits = intrinsic(_of_bits(lambda builder, bits: builder.ctpop(bits)))  # that are set
 
 
 # ---- conversions

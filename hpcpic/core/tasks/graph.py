@@ -6,6 +6,7 @@ free within the dependences, so a graph must not let results depend on it.
 """
 
 import ctypes
+import inspect
 import os
 import threading
 import weakref
@@ -94,9 +95,7 @@ class Bound:
         compiled = kernel.overloads[self._types]
         result = compiled.signature.return_type
         if not isinstance(result, types.Integer | types.NoneType):
-            raise TypeError(
-                f"kernel {self.name} returns {result}: an integer code or nothing on every path wanted"
-            )
+            raise TypeError(f"kernel {self.name} returns {result}: an integer code or nothing on every path wanted")
         call_conv = cpu_target.target_context.call_conv
         self.address, self._library = adapter(
             call_conv.get_function_type(result, self._types), getattr(result, "bitwidth", 0)
@@ -126,13 +125,17 @@ class Bound:
         return self.contexts[0]
 
 
-def bind(kernel: Any, *arguments: Any) -> Bound:
-    """Fix the arguments of a compiled kernel: C-contiguous arrays (data and shape), numbers, bools, tuples of them.
+def bind(kernel: Any, /, **arguments: Any) -> Bound:
+    """Fix the arguments of a compiled kernel by the names of its parameters: C-contiguous arrays (data and shape),
+    numbers, bools, tuples of them.
 
     The kernel returns an integer error code (0 is good) or nothing; an exception gives the code RAISED.
     Compiles the kernel for these types if need be.
     """
-    return Bound(kernel, arguments)
+    names = list(inspect.signature(kernel.py_func).parameters)
+    if sorted(names) != sorted(arguments):
+        raise TypeError(f"{kernel.py_func.__name__} takes {', '.join(names)}, not {', '.join(arguments)}")
+    return Bound(kernel, [arguments[name] for name in names])
 
 
 class Graph:
@@ -272,9 +275,7 @@ class Pool:
         words[scheduler.LIMIT_NS] = int(spin_limit_s * 1e9)
         for worker in range(threads):
             block = scheduler.WORKERS + scheduler.WORKER_WORDS * worker
-            ctypes.CDLL(None).sem_init(
-                ctypes.c_void_p(words[block + scheduler.SEMAPHORE :].ctypes.data), 0, 0
-            )
+            ctypes.CDLL(None).sem_init(ctypes.c_void_p(words[block + scheduler.SEMAPHORE :].ctypes.data), 0, 0)
         self.threads = threads
         self._limit_s = spin_limit_s
         self._words = words
@@ -282,9 +283,7 @@ class Pool:
         self._affinity = os.sched_getaffinity(0)
         pins = list(cpus) if alone and cpus is not None and len(cpus) == threads else [None] * threads
         others = [
-            threading.Thread(
-                target=_live, args=(words, worker, pins[worker]), daemon=True, name=f"worker {worker}"
-            )
+            threading.Thread(target=_live, args=(words, worker, pins[worker]), daemon=True, name=f"worker {worker}")
             for worker in range(1, threads)
         ]
         for other in others:

@@ -235,12 +235,7 @@ def _work(g, pool, worker):
     remaining, since, seen = -1, 0, 0  # see `_look`
     while atomic_load(g.counters, REMAINING) > 0 and atomic_load(g.counters, STOP) == 0:
         task = _take(g, 1)
-        if (
-            task < 0
-            and due
-            and atomic_load(g.counters, N_PENDING) > 0
-            and atomic_cas(pool, MESSAGE_LOCK, 0, 1)
-        ):
+        if task < 0 and due and atomic_load(g.counters, N_PENDING) > 0 and atomic_cas(pool, MESSAGE_LOCK, 0, 1):
             _poll(g)
             atomic_store(pool, MESSAGE_LOCK, 0)
             due = False

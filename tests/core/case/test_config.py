@@ -22,9 +22,7 @@ scalars = st.one_of(st.booleans(), integers, floats, texts)
 arrays = st.one_of(*(st.lists(kind, max_size=5) for kind in (st.booleans(), integers, floats, texts)))
 values = st.recursive(
     st.one_of(scalars, arrays),
-    lambda inner: st.one_of(
-        st.lists(inner, max_size=4).map(tuple), st.dictionaries(names, inner, max_size=4)
-    ),
+    lambda inner: st.one_of(st.lists(inner, max_size=4).map(tuple), st.dictionaries(names, inner, max_size=4)),
     max_leaves=12,
 )
 groups = st.dictionaries(names, values, max_size=5)
@@ -133,10 +131,7 @@ def test_a_setting_ends_with_its_line_or_with_a_separator():
 
 def test_every_setting_keeps_its_place():
     tree = loads("a = 1;\ng = {\n\tb = (1,\n  { c = 2; });\n};\n")
-    place = {
-        key: str(tree.where(key))
-        for key in (("a",), ("g", "b"), ("g", "b", 1, "c"), ("g", "b", 1, "missing"))
-    }
+    place = {key: str(tree.where(key)) for key in (("a",), ("g", "b"), ("g", "b", 1, "c"), ("g", "b", 1, "missing"))}
     assert list(place.values()) == ["case:1:1", "case:3:2", "case:4:5", "case:4:3"]
 
 

@@ -123,11 +123,7 @@ def test_a_long_or_hostile_value_is_shown_in_one_harmless_line():
 
 def test_an_integer_widens_to_float_and_nothing_else_converts():
     config = validate(Model, loads("part = ({ mass = 2; position = 3; }); limit = 4;"))
-    assert (
-        type(config.part[0].mass) is float
-        and config.part[0].position == (3.0,)
-        and type(config.limit) is float
-    )
+    assert type(config.part[0].mass) is float and config.part[0].position == (3.0,) and type(config.limit) is float
     for text in ("group = { count = 1.0; };", 'limit = "1";', "limit = true;", "group = { count = true; };"):
         faults_of(text)
 

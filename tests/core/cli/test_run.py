@@ -49,11 +49,7 @@ def test_run_leaves_the_whole_folder(finished):
     assert set(facts["timers"]["advect"]) == {"min", "avg", "max", "share", "calls"}
     assert toy.checkpoints("a") == [200]
     assert (toy.folder / "a/given/ring.conf").read_text() == (toy.folder / "ring.conf").read_text()
-    assert (
-        "finished" in done.stdout
-        and "advect" in done.stdout
-        and "advect" in (toy.folder / "a/log.txt").read_text()
-    )
+    assert "finished" in done.stdout and "advect" in done.stdout and "advect" in (toy.folder / "a/log.txt").read_text()
 
 
 def test_series_has_a_row_per_step_from_0_to_the_end(finished):

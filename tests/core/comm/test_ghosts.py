@@ -7,7 +7,7 @@ from hpcpic.core.comm.tags import Channel
 
 def check(world):
     """Each rank gives every rank (itself too) its rows of a kind; values tell owner, row and time."""
-    refresh = Refresh(world, Channel.GHOSTS_VALUES)
+    refresh = Refresh(world, Channel.GHOSTS)
     for choice in range(3):
         n_rows = 5 + world.rank
         peers = [peer for peer in range(world.size) if (world.rank + peer + choice) % 3]
@@ -47,7 +47,7 @@ def test_only_peers_are_asked(world):
     values = 10.0 * world.rank + np.arange(world.size)
     found = []
     for asked in (peers, None):
-        refresh = Refresh(world, Channel.GHOSTS_VALUES)
+        refresh = Refresh(world, Channel.GHOSTS)
         refresh.choose(members, asked)
         refresh.start(0, values)
         found.append(refresh.finish())

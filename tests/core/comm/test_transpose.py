@@ -106,9 +106,7 @@ def test_solve_with_several_multipliers_in_three_dimensions(pool):
     fft.real[:] = grid(points)
     fft.solve()
     product = np.moveaxis(spectrum_of(fft.real) * factor[0], -1, 0)
-    assert np.allclose(
-        fft.results[0], np.fft.irfftn(product, s=points, axes=range(3)) * 432, rtol=0, atol=1e-12
-    )
+    assert np.allclose(fft.results[0], np.fft.irfftn(product, s=points, axes=range(3)) * 432, rtol=0, atol=1e-12)
     assert np.array_equal(fft.results[1], 2 * fft.results[0])
     fft.free()
 

@@ -8,13 +8,14 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from series_table import read_csv
 
 from hpcpic.core.errors import FileError
 from hpcpic.core.files.arrays import FieldArray, ParticleArray, Shard
 from hpcpic.core.files.openpmd import OpenPMDWriter
 from hpcpic.core.files.reader import Fields, Particles
 from hpcpic.core.files.rundir import RunDir
-from hpcpic.core.files.series import SeriesWriter, read_csv, read_series
+from hpcpic.core.files.series import SeriesWriter, read_series
 from hpcpic.core.files.snapshot import FieldsWriter, ParticlesWriter
 from hpcpic.core.files.together import ALONE
 from hpcpic.core.run import checkpoint
@@ -76,9 +77,7 @@ def test_series(disk: Path) -> None:
     assert written > 2000
     for found in (read_series(disk), read_csv(disk / "series.csv")):
         assert len(found.step) >= written and len(found.step) % 100 == 0
-        assert np.array_equal(found.step, np.arange(len(found.step))) and np.array_equal(
-            found["a"], found.step / 3
-        )
+        assert np.array_equal(found.step, np.arange(len(found.step))) and np.array_equal(found["a"], found.step / 3)
 
 
 def test_fields(disk: Path) -> None:

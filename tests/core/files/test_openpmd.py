@@ -33,9 +33,7 @@ def arrays(points: tuple[int, ...]) -> dict[str, np.ndarray]:
 
 
 def write(world, folder: Path, points: tuple[int, ...], after: int | None = None, step: int = 30) -> Path:
-    box = Domain(
-        tuple(0.5 * n for n in points), points, (True,) * len(points), even_cuts(points[0], world.size)
-    )
+    box = Domain(tuple(0.5 * n for n in points), points, (True,) * len(points), even_cuts(points[0], world.size))
     low, high = box.row_range(world.rank)
     first, last = block_ranges(N, world.size)[world.rank]
     a = arrays(points)
@@ -102,9 +100,7 @@ def test_a_restart_removes_later_files_and_a_failure_leaves_none(
         raise OSError(28, "No space left on device")
 
     monkeypatch.setattr(image, "write_shards", fail)
-    with pytest.raises(
-        FileError, match=r"cannot write .*data00000020.h5: No space left on device; free some"
-    ):
+    with pytest.raises(FileError, match=r"cannot write .*data00000020.h5: No space left on device; free some"):
         write(ALONE, tmp_path, (6, 5), step=20)
     assert sorted(path.name for path in tmp_path.iterdir()) == ["data00000010.h5", "data00000015.h5"]
 

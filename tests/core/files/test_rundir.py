@@ -36,9 +36,7 @@ def dead_pid() -> int:
 
 def test_a_new_folder_holds_what_the_run_was_given(tmp_path: Path) -> None:
     given = {"case.conf": "a = 1;", "parts/ions.conf": b"b = 2;", "../../escape.conf": "c = 3;"}
-    rundir = RunDir.create(
-        tmp_path / "runs" / "one", config="full", given=given, sets=["a=2"], facts={"ranks": 4}
-    )
+    rundir = RunDir.create(tmp_path / "runs" / "one", config="full", given=given, sets=["a=2"], facts={"ranks": 4})
     files = tree(rundir.path)
     assert files["config.conf"] == b"full"
     assert files["given/case.conf"] == b"a = 1;" and files["given/parts/ions.conf"] == b"b = 2;"
@@ -114,9 +112,7 @@ def test_a_failed_creation_leaves_nothing(tmp_path: Path, monkeypatch: pytest.Mo
 
     monkeypatch.setattr(RunDir, "update", fail)
     for folder in (tmp_path / "a" / "b", tmp_path / "mine"):
-        with pytest.raises(
-            FileError, match=r"cannot make the run folder .*No space left on device; free some space"
-        ):
+        with pytest.raises(FileError, match=r"cannot make the run folder .*No space left on device; free some space"):
             RunDir.create(folder, config="x")
     assert tree(tmp_path) == before and not (tmp_path / "a").exists()
 
@@ -177,9 +173,7 @@ def test_temporaries_of_dead_processes_are_removed(tmp_path: Path) -> None:
 
 def test_run_json_is_replaced_as_a_whole(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     rundir = RunDir.create(tmp_path / "run", config="")
-    rundir.finish(
-        "finished", 0, steps=np.int64(7), energy=math.nan, spread=np.array([1.0, np.inf]), who=Path("x")
-    )
+    rundir.finish("finished", 0, steps=np.int64(7), energy=math.nan, spread=np.array([1.0, np.inf]), who=Path("x"))
     content = json.loads(rundir.run_json.read_text(), parse_constant=lambda name: pytest.fail(name))
     assert (content["status"], content["exit_code"], content["steps"]) == ("finished", 0, 7)
     assert content["energy"] is None and content["spread"] == [1.0, None] and content["who"] == "x"

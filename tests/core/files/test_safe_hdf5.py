@@ -140,9 +140,7 @@ def test_plain_and_compressed_data_are_read(tmp_path: Path) -> None:
     with h5py.File(path, "w") as file:
         file["a/plain"] = values
         file.create_dataset("a/zipped", data=values, compression="gzip", shuffle=True, fletcher32=True)
-        file["a"].attrs.update(
-            {"units": "m", "list": ["u", "v"], "n": 3, "box": [1.0, 2.0], "old": np.bytes_("kg")}
-        )
+        file["a"].attrs.update({"units": "m", "list": ["u", "v"], "n": 3, "box": [1.0, 2.0], "old": np.bytes_("kg")})
     with open_checked(path) as checked:
         assert checked.names("a") == ["plain", "zipped"]
         for name in ("a/plain", "a/zipped"):

@@ -45,9 +45,7 @@ def particles(step: int) -> dict[str, dict[str, np.ndarray]]:
     return {"ions": species(COUNTS[step % 7]), "electrons": species(COUNTS[step % 7] // 2)}
 
 
-def handed(
-    arrays: dict[str, dict[str, np.ndarray]], rank: int = 0, ranks: int = 1
-) -> dict[str, ParticleArray]:
+def handed(arrays: dict[str, dict[str, np.ndarray]], rank: int = 0, ranks: int = 1) -> dict[str, ParticleArray]:
     """What one rank has of it."""
     result = {}
     for name, columns in arrays.items():
@@ -96,9 +94,7 @@ def vtk_steps(path: Path) -> list[tuple[float, object, dict[str, np.ndarray]]]:
         kept.DeepCopy(seen)
         data = kept.GetPointData()
         arrays = [data.GetArray(k) for k in range(data.GetNumberOfArrays())]
-        steps.append(
-            (reader.GetTimeValue(), kept, {array.GetName(): vtk_to_numpy(array) for array in arrays})
-        )
+        steps.append((reader.GetTimeValue(), kept, {array.GetName(): vtk_to_numpy(array) for array in arrays}))
     return steps
 
 
@@ -195,9 +191,7 @@ def test_snapshots_that_wait_for_each_other_are_the_same_in_the_end(tmp_path: Pa
     ]
 
 
-def test_small_snapshots_wait_only_as_long_as_writing_is_dear(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_small_snapshots_wait_only_as_long_as_writing_is_dear(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """The first is there at once; while the clock stands still the others wait; none waits for a later one for long."""
     now = [0.0]
     monkeypatch.setattr(snapshot.clock, "monotonic", lambda: now[0])
@@ -236,9 +230,7 @@ def test_a_restart_gives_the_file_of_the_uninterrupted_run(tmp_path: Path, after
         write_particles(path, range(5))
         write_particles(path, range(count, stop), after=after)
         assert_particles(path, stop)
-        assert [cloud.GetNumberOfPoints() for _, cloud, _ in vtk_steps(path)] == [
-            n + n // 2 for n in COUNTS[:stop]
-        ]
+        assert [cloud.GetNumberOfPoints() for _, cloud, _ in vtk_steps(path)] == [n + n // 2 for n in COUNTS[:stop]]
 
 
 def test_space_that_a_killed_writer_allocated_is_given_back(tmp_path: Path) -> None:
@@ -281,9 +273,7 @@ def test_other_arrays_or_grids_are_refused_and_the_file_kept(tmp_path: Path) -> 
     for points, arrays, why in tries:
         writer = FieldsWriter(ALONE, path, after=100)
         with pytest.raises(FileError, match=why):
-            writer.append(
-                99, 9.9, domain(points), {name: FieldArray(values) for name, values in arrays.items()}
-            )
+            writer.append(99, 9.9, domain(points), {name: FieldArray(values) for name, values in arrays.items()})
         assert path.read_bytes() == before
     species = handed(particles(0))
     species["ions"] = ParticleArray(np.arange(1), np.zeros((1, 3)))

@@ -10,13 +10,14 @@ import h5py
 import numpy as np
 import pytest
 from click.testing import CliRunner
+from series_table import read_csv
 
 from hpcpic.core.cli.main import build
 from hpcpic.core.errors import FileError
 from hpcpic.core.files.arrays import FieldArray, ParticleArray
 from hpcpic.core.files.reader import open_run
 from hpcpic.core.files.rundir import RunDir
-from hpcpic.core.files.series import SeriesWriter, read_csv
+from hpcpic.core.files.series import SeriesWriter
 from hpcpic.core.files.snapshot import FieldsWriter, ParticlesWriter
 from hpcpic.core.files.together import ALONE
 from hpcpic.core.space.domain import Domain

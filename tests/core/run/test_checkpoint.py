@@ -167,9 +167,7 @@ def test_no_truncation_and_no_zeroed_page_passes(rundir: RunDir) -> None:
         newest(rundir)
 
 
-def test_damage_falls_back_and_then_lists_all_reasons(
-    rundir: RunDir, caplog: pytest.LogCaptureFixture
-) -> None:
+def test_damage_falls_back_and_then_lists_all_reasons(rundir: RunDir, caplog: pytest.LogCaptureFixture) -> None:
     paths = [checkpoint.write(ALONE, rundir, step, 0.0, shards(whole(step))) for step in (1, 2)]
     os.truncate(paths[1], 1000)
     with caplog.at_level(logging.WARNING):
@@ -180,9 +178,7 @@ def test_damage_falls_back_and_then_lists_all_reasons(
         byte = file.read(1)
         file.seek(-1, os.SEEK_CUR)
         file.write(bytes([byte[0] ^ 16]))
-    with pytest.raises(
-        FileError, match=r"00000002.h5: cut off[^\n]*\n.*00000001.h5: damaged: ions/"
-    ) as failure:
+    with pytest.raises(FileError, match=r"00000002.h5: cut off[^\n]*\n.*00000001.h5: damaged: ions/") as failure:
         newest(rundir)
     assert failure.value.exit_code == 6
 
@@ -192,9 +188,7 @@ def test_none_is_an_error_with_a_cure(rundir: RunDir) -> None:
         newest(rundir)
 
 
-def test_a_newer_format_is_refused_with_both_versions(
-    rundir: RunDir, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_newer_format_is_refused_with_both_versions(rundir: RunDir, monkeypatch: pytest.MonkeyPatch) -> None:
     with monkeypatch.context() as patch:
         patch.setattr(sealed, "SCHEMA", 99)
         patch.setattr("hpcpic.core.files.sealed.__version__", "7.0")
@@ -230,9 +224,7 @@ def test_a_forged_manifest_is_refused(rundir: RunDir, change: dict) -> None:
         newest(rundir)
 
 
-def test_a_failed_write_leaves_the_old_ones_and_no_temporary(
-    rundir: RunDir, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_failed_write_leaves_the_old_ones_and_no_temporary(rundir: RunDir, monkeypatch: pytest.MonkeyPatch) -> None:
     checkpoint.write(ALONE, rundir, 1, 0.0, shards(whole(1)))
 
     def lie(descriptor: int, content: bytes, address: int) -> None:
@@ -288,9 +280,7 @@ def test_file_and_digest_do_not_depend_on_ranks(monkeypatch: pytest.MonkeyPatch)
 
 @pytest.mark.mpi(min_size=2)
 @pytest.mark.parametrize("failing", [0, -1])
-def test_a_rank_that_cannot_write_fails_all_with_the_same_error(
-    failing: int, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_rank_that_cannot_write_fails_all_with_the_same_error(failing: int, monkeypatch: pytest.MonkeyPatch) -> None:
     from hpcpic.core.comm.world import World
 
     world = World.start()
@@ -305,9 +295,7 @@ def test_a_rank_that_cannot_write_fails_all_with_the_same_error(
             patch.setattr(image, "write_all", full)
         with pytest.raises(FileError) as failure:
             checkpoint.write(world, rundir, 2, 0.2, shards(whole(2), world.rank, world.size))
-    assert "No space left on device" in failure.value.message and f"rank {failing % world.size}" in str(
-        failure
-    )
+    assert "No space left on device" in failure.value.message and f"rank {failing % world.size}" in str(failure)
     assert world.bcast(failure.value.message.encode()) == failure.value.message.encode()
     world.barrier()
     assert [path.name for path in rundir.checkpoints.iterdir()] == ["00000001.h5"]

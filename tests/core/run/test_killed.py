@@ -8,13 +8,14 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from series_table import read_csv
 
 from hpcpic.core.errors import FileError
 from hpcpic.core.files import image
 from hpcpic.core.files.arrays import FieldArray, ParticleArray, Shard
 from hpcpic.core.files.reader import Fields, Particles
 from hpcpic.core.files.rundir import RunDir
-from hpcpic.core.files.series import SeriesWriter, read_csv, read_series
+from hpcpic.core.files.series import SeriesWriter, read_series
 from hpcpic.core.files.snapshot import FieldsWriter, ParticlesWriter
 from hpcpic.core.files.together import ALONE
 from hpcpic.core.run import checkpoint

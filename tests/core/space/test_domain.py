@@ -44,9 +44,7 @@ def test_balanced_cuts_of_equal_rows_are_even_and_of_a_peak_surround_it():
     assert balanced_cuts([0, 0, 0, 5, 5, 0, 0], 2) == (0, 4, 7)
 
 
-@given(
-    st.floats(-1e6, 1e6), st.sampled_from([1.0, 0.1, 64.0, 7.3]), st.sampled_from([np.float64, np.float32])
-)
+@given(st.floats(-1e6, 1e6), st.sampled_from([1.0, 0.1, 64.0, 7.3]), st.sampled_from([np.float64, np.float32]))
 def test_wrap_stays_below_the_length(x, length, dtype):
     y = wrap(np.array([x], dtype), dtype(length))
     assert y.dtype == dtype and 0 <= y[0] < dtype(length)

@@ -68,9 +68,7 @@ def test_power_of_two_units_change_no_bit(shift):
     x = np.random.default_rng(5).standard_normal(50)
     unit = 2.0 ** (shift / 2 // 1)
     scale = power_of_two_above(float(np.abs(x).max()))
-    assert (
-        value(exact_limbs(x * unit, scale * unit), scale * unit) == value(exact_limbs(x, scale), scale) * unit
-    )
+    assert value(exact_limbs(x * unit, scale * unit), scale * unit) == value(exact_limbs(x, scale), scale) * unit
 
 
 def test_scale_is_above():

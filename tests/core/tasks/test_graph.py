@@ -62,8 +62,8 @@ accesses = st.lists(st.tuples(subsets, subsets, subsets, st.sampled_from([0, 0, 
 def build(tasks, cells, work):
     graph = Graph()
     for number, (ins, outs, inouts, priority) in enumerate(tasks):
-        arrays = [np.array(sorted(cells_), np.int64) for cells_ in (ins | inouts, outs | inouts)]
-        bound = bind(mix, cells, *arrays, number, work)
+        reads, writes = (np.array(sorted(cells_), np.int64) for cells_ in (ins | inouts, outs | inouts))
+        bound = bind(mix, cells=cells, reads=reads, writes=writes, number=number, work=work)
         graph.task(bound, ins=ins, outs=outs, inouts=inouts, priority=priority)
     return graph.freeze()
 
@@ -129,9 +129,7 @@ def test_sleeping_workers_come_back():
         cells[:] = 1
         time.sleep(pause)
         pool.run(graph)
-        np.testing.assert_array_equal(
-            cells, serially([(set(), set(), {k % N_CELLS}, 0) for k in range(40)], [1] * 5)
-        )
+        np.testing.assert_array_equal(cells, serially([(set(), set(), {k % N_CELLS}, 0) for k in range(40)], [1] * 5))
     pool.close()
 
 
@@ -139,7 +137,7 @@ def test_urgent_tasks_come_first():
     pool, log, count = Pool(1), np.zeros(6, np.int64), np.zeros(1, np.int64)
     graph = Graph()
     for value, priority in enumerate([0, 0, 1, 0, 1, 0]):
-        graph.task(bind(set_item, log, count, value), priority=priority)
+        graph.task(bind(set_item, log=log, count=count, value=value), priority=priority)
     pool.run(graph.freeze())
     assert list(log) == [2, 4, 0, 1, 3, 5]
 
@@ -151,17 +149,17 @@ def test_empty_graph_runs(pool):
 def test_frozen_graph_takes_no_more_tasks(pool):
     ran = np.zeros(1, np.int64)
     graph = Graph()
-    graph.task(bind(answer, 0, ran))
+    graph.task(bind(answer, code=0, ran=ran))
     with pytest.raises(ValueError, match="freeze"):
         pool.run(graph)
     graph.freeze()
     with pytest.raises(ValueError, match="frozen"):
-        graph.task(bind(answer, 0, ran))
+        graph.task(bind(answer, code=0, ran=ran))
 
 
 def test_each_runs_all_and_keeps_the_graph(pool):
     ran = np.zeros((20, 1), np.int64)
-    bounds = [bind(answer, 0, row) for row in ran]
+    bounds = [bind(answer, code=0, ran=row) for row in ran]
     for _ in range(5):
         pool.each(bounds)
     assert (ran == 5).all()
@@ -171,7 +169,7 @@ def test_each_runs_all_and_keeps_the_graph(pool):
 
 def test_a_pool_keeps_nothing_of_tasks_that_are_gone(pool):
     ran = np.zeros(2, np.int64)
-    bounds = [bind(answer, 0, ran[k:]) for k in range(2)]
+    bounds = [bind(answer, code=0, ran=ran[k:]) for k in range(2)]
     pool.each(bounds)
     gone = [weakref.ref(bound) for bound in bounds]
     del bounds
@@ -186,7 +184,7 @@ def test_first_code_is_told_and_the_rest_skipped(pool):
     ran = np.zeros(3, np.int64)
     graph = Graph()
     for place, code in enumerate((0, 7, 0)):
-        graph.task(bind(answer, code, ran[place:]), inouts=["chain"], name=f"link {place}")
+        graph.task(bind(answer, code=code, ran=ran[place:]), inouts=["chain"], name=f"link {place}")
     graph.freeze()
     for launch in (1, 2):
         with pytest.raises(TaskError, match="link 1 returned the error code 7") as error:
@@ -196,7 +194,7 @@ def test_first_code_is_told_and_the_rest_skipped(pool):
 
 
 def test_an_exception_in_a_kernel_is_not_lost(pool):
-    bound = bind(refuse, np.zeros(1))
+    bound = bind(refuse, x=np.zeros(1))
     with pytest.raises(TaskError, match="refuse raised an exception") as error:
         pool.each([bound])
     assert error.value.code == RAISED
@@ -224,9 +222,15 @@ def a_float(x):
     ],
 )
 def test_unfit_kernels_and_arguments_are_refused(kernel, argument, match):
-    arguments = (0, argument) if kernel is answer else (argument,)
+    arguments = {"code": 0, "ran": argument} if kernel is answer else {"x": argument}
     with pytest.raises(TypeError, match=match):
-        bind(kernel, *arguments)
+        bind(kernel, **arguments)
+
+
+@pytest.mark.parametrize("names", ["code", "code run", "code ran x"])
+def test_arguments_go_by_name_and_none_is_left_out(names):
+    with pytest.raises(TypeError, match="answer takes code, ran, not"):
+        bind(answer, **dict.fromkeys(names.split(), 0))
 
 
 # ---- arguments
@@ -251,7 +255,7 @@ SHAPES = [(7,), (2, 3, 2), (0,), ()]
 def test_arrays_of_every_dtype_arrive(dtype, shape):
     array = np.arange(np.prod(shape, dtype=int)).reshape(shape).astype(dtype)
     out = np.full(1, np.nan)
-    with_threads(lambda pool: pool.each([bind(accept, array, out)]))
+    with_threads(lambda pool: pool.each([bind(accept, array=array, out=out)]))
     assert out[0] == (np.arange(1, array.size + 1) * array.ravel().astype(float)).sum()
 
 
@@ -273,7 +277,7 @@ def echo(value, out):
 )
 def test_scalars_of_every_dtype_arrive(value):
     out = np.zeros(1, np.asarray(value).dtype)
-    with_threads(lambda pool: pool.each([bind(echo, value, out)]))
+    with_threads(lambda pool: pool.each([bind(echo, value=value, out=out)]))
     assert out[0] == value
 
 
@@ -283,13 +287,13 @@ def test_many_arguments_of_mixed_kinds_arrive():
         a[0] = i + x + b + s[1, 2] + f + c[0] + j + y
 
     pool, a, s, c = Pool(1), np.zeros(2), np.arange(6).reshape(2, 3), np.array([7], np.uint8)
-    pool.each([bind(all_kinds, a, 1, 2.5, True, s, np.float32(0.25), c, np.int32(-3), 100.0)])
+    pool.each([bind(all_kinds, a=a, i=1, x=2.5, b=True, s=s, f=np.float32(0.25), c=c, j=np.int32(-3), y=100.0)])
     assert a[0] == 1 + 2.5 + 1 + 5 + 0.25 + 7 - 3 + 100
 
 
 def test_update_replaces_scalars_and_arrays_between_launches():
     pool, first, second = Pool(1), np.zeros(1), np.zeros(1)
-    bound = bind(echo, 1.0, first)
+    bound = bind(echo, value=1.0, out=first)
     bounds = [bound]
     bound.update(0, 7)  # becomes float64, as bound
     pool.each(bounds)
@@ -311,8 +315,8 @@ def busy(rounds, out):
 def test_a_long_task_is_not_stuck():
     pool, out = Pool(2, spin_limit_s=0.02), np.zeros(1)
     graph = Graph()
-    graph.task(bind(busy, 300_000_000, out), inouts=["a"])  # about 0.3 s
-    graph.task(bind(busy, 1, out), inouts=["a"])
+    graph.task(bind(busy, rounds=300_000_000, out=out), inouts=["a"])  # about 0.3 s
+    graph.task(bind(busy, rounds=1, out=out), inouts=["a"])
     pool.run(graph.freeze())
     assert out[0] == 300_000_001
     pool.close()

@@ -69,7 +69,7 @@ class FakeRequests:
 def test_a_message_waits_for_its_data_and_releases_readers(pool, polls):
     a, b, c = (np.zeros(1) for _ in range(3))
     requests = FakeRequests(polls=polls, source=a, target=b)
-    store_a, copy = bind(put, 5.0, a), bind(copy_first, b, c)
+    store_a, copy = bind(put, value=5.0, out=a), bind(copy_first, a=b, out=c)
     graph = Graph()
     graph.task(store_a, outs=["a"])
     graph.message(requests, ins=["a"], outs=["b"])
@@ -86,7 +86,7 @@ def test_no_requests_are_complete_at_once(pool):
     requests, out = FakeRequests(n=0), np.zeros(1)
     graph = Graph()
     graph.message(requests, outs=["b"])
-    graph.task(bind(put, 1.0, out), ins=["b"])
+    graph.task(bind(put, value=1.0, out=out), ins=["b"])
     pool.run(graph.freeze())
     assert out[0] == 1.0
     assert requests.n_started == 0
@@ -98,7 +98,7 @@ def test_tasks_run_while_a_message_is_on_its_way(pool):
     seen = np.zeros(1)
     graph = Graph()
     graph.message(requests, outs=["b"])
-    graph.task(bind(copy_first, cells, seen))  # asks for nothing, so it need not wait
+    graph.task(bind(copy_first, a=cells, out=seen))  # asks for nothing, so it need not wait
     pool.run(graph.freeze())
     assert requests.n_tests == 30
     assert seen[0] == 0.0
@@ -117,7 +117,7 @@ def test_a_message_that_never_comes_is_reported(threads):
     graph = Graph()
     graph.message(FakeRequests(polls=10**9), outs=["b"], name="from rank 3")
     graph.message(FakeRequests(polls=2), name="from rank 2")
-    graph.task(bind(put, 1.0, out), ins=["b"])
+    graph.task(bind(put, value=1.0, out=out), ins=["b"])
     begin = time.monotonic()
     with pytest.raises(Stuck, match="from rank 3") as stuck:
         pool.run(graph.freeze())
@@ -165,9 +165,9 @@ def test_a_ring_of_messages_in_a_graph():
     graph = Graph()
     for turn in range(rounds):
         graph.message(messages, ins=["mine"], outs=["left"], name=f"ring {turn}")
-        graph.task(bind(take_over, mine, left, turn), ins=["left"], inouts=["mine"])
+        graph.task(bind(take_over, mine=mine, left=left, turn=turn), ins=["left"], inouts=["mine"])
         for _ in range(3):  # work that needs no message
-            graph.task(bind(copy_first, own, copies), inouts=["own"])
+            graph.task(bind(copy_first, a=own, out=copies), inouts=["own"])
     graph.freeze()
     pool = Pool(2, spin_limit_s=30.0)
     expected = np.arange(world.size)

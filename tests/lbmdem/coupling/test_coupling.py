@@ -1,16 +1,19 @@
 """Balances of fluid and solids, walls, light grains, bits."""
 
+from functools import partial
+
 import numpy as np
 import pytest
 from app_runner import running
 from lattice_scenes import fluid_in_a_box
 
 from hpcpic.core.comm.world import World
+from hpcpic.core.space import shapes
 from hpcpic.core.space.domain import even_cuts
 from hpcpic.core.tasks.graph import Pool
 from lbmdem.coupling.immersed import Immersed
 from lbmdem.fluid.faces import Face
-from lbmdem.fluid.surfaces import Wall, ball, plane
+from lbmdem.fluid.surfaces import Wall
 from lbmdem.kernels.layout import FLUID
 from lbmdem.kernels.sweep import SKIP
 from lbmdem.physics.velocity_sets import D2Q9, D3Q19
@@ -18,6 +21,14 @@ from lbmdem.physics.wall_rules import RULES, impedance
 
 BOX = {"D3Q19": (13, 14, 17), "D2Q9": (26, 31)}
 LATTICES = pytest.mark.parametrize("lattice", [D2Q9, D3Q19], ids=lambda lattice: lattice.name)
+
+
+def ball(centre, radius):
+    return partial(shapes.ball, centre=centre, radius=radius)
+
+
+def plane(point, normal):
+    return partial(shapes.plane, point=point, normal=normal)
 
 
 def stir(fluid, seed=1):

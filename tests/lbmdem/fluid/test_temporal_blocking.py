@@ -133,7 +133,8 @@ def linked(faces, n: int, *, plain=False, world=None, threads=1) -> tuple[Fluid,
     layout = fluid.layout
 
     def links(parity: int, low: int, high: int, keep: bool) -> list:
-        return [bind(blend, fluid.f, layout.strides, layout.slots, layout.shifts, parity, low, high, layout.nx)]
+        places = {"strides": layout.strides, "slots": layout.slots, "shifts": layout.shifts}
+        return [bind(blend, f=fluid.f, parity=parity, low=low, high=high, nx=layout.nx, **places)]
 
     fluid.hooks.append(lambda fluid, parity: fluid.pool.each(links(parity, 0, layout.planes, True)))
     fluid.carry(None if plain else links)

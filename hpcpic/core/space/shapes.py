@@ -1,0 +1,48 @@
+"""Signed distances of points x[n, d] from shapes of which formulas are known: negative inside; of a plane, positive
+where its normal points.
+"""
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from hpcpic.core.space.products import product
+
+Distances = NDArray[np.float64]
+
+
+def box(x: NDArray, low: ArrayLike, high: ArrayLike) -> Distances:
+    """From a box between two corners."""
+    beyond = np.maximum(low - x, x - high)
+    return _length(np.maximum(beyond, 0.0)) + np.minimum(beyond.max(axis=1), 0.0)
+
+
+def ball(x: NDArray, centre: ArrayLike, radius: float) -> Distances:
+    """From a sphere; in 2D from a disc."""
+    return _length(x - np.asarray(centre)) - radius
+
+
+def cylinder(x: NDArray, base: ArrayLike, top: ArrayLike, radius: float) -> Distances:
+    """From a closed cylinder between the middles of its ends; in 2D from a rectangle."""
+    base, top = np.asarray(base), np.asarray(top)
+    axis = unit(top - base)
+    relative = x - (base + top) / 2
+    along = product(relative, axis)
+    across = _length(relative - along[:, None] * axis) - radius
+    beyond = np.abs(along) - float(np.sqrt(np.sum((top - base) ** 2)) / 2)
+    outside = np.hypot(np.maximum(across, 0.0), np.maximum(beyond, 0.0))
+    return outside + np.minimum(np.maximum(across, beyond), 0.0)
+
+
+def plane(x: NDArray, point: ArrayLike, normal: ArrayLike) -> Distances:
+    """From a plane through a point."""
+    return product(x - np.asarray(point), unit(normal))
+
+
+def unit(v: ArrayLike) -> NDArray[np.float64]:
+    """The vector of length 1 in the direction of v[d]."""
+    v = np.asarray(v, np.float64)
+    return v / np.sqrt(v @ v)
+
+
+def _length(x: NDArray) -> Distances:
+    return np.sqrt(np.sum(x * x, axis=1))
