@@ -90,7 +90,7 @@ def check_other_arrays_are_refused(app: Any, folder: Path, *fixed: str) -> None:
         others = [array[..., None], array.astype("f4" if array.dtype == "f8" else "f8")]
         others += [np.concatenate([array, array])] if array.size else []
         finite = array.dtype.kind == "f" and array.size and not columns[name].open
-        others += [np.full_like(array, np.nan)] if finite else []
+        others += [np.full_like(array, value) for value in (np.nan, np.finfo(array.dtype).max)] if finite else []
         others += [2 * array] if name in fixed else []
         for other in others:
             with pytest.raises(FileError, match=told):

@@ -20,7 +20,7 @@ import psutil
 from hpcpic.core.cli.launch import launcher
 
 HERE = Path(__file__).resolve().parent
-TIMEOUT_S = 240.0  # kernels of a new scene are compiled in the first run
+TIMEOUT_S = 480.0  # kernels of a new scene are compiled in the first run
 BEGUN = re.compile(r"hpcpic.run: (steps|from step) [0-9]")  # the log says that the steps begin
 PAUSE_S = 0.02  # slept in every step of a run that is to be caught in the middle
 
@@ -144,6 +144,11 @@ class Bench:
             self._digests[sets] = self.facts()["state_digest"]
             self.folder = here
         return self._digests[sets]
+
+    def usual_warnings(self) -> list[str]:
+        """What a run of this case warns of when nothing befalls it."""
+        self.digest()
+        return json.loads((self.work / "quiet-0/run/run.json").read_text())["warnings"]
 
     def goes_on(self, *more: str, ranks: int = 2) -> None:
         """A restart ends in the state of the run that nothing befell."""

@@ -22,8 +22,8 @@ import numpy as np
 import psutil
 
 from hpcpic.core.cli import main as face
-from hpcpic.core.comm import ghosts, halo
-from hpcpic.core.comm.tags import WINDOW
+from hpcpic.core.comm import ghosts
+from hpcpic.core.comm.messages import Messages
 from hpcpic.core.comm.world import World
 from hpcpic.core.files import image
 from hpcpic.core.files.rundir import RunDir
@@ -73,22 +73,12 @@ def become(app: Any, world: Any, which: Callable[[Any], str], value: float) -> N
 
 
 def misnumber_messages() -> None:
-    """From now on this rank's messages say that they belong to another iteration, of the same tag."""
-    at, start, refresh = halo.Exchange.at, halo.Fill.start, ghosts.Refresh.start
-
-    def in_graphs(exchange: Any, iteration: int) -> None:
-        at(exchange, iteration + 2)
-
-    def misnumbered(exchange: Any, iteration: int) -> None:
-        start(exchange, iteration + 2)
-        exchange._iteration[0] = iteration
-
-    def of_another_window(exchange: Any, iteration: int, values: np.ndarray) -> None:
-        refresh(exchange, iteration + WINDOW, values)
-        exchange._iteration = iteration
-
-    ghosts.Refresh.start = of_another_window  # type: ignore[method-assign]
-    halo.Fill.start, halo.Exchange.at = misnumbered, in_graphs  # type: ignore[method-assign]
+    """From now on this rank's messages say that they belong to an iteration two later."""
+    at, refresh = Messages.at, ghosts.Refresh.start
+    Messages.at = lambda messages, iteration: at(messages, iteration + 2)  # type: ignore[method-assign]
+    ghosts.Refresh.start = (  # type: ignore[method-assign]
+        lambda exchange, iteration, values: refresh(exchange, iteration + 2, values)
+    )
 
 
 def take_memory() -> None:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from fault_matrix.bench import Bench, Skipped, expect
+from fault_matrix.bench import Bench, expect
 from fault_matrix.checkpoints import alone
 from fault_matrix.faulty import floats
 from fault_matrix.rows import row
@@ -11,7 +11,9 @@ from hpcpic.core.run import checkpoint
 
 FLIPS = 200
 DAMAGE = {  # numbers of the state that are finite and yet none that a run comes to
+    "hpcpic": ("electrons/velocity 1e3", "electrons/position 1e6", "electrons/position -1"),
     "sph": ("v 1e12", "v 1e6", "v 3e3", "drho 300", "drho -300", "x 1e12", "reach -1", "walls/impulse 1e300"),
+    "lbmdem": ("populations 10", "populations -10", "populations 1e300", "grains/row 1e12"),
 }
 FLAT_RANKS = 6
 
@@ -52,10 +54,8 @@ def flipped_in_memory(bench: Bench) -> str:
     "exit 4 within 100 steps, the place is named",
 )
 def damaged(bench: Bench) -> str:
-    if bench.program not in DAMAGE:
-        raise Skipped("no such numbers are listed for it")
     for damage in DAMAGE[bench.program]:
-        done = bench.run("--force", kind=f"value {damage}")
+        done = bench.run("--replace", kind=f"value {damage}")
         expect(done.code == 4 and "Traceback" not in done.err, f"{damage}: {done}")
     return f"exit 4 for {', '.join(DAMAGE[bench.program])}"
 

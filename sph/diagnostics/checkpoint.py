@@ -17,6 +17,8 @@ from sph.particles.strays import Strays
 from sph.particles.wall_forces import WallForces
 from sph.physics.timestep import Clock
 
+FASTEST = 10.0  # times c0: at c0, or the speed of its walls, a run ends
+DENSEST = 10.0  # times rho0: of walls, whose densities are extrapolated
 Arrays = dict[str, NDArray]
 Shapes = dict[str, tuple[int, ...]]
 
@@ -112,11 +114,12 @@ class Checkpoint:
         """
         scene, real, outflow = self.storage.scene, np.float64, bool(self.storage.scene.config.domain.outflow)
         d, far = scene.dimensions, scene.spacing / np.finfo(real).eps  # beyond, places are coarser than the spacing
+        fastest = FASTEST * scene.c0
         n = reader.total("number") if outflow and "number" in reader.names else scene.n_fluid
         found = {
             "x": Column(real, (n, d), -far, far),
-            "v": Column(real, (n, d)),
-            "drho": Column(real, (n,), -scene.rho0),
+            "v": Column(real, (n, d), -fastest, fastest),
+            "drho": Column(real, (n,), -scene.rho0, scene.rho0),
         }
         if outflow:
             found["number"] = Column(np.int64, (n,), 0, scene.n_fluid - 1, increasing=True)
@@ -128,11 +131,12 @@ class Checkpoint:
             found["gauges/since"] = Column(real, (1,), high=reader.time, open=True)
         if scene.walls:
             walls, number = len(scene.walls), reader.total("walls/number")
+            impulse, densest = self.forces.largest_impulse(reader.time), DENSEST * scene.rho0
             found |= {
                 "walls/made": Column(real, (walls, 2, d), open=True),
-                "walls/impulse": Column(real, self.forces.impulses.shape),
+                "walls/impulse": Column(real, self.forces.impulses.shape, -impulse, impulse),
                 "walls/x": Column(real, (number, d), -far, far),
-                "walls/drho": Column(real, (number,)),
+                "walls/drho": Column(real, (number,), -densest, densest),
                 "walls/number": Column(np.int64, (number,), increasing=True, legal=scene.has_wall_particles),
                 **{f"walls/{name}": Column(real, (number, d), -1.0, 1.0) for name in self._normal},
             }

@@ -123,15 +123,9 @@ class Runaway:
         x, v = storage.x[:, : storage.end], storage.v[:, : storage.end]
         if not (np.isfinite(x).all() and np.isfinite(v).all()):
             return "a position or velocity is not a finite number"
-        if not np.abs(self.forces.impulses).max(initial=0.0) <= self._largest_impulse():
+        if not np.abs(self.forces.impulses).max(initial=0.0) <= self.forces.largest_impulse(self.clock.time):
             return "the impulse of the fluid on a wall is beyond what pressures of rho0 c0^2 could have given"
         return self.leaks.found or self._energy_trouble or self.leaks.through_wall()
-
-    def _largest_impulse(self) -> float:
-        """Impulse of pressures rho0 c0^2 on the sides of all particles since the start, N s."""
-        scene = self.scene
-        area = 2 * scene.dimensions * scene.n_fluid * scene.spacing ** (scene.dimensions - 1)
-        return area * scene.rho0 * scene.c0 * (scene.c0 * self.clock.time + scene.h)
 
 
 def _lengths(vectors: NDArray) -> NDArray[np.float64]:

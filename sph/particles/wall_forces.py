@@ -23,6 +23,12 @@ class WallForces:
         self.measured = [wall for wall in walls.scene.walls if wall.measure_force]
         self.impulses = np.zeros((len(walls.scene.walls), 4))
 
+    def largest_impulse(self, time: float) -> float:
+        """Impulse of pressures rho0 c0^2 on the sides of all particles from the start to a time in s, N s."""
+        scene = self.walls.scene
+        area = 2 * scene.dimensions * scene.n_fluid * scene.spacing ** (scene.dimensions - 1)
+        return area * scene.rho0 * scene.c0 * (scene.c0 * time + scene.h)
+
     def now(self) -> Forces:
         """Force [d] in N (2D: N/m) and torque [3] about `torque_about` of the fluid on each measured wall, by the
         last pair sums. Collective.

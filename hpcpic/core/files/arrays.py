@@ -22,7 +22,8 @@ class Shard:
 @dataclass(frozen=True, slots=True)
 class Column:
     """What an array of the state is in a scene: its type, its shape (None: any number of rows), and which values it can
-    have: finite numbers of [low, high], which are numbers or arrays of the shape of the whole, or of a row.
+    have: numbers from low to high whose squares are finite. low and high are numbers, or arrays of the shape of the
+    whole or of a row.
 
     open: numbers that are not finite are values too. increasing: each row is above the one before. legal(rows): which
     of them are values, where limits cannot tell.
@@ -39,6 +40,9 @@ class Column:
     def fault(self, rows: NDArray, first: int) -> str:
         """What is wrong with the rows that begin at number `first` of the whole, "" if nothing is."""
         low, high = (self._limit(limit, first, len(rows)) for limit in (self.low, self.high))
+        if rows.dtype.kind == "f":
+            most = math.sqrt(np.finfo(rows.dtype).max)
+            low, high = np.maximum(low, -most), np.minimum(high, most)
         good = (rows >= low) & (rows <= high)
         good |= ~np.isfinite(rows) if self.open else False
         good &= True if self.open else np.isfinite(rows)

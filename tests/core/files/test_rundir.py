@@ -143,6 +143,25 @@ def test_two_processes_cannot_hold_one_folder(tmp_path: Path) -> None:
     RunDir(tmp_path).lock()
 
 
+def test_a_lock_that_its_holder_removes_is_taken_again(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The file that was opened has no name any more when it is locked: two could hold the folder."""
+    flock, lock = fcntl.flock, tmp_path / ".lock"
+
+    def late(*words) -> None:
+        monkeypatch.setattr(fcntl, "flock", flock)
+        lock.unlink()
+        flock(*words)
+
+    monkeypatch.setattr(fcntl, "flock", late)
+    held = RunDir(tmp_path)
+    held.lock()
+    with pytest.raises(FileError, match="in use"):
+        RunDir(tmp_path).lock()
+    held.unlock()
+
+
 @pytest.mark.parametrize("number", [errno.ENOSYS, errno.ENOLCK, errno.EIO])
 def test_a_file_system_without_locks_takes_runs(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, number: int) -> None:
     def refuse(*_: object) -> None:

@@ -323,3 +323,31 @@ def test_all_ranks_fall_back_together() -> None:
     world.barrier()
     with pytest.raises(FileError, match="no checkpoint can be used"):
         newest(rundir, world)
+
+
+def hold_increasing(rundir: RunDir, world) -> None:
+    """Numbers that increase are held; with one twice they are refused on all ranks, wherever it stands."""
+    n = 13
+    column = {"id": checkpoint.Column(np.int64, (n,), increasing=True)}
+    for twice in range(n):
+        ids = np.arange(n)
+        ids[twice] = ids[max(0, twice - 1)]
+        checkpoint.write(world, rundir, twice, 0.0, shards({"id": ids}, world.rank, world.size))
+        if twice:
+            with pytest.raises(FileError, match="each row above"):
+                checkpoint.hold(newest(rundir, world), column, world)
+        else:
+            checkpoint.hold(newest(rundir, world), column, world)
+
+
+def test_the_order_of_rows_is_held_across_blocks(rundir: RunDir, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(checkpoint, "BLOCK", 32)
+    hold_increasing(rundir, ALONE)
+
+
+@pytest.mark.mpi(min_size=2)
+def test_the_order_of_rows_is_held_across_ranks() -> None:
+    from hpcpic.core.comm.world import World
+
+    world = World.start()
+    hold_increasing(common_folder(world), world)

@@ -190,3 +190,14 @@ def test_many_files_that_are_damaged_or_not_kept_cost_one_warning_each(root, mon
         store.write("a", b"1")
         store.write("b", b"1")
     assert ["damaged" in record.message for record in caplog.records] == [True, False]
+
+
+def test_a_file_with_a_flipped_bit_is_not_there(root):
+    store = Store("things", "here")
+    store.write("a", b"content")
+    path = store.folder.path / "a"
+    sound = path.read_bytes()
+    assert store.read("a") == b"content"
+    for place in range(len(sound)):
+        path.write_bytes(sound[:place] + bytes([sound[place] ^ 1]) + sound[place + 1 :])
+        assert store.read("a") is None
