@@ -143,7 +143,10 @@ def outcome(app: Any, damaged: Damaged, quiet: float) -> str:
 def campaign(app: Any, world: World, folder: Path, n: int) -> dict[str, Any]:
     """Flip bits as `flips` does, follow all scalars for LONG_STEPS steps, and list what is harmful and silent."""
     reader = begun(app, world, folder)
-    quiet = json.loads(within_child(lambda: scalars_after(app, LONG_STEPS)))
+    quiet, control = (
+        json.loads(within_child(lambda: (app.restore(reader), scalars_after(app, LONG_STEPS))[1])) for _ in range(2)
+    )
+    assert same_scalars(control, quiet), "a run without a flip differs from another"
     rng, found, silent = np.random.default_rng(5), Counter(), []
     for _ in range(n):
         name, row, word, bit, one, damaged = drawn(rng, reader)

@@ -108,12 +108,20 @@ class Bench:
 
     @contextmanager
     def started(
-        self, *more: str, ranks: int = 2, wait: bool = True, env: dict[str, str] | None = None, **fault: Any
+        self,
+        *more: str,
+        ranks: int = 2,
+        wait: bool = True,
+        env: dict[str, str] | None = None,
+        words: tuple[str, ...] = (),
+        **fault: Any,
     ) -> Iterator[Running]:
-        """A run that has got into its step loop (`wait`), in a process group of its own."""
+        """A run, or what `words` say, that has got into its step loop (`wait`), in a process group of its own; killed
+        at the end.
+        """
         fault = {"pause": PAUSE_S} | fault
         process = subprocess.Popen(
-            self.words(self.run_words(*more), ranks, fault), env=self.environment(fault, env or {}),
+            self.words(words or self.run_words(*more), ranks, fault), env=self.environment(fault, env or {}),
             cwd=self.folder, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, start_new_session=True,
         )  # fmt: skip
         running = Running(process, ranks, self.run_folder)

@@ -8,14 +8,16 @@ import os
 import shutil
 import subprocess
 import sys
+import time
 from collections.abc import Iterator
+from concurrent.futures import ThreadPoolExecutor
 from contextlib import ExitStack, contextmanager
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from fault_matrix.bench import Bench, Done, Skipped, expect
+from fault_matrix.bench import BEGUN, Bench, Done, Skipped, expect
 from fault_matrix.rows import row
 from hpcpic.core.errors import FileError
 from hpcpic.core.files import sealed
@@ -275,19 +277,19 @@ def other_ranks(bench: Bench) -> str:
     return "same bits on all"
 
 
-@row(31, "ten restarts, each stopped", "same bits")
+@row(31, "a dozen parts on 1, 2 and 3 ranks in turn, each stopped", "same bits")
 def chain(bench: Bench) -> str:
-    step, ends = bench_steps(bench) // 12, [0]
-    for k in range(1, 11):
+    step, ends = bench_steps(bench) // 14, [0]
+    for k in range(1, 13):
         part = bench.run if k == 1 else bench.restart
-        done = part(ranks=1 + k % 2, kind="term", rank=0, step=k * step, pause=0.5 / step)
+        done = part(ranks=1 + k % 3, kind="term", rank=0, step=k * step, pause=0.5 / step)
         expect(done.code == 5, done)
         ends.append(bench.facts()["steps"])
     expect(all(a < b for a, b in itertools.pairwise(ends)), f"parts end at {ends}")
     bench.goes_on()
     parts = len(bench.facts()["history"])
-    expect(parts == 11, f"{parts} parts in the history")
-    return f"same bits, 11 parts in the history, on to steps {', '.join(map(str, ends[1:]))}"
+    expect(parts == 13, f"{parts} parts in the history")
+    return f"same bits, 13 parts in the history, on to steps {', '.join(map(str, ends[1:]))}"
 
 
 @row(32, "temporary files and a lock of a dead process", "cleaned, and taken over")
@@ -300,6 +302,32 @@ def stale(bench: Bench) -> str:
     bench.goes_on()
     expect(not any(path.exists() for path in left), "temporary files are left")
     return "exit 0, none left"
+
+
+@row(86, "kill -9 of all at 20 random moments of a run, a restart after each", "same bits")
+def kills_and_restarts(bench: Bench) -> str:
+    chance, steps = np.random.default_rng(6), bench_steps(bench)
+    pause, every = 60.0 / steps, ("--checkpoint-every", "2")
+    for k in range(20):
+        words = bench.restart_words(*every) if bench.checkpoints() else bench.run_words("--replace", *every)
+        with bench.started(words=words, ranks=1 + k % 2, wait=False, pause=pause) as running:
+            begun = len(BEGUN.findall(running.log()))
+            if k % 5:  # else while it starts
+                running.wait_for(lambda: len(BEGUN.findall(running.log())) > begun)  # noqa: B023 - called at once
+            time.sleep(chance.uniform(0.0, 2.0))
+    reached = int(bench.checkpoints()[-1].stem)
+    bench.goes_on()
+    return f"same bits; killed up to step {reached} of {steps}"
+
+
+@row(87, "four runs started at once in one folder", "one of them runs: same bits; the others: exit 6")
+def at_once(bench: Bench) -> str:
+    bench.digest()
+    with ThreadPoolExecutor(4) as together:
+        done = list(together.map(lambda _: bench.run(ranks=1), range(4)))
+    expect(sorted(one.code for one in done) == [0, 6, 6, 6], [str(one) for one in done])
+    expect(bench.facts()["state_digest"] == bench.digest(), "other bits")
+    return "exit 0 with the same bits, three times exit 6"
 
 
 @row(33, "two runs in one folder", "the second: exit 6; the first: same bits")
