@@ -309,9 +309,10 @@ def kills_and_restarts(bench: Bench) -> str:
     chance, steps = np.random.default_rng(6), bench_steps(bench)
     pause, every = 60.0 / steps, ("--checkpoint-every", "2")
     for k in range(20):
-        words = bench.restart_words(*every) if bench.checkpoints() else bench.run_words("--replace", *every)
+        again = bool(bench.checkpoints())
+        words = bench.restart_words(*every) if again else bench.run_words("--replace", *every)
         with bench.started(words=words, ranks=1 + k % 2, wait=False, pause=pause) as running:
-            begun = len(BEGUN.findall(running.log()))
+            begun = len(BEGUN.findall(running.log())) if again else 0
             if k % 5:  # else while it starts
                 running.wait_for(lambda: len(BEGUN.findall(running.log())) > begun)  # noqa: B023 - called at once
             time.sleep(chance.uniform(0.0, 2.0))
