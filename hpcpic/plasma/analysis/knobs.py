@@ -26,7 +26,7 @@ GROWTH_WINDOW = (3.5, 6.5)  # e-folds after the start: other roots have died out
 DAMPING_WINDOW = (0.7, 3.6)  # periods after the start: other roots have died out, noise is still small
 WEAK = 1e-3  # of the frequency: a damping rate that the noise of particles hides
 SAMPLES = 129  # of a window, the same times in every pilot
-PER_CELL = 4  # least particles per cell of a quiet species
+PER_CELL = 4  # least particles per cell of a quiet species, or velocities of one in strata
 MOST_STEPS = 100_000  # of the case in the horizon: a single proton's plasma frequency is far from its gyration's
 HORIZON = 300.0  # 1/wp in which an instability of the time step shows
 
@@ -118,7 +118,7 @@ def settings(config: PlasmaConfig, sizes: Mapping[str, float], time: float) -> t
     if "particles" in sizes and scalable(config):
         more = 1.0 / (sizes["particles"] * sum(s.particles for s in config.species))
         for i, s in enumerate(config.species):
-            n = count(s.particles * more, math.prod(points), loader_of(s).whole_cells)
+            n = count(s.particles * more, loader_of(s).batch_size(s, tuple(points)))
             made.append(f"species[{i}].particles={n}")
             if n != s.particles and not (s.density or s.plasma_frequency):  # the same plasma: shared among more
                 made += [f"species[{i}].{name}={getattr(s, name) * s.particles / n!r}" for name in ("charge", "mass")]
@@ -145,11 +145,11 @@ def smooth(least: float) -> int:
         n += 2
 
 
-def count(wanted: float, cells: int, whole_cells: bool) -> int:
-    """At least so many particles, and as many in every cell where the loader asks for it."""
-    if not whole_cells:
+def count(wanted: float, multiple: int) -> int:
+    """At least so many particles, and a multiple of so many where the loader asks for it."""
+    if multiple == 1:
         return max(2, math.ceil(wanted - 1e-6))
-    return cells * max(PER_CELL, math.ceil(wanted / cells - 1e-6))
+    return multiple * max(PER_CELL, math.ceil(wanted / multiple - 1e-6))
 
 
 # ------------------------------------------------------------------------------------------------- quantities

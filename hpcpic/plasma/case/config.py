@@ -114,9 +114,16 @@ class Species(Section):
     thermal_velocity: float = setting(0.0, "standard deviation of each velocity component", "m/s", ge=0)
     init_method: str = setting(
         "random",
-        "random: random positions, drift plus thermal velocities; quiet: the same evenly; arrays: those of `start` "
-        "(position and velocity, each as random where it is not there); default, random position: "
+        "random: random positions, drift plus thermal velocities; quiet: the same evenly; strata: as beams of equal "
+        "weight, each evenly over the box; arrays: those of `start` (position and velocity, each as random where it is "
+        "not there); default, random position: "
         "the thesis author's words for opposite beams and, without a thermal velocity, uniform velocities",
+    )
+    places: int | None = setting(
+        None,
+        '"strata": places of each velocity, of which there are particles / places; by default one in every second cell '
+        "of each axis",
+        ge=1,
     )
     position_init: Vector = setting((), '"position delta": position of the first particle', "m")
     position_delta: Vector = setting((), '"position delta": step from one particle to the next', "m")

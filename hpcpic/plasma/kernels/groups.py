@@ -100,7 +100,7 @@ class SumArrays(NamedTuple):
     """What a sample of the series adds up: limbs[block, species, moment, 3], and of each moment its inverse scale.
 
     half_kick[species, 3]: half the electric impulse; ratio_sq[3]: squared sides of a cell, in that along x.
-    values[block, moment, PAGE]: scratch of single particles; bits[block, moment, 3, 8]: of vectors.
+    values[block, moment, PAGE]: scratch of single particles; bits[block, moment, 2, 8]: of vectors.
     """
 
     limbs: NDArray

@@ -17,6 +17,7 @@ DIM = 2  # axes of the grid
 VELOCITIES = 2  # components
 REAL = np.float64  # precision of the arithmetic
 MOMENTS = 3  # values that `integrands` gives
+SAMPLE_LIMBS = 2  # of three: with 2^-63 of the scale as last bit, which no double of a sum can show
 
 
 @inlined
@@ -66,6 +67,7 @@ def moments(block, first, last, grid, field, pages, moment_sums):
                         values[k, place] = found[k]
                 for k in range(MOMENTS):
                     bad |= add_limbs(limbs[kind, k], values[k, :used], inv_scale[k])
+                    limbs[kind, k, SAMPLE_LIMBS:] = 0
                 page, used = np.int64(pages.chain[page]), PAGE
     return bad
 

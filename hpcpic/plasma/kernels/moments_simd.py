@@ -1,7 +1,8 @@
 """The moments by vectors: the same limbs, bit for bit, as kernels.moments.
 
 A limb is rounded by adding a number so large that its last bit is the unit of the limb (core.space.exact), and the
-bits of these sums are added up as integers: what the large numbers contribute is taken off at the end.
+bits of these sums are added up as integers: what the large numbers contribute is taken off at the end. As in the
+push, one loop over a page tells where the lines of the cells are, and another reads them: no load waits for a store.
 """
 
 import numpy as np
@@ -20,9 +21,10 @@ from hpcpic.core.simd.vector import (
     store_at,
 )
 from hpcpic.core.space.exact import NOT_BOUNDED
+from hpcpic.plasma.kernels.cell_lines import opaque
 from hpcpic.plasma.kernels.lanes import address, bits_of, inlined, kernel
 from hpcpic.plasma.kernels.linear import cell_of, field_at, spread_field
-from hpcpic.plasma.kernels.moments import MOMENTS, integrands
+from hpcpic.plasma.kernels.moments import MOMENTS, SAMPLE_LIMBS, integrands
 from hpcpic.plasma.kernels.push import PACK_BYTES, PAGE_BYTES, lines_at
 from hpcpic.plasma.kernels.simd_base import E8, MAGIC_BITS, F, I
 from hpcpic.plasma.kernels.storage import LANES, PAGE
@@ -31,10 +33,10 @@ DIM = 2  # axes of the grid
 VELOCITIES = 2  # components
 
 WORDS = Vec(8, np.int64)
-HIGH, MIDDLE, LOW = 1.5 * 2.0**21, 1.5 * 2.0**-11, 1.5 * 2.0**-43  # with 2^-31, 2^-63, 2^-95 as last bits
-BIASES = np.array([HIGH, MIDDLE, LOW]).view(np.int64)
+HIGH, MIDDLE = 1.5 * 2.0**21, 1.5 * 2.0**-11  # with 2^-31 and 2^-63 as last bits
+BIASES = np.array([HIGH, MIDDLE]).view(np.int64)
 HALVES = LANES // 8  # vectors of float64 in a pack
-MOMENT_BYTES = 3 * 64  # of the sums of bits of one moment
+MOMENT_BYTES = SAMPLE_LIMBS * 64  # of the sums of bits of one moment
 
 
 @inlined
@@ -45,12 +47,9 @@ def add_moments(bits, good, vx, vy, vz, ratio_sq, inv_scale):
         t, at = found[k] * inv_scale[k], bits + k * MOMENT_BYTES
         good = good & (abs(t) <= 1.0)
         high = t + HIGH
-        rest = t - (high - HIGH)
-        middle = rest + MIDDLE
-        low = rest - (middle - MIDDLE) + LOW
+        middle = t - (high - HIGH) + MIDDLE
         store_at(at, load_at(WORDS, at, 64) + bits_of(high), 64)
         store_at(at + 64, load_at(WORDS, at + 64, 64) + bits_of(middle), 64)
-        store_at(at + 128, load_at(WORDS, at + 128, 64) + bits_of(low), 64)
     return good
 
 
@@ -63,13 +62,19 @@ def half(v, k):
 
 
 @inlined
-def centred(at, n, lines, cells, m):
-    """v- of one pack; zero from lane n on. `cells` is an address for as many integers."""
+def place_in(at, n):
+    """x and y of one pack; zero from lane n on."""
     here = lane_numbers(I) < n
-    x, vx = select(here, load_at(F, at, 64), 0), load_at(F, at + 64 * DIM, 64)
-    y = select(here, load_at(F, at + 64 * (DIM - 1), 64), 0)
+    return select(here, load_at(F, at, 64), 0), select(here, load_at(F, at + 64 * (DIM - 1), 64), 0)
+
+
+@inlined
+def centred(at, n, lines, cells, m):
+    """v- of one pack; zero from lane n on. `cells` is the address of lines_at of the pack."""
+    here = lane_numbers(I) < n
+    x, y = place_in(at, n)
+    vx = load_at(F, at + 64 * DIM, 64)
     vy = vz = splat(F, 0.0)
-    store_at(cells, lines_at(x, y), 64)
     ex, ey = field_at(lines - MAGIC_BITS, cells, x - cell_of(x), y - cell_of(y))
     vx = fma(m[0], ex, vx)
     if DIM == 2:
@@ -101,15 +106,19 @@ def moments(block, first, last, grid, field, pages, scratch, moment_sums):
                 page = np.int64(pages.chain[page])
                 ahead = base + page * PAGE_BYTES if page >= 0 else at
                 for pack in range(packs):
+                    x, y = place_in(opaque(at + pack * PACK_BYTES), used - pack * LANES)
+                    store_at(opaque(to_cells + pack * 64), lines_at(x, y), 64)
+                for pack in range(packs):
                     for c in range(0, PACK_BYTES, 64):
                         prefetch(ahead + pack * PACK_BYTES + c)
-                    vx, vy, vz = centred(at + pack * PACK_BYTES, used - pack * LANES, to_lines, to_cells, m)
+                    here, cells = opaque(at + pack * PACK_BYTES), opaque(to_cells + pack * 64)
+                    vx, vy, vz = centred(here, used - pack * LANES, to_lines, cells, m)
                     good = add_moments(to_bits, good, half(vx, 0), half(vy, 0), half(vz, 0), ratios, inv_scale)
                     if HALVES == 2:
                         good = add_moments(to_bits, good, half(vx, 1), half(vy, 1), half(vz, 1), ratios, inv_scale)
                 n += packs * HALVES
                 used = PAGE
             for k in range(MOMENTS):
-                for limb in range(3):
+                for limb in range(SAMPLE_LIMBS):
                     limbs[kind, k, limb] += bits[k, limb].sum() - 8 * n * BIASES[limb]
     return 0 if bitmask(good) == 255 else NOT_BOUNDED

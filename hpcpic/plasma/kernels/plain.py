@@ -150,10 +150,40 @@ def deposit_nine(nodes, unit, j, i, f, g):
     nodes[j, i + 1] += right
 
 
+@inlined
+def particle_at(pool, page, pack, lane):
+    """Position and velocity of a particle; zero along axes that the scene does not have."""
+    y, vy, vz = ZERO, ZERO, ZERO
+    if DIM == 2:
+        y = pool[page, pack, 1, lane]
+    if VELOCITIES > 1:
+        vy = pool[page, pack, DIM + 1, lane]
+    if VELOCITIES > 2:
+        vz = pool[page, pack, DIM + 2, lane]
+    return pool[page, pack, 0, lane], y, pool[page, pack, DIM, lane], vy, vz
+
+
+@inlined
+def accelerated(x, y, vx, vy, vz, row, column, field, m):
+    """The velocity of a particle after a step (5.19); (row, column) of the tile's anchor in the field."""
+    ey = gather(field.e_y, row, column, x, y, field.scale) if DIM == 2 else ZERO
+    return boris(vx, vy, vz, gather(field.e_x, row, column, x, y, field.scale), ey, m, DIM, ROTATION)
+
+
+@inlined
+def set_velocity(pool, page, pack, lane, vx, vy, vz):
+    """Store as many components as the scene has."""
+    pool[page, pack, DIM, lane] = vx
+    if VELOCITIES > 1:
+        pool[page, pack, DIM + 1, lane] = vy
+    if VELOCITIES > 2:
+        pool[page, pack, DIM + 2, lane] = vz
+
+
 @kernel
 def push_slot(slot, grid, field, species, pages, leavers, patch):
     """Push the particles of a slot; those who stay leave their charge, the others are in leavers[:n]. Returns n."""
-    parts, pool, origin, corner, scale = grid.parts, pages.pool, field.origin, patch.corner, field.scale
+    parts, pool, origin, corner = grid.parts, pages.pool, field.origin, patch.corner
     part, kind = slot // grid.n_species, slot % grid.n_species
     row, column = parts[part, 1], parts[part, 2]
     m, group, unit = species.mover[kind], species.charge[kind, 0], species.charge[kind, 1]
@@ -161,24 +191,11 @@ def push_slot(slot, grid, field, species, pages, leavers, patch):
     while page >= 0:
         for place in range(used - 1, -1, -1):
             pack, lane = place // LANES, place % LANES
-            x, y, vy, vz, ey = pool[page, pack, 0, lane], ZERO, ZERO, ZERO, ZERO
-            vx = pool[page, pack, DIM, lane]
-            if VELOCITIES > 1:
-                vy = pool[page, pack, DIM + 1, lane]
-            if VELOCITIES > 2:
-                vz = pool[page, pack, DIM + 2, lane]
-            if DIM == 2:
-                y = pool[page, pack, 1, lane]
-                ey = gather(field.e_y, row - origin[0], column - origin[1], x, y, scale)
-            ex = gather(field.e_x, row - origin[0], column - origin[1], x, y, scale)
-            vx, vy, vz = boris(vx, vy, vz, ex, ey, m, DIM, ROTATION)
+            x, y, vx, vy, vz = particle_at(pool, page, pack, lane)
+            vx, vy, vz = accelerated(x, y, vx, vy, vz, row - origin[0], column - origin[1], field, m)
+            set_velocity(pool, page, pack, lane, vx, vy, vz)
             x += vx
             pool[page, pack, 0, lane] = x
-            pool[page, pack, DIM, lane] = vx
-            if VELOCITIES > 1:
-                pool[page, pack, DIM + 1, lane] = vy
-            if VELOCITIES > 2:
-                pool[page, pack, DIM + 2, lane] = vz
             inside = x >= parts[part, 5] and x < parts[part, 6]
             if DIM == 2:
                 y += vy
@@ -264,8 +281,7 @@ def deliver(block, first, last, grid, species, pages, boxes, patch):
 @kernel
 def rewind(first, last, grid, field, species, pages):
     """v^0 -> v^(-1/2): the velocity alone, with a mover of half a step backwards (9.2.1)."""
-    n_species, parts, origin, scale = grid.n_species, grid.parts, field.origin, field.scale
-    pool = pages.pool
+    n_species, parts, origin, pool = grid.n_species, grid.parts, field.origin, pages.pool
     for part in range(first, last):
         row, column = parts[part, 1] - origin[0], parts[part, 2] - origin[1]
         for slot in range(part * n_species, (part + 1) * n_species):
@@ -274,21 +290,9 @@ def rewind(first, last, grid, field, species, pages):
             while page >= 0:
                 for place in range(used):
                     pack, lane = place // LANES, place % LANES
-                    x, y, vy, vz, ey = pool[page, pack, 0, lane], ZERO, ZERO, ZERO, ZERO
-                    if DIM == 2:
-                        y = pool[page, pack, 1, lane]
-                        ey = gather(field.e_y, row, column, x, y, scale)
-                    ex = gather(field.e_x, row, column, x, y, scale)
-                    if VELOCITIES > 1:
-                        vy = pool[page, pack, DIM + 1, lane]
-                    if VELOCITIES > 2:
-                        vz = pool[page, pack, DIM + 2, lane]
-                    vx, vy, vz = boris(pool[page, pack, DIM, lane], vy, vz, ex, ey, m, DIM, ROTATION)
-                    pool[page, pack, DIM, lane] = vx
-                    if VELOCITIES > 1:
-                        pool[page, pack, DIM + 1, lane] = vy
-                    if VELOCITIES > 2:
-                        pool[page, pack, DIM + 2, lane] = vz
+                    x, y, vx, vy, vz = particle_at(pool, page, pack, lane)
+                    vx, vy, vz = accelerated(x, y, vx, vy, vz, row, column, field, m)
+                    set_velocity(pool, page, pack, lane, vx, vy, vz)
                 page, used = np.int64(pages.chain[page]), PAGE
     return GOOD
 

@@ -32,7 +32,7 @@ def declared(real: str) -> tuple[Array, ...]:
         Array("cells", ("blocks", PAGE), whole, text="where the cells of a page's particles are"),
         Array("limbs", ("blocks", "species", "moments", 3), "int64", text="sums of a sample, see core.space.exact"),
         Array("values", ("blocks", "moments", PAGE), "float64", text="integrands of a page's particles"),
-        Array("bits", ("blocks", "moments", 3, 8), "int64", text="sums of bits of a species"),
+        Array("bits", ("blocks", "moments", 2, 8), "int64", text="sums of bits of a species"),
         Array("inv_scale", ("moments",), "float64", text="inverse scales of the sums"),
         Array("records_bytes", ("records", "record_bytes"), "uint8", text="particles under way between ranks"),
     )

@@ -9,7 +9,7 @@ from hpcpic.core.case.schema import Fault, abridged
 from hpcpic.plasma.case import units
 from hpcpic.plasma.case.config import MOST_PARTICLES, MOST_POINTS, PlasmaConfig, Species, name_of
 from hpcpic.plasma.physics.species_fields import MESH_FIELDS, SPECIES_FIELDS, field_units
-from hpcpic.plasma.setup.loaders import loader_faults
+from hpcpic.plasma.setup.loaders import LOADERS, loader_faults
 from hpcpic.plasma.setup.macro_particles import particle_faults
 
 
@@ -35,7 +35,7 @@ def faults(config: PlasmaConfig) -> Iterator[Fault]:
     for i, species in enumerate(config.species):
         if "/" in names[i] or names[i] in (".", ".."):
             yield ("species", i, "name"), f"{names[i]!r} would be a path in the files of a run"
-        own = accelerations.faults(species.acceleration)
+        own = [*accelerations.faults(species.acceleration), *batch_faults(config, species)]
         found = own, species_faults(species, d), particle_faults(species), loader_faults(species, d)
         for key, text in itertools.chain(*found):
             yield ("species", i, *key), text
@@ -69,6 +69,18 @@ def field_faults(names: tuple[str, ...]) -> Iterator[Fault]:
             yield ("output", "fields"), f"{abridged(name)} is no field; there are {', '.join(known)}"
     for name in {name for name in names if names.count(name) > 1}:
         yield ("output", "fields"), f"{abridged(name)} stands there twice"
+
+
+def batch_faults(config: PlasmaConfig, species: Species) -> Iterator[Fault]:
+    """A number of particles that the loader cannot place."""
+    loader = LOADERS.get(species.init_method)
+    n = species.particles if species.particles_per_cell is None else round(species.particles_per_cell * config.cells)
+    if loader is None or not loader.whole_batches or not n or not config.points:
+        return
+    size = loader.batch_size(species, config.points)
+    if n % size:
+        fitting = f"{max(1, n // size) * size} or {(n // size + 1) * size}"
+        yield ("particles",), f"must be a multiple of {size} for init_method {loader.name!r}: {fitting} (got {n})"
 
 
 def species_faults(species: Species, d: int) -> Iterator[Fault]:

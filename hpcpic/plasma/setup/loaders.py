@@ -24,7 +24,7 @@ from hpcpic.core.simd.own import note
 from hpcpic.core.space.domain import wrap
 from hpcpic.core.space.rng import normal_quantile, normals, uniforms
 from hpcpic.plasma.case.config import PlasmaConfig, Species, velocity_columns
-from hpcpic.plasma.physics.quiet_start import BASES, lattice, radical_inverse
+from hpcpic.plasma.physics.quiet_start import BASES, even_places, radical_inverse, strata
 
 POSITION, VELOCITY = 1, 2  # streams of random numbers
 
@@ -69,14 +69,14 @@ class Loader:
     """Random positions, and normal deviates of the thermal velocity about the drift.
 
     random_positions, random_deviates: drawn with the seed of the case. placed: particle by particle, so that another
-    number of them is another scene. whole_cells: as many particles in every cell, so that no beat is an alias.
+    number of them is another scene. whole_batches: other numbers than multiples of `batch_size` are refused.
     """
 
     name = "random"
     random_positions = True
     random_deviates = True
     placed = False
-    whole_cells = False
+    whole_batches = False
 
     def positions(self, batch: Batch) -> NDArray[np.float64]:
         """Positions[m, d] in m within the box, before the perturbation."""
@@ -93,6 +93,10 @@ class Loader:
     def faults(self, section: Species, dimensions: int) -> Iterator[Fault]:
         """What this loader misses or cannot take in a species: key within it, and sentence."""
         return iter(())
+
+    def batch_size(self, section: Species, points: tuple[int, ...]) -> int:
+        """Numbers of particles for which it is made are multiples of this: on a grid of so many points per axis."""
+        return 1
 
     def populations(self, section: Species, axis: int) -> tuple[Population, ...]:
         """Distribution of a velocity component as loaded, without the perturbation: what forecasts and theory read."""
@@ -113,24 +117,46 @@ class Quiet(Loader):
 
     name = "quiet"
     random_positions = random_deviates = False
-    whole_cells = True
+
+    def batch_size(self, section: Species, points: tuple[int, ...]) -> int:
+        """As many particles in every cell, so that no beat is an alias."""
+        return math.prod(points)
 
     def positions(self, batch: Batch) -> NDArray[np.float64]:
-        index, n = batch.index, batch.n
-        even = (index + 0.5) / max(n, 1)
-        if len(batch.lengths) == 1:
-            return even[:, None] * batch.lengths
-        shape = None if batch.section.thermal_velocity or not n else lattice(n, batch.points)
-        if shape is None:
-            return np.stack([even, radical_inverse(index, BASES[0], n)], axis=1) * batch.lengths
-        columns, rows = shape
-        return np.stack([(index % columns + 0.5) / columns, (index // columns + 0.5) / rows], axis=1) * batch.lengths
+        warm = bool(batch.section.thermal_velocity)
+        return even_places(batch.index, batch.n, batch.points, as_lattice=not warm) * batch.lengths
 
     def deviates(self, batch: Batch) -> NDArray[np.float64]:
         d = len(batch.lengths)
         bases = BASES[d - 1 : d - 1 + batch.components]
         fractions = (radical_inverse(batch.index, base, batch.n) for base in bases)
         return np.stack([normal_quantile(u) for u in fractions], axis=1)
+
+
+class Strata(Quiet):
+    """A Maxwellian of cold beams: a velocity for each of equal strata, of each as many particles, evenly over the box.
+
+    A beam that is even stays so, whatever its velocity, so only waves that the case starts are there. They hold until
+    the beams are in phase again (physics.quiet_start.recurrence_time). Source: Birdsall & Langdon, chapter 16.
+    """
+
+    name = "strata"
+    whole_batches = True
+
+    def batch_size(self, section: Species, points: tuple[int, ...]) -> int:
+        """Places of each velocity; by default in every second cell of each axis, as the shortest wave has no field."""
+        return section.places or math.prod(-(-n // 2) for n in points)
+
+    def positions(self, batch: Batch) -> NDArray[np.float64]:
+        places = self.batch_size(batch.section, batch.points)
+        stratum, place = np.divmod(batch.index, places)
+        bases = BASES[batch.components - 1 :][: len(batch.lengths)]
+        shift = np.stack([radical_inverse(stratum, base, batch.n // places) for base in bases], axis=1)
+        return even_places(place, places, batch.points, shift) * batch.lengths
+
+    def deviates(self, batch: Batch) -> NDArray[np.float64]:
+        places = self.batch_size(batch.section, batch.points)
+        return strata(batch.n // places, batch.components)[batch.index // places]
 
 
 class OppositeBeams(Loader):
@@ -259,7 +285,7 @@ def register(loader: Loader) -> None:
     LOADERS[loader.name] = loader
 
 
-for kind in (Loader, Quiet, OppositeBeams, UniformVelocities, PositionDelta, Arrays, HarmonicTwoElectrons):
+for kind in (Loader, Quiet, Strata, OppositeBeams, UniformVelocities, PositionDelta, Arrays, HarmonicTwoElectrons):
     register(kind())
 
 

@@ -57,7 +57,7 @@ def test_vectors_sum_what_single_particles_do(world, law, precision):
     plasma = plasma_of(world, (*LAWS[law], f'numerics.precision="{precision}"'))
     values = plasma.scalars()
     by_vectors = plasma.cloud.arena["limbs"].copy()
-    assert by_vectors.all(axis=(0, 3)).any()
+    assert by_vectors[..., :2].all(axis=(0, 3)).any()
     plasma.cloud.kernels = plasma.cloud.spec.kernels(plain=True)
     plasma.sums = SeriesSums(plasma.scene, world, plasma.mesh, plasma.cloud, plasma.field_scale)
     assert plasma.scalars() == values
