@@ -36,7 +36,7 @@ from hpcpic.plasma.physics.poisson import LU
 from hpcpic.plasma.sizes import EDGE
 from hpcpic.plasma.step import Plasma
 
-FEW, MANY, LARGE = 4, 24, 48  # particles per cell
+SPARSE, DENSE, DENSE_AND_LARGE = 4, 24, 48  # particles per cell of the plasmas "few", "many" and "large"
 ROUNDS = {True: 4, False: 10}  # by `quick`
 FULL = {2: (128, 128), 1: (8192,)}  # points of the plasma with particles
 SCALE = 2  # points along an edge of a large plasma, to those of FULL
@@ -130,7 +130,7 @@ def bench(quick: bool) -> Mapping[str, float]:
         if not quick and (shape, precision) != ("CIC", "double"):
             trials = {
                 name: Trial(world, FULL[d], per_cell * FULL[d][0] ** d, shape, precision)
-                for name, per_cell in (("few", FEW), ("many", MANY))
+                for name, per_cell in (("few", SPARSE), ("many", DENSE))
             }
             taken(trials, quick)
             rates[f"particle_ns {d}D {shape} {precision}"] = 1e9 * of_particle(trials, d)
@@ -138,7 +138,7 @@ def bench(quick: bool) -> Mapping[str, float]:
 
 
 def of_particle(trials: Mapping[str, Trial], d: int) -> float:
-    return (trials["many"].step - trials["few"].step) / (FULL[d][0] ** d * (MANY - FEW))
+    return (trials["many"].step - trials["few"].step) / (FULL[d][0] ** d * (DENSE - SPARSE))
 
 
 def standard_rates(world: World, d: int, quick: bool) -> dict[str, float]:
@@ -146,11 +146,11 @@ def standard_rates(world: World, d: int, quick: bool) -> dict[str, float]:
     n, cells = FULL[d][0] ** d, EMPTY[d][0] ** d
     tiles = cells // EDGE[d] ** d
     kinds = {
-        "few": (FULL[d], FEW * n), "many": (FULL[d], MANY * n), "tiny": (TINY[d], NEXT_TO_NONE),
+        "few": (FULL[d], SPARSE * n), "many": (FULL[d], DENSE * n), "tiny": (TINY[d], NEXT_TO_NONE),
         "empty": (EMPTY[d], NEXT_TO_NONE), "spread": (EMPTY[d], tiles),
     }  # fmt: skip
     if d == 2:
-        kinds["large"] = tuple(SCALE * points for points in FULL[2]), LARGE * SCALE**2 * n
+        kinds["large"] = tuple(SCALE * points for points in FULL[2]), DENSE_AND_LARGE * SCALE**2 * n
         if not quick:
             kinds["wide"] = WIDE, NEXT_TO_NONE
     trials = {name: Trial(world, *kind) for name, kind in kinds.items()}
@@ -171,7 +171,7 @@ def standard_rates(world: World, d: int, quick: bool) -> dict[str, float]:
         rates |= {
             "plasma_launch_us": 1e6 * tiny.step,
             "plasma_sample_us": 1e6 * tiny.sample,
-            "sample_ns": 1e9 * max(0.0, more_of_large(trials, "sample")) / (n * SCALE**2 * (LARGE - FEW)),
+            "sample_ns": 1e9 * max(0.0, more_of_large(trials, "sample")) / (n * SCALE**2 * (DENSE_AND_LARGE - SPARSE)),
             "sample_cell_ns": 1e9 * max(0.0, empty.sample - tiny.sample) / cells,
         }
         found = cache_mb() or DEFAULT["cache_mb"]
@@ -209,8 +209,8 @@ def more_of_large(trials: Mapping[str, Trial], what: str) -> float:
 def memory_wait(trials: Mapping[str, Trial], particle: float, cache: float) -> float:
     """Seconds that a standard particle which no cache holds takes more than one in caches."""
     n, more = FULL[2][0] ** 2 * SCALE**2, more_of_large(trials, "rest")
-    away = beyond_caches(n * LARGE, STANDARD_BYTES, 1.0, {"cache_mb": cache}) / STANDARD_BYTES
-    return max(0.0, more - n * (LARGE - FEW) * particle) / away
+    away = beyond_caches(n * DENSE_AND_LARGE, STANDARD_BYTES, 1.0, {"cache_mb": cache}) / STANDARD_BYTES
+    return max(0.0, more - n * (DENSE_AND_LARGE - SPARSE) * particle) / away
 
 
 def cache_mb() -> float:

@@ -26,7 +26,7 @@ from hpcpic.plasma.particles.push_spec import PushSpec, groups_of_charge
 from hpcpic.plasma.physics.species_fields import asked_for, field_units
 from hpcpic.plasma.setup.scene import Scene
 
-COLD = 0.1  # lambda_D/dx to which the grid heats the coldest plasma: its energy is no growth yet
+COLDEST = 0.1  # lambda_D/dx to which the grid heats any colder plasma: that is no growth without end yet
 
 
 class Plasma:
@@ -213,7 +213,7 @@ class Plasma:
 
     def _watch(self) -> EnergyWatch:
         wp, species = total_plasma_frequency(self.scene.config), self.scene.species
-        v = COLD * wp * max(self.scene.spacing)
+        v = COLDEST * wp * max(self.scene.spacing)
         cold = 0.5 * self.scene.dimensions * v * v * sum(s.n * s.m for s in species)
         return EnergyWatch(cold, wp, self.scene.n_particles)
 

@@ -24,10 +24,10 @@ if TYPE_CHECKING:
 PERIODS = 5  # of an oscillation whose frequency is wanted
 GROWTH_WINDOW = (3.5, 6.5)  # e-folds after the start: other roots have died out, the beams are not trapped yet
 DAMPING_WINDOW = (0.7, 3.6)  # periods after the start: other roots have died out, noise is still small
-WEAK = 1e-3  # of the frequency: a damping rate that the noise of particles hides
+LEAST_DAMPING = 1e-3  # of the frequency: a damping rate that the noise of particles hides
 SAMPLES = 129  # of a window, the same times in every pilot
 PER_CELL = 4  # least particles per cell of a quiet species, or velocities of one in strata
-MOST_STEPS = 100_000  # of the case in the horizon: a single proton's plasma frequency is far from its gyration's
+MAX_HORIZON_STEPS = 100_000  # of the case in the horizon: a single proton's plasma frequency is far from its gyration's
 HORIZON = 300.0  # 1/wp in which an instability of the time step shows
 
 
@@ -50,7 +50,7 @@ def knobs_of(config: PlasmaConfig) -> Knobs:
         work_unit="particle-steps",
         horizon=min(
             HORIZON / (total_plasma_frequency(config) or fastest_turn(config) or 1.0),
-            MOST_STEPS * abs(config.simulation.time_step),
+            MAX_HORIZON_STEPS * abs(config.simulation.time_step),
         ),
         growth=growth,
         seed=reseeded if any(loader_of(s).draws_random(s) for s in config.species) else None,
@@ -197,7 +197,7 @@ def waves(law: Prediction, mode: int, time: float) -> list[Quantity]:
     text = "angular frequency of the wave, from energy_kinetic, rad/s"
     why = f"the case starts mode {mode}, which swings by the law of waves"
     wave = Quantity("frequency", text, end, partial(half_frequency, frequency), why=why)
-    if -rate < WEAK * frequency:
+    if -rate < LEAST_DAMPING * frequency:
         return [wave]
     first, last = (min(n * period, time * n / DAMPING_WINDOW[1]) for n in DAMPING_WINDOW)
     text = f"damping rate of mode_{mode} between t = {first:.3g} and {last:.3g} s, 1/s"

@@ -18,10 +18,10 @@ if TYPE_CHECKING:
 
     from hpcpic.core.files.reader import Particles, Run
 
-SCATTER_LIMIT = 20_000  # particles drawn as dots; more become a density
+MAX_DOTS = 20_000  # more particles are drawn as a density
 PANELS = 4
-LOOKED = 16  # snapshots from which a movie takes its limits: each frame looks again
-FEW = 16  # particles whose paths are drawn
+SNAPSHOTS_FOR_LIMITS = 16  # of a movie, read again for each of its frames
+MAX_PATHS = 16  # particles
 
 
 def snapshots_of(run: Run) -> Particles:
@@ -45,8 +45,8 @@ def _velocity_limits(snapshots: Particles, numbers: Sequence[int]) -> tuple[floa
     return float(middle - 1.15 * half), float(middle + 1.15 * half)
 
 
-def _some(last: int, n: int) -> list[int]:
-    """At most n whole numbers from 0 to `last`, evenly."""
+def _evenly_chosen(last: int, n: int) -> list[int]:
+    """At most n whole numbers from 0 to `last`, evenly spaced."""
     return sorted(set(np.linspace(0, last, n).astype(int).tolist()))
 
 
@@ -54,9 +54,9 @@ def phase_space(run: Run, step: int | None = None) -> Figure:
     """x and vx of the particles, coloured by species, at up to four times; at one step when it is given."""
     snapshots = snapshots_of(run)
     last = len(snapshots.steps) - 1
-    numbers = [snapshots.index(step)] if step is not None else _some(last, PANELS)
+    numbers = [snapshots.index(step)] if step is not None else _evenly_chosen(last, PANELS)
     length = config_of(run).simulation.space_length[0]
-    limits = _velocity_limits(snapshots, _some(last, LOOKED) if step is not None else numbers)
+    limits = _velocity_limits(snapshots, _evenly_chosen(last, SNAPSHOTS_FOR_LIMITS) if step is not None else numbers)
     with style():
         columns = min(2, len(numbers))
         lines = -(-len(numbers) // columns)
@@ -78,7 +78,7 @@ def _phase_panel(axis: Any, snapshots: Particles, number: int, length: float, li
     from matplotlib.colors import LinearSegmentedColormap, to_rgb
 
     read = [snapshots.read(species, number) for species in snapshots.species]
-    dots = sum(len(p["id"]) for p in read) <= SCATTER_LIMIT
+    dots = sum(len(p["id"]) for p in read) <= MAX_DOTS
     for particles, colour in zip(read, cycle(COLOURS)):
         x, v = particles["position"][:, 0], particles["velocity"][:, 0]
         if dots:
@@ -111,8 +111,8 @@ def _species_legend(figure: Figure, species: Sequence[str]) -> None:
 def velocities(run: Run, step: int | None = None) -> Figure:
     """Distribution of each velocity component at the first snapshot and at the last, or the one asked for."""
     snapshots = snapshots_of(run)
-    if sum(s.particles for s in config_of(run).species) <= FEW:
-        raise NotInScene(f"needs more than {FEW} particles")
+    if sum(s.particles for s in config_of(run).species) <= MAX_PATHS:
+        raise NotInScene(f"needs more than {MAX_PATHS} particles")
     end = snapshots.index(step)
     found = {name: snapshots.read(name, end)["velocity"] for name in snapshots.species}
     found = {name: late for name, late in found.items() if len(late)}
@@ -146,8 +146,8 @@ def _stairs(v: np.ndarray, bins: int, limits: tuple[float, float]) -> tuple[np.n
 def orbits(run: Run, step: int | None = None) -> Figure:
     """Paths of all particles when they are few: x and y in 2D, x in time in 1D; open where they leave the box."""
     config, snapshots = config_of(run), snapshots_of(run)
-    if not 0 < sum(s.particles for s in config.species) <= FEW:
-        raise NotInScene(f"needs one particle, at most {FEW} particles")
+    if not 0 < sum(s.particles for s in config.species) <= MAX_PATHS:
+        raise NotInScene(f"needs one particle, at most {MAX_PATHS} particles")
     if len(snapshots.steps) < 8:
         raise NoData("needs eight snapshots of the particles (output.sampling_period.particle)")
     lengths = config.simulation.space_length

@@ -60,7 +60,7 @@ def energies(run: Run, step: int | None = None) -> Figure:
     t, field, kinetic, total = columns_of(run, "energy_field", "energy_kinetic", "energy_total")
     with style():
         figure, (top, low) = new_figure(2, 1, (6.4, 4.6), height_ratios=(2.2, 1))
-        shown = slice(0, _end_of_beginning(field))
+        shown = slice(0, _first_swings(field))
         for values, colour, label in ((total, INK, "total"), (kinetic, COLOURS[0], "kinetic")):
             top.plot(*thinned(t[shown], values[shown]), color=colour, label=label)
         top.plot(*thinned(t[shown], field[shown]), color=COLOURS[1], label="field")
@@ -77,8 +77,8 @@ def energies(run: Run, step: int | None = None) -> Figure:
         return figure
 
 
-def _end_of_beginning(signal: np.ndarray, crossings: int = 40) -> int:
-    """Index behind so many crossings of the mean if there are over four times as many; else the length."""
+def _first_swings(signal: np.ndarray, crossings: int = 40) -> int:
+    """How many samples a figure shows: up to so many crossings of the mean where there are over four times as many."""
     crossed = np.flatnonzero(np.diff(np.sign(signal - signal.mean())) != 0)
     return int(crossed[crossings]) if len(crossed) > 4 * crossings else len(signal)
 
@@ -195,7 +195,9 @@ def spectrum(run: Run, step: int | None = None) -> Figure:
 
 
 def _branches(species: Sequence[theory.Beam], waves: np.ndarray) -> tuple[list[float], list[float]]:
-    """k and omega of undamped cold waves, or of Landau's root of one warm species while damping is weak."""
+    """k and omega of the waves of cold species that do not grow, or of one warm species by Landau's root while damping
+    is weak.
+    """
     found: list[tuple[float, float]] = []
     if all(b.thermal_velocity == 0.0 for b in species):
         for k in waves:
@@ -207,15 +209,15 @@ def _branches(species: Sequence[theory.Beam], waves: np.ndarray) -> tuple[list[f
 
 
 def _along_x(run: Run, name: str, step: int) -> np.ndarray:
-    """The x component, averaged over y, of a snapshot: values[x]; of a box of one column the y component, values[y]."""
+    """A scalar, or the component of a vector along x, averaged over y: values[x]. In a box of one column along y."""
     values = run.field(name, step)
     if values.ndim > len(run.field_snapshots.points):
-        values = values[..., _axis(run.field_snapshots)]
+        values = values[..., _line_axis(run.field_snapshots)]
     return values.mean(axis=tuple(range(values.ndim - 1))) if values.ndim > 1 else values
 
 
-def _axis(snapshots: Fields) -> int:
-    """0: x, 1: y, where that is the only one with several points."""
+def _line_axis(snapshots: Fields) -> int:
+    """The axis that a line of nodes lies on: 0 for x; 1 for y, where x has one point."""
     return len(snapshots.grid[0]) - len(snapshots.points)
 
 
@@ -259,7 +261,7 @@ def _fields_1d(run: Run, snapshots: Fields, number: int) -> Figure:
             axis.plot(x, _along_x(run, name, int(snapshots.steps[number])), color=colour)
             axis.set(ylabel=axis_label(name, snapshots.units[name]), xlim=(0, length))
         rows[0].set_title(f"Profiles at t = {snapshots.times[number]:.4g} s")
-        rows[-1].set_xlabel(f"{'xy'[_axis(snapshots)]}, m")
+        rows[-1].set_xlabel(f"{'xy'[_line_axis(snapshots)]}, m")
         for axis in rows[:-1]:
             axis.tick_params(labelbottom=False)
         return figure

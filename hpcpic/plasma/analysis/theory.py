@@ -19,7 +19,7 @@ import numpy as np
 from hpcpic.plasma.physics.shapes import SHAPES
 
 ALIASES = 24  # the shape falls as 1/p^2 or faster: what is left out is under 1e-6 of the sum for CIC
-COLD = 1e-4  # k vth dt below which the spread of a beam is left out: 3e-6 of its response at |omega - k v| dt = 0.1
+LEAST_SPREAD = 1e-4  # k vth dt; less changes the response of a beam by 3e-6 at most where |omega - k v| dt = 0.1
 
 
 class NoRoot(ArithmeticError):
@@ -108,7 +108,7 @@ def root_near(guess: complex, equation: Callable[[complex], complex], tolerance:
 def landau(k_lambda_d: float) -> complex:
     """omega/wp of the least damped electron wave of a Maxwellian at k lambda_D (ions at rest).
 
-    1 = Z'(omega/(sqrt2 k vth))/(2 k^2 lambda_D^2). Followed upwards from Bohm and Gross.
+    It solves 1 = Z'(omega/(sqrt2 k vth))/(2 k^2 lambda_D^2), and is followed up from the small k of Bohm and Gross.
     """
     beam = (Beam(1.0, 0.0, 1.0),)
     omega = np.sqrt(1.0 + 3.0 * 0.04) + 0j
@@ -221,7 +221,7 @@ def mesh_susceptibility(omega: complex, k: float, beams: Sequence[Beam], mesh: M
     for beam in beams:
         phase = (omega - waves * beam.drift) * mesh.dt
         slowest = np.abs(waves).min() * beam.thermal_velocity * mesh.dt
-        if slowest < COLD:
+        if slowest < LEAST_SPREAD:
             response = 1.0 / (4.0 * np.sin(0.5 * phase) ** 2)
         else:
             peak = abs(min(omega.imag * mesh.dt, 0.0)) / slowest**2  # largest terms of a damped wave

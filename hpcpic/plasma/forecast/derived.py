@@ -4,6 +4,7 @@ import itertools
 import math
 from collections.abc import Iterator
 from functools import partial
+from typing import Any
 
 from hpcpic.core.case.config import Path
 from hpcpic.core.case.derived import Derived, Verdict
@@ -16,12 +17,12 @@ from hpcpic.plasma.setup.loaders import loader_of, velocity_moments
 
 HEATED = 0.1  # growth of the energy by the grid that is warned of
 RECURRENCE = 10.0  # runs until beams are in phase: with 4 the damping of a wave is 3 % off
-CURES = 5  # doublings of particles or points that are tried against it
-SMOOTHEST = SHAPES["TSC"]
-HUGE = 1e75
+MAX_DOUBLINGS = 5  # doublings of particles or points that are tried against it
+SMOOTHEST_SHAPE = SHAPES["TSC"]
+LARGEST = 1e75  # of a number in a case: products of four still are floating-point numbers
 NODE_CAPACITY = 2**19  # particles on one node that 64-bit fixed point with 44 fractional bits holds
 MOST_CELLS = 1e9  # that a particle may cross in a step
-SMALLEST = 1e-4  # change in a step below which steps are wasted
+LEAST_CHANGE = 1e-4  # change in a step below which steps are wasted
 MOST_TURN = 1e6  # wc dt beyond which round-off of the turn heats: in 40 steps by 1e-5 at 1e12, by 5 at 1e15, measured
 UNITS = 'are charge, mass and lengths in the case\'s units (units = "SI" or "normalised")?'
 TIME_STEP = ("simulation", "time_step")
@@ -70,6 +71,19 @@ def spacing(config: PlasmaConfig) -> tuple[float, ...]:
     return tuple(length / n for length, n in zip(config.simulation.space_length, config.points))
 
 
+def verdict_of(good: bool, legal: bool = True) -> Verdict:
+    """ok where it is good, a warning where it is legal, else a refusal."""
+    return "ok" if good else "warn" if legal else "fail"
+
+
+def judged(
+    name: str, symbol: str, value: float, limit: str, verdict: Verdict, source: str, cure: str, key: Path,
+    unit: str = "", **more: Any,
+) -> Derived:  # fmt: skip
+    """A number beside its limit. What is well needs no cure."""
+    return Derived(name, symbol, value, unit, limit, verdict, source, "" if verdict == "ok" else cure, key, **more)
+
+
 def rounded_down(value: float) -> float:
     """The largest number of two digits that is not above value > 0."""
     scale = 10.0 ** (math.floor(math.log10(value)) - 1)
@@ -91,15 +105,14 @@ def overflows(config: PlasmaConfig) -> Iterator[Derived]:
             checked += [(("species", i, name), component) for component in getattr(species, name)]
         if wave := species.perturbation:
             checked.append((("species", i, "perturbation", "velocity_amplitude"), wave.velocity_amplitude))
-    wrong = [(key, value) for key, value in checked if value and not 1 / HUGE < abs(value) < HUGE]
+    wrong = [(key, value) for key, value in checked if value and not 1 / LARGEST < abs(value) < LARGEST]
     if not wrong:
         wp = total_plasma_frequency(config)
-        wrong = [(("species",), wp)] if wp and not 1 / HUGE < wp < HUGE else []
+        wrong = [(("species",), wp)] if wp and not 1 / LARGEST < wp < LARGEST else []
     for key, value in wrong:
         symbol = "wp" if key == ("species",) else str(key[-1])
-        limit = f"{1 / HUGE:g} .. {HUGE:g}, 0"
-        cure = "choose other units"
-        yield Derived("magnitude", symbol, value, "", limit, "fail", "floating point", cure, key)
+        limit = f"{1 / LARGEST:g} .. {LARGEST:g}, 0"
+        yield judged("magnitude", symbol, value, limit, "fail", "floating point", "choose other units", key)
 
 
 def mistaken_units(config: PlasmaConfig) -> Iterator[Derived]:
@@ -111,26 +124,25 @@ def mistaken_units(config: PlasmaConfig) -> Iterator[Derived]:
         if known and species.particles:
             cure = f'its charge/mass is that of the {known} in C/kg: units = "SI" has the permittivity 8.854e-12 F/m'
             key = ("species", i, "charge")
-            yield Derived("permittivity", "eps0", 1.0, "", "8.854e-12", "warn", "SI units", cure, key)
+            yield judged("permittivity", "eps0", 1.0, "8.854e-12", "warn", "SI units", cure, key)
 
 
 def stability(config: PlasmaConfig) -> Iterator[Derived]:
     """wp dt and, with a magnetic field, wc dt."""
     dt = config.simulation.time_step
     wp = total_plasma_frequency(config)
-    source = f"{BOOK} ch. 4"
     yield Derived("plasma frequency", "wp", wp, "rad/s")
     step = abs(wp * dt)
-    verdict: Verdict = "ok" if step <= 0.5 else "warn" if step < 1.2 else "fail"
     limit = "< 2, accurate below 0.5" if step < 1.2 else "< 1.2, stable below 2" if step < 2 else "< 2"
     legal = math.copysign(rounded_down(1.19 / wp), dt) if wp else dt
     good = math.copysign(rounded_down(0.2 / wp), dt) if wp else dt
-    cure = "" if verdict == "ok" else f"time_step = {legal:g} is the nearest legal one, {good:g} is accurate"
-    yield Derived(
-        "time step", "wp dt", step, "", limit, verdict, source, cure, TIME_STEP, step < 2, stable_below=2.0
-    )
+    yield judged(
+        "time step", "wp dt", step, limit, verdict_of(step <= 0.5, step < 1.2), f"{BOOK} ch. 4",
+        f"time_step = {legal:g} is the nearest legal one, {good:g} is accurate", TIME_STEP,
+        forceable=step < 2, stable_below=2.0,
+    )  # fmt: skip
     turn = fastest_turn(config) * abs(dt)
-    if 0 < max(step, turn, crossing(config)) < SMALLEST:
+    if 0 < max(step, turn, crossing(config)) < LEAST_CHANGE:
         yield idle_steps(max(step, turn, crossing(config)))
     if (period := config.periods["series"]) > 1 and step:
         yield sampling(math.pi / (step * period), period)
@@ -140,18 +152,16 @@ def stability(config: PlasmaConfig) -> Iterator[Derived]:
 
 def sampling(samples: float, period: int) -> Derived:
     """How well a series shows the energy of the field, which swings twice in a plasma period."""
-    verdict: Verdict = "ok" if samples > 2 else "warn"
-    cure = "" if verdict == "ok" else f"output.every.series = {max(1, int(period * samples / 8))} shows them"
-    key = ("output", "every", "series")
-    name = "samples in a swing of the field energy"
-    return Derived(name, "pi/(wp dt K)", samples, "", "> 2", verdict, "sampling theorem", cure, key)
+    cure = f"output.every.series = {max(1, int(period * samples / 8))} shows them"
+    name, key = "samples in a swing of the field energy", ("output", "every", "series")
+    return judged(name, "pi/(wp dt K)", samples, "> 2", verdict_of(samples > 2), "sampling theorem", cure, key)
 
 
 def idle_steps(step: float) -> Derived:
     """Steps so short that nothing moves in one."""
     cure = f"a larger time_step does; {UNITS}"
     name, symbol, source = "largest change in a step", "max(wp dt, wc dt, v dt/dx)", "10 000 steps for one oscillation"
-    return Derived(name, symbol, step, "", f"> {SMALLEST:g}", "warn", source, cure, TIME_STEP)
+    return judged(name, symbol, step, f"> {LEAST_CHANGE:g}", "warn", source, cure, TIME_STEP)
 
 
 def fastest_turn(config: PlasmaConfig) -> float:
@@ -162,16 +172,16 @@ def fastest_turn(config: PlasmaConfig) -> float:
 
 def turning(config: PlasmaConfig, step: float) -> Derived:
     """The angle by which a particle turns in a step."""
-    exact, source = config.numerics.exact_phase, f"{BOOK} ch. 4"
+    exact = config.numerics.exact_phase
     most, good = (math.pi, math.pi) if exact else (MOST_TURN, 0.35)
-    verdict: Verdict = "ok" if step <= good else "warn" if step < most else "fail"
     limit = "< pi" if exact else "< 0.35 for the gyro-phase to 1 %" if step < most else f"< {most:g}"
-    cure = "" if verdict == "ok" else f"time_step = {step_for(config, 0.35 / step):g}"
+    cure = f"time_step = {step_for(config, 0.35, step):g}"
     if step >= MOST_TURN:
         cure += f", or a weaker field: a step only turns velocities round; {UNITS}"
-    elif verdict != "ok" and (exact or step < math.pi):
+    elif exact or step < math.pi:
         cure += f", or exact_phase = {'false' if exact else 'true'}"
-    return Derived("turn per step", "wc dt", step, "rad", limit, verdict, source, cure, TIME_STEP)
+    verdict = verdict_of(step <= good, step < most)
+    return judged("turn per step", "wc dt", step, limit, verdict, f"{BOOK} ch. 4", cure, TIME_STEP, "rad")
 
 
 def resolution(config: PlasmaConfig) -> Iterator[Derived]:
@@ -190,26 +200,21 @@ def resolution(config: PlasmaConfig) -> Iterator[Derived]:
     known = config.dimensions == 2 and bool(shape.heating) and config.numerics.gradient == "difference"
     yield shielding(config, ratio, known)
     longest = max(1 / math.sqrt(k) / length for k, length in zip(inverse_sq, config.simulation.space_length) if k > 0)
-    verdict: Verdict = "ok" if longest < 10 else "warn"
-    cure = "" if verdict == "ok" else f"no shielding in this box: the particles fly freely; {UNITS}"
-    key = ("simulation", "space_length")
-    yield Derived("Debye length in boxes", "lambda_D/L", longest, "", "< 10", verdict, f"{BOOK} ch. 1", cure, key)
+    cure, key = f"no shielding in this box: the particles fly freely; {UNITS}", ("simulation", "space_length")
+    verdict, name = verdict_of(longest < 10), "Debye length in boxes"
+    yield judged(name, "lambda_D/L", longest, "< 10", verdict, f"{BOOK} ch. 1", cure, key)
     if known:
         yield heating(config, ratio)
 
 
 def shielding(config: PlasmaConfig, ratio: float, known: bool) -> Derived:
     """Debye length against the grid. known: whether the rates of heating were measured for this scheme."""
-    verdict: Verdict = "ok" if ratio >= 0.5 else "warn" if ratio >= 0.03 else "fail"
-    cure = ""
-    if verdict != "ok":
-        points = 0.5 / ratio * max(config.points)
-        fine = f"about {math.ceil(points)} points on an axis" if points <= MOST_POINTS else "a hotter or thinner plasma"
-        smooth = heated(config, SMOOTHEST, ratio) if known and config.numerics.shape == "CIC" else math.inf
-        cheap = f', or numerics.shape = "TSC", with which the energy grows by {smooth:.2g}' if smooth < HEATED else ""
-        cure = fine + cheap
-    source = f"{BOOK} ch. 8"
-    return Derived("Debye length", "lambda_D/dx", ratio, "", "> 0.5", verdict, source, cure, POINTS, forceable=True)
+    points = 0.5 / ratio * max(config.points)
+    fine = f"about {math.ceil(points)} points on an axis" if points <= MOST_POINTS else "a hotter or thinner plasma"
+    smooth = heated(config, SMOOTHEST_SHAPE, ratio) if known and config.numerics.shape == "CIC" else math.inf
+    cheap = f', or numerics.shape = "TSC", with which the energy grows by {smooth:.2g}' if smooth < HEATED else ""
+    verdict, source = verdict_of(ratio >= 0.5, ratio >= 0.03), f"{BOOK} ch. 8"
+    return judged("Debye length", "lambda_D/dx", ratio, "> 0.5", verdict, source, fine + cheap, POINTS, forceable=True)
 
 
 def heated(config: PlasmaConfig, shape: Shape, ratio: float, more: float = 1.0, finer: float = 1.0) -> float:
@@ -227,17 +232,16 @@ def heating(config: PlasmaConfig, ratio: float) -> Derived:
     if math.isnan(growth):
         source = f"cannot be foretold with fewer than {MIN_PER_CELL:g} particles per cell"
         return Derived("predicted heating", "dW/W", growth, source=source)
-    verdict: Verdict = "ok" if growth < HEATED else "warn"
-    factors = [2.0**n for n in range(1, CURES + 1)]
+    factors = [2.0**n for n in range(1, MAX_DOUBLINGS + 1)]
     more = next((f for f in factors if heated(config, shape, ratio, more=f) < HEATED), None)
     finer = next((f for f in factors if heated(config, shape, ratio, more=f**2, finer=f) < HEATED), None)
     ways = [f"{more:g} times the particles"] if more else []
     ways += [f"{finer:g} times the points on each axis with as many particles per cell"] if finer else []
-    if shape != SMOOTHEST and heated(config, SMOOTHEST, ratio) < HEATED:
+    if shape != SMOOTHEST_SHAPE and heated(config, SMOOTHEST_SHAPE, ratio) < HEATED:
         ways.insert(0, 'numerics.shape = "TSC"')
-    cure = "" if verdict == "ok" else ", or ".join(ways) or f"no grid up to {factors[-1]:g} times as fine cures it"
-    source = "rates measured at wp dt = 0.2"
-    return Derived("predicted heating", "dW/W", growth, "", f"< {HEATED}", verdict, source, cure, POINTS)
+    cure = ", or ".join(ways) or f"no grid up to {factors[-1]:g} times as fine cures it"
+    verdict, source = verdict_of(growth < HEATED), "rates measured at wp dt = 0.2"
+    return judged("predicted heating", "dW/W", growth, f"< {HEATED}", verdict, source, cure, POINTS)
 
 
 def crossing(config: PlasmaConfig) -> float:
@@ -267,25 +271,27 @@ def motion(config: PlasmaConfig) -> Iterator[Derived]:
             along = ", ".join(f"v{'xyz'[axis]}" for axis in equal)
             yield Derived(f"mean velocity of {species.name}", f"mean {along}", mean, "m/s")
             yield Derived(f"velocity spread of {species.name}", f"std {along}", spread, "m/s")
-    verdict: Verdict = "ok" if fastest < 1 else "warn"
-    limit, source = "< 1", "one cell per step"
-    cure = "" if verdict == "ok" else f"slower, not wrong; time_step = {step_for(config, 0.9 / fastest):g} avoids it"
+    verdict, limit, source = verdict_of(fastest < 1), "< 1", "one cell per step"
+    slower = step_for(config, 0.9, fastest)
+    cure = f"slower, not wrong; time_step = {slower:g} avoids it"
     if fastest >= MOST_CELLS:
         verdict, limit, source = "fail", f"< {MOST_CELLS:g}", "cells are counted in 32 bits"
-        cure = f"time_step = {step_for(config, 0.9 / fastest):g}, or a slower particle; {UNITS}"
-    yield Derived("fastest particle", "v dt/dx", fastest, "cells", limit, verdict, source, cure, TIME_STEP)
+        cure = f"time_step = {slower:g}, or a slower particle; {UNITS}"
+    yield judged("fastest particle", "v dt/dx", fastest, limit, verdict, source, cure, TIME_STEP, "cells")
     light = SYSTEMS[config.units].light
     if math.isfinite(light):
         speeds = (math.hypot(*s.drift_velocity) + 3 * s.thermal_velocity for s in config.species if s.particles)
         beta = max(speeds, default=0.0) / light
-        verdict, cure = ("ok", "") if beta < 0.1 else ("warn", "the equations of motion know no relativity")
-        yield Derived("speed against light", "v/c", beta, "", "< 0.1", verdict, "gamma = 1.005", cure, ("species",))
+        cure, verdict, source = "the equations of motion know no relativity", verdict_of(beta < 0.1), "gamma = 1.005"
+        yield judged("speed against light", "v/c", beta, "< 0.1", verdict, source, cure, ("species",))
     yield Derived("velocity components", "", components)
 
 
-def step_for(config: PlasmaConfig, factor: float) -> float:
+def step_for(config: PlasmaConfig, wanted: float, value: float) -> float:
+    """A time step that makes `wanted` of a value that grows with it; the present one where there is none."""
     dt = config.simulation.time_step
-    return math.copysign(rounded_down(abs(dt) * factor), dt)
+    step = abs(dt) * wanted / value if value else 0.0
+    return math.copysign(rounded_down(step), dt) if 0 < step < math.inf else dt
 
 
 def waves(config: PlasmaConfig) -> Iterator[Derived]:
@@ -294,35 +300,23 @@ def waves(config: PlasmaConfig) -> Iterator[Derived]:
     if wp:
         time, key = dt * config.simulation.cycles, ("simulation", "cycles")
         limit, source = ("", "") if fastest_turn(config) * time >= 1 else ("> 0.16", "wp t > 1")
-        verdict: Verdict = "ok" if wp * time >= 1 or not limit else "warn"
-        cure = "" if verdict == "ok" else f"the plasma does nothing in it: more cycles, a larger time_step; {UNITS}"
+        cure = f"the plasma does nothing in it: more cycles, a larger time_step; {UNITS}"
+        verdict = verdict_of(wp * time >= 1 or not limit)
         periods = wp * time / (2 * math.pi)
-        yield Derived("length of the run", "wp t/2pi", periods, "periods", limit, verdict, source, cure, key)
+        yield judged("length of the run", "wp t/2pi", periods, limit, verdict, source, cure, key, "periods")
     for i, species in enumerate(config.species):
         if not species.perturbation:
             continue
         mode = ("species", i, "perturbation", "mode")
         turns = [2 * math.pi * n / points for n, points in zip(species.perturbation.mode, config.points)]
         step = max(abs(turn) for turn in turns)
+        wave = partial(judged, "perturbed wave", "k dx", step, unit="rad")
         if step > math.pi:
-            yield Derived(
-                "perturbed wave",
-                "k dx",
-                step,
-                "rad",
-                "<= pi",
-                "fail",
-                "shortest wave of a grid",
-                "a smaller mode or more points",
-                mode,
-                forceable=True,
-            )
+            cure = "a smaller mode or more points"
+            yield wave("<= pi", "fail", "shortest wave of a grid", cure, mode, forceable=True)
             continue
-        verdict = "ok" if step <= math.pi / 8 else "warn"
-        cure = (
-            "" if verdict == "ok" else f"more than 1 % slow; {math.ceil(8 * step / math.pi)} times the points"
-        )
-        yield Derived("perturbed wave", "k dx", step, "rad", "< pi/8", verdict, f"{BOOK} ch. 4", cure, key)
+        cure = f"more than 1 % slow; {math.ceil(8 * step / math.pi)} times the points"
+        yield wave("< pi/8", verdict_of(step <= math.pi / 8), f"{BOOK} ch. 4", cure, mode)
         if species.init_method == "strata" and species.thermal_velocity:
             yield recurrence(config, i)
         if len(turns) == 1 and 0 < wp * dt < 2 and config.numerics.gradient == "difference":
@@ -341,29 +335,25 @@ def recurrence(config: PlasmaConfig, i: int) -> Derived:
     time = recurrence_time(n, k, thermal, phase_velocity)
     wanted = RECURRENCE * abs(config.simulation.time_step) * config.simulation.cycles
     name, limit = f"recurrence of {species.name}", f"> {wanted:.3g}, {RECURRENCE:g} runs"
-    verdict: Verdict = "ok" if time > wanted else "warn"
-    cure = "" if verdict == "ok" else f"{math.ceil(wanted / time)} times the particles, or fewer places"
-    return Derived(name, "2 pi/(k dv)", time, "s", limit, verdict, "Landau damping to 1 %, measured", cure, ("species", i, "particles"))
+    cure = f"{wanted / time if time else math.inf:.2g} times the particles, or fewer places"
+    verdict, source, key = verdict_of(time > wanted), "Landau damping to 1 %, measured", ("species", i, "particles")
+    return judged(name, "2 pi/(k dv)", time, limit, verdict, source, cure, key, "s")
 
 
 def sizes(config: PlasmaConfig) -> Iterator[Derived]:
     """Particles per cell, the charge of the background, and points where the solver minds."""
     cells = math.prod(config.points)
     per_cell = sum(species.particles for species in config.species) / cells
-    verdict: Verdict = "ok" if per_cell <= NODE_CAPACITY / 4 else "warn" if per_cell <= NODE_CAPACITY else "fail"
+    verdict = verdict_of(per_cell <= NODE_CAPACITY / 4, per_cell <= NODE_CAPACITY)
     limit, source = f"< {NODE_CAPACITY}", "64-bit fixed-point charge"
-    cure = "" if verdict == "ok" else "more points"
-    yield Derived("particles per cell", "N/cells", per_cell, "", limit, verdict, source, cure, POINTS)
+    yield judged("particles per cell", "N/cells", per_cell, limit, verdict, source, "more points", POINTS)
     density = -sum(charge_density(config, species) for species in config.species)
     unit = "C/m3" if config.units == "SI" else "C/m" if config.dimensions == 1 else "C/m2"
     yield Derived("background charge density", "rho_0", density, unit)
     if config.simulation.solver == "LU":
-        verdict = "ok" if cells <= 4096 else "warn" if cells <= 16384 else "fail"
-        cure, source = "" if verdict == "ok" else 'solver = "MFT"', "(5.6), cost (2/3) N^3"
-        key = ("simulation", "solver")
-        yield Derived(
-            "points of the LU solver", "Nx Ny", cells, "", "< 4096", verdict, source, cure, key, True
-        )
+        verdict, key = verdict_of(cells <= 4096, cells <= 16384), ("simulation", "solver")
+        name, source, cure = "points of the LU solver", "(5.6), cost (2/3) N^3", 'solver = "MFT"'
+        yield judged(name, "Nx Ny", cells, "< 4096", verdict, source, cure, key, forceable=True)
 
 
 def charge_density(config: PlasmaConfig, species: Species) -> float:
@@ -377,15 +367,11 @@ def charge_density(config: PlasmaConfig, species: Species) -> float:
 def blocks(config: PlasmaConfig, ranks: int) -> Iterator[Derived]:
     """Rows per rank and columns per task block."""
     columns, rows = config.points[0], config.points[-1]
-    verdict: Verdict = "ok" if ranks <= rows else "fail"
-    cure = "" if verdict == "ok" else f"at most {rows} ranks"
-    source = "slabs end at one row"
-    yield Derived("rows per rank", "rows/R", rows / ranks, "", ">= 1", verdict, source, cure, POINTS, True)
+    verdict, source, cure = verdict_of(ranks <= rows, False), "slabs end at one row", f"at most {rows} ranks"
+    yield judged("rows per rank", "rows/R", rows / ranks, ">= 1", verdict, source, cure, POINTS, forceable=True)
     chunks = config.simulation.plasma_chunks
     if chunks:
         block = (columns if config.dimensions == 2 else rows / ranks) / chunks
-        verdict = "ok" if block >= 1 else "warn"
-        cure = "" if block >= 1 else "some stay empty: fewer plasma_chunks"
-        key = ("simulation", "plasma_chunks")
-        source = "one column per block"
-        yield Derived("columns per task block", "Nx/chunks", block, "", ">= 1", verdict, source, cure, key)
+        cure, key = "some stay empty: fewer plasma_chunks", ("simulation", "plasma_chunks")
+        name, verdict, source = "columns per task block", verdict_of(block >= 1), "one column per block"
+        yield judged(name, "Nx/chunks", block, ">= 1", verdict, source, cure, key)

@@ -1,9 +1,9 @@
 """Solvers of the field equation: MFT by Fourier transforms (thesis 5.2.3), LU by factorisation (5.2.2).
 
-Both solve (5.7), a phi_xx + b phi_x + c phi + d phi_yy + e phi_y + f phi = g, periodic, with g = -rho / eps0,
-discretised by centred differences; the Poisson equation is a = d = 1 and the rest 0. Departures: every
-spacing counts by itself (the printed (5.3) and (5.11) hold for dx = dy = 1), and a singular equation (c + f =
-0) is solved for g without its mean, phi having mean zero.
+Both solve (5.7), a phi_xx + b phi_x + c phi + d phi_yy + e phi_y + f phi = g, in a periodic box, with g = -rho / eps0
+and centred differences; the Poisson equation has a = d = 1, and the rest 0. Two things differ from the thesis: each
+axis has its own spacing (the printed (5.3) and (5.11) hold for dx = dy = 1), and where a constant phi gives g = 0
+(c + f = 0), the mean of g is left out and phi has no mean.
 """
 
 from dataclasses import dataclass
@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from hpcpic.core.comm.world import World
     from hpcpic.core.tasks.graph import Pool
 
-_LU_POINTS = 256 * 256
+MAX_LU_POINTS = 256 * 256
 
 
 @dataclass(frozen=True, slots=True)
@@ -43,19 +43,19 @@ class Operator:
 
 
 def _angles(n: int) -> NDArray:
-    """2 pi k / n, transform order, k from -n/2: sines and cosines come out odd and even to the bit."""
+    """2 pi k / n in the order of the transform, k from -n/2: so sines are odd and cosines even to the last bit."""
     return 2 * np.pi / n * (np.fft.fftfreq(n) * n)
 
 
 def _first(n: int, spacing: float, spectral: bool) -> NDArray[np.float64]:
-    """d/dx = i times this. The highest mode of an even n has no sign, so no derivative."""
+    """k of d/dx = i k. The shortest wave of an even n has no direction, and so no derivative."""
     if not spectral:
         return np.where(np.arange(n) * 2 == n, 0.0, np.sin(_angles(n))) / spacing
     return np.where(np.arange(n) * 2 == n, 0.0, _angles(n)) / spacing
 
 
 def _second(n: int, spacing: float, spectral: bool) -> NDArray[np.float64]:
-    """d2/dx2 = this."""
+    """What d2/dx2 multiplies a mode by."""
     k = _angles(n)
     return (-(k**2) if spectral else 2 * (np.cos(k) - 1)) / spacing**2
 
@@ -65,8 +65,8 @@ def green(
 ) -> NDArray:
     """phi_hat / g_hat (5.11) in transform order: [kx of `columns`, ky] in 2D, [kx] in 1D; real if b = e = 0.
 
-    0 for a singular mode 0. spectral: -k^2 and i k for the differences. ValueError if another mode is
-    resonant.
+    It is 0 for mode 0 of a singular equation. spectral: -k^2 and i k in place of the differences. Raises ValueError
+    where another mode satisfies the equation without a charge.
     """
     symbol = np.zeros((1,) * len(points))
     for storage, axis in zip(range(-1, -1 - len(points), -1), "xy"):
@@ -87,7 +87,7 @@ def green(
 
 
 def _gradient(points: tuple[int, ...], spacing: tuple[float, ...], columns: slice) -> list[NDArray]:
-    """-i k_x, -i k_y on the modes of `columns`, shaped to multiply `green`."""
+    """-i k_x and -i k_y of the modes of `columns`, in shapes that multiply `green`."""
     x = -1j * _first(points[-1], spacing[-1], True)[: points[-1] // 2 + 1][columns]
     if len(points) == 1:
         return [x]
@@ -95,7 +95,7 @@ def _gradient(points: tuple[int, ...], spacing: tuple[float, ...], columns: slic
 
 
 class MFT:
-    """phi from rho by (5.10): transform, times the Green function, transform back. All ranks call together.
+    """phi from rho by (5.10): transform, multiply by the Green function, transform back. All ranks call together.
 
     rho   real[rows, Nx] ([rows] in 1D), to be written: the charge density of this rank's rows
     phi   real[rows, Nx]: the potential, after solve()
@@ -118,7 +118,7 @@ class MFT:
     ) -> None:
         if gradient not in ("difference", "spectral"):
             raise ValueError(f'gradient must be "difference" or "spectral", not {gradient!r}')
-        _check(domain)
+        _require_periodic(domain)
         points, spacing = domain.points, domain.spacing
         transform, columns = _transform(world, points)
         factor = green(operator, points, spacing, columns, spectral=spectral) / -permittivity
@@ -152,15 +152,15 @@ def _transform(world: "World", points: tuple[int, ...]) -> tuple[Any, slice]:
     return SlabFFT, slice(*spectrum_range(points, world.size, world.rank))
 
 
-def _check(domain: Domain) -> None:
+def _require_periodic(domain: Domain) -> None:
     if domain.ndim not in (1, 2) or not all(domain.periodic):
         raise ValueError("the field solvers take one or two periodic axes")
 
 
 class LU:
-    """MFT's equation by factorisation of its matrix, for small grids; the same face and, to round-off, phi.
+    """The equation of MFT by factorisation of its matrix, for small grids; phi is the same but for round-off.
 
-    Every rank gathers rho and solves the whole. ValueError beyond 256 x 256 points.
+    Every rank gathers rho and solves for the whole grid. Raises ValueError beyond 256 x 256 points.
     """
 
     def __init__(
@@ -173,9 +173,9 @@ class LU:
         operator: Operator = Operator(),
         permittivity: float = 1.0,
     ) -> None:
-        _check(domain)
+        _require_periodic(domain)
         n = int(np.prod(domain.points))
-        if n > _LU_POINTS:
+        if n > MAX_LU_POINTS:
             raise ValueError(
                 f'solver "LU" holds a matrix of the whole grid: at most 256 x 256 points, not {n}; use "MFT"'
             )
@@ -183,7 +183,7 @@ class LU:
 
         matrix = _matrix(operator, domain)
         if operator.singular:
-            matrix[0, 0] *= 1.25  # pins phi(0, 0) = 0, as the 3 for 4 of 5.2.2, but keeps the matrix definite
+            matrix[0, 0] *= 1.25  # phi(0, 0) = 0, as by the 3 for 4 of 5.2.2, but the matrix stays definite
         self._factors = splu(matrix.tocsc())
         self._world, self._operator, self._permittivity = world, operator, permittivity
         self._rows = slice(*domain.row_range(world.rank))
@@ -205,7 +205,7 @@ class LU:
         self.phi[:] = phi[self._rows]
 
     def free(self) -> None:
-        """Nothing is held."""
+        """Nothing is to be freed."""
 
 
 def _matrix(operator: Operator, domain: Domain) -> Any:

@@ -147,7 +147,7 @@ def test_discrete_landau_tends_to_the_continuum_with_second_order(k):
 
 def test_the_smallest_spread_takes_no_more_memory_and_is_met_smoothly():
     mesh, omega = Mesh(dx=0.1, dt=0.1), 0.3 + 0.35j
-    spreads = (0.0, 1.01 * theory.COLD / mesh.dt, 1e-9)
+    spreads = (0.0, 1.01 * theory.LEAST_SPREAD / mesh.dt, 1e-9)
     cold, least, tiny = (theory.mesh_susceptibility(omega, 1.0, (Beam(0.7, 1.0, v),), mesh) for v in spreads)
     assert tiny == cold
     expected = 3 * (spreads[1] / abs(omega - 1.0)) ** 2  # the first term in k vth / (omega - k v)

@@ -1,17 +1,14 @@
 """Sums in time: exact, so the same from vectors and from single particles, from any ranks, after any history."""
 
 import math
+from functools import partial
 
 import numpy as np
 import pytest
+from plasma_cases import advanced
 
-from hpcpic.core.case.config import loads
 from hpcpic.core.comm.world import World
-from hpcpic.core.tasks.graph import Pool
-from hpcpic.core.timers import Timers
-from hpcpic.plasma.configure import configure
 from hpcpic.plasma.diagnostics.series_sums import LEAST, TOP, SeriesSums
-from hpcpic.plasma.step import Plasma
 
 CASE = """
 simulation = { dimensions = 2; cycles = 3; time_step = 0.2; space_length = [40.0, 24.0]; random_seed = 7; };
@@ -36,12 +33,7 @@ LAWS = {
 }
 
 
-def plasma_of(world, sets=(), threads=1):
-    config = configure(loads(CASE, sets=sets))
-    plasma = Plasma(config, world, Pool(threads), Timers())
-    for _ in range(config.simulation.cycles):
-        plasma.step()
-    return plasma
+plasma_of = partial(advanced, CASE)
 
 
 BY_DEFAULT = [("2D", "single"), ("2D, any B", "double"), ("1D", "double")]

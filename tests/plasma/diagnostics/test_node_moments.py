@@ -3,16 +3,14 @@
 import numpy as np
 import pytest
 from app_runner import launch
+from plasma_cases import advanced
 
 from hpcpic.core.case.config import loads
 from hpcpic.core.comm.world import World
 from hpcpic.core.errors import ConfigError
 from hpcpic.core.files.reader import open_run
-from hpcpic.core.tasks.graph import Pool
-from hpcpic.core.timers import Timers
 from hpcpic.plasma.analysis.plots import PLOTS
 from hpcpic.plasma.configure import configure
-from hpcpic.plasma.step import Plasma
 
 CASE = """
 simulation = { cycles = 3; time_step = 0.2; space_length = [33.0, 50.0]; random_seed = 7; };
@@ -33,15 +31,8 @@ SCENES = {"2D": (), "1D TSC single": (*LINE, "numerics.shape=TSC", "numerics.pre
 FREE = tuple(f"species[{k}].{what}" for k in (0, 1) for what in ("charge=1e-30", "plasma_frequency=0.0"))
 
 
-def plasma_of(world, sets=(), threads=1, steps=0):
-    plasma = Plasma(configure(loads(CASE, sets=sets)), world, Pool(threads), Timers())
-    for _ in range(steps):
-        plasma.step()
-    return plasma
-
-
-def fields_of(world, *sets, **more):
-    plasma = plasma_of(world, sets, **more)
+def fields_of(world, *sets, steps=0, threads=1):
+    plasma = advanced(CASE, world, sets, threads, steps)
     found = {name: field.values for name, field in plasma.fields().items()}
     plasma.close()
     return found, plasma.scene
@@ -62,7 +53,7 @@ def test_densities_add_up_to_all_particles_and_to_the_charge(world, scene, close
 @pytest.mark.parametrize("precision, close", [("double", 1e-9), ("single", 1e-4)])
 def test_each_node_has_the_weighted_means_of_its_particles(world, precision, close):
     """Bilinear weights by numpy. Particles without charge: v^(n-1/2) in the files is v^n."""
-    plasma = plasma_of(world, (*FREE, f"numerics.precision={precision}"))
+    plasma = advanced(CASE, world, (*FREE, f"numerics.precision={precision}"), steps=0)
     found, e, scene = plasma.fields(), plasma.particles()["e"], plasma.scene
     at, v = e.position[:, :2] / scene.spacing, e.columns["velocity"]
     sums = np.zeros((5, *scene.points[::-1]))
@@ -130,7 +121,7 @@ def test_ranks_do_not_show(world, scene):
 
 
 def test_only_the_fields_that_are_asked_for_are_made(world):
-    plasma = plasma_of(world, (*LINE, 'output.fields=["E"]'))
+    plasma = advanced(CASE, world, (*LINE, 'output.fields=["E"]'), steps=0)
     assert [*plasma.fields()] == ["E"] and plasma._node_moments is None
     plasma.close()
     with pytest.raises(ConfigError, match=r"output.fields: 'density' is no field; there are rho, phi, E, n, u, T"):

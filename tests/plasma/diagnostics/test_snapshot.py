@@ -2,16 +2,12 @@
 
 import numpy as np
 import pytest
+from plasma_cases import advanced
 
-from hpcpic.core.case.config import loads
 from hpcpic.core.comm.world import World
 from hpcpic.core.errors import Diverged
 from hpcpic.core.run.checkpoint import digest
-from hpcpic.core.tasks.graph import Pool
-from hpcpic.core.timers import Timers
-from hpcpic.plasma.configure import configure
 from hpcpic.plasma.particles import cloud
-from hpcpic.plasma.step import Plasma
 
 CASE = """
 simulation = { dimensions = 2; cycles = 5; time_step = 0.2; space_length = [32.0, 48.0]; random_seed = 7; };
@@ -27,17 +23,9 @@ species = (
 """
 
 
-def plasma_of(world, *sets):
-    config = configure(loads(CASE, sets=sets))
-    plasma = Plasma(config, world, Pool(1), Timers())
-    for _ in range(config.simulation.cycles):
-        plasma.step()
-    return plasma
-
-
 @pytest.fixture(params=["double", "single"])
 def plasma(request, world):
-    plasma = plasma_of(world, f'numerics.precision="{request.param}"')
+    plasma = advanced(CASE, world, [f'numerics.precision="{request.param}"'])
     yield plasma
     plasma.close()
 
@@ -76,7 +64,7 @@ def test_state_of_many_ranks_is_that_of_one(plasma):
 
     check_state_is_what_particles_says(plasma)
     alone = World(MPI.COMM_SELF, MPI.COMM_SELF)
-    one = plasma_of(alone, f'numerics.precision="{plasma.scene.config.numerics.precision}"')
+    one = advanced(CASE, alone, [f'numerics.precision="{plasma.scene.config.numerics.precision}"'])
     assert digest(plasma.world, plasma.state()) == digest(alone, one.state())
     one.close()
 
