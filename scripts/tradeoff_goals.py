@@ -31,7 +31,7 @@ from hpcpic.core.app.text import percent, table
 from hpcpic.core.errors import CheckFailed
 from hpcpic.core.study.error_models import norm
 from hpcpic.core.study.pilot import Pilots
-from hpcpic.core.study.recommend import Recommendation
+from hpcpic.core.study.recommend import Recommendation, Verified
 from hpcpic.core.study.search import Search
 from hpcpic.core.study.tradeoff import chosen_quantity
 
@@ -41,6 +41,8 @@ CASES = {  # those that take seconds
     "lbmdem": ("poiseuille", "couette", "taylor-green"),
 }
 FINER = {0.5: 4.0, 1.0: 2.0, 2.0: 2.0}  # how much finer the truth is in a knob of this order
+MATTERS = 5e-4  # relative error of a knob that is worth a finer run
+MOST = 12.0  # s of steps of a truth, by the estimate
 NEARLY = 1.5  # times the tolerance: what is beyond is wrong
 
 
@@ -79,25 +81,35 @@ def measure(app: Any, case: str, folder: Path, own_scheme: bool = False) -> dict
     tolerances = TOLERANCES[:3] if said else TOLERANCES
     result: dict[str, Any] = {"case": Path(case).stem, "quantity": quantity.name}
     try:
-        finest = search(tolerances[-1])
-        truth = true_value(finest)
+        made = [verified(search(tolerance), tolerance) for tolerance in tolerances]
+        finest = made[-1][0].search
+        truth = true_value(finest, [run.proposal.sizes for _, run, _ in made if run])
         result["orders"] = {n: (w.order, w.theory, w.asymptotic) for n, w in finest.laws.items() if not w.idle}
         result["truth"], result["own_error"] = truth.tolist(), norm(finest.value - truth) / norm(truth)
-        result["rows"] = [row(search(tolerance), truth, tolerance) for tolerance in tolerances]
+        result["rows"] = [row(*one, truth, tolerance) for one, tolerance in zip(made, tolerances)]
         result["equal"] = None if said else equal(finest)
     except CheckFailed as error:
         result["rows"] = [{"tolerance": t, "what": "refused", "ways": [], "why": error.message} for t in tolerances]
     return result | {"wall": time.perf_counter() - started}
 
 
-def row(one: Search, truth: np.ndarray, tolerance: float) -> dict[str, Any]:
-    """What is recommended at one tolerance, and what it is."""
+def verified(one: Search, tolerance: float) -> tuple[Recommendation, Verified | None, dict[str, Any]]:
+    """What is recommended at one tolerance, or why nothing is; and what that took."""
     made = Recommendation(one)
-    told: dict[str, Any] = {"tolerance": tolerance, "uncertainty": one.uncertainty}
     try:
-        verified = made.verify(tolerance)
+        return made, made.verify(tolerance), spent(one)
     except CheckFailed as error:
-        return told | {"what": "refused", "why": error.message, "ways": made.ways(tolerance), **spent(one)}
+        return made, None, {**spent(one), "why": error.message, "ways": made.ways(tolerance)}
+
+
+def row(
+    made: Recommendation, verified: Verified | None, told: dict[str, Any], truth: np.ndarray, tolerance: float
+) -> dict[str, Any]:
+    """What the recommendation of one tolerance is."""
+    one = made.search
+    told |= {"tolerance": tolerance, "uncertainty": one.uncertainty}
+    if verified is None:
+        return told | {"what": "refused"}
     error = norm(one.measured(verified.pilot) - truth) / norm(truth)
     kept = "kept" if error <= tolerance else "nearly" if error <= NEARLY * tolerance else "wrong"
     return told | {
@@ -109,7 +121,6 @@ def row(one: Search, truth: np.ndarray, tolerance: float) -> dict[str, Any]:
         "work": one.base.work / verified.pilot.work,
         "settings": made.text(verified.proposal),
         "warnings": verified.warnings,
-        **spent(one),
     }
 
 
@@ -118,16 +129,24 @@ def spent(one: Search) -> dict[str, float]:
     return {"pilots": one.pilots.paid / one.base.price, "runs": len(one.pilots.done)}
 
 
-def true_value(search: Search) -> np.ndarray:
-    """The exact value, or that of a finer run with what is left of its errors taken off."""
+def true_value(search: Search, recommended: list[Any]) -> np.ndarray:
+    """The exact value, or that of a run finer than all that is recommended, and than the case, in every knob that makes
+    an error there, with what is left of its errors taken off.
+    """
     if search.quantity.exact is not None:
         return np.full_like(search.value, search.quantity.exact)
-    sizes, left = {}, np.zeros_like(search.value)
-    for knob in search.knobs:
-        law = search.laws[knob.name]
-        factor = 1.0 if law.idle else FINER.get(knob.order, 2.0)
-        sizes[knob.name] = search.own[knob.name] / factor
-        left += law.signed * factor**-knob.order if law.asymptotic and not law.idle else 0.0
+    for part in (1.0, 0.7, 0.5, 0.3):  # of the way, in logs, as the run may take MOST seconds
+        sizes, left = {}, np.zeros_like(search.value)
+        for knob in search.knobs:
+            law, name = search.laws[knob.name], knob.name
+            least = min([sizes[name] for sizes in recommended], default=search.own[name])
+            matters = law.bound(least) > MATTERS
+            least = min(least, search.own[name]) if matters else least
+            sizes[name] = least / (FINER.get(knob.order, 2.0) ** part if matters else 1.0)
+            left += law.signed * (sizes[name] / law.here) ** law.used if law.asymptotic and not law.idle else 0.0
+        work = search.pilots.knobs.work(search.pilots.config(sizes, search.quantity.time, {}))
+        if work / search.base.work * search.base.price < MOST:
+            break
     pilot = search.pilot(sizes, words="the truth")
     return search.measured(pilot) - search.scale * left
 

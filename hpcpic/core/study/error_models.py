@@ -19,6 +19,7 @@ SAFETY, SAFETY_IMPLAUSIBLE = 1.25, 3.0
 NOTHING = 1e-11  # relative difference between levels that counts as none
 LEAST_COST = 0.25  # of the theory's exponent: a knob that costs little now will cost more when it is finer
 NEAR = 0.05  # relative change over all levels below which the coarse ones are as asymptotic, and less noisy
+STUDENT = {2: 12.7, 3: 4.3, 4: 3.2, 5: 2.8, 6: 2.6, 7: 2.5}  # levels: two-sided 95 % of one degree less
 FITTED = 5  # levels of a least-squares fit, of four at least
 BEYOND = 1.3  # times the coarsest size measured: no recommendation is coarser
 
@@ -166,7 +167,7 @@ def fit(name: str, levels: Sequence[Level], here: float, theory: float, cost_the
 def scattered(law: ErrorModel, levels: Sequence[Level], scale: float) -> ErrorModel:
     """The law of a knob whose error is drawn anew at every size, with a spread a size^p, p the theory's order.
 
-    a from the differences of all pairs of levels; errors are twice the spread, which 95 % of draws keep.
+    a from the differences of all pairs of levels; errors are what 95 % of draws keep, by Student's t of so many levels.
     """
     pairs = [(one, two) for k, one in enumerate(levels) for two in levels[:k]]
     square = np.mean(
@@ -175,8 +176,8 @@ def scattered(law: ErrorModel, levels: Sequence[Level], scale: float) -> ErrorMo
             for one, two in pairs
         ]
     )
-    errors = 2.0 * math.sqrt(square) * law.sizes**law.theory
-    doubt = 2.0 * math.sqrt(square) * law.here**law.theory
+    most = STUDENT.get(len(levels), 2.3) * math.sqrt(square)
+    errors, doubt = most * law.sizes**law.theory, most * law.here**law.theory
     nothing = np.zeros_like(law.signed)
     return replace(law, errors=errors, signed=nothing, used=law.theory, safety=1.0, doubt=doubt)
 

@@ -21,9 +21,11 @@ LIMIT_MARGIN = 0.8  # of the end of stability
 NEIGHBOUR = 1.25
 DEAREST = 2.0  # times the cost of the case's pilot: a neighbour that is not run
 TRIES = 4
+FAR = 5.0  # times what a recommendation may cost
 MOST_STEPS = 24  # of a tenth, back from what `check` warns of
 SEEN = 2.0  # times the tolerance: an error of the field beside the quantity that is told as a warning
 SEEDS = (2, 3, 4)  # of the ensemble that a refusal measures
+DAYS = 1e6  # s: what takes longer is no way out
 HALVINGS = 12  # of all knobs together, that a way out may name
 
 
@@ -81,6 +83,9 @@ class Recommendation:
         if budget <= 0.25 * tolerance:
             return None
         sizes = cheapest(scheme.laws, budget, self.caps())
+        if self.nominal(sizes) > FAR * self.most:  # told, and not even set up
+            shares = {law.name: law.bound(sizes[law.name]) for law in scheme.laws}
+            return Proposal(scheme, sizes, shares, scheme.cost * self.nominal(sizes))
         for _ in range(MOST_STEPS):
             number = self.pilots.beyond(sizes, self.search.quantity.time, scheme.others, LIMIT_MARGIN)
             if number is None:
@@ -131,8 +136,31 @@ class Recommendation:
     # ---------------------------------------------------------------------------------------- verified
 
     def verify(self, tolerance: float) -> Verified:
-        """Propose and run; on a miss propose for less; what comes nearest to the tolerance. Raises CheckFailed."""
-        search, uncertainty = self.search, self.search.uncertainty
+        """A certified setting; else, as long as that is affordable, more is learnt of the reference; else what comes
+        nearest to the tolerance. Raises CheckFailed.
+        """
+        search = self.search
+        while True:
+            known = self.attempts(tolerance)
+            if known and known[-1].certified:
+                return self.compared(known[-1])
+            if not search.more():
+                break
+            self.schemes = [Scheme({}, 1.0, 0.0, tuple(search.laws.values()))]
+            self._caps.clear()
+        own = self.itself()
+        known.append(Verified(own, search.base, search.error(search.value), search.field_error(search.base), False))
+        good = [run for run in known if run.error <= tolerance and self.legal(run.proposal.sizes, run.proposal.scheme)]
+        if not good:
+            raise CheckFailed(self.told(known))
+        near = [run for run in good if run.error + search.uncertainty <= 1.5 * tolerance]
+        return self.compared(
+            min(near, key=lambda run: run.proposal.cost) if near else min(good, key=lambda run: run.error)
+        )
+
+    def attempts(self, tolerance: float) -> list[Verified]:
+        """Propose and run; on a miss propose for less. Those that were run, a certified one last."""
+        uncertainty = self.search.uncertainty
         known: list[Verified] = []
         proposal, misses = self.first(self.certain(tolerance)), 0
         while misses < TRIES:
@@ -140,23 +168,16 @@ class Recommendation:
             if run is None and not misses:  # as far as can be known, that may be enough
                 run = self.tried(proposal := self.first(tolerance))
             if run is not None:
-                if run.error + uncertainty <= tolerance:
-                    return self.compared(run, certified=True)
                 known.append(run)
+                if run.error + uncertainty <= tolerance:
+                    return [*known[:-1], dataclasses.replace(run, certified=True)]
             if proposal.scheme.others:  # what it and the knobs do together is not in the laws: without it
                 self.schemes = self.schemes[:1]
                 proposal = self.first(self.certain(tolerance))
                 continue
             misses += 1
             proposal = self.after_miss(misses, proposal, tolerance, run.error if run else tolerance)
-        own = self.itself()
-        known.append(Verified(own, search.base, search.error(search.value), search.field_error(search.base), False))
-        good = [run for run in known if run.error <= tolerance and self.legal(run.proposal.sizes, run.proposal.scheme)]
-        if not good:
-            raise CheckFailed(self.told(known))
-        near = [run for run in good if run.error + uncertainty <= 1.5 * tolerance]
-        chosen = min(near, key=lambda run: run.proposal.cost) if near else min(good, key=lambda run: run.error)
-        return self.compared(chosen, certified=False)
+        return known
 
     def certain(self, tolerance: float) -> float:
         """What the laws are asked for, so that the uncertainty of the reference has room beside it."""
@@ -167,8 +188,14 @@ class Recommendation:
         """What running a recommendation may cost, in pilots of the case's own cost."""
         return max(DEAREST, self.search.allowance / self.search.base.price)
 
+    def nominal(self, sizes: Mapping[str, float]) -> float:
+        """The cost of these sizes beside the case's, by theory."""
+        return math.prod((self.search.own[knob.name] / sizes[knob.name]) ** knob.cost for knob in self.search.knobs)
+
     def price(self, proposal: Proposal) -> float:
         """What running a proposal costs, in pilots of the case's own cost."""
+        if self.nominal(proposal.sizes) > FAR * self.most:
+            return proposal.cost
         config = self.pilots.config(proposal.sizes, self.search.quantity.time, proposal.scheme.others)
         return self.pilots.knobs.work(config) / self.search.base.work
 
@@ -214,7 +241,7 @@ class Recommendation:
                 return asked
         return self.nearer(proposal, 0.5) if misses < TRIES - 1 else self.itself()
 
-    def compared(self, run: Verified, certified: bool) -> Verified:
+    def compared(self, run: Verified) -> Verified:
         """With the settings beside it: where their errors do not follow the laws a small one is luck."""
         search, proposal = self.search, run.proposal
         neighbours: dict[str, float] = {}
@@ -238,7 +265,7 @@ class Recommendation:
                     f"the {words} neighbour is off by {percent(neighbours[words])}, more than twice the law's "
                     f"{percent(bound + search.floor)}"
                 )
-        return Verified(proposal, run.pilot, run.error, run.field, certified, neighbours, warnings)
+        return dataclasses.replace(run, neighbours=neighbours, warnings=warnings)
 
     def unpromised(self, run: Verified) -> list[str]:
         """Warnings where the laws alone would not say that the proposal is good enough, where the field beside the
@@ -271,10 +298,10 @@ class Recommendation:
         """Settings that the laws promise to be good enough, and that were not run for their price."""
         proposal = self.first(self.certain(tolerance))
         price = self.price(proposal)
-        if price <= self.most:
+        seconds = price * self.search.base.seconds
+        if price <= self.most or seconds > DAYS:
             return []
-        seconds = duration(price * self.search.base.seconds)
-        return [f"--pilots {math.ceil(price)} runs {self.text(proposal)} too, {seconds}"]
+        return [f"--pilots {math.ceil(price)} runs {self.text(proposal)} too, {duration(seconds)}"]
 
     def deeper(self, tolerance: float) -> list[str]:
         """Finer pilots, until the reference is known to half of the tolerance; or a finer case where none helps."""
@@ -293,6 +320,8 @@ class Recommendation:
         drawn = any(halved[law.name] and law.random for law in search.laws.values())
         if not drawn:
             pilots = math.ceil(search.pilots.paid / search.base.price + extra)
+            if extra * search.base.seconds > DAYS:
+                return []
             return [f"--pilots {pilots} may measure it: about {duration(extra * search.base.seconds)} more"]
         sizes = {name: search.own[name] * 0.5**n for name, n in halved.items() if n}
         factor = math.prod(2.0 ** (cost[name] * n) for name, n in halved.items())
@@ -310,8 +339,6 @@ class Recommendation:
         search, knobs = self.search, self.pilots.knobs
         other = knobs.seed or knobs.shaken
         if other is None or not any(not law.asymptotic and not law.idle for law in search.laws.values()):
-            return []
-        if not search.affordable(len(SEEDS) * search.base.price):
             return []
         snapshot = knobs.seen.snapshot(float(search.quantity.time)) if knobs.seen else ()
         values = [search.value] if knobs.seed else []
