@@ -19,6 +19,7 @@ from sph.diagnostics import scalars, snapshot
 from sph.diagnostics.checkpoint import Checkpoint
 from sph.diagnostics.gauges import Gauges
 from sph.diagnostics.guards import Runaway
+from sph.diagnostics.sensors import Sensors
 from sph.kernels.driven import driven_kernel
 from sph.particles.arrays import arrays_of
 from sph.particles.evolution import Evolution
@@ -64,7 +65,8 @@ class Sph:
         with world.first_on_node():  # it compiles
             self._prepare(scene, pool)
         self.forces = WallForces(self.walls, self.ghosts, self.sums, self.slabs)
-        self.gauges = Gauges(self.storage)
+        self.sensors = Sensors(self.walls, self.ghosts, self.sums, self.slabs)
+        self.gauges = Gauges(self.storage, self.sensors)
         self.runaway = Runaway(self.clock, self.storage, self.forces, self.totals)
         self.strays = Strays(scene, world, self.clock, self.storage)
         self.outflow = Outflow(scene, world, self.clock, self.storage)
@@ -161,6 +163,7 @@ class Sph:
             self.strays.find(now.density_error)
             self.runaway.look(now)
             self.forces.add_impulses(dt)
+            self.sensors.add(dt)
         if self.skin.farthest and not self.skin.suffices(dt, now.speed, now.acceleration):
             self.sort()  # which has lost the sums
             self.evolution.forget_rates()
@@ -208,7 +211,7 @@ class Sph:
     def scalars(self) -> Mapping[str, float]:
         """Energies, mass, momentum, extremes, forces, gauges. Collective."""
         with self.timers.section("scalars"):
-            if self.forces.measured:
+            if self.forces.measured or self.sensors.gauges:
                 self.current_forces()
             found = self.runaway.fluid_scalars() | scalars.wall_scalars(self.scene, self.forces)
             found |= {"dt": self.clock.time_step, "strays": float(self.strays.count), "outflow": self.outflow.mass()}

@@ -11,7 +11,7 @@ from hpcpic.core.app.figures import COLOURS, INK, NoData, NotInScene, new_figure
 from sph.analysis import render, theory
 from sph.analysis.run_config import config_of, scene_of
 from sph.case import geometry
-from sph.physics.wall_rules import WALL_RULES
+from sph.physics.wall_rules import rule_of
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -210,7 +210,7 @@ def tank_box(run: Run, low: np.ndarray, high: np.ndarray) -> tuple[np.ndarray, n
 def channel(config: SphConfig) -> tuple[int, int, float, float]:
     """Axis of the flow, axis across, lower plane and width of a channel driven by a body force; raises NoData."""
     force = np.array(config.body_force)
-    walls = [wall for wall in config.wall if WALL_RULES[wall.type].face_images and wall.shape.box]
+    walls = [wall for wall in config.wall if rule_of(wall.type).face_images and wall.shape.box]
     viscous = any(fluid.dynamic_viscosity for fluid in config.fluid)
     if not walls or np.count_nonzero(force) != 1 or any(config.gravity) or not viscous:
         raise NotInScene("only for a body-forced viscous flow between two planes")

@@ -35,6 +35,11 @@ if TYPE_CHECKING:
 DATA: dict[str, Any] = {"marker": "o", "linestyle": "none", "markersize": 4, "color": INK, "markerfacecolor": "none"}
 ABOVE: dict[str, Any] = {"loc": "lower right", "bbox_to_anchor": (1.0, 1.0), "borderaxespad": 0.1,
                          "columnspacing": 1.0, "handlelength": 1.5, "fontsize": 8.5}  # fmt: skip
+PRESSURES = ("pressure", "wall-pressure")
+DAM_BREAKS = (  # source, depth of the water, where the wall is, below which height the sensor is, m; what it measured
+    ("Lobovsky et al. 2014", 0.3, 1.61, 0.01, experiments.LOBOVSKY_PRESSURE),
+    ("Buchner 2002", 0.6, 3.22, 0.2, experiments.BUCHNER_PRESSURE),
+)
 SPIKE = 3.0  # times the largest measured value, from where a panel is cut off
 NEAR = 0.05  # of a length: how like the case must be to an experiment to be shown beside it
 
@@ -218,16 +223,17 @@ def _expectation(run: Run, config: SphConfig, gauge: Gauge, t: np.ndarray) -> tu
         return "linear theory", t, high[vertical] + flow.amplitude * phase, THEORY
     fills = all(a <= b for a, b in zip(scene.high - scene.low, [1.001 * (q - p) for p, q in zip(low, high)][:-1]))
     moving = any(wall.motion for wall in config.wall)
-    if fills and not moving and not flow and gauge.what in ("pressure", "elevation"):
+    if fills and not moving and not flow and gauge.what in (*PRESSURES, "elevation"):
         deep = np.array([high[vertical] - gauge.at[vertical]])
         at_rest = float(scene.eos.pressure(scene.eos.excess_at_rest(deep, g))[0])
-        value = at_rest if gauge.what == "pressure" else high[vertical]
+        value = at_rest if gauge.what in PRESSURES else high[vertical]
         return "at rest", t[[0, -1]], [value, value], THEORY
-    foot = len(gauge.at) == 2 and abs(gauge.at[0] - 1.61) < 0.02 and gauge.at[1] < 0.01
-    if gauge.what == "pressure" and foot and abs(water - 0.3) < NEAR * 0.3:
-        times, pressure = experiments.LOBOVSKY_PRESSURE.T
-        known = times * math.sqrt(water / g), pressure * scene.rho0 * g * water
-        return "experiment: Lobovsky et al. 2014", *known, DATA | {"markersize": 3}
+    for name, deep_water, x, highest, measured in DAM_BREAKS:
+        there = len(gauge.at) == 2 and abs(gauge.at[0] - x) < 0.02 and gauge.at[1] < highest
+        if gauge.what in PRESSURES and there and abs(water - deep_water) < NEAR * deep_water:
+            times, pressure = measured.T
+            known = times * math.sqrt(water / g), pressure * scene.rho0 * g * water
+            return f"experiment: {name}", *known, DATA | {"markersize": 3}
     return None
 
 

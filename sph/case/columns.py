@@ -35,4 +35,4 @@ def columns_of(gauge: Gauge, name: str, d: int) -> dict[str, str]:
     """Columns of one gauge, with their units."""
     if gauge.what == "velocity":
         return {f"{name}_{axis}": "m/s" for axis in AXES[:d]}
-    return {name: {"pressure": "Pa", "flow": "m2/s" if d == 2 else "m3/s"}.get(gauge.what, "m")}
+    return {name: {"pressure": "Pa", "wall-pressure": "Pa", "flow": "m2/s" if d == 2 else "m3/s"}.get(gauge.what, "m")}

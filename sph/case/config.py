@@ -16,7 +16,10 @@ from hpcpic.core.files.start import Start, attach, attached_arrays
 Names = Annotated[tuple[str, ...], BeforeValidator(as_tuple)]
 Integrator = Literal["euler", "predictor-corrector", "rk3-tvd", "symplectic"]
 Flux = Literal["none", "rusanov", "molteni", "fourtakas", "delta"]
-WallType = Literal["mirror-no-slip", "point-symmetric-free-slip", "repulsive", "pressure-continuity"]
+WallType = Literal[
+    "mirror-no-slip", "point-symmetric-free-slip", "repulsive", "pressure-continuity", "extrapolated-free-slip",
+    "extrapolated-no-slip",
+]  # fmt: skip
 AXES = ("x", "y", "z")
 
 
@@ -184,7 +187,11 @@ class Motion(Section):
 class Wall(Section):
     name: str = setting("", "by default wall_1, wall_2, ...")
     shape: Shape
-    type: WallType = setting("pressure-continuity", "how it acts")
+    type: WallType | None = setting(
+        None,
+        "how it acts; by default extrapolated from the fluid: with no slip if the case follows the viscosity of its "
+        "fluid, else with free slip",
+    )
     solid: bool = setting(False, "the fluid is outside of the shape; by default it is inside, as in a tank")
     motion: Motion | None = None
     measure_force: bool = setting(False, "force, torque and impulse of the fluid go into the series")
@@ -193,16 +200,25 @@ class Wall(Section):
 
 class Gauge(Section):
     name: str = setting("", "by default gauge_1, gauge_2, ...")
-    what: Literal["pressure", "velocity", "elevation", "front", "flow"] = setting(
+    what: Literal["pressure", "wall-pressure", "velocity", "elevation", "front", "flow"] = setting(
         REQUIRED,
-        "pressure or velocity at a point, height of the surface above it, farthest fluid along an axis, "
-        "volume per time through a section",
+        "pressure or velocity at a point of the fluid, mean pressure on an area of wall since the last sample, height "
+        "of the surface above a point, farthest fluid along an axis, volume per time through a section",
     )
-    at: Vector = setting((), "the point; flow: the middle of the section", "m")
+    at: Vector = setting((), "the point; wall-pressure and flow: the middle of the area or section", "m")
     axis: Literal["x+", "x-", "y+", "y-", "z+", "z-"] | None = setting(
-        None, "front: the direction, by default x+; flow: normal of the section; elevation: up"
+        None,
+        "front: the direction, by default x+; flow: normal of the section; elevation: up; wall-pressure: the way in "
+        "which fluid pushes the wall",
     )
-    size: Vector = setting((), "flow: extent of the section along each axis; 0 or none: as far as fluid goes", "m")
+    size: Vector = setting(
+        (),
+        "flow: extent of the section along each axis, 0 or none: as far as fluid goes; wall-pressure: of a rectangle "
+        "(in 2D a strip), 0: one spacing",
+        "m",
+    )
+    radius: float | None = setting(None, "wall-pressure: of a disc (in 2D a strip twice as long)", "m", gt=0)
+    wall: str = setting("", "wall-pressure: the wall that it sits in and moves with; by default any, at one place")
     period: float | None = setting(None, "of the samples; by default that of the series", "s", gt=0)
 
 

@@ -56,6 +56,8 @@ class Checkpoint:
         whole = {"reach": np.array([self.skin.reach])} if self.skin.farthest else {}  # which neighbours are looked at
         if self._have_periods:
             whole["gauges/since"] = np.array([self.gauges.since])
+        if (sensors := self.gauges.sensors).gauges:
+            whole["gauges/pressed"] = np.stack([sensors.integrals, sensors.lasted], axis=1)
         if self.strays.count:
             whole["strays"] = np.array([self.strays.count])
         if self.storage.scene.walls:
@@ -129,6 +131,8 @@ class Checkpoint:
             found["reach"] = Column(real, (1,), 0.0, self.skin.farthest)
         if self._have_periods:
             found["gauges/since"] = Column(real, (1,), high=reader.time, open=True)
+        if (sensors := self.gauges.sensors).gauges:
+            found["gauges/pressed"] = Column(real, (len(sensors.gauges), 2))
         if scene.walls:
             walls, number = len(scene.walls), reader.total("walls/number")
             impulse, densest = self.forces.largest_impulse(reader.time), DENSEST * scene.rho0
@@ -150,6 +154,8 @@ class Checkpoint:
             self.skin.reach = float(reader.read("reach")[0])
         if self._have_periods:
             self.gauges.since = float(reader.read("gauges/since")[0])
+        if (sensors := self.gauges.sensors).gauges:
+            sensors.integrals[:], sensors.lasted[:] = reader.read("gauges/pressed").T
         self.strays.count = int(reader.read("strays")[0]) if "strays" in reader.names else 0
         storage.clear()
         outflow = bool(scene.config.domain.outflow)

@@ -10,15 +10,18 @@ from numpy.typing import NDArray
 
 from hpcpic.core.space.products import product
 from sph.case.config import AXES, Gauge
+from sph.diagnostics.sensors import Sensors
 from sph.diagnostics.snapshot import particles_at
 from sph.kernels import readings
-from sph.particles.storage import Storage
+from sph.particles.storage import Slots, Storage
 from sph.physics.smoothing import SMOOTHING
 
 FIXED_POINT = 2.0**40
 LEVELS = 4  # heights looked at per spacing
 MIN_WEIGHT = 0.05  # of the kernel's sum, below which a point is dry
 HALF_SLICE = 2  # spacings on each side of a section in which flow is counted
+POINTS = ("pressure", "velocity")
+ROUNDING = 1e-6  # of a length
 
 Own = dict[str, NDArray]
 
@@ -26,34 +29,54 @@ Own = dict[str, NDArray]
 class Gauges:
     """The gauges of a run; `since`: the time up to which they have been read."""
 
-    def __init__(self, storage: Storage, since: float = -math.inf) -> None:
-        self.storage, self.scene, self.world = storage, storage.scene, storage.world
+    def __init__(self, storage: Storage, sensors: Sensors, since: float = -math.inf) -> None:
+        self.storage, self.scene, self.world, self.sensors = storage, storage.scene, storage.world, sensors
         self.since = since
+        self._room = 256
 
     def values(self, time: float) -> dict[str, float]:
         """Readings of the gauges whose period is over: one number each, or one per axis. Collective."""
         found: dict[str, float] = {}
-        own: Own | None = None
-        for gauge in self.scene.config.gauge:
-            if not due(gauge, time, self.since):
-                continue
-            if gauge.what == "front":
-                found[gauge.name] = self.front(gauge)
-                continue
-            if own is None:
-                own = particles_at(self.storage, self.storage.fluid_slots)
-            found |= self.read(gauge, own)
+        asked = [gauge for gauge in self.scene.config.gauge if due(gauge, time, self.since)]
+        points = [gauge for gauge in asked if gauge.what in POINTS]
+        if points:
+            found |= self.at_points(points)
+        found |= {gauge.name: self.read(gauge) for gauge in asked if gauge.what not in POINTS}
         self.since = time
         return found
 
-    def read(self, gauge: Gauge, own: Own) -> dict[str, float]:
-        """What one gauge reads from the fluid of all ranks. Collective."""
+    def read(self, gauge: Gauge) -> float:
+        """What one gauge that is no point reads from the fluid of all ranks. Collective."""
+        if gauge.what == "wall-pressure":
+            return self.sensors.read(gauge)
+        if gauge.what == "front":
+            return self.front(gauge)
+        own = particles_at(self.storage, self.near(gauge.at, self.reach(gauge)))
+        return self.elevation(gauge, own) if gauge.what == "elevation" else self.flow(gauge, own)
+
+    def reach(self, gauge: Gauge) -> NDArray[np.float64]:
+        """How far from its place a gauge looks at fluid along each axis, m."""
+        reach = np.full(self.scene.dimensions, self.scene.support)
         if gauge.what == "elevation":
-            return {gauge.name: self.elevation(gauge, own)}
+            reach[self.vertical(gauge)[0]] = np.inf
         if gauge.what == "flow":
-            return {gauge.name: self.flow(gauge, own)}
-        names = [gauge.name] if gauge.what == "pressure" else [f"{gauge.name}_{axis}" for axis in AXES]
-        return dict(zip(names, self.at_point(gauge, own)))
+            assert gauge.axis is not None
+            reach[:] = [size / 2 or np.inf for size in gauge.size or (0.0,) * len(reach)]
+            reach[AXES.index(gauge.axis[0])] = HALF_SLICE * self.scene.spacing
+        return reach
+
+    def near(self, at: tuple[float, ...], reach: NDArray) -> Slots:
+        """Slots of the own fluid not farther from a place than `reach` along any axis, and a few beside it."""
+        storage, axes = self.storage, list(self.scene.axes)
+        place, reach = (np.array(at) - self.scene.low)[axes], reach[axes] + ROUNDING * self.scene.spacing
+        while True:
+            slots = np.empty(self._room, np.int64)
+            n = readings.beside(
+                storage.end, storage.flags, storage.x, place, reach, storage.arena["period"], slots
+            )  # fmt: skip
+            if n <= self._room:
+                return slots[:n]
+            self._room = 2 * n
 
     def separation(self, x: NDArray, at: tuple[float, ...]) -> NDArray[np.float64]:
         """x[n, d] - at in m, to the nearest image along periodic axes."""
@@ -65,26 +88,32 @@ class Gauges:
         """Sums over n and over all ranks of values[n, k], rounded to 2^-40 each. Collective."""
         return self.world.sum_int(np.rint(values * FIXED_POINT).astype(np.int64).sum(axis=0)) / FIXED_POINT
 
-    def at_point(self, gauge: Gauge, own: Own) -> list[float]:
-        """Pressure in Pa, or velocity in m/s: Shepard's mean of the fluid within the support, 0 where there is none.
+    def at_points(self, gauges: list[Gauge]) -> dict[str, float]:
+        """Pressures in Pa and velocities in m/s: Shepard's mean of the fluid within the support, 0 where there is none.
+        Collective.
 
         Pressures are carried to the height of the gauge as in fluid at rest: half a spacing matters at a floor.
         """
         scene, d = self.scene, self.scene.dimensions
-        r = self.separation(own["x"], gauge.at)
-        near = np.sum(r * r, axis=1) < scene.support**2
-        r = r[near]
+        slots = [self.near(gauge.at, self.reach(gauge)) for gauge in gauges]
+        of = np.repeat(np.arange(len(gauges)), [len(found) for found in slots])
+        own = particles_at(self.storage, np.concatenate(slots))
+        r = self.separation(own["x"], np.array([gauge.at for gauge in gauges])[of])
         weight = SMOOTHING[scene.kernel].value(np.sqrt(np.sum(r * r, axis=1)) / scene.h, d)
-        weight *= own["m"][near] / (scene.rho0 * scene.h**d)
-        if gauge.what == "velocity":
-            scale, values = scene.c0, own["v"][near]
-        else:
-            scale = scene.rho0 * scene.c0**2
-            values = (scene.eos.pressure(own["drho"][near]) - scene.rho0 * product(r, scene.gravity))[:, None]
-        sums = self.summed(np.column_stack([weight, weight[:, None] * values / scale]))
-        return (
-            [float(value) for value in sums[1:] * scale / sums[0]] if sums[0] > MIN_WEIGHT else [0.0] * (len(sums) - 1)
-        )
+        weight *= own["m"] / (scene.rho0 * scene.h**d)
+        weight[np.sum(r * r, axis=1) >= scene.support**2] = 0.0
+        head = scene.eos.pressure(own["drho"]) - scene.rho0 * product(r, scene.gravity)
+        unit = np.array([1.0, scene.rho0 * scene.c0**2, *[scene.c0] * d])
+        terms = weight[:, None] * np.column_stack([np.ones(len(r)), head, own["v"]]) / unit
+        sums = np.zeros((len(gauges), 2 + d), np.int64)
+        np.add.at(sums, of, np.rint(terms * FIXED_POINT).astype(np.int64))
+        totals = self.world.sum_int(sums) / FIXED_POINT
+        found: dict[str, float] = {}
+        for gauge, (full, *sides) in zip(gauges, totals):
+            pressure, *v = (unit[1:] * sides / full if full > MIN_WEIGHT else np.zeros(1 + d)).tolist()
+            velocity = {f"{gauge.name}_{axis}": value for axis, value in zip(AXES, v)}
+            found |= {gauge.name: pressure} if gauge.what == "pressure" else velocity
+        return found
 
     def front(self, gauge: Gauge) -> float:
         """The farthest edge of the fluid along an axis, m. Collective."""

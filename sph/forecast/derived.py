@@ -4,15 +4,18 @@ import itertools
 import math
 from collections.abc import Iterator
 
+import numpy as np
+
 from hpcpic.core.case.derived import Derived, Verdict
 from sph.case import geometry
-from sph.case.config import SphConfig
+from sph.case.config import AXES, SphConfig
+from sph.case.sensors import extents_of
 from sph.case.speeds import heights_of, motion_speed
 from sph.forecast.plausibility import sensible
 from sph.kernels.marks import CODES
 from sph.physics import stability
 from sph.physics.viscosities import VISCOSITIES
-from sph.physics.wall_rules import WALL_RULES
+from sph.physics.wall_rules import rule_of
 from sph.setup.mirror_groups import most_images
 from sph.setup.scene import DOMAIN, Scene
 
@@ -156,7 +159,7 @@ def resolution(config: SphConfig) -> Iterator[Derived]:
 
 def decoupling(config: SphConfig) -> Iterator[Derived]:
     """Gradients of gradients do not see waves of two spacings: mirrored walls feed them, nothing damps them."""
-    mirrors = [i for i, wall in enumerate(config.wall) if WALL_RULES[wall.type].face_images]
+    mirrors = [i for i, wall in enumerate(config.wall) if rule_of(wall.type).face_images]
     if VISCOSITIES[config.numerics.viscosity_form or "none"].stress and mirrors:
         cure = 'viscosity_form = "morris": mirrors make a checkerboard of 6 % of the speed in 0.1 L^2 / nu'
         key = ("numerics", "viscosity_form")
@@ -166,7 +169,7 @@ def decoupling(config: SphConfig) -> Iterator[Derived]:
 def fast_walls(config: SphConfig) -> Iterator[Derived]:
     """Walls with a density of their own: what goes past the fluid fast is a lattice that rattles it."""
     for i, wall in enumerate(config.wall):
-        if wall.motion and WALL_RULES[wall.type].own_density:
+        if wall.motion and rule_of(wall.type).layered:
             mach = motion_speed(wall.motion) / config.sound_speed
             verdict: Verdict = "ok" if mach < 1 / 3 else "fail"
             cure = "" if verdict == "ok" else 'type = "repulsive" lets the fluid go, at any speed of the wall'
@@ -177,7 +180,7 @@ def fast_walls(config: SphConfig) -> Iterator[Derived]:
 def outer_edges(config: SphConfig) -> Iterator[Derived]:
     """Point symmetry knows faces only: beside the outer edges of a solid images are missing."""
     for i, wall in enumerate(config.wall):
-        if wall.solid and WALL_RULES[wall.type].layer_images and wall.shape.box:
+        if wall.solid and rule_of(wall.type).layer_images and wall.shape.box:
             cure = 'type = "mirror-no-slip" or "pressure-continuity": here single particles are thrown off the edges'
             yield Derived(f"images beside the edges of {wall.name}", "", 0.0, "", "> 0", "warn",
                           "a body in still water, measured", cure, ("wall", i, "type"))  # fmt: skip
@@ -186,7 +189,7 @@ def outer_edges(config: SphConfig) -> Iterator[Derived]:
 def small_bodies(config: SphConfig) -> Iterator[Derived]:
     """Repulsive walls act at a distance, from layers behind their faces: a small body has no room for these."""
     for i, wall in enumerate(config.wall):
-        if wall.solid and WALL_RULES[wall.type].repulsive and wall.measure_force and wall.shape.box:
+        if wall.solid and rule_of(wall.type).repulsive and wall.measure_force and wall.shape.box:
             edges = [b - a for a, b in zip(wall.shape.box.low, wall.shape.box.high)]
             size = min(edges) / config.numerics.spacing
             verdict: Verdict = "ok" if size >= SMALL * (1 - 1e-9) else "warn"
@@ -292,3 +295,27 @@ def dry_gauges(config: SphConfig, scene: Scene) -> Iterator[Derived]:
         if gauge.what != "elevation" and max(beyond, default=0.0) > 0.0:
             title, cure = f"{gauge.name} beyond the domain", "a place in the domain: here is nothing to show"
             yield Derived(title, "", max(beyond), "m", "0", "warn", "domain", cure, ("gauge", i, "at"))
+        if gauge.what == "wall-pressure":
+            yield from _sensor(config, scene, i)
+
+
+def _sensor(config: SphConfig, scene: Scene, i: int) -> Iterator[Derived]:
+    """The i-th gauge, an area of wall: behind it there is wall, and it is a spacing wide."""
+    gauge, dp = config.gauge[i], scene.spacing
+    assert gauge.axis is not None
+    half = np.array(extents_of(gauge, dp)) / 2 if not gauge.radius else np.full(config.dimensions, gauge.radius)
+    k = AXES.index(gauge.axis[0])
+    low, high = (np.array(gauge.at) + side * np.maximum(half, dp) for side in (-1.0, 1.0))
+    low[k], high[k] = (gauge.at[k] - dp / 2, gauge.at[k] + scene.support)[:: 1 if gauge.axis[1] == "+" else -1]
+    low[k], high[k] = min(low[k], high[k]), max(low[k], high[k])
+    walls = [wall for wall in scene.walls if gauge.wall in ("", wall.name)]
+    made = sum(len(wall.near(low, high)[0]) for wall in walls if not wall.rule.images)
+    if not made and not any(wall.rule.images for wall in walls):
+        cure = 'a place in the surface of a wall, and the axis along which fluid pushes it there, as "x+"'
+        yield Derived(f"wall behind {gauge.name}", "particles", 0, "", "> 0", "fail", "an area of wall", cure,
+                      ("gauge", i, "at"), True)  # fmt: skip
+    narrow = 2 * gauge.radius if gauge.radius else min(extent for extent in extents_of(gauge, dp) if extent)
+    verdict: Verdict = "ok" if narrow >= dp * (1 - 1e-9) else "warn"
+    cure = "" if verdict == "ok" else "a smaller spacing: it reads what the wall bears over a spacing"
+    yield Derived(f"width of {gauge.name}", "L/dp", narrow / dp, "", ">= 1", verdict, "forces on particles", cure,
+                  ("gauge", i, "radius" if gauge.radius else "size"))  # fmt: skip

@@ -16,7 +16,7 @@ from sph.forecast.plan import MIB, arrays, counts, images
 from sph.physics import stability
 from sph.physics.integrators import INTEGRATORS
 from sph.physics.stability import support_of
-from sph.physics.wall_rules import WALL_RULES
+from sph.physics.wall_rules import rule_of
 
 DELTA = {2: 1.0, 3: 1.4}  # more for renormalised gradients, by dimension; measured
 SERIES_BYTES = 24 * 8 * 2
@@ -80,7 +80,7 @@ def phases(config: SphConfig, ranks: int, threads: int, rates: Mapping[str, floa
     pairs = (fluid + 0.5 * others) * len(around(support_of(config) / config.numerics.spacing, d))
     cores = 1e9 * gain(ranks, threads, rates, rates["pair_core_gain"])
     kind = config.simulation.integrator
-    symmetric = any(WALL_RULES[wall.type].layer_images for wall in config.wall)
+    symmetric = any(rule_of(wall.type).layer_images for wall in config.wall)
     finding = rates["symmetric_us" if symmetric else "images_us"]
     finding += INTEGRATORS[kind].evaluations * rates["image_refresh_us"]
     return {
@@ -116,12 +116,12 @@ def exchange_seconds(config: SphConfig, ranks: int, rates: Mapping[str, float]) 
 
 def imaged(config: SphConfig) -> bool:
     """Whether particles have images."""
-    return bool(config.domain.periodic) or any(WALL_RULES[wall.type].images for wall in config.wall)
+    return bool(config.domain.periodic) or any(rule_of(wall.type).images for wall in config.wall)
 
 
 def wall_seconds(config: SphConfig, rates: Mapping[str, float]) -> float:
     """Seconds of walls in one step: those of particles, and the forces that are measured."""
-    made = any(not WALL_RULES[wall.type].images for wall in config.wall)
+    made = any(not rule_of(wall.type).images for wall in config.wall)
     measured = sum(wall.measure_force for wall in config.wall)
     return 1e-6 * (made * rates["walls_us"] + measured * rates["force_us"])
 

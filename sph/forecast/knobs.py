@@ -15,7 +15,7 @@ from sph.case.config import SphConfig
 from sph.forecast.plan import counts
 from sph.physics import stability
 from sph.physics.integrators import INTEGRATORS
-from sph.physics.wall_rules import WALL_RULES
+from sph.physics.wall_rules import rule_of
 
 if TYPE_CHECKING:
     from hpcpic.core.files.series import Series
@@ -94,7 +94,7 @@ def closed(config: SphConfig) -> bool:
         fluid.shape.box and (fluid.shape.box.low, fluid.shape.box.high) == (config.domain.low, config.domain.high)
         for fluid in config.fluid
     )
-    return filled and all(WALL_RULES[wall.type].images for wall in config.wall)
+    return filled and all(rule_of(wall.type).images for wall in config.wall)
 
 
 def mach(config: SphConfig) -> float:

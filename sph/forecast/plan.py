@@ -13,7 +13,7 @@ from sph.particles.arrays import arrays_of
 from sph.physics.integrators import INTEGRATORS
 from sph.physics.stability import support_of
 from sph.physics.viscosities import VISCOSITIES
-from sph.physics.wall_rules import WALL_RULES
+from sph.physics.wall_rules import rule_of
 from sph.setup.pair_numbers import pair_spec_of
 from sph.setup.scene import AHEAD, Scene, Wall
 
@@ -27,7 +27,7 @@ def counts(config: SphConfig) -> tuple[int, float]:
     if not config.fluid:
         return 0, 0.0
     low, high = _around_fluid(scene, AHEAD)
-    made = [(wall, wall.layers if wall.rule.own_density else 1) for wall in scene.walls if not wall.rule.images]
+    made = [(wall, wall.layers if wall.rule.layered else 1) for wall in scene.walls if not wall.rule.images]
     return scene.n_fluid, sum(layers * _of_faces(scene, wall, low, high) for wall, layers in made)
 
 
@@ -75,8 +75,8 @@ def sums(config: SphConfig) -> list[str]:
         terms.append(f"artificial viscosity     alpha {numerics.artificial_viscosity:g}")
     if numerics.tensile_correction:
         terms.append(f"tensile correction       {numerics.tensile_correction:g}")
-    kinds = dict.fromkeys(wall.type for wall in config.wall)
-    return terms + [f"walls                    {WALL_RULES[kind].text}" for kind in kinds]
+    kinds = dict.fromkeys(rule_of(wall.type).text for wall in config.wall)
+    return terms + [f"walls                    {text}" for text in kinds]
 
 
 def arrays(config: SphConfig, ranks: int) -> list[Array]:

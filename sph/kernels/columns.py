@@ -20,7 +20,7 @@ from hpcpic.core.simd.vector import (
     splat,
     store,
 )  # fmt: skip
-from sph.kernels.marks import FLUID, NORMAL, REPULSIVE
+from sph.kernels.marks import EXTRAPOLATED, FLUID, NORMAL, OWN, REPULSIVE, WALL_SHIFT
 from sph.kernels.powers import power
 from sph.physics.equation_of_state import MOST_GAMMA
 from sph.physics.pair_spec import UNIT
@@ -41,6 +41,7 @@ SLOPE = -1
 TENSION = -1
 L = -1
 T = -1
+ACCELERATED = False  # there are walls that follow the fluid and are accelerated
 IN_TURN = False  # LIGHT holds 1 / rho for forces, then volumes for rates
 
 N = lanes(np.float64)
@@ -130,6 +131,24 @@ def pack_stress(block, blocks, base, scales, drho, shear, values):
                     strain = shear[i * DIM + j, b] + shear[j * DIM + i, b]
                     values[column, b] = (strain - trace if i == j else strain) * factor
                     column += 1
+
+
+@njit
+def unpack_walls(block, blocks, base, scales, at, flags, key, wall_acceleration, sums, drho):
+    """rho - rho0 of particles of walls: that of the fluid before them, carried on with the acceleration of gravity less
+    that of the wall (Adami et al. 2012); never below 0, and 0 where there is no fluid.
+    """
+    for l in range(blocks[block], blocks[block + 1]):
+        for b in range(np.uint64(base[l]), np.uint64(base[l + 1])):
+            if flags[b] & (EXTRAPOLATED | OWN) != EXTRAPOLATED | OWN:
+                continue
+            weight, total = np.float64(sums[at, b]), np.float64(sums[at + 1, b])
+            if ACCELERATED:
+                wall = (key[b] >> WALL_SHIFT) - 1
+                for k in range(DIM):
+                    total -= scales.of_arm * wall_acceleration[wall, k] * np.float64(sums[at + 2 + k, b])
+            excess = max(total / weight, 0.0) if weight > 0.0 else 0.0
+            drho[b] = excess / scales.per_rho if SINGLE else excess
 
 
 @njit

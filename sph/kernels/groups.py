@@ -52,6 +52,25 @@ class Turns(NamedTuple):
     push: Reals
 
 
+class Areas(NamedTuple):
+    """Areas k of walls: middle [k, d] m, half their extent [k, d] m or radius [k] m (0 for none), number of their
+    normal axis [k], number of their wall + 1 [k] (0: any), and what makes integers of forces [k] along their normal;
+    the wall + 1 of each image (0: none), the first layer here and the one behind the last, spacing and support in m,
+    and the period [d] m, 0 where there is none.
+    """
+
+    area_middle: Reals
+    area_half: Reals
+    area_radius: Reals
+    area_along: NDArray[np.int64]
+    area_wall: NDArray[np.int64]
+    area_unit: Reals
+    wall_images: NDArray[np.int64]
+    slab: NDArray[np.int64]
+    lengths: Reals
+    period: Reals
+
+
 class Mirrors(NamedTuple):
     """Faces f that mirror. Behind one is who has x . normals[f, p] < bounds[f, p] for all p; its image is at turns x +
     shifts with the velocity spins v + pushes.
@@ -67,7 +86,8 @@ class Mirrors(NamedTuple):
 
 class Scales(NamedTuple):
     """1 / h, 1 / c0, 1 / rho0, 1 / (rho0 h^d), p / (rho0 c0^2) of the background, mu / (rho0 c0 h), Monaghan's
-    coefficient against tension; and what the other sums of these kinds are multiplied by.
+    coefficient against tension; and what the other sums of these kinds are multiplied by, `of_arm` with an acceleration
+    in m/s2.
     """
 
     per_h: float
@@ -81,3 +101,4 @@ class Scales(NamedTuple):
     of_strain: float
     of_shifting: float
     of_around: float
+    of_arm: float

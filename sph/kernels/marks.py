@@ -10,7 +10,9 @@ OWN = 64  # particles of this rank
 MINE = FLUID | OWN
 FLOWING_FLUID = FLUID | REAL | FLOWS
 PARTNERS = FLUID | REAL  # two meet of which one is fluid and one real
-NORMAL = 8  # flags >> this: number of the normal of a repulsive particle
+EXTRAPOLATED = 128  # of a wall whose density follows from the fluid before it
+SLIPS = 256  # of a wall without friction
+NORMAL = 9  # flags >> this: number of the normal of a repulsive particle
 
 CODES = 64
 WALL_BITS = 50  # number >> this: number of the wall + 1, 0 for fluid

@@ -10,7 +10,9 @@ import numpy as np
 
 from hpcpic.core.simd.compile import njit
 from hpcpic.core.simd.vector import Vec, convert, lanes, load, maximum, select, splat, store, total
-from sph.kernels.marks import FLUID, MINE, OWN, REPULSIVE, WALL_SHIFT
+from sph.kernels.marks import EXTRAPOLATED, FLUID, MINE, OWN, REPULSIVE, WALL_SHIFT
+
+NO_DENSITY = REPULSIVE | EXTRAPOLATED  # that evolves
 
 DIM = 3
 REAL = "float64"  # of the sums
@@ -36,7 +38,7 @@ def advance(chunk, chunks, numbers, factors, at, flags, external, y, m, sums, y_
     for b in range(np.uint64(chunks[chunk]), np.uint64(chunks[chunk + 1])):
         if flags[b] & OWN == 0:
             continue
-        rate = np.float64(sums[at, b]) * factors[1] if flags[b] & REPULSIVE == 0 else 0.0
+        rate = np.float64(sums[at, b]) * factors[1] if flags[b] & NO_DENSITY == 0 else 0.0
         drho[b] = now * drho[b] + new * rate
         if old != 0.0:  # else there may be no old state
             drho[b] += old * y_old.drho_old[b]
@@ -73,7 +75,7 @@ def drift(chunk, chunks, numbers, factors, at, flags, x, v, drho, sums):
         kinds, dense = load(I, flags, b), load(F, drho, b)
         mine = kinds & MINE == MINE
         rate = convert(F, load(S, sums[at], b)) * factors[1]
-        dense = dense + select(kinds & (OWN | REPULSIVE) == OWN, numbers[0] * rate, 0.0)
+        dense = dense + select(kinds & (OWN | NO_DENSITY) == OWN, numbers[0] * rate, 0.0)
         store(drho, b, select(kinds & MINE == OWN, maximum(dense, 0.0), dense))  # walls do not suck
         for k in range(DIM):
             store(x[k], b, load(F, x[k], b) + select(mine, numbers[0] * load(F, v[k], b), 0.0))

@@ -21,6 +21,7 @@ import numpy as np
 from hpcpic.core.simd.compile import formula, formulas
 from hpcpic.core.simd.generate import module_from_source
 from hpcpic.core.simd.vector import lanes
+from sph.kernels.marks import EXTRAPOLATED, SLIPS
 from sph.physics import terms
 from sph.physics.pair_spec import NUMBERS, Line, PairSpec, Pass, columns_of, passes_of, state_of, sums_of
 from sph.physics.smoothing import SMOOTHING
@@ -33,6 +34,7 @@ ARGUMENTS = (
     "block, blocks, odd, begin, base, shape, numbers, run_first, run_length, flags, position, v, drho, m, values, sums"
 )
 GIVEN = ("d", "n", "solid_i", "solid_j")  # that the loops compute
+OF_FRICTION = ("artificial", "viscous")  # beside an extrapolated wall 0 if it slips, else v_w = 2 v_wall - v
 AMONG_FLUID = ("flux", "fluid_F")  # 0 unless both are fluid
 
 HEAD = """
@@ -83,7 +85,7 @@ class PassText:
         if spec.in_turn:
             places["volume"] = places["light"]
         numbers = [f"{name} = REAL(numbers[{k}])" for k, name in enumerate(NUMBERS)]
-        numbers.append(f"gravity = {_tuple('gravity' + a for a in spec.axes)}")
+        numbers += [f"{name} = {_tuple(spec.components(name))}" for name in ("gravity", "fall")]
         lines = [f"{a}_ = position[{k}]" for k, a in enumerate(spec.axes)] + [f"{c}_ = {places[c]}" for c in read]
         fetch = [f"{name}_i = {name}_[u]" for name in (*spec.axes, *read)] + self._tuples("i")
         fetch += [f"sum{k} = splat(F_, 0.0)" for k in range(n)]
@@ -136,7 +138,10 @@ class PassText:
 
         if not self.spec.walls:
             return loop(True, 12)
-        body = _indent(["class_i = flags[u]", "if class_i & 16 == 16:"], 12) + loop(True, 16) + _indent(["else:"], 12)
+        body = _indent(["class_i = flags[u]"], 12)
+        if not self.one.inside:
+            return body + _indent(["if class_i & 16 == 0:"], 12) + loop(False, 16)
+        body += _indent(["if class_i & 16 == 16:"], 12) + loop(True, 16) + _indent(["else:"], 12)
         if self.one.wall:
             body += _indent(["solid_i = mass_i if class_i & 4 == 4 else REAL(0.0)", "mass_i -= solid_i"], 16)
         return body + loop(False, 16)
@@ -144,7 +149,7 @@ class PassText:
     def _pair(self, plain: bool) -> list[str]:
         """One vector of neighbours; plain: all are fluid and near none that is not."""
         mixed = not plain
-        known = {*GIVEN, *NUMBERS, "gravity"}
+        known = {*GIVEN, *NUMBERS, "gravity", "fall"}
         before = self._distance() + self._prepared("F", known, mixed)
         before.append("F = select(lane < np.int32(end - j), F, 0.0)")
         if mixed:
@@ -154,6 +159,11 @@ class PassText:
                 "mixing = kinds & class_i & 8 == 8",
                 "F = select(partners, F, 0.0)",
             ]
+            if self.spec.extrapolated:
+                before += [f"kind = (kinds | class_i) & {EXTRAPOLATED | SLIPS}", "still = splat(F_, 0.0)"]
+                before.append(f"artificial_here = select(kind & {SLIPS} == 0, still + artificial, 0.0)")
+                before.append(f"mirrored = select(kind == {EXTRAPOLATED}, still + 2.0 * viscous, 0.0)")
+                before.append("viscous_here = select(kind == 0, still + viscous, mirrored)")
         lines = [line for one in self.one.lines for line in self._line(one, known, mixed)]
         for _, _, by in self.one.sums:
             lines += [line for name in by for line in self._prepared(name, known, mixed)]
@@ -185,7 +195,9 @@ class PassText:
         """A formula and before it what it needs that is not known yet."""
         lines = [text for name in needs(line.formula) for text in self._prepared(name, known, mixed)]
         known |= set(line.out.split(", "))
-        lines.append(f"{line.out} = terms.{line.formula.__name__}({', '.join(needs(line.formula))})")
+        given = [f"{name}_here" if mixed and self.spec.extrapolated and name in OF_FRICTION else name
+                 for name in needs(line.formula)]  # fmt: skip
+        lines.append(f"{line.out} = terms.{line.formula.__name__}({', '.join(given)})")
         if mixed and line.out in AMONG_FLUID:
             lines.append(f"{line.out} = select(mixing, {line.out}, 0.0)")
         return lines

@@ -3,7 +3,7 @@
 import numpy as np
 
 from hpcpic.core.simd.compile import njit
-from hpcpic.core.simd.vector import Vec, bitmask, first_bit, lanes, load, maximum, select, splat, store
+from hpcpic.core.simd.vector import Vec, bitmask, first_bit, lanes, load, maximum, rint, select, splat, store
 from sph.kernels.marks import BODY, CODES, MINE, WALL_SHIFT
 
 N = lanes(np.float64)
@@ -19,6 +19,28 @@ def farthest(end, sign, flags, x):
         best = maximum(best, select(mine, load(F, x, b) * sign, -np.inf))
     store(line, 0, best)
     return line.max()
+
+
+@njit
+def beside(end, flags, x, at, reach, period, slots):
+    """Find own fluid at most reach[d] m from at[d] along every axis, by the nearest image where period[d] > 0: its
+    slots, as many as there is room for in slots[n]. Returns how many there are.
+    """
+    n = 0
+    for b in range(0, end, N):
+        near = load(I, flags, b) & MINE == MINE
+        for k in range(at.size):
+            d = load(F, x[k], b) - at[k]
+            if period[k] > 0.0:
+                d = d - rint(d / period[k]) * period[k]
+            near = near & (abs(d) <= reach[k])
+        found = bitmask(near)
+        while found != 0:
+            if n < slots.size:
+                slots[n] = b + first_bit(found)
+            n += 1
+            found &= found - 1
+    return n
 
 
 @njit

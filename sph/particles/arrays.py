@@ -89,6 +89,7 @@ def _of_cells(d: int) -> list[Array]:
         Array("part_extremes", ("parts", 3 + 2 * d), "float64", "SI", "largest v^2, a^2, |rho - rho0|, -x, x"),
         Array("wall_shift", ("walls", d), "float64", "m", "way of the walls since they were last moved"),
         Array("wall_speed", ("walls", d), "float64", "m/s", "velocities of the walls"),
+        Array("wall_acceleration", ("walls", d), "float64", "m/s2", "accelerations of the walls"),
         Array("shape", (6,), "int64", "", "pads, layers, first layer here, layers here, rows, 0"),
         Array("numbers", (5,), "float64", "", "what kernels.motion is told of a step"),
     ]

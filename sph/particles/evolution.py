@@ -26,6 +26,7 @@ class Evolution:
         if not start or self._evaluated_at != self.clock.step:
             with self.timers.section("pairs"):
                 self.evaluations += 1
+                self._tell_accelerations()
                 self.sums.everything(self.clock.step)
                 self._drive()
         self._evaluated_at = self.clock.step if start else -1
@@ -35,6 +36,7 @@ class Evolution:
         if self._evaluated_at != self.clock.step:
             with self.timers.section("pairs"):
                 self.evaluations += 1
+                self._tell_accelerations()
                 self.sums.forces(self.clock.step)
                 self._drive()
             self._evaluated_at = self.clock.step
@@ -47,6 +49,12 @@ class Evolution:
         """Find D of x and rho as in `evaluate_forces`, and the new v. Collective."""
         with self.timers.section("pairs"):
             self.sums.rates(self.clock.step)
+
+    def _tell_accelerations(self) -> None:
+        """Those of the walls now, which their densities follow."""
+        if self.sums.spec.accelerated:
+            axes = list(self.walls.scene.axes)
+            self.tasks.arena["wall_acceleration"][:] = self.walls.acceleration[:, axes]
 
     def forget_rates(self) -> None:
         """The rates of y^n are not known any more."""

@@ -15,7 +15,13 @@ from sph.physics.pair_spec import PairSpec, columns_of, passes_of, sums_of
 from sph.setup.pair_numbers import PairNumbers
 from sph.setup.scene import Scene
 
-FIRST_SUMS = {"gradient": "momentsxx", "matrix": "matrixxx", "shifting": "shiftsx", "strain": "strainsxx"}
+FIRST_SUMS = {
+    "gradient": "momentsxx",
+    "matrix": "matrixxx",
+    "shifting": "shiftsx",
+    "strain": "strainsxx",
+    "walls": "weight",
+}
 
 
 def columns_kernels(spec: PairSpec, gamma: float) -> ModuleType:
@@ -24,7 +30,13 @@ def columns_kernels(spec: PairSpec, gamma: float) -> ModuleType:
     first = {"NORMALS": "nx", "V": "vx", "G": "gx", "L": "lxx", "T": "txx"}
     first |= {name.upper(): name for name in ("push", "light", "volume", "excess", "mass", "slope", "tension")}
     constants: dict[str, Any] = {key: columns.index(name) if name in columns else -1 for key, name in first.items()}
-    constants |= {"DIM": spec.dimensions, "KIND": repr(spec.real), "SINGLE": spec.single, "GAMMA": gamma}
+    constants |= {
+        "DIM": spec.dimensions,
+        "KIND": repr(spec.real),
+        "SINGLE": spec.single,
+        "GAMMA": gamma,
+        "ACCELERATED": spec.accelerated,
+    }
     return specialise("sph.kernels", ["columns"], IN_TURN=spec.in_turn, **constants)
 
 
@@ -64,6 +76,16 @@ class PairSums:
         kernel = getattr(self.columns, f"unpack_{kind}")
         self.tasks.each(kernel, blocks="inner", at=names.index(FIRST_SUMS[kind]))
 
+    def walls(self, iteration: int) -> None:
+        """Densities of walls that follow from the fluid."""
+        if not self.spec.extrapolated:
+            return
+        if self.spec.single:
+            self.pack()  # of places and fluid
+        self._sweep("walls")
+        self._unpack("walls", "walls")
+        self.ghosts.refresh(iteration)
+
     def pack(self) -> None:
         """What pair sums read of all bodies besides the state."""
         self.tasks.each(self.columns.pack, blocks="layers", powers="powers_of_pressure", **self._held)
@@ -74,6 +96,7 @@ class PairSums:
 
     def forces(self, iteration: int) -> None:
         """Split scheme, first half: a (and the density gradient) from x^n, v^n, rho^n."""
+        self.walls(iteration)
         self.pack()
         self.matrices(iteration)
         self.stresses(iteration)
@@ -109,6 +132,7 @@ class PairSums:
     def everything(self, iteration: int) -> None:
         """a and d rho / dt from one state."""
         self.ghosts.refresh(iteration)
+        self.walls(iteration)
         self.pack()
         self.matrices(iteration)
         self.stresses(iteration)

@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hpcpic.core.errors import Diverged
-from sph.kernels.marks import NORMAL, REAL, REPULSIVE, WALL_BITS
+from sph.kernels.marks import EXTRAPOLATED, NORMAL, REAL, REPULSIVE, SLIPS, WALL_BITS
 from sph.particles.slabs import Slabs
 from sph.particles.storage import Storage
 from sph.particles.tasks import Tasks
@@ -31,7 +31,8 @@ def shell(inner: Corners | None, outer: Corners) -> Iterator[Corners]:
 
 
 class Walls:
-    """The walls of a scene at the present time: displacement[wall, d] m and velocity[wall, d] m/s; `made`: the box in
+    """The walls of a scene at the present time: displacement[wall, d] m, velocity[wall, d] m/s and
+    acceleration[wall, d] m/s2; `made`: the box in
     which the particles of a wall exist, at displacement 0. In physical axes.
     """
 
@@ -41,14 +42,15 @@ class Walls:
         self.made: dict[int, Corners] = {}
         self.moving = any(wall.moving for wall in scene.walls)
         self.displacement = np.zeros((len(scene.walls), scene.dimensions))
-        self.velocity = np.zeros((len(scene.walls), scene.dimensions))
+        self.velocity, self.acceleration = np.zeros((2, len(scene.walls), scene.dimensions))
         self.move(0.0)
 
     def move(self, t: float) -> tuple[NDArray, NDArray]:
         """Shift since the last call and velocity of each wall [walls, d] at time t."""
         before = self.displacement.copy()
         for wall in self.scene.walls:
-            self.displacement[wall.index], self.velocity[wall.index] = wall.motion(t)
+            k = wall.index
+            self.displacement[k], self.velocity[k], self.acceleration[k] = wall.motion(t)
         return self.displacement - before, self.velocity
 
     def _boxes_to_make(self, low: NDArray, high: NDArray) -> list[tuple[Wall, Corners]]:
@@ -94,7 +96,7 @@ class Walls:
         ahead = 0.5 * scene.support  # more than it moves in a step
         for wall, part in self._boxes_to_make(box[0] - ahead, box[1] + ahead):
             ids, x, _ = wall.near(*part)
-            drho = scene.rest_density(x) if wall.rule.own_density else np.zeros(len(x))
+            drho = scene.rest_density(x) if wall.rule.layered else np.zeros(len(x))
             x = (x + self.displacement[wall.index])[:, axes] - scene.low[axes]
             mine = np.flatnonzero(slabs.owner[slabs.grid.layer(x[:, 0])] == slabs.world.rank)
             self.add(storage, ids[mine], x[mine].T, drho[mine])
@@ -102,7 +104,10 @@ class Walls:
     def add(self, storage: Storage, ids: NDArray[np.int64], x: NDArray, drho: NDArray) -> None:
         """Append wall particles: x[d, n] m and drho[n] kg/m3 as the storage has them."""
         index, scene = (ids >> WALL_BITS) - 1, self.scene
-        kinds = np.array([REAL | REPULSIVE * wall.rule.repulsive for wall in scene.walls])
+        rules = [wall.rule for wall in scene.walls]
+        kinds = np.array(
+            [REAL | REPULSIVE * r.repulsive | EXTRAPOLATED * r.extrapolated | SLIPS * r.slips for r in rules]
+        )
         mass = np.full(len(ids), scene.rho0 * scene.spacing**scene.dimensions)
         v = self.velocity[index][:, list(scene.axes)].T
         storage.append(x, v, drho, mass, ids, kinds[index] | scene.normal_of(ids) << NORMAL)

@@ -12,9 +12,9 @@ AXES = "xyz"
 UNIT = 2.0**-24  # of fixed-point positions, in h
 NUMBERS = (
     "artificial", "viscous", "flux_strength", "gravityx", "gravityy", "gravityz", "reach", "per_w", "per_h", "eta2",
-    "density", "hundredth",
+    "density", "hundredth", "fallx", "fally", "fallz",
 )  # fmt: skip
-VECTORS = ("v", "n", "g", "gravity", "force", "steps", "shifts")
+VECTORS = ("v", "n", "g", "gravity", "fall", "force", "steps", "shifts", "arm")
 TRIANGLES = ("l", "t", "moments", "matrix")  # symmetric matrices
 MATRICES = ("strains",)
 
@@ -32,6 +32,10 @@ class PairSpec:
     walls: bool = False
     """Whether bodies of other classes than fluid are there."""
     repulsive: bool = False
+    extrapolated: bool = False
+    """Whether there are walls whose density follows from the fluid before them."""
+    accelerated: bool = False
+    """Whether some of these are accelerated."""
     tensile: bool = False
     shifting: bool = False
     corrected: bool = False
@@ -92,11 +96,15 @@ class Sum(NamedTuple):
 
 @dataclass
 class Pass:
-    """Lines of a pair, sums of them, and lines that give `wall`, the further force on i next to a repulsive wall."""
+    """Lines of a pair, sums of them, and lines that give `wall`, the further force on i next to a repulsive wall.
+
+    inside: fluid that meets nothing else takes part.
+    """
 
     lines: list[Line] = field(default_factory=list)
     sums: list[Sum] = field(default_factory=list)
     wall: list[Line] = field(default_factory=list)
+    inside: bool = True
 
 
 def momentum(spec: PairSpec) -> Pass:
@@ -143,6 +151,17 @@ def gradient(_: PairSpec) -> Pass:
     return Pass(lines, sums)
 
 
+def extrapolation(spec: PairSpec) -> Pass:
+    """Sums at particles of walls over the fluid before them: weights, density, and the way from the fluid."""
+    lines = [Line("heavy_i, heavy_j", terms.wall_weights), Line("from_i, from_j", terms.at_the_other)]
+    by = ("heavy_i", "heavy_j")
+    sums = [Sum("weight", by, ("one", "one")), Sum("there", by, ("from_i", "from_j"))]
+    if spec.accelerated:
+        lines.append(Line("minus_heavy", terms.opposite))
+        sums.append(Sum("arm", ("heavy_i", "minus_heavy"), ("d", "d")))
+    return Pass(lines, sums, inside=False)
+
+
 def strain(_: PairSpec) -> Pass:
     """Sums of the velocity gradient."""
     lines = [Line("less_i, less_j", terms.minus_volumes), Line("strains", terms.strains)]
@@ -171,6 +190,8 @@ def passes_of(spec: PairSpec) -> dict[str, Pass]:
         titles |= {"first": [momentum, *stages, *spread], "second": [continuity]}
     else:
         titles |= {"both": [momentum, continuity, *spread]} | ({"slopes": stages} if stages else {})
+    if spec.extrapolated:
+        titles["walls"] = [extrapolation]
     if spec.corrected:
         titles["matrices"] = [matrix]
     if spec.needs_stress:
@@ -181,7 +202,8 @@ def passes_of(spec: PairSpec) -> dict[str, Pass]:
 def joined(parts: list[Pass]) -> Pass:
     """One pass of several."""
     every = [(part.lines, part.sums, part.wall) for part in parts]
-    return Pass(*([item for group in groups for item in group] for groups in zip(*every)))
+    lines, sums, wall = ([item for group in groups for item in group] for groups in zip(*every))
+    return Pass(lines, sums, wall, inside=any(part.inside for part in parts))
 
 
 def sums_of(spec: PairSpec, one: Pass) -> list[str]:

@@ -215,6 +215,33 @@ def morris_wall_drag(wall, dv, F, light_i, light_j, viscous, mass_i, mass_j, sol
     return difference(wall, scaled((light_i * light_j) * (viscous * F) * masses, dv))
 
 
+# ---- walls whose density follows from the fluid before them (Adami et al. 2012), linear in rho - rho0
+
+
+def wall_weights(W, F, mass_i, mass_j):
+    """m W of j for the sum of i, and the other way round; 0 where F is, which is masked."""
+    w = select(F != 0.0, W, 0.0)
+    return mass_j * w, mass_i * w
+
+
+def at_the_other(excess_i, excess_j, fall, d):
+    """rho - rho0 that each side has at the place of the other, if it is at rest there: excess + fall . step, with
+    fall = rho0 / c0^2 times the acceleration by gravity and body force. Adami et al. 2012 (27).
+    """
+    rise = dot(fall, d)
+    return excess_j + rise, excess_i - rise
+
+
+def one():
+    """1, of which the sum with weights is theirs."""
+    return 1.0
+
+
+def opposite(heavy_j):
+    """- m W."""
+    return -heavy_j
+
+
 # ---- continuity and the flux of density
 
 

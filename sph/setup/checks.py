@@ -134,12 +134,17 @@ def shape_faults(shape: Shape, d: int) -> Iterator[Fault]:
 
 
 def gauge_faults(gauge: Gauge, d: int) -> Iterator[Fault]:
-    if gauge.what in ("pressure", "velocity", "elevation", "flow") and not gauge.at:
+    if gauge.what != "front" and not gauge.at:
         yield (), f"at is missing, which a gauge of {gauge.what} needs"
-    if gauge.what == "flow" and not gauge.axis:
+    if gauge.what in ("flow", "wall-pressure") and not gauge.axis:
         yield (), f"axis is missing, which a gauge of {gauge.what} needs"
-    if gauge.size and gauge.what != "flow":
-        yield ("size",), f"only a gauge of flow has a size, one of {gauge.what} has none"
+    if gauge.size and gauge.what not in ("flow", "wall-pressure"):
+        yield ("size",), f"a gauge of {gauge.what} has no size; one of wall-pressure is the mean over an area of wall"
+    for name in ("radius", "wall"):
+        if getattr(gauge, name) and gauge.what != "wall-pressure":
+            yield (name,), f"a gauge of {gauge.what} has no {name}, only one of wall-pressure"
+    if gauge.size and gauge.radius:
+        yield ("radius",), "size is given too: an area is a rectangle or a disc"
     if gauge.axis and gauge.what in ("pressure", "velocity"):
         yield ("axis",), f"a gauge of {gauge.what} has no axis"
     if any(length < 0 for length in gauge.size):
@@ -162,6 +167,9 @@ def names(config: SphConfig) -> Iterator[Fault]:
                 yield path, f"{name!r}{'' if section.name else ', its name by default,'} is taken by {earlier}"
     for i, gauge in enumerate(config.gauge):
         own = columns_of(gauge, name_of("gauge", i, gauge), config.dimensions)
+        walls = [name_of("wall", k, wall) for k, wall in enumerate(config.wall)]
+        if gauge.wall and gauge.wall not in walls:
+            yield ("gauge", i, "wall"), unknown(gauge.wall, walls)
         if double := sorted(columns & set(own)):
             yield ("gauge", i, "name"), f"the series has a column {', '.join(double)} without it"
         columns |= set(own)
@@ -228,8 +236,8 @@ def fluid_faults(config: SphConfig, fluid: Fluid, d: int) -> Iterator[Fault]:
 
 def wall_faults(wall: Wall) -> Iterator[Fault]:
     kind = wall.shape.kind
-    if WALL_RULES[wall.type].flat and kind not in ("box", "plane"):
-        yield ("type",), f'"{wall.type}" needs flat faces, shape box or plane; use "pressure-continuity" for a {kind}'
+    if wall.type and WALL_RULES[wall.type].flat and kind not in ("box", "plane"):
+        yield ("type",), f'"{wall.type}" needs flat faces, shape box or plane; "extrapolated-free-slip" is for a {kind}'
     if wall.motion:
         if any(b.time <= a.time for a, b in itertools.pairwise(wall.motion.path)):
             yield ("motion", "path"), "times must grow"

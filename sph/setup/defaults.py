@@ -5,10 +5,11 @@ from typing import Literal
 
 from hpcpic.core.case.words import only_seconds
 from sph.case import geometry
-from sph.case.config import Domain, SphConfig, name_of, shapes_of
+from sph.case.config import Domain, SphConfig, Wall, name_of, shapes_of
 from sph.case.speeds import speed_scale
 from sph.physics.fluxes import FLUXES
 from sph.physics.stability import courant_limit
+from sph.physics.viscosities import VISCOSITIES
 
 SAFETY = 0.6  # of the stability limit, where no Courant number is given
 
@@ -29,6 +30,7 @@ def completed(config: SphConfig) -> SphConfig:
         }
     )
     config = config.model_copy(update={"domain": domain_of(config), "numerics": _numerics(config)})
+    config = config.model_copy(update={"wall": _wall_types(config)})
     config = config.model_copy(update={"eos": _eos(config)})
     simulation = config.simulation
     if simulation.cfl is None:
@@ -55,6 +57,14 @@ def _wall(wall, d: int):
         motion = {name: getattr(wall.motion, name) or zeros for name in ("velocity", "amplitude")}
         update["motion"] = wall.motion.model_copy(update=motion)
     return wall.model_copy(update=update)
+
+
+def _wall_types(config: SphConfig) -> tuple[Wall, ...]:
+    """The walls of a case of which fluids and numerics are completed, with their types."""
+    form = config.numerics.viscosity_form or "none"
+    sticks = VISCOSITIES[form].physical and any(fluid.dynamic_viscosity for fluid in config.fluid)
+    kind = "extrapolated-no-slip" if sticks else "extrapolated-free-slip"
+    return tuple(wall if wall.type else wall.model_copy(update={"type": kind}) for wall in config.wall)
 
 
 def _gauge(gauge):

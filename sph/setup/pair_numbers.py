@@ -9,7 +9,7 @@ from sph.physics.integrators import INTEGRATORS
 from sph.physics.pair_spec import NUMBERS, UNIT, PairSpec
 from sph.physics.smoothing import SMOOTHING
 from sph.physics.viscosities import VISCOSITIES
-from sph.physics.wall_rules import WALL_RULES
+from sph.physics.wall_rules import rule_of
 from sph.physics.waves import cleary_constant
 from sph.setup.scene import Scene
 
@@ -17,6 +17,7 @@ from sph.setup.scene import Scene
 def pair_spec_of(config: SphConfig, others: bool) -> PairSpec:
     """What the kernels of a case are made for; `others`: there are walls, or images of the fluid."""
     numerics, form = config.numerics, config.numerics.viscosity_form or "none"
+    rules = [rule_of(wall.type) for wall in config.wall]
     viscous = bool(config.fluid) and config.fluid[0].dynamic_viscosity > 0
     return PairSpec(
         config.dimensions,
@@ -30,7 +31,12 @@ def pair_spec_of(config: SphConfig, others: bool) -> PairSpec:
         shifting=numerics.shifting,
         corrected=numerics.gradient_correction,
         split=INTEGRATORS[config.simulation.integrator].split,
-        repulsive=any(WALL_RULES[wall.type].repulsive for wall in config.wall),
+        repulsive=any(rule.repulsive for rule in rules),
+        extrapolated=any(rule.extrapolated for rule in rules),
+        accelerated=any(
+            rule.extrapolated and wall.motion is not None and any(wall.motion.amplitude)
+            for rule, wall in zip(rules, config.wall)
+        ),
     )
 
 
@@ -59,7 +65,7 @@ class PairNumbers:
         return Scales(
             1 / h, 1 / c, 1 / rho, 1 / (rho * h**scene.dimensions), scene.eos.background / (rho * c * c),
             scene.viscosity / (rho * c * h), scene.config.numerics.tensile_correction, sums * length, sums * speed,
-            sums, sums * length,
+            sums, sums * length, h / (c * c) * length / self.density,
         )  # fmt: skip
 
     @property
@@ -77,7 +83,9 @@ class PairNumbers:
         cleary = numerics.viscosity_form == "cleary"
         xi = cleary_constant(scene.kernel, d, numerics.smoothing) if cleary else 1.0
         gravity = np.zeros(3)
-        gravity[:d] = scene.gravity * (h / (c * c)) * (length / self.density)
+        gravity[:d] = scene.gravity[list(scene.axes)] * (h / (c * c)) * (length / self.density)
+        fall = np.zeros(3)
+        fall[:d] = scene.acceleration[list(scene.axes)] * (h / (c * c)) * (length / self.density)
         numbers = {
             "artificial": -0.5 * (numerics.artificial_viscosity or 0.0) * (speed / length),
             "viscous": -2.0 * xi * scene.viscosity / (scene.rho0 * c * h) * (speed / length),
@@ -89,4 +97,5 @@ class PairNumbers:
             "density": 1.0 / self.density,
             "hundredth": 0.01 / (smoothing.factor(d) * self.mass * length),
         } | {f"gravity{axis}": gravity[k] for k, axis in enumerate("xyz")}
+        numbers |= {f"fall{axis}": fall[k] for k, axis in enumerate("xyz")}
         return np.array([numbers[name] for name in NUMBERS])

@@ -20,7 +20,7 @@ from sph.case import geometry
 from sph.kernels.marks import WALL_BITS
 from sph.physics.equation_of_state import EquationOfState
 from sph.physics.stability import support_of
-from sph.physics.wall_rules import WALL_RULES
+from sph.physics.wall_rules import rule_of
 from sph.setup import flows, periodic_walls, rest_distance, signed_distance
 from sph.setup.faces import Face
 from sph.setup.particle_lattices import PART, Filled, Grid, Parts, Sheet, Shell, box_sheets, even, grid_of
@@ -44,7 +44,7 @@ class Wall:
     def __init__(self, scene: "Scene", section: case.Wall, index: int) -> None:
         self.scene, self.section, self.index = scene, section, index
         self.shape = periodic_walls.endless(section.shape, scene.config.domain)
-        self.name, self.rule, self.measure_force = section.name, WALL_RULES[section.type], section.measure_force
+        self.name, self.rule, self.measure_force = section.name, rule_of(section.type), section.measure_force
         self.torque_about = np.array(section.torque_about)
         self.closed = self._closed()
         self.layers = max(1, math.ceil(scene.support / scene.spacing - 0.5))
@@ -55,18 +55,19 @@ class Wall:
     def moving(self) -> bool:
         return self.section.motion is not None
 
-    def motion(self, t: float) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """Displacement[d] in m and velocity[d] in m/s at time t."""
+    def motion(self, t: float) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
+        """Displacement[d] in m, velocity[d] in m/s and acceleration[d] in m/s2 at time t; no jumps of the velocity."""
         d = self.scene.dimensions
         motion = self.section.motion
         if motion is None:
-            return np.zeros(d), np.zeros(d)
+            return np.zeros(d), np.zeros(d), np.zeros(d)
         stop = math.inf if motion.stop is None else motion.stop
         since, goes = min(max(t, motion.start), stop) - motion.start, motion.start <= t < stop
         w = 2 * math.pi / motion.period
         amplitude, velocity = np.array(motion.amplitude), np.array(motion.velocity)
         x = velocity * since + amplitude * math.sin(w * since)
         v = (velocity + amplitude * (w * math.cos(w * since))) * float(goes)
+        a = amplitude * (-w * w * math.sin(w * since) * goes)
         if motion.path:
             times = np.array([0.0] + [place.time for place in motion.path])
             places = np.array([(0.0,) * d] + [place.displacement for place in motion.path])
@@ -76,7 +77,7 @@ class Wall:
             now = int(np.searchsorted(times, t, side="right"))
             if 0 < now < len(times):
                 v = v + (places[now] - places[now - 1]) / (times[now] - times[now - 1])
-        return x, v
+        return x, v, a
 
     def near(self, low: NDArray, high: NDArray) -> tuple[NDArray[np.int64], NDArray, NDArray]:
         """ids[n], x[n, d] at displacement 0, normals[n, d] into the fluid, of the particles in [low, high)."""
@@ -138,7 +139,7 @@ class Wall:
 
     def _lattice(self) -> Any:
         scene, section, shape, dp = self.scene, self.section, self.shape, self.scene.spacing
-        continuous, (low, high) = self.rule.own_density, self.corners
+        continuous, (low, high) = self.rule.layered, self.corners
         if shape.plane:
             depths = (np.arange(self.layers) + 0.5) * dp if continuous else self.recess[:1]
             return Parts([plane_sheet(scene, shape.plane, float(depth)) for depth in depths])

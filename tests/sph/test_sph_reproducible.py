@@ -6,6 +6,13 @@ from sph_scenes import tank, text, torn
 
 from hpcpic.core.comm.world import World
 
+EXTRAPOLATED = """
+wall = ( { name = "floor"; shape = { plane = { point = [0.0, 0.0]; normal = [0.0, 1.0]; }; }; },
+         { name = "disc"; solid = true; motion = { amplitude = [0.02, 0.01]; period = 0.2; };
+           shape = { sphere = { centre = [0.5, 0.25]; radius = 0.08; }; }; } );
+gauge = ( { name = "bed"; what = "wall-pressure"; at = [0.98, 0.0]; axis = "y-"; size = [0.3, 0.0]; period = 0.004; } );
+"""
+
 JOBS = {
     name: {"program": "sph", "case": case, "steps": 12}
     for name, case in {
@@ -15,6 +22,8 @@ JOBS = {
         "periodic": text(d=2, size=(1.0, 0.6), spacing=0.04, fill=(1.0, 0.4), periodic=("x",), form="cleary",
                          viscosity=1.0, precision="single", balance=3, velocity=(2.0, 0.0),
                          more=tank(2, "repulsive", (1.0, 0.6))),
+        "extrapolated": text(d=2, size=(1.0, 0.6), spacing=0.04, fill=(1.0, 0.4), periodic=("x",), flux="delta",
+                             balance=3, velocity=(2.0, 0.0), more=EXTRAPOLATED),
         "torn": torn(),
     }.items()
 }  # fmt: skip

@@ -40,7 +40,9 @@ def stored_for(width: str) -> list[dict[str, str]]:
 
 def test_processors_with_registers_of_one_width_gave_the_same_bits():
     for width in ("registers of 64 bytes", "registers of 32 bytes"):
-        assert len({json.dumps(found, sort_keys=True) for found in stored_for(width)}) <= 1
+        every = stored_for(width)
+        for case in {case for found in every for case in found}:
+            assert len({found[case] for found in every if case in found}) == 1
 
 
 @pytest.mark.validation
@@ -50,7 +52,8 @@ def test_the_bits_of_shipped_cases_are_those_that_are_stored(name, case):
     found = stored_for(registers())
     if not found:
         pytest.skip(f"no digests are stored for {registers()}")
-    assert {digest(name, case)} == {one[f"{name} {case}"] for one in found}
+    known = {one[f"{name} {case}"] for one in found if f"{name} {case}" in one}
+    assert {digest(name, case)} == known
 
 
 if __name__ == "__main__":

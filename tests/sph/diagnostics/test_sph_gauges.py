@@ -33,7 +33,8 @@ def Still(gauge="", high=2.0, periodic='periodic = ["x"];'):
 
 
 def reading(gauge, **more):
-    return Gauges(Still(f"{{ name = \"g\"; {gauge} }}", **more).storage).values(0.0)  # fmt: skip
+    sph = Still(f'{{ name = "g"; {gauge} }}', **more)
+    return Gauges(sph.storage, sph.sensors).values(0.0)
 
 
 @pytest.mark.parametrize("x", [0.0, 0.31, 1.999])
@@ -71,10 +72,11 @@ def test_the_front_is_the_edge_of_the_fluid():
 
 def test_a_gauge_with_a_period_is_read_at_its_multiples_only():
     text = '{ name = "a"; what = "front"; axis = "y+"; period = 0.1; }, { name = "b"; what = "front"; axis = "y+"; }'
-    gauges = Gauges(Still(text).storage)
+    still = Still(text)
+    gauges = Gauges(still.storage, still.sensors)
     times = (0.0, 0.04, 0.1, 0.19, 0.21, 0.3)
     assert [sorted(gauges.values(t)) for t in times] == [["a", "b"], ["b"], ["a", "b"], ["b"], ["a", "b"], ["a", "b"]]
-    later = Gauges(gauges.storage, since=0.21)
+    later = Gauges(gauges.storage, gauges.sensors, since=0.21)
     assert sorted(later.values(0.25)) == ["b"]
 
 

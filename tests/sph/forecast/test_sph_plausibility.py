@@ -33,6 +33,10 @@ def gate(motion, kind="repulsive"):
     return PARTS["wall"][:-1] + "," + solid
 
 
+def sensor(place):
+    return f'( {{ name = "sensor"; what = "wall-pressure"; axis = "x+"; {place} }} )'
+
+
 def surface(z):
     return PARTS["fluid"].replace("shape", f"surface = {z}; shape", 1)
 
@@ -58,6 +62,10 @@ def surface(z):
         ("particles across water along y", "warn", {"numerics": "{ spacing = 0.15; }"}),
         ("speed of gate", "ok", {"wall": gate("velocity = [0.0, 3.0];", "pressure-continuity")}),
         ("speed of gate", "fail", {"wall": gate("velocity = [0.0, 50.0];", "pressure-continuity")}),
+        ("speed of gate", "fail", {"wall": gate("velocity = [0.0, 50.0];", "extrapolated-free-slip")}),
+        ("wall behind sensor", "fail", {"gauge": sensor("at = [0.5, 0.3]; size = [0.0, 0.2];")}),
+        ("width of sensor", "ok", {"gauge": sensor("at = [1.0, 0.3]; size = [0.0, 0.2];")}),
+        ("width of sensor", "warn", {"gauge": sensor("at = [1.0, 0.3]; radius = 0.001;")}),
     ],
 )  # fmt: skip
 def test_a_limit_holds_on_both_sides(name, verdict, parts):

@@ -4,7 +4,8 @@ from sph_scenes import by_id, engine, jitter, tank
 
 from sph.physics.reference import Reference
 
-KINDS = ["pressure-continuity", "repulsive", "mirror-no-slip", "point-symmetric-free-slip"]
+NEW = ["extrapolated-free-slip", "extrapolated-no-slip"]
+KINDS = ["pressure-continuity", "repulsive", "mirror-no-slip", "point-symmetric-free-slip", *NEW]
 
 
 def wave(kind, **settings):
@@ -222,14 +223,14 @@ PLANES = walls_of(
 @pytest.mark.parametrize("motion", ["", "motion = { velocity = [40.0, 0.0]; };"])
 def test_a_channel_through_a_period_is_the_same_however_it_is_described(kind, motion):
     """Its walls may go round and round."""
-    others = [LONG_BOX, PLANES, *(PIPES if kind == "pressure-continuity" else [])]
+    others = [LONG_BOX, PLANES, *(PIPES if kind == "pressure-continuity" or kind in NEW else [])]
     v = channel(kind, BOX, motion)
     assert np.abs(v[1]).max() < np.abs(v[0]).max() < 41.0
     for text in others:
         assert np.abs(channel(kind, text, motion) - v).max() < 1e-9
 
 
-@pytest.mark.parametrize("kind", ["pressure-continuity", "repulsive", "mirror-no-slip"])
+@pytest.mark.parametrize("kind", ["pressure-continuity", "repulsive", "mirror-no-slip", "extrapolated-free-slip"])
 def test_planes_of_any_slope_carry_water_and_a_body_in_it_is_lifted_by_what_it_displaces(kind):
     """A valley of two slopes, and a body of 4 x 4 spacings, whose surface is known to a tenth of one on each side."""
     slopes = [f'{{ name = "{name}"; measure_force = true; type = "{kind}"; shape = {{ plane = {{ point = [2.0, 0.0]; '

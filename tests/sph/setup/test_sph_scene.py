@@ -20,7 +20,7 @@ wall = ( { name = "tank"; type = "KIND";
          { name = "post"; type = "KIND"; solid = true; MOTION
            shape = { box = { low = [0.6, 0.2, 0.0]; high = [0.8, 0.4, 0.6]; }; }; } );
 """
-KINDS = ("pressure-continuity", "repulsive", "point-symmetric-free-slip", "mirror-no-slip")
+KINDS = ("pressure-continuity", "repulsive", "point-symmetric-free-slip", "mirror-no-slip", "extrapolated-free-slip")
 GATE = "motion = { velocity = [0.0, 0.0, 2.0]; amplitude = [0.1, 0.0, 0.0]; period = 0.5; start = 0.1; stop = 0.8; };"
 
 
@@ -157,9 +157,9 @@ def test_the_velocity_of_a_moving_wall_is_the_rate_of_its_displacement():
         "         { time = 0.5; displacement = [0.1, 0.3, 0.0]; } ); };"
     )
     wall = scene_of(motion=path).walls[1]
-    assert np.allclose(wall.motion(0.1), ([0.05, 0, 0], [0.5, 0, 0]))
-    assert np.allclose(wall.motion(0.35), ([0.1, 0.15, 0], [0, 1.0, 0]))
-    assert np.allclose(wall.motion(2.0), ([0.1, 0.3, 0], [0, 0, 0]))
+    assert np.allclose(wall.motion(0.1), ([0.05, 0, 0], [0.5, 0, 0], [0, 0, 0]))
+    assert np.allclose(wall.motion(0.35), ([0.1, 0.15, 0], [0, 1.0, 0], [0, 0, 0]))
+    assert np.allclose(wall.motion(2.0), ([0.1, 0.3, 0], [0, 0, 0], [0, 0, 0]))
 
 
 @pytest.mark.parametrize("gamma", [1.0, 7.0])

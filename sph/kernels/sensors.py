@@ -1,0 +1,64 @@
+"""Forces on areas of walls, by chunks of slots, as integers."""
+
+import numpy as np
+
+from hpcpic.core.simd.compile import njit
+from hpcpic.core.simd.vector import Vec, bitmask, first_bit, lanes, load
+from sph.kernels.marks import BODY, CODES, MINE, OWN, WALL_SHIFT
+
+DIM = 3
+REAL = "float64"  # of the sums
+
+N = lanes(np.float64)
+I = Vec(N, np.int32)
+
+
+@njit
+def share(k, s, x, areas):
+    """How much of the wall body in slot s belongs to area k: of its own square of one spacing, what lies in the area;
+    nothing farther behind the area than the support, or more than half a spacing before it.
+    """
+    period, spacing, across, part = areas.period, areas.lengths[0], 0.0, 1.0
+    for a in range(DIM):
+        d = x[a, s] - areas.area_middle[k, a]
+        if period[a] > 0.0:
+            d -= period[a] * np.rint(d / period[a])
+        if a == areas.area_along[k]:
+            behind = d if areas.area_unit[k] > 0.0 else -d
+            if not -0.5 * spacing < behind <= areas.lengths[1]:
+                return 0.0
+        elif areas.area_radius[k] > 0.0:
+            across += d * d
+        else:
+            half = areas.area_half[k, a]
+            over = min(d + 0.5 * spacing, half) - max(d - 0.5 * spacing, -half)
+            part *= max(over, 0.0) / spacing
+    if areas.area_radius[k] > 0.0:
+        return min(max((areas.area_radius[k] - np.sqrt(across)) / spacing + 0.5, 0.0), 1.0)
+    return part
+
+
+@njit
+def push(chunk, chunks, flags, key, x, sums, factors, shape, scale, areas, pushed):
+    """pushed[chunk, k] = force on area k along its normal, in units of 1 / area_unit[k], on the particles of walls in
+    the slots of a chunk, and on images of the fluid in walls where these are in own layers.
+    """
+    pushed[chunk], slab = 0, areas.slab
+    for b in range(chunks[chunk], chunks[chunk + 1], N):
+        kinds = load(I, flags, b)
+        others = bitmask((kinds & BODY == BODY) & (kinds & MINE != MINE))
+        while others != 0:
+            s = np.uint64(b + first_bit(others))
+            others &= others - 1
+            image = key[s] % CODES
+            wall = areas.wall_images[image] if image > 0 else key[s] >> WALL_SHIFT
+            layer = np.int64(np.floor(x[0, s] * scale[0])) + shape[0]
+            here = slab[0] <= layer < slab[1] if image > 0 else flags[s] & OWN == OWN
+            if wall == 0 or not here:
+                continue
+            for k in range(areas.area_unit.size):
+                if areas.area_wall[k] == 0 or areas.area_wall[k] == wall:
+                    part = share(k, s, x, areas)
+                    if part > 0.0:
+                        force = np.float64(sums[np.uint64(areas.area_along[k]), s]) * factors[0]
+                        pushed[chunk, k] += np.int64(np.rint(force * part * areas.area_unit[k]))

@@ -1,0 +1,92 @@
+"""Pressure on areas of walls: their forces add up to that on the wall, in space and time."""
+
+import numpy as np
+import pytest
+from sph_scenes import engine, jitter, tank
+
+from hpcpic.core.case.config import loads
+from hpcpic.core.errors import ConfigError
+from sph.case.sensors import area_of
+from sph.configure import configure
+
+FLOOR = 'at = [0.5, 0.0]; axis = "y-"; '
+
+
+def gauge(text, name="g"):
+    return f'{{ name = "{name}"; what = "wall-pressure"; {text} }}'
+
+
+def pool(*gauges, kind="extrapolated-free-slip", d=2, size=(1.0, 1.2), **more):
+    walls = tank(d, kind, size) + f"\ngauge = ( {', '.join(gauges)} );"
+    return engine(**{"d": d, "size": size, "fill": (*size[:-1], 0.5), "more": walls, "alpha": 0.2} | more)
+
+
+@pytest.mark.parametrize("kind", ["extrapolated-free-slip", "repulsive", "mirror-no-slip"])
+def test_areas_side_by_side_bear_what_one_over_all_of_them_does(kind):
+    parts = [gauge(f'at = [{x}, 0.0]; axis = "y-"; size = [{w}, 0.0];', f"g{k}")
+             for k, (x, w) in enumerate([(0.31, 0.02), (0.37, 0.1), (0.46, 0.08), (0.4, 0.2)])]  # fmt: skip
+    sph = pool(*parts, kind=kind)
+    jitter(sph)
+    sph.evolution.evaluate_forces()
+    *small, all_of_it = sph.sensors.now() * [0.02, 0.1, 0.08, 0.2]
+    assert abs(all_of_it) > 100.0
+    assert np.sum(small) == pytest.approx(all_of_it, rel=1e-8)  # rounded to 2^-40 rho0 c0^2
+
+
+def test_readings_are_means_over_the_time_since_the_last_one():
+    """As the impulse on all of the wall tells: a floor of its own, and an area beyond its ends."""
+    floor = """wall = ( { name = "floor"; measure_force = true; type = "extrapolated-free-slip";
+                 shape = { plane = { point = [0.0, 0.0]; normal = [0.0, 1.0]; }; }; } );"""
+    sph = engine(periodic=("x",), fill=(1.0, 0.5), more=f"{floor} gauge = ( {gauge(FLOOR + 'size = [1.0, 0.0];')} );")
+    jitter(sph)
+    assert sph.scalars()["g"] == pytest.approx(-sph.wall_forces()["floor"][0][1], rel=1e-8)  # now
+    for steps in (1, 3):
+        before, since = sph.forces.impulses[0].copy(), sph.time
+        for _ in range(steps):
+            sph.step()
+        pushed = -(sph.forces.impulses[0] - before)[2]
+        assert sph.scalars()["g"] == pytest.approx(pushed / (sph.time - since), rel=1e-8)
+
+
+def test_a_sensor_under_still_water_reads_its_weight():
+    """To 5 %, which the sums over neighbours lack at h / dp = 1.3, at rest on the lattice: a rectangle and a disc in the floor of a 3D tank and one in its side."""
+    floor = 'at = [0.4, 0.4, 0.0]; axis = "z-"; '
+    sph = pool(gauge(floor + "size = [0.2, 0.3, 0.0];", "a"), gauge(floor + "radius = 0.2;", "b"),
+               gauge('at = [0.8, 0.4, 0.25]; axis = "x+"; size = [0.0, 0.3, 0.2];', "c"),
+               d=3, size=(0.8, 0.8, 0.6), fill=(0.8, 0.8, 0.5), spacing=0.05)  # fmt: skip
+    found, weight = sph.scalars(), 1000 * 9.81
+    for name, depth, error in (("a", 0.5, 0.05), ("b", 0.5, 0.06), ("c", 0.25, 0.06)):
+        assert found[name] == pytest.approx(weight * depth, rel=error)
+
+
+def test_a_sensor_moves_with_its_wall():
+    more = tank(2, more="motion = { velocity = [0.0, 1.0]; };") + f"gauge = ( {gauge(FLOOR + 'wall = {0};')} );"
+    for wall, height in (('"tank"', 1.0), ('""', 0.0)):
+        sph = engine(more=more.replace("{0}", wall))
+        for _ in range(3):
+            sph.step()
+        sph.sensors.now()
+        up = sph.scene.axes.index(1)
+        assert sph.tasks.arena["area_middle"][0, up] == pytest.approx(height * sph.time, abs=1e-12)
+
+
+def test_areas():
+    def area(text, d=2):
+        more = tank(d) + f"gauge = ( {gauge(text)} );"
+        return area_of(engine(d=d, spacing=0.1, more=more).scene.config.gauge[0], 0.1)
+
+    assert area(FLOOR) == 0.1 and area(FLOOR + "size = [0.3, 0.0];") == 0.3 and area(FLOOR + "radius = 0.2;") == 0.4
+    assert area('at = [0.5, 0.5, 0.0]; axis = "z-"; radius = 0.2;', 3) == pytest.approx(np.pi * 0.04)
+
+
+@pytest.mark.parametrize(
+    "text, words",
+    [("at = [0.5, 0.0];", "axis is missing"), (FLOOR + "radius = 0.1; size = [0.1, 0.0];", "a rectangle or a disc"),
+     (FLOOR + 'wall = "flor";', "floor")],
+)  # fmt: skip
+def test_what_an_area_lacks_is_told(text, words):
+    from sph_scenes import text as case
+
+    more = tank(2).replace('"tank"', '"floor"') + f"gauge = ( {gauge(text)} );"
+    with pytest.raises(ConfigError, match=words):
+        configure(loads(case(more=more)))
