@@ -78,8 +78,8 @@ class Gauges:
                 return slots[:n]
             self._room = 2 * n
 
-    def separation(self, x: NDArray, at: tuple[float, ...]) -> NDArray[np.float64]:
-        """x[n, d] - at in m, to the nearest image along periodic axes."""
+    def separation(self, x: NDArray, at: tuple[float, ...] | NDArray) -> NDArray[np.float64]:
+        """x[n, d] - at in m (one place, or [n, d]), to the nearest image along periodic axes."""
         r = x - np.array(at)
         length = self.scene.high - self.scene.low
         return np.where(self.scene.periodic, r - length * np.rint(r / length), r)

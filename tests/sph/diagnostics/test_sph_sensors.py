@@ -49,8 +49,8 @@ def test_readings_are_means_over_the_time_since_the_last_one():
 
 
 def test_a_sensor_under_still_water_reads_its_weight():
-    """To 5 %, which sums over neighbours lack at h / dp = 1.3, at rest on the lattice: a rectangle and a disc in the floor
-    of a 3D tank and one in its side.
+    """To 5 %, which sums over neighbours lack at h / dp = 1.3, at rest on the lattice: a rectangle and a disc in the
+    floor of a 3D tank and one in its side.
     """
     floor = 'at = [0.4, 0.4, 0.0]; axis = "z-"; '
     sph = pool(gauge(floor + "size = [0.2, 0.3, 0.0];", "a"), gauge(floor + "radius = 0.2;", "b"),
