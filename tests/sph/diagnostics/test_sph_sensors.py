@@ -84,7 +84,7 @@ def test_areas():
 @pytest.mark.parametrize(
     "text, words",
     [("at = [0.5, 0.0];", "axis is missing"), (FLOOR + "radius = 0.1; size = [0.1, 0.0];", "a rectangle or a disc"),
-     (FLOOR + 'wall = "flor";', "floor")],
+     (FLOOR + 'wall = "roof";', "floor")],
 )  # fmt: skip
 def test_what_an_area_lacks_is_told(text, words):
     from sph_scenes import text as case
