@@ -119,7 +119,7 @@ class Quiet(Loader):
     random_positions = random_deviates = False
 
     def batch_size(self, section: Species, points: tuple[int, ...]) -> int:
-        """As many particles in every cell, so that no beat is an alias."""
+        """The number of cells: with as many particles in each, no beat is an alias."""
         return math.prod(points)
 
     def positions(self, batch: Batch) -> NDArray[np.float64]:
