@@ -22,6 +22,8 @@ PROGRAMS = {  # the groups and settings outside of groups in a case of each prog
         *SHARED, "domain", "fluid", "boundary", "obstacle", "grains", "contact", "coupling", "gravity", "shaking",
     },
 }  # fmt: skip
+ROOT = Path(__file__).resolve().parents[3]  # of the packages
+SHIPPED = {"hpcpic": "hpcpic/plasma/shipped", "sph": "sph/shipped", "lbmdem": "lbmdem/shipped"}
 GROUP = re.compile(rf"(?m)^\s*(@include\b|({'|'.join(sorted(set().union(*PROGRAMS.values())))})\s*[=:]\s*[{{(\[])")
 
 
@@ -82,6 +84,9 @@ def find_case(case: str, shipped: Mapping[str, Path]) -> Path:
     if os.path.isdir(case):
         hint = f"; its case is {path / 'config.conf'}" if (path / "config.conf").is_file() else ""
         raise ConfigError(f"{case}: a folder, not a case file{hint}")
+    for program, folder in SHIPPED.items():
+        if (ROOT / folder / f"{case}.conf").is_file():
+            raise ConfigError(f"{case}: a shipped case of {program}; say `{program}` instead")
     near = difflib.get_close_matches(case, shipped, 1)
     hint = f"; did you mean {near[0]!r}?" if near else f"; shipped cases: {', '.join(shipped)}"
     raise ConfigError(f"{case}: no such file, and no shipped case is called so{hint}")

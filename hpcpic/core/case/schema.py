@@ -26,6 +26,16 @@ SYNONYMS = {  # what others call a key -> what it may be called here
     **dict.fromkeys(("nu", "viscosity"), ("kinematic_viscosity",)),
     **dict.fromkeys(("mu", "eta"), ("dynamic_viscosity",)),
     **dict.fromkeys(("rho", "rho0", "rho_0"), ("density",)),
+    **dict.fromkeys(("nx", "n", "cells"), ("points", "particles", "spacing")),
+    **dict.fromkeys(("radius", "r", "d"), ("diameter",)),
+    **dict.fromkeys(("v", "u"), ("drift_velocity", "velocity")),
+    **dict.fromkeys(("b", "b0"), ("magnetic",)),
+    **dict.fromkeys(("te", "t_e"), ("temperature",)),
+    "h": ("smoothing",),
+    "q": ("charge",),
+    "m": ("mass",),
+    "np": ("particles",),
+    "length": ("space_length", "size"),
     "c0": ("sound_speed",),
     "g": ("gravity",),
     "tau": ("relaxation_time",),
@@ -252,8 +262,8 @@ def nearest_key(model: type[Section], path: Path) -> str:
     place = re.sub(r"\[\d+\]", "[]", dotted(tuple(groups)))
     for word in SYNONYMS.get(str(name).lower(), ()):
         found = [key for key in keys_of(model) if key.rpartition(".")[2] == word]
-        if found:
-            beside = f"{place}.{word}" in found
+        beside = f"{place}.{word}" in found
+        if found and (beside or len(str(name)) > 1):
             meant = dotted((*groups, word)) if beside else found[0]
             return f"; did you mean {meant!r}?"
     near = difflib.get_close_matches(str(name), own.model_fields, 1, 0.6)

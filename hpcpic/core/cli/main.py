@@ -92,6 +92,8 @@ class CommandLine(click.Group):
         if arguments and arguments[0] not in VERBS:
             import difflib  # only where there is a mistake
 
+            if arguments[0] == "help":
+                raise click.UsageError(f"say `{self.name} --help`, or `{self.name} VERB --help`", context)
             if near := difflib.get_close_matches(arguments[0], VERBS, 1):
                 raise click.UsageError(f"no such command {arguments[0]!r}; did you mean {near[0]!r}?", context)
         return super().resolve_command(context, arguments)
@@ -102,6 +104,7 @@ class CommandLine(click.Group):
         try:
             sys.exit(self._answered(args, *rest, **settings) or 0)
         except click.ClickException as error:
+            error.message += hint(error, self.name or "")
             if not launcher_rank():
                 error.show()
             sys.exit(error.exit_code)
@@ -130,6 +133,17 @@ class CommandLine(click.Group):
         if not launcher_rank():
             click.echo(error.message, err=True)
         sys.exit(error.exit_code)
+
+
+def hint(error: click.ClickException, program: str) -> str:
+    """What a wrong use of the command line probably wants."""
+    if isinstance(error, click.MissingParameter) and error.param and error.param.name == "case":
+        return f" `{program} list` shows the shipped ones."
+    if isinstance(error, click.NoSuchOption) and error.option_name in ("-n", "-np", "--ranks"):
+        return f" Ranks are asked for in front: mpirun -n N {program} ..."
+    if "extra argument" in error.message and "." in error.message:
+        return " A setting is one word: --set KEY=VALUE"
+    return ""
 
 
 def leave_alone() -> None:

@@ -51,6 +51,8 @@ def make_sweep_command(app_loader: AppLoader) -> click.Command:
         """
         refuse_launcher()
         app = app_loader()
+        if not sets:
+            raise click.UsageError("--set KEY=VALUE,VALUE,... is missing: what is to be swept over?")
         combinations = expand(sets, zipped)
         path = read_case(app, case, combinations[0]).path
         combinations = with_equal_ends(app, path, combinations)
