@@ -1,4 +1,4 @@
-"""What every figure shares: one look, PNG and SVG and MP4 without a display, and the figures that need no
+"""What every figure shares: one look, PNG, SVG, GIF and MP4 without a display, and the figures that need no
 physics.
 """
 
@@ -30,7 +30,7 @@ INK = "#24292f"  # text and axes; the report turns it into the colour of its own
 COLOURS = ("#0072b2", "#d55e00", "#009e73", "#cc79a7", "#e69f00", "#56b4e9", "#7f7f7f", "#8c6d1f")
 PAPER = "#ffffff"
 THEORY: Any = {"color": INK, "linestyle": (0, (5, 3)), "linewidth": 1.4}  # a line of theory: dashed and dark
-DOTS_PER_INCH = 150
+DOTS_PER_INCH, SCREEN = 150, 72  # of figures in files, and of frames of a GIF
 FRAMES_PER_SECOND = 12
 BINS = 2000  # pieces that a long line is drawn in
 
@@ -155,7 +155,20 @@ def svg(figure: Figure, prefix: str = "") -> str:
 
 
 def movie(frames: Iterator[Figure], path: Path) -> None:
-    """Write an MP4 of equally large figures, replaced only when complete. Raises NoData without the video packages."""
+    """Write equally large figures as a GIF or an MP4, replaced only when complete. Raises NoData where an MP4 lacks the
+    video packages.
+    """
+    if path.suffix == ".gif":
+        from PIL import Image
+
+        from hpcpic.core.files.rundir import write_atomic
+
+        buffer, images = io.BytesIO(), [Image.fromarray(_pixels(figure, SCREEN)) for figure in frames]
+        colours = images[-1].quantize(256)
+        first, *others = (image.quantize(palette=colours, dither=Image.Dither.NONE) for image in images)
+        first.save(buffer, "GIF", save_all=True, append_images=others, duration=1000 // FRAMES_PER_SECOND, loop=0)
+        write_atomic(path, buffer.getvalue())
+        return
     try:
         import imageio.v2 as imageio
         import imageio_ffmpeg  # noqa: F401  (imageio finds it by itself)
@@ -172,10 +185,10 @@ def movie(frames: Iterator[Figure], path: Path) -> None:
         made.unlink(missing_ok=True)
 
 
-def _pixels(figure: Figure) -> np.ndarray:
+def _pixels(figure: Figure, dots_per_inch: float = DOTS_PER_INCH) -> np.ndarray:
     """RGB[height, width, 3] with both sides even, which the codec asks for."""
     figure.set_facecolor(PAPER)
-    figure.set_dpi(DOTS_PER_INCH)
+    figure.set_dpi(dots_per_inch)
     canvas: Any = figure.canvas  # of Agg, which its type does not tell
     with style():
         canvas.draw()

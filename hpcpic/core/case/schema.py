@@ -29,7 +29,7 @@ SYNONYMS = {  # what others call a key -> what it may be called here
     **dict.fromkeys(("nx", "n", "cells"), ("points", "particles", "spacing")),
     **dict.fromkeys(("radius", "r", "d"), ("diameter",)),
     **dict.fromkeys(("v", "u"), ("drift_velocity", "velocity")),
-    **dict.fromkeys(("b", "b0"), ("magnetic",)),
+    **dict.fromkeys(("b0", "b_0"), ("magnetic",)),
     **dict.fromkeys(("te", "t_e"), ("temperature",)),
     "h": ("smoothing",),
     "q": ("charge",),

@@ -33,10 +33,10 @@ def make_plot_command(app_loader: AppLoader) -> click.Command:
     @click.option(
         "--format",
         "kind",
-        type=click.Choice(["png", "svg", "mp4"]),
+        type=click.Choice(["png", "svg", "gif", "mp4"]),
         default="png",
         show_default=True,
-        help="mp4: a movie over the snapshots.",
+        help="gif, mp4: a movie over the snapshots; mp4 wants the extra `video`.",
     )
     @use_option
     @click.option("--step", type=int, help="Snapshot to draw.  [default: the last one]")
@@ -94,7 +94,7 @@ def _draw(run: Run, plot: Plot, path: Path, step: int | None) -> Path:
     from hpcpic.core.app.figures import NoData, movie, save
 
     path.parent.mkdir(parents=True, exist_ok=True)
-    if path.suffix != ".mp4":
+    if path.suffix not in (".gif", ".mp4"):
         save(plot.make(run, step), path)
         return path
     if plot.steps is None:
