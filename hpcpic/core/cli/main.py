@@ -104,9 +104,9 @@ class CommandLine(click.Group):
         try:
             sys.exit(self._answered(args, *rest, **settings) or 0)
         except click.ClickException as error:
-            error.message += hint(error, self.name or "")
             if not launcher_rank():
                 error.show()
+                click.echo(hint(error, self.name or ""), nl=False, err=True)
             sys.exit(error.exit_code)
         except click.Abort:  # Ctrl-C before there is anything to stop
             leave_alone()
@@ -138,11 +138,11 @@ class CommandLine(click.Group):
 def hint(error: click.ClickException, program: str) -> str:
     """What a wrong use of the command line probably wants."""
     if isinstance(error, click.MissingParameter) and error.param and error.param.name == "case":
-        return f" `{program} list` shows the shipped ones."
+        return f"`{program} list` shows the shipped ones.\n"
     if isinstance(error, click.NoSuchOption) and error.option_name in ("-n", "-np", "--ranks"):
-        return f" Ranks are asked for in front: mpirun -n N {program} ..."
+        return f"Ranks are asked for in front: mpirun -n N {program} ...\n"
     if "extra argument" in error.message and "." in error.message:
-        return " A setting is one word: --set KEY=VALUE"
+        return "A setting is one word: --set KEY=VALUE\n"
     return ""
 
 
