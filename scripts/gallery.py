@@ -29,7 +29,7 @@ from hpcpic.core.files.reader import open_run
 ROOT = Path(__file__).resolve().parent.parent
 PICTURES, PAGE = ROOT / "docs/gallery", ROOT / "docs/cases.md"
 DOTS_PER_INCH = 84
-COLOURS = 96  # of a picture: keeps it near 20 kB
+COLOURS = 256  # of a picture: fewer make bands of its scale
 LONG = 600.0  # seconds: longer cases are run only when they are named
 
 
