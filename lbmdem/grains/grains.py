@@ -273,6 +273,12 @@ class Grains:
         found["pull"] = replace(found["pull"], low=0.0, high=1.0)
         return found
 
+    def are_as_made(self) -> bool:
+        """True if the held grains are as heavy and as large as those of the scene: no step changes that."""
+        ids, made = self.columns["id"], self._made_of
+        same = (np.array_equal(self.columns[name], made[name][ids]) for name in ("mass", "inertia", "fixed"))
+        return all(same) and np.array_equal(self.columns["row"][:, 3], made["radius"][ids])
+
     def take(self, ids: NDArray[np.int64], arrays: Mapping[str, NDArray]) -> None:
         """Collective: these grains instead of those of this rank; `settle` next."""
         if self.replicated:

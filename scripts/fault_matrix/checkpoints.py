@@ -307,12 +307,13 @@ def stale(bench: Bench) -> str:
 @row(86, "kill -9 of all at 20 random moments of a run, a restart after each", "same bits")
 def kills_and_restarts(bench: Bench) -> str:
     chance, steps = np.random.default_rng(6), bench_steps(bench)
-    pause, every = 60.0 / steps, ("--checkpoint-every", "2")
+    pause, every, log = 20.0 / steps, ("--checkpoint-every", "2"), bench.run_folder / "log.txt"
     for k in range(20):
-        again = bool(bench.checkpoints())
-        words = bench.restart_words(*every) if again else bench.run_words("--replace", *every)
+        if not bench.checkpoints():
+            shutil.rmtree(bench.run_folder, ignore_errors=True)
+        words = bench.restart_words(*every) if bench.run_folder.exists() else bench.run_words(*every)
+        begun = len(BEGUN.findall(log.read_text())) if log.exists() else 0
         with bench.started(words=words, ranks=1 + k % 2, wait=False, pause=pause) as running:
-            begun = len(BEGUN.findall(running.log())) if again else 0
             if k % 5:  # else while it starts
                 running.wait_for(lambda: len(BEGUN.findall(running.log())) > begun)  # noqa: B023 - called at once
             time.sleep(chance.uniform(0.0, 2.0))

@@ -5,6 +5,7 @@ Grains touch, cross the seam and the cuts between slabs, cover and uncover nodes
 
 from itertools import product
 
+import numpy as np
 import pytest
 from app_runner import check_other_arrays_are_refused, check_same, running
 
@@ -151,3 +152,14 @@ def test_an_energy_of_a_grain_that_is_no_number_ends_the_run(world, column):
         assert app.guard() is None
         app.dem.grains.columns[column][1] = float("nan")
         assert app.guard() == "the energy of a grain is no number"
+
+
+@pytest.mark.parametrize(("column", "word"), [("mass", ()), ("inertia", ()), ("row", (3,))])
+def test_a_grain_of_another_mass_or_size_ends_the_run(world, column, word):
+    """No step changes them: the memory is damaged, by the least that a bit can do."""
+    with running(world, "lbmdem", DISCS) as app:
+        app.step()
+        assert app.guard() is None
+        values = app.dem.grains.columns[column]
+        values[(1, *word)] = np.nextafter(values[(1, *word)], 1.0)
+        assert "damaged memory" in app.guard()
