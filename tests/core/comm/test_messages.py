@@ -43,6 +43,13 @@ def test_an_array_that_is_no_single_piece_of_memory_is_refused(world):
         Messages(world.comm, sends=[Message(0, 0, np.zeros((4, 4))[:, 1])])
 
 
+def test_a_message_of_more_than_mpi_counts_is_refused(world):
+    from mpi4py import MPI
+
+    with pytest.raises(ValueError, match="at most 2147483647"):
+        Messages(world.comm, sends=[Message(0, 0, (0, 1 << 31, MPI.BYTE))])
+
+
 def check_replay(world):
     messages, out, into = ring(world)
     for turn, iteration in enumerate((-2, -1, 0, 510, 511, 512, 1024)):
