@@ -11,7 +11,10 @@ from hpcpic.core.app.figures import COLOURS, INK, NoData, NotInScene, new_figure
 from sph.analysis import render, theory
 from sph.analysis.run_config import config_of, scene_of
 from sph.case import geometry
-from sph.physics.wall_rules import rule_of
+from sph.physics.reference import velocity_gradient
+from sph.physics.smoothing import SMOOTHING
+from sph.physics.stability import support_of
+from sph.setup.channel import Channel, channel_of
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -207,22 +210,6 @@ def tank_box(run: Run, low: np.ndarray, high: np.ndarray) -> tuple[np.ndarray, n
 # ------------------------------------------------------------------------------------------- profiles
 
 
-def channel(config: SphConfig) -> tuple[int, int, float, float]:
-    """Axis of the flow, axis across, lower plane and width of a channel driven by a body force; raises NoData."""
-    force = np.array(config.body_force)
-    walls = [wall for wall in config.wall if rule_of(wall.type).face_images and wall.shape.box]
-    viscous = any(fluid.dynamic_viscosity for fluid in config.fluid)
-    if not walls or np.count_nonzero(force) != 1 or any(config.gravity) or not viscous:
-        raise NotInScene("only for a body-forced viscous flow between two planes")
-    along = int(np.flatnonzero(force)[0])
-    periodic = {"xyz".index(axis) for axis in config.domain.periodic}
-    across = [k for k in range(config.dimensions) if k not in periodic]
-    if along not in periodic or len(across) != 1:
-        raise NotInScene("only for a channel that is periodic along the flow")
-    low, high = geometry.bounds(walls[0].shape)
-    return along, across[0], low[across[0]], high[across[0]] - low[across[0]]
-
-
 def rows(z: np.ndarray, values: np.ndarray, width: float, spacing: float) -> tuple[np.ndarray, np.ndarray]:
     """Means of z and values over the layers of particles across a channel."""
     n = geometry.count(width, spacing)
@@ -231,13 +218,36 @@ def rows(z: np.ndarray, values: np.ndarray, width: float, spacing: float) -> tup
     return np.bincount(row, z, n) / counts, np.bincount(row, values, n) / counts
 
 
+def shear_stress(config: SphConfig, channel: Channel, particles: dict[str, np.ndarray]) -> np.ndarray:
+    """Stress[n] of each particle along a channel, mu epsilon of (MP 22) with the images in its planes, Pa."""
+    along, across, floor, width, _, nu = channel
+    d, h, mass = config.dimensions, config.h, particles["mass"]
+    plane = np.eye(d)[across]
+    x, v, volume = particles["position"][:, :d], particles["velocity"][:, :d], mass / particles["density"]
+    images = [x - 2 * plane * (x[:, across, None] - end) for end in (floor, floor + width)]
+    all_x, all_v, all_volume = np.concatenate([x, *images]), np.concatenate([v, -v, -v]), np.tile(volume, 3)
+    low, high = (np.array(corner) for corner in config.domain.corners)
+    period = np.where(np.arange(d) == across, np.inf, high - low)
+    found = np.empty(len(x))
+    for place in np.arange(floor, floor + width, h):
+        own = np.flatnonzero((x[:, across] >= place) & (x[:, across] < place + h))
+        near = np.abs(all_x[:, across] - place - h / 2) < support_of(config) + h / 2
+        dx = x[own].T[:, :, None] - all_x[near].T[:, None, :]
+        dx -= np.where(np.isinf(period), 0.0, period)[:, None, None] * np.rint(dx / period[:, None, None])
+        f = SMOOTHING[config.numerics.kernel].gradient(np.sqrt(np.sum(dx * dx, axis=0)) / h, d) / h ** (d + 2)
+        slopes = velocity_gradient(all_volume[near], f, dx, v[own].T[:, :, None] - all_v[near].T[:, None, :])
+        found[own] = config.fluid[0].density * nu * (slopes[along, across] + slopes[across, along])
+    return found
+
+
 def profiles(run: Run, step: int | None = None) -> Figure:
     """Velocity and shear stress across a channel at several times beside the series (MP 24)."""
     config = config_of(run)
-    along, across, floor, width = channel(config)
-    snapshots = snapshots_of(run)
-    force, density = abs(config.body_force[along]), config.fluid[0].density
-    nu = config.fluid[0].dynamic_viscosity / density
+    channel = channel_of(config)
+    if channel is None:
+        raise NotInScene("only for a viscous flow that a body force drives between two planes")
+    along, across, floor, width, force, nu = channel
+    snapshots, density, spacing = snapshots_of(run), config.fluid[0].density, config.numerics.spacing
     settled = width * width / nu
     if step is None:
         wanted = [t * settled for t in (0.0225, 0.045, 0.1125, 0.225, 1.0)]
@@ -245,21 +255,20 @@ def profiles(run: Run, step: int | None = None) -> Figure:
     else:
         numbers = [snapshots.index(step)]
     fine = np.linspace(0.0, width, 201)
-    steady = force * width**2 / (8 * nu)
+    steady, wall = channel.fastest, density * force * width / 2
     worst = 0.0
     with style():
         figure, (left, right) = new_figure(1, 2, (8.4, 3.9), sharey=True)
         for number, colour in zip(numbers, COLOURS):
             t, particles = float(snapshots.times[number]), fluid_at(run, snapshots, number)
             z = particles["position"][:, across] - floor
-            middle, v = rows(z, particles["velocity"][:, along], width, config.numerics.spacing)
+            middle, v = rows(z, particles["velocity"][:, along], width, spacing)
             exact = theory.poiseuille(z, t, force, nu, width)
             worst = max(worst, float(np.abs(particles["velocity"][:, along] - exact).max()) / steady)
             left.plot(v / steady, middle / width, "o", markersize=3.2, color=colour, label=f"t = {t:.3g} s")
             left.plot(theory.poiseuille(fine, t, force, nu, width) / steady, fine / width, **THEORY)
-            wall = density * force * width / 2
-            stress = density * nu * np.gradient(v, middle)
-            right.plot(stress[1:-1] / wall, middle[1:-1] / width, "o", markersize=3.2, color=colour)
+            middle, stress = rows(z, shear_stress(config, channel, particles), width, spacing)
+            right.plot(stress / wall, middle / width, "o", markersize=3.2, color=colour)
             right.plot(theory.poiseuille_stress(fine, t, force, nu, width, density) / wall, fine / width, **THEORY)
         left.set(xlabel=r"velocity / $FL^2/8\nu$", ylabel="z / L", title="Velocity")
         right.set(xlabel=r"shear stress / $\rho FL/2$", title="Shear stress")

@@ -246,6 +246,7 @@ class SphConfig(Section):
     """A whole SPH case."""
 
     rewritten: ClassVar[tuple[str, ...]] = ("fluid[].kinematic_viscosity",)
+    largest = 1e40  # products of a few stay in floating point
 
     description: str = setting("", "one sentence")
     simulation: Simulation

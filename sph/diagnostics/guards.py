@@ -15,10 +15,12 @@ from sph.particles.storage import Storage
 from sph.particles.wall_forces import WallForces
 from sph.physics import stability
 from sph.physics.timestep import Clock
+from sph.setup.channel import channel_of
 
 MIN_SOUND_RATIO = 7.0  # c0 over the largest velocity, below which the fluid is told to be compressible
 SHORTEST_STEP = 1e-2  # of that at the start: the fluid crosses h in it only if accelerated by 1e4 times c0^2/h
 MAX_RMS_MACH = 1 / 3  # root mean square of the speeds over c0: the largest speed that c0 may be chosen for
+MAX_DRIVEN_SPEED = 1.5  # of the largest velocity that its force gives the fluid of a channel
 MAX_ENERGY_GROWTH = 1.0  # of the total energy, in kinetic energies of all fluid at eos.max_velocity
 ENERGY_PERIOD = 100  # steps after which the energy is summed, written or not; it costs a tenth of a step
 
@@ -36,6 +38,10 @@ class Runaway:
         self.shortest = SHORTEST_STEP * stability.time_step(scene.config)
         self.size = float(np.sqrt(np.sum((scene.high - scene.low) ** 2)))
         self.domain = [*zip(scene.low.tolist(), scene.high.tolist())]
+        channel = channel_of(scene.config)
+        fluids, still = scene.config.fluid, not any(wall.moving for wall in scene.walls)
+        from_rest = still and not any(fluid.flow or any(fluid.velocity) for fluid in fluids)
+        self.driven = channel.fastest if channel and from_rest else math.inf
         self.conserving = "energy_total" in scene.config.conserved
         self.usual_speed = scene.config.eos.max_velocity or 0.0
         self._warned = False
@@ -53,6 +59,10 @@ class Runaway:
             cause = "a numerical instability, or a fall that eos.max_velocity does not know of"
             text = f"{who} moves at {now.speed:.4g} m/s, faster than sound ({scene.c0:.4g} m/s): {cause}"
             raise self.clock.diverged(text)
+        if now.speed > MAX_DRIVEN_SPEED * self.driven:
+            who = storage.culprit(_lengths(storage.v[:, storage.fluid_slots]))
+            most = f"{now.speed / self.driven:.3g} times F L^2 / (8 nu), the most that its force can give the channel"
+            raise self.clock.diverged(f"{who} moves at {now.speed:.4g} m/s, {most}: a numerical instability")
         box = [*zip(now.box[0].tolist(), now.box[1].tolist())]
         away = max(max(a - low, high - b) for (low, high), (a, b) in zip(box, self.domain))
         if away > self.size + limit * self.clock.time:

@@ -14,6 +14,7 @@ from hpcpic.core.app.forecast import FILES, Estimate, gain, writing_seconds
 from sph.case.config import SphConfig
 from sph.forecast.plan import MIB, arrays, counts, images
 from sph.physics import stability
+from sph.physics.fluxes import FLUXES
 from sph.physics.integrators import INTEGRATORS
 from sph.physics.stability import support_of
 from sph.physics.wall_rules import rule_of
@@ -139,7 +140,7 @@ def sample_seconds(config: SphConfig, rates: Mapping[str, float]) -> float:
 def sums(config: SphConfig) -> float:
     """Evaluations of all pair sums that a step is worth."""
     integrator = INTEGRATORS[config.simulation.integrator]
-    gradients = DELTA[config.dimensions] if config.numerics.density_flux == "delta" else 0.0
+    gradients = DELTA[config.dimensions] if "g" in FLUXES[config.numerics.density_flux].columns else 0.0
     return integrator.work + integrator.evaluations * gradients
 
 

@@ -10,6 +10,7 @@ from sph.case import config as case
 from sph.case import geometry
 from sph.case.config import SphConfig, shapes_of
 from sph.particles.arrays import arrays_of
+from sph.physics.fluxes import FLUXES
 from sph.physics.integrators import INTEGRATORS
 from sph.physics.stability import support_of
 from sph.physics.viscosities import VISCOSITIES
@@ -64,9 +65,10 @@ def sums(config: SphConfig) -> list[str]:
     """The pair sums of an evaluation: a term that a case does not have is not computed."""
     numerics, d = config.numerics, config.dimensions
     terms = [f"pressure and continuity  {d}D, {numerics.kernel}, {numerics.precision}"]
-    if numerics.density_flux != "none":
+    flux = FLUXES[numerics.density_flux]
+    if flux.formula:
         terms.append(f"density flux             {numerics.density_flux}, {numerics.flux_coefficient:g}")
-    if numerics.density_flux == "delta" or numerics.gradient_correction:
+    if "g" in flux.columns or numerics.gradient_correction:
         terms.append(f"renormalised gradient    {d * (d + 1) // 2} + {d} sums more")
     viscosity = VISCOSITIES[numerics.viscosity_form or "none"]
     if viscosity.physical:

@@ -38,6 +38,7 @@ V = -1
 NORMALS = -1
 G = -1
 SLOPE = -1
+C = -1
 TENSION = -1
 L = -1
 T = -1
@@ -46,8 +47,6 @@ IN_TURN = False  # LIGHT holds 1 / rho for forces, then volumes for rates
 
 N = lanes(np.float64)
 F, I, WIDE, R = Vec(N, np.float64), Vec(N, np.int32), Vec(N, np.int64), Vec(N, np.dtype(KIND))
-SLOPE_FACTORS = int(abs(GAMMA - 2.0))
-SLOPE_WHOLE = abs(GAMMA - 2.0) == SLOPE_FACTORS and GAMMA <= MOST_GAMMA
 ALL_AROUND = 1.5 if DIM == 2 else 2.4  # of - sum V_j F r^2, DIM inside the fluid; less at a surface (Lee et al. 2008)
 LEAST_DETERMINANT = 0.1  # of the sum that L inverts, 1 inside the fluid, about 0.25 at a flat free surface in 2D
 
@@ -74,7 +73,10 @@ def pack(block, blocks, base, scales, powers, flags, y, m, face_normals, positio
                 volume = select(kinds & REPULSIVE == REPULSIVE, 0.0, mass) * light  # repulsive particles have none
                 store(values[VOLUME], s, convert(R, volume))
             if SLOPE >= 0:
-                store(values[SLOPE], s, convert(R, slope(rho, light)))
+                half = 0.5 * raised(rho, light, 2.0 - GAMMA)  # rho / (2 c^2) in units of rho0 / c0^2
+                store(values[SLOPE], s, convert(R, half))
+            if C >= 0:
+                store(values[C], s, convert(R, raised(rho, light, 0.5 * (GAMMA - 1.0))))  # (MP 15) in c0
             if TENSION >= 0:
                 tension = select(p < 0.0, -scales.tensile * p, 0.05 * scales.tensile * p)
                 store(values[TENSION], s, convert(R, tension * (light * light)))
@@ -85,17 +87,17 @@ def pack(block, blocks, base, scales, powers, flags, y, m, face_normals, positio
 
 
 @njit
-def slope(rho, light):
-    """rho / (2 c^2) in units of rho0 / c0^2: half of rho^(2 - gamma); light = 1 / rho."""
-    if SLOPE_WHOLE:
-        found = splat(F, 0.5)
-        for _ in range(SLOPE_FACTORS):
-            found = found * (light if GAMMA > 2.0 else rho)
+def raised(rho, light, n):
+    """rho^n of a vector, light = 1 / rho."""
+    if abs(n) <= MOST_GAMMA and n == np.floor(n):
+        found = splat(F, 1.0)
+        for _ in range(np.int64(abs(n))):
+            found = found * (rho if n > 0.0 else light)
         return found
     line = np.empty(N)
     store(line, 0, rho)
     for k in range(N):
-        line[k] = 0.5 * line[k] ** (2.0 - GAMMA)
+        line[k] = line[k] ** n
     return load(F, line, 0)
 
 

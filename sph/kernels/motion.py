@@ -208,9 +208,31 @@ def turned_tensor(left, right, tensor, b, values):
 
 
 @njit
-def ghost_values(rows, codes, shift, turns, shown, values):
+def wall_slopes(turn, at, speed, near, b, shown, values):
+    """Give the image of a body in a no-slip mirror, at `at` with the velocity `speed`, the slope of the velocity at the
+    wall: n . shear = 2 (v - v_wall) / z - n . shear of the body, which a parabola has. A mirrored slope has a kink at
+    the wall, whose divergence drives waves of two spacings. near = (the least z looked at, m; c0 / h, 1/s).
+    """
+    square = 0.0
+    off = np.zeros(DIM)  # z n
+    for a in range(DIM):
+        for j in range(DIM):
+            off[a] += 0.25 * (np.float64(a == j) - turn[a, j]) * (shown.x[j, b] - at[j])
+        square += off[a] * off[a]
+    square = max(square, near[0] * near[0])
+    for a in range(DIM):
+        for k in range(DIM):
+            own = 0.0
+            for j in range(DIM):
+                own += 0.5 * (np.float64(a == j) - turn[a, j]) * shown.shear[DIM * j + k, b]
+            steep = off[a] * 0.5 * (shown.v[k, b] - speed[k]) / (square * near[1])
+            values[DIM * a + k] += 2.0 * (steep - own)
+
+
+@njit
+def ghost_values(rows, codes, shift, turns, shown, near, values):
     """values[g] = x, v, drho, and gradient, shear, matrix where they are kept, of image codes[g] of the body in slot
-    rows[g]: x -> turn x + shift[g], v -> spin v + push; shear[a, b] = d v_b / d x_a.
+    rows[g]: x -> turn x + shift[g], v -> spin v + push; shear[a, b] = d v_b / d x_a. near: see `wall_slopes`.
     """
     for g in range(rows.size):
         b, code = rows[g], codes[g]
@@ -233,6 +255,9 @@ def ghost_values(rows, codes, shift, turns, shown, values):
             column += DIM
         if shown.shear.shape[1] > 0:
             turned_tensor(turn, spin, shown.shear, b, values[g, column:])
+            mirrors, sticks = DIM - 2.0, -1.0 * DIM  # traces of one reflection, and of velocities that turn round
+            if np.trace(turn) == mirrors and np.trace(spin) == sticks:
+                wall_slopes(turn, values[g], values[g, DIM:], near, b, shown, values[g, column:])
             column += DIM * DIM
         if shown.matrix.shape[1] > 0:
             turned_tensor(turn, turn, shown.matrix, b, values[g, column:])

@@ -12,8 +12,7 @@ The kernels are text that calls the formulas of `terms` by name. What a formula 
 that compute it are put before it, once.
 """
 
-import inspect
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from types import ModuleType
 
 import numpy as np
@@ -25,6 +24,7 @@ from sph.kernels.marks import EXTRAPOLATED, SLIPS
 from sph.physics import terms
 from sph.physics.pair_spec import NUMBERS, Line, PairSpec, Pass, columns_of, passes_of, state_of, sums_of
 from sph.physics.smoothing import SMOOTHING
+from sph.physics.terms import needs
 
 formulas(terms)
 
@@ -61,11 +61,6 @@ def clear(line, first, last):
     for k in range(first, last, LANES_):
         store(line, k, splat(F_, 0.0))
 """
-
-
-def needs(formula: Callable) -> list[str]:
-    """The parameters of a formula."""
-    return list(inspect.signature(formula).parameters)
 
 
 class PassText:

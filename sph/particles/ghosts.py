@@ -17,6 +17,8 @@ from sph.particles.images import Maps
 from sph.particles.slabs import Slabs
 from sph.particles.storage import Slots, Storage
 
+NEAREST = 0.1  # spacings to a wall, for the slope of a velocity there
+
 
 class Ghosts:
     """The ghosts of this rank are in `slots`. It sends those of `sources`, which are own particles, through the maps of
@@ -100,7 +102,8 @@ class Ghosts:
         kept = sum(len(lines) for lines in (shown.gradient, shown.shear, shown.matrix) if lines.size)
         values = np.empty((len(self.sources), 2 * storage.d + 1 + kept))
         turns = Turns(maps.turns, maps.spin, maps.push)
-        self.motion.ghost_values(self.sources, self.codes, self.shift, turns, shown, values)
+        near = np.array([NEAREST * storage.scene.spacing, storage.scene.c0 / storage.scene.h])
+        self.motion.ghost_values(self.sources, self.codes, self.shift, turns, shown, near, values)
         self._refresh.start(iteration, values)
         self.motion.take_ghosts(self._refresh.finish(), self.slots, shown)
 

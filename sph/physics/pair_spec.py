@@ -5,8 +5,8 @@ from dataclasses import dataclass, field
 from typing import NamedTuple
 
 from sph.physics import terms
-from sph.physics.fluxes import FLUXES
-from sph.physics.viscosities import VISCOSITIES
+from sph.physics.fluxes import FLUXES, Flux
+from sph.physics.viscosities import VISCOSITIES, Viscosity
 
 AXES = "xyz"
 UNIT = 2.0**-24  # of fixed-point positions, in h
@@ -25,8 +25,8 @@ class PairSpec:
 
     dimensions: int
     kernel: str
-    flux: str = "none"
-    viscosity: str = "none"
+    flux: Flux = FLUXES["none"]
+    viscosity: Viscosity = VISCOSITIES["none"]
     artificial: bool = False
     single: bool = False
     walls: bool = False
@@ -62,11 +62,11 @@ class PairSpec:
 
     @property
     def needs_gradient(self) -> bool:
-        return self.flux == "delta"
+        return "g" in self.flux.columns
 
     @property
     def needs_stress(self) -> bool:
-        return VISCOSITIES[self.viscosity].stress
+        return self.viscosity.stress
 
     def components(self, name: str) -> list[str]:
         """The columns, sums or numbers that a name stands for: those of a vector, of a matrix, or itself."""
@@ -109,7 +109,7 @@ class Pass:
 
 def momentum(spec: PairSpec) -> Pass:
     """Forces of pressure and viscosity on i and j, which are opposite."""
-    viscosity = VISCOSITIES[spec.viscosity]
+    viscosity = spec.viscosity
     lines = [Line("push", terms.pressure)]
     lines += [Line("push", terms.artificial_viscosity)] * spec.artificial
     if viscosity.push:
@@ -132,7 +132,7 @@ def momentum(spec: PairSpec) -> Pass:
 
 def continuity(spec: PairSpec) -> Pass:
     """Rates of density, with the flux of the case."""
-    flux = FLUXES[spec.flux]
+    flux = spec.flux
     lines = [Line("vd_i, vd_j", terms.corrected_approach if spec.corrected else terms.approach)]
     lines.append(Line("to_i, to_j", terms.volumes))
     if flux.correction:
@@ -221,7 +221,7 @@ def columns_of(spec: PairSpec) -> list[str]:
     names = ["push", "light"] + ["volume"] * (not spec.in_turn)
     if spec.single:
         names += ["excess", "mass", "v"]
-    names += ["n"] * spec.repulsive + ["g"] * spec.needs_gradient + ["slope"] * (spec.flux == "fourtakas")
+    names += ["n"] * spec.repulsive + [name for name in ("g", "slope", "c") if name in spec.flux.columns]
     names += ["tension"] * spec.tensile + ["l"] * spec.corrected + ["t"] * spec.needs_stress
     return [column for name in names for column in spec.components(name)]
 

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from sph.case.config import SphConfig
 from sph.physics.equation_of_state import EquationOfState
+from sph.physics.fluxes import FLUXES
 from sph.physics.smoothing import SMOOTHING
 from sph.physics.viscosities import VISCOSITIES
 from sph.physics.waves import cleary_constant
@@ -31,6 +32,7 @@ class Reference:
         self.d, self.h, self.c, self.gamma = config.dimensions, config.h, config.sound_speed, config.eos.gamma
         self.rho0, self.mu = config.fluid[0].density, config.fluid[0].dynamic_viscosity
         eos = EquationOfState(self.rho0, self.c, self.gamma, config.eos.background_pressure)
+        self.viscosity, self.sound = VISCOSITIES[config.numerics.viscosity_form or "none"], eos.sound_speed(drho)
         self.smoothing = SMOOTHING[config.numerics.kernel]
         self.rho, self.volume = self.rho0 + drho, m / (self.rho0 + drho)
         self.p = eos.pressure(drho) + eos.background  # (MP 14)
@@ -72,7 +74,7 @@ class Reference:
         near = self.vd / (self.r**2 + 0.01 * self.h**2)
         mean = 0.5 * self._both(1 / self.rho)
         found = -(self.numerics.artificial_viscosity or 0.0) * self.c * self.h * np.minimum(near, 0.0) * mean
-        if self.numerics.viscosity_form == "cleary":
+        if self.viscosity.calibrated:
             xi = cleary_constant(self.smoothing.name, self.d, self.numerics.smoothing)
             found -= 2 * xi * self.mu / np.outer(self.rho, self.rho) * near
         return found
@@ -88,12 +90,12 @@ class Reference:
 
     def _viscous_force(self) -> NDArray[np.float64] | float:
         """Morris et al. 1997: a_i = sum m_j 2 mu v_ij F / (rho_i rho_j); or (MP 22-23), the divergence of a stress."""
-        form, mu = self.numerics.viscosity_form or "none", self.mu
-        if form == "morris":
-            return 2 * mu * np.einsum("j,ij,kij->ki", self.volume, self.f, self.dv) / self.rho
-        if not VISCOSITIES[form].stress:
+        mu = self.mu
+        if not self.viscosity.pull:
             return 0.0
-        gradient = -np.einsum("j,ij,aij,bij->abi", self.volume, self.f, self.dx, self.dv)  # d v_b / d x_a
+        if not self.viscosity.stress:
+            return 2 * mu * np.einsum("j,ij,kij->ki", self.volume, self.f, self.dv) / self.rho
+        gradient = velocity_gradient(self.volume, self.f, self.dx, self.dv)
         trace = 2 / self.d * np.einsum("aai->i", gradient) * np.eye(self.d)[:, :, None]
         stress = mu * (gradient + gradient.transpose(1, 0, 2) - trace) / self.rho**2
         return np.einsum("j,ij,abij,bij->ai", self.m, self.f, stress[..., :, None] + stress[..., None, :], self.dx)
@@ -114,18 +116,26 @@ class Reference:
     # ---- terms of the rate
 
     def _flux(self) -> NDArray[np.float64] | float:
-        """What leaves i: 2 delta c0 h sum V_j F (rho_j - rho_i - what is left out); (MP 17) with r for 2 h."""
-        flux, strength = self.numerics.density_flux, (self.numerics.flux_coefficient or 0.0) * self.c
+        """What leaves i: 2 delta c0 h sum V_j F (rho_j - rho_i - what is left out); (MP 17) with r for 2 h
+        and the larger c of the pair (MP 15).
+        """
+        flux, strength = FLUXES[self.numerics.density_flux], (self.numerics.flux_coefficient or 0.0) * self.c
         step = self.rho[None, :] - self.rho[:, None]
-        if flux == "none":
+        if not flux.formula:
             return 0.0
-        if flux == "rusanov":
-            return strength * np.einsum("j,ij,ij,ij->i", self.volume, self.f, self.r, step)
-        if flux == "fourtakas":  # less what rest under gravity would give
+        if flux.upwind:
+            faster = np.maximum.outer(self.sound, self.sound) / self.c
+            return strength * np.einsum("j,ij,ij,ij,ij->i", self.volume, self.f, self.r, faster, step)
+        if "slope" in flux.columns:  # less what rest under gravity would give
             slope = self.rho / self.c**2 * (self.rho / self.rho0) ** (1 - self.gamma)
             step = step + 0.5 * self._both(slope) * np.einsum("k,kij->ij", self.gravity, self.dx)
-        if flux == "delta":  # Antuono et al. 2010: less what a linear density would give
+        if "g" in flux.columns:  # Antuono et al. 2010: less what a linear density would give
             plain = np.einsum("j,ij,ij,aij->ia", self.volume, self.f, step, self.dx)
             gradient = np.linalg.solve(self.moments, plain[:, :, None])[:, :, 0].T
             step = step + 0.5 * np.einsum("aij,aij->ij", gradient[:, :, None] + gradient[:, None, :], self.dx)
         return 2 * strength * self.h * np.einsum("j,ij,ij->i", self.volume, self.f, step)
+
+
+def velocity_gradient(volume: NDArray, f: NDArray, dx: NDArray, dv: NDArray) -> NDArray[np.float64]:
+    """[a, b, i] = d v_b / d x_a = - sum V_j F r_a (v_ij)_b, of which (MP 22) makes the strain rate."""
+    return -np.einsum("j,ij,aij,bij->abi", volume, f, dx, dv)

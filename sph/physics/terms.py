@@ -8,7 +8,21 @@ What a formula needs are its parameters, and passes compute each need once (kern
 Symmetric matrices are their upper triangles, row by row. Forces are on i; j gets the opposite.
 """
 
+import inspect
+from collections.abc import Callable
+
 from hpcpic.core.simd.formulas import fma, maximum, minimum, select, sqrt
+
+
+def needs(formula: Callable | None) -> list[str]:
+    """The parameters of a formula."""
+    return list(inspect.signature(formula).parameters) if formula else []
+
+
+def columns_read(*formulas: Callable | None) -> frozenset[str]:
+    """The columns of both bodies that formulas read."""
+    return frozenset(name[:-2] for formula in formulas for name in needs(formula) if name.endswith("_i"))
+
 
 # ---- vectors of two or three components
 
@@ -292,9 +306,9 @@ def molteni_flux(d_rho, flux_strength):
     return d_rho * flux_strength
 
 
-def rusanov_flux(d_rho, flux_strength, r):
-    """(MP 17) with c0 for c: c0 r (rho_j - rho_i)."""
-    return d_rho * (flux_strength * r)
+def rusanov_flux(d_rho, flux_strength, r, c_i, c_j):
+    """(MP 17): r (rho_j - rho_i) times the larger sound speed (MP 15) of the two, c in c0."""
+    return d_rho * (flux_strength * r * maximum(c_i, c_j))
 
 
 # ---- sums that later passes need

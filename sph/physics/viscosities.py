@@ -13,15 +13,21 @@ from sph.physics.waves import Waves
 class Viscosity:
     """push or pull: the term of a pair (see `terms`); wall_drag: that with particles of repulsive walls.
 
-    decay(waves): of waves, in c0 / h, for nu = c0 h; None where it is none of the fluid. stress: pull takes the stress
-    of a pass of its own.
+    decay(waves): of waves, in c0 / h, for nu = c0 h; None where it is none of the fluid. calibrated: by xi of (SC 6).
+    artificial: alpha of the artificial viscosity beside it, by default.
     """
 
     push: Callable | None = None
     pull: Callable | None = None
     wall_drag: Callable | None = None
     decay: Callable[[Waves], NDArray] | None = None
-    stress: bool = False
+    calibrated: bool = False
+    artificial: float = 0.0
+
+    @property
+    def stress(self) -> bool:
+        """Whether its term takes the stress at each body, which a pass of its own finds."""
+        return "t" in terms.columns_read(self.pull)
 
     @property
     def physical(self) -> bool:
@@ -31,12 +37,15 @@ class Viscosity:
 
 VISCOSITIES = {
     "none": Viscosity(),
-    "artificial": Viscosity(),  # that which numerics.artificial_viscosity adds to any form
-    "strain-rate": Viscosity(pull=terms.stress, decay=lambda waves: waves.square, stress=True),
+    "artificial": Viscosity(artificial=0.02),  # which numerics.artificial_viscosity adds to any form
+    "strain-rate": Viscosity(pull=terms.stress, decay=lambda waves: waves.square),
     "morris": Viscosity(
         pull=terms.morris_viscosity, wall_drag=terms.morris_wall_drag, decay=lambda waves: waves.laplacian
     ),
     "cleary": Viscosity(
-        push=terms.cleary_viscosity, wall_drag=terms.cleary_wall_drag, decay=lambda waves: 2 * waves.xi * waves.pairs
+        push=terms.cleary_viscosity,
+        wall_drag=terms.cleary_wall_drag,
+        decay=lambda waves: 2 * waves.xi * waves.pairs,
+        calibrated=True,
     ),
 }

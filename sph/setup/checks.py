@@ -5,7 +5,6 @@ from collections.abc import Iterator
 
 from hpcpic.core.case import accelerations
 from hpcpic.core.case.config import Path
-from hpcpic.core.case.schema import Section
 from hpcpic.core.case.words import unknown
 from hpcpic.core.errors import ConfigError
 from hpcpic.core.files.start import start_faults
@@ -22,29 +21,15 @@ from sph.setup.defaults import domain_of
 
 MOST_ALONG = 2**21  # particles along an edge, whose places are kept
 MOST_ACROSS = 2**21  # supports of the kernel across the domain: beyond, a place is not known as well as who is near
-HUGE = 1e40  # magnitude of a number, beyond which products of a few leave floating point
 Fault = tuple[Path, str]
 
 
 def faults(config: SphConfig) -> Iterator[Fault]:
     """The relations between settings; those inside shapes only where all vectors have their length."""
-    found = [*magnitudes(config), *kernels(config), *sizes(config), *names(config)]
+    found = [*kernels(config), *sizes(config), *names(config)]
     yield from found
     if not found:
         yield from relations(config)
-
-
-def magnitudes(section: Section, path: Path = ()) -> Iterator[Fault]:
-    """Numbers so large or small that products of a few of them are no numbers any more."""
-    for name in type(section).model_fields:
-        value = getattr(section, name)
-        listed = enumerate(value) if isinstance(value, tuple) else [(None, value)]
-        for i, one in listed:
-            at = (*path, name) if i is None else (*path, name, i)
-            if isinstance(one, Section):
-                yield from magnitudes(one, at)
-            elif isinstance(one, float) and one and not 1 / HUGE < abs(one) < HUGE:
-                yield at, f"must be 0 or between {1 / HUGE:g} and {HUGE:g} (got {one:g})"
 
 
 def kernels(config: SphConfig) -> Iterator[Fault]:

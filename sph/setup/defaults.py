@@ -93,7 +93,7 @@ def _numerics(config: SphConfig):
         update={
             "viscosity_form": form,
             "flux_coefficient": FLUXES[numerics.density_flux].coefficient if flux is None else flux,
-            "artificial_viscosity": (0.02 if form == "artificial" else 0.0) if alpha is None else alpha,
+            "artificial_viscosity": VISCOSITIES[form].artificial if alpha is None else alpha,
         }
     )
 

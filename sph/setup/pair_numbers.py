@@ -5,6 +5,7 @@ from numpy.typing import NDArray
 
 from sph.case.config import SphConfig
 from sph.kernels.groups import Scales
+from sph.physics.fluxes import FLUXES
 from sph.physics.integrators import INTEGRATORS
 from sph.physics.pair_spec import NUMBERS, UNIT, PairSpec
 from sph.physics.smoothing import SMOOTHING
@@ -22,8 +23,8 @@ def pair_spec_of(config: SphConfig, others: bool) -> PairSpec:
     return PairSpec(
         config.dimensions,
         numerics.kernel,
-        flux=numerics.density_flux if numerics.flux_coefficient else "none",
-        viscosity=form if viscous and VISCOSITIES[form].physical else "none",
+        flux=FLUXES[numerics.density_flux if numerics.flux_coefficient else "none"],
+        viscosity=VISCOSITIES[form if viscous and VISCOSITIES[form].physical else "none"],
         artificial=bool(numerics.artificial_viscosity),
         single=numerics.precision == "single",
         walls=others,
@@ -79,9 +80,8 @@ class PairNumbers:
     def numbers(self) -> NDArray[np.float64]:
         scene, numerics, smoothing = self.scene, self.scene.config.numerics, SMOOTHING[self.scene.kernel]
         h, c, d, length, speed = scene.h, scene.c0, scene.dimensions, self.length, self.speed
-        strength = (numerics.flux_coefficient or 0.0) * (length if self.spec.flux == "rusanov" else 2.0)
-        cleary = numerics.viscosity_form == "cleary"
-        xi = cleary_constant(scene.kernel, d, numerics.smoothing) if cleary else 1.0
+        strength = (numerics.flux_coefficient or 0.0) * (length if self.spec.flux.upwind else 2.0)
+        xi = cleary_constant(scene.kernel, d, numerics.smoothing) if self.spec.viscosity.calibrated else 1.0
         gravity = np.zeros(3)
         gravity[:d] = scene.gravity[list(scene.axes)] * (h / (c * c)) * (length / self.density)
         fall = np.zeros(3)

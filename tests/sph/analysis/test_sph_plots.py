@@ -87,19 +87,24 @@ def test_the_filter_makes_a_triangle_13_ms_wide_of_a_spike():
 
 
 def test_the_drawn_profiles_are_the_parabola_and_its_stress(monkeypatch):
-    """Of steady Poiseuille flow: v / v_max = 4 z/L (1 - z/L), rho nu dv/dz / (rho F L / 2) = 1 - 2 z/L."""
+    """Of steady Poiseuille flow: v / v_max = 4 z/L (1 - z/L); mu epsilon (MP 22) / (rho F L / 2) = 1 - 2 z/L."""
     width, force, nu = 1e-3, 2e-4, 1e-6
-    z = (np.arange(40) + 0.5) / 40 * width
-    along = force / (2 * nu) * z * (width - z)
-    particles = {"position": np.stack([0 * z, z], axis=1), "velocity": np.stack([along, 0 * z], axis=1)}
+    x, z = (
+        np.array(one).ravel()
+        for one in np.meshgrid((np.arange(10) + 0.5) / 40 * width, (np.arange(40) + 0.5) / 40 * width)
+    )
+    along, full = force / (2 * nu) * z * (width - z), np.full(400, 1000.0)
+    particles = {"position": np.stack([x, z], axis=1), "velocity": np.stack([along, 0 * z], axis=1)}
+    particles |= {"mass": full * (width / 40) ** 2, "density": full}
     monkeypatch.setattr(particle_plots, "fluid_at", lambda *_: particles)
     steady = SimpleNamespace(times=np.array([5.0]), index=lambda step: 0)  # s: after five times L2 / nu
     monkeypatch.setattr(particle_plots, "snapshots_of", lambda _: steady)
     figure = particle_plots.profiles(SimpleNamespace(config=shipped_cases()["poiseuille"].read_text()), 0)
-    for axes, exact in zip(figure.axes, (lambda y: 4 * y * (1 - y), lambda y: 1 - 2 * y)):
+    near = 0.05  # the lattice, and images in the planes, where the stress has a kink
+    for axes, exact, error in zip(figure.axes, (lambda y: 4 * y * (1 - y), lambda y: 1 - 2 * y), (1e-9, near)):
         assert len(axes.lines) == 2  # of particles, of the series
-        for line in axes.lines:
-            np.testing.assert_allclose(line.get_xdata(), exact(np.array(line.get_ydata())), atol=1e-9)
+        for line, tolerance in zip(axes.lines, (error, 1e-9)):
+            np.testing.assert_allclose(line.get_xdata(), exact(np.array(line.get_ydata())), atol=tolerance)
 
 
 def test_the_series_of_poiseuille_flow_starts_at_rest_and_ends_steady():

@@ -119,3 +119,19 @@ def test_a_wall_may_be_faster_than_sound():
         shape = { box = { low = [0.5, 0.0]; high = [0.6, 1.0]; }; }; } );"""
     more = tank(2, size=TANK["size"]).rstrip().removesuffix(");") + "," + gate
     assert attacked(engine(**TANK | {"fill": (0.5, 0.5)}, more=more), lambda sph: None, steps=20) is None
+
+
+@pytest.mark.parametrize("share, ends", [(0.9, False), (1.6, True)])
+def test_a_channel_faster_than_its_force_can_drive_it_ends(share, ends):
+    """No flow from rest exceeds F L^2 / (8 nu) of (MP 24)."""
+    force, nu, width = 0.01, 1e-3, 1.0
+    planes = 'wall = ( { type = "mirror-no-slip"; shape = { box = { low = [0.0, 0.0]; high = [1.0, 1.0]; }; }; } );'
+    channel = engine(spacing=0.1, fill=1.0, periodic=("x",), gravity=(0.0, 0.0), pressure="zero", form="morris",
+                     viscosity=1000 * nu, more=f"body_force = [{force}, 0.0];{planes}")  # fmt: skip
+    steady = force * width**2 / (8 * nu)
+    channel.storage.set_own_values("v", share * steady * np.eye(2)[channel.scene.axes.index(0)][:, None])
+    if not ends:
+        channel.step()
+        return
+    with pytest.raises(Diverged, match="the most that its force can give the channel"):
+        channel.step()
