@@ -11,7 +11,7 @@ from sph.kernels.marks import CODES, MINE
 
 
 def driven_kernel(acceleration: Callable, axes: tuple[int, ...], first: int, end: int) -> Callable:
-    """The kernel for the fluid whose particles have the numbers first to end; storage axis k is physical axis axes[k]."""
+    """The kernel for fluid of the numbers first to end; storage axis k is physical axis axes[k]."""
     of = njit(cache=False)(acceleration)
     d = len(axes)
     at = np.array([axes.index(k) for k in range(d)] + [0] * (3 - d))
