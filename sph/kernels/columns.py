@@ -164,8 +164,8 @@ def unpack_strain(block, blocks, base, scales, at, sums, shear):
 
 @njit
 def cofactors(sums, at, b, factor):
-    """Of the symmetric matrix whose upper triangle begins in line `at` of the sums, times a factor: the upper triangle
-    of its cofactors, and its determinant.
+    """Cofactors, as an upper triangle, and determinant of a symmetric matrix: that whose upper triangle begins in line
+    `at` of the sums, times a factor.
     """
     m00, m01 = np.float64(sums[at, b]) * factor, np.float64(sums[at + 1, b]) * factor
     if DIM == 2:

@@ -26,7 +26,7 @@ class Viscosity:
 
     @property
     def stress(self) -> bool:
-        """Whether its term takes the stress at each body, which a pass of its own finds."""
+        """True if the term takes the stress at each body, which a pass of its own finds."""
         return "t" in terms.columns_read(self.pull)
 
     @property
