@@ -274,7 +274,9 @@ def gauges_figure(run: Run, gauges: Sequence[Gauge]) -> Figure:
     with style():
         figure, axes = new_figure(len(gauges), 1, (6.4, 2.0 * len(gauges) + 0.6), squeeze=False, sharex=True)
         for axis, gauge in zip(axes[:, 0], gauges):
-            names = [name for name in run.series if name in gauge.names]
+            names = [name for name in series_of(run) if name in gauge.names]
+            if not names:
+                raise NoData(f"the series lacks {gauge.name}")
             for name in names:
                 axis.plot(*thinned(*columns_of(run, name)), label=plain(name), linewidth=1.3)
             place = f"at ({', '.join(f'{x:g}' for x in gauge.at)}) m"

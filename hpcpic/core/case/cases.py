@@ -85,7 +85,7 @@ def find_case(case: str, shipped: Mapping[str, Path]) -> Path:
         hint = f"; its case is {path / 'config.conf'}" if (path / "config.conf").is_file() else ""
         raise ConfigError(f"{case}: a folder, not a case file{hint}")
     for program, folder in SHIPPED.items():
-        if (ROOT / folder / f"{case}.conf").is_file():
+        if os.path.isfile(ROOT / folder / f"{case}.conf"):
             raise ConfigError(f"{case}: a shipped case of {program}; say `{program}` instead")
     near = difflib.get_close_matches(case, shipped, 1)
     hint = f"; did you mean {near[0]!r}?" if near else f"; shipped cases: {', '.join(shipped)}"

@@ -73,9 +73,13 @@ def field_faults(names: tuple[str, ...]) -> Iterator[Fault]:
 
 def batch_faults(config: PlasmaConfig, species: Species) -> Iterator[Fault]:
     """A number of particles that the loader cannot place."""
-    loader = LOADERS.get(species.init_method)
-    n = species.particles if species.particles_per_cell is None else round(species.particles_per_cell * config.cells)
-    if loader is None or not loader.whole_batches or not n or not config.points:
+    loader, per_cell = LOADERS.get(species.init_method), species.particles_per_cell
+    if loader is None or not loader.whole_batches or not config.points:
+        return
+    if per_cell is not None and per_cell * config.cells > MOST_PARTICLES:
+        return  # told elsewhere
+    n = species.particles if per_cell is None else round(per_cell * config.cells)
+    if not n:
         return
     size = loader.batch_size(species, config.points)
     if n % size:

@@ -23,6 +23,8 @@ from hpcpic.core.tasks.graph import Pool
 from lbmdem.coupling.arrays import MOVING_LINKS
 from lbmdem.fluid.arrays import MOVED_NODES
 from lbmdem.grains.arrays import CONTACTS, GRAINS
+from sph.physics.fluxes import FLUXES
+from sph.physics.viscosities import VISCOSITIES
 
 SPEC = importlib.util.spec_from_file_location("scene_costs", Path(__file__).parents[3] / "scripts/scene_costs.py")
 scenes = importlib.util.module_from_spec(SPEC)
@@ -107,7 +109,7 @@ def test_terms_that_a_scene_has_not_are_not_compiled(pool):  # C7
     """What the plan of the water leaves out is in neither the law of its kernels nor the arrays of its bodies."""
     with scenes.running(water(high=(0.2, 0.2), top=(0.1, 0.1)), pool) as app:
         law, arena = app.spec, app.tasks.arena
-        assert (law.flux, law.viscosity, law.artificial) == ("none", "none", False)
+        assert (law.flux, law.viscosity, law.artificial) == (FLUXES["none"], VISCOSITIES["none"], False)
         assert not (law.walls or law.tensile or law.shifting or law.corrected or law.repulsive)
         empty = {name for name in arena.declared if not arena[name].size}
     assert empty >= {"x_old", "v_old", "drho_old", "gradient", "shear", "matrix", "offset"}
@@ -315,7 +317,7 @@ def test_ranks_send_the_messages_that_are_planned(world, kept):  # C13
         assert kept[Channel.CHARGE] == plan["charge"]
         assert kept[Channel.POTENTIAL] == plan["potential"]
         assert kept[Channel.TRANSPOSE] == plan["transform"]
-        potential, charge = app.mesh.fill, app.mesh.fold
+        potential, charge = app.mesh.fill, app.mesh.charge.fold
         text = "\n".join(planned(plasma(32 * world.size, 5000), world.size))
         for exchange in (potential, charge):
             assert f"together {exchange.bytes} bytes" in text
