@@ -188,11 +188,16 @@ class PassText:
 
     def _line(self, line: Line, known: set[str], mixed: bool) -> list[str]:
         """A formula and before it what it needs that is not known yet."""
+        if line.formula is terms.kept_out and not mixed:
+            return []
         lines = [text for name in needs(line.formula) for text in self._prepared(name, known, mixed)]
         known |= set(line.out.split(", "))
         given = [f"{name}_here" if mixed and self.spec.extrapolated and name in OF_FRICTION else name
                  for name in needs(line.formula)]  # fmt: skip
-        lines.append(f"{line.out} = terms.{line.formula.__name__}({', '.join(given)})")
+        made = f"terms.{line.formula.__name__}({', '.join(given)})"
+        if line.formula is terms.kept_out:
+            made = f"select(kind & {EXTRAPOLATED} != 0, {made}, push)"
+        lines.append(f"{line.out} = {made}")
         if mixed and line.out in AMONG_FLUID:
             lines.append(f"{line.out} = select(mixing, {line.out}, 0.0)")
         return lines

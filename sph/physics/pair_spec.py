@@ -111,6 +111,7 @@ def momentum(spec: PairSpec) -> Pass:
     """Forces of pressure and viscosity on i and j, which are opposite."""
     viscosity = spec.viscosity
     lines = [Line("push", terms.pressure)]
+    lines += [Line("push", terms.kept_out)] * spec.extrapolated
     lines += [Line("push", terms.artificial_viscosity)] * spec.artificial
     if viscosity.push:
         lines.append(Line("push", viscosity.push))

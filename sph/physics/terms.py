@@ -14,6 +14,9 @@ from collections.abc import Callable
 from hpcpic.core.simd.formulas import fma, maximum, minimum, select, sqrt
 
 
+PER_CORE = 1 / 0.7  # spacings: of half that off the surface, even between two particles of a wall
+
+
 def needs(formula: Callable | None) -> list[str]:
     """The parameters of a formula."""
     return list(inspect.signature(formula).parameters) if formula else []
@@ -139,6 +142,13 @@ def minus_volumes(F, volume_i, volume_j):
 def pressure(push_i, push_j):
     """(MP 20), (SC 5): p_i / rho_i^2 + p_j / rho_j^2."""
     return push_i + push_j
+
+
+def kept_out(push, r, per_h, reach):
+    """At least the pressure of a stiff core, rho0 c0^2 (1 - r / (0.7 dp)), between fluid and a wall that follows it: a
+    sheet of a few particles has no pressure by which such a wall would hold it. Fluid at rest is farther off, dp.
+    """
+    return maximum(push, 1.0 - r * per_h * reach * PER_CORE)
 
 
 def artificial_viscosity(push, near, light_i, light_j, artificial):

@@ -52,7 +52,7 @@ class Done:
 
     def fluid(self) -> dict[str, np.ndarray]:
         """Copies of the fluid's columns in order of the ids."""
-        own = particles_at(self.app, self.app.storage.fluid_slots)
+        own = particles_at(self.app.storage, self.app.storage.fluid_slots)
         order = np.argsort(own["id"])
         return {name: np.array(values[order]) for name, values in own.items()}
 

@@ -100,3 +100,16 @@ def test_they_have_no_history():
     sph.evolution.evaluate_forces()
     walls = (column(sph, "flags") & EXTRAPOLATED) > 0
     assert np.count_nonzero(column(sph, "drho")[walls]) == 0
+
+
+@pytest.mark.parametrize("precision", ["double", "single"])
+def test_a_sheet_that_is_stretched_along_a_wall_does_not_creep_through(precision):
+    """Such a sheet of one column has no pressure; it moves into the wall at a thousandth of c0."""
+    sph = engine(size=(1.0, 2.4), fill=(0.05, 0.4), more=tank(2, "extrapolated-free-slip", (1.0, 2.4)), flux="delta",
+                 smoothing=2.0, alpha=0.02, gravity=(0.0, 0.0), precision=precision)  # fmt: skip
+    axes, rows = list(sph.scene.axes), sph.storage.fluid_slots
+    sph.storage.v[axes.index(0), rows] = -0.03
+    sph.storage.v[axes.index(1), rows] = sph.storage.physical("x", rows)[:, 1]
+    while sph.time < 4.0:
+        sph.step()
+    assert sph.storage.physical("x", sph.storage.fluid_slots)[:, 0].min() > -0.1 * sph.scene.spacing
