@@ -13,7 +13,6 @@ from collections.abc import Callable
 
 from hpcpic.core.simd.formulas import fma, maximum, minimum, select, sqrt
 
-
 PER_CORE = 1 / 0.7  # spacings: of half that off the surface, even between two particles of a wall
 
 
