@@ -84,6 +84,8 @@ PROGRAMS = (
         "sph", "SPH", "sph", "sph.analysis.plots", "sequence",
         {
             "poiseuille": "profiles",
+            "poiseuille-strain-rate": "profiles",
+            "dam-break-sensor": "gauges",
             "hydrostatic": "depth",
             "still-tank": "depth",
             "dam-break-pressure": "gauges",
