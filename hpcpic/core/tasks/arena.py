@@ -6,7 +6,6 @@ bound. Arrays grow between launches; every task that was bound to one is told wh
 phases share memory: what one phase leaves in it is lost when the next begins.
 """
 
-import inspect
 import weakref
 from collections.abc import Iterable
 from typing import Any
@@ -15,7 +14,7 @@ from numpy.typing import NDArray
 
 from hpcpic.core.space.declared import Array
 from hpcpic.core.space.fields import ALIGNMENT, aligned_zeros
-from hpcpic.core.tasks.graph import Bound
+from hpcpic.core.tasks.graph import Bound, parameters
 
 SPARE = 8  # an array that must grow gets one row more for so many
 
@@ -102,7 +101,7 @@ class Arena:
         """The kernel as a task: arguments by name, those in `more` before those of the arena; a text in `more` is
         the name of the arena's value to take. With `parts`: as so many tasks, whose first argument is their number.
         """
-        names = list(inspect.signature(kernel.py_func).parameters)
+        names = parameters(kernel.py_func)
         if unknown := more.keys() - set(names):
             raise TypeError(f"{kernel.py_func.__name__} takes no {', '.join(sorted(unknown))}")
         wanted = [more.get(name, name) for name in names]
@@ -116,7 +115,7 @@ class Arena:
 
     def call(self, kernel: Any, /, **more: Any) -> Any:
         """Call the kernel now, with arguments as `bind` finds them; what it returns."""
-        wanted = (more.get(name, name) for name in inspect.signature(kernel.py_func).parameters)
+        wanted = (more.get(name, name) for name in parameters(kernel.py_func))
         return kernel(*(self.value(one) if isinstance(one, str) else one for one in wanted))
 
     def _tell(self, name: str) -> None:
