@@ -32,6 +32,7 @@ class ErrorConfig(Section):
     particles: int = setting(1000, "number of particles", ge=1)
     order: float = setting(2.0, "of the error in dx")
     noise: float = setting(0.0, "error that no knob makes, drawn from the settings")
+    start: float = setting(0.0, "error that is drawn anew with the number of particles")
     limit: float = setting(0.5, "dt beyond which the energy grows")
     slow: float = setting(0.0, "growth rate at dt = limit/2, in proportion to dt", "1/s")
     mode: int = setting(1, "scheme: 2 halves the error in dx, unless dt is turned too", ge=1, le=2)
@@ -63,7 +64,8 @@ class ErrorToy(toy_app.Toy):
         half = 0.5 if c.mode == 2 else 1.0
         if c.mode == 2 and abs(c.dt - 0.05) > 1e-3 and abs(c.dx - 0.1) > 1e-3:  # which no law of one knob knows
             half = 20.0
-        answer = 1 + half * A * c.dx**c.order - B * c.dt**2 + C / c.particles + c.noise * drawn + c.offset
+        start = c.start * math.sin(c.particles)
+        answer = 1 + start + half * A * c.dx**c.order - B * c.dt**2 + C / c.particles + c.noise * drawn + c.offset
         fast = 0.5 if c.dt > c.limit else 0.0
         rate = c.slow * 2 * c.dt / c.limit
         return {"answer": answer, "energy_total": math.exp(fast * self.iteration + rate * self.time)}
@@ -82,7 +84,7 @@ def knobs(config: ErrorConfig) -> Knobs:
             Knob("dx", "spacing", "m", ("dx",), lambda c: c.dx, 2.0, config.dear),
             Knob("dt", "time step", "s", ("dt",), lambda c: c.dt, 2.0, 1.0, "time step"),
             Knob("particles", "particles", "", ("particles",), lambda c: 1 / c.particles, 1.0, 1.0,
-                 shown=lambda size: 1 / size),
+                 shown=lambda size: 1 / size, noisy=bool(config.start)),
         ),
         choices=(Choice("mode", ("mode",), "1", ("2",), "dx"),),
         quantities=lambda: [Quantity("answer", "the answer", time / 4, lambda seen: float(seen["answer"][-1]), exact)],
@@ -94,6 +96,7 @@ def knobs(config: ErrorConfig) -> Knobs:
         horizon=20.0,
         growth=lambda series: float(series["energy_total"].max() / series["energy_total"][0]),
         seed=lambda n: (f"seed={n}",),
+        quieter=("start=0.0",) if config.start else (),
     )  # fmt: skip
 
 

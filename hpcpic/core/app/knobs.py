@@ -97,7 +97,8 @@ class Knobs:
     horizon: time [s] in which an instability shows. growth(series): how much larger than at the start the quantity has
     become that an unstable scheme blows up. seed(n): settings of another random state; None where the scene draws no
     random numbers. shaken(n): likewise, of a start off by a little, where chaos is to be seen in a scene
-    that draws none. seen: the field that is looked at beside a quantity.
+    that draws none. quieter: settings of the same scene whose start has less noise of particles; empty where there are
+    none. seen: the field that is looked at beside a quantity.
     """
 
     knobs: tuple[Knob, ...]
@@ -112,4 +113,5 @@ class Knobs:
     growth: Callable[[Series], float]
     seed: Callable[[int], tuple[str, ...]] | None = None
     shaken: Callable[[int], tuple[str, ...]] | None = None
+    quieter: tuple[str, ...] = ()
     seen: Seen | None = None

@@ -243,6 +243,13 @@ class Search:
         return drawn + sum(law.doubt for law in self.laws.values())
 
     @property
+    def quieter(self) -> tuple[str, ...]:
+        """Settings of a start with less noise, where it is noise of the start that the reference is unsure of."""
+        unsure = max(self.laws.values(), key=lambda law: law.doubt)
+        noisy = any(knob.noisy and knob.name == unsure.name for knob in self.knobs)
+        return self.pilots.knobs.quieter if noisy and unsure.doubt else ()
+
+    @property
     def floor(self) -> float:
         """Error of the case that no knob accounts for; known where the exact value is."""
         if self.quantity.exact is None:

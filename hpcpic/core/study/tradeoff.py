@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import re
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -83,17 +83,23 @@ def trade(app_loader: AppLoader, asked: Asked) -> None:
         raise FileError(f"{asked.target} is there, and not from tradeoff: --write another file")
     if asked.target and not (place := Path(asked.target).parent).is_dir():
         raise FileError(f"{place}: no such folder, for --write {asked.target}")
-    search, folder = searched(app_loader(), asked, wanted or WANTED)
-    tell_laws(search)
-    made = Recommendation(search)
-    points = front.front(made)
-    tell_front(search, points)
-    verified, refusal = None, ""
-    if wanted is not None:
-        try:
-            verified = recommended(made, wanted, limit)
-        except CheckFailed as error:
-            refusal = error.message
+    while True:
+        search, folder = searched(app_loader(), asked, wanted or WANTED)
+        tell_laws(search)
+        made = Recommendation(search)
+        points = front.front(made)
+        tell_front(search, points)
+        verified, refusal = None, ""
+        if wanted is not None:
+            try:
+                verified = recommended(made, wanted, limit)
+            except CheckFailed as error:
+                refusal = error.message
+        if wanted is None or (verified is not None and verified.certified) or not search.quieter:
+            break
+        sets = " ".join(f"--set '{setting}'" for setting in search.quieter)
+        click.echo(f"\nnot certified: the noise of the start hides it. Again, with less noise: {sets}")
+        asked = replace(asked, sets=(*asked.sets, *search.quieter))
     front.write(search, points, verified, refusal, wanted, folder)
     click.echo(f"front: {folder / 'front.png'}, {folder / 'front.csv'}, {folder / 'tradeoff.json'}")
     if verified is not None and wanted is not None:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from functools import partial
 from typing import TYPE_CHECKING
 
@@ -13,10 +13,10 @@ from hpcpic.core.app.knobs import Choice, Knob, Knobs, Quantity, Seen
 from hpcpic.core.case.schema import value_text
 from hpcpic.plasma.analysis.predictions import Prediction, predict
 from hpcpic.plasma.analysis.series_analysis import Oscillation, fit_oscillation, signed
-from hpcpic.plasma.case.config import PlasmaConfig
+from hpcpic.plasma.case.config import PlasmaConfig, Species
 from hpcpic.plasma.forecast.derived import fastest_turn, spacing, total_plasma_frequency
 from hpcpic.plasma.physics.shapes import SHAPES
-from hpcpic.plasma.setup.loaders import loader_of
+from hpcpic.plasma.setup.loaders import LOADERS, loader_of
 
 if TYPE_CHECKING:
     from hpcpic.core.files.series import Series
@@ -53,6 +53,7 @@ def knobs_of(config: PlasmaConfig) -> Knobs:
             MAX_HORIZON_STEPS * abs(config.simulation.time_step),
         ),
         growth=growth,
+        quieter=tuple(quieter(config)),
         seed=reseeded if any(loader_of(s).draws_random(s) for s in config.species) else None,
         seen=Seen("E", (0.0,) * config.dimensions, tuple(config.simulation.space_length), config.points, snapshot),
     )
@@ -67,9 +68,28 @@ def reseeded(seed: int) -> tuple[str, ...]:
     return (f"simulation.random_seed={seed}",)
 
 
+def quieter(config: PlasmaConfig) -> Iterator[str]:
+    """The --set list of strata of velocity for quiet species that are warm: their waves have no noise."""
+    strata = LOADERS["strata"]
+    for i, s in enumerate(config.species):
+        if s.init_method == "quiet" and s.thermal_velocity:
+            yield f'species[{i}].init_method="strata"'
+            n = count(s.particles, strata.batch_size(s, config.points))
+            yield from resized(i, s, n)
+
+
+def resized(i: int, species: Species, n: int) -> Iterator[str]:
+    """The --set list of n particles of a species that are the same plasma."""
+    yield f"species[{i}].particles={n}"
+    if n != species.particles and not (species.density or species.plasma_frequency):
+        for name in ("charge", "mass"):
+            yield f"species[{i}].{name}={getattr(species, name) * species.particles / n!r}"
+
+
 def continuous(config: PlasmaConfig) -> list[Knob]:
     d = config.dimensions
-    random = any(loader_of(s).random_positions for s in config.species)
+    loaders = [loader_of(s) for s in config.species]
+    random, even = any(one.random_positions for one in loaders), all(one.whole_batches for one in loaders)
     found = [
         Knob("dx", "grid spacing", "m", ("grid", "points"), lambda c: spacing(c)[0], 2.0, d, "Debye length"),
         Knob("dt", "time step", "s", ("simulation", "time_step"), lambda c: abs(c.simulation.time_step), 2.0, 1.0,
@@ -78,8 +98,8 @@ def continuous(config: PlasmaConfig) -> list[Knob]:
     if scalable(config):
         found.append(
             Knob("particles", "particles of all species", "", ("species", 0, "particles"),
-                 lambda c: 1.0 / sum(s.particles for s in c.species), 0.5 if random else 1.0, 1.0,
-                 shown=lambda size: 1.0 / size, noisy=True)
+                 lambda c: 1.0 / sum(s.particles for s in c.species), 0.5 if random else 2.0 if even else 1.0,
+                 1.0, shown=lambda size: 1.0 / size, noisy=not even)
         )  # fmt: skip
     return found
 
@@ -115,13 +135,15 @@ def settings(config: PlasmaConfig, sizes: Mapping[str, float], time: float) -> t
     finer = spacing(config)[0] / sizes["dx"] if "dx" in sizes else 1.0
     points = [n if finer == 1.0 else smooth(max(4.0, n * finer)) for n in config.points]
     made.append(f"grid.points={points}")
+    batches = [loader_of(s).batch_size(s, tuple(points)) for s in config.species]
+    for i, s in enumerate(config.species):
+        if loader_of(s).whole_batches:  # as many velocities on any grid
+            batches[i] = loader_of(s).batch_size(s, config.points)
+            made.append(f"species[{i}].places={batches[i]}")
     if "particles" in sizes and scalable(config):
         more = 1.0 / (sizes["particles"] * sum(s.particles for s in config.species))
         for i, s in enumerate(config.species):
-            n = count(s.particles * more, loader_of(s).batch_size(s, tuple(points)))
-            made.append(f"species[{i}].particles={n}")
-            if n != s.particles and not (s.density or s.plasma_frequency):  # the same plasma: shared among more
-                made += [f"species[{i}].{name}={getattr(s, name) * s.particles / n!r}" for name in ("charge", "mass")]
+            made += resized(i, s, count(s.particles * more, batches[i]))
     made += [f"{key}={max(1, round(period * dt / step))}" for key, period in sampled(config) if period]
     return tuple(made)
 

@@ -299,6 +299,15 @@ def test_a_recommendation_below_what_is_known_is_marked_and_its_way_out_leads_to
     assert "not certified" not in (tmp_path / "new.conf").read_text()
 
 
+def test_where_noise_of_the_start_hides_the_answer_a_quieter_start_is_taken(program, tmp_path):
+    done = program("tradeoff", "-o", "out", "--tolerance", "1%", "--write", "new.conf", start=0.05)
+    assert done.returncode == 0, done.stdout + done.stderr
+    assert "Again, with less noise: --set 'start=0.0'" in done.stdout
+    best = found(tmp_path)["recommended"]
+    assert best["certified"] and true_error(best["sizes"])[0] <= 0.01
+    assert validate(error_app.ErrorConfig, load(tmp_path / "new.conf")).start == 0.0
+
+
 def test_a_scalar_at_the_end_is_a_quantity_and_noise_is_called_not_asymptotic(program, tmp_path):
     done = program("tradeoff", "-o", "out", "--qoi", "last(answer)", "--knobs", "dx", noise=0.01)
     assert done.returncode == 0, done.stderr

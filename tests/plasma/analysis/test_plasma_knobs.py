@@ -75,6 +75,21 @@ def test_a_wave_that_hardly_decays_is_asked_for_its_frequency():
     assert [q.name for q in knobs_of(long).quantities()] == ["frequency", "energy"]
 
 
+def test_a_warm_quiet_start_has_a_quieter_one_of_the_same_plasma_whose_velocities_no_grid_changes():
+    own = read("landau-damping", ('species[0].init_method="quiet"',))
+    sets = knobs_of(own).quieter
+    strata = read("landau-damping", sets)
+    assert strata.species[0].init_method == "strata" and knobs_of(strata).quieter == ()
+    assert total_plasma_frequency(strata) == pytest.approx(total_plasma_frequency(own), rel=1e-12)
+    velocities = set()
+    for factor in (2.0, 1.0, 0.4):
+        knobs = knobs_of(strata)
+        made = read("landau-damping", (*sets, *knobs.settings({"dx": factor * knobs.knobs[0].size(strata)}, 1.0)))
+        (species,) = Scene(made).species
+        velocities.add(len(np.unique(species.velocities(np.array(species.ids))[:, 0])))
+    assert len(velocities) == 1
+
+
 def test_smooth_numbers_are_even_without_large_primes():
     found = [smooth(n) for n in (1, 2, 7, 8.5, 121, 1025)]
     assert found == [2, 2, 8, 10, 128, 1080]
