@@ -1,19 +1,27 @@
-"""Pages that the code itself tells: the verbs of the command line, and every key of every simulator."""
+"""Pages that the code itself tells: the verbs of the command line, every key of every simulator, and the tutorials with
+what their notebooks give when they are run.
+"""
 
 from __future__ import annotations
 
 import html
+import tempfile
 from collections.abc import Iterable, Iterator
 from importlib import import_module
 from itertools import groupby
+from pathlib import Path
 from typing import Any
 
 import click
+import nbformat
 from mkdocs.structure.files import File, Files
+from nbconvert import MarkdownExporter
+from nbconvert.preprocessors import ExecutePreprocessor
 
 from hpcpic.core.case.schema import Row, describe
 from hpcpic.core.cli.main import VERBS, build
 
+TUTORIALS = sorted((Path(__file__).parent / "tutorials").glob("*.ipynb"))
 PROGRAMS = {"hpcpic": "Plasma", "sph": "SPH", "lbmdem": "Lattice and grains"}
 
 
@@ -22,7 +30,24 @@ def on_files(files: Files, config: Any) -> Files:
     files.append(File.generated(config, "reference/verbs.md", content=verbs_page()))
     for name, title in PROGRAMS.items():
         files.append(File.generated(config, f"reference/{name}.md", content=keys_page(name, title)))
+    for notebook in TUTORIALS:
+        page, pictures = tutorial(notebook)
+        files.append(File.generated(config, f"tutorials/{notebook.stem}.md", content=page))
+        for name, picture in pictures.items():
+            files.append(File.generated(config, f"tutorials/{name}", content=picture))
     return files
+
+
+def tutorial(notebook: Path) -> tuple[str, dict[str, bytes]]:
+    """The page of a notebook that is run here, and its pictures by name. Raises CellExecutionError."""
+    cells = nbformat.read(notebook, as_version=4)
+    with tempfile.TemporaryDirectory() as folder:
+        ExecutePreprocessor(timeout=600).preprocess(cells, {"metadata": {"path": folder}})
+    named = {"unique_key": notebook.stem, "output_files_dir": "."}
+    text, made = MarkdownExporter().from_notebook_node(cells, named)
+    head, _, rest = text.lstrip().partition("\n")
+    download = f"[This page as a notebook]({notebook.name}){{ download }}, with `pip install jupyterlab` to run it."
+    return f"{head}\n\n{download}\n{rest}", {Path(name).name: data for name, data in made["outputs"].items()}
 
 
 def verbs_page() -> str:

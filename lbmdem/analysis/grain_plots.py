@@ -36,22 +36,24 @@ def all_grains(run: Run, step: int) -> dict[str, np.ndarray]:
 
 
 def grains(run: Run, step: int | None = None) -> Figure:
-    """2D: discs with the lines that show their rotation, at several times or at one step. 3D: spheres seen from y."""
+    """2D: discs with the lines that show their rotation, at several times or at one step. 3D: spheres seen from y.
+
+    A colour for each of a few grains, as in `tracks`; of many the colour is the speed, on one scale in all pictures.
+    """
     snapshots = snapshots_of(run)
     config = config_of(run)
     steps = [int(s) for s in snapshots.steps]
-    if step is not None:
-        chosen = [int(snapshots.steps[snapshots.index(step)])]
-    else:
-        chosen = [steps[round(k)] for k in np.linspace(0, len(steps) - 1, min(6, len(steps)))]
+    spread = [steps[round(k)] for k in np.linspace(0, len(steps) - 1, min(6, len(steps)))]
+    chosen = spread if step is None else [int(snapshots.steps[snapshots.index(step)])]
     size = config.domain.size
     across, along = size[0], size[-1]
     ratio = min(along / across, 4.0)
     with style():
         figure, axes = new_figure(1, len(chosen), (1.2 + 1.45 * len(chosen), 1.0 + 1.4 * ratio), squeeze=False)
+        scale = _scale_of_speeds([all_grains(run, at) for at in spread])
         for axis, at in zip(axes[0], chosen):
             _draw_box(axis, config)
-            _draw_grains(axis, with_images(all_grains(run, at), config), config.dimensions)
+            _draw_grains(axis, with_images(all_grains(run, at), config), config.dimensions, scale)
             axis.set(xlim=(0, across), ylim=(0, along), aspect="equal", xticks=[0, across], yticks=[0, along])
             axis.tick_params(labelsize=7.5, labelleft=axis is axes[0, 0])
             axis.set_xticklabels(["0", f"{across:.3g}"])
@@ -62,7 +64,24 @@ def grains(run: Run, step: int | None = None) -> Figure:
             axis.set_title(f"{snapshots.times[steps.index(at)]:.3g} s", fontsize=9.5)
         axes[0, 0].set_ylabel(f"{'yz'[config.dimensions - 2]}, m", fontsize=8.5, labelpad=-4)
         figure.supxlabel("x, m", fontsize=8.5)
+        if scale:
+            figure.colorbar(scale, ax=list(axes[0]), label="speed, m/s", pad=0.01)
         return figure
+
+
+def _scale_of_speeds(snapshots: list[dict[str, np.ndarray]]) -> Any:
+    """Colours of the speeds of grains, None where they are so few that each has a colour of its own."""
+    from matplotlib.cm import ScalarMappable
+    from matplotlib.colors import Normalize
+
+    if max(len(columns["id"]) for columns in snapshots) <= len(COLOURS):
+        return None
+    fastest = max(float(_speeds(columns).max(initial=0.0)) for columns in snapshots)
+    return ScalarMappable(Normalize(0.0, fastest or 1.0), "viridis")
+
+
+def _speeds(columns: dict[str, np.ndarray]) -> np.ndarray:
+    return np.linalg.norm(columns["velocity"], axis=1)
 
 
 def with_images(columns: dict[str, np.ndarray], config: LbmDemConfig, far: float = 0.0) -> dict[str, np.ndarray]:
@@ -96,7 +115,7 @@ def _draw_box(axis: Any, config: LbmDemConfig) -> None:
             axis.add_patch(Polygon(corners, color=SOLID))
 
 
-def _draw_grains(axis: Any, columns: dict[str, np.ndarray], dimensions: int) -> None:
+def _draw_grains(axis: Any, columns: dict[str, np.ndarray], dimensions: int, scale: Any) -> None:
     from matplotlib.collections import LineCollection, PatchCollection
     from matplotlib.patches import Circle
 
@@ -104,12 +123,16 @@ def _draw_grains(axis: Any, columns: dict[str, np.ndarray], dimensions: int) -> 
     order = np.argsort(-x[:, 1]) if dimensions == 3 else np.arange(len(x))
     up = 2 if dimensions == 3 else 1
     circles = [Circle((x[k, 0], x[k, up]), r[k]) for k in order]
-    colours = [COLOURS[k % len(COLOURS)] for k in order]
+    if scale:
+        colours = scale.to_rgba(_speeds(columns)[order])
+    else:  # an image has the number, and so the colour, of its grain
+        colours = [COLOURS[k % len(COLOURS)] for k in columns["id"][order]]
     axis.add_collection(PatchCollection(circles, facecolor=colours, edgecolor=INK, linewidth=0.4))
     if dimensions == 2:
         ends = np.stack([np.cos(columns["angle"]), np.sin(columns["angle"])], axis=1) * r[:, None]
         lines = np.stack([x[:, :2] - ends, x[:, :2] + ends], axis=1)
-        axis.add_collection(LineCollection(list(lines), color="white", linewidth=1.2))
+        colour, width = (INK, 0.5) if scale else ("white", 1.2)
+        axis.add_collection(LineCollection(list(lines), color=colour, linewidth=width))
 
 
 def contacts(run: Run, step: int | None = None) -> Figure:

@@ -113,13 +113,18 @@ class Run:
         return tuple(self._app.plots()) if self._app.plots else ()
 
     def plot(self, name: str, step: int | None = None) -> Figure:
-        """One figure of the run, as `plot` draws it. Raises ConfigError where the run lacks what it shows."""
-        from hpcpic.core.app.figures import NoData
+        """One figure of the run, as `plot` draws it; notebooks show it. Raises ConfigError where the run lacks what is
+        drawn.
+        """
+        from hpcpic.core.app.figures import PAPER, NoData, png
 
         plots = self._app.plots() if self._app.plots else {}
         if name not in plots:
             raise ConfigError(f"no figure {name!r}; there are {', '.join(plots)}")
         try:
-            return plots[name].make(self._files, step)
+            figure: Any = plots[name].make(self._files, step)
         except NoData as error:
             raise ConfigError(f"{name}: {error}") from error
+        figure.set_facecolor(PAPER)  # of notebooks in the dark
+        figure._repr_png_ = lambda: png(figure)  # without pyplot nobody has told IPython how to show a figure
+        return figure

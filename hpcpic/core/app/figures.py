@@ -97,13 +97,12 @@ LOOK: Any = {  # of matplotlib
 
 @contextmanager
 def style() -> Iterator[None]:
-    """Agg and the house look, whatever a matplotlibrc says: open axes, few ticks, colours that colour-blind readers can
+    """The house look, whatever a matplotlibrc says: open axes, few ticks, colours that colour-blind readers can
     tell apart. matplotlib looks at it again when it draws: for making and for saving a figure.
     """
     import matplotlib
     from cycler import cycler
 
-    matplotlib.use("Agg")
     with matplotlib.rc_context():
         matplotlib.rcdefaults()
         matplotlib.rcParams.update({**LOOK, "axes.prop_cycle": cycler(color=COLOURS)})
@@ -133,10 +132,15 @@ def save(figure: Figure, path: Path) -> None:
     if path.suffix == ".svg":
         write_atomic(path, svg(figure))
         return
+    write_atomic(path, png(figure))
+
+
+def png(figure: Figure) -> bytes:
+    """The figure on white paper."""
     buffer = io.BytesIO()
     with style():
         figure.savefig(buffer, format="png", dpi=DOTS_PER_INCH, facecolor=PAPER, metadata={"Software": None})
-    write_atomic(path, buffer.getvalue())
+    return buffer.getvalue()
 
 
 def svg(figure: Figure, prefix: str = "") -> str:

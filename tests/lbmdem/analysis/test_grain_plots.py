@@ -7,6 +7,7 @@ import sys
 import numpy as np
 import pytest
 from figure_texts import unreadable
+from matplotlib import colormaps
 from matplotlib.collections import LineCollection, PatchCollection
 
 from hpcpic.core.files.reader import open_run
@@ -47,15 +48,19 @@ def test_grains_that_reach_over_a_periodic_side_are_seen_on_both(run):
     x, r = columns["position"][:, 0], columns["radius"]
     over = int((x < r).sum() + (x > 0.012 - r).sum())
     figure = PLOTS["grains"].make(run, None)
-    drawn = next(some for some in figure.axes[-1].collections if isinstance(some, PatchCollection))
+    axes, bar = figure.axes[-2:]
+    drawn = next(some for some in axes.collections if isinstance(some, PatchCollection))
     assert over > 0 and len(drawn.get_paths()) == 20 + over
-    assert len(figure.axes[-1].patches) == 1  # the plane
+    assert len(axes.patches) == 1  # the plane
+    speeds = [np.linalg.norm(all_grains(run, int(s))["velocity"], axis=1) for s in run.particle_snapshots.steps]
+    colours = colormaps["viridis"](speeds[-1] / np.max(speeds))
+    assert bar.get_ylabel() == "speed, m/s" and np.allclose(drawn.get_facecolor()[:20], colours)
 
 
 def test_the_lines_of_discs_are_diameters_that_turn_with_them(run, monkeypatch):
     """The line of the first disc lies along x, that of the second along y, that of the third halfway between."""
     x = np.array([[0.004, 0.004], [0.008, 0.004], [0.006, 0.008]])
-    discs = {"position": x, "radius": np.full(3, 1e-3), "angle": np.array([0.0, 0.5, 0.25]) * np.pi}
+    discs = {"id": np.arange(3), "position": x, "radius": np.full(3, 1e-3), "angle": np.array([0.0, 0.5, 0.25]) * np.pi}
     monkeypatch.setattr(grain_plots, "all_grains", lambda run, step: discs)
     axes = grain_plots.grains(run, int(run.particle_snapshots.steps[0])).axes[-1]
     drawn = next(some for some in axes.collections if isinstance(some, LineCollection)).get_segments()
