@@ -88,7 +88,7 @@ class Trial:
 
 
 class Sampled(Trial):
-    """A simulation of which samples of the series are taken in place of steps: seconds of one, as rest."""
+    """A simulation that takes samples of the series in place of steps; `rest`: seconds of one."""
 
     def step(self) -> None:
         self.sph.current_forces()
@@ -98,7 +98,7 @@ class Sampled(Trial):
 
 
 def taken(trials: Mapping[str, Trial], rounds: int, calls: int = 4) -> None:
-    """The turns of all, and their end."""
+    """Time all trials in turns, then close them."""
     in_turn({name: trial.step for name, trial in trials.items()}, rounds, calls)
     for trial in reversed(list(trials.values())):  # the first pool knows where the caller ran before all
         trial.close()

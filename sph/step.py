@@ -78,7 +78,7 @@ class Sph:
         self.sort()
 
     def _prepare(self, scene: Scene, pool: Pool) -> None:
-        """Make arrays without particles, and the kernels of the scene."""
+        """Declare the arrays, without particles yet, and compile the kernels of the scene."""
         maps, mirrors = images_of(self.walls, self.skin.largest_radius)
         self.spec = pair_spec_of(scene.config, bool(scene.walls) or len(maps.planes) > 1)
         declared = arrays_of(self.spec, self.integrator.staged)

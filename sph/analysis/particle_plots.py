@@ -15,6 +15,7 @@ from sph.physics.reference import velocity_gradient
 from sph.physics.smoothing import SMOOTHING
 from sph.physics.stability import support_of
 from sph.setup.channel import Channel, channel_of
+from sph.setup.flows import Linear, at_rest, flow_of
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -138,8 +139,8 @@ def wall_outlines(run: Run, t: float) -> list[tuple[list[float], list[float]]]:
 
 def predicted_outline(config: SphConfig, t: float) -> list[tuple[np.ndarray, np.ndarray]]:
     """Where theory puts the surface: the ellipse of a round drop that is drawn out along y."""
-    flow, shape = config.fluid[0].flow, config.fluid[0].shape
-    if not (flow and flow.type == "linear" and shape.sphere):
+    flow, shape = flow_of(config.fluid[0], Linear), config.fluid[0].shape
+    if not (flow and shape.sphere):
         return []
     g = flow.gradient
     if not (g[1] == g[2] == 0.0 and g[0] == -g[3] < 0):
@@ -280,7 +281,7 @@ def profiles(run: Run, step: int | None = None) -> Figure:
 def depth(run: Run, step: int | None = None) -> Figure:
     """Pressure of the particles over the height, beside that of fluid at rest."""
     scene = scene_of(run)
-    still = [fluid for fluid in scene.fluids if fluid.section.initial_pressure == "hydrostatic"]
+    still = [fluid for fluid in scene.fluids if at_rest(fluid.section)]
     if not scene.gravity.any() or not still:
         raise NotInScene("only for fluid that starts at rest under gravity")
     snapshots = snapshots_of(run)

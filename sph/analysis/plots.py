@@ -24,8 +24,9 @@ from hpcpic.core.app.figures import (
 from sph.analysis import experiments, theory
 from sph.analysis.particle_plots import THEORY, depth, profiles, sequence, snapshots_of
 from sph.analysis.run_config import config_of, scene_of
-from sph.case import geometry
-from sph.case.config import Gauge, SphConfig
+from sph.case import columns, geometry
+from sph.case.config import ELEVATION, FRONT, PRESSURE, WALL_PRESSURE, Gauge, SphConfig
+from sph.setup.flows import StandingWave, Vortices, flow_of
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -35,7 +36,7 @@ if TYPE_CHECKING:
 DATA: dict[str, Any] = {"marker": "o", "linestyle": "none", "markersize": 4, "color": INK, "markerfacecolor": "none"}
 ABOVE: dict[str, Any] = {"loc": "lower right", "bbox_to_anchor": (1.0, 1.0), "borderaxespad": 0.1,
                          "columnspacing": 1.0, "handlelength": 1.5, "fontsize": 8.5}  # fmt: skip
-PRESSURES = ("pressure", "wall-pressure")
+PRESSURES = (PRESSURE, WALL_PRESSURE)
 DAM_BREAKS = (  # source, depth of the water, where the wall is, below which height the sensor is, m; what it measured
     ("Lobovsky et al. 2014", 0.3, 1.61, 0.01, experiments.LOBOVSKY_PRESSURE),
     ("Buchner 2002", 0.6, 3.22, 0.2, experiments.BUCHNER_PRESSURE),
@@ -66,8 +67,8 @@ def energies(run: Run, step: int | None = None) -> Figure:
 
 def predicted_decay(config: SphConfig) -> float | None:
     """Rate of the kinetic energy of vortices that viscosity ends, 1/s."""
-    flow = config.fluid[0].flow if config.fluid else None
-    if flow is None or flow.type != "taylor-green":
+    flow = flow_of(config.fluid[0], Vortices) if config.fluid else None
+    if flow is None:
         return None
     return 4 * (2 * math.pi / flow.wavelength) ** 2 * config.fluid[0].dynamic_viscosity / config.fluid[0].density
 
@@ -176,7 +177,7 @@ def impulses(run: Run, step: int | None = None) -> Figure:
 def gauges(run: Run, step: int | None = None) -> Figure:
     """Every gauge in time, beside what theory or an experiment says where that is known."""
     config = config_of(run)
-    shown = [gauge for gauge in config.gauge if gauge.what != "front"]
+    shown = [gauge for gauge in config.gauge if gauge.kind is not FRONT]
     if not shown:
         raise NotInScene("the case has no gauge but of the front")
     with style():
@@ -189,9 +190,7 @@ def gauges(run: Run, step: int | None = None) -> Figure:
 
 def _gauge_panel(axis: Any, run: Run, gauge: Gauge) -> None:
     config = config_of(run)
-    names = [name for name in run.series if name == gauge.name or name.startswith(f"{gauge.name}_")]
-    if gauge.what != "velocity":
-        names = [gauge.name]
+    names = [*columns.columns_of(gauge, gauge.name, config.dimensions)]
     for name in names:
         t, values = columns_of(run, name)
         axis.plot(*thinned(t, values), label=plain(name) if len(names) > 1 else None, linewidth=1.3)
@@ -217,20 +216,20 @@ def _expectation(run: Run, config: SphConfig, gauge: Gauge, t: np.ndarray) -> tu
     g, vertical = float(np.abs(scene.gravity).max()), int(np.argmax(np.abs(scene.gravity)))
     low, high = geometry.bounds(config.fluid[0].shape)
     flow, water = config.fluid[0].flow, high[vertical] - low[vertical]
-    if flow and flow.type == "standing-wave" and gauge.what == "elevation":
+    if flow and flow_of(config.fluid[0], StandingWave) and gauge.kind is ELEVATION:
         k = 2 * math.pi / flow.wavelength
         phase = np.sin(theory.wave_frequency(k, water, g) * t) * math.cos(k * (gauge.at[0] - low[0]))
         return "linear theory", t, high[vertical] + flow.amplitude * phase, THEORY
     fills = all(a <= b for a, b in zip(scene.high - scene.low, [1.001 * (q - p) for p, q in zip(low, high)][:-1]))
     moving = any(wall.motion for wall in config.wall)
-    if fills and not moving and not flow and gauge.what in (*PRESSURES, "elevation"):
+    if fills and not moving and not flow and gauge.kind in (*PRESSURES, ELEVATION):
         deep = np.array([high[vertical] - gauge.at[vertical]])
         at_rest = float(scene.eos.pressure(scene.eos.excess_at_rest(deep, g))[0])
-        value = at_rest if gauge.what in PRESSURES else high[vertical]
+        value = at_rest if gauge.kind in PRESSURES else high[vertical]
         return "at rest", t[[0, -1]], [value, value], THEORY
     for name, deep_water, x, highest, measured in DAM_BREAKS:
         there = len(gauge.at) == 2 and abs(gauge.at[0] - x) < 0.02 and gauge.at[1] < highest
-        if gauge.what in PRESSURES and there and abs(water - deep_water) < NEAR * deep_water:
+        if gauge.kind in PRESSURES and there and abs(water - deep_water) < NEAR * deep_water:
             times, pressure = measured.T
             known = times * math.sqrt(water / g), pressure * scene.rho0 * g * water
             return f"experiment: {name}", *known, DATA | {"markersize": 3}

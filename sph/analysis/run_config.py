@@ -23,7 +23,7 @@ def _scene(text: str) -> Scene:
 
 
 def config_of(run: "Run") -> SphConfig:
-    """Raises ConfigError when the folder's case is none of this program."""
+    """The configuration of a run. Raises ConfigError when the case of the folder is not one of this program."""
     return _config(run.config)
 
 

@@ -33,6 +33,5 @@ def gauge_units(config: SphConfig) -> dict[str, str]:
 
 def columns_of(gauge: Gauge, name: str, d: int) -> dict[str, str]:
     """Columns of one gauge, with their units."""
-    if gauge.what == "velocity":
-        return {f"{name}_{axis}": "m/s" for axis in AXES[:d]}
-    return {name: {"pressure": "Pa", "wall-pressure": "Pa", "flow": "m2/s" if d == 2 else "m3/s"}.get(gauge.what, "m")}
+    names = [f"{name}_{axis}" for axis in AXES[:d]] if gauge.kind.vector else [name]
+    return dict.fromkeys(names, gauge.kind.units[d - 2])

@@ -3,6 +3,8 @@
 What other settings determine (sound speed, Courant number, domain, kind of viscosity) is filled in by setup.defaults.
 """
 
+import math
+from dataclasses import dataclass
 from typing import Annotated, ClassVar, Literal
 
 from pydantic import BeforeValidator
@@ -198,6 +200,34 @@ class Wall(Section):
     torque_about: Vector = setting((), "point of the torque; by default the middle of the shape", "m")
 
 
+@dataclass(frozen=True)
+class GaugeKind:
+    """units: of a reading in 2D and 3D. vector: it reads a component along each axis. at_point: of the fluid there.
+
+    along: it has an axis, or needs one (`needs_axis`; `axis`: by default). area: it has an extent.
+    """
+
+    units: tuple[str, str]
+    vector: bool = False
+    at_point: bool = False
+    along: bool = True
+    needs_axis: bool = False
+    axis: str | None = None
+    area: bool = False
+
+
+PRESSURE = GaugeKind(("Pa", "Pa"), at_point=True, along=False)
+WALL_PRESSURE = GaugeKind(("Pa", "Pa"), needs_axis=True, area=True)
+VELOCITY = GaugeKind(("m/s", "m/s"), vector=True, at_point=True, along=False)
+ELEVATION = GaugeKind(("m", "m"))
+FRONT = GaugeKind(("m", "m"), axis="x+")
+FLOW = GaugeKind(("m2/s", "m3/s"), needs_axis=True, area=True)
+GAUGES = {
+    "pressure": PRESSURE, "wall-pressure": WALL_PRESSURE, "velocity": VELOCITY, "elevation": ELEVATION, "front": FRONT,
+    "flow": FLOW,
+}  # fmt: skip
+
+
 class Gauge(Section):
     name: str = setting("", "by default gauge_1, gauge_2, ...")
     what: Literal["pressure", "wall-pressure", "velocity", "elevation", "front", "flow"] = setting(
@@ -220,6 +250,27 @@ class Gauge(Section):
     radius: float | None = setting(None, "wall-pressure: of a disc (in 2D a strip twice as long)", "m", gt=0)
     wall: str = setting("", "wall-pressure: the wall that it sits in and moves with; by default any, at one place")
     period: float | None = setting(None, "of the samples; by default that of the series", "s", gt=0)
+
+    @property
+    def kind(self) -> GaugeKind:
+        return GAUGES[self.what]
+
+    @property
+    def direction(self) -> tuple[int, float]:
+        """Number of the axis, and 1 or -1 for the way along it."""
+        assert self.axis is not None
+        return AXES.index(self.axis[0]), 1.0 if self.axis[1] == "+" else -1.0
+
+    def extents(self, spacing: float) -> list[float]:
+        """Extent of an area of wall along each axis, m; 0 along its normal, a spacing where nothing is said."""
+        size = self.size or (0.0,) * len(self.at)
+        return [0.0 if k == self.direction[0] else extent or spacing for k, extent in enumerate(size)]
+
+    def area(self, spacing: float) -> float:
+        """Area of a piece of wall, m2 (2D: length of a strip, m)."""
+        if self.radius:
+            return math.pi * self.radius**2 if len(self.at) == 3 else 2 * self.radius
+        return math.prod(extent for extent in self.extents(spacing) if extent)
 
 
 class Period(Section):
@@ -273,6 +324,11 @@ class SphConfig(Section):
     def sound_speed(self) -> float:
         assert self.eos.sound_speed is not None  # completed
         return self.eos.sound_speed
+
+    @property
+    def sensors(self) -> list[Gauge]:
+        """The gauges that are areas of walls."""
+        return [gauge for gauge in self.gauge if gauge.kind is WALL_PRESSURE]
 
     @property
     def conserved(self) -> tuple[str, ...]:

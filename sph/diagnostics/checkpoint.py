@@ -52,7 +52,7 @@ class Checkpoint:
         return result | self._sharded(own, self._count(own), shapes, "walls/")
 
     def _whole(self) -> Arrays:
-        """What all ranks know alike."""
+        """The arrays of which every rank has all values."""
         whole = {"reach": np.array([self.skin.reach])} if self.skin.farthest else {}  # which neighbours are looked at
         if self._have_periods:
             whole["gauges/since"] = np.array([self.gauges.since])
@@ -71,7 +71,7 @@ class Checkpoint:
 
     @property
     def _have_periods(self) -> bool:
-        """True if it matters up to when gauges have been read: a run may stop between two samples."""
+        """Whether gauges have periods: then the time of their last reading is kept, as a run may stop between two."""
         return any(gauge.period for gauge in self.storage.scene.config.gauge)
 
     def _shapes(self, *names: str) -> Shapes:

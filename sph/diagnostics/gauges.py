@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hpcpic.core.space.products import product
-from sph.case.config import AXES, Gauge
+from sph.case.config import AXES, ELEVATION, FLOW, FRONT, PRESSURE, WALL_PRESSURE, Gauge
 from sph.diagnostics.sensors import Sensors
 from sph.diagnostics.snapshot import particles_at
 from sph.kernels import readings
@@ -20,7 +20,6 @@ FIXED_POINT = 2.0**40
 LEVELS = 4  # heights looked at per spacing
 MIN_WEIGHT = 0.05  # of the kernel's sum, below which a point is dry
 HALF_SLICE = 2  # spacings on each side of a section in which flow is counted
-POINTS = ("pressure", "velocity")
 ROUNDING = 1e-6  # of a length
 
 Own = dict[str, NDArray]
@@ -38,31 +37,30 @@ class Gauges:
         """Readings of the gauges whose period is over: one number each, or one per axis. Collective."""
         found: dict[str, float] = {}
         asked = [gauge for gauge in self.scene.config.gauge if due(gauge, time, self.since)]
-        points = [gauge for gauge in asked if gauge.what in POINTS]
+        points = [gauge for gauge in asked if gauge.kind.at_point]
         if points:
             found |= self.at_points(points)
-        found |= {gauge.name: self.read(gauge) for gauge in asked if gauge.what not in POINTS}
+        found |= {gauge.name: self.read(gauge) for gauge in asked if not gauge.kind.at_point}
         self.since = time
         return found
 
     def read(self, gauge: Gauge) -> float:
         """What one gauge that is no point reads from the fluid of all ranks. Collective."""
-        if gauge.what == "wall-pressure":
+        if gauge.kind is WALL_PRESSURE:
             return self.sensors.read(gauge)
-        if gauge.what == "front":
+        if gauge.kind is FRONT:
             return self.front(gauge)
         own = particles_at(self.storage, self.near(gauge.at, self.reach(gauge)))
-        return self.elevation(gauge, own) if gauge.what == "elevation" else self.flow(gauge, own)
+        return self.elevation(gauge, own) if gauge.kind is ELEVATION else self.flow(gauge, own)
 
     def reach(self, gauge: Gauge) -> NDArray[np.float64]:
         """How far from its place a gauge looks at fluid along each axis, m."""
         reach = np.full(self.scene.dimensions, self.scene.support)
-        if gauge.what == "elevation":
+        if gauge.kind is ELEVATION:
             reach[self.vertical(gauge)[0]] = np.inf
-        if gauge.what == "flow":
-            assert gauge.axis is not None
+        if gauge.kind is FLOW:
             reach[:] = [size / 2 or np.inf for size in gauge.size or (0.0,) * len(reach)]
-            reach[AXES.index(gauge.axis[0])] = HALF_SLICE * self.scene.spacing
+            reach[gauge.direction[0]] = HALF_SLICE * self.scene.spacing
         return reach
 
     def near(self, at: tuple[float, ...], reach: NDArray) -> Slots:
@@ -112,13 +110,12 @@ class Gauges:
         for gauge, (full, *sides) in zip(gauges, totals):
             pressure, *v = (unit[1:] * sides / full if full > MIN_WEIGHT else np.zeros(1 + d)).tolist()
             velocity = {f"{gauge.name}_{axis}": value for axis, value in zip(AXES, v)}
-            found |= {gauge.name: pressure} if gauge.what == "pressure" else velocity
+            found |= {gauge.name: pressure} if gauge.kind is PRESSURE else velocity
         return found
 
     def front(self, gauge: Gauge) -> float:
         """The farthest edge of the fluid along an axis, m. Collective."""
-        assert gauge.axis is not None
-        sign, k = (1.0 if gauge.axis[1] == "+" else -1.0), AXES.index(gauge.axis[0])
+        k, sign = gauge.direction
         storage, along = self.storage, self.scene.axes.index(k)
         farthest = self.world.max(readings.farthest(storage.end, sign, storage.flags, storage.x[along]))
         return sign * (farthest + sign * self.scene.low[k] + self.scene.spacing / 2)
@@ -158,16 +155,15 @@ class Gauges:
     def vertical(self, gauge: Gauge) -> tuple[int, float]:
         """Axis and sign of up: as given, else against gravity, else the last axis."""
         if gauge.axis:
-            return AXES.index(gauge.axis[0]), 1.0 if gauge.axis[1] == "+" else -1.0
+            return gauge.direction
         g = self.scene.gravity
         k = int(np.argmax(np.abs(g))) if g.any() else self.scene.dimensions - 1
         return k, 1.0 if g[k] <= 0 else -1.0
 
     def flow(self, gauge: Gauge, own: Own) -> float:
         """Volume per time through the section, m3/s (2D: m2/s), counted in a slice of two spacings on each side."""
-        assert gauge.axis is not None
         scene, d = self.scene, self.scene.dimensions
-        k = AXES.index(gauge.axis[0])
+        k, sign = gauge.direction
         r = self.separation(own["x"], gauge.at)
         width = HALF_SLICE * scene.spacing
         inside = np.abs(r[:, k]) < width
@@ -178,7 +174,7 @@ class Gauges:
         volume = own["m"][inside] / (scene.rho0 + own["drho"][inside])
         scale = scene.c0 * scene.spacing ** (d - 1)
         total = self.summed((weight * volume * own["v"][inside, k] / scale)[:, None])
-        return float(total[0]) * scale * (1.0 if gauge.axis[1] == "+" else -1.0)
+        return float(total[0]) * scale * sign
 
 
 def due(gauge: Gauge, time: float, since: float) -> bool:

@@ -11,7 +11,7 @@ from sph.setup.tanks import depth_in, sides
 
 
 class LeakFinder:
-    """`found`: a word on the first particles that were seen behind a wall."""
+    """Looks for fluid behind walls; `found`: what it says of the first particles seen there."""
 
     def __init__(self, storage: Storage, walls: Walls) -> None:
         self.storage, self.walls, self.scene = storage, walls, storage.scene
@@ -31,7 +31,7 @@ class LeakFinder:
         return bool(sign * box[axis][sign > 0] > place + shift)
 
     def through_wall(self) -> str | None:
-        """A word on the particles of the fluid that are more than a spacing behind a wall now, on this rank."""
+        """What to say of the fluid that is more than a spacing behind a wall now, on this rank; None: there is none."""
         scene, storage = self.scene, self.storage
         for wall in scene.walls:
             shape, shift = wall.shape, self.walls.displacement[wall.index]

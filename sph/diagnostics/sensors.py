@@ -9,12 +9,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hpcpic.core.simd.generate import specialise
-from sph.case.config import AXES, Gauge
-from sph.case.sensors import area_of, extents_of, sensors_of
+from sph.case.config import Gauge
 from sph.kernels.groups import Areas
 from sph.particles.ghosts import Ghosts
 from sph.particles.pair_sums import PairSums
 from sph.particles.slabs import Slabs
+from sph.particles.wall_forces import bodies_of_walls
 from sph.particles.walls import Walls
 
 FIXED_POINT = 2.0**40
@@ -26,19 +26,18 @@ class Sensors:
     def __init__(self, walls: Walls, ghosts: Ghosts, sums: PairSums, slabs: Slabs) -> None:
         self.walls, self.ghosts, self.sums, self.slabs = walls, ghosts, sums, slabs
         scene = walls.scene
-        self.gauges = sensors_of(scene.config)
+        self.gauges = scene.config.sensors
         self.integrals, self.lasted = np.zeros((2, len(self.gauges)))
         if not self.gauges:
             return
-        self.kernels = specialise("sph.kernels", ["sensors"], DIM=scene.dimensions, REAL=repr(sums.spec.real))
+        self.kernels = specialise("sph.kernels", ["sensors"], DIM=scene.dimensions)
         axes, n = list(scene.axes), len(self.gauges)
         names = [wall.name for wall in scene.walls]
         self.of = np.array([names.index(gauge.wall) if gauge.wall else -1 for gauge in self.gauges])
         self.unit = scene.rho0 * scene.c0**2
-        areas = np.array([area_of(gauge, scene.spacing) for gauge in self.gauges])
-        half = np.array([extents_of(gauge, scene.spacing) for gauge in self.gauges])[:, axes] / 2
-        along = [axes.index(AXES.index(gauge.axis[0])) for gauge in self.gauges if gauge.axis]
-        sign = [1.0 if gauge.axis[1] == "+" else -1.0 for gauge in self.gauges if gauge.axis]
+        areas = np.array([gauge.area(scene.spacing) for gauge in self.gauges])
+        half = np.array([gauge.extents(scene.spacing) for gauge in self.gauges])[:, axes] / 2
+        along, sign = zip(*(gauge.direction for gauge in self.gauges))
         self.at = np.array([gauge.at for gauge in self.gauges]) - scene.low
         self.arena = sums.tasks.arena
         self.arena.group(areas=Areas)
@@ -46,13 +45,10 @@ class Sensors:
             area_middle=np.zeros((n, scene.dimensions)),
             area_half=np.ascontiguousarray(half),
             area_radius=np.array([gauge.radius or 0.0 for gauge in self.gauges]),
-            area_along=np.array(along),
-            area_wall=self.of + 1,
+            area_along=np.array([axes.index(k) for k in along]),
+            area_wall=self.of,
             area_unit=np.array(sign) * FIXED_POINT / (self.unit * areas),
             lengths=np.array([scene.spacing, scene.support]),
-            wall_images=np.array(ghosts.maps.wall),
-            slab=np.zeros(2, np.int64),
-            pushed=np.zeros((sums.tasks.parts, n), np.int64),
         )
 
     def now(self) -> NDArray[np.float64]:
@@ -60,9 +56,9 @@ class Sensors:
         arena, shown = self.arena, (self.of >= 0)[:, None]
         moved = np.where(shown, self.walls.displacement[self.of], 0.0)
         arena["area_middle"][:] = (self.at + moved)[:, list(self.walls.scene.axes)]
-        arena["slab"][:] = self.slabs.low, self.slabs.high
-        self.sums.tasks.each(self.kernels.push)
-        return np.asarray(self.slabs.world.sum_int(arena["pushed"].sum(axis=0)) * (self.unit / FIXED_POINT))
+        slots, walls = bodies_of_walls(self.walls, self.ghosts, self.slabs)
+        pushed = arena.call(self.kernels.push, slots=slots, walls=walls)
+        return np.asarray(self.slabs.world.sum_int(pushed) * (self.unit / FIXED_POINT))
 
     def add(self, dt: float) -> None:
         """The pressures of now for a step of dt s. Collective."""

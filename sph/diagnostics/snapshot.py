@@ -39,7 +39,7 @@ def worst(storage: Storage) -> list[str]:
 
 
 def particles_at(storage: Storage, slots: Slots) -> dict[str, NDArray]:
-    """What is in some slots: id[n], x[n, d] m, v[n, d] m/s, drho[n] = rho - rho0 kg/m3, m[n] kg."""
+    """The particles in some slots: id[n], x[n, d] m, v[n, d] m/s, drho[n] = rho - rho0 kg/m3, m[n] kg."""
     found = {"x": storage.physical("x", slots), "v": storage.physical("v", slots), "id": storage.numbers(slots)}
     return found | {"drho": storage.drho[slots], "m": storage.m[slots]}
 

@@ -8,9 +8,7 @@ import numpy as np
 
 from hpcpic.core.case.derived import Derived, Verdict
 from sph.case import geometry
-from sph.case.config import AXES, SphConfig
-from sph.case.sensors import extents_of
-from sph.case.speeds import heights_of, motion_speed
+from sph.case.config import ELEVATION, WALL_PRESSURE, SphConfig
 from sph.forecast.plausibility import sensible
 from sph.kernels.marks import CODES
 from sph.physics import stability
@@ -19,11 +17,11 @@ from sph.physics.viscosities import VISCOSITIES
 from sph.physics.wall_rules import rule_of
 from sph.setup.mirror_groups import most_images
 from sph.setup.scene import DOMAIN, Scene
+from sph.setup.speeds import heights_of, motion_speed
 
 SMALL = 6  # spacings across a repulsive body, below which the force on it is off by more than a tenth
 STIFF = 50  # c0 / vmax, below which a stress of the strain rate lets a wave of two spacings grow
 STRETCH = 0.1  # of the spacing along an edge, which is noticed
-STABILITY = "von Neumann, research of this program"
 CFL, STEP = ("simulation", "cfl"), ("simulation", "time_step")
 
 
@@ -301,21 +299,20 @@ def dry_gauges(config: SphConfig, scene: Scene) -> Iterator[Derived]:
     for i, gauge in enumerate(config.gauge):
         ends = zip(gauge.at, scene.low, scene.high, scene.periodic)  # through a period any place is one in the domain
         beyond = [0.0 if periodic else max(a - x, x - b, 0.0) for x, a, b, periodic in ends]
-        if gauge.what != "elevation" and max(beyond, default=0.0) > 0.0:
+        if gauge.kind is not ELEVATION and max(beyond, default=0.0) > 0.0:
             title, cure = f"{gauge.name} beyond the domain", "a place in the domain: here is nothing to show"
             yield Derived(title, "", max(beyond), "m", "0", "warn", "domain", cure, ("gauge", i, "at"))
-        if gauge.what == "wall-pressure":
+        if gauge.kind is WALL_PRESSURE:
             yield from _sensor(config, scene, i)
 
 
 def _sensor(config: SphConfig, scene: Scene, i: int) -> Iterator[Derived]:
     """The i-th gauge, an area of wall: behind it there is wall, and it is a spacing wide."""
     gauge, dp = config.gauge[i], scene.spacing
-    assert gauge.axis is not None
-    half = np.array(extents_of(gauge, dp)) / 2 if not gauge.radius else np.full(config.dimensions, gauge.radius)
-    k = AXES.index(gauge.axis[0])
+    half = np.array(gauge.extents(dp)) / 2 if not gauge.radius else np.full(config.dimensions, gauge.radius)
+    k, sign = gauge.direction
     low, high = (np.array(gauge.at) + side * np.maximum(half, dp) for side in (-1.0, 1.0))
-    low[k], high[k] = (gauge.at[k] - dp / 2, gauge.at[k] + scene.support)[:: 1 if gauge.axis[1] == "+" else -1]
+    low[k], high[k] = (gauge.at[k] - dp / 2, gauge.at[k] + scene.support)[:: int(sign)]
     low[k], high[k] = min(low[k], high[k]), max(low[k], high[k])
     walls = [wall for wall in scene.walls if gauge.wall in ("", wall.name)]
     made = sum(len(wall.near(low, high)[0]) for wall in walls if not wall.rule.images)
@@ -323,7 +320,7 @@ def _sensor(config: SphConfig, scene: Scene, i: int) -> Iterator[Derived]:
         cure = 'a place in the surface of a wall, and the axis along which fluid pushes it there, as "x+"'
         yield Derived(f"wall behind {gauge.name}", "particles", 0, "", "> 0", "fail", "an area of wall", cure,
                       ("gauge", i, "at"), True)  # fmt: skip
-    narrow = 2 * gauge.radius if gauge.radius else min(extent for extent in extents_of(gauge, dp) if extent)
+    narrow = 2 * gauge.radius if gauge.radius else min(extent for extent in gauge.extents(dp) if extent)
     verdict: Verdict = "ok" if narrow >= dp * (1 - 1e-9) else "warn"
     cure = "" if verdict == "ok" else "a smaller spacing: it reads what the wall bears over a spacing"
     yield Derived(f"width of {gauge.name}", "L/dp", narrow / dp, "", ">= 1", verdict, "forces on particles", cure,

@@ -11,7 +11,7 @@ from collections.abc import Mapping
 import numpy as np
 
 from hpcpic.core.app.forecast import FILES, Estimate, gain, writing_seconds
-from sph.case.config import SphConfig
+from sph.case.config import ELEVATION, SphConfig
 from sph.forecast.plan import MIB, arrays, counts, images
 from sph.physics import stability
 from sph.physics.fluxes import FLUXES
@@ -131,7 +131,7 @@ def sample_seconds(config: SphConfig, rates: Mapping[str, float]) -> float:
     """Seconds of one line of the series: sums, forces, and the columns of fluid over gauges of elevation."""
     d, reach, (fluid, _) = config.dimensions, support_of(config) / config.numerics.spacing, counts(config)
     near = min(fluid, 2 * reach * fluid**0.5 if d == 2 else math.pi * reach**2 * fluid ** (1 / 3))
-    elevations = sum(gauge.what == "elevation" for gauge in config.gauge)
+    elevations = sum(gauge.kind is ELEVATION for gauge in config.gauge)
     measured = sum(wall.measure_force for wall in config.wall)
     fixed = 1e-6 * (rates["sph_sample_us"] + measured * rates["force_us"])
     return fixed + 1e-9 * elevations * near * LEVELS * reach * rates["gauge_ns"]

@@ -11,11 +11,12 @@ import numpy as np
 
 from hpcpic.core.app.knobs import Choice, Knob, Knobs, Quantity, Seen
 from hpcpic.core.case.schema import value_text
-from sph.case.config import SphConfig
+from sph.case.config import FRONT, PRESSURE, VELOCITY, SphConfig
 from sph.forecast.plan import counts
 from sph.physics import stability
 from sph.physics.integrators import INTEGRATORS
 from sph.physics.wall_rules import rule_of
+from sph.setup.flows import Linear, flow_of
 
 if TYPE_CHECKING:
     from hpcpic.core.files.series import Series
@@ -161,21 +162,21 @@ def quantities_of(config: SphConfig, time: float) -> list[Quantity]:
             found.append(Quantity(name, text, time, partial(at_end, name, time), why=why))
     for gauge in config.gauge:
         why = f"the case has the gauge {gauge.name}"
-        if gauge.what == "velocity":
+        if gauge.kind is VELOCITY:
             axis = "xyz"[int(np.argmax(np.abs(config.body_force)))]
             text = f"velocity along {axis} at {gauge.name} in the first quarter"
             found.append(Quantity(gauge.name, text, end, partial(curve, f"{gauge.name}_{axis}", end), why=why))
-        elif gauge.what == "pressure":
+        elif gauge.kind is PRESSURE:
             text = f"mean pressure at {gauge.name} in the second half"
             found.append(Quantity(gauge.name, text, time, partial(mean, gauge.name, time), why=why))
-        elif gauge.what == "front":
+        elif gauge.kind is FRONT:
             text = f"{gauge.name} in the first quarter"
             found.append(Quantity(gauge.name, text, end, partial(curve, gauge.name, end), why=why))
     text = "kinetic energy in the first quarter, over that at the start if there is any"
     flows = any(fluid.flow for fluid in config.fluid)
     why = "the fluid starts in a flow" if flows else "the case has no gauge and measures no force"
     found.insert(0 if flows else len(found), Quantity("energy", text, end, partial(energy_curve, end), why=why))
-    if any(fluid.flow and fluid.flow.type == "linear" for fluid in config.fluid):  # whose energy hardly changes
+    if any(flow_of(fluid, Linear) for fluid in config.fluid):  # whose energy hardly changes
         text = "largest x in the first quarter, over that at the start"
         why = "a linear flow stretches the fluid"
         found.insert(0, Quantity("stretch", text, end, partial(stretch, end), why=why))

@@ -9,11 +9,12 @@ from hpcpic.core.case.config import Path
 from hpcpic.core.case.derived import Derived, Verdict
 from sph.case import geometry
 from sph.case.config import AXES, SphConfig
-from sph.case.speeds import motion_speed
 from sph.physics import stability
 from sph.physics.fluxes import FLUXES
 from sph.physics.stray_limits import MAX_DENSITY_ERROR, most_strays
+from sph.setup.flows import at_rest
 from sph.setup.scene import Scene
+from sph.setup.speeds import motion_speed
 
 DENSE, DENSER = 0.02, 0.1  # rho / rho0 - 1 at rest, which are noticed and refused
 MOST_STEPS = 1e9  # 11 days at a millisecond a step
@@ -88,7 +89,7 @@ def depths(config: SphConfig, scene: Scene) -> Iterator[Derived]:
     verdict: Verdict
     g = math.hypot(*config.gravity)
     for i, fluid in enumerate(config.fluid):
-        if g and fluid.initial_pressure == "hydrostatic":
+        if g and at_rest(fluid):
             heights = [-sum(a * b for a, b in zip(x, config.gravity)) / g for x in geometry.corners(fluid.shape)]
             surface = max(heights) if fluid.surface is None else fluid.surface
             depth = max(0.0, surface - min(heights))

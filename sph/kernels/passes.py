@@ -20,7 +20,7 @@ import numpy as np
 from hpcpic.core.simd.compile import formula, formulas
 from hpcpic.core.simd.generate import module_from_source
 from hpcpic.core.simd.vector import lanes
-from sph.kernels.marks import EXTRAPOLATED, SLIPS
+from sph.kernels.marks import EXTRAPOLATED, FLOWS, SLIPS
 from sph.physics import terms
 from sph.physics.pair_spec import NUMBERS, Line, PairSpec, Pass, columns_of, passes_of, state_of, sums_of
 from sph.physics.smoothing import SMOOTHING
@@ -34,8 +34,12 @@ ARGUMENTS = (
     "block, blocks, odd, begin, base, shape, numbers, run_first, run_length, flags, position, v, drho, m, values, sums"
 )
 GIVEN = ("d", "n", "solid_i", "solid_j")  # that the loops compute
-OF_FRICTION = ("artificial", "viscous")  # beside an extrapolated wall 0 if it slips, else v_w = 2 v_wall - v
-AMONG_FLUID = ("flux", "fluid_F")  # 0 unless both are fluid
+MASKS = {"both_flow": f"kinds & class_i & {FLOWS} == {FLOWS}"}  # of pairs, by their flags (see `Pairs`)
+WALL_MASKS = {  # the same, in cases with walls that follow the fluid
+    "one_follows": f"(kinds | class_i) & {EXTRAPOLATED} != 0",
+    "one_sticks": f"(kinds | class_i) & {EXTRAPOLATED | SLIPS} == {EXTRAPOLATED}",
+    "none_slips": f"(kinds | class_i) & {SLIPS} == 0",
+}
 
 HEAD = """
 import numpy as np
@@ -90,7 +94,7 @@ class PassText:
             lines += [f"{name}_ = {places[name]}" for name in spec.components("n")]
         return (
             f"\n\n@njit\ndef {self.title}({ARGUMENTS}):\n"
-            + _indent([*numbers, *lines, "lane = lane_numbers(I_)"], 4)
+            + _indent([*numbers, *lines, "lane, zero = lane_numbers(I_), splat(F_, 0.0)"], 4)
             + _indent(["for l in range(blocks[block], blocks[block + 1]):"], 4)
             + _indent(["if (shape[2] + l) & 1 != odd:", "    continue"], 8)
             + _indent(["first, last = base[l], base[l] + begin[l + 1] - begin[l]"], 8)
@@ -151,14 +155,8 @@ class PassText:
             before += [
                 "kinds = load(I_, flags, j)",
                 "partners = (kinds | class_i) & 3 == 3",
-                "mixing = kinds & class_i & 8 == 8",
                 "F = select(partners, F, 0.0)",
             ]
-            if self.spec.extrapolated:
-                before += [f"kind = (kinds | class_i) & {EXTRAPOLATED | SLIPS}", "still = splat(F_, 0.0)"]
-                before.append(f"artificial_here = select(kind & {SLIPS} == 0, still + artificial, 0.0)")
-                before.append(f"mirrored = select(kind == {EXTRAPOLATED}, still + 2.0 * viscous, 0.0)")
-                before.append("viscous_here = select(kind == 0, still + viscous, mirrored)")
         lines = [line for one in self.one.lines for line in self._line(one, known, mixed)]
         for _, _, by in self.one.sums:
             lines += [line for name in by for line in self._prepared(name, known, mixed)]
@@ -188,19 +186,16 @@ class PassText:
 
     def _line(self, line: Line, known: set[str], mixed: bool) -> list[str]:
         """A formula and before it what it needs that is not known yet."""
-        if line.formula is terms.kept_out and not mixed:
+        masks = MASKS | (WALL_MASKS if self.spec.extrapolated else {}) if mixed else {}
+        mask = masks.get(line.pairs.mask)
+        if not (mask or line.pairs.among_fluid):
             return []
         lines = [text for name in needs(line.formula) for text in self._prepared(name, known, mixed)]
         known |= set(line.out.split(", "))
-        given = [f"{name}_here" if mixed and self.spec.extrapolated and name in OF_FRICTION else name
-                 for name in needs(line.formula)]  # fmt: skip
-        made = f"terms.{line.formula.__name__}({', '.join(given)})"
-        if line.formula is terms.kept_out:
-            made = f"select(kind & {EXTRAPOLATED} != 0, {made}, push)"
-        lines.append(f"{line.out} = {made}")
-        if mixed and line.out in AMONG_FLUID:
-            lines.append(f"{line.out} = select(mixing, {line.out}, 0.0)")
-        return lines
+        made = f"terms.{line.formula.__name__}({', '.join(needs(line.formula))})"
+        if mask:
+            made = f"select({mask}, {made}, {line.pairs.elsewhere or line.out})"
+        return [*lines, f"{line.out} = {made}"]
 
     def _prepared(self, name: str, known: set[str], mixed: bool) -> list[str]:
         """Lines that compute a need, unless it is known: of the kernel, a column, or the formula of that name."""

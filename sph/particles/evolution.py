@@ -23,38 +23,28 @@ class Evolution:
 
     def evaluate(self, start: bool = False) -> None:
         """Find a and D = d rho / dt of the present y; `start`: it is y^n, whose rates may be known. Collective."""
-        if not start or self._evaluated_at != self.clock.step:
-            with self.timers.section("pairs"):
-                self.evaluations += 1
-                self._tell_accelerations()
-                self.sums.everything(self.clock.step)
-                self._drive()
-        self._evaluated_at = self.clock.step if start else -1
+        self._sum(self.sums.everything, start)
 
     def evaluate_forces(self) -> None:
         """Find a of y^n, if it is not known. Collective."""
-        if self._evaluated_at != self.clock.step:
+        self._sum(self.sums.forces, start=True)
+
+    def _sum(self, sums: Callable[[int], None], start: bool) -> None:
+        if not start or self._evaluated_at != self.clock.step:
             with self.timers.section("pairs"):
                 self.evaluations += 1
-                self._tell_accelerations()
-                self.sums.forces(self.clock.step)
-                self._drive()
-            self._evaluated_at = self.clock.step
-
-    def _drive(self) -> None:
-        for kernel in self.driven:
-            self.tasks.each(kernel)
+                if self.sums.spec.accelerated:  # which densities of walls follow
+                    axes = list(self.walls.scene.axes)
+                    self.tasks.arena["wall_acceleration"][:] = self.walls.acceleration[:, axes]
+                sums(self.clock.step)
+                for kernel in self.driven:
+                    self.tasks.each(kernel)
+        self._evaluated_at = self.clock.step if start else -1
 
     def evaluate_rates(self) -> None:
         """Find D of x and rho as in `evaluate_forces`, and the new v. Collective."""
         with self.timers.section("pairs"):
             self.sums.rates(self.clock.step)
-
-    def _tell_accelerations(self) -> None:
-        """Those of the walls now, which their densities follow."""
-        if self.sums.spec.accelerated:
-            axes = list(self.walls.scene.axes)
-            self.tasks.arena["wall_acceleration"][:] = self.walls.acceleration[:, axes]
 
     def forget_rates(self) -> None:
         """The rates of y^n are not known any more."""

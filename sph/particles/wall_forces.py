@@ -35,12 +35,10 @@ class WallForces:
         """
         storage, scene = self.storage, self.walls.scene
         axes, d = list(scene.axes), scene.dimensions
-        slots, of = storage.until_sorted("walls", self._wall_slots)
-        layer = self.slabs.grid.layer(storage.x[0, slots])
-        here = (layer >= self.slabs.low) & (layer < self.slabs.high)  # images here hold what they do to this slab
+        slots, of = bodies_of_walls(self.walls, self.ghosts, self.slabs)
         terms = []
         for wall in self.measured:
-            own = slots[here & (of == wall.index)]
+            own = slots[of == wall.index]
             force, arm = np.zeros((3, len(own))), np.zeros((3, len(own)))
             force[axes] = self.sums.forces_on(own)
             centre = wall.torque_about + self.walls.displacement[wall.index] - scene.low
@@ -50,15 +48,6 @@ class WallForces:
         totals = exact_sums(self.slabs.world, terms) if terms else []
         return {wall.name: (total[:d], total[3:]) for wall, total in zip(self.measured, totals)}
 
-    def _wall_slots(self) -> tuple[Slots, NDArray[np.int64]]:
-        """Slots of the particles of measured walls, also of images in them, and the number of the wall of each."""
-        storage, images, none = self.storage, np.array(self.ghosts.maps.wall), np.zeros(0, np.int64)
-        measured = np.array([wall.measure_force for wall in self.walls.scene.walls], bool)
-        here = storage.end, storage.flags, storage.key, images, measured
-        slots, walls = np.empty((2, readings.of_walls(*here, none, none)), np.int64)
-        readings.of_walls(*here, slots, walls)
-        return slots, walls
-
     def add_impulses(self, dt: float) -> None:
         """The forces of now for a step of dt s. Collective."""
         if self.measured:
@@ -67,6 +56,24 @@ class WallForces:
                 force = forces[wall.name][0]
                 parts = [float(np.sqrt(np.sum(force * force))), *force]
                 self.impulses[wall.index, : len(parts)] += np.array(parts) * dt
+
+
+def bodies_of_walls(walls: Walls, ghosts: Ghosts, slabs: Slabs) -> tuple[Slots, NDArray[np.int64]]:
+    """Slots in own layers of the particles of watched walls, also of images in them, and the number of the wall of
+    each: images in own layers hold what they do to this slab.
+    """
+    storage, images, none = ghosts.storage, np.array(ghosts.maps.wall), np.zeros(0, np.int64)
+    among = storage.end, storage.flags, storage.key, images, walls.watched
+
+    def find() -> NDArray[np.int64]:
+        found = np.empty((2, readings.of_walls(*among, none, none)), np.int64)
+        readings.of_walls(*among, *found)
+        return found
+
+    found = storage.until_sorted("walls", find)
+    layer = slabs.grid.layer(storage.x[0, found[0]])
+    slots, numbers = found[:, (layer >= slabs.low) & (layer < slabs.high)]
+    return slots, numbers
 
 
 def exact_sums(world: World, terms: list[NDArray[np.float64]]) -> list[NDArray[np.float64]]:

@@ -32,8 +32,8 @@ def shell(inner: Corners | None, outer: Corners) -> Iterator[Corners]:
 
 class Walls:
     """The walls of a scene at the present time: displacement[wall, d] m, velocity[wall, d] m/s and
-    acceleration[wall, d] m/s2; `made`: the box in
-    which the particles of a wall exist, at displacement 0. In physical axes.
+    acceleration[wall, d] m/s2, in physical axes; `made`: the box in which the particles of a wall exist, at
+    displacement 0; watched[wall]: its force is measured, or a sensor is in it.
     """
 
     def __init__(self, scene: Scene) -> None:
@@ -41,6 +41,9 @@ class Walls:
         self.walls: list[Wall] = [wall for wall in scene.walls if not wall.rule.images]
         self.made: dict[int, Corners] = {}
         self.moving = any(wall.moving for wall in scene.walls)
+        sensed = {gauge.wall for gauge in scene.config.sensors}  # "": any wall
+        watched = [wall.measure_force or bool(sensed & {"", wall.name}) for wall in scene.walls]
+        self.watched = np.array(watched, bool)
         self.displacement = np.zeros((len(scene.walls), scene.dimensions))
         self.velocity, self.acceleration = np.zeros((2, len(scene.walls), scene.dimensions))
         self.move(0.0)

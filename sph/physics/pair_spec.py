@@ -79,11 +79,30 @@ class PairSpec:
         return [name]
 
 
+class Pairs(NamedTuple):
+    """Pairs on which a term acts: those whose flags `mask` chooses (see kernels.passes), in a case that has others too.
+
+    among_fluid: two particles of fluid are such a pair. elsewhere: what the term is for all other pairs; "": no change.
+    """
+
+    mask: str
+    among_fluid: bool = True
+    elsewhere: str = ""
+
+
+ALL = Pairs("")
+OF_FLUID = Pairs("both_flow", elsewhere="zero")
+WITHOUT_SLIP = Pairs("none_slips", elsewhere="zero")
+AT_FOLLOWING_WALLS = Pairs("one_follows", among_fluid=False)  # walls whose density follows from the fluid
+AT_STICKING_WALLS = Pairs("one_sticks", among_fluid=False)  # these without slip
+
+
 class Line(NamedTuple):
-    """`out`, names separated by commas, becomes what the formula gives."""
+    """`out`, names separated by commas, becomes what the formula gives, for these pairs."""
 
     out: str
     formula: Callable
+    pairs: Pairs = ALL
 
 
 class Sum(NamedTuple):
@@ -110,9 +129,12 @@ class Pass:
 def momentum(spec: PairSpec) -> Pass:
     """Forces of pressure and viscosity on i and j, which are opposite."""
     viscosity = spec.viscosity
-    lines = [Line("push", terms.pressure)]
-    lines += [Line("push", terms.kept_out)] * spec.extrapolated
-    lines += [Line("push", terms.artificial_viscosity)] * spec.artificial
+    lines = [Line("push", terms.pressure), Line("push", terms.kept_out, AT_FOLLOWING_WALLS)]
+    if spec.artificial:
+        lines += [Line("damping", terms.damping, WITHOUT_SLIP), Line("push", terms.artificial_viscosity)]
+    if "friction" in terms.needs(viscosity.push or viscosity.pull):
+        lines.append(Line("friction", terms.friction, WITHOUT_SLIP))
+        lines.append(Line("friction", terms.wall_friction, AT_STICKING_WALLS))
     if viscosity.push:
         lines.append(Line("push", viscosity.push))
     lines += [Line("push", terms.tensile_correction)] * spec.tensile
@@ -139,14 +161,15 @@ def continuity(spec: PairSpec) -> Pass:
     if flux.correction:
         lines.append(Line("d_rho", flux.correction))
     if flux.formula:
-        lines.append(Line("flux", flux.formula))
+        lines.append(Line("flux", flux.formula, OF_FLUID))
     rates = terms.continuity_with_flux if flux.formula else terms.continuity
     return Pass([*lines, Line("rate_i, rate_j", rates)], [Sum("rate", ("to_i", "to_j"), ("rate_i", "rate_j"))])
 
 
 def gradient(_: PairSpec) -> Pass:
     """Sums for the renormalised density gradient of the fluid."""
-    lines = [Line("less_i, less_j", terms.minus_fluid_volumes), Line("by_i, by_j", terms.fluid_volumes)]
+    lines = [Line("fluid_F", terms.fluid_F, OF_FLUID)]
+    lines += [Line("less_i, less_j", terms.minus_fluid_volumes), Line("by_i, by_j", terms.fluid_volumes)]
     lines += [Line("moments", terms.moments), Line("steps", terms.steps)]
     sums = [Sum("moments", ("less_i", "less_j"), ("moments",) * 2), Sum("steps", ("by_i", "by_j"), ("steps",) * 2)]
     return Pass(lines, sums)

@@ -150,14 +150,29 @@ def kept_out(push, r, per_h, reach):
     return maximum(push, 1.0 - r * per_h * reach * PER_CORE)
 
 
-def artificial_viscosity(push, near, light_i, light_j, artificial):
-    """Monaghan 1992: - alpha c0 h min(near, 0) / rho, with the mean of 1 / rho; artificial = - alpha c0 h / 2."""
-    return fma(minimum(near, 0.0), fma(light_j, artificial, light_i * artificial), push)
+def damping(artificial):
+    """- alpha c0 h / 2 of the artificial viscosity."""
+    return artificial
 
 
-def cleary_viscosity(push, near, light_i, light_j, viscous):
-    """(SC 6), equal viscosities: - 2 xi mu near / (rho_i rho_j); viscous = - 2 xi mu."""
-    return fma(near * light_j, light_i * viscous, push)
+def friction(viscous):
+    """- 2 mu of the viscosity of the fluid, times xi in (SC 6)."""
+    return viscous
+
+
+def wall_friction(viscous):
+    """Twice that of fluid: a wall that follows the fluid without slip has the velocity 2 v_wall - v."""
+    return 2.0 * viscous
+
+
+def artificial_viscosity(push, near, light_i, light_j, damping):
+    """Monaghan 1992: - alpha c0 h min(near, 0) / rho, with the mean of 1 / rho."""
+    return fma(minimum(near, 0.0), fma(light_j, damping, light_i * damping), push)
+
+
+def cleary_viscosity(push, near, light_i, light_j, friction):
+    """(SC 6), equal viscosities: - 2 xi mu near / (rho_i rho_j)."""
+    return fma(near * light_j, light_i * friction, push)
 
 
 def tensile_correction(push, tension_i, tension_j, crowding):
@@ -182,9 +197,9 @@ def corrected_pull(push, push_i, push_j, l_i, l_j, d):
     return add_scaled(push_i, turned(l_i, d), add_scaled(push_j, turned(l_j, d), scaled(rest, d)))
 
 
-def morris_viscosity(pull, dv, light_i, light_j, viscous):
-    """Morris et al. 1997: - 2 mu v_ij / (rho_i rho_j), which divides by no r^2; viscous = - 2 mu."""
-    return add_scaled((light_i * light_j) * viscous, dv, pull)
+def morris_viscosity(pull, dv, light_i, light_j, friction):
+    """Morris et al. 1997: - 2 mu v_ij / (rho_i rho_j), which divides by no r^2."""
+    return add_scaled((light_i * light_j) * friction, dv, pull)
 
 
 def stress(pull, t_i, t_j, d):

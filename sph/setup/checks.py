@@ -5,19 +5,21 @@ from collections.abc import Iterator
 
 from hpcpic.core.case import accelerations
 from hpcpic.core.case.config import Path
+from hpcpic.core.case.schema import Section
 from hpcpic.core.case.words import unknown
 from hpcpic.core.errors import ConfigError
 from hpcpic.core.files.start import start_faults
 from sph.case import geometry
 from sph.case.columns import columns_of, scalar_units
-from sph.case.config import AXES, Fluid, Gauge, Shape, SphConfig, Wall, name_of
-from sph.case.speeds import speed_scale
+from sph.case.config import AXES, FRONT, WALL_PRESSURE, Fluid, Gauge, Shape, SphConfig, Wall, name_of
 from sph.physics import stability
 from sph.physics.smoothing import SMOOTHING
 from sph.physics.viscosities import VISCOSITIES
 from sph.physics.wall_rules import WALL_RULES
 from sph.setup import periodic_walls
 from sph.setup.defaults import domain_of
+from sph.setup.flows import FLOWS, INITIAL_DENSITIES, density_of_flow
+from sph.setup.speeds import speed_scale
 
 MOST_ALONG = 2**21  # particles along an edge, whose places are kept
 MOST_ACROSS = 2**21  # supports of the kernel across the domain: beyond, a place is not known as well as who is near
@@ -33,16 +35,16 @@ def faults(config: SphConfig) -> Iterator[Fault]:
 
 
 def kernels(config: SphConfig) -> Iterator[Fault]:
-    """A smoothing kernel that nobody has registered."""
+    """Refuse a smoothing kernel that nobody has registered."""
     if config.numerics.kernel not in SMOOTHING:
         yield ("numerics", "kernel"), unknown(config.numerics.kernel, SMOOTHING)
 
 
 def sizes(config: SphConfig) -> Iterator[Fault]:
-    """Vectors with another number of components than dimensions; axes that there are not."""
+    """Refuse vectors of another number of components than dimensions, and axes that do not exist."""
     d = config.dimensions
     for path, vector in vectors(config):
-        if vector and len(vector) != d:
+        if len(vector) != d:
             yield path, f"needs {d} numbers in {d}D (got {len(vector)})"
     for i, axis in enumerate(config.domain.periodic):
         if axis not in AXES[:d]:
@@ -64,30 +66,17 @@ def sizes(config: SphConfig) -> Iterator[Fault]:
         yield from (((("gauge", i, *path), text)) for path, text in gauge_faults(gauge, d))
 
 
-def vectors(config: SphConfig) -> Iterator[tuple[Path, tuple | None]]:
-    yield ("gravity",), config.gravity
-    yield ("body_force",), config.body_force
-    yield ("domain", "low"), config.domain.low
-    yield ("domain", "high"), config.domain.high
-    for group, i, section in shaped(config):
-        shape = getattr(section.shape, section.shape.kind) if section.shape.kind else None
-        for name in ("low", "high", "centre", "base", "top", "point", "normal", "shift"):
-            if hasattr(shape, name):
-                yield (group, i, "shape", section.shape.kind, name), getattr(shape, name)
-    for i, fluid in enumerate(config.fluid):
-        yield ("fluid", i, "velocity"), fluid.velocity
-        if fluid.flow:
-            yield ("fluid", i, "flow", "centre"), fluid.flow.centre
-    for i, wall in enumerate(config.wall):
-        yield ("wall", i, "torque_about"), wall.torque_about
-        if wall.motion:
-            yield ("wall", i, "motion", "velocity"), wall.motion.velocity
-            yield ("wall", i, "motion", "amplitude"), wall.motion.amplitude
-            for k, place in enumerate(wall.motion.path):
-                yield ("wall", i, "motion", "path", k, "displacement"), place.displacement
-    for i, gauge in enumerate(config.gauge):
-        yield ("gauge", i, "at"), gauge.at
-        yield ("gauge", i, "size"), gauge.size
+def vectors(section: Section, path: Path = ()) -> Iterator[tuple[Path, tuple[float, ...]]]:
+    """The vectors of a section and of all sections in it, each with its key; matrices and lists of times are none."""
+    for name in type(section).model_fields.keys() - {"gradient", "pictures"}:
+        value = getattr(section, name)
+        if isinstance(value, Section):
+            yield from vectors(value, (*path, name))
+        elif isinstance(value, tuple) and value and isinstance(value[0], float):
+            yield (*path, name), value
+        elif isinstance(value, tuple):
+            for k, part in enumerate(value):
+                yield from vectors(part, (*path, name, k)) if isinstance(part, Section) else ()
 
 
 def shaped(config: SphConfig) -> Iterator[tuple[str, int, Fluid | Wall]]:
@@ -119,18 +108,19 @@ def shape_faults(shape: Shape, d: int) -> Iterator[Fault]:
 
 
 def gauge_faults(gauge: Gauge, d: int) -> Iterator[Fault]:
-    if gauge.what != "front" and not gauge.at:
+    kind = gauge.kind
+    if kind is not FRONT and not gauge.at:
         yield (), f"at is missing, which a gauge of {gauge.what} needs"
-    if gauge.what in ("flow", "wall-pressure") and not gauge.axis:
+    if kind.needs_axis and not gauge.axis:
         yield (), f"axis is missing, which a gauge of {gauge.what} needs"
-    if gauge.size and gauge.what not in ("flow", "wall-pressure"):
+    if gauge.size and not kind.area:
         yield ("size",), f"a gauge of {gauge.what} has no size; one of wall-pressure is the mean over an area of wall"
     for name in ("radius", "wall"):
-        if getattr(gauge, name) and gauge.what != "wall-pressure":
+        if getattr(gauge, name) and kind is not WALL_PRESSURE:
             yield (name,), f"a gauge of {gauge.what} has no {name}, only one of wall-pressure"
     if gauge.size and gauge.radius:
         yield ("radius",), "size is given too: an area is a rectangle or a disc"
-    if gauge.axis and gauge.what in ("pressure", "velocity"):
+    if gauge.axis and not kind.along:
         yield ("axis",), f"a gauge of {gauge.what} has no axis"
     if any(length < 0 for length in gauge.size):
         yield ("size",), f"must not be below 0 (got {list(gauge.size)})"
@@ -139,7 +129,7 @@ def gauge_faults(gauge: Gauge, d: int) -> Iterator[Fault]:
 
 
 def names(config: SphConfig) -> Iterator[Fault]:
-    """Names that are taken, also by default, or that make no name of a file or of a column of the series."""
+    """Refuse names that are taken, also by default, or that cannot name a file or a column of the series."""
     columns = set(scalar_units(config))
     taken: dict[tuple[bool, str], str] = {}  # snapshots tell fluids and walls apart by name, the series gauges
     for group in ("fluid", "wall", "gauge"):
@@ -211,11 +201,11 @@ def fluid_faults(config: SphConfig, fluid: Fluid, d: int) -> Iterator[Fault]:
         shapes = {"position": (None, d), "velocity": (None, d)}
         yield from ((("start", *path), text) for path, text in start_faults(fluid.start, shapes))
     flow = fluid.flow
-    if flow and flow.type == "linear" and len(flow.gradient) != d * d:
+    if flow and FLOWS[flow.type].needs_gradient and len(flow.gradient) != d * d:
         yield ("flow", "gradient"), f"needs {d * d} numbers in {d}D, row by row (got {len(flow.gradient)})"
-    if flow and flow.type == "standing-wave" and not any(config.gravity):
-        yield ("flow", "type"), "a standing wave needs gravity"
-    if fluid.initial_pressure == "flow" and flow is None:
+    if flow and FLOWS[flow.type].needs_gravity and not any(config.gravity):
+        yield ("flow", "type"), f"a {flow.type} needs gravity"
+    if INITIAL_DENSITIES[fluid.initial_pressure] is density_of_flow and flow is None:
         yield ("initial_pressure",), '"flow" needs a flow'
 
 

@@ -6,10 +6,10 @@ from typing import Literal
 from hpcpic.core.case.words import only_seconds
 from sph.case import geometry
 from sph.case.config import Domain, SphConfig, Wall, name_of, shapes_of
-from sph.case.speeds import speed_scale
 from sph.physics.fluxes import FLUXES
 from sph.physics.stability import courant_limit
 from sph.physics.viscosities import VISCOSITIES
+from sph.setup.speeds import speed_scale
 
 SAFETY = 0.6  # of the stability limit, where no Courant number is given
 
@@ -45,7 +45,7 @@ def named(kind: Literal["fluid", "wall", "gauge"], i: int, group):
 
 def _fluid(fluid, d: int):
     flow = fluid.flow
-    if flow and flow.type == "linear":
+    if flow:
         flow = flow.model_copy(update={"centre": flow.centre or (0.0,) * d})
     return fluid.model_copy(update={"velocity": fluid.velocity or (0.0,) * d, "flow": flow})
 
@@ -68,7 +68,7 @@ def _wall_types(config: SphConfig) -> tuple[Wall, ...]:
 
 
 def _gauge(gauge):
-    return gauge.model_copy(update={"axis": gauge.axis or ("x+" if gauge.what == "front" else None)})
+    return gauge.model_copy(update={"axis": gauge.axis or gauge.kind.axis})
 
 
 def domain_of(config: SphConfig) -> Domain:

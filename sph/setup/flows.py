@@ -1,14 +1,16 @@
 """Velocities and pressures with which fluids start; points x[n, d] in m."""
 
 import math
-from typing import Protocol
+from collections.abc import Callable
+from typing import Any, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
+from hpcpic.core.files.start import arrays
 from hpcpic.core.space.products import product
 from sph.case import geometry
-from sph.case.config import Fluid
+from sph.case.config import Flow, Fluid, SphConfig
 from sph.physics.equation_of_state import EquationOfState
 
 TERMS = 60  # of the double sine series in each direction
@@ -42,50 +44,114 @@ def hydrostatic(scene: Liquid, fluid: Fluid, x: NDArray) -> NDArray[np.float64]:
     return scene.eos.excess_at_rest(depth(scene, fluid, x), math.hypot(*scene.gravity))
 
 
+class Linear:
+    """v = G (x - centre), and p with lap p = -rho tr(G^2) that is 0 on the surface of a disc, sphere or rectangle."""
+
+    needs_gradient, needs_gravity = True, False
+
+    @staticmethod
+    def speed(fluid: Fluid, flow: Flow, g: float) -> float:
+        return max(math.hypot(*geometry.linear(flow.gradient, flow.centre, c)) for c in geometry.corners(fluid.shape))
+
+    @staticmethod
+    def velocity(scene: Liquid, fluid: Fluid, flow: Flow, x: NDArray) -> NDArray[np.float64]:
+        gradient = np.array(flow.gradient).reshape(scene.dimensions, -1)
+        return product(x - np.array(flow.centre), gradient.T)
+
+    @staticmethod
+    def pressure(scene: Liquid, fluid: Fluid, flow: Flow, x: NDArray) -> NDArray[np.float64]:
+        gradient = np.array(flow.gradient).reshape(scene.dimensions, -1)
+        source = scene.eos.rho0 * float(np.trace(gradient @ gradient))
+        if fluid.shape.sphere:
+            r2 = np.sum((x - np.array(fluid.shape.sphere.centre)) ** 2, axis=1)
+            return source / (2 * scene.dimensions) * (fluid.shape.sphere.radius**2 - r2)
+        low, high = map(np.array, geometry.bounds(fluid.shape))
+        return source * rectangle(x - low, high - low)
+
+
+class Vortices:
+    """Vortices of Taylor and Green in the first two components: p = -rho U^2 / 4 (cos 2kx + cos 2ky)."""
+
+    needs_gradient = needs_gravity = False
+
+    @staticmethod
+    def speed(fluid: Fluid, flow: Flow, g: float) -> float:
+        return abs(flow.amplitude)
+
+    @staticmethod
+    def velocity(scene: Liquid, fluid: Fluid, flow: Flow, x: NDArray) -> NDArray[np.float64]:
+        v, k, a = np.zeros_like(x), 2 * math.pi / flow.wavelength, flow.amplitude
+        v[:, 0] = -a * np.cos(k * x[:, 0]) * np.sin(k * x[:, 1])
+        v[:, 1] = a * np.sin(k * x[:, 0]) * np.cos(k * x[:, 1])
+        return v
+
+    @staticmethod
+    def pressure(scene: Liquid, fluid: Fluid, flow: Flow, x: NDArray) -> NDArray[np.float64]:
+        k, a = 2 * math.pi / flow.wavelength, flow.amplitude
+        return -scene.eos.rho0 * a * a / 4 * (np.cos(2 * k * x[:, 0]) + np.cos(2 * k * x[:, 1]))
+
+
+class StandingWave:
+    """The velocity of a standing wave of small amplitude, and the pressure of rest: the surface is flat at t = 0."""
+
+    needs_gradient, needs_gravity = False, True
+
+    @staticmethod
+    def speed(fluid: Fluid, flow: Flow, g: float) -> float:
+        return abs(flow.amplitude) * math.sqrt(g * (2 * math.pi / flow.wavelength))  # of deep water
+
+    @staticmethod
+    def velocity(scene: Liquid, fluid: Fluid, flow: Flow, x: NDArray) -> NDArray[np.float64]:
+        v, k, a = np.zeros_like(x), 2 * math.pi / flow.wavelength, flow.amplitude
+        vertical = int(np.argmax(np.abs(scene.gravity)))
+        low, high = geometry.bounds(fluid.shape)
+        water = high[vertical] - low[vertical]
+        w = math.sqrt(math.hypot(*scene.gravity) * k * math.tanh(k * water))
+        along, above = k * (x[:, 0] - low[0]), k * (x[:, vertical] - low[vertical])
+        v[:, 0] = -a * w * np.cosh(above) / math.sinh(k * water) * np.sin(along)
+        v[:, vertical] = a * w * np.sinh(above) / math.sinh(k * water) * np.cos(along)
+        return v
+
+    @staticmethod
+    def pressure(scene: Liquid, fluid: Fluid, flow: Flow, x: NDArray) -> NDArray[np.float64]:
+        return scene.eos.pressure(hydrostatic(scene, fluid, x))
+
+
+FLOWS: dict[str, Any] = {"linear": Linear, "taylor-green": Vortices, "standing-wave": StandingWave}
+
+
+def flow_of(fluid: Fluid, kind: Any) -> Flow | None:
+    """The initial flow of a fluid, if it is of this kind."""
+    return fluid.flow if fluid.flow and FLOWS[fluid.flow.type] is kind else None
+
+
+def speed(config: SphConfig, fluid: Fluid) -> float:
+    """Largest speed with which a fluid starts, m/s, besides its uniform velocity."""
+    if fluid.start:
+        return float(np.sqrt((np.asarray(arrays(fluid.start).get("velocity", 0.0)) ** 2).sum(axis=-1)).max(initial=0.0))
+    return FLOWS[fluid.flow.type].speed(fluid, fluid.flow, math.hypot(*config.gravity)) if fluid.flow else 0.0
+
+
 def velocity(scene: Liquid, fluid: Fluid, x: NDArray) -> NDArray[np.float64]:
     """v[n, d] at t = 0, m/s."""
     v = np.tile(np.array(fluid.velocity), (len(x), 1))
-    flow = fluid.flow
-    if flow is None:
-        return v
-    if flow.type == "linear":
-        gradient = np.array(flow.gradient).reshape(scene.dimensions, -1)
-        return v + product(x - np.array(flow.centre), gradient.T)
-    k, a = 2 * math.pi / flow.wavelength, flow.amplitude
-    if flow.type == "taylor-green":
-        v[:, 0] -= a * np.cos(k * x[:, 0]) * np.sin(k * x[:, 1])
-        v[:, 1] += a * np.sin(k * x[:, 0]) * np.cos(k * x[:, 1])
-        return v
-    vertical = int(np.argmax(np.abs(scene.gravity)))
-    low, high = geometry.bounds(fluid.shape)
-    water = high[vertical] - low[vertical]
-    w = math.sqrt(math.hypot(*scene.gravity) * k * math.tanh(k * water))
-    along, above = k * (x[:, 0] - low[0]), k * (x[:, vertical] - low[vertical])
-    v[:, 0] -= a * w * np.cosh(above) / math.sinh(k * water) * np.sin(along)
-    v[:, vertical] += a * w * np.sinh(above) / math.sinh(k * water) * np.cos(along)
-    return v
+    return v + FLOWS[fluid.flow.type].velocity(scene, fluid, fluid.flow, x) if fluid.flow else v
 
 
-def pressure(scene: Liquid, fluid: Fluid, x: NDArray) -> NDArray[np.float64]:
-    """p[n] in Pa that keeps the initial flow free of divergence.
+def density_of_flow(scene: Liquid, fluid: Fluid, x: NDArray) -> NDArray[np.float64]:
+    """rho - rho0[n] of the pressure that keeps the initial flow free of divergence, kg/m3."""
+    assert fluid.flow is not None
+    return scene.eos.excess(FLOWS[fluid.flow.type].pressure(scene, fluid, fluid.flow, x))
 
-    Vortices: -rho U^2 / 4 (cos 2kx + cos 2ky). Linear: lap p = -rho tr(G^2) with p = 0 on the surface of a disc,
-    sphere or rectangle.
-    """
-    flow = fluid.flow
-    assert flow is not None
-    if flow.type == "taylor-green":
-        k, a = 2 * math.pi / flow.wavelength, flow.amplitude
-        return -scene.eos.rho0 * a * a / 4 * (np.cos(2 * k * x[:, 0]) + np.cos(2 * k * x[:, 1]))
-    if flow.type == "standing-wave":
-        return scene.eos.pressure(hydrostatic(scene, fluid, x))
-    gradient = np.array(flow.gradient).reshape(scene.dimensions, -1)
-    source = scene.eos.rho0 * float(np.trace(gradient @ gradient))
-    if fluid.shape.sphere:
-        r2 = np.sum((x - np.array(fluid.shape.sphere.centre)) ** 2, axis=1)
-        return source / (2 * scene.dimensions) * (fluid.shape.sphere.radius**2 - r2)
-    low, high = map(np.array, geometry.bounds(fluid.shape))
-    return source * rectangle(x - low, high - low)
+
+INITIAL_DENSITIES: dict[str, Callable[[Liquid, Fluid, NDArray], NDArray[np.float64]]] = {
+    "zero": lambda scene, fluid, x: np.zeros(len(x)), "hydrostatic": hydrostatic, "flow": density_of_flow,
+}  # fmt: skip
+
+
+def at_rest(fluid: Fluid) -> bool:
+    """Whether a fluid starts with the pressure of rest under gravity."""
+    return INITIAL_DENSITIES[fluid.initial_pressure] is hydrostatic
 
 
 def rectangle(x: NDArray, size: NDArray) -> NDArray[np.float64]:

@@ -164,6 +164,16 @@ class Sheet:
         return x, np.broadcast_to(self.normal, x.shape).copy()
 
 
+@dataclass(frozen=True, slots=True)
+class Face:
+    """A flat piece of a wall: a point on it, its normal into the fluid, the box that holds it (m)."""
+
+    point: NDArray[np.float64]
+    normal: NDArray[np.float64]
+    low: NDArray[np.float64]
+    high: NDArray[np.float64]
+
+
 PART = 44  # bits of the index inside one part of a wall
 
 

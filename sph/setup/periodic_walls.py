@@ -44,7 +44,7 @@ def _with(x: tuple[float, ...], k: int, value: float) -> tuple[float, ...]:
 
 
 def faults(config: SphConfig, wall: Wall) -> Iterator[tuple[Path, str]]:
-    """What of a wall does not fit the periods of the domain."""
+    """Faults of a wall that does not fit the periods of the domain."""
     domain, shape = config.domain, wall.shape
     for axis in domain.periodic if domain.low and domain.high else ():
         k, (first, last) = AXES.index(axis), domain.corners

@@ -7,8 +7,8 @@ from numpy.typing import NDArray
 
 from hpcpic.core.space.products import product
 from sph.case.config import Fluid
-from sph.setup.faces import Face
 from sph.setup.flows import Liquid
+from sph.setup.particle_lattices import Face
 
 STRENGTH = 0.01  # of c0^2 / h: the acceleration by a repulsive wall where S = 1 (SC 8)
 

@@ -22,8 +22,7 @@ from sph.physics.equation_of_state import EquationOfState
 from sph.physics.stability import support_of
 from sph.physics.wall_rules import rule_of
 from sph.setup import flows, periodic_walls, rest_distance, signed_distance
-from sph.setup.faces import Face
-from sph.setup.particle_lattices import PART, Filled, Grid, Parts, Sheet, Shell, box_sheets, even, grid_of
+from sph.setup.particle_lattices import PART, Face, Filled, Grid, Parts, Sheet, Shell, box_sheets, even, grid_of
 from sph.setup.tanks import behind, depth_in
 
 NEAR = 0.25  # of a spacing: fluid nearer to a solid is taken away
@@ -302,17 +301,13 @@ class Scene:
 
     def initial_density(self, section: case.Fluid, x: NDArray) -> NDArray[np.float64]:
         """rho - rho0 of points of a fluid at t = 0."""
-        if section.initial_pressure == "zero":
-            return np.zeros(len(x))
-        if section.initial_pressure == "flow":
-            return self.eos.excess(flows.pressure(self, section, x))
-        return flows.hydrostatic(self, section, x)
+        return flows.INITIAL_DENSITIES[section.initial_pressure](self, section, x)
 
     def rest_density(self, x: NDArray) -> NDArray[np.float64]:
         """rho - rho0 with which particles of walls at x[n, d] start: of the hydrostatic fluid within the support."""
         found = np.zeros(len(x))
         for fluid in reversed(self.fluids):
-            if fluid.section.initial_pressure == "hydrostatic" and fluid.n:
+            if flows.at_rest(fluid.section) and fluid.n:
                 low, high = map(np.array, geometry.bounds(fluid.section.shape))
                 near = np.all((x > low - self.support) & (x < high + self.support), axis=1)
                 found[near] = flows.hydrostatic(self, fluid.section, x[near])

@@ -6,7 +6,6 @@ from sph_scenes import engine, jitter, tank
 
 from hpcpic.core.case.config import loads
 from hpcpic.core.errors import ConfigError
-from sph.case.sensors import area_of
 from sph.configure import configure
 
 FLOOR = 'at = [0.5, 0.0]; axis = "y-"; '
@@ -75,7 +74,7 @@ def test_a_sensor_moves_with_its_wall():
 def test_areas():
     def area(text, d=2):
         more = tank(d) + f"gauge = ( {gauge(text)} );"
-        return area_of(engine(d=d, spacing=0.1, more=more).scene.config.gauge[0], 0.1)
+        return engine(d=d, spacing=0.1, more=more).scene.config.gauge[0].area(0.1)
 
     assert area(FLOOR) == 0.1 and area(FLOOR + "size = [0.3, 0.0];") == 0.3 and area(FLOOR + "radius = 0.2;") == 0.4
     assert area('at = [0.5, 0.5, 0.0]; axis = "z-"; radius = 0.2;', 3) == pytest.approx(np.pi * 0.04)

@@ -3,11 +3,9 @@
 import itertools
 import math
 
-import numpy as np
-
-from hpcpic.core.files.start import arrays
 from sph.case import geometry
 from sph.case.config import Fluid, Motion, SphConfig
+from sph.setup import flows
 
 
 def speed_scale(config: SphConfig) -> float:
@@ -15,7 +13,7 @@ def speed_scale(config: SphConfig) -> float:
     fluid, as others, such as a gate, need not.
     """
     g = math.hypot(*config.gravity)
-    speeds = [geometry.length(fluid.velocity) + flow_speed(config, fluid) for fluid in config.fluid]
+    speeds = [geometry.length(fluid.velocity) + flows.speed(config, fluid) for fluid in config.fluid]
     speeds += [motion_speed(wall.motion) for wall in config.wall if wall.motion and any(wall.motion.amplitude)]
     if g:
         heights = [height for fluid in config.fluid for height in heights_of(config, fluid)]
@@ -27,21 +25,6 @@ def heights_of(config: SphConfig, fluid: Fluid) -> list[float]:
     """Heights against gravity of the corners of a fluid, m."""
     g = math.hypot(*config.gravity)
     return [-sum(a * b for a, b in zip(corner, config.gravity)) / g for corner in geometry.corners(fluid.shape)]
-
-
-def flow_speed(config: SphConfig, fluid: Fluid) -> float:
-    """Largest speed of the initial flow of a fluid, m/s."""
-    flow = fluid.flow
-    if fluid.start:
-        return float(np.sqrt((np.asarray(arrays(fluid.start).get("velocity", 0.0)) ** 2).sum(axis=-1)).max(initial=0.0))
-    if flow is None:
-        return 0.0
-    if flow.type == "taylor-green":
-        return abs(flow.amplitude)
-    if flow.type == "standing-wave":
-        k, g = 2 * math.pi / flow.wavelength, math.hypot(*config.gravity)
-        return abs(flow.amplitude) * math.sqrt(g * k)
-    return max(geometry.length(geometry.linear(flow.gradient, flow.centre, c)) for c in geometry.corners(fluid.shape))
 
 
 def motion_speed(motion: Motion) -> float:
