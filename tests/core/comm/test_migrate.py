@@ -156,17 +156,18 @@ def test_near_moves_take_one_round_and_capacity_grows_once(world):
 
 @pytest.mark.mpi(min_size=2)
 @pytest.mark.parametrize("wanting", range(4))
-def test_all_ranks_learn_that_one_wants_a_second_round_and_forget_it(world, wanting):
+@pytest.mark.parametrize("way", ["graph", "send"])
+def test_all_ranks_learn_that_one_wants_a_second_round_and_forget_it(world, wanting, way):
     """Capacity 0: whoever has a record for a neighbour wants one."""
     with walking(world, 0) as walk:
         jumper = np.flatnonzero(walk.owner == wanting % world.size)[:1]
-        walk.step(walk.owner.copy())
+        walk.step(walk.owner.copy(), way)
         assert walk.rounds == 0
         there = walk.owner.copy()
         there[jumper] = (there[jumper] + 1) % world.size
-        walk.step(there)
+        walk.step(there, way)
         assert walk.rounds == 1
-        walk.step(there.copy())
+        walk.step(there.copy(), way)
         assert walk.rounds == 1
 
 
@@ -186,11 +187,11 @@ def test_neighbours_skip_empty_slabs(world):
 
 def check_send_anywhere(world):
     ids = np.arange(world.rank, TOTAL, world.size)
-    destination = (ids * 7919) % world.size
+    destination = (ids // world.size) % world.size  # some to every rank, oneself too
     outgoing = {int(peer): records(ids[destination == peer]) for peer in np.unique(destination)}
     arrived = ids_of(send_anywhere(world, outgoing, RECORD, tag(5, Channel.SHARDS)))
     everything = np.arange(TOTAL)
-    np.testing.assert_array_equal(np.sort(arrived), everything[(everything * 7919) % world.size == world.rank])
+    np.testing.assert_array_equal(np.sort(arrived), everything[(everything // world.size) % world.size == world.rank])
     assert np.all(np.diff(arrived % world.size) >= 0)  # in the order of ranks
     assert send_anywhere(world, {}, RECORD, tag(6, Channel.SHARDS)) == []
 

@@ -136,14 +136,15 @@ def test_two_are_kept_and_a_replaced_future_is_not(rundir: RunDir) -> None:
 
 
 def test_no_flipped_bit_passes(rundir: RunDir) -> None:
-    path = checkpoint.write(ALONE, rundir, 1, 0.0, shards(whole(4, 200)))
+    path = checkpoint.write(ALONE, rundir, 1, 0.0, shards(whole(4, 3)))
     sound = path.read_bytes()
     newest(rundir)
     rng = np.random.default_rng(5)
-    structure = rng.integers(0, 4096, 100)  # superblock and object headers
-    tail = len(sound) - 1 - rng.integers(0, 700, 100)  # manifest and footer
     silent = []
-    for place in [*structure, *tail, *rng.integers(0, len(sound), 200)]:
+    end = sealed.manifest_of(path)["size"]
+    structure = [*rng.integers(0, 4096, 100), *range(end - 40, end)]  # superblock, headers before and behind arrays
+    tail = len(sound) - 1 - rng.integers(0, 700, 100)  # manifest and footer
+    for place in [*structure, *tail, *rng.integers(4096, len(sound), 200)]:
         damaged = bytearray(sound)
         damaged[place] ^= 1 << rng.integers(8)
         path.write_bytes(damaged)
@@ -212,7 +213,13 @@ def test_a_newer_format_is_refused_with_both_versions(rundir: RunDir, monkeypatc
     ],
 )
 def test_a_forged_manifest_is_refused(rundir: RunDir, change: dict) -> None:
-    path = checkpoint.write(ALONE, rundir, 1, 0.0, shards(whole(1)))
+    reseal(checkpoint.write(ALONE, rundir, 1, 0.0, shards(whole(1))), change)
+    with pytest.raises(FileError):
+        newest(rundir)
+
+
+def reseal(path: Path, change: dict) -> None:
+    """Another manifest, with its checksum."""
     content = path.read_bytes()
     _, length, _ = sealed.FOOTER.unpack(content[-sealed.FOOTER.size :])
     end = len(content) - sealed.FOOTER.size - length
@@ -220,8 +227,30 @@ def test_a_forged_manifest_is_refused(rundir: RunDir, change: dict) -> None:
     text = json.dumps({**manifest, **change}).encode()
     footer = sealed.FOOTER.pack(sealed.MAGIC, len(text), hashlib.blake2b(text, digest_size=32).digest())
     path.write_bytes(content[:end] + text + footer)
-    with pytest.raises(FileError):
-        newest(rundir)
+
+
+def test_an_array_that_reaches_into_the_manifest_is_refused_though_its_checksums_hold(rundir: RunDir) -> None:
+    path = checkpoint.write(ALONE, rundir, 1, 0.0, shards({"x": np.zeros(3)}))
+    end = sealed.manifest_of(path)["size"]
+    for beyond in (0, 8):  # the manifest begins with the same bytes whatever it says
+        arrays = {"x": sealed.Array((16,), np.dtype("u1"), end - 16 + beyond)}
+        hashes = sealed.hash_own(path, arrays, end, 0, 1)
+        reseal(path, {"arrays": sealed.describe(arrays), "blake2b": hashes.tobytes().hex()})
+        if beyond:
+            with pytest.raises(FileError, match="beyond the end"):
+                newest(rundir)
+        else:
+            newest(rundir)
+
+
+def test_arrays_of_another_shape_or_type_than_the_scene_has_are_refused(rundir: RunDir) -> None:
+    checkpoint.write(ALONE, rundir, 1, 0.0, shards({"x": np.zeros((3, 2))}))
+    reader = newest(rundir)
+    for shape in ((3, 2), (None, 2), (None, None)):
+        checkpoint.hold(reader, {"x": checkpoint.Column(float, shape)})
+    for dtype, shape in ((np.float32, (3, 2)), (np.int64, (3, 2)), (float, (4, 2)), (float, (3,)), (float, (3, 2, 1))):
+        with pytest.raises(FileError, match=r"x: expected .*, found float64 \[3, 2\]"):
+            checkpoint.hold(reader, {"x": checkpoint.Column(dtype, shape)})
 
 
 def test_a_failed_write_leaves_the_old_ones_and_no_temporary(rundir: RunDir, monkeypatch: pytest.MonkeyPatch) -> None:
