@@ -5,6 +5,7 @@ import pytest
 from sph_scenes import engine, tank
 
 from hpcpic.core.errors import Diverged
+from sph.physics import stability
 
 TANK = {"size": (1.0, 1.2), "fill": (1.0, 0.5), "spacing": 0.1}
 BEFORE = 5  # steps
@@ -54,6 +55,12 @@ def test_a_speed_beyond_that_of_sound(speed):
     assert f"step {BEFORE}, t = {sph.time:.6g} s: particle {number} at (0.4" in reason and "faster than sound" in reason
 
 
+@pytest.mark.parametrize("share, ends", [(0.9, False), (1.1, True)])
+def test_the_speed_of_sound_is_the_limit(share, ends):
+    reason = attacked(water(), lambda sph: set_one("v", share * sph.scene.c0)(sph), steps=1)
+    assert ("faster than sound" in (reason or "")) == ends
+
+
 @pytest.mark.parametrize("column, value", [("v", 1e200), ("v", np.nan), ("drho", np.nan), ("drho", np.inf)])
 def test_what_is_no_number(column, value):
     sph = water()
@@ -81,6 +88,16 @@ def test_an_acceleration_that_makes_steps_short():
 
     reason = attacked(water(), attack)
     assert "the time step has fallen to" in reason and "particle" in reason and "m/s2" in reason
+
+
+@pytest.mark.parametrize("share, ends", [(2.0, False), (0.5, True)])
+def test_a_hundredth_of_the_first_step_is_the_limit(share, ends):
+    def attack(sph):
+        longer = sph.choose(0.0, 1e12, 0.0) / (share * 1e-2 * stability.time_step(sph.scene.config))
+        sph.tasks.arena["external"][:] = 0.0, 1e12 * longer**2  # dt is as 1 / sqrt(acceleration)
+
+    reason = attacked(water(), attack, steps=1)
+    assert ("the time step has fallen to" in (reason or "")) == ends
 
 
 def test_an_impulse_that_no_pressure_has_given():
