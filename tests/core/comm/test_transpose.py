@@ -111,6 +111,16 @@ def test_solve_with_several_multipliers_in_three_dimensions(pool):
     fft.free()
 
 
+def test_solve_of_a_line_with_several_multipliers(pool):
+    factor = factors((64,), complex_values=True)
+    fft = LineFFT(alone(), pool, (64,), (0, 64), multiplier=np.stack([factor, 2 * factor]))
+    fft.real[:] = grid((64,))
+    fft.solve()
+    want = np.fft.irfft(spectrum_of(fft.real) * factor) * 64
+    assert np.abs(fft.results[0] - want).max() < 1e-13 * np.abs(want).max()
+    assert np.array_equal(fft.results[1], 2 * fft.results[0])
+
+
 @pytest.mark.parametrize("points", [(64,), (33, 20), (7, 8, 9)])
 def test_parseval_and_adjointness(pool, points):
     """<F a, F b> = N <a, b>: the back transform is the adjoint of the forward one."""
@@ -216,6 +226,18 @@ def test_ranks_lines_have_the_bits_of_one(points):
     for cuts in cuts_of(points, world.size):
         assert np.array_equal(check_forward_and_back(world, pool, points, np.float64, cuts=cuts), whole)
     pool.close()
+
+
+@pytest.mark.mpi(min_size=2)
+def test_what_is_sent_is_received_into_only_after_that(pool):
+    """MPI leaves open what becomes of a message whose memory another one may fill."""
+    fft = Case(World.start(), pool, (300, 260), multiplier=factors((300, 260)), messages=True).fft
+    graph = fft._graphs["solve"]
+    number = {name: k for k, name in enumerate(graph.names)}
+    for j in range(fft._n_chunks):
+        sent, received = (number[f"{what} {j} of a transform"] for what in ("send forward", "receive backward"))
+        assert received in graph._successors[sent]
+    fft.free()
 
 
 @pytest.mark.mpi(min_size=2)
