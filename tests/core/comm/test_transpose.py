@@ -12,8 +12,8 @@ from hpcpic.core.comm.world import World
 from hpcpic.core.space.domain import balanced_cuts, even_cuts
 from hpcpic.core.tasks.graph import Pool
 
-SHAPES = [(1, 8), (3, 4), (5, 12), (7, 50), (32, 32), (33, 20), (64, 31), (7, 8, 9), (9, 7, 8), (3, 2, 1)]
-LINES = [(1,), (2,), (7,), (64,)]
+SHAPES = [(1, 8), (3, 4), (5, 12), (7, 50), (32, 32), (33, 20), (64, 31), (7, 8, 9), (9, 7, 8), (3, 2, 1), (4, 242)]
+LINES = [(1,), (2,), (7,), (64,), (242,)]  # 242 = 2 11^2: FFTW would work in its input, were that not forbidden
 TOLERANCE = {np.float64: 1e-14, np.float32: 5e-6}  # a few units in the last place, times log2 of the points
 
 
