@@ -31,6 +31,7 @@ CHUNK = 1 << 18
 DOMAIN = "the domain"  # as what takes particles away
 FAR = 1e300
 AHEAD = 4.0  # supports around the fluid in which walls are made, once it is nearer than one to what is not made yet
+ENDLESS = 4.0  # diagonals of the domain that a plane goes on beyond it
 DISORDER = 1  # stream of the random numbers
 
 
@@ -91,7 +92,8 @@ class Wall:
     def bounds(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """The box that holds all particles of the wall at displacement 0."""
         low, high = self.corners
-        margin = np.where(self.through, 0.0, (self.layers + 1) * self.scene.spacing)
+        beyond = ENDLESS * self.scene.diagonal if self.shape.plane else (self.layers + 1) * self.scene.spacing
+        margin = np.where(self.through, 0.0, beyond)
         return low - margin, high + margin
 
     @cached_property
@@ -178,12 +180,12 @@ class Wall:
 
 
 def plane_sheet(scene: "Scene", plane: case.Plane, recess: float) -> Sheet:
-    """A sheet over all of the domain and a margin, spacing dp; along periodic axes, which lie in it, over a period."""
+    """A sheet of spacing dp, far beyond the domain; along periodic axes, which lie in it, over a period."""
     normal, dp = unit(plane.normal), scene.spacing
     flat = np.flatnonzero(normal == 0.0)
     inside = np.eye(len(normal))[flat]
     basis = np.concatenate([inside, np.linalg.svd(np.concatenate([normal[None], inside]))[2][1 + len(flat) :]])
-    middle, reach = (scene.low + scene.high) / 2, np.sqrt(np.sum((scene.high - scene.low) ** 2)) / 2 + scene.support
+    middle, reach = (scene.low + scene.high) / 2, (ENDLESS + 0.5) * scene.diagonal
     origin = middle - ((middle - plane.point) @ normal + recess) * normal
     steps, counts = np.full(len(basis), dp), np.full(len(basis), 2 * math.ceil(reach / dp) + 1)
     for row, k in enumerate(flat):
@@ -245,6 +247,7 @@ class Scene:
         self.gravity, self.body_force = np.array(config.gravity), np.array(config.body_force)
         self.acceleration = self.gravity + self.body_force
         extent = self.high - self.low
+        self.diagonal = float(np.sqrt(np.sum(extent**2)))
         longest = int(np.argmax(extent))
         self.axes = (longest, *(k for k in range(d) if k != longest))
         self.end_time = config.simulation.end_time

@@ -20,7 +20,7 @@ NOTHING = 1e-11  # relative difference between levels that counts as none
 LEAST_COST = 0.25  # of the theory's exponent: a knob that costs little now will cost more when it is finer
 NEAR = 0.05  # relative change over all levels below which the coarse ones are as asymptotic, and less noisy
 STUDENT = {2: 12.7, 3: 4.3, 4: 3.2, 5: 2.8, 6: 2.6, 7: 2.5}  # levels: two-sided 95 % of one degree less
-FITTED = 5  # levels of a least-squares fit, of four at least
+FITTED = 7  # levels of a least-squares fit, of four at least
 BEYOND = 1.3  # times the coarsest size measured: no recommendation is coarser
 
 
@@ -185,7 +185,7 @@ def scattered(law: ErrorModel, levels: Sequence[Level], scale: float) -> ErrorMo
 def levelled(law: ErrorModel, levels: Sequence[Level], scale: float) -> ErrorModel:
     """The law of a knob whose errors scatter about a power law, as where walls lie otherwise among the nodes of every
     level: least squares of v0 + a h^p through the finest FITTED levels, p of theory (Eca & Hoekstra, J. Comput.
-    Phys. 262 (2014)). As it was where they scatter by more than they differ.
+    Phys. 262 (2014)). What the fit does not know of v0 is told by Student's t of the levels it has to spare.
     """
     near = sorted(levels, key=lambda level: level.size)[:FITTED]
     sizes, values = np.array([level.size for level in near]), np.array([level.value / scale for level in near])
@@ -194,10 +194,8 @@ def levelled(law: ErrorModel, levels: Sequence[Level], scale: float) -> ErrorMod
     found = np.linalg.lstsq(weight * lines, weight * values, rcond=None)[0]
     free = len(near) - 2
     scatter = math.sqrt(sum(norm(part) ** 2 for part in weight * (values - lines @ found)) / free)
-    steps = max(norm(value - values[0]) for value in values) / (len(near) - 1)
-    if scatter >= steps:
-        return law
-    slope, start = norm(found[1]), 2.0 * scatter * math.sqrt(np.linalg.inv((weight * lines).T @ (weight * lines))[0, 0])
+    spread = scatter * math.sqrt(np.linalg.inv((weight * lines).T @ (weight * lines))[0, 0])
+    slope, start = norm(found[1]), STUDENT[free + 1] * spread
     errors = np.maximum(slope * (law.sizes / law.here) ** law.theory + scatter, law.errors * (law.sizes > sizes[-1]))
     signed = next(level.value for level in levels if level.size == law.sizes[law.mine]) / scale - found[0]
     doubt = (SAFETY - 1.0) * slope + start

@@ -82,18 +82,17 @@ def test_the_law_of_a_drawn_error_bounds_the_next_draw():
     assert 0.9 < kept / 300 < 0.99
 
 
-def test_the_law_of_scattered_errors_knows_the_limit_as_well_as_it_says():
-    """v0 + a h^2 and an error of half a percent that every size draws anew: no three levels show an order."""
-    kept, used = 0, 0
+@pytest.mark.parametrize(("slope", "drawn"), [(0.03, 0.005), (0.03, 0.03), (0.003, 0.01)])
+@pytest.mark.parametrize("sizes", [(0.7, 1.0, 1.4, 2.0), (0.48, 0.58, 0.7, 0.84, 1.0, 1.2, 1.4, 2.0)])
+def test_the_law_of_scattered_errors_knows_the_limit_as_well_as_it_says(slope, drawn, sizes):
+    """v0 + a h^2 and an error that falls with h and is drawn anew, small beside it or large."""
+    kept = 0
     for seed in range(300):
-        random = np.random.default_rng(seed)
-        sizes = (0.7, 0.84, 1.0, 1.2, 1.4, 2.0)
-        levels = [Level(h, np.atleast_1d(1 + 0.03 * h * h + 0.005 * random.normal()), 1 / h, 1 / h) for h in sizes]
+        noise = drawn * np.random.default_rng(seed).normal(size=len(sizes))
+        levels = [Level(h, np.atleast_1d(1 + slope * h * h + h * e), 1 / h, 1 / h) for h, e in zip(sizes, noise)]
         law = levelled(fit("dx", levels, 1.0, 2.0, 1.0, 1.0), levels, 1.0)
-        if law.safety == SAFETY and law.used == 2.0:
-            used += 1
-            kept += abs(float(levels[2].value[0] - law.signed[0]) - 1.0) <= law.doubt
-    assert used > 200 and kept / used > 0.9
+        kept += abs(float(levels[sizes.index(1.0)].value[0] - law.signed[0]) - 1.0) <= law.doubt
+    assert kept / 300 > 0.9
 
 
 def test_errors_never_fall_towards_coarser_sizes():
@@ -289,10 +288,13 @@ def test_a_recommendation_below_what_is_known_is_marked_and_its_way_out_leads_to
     settings = {"dx": 0.3, "order": 3.5, "dear": 3}
     done = program(*words, **settings)
     assert done.returncode == 3 and "certified" in done.stderr, done.stdout + done.stderr
-    ways = [line.partition("way out: ")[2] for line in done.stderr.splitlines() if line.startswith("way out: ")]
-    assert ways and ways[0].startswith("--tolerance ")
-    more = max(int(way.split()[1]) for way in ways if way.startswith("--pilots "))
-    done = program(*words, "--pilots", str(more), **settings)
+    for _ in range(3):  # each knows more than the one before
+        ways = [line.partition("way out: ")[2] for line in done.stderr.splitlines() if line.startswith("way out: ")]
+        assert ways and ways[0].startswith("--tolerance ")
+        more = max(int(way.split()[1]) for way in ways if way.startswith("--pilots "))
+        done = program(*words, "--pilots", str(more), **settings)
+        if done.returncode == 0:
+            break
     assert done.returncode == 0, done.stdout + done.stderr
     best = found(tmp_path)["recommended"]
     assert best["certified"] and A * best["sizes"]["dx"] ** 3.5 <= 0.005

@@ -252,6 +252,15 @@ def test_layers_of_a_plane_lie_behind_it(normal, periodic):
         assert np.all((x[:, k] > 0) & (x[:, k] < length))
 
 
+def test_a_plane_stands_before_fluid_that_leaves_the_domain_along_it():
+    scene = plane_scene((1.0, 0.0, 0.0), "[0.0, 0.0, 0.0]")
+    above = scene.high + np.array([0.0, 0.0, 1.0])
+    _, x, _ = scene.walls[0].near(above - 0.3, above + 0.3)
+    assert not len(x)
+    _, x, _ = scene.walls[0].near(above - [1.3, 0.3, 0.3], above + 0.3)
+    assert len(x) and x[:, 2].max() > above[2]
+
+
 def test_fluid_is_before_a_plane_and_its_particles_behind():
     scene = plane_scene((0.0, 0.0, 1.0), "[0.0, 0.0, 0.1]")
     assert scene.fluid(np.arange(scene.n_fluid))["x"][:, 2].min() == pytest.approx(0.125)
