@@ -64,4 +64,9 @@ APP = App(
     plots=named("lbmdem.analysis.plots", "PLOTS"),
     plan=later("lbmdem.forecast.plan", "plan"),
     knobs=later("lbmdem.forecast.knobs", "knobs_of"),
+    sections={
+        "fluid": "collide and stream, with walls and forces on grains",
+        "grains": "contacts, films and motion of the grains, in substeps",
+        "solid": "which nodes the grains have covered and left, and where links cross them",
+    },
 )

@@ -53,4 +53,12 @@ APP = App(
     bench=later("sph.bench", "bench"),
     bench_ranks=later("sph.bench", "bench_ranks"),
     knobs=later("sph.forecast.knobs", "knobs_of"),
+    sections={
+        "pairs": "sums over all pairs of neighbours: accelerations and changes of density",
+        "update": "positions, velocities and densities at the next time",
+        "migrate": "particles that left a slab go to its new rank; slabs of equal load",
+        "ghosts": "copies of particles: from other ranks, across periodic sides, in mirrors",
+        "sort": "particles in the order of cells, and who is near whom",
+        "dt": "the next time step, from the largest speed and acceleration on all ranks",
+    },
 )

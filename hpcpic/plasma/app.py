@@ -72,4 +72,9 @@ APP = App(
     plots=named("hpcpic.plasma.analysis.plots", "PLOTS"),
     plan=later("hpcpic.plasma.forecast.plan", "plan"),
     knobs=later("hpcpic.plasma.analysis.knobs", "knobs_of"),
+    sections={
+        "field": "from the charge on the nodes to the electric field, with its transforms",
+        "push": "new velocities and places of the particles; who leaves a slab sets off",
+        "deposit": "particles arrive in their tiles; their charge is shared among the nodes",
+    },
 )

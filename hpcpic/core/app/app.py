@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import sys
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from importlib import import_module
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -47,6 +47,7 @@ class App:
     plan: Callable[[Any, int, int], list[str]] | None = None  # (config, ranks, threads): kernels, arrays, messages
     plots: Callable[[], Mapping[str, Plot]] | None = None  # the figures of a run by name
     knobs: Callable[[Any], Knobs] | None = None  # (config): what `tradeoff` and `stability` may turn
+    sections: Mapping[str, str] = field(default_factory=dict)  # what the sections of a step do, for the report
     command: tuple[str, ...] = ()  # what starts this program
 
     @property

@@ -168,7 +168,7 @@ def movie(frames: Iterator[Figure], path: Path) -> None:
         from hpcpic.core.files.rundir import write_atomic
 
         buffer, images = io.BytesIO(), [Image.fromarray(_pixels(figure, SCREEN)) for figure in frames]
-        colours = images[-1].quantize(256)
+        colours = images[-1].quantize(256, Image.Quantize.MAXCOVERAGE)  # a median cut makes bands of a colour bar
         first, *others = (image.quantize(palette=colours, dither=Image.Dither.NONE) for image in images)
         first.save(buffer, "GIF", save_all=True, append_images=others, duration=1000 // FRAMES_PER_SECOND, loop=0)
         write_atomic(path, buffer.getvalue())
@@ -242,12 +242,14 @@ def steps_of(snapshots: Callable[[Run], Snapshots]) -> Callable[[Run], Sequence[
 
 
 def timers(run: Run, step: int | None = None) -> Figure:
-    """Share of the sections in the time from the first step to the last."""
+    """Share of the sections in the time from the first step to the last checkpoint."""
     return timers_figure(run.summary.get("timers", {}))
 
 
 def timers_figure(timers: Mapping[str, Mapping[str, float]]) -> Figure:
-    """Share of each section of the time from first to last step, longest first, and its spread over the ranks."""
+    """Share of each section of the time from the first step to the last checkpoint, longest first, and its spread over
+    the ranks.
+    """
     if not timers:
         raise NoData("run.json has no timers yet")
     names = list(timers)[::-1]
@@ -262,7 +264,7 @@ def timers_figure(timers: Mapping[str, Mapping[str, float]]) -> Figure:
         axes.errorbar(shares, names, xerr=spread, fmt="none", ecolor=COLOURS[4], elinewidth=1.6)
         for row, (share, over) in enumerate(zip(shares, spread[1])):
             axes.annotate(f"{share:.1f} %", (share + over, row), (6, 0), textcoords="offset points", va="center")
-        axes.set_xlabel("share of the time from the first step to the last, %")
+        axes.set_xlabel("share of the time from the first step to the last checkpoint, %")
         axes.set_xlim(0, 1.2 * max(share + over for share, over in zip(shares, spread[1])))
         axes.grid(axis="y", visible=False)
         return figure

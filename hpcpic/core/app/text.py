@@ -150,6 +150,8 @@ def number(value: Any, digits: int = 4) -> str:
         return str(value)
     if isinstance(value, int):
         return count(value)
+    if 10**digits <= abs(value) < 1e7:
+        return count(float(f"{value:.{digits}g}"))
     return f"{value:.{digits}g}" if math.isfinite(value) else str(value)
 
 

@@ -39,6 +39,16 @@ VERBS = {  # verb -> the module of core that makes it, and what --help says with
     "bench": ("cli.bench", "Measure bandwidth and kernel rates of this machine and keep them for `estimate`."),
     "doctor": ("cli.doctor", "MPI, launcher, threads, HDF5, FFTW, versions, the cache of compiled kernels."),
 }
+MEANT = {  # what other programs call a verb
+    **dict.fromkeys(("simulate", "start", "solve", "execute"), "run"),
+    **dict.fromkeys(("resume", "continue", "resubmit"), "restart"),
+    **dict.fromkeys(("validate", "verify", "test"), "check"),
+    **dict.fromkeys(("animate", "movie", "draw", "view", "visualize"), "plot"),
+    **dict.fromkeys(("cases", "ls"), "list"),
+    **dict.fromkeys(("convert", "dump", "vtk"), "export"),
+    **dict.fromkeys(("keys", "init", "schema"), "show"),
+    "diff": "compare",
+}
 TABLES = ("list", "show", "check", "estimate", "sweep", "tradeoff", "stability", "compare", "bench", "doctor")
 PARALLEL = ("run", "restart", "bench", "doctor")  # verbs in which all ranks take part
 
@@ -94,8 +104,9 @@ class CommandLine(click.Group):
 
             if arguments[0] == "help":
                 raise click.UsageError(f"say `{self.name} --help`, or `{self.name} VERB --help`", context)
-            if near := difflib.get_close_matches(arguments[0], VERBS, 1):
-                raise click.UsageError(f"no such command {arguments[0]!r}; did you mean {near[0]!r}?", context)
+            near = MEANT.get(arguments[0]) or next(iter(difflib.get_close_matches(arguments[0], VERBS, 1)), None)
+            hint = f"did you mean {near!r}?" if near else f"there are {', '.join(VERBS)}"
+            raise click.UsageError(f"no such command {arguments[0]!r}; {hint}", context)
         return super().resolve_command(context, arguments)
 
     def main(self, args: Sequence[str] | None = None, *rest: Any, **settings: Any) -> Any:

@@ -24,6 +24,17 @@ if TYPE_CHECKING:
 OVERLAYS = 8  # scalars drawn over each other when runs are compared
 MARKS = {"finished": "ok", "stopped": "warn", "running": "warn"}
 NO_HEADER = Header()
+SECTIONS = {  # of every simulator
+    "scalars": "sums over all particles and nodes for a row of the series",
+    "compiling": "kernels that no earlier run had compiled, when the first steps called them",
+    "guard": "the ranks agree that all numbers are sound, and whether to go on",
+    "checkpoint": "the whole state to disk, for a restart",
+    "output series": "rows to series.h5 and series.csv",
+    "output field": "snapshots of fields",
+    "output particle": "snapshots of particles or grains",
+    "output openpmd": "files of openPMD",
+    "other": "between the sections",
+}
 
 
 @dataclass(frozen=True, slots=True)
@@ -150,7 +161,7 @@ def one_run(app: App, run: Run) -> Page:
         figures=figures,
         omitted=omitted,
         failures=failures,
-        tables=[t for t in (_derived(facts), _conserved(facts), _timers(facts), _estimate(facts)) if t.rows],
+        tables=[t for t in (_derived(facts), _conserved(run, facts), _timers(app, facts), _estimate(facts)) if t.rows],
         warnings=[str(w) for w in facts.get("warnings", ())],
         config=run.config,
         provenance=_provenance(facts),
@@ -214,10 +225,10 @@ def _key_figures(facts: Mapping[str, Any]) -> list[tuple[str, str, str]]:
         ),
     ]
     for key, name, remark in (
-        ("ns_per_particle_step", "ns", "per particle and step"),
+        ("ns_per_particle_step", "ns", "time per particle and step"),
         ("mlups", "MLUPS", "million node updates a second"),
-        ("step_ms", "ms", "per step, median"),
-        ("peak_memory_mib_per_rank", "MiB", "peak, largest rank"),
+        ("step_ms", "ms", "time per step, median"),
+        ("peak_memory_mib_per_rank", "MiB", "peak memory, largest rank"),
     ):
         if key in facts:
             found.append((remark, f"{number(facts[key])} {name}", ""))
@@ -227,43 +238,53 @@ def _key_figures(facts: Mapping[str, Any]) -> list[tuple[str, str, str]]:
 def _derived(facts: Mapping[str, Any]) -> Table:
     rows = [
         (str(n["name"]), str(n.get("symbol", "")), number(n["value"]),
-         *(str(n.get(key, "")) for key in ("unit", "limit", "verdict", "source")))
+         str(n.get("unit", "")), str(n.get("limit", "")), *_verdict(n), str(n.get("source", "")))
         for n in facts.get("derived", ())
     ]  # fmt: skip
     head = ("number", "symbol", "value", "unit", "limit", "verdict", "source")
     return Table("Derived numbers", head, rows, (2,))
 
 
-def _conserved(facts: Mapping[str, Any]) -> Table:
+def _verdict(derived: Mapping[str, Any]) -> tuple[str]:
+    """Blank where there is no limit that could be met."""
+    verdict = str(derived.get("verdict", ""))
+    return (verdict if derived.get("limit") or verdict != "ok" else "",)
+
+
+def _conserved(run: Run, facts: Mapping[str, Any]) -> Table:
+    units = run.series.units if (run.path / "series.h5").exists() else {}
     rows = []
     for name, entry in (facts.get("conservation") or {}).items():
         relative = number(entry["relative"]) if "relative" in entry else "—"
         values = (number(entry[key], 9) for key in ("first", "last"))
         meaning = "dissipated by the scheme, by design" if is_dissipation(entry) else ""
-        rows.append((name.replace("_", " "), *values, number(entry["change"]), relative, meaning))
-    head = ("quantity", "at the start", "at the end", "largest change", "relative", "")
-    return Table("Conservation", head, rows, (1, 2, 3, 4))
+        change = number(entry["change"])
+        rows.append((name.replace("_", " "), *values, change, units.get(name, ""), relative, meaning))
+    head = ("quantity", "at the start", "at the end", "largest change", "unit", "relative", "")
+    return Table("Conservation", head, rows, (1, 2, 3, 5))
 
 
-def _timers(facts: Mapping[str, Any]) -> Table:
+def _timers(app: App, facts: Mapping[str, Any]) -> Table:
+    meanings, timers = {**SECTIONS, **app.sections}, facts.get("timers") or {}
+    whole = sum(row["avg"] for row in timers.values())
     rows = [
         (
             name,
             *(f"{row[key]:.3f}" for key in ("min", "avg", "max")),
             f"{100 * row['share']:.1f} %",
             count(row["calls"]) if row.get("calls") else "",
+            meanings.get(name, ""),
         )
-        for name, row in (facts.get("timers") or {}).items()
+        for name, row in timers.items()
     ]
-    head = ("section", "least s", "mean s", "most s", "share of the loop", "calls")
+    head = ("section", "least, s", "mean, s", "most, s", f"share of {number(whole)} s", "calls", "what is done")
     return Table(
         "Time by section",
         head,
         rows,
         (1, 2, 3, 4, 5),
-        "Least, mean and most over the ranks; the time of a section is without that of sections inside it. The loop, "
-        f"{number(facts.get('loop_seconds'))} s, goes from the first step to the last, with all output; compiling is "
-        "that of kernels which no earlier run had compiled, when the first steps called them.",
+        "Least, mean and most over the ranks; the time of a section is without that of sections inside it. Together "
+        "they are the time from the first step to the end of the last checkpoint; the start stands in the next table.",
     )
 
 

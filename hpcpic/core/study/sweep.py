@@ -10,6 +10,7 @@ import re
 import shutil
 import subprocess
 from collections.abc import Mapping, Sequence
+from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
@@ -18,7 +19,7 @@ import click
 from hpcpic.core.app import use
 from hpcpic.core.app.app import App, AppLoader
 from hpcpic.core.app.read import read_case, set_option, shape_options
-from hpcpic.core.app.text import shown, table
+from hpcpic.core.app.text import Shown, shown, table
 from hpcpic.core.app.use import use_option
 from hpcpic.core.cli.launch import Start, launch, refuse_launcher
 from hpcpic.core.errors import CheckFailed, ConfigError, FileError
@@ -236,7 +237,15 @@ def _columns(rows: list[dict[str, Any]]) -> list[str]:
 
 
 def _short(value: Any) -> str:
-    return "" if value is None else shown(value, ".6g") if isinstance(value, float) else str(value)
+    """A cell; settings are texts, those of numbers are numbers in JSON."""
+    if value is None:
+        return ""
+    if isinstance(value, float):
+        return shown(value, ".6g")
+    cell = Shown(value)
+    with suppress(ValueError):
+        cell.value = float(value) if not str(value).isdigit() else int(value)
+    return cell
 
 
 def _tell(rows: list[dict[str, Any]], folder: Path) -> None:

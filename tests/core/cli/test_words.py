@@ -10,7 +10,7 @@ from hpcpic.core.case import cases, schema
 from hpcpic.core.case.config import load, loads
 from hpcpic.core.case.schema import describe, dump
 from hpcpic.core.case.words import VISCOSITIES
-from hpcpic.core.cli.main import build
+from hpcpic.core.cli.main import MEANT, VERBS, build
 from hpcpic.core.errors import ConfigError
 from lbmdem.forecast.estimate import output_periods
 
@@ -177,7 +177,14 @@ def test_what_is_no_case_is_told_in_a_line_without_its_keys(program):
     assert message.startswith("case:1:1: no case: it has none of the keys") and "password" not in message
 
 
-@pytest.mark.parametrize("verb, meant", [("plt", "plot"), ("stab", "stability"), ("resume", "")])
+@pytest.mark.parametrize(
+    "verb, meant", [("plt", "plot"), ("stab", "stability"), ("resume", "restart"), ("simulate", "run"), ("xyz", "")]
+)
 def test_a_misspelt_verb_is_answered_with_the_nearest(verb, meant):
     done = CliRunner().invoke(build(lambda: app("sph"), "sph", "x"), [verb])
-    assert done.exit_code == 2 and (f"did you mean {meant!r}?" in done.output) == bool(meant)
+    told = f"did you mean {meant!r}?" if meant else "there are list, show, check"
+    assert done.exit_code == 2 and told in done.output
+
+
+def test_the_words_of_others_lead_to_verbs_and_are_none():
+    assert set(MEANT.values()) <= set(VERBS) and not set(MEANT) & set(VERBS)

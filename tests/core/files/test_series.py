@@ -63,6 +63,17 @@ def test_any_reader_of_tables_takes_the_series_as_numbers(tmp_path: Path) -> Non
     assert table["energy"].mean() == np.mean([row(step)["energy"] for step in range(20)])
 
 
+def test_pandas_reads_the_series_at_once(tmp_path: Path) -> None:
+    """Names from the first row, steps as integers, all else as floating point; units by name."""
+    pandas = pytest.importorskip("pandas")
+    fill(SeriesWriter(RunDir(tmp_path), UNITS), range(20))
+    table = pandas.read_csv(tmp_path / "series.csv")
+    assert dict(table.dtypes.astype(str)) == {"step": "int64", "time": "float64", **dict.fromkeys(UNITS, "float64")}
+    assert all(table[name].tolist() == pytest.approx([row(k)[name] for k in range(20)], rel=1e-15) for name in UNITS)
+    units = pandas.read_csv(tmp_path / "series.units.csv", index_col="name")["unit"]
+    assert dict(units) == {"step": "1", "time": "s", **UNITS}
+
+
 def test_it_is_ordinary_hdf5_with_units(tmp_path: Path) -> None:
     import h5py
 

@@ -209,7 +209,9 @@ def test_estimates_stand_beside_what_they_are_of(folders, tmp_path):
     assert rows["start and set-up, s"] == ["1", "2", "2.00"]
     assert rows["compiling kernels, once per machine and kind of scene, s"] == ["—", "30", "—"]
     assert not any("wall time" in name for name in rows)
-    assert "share of the loop" in page
+    rows = rows_of(page, "Time by section")
+    assert "share of 25 s" in page and [rows[name][3] for name in ("push", "compiling")] == ["40.0 %", "60.0 %"]
+    assert rows["push"][-1].startswith("new velocities") and rows["compiling"][-1].startswith("kernels that no earlier")
 
 
 def test_what_a_scheme_dissipates_is_no_error_of_conservation(folders, tmp_path):
@@ -219,6 +221,7 @@ def test_what_a_scheme_dissipates_is_no_error_of_conservation(folders, tmp_path)
     (folder / "run.json").write_text(json.dumps(facts | {"conservation": {"energy_total": entry, "mass": entry}}))
     assert report(folder).exit_code == 0
     rows = rows_of((folder / "report.html").read_text(), "Conservation")
+    assert rows["energy total"][3] == "J"
     assert rows["energy total"][-1] == "dissipated by the scheme, by design"
 
 

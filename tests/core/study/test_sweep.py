@@ -15,7 +15,7 @@ from hpcpic.core.cli.doctor import _try_launcher
 from hpcpic.core.cli.launch import _environment, launch, launcher
 from hpcpic.core.errors import ConfigError
 from hpcpic.core.files.rundir import RunDir
-from hpcpic.core.study.sweep import expand, run_once, split
+from hpcpic.core.study.sweep import _short, expand, run_once, split
 
 
 def table(toy):
@@ -26,6 +26,11 @@ def test_expand_is_the_product_or_the_zip():
     assert expand(["a=1,2", "b=x,y"]) == [("a=1", "b=x"), ("a=1", "b=y"), ("a=2", "b=x"), ("a=2", "b=y")]
     assert expand(["a=1,2", "b=x,y"], zipped=True) == [("a=1", "b=x"), ("a=2", "b=y")]
     assert expand([]) == [()] == expand([], zipped=True)
+
+
+@pytest.mark.parametrize("value, number", [(7, 7), ("7", 7), ("1e-3", 1e-3), (0.5, 0.5), ("rk3-tvd", None), (None, None)])
+def test_numbers_of_the_table_are_numbers_in_json(value, number):
+    assert getattr(_short(value), "value", None) == number
 
 
 def test_ranges_have_both_ends():
