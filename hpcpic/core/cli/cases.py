@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from pathlib import Path
 
 import click
 
@@ -12,7 +13,7 @@ from hpcpic.core.app.text import table
 from hpcpic.core.app.use import use_option
 from hpcpic.core.case.cases import read_header
 from hpcpic.core.case.config import Tree, dotted
-from hpcpic.core.case.schema import describe, value_text
+from hpcpic.core.case.schema import describe, dump, value_text
 
 
 def make_list_command(app_loader: AppLoader) -> click.Command:
@@ -30,13 +31,18 @@ def make_show_command(app_loader: AppLoader) -> click.Command:
     @click.argument("case")
     @use_option
     @click.option("--schema", is_flag=True, help="Print the JSON schema of all cases of this program instead.")
-    def show(case: str, schema: bool) -> None:
+    @click.option("--text", is_flag=True, help="Print the case file instead: --text > my.conf makes one to change.")
+    def show(case: str, schema: bool, text: bool) -> None:
         """A case's header, and every key with its type, unit, default and limits."""
         app = app_loader()
         if schema:
             click.echo(json.dumps(app.schema().model_json_schema(), indent=1))
             return
         read = read_case(app, case)
+        if text:
+            given = Path(read.path).read_text(encoding="utf-8")
+            click.echo(dump(read.config) if "@include" in given else given, nl=False)  # elsewhere it includes nothing
+            return
         header = read_header(read.path)
         click.echo(read.path)
         for name in ("what", "source", "expected", "time"):

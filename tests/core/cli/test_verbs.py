@@ -13,12 +13,15 @@ import h5py
 import numpy as np
 import pytest
 from app_runner import TIMEOUT_S, launch
+from click.testing import CliRunner
 from toy_runner import ROOT, environment
 
 from hpcpic.core.app.text import table
-from hpcpic.core.cli.main import VERBS
+from hpcpic.core.case.config import load
+from hpcpic.core.cli.main import VERBS, build
 from hpcpic.core.files.rundir import RunDir
 from hpcpic.core.report.export import to_csv
+from sph.app import APP as SPH
 
 HEAVY = ("mpi4py", "numba", "h5py", "pyfftw", "scipy", "matplotlib")
 LOOK = """
@@ -316,6 +319,14 @@ def test_tables_as_json_hold_the_numbers_behind_their_cells(words, column, first
     assert first in (None, row[column])
     numbers = [value for table in answer["tables"] for row in table for value in row.values()]
     assert any(isinstance(value, float) for value in numbers) == (words.split()[0] in ("check", "estimate"))
+
+
+@pytest.mark.parametrize("name", ["water-column", "column-impact-b"])
+def test_the_text_of_a_case_is_a_case_of_its_own_elsewhere(name, tmp_path):
+    """Also where the shipped one includes another."""
+    done = CliRunner().invoke(build(lambda: SPH, "sph", "x"), ["show", name, "--text"])
+    (tmp_path / "my.conf").write_text(done.output)
+    assert SPH.configure(load(tmp_path / "my.conf")) == SPH.configure(load(SPH.cases()[name]))
 
 
 def test_the_schema_of_cases_is_one_of_json():
