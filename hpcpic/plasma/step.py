@@ -16,6 +16,7 @@ from hpcpic.core.timers import Timers
 from hpcpic.plasma.case.config import PlasmaConfig
 from hpcpic.plasma.diagnostics import scalars, snapshot
 from hpcpic.plasma.diagnostics.energy_watch import STEPS_BETWEEN_LOOKS, EnergyWatch
+from hpcpic.plasma.diagnostics.field_modes import FieldModes
 from hpcpic.plasma.diagnostics.node_moments import NodeMoments
 from hpcpic.plasma.diagnostics.series_sums import SeriesSums
 from hpcpic.plasma.field.mesh import SHIFT, Mesh
@@ -66,6 +67,8 @@ class Plasma:
         self.mesh.collect_from(self.cloud.patches, self.cloud.delivery)
         self.sums = SeriesSums(scene, world, self.mesh, self.cloud, self.field_scale)
         self.scalar_units = scalars.units()
+        self._modes = FieldModes(scene, self.domain, world) if config.output.modes else None
+        self.scalar_units |= self._modes.units() if self._modes else {}
         self._gauges = Gauges(config.gauge, self.domain, world)
         self.scalar_units |= self._gauges.units(field_units(config), self.scalar_units)
         asked = asked_for(config)
@@ -167,6 +170,8 @@ class Plasma:
         self.solve()
         with self.timers.section("scalars"):
             values = self.sums.scalars()
+            if self._modes:
+                values |= self._modes.values(snapshot.fields(self.mesh, {"E"})["E"].values)
             if self._gauges:
                 values |= self._gauges.values(self._fields({gauge.what for gauge in self.scene.config.gauge}))
         self._energy.see(values["energy_total"], self.time, self.iteration)

@@ -334,7 +334,7 @@ def limit_words(field: FieldInfo) -> str:
             for kind in inner
             if typing.get_origin(kind) is Annotated
             for info in typing.get_args(kind)[1:]
-            for limit in info.metadata
+            for limit in getattr(info, "metadata", ())
         ),
     ]
     return ", ".join(

@@ -171,6 +171,11 @@ class Output(Section):
         "fields in snapshots: rho, phi, E, and of each species n (density), u (mean velocity), T (temperature in J of "
         "the velocity components that the scene has)",
     )
+    modes: Annotated[tuple[Integers, ...], BeforeValidator(as_tuple)] = setting(
+        (),
+        "modes of E along k as columns of the series: whole wavelengths across the box, ([nx], ..) or ([nx, ny], ..); "
+        "mode_nx_re, mode_nx_im are the parts of E_k where E = Re(E_k exp(i k.x))",
+    )
     every: Every = Every()
     period: Period = Period()
     openpmd: bool = setting(False, "write snapshots as openPMD too")
@@ -276,6 +281,12 @@ class PlasmaConfig(Section):
 def name_of(species: Species, i: int) -> str:
     """The name of species[i], given or by default."""
     return species.name or f"species_{i + 1}"
+
+
+def mode_columns(mode: tuple[int, ...]) -> tuple[str, str]:
+    """Columns of the series with the real and the imaginary part of a mode."""
+    name = f"mode_{'_'.join(map(str, mode))}"
+    return f"{name}_re", f"{name}_im"
 
 
 def velocity_columns(species: Species) -> int:

@@ -29,6 +29,7 @@ def faults(config: PlasmaConfig) -> Iterator[Fault]:
         if len(vector) != 3:
             yield ("field", name), f"needs 3 numbers, one per axis x, y, z (got {len(vector)})"
     yield from field_faults(config.output.fields)
+    yield from mode_faults(config.output.modes, config.points)
     if len(simulation.space_length) == d:
         yield from gauge_faults(config.gauge, field_units(config), simulation.space_length)
     names = [name_of(species, i) for i, species in enumerate(config.species)]
@@ -69,6 +70,21 @@ def field_faults(names: tuple[str, ...]) -> Iterator[Fault]:
             yield ("output", "fields"), f"{abridged(name)} is no field; there are {', '.join(known)}"
     for name in {name for name in names if names.count(name) > 1}:
         yield ("output", "fields"), f"{abridged(name)} stands there twice"
+
+
+def mode_faults(modes: tuple[tuple[int, ...], ...], points: tuple[int, ...]) -> Iterator[Fault]:
+    """Modes in output.modes that the grid does not have, or that stand there twice."""
+    for i, mode in enumerate(modes):
+        path = ("output", "modes", i)
+        if len(mode) != len(points):
+            yield path, f"needs {len(points)} number(s) in {len(points)}D (got {len(mode)})"
+        elif not any(mode):
+            yield path, "must not be zero on every axis"
+        elif any(2 * abs(n) > m for n, m in zip(mode, points)):
+            most = ", ".join(str(m // 2) for m in points)
+            yield path, f"is shorter than two cells: at most {most} wavelengths along the axes (got {list(mode)})"
+        elif mode in modes[:i]:
+            yield path, "stands there twice"
 
 
 def batch_faults(config: PlasmaConfig, species: Species) -> Iterator[Fault]:
