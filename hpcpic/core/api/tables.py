@@ -29,7 +29,7 @@ class Table:
     """Something that is read as the table that the command line prints."""
 
     def _repr_html_(self) -> str:
-        return f"<pre>{html.escape(repr(self))}</pre>"
+        return f'<pre style="white-space: pre; overflow-x: auto">{html.escape(repr(self))}</pre>'
 
 
 class Cases(Table, Mapping[str, "Header"]):

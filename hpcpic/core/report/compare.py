@@ -107,13 +107,20 @@ def _series(a: Run, b: Run) -> Iterator[Difference | str]:
         yield f"series: only in {a.path if have[0] else b.path}"
     if not all(have):
         return
-    if a.series.step.tolist() != b.series.step.tolist():
-        yield f"series: rows of different steps ({len(a.series.step)} and {len(b.series.step)})"
+    import numpy as np
+
+    first, second = a.series, b.series
+    same = first.step.tolist() == second.step.tolist()
+    if not same:
+        yield f"series: rows of different steps ({len(first.step)} and {len(second.step)}), b interpolated in time"
+    if not len(second.time):
         return
-    yield from _common("series", a.series.keys(), b.series.keys())
-    for name in a.series:
-        if name in b.series:
-            yield difference(f"series {name}", a.series[name], b.series[name])
+    rows = (first.time >= second.time[0]) & (first.time <= second.time[-1])
+    yield from _common("series", first.keys(), second.keys())
+    for name in first:
+        if name in second:
+            other = second[name] if same else np.interp(first.time[rows], second.time, second[name])
+            yield difference(f"series {name}", first[name] if same else first[name][rows], other)
 
 
 def _common(kind: str, a: Any, b: Any) -> Iterator[str]:
