@@ -12,6 +12,7 @@ import pytest
 from click.testing import CliRunner
 from series_table import read_csv
 
+from hpcpic.core.api.results import Run
 from hpcpic.core.cli.main import build
 from hpcpic.core.errors import FileError
 from hpcpic.core.files.arrays import FieldArray, ParticleArray
@@ -67,6 +68,9 @@ def test_nodes_lie_where_the_run_has_them_in_every_format(tmp_path):
     assert np.allclose(table["x"], np.tile(NODES_X, 6)) and np.allclose(table["c"], table["x"] + 10)
     assert open_run(folder).field_snapshots.origin == pytest.approx((0.025, 0.025))
     assert np.allclose(np.unique(table["y"]), NODES_Y)
+    in_python = Run(open_run(folder), None).fields("c", step=10)
+    assert np.allclose(in_python.x, NODES_X) and np.allclose(in_python.y, NODES_Y)
+    assert np.allclose(in_python, in_python.x + 10)
     with h5py.File(folder / "export/openpmd/fields/data00000010.h5") as file:
         for component in (file["data/10/meshes/c"], file["data/10/meshes/u/x"], file["data/10/meshes/u/y"]):
             assert component.attrs["position"].tolist() == [0.5, 0.5]
