@@ -5,6 +5,7 @@ STEPS_PER_PASS = 6  # steps of the lattice in a pass over memory, at most: more 
 CACHE = 12e6  # bytes of the last-level cache that planes of all threads may fill where a pass goes by tiles of rows
 CACHE_OF_WHOLE_PLANES = 28e6  # the same where a pass goes by whole planes, because links or faces come after sweeps
 SPARSE_BELOW = 0.85  # share of fluid nodes below which it is less work to hold these alone
+SPARSE_BLOCK = 16  # vectors that list together where else they read, where fluid nodes alone are held
 GAINS = 7  # of a body from its links: force, torque, and the mass that the fluid gains
 GRAINS_OF_ONE_THREAD = 500  # grains per thread up to which one thread does all substeps in one call
 MAX_REPLICATED = 512  # grains, at most, that all ranks hold

@@ -15,14 +15,16 @@ from numpy.typing import NDArray
 
 from hpcpic.core.comm.world import World
 from hpcpic.core.tasks.graph import Pool
-from lbmdem.coupling.moving_links import MovingLinks, link_arena
+from lbmdem.coupling.arrays import MOVING_LINKS
+from lbmdem.coupling.moving_links import MovingLinks, set_up_links
 from lbmdem.coupling.refill import Refill
 from lbmdem.coupling.wall_links import WallLinks
 from lbmdem.fluid.fixed_links import Directions, FixedLinks
 from lbmdem.fluid.fluid import Fluid
-from lbmdem.fluid.solid_nodes import Change, Solid, Table, Window, kernel_axes, kernel_rotation
+from lbmdem.fluid.solid_nodes import Change, Solid, Window, kernel_axes, kernel_rotation
 from lbmdem.fluid.surfaces import Bodies, Surfaces, Wall, mark_walls
 from lbmdem.kernels import links as kernels
+from lbmdem.kernels.grain_rasters import Table
 from lbmdem.kernels.layout import FLUID, Layout
 from lbmdem.sizes import GAINS
 
@@ -84,7 +86,9 @@ class Immersed:
         self._blocks = PARTS * pool.threads if pool.threads > 1 else 1
         self.window = Window.of(fluid.domain, world.rank, ((1, 1),) * fluid.domain.ndim)
         mark_walls(self.window, fluid.ids, walls, self._dimensions)
-        self._solid = Solid(self.window, fluid.ids, pool)
+        planes = fluid.layout.planes
+        sizes = {"shares": planes, "cuts": planes + 1, "parts": 8}
+        self._solid = Solid(self.window, fluid.ids, pool, MOVING_LINKS, **sizes)
         self.refill = Refill(self.window, fluid, world, refill)
         self._walls = tuple(walls)
         self._fixed = sorted_table(*fixed) if fixed else sorted_table(*_no_grains(self._dimensions))
@@ -127,9 +131,9 @@ class Immersed:
         """
         self._table = _merged(self._fixed, sorted_table(ids, centres, radii, velocity, omega))
         links = self.links or self._link_anew()
-        images = self._solid.rebuild(self._table)
+        self._solid.rebuild(self._table)
         self.fluid.solid_changed(fill=False)
-        links.place(self._table, images)
+        links.place()
 
     def _link_anew(self) -> MovingLinks:
         """Begin to look for all links at every step. Collective."""
@@ -138,13 +142,14 @@ class Immersed:
         window, layout, ids = self.window, self.fluid.layout, self.fluid.ids
         assert isinstance(layout, Layout)  # nodes of a fluid in which grains move are all held
         open_mass = 0.0 if self.refill.conserving else 1.0
-        arena = link_arena(window, layout, self.fluid.f, ids, self._rule, open_mass)
+        arena = self._solid.arena
+        set_up_links(arena, window, layout, self.fluid.f, ids, self._rule, open_mass)
         walls = Bodies(*sorted_table(*_no_grains(self._dimensions)), self._walls)
         surfaces = Surfaces(window, self._solid.nodes, walls, Directions(layout.lattice).e, self._dimensions)
         self._wall_links = WallLinks(arena, surfaces, self._blocks)
         self._set_scale(self._table.radii, self._wall_links)
         arena["scale"][:] = self._scale
-        self.links = links = MovingLinks(arena, int(window.inner[2, 0]))
+        self.links = links = MovingLinks(arena, self._pool, int(window.inner[2, 0]))
         self.fluid.leave_to_links(links.of_planes)
         return links
 
@@ -156,9 +161,9 @@ class Immersed:
         self._table = table = _merged(self._fixed, sorted_table(ids, centres, radii, velocity, omega))
         self.refill.exchange()
         change = self._solid.update(table)
-        covered, filled = self.refill.change(self._solid, change, table)
+        covered, filled = self.refill.change(self._solid, change)
         self.fluid.nodes_changed(self._solid.settle())
-        self.links.place(table, self._solid.images)
+        self.links.place()
         if self.refill.conserving:
             self._pending = self._account(change, covered, filled)
 

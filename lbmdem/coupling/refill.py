@@ -21,10 +21,10 @@ from hpcpic.core.comm.world import World
 from hpcpic.core.space.domain import Domain
 from hpcpic.core.space.fields import Field
 from hpcpic.core.tasks.arena import Arena
-from lbmdem.coupling.arrays import REFILL
+from hpcpic.core.tasks.graph import Bound
 from lbmdem.fluid.fixed_links import Directions
 from lbmdem.fluid.fluid import Fluid
-from lbmdem.fluid.solid_nodes import Change, Solid, Table, Window, several_slabs
+from lbmdem.fluid.solid_nodes import Change, Solid, Window, several_slabs
 from lbmdem.kernels import refill as kernels
 from lbmdem.kernels.link_arrays import Nodes, Populations
 
@@ -48,15 +48,20 @@ class Refill:
         self._fill: Fill | None = None
         if several_slabs(fluid.domain) and MODES[mode] != kernels.AVERAGE:
             self._share_edges()
-        shares = PARTS * fluid.pool.threads if fluid.pool.threads > 1 else 1
-        self._arena = arena = Arena(REFILL, uncovered=64, cuts=shares + 1)
         self._populations = Populations(fluid.f, layout.strides, layout.slots, layout.shifts)
         self._nodes = Nodes(fluid.ids.reshape(-1), window.shape, window.inner, window.box)
         sizes = np.array([layout.nx, layout.rows, layout.planes], np.int64)
-        arena.set(populations=self._populations, nodes=self._nodes, sizes=sizes, edge=self._edges)
-        arena.set(e=directions.e, w=fluid.lattice.w, mode=MODES[mode])
+        self._source = kernels.Source(sizes, self._edges, directions.e, fluid.lattice.w, MODES[mode])
+        self._tasks: list[list[Bound]] = []  # by parity
+
+    def _bind(self, arena: Arena) -> None:
+        """The tasks that fill the nodes which `Solid`, whose arena this is, has uncovered."""
+        threads = self._fluid.pool.threads
+        shares = PARTS * threads if threads > 1 else 1
+        given = {"shares": shares, "populations": self._populations, "nodes": self._nodes, "source": self._source}
         self._tasks = [
-            [arena.bind(kernels.fill, share=share, parity=parity) for share in range(shares)] for parity in range(2)
+            [arena.bind(kernels.fill, share=share, parity=parity, **given) for share in range(shares)]
+            for parity in range(2)
         ]
 
     def _share_edges(self) -> None:
@@ -85,24 +90,19 @@ class Refill:
         self._fill.finish()
         self._edges[0], self._edges[1] = values[:, 0], values[:, -1]
 
-    def change(self, solid: Solid, change: Change, table: Table) -> tuple[NDArray, NDArray]:
+    def change(self, solid: Solid, change: Change) -> tuple[NDArray, NDArray]:
         """Fill the uncovered nodes. Populations [n, q] of the covered nodes before, which are read only if they are
         counted ("conserving"), and of the uncovered ones now."""
-        window, arena, parity, q = self._window, self._arena, self._fluid.parity, self._fluid.lattice.q
+        parity, q = self._fluid.parity, self._fluid.lattice.q
         covered, filled = np.empty((len(change.covered), q)), np.empty((len(change.uncovered), q))
+        if not self._tasks:
+            self._bind(solid.arena)
         if self.conserving and len(change.covered):
             kernels.read(self._populations, parity, self._nodes, change.covered, covered)
-        if not len(change.uncovered):
-            return covered, filled
-        n, shares = len(change.uncovered), len(self._tasks[parity])
-        arena.reserve(uncovered=n)
-        arena["uncovered"][:n] = change.uncovered
-        where = (window.shape, window.origin, window.points, window.periodic)
-        kernels.speeds(*where, table, change.uncovered, change.left_by, arena["speed"])
-        arena["fill_cuts"][:] = np.arange(shares + 1) * n // shares
-        self._fluid.pool.each(self._tasks[parity])
-        if self.conserving:
-            kernels.read(self._populations, parity, self._nodes, change.uncovered, filled)
+        if len(change.uncovered):
+            self._fluid.pool.each(self._tasks[parity])
+            if self.conserving:
+                kernels.read(self._populations, parity, self._nodes, change.uncovered, filled)
         return covered, filled
 
     def arms(self, nodes: NDArray[np.int64], centres: NDArray[np.float64]) -> NDArray[np.float64]:

@@ -15,7 +15,7 @@ from lbmdem.sizes import GAINS
 class WallLinks:
     """Links of a slab to walls; `run` after the sweep looks at the grains in `solid`.
 
-    arena: `moving_links.link_arena`; arm: as of Crossings.
+    arena: that of `Solid`, after `moving_links.set_up_links`; arm: as of Crossings.
     """
 
     def __init__(self, arena: Arena, surfaces: Surfaces, blocks: int) -> None:

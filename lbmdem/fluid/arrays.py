@@ -1,8 +1,8 @@
 """The arrays of links that stay, and of solid nodes that move. Without numba.
 
 Sizes: "links" of a slab; "segments" of links that have plane, direction and distances in common, and their "ends";
-"bodies" that links end at; "shares" of the segments; "images" of grains that have moved, "blocks" of these, and
-"changes" of nodes that a block lists.
+"bodies" that links end at; "shares" of the segments; "grains" near a slab and their "images" before and after a move;
+"blocks" of these, "changes" of nodes that a block lists, and nodes "changed" by all.
 """
 
 from hpcpic.core.space.declared import Array
@@ -39,6 +39,17 @@ def fixed_links(rule: WallRule, real: str, place: str, *, sparse: bool, moved: b
 
 
 MOVED_NODES = (
+    Array("ids", ("grains",), "int64"),
+    Array("centres", ("grains", 3), "float64", "nodes"),
+    Array("radii", ("grains",), "float64", "nodes"),
+    Array("motion", ("grains", 6), "float64", "nodes/step, 1/step", "velocity and angular velocity"),
+    Array("grain", ("images",), "int64", "", "row of the grain that an image is of"),
+    Array("offset", ("images", 3), "int64", "nodes", "from nodes of the grain to local ones"),
+    Array("ids_before", ("grains",), "int64", "", "the move"),
+    Array("centres_before", ("grains", 3), "float64", "nodes"),
+    Array("radii_before", ("grains",), "float64", "nodes"),
+    Array("grain_before", ("images",), "int64"),
+    Array("offset_before", ("images", 3), "int64", "nodes"),
     Array("places", ("images", 2, 4), "float64", "nodes", "centre and squared radius before and now"),
     Array("shifts", ("images", 2, 3), "int64", "nodes", "to local nodes, before and now"),
     Array("numbers", ("images",), "int32", "", "of the grains"),
@@ -47,4 +58,9 @@ MOVED_NODES = (
     Array("left_by", ("blocks", "changes"), "int32", "", "ids of the grains"),
     Array("taken", ("blocks", "changes"), "int64", "", "flat places of nodes"),
     Array("taken_by", ("blocks", "changes"), "int32", "", "ids of the grains"),
+    Array("losers", ("grains",), "int64", "", "ids of grains that want a node of another one"),
+    Array("changed", ("changed",), "int64", "", "flat places of nodes"),
+    Array("own", (2, "changed"), "int64", "", "flat places of own nodes, uncovered and covered"),
+    Array("own_by", (2, "changed"), "int32", "", "ids of the grains"),
+    Array("lengths", (8,), "int64", "", "of the lists in use, see kernels.grain_rasters"),
 )

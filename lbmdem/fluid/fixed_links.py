@@ -242,7 +242,8 @@ class FixedLinks:
             part["far"] = np.stack(arrivals, axis=-1)
         behind = np.minimum(behind, reach)
         table = np.empty((len(q), 6))
-        kernels.weigh(self._rule.number, q, behind, table)
+        if len(q):  # else it would be compiled for nothing
+            kernels.weigh(self._rule.number, q, behind, table)
         columns = (slice(0), slice(1, 2), None, slice(3))[self._rule.numbers]
         return part | {
             "fallbacks": np.array(np.count_nonzero(behind < reach)),

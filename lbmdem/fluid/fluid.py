@@ -185,10 +185,7 @@ class Fluid:
         self._again()
 
     def nodes_changed(self, places: NDArray[np.int64]) -> None:
-        """Take notice, as `solid_changed(fill=False)`, of edits at these flat places of `solid` alone, ghosts among
-        them.
-        """
-        wall_ghosts(self.solid.values, self.faces, self._touches)
+        """Take notice of edits at these flat places of `solid` alone: ghosts among them, but not those beyond walls."""
         self.nodes.renew(places)
 
     def set_force(self, force: ArrayLike | None) -> None:

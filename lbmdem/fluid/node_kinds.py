@@ -44,6 +44,7 @@ class NodeKinds:
 
         bind, planes = self._arena.bind, self._layout.planes
         marked = [("wet", NO_GRAIN), ("free", 0)][: 1 + self.grains_are_free]
+        self._renew: list[Bound] = []
         self._tasks: list[list[Bound]] = [
             [bind(mark, words=words, least=ids, low=a, high=b) for words, ids in marked for a, b in shares(planes + 2)],
             [bind(classify, low=a, high=b) for a, b in shares(planes)],
@@ -69,4 +70,8 @@ class NodeKinds:
 
     def renew(self, changed: NDArray[np.int64]) -> None:
         """After edits of the ids at these flat places alone, ghosts among them."""
-        self._arena.call(renew, same=not self.grains_are_free, changed=changed)
+        if not self._renew:
+            self._arena.set(changed=changed)
+            self._renew = [self._arena.bind(renew, same=not self.grains_are_free)]
+        self._arena.set(changed=changed)
+        self._pool.each(self._renew)

@@ -5,21 +5,23 @@ steps only the ends of the runs of nodes along x change (a small part of the nod
 """
 
 from dataclasses import dataclass
+from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from hpcpic.core.space.declared import Array
 from hpcpic.core.space.domain import Domain
 from hpcpic.core.tasks.arena import Arena
-from hpcpic.core.tasks.graph import Pool
+from hpcpic.core.tasks.graph import Graph, Pool
 from lbmdem.fluid.arrays import MOVED_NODES
-from lbmdem.kernels import grain_rasters
+from lbmdem.kernels import grain_rasters as kernels
+from lbmdem.kernels.grain_rasters import Before, Images, Lists, Moved, Table
 from lbmdem.kernels.layout import FLUID
 
 _FAR = 1 << 40
 _BLOCKS = 4  # per thread
-_FEW = 64  # images that cost less than to wake a thread
 
 
 def kernel_axes(vectors: ArrayLike) -> NDArray[np.float64]:
@@ -43,8 +45,7 @@ def several_slabs(domain: Domain) -> bool:
     return sum(high > low for low, high in zip(domain.cuts, domain.cuts[1:])) > 1
 
 
-@dataclass(frozen=True, slots=True)
-class Window:
+class Window(NamedTuple):
     """The padded array of one rank on the box: arrays of three in the order (x, row, plane)."""
 
     origin: NDArray[np.int64]  # node of the box at the first place of the array
@@ -79,36 +80,12 @@ class Window:
         return np.where(self.periodic[:, None], np.array([-_FAR, _FAR]), ends)
 
 
-class Table(NamedTuple):
-    """Grains in the order of ids: centres[n, 3], motion[n, 6] (velocity, angular velocity) in the axes of kernels."""
-
-    ids: NDArray[np.int64]
-    centres: NDArray[np.float64]
-    radii: NDArray[np.float64]
-    motion: NDArray[np.float64]
-
-
-class Images(NamedTuple):
-    """Grains as they are seen in a window: row of the grain, and what to add to its nodes to get local ones."""
-
-    grain: NDArray[np.int64]
-    offset: NDArray[np.int64]  # [m, 3]
-
-
-def find_images(window: Window, table: Table) -> Images:
-    """Images of grains within a node of the window, in the order of the grains."""
-    place = (table.centres, table.radii, 1.0, window.origin, window.shape, window.points, window.periodic)
-    grain, offset = np.empty(len(table.radii), np.int64), np.empty((len(table.radii), 3), np.int64)
-    count = grain_rasters.images(*place, grain, offset)
-    if count > len(grain):
-        grain, offset = np.empty(count, np.int64), np.empty((count, 3), np.int64)
-        grain_rasters.images(*place, grain, offset)
-    return Images(grain[:count], offset[:count])
-
-
-@dataclass(slots=True)
+@dataclass(frozen=True, slots=True)
 class Change:
-    """Own nodes (flat places in the padded array) that an update has freed or covered, and by which grain id."""
+    """Own nodes (flat places in the padded array) that an update has freed or covered, and by which grain id.
+
+    They are good until the next update.
+    """
 
     uncovered: NDArray[np.int64]
     left_by: NDArray[np.int32]
@@ -117,70 +94,68 @@ class Change:
 
 
 class Solid:
-    """The ids of grains in an int32 array [planes, rows, x] with ghosts (rows left out in 2D), written in place."""
+    """The ids of grains in an int32 array [planes, rows, x] with ghosts (rows left out in 2D), written in place.
 
-    def __init__(self, window: Window, nodes: NDArray[np.int32], pool: Pool) -> None:
+    `arena` holds the grains (`table`), their `images`, what has changed, and arrays of those who read these (`more`).
+    """
+
+    def __init__(
+        self, window: Window, nodes: NDArray[np.int32], pool: Pool, more: tuple[Array, ...] = (), **sizes: int
+    ) -> None:
         self.window, self._pool = window, pool
         self.nodes = nodes.reshape(tuple(window.shape[::-1]))
         assert np.shares_memory(self.nodes, nodes)
-        blocks = _BLOCKS * pool.threads if pool.threads > 1 else 1
-        self._arena = arena = Arena(MOVED_NODES, images=64, changes=64, blocks=blocks, block_ends=blocks + 1)
-        arena.set(solid=self.nodes, points=window.points, periodic=window.periodic, inner=window.inner)
-        self._tasks = [arena.bind(grain_rasters.list_changes, share=share) for share in range(blocks)]
-        self._suspects = np.empty(0, np.int64)
-        self._changed = np.empty(0, np.int64)
+        self._blocks = blocks = _BLOCKS * pool.threads if pool.threads > 1 else 1
+        sizes |= {"grains": 8, "images": 64, "changes": 64, "changed": 64, "blocks": blocks, "block_ends": blocks + 1}
+        self.arena = arena = Arena((*MOVED_NODES, *more), **sizes)
+        arena.set(solid=self.nodes, window=window)
+        arena.group(table=Table, images=Images, before=Before, moved=Moved, lists=Lists)
 
-    def rebuild(self, table: Table) -> Images:
+    @cached_property
+    def _update(self) -> Graph:
+        """The tasks of an update, which compares the images, block by block, with those before."""
+        bind, graph = self.arena.bind, Graph()
+        graph.task(bind(kernels.find_moved), outs=["moved"])
+        for share in range(self._blocks):
+            graph.task(bind(kernels.list_changes, share=share), ins=["moved"], outs=[share])
+        graph.task(bind(kernels.claim), ins=range(self._blocks))
+        return graph.freeze()
+
+    def rebuild(self, table: Table) -> None:
         """Forget all grains and mark these."""
         self.nodes[self.nodes >= 0] = FLUID
-        self._table, self.images = table, find_images(self.window, table)
-        lost = np.zeros(len(table.ids), np.bool_)
-        self._mark(self.images, lost)
-        self._suspects = table.ids[lost]
-        return self.images
+        self._put(table)
+        self.arena.call(kernels.mark)
+        if self.arena.reserve(images=int(self.arena["lengths"][kernels.IMAGES])):
+            self.arena.call(kernels.mark)
 
-    def _mark(self, images: Images, lost: NDArray[np.bool_]) -> None:
-        self._arena.call(grain_rasters.mark, **self._table._asdict(), **images._asdict(), lost=lost)
+    def _put(self, table: Table) -> None:
+        arena = self.arena
+        arena.reserve(grains=len(table.ids))
+        for name, values in table._asdict().items():
+            arena[name][: len(values)] = values
+        arena["lengths"][kernels.GRAINS] = len(table.ids)
 
     def update(self, table: Table) -> Change:
         """Move the grains that were there to their new places; others come and go. The same nodes as `rebuild`, but
         nodes that become fluid are marked LEFT until `settle`, so that one can tell them from their neighbours."""
-        arena, counts, was = self._arena, self._arena["counts"], self.images
-        self.images = find_images(self.window, table)
-        arena.reserve(images=len(was.grain) + len(self.images.grain))
-        now = {"table": table, "images": self.images}
-        moved = arena.call(grain_rasters.moved_images, old=self._table, old_images=was, **now)
-        blocks = len(self._tasks) if moved > _FEW else 1
-        counts[:, 0] = np.minimum(np.arange(len(counts)) * moved // blocks, moved)
-        counts[:, 1:] = 0
-        self._pool.each(self._tasks[:blocks])
-        if arena.reserve(changes=int(counts[:, 1:].max())):  # start again
-            self.images = was
-            return self.update(table)
-        self._table = table
-        self._claim()
-        return self._joined()
-
-    def _claim(self) -> None:
-        """Nodes go to the grains that have come to them, or have wanted them before."""
-        ids, images = self._table.ids, self.images
-        lost = np.zeros(len(ids), np.bool_)
-        self._arena.call(grain_rasters.claim, ids=ids, lost=lost)
-        if len(self._suspects):
-            again = np.isin(ids[images.grain], self._suspects)
-            self._mark(Images(images.grain[again], images.offset[again]), lost)
-        self._suspects = ids[lost]
-
-    def _joined(self) -> Change:
-        """The lists of all blocks as one."""
-        number = int(self._arena["counts"][:, 1:].sum())
-        nodes, own, by = np.empty(number, np.int64), np.empty((2, number), np.int64), np.empty((2, number), np.int32)
-        changed, left, taken = self._arena.call(grain_rasters.join_lists, nodes=nodes, own=own, own_by=by)
-        self._changed = nodes[:changed]
-        return Change(own[0, :left], by[0, :left], own[1, :taken], by[1, :taken])
+        arena, lengths, full = self.arena, self.arena["lengths"], True
+        for name in ("ids", "centres", "radii", "grain", "offset"):
+            arena[f"{name}_before"][...] = arena[name]
+        lengths[kernels.IMAGES_BEFORE] = lengths[kernels.IMAGES]
+        self._put(table)
+        while full:
+            self._pool.run(self._update)
+            images = int(lengths[kernels.IMAGES] + lengths[kernels.IMAGES_BEFORE])
+            longest, changed = int(lengths[kernels.LONGEST]), int(lengths[kernels.CHANGED])
+            full = arena.reserve(images=images, changes=longest, changed=changed)
+        left, taken = lengths[kernels.UNCOVERED], lengths[kernels.COVERED]
+        own, own_by = arena["own"], arena["own_by"]
+        return Change(own[0, :left], own_by[0, :left], own[1, :taken], own_by[1, :taken])
 
     def settle(self) -> NDArray[np.int64]:
         """The nodes that the last update freed are fluid from now on. Flat places of all that have changed, of ghosts
         too."""
-        grain_rasters.free_left_nodes(self.nodes, self._changed)
-        return self._changed
+        changed = self.arena["changed"][: self.arena["lengths"][kernels.CHANGED]]
+        kernels.free_left_nodes(self.nodes, changed)
+        return changed

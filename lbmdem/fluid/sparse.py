@@ -18,8 +18,9 @@ from lbmdem.fluid.exchange import neighbours, tell_iteration
 from lbmdem.fluid.solid_nodes import several_slabs
 from lbmdem.kernels import sparse_addresses as kernels
 from lbmdem.kernels.layout import FLUID, Layout, storage_order
-from lbmdem.kernels.sparse import BLOCK, FETCHED
+from lbmdem.kernels.sparse import FETCHED
 from lbmdem.layout import place_type, sparse_arrays
+from lbmdem.sizes import SPARSE_BLOCK as BLOCK
 
 _STREAMS_BYTES, _PAGE = 1088, 4096  # distance of the slots modulo a page, so that they use different sets of a cache
 

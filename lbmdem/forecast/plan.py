@@ -17,10 +17,9 @@ from lbmdem.grains.arrays import expected
 from lbmdem.layout import Layout, place_type, sparse_arrays
 from lbmdem.physics.velocity_sets import LATTICES
 from lbmdem.physics.wall_rules import RULES
-from lbmdem.sizes import SPARSE_BELOW, STORAGE
+from lbmdem.sizes import SPARSE_BELOW, SPARSE_BLOCK, STORAGE
 
 LINKS = {2: 3.07, 3: 5.74}  # per node of a grain's perimeter or surface: half the sum of |e . n|, any direction n
-VECTORS_OF_BLOCK = 16  # of nodes held without the solid ones (kernels.sparse.BLOCK)
 
 
 def grain_count(config: LbmDemConfig) -> int:
@@ -100,10 +99,9 @@ def fluid_arrays(config: LbmDemConfig, ranks: int) -> Iterator[Array]:
     yield from fluid_nodes(config, layout, real) if sparse(config) else layout.arrays(real)
     if moving(config) and not config.coupling.frozen:
         n = grain_count(config) // ranks + 1
-        sizes = {"shares": layout.planes, "cuts": layout.planes + 1, "grains": n, "images": n, "parts": n}
-        yield from (array.sized(sizes) for array in MOVING_LINKS)
-        sizes = {"images": 2 * n, "blocks": 1, "block_ends": 2, "changes": 64}
-        yield from (array.sized(sizes) for array in MOVED_NODES)
+        sizes = {"shares": layout.planes, "cuts": layout.planes + 1, "grains": n, "images": 2 * n, "parts": n}
+        sizes |= {"blocks": 1, "block_ends": 2, "changes": 64, "changed": 64}
+        yield from (array.sized(sizes) for array in (*MOVED_NODES, *MOVING_LINKS))
     elif config.grains or config.obstacle:
         yield from linked_once(config, layout, link_count(config) // ranks, real)
 
@@ -125,7 +123,7 @@ def fluid_nodes(config: LbmDemConfig, layout: Layout, real: str) -> Iterator[Arr
     vectors = math.ceil(nodes / layout.lanes + 0.5 * layout.planes)  # every plane begins one
     links = round(link_count(config) * layout.planes / config.points[-1])
     sizes = {"slot": (vectors + 1) * layout.lanes, "planes": layout.planes + 1, "vectors": vectors, "ends": vectors + 1}
-    sizes |= {"blocks": vectors // VECTORS_OF_BLOCK + layout.planes, "pieces": links, "ruled": vectors, "links": links}
+    sizes |= {"blocks": vectors // SPARSE_BLOCK + layout.planes, "pieces": links, "ruled": vectors, "links": links}
     around = next(array.shape for array in layout.arrays(real) if array.name == "solid")
     places = place_type(sizes["slot"] * layout.lattice.q)
     declared = sparse_arrays(layout.lattice, tuple(int(n) for n in around), real, places)

@@ -7,8 +7,10 @@ that they have the same bits on every rank and in every image.
 """
 
 import math
+from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from hpcpic.core.simd.compile import njit
 from hpcpic.core.simd.vector import (
@@ -29,25 +31,76 @@ from lbmdem.kernels import layout
 
 FLUID = np.int32(layout.FLUID)
 LEFT = np.int32(-9)  # for the time of an update: a grain has just left this node
+# what `lengths` holds: of the lists in use, then the longest list of a block, with what did not fit
+GRAINS, IMAGES, IMAGES_BEFORE, LOSERS, CHANGED, UNCOVERED, COVERED, LONGEST = range(8)
+MARGIN = 1.0  # nodes
 _FAR = 1 << 40
-_NOWHERE = 1e9  # nodes
+_FEW = 64  # images that one block does by itself
 N = lanes(np.float64)
 F, H = Vec(N, np.float64), Vec(N, np.int32)
 
 
-@njit
-def images(centres, radii, margin, origin, shape, points, periodic, grain, offset):
-    """How many images of grains come within `margin` nodes of the window; they are stored if there is room.
+class Table(NamedTuple):
+    """Grains in the order of ids: centres[n, 3], motion[n, 6] (velocity, angular velocity) in the axes of kernels."""
 
-    centres[n, 3], radii[n] in nodes; the window starts at the node origin[3] and has shape[3] nodes of points[3].
+    ids: NDArray[np.int64]
+    centres: NDArray[np.float64]
+    radii: NDArray[np.float64]
+    motion: NDArray[np.float64]
+
+
+class Images(NamedTuple):
+    """Grains as they are seen in a window: row of the grain, and what to add to its nodes to get local ones [m, 3]."""
+
+    grain: NDArray[np.int64]
+    offset: NDArray[np.int64]
+
+
+class Before(NamedTuple):
+    """Table and images before the last move."""
+
+    ids_before: NDArray[np.int64]
+    centres_before: NDArray[np.float64]
+    radii_before: NDArray[np.float64]
+    grain_before: NDArray[np.int64]
+    offset_before: NDArray[np.int64]
+
+
+class Moved(NamedTuple):
+    """Images that are not where they were: places[m, 2, 4], centre and squared radius before and now, the latter below
+    0 where there is none; shifts[m, 2, 3], the offsets; numbers[m], the ids.
     """
-    count = 0
+
+    places: NDArray[np.float64]
+    shifts: NDArray[np.int64]
+    numbers: NDArray[np.int32]
+
+
+class Lists(NamedTuple):
+    """Nodes that the images of each block leave and take, and whose they are; counts[block]: the first image of a
+    block, how many nodes, those for which there is no room too.
+    """
+
+    counts: NDArray[np.int64]
+    left: NDArray[np.int64]
+    left_by: NDArray[np.int32]
+    taken: NDArray[np.int64]
+    taken_by: NDArray[np.int32]
+
+
+@njit
+def find_images(table, lengths, window, images):
+    """Find the images of the grains within the margin of the window, in the order of the grains.
+
+    They are stored while there is room; lengths[IMAGES]: how many.
+    """
+    count, origin, shape, points = 0, window.origin, window.shape, window.points
     first, last = np.zeros(3, np.int64), np.zeros(3, np.int64)
-    for g in range(radii.size):
+    for g in range(lengths[GRAINS]):
         for a in range(3):
-            reach = radii[g] + margin
-            low, high = np.int64(math.ceil(centres[g, a] - reach)), np.int64(math.floor(centres[g, a] + reach))
-            if periodic[a]:
+            centre, reach = table.centres[g, a], table.radii[g] + MARGIN
+            low, high = np.int64(math.ceil(centre - reach)), np.int64(math.floor(centre + reach))
+            if window.periodic[a]:
                 first[a] = -((high - origin[a]) // points[a])
                 last[a] = (origin[a] + shape[a] - 1 - low) // points[a]
             else:
@@ -56,13 +109,13 @@ def images(centres, radii, margin, origin, shape, points, periodic, grain, offse
         for i in range(first[0], last[0] + 1):
             for j in range(first[1], last[1] + 1):
                 for k in range(first[2], last[2] + 1):
-                    if count < grain.size:
-                        grain[count] = g
-                        offset[count, 0] = i * points[0] - origin[0]
-                        offset[count, 1] = j * points[1] - origin[1]
-                        offset[count, 2] = k * points[2] - origin[2]
+                    if count < images.grain.size:
+                        images.grain[count] = g
+                        images.offset[count, 0] = i * points[0] - origin[0]
+                        images.offset[count, 1] = j * points[1] - origin[1]
+                        images.offset[count, 2] = k * points[2] - origin[2]
                     count += 1
-    return count
+    lengths[IMAGES] = count
 
 
 @njit(inline="always")
@@ -83,25 +136,58 @@ def span(x, reach, offset, low, high):
 
 
 @njit
-def mark(solid, centres, radii, ids, grain, offset, lost):
-    """Write the ids of the grains into the fluid nodes they cover; the lowest id keeps a node.
+def mark(solid, table, images, lengths, window, losers):
+    """Find the images and write the ids of the grains into the fluid nodes that they cover; the lowest id keeps a node.
 
-    lost[g] is set for grains that want a node another grain has.
+    losers: the ids of grains that want a node which another grain has. Nothing is marked where images lack room.
     """
-    flat = solid.reshape(-1)
-    for m in range(grain.size):
-        c, radius, shift = centres[grain[m]], radii[grain[m]], offset[m]
-        number = np.int32(ids[grain[m]])
-        p0, p1 = span(c[2], radius, shift[2], 0, solid.shape[0])
-        for p in range(p0, p1):
-            dz = (p - shift[2]) - c[2]
-            r0, r1 = span(c[1], radius, shift[1], 0, solid.shape[1])
-            for r in range(r0, r1):
-                dy = (r - shift[1]) - c[1]
-                a, b = chord(c[0], radius * radius - dz * dz - dy * dy)
-                start = (p * solid.shape[1] + r) * solid.shape[2]
-                for x in range(max(a + shift[0], 0), min(b + shift[0] + 1, solid.shape[2])):
-                    _take(flat, start + x, number, ids, lost)
+    find_images(table, lengths, window, images)
+    if lengths[IMAGES] <= images.grain.size:
+        ids = table.ids[: lengths[GRAINS]]
+        lost = np.zeros(ids.size, np.bool_)
+        for m in range(lengths[IMAGES]):
+            mark_image(solid, table, images, m, ids, lost)
+        keep_losers(ids, lost, lengths, losers)
+
+
+@njit
+def mark_image(solid, table, images, m, ids, lost):
+    """Write the id of a grain where its image m is; lost[g] is set for grains that want a node of another one."""
+    flat, g = solid.reshape(-1), images.grain[m]
+    c, radius, shift, number = table.centres[g], table.radii[g], images.offset[m], np.int32(ids[g])
+    p0, p1 = span(c[2], radius, shift[2], 0, solid.shape[0])
+    for p in range(p0, p1):
+        dz = (p - shift[2]) - c[2]
+        r0, r1 = span(c[1], radius, shift[1], 0, solid.shape[1])
+        for r in range(r0, r1):
+            dy = (r - shift[1]) - c[1]
+            a, b = chord(c[0], radius * radius - dz * dz - dy * dy)
+            start = (p * solid.shape[1] + r) * solid.shape[2]
+            for x in range(max(a + shift[0], 0), min(b + shift[0] + 1, solid.shape[2])):
+                _take(flat, start + x, number, ids, lost)
+
+
+@njit
+def keep_losers(ids, lost, lengths, losers):
+    """losers[:lengths[LOSERS]]: the ids of the grains that have lost a node."""
+    count = 0
+    for g in range(ids.size):
+        losers[count] = ids[g]
+        count += lost[g]
+    lengths[LOSERS] = count
+
+
+@njit
+def row_of(ids, count, number):
+    """Row of a number in ids[:count], which ascend; -1 where there is none."""
+    low, high = 0, count
+    while low < high:
+        middle = (low + high) // 2
+        if ids[middle] < number:
+            low = middle + 1
+        else:
+            high = middle
+    return low if low < count and ids[low] == number else -1
 
 
 @njit(inline="always")
@@ -112,34 +198,39 @@ def _take(flat, node, number, ids, lost):
         flat[node] = number
     elif now > number:
         flat[node] = number
-        lost[np.searchsorted(ids, now)] = True
+        lost[row_of(ids, ids.size, np.int64(now))] = True
     elif now >= 0 and now != number:
-        lost[np.searchsorted(ids, number)] = True
+        lost[row_of(ids, ids.size, np.int64(number))] = True
 
 
 @njit
-def moved_images(old, old_images, table, images, points, periodic, places, shifts, numbers):
-    """Images that are not where they were, of two lists in the order of ids and of offsets; how many.
+def find_moved(table, images, before, lengths, window, moved, counts):
+    """Find the images, and those of them and of the ones before that are not where they were; blocks share these.
 
-    old, table: grains before and now (`fluid.solid_nodes.Table`). places[m, 2, 4]: centre and squared radius before
-    and now, the latter below 0 where there is none; shifts[m, 2, 3]: the offsets; numbers[m]: the ids. There is room
-    for all.
+    Both lists are in the order of ids and of offsets. Nothing is shared out where images lack room.
     """
+    find_images(table, lengths, window, images)
+    counts[:] = 0
+    if lengths[IMAGES] + lengths[IMAGES_BEFORE] > moved.numbers.size:
+        return
+    places, shifts, numbers = moved
+    ids, centres, radii, grain, offset = before
     count, i, j = 0, 0, 0
-    while i < old_images.grain.size or j < images.grain.size:
-        order = np.int64(i == old_images.grain.size) - np.int64(j == images.grain.size)  # below 0: the old one alone
+    while i < lengths[IMAGES_BEFORE] or j < lengths[IMAGES]:
+        order = np.int64(i == lengths[IMAGES_BEFORE]) - np.int64(j == lengths[IMAGES])  # below 0: the old one alone
         if order == 0:
-            g, h = old_images.grain[i], images.grain[j]
-            order = np.int64(old.ids[g] > table.ids[h]) - np.int64(old.ids[g] < table.ids[h])
+            g, h = grain[i], images.grain[j]
+            order = np.int64(ids[g] > table.ids[h]) - np.int64(ids[g] < table.ids[h])
             for a in range(3):
                 if order == 0:
-                    turns = np.rint((old.centres[g, a] - table.centres[h, a]) / points[a]) if periodic[a] else 0.0
-                    further = old_images.offset[i, a] + np.int64(turns) * points[a] - images.offset[j, a]
+                    points = window.points[a]
+                    turns = np.rint((centres[g, a] - table.centres[h, a]) / points) if window.periodic[a] else 0.0
+                    further = offset[i, a] + np.int64(turns) * points - images.offset[j, a]
                     order = np.int64(further > 0) - np.int64(further < 0)
         if order <= 0:
-            g = old_images.grain[i]
-            _put(places[count], shifts[count], 0, old.centres[g], old.radii[g], old_images.offset[i])
-            numbers[count] = old.ids[g]
+            g = grain[i]
+            _put(places[count], shifts[count], 0, centres[g], radii[g], offset[i])
+            numbers[count] = ids[g]
             i += 1
         if order >= 0:
             g = images.grain[j]
@@ -151,7 +242,9 @@ def moved_images(old, old_images, table, images, points, periodic, places, shift
             _put(places[count], shifts[count], 1 - here, places[count, here, :3], 0.0, shifts[count, here])
             places[count, 1 - here, 3] = -1.0
         count += not _same(places[count], shifts[count])
-    return count
+    blocks = counts.shape[0] - 1 if count > _FEW else 1
+    for k in range(counts.shape[0]):
+        counts[k, 0] = min(k * count // blocks, count)
 
 
 @njit(inline="always")
@@ -194,13 +287,12 @@ def chords(c, shift, p, r):
 
 
 @njit
-def list_changes(solid, places, shifts, numbers, counts, share, left, left_by, taken, taken_by):
-    """List the nodes that images counts[share, 0] .. counts[share + 1, 0] - 1 of `moved_images` leave and take.
-
-    left[share], taken[share] and whose they were; counts[share, 1:]: how many, those for which there is no room too.
-    """
+def list_changes(solid, moved, lists, share):
+    """List the nodes that the images of a block leave and take."""
+    (places, shifts, numbers), counts = moved, lists.counts
     n_left, n_taken, ends = 0, 0, np.empty((4, N))
-    leaving, leaving_by, taking, taking_by = left[share], left_by[share], taken[share], taken_by[share]
+    leaving, leaving_by = lists.left[share], lists.left_by[share]
+    taking, taking_by = lists.taken[share], lists.taken_by[share]
     for m in range(counts[share, 0], counts[share + 1, 0]):
         place, shift, number = places[m], shifts[m], numbers[m]
         p0, p1 = joint_span(place, shift, 2, 0, solid.shape[0])
@@ -236,12 +328,38 @@ def _list(start, chord, other, columns, number, nodes, owners, count):
 
 
 @njit
-def claim(solid, ids, counts, left, left_by, taken, taken_by, lost):
-    """Mark listed nodes LEFT that their grains have; then give those that grains take to them, in the order of ids.
+def claim(solid, table, images, lengths, window, lists, losers, changed, own, own_by):
+    """Give the nodes to the grains that have come to them, or have wanted them before, in the order of ids.
 
-    In the lists stay the former, and of the latter those that were fluid; counts[share, 1:] are set anew.
+    Nodes that grains have left become LEFT, fluid only by `free_left_nodes`. changed: all nodes that are other than
+    before, ghosts too; own[2, n] and own_by: those that are no ghosts, LEFT and taken from the fluid, and by which id.
+    Does nothing where a list lacks room.
     """
-    flat = solid.reshape(-1)
+    lengths[CHANGED], lengths[LONGEST] = 0, 0
+    for block in range(lists.left.shape[0]):
+        for kind in range(1, 3):
+            lengths[CHANGED] += lists.counts[block, kind]
+            lengths[LONGEST] = max(lengths[LONGEST], lists.counts[block, kind])
+    moved = lengths[IMAGES] + lengths[IMAGES_BEFORE]
+    if moved > images.grain.size or lengths[LONGEST] > lists.left.shape[1] or lengths[CHANGED] > changed.size:
+        return
+    ids = table.ids[: lengths[GRAINS]]
+    lost = np.zeros(ids.size, np.bool_)
+    _exchange(solid, ids, lists, lost)
+    for m in range(lengths[IMAGES]):
+        if row_of(losers, lengths[LOSERS], ids[images.grain[m]]) >= 0:
+            mark_image(solid, table, images, m, ids, lost)
+    keep_losers(ids, lost, lengths, losers)
+    _join(solid, lengths, window.inner, lists, changed, own, own_by)
+
+
+@njit
+def _exchange(solid, ids, lists, lost):
+    """Mark listed nodes LEFT that their grains have; then give those that grains take to them.
+
+    In the lists stay the former, and of the latter those that were fluid; counts are set anew.
+    """
+    flat, (counts, left, left_by, taken, taken_by) = solid.reshape(-1), lists
     for share in range(left.shape[0]):
         kept = 0
         for k in range(counts[share, 1]):
@@ -263,33 +381,31 @@ def claim(solid, ids, counts, left, left_by, taken, taken_by, lost):
 
 
 @njit
-def join_lists(solid, counts, left, left_by, taken, taken_by, inner, nodes, own, own_by):
-    """The lists of all shares as one: nodes[n] that are LEFT or taken, and which of them are no ghosts.
-
-    own[0, :a], own_by[0, :a]: those that are LEFT and by which id; own[1, :b] and so on: taken. Returns n, a, b.
-    """
-    flat, count, kept = solid.reshape(-1), 0, np.zeros(2, np.int64)
+def _join(solid, lengths, inner, lists, changed, own, own_by):
+    """The lists of all blocks as one."""
+    flat, (counts, left, left_by, taken, taken_by) = solid.reshape(-1), lists
+    count, kept = 0, np.zeros(2, np.int64)
     for kind in range(2):
-        lists, owners = (taken, taken_by) if kind else (left, left_by)
+        nodes, owners = (taken, taken_by) if kind else (left, left_by)
         for share in range(left.shape[0]):
             for k in range(counts[share, 1 + kind]):
-                node = lists[share, k]
+                node = nodes[share, k]
                 if not kind and flat[node] != LEFT:
                     continue
-                nodes[count] = node
+                changed[count] = node
                 count += 1
                 p, r = node // (solid.shape[1] * solid.shape[2]), node // solid.shape[2] % solid.shape[1]
                 if is_own(node % solid.shape[2], r, p, inner):
                     own[kind, kept[kind]], own_by[kind, kept[kind]] = node, owners[share, k]
                     kept[kind] += 1
-    return count, kept[0], kept[1]
+    lengths[CHANGED], lengths[UNCOVERED], lengths[COVERED] = count, kept[0], kept[1]
 
 
 @njit
-def free_left_nodes(solid, nodes):
+def free_left_nodes(solid, changed):
     """Make those of the nodes that are LEFT fluid."""
     flat = solid.reshape(-1)
-    for node in nodes:
+    for node in changed:
         if flat[node] == LEFT:
             flat[node] = FLUID
 

@@ -24,7 +24,7 @@ from hpcpic.core.simd.vector import (
     to_fixed,
 )
 from lbmdem.kernels.gather_scatter import gather, scatter
-from lbmdem.kernels.grain_rasters import span
+from lbmdem.kernels.grain_rasters import IMAGES, span
 from lbmdem.kernels.link_arrays import Grain, Scratch, View
 from lbmdem.kernels.link_lists import (
     COLUMNS,
@@ -50,15 +50,17 @@ F, L, H = Vec(N, np.float64), Vec(N, np.int64), Vec(N, np.int32)
 
 
 @njit
-def find_parts(table, images, ends, cuts, parts):
+def find_parts(table, images, lengths, ends, cuts, parts):
     """Parts of images in which links start, PLANES planes at most, share by share: those of the planes
     ends[s] .. ends[s + 1] are cuts[s] .. cuts[s + 1]. They are stored if there is room for all cuts[-1] of them."""
     number = np.zeros(ends.size - 1, np.int64)
     for storing in range(2):
-        for m in range(images.grain.size):
+        for m in range(lengths[IMAGES]):
             g = images.grain[m]
             a, b = span(table.centres[g, 2], table.radii[g] + 1.0, images.offset[m, 2], ends[0], ends[-1])
-            s = np.searchsorted(ends, a, side="right") - 1
+            s = 0
+            while a < b and ends[s + 1] <= a:
+                s += 1
             while a < b:
                 end = min(b, ends[s + 1], a + PLANES)
                 if storing:
@@ -75,10 +77,10 @@ def find_parts(table, images, ends, cuts, parts):
 
 
 @njit
-def add_up(parts, grain, count, sums):
-    """sums[grain] of the gains of the first `count` parts; grain: of each image."""
+def add_up(parts, grain, cuts, sums):
+    """sums[grain] of the gains of all parts; grain: of each image."""
     sums[:] = 0
-    for k in range(count):
+    for k in range(cuts[-1]):
         for a in range(GAINS):
             sums[grain[parts.image[k]], a] += parts.gains[k, a]
 
@@ -89,8 +91,7 @@ def moving_links(
 ):  # fmt: skip
     """Links of the parts cuts[share] .. cuts[share + 1]: bounce back; what they give to parts.gains.
 
-    These are int64 of 1 / scale[7]: force, torque and the mass that the fluid gains. table, images: as
-    `fluid.solid_nodes.Table` and `Images`.
+    These are int64 of 1 / scale[7]: force, torque and the mass that the fluid gains.
     """
     inner, reach = nodes.inner, REACH[bounce_back.rule]
     words, listed, size = scratch_sizes(table.radii)

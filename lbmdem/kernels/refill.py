@@ -1,13 +1,29 @@
 """Nodes that grains cover and uncover: what is lost with them and what they are filled with; compiled."""
 
+from typing import NamedTuple
+
 import numpy as np
+from numpy.typing import NDArray
 
 from hpcpic.core.simd.compile import njit
+from lbmdem.kernels.grain_rasters import GRAINS, UNCOVERED, row_of
 from lbmdem.kernels.layout import place
 from lbmdem.kernels.link_arrays import FLUID, arrival
 
 AVERAGE, LOCAL, NON_EQUILIBRIUM = 0, 1, 2
 CHUNK = 128  # nodes
+
+
+class Source(NamedTuple):
+    """What nodes are filled from: sizes[3] of the slab (x, row, plane), edge as `populations_of` wants it, e[q, 3] and
+    w[q] of the lattice, and the mode.
+    """
+
+    sizes: NDArray[np.int64]
+    edge: NDArray[np.float64]
+    e: NDArray[np.int64]
+    w: NDArray[np.float64]
+    mode: int
 
 
 @njit
@@ -181,17 +197,19 @@ def densities(f, steps, where, kinds, count, sums):
 
 
 @njit
-def fill(share, fill_cuts, populations, parity, nodes, sizes, edge, e, w, mode, uncovered, speed):
-    """Give the uncovered nodes of a share the equilibrium with speed[n, 3] and, by mode, the density of their fluid
-    neighbours, and the non-equilibrium of these.
+def fill(share, shares, own, own_by, lengths, table, window, populations, parity, nodes, source):
+    """Give a share of the uncovered nodes own[0] the equilibrium with the velocity of the grain own_by[0] and, by mode,
+    the density of their fluid neighbours, and the non-equilibrium of these.
 
     The mean density is the reference one, 1. Neighbours that are being uncovered too are not asked.
     """
+    sizes, edge, e, w, mode = source
     h, steps = np.zeros(w.size), offsets_of_kinds(populations, parity, sizes)
     where, kinds = np.empty(CHUNK * w.size, np.int64), np.empty(CHUNK * w.size, np.int64)
     sums, after = np.empty(CHUNK * w.size), np.empty(CHUNK, np.int64)
-    for first in range(fill_cuts[share], fill_cuts[share + 1], CHUNK):
-        chunk = uncovered[first : min(first + CHUNK, fill_cuts[share + 1])]
+    end = (share + 1) * lengths[UNCOVERED] // shares
+    for first in range(share * lengths[UNCOVERED] // shares, end, CHUNK):
+        chunk = own[0, first : min(first + CHUNK, end)]
         if mode == LOCAL:  # where all is comes first, so that memory is asked for many nodes at a time
             count = fluid_neighbours(populations.strides, nodes, sizes, edge, e, chunk, where, kinds, after)
             densities(populations.f, steps, where, kinds, count, sums)
@@ -206,7 +224,7 @@ def fill(share, fill_cuts, populations, parity, nodes, sizes, edge, e, w, mode, 
                 begin = after[n]
             elif mode != AVERAGE:
                 density = mean(populations, parity, nodes, sizes, edge, e, w, mode, chunk[n], h)
-            v = speed[first + n]
+            v = grain_velocity(chunk[n], own_by[0, first + n], table, lengths[GRAINS], window)
             add_equilibrium(h, e, w, 1.0, density, v[0], v[1], v[2])
             for i in range(h.size):
                 populations.f[arrival(populations, parity, p, r, x, i)] = h[i]
@@ -214,24 +232,28 @@ def fill(share, fill_cuts, populations, parity, nodes, sizes, edge, e, w, mode, 
 
 
 @njit
-def speeds(shape, origin, points, periodic, table, nodes, owners, speed):
-    """speed[n, 3] of the grain owners[n], at its place now, at nodes[n]; 0 where it is no longer in the table."""
-    ids, centres = table.ids, table.centres
-    arm = np.empty(3)
-    for n in range(nodes.size):
-        g = np.searchsorted(ids, owners[n])
-        speed[n] = 0.0
-        if g == ids.size or ids[g] != owners[n]:
-            continue
-        place = (nodes[n] % shape[0], nodes[n] // shape[0] % shape[1], nodes[n] // (shape[0] * shape[1]))
-        for a in range(3):
-            at = place[a] + origin[a]
-            turns = np.int64(np.rint((at - centres[g, a]) / points[a])) if periodic[a] else 0
-            arm[a] = (at - turns * points[a]) - centres[g, a]
-        v, omega = table.motion[g, :3], table.motion[g, 3:]
-        for a in range(3):
-            b, c = (a + 1) % 3, (a + 2) % 3
-            speed[n, a] = v[a] + (omega[b] * arm[c] - omega[c] * arm[b])
+def grain_velocity(k, number, table, n_grains, window):
+    """Velocity of the grain of this number, where it is now, at the flat place k; 0 if it is no longer in the table."""
+    shape, g = window.shape, row_of(table.ids, n_grains, np.int64(number))
+    if g < 0:
+        return 0.0, 0.0, 0.0
+    x = _arm(k % shape[0], table.centres[g], window, 0)
+    y = _arm(k // shape[0] % shape[1], table.centres[g], window, 1)
+    z = _arm(k // (shape[0] * shape[1]), table.centres[g], window, 2)
+    v, omega = table.motion[g, :3], table.motion[g, 3:]
+    return (
+        v[0] + (omega[1] * z - omega[2] * y),
+        v[1] + (omega[2] * x - omega[0] * z),
+        v[2] + (omega[0] * y - omega[1] * x),
+    )
+
+
+@njit(inline="always")
+def _arm(local, centre, window, a):
+    """Along the axis a, from the nearest image of a centre to a local place."""
+    at, points = local + window.origin[a], window.points[a]
+    turns = np.int64(np.rint((at - centre[a]) / points)) if window.periodic[a] else 0
+    return (at - turns * points) - centre[a]
 
 
 @njit

@@ -10,8 +10,8 @@ populations are moved by the "AA pattern" (Bailey et al. 2009), in place, on one
 so that half-way bounce back is no work at all. In odd steps the nodes of a vector have their neighbours in a direction
 in few pieces of memory, most often one or two. `masks[vector, i - 1]` holds lanes: of the first piece, of those that
 bounce back; `shifts[vector, i - 1]`: elements from the vector itself to the first piece. Other pieces are listed by
-blocks of BLOCK vectors of a plane, `rest[block]` being the first of a block: `where[k]`, the element for lane 0, and
-`code[k]`, the lanes, and times 2^16 the place in a buffer of the vectors of a block.
+blocks of so many vectors of a plane (sizes.SPARSE_BLOCK), `rest[block]` being the first of a block: `where[k]`, the
+element for lane 0, and `code[k]`, the lanes, and times 2^16 the place in a buffer of the vectors of a block.
 
 A processor waits for a masked write to be done before it reads beside it. So a block is read and collided first, its
 vectors stay in the buffer, and are written then; vectors whose neighbours are in one piece each (WHOLE) go by it.
@@ -29,11 +29,11 @@ from numpy.typing import DTypeLike
 from hpcpic.core.simd.generate import module_from_source
 from lbmdem.physics.collision import Collision, Source
 from lbmdem.physics.velocity_sets import Lattice
+from lbmdem.sizes import SPARSE_BLOCK as BLOCK
 
 PARITY, OPENED, LEAVE = 1, 2, 4
 BROKEN, WHOLE = 0, 1  # kinds of vectors
 FIRST, SHUT = range(2)  # masks
-BLOCK = 16  # vectors
 AHEAD = 8  # vectors by which populations are fetched before they are needed
 FETCHED = 64  # the same of other pieces
 

@@ -7,7 +7,8 @@ from numpy.typing import NDArray
 
 from hpcpic.core.simd.compile import njit
 from lbmdem.kernels.layout import arrival, element
-from lbmdem.kernels.sparse import BLOCK, BROKEN, FIRST, SHUT, WHOLE
+from lbmdem.kernels.sparse import BROKEN, FIRST, SHUT, WHOLE
+from lbmdem.sizes import SPARSE_BLOCK as BLOCK
 
 
 class Neighbours(NamedTuple):

@@ -12,13 +12,14 @@ import linecache
 import os
 import pickle
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from importlib.metadata import version
 from inspect import isfunction
 from pathlib import Path
 from typing import Any
 
 import numba
+from numba import types
 from numba.core import event
 from numba.core.caching import FunctionCache
 from numba.core.compiler import CompileResult
@@ -194,6 +195,7 @@ def _cached(function: Callable, signatures: tuple, flags: dict[str, Any]) -> Cal
     kernel = numba.njit(**flags)(function)
     if kernel is function:  # NUMBA_DISABLE_JIT
         return kernel
+    kernel.get_call_template = functools.partial(_call_template, kernel)
     text = _text_of(function.__code__.co_filename)
     if keep and text:
         kernel._cache = KernelCache(function, _store_of(function), text)
@@ -202,6 +204,12 @@ def _cached(function: Callable, signatures: tuple, flags: dict[str, Any]) -> Cal
     if signatures:
         kernel.disable_compile()
     return kernel
+
+
+def _call_template(kernel: Any, arguments: Sequence[Any], keywords: dict[str, Any]) -> Any:
+    """numba's, but an integer that stands in the text of a caller counts as any other: the kernel is compiled once."""
+    plain = [types.unliteral(one) if isinstance(one, types.IntegerLiteral) else one for one in arguments]
+    return type(kernel).get_call_template(kernel, plain, keywords)
 
 
 @functools.cache

@@ -17,6 +17,7 @@ A graph is handed over as int64 words: [n_tasks, addresses of the arrays below].
 from typing import Any, NamedTuple
 
 import numba
+import numpy as np
 
 from hpcpic.core.simd.atomics import (
     atomic_add,
@@ -147,7 +148,7 @@ def _poll(g):
         record = _words(g.contexts[task], RECORD_WORDS)
         code = call_testall(record[5], record[0], record[1], record[3], record[2])
         if code != 0:
-            _fail(g, task, code)
+            _fail(g, task, np.int64(code))
             return
         if load_int32(record[3]) == 0:
             k += 1
