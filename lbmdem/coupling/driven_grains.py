@@ -60,12 +60,11 @@ class DrivenGrains:
 
         Half of it is where the force of the links would begin to swing. All others keep their own, and momentum closes.
         """
-        scene, grains, units = self._scene, self.dem.grains, self._scene.units
-        own = {name: getattr(grains, name)[: grains.n] for name in ("radius", "mass", "inertia")}
+        scene, table, units = self._scene, self._table, self._scene.units
         rule = scene.config.coupling.bounce_back
-        mass, inertia = impedance(LATTICES[scene.lattice], rule, own["radius"] / units.dx)
-        added = mass * units.mass - own["mass"], inertia * units.mass * units.dx**2 - own["inertia"]
-        self.dem.set_added(*(np.maximum(0.0, part) for part in added))
+        mass, inertia = impedance(LATTICES[scene.lattice], rule, table.radius / units.dx)
+        added = mass * units.mass - table.mass, inertia * units.mass * units.dx**2 - table.inertia
+        self.dem.grains.set_added(*(np.maximum(0.0, part) for part in added))
 
     def move(self, time: float, steps: int = 1) -> None:
         """Collective: steps of the fluid from `time` (s), n_d substeps each, under forces that stay the same."""

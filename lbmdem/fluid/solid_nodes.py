@@ -17,7 +17,7 @@ from hpcpic.core.tasks.arena import Arena
 from hpcpic.core.tasks.graph import Graph, Pool
 from lbmdem.fluid.arrays import MOVED_NODES
 from lbmdem.kernels import grain_rasters as kernels
-from lbmdem.kernels.grain_rasters import Before, Images, Lists, Moved, Table
+from lbmdem.kernels.grain_rasters import Before, Images, Lists, Table
 from lbmdem.kernels.layout import FLUID
 
 _FAR = 1 << 40
@@ -109,7 +109,7 @@ class Solid:
         sizes |= {"grains": 8, "images": 64, "changes": 64, "changed": 64, "blocks": blocks, "block_ends": blocks + 1}
         self.arena = arena = Arena((*MOVED_NODES, *more), **sizes)
         arena.set(solid=self.nodes, window=window)
-        arena.group(table=Table, images=Images, before=Before, moved=Moved, lists=Lists)
+        arena.group(table=Table, images=Images, before=Before, lists=Lists)
 
     @cached_property
     def _update(self) -> Graph:

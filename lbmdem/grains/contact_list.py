@@ -6,7 +6,7 @@ from numpy.typing import NDArray
 from hpcpic.core.comm.world import World
 from hpcpic.core.tasks.arena import Arena
 from lbmdem.kernels.grains import search
-from lbmdem.kernels.grains.arrays import Box, Cells
+from lbmdem.kernels.grains.arrays import Cells
 from lbmdem.physics.contact_law import LANES, ContactLaw
 
 Springs = tuple[NDArray[np.int64], NDArray[np.float64]]  # ids [m, 2] (smaller first), tangential springs [m, 3] m
@@ -52,32 +52,33 @@ class ContactList:
 
         margin: greatest gap, m; inverse_mass: 0 for fixed grains; springs: of contacts that were there before.
         """
-        n, arena, box = ids.size, self.arena, self.arena.value("box")
-        rows = arena["row"]
-        begins = self._find(rows, ids, n_own, margin, box)
+        n, arena = ids.size, self.arena
+        begins = self._find(ids, n_own, margin)
         others = self._others[: begins[-1]]
+        pairs = {"rows": "row", "ids": ids, "n_own": n_own, "near": 0.1 * margin, "begins": begins, "others": others}
+        walls = {"rows": "row", "n_own": n_own, "margin": margin, "n_walls": self.n_walls}
         found = np.empty((0, 2), np.int64)
         for _ in range(2):
-            m = search.near_walls(rows, n_own, margin, arena["walls"], self.n_walls, found)
+            m = arena.call(search.near_walls, **walls, found=found)
             found = np.empty((m, 2), np.int64) if m > len(found) else found
-        near = 0.1 * margin
-        close, far = search.count_slots(rows, ids, n_own, near, box, begins, others)
+        close, far = arena.call(search.count_slots, **pairs)
         n_near = _padded(close)
         self.n_grain_slots = n_near + _padded(far)
         self.n_slots = self.n_grain_slots + _padded(len(found))
         arena.reserve(slots=self.n_slots, entries=len(others) + len(found))
         self.low[:], self.high[:] = n, n
         slots = np.empty(len(others), np.int64)
-        search.number_slots(rows, ids, n_own, near, box, begins, others, n_near, self.low, self.high, slots)
+        arena.call(search.number_slots, **pairs, far=n_near, low=self.low, high=self.high, slots=slots)
         of_walls = slice(self.n_grain_slots, self.n_grain_slots + len(found))
         self.high[self.n_grain_slots :] = self.n_walls
         self.low[of_walls], self.high[of_walls] = found.T
-        search.join_walls(n_own, begins, slots, found, self.n_grain_slots, arena.value("lists"))
+        first = self.n_grain_slots
+        arena.call(search.join_walls, n_own=n_own, begins=begins, slots=slots, found=found, first_slot=first)
         self._prepare(ids, inverse_mass, springs)
 
-    def _find(self, rows: NDArray, ids: NDArray[np.int64], n_own: int, margin: float, box: Box) -> NDArray[np.int64]:
+    def _find(self, ids: NDArray[np.int64], n_own: int, margin: float) -> NDArray[np.int64]:
         """Neighbours of own grains in `_others`; where those of each begin."""
-        n = ids.size
+        n, rows, box = ids.size, self.arena["row"], self.arena.value("box")
         size = (2.0 * float(rows[:n, 3].max()) + margin) if n else 1.0
         shape = np.where(box.inverses > 0.0, np.maximum(1, np.floor(box.lengths / size)), 0).astype(np.int64)
         shape[(box.inverses == 0.0) & (box.lengths == 0.0)] = 1  # the third axis of a plane
@@ -85,8 +86,9 @@ class ContactList:
         cells = Cells(shape, np.empty((n, 3), np.int64), head, np.empty(n, np.int64))
         search.locate(rows, size, box, cells)
         begins = np.zeros(n_own + 1, np.int64)
+        near = {"rows": "row", "ids": ids, "n_own": n_own, "margin": margin, "cells": cells, "begins": begins}
         for _ in range(2):
-            wanted = search.neighbours(rows, ids, n_own, margin, box, cells, begins, self._others)
+            wanted = self.arena.call(search.neighbours, **near, others=self._others)
             if wanted <= self._others.size:
                 break
             self._others = np.empty(wanted + wanted // 8 + 64, np.int64)

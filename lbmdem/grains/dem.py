@@ -2,6 +2,7 @@
 
 import math
 from collections.abc import Mapping, Sequence
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -118,8 +119,8 @@ class Dem:
             self._finish = [arena.bind(motion.finish, parts)]
             if self._works:
                 self._finish.append(arena.bind(motion.count_work, parts))
-            substeps(0, 0, False, 0.0, np.zeros((0, 2), np.int64), arena["farthest"], arena["walls"][None],
-                     arena["walls"], self._walls_listed)  # fmt: skip
+            none, motion_of_none = np.zeros((0, 2), np.int64), arena["walls"][None]
+            self._run_substeps(done=0, steps=0, begun=False, skin=0.0, kernels=none, motion=motion_of_none)  # compiled
             if self._film.cut_off:
                 self._fastest_film(0.0)  # compiled
         self._first_half = self._graph([self._start], [])
@@ -204,13 +205,16 @@ class Dem:
         return mine if self.grains.replicated else self.world.max(mine)
 
     def _fastest_film(self, time: float) -> float:
-        arena, pairs = self.arena, self.list
-        return films.fastest(arena.value("contacts"), pairs.n_slots, pairs.n_grain_slots, arena["row"], arena["walls"],
-                             arena.value("box"), self._film, time)  # fmt: skip
+        slots = {"n_slots": self.list.n_slots, "n_grain_slots": self.list.n_grain_slots}
+        return self.arena.call(films.fastest, **slots, rows="row", time=time)
+
+    def _run_substeps(self, **given: Any) -> int:
+        arena = self.arena
+        return substeps(farthest=arena["farthest"], walls=arena["walls"], listed=self._walls_listed, **given)
 
     def _advance_alone(self, dt: float, begin: float, first: int, last: int) -> None:
         """Substeps first..last in compiled code, without messages."""
-        walls, farthest = self.arena["walls"], self.arena["farthest"]
+        walls = self.arena["walls"]
         motions = walls[None]
         if any(wall.moves for wall in self.walls):
             motions = wall_rows(self.walls, begin + np.arange(first + 1, last + 1) * dt)
@@ -220,7 +224,9 @@ class Dem:
         tasks = np.array([(bound.address, bound.context.ctypes.data) for bound in bounds])
         done, begun, steps = 0, False, last - first
         while done < steps:
-            outcome = substeps(done, steps, begun, self.skin, tasks, farthest, motions, walls, self._walls_listed)
+            outcome = self._run_substeps(
+                done=done, steps=steps, begun=begun, skin=self.skin, kernels=tasks, motion=motions
+            )
             begun = outcome < 0
             self._age += (-1 - outcome if begun else outcome) - done
             done = -1 - outcome if begun else outcome
@@ -279,17 +285,6 @@ class Dem:
         self.arena["origin"][: grains.held] = grains.rows[: grains.held, :8]
         self._walls_listed[:] = self.arena["walls"]
         self._cut()
-
-    def set_added(self, mass: NDArray, inertia: NDArray) -> None:
-        """Give own grains added mass and inertia [n], which divide all forces and make no weight."""
-        grains, c = self.grains, self.grains.columns
-        added = np.zeros((grains.held, 2))
-        added[: grains.n, 0], added[: grains.n, 1] = mass, inertia
-        added = grains.shared(added)
-        free, total = c["fixed"] == 0, c["mass"] + added[:, 0]
-        c["row"][:, 7] = np.where(free, 1.0 / total, 0.0)
-        c["row"][:, 11] = np.where(free, 1.0 / (c["inertia"] + added[:, 1]), 0.0)
-        c["pull"][:] = np.where(free, c["mass"] / total, 0.0)
 
     # ---- checkpoints
 

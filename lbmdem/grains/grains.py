@@ -33,6 +33,7 @@ COLUMNS: dict[str, tuple[np.dtype, tuple[int, ...]]] = {
     for array in GRAINS
     if array.name != "origin"
 }
+INVERSES = [7, 11]  # values of a row: 1 / mass and 1 / inertia, of fixed grains 0
 QUATERNION_ERROR = 1e-6  # by which a quaternion may miss its length
 STATE = tuple(name for name in COLUMNS if name not in ("id", "given"))
 SPRING = np.dtype([("key", np.int64, (2,)), ("value", np.float64, (3,))])  # that travels with a grain
@@ -58,6 +59,7 @@ class Grains:
         self.replicated = replicated(world, self.number)
         self._made_of = {name: np.asarray(columns[name]) for name in ("mass", "inertia", "fixed", "radius")}
         self.columns = self._first(columns)
+        self.set_added(0.0, 0.0)
         self.n = len(self.columns["id"])
         self.lengths = np.zeros(3)
         self.lengths[: self.dimensions] = domain.lengths[::-1]
@@ -78,17 +80,13 @@ class Grains:
         columns["id"][:] = np.arange(n)
         for name in ("mass", "inertia", "fixed"):
             columns[name][:] = given[name]
-        free = ~np.asarray(given["fixed"], bool)
-        columns["pull"][:] = free
         row = columns["row"]
         row[:, X : X + d], row[:, V : V + d] = given["x"], given["v"]
         for axis, (length, periodic) in enumerate(zip(self.domain.lengths[::-1], self.domain.periodic[::-1])):
             if periodic:
                 row[:, axis] = wrap(row[:, axis], length)
         row[:, OMEGA + (2 if d == 2 else 0) : OMEGA + 3] = np.reshape(given["omega"], (n, 1 if d == 2 else 3))
-        row[:, 3], row[:, 7] = given["radius"], np.where(free, 1.0 / columns["mass"], 0.0)
-        row[:, 11] = np.where(free, 1.0 / columns["inertia"], 0.0)
-        row[:, TURN] = 1.0 if d == 3 else 0.0
+        row[:, 3], row[:, TURN] = given["radius"], 1.0 if d == 3 else 0.0
         if self.replicated:
             return columns
         mine = self._owner(row) == self.world.rank
@@ -231,17 +229,13 @@ class Grains:
         if self.world.size > 1 and not self.replicated:
             self.rows[self.n : -1] = self._sent(self.columns["row"])
 
-    def shared(self, values: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Collective: values[held, ...] as their owners have them in the rows of own grains."""
-        if not self.replicated:
-            return values
-        bits = np.zeros((self.number, *values.shape[1:]), np.int64)
-        bits[self.ids[: self.n]] = values[: self.n].view(np.int64)
-        return self.world.sum_int(bits)[self.ids].view(np.float64)
-
     def share(self, name: str) -> None:
-        """Collective: a column as the owners have it."""
-        self.columns[name][:] = self.shared(self.columns[name])
+        """Collective: a column as the owners have it in the rows of own grains."""
+        if self.replicated:
+            values = self.columns[name]
+            bits = np.zeros((self.number, *values.shape[1:]), np.int64)
+            bits[self.ids[: self.n]] = values[: self.n].view(np.int64)
+            values[:] = self.world.sum_int(bits)[self.ids].view(np.float64)
 
     # ---- state
 
@@ -259,25 +253,30 @@ class Grains:
         """Types and limits of the arrays of `state` in a checkpoint; masses, radii and so on do not change in a run."""
         n, made = self.number, self._made_of
         found = {name: Column(dtype, (n, *shape)) for name, (dtype, shape) in COLUMNS.items() if name in STATE}
-        for name in ("mass", "inertia", "fixed"):
+        for name in ("mass", "inertia", "fixed", "pull"):
             found[name] = replace(found[name], low=made[name].astype(np.float64), high=made[name].astype(np.float64))
         low, high = np.full((n, ROW), -np.inf), np.full((n, ROW), np.inf)
         low[:, 3] = high[:, 3] = made["radius"]
-        free = made["fixed"] == 0
-        low[:, [7, 11]] = 0.0
-        high[:, 7] = np.where(free, 1.0 / made["mass"], 0.0)  # less with added mass
-        high[:, 11] = np.where(free, 1.0 / made["inertia"], 0.0)
+        low[:, INVERSES] = high[:, INVERSES] = made["inverses"]
         if self.dimensions == 3:
             low[:, TURN:], high[:, TURN:] = -1.0 - QUATERNION_ERROR, 1.0 + QUATERNION_ERROR
         found["row"] = replace(found["row"], low=low, high=high)
-        found["pull"] = replace(found["pull"], low=0.0, high=1.0)
         return found
+
+    def set_added(self, mass: NDArray | float, inertia: NDArray | float) -> None:
+        """Give all grains added mass and inertia [number], which divide all forces and make no weight."""
+        made, ids = self._made_of, self.columns["id"]
+        free, total = made["fixed"] == 0, made["mass"] + mass
+        inverses = [np.where(free, 1.0 / whole, 0.0) for whole in (total, made["inertia"] + inertia)]
+        made["inverses"], made["pull"] = np.column_stack(inverses), np.where(free, made["mass"] / total, 0.0)
+        self.columns["row"][:, INVERSES], self.columns["pull"][:] = made["inverses"][ids], made["pull"][ids]
 
     def are_as_made(self) -> bool:
         """True if the held grains are as heavy and as large as those of the scene: no step changes that."""
-        ids, made = self.columns["id"], self._made_of
-        same = (np.array_equal(self.columns[name], made[name][ids]) for name in ("mass", "inertia", "fixed"))
-        return all(same) and np.array_equal(self.columns["row"][:, 3], made["radius"][ids])
+        ids, made, row = self.columns["id"], self._made_of, self.columns["row"]
+        found = {name: self.columns[name] for name in ("mass", "inertia", "fixed", "pull")}
+        found |= {"radius": row[:, 3], "inverses": row[:, INVERSES]}
+        return all(np.array_equal(values, made[name][ids]) for name, values in found.items())
 
     def take(self, ids: NDArray[np.int64], arrays: Mapping[str, NDArray]) -> None:
         """Collective: these grains instead of those of this rank; `settle` next."""

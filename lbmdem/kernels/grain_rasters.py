@@ -66,16 +66,6 @@ class Before(NamedTuple):
     offset_before: NDArray[np.int64]
 
 
-class Moved(NamedTuple):
-    """Images that are not where they were: places[m, 2, 4], centre and squared radius before and now, the latter below
-    0 where there is none; shifts[m, 2, 3], the offsets; numbers[m], the ids.
-    """
-
-    places: NDArray[np.float64]
-    shifts: NDArray[np.int64]
-    numbers: NDArray[np.int32]
-
-
 class Lists(NamedTuple):
     """Nodes that the images of each block leave and take, and whose they are; counts[block]: the first image of a
     block, how many nodes, those for which there is no room too.
@@ -204,16 +194,17 @@ def _take(flat, node, number, ids, lost):
 
 
 @njit
-def find_moved(table, images, before, lengths, window, moved, counts):
+def find_moved(table, images, before, lengths, window, places, shifts, numbers, counts):
     """Find the images, and those of them and of the ones before that are not where they were; blocks share these.
 
-    Both lists are in the order of ids and of offsets. Nothing is shared out where images lack room.
+    Both lists are in the order of ids and of offsets. places[m, 2, 4]: centre and squared radius before and now, the
+    latter below 0 where there is none; shifts[m, 2, 3]: the offsets; numbers[m]: the ids. Without room for all images
+    there are none.
     """
     find_images(table, lengths, window, images)
     counts[:] = 0
-    if lengths[IMAGES] + lengths[IMAGES_BEFORE] > moved.numbers.size:
+    if lengths[IMAGES] + lengths[IMAGES_BEFORE] > numbers.size:
         return
-    places, shifts, numbers = moved
     ids, centres, radii, grain, offset = before
     count, i, j = 0, 0, 0
     while i < lengths[IMAGES_BEFORE] or j < lengths[IMAGES]:
@@ -287,9 +278,9 @@ def chords(c, shift, p, r):
 
 
 @njit
-def list_changes(solid, moved, lists, share):
+def list_changes(solid, places, shifts, numbers, lists, share):
     """List the nodes that the images of a block leave and take."""
-    (places, shifts, numbers), counts = moved, lists.counts
+    counts = lists.counts
     n_left, n_taken, ends = 0, 0, np.empty((4, N))
     leaving, leaving_by = lists.left[share], lists.left_by[share]
     taking, taking_by = lists.taken[share], lists.taken_by[share]
@@ -345,7 +336,7 @@ def claim(solid, table, images, lengths, window, lists, losers, changed, own, ow
         return
     ids = table.ids[: lengths[GRAINS]]
     lost = np.zeros(ids.size, np.bool_)
-    _exchange(solid, ids, lists, lost)
+    _hand_over(solid, ids, lists, lost)
     for m in range(lengths[IMAGES]):
         if row_of(losers, lengths[LOSERS], ids[images.grain[m]]) >= 0:
             mark_image(solid, table, images, m, ids, lost)
@@ -354,7 +345,7 @@ def claim(solid, table, images, lengths, window, lists, losers, changed, own, ow
 
 
 @njit
-def _exchange(solid, ids, lists, lost):
+def _hand_over(solid, ids, lists, lost):
     """Mark listed nodes LEFT that their grains have; then give those that grains take to them.
 
     In the lists stay the former, and of the latter those that were fluid; counts are set anew.

@@ -63,7 +63,7 @@ def arrival(strides, slots, shifts, parity, z, y, x, i):
 @njit
 def element(strides, slots, shifts, positions, parity, z, y, x, i):
     """Place of a population that arrives, as `arrival`, also where fluid nodes have `positions` (see
-    `lbmdem.fluid.fluid.sparse`); of a fluid node then.
+    `lbmdem.kernels.sparse`); of a fluid node then.
     """
     if positions.shape[0] == 0:
         return arrival(strides, slots, shifts, parity, z, y, x, i)

@@ -172,8 +172,8 @@ def private_folder(*names: str) -> Folder:
 
 
 class Store:
-    """Files that can be made again, in a private folder. Each holds its own hash: what is damaged is not there. Where
-    nothing can be kept, nothing is there. Told once for each reason.
+    """Files that can be made again, in a private folder. Each holds its own hash, and a damaged one counts as missing.
+    Where the folder cannot be used no file is kept. The log warns once for each reason.
     """
 
     def __init__(self, what: str, *names: str) -> None:
@@ -219,11 +219,11 @@ class Store:
         _warn_once(self.what, str(error.strerror), text)
 
 
-_told: set[tuple[str, str]] = set()  # of which files, and why
+_warned: set[tuple[str, str]] = set()  # of which files, and why
 
 
 def _warn_once(what: str, reason: str, text: str) -> None:
     """However many files it is about."""
-    if (what, reason) not in _told:
-        _told.add((what, reason))
+    if (what, reason) not in _warned:
+        _warned.add((what, reason))
         log.warning(text)

@@ -2,7 +2,7 @@
 
 A kernel says what it reads and writes in its signature. An argument is an array of the arena, a value that was set
 under that name, a group of arrays (a NamedTuple whose fields are names of arrays), or is given where the kernel is
-bound. Arrays grow between launches; every task that was bound to one is told where it lies now. Arrays of different
+bound. Arrays grow between launches; every task that was bound to one then gets its new address. Arrays of different
 phases share memory: what one phase leaves in it is lost when the next begins.
 """
 
@@ -81,10 +81,10 @@ class Arena:
         """Give names to values, or arrays new memory; bound tasks take them from the next launch on."""
         self._values |= values
         for name in values:
-            self._tell(name)
+            self._update_tasks(name)
         for name, kind in self._groups.items():
             if values.keys() & set(kind._fields):  # type: ignore[attr-defined]
-                self._tell(name)
+                self._update_tasks(name)
 
     def group(self, **kinds: type) -> None:
         """Arguments that stand for several arrays: name = NamedTuple class whose fields are names of this arena."""
@@ -118,7 +118,7 @@ class Arena:
         wanted = (more.get(name, name) for name in parameters(kernel.py_func))
         return kernel(*(self.value(one) if isinstance(one, str) else one for one in wanted))
 
-    def _tell(self, name: str) -> None:
+    def _update_tasks(self, name: str) -> None:
         uses = [use for use in self._uses.get(name, ()) if use[0]() is not None]
         if not uses:
             return

@@ -336,7 +336,7 @@ def test_added_mass_divides_forces_and_makes_no_weight(world, pool):
     columns = grains([[0.5] * 3])
     scene = dem(world, columns, LAW, (1.0,) * 3, gravity=(0, 0, -G), pool=pool)
     m, inertia = columns["mass"], columns["inertia"]
-    scene.set_added(3 * m, inertia)
+    scene.grains.set_added(3 * m, inertia)
     scene.advance(1e-3, 1, np.array([[8.0, 0, 0]]), np.array([[0, 2.0, 0]]))
     np.testing.assert_allclose(scene.grains.v[0], [8e-3 / (4 * m[0]), 0, -G * 1e-3 / 4], rtol=1e-14)
     assert scene.grains.omega[0, 1] == pytest.approx(2e-3 / (2 * inertia[0]), rel=1e-14)
