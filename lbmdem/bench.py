@@ -89,7 +89,7 @@ def box(
 
 
 def together(fluid: Fluid) -> Callable[[], Any]:
-    """A step, as one of several per pass over memory, of those before which nobody asks for forces."""
+    """A step, as one of several per pass over memory, where no forces are read between passes."""
     return lambda: [fluid.leap(2 * fluid.depth) for _ in range(2)]
 
 

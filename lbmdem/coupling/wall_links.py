@@ -19,7 +19,7 @@ class WallLinks:
     """
 
     def __init__(self, arena: Arena, surfaces: Surfaces, blocks: int) -> None:
-        found = _found(surfaces)
+        found = _crossings_of_free_nodes(surfaces)
         self.arm, self.count = found.arm, len(found.way)
         shares = [share for share in block_ranges(self.count, blocks) if share[1] > share[0]]
         self.counters = np.zeros((len(shares), 3), np.int64)
@@ -40,7 +40,7 @@ class WallLinks:
         return self._sums.sum(axis=0)
 
 
-def _found(surfaces: Surfaces) -> Crossings:
+def _crossings_of_free_nodes(surfaces: Surfaces) -> Crossings:
     """Crossings from all nodes of the slab that are in no wall, whatever grains have them now."""
     inner = tuple(slice(*surfaces.window.inner[axis]) for axis in (2, 1, 0))
     free = surfaces.solid[inner] != WALL

@@ -58,7 +58,7 @@ MOVED_NODES = (
     Array("left_by", ("blocks", "changes"), "int32", "", "ids of the grains"),
     Array("taken", ("blocks", "changes"), "int64", "", "flat places of nodes"),
     Array("taken_by", ("blocks", "changes"), "int32", "", "ids of the grains"),
-    Array("losers", ("grains",), "int64", "", "ids of grains that want a node of another one"),
+    Array("claimants", ("grains",), "int64", "", "ids of grains that want a node of another one"),
     Array("changed", ("changed",), "int64", "", "flat places of nodes"),
     Array("own", (2, "changed"), "int64", "", "flat places of own nodes, uncovered and covered"),
     Array("own_by", (2, "changed"), "int32", "", "ids of the grains"),

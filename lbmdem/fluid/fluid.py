@@ -277,7 +277,7 @@ class Fluid:
         return max(1, self._depth(self._after_all))
 
     def _depth(self, after: int) -> int:
-        """Depth of a pass where something comes after so many sweeps of a pass; 0: it is done after a step."""
+        """Depth of a pass with links or faces after so many of its sweeps; 0: these are done after single steps."""
         if self.hooks and not self._links:
             return 0
         if after not in self._depths:
@@ -290,7 +290,7 @@ class Fluid:
 
     @property
     def _after_all(self) -> int:
-        """After how many sweeps of a wave something has to be done, but for forces."""
+        """After how many sweeps of a pass links or faces are done, where no forces are kept."""
         by_themselves = self._links and not self._ruled and not self._quiet
         return temporal_blocking.STEPS_PER_PASS if by_themselves or self.layers else 0
 

@@ -84,7 +84,7 @@ class Window(NamedTuple):
 class Change:
     """Own nodes (flat places in the padded array) that an update has freed or covered, and by which grain id.
 
-    They are good until the next update.
+    The next update overwrites them.
     """
 
     uncovered: NDArray[np.int64]

@@ -38,7 +38,7 @@ class Span(NamedTuple):
 
 class Steps(NamedTuple):
     """The steps of a pass from a parity: links or faces come after the last `after` sweeps. keep: links keep what their
-    forces follow from in the last steps. flags: what each sweep is told besides the parity (kernels.sparse).
+    forces follow from in the last steps. flags: of each sweep, besides the parity (kernels.sparse).
     """
 
     parity: int
@@ -59,7 +59,7 @@ class Steps(NamedTuple):
 
 
 def blocks(planes: int, parts: int, open_low: bool, open_high: bool) -> list[Span]:
-    """What blocks can do alone. An end of the slab is open when somebody else's planes are beyond it."""
+    """What blocks can do alone. An end of the slab is open when planes of another rank are beyond it."""
     ranges = block_ranges(planes, parts)
     last = len(ranges) - 1
     return [
@@ -79,7 +79,7 @@ def operations(depth: int, after: int) -> list[tuple[int, bool]]:
 
 
 def order(planes: Span, operations: list[tuple[int, bool]], sheet: int) -> Iterator[tuple[int, bool, int, int]]:
-    """(step, swept?, planes from, to) of a piece in the order of a wave, so many planes in one go."""
+    """(step, swept?, planes from, to) of a piece in the order of a wave, `sheet` planes at a time."""
     ranges = [planes.at(k) for k in range(len(operations))]
     first = min(low + k for k, (low, _) in enumerate(ranges))
     last = max(high + k for k, (_, high) in enumerate(ranges))

@@ -349,14 +349,14 @@ def substeps(config: LbmDemConfig) -> Derived:
     """The number of substeps of the contacts in a step of the fluid, what they take, and how to have fewer."""
     number = config.substeps
     verdict: Verdict = "ok" if number <= MAX_SUBSTEPS else "fail"
-    told, key = "", ("contact", "normal_stiffness")
+    note, key = "", ("contact", "normal_stiffness")
     if number > DEAR_SUBSTEPS:
         spent = phases(config, 1, 1, DEFAULT, 1)["grains"]
         softer = config.contact.normal_stiffness * (DEAR_SUBSTEPS / number) ** 2
-        told = f"contact.normal_stiffness = {softer:.2g} takes {DEAR_SUBSTEPS}, and overlaps grow as its inverse; "
-        told += f"now they take about {spent:.2g} s of a step"
-    limit, cure = f"<= {MAX_SUBSTEPS:g}", told if verdict == "fail" else ""
-    return Derived("substeps of the contacts", "n_d", float(number), "", limit, verdict, told, cure, key, True)
+        note = f"contact.normal_stiffness = {softer:.2g} takes {DEAR_SUBSTEPS}, and overlaps grow as its inverse; "
+        note += f"now they take about {spent:.2g} s of a step"
+    limit, cure = f"<= {MAX_SUBSTEPS:g}", note if verdict == "fail" else ""
+    return Derived("substeps of the contacts", "n_d", float(number), "", limit, verdict, note, cure, key, True)
 
 
 def overlaps(config: LbmDemConfig) -> Iterator[Derived]:

@@ -25,8 +25,8 @@ from lbmdem.sizes import (
 
 MIB = 2.0**20
 SERIES_BYTES = 16 * 8 * 2
-SERIES_SHARE = 0.05  # of a run, its start included, that samples of a series nobody has asked for may take, but
-SAMPLES = 20, 100  # so many at least and at most
+SERIES_SHARE = 0.05  # of a run, its start included, that samples of a series may take whose period no case gives
+SAMPLES = 20, 100  # of such a series, at least and at most
 START = 1.0  # s: interpreter, libraries, kernels from the cache
 BLOCK = 16 * MIB  # of all ranks' state, which the first one reads for the digest
 
@@ -47,9 +47,9 @@ DEFAULT = FILES | {
     "link_ns fixed single": 7.0,
     "link_ns moving 2D": 17.3,
     "link_ns moving 3D": 8.4,
-    "moving_link_us 2D": 0.1,  # and a grain, whatever its links
+    "moving_link_us 2D": 0.1,  # of a grain, besides its links
     "moving_link_us 3D": 0.1,
-    "moving_grain_us 2D": 1.1,  # and of a grain: which nodes it covers now
+    "moving_grain_us 2D": 1.1,  # of a grain: which nodes it covers now
     "moving_grain_us 3D": 5.3,
     "moving_us": 76.0,  # and a step
     "cold_us": 275.0,  # more for it, grains and links, where a sweep has emptied the caches

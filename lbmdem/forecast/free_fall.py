@@ -90,7 +90,7 @@ def unheld(config: LbmDemConfig) -> Iterator[Derived]:
             continue
         end = left / (mass + wet) * config.simulation.end_time
         far = 0.5 * end * config.simulation.end_time > config.domain.size[k]
-        cure = "it goes ever faster: a wall or a fixed grain holds it"
+        cure = "its speed grows without a bound: a wall or a fixed grain holds it"
         if weight and wet:
             cure += f", or a fluid.body_force of {-weight / wet:.6g} m/s2 along {axis} balances the weight"
         yield judged(

@@ -28,7 +28,7 @@ def grain_count(config: LbmDemConfig) -> int:
 
 def link_count(config: LbmDemConfig) -> int:
     """Links between fluid and solids, of all ranks: as many as surfaces of this size have on the mean. Grains in
-    contact share some; where the grains of a packing are, nobody knows before a run has made it.
+    contact share links, and the contacts of a packing are not known before a run has made it.
     """
     d = config.dimensions
     surface = sum(n * math.pi * (2 * r) ** (d - 1) for group in config.grains for r, n in grains(config, group))

@@ -27,7 +27,7 @@ from lbmdem.sizes import GRAINS_OF_ONE_THREAD
 
 WALL_SUBSTEPS = 512  # substeps for which the planes' places are made at a time
 MIN_SKIN, MAX_SKIN = 0.02, 0.5  # of the smallest radius
-YOUNG_LIST, OLD_LIST = 60, 250  # substeps: a list that lasts fewer or more changes the skin, but no result
+SHORT_USE, LONG_USE = 60, 250  # substeps: a list used for fewer or more changes the skin, but no result
 PARTS = 4  # of a kernel, per thread
 NO_FILM = Film(0.0, 0.0, 3)
 
@@ -270,9 +270,9 @@ class Dem:
 
     def _tune(self) -> None:
         """Change the skin where the last list was used for few substeps, or for many."""
-        if 0 < self._age < YOUNG_LIST:
+        if 0 < self._age < SHORT_USE:
             self.skin = min(1.25 * self.skin, self._skins[1])
-        elif self._age > OLD_LIST:
+        elif self._age > LONG_USE:
             self.skin = max(0.8 * self.skin, self._skins[0])
         self._age = 0
 

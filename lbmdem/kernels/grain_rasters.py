@@ -32,10 +32,10 @@ from lbmdem.kernels import layout
 FLUID = np.int32(layout.FLUID)
 LEFT = np.int32(-9)  # for the time of an update: a grain has just left this node
 # what `lengths` holds: of the lists in use, then the longest list of a block, with what did not fit
-GRAINS, IMAGES, IMAGES_BEFORE, LOSERS, CHANGED, UNCOVERED, COVERED, LONGEST = range(8)
+GRAINS, IMAGES, IMAGES_BEFORE, CLAIMANTS, CHANGED, UNCOVERED, COVERED, LONGEST = range(8)
 MARGIN = 1.0  # nodes
 _FAR = 1 << 40
-_FEW = 64  # images that one block does by itself
+ONE_BLOCK = 64  # images that one block does by itself
 N = lanes(np.float64)
 F, H = Vec(N, np.float64), Vec(N, np.int32)
 
@@ -126,10 +126,10 @@ def span(x, reach, offset, low, high):
 
 
 @njit
-def mark(solid, table, images, lengths, window, losers):
+def mark(solid, table, images, lengths, window, claimants):
     """Find the images and write the ids of the grains into the fluid nodes that they cover; the lowest id keeps a node.
 
-    losers: the ids of grains that want a node which another grain has. Nothing is marked where images lack room.
+    claimants: the ids of grains that want a node which another grain has. Nothing is marked where images lack room.
     """
     find_images(table, lengths, window, images)
     if lengths[IMAGES] <= images.grain.size:
@@ -137,7 +137,7 @@ def mark(solid, table, images, lengths, window, losers):
         lost = np.zeros(ids.size, np.bool_)
         for m in range(lengths[IMAGES]):
             mark_image(solid, table, images, m, ids, lost)
-        keep_losers(ids, lost, lengths, losers)
+        keep_claimants(ids, lost, lengths, claimants)
 
 
 @njit
@@ -158,13 +158,13 @@ def mark_image(solid, table, images, m, ids, lost):
 
 
 @njit
-def keep_losers(ids, lost, lengths, losers):
-    """losers[:lengths[LOSERS]]: the ids of the grains that have lost a node."""
+def keep_claimants(ids, lost, lengths, claimants):
+    """claimants[:lengths[CLAIMANTS]]: the ids of the grains that have lost a node."""
     count = 0
     for g in range(ids.size):
-        losers[count] = ids[g]
+        claimants[count] = ids[g]
         count += lost[g]
-    lengths[LOSERS] = count
+    lengths[CLAIMANTS] = count
 
 
 @njit
@@ -233,7 +233,7 @@ def find_moved(table, images, before, lengths, window, places, shifts, numbers, 
             _put(places[count], shifts[count], 1 - here, places[count, here, :3], 0.0, shifts[count, here])
             places[count, 1 - here, 3] = -1.0
         count += not _same(places[count], shifts[count])
-    blocks = counts.shape[0] - 1 if count > _FEW else 1
+    blocks = counts.shape[0] - 1 if count > ONE_BLOCK else 1
     for k in range(counts.shape[0]):
         counts[k, 0] = min(k * count // blocks, count)
 
@@ -319,7 +319,7 @@ def _list(start, chord, other, columns, number, nodes, owners, count):
 
 
 @njit
-def claim(solid, table, images, lengths, window, lists, losers, changed, own, own_by):
+def claim(solid, table, images, lengths, window, lists, claimants, changed, own, own_by):
     """Give the nodes to the grains that have come to them, or have wanted them before, in the order of ids.
 
     Nodes that grains have left become LEFT, fluid only by `free_left_nodes`. changed: all nodes that are other than
@@ -338,9 +338,9 @@ def claim(solid, table, images, lengths, window, lists, losers, changed, own, ow
     lost = np.zeros(ids.size, np.bool_)
     _hand_over(solid, ids, lists, lost)
     for m in range(lengths[IMAGES]):
-        if row_of(losers, lengths[LOSERS], ids[images.grain[m]]) >= 0:
+        if row_of(claimants, lengths[CLAIMANTS], ids[images.grain[m]]) >= 0:
             mark_image(solid, table, images, m, ids, lost)
-    keep_losers(ids, lost, lengths, losers)
+    keep_claimants(ids, lost, lengths, claimants)
     _join(solid, lengths, window.inner, lists, changed, own, own_by)
 
 

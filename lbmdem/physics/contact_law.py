@@ -172,8 +172,3 @@ def stable_step(law: ContactLaw, radius: NDArray, mass: NDArray, inertia: NDArra
     spring = contacts * (law.stiffness * normal + law.shear * tangential)
     dashpot = contacts * (2.0 * law.damping * math.sqrt(law.stiffness * normal) + law.viscosity * tangential)
     return 2.0 / (dashpot + math.sqrt(dashpot**2 + spring))
-
-
-def paper_step(law: ContactLaw, mass: NDArray) -> float:
-    """The step [2] of Mansouri et al. 2011 (s): a tenth of the duration of an undamped contact."""
-    return 0.1 * math.pi * math.sqrt(float(np.min(mass)) / law.stiffness)

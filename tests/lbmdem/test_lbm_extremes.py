@@ -201,7 +201,9 @@ GRAIN = 2.0**-12  # m, a node
 SCALED = """
 simulation = {{ end_time = {end!r}; }};
 domain = {{ size = [{width!r}, {height!r}]; spacing = {dx!r}; periodic = ["x"]; }};
-fluid = {{ density = {rho!r}; viscosity = {nu!r}; relaxation_time = 0.8; storage = "{storage}"; }};
+fluid = {{ density = {rho!r}; viscosity = {nu!r}; relaxation_time = 0.8; storage = "{storage}";
+          body_force = [{f!r}, 0.0]; initial = {{ flow = "taylor-green"; speed = {u!r}; }}; }};
+boundary = ({{ face = "y+"; type = "pressure"; pressure = {p!r}; }});
 grains = ({{ diameter = {d!r}; density = {heavy!r}; position = ([{x1!r}, {y1!r}], [{x2!r}, {y2!r}]); }});
 contact = {{ normal_stiffness = {k!r}; damping = 0.5; tangential = "history"; friction = 0.3; }};
 coupling = {{ substeps = 20; }};
@@ -216,6 +218,7 @@ def scaled(storage, m, s, kg):
         storage=storage, end=1.0 * s, width=24 * node, height=20 * node, dx=node, rho=997.0 * kg / m**3,
         nu=1.1e-6 * m * m / s, d=6.0 * node, heavy=2650.0 * kg / m**3, x1=5.3 * node, y1=2.9999 * node,
         x2=10.1 * node, y2=6.5995 * node, k=50.0 * kg / m / s**2, g=-0.013 * m / s**2,
+        f=1.3e-3 * m / s**2, u=1.7e-4 * m / s, p=0.3e-3 * kg / m / s**2,
     )  # fmt: skip
 
 

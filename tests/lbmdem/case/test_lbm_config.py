@@ -18,7 +18,6 @@ from lbmdem.forecast.estimate import estimate
 from lbmdem.forecast.plan import plan
 from lbmdem.physics.velocity_sets import CS2
 from lbmdem.setup.overlap_survey import law_diameters, law_volume, solid_volume
-from lbmdem.setup.scene import Scene
 
 CHANNEL = """
 simulation = { end_time = 1.0; };
@@ -176,30 +175,6 @@ def test_the_time_step_gives_the_viscosity_back():
     assert math.isclose(CS2 * (by_tau.tau - 0.5) * by_tau.spacing**2 / by_tau.time_step, 1e-6, rel_tol=1e-15)
     text = CHANNEL.replace("relaxation_time = 1.0", f"time_step = {by_tau.time_step!r}")
     assert math.isclose(config_of(text).tau, 1.0, rel_tol=1e-15)
-
-
-def test_units_by_powers_of_two_give_the_same_lattice():
-    """Metres scaled by 2^20, seconds by 2^-13, kilograms by 2^7: not a bit changes inside."""
-    metre, second, kilogram = 2.0**20, 2.0**-13, 2.0**7
-    text = """
-    simulation = {{ end_time = {0!r}; }};
-    domain = {{ size = [{1!r}, {2!r}]; spacing = {3!r}; periodic = ["x"]; }};
-    fluid = {{ density = {4!r}; kinematic_viscosity = {5!r}; relaxation_time = 0.8; body_force = [{6!r}, 0.0];
-              initial = {{ flow = "taylor-green"; speed = {7!r}; }}; }};
-    boundary = ({{ face = "y-"; type = "pressure"; pressure = {8!r}; }},
-                {{ face = "y+"; type = "velocity"; velocity = [0.0, {9!r}]; }});
-    """
-
-    def scene(m: float, s: float, kg: float) -> Scene:
-        values = (1.0 * s, 2.5e-4 * m, 1e-3 * m, 3.125e-5 * m, 997.0 * kg / m**3, 1.1e-6 * m * m / s,
-                  1.3e-3 * m / s**2, 1.7e-4 * m / s, 0.3e-3 * kg / m / s**2, 1.9e-5 * m / s)  # fmt: skip
-        return Scene(config_of(text.format(*values)))
-
-    plain, scaled = scene(1.0, 1.0, 1.0), scene(metre, second, kilogram)
-    assert scaled.tau == plain.tau
-    assert (scaled.acceleration == plain.acceleration).all()
-    assert scaled.faces == plain.faces
-    assert scaled.time_step == plain.time_step * second
 
 
 def test_a_fast_lid_is_warned_of_and_refused():

@@ -75,13 +75,3 @@ def test_slabs_see_what_the_whole_box_sees(dimensions):
         d -= N * np.rint(d / N)
         wanted[np.sum(d * d, axis=-1) <= radius**2] = number
     assert np.array_equal(np.concatenate(parts), wanted)
-
-
-def test_moving_by_nothing_changes_nothing():
-    ids, x, radii, _, _ = some_grains(3)
-    place = window(3, 0)
-    nodes = np.full(place.shape[::-1], -1, np.int32)
-    solid = Solid(place, nodes, Pool(1))
-    solid.rebuild(table(ids, x, radii))
-    change = solid.update(table(ids, x, radii))
-    assert len(change.uncovered) == len(change.covered) == 0

@@ -156,21 +156,24 @@ def blend(f, strides, slots, shifts, parity, low, high, nx):
             f[mine] = 0.5 * (f[mine] + f[arrival(strides, slots, shifts, parity, z, 2, x, 11)])
 
 
+def same(plain, other) -> None:
+    """Populations of the rows of a rank, and forces if there are."""
+    fluid, h, *forces = other
+    low, high = fluid.domain.row_range(fluid.world.rank)
+    fluid.free()
+    assert np.array_equal(h, plain[1][:, low:high]) and all(map(np.array_equal, forces, plain[2:]))
+
+
 @pytest.mark.parametrize("threads", [1, 2])
 @pytest.mark.parametrize("faces", FACES.values(), ids=FACES)
 def test_a_wave_carries_links_and_faces(faces, threads):
-    plain, fluid = linked(faces, 11, plain=True), linked(faces, 11, threads=threads)
-    assert fluid[0].iteration == 11
-    assert np.array_equal(fluid[1], plain[1])
+    same(linked(faces, 11, plain=True), linked(faces, 11, threads=threads))
 
 
 @pytest.mark.mpi(min_size=2)
 @pytest.mark.parametrize("faces", FACES.values(), ids=FACES)
 def test_a_wave_carries_links_and_faces_through_ranks(world, faces):
-    plain, fluid = linked(faces, 11, plain=True), linked(faces, 11, world=world)
-    low, high = fluid[0].domain.row_range(world.rank)
-    fluid[0].free()
-    assert np.array_equal(fluid[1], plain[1][:, low:high])
+    same(linked(faces, 11, plain=True), linked(faces, 11, world=world))
 
 
 @pytest.mark.parametrize("whole", [CACHE_OF_WHOLE_PLANES, 25e3, 20e3, 1.0])
@@ -212,9 +215,8 @@ def bed(n: int, *, plain=False, world=None, threads=1) -> tuple[Fluid, np.ndarra
 @pytest.mark.parametrize("n", [7, 8, 15])
 def test_a_wave_through_a_fixed_bed_has_the_bits_and_forces_of_plain_steps(n, threads):
     plain, wave = bed(n, plain=True), bed(n, threads=threads)
-    assert wave[0].depth > 1
-    assert np.array_equal(wave[1], plain[1]) and np.array_equal(wave[2], plain[2])
-    assert np.abs(plain[2]).max() > 0
+    assert wave[0].depth > 1 and np.abs(plain[2]).max() > 0
+    same(plain, wave)
 
 
 @pytest.mark.parametrize("threads", [1, 2])
@@ -222,26 +224,17 @@ def test_links_of_a_step_beyond_the_caches_are_done_while_planes_are_in_them(mon
     plain = bed(9, plain=True)
     monkeypatch.setattr(temporal_blocking, "CACHE", 1.0)
     monkeypatch.setattr(Immersed, "_bounce", None)
-    near = bed(9, plain=True, threads=threads)
-    assert np.array_equal(near[1], plain[1]) and np.array_equal(near[2], plain[2])
+    same(plain, bed(9, plain=True, threads=threads))
 
 
 @pytest.mark.mpi(min_size=2)
-def test_links_of_a_step_beyond_the_caches_on_several_ranks(world, monkeypatch):
-    plain = bed(9, plain=True)
-    monkeypatch.setattr(temporal_blocking, "CACHE", 1.0)
-    near = bed(9, plain=True, world=world)
-    low, high = near[0].domain.row_range(world.rank)
-    near[0].free()
-    assert np.array_equal(near[1], plain[1][:, low:high]) and np.array_equal(near[2], plain[2])
-
-
-@pytest.mark.mpi(min_size=2)
-def test_a_wave_through_a_fixed_bed_on_several_ranks(world):
-    plain, wave = bed(15, plain=True), bed(15, world=world)
-    low, high = wave[0].domain.row_range(world.rank)
-    wave[0].free()
-    assert np.array_equal(wave[1], plain[1][:, low:high]) and np.array_equal(wave[2], plain[2])
+@pytest.mark.parametrize("n", [9, 15])
+def test_links_of_a_fixed_bed_on_several_ranks(world, monkeypatch, n):
+    """Of plain steps beyond the caches, and of a wave."""
+    plain = bed(n, plain=True)
+    if n == 9:
+        monkeypatch.setattr(temporal_blocking, "CACHE", 1.0)
+    same(plain, bed(n, plain=n == 9, world=world))
 
 
 @pytest.mark.mpi(min_size=2)
@@ -253,10 +246,7 @@ def test_a_wave_through_several_ranks_has_the_bits_of_plain_steps(world, lattice
     assert fluid.depth > 1
     fluid.step()
     fluid.advance(8)
-    low, high = fluid.domain.row_range(world.rank)
-    found = fluid.populations()
-    fluid.free()
-    assert np.array_equal(found, plain[:, low:high])
+    same((None, plain), (fluid, fluid.populations()))
 
 
 @pytest.mark.parametrize(

@@ -100,10 +100,16 @@ def test_few_grains_on_a_wide_floor_have_room_to_fall(world, monkeypatch, count)
     assert x[:, 2].max() < 2.1e-3
 
 
-def test_a_packing_is_kept_and_a_damaged_one_made_again(world, tmp_path, monkeypatch, caplog):
+@pytest.fixture
+def store(tmp_path, monkeypatch):
+    """Where packings are kept, for this test alone."""
     monkeypatch.setenv("HPCPIC_CACHE_DIR", str(tmp_path))
     store = Store("packings", "packings")
     monkeypatch.setattr("lbmdem.grains.packing._store", lambda: store)
+    return store
+
+
+def test_a_packing_is_kept_and_a_damaged_one_made_again(world, store, caplog):
     made = []
 
     def make():
@@ -130,11 +136,8 @@ def test_a_packing_is_kept_and_a_damaged_one_made_again(world, tmp_path, monkeyp
 
 
 @pytest.mark.parametrize("wrong", [np.nan, 1e300, -1.0])
-def test_a_kept_packing_outside_the_box_is_not_taken(world, tmp_path, monkeypatch, wrong):
+def test_a_kept_packing_outside_the_box_is_not_taken(world, store, wrong):
     """Whoever wrote it and however it came there."""
-    monkeypatch.setenv("HPCPIC_CACHE_DIR", str(tmp_path))
-    store = Store("packings", "packings")
-    monkeypatch.setattr("lbmdem.grains.packing._store", lambda: store)
     arguments = sample_of(world, 30, 0.5)
     sound = pack(world, Pool(1), *arguments)
     (path,) = store.folder.path.iterdir()
@@ -145,11 +148,7 @@ def test_a_kept_packing_outside_the_box_is_not_taken(world, tmp_path, monkeypatc
     np.testing.assert_array_equal(np.frombuffer(store.read(path.name)).reshape(sound.shape), sound)
 
 
-def test_a_pipe_or_a_folder_in_the_place_of_a_packing_ends_nothing(world, tmp_path, monkeypatch):
-    monkeypatch.setenv("HPCPIC_CACHE_DIR", str(tmp_path))
-    store = Store("packings", "packings")
-    monkeypatch.setattr("lbmdem.grains.packing._store", lambda: store)
-
+def test_a_pipe_or_a_folder_in_the_place_of_a_packing_ends_nothing(world, store):
     def take():
         return cached(world, {"n": 1}, lambda: np.zeros((1, 3)), (1, 3), lambda x: True)
 
