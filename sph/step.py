@@ -22,6 +22,7 @@ from sph.diagnostics.guards import Runaway
 from sph.diagnostics.sensors import Sensors
 from sph.kernels.driven import driven_kernel
 from sph.particles.arrays import arrays_of
+from sph.particles.bodies import Bodies
 from sph.particles.evolution import Evolution
 from sph.particles.extremes import extremes, fluid_box
 from sph.particles.ghosts import Ghosts
@@ -65,12 +66,16 @@ class Sph:
         with world.first_on_node():  # it compiles
             self._prepare(scene, pool)
         self.forces = WallForces(self.walls, self.ghosts, self.sums, self.slabs)
+        if any(wall.rigid for wall in scene.walls):
+            self.evolution.bodies = Bodies(self.clock, self.forces, self.tasks, self.motion)
+        self.bodies = self.evolution.bodies
         self.sensors = Sensors(self.walls, self.ghosts, self.sums, self.slabs)
         self.gauges = Gauges(self.storage, self.sensors)
         self.runaway = Runaway(self.clock, self.storage, self.forces, self.totals)
         self.strays = Strays(scene, world, self.clock, self.storage)
         self.outflow = Outflow(scene, world, self.clock, self.storage)
-        self.checkpoint = Checkpoint(self.clock, self.storage, self.forces, self.gauges, self.strays, self.skin)
+        parts = self.clock, self.storage, self.forces, self.gauges, self.strays, self.skin, self.bodies
+        self.checkpoint = Checkpoint(*parts)
         self.storage.append_fluid()  # this rank's share by number
         self.walls.grow(fluid_box(scene, world, self.storage), self.storage, self.slabs)
         self.migrate()
@@ -114,6 +119,8 @@ class Sph:
             self.outflow.leave(box)
         self.clock.time += self.clock.time_step
         self.clock.step += 1
+        if self.bodies:
+            self.bodies.look()
         with self.timers.section("migrate"):
             self.walls.grow(box, self.storage, self.slabs)
             self.migrate()
@@ -142,6 +149,8 @@ class Sph:
     def sort(self) -> None:
         """Find ghosts, cells and neighbours for the positions as they are. Collective."""
         ghosts = self.ghosts
+        if self.bodies:
+            self.bodies.follow()
         with self.timers.section("ghosts"):
             if self.walls.moving and any(ghosts.maps.mirrored):
                 ghosts.maps, mirrors = images_of(self.walls, self.skin.largest_radius)
@@ -215,6 +224,7 @@ class Sph:
                 self.current_forces()
             found = self.runaway.fluid_scalars() | scalars.wall_scalars(self.scene, self.forces)
             found |= {"dt": self.clock.time_step, "strays": float(self.strays.count), "outflow": self.outflow.mass()}
+            found |= self.bodies.scalars() if self.bodies else {}
             found |= self.gauges.values(self.clock.time)
             return {name: found[name] for name in self.scalar_units if name in found}
 

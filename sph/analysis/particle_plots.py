@@ -42,9 +42,10 @@ def fluid_at(run: Run, snapshots: Particles, number: int) -> dict[str, np.ndarra
     return {key: np.concatenate([part[key] for part in parts]) for key in parts[0]}
 
 
-def walls_at(run: Run, snapshots: Particles, number: int) -> np.ndarray:
-    """Positions[n, 3] of the walls' particles in a snapshot."""
-    names = [wall.name for wall in config_of(run).wall if wall.name in snapshots.species]
+def walls_at(run: Run, snapshots: Particles, number: int, bodies: bool = False) -> np.ndarray:
+    """Positions[n, 3] of the particles of walls in a snapshot, or of those that are rigid bodies."""
+    walls = [wall for wall in config_of(run).wall if bool(wall.body) == bodies]
+    names = [wall.name for wall in walls if wall.name in snapshots.species]
     parts = [snapshots.read(name, number)["position"] for name in names]
     return np.concatenate([*parts, np.zeros((0, 3))])
 
@@ -77,6 +78,9 @@ def view_limits(run: Run, snapshots: Particles) -> tuple[np.ndarray, np.ndarray]
         x = fluid_at(run, snapshots, number)["position"][:, : scene.dimensions]
         reached_low = np.minimum(reached_low, np.quantile(x, 0.001, axis=0))
         reached_high = np.maximum(reached_high, np.quantile(x, 0.999, axis=0))
+        solid = walls_at(run, snapshots, number, bodies=True)[:, : scene.dimensions]
+        reached_low = np.minimum(reached_low, solid.min(axis=0, initial=np.inf))
+        reached_high = np.maximum(reached_high, solid.max(axis=0, initial=-np.inf))
     margin = 0.03 * (high - low).max()
     if not scene.walls:
         return np.maximum(low, reached_low - margin), np.minimum(high, reached_high + margin)
@@ -99,6 +103,8 @@ def _panels_2d(run: Run, snapshots: Particles, numbers: Sequence[int]) -> Figure
     for axis, number, particles in zip(axes.flat, numbers, found):
         x, walls = particles["position"], walls_at(run, snapshots, number)
         axis.scatter(walls[:, 0], walls[:, 1], s=0.35 * size, color="#b8bcc2", linewidths=0, rasterized=True)
+        solid = walls_at(run, snapshots, number, bodies=True)
+        axis.scatter(solid[:, 0], solid[:, 1], s=size, color=COLOURS[1], linewidths=0, rasterized=True)
         dots = axis.scatter(x[:, 0], x[:, 1], c=particles["pressure"], s=size, linewidths=0, vmin=least, vmax=most,
                             rasterized=True)  # fmt: skip
         if not len(walls):

@@ -174,6 +174,27 @@ def impulses(run: Run, step: int | None = None) -> Figure:
         return figure
 
 
+def bodies(run: Run, step: int | None = None) -> Figure:
+    """Ways of the rigid bodies along each axis, and the angles by which they have turned."""
+    config = config_of(run)
+    names = [wall.name for wall in config.wall if wall.body]
+    if not names:
+        raise NotInScene("no wall is a body")
+    with style():
+        figure, axes = new_figure(len(names), 2, (8.0, 2.6 * len(names) + 0.4), squeeze=False, sharex=True)
+        for row, name in zip(axes, names):
+            for axis, kind in zip(row, ("position", "angle")):
+                shown = [column for column in columns.body_columns(name, config.dimensions) if column.startswith(kind)]
+                for column, colour in zip(shown, COLOURS):
+                    t, values = columns_of(run, column)
+                    axis.plot(*thinned(t, values - values[0]), color=colour, label=column[-1])
+                axis.set(ylabel=axis_label(kind, run.series.units[shown[0]]), title=plain(name))
+                axis.legend()
+        for axis in axes[-1]:
+            axis.set_xlabel("time, s")
+        return figure
+
+
 def gauges(run: Run, step: int | None = None) -> Figure:
     """Every gauge in time, beside what theory or an experiment says where that is known."""
     config = config_of(run)
@@ -258,6 +279,7 @@ PLOTS = {
     "front": Plot("Front beside theory and experiment", front),
     "forces": Plot("Force on walls, filtered", forces),
     "impulses": Plot("Impulse on walls", impulses),
+    "bodies": Plot("Ways and angles of rigid bodies", bodies),
     "gauges": Plot("Gauges in time", gauges),
     "profiles": Plot("Velocity and shear stress across a channel", profiles, steps_of(snapshots_of)),
     "depth": Plot("Pressure over the depth", depth, steps_of(snapshots_of)),

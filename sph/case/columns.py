@@ -14,13 +14,23 @@ def scalar_units(config: SphConfig) -> dict[str, str]:
     if config.domain.outflow:
         units["outflow"] = f"kg{per}"
     for i, wall in enumerate(config.wall):
-        if wall.measure_force:
-            name = name_of("wall", i, wall)
+        name = name_of("wall", i, wall)
+        if wall.body:
+            units |= body_columns(name, d)
+        if wall.measure_force or wall.body:
             units |= {f"force_{name}_{axis}": force for axis in AXES[:d]}
             units |= {f"torque_{name}_{axis}": turn for axis in (AXES if d == 3 else "z")}
             units |= {f"impulse_{name}": f"N s{per}"}
             units |= {f"impulse_{name}_{axis}": f"N s{per}" for axis in AXES[:d]}
     return units
+
+
+def body_columns(name: str, d: int) -> dict[str, str]:
+    """Columns of a rigid body, with their units: angle is the rotation from the initial one, about its axis."""
+    turns = AXES if d == 3 else AXES[2:]
+    units = {f"position_{name}_{axis}": "m" for axis in AXES[:d]} | {f"angle_{name}_{axis}": "rad" for axis in turns}
+    units |= {f"velocity_{name}_{axis}": "m/s" for axis in AXES[:d]}
+    return units | {f"spin_{name}_{axis}": "rad/s" for axis in turns}
 
 
 def gauge_units(config: SphConfig) -> dict[str, str]:

@@ -186,6 +186,13 @@ class Motion(Section):
     path: tuple[Place, ...] = setting((), "places in time, with straight lines between them")
 
 
+class Body(Section):
+    density: float = setting(REQUIRED, "mean density, from which mass and inertia follow", "kg/m3", gt=0)
+    velocity: Vector = setting((), "of the centre of mass at t = 0", "m/s")
+    angular_velocity: Vector = setting((), "at t = 0: three components, in 2D one", "rad/s")
+    held: Names = setting((), 'motions that it cannot make: "x" along an axis, "rx" about it')
+
+
 class Wall(Section):
     name: str = setting("", "by default wall_1, wall_2, ...")
     shape: Shape
@@ -196,6 +203,7 @@ class Wall(Section):
     )
     solid: bool = setting(False, "the fluid is outside of the shape; by default it is inside, as in a tank")
     motion: Motion | None = None
+    body: Body | None = None
     measure_force: bool = setting(False, "force, torque and impulse of the fluid go into the series")
     torque_about: Vector = setting((), "point of the torque; by default the middle of the shape", "m")
 
@@ -336,7 +344,7 @@ class SphConfig(Section):
         if self.domain.outflow:
             return ()
         own = any(fluid.acceleration for fluid in self.fluid)
-        works = own or any(self.body_force) or any(wall.motion for wall in self.wall)
+        works = own or any(self.body_force) or any(wall.motion or wall.body for wall in self.wall)
         pulls = [any(forces) for forces in zip(self.gravity, self.body_force)]
         free = () if self.wall or own else (f"momentum_{axis}" for axis, pulled in zip(AXES, pulls) if not pulled)
         return ("mass", *(() if works else ("energy_total",)), *free)

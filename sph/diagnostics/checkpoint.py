@@ -11,6 +11,7 @@ from hpcpic.core.files.sealed import Reader
 from hpcpic.core.space.domain import block_ranges
 from sph.diagnostics.gauges import Gauges
 from sph.kernels.marks import FLOWS, FLUID, NORMAL, REAL
+from sph.particles.bodies import Bodies
 from sph.particles.skin import Skin
 from sph.particles.storage import Storage
 from sph.particles.strays import Strays
@@ -33,6 +34,7 @@ class Checkpoint:
     gauges: Gauges
     strays: Strays
     skin: Skin
+    bodies: Bodies | None
 
     def state(self) -> dict[str, Shard]:
         """x (relative to the lower corner, storage axes) m, v m/s, drho kg/m3 of the fluid; of walls also which
@@ -60,6 +62,8 @@ class Checkpoint:
             whole["gauges/pressed"] = np.stack([sensors.integrals, sensors.lasted], axis=1)
         if self.strays.count:
             whole["strays"] = np.array([self.strays.count])
+        if self.bodies:
+            whole["bodies"] = self.bodies.state
         if self.storage.scene.walls:
             whole |= {"walls/made": self.forces.walls.boxes(), "walls/impulse": self.forces.impulses}
         return whole
@@ -133,6 +137,9 @@ class Checkpoint:
             found["gauges/since"] = Column(real, (1,), high=reader.time, open=True)
         if (sensors := self.gauges.sensors).gauges:
             found["gauges/pressed"] = Column(real, (len(sensors.gauges), 2))
+        if self.bodies:
+            limits = np.repeat([far, 1.0 + 1e-9, fastest, fastest / scene.spacing, np.inf], [3, 4, 3, 3, 6])
+            found["bodies"] = Column(real, self.bodies.state.shape, -limits, limits)
         if scene.walls:
             walls, number = len(scene.walls), reader.total("walls/number")
             impulse, densest = self.forces.largest_impulse(reader.time), DENSEST * scene.rho0
@@ -165,6 +172,8 @@ class Checkpoint:
         storage.append(x.T, v.T, drho, scene.fluid(ids)["m"], ids, FLUID | REAL | FLOWS)
         if scene.walls:
             self.forces.walls.restore(reader.read("walls/made"), reader.time)
+            if self.bodies:
+                self.bodies.state[:] = reader.read("bodies")
             self.forces.impulses[:] = reader.read("walls/impulse")
             low, high = self._share(reader.total("walls/number"))
             ids, x, drho = (reader.read(f"walls/{name}", low, high) for name in ("number", "x", "drho"))

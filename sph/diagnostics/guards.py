@@ -52,7 +52,7 @@ class Runaway:
     def look(self, now: Extremes) -> None:
         """Look at the extremes of a step that is about to be done. Collective; raises Diverged."""
         walls, storage, scene = self.walls, self.storage, self.scene
-        wall = float(np.sqrt(np.sum(walls.velocity**2, axis=1)).max()) if walls.moving else 0.0
+        wall = float(np.sqrt(np.sum(walls.velocity**2, axis=1)).max()) if walls.moving or walls.turns else 0.0
         limit = max(scene.c0, wall)
         if now.speed > limit:
             who = storage.culprit(_lengths(storage.v[:, storage.fluid_slots]))

@@ -39,7 +39,7 @@ class LeakFinder:
             if not len(near):
                 continue
             x = storage.physical("x", near)
-            at = x - shift
+            at = self.walls.at_rest(wall, x)
             depth = -signed_distance(shape, at) if wall.section.solid or shape.plane else depth_in(wall, at)
             lost = np.flatnonzero(depth > scene.spacing)
             if len(lost):
@@ -51,7 +51,7 @@ class LeakFinder:
     def _suspects(self, wall: Wall, shift: NDArray[np.float64]) -> Slots:
         """Slots of fluid that may be behind a wall: not inside a tank that is a box, nor outside the box of a solid."""
         scene, fluid, box = self.scene, self.storage.fluid_slots, wall.shape.box
-        if not box:
+        if not box or wall.rigid:
             return fluid
         low, high = (np.array(corner) + shift - scene.low for corner in (box.low, box.high))
         inside = np.ones(len(fluid), bool)

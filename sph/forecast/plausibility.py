@@ -13,12 +13,14 @@ from sph.physics import stability
 from sph.physics.fluxes import FLUXES
 from sph.physics.stray_limits import MAX_DENSITY_ERROR, most_strays
 from sph.setup.flows import at_rest
+from sph.setup.rigid import gap, share
 from sph.setup.scene import Scene
 from sph.setup.speeds import motion_speed
 
 DENSE, DENSER = 0.02, 0.1  # rho / rho0 - 1 at rest, which are noticed and refused
 MOST_STEPS = 1e9  # 11 days at a millisecond a step
 LEAST_ACROSS = 5  # particles, of which the kernel reaches over most
+LIGHTEST = 0.03  # mass of a body over that of it and a layer of fluid
 LONGEST_WAY = 1.0  # spacings of a wall in a step, beyond which it jumps over fluid
 
 
@@ -30,6 +32,7 @@ def sensible(config: SphConfig, scene: Scene) -> Iterator[Derived]:
     yield from jumps(config)
     yield from depths(config, scene)
     yield from bodies_outside(config)
+    yield from rigid_bodies(scene)
     if config.fluid:
         limits = f"{1 - MAX_DENSITY_ERROR:g} .. {1 + MAX_DENSITY_ERROR:g} rho0"
         words = f"beyond: exit 4; of fewer than half the neighbours and {limits}"
@@ -133,6 +136,25 @@ def bodies_outside(config: SphConfig) -> Iterator[Derived]:
             path: Path = ("stl", "scale") if wall.shape.stl else ()
             yield Derived(f"distance of {wall.name} from all fluid and tanks", "", away, "m", "0", "warn",
                           "nothing comes to it", cure, ("wall", i, "shape", *path))  # fmt: skip
+
+
+def rigid_bodies(scene: Scene) -> Iterator[Derived]:
+    """Gaps between rigid bodies and walls, for nothing keeps them apart; and how light a body is."""
+    for wall in scene.walls:
+        if not wall.rigid:
+            continue
+        x, key = wall.near(*wall.bounds)[1], ("wall", wall.index)
+        gaps = [(gap(other, x), other.name) for other in scene.walls if other is not wall]
+        for least, name in sorted(gaps)[:1]:
+            verdict: Verdict = "ok" if least >= scene.spacing else "fail"
+            cure = "" if verdict == "ok" else f"a spacing of {scene.spacing:g} m or more between it and {name}"
+            yield Derived(f"gap between {wall.name} and {name}", "", least, "m", f">= {scene.spacing:g}", verdict,
+                          "bodies have no contact", cure, (*key, "shape"))  # fmt: skip
+        part = share(wall, x)
+        verdict = "ok" if part >= LIGHTEST else "fail"
+        cure = "" if verdict == "ok" else "a larger density, or a smaller spacing"
+        yield Derived(f"mass of {wall.name} over that with a layer of fluid", "", part, "", f">= {LIGHTEST:g}", verdict,
+                      "measured: 0.038 stands, 0.013 diverges", cure, (*key, "body", "density"), True)  # fmt: skip
 
 
 def _apart(low: geometry.Point, high: geometry.Point, a: geometry.Point, b: geometry.Point) -> float:

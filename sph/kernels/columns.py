@@ -43,6 +43,7 @@ TENSION = -1
 L = -1
 T = -1
 ACCELERATED = False  # there are walls that follow the fluid and are accelerated
+TURNING = False  # and some of these turn
 IN_TURN = False  # LIGHT holds 1 / rho for forces, then volumes for rates
 
 N = lanes(np.float64)
@@ -136,7 +137,7 @@ def pack_stress(block, blocks, base, scales, drho, shear, values):
 
 
 @njit
-def unpack_walls(block, blocks, base, scales, at, flags, key, wall_acceleration, sums, drho):
+def unpack_walls(block, blocks, base, scales, at, flags, key, walls, x, sums, drho):
     """rho - rho0 of particles of walls: that of the fluid before them, carried on with the acceleration of gravity less
     that of the wall (Adami et al. 2012); never below 0, and 0 where there is no fluid.
     """
@@ -148,7 +149,14 @@ def unpack_walls(block, blocks, base, scales, at, flags, key, wall_acceleration,
             if ACCELERATED:
                 wall = (key[b] >> WALL_SHIFT) - 1
                 for k in range(DIM):
-                    total -= scales.of_arm * wall_acceleration[wall, k] * np.float64(sums[at + 2 + k, b])
+                    a = walls.wall_acceleration[wall, k]
+                    if TURNING:
+                        for j in range(DIM):
+                            off = x[j, b] - walls.wall_centre[wall, j]
+                            if walls.period[j] > 0.0:
+                                off -= walls.period[j] * np.rint(off / walls.period[j])
+                            a += walls.wall_twist[wall, k, j] * off
+                    total -= scales.of_arm * a * np.float64(sums[at + 2 + k, b])
             excess = max(total / weight, 0.0) if weight > 0.0 else 0.0
             drho[b] = excess / scales.per_rho if SINGLE else excess
 

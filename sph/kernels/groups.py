@@ -68,6 +68,30 @@ class Areas(NamedTuple):
     period: Reals
 
 
+class WallMotion(NamedTuple):
+    """Accelerations of walls [walls, d] m/s2; of those that turn at their centres [walls, d] m, from which it grows by
+    twist [walls, d, d] 1/s2 times the way from there; and the period [d] m, 0 where there is none.
+    """
+
+    wall_acceleration: Reals
+    wall_centre: Reals
+    wall_twist: Reals
+    period: Reals
+
+
+class Moves(NamedTuple):
+    """Motions of rigid bodies: number of the body of each wall, -1 for none; by body its centre [d] m and the way that
+    it goes [d] m, the rotation about the centre less 1 [d, d], velocity [d] m/s and the matrix of its spin [d, d] 1/s.
+    """
+
+    body_of: NDArray[np.int64]
+    body_centre: Reals
+    body_way: Reals
+    body_turn: Reals
+    body_velocity: Reals
+    body_spin: Reals
+
+
 class Mirrors(NamedTuple):
     """Faces f that mirror. Behind one is who has x . normals[f, p] < bounds[f, p] for all p; its image is at turns x +
     shifts with the velocity spins v + pushes.

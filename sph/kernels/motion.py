@@ -93,6 +93,45 @@ def carry(chunk, chunks, flags, key, wall_shift, wall_speed, x, v):
 
 
 @njit
+def to_centre(b, key, flags, period, moves, x, r):
+    """Number of the body of the own particle in slot b, -1 for none, and r[d] = its place from the centre, m."""
+    w = (key[b] >> WALL_SHIFT) - 1
+    n = moves.body_of[w] if w >= 0 and flags[b] & OWN != 0 else -1
+    if n >= 0:
+        for k in range(DIM):
+            r[k] = x[k, b] - moves.body_centre[n, k]
+            if period[k] > 0.0:
+                r[k] -= period[k] * np.rint(r[k] / period[k])
+    return n
+
+
+@njit
+def move_bodies(chunk, chunks, flags, key, period, moves, x):
+    """Move the particles of rigid bodies by the way of the centre and the rotation about it."""
+    r = np.zeros(DIM)
+    for b in range(chunks[chunk], chunks[chunk + 1]):
+        n = to_centre(b, key, flags, period, moves, x, r)
+        if n >= 0:
+            for k in range(DIM):
+                for j in range(DIM):
+                    x[k, b] += moves.body_turn[n, k, j] * r[j]
+                x[k, b] += moves.body_way[n, k]
+
+
+@njit
+def spin_bodies(chunk, chunks, flags, key, period, moves, x, v):
+    """Give the particles of rigid bodies the velocity v + w x r that they have where they are."""
+    r = np.zeros(DIM)
+    for b in range(chunks[chunk], chunks[chunk + 1]):
+        n = to_centre(b, key, flags, period, moves, x, r)
+        if n >= 0:
+            for k in range(DIM):
+                v[k, b] = moves.body_velocity[n, k]
+                for j in range(DIM):
+                    v[k, b] += moves.body_spin[n, k, j] * r[j]
+
+
+@njit
 def spread(chunk, chunks, numbers, flags, offset, x):
     """x += numbers[1] offset: move particles of the fluid away from where they are crowded."""
     for b in range(chunks[chunk], chunks[chunk + 1]):

@@ -90,6 +90,8 @@ def _of_cells(d: int) -> list[Array]:
         Array("wall_shift", ("walls", d), "float64", "m", "way of the walls since they were last moved"),
         Array("wall_speed", ("walls", d), "float64", "m/s", "velocities of the walls"),
         Array("wall_acceleration", ("walls", d), "float64", "m/s2", "accelerations of the walls"),
+        Array("wall_centre", ("walls", d), "float64", "m", "centres of the walls that turn"),
+        Array("wall_twist", ("walls", d, d), "float64", "1/s2", "by which accelerations grow from there"),
         Array("shape", (6,), "int64", "", "pads, layers, first layer here, layers here, rows, 0"),
         Array("numbers", (5,), "float64", "", "what kernels.motion is told of a step"),
     ]

@@ -4,6 +4,7 @@ from collections.abc import Callable
 from types import ModuleType
 
 from hpcpic.core.timers import Timers
+from sph.particles.bodies import Bodies
 from sph.particles.pair_sums import PairSums
 from sph.particles.tasks import Tasks
 from sph.particles.walls import Walls
@@ -19,6 +20,7 @@ class Evolution:
         self.clock, self.tasks, self.motion, self.sums = clock, tasks, motion, sums
         self.walls, self.timers, self.numbers = walls, timers, tasks.arena["numbers"]
         self.evaluations, self._evaluated_at = 0, -1
+        self.bodies: Bodies | None = None
         self.driven: list[Callable] = []  # kernels of accelerations of the user's own
 
     def evaluate(self, start: bool = False) -> None:
@@ -39,6 +41,8 @@ class Evolution:
                 sums(self.clock.step)
                 for kernel in self.driven:
                     self.tasks.each(kernel)
+                if self.bodies:
+                    self.bodies.find_rates()
         self._evaluated_at = self.clock.step if start else -1
 
     def evaluate_rates(self) -> None:
@@ -53,6 +57,8 @@ class Evolution:
     def keep(self) -> None:
         """Remember y^n."""
         self._update(self.motion.keep)
+        if self.bodies:
+            self.bodies.keep()
 
     def combine(
         self, old: float, now: float, new: float, *, until: float = 1.0, with_new_velocity: bool = False
@@ -60,15 +66,21 @@ class Evolution:
         """y = old y^n + now y + new dt f(y); the stage stands for t^n + until dt."""
         self._update(self.motion.advance, old, now, new, float(with_new_velocity), at=self.sums.rate)
         self._carry_walls(until)
+        if self.bodies:
+            self.bodies.combine(old, now, new, with_new_velocity)
 
     def kick(self) -> None:
         """v = v + dt a."""
         self._update(self.motion.kick)
+        if self.bodies:
+            self.bodies.kick()
 
     def drift(self) -> None:
         """x = x + dt v, rho = rho + dt D."""
         self._update(self.motion.drift, at=self.sums.rate)
         self._carry_walls(1.0)
+        if self.bodies:
+            self.bodies.drift()
 
     def shift(self, speed: float) -> None:
         """x = x + dt speed offset: particles away from where they are crowded, for the largest speed in m/s."""

@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 
 from hpcpic.core.simd.generate import specialise
 from sph.kernels import passes
+from sph.kernels.groups import WallMotion
 from sph.particles.ghosts import Ghosts
 from sph.particles.tasks import Tasks
 from sph.physics.equation_of_state import coefficients
@@ -36,6 +37,7 @@ def columns_kernels(spec: PairSpec, gamma: float) -> ModuleType:
         "SINGLE": spec.single,
         "GAMMA": gamma,
         "ACCELERATED": spec.accelerated,
+        "TURNING": spec.turning,
     }
     return specialise("sph.kernels", ["columns"], IN_TURN=spec.in_turn, **constants)
 
@@ -55,6 +57,7 @@ class PairSums:
         self.kernels = passes.make(spec)
         self.columns = columns_kernels(spec, scene.eos.gamma)
         known = PairNumbers(scene, spec)
+        tasks.arena.group(walls=WallMotion)
         tasks.arena.set(
             scales=known.scales, powers_of_pressure=coefficients(scene.eos.gamma), pair_numbers=known.numbers,
             factors=known.factors, face_normals=np.ascontiguousarray(scene.normals[:, scene.axes].T),

@@ -6,6 +6,7 @@ from numpy.typing import NDArray
 from hpcpic.core.comm.world import World
 from hpcpic.core.space.exact import LIMBS, add_limbs, power_of_two_above, value
 from sph.kernels import readings
+from sph.kernels.marks import CODES, OWN
 from sph.particles.ghosts import Ghosts
 from sph.particles.pair_sums import PairSums
 from sph.particles.slabs import Slabs
@@ -41,8 +42,12 @@ class WallForces:
             own = slots[of == wall.index]
             force, arm = np.zeros((3, len(own))), np.zeros((3, len(own)))
             force[axes] = self.sums.forces_on(own)
-            centre = wall.torque_about + self.walls.displacement[wall.index] - scene.low
+            about = wall.rigid.centre[:d] if wall.rigid else wall.torque_about
+            centre = about + self.walls.displacement[wall.index] - scene.low
             arm[axes] = storage.x[:, own] - centre[axes, None]
+            if wall.rigid:
+                length = (scene.high - scene.low)[:, None]
+                arm[:d] -= np.where(scene.periodic[:, None], length * np.rint(arm[:d] / length), 0.0)
             (x, y, z), (fx, fy, fz) = arm, force
             terms.append(np.concatenate([force, [y * fz - z * fy, z * fx - x * fz, x * fy - y * fx]]))
         totals = exact_sums(self.slabs.world, terms) if terms else []
@@ -59,8 +64,8 @@ class WallForces:
 
 
 def bodies_of_walls(walls: Walls, ghosts: Ghosts, slabs: Slabs) -> tuple[Slots, NDArray[np.int64]]:
-    """Slots in own layers of the particles of watched walls, also of images in them, and the number of the wall of
-    each: images in own layers hold what they do to this slab.
+    """Slots of the own particles of watched walls and of images in these in own layers, which hold what they do to
+    this slab, and the number of the wall of each.
     """
     storage, images, none = ghosts.storage, np.array(ghosts.maps.wall), np.zeros(0, np.int64)
     among = storage.end, storage.flags, storage.key, images, walls.watched
@@ -72,7 +77,8 @@ def bodies_of_walls(walls: Walls, ghosts: Ghosts, slabs: Slabs) -> tuple[Slots, 
 
     found = storage.until_sorted("walls", find)
     layer = slabs.grid.layer(storage.x[0, found[0]])
-    slots, numbers = found[:, (layer >= slabs.low) & (layer < slabs.high)]
+    in_layers, own = (layer >= slabs.low) & (layer < slabs.high), storage.flags[found[0]] & OWN > 0
+    slots, numbers = found[:, np.where(storage.key[found[0]] % CODES > 0, in_layers, own)]
     return slots, numbers
 
 

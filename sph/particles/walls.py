@@ -6,6 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hpcpic.core.errors import Diverged
+from hpcpic.core.space.products import product
 from sph.kernels.marks import EXTRAPOLATED, NORMAL, REAL, REPULSIVE, SLIPS, WALL_BITS
 from sph.particles.slabs import Slabs
 from sph.particles.storage import Storage
@@ -46,15 +47,26 @@ class Walls:
         self.watched = np.array(watched, bool)
         self.displacement = np.zeros((len(scene.walls), scene.dimensions))
         self.velocity, self.acceleration = np.zeros((2, len(scene.walls), scene.dimensions))
+        self.turns: dict[int, Corners] = {}  # of rigid bodies: centre at t = 0 and matrix
         self.move(0.0)
 
     def move(self, t: float) -> tuple[NDArray, NDArray]:
         """Shift since the last call and velocity of each wall [walls, d] at time t."""
         before = self.displacement.copy()
         for wall in self.scene.walls:
+            if wall.rigid:
+                continue  # see Bodies
             k = wall.index
             self.displacement[k], self.velocity[k], self.acceleration[k] = wall.motion(t)
         return self.displacement - before, self.velocity
+
+    def at_rest(self, wall: Wall, x: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Where points x[n, d] would be if they had gone back with a wall to where it was at t = 0, [n, d] m."""
+        x = x - self.displacement[wall.index]
+        if wall.index not in self.turns:
+            return x
+        centre, turn = self.turns[wall.index]
+        return centre + product(x - centre, turn)
 
     def _boxes_to_make(self, low: NDArray, high: NDArray) -> list[tuple[Wall, Corners]]:
         """Boxes where walls are to be made, for fluid in the box (low, high); in the frame of the wall at rest."""
@@ -66,6 +78,10 @@ class Walls:
             first, last = low - shift - around, high - shift + around
             needed = np.maximum(first - support, limits[0]), np.minimum(last + support, limits[1])
             made = self.made.get(wall.index)
+            if wall.rigid:  # whole, before it moves
+                found += [] if made else [(wall, limits)]
+                self.made[wall.index] = limits
+                continue
             if np.any(needed[0] >= needed[1]):
                 continue
             if made and np.all(made[0] <= needed[0]) and np.all(made[1] >= needed[1]):

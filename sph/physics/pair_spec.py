@@ -36,6 +36,8 @@ class PairSpec:
     """Whether there are walls whose density follows from the fluid before them."""
     accelerated: bool = False
     """Whether some of these are accelerated."""
+    turning: bool = False
+    """Whether some of these turn."""
     tensile: bool = False
     shifting: bool = False
     corrected: bool = False

@@ -11,7 +11,7 @@ from hpcpic.core.errors import ConfigError
 from hpcpic.core.files.start import start_faults
 from sph.case import geometry
 from sph.case.columns import columns_of, scalar_units
-from sph.case.config import AXES, FRONT, WALL_PRESSURE, Fluid, Gauge, Shape, SphConfig, Wall, name_of
+from sph.case.config import AXES, FRONT, WALL_PRESSURE, Body, Fluid, Gauge, Shape, SphConfig, Wall, name_of
 from sph.physics import stability
 from sph.physics.smoothing import SMOOTHING
 from sph.physics.viscosities import VISCOSITIES
@@ -68,7 +68,7 @@ def sizes(config: SphConfig) -> Iterator[Fault]:
 
 def vectors(section: Section, path: Path = ()) -> Iterator[tuple[Path, tuple[float, ...]]]:
     """The vectors of a section and of all sections in it, each with its key; matrices and lists of times are none."""
-    for name in type(section).model_fields.keys() - {"gradient", "pictures"}:
+    for name in type(section).model_fields.keys() - {"angular_velocity", "gradient", "pictures"}:
         value = getattr(section, name)
         if isinstance(value, Section):
             yield from vectors(value, (*path, name))
@@ -145,6 +145,8 @@ def names(config: SphConfig) -> Iterator[Fault]:
         walls = [name_of("wall", k, wall) for k, wall in enumerate(config.wall)]
         if gauge.wall and gauge.wall not in walls:
             yield ("gauge", i, "wall"), unknown(gauge.wall, walls)
+        elif gauge.wall and config.wall[walls.index(gauge.wall)].body:
+            yield ("gauge", i, "wall"), f"{gauge.wall} is a body, which may turn: its force is in the series"
         if double := sorted(columns & set(own)):
             yield ("gauge", i, "name"), f"the series has a column {', '.join(double)} without it"
         columns |= set(own)
@@ -174,7 +176,7 @@ def relations(config: SphConfig) -> Iterator[Fault]:
             if getattr(fluid, name) != getattr(first, name):
                 yield ("fluid", i, name), f"all fluids are one liquid: {getattr(first, name):g} as the first one"
     for i, wall in enumerate(config.wall):
-        found = itertools.chain(wall_faults(wall), periodic_walls.faults(config, wall))
+        found = itertools.chain(wall_faults(wall, d), periodic_walls.faults(config, wall))
         yield from ((("wall", i, *path), text) for path, text in found)
     moving = config.eos.sound_speed or config.eos.max_velocity or not config.fluid
     if not moving and not speed_scale(config):
@@ -209,8 +211,10 @@ def fluid_faults(config: SphConfig, fluid: Fluid, d: int) -> Iterator[Fault]:
         yield ("initial_pressure",), '"flow" needs a flow'
 
 
-def wall_faults(wall: Wall) -> Iterator[Fault]:
+def wall_faults(wall: Wall, d: int) -> Iterator[Fault]:
     kind = wall.shape.kind
+    if wall.body:
+        yield from ((("body", *path), text) for path, text in body_faults(wall, wall.body, d))
     if wall.type and WALL_RULES[wall.type].flat and kind not in ("box", "plane"):
         yield ("type",), f'"{wall.type}" needs flat faces, shape box or plane; "extrapolated-free-slip" is for a {kind}'
     if wall.motion:
@@ -218,3 +222,21 @@ def wall_faults(wall: Wall) -> Iterator[Fault]:
             yield ("motion", "path"), "times must grow"
         if wall.motion.stop is not None and wall.motion.stop <= wall.motion.start:
             yield ("motion", "stop"), f"must be after start = {wall.motion.start:g}"
+
+
+def body_faults(wall: Wall, body: Body, d: int) -> Iterator[Fault]:
+    if not wall.solid:
+        yield (), "only a solid can be a body: solid = true"
+    if wall.motion:
+        yield (), "the wall has a motion: it moves as that says, or as a body by the forces on it"
+    if wall.shape.plane:
+        yield (), "a half-space has no mass that a body could have"
+    if wall.type and not WALL_RULES[wall.type].extrapolated:
+        yield (), f'a body needs the type "extrapolated-free-slip" or "extrapolated-no-slip" (got "{wall.type}")'
+    turns = 1 if d == 2 else 3
+    if body.angular_velocity and len(body.angular_velocity) != turns:
+        yield ("angular_velocity",), f"needs {turns} in {d}D (got {len(body.angular_velocity)} numbers)"
+    known = [*AXES[:d], *(f"r{axis}" for axis in AXES[-turns:])]
+    for i, motion in enumerate(body.held):
+        if motion not in known:
+            yield ("held", i), f"must be one of {', '.join(known)} (got {motion!r})"

@@ -52,8 +52,12 @@ def _fluid(fluid, d: int):
 
 def _wall(wall, d: int):
     update: dict = {"torque_about": wall.torque_about or geometry.middle(wall.shape)}
+    zeros = (0.0,) * d
+    if wall.body:
+        turning = wall.body.angular_velocity or (0.0,) * (1 if d == 2 else 3)
+        body = {"velocity": wall.body.velocity or zeros, "angular_velocity": turning}
+        update |= {"body": wall.body.model_copy(update=body), "measure_force": True}
     if wall.motion:
-        zeros = (0.0,) * d
         motion = {name: getattr(wall.motion, name) or zeros for name in ("velocity", "amplitude")}
         update["motion"] = wall.motion.model_copy(update=motion)
     return wall.model_copy(update=update)

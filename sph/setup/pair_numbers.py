@@ -35,9 +35,10 @@ def pair_spec_of(config: SphConfig, others: bool) -> PairSpec:
         repulsive=any(rule.repulsive for rule in rules),
         extrapolated=any(rule.extrapolated for rule in rules),
         accelerated=any(
-            rule.extrapolated and wall.motion is not None and any(wall.motion.amplitude)
+            rule.extrapolated and (wall.body or (wall.motion is not None and any(wall.motion.amplitude)))
             for rule, wall in zip(rules, config.wall)
         ),
+        turning=any(wall.body for wall in config.wall),
     )
 
 

@@ -15,6 +15,7 @@ def speed_scale(config: SphConfig) -> float:
     g = math.hypot(*config.gravity)
     speeds = [geometry.length(fluid.velocity) + flows.speed(config, fluid) for fluid in config.fluid]
     speeds += [motion_speed(wall.motion) for wall in config.wall if wall.motion and any(wall.motion.amplitude)]
+    speeds += [geometry.length(wall.body.velocity) for wall in config.wall if wall.body]
     if g:
         heights = [height for fluid in config.fluid for height in heights_of(config, fluid)]
         speeds.append(math.sqrt(2 * g * max(0.0, max(heights, default=0.0) - min(heights, default=0.0))))

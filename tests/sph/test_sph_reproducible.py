@@ -13,6 +13,13 @@ wall = ( { name = "floor"; shape = { plane = { point = [0.0, 0.0]; normal = [0.0
 gauge = ( { name = "bed"; what = "wall-pressure"; at = [0.98, 0.0]; axis = "y-"; size = [0.3, 0.0]; period = 0.004; } );
 """
 
+BODIES = """
+wall = ( { name = "raft"; solid = true; shape = { box = { low = [0.1, 0.3, 0.35]; high = [0.6, 0.7, 0.75]; }; };
+           body = { density = 400.0; velocity = [-2.0, 0.0, 0.0]; angular_velocity = [1.0, 2.0, 3.0]; }; },
+         { name = "ball"; solid = true; shape = { sphere = { centre = [1.0, 0.5, 0.3]; radius = 0.18; }; };
+           body = { density = 2000.0; held = ["rx"]; }; } );
+"""
+
 JOBS = {
     name: {"program": "sph", "case": case, "steps": 12}
     for name, case in {
@@ -24,6 +31,8 @@ JOBS = {
                          more=tank(2, "repulsive", (1.0, 0.6))),
         "extrapolated": text(d=2, size=(1.0, 0.6), spacing=0.04, fill=(1.0, 0.4), periodic=("x",), flux="delta",
                              balance=3, velocity=(2.0, 0.0), more=EXTRAPOLATED),
+        "bodies": text(d=3, size=(1.4, 1.0, 1.0), spacing=0.1, fill=(1.4, 1.0, 0.6), periodic=("x", "y"), balance=3,
+                       integrator="predictor-corrector", more=BODIES),
         "torn": torn(),
     }.items()
 }  # fmt: skip

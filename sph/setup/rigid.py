@@ -1,0 +1,87 @@
+"""Rigid bodies: mass and inertia of shapes, rotations, and how far bodies are from walls and from each other."""
+
+import math
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sph.case import geometry
+from sph.case.config import Shape
+from sph.setup import signed_distance, tanks
+from sph.setup.particle_lattices import grid_of
+
+Reals = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Rigid:
+    """Mass kg (2D: kg/m), centre of mass [3] m and inertia about it [3, 3] kg m2 (2D: kg m), at t = 0."""
+
+    mass: float
+    centre: Reals
+    inertia: Reals
+
+
+def rigid_of(shape: Shape, density: float, spacing: float) -> Rigid:
+    """Mass and inertia of a shape of even density: its volume, shared among the points of a lattice that lie in it.
+    Each has the inertia of its cell besides, so that those of a box are exact.
+    """
+    grid = grid_of(shape, spacing)
+    x = grid.points(grid.unflat(np.arange(grid.n)))
+    x = x[signed_distance.signed_distance(shape, x) <= 0.0]
+    d, mass = x.shape[1], density * geometry.volume(shape)
+    cells = [(c[-1] - c[0]) / (len(c) - 1) if len(c) > 1 else spacing for c in grid.coordinates]
+    centre, second = np.zeros(3), np.zeros((3, 3))
+    centre[:d] = x.mean(axis=0)
+    r = x - centre[:d]
+    second[:d, :d] = mass * (np.einsum("na,nb->ab", r, r) / len(x) + np.diag(np.square(cells)) / 12)
+    return Rigid(mass, centre, np.trace(second) * np.eye(3) - second)
+
+
+def rotation(q: Reals) -> Reals:
+    """The matrix [3, 3] of a unit quaternion (w, x, y, z)."""
+    w, x, y, z = q
+    return np.array([
+        [1 - 2 * (y * y + z * z), 2 * (x * y - z * w), 2 * (x * z + y * w)],
+        [2 * (x * y + z * w), 1 - 2 * (x * x + z * z), 2 * (y * z - x * w)],
+        [2 * (x * z - y * w), 2 * (y * z + x * w), 1 - 2 * (x * x + y * y)],
+    ])  # fmt: skip
+
+
+def times(a: Reals, b: Reals) -> Reals:
+    """Product of two quaternions: first the rotation b, then a."""
+    real = a[0] * b[0] - float(np.sum(a[1:] * b[1:]))
+    return np.concatenate([[real], a[0] * b[1:] + b[0] * a[1:] + np.cross(a[1:], b[1:])])
+
+
+def turning(angle: Reals) -> Reals:
+    """The unit quaternion of a rotation by |angle| rad about the direction of angle[3]."""
+    half = 0.5 * math.hypot(*angle)
+    return np.array([math.cos(half), *(0.5 * (math.sin(half) / half if half else 1.0) * angle)])
+
+
+def angle_of(q: Reals) -> Reals:
+    """The vector [3] whose rotation a unit quaternion is, rad."""
+    sine = math.hypot(*q[1:])
+    return q[1:] * (2 * math.atan2(sine, q[0]) / sine if sine else 2.0)
+
+
+def skew(w: Reals) -> Reals:
+    """The matrix [3, 3] that gives w x r of r."""
+    return np.array([[0.0, -w[2], w[1]], [w[2], 0.0, -w[0]], [-w[1], w[0], 0.0]])
+
+
+def share(wall: Any, x: Reals) -> float:
+    """Mass of a body, with outer particles at x[n, d] at t = 0, over that of it and a layer of fluid dp thick."""
+    dp = wall.scene.spacing
+    layer = np.count_nonzero(signed_distance.signed_distance(wall.shape, x) > -dp) * dp ** x.shape[1]
+    return wall.rigid.mass / (wall.rigid.mass + wall.scene.rho0 * layer)
+
+
+def gap(wall: Any, x: Reals) -> float:
+    """Distance in m between a wall at rest and a body whose outer particles are at x[n, d]; below 0: they overlap."""
+    flat = wall.section.solid or wall.shape.plane
+    apart = signed_distance.signed_distance(wall.shape, x) if flat else -tanks.behind(wall, x)
+    return float(apart.min()) - 0.5 * wall.scene.spacing

@@ -1,0 +1,132 @@
+"""Rigid bodies: what moves them is what they do to the fluid."""
+
+import numpy as np
+import pytest
+from sph_scenes import config, engine, tank, text
+
+from hpcpic.core.errors import ConfigError, Diverged
+from sph.forecast.derived import derived
+from sph.kernels.marks import MINE
+from sph.setup.rigid import angle_of, rigid_of, rotation, times, turning
+
+BOX = "box = { low = [0.3, 0.4]; high = [0.7, 0.6]; };"
+
+
+def body(shape=BOX, density=500.0, more="", name="raft", kind=""):
+    return f"""{{ name = "{name}"; solid = true; {kind} shape = {{ {shape} }};
+        body = {{ density = {density}; {more} }}; }}"""
+
+
+def bodies(*every):
+    return f"wall = ( {', '.join(every)} );"
+
+
+def total_momentum(sph):
+    """Of fluid and bodies, [3], in physical axes."""
+    storage, axes = sph.storage, list(sph.scene.axes)
+    found = np.zeros(3)
+    mine = storage.flags[: storage.end] & MINE == MINE
+    found[axes] = (storage.v[:, : storage.end] * storage.m[: storage.end])[:, mine].sum(axis=1)
+    return found + sum(wall.rigid.mass * state[7:10] for wall, state in zip(sph.bodies.of, sph.bodies.state))
+
+
+@pytest.mark.parametrize("integrator", ["symplectic", "rk3-tvd"])
+def test_fluid_and_bodies_keep_their_momentum(integrator):
+    """Also where a body goes through a periodic side."""
+    edge = "box = { low = [0.595, 0.4]; high = [0.995, 0.6]; };"
+    moving = body(edge, more="velocity = [0.6, 0.2]; angular_velocity = [3.0];")
+    sph = engine(spacing=0.05, fill=1.0, periodic=("x", "y"), gravity=(0.0, 0.0), pressure="zero",
+                 more=bodies(moving), integrator=integrator)  # fmt: skip
+    before = total_momentum(sph)
+    for _ in range(80):
+        sph.step()
+    wall, state = sph.bodies.of[0], sph.bodies.state[0]
+    assert np.abs(wall.rigid.mass * (state[7:9] - [0.6, 0.2])).max() > 0.5  # it has given some of it to the fluid
+    assert np.abs(total_momentum(sph) - before).max() < 1e-12 * np.abs(before).max()
+    x = sph.storage.physical("x")[sph.storage.own_values("wall") == 1]
+    assert x[:, 0].min() < 0.05 and x[:, 0].max() > 0.95  # particles on both sides
+    x[:, 0] += x[:, 0] < 0.5
+    off = sph.walls.at_rest(wall, x)[:, None] - sph.bodies.outer[0]
+    assert np.abs(off).max(axis=2).min(axis=1).max() < 1e-13  # which kept their places in the body
+
+
+def test_mass_and_inertia_of_shapes():
+    flat = config(more=bodies(body())).wall[0].shape
+    found = rigid_of(flat, 500.0, 0.05)
+    assert found.mass == pytest.approx(40.0) and found.centre == pytest.approx([0.5, 0.5, 0.0])
+    assert found.inertia[2, 2] == pytest.approx(40.0 / 12 * (0.4**2 + 0.2**2), rel=1e-12)
+    ball = config(d=3, more=bodies(body("sphere = { centre = [0.5, 0.5, 0.5]; radius = 0.3; };"))).wall[0].shape
+    found = rigid_of(ball, 1.0, 0.02)
+    assert np.allclose(found.inertia, 0.4 * found.mass * 0.09 * np.eye(3), rtol=0.02, atol=1e-12)  # cells cut by it
+
+
+def test_rotations_follow_each_other():
+    a, b = turning(np.array([0.3, -1.1, 0.4])), turning(np.array([-0.2, 0.5, 2.0]))
+    assert np.allclose(rotation(times(a, b)), rotation(a) @ rotation(b), atol=1e-15)
+    assert np.allclose(angle_of(a), [0.3, -1.1, 0.4]) and not angle_of(turning(np.zeros(3))).any()
+    assert np.allclose(rotation(turning(np.array([0.0, 0.0, np.pi / 2]))) @ [1.0, 0.0, 0.0], [0.0, 1.0, 0.0])
+
+
+def test_a_body_falls_with_g_and_not_along_what_is_held():
+    high = "box = { low = [0.3, 0.6]; high = [0.7, 0.8]; };"
+    sph = engine(spacing=0.05, fill=(1.0, 0.3), more=bodies(body(high, more='velocity = [0.4, 0.0]; held = ["x"];')))
+    for _ in range(10):
+        sph.step()
+    seen = sph.scalars()
+    assert seen["velocity_raft_y"] == pytest.approx(-9.81 * sph.time, rel=1e-12) and seen["velocity_raft_x"] == 0.4
+    assert seen["position_raft_x"] == pytest.approx(0.5 + 0.4 * sph.time) and seen["angle_raft_z"] == 0.0
+
+
+def test_a_body_that_comes_to_a_wall_ends_the_run():
+    low = body("box = { low = [0.3, 0.12]; high = [0.7, 0.32]; };", density=3000.0, more="velocity = [0.0, -2.0];")
+    sph = engine(spacing=0.05, fill=(1.0, 0.5), more=bodies(tank()[9:-3], low))
+    with pytest.raises(Diverged, match="raft comes within a spacing of tank"):
+        for _ in range(200):
+            sph.step()
+
+
+@pytest.mark.parametrize(
+    ("wall", "told"),
+    [
+        (body(density=0.0), "greater than 0"),
+        (body().replace("solid = true;", ""), "solid = true"),
+        (body(kind='type = "repulsive";'), "extrapolated-free-slip"),
+        (body(kind="motion = { velocity = [1.0, 0.0]; };"), "the wall has a motion"),
+        (body(more="angular_velocity = [1.0, 2.0];"), "needs 1 in 2D"),
+        (body(more="velocity = [1.0, 2.0, 3.0];"), "needs 2 numbers in 2D"),
+        (body(more='held = ["rx"];'), "must be one of x, y, rz"),
+        (body("plane = { point = [0.0, 0.0]; normal = [0.0, 1.0]; };"), "half-space"),
+    ],
+)
+def test_what_can_be_no_body_is_refused(wall, told):
+    with pytest.raises(ConfigError, match=told):
+        config(more=bodies(wall))
+
+
+def test_no_sensor_sits_in_a_body():
+    gauge = """gauge = ( { name = "g"; what = "wall-pressure"; wall = "raft"; at = [0.5, 0.4]; axis = "y+"; } );"""
+    with pytest.raises(ConfigError, match="raft is a body, which may turn"):
+        config(more=bodies(body()) + gauge)
+
+
+@pytest.mark.parametrize("low", [0.0, 0.03])
+def test_bodies_start_apart(low):
+    shape = f"box = {{ low = [0.3, {low}]; high = [0.7, 0.25]; }};"
+    other = body("box = { low = [0.3, 0.5]; high = [0.7, 0.7]; };", name="other")
+    found = derived(config(text(more=bodies(tank()[9:-3], body(shape), other))))
+    verdicts = {line.name: line.verdict for line in found if line.name.startswith("gap")}
+    assert verdicts["gap between raft and tank"] == "fail" and verdicts["gap between other and raft"] == "ok"
+
+
+@pytest.mark.parametrize(("density", "verdict"), [(30.0, "ok"), (10.0, "fail")])
+def test_how_light_a_body_may_be(density, verdict):
+    """The lightest that is legal is let go deep in the water: nothing is faster there than the surface is high."""
+    deep = body("box = { low = [0.6, 0.4]; high = [0.8, 0.6]; };", density=density, more='held = ["x", "rz"];')
+    walls = bodies(tank(size=(1.4, 1.6))[9:-3], deep)
+    whole = text(size=(1.4, 1.6), fill=(1.4, 0.8), flux="delta", cfl=0.6, more=walls)
+    assert {line.verdict for line in derived(config(whole)) if line.name.startswith("mass of raft")} == {verdict}
+    if verdict == "ok":
+        sph = engine(case=whole)
+        for _ in range(100):
+            sph.step()
+        assert 0.0 < sph.bodies.state[0][8] < 4.0 < np.sqrt(2 * 9.81 * 0.9)

@@ -1,0 +1,92 @@
+"""Rigid bodies in water against Archimedes and against linear potential flow. Run by `pytest -m validation -s`."""
+
+import numpy as np
+import pytest
+
+import sph
+
+pytestmark = [pytest.mark.validation, pytest.mark.timeout(3600)]
+
+HEAVE = """
+simulation = { dimensions = 2; end_time = 1.3; };
+gravity = [0.0, -9.81];
+fluid = ( { shape = { box = { low = [0.0, 0.0]; high = [1.6, 0.6]; }; }; } );
+wall = ( { name = "tank"; shape = { box = { low = [0.0, 0.0]; high = [1.6, 0.9]; open = ["y+"]; }; }; },
+         { name = "float"; solid = true; body = { density = 500.0; held = ["x", "rz"]; };
+           shape = { box = { low = [0.7, 0.44]; high = [0.9, 0.84]; }; }; } );
+numerics = { spacing = 0.02; artificial_viscosity = 0.02; };
+output = { period = { series = 0.01; }; };
+"""
+
+
+def potential(half: float, depth: float, box: tuple[float, float], cell: float):
+    """Potential flow in the right half of a tank, with a box (half its width, draught) in the middle of the surface, by
+    finite differences on square cells: d phi / dz [m] of the cells of the surface, and the integral of phi over the
+    bottom of the box, as linear functions [m + 1] of phi there and of the velocity of the box.
+    """
+    n, k = (round(half / cell), round(depth / cell)), (round(box[0] / cell), round(box[1] / cell))
+    wet = np.ones(n, bool)
+    wet[: k[0], n[1] - k[1] :] = False
+    number, m = np.where(wet, np.cumsum(wet).reshape(n) - 1, -1), n[0] - k[0]
+    matrix, given = np.zeros((wet.sum(), wet.sum())), np.zeros((wet.sum(), m + 1))
+    for i, j in np.argwhere(wet):
+        me = number[i, j]
+        for a, b in ((i - 1, j), (i + 1, j), (i, j - 1), (i, j + 1)):
+            if b == n[1]:  # half a cell up to the surface
+                matrix[me, me] += 2
+                given[me, i - k[0]] += 2
+            elif 0 <= a < n[0] and b >= 0 and wet[a, b]:
+                matrix[me, me] += 1
+                matrix[me, number[a, b]] -= 1
+            elif 0 <= a < n[0] and b > j:  # the bottom of the box
+                given[me, m] += cell
+    phi = np.linalg.solve(matrix, given)
+    slopes = 2 / cell * (np.eye(m, m + 1) - phi[number[k[0] :, -1]])
+    bottom = 2 * cell * phi[number[: k[0], n[1] - k[1] - 1]].sum(axis=0)  # of both halves
+    bottom[m] += cell**2 * k[0]  # from the middles of the cells to the bottom
+    return slopes, bottom
+
+
+def linear_heave(half, depth, box, mass, start, t, cell=0.02, rho=1000.0, g=9.81):
+    """Displacement [n] at times t of a box that is let go at `start` m from rest, by linear theory in the tank."""
+    slopes, bottom = potential(half, depth, box, cell)
+    m, whole = len(slopes), mass + rho * bottom[-1]
+    rates = np.zeros((2 * m + 2, 2 * m + 2))  # of the surface, of phi there, of displacement and velocity of the box
+    rates[:m, m : 2 * m], rates[:m, -1] = slopes[:, :m], slopes[:, m]
+    rates[m : 2 * m, :m] = -g * np.eye(m)
+    rates[-2, -1] = 1.0
+    rates[-1, :m], rates[-1, -2] = rho * g * bottom[:m] / whole, -rho * g * 2 * box[0] / whole
+    values, vectors = np.linalg.eig(rates)
+    weights = np.linalg.solve(vectors, np.eye(2 * m + 2)[-2] * start)
+    return (np.exp(np.outer(t, values)) @ (weights * vectors[-2])).real
+
+
+def turns(t, y):
+    """Times of the first minimum and of the maximum after it, by parabolas through three samples."""
+    found = []
+    for sign, first in ((-1.0, 0), (1.0, int(y.argmin()))):
+        k = first + int((sign * y[first:]).argmax())
+        a, b = y[k + 1] - y[k - 1], y[k + 1] - 2 * y[k] + y[k - 1]
+        found.append(t[k] - 0.5 * a / b * (t[k + 1] - t[k]))
+    return np.array(found)
+
+
+def test_heave_has_the_frequency_of_linear_theory(tmp_path):
+    """The walls of the tank are near: theory is that of the box in this tank, with the waves between them."""
+    (tmp_path / "heave.conf").write_text(HEAVE)
+    series = sph.Case(tmp_path / "heave.conf").run(tmp_path / "heave", threads=1).series
+    t, y = series["time"].values, series["position_float_y"].values
+    level = 0.6 + (0.2 - 0.16) * 0.2 / 1.6  # with the draught of rest, 0.2 m
+    known = linear_heave(0.8, 0.6, (0.1, 0.2), 40.0, 0.64 - level, t)
+    print("first turns of the box, s:", turns(t, y), "linear theory", turns(t, known))
+    assert np.abs(turns(t, y) / turns(t, known) - 1).max() < 0.05  # measured 2.1 and 2.6 %; ten spacings of draught
+
+
+def test_a_box_floats_at_its_draught(tmp_path):
+    series = sph.Case("floating-box").run(tmp_path / "float", threads=1).series
+    late = series["time"].values > 4.0
+    middle, level, angle = (series[name].values[late] for name in ("position_float_y", "level", "angle_float_z"))
+    draught = (level - middle).mean() + 0.1
+    print(f"draught {draught:.4f} m, angle {angle.mean():.4f} rad, up to {np.abs(angle).max():.4f}")
+    assert draught == pytest.approx(0.1, rel=0.02)  # measured +1.5 %, an eighth of a spacing
+    assert abs(angle.mean()) < 0.03 and np.abs(angle).max() < 0.3  # it rolls to and fro, upright on average
