@@ -14,7 +14,6 @@ from sph.kernels.groups import Areas
 from sph.particles.ghosts import Ghosts
 from sph.particles.pair_sums import PairSums
 from sph.particles.slabs import Slabs
-from sph.particles.wall_forces import bodies_of_walls
 from sph.particles.walls import Walls
 
 FIXED_POINT = 2.0**40
@@ -49,6 +48,9 @@ class Sensors:
             area_wall=self.of,
             area_unit=np.array(sign) * FIXED_POINT / (self.unit * areas),
             lengths=np.array([scene.spacing, scene.support]),
+            wall_images=np.array(ghosts.maps.wall),
+            slab=np.zeros(2, np.int64),
+            pushed=np.zeros((sums.tasks.parts, n), np.int64),
         )
 
     def now(self) -> NDArray[np.float64]:
@@ -56,9 +58,9 @@ class Sensors:
         arena, shown = self.arena, (self.of >= 0)[:, None]
         moved = np.where(shown, self.walls.displacement[self.of], 0.0)
         arena["area_middle"][:] = (self.at + moved)[:, list(self.walls.scene.axes)]
-        slots, walls = bodies_of_walls(self.walls, self.ghosts, self.slabs)
-        pushed = arena.call(self.kernels.push, slots=slots, walls=walls)
-        return np.asarray(self.slabs.world.sum_int(pushed) * (self.unit / FIXED_POINT))
+        arena["slab"][:] = self.slabs.low, self.slabs.high
+        self.sums.tasks.each(self.kernels.push)
+        return np.asarray(self.slabs.world.sum_int(arena["pushed"].sum(axis=0)) * (self.unit / FIXED_POINT))
 
     def add(self, dt: float) -> None:
         """The pressures of now for a step of dt s. Collective."""

@@ -54,8 +54,9 @@ class Turns(NamedTuple):
 
 class Areas(NamedTuple):
     """Areas k of walls: middle [k, d] m, half their extent [k, d] m or radius [k] m (0 for none), number of their
-    normal axis [k] and of their wall [k] (-1: any), and what makes integers of forces [k] along their normal; spacing
-    and support in m, and the period [d] m, 0 where there is none.
+    normal axis [k] and of their wall [k] (-1: any), and what makes integers of forces [k] along their normal; the
+    wall + 1 of each image (0: none), the first layer here and the one behind the last, spacing and support in m, and
+    the period [d] m, 0 where there is none.
     """
 
     area_middle: Reals
@@ -64,6 +65,8 @@ class Areas(NamedTuple):
     area_along: NDArray[np.int64]
     area_wall: NDArray[np.int64]
     area_unit: Reals
+    wall_images: NDArray[np.int64]
+    slab: NDArray[np.int64]
     lengths: Reals
     period: Reals
 

@@ -44,6 +44,13 @@ def beside(end, flags, x, at, reach, period, slots):
 
 
 @njit
+def wall_of(key, images):
+    """Number of the wall of a particle or of an image in one (images[number] = 1 + wall, 0 for none), -1 for none."""
+    image = key % CODES
+    return images[image] - 1 if image > 0 else (key >> WALL_SHIFT) - 1
+
+
+@njit
 def of_walls(end, flags, key, images, wanted, slots, walls):
     """Find bodies of the walls wanted[wall], and images of the fluid in them (images[number] = 1 + wall, 0 for none):
     their slots and walls, as many as there is room for in slots[n], walls[n]. Returns how many there are.
@@ -55,8 +62,7 @@ def of_walls(end, flags, key, images, wanted, slots, walls):
         while others != 0:
             s = np.uint64(b + first_bit(others))
             others &= others - 1
-            image = key[s] % CODES
-            wall = images[image] - 1 if image > 0 else (key[s] >> WALL_SHIFT) - 1
+            wall = wall_of(key[s], images)
             if wall >= 0 and wanted[wall]:
                 if n < slots.size:
                     slots[n], walls[n] = s, wall

@@ -1,10 +1,16 @@
-"""Forces on areas of walls, as integers."""
+"""Forces on areas of walls, by chunks of slots, as integers."""
 
 import numpy as np
 
 from hpcpic.core.simd.compile import njit
+from hpcpic.core.simd.vector import Vec, bitmask, first_bit, lanes, load
+from sph.kernels.marks import BODY, CODES, MINE, OWN
+from sph.kernels.readings import wall_of
 
 DIM = 3
+
+N = lanes(np.float64)
+I = Vec(N, np.int32)
 
 
 @njit
@@ -33,15 +39,25 @@ def share(k, s, x, areas):
 
 
 @njit
-def push(slots, walls, x, sums, factors, areas):
-    """Forces [k] on areas along their normals, in units of 1 / area_unit[k], on bodies of walls[n] in slots[n]."""
-    pushed = np.zeros(areas.area_unit.size, np.int64)
-    for n in range(slots.size):
-        s = np.uint64(slots[n])
-        for k in range(pushed.size):
-            if areas.area_wall[k] < 0 or areas.area_wall[k] == walls[n]:
-                part = share(k, s, x, areas)
-                if part > 0.0:
-                    force = np.float64(sums[np.uint64(areas.area_along[k]), s]) * factors[0]
-                    pushed[k] += np.int64(np.rint(force * part * areas.area_unit[k]))
-    return pushed
+def push(chunk, chunks, flags, key, x, sums, factors, shape, scale, areas, pushed):
+    """pushed[chunk, k] = force on area k along its normal, in units of 1 / area_unit[k], on the particles of walls in
+    the slots of a chunk, and on images of the fluid in walls where these are in own layers.
+    """
+    pushed[chunk], slab = 0, areas.slab
+    for b in range(chunks[chunk], chunks[chunk + 1], N):
+        kinds = load(I, flags, b)
+        others = bitmask((kinds & BODY == BODY) & (kinds & MINE != MINE))
+        while others != 0:
+            s = np.uint64(b + first_bit(others))
+            others &= others - 1
+            wall = wall_of(key[s], areas.wall_images)
+            layer = np.int64(np.floor(x[0, s] * scale[0])) + shape[0]
+            here = slab[0] <= layer < slab[1] if key[s] % CODES > 0 else flags[s] & OWN == OWN
+            if wall < 0 or not here:
+                continue
+            for k in range(areas.area_unit.size):
+                if areas.area_wall[k] < 0 or areas.area_wall[k] == wall:
+                    part = share(k, s, x, areas)
+                    if part > 0.0:
+                        force = np.float64(sums[np.uint64(areas.area_along[k]), s]) * factors[0]
+                        pushed[chunk, k] += np.int64(np.rint(force * part * areas.area_unit[k]))

@@ -64,22 +64,24 @@ class WallForces:
 
 
 def bodies_of_walls(walls: Walls, ghosts: Ghosts, slabs: Slabs) -> tuple[Slots, NDArray[np.int64]]:
-    """Slots of the own particles of watched walls and of images in these in own layers, which hold what they do to
+    """Slots of the own particles of measured walls and of images in these in own layers, which hold what they do to
     this slab, and the number of the wall of each.
     """
-    storage, images, none = ghosts.storage, np.array(ghosts.maps.wall), np.zeros(0, np.int64)
-    among = storage.end, storage.flags, storage.key, images, walls.watched
+    storage = ghosts.storage
 
     def find() -> NDArray[np.int64]:
-        found = np.empty((2, readings.of_walls(*among, none, none)), np.int64)
-        readings.of_walls(*among, *found)
-        return found
+        """Slots, walls, and 1 for images: of own particles and of images."""
+        images, found = np.array(ghosts.maps.wall), np.empty((2, storage.end), np.int64)
+        found = found[:, : readings.of_walls(storage.end, storage.flags, storage.key, images, walls.measured, *found)]
+        image = storage.key[found[0]] % CODES > 0
+        own = storage.flags[found[0]] & OWN > 0
+        return np.compress(image | own, np.vstack([found, image]), axis=1)
 
     found = storage.until_sorted("walls", find)
-    layer = slabs.grid.layer(storage.x[0, found[0]])
-    in_layers, own = (layer >= slabs.low) & (layer < slabs.high), storage.flags[found[0]] & OWN > 0
-    slots, numbers = found[:, np.where(storage.key[found[0]] % CODES > 0, in_layers, own)]
-    return slots, numbers
+    if found[2].any():
+        layer = slabs.grid.layer(storage.x[0, found[0]])
+        found = np.compress((found[2] == 0) | (layer >= slabs.low) & (layer < slabs.high), found, axis=1)
+    return found[0], found[1]
 
 
 def exact_sums(world: World, terms: list[NDArray[np.float64]]) -> list[NDArray[np.float64]]:

@@ -34,7 +34,7 @@ def shell(inner: Corners | None, outer: Corners) -> Iterator[Corners]:
 class Walls:
     """The walls of a scene at the present time: displacement[wall, d] m, velocity[wall, d] m/s and
     acceleration[wall, d] m/s2, in physical axes; `made`: the box in which the particles of a wall exist, at
-    displacement 0; watched[wall]: its force is measured, or a sensor is in it.
+    displacement 0; measured[wall]: its force is.
     """
 
     def __init__(self, scene: Scene) -> None:
@@ -42,9 +42,7 @@ class Walls:
         self.walls: list[Wall] = [wall for wall in scene.walls if not wall.rule.images]
         self.made: dict[int, Corners] = {}
         self.moving = any(wall.moving for wall in scene.walls)
-        sensed = {gauge.wall for gauge in scene.config.sensors}  # "": any wall
-        watched = [wall.measure_force or bool(sensed & {"", wall.name}) for wall in scene.walls]
-        self.watched = np.array(watched, bool)
+        self.measured = np.array([wall.measure_force for wall in scene.walls], bool)
         self.displacement = np.zeros((len(scene.walls), scene.dimensions))
         self.velocity, self.acceleration = np.zeros((2, len(scene.walls), scene.dimensions))
         self.turns: dict[int, Corners] = {}  # of rigid bodies: centre at t = 0 and matrix

@@ -89,4 +89,4 @@ def test_a_box_floats_at_its_draught(tmp_path):
     draught = (level - middle).mean() + 0.1
     print(f"draught {draught:.4f} m, angle {angle.mean():.4f} rad, up to {np.abs(angle).max():.4f}")
     assert draught == pytest.approx(0.1, rel=0.02)  # measured +1.5 %, an eighth of a spacing
-    assert abs(angle.mean()) < 0.03 and np.abs(angle).max() < 0.3  # it rolls to and fro, upright on average
+    assert abs(angle.mean()) < 0.03 and np.abs(angle).max() < 0.3  # it rolls about the upright place
