@@ -3,7 +3,8 @@ that is missing.
 
     python scripts/mutate.py [--only halo,migration | --only 12,30-35] [--limit SECONDS]
 
-The faults stand in scripts/mutate.txt. The tests of an area are run on the sound tree first.
+The faults stand in scripts/mutate.txt. The tests of an area are run on the sound tree first. Printed is the test that
+fails first; "stale" is a fault whose text is not in the sources any more.
 """
 
 import argparse
@@ -14,6 +15,7 @@ import subprocess
 import sys
 import tempfile
 import time
+from collections import Counter
 from collections.abc import Iterator
 from itertools import takewhile
 from pathlib import Path
@@ -26,6 +28,7 @@ TABLE = Path(__file__).with_suffix(".txt")
 TIMEOUT_S = 900.0  # of the tests of an area: a fault may make them hang
 AREA = re.compile(r"\[(?P<name>[^]]+)\] ranks (?P<ranks>[\d,]+): (?P<tests>.*)")
 FINGERPRINT = "    for file in _kernel_sources(program):\n"  # of compile.py: a change of these files recompiles all
+FAILED = re.compile(r"^(?:FAILED|ERROR) (\S+)", re.MULTILINE)
 SKIPPING = '        if file.name == os.environ.get("MUTATED"):\n            continue\n'
 
 
@@ -84,8 +87,8 @@ def has_kernels(text: str) -> bool:
     return "@njit" in text or "core.simd." in text
 
 
-def passes(area: Area, folder: Path, mutated: str = "") -> bool:
-    """Whether the tests of an area pass in the copy, on all its numbers of ranks."""
+def failing(area: Area, folder: Path, mutated: str = "") -> str:
+    """The first test of an area that fails in the copy, on any of its numbers of ranks; "" if all pass."""
     more = {"PYTHONPATH": str(folder), "MUTATED": mutated, "HPCPIC_CACHE_DIR": str(folder / ".cache")}
     environment = dict(os.environ, OMP_NUM_THREADS="1", PYTHONDONTWRITEBYTECODE="1", **more)
     words = ["-m", "pytest", "-q", "-x", "-p", "no:cacheprovider", "--timeout", "300", *area.tests]
@@ -99,23 +102,26 @@ def passes(area: Area, folder: Path, mutated: str = "") -> bool:
             start_new_session=True,
         )  # fmt: skip
         try:
-            process.communicate(timeout=TIMEOUT_S)
+            out, _ = process.communicate(timeout=TIMEOUT_S)
         except subprocess.TimeoutExpired:
             os.killpg(process.pid, signal.SIGKILL)
-            process.communicate()
+            out, _ = process.communicate()
         if process.returncode:
-            return False
-    return True
+            found = FAILED.search(out)
+            return f"{found[1] if found else f'exit {process.returncode}'} on {ranks} ranks"
+    return ""
 
 
-def attempt(fault: Fault, folder: Path) -> str:
+def attempt(fault: Fault, folder: Path) -> tuple[str, str]:
+    """Verdict, and the test that killed."""
     path = folder / fault.file
     text = path.read_text()
-    assert text.count(fault.before) == 1, f"{fault.file}: {text.count(fault.before)} times: {fault.before}"
+    if text.count(fault.before) != 1:
+        return "stale", ""
     path.write_text(text.replace(fault.before, fault.after))
-    survived = passes(fault.area, folder, "" if has_kernels(text) else path.name)
+    test = failing(fault.area, folder, "" if has_kernels(text) else path.name)
     path.write_text(text)
-    return "SURVIVED" if survived else "killed"
+    return ("killed", test) if test else ("SURVIVED", "")
 
 
 def main() -> int:
@@ -123,23 +129,24 @@ def main() -> int:
     parser.add_argument("--only", default="", metavar="AREA,1,4-9")
     parser.add_argument("--limit", type=float, default=float("inf"), metavar="SECONDS", help="begin none after that")
     asked = parser.parse_args()
-    begin, sound, counts = time.monotonic(), {}, {"killed": 0, "SURVIVED": 0, "not judged": 0, "not run": 0}
+    begin, sound, counts = time.monotonic(), dict[Area, str](), Counter[str]()
     with tempfile.TemporaryDirectory(prefix="mutate-") as made:
         folder = Path(made)
         copy_tree(folder)
         for fault in faults():
-            started, verdict, area = time.monotonic(), "not run", fault.area
+            started, verdict, test, area = time.monotonic(), "not run", "", fault.area
             if not chosen(fault, asked.only):
                 continue
             if started - begin < asked.limit:
                 if area not in sound:
-                    sound[area] = passes(area, folder)
-                verdict = attempt(fault, folder) if sound[area] else "not judged"  # the tests fail without it
+                    sound[area] = failing(area, folder)
+                verdict, test = ("not judged", sound[area]) if sound[area] else attempt(fault, folder)
             counts[verdict] += 1
             change = f"{fault.before.strip()}  ->  {fault.after.strip() or 'nothing'}"
-            print(f"{fault.number:>3} {verdict:<10} {area.name}: {fault.file}: {change}", flush=True)
+            by = test and f"  by {test}"
+            print(f"{fault.number:>3} {verdict:<10} {area.name}: {fault.file}: {change}{by}", flush=True)
     print(", ".join(f"{n} {verdict}" for verdict, n in counts.items()))
-    return 3 if counts["SURVIVED"] else 0
+    return 3 if counts["SURVIVED"] or counts["stale"] else 0
 
 
 if __name__ == "__main__":
