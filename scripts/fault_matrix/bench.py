@@ -135,8 +135,8 @@ class Bench:
                 _kill(one)
             process.communicate()
 
-    def facts(self) -> dict[str, Any]:
-        return json.loads((self.run_folder / "run.json").read_text())
+    def facts(self, folder: str = "run") -> dict[str, Any]:
+        return json.loads((self.folder / folder / "run.json").read_text())
 
     def checkpoints(self) -> list[Path]:
         """Oldest first."""

@@ -1,8 +1,9 @@
-"""Rows 70 to 79: what befalls a run's folder and files, foreign states, signals of batch systems."""
+"""Rows 70 to 79 and 88: what befalls a run's folder and files, its name, foreign states, signals of batch systems."""
 
 from __future__ import annotations
 
 import os
+import shlex
 import shutil
 import signal
 import time
@@ -19,6 +20,8 @@ from hpcpic.core.files.arrays import Shard
 from hpcpic.core.files.rundir import RunDir
 from hpcpic.core.run import checkpoint
 
+NAMES = ("-o it's \"x\" $HOME `id` *", "ünï→粒子\nline", "n" * 250)  # of run folders
+TOO_LONG = ("n" * 256, "/".join(["n" * 200] * 25))
 SIGNALS = ("SIGHUP", "SIGUSR2", "SIGXCPU")  # which batch systems and terminals send
 
 
@@ -164,3 +167,18 @@ def hangup(bench: Bench) -> str:
         signal.signal(signal.SIGHUP, before)
     expect(done.code == 0 and bench.facts()["state_digest"] == bench.digest(), done)
     return "exit 0, same bits"
+
+
+@row(88, "run folders of odd names", "the command that is told goes on: same bits; names too long: exit 6")
+def odd_names(bench: Bench) -> str:
+    for name in NAMES:
+        words = ("run", str(bench.case), "--threads", "1", f"--output={name}")
+        done = bench.call((*words, "--wall", "0"))
+        expect(done.code == 5 and "Traceback" not in done.err, f"{name!r}: {done}")
+        told = bench.facts(name)["reason"].partition("go on with: ")[2]
+        done = bench.call((*shlex.split(told)[1:], "--threads", "1"))
+        expect(done.code == 0 and bench.facts(name)["state_digest"] == bench.digest(), f"{name!r}: {done}")
+    for name in TOO_LONG:
+        done = bench.call(("run", str(bench.case), "-o", name))
+        expect(done.code == 6 and "Traceback" not in done.err and "too long" in done.err, done)
+    return "same bits after restart; too long: exit 6"

@@ -192,10 +192,10 @@ class _Job:
         )
 
     def _replay(self, folder: str) -> str:
-        return f"{self.app.name} restart {shlex.quote(folder)}"
+        return f"{self.app.name} restart {summary.shell_word(folder)}"
 
     def _again(self, folder: str) -> str:
-        config, new = shlex.quote(f"{folder}/config.conf"), shlex.quote(f"{folder}-again")
+        config, new = map(summary.shell_word, (f"{folder}/config.conf", f"{folder}-again"))
         return " ".join([f"{self.app.name} run {config} -o {new}{self.allowed}", *map(shlex.quote, use.words(folder))])
 
     def _take_up(self, model: Model, reader: checkpoint.Reader, plan: Plan) -> None:

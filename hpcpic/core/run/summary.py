@@ -174,9 +174,14 @@ def render(facts: Mapping[str, Any]) -> str:
         lines.append(_row(f"warning {k + 1}", text))
     lines.append(_row("results", str(facts["folder"])))
     if "program" in facts:
-        folder = shlex.quote(str(facts["folder"]))
+        folder = shell_word(str(facts["folder"]))
         lines.append(_row("look", f"{facts['program']} plot {folder}; {facts['program']} report {folder}"))
     return "\n".join(lines)
+
+
+def shell_word(path: str) -> str:
+    """A path as a word that a shell reads as it is and no command takes for an option."""
+    return shlex.quote(f"./{path}" if path.startswith("-") else path)
 
 
 def _head(facts: Mapping[str, Any]) -> list[str]:

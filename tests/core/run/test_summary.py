@@ -1,5 +1,7 @@
 import math
+import shlex
 import time
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -177,3 +179,9 @@ def test_the_table_has_what_a_user_looks_for():
 @pytest.mark.parametrize("history", [5, None, "running", {"status": "running"}, [7, {"status": "running"}]])
 def test_the_history_of_a_file_that_anybody_wrote(history):
     assert [part["status"] for part in summary.settled(history)] == ["killed"] * isinstance(history, list)
+
+
+def test_a_path_is_one_word_of_the_shell_and_no_option():
+    for path in ("/a/b", "-o", "it's \"x\" $HOME `id` *", "a\nb"):
+        (word,) = shlex.split(summary.shell_word(path))
+        assert Path(word) == Path(path) and not word.startswith("-")
