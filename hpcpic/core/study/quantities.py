@@ -80,20 +80,27 @@ def peak(t: NDArray, y: NDArray) -> float:
 
 
 def oscillation(t: NDArray, y: NDArray) -> tuple[float, float]:
-    """(frequency 1/s, damping rate 1/s) of offset + exp(-rate t) cos(2 pi frequency t + phase), by least squares."""
-    from scipy.optimize import least_squares
+    """(frequency 1/s, damping rate 1/s) of offset + exp(-rate t) (a + cos(2 pi frequency t + phase)), by least squares:
+    an energy, the square of a wave, has the part a.
+    """
+    found = [fitted(t - t[0], y, start) for start in (peak(t, y), peak(t, np.gradient(y, t)))]  # its trend may be higher
+    near = [one for one in found if 0.3 * one[3] < one[1] < 3.0 * one[3]]
+    if not near:
+        raise ValueError("no oscillation")
+    return min(near)[1:3]
 
-    t, start = t - t[0], peak(t, y)
+
+def fitted(t: NDArray, y: NDArray, start: float) -> tuple[float, float, float, float]:
+    """(what is left of the squares, frequency 1/s, damping rate 1/s, start) of an oscillation sought from `start` 1/s."""
+    from scipy.optimize import least_squares
 
     def residual(x: NDArray) -> NDArray:
         wave, decay = 2.0 * math.pi * x[0] * start * t, np.exp(-np.clip(x[1] * start * t, -30.0, 30.0))
-        basis = np.stack([np.ones_like(t), decay * np.cos(wave), decay * np.sin(wave)], axis=1)
+        basis = np.stack([np.ones_like(t), decay, decay * np.cos(wave), decay * np.sin(wave)], axis=1)
         return basis @ np.linalg.lstsq(basis, y, rcond=None)[0] - y
 
-    found = least_squares(residual, [1.0, 0.0], x_scale=[0.1, 0.1]).x
-    if not 0.3 < found[0] < 3.0:
-        raise ValueError("no oscillation")
-    return float(found[0] * start), float(found[1] * start)
+    made = least_squares(residual, [1.0, 0.01], x_scale=[0.1, 0.1])
+    return float(made.cost), float(made.x[0] * start), float(made.x[1] * start), start
 
 
 REDUCTIONS = {

@@ -14,7 +14,8 @@ from hpcpic.core.study.quantities import is_nothing, parsed, telling
 KNOBS = SimpleNamespace(time=10.0, quantities=lambda: [SimpleNamespace(name="energy")])
 T = np.linspace(0.0, 10.0, 2001)
 WAVE = 2.0 + np.exp(-0.2 * T) * np.cos(2 * np.pi * 1.37 * T + 0.4)
-COLUMNS = {"wave": WAVE, "line": 3.0 * T, "grown": 1e-3 * np.exp(0.7 * T), "flat": np.ones_like(T)}
+ENERGY = (np.exp(-0.1 * T) * np.cos(2 * np.pi * 0.41 * T)) ** 2 + 0.05  # of a damped wave, above noise
+COLUMNS = {"wave": WAVE, "energy": ENERGY, "line": 3.0 * T, "grown": 1e-3 * np.exp(0.7 * T), "flat": np.ones_like(T)}
 
 
 def measured(text, columns=COLUMNS, t=T):
@@ -33,6 +34,8 @@ def measured(text, columns=COLUMNS, t=T):
         ("growth(grown)", 0.7, 1e-9),
         ("frequency(wave)", 1.37, 1e-7),
         ("damping(wave)", 0.2, 1e-7),
+        ("frequency(energy)", 0.82, 1e-7),
+        ("damping(energy)", 0.2, 1e-6),
         ("peak(wave)", 1.37, 3e-3),  # a parabola through Hann's lines
     ],
 )
@@ -50,7 +53,7 @@ def test_a_curve_is_the_column_at_the_same_times_whatever_the_samples():
 def test_what_is_no_quantity_is_refused_with_what_there_is(text):
     with pytest.raises(ConfigError) as fault:
         parsed(text, list(COLUMNS), KNOBS)
-    known = ("there are wave, line", "one of mean, min", "0 to 10 s", "times in s")
+    known = ("there are wave, energy, line", "one of mean, min", "0 to 10 s", "times in s")
     assert any(word in str(fault.value) for word in known)
 
 
