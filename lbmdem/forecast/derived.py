@@ -6,32 +6,26 @@ from collections.abc import Iterator
 import numpy as np
 
 from hpcpic.core.case.config import Path
-from hpcpic.core.case.derived import Derived, Verdict, judged
+from hpcpic.core.case.derived import Derived, judged
 from hpcpic.core.files.start import arrays
 from lbmdem.case.config import (
-    ACCURATE,
     AXES,
     GrainSet,
     LbmDemConfig,
-    contact_step,
-    grain_mass,
 )
-from lbmdem.forecast.estimate import DEFAULT, phases
+from lbmdem.forecast.contacts import contacts, overlap_at_start
 from lbmdem.forecast.free_fall import OTHER_COLLISION, falling, unheld
 from lbmdem.forecast.node_shares import LOOSE
 from lbmdem.forecast.plan import grain_count
 from lbmdem.forecast.relaxation import SPACING, key_of_tau, relaxation, slower
 from lbmdem.physics.collision import COLLISIONS
-from lbmdem.physics.lubrication import MOST_SUBSTEPS, ROUGHNESS, STABLE, Film
 from lbmdem.physics.velocity_sets import CS2, LATTICES
 from lbmdem.physics.wall_rules import RULES, impedance
-from lbmdem.setup.overlap_survey import law_volume, packed_space, survey
+from lbmdem.setup.overlap_survey import law_volume, packed_space
 
 MOST_PLACES, PADDING = 1 << 31, 32  # of nodes in a slab, and of a row or a line of nodes beside its own
 DENSEST_VOID = {2: 0.093, 3: 0.26}  # void fraction of equal discs and spheres in their densest order
 RANDOM_VOID = {2: 0.16, 3: 0.36}  # the same of packings poured at random
-DEAR_SUBSTEPS = 1000  # of the contacts in a step of the fluid, which take longer than all else
-MAX_SUBSTEPS = 100_000
 ENOUGH_NODES = {2: 10.0, 3: 7.0}  # across a grain (Mansouri et al., section 4)
 
 
@@ -219,27 +213,6 @@ def fits(config: LbmDemConfig) -> Iterator[Derived]:
         )  # fmt: skip
 
 
-def overlap_at_start(config: LbmDemConfig) -> Iterator[Derived]:
-    """The deepest overlap of grains at given positions, or why they cannot start."""
-    nearest, deepest, outside, close, deep, gone = survey(config)
-    if outside or nearest == 0.0:
-        name = "grains outside the box" if outside else "least distance of centres"
-        cure = "their centres must lie in it" if outside else "no force has a direction there: move one of them"
-        limit, key = "0" if outside else "> 0", gone if outside else close
-        yield Derived(name, "n" if outside else "r", float(outside), "", limit, "fail", "", cure, key)
-    elif deepest > 0.0:
-        cure = "they fly apart; move them, or let packing = {..} find places without overlap"
-        yield overlap("overlap at the start", deepest, "linear contacts", cure, deep, forceable=True)
-
-
-def overlap(name: str, value: float, source: str, cure: str, key: Path, forceable: bool = False) -> Derived:
-    """An overlap over a diameter: 1 % is as linear contacts are meant, and 10 % no contact any more."""
-    return judged(
-        name, "delta/d", value, ok=value <= 0.01, legal=value < 0.1, limit="<= 1 %, < 10 %",
-        source=source, cure=cure, key=key, forceable=forceable,
-    )  # fmt: skip
-
-
 def packings(config: LbmDemConfig) -> Iterator[Derived]:
     """How high each reaches, and how dense it is, or where its grains begin to fall."""
     d, top = config.dimensions, config.domain.size[-1]
@@ -303,76 +276,6 @@ def density_ratio(config: LbmDemConfig, i: int, nodes: float) -> Iterator[Derive
         source="impedance of the links, zeta/(2 V)", key=("grains", i, "density"), forceable=True,
         cure='coupling.inertia = "implicit" is stable at any ratio',
     )  # fmt: skip
-
-
-def contacts(config: LbmDemConfig) -> Iterator[Derived]:
-    """The time step of the contacts against its limit, and how far grains overlap under their weight."""
-    limit = contact_step(config)
-    if not math.isfinite(limit):
-        return
-    if config.fluid:
-        yield substeps(config)
-    share, good = config.time_step / config.substeps / limit, ACCURATE * limit
-    yield judged(
-        "step of the contacts", "dt/dt_max", share, ok=share <= 2.01 * ACCURATE, legal=share < 1.0, limit="<= 0.4, < 1",
-        source="velocity Verlet with damped contacts on all sides (physics.contact_law)", stable_below=1.0,
-        cure=f"substeps = {math.ceil(config.time_step / good)}" if config.fluid else f"time_step = {good:.3g}",
-        key=("coupling", "substeps") if config.fluid else ("simulation", "time_step"),
-    )  # fmt: skip
-    if config.fluid and config.coupling.lubrication and not config.coupling.frozen:
-        yield films(config)
-    yield from overlaps(config)
-
-
-def films(config: LbmDemConfig) -> Derived:
-    """The gap at a plane wall, over the radius, below which the film of the smallest grain is limited: steps of the
-    contacts take care of stiffer ones up to MOST_SUBSTEPS, or not where their number is given."""
-    d, dx, fluid = config.dimensions, config.spacing, config.liquid
-    film = Film.of_lattice(fluid.kinematic_viscosity * fluid.density, dx, d)
-    group = min((group for group in config.grains if group.moving), key=lambda group: group.smallest_diameter)
-    radius, mass = 0.5 * group.smallest_diameter, grain_mass(group, group.smallest_diameter, d)
-    if config.coupling.inertia == "implicit":
-        lattice, rule = LATTICES[config.lattice], config.coupling.bounce_back
-        mass = max(mass, float(impedance(lattice, rule, radius / dx)[0]) * fluid.density * dx**d)
-    n = config.coupling.substeps or max(config.substeps, MOST_SUBSTEPS)
-    gap = film.gap_of(STABLE * n * mass / config.time_step, radius) / radius
-    least, limit = gap if gap > ROUGHNESS else 0.0, 0.01
-    wanted = math.ceil(film.resistance(limit * radius, radius) * config.time_step / (STABLE * mass))
-    return judged(
-        "gap of limited films", "h/R", least, ok=least <= limit, legal=True, limit=f"<= {limit:g}",
-        source="stability of lubrication forces", key=("coupling", "substeps"),
-        cure=f"coupling.substeps = {wanted} holds to {limit:g}; a smaller relaxation_time needs fewer",
-    )  # fmt: skip
-
-
-def substeps(config: LbmDemConfig) -> Derived:
-    """The number of substeps of the contacts in a step of the fluid, what they take, and how to have fewer."""
-    number = config.substeps
-    verdict: Verdict = "ok" if number <= MAX_SUBSTEPS else "fail"
-    note, key = "", ("contact", "normal_stiffness")
-    if number > DEAR_SUBSTEPS:
-        spent = phases(config, 1, 1, DEFAULT, 1)["grains"]
-        softer = config.contact.normal_stiffness * (DEAR_SUBSTEPS / number) ** 2
-        note = f"contact.normal_stiffness = {softer:.2g} takes {DEAR_SUBSTEPS}, and overlaps grow as its inverse; "
-        note += f"now they take about {spent:.2g} s of a step"
-    limit, cure = f"<= {MAX_SUBSTEPS:g}", note if verdict == "fail" else ""
-    return Derived("substeps of the contacts", "n_d", float(number), "", limit, verdict, note, cure, key, True)
-
-
-def overlaps(config: LbmDemConfig) -> Iterator[Derived]:
-    """The overlap at rest below a column of grains as high as the box, or as all of them."""
-    gravity, d = math.hypot(*config.gravity), config.dimensions
-    density = config.liquid.density if config.fluid else 0.0
-    for group in config.grains:
-        if not group.moving or not gravity:
-            continue
-        size = group.largest_diameter
-        layers = min(group.count, config.domain.size[-1] / size)
-        weight = grain_mass(group, size, d) * gravity * abs(1.0 - density / group.density)
-        share = layers * weight / config.contact.normal_stiffness / size
-        cure = f"normal_stiffness = {layers * weight / (0.01 * size):.2g} gives 1 % for {group.name}"
-        key = ("contact", "normal_stiffness")
-        yield overlap("overlap at rest", share, "weight of the column above", cure, key)
 
 
 def slices(config: LbmDemConfig) -> Iterator[Derived]:

@@ -3,6 +3,8 @@
 import math
 from collections.abc import Iterator
 
+import numpy as np
+
 from hpcpic.core.case.derived import Derived, judged
 from lbmdem.case.config import AXES, LbmDemConfig
 from lbmdem.forecast.node_shares import grains, volume
@@ -34,6 +36,20 @@ def terminal_speed(config: LbmDemConfig, i: int) -> float:
     for _ in range(100):  # halves the error of log v, or better
         v = math.sqrt(4.0 / 3.0 * size * pull / drag_coefficient(v * size / fluid.kinematic_viscosity))
     return v
+
+
+def impact_speed(config: LbmDemConfig, i: int) -> float:
+    """Speed (m/s) at which the highest grain of a set with given positions meets the wall below: that of its start
+    and of its fall, in a fluid at most its terminal one."""
+    group, pull = config.grains[i], math.hypot(*config.gravity)
+    below = [k for k, g in enumerate(config.gravity) if abs(g) > 0.5 * pull and AXES[k] not in config.domain.periodic]
+    start = math.hypot(*(group.velocity or (0.0,)))
+    if not len(group.centres) or not below:
+        return start
+    along = np.asarray(group.centres)[:, below[0]]
+    highest = along.max() if config.gravity[below[0]] < 0.0 else config.domain.size[below[0]] - along.min()
+    fall = math.sqrt(2.0 * pull * max(0.0, highest - 0.5 * group.smallest_diameter))
+    return math.hypot(start, min(fall, terminal_speed(config, i)) if config.fluid else fall)
 
 
 def falling(config: LbmDemConfig, i: int) -> Iterator[Derived]:

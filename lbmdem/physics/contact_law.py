@@ -72,6 +72,12 @@ def normal_force(overlap: Any, opening: Any, damping: Any, law: ContactLaw, dt: 
     return normal, travel, depth, dashpot * opening
 
 
+def deepest_overlap(speed: float, mass: float, law: ContactLaw) -> float:
+    """The overlap (m) at which a body (kg) that meets a wall at this speed (m/s) turns round; of spring and dashpot."""
+    damped = math.sqrt(1.0 - law.damping**2)
+    return speed * math.sqrt(mass / law.stiffness) * math.exp(-law.damping / damped * math.acos(law.damping))
+
+
 def regularised_friction(t: Vector, limit: Any, viscosity: float) -> tuple[Vector, Any]:
     """Friction min(beta v, mu N) against the slip, as in the paper; heat per time. limit: mu N."""
     slip = sqrt(dot(t, t))

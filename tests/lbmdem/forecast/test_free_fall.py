@@ -127,3 +127,18 @@ def test_a_packing_between_walls_that_would_carry_it_is_no_silo_at_rest():
     assert endless.value / tall.value == pytest.approx(0.5, rel=0.01)
     for sets in (("contact.friction=0.0",), ('domain.periodic=["x"]',)):
         assert number(SILO.replace("COUNT", "400"), name, *sets) is None
+
+
+@pytest.mark.parametrize("text", [DRY.replace('["y"]', '["x"]'), SPHERE])
+def test_contacts_are_as_stiff_as_the_fall_of_a_grain_needs(text):
+    """An impact over a tenth of a diameter ends a run: the check knows it and what is stiff enough."""
+    soft = "contact.normal_stiffness=0.05"
+    told = number(text, "overlap at impact", soft)
+    assert told.verdict == "fail" and told.forceable
+    stiffness = float(told.cure.partition(" = ")[2].split()[0])
+    assert number(text, "overlap at impact", f"contact.normal_stiffness={1.1 * stiffness}") is None
+    assert number(text, "overlap at impact", f"contact.normal_stiffness={0.8 * stiffness}").verdict == "warn"
+
+
+def test_nothing_falls_far_along_a_periodic_side():
+    assert number(DRY, "overlap at impact", "contact.normal_stiffness=0.05") is None
