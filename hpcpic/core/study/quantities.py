@@ -83,7 +83,7 @@ def oscillation(t: NDArray, y: NDArray) -> tuple[float, float]:
     """(frequency 1/s, damping rate 1/s) of offset + exp(-rate t) (a + cos(2 pi frequency t + phase)), by least squares:
     an energy, the square of a wave, has the part a.
     """
-    found = [fitted(t - t[0], y, start) for start in (peak(t, y), peak(t, np.gradient(y, t)))]  # its trend may be higher
+    found = [fitted(t - t[0], y, start) for start in (peak(t, y), peak(t, np.gradient(y, t)))]  # above a trend
     near = [one for one in found if 0.3 * one[3] < one[1] < 3.0 * one[3]]
     if not near:
         raise ValueError("no oscillation")
@@ -91,7 +91,7 @@ def oscillation(t: NDArray, y: NDArray) -> tuple[float, float]:
 
 
 def fitted(t: NDArray, y: NDArray, start: float) -> tuple[float, float, float, float]:
-    """(what is left of the squares, frequency 1/s, damping rate 1/s, start) of an oscillation sought from `start` 1/s."""
+    """(remaining squares, frequency 1/s, damping rate 1/s, start) of an oscillation sought from `start` 1/s."""
     from scipy.optimize import least_squares
 
     def residual(x: NDArray) -> NDArray:
