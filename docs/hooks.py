@@ -5,6 +5,7 @@ what their notebooks give when they are run.
 from __future__ import annotations
 
 import html
+import re
 import tempfile
 from collections.abc import Iterable, Iterator
 from importlib import import_module
@@ -16,7 +17,7 @@ import click
 import nbformat
 from mkdocs.structure.files import File, Files
 from nbconvert import MarkdownExporter
-from nbconvert.preprocessors import ExecutePreprocessor
+from nbconvert.preprocessors import CoalesceStreamsPreprocessor, ExecutePreprocessor
 
 from hpcpic.core.case.schema import Row, describe
 from hpcpic.core.cli.main import VERBS, build
@@ -43,6 +44,9 @@ def tutorial(notebook: Path) -> tuple[str, dict[str, bytes]]:
     cells = nbformat.read(notebook, as_version=4)
     with tempfile.TemporaryDirectory() as folder:
         ExecutePreprocessor(timeout=600).preprocess(cells, {"metadata": {"path": folder}})
+    cells, _ = CoalesceStreamsPreprocessor().preprocess(cells, {})
+    for output in (one for cell in cells.cells for one in cell.get("outputs", ()) if "text" in one):
+        output["text"] = re.sub(r"\x1b\[[0-9;]*m", "", output["text"])  # colours of a terminal
     named = {"unique_key": notebook.stem, "output_files_dir": "."}
     text, made = MarkdownExporter().from_notebook_node(cells, named)
     head, _, rest = text.lstrip().partition("\n")

@@ -137,8 +137,8 @@ class Case:
     ) -> Run:
         """Do what the verb `run` does, and open the folder that it made. Collective under mpirun.
 
-        folder: by default that of the command line. threads, wall ("HH:MM:SS"), checkpoint_every ("500" steps, "15m")
-        and quiet mean what they mean there. replace: the run in the folder. force: run in spite of limits that allow
+        folder: by default that of the command line. threads, wall ("HH:MM:SS") and checkpoint_every ("500" steps,
+        "15m") mean what they mean there. quiet: print warnings only. replace: the run in the folder. force: run in spite of limits that allow
         it. A run that was stopped early returns too, with the status "stopped". Raises ConfigError, FileError, and
         Diverged when the state was no solution any more.
         """
@@ -154,7 +154,7 @@ class Case:
 
         told = use.keep_own()
         target = run_folder(self._read_case) if folder is None else os.fspath(folder)
-        code = job(lambda: self._app, prepare, Flags(threads, wall, checkpoint_every, quiet=quiet), raises=True)
+        code = job(lambda: self._app, prepare, Flags(threads, wall, checkpoint_every, quiet=quiet, summary=not quiet), raises=True)
         run = Run.open(target, self._app)
         if code in _RAISED:
             raise _RAISED[code](f"{target}: {run.summary.get('reason', '')}")

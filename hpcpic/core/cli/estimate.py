@@ -15,6 +15,7 @@ from hpcpic.core.app.use import use_option
 from hpcpic.core.run.summary import several
 
 MIB = 2.0**20
+SMALL = 0.005  # share of the memory: smaller arrays share a row
 
 
 def numbers(estimate: Estimate) -> dict[str, float]:
@@ -33,7 +34,10 @@ def print_estimate(app: App, config: Any, ranks: int, threads: int) -> None:
     rates = read_rates()
     estimate = app.estimate(config, ranks, threads, rates)
     total = sum(estimate.memory.values())
-    rows = [(name, amount(size), shown(size / total, ".1%")) for name, size in estimate.memory.items()]
+    large = {name: size for name, size in estimate.memory.items() if size >= SMALL * total}
+    if small := len(estimate.memory) - len(large):
+        large[f"{several(small, 'smaller array')}, told by check --plan"] = total - sum(large.values())
+    rows = [(name, amount(size), shown(size / total, ".1%")) for name, size in large.items()]
     table(("memory per rank", "size", "share"), [*rows, ("total", amount(total), "")], right=("size", "share"))
     click.echo()
     files = [(name, amount(size)) for name, size in estimate.disk.items()]

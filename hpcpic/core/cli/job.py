@@ -46,6 +46,7 @@ class Flags:
     checkpoint_every: str | None = None
     patience: str = "0:10:00"
     quiet: bool = False
+    summary: bool = True  # printed at the end
 
     def interval(self) -> Every | EverySeconds | None:
         return None if self.checkpoint_every is None else parse_interval(self.checkpoint_every)
@@ -176,7 +177,7 @@ class _Job:
                     outcome = loop.run(model, self.world, self.rundir, options)
         finally:
             pool.close()
-        if self.world.rank == 0:
+        if self.world.rank == 0 and self.flags.summary:
             self._say(summary.render({**outcome.facts, "program": self.app.name}))
         return outcome.exit_code
 

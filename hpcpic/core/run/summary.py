@@ -217,7 +217,7 @@ def _section_table(facts: Mapping[str, Any]) -> list[str]:
         return []
     item_steps = max(1, facts["steps_done"] * facts["work_items"])
     lines = [
-        f"{'section':<16}{'min s':>10}{'avg s':>10}{'max s':>10}{'spread':>9}{'of loop':>8}{'calls':>10}"
+        f"{'section':<16}{'min s':>10}{'avg s':>10}{'max s':>10}{'spread':>9}{'share':>8}{'calls':>10}"
         f"   per {facts['work_unit']}-step"
     ]
     for name, row in table.items():
