@@ -138,9 +138,9 @@ class Case:
         """Do what the verb `run` does, and open the folder that it made. Collective under mpirun.
 
         folder: by default that of the command line. threads, wall ("HH:MM:SS") and checkpoint_every ("500" steps,
-        "15m") mean what they mean there. quiet: print warnings only. replace: the run in the folder. force: run in spite of limits that allow
-        it. A run that was stopped early returns too, with the status "stopped". Raises ConfigError, FileError, and
-        Diverged when the state was no solution any more.
+        "15m") mean what they mean there. quiet: print warnings only. replace: the run in the folder. force: run in
+        spite of limits that allow it. A run that was stopped early returns too, with the status "stopped". Raises
+        ConfigError, FileError, and Diverged when the state was no solution any more.
         """
         from hpcpic.core.app import use
         from hpcpic.core.cli.job import Flags, job
@@ -154,7 +154,8 @@ class Case:
 
         told = use.keep_own()
         target = run_folder(self._read_case) if folder is None else os.fspath(folder)
-        code = job(lambda: self._app, prepare, Flags(threads, wall, checkpoint_every, quiet=quiet, summary=not quiet), raises=True)
+        flags = Flags(threads, wall, checkpoint_every, quiet=quiet, summary=not quiet)
+        code = job(lambda: self._app, prepare, flags, raises=True)
         run = Run.open(target, self._app)
         if code in _RAISED:
             raise _RAISED[code](f"{target}: {run.summary.get('reason', '')}")

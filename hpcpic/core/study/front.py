@@ -161,11 +161,15 @@ def figure(search: Search, points: list[Proposal], verified: Verified | None) ->
                 at = (verified.pilot.seconds, verified.pilot.work)[k]
                 ax.loglog([at], [verified.error], "*", ms=13, color=COLOURS[2], label="recommended")
             if search.uncertainty:
-                ax.axhspan(0.1 * search.uncertainty, search.uncertainty, color=COLOURS[6], alpha=0.15, lw=0)
+                ax.axhspan(
+                    1e-3 * search.uncertainty, search.uncertainty, color=COLOURS[6], alpha=0.15, lw=0,
+                    label="the reference is known to",
+                )  # fmt: skip
             ax.xaxis.set_major_locator(LogLocator(subs=(1.0, 3.0)))
             ax.xaxis.set_minor_formatter(NullFormatter())
             ax.set_xlabel(label)
         lowest = min([row[1] for row in rows] + [here, search.uncertainty or 1.0])
+        lowest = min(lowest, verified.error if verified else lowest)
         axes[0].set_ylim(bottom=0.5 * max(lowest, 1e-14))
         axes[0].set_ylabel(f"relative error of {search.quantity.name}")
         axes[0].legend()
