@@ -163,7 +163,7 @@ def figure(search: Search, points: list[Proposal], verified: Verified | None) ->
             if search.uncertainty:
                 ax.axhspan(
                     1e-3 * search.uncertainty, search.uncertainty, color=COLOURS[6], alpha=0.15, lw=0,
-                    label="the reference is known to",
+                    label="uncertainty",
                 )  # fmt: skip
             ax.xaxis.set_major_locator(LogLocator(subs=(1.0, 3.0)))
             ax.xaxis.set_minor_formatter(NullFormatter())
@@ -172,7 +172,7 @@ def figure(search: Search, points: list[Proposal], verified: Verified | None) ->
         lowest = min(lowest, verified.error if verified else lowest)
         axes[0].set_ylim(bottom=0.5 * max(lowest, 1e-14))
         axes[0].set_ylabel(f"relative error of {search.quantity.name}")
-        axes[0].legend()
+        fig.legend(*axes[0].get_legend_handles_labels(), loc="outside upper center", ncols=5)
         return fig
 
 
