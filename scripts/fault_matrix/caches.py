@@ -118,7 +118,8 @@ def planted_cache(bench: Bench) -> str:
 def current_folder(bench: Bench) -> str:
     for name in (bench.program, "click", "numpy", "numba", "mpi4py", "json"):
         (bench.folder / f"{name}.py").write_text(f"open('executed-{name}', 'w'); raise SystemExit(0)\n")
-    sweep = bench.call(("sweep", str(bench.case), "-o", "sweep", "--threads", "1"))
+    short = "simulation.cycles=20" if bench.program == "hpcpic" else "simulation.end_time=0.01"
+    sweep = bench.call(("sweep", str(bench.case), "--set", short, "-o", "sweep", "--threads", "1"))
     expect(sweep.code == 0 and (bench.folder / "sweep/0000/run.json").exists(), sweep)
     doctor = bench.call(("doctor", "--threads", "1"))
     expect("starts no two ranks" not in doctor.out, doctor)

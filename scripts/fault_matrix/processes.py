@@ -170,7 +170,7 @@ def terminate_in_checkpoint(bench: Bench) -> str:
 def terminate_while_compiling(bench: Bench) -> str:
     cache = {"HPCPIC_CACHE_DIR": str(bench.folder / "cache")}
     with bench.started(wait=False, env=cache) as running:
-        running.wait_for(lambda: "setting up" in running.log())
+        running.wait_for(lambda: "compiling" in running.log())
         running.send("SIGTERM")
         done = running.end(120.0)
     expect(done.code == 5 and bench.facts()["steps"] == 0, done)

@@ -22,7 +22,7 @@ HALF = "from hpcpic.core.simd.compile import njit\n@njit\ndef half(x):\n    retu
 def cache(monkeypatch, tmp_path):
     """Where a fresh process keeps the compiled code of a program, with the cache root in tmp_path."""
     monkeypatch.setenv("HPCPIC_CACHE_DIR", str(tmp_path / "root"))
-    caches._told.clear()
+    caches._warned.clear()
 
     def folder(program=""):
         return compile.kernel_store.__wrapped__(program).folder.path
