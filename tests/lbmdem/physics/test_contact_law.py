@@ -10,7 +10,14 @@ from dem_scenes import RADIUS, STIFFNESS, box, by_id, dem, grains
 
 from lbmdem.grains.contact_network import contact_count, energies
 from lbmdem.grains.dem import Dem
-from lbmdem.physics.contact_law import ContactLaw, PlaneWall, deepest_overlap, stable_step, step_limit
+from lbmdem.physics.contact_law import (
+    ContactLaw,
+    PlaneWall,
+    deepest_overlap,
+    regularised_friction,
+    stable_step,
+    step_limit,
+)
 from lbmdem.physics.lubrication import Film
 
 TABLE = Path(__file__).parents[2] / "data" / "dem_restitution.csv"
@@ -104,6 +111,16 @@ def test_undamped_limits_are_the_classical_ones():
     """2 sqrt(m / (z k)): 0.637, 0.450, 0.318, 0.260 of a contact of pi sqrt(m / k)."""
     for contacts, expected in ((1, 0.637), (2, 0.450), (4, 0.318), (6, 0.260)):
         assert step_limit(0.0, contacts) / math.pi == pytest.approx(expected, abs=5e-4)
+
+
+@pytest.mark.parametrize("speed", [1e-6, 0.3, 40.0])
+def test_friction_is_viscous_below_the_limit_of_coulomb_and_never_beyond(speed):
+    """Along the slip, min(beta v, mu N) of Mansouri et al. 2011; what it does is heat."""
+    slip, limit, viscosity = speed * np.array([2.0, -1.0, 2.0]) / 3.0, 0.7, 5.0
+    force, heat = regularised_friction(tuple(slip), limit, viscosity)
+    expected = min(viscosity, limit / speed) * slip
+    np.testing.assert_allclose(force, expected, rtol=1e-14)  # a few roundings
+    assert heat == pytest.approx(np.dot(expected, slip), rel=1e-14)
 
 
 def crystal_growth(world, pool, law, d, part):
