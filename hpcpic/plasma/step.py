@@ -1,5 +1,6 @@
 """The simulation flow of the thesis (9.2): allocation, rewind, loop."""
 
+import math
 from collections.abc import Collection, Mapping
 
 import numpy as np
@@ -9,13 +10,14 @@ from hpcpic.core.comm.world import World
 from hpcpic.core.files.arrays import Column, FieldArray, ParticleArray, Shard
 from hpcpic.core.files.sealed import Reader
 from hpcpic.core.run.gauges import Gauges
+from hpcpic.core.run.guard import ConservedSums
 from hpcpic.core.run.worst import worst_particles
 from hpcpic.core.space.domain import Domain, block_ranges, even_cuts
 from hpcpic.core.tasks.graph import Pool
 from hpcpic.core.timers import Timers
 from hpcpic.plasma.case.config import PlasmaConfig
 from hpcpic.plasma.diagnostics import scalars, snapshot
-from hpcpic.plasma.diagnostics.energy_watch import STEPS_BETWEEN_LOOKS, EnergyWatch
+from hpcpic.plasma.diagnostics.energy_watch import MIN_PARTICLES, STEPS_BETWEEN_LOOKS, EnergyWatch
 from hpcpic.plasma.diagnostics.field_modes import FieldModes
 from hpcpic.plasma.diagnostics.node_moments import NodeMoments
 from hpcpic.plasma.diagnostics.series_sums import SeriesSums
@@ -23,7 +25,7 @@ from hpcpic.plasma.field.mesh import SHIFT, Mesh
 from hpcpic.plasma.forecast.derived import total_plasma_frequency
 from hpcpic.plasma.particles.cloud import CHUNK, Cloud
 from hpcpic.plasma.particles.driven import driven_kernel
-from hpcpic.plasma.particles.push_spec import PushSpec, groups_of_charge
+from hpcpic.plasma.particles.push_spec import WHOLE_BITS, PushSpec, groups_of_charge
 from hpcpic.plasma.physics.species_fields import asked_for, field_units
 from hpcpic.plasma.setup.scene import Scene
 
@@ -80,7 +82,7 @@ class Plasma:
         self._distribute()
         self._rewind()
         self.iteration = 0
-        self._energy = self._watch()
+        self._energy, self._momentum = self._watch(), self._kept_momentum()
 
     def _field_scale(self) -> float:
         """A power of two that turns E into about a cell per step^2 for the lightest species."""
@@ -175,6 +177,9 @@ class Plasma:
             if self._gauges:
                 values |= self._gauges.values(self._fields({gauge.what for gauge in self.scene.config.gauge}))
         self._energy.see(values["energy_total"], self.time, self.iteration)
+        mass = sum(species.n * species.m for species in self.scene.species)
+        energy = values["energy_kinetic"] + abs(values["energy_field"])
+        self._momentum.see(values, math.sqrt(2.0 * mass * energy), self.iteration)
         return values
 
     def fields(self) -> Mapping[str, FieldArray]:
@@ -210,7 +215,7 @@ class Plasma:
         fed = bool(any(self.scene.config.field.electric) or self._drives)  # energy comes in
         if not fed and self.iteration - self._energy.step >= STEPS_BETWEEN_LOOKS:
             self.scalars()
-        return self.mesh.trouble() or (None if fed else self._energy.trouble())
+        return self.mesh.trouble() or (None if fed else self._energy.trouble()) or self._momentum.trouble
 
     def worst(self) -> list[str]:
         """Lines on the worst particles of this rank. Collective."""
@@ -221,6 +226,14 @@ class Plasma:
         v = COLDEST * wp * max(self.scene.spacing)
         cold = 0.5 * self.scene.dimensions * v * v * sum(s.n * s.m for s in species)
         return EnergyWatch(cold, wp, self.scene.n_particles)
+
+    def _kept_momentum(self) -> ConservedSums:
+        """The momentum that the scene keeps. A step adds to that of a particle at most wp dt <= 2 times what its energy
+        stands for; forces between particles are opposite but for what their charge is divided into.
+        """
+        many = self.scene.n_particles >= MIN_PARTICLES
+        momenta = (name for name in self.scene.config.conserved if many and name in ("momentum_x", "momentum_y"))
+        return ConservedSums(tuple(momenta), 4.0 * 2.0 ** -WHOLE_BITS[np.dtype(self.cloud.spec.dtype).itemsize])
 
     def close(self) -> None:
         """Free what MPI holds (all ranks together)."""

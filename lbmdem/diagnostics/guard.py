@@ -9,7 +9,7 @@ from lbmdem.grains.dem import Dem
 MAX_SPEED = 0.4  # nodes per step beyond which no collision is a fluid any more
 MAX_DENSITY = 2.0  # density of the lattice fluid, likewise; its inverse is the least one
 MAX_DRIFT = 0.01  # change of the mean density of a fluid that cannot leave
-MAX_JUMP = 1e-9  # the same between two looks where it stays to rounding: 1e-17 a step
+MAX_JUMP = 1e-12  # the same between two looks where it stays to rounding: 1e-17 in 50 steps
 
 
 def fault(seen: Diagnostics, fluid: Fluid | None, dem: Dem | None, max_overlap: float) -> str | None:

@@ -8,6 +8,7 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
+from hpcpic.core.run.guard import ConservedSums
 from sph.diagnostics.leaks import LeakFinder
 from sph.diagnostics.scalars import Totals, fluid_scalars
 from sph.particles.extremes import Extremes
@@ -22,6 +23,7 @@ SHORTEST_STEP = 1e-2  # of that at the start: the fluid crosses h in it only if 
 MAX_RMS_MACH = 1 / 3  # root mean square of the speeds over c0: the largest speed that c0 may be chosen for
 MAX_DRIVEN_SPEED = 1.5  # of the largest velocity that its force gives the fluid of a channel
 MAX_ENERGY_GROWTH = 1.0  # of the total energy, in kinetic energies of all fluid at eos.max_velocity
+ROUNDING = 8.0  # of all forces in a step, which add at most about c0 to a velocity; 1e-3 of it is seen
 ENERGY_PERIOD = 100  # steps after which the energy is summed, written or not; it costs a tenth of a step
 
 log = logging.getLogger("hpcpic.sph")
@@ -43,6 +45,12 @@ class Runaway:
         from_rest = still and not any(fluid.flow or any(fluid.velocity) for fluid in fluids)
         self.driven = channel.fastest if channel and from_rest else math.inf
         self.conserving = "energy_total" in scene.config.conserved
+        momentum = tuple(name for name in scene.config.conserved if name.startswith("momentum"))
+        real = np.float64 if scene.config.numerics.precision == "double" else np.float32
+        self.kept = [
+            ConservedSums(tuple({"mass"} & {*scene.config.conserved}), 0.0),
+            ConservedSums(momentum, ROUNDING * float(np.finfo(real).eps)),
+        ]
         self.usual_speed = scene.config.eos.max_velocity or 0.0
         self._warned = False
         self._energy_step = clock.step
@@ -123,6 +131,8 @@ class Runaway:
         """Energies, mass, momentum and extremes of the fluid, after a look at the energy. Collective."""
         found = fluid_scalars(self.scene, self.totals)
         self._look_at_energy(found["energy_kinetic"], found["energy_total"], found["mass"])
+        for sums in self.kept:
+            sums.see(found, found["mass"] * self.scene.c0, self.clock.step)
         return found
 
     def trouble(self) -> str | None:
@@ -135,7 +145,8 @@ class Runaway:
             return "a position or velocity is not a finite number"
         if not np.abs(self.forces.impulses).max(initial=0.0) <= self.forces.largest_impulse(self.clock.time):
             return "the impulse of the fluid on a wall is beyond what pressures of rho0 c0^2 could have given"
-        return self.leaks.found or self._energy_trouble or self.leaks.through_wall()
+        jumps = (sums.trouble for sums in self.kept if sums.trouble)
+        return self.leaks.found or self._energy_trouble or next(jumps, None) or self.leaks.through_wall()
 
 
 def _lengths(vectors: NDArray) -> NDArray[np.float64]:

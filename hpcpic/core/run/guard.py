@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import math
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -94,3 +94,27 @@ class Guard:
             letters[: len(text)] = np.frombuffer(text, dtype=np.uint8)
         letters = self.world.max_array(letters)
         return bytes(letters[letters > 0].astype(np.uint8)).decode(errors="replace")
+
+
+class ConservedSums:
+    """Sums that nothing in a scene can change, as they are seen now and then: one that jumps tells damaged memory.
+
+    names: of the sums in the series. rounding: what a step may change them by, in parts of their scale.
+    """
+
+    def __init__(self, names: tuple[str, ...], rounding: float) -> None:
+        self.names, self.rounding = names, rounding
+        self.trouble: str | None = None
+        self._last: tuple[dict[str, float], float, int] | None = None
+
+    def see(self, scalars: Mapping[str, float], scale: float, step: int) -> None:
+        """The scalars at a step; scale: of the terms of the sums, and of what is added to them in a step."""
+        values = {name: scalars[name] for name in self.names}
+        if self._last:
+            before, least, since = self._last
+            allowed = self.rounding * (abs(step - since) + 1) * max(scale, least)
+            for name, value in values.items():
+                if abs(value - before[name]) > allowed:
+                    jump = f"{name} jumped from {before[name]:.6g} to {value:.6g} between steps {since} and {step}"
+                    self.trouble = f"{jump}, which nothing in the scene can do: damaged memory"
+        self._last = values, scale, step

@@ -5,7 +5,7 @@ import pytest
 
 from hpcpic.core.comm.world import World
 from hpcpic.core.run import guard
-from hpcpic.core.run.guard import REACTION_SECONDS, Guard
+from hpcpic.core.run.guard import REACTION_SECONDS, ConservedSums, Guard
 from hpcpic.core.run.signals import Reason
 
 
@@ -95,3 +95,22 @@ def test_the_sentence_of_one_rank_is_whole_when_several_diverge():
     world = World.start()
     verdict = Guard(world, lambda: f"rank {world.rank} is broken", 0).agree(0, Reason.NONE, False)
     assert verdict.diverged == f"rank {verdict.rank} is broken"
+
+
+@pytest.mark.parametrize(
+    "change, told", [(0.0, False), (0.9e-12, False), (-1.1e-12, True), (np.inf, True), (np.nan, False)]
+)
+def test_a_conserved_sum_may_change_by_the_rounding_of_the_steps_between(change, told):
+    """Here 1e-15 of 10 in each of 100 steps; no number is told by what finds it, not by a sum."""
+    sums = ConservedSums(("p",), 1e-15)
+    sums.see({"p": 3.0, "other": 0.0}, 10.0, 1)
+    sums.see({"p": 3.0 + change, "other": 7.0}, 1.0, 100)
+    assert bool(sums.trouble) == told
+
+
+def test_what_is_exact_may_not_change_at_all():
+    sums = ConservedSums(("mass",), 0.0)
+    for step, mass in enumerate((0.1, 0.1, np.nextafter(0.1, 1.0))):
+        assert not sums.trouble
+        sums.see({"mass": mass}, 1.0, step)
+    assert "mass jumped" in sums.trouble and "steps 1 and 2" in sums.trouble

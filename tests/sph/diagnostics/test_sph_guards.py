@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from sph_scenes import engine, tank
+from sph_scenes import engine, jitter, tank
 
 from hpcpic.core.errors import Diverged
 from sph.physics import stability
@@ -124,6 +124,34 @@ def test_a_reach_of_neighbours_that_cannot_be(reach):
     sph.skin.reach = reach
     with pytest.raises(Diverged, match="neighbours are known for"):
         sph.resume()
+
+
+def drop(**settings):
+    """Disordered fluid that nothing but itself acts on."""
+    sph = engine(d=2, gravity=(0.0, 0.0), **settings)
+    jitter(sph)
+    sph.scalars()
+    return sph
+
+
+@pytest.mark.parametrize(
+    "settings", [{}, {"flux": "rusanov", "integrator": "rk3-tvd"}, {"corrected": "true"}, {"shifting": "true"},
+                 {"precision": "single"}], ids=str
+)  # fmt: skip
+def test_a_drop_keeps_its_momentum_until_a_number_changes_in_memory(settings):
+    """One velocity by 1e-3 of that of sound. In single precision rounding may change more."""
+    sph = drop(**settings)
+    assert attacked(sph, lambda sph: sph.scalars()) is None
+    reason = attacked(sph, lambda sph: set_one("v", sph.storage.v[0, one(sph)] + 1e-3 * sph.scene.c0, 0)(sph))
+    assert ("jumped" in (reason or "")) == ("precision" not in settings)
+
+
+def test_a_mass_that_changes_in_memory():
+    sph = water()
+    sph.scalars()
+    assert "mass jumped" in attacked(
+        sph, lambda sph: set_one("m", sph.storage.m[one(sph)] * (1 + 1e-9))(sph), steps=200
+    )
 
 
 def test_a_sound_run_is_left_alone():
