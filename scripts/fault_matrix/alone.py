@@ -153,11 +153,11 @@ def campaign(app: Any, world: World, folder: Path, n: int) -> dict[str, Any]:
         said = within_child(lambda: (app.restore(damaged), scalars_after(app, LONG_STEPS))[1])  # noqa: B023
         if said.startswith("{"):
             said = "harmless" if same_scalars(json.loads(said), quiet) else "silent"
-        found[said] += 1
+        found.update((said, f"{said}: {name}"))
         if said == "silent":
             silent.append(f"{name}[{row}, {word}] {one[word]:.6g} -> {flipped(one[word], bit):.6g}")
             print(silent[-1], flush=True)
-    return {"found": dict(found), "silent": silent}
+    return {"found": dict(sorted(found.items())), "silent": silent}
 
 
 def scalars_after(app: Any, steps: int) -> str:
