@@ -65,6 +65,7 @@ APP = App(
         "simulation.sampling_period",
         "simulation.plasma_chunks",
         "gauge",
+        "histogram",
         "output",
     ),
     bench=later("hpcpic.plasma.bench", "bench"),

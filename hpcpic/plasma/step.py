@@ -7,7 +7,7 @@ import numpy as np
 
 from hpcpic.core.case.accelerations import ACCELERATIONS
 from hpcpic.core.comm.world import World
-from hpcpic.core.files.arrays import Column, FieldArray, ParticleArray, Shard
+from hpcpic.core.files.arrays import Column, Counts, FieldArray, ParticleArray, Shard
 from hpcpic.core.files.sealed import Reader
 from hpcpic.core.run.gauges import Gauges
 from hpcpic.core.run.guard import ConservedSums
@@ -19,6 +19,7 @@ from hpcpic.plasma.case.config import PlasmaConfig
 from hpcpic.plasma.diagnostics import scalars, snapshot
 from hpcpic.plasma.diagnostics.energy_watch import MIN_PARTICLES, STEPS_BETWEEN_LOOKS, EnergyWatch
 from hpcpic.plasma.diagnostics.field_modes import FieldModes
+from hpcpic.plasma.diagnostics.histograms import Histograms
 from hpcpic.plasma.diagnostics.node_moments import NodeMoments
 from hpcpic.plasma.diagnostics.series_sums import SeriesSums
 from hpcpic.plasma.field.mesh import SHIFT, Mesh
@@ -75,6 +76,7 @@ class Plasma:
         self.scalar_units |= self._gauges.units(field_units(config), self.scalar_units)
         asked = asked_for(config)
         self._node_moments = NodeMoments(scene, world, self.domain, self.cloud, asked) if asked else None
+        self._histograms = Histograms(scene, world, self.cloud) if self.periods["histogram"] else None
         named = [(k, species.section.acceleration) for k, species in enumerate(scene.species)]
         sides = tuple(float(side) for side in scene.velocity_spacing)
         kernels = (driven_kernel(ACCELERATIONS[name], k, scene.dimensions, sides) for k, name in named if name)
@@ -190,6 +192,12 @@ class Plasma:
     def _fields(self, names: Collection[str]) -> dict[str, FieldArray]:
         found = snapshot.fields(self.mesh, names)
         return found | self._node_moments.arrays_of(self.iteration, names) if self._node_moments else found
+
+    def histograms(self) -> Mapping[str, Counts]:
+        """The histograms of the case at t = n dt, by name. Collective."""
+        self.solve()
+        with self.timers.section("histograms"):
+            return self._histograms.counted() if self._histograms else {}
 
     def particles(self) -> Mapping[str, ParticleArray]:
         """x^n and v^(n-1/2) by species. Collective."""

@@ -11,6 +11,8 @@ from numpy.typing import NDArray
 if TYPE_CHECKING:
     import xarray
 
+    from hpcpic.core.files.histograms import Histogram
+
 AXES = "xyz"
 VECTOR = "component"
 
@@ -35,6 +37,18 @@ def field(
         axes.append(VECTOR)
         coordinates[VECTOR] = list(AXES[: values.shape[-1]])
     return xarray.DataArray(values, coords=coordinates, dims=axes, name=name, attrs=dict(attributes))
+
+
+def histogram(name: str, read: Histogram) -> xarray.DataArray:
+    """density[time, bins, ...] at the middles of the bins."""
+    import xarray
+
+    coordinates: dict[str, Any] = {
+        axis: (axis, 0.5 * (edges[1:] + edges[:-1]), {"units": read.units[axis]}) for axis, edges in read.edges.items()
+    }
+    coordinates |= {"time": ("time", read.time, {"units": "s"}), "step": ("time", read.step)}
+    coordinates["beyond"] = ("time", read.beyond)
+    return xarray.DataArray(read.density, coordinates, ["time", *read.edges], name, {"units": read.unit})
 
 
 def particles(

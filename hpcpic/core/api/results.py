@@ -103,6 +103,12 @@ class Run:
         units = {"position": "m", **snapshots.units}
         return arrays.particles(snapshots.read(name, index), units, self._attributes(snapshots, index))
 
+    def histogram(self, name: str) -> xarray.DataArray:
+        """A histogram of the case as a density over `time` [s] and the middles of its bins; its integral over all axes
+        is the number of real particles in the bins. `beyond`: how many particles lay in none.
+        """
+        return arrays.histogram(name, self._files.histogram(name))
+
     @staticmethod
     def _attributes(snapshots: reader.Snapshots, index: int) -> dict[str, Any]:
         return {"time": float(snapshots.times[index]), "step": int(snapshots.steps[index])}

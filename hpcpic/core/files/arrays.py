@@ -93,6 +93,33 @@ class ParticleArray:
     constants: Mapping[str, float] = field(default_factory=dict)
 
 
+@dataclass(frozen=True, slots=True)
+class Counts:
+    """Particles of all ranks counted in bins: counts[n, ...] along the axes of `edges`, axis -> [n + 1] in `units`, and
+    how many lie in no bin. Each stands for `weight` real ones.
+    """
+
+    counts: NDArray[np.int64]
+    beyond: int
+    edges: Mapping[str, NDArray[np.float64]]
+    units: Mapping[str, str]
+    weight: float
+
+    @property
+    def density(self) -> float:
+        """Real particles per unit of all axes, of a count of 1: times the counts the density whose integral is the
+        number of real particles in the bins.
+        """
+        return self.weight / math.prod(float(edges[1] - edges[0]) for edges in self.edges.values())
+
+    @property
+    def unit(self) -> str:
+        """Unit of the density: s/m of a velocity, s/m2 of a position and a velocity."""
+        powers = {"s": sum(unit == "m/s" for unit in self.units.values()), "m": len(self.units)}
+        above, below = (f"{name}{n if n > 1 else ''}" if n else "1" for name, n in powers.items())
+        return f"{above}/{below}"
+
+
 def spatial(vectors: NDArray) -> NDArray:
     """Vectors of one or two components, [..., d], with three; longer ones as they are."""
     d = vectors.shape[-1]

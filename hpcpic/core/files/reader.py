@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 
 from hpcpic.core.errors import FileError
 from hpcpic.core.files.arrays import PARTICLE_UNITS
+from hpcpic.core.files.histograms import Histogram, read_histogram
 from hpcpic.core.files.rundir import RunDir
 from hpcpic.core.files.safe_hdf5 import Checked, open_checked
 from hpcpic.core.files.series import Series, read_series
@@ -175,6 +176,10 @@ class Run:
     @cached_property
     def particle_snapshots(self) -> Particles:
         return Particles(self.rundir.particles)
+
+    def histogram(self, name: str) -> Histogram:
+        """A histogram in time, by the name that the case gives it."""
+        return read_histogram(self.path, name)
 
     def field(self, name: str, step: int | None = None, time: float | None = None) -> NDArray:
         """One field at a step, at the snapshot nearest to a time, or at the last one."""

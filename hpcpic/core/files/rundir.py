@@ -21,7 +21,8 @@ from hpcpic.core.files.together import explain
 
 RUN_FILES = (
     *("run.json", "config.conf", "log.txt", "timers.csv", "series.h5", "series.csv", "series.units.csv"),
-    *("fields.vtkhdf", "particles.vtkhdf", "grains.vtkhdf", "post-mortem.txt", "report.html", "STOP"),
+    *("fields.vtkhdf", "particles.vtkhdf", "grains.vtkhdf", "histograms.h5"),
+    *("post-mortem.txt", "report.html", "STOP"),
 )
 RUN_FOLDERS = {"checkpoints": r"\d{8,}\.h5", "openpmd": r"data\d*\.h5"}  # and what a run calls its files there
 LOCK = ".lock"

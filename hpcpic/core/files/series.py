@@ -76,8 +76,8 @@ class SeriesWriter:
             for name, unit in {STEP: "1", TIME: "s", **self._units}.items():
                 dtype = np.int64 if name == STEP else np.float64
                 image.growing(file, name, (), dtype, (CHUNK_ROWS,)).attrs["units"] = unit
-            _extend(file, columns)
-            _announce(file, kept.step)
+            extend(file, columns)
+            announce(file, kept.step)
             return {}
 
         made = temporary(self._h5)
@@ -112,8 +112,8 @@ class SeriesWriter:
             **{name: np.array([row[2][k] for row in rows]) for k, name in enumerate(self._units)},
         }
         try:
-            image.change(self._h5, lambda file: _extend(file, columns))
-            image.change(self._h5, lambda file: _announce(file, steps))
+            image.change(self._h5, lambda file: extend(file, columns))
+            image.change(self._h5, lambda file: announce(file, steps))
         except OSError as error:
             raise FileError(f"cannot append to {self._h5}: {explain(error)}") from error
         self._append_csv(_lines(_texts(steps, columns)))
@@ -131,14 +131,14 @@ class SeriesWriter:
             raise FileError(f"cannot append to {self._csv}: {explain(error)}") from error
 
 
-def _extend(file: "h5py.File", columns: Mapping[str, NDArray]) -> None:
+def extend(file: "h5py.File", columns: Mapping[str, NDArray]) -> None:
     first = len(file[STEP])
     for name, values in columns.items():
         image.extend(file[name], first + len(values))
         file[name][first : first + len(values)] = values
 
 
-def _announce(file: "h5py.File", steps: NDArray[np.int64]) -> None:
+def announce(file: "h5py.File", steps: NDArray[np.int64]) -> None:
     first = len(file[STEP])
     image.extend(file[STEP], first + len(steps))
     file[STEP][first:] = steps

@@ -6,7 +6,7 @@ from collections.abc import Callable, Mapping
 from typing import Any, Protocol
 
 from hpcpic.core.comm.world import World
-from hpcpic.core.files.arrays import Column, FieldArray, ParticleArray, Shard
+from hpcpic.core.files.arrays import Column, Counts, FieldArray, ParticleArray, Shard
 from hpcpic.core.files.sealed import Reader
 from hpcpic.core.space.domain import Domain
 from hpcpic.core.tasks.graph import Pool
@@ -56,6 +56,12 @@ class Model(Protocol):
     def guard(self) -> str | None: ...  # why this rank's state is no solution
     def worst(self) -> list[str]: ...  # lines on the worst particles and nodes of this rank
     def close(self) -> None: ...  # frees what MPI holds
+
+
+class Counting(Model, Protocol):
+    """A model whose periods have "histogram"."""
+
+    def histograms(self) -> Mapping[str, Counts]: ...  # by name, over all ranks
 
 
 Make = Callable[[Any, World, Pool, Timers], Model]  # (config, world, pool, timers)

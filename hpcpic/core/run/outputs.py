@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import logging
 from collections.abc import Callable, Mapping
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, cast
 
 from hpcpic.core.comm.world import World
 from hpcpic.core.errors import FileError
@@ -19,7 +19,7 @@ from hpcpic.core.run.triggers import Every, EveryTime, Observer
 from hpcpic.core.timers import Timers
 
 if TYPE_CHECKING:
-    from hpcpic.core.run.model import Model
+    from hpcpic.core.run.model import Counting, Model
 
 log = logging.getLogger("hpcpic.output")
 
@@ -65,6 +65,7 @@ class Outputs:
             "field": self._field_observer,
             "particle": self._particle_observer,
             "openpmd": self._openpmd_observer,
+            "histogram": self._histogram_observer,
         }
         self.observers = [
             Observer(kind, trigger, self._kept_going(kind, make()), seen=after)
@@ -148,6 +149,20 @@ class Outputs:
             self.rest()
             with self.timers.section("output particle"):
                 writer.append(model.iteration, model.time, species)
+
+        return observe
+
+    def _histogram_observer(self) -> Callable[[], None]:
+        from hpcpic.core.files.histograms import FILE, HistogramsWriter
+
+        model = cast("Counting", self.model)  # it has the period
+        writer = HistogramsWriter(self.world, self.rundir.path / FILE, after=self.after)
+        self._writers["histogram"] = writer
+
+        def observe() -> None:
+            found = model.histograms()
+            with self.timers.section("output histogram"):
+                writer.append(model.iteration, model.time, found)
 
         return observe
 

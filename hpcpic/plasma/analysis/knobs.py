@@ -44,6 +44,7 @@ def knobs_of(config: PlasmaConfig) -> Knobs:
             "output.every.series=1",
             "output.every.fields=0",
             "output.every.particles=0",
+            "output.every.histograms=0",
             "output.openpmd=false",
         ),
         work=lambda c: c.simulation.cycles * max(1, sum(s.particles for s in c.species)),

@@ -8,14 +8,29 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from hpcpic.core.app.figures import COLOURS, NoData, NotInScene, new_figure, plain, present, style
+from hpcpic.core.app.figures import (
+    COLOURS,
+    THEORY,
+    NoData,
+    NotInScene,
+    axis_label,
+    new_figure,
+    plain,
+    present,
+    style,
+)
+from hpcpic.core.errors import FileError
 from hpcpic.plasma.analysis import series_analysis
 from hpcpic.plasma.analysis.predictions import config_of
+from hpcpic.plasma.case import config as case
 from hpcpic.plasma.case.config import velocity_components
+from hpcpic.plasma.setup.loaders import loader_of
+from hpcpic.plasma.setup.macro_particles import macro_mass
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
+    from hpcpic.core.files.histograms import Histogram
     from hpcpic.core.files.reader import Particles, Run
 
 MAX_DOTS = 20_000  # more particles are drawn as a density
@@ -141,6 +156,68 @@ def _stairs(v: np.ndarray, bins: int, limits: tuple[float, float]) -> tuple[np.n
     centres, f = series_analysis.velocity_distribution(v, bins, limits)
     half = 0.5 * (centres[1] - centres[0])
     return f, np.append(centres - half, centres[-1] + half)
+
+
+def _histograms_of(run: Run) -> dict[str, tuple[case.Histogram, Histogram]]:
+    """Every histogram of a run by name: its keys in the case, and its counts."""
+    config = config_of(run)
+    if not config.histogram:
+        raise NotInScene("the case has no histogram")
+    try:
+        found = {one.name: (one, run.histogram(one.name)) for one in config.histogram}
+    except FileError as error:
+        raise NoData(f"no histograms (output.every.histograms): {error}") from error
+    if not all(len(read.step) for _, read in found.values()):
+        raise NoData("nothing was counted yet")
+    return found
+
+
+def steps_of_histograms(run: Run) -> Sequence[int]:
+    return [int(step) for step in next(iter(_histograms_of(run).values()))[1].step]
+
+
+def histograms(run: Run, step: int | None = None) -> Figure:
+    """Each histogram at the last count, or at a step: as a line, with that of the first count and the Maxwellian of the
+    case, or as a map.
+    """
+    found, config = _histograms_of(run), config_of(run)
+    steps = next(iter(found.values()))[1].step.tolist()
+    if step is not None and step not in steps:
+        raise NoData(f"no count at step {step}")
+    row = steps.index(step) if step is not None else -1
+    with style():
+        figure, axes = new_figure(len(found), 1, (6.4, 2.6 * len(found) + 0.6), squeeze=False)
+        for axis, colour, (one, read) in zip(axes[:, 0], cycle(COLOURS), found.values()):
+            names, edges = [*read.edges], [*read.edges.values()]
+            axis.set_xlabel(axis_label(names[0], read.units[names[0]]))
+            axis.set_title(f"{plain(one.name)}: {plain(one.species)}, t = {read.time[row]:.4g} s")
+            if len(names) == 2:
+                values = read.density[row].T
+                drawn = axis.pcolormesh(*edges, np.ma.masked_equal(values, 0), cmap="viridis", rasterized=True)
+                figure.colorbar(drawn, ax=axis, label=axis_label("f", read.unit))
+                axis.set_ylabel(axis_label(names[1], read.units[names[1]]))
+                continue
+            axis.stairs(read.density[0], edges[0], color=colour, alpha=0.45, linewidth=1.0, label="at the start")
+            axis.stairs(read.density[row], edges[0], color=colour, linewidth=1.8)
+            if names[0].startswith("v") and (f := _maxwellian(config, one, names[0], edges[0])) is not None:
+                axis.plot(0.5 * (edges[0][1:] + edges[0][:-1]), f, **THEORY, label="Maxwellian of the case")
+            axis.set(ylabel=axis_label("f", read.unit), ylim=(0, None))
+            axis.legend()
+        return figure
+
+
+def _maxwellian(config: case.PlasmaConfig, one: case.Histogram, axis: str, edges: np.ndarray) -> np.ndarray | None:
+    """Density of the populations of a species as loaded, at the middles of the bins; None of one that is cold."""
+    species = next(s for s in config.species if s.name == one.species)
+    populations = loader_of(species).populations(species, "xyz".index(axis[1]))
+    if not all(part.spread for part in populations):
+        return None
+    v = 0.5 * (edges[1:] + edges[:-1])
+    shares = [
+        part.share / (np.sqrt(2 * np.pi) * part.spread) * np.exp(-0.5 * ((v - part.mean) / part.spread) ** 2)
+        for part in populations
+    ]
+    return species.particles * macro_mass(config, species) / species.mass * np.sum(shares, axis=0)
 
 
 def orbits(run: Run, step: int | None = None) -> Figure:

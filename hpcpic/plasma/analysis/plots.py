@@ -30,7 +30,14 @@ from hpcpic.core.app.figures import (
     thinned,
 )
 from hpcpic.plasma.analysis import series_analysis, theory
-from hpcpic.plasma.analysis.particle_plots import orbits, phase_space, snapshots_of, velocities
+from hpcpic.plasma.analysis.particle_plots import (
+    histograms,
+    orbits,
+    phase_space,
+    snapshots_of,
+    steps_of_histograms,
+    velocities,
+)
 from hpcpic.plasma.analysis.predictions import beams, compare_mode, config_of, predict
 from hpcpic.plasma.case.config import PlasmaConfig
 
@@ -313,6 +320,7 @@ PLOTS = {
     "phase-space": Plot("Particles in phase space", phase_space, steps_of(snapshots_of)),
     "orbits": Plot("Paths of single particles", orbits),
     "velocities": Plot("Velocity distribution", velocities, steps_of(snapshots_of)),
+    "histograms": Plot("Histograms beside the Maxwellian of the case", histograms, steps_of_histograms),
     "spectrum": Plot("Spectrum over wave number and frequency", spectrum),
     "timers": TIMERS,
 }

@@ -138,6 +138,24 @@ class Species(Section):
     )
 
 
+HISTOGRAM_AXES = {"x": "m", "y": "m", "vx": "m/s", "vy": "m/s", "vz": "m/s"}  # with their units
+
+
+class Histogram(Section):
+    """The distribution of a species over a velocity, a position, or two of them, whose integral is the number of real
+    particles in the bins. Positions and velocities are of the same time.
+    """
+
+    name: str = setting("", "name in histograms.h5; by default histogram_1, histogram_2, ...")
+    species: str = setting("", "species to count; by default the only one")
+    of: Names = setting(REQUIRED, 'one axis or two: x, y, vx, vy, vz; ["x", "vx"] is phase space')
+    bins: Counts = setting((), "bins along each axis; by default 200 of a velocity, the cells of a position")
+    low: Vector = setting(
+        (), "lower ends; by default of the box, of velocities 6 thermal velocities beyond the drifts", "m, m/s"
+    )
+    high: Vector = setting((), "upper ends", "m, m/s")
+
+
 class Every(Section):
     series: int | None = setting(
         None,
@@ -152,6 +170,9 @@ class Every(Section):
     particles: int | None = setting(
         None, "steps between snapshots of the particles, 0 = never (output.sampling_period.particle)", "steps", ge=0
     )
+    histograms: int | None = setting(
+        None, "steps between counts of the histograms, 0 = never; by default a hundredth of the run", "steps", ge=0
+    )
     checkpoint: int | None = setting(
         None, "steps between checkpoints, 0 = only at the end and at an early stop", "steps", ge=0
     )
@@ -161,6 +182,7 @@ class Period(Section):
     series: float | None = setting(None, "time between samples of the series, instead of every.series", "s", ge=0)
     fields: float | None = setting(None, "time between snapshots of the fields", "s", ge=0)
     particles: float | None = setting(None, "time between snapshots of the particles", "s", ge=0)
+    histograms: float | None = setting(None, "time between counts of the histograms", "s", ge=0)
     checkpoint: float | None = setting(None, "time between checkpoints", "s", ge=0)
 
 
@@ -222,6 +244,7 @@ class PlasmaConfig(Section):
     species: tuple[Species, ...] = ()
     numerics: Numerics = Numerics()
     gauge: tuple[Gauge, ...] = ()
+    histogram: tuple[Histogram, ...] = ()
     output: Output = Output()
 
     @property
@@ -240,13 +263,14 @@ class PlasmaConfig(Section):
 
     @property
     def periods(self) -> dict[str, int]:
-        """Steps between samples of series, field and particle, openPMD files, checkpoints; 0 = never."""
+        """Steps between samples of series, field, particle, histogram, openPMD files, checkpoints; 0 = never."""
         every = self.output.every
         snapshots = [steps for steps in (every.fields, every.particles) if steps]
         return {
             "series": every.series or 0,
             "field": every.fields or 0,
             "particle": every.particles or 0,
+            "histogram": (every.histograms or 0) if self.histogram else 0,
             "openpmd": min(snapshots, default=0) if self.output.openpmd else 0,
             "checkpoint": every.checkpoint or 0,
         }

@@ -8,7 +8,7 @@ from typing import Any
 from hpcpic.core.case.config import Path, Tree, dotted
 from hpcpic.core.case.words import move, one_period
 
-KINDS = ("series", "fields", "particles", "checkpoint")  # of output
+KINDS = ("series", "fields", "particles", "histograms", "checkpoint")  # of output
 SAMPLING = ("simulation", "sampling_period")
 WRITTEN = ("output", "sampling_period")
 OLDER = {  # the thesis's words for output.every

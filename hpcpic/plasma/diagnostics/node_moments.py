@@ -14,7 +14,6 @@ from hpcpic.plasma.field.slab_sums import SlabSums
 from hpcpic.plasma.kernels.groups import NodeSumArrays
 from hpcpic.plasma.particles.cloud import Cloud
 from hpcpic.plasma.particles.tiles import Patches
-from hpcpic.plasma.physics.boris import part_of_turn, turn
 from hpcpic.plasma.physics.moments import SPEED_SQUARED
 from hpcpic.plasma.physics.species_fields import NodeSample, SpeciesField, unit_in
 from hpcpic.plasma.setup.scene import Scene, SceneSpecies
@@ -38,15 +37,12 @@ class NodeMoments:
         n, ghosts, d = 1 + sum(self.sizes), cloud.spec.shape.ghosts, scene.dimensions
         patches = Patches(cloud.tiles, n, d, ghosts)
         self.sums = SlabSums(world, cloud.pool, domain, n, ghosts, Channel.MOMENTS)
-        side = np.ones(3)
-        side[:d] = np.array(scene.spacing) / scene.spacing[0]
-        turns = [turn(*part_of_turn(species.rotation[0], 0.5)) for species in scene.species]
         self.arrays = arrays = NodeSumArrays(
             sampled=np.zeros(1, np.int64),
             whole=np.ones(1, np.int64),
             node_half_kick=cloud.arena["half_kick"],
-            half_turn=np.array(turns),
-            side=side,
+            half_turn=np.array([species.half_turn for species in scene.species]),
+            side=scene.sides,
             per_scale=np.ones(n - 1),
             fastest=np.zeros(cloud.blocks),
         )

@@ -16,7 +16,6 @@ from hpcpic.plasma.field.mesh import Mesh
 from hpcpic.plasma.field.slab_sums import shares
 from hpcpic.plasma.kernels.mesh import node_sums
 from hpcpic.plasma.particles.cloud import Cloud
-from hpcpic.plasma.physics.boris import part_of_turn, turn
 from hpcpic.plasma.physics.moments import Moment
 from hpcpic.plasma.setup.scene import Scene
 from hpcpic.plasma.sizes import MAX_SPEED
@@ -41,14 +40,13 @@ class SeriesSums:
             row[:v] = species.half_kick
         kick[:, : scene.dimensions] /= field_scale
         kick[:, scene.dimensions :] *= np.array(scene.config.field.electric)[scene.dimensions :]
-        ratio = np.ones(3)
-        ratio[: scene.dimensions] = np.array(scene.spacing) / scene.spacing[0]
+        ratio = scene.sides
         cloud.arena.set(half_kick=kick.astype(cloud.spec.dtype), ratio_sq=ratio**2)
         self.particle_tasks = cloud.bind_moments()
         self.speed = 1.0  # power of two above |v| in cells per step
         self.largest_square = exact.power_of_two_above(float((ratio**2).sum()))  # |v|^2 of v = (1, 1, 1)
         self.side = np.array((*scene.spacing, scene.spacing[0], scene.spacing[0])[:v])
-        self.half_turns = [turn(*part_of_turn(species.rotation[0], 0.5)) for species in scene.species]
+        self.half_turns = [species.half_turn for species in scene.species]
         self._bind_nodes()
         self._lay_out()
 

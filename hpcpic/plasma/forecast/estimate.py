@@ -54,6 +54,7 @@ DEFAULT = FILES | {
     "factor_ns 1D": 3.5,
     "sample_ns": 3.4,  # of the series, per particle
     "sample_cell_ns": 8.0,
+    "count_ns": 20.0,  # of a histogram, per particle
     "plasma_sample_us": 75.0,
     "plasma_launch_us": 43.0,  # Python and the launches of a step
     "plasma_exchange_us": 15.0,  # of ranks with each other: messages, or a word that all agree on
@@ -76,6 +77,8 @@ def estimate(config: PlasmaConfig, ranks: int, threads: int, measured: Mapping[s
     whole = phases(config, ranks, threads, rates)
     shown = {name: seconds for name, seconds in whole.items() if name != "field" or period != 1}
     sampling = (cycles // period + 1 if period else 0) * sample_seconds(config, ranks, threads, rates)
+    if counted := config.periods["histogram"]:
+        sampling += (cycles // counted + 1) * count_seconds(config, ranks, threads, rates)
     disk = disk_items(config)
     written = config.output.every
     snapshots = sum(cycles // every + 1 for every in (written.fields, written.particles) if every)
@@ -185,6 +188,14 @@ def sample_seconds(config: PlasmaConfig, ranks: int, threads: int, rates: Mappin
     return 1e-9 * work / cores + 1e-6 * rates["plasma_sample_us"]
 
 
+def count_seconds(config: PlasmaConfig, ranks: int, threads: int, rates: Mapping[str, float]) -> float:
+    """Seconds of counting all histograms once."""
+    sizes = {species.name: species.particles for species in config.species}
+    counted = sum(sizes[histogram.species] for histogram in config.histogram)
+    cores = gain(ranks, threads, rates, rates[f"plasma_core_gain {config.dimensions}D"])
+    return 1e-9 * rates["count_ns"] * counted / cores
+
+
 def series_period(config: PlasmaConfig) -> int:
     """Steps between samples where the case does not say; by DEFAULT rates, so the same on any machine."""
     cycles = config.simulation.cycles
@@ -224,5 +235,8 @@ def disk_items(config: PlasmaConfig) -> dict[str, float]:
         "series": times(series) * SERIES_BYTES,
         "fields": times(period.fields) * cells * 8 * stored_components(config),
         "particles": times(period.particles) * particles * (3 * 8 + 3 * 8 + 8 + 4),
+        "histograms": (cycles // counted + 1) * 8 * sum(math.prod(one.bins) + 1 for one in config.histogram)
+        if (counted := config.periods["histogram"])
+        else 0,
         "checkpoints, two": 2 * particles * (particle_bytes(config) + 4),
     }

@@ -89,6 +89,22 @@ class NodeSumArrays(NamedTuple):
     fastest: NDArray
 
 
+class HistogramArrays(NamedTuple):
+    """What kernels.histogram counts: particles of species[0] in bins[k] along axes[k] of (x, y, vx, vy, vz), whose
+    coordinate c has t = c per_unit - low in [0, bins]; counts[block, bin]. The others as in NodeSumArrays.
+    """
+
+    species: NDArray
+    axes: NDArray
+    bins: NDArray
+    low: NDArray
+    per_unit: NDArray
+    node_half_kick: NDArray
+    half_turn: NDArray
+    side: NDArray
+    counts: NDArray
+
+
 class RecordArrays(NamedTuple):
     """Particles on their way between ranks: the same memory as real numbers and as 32-bit integers."""
 

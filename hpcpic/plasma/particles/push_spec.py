@@ -54,6 +54,11 @@ class PushSpec:
         """The kernel that sums moments of a species on the nodes, in double precision."""
         return self._module(("storage", "plain", "moments"), np.dtype(np.float64), moments).node_moments
 
+    def histogram(self) -> Any:
+        """The kernel that counts particles in bins, in double precision."""
+        stems = ("storage", "plain", "moments", "histogram")
+        return self._module(stems, np.dtype(np.float64), self.moments).count_particles
+
     def _module(
         self, stems: tuple[str, ...], real: np.dtype, moments: tuple[Moment, ...], **constants: int
     ) -> ModuleType:

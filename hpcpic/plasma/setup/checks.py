@@ -9,6 +9,7 @@ from hpcpic.core.case.schema import Fault, abridged
 from hpcpic.plasma.case import units
 from hpcpic.plasma.case.config import MOST_PARTICLES, MOST_POINTS, PlasmaConfig, Species, name_of
 from hpcpic.plasma.physics.species_fields import MESH_FIELDS, SPECIES_FIELDS, field_units
+from hpcpic.plasma.setup.histograms import histogram_faults
 from hpcpic.plasma.setup.loaders import LOADERS, loader_faults
 from hpcpic.plasma.setup.macro_particles import particle_faults
 
@@ -32,6 +33,7 @@ def faults(config: PlasmaConfig) -> Iterator[Fault]:
     yield from mode_faults(config.output.modes, config.points)
     if len(simulation.space_length) == d:
         yield from gauge_faults(config.gauge, field_units(config), simulation.space_length)
+        yield from histogram_faults(config)
     names = [name_of(species, i) for i, species in enumerate(config.species)]
     for i, species in enumerate(config.species):
         if "/" in names[i] or names[i] in (".", ".."):

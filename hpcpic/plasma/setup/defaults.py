@@ -5,6 +5,7 @@ from hpcpic.core.case.words import in_steps
 from hpcpic.plasma.case import units
 from hpcpic.plasma.case.config import Constants, Every, Grid, Period, PlasmaConfig, Species, name_of
 from hpcpic.plasma.case.older_words import KINDS
+from hpcpic.plasma.setup.histograms import COUNTS_OF_A_RUN, completed_histograms
 from hpcpic.plasma.setup.macro_particles import numbers
 
 
@@ -19,8 +20,10 @@ def completed(config: PlasmaConfig) -> PlasmaConfig:
     steps: dict[str, int | None] = {kind: in_steps(getattr(every, kind), getattr(period, kind), step) for kind in KINDS}
     if every.series is None and period.series is None:
         steps["series"] = None
+    if config.histogram and every.histograms is None and period.histograms is None:
+        steps["histograms"] = max(1, config.simulation.cycles // COUNTS_OF_A_RUN)
     output = config.output.model_copy(update={"every": Every(**steps), "period": Period()})
-    return config.model_copy(
+    full = config.model_copy(
         update={
             "simulation": config.simulation.model_copy(update={"dimensions": d}),
             "grid": Grid(points=points),
@@ -30,6 +33,7 @@ def completed(config: PlasmaConfig) -> PlasmaConfig:
             "output": output,
         }
     )
+    return full.model_copy(update={"histogram": completed_histograms(full)})
 
 
 def completed_species(species: Species, i: int, config: PlasmaConfig) -> Species:

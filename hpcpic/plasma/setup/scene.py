@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from hpcpic.core.space.domain import wrap
 from hpcpic.plasma.case import config as case
-from hpcpic.plasma.physics.boris import part_of_turn, rotation_vectors, shears
+from hpcpic.plasma.physics.boris import part_of_turn, rotation_vectors, shears, turn
 from hpcpic.plasma.setup import loaders, macro_particles
 
 
@@ -43,6 +43,11 @@ class Scene:
         self.species = tuple(SceneSpecies(self, section, int(i)) for section, i in zip(config.species, first))
         self.n_particles = int(first[-1])
         self.background = -sum(species.q * species.n for species in self.species) / self.volume
+
+    @property
+    def sides(self) -> NDArray[np.float64]:
+        """Sides[3] of a cell in that along x; 1 along an axis without grid."""
+        return np.array((*(side / self.spacing[0] for side in self.spacing), 1.0, 1.0)[:3])
 
     def mover(self, field_scale: float, steps: float = 1.0) -> NDArray[np.float64]:
         """mover[species, 10] of physics.boris for `steps` time steps; kernels gather E times field_scale.
@@ -113,6 +118,11 @@ class SceneSpecies:
         config = self.scene.config
         exact = config.numerics.exact_phase
         return rotation_vectors(config.field.magnetic, self.charge_to_mass, self.scene.time_step, exact)
+
+    @property
+    def half_turn(self) -> NDArray[np.float64]:
+        """A[3, 3] with v^n = v- + A v-: the rotation by half the angle of a step, less the identity."""
+        return turn(*part_of_turn(self.rotation[0], 0.5))
 
     def positions(self, ids: NDArray) -> NDArray[np.float64]:
         """Positions[n, d] in m, in [0, L), of particles ids[n] of this species at t = 0."""

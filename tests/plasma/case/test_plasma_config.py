@@ -34,7 +34,7 @@ species = (
 );
 """
 
-NONE = {"openpmd": 0, "checkpoint": 0}  # unless they are asked for
+NONE = {"histogram": 0, "openpmd": 0, "checkpoint": 0}  # unless they are asked for
 
 
 def read(text=CASE, sets=()):

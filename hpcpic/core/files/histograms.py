@@ -1,0 +1,144 @@
+"""Histograms in time: histograms.h5, written by rank 0.
+
+/step [rows] and /time [rows] s are those of all histograms; each is a group of its name: `counts` [rows, bins, ...] of
+the axes that its attribute `axes` lists, with `scale_factor`, the density of a count, in the unit `units`; `beyond`
+[rows], particles in no bin; and by the name of each axis the edges [bins + 1] of its bins. As in series.h5, `step`
+grows last and tells how many rows are valid.
+"""
+
+import os
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hpcpic.core.errors import FileError
+from hpcpic.core.files import image
+from hpcpic.core.files.arrays import Counts
+from hpcpic.core.files.rundir import temporary
+from hpcpic.core.files.safe_hdf5 import open_checked
+from hpcpic.core.files.series import CHUNK_ROWS, STEP, TIME, announce, extend
+from hpcpic.core.files.together import Alone, together
+
+if TYPE_CHECKING:
+    import h5py
+
+    from hpcpic.core.comm.world import World
+
+FILE = "histograms.h5"
+BUFFER_BYTES = 4 << 20  # of counts that wait for the file
+CHUNK_BYTES = 128 << 10
+
+
+class HistogramsWriter:
+    """Appends to the histograms of a run; at a restart the rows up to step `after` are kept. Every method is collective
+    and raises FileError on all ranks; the file is then as before.
+    """
+
+    def __init__(self, world: "World | Alone", path: Path, after: int | None = None) -> None:
+        self.world, self.path, self._bytes = world, path, 0
+        self._rows: list[tuple[int, float, Mapping[str, Counts]]] = []
+
+        def keep(file: "h5py.File") -> None:
+            file[STEP].resize(int(np.count_nonzero(file[STEP][:] <= after)), axis=0)
+
+        with together(world, f"cannot take up {path}"):
+            if world.rank == 0 and after is not None and path.exists():
+                image.settle(path)
+                image.change(path, keep)
+
+    def append(self, step: int, time: float, found: Mapping[str, Counts]) -> None:
+        self._rows.append((step, time, found))
+        self._bytes += sum(one.counts.nbytes for one in found.values())
+        if self._bytes >= BUFFER_BYTES:
+            self.flush()
+
+    def flush(self) -> None:
+        rows, self._rows, self._bytes = self._rows, [], 0
+        if not rows:
+            return
+        with together(self.world, f"cannot append to {self.path}"):
+            if self.world.rank == 0:
+                self._write(rows)
+
+    def _write(self, rows: list[tuple[int, float, Mapping[str, Counts]]]) -> None:
+        first = rows[0][2]
+        if not self.path.exists():
+            made = temporary(self.path)
+            made.unlink(missing_ok=True)
+            image.create(made, lambda file: _lay_out(file, first))
+            os.replace(made, self.path)
+        columns = {TIME: np.array([time for _, time, _ in rows])}
+        for name in first:
+            columns[f"{name}/counts"] = np.array([found[name].counts for *_, found in rows])
+            columns[f"{name}/beyond"] = np.array([found[name].beyond for *_, found in rows])
+
+        def add(file: "h5py.File") -> None:
+            if any(not _fits(file, name, one) for name, one in first.items()):
+                raise FileError("its histograms are not those of this run; move it away")
+            extend(file, columns)
+
+        image.change(self.path, add)
+        image.change(self.path, lambda file: announce(file, np.array([step for step, *_ in rows])))
+
+
+def _lay_out(file: "h5py.File", first: Mapping[str, Counts]) -> dict[str, image.Slot]:
+    image.growing(file, STEP, (), np.int64, (CHUNK_ROWS,))
+    image.growing(file, TIME, (), np.float64, (CHUNK_ROWS,)).attrs["units"] = "s"
+    for name, one in first.items():
+        rows = max(1, min(CHUNK_ROWS, CHUNK_BYTES // one.counts.nbytes))
+        shape = one.counts.shape
+        counts = image.growing(file, f"{name}/counts", shape, np.int64, (rows, *shape))
+        counts.attrs.update({"units": one.unit, "scale_factor": one.density, "axes": [*one.edges]})
+        image.growing(file, f"{name}/beyond", (), np.int64, (CHUNK_ROWS,))
+        for axis, edges in one.edges.items():
+            dataset = image.growing(file, f"{name}/{axis}", (), np.float64, (len(edges),))
+            image.extend(dataset, len(edges))
+            dataset[:] = edges
+            dataset.attrs["units"] = one.units[axis]
+    return {}
+
+
+def _fits(file: "h5py.File", name: str, one: Counts) -> bool:
+    """Whether the file has this histogram, with the same bins."""
+    return name in file and [*file[name]["counts"].attrs["axes"]] == [*one.edges] and all(
+        np.array_equal(file[name][axis][:], edges) for axis, edges in one.edges.items()
+    )
+
+
+@dataclass(frozen=True, slots=True)
+class Histogram:
+    """One histogram of a run: density[rows, bins, ...] in `unit` of the axes whose bins have `edges` in `units`, and
+    how many particles lay in no bin.
+    """
+
+    step: NDArray[np.int64]
+    time: NDArray[np.float64]
+    density: NDArray[np.float64]
+    unit: str
+    beyond: NDArray[np.int64]
+    edges: Mapping[str, NDArray[np.float64]]
+    units: Mapping[str, str]
+
+
+def read_histogram(folder: Path, name: str) -> Histogram:
+    """A histogram of a run folder, up to the last complete row. Raises FileError."""
+    with open_checked(folder / FILE) as file:
+        if name not in (there := [one for one in file.names() if one not in (STEP, TIME)]):
+            raise FileError(f"{file.path}: no histogram {name}; there are {', '.join(there)}")
+        step = file.dataset(STEP, np.int64, (None,))[:]
+        rows = len(step)
+        axes = file.attribute(f"{name}/counts", "axes")
+        counts = file.dataset(f"{name}/counts", np.int64, (None,) * (1 + len(axes)))[:rows]
+        return Histogram(
+            step,
+            file.dataset(TIME, np.float64, (None,))[:rows],
+            counts * float(file.attribute(f"{name}/counts", "scale_factor")),
+            str(file.attribute(f"{name}/counts", "units")),
+            file.dataset(f"{name}/beyond", np.int64, (None,))[:rows],
+            {axis: file.dataset(f"{name}/{axis}", np.float64, (None,))[:] for axis in axes},
+            {axis: str(file.attribute(f"{name}/{axis}", "units")) for axis in axes},
+        )
