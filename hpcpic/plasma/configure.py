@@ -3,7 +3,7 @@
 from hpcpic.core.case.config import Tree
 from hpcpic.core.case.schema import validate
 from hpcpic.plasma.case.config import PlasmaConfig
-from hpcpic.plasma.forecast.estimate import series_period
+from hpcpic.plasma.forecast.estimate import default_periods
 from hpcpic.plasma.setup.checks import faults
 from hpcpic.plasma.setup.defaults import completed
 
@@ -14,9 +14,11 @@ def configure(tree: Tree) -> PlasmaConfig:
 
 
 def complete(config: PlasmaConfig) -> PlasmaConfig:
-    """The case with all defaults; that of the series' period follows from the estimated cost of a step."""
+    """The case with all defaults; those of the periods of series and histograms follow from the estimated cost of a
+    step.
+    """
     full = completed(config)
-    if full.output.every.series is not None:
-        return full
-    every = full.output.every.model_copy(update={"series": series_period(full)})
-    return full.model_copy(update={"output": full.output.model_copy(update={"every": every})})
+    every = full.output.every
+    unknown = {kind: steps for kind, steps in default_periods(full).items() if getattr(every, kind) is None}
+    output = full.output.model_copy(update={"every": every.model_copy(update=unknown)})
+    return full.model_copy(update={"output": output})

@@ -171,7 +171,11 @@ class Every(Section):
         None, "steps between snapshots of the particles, 0 = never (output.sampling_period.particle)", "steps", ge=0
     )
     histograms: int | None = setting(
-        None, "steps between counts of the histograms, 0 = never; by default a hundredth of the run", "steps", ge=0
+        None,
+        "steps between counts of the histograms, 0 = never; by default a hundredth of the run, more where that would "
+        "take more than 5 % of it and more than a second",
+        "steps",
+        ge=0,
     )
     checkpoint: int | None = setting(
         None, "steps between checkpoints, 0 = only at the end and at an early stop", "steps", ge=0

@@ -23,39 +23,34 @@ class Histograms:
 
     def __init__(self, scene: Scene, world: World, cloud: Cloud) -> None:
         self.scene, self.world, self.cloud = scene, world, cloud
-        kernel = cloud.spec.histogram()
         self._bound: list[tuple[Histogram, HistogramArrays, list[Bound]]] = []
         self._warned: set[str] = set()
         with world.first_on_node():
             for histogram in scene.config.histogram:
                 arrays = self._arrays(histogram)
-                tasks = [
-                    cloud.arena.bind(kernel, block=b, first=first, last=last, histogram=arrays)
-                    for b, (first, last) in enumerate(cloud.tiles.ranges)
-                ]
-                self._bound.append((histogram, arrays, tasks))
+                self._bound.append((histogram, arrays, cloud.bind_counts(arrays)))
 
     def _arrays(self, histogram: Histogram) -> HistogramArrays:
-        scene, axes = self.scene, [*HISTOGRAM_AXES]
-        low, bins = np.array(histogram.low), np.array(histogram.bins)
-        width = np.array(histogram.high) - low
-        units = [  # of coordinates in the kernel, as parts of the width
-            scene.lengths[axes.index(axis)] / width[k] / scene.points[axes.index(axis)]
-            if HISTOGRAM_AXES[axis] == "m"
-            else scene.spacing[0] / scene.time_step / width[k]
-            for k, axis in enumerate(histogram.of)
-        ]
-        return HistogramArrays(
-            species=np.array([[species.name for species in scene.species].index(histogram.species)]),
-            axes=np.array([axes.index(axis) for axis in histogram.of]),
-            bins=bins,
-            low=low / width * bins,
-            per_unit=np.array(units) * bins,
-            node_half_kick=self.cloud.arena["half_kick"],
-            half_turn=np.array([species.half_turn for species in scene.species]),
-            side=scene.sides,
-            counts=np.zeros((self.cloud.blocks, math.prod(histogram.bins) + 1), np.int64),
-        )
+        species = [species.name for species in self.scene.species].index(histogram.species)
+        weights, bins = np.zeros((2, 6)), np.ones(2)
+        for k, (axis, n, low, high) in enumerate(
+            zip(histogram.of, histogram.bins, histogram.low, histogram.high), 2 - len(histogram.of)
+        ):
+            bins[k] = n
+            weights[k, :5] = self._coordinate(axis, species) * (n / (high - low))
+            weights[k, 5] = -low * (n / (high - low))
+        counts = np.zeros((self.cloud.blocks, math.prod(histogram.bins) + 2), np.int32)
+        return HistogramArrays(np.array([species]), bins, weights, counts)
+
+    def _coordinate(self, axis: str, species: int) -> NDArray[np.float64]:
+        """What a coordinate in m or m/s is of (x, y, vx, vy, vz) of v-, in cells and cells per step."""
+        scene, found, k = self.scene, np.zeros(5), [*HISTOGRAM_AXES].index(axis)
+        if HISTOGRAM_AXES[axis] == "m":
+            found[k] = scene.spacing[k]
+        else:
+            turned = np.eye(3) + scene.species[species].half_turn
+            found[2:] = turned[k - 2] * scene.sides * (scene.spacing[0] / scene.time_step)
+        return found
 
     def counted(self) -> dict[str, Counts]:
         """All histograms by name. Collective."""
@@ -63,8 +58,9 @@ class Histograms:
 
     def _count(self, histogram: Histogram, arrays: HistogramArrays, tasks: list[Bound]) -> Counts:
         self.cloud.each(tasks)
-        counts: NDArray[np.int64] = self.world.sum_int(arrays.counts.sum(axis=0))
-        species, beyond = self.scene.species[arrays.species[0]], int(counts[-1])
+        local = arrays.counts[:, :-1].view(np.uint32).sum(axis=0, dtype=np.int64)
+        counts: NDArray[np.int64] = self.world.sum_int(local)
+        species, beyond = self.scene.species[int(arrays.species[0])], int(counts[-1])
         if beyond > BEYOND * species.n and histogram.name not in self._warned:
             self._warned.add(histogram.name)
             if self.world.rank == 0:

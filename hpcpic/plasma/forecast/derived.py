@@ -10,6 +10,7 @@ from hpcpic.core.case.config import Path
 from hpcpic.core.case.derived import Derived, Verdict
 from hpcpic.plasma.case.config import MOST_POINTS, PlasmaConfig, Species, velocity_components, volume
 from hpcpic.plasma.case.units import SYSTEMS, known_by_ratio
+from hpcpic.plasma.forecast.estimate import DEFAULT, SERIES_SHARE, affordable_period, count_seconds, phases
 from hpcpic.plasma.physics.heating import MIN_PER_CELL, energy_ratio
 from hpcpic.plasma.physics.quiet_start import recurrence_time
 from hpcpic.plasma.physics.shapes import SHAPES, Shape
@@ -42,6 +43,7 @@ def derived(config: PlasmaConfig, ranks: int = 1) -> list[Derived]:
         *motion(config),
         *waves(config),
         *sizes(config),
+        *counts(config),
         *blocks(config, ranks),
     ]
 
@@ -155,6 +157,16 @@ def sampling(samples: float, period: int) -> Derived:
     cure = f"output.every.series = {max(1, int(period * samples / 8))} shows them"
     name, key = "samples in a swing of the field energy", ("output", "every", "series")
     return judged(name, "pi/(wp dt K)", samples, "> 2", verdict_of(samples > 2), "sampling theorem", cure, key)
+
+
+def counts(config: PlasmaConfig) -> Iterator[Derived]:
+    """What the histograms take of a run."""
+    if period := config.periods["histogram"]:
+        least, limit = affordable_period(config, count_seconds), f"<= {SERIES_SHARE:g}, or a second"
+        share = count_seconds(config, 1, 1, DEFAULT) / period / sum(phases(config, 1, 1, DEFAULT).values())
+        verdict, key = verdict_of(period >= least), ("output", "every", "histograms")
+        cure = f"output.every.histograms = {least} keeps to it"
+        yield judged("time of histograms", "in that of steps", share, limit, verdict, "measured", cure, key)
 
 
 def idle_steps(step: float) -> Derived:

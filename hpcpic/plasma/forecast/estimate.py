@@ -8,7 +8,7 @@ machine (DEFAULT).
 """
 
 import math
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 
 from hpcpic.core.app.forecast import FILES, Estimate, gain, writing_seconds
 from hpcpic.plasma.case.config import PlasmaConfig, velocity_components
@@ -18,8 +18,9 @@ from hpcpic.plasma.sizes import EDGE
 
 MIB = 2.0**20
 SERIES_BYTES = 16 * 8 * 2  # of one sample: sixteen numbers, in HDF5 and as text
-SERIES_SHARE = 0.05  # of a run that samples of a series nobody has asked for may take,
+SERIES_SHARE = 0.05  # of a run that samples of a series, or histograms, that nobody has asked for may take,
 SERIES_SECONDS = 1.0  # or as many seconds of a core: the shortest runs have all their steps in the series
+COUNTS_OF_A_RUN = 100  # of histograms, at most, unless the case asks for more
 START = 1.0  # s: interpreter, libraries, kernels from the cache
 HELD = 0.75  # of the last-level cache, by particles: fields and what else runs want the rest
 STANDARD_BYTES = 36  # of a particle in two dimensions and double precision
@@ -54,7 +55,7 @@ DEFAULT = FILES | {
     "factor_ns 1D": 3.5,
     "sample_ns": 3.4,  # of the series, per particle
     "sample_cell_ns": 8.0,
-    "count_ns": 20.0,  # of a histogram, per particle
+    "count_in_push": 0.7,  # a histogram's time in that of the push of its particles
     "plasma_sample_us": 75.0,
     "plasma_launch_us": 43.0,  # Python and the launches of a step
     "plasma_exchange_us": 15.0,  # of ranks with each other: messages, or a word that all agree on
@@ -189,19 +190,27 @@ def sample_seconds(config: PlasmaConfig, ranks: int, threads: int, rates: Mappin
 
 
 def count_seconds(config: PlasmaConfig, ranks: int, threads: int, rates: Mapping[str, float]) -> float:
-    """Seconds of counting all histograms once."""
+    """Seconds of counting all histograms once: so many parts of the push of their particles."""
     sizes = {species.name: species.particles for species in config.species}
-    counted = sum(sizes[histogram.species] for histogram in config.histogram)
-    cores = gain(ranks, threads, rates, rates[f"plasma_core_gain {config.dimensions}D"])
-    return 1e-9 * rates["count_ns"] * counted / cores
+    step = phases(config, ranks, threads, rates)
+    counted = sum(sizes[histogram.species] for histogram in config.histogram) / max(1, particle_count(config))
+    return rates["count_in_push"] * counted * (step.get("particles", 0.0) + step.get("memory", 0.0))
 
 
-def series_period(config: PlasmaConfig) -> int:
-    """Steps between samples where the case does not say; by DEFAULT rates, so the same on any machine."""
+def affordable_period(config: PlasmaConfig, seconds: Callable[..., float]) -> int:
+    """Steps between samples that a run can afford, each of so many `seconds(config, ranks, threads, rates)`; by DEFAULT
+    rates, so the same on any machine.
+    """
     cycles = config.simulation.cycles
-    step = cycles * sum(phases(config, 1, 1, DEFAULT).values())
-    samples = cycles * sample_seconds(config, 1, 1, DEFAULT)
-    return max(1, math.ceil(samples / max(SERIES_SHARE * step, SERIES_SECONDS)))
+    steps = cycles * sum(phases(config, 1, 1, DEFAULT).values())
+    affordable = max(SERIES_SHARE * steps, SERIES_SECONDS)
+    return max(1, math.ceil(cycles * seconds(config, 1, 1, DEFAULT) / affordable))
+
+
+def default_periods(config: PlasmaConfig) -> dict[str, int]:
+    """Steps between samples of the series and between counts of the histograms where the case does not say."""
+    counts = max(affordable_period(config, count_seconds), config.simulation.cycles // COUNTS_OF_A_RUN)
+    return {"series": affordable_period(config, sample_seconds), "histograms": counts if config.histogram else 0}
 
 
 def memory_items(

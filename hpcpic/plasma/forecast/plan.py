@@ -77,7 +77,7 @@ def arrays(config: PlasmaConfig, ranks: int, threads: int) -> Iterator[Array]:
         yield Array("moments of the slab", (n, rows + ghosts, columns), "int64")
     if config.periods["histogram"]:
         for histogram in config.histogram:
-            yield Array(f"histogram {histogram.name}", (blocks, math.prod(histogram.bins) + 1), "int64")
+            yield Array(f"histogram {histogram.name}", (blocks, math.prod(histogram.bins) + 2), "int32")
     results = d if config.numerics.gradient == "spectral" else 1
     if config.simulation.solver == "LU":
         yield Array("LU: gathered grid, twice", (2, points[0], columns), "float64")

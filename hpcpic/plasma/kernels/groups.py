@@ -90,18 +90,13 @@ class NodeSumArrays(NamedTuple):
 
 
 class HistogramArrays(NamedTuple):
-    """What kernels.histogram counts: particles of species[0] in bins[k] along axes[k] of (x, y, vx, vy, vz), whose
-    coordinate c has t = c per_unit - low in [0, bins]; counts[block, bin]. The others as in NodeSumArrays.
+    """What kernels.histogram counts: particles of species[0] in bins[2] along two axes, where weights[2, 6] say; an
+    axis that is not asked for has one bin. counts[block, bin].
     """
 
     species: NDArray
-    axes: NDArray
     bins: NDArray
-    low: NDArray
-    per_unit: NDArray
-    node_half_kick: NDArray
-    half_turn: NDArray
-    side: NDArray
+    weights: NDArray
     counts: NDArray
 
 

@@ -25,7 +25,7 @@ from hpcpic.plasma.kernels.cell_lines import opaque
 from hpcpic.plasma.kernels.lanes import address, bits_of, inlined, kernel
 from hpcpic.plasma.kernels.linear import cell_of, field_at, spread_field
 from hpcpic.plasma.kernels.moments import MOMENTS, SAMPLE_LIMBS, integrands
-from hpcpic.plasma.kernels.push import PACK_BYTES, PAGE_BYTES, lines_at
+from hpcpic.plasma.kernels.push import PACK_BYTES, PAGE_BYTES, lines_at, park
 from hpcpic.plasma.kernels.simd_base import E8, MAGIC_BITS, F, I
 from hpcpic.plasma.kernels.storage import LANES, PAGE
 
@@ -44,10 +44,10 @@ def add_moments(bits, good, vx, vy, vz, ratio_sq, inv_scale):
     """Add the biased limbs of the moments of eight particles at an address; good: all were within the scales."""
     found = integrands(vx, vy, vz, ratio_sq[0] * vx * vx + ratio_sq[1] * vy * vy + ratio_sq[2] * vz * vz)
     for k in range(MOMENTS):
-        t, at = found[k] * inv_scale[k], bits + k * MOMENT_BYTES
-        good = good & (abs(t) <= 1.0)
-        high = t + HIGH
-        middle = t - (high - HIGH) + MIDDLE
+        at, high = bits + k * MOMENT_BYTES, fma(found[k], inv_scale[k], HIGH)
+        whole = high - HIGH
+        good = good & (abs(whole) <= 1.0)
+        middle = fma(found[k], inv_scale[k], -whole) + MIDDLE
         store_at(at, load_at(WORDS, at, 64) + bits_of(high), 64)
         store_at(at + 64, load_at(WORDS, at + 64, 64) + bits_of(middle), 64)
     return good
@@ -62,17 +62,15 @@ def half(v, k):
 
 
 @inlined
-def place_in(at, n):
-    """x and y of one pack; zero from lane n on."""
-    here = lane_numbers(I) < n
-    return select(here, load_at(F, at, 64), 0), select(here, load_at(F, at + 64 * (DIM - 1), 64), 0)
+def place_in(at):
+    """x and y of one pack."""
+    return load_at(F, at, 64), load_at(F, at + 64 * (DIM - 1), 64)
 
 
 @inlined
 def centred(at, n, lines, cells, m):
-    """v- of one pack; zero from lane n on. `cells` is the address of lines_at of the pack."""
-    here = lane_numbers(I) < n
-    x, y = place_in(at, n)
+    """v- of one pack, whose lanes from n on are parked: zero there. `cells` is the address of lines_at of the pack."""
+    x, y = place_in(at)
     vx = load_at(F, at + 64 * DIM, 64)
     vy = vz = splat(F, 0.0)
     ex, ey = field_at(lines - MAGIC_BITS, cells, x - cell_of(x), y - cell_of(y))
@@ -80,10 +78,10 @@ def centred(at, n, lines, cells, m):
     if DIM == 2:
         vy = fma(m[1], ey, load_at(F, at + 64 * 3, 64))
     elif VELOCITIES > 1:
-        vy = load_at(F, at + 64 * 2, 64) + m[1]
+        vy = select(lane_numbers(I) < n, load_at(F, at + 64 * 2, 64) + m[1], 0)
     if VELOCITIES > 2:
-        vz = load_at(F, at + 64 * (DIM + 2), 64) + m[2]
-    return select(here, vx, 0), select(here, vy, 0), select(here, vz, 0)
+        vz = select(lane_numbers(I) < n, load_at(F, at + 64 * (DIM + 2), 64) + m[2], 0)
+    return vx, vy, vz
 
 
 @kernel
@@ -101,12 +99,14 @@ def moments(block, first, last, grid, field, pages, scratch, moment_sums):
             m = (half_kick[kind, 0], half_kick[kind, 1], half_kick[kind, 2])
             page, used, n = np.int64(pages.head[slot]), (pages.count[slot] - 1) % PAGE + 1, 0
             bits[:] = 0
+            if page >= 0:
+                park(pages.pool, page, used)
             while page >= 0:
                 at, packs = base + page * PAGE_BYTES, (used + LANES - 1) // LANES
                 page = np.int64(pages.chain[page])
                 ahead = base + page * PAGE_BYTES if page >= 0 else at
                 for pack in range(packs):
-                    x, y = place_in(opaque(at + pack * PACK_BYTES), used - pack * LANES)
+                    x, y = place_in(opaque(at + pack * PACK_BYTES))
                     store_at(opaque(to_cells + pack * 64), lines_at(x, y), 64)
                 for pack in range(packs):
                     for c in range(0, PACK_BYTES, 64):

@@ -232,10 +232,16 @@ class Cloud:
     def bind_moments(self) -> list[Bound]:
         """Tasks of kernels.moments, one per block."""
         with self.world.first_on_node():
-            return [
-                self.arena.bind(self.kernels.moments, block=b, first=first, last=last)
-                for b, (first, last) in enumerate(self.tiles.ranges)
-            ]
+            return self._of_ranges(self.kernels.moments)
+
+    def bind_counts(self, histogram: groups.HistogramArrays) -> list[Bound]:
+        """Tasks of kernels.histogram, one per block."""
+        return self._of_ranges(self.kernels.count_particles, histogram=histogram)
+
+    def _of_ranges(self, kernel: Any, **more: Any) -> list[Bound]:
+        """A kernel that leaves the charge alone, bound for each block."""
+        ranges = enumerate(self.tiles.ranges)
+        return [self.arena.bind(kernel, block=b, first=first, last=last, **more) for b, (first, last) in ranges]
 
     def clear(self) -> None:
         """No particles."""

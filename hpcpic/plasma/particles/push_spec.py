@@ -47,17 +47,12 @@ class PushSpec:
     def kernels(self, plain: bool = False) -> ModuleType:
         """The compiled module of this specification; `plain` for the reference, one particle after the other."""
         dtype = np.dtype(self.dtype)
-        vectors = () if plain else ("simd_base", *self.shape.vector_kernels, "push", "moments_simd")
+        vectors = () if plain else ("simd_base", *self.shape.vector_kernels, "push", "moments_simd", "histogram")
         return self._module(("storage", "plain", "moments", *vectors), dtype, self.moments, ROTATION=self.rotation)
 
     def node_moments(self, moments: tuple[Moment, ...]) -> Any:
         """The kernel that sums moments of a species on the nodes, in double precision."""
         return self._module(("storage", "plain", "moments"), np.dtype(np.float64), moments).node_moments
-
-    def histogram(self) -> Any:
-        """The kernel that counts particles in bins, in double precision."""
-        stems = ("storage", "plain", "moments", "histogram")
-        return self._module(stems, np.dtype(np.float64), self.moments).count_particles
 
     def _module(
         self, stems: tuple[str, ...], real: np.dtype, moments: tuple[Moment, ...], **constants: int

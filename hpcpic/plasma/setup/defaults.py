@@ -5,7 +5,7 @@ from hpcpic.core.case.words import in_steps
 from hpcpic.plasma.case import units
 from hpcpic.plasma.case.config import Constants, Every, Grid, Period, PlasmaConfig, Species, name_of
 from hpcpic.plasma.case.older_words import KINDS
-from hpcpic.plasma.setup.histograms import COUNTS_OF_A_RUN, completed_histograms
+from hpcpic.plasma.setup.histograms import completed_histograms
 from hpcpic.plasma.setup.macro_particles import numbers
 
 
@@ -18,10 +18,9 @@ def completed(config: PlasmaConfig) -> PlasmaConfig:
     permittivity = config.constants.vacuum_permittivity or units.SYSTEMS[config.units].permittivity
     every, period, step = config.output.every, config.output.period, config.simulation.time_step
     steps: dict[str, int | None] = {kind: in_steps(getattr(every, kind), getattr(period, kind), step) for kind in KINDS}
-    if every.series is None and period.series is None:
-        steps["series"] = None
-    if config.histogram and every.histograms is None and period.histograms is None:
-        steps["histograms"] = max(1, config.simulation.cycles // COUNTS_OF_A_RUN)
+    for kind in ("series", "histograms"):  # see configure
+        if getattr(every, kind) is None and getattr(period, kind) is None:
+            steps[kind] = None
     output = config.output.model_copy(update={"every": Every(**steps), "period": Period()})
     full = config.model_copy(
         update={

@@ -17,7 +17,6 @@ MOST_BINS = 2**20  # of a histogram: every block has its own counts
 MOST_CELLS = 1024  # bins of a position, by default
 VELOCITY_BINS = 200
 SPREADS = 6.0  # thermal velocities from the mean to the ends
-COUNTS_OF_A_RUN = 100
 
 
 def axes_of(config: PlasmaConfig) -> tuple[str, ...]:

@@ -8,10 +8,12 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from histogram_file import counted
 from series_table import read_csv
 
 from hpcpic.core.errors import FileError
 from hpcpic.core.files.arrays import FieldArray, ParticleArray, Shard
+from hpcpic.core.files.histograms import FILE, HistogramsWriter, read_histogram
 from hpcpic.core.files.openpmd import OpenPMDWriter
 from hpcpic.core.files.reader import Fields, Particles
 from hpcpic.core.files.rundir import RunDir
@@ -107,6 +109,19 @@ def test_particles(disk: Path) -> None:
     for step in range(written):
         columns = found.read("ions", step)
         assert np.all(columns["position"] == step) and np.all(columns["q"] == step / 3)
+
+
+def test_histograms(disk: Path) -> None:
+    writer = HistogramsWriter(ALONE, disk / FILE)
+
+    def append(step: int) -> None:
+        writer.append(step, 0.1 * step, counted(step))
+        writer.flush()
+
+    written = until_full(append)
+    found = read_histogram(disk, "fv")
+    assert written > 30 and found.step.tolist() == list(range(written))
+    assert all(np.all(row == step) for step, row in enumerate(found.density))
 
 
 def test_openpmd(disk: Path) -> None:

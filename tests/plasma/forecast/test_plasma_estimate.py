@@ -8,11 +8,13 @@ from hpcpic.core.space.domain import Domain
 from hpcpic.core.tasks.graph import Pool
 from hpcpic.plasma.case.config import PlasmaConfig
 from hpcpic.plasma.configure import configure
+from hpcpic.plasma.forecast.derived import counts
 from hpcpic.plasma.forecast.estimate import (
     DEFAULT,
     SERIES_SECONDS,
     SERIES_SHARE,
     STANDARD_BYTES,
+    count_seconds,
     estimate,
     phases,
     sample_seconds,
@@ -40,6 +42,20 @@ def test_a_series_not_asked_for_costs_its_share_or_some_seconds(cycles, n):
     period, most = case.periods["series"], max(SERIES_SHARE * cycles * step, SERIES_SECONDS)
     assert cycles / period * sample <= most * (1 + 1e-9)
     assert period == 1 or cycles / (period - 1) * sample > most
+
+
+@pytest.mark.parametrize("cycles", [1, 1000, 30_000])
+def test_histograms_not_asked_for_cost_their_share_and_check_tells_of_more(cycles):
+    text = CASE.format(cycles=cycles, n=10**7, period="") + 'histogram = ( { of = ["vx"]; }, { of = ["vy"]; } );'
+    case = configure(loads(text))
+    step, count = sum(phases(case, 1, 1, DEFAULT).values()), count_seconds(case, 1, 1, DEFAULT)
+    period = case.periods["histogram"]
+    assert cycles / period * count <= max(SERIES_SHARE * cycles * step, SERIES_SECONDS) * (1 + 1e-9)
+    (found,) = counts(case)
+    assert found.verdict == "ok" and found.value == pytest.approx(count / step / period)
+    if cycles > 1:
+        (found,) = counts(configure(loads(text, sets=["output.every.histograms=1"])))
+        assert found.verdict == "warn" and found.value > SERIES_SHARE
 
 
 @pytest.mark.parametrize("asked", [0, 1, 7])
