@@ -154,7 +154,8 @@ def windowed(series: Series, column: str, first: float, until: float) -> tuple[N
     t, y = series.time[known], series[column][known]
     if len(t) < 8 or t[-1] < until - 2.0 * (t[-1] - t[-2]):
         raise ValueError(f"{column} has {len(t)} samples, the last at t = {t[-1] if len(t) else 0:.4g} s")
-    inside = (t > first) & (t < until)
+    margin = 1e-9 * (until - first)  # samples at the ends but for rounding are the ends
+    inside = (t > first + margin) & (t < until - margin)
     ends = np.array([first, until])
     return np.insert(ends, 1, t[inside]), np.insert(np.interp(ends, t, y), 1, y[inside])
 

@@ -22,6 +22,13 @@ def measured(text, columns=COLUMNS, t=T):
     return parsed(text, list(columns), KNOBS).measure(Series(columns, {}, np.arange(len(t)), t))
 
 
+def test_samples_that_are_the_ends_but_for_rounding_do_not_count_twice():
+    t = 0.1 * np.arange(101)
+    assert t[3] > 0.3
+    wave = np.exp(-0.2 * t) * np.cos(2 * np.pi * 0.41 * t)
+    assert measured("damping(wave, from=0.3)", {"wave": wave}, t) == pytest.approx(0.2, abs=1e-7)
+
+
 @pytest.mark.parametrize(
     ("text", "value", "within"),
     [
