@@ -9,7 +9,6 @@ import re
 import tempfile
 from collections.abc import Iterable, Iterator
 from importlib import import_module
-from itertools import groupby
 from pathlib import Path
 from typing import Any
 
@@ -70,10 +69,12 @@ def verbs_page() -> str:
 
 def keys_page(name: str, title: str) -> str:
     """Every key with its type, unit, default, limits and meaning, a table for each section."""
-    rows = describe(import_module(f"{name}.__main__").load_app().schema())
+    sections: dict[str, list[Row]] = {}
+    for row in describe(import_module(f"{name}.__main__").load_app().schema()):
+        sections.setdefault(row.key.rpartition(".")[0], []).append(row)
     lines = [f"# Keys of {title[:1].lower() if name != 'sph' else title[:1]}{title[1:]} cases", ""]
     lines += [f"`{name} show CASE` prints the same table with the values of a case beside it.", ""]
-    for section, keys in groupby(rows, key=lambda row: row.key.rpartition(".")[0]):
+    for section, keys in sections.items():
         lines += [f"## `{section}`" if section else "## At the top", "", *table(keys), ""]
     return "\n".join(lines)
 
@@ -89,4 +90,4 @@ def table(rows: Iterable[Row]) -> Iterator[str]:
 
 def code(text: str) -> str:
     """In the letters of code, which a table's bars and brackets do not end."""
-    return f"<code>{html.escape(text)}</code>" if text else ""
+    return f"<code>{html.escape(text).replace('|', '|<wbr>')}</code>" if text else ""

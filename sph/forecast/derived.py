@@ -258,7 +258,8 @@ def layers(config: SphConfig, section, i: int) -> Iterator[Derived]:
         cure += f"; two layers need spacing = {rounded_down(min(edges) / 2):g}"
     elif verdict == "warn":
         cure = f"spacing = {dividing(edges, dp):g} divides the box"
-    yield Derived(f"stretch of the spacing in {section.name}", "", worst, "", "< 10 %", verdict, "filling", cure, key)
+    name = f"stretch of the spacing in {section.name}"
+    yield Derived(name, "", 100 * worst, "%", "< 10 %", verdict, "filling", cure, key)
 
 
 def extents(config: SphConfig, scene: Scene, ranks: int) -> Iterator[Derived]:

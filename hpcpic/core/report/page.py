@@ -10,6 +10,7 @@ from pathlib import Path
 from hpcpic.core.case.cases import Header
 
 NO_HEADER = Header()
+WIDE = 2.2  # times its height
 
 
 @dataclass(frozen=True, slots=True)
@@ -27,6 +28,12 @@ class Table:
 class Drawn:
     title: str
     svg: str
+
+    @property
+    def wide(self) -> bool:
+        """Whether it takes a whole row of the page."""
+        found = re.search(r'viewBox="0 0 (\S+) (\S+)"', self.svg)
+        return found is not None and float(found[1]) > WIDE * float(found[2])
 
 
 @dataclass(frozen=True, slots=True)

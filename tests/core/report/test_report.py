@@ -103,7 +103,7 @@ def test_page_says_what_the_run_was(page):
         "space_length = [10.26039864129491",
     ):
         assert text in page, text
-    assert page.count("<figure>") == 7  # all but the spectrum, which has a reason
+    assert page.count("<figcaption>") == 7  # all but the spectrum, which has a reason
     assert "Not drawn: " in page and "Spectrum over wave number and frequency: needs 16 snapshots" in page
     assert 'class="mark warn">warn<' in page
 
@@ -125,7 +125,7 @@ def test_several_runs_are_laid_beside_each_other(folders, tmp_path):
     assert not found.faults and len(found.ids) == len(set(found.ids))
     assert "Settings that differ" in page and "simulation.time_step" in page and "simulation.cycles" not in page
     assert ">0.05<" in page and ">0.04<" in page
-    assert 1 <= page.count("<figure>") <= 8
+    assert 1 <= page.count("<figcaption>") <= 8
     assert "<script>" not in page
 
 
@@ -171,7 +171,7 @@ def test_a_run_that_failed_says_so(folders, tmp_path):
     assert done.exit_code == 0, done.output
     page = (folder / "report.html").read_text()
     assert 'class="mark fail">diverged, exit code 4<' in page
-    assert page.count("<figure>") == 1  # timers come from run.json
+    assert page.count("<figcaption>") == 1  # timers come from run.json
 
 
 def test_numbers_are_told_with_symbol_limit_verdict_and_source(folders, tmp_path):
@@ -248,7 +248,7 @@ def test_a_figure_that_fails_takes_no_other_with_it(folders, tmp_path, error, co
     done = CliRunner().invoke(program, ["report", str(folders[0]), "-o", str(tmp_path / "page.html")])
     assert done.exit_code == code
     page = (tmp_path / "page.html").read_text()
-    assert page.count("<figure>") == 7 and f"Broken: failed, {told}" in page and "another scene" not in page
+    assert page.count("<figcaption>") == 7 and f"Broken: failed, {told}" in page and "another scene" not in page
     done = CliRunner().invoke(program, ["plot", str(folders[0]), "-o", str(tmp_path / "plots")])
     assert done.exit_code == code and f"failed broken: {told}" in done.output
     assert len(list((tmp_path / "plots").iterdir())) == 7 and "other" not in done.output

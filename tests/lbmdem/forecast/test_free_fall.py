@@ -129,7 +129,7 @@ def test_a_packing_between_walls_that_would_carry_it_is_no_silo_at_rest():
         assert number(SILO.replace("COUNT", "400"), name, *sets) is None
 
 
-@pytest.mark.parametrize("text", [DRY.replace('["y"]', '["x"]'), SPHERE])
+@pytest.mark.parametrize("text", [DRY.replace('["y"]', '["x"]'), SPHERE + "coupling = { lubrication = false; };"])
 def test_contacts_are_as_stiff_as_the_fall_of_a_grain_needs(text):
     """An impact over a tenth of a diameter ends a run: the check knows it and what is stiff enough."""
     soft = "contact.normal_stiffness=0.05"
