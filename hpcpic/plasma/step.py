@@ -89,7 +89,7 @@ class Plasma:
     def _field_scale(self) -> float:
         """A power of two that turns E into about a cell per step^2 for the lightest species."""
         kicks = [float(np.abs(species.half_kick[0])) for species in self.scene.species if species.q]
-        return float(2.0 ** np.round(np.log2(max(kicks)))) if kicks else 1.0
+        return 2.0 ** round(math.log2(max(kicks))) if kicks else 1.0
 
     def _distribute(self) -> None:
         """Allocation phase (9.2.1): every rank makes its share of the particles by number, then they go home."""

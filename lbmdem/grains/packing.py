@@ -66,7 +66,7 @@ def beta_diameters(
 def _columns(sample: Sample, x: NDArray) -> dict[str, NDArray]:
     n, d = x.shape
     r = sample.radius
-    mass = sample.density * (math.pi * r**2 if d == 2 else 4.0 / 3.0 * math.pi * r**3)
+    mass = sample.density * (math.pi * r**2 if d == 2 else 4.0 / 3.0 * math.pi * r * r * r)
     return {
         "x": x,
         "v": np.zeros((n, d)),

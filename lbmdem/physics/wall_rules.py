@@ -150,8 +150,9 @@ def impedance(lattice: Lattice, rule: str, radius: ArrayLike) -> tuple[NDArray, 
     The mean over all places of the grain: pi r^2 |e| links of a direction in 3D, 2 r |e| in 2D, at any q alike.
     """
     radius = np.asarray(radius, np.float64)
-    strength = float(np.sum(6.0 * lattice.w * np.sum(lattice.e**2, axis=1) ** 1.5)) * RULES[rule].mean_push
+    length = np.sqrt(np.sum(lattice.e**2, axis=1))
+    strength = float(np.sum(6.0 * lattice.w * length * length * length)) * RULES[rule].mean_push
     if lattice.dimensions == 3:
         mass = strength * math.pi / 3.0 * radius**2
         return mass, 0.5 * mass * radius**2
-    return strength * radius, 2.0 / 3.0 * strength * radius**3
+    return strength * radius, 2.0 / 3.0 * strength * radius * radius * radius

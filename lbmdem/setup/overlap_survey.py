@@ -105,7 +105,7 @@ def law_diameters(n: int, low: float, high: float, a: float, b: float, dimension
 
     edges = np.linspace(0.0, 1.0, 1 + (1 << 14))
     middle = low + (high - low) * 0.5 * (edges[1:] + edges[:-1])
-    number = np.cumsum(np.diff(betainc(a, b, edges)) / middle**dimensions)
+    number = np.cumsum(np.diff(betainc(a, b, edges)) / math.prod([middle] * dimensions))
     wanted = (np.arange(n) + 0.5) / n * number[-1]
     return low + (high - low) * np.interp(wanted, np.concatenate(([0.0], number)), edges)
 
@@ -119,7 +119,7 @@ def law_volume(law: Diameters, dimensions: int) -> float:
 
 def solid_volume(radius: NDArray, dimensions: int) -> float:
     """Volume of all grains of these radii, m3 (m2 in 2D)."""
-    return float(np.sum(math.pi * radius**2 if dimensions == 2 else 4.0 / 3.0 * math.pi * radius**3))
+    return float(np.sum(math.pi * radius**2 if dimensions == 2 else 4.0 / 3.0 * math.pi * radius * radius * radius))
 
 
 def packed_space(config: LbmDemConfig, grains: GrainSet, solid: float) -> float:

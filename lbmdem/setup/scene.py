@@ -7,6 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hpcpic.core.files.start import arrays
+from hpcpic.core.space.elementary import cos, sin, tanh
 from lbmdem.case.config import AXES, Boundary, LbmDemConfig
 from lbmdem.physics.units import Units
 from lbmdem.physics.velocity_sets import CS2
@@ -120,12 +121,12 @@ class Scene:
         kx, ky = (2.0 * math.pi / length for length in self.config.domain.size[:2])
         x, y = axes[0], axes[1]
         if initial.flow == "taylor-green":
-            u[..., 0] = -speed * np.cos(kx * x) * np.sin(ky * y)
-            u[..., 1] = speed * kx / ky * np.sin(kx * x) * np.cos(ky * y)
+            u[..., 0] = -speed * cos(kx * x) * sin(ky * y)
+            u[..., 1] = speed * kx / ky * sin(kx * x) * cos(ky * y)
         else:  # doubly periodic shear layer (Minion & Brown 1997), kappa 80
             s = y / self.config.domain.size[1]
-            u[..., 0] = speed * np.where(s <= 0.5, np.tanh(80.0 * (s - 0.25)), np.tanh(80.0 * (0.75 - s)))
-            u[..., 1] = 0.05 * speed * np.sin(kx * x + 0.5 * math.pi)
+            u[..., 0] = speed * np.where(s <= 0.5, tanh(80.0 * (s - 0.25)), tanh(80.0 * (0.75 - s)))
+            u[..., 1] = 0.05 * speed * sin(kx * x + 0.5 * math.pi)
         return u
 
     def given_rows(self, name: str, axes: tuple[NDArray, ...]) -> NDArray[np.float64] | None:
@@ -160,7 +161,7 @@ class Scene:
             speed = initial.speed / self.units.velocity
             kx, ky = (2.0 * math.pi / length for length in self.config.domain.size[:2])
             ratio = kx * kx / (ky * ky)
-            waves = ratio * np.cos(2.0 * ky * axes[1]) + np.cos(2.0 * kx * axes[0])
+            waves = ratio * cos(2.0 * ky * axes[1]) + cos(2.0 * kx * axes[0])
             rho -= 0.25 * speed * speed / CS2 * waves
         name = AXES[self.dimensions - 1]
         low, high = self.faces[name + "-"], self.faces[name + "+"]

@@ -6,12 +6,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from hpcpic.core.space.products import product
 from sph.case.config import AXES
 from sph.kernels.groups import Moves
 from sph.particles.tasks import Tasks, equal_parts
 from sph.particles.wall_forces import WallForces
 from sph.physics.timestep import Clock
-from sph.setup.rigid import angle_of, gap, rotation, share, skew, times, turning
+from sph.setup.rigid import angle_of, gap, rotation, share, skew, solution, times, turning
 
 PLACE, TURN, SPEED, SPIN = slice(0, 3), slice(3, 7), slice(7, 10), slice(10, 13)
 BOTH, FELT, COLUMNS = slice(7, 13), slice(13, 19), 19
@@ -71,7 +72,7 @@ class Bodies:
             spin = skew(state[SPIN])
             self.walls.acceleration[wall.index] = state[13 : 13 + d]
             arena["wall_centre"][wall.index] = arena["body_centre"][k]
-            arena["wall_twist"][wall.index] = self._matrix(skew(state[16:19]) + spin @ spin)
+            arena["wall_twist"][wall.index] = self._matrix(skew(state[16:19]) + product(spin, spin))
             arena["body_velocity"][k], arena["body_spin"][k] = state[SPEED][axes], self._matrix(spin)
 
     def follow(self) -> None:
@@ -86,12 +87,12 @@ class Bodies:
         for k, (wall, state, rate) in enumerate(zip(self.of, self.state, self.rates)):
             force, torque = found[wall.name]
             turn, spin = rotation(state[TURN]), state[SPIN]
-            inertia = turn @ wall.rigid.inertia @ turn.T
+            inertia = product(product(turn, wall.rigid.inertia), turn.T)
             rate[:d] = force / wall.rigid.mass + self.scene.gravity
             if d == 2:
                 rate[5] = torque[2] / inertia[2, 2]
             else:
-                rate[3:] = np.linalg.solve(inertia, torque - np.cross(spin, inertia @ spin))
+                rate[3:] = solution(inertia, torque - np.cross(spin, product(inertia, spin)))
             rate *= self.free[k]
 
     def keep(self) -> None:
@@ -133,7 +134,7 @@ class Bodies:
         """Move the particles from where the bodies were to where they are."""
         arena, axes = self.tasks.arena, list(self.scene.axes)
         for k, (state, last) in enumerate(zip(self.state, before)):
-            turn = rotation(state[TURN]) @ rotation(last[TURN]).T
+            turn = product(rotation(state[TURN]), rotation(last[TURN]).T)
             arena["body_way"][k] = (state[PLACE] - last[PLACE])[axes]
             arena["body_turn"][k] = self._matrix(turn - np.eye(3))
         self.tasks.each(self.motion.move_bodies)

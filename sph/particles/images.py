@@ -78,9 +78,10 @@ class Maps:
         n = len(self.planes)
         for k in range(1, len(other.planes)):
             for j in range(n):
-                turn = other.turn[k] @ self.turn[j]
-                shift = other.turn[k] @ self.shift[j] + other.shift[k]
-                spin, push = other.spin[k] @ self.spin[j], other.spin[k] @ self.push[j] + other.push[k]
+                turn = product(other.turn[k], self.turn[j])
+                shift = product(other.turn[k], self.shift[j]) + other.shift[k]
+                spin = product(other.spin[k], self.spin[j])
+                push = product(other.spin[k], self.push[j]) + other.push[k]
                 planes, layers = [*self.planes[j], *other.planes[k]], [*self.layers[j], *other.layers[k]]
                 self.add(turn, shift, spin, push, planes, self.wall[j] or other.wall[k], layers)
 
@@ -172,14 +173,15 @@ def mirrors(scene: Scene, walls: Walls, axes: list[int], reach: float) -> list[M
         push = 2 * walls.velocity[wall.index][axes]
         beyond = 0.0 if wall.section.solid else reach  # the corners of a tank belong to both of its faces
         for point, normal, near, edges, layer in _faces(wall, reach, moved, axes):
-            planes = near + [(plane, offset + beyond * np.sqrt(plane @ plane)) for plane, offset in edges]
+            planes = near + [(plane, offset + beyond * np.sqrt(product(plane, plane))) for plane, offset in edges]
             group = groups.setdefault(direction(normal), Maps(d))
             away = np.outer(normal, normal)
-            turn, shift = np.eye(d) - 2 * away, 2 * (point @ normal) * normal
+            turn, shift = np.eye(d) - 2 * away, 2 * product(point, normal) * normal
             if layer is None:
-                group.add(turn, shift, -np.eye(d), push, planes, wall.index + 1, None, point @ normal)
+                group.add(turn, shift, -np.eye(d), push, planes, wall.index + 1, None, product(point, normal))
             else:
-                group.add(turn, shift, turn, away @ push, planes, wall.index + 1, [(normal, layer)], point @ normal)
+                group.add(turn, shift, turn, product(away, push), planes, wall.index + 1, [(normal, layer)],
+                          product(point, normal))  # fmt: skip
     return list(groups.values())
 
 
@@ -201,12 +203,12 @@ def _faces(wall: Wall, reach: float, moved: NDArray, axes: list[int]) -> Iterato
             layer = Layer((sheet.origin + moved)[axes], tangents, sheet.counts, endless)
             edges = []
             for tangent, n in zip(tangents[~endless], np.array(sheet.counts)[~endless]):
-                step = tangent @ tangent
-                first = layer.origin @ tangent - step / 2
+                step = product(tangent, tangent)
+                first = product(layer.origin, tangent) - step / 2
                 edges += [(tangent, first + n * step), (-tangent, -first)]
             yield layer.origin, normal, _near(layer.origin, normal, reach), edges, layer
 
 
 def _near(point: NDArray, normal: NDArray, reach: float) -> list[Plane]:
     """The planes between which a body is at most `reach` m before a face or behind it."""
-    return [(normal, point @ normal + reach), (-normal, reach - point @ normal)]
+    return [(normal, product(point, normal) + reach), (-normal, reach - product(point, normal))]

@@ -7,13 +7,15 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from hpcpic.core.space.elementary import expm1, log1p
+
 MOST_GAMMA = 16  # that a polynomial is made for
 
 
 def power(e: Any, n: float) -> Any:
     """((1 + e)^n - 1) / n without loss for small e, log(1 + e) for n = 0. Kernels have it as kernels.powers.power."""
-    stretch = np.log1p(e)
-    return np.expm1(n * stretch) / n if n else stretch
+    stretch = log1p(e)
+    return expm1(n * stretch) / n if n else stretch
 
 
 def coefficients(n: float) -> NDArray[np.float64]:
@@ -38,11 +40,11 @@ class EquationOfState:
 
     def pressure(self, excess: NDArray | float) -> NDArray[np.float64]:
         """p in Pa without the background, from kg/m3."""
-        return self.stiffness * np.expm1(self.gamma * np.log1p(np.asarray(excess) / self.rho0))
+        return self.stiffness * expm1(self.gamma * log1p(np.asarray(excess) / self.rho0))
 
     def excess(self, pressure: NDArray | float) -> NDArray[np.float64]:
         """rho - rho0 in kg/m3 at which p without the background is this pressure in Pa."""
-        return self.rho0 * np.expm1(np.log1p(np.asarray(pressure) / self.stiffness) / self.gamma)
+        return self.rho0 * expm1(log1p(np.asarray(pressure) / self.stiffness) / self.gamma)
 
     def sound_speed(self, excess: Any) -> Any:
         """(MP 15): c = c0 (rho / rho0)^((gamma - 1) / 2), m/s."""
@@ -51,7 +53,7 @@ class EquationOfState:
     def excess_at_rest(self, depth: NDArray, gravity: float) -> NDArray[np.float64]:
         """rho - rho0 at rest at a depth in m, exact: (rho / rho0)^(gamma - 1) = 1 + (gamma - 1) g depth / c0^2."""
         head, n = gravity * np.maximum(depth, 0.0) / self.c0**2, self.gamma - 1
-        return self.rho0 * np.expm1(np.log1p(n * head) / n if n else head)
+        return self.rho0 * expm1(log1p(n * head) / n if n else head)
 
     def energy(self, excess: NDArray) -> NDArray[np.float64]:
         """Work of compression from rho0, J/kg: the integral of (p + background) / rho^2."""

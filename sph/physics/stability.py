@@ -100,7 +100,8 @@ def viscous_limit(config: SphConfig) -> float:
     if decay is None:
         return MAX_VISCOUS_STEP
     fastest = decay(waves_of(numerics.kernel, config.dimensions, numerics.smoothing)).max()
-    return min(MAX_VISCOUS_STEP, 0.9 * INTEGRATORS[config.simulation.integrator].decay / float(fastest))
+    limit = 0.9 * INTEGRATORS[config.simulation.integrator].decay / float(fastest)
+    return min(MAX_VISCOUS_STEP, float(f"{limit:.6g}"))  # steps follow it: without the digits that differ by processor
 
 
 def step_parts(config: SphConfig) -> dict[str, float]:

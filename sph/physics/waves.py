@@ -1,6 +1,7 @@
 """Waves of the discrete SPH operators on a lattice, as sums over the neighbours of a lattice point."""
 
 import functools
+import math
 from typing import NamedTuple
 
 import numpy as np
@@ -45,7 +46,8 @@ def cleary_constant(kernel: str, d: int, smoothing: float) -> float:
     """
     r, distance, f = neighbourhood(kernel, d, smoothing)
     k = np.pi / LONG_WAVE * smoothing
-    shear = np.sum(f * r[:, 0] ** 2 / (distance**2 + 0.01) * (1 - np.cos(k * r[:, 1]))) / k**2
+    wave = np.array([1 - math.cos(k * y) for y in r[:, 1].tolist()])  # of the C library: the state follows xi
+    shear = np.sum(f * r[:, 0] ** 2 / (distance**2 + 0.01) * wave) / k**2
     return float(1 / (2 * shear)) if shear > 0 else d + 2.0
 
 

@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hpcpic.core.files.start import arrays
+from hpcpic.core.space.elementary import cos, cosh, sin, sinh
 from hpcpic.core.space.products import product
 from sph.case import geometry
 from sph.case.config import Flow, Fluid, SphConfig
@@ -35,7 +36,7 @@ def depth(scene: Liquid, fluid: Fluid, x: NDArray) -> NDArray[np.float64]:
         return np.zeros(len(x))
     top = fluid.surface
     if top is None:
-        top = max(float(np.dot(corner, up(scene))) for corner in geometry.corners(fluid.shape))
+        top = max(float(product(np.array(corner), up(scene))) for corner in geometry.corners(fluid.shape))
     return top - product(x, up(scene))
 
 
@@ -61,7 +62,7 @@ class Linear:
     @staticmethod
     def pressure(scene: Liquid, fluid: Fluid, flow: Flow, x: NDArray) -> NDArray[np.float64]:
         gradient = np.array(flow.gradient).reshape(scene.dimensions, -1)
-        source = scene.eos.rho0 * float(np.trace(gradient @ gradient))
+        source = scene.eos.rho0 * float(np.sum(gradient * gradient.T))
         if fluid.shape.sphere:
             r2 = np.sum((x - np.array(fluid.shape.sphere.centre)) ** 2, axis=1)
             return source / (2 * scene.dimensions) * (fluid.shape.sphere.radius**2 - r2)
@@ -81,14 +82,14 @@ class Vortices:
     @staticmethod
     def velocity(scene: Liquid, fluid: Fluid, flow: Flow, x: NDArray) -> NDArray[np.float64]:
         v, k, a = np.zeros_like(x), 2 * math.pi / flow.wavelength, flow.amplitude
-        v[:, 0] = -a * np.cos(k * x[:, 0]) * np.sin(k * x[:, 1])
-        v[:, 1] = a * np.sin(k * x[:, 0]) * np.cos(k * x[:, 1])
+        v[:, 0] = -a * cos(k * x[:, 0]) * sin(k * x[:, 1])
+        v[:, 1] = a * sin(k * x[:, 0]) * cos(k * x[:, 1])
         return v
 
     @staticmethod
     def pressure(scene: Liquid, fluid: Fluid, flow: Flow, x: NDArray) -> NDArray[np.float64]:
         k, a = 2 * math.pi / flow.wavelength, flow.amplitude
-        return -scene.eos.rho0 * a * a / 4 * (np.cos(2 * k * x[:, 0]) + np.cos(2 * k * x[:, 1]))
+        return -scene.eos.rho0 * a * a / 4 * (cos(2 * k * x[:, 0]) + cos(2 * k * x[:, 1]))
 
 
 class StandingWave:
@@ -108,8 +109,8 @@ class StandingWave:
         water = high[vertical] - low[vertical]
         w = math.sqrt(math.hypot(*scene.gravity) * k * math.tanh(k * water))
         along, above = k * (x[:, 0] - low[0]), k * (x[:, vertical] - low[vertical])
-        v[:, 0] = -a * w * np.cosh(above) / math.sinh(k * water) * np.sin(along)
-        v[:, vertical] = a * w * np.sinh(above) / math.sinh(k * water) * np.cos(along)
+        v[:, 0] = -a * w * cosh(above) / math.sinh(k * water) * sin(along)
+        v[:, vertical] = a * w * sinh(above) / math.sinh(k * water) * cos(along)
         return v
 
     @staticmethod
@@ -159,4 +160,4 @@ def rectangle(x: NDArray, size: NDArray) -> NDArray[np.float64]:
     n = np.arange(1, 2 * TERMS, 2)
     kx, ky = n * math.pi / size[0], n * math.pi / size[1]
     weights = 16 / (math.pi**2 * np.outer(n, n)) / (kx[:, None] ** 2 + ky[None] ** 2)
-    return np.einsum("pa,ab,pb->p", np.sin(x[:, :1] * kx), weights, np.sin(x[:, 1:2] * ky))
+    return np.einsum("pa,ab,pb->p", sin(x[:, :1] * kx), weights, sin(x[:, 1:2] * ky))

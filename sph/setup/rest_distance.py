@@ -1,5 +1,6 @@
 """Where fluid rests before repulsive walls: from nearer it would be thrown off them, from farther it would fall."""
 
+import math
 from typing import Any, Protocol
 
 import numpy as np
@@ -25,7 +26,8 @@ class Surroundings(Liquid, Protocol):
 
 def distance(strength: NDArray[np.float64]) -> NDArray[np.float64]:
     """y / h at which S(y) of (SC 9), b = 1, s = 8, has a value above 0."""
-    return np.where(strength < 1.0, 1.0 - 0.2 * np.sqrt(strength), 0.8 * np.maximum(strength, 1.0) ** -0.125)
+    eighth_root = np.sqrt(np.sqrt(np.sqrt(np.maximum(strength, 1.0))))
+    return np.where(strength < 1.0, 1.0 - 0.2 * np.sqrt(strength), 0.8 / eighth_root)
 
 
 def before_walls(scene: Surroundings, section: Fluid, x: NDArray, drho: NDArray) -> NDArray[np.float64]:
@@ -37,7 +39,7 @@ def before_walls(scene: Surroundings, section: Fluid, x: NDArray, drho: NDArray)
     if not walls:
         return x
     p = np.maximum(scene.eos.pressure(drho), 0.0)
-    needed = p / (scene.eos.rho0 * scene.spacing) + np.linalg.norm(scene.gravity) / 2
+    needed = p / (scene.eos.rho0 * scene.spacing) + math.hypot(*scene.gravity) / 2
     rest = distance(needed * scene.h / (STRENGTH * scene.c0**2)) * scene.h
     farthest = scene.h if held(scene, section) else rest
     for wall in walls:
@@ -70,7 +72,7 @@ def held(scene: Surroundings, section: Fluid) -> bool:
 
 def _covers(face: Face, side: NDArray, axis: int, sign: float, spacing: float) -> bool:
     """Whether a face looks along an axis from the middle of a side."""
-    off = abs((side - face.point) @ face.normal)
+    off = abs(product(side - face.point, face.normal))
     across = np.arange(len(side)) == axis
     inside = np.all(across | ((side >= face.low) & (side <= face.high)))
     return bool(face.normal[axis] * sign > 1.0 - 1e-9 and off < spacing / 2 and inside)

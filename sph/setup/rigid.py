@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from hpcpic.core.space.products import product
 from sph.case import geometry
 from sph.case.config import Shape
 from sph.setup import signed_distance, tanks
@@ -71,6 +72,12 @@ def angle_of(q: Reals) -> Reals:
 def skew(w: Reals) -> Reals:
     """The matrix [3, 3] that gives w x r of r."""
     return np.array([[0.0, -w[2], w[1]], [w[2], 0.0, -w[0]], [-w[1], w[0], 0.0]])
+
+
+def solution(m: Reals, b: Reals) -> Reals:
+    """x[3] of m x = b, m[3, 3] symmetric, by Cramer's rule."""
+    across = np.cross(m[[1, 2, 0]], m[[2, 0, 1]])
+    return product(across, b) / product(m[0], across[0])
 
 
 def share(wall: Any, x: Reals) -> float:

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from hpcpic.core.errors import ConfigError
 from hpcpic.core.files.start import arrays
+from hpcpic.core.space.products import product
 from hpcpic.core.space.rng import uniforms
 from hpcpic.core.space.shapes import unit
 from sph.case import config as case
@@ -180,14 +181,21 @@ class Wall:
         return Grid(tuple(lines))
 
 
+def along(normal: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Unit vectors [d - 1, d] in a plane, at right angles; first the axes that lie in it."""
+    flat, padded = np.eye(len(normal))[normal == 0.0], np.array([*normal, 0.0][:3])
+    first = unit(np.cross(padded, np.eye(3)[np.argmin(np.abs(padded))]))
+    oblique = np.stack([first, np.cross(padded, first)])
+    return np.concatenate([flat, oblique[: len(normal) - 1 - len(flat), : len(normal)]])
+
+
 def plane_sheet(scene: "Scene", plane: case.Plane, recess: float) -> Sheet:
     """A sheet of spacing dp, far beyond the domain; along periodic axes, which lie in it, over a period."""
     normal, dp = unit(plane.normal), scene.spacing
     flat = np.flatnonzero(normal == 0.0)
-    inside = np.eye(len(normal))[flat]
-    basis = np.concatenate([inside, np.linalg.svd(np.concatenate([normal[None], inside]))[2][1 + len(flat) :]])
+    basis = along(normal)
     middle, reach = (scene.low + scene.high) / 2, (ENDLESS + 0.5) * scene.diagonal
-    origin = middle - ((middle - plane.point) @ normal + recess) * normal
+    origin = middle - (product(middle - plane.point, normal) + recess) * normal
     steps, counts = np.full(len(basis), dp), np.full(len(basis), 2 * math.ceil(reach / dp) + 1)
     for row, k in enumerate(flat):
         if scene.periodic[k]:
@@ -195,7 +203,7 @@ def plane_sheet(scene: "Scene", plane: case.Plane, recess: float) -> Sheet:
             counts[row] = geometry.count(length, dp)
             steps[row] = length / counts[row]
     tangents = basis * steps[:, None]
-    return Sheet(origin - (counts - 1) / 2 @ tangents, tangents, tuple(counts.tolist()), normal)
+    return Sheet(origin - product((counts - 1) / 2, tangents), tangents, tuple(counts.tolist()), normal)
 
 
 @dataclass(slots=True)

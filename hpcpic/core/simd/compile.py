@@ -27,7 +27,6 @@ from numba.core.serialize import dumps
 from numba.extending import register_jitable
 
 from hpcpic.core.simd.caches import Store
-from hpcpic.core.simd.registers import has_avx512
 
 _ROOT = Path(__file__).resolve().parents[3]  # of the packages
 _KERNEL_FOLDERS = {"simd", "space", "comm", "tasks", "physics", "kernels"}
@@ -89,7 +88,7 @@ def _fingerprint(program: str) -> str:
     digest.update(binding.get_host_cpu_name().encode() + binding.get_host_cpu_features().flatten().encode())
     settings = {key: value for key, value in os.environ.items() if key.startswith("NUMBA_")}
     settings.pop("NUMBA_CACHE_DIR", None)
-    digest.update(repr([sorted(settings.items()), has_avx512()]).encode())
+    digest.update(repr(sorted(settings.items())).encode())
     digest.update(_own.get(program, b""))
     return digest.hexdigest()
 

@@ -1,5 +1,7 @@
 """The compiled loops of core.space.rng."""
 
+import math
+
 import numpy as np
 
 from hpcpic.core.simd.compile import njit
@@ -50,28 +52,23 @@ def polynomial(c, r):
 
 
 @njit
-def central(u, x, above, below, tail):
-    """x[n] where |u[n] - 1/2| <= 0.425; elsewhere the distance of u from 0 or 1, in tail[: how many]."""
-    n = 0
+def central(u, x, above, below):
+    """x[n] where |u[n] - 1/2| <= 0.425; elsewhere no quantiles."""
     for k in range(u.size):
         q = u[k] - 0.5
         r = 0.180625 - q * q
         x[k] = q * (polynomial(above, r) / polynomial(below, r))
-        tail[n] = min(u[k], 1.0 - u[k])
-        n += abs(q) > 0.425
-    return n
 
 
 @njit
-def tails(u, x, r, above, below, far_above, far_below):
-    """x[n] where |u[n] - 1/2| > 0.425, from r = sqrt(-log(tail)) in the order of `central`."""
-    n = 0
+def tails(u, x, above, below, far_above, far_below):
+    """x[n] where |u[n] - 1/2| > 0.425."""
     for k in range(u.size):
         q = u[k] - 0.5
         if abs(q) > 0.425:
-            if r[n] <= 5.0:
-                magnitude = polynomial(above, r[n] - 1.6) / polynomial(below, r[n] - 1.6)
+            r = math.sqrt(-math.log(min(u[k], 1.0 - u[k])))
+            if r <= 5.0:
+                magnitude = polynomial(above, r - 1.6) / polynomial(below, r - 1.6)
             else:
-                magnitude = polynomial(far_above, r[n] - 5.0) / polynomial(far_below, r[n] - 5.0)
-            x[k] = np.copysign(magnitude, q)
-            n += 1
+                magnitude = polynomial(far_above, r - 5.0) / polynomial(far_below, r - 5.0)
+            x[k] = math.copysign(magnitude, q)

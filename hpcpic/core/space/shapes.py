@@ -41,7 +41,7 @@ def plane(x: NDArray, point: ArrayLike, normal: ArrayLike) -> Distances:
 def unit(v: ArrayLike) -> NDArray[np.float64]:
     """The vector of length 1 in the direction of v[d]."""
     v = np.asarray(v, np.float64)
-    return v / np.sqrt(v @ v)
+    return v / np.sqrt(np.sum(v * v))
 
 
 def _length(x: NDArray) -> Distances:

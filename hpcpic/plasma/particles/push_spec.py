@@ -1,5 +1,6 @@
 """What the kernels of a scene are made for, and into how many parts they divide a particle's charge."""
 
+import math
 from dataclasses import dataclass
 from types import ModuleType
 from typing import Any
@@ -82,7 +83,7 @@ def groups_of_charge(scene: Scene, spec: PushSpec) -> tuple[NDArray[np.int64], N
     sizes = sorted({abs(species.q) for species in scene.species}, reverse=True)
     mean = scene.n_particles / np.prod(scene.points)
     most = max(1, min(scene.n_particles, max(2**18, 4096 * mean)))
-    bits = min(WHOLE_BITS[np.dtype(spec.dtype).itemsize], 62 - int(np.ceil(np.log2(most))))
+    bits = min(WHOLE_BITS[np.dtype(spec.dtype).itemsize], 62 - math.ceil(math.log2(most)))
     charge = [(sizes.index(abs(species.q)), int(np.sign(species.q)) << bits) for species in scene.species]
     weight = [q / scene.cell_volume / 2.0**bits for q in sizes]
     return np.array(charge, np.int64).reshape(-1, 2), np.array(weight or [0.0])

@@ -3,12 +3,14 @@
 The rotation turns v- into v+ = v- + (v- + v- x t) x s, by the angle 2 atan |t| about B.
 """
 
+import math
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from hpcpic.core.simd.formulas import fma
+from hpcpic.core.space.products import product
 
 NO_ROTATION, ABOUT_Z, ABOUT_ANY = 0, 1, 2  # kinds of rotation
 
@@ -47,18 +49,18 @@ def rotation_vectors(
     With exact_phase, t has the length tan(wc dt/2), and the angle per step is exactly wc dt.
     """
     t = np.array(magnetic) * (charge_to_mass * time_step / 2)
-    length = np.sqrt(t @ t)
+    length = math.sqrt(product(t, t))
     if exact_phase and length:
-        t = t * (np.tan(length) / length)
-    return t, 2 * t / (1 + t @ t)
+        t = t * (math.tan(length) / length)
+    return t, 2 * t / (1 + product(t, t))
 
 
 def part_of_turn(t: NDArray[np.float64], part: float) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """The vectors t[3] and s[3] of a rotation by `part` times the angle 2 atan |t|."""
-    length = np.sqrt(t @ t)
+    length = math.sqrt(product(t, t))
     if length:
-        t = t * (np.tan(part * np.arctan(length)) / length)
-    return t, 2 * t / (1 + t @ t)
+        t = t * (math.tan(part * math.atan(length)) / length)
+    return t, 2 * t / (1 + product(t, t))
 
 
 def cross_matrix(w: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -69,7 +71,7 @@ def cross_matrix(w: NDArray[np.float64]) -> NDArray[np.float64]:
 def turn(t: NDArray[np.float64], s: NDArray[np.float64]) -> NDArray[np.float64]:
     """A[3, 3] with v+ = v- + A v-: the rotation less the identity, so that small angles keep their precision."""
     kt, ks = cross_matrix(t), cross_matrix(s)
-    return ks + ks @ kt
+    return ks + product(ks, kt)
 
 
 def shears(t: NDArray[np.float64], s: NDArray[np.float64], side: NDArray[np.float64]) -> list[float]:
@@ -78,10 +80,10 @@ def shears(t: NDArray[np.float64], s: NDArray[np.float64], side: NDArray[np.floa
     Returns tangents of half the angles and sines, (z, y, x) in pairs, in units of the cell sides `side`[3].
     """
     kt, ks = cross_matrix(t), cross_matrix(s)
-    r = np.eye(3) + ks + ks @ kt
-    about_z, about_y = np.arctan2(r[1, 0], r[0, 0]), np.arcsin(-r[2, 0])
-    about_x = np.arctan2(r[2, 1], r[2, 2])
+    r = np.eye(3) + ks + product(ks, kt)
+    about_z, about_y = math.atan2(r[1, 0], r[0, 0]), math.asin(-r[2, 0])
+    about_x = math.atan2(r[2, 1], r[2, 2])
     numbers: list[float] = []
     for angle, (p, q) in ((about_z, (0, 1)), (about_y, (2, 0)), (about_x, (1, 2))):
-        numbers += [-np.tan(angle / 2) * side[q] / side[p], np.sin(angle) * side[p] / side[q]]
+        numbers += [-math.tan(angle / 2) * side[q] / side[p], math.sin(angle) * side[p] / side[q]]
     return numbers

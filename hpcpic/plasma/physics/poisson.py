@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import DTypeLike, NDArray
 
 from hpcpic.core.space.domain import Domain
+from hpcpic.core.space.elementary import cos, sin
 
 if TYPE_CHECKING:
     from hpcpic.core.comm.world import World
@@ -50,14 +51,14 @@ def _angles(n: int) -> NDArray:
 def _first(n: int, spacing: float, spectral: bool) -> NDArray[np.float64]:
     """k of d/dx = i k. The shortest wave of an even n has no direction, and so no derivative."""
     if not spectral:
-        return np.where(np.arange(n) * 2 == n, 0.0, np.sin(_angles(n))) / spacing
+        return np.where(np.arange(n) * 2 == n, 0.0, sin(_angles(n))) / spacing
     return np.where(np.arange(n) * 2 == n, 0.0, _angles(n)) / spacing
 
 
 def _second(n: int, spacing: float, spectral: bool) -> NDArray[np.float64]:
     """What d2/dx2 multiplies a mode by."""
     k = _angles(n)
-    return (-(k**2) if spectral else 2 * (np.cos(k) - 1)) / spacing**2
+    return (-(k**2) if spectral else 2 * (cos(k) - 1)) / spacing**2
 
 
 def green(

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hpcpic.core.space.domain import wrap
+from hpcpic.core.space.elementary import sin
 from hpcpic.plasma.case import config as case
 from hpcpic.plasma.physics.boris import part_of_turn, rotation_vectors, shears, turn
 from hpcpic.plasma.setup import loaders, macro_particles
@@ -130,7 +131,7 @@ class SceneSpecies:
         perturbation = self.section.perturbation
         if perturbation and perturbation.amplitude:
             k, sine = self.wave(x)
-            x = x + sine[:, None] * (perturbation.amplitude * k / (k @ k))
+            x = x + sine[:, None] * (perturbation.amplitude * k / np.sum(k * k))
         return np.stack([wrap(x[:, i], length) for i, length in enumerate(self.scene.lengths)], axis=1)
 
     def velocities(self, ids: NDArray) -> NDArray[np.float64]:
@@ -141,7 +142,7 @@ class SceneSpecies:
         perturbation = self.section.perturbation
         if perturbation and perturbation.velocity_amplitude:
             k, sine = self.wave(self.unperturbed(ids))
-            velocity[:, : len(k)] += sine[:, None] * (perturbation.velocity_amplitude * k / np.sqrt(k @ k))
+            velocity[:, : len(k)] += sine[:, None] * (perturbation.velocity_amplitude * k / np.sqrt(np.sum(k * k)))
         return velocity
 
     def unperturbed(self, ids: NDArray) -> NDArray[np.float64]:
@@ -168,4 +169,4 @@ class SceneSpecies:
         lengths = self.scene.lengths
         k = np.array([2 * np.pi * n / length for n, length in zip(mode, lengths)])
         turns = sum(n * (x[:, i] / lengths[i]) for i, n in enumerate(mode))
-        return k, np.sin(2 * np.pi * np.ascontiguousarray(turns - np.floor(turns)))
+        return k, sin(2 * np.pi * (turns - np.floor(turns)))

@@ -32,10 +32,8 @@ def test_known_numbers_stay():
         ["0x1.c9331442a44bbp-1", "0x1.ec5411093a5ddp-1", "0x1.6abbc3c276451p-1"],
     ]
     assert [[x.hex() for x in row] for row in uniforms(3, 1, [0, 1, 2**40], 3)] == known
-    centre, tails = normals(3, 2, [0, 3], 2)
-    assert [x.hex() for x in centre] == ["-0x1.b87b51febe7bap-7", "-0x1.7e5e156121ebbp-2"]
-    known = [float.fromhex(x) for x in ("0x1.13e900e2a787fp+1", "-0x1.b6b57c7cfaa63p+0")]
-    np.testing.assert_allclose(tails, known, rtol=4.5e-16)  # two bits: logarithms differ by machine
+    known = [["-0x1.b87b51febe7bap-7", "-0x1.7e5e156121ebbp-2"], ["0x1.13e900e2a787fp+1", "-0x1.b6b57c7cfaa63p+0"]]
+    assert [[x.hex() for x in row] for row in normals(3, 2, [0, 3], 2)] == known  # of the centre, of the tails
 
 
 @pytest.mark.parametrize("draw", [uniforms, normals])

@@ -1,13 +1,7 @@
 """The shares of vectors that the estimate expects, beside those of lattices that have been made."""
 
-import json
-import os
-import subprocess
-import sys
-
 import pytest
 from app_runner import running
-from llvmlite import binding
 
 from hpcpic.core.case.config import loads
 from hpcpic.core.comm.world import World
@@ -36,49 +30,6 @@ def test_the_shares_are_those_of_the_lattice(case):
         assert next(arrays(app.scene.config, 1)).bytes == held
     assert expected.skipped == pytest.approx((kinds == SKIP).mean(), abs=FIRST_ORDER)
     assert expected.mixed == pytest.approx((kinds == MIXED).mean(), abs=FIRST_ORDER)
-
-
-# A lattice with the kernels of this processor, or of that which numba is told to compile for; nodes marked by formula
-WIDTH = """
-import json, sys
-import numpy as np
-from hpcpic.core.case.config import loads
-from lbmdem.configure import configure
-from lbmdem.kernels.layout import Layout
-from lbmdem.kernels.node_kinds import classify, mark
-from lbmdem.kernels.sweep import MIXED, SKIP
-from lbmdem.physics.velocity_sets import LATTICES
-from lbmdem.forecast.plan import arrays
-from lbmdem.forecast.node_shares import shares
-
-config = configure(loads(sys.stdin.read()))
-n, centre, radius = config.points[0], np.array(config.grains[0].position[0]), 0.5 * config.grains[0].diameter
-axis = (np.arange(-1, n + 1) % n + 0.5) * config.spacing
-ids = np.where(sum((a - c) ** 2 for a, c in zip(np.meshgrid(*[axis] * 3), centre)) < radius**2, 0, -1).astype(np.int32)
-layout = Layout.of(LATTICES["D3Q19"], (n,) * 3, (True,) * 3, True, np.float64)
-wet = np.zeros((n + 2, n + 2, layout.vectors), np.int32)
-mark(ids, 1, 1 << 30, wet, layout.lanes, 0, n + 2)
-inside = np.full(layout.vectors, (1 << layout.lanes) - 1, np.int32)
-kinds = np.zeros((n, n, layout.vectors), np.uint8)
-classify(wet, wet, inside, layout.lanes, False, kinds, 0, n)
-real = [float((kinds == kind).mean()) for kind in (SKIP, MIXED)]
-print(json.dumps([layout.lanes, layout.size * 8, next(arrays(config, 1)).bytes, real, shares(config)]))
-"""
-
-
-@pytest.mark.parametrize("wide", [False, True], ids=["AVX2", "AVX-512"])
-def test_the_forecast_is_of_the_registers_that_kernels_are_compiled_for(wide):
-    """The same case with either width, on a processor that has both."""
-    host = binding.get_host_cpu_features()
-    if wide and not host["avx512f"]:
-        pytest.skip("this processor has no AVX-512")
-    features = host.flatten() if wide else host.flatten().replace("+avx512", "-avx512")
-    case = shipped_cases()["sphere-array"].read_text()
-    words = {"input": case, "env": os.environ | {"NUMBA_CPU_FEATURES": features}}
-    done = subprocess.run([sys.executable, "-c", WIDTH], **words, capture_output=True, text=True, check=True)
-    lanes, held, expected, real, share = json.loads(done.stdout)
-    assert lanes == (8 if wide else 4) and expected == held
-    assert share == pytest.approx(real, abs=FIRST_ORDER)
 
 
 @pytest.mark.parametrize("case", ["sphere-array", "settling-disc", "couette"])
