@@ -20,7 +20,7 @@ def root(monkeypatch, tmp_path):
     tmp_path.chmod(0o755)
     root = tmp_path / "scratch" / "root"
     monkeypatch.setenv("HPCPIC_CACHE_DIR", str(root))
-    caches._told.clear()
+    caches._warned.clear()
     return root
 
 
@@ -52,7 +52,7 @@ def test_a_user_without_a_home_keeps_nothing_and_is_told(monkeypatch, caplog):
     for name in ("HPCPIC_CACHE_DIR", "XDG_CACHE_HOME"):
         monkeypatch.delenv(name, raising=False)
     monkeypatch.setattr(os.path, "expanduser", lambda path: path)  # what it does where the system knows of no home
-    caches._told.clear()
+    caches._warned.clear()
     for _ in range(2):
         store = Store("compiled code")
         store.write("a", b"1")
