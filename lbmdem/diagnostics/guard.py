@@ -27,7 +27,7 @@ def fault(seen: Diagnostics, fluid: Fluid | None, dem: Dem | None, max_overlap: 
     if dem and not all(np.isfinite(dem.grains.columns[name]).all() for name in ("heat", "work")):
         return "the energy of a grain is no number"
     if dem and not dem.grains.are_as_made():
-        return "a grain has another mass, inertia or radius than at the start: damaged memory"
+        return "a grain has another mass, inertia or radius than at the start, or leaves the plane: damaged memory"
     if seen.overlap > max_overlap:
         return f"grains overlap by {seen.overlap:.1%} of a diameter (limit {max_overlap:.0%})"
     if seen.fluid and abs(seen.fluid.drift) > MAX_DRIFT:

@@ -33,6 +33,7 @@ COLUMNS: dict[str, tuple[np.dtype, tuple[int, ...]]] = {
     for array in GRAINS
     if array.name != "origin"
 }
+OUT_OF_PLANE = [V + 2, OMEGA, OMEGA + 1]  # motions that discs do not have
 INVERSES = [7, 11]  # values of a row: 1 / mass and 1 / inertia, of fixed grains 0
 QUATERNION_ERROR = 1e-6  # by which a quaternion may miss its length
 STATE = tuple(name for name in COLUMNS if name not in ("id", "given"))
@@ -272,11 +273,14 @@ class Grains:
         self.columns["row"][:, INVERSES], self.columns["pull"][:] = made["inverses"][ids], made["pull"][ids]
 
     def are_as_made(self) -> bool:
-        """True if the held grains are as heavy and as large as those of the scene: no step changes that."""
+        """True if the held grains are as heavy and as large as those of the scene, and discs move in their plane: no
+        step changes that.
+        """
         ids, made, row = self.columns["id"], self._made_of, self.columns["row"]
         found = {name: self.columns[name] for name in ("mass", "inertia", "fixed", "pull")}
         found |= {"radius": row[:, 3], "inverses": row[:, INVERSES]}
-        return all(np.array_equal(values, made[name][ids]) for name, values in found.items())
+        planar = self.dimensions == 3 or not row[:, OUT_OF_PLANE].any()
+        return planar and all(np.array_equal(values, made[name][ids]) for name, values in found.items())
 
     def take(self, ids: NDArray[np.int64], arrays: Mapping[str, NDArray]) -> None:
         """Collective: these grains instead of those of this rank; `settle` next."""
