@@ -107,7 +107,7 @@ class Stop:
     def _lose_patience(self) -> None:
         grace = max(self._grace, 20 * self.step_seconds)
         if not self._acknowledged.wait(grace):
-            self._abort(f"{self.reason.text}: neither the step nor the compiling of its kernels ended within {grace:.0f} s")
+            self._abort(f"{self.reason.text}: a step, or compiling for it, did not end within {grace:.0f} s")
 
 
 def process_start() -> float:
