@@ -31,7 +31,7 @@ class Drawn:
 
     @property
     def wide(self) -> bool:
-        """Whether it takes a whole row of the page."""
+        """True for a figure that takes a whole row of the page."""
         found = re.search(r'viewBox="0 0 (\S+) (\S+)"', self.svg)
         return found is not None and float(found[1]) > WIDE * float(found[2])
 
