@@ -17,6 +17,7 @@ from sph.case import columns
 from sph.case.config import SphConfig
 from sph.diagnostics import scalars, snapshot
 from sph.diagnostics.checkpoint import Checkpoint
+from sph.diagnostics.checksums import Checksums
 from sph.diagnostics.gauges import Gauges
 from sph.diagnostics.guards import Runaway
 from sph.diagnostics.sensors import Sensors
@@ -71,7 +72,9 @@ class Sph:
         self.bodies = self.evolution.bodies
         self.sensors = Sensors(self.walls, self.ghosts, self.sums, self.slabs)
         self.gauges = Gauges(self.storage, self.sensors)
-        self.runaway = Runaway(self.clock, self.storage, self.forces, self.totals)
+        summed = [self.forces.impulses, self.bodies.state] if self.bodies else [self.forces.impulses]
+        self.checksums = Checksums(scene.dimensions, self.tasks.arena, summed)
+        self.runaway = Runaway(self.clock, self.storage, self.forces, self.totals, self.checksums)
         self.strays = Strays(scene, world, self.clock, self.storage)
         self.outflow = Outflow(scene, world, self.clock, self.storage)
         parts = self.clock, self.storage, self.forces, self.gauges, self.strays, self.skin, self.bodies
@@ -161,6 +164,7 @@ class Sph:
         with self.timers.section("sort"):
             ghosts.sorted(self.cells.sort(self.storage, self.slabs))
             self.cells.find(self.skin.radius)
+        self.checksums.keep()
 
     def choose_step(self) -> None:
         """dt from the largest speed, acceleration and density error of all particles. Collective."""

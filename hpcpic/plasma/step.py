@@ -10,16 +10,16 @@ from hpcpic.core.comm.world import World
 from hpcpic.core.files.arrays import Column, Counts, FieldArray, ParticleArray, Shard
 from hpcpic.core.files.sealed import Reader
 from hpcpic.core.run.gauges import Gauges
-from hpcpic.core.run.guard import ConservedSums
 from hpcpic.core.run.worst import worst_particles
 from hpcpic.core.space.domain import Domain, block_ranges, even_cuts
 from hpcpic.core.tasks.graph import Pool
 from hpcpic.core.timers import Timers
 from hpcpic.plasma.case.config import PlasmaConfig
 from hpcpic.plasma.diagnostics import scalars, snapshot
-from hpcpic.plasma.diagnostics.energy_watch import MIN_PARTICLES, STEPS_BETWEEN_LOOKS, EnergyWatch
+from hpcpic.plasma.diagnostics.energy_watch import STEPS_BETWEEN_LOOKS, EnergyWatch
 from hpcpic.plasma.diagnostics.field_modes import FieldModes
 from hpcpic.plasma.diagnostics.histograms import Histograms
+from hpcpic.plasma.diagnostics.kept_motion import KeptMotion, Motion
 from hpcpic.plasma.diagnostics.node_moments import NodeMoments
 from hpcpic.plasma.diagnostics.series_sums import SeriesSums
 from hpcpic.plasma.field.mesh import SHIFT, Mesh
@@ -84,7 +84,9 @@ class Plasma:
         self._distribute()
         self._rewind()
         self.iteration = 0
-        self._energy, self._momentum = self._watch(), self._kept_momentum()
+        self._energy = self._watch()
+        real = np.dtype(spec.dtype)
+        self.kept_motion = KeptMotion(scene, 2.0 ** WHOLE_BITS[real.itemsize], real)
 
     def _field_scale(self) -> float:
         """A power of two that turns E into about a cell per step^2 for the lightest species."""
@@ -179,9 +181,8 @@ class Plasma:
             if self._gauges:
                 values |= self._gauges.values(self._fields({gauge.what for gauge in self.scene.config.gauge}))
         self._energy.see(values["energy_total"], self.time, self.iteration)
-        mass = sum(species.n * species.m for species in self.scene.species)
-        energy = values["energy_kinetic"] + abs(values["energy_field"])
-        self._momentum.see(values, math.sqrt(2.0 * mass * energy), self.iteration)
+        motion = Motion(self.iteration, self.sums.places, self.sums.momentum)
+        self.kept_motion.see(motion, values["energy_kinetic"] + abs(values["energy_field"]))
         return values
 
     def fields(self) -> Mapping[str, FieldArray]:
@@ -214,7 +215,7 @@ class Plasma:
 
     def restore(self, reader: Reader) -> None:
         """Take the state of a checkpoint, written by any number of ranks, for the present one. Collective."""
-        self.iteration = reader.step
+        self.iteration, self.kept_motion.kept = reader.step, None
         snapshot.restore(self.scene, self.world, self.cloud, reader)
         self._deposit_checked()
 
@@ -223,7 +224,7 @@ class Plasma:
         fed = bool(any(self.scene.config.field.electric) or self._drives)  # energy comes in
         if not fed and self.iteration - self._energy.step >= STEPS_BETWEEN_LOOKS:
             self.scalars()
-        return self.mesh.trouble() or (None if fed else self._energy.trouble()) or self._momentum.trouble
+        return self.mesh.trouble() or (None if fed else self._energy.trouble()) or self.kept_motion.trouble
 
     def worst(self) -> list[str]:
         """Lines on the worst particles of this rank. Collective."""
@@ -234,14 +235,6 @@ class Plasma:
         v = COLDEST * wp * max(self.scene.spacing)
         cold = 0.5 * self.scene.dimensions * v * v * sum(s.n * s.m for s in species)
         return EnergyWatch(cold, wp, self.scene.n_particles)
-
-    def _kept_momentum(self) -> ConservedSums:
-        """The momentum that the scene keeps. A step adds to that of a particle at most wp dt <= 2 times what its energy
-        stands for; forces between particles are opposite but for what their charge is divided into.
-        """
-        many = self.scene.n_particles >= MIN_PARTICLES
-        momenta = (name for name in self.scene.config.conserved if many and name in ("momentum_x", "momentum_y"))
-        return ConservedSums(tuple(momenta), 4.0 * 2.0 ** -WHOLE_BITS[np.dtype(self.cloud.spec.dtype).itemsize])
 
     def close(self) -> None:
         """Free what MPI holds (all ranks together)."""

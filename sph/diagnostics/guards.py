@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hpcpic.core.run.guard import ConservedSums
+from sph.diagnostics.checksums import Checksums
 from sph.diagnostics.leaks import LeakFinder
 from sph.diagnostics.scalars import Totals, fluid_scalars
 from sph.particles.extremes import Extremes
@@ -32,11 +33,13 @@ log = logging.getLogger("hpcpic.sph")
 class Runaway:
     """Watches the fluid of a run, and ends it when its state is no solution any more."""
 
-    def __init__(self, clock: Clock, storage: Storage, forces: WallForces, totals: Totals) -> None:
+    def __init__(
+        self, clock: Clock, storage: Storage, forces: WallForces, totals: Totals, checksums: Checksums
+    ) -> None:
         scene = storage.scene
         self.clock, self.storage, self.scene, self.world = clock, storage, scene, storage.world
         self.walls, self.forces, self.leaks = forces.walls, forces, LeakFinder(storage, forces.walls)
-        self.totals = totals
+        self.totals, self.checksums = totals, checksums
         self.shortest = SHORTEST_STEP * stability.time_step(scene.config)
         self.size = float(np.sqrt(np.sum((scene.high - scene.low) ** 2)))
         self.domain = [*zip(scene.low.tolist(), scene.high.tolist())]
@@ -60,6 +63,7 @@ class Runaway:
     def look(self, now: Extremes) -> None:
         """Look at the extremes of a step that is about to be done. Collective; raises Diverged."""
         walls, storage, scene = self.walls, self.storage, self.scene
+        self.checksums.compare(self.clock.step)
         wall = float(np.sqrt(np.sum(walls.velocity**2, axis=1)).max()) if walls.moving or walls.turns else 0.0
         limit = max(scene.c0, wall)
         if now.speed > limit:
@@ -146,7 +150,8 @@ class Runaway:
         if not np.abs(self.forces.impulses).max(initial=0.0) <= self.forces.largest_impulse(self.clock.time):
             return "the impulse of the fluid on a wall is beyond what pressures of rho0 c0^2 could have given"
         jumps = (sums.trouble for sums in self.kept if sums.trouble)
-        return self.leaks.found or self._energy_trouble or next(jumps, None) or self.leaks.through_wall()
+        damaged = next(jumps, None) or self.checksums.trouble
+        return self.leaks.found or self._energy_trouble or damaged or self.leaks.through_wall()
 
 
 def _lengths(vectors: NDArray) -> NDArray[np.float64]:

@@ -16,7 +16,7 @@ import numpy as np
 
 from hpcpic.core.simd.compile import njit
 from hpcpic.core.simd.vector import Vec, convert, floor, lanes, load, maximum, minimum, select, splat, store
-from sph.kernels.marks import FLOWS, FLUID, PLAIN
+from sph.kernels.marks import FLOWS, FLUID, NO_DENSITY, OWN, PLAIN
 
 DIM = 3
 
@@ -179,11 +179,17 @@ def gather(block, blocks, begin, base, body, k, state, moved):
 
 
 @njit
-def put_back(block, blocks, begin, base, k, state, moved):
-    """Copy the moved line back into the state, while it is in the cache."""
+def put_back(block, blocks, begin, base, k, state, moved, flags, bits_sorted):
+    """Copy the moved line back into the state, while it is in the cache. bits_sorted[block, k] = sum of the bits of own
+    bodies, modulo 2^64; of densities, those that evolve.
+    """
+    line, source, found = state[k].view(np.int64), moved.view(np.int64), np.int64(0)
+    kinds = OWN | NO_DENSITY if k == 2 * DIM else OWN
     for l in range(blocks[block], blocks[block + 1]):
-        end = base[l] + begin[l + 1] - begin[l]
-        state[k, base[l] : end] = moved[base[l] : end]
+        for s in range(np.uint64(base[l]), np.uint64(base[l] + begin[l + 1] - begin[l])):
+            line[s] = source[s]
+            found += source[s] if flags[s] & kinds == OWN else 0
+    bits_sorted[block, k] = found
 
 
 @njit

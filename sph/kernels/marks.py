@@ -11,6 +11,7 @@ MINE = FLUID | OWN
 FLOWING_FLUID = FLUID | REAL | FLOWS
 PARTNERS = FLUID | REAL  # two meet of which one is fluid and one real
 EXTRAPOLATED = 128  # of a wall whose density follows from the fluid before it
+NO_DENSITY = REPULSIVE | EXTRAPOLATED  # that evolves
 SLIPS = 256  # of a wall without friction
 NORMAL = 9  # flags >> this: number of the normal of a repulsive particle
 

@@ -10,15 +10,13 @@ import numpy as np
 
 from hpcpic.core.simd.compile import njit
 from hpcpic.core.simd.vector import Vec, convert, lanes, load, maximum, select, splat, store, total
-from sph.kernels.marks import EXTRAPOLATED, FLUID, MINE, OWN, REPULSIVE, WALL_SHIFT
-
-NO_DENSITY = REPULSIVE | EXTRAPOLATED  # that evolves
+from sph.kernels.marks import FLUID, MINE, NO_DENSITY, OWN, WALL_SHIFT
 
 DIM = 3
 REAL = "float64"  # of the sums
 
 N = lanes(np.float64)
-F, I, S = Vec(N, np.float64), Vec(N, np.int32), Vec(N, np.dtype(REAL))
+F, I, L, S = Vec(N, np.float64), Vec(N, np.int32), Vec(N, np.int64), Vec(N, np.dtype(REAL))
 
 
 @njit
@@ -180,11 +178,18 @@ def rewrap(chunk, chunks, period, x):
 
 
 @njit
-def largest(chunk, chunks, factors, flags, external, x, v, m, sums, drho, part_extremes):
+def add_bits(bits, counts, line, b):
+    """bits[N] += those of the bodies from b on that count."""
+    store(bits, 0, load(L, bits, 0) + select(counts, load(L, line.view(np.int64), b), 0))
+
+
+@njit
+def largest(chunk, chunks, factors, flags, external, x, v, m, sums, drho, part_extremes, bits_found):
     """part_extremes[chunk] = largest v^2 of all, a^2 of the fluid, |drho| of all, -x and x of the fluid; not a number
-    where one is not.
+    where one is not. bits_found[chunk, k] = sum of the bits of line k of the state, as kernels.cells.put_back has it.
     """
     best, zero = np.full((3 + 2 * DIM, N), -np.inf), splat(F, 0.0)
+    bits = np.zeros((2 * DIM + 2, N), np.int64)
     finite = zero
     for b in range(chunks[chunk], chunks[chunk + 1], N):
         kinds = load(I, flags, b)
@@ -197,12 +202,18 @@ def largest(chunk, chunks, factors, flags, external, x, v, m, sums, drho, part_e
             v2, a2 = v2 + speed * speed, a2 + a * a
             for n, side in ((3 + k, -at), (3 + DIM + k, at)):
                 store(best[n], 0, maximum(load(F, best[n], 0), select(mine, side, -np.inf)))
+            add_bits(bits[k], own, x[k], b)
+            add_bits(bits[DIM + k], own, v[k], b)
+        add_bits(bits[2 * DIM], kinds & (OWN | NO_DENSITY) == OWN, drho, b)
+        add_bits(bits[2 * DIM + 1], own, m, b)
         v2, a2, excess = select(own, v2, 0.0), select(mine, a2, 0.0), select(own, abs(load(F, drho, b)), 0.0)
         finite = finite + v2 + a2 + excess
         for n, one in ((0, v2), (1, a2), (2, excess)):
             store(best[n], 0, maximum(load(F, best[n], 0), one))
     for n in range(3 + 2 * DIM):
         part_extremes[chunk, n] = best[n].max() if np.isfinite(total(finite)) else np.nan
+    for k in range(2 * DIM + 2):
+        bits_found[chunk, k] = bits[k].sum()
 
 
 @njit

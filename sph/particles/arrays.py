@@ -87,6 +87,8 @@ def _of_cells(d: int) -> list[Array]:
         Array("fine_start", ("cells",), "int32", "", "first slot of a fine cell"),
         Array("span", ("parts", 2), "int64", "", "lowest and highest layer of the particles of a part"),
         Array("part_extremes", ("parts", 3 + 2 * d), "float64", "SI", "largest v^2, a^2, |rho - rho0|, -x, x"),
+        Array("bits_sorted", ("parts", 2 * d + 3), "int64", "", "sums of bits of the state when it was last sorted"),
+        Array("bits_found", ("parts", 2 * d + 2), "int64", "", "the same where a step is about to change the state"),
         Array("wall_shift", ("walls", d), "float64", "m", "way of the walls since they were last moved"),
         Array("wall_speed", ("walls", d), "float64", "m/s", "velocities of the walls"),
         Array("wall_acceleration", ("walls", d), "float64", "m/s2", "accelerations of the walls"),

@@ -106,6 +106,7 @@ def test_little_water_and_much_gravity(settings):
 def test_water_that_starts_too_dense(excess, ends):
     sph = water()
     sph.storage.drho[fluid(sph)] = 1000.0 * (excess - 1)
+    sph.resume()
     told = end(sph)
     assert told is None if ends is None else ends in told
 

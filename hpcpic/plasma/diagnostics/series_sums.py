@@ -11,14 +11,15 @@ from hpcpic.core.space import exact
 from hpcpic.core.tasks.arena import Arena
 from hpcpic.core.tasks.graph import TaskError
 from hpcpic.plasma.diagnostics import scalars
+from hpcpic.plasma.diagnostics.kept_motion import Places
 from hpcpic.plasma.diagnostics.scalars import MODES, Sample, SpeciesSample
 from hpcpic.plasma.field.mesh import Mesh
 from hpcpic.plasma.field.slab_sums import shares
 from hpcpic.plasma.kernels.mesh import node_sums
 from hpcpic.plasma.particles.cloud import Cloud
-from hpcpic.plasma.physics.moments import Moment
+from hpcpic.plasma.physics.moments import VELOCITY, Moment
 from hpcpic.plasma.setup.scene import Scene
-from hpcpic.plasma.sizes import MAX_SPEED
+from hpcpic.plasma.sizes import MAX_SPEED, PLACE_BITS
 
 LEAST, TOP = -225, 226  # levels (powers of 16) of nothing, and of what is not finite
 
@@ -83,18 +84,18 @@ class SeriesSums:
 
     def _lay_out(self) -> None:
         """The words of a sample in one line, which one reduction sums over the ranks."""
-        shape = self.cloud.arena["limbs"].shape[1:]
-        ends = np.cumsum([5, shape[0], math.prod(shape), exact.LIMBS, self.width]).tolist()
+        shape, places = self.cloud.arena["limbs"].shape[1:], 6 * self.n_species
+        ends = np.cumsum([5, shape[0], math.prod(shape), exact.LIMBS, self.width, places]).tolist()
         self.words = np.zeros(ends[-1], np.int64)
         self.parts = [slice(a, b) for a, b in itertools.pairwise([0, *ends])]
 
     def _local(self) -> list[int]:
         """Levels [2] of this rank's terms. Fills the words: flags (too fast; above and at the levels, two each),
-        counts, limbs of particles, limbs of the field energy, columns.
+        counts, limbs of particles, limbs of the field energy, columns, places and crossings.
         """
         cloud, too_fast = self.cloud, False
         limbs_of_blocks = cloud.arena["limbs"]
-        limbs_of_blocks[:] = 0
+        limbs_of_blocks[:] = cloud.arena["places"][:] = 0
         cloud.arena["inv_scale"][:] = [1 / scale for scale in self._scales()]
         self.per_scale[:] = [math.ldexp(1.0, -4 * level) for level in self.levels]
         self.per_scale[1] *= 2.0 ** (61 - int(self.rows).bit_length())
@@ -106,13 +107,16 @@ class SeriesSums:
                 raise
             too_fast = True
         levels = [_level(most) for most in self.most.max(axis=0).tolist()]
-        flags, counts, limbs, energy, columns = (self.words[part] for part in self.parts)
+        flags, counts, limbs, energy, columns, places = (self.words[part] for part in self.parts)
         here = list(zip(levels, self.levels))
         flags[:] = [too_fast, *(own > known for own, known in here), *(own == known for own, known in here)]
         counts[:] = self._counts()
         np.sum(limbs_of_blocks, axis=0, out=limbs.reshape(limbs_of_blocks.shape[1:]))
         np.sum(self.energy, axis=0, out=energy)
         np.sum(self.columns, axis=0, out=columns[self.own])
+        rows = places.reshape(self.n_species, 2, 3)
+        rows[..., :2] = cloud.arena["places"].sum(axis=0)[: self.n_species]
+        rows[..., 2] = cloud.arena["crossings"].sum(axis=0)[: self.n_species]
         return levels
 
     def _scales(self) -> list[float]:
@@ -134,28 +138,41 @@ class SeriesSums:
 
     def _all(self) -> tuple[bool, NDArray, NDArray, NDArray, NDArray]:
         """True where a particle is beyond MAX_SPEED, counts [species], limbs [species, k, 3] of the moments of v-,
-        limbs [3] of (rho + rho_0) phi, and sums over columns [Nx] of E_x: of all ranks.
+        limbs [3] of (rho + rho_0) phi, and sums over columns [Nx] of E_x: of all ranks. Also sets `places`.
         """
         world = self.world
         while True:
             levels = self._local()
             words = world.sum_int(self.words)
-            flags, counts, limbs, energy, columns = (words[part] for part in self.parts)
+            flags, counts, limbs, energy, columns, places = (words[part] for part in self.parts)
             too_fast, *above, first_at, second_at = flags.tolist()
             if too_fast and self.speed < MAX_SPEED:
                 self.speed *= 16
             elif any(above) or not (first_at and second_at):
                 self.levels = world.max_array(np.array(levels)).tolist()
             else:
+                self.places = self._unwound(places.tolist())
                 return bool(too_fast), counts, limbs.reshape(self.cloud.arena["limbs"].shape[1:]), energy, columns
+
+    def _unwound(self, places: list[int]) -> Places:
+        """Sums of places by species and axis in 2^-40 of a cell, as if the box had no ends, from cells, parts and
+        crossings.
+        """
+        sums, d = iter(places), self.scene.dimensions
+        threes = list(zip(sums, sums, sums))
+        sides = self.scene.points
+        return [
+            [(cells + turns * sides[axis] << PLACE_BITS) + parts for axis, (cells, parts, turns) in enumerate(pair[:d])]
+            for pair in zip(threes[::2], threes[1::2])
+        ]
 
     def scalars(self) -> dict[str, float]:
         """All columns of the series at the present time. Collective."""
         too_fast, counts, limbs, energy, columns = self._all()
-        scales, species = self._scales(), []
+        scales, species, self.momentum = self._scales(), [], np.zeros(3)
         for one, count, rows, half_turn in zip(self.scene.species, counts.tolist(), limbs.tolist(), self.half_turns):
             values = [exact.value(row, scale) for row, scale in zip(rows, scales)]
-            sums = self._moments_of(values, half_turn, math.nan if too_fast else 1.0)
+            sums = self._moments_of(values, half_turn, math.nan if too_fast else 1.0, one.m)
             species.append(SpeciesSample(one.m, one.q, count, sums))
         field = math.nan
         if self.levels[0] < TOP:
@@ -163,8 +180,12 @@ class SeriesSums:
         sample = Sample(tuple(species), field, tuple(self.modes(columns)))
         return {scalar.name: scalar.value(sample) for scalar in scalars.SCALARS.values()}
 
-    def _moments_of(self, values: list[float], half_turn: NDArray, valid: float) -> dict[Moment, float | NDArray]:
-        """Moments of a species in powers of m/s, of v^n: v- is turned by half the angle. `valid` is 1, or nan."""
+    def _moments_of(
+        self, values: list[float], half_turn: NDArray, valid: float, mass: float
+    ) -> dict[Moment, float | NDArray]:
+        """Moments of a species in powers of m/s, of v^n: v- is turned by half the angle. `valid` is 1, or nan. Adds to
+        the momentum of v- that of this species, of particles of a mass.
+        """
         found: dict[Moment, float | NDArray] = {}
         rest, dt = values, self.scene.time_step
         for moment in self.moments:
@@ -175,6 +196,8 @@ class SeriesSums:
                 v = np.zeros(3)
                 v[:size] = np.array(here) * self.side / dt
                 found[moment] = unit * (v + half_turn @ v)
+                if moment is VELOCITY:
+                    self.momentum += mass * unit * v
             else:
                 found[moment] = unit * here[0]
         return found

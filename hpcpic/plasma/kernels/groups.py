@@ -42,12 +42,15 @@ class PageArrays(NamedTuple):
 
 
 class BoxArrays(NamedTuple):
-    """Particles under way (see kernels.storage): of all boxes, or of one."""
+    """Particles under way (see kernels.storage): of all boxes, or of one. crossings[species, axis]: times that a
+    particle left the box of the case at the upper end less those at the lower one.
+    """
 
     moving: NDArray
     words: NDArray
     lists: NDArray
     counters: NDArray
+    crossings: NDArray
 
 
 class SpeciesArrays(NamedTuple):
@@ -111,7 +114,8 @@ class SumArrays(NamedTuple):
     """What a sample of the series adds up: limbs[block, species, moment, 3], and of each moment its inverse scale.
 
     half_kick[species, 3]: half the electric impulse; ratio_sq[3]: squared sides of a cell, in that along x.
-    values[block, moment, PAGE]: scratch of single particles; bits[block, moment, 2, 8]: of vectors.
+    values[block, moment, PAGE]: scratch of single particles; bits[block, moment, 2, 8]: of vectors. places[block,
+    species, axis, 2]: sums of x - v / 2, in cells and in 2^-40 of a cell.
     """
 
     limbs: NDArray
@@ -120,3 +124,4 @@ class SumArrays(NamedTuple):
     ratio_sq: NDArray
     values: NDArray
     bits: NDArray
+    places: NDArray

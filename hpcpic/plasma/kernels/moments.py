@@ -12,11 +12,13 @@ from hpcpic.plasma.kernels.lanes import inlined, kernel
 from hpcpic.plasma.kernels.mesh import bounded
 from hpcpic.plasma.kernels.plain import deposit, gather
 from hpcpic.plasma.kernels.storage import LANES, PAGE
+from hpcpic.plasma.sizes import PLACE_BITS
 
 DIM = 2  # axes of the grid
 VELOCITIES = 2  # components
 REAL = np.float64  # precision of the arithmetic
 MOMENTS = 3  # values that `integrands` gives
+CELL_PARTS = 2.0**PLACE_BITS
 SAMPLE_LIMBS = 2  # of three: with 2^-63 of the scale as last bit, which no double of a sum can show
 
 
@@ -41,26 +43,37 @@ def centred_velocity(x, y, v, row, column, field, half_kick):
     return vx, vy, vz
 
 
+@inlined
+def add_place(found, total, anchor, n):
+    """found[2] += cells and parts of a cell of n particles, whose places from an anchor add up to a total."""
+    cells = np.floor(total)
+    found[0] += n * anchor + np.int64(cells)
+    found[1] += np.int64(np.rint((total - cells) * CELL_PARTS))
+
+
 @kernel
 def moments(block, first, last, grid, field, pages, moment_sums):
     """limbs[block, species, k] += sums over particles of the k-th integrand of v-.
 
     v- = v^(n-1/2) + half the electric impulse: in a magnetic field only its direction differs from that of v^n.
+    places[block, species, axis] += sums of (x^n + x^(n-1)) / 2 = x^n - v^(n-1/2) / 2 in the box, see add_place.
     Components in cells per step, squares in (side of a cell along x per step)^2. Returns a code of core.space.exact.
     """
     parts, pool, origin, r = grid.parts, pages.pool, field.origin, moment_sums.ratio_sq
     values, limbs, inv_scale = moment_sums.values[block], moment_sums.limbs[block], moment_sums.inv_scale
-    bad = 0
+    bad, places = 0, moment_sums.places[block]
     for part in range(first, last):
         row, column = parts[part, 1] - origin[0], parts[part, 2] - origin[1]
         for slot in range(part * grid.n_species, (part + 1) * grid.n_species):
-            kind = slot % grid.n_species
+            kind, along, across = slot % grid.n_species, 0.0, 0.0
             page, used = np.int64(pages.head[slot]), (pages.count[slot] - 1) % PAGE + 1
             while page >= 0:
                 for place in range(used):
                     pack, lane = place // LANES, place % LANES
                     x, y = pool[page, pack, 0, lane], pool[page, pack, DIM - 1, lane]
                     v = pool[page, pack, DIM:, lane]
+                    along += np.float64(x) - 0.5 * np.float64(v[0])
+                    across += np.float64(y) - 0.5 * np.float64(v[DIM - 1])
                     vx, vy, vz = centred_velocity(x, y, v, row, column, field, moment_sums.half_kick[kind])
                     found = integrands(vx, vy, vz, r[0] * vx * vx + r[1] * vy * vy + r[2] * vz * vz)
                     for k in range(MOMENTS):
@@ -69,6 +82,9 @@ def moments(block, first, last, grid, field, pages, moment_sums):
                     bad |= add_limbs(limbs[kind, k], values[k, :used], inv_scale[k])
                     limbs[kind, k, SAMPLE_LIMBS:] = 0
                 page, used = np.int64(pages.chain[page]), PAGE
+            add_place(places[kind, 0], along, parts[part, 2], pages.count[slot])
+            if DIM == 2:
+                add_place(places[kind, 1], across, parts[part, 1], pages.count[slot])
     return bad
 
 

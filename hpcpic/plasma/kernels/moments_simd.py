@@ -19,12 +19,13 @@ from hpcpic.core.simd.vector import (
     select,
     splat,
     store_at,
+    total,
 )
 from hpcpic.core.space.exact import NOT_BOUNDED
 from hpcpic.plasma.kernels.cell_lines import opaque
 from hpcpic.plasma.kernels.lanes import address, bits_of, inlined, kernel
-from hpcpic.plasma.kernels.linear import cell_of, field_at, spread_field
-from hpcpic.plasma.kernels.moments import MOMENTS, SAMPLE_LIMBS, integrands
+from hpcpic.plasma.kernels.linear import EDGE, cell_of, field_at, spread_field
+from hpcpic.plasma.kernels.moments import MOMENTS, SAMPLE_LIMBS, add_place, integrands
 from hpcpic.plasma.kernels.push import PACK_BYTES, PAGE_BYTES, lines_at, park
 from hpcpic.plasma.kernels.simd_base import E8, MAGIC_BITS, F, I
 from hpcpic.plasma.kernels.storage import LANES, PAGE
@@ -84,6 +85,12 @@ def centred(at, n, lines, cells, m):
     return vx, vy, vz
 
 
+@inlined
+def middle(at, axis, k):
+    """x^n - v^(n-1/2) / 2 along an axis of eight lanes of a pack, parked ones included."""
+    return half(load_at(F, at + 64 * axis, 64), k) - 0.5 * half(load_at(F, at + 64 * (DIM + axis), 64), k)
+
+
 @kernel
 def moments(block, first, last, grid, field, pages, scratch, moment_sums):
     """limbs[block, species, k] += sums over particles of the k-th integrand of v-. See kernels.moments.moments."""
@@ -92,6 +99,7 @@ def moments(block, first, last, grid, field, pages, scratch, moment_sums):
     to_lines, to_cells = address(scratch.lines[block]), address(scratch.cells[block])
     r, inv_scale, half_kick = moment_sums.ratio_sq, moment_sums.inv_scale, moment_sums.half_kick
     ratios, good = (r[0], r[1], r[2]), splat(E8, 0.0) <= 1.0
+    places, last_axis = moment_sums.places[block], DIM - 1
     for part in range(first, last):
         spread_field(part, grid.parts, field, to_lines)
         for slot in range(part * grid.n_species, (part + 1) * grid.n_species):
@@ -99,6 +107,8 @@ def moments(block, first, last, grid, field, pages, scratch, moment_sums):
             m = (half_kick[kind, 0], half_kick[kind, 1], half_kick[kind, 2])
             page, used, n = np.int64(pages.head[slot]), (pages.count[slot] - 1) % PAGE + 1, 0
             bits[:] = 0
+            along = across = splat(E8, 0.0)
+            parked = (LANES - used % LANES) % LANES if page >= 0 else 0  # at rest at EDGE of the last axis
             if page >= 0:
                 park(pages.pool, page, used)
             while page >= 0:
@@ -113,11 +123,18 @@ def moments(block, first, last, grid, field, pages, scratch, moment_sums):
                         prefetch(ahead + pack * PACK_BYTES + c)
                     here, cells = opaque(at + pack * PACK_BYTES), opaque(to_cells + pack * 64)
                     vx, vy, vz = centred(here, used - pack * LANES, to_lines, cells, m)
+                    along, across = along + middle(here, 0, 0), across + middle(here, last_axis, 0)
+                    if HALVES == 2:
+                        along, across = along + middle(here, 0, 1), across + middle(here, last_axis, 1)
                     good = add_moments(to_bits, good, half(vx, 0), half(vy, 0), half(vz, 0), ratios, inv_scale)
                     if HALVES == 2:
                         good = add_moments(to_bits, good, half(vx, 1), half(vy, 1), half(vz, 1), ratios, inv_scale)
                 n += packs * HALVES
                 used = PAGE
+            far = total(across) - EDGE * parked
+            add_place(places[kind, last_axis], far, grid.parts[part, 3 - DIM], pages.count[slot])
+            if DIM == 2:
+                add_place(places[kind, 0], total(along), grid.parts[part, 2], pages.count[slot])
             for k in range(MOMENTS):
                 for limb in range(SAMPLE_LIMBS):
                     limbs[kind, k, limb] += bits[k, limb].sum() - 8 * n * BIASES[limb]

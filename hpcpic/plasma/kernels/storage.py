@@ -42,7 +42,8 @@ def pages_of(block, pages):
 @inlined
 def box_of(block, boxes):
     """One of the boxes."""
-    return BoxArrays(boxes.moving[block], boxes.words[block], boxes.lists[block], boxes.counters[block])
+    return BoxArrays(boxes.moving[block], boxes.words[block], boxes.lists[block], boxes.counters[block],
+                     boxes.crossings[block])  # fmt: skip
 
 
 @inlined
@@ -81,6 +82,16 @@ def settle(x, anchor, n):
         cell = cell + 1 if cell + 1 < n else 0 * cell
         position = REAL(cell & (TILE - 1))
     return cell, position
+
+
+@inlined
+def count_crossing(crossed, x, anchor, cell, position, n):
+    """crossed[0] += how often a particle at `x` from `anchor` had to go round a ring of n cells to (see settle) be in a
+    cell at a position.
+    """
+    ahead = anchor + np.int64(np.floor(x)) - cell
+    if ahead < -1 or ahead + 1 >= n:
+        crossed[0] += np.int64(np.rint((anchor - (cell - (cell & (TILE - 1))) + np.float64(x) - position) / n))
 
 
 @inlined
@@ -163,8 +174,10 @@ def depart(slot, n, leavers, grid, pages, box):
                 if not abs(leaver[d]) < FARTHEST:
                     return DIVERGED
             column, record[0] = settle(leaver[0], parts[part, 2], points[1])
+            count_crossing(box.crossings[species, 0:1], leaver[0], parts[part, 2], column, record[0], points[1])
             if DIM == 2:
                 row, y = settle(leaver[DIM - 1], parts[part, 1], points[0])
+                count_crossing(box.crossings[species, 1:2], leaver[DIM - 1], parts[part, 1], row, y, points[0])
                 record[DIM - 1] = y
             for c in range(DIM, COMPONENTS):
                 record[c] = leaver[c]

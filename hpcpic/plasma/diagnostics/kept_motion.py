@@ -1,0 +1,100 @@
+"""What the motion of all particles keeps, whatever they do to each other: one that jumps tells damaged memory.
+
+Forces between particles add up to nothing, so a step of the Boris mover changes the sum of momenta by the rotation
+alone: with t of each species (physics.boris), sum m v+ - sum m v- = sum m (v+ + v-) x t. As v+ + v- is the sum of the
+velocities before and after the step, and these are (x^(n+1) - x^(n-1)) / dt together,
+
+    P = sum m v^(n-1/2)  changes by  sum (2 m / dt) (X x t),  X the way of (x^n + x^(n-1)) / 2,
+
+over any number of steps, to rounding. Along B nothing turns it: P stays, and sum m X is P times the time.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hpcpic.plasma.diagnostics.energy_watch import MIN_PARTICLES
+from hpcpic.plasma.setup.scene import Scene
+from hpcpic.plasma.sizes import EDGE, PLACE_BITS
+
+PARALLEL = 1e-12  # sines of smaller angles are rounding
+Places = list[list[int]]
+
+
+class Motion(NamedTuple):
+    """At a step: places[species][axis], sums of (x^n + x^(n-1)) / 2 in 2^-40 of a cell, as if the box had no ends;
+    momentum[3] = P in kg m/s.
+    """
+
+    step: int
+    places: Places
+    momentum: NDArray[np.float64]
+
+
+class Law(NamedTuple):
+    """P along[3] changes by the sum of turned[species, axis] m X / dt; `straight`: by nothing, and X is known there."""
+
+    along: NDArray[np.float64]
+    turned: NDArray[np.float64]
+    straight: bool
+
+
+class KeptMotion:
+    """The motion as it is seen now and then.
+
+    charge_parts: into how many parts a charge is divided, to which forces are opposite. A step adds to the momentum of
+    a particle at most wp dt <= 2 times what its energy stands for; its place in a tile is rounded.
+    """
+
+    def __init__(self, scene: Scene, charge_parts: float, real: np.dtype) -> None:
+        self.dimensions, species, spacing = scene.dimensions, scene.species, np.array(scene.spacing)
+        self.mass = float(sum(one.n * one.m for one in species))
+        self.per_part = 2.0**-PLACE_BITS * np.outer([one.m for one in species], spacing) / scene.time_step
+        self.laws = laws(scene) if scene.n_particles >= MIN_PARTICLES else []
+        farthest = 1.0 + max((float(np.abs(law.turned).max(initial=0.0)) for law in self.laws), default=0.0)
+        cells = self.mass * EDGE[self.dimensions] * float(spacing.max()) / scene.time_step
+        self.rounding, self.place_rounding = 4.0 / charge_parts, farthest * float(np.finfo(real).eps) * cells
+        self.kept: Motion | None = None
+        self.trouble: str | None = None
+
+    def see(self, now: Motion, energy: float) -> None:
+        """The motion at a step, with the energy of all in J."""
+        last, self.kept = self.kept, now
+        if last is None or not math.isfinite(energy):
+            return
+        steps = abs(now.step - last.step)
+        gone = np.array(now.places, object) - np.array(last.places, object)  # whole numbers of any size
+        way = self.per_part * gone.astype(np.float64)
+        allowed = (steps + 1) * (self.rounding * math.sqrt(2.0 * self.mass * energy) + self.place_rounding)
+        for law in self.laws:
+            jumps = {"momentum": law.along @ (now.momentum - last.momentum) - np.sum(law.turned * way)}
+            if law.straight:
+                mean = 0.5 * law.along @ (now.momentum + last.momentum)
+                jumps["mean position"] = (law.along[: self.dimensions] @ way.sum(axis=0) - steps * mean) / max(steps, 1)
+            for what, jump in jumps.items():
+                if abs(jump) > allowed:
+                    where = ", ".join(f"{one:g}" for one in law.along)
+                    text = f"the {what} along ({where}) jumped between steps {last.step} and {now.step}"
+                    self.trouble = f"{text} (by {jump:.3g} kg m/s), which nothing in the scene can do: damaged memory"
+
+
+def laws(scene: Scene) -> list[Law]:
+    """Directions in which no work is done and turns are known: ways that the grid lacks (z, in 1D y) are not."""
+    config, d, found = scene.config, scene.dimensions, list[Law]()
+    if any(species.section.acceleration for species in scene.species):
+        return found
+    b = np.array(config.field.magnetic)
+    t = np.array([species.rotation[0] for species in scene.species]).reshape(-1, 3)
+    tried = [*np.eye(3)[: scene.velocity_components], b, b * (1.0, 1.0, 0.0)]
+    for along in (vector / np.linalg.norm(vector) for vector in tried if vector.any()):
+        turned = 2.0 * np.cross(t, along)
+        turned[np.abs(turned) < PARALLEL * np.abs(t).max(initial=0.0)] = 0.0
+        if turned[:, d:].any() or np.dot(config.field.electric, along):
+            continue
+        if not any(np.allclose(along, law.along) for law in found):
+            found.append(Law(along, turned[:, :d], not turned.any() and not along[d:].any()))
+    return found
