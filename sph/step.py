@@ -29,11 +29,12 @@ from sph.particles.extremes import extremes, fluid_box
 from sph.particles.ghosts import Ghosts
 from sph.particles.images import images_of
 from sph.particles.neighbours import Cells
+from sph.particles.openings import Exchange, Openings
 from sph.particles.pair_sums import PairSums
 from sph.particles.skin import Skin
 from sph.particles.slabs import CellGrid, Slabs
 from sph.particles.storage import Storage
-from sph.particles.strays import Outflow, Strays
+from sph.particles.strays import Strays
 from sph.particles.tasks import Tasks, arena_of, parts_of
 from sph.particles.wall_forces import Forces, WallForces
 from sph.particles.walls import Walls
@@ -72,15 +73,24 @@ class Sph:
         self.bodies = self.evolution.bodies
         self.sensors = Sensors(self.walls, self.ghosts, self.sums, self.slabs)
         self.gauges = Gauges(self.storage, self.sensors)
-        summed = [self.forces.impulses, self.bodies.state] if self.bodies else [self.forces.impulses]
+        self.exchange = Exchange(scene, world, self.clock, self.storage)
+        if scene.inlets or scene.outlets:
+            self.evolution.openings = Openings(scene, self.clock, self.storage, self.slabs, self.exchange)
+        self.openings = self.evolution.openings
+        summed = [self.forces.impulses, self.exchange.made, self.exchange.gone]
+        summed += [self.bodies.state] if self.bodies else []
+        summed += [self.openings.mean, self.openings.way] if self.openings else []
         self.checksums = Checksums(scene.dimensions, self.tasks.arena, summed)
-        self.runaway = Runaway(self.clock, self.storage, self.forces, self.totals, self.checksums)
+        self.runaway = Runaway(self.clock, self.storage, self.forces, self.totals, self.checksums, self.exchange)
         self.strays = Strays(scene, world, self.clock, self.storage)
-        self.outflow = Outflow(scene, world, self.clock, self.storage)
         parts = self.clock, self.storage, self.forces, self.gauges, self.strays, self.skin, self.bodies
-        self.checkpoint = Checkpoint(*parts)
+        self.checkpoint = Checkpoint(*parts, self.exchange, self.openings)
         self.storage.append_fluid()  # this rank's share by number
+        if self.openings:
+            self.openings.begin()
         self.walls.grow(fluid_box(scene, world, self.storage), self.storage, self.slabs)
+        for inlet in scene.inlets:  # where fluid will be
+            self.walls.grow((inlet.low, inlet.high), self.storage, self.slabs)
         self.migrate()
         self.balance()
         self.sort()
@@ -119,9 +129,12 @@ class Sph:
                 self.evolution.shift(self.extremes.speed)
             self.evolution.wrap()
             self.strays.settle()
-            self.outflow.leave(box)
+            self.exchange.leave(box)
         self.clock.time += self.clock.time_step
         self.clock.step += 1
+        if self.openings:
+            with self.timers.section("update"):
+                self.openings.follow()
         if self.bodies:
             self.bodies.look()
         with self.timers.section("migrate"):
@@ -227,7 +240,7 @@ class Sph:
             if self.forces.measured or self.sensors.gauges:
                 self.current_forces()
             found = self.runaway.fluid_scalars() | scalars.wall_scalars(self.scene, self.forces)
-            found |= {"dt": self.clock.time_step, "strays": float(self.strays.count), "outflow": self.outflow.mass()}
+            found |= {"dt": self.clock.time_step, "strays": float(self.strays.count)}
             found |= self.bodies.scalars() if self.bodies else {}
             found |= self.gauges.values(self.clock.time)
             return {name: found[name] for name in self.scalar_units if name in found}

@@ -35,7 +35,9 @@ def snapshots_of(run: Run) -> Particles:
 
 def fluid_at(run: Run, snapshots: Particles, number: int) -> dict[str, np.ndarray]:
     """All fluid particles of a snapshot, whichever set they are from."""
-    names = [fluid.name for fluid in config_of(run).fluid if fluid.name in snapshots.species]
+    config = config_of(run)
+    every = [fluid.name for fluid in config.fluid] + [inlet.name for inlet in config.inlet]
+    names = [name for name in every if name in snapshots.species]
     parts = [snapshots.read(name, number) for name in names]
     if not parts or not sum(len(part["id"]) for part in parts):
         raise NoData("there are no fluid particles")

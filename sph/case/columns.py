@@ -11,8 +11,8 @@ def scalar_units(config: SphConfig) -> dict[str, str]:
     units = dict.fromkeys(("energy_kinetic", "energy_potential", "energy_internal", "energy_total"), f"J{per}")
     units |= {"mass": f"kg{per}"} | {f"momentum_{axis}": f"kg m/s{per}" for axis in AXES[:d]}
     units |= {"max_velocity": "m/s", "max_density_error": "1", "front_x": "m", "dt": "s", "strays": "1"}
-    if config.domain.outflow:
-        units["outflow"] = f"kg{per}"
+    if config.exchanges:
+        units |= dict.fromkeys(("inflow", "outflow", "mass_total"), f"kg{per}")
     for i, wall in enumerate(config.wall):
         name = name_of("wall", i, wall)
         if wall.body:

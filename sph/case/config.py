@@ -14,6 +14,7 @@ from hpcpic.core.case.config import Tree
 from hpcpic.core.case.schema import REQUIRED, Section, Vector, as_tuple, setting
 from hpcpic.core.case.words import one_period, one_viscosity
 from hpcpic.core.files.start import Start, attach, attached_arrays
+from sph.case.openings import Direction, Inlet, Opening, Outlet
 
 Names = Annotated[tuple[str, ...], BeforeValidator(as_tuple)]
 Integrator = Literal["euler", "predictor-corrector", "rk3-tvd", "symplectic"]
@@ -244,7 +245,7 @@ class Gauge(Section):
         "of the surface above a point, farthest fluid along an axis, volume per time through a section",
     )
     at: Vector = setting((), "the point; wall-pressure and flow: the middle of the area or section", "m")
-    axis: Literal["x+", "x-", "y+", "y-", "z+", "z-"] | None = setting(
+    axis: Direction | None = setting(
         None,
         "front: the direction, by default x+; flow: normal of the section; elevation: up; wall-pressure: the way in "
         "which fluid pushes the wall",
@@ -317,6 +318,8 @@ class SphConfig(Section):
     body_force: Vector = setting((), "further acceleration of the fluid", "m/s2")
     wall: tuple[Wall, ...] = ()
     gauge: tuple[Gauge, ...] = ()
+    inlet: tuple[Inlet, ...] = ()
+    outlet: tuple[Outlet, ...] = ()
     output: Output = Output()
 
     @property
@@ -339,10 +342,15 @@ class SphConfig(Section):
         return [gauge for gauge in self.gauge if gauge.kind is WALL_PRESSURE]
 
     @property
+    def exchanges(self) -> bool:
+        """Whether fluid may come in or leave."""
+        return bool(self.domain.outflow or self.inlet or self.outlet)
+
+    @property
     def conserved(self) -> tuple[str, ...]:
         """Scalars of the series that the scene keeps; the energy, but for what the scheme dissipates."""
-        if self.domain.outflow:
-            return ()
+        if self.exchanges:
+            return ("mass_total",)
         own = any(fluid.acceleration for fluid in self.fluid)
         works = own or any(self.body_force) or any(wall.motion or wall.body for wall in self.wall)
         pulls = [any(forces) for forces in zip(self.gravity, self.body_force)]
@@ -375,7 +383,7 @@ class SphConfig(Section):
                 fluid["shape"] = {"box": {"low": low, "high": high}}
 
 
-def name_of(kind: Literal["fluid", "wall", "gauge"], i: int, section: Fluid | Wall | Gauge) -> str:
+def name_of(kind: str, i: int, section: Fluid | Wall | Gauge | Opening) -> str:
     """The name of the i-th section of a kind, given or by default."""
     return section.name or f"{kind}_{i + 1}"
 

@@ -10,8 +10,9 @@ from hpcpic.core.files.arrays import Column, Shard
 from hpcpic.core.files.sealed import Reader
 from hpcpic.core.space.domain import block_ranges
 from sph.diagnostics.gauges import Gauges
-from sph.kernels.marks import FLOWS, FLUID, NORMAL, REAL
+from sph.kernels.marks import FLOWS, FLUID, NORMAL, REAL, WALL_BITS
 from sph.particles.bodies import Bodies
+from sph.particles.openings import Exchange, Openings
 from sph.particles.skin import Skin
 from sph.particles.storage import Storage
 from sph.particles.strays import Strays
@@ -35,6 +36,8 @@ class Checkpoint:
     strays: Strays
     skin: Skin
     bodies: Bodies | None
+    exchange: Exchange
+    openings: Openings | None
 
     def state(self) -> dict[str, Shard]:
         """x (relative to the lower corner, storage axes) m, v m/s, drho kg/m3 of the fluid; of walls also which
@@ -42,7 +45,7 @@ class Checkpoint:
         """
         scene = self.storage.scene
         own, total, shapes = self._own(fluid=True), scene.n_fluid, self._shapes("x", "v", "drho")
-        if scene.config.domain.outflow:
+        if scene.config.exchanges:
             total, shapes = self._count(own), shapes | self._shapes("number")
         result = self._sharded(own, total, shapes, "")
         for name, rows in self._whole().items():
@@ -62,6 +65,13 @@ class Checkpoint:
             whole["gauges/pressed"] = np.stack([sensors.integrals, sensors.lasted], axis=1)
         if self.strays.count:
             whole["strays"] = np.array([self.strays.count])
+        if self.storage.scene.config.exchanges:
+            whole["gone"] = self.storage.world.sum_int(self.exchange.gone)
+        if self.openings:
+            whole["openings/means"] = self.openings.mean
+        if self.storage.scene.inlets:
+            assert self.openings
+            whole |= {"openings/made": self.exchange.made, "openings/ways": self.openings.way}
         if self.bodies:
             whole["bodies"] = self.bodies.state
         if self.storage.scene.walls:
@@ -118,17 +128,25 @@ class Checkpoint:
         """What `state` gives: fluid of some density, less of it where it may leave, and as many wall particles as were
         made.
         """
-        scene, real, outflow = self.storage.scene, np.float64, bool(self.storage.scene.config.domain.outflow)
+        scene, real, varies = self.storage.scene, np.float64, self.storage.scene.config.exchanges
         d, far = scene.dimensions, scene.spacing / np.finfo(real).eps  # beyond, places are coarser than the spacing
         fastest = FASTEST * scene.c0
-        n = reader.total("number") if outflow and "number" in reader.names else scene.n_fluid
+        n = reader.total("number") if varies and "number" in reader.names else scene.n_fluid
         found = {
             "x": Column(real, (n, d), -far, far),
             "v": Column(real, (n, d), -fastest, fastest),
             "drho": Column(real, (n,), -scene.rho0, scene.rho0),
         }
-        if outflow:
-            found["number"] = Column(np.int64, (n,), 0, scene.n_fluid - 1, increasing=True)
+        if varies:
+            most = (1 << WALL_BITS if scene.inlets else scene.n_fluid) - 1
+            found["number"] = Column(np.int64, (n,), 0, most, increasing=True)
+            found["gone"] = Column(np.int64, self.exchange.gone.shape, 0)
+        if self.openings:
+            found["openings/means"] = Column(real, self.openings.mean.shape, -(fastest**2), fastest**2)
+        if scene.inlets:
+            rows = sum(len(inlet.rows) for inlet in scene.inlets)
+            found["openings/made"] = Column(np.int64, (len(scene.inlets),), 0)
+            found["openings/ways"] = Column(real, (rows,), 0.0, max(inlet.step for inlet in scene.inlets))
         if "strays" in reader.names:  # there have been some
             found["strays"] = Column(np.int64, (1,), 1)
         if self.skin.farthest:
@@ -165,11 +183,19 @@ class Checkpoint:
             sensors.integrals[:], sensors.lasted[:] = reader.read("gauges/pressed").T
         self.strays.count = int(reader.read("strays")[0]) if "strays" in reader.names else 0
         storage.clear()
-        outflow = bool(scene.config.domain.outflow)
-        low, high = self._share(reader.total("number") if outflow else scene.n_fluid)
-        ids = reader.read("number", low, high) if outflow else np.arange(low, high)
+        varies = scene.config.exchanges
+        if varies:
+            self.exchange.gone[:] = reader.read("gone") if storage.world.rank == 0 else 0
+        if self.openings:
+            self.openings.mean[:] = reader.read("openings/means")
+        if scene.inlets:
+            assert self.openings
+            self.exchange.made[:] = reader.read("openings/made")
+            self.openings.way[:] = reader.read("openings/ways")
+        low, high = self._share(reader.total("number") if varies else scene.n_fluid)
+        ids = reader.read("number", low, high) if varies else np.arange(low, high)
         x, v, drho = (reader.read(name, low, high) for name in ("x", "v", "drho"))
-        storage.append(x.T, v.T, drho, scene.fluid(ids)["m"], ids, FLUID | REAL | FLOWS)
+        storage.append(x.T, v.T, drho, scene.masses[scene.kinds(ids)], ids, FLUID | REAL | FLOWS)
         if scene.walls:
             self.forces.walls.restore(reader.read("walls/made"), reader.time)
             if self.bodies:

@@ -9,7 +9,13 @@ from numpy.typing import NDArray
 
 from hpcpic.core.tasks.arena import Arena
 
-WHAT = "positions", "velocities", "densities", "masses", "sums over time of forces on walls or states of bodies"
+WHAT = (
+    "positions",
+    "velocities",
+    "densities",
+    "masses",
+    "sums over time of forces on walls, states of bodies or of inlets and outlets",
+)
 
 
 class Checksums:

@@ -20,7 +20,6 @@ FIXED_POINT = 2.0**40
 LEVELS = 4  # heights looked at per spacing
 MIN_WEIGHT = 0.05  # of the kernel's sum, below which a point is dry
 HALF_SLICE = 2  # spacings on each side of a section in which flow is counted
-ROUNDING = 1e-6  # of a length
 
 Own = dict[str, NDArray]
 
@@ -31,7 +30,6 @@ class Gauges:
     def __init__(self, storage: Storage, sensors: Sensors, since: float = -math.inf) -> None:
         self.storage, self.scene, self.world, self.sensors = storage, storage.scene, storage.world, sensors
         self.since = since
-        self._room = 256
 
     def values(self, time: float) -> dict[str, float]:
         """Readings of the gauges whose period is over: one number each, or one per axis. Collective."""
@@ -65,16 +63,7 @@ class Gauges:
 
     def near(self, at: tuple[float, ...], reach: NDArray) -> Slots:
         """Slots of the own fluid not farther from a place than `reach` along any axis, and a few beside it."""
-        storage, axes = self.storage, list(self.scene.axes)
-        place, reach = (np.array(at) - self.scene.low)[axes], reach[axes] + ROUNDING * self.scene.spacing
-        while True:
-            slots = np.empty(self._room, np.int64)
-            n = readings.beside(
-                storage.end, storage.flags, storage.x, place, reach, storage.arena["period"], slots
-            )  # fmt: skip
-            if n <= self._room:
-                return slots[:n]
-            self._room = 2 * n
+        return self.storage.beside(np.array(at) - self.scene.low, reach)
 
     def separation(self, x: NDArray, at: tuple[float, ...] | NDArray) -> NDArray[np.float64]:
         """x[n, d] - at in m (one place, or [n, d]), to the nearest image along periodic axes."""

@@ -13,6 +13,7 @@ from sph.diagnostics.checksums import Checksums
 from sph.diagnostics.leaks import LeakFinder
 from sph.diagnostics.scalars import Totals, fluid_scalars
 from sph.particles.extremes import Extremes
+from sph.particles.openings import Exchange
 from sph.particles.storage import Storage
 from sph.particles.wall_forces import WallForces
 from sph.physics import stability
@@ -34,12 +35,13 @@ class Runaway:
     """Watches the fluid of a run, and ends it when its state is no solution any more."""
 
     def __init__(
-        self, clock: Clock, storage: Storage, forces: WallForces, totals: Totals, checksums: Checksums
-    ) -> None:
+        self, clock: Clock, storage: Storage, forces: WallForces, totals: Totals, checksums: Checksums,
+        exchange: Exchange,
+    ) -> None:  # fmt: skip
         scene = storage.scene
         self.clock, self.storage, self.scene, self.world = clock, storage, scene, storage.world
         self.walls, self.forces, self.leaks = forces.walls, forces, LeakFinder(storage, forces.walls)
-        self.totals, self.checksums = totals, checksums
+        self.totals, self.checksums, self.exchange = totals, checksums, exchange
         self.shortest = SHORTEST_STEP * stability.time_step(scene.config)
         self.size = float(np.sqrt(np.sum((scene.high - scene.low) ** 2)))
         self.domain = [*zip(scene.low.tolist(), scene.high.tolist())]
@@ -54,6 +56,7 @@ class Runaway:
             ConservedSums(tuple({"mass"} & {*scene.config.conserved}), 0.0),
             ConservedSums(momentum, ROUNDING * float(np.finfo(real).eps)),
         ]
+        self.exchanged = ConservedSums(("mass_total",), 4 * float(np.finfo(np.float64).eps))
         self.usual_speed = scene.config.eos.max_velocity or 0.0
         self._warned = False
         self._energy_step = clock.step
@@ -134,9 +137,12 @@ class Runaway:
     def fluid_scalars(self) -> dict[str, float]:
         """Energies, mass, momentum and extremes of the fluid, after a look at the energy. Collective."""
         found = fluid_scalars(self.scene, self.totals)
+        found |= self.exchange.scalars(found["mass"])
         self._look_at_energy(found["energy_kinetic"], found["energy_total"], found["mass"])
         for sums in self.kept:
             sums.see(found, found["mass"] * self.scene.c0, self.clock.step)
+        if self.scene.config.exchanges:
+            self.exchanged.see(found, found["mass"] + found["inflow"] + found["outflow"], self.clock.step)
         return found
 
     def trouble(self) -> str | None:
@@ -149,7 +155,7 @@ class Runaway:
             return "a position or velocity is not a finite number"
         if not np.abs(self.forces.impulses).max(initial=0.0) <= self.forces.largest_impulse(self.clock.time):
             return "the impulse of the fluid on a wall is beyond what pressures of rho0 c0^2 could have given"
-        jumps = (sums.trouble for sums in self.kept if sums.trouble)
+        jumps = (sums.trouble for sums in (*self.kept, self.exchanged) if sums.trouble)
         damaged = next(jumps, None) or self.checksums.trouble
         return self.leaks.found or self._energy_trouble or damaged or self.leaks.through_wall()
 

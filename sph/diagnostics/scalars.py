@@ -50,6 +50,8 @@ class Totals:
         most = self.world.max_array(most)
         if not np.isfinite(most[:3]).all():
             return np.full(self.n, np.nan), most
+        if most[0] == 0.0:  # all has left
+            return np.zeros(self.n), most
         scales = [exact.power_of_two_above(float(bound)) for bound in self._bounds(most[0], most[1], most[2], most[3:])]
         a["inverse"][:] = [1.0 / scale for scale in scales]
         self.tasks.each(self.kernels.add)

@@ -11,10 +11,11 @@ UNITS = {"velocity": "m/s", "pressure": "Pa", "density": "kg/m3", "mass": "kg"}
 
 
 def particles(storage: Storage) -> dict[str, ParticleArray]:
-    """Position, velocity, pressure, density, mass of each fluid and, if asked, of the walls' particles."""
+    """Position, velocity, pressure, density, mass of each fluid, of what each inlet has made, and of walls if asked."""
     scene, slots = storage.scene, storage.fluid_slots
-    ids = storage.numbers(slots)
-    chosen = {fluid.section.name: slots[(ids >= fluid.first) & (ids < fluid.first + fluid.n)] for fluid in scene.fluids}
+    kinds, names = scene.kinds(storage.numbers(slots)), [fluid.section.name for fluid in scene.fluids]
+    names += [inlet.name for inlet in scene.inlets]
+    chosen = {name: slots[kinds == k] for k, name in enumerate(names)}
     if scene.config.output.walls:
         kind = storage.own_values("wall")
         chosen |= {

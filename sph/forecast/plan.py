@@ -23,13 +23,17 @@ FIXED_BYTES = 272_000  # of graphs, tables and heads of arrays: what runs of 10,
 
 
 def counts(config: SphConfig) -> tuple[int, float]:
-    """Fluid particles, and those of the walls that are made around the fluid at t = 0 (about)."""
+    """Fluid particles, at the end where they only come in, and those of the walls that are made around the fluid at t =
+    0 (about).
+    """
     scene = Scene(config)
     if not config.fluid:
         return 0, 0.0
     low, high = _around_fluid(scene, AHEAD)
     made = [(wall, wall.layers if wall.rule.layered else 1) for wall in scene.walls if not wall.rule.images]
-    return scene.n_fluid, sum(layers * _of_faces(scene, wall, low, high) for wall, layers in made)
+    grows = config.inlet and not (config.outlet or config.domain.outflow)
+    n = round(scene.most_particles(config.simulation.end_time if grows else 0.0)) if config.inlet else scene.n_fluid
+    return n, sum(layers * _of_faces(scene, wall, low, high) for wall, layers in made)
 
 
 def images(config: SphConfig) -> float:

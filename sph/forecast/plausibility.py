@@ -13,9 +13,12 @@ from sph.physics import stability
 from sph.physics.fluxes import FLUXES
 from sph.physics.stray_limits import MAX_DENSITY_ERROR, most_strays
 from sph.setup.flows import at_rest
+from sph.setup.openings import Source
 from sph.setup.rigid import gap, share
-from sph.setup.scene import Scene
-from sph.setup.speeds import motion_speed
+from sph.setup.scene import NEAR, Scene, Wall
+from sph.setup.signed_distance import signed_distance
+from sph.setup.speeds import fastest, motion_speed
+from sph.setup.tanks import depth_in
 
 DENSE, DENSER = 0.02, 0.1  # rho / rho0 - 1 at rest, which are noticed and refused
 MOST_STEPS = 1e9  # 11 days at a millisecond a step
@@ -33,6 +36,7 @@ def sensible(config: SphConfig, scene: Scene) -> Iterator[Derived]:
     yield from depths(config, scene)
     yield from bodies_outside(config)
     yield from rigid_bodies(scene)
+    yield from openings(config, scene)
     if config.fluid:
         limits = f"{1 - MAX_DENSITY_ERROR:g} .. {1 + MAX_DENSITY_ERROR:g} rho0"
         words = f"beyond: exit 4; of fewer than half the neighbours and {limits}"
@@ -155,6 +159,35 @@ def rigid_bodies(scene: Scene) -> Iterator[Derived]:
         cure = "" if verdict == "ok" else "a larger density, or a smaller spacing"
         yield Derived(f"mass of {wall.name} over that with a layer of fluid", "", part, "", f">= {LIGHTEST:g}", verdict,
                       "measured: 0.038 stands, 0.013 diverges", cure, (*key, "body", "density"), True)  # fmt: skip
+
+
+def openings(config: SphConfig, scene: Scene) -> Iterator[Derived]:
+    """How fast and how much flows in, and whether walls stand in its way."""
+    verdict: Verdict
+    for i, inlet in enumerate(scene.inlets):
+        mach, key = fastest(config, config.inlet[i]) / config.sound_speed, ("inlet", i)
+        verdict = "ok" if mach <= 1 / 7 else "warn" if mach <= 1 / 3 else "fail"
+        cure = "" if verdict == "ok" else f"sound_speed = {10 * mach * config.sound_speed:.3g}"
+        yield Derived(f"velocity of {inlet.name}", "v/c0", mach, "", "<= 1/7", verdict, "Monaghan 1994", cure,
+                      ("eos", "sound_speed"), True)  # fmt: skip
+        for wall in scene.walls:
+            rows = int(np.count_nonzero(_in_wall(scene, wall, inlet)))
+            if rows:
+                yield Derived(f"rows of {inlet.name} in {wall.name}", "n", rows, "", "0", "fail", "fluid in walls",
+                              f"a box beside the wall; {wall.name} open where it flows in", (*key, "low"))  # fmt: skip
+        n = inlet.volume(config.simulation.end_time) * scene.rho0 / inlet.mass
+        yield Derived(f"particles through {inlet.name}", "n", round(n))
+
+
+def _in_wall(scene: Scene, wall: Wall, inlet: Source) -> np.ndarray:
+    """Which rows of an inlet come through a wall."""
+    margin, found = NEAR * scene.spacing, np.zeros(len(inlet.rows), bool)
+    for column in range(inlet.columns):
+        x = inlet.rows.copy()
+        x[:, inlet.axis] += inlet.sign * (column + 0.5) * inlet.step
+        outside = wall.section.solid or wall.shape.plane
+        found |= (signed_distance(wall.shape, x) < margin) if outside else (depth_in(wall, x) > -margin)
+    return found
 
 
 def _apart(low: geometry.Point, high: geometry.Point, a: geometry.Point, b: geometry.Point) -> float:

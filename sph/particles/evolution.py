@@ -5,6 +5,7 @@ from types import ModuleType
 
 from hpcpic.core.timers import Timers
 from sph.particles.bodies import Bodies
+from sph.particles.openings import Openings
 from sph.particles.pair_sums import PairSums
 from sph.particles.tasks import Tasks
 from sph.particles.walls import Walls
@@ -21,6 +22,7 @@ class Evolution:
         self.walls, self.timers, self.numbers = walls, timers, tasks.arena["numbers"]
         self.evaluations, self._evaluated_at = 0, -1
         self.bodies: Bodies | None = None
+        self.openings: Openings | None = None
         self.driven: list[Callable] = []  # kernels of accelerations of the user's own
 
     def evaluate(self, start: bool = False) -> None:
@@ -41,6 +43,8 @@ class Evolution:
                 sums(self.clock.step)
                 for kernel in self.driven:
                     self.tasks.each(kernel)
+                if self.openings:
+                    self.openings.hold(True, self.sums.rate)
                 if self.bodies:
                     self.bodies.find_rates()
         self._evaluated_at = self.clock.step if start else -1
@@ -49,6 +53,8 @@ class Evolution:
         """Find D of x and rho as in `evaluate_forces`, and the new v. Collective."""
         with self.timers.section("pairs"):
             self.sums.rates(self.clock.step)
+            if self.openings:
+                self.openings.hold(False, self.sums.rate)
 
     def forget_rates(self) -> None:
         """The rates of y^n are not known any more."""
@@ -84,6 +90,8 @@ class Evolution:
 
     def shift(self, speed: float) -> None:
         """x = x + dt speed offset: particles away from where they are crowded, for the largest speed in m/s."""
+        if self.openings:
+            self.openings.still()
         self.numbers[1] = self.clock.time_step * speed
         self.tasks.each(self.motion.spread)
 

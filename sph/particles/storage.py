@@ -12,10 +12,12 @@ from hpcpic.core.comm.world import World
 from hpcpic.core.errors import ConfigError
 from hpcpic.core.space.domain import block_ranges
 from hpcpic.core.tasks.arena import Arena
+from sph.kernels import readings
 from sph.kernels.groups import OldState, Shown, State
 from sph.kernels.marks import BODY, CODES, FLOWS, FLUID, OWN, REAL, WALL_BITS
 from sph.setup.scene import Scene
 
+ROUNDING = 1e-6  # of a spacing
 OVERRUN = 16  # slots behind the last one that vectors may touch
 MAX_SLOTS = 2**31 * 7 // 8  # of a rank: their numbers are int32, and the arena takes an eighth more
 
@@ -37,6 +39,7 @@ class Storage:
         self.n = self.end = 0
         self._name_lines()
         self._since_sort: dict[str, Any] = {}
+        self._room = 256  # for what is found near a place
         self._record = np.dtype([("numbers", np.float64, 2 * self.d + 2), ("id", np.int64), ("flags", np.int64)])
         self._migrate = Migrate(world, self._record.itemsize, Channel.PARTICLES)
 
@@ -65,6 +68,19 @@ class Storage:
     def fluid_slots(self) -> Slots:
         """Slots of the own particles of the fluid."""
         return self.until_sorted("fluid", lambda: np.flatnonzero(self.flags[: self.end] & (OWN | FLUID) == OWN | FLUID))
+
+    def beside(self, at: NDArray[np.float64], reach: NDArray[np.float64]) -> Slots:
+        """Slots of the own fluid not farther from a place, m from the lower corner of the domain, than `reach` m along
+        any axis, and a few beside it; both in physical axes.
+        """
+        axes = list(self.scene.axes)
+        place, reach = at[axes], reach[axes] + ROUNDING * self.scene.spacing
+        while True:
+            slots = np.empty(self._room, np.int64)
+            n = readings.beside(self.end, self.flags, self.x, place, reach, self.arena["period"], slots)
+            if n <= self._room:
+                return slots[:n]
+            self._room = 2 * n
 
     def number(self, slot: int) -> int:
         """The number of the particle in a slot."""

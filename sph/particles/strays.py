@@ -1,4 +1,4 @@
-"""Particles torn off the fluid, and those that leave it for good.
+"""Particles torn off the fluid.
 
 The density of a particle is the history of its neighbours. One that is left with few of them has no such history: where
 its density is beyond what a weakly compressible fluid can have it gets that of rest, and goes on as a drop does, under
@@ -86,36 +86,3 @@ class Strays:
                 "%d stray particles until t = %.3g s, torn off with a density beyond %g .. %g rho0: they got rho0",
                 self.count, self.clock.time, 1 - MAX_DENSITY_ERROR, 1 + MAX_DENSITY_ERROR,
             )  # fmt: skip
-
-
-class Outflow:
-    """Sides of the domain through which fluid leaves for good."""
-
-    def __init__(self, scene: Scene, world: World, clock: Clock, storage: Storage) -> None:
-        self.scene, self.world, self.clock, self.storage = scene, world, clock, storage
-        self.faces = [("xyz".index(face[0]), face[1] == "+") for face in scene.config.domain.outflow]
-        self.margin = 0.5 * scene.support  # more than the fluid moves in a step
-        self._has_begun = False
-
-    def leave(self, box: tuple[NDArray, NDArray]) -> None:
-        """Take out what has left; before particles change ranks. `box`: around all fluid before it moved, m."""
-        scene, storage = self.scene, self.storage
-        for axis, up in self.faces:
-            side = scene.high[axis] if up else scene.low[axis]
-            if (box[1][axis] + self.margin > side) if up else (box[0][axis] - self.margin < side):
-                slots = storage.fluid_slots
-                x, at = storage.x[scene.axes.index(axis), slots], side - scene.low[axis]
-                gone = slots[x > at if up else x < at]
-                storage.remove(gone)
-                if len(gone) and not self._has_begun:
-                    self._has_begun = True
-                    log.info("fluid leaves through %s from t = %.3g s on", "xyz"[axis] + "-+"[up], self.clock.time)
-
-    def mass(self) -> float:
-        """Mass that has left so far, kg (2D: kg/m). Collective."""
-        if not self.faces:
-            return 0.0
-        ids, fluids = self.storage.numbers(self.storage.fluid_slots), self.scene.fluids
-        own = [np.count_nonzero((ids >= fluid.first) & (ids < fluid.first + fluid.n)) for fluid in fluids]
-        left = self.world.sum_int(np.array(own, np.int64))
-        return float(sum(fluid.mass * (fluid.n - n) for fluid, n in zip(fluids, left.tolist())))

@@ -27,7 +27,7 @@ class WallForces:
     def largest_impulse(self, time: float) -> float:
         """Impulse of pressures rho0 c0^2 on the sides of all particles from the start to a time in s, N s."""
         scene = self.walls.scene
-        area = 2 * scene.dimensions * scene.n_fluid * scene.spacing ** (scene.dimensions - 1)
+        area = 2 * scene.dimensions * scene.most_particles(time) * scene.spacing ** (scene.dimensions - 1)
         return area * scene.rho0 * scene.c0 * (scene.c0 * time + scene.h)
 
     def now(self) -> Forces:

@@ -51,9 +51,19 @@ class EquationOfState:
         return self.c0 * (1.0 + excess / self.rho0) ** ((self.gamma - 1.0) / 2.0)
 
     def excess_at_rest(self, depth: NDArray, gravity: float) -> NDArray[np.float64]:
-        """rho - rho0 at rest at a depth in m, exact: (rho / rho0)^(gamma - 1) = 1 + (gamma - 1) g depth / c0^2."""
-        head, n = gravity * np.maximum(depth, 0.0) / self.c0**2, self.gamma - 1
-        return self.rho0 * expm1(log1p(n * head) / n if n else head)
+        """rho - rho0 at rest at a depth in m, exact."""
+        return self.excess_at_head(gravity * np.maximum(depth, 0.0))
+
+    def excess_at_head(self, head: NDArray) -> NDArray[np.float64]:
+        """rho - rho0 of fluid at rest where the head, the integral of dp / rho, is so many m2/s2: (rho / rho0)^(gamma -
+        1) = 1 + (gamma - 1) head / c0^2.
+        """
+        mach, n = head / self.c0**2, self.gamma - 1
+        return self.rho0 * expm1(log1p(n * mach) / n if n else mach)
+
+    def head(self, excess: NDArray) -> NDArray[np.float64]:
+        """The head in m2/s2 at which rho - rho0 is `excess`."""
+        return self.c0**2 * power(excess / self.rho0, self.gamma - 1)
 
     def energy(self, excess: NDArray) -> NDArray[np.float64]:
         """Work of compression from rho0, J/kg: the integral of (p + background) / rho^2."""

@@ -16,7 +16,7 @@ from sph.physics import stability
 from sph.physics.smoothing import SMOOTHING
 from sph.physics.viscosities import VISCOSITIES
 from sph.physics.wall_rules import WALL_RULES
-from sph.setup import periodic_walls
+from sph.setup import opening_checks, periodic_walls
 from sph.setup.defaults import domain_of
 from sph.setup.flows import FLOWS, INITIAL_DENSITIES, density_of_flow
 from sph.setup.speeds import speed_scale
@@ -64,6 +64,7 @@ def sizes(config: SphConfig) -> Iterator[Fault]:
                 yield (group, i, "shape", "box", "open"), text
     for i, gauge in enumerate(config.gauge):
         yield from (((("gauge", i, *path), text)) for path, text in gauge_faults(gauge, d))
+    yield from opening_checks.axes(config)
 
 
 def vectors(section: Section, path: Path = ()) -> Iterator[tuple[Path, tuple[float, ...]]]:
@@ -132,7 +133,7 @@ def names(config: SphConfig) -> Iterator[Fault]:
     """Refuse names that are taken, also by default, or that cannot name a file or a column of the series."""
     columns = set(scalar_units(config))
     taken: dict[tuple[bool, str], str] = {}  # snapshots tell fluids and walls apart by name, the series gauges
-    for group in ("fluid", "wall", "gauge"):
+    for group in ("fluid", "wall", "gauge", "inlet", "outlet"):
         for i, section in enumerate(getattr(config, group)):
             name, path = name_of(group, i, section), (group, i, "name")
             if not name.replace("_", "").replace("-", "").isalnum():
@@ -178,6 +179,7 @@ def relations(config: SphConfig) -> Iterator[Fault]:
     for i, wall in enumerate(config.wall):
         found = itertools.chain(wall_faults(wall, d), periodic_walls.faults(config, wall))
         yield from ((("wall", i, *path), text) for path, text in found)
+    yield from opening_checks.faults(config)
     moving = config.eos.sound_speed or config.eos.max_velocity or not config.fluid
     if not moving and not speed_scale(config):
         yield ("eos",), "max_velocity or sound_speed is missing: neither gravity nor the initial state tells a speed"

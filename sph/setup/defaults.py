@@ -1,7 +1,6 @@
 """Fills in what the settings of an SPH case determine: names, vectors of full length, domain, c0, Courant number."""
 
 from collections.abc import Iterable
-from typing import Literal
 
 from hpcpic.core.case.words import only_seconds
 from sph.case import geometry
@@ -27,6 +26,8 @@ def completed(config: SphConfig) -> SphConfig:
                 update={"period": only_seconds(config.output.period, config.output.every)}
             ),
             "gauge": tuple(named("gauge", i, _gauge(gauge)) for i, gauge in enumerate(config.gauge)),
+            "inlet": tuple(named("inlet", i, inlet) for i, inlet in enumerate(config.inlet)),
+            "outlet": tuple(named("outlet", i, outlet) for i, outlet in enumerate(config.outlet)),
         }
     )
     config = config.model_copy(update={"domain": domain_of(config), "numerics": _numerics(config)})
@@ -39,7 +40,7 @@ def completed(config: SphConfig) -> SphConfig:
     return config
 
 
-def named(kind: Literal["fluid", "wall", "gauge"], i: int, group):
+def named(kind: str, i: int, group):
     return group.model_copy(update={"name": name_of(kind, i, group)})
 
 
@@ -79,6 +80,7 @@ def domain_of(config: SphConfig) -> Domain:
     """The domain as given, else the box around fluids and walls."""
     domain = config.domain
     boxes = [geometry.bounds(shape) for shape in shapes_of(config)] or [((0.0,), (1.0,))]
+    boxes += [(opening.low, opening.high) for opening in (*config.inlet, *config.outlet)]
 
     def outermost(points: Iterable, choose) -> tuple[float, ...]:
         return tuple(choose(xs) for xs in zip(*points))

@@ -23,6 +23,7 @@ from sph.physics.equation_of_state import EquationOfState
 from sph.physics.stability import support_of
 from sph.physics.wall_rules import rule_of
 from sph.setup import flows, periodic_walls, rest_distance, rigid, signed_distance
+from sph.setup.openings import Sink, Source
 from sph.setup.particle_lattices import PART, Face, Filled, Grid, Parts, Sheet, Shell, box_sheets, even, grid_of
 from sph.setup.tanks import behind, depth_in
 
@@ -264,11 +265,26 @@ class Scene:
         sheets = [wall.lattice.parts if wall.rule.repulsive else [] for wall in self.walls]
         self.normals = np.array([np.zeros(d), *(sheet.normal for parts in sheets for sheet in parts)])
         self._first_normal = 1 + np.cumsum([0, *map(len, sheets)])
+        self.inlets = [Source(self, section) for section in config.inlet]
+        self.outlets = [Sink(self, section) for section in config.outlet]
         self.fluids: list[FluidSet] = []
         for section in config.fluid:
             self.fluids.append(self._fill(section))
             require_fit(self, self.fluids[-1])
         self.n_fluid = sum(fluid.n for fluid in self.fluids)
+        masses = [fluid.mass for fluid in self.fluids] + [inlet.mass for inlet in self.inlets]
+        self.masses = np.array(masses)  # kg, by kind
+
+    def kinds(self, ids: NDArray[np.int64]) -> NDArray[np.int64]:
+        """By number, the fluid of a particle, or behind all fluids its inlet: inlets take turns with numbers."""
+        firsts = [fluid.first for fluid in self.fluids]
+        started = np.searchsorted(firsts, ids, side="right") - 1
+        return np.where(ids < self.n_fluid, started, len(firsts) + (ids - self.n_fluid) % max(1, len(self.inlets)))
+
+    def most_particles(self, t: float) -> float:
+        """More than there are of the fluid at the time t in s."""
+        boxes = sum(len(inlet.rows) * (inlet.columns + 1) for inlet in self.inlets)
+        return self.n_fluid + boxes + sum(inlet.volume(t) * self.rho0 / inlet.mass for inlet in self.inlets)
 
     def has_wall_particles(self, ids: NDArray[np.int64]) -> NDArray[np.bool_]:
         """Which of these numbers those of particles of walls can be."""
@@ -361,6 +377,7 @@ class Scene:
         ends = np.array([(c[0], c[-1]) for c in grid.coordinates])
         if np.any(ends[:, 0] < self.low) or np.any(ends[:, 1] > self.high):
             yield DOMAIN, None, lambda x: np.any((x < self.low) | (x > self.high), axis=1)
+        yield from ((one.name, (one.low, one.high), lambda x: np.ones(len(x), bool)) for one in self.inlets)
         margin = NEAR * self.spacing
         for wall in self.walls:
             shape = wall.shape

@@ -4,20 +4,25 @@ import itertools
 import math
 
 from sph.case import geometry
-from sph.case.config import Fluid, Motion, SphConfig
+from sph.case.config import AXES, Fluid, Motion, SphConfig
+from sph.case.openings import Inlet
 from sph.setup import flows
+
+PEAKS = {"uniform": 1.0, "parabolic": 1.5}  # largest velocity of a profile over the mean one
 
 
 def speed_scale(config: SphConfig) -> float:
-    """sqrt(2 g H) of the fluid's height H along gravity, what moves at t = 0, and walls that swing, m/s: these push
-    fluid, as others, such as a gate, need not.
+    """sqrt(2 g H) of the fluid's height H along gravity, what moves at t = 0, what flows in, and walls that swing, m/s:
+    these push fluid, as others, such as a gate, need not.
     """
     g = math.hypot(*config.gravity)
     speeds = [geometry.length(fluid.velocity) + flows.speed(config, fluid) for fluid in config.fluid]
     speeds += [motion_speed(wall.motion) for wall in config.wall if wall.motion and any(wall.motion.amplitude)]
     speeds += [geometry.length(wall.body.velocity) for wall in config.wall if wall.body]
+    speeds += [fastest(config, inlet) for inlet in config.inlet]
     if g:
         heights = [height for fluid in config.fluid for height in heights_of(config, fluid)]
+        heights += [height for inlet in config.inlet for height in surfaces(config, inlet)]
         speeds.append(math.sqrt(2 * g * max(0.0, max(heights, default=0.0) - min(heights, default=0.0))))
     return max(speeds, default=0.0)
 
@@ -26,6 +31,21 @@ def heights_of(config: SphConfig, fluid: Fluid) -> list[float]:
     """Heights against gravity of the corners of a fluid, m."""
     g = math.hypot(*config.gravity)
     return [-sum(a * b for a, b in zip(corner, config.gravity)) / g for corner in geometry.corners(fluid.shape)]
+
+
+def fastest(config: SphConfig, inlet: Inlet) -> float:
+    """Largest velocity of what flows in through an inlet at any time, m/s; of a discharge, through the whole box."""
+    across = [b - a for axis, a, b in zip(AXES, inlet.low, inlet.high) if axis != inlet.axis[0]]
+    speeds = [speed for _, speed in inlet.over_time("velocity")]
+    speeds += [discharge / math.prod(across) for _, discharge in inlet.over_time("discharge")]
+    return PEAKS[inlet.profile] * max(speeds, default=0.0)
+
+
+def surfaces(config: SphConfig, inlet: Inlet) -> list[float]:
+    """Heights against gravity of the lowest and highest corner of an inlet, m, or of its levels in place of that."""
+    heights = [-sum(a * b for a, b in zip(corner, config.gravity)) / math.hypot(*config.gravity)
+               for corner in itertools.product(*zip(inlet.low, inlet.high))]  # fmt: skip
+    return [min(heights), *([level for _, level in inlet.over_time("level")] or [max(heights)])]
 
 
 def motion_speed(motion: Motion) -> float:

@@ -20,6 +20,13 @@ wall = ( { name = "raft"; solid = true; shape = { box = { low = [0.1, 0.3, 0.35]
            body = { density = 2000.0; held = ["rx"]; }; } );
 """
 
+OPEN = """
+wall = ( { name = "bed"; shape = { box = { low = [0.0, 0.0]; high = [1.0, 0.6]; open = ["x-", "x+", "y+"]; }; }; } );
+inlet = ( { low = [0.0, 0.0]; high = [0.12, 0.5]; axis = "x+"; discharge = 2.4; },
+          { low = [0.4, 0.48]; high = [0.6, 0.6]; axis = "y-"; table = ( { time = 0.0; velocity = 8.0; } ); } );
+outlet = ( { low = [0.88, 0.0]; high = [1.0, 0.5]; axis = "x+"; level = 0.4; waves = true; velocity = 6.0; } );
+"""
+
 JOBS = {
     name: {"program": "sph", "case": case, "steps": 12}
     for name, case in {
@@ -33,6 +40,8 @@ JOBS = {
                              balance=3, velocity=(2.0, 0.0), more=EXTRAPOLATED),
         "bodies": text(d=3, size=(1.4, 1.0, 1.0), spacing=0.1, fill=(1.4, 1.0, 0.6), periodic=("x", "y"), balance=3,
                        integrator="predictor-corrector", more=BODIES),
+        "open": text(d=2, size=(1.0, 0.6), spacing=0.04, fill=(1.0, 0.4), flux="delta", balance=3, velocity=(6.0, 0.0),
+                     shifting="true", integrator="rk3-tvd", more=OPEN),
         "torn": torn(),
     }.items()
 }  # fmt: skip

@@ -17,7 +17,7 @@ from hpcpic.core.errors import ConfigError
 SHARED = ("description", "simulation", "gauge", "output")
 PROGRAMS = {  # the groups and settings outside of groups in a case of each program
     "hpcpic": {*SHARED, "units", "grid", "field", "constants", "species", "numerics", "histogram"},
-    "sph": {*SHARED, "domain", "fluid", "eos", "numerics", "gravity", "body_force", "wall"},
+    "sph": {*SHARED, "domain", "fluid", "eos", "numerics", "gravity", "body_force", "wall", "inlet", "outlet"},
     "lbmdem": {
         *SHARED, "domain", "fluid", "boundary", "obstacle", "grains", "contact", "coupling", "gravity", "shaking",
     },

@@ -1,0 +1,159 @@
+"""Fluid that comes in through inlets and leaves through outlets."""
+
+import numpy as np
+import pytest
+from sph_scenes import config, engine, text
+
+from hpcpic.core.errors import ConfigError
+from sph.forecast.derived import derived
+
+WALLS = """wall = ( { name = "planes"; shape = { box = { low = [0.0, 0.0]; high = [1.0, 0.4]; open = ["x-", "x+"]; }; };
+    } );"""
+FLOW = {"size": (1.0, 0.4), "fill": (1.0, 0.4), "spacing": 0.04, "gravity": (0.0, 0.0), "pressure": "zero",
+        "velocity": (1.0, 0.0), "sound": 10.0, "flux": "delta", "cfl": 0.6}  # fmt: skip
+
+
+def inlet(more="velocity = 1.0;", low=(0.0, 0.0), high=(0.12, 0.4), axis="x+"):
+    return f'inlet = ( {{ low = {list(low)}; high = {list(high)}; axis = "{axis}"; {more} }} );'
+
+
+def outlet(more="", low=(0.88, 0.0), high=(1.0, 0.4), axis="x+"):
+    return f'outlet = ( {{ low = {list(low)}; high = {list(high)}; axis = "{axis}"; {more} }} );'
+
+
+def channel(more="", **settings):
+    return engine(more=f"{WALLS} {inlet()} {outlet()} {more}", **(FLOW | settings))
+
+
+def run(sph, until):
+    while sph.time < until:
+        sph.step()
+        assert sph.iteration % 20 or sph.guard() is None
+    return sph
+
+
+@pytest.mark.parametrize("integrator", ["symplectic", "rk3-tvd"])
+def test_a_uniform_stream_stays_uniform_and_its_mass_is_known_exactly(integrator):
+    sph = channel(integrator=integrator)
+    start = sph.scalars()
+    run(sph, 1.0)
+    found = sph.scalars()
+    v = sph.storage.physical("v", sph.storage.fluid_slots)
+    assert np.abs(v - (1.0, 0.0)).max() < 0.01
+    row = sph.scene.inlets[0].mass * len(sph.scene.inlets[0].rows)
+    assert abs(found["inflow"] - 1000.0 * 0.4 * sph.time) <= row and abs(found["outflow"] - found["inflow"]) <= row
+    assert found["mass"] + found["outflow"] - found["inflow"] == pytest.approx(start["mass"], rel=1e-14)
+    assert found["mass_total"] == pytest.approx(start["mass"], rel=1e-14)
+    assert found["outflow"] > 0.9 * start["mass"]  # all of it has been replaced
+
+
+def test_a_parabola_flows_on_between_walls_where_it_sticks():
+    """Plane Poiseuille flow: v = 6 U y (H - y) / H^2 and dp/dx = -12 mu U / H^2; ten particles across."""
+    gauges = ", ".join(f'{{ name = "p{k}"; what = "pressure"; at = [{x}, 0.2]; }}' for k, x in enumerate((0.3, 0.7)))
+    flow = inlet('velocity = 1.0; profile = "parabolic";')
+    sph = engine(more=f"{WALLS} {flow} {outlet()} gauge = ( {gauges} );",
+                 **(FLOW | {"viscosity": 40.0, "form": "morris", "alpha": 0.0, "sound": 15.0}))  # fmt: skip
+    run(sph, 1.0)
+    seen, drops = [], []
+    while sph.time < 1.6:
+        sph.step()
+        x, v = (sph.storage.physical(name, sph.storage.fluid_slots) for name in "xv")
+        near = np.abs(x[:, 0] - 0.5) < 0.2
+        exact = 6.0 * x[near, 1] * (0.4 - x[near, 1]) / 0.16
+        seen.append(np.mean((v[near, 0] - exact) * exact) / np.mean(exact**2))
+        if sph.iteration % 10 == 0:
+            found = sph.scalars()
+            drops.append(found["p0"] - found["p1"])
+    assert abs(np.mean(seen)) < 0.03  # of ten rows; 0.5 % at 40 (the case channel)
+    assert np.mean(drops) == pytest.approx(0.4 * 12 * 40.0 / 0.16, rel=0.1)
+
+
+WATER = {"size": (1.0, 0.6), "fill": (1.0, 0.4), "spacing": 0.04, "sound": 20.0, "flux": "delta", "cfl": 0.6}
+BED = """wall = ( { name = "bed"; shape = { box = { low = [0.0, 0.0]; high = [1.0, 0.6]; open = ["x-", "x+", "y+"]; };
+    }; } );"""
+LEVEL = "level = 0.4;"
+
+
+def test_still_water_between_levels_stays_still():
+    sph = engine(more=BED + inlet("velocity = 0.0; level = 0.4;", high=(0.12, 0.5)) + outlet(LEVEL, high=(1.0, 0.5)),
+                 **WATER)  # fmt: skip
+    run(sph, 0.5)
+    found = sph.scalars()
+    assert found["max_velocity"] < 0.01 * 20.0 and found["inflow"] == found["outflow"] == 0.0
+
+
+def test_a_table_says_how_much_flows_in_and_a_level_from_where():
+    """0.2 m2/s for a level of 0.4 m grow to 0.6 m2/s for 0.48 m within 0.4 s."""
+    table = "table = ( { time = 0.0; velocity = 0.5; level = 0.4; }, { time = 0.4; velocity = 1.25; level = 0.48; } );"
+    sph = engine(more=BED + inlet(table, high=(0.12, 0.6)), velocity=(0.5, 0.0), outflow=("x+",), **WATER)
+    run(sph, 0.4)
+    found, source = sph.scalars(), sph.scene.inlets[0]
+    t = np.linspace(0.0, 0.4, 1001)
+    rows = np.rint((0.4 + 0.2 * t) / 0.04)
+    exact = 1000.0 * np.mean((0.5 + 0.75 * t / 0.4) * 0.04 * rows) * 0.4
+    assert abs(found["inflow"] - exact) < source.mass * len(source.rows)
+    new = sph.storage.physical("x", sph.storage.fluid_slots)
+    assert new[new[:, 0] < 0.06, 1].max() == pytest.approx(0.46)
+
+
+def test_the_surface_in_an_inlet_follows_the_water_before_it():
+    sph = engine(more=BED + inlet("discharge = 0.2;", high=(0.12, 0.6)) + outlet(LEVEL, high=(1.0, 0.6)),
+                 velocity=(0.5, 0.0), **WATER)  # fmt: skip
+    run(sph, 0.5)
+    head, speed, _ = sph.openings.mean[0]
+    source = sph.scene.inlets[0]
+    assert head == pytest.approx(source.at_level(0.4), abs=0.1 * 9.81 * 0.4)
+    assert speed * source.area * source.wet(head).sum() == pytest.approx(0.2, rel=1e-12)
+    assert abs(sph.scalars()["inflow"] - 200.0 * sph.time) < source.mass * len(source.rows)
+
+
+@pytest.mark.parametrize(
+    ("opening", "told"),
+    [
+        (inlet(high=(0.05, 0.4)), "shorter than the kernel reaches"),
+        (inlet(high=(0.2, 0.01)), "thinner than the spacing"),
+        (inlet(low=(-0.1, 0.0)), "beyond the domain"),
+        (inlet(high=(-0.1, 0.4)), "must be above low"),
+        (inlet(axis="z+"), r"must be one of x\+, x-, y\+, y-"),
+        (inlet(""), "needs a velocity or a discharge"),
+        (inlet("velocity = 1.0; discharge = 1.0;"), "one of them only"),
+        (inlet("velocity = -1.0;"), "greater than or equal to 0"),
+        (inlet("velocity = 1.0; level = 0.5;"), "is not in the box"),
+        (inlet("discharge = 1.0; level = 0.4;"), "follows from the fluid"),
+        (inlet("velocity = 1.0; level = 0.3;", axis="y+"), "needs gravity at right angles"),
+        (inlet('velocity = 1.0; level = 0.4; profile = "parabolic";'), "between two walls"),
+        (inlet("table = ( { time = 1.0; velocity = 1.0; }, { time = 1.0; velocity = 2.0; } );"), "times must grow"),
+        (inlet("table = ( { time = 0.0; velocity = 1.0; }, { time = 1.0; level = 0.4; } );"), "at all of them"),
+        (inlet("velocity = 1.0; table = ( { time = 0.0; velocity = 1.0; } );"), "the table gives it too"),
+        (outlet(), "level is missing"),
+        (outlet("level = 0.3; pressure = 10.0;"), "follows from the level"),
+        (outlet("level = 0.3; velocity = 1.0;"), "current below waves"),
+        (inlet() + outlet(LEVEL, low=(0.1, 0.0)), r"overlaps outlet\[0\]"),
+    ],
+)
+def test_what_can_be_no_opening_is_refused(opening, told):
+    with pytest.raises(ConfigError, match=told):
+        config(fill=(1.0, 0.4), more=opening)
+
+
+def test_check_refuses_inlets_in_walls_and_beyond_the_speed_of_sound():
+    found = derived(config(text(**(FLOW | {"more": WALLS + inlet("velocity = 4.0;", high=(0.12, 0.44)),
+                                           "size": (1.0, 0.6)}))))  # fmt: skip
+    verdicts = {line.name: line.verdict for line in found}
+    assert verdicts["velocity of inlet_1"] == "fail" and verdicts["rows of inlet_1 in planes"] == "fail"
+
+
+def test_a_stream_in_space_against_an_axis_stays_uniform():
+    box, high = [0.3, 0.3, 0.8], [0.3, 0.3, 0.15]
+    walls = f"""wall = ( {{ shape = {{ box = {{ low = [0.0, 0.0, 0.0]; high = {box}; open = ["z-", "z+", "x-", "x+"];
+        }}; }}; }} );"""
+    sides = inlet(low=(0.0, 0.0, 0.65), high=box, axis="z-") + outlet(low=(0.0, 0.0, 0.0), high=high, axis="z-")
+    sph = engine(d=3, more=walls + sides, **(FLOW | {"size": box, "fill": box, "spacing": 0.05, "periodic": ("x",),
+                 "gravity": (0.0,) * 3, "velocity": (0.0, 0.0, -1.0)}))  # fmt: skip
+    start = sph.scalars()["mass"]
+    run(sph, 0.4)
+    found, source = sph.scalars(), sph.scene.inlets[0]
+    v = sph.storage.physical("v", sph.storage.fluid_slots)
+    assert np.abs(v[:, 2] + 1.0).max() < 0.01 and np.abs(v[:, :2]).max() < 0.02  # six spacings between walls
+    assert abs(found["inflow"] - 1000.0 * 0.09 * sph.time) <= source.mass * len(source.rows)
+    assert found["mass_total"] == pytest.approx(start, rel=1e-14) and found["outflow"] > 0.0
