@@ -32,6 +32,7 @@ from hpcpic.core.errors import CheckFailed
 from hpcpic.core.study.error_models import norm
 from hpcpic.core.study.pilot import Pilots
 from hpcpic.core.study.recommend import Recommendation, Verified
+from hpcpic.core.study.record import Record
 from hpcpic.core.study.search import Search
 from hpcpic.core.study.tradeoff import chosen_quantity
 
@@ -52,13 +53,14 @@ def main() -> int:
     parser.add_argument("cases", nargs="*", metavar="CASE")
     parser.add_argument("-o", "--output", type=Path, help="where the runs stay")
     parser.add_argument("--own-scheme", action="store_true", help="without other schemes, which are compiled first")
+    parser.add_argument("--record", action="store_true", help="read and write the record of searches in the cache")
     asked = parser.parse_args()
     app = import_module(f"{asked.program}.__main__").load_app()
     found: list[dict[str, Any]] = []
     with tempfile.TemporaryDirectory() as scratch:
         folder = asked.output or Path(scratch)
         for case in asked.cases or CASES.get(asked.program) or app.cases():
-            found.append(measure(app, case, folder / Path(case).stem, asked.own_scheme))
+            found.append(measure(app, case, folder / Path(case).stem, asked.own_scheme, asked.record))
             if asked.output:
                 (folder / f"{asked.program}-goals.json").write_text(json.dumps(found, indent=1))
             print(f"--- {case}: {found[-1]['wall']:.0f} s", flush=True)
@@ -66,24 +68,39 @@ def main() -> int:
     return 0
 
 
-def measure(app: Any, case: str, folder: Path, own_scheme: bool = False) -> dict[str, Any]:
+def measure(
+    app: Any, case: str, folder: Path, own_scheme: bool = False, recorded: bool = False
+) -> dict[str, Any]:
     """The row of one case."""
     read = read_case(app, case)
     said = re.search(r"^# quantity: (.*)", Path(read.path).read_text(), re.M)
     quantity = chosen_quantity(app, read.config, app.knobs(read.config), said[1] if said else None)
     started = time.perf_counter()
 
-    def search(wanted: float, sets: tuple[str, ...] = ()) -> Search:
+    def search(wanted: float, sets: tuple[str, ...] = (), brief: bool = True) -> tuple[Search, Record]:
         start = read_case(app, case, sets)
         knobs = app.knobs(start.config)
         pilots = Pilots(app, start, sets, knobs, folder, (1, 1))
-        return Search(pilots, knobs.knobs, () if own_scheme else knobs.choices, quantity, wanted)
+        record = Record(app.name, start, knobs, quantity)
+        hints = record.hints(pilots.sizes_of(start.config), wanted) if recorded and brief else {}
+        choices = () if own_scheme else knobs.choices
+        return Search(pilots, knobs.knobs, choices, quantity, wanted, brief=brief, hints=hints), record
+
+    def tried(tolerance: float, sets: tuple[str, ...] = ()) -> tuple[Recommendation, Verified | None, dict[str, Any]]:
+        one, record = search(tolerance, sets)
+        found = verified(one, tolerance)
+        if recorded and found[1] is not None and found[1].certified:
+            record.add(one, found[1], tolerance)
+        return found
 
     def sought(tolerance: float) -> tuple[Recommendation, Verified | None, dict[str, Any]]:
         """As the command does: again with a start of less noise where noise hides what is asked for."""
-        found = verified(search(tolerance), tolerance)
+        found = tried(tolerance)
         certified, quieter = found[1] is not None and found[1].certified, found[0].search.quieter
-        return found if certified or not quieter else verified(search(tolerance, quieter), tolerance)
+        if certified or not quieter:
+            return found
+        again = tried(tolerance, quieter)
+        return *again[:2], again[2] | {key: again[2][key] + found[2][key] for key in ("pilots", "runs")}
 
     tolerances = TOLERANCES[:3] if said else TOLERANCES
     result: dict[str, Any] = {"case": Path(case).stem, "quantity": quantity.name}
@@ -91,10 +108,11 @@ def measure(app: Any, case: str, folder: Path, own_scheme: bool = False) -> dict
         made = [sought(tolerance) for tolerance in tolerances]
         finest = made[-1][0].search
         truth = true_value(finest, [run.proposal.sizes for _, run, _ in made if run])
-        result["orders"] = {n: (w.order, w.theory, w.asymptotic) for n, w in finest.laws.items() if not w.idle}
+        whole = finest if said else search(tolerances[-1], brief=False)[0]
+        result["orders"] = {n: (w.order, w.theory, w.asymptotic) for n, w in whole.laws.items() if not w.idle}
         result["truth"], result["own_error"] = truth.tolist(), norm(finest.value - truth) / norm(truth)
         result["rows"] = [row(*one, truth, tolerance) for one, tolerance in zip(made, tolerances)]
-        result["equal"] = None if said else equal(finest)
+        result["equal"] = None if said else equal(whole)
     except CheckFailed as error:
         result["rows"] = [{"tolerance": t, "what": "refused", "ways": [], "why": error.message} for t in tolerances]
     return result | {"wall": time.perf_counter() - started}

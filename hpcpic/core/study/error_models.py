@@ -26,14 +26,14 @@ BEYOND = 1.3  # times the coarsest size measured: no recommendation is coarser
 
 @dataclass(frozen=True, slots=True)
 class Level:
-    """One pilot: size of the knob, value[n] of the quantity, seconds and counted work, half the 95 % interval of the
-    value where it is a mean over time, and the field at the end.
+    """One pilot: size of the knob, value[n] of the quantity, seconds on the clock and by the estimate, half the 95 %
+    interval of the value where it is a mean over time, and the field at the end.
     """
 
     size: float
     value: NDArray[np.float64]
     seconds: float
-    work: float
+    price: float
     noise: float = 0.0
     field: NDArray[np.float64] | None = None
 
@@ -72,6 +72,11 @@ class ErrorModel:
     def steady(self) -> bool:
         """True if the order was observed in three levels."""
         return self.asymptotic and math.isfinite(self.order) and self.used == self.order
+
+    @property
+    def assumed(self) -> bool:
+        """True if two levels say how large the error is, and theory alone how it falls."""
+        return len(self.sizes) == 2 and self.asymptotic and not self.idle
 
     @property
     def mine(self) -> int:
@@ -136,7 +141,11 @@ def spaced(sizes: NDArray) -> list[int]:
 
 
 def fit(name: str, levels: Sequence[Level], here: float, theory: float, cost_theory: float, scale: float) -> ErrorModel:
-    """The law of one knob from three levels or more; `here` is the case's own size, `scale` the quantity's norm."""
+    """The law of one knob; `here` is the case's own size, `scale` the quantity's norm.
+
+    From three levels or more: the observed order, or theory's with Roache's factor for it. From two: theory's order,
+    which a run is to check; what the reference is known to has the factor already.
+    """
     levels = sorted(levels, key=lambda level: level.size)
     sizes = np.array([level.size for level in levels])
     values = [level.value / scale for level in levels]
@@ -148,6 +157,11 @@ def fit(name: str, levels: Sequence[Level], here: float, theory: float, cost_the
         nothing = np.zeros_like(sizes)
         none = np.zeros_like(values[0])
         return ErrorModel(name, sizes, nothing, none, here, math.nan, theory, theory, SAFETY, cost, least)
+    if len(levels) == 2:
+        errors = norm(values[1] - values[0]) / ((sizes[1] / sizes[0]) ** theory - 1.0) * (sizes / sizes[0]) ** theory
+        signed = (values[1] - values[0]) * float(errors[mine]) / spread
+        doubt = (SAFETY_IMPLAUSIBLE - 1.0) * float(errors[0])
+        return ErrorModel(name, sizes, errors, signed, here, math.nan, theory, theory, SAFETY, cost, least, doubt)
     three = [0, 1, 2] if spread > NEAR else spaced(sizes)
     order = observed_order(sizes[three], [values[k] for k in three])
     good = math.isfinite(order) and PLAUSIBLE[0] * theory < order < PLAUSIBLE[1] * theory
@@ -160,7 +174,7 @@ def fit(name: str, levels: Sequence[Level], here: float, theory: float, cost_the
         other = norm(values[2] - values[1]) / ((sizes[2] / sizes[0]) ** used - (sizes[1] / sizes[0]) ** used)
         errors = np.maximum(errors, other)
     errors = np.maximum.accumulate(errors)
-    doubt = (safety - 1.0) * (norm(signed[mine]) if good else float(errors[mine]))
+    doubt = (safety - 1.0) * (norm(signed[0]) if good else float(errors[0]))  # what was taken off the finest level
     return ErrorModel(name, sizes, errors, signed[mine], here, order, theory, used, safety, cost, least, doubt)
 
 

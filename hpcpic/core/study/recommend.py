@@ -8,8 +8,10 @@ from __future__ import annotations
 
 import dataclasses
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+
+import numpy as np
 
 from hpcpic.core.app.text import duration, percent
 from hpcpic.core.errors import CheckFailed
@@ -19,6 +21,7 @@ from hpcpic.core.study.search import WORTH, Scheme, Search
 
 LIMIT_MARGIN = 0.8  # of the end of stability
 NEIGHBOUR = 1.25
+APART = 1.1  # at least, of sizes that tell more than one
 DEAREST = 2.0  # times the cost of the case's pilot: a neighbour that is not run
 TRIES = 4
 FAR = 5.0  # times what a recommendation may cost
@@ -46,7 +49,7 @@ class Proposal:
 @dataclass(frozen=True, slots=True)
 class Verified:
     """A proposal that was run: pilot, its measured error, that of the field beside it (nan: not known), those of the
-    coarser and finer neighbour.
+    coarser and finer neighbour. kept: sizes of all that were run and are as good as the laws say.
     """
 
     proposal: Proposal
@@ -56,6 +59,7 @@ class Verified:
     certified: bool
     neighbours: Mapping[str, float] = dataclasses.field(default_factory=dict)
     warnings: list[str] = dataclasses.field(default_factory=list)
+    kept: list[Mapping[str, float]] = dataclasses.field(default_factory=list)
 
 
 class Recommendation:
@@ -143,7 +147,13 @@ class Recommendation:
         while True:
             known = self.attempts(tolerance)
             if known and known[-1].certified:
-                return self.compared(known[-1])
+                run = self.compared(known[-1])
+                unsure = self.unchecked(run)
+                if not unsure:
+                    return run
+                if not self.completed(unsure):
+                    return dataclasses.replace(run, certified=False)
+                continue
             if not search.more():
                 break
             self.schemes = [Scheme({}, 1.0, 0.0, tuple(search.laws.values()))]
@@ -160,8 +170,10 @@ class Recommendation:
 
     def attempts(self, tolerance: float) -> list[Verified]:
         """Propose and run; on a miss propose for less. Those that were run, a certified one last."""
-        uncertainty = self.search.uncertainty
+        search, uncertainty = self.search, self.search.uncertainty
         known: list[Verified] = []
+        if uncertainty >= tolerance and search.quieter:
+            return known  # whatever is run: a start with less noise is the next thing to be tried
         proposal, misses = self.first(self.certain(tolerance)), 0
         while misses < TRIES:
             run = self.tried(proposal)
@@ -175,9 +187,29 @@ class Recommendation:
                 self.schemes = self.schemes[:1]
                 proposal = self.first(self.certain(tolerance))
                 continue
+            if run is not None and self.completed(search.assumed):  # they do not foretell it
+                uncertainty, proposal = search.uncertainty, self.first(self.certain(tolerance))
+                continue
             misses += 1
             proposal = self.after_miss(misses, proposal, tolerance, run.error if run else tolerance)
         return known
+
+    def unchecked(self, run: Verified) -> list[str]:
+        """Knobs whose order theory alone tells, and no run with a third size of theirs that is as good as the laws say."""
+        laws = self.search.laws
+        return [
+            name for name in self.search.assumed
+            if not any(abs(np.log(sizes[name] / laws[name].sizes)).min() > math.log(APART) for sizes in run.kept)
+        ]  # fmt: skip
+
+    def completed(self, names: Sequence[str]) -> bool:
+        """True if the search could complete the laws of these knobs, which the schemes have then."""
+        if not self.search.complete(names):
+            return False
+        self.search.schemes = self.search.combinations()
+        self.schemes = list(self.search.schemes)
+        self._caps.clear()
+        return True
 
     def certain(self, tolerance: float) -> float:
         """What the laws are asked for, so that the uncertainty of the reference has room beside it."""
@@ -246,6 +278,7 @@ class Recommendation:
         search, proposal = self.search, run.proposal
         neighbours: dict[str, float] = {}
         warnings = self.unpromised(run)
+        kept = [run.pilot.sizes] if run.error <= proposal.bound + search.uncertainty else []
         laws = {law.name: law for law in proposal.scheme.laws}
         for words, factor in (("coarser", NEIGHBOUR), ("finer", 1.0 / NEIGHBOUR)):
             sizes = {name: size if laws[name].idle else size * factor for name, size in proposal.sizes.items()}
@@ -260,12 +293,13 @@ class Recommendation:
                 warnings.append(f"the {words} neighbour: {failure.message}")
                 continue
             bound = sum(law.bound(sizes[law.name]) for law in proposal.scheme.laws) + proposal.scheme.floor
+            kept += [beside.sizes] if neighbours[words] <= bound + search.floor + search.uncertainty else []
             if neighbours[words] > 2.0 * (bound + search.floor) + search.uncertainty:
                 warnings.append(
                     f"the {words} neighbour is off by {percent(neighbours[words])}, more than twice the law's "
                     f"{percent(bound + search.floor)}"
                 )
-        return dataclasses.replace(run, neighbours=neighbours, warnings=warnings)
+        return dataclasses.replace(run, neighbours=neighbours, warnings=warnings, kept=kept)
 
     def unpromised(self, run: Verified) -> list[str]:
         """Warnings where the laws alone would not say that the proposal is good enough, where the field beside the

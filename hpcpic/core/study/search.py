@@ -17,12 +17,16 @@ from hpcpic.core.study.error_models import ErrorModel, Level, fit, hidden, level
 from hpcpic.core.study.field import seen_field
 from hpcpic.core.study.pilot import Pilot, Pilots, Settings, value_of
 from hpcpic.core.study.quantities import is_nothing, telling
+from hpcpic.core.study.record import Hint
 
 LADDERS = (  # times the case's own size: coarser where that is legal, finer where it is affordable
     (2.0, 4.0), (1.4, 2.0), (1.2, 1.4), (0.5, 2.0), (0.7, 1.4), (0.5, 0.25), (0.7, 0.5), (0.8, 0.65),
 )  # fmt: skip
 NEGLIGIBLE = 0.25  # of the error wanted: a knob that makes less at its coarsest level
+FIRST = (2.0, 1.4, 1.2, 0.7, 0.8)  # times the case's own size: the second level of a knob whose order theory knows
+DRAWN = (4.0, 16.0)  # likewise, of one whose errors are drawn: no order is observed, so levels may lie far apart
 STRIDE = 4.0  # to the next level of a knob that shows little effect
+SAVES = 0.9  # times the price: a coarser level must cost less than that for a still coarser one to be of use
 MORE = (0.7, 0.5)  # times the finest size: levels that a law in doubt may want, and where errors scatter:
 MORE_SCATTERED = (1.4, 1.2, 0.84, 0.7)  # those above 1 times the case's
 LEVELS = 12  # of one knob
@@ -71,9 +75,15 @@ class Search:
         quantity: Quantity,
         wanted: float,
         most: float = PILOTS,
+        *,
+        brief: bool = False,
+        hints: Mapping[str, Hint] | None = None,
     ) -> None:
+        """wanted: the least error that matters; most: pilots that the search may take; brief: two levels of a knob will
+        do where theory knows its order, as a recommendation is to be run that checks it; hints: of earlier searches.
+        """
         self.pilots, self.knobs, self.choices, self.quantity = pilots, knobs, choices, quantity
-        self.wanted, self.most = wanted, most  # the least error that matters; pilots that the search may take
+        self.wanted, self.most, self.brief, self.hints = wanted, most, brief, hints or {}
         self.own = pilots.sizes_of(pilots.read.config)
         self.base = self.pilot(self.own, words="the case itself")
         self.value = self.measured(self.base)
@@ -120,7 +130,7 @@ class Search:
     def level(self, knob: str, pilot: Pilot) -> Level:
         value, field = self.measured(pilot), self.field_of(pilot)
         noise = self.quantity.noise(pilot.series) / self.scale if self.quantity.noise else 0.0
-        return Level(pilot.sizes[knob], value, pilot.seconds, pilot.work, noise, field)
+        return Level(pilot.sizes[knob], value, pilot.seconds, pilot.price, noise, field)
 
     @property
     def allowance(self) -> float:
@@ -132,28 +142,50 @@ class Search:
         return self.pilots.paid + price <= self.allowance
 
     def climb(self, knob: Knob) -> None:
-        """Three levels of one knob, all else as in the case; more while it shows little effect."""
+        """Levels of one knob, all else as in the case: two or three; more while it shows little effect."""
         name = knob.name
         self.levels[name] = [self.level(name, self.base)]
+        enough = 2 if self.begun(knob) else 3
         for ladder in LADDERS:
             finer = sum(f**-knob.cost for f in ladder if f < 1.0) * self.base.price
-            if len(self.levels[name]) >= 3 or not self.affordable(finer):
+            if len(self.levels[name]) >= enough or not self.affordable(finer):
                 continue
             if all(self.legal(name, self.own[name] * factor) for factor in ladder):
                 for factor in ladder:
                     self.add(knob, self.own[name] * factor)
-        if len(self.levels[name]) < 3:
+        if len(self.levels[name]) < enough:
             raise CheckFailed(self.stuck(knob))
         self.refit(knob)
         while True:
             law = self.laws[name]
             coarsest = float(law.sizes[-1])
             low = law.bound(coarsest) < NEGLIGIBLE * self.wanted
-            if not low or len(law.sizes) > 5 or not self.legal(name, coarsest * STRIDE):
+            if not low or len(law.sizes) > 5 or not self.legal(name, coarsest * STRIDE) or not self.saves(name):
                 return
             if not self.add(knob, coarsest * STRIDE):
                 return
             self.refit(knob)
+
+    def begun(self, knob: Knob) -> bool:
+        """First levels where theory or earlier searches say that they tell most; True where the two there are then will
+        do.
+        """
+        hint = self.hints.get(knob.name)
+        hinted = hint.levels(knob.noisy) if hint else ()
+        known = self.brief and not knob.noisy and (hint is None or hint.steady)
+        ladders = [*([hinted] if hinted else []), *([(factor,) for factor in FIRST] if known else [DRAWN] if knob.noisy else [])]
+        for ladder in ladders:
+            finer = sum(f**-knob.cost for f in ladder if f < 1.0) * self.base.price
+            if self.affordable(finer) and all(self.legal(knob.name, self.own[knob.name] * f) for f in ladder):
+                added = [self.add(knob, self.own[knob.name] * factor) for factor in ladder]
+                if all(added):
+                    break
+        return known and len(self.levels[knob.name]) > 1
+
+    def saves(self, name: str) -> bool:
+        """True if the coarsest level of a knob costs less than the case: its own price tells what coarser ones save."""
+        coarsest = max(self.levels[name], key=lambda level: level.size)
+        return coarsest.price < SAVES * self.base.price
 
     def stuck(self, knob: Knob) -> str:
         """A sentence on why there are no three levels of a knob."""
@@ -194,13 +226,13 @@ class Search:
         noise = max(math.hypot(levels[0].noise, level.noise) for level in levels)
         if knob.noisy and not law.idle and not law.asymptotic:
             law = scattered(law, levels, self.scale)
-        elif not law.idle and not law.asymptotic and spread <= noise:
+        elif not law.idle and (law.assumed or not law.asymptotic) and spread <= noise:
             law = hidden(law, spread)
         elif not law.idle and not law.asymptotic and len(levels) >= 4:
             law = levelled(law, levels, self.scale)
         self.laws[name] = law
         fields = [replace(level, value=level.field) for level in levels if level.field is not None]
-        if self.field_scale and len(fields) >= 3:
+        if self.field_scale and len(fields) >= min(len(levels), 3):
             self.shadows[name] = fit(name, fields, self.own[name], knob.order, knob.cost, self.field_scale)
 
     def more(self) -> bool:
@@ -213,6 +245,10 @@ class Search:
                 return False
             if len(self.levels[knob.name]) >= LEVELS:
                 continue
+            if self.complete([law.name]):
+                return True
+            if self.hopeless(law):
+                return False
             finest = float(law.sizes[0])
             for factor in MORE if law.steady else MORE_SCATTERED:
                 size = factor * (self.own[knob.name] if factor > 1.0 else finest)
@@ -221,6 +257,31 @@ class Search:
                     self.refit(knob)
                     return True
         return False
+
+    def hopeless(self, law: ErrorModel) -> bool:
+        """True where further draws of the start's noise do not make the reference known, and a start with less would."""
+        noisy = any(knob.noisy and knob.name == law.name for knob in self.knobs)
+        return noisy and law.random and law.doubt > self.wanted and bool(self.pilots.knobs.quieter)
+
+    @property
+    def assumed(self) -> list[str]:
+        """Knobs whose order theory alone tells."""
+        return [law.name for law in self.laws.values() if law.assumed]
+
+    def complete(self, names: Sequence[str]) -> bool:
+        """A third level of these knobs, where theory alone tells their order; True if any was there to be had."""
+        found = False
+        for knob in self.knobs:
+            law = self.laws[knob.name]
+            if knob.name not in names or not law.assumed:
+                continue
+            for size in (2.0 * float(law.sizes[-1]), *(factor * float(law.sizes[0]) for factor in MORE)):
+                price = self.base.price * (self.own[knob.name] / size) ** knob.cost
+                if self.affordable(price) and self.legal(knob.name, size) and self.add(knob, size):
+                    self.refit(knob)
+                    found = True
+                    break
+        return found
 
     # --------------------------------------------------------------------------------------- reference
 

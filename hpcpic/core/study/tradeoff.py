@@ -21,6 +21,7 @@ from hpcpic.core.errors import CheckFailed, ConfigError, FileError
 if TYPE_CHECKING:
     from hpcpic.core.app.knobs import Knobs, Quantity
     from hpcpic.core.study.recommend import Recommendation, Verified
+    from hpcpic.core.study.record import Record
     from hpcpic.core.study.search import Search
 
 WANTED = 0.01  # the error that matters when no tolerance is asked for
@@ -84,7 +85,7 @@ def trade(app_loader: AppLoader, asked: Asked) -> None:
     if asked.target and not (place := Path(asked.target).parent).is_dir():
         raise FileError(f"{place}: no such folder, for --write {asked.target}")
     while True:
-        search, folder = searched(app_loader(), asked, wanted or WANTED)
+        search, record, folder = searched(app_loader(), asked, wanted)
         tell_laws(search)
         made = Recommendation(search)
         points = front.front(made)
@@ -104,6 +105,8 @@ def trade(app_loader: AppLoader, asked: Asked) -> None:
     click.echo(f"front: {folder / 'front.png'}, {folder / 'front.csv'}, {folder / 'tradeoff.json'}")
     if verified is not None and wanted is not None:
         tell_recommendation(search, verified, wanted)
+        if verified.certified:
+            record.add(search, verified, wanted)
         if asked.target:
             front.write_case(search, verified, wanted, Path(asked.target))
             click.echo(f"written: {asked.target}")
@@ -113,9 +116,10 @@ def trade(app_loader: AppLoader, asked: Asked) -> None:
         raise CheckFailed("\n".join([refusal, *(f"way out: {words}" for words in made.ways(wanted))]))
 
 
-def searched(app: App, asked: Asked, wanted: float) -> tuple[Search, Path]:
-    """All pilots that the laws need, and the folder where they are."""
+def searched(app: App, asked: Asked, wanted: float | None) -> tuple[Search, Record, Path]:
+    """All pilots that the laws need, what earlier searches said of them, and the folder where they are."""
     from hpcpic.core.study.pilot import Pilots
+    from hpcpic.core.study.record import Record
     from hpcpic.core.study.search import Search
 
     read = read_case(app, asked.case, asked.sets)
@@ -129,7 +133,16 @@ def searched(app: App, asked: Asked, wanted: float) -> tuple[Search, Path]:
                    f"{f': {others}' if others else ''}, or mean(COLUMN), max(COLUMN), ... (--help)")
     pilots = Pilots(app, read, asked.sets, knobs, folder, (asked.ranks, asked.threads))
     listed, choices = chosen_knobs(knobs, asked.names)
-    return Search(pilots, listed, choices, quantity, wanted, asked.most), folder
+    record = Record(app.name, read, knobs, quantity)
+    hints = record.hints(pilots.sizes_of(read.config), wanted) if wanted else {}
+    if hints:
+        near = ", ".join(f"{k.name} x {hints[k.name].factor:.2g}" for k in listed if k.name in hints)
+        n = len(record.others)
+        click.echo(f"record      {n} earlier search{'es' if n > 1 else ''} of like scenes tell where to begin: {near}\n"
+                   f"            ({record.place})")
+    brief = wanted is not None
+    search = Search(pilots, listed, choices, quantity, wanted or WANTED, asked.most, brief=brief, hints=hints)
+    return search, record, folder
 
 
 def parse_tolerance(text: str | None) -> float | None:
@@ -217,10 +230,11 @@ def tell_laws(search: Search) -> None:
     rows = []
     for knob in search.knobs:
         law = search.laws[knob.name]
-        order = "no effect" if law.idle else shown(law.order, ".2f")
+        order = "no effect" if law.idle else "not seen" if law.assumed else shown(law.order, ".2f")
         unsteady = f"no: order {law.used:g}, safety {law.safety:g}"
         unsteady = f"drawn: 95 % within order {law.used:g}" if law.random else unsteady
-        steady = "" if law.idle else "yes" if law.asymptotic else unsteady
+        unsteady = "by theory, to be checked" if law.assumed else unsteady
+        steady = "" if law.idle else "yes" if law.asymptotic and not law.assumed else unsteady
         levels = ", ".join(f"{knob.shown(size):.4g}" for size in law.sizes)
         here = shown(knob.shown(law.here), ".4g", knob.unit)
         error = percent(law.bound(law.here))

@@ -165,6 +165,7 @@ def program(tmp_path, monkeypatch, capfd):
     """error_app on case.conf, in this process: pilots are many. Settings by --set."""
     (tmp_path / "case.conf").write_text("# what: known errors\nsteps = 400;\ndt = 0.05;\n")
     monkeypatch.chdir(tmp_path)
+    monkeypatch.setenv("HPCPIC_CACHE_DIR", str(tmp_path / "cache"))  # where the record of searches is
     monkeypatch.setattr(search, "THRIFT", 0.0)  # these pilots cost nothing
 
     def run(*words, **settings):
@@ -193,11 +194,12 @@ def true_error(sizes):
 
 def test_a_recommendation_keeps_the_tolerance_without_luck_and_goes_on_where_it_stopped(program, tmp_path):
     words = ("tradeoff", "-o", "out", "--tolerance", "1%", "--write", "new.conf")
+    assert program(*words[:3]).returncode == 0
+    orders = {name: knob["order"] for name, knob in found(tmp_path)["knobs"].items()}
+    assert orders == pytest.approx({"dx": 2.0, "dt": 2.0, "particles": 1.0}, abs=0.02)
     done = program(*words)
     assert done.returncode == 0, done.stderr
     facts = found(tmp_path)
-    orders = {name: knob["order"] for name, knob in facts["knobs"].items()}
-    assert orders == pytest.approx({"dx": 2.0, "dt": 2.0, "particles": 1.0}, abs=0.02)
     best = facts["recommended"]
     error, budgeted = true_error(best["sizes"])
     assert error <= budgeted <= 0.01  # each error by itself, not what is left when they cancel

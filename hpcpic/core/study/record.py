@@ -1,0 +1,177 @@
+"""What searches of like scenes found, kept in the user's cache. It says where the next search puts its first pilots, and
+nothing else: errors are measured and recommendations run as without it.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import math
+import re
+from collections.abc import Iterator, Mapping
+from dataclasses import asdict, dataclass
+from functools import cached_property
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from hpcpic.core.app.knobs import Knob
+from hpcpic.core.case.schema import Section, value_text
+from hpcpic.core.simd.caches import Store
+
+if TYPE_CHECKING:
+    from hpcpic.core.app.knobs import Knobs, Quantity
+    from hpcpic.core.app.read import Case
+    from hpcpic.core.study.recommend import Verified
+    from hpcpic.core.study.search import Search
+
+KEPT = 50  # searches of one kind of scene
+OF_USERS = ("name", "description")  # settings whose text says nothing of the kind of a scene
+IN_WORDS = ("output", "gauge")  # groups that likewise do not
+FARTHER = 4.0  # times a size that was recommended: no law is followed beyond
+FINEST, COARSEST, COARSEST_DRAWN = 0.5, 4.0, 64.0  # times the case's own size: levels that a record asks for
+NEAR = 1.4  # times the case's own size: what lies nearer is the case itself
+
+
+@dataclass(frozen=True, slots=True)
+class Law:
+    """One knob in an earlier search. size: recommended, in parts of the scene's (see Record.unit), where the error was
+    `error`; its order, observed if `steady`; cost ~ size^-cost.
+    """
+
+    size: float
+    error: float
+    order: float
+    steady: bool
+    cost: float
+
+    def foreseen(self, error: float) -> float:
+        """The size at which the error would be so large."""
+        most = FARTHER * self.size
+        return min(self.size * (error / self.error) ** (1.0 / self.order), most) if self.error else most
+
+
+@dataclass(frozen=True, slots=True)
+class Hint:
+    """What an earlier search says of one knob: the factor on the case's own size, and whether the order was observed."""
+
+    factor: float
+    steady: bool
+
+    def levels(self, noisy: bool) -> tuple[float, ...]:
+        """Factors of the first levels, where the recommendation is likely to lie; none where the case itself is near."""
+        if noisy:
+            far = min(self.factor, COARSEST_DRAWN)
+            return (0.25 * far, far) if far > 4.0 * NEAR else ()
+        factor = min(max(self.factor, FINEST), COARSEST)
+        return (factor,) if self.steady and not 1.0 / NEAR < factor < NEAR else ()
+
+
+@dataclass(frozen=True, slots=True)
+class Found:
+    """A search that certified a setting: digest of its case, tolerance, law of each knob."""
+
+    case: str
+    tolerance: float
+    laws: Mapping[str, Law]
+
+
+class Record:
+    """Earlier searches of a kind of scene: the same program, groups, words and quantity, whatever the numbers.
+
+    Without a folder of the user's own that nobody else can change there are none. Those of the very same case are left
+    out, as their pilots are there: the same command goes on where it stopped.
+    """
+
+    def __init__(self, program: str, read: Case, knobs: Knobs, quantity: Quantity) -> None:
+        self.knobs, self.time = knobs, float(quantity.time)
+        self.case = digest([read.tree.files, read.tree.sets])
+        kind = [program, re.sub(r"[-+]?[\d.]+", "#", quantity.name), *sorted(words(read.config))]
+        self.name = f"{digest(kind)}.jsonl"
+        self.store = Store("record of searches", "searches")
+
+    @property
+    def place(self) -> str:
+        return str(self.store.folder.path / self.name) if self.store.folder else ""
+
+    @cached_property
+    def all(self) -> list[Found]:
+        """The searches, the last one last. A damaged record is none: the log says so."""
+        content = self.store.read(self.name)
+        try:
+            lines = [json.loads(line) for line in (content or b"").splitlines()]
+            return [Found(str(line["case"]), told(line["tolerance"]), laws_of(line["laws"])) for line in lines]
+        except (ValueError, TypeError, KeyError, AttributeError) as error:
+            self.store.damaged(f"{self.name} holds no searches: {error}")
+            return []
+
+    @property
+    def others(self) -> list[Found]:
+        """Those of other cases."""
+        return [one for one in self.all if one.case != self.case]
+
+    def unit(self, knob: Knob) -> float:
+        """What its sizes mean the same in, in scenes large and small: the longest side of the box, the time of a pilot."""
+        seen = self.knobs.seen
+        box = max((b - a for a, b in zip(seen.low, seen.high)), default=1.0) if seen else 1.0
+        return {"m": box, "s": self.time}.get(knob.unit, 1.0)
+
+    def hints(self, own: Mapping[str, float], wanted: float) -> dict[str, Hint]:
+        """By knob, from the search whose tolerance was nearest, and of those the last."""
+        if not self.others:
+            return {}
+        laws = min(reversed(self.others), key=lambda one: abs(math.log(one.tolerance / wanted))).laws
+        share = wanted / max(len(laws), 1)
+        return {
+            knob.name: Hint(law.foreseen(share) * self.unit(knob) / own[knob.name], law.steady)
+            for knob in self.knobs.knobs
+            if (law := laws.get(knob.name))
+        }
+
+    def add(self, search: Search, verified: Verified, tolerance: float) -> None:
+        """One more search, which certified a setting; in the place of an earlier one of the same case and tolerance."""
+        laws = {}
+        for knob in search.knobs:
+            law, size = search.laws[knob.name], float(verified.proposal.sizes[knob.name])
+            steady = law.steady or law.assumed or law.idle
+            laws[knob.name] = Law(size / self.unit(knob), law.bound(size), law.used, steady, law.cost)
+        kept = [one for one in self.all if (one.case, one.tolerance) != (self.case, tolerance)]
+        lines = [json.dumps(asdict(one)) for one in [*kept, Found(self.case, tolerance, laws)][-KEPT:]]
+        self.store.write(self.name, "".join(f"{line}\n" for line in lines).encode())
+
+
+def digest(what: Any) -> str:
+    return hashlib.sha256(json.dumps(what).encode()).hexdigest()[:16]
+
+
+def told(value: Any, least: float = 1e-300) -> float:
+    """A number of a record, where it is one that can be."""
+    if isinstance(value, bool) or not isinstance(value, int | float) or not least <= value < 1e300:
+        raise ValueError(f"{value!r} is not possible")
+    return float(value)
+
+
+def laws_of(laws: Mapping[str, Mapping[str, Any]]) -> dict[str, Law]:
+    """Raises ValueError, TypeError or KeyError where a record says what cannot be."""
+    return {
+        name: Law(told(law["size"]), told(law["error"], 0.0), told(law["order"]), law["steady"] is True,
+                  told(law["cost"], 0.0))
+        for name, law in laws.items()
+    }  # fmt: skip
+
+
+def words(section: Section, path: str = "") -> Iterator[str]:
+    """What a completed case contains: its settings that are not zero, those that are words with what they say."""
+    for name in type(section).model_fields:
+        value, key = getattr(section, name), f"{path}{name}"
+        groups = value if isinstance(value, tuple) else (value,)
+        if name in OF_USERS or key in IN_WORDS:
+            continue
+        if any(isinstance(group, Section) for group in groups):
+            for group in groups:
+                yield key
+                yield from words(group, f"{key}.")
+        elif np.asarray(value).dtype.kind in "iuf":
+            yield from [key] if np.any(value) else []
+        elif value:
+            yield f"{key}={value_text(value)}"
