@@ -175,6 +175,8 @@ class Recommendation:
         if uncertainty >= tolerance and search.quieter:
             return known  # whatever is run: a start with less noise is the next thing to be tried
         proposal, misses = self.first(self.certain(tolerance)), 0
+        if self.price(proposal) > 1.0 and self.completed(search.assumed):  # which costs less than the wrong run
+            uncertainty, proposal = search.uncertainty, self.first(self.certain(tolerance))
         while misses < TRIES:
             run = self.tried(proposal)
             if run is None and not misses:  # as far as can be known, that may be enough
