@@ -41,7 +41,7 @@ def steady(case: lbmdem.Case) -> tuple[int, float, dict, str]:
 
 
 def finer(values: np.ndarray, n: int, top: float | None) -> np.ndarray:
-    """values[y, x] at n x n nodes; zero on walls and `top` on the lid, or with a slope of zero there if that is None."""
+    """values[y, x] at n x n nodes; zero on walls, `top` on the lid; with no slope there if that is None."""
     for axis, ends in ((1, (0.0, 0.0)), (0, (0.0, top))):
         rows = np.moveaxis(values, axis, 0)
         edges = [rows[:1], rows[-1:]] if top is None else [np.full_like(rows[:1], end) for end in ends]
@@ -58,6 +58,6 @@ fine, energy, fields, digest = steady(cavity(FINE, start))
 from_rest, other_energy, others, _ = steady(cavity(FINE))
 work = fine + steps * (COARSE / FINE) ** 2  # in steps of the fine lattice
 apart = np.linalg.norm(fields["velocity"] - others["velocity"]) / np.linalg.norm(others["velocity"])
-print(f"{from_rest} steps from rest; or {steps} of the coarse lattice and {fine}: {from_rest / work:.1f} times less work")
+print(f"{from_rest} steps from rest; or {steps} coarse ones and {fine}: {from_rest / work:.1f} times less work")
 print(f"velocities {100 * apart:.2f} % apart, energies {100 * abs(energy / other_energy - 1):.2f} %")
 print(digest)

@@ -68,9 +68,7 @@ def main() -> int:
     return 0
 
 
-def measure(
-    app: Any, case: str, folder: Path, own_scheme: bool = False, recorded: bool = False
-) -> dict[str, Any]:
+def measure(app: Any, case: str, folder: Path, own_scheme: bool = False, recorded: bool = False) -> dict[str, Any]:
     """The row of one case."""
     read = read_case(app, case)
     said = re.search(r"^# quantity: (.*)", Path(read.path).read_text(), re.M)
@@ -90,7 +88,7 @@ def measure(
         one, record = search(tolerance, sets)
         found = verified(one, tolerance)
         if recorded and found[1] is not None and found[1].certified:
-            record.add(one, found[1], tolerance)
+            record.add(one.laws, found[1].proposal.sizes, tolerance)
         return found
 
     def sought(tolerance: float) -> tuple[Recommendation, Verified | None, dict[str, Any]]:

@@ -71,7 +71,7 @@ class ErrorModel:
     @property
     def steady(self) -> bool:
         """True if the order was observed in three levels."""
-        return self.asymptotic and math.isfinite(self.order) and self.used == self.order
+        return self.asymptotic and plausible(self.order, self.theory)
 
     @property
     def assumed(self) -> bool:
@@ -134,6 +134,11 @@ def observed_order(sizes: Sequence[float] | NDArray, values: Sequence[NDArray]) 
     return 0.5 * (low + high)
 
 
+def plausible(order: float, theory: float) -> bool:
+    """True for an observed order that belongs to theory's. One above it is that of coarse levels: none is used."""
+    return math.isfinite(order) and PLAUSIBLE[0] * theory < order < PLAUSIBLE[1] * theory
+
+
 def spaced(sizes: NDArray) -> list[int]:
     """The ends and the level nearest to their geometric mean."""
     inner = np.abs(np.log(sizes[1:-1] ** 2 / (sizes[0] * sizes[-1])))
@@ -158,14 +163,15 @@ def fit(name: str, levels: Sequence[Level], here: float, theory: float, cost_the
         none = np.zeros_like(values[0])
         return ErrorModel(name, sizes, nothing, none, here, math.nan, theory, theory, SAFETY, cost, least)
     if len(levels) == 2:
-        errors = norm(values[1] - values[0]) / ((sizes[1] / sizes[0]) ** theory - 1.0) * (sizes / sizes[0]) ** theory
-        signed = (values[1] - values[0]) * float(errors[mine]) / spread
-        doubt = (SAFETY_IMPLAUSIBLE - 1.0) * float(errors[0])
-        return ErrorModel(name, sizes, errors, signed, here, math.nan, theory, theory, SAFETY, cost, least, doubt)
+        falls = (sizes / sizes[0]) ** theory / ((sizes[1] / sizes[0]) ** theory - 1.0)
+        taken, doubt = (values[1] - values[0]) * falls[mine], (SAFETY_IMPLAUSIBLE - 1.0) * spread * float(falls[0])
+        return ErrorModel(
+            name, sizes, spread * falls, taken, here, math.nan, theory, theory, SAFETY, cost, least, doubt
+        )
     three = [0, 1, 2] if spread > NEAR else spaced(sizes)
     order = observed_order(sizes[three], [values[k] for k in three])
-    good = math.isfinite(order) and PLAUSIBLE[0] * theory < order < PLAUSIBLE[1] * theory
-    used, safety = (order, SAFETY) if good else (theory, SAFETY_IMPLAUSIBLE)
+    good = plausible(order, theory)
+    used, safety = (min(order, theory), SAFETY) if good else (theory, SAFETY_IMPLAUSIBLE)
     first = values[1] - values[0]
     error = first / ((sizes[1] / sizes[0]) ** used - 1.0)  # of the finest level
     signed = [value - values[0] + error for value in values]

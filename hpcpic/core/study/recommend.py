@@ -197,7 +197,7 @@ class Recommendation:
         return known
 
     def unchecked(self, run: Verified) -> list[str]:
-        """Knobs whose order theory alone tells, and no run with a third size of theirs that is as good as the laws say."""
+        """Knobs whose order theory alone tells, where no run at a third size of theirs is as good as the laws say."""
         laws = self.search.laws
         return [
             name for name in self.search.assumed

@@ -1,5 +1,7 @@
-"""What searches of like scenes found, kept in the user's cache. It says where the next search puts its first pilots, and
-nothing else: errors are measured and recommendations run as without it.
+"""What searches of like scenes found, kept in the user's cache.
+
+It says where the next search puts its first pilots, and nothing else: errors are measured and recommendations run as
+without it.
 """
 
 from __future__ import annotations
@@ -22,8 +24,7 @@ from hpcpic.core.simd.caches import Store
 if TYPE_CHECKING:
     from hpcpic.core.app.knobs import Knobs, Quantity
     from hpcpic.core.app.read import Case
-    from hpcpic.core.study.recommend import Verified
-    from hpcpic.core.study.search import Search
+    from hpcpic.core.study.error_models import ErrorModel
 
 KEPT = 50  # searches of one kind of scene
 OF_USERS = ("name", "description")  # settings whose text says nothing of the kind of a scene
@@ -53,13 +54,13 @@ class Law:
 
 @dataclass(frozen=True, slots=True)
 class Hint:
-    """What an earlier search says of one knob: the factor on the case's own size, and whether the order was observed."""
+    """What an earlier search says of one knob: a factor on the case's own size, and whether the order was observed."""
 
     factor: float
     steady: bool
 
     def levels(self, noisy: bool) -> tuple[float, ...]:
-        """Factors of the first levels, where the recommendation is likely to lie; none where the case itself is near."""
+        """Factors of the first levels, where the recommendation is likely to lie; none where that is the case."""
         if noisy:
             far = min(self.factor, COARSEST_DRAWN)
             return (0.25 * far, far) if far > 4.0 * NEAR else ()
@@ -111,7 +112,7 @@ class Record:
         return [one for one in self.all if one.case != self.case]
 
     def unit(self, knob: Knob) -> float:
-        """What its sizes mean the same in, in scenes large and small: the longest side of the box, the time of a pilot."""
+        """What a size is told in, so that scenes large and small compare: the box's longest side, a pilot's time."""
         seen = self.knobs.seen
         box = max((b - a for a, b in zip(seen.low, seen.high)), default=1.0) if seen else 1.0
         return {"m": box, "s": self.time}.get(knob.unit, 1.0)
@@ -128,13 +129,13 @@ class Record:
             if (law := laws.get(knob.name))
         }
 
-    def add(self, search: Search, verified: Verified, tolerance: float) -> None:
-        """One more search, which certified a setting; in the place of an earlier one of the same case and tolerance."""
+    def add(self, models: Mapping[str, ErrorModel], sizes: Mapping[str, float], tolerance: float) -> None:
+        """One more search, which certified these sizes, in place of an earlier one of the same case and tolerance."""
         laws = {}
-        for knob in search.knobs:
-            law, size = search.laws[knob.name], float(verified.proposal.sizes[knob.name])
-            steady = law.steady or law.assumed or law.idle
-            laws[knob.name] = Law(size / self.unit(knob), law.bound(size), law.used, steady, law.cost)
+        for knob in self.knobs.knobs:
+            if (model := models.get(knob.name)) is not None:
+                size, steady = float(sizes[knob.name]), model.steady or model.assumed or model.idle
+                laws[knob.name] = Law(size / self.unit(knob), model.bound(size), model.used, steady, model.cost)
         kept = [one for one in self.all if (one.case, one.tolerance) != (self.case, tolerance)]
         lines = [json.dumps(asdict(one)) for one in [*kept, Found(self.case, tolerance, laws)][-KEPT:]]
         self.store.write(self.name, "".join(f"{line}\n" for line in lines).encode())

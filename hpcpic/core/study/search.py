@@ -142,11 +142,15 @@ class Search:
         return self.pilots.paid + price <= self.allowance
 
     def climb(self, knob: Knob) -> None:
-        """Levels of one knob, all else as in the case: two or three; more while it shows little effect."""
-        name = knob.name
+        """Levels of one knob, all else as in the case: two where theory knows its order, three of others; more while it
+        shows little effect. Those that earlier searches and theory say to tell most are tried first.
+        """
+        name, hint = knob.name, self.hints.get(knob.name)
+        known = self.brief and not knob.noisy and (hint is None or hint.steady)
+        enough = 2 if known else 3
+        usual = [(factor,) for factor in FIRST] if known else [DRAWN] if knob.noisy else []
         self.levels[name] = [self.level(name, self.base)]
-        enough = 2 if self.begun(knob) else 3
-        for ladder in LADDERS:
+        for ladder in ([hint.levels(knob.noisy)] if hint else []) + usual + [*LADDERS]:
             finer = sum(f**-knob.cost for f in ladder if f < 1.0) * self.base.price
             if len(self.levels[name]) >= enough or not self.affordable(finer):
                 continue
@@ -165,22 +169,6 @@ class Search:
             if not self.add(knob, coarsest * STRIDE):
                 return
             self.refit(knob)
-
-    def begun(self, knob: Knob) -> bool:
-        """First levels where theory or earlier searches say that they tell most; True where the two there are then will
-        do.
-        """
-        hint = self.hints.get(knob.name)
-        hinted = hint.levels(knob.noisy) if hint else ()
-        known = self.brief and not knob.noisy and (hint is None or hint.steady)
-        ladders = [*([hinted] if hinted else []), *([(factor,) for factor in FIRST] if known else [DRAWN] if knob.noisy else [])]
-        for ladder in ladders:
-            finer = sum(f**-knob.cost for f in ladder if f < 1.0) * self.base.price
-            if self.affordable(finer) and all(self.legal(knob.name, self.own[knob.name] * f) for f in ladder):
-                added = [self.add(knob, self.own[knob.name] * factor) for factor in ladder]
-                if all(added):
-                    break
-        return known and len(self.levels[knob.name]) > 1
 
     def saves(self, name: str) -> bool:
         """True if the coarsest level of a knob costs less than the case: its own price tells what coarser ones save."""
@@ -259,7 +247,7 @@ class Search:
         return False
 
     def hopeless(self, law: ErrorModel) -> bool:
-        """True where further draws of the start's noise do not make the reference known, and a start with less would."""
+        """True where more draws of the start's noise do not make the reference known, and a start with less would."""
         noisy = any(knob.noisy and knob.name == law.name for knob in self.knobs)
         return noisy and law.random and law.doubt > self.wanted and bool(self.pilots.knobs.quieter)
 
@@ -401,4 +389,3 @@ def combined(laws: tuple[ErrorModel, ...], picks: Sequence[Alternative | None]) 
             worse = before is not None and before.errors[-1] > pick.law.errors[-1]
             new[pick.law.name] = before if worse and before is not None else pick.law
     return Scheme(others, cost, floor, tuple((known | new).values()))
-

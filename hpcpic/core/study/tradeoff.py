@@ -106,7 +106,7 @@ def trade(app_loader: AppLoader, asked: Asked) -> None:
     if verified is not None and wanted is not None:
         tell_recommendation(search, verified, wanted)
         if verified.certified:
-            record.add(search, verified, wanted)
+            record.add(search.laws, verified.proposal.sizes, wanted)
         if asked.target:
             front.write_case(search, verified, wanted, Path(asked.target))
             click.echo(f"written: {asked.target}")

@@ -1,4 +1,4 @@
-"""The record of earlier searches: where the next search of a like scene begins, and that it never decides what is told."""
+"""The record of earlier searches: where the next one of a like scene begins, and that it decides nothing."""
 
 import json
 import logging
