@@ -201,9 +201,12 @@ class Search:
             return False
         pilot = self.pilot(wanted, words=f"{name} x {real / self.own[name]:.3g}")
         try:
-            self.levels[name].append(self.level(name, pilot))
+            level = self.level(name, pilot)
         except CheckFailed:
             return False
+        if norm(level.value - self.value) > self.scale:
+            return False  # an error as large as the quantity follows no law
+        self.levels[name].append(level)
         return True
 
     def refit(self, knob: Knob) -> None:
