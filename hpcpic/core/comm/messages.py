@@ -92,7 +92,7 @@ class Messages:
 
     def start(self) -> None:
         """Start all messages, without a task graph."""
-        code = start_messages(self.record)
+        code = start_messages(self.record.ctypes.data)
         assert not code, f"MPI returned the error code {code}"
 
     def wait(self) -> None:

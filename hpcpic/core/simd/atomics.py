@@ -1,7 +1,7 @@
 """Atomic operations, waiting and calls by address for compiled code that runs without the GIL.
 
 All atomics are sequentially consistent: on x86 that costs nothing over weaker orders for loads and
-read-modify-write. They act on element `index` of a C-contiguous int64 array.
+read-modify-write. They act on word `index` of a C-contiguous int64 array, or of the words at an address.
 """
 
 from typing import Any
@@ -16,55 +16,79 @@ _I64 = ir.IntType(64)
 _ORDER = "seq_cst"
 
 
-def _element(context: Any, builder: Any, array_type: Any, array: Any, index: Any) -> Any:
-    struct = context.make_array(array_type)(context, builder, array)
-    return builder.gep(struct.data, [index])
+def _element(context: Any, builder: Any, kind: Any, words: Any, index: Any) -> Any:
+    if isinstance(kind, types.Integer):
+        first = builder.inttoptr(words, _I64.as_pointer())
+    else:
+        first = context.make_array(kind)(context, builder, words).data
+    return builder.gep(first, [index])
 
 
 @intrinsic
-def atomic_add(typing_context, array, index, value):
-    """array[index] += value; the value before."""
+def load_word(typing_context, words, index):
+    """words[index], no other thread writes it."""
+
+    def codegen(context, builder, signature, args):
+        return builder.load(_element(context, builder, signature.args[0], args[0], args[1]))
+
+    return types.int64(words, types.int64), codegen
+
+
+@intrinsic
+def store_word(typing_context, words, index, value):
+    """words[index] = value, no other thread reads it meanwhile."""
+
+    def codegen(context, builder, signature, args):
+        builder.store(args[2], _element(context, builder, signature.args[0], args[0], args[1]))
+        return context.get_dummy_value()
+
+    return types.void(words, types.int64, types.int64), codegen
+
+
+@intrinsic
+def atomic_add(typing_context, words, index, value):
+    """words[index] += value; the value before."""
 
     def codegen(context, builder, signature, args):
         pointer = _element(context, builder, signature.args[0], args[0], args[1])
         return builder.atomic_rmw("add", pointer, args[2], _ORDER)
 
-    return types.int64(array, types.int64, types.int64), codegen
+    return types.int64(words, types.int64, types.int64), codegen
 
 
 @intrinsic
-def atomic_load(typing_context, array, index):
-    """array[index]."""
+def atomic_load(typing_context, words, index):
+    """words[index]."""
 
     def codegen(context, builder, signature, args):
         pointer = _element(context, builder, signature.args[0], args[0], args[1])
         return builder.load_atomic(pointer, _ORDER, 8)
 
-    return types.int64(array, types.int64), codegen
+    return types.int64(words, types.int64), codegen
 
 
 @intrinsic
-def atomic_store(typing_context, array, index, value):
-    """array[index] = value."""
+def atomic_store(typing_context, words, index, value):
+    """words[index] = value."""
 
     def codegen(context, builder, signature, args):
         pointer = _element(context, builder, signature.args[0], args[0], args[1])
         builder.store_atomic(args[2], pointer, _ORDER, 8)
         return context.get_dummy_value()
 
-    return types.void(array, types.int64, types.int64), codegen
+    return types.void(words, types.int64, types.int64), codegen
 
 
 @intrinsic
-def atomic_cas(typing_context, array, index, expected, value):
-    """Put value where array[index] == expected; whether it was."""
+def atomic_cas(typing_context, words, index, expected, value):
+    """Put value where words[index] == expected; whether it was."""
 
     def codegen(context, builder, signature, args):
         pointer = _element(context, builder, signature.args[0], args[0], args[1])
         swapped = builder.cmpxchg(pointer, args[2], args[3], _ORDER, _ORDER)
         return builder.extract_value(swapped, 1)
 
-    return types.boolean(array, types.int64, types.int64, types.int64), codegen
+    return types.boolean(words, types.int64, types.int64, types.int64), codegen
 
 
 def _call_symbol(builder: Any, name: str, result: Any, arguments: list[Any]) -> Any:
@@ -158,16 +182,6 @@ def call_message(typing_context, function, buffer, count, datatype, peer, tag, c
 def call_testall(typing_context, function, n, requests, flag, statuses):
     """int MPI_Testall(int n, void *requests, int *flag, void *statuses)."""
     return _function_call(4, _I32, types.int32)
-
-
-@intrinsic
-def words_at(typing_context, address):
-    """Pointer to the int64 words at an address, for `numba.carray`."""
-
-    def codegen(context, builder, signature, args):
-        return builder.inttoptr(args[0], context.get_value_type(signature.return_type))
-
-    return types.CPointer(types.int64)(types.int64), codegen
 
 
 @intrinsic

@@ -12,7 +12,7 @@ import linecache
 import os
 import pickle
 import sys
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from importlib.metadata import version
 from inspect import isfunction
 from pathlib import Path
@@ -30,7 +30,8 @@ from hpcpic.core.simd.caches import Store
 
 _ROOT = Path(__file__).resolve().parents[3]  # of the packages
 _KERNEL_FOLDERS = {"simd", "space", "comm", "tasks", "physics", "kernels"}
-_FLAGS: dict[str, Any] = {"nogil": True, "error_model": "numpy"}
+_FLAGS: dict[str, Any] = {"nogil": True, "error_model": "numpy", "no_cfunc_wrapper": True}
+_BARE = "no_cpython_wrapper"  # the option of numba
 EVERY = "*"  # in place of a program: all there are
 _own: dict[str, bytes] = {}  # program -> hash of a file of the user that its kernels call
 generated: dict[str, str] = {}  # names of generated modules -> the program they belong to
@@ -105,8 +106,9 @@ def kernel_store(program: str = "") -> Store:
 class KernelCache(FunctionCache):
     """The cache of one function: numba's interface and key, and a file of our own for each signature."""
 
-    def __init__(self, function: Callable, store: Store, text: bytes) -> None:
+    def __init__(self, function: Callable, store: Store, text: bytes, options: Mapping[str, Any]) -> None:
         self._py_func = function
+        self._options = options
         self._store = store
         code = function.__code__
         self._place = repr((function.__module__, function.__qualname__, code.co_filename, code.co_firstlineno)).encode()
@@ -120,7 +122,8 @@ class KernelCache(FunctionCache):
         """Nothing to do: files are named by all that the code depends on."""
 
     def _name(self, key: tuple) -> str:
-        digest = hashlib.sha256(repr(key).encode() + self._place + self._text)
+        callable_from_python = repr(not self._options[_BARE]).encode()
+        digest = hashlib.sha256(repr(key).encode() + self._place + self._text + callable_from_python)
         return f"{self._py_func.__name__}-{digest.hexdigest()[:32]}.kernel"
 
     def load_overload(self, sig: Any, target_context: Any) -> CompileResult | None:
@@ -185,7 +188,7 @@ def depends_on(program: str, function: Callable) -> None:
 @functools.cache
 def formula(function: Callable) -> None:
     """Let kernels call a function of its own. Nothing but kernels calls what is compiled of it."""
-    register_jitable(**_FLAGS, _nrt=False, forceinline=True, no_cpython_wrapper=True, no_cfunc_wrapper=True)(function)
+    register_jitable(**_FLAGS, _nrt=False, forceinline=True, no_cpython_wrapper=True)(function)
 
 
 def _cached(function: Callable, signatures: tuple, flags: dict[str, Any]) -> Callable:
@@ -194,15 +197,38 @@ def _cached(function: Callable, signatures: tuple, flags: dict[str, Any]) -> Cal
     kernel = numba.njit(**flags)(function)
     if kernel is function:  # NUMBA_DISABLE_JIT
         return kernel
+    kernel.targetoptions[_BARE] = not signatures
     kernel.get_call_template = functools.partial(_call_template, kernel)
+    kernel._compile_for_args = functools.partial(_compile_for_args, kernel)
+    kernel.add_overload = functools.partial(_add_overload, kernel)
     text = _text_of(function.__code__.co_filename)
     if keep and text:
-        kernel._cache = KernelCache(function, _store_of(function), text)
+        kernel._cache = KernelCache(function, _store_of(function), text, kernel.targetoptions)
     for signature in signatures:
         kernel.compile(signature)
     if signatures:
         kernel.disable_compile()
     return kernel
+
+
+def _compile_for_args(kernel: Any, *arguments: Any) -> Any:
+    """numba's, of a call from Python: it needs a wrapper, which kernels that tasks and other kernels call do without
+    (a fifth of the time to compile them).
+    """
+    kernel.overloads.pop(tuple(map(kernel.typeof_pyval, arguments)), None)
+    kernel.targetoptions[_BARE] = False
+    try:
+        return type(kernel)._compile_for_args(kernel, *arguments)
+    finally:
+        kernel.targetoptions[_BARE] = True
+
+
+def _add_overload(kernel: Any, compiled: Any) -> None:
+    """numba's, but calls from Python do not find what has no wrapper."""
+    if kernel.targetoptions[_BARE]:
+        kernel.overloads[tuple(compiled.signature.args)] = compiled
+    else:
+        type(kernel).add_overload(kernel, compiled)
 
 
 def _call_template(kernel: Any, arguments: Sequence[Any], keywords: dict[str, Any]) -> Any:

@@ -14,9 +14,8 @@ A graph is handed over as int64 words: [n_tasks, addresses of the arrays below].
   counters         see below, one cache line each
 """
 
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
-import numba
 import numpy as np
 
 from hpcpic.core.simd.atomics import (
@@ -29,11 +28,12 @@ from hpcpic.core.simd.atomics import (
     call_testall,
     cpu_pause,
     load_int32,
+    load_word,
     nanoseconds,
     sched_yield,
     semaphore_post,
     semaphore_wait,
-    words_at,
+    store_word,
 )
 from hpcpic.core.simd.compile import njit
 
@@ -48,7 +48,6 @@ ERROR, ERROR_TASK = 7 * LINE, 8 * LINE
 N_COUNTERS = 9 * LINE
 FAILED, STUCK = 1, 2
 
-N_ARRAYS = 10  # of a graph
 # words of a set of messages: n; addresses of handles, statuses, flag, table and MPI_Testall; bytes of a handle; the
 # iteration and what a start adds to it; the tag is (iteration % the first of the last two words) * the second + channel
 RECORD_WORDS = 11
@@ -68,50 +67,35 @@ WORKER_WORDS = 4 * LINE
 _CLOCK_ROUNDS = 1024  # idle rounds between two looks at the clock
 
 
-class _Views(NamedTuple):
-    """The arrays of a graph."""
+class _Words(NamedTuple):
+    """Tasks of a graph, and the addresses of its arrays: compiled three times as fast as with arrays."""
 
-    functions: Any
-    contexts: Any
-    first: Any
-    urgent: Any
-    successor_start: Any
-    successors: Any
-    waiting: Any
-    queue: Any
-    pending: Any
-    counters: Any
-
-
-@njit
-def _words(address, n):
-    return numba.carray(words_at(address), (n,))
+    n: int
+    functions: int
+    contexts: int
+    first: int
+    urgent: int
+    successor_start: int
+    successors: int
+    waiting: int
+    queue: int
+    pending: int
+    counters: int
 
 
 @njit
-def _views(address):
-    head = _words(address, 1 + N_ARRAYS)
-    n = head[0]
-    start = _words(head[5], n + 1)
-    return _Views(
-        _words(head[1], n),
-        _words(head[2], n),
-        _words(head[3], n),
-        _words(head[4], n),
-        start,
-        _words(head[6], start[n]),
-        _words(head[7], n),
-        _words(head[8], 2 * (n + 1)),
-        _words(head[9], n),
-        _words(head[10], N_COUNTERS),
-    )
+def _words(w):
+    return _Words(
+        load_word(w, 0), load_word(w, 1), load_word(w, 2), load_word(w, 3), load_word(w, 4), load_word(w, 5),
+        load_word(w, 6), load_word(w, 7), load_word(w, 8), load_word(w, 9), load_word(w, 10),
+    )  # fmt: skip
 
 
 @njit
 def _push(g, task):
-    lane = g.urgent[task]
+    lane = load_word(g.urgent, task)
     slot = atomic_add(g.counters, TAIL + LINE * lane, 1)
-    atomic_store(g.queue, lane * (g.first.size + 1) + slot, task)
+    atomic_store(g.queue, lane * (g.n + 1) + slot, task)
 
 
 @njit
@@ -119,16 +103,17 @@ def _take(g, lane):
     """A ready task, or -1."""
     while True:
         slot = atomic_load(g.counters, HEAD + LINE * lane)
-        task = atomic_load(g.queue, lane * (g.first.size + 1) + slot)
+        task = atomic_load(g.queue, lane * (g.n + 1) + slot)
         if task < 0 or atomic_cas(g.counters, HEAD + LINE * lane, slot, slot + 1):
             return task
 
 
 @njit
 def _complete(g, task):
-    for k in range(g.successor_start[task], g.successor_start[task + 1]):
-        if atomic_add(g.waiting, g.successors[k], -1) == 1:
-            _push(g, g.successors[k])
+    for k in range(load_word(g.successor_start, task), load_word(g.successor_start, task + 1)):
+        successor = load_word(g.successors, k)
+        if atomic_add(g.waiting, successor, -1) == 1:
+            _push(g, successor)
     atomic_add(g.counters, REMAINING, -1)
 
 
@@ -143,18 +128,20 @@ def _fail(g, task, code):
 def _poll(g):
     """Complete the messages that have arrived; the caller holds the message lock."""
     k = 0
-    while k < g.counters[N_PENDING]:
-        task = g.pending[k]
-        record = _words(g.contexts[task], RECORD_WORDS)
-        code = call_testall(record[5], record[0], record[1], record[3], record[2])
+    while k < load_word(g.counters, N_PENDING):
+        task = load_word(g.pending, k)
+        record = load_word(g.contexts, task)
+        flag = load_word(record, 3)
+        n, requests, statuses = load_word(record, 0), load_word(record, 1), load_word(record, 2)
+        code = call_testall(load_word(record, 5), n, requests, flag, statuses)
         if code != 0:
             _fail(g, task, np.int64(code))
             return
-        if load_int32(record[3]) == 0:
+        if load_int32(flag) == 0:
             k += 1
             continue
-        last = g.counters[N_PENDING] - 1
-        g.pending[k] = g.pending[last]
+        last = load_word(g.counters, N_PENDING) - 1
+        store_word(g.pending, k, load_word(g.pending, last))
         atomic_store(g.counters, N_PENDING, last)
         _complete(g, task)
 
@@ -162,7 +149,7 @@ def _poll(g):
 @njit
 def _idle(pool, rounds):
     """Wait for a moment; give the core away when it has been long. The rounds so far."""
-    if rounds < pool[IDLE_ROUNDS]:
+    if rounds < load_word(pool, IDLE_ROUNDS):
         cpu_pause()
     else:
         sched_yield()
@@ -171,14 +158,19 @@ def _idle(pool, rounds):
 
 @njit
 def start_messages(record):
-    """Start the messages of a set under the tag of its iteration, and go on to the next; the first error code, or 0."""
-    table = _words(record[4], MESSAGE_WORDS * record[0])
-    first = (record[7] % record[9]) * record[10]
-    record[7] += record[8]
-    for k in range(record[0]):
-        row = table[MESSAGE_WORDS * k : MESSAGE_WORDS * (k + 1)]
-        request = record[1] + record[6] * k
-        code = call_message(row[0], row[1], row[2], row[3], row[4], first + row[5], row[6], request)
+    """Start the messages of the set at an address under the tag of its iteration, and go on to the next; the first
+    error code, or 0.
+    """
+    iteration = load_word(record, 7)
+    first = (iteration % load_word(record, 9)) * load_word(record, 10)
+    store_word(record, 7, iteration + load_word(record, 8))
+    for k in range(load_word(record, 0)):
+        row = load_word(record, 4) + 8 * MESSAGE_WORDS * k
+        request = load_word(record, 1) + load_word(record, 6) * k
+        code = call_message(
+            load_word(row, 0), load_word(row, 1), load_word(row, 2), load_word(row, 3), load_word(row, 4),
+            first + load_word(row, 5), load_word(row, 6), request,
+        )  # fmt: skip
         if code != 0:
             return code
     return 0
@@ -186,8 +178,8 @@ def start_messages(record):
 
 @njit
 def _start(g, task, pool):
-    record = _words(g.contexts[task], RECORD_WORDS)
-    if record[0] == 0:
+    record = load_word(g.contexts, task)
+    if load_word(record, 0) == 0:
         _complete(g, task)
         return
     rounds = 0
@@ -197,15 +189,15 @@ def _start(g, task, pool):
     if code != 0:
         _fail(g, task, code)
     else:
-        n = g.counters[N_PENDING]
-        g.pending[n] = task
+        n = load_word(g.counters, N_PENDING)
+        store_word(g.pending, n, task)
         atomic_store(g.counters, N_PENDING, n + 1)
     atomic_store(pool, MESSAGE_LOCK, 0)
 
 
 @njit
 def _anybody_running(pool):
-    for worker in range(pool[THREADS]):
+    for worker in range(load_word(pool, THREADS)):
         if atomic_load(pool, WORKERS + WORKER_WORDS * worker + RUNNING):
             return True
     return False
@@ -220,9 +212,9 @@ def _look(g, pool, remaining, since, seen):
     left = atomic_load(g.counters, REMAINING)
     if left != remaining or _anybody_running(pool):
         since = now
-    elif now - seen > pool[LIMIT_NS] // 2:
+    elif now - seen > load_word(pool, LIMIT_NS) // 2:
         since += now - seen  # the process was suspended
-    elif now - since > pool[LIMIT_NS]:
+    elif now - since > load_word(pool, LIMIT_NS):
         atomic_cas(g.counters, STOP, 0, STUCK)
     return left, since, now
 
@@ -245,13 +237,14 @@ def _work(g, pool, worker):
             task = _take(g, 0)
         if task >= 0:
             idle, remaining = 0, -1
-            if g.functions[task] == 0:
+            function = load_word(g.functions, task)
+            if function == 0:
                 _start(g, task, pool)
                 due = False
                 continue
             due = True
             atomic_store(pool, running, 1)
-            code = call_address(g.functions[task], g.contexts[task])
+            code = call_address(function, load_word(g.contexts, task))
             atomic_store(pool, running, 0)
             if code != 0:
                 _fail(g, task, code)
@@ -266,13 +259,16 @@ def _work(g, pool, worker):
 
 @njit
 def _reset(g):
-    g.counters[:] = 0
-    g.queue[:] = -1
-    for task in range(g.first.size):
-        g.waiting[task] = g.first[task]
-        if g.first[task] == 0:
+    for k in range(N_COUNTERS):
+        store_word(g.counters, k, 0)
+    for k in range(2 * (g.n + 1)):
+        store_word(g.queue, k, -1)
+    for task in range(g.n):
+        before = load_word(g.first, task)
+        store_word(g.waiting, task, before)
+        if before == 0:
             _push(g, task)
-    g.counters[REMAINING] = g.first.size
+    store_word(g.counters, REMAINING, g.n)
 
 
 @njit
@@ -282,17 +278,17 @@ def _wake(pool, generation, others):
     for worker in range(1, others + 1):
         mine = WORKERS + WORKER_WORDS * worker
         if atomic_cas(pool, mine + ASLEEP, 1, 0):
-            semaphore_post(pool.ctypes.data + 8 * (mine + SEMAPHORE))
+            semaphore_post(pool + 8 * (mine + SEMAPHORE))
 
 
 @njit
 def _next_generation(pool, worker, seen):
     """Wait for a generation other than the one seen: spin for a while, then sleep."""
     asleep = WORKERS + WORKER_WORDS * worker + ASLEEP
-    semaphore = pool.ctypes.data + 8 * (WORKERS + WORKER_WORDS * worker + SEMAPHORE)
+    semaphore = pool + 8 * (WORKERS + WORKER_WORDS * worker + SEMAPHORE)
     since = nanoseconds()
     while atomic_load(pool, GENERATION) == seen:
-        if nanoseconds() - since < pool[LINGER_NS]:
+        if nanoseconds() - since < load_word(pool, LINGER_NS):
             cpu_pause()
             continue
         atomic_store(pool, asleep, 1)
@@ -304,31 +300,27 @@ def _next_generation(pool, worker, seen):
 
 
 @njit("int64(int64, int64)")
-def launch(pool_address, graph):
-    """Run the graph with worker 0 (the caller) and the others that come in time; 0, FAILED or STUCK."""
-    pool = _words(pool_address, WORKERS)
-    pool = _words(pool_address, WORKERS + WORKER_WORDS * pool[THREADS])
-    g = _views(graph)
+def launch(pool, graph):
+    """Run the graph with worker 0 (the caller) and the others that come in time; 0, FAILED or STUCK. Addresses."""
+    g = _words(graph)
     _reset(g)
-    pool[GRAPH] = graph
-    others = min(pool[THREADS], g.first.size) - 1
+    store_word(pool, GRAPH, graph)
+    others = min(load_word(pool, THREADS), g.n) - 1
     if others > 0:
         atomic_store(pool, OPEN, 1)
-        _wake(pool, pool[GENERATION] + 1, others)
+        _wake(pool, load_word(pool, GENERATION) + 1, others)
     _work(g, pool, 0)
     if others > 0:
         atomic_store(pool, OPEN, 0)
         rounds = 0
         while atomic_load(pool, INSIDE) > 0:
             rounds = _idle(pool, rounds)
-    return g.counters[STOP]
+    return load_word(g.counters, STOP)
 
 
 @njit("void(int64, int64)")
-def serve(pool_address, worker):
+def serve(pool, worker):
     """Life of a worker but the caller: enter each launch that is open, linger, sleep; ends at a negative generation."""
-    pool = _words(pool_address, WORKERS)
-    pool = _words(pool_address, WORKERS + WORKER_WORDS * pool[THREADS])
     seen = 0
     while True:
         seen = _next_generation(pool, worker, seen)
@@ -336,12 +328,11 @@ def serve(pool_address, worker):
             return
         atomic_add(pool, INSIDE, 1)
         if atomic_load(pool, OPEN):  # after INSIDE: the launcher waits for us, or we see it closed
-            _work(_views(pool[GRAPH]), pool, worker)
+            _work(_words(load_word(pool, GRAPH)), pool, worker)
         atomic_add(pool, INSIDE, -1)
 
 
 @njit("void(int64)")
-def dismiss(pool_address):
+def dismiss(pool):
     """Tell all workers to leave `serve`."""
-    pool = _words(pool_address, WORKERS)
-    _wake(_words(pool_address, WORKERS + WORKER_WORDS * pool[THREADS]), -1, pool[THREADS] - 1)
+    _wake(pool, -1, load_word(pool, THREADS) - 1)
