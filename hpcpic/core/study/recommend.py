@@ -24,6 +24,7 @@ NEIGHBOUR = 1.25
 APART = 1.1  # at least, of sizes that tell more than one
 DEAREST = 2.0  # times the cost of the case's pilot: a neighbour that is not run
 TRIES = 4
+UNKNOWN = 3.0  # times the tolerance: where the reference is not known better, nothing is said of any setting
 FAR = 5.0  # times what a recommendation may cost
 MOST_STEPS = 24  # of a tenth, back from what `check` warns of
 SEEN = 2.0  # times the tolerance: an error of the field beside the quantity that is told as a warning
@@ -161,7 +162,7 @@ class Recommendation:
         own = self.itself()
         known.append(Verified(own, search.base, search.error(search.value), search.field_error(search.base), False))
         good = [run for run in known if run.error <= tolerance and self.legal(run.proposal.sizes, run.proposal.scheme)]
-        if not good:
+        if not good or search.uncertainty > UNKNOWN * tolerance:
             raise CheckFailed(self.told(known))
         near = [run for run in good if run.error + search.uncertainty <= 1.5 * tolerance]
         return self.compared(
