@@ -30,17 +30,19 @@ def test_a_worked_example_applies_to_this_tree_and_is_shown(name):
 
 
 @pytest.mark.slow
-@pytest.mark.timeout(400)
-@pytest.mark.parametrize("name", RUN)
-def test_what_a_worked_example_adds_works(name, tmp_path):
+@pytest.mark.timeout(600)
+def test_what_worked_examples_add_works(tmp_path):
+    """In one copy of the tree, whose kernels are compiled once."""
     for part in PARTS:
         copy = shutil.copytree if (ROOT / part).is_dir() else shutil.copy
         copy(ROOT / part, tmp_path / part, **({"symlinks": True} if copy is shutil.copytree else {}))
-    diff = WORKED[name]
-    apply(diff, tmp_path)
-    tests = re.findall(r"^\+\+\+ b/(tests/\S+)", diff, re.MULTILINE)
-    assert tests
-    words = [sys.executable, "-P", "-m", "pytest", "-q", "-p", "no:cacheprovider", *tests]
+    tests = []
+    for name in RUN:
+        apply(WORKED[name], tmp_path)
+        added = re.findall(r"^\+\+\+ b/(tests/\S+)", WORKED[name], re.MULTILINE)
+        assert added, name
+        tests += added
+    words = [sys.executable, "-P", "-m", "pytest", "-q", "-p", "no:cacheprovider", "--timeout", "500", *tests]
     settings = os.environ | {"PYTHONPATH": str(tmp_path)}
     done = subprocess.run(words, cwd=tmp_path, env=settings, capture_output=True, text=True)
     assert done.returncode == 0, done.stdout + done.stderr
