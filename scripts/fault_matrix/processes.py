@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import os
 import shutil
 import signal
@@ -14,8 +15,9 @@ from threading import Semaphore
 
 import psutil
 
-from fault_matrix.bench import Bench, Running, expect
+from fault_matrix.bench import Bench, Running, crowd, expect
 from fault_matrix.rows import row
+from hpcpic.core.run.signals import GRACE_SECONDS
 
 SOON = 5.0  # s, on a busy machine; a quiet one takes less than two
 WALL, WALLS = 20, 100  # s, runs
@@ -62,7 +64,7 @@ def kill_launcher(bench: Bench) -> str:
         ranks = [psutil.Process(pid) for pid in running.ranks()]
         os.kill(running.process.pid, signal.SIGKILL)
         begin = time.monotonic()
-        _, alive = psutil.wait_procs(ranks, timeout=SOON)
+        _, alive = psutil.wait_procs(ranks, timeout=SOON * crowd())
         took = time.monotonic() - begin
         for process in alive:
             process.kill()
@@ -166,13 +168,16 @@ def terminate_in_checkpoint(bench: Bench) -> str:
     return f"exit 5 at step {bench.facts()['history'][0]['steps']}, same bits after restart"
 
 
-@row(14, "SIGTERM while kernels are compiled", "exit 5 before the first step")
+@row(14, "SIGTERM while kernels are compiled", "exit 5 before the first step; 1, told, where that takes a minute")
 def terminate_while_compiling(bench: Bench) -> str:
     cache = {"HPCPIC_CACHE_DIR": str(bench.folder / "cache")}
     with bench.started(wait=False, env=cache) as running:
         running.wait_for(lambda: "compiling" in running.log())
         running.send("SIGTERM")
         done = running.end(120.0)
+    if done.code == 1:
+        expect("compiling for it, did not end within" in done.err and done.seconds > GRACE_SECONDS, done)
+        return f"exit 1 after {done.seconds:.0f} s: {done.err.strip().splitlines()[-1][:100]}"
     expect(done.code == 5 and bench.facts()["steps"] == 0, done)
     return f"exit 5 at step 0 after {done.seconds:.1f} s"
 
@@ -184,9 +189,10 @@ def terminate_one(bench: Bench) -> str:
         return stopped(bench, running, "SIGTERM")
 
 
-@row(16, "--wall 20, a hundred times", "exit 5 before 20 s are over, every time; restart: same bits")
+@row(16, "--wall 20 (longer if it is crowded), a hundred times", "exit 5 before it is over, every time; same bits")
 def wall(bench: Bench) -> str:
     starting = Semaphore(2)  # what is tried is the end, not how many can start at once
+    wall = math.ceil(WALL * crowd())
 
     def attempt(k: int) -> float:
         one = replace(bench, folder=bench.folder / str(k))
@@ -194,16 +200,16 @@ def wall(bench: Bench) -> str:
         with ExitStack() as stack:
             with starting:
                 begin = time.monotonic()
-                running = stack.enter_context(one.started("--wall", str(WALL), ranks=1, pause=0.4))
+                running = stack.enter_context(one.started("--wall", str(wall), ranks=1, pause=0.02 * wall))
             done = running.end()
             expect(done.code == 5, done)
             return time.monotonic() - begin
 
     with ThreadPoolExecutor(WALLS) as together:
         taken = list(together.map(attempt, range(WALLS)))
-    expect(max(taken) < WALL, f"{sum(one < WALL for one in taken)} of {WALLS}, at most {max(taken):.2f} s")
+    expect(max(taken) < wall, f"{sum(one < wall for one in taken)} of {WALLS}, at most {max(taken):.2f} s")
     replace(bench, folder=bench.folder / "0").goes_on()
-    return f"{WALLS} of {WALLS}, {min(taken):.1f} .. {max(taken):.1f} s from start to end; same bits after restart"
+    return f"{WALLS} of {WALLS} in {wall} s, {min(taken):.1f} .. {max(taken):.1f} s from start to end; same bits"
 
 
 @row(17, "--wall shorter than the start", "exit 5 with a message and a checkpoint")

@@ -1,4 +1,4 @@
-"""Rows 70 to 79 and 88: what befalls a run's folder and files, its name, foreign states, signals of batch systems."""
+"""Rows 70 to 79, 88, 89: what befalls a run's folder and files, its name, foreign states, signals of batch systems."""
 
 from __future__ import annotations
 
@@ -10,9 +10,10 @@ import time
 from pathlib import Path
 from typing import Any
 
+import h5py
 import numpy as np
 
-from fault_matrix.bench import Bench, expect
+from fault_matrix.bench import Bench, Skipped, expect
 from fault_matrix.checkpoints import half, resealed
 from fault_matrix.processes import stopped
 from fault_matrix.rows import row
@@ -182,3 +183,29 @@ def odd_names(bench: Bench) -> str:
         done = bench.call(("run", str(bench.case), "-o", name))
         expect(done.code == 6 and "Traceback" not in done.err and "too long" in done.err, done)
     return "same bits after restart; too long: exit 6"
+
+
+@row(89, "histograms.h5: the run is killed; the file is cut off", "rows as without; told, the state goes on")
+def histograms(bench: Bench) -> str:
+    bench.digest()
+    file, sound = bench.run_folder / "histograms.h5", bench.work / "quiet-0/run/histograms.h5"
+    if not sound.exists():
+        raise Skipped("this program has none")
+    with bench.started("--checkpoint-every", "12") as running:
+        running.wait_for(bench.checkpoints)
+        for rank in running.ranks():
+            os.kill(rank, signal.SIGKILL)
+        running.end()
+    bench.goes_on()
+    with h5py.File(file) as one, h5py.File(sound) as other:
+        n = len(other["step"])
+        expect(n > 20 and np.array_equal(one["step"], other["step"]), "other steps")
+        expect(np.array_equal(one["fv/counts"][:n], other["fv/counts"][:n]), "other counts")
+    shutil.rmtree(bench.run_folder)
+    half(bench)
+    file.write_bytes(file.read_bytes()[:1000])
+    done = bench.restart()
+    expect(done.code in (0, 6) and "Traceback" not in done.err and "histograms.h5" in done.err, done)
+    file.unlink()
+    bench.goes_on()
+    return f"{n} rows as without a kill; cut off: exit {done.code}, told; without the file: same bits"
