@@ -67,6 +67,7 @@ class LbmDem:
         solids = self.immersed, pressure
         self.grains = DrivenGrains(scene, world, pool, domain, table, *solids) if grains_move else None
         self.dem = self.grains.dem if self.grains else None
+        self.grain_bits = guard.GrainBits(self.dem) if self.dem and self.fluid else None
         self.start_solid()
         self._check_fluid()
         self.max_overlap = max(MAX_OVERLAP, 1.1 * starts(config)[1])
@@ -130,9 +131,13 @@ class LbmDem:
                 self.fluid.step()  # collide [4], bounce back [6] and momentum exchange [7], stream, faces (Zou & He)
         if self.grains:
             with self.timers.section("grains"):
+                if self.grain_bits:
+                    self.grain_bits.compare(self.iteration)
                 self.grains.move(self.time)  # n_d steps of the contacts [1], [2] under the forces of the fluid
             with self.timers.section("solid"):
                 self.mark_solid()  # nodes that grains have covered and left (3.3)
+            if self.grain_bits:
+                self.grain_bits.keep()
         self.iteration += 1
 
     def advance(self, most: int) -> None:
@@ -213,6 +218,8 @@ class LbmDem:
         if self.dem:
             self.dem.restore(reader)
             self.start_solid()
+        if self.grain_bits:
+            self.grain_bits.keep()
         if self.fluid and self.drive:
             snapshot.restore_fluid(reader, self.world, self.fluid)
             self.drive.restore(self.iteration)
@@ -221,7 +228,8 @@ class LbmDem:
 
     def guard(self) -> str | None:
         """Why this rank's state is no solution, or None."""
-        return guard.fault(self.diagnostics, self.fluid, self.dem, self.max_overlap)
+        found = guard.fault(self.diagnostics, self.fluid, self.dem, self.max_overlap)
+        return found or (self.grain_bits.trouble if self.grain_bits else None)
 
     def worst(self) -> list[str]:
         """Lines on the worst grains and nodes of this rank. Collective."""

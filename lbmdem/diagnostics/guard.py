@@ -1,5 +1,7 @@
 """Limits beyond which the state of a run is no solution."""
 
+import zlib
+
 import numpy as np
 
 from lbmdem.diagnostics.scalars import Diagnostics
@@ -9,7 +11,33 @@ from lbmdem.grains.dem import Dem
 MAX_SPEED = 0.4  # nodes per step beyond which no collision is a fluid any more
 MAX_DENSITY = 2.0  # density of the lattice fluid, likewise; its inverse is the least one
 MAX_DRIFT = 0.01  # change of the mean density of a fluid that cannot leave
+FEW = 2000  # numbers, of which another checksum is quicker
 MAX_JUMP = 1e-12  # the same between two looks where it stays to rounding: 1e-17 in 50 steps
+
+
+class GrainBits:
+    """A checksum of a rank's grains from one of their steps to the next: while the fluid moves, or a run writes or
+    waits, nothing may change them.
+    """
+
+    def __init__(self, dem: Dem) -> None:
+        self.grains = dem.grains
+        self.kept = self._now()
+        self.trouble: str | None = None
+
+    def _now(self) -> list[int]:
+        """A quick one for few numbers, and one that is quick for many."""
+        arrays = self.grains.columns["row"], self.grains.columns["force"]
+        return [zlib.crc32(a.data) if a.size < FEW else int(np.add.reduce(a.view(np.int64), None)) for a in arrays]
+
+    def keep(self) -> None:
+        """The grains have done a step."""
+        self.kept = self._now()
+
+    def compare(self, step: int) -> None:
+        """Before a step of the grains."""
+        if self._now() != self.kept:
+            self.trouble = f"grains or forces on them changed by themselves before step {step}: damaged memory"
 
 
 def fault(seen: Diagnostics, fluid: Fluid | None, dem: Dem | None, max_overlap: float) -> str | None:

@@ -32,7 +32,7 @@ from hpcpic.core.timers import Timers
 
 STEPS = 10  # before a bit is flipped, and after
 LONG_STEPS, CHANGE = 500, 1e-6  # of a campaign: a flip does harm that changes a scalar by more than this share of it
-REMEMBERING = {"hpcpic": "kept_motion", "sph": "checksums"}  # what knows in memory how the state was
+REMEMBERING = {"hpcpic": "kept_motion", "sph": "checksums", "lbmdem": "grain_bits"}  # what knows how the state was
 ENERGIES = ("energy_total", "energy_kinetic")  # the first that a program has
 
 

@@ -259,6 +259,18 @@ def test_populations_that_come_from_nowhere_end_a_run_where_their_sum_is_kept(wo
         assert "jumped" in app.guard()
 
 
+@pytest.mark.parametrize("name, column", [("row", 4), ("force", 0)])
+def test_a_grain_that_changes_between_its_steps_is_told(world, name, column):
+    with running(world, "lbmdem", DISC, ()) as app:
+        for _ in range(5):
+            app.step()
+        assert app.guard() is None
+        number = app.dem.grains.columns[name][0]
+        number[column] = np.nextafter(number[column], 1.0)
+        app.step()
+        assert "by themselves before step 5" in app.guard()
+
+
 def test_many_substeps_are_told_with_the_stiffness_that_has_fewer():
     def row(*sets):
         config = configure(loads(DISC, sets=sets))

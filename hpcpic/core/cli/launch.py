@@ -52,7 +52,7 @@ def launch(program: Sequence[str], arguments: Sequence[str], ranks: int, **setti
     """Run the program and wait; its exit code. Raises ConfigError without a launcher for several ranks.
 
     A Ctrl-C, which the program hears too, gives it the time to write its checkpoint; other signals that end a program
-    are handed on as SIGTERM, which every launcher hands on to its ranks.
+    are handed on as SIGUSR1, which every launcher hands on (after a SIGTERM Open MPI's kills its ranks).
     """
     words = [*program, *arguments]
     if ranks > 1:
@@ -67,7 +67,7 @@ def launch(program: Sequence[str], arguments: Sequence[str], ranks: int, **setti
             with suppress(subprocess.TimeoutExpired, KeyboardInterrupt):
                 return process.wait(LOOK_SECONDS)
             if heard and not terminated:
-                process.terminate()
+                process.send_signal(signal.SIGTERM if ranks == 1 else signal.SIGUSR1)
                 terminated = True
 
 
