@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 
 CURVE = 17  # times of a curve
 BLOCKS = 8  # of a window, for the interval of a mean
-STUDENT = 2.365  # of BLOCKS - 1 degrees of freedom, 95 %
+STUDENT = 2.447  # of BLOCKS - 2 degrees of freedom, 95 %
 BY_SYMMETRY = 1e-3  # of the size that a column of this kind has in the scene
 GRAMMAR = "REDUCTION(COLUMN) or REDUCTION(COLUMN, from=T, to=T)"
 FORM = re.compile(r"\s*(\w+)\(\s*([\w.+-]+)\s*((?:,\s*(?:from|to)\s*=\s*[-+\d.eE]+\s*)*)\)\s*")
@@ -165,10 +165,13 @@ def reduced(column: str, measure: Callable, first: float, until: float, series: 
 
 
 def interval(column: str, first: float, until: float, series: Series) -> float:
-    """Half the 95 % interval of the mean over the window, by the means of BLOCKS parts of it."""
+    """Half the 95 % interval of the mean over the window, by the means of BLOCKS parts of it about their own trend: that
+    what decays or grows does so is no noise.
+    """
     t, y = windowed(series, column, first, until)
-    blocks = np.array([part.mean() for part in np.array_split(even(t, y)[1], BLOCKS)])
-    return STUDENT * float(blocks.std(ddof=1)) / math.sqrt(BLOCKS)
+    blocks, k = np.array([part.mean() for part in np.array_split(even(t, y)[1], BLOCKS)]), np.arange(BLOCKS)
+    about = blocks - np.polyval(np.polyfit(k, blocks, 1), k)
+    return STUDENT * math.sqrt(float((about**2).sum()) / (BLOCKS - 2) / BLOCKS)
 
 
 # --------------------------------------------------------------------------------------- zero by symmetry

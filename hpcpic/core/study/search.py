@@ -160,6 +160,8 @@ class Search:
         if len(self.levels[name]) < enough:
             raise CheckFailed(self.stuck(knob))
         self.refit(knob)
+        if self.spread(name) <= self.noise(name):
+            self.complete([name])  # whether its effect has an order, or is drowned
         while True:
             law = self.laws[name]
             coarsest = float(law.sizes[-1])
@@ -209,15 +211,23 @@ class Search:
         self.levels[name].append(level)
         return True
 
+    def spread(self, name: str) -> float:
+        """Of the levels of a knob about the case's own value, relative."""
+        return max(norm(level.value - self.value) for level in self.levels[name]) / self.scale
+
+    def noise(self, name: str) -> float:
+        """Half the 95 % interval of the difference of two levels of a knob, where the quantity is a mean over time."""
+        levels = self.levels[name]
+        return max(math.hypot(levels[0].noise, level.noise) for level in levels)
+
     def refit(self, knob: Knob) -> None:
         """The law of one knob, and that of the field beside it."""
         name, levels = knob.name, self.levels[knob.name]
         law = fit(name, levels, self.own[name], knob.order, knob.cost, self.scale)
-        spread = max(norm(level.value - self.value) for level in levels) / self.scale
-        noise = max(math.hypot(levels[0].noise, level.noise) for level in levels)
+        spread, noise = self.spread(name), self.noise(name)
         if knob.noisy and not law.idle and not law.asymptotic:
             law = scattered(law, levels, self.scale)
-        elif not law.idle and (law.assumed or not law.asymptotic) and spread <= noise:
+        elif not law.idle and not law.asymptotic and spread <= noise:
             law = hidden(law, spread)
         elif not law.idle and not law.asymptotic and len(levels) >= 4:
             law = levelled(law, levels, self.scale)
@@ -262,10 +272,8 @@ class Search:
     def complete(self, names: Sequence[str]) -> bool:
         """A third level of these knobs, where theory alone tells their order; True if any was there to be had."""
         found = False
-        for knob in self.knobs:
+        for knob in (knob for knob in self.knobs if knob.name in names and self.laws[knob.name].assumed):
             law = self.laws[knob.name]
-            if knob.name not in names or not law.assumed:
-                continue
             for size in (2.0 * float(law.sizes[-1]), *(factor * float(law.sizes[0]) for factor in MORE)):
                 price = self.base.price * (self.own[knob.name] / size) ** knob.cost
                 if self.affordable(price) and self.legal(knob.name, size) and self.add(knob, size):
