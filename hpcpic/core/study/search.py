@@ -212,7 +212,7 @@ class Search:
         return True
 
     def spread(self, name: str) -> float:
-        """Of the levels of a knob about the case's own value, relative."""
+        """The farthest that a level of a knob is from the case's own value, relative."""
         return max(norm(level.value - self.value) for level in self.levels[name]) / self.scale
 
     def noise(self, name: str) -> float:
