@@ -165,8 +165,8 @@ def reduced(column: str, measure: Callable, first: float, until: float, series: 
 
 
 def interval(column: str, first: float, until: float, series: Series) -> float:
-    """Half the 95 % interval of the mean over the window, by the means of BLOCKS parts of it about their own trend: that
-    what decays or grows does so is no noise.
+    """Half the 95 % interval of the mean over the window, by the means of BLOCKS parts of it about their own trend, as a
+    decay or a growth is no noise.
     """
     t, y = windowed(series, column, first, until)
     blocks, k = np.array([part.mean() for part in np.array_split(even(t, y)[1], BLOCKS)]), np.arange(BLOCKS)
