@@ -165,7 +165,7 @@ def reduced(column: str, measure: Callable, first: float, until: float, series: 
 
 
 def interval(column: str, first: float, until: float, series: Series) -> float:
-    """Half the 95 % interval of the mean over the window, by the means of BLOCKS parts of it about their own trend, as a
+    """Half the 95 % interval of the mean over the window, by the means of BLOCKS parts of it about their own trend: a
     decay or a growth is no noise.
     """
     t, y = windowed(series, column, first, until)
