@@ -45,6 +45,7 @@ DEFAULT = FILES | {
     "image_refresh_us": 40.0,  # and an evaluation
     "walls_us": 10.0,  # a step: whether the fluid comes to where walls are not made yet
     "force_us": 120.0,  # and the force on a wall, which its impulse needs
+    "opening_us": 500.0,  # a step of an inlet or outlet: who is in its box and before it
     "sph_sample_us": 70.0,
     "gauge_ns": 60.0,  # of a sample, a particle and level of a gauge of elevation
     "ghost_exchange_us": 300.0,  # a step of several ranks: who is a ghost where, leavers, the time step
@@ -90,6 +91,7 @@ def phases(config: SphConfig, ranks: int, threads: int, rates: Mapping[str, floa
         "launches": 1e-6 * (rates[f"step_us {kind}"] + rates[f"sums_us {kind}"]),
         "images": 1e-6 * finding if imaged(config) else 0.0,
         "walls": wall_seconds(config, rates),
+        "openings": 1e-6 * (len(config.inlet) + len(config.outlet)) * rates["opening_us"],
         "exchanges": exchange_seconds(config, ranks, rates),
     }
 

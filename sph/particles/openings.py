@@ -128,10 +128,13 @@ class Openings:
 
     def follow(self) -> None:
         """Fluid leaves and comes in after a step of the clock's length, to its end. Collective."""
-        for outlet in self.scene.outlets:
+        for outlet, (head, _, _) in zip(self.scene.outlets, self.mean[len(self.scene.inlets) :]):
             slots = self._between(outlet, outlet.free, outlet.end + outlet.sign * self.scene.support)
-            x = self.storage.physical("x", slots)[:, outlet.axis]
-            self.exchange.take(slots[outlet.sign * (x - outlet.end) > 0.0], outlet.name)
+            x = self.storage.physical("x", slots)
+            gone = outlet.sign * (x[:, outlet.axis] - outlet.end) > 0.0
+            if outlet.has_surface:  # what a falling surface has left above it would stay there
+                gone |= head + outlet.from_middle(x) < -0.5 * outlet.g * self.scene.spacing
+            self.exchange.take(slots[gone], outlet.name)
         for k, inlet in enumerate(self.scene.inlets):
             self._let_in(k, inlet)
         self._look()

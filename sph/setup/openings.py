@@ -187,9 +187,13 @@ class Sink(Place):
 
     def head_at(self, last: float, speed: float, rise: float, dt: float) -> float:
         """Head in the middle of the box a step of dt s after the last one, for the mean velocity of the fluid before it
-        in m/s, which rose by `rise`. In a wave that goes out it is the wave's speed times the velocity of the fluid: in
-        a long wave below a level; else in sound, from which it returns to what is prescribed (Poinsot & Lele 1992).
+        in m/s, which rose by `rise`: that of a wave that goes out. Below a level it is a long one, in which the
+        velocity is twice what the wave's speed sqrt(g depth) has grown by; else sound, from which the head returns to
+        what is prescribed (Poinsot & Lele 1992).
         """
+        if self.wave:
+            faster = 0.5 * (speed - self.section.velocity)
+            return self.head + faster * (2.0 * self.wave + faster)
         if self.has_surface:
-            return self.head + self.wave * (speed - self.section.velocity)
+            return self.head
         return last + self.c0 * rise - dt * self.returns * (last - self.head)

