@@ -214,6 +214,7 @@ class _Run:
         if name:
             log.warning("the run folder %s was moved: going on in %s", self.rundir.path, os.fsdecode(name))
             self.rundir.rename(os.fsdecode(name))
+            self.outputs.follow()
         return bool(name)
 
     def write_checkpoint(self, last: Mapping[str, Any] | None = None) -> None:

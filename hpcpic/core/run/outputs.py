@@ -121,6 +121,11 @@ class Outputs:
 
         return observe
 
+    def follow(self) -> None:
+        """The folder of the run has another name now."""
+        for writer in self._writers.values():
+            writer.path = self.rundir.path / writer.path.name
+
     def _field_observer(self) -> Callable[[], None]:
         from hpcpic.core.files.snapshot import FieldsWriter
 
