@@ -20,7 +20,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 from matplotlib.figure import Figure
-from PIL import Image
+from PIL import Image, ImageChops
 
 from hpcpic.core.app.figures import NoData
 from hpcpic.core.case.cases import cases_in, read_header
@@ -29,7 +29,8 @@ from hpcpic.core.files.reader import open_run
 ROOT = Path(__file__).resolve().parent.parent
 PICTURES, PAGE = ROOT / "docs/gallery", ROOT / "docs/cases.md"
 DOTS_PER_INCH = 84
-COLOURS = 256  # of a picture: fewer make bands of its scale, and so does the median cut, which spends them on the text
+COLOURS = 256  # of a picture, where they do: the median cut spends them on the text
+VISIBLE = 8  # levels of 255: a shift of a colour beyond this makes bands of a scale
 LONG = 600.0  # seconds: longer cases are run only when they are named
 
 
@@ -167,12 +168,13 @@ def draw(program: Program, case: str, folder: Path) -> str:
 
 
 def save_small(figure: Figure, path: Path) -> None:
-    """A PNG in few colours."""
+    """A PNG in few colours, unless that would show."""
     buffer = io.BytesIO()
     figure.savefig(buffer, format="png", dpi=DOTS_PER_INCH, facecolor="white")
-    few = {"method": Image.Quantize.MAXCOVERAGE, "dither": Image.Dither.NONE}
-    picture = Image.open(buffer).convert("RGB").quantize(COLOURS, **few)
-    picture.save(path, optimize=True)
+    picture = Image.open(buffer).convert("RGB")
+    few = picture.quantize(COLOURS, method=Image.Quantize.MAXCOVERAGE, dither=Image.Dither.NONE)
+    shifts = ImageChops.difference(picture, few.convert("RGB")).getextrema()
+    (picture if max(most for _, most in shifts) > VISIBLE else few).save(path, optimize=True)
 
 
 def page() -> str:
