@@ -229,3 +229,17 @@ def test_a_cold_wave_oscillates_at_the_discrete_frequency():
               for w in omega * (1 + np.array([-1e-4, 0.0, 1e-4]))]  # fmt: skip
     vertex = (misfit[0] - misfit[2]) / (misfit[0] - 2 * misfit[1] + misfit[2]) / 2 * 1e-4
     assert abs(vertex) < 1e-5
+
+
+@pytest.mark.parametrize("points", [[128], [32, 16]])
+@pytest.mark.parametrize("precision", ["double", "single"])
+def test_particles_that_are_rounded_alike_are_no_damage(points, precision):
+    """A cold beam on a lattice: what rounds the place of one rounds that of all, in the same direction."""
+    drift = [0.3, 0.0][: len(points)]
+    made = plasma(n=2048, points=points, v=0.0, dt=0.1, init="quiet", extra=f"drift_velocity = {drift};", ions=False,
+                  lengths=[8.0 * np.pi] * len(points), precision=precision)  # fmt: skip
+    for _ in range(60):
+        made.step()
+        made.scalars()
+    assert made.guard() is None
+    made.close()

@@ -47,7 +47,8 @@ class KeptMotion:
     """The motion as it is seen now and then.
 
     charge_parts: into how many parts a charge is divided, to which forces are opposite. A step adds to the momentum of
-    a particle at most wp dt <= 2 times what its energy stands for; its place in a tile is rounded.
+    a particle at most wp dt <= 2 times what its energy stands for. Its place in a tile is rounded in each, and what
+    is summed of it at a look: of particles that lie and move alike in the same direction.
     """
 
     def __init__(self, scene: Scene, charge_parts: float, real: np.dtype) -> None:
@@ -55,9 +56,9 @@ class KeptMotion:
         self.mass = float(sum(one.n * one.m for one in species))
         self.per_part = 2.0**-PLACE_BITS * np.outer([one.m for one in species], spacing) / scene.time_step
         self.laws = laws(scene) if scene.n_particles >= MIN_PARTICLES else []
-        farthest = 1.0 + max((float(np.abs(law.turned).max(initial=0.0)) for law in self.laws), default=0.0)
-        cells = self.mass * EDGE[self.dimensions] * float(spacing.max()) / scene.time_step
-        self.rounding, self.place_rounding = 4.0 / charge_parts, farthest * float(np.finfo(real).eps) * cells
+        self.rounding = 4.0 / charge_parts
+        self.per_cell = self.mass * float(spacing.max()) / scene.time_step
+        self.edge_rounding = EDGE[self.dimensions] * float(np.finfo(real).eps)  # of a place in its tile, cells
         self.kept: Motion | None = None
         self.trouble: str | None = None
 
@@ -69,13 +70,17 @@ class KeptMotion:
         steps = abs(now.step - last.step)
         gone = np.array(now.places, object) - np.array(last.places, object)  # whole numbers of any size
         way = self.per_part * gone.astype(np.float64)
-        allowed = (steps + 1) * (self.rounding * math.sqrt(2.0 * self.mass * energy) + self.place_rounding)
+        kicks = (steps + 1) * self.rounding * math.sqrt(2.0 * self.mass * energy)
+        places = ((steps + 1) * self.edge_rounding + 2.0 * 2.0**-PLACE_BITS) * self.per_cell
         for law in self.laws:
-            jumps = {"momentum": law.along @ (now.momentum - last.momentum) - np.sum(law.turned * way)}
+            turned = float(np.abs(law.turned).max(initial=0.0))
+            changed = law.along @ (now.momentum - last.momentum) - np.sum(law.turned * way)
+            jumps = {"momentum": (changed, kicks + turned * places)}
             if law.straight:
                 mean = 0.5 * law.along @ (now.momentum + last.momentum)
-                jumps["mean position"] = (law.along[: self.dimensions] @ way.sum(axis=0) - steps * mean) / max(steps, 1)
-            for what, jump in jumps.items():
+                moved = (law.along[: self.dimensions] @ way.sum(axis=0) - steps * mean) / max(steps, 1)
+                jumps["mean position"] = (moved, kicks + places / max(steps, 1))
+            for what, (jump, allowed) in jumps.items():
                 if abs(jump) > allowed:
                     where = ", ".join(f"{one:g}" for one in law.along)
                     text = f"the {what} along ({where}) jumped between steps {last.step} and {now.step}"
