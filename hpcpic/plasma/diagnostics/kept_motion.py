@@ -65,7 +65,7 @@ class KeptMotion:
     def see(self, now: Motion, energy: float) -> None:
         """The motion at a step, with the energy of all in J."""
         last, self.kept = self.kept, now
-        if last is None or not math.isfinite(energy):
+        if last is None or not self.laws or not math.isfinite(energy):
             return
         steps = abs(now.step - last.step)
         gone = np.array(now.places, object) - np.array(last.places, object)  # whole numbers of any size

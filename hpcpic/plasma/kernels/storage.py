@@ -89,8 +89,7 @@ def count_crossing(crossed, x, anchor, cell, position, n):
     """crossed[0] += how often a particle at `x` from `anchor` had to go round a ring of n cells to (see settle) be in a
     cell at a position.
     """
-    ahead = anchor + np.int64(np.floor(x)) - cell
-    if ahead < -1 or ahead + 1 >= n:
+    if cell != anchor + np.int64(np.floor(x)):
         crossed[0] += np.int64(np.rint((anchor - (cell - (cell & (TILE - 1))) + np.float64(x) - position) / n))
 
 
