@@ -233,3 +233,36 @@ def test_a_rate_that_cannot_be_was_not_measured(cache):
     assert read_rates() == {}
     keep_rates({"update": 1.0, "triad": -2.0, "memory_ns": float("nan"), "message_gb_s": float("inf")})
     assert read_rates() == {"update": 1.0}
+
+
+BOTH_WAYS = """
+import numpy as np
+from hpcpic.core.simd.compile import njit
+from hpcpic.core.tasks.graph import Pool, bind
+
+@njit
+def add(a, k):
+    a[k] += 1.0
+
+@njit
+def outer(a, k):
+    add(a, k)
+
+a = np.zeros(2)
+task = bind(add, a=a, k=0)
+outer(a, 1)  # `add` has no wrapper for Python until Python calls it
+add(a, 1)
+Pool(1).each([task, bind(outer, a=a, k=0)])
+add(a, 1)
+print(a.tolist())
+"""
+
+
+def test_a_kernel_of_tasks_and_kernels_can_be_called_from_python_too(tmp_path):
+    """Compiled, and as it is kept."""
+    script = tmp_path / "both_ways.py"
+    script.write_text(BOTH_WAYS)
+    settings = os.environ | {"HPCPIC_CACHE_DIR": str(tmp_path / "cache")}
+    for _ in range(2):
+        done = subprocess.run([sys.executable, script], env=settings, capture_output=True, text=True)
+        assert done.stdout == "[2.0, 3.0]\n", done.stderr
