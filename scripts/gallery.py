@@ -64,6 +64,7 @@ PROGRAMS = (
             "bump-on-tail": "phase-space",
             "cyclotron": "orbits",
             "exb-drift": "orbits",
+            "ion-acoustic": "modes",
             "landau-damping": "modes",
             "landau-damping-si": "modes",
             "magnetised-thermal-2d": "fields",

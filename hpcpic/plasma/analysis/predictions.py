@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -13,6 +13,7 @@ from hpcpic.plasma.analysis.theory import Beam, Mesh
 from hpcpic.plasma.case.config import PlasmaConfig
 from hpcpic.plasma.configure import configure
 from hpcpic.plasma.forecast.derived import plasma_frequency
+from hpcpic.plasma.physics.poisson import operator_of, response
 from hpcpic.plasma.setup.loaders import loader_of
 
 if TYPE_CHECKING:
@@ -61,9 +62,13 @@ def predict(config: PlasmaConfig, mode: int) -> Prediction | None:
     In order: upper hybrid (cold, B across x), an unstable root, Landau's root, the cold wave.
     """
     found = beams(config)
-    if not found or not mode:
+    if not found or not mode or config.field.equation.b:
         return None
     k, mesh = 2.0 * math.pi * mode / config.simulation.space_length[0], mesh_of(config)
+    continuum, on_mesh = field_factors(config, k)
+    if min(continuum, on_mesh) <= 0:  # charges of one sign attract
+        return None
+    found, meshed = scaled(found, continuum), scaled(found, on_mesh)
     wp = math.sqrt(sum(b.plasma_frequency**2 for b in found))
     cold = all(b.thermal_velocity == 0.0 for b in found)
     still = all(b.drift == 0.0 for b in found)
@@ -72,15 +77,26 @@ def predict(config: PlasmaConfig, mode: int) -> Prediction | None:
     try:
         omega = theory.unstable_root(k, found)
         law = "two-stream" if len(found) == 2 and found[0].drift == -found[1].drift else "beam instability"
-        return Prediction(law, k, omega, _on_mesh(omega, k, found, mesh))
+        return Prediction(law, k, omega, _on_mesh(omega, k, meshed, mesh))
     except theory.NoRoot:
         pass
     if cold and still:
-        return Prediction("cold wave", k, complex(wp), _on_mesh(complex(wp), k, found, mesh))
+        return Prediction("cold wave", k, complex(wp), _on_mesh(complex(wp), k, meshed, mesh))
     if len(found) == 1 and still and k * found[0].thermal_velocity / wp < 2.0:
         omega = wp * theory.landau(k * found[0].thermal_velocity / wp)
-        return Prediction("Landau damping", k, omega, _on_mesh(omega, k, found, mesh))
+        return Prediction("Landau damping", k, omega, _on_mesh(omega, k, meshed, mesh))
     return None
+
+
+def field_factors(config: PlasmaConfig, k: float) -> tuple[float, float]:
+    """Factors of the squared plasma frequency by the field equation: without a mesh, and on that of the case."""
+    mesh, radius = mesh_of(config), config.numerics.cloud_radius
+    return response(operator_of(config), k, mesh.dx, spectral=mesh.spectral, cloud_radius=radius)
+
+
+def scaled(found: tuple[Beam, ...], factor: float) -> tuple[Beam, ...]:
+    """Beams whose field is `factor` times as strong."""
+    return tuple(replace(beam, plasma_frequency=beam.plasma_frequency * math.sqrt(factor)) for beam in found)
 
 
 def _on_mesh(omega: complex, k: float, found: tuple[Beam, ...], mesh: Mesh) -> complex:
@@ -99,8 +115,8 @@ def _upper_hybrid(config: PlasmaConfig, mode: int) -> Prediction | None:
     (beam,), mesh = beams(config), mesh_of(config)
     wc = abs(moving[0].charge / moving[0].mass) * math.hypot(by, bz)
     k = 2.0 * math.pi * mode / config.simulation.space_length[0]
-    wp = beam.plasma_frequency
-    discrete = theory.upper_hybrid_frequency(wp, wc, mesh.dt, k, mesh.dx, config.numerics.exact_phase)
+    wp, on_mesh = (beam.plasma_frequency * math.sqrt(factor) for factor in field_factors(config, k))
+    discrete = theory.upper_hybrid_frequency(on_mesh, wc, mesh.dt, k, mesh.dx, config.numerics.exact_phase)
     return Prediction("upper hybrid", k, complex(math.hypot(wp, wc)), complex(discrete))
 
 

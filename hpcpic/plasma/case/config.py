@@ -65,9 +65,25 @@ class Grid(Section):
     )
 
 
+class Equation(Section):
+    """The field equation a phi_xx + b phi_x + c phi + d phi_yy + e phi_y + f phi = -rho/eps0 (thesis (5.7)).
+
+    As it stands it is Poisson's. c = -1/lambda^2 screens charges over lambda: electrons of a Debye length lambda that
+    follow the potential at once, beside which only ions need to be particles.
+    """
+
+    a: float = setting(1.0, "factor of the second derivative along x")
+    b: float = setting(0.0, "factor of the first derivative along x", "1/m")
+    c: float = setting(0.0, "factor of phi, added to f", "1/m2")
+    d: float = setting(1.0, "factor of the second derivative along y")
+    e: float = setting(0.0, "factor of the first derivative along y", "1/m")
+    f: float = setting(0.0, "factor of phi, added to c", "1/m2")
+
+
 class FieldSection(Section):
     magnetic: Vector = setting((0.0, 0.0, 0.0), "uniform background magnetic field [Bx, By, Bz]", "T")
     electric: Vector = setting((0.0, 0.0, 0.0), "uniform external electric field [Ex, Ey, Ez]", "V/m")
+    equation: Equation = Equation()
 
 
 class Constants(Section):
@@ -212,6 +228,13 @@ class Numerics(Section):
     gradient: Literal["difference", "spectral"] = setting(
         "difference", "E = -grad phi by (5.13), or by ik and k^2"
     )
+    cloud_radius: float = setting(
+        0.0,
+        "standard deviation of a Gaussian by which the solver spreads charges, and the field that they feel, beyond "
+        "their shape; less heating, and waves of a cold plasma slower by exp(-(k R)^2/2)",
+        "m",
+        ge=0,
+    )
     precision: Literal["double", "single"] = setting("double", "arithmetic of the particles")
     exact_phase: bool = setting(False, "Boris rotation with t = tan(wc dt/2): exact gyro-phase")
     reproducible: Literal[True] = setting(True, "same bits for any ranks, threads and task blocks")
@@ -301,6 +324,8 @@ class PlasmaConfig(Section):
         """Scalars of the series that the scene keeps: a magnetic field turns momentum, an electric one does work."""
         magnetic, electric = self.field.magnetic, self.field.electric
         if any(species.acceleration for species in self.species):
+            return ("charge",)
+        if self.field.equation.b or self.field.equation.e:  # what one charge does to another does not come back
             return ("charge",)
         along = (k for k in range(3) if not electric[k] and not any(b for i, b in enumerate(magnetic) if i != k))
         return ("charge", *(() if any(electric) else ("energy_total",)), *(f"momentum_{'xyz'[k]}" for k in along))

@@ -58,11 +58,17 @@ class Mesh:
 
     def _solver(self, scene: Scene) -> LU | MFT:
         """What the case asks for."""
-        numerics, given = scene.config.numerics, (self.world, self.pool, self.domain)
+        numerics, place = scene.config.numerics, (self.world, self.pool, self.domain)
         if scene.config.simulation.solver == "LU":
-            return LU(*given, permittivity=scene.permittivity)
-        spectral = numerics.gradient == "spectral"
-        return MFT(*given, permittivity=scene.permittivity, spectral=spectral, gradient=numerics.gradient)
+            return LU(*place, operator=scene.operator, permittivity=scene.permittivity)
+        return MFT(
+            *place,
+            operator=scene.operator,
+            permittivity=scene.permittivity,
+            spectral=numerics.gradient == "spectral",
+            gradient=numerics.gradient,
+            cloud_radius=numerics.cloud_radius,
+        )
 
     def _arena(self, weight: NDArray[np.float64]) -> Arena:
         """Arrays of the slab as the kernels see them: rows of columns, of one column in 1D."""

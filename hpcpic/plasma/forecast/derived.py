@@ -8,10 +8,11 @@ from typing import Any
 
 from hpcpic.core.case.config import Path
 from hpcpic.core.case.derived import Derived, Verdict
-from hpcpic.plasma.case.config import MOST_POINTS, PlasmaConfig, Species, velocity_components, volume
+from hpcpic.plasma.case.config import MOST_POINTS, Equation, PlasmaConfig, Species, velocity_components, volume
 from hpcpic.plasma.case.units import SYSTEMS, known_by_ratio
 from hpcpic.plasma.forecast.estimate import DEFAULT, SERIES_SHARE, affordable_period, count_seconds, phases
 from hpcpic.plasma.physics.heating import MIN_PER_CELL, energy_ratio
+from hpcpic.plasma.physics.poisson import operator_of, response, strongest_response
 from hpcpic.plasma.physics.quiet_start import recurrence_time
 from hpcpic.plasma.physics.shapes import SHAPES, Shape
 from hpcpic.plasma.setup.loaders import loader_of, velocity_moments
@@ -19,6 +20,7 @@ from hpcpic.plasma.setup.loaders import loader_of, velocity_moments
 HEATED = 0.1  # growth of the energy by the grid that is warned of
 RECURRENCE = 10.0  # runs until beams are in phase: with 4 the damping of a wave is 3 % off
 MAX_DOUBLINGS = 5  # doublings of particles or points that are tried against it
+CLOUDS = "about a fiftieth of the heating, and waves of 16 points 7 % slower"  # measured, docs/measured/plasma.md
 SMOOTHEST_SHAPE = SHAPES["TSC"]
 LARGEST = 1e75  # of a number in a case: products of four still are floating-point numbers
 NODE_CAPACITY = 2**19  # particles on one node that 64-bit fixed point with 44 fractional bits holds
@@ -39,6 +41,7 @@ def derived(config: PlasmaConfig, ranks: int = 1) -> list[Derived]:
     return [
         *mistaken_units(config),
         *stability(config),
+        *field_equation(config),
         *resolution(config),
         *motion(config),
         *waves(config),
@@ -134,10 +137,9 @@ def stability(config: PlasmaConfig) -> Iterator[Derived]:
     dt = config.simulation.time_step
     wp = total_plasma_frequency(config)
     yield Derived("plasma frequency", "wp", wp, "rad/s")
-    step = abs(wp * dt)
+    step = abs(wp * dt) * math.sqrt(field_strength(config))
     limit = "< 2, accurate below 0.5" if step < 1.2 else "< 1.2, stable below 2" if step < 2 else "< 2"
-    legal = math.copysign(rounded_down(1.19 / wp), dt) if wp else dt
-    good = math.copysign(rounded_down(0.2 / wp), dt) if wp else dt
+    legal, good = step_for(config, 1.19, step), step_for(config, 0.2, step)
     yield judged(
         "time step", "wp dt", step, limit, verdict_of(step <= 0.5, step < 1.2), f"{BOOK} ch. 4",
         f"time_step = {legal:g} is the nearest legal one, {good:g} is accurate", TIME_STEP,
@@ -150,6 +152,31 @@ def stability(config: PlasmaConfig) -> Iterator[Derived]:
         yield sampling(math.pi / (step * period), period)
     if any(config.field.magnetic):
         yield turning(config, turn)
+
+
+def field_strength(config: PlasmaConfig) -> float:
+    """The largest factor of the squared plasma frequency of a wave by the field equation; 1 where it has no limit."""
+    most = strongest_response(operator_of(config), config.points, config.simulation.space_length)
+    return most if most < math.inf else 1.0
+
+
+def field_equation(config: PlasmaConfig) -> Iterator[Derived]:
+    """What another left side than Poisson's, or charges that are clouds, do to waves."""
+    equation, radius = config.field.equation, config.numerics.cloud_radius
+    key, source = ("field", "equation"), "thesis (5.7)"
+    if equation != Equation():
+        most = strongest_response(operator_of(config), config.points, config.simulation.space_length)
+        cure = "c + f < 0 and a, d > 0: some waves have a field without a charge, or charges of one sign attract"
+        yield judged("largest field", "K^2/symbol", most, "finite", verdict_of(most < math.inf), source, cure, key)
+    if equation.b or equation.e:
+        worst = max(abs(equation.b), abs(equation.e))
+        cure = "b = 0 and e = 0: charges act on each other unequally, so energy and momentum are not kept"
+        yield judged("first derivatives", "b, e", worst, "0", "warn", source, cure, key)
+    if radius:
+        share, key = max(radius / length for length in config.simulation.space_length), ("numerics", "cloud_radius")
+        cure = "a smaller cloud: no field is left in the box"
+        verdict, source = verdict_of(share < 0.25), "exp(-(k R)^2)"
+        yield judged("radius of the clouds", "R/L", share, "< 0.25", verdict, source, cure, key)
 
 
 def sampling(samples: float, period: int) -> Derived:
@@ -209,7 +236,8 @@ def resolution(config: PlasmaConfig) -> Iterator[Derived]:
         return
     ratio = min(ratios)
     shape = SHAPES[config.numerics.shape]
-    known = config.dimensions == 2 and bool(shape.heating) and config.numerics.gradient == "difference"
+    plain = config.field.equation == Equation() and not config.numerics.cloud_radius
+    known = plain and config.dimensions == 2 and bool(shape.heating) and config.numerics.gradient == "difference"
     yield shielding(config, ratio, known)
     longest = max(1 / math.sqrt(k) / length for k, length in zip(inverse_sq, config.simulation.space_length) if k > 0)
     cure, key = f"no shielding in this box: the particles fly freely; {UNITS}", ("simulation", "space_length")
@@ -225,6 +253,8 @@ def shielding(config: PlasmaConfig, ratio: float, known: bool) -> Derived:
     fine = f"about {math.ceil(points)} points on an axis" if points <= MOST_POINTS else "a hotter or thinner plasma"
     smooth = heated(config, SMOOTHEST_SHAPE, ratio) if known and config.numerics.shape == "CIC" else math.inf
     cheap = f', or numerics.shape = "TSC", with which the energy grows by {smooth:.2g}' if smooth < HEATED else ""
+    if not config.numerics.cloud_radius and config.simulation.solver == "MFT":
+        cheap += f", or numerics.cloud_radius = {min(spacing(config)):.3g}: {CLOUDS}"
     verdict, source = verdict_of(ratio >= 0.5, ratio >= 0.03), f"{BOOK} ch. 8"
     return judged("Debye length", "lambda_D/dx", ratio, "> 0.5", verdict, source, fine + cheap, POINTS, forceable=True)
 
@@ -323,6 +353,8 @@ def waves(config: PlasmaConfig) -> Iterator[Derived]:
         turns = [2 * math.pi * n / points for n, points in zip(species.perturbation.mode, config.points)]
         step = max(abs(turn) for turn in turns)
         wave = partial(judged, "perturbed wave", "k dx", step, unit="rad")
+        if radius := config.numerics.cloud_radius:
+            yield slowed_by_clouds(config, i, radius)
         if step > math.pi:
             cure = "a smaller mode or more points"
             yield wave("<= pi", "fail", "shortest wave of a grid", cure, mode, forceable=True)
@@ -332,8 +364,21 @@ def waves(config: PlasmaConfig) -> Iterator[Derived]:
         if species.init_method == "strata" and species.thermal_velocity:
             yield recurrence(config, i)
         if len(turns) == 1 and 0 < wp * dt < 2 and config.numerics.gradient == "difference":
-            frequency = 2 / (wp * dt) * math.asin(wp * dt / 2 * math.cos(step / 2))
+            (dx,), radius = spacing(config), config.numerics.cloud_radius
+            _, factor = response(operator_of(config), step / dx, dx, spectral=False, cloud_radius=radius)
+            swing = wp * dt / 2 * math.cos(step / 2) * math.sqrt(max(factor, 0.0))
+            frequency = 2 / (wp * dt) * math.asin(min(swing, 1.0))
             yield Derived("cold frequency on this grid", "w/wp", frequency, source=f"{BOOK} ch. 4, 8")
+
+
+def slowed_by_clouds(config: PlasmaConfig, i: int, radius: float) -> Derived:
+    """The radius of the charges against the wave that a species starts with."""
+    wave = config.species[i].perturbation
+    assert wave is not None
+    k = 2 * math.pi * math.hypot(*(n / length for n, length in zip(wave.mode, config.simulation.space_length)))
+    cure = f"more than 1 % slow; numerics.cloud_radius = {rounded_down(math.sqrt(0.02) / k):g}"
+    verdict, source, key = verdict_of((k * radius) ** 2 / 2 < 0.01), "exp(-(k R)^2/2)", ("numerics", "cloud_radius")
+    return judged("clouds on the wave", "k R", k * radius, "< 0.14", verdict, source, cure, key)
 
 
 def recurrence(config: PlasmaConfig, i: int) -> Derived:

@@ -4,8 +4,12 @@ Both solve (5.7), a phi_xx + b phi_x + c phi + d phi_yy + e phi_y + f phi = g, i
 and centred differences; the Poisson equation has a = d = 1, and the rest 0. Two things differ from the thesis: each
 axis has its own spacing (the printed (5.3) and (5.11) hold for dx = dy = 1), and where a constant phi gives g = 0
 (c + f = 0), the mean of g is left out and phi has no mean.
+
+Charges may be clouds (the shape altered in Fourier space, end of 5.1): the charge of a particle is spread once more
+by a Gaussian of standard deviation R along each axis, exp(-k^2 R^2/2), and so is the field that it feels.
 """
 
+import math
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
@@ -13,7 +17,8 @@ import numpy as np
 from numpy.typing import DTypeLike, NDArray
 
 from hpcpic.core.space.domain import Domain
-from hpcpic.core.space.elementary import cos, sin
+from hpcpic.core.space.elementary import cos, expm1, sin
+from hpcpic.plasma.case.config import PlasmaConfig
 
 if TYPE_CHECKING:
     from hpcpic.core.comm.world import World
@@ -43,6 +48,11 @@ class Operator:
         return (self.a, self.b) if axis == "x" else (self.d, self.e)
 
 
+def operator_of(config: PlasmaConfig) -> Operator:
+    """The left side of the field equation of a case."""
+    return Operator(**config.field.equation.model_dump())
+
+
 def _angles(n: int) -> NDArray:
     """2 pi k / n in the order of the transform, k from -n/2: so sines are odd and cosines even to the last bit."""
     return 2 * np.pi / n * (np.fft.fftfreq(n) * n)
@@ -62,29 +72,70 @@ def _second(n: int, spacing: float, spectral: bool) -> NDArray[np.float64]:
 
 
 def green(
-    operator: Operator, points: tuple[int, ...], spacing: tuple[float, ...], columns: slice, *, spectral: bool
+    operator: Operator,
+    points: tuple[int, ...],
+    spacing: tuple[float, ...],
+    columns: slice,
+    *,
+    spectral: bool,
+    cloud_radius: float = 0.0,
 ) -> NDArray:
     """phi_hat / g_hat (5.11) in transform order: [kx of `columns`, ky] in 2D, [kx] in 1D; real if b = e = 0.
 
-    It is 0 for mode 0 of a singular equation. spectral: -k^2 and i k in place of the differences. Raises ValueError
-    where another mode satisfies the equation without a charge.
+    It is 0 for mode 0 of a singular equation. spectral: -k^2 and i k in place of the differences. cloud_radius: that of
+    the Gaussian that spreads charge and field. Raises ValueError where another mode satisfies the equation without a
+    charge.
     """
     symbol = np.zeros((1,) * len(points))
+    spread = np.zeros((1,) * len(points))  # k^2
     for storage, axis in zip(range(-1, -1 - len(points), -1), "xy"):
         n, step = points[storage], spacing[storage]
         second, first = operator.along(axis)
         part = second * _second(n, step, spectral)
         if first:
             part = part + 1j * first * _first(n, step, spectral)
+        square = -_second(n, step, True)
         if axis == "x":
-            part = part[: n // 2 + 1][columns]
-        symbol = symbol + (part[:, None] if axis == "x" and len(points) == 2 else part)
+            part, square = (values[: n // 2 + 1][columns] for values in (part, square))
+        if axis == "x" and len(points) == 2:
+            part, square = part[:, None], square[:, None]
+        symbol, spread = symbol + part, spread + square
     symbol = symbol + (operator.c + operator.f)
     zero = symbol == 0
     allowed = int(operator.singular and (columns.start or 0) == 0 and symbol.size > 0)
     if np.count_nonzero(zero) > allowed:
         raise ValueError(f"{operator} is resonant: modes of a periodic box satisfy it without a charge")
-    return np.where(zero, 0.0, 1.0 / np.where(zero, 1.0, symbol))
+    response = np.where(zero, 0.0, 1.0 / np.where(zero, 1.0, symbol))
+    return response * (1.0 + expm1(-(cloud_radius**2) * spread)) if cloud_radius else response
+
+
+def response(operator: Operator, k: float, dx: float, *, spectral: bool, cloud_radius: float) -> tuple[float, float]:
+    """How many times the squared plasma frequency a wave along x has of that by Poisson's equation, for b = 0: without
+    a mesh, and on one. Negative where charges of one sign attract each other.
+
+    k rad/m, dx m. Clouds count as part of the scheme.
+    """
+    on_mesh = k if spectral else 2.0 / dx * math.sin(0.5 * k * dx)
+    continuum, mesh = (square / (operator.a * square - operator.c - operator.f) for square in (k * k, on_mesh**2))
+    return continuum, mesh * math.exp(-((k * cloud_radius) ** 2))
+
+
+def strongest_response(operator: Operator, points: tuple[int, ...], lengths: tuple[float, ...]) -> float:
+    """The largest such factor of all waves of a mesh of [Nx] or [Nx, Ny] points; infinite where one attracts, or has a
+    field without a charge.
+
+    Of K^2 over a linear form in Kx^2 and Ky^2 the extremes are at the corners of what the mesh has.
+    """
+    ends = []
+    for n, length in zip(points, lengths):
+        waves = np.array([1, n // 2]) if n > 1 else np.zeros(1)
+        ends.append(np.append(0.0, (2 * n / length * np.sin(np.pi * waves / n)) ** 2))
+    kx, ky = np.meshgrid(ends[0], ends[1] if len(ends) > 1 else 0.0)
+    square, form = kx + ky, operator.a * kx + operator.d * ky - operator.c - operator.f
+    there = square > 0
+    if (form[there] <= 0).any():
+        return math.inf
+    return float((square[there] / form[there]).max(initial=0.0))
 
 
 def _gradient(points: tuple[int, ...], spacing: tuple[float, ...], columns: slice) -> list[NDArray]:
@@ -102,7 +153,8 @@ class MFT:
     phi   real[rows, Nx]: the potential, after solve()
     E     [x, y components] real[rows, Nx] each, with gradient = "spectral": E_hat = -i k phi_hat; else empty
 
-    permittivity: eps0. spectral: the exact -k^2 and i k for the differences of the operator.
+    permittivity: eps0. spectral: the exact -k^2 and i k for the differences of the operator. cloud_radius: as of
+    `green`, in the unit of the domain.
     """
 
     def __init__(
@@ -116,13 +168,14 @@ class MFT:
         permittivity: float = 1.0,
         spectral: bool = False,
         gradient: str = "difference",
+        cloud_radius: float = 0.0,
     ) -> None:
         if gradient not in ("difference", "spectral"):
             raise ValueError(f'gradient must be "difference" or "spectral", not {gradient!r}')
         _require_periodic(domain)
         points, spacing = domain.points, domain.spacing
         transform, columns = _transform(world, points)
-        factor = green(operator, points, spacing, columns, spectral=spectral) / -permittivity
+        factor = green(operator, points, spacing, columns, spectral=spectral, cloud_radius=cloud_radius) / -permittivity
         factor /= np.prod(points)
         if gradient == "spectral":
             factor = np.stack(

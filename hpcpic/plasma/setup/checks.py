@@ -29,6 +29,7 @@ def faults(config: PlasmaConfig) -> Iterator[Fault]:
         vector = getattr(config.field, name)
         if len(vector) != 3:
             yield ("field", name), f"needs 3 numbers, one per axis x, y, z (got {len(vector)})"
+    yield from equation_faults(config, d)
     yield from field_faults(config.output.fields)
     yield from mode_faults(config.output.modes, config.points)
     if len(simulation.space_length) == d:
@@ -62,6 +63,17 @@ def grid_faults(config: PlasmaConfig, d: int) -> Iterator[Fault]:
             yield ("grid", name), f"needs {d} number(s) in {d}D (got {len(vector)})"
         elif vector is not None and max(vector) > MOST_POINTS:
             yield ("grid", name), f"at most {MOST_POINTS} on an axis (got {max(vector)})"
+
+
+def equation_faults(config: PlasmaConfig, d: int) -> Iterator[Fault]:
+    """Constants of an axis that is not there, and clouds without a Fourier space."""
+    equation = config.field.equation
+    for name, usual in (("d", 1.0), ("e", 0.0)):
+        if d == 1 and (value := getattr(equation, name)) != usual:
+            yield ("field", "equation", name), f"is of y, which a 1D box does not have (got {value:g})"
+    if config.numerics.cloud_radius and config.simulation.solver == "LU":
+        text = f'needs the Fourier space of simulation.solver = "MFT" (got {config.numerics.cloud_radius:g} with "LU")'
+        yield ("numerics", "cloud_radius"), text
 
 
 def field_faults(names: tuple[str, ...]) -> Iterator[Fault]:

@@ -13,14 +13,15 @@ from hpcpic.core.space.domain import wrap
 from hpcpic.core.space.elementary import sin
 from hpcpic.plasma.case import config as case
 from hpcpic.plasma.physics.boris import part_of_turn, rotation_vectors, shears, turn
+from hpcpic.plasma.physics.poisson import operator_of
 from hpcpic.plasma.setup import loaders, macro_particles
 
 
 class Scene:
     """A case made concrete. Vectors are in physical order (x, y, z); v is the number of velocity components.
 
-    lengths[d] m, points[d], spacing[d] m, time_step s, permittivity, cell_volume (m in 1D, m2 in 2D),
-    velocity_spacing[v] m (velocities in cells per step are v dt / velocity_spacing),
+    lengths[d] m, points[d], spacing[d] m, time_step s, permittivity, operator (of the field equation),
+    cell_volume (m in 1D, m2 in 2D), velocity_spacing[v] m (velocities in cells per step are v dt / velocity_spacing),
     background: charge density that makes the box neutral (rho_0 of (5.1)), species: tuple of SceneSpecies,
     n_particles of all species.
     """
@@ -34,6 +35,7 @@ class Scene:
         self.spacing = tuple(length / n for length, n in zip(self.lengths, self.points))
         self.time_step = simulation.time_step
         self.permittivity = config.constants.vacuum_permittivity
+        self.operator = operator_of(config)
         self.velocity_components = case.velocity_components(config)
         self.volume = case.volume(config)
         self.cell_volume = float(np.prod(self.spacing))

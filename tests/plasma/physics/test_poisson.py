@@ -6,7 +6,7 @@ import pytest
 from hpcpic.core.comm.world import World
 from hpcpic.core.space.domain import Domain, even_cuts
 from hpcpic.core.tasks.graph import Pool
-from hpcpic.plasma.physics.poisson import LU, MFT, Operator
+from hpcpic.plasma.physics.poisson import LU, MFT, Operator, strongest_response
 
 GENERAL = Operator(1.3, 0.4, -0.7, 0.6, -0.9, -0.2)
 SHAPES = [(16, 16), (12, 20), (7, 9), (1, 8), (5, 2)]
@@ -71,6 +71,18 @@ def test_lu_and_mft_agree(alone, lengths, operator, points):
     phi, _ = solved(MFT, alone, place, rho, operator=operator)
     other, _ = solved(LU, alone, place, rho, operator=operator)
     assert np.abs(phi - other).max() < 1e-12 * max(np.abs(phi).max(), 1)
+
+
+@pytest.mark.parametrize("spectral", [False, True])
+def test_clouds_give_each_wave_its_gaussian_twice(alone, spectral):
+    """Once for the charge, once for the field that it feels: by a sum over all modes."""
+    points, lengths, radius = (12, 10), (1.5, 2.0), 0.2
+    place, rho, options = domain(points, lengths), charge(points), {"operator": GENERAL, "spectral": spectral}
+    phi, _ = solved(MFT, alone, place, rho, cloud_radius=radius, **options)
+    sharp, _ = solved(MFT, alone, place, rho, **options)
+    ky, kx = (2 * np.pi * np.fft.fftfreq(n, step) for n, step in zip(points, place.spacing))
+    gauss = np.exp(-(radius**2) * (kx**2 + ky[:, None] ** 2))
+    assert np.abs(phi - np.fft.ifft2(np.fft.fft2(sharp) * gauss).real).max() < 1e-14 * np.abs(sharp).max()
 
 
 def test_general_constants_against_a_dense_solve(alone):
@@ -142,6 +154,22 @@ def test_single_precision_follows_double(alone):
     single, _ = solved(MFT, alone, place, rho.astype(np.float32), dtype=np.float32)
     assert single.dtype == np.float32
     assert 0 < np.abs(single - phi).max() < 1e-6 * np.abs(phi).max()
+
+
+@pytest.mark.parametrize("points", [(9,), (16,), (12, 7), (2, 8)])
+@pytest.mark.parametrize(
+    "a, c, d", [(1.0, 0.0, 1.0), (0.3, -2.0, 1.5), (2.0, -0.5, 2.0), (1.0, 30.0, 1.0), (1.0, 1e4, -1.0)]
+)
+def test_the_strongest_response_is_that_of_some_mode(points, a, c, d):
+    lengths = (2.0, 0.7)[: len(points)]
+    steps = [length / n for n, length in zip(points, lengths)]
+    square = [(2 / h * np.sin(np.pi * np.arange(n) / n)) ** 2 for n, h in zip(points, steps)]
+    kx, ky = np.meshgrid(square[0], square[1] if len(points) > 1 else 0.0)
+    there = kx + ky > 0
+    form = (a * kx + d * ky - c)[there]
+    expected = np.inf if (form <= 0).any() else ((kx + ky)[there] / form).max()
+    found = strongest_response(Operator(a=a, c=c, d=d), points, lengths)
+    assert found == pytest.approx(expected, rel=1e-12)
 
 
 def test_lu_refuses_large_grids(alone):
