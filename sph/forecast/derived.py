@@ -6,7 +6,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from hpcpic.core.case.derived import Derived, Verdict
+from hpcpic.core.case.derived import Derived, Verdict, rounded_down
 from sph.case import geometry
 from sph.case.config import ELEVATION, WALL_PRESSURE, SphConfig
 from sph.forecast.plausibility import sensible
@@ -42,12 +42,6 @@ def derived(config: SphConfig, ranks: int = 1) -> list[Derived]:
         *dry_gauges(config, scene),
         *sensible(config, scene),
     ]
-
-
-def rounded_down(value: float) -> float:
-    """The largest number of two digits that is not above value > 0."""
-    scale = 10.0 ** (math.floor(math.log10(value)) - 1)
-    return float(f"{math.floor(value / scale * (1 + 1e-12)) * scale:.2g}")
 
 
 def step(config: SphConfig) -> Iterator[Derived]:

@@ -49,6 +49,12 @@ def judged(name: str, symbol: str, value: float, *, ok: bool, legal: bool = Fals
     return Derived(name, symbol, value, verdict=verdict, cure="" if ok else cure, **more)
 
 
+def rounded_down(value: float) -> float:
+    """The largest number of two digits that is not above value > 0."""
+    scale = 10.0 ** (math.floor(math.log10(value)) - 1)
+    return float(f"{math.floor(value / scale * (1 + 1e-12)) * scale:.2g}")
+
+
 def enforce(numbers: Iterable[Derived], tree: Tree, force: bool = False) -> list[str]:
     """The warnings of a case. Raises ConfigError with every refusal, placed at the key to change."""
     warnings, refusals = [], []
