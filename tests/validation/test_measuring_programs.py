@@ -16,6 +16,7 @@ PROGRAMS = {  # words -> rows of its table at the least
     "benchmarks/dem.py": 9,
     "benchmarks/sph_speed.py --particles 2e4 --rounds 1": 6,
     "benchmarks/transform.py 64": 1,
+    "benchmarks/solvers.py 16 --figure {folder}/solvers.png": 1,
     "benchmarks/stencil.py": 4,
     "scripts/scene_costs.py": 30,
     "scripts/estimates.py hpcpic --cases two-stream-warm --rounds 1": 3,

@@ -54,6 +54,7 @@ class Page:
     warnings: Sequence[str] = ()
     config: str = ""
     provenance: Mapping[str, str] = field(default_factory=dict)
+    reload_s: int = 0  # after which a browser loads the page again; 0: never
 
 
 def render(page: Page) -> str:

@@ -12,6 +12,7 @@ import click
 from hpcpic.core.app.app import App, AppLoader
 from hpcpic.core.app.use import use_option
 from hpcpic.core.errors import ConfigError, FileError, HpcpicError
+from hpcpic.core.report.follow import follow_option, states_of
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -40,39 +41,66 @@ def make_plot_command(app_loader: AppLoader) -> click.Command:
     )
     @use_option
     @click.option("--step", type=int, help="Snapshot to draw.  [default: the last one]")
-    def plot(folder: str, what: str, output: str | None, kind: str, step: int | None) -> None:
+    @follow_option
+    def plot(folder: str, what: str, output: str | None, kind: str, step: int | None, follow: bool) -> None:
         """Draw figures of a run: all that its scene and its files allow, or the one that WHAT names.
 
         Needs no display. An unknown WHAT lists the names there are. If a figure fails, the others are drawn.
         """
-        from hpcpic.core.app.figures import NoData, NotInScene
-        from hpcpic.core.files.reader import open_run
-
         app = app_loader()
         plots = plots_of(app)
         names = list(plots) if what == "all" else [_known(what, plots)]
-        run = open_run(folder, app.name)
         target = Path(output) if output else Path(folder) / "plots"
-        written = 0
-        failed: list[Exception] = []
-        for name in names:
-            try:
-                click.echo(_draw(run, plots[name], target / f"{name}.{kind}", step))
-                written += 1
-            except NoData as error:
-                if what != "all":
-                    raise FileError(f"{folder}: cannot draw {name}: {error}") from error
-                if not isinstance(error, NotInScene):
-                    click.echo(f"left out {name}: {error}", err=True)
-            except Exception as error:
-                click.echo(f"failed {name}: {explained(error)}", err=True)
-                failed.append(error)
-        if failed:
-            raise failed[0]
-        if not written:
-            raise FileError(f"{folder}: holds nothing that can be drawn yet")
+        for run in states_of(folder, app.name, follow):
+            outcomes = {name: _outcome(run, plots[name], target / f"{name}.{kind}", step) for name in names}
+            if follow:
+                click.echo(f"{so_far(run)}: {count_of(outcomes)} of {len(names)} figures in {target}")
+        _tell(folder, what, outcomes, quiet=follow)
 
     return plot
+
+
+def so_far(run: Run) -> str:
+    """Where a run stands: its status, and the step and time of its newest sample."""
+    status = str(run.summary.get("status", "unknown"))
+    if not (run.path / "series.h5").exists() or not len(run.series.step):
+        return status
+    return f"{status}, step {run.series.step[-1]}, t = {run.series.time[-1]:.5g} s"
+
+
+def count_of(outcomes: Mapping[str, Path | Exception]) -> int:
+    """How many of them are files."""
+    return sum(isinstance(outcome, Path) for outcome in outcomes.values())
+
+
+def _outcome(run: Run, plot: Plot, path: Path, step: int | None) -> Path | Exception:
+    """The file that was made, or why there is none."""
+    try:
+        return _draw(run, plot, path, step)
+    except Exception as error:
+        return error
+
+
+def _tell(folder: str, what: str, outcomes: Mapping[str, Path | Exception], quiet: bool) -> None:
+    """Files, and figures that could not be made. Raises what ended one, or FileError where nothing was drawn."""
+    from hpcpic.core.app.figures import NoData, NotInScene
+
+    failed: list[Exception] = []
+    for name, outcome in outcomes.items():
+        if isinstance(outcome, Path):
+            if not quiet:
+                click.echo(outcome)
+        elif not isinstance(outcome, NoData):
+            click.echo(f"failed {name}: {explained(outcome)}", err=True)
+            failed.append(outcome)
+        elif what != "all":
+            raise FileError(f"{folder}: cannot draw {name}: {outcome}") from outcome
+        elif not isinstance(outcome, NotInScene):
+            click.echo(f"left out {name}: {outcome}", err=True)
+    if failed:
+        raise failed[0]
+    if not count_of(outcomes):
+        raise FileError(f"{folder}: holds nothing that can be drawn yet")
 
 
 def explained(error: Exception) -> str:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Mapping
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -13,15 +14,18 @@ from hpcpic.core.app.app import App, AppLoader
 from hpcpic.core.app.text import count, duration, number
 from hpcpic.core.app.use import use_option
 from hpcpic.core.case.cases import Header, read_header
+from hpcpic.core.errors import ConfigError
 from hpcpic.core.report.comparison_page import labels, several_runs
+from hpcpic.core.report.follow import follow_option, states_of
 from hpcpic.core.report.page import NO_HEADER, Drawn, Page, Table, inline, render
-from hpcpic.core.report.plot import explained, plots_of
+from hpcpic.core.report.plot import explained, plots_of, so_far
 from hpcpic.core.run.summary import is_dissipation, several, stepping_seconds
 
 if TYPE_CHECKING:
     from hpcpic.core.files.reader import Run
 
 MARKS = {"finished": "ok", "stopped": "warn", "running": "warn"}
+RELOAD_S = 5  # between two loads of a page that follows its run
 SECTIONS = {  # of every simulator
     "scalars": "sums over all particles and nodes for a row of the series",
     "compiling": "kernels that no earlier run had compiled, when the first steps called them",
@@ -45,27 +49,41 @@ def make_report_command(app_loader: AppLoader) -> click.Command:
         metavar="FILE",
         help="The page.  [default: DIR/report.html; comparison.html here for several]",
     )
-    def report(folders: tuple[str, ...], output: str | None) -> None:
-        """One HTML page on a run, or a comparison of several: figures, checks, timings, provenance, case."""
+    @follow_option
+    def report(folders: tuple[str, ...], output: str | None, follow: bool) -> None:
+        """One HTML page on a run, or a comparison of several: figures, checks, timings, provenance, case.
+
+        With --follow the page of a run loads itself again every few seconds.
+        """
         from hpcpic.core.files.reader import open_run
-        from hpcpic.core.files.rundir import write_atomic
 
         app = app_loader()
-        opened = [open_run(folder, app.name) for folder in folders]
-        runs = dict(zip(labels(folders, opened), opened, strict=True))
-        if len(runs) == 1:
-            page = one_run(app, next(iter(runs.values())))
+        if len(folders) == 1:
             path = Path(output or Path(folders[0]) / "report.html")
+            for run in states_of(folders[0], app.name, follow):
+                page = one_run(app, run)
+                alive = follow and page.status == "running"
+                _write(path, replace(page, reload_s=RELOAD_S) if alive else page)
+                click.echo(f"{so_far(run)}: {path}" if follow else path)
+        elif follow:
+            raise ConfigError("--follow is of one run")
         else:
-            page = several_runs(app, runs)
+            opened = [open_run(folder, app.name) for folder in folders]
+            page = several_runs(app, dict(zip(labels(folders, opened), opened, strict=True)))
             path = Path(output or "comparison.html")
-        path.parent.mkdir(parents=True, exist_ok=True)
-        write_atomic(path, render(page))
-        click.echo(path)
+            _write(path, page)
+            click.echo(path)
         for error in page.failures.values():
             raise error
 
     return report
+
+
+def _write(path: Path, page: Page) -> None:
+    from hpcpic.core.files.rundir import write_atomic
+
+    path.parent.mkdir(parents=True, exist_ok=True)
+    write_atomic(path, render(page))
 
 
 def one_run(app: App, run: Run) -> Page:

@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+import json
+import shutil
 import subprocess
 import sys
+import threading
 
 import pytest
 from click.testing import CliRunner
@@ -13,6 +16,7 @@ from hpcpic.__main__ import load_app
 from hpcpic.core.app.figures import NoData, movie
 from hpcpic.core.cli.main import build
 from hpcpic.core.files.reader import open_run
+from hpcpic.core.report import follow
 from hpcpic.plasma.analysis.plots import PLOTS
 from hpcpic.plasma.app import shipped_cases
 
@@ -41,6 +45,33 @@ def test_one_figure_as_svg_elsewhere(folder, tmp_path):
     assert done.exit_code == 0, done.output
     (path,) = (tmp_path / "new").iterdir()
     assert path.name == "phase-space.svg" and path.read_text().startswith("<svg")
+
+
+def test_who_follows_a_run_sees_each_change_until_it_ends(folder, tmp_path, monkeypatch):
+    for constant in ("POLL_S", "LEAST_PAUSE_S", "PAUSES"):
+        monkeypatch.setattr(follow, constant, 0.01)
+    shutil.copytree(folder, copy := tmp_path / "run")
+    facts = json.loads((copy / "run.json").read_text())
+    (copy / "run.json").write_text(json.dumps(facts | {"status": "running"}))
+    states = follow.states_of(copy, "hpcpic", follow=True)
+    assert next(states).summary["status"] == "running"
+    waiting = threading.Thread(target=lambda: seen.append(next(states).summary["status"]))
+    seen: list[str] = []
+    waiting.start()
+    waiting.join(0.2)
+    assert waiting.is_alive() and not seen, "nothing has changed"
+    (copy / "run.json").write_text(json.dumps(facts | {"status": "finished", "steps": 200}))
+    waiting.join(10)
+    assert seen == ["finished"] and next(states, None) is None
+    assert len(list(follow.states_of(copy, "hpcpic", follow=False))) == 1
+
+
+def test_plot_and_report_that_follow_end_with_the_run(folder, tmp_path):
+    done = hpcpic("plot", folder, "modes", "--follow", "-o", tmp_path)
+    assert done.exit_code == 0 and "finished, step 200, t = " in done.output, done.output
+    done = hpcpic("report", folder, "--follow", "-o", tmp_path / "page.html")
+    assert done.exit_code == 0 and "finished, step 200" in done.output, done.output
+    assert 'http-equiv="refresh"' not in (tmp_path / "page.html").read_text()
 
 
 def test_unknown_names_are_usage_errors(folder):

@@ -20,6 +20,7 @@ ABOUT = {
     "bump-on-tail": "growth",
     "cyclotron": "gyration",
     "exb-drift": "gyration",
+    "ion-acoustic": "frequency",
     "landau-damping": "damping",
     "landau-damping-si": "damping",
     "magnetised-thermal-2d": "energy",
