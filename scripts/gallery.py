@@ -96,6 +96,7 @@ PROGRAMS = (
             "column-impact-a": "forces",
             "column-impact-b": "forces",
             "column-impact-c": "forces",
+            "column-impact-printed": "forces",
         },
     ),
     Program(

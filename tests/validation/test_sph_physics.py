@@ -245,14 +245,24 @@ def test_a_dam_break_on_a_sensor_of_90_mm(world):
     assert told("sensor: highest gap under the stream, spacings", np.abs(lowest).max(), "0.5") < 0.5
 
 
-def test_the_force_of_the_wave_on_the_column(world):
-    """Case A of (SC) beside Yeh & Petroff, whose clock is 0.068 s late for that of our case F (5 mm). Measured: see the
-    table of scripts/column_impact.py.
+@pytest.mark.parametrize(
+    ("case", "most"),
+    [
+        ("column-impact-a", {"peak": 0.2, "plateau": 0.1, "impulse": 0.05}),
+        ("column-impact-printed", {"peak": 0.25, "plateau": 0.15, "impulse": 0.05}),
+    ],
+)
+def test_the_force_of_the_wave_on_the_column(world, case, most):
+    """Case A of (SC) beside Yeh & Petroff, whose clock is 0.068 s late for that of our case F (5 mm), by our scheme and
+    by the printed one, whose peak is 18 % low and whose plateau 10 % high. Measured: see the table of
+    scripts/column_impact.py.
     """
-    done = Done(world, "column-impact-a", "simulation.end_time=1.3", period=0.0005)
+    done = Done(world, case, "simulation.end_time=1.3", period=0.0005)
     found = experiments.column_figures(done.t, done.series("impulse_column_x"))
     for name, value in found.items():
-        told(f"column impact A: {name}", value, f"{experiments.COLUMN_FIGURES[name]:g} measured")
-    for name, within in (("peak", 0.2), ("plateau", 0.1), ("impulse", 0.05)):
+        told(f"{case}: {name}", value, f"{experiments.COLUMN_FIGURES[name]:g} measured")
+    for name, within in most.items():
         assert abs(found[name] / experiments.COLUMN_FIGURES[name] - 1) < within, name
     assert abs(found["arrival"] - experiments.COLUMN_FIGURES["arrival"]) < 0.02
+    lost = done.series("energy_total")
+    assert np.all(np.diff(lost) < 1e-3 * lost[0])  # no scheme gives energy to the water, in 0.5 ms nor at all

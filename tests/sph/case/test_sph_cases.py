@@ -20,6 +20,7 @@ COARSE = {  # settings that leave the kind of scene as it is and make it small
     "column-impact-a": ("numerics.spacing=0.04",),
     "column-impact-b": ("numerics.spacing=0.04", "wall[2].shape.box.high=[0.44, 0.61, 0.45]"),
     "column-impact-h": ("numerics.spacing=0.04",),
+    "column-impact-printed": ("numerics.spacing=0.04",),
     "hydrostatic": ("numerics.spacing=0.04", "numerics.smoothing=1.0"),
     "oscillating-piston": ("numerics.spacing=0.04",),
     "still-tank": ("numerics.spacing=0.1",),
