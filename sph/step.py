@@ -79,7 +79,7 @@ class Sph:
         self.openings = self.evolution.openings
         summed = [self.forces.impulses, self.exchange.made, self.exchange.gone]
         summed += [self.bodies.state] if self.bodies else []
-        summed += [self.openings.mean, self.openings.way] if self.openings else []
+        summed += [self.openings.mean, self.openings.way, self.openings.columns] if self.openings else []
         self.checksums = Checksums(scene.dimensions, self.tasks.arena, summed)
         self.runaway = Runaway(self.clock, self.storage, self.forces, self.totals, self.checksums, self.exchange)
         self.strays = Strays(scene, world, self.clock, self.storage)

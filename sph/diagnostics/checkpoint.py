@@ -69,6 +69,8 @@ class Checkpoint:
             whole["gone"] = self.storage.world.sum_int(self.exchange.gone)
         if self.openings:
             whole["openings/means"] = self.openings.mean
+            if self.openings.columns.any():
+                whole["openings/columns"] = self.openings.columns
         if self.storage.scene.inlets:
             assert self.openings
             whole |= {"openings/made": self.exchange.made, "openings/ways": self.openings.way}
@@ -143,6 +145,8 @@ class Checkpoint:
             found["gone"] = Column(np.int64, self.exchange.gone.shape, 0)
         if self.openings:
             found["openings/means"] = Column(real, self.openings.mean.shape, -(fastest**2), fastest**2)
+            if self.openings.columns.any():
+                found["openings/columns"] = Column(real, self.openings.columns.shape, 0.0, scene.diagonal)
         if scene.inlets:
             rows = sum(len(inlet.rows) for inlet in scene.inlets)
             found["openings/made"] = Column(np.int64, (len(scene.inlets),), 0)
@@ -188,6 +192,8 @@ class Checkpoint:
             self.exchange.gone[:] = reader.read("gone") if storage.world.rank == 0 else 0
         if self.openings:
             self.openings.mean[:] = reader.read("openings/means")
+            if self.openings.columns.any():
+                self.openings.columns[:] = reader.read("openings/columns")
         if scene.inlets:
             assert self.openings
             self.exchange.made[:] = reader.read("openings/made")

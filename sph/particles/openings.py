@@ -77,7 +77,8 @@ class Openings:
     """ways[k][row]: how far the last one of a row has gone from the end of
     its box, m; mean[n, 3]: head in the middle of the box in m2/s2 and velocity of the fluid before it in m/s, of
     inlets, for which it is the prescribed one, and then of outlets; and how far what is in an outlet has gone back, m,
-    as it may by the spare length of its box.
+    as it may by the spare length of its box. columns[k]: height of the columns of fluid in outlet k, m, 0 but for
+    waves: they grow with the surface of a wave and narrow, so that as much is in the box as before it.
     """
 
     def __init__(self, scene: Scene, clock: Clock, storage: Storage, slabs: Slabs, exchange: Exchange) -> None:
@@ -86,6 +87,7 @@ class Openings:
         self.way = np.concatenate([np.zeros(0), *(np.full(len(inlet.rows), inlet.step) for inlet in scene.inlets)])
         self.ways = np.split(self.way, np.cumsum([len(inlet.rows) for inlet in scene.inlets])[:-1])
         self.mean = np.zeros((len(self.places), 3))
+        self.columns = np.array([place.wave**2 / place.g if place.wave else 0.0 for place in scene.outlets])
         self._sums: list[NDArray[np.float64]] = []
 
     # ---- during a step
@@ -128,13 +130,15 @@ class Openings:
 
     def follow(self) -> None:
         """Fluid leaves and comes in after a step of the clock's length, to its end. Collective."""
-        for outlet, (head, _, _) in zip(self.scene.outlets, self.mean[len(self.scene.inlets) :]):
+        for k, (outlet, (head, _, _)) in enumerate(zip(self.scene.outlets, self.mean[len(self.scene.inlets) :])):
             slots = self._between(outlet, outlet.free, outlet.end + outlet.sign * self.scene.support)
             x = self.storage.physical("x", slots)
             gone = outlet.sign * (x[:, outlet.axis] - outlet.end) > 0.0
             if outlet.has_surface:  # what a falling surface has left above it would stay there
                 gone |= head + outlet.from_middle(x) < -0.5 * outlet.g * self.scene.spacing
             self.exchange.take(slots[gone], outlet.name)
+            if outlet.wave:
+                self.columns[k] *= 1.0 + self.clock.time_step * outlet.growth(head, self.columns[k])
         for k, inlet in enumerate(self.scene.inlets):
             self._let_in(k, inlet)
         self._look()
@@ -220,6 +224,10 @@ class Openings:
                 if isinstance(place, Sink) and way <= -place.spare:
                     forward = np.maximum(forward, 0.0)
             storage.v[:, slots] = 0.0
+            if isinstance(place, Sink) and place.wave:
+                rate = place.growth(head, self.columns[scene.outlets.index(place)])
+                storage.v[:, slots] = rate * place.up[list(scene.axes), None] * place.height(x)
+                forward -= rate * (place.sign * (x[:, place.axis] - place.free) + 0.5 * scene.support)
             storage.v[along, slots] = place.sign * forward
             rest = head + place.from_middle(x)
             storage.drho[slots] = scene.eos.excess_at_head(np.maximum(rest, 0.0) if place.has_surface else rest)

@@ -17,6 +17,7 @@ from sph.case.openings import Inlet, Opening, Outlet
 from sph.setup.particle_lattices import Grid, even
 
 SIGMA = 0.25  # of the speed of sound over the length of the domain: how fast an outlet returns to its pressure
+FOLLOWS = 0.25  # times sqrt(depth / g) in which fluid in an outlet follows the surface of a wave: not that of sound
 RELAXED = 2.0  # times sqrt(height / g) in which the surface in an inlet follows that before it
 
 
@@ -54,6 +55,7 @@ class Place:
         self.middle = (self.low + self.high) / 2
         self.lines = [even(a, b, scene.spacing) for a, b in zip(self.low, self.high)]  # of a lattice in the box
         self.g = math.hypot(*self.fall)
+        self.up = -self.fall / self.g if self.g else self.fall
 
     def from_middle(self, x: NDArray) -> NDArray[np.float64]:
         """Head[n] in points less that in the middle of the box."""
@@ -83,6 +85,10 @@ class Place:
     def at_level(self, level: float) -> float:
         """Head in the middle of the box below a surface of this height in m, against gravity."""
         return self.g * level + float(product(self.middle, self.fall))
+
+    def height(self, x: NDArray) -> NDArray[np.float64]:
+        """Height[n] of points above the lowest corner of the box against gravity, m."""
+        return product(x, self.up) - self.bottom
 
     @property
     def bottom(self) -> float:
@@ -184,6 +190,11 @@ class Sink(Place):
         self.returns = SIGMA * scene.c0 / float((scene.high - scene.low)[self.axis])  # 1/s
         if section.level is not None and section.waves:
             self.wave = math.sqrt(self.g * (section.level - self.bottom))
+
+    def growth(self, head: float, columns: float) -> float:
+        """Rate, 1/s, at which columns of `columns` m in the box grow, which follow the surface of this head."""
+        depth = (head - self.at_level(self.bottom)) / self.g
+        return (depth / columns - 1.0) * self.g / (FOLLOWS * self.wave)
 
     def head_at(self, last: float, speed: float, rise: float, dt: float) -> float:
         """Head in the middle of the box a step of dt s after the last one, for the mean velocity of the fluid before it

@@ -35,9 +35,9 @@ FLUME = """
 simulation = { dimensions = 2; end_time = 6.0; };
 gravity = [0.0, -9.81];
 fluid = ( { shape = { box = { low = [0.0, 0.0]; high = [END, 0.2]; }; }; } );
-numerics = { spacing = 0.0125; };
+numerics = { spacing = 0.0125; smoothing = 2.0; };
 wall = ( { shape = { box = { low = [0.0, 0.0]; high = [END, 0.4]; open = ["x-", "x+", "y+"]; }; }; } );
-inlet = ( { low = [0.0, 0.0]; high = [0.04, 0.4]; axis = "x+"; table = ( TABLE ); } );
+inlet = ( { low = [0.0, 0.0]; high = [0.0625, 0.4]; axis = "x+"; table = ( TABLE ); } );
 outlet = ( { low = [FROM, 0.0]; high = [END, 0.4]; axis = "x+"; level = 0.2; WAVES } );
 gauge = ( { name = "surface"; what = "elevation"; at = [2.5, 0.0]; } );
 output = { period = { series = 0.02; }; };
@@ -46,8 +46,9 @@ output = { period = { series = 0.02; }; };
 
 def test_a_solitary_wave_leaves_through_an_outlet(tmp_path):
     """Of 4 cm in 20 cm of water (Boussinesq), in 4 m beside 6 m of flume, from whose end nothing comes back in time:
-    what is other 1.5 m before the outlet came back. From a fixed level it is most of the wave, turned round. The aim
-    of 5 % is missed: the box takes in rows above the level only with the flow, and 4 cm of it fill in 0.2 s.
+    what is other 1.5 m before the outlet came back. Measured 4.6 %; 9 % while what is in the box stayed at the height at
+    which it came in, and most of it from a fixed level, turned round. With h / dp = 1.3 two flumes of 6 and 6.5 m
+    differ by 4 to 8 % by themselves: particles of two spacings of height see the disorder of those around them.
     """
     depth, height, t0 = 0.2, 0.04, 1.178
     c = np.sqrt(9.81 * (depth + height))
@@ -59,7 +60,7 @@ def test_a_solitary_wave_leaves_through_an_outlet(tmp_path):
 
     def surface(name, end, waves):
         text = FLUME.replace("TABLE", ", ".join(rows)).replace("WAVES", waves)
-        (tmp_path / f"{name}.conf").write_text(text.replace("END", f"{end}").replace("FROM", f"{end - 0.04}"))
+        (tmp_path / f"{name}.conf").write_text(text.replace("END", f"{end}").replace("FROM", f"{end - 0.0625}"))
         series = sph.Case(tmp_path / f"{name}.conf").run(tmp_path / name, threads=1).series
         return np.interp(times, np.asarray(series["time"]), np.asarray(series["surface"])) - depth
 
@@ -68,4 +69,4 @@ def test_a_solitary_wave_leaves_through_an_outlet(tmp_path):
     fixed = surface("fixed", 4.0, "")
     back, thrown = (np.abs(other - free)[times > 3.6].max() / free.max() for other in (leaves, fixed))
     print(free.max(), back, thrown)
-    assert free.max() > 0.028 and back < 0.14 and thrown > 0.6
+    assert free.max() > 0.034 and back < 0.05 and thrown > 0.6

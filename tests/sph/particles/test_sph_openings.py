@@ -107,6 +107,27 @@ def test_the_surface_in_an_inlet_follows_the_water_before_it():
     assert abs(sph.scalars()["inflow"] - 200.0 * sph.time) < source.mass * len(source.rows)
 
 
+def test_fluid_in_an_outlet_follows_the_surface_of_a_wave():
+    """Every particle in the box keeps its share of the height of the columns, which become as high as the level of the
+    flow asks: (c + U / 2)^2 / g in a long wave.
+    """
+    sph = engine(more=BED + outlet("level = 0.4; waves = true;", low=(0.5, 0.0), high=(1.0, 0.6)), velocity=(0.5, 0.0),
+                 **WATER)  # fmt: skip
+
+    def heights():
+        slots = sph.openings.held
+        return dict(zip(sph.storage.numbers(slots).tolist(), sph.storage.physical("x", slots)[:, 1].tolist()))
+
+    before = heights()
+    run(sph, 0.15)
+    grown = sph.openings.columns[0] / 0.4
+    ratios = np.array([y / before[number] for number, y in heights().items() if number in before])
+    assert len(ratios) > 50 and np.abs(ratios - grown).max() < 1e-12
+    speed = sph.openings.mean[0, 1]
+    assert sph.openings.columns[0] == pytest.approx((np.sqrt(9.81 * 0.4) + speed / 2) ** 2 / 9.81, rel=0.02)
+    assert grown > 1.03
+
+
 @pytest.mark.parametrize(
     ("opening", "told"),
     [
