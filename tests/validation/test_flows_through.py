@@ -46,9 +46,9 @@ output = { period = { series = 0.02; }; };
 
 def test_a_solitary_wave_leaves_through_an_outlet(tmp_path):
     """Of 4 cm in 20 cm of water (Boussinesq), in 4 m beside 6 m of flume, from whose end nothing comes back in time:
-    what is other 1.5 m before the outlet came back. Measured 4.6 %; 9 % while what is in the box stayed at the height at
-    which it came in, and most of it from a fixed level, turned round. With h / dp = 1.3 two flumes of 6 and 6.5 m
-    differ by 4 to 8 % by themselves: particles of two spacings of height see the disorder of those around them.
+    what is other 1.5 m before the outlet came back. Measured 4.6 %; 9 % while what is in the box stayed at the height
+    at which it came in; from a fixed level most of it, turned round. With h / dp = 1.3 two flumes of 6 and 6.5 m differ
+    by 4 to 8 % by themselves: the surface is as rough as their particles are disordered.
     """
     depth, height, t0 = 0.2, 0.04, 1.178
     c = np.sqrt(9.81 * (depth + height))
