@@ -177,7 +177,7 @@ def lattice(asked: Asked) -> Iterator[str]:
         domain = Domain(tuple(map(float, shape)), shape, (True,) * 3, (0, points))
         fluid = Fluid(World.alone(), pool, domain, D3Q19, tau=0.8, collision="TRT", storage=storage)
         fluid.set_equilibrium(1.0, np.array([0.01, 0.02, 0.03]))
-        steps = 2 * fluid.depth * max(1, (64 // points) ** 3)
+        steps = 2 * fluid.depth * (128 // points) ** 3
         peer = Peer(asked, "lbmpy", points, DTYPE[storage], cores, "AVX" if asked.narrow else "widest", *PATTERNS)
 
         def single(fluid: Fluid = fluid, steps: int = steps) -> None:

@@ -40,7 +40,7 @@ def mark(solid, ghosts, least, words, n, low, high):
 
 
 @njit
-def classify(wet, free, inside, n, flat, kinds, low, high):
+def classify(wet, free, inside, flat, kinds, low, high):
     """kinds[plane, row, vector] of planes low..; flat: the rows have no neighbours (2D). Returns nothing.
 
     free: as wet, of the nodes from which the sweep need not bounce anything back.
@@ -48,21 +48,25 @@ def classify(wet, free, inside, n, flat, kinds, low, high):
     for z in range(low, high):
         for y in range(kinds.shape[1]):
             for v in range(kinds.shape[2]):
-                kinds[z, y, v] = kind_of(wet, free, inside, n, flat, z, y, v)
+                kinds[z, y, v] = kind_of(wet, free, inside, flat, z, y, v)
 
 
 @njit(inline="always")
-def kind_of(wet, free, inside, n, flat, z, y, v):
-    full, reach = (1 << (n + 2)) - 1, 0 if flat else 1
+def kind_of(wet, free, inside, flat, z, y, v):
+    around, reach = with_neighbours(inside[v]), 0 if flat else 1
     if ((wet[z + 1, y + 1, v] >> 1) & inside[v]) == 0:
         return SKIP
-    if inside[v] != (full >> 2):
-        return MIXED
     for a in range(z, z + 3):
         for b in range(y + 1 - reach, y + 2 + reach):
-            if free[a, b, v] != full:
+            if (free[a, b, v] & around) != around:
                 return MIXED
     return PLAIN
+
+
+@njit(inline="always")
+def with_neighbours(inside):
+    """Bits, as in wet, of the nodes of a vector and of those beside them in the row."""
+    return inside | (inside << 1) | (inside << 2)
 
 
 @njit
@@ -116,7 +120,7 @@ def renew(solid, ghosts, vectors, same, flat, strides, bytes_per_element, ahead,
     their hops.
     """
     n, wet, free, inside, kinds, hops = vectors
-    rows, columns, full = solid.shape[1], solid.shape[2], (1 << (n + 2)) - 1
+    rows, columns = solid.shape[1], solid.shape[2]
     for place in changed:
         x, row, z = place % columns, place // columns % rows + 1 - ghosts, place // (columns * rows)
         is_wet = np.int32(solid[z, row - 1 + ghosts, x] == FLUID)
@@ -124,7 +128,7 @@ def renew(solid, ghosts, vectors, same, flat, strides, bytes_per_element, ahead,
             word = (wet[z, row, v] & ~(1 << (x - v * n))) | (is_wet << (x - v * n))
             wet[z, row, v] = word
             if 0 < z <= kinds.shape[0] and 0 < row <= kinds.shape[1]:
-                before, now = kinds[z - 1, row - 1, v], kind_of(wet, free, inside, n, flat, z - 1, row - 1, v)
+                before, now = kinds[z - 1, row - 1, v], kind_of(wet, free, inside, flat, z - 1, row - 1, v)
                 kinds[z - 1, row - 1, v] = now
                 if (before == SKIP) != (now == SKIP):
                     _skip(kinds, hops, z - 1, row - 1)
@@ -133,12 +137,13 @@ def renew(solid, ghosts, vectors, same, flat, strides, bytes_per_element, ahead,
                         in_row += kind != SKIP
                     end = min(z + 1, kinds.shape[0])
                     _fetch(kinds, strides, bytes_per_element, n, ahead, hops, z - 1, row - 1, end, in_row)
-            if not same or (is_wet and word != full):
+            around = with_neighbours(inside[v])
+            if not same or (is_wet and (word & around) != around):
                 continue  # neighbours cannot be surrounded by fluid
             for a in range(max(z - 2, 0), min(z + 1, kinds.shape[0])):
                 for b in range(max(row - 2, 0), min(row + 1, kinds.shape[1])):
                     if is_wet and kinds[a, b, v] == MIXED:
-                        kinds[a, b, v] = kind_of(wet, free, inside, n, flat, a, b, v)
+                        kinds[a, b, v] = kind_of(wet, free, inside, flat, a, b, v)
                     elif not is_wet and kinds[a, b, v] == PLAIN:
                         kinds[a, b, v] = MIXED
 

@@ -2,6 +2,7 @@
 
 Vectors of a row are of a kind: SKIP (no fluid), PLAIN (all nodes and all their neighbours are fluid), MIXED. All are
 computed by the same lines and only stored differently, so that a node's bits do not depend on its neighbours' kind.
+Lanes of a plain vector beyond the end of its row compute and store what nobody reads.
 On links to solid nodes the population goes back to where its node reads in the next step (layout): half-way bounce
 back without another pass.
 """
@@ -93,20 +94,21 @@ def _addresses(lattice: Lattice) -> list[str]:
 
 
 def _vector(lattice: Lattice, source: Source) -> list[str]:
+    """Collide and store one vector. Each kind has the whole text to itself, and a plain one stores a pair as soon as it
+    is known: where a block of code ends, a processor with few registers would keep all populations in memory.
+    """
     lines = ["kind, hop = kinds[z, y, v], hops[z, y, v]", f"if kind == {SKIP}:", "    v += hop", "    continue"]
-    lines.append("x = v * BYTES")
-    loads = ["f0 = load_at(F, here + x, BYTES)"]
-    for i, j in lattice.pairs:
-        loads += [f"f{i} = load_at(F, lo{i} + x, BYTES)", f"f{j} = load_at(F, hi{i} + x, SIZE)"]
     streams = ["here", *(f"{side}{i}" for i, _ in lattice.pairs for side in ("lo", "hi"))]
-    loads += ["there = x + hop", *(f"prefetch_to_write({stream} + there)" for stream in streams)]
-    lines += loads + list(source.lines)
+    lines += ["x = v * BYTES", "there = x + hop", *(f"prefetch_to_write({stream} + there)" for stream in streams)]
     # what is fetched is most often the vector AHEAD of this one in memory, which tells whether it is mixed
     lines += [f"if line[min(at + v + {AHEAD}, line.size - 1)] != {PLAIN}:", *_fetch_mixed(lattice)]
-    lines += [f"if kind == {PLAIN}:", "    store_at(here + x, g0, BYTES)"]
+    loads, stores = ["f0 = load_at(F, here + x, BYTES)"], {"g0": ["store_at(here + x, g0, BYTES)"]}
     for i, j in lattice.pairs:
-        lines += [f"    store_at(hi{i} + x, g{i}, SIZE)", f"    store_at(lo{i} + x, g{j}, BYTES)"]
-    return [*lines, "else:", *("    " + line for line in _mixed(lattice)), "v += 1"]
+        loads += [f"f{i} = load_at(F, lo{i} + x, BYTES)", f"f{j} = load_at(F, hi{i} + x, SIZE)"]
+        stores[f"g{j}"] = [f"store_at(hi{i} + x, g{i}, SIZE)", f"store_at(lo{i} + x, g{j}, BYTES)"]
+    plain = [text for line in source.lines for text in (line, *stores.get(line.split()[0], ()))]
+    lines += [f"if kind == {PLAIN}:", *("    " + line for line in loads + plain)]
+    return [*lines, "else:", *("    " + line for line in [*loads, *source.lines, *_mixed(lattice)]), "v += 1"]
 
 
 def _fetch_mixed(lattice: Lattice) -> list[str]:

@@ -115,10 +115,14 @@ def _axes(lattice: Lattice) -> str:
 
 
 def _signed(terms: Sequence[tuple[int, str]]) -> str:
-    """Sum of +-names, the positive ones first."""
-    ordered = sorted(terms, key=lambda term: -term[0])
-    text = "".join(("+" if sign > 0 else "-") + name for sign, name in ordered)
-    return text.removeprefix("+")
+    """Sum of +-names, the positive ones first; by halves, so that few additions wait for each other."""
+    (sign, name), *others = ordered = sorted(terms, key=lambda term: -term[0])
+    if not others:
+        return name if sign > 0 else f"-{name}"
+    half = (len(ordered) + 1) // 2
+    negative = ordered[half][0] < 0
+    second = _signed([(-sign if negative else sign, name) for sign, name in ordered[half:]])
+    return f"({_signed(ordered[:half])} {'-' if negative else '+'} {second})"
 
 
 def _moments(lattice: Lattice, forced: bool) -> list[str]:
@@ -126,7 +130,7 @@ def _moments(lattice: Lattice, forced: bool) -> list[str]:
     axes, lines = _axes(lattice), []
     for i, j in lattice.pairs:
         lines += [f"s{i} = f{i} + f{j}", f"d{i} = f{i} - f{j}"]
-    lines.append("drho = f0 + " + "+".join(f"s{i}" for i, _ in lattice.pairs))
+    lines.append("drho = " + _signed([(1, "f0"), *((1, f"s{i}") for i, _ in lattice.pairs)]))
     for k, axis in enumerate(axes):
         terms = [(int(lattice.e[i][k]), f"d{i}") for i, _ in lattice.pairs if lattice.e[i][k]]
         lines.append(f"j{axis} = {_signed(terms)}" + (f" + h{axis}" if forced else ""))
