@@ -126,7 +126,7 @@ def grow(world: World, pool: Pool, domain: Domain, sample: Sample) -> NDArray[np
     if deepest > TOO_DEEP:
         raise ConfigError(
             f"the packing is denser than can be: grains overlap by {deepest:.1%} of a diameter at a porosity of "
-            f"{porosity_of(domain, sample):.3f}; give them more space (random packings of spheres end at about 0.36)"
+            f"{porosity_of(domain, sample):.3f}; give them more space"
         )
     return everywhere(dem)
 
