@@ -251,7 +251,10 @@ class Sph:
 
     def particles(self) -> Mapping[str, ParticleArray]:
         """Fluids and walls by name."""
-        return snapshot.particles(self.storage)
+        if not self.spec.moments:
+            return snapshot.particles(self.storage)
+        self.evolution.forget_rates()
+        return snapshot.particles(self.storage, self.sums)
 
     def state(self) -> Mapping[str, Shard]:
         """Fluid and walls in order of their ids, bit for bit. Collective."""

@@ -53,10 +53,10 @@ def walls_at(run: Run, snapshots: Particles, number: int, bodies: bool = False) 
 
 
 def chosen(run: Run, snapshots: Particles) -> list[int]:
-    """The snapshots shown: those nearest to output.pictures, or six from the first to the last."""
+    """The snapshots shown: the first and those nearest to output.pictures, or six from the first to the last."""
     asked = config_of(run).output.pictures
     if asked:
-        return [snapshots.index(time=t) for t in asked if t <= snapshots.times[-1] * (1 + 1e-6)]
+        return sorted({0, *(snapshots.index(time=t) for t in asked if t <= snapshots.times[-1] * (1 + 1e-6))})
     return sorted(set(np.linspace(0, len(snapshots.steps) - 1, PANELS).round().astype(int).tolist()))
 
 
@@ -64,8 +64,6 @@ def sequence(run: Run, step: int | None = None) -> Figure:
     """The particles at several times, or at one step: pressure in 2D, speed in 3D."""
     snapshots = snapshots_of(run)
     numbers = chosen(run, snapshots) if step is None else [snapshots.index(step)]
-    if not numbers:
-        raise NoData("no snapshot yet at any of output.pictures")
     make = _panels_2d if config_of(run).dimensions == 2 else _panels_3d
     with style():
         return make(run, snapshots, numbers)

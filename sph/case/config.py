@@ -151,6 +151,9 @@ class Numerics(Section):
         "cubic (spline, MP 9), wendland2 (C2), wendland4 (C4), quintic (spline, reaches 3 h), or one of your own",
     )
     gradient_correction: bool = setting(False, "renormalised gradients: exact for linear fields")
+    continuity: Literal["volumes", "masses"] = setting(
+        "volumes", "rate of density with rho_i V_j of each neighbour (MP 16), or with its mass (SC 3)"
+    )
     density_flux: Flux = setting(
         "delta", "diffusion of density: Rusanov (MP 17), Molteni, Fourtakas, or delta-SPH with renormalised gradient"
     )
@@ -299,7 +302,12 @@ class Output(Section):
     period: Period = Period()
     every: Every = Every()
     walls: bool = setting(True, "snapshots hold the particles of walls too")
-    pictures: Vector = setting((), "times of the pictures of `plot sequence`; by default six, evenly", "s")
+    moments: bool = setting(
+        False, "snapshots hold the discrete moments of W and of its gradient at the particles of the fluid (MP 12, 13)"
+    )
+    pictures: Vector = setting(
+        (), "times of the pictures of `plot sequence` besides the first; by default six, evenly", "s"
+    )
 
 
 class SphConfig(Section):

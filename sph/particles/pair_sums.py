@@ -57,6 +57,7 @@ class PairSums:
         self.kernels = passes.make(spec)
         self.columns = columns_kernels(spec, scene.eos.gamma)
         known = PairNumbers(scene, spec)
+        self._axes, self._of_moments = scene.axes, known.of_moments
         tasks.arena.group(walls=WallMotion)
         tasks.arena.set(
             scales=known.scales, powers_of_pressure=coefficients(scene.eos.gamma), pair_numbers=known.numbers,
@@ -122,6 +123,24 @@ class PairSums:
             self._unpack("matrices", "matrix")
             self.ghosts.refresh(iteration)
             self.tasks.each(self.columns.pack_matrix, blocks="layers")
+
+    def moments(self, slots: NDArray[np.int64]) -> dict[str, NDArray[np.float64]]:
+        """Moments of W and of its gradient at bodies, in units of h and in physical axes, of the state as it is: of a
+        scene that tells them. What other sums have left is lost. m0[n] without the body's own W, m1[n, d] (MP 12);
+        slope0[n, d], slope1[n, d, d] (MP 13).
+        """
+        self.pack()
+        self._pack_again()
+        self._sweep("moments")
+        d, values = self.spec.dimensions, self.tasks.arena["sums"][:, slots].astype(np.float64).T
+        place = {name: k for k, name in enumerate(self._sums["moments"])}
+        axes, (of_m0, of_m1, of_slope0, of_slope1) = self._axes, self._of_moments
+        vectors = [[place[f"{name}{'xyz'[axes.index(k)]}"] for k in range(d)] for name in ("moment1", "slope0")]
+        pairs = [["xyz"[min(i, j)] + "xyz"[max(i, j)] for j in map(axes.index, range(d))]
+                 for i in map(axes.index, range(d))]  # fmt: skip
+        matrix = [[place[f"slope1{pair}"] for pair in row] for row in pairs]
+        found = {"m0": of_m0 * values[:, place["moment0"]], "m1": of_m1 * values[:, vectors[0]]}
+        return found | {"slope0": of_slope0 * values[:, vectors[1]], "slope1": of_slope1 * values[:, matrix]}
 
     def stresses(self, iteration: int) -> None:
         """(MP 22) at all bodies, for (MP 23)."""

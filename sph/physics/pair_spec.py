@@ -14,8 +14,8 @@ NUMBERS = (
     "artificial", "viscous", "flux_strength", "gravityx", "gravityy", "gravityz", "reach", "per_w", "per_h", "eta2",
     "density", "hundredth", "fallx", "fally", "fallz",
 )  # fmt: skip
-VECTORS = ("v", "n", "g", "gravity", "fall", "force", "steps", "shifts", "arm")
-TRIANGLES = ("l", "t", "moments", "matrix")  # symmetric matrices
+VECTORS = ("v", "n", "g", "gravity", "fall", "force", "steps", "shifts", "arm", "moment1", "slope0")
+TRIANGLES = ("l", "t", "moments", "matrix", "slope1")  # symmetric matrices
 MATRICES = ("strains",)
 
 
@@ -41,6 +41,10 @@ class PairSpec:
     tensile: bool = False
     shifting: bool = False
     corrected: bool = False
+    by_mass: bool = False
+    """Whether rates of density follow from masses (SC 3), not from volumes (MP 16)."""
+    moments: bool = False
+    """Whether snapshots hold the moments of the kernel."""
     split: bool = False
     """Whether forces and rates are summed one after the other."""
 
@@ -164,7 +168,10 @@ def continuity(spec: PairSpec) -> Pass:
         lines.append(Line("d_rho", flux.correction))
     if flux.formula:
         lines.append(Line("flux", flux.formula, OF_FLUID))
-    rates = terms.continuity_with_flux if flux.formula else terms.continuity
+    if spec.by_mass:
+        rates = terms.continuity_by_mass_with_flux if flux.formula else terms.continuity_by_mass
+    else:
+        rates = terms.continuity_with_flux if flux.formula else terms.continuity
     return Pass([*lines, Line("rate_i, rate_j", rates)], [Sum("rate", ("to_i", "to_j"), ("rate_i", "rate_j"))])
 
 
@@ -200,6 +207,17 @@ def matrix(_: PairSpec) -> Pass:
     return Pass(lines, [Sum("matrix", ("less_i", "less_j"), ("matrix",) * 2)])
 
 
+def kernel_moments(_: PairSpec) -> Pass:
+    """Sums of (MP 12), but for a particle's own W, and of (MP 13), whose W' is that by x_j: - F r_ij."""
+    lines = [Line("weight_i, weight_j", terms.weights), Line("against_j", terms.opposite_weight)]
+    lines += [Line("less_i, less_j", terms.minus_volumes), Line("to_i, to_j", terms.volumes)]
+    lines.append(Line("moments", terms.moments))
+    both = ("weight_i", "weight_j")
+    sums = [Sum("moment0", both, ("one", "one")), Sum("moment1", ("weight_i", "against_j"), ("d", "d"))]
+    sums += [Sum("slope0", ("less_i", "to_j"), ("d", "d")), Sum("slope1", ("less_i", "less_j"), ("moments",) * 2)]
+    return Pass(lines, sums)
+
+
 def shifting(_: PairSpec) -> Pass:
     """Sums of shifts, and of - V F r^2: d where fluid is all around."""
     lines = [Line("apart_i, apart_j", terms.shifts), Line("around_i, around_j", terms.minus_volumes)]
@@ -222,6 +240,8 @@ def passes_of(spec: PairSpec) -> dict[str, Pass]:
         titles["matrices"] = [matrix]
     if spec.needs_stress:
         titles["strain"] = [strain]
+    if spec.moments:
+        titles["moments"] = [kernel_moments]
     return {title: joined([part(spec) for part in parts]) for title, parts in titles.items()}
 
 

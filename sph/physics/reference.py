@@ -56,10 +56,12 @@ class Reference:
         return self._viscous_force() - np.einsum("j,ij,kij->ki", self.m, self.f, pulls)
 
     def rate(self) -> NDArray[np.float64]:
-        """(MP 16): d rho_i / dt = rho_i sum V_j F v_ij . r_ij, less the flux of density."""
+        """(MP 16): d rho_i / dt = rho_i sum V_j F v_ij . r_ij, or (SC 3) with m_j for rho_i V_j; less the flux."""
         vd = self.vd
         if self.numerics.gradient_correction:
             vd = np.einsum("aij,iab,bij->ij", self.dv, self.renormalisation, self.dx)
+        if self.numerics.continuity == "masses":
+            return np.einsum("j,ij,ij->i", self.m, self.f, vd) - self._flux()
         return self.rho * np.einsum("j,ij,ij->i", self.volume, self.f, vd) - self._flux()
 
     # ---- terms of the force
@@ -106,6 +108,12 @@ class Reference:
     def moments(self) -> NDArray[np.float64]:
         """[n, d, d]: - sum V_j F r r^T, the identity inside of a lattice (Randles and Libersky 1996)."""
         return -np.einsum("j,ij,aij,bij->iab", self.volume, self.f, self.dx, self.dx)
+
+    def kernel_moments(self) -> tuple[NDArray, NDArray, NDArray, NDArray]:
+        """(MP 12) m_0[n] and m_1[d, n], (MP 13) m'_0[d, n] and m'_1[n, d, d], in units of h. W' is that by x_j."""
+        w = self.smoothing.value(self.r / self.h, self.d) / self.h**self.d
+        first = np.einsum("j,ij,aij->ai", self.volume, w, self.dx) / self.h
+        return w @ self.volume, first, -self.h * np.einsum("j,ij,aij->ai", self.volume, self.f, self.dx), self.moments
 
     @cached_property
     def renormalisation(self) -> NDArray[np.float64]:

@@ -306,6 +306,16 @@ def continuity_with_flux(excess_i, excess_j, density, vd_i, vd_j, flux):
     return fma(excess_i + density, vd_i, -flux), fma(excess_j + density, vd_j, flux)
 
 
+def continuity_by_mass(excess_i, excess_j, density, vd_i, vd_j):
+    """(SC 3), which has m_j for rho_i V_j."""
+    return (excess_j + density) * vd_i, (excess_i + density) * vd_j
+
+
+def continuity_by_mass_with_flux(excess_i, excess_j, density, vd_i, vd_j, flux):
+    """(SC 3) less a flux of density from i to j."""
+    return fma(excess_j + density, vd_i, -flux), fma(excess_i + density, vd_j, flux)
+
+
 def d_rho(excess_i, excess_j):
     """rho_j - rho_i."""
     return excess_j - excess_i
@@ -356,6 +366,17 @@ def minus_fluid_volumes(fluid_F, volume_i, volume_j):
 def moments(d):
     """r r^T, whose sum with -V F is inverted to renormalise gradients (Randles and Libersky 1996)."""
     return squares(d)
+
+
+def weights(W, F, volume_i, volume_j):
+    """V W: of j for the sum of i, and the other way round; 0 where F is, which is masked."""
+    w = select(F != 0.0, W, 0.0)
+    return volume_j * w, volume_i * w
+
+
+def opposite_weight(W, F, volume_i):
+    """- V W of i, for the sum of j."""
+    return -(volume_i * select(F != 0.0, W, 0.0))
 
 
 def steps(d_rho, d):

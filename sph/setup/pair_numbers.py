@@ -31,6 +31,8 @@ def pair_spec_of(config: SphConfig, others: bool) -> PairSpec:
         tensile=numerics.tensile_correction > 0,
         shifting=numerics.shifting,
         corrected=numerics.gradient_correction,
+        by_mass=numerics.continuity == "masses",
+        moments=config.output.moments,
         split=INTEGRATORS[config.simulation.integrator].split,
         repulsive=any(rule.repulsive for rule in rules),
         extrapolated=any(rule.extrapolated for rule in rules),
@@ -69,6 +71,12 @@ class PairNumbers:
             scene.viscosity / (rho * c * h), scene.config.numerics.tensile_correction, sums * length, sums * speed,
             sums, sums * length, h / (c * c) * length / self.density,
         )  # fmt: skip
+
+    @property
+    def of_moments(self) -> list[float]:
+        """What makes of the sums of (MP 12) and (MP 13) their moments, in units of h: of W, of W r, of W', of W' r."""
+        weight = SMOOTHING[self.scene.kernel].norm[self.scene.dimensions] * self.mass
+        return [weight, weight * self.length, self.sums, self.sums * self.length]
 
     @property
     def factors(self) -> NDArray[np.float64]:

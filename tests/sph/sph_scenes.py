@@ -21,7 +21,7 @@ eos = {{ sound_speed = {sound}; }};
 numerics = {{ spacing = {spacing}; smoothing = {smoothing}; kernel = "{kernel}"; density_flux = "{flux}";
              viscosity_form = "{form}"; artificial_viscosity = {alpha}; precision = "{precision}";
              balance_period = {balance}; tensile_correction = {tensile}; gradient_correction = {corrected};
-             shifting = {shifting}; }};
+             shifting = {shifting}; continuity = "{continuity}"; }};
 {more}
 """
 
@@ -35,7 +35,7 @@ def text(d=2, size=1.0, fill=0.5, spacing=0.05, gravity=None, periodic=(), more=
         "integrator": "symplectic", "cfl": 0.3, "viscosity": 0.0, "velocity": (0.0,) * d, "pressure": "hydrostatic",
         "smoothing": 1.3, "kernel": "wendland2", "flux": "molteni", "form": "artificial", "alpha": 0.1,
         "precision": "double", "balance": 100, "tensile": 0.0, "corrected": "false", "shifting": "false",
-        "step": "", "sound": 20.0, "low": (0.0,) * d, "outflow": (),
+        "continuity": "volumes", "step": "", "sound": 20.0, "low": (0.0,) * d, "outflow": (),
     } | settings  # fmt: skip
     chosen |= {name: listed(chosen[name]) for name in ("velocity", "low", "outflow")}
     sizes, fills = np.broadcast_to(size, d), np.broadcast_to(fill, d)

@@ -15,7 +15,7 @@ from sph.analysis.plots import PLOTS
 from sph.app import shipped_cases
 
 SHORT = {
-    "water-column": ("numerics.spacing=0.0146", "simulation.end_time=0.06", "output.pictures=[]"),
+    "water-column": ("numerics.spacing=0.0146", "simulation.end_time=0.06", "output.pictures=[0.06]"),
     "column-impact-a": ("numerics.spacing=0.018", "simulation.end_time=0.006"),
 }
 PERIODS = ("output.period.series=0.002", "output.period.particles=0.03")
@@ -49,6 +49,7 @@ def test_figures_of_a_run(name, tmp_path):
         assert not unreadable(figure)
         made.add(what)
     assert made == EXPECTED[name]
+    assert particle_plots.chosen(run, run.particle_snapshots)[0] == 0
     steps = PLOTS["sequence"].steps(run)
     assert len(steps) >= 2
     save(PLOTS["sequence"].make(run, steps[0]), tmp_path / "one.png")
