@@ -302,9 +302,7 @@ class Output(Section):
     period: Period = Period()
     every: Every = Every()
     walls: bool = setting(True, "snapshots hold the particles of walls too")
-    moments: bool = setting(
-        False, "snapshots hold the discrete moments of W and of its gradient at the particles of the fluid (MP 12, 13)"
-    )
+    moments: bool = setting(False, "snapshots hold the discrete moments of W and of its gradient (MP 12, 13)")
     pictures: Vector = setting(
         (), "times of the pictures of `plot sequence` besides the first; by default six, evenly", "s"
     )

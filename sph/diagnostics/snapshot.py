@@ -14,7 +14,7 @@ UNITS = {"velocity": "m/s", "pressure": "Pa", "density": "kg/m3", "mass": "kg"}
 
 def particles(storage: Storage, sums: PairSums | None = None) -> dict[str, ParticleArray]:
     """Position, velocity, pressure, density, mass of each fluid, of what each inlet has made, and of walls if asked;
-    with `sums`, which are lost, the moments of the kernel at fluid.
+    with `sums`, which are lost, the moments of the kernel.
     """
     scene, slots = storage.scene, storage.fluid_slots
     kinds, names = scene.kinds(storage.numbers(slots)), [fluid.section.name for fluid in scene.fluids]
@@ -25,7 +25,9 @@ def particles(storage: Storage, sums: PairSums | None = None) -> dict[str, Parti
         chosen |= {
             wall.name: storage.own_slots[kind == wall.index + 1] for wall in scene.walls if wall.lattice is not None
         }
-    found, of_kernel = {}, moments(storage, sums, slots) if sums else {}
+    if sums:
+        sums.add_moments()
+    found = {}
     for name, slots in chosen.items():
         own = particles_at(storage, slots)
         columns = {
@@ -34,21 +36,22 @@ def particles(storage: Storage, sums: PairSums | None = None) -> dict[str, Parti
             "density": (scene.rho0 + own["drho"]).astype(np.float32),
             "mass": own["m"].astype(np.float32),
         }
-        if name in names:
-            here = kinds == names.index(name)
-            columns |= {key: values[here].astype(np.float32) for key, values in of_kernel.items()}
+        if sums:
+            of_kernel = moments(storage, sums, slots, is_fluid=name in names)
+            columns |= {key: values.astype(np.float32) for key, values in of_kernel.items()}
         found[name] = ParticleArray(own["id"], three(own["x"]), columns, UNITS)
     return found
 
 
-def moments(storage: Storage, sums: PairSums, slots: Slots) -> dict[str, NDArray]:
-    """Moments of the kernel at fluid, in units of h: (MP 12) of W moment_0[n], 1 where it reproduces constants, and
-    moment_1[n, 3], 0 where lines too; (MP 13) of its gradient slope_0[n, 3], 0, and the rows slope_1x .. [n, 3] of the
-    identity.
+def moments(storage: Storage, sums: PairSums, slots: Slots, is_fluid: bool) -> dict[str, NDArray]:
+    """Moments of the kernel in units of h, at walls those over the fluid before them: (MP 12) of W moment_0[n], 1 where
+    it reproduces constants, and moment_1[n, 3], 0 where lines too; (MP 13) of its gradient slope_0[n, 3], 0, and the
+    rows slope_1x .. [n, 3] of the identity.
     """
-    scene, found = storage.scene, sums.moments(slots)
-    own = storage.m[slots] / (scene.rho0 + storage.drho[slots]) / scene.h**scene.dimensions
-    found["m0"] += own * SMOOTHING[scene.kernel].value(0.0, scene.dimensions)
+    scene, found = storage.scene, sums.moments_at(slots)
+    if is_fluid:
+        own = storage.m[slots] / (scene.rho0 + storage.drho[slots]) / scene.h**scene.dimensions
+        found["m0"] += own * SMOOTHING[scene.kernel].value(0.0, scene.dimensions)
     rows = {f"slope_1{axis}": three(found["slope1"][:, k]) for k, axis in enumerate("xyz"[: scene.dimensions])}
     return {"moment_0": found["m0"], "moment_1": three(found["m1"]), "slope_0": three(found["slope0"])} | rows
 

@@ -124,14 +124,16 @@ class PairSums:
             self.ghosts.refresh(iteration)
             self.tasks.each(self.columns.pack_matrix, blocks="layers")
 
-    def moments(self, slots: NDArray[np.int64]) -> dict[str, NDArray[np.float64]]:
-        """Moments of W and of its gradient at bodies, in units of h and in physical axes, of the state as it is: of a
-        scene that tells them. What other sums have left is lost. m0[n] without the body's own W, m1[n, d] (MP 12);
-        slope0[n, d], slope1[n, d, d] (MP 13).
-        """
+    def add_moments(self) -> None:
+        """Sum the moments of the kernel of the state as it is, in a scene that tells them."""
         self.pack()
         self._pack_again()
         self._sweep("moments")
+
+    def moments_at(self, slots: NDArray[np.int64]) -> dict[str, NDArray[np.float64]]:
+        """Moments of W and of its gradient at bodies, of the last sums, in units of h and in physical axes: m0[n]
+        without the body's own W, m1[n, d] (MP 12); slope0[n, d], slope1[n, d, d] (MP 13).
+        """
         d, values = self.spec.dimensions, self.tasks.arena["sums"][:, slots].astype(np.float64).T
         place = {name: k for k, name in enumerate(self._sums["moments"])}
         axes, (of_m0, of_m1, of_slope0, of_slope1) = self._axes, self._of_moments

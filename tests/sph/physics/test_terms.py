@@ -1,6 +1,6 @@
 import numpy as np
 import pytest
-from sph_scenes import by_id, column, engine, jitter, reference
+from sph_scenes import by_id, column, engine, jitter, reference, tank
 
 ROUNDING = 1e-12  # of sums of 100 terms in float64, relative to the largest value
 SINGLE = 2e-5  # the same in float32
@@ -103,6 +103,14 @@ def test_moments_are_those_over_all_pairs_and_move_no_bit(d, precision):
         sph.particles()
         sph.step()
     assert all(np.array_equal(a, b) for a, b in zip(by_id(told, "x", "v", "drho"), by_id(plain, "x", "v", "drho")))
+
+
+def test_moments_are_told_of_walls_too():
+    """A snapshot has the same columns of all its particles. The fluid before a wall fills less than half of its W."""
+    sph = engine(spacing=0.1, more=tank(2) + "output = { moments = true; };")
+    fluid, wall = sph.particles().values()
+    assert list(fluid.columns) == list(wall.columns)
+    assert 0.1 < wall.columns["moment_0"].max() < 0.5 and 0.9 < fluid.columns["moment_0"].max() < 1.1
 
 
 def test_shifting_pushes_particles_towards_the_lattice():
