@@ -69,7 +69,7 @@ class Plasma:
         )  # fmt: skip
         self.mesh.collect_from(self.cloud.patches, self.cloud.delivery)
         self.sums = SeriesSums(scene, world, self.mesh, self.cloud, self.field_scale)
-        self.scalar_units = scalars.units()
+        self.scalar_units = scalars.units(scene.dimensions)
         self._modes = FieldModes(scene, self.domain, world) if config.output.modes else None
         self.scalar_units |= self._modes.units() if self._modes else {}
         self._gauges = Gauges(config.gauge, self.domain, world)

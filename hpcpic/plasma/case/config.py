@@ -36,14 +36,14 @@ MOST_POINTS = 2**31 - 1  # of an axis: FFTW counts so far
 
 
 class Simulation(Section):
-    dimensions: Filled[Literal[1, 2]] = setting(None, "1 or 2; by default as many as space_length has")
+    dimensions: Filled[Literal[1, 2, 3]] = setting(None, "1, 2 or 3; by default as many as space_length has")
     solver: Literal["MFT", "LU"] = setting(
         "MFT", "field solver: multiple Fourier transform, or LU for small grids"
     )
     cycles: int = setting(REQUIRED, "number of steps", "steps", ge=0)
     time_step: float = setting(REQUIRED, "time step, negative runs backwards", "s")
     space_length: Lengths = setting(
-        REQUIRED, "size of the box, [Lx] or [Lx, Ly]", "m", min_length=1, max_length=2
+        REQUIRED, "size of the box, [Lx], [Lx, Ly] or [Lx, Ly, Lz]", "m", min_length=1, max_length=3
     )
     plasma_chunks: int = setting(0, "task blocks per rank, 0 = automatic", ge=0, le=MOST_BLOCKS)
     random_seed: int = setting(1, "seed of the random numbers", ge=0)
@@ -56,12 +56,12 @@ class Simulation(Section):
 
 
 class Grid(Section):
-    points: Filled[Counts] = setting(None, "grid points, [Nx] or [Nx, Ny]", min_length=1, max_length=2)
+    points: Filled[Counts] = setting(None, "grid points, [Nx], [Nx, Ny] or [Nx, Ny, Nz]", min_length=1, max_length=3)
     blocks: Counts | None = setting(
-        None, "older spelling of points: blocks x blocksize", min_length=1, max_length=2
+        None, "older spelling of points: blocks x blocksize", min_length=1, max_length=3
     )
     blocksize: Counts | None = setting(
-        None, "older spelling of points: blocks x blocksize", min_length=1, max_length=2
+        None, "older spelling of points: blocks x blocksize", min_length=1, max_length=3
     )
 
 
@@ -93,7 +93,7 @@ class Constants(Section):
 
 
 class Perturbation(Section):
-    mode: Integers = setting(REQUIRED, "whole wavelengths across the box, [nx] or [nx, ny]; k = 2 pi n / L")
+    mode: Integers = setting(REQUIRED, "whole wavelengths across the box, [nx], [nx, ny] or [nx, ny, nz]; k = 2 pi n / L")
     amplitude: float = setting(
         0.0, "relative density a: positions move by (a/k) sin(k.x) along k", gt=-1, lt=1
     )
@@ -154,7 +154,7 @@ class Species(Section):
     )
 
 
-HISTOGRAM_AXES = {"x": "m", "y": "m", "vx": "m/s", "vy": "m/s", "vz": "m/s"}  # with their units
+HISTOGRAM_AXES = {"x": "m", "y": "m", "z": "m", "vx": "m/s", "vy": "m/s", "vz": "m/s"}  # with their units
 
 
 class Histogram(Section):
@@ -164,7 +164,7 @@ class Histogram(Section):
 
     name: str = setting("", "name in histograms.h5; by default histogram_1, histogram_2, ...")
     species: str = setting("", "species to count; by default the only one")
-    of: Names = setting(REQUIRED, 'one axis or two: x, y, vx, vy, vz; ["x", "vx"] is phase space')
+    of: Names = setting(REQUIRED, 'one axis or two: x, y, z, vx, vy, vz; ["x", "vx"] is phase space')
     bins: Counts = setting((), "bins along each axis; by default 200 of a velocity, the cells of a position")
     low: Vector = setting(
         (), "lower ends; by default of the box, of velocities 6 thermal velocities beyond the drifts", "m, m/s"
@@ -215,7 +215,7 @@ class Output(Section):
     )
     modes: Annotated[tuple[Integers, ...], BeforeValidator(as_tuple)] = setting(
         (),
-        "modes of E along k as columns of the series: whole wavelengths across the box, ([nx], ..) or ([nx, ny], ..); "
+        "modes of E along k as columns of the series: whole wavelengths across the box, ([nx], ..), ([nx, ny], ..) or ([nx, ny, nz], ..); "
         "mode_nx_re, mode_nx_im are the parts of E_k where E = Re(E_k exp(i k.x))",
     )
     every: Every = Every()
@@ -349,7 +349,7 @@ def velocity_columns(species: Species) -> int:
 
 
 def velocity_components(config: PlasmaConfig) -> int:
-    """Velocity components that the motion needs: 1 or 3 in 1D, 2 or 3 in 2D.
+    """Velocity components that the motion needs: 1 or 3 in 1D, 2 or 3 in 2D, 3 in 3D.
 
     All three are there when the magnetic field turns velocities out of the plane (any B in 1D, an in-plane
     B in 2D), or when something pushes or drifts along an axis that has no grid.
@@ -370,5 +370,5 @@ def rotation(config: PlasmaConfig) -> int:
 
 
 def volume(config: PlasmaConfig) -> float:
-    """Length (1D, m) or area (2D, m2) of the box."""
+    """Length (1D, m), area (2D, m2) or volume (m3) of the box."""
     return math.prod(config.simulation.space_length)

@@ -12,7 +12,7 @@ from hpcpic.plasma.setup.scene import Scene
 
 
 class FieldModes:
-    """E_k of the modes [n] or [nx, ny] of output.modes: E.k/|k| = sum over k of Re(E_k exp(i k.x)), k = 2 pi n / L, so
+    """E_k of the modes [n], [nx, ny] or [nx, ny, nz] of output.modes: E.k/|k| = sum over k of Re(E_k exp(i k.x)), k = 2 pi n / L, so
     that a wave exp(i k.x - i w t) turns E_k by -w t; |E_k| is the `mode_n` of the series.
     """
 
@@ -37,8 +37,8 @@ class FieldModes:
         waves = [(np.cos(angle), np.sin(angle)) for angle in angles]
         waves[-1] = waves[-1][0][self.rows], waves[-1][1][self.rows]
         cosine, sine = waves[0]  # of k.x
-        if len(mode) == 2:
-            c, s = (wave[:, None] for wave in waves[1])
+        for axis in waves[1:]:
+            c, s = (wave.reshape(-1, *(1,) * cosine.ndim) for wave in axis)
             cosine, sine = c * cosine - s * sine, s * cosine + c * sine
         mirror = all(2 * n % m == 0 for n, m in zip(mode, points))  # exp(i k.x) is real: the mode is its own mirror
         along = sum(part * e[..., axis] for axis, part in enumerate(k / math.hypot(*k)))

@@ -32,24 +32,24 @@ class Histograms:
 
     def _arrays(self, histogram: Histogram) -> HistogramArrays:
         species = [species.name for species in self.scene.species].index(histogram.species)
-        weights, bins = np.zeros((2, 6)), np.ones(2)
+        weights, bins = np.zeros((2, 7)), np.ones(2)
         for k, (axis, n, low, high) in enumerate(
             zip(histogram.of, histogram.bins, histogram.low, histogram.high), 2 - len(histogram.of)
         ):
             bins[k] = n
-            weights[k, :5] = self._coordinate(axis, species) * (n / (high - low))
-            weights[k, 5] = -low * (n / (high - low))
+            weights[k, :6] = self._coordinate(axis, species) * (n / (high - low))
+            weights[k, 6] = -low * (n / (high - low))
         counts = np.zeros((self.cloud.blocks, math.prod(histogram.bins) + 2), np.int32)
         return HistogramArrays(np.array([species]), bins, weights, counts)
 
     def _coordinate(self, axis: str, species: int) -> NDArray[np.float64]:
-        """What a coordinate in m or m/s is of (x, y, vx, vy, vz) of v-, in cells and cells per step."""
-        scene, found, k = self.scene, np.zeros(5), [*HISTOGRAM_AXES].index(axis)
+        """What a coordinate in m or m/s is of (x, y, z, vx, vy, vz) of v-, in cells and cells per step."""
+        scene, found, k = self.scene, np.zeros(6), [*HISTOGRAM_AXES].index(axis)
         if HISTOGRAM_AXES[axis] == "m":
             found[k] = scene.spacing[k]
         else:
             turned = np.eye(3) + scene.species[species].half_turn
-            found[2:] = turned[k - 2] * scene.sides * (scene.spacing[0] / scene.time_step)
+            found[3:] = turned[k - 3] * scene.sides * (scene.spacing[0] / scene.time_step)
         return found
 
     def counted(self) -> dict[str, Counts]:

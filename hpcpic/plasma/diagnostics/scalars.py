@@ -51,12 +51,15 @@ class Sample:
 
 @dataclass(frozen=True, slots=True)
 class Scalar:
-    """A column of the series. Units per unit of what a 1D or 2D box lacks of a volume are those of macro-particles."""
+    """A column of the series of boxes of at least so many `axes`. Units per unit of what a 1D or 2D box lacks of a
+    volume are those of macro-particles.
+    """
 
     name: str
     unit: str
     value: Callable[[Sample], float]
     moments: tuple[Moment, ...] = ()
+    axes: int = 1
 
 
 def kinetic_energy(sample: Sample) -> float:
@@ -89,15 +92,21 @@ for column in (
     Scalar("energy_total", "J", lambda sample: sample.field_energy + kinetic_energy(sample), (SPEED_SQUARED,)),
     Scalar("momentum_x", "kg m/s", partial(momentum, 0), (VELOCITY,)),
     Scalar("momentum_y", "kg m/s", partial(momentum, 1), (VELOCITY,)),
+    Scalar("momentum_z", "kg m/s", partial(momentum, 2), (VELOCITY,), axes=3),
     Scalar("charge", "C", lambda sample: sum(species.q * species.n for species in sample.species)),
     *(Scalar(f"mode_{n}", "V/m", partial(mode, n)) for n in range(1, MODES + 1)),
 ):
     register(column)
 
 
-def units() -> dict[str, str]:
+def columns(dimensions: int) -> tuple[Scalar, ...]:
+    """Those that a box of so many dimensions has."""
+    return tuple(scalar for scalar in SCALARS.values() if scalar.axes <= dimensions)
+
+
+def units(dimensions: int) -> dict[str, str]:
     """Unit of each column."""
-    return {scalar.name: scalar.unit for scalar in SCALARS.values()}
+    return {scalar.name: scalar.unit for scalar in columns(dimensions)}
 
 
 def moments() -> tuple[Moment, ...]:

@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 
 from hpcpic.core.comm.world import World
 from hpcpic.core.space import exact
+from hpcpic.core.space.domain import Domain
 from hpcpic.core.tasks.arena import Arena
 from hpcpic.core.tasks.graph import TaskError
 from hpcpic.plasma.diagnostics import scalars
@@ -54,11 +55,11 @@ class SeriesSums:
     def _bind_nodes(self) -> None:
         """Tasks of kernels.mesh.node_sums for the threads."""
         mesh, domain, world = self.mesh, self.mesh.domain, self.world
-        flat = domain.ndim == 1
-        rho, phi, e_x = (a.reshape(1, -1) if flat else a for a in (mesh.rho, mesh.phi.values, mesh.e[0]))
-        first = mesh.inside[0].start
+        arrays, flat, below = (mesh.rho, mesh.phi.values, mesh.e[0]), domain.ndim == 1, mesh.inside[0].start
+        rho, phi, e_x = (a.reshape(1, -1) if flat else a.reshape(-1, a.shape[-1]) for a in arrays)
         rows = shares(len(rho), self.cloud.pool)
-        self.rows, self.width = (1, domain.points[0]) if flat else domain.points
+        self.width = domain.points[-1]
+        self.rows = math.prod(domain.points[:-1])
         self.own = slice(*domain.row_range(world.rank)) if flat else slice(None)  # columns
         self.levels = [LEAST, LEAST]  # of the terms of the field energy, and of E_x
         self.per_scale = np.ones(2)
@@ -67,7 +68,7 @@ class SeriesSums:
         self.most = np.zeros((len(rows), 2))
         arena = Arena(())
         arena.set(
-            corners=np.array([[0 if flat else first + 1, first + 1], [0 if flat else first, first]]),
+            corners=np.array([_corner(domain, arrays[1].shape, below + 1), _corner(domain, arrays[2].shape, below)]),
             background=self.scene.background,
             per_scale=self.per_scale,
             rho_rows=rho,
@@ -84,7 +85,7 @@ class SeriesSums:
 
     def _lay_out(self) -> None:
         """The words of a sample in one line, which one reduction sums over the ranks."""
-        shape, places = self.cloud.arena["limbs"].shape[1:], 6 * self.n_species
+        shape, places = self.cloud.arena["limbs"].shape[1:], 3 * self.n_species * self.scene.dimensions
         ends = np.cumsum([5, shape[0], math.prod(shape), exact.LIMBS, self.width, places]).tolist()
         self.words = np.zeros(ends[-1], np.int64)
         self.parts = [slice(a, b) for a, b in itertools.pairwise([0, *ends])]
@@ -114,7 +115,7 @@ class SeriesSums:
         np.sum(limbs_of_blocks, axis=0, out=limbs.reshape(limbs_of_blocks.shape[1:]))
         np.sum(self.energy, axis=0, out=energy)
         np.sum(self.columns, axis=0, out=columns[self.own])
-        rows = places.reshape(self.n_species, 2, 3)
+        rows = places.reshape(self.n_species, self.scene.dimensions, 3)
         rows[..., :2] = cloud.arena["places"].sum(axis=0)[: self.n_species]
         rows[..., 2] = cloud.arena["crossings"].sum(axis=0)[: self.n_species]
         return levels
@@ -160,10 +161,9 @@ class SeriesSums:
         """
         sums, d = iter(places), self.scene.dimensions
         threes = list(zip(sums, sums, sums))
-        sides = self.scene.points
         return [
-            [(cells + turns * sides[axis] << PLACE_BITS) + parts for axis, (cells, parts, turns) in enumerate(pair[:d])]
-            for pair in zip(threes[::2], threes[1::2])
+            [(cells + turns * n << PLACE_BITS) + parts for n, (cells, parts, turns) in zip(self.scene.points, axes)]
+            for axes in zip(*(threes[axis::d] for axis in range(d)))
         ]
 
     def scalars(self) -> dict[str, float]:
@@ -178,7 +178,7 @@ class SeriesSums:
         if self.levels[0] < TOP:
             field = 0.5 * self.scene.cell_volume * exact.value(energy, 1 / float(self.per_scale[0]))
         sample = Sample(tuple(species), field, tuple(self.modes(columns)))
-        return {scalar.name: scalar.value(sample) for scalar in scalars.SCALARS.values()}
+        return {scalar.name: scalar.value(sample) for scalar in scalars.columns(self.scene.dimensions)}
 
     def _moments_of(
         self, values: list[float], half_turn: NDArray, valid: float, mass: float
@@ -203,13 +203,20 @@ class SeriesSums:
         return found
 
     def modes(self, columns: NDArray[np.int64]) -> list[float]:
-        """Amplitudes |E_k| of cos, sin (2 pi n x / Lx) in E_x averaged over y, n = 1 .. MODES."""
+        """Amplitudes |E_k| of cos, sin (2 pi n x / Lx) in E_x averaged over y and z, n = 1 .. MODES."""
         if self.levels[1] == TOP:
             return [math.nan] * MODES
         mean = columns * (1 / self.per_scale[1] / self.rows)
         waves = np.abs(np.fft.rfft(mean)[1 : MODES + 1]).tolist()
         both = [2.0 if 2 * n < self.width else 1.0 for n in range(1, MODES + 1)]  # the shortest wave is its own mirror
         return [k * wave / self.width for k, wave in zip(both, waves)]
+
+
+def _corner(domain: Domain, shape: tuple[int, ...], below: int) -> tuple[int, ...]:
+    """Where the slab begins in an array with ghosts (see kernels.mesh.node_sums)."""
+    if domain.ndim < 3:
+        return (domain.ndim - 1) * below, below, 1, 0
+    return below * shape[1] + below, below, domain.points[1], shape[1] - domain.points[1]
 
 
 def _level(most: float) -> int:

@@ -56,10 +56,12 @@ def particles(scene: Scene, cloud: Cloud) -> dict[str, ParticleArray]:
 
 
 def anchors(scene: Scene, tiles: NDArray[np.int32]) -> NDArray[np.integer]:
-    """Column (and row) of the first cell of tiles."""
-    edge = EDGE[scene.dimensions]
-    across = -(-scene.points[0] // edge)
-    return np.stack([tiles % across, tiles // across][: scene.dimensions], axis=1) * edge
+    """Column (row, plane) of the first cell of tiles."""
+    edge, found, rest = EDGE[scene.dimensions], [], tiles
+    for points in scene.points[:-1]:
+        rest, tile = np.divmod(rest, -(-points // edge))
+        found.append(tile)
+    return np.stack([*found, rest], axis=1) * edge
 
 
 def state(scene: Scene, world: World, cloud: Cloud) -> dict[str, Shard]:

@@ -15,7 +15,14 @@ from hpcpic.core.space.fields import Field
 from hpcpic.core.tasks.arena import Arena
 from hpcpic.core.tasks.graph import Bound, Graph, Pool, TaskError
 from hpcpic.plasma.field.slab_sums import SlabSums, around, shares
-from hpcpic.plasma.kernels.mesh import OVERFLOW, density, embed, minus_gradient_1d, minus_gradient_2d
+from hpcpic.plasma.kernels.mesh import (
+    OVERFLOW,
+    density,
+    embed,
+    minus_gradient_1d,
+    minus_gradient_2d,
+    minus_gradient_3d,
+)
 from hpcpic.plasma.particles.tiles import Patches, aligned
 from hpcpic.plasma.physics.poisson import LU, MFT
 from hpcpic.plasma.setup.scene import Scene
@@ -25,7 +32,7 @@ SHIFT = 16  # with which the sum of 2^32 particles of 2^44 parts fits an integer
 
 
 class Mesh:
-    """rho[rows, Nx] C/m^d (rows in 1D: [rows]), phi.inner V, e[d, rows + ghosts, Nx + ghosts] V/m.
+    """rho[rows, Nx] C/m^d (1D: [rows], 3D: [planes, Ny, Nx]), phi.inner V, e[d, ..] V/m, as rho but with ghosts.
 
     charge: integer charge of the slab by groups of equal |q|; weight[group]: density that one part makes.
     e has the `ghosts` below and above the slab that the shape of the particles reaches, on each axis; phi has one more.
@@ -71,32 +78,33 @@ class Mesh:
         )
 
     def _arena(self, weight: NDArray[np.float64]) -> Arena:
-        """Arrays of the slab as the kernels see them: rows of columns, of one column in 1D."""
-        rows, arena = len(self.rho), Arena(())
-        (row, _), (column, _) = self.phi.ghosts[0], (0, 0) if self.domain.ndim == 1 else self.phi.ghosts[1]
-        below, above = self.charge.field.ghosts[0]
+        """Arrays of the slab as the kernels see them: rows of columns, of one column in 1D; of all planes in 3D."""
+        flat, arena, phi, charge = self.domain.ndim == 1, Arena(()), self.phi.values, self.charge.field
         arena.set(
             weight=weight,
-            below=below,
-            parts=self.charge.field.values.reshape(len(weight), rows + below + above, -1),
-            rho_rows=_with_pitch(self.rho, rows),
-            source=_with_pitch(self.solver.rho, rows),
-            solved=_with_pitch(self.solver.phi, rows),
-            row=row,
-            column=column,
-            n_columns=self.rho.size // max(rows, 1),
-            phi=self.phi.values,
-            phi_rows=self.phi.values.reshape(len(self.phi.values), -1),
+            below=first_row(charge),
+            plane_rows=plane_rows(self.domain),
+            gap=gap(charge),
+            phi_gap=gap(self.phi),
+            parts=charge.values.reshape(len(weight), -1, 1 if flat else self.domain.points[-1]),
+            rho_rows=self.rho.reshape(-1, 1 if flat else self.domain.points[-1]),
+            source=_with_pitch(self.solver.rho),
+            solved=_with_pitch(self.solver.phi),
+            row=first_row(self.phi),
+            column=0 if flat else self.phi.ghosts[-1][0],
+            n_columns=1 if flat else self.domain.points[-1],
+            phi=phi,
+            phi_rows=phi.reshape(-1, 1 if flat else phi.shape[-1]),
             e=self.e,
         )
         return arena
 
     def _gradient_graph(self, spacing: tuple[float, ...]) -> Graph:
         """phi between its ghosts, the messages that fill these, E."""
-        kernel = minus_gradient_1d if self.domain.ndim == 1 else minus_gradient_2d
-        for axis, step, uniform in zip("xy", spacing, self.uniform):
+        kernel = (minus_gradient_1d, minus_gradient_2d, minus_gradient_3d)[self.domain.ndim - 1]
+        for axis, step, uniform in zip("xyz", spacing, self.uniform):
             self.arena.set(**{f"per_2d{axis}": 0.5 / step, f"e0_{axis}": uniform})
-        inner = self._of_rows(embed, len(self.rho))
+        inner = self._of_rows(embed, len(self.arena["rho_rows"]))
         return around(self.fill, [inner], self._of_rows(kernel, self.e.shape[1]))
 
     def _of_rows(self, kernel: object, rows: int) -> list[Bound]:
@@ -109,7 +117,7 @@ class Mesh:
         delivery: tasks that add charge to them first, in stages, each after the one before.
         """
         with self.world.first_on_node():
-            after = self._of_rows(density, len(self.rho))
+            after = self._of_rows(density, len(self.arena["rho_rows"]))
         self._deposit = self.charge.graph(patches, after=after)
         self._deliver = self.charge.graph(patches, before=delivery, after=after)
 
@@ -173,6 +181,22 @@ class Mesh:
         self.solver.free()
 
 
-def _with_pitch(array: NDArray, rows: int) -> NDArray:
-    """The array as rows of its full pitch, C-contiguous: its own columns are the first of each."""
-    return as_strided(array, (rows, array.strides[0] // array.itemsize))
+def plane_rows(domain: Domain) -> int:
+    """Rows of a plane as kernels.mesh takes them: in 1D and 2D a row is all there is."""
+    return domain.points[1] if domain.ndim == 3 else 1
+
+
+def first_row(field: Field) -> int:
+    """The first row of the slab's own nodes in an array with ghosts."""
+    below = field.ghosts[0][0]
+    return below if field.domain.ndim < 3 else below * field.values.shape[-2] + field.ghosts[1][0]
+
+
+def gap(field: Field) -> int:
+    """Ghost rows from plane to plane."""
+    return sum(field.ghosts[1]) if field.domain.ndim == 3 else 0
+
+
+def _with_pitch(array: NDArray) -> NDArray:
+    """The array as rows (3D: planes) of its full pitch, C-contiguous: its own nodes are the first of each."""
+    return as_strided(array, (len(array), array.strides[0] // array.itemsize))

@@ -14,16 +14,16 @@ from hpcpic.plasma.particles.tiles import Patches
 
 
 class SlabSums:
-    """field.values[group, rows + ghosts, columns] = sum of the patches of all blocks, with ghost rows added to the
-    nodes that they stand for. Integers: the order of adding does not show.
+    """field.values[group, rows + ghosts, columns] (3D: planes + ghosts first) = sum of the patches of all blocks, with
+    ghost rows added to the nodes that they stand for. Integers: the order of adding does not show.
     """
 
     def __init__(
         self, world: World, pool: Pool, domain: Domain, groups: int, ghosts: tuple[int, int], channel: Channel
     ) -> None:
         self.world, self.pool = world, pool
-        rest = ((0, 0),) * (domain.ndim - 1)
-        self.field = Field(domain, world.rank, dtype="int64", leading=(groups,), ghosts=(ghosts, *rest))
+        around = (ghosts, *((ghosts,) if domain.ndim == 3 else ()), (0, 0))[: domain.ndim]
+        self.field = Field(domain, world.rank, dtype="int64", leading=(groups,), ghosts=around)
         self.fold = Fold(world, domain, self.field, channel)
 
     def graph(self, patches: Patches, before: Sequence[list[Bound]] = (), after: Sequence[Bound] = ()) -> Graph:

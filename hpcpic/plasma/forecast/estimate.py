@@ -25,7 +25,7 @@ START = 1.0  # s: interpreter, libraries, kernels from the cache
 HELD = 0.75  # of the last-level cache, by particles: fields and what else runs want the rest
 STANDARD_BYTES = 36  # of a particle in two dimensions and double precision
 NODE_BYTES = 32  # of a node, by the rows and columns of its transform, which are read again within a field
-LEVELS = {2: 18, 1: 16}  # log2 of the nodes for which `field_ns` holds: a transform's work grows with it
+LEVELS = {3: 18, 2: 18, 1: 16}  # log2 of the nodes for which `field_ns` holds: a transform's work grows with it
 
 # Measured on the authors' machine, one core of a 2-core AMD Zen 5 at 4.1 GHz.
 DEFAULT = FILES | {
@@ -41,18 +41,28 @@ DEFAULT = FILES | {
     "particle_ns 1D NGP single": 0.9,
     "particle_ns 1D TSC double": 1.6,
     "particle_ns 1D TSC single": 1.4,
+    "particle_ns 3D CIC double": 5.5,
+    "particle_ns 3D CIC single": 4.5,
+    "particle_ns 3D NGP double": 3.2,
+    "particle_ns 3D NGP single": 2.6,
+    "particle_ns 3D TSC double": 60.0,
+    "particle_ns 3D TSC single": 60.0,
     "memory_ns": 2.85,  # pushed and delivered, of STANDARD_BYTES, from memory
     "cache_mb": 32.0,  # last-level cache of a node
     "cell_ns 2D": 2.8,  # of the push and of the charge
     "cell_ns 1D": 2.0,
+    "cell_ns 3D": 6.0,
     "tile_ns 2D": 430.0,  # more, of a tile of cells that is not empty
     "tile_ns 1D": 220.0,
+    "tile_ns 3D": 900.0,
     "field_ns 2D": 6.7,  # transforms, potential and its gradient
     "field_ns 1D": 8.0,
+    "field_ns 3D": 9.0,
     "field_memory_ns": 3.0,  # more, of a node that no cache holds, as transforms of 2048^2 and 4096^2 took
     "cell_memory_ns": 0.6,  # likewise; from a Zen 4, by the ratio of the fields
     "factor_ns 2D": 0.88,  # per number in the factors of LU
     "factor_ns 1D": 3.5,
+    "factor_ns 3D": 3.0,
     "sample_ns": 3.4,  # of the series, per particle
     "sample_cell_ns": 8.0,
     "count_in_push": 0.7,  # a histogram's time in that of the push of its particles
@@ -63,6 +73,7 @@ DEFAULT = FILES | {
     "cores": 2.0,
     "plasma_core_gain 2D": 1.65,  # of all cores of a node over one
     "plasma_core_gain 1D": 1.5,
+    "plasma_core_gain 3D": 1.65,
     "memory_core_gain": 1.3,  # and at particles that no cache holds
     "mesh_core_gain": 1.65,  # and at what cells and the field need
     "rank_mib": 220.0,  # Python and the libraries, kernels from the cache

@@ -39,13 +39,12 @@ def kernels(config: PlasmaConfig) -> list[str]:
         if config.simulation.solver == "LU"
         else "transposed FFT, Green function on the columns"
     )
-    gradient = (
-        "two more inverse transforms" if config.numerics.gradient == "spectral" else "centred differences"
-    )
+    more = ("one more inverse transform", "two more inverse transforms", "three more inverse transforms")
+    gradient = more[d - 1] if config.numerics.gradient == "spectral" else "centred differences"
     if not any(species.particles for species in config.species):
         return ["none: nothing changes without particles"]
     return [
-        f"push       {law} (vectors)",
+        f"push       {law} ({'vectors' if SHAPES[shape].by_vectors(d) else 'one particle after the other'})",
         f"deliver    {law}",
         "collect    integer charge of the blocks",
         f"solve      {field}",
@@ -58,53 +57,58 @@ def arrays(config: PlasmaConfig, ranks: int, threads: int) -> Iterator[Array]:
     d, points = config.dimensions, config.points[::-1]
     below, above = SHAPES[config.numerics.shape].ghosts
     ghosts = below + above
-    rows = even_cuts(points[0], ranks)[1]
-    columns = points[1] if d == 2 else 1
+    rows, inner = even_cuts(points[0], ranks)[1], points[1:]
     real = "float64" if config.numerics.precision == "double" else "float32"
     blocks = config.simulation.plasma_chunks or threads
     n_groups = groups(config)
-    yield from particle_arrays(config, ranks, rows, columns, blocks, real)
-    wide = (rows + ghosts,) if d == 1 else (rows + ghosts, columns + ghosts * blocks)
+    yield from particle_arrays(config, ranks, (rows, *inner), blocks, real)
+    between = (rows + ghosts, *(n + ghosts for n in inner[:-1]))
+    wide = (*between, *(n + ghosts * blocks for n in inner[-1:]))
+    slab = (*between, *(inner[-1:] or (1,)))
     yield Array("charge of the blocks", (n_groups, *wide), "int64")
-    yield Array("charge of the slab", (n_groups, rows + ghosts, columns), "int64")
-    yield Array("rho", (rows, columns), "float64")
-    yield Array("phi", tuple(n + ghosts + 2 for n in ((rows, columns) if d == 2 else (rows,))), "float64")
-    yield Array("E", (d, *(n + ghosts for n in ((rows, columns) if d == 2 else (rows,)))), "float64")
+    yield Array("charge of the slab", (n_groups, *slab), "int64")
+    yield Array("rho", (rows, *(inner or (1,))), "float64")
+    yield Array("phi", tuple(n + ghosts + 2 for n in (rows, *inner)), "float64")
+    yield Array("E", (d, *(n + ghosts for n in (rows, *inner))), "float64")
     if asked := asked_for(config):
         moments = dict.fromkeys(moment for field in asked for moment in field.moments)
         n = 1 + max(1, values_of(tuple(moments), velocity_components(config)))
         yield Array("moments of the blocks", (n, *wide), "int64")
-        yield Array("moments of the slab", (n, rows + ghosts, columns), "int64")
+        yield Array("moments of the slab", (n, *slab), "int64")
     if config.periods["histogram"]:
         for histogram in config.histogram:
             yield Array(f"histogram {histogram.name}", (blocks, math.prod(histogram.bins) + 2), "int32")
     results = d if config.numerics.gradient == "spectral" else 1
     if config.simulation.solver == "LU":
-        yield Array("LU: gathered grid, twice", (2, points[0], columns), "float64")
+        yield Array("LU: gathered grid, twice", (2, points[0], *(inner or (1,))), "float64")
         yield Array("LU: factors", (factor_nonzeros(config.points), 3), "int32")  # a float64 and its row
     else:
-        across = points[1] if d == 2 else 1
-        yield Array("transform: rows", (1 + results, rows, across), "float64")
-        shared = f" (in {SHARED_MEMORY})" if ranks > 1 and d == 2 else ""
-        yield Array(f"transform: columns{shared}", (results, -(-(across // 2 + 1) // ranks), points[0]), "complex128")
+        across = inner[-1] if inner else 1
+        yield Array("transform: rows", (1 + results, rows, *(inner or (1,))), "float64")
+        shared = f" (in {SHARED_MEMORY})" if ranks > 1 and d > 1 else ""
+        half = across // 2 + 1
+        columns = -(-half // ranks) if d < 3 else -(-inner[0] // ranks) * half
+        yield Array(f"transform: columns{shared}", (results, columns, points[0]), "complex128")
 
 
 def factor_nonzeros(points: Sequence[int]) -> int:
-    """Nonzeros of L and U together: six per point in 1D; in 2D, with m points along the shorter side, 12 sqrt(m), as we
-    counted them in SuperLU's for m of 16 to 256, to within a quarter.
+    """Nonzeros of L and U together, with m points along the shortest side: six per point in 1D; in 2D 12 sqrt(m), as we
+    counted them in SuperLU's for m of 16 to 256, in 3D 3 m^2, for m of 4 to 16, both to within a quarter.
     """
-    return round(math.prod(points) * (6 if len(points) == 1 else 12 * math.sqrt(min(points))))
+    m = min(points)
+    return round(math.prod(points) * (6, 12 * math.sqrt(m), 3 * m * m)[len(points) - 1])
 
 
 def particle_arrays(
-    config: PlasmaConfig, ranks: int, rows: int, columns: int, blocks: int, real: str
+    config: PlasmaConfig, ranks: int, slab: tuple[int, ...], blocks: int, real: str
 ) -> Iterator[Array]:
-    """Pages that are touched; every tile part of a species leaves half a page empty, on average."""
+    """Pages that are touched; every tile part of a species leaves half a page empty, on average. `slab`: its points."""
     n = sum(species.particles for species in config.species)
     if not n:
         return
     edge, d = EDGE[config.dimensions], config.dimensions
-    parts = -(-rows // edge) * (max(blocks, -(-columns // edge)) if d == 2 else 1)
+    *others, columns = (-(-n // edge) for n in slab)
+    parts = math.prod(others) * (max(blocks, columns) if d > 1 else columns)
     slots = parts * len(config.species)
     pages = -(-n // ranks // PAGE) + min(slots, n) // 2
     lanes = 64 // Array("one", (), real).itemsize
@@ -121,10 +125,10 @@ def messages(config: PlasmaConfig, ranks: int) -> list[str]:
     if not any(species.particles for species in config.species):
         return ["none: nothing changes without particles"]
     neighbours = min(2, ranks - 1)
-    row = config.points[0] if config.dimensions == 2 else 1
     below, above = SHAPES[config.numerics.shape].ghosts
-    charge = 8 * row * groups(config) * (below + above)
-    wide = row + below + above + 2 if config.dimensions == 2 else 1
+    inner, ghosts = config.points[:-1], below + above
+    charge = 8 * math.prod(inner[:1]) * math.prod(n + ghosts for n in inner[1:]) * groups(config) * ghosts
+    wide = math.prod(n + ghosts + 2 for n in inner)
     lines = [
         f"particles  {neighbours}, with the leavers",
         f"wanted     {(ranks - 1).bit_length()} of 8 bytes: does any rank have leavers that are in no letter",

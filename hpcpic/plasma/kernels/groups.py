@@ -6,12 +6,14 @@ from numpy.typing import NDArray
 
 
 class GridArrays(NamedTuple):
-    """Where cells and particles belong (see particles.tiles). points[2]: rows and columns of the grid.
+    """Where cells and particles belong (see particles.tiles). points: rows, columns and, in 3D, planes of the grid.
 
-    row_part, column_part, column_stride: tables from a global cell to the tile part of this rank. parts[part, 8].
+    pitch: rows from plane to plane in the arrays of the slab, which have ghosts (3D). row_part, column_part,
+    column_stride: tables from a global cell to the tile part of this rank. parts[part, 8 or, in 3D, 11].
     """
 
     n_species: int
+    pitch: int
     points: NDArray
     row_part: NDArray
     column_part: NDArray
@@ -20,10 +22,11 @@ class GridArrays(NamedTuple):
 
 
 class FieldArrays(NamedTuple):
-    """E of the slab: e_x, e_y [rows, columns] with ghosts, first node origin[2], and what they are scaled by."""
+    """E of the slab: e[axis, rows of all planes, columns] with ghosts, row, column (and plane) of the first node, and
+    what it is scaled by.
+    """
 
-    e_x: NDArray
-    e_y: NDArray
+    e: NDArray
     origin: NDArray
     scale: float
 
@@ -61,7 +64,8 @@ class SpeciesArrays(NamedTuple):
 
 
 class PatchArrays(NamedTuple):
-    """Charge of one block: nodes[group, row, column], the first at corner[2] of the grid."""
+    """Charge of one block: nodes[group, row of all planes, column], the first at corner (row, column, plane) of the grid.
+    """
 
     nodes: NDArray
     corner: NDArray
@@ -93,7 +97,7 @@ class NodeSumArrays(NamedTuple):
 
 
 class HistogramArrays(NamedTuple):
-    """What kernels.histogram counts: particles of species[0] in bins[2] along two axes, where weights[2, 6] say; an
+    """What kernels.histogram counts: particles of species[0] in bins[2] along two axes, where weights[2, 7] say; an
     axis that is not asked for has one bin. counts[block, bin].
     """
 

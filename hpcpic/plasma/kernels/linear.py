@@ -1,7 +1,8 @@
 """Linear shapes (CIC) by vectors, cell by cell.
 
-The field is a line of coefficients per cell (2D: a, b, c, d of E_x, then of E_y), the charge a line of sums: of parts,
-times f, times g, times f g (f, g: place in the cell), from which the corners' charge follows.
+The field is a line of coefficients per cell (2D: a, b, c, d of E_x, then of E_y; 3D: one line for each component, of
+a, b, c, d and of what times h adds to them), the charge a line of sums: of parts, times f, times g, times f g, and in 3D
+of these times h (f, g, h: place in the cell), from which the corners' charge follows.
 """
 
 from hpcpic.core.simd.vector import (
@@ -18,7 +19,7 @@ from hpcpic.core.simd.vector import (
 )
 from hpcpic.plasma.kernels.cell_lines import add_sums, gather_field, load_sums
 from hpcpic.plasma.kernels.lanes import address, bits_of, inlined, kernel
-from hpcpic.plasma.kernels.plain import MAGIC
+from hpcpic.plasma.kernels.plain import MAGIC, anchor_in, less
 from hpcpic.plasma.kernels.simd_base import (
     MAGIC_BITS,
     P8,
@@ -28,7 +29,9 @@ from hpcpic.plasma.kernels.simd_base import (
     F,
     I,
     add_pairs,
+    component,
     field_on,
+    planes_of,
     widened,
     zero_bytes,
 )
@@ -36,9 +39,10 @@ from hpcpic.plasma.kernels.storage import TILE
 
 DIM = 2  # axes of the grid
 
-CORNERS = 4 if DIM == 2 else 2
-CELLS, PITCH, EDGE = 256, TILE, TILE
-LINE, SUM = 2 * CORNERS * SIZE // (3 - DIM), CORNERS * SIZE  # bytes of a cell's coefficients and corner sums
+CORNERS = 2**DIM
+CELLS, PITCH, EDGE, LAYER = TILE**DIM, TILE, TILE, TILE * TILE
+LINE, SUM = (2 if DIM == 1 else 8) * SIZE, CORNERS * SIZE  # bytes of a cell's coefficients and corner sums
+ALONG = (CELLS + 8) * LINE  # from the lines of an axis to those of the next in 3D
 SUM_BYTES = (CELLS + 8) * SUM
 REACH = 0  # nodes of the field below the first cell
 
@@ -50,22 +54,27 @@ def cell_of(x):
 
 
 @kernel
-def spread_field(part, parts, field, lines):
+def spread_field(part, grid, field, lines):
     """Coefficients of the cells of a tile part, and zero ones for parked lanes behind them."""
-    e_x, e_y, scale, origin = field.e_x, field.e_y, field.scale, field.origin
-    row, column = parts[part, 1] - origin[0], parts[part, 2] - origin[1]
-    width = e_x.shape[1] * 8
-    for r in range(parts[part, 3], parts[part, 4]):
-        for c in range(parts[part, 5], parts[part, 6], 8):
-            at = (row + r) * width + (column + c) * 8
-            to = lines + (r * PITCH + c) * LINE
-            if DIM == 1:
-                left, right = field_on(address(e_x) + at, scale), field_on(address(e_x) + at + 8, scale)
-                store_lines(to, (convert(R8, left), convert(R8, right - left)))
-            else:
-                store_lines(to, (*coefficients(address(e_x) + at, width, scale),
-                                 *coefficients(address(e_y) + at, width, scale)))  # fmt: skip
-    zero_bytes(lines + CELLS * LINE, lines + (CELLS + 8) * LINE)
+    parts, scale, width = grid.parts, field.scale, field.e.shape[2] * 8
+    row, column, pitch = anchor_in(part, grid, field.origin)
+    from_plane, to_plane = planes_of(part, parts)
+    for p in range(from_plane, to_plane):
+        for r in range(parts[part, 3], parts[part, 4]):
+            for c in range(parts[part, 5], parts[part, 6], 8):
+                at = (row + p * pitch + r) * width + (column + c) * 8
+                to = lines + (p * LAYER + r * PITCH + c) * LINE
+                if DIM == 1:
+                    left, right = field_on(component(field, 0) + at, scale), field_on(component(field, 0) + at + 8, scale)
+                    store_lines(to, (convert(R8, left), convert(R8, right - left)))
+                elif DIM == 2:
+                    store_lines(to, (*converted(coefficients(component(field, 0) + at, width, scale)),
+                                     *converted(coefficients(component(field, 1) + at, width, scale))))  # fmt: skip
+                else:
+                    for axis in range(3):
+                        spread_cube(component(field, axis) + at, width, pitch * width, scale, to + axis * ALONG)
+    for axis in range(3 if DIM == 3 else 1):
+        zero_bytes(lines + axis * ALONG + CELLS * LINE, lines + (axis + 1) * ALONG)
 
 
 @kernel
@@ -74,60 +83,116 @@ def coefficients(at, width, scale):
     e00, e10 = field_on(at, scale), field_on(at + 8, scale)
     e01, e11 = field_on(at + width, scale), field_on(at + width + 8, scale)
     b, c = e10 - e00, e01 - e00
-    return convert(R8, e00), convert(R8, b), convert(R8, c), convert(R8, (e11 - e10) - c)
+    return e00, b, c, (e11 - e10) - c
 
 
 @inlined
-def field_at(lines, cells, f, g):
-    """E_x, E_y of a pack at (f, g) in the cells whose lines are at `lines` + (integers at address `cells`)."""
+def converted(k):
+    """Four coefficients in the precision of particles."""
+    return convert(R8, k[0]), convert(R8, k[1]), convert(R8, k[2]), convert(R8, k[3])
+
+
+@kernel
+def spread_cube(at, width, plane, scale, to):
+    """Store a, b, c, d of eight cells of a plane, and what a, b, c, d of the plane above them have more."""
+    low, high = coefficients(at, width, scale), coefficients(at + plane, width, scale)
+    store_lines(to, (*converted(low), *converted(less(high, low))))
+
+
+@inlined
+def bilinear_of(u, first, f, g):
+    """a + b f + (c + d f) g of four coefficients from u[first] on."""
+    return fma(g, fma(f, u[first + 3], u[first + 2]), fma(f, u[first + 1], u[first]))
+
+
+@inlined
+def field_at(lines, cells, place):
+    """E of a pack, as many components as there are axes, at (f, g, h) in the cells whose lines are at `lines` +
+    (integers at address `cells`).
+    """
+    f, g, h = place
     if DIM == 1:
         u = gather_lines(F, 2, lines, load_at(I, cells, 64))
         e = fma(f, u[1], u[0])
-        return e, e
+        return e, e, e
     u = gather_field(F, lines, cells)
-    return fma(g, fma(f, u[3], u[2]), fma(f, u[1], u[0])), fma(g, fma(f, u[7], u[6]), fma(f, u[5], u[4]))
+    if DIM == 2:
+        ex = bilinear_of(u, 0, f, g)
+        return ex, bilinear_of(u, 4, f, g), ex
+    v, w = gather_field(F, lines + ALONG, cells), gather_field(F, lines + 2 * ALONG, cells)
+    return (fma(h, bilinear_of(u, 4, f, g), bilinear_of(u, 0, f, g)),
+            fma(h, bilinear_of(v, 4, f, g), bilinear_of(v, 0, f, g)),
+            fma(h, bilinear_of(w, 4, f, g), bilinear_of(w, 0, f, g)))  # fmt: skip
 
 
 @inlined
-def add_charge(sums, cells, f, g, unit, whole):
-    """Charge of a pack to the sums of its cells: of parts, times f, times g, times f g."""
-    along = bits_of(fma(f, unit, MAGIC)) - MAGIC_BITS
+def add_charge(sums, cells, place, unit, whole):
+    """Charge of a pack to the sums of its cells: of parts, times f, times g, times f g, and these times h."""
+    f, g, h = place
+    along = share_of(f, unit)
     if DIM == 1:
         add_lines(sums, load_at(I, cells, 64), (whole, along))
+    elif DIM == 2:
+        add_sums(sums, cells, (whole, along, share_of(g, unit), share_of(f, g * unit)))
     else:
-        across, both = bits_of(fma(g, unit, MAGIC)), bits_of(fma(f, g * unit, MAGIC))
-        add_sums(sums, cells, (whole, along, across - MAGIC_BITS, both - MAGIC_BITS))
+        up = h * unit
+        add_sums(sums, cells, (whole, along, share_of(g, unit), share_of(f, g * unit),
+                               share_of(h, unit), share_of(f, up), share_of(g, up), share_of(f, g * up)))  # fmt: skip
+
+
+@inlined
+def share_of(a, unit):
+    """The product of shares and numbers of parts, as whole numbers."""
+    return bits_of(fma(a, unit, MAGIC)) - MAGIC_BITS
 
 
 @inlined
 def corners_of(at):
-    """Charge at the corners of eight cells from their sums, which are zeroed."""
+    """Charge at the corners of eight cells from their sums, which are zeroed; above those of a plane those of the next.
+    """
+    none = splat(P8, 0)
     if DIM == 1:
-        whole, along = gather_lines(P8, 2, at, lane_numbers(WIDE) * SUM)
-        across = both = splat(P8, 0)
+        u = gather_lines(P8, 2, at, lane_numbers(WIDE) * SUM)
+        low, high = (u[0], u[1], none, none), (none, none, none, none)
+    elif DIM == 2:
+        low, high = load_sums(P8, at), (none, none, none, none)
     else:
-        whole, along, across, both = load_sums(P8, at)
+        u = gather_lines(P8, 8, at, lane_numbers(WIDE) * SUM)
+        low, high = (u[0], u[1], u[2], u[3]), (u[4], u[5], u[6], u[7])
     for c in range(CORNERS):
-        store_at(at + 8 * SIZE * c, splat(P8, 0), SUM)
-    whole, along, across, both = widened(whole), widened(along), widened(across), widened(both)
+        store_at(at + 8 * SIZE * c, none, SUM)
+    both, above = four_of(low), four_of(high)
+    return less(both, above), above
+
+
+@inlined
+def four_of(sums):
+    """Charge at four corners from sums of parts, times f, times g, times f g."""
+    whole, along, across, both = widened(sums[0]), widened(sums[1]), widened(sums[2]), widened(sums[3])
     return (whole - along) - (across - both), along - both, across - both, both
 
 
 @kernel
-def gather_sums(part, parts, sums, patch, group, sign):
+def gather_sums(part, grid, sums, patch, group, sign):
     """Add the corner sums of the part's cells, times sign, to the nodes of the patch, and zero them."""
     zero_bytes(sums + CELLS * SUM, sums + SUM_BYTES)
-    corner = patch.corner
-    row, column = parts[part, 1] - corner[0] + parts[part, 3], parts[part, 2] - corner[1]
-    nodes = patch.nodes
+    parts, nodes, zero = grid.parts, patch.nodes, splat(WIDE, 0)
+    row, column, pitch = anchor_in(part, grid, patch.corner)
     base, width = address(nodes) + group * nodes.shape[1] * nodes.shape[2] * 8, nodes.shape[2] * 8
-    zero = splat(WIDE, 0)
-    for c in range(parts[part, 5], parts[part, 6], 8):
-        at, left, right = base + row * width + (column + c) * 8, zero, zero  # of the cells in the row below
-        for r in range(parts[part, 3], parts[part, 4]):
-            corners = corners_of(sums + (r * PITCH + c) * SUM)
-            add_pairs(at, (left + corners[0]) * sign, (right + corners[1]) * sign)
-            left, right = corners[2], corners[3]
-            at += width
-        if DIM == 2:
-            add_pairs(at, left * sign, right * sign)
+    from_plane, to_plane = planes_of(part, parts)
+    for p in range(from_plane, to_plane):
+        for c in range(parts[part, 5], parts[part, 6], 8):
+            at = base + (row + p * pitch + parts[part, 3]) * width + (column + c) * 8
+            left = right = over_left = over_right = zero  # of the cells in the row below, and in the plane above it
+            for r in range(parts[part, 3], parts[part, 4]):
+                low, high = corners_of(sums + (p * LAYER + r * PITCH + c) * SUM)
+                add_pairs(at, (left + low[0]) * sign, (right + low[1]) * sign)
+                left, right = low[2], low[3]
+                if DIM == 3:
+                    add_pairs(at + pitch * width, (over_left + high[0]) * sign, (over_right + high[1]) * sign)
+                    over_left, over_right = high[2], high[3]
+                at += width
+            if DIM > 1:
+                add_pairs(at, left * sign, right * sign)
+            if DIM == 3:
+                add_pairs(at + pitch * width, over_left * sign, over_right * sign)

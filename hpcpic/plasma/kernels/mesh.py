@@ -11,6 +11,12 @@ _1, _2 = np.uint64(1), np.uint64(2)  # signed indices would keep the loops scala
 
 
 @njit
+def padded_row(r, plane_rows, gap):
+    """Row r of planes of so many rows in an array whose planes have `gap` rows more; 1D and 2D: no gap."""
+    return r + r // plane_rows * gap
+
+
+@njit
 def add_row(row, patch):
     """row += patch, equally long."""
     for i in range(row.size):
@@ -60,27 +66,33 @@ def add_weighted(row, weight, parts):
 
 
 @njit
-def density(first, last, below, weight, parts, rho_rows, source):
-    """rho_rows[first:last, columns] = sum over groups of weight[group] x parts, `below` ghost rows apart (5.1), C/m^d.
+def density(first, last, below, plane_rows, gap, weight, parts, rho_rows, source):
+    """rho_rows[first:last, columns] = sum over groups of weight[group] x parts, `below` ghost rows apart, and in 3D
+    `gap` more from plane to plane (5.1), C/m^d.
 
-    source[first:last] gets it too, in wider rows: the solver changes its own. Returns OVERFLOW when a node holds so
-    many parts that the next step could exceed an integer.
+    source[plane] gets it too, its rows one after the other, of one row in 1D and 2D: the solver changes its own. Returns
+    OVERFLOW when a node holds so many parts that the next step could exceed an integer.
     """
     over = False
     for r in range(first, last):
         row = rho_rows[r]
         row[:] = 0
         for group in range(parts.shape[0]):
-            over |= add_weighted(row, weight[group], parts[group, below + r])
-        copy_row(source[r, : row.size], row)
+            over |= add_weighted(row, weight[group], parts[group, below + padded_row(r, plane_rows, gap)])
+        at = r % plane_rows * row.size
+        copy_row(source[r // plane_rows, at : at + row.size], row)
     return OVERFLOW if over else GOOD
 
 
 @njit
-def embed(first, last, row, column, n_columns, solved, phi_rows):
-    """phi_rows[row:, column:] = solved[:, :n_columns] for the rows first:last of what the solver found."""
+def embed(first, last, row, column, n_columns, plane_rows, phi_gap, solved, phi_rows):
+    """phi_rows[row:, column:] = the rows first:last of what the solver found: solved[plane], its rows of n_columns one
+    after the other (1D and 2D: one). In 3D planes of phi_rows have phi_gap rows more.
+    """
     for r in range(first, last):
-        copy_row(phi_rows[row + r, column : column + n_columns], solved[r, :n_columns])
+        at = r % plane_rows * n_columns
+        to = phi_rows[row + padded_row(r, plane_rows, phi_gap), column : column + n_columns]
+        copy_row(to, solved[r // plane_rows, at : at + n_columns])
 
 
 @njit
@@ -111,6 +123,20 @@ def minus_gradient_2d(first, last, phi, e, per_2dx, per_2dy, e0_x, e0_y):
 
 
 @njit
+def minus_gradient_3d(first, last, phi, e, per_2dx, per_2dy, per_2dz, e0_x, e0_y, e0_z):
+    """minus_gradient_2d with planes first..last - 1 of e[3, nz + 1, ny + 1, nx + 1] and phi[nz + 3, ny + 3, nx + 3]."""
+    for k in range(first, last):
+        for j in range(e.shape[2]):
+            below, here, above = phi[k + 1, j], phi[k + 1, j + 1], phi[k + 1, j + 2]
+            under, over = phi[k, j + 1], phi[k + 2, j + 1]
+            e_x, e_y, e_z = e[0, k, j], e[1, k, j], e[2, k, j]
+            for i in range(np.uint64(e_x.size)):
+                e_x[i] = e0_x + per_2dx * (here[i] - here[i + _2])
+                e_y[i] = e0_y + per_2dy * (below[i + _1] - above[i + _1])
+                e_z[i] = e0_z + per_2dz * (under[i + _1] - over[i + _1])
+
+
+@njit
 def bounded(magnitude):
     """The magnitude, infinity if it is beyond LIMIT or not a number."""
     return magnitude if magnitude < LIMIT else np.inf
@@ -122,16 +148,19 @@ def node_sums(first, last, share, corners, background, per_scale, rho_rows, phi_
 
     limbs[share, 3]: (rho + background) phi, per_scale[0] = 1 / scale (core.space.exact); columns[share, columns]:
     E_x in units of 1 / per_scale[1], rounded; both are garbage beyond their scale. most[share, 2]: the largest
-    magnitude of a term of each, or infinity. corners[2, 2]: where the slab begins in phi_rows and in e_x.
+    magnitude of a term of each, or infinity. corners[2, 4]: row and column where the slab begins in phi_rows and in
+    e_x, rows of a plane (see padded_row) and the gap after them.
     """
     limbs, columns, most = limbs[share], columns[share], most[share]
     limbs[:], columns[:], most[:] = 0, 0, 0
-    top, left, row, column = corners[0, 0], corners[0, 1], corners[1, 0], corners[1, 1]
+    left, column, plane_rows = corners[0, 1], corners[1, 1], corners[0, 2]
     for i in range(first, last):
+        in_phi = corners[0, 0] + padded_row(i, plane_rows, corners[0, 3])
+        in_e = corners[1, 0] + padded_row(i, plane_rows, corners[1, 3])
         high, middle, low = np.int64(0), np.int64(0), np.int64(0)
         energy = field = 0.0
         for j in range(rho_rows.shape[1]):
-            term = (rho_rows[i, j] + background) * phi_rows[top + i, left + j]
+            term = (rho_rows[i, j] + background) * phi_rows[in_phi, left + j]
             t = term * per_scale[0] * 2.0**31
             h = np.rint(t)
             t = (t - h) * 2.0**32
@@ -139,7 +168,7 @@ def node_sums(first, last, share, corners, background, per_scale, rho_rows, phi_
             high += np.int64(h)
             middle += np.int64(m)
             low += np.int64(np.rint((t - m) * 2.0**32))
-            e = e_x[row + i, column + j]
+            e = e_x[in_e, column + j]
             columns[j] += np.int64(np.rint(e * per_scale[1]))
             energy, field = max(energy, bounded(abs(term))), max(field, bounded(abs(e)))
         limbs[0] += high

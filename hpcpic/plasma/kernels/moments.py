@@ -10,7 +10,7 @@ from hpcpic.core.simd.vector import fma
 from hpcpic.core.space.exact import add_limbs
 from hpcpic.plasma.kernels.lanes import inlined, kernel
 from hpcpic.plasma.kernels.mesh import bounded
-from hpcpic.plasma.kernels.plain import deposit, gather
+from hpcpic.plasma.kernels.plain import anchor_in, deposit, gather, place_of
 from hpcpic.plasma.kernels.storage import LANES, PAGE
 from hpcpic.plasma.sizes import PLACE_BITS
 
@@ -29,16 +29,17 @@ def integrands(vx, vy, vz, square):
 
 
 @inlined
-def centred_velocity(x, y, v, row, column, field, half_kick):
-    """v- of a particle at (x, y) in cells from an anchor: v^(n-1/2) with half the electric impulse."""
-    e_x, e_y, scale = field.e_x, field.e_y, field.scale
-    vx = np.float64(fma(REAL(half_kick[0]), gather(e_x, row, column, x, y, scale), REAL(v[0])))
+def centred_velocity(x, v, where, field, half_kick):
+    """v- of a particle at x in cells from an anchor: v^(n-1/2) with half the electric impulse; `where` see gather."""
+    vx = np.float64(fma(REAL(half_kick[0]), gather(field, 0, where, x), REAL(v[0])))
     vy = vz = 0.0
-    if DIM == 2:
-        vy = np.float64(fma(REAL(half_kick[1]), gather(e_y, row, column, x, y, scale), REAL(v[1])))
+    if DIM > 1:
+        vy = np.float64(fma(REAL(half_kick[1]), gather(field, 1, where, x), REAL(v[1])))
     elif VELOCITIES > 1:
         vy = np.float64(v[1] + half_kick[1])
-    if VELOCITIES > 2:
+    if DIM == 3:
+        vz = np.float64(fma(REAL(half_kick[2]), gather(field, 2, where, x), REAL(v[2])))
+    elif VELOCITIES > 2:
         vz = np.float64(v[2] + half_kick[2])
     return vx, vy, vz
 
@@ -59,22 +60,24 @@ def moments(block, first, last, grid, field, pages, moment_sums):
     places[block, species, axis] += sums of (x^n + x^(n-1)) / 2 = x^n - v^(n-1/2) / 2 in the box, see add_place.
     Components in cells per step, squares in (side of a cell along x per step)^2. Returns a code of core.space.exact.
     """
-    parts, pool, origin, r = grid.parts, pages.pool, field.origin, moment_sums.ratio_sq
+    parts, pool, r = grid.parts, pages.pool, moment_sums.ratio_sq
     values, limbs, inv_scale = moment_sums.values[block], moment_sums.limbs[block], moment_sums.inv_scale
     bad, places = 0, moment_sums.places[block]
     for part in range(first, last):
-        row, column = parts[part, 1] - origin[0], parts[part, 2] - origin[1]
+        where = anchor_in(part, grid, field.origin)
         for slot in range(part * grid.n_species, (part + 1) * grid.n_species):
-            kind, along, across = slot % grid.n_species, 0.0, 0.0
+            kind, along, across, up = slot % grid.n_species, 0.0, 0.0, 0.0
             page, used = np.int64(pages.head[slot]), (pages.count[slot] - 1) % PAGE + 1
             while page >= 0:
                 for place in range(used):
                     pack, lane = place // LANES, place % LANES
-                    x, y = pool[page, pack, 0, lane], pool[page, pack, DIM - 1, lane]
-                    v = pool[page, pack, DIM:, lane]
-                    along += np.float64(x) - 0.5 * np.float64(v[0])
-                    across += np.float64(y) - 0.5 * np.float64(v[DIM - 1])
-                    vx, vy, vz = centred_velocity(x, y, v, row, column, field, moment_sums.half_kick[kind])
+                    x, v = place_of(pool, page, pack, lane), pool[page, pack, DIM:, lane]
+                    along += np.float64(x[0]) - 0.5 * np.float64(v[0])
+                    if DIM > 1:
+                        across += np.float64(x[1]) - 0.5 * np.float64(v[1])
+                    if DIM == 3:
+                        up += np.float64(x[2]) - 0.5 * np.float64(v[2])
+                    vx, vy, vz = centred_velocity(x, v, where, field, moment_sums.half_kick[kind])
                     found = integrands(vx, vy, vz, r[0] * vx * vx + r[1] * vy * vy + r[2] * vz * vz)
                     for k in range(MOMENTS):
                         values[k, place] = found[k]
@@ -83,8 +86,10 @@ def moments(block, first, last, grid, field, pages, moment_sums):
                     limbs[kind, k, SAMPLE_LIMBS:] = 0
                 page, used = np.int64(pages.chain[page]), PAGE
             add_place(places[kind, 0], along, parts[part, 2], pages.count[slot])
-            if DIM == 2:
+            if DIM > 1:
                 add_place(places[kind, 1], across, parts[part, 1], pages.count[slot])
+            if DIM == 3:
+                add_place(places[kind, 2], up, parts[part, 8], pages.count[slot])
     return bad
 
 
@@ -105,25 +110,26 @@ def node_moments(block, first, last, grid, field, pages, node_sums, patch):
 
     All values of a particle are shared among nodes as charge is. REAL is double precision whatever that of particles.
     """
-    parts, pool, origin, corner, nodes = grid.parts, pages.pool, field.origin, patch.corner, patch.nodes
+    pool, nodes = pages.pool, patch.nodes
     kind, whole, per_scale, most = node_sums.sampled[0], node_sums.whole[0], node_sums.per_scale, 0.0
     half_kick, half_turn = node_sums.node_half_kick[kind], node_sums.half_turn[kind]
     nodes[:] = 0
     for part in range(first, last):
-        row, column, slot = parts[part, 1], parts[part, 2], part * grid.n_species + kind
+        in_field, in_patch = anchor_in(part, grid, field.origin), anchor_in(part, grid, patch.corner)
+        slot = part * grid.n_species + kind
         page, used = np.int64(pages.head[slot]), (pages.count[slot] - 1) % PAGE + 1
         while page >= 0:
             for place in range(used):
                 pack, lane = place // LANES, place % LANES
-                x, y = REAL(pool[page, pack, 0, lane]), REAL(pool[page, pack, DIM - 1, lane])
-                stored = pool[page, pack, DIM:, lane]
-                v = centred_velocity(x, y, stored, row - origin[0], column - origin[1], field, half_kick)
+                at = place_of(pool, page, pack, lane)
+                x = REAL(at[0]), REAL(at[1]), REAL(at[2])
+                v = centred_velocity(x, pool[page, pack, DIM:, lane], in_field, field, half_kick)
                 vx, vy, vz = whole_velocity(v, node_sums.side, half_turn)
                 most = max(most, bounded(max(abs(vx), abs(vy), abs(vz))))
                 found = integrands(vx, vy, vz, vx * vx + vy * vy + vz * vz)
-                deposit(nodes, 0, whole, row - corner[0], column - corner[1], x, y)
+                deposit(nodes, 0, whole, in_patch, x)
                 for k in range(MOMENTS):
                     value = np.int64(np.rint(found[k] * per_scale[k]))
-                    deposit(nodes, 1 + k, value, row - corner[0], column - corner[1], x, y)
+                    deposit(nodes, 1 + k, value, in_patch, x)
             page, used = np.int64(pages.chain[page]), PAGE
     node_sums.fastest[block] = most

@@ -24,10 +24,10 @@ from hpcpic.core.simd.vector import (
 from hpcpic.core.space.exact import NOT_BOUNDED
 from hpcpic.plasma.kernels.cell_lines import opaque
 from hpcpic.plasma.kernels.lanes import address, bits_of, inlined, kernel
-from hpcpic.plasma.kernels.linear import EDGE, cell_of, field_at, spread_field
+from hpcpic.plasma.kernels.linear import EDGE, field_at, spread_field
 from hpcpic.plasma.kernels.moments import MOMENTS, SAMPLE_LIMBS, add_place, integrands
-from hpcpic.plasma.kernels.push import PACK_BYTES, PAGE_BYTES, lines_at, park
-from hpcpic.plasma.kernels.simd_base import E8, MAGIC_BITS, F, I
+from hpcpic.plasma.kernels.push import PACK_BYTES, PAGE_BYTES, lines_at, park, place_in_cell
+from hpcpic.plasma.kernels.simd_base import E8, MAGIC_BITS, F, I, position_at
 from hpcpic.plasma.kernels.storage import LANES, PAGE
 
 DIM = 2  # axes of the grid
@@ -63,24 +63,19 @@ def half(v, k):
 
 
 @inlined
-def place_in(at):
-    """x and y of one pack."""
-    return load_at(F, at, 64), load_at(F, at + 64 * (DIM - 1), 64)
-
-
-@inlined
 def centred(at, n, lines, cells, m):
     """v- of one pack, whose lanes from n on are parked: zero there. `cells` is the address of lines_at of the pack."""
-    x, y = place_in(at)
     vx = load_at(F, at + 64 * DIM, 64)
     vy = vz = splat(F, 0.0)
-    ex, ey = field_at(lines - MAGIC_BITS, cells, x - cell_of(x), y - cell_of(y))
+    ex, ey, ez = field_at(lines - MAGIC_BITS, cells, place_in_cell(position_at(at)))
     vx = fma(m[0], ex, vx)
-    if DIM == 2:
-        vy = fma(m[1], ey, load_at(F, at + 64 * 3, 64))
+    if DIM > 1:
+        vy = fma(m[1], ey, load_at(F, at + 64 * (DIM + 1), 64))
     elif VELOCITIES > 1:
         vy = select(lane_numbers(I) < n, load_at(F, at + 64 * 2, 64) + m[1], 0)
-    if VELOCITIES > 2:
+    if DIM == 3:
+        vz = fma(m[2], ez, load_at(F, at + 64 * 5, 64))
+    elif VELOCITIES > 2:
         vz = select(lane_numbers(I) < n, load_at(F, at + 64 * (DIM + 2), 64) + m[2], 0)
     return vx, vy, vz
 
@@ -99,15 +94,15 @@ def moments(block, first, last, grid, field, pages, scratch, moment_sums):
     to_lines, to_cells = address(scratch.lines[block]), address(scratch.cells[block])
     r, inv_scale, half_kick = moment_sums.ratio_sq, moment_sums.inv_scale, moment_sums.half_kick
     ratios, good = (r[0], r[1], r[2]), splat(E8, 0.0) <= 1.0
-    places, last_axis = moment_sums.places[block], DIM - 1
+    places = moment_sums.places[block]
     for part in range(first, last):
-        spread_field(part, grid.parts, field, to_lines)
+        spread_field(part, grid, field, to_lines)
         for slot in range(part * grid.n_species, (part + 1) * grid.n_species):
             kind = slot % grid.n_species
             m = (half_kick[kind, 0], half_kick[kind, 1], half_kick[kind, 2])
             page, used, n = np.int64(pages.head[slot]), (pages.count[slot] - 1) % PAGE + 1, 0
             bits[:] = 0
-            along = across = splat(E8, 0.0)
+            along = across = up = splat(E8, 0.0)
             parked = (LANES - used % LANES) % LANES if page >= 0 else 0  # at rest at EDGE of the last axis
             if page >= 0:
                 park(pages.pool, page, used)
@@ -116,25 +111,30 @@ def moments(block, first, last, grid, field, pages, scratch, moment_sums):
                 page = np.int64(pages.chain[page])
                 ahead = base + page * PAGE_BYTES if page >= 0 else at
                 for pack in range(packs):
-                    x, y = place_in(opaque(at + pack * PACK_BYTES))
-                    store_at(opaque(to_cells + pack * 64), lines_at(x, y), 64)
+                    here = opaque(at + pack * PACK_BYTES)
+                    store_at(opaque(to_cells + pack * 64), lines_at(position_at(here)), 64)
                 for pack in range(packs):
                     for c in range(0, PACK_BYTES, 64):
                         prefetch(ahead + pack * PACK_BYTES + c)
                     here, cells = opaque(at + pack * PACK_BYTES), opaque(to_cells + pack * 64)
                     vx, vy, vz = centred(here, used - pack * LANES, to_lines, cells, m)
-                    along, across = along + middle(here, 0, 0), across + middle(here, last_axis, 0)
-                    if HALVES == 2:
-                        along, across = along + middle(here, 0, 1), across + middle(here, last_axis, 1)
+                    for k in range(HALVES):
+                        along = along + middle(here, 0, k)
+                        if DIM > 1:
+                            across = across + middle(here, 1, k)
+                        if DIM == 3:
+                            up = up + middle(here, 2, k)
                     good = add_moments(to_bits, good, half(vx, 0), half(vy, 0), half(vz, 0), ratios, inv_scale)
                     if HALVES == 2:
                         good = add_moments(to_bits, good, half(vx, 1), half(vy, 1), half(vz, 1), ratios, inv_scale)
                 n += packs * HALVES
                 used = PAGE
-            far = total(across) - EDGE * parked
-            add_place(places[kind, last_axis], far, grid.parts[part, 3 - DIM], pages.count[slot])
-            if DIM == 2:
-                add_place(places[kind, 0], total(along), grid.parts[part, 2], pages.count[slot])
+            here, at_edge = grid.parts[part], float(EDGE * parked)
+            add_place(places[kind, 0], total(along) - (at_edge if DIM == 1 else 0.0), here[2], pages.count[slot])
+            if DIM > 1:
+                add_place(places[kind, 1], total(across) - (at_edge if DIM == 2 else 0.0), here[1], pages.count[slot])
+            if DIM == 3:
+                add_place(places[kind, 2], total(up) - at_edge, here[8], pages.count[slot])
             for k in range(MOMENTS):
                 for limb in range(SAMPLE_LIMBS):
                     limbs[kind, k, limb] += bits[k, limb].sum() - 8 * n * BIASES[limb]

@@ -8,8 +8,9 @@ from hpcpic.plasma.kernels.storage import TILE
 DIM = 2  # axes of the grid
 
 PITCH = TILE + 8  # of a row of nodes, in eights
-EDGE = TILE + 1 if DIM == 2 else PITCH  # behind the last node
-CELLS = EDGE * PITCH if DIM == 2 else PITCH
+EDGE = TILE + 1 if DIM > 1 else PITCH  # behind the last node
+LAYER = EDGE * PITCH  # of a plane of nodes
+CELLS = (PITCH, LAYER, EDGE * LAYER)[DIM - 1]
 
 
 @inlined

@@ -1,9 +1,10 @@
 """The particle kernels of one block, one particle after the other: the reference, for every shape and dimension.
 
 Every kernel works on the tile parts `parts[first:last]` = (tile, anchor row, anchor column, rows from and to,
-columns from and to relative to the anchor, block), and takes its arrays in groups (see kernels.groups). Fields carry
-the ghosts the shape needs; `scale` is a power of two that brings them to numbers near one. Charge goes to the block's
-patch in integer parts of a particle. In 1D there is one row.
+columns from and to relative to the anchor, block; in 3D anchor plane, planes from and to), and takes its arrays in
+groups (see kernels.groups). Fields carry the ghosts the shape needs; `scale` is a power of two that brings them to
+numbers near one. Charge goes to the block's patch in integer parts of a particle. In 1D there is one row; in 3D the
+rows of a plane follow those of the one below it.
 """
 
 import numpy as np
@@ -75,30 +76,85 @@ def quadratic(k, d):
 
 
 @inlined
-def gather(e, row, column, x, y, scale):
-    """E at the particle (5.14); (row, column) of the tile's anchor in e. CIC in the form a + b f + (c + d f) g."""
-    i, f = cell_and_place(x)
-    i += column
+def nine_about(e, row, i, scale):
+    """Coefficients (see parabola) of g^b f^a about node i of a row, those of f first."""
+    low, mid, high = along_row_of(e, row - 1, i, scale), along_row_of(e, row, i, scale), along_row_of(e, row + 1, i, scale)
+    a, b, c = parabola(low[0], mid[0], high[0]), parabola(low[1], mid[1], high[1]), parabola(low[2], mid[2], high[2])
+    return a[0], b[0], c[0], a[1], b[1], c[1], a[2], b[2], c[2]
+
+
+@inlined
+def biquadratic(k, f, g):
+    """The sum of coefficients (see nine_about) times f^a g^b."""
+    line = quadratic((k[6], k[7], k[8]), f)
+    line = fma(g, line, quadratic((k[3], k[4], k[5]), f))
+    return fma(g, line, quadratic((k[0], k[1], k[2]), f))
+
+
+@inlined
+def four_about(e, row, i, scale):
+    """a, b, c, d of a cell whose lower left node is i of a row: E = a + b f + (c + d f) g."""
+    e00, e10, e01, e11 = e[row, i] * scale, e[row, i + 1] * scale, e[row + 1, i] * scale, e[row + 1, i + 1] * scale
+    b, c = e10 - e00, e01 - e00
+    return e00, b, c, (e11 - e10) - c
+
+
+@inlined
+def bilinear(k, f, g):
+    """a + b f + (c + d f) g."""
+    return fma(g, fma(f, REAL(k[3]), REAL(k[2])), fma(f, REAL(k[1]), REAL(k[0])))
+
+
+@inlined
+def less(p, q):
+    """Four numbers less four others."""
+    return p[0] - q[0], p[1] - q[1], p[2] - q[2], p[3] - q[3]
+
+
+@inlined
+def gather(field, axis, where, x):
+    """A component of E at the particle (5.14); where = (row, column) of the tile's anchor in e, rows between planes.
+    CIC in the form a + b f + (c + d f) g, in 3D of planes: P + Q h.
+    """
+    e, scale = field.e[axis], field.scale
+    i, f = cell_and_place(x[0])
+    i, j = i + where[1], where[0]
     if DIM == 1 and NODES == 1:
-        return REAL(e[row, i] * scale)
+        return REAL(e[j, i] * scale)
     if DIM == 1 and NODES == 2:
-        left, right = e[row, i] * scale, e[row, i + 1] * scale
+        left, right = e[j, i] * scale, e[j, i + 1] * scale
         return fma(f, REAL(right - left), REAL(left))
     if DIM == 1:
-        return quadratic(along_row_of(e, row, i, scale), f)
-    j, g = cell_and_place(y)
-    j += row
+        return quadratic(along_row_of(e, j, i, scale), f)
+    along_y, g = cell_and_place(x[1])
+    j += along_y
+    if DIM == 2 and NODES == 1:
+        return REAL(e[j, i] * scale)
+    if DIM == 2 and NODES == 2:
+        return bilinear(four_about(e, j, i, scale), f, g)
+    if DIM == 2:
+        return biquadratic(nine_about(e, j, i, scale), f, g)
+    along_z, h = cell_and_place(x[2])
+    pitch = where[2]
+    j += along_z * pitch
     if NODES == 1:
         return REAL(e[j, i] * scale)
     if NODES == 2:
-        e00, e10, e01, e11 = e[j, i] * scale, e[j, i + 1] * scale, e[j + 1, i] * scale, e[j + 1, i + 1] * scale
-        a, b, c, d = REAL(e00), REAL(e10 - e00), REAL(e01 - e00), REAL((e11 - e10) - (e01 - e00))
-        return fma(g, fma(f, d, c), fma(f, b, a))
-    low, mid, high = (along_row_of(e, j - 1, i, scale), along_row_of(e, j, i, scale), along_row_of(e, j + 1, i, scale))
-    a, b, c = parabola(low[0], mid[0], high[0]), parabola(low[1], mid[1], high[1]), parabola(low[2], mid[2], high[2])
-    line = quadratic((a[2], b[2], c[2]), f)
-    line = fma(g, line, quadratic((a[1], b[1], c[1]), f))
-    return fma(g, line, quadratic((a[0], b[0], c[0]), f))
+        low = four_about(e, j, i, scale)
+        return fma(h, bilinear(less(four_about(e, j + pitch, i, scale), low), f, g), bilinear(low, f, g))
+    low, mid, high = (nine_about(e, j - pitch, i, scale), nine_about(e, j, i, scale), nine_about(e, j + pitch, i, scale))
+    k = (parabola(low[0], mid[0], high[0]), parabola(low[1], mid[1], high[1]), parabola(low[2], mid[2], high[2]),
+         parabola(low[3], mid[3], high[3]), parabola(low[4], mid[4], high[4]), parabola(low[5], mid[5], high[5]),
+         parabola(low[6], mid[6], high[6]), parabola(low[7], mid[7], high[7]), parabola(low[8], mid[8], high[8]))  # fmt: skip
+    plane = biquadratic(of_power(k, 2), f, g)
+    plane = fma(h, plane, biquadratic(of_power(k, 1), f, g))
+    return fma(h, plane, biquadratic(of_power(k, 0), f, g))
+
+
+@inlined
+def of_power(k, n):
+    """Of nine parabolas the coefficients of h^n."""
+    return k[0][n], k[1][n], k[2][n], k[3][n], k[4][n], k[5][n], k[6][n], k[7][n], k[8][n]
 
 
 @inlined
@@ -108,101 +164,164 @@ def parts_of(a, b):
 
 
 @inlined
-def deposit(patch, group, unit, row, column, x, y):
-    """Charge of one particle (5.1), `unit` parts in all, exactly; (row, column) of the tile's anchor in the patch."""
-    whole = REAL(unit)
-    i, f = cell_and_place(x)
-    j, g = (np.int64(0), ZERO) if DIM == 1 else cell_and_place(y)
-    i, j = i + column, j + row
-    if NODES == 1:
-        patch[group, j, i] += unit
-    elif NODES == 2:
+def deposit(patch, group, unit, where, x):
+    """Charge of one particle (5.1), `unit` parts in all, exactly; `where` see gather, in the patch."""
+    whole, nodes = REAL(unit), patch[group]
+    i, f = cell_and_place(x[0])
+    j, g = (np.int64(0), ZERO) if DIM == 1 else cell_and_place(x[1])
+    i, j = i + where[1], j + where[0]
+    if DIM == 3:
+        along_z, h = cell_and_place(x[2])
+        deposit_planes(nodes, unit, j + along_z * where[2], i, where[2], f, g, h)
+    elif NODES == 1:
+        nodes[j, i] += unit
+    elif NODES == 2 and DIM == 1:
         along = parts_of(f, whole)
-        if DIM == 1:
-            patch[group, j, i] += unit - along
-            patch[group, j, i + 1] += along
-        else:
-            across, both = parts_of(g, whole), parts_of(f, g * whole)
-            patch[group, j, i] += unit - along - across + both
-            patch[group, j, i + 1] += along - both
-            patch[group, j + 1, i] += across - both
-            patch[group, j + 1, i + 1] += both
+        nodes[j, i] += unit - along
+        nodes[j, i + 1] += along
+    elif NODES == 2:
+        add_four(nodes, j, i, shares_of_four(unit, whole, f, g))
     else:
-        deposit_nine(patch[group], unit, j, i, f, g)
+        deposit_nine(nodes, unit, whole, j, i, f, g, 1)
 
 
 @inlined
-def deposit_nine(nodes, unit, j, i, f, g):
-    """Charge of one particle by TSC about node (j, i): what the node and those in line with it get are differences."""
+def deposit_planes(nodes, unit, j, i, pitch, f, g, h):
+    """Charge of one particle in 3D. The plane at j gets what the others, `pitch` rows away, leave of the whole."""
     whole = REAL(unit)
+    if NODES == 1:
+        nodes[j, i] += unit
+    elif NODES == 2:
+        low, high = shares_of_four(unit, whole, f, g), shares_of_four(parts_of(h, whole), h * whole, f, g)
+        add_four(nodes, j, i, less(low, high))
+        add_four(nodes, j + pitch, i, high)
+    else:
+        deposit_nine(nodes, unit, whole, j, i, f, g, 1)
+        for w, step in zip(tsc_outer_weights(h), (-pitch, pitch)):
+            share = w * whole
+            parts = parts_of(share, ONE)
+            deposit_nine(nodes, parts, share, j + step, i, f, g, 1)
+            deposit_nine(nodes, parts, share, j, i, f, g, -1)
+
+
+@inlined
+def shares_of_four(unit, whole, f, g):
+    """Parts for the corners (0, 0), (1, 0), (0, 1), (1, 1) of `unit` parts, which are `whole` before rounding."""
+    along, across, both = parts_of(f, whole), parts_of(g, whole), parts_of(f, g * whole)
+    return unit - along - across + both, along - both, across - both, both
+
+
+@inlined
+def add_four(nodes, j, i, k):
+    """Add four numbers of parts to the corners of a cell whose lower left node is (j, i)."""
+    nodes[j, i] += k[0]
+    nodes[j, i + 1] += k[1]
+    nodes[j + 1, i] += k[2]
+    nodes[j + 1, i + 1] += k[3]
+
+
+@inlined
+def deposit_nine(nodes, unit, whole, j, i, f, g, sign):
+    """Charge of one particle by TSC about node (j, i), times sign: what the node and those in line with it get are
+    differences. `unit` parts in all, which are `whole` before rounding.
+    """
     u = tsc_outer_weights(f)
     left, right = parts_of(u[0], whole), parts_of(u[1], whole)
-    if DIM == 2:
+    if DIM > 1:
         for w, step in zip(tsc_outer_weights(g), (-1, 1)):
             share = w * whole
             row, at_left, at_right = parts_of(share, ONE), parts_of(u[0], share), parts_of(u[1], share)
-            nodes[j + step, i - 1] += at_left
-            nodes[j + step, i] += row - at_left - at_right
-            nodes[j + step, i + 1] += at_right
+            nodes[j + step, i - 1] += sign * at_left
+            nodes[j + step, i] += sign * (row - at_left - at_right)
+            nodes[j + step, i + 1] += sign * at_right
             unit, left, right = unit - row, left - at_left, right - at_right
-    nodes[j, i - 1] += left
-    nodes[j, i] += unit - left - right
-    nodes[j, i + 1] += right
+    nodes[j, i - 1] += sign * left
+    nodes[j, i] += sign * (unit - left - right)
+    nodes[j, i + 1] += sign * right
 
 
 @inlined
-def particle_at(pool, page, pack, lane):
-    """Position and velocity of a particle; zero along axes that the scene does not have."""
-    y, vy, vz = ZERO, ZERO, ZERO
-    if DIM == 2:
+def place_of(pool, page, pack, lane):
+    """Position of a particle; zero along axes that the scene does not have."""
+    y = z = ZERO
+    if DIM > 1:
         y = pool[page, pack, 1, lane]
+    if DIM == 3:
+        z = pool[page, pack, 2, lane]
+    return pool[page, pack, 0, lane], y, z
+
+
+@inlined
+def velocity_of(pool, page, pack, lane):
+    """Velocity of a particle; zero along axes that the scene does not have."""
+    vy = vz = ZERO
     if VELOCITIES > 1:
         vy = pool[page, pack, DIM + 1, lane]
     if VELOCITIES > 2:
         vz = pool[page, pack, DIM + 2, lane]
-    return pool[page, pack, 0, lane], y, pool[page, pack, DIM, lane], vy, vz
+    return pool[page, pack, DIM, lane], vy, vz
 
 
 @inlined
-def accelerated(x, y, vx, vy, vz, row, column, field, m):
-    """The velocity of a particle after a step (5.19); (row, column) of the tile's anchor in the field."""
-    ey = gather(field.e_y, row, column, x, y, field.scale) if DIM == 2 else ZERO
-    return boris(vx, vy, vz, gather(field.e_x, row, column, x, y, field.scale), ey, m, DIM, ROTATION)
+def anchor_in(part, grid, first):
+    """Row and column of a part's anchor in an array of the slab (see groups) whose first node is `first`, and the rows
+    between its planes.
+    """
+    row = grid.parts[part, 1] - first[0]
+    if DIM == 3:
+        row += (grid.parts[part, 8] - first[2]) * grid.pitch
+    return row, grid.parts[part, 2] - first[1], np.int64(grid.pitch)
 
 
 @inlined
-def set_velocity(pool, page, pack, lane, vx, vy, vz):
+def accelerated(x, v, where, field, m):
+    """The velocity of a particle after a step (5.19); `where` see gather."""
+    ey = gather(field, 1, where, x) if DIM > 1 else ZERO
+    ez = gather(field, 2, where, x) if DIM == 3 else ZERO
+    return boris(v[0], v[1], v[2], gather(field, 0, where, x), ey, ez, m, DIM, ROTATION)
+
+
+@inlined
+def set_velocity(pool, page, pack, lane, v):
     """Store as many components as the scene has."""
-    pool[page, pack, DIM, lane] = vx
+    pool[page, pack, DIM, lane] = v[0]
     if VELOCITIES > 1:
-        pool[page, pack, DIM + 1, lane] = vy
+        pool[page, pack, DIM + 1, lane] = v[1]
     if VELOCITIES > 2:
-        pool[page, pack, DIM + 2, lane] = vz
+        pool[page, pack, DIM + 2, lane] = v[2]
+
+
+@inlined
+def moved(pool, page, pack, lane, axis, x, v):
+    """x + v along an axis, which is stored (5.18)."""
+    after = x[axis] + v[axis]
+    pool[page, pack, axis, lane] = after
+    return after
 
 
 @kernel
 def push_slot(slot, grid, field, species, pages, leavers, patch):
     """Push the particles of a slot; those who stay leave their charge, the others are in leavers[:n]. Returns n."""
-    parts, pool, origin, corner = grid.parts, pages.pool, field.origin, patch.corner
-    part, kind = slot // grid.n_species, slot % grid.n_species
-    row, column = parts[part, 1], parts[part, 2]
+    parts, pool, part, kind = grid.parts, pages.pool, slot // grid.n_species, slot % grid.n_species
+    in_field, in_patch = anchor_in(part, grid, field.origin), anchor_in(part, grid, patch.corner)
     m, group, unit = species.mover[kind], species.charge[kind, 0], species.charge[kind, 1]
     page, used, n = np.int64(pages.head[slot]), (pages.count[slot] - 1) % PAGE + 1, 0
     while page >= 0:
         for place in range(used - 1, -1, -1):
             pack, lane = place // LANES, place % LANES
-            x, y, vx, vy, vz = particle_at(pool, page, pack, lane)
-            vx, vy, vz = accelerated(x, y, vx, vy, vz, row - origin[0], column - origin[1], field, m)
-            set_velocity(pool, page, pack, lane, vx, vy, vz)
-            x += vx
-            pool[page, pack, 0, lane] = x
+            before = place_of(pool, page, pack, lane)
+            v = accelerated(before, velocity_of(pool, page, pack, lane), in_field, field, m)
+            set_velocity(pool, page, pack, lane, v)
+            x, y, z = moved(pool, page, pack, lane, 0, before, v), ZERO, ZERO
             inside = x >= parts[part, 5] and x < parts[part, 6]
-            if DIM == 2:
-                y += vy
-                pool[page, pack, 1, lane] = y
+            if DIM > 1:
+                y = moved(pool, page, pack, lane, 1, before, v)
                 inside = inside and y >= parts[part, 3] and y < parts[part, 4]
+            if DIM == 3:
+                z = moved(pool, page, pack, lane, 2, before, v)
+                inside = inside and z >= parts[part, 9] and z < parts[part, 10]
             if inside:
-                deposit(patch.nodes, group, unit, row - corner[0], column - corner[1], x, y)
+                deposit(patch.nodes, group, unit, in_patch, (x, y, z))
             else:
                 leavers[n] = leaver_mask(page, pack, 1 << lane)
                 n += 1
@@ -256,16 +375,15 @@ def take_in(block, first, last, grid, pages, boxes):
 @kernel
 def deposit_from(low, slot, grid, species, pages, patch):
     """The charge (5.1) of a slot's particles from number `low` on."""
-    pool, corner, nodes = pages.pool, patch.corner, patch.nodes
-    part, kind = slot // grid.n_species, slot % grid.n_species
-    row, column = grid.parts[part, 1] - corner[0], grid.parts[part, 2] - corner[1]
+    pool, nodes, kind = pages.pool, patch.nodes, slot % grid.n_species
+    where = anchor_in(slot // grid.n_species, grid, patch.corner)
     group, unit = species.charge[kind, 0], species.charge[kind, 1]
     page, end = np.int64(pages.head[slot]), pages.count[slot]
     while end > low:
         begin = max((end - 1) // PAGE * PAGE, low)
         for number in range(begin, end):
             pack, lane = number % PAGE // LANES, number % LANES
-            deposit(nodes, group, unit, row, column, pool[page, pack, 0, lane], pool[page, pack, DIM - 1, lane])
+            deposit(nodes, group, unit, where, place_of(pool, page, pack, lane))
         page, end = np.int64(pages.chain[page]), begin
 
 
@@ -281,18 +399,18 @@ def deliver(block, first, last, grid, species, pages, boxes, patch):
 @kernel
 def rewind(first, last, grid, field, species, pages):
     """v^0 -> v^(-1/2): the velocity alone, with a mover of half a step backwards (9.2.1)."""
-    n_species, parts, origin, pool = grid.n_species, grid.parts, field.origin, pages.pool
+    n_species, pool = grid.n_species, pages.pool
     for part in range(first, last):
-        row, column = parts[part, 1] - origin[0], parts[part, 2] - origin[1]
+        where = anchor_in(part, grid, field.origin)
         for slot in range(part * n_species, (part + 1) * n_species):
             m = species.mover[slot % n_species]
             page, used = np.int64(pages.head[slot]), (pages.count[slot] - 1) % PAGE + 1
             while page >= 0:
                 for place in range(used):
                     pack, lane = place // LANES, place % LANES
-                    x, y, vx, vy, vz = particle_at(pool, page, pack, lane)
-                    vx, vy, vz = accelerated(x, y, vx, vy, vz, row, column, field, m)
-                    set_velocity(pool, page, pack, lane, vx, vy, vz)
+                    v = velocity_of(pool, page, pack, lane)
+                    v = accelerated(place_of(pool, page, pack, lane), v, where, field, m)
+                    set_velocity(pool, page, pack, lane, v)
                 page, used = np.int64(pages.chain[page]), PAGE
     return GOOD
 

@@ -26,6 +26,7 @@ from hpcpic.plasma.kernels.lanes import address, bits_of, inlined, kernel
 from hpcpic.plasma.kernels.linear import (
     CELLS,
     EDGE,
+    LAYER,
     LINE,
     PITCH,
     REACH,
@@ -37,8 +38,8 @@ from hpcpic.plasma.kernels.linear import (
     gather_sums,
     spread_field,
 )
-from hpcpic.plasma.kernels.plain import MAGIC, deposit_from, push_slot, take_in
-from hpcpic.plasma.kernels.simd_base import MAGIC_BITS, PART, SIZE, F, I, zero_bytes
+from hpcpic.plasma.kernels.plain import MAGIC, anchor_in, deposit_from, push_slot, take_in
+from hpcpic.plasma.kernels.simd_base import MAGIC_BITS, PART, SIZE, F, I, planes_of, position_at, zero_bytes
 from hpcpic.plasma.kernels.storage import COMPONENTS, DIVERGED, GOOD, LANES, PAGE, box_of, depart, leaver_mask, pages_of
 from hpcpic.plasma.physics.boris import boris
 
@@ -56,78 +57,92 @@ BATCH = 31 if SIZE == 4 else 1 << 60  # pages whose charge the sums of one cell 
 
 
 @kernel
-def prefetch_part(part, parts, field, patch):
+def prefetch_part(part, grid, field, patch):
     """Prefetch the cache lines of field and charge of a part that comes next: they are far where tiles are poor."""
-    origin, corner, nodes = field.origin, patch.corner, patch.nodes
-    row, column = parts[part, 1] + parts[part, 3], parts[part, 2] + parts[part, 5] - REACH
-    row -= (DIM - 1) * REACH
-    e_width, width = field.e_x.shape[1] * 8, nodes.shape[2] * 8
-    to_e = (row - origin[0]) * e_width + (column - origin[1]) * 8
-    to_patch = address(nodes) + (row - corner[0]) * width + (column - corner[1]) * 8
-    for _ in range(parts[part, 4] - parts[part, 3] + (DIM - 1) * (1 + 2 * REACH)):
-        for c in range(0, (parts[part, 6] - parts[part, 5]) * 8 + 64, 64):
-            prefetch(address(field.e_x) + to_e + c)
-            if DIM == 2:
-                prefetch(address(field.e_y) + to_e + c)
-            prefetch_to_write(to_patch + c)
-        to_e += e_width
-        to_patch += width
+    parts, nodes, e_width, width = grid.parts, patch.nodes, field.e.shape[2] * 8, patch.nodes.shape[2] * 8
+    in_field, in_patch = anchor_in(part, grid, field.origin), anchor_in(part, grid, patch.corner)
+    low, high = planes_of(part, parts)
+    for p in range(low - REACH * (DIM // 3), high + (1 + REACH) * (DIM // 3)):
+        row, column = p * in_field[2] + parts[part, 3] - (DIM > 1) * REACH, parts[part, 5] - REACH
+        to_e = address(field.e) + (in_field[0] + row) * e_width + (in_field[1] + column) * 8
+        to_patch = address(nodes) + (in_patch[0] + row) * width + (in_patch[1] + column) * 8
+        for _ in range(parts[part, 4] - parts[part, 3] + (DIM > 1) * (1 + 2 * REACH)):
+            for c in range(0, (parts[part, 6] - parts[part, 5]) * 8 + 64, 64):
+                for axis in range(DIM):
+                    prefetch(to_e + axis * field.e.shape[1] * e_width + c)
+                prefetch_to_write(to_patch + c)
+            to_e += e_width
+            to_patch += width
 
 
 @inlined
-def lines_at(x, y):
-    """Where the lines of the cells at (x, y) are, MAGIC_BITS too far."""
-    if DIM == 1:
-        return bits_of(fma(cell_of(x), REAL(LINE), MAGIC))
-    return bits_of(fma(cell_of(y), REAL(PITCH * LINE), fma(cell_of(x), REAL(LINE), MAGIC)))
+def lines_at(x):
+    """Where the lines of the cells at x are, MAGIC_BITS too far."""
+    return places_at(x, LINE)
 
 
 @inlined
-def sums_at(x, y):
-    """Where the sums of the cells at (x, y) are, MAGIC_BITS too far."""
-    cell = fma(cell_of(x), REAL(SUM), MAGIC)
-    return bits_of(cell) if DIM == 1 else bits_of(fma(cell_of(y), REAL(PITCH * SUM), cell))
+def sums_at(x):
+    """Where the sums of the cells at x are, MAGIC_BITS too far."""
+    return places_at(x, SUM)
+
+
+@inlined
+def places_at(x, size):
+    """Where the cells at x have things of so many bytes, MAGIC_BITS too far."""
+    cell = fma(cell_of(x[0]), REAL(size), MAGIC)
+    if DIM > 1:
+        cell = fma(cell_of(x[1]), REAL(PITCH * size), cell)
+    if DIM == 3:
+        cell = fma(cell_of(x[2]), REAL(LAYER * size), cell)
+    return bits_of(cell)
+
+
+@inlined
+def place_in_cell(x):
+    """Where the particles of a pack are in their cells, along each axis."""
+    return x[0] - cell_of(x[0]), x[1] - cell_of(x[1]), x[2] - cell_of(x[2])
 
 
 @inlined
 def push_pack(at, cells, lines, m, bounds):
-    """Gather, Boris, drift of one pack; bits of the lanes that stay in their part, x and y within `bounds`.
+    """Gather, Boris, drift of one pack; bits of the lanes that stay in their part, x, y and z within `bounds`.
 
     `cells` holds lines_at of the pack; the cells for the deposit take its place, of lanes that leave one without a
     node.
     """
-    x, vx = load_at(F, at, 64), load_at(F, at + 64 * DIM, 64)
-    y = vy = vz = splat(F, 0.0)
+    before, vx = position_at(at), load_at(F, at + 64 * DIM, 64)
+    vy = vz = splat(F, 0.0)
     if VELOCITIES > 1:
         vy = load_at(F, at + 64 * (DIM + 1), 64)
     if VELOCITIES > 2:
         vz = load_at(F, at + 64 * (DIM + 2), 64)
-    if DIM == 2:
-        y = load_at(F, at + 64, 64)
-    ex, ey = field_at(lines, cells, x - cell_of(x), y - cell_of(y))
-    vx, vy, vz = boris(vx, vy, vz, ex, ey, m, DIM, ROTATION)
-    x = x + vx
+    ex, ey, ez = field_at(lines, cells, place_in_cell(before))
+    vx, vy, vz = boris(vx, vy, vz, ex, ey, ez, m, DIM, ROTATION)
+    x, y, z = before[0] + vx, before[1], before[2]
     store_at(at, x, 64)
     store_at(at + 64 * DIM, vx, 64)
     inside = (x >= bounds[0]) & (x < bounds[1])
-    if DIM == 2:
+    if DIM > 1:
         y = y + vy
         store_at(at + 64, y, 64)
         inside = inside & (y >= bounds[2]) & (y < bounds[3])
+    if DIM == 3:
+        z = z + vz
+        store_at(at + 128, z, 64)
+        inside = inside & (z >= bounds[4]) & (z < bounds[5])
     if VELOCITIES > 1:
         store_at(at + 64 * (DIM + 1), vy, 64)
     if VELOCITIES > 2:
         store_at(at + 64 * (DIM + 2), vz, 64)
-    store_at(cells, select(inside, sums_at(x, y), splat(I, PARKED)), 64)
+    store_at(cells, select(inside, sums_at((x, y, z)), splat(I, PARKED)), 64)
     return bitmask(inside)
 
 
 @inlined
 def deposit_pack(at, cells, sums, unit):
     """Charge of one pack to the sums of the cells that push_pack found; unit: see unit_of."""
-    x = load_at(F, at, 64)
-    y = load_at(F, at + 64 * (DIM - 1), 64)
-    add_charge(sums, cells, x - cell_of(x), y - cell_of(y), unit[0], unit[1])
+    add_charge(sums, cells, place_in_cell(position_at(at)), unit[0], unit[1])
 
 
 @kernel
@@ -177,8 +192,7 @@ def push_page(at, ahead, page, packs, lanes, m, bounds, unit, room, leavers, n):
     to_lines, to_sums, to_cells = room
     for pack in range(packs):
         here = opaque(at + pack * PACK_BYTES)
-        place = lines_at(load_at(F, here, 64), load_at(F, here + 64 * (DIM - 1), 64))
-        store_at(opaque(to_cells + pack * 64), place, 64)
+        store_at(opaque(to_cells + pack * 64), lines_at(position_at(here)), 64)
     for pack in range(packs - 1, -1, -1):
         asked = opaque(ahead + pack * PACK_BYTES)
         for c in range(COMPONENTS):
@@ -200,11 +214,12 @@ def push_pages(slot, end, grid, species, pages, leavers, patch, room, scout, bat
     room: addresses of lines, sums and cells. scout = (page, slot) runs ahead up to the slot `end`; batch: pages since
     the sums were emptied. Returns n, and scout and batch as they are then.
     """
-    parts, pool, charge = grid.parts, pages.pool, species.charge
+    pool, charge = pages.pool, species.charge
     heads, chains = address(pages.head), address(pages.chain)
     part, kind = slot // grid.n_species, slot % grid.n_species
-    bounds = (splat(F, REAL(parts[part, 5])), splat(F, REAL(parts[part, 6])),
-              splat(F, REAL(parts[part, 3])), splat(F, REAL(parts[part, 4])))  # fmt: skip
+    ends, planes = grid.parts[part], planes_of(part, grid.parts)
+    bounds = (splat(F, REAL(ends[5])), splat(F, REAL(ends[6])), splat(F, REAL(ends[3])), splat(F, REAL(ends[4])),
+              splat(F, REAL(planes[0])), splat(F, REAL(planes[1])))  # fmt: skip
     row = species.mover[kind]
     m = (row[0], row[1], row[2], row[3], row[4], row[5], row[6], row[7], row[8], row[9])
     unit, sign = unit_of(charge[kind])
@@ -218,7 +233,7 @@ def push_pages(slot, end, grid, species, pages, leavers, patch, room, scout, bat
         n = push_page(at, ahead, page, packs, ALL >> (packs * LANES - used), m, bounds, unit, room, leavers, n)
         batch += 1
         if batch == BATCH:
-            gather_sums(part, parts, room[1], patch, charge[kind, 0], sign)
+            gather_sums(part, grid, room[1], patch, charge[kind, 0], sign)
             batch = 0
         page, used = whole_at(chains, page), PAGE
     return n, scout, batch
@@ -240,8 +255,8 @@ def push(block, first, last, grid, field, species, pages, boxes, leavers, patch,
     for part in range(first, last):
         many, batch = pages.count[part * n_species : (part + 1) * n_species].sum() >= MIN_FOR_VECTORS, np.int64(0)
         if many:
-            spread_field(part, grid.parts, field, room[0])
-            prefetch_part(min(part + 1, last - 1), grid.parts, field, patch)
+            spread_field(part, grid, field, room[0])
+            prefetch_part(min(part + 1, last - 1), grid, field, patch)
         for slot in range(part * n_species, (part + 1) * n_species):
             kind = slot % n_species
             if many:
@@ -253,7 +268,7 @@ def push(block, first, last, grid, field, species, pages, boxes, leavers, patch,
             if depart(slot, n, leavers, grid, pages, box) != GOOD:
                 return DIVERGED
             if many and (kind + 1 == n_species or not same(charge[kind + 1], charge[kind])):
-                gather_sums(part, grid.parts, room[1], patch, charge[kind, 0], unit_of(charge[kind])[1])
+                gather_sums(part, grid, room[1], patch, charge[kind, 0], unit_of(charge[kind])[1])
                 batch = 0
     return GOOD
 
@@ -261,7 +276,7 @@ def push(block, first, last, grid, field, species, pages, boxes, leavers, patch,
 @kernel
 def deposit_new(low, slot, grid, species, pages, patch, to_sums, to_cells):
     """kernels.plain.deposit_from for many particles; the sums of the cells are zero before and after."""
-    parts, charge, base = grid.parts, species.charge, address(pages.pool)
+    charge, base = species.charge, address(pages.pool)
     part, kind = slot // grid.n_species, slot % grid.n_species
     unit, sign = unit_of(charge[kind])
     page, end, batch = np.int64(pages.head[slot]), pages.count[slot], 0
@@ -272,15 +287,14 @@ def deposit_new(low, slot, grid, species, pages, patch, to_sums, to_cells):
             at = base + page * PAGE_BYTES + pack * PACK_BYTES
             number = lane_numbers(I) + PART(pack * LANES)
             new = (number >= PART(first)) & (number <= PART(last))
-            x, y = load_at(F, at, 64), load_at(F, at + 64 * (DIM - 1), 64)
-            store_at(to_cells, select(new, sums_at(x, y), splat(I, PARKED)), 64)
+            store_at(to_cells, select(new, sums_at(position_at(at)), splat(I, PARKED)), 64)
             deposit_pack(at, to_cells, to_sums - MAGIC_BITS, unit)
         batch += 1
         if batch == BATCH:
-            gather_sums(part, parts, to_sums, patch, charge[kind, 0], sign)
+            gather_sums(part, grid, to_sums, patch, charge[kind, 0], sign)
             batch = 0
         page, end = np.int64(pages.chain[page]), begin
-    gather_sums(part, parts, to_sums, patch, charge[kind, 0], sign)
+    gather_sums(part, grid, to_sums, patch, charge[kind, 0], sign)
 
 
 @kernel

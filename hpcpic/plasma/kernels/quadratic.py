@@ -19,7 +19,7 @@ from hpcpic.core.simd.vector import (
 from hpcpic.plasma.kernels.cell_lines import add_sums, add_whole, gather_field, gather_values, load_sums
 from hpcpic.plasma.kernels.lanes import address, bits_of, inlined, kernel
 from hpcpic.plasma.kernels.nodal import CELLS, PITCH
-from hpcpic.plasma.kernels.plain import MAGIC, parabola, tsc_outer_weights
+from hpcpic.plasma.kernels.plain import MAGIC, anchor_in, parabola, tsc_outer_weights
 from hpcpic.plasma.kernels.simd_base import (
     EIGHT,
     MAGIC_BITS,
@@ -30,6 +30,7 @@ from hpcpic.plasma.kernels.simd_base import (
     F,
     I,
     add_triples,
+    component,
     field_on,
     widened,
     zero_bytes,
@@ -46,22 +47,21 @@ REACH = 1  # nodes of the field below the first cell
 
 
 @kernel
-def spread_field(part, parts, field, lines):
+def spread_field(part, grid, field, lines):
     """Coefficients of the nodes of a tile part, and zero ones for parked lanes behind them."""
-    e_x, e_y, scale, origin = field.e_x, field.e_y, field.scale, field.origin
-    row, column = parts[part, 1] - origin[0], parts[part, 2] - origin[1]
-    width = e_x.shape[1] * 8
+    parts, scale, width = grid.parts, field.scale, field.e.shape[2] * 8
+    row, column, _ = anchor_in(part, grid, field.origin)
     for r in range(parts[part, 3], parts[part, 4] + DIM - 1):
         for c in range(parts[part, 5], parts[part, 6] + 1, 8):
             at = (row + r) * width + (column + c) * 8
             to, rest = lines + (r * PITCH + c) * LINE, lines + REST + ((r * PITCH + c) * LINE >> REST_SHIFT)
             if DIM == 1:
-                k = along_row(address(e_x) + at, scale)
+                k = along_row(component(field, 0) + at, scale)
                 store_lines(to, (convert(R8, k[0]), convert(R8, k[1])))
                 store_at(rest, convert(R8, k[2]), SIZE)
             else:
-                last_x = spread_nine(address(e_x) + at, width, scale, to)
-                store_lines(rest, (last_x, spread_nine(address(e_y) + at, width, scale, to + ALONG_Y)))
+                last_x = spread_nine(component(field, 0) + at, width, scale, to)
+                store_lines(rest, (last_x, spread_nine(component(field, 1) + at, width, scale, to + ALONG_Y)))
     for first in range(0, DIM * ALONG_Y, ALONG_Y):
         zero_bytes(lines + first + CELLS * LINE, lines + first + (CELLS + 8) * LINE)
     zero_bytes(lines + REST + (CELLS * LINE >> REST_SHIFT), lines + REST + ((CELLS + 8) * LINE >> REST_SHIFT))
@@ -85,22 +85,23 @@ def spread_nine(at, width, scale, to):
 
 
 @inlined
-def field_at(lines, cells, f, g):
-    """E_x, E_y of a pack at (f, g) from the nodes whose lines are at `lines` + (integers at address `cells`)."""
+def field_at(lines, cells, place):
+    """E of a pack, as many components as there are axes, at (f, g) from the nodes whose lines are at `lines` + (integers
+    at address `cells`).
+    """
+    f, g, _ = place
     rest = lines + MAGIC_BITS + REST - (MAGIC_BITS >> REST_SHIFT)
     if DIM == 1:
         u, w = gather_values(F, 2, lines, cells, 0), gather_values(F, 1, rest, cells, REST_SHIFT)
         e = fma(f, fma(f, w[0], u[1]), u[0])
-        return e, e
+        return e, e, e
     w = gather_values(F, 2, rest, cells, REST_SHIFT)
-    return (
-        biquadratic(gather_field(F, lines, cells), w[0], f, g),
-        biquadratic(gather_field(F, lines + ALONG_Y, cells), w[1], f, g),
-    )
+    ex = biquadratic_of(gather_field(F, lines, cells), w[0], f, g)
+    return ex, biquadratic_of(gather_field(F, lines + ALONG_Y, cells), w[1], f, g), ex
 
 
 @inlined
-def biquadratic(u, last, f, g):
+def biquadratic_of(u, last, f, g):
     """Sum of coefficients times f^a g^b."""
     line = fma(f, fma(f, last, u[7]), u[6])
     line = fma(g, line, fma(f, fma(f, u[5], u[4]), u[3]))
@@ -108,8 +109,9 @@ def biquadratic(u, last, f, g):
 
 
 @inlined
-def add_charge(sums, cells, f, g, unit, whole):
+def add_charge(sums, cells, place, unit, whole):
     """Charge of a pack to the sums of its nodes."""
+    f, g, _ = place
     left, right = tsc_outer_weights(f)
     parts_left, parts_right = whole_of(left * unit), whole_of(right * unit)
     if DIM == 1:
@@ -160,13 +162,13 @@ def neighbours_of(sums, cell):
 
 
 @kernel
-def gather_sums(part, parts, sums, patch, group, sign):
+def gather_sums(part, grid, sums, patch, group, sign):
     """Add the charge that the part's nodes have for their neighbours, times sign, to the patch, and zero the sums."""
     zero_bytes(sums + CELLS * SUM, sums + (CELLS + 8) * SUM)
     zero_bytes(sums + PARTS + CELLS * SIZE, sums + PARTS + (CELLS + 8) * SIZE)
-    corner = patch.corner
-    row, column = parts[part, 1] - corner[0] + parts[part, 3], parts[part, 2] - corner[1]
-    nodes = patch.nodes
+    parts, nodes = grid.parts, patch.nodes
+    row, column, _ = anchor_in(part, grid, patch.corner)
+    row += parts[part, 3]
     base, width = address(nodes) + group * nodes.shape[1] * nodes.shape[2] * 8, nodes.shape[2] * 8
     zero = splat(WIDE, 0)
     for c in range(parts[part, 5], parts[part, 6] + 1, 8):

@@ -2,18 +2,19 @@
 
 A shape (kernels.nearest, linear, quadratic) tells how the field of a tile part becomes a line of coefficients per
 cell, and how the charge is added up in a line of sums per cell: `spread_field`, `field_at`, `add_charge` and
-`gather_sums`, with `cell_of` and where a cell's lines are: cell x + PITCH cell y, CELLS in all, and behind them those
-of lanes that hold no particle or one that left, at rest on EDGE. The nearest node is the cell of odd orders.
+`gather_sums`, with `cell_of` and where a cell's lines are: cell x + PITCH cell y + LAYER cell z, CELLS in all, and
+behind them those of lanes that hold no particle or one that left, at rest on EDGE. The nearest node is the cell of odd orders.
 """
 
 import numpy as np
 
 from hpcpic.core.simd.vector import Vec, convert, load_at, splat, store_at
 from hpcpic.plasma.kernels.cell_lines import add_first, add_last, shifted_down, shifted_up
-from hpcpic.plasma.kernels.lanes import inlined, kernel
+from hpcpic.plasma.kernels.lanes import address, inlined, kernel
 from hpcpic.plasma.kernels.plain import MAGIC
 from hpcpic.plasma.kernels.storage import LANES
 
+DIM = 2  # axes of the grid
 REAL = np.float64  # precision of a particle
 
 SIZE = np.dtype(REAL).itemsize
@@ -23,6 +24,31 @@ E8, R8, P8 = Vec(8, np.float64), Vec(8, REAL), Vec(8, PART)
 MAGIC_BITS = int(np.array(MAGIC).view(PART))
 EIGHT = 8 * SIZE  # bytes
 UNSIGNED = 2**32 - 1 if SIZE == 4 else -1  # bits of a sum
+
+
+@inlined
+def position_at(at):
+    """x, y, z of one pack; zero along axes that the scene does not have."""
+    y = z = splat(F, 0.0)
+    if DIM > 1:
+        y = load_at(F, at + 64, 64)
+    if DIM == 3:
+        z = load_at(F, at + 128, 64)
+    return load_at(F, at, 64), y, z
+
+
+@inlined
+def planes_of(part, parts):
+    """The planes of a part from and to, relative to its anchor; one where the scene has no third axis."""
+    if DIM == 3:
+        return parts[part, 9], parts[part, 10]
+    return np.int64(0), np.int64(1)
+
+
+@inlined
+def component(field, axis):
+    """Address of E along an axis."""
+    return address(field.e) + axis * field.e.shape[1] * field.e.shape[2] * 8
 
 
 @inlined

@@ -1,7 +1,7 @@
 """Particles of a slot (tile part, species) in a chain of pages, and the boxes of those that change their slot.
 
-A page holds PAGE particles as packs of lanes, `pool[page, pack, component, lane]` (components x, y, vx, vy, vz as
-far as the scene has them; positions in cells from the anchor of the tile, velocities in cells per step), and their
+A page holds PAGE particles as packs of lanes, `pool[page, pack, component, lane]` (components x, y, z, vx, vy, vz
+as far as the scene has them; positions in cells from the anchor of the tile, velocities in cells per step), and their
 numbers `ids[page, particle]`. `head[slot]` is the youngest page, the only one not full; `chain[page]` the next older
 one. A block takes pages from and gives them to its own stack `free[: counters[0]]`.
 
@@ -23,7 +23,7 @@ REAL = np.float64  # precision of a particle
 LANES = 8  # of a pack: one cache line
 
 PAGE = 128
-TILE = 16 if DIM == 2 else 256  # cells of a tile along an axis; in 1D one row
+TILE = (256, 16, 8)[DIM - 1]  # cells of a tile along an axis; in 1D one row
 GOOD, NO_PAGE, DIVERGED = 0, 2, 4
 LANE_BITS = 16
 LEAVERS_AHEAD = 16  # packs whose lines are asked for before they are needed
@@ -94,14 +94,43 @@ def count_crossing(crossed, x, anchor, cell, position, n):
 
 
 @inlined
-def destination(row, column, species, grid, lists):
+def settle_along(axis, leaver, record, crossed, anchor, n):
+    """The cell in which a particle is along an axis (see settle); its place goes into the record."""
+    cell, position = settle(leaver[axis], anchor, n)
+    count_crossing(crossed[axis : axis + 1], leaver[axis], anchor, cell, position, n)
+    record[axis] = position
+    return cell
+
+
+@inlined
+def tiles_along(axis, points):
+    """Tiles across the grid along an axis of `points`: 0 rows, 1 columns."""
+    return (points[axis] + TILE - 1) // TILE
+
+
+@inlined
+def tiles_of_layer(points):
+    """Tiles of the whole grid that are one tile thick along the axis of the slabs."""
+    if DIM == 1:
+        return 1
+    return tiles_along(1, points) if DIM == 2 else tiles_along(1, points) * tiles_along(0, points)
+
+
+@inlined
+def destination(row, column, plane, species, grid, lists):
     """Slot and list of a global cell: of this rank, or the global slot in the last list."""
-    row_part, column_part = grid.row_part[row], grid.column_part[column]
+    row_part, column_part = np.int64(grid.row_part[row]), grid.column_part[column]
+    if DIM == 3:
+        plane_part = grid.row_part[grid.points[0] + plane]
+        row_part = row_part + plane_part if plane_part >= 0 else np.int64(-1)
     if row_part >= 0 and column_part >= 0:
-        part = np.int64(column_part) + np.int64(row_part) * np.int64(grid.column_stride[column])
+        part = np.int64(column_part) + row_part * np.int64(grid.column_stride[column])
         return part * grid.n_species + species, grid.parts[part, 7]
-    tiles = (grid.points[1] + TILE - 1) // TILE
-    tile = (row // TILE) * tiles + column // TILE if DIM == 2 else column // TILE
+    tile = column // TILE
+    if DIM > 1:
+        tile += (row // TILE) * tiles_along(1, grid.points)
+    if DIM == 3:
+        tile += (plane // TILE) * tiles_of_layer(grid.points)
     return tile * grid.n_species + species, np.int64(lists.shape[1] - 1)
 
 
@@ -155,7 +184,7 @@ def depart(slot, n, leavers, grid, pages, box):
     moving, counters = box.moving, box.counters
     part = slot // grid.n_species
     species = slot - part * grid.n_species
-    row, y = np.int64(0), REAL(0)
+    row = plane = np.int64(0)
     for i in range(min(n, LEAVERS_AHEAD)):
         prefetch_pack(leavers[i] >> LANE_BITS, pool, ids)
     for i in range(n):
@@ -172,15 +201,14 @@ def depart(slot, n, leavers, grid, pages, box):
             for d in range(DIM):
                 if not abs(leaver[d]) < FARTHEST:
                     return DIVERGED
-            column, record[0] = settle(leaver[0], parts[part, 2], points[1])
-            count_crossing(box.crossings[species, 0:1], leaver[0], parts[part, 2], column, record[0], points[1])
-            if DIM == 2:
-                row, y = settle(leaver[DIM - 1], parts[part, 1], points[0])
-                count_crossing(box.crossings[species, 1:2], leaver[DIM - 1], parts[part, 1], row, y, points[0])
-                record[DIM - 1] = y
+            column = settle_along(0, leaver, record, box.crossings[species], parts[part, 2], points[1])
+            if DIM > 1:
+                row = settle_along(1, leaver, record, box.crossings[species], parts[part, 1], points[0])
+            if DIM == 3:
+                plane = settle_along(2, leaver, record, box.crossings[species], parts[part, 8], points[2])
             for c in range(DIM, COMPONENTS):
                 record[c] = leaver[c]
-            target_slot, target = destination(row, column, species, grid, box.lists)
+            target_slot, target = destination(row, column, plane, species, grid, box.lists)
             append_to_list(k, target_slot, ids[to, at + lane], target, box.words, box.lists)
             close_up(slot, to, at + lane, pages)
     return GOOD
@@ -198,26 +226,30 @@ def place(x, v, numbers, species, grid, box):
             if not abs(x[p, d]) < FARTHEST:
                 return DIVERGED
         column, position_x = settle(x[p, 0], np.int64(0), points[1])
-        row, position_y = np.int64(0), REAL(0)
-        if DIM == 2:
-            row, position_y = settle(x[p, DIM - 1], np.int64(0), points[0])
-        slot, target = destination(row, column, species, grid, box.lists)
+        row = plane = np.int64(0)
+        position_y = position_z = REAL(0)
+        if DIM > 1:
+            row, position_y = settle(x[p, 1], np.int64(0), points[0])
+        if DIM == 3:
+            plane, position_z = settle(x[p, 2], np.int64(0), points[2])
+        slot, target = destination(row, column, plane, species, grid, box.lists)
         k = counters[1]
         counters[1] += 1
         append_to_list(k, slot, numbers[p], target, box.words, box.lists)
         moving[k, 0] = position_x
-        if DIM == 2:
+        if DIM > 1:
             moving[k, 1] = position_y
+        if DIM == 3:
+            moving[k, 2] = position_z
         for c in range(v.shape[1]):
             moving[k, DIM + c] = v[p, c]
     return GOOD
 
 
 @inlined
-def global_row(tile, tiles, record):
-    """Row of the grid (1D: column) of a particle in a tile; `tiles` of them in a row."""
-    tile = np.int64(tile)
-    return tile // tiles * TILE + np.int64(record[1]) if DIM == 2 else tile * TILE + np.int64(record[0])
+def global_row(tile, layer, record):
+    """Row of the grid (1D: column, 3D: plane) of a particle in a tile; `layer` see tiles_of_layer."""
+    return np.int64(tile) // layer * TILE + np.int64(record[DIM - 1])
 
 
 @inlined
@@ -234,18 +266,18 @@ def pack(records, ends, owner, grid, boxes):
     """Records of all boxes' particles bound for other ranks, rank after rank up to ends[rank]; their lists are empty
     then.
 
-    A record is the components, the global slot and the number; there is room for all. `owner[row]` (1D: column) is
-    the rank.
+    A record is the components, the global slot and the number; there is room for all. `owner[row]` (1D: column, 3D:
+    plane) is the rank.
     """
     moving, words, lists = boxes.moving, boxes.words, boxes.lists
-    tiles, outside = (grid.points[1] + TILE - 1) // TILE, lists.shape[2] - 1
+    layer, outside = tiles_of_layer(grid.points), lists.shape[2] - 1
     ends[:] = 0
     for counted in range(2):
         for box in range(lists.shape[0]):
             k = np.int64(lists[box, 0, outside])
             while k >= 0:
                 record, word = moving[box, k], words[box, k]
-                rank = owner[global_row(word[SLOT] // grid.n_species, tiles, record)]
+                rank = owner[global_row(word[SLOT] // grid.n_species, layer, record)]
                 if counted:
                     write_record(records, ends[rank], record, word)
                 ends[rank] += 1
@@ -265,13 +297,13 @@ def pack_near(records, filled, peer, owner, grid, boxes):
     The others stay. See pack.
     """
     moving, words, lists = boxes.moving, boxes.words, boxes.lists
-    tiles, outside, n = (grid.points[1] + TILE - 1) // TILE, lists.shape[2] - 1, 0
+    layer, outside, n = tiles_of_layer(grid.points), lists.shape[2] - 1, 0
     for box in range(lists.shape[0]):
         k, kept, n_kept = np.int64(lists[box, 0, outside]), np.int64(-1), 0
         while k >= 0:
             record, word = moving[box, k], words[box, k]
             following = np.int64(word[LINK])
-            if owner[global_row(word[SLOT] // grid.n_species, tiles, record)] == peer and n < records.real.shape[0]:
+            if owner[global_row(word[SLOT] // grid.n_species, layer, record)] == peer and n < records.real.shape[0]:
                 write_record(records, n, record, word)
                 n += 1
             else:
@@ -311,15 +343,18 @@ def empty(slots, count, lists, counters, most):
 def unpack(records, n, grid, boxes):
     """Put the particles of the first n[0] records into the last box."""
     records_real, records_int, n_species = records.real, records.whole, grid.n_species
-    tiles, box = (grid.points[1] + TILE - 1) // TILE, box_of(boxes.lists.shape[0] - 1, boxes)
+    layer, box = tiles_of_layer(grid.points), box_of(boxes.lists.shape[0] - 1, boxes)
     counters = box.counters
     for p in range(n[0]):
         tile, species = divmod(np.int64(records_int[p, records_int.shape[1] - 2]), n_species)
-        row, column = np.int64(0), tile * TILE + np.int64(records_real[p, 0])
-        if DIM == 2:
-            row = tile // tiles * TILE + np.int64(records_real[p, DIM - 1])
-            column = tile % tiles * TILE + np.int64(records_real[p, 0])
-        slot, target = destination(row, column, species, grid, box.lists)
+        column, row, plane = tile, np.int64(0), np.int64(0)
+        if DIM == 3:
+            plane, tile = tile // layer * TILE + np.int64(records_real[p, 2]), tile % layer
+        if DIM > 1:
+            row = tile // tiles_along(1, grid.points) * TILE + np.int64(records_real[p, 1])
+            column = tile % tiles_along(1, grid.points)
+        column = column * TILE + np.int64(records_real[p, 0])
+        slot, target = destination(row, column, plane, species, grid, box.lists)
         k = counters[1]
         counters[1] += 1
         append_to_list(k, slot, records_int[p, records_int.shape[1] - 1], target, box.words, box.lists)

@@ -18,7 +18,7 @@ from hpcpic.plasma.kernels import groups
 from hpcpic.plasma.particles.arrays import LINE, declared
 from hpcpic.plasma.particles.pages import Pages
 from hpcpic.plasma.particles.push_spec import PushSpec
-from hpcpic.plasma.particles.tiles import Patches, Tiles
+from hpcpic.plasma.particles.tiles import Patches, Tiles, first_node
 from hpcpic.plasma.sizes import PAGE
 
 CHUNK = 1 << 16  # particles placed or read at a time
@@ -28,7 +28,7 @@ FIRST_BOX_SIZE = 1024  # particles
 class Cloud:
     """Particles of one rank in pages; `patches` hold the charge of each block after `push` and `deliver`.
 
-    e[axis] is E of the slab [rows, columns] with the ghosts of the shape on the axes that have neighbours, scaled in
+    e[axis] is E of the slab [planes, rows, columns] with the ghosts of the shape on the axes that have neighbours, scaled in
     the kernels by `scale`, a power of two; mover[species, 10] see physics.boris; charge[species] =
     (group, parts of one particle with sign). `arena` holds the arrays of particles.arrays.
     """
@@ -50,7 +50,8 @@ class Cloud:
     ) -> None:
         self.world, self.pool, self.spec = world, pool, spec
         self.n_species = len(charge)
-        self.tiles = tiles = Tiles(domain, world.rank, blocks)
+        below, above = spec.shape.ghosts
+        self.tiles = tiles = Tiles(domain, world.rank, blocks, below + above)
         self.blocks = blocks
         self.record_bytes = spec.components * np.dtype(spec.dtype).itemsize + 8
         self.arena = self._arena(capacity)
@@ -58,17 +59,16 @@ class Cloud:
         self.near = Migrate(world, self.record_bytes, Channel.PARTICLES, cuts=domain.cuts)
         group_count = int(charge[:, 0].max(initial=0)) + 1  # a case without species has one, of zeros
         self.patches = Patches(tiles, group_count, domain.ndim, spec.shape.ghosts)
-        one, (below, _) = spec.dimensions == 1, spec.shape.ghosts
         self.arena.set(
             n_species=self.n_species,
             points=tiles.points,
+            pitch=tiles.pitch,
             row_part=tiles.row_part,
             column_part=tiles.column_part,
             column_stride=tiles.column_stride,
             parts=tiles.parts,
-            e_x=e if one else e[0],
-            e_y=e if one else e[1],
-            origin=np.array([tiles.rows[0] - (0 if one else below), tiles.columns[0] - below]),
+            e=e.reshape(spec.dimensions, -1, e.shape[-1]),
+            origin=np.array(first_node(tiles, spec.dimensions, below)),
             scale=float(scale),
             mover=np.ascontiguousarray(mover, spec.dtype),
             charge=charge,
@@ -110,10 +110,11 @@ class Cloud:
             boxes=self.blocks + 1,
             box_size=FIRST_BOX_SIZE,
             list_length=-(-(self.blocks + 1) // LINE) * LINE,  # cores that write into one line wait for each other
-            field_scratch=spec.shape.field_scratch,
-            charge_scratch=spec.shape.charge_scratch,
+            field_scratch=spec.shape.field_scratch(spec.dimensions),
+            charge_scratch=spec.shape.charge_scratch(spec.dimensions),
             species=max(self.n_species, 1),
             moments=spec.n_moments,
+            axes=spec.dimensions,
             records=0,
             record_bytes=self.record_bytes,
         )

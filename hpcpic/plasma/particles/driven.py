@@ -13,6 +13,7 @@ from hpcpic.plasma.kernels.storage import PAGE
 def driven_kernel(acceleration: Callable, species: int, d: int, spacing: tuple[float, ...]) -> Callable:
     """The kernel of one species. d: axes of the grid; spacing[v] in m: velocities v are in these per time step."""
     of, components, dx = njit(cache=False)(acceleration), len(spacing), np.array(spacing)
+    anchors = (2, 1, 8)  # of x, y, z in `parts`
 
     @njit(cache=False)
     def driven(first, last, grid, pages, moment):
@@ -26,8 +27,8 @@ def driven_kernel(acceleration: Callable, species: int, d: int, spacing: tuple[f
             while page >= 0:
                 for place in range(used):
                     here, lane = pages.pool[page, place // lanes], place % lanes
-                    for k in range(d):  # anchors of tiles are (row, column) = (y, x)
-                        x[k] = (grid.parts[part, 2 - k] + here[k, lane]) * dx[k]
+                    for k in range(d):
+                        x[k] = (grid.parts[part, anchors[k]] + here[k, lane]) * dx[k]
                     for k in range(components):
                         v[k] = here[d + k, lane] * dx[k] / dt
                     a = of((x[0], x[1], x[2]), (v[0], v[1], v[2]), t)

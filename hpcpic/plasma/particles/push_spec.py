@@ -48,7 +48,7 @@ class PushSpec:
     def kernels(self, plain: bool = False) -> ModuleType:
         """The compiled module of this specification; `plain` for the reference, one particle after the other."""
         dtype = np.dtype(self.dtype)
-        vectors = () if plain else ("simd_base", *self.shape.vector_kernels, "push", "moments_simd", "histogram")
+        vectors = () if plain or not self.shape.by_vectors(self.dimensions) else ("simd_base", *self.shape.vector_kernels, "push", "moments_simd", "histogram")
         return self._module(("storage", "plain", "moments", *vectors), dtype, self.moments, ROTATION=self.rotation)
 
     def node_moments(self, moments: tuple[Moment, ...]) -> Any:

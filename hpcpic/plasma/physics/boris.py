@@ -24,21 +24,25 @@ def sheared(p: Any, q: Any, t: Any, s: Any) -> Any:
     return fma(t, q, p), q
 
 
-def boris(vx: Any, vy: Any, vz: Any, ex: Any, ey: Any, m: Any, dimensions: int, rotation: int) -> Any:
+def boris(
+    vx: Any, vy: Any, vz: Any, ex: Any, ey: Any, ez: Any, m: Any, dimensions: int, rotation: int
+) -> Any:  # fmt: skip
     """The velocity after a step: half of the electric impulse, rotation about B, the other half.
 
-    m[10] = impulse of E along x and y; of the uniform field along an axis y and z without a grid; t and s of the
-    rotations about z, y and x (see `shears`). Without a rotation the impulse is the whole one.
+    m[10] = impulse of E along x and y; of the uniform field along an axis y and z without a grid, or of E along a z
+    with one; t and s of the rotations about z, y and x (see `shears`). Without a rotation the impulse is the whole one.
     """
-    ux, uz = fma(m[0], ex, vx), vz + m[3]  # v-
-    uy = fma(m[1], ey, vy) if dimensions == 2 else vy + m[2]
+    ux = fma(m[0], ex, vx)  # v-
+    uy = fma(m[1], ey, vy) if dimensions > 1 else vy + m[2]
+    uz = fma(m[3], ez, vz) if dimensions == 3 else vz + m[3]
     if rotation == NO_ROTATION:
         return ux, uy, uz
     if rotation == ABOUT_ANY:
         uy, uz = sheared(uy, uz, m[8], m[9])
         uz, ux = sheared(uz, ux, m[6], m[7])
     ux, uy = sheared(ux, uy, m[4], m[5])
-    return fma(m[0], ex, ux), (fma(m[1], ey, uy) if dimensions == 2 else uy + m[2]), uz + m[3]
+    uy = fma(m[1], ey, uy) if dimensions > 1 else uy + m[2]
+    return fma(m[0], ex, ux), uy, (fma(m[3], ez, uz) if dimensions == 3 else uz + m[3])
 
 
 def rotation_vectors(

@@ -1,7 +1,7 @@
 """Solvers of the field equation: MFT by Fourier transforms (thesis 5.2.3), LU by factorisation (5.2.2).
 
 Both solve (5.7), a phi_xx + b phi_x + c phi + d phi_yy + e phi_y + f phi = g, in a periodic box, with g = -rho / eps0
-and centred differences; the Poisson equation has a = d = 1, and the rest 0. Two things differ from the thesis: each
+and centred differences; the Poisson equation has a = d = 1, and the rest 0. In 3D phi_zz stands beside. Two things differ from the thesis: each
 axis has its own spacing (the printed (5.3) and (5.11) hold for dx = dy = 1), and where a constant phi gives g = 0
 (c + f = 0), the mean of g is left out and phi has no mean.
 
@@ -44,8 +44,8 @@ class Operator:
         return self.c + self.f == 0.0
 
     def along(self, axis: str) -> tuple[float, float]:
-        """Factors of the second and the first derivative along "x" or "y"."""
-        return (self.a, self.b) if axis == "x" else (self.d, self.e)
+        """Factors of the second and the first derivative along "x", "y" or "z", of which (5.7) does not know."""
+        return {"x": (self.a, self.b), "y": (self.d, self.e), "z": (1.0, 0.0)}[axis]
 
 
 def operator_of(config: PlasmaConfig) -> Operator:
@@ -80,7 +80,8 @@ def green(
     spectral: bool,
     cloud_radius: float = 0.0,
 ) -> NDArray:
-    """phi_hat / g_hat (5.11) in transform order: [kx of `columns`, ky] in 2D, [kx] in 1D; real if b = e = 0.
+    """phi_hat / g_hat (5.11) in transform order: [ky of `columns`, kx, kz] in 3D, [kx of `columns`, ky] in 2D, [kx] in
+    1D; real if b = e = 0.
 
     It is 0 for mode 0 of a singular equation. spectral: -k^2 and i k in place of the differences. cloud_radius: that of
     the Gaussian that spreads charge and field. Raises ValueError where another mode satisfies the equation without a
@@ -88,18 +89,14 @@ def green(
     """
     symbol = np.zeros((1,) * len(points))
     spread = np.zeros((1,) * len(points))  # k^2
-    for storage, axis in zip(range(-1, -1 - len(points), -1), "xy"):
+    for storage, axis in zip(range(-1, -1 - len(points), -1), "xyz"):
         n, step = points[storage], spacing[storage]
         second, first = operator.along(axis)
         part = second * _second(n, step, spectral)
         if first:
             part = part + 1j * first * _first(n, step, spectral)
-        square = -_second(n, step, True)
-        if axis == "x":
-            part, square = (values[: n // 2 + 1][columns] for values in (part, square))
-        if axis == "x" and len(points) == 2:
-            part, square = part[:, None], square[:, None]
-        symbol, spread = symbol + part, spread + square
+        symbol = symbol + in_spectrum(part, axis, points, columns)
+        spread = spread + in_spectrum(-_second(n, step, True), axis, points, columns)
     symbol = symbol + (operator.c + operator.f)
     zero = symbol == 0
     allowed = int(operator.singular and (columns.start or 0) == 0 and symbol.size > 0)
@@ -121,37 +118,46 @@ def response(operator: Operator, k: float, dx: float, *, spectral: bool, cloud_r
 
 
 def strongest_response(operator: Operator, points: tuple[int, ...], lengths: tuple[float, ...]) -> float:
-    """The largest such factor of all waves of a mesh of [Nx] or [Nx, Ny] points; infinite where one attracts, or has a
-    field without a charge.
+    """The largest such factor of all waves of a mesh of [Nx], [Nx, Ny] or [Nx, Ny, Nz] points; infinite where one
+    attracts, or has a field without a charge.
 
-    Of K^2 over a linear form in Kx^2 and Ky^2 the extremes are at the corners of what the mesh has.
+    Of K^2 over a linear form in Kx^2, Ky^2 and Kz^2 the extremes are at the corners of what the mesh has.
     """
     ends = []
     for n, length in zip(points, lengths):
         waves = np.array([1, n // 2]) if n > 1 else np.zeros(1)
         ends.append(np.append(0.0, (2 * n / length * np.sin(np.pi * waves / n)) ** 2))
-    kx, ky = np.meshgrid(ends[0], ends[1] if len(ends) > 1 else 0.0)
-    square, form = kx + ky, operator.a * kx + operator.d * ky - operator.c - operator.f
+    squares = np.meshgrid(*ends)
+    square = sum(squares)
+    form = sum(operator.along(axis)[0] * k for axis, k in zip("xyz", squares)) - operator.c - operator.f
     there = square > 0
     if (form[there] <= 0).any():
         return math.inf
     return float((square[there] / form[there]).max(initial=0.0))
 
 
+def in_spectrum(part: NDArray, axis: str, points: tuple[int, ...], columns: slice) -> NDArray:
+    """Values of all modes of an axis, of those that a rank has, in a shape that multiplies `green`."""
+    if axis == "x":
+        part = part[: points[-1] // 2 + 1]
+    order = {1: "x", 2: "xy", 3: "yxz"}[len(points)]  # of the axes of the spectrum; the first is cut
+    if axis == order[0]:
+        part = part[columns]
+    return part.reshape([-1 if axis == one else 1 for one in order])
+
+
 def _gradient(points: tuple[int, ...], spacing: tuple[float, ...], columns: slice) -> list[NDArray]:
-    """-i k_x and -i k_y of the modes of `columns`, in shapes that multiply `green`."""
-    x = -1j * _first(points[-1], spacing[-1], True)[: points[-1] // 2 + 1][columns]
-    if len(points) == 1:
-        return [x]
-    return [x[:, None], -1j * _first(points[0], spacing[0], True)[None, :]]
+    """-i k_x, -i k_y (and -i k_z) of the modes of `columns`, in shapes that multiply `green`."""
+    axes = zip("xyz", points[::-1], spacing[::-1])
+    return [in_spectrum(-1j * _first(n, step, True), axis, points, columns) for axis, n, step in axes]
 
 
 class MFT:
     """phi from rho by (5.10): transform, multiply by the Green function, transform back. All ranks call together.
 
-    rho   real[rows, Nx] ([rows] in 1D), to be written: the charge density of this rank's rows
-    phi   real[rows, Nx]: the potential, after solve()
-    E     [x, y components] real[rows, Nx] each, with gradient = "spectral": E_hat = -i k phi_hat; else empty
+    rho   real[rows, Nx] (1D: [rows], 3D: [planes, Ny, Nx]), to be written: the charge density of this rank's rows
+    phi   like rho: the potential, after solve()
+    E     [x, y, z components] like rho each, with gradient = "spectral": E_hat = -i k phi_hat; else empty
 
     permittivity: eps0. spectral: the exact -k^2 and i k for the differences of the operator. cloud_radius: as of
     `green`, in the unit of the domain.
@@ -196,7 +202,7 @@ class MFT:
 
 
 def _transform(world: "World", points: tuple[int, ...]) -> tuple[Any, slice]:
-    """The transform for that many axes, and the part of the kx axis that this rank multiplies."""
+    """The transform for that many axes, and the part of its first axis that this rank multiplies."""
     if len(points) == 1:
         from hpcpic.core.comm.line import LineFFT
 
@@ -207,14 +213,14 @@ def _transform(world: "World", points: tuple[int, ...]) -> tuple[Any, slice]:
 
 
 def _require_periodic(domain: Domain) -> None:
-    if domain.ndim not in (1, 2) or not all(domain.periodic):
-        raise ValueError("the field solvers take one or two periodic axes")
+    if domain.ndim not in (1, 2, 3) or not all(domain.periodic):
+        raise ValueError("the field solvers take one to three periodic axes")
 
 
 class LU:
     """The equation of MFT by factorisation of its matrix, for small grids; phi is the same but for round-off.
 
-    Every rank gathers rho and solves for the whole grid. Raises ValueError beyond 256 x 256 points.
+    Every rank gathers rho and solves for the whole grid. Raises ValueError beyond 65 536 points.
     """
 
     def __init__(
@@ -267,7 +273,7 @@ def _matrix(operator: Operator, domain: Domain) -> Any:
     from scipy.sparse import identity, kron
 
     total = (operator.c + operator.f) * identity(int(np.prod(domain.points)), format="csr")
-    for storage, axis in zip(range(domain.ndim - 1, -1, -1), "xy"):
+    for storage, axis in zip(range(domain.ndim - 1, -1, -1), "xyz"):
         n, step = domain.points[storage], domain.spacing[storage]
         second, first = operator.along(axis)
         up = _shift(n)

@@ -4,6 +4,7 @@ Source: Birdsall & Langdon, Plasma Physics via Computer Simulation, chapter 16 (
 """
 
 import math
+from collections.abc import Iterator
 from functools import cache
 
 import numpy as np
@@ -11,7 +12,7 @@ from numpy.typing import NDArray
 
 from hpcpic.core.space.rng import normal_quantile
 
-BASES = (2, 3, 5, 7)
+BASES = (2, 3, 5, 7, 11)
 
 
 def radical_inverse(index: NDArray, base: int, total: int) -> NDArray[np.float64]:
@@ -46,38 +47,52 @@ def recurrence_time(n: int, wave_number: float, thermal: float, velocity: float)
 
 
 @cache
-def lattice(total: int, points: tuple[int, int]) -> tuple[int, int] | None:
-    """Columns and rows of a lattice of `total` points, its proportions within 4 of the grid's, or None.
+def lattice(total: int, points: tuple[int, ...]) -> tuple[int, ...] | None:
+    """Columns, rows (and planes) of a lattice of `total` points, its proportions within 4 of the grid's, or None.
 
-    A lattice with a whole number of points per cell on both axes comes first, then the most even one.
+    A lattice with a whole number of points per cell on all axes comes first, then the most even one.
     """
     best = None
-    for columns in divisors(total):
-        rows = total // columns
-        uneven = max(columns * points[1], rows * points[0]) / min(columns * points[1], rows * points[0])
-        rank = (columns % points[0] != 0 or rows % points[1] != 0, uneven)
+    for sides in factorisations(total, len(points)):
+        dense = [side * (math.prod(points) // n) for side, n in zip(sides, points)]
+        uneven = max(dense) / min(dense)
+        rank = (any(side % n for side, n in zip(sides, points)), uneven)
         if uneven <= 4 and (best is None or rank < best[0]):
-            best = (rank, (columns, rows))
+            best = (rank, sides)
     return best and best[1]
 
 
 def even_places(
     index: NDArray, total: int, points: tuple[int, ...], shift: NDArray | None = None, as_lattice: bool = True
 ) -> NDArray[np.float64]:
-    """Places[m, d] in [0, 1) of total >= 1 that fill a box evenly: in 1D equal steps; in 2D a lattice, or where none
-    fits or none is wanted, equal steps along x and digit-reversed order along y.
+    """Places[m, d] in [0, 1) of total >= 1 that fill a box evenly: in 1D equal steps; in 2D and 3D a lattice, or where
+    none fits or none is wanted, equal steps along x and digit-reversed order along y and z.
 
     shift[m, d]: where each is in its part of the box, from 0 to 1; by default in the middle.
     """
-    x, y = (0.5, 0.5) if shift is None else (shift[:, 0], shift[:, -1])
-    even = (index + x) / max(total, 1)
-    if len(points) == 1:
+    d = len(points)
+    within = [0.5] * d if shift is None else list(shift.T)
+    even = (index + within[0]) / max(total, 1)
+    if d == 1:
         return even[:, None]
     shape = lattice(total, points) if as_lattice and total else None
     if shape is None:
-        return np.stack([even, (radical_inverse(index, BASES[0], total) + y - 0.5) % 1.0], axis=1)
-    columns, rows = shape
-    return np.stack([(index % columns + x) / columns, (index // columns + y) / rows], axis=1)
+        others = zip(BASES, within[1:])
+        return np.stack([even, *((radical_inverse(index, base, total) + y - 0.5) % 1.0 for base, y in others)], axis=1)
+    places, rest = [], index
+    for n, x in zip(shape, within):
+        places.append((rest % n + x) / n)
+        rest = rest // n
+    return np.stack(places, axis=1)
+
+
+def factorisations(n: int, factors: int) -> Iterator[tuple[int, ...]]:
+    """All ways to write n as a product of so many factors, in their order."""
+    if factors == 1:
+        yield (n,)
+        return
+    for first in divisors(n):
+        yield from ((first, *rest) for rest in factorisations(n // first, factors - 1))
 
 
 def divisors(n: int) -> list[int]:

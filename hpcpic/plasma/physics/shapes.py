@@ -7,7 +7,9 @@ The weights themselves stand in kernels.plain, for single particles, and in the 
 
 from dataclasses import dataclass
 
-LINEAR_CELLS, NODAL_CELLS = 256 + 8, 17 * 24 + 8  # cells or nodes of a tile with what vectors read beyond them
+# Cells (CIC) or nodes (NGP, TSC) of a tile with what vectors read beyond them, by axes of the grid
+LINEAR_CELLS = {1: 256 + 8, 2: 256 + 8, 3: 512 + 8}
+NODAL_CELLS = {1: 17 * 24 + 8, 2: 17 * 24 + 8, 3: 9 * 9 * 16 + 8}
 
 
 @dataclass(frozen=True, slots=True)
@@ -38,15 +40,17 @@ class Shape:
     vector_kernels: tuple[str, ...]
     heating: tuple[Heating, ...] = ()
 
-    @property
-    def charge_scratch(self) -> int:
-        """Sums of charge that a block keeps for a tile: one per node that a particle in 2D reaches."""
-        return (NODAL_CELLS if self.nodes % 2 else LINEAR_CELLS) * self.nodes**2
+    def by_vectors(self, dimensions: int) -> bool:
+        """Whether there are vector kernels; TSC has plain ones alone in 3D."""
+        return dimensions < 3 or self.nodes < 3
 
-    @property
-    def field_scratch(self) -> int:
-        """Coefficients of the field that a block keeps for a tile: as many for each of E_x and E_y."""
-        return 2 * self.charge_scratch
+    def charge_scratch(self, dimensions: int) -> int:
+        """Sums of charge that a block keeps for a tile: one per node that a particle reaches, in 1D as in 2D."""
+        return (NODAL_CELLS if self.nodes % 2 else LINEAR_CELLS)[dimensions] * self.nodes ** max(dimensions, 2)
+
+    def field_scratch(self, dimensions: int) -> int:
+        """Coefficients of the field that a block keeps for a tile: as many for each component of E, in 1D as in 2D."""
+        return max(dimensions, 2) * self.charge_scratch(dimensions)
 
 
 SHAPES = {

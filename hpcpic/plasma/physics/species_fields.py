@@ -46,7 +46,7 @@ class NodeSample:
 class SpeciesField:
     """A field of each species: value(sample) gives [nodes], or of a vector [nodes, components of the velocity].
 
-    "m^d" in the unit: m in 1D, m2 in 2D.
+    "m^d" in the unit: m in 1D, m2 in 2D, m3 in 3D.
     """
 
     name: str

@@ -22,7 +22,7 @@ SPREADS = 6.0  # thermal velocities from the mean to the ends
 def axes_of(config: PlasmaConfig) -> tuple[str, ...]:
     """What can be counted in a scene."""
     names = [*HISTOGRAM_AXES]
-    return (*names[: config.dimensions], *names[2 : 2 + velocity_components(config)])
+    return (*names[: config.dimensions], *names[3 : 3 + velocity_components(config)])
 
 
 def histogram_faults(config: PlasmaConfig) -> Iterator[Fault]:
@@ -89,5 +89,5 @@ def default_bins(config: PlasmaConfig, name: str, axis: str) -> tuple[int, float
     wave = species.perturbation.velocity_amplitude if species.perturbation else 0.0
     reach = max(max(SPREADS * part.spread + abs(wave), abs(part.mean)) for axis_parts in parts for part in axis_parts)
     reach = reach or config.simulation.space_length[0] / config.points[0] / abs(config.simulation.time_step)
-    means = [part.mean for part in parts[number - 2]]
+    means = [part.mean for part in parts[number - 3]]
     return VELOCITY_BINS, min(means) - reach, max(means) + reach

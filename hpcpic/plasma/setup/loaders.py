@@ -111,8 +111,8 @@ class Loader:
 class Quiet(Loader):
     """Even positions and velocities, without random numbers (see physics.quiet_start).
 
-    1D, and x of a warm 2D species: equal steps. A cold 2D species: a lattice; the y of a warm one, or of a number that
-    makes no lattice, is in bit-reversed order.
+    1D, and x of a warm species: equal steps. A cold species: a lattice; the y and z of a warm one, or of a number that
+    makes no lattice, are in digit-reversed order.
     """
 
     name = "quiet"

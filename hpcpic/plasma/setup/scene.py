@@ -21,7 +21,7 @@ class Scene:
     """A case made concrete. Vectors are in physical order (x, y, z); v is the number of velocity components.
 
     lengths[d] m, points[d], spacing[d] m, time_step s, permittivity, operator (of the field equation),
-    cell_volume (m in 1D, m2 in 2D), velocity_spacing[v] m (velocities in cells per step are v dt / velocity_spacing),
+    cell_volume (m, m2 or m3), velocity_spacing[v] m (velocities in cells per step are v dt / velocity_spacing),
     background: charge density that makes the box neutral (rho_0 of (5.1)), species: tuple of SceneSpecies,
     n_particles of all species.
     """
@@ -63,8 +63,9 @@ class Scene:
         for row, species in zip(rows, self.species):
             impulse = np.zeros(3)
             impulse[: self.velocity_components] = species.half_kick * steps * (1 if kind else 2)
-            row[: self.dimensions] = impulse[: self.dimensions] / field_scale
-            row[2:4] = [impulse[1] * uniform[1] if self.dimensions == 1 else 0.0, impulse[2] * uniform[2]]
+            row[:2][: self.dimensions] = impulse[:2][: self.dimensions] / field_scale
+            row[2] = impulse[1] * uniform[1] if self.dimensions == 1 else 0.0
+            row[3] = impulse[2] / field_scale if self.dimensions == 3 else impulse[2] * uniform[2]
             t, s = species.rotation
             if steps != 1.0:
                 t, s = part_of_turn(t, steps)
