@@ -20,7 +20,7 @@ from hpcpic.plasma.diagnostics.scalars import units
 from hpcpic.plasma.physics.reference import Reference
 from hpcpic.plasma.setup.scene import Scene
 
-UNITS = {name: unit for name, unit in units().items() if name != "momentum_y"}
+UNITS = {name: unit for name, unit in units(1).items() if name != "momentum_y"}
 
 
 def reference_of(scene: Scene) -> Reference:

@@ -5,7 +5,7 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
-from hpcpic.plasma.kernels.mesh import minus_gradient_1d, minus_gradient_2d
+from hpcpic.plasma.kernels.mesh import minus_gradient_1d, minus_gradient_2d, minus_gradient_3d
 
 
 def with_ghosts(phi):
@@ -16,12 +16,12 @@ def with_ghosts(phi):
     return np.ascontiguousarray(phi)
 
 
-def field_of(phi, spacing, e0=(0.0, 0.0), cuts=()):
+def field_of(phi, spacing, e0=(0.0, 0.0, 0.0), cuts=()):
     """E[component, points + 1] of a periodic phi, row ranges computed one by one."""
     e = np.full((phi.ndim, *(n + 1 for n in phi.shape)), np.nan, phi.dtype)
     edges = [0, *cuts, phi.shape[0] + 1]
     factors = [phi.dtype.type(1 / (2 * step)) for step in reversed(spacing)]
-    kernel = minus_gradient_1d if phi.ndim == 1 else minus_gradient_2d
+    kernel = (minus_gradient_1d, minus_gradient_2d, minus_gradient_3d)[phi.ndim - 1]
     for first, last in pairwise(edges):
         external = [phi.dtype.type(value) for value in e0[: phi.ndim]]
         kernel(first, last, with_ghosts(phi), e, *factors, *external)
@@ -58,8 +58,18 @@ def test_one_dimension():
     assert np.array_equal(e[0], np.pad(1 + 2 * (np.roll(phi, 1) - np.roll(phi, -1)), (0, 1), mode="wrap"))
 
 
-@pytest.mark.parametrize("shape", [(13, 22), (29,)])
+def test_three_dimensions():
+    phi = np.random.default_rng(4).standard_normal((5, 6, 7))
+    e = field_of(phi, (0.5, 0.25, 1.0), (1.0, 2.0, 3.0))
+    for axis, (got, step) in enumerate(zip(e, (1.0, 0.25, 0.5), strict=True)):
+        along = 2 - axis
+        want = 1.0 + axis + (np.roll(phi, 1, along) - np.roll(phi, -1, along)) / (2 * step)
+        assert np.array_equal(got, np.pad(want, (0, 1), mode="wrap"))
+
+
+@pytest.mark.parametrize("shape", [(13, 22), (29,), (13, 4, 5)])
 def test_cuts_keep_the_bits(shape):
     phi = np.random.default_rng(3).standard_normal(shape)
-    spacing = (0.3, 0.7)[: len(shape)]
-    assert np.array_equal(field_of(phi, spacing, (0.1, 0.2), (3, 4, 11)), field_of(phi, spacing, (0.1, 0.2)))
+    spacing = (0.3, 0.7, 0.4)[: len(shape)]
+    uniform = (0.1, 0.2, 0.3)
+    assert np.array_equal(field_of(phi, spacing, uniform, (3, 4, 11)), field_of(phi, spacing, uniform))

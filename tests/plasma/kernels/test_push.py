@@ -16,24 +16,27 @@ from hpcpic.plasma.physics.boris import rotation_vectors, shears, turn
 from hpcpic.plasma.physics.shapes import SHAPES
 
 SPECS = [(2, 2, 0, "CIC"), (2, 2, 1, "CIC"), (2, 3, 2, "CIC"), (1, 1, 0, "CIC"), (1, 3, 2, "CIC"),
-        (2, 2, 0, "NGP"), (1, 1, 0, "NGP"), (2, 2, 0, "TSC"), (1, 1, 0, "TSC")]  # fmt: skip
+        (2, 2, 0, "NGP"), (1, 1, 0, "NGP"), (2, 2, 0, "TSC"), (1, 1, 0, "TSC"),
+        (3, 3, 0, "CIC"), (3, 3, 2, "CIC"), (3, 3, 0, "NGP"), (3, 3, 0, "TSC")]  # fmt: skip
 BY_DEFAULT = [(2, 2, 0, "CIC", np.float32), (2, 2, 1, "CIC", np.float64), (2, 3, 2, "CIC", np.float64),
-       (1, 1, 0, "NGP", np.float32), (2, 2, 0, "TSC", np.float64)]  # fmt: skip
+       (1, 1, 0, "NGP", np.float32), (2, 2, 0, "TSC", np.float64), (3, 3, 2, "CIC", np.float64)]  # fmt: skip
 BOTH = [
     pytest.param(*spec, dtype, marks=[] if (*spec, dtype) in BY_DEFAULT else pytest.mark.validation)
     for spec in SPECS
     for dtype in (np.float64, np.float32)
 ]  # by default each shape, number of axes, rotation and precision: each of all modules takes 27 s to compile
+COMPILED = {(2, "CIC"), (1, "NGP"), (2, "TSC"), (3, "CIC")}
 BY_AXES_AND_SHAPE = [
-    pytest.param(d, shape, marks=[] if (d, shape) in {(2, "CIC"), (1, "NGP"), (2, "TSC")} else pytest.mark.validation)
-    for d in (1, 2)
+    pytest.param(d, shape, marks=[] if (d, shape) in COMPILED else pytest.mark.validation)
+    for d in (1, 2, 3)
     for shape in ("NGP", "CIC", "TSC")
 ]
 
 
 def free(d, shape):
     """Without a field, in the precision that is compiled by default."""
-    return PushSpec(d, SHAPES[shape], d, 0, np.float64 if shape == "TSC" else np.float32, moments())
+    double = shape == "TSC" or d == 3
+    return PushSpec(d, SHAPES[shape], d, 2 if d == 3 else 0, np.float64 if double else np.float32, moments())
 
 
 @pytest.fixture(scope="module")
@@ -71,7 +74,7 @@ def cloud(pool, spec, points, *, blocks=1, n=4000, speed=0.3, plain=False, field
     room[: e.size] = e.ravel()
     t = 0.1
     s = 2 * t / (1 + t * t)
-    mover = np.array([[0.1, 0.1, 0, 0, *([t, -s] * 3)]] * 2)
+    mover = np.array([[0.1, 0.1, 0, 0.1 if d == 3 else 0, *([t, -s] * 3)]] * 2)
     unit = 1 << WHOLE_BITS[np.dtype(spec.dtype).itemsize]
     charge = np.array([[0, unit], [0, -unit]], np.int64)
     e = room[: e.size].reshape(e.shape)
@@ -110,7 +113,7 @@ def advance(made, steps):
 
 @pytest.mark.parametrize(("d", "v", "rotation", "shape", "dtype"), BOTH)
 def test_vectors_give_the_bits_of_the_plain_kernels(pool, shape, d, v, rotation, dtype):
-    points = (41, 37)[:d] if d == 2 else (600,)
+    points = {1: (600,), 2: (41, 37), 3: (19, 13, 10)}[d]
     spec = ThriftySpec(d, SHAPES[shape], v, rotation, dtype, moments())
     for n, speed in ((4000, 0.3), (4000, 40.0), (60, 5.0)):  # 60: so few that some tiles go without vectors
         fast, plain = (cloud(pool, spec, points, blocks=3, n=n, speed=speed, plain=plain) for plain in (False, True))
@@ -124,7 +127,8 @@ def test_vectors_give_the_bits_of_the_plain_kernels(pool, shape, d, v, rotation,
 @pytest.mark.parametrize(("d", "shape"), BY_AXES_AND_SHAPE)
 def test_charge_is_exact_and_blocks_do_not_show(pool, d, shape):
     spec = free(d, shape)
-    for points in [(300,), (1,)] if d == 1 else [(1, 5), (7, 8), (9, 1), (97, 101)]:
+    grids = {1: [(300,), (1,)], 2: [(1, 5), (7, 8), (9, 1), (97, 101)], 3: [(1, 1, 5), (7, 8, 1), (17, 9, 23)]}
+    for points in grids[d]:
         found = set()
         for blocks in (1, 4, 9):
             made = cloud(pool, spec, points, blocks=blocks, n=300, speed=40.0)
@@ -138,7 +142,8 @@ def test_charge_is_exact_and_blocks_do_not_show(pool, d, shape):
 @pytest.mark.parametrize(("d", "shape"), BY_AXES_AND_SHAPE)
 def test_patches_hold_the_charge_of_all_particles(pool, d, shape):
     """What push and deliver add up by the way is what a fresh deposit of everybody gives."""
-    made = cloud(pool, free(d, shape), (40, 33) if d == 2 else (700,), blocks=3, speed=5.0)
+    points = {1: (700,), 2: (40, 33), 3: (17, 13, 9)}[d]
+    made = cloud(pool, free(d, shape), points, blocks=3, speed=5.0)
     advance(made, 2)
     by_the_way = made.patches.values.copy()
     made.deposit_all()

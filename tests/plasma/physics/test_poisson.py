@@ -9,7 +9,7 @@ from hpcpic.core.tasks.graph import Pool
 from hpcpic.plasma.physics.poisson import LU, MFT, Operator, strongest_response
 
 GENERAL = Operator(1.3, 0.4, -0.7, 0.6, -0.9, -0.2)
-SHAPES = [(16, 16), (12, 20), (7, 9), (1, 8), (5, 2)]
+SHAPES = [(16, 16), (12, 20), (7, 9), (1, 8), (5, 2), (6, 4, 10), (5, 7, 3), (1, 2, 4)]
 
 
 def domain(points, lengths, ranks=1):
@@ -41,8 +41,10 @@ def differences(operator, phi, spacing):
     """(5.7) applied to phi, centred differences, periodic."""
     x = phi.ndim - 1
     terms = [(x, spacing[x], operator.a, operator.b)]
-    if phi.ndim == 2:
-        terms.append((0, spacing[0], operator.d, operator.e))
+    if x > 0:
+        terms.append((x - 1, spacing[x - 1], operator.d, operator.e))
+    if x == 2:
+        terms.append((0, spacing[0], 1.0, 0.0))
     total = (operator.c + operator.f) * phi
     for axis, step, second, first in terms:
         up, down = np.roll(phi, -1, axis), np.roll(phi, 1, axis)
@@ -54,7 +56,7 @@ def differences(operator, phi, spacing):
 @pytest.mark.parametrize("operator", [Operator(), GENERAL])
 @pytest.mark.parametrize("points", [*SHAPES, (32,), (9,), (2,)])
 def test_solution_satisfies_the_difference_equation(alone, kind, operator, points):
-    place = domain(points, (2.0, 0.75)[: len(points)])
+    place = domain(points, (2.0, 0.75, 1.5)[: len(points)])
     rho, eps0 = charge(points), 3.0
     phi, _ = solved(kind, alone, place, rho, operator=operator, permittivity=eps0)
     g = -(rho - (rho.mean() if operator.singular else 0)) / eps0
@@ -63,11 +65,11 @@ def test_solution_satisfies_the_difference_equation(alone, kind, operator, point
     assert np.abs(differences(operator, phi, place.spacing) - g).max() < 1e-13 * max(scale, 1)
 
 
-@pytest.mark.parametrize("lengths", [(1.0, 1.0), (0.3, 2.5)])
+@pytest.mark.parametrize("lengths", [(1.0, 1.0, 1.0), (0.3, 2.5, 0.7)])
 @pytest.mark.parametrize("operator", [Operator(), GENERAL])
 @pytest.mark.parametrize("points", [*SHAPES, (64, 48)])
 def test_lu_and_mft_agree(alone, lengths, operator, points):
-    place, rho = domain(points, lengths), charge(points)
+    place, rho = domain(points, lengths[: len(points)]), charge(points)
     phi, _ = solved(MFT, alone, place, rho, operator=operator)
     other, _ = solved(LU, alone, place, rho, operator=operator)
     assert np.abs(phi - other).max() < 1e-12 * max(np.abs(phi).max(), 1)
