@@ -38,16 +38,17 @@ from hpcpic.plasma.step import Plasma
 
 SPARSE, DENSE, DENSE_AND_LARGE = 4, 24, 48  # particles per cell of the plasmas "few", "many" and "large"
 ROUNDS = {True: 4, False: 10}  # by `quick`
-FULL = {2: (128, 128), 1: (8192,)}  # points of the plasma with particles
+FULL = {2: (128, 128), 1: (8192,), 3: (32, 32, 32)}  # points of the plasma with particles
 SCALE = 2  # points along an edge of a large plasma, to those of FULL
-EMPTY = {2: (512, 512), 1: (65536,)}  # and of the one with next to none: 2 to LEVELS
+EMPTY = {2: (512, 512), 1: (65536,), 3: (64, 64, 64)}  # and of the one with next to none: 2 to LEVELS
 WIDE = (2048, 2048)  # and of one that no cache holds
-TINY = {2: (16, 16), 1: (256,)}
-FACTORED = {2: (64, 64), 1: (4096,)}  # of a field by LU
+TINY = {2: (16, 16), 1: (256,), 3: (8, 8, 8)}
+FACTORED = {2: (64, 64), 1: (4096,), 3: (16, 16, 16)}  # of a field by LU
 NEXT_TO_NONE = 16  # particles
 GAINS = {  # whose steps tell what all cores gain
     2: {"plasma_core_gain 2D": "many", "memory_core_gain": "large", "mesh_core_gain": "empty"},
     1: {"plasma_core_gain 1D": "many"},
+    3: {"plasma_core_gain 3D": "many"},
 }
 STEPS, TINY_STEPS, SAMPLES = 4, 40, 3  # of a turn
 CASE = """
@@ -124,9 +125,9 @@ def bench(quick: bool) -> Mapping[str, float]:
     """Rate by name; with `quick` the standard kernel only (2D CIC double)."""
     world = World.alone()
     rates: dict[str, float] = {"cores": len(os.sched_getaffinity(0))}
-    for d in (2, 1)[: 1 if quick else None]:
+    for d in (2, 1, 3)[: 1 if quick else None]:
         rates |= standard_rates(world, d, quick)
-    for d, shape, precision in itertools.product((2, 1), ("CIC", "NGP", "TSC"), ("double", "single")):
+    for d, shape, precision in itertools.product((2, 1, 3), ("CIC", "NGP", "TSC"), ("double", "single")):
         if not quick and (shape, precision) != ("CIC", "double"):
             trials = {
                 name: Trial(world, FULL[d], per_cell * FULL[d][0] ** d, shape, precision)

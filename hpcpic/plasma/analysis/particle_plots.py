@@ -221,7 +221,7 @@ def _maxwellian(config: case.PlasmaConfig, one: case.Histogram, axis: str, edges
 
 
 def orbits(run: Run, step: int | None = None) -> Figure:
-    """Paths of all particles when they are few: x and y in 2D, x in time in 1D; open where they leave the box."""
+    """Paths of all particles when they are few: x and y in 2D and 3D, x in time in 1D; open where they leave it."""
     config, snapshots = config_of(run), snapshots_of(run)
     if not 0 < sum(s.particles for s in config.species) <= MAX_PATHS:
         raise NotInScene(f"needs one particle, at most {MAX_PATHS} particles")
@@ -236,10 +236,10 @@ def orbits(run: Run, step: int | None = None) -> Figure:
             path[1:][jump.any(axis=2)] = np.nan
             for p in range(path.shape[1]):
                 across = path[:, p, 0]
-                line = (across, path[:, p, 1]) if config.dimensions == 2 else (snapshots.times, across)
+                line = (across, path[:, p, 1]) if config.dimensions > 1 else (snapshots.times, across)
                 axes.plot(*line, color=colour, linewidth=1.3, label=plain(name) if p == 0 else None)
                 axes.plot(line[0][-1], line[1][-1], "o", color=colour, markersize=5)
-        if config.dimensions == 2:
+        if config.dimensions > 1:
             axes.set(xlabel="x, m", ylabel="y, m", title="Orbits", aspect="equal")
             width, height = (np.ptp(limits) for limits in (axes.get_xlim(), axes.get_ylim()))
             figure.set_size_inches(6.4, np.clip(6.4 * height / width, 1.0, 5.0) + 1.0)

@@ -216,7 +216,7 @@ def _branches(species: Sequence[theory.Beam], waves: np.ndarray) -> tuple[list[f
 
 
 def _along_x(run: Run, name: str, step: int) -> np.ndarray:
-    """A scalar, or the component of a vector along x, averaged over y: values[x]. In a box of one column along y."""
+    """A scalar, or a vector's component along x, averaged over y, z: values[x]; or along the one axis with points."""
     values = run.field(name, step)
     if values.ndim > len(run.field_snapshots.points):
         values = values[..., _line_axis(run.field_snapshots)]
@@ -224,7 +224,7 @@ def _along_x(run: Run, name: str, step: int) -> np.ndarray:
 
 
 def _line_axis(snapshots: Fields) -> int:
-    """The axis that a line of nodes lies on: 0 for x; 1 for y, where x has one point."""
+    """The axis that a line of nodes lies on: 0 for x; 1 for y, where x has one point; 2 for z."""
     return len(snapshots.grid[0]) - len(snapshots.points)
 
 
@@ -232,12 +232,12 @@ def _line_axis(snapshots: Fields) -> int:
 
 
 def fields(run: Run, step: int | None = None) -> Figure:
-    """1D: E in space and time, and profiles at a step. 2D: charge, potential and |E| at a step."""
+    """1D: E in space and time, and profiles at a step. 2D: charge, potential, |E| at a step; 3D: in one plane."""
     snapshots = _fields(run)
     number = snapshots.index(step)
     if len(snapshots.points) == 1:
         return _fields_1d(run, snapshots, number)
-    return _fields_2d(run, snapshots, number)
+    return _fields_in_plane(run, snapshots, number)
 
 
 def _fields_1d(run: Run, snapshots: Fields, number: int) -> Figure:
@@ -268,21 +268,30 @@ def _fields_1d(run: Run, snapshots: Fields, number: int) -> Figure:
             axis.plot(x, _along_x(run, name, int(snapshots.steps[number])), color=colour)
             axis.set(ylabel=axis_label(name, snapshots.units[name]), xlim=(0, length))
         rows[0].set_title(f"Profiles at t = {snapshots.times[number]:.4g} s")
-        rows[-1].set_xlabel(f"{'xy'[_line_axis(snapshots)]}, m")
+        rows[-1].set_xlabel(f"{'xyz'[_line_axis(snapshots)]}, m")
         for axis in rows[:-1]:
             axis.tick_params(labelbottom=False)
         return figure
 
 
-def _fields_2d(run: Run, snapshots: Fields, number: int) -> Figure:
-    ly, lx = (n * d for n, d in zip(snapshots.points, snapshots.spacing))
-    at = int(snapshots.steps[number])
-    there = (name for name in ("rho", "phi") if name in snapshots.names)
+def _axes(snapshots: Fields) -> list[str]:
+    """The axes that have more than one point, in the order of the arrays."""
+    points = snapshots.grid[0]
+    return [name for name, n in zip("xyz"[: len(points)][::-1], points) if n > 1]
+
+
+def _fields_in_plane(run: Run, snapshots: Fields, number: int) -> Figure:
+    *_, ly, lx = (n * d for n, d in zip(snapshots.points, snapshots.spacing))
+    *third, vertical, horizontal = _axes(snapshots)
+    at, middle = int(snapshots.steps[number]), snapshots.points[0] // 2
+    there = [name for name in ("rho", "phi") if name in snapshots.names]
     panels: list[tuple[str, Any, Any]] = [(name, run.field(name, at), SIGNED) for name in there]
     panels = [("rho - mean", v - v.mean(), c) if name == "rho" else (name, v, c) for name, v, c in panels]
+    panels = [(name, v[middle] if third else v, c) for name, v, c in panels]
     for name in snapshots.names:
         if name not in ("rho", "phi"):
             values = run.field(name, at)
+            values = values[middle] if third else values
             vector = values.ndim > 2
             size = np.linalg.norm(values, axis=-1) if vector else values
             panels.append((f"|{name}|" if vector else name, size, POSITIVE))
@@ -305,9 +314,10 @@ def _fields_2d(run: Run, snapshots: Fields, number: int) -> Figure:
             stored = name.removesuffix(" - mean").strip("|")
             figure.colorbar(image, ax=axis, shrink=0.8, pad=0.02)
             axis.grid(visible=False)
-            axis.set(xlabel="x, m", title=axis_label(name, snapshots.units[stored]))
-        axes[0, 0].set_ylabel("y, m")
-        figure.suptitle(f"Fields at t = {snapshots.times[number]:.4g} s", x=0.01, ha="left", fontsize=11)
+            axis.set(xlabel=f"{horizontal}, m", title=axis_label(name, snapshots.units[stored]))
+        axes[0, 0].set_ylabel(f"{vertical}, m")
+        where = f" in the plane {third[0]} = {middle * snapshots.spacing[0]:.4g} m" if third else ""
+        figure.suptitle(f"Fields at t = {snapshots.times[number]:.4g} s{where}", x=0.01, ha="left", fontsize=11)
         return figure
 
 

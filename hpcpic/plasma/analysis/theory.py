@@ -164,12 +164,21 @@ def leapfrog_frequency(omega: float, dt: float) -> float:
     return 2.0 / dt * float(np.arcsin(0.5 * omega * dt))
 
 
-def cold_wave_frequency(wp: float, dt: float, k: float, dx: float) -> float:
-    """Frequency of a cold wave in CIC, 3- or 5-point Poisson, centred E, leapfrog.
+def cold_wave_frequency(
+    wp: float, dt: float, k: float | Sequence[float], dx: float | Sequence[float], per_cell: float = np.inf
+) -> float:
+    """Frequency of a cold wave in CIC, 3-, 5- or 7-point Poisson, centred E, leapfrog; k and dx of each axis.
 
-    The sum over aliases closes to cos^2(k dx/2) exactly: omega = (2/dt) asin((wp dt/2) cos(k dx/2)).
+    The sums over aliases close exactly. Along an axis omega = (2/dt) asin((wp dt/2) cos(k dx/2)). In any direction,
+    with a_i = k_i dx_i, the cosine squared is a mean, with the weights (2 sin(a_i/2)/dx_i)^2 of the Laplacian, of
+    cos^2(a_i/2) times the mean square that interpolation leaves of a wave along each other axis j: (2 + cos a_j)/3, of
+    particles on a lattice of per_cell places in a cell along each axis less (1 - cos a_j)/(6 per_cell^2).
     """
-    return leapfrog_frequency(wp * abs(np.cos(0.5 * k * dx)), dt)
+    angles = np.atleast_1d(k) * np.atleast_1d(dx)
+    weights = (2.0 * np.sin(0.5 * angles) / np.atleast_1d(dx)) ** 2
+    across = (2.0 + np.cos(angles)) / 3.0 - (1.0 - np.cos(angles)) / (6.0 * per_cell**2)
+    factors = np.cos(0.5 * angles) ** 2 * np.prod(across) / across
+    return leapfrog_frequency(wp * float(np.sqrt(np.sum(weights * factors) / np.sum(weights))), dt)
 
 
 def boris_angle(wc: float, dt: float, exact_phase: bool = False) -> float:

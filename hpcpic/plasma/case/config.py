@@ -56,7 +56,9 @@ class Simulation(Section):
 
 
 class Grid(Section):
-    points: Filled[Counts] = setting(None, "grid points, [Nx], [Nx, Ny] or [Nx, Ny, Nz]", min_length=1, max_length=3)
+    points: Filled[Counts] = setting(
+        None, "grid points, [Nx], [Nx, Ny] or [Nx, Ny, Nz]", min_length=1, max_length=3
+    )
     blocks: Counts | None = setting(
         None, "older spelling of points: blocks x blocksize", min_length=1, max_length=3
     )
@@ -93,7 +95,9 @@ class Constants(Section):
 
 
 class Perturbation(Section):
-    mode: Integers = setting(REQUIRED, "whole wavelengths across the box, [nx], [nx, ny] or [nx, ny, nz]; k = 2 pi n / L")
+    mode: Integers = setting(
+        REQUIRED, "whole wavelengths across the box, [nx], [nx, ny] or [nx, ny, nz]; k = 2 pi n / L"
+    )
     amplitude: float = setting(
         0.0, "relative density a: positions move by (a/k) sin(k.x) along k", gt=-1, lt=1
     )
@@ -215,7 +219,8 @@ class Output(Section):
     )
     modes: Annotated[tuple[Integers, ...], BeforeValidator(as_tuple)] = setting(
         (),
-        "modes of E along k as columns of the series: whole wavelengths across the box, ([nx], ..), ([nx, ny], ..) or ([nx, ny, nz], ..); "
+        "modes of E along k as columns of the series: whole wavelengths across the box, ([nx], ..), ([nx, ny], ..) or "
+        "([nx, ny, nz], ..); "
         "mode_nx_re, mode_nx_im are the parts of E_k where E = Re(E_k exp(i k.x))",
     )
     every: Every = Every()

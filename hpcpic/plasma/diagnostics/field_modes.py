@@ -12,8 +12,8 @@ from hpcpic.plasma.setup.scene import Scene
 
 
 class FieldModes:
-    """E_k of the modes [n], [nx, ny] or [nx, ny, nz] of output.modes: E.k/|k| = sum over k of Re(E_k exp(i k.x)), k = 2 pi n / L, so
-    that a wave exp(i k.x - i w t) turns E_k by -w t; |E_k| is the `mode_n` of the series.
+    """E_k of the modes [n], [nx, ny] or [nx, ny, nz] of output.modes: E.k/|k| = sum over k of Re(E_k exp(i k.x)),
+    k = 2 pi n / L, so that a wave exp(i k.x - i w t) turns E_k by -w t; |E_k| is the `mode_n` of the series.
     """
 
     def __init__(self, scene: Scene, domain: Domain, world: World) -> None:

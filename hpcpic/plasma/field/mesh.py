@@ -199,4 +199,5 @@ def gap(field: Field) -> int:
 
 def _with_pitch(array: NDArray) -> NDArray:
     """The array as rows (3D: planes) of its full pitch, C-contiguous: its own nodes are the first of each."""
-    return as_strided(array, (len(array), array.strides[0] // array.itemsize))
+    shape = len(array), array.strides[0] // array.itemsize
+    return as_strided(array, shape, (array.strides[0], array.itemsize))

@@ -365,12 +365,13 @@ def sizes(config: PlasmaConfig) -> Iterator[Derived]:
     limit, source = f"< {NODE_CAPACITY}", "64-bit fixed-point charge"
     yield judged("particles per cell", "N/cells", per_cell, limit, verdict, source, "more points", POINTS)
     density = -sum(charge_density(config, species) for species in config.species)
-    unit = "C/m3" if config.units == "SI" else "C/m" if config.dimensions == 1 else "C/m2"
+    unit = "C/m3" if config.units == "SI" else "C/m" if config.dimensions == 1 else f"C/m{config.dimensions}"
     yield Derived("background charge density", "rho_0", density, unit)
     if config.simulation.solver == "LU":
         verdict, key = verdict_of(cells <= 4096, cells <= 16384), ("simulation", "solver")
         name, source, cure = "points of the LU solver", "(5.6), cost (2/3) N^3", 'solver = "MFT"'
-        yield judged(name, "Nx Ny", cells, "< 4096", verdict, source, cure, key, forceable=True)
+        symbol = " ".join(("Nx", "Ny", "Nz")[: config.dimensions])
+        yield judged(name, symbol, cells, "< 4096", verdict, source, cure, key, forceable=True)
 
 
 def charge_density(config: PlasmaConfig, species: Species) -> float:
@@ -382,13 +383,13 @@ def charge_density(config: PlasmaConfig, species: Species) -> float:
 
 
 def blocks(config: PlasmaConfig, ranks: int) -> Iterator[Derived]:
-    """Rows per rank and columns per task block."""
+    """Rows (3D: planes) per rank and columns per task block."""
     columns, rows = config.points[0], config.points[-1]
     verdict, source, cure = verdict_of(ranks <= rows, False), "slabs end at one row", f"at most {rows} ranks"
     yield judged("rows per rank", "rows/R", rows / ranks, ">= 1", verdict, source, cure, POINTS, forceable=True)
     chunks = config.simulation.plasma_chunks
     if chunks:
-        block = (columns if config.dimensions == 2 else rows / ranks) / chunks
+        block = (columns if config.dimensions > 1 else rows / ranks) / chunks
         cure, key = "some stay empty: fewer plasma_chunks", ("simulation", "plasma_chunks")
         name, verdict, source = "columns per task block", verdict_of(block >= 1), "one column per block"
         yield judged(name, "Nx/chunks", block, ">= 1", verdict, source, cure, key)

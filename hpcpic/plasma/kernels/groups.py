@@ -64,8 +64,7 @@ class SpeciesArrays(NamedTuple):
 
 
 class PatchArrays(NamedTuple):
-    """Charge of one block: nodes[group, row of all planes, column], the first at corner (row, column, plane) of the grid.
-    """
+    """Charge of one block: nodes[group, row of all planes, column]; corner: row, column, plane of the first."""
 
     nodes: NDArray
     corner: NDArray

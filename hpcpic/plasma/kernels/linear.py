@@ -1,8 +1,8 @@
 """Linear shapes (CIC) by vectors, cell by cell.
 
 The field is a line of coefficients per cell (2D: a, b, c, d of E_x, then of E_y; 3D: one line for each component, of
-a, b, c, d and of what times h adds to them), the charge a line of sums: of parts, times f, times g, times f g, and in 3D
-of these times h (f, g, h: place in the cell), from which the corners' charge follows.
+a, b, c, d and of what times h adds to them), the charge a line of sums: of parts, times f, times g, times f g, and in
+3D of these times h (f, g, h: place in the cell), from which the corners' charge follows.
 """
 
 from hpcpic.core.simd.vector import (
@@ -19,7 +19,6 @@ from hpcpic.core.simd.vector import (
 )
 from hpcpic.plasma.kernels.cell_lines import add_sums, gather_field, load_sums
 from hpcpic.plasma.kernels.lanes import address, bits_of, inlined, kernel
-from hpcpic.plasma.kernels.plain import MAGIC, anchor_in, less
 from hpcpic.plasma.kernels.simd_base import (
     MAGIC_BITS,
     P8,
@@ -36,6 +35,7 @@ from hpcpic.plasma.kernels.simd_base import (
     zero_bytes,
 )
 from hpcpic.plasma.kernels.storage import TILE
+from hpcpic.plasma.kernels.weights import MAGIC, anchor_in, less
 
 DIM = 2  # axes of the grid
 
@@ -65,7 +65,8 @@ def spread_field(part, grid, field, lines):
                 at = (row + p * pitch + r) * width + (column + c) * 8
                 to = lines + (p * LAYER + r * PITCH + c) * LINE
                 if DIM == 1:
-                    left, right = field_on(component(field, 0) + at, scale), field_on(component(field, 0) + at + 8, scale)
+                    from_left = component(field, 0) + at
+                    left, right = field_on(from_left, scale), field_on(from_left + 8, scale)
                     store_lines(to, (convert(R8, left), convert(R8, right - left)))
                 elif DIM == 2:
                     store_lines(to, (*converted(coefficients(component(field, 0) + at, width, scale)),

@@ -70,8 +70,8 @@ def density(first, last, below, plane_rows, gap, weight, parts, rho_rows, source
     """rho_rows[first:last, columns] = sum over groups of weight[group] x parts, `below` ghost rows apart, and in 3D
     `gap` more from plane to plane (5.1), C/m^d.
 
-    source[plane] gets it too, its rows one after the other, of one row in 1D and 2D: the solver changes its own. Returns
-    OVERFLOW when a node holds so many parts that the next step could exceed an integer.
+    source[plane] gets it too, its rows one after the other, of one row in 1D and 2D: the solver changes its own.
+    Returns OVERFLOW when a node holds so many parts that the next step could exceed an integer.
     """
     over = False
     for r in range(first, last):

@@ -4,7 +4,6 @@ from hpcpic.core.simd.vector import convert, load_at, splat, store_at, store_lin
 from hpcpic.plasma.kernels.cell_lines import add_whole, gather_values
 from hpcpic.plasma.kernels.lanes import address, inlined, kernel
 from hpcpic.plasma.kernels.nodal import CELLS, LAYER, PITCH
-from hpcpic.plasma.kernels.plain import anchor_in
 from hpcpic.plasma.kernels.simd_base import (
     P8,
     R8,
@@ -17,6 +16,7 @@ from hpcpic.plasma.kernels.simd_base import (
     widened,
     zero_bytes,
 )
+from hpcpic.plasma.kernels.weights import anchor_in
 
 DIM = 2  # axes of the grid
 

@@ -2,8 +2,8 @@
 
 from hpcpic.core.simd.vector import floor
 from hpcpic.plasma.kernels.lanes import inlined
-from hpcpic.plasma.kernels.plain import HALF
 from hpcpic.plasma.kernels.storage import TILE
+from hpcpic.plasma.kernels.weights import HALF
 
 DIM = 2  # axes of the grid
 

@@ -38,9 +38,10 @@ from hpcpic.plasma.kernels.linear import (
     gather_sums,
     spread_field,
 )
-from hpcpic.plasma.kernels.plain import MAGIC, anchor_in, deposit_from, push_slot, take_in
+from hpcpic.plasma.kernels.plain import deposit_from, push_slot, take_in
 from hpcpic.plasma.kernels.simd_base import MAGIC_BITS, PART, SIZE, F, I, planes_of, position_at, zero_bytes
 from hpcpic.plasma.kernels.storage import COMPONENTS, DIVERGED, GOOD, LANES, PAGE, box_of, depart, leaver_mask, pages_of
+from hpcpic.plasma.kernels.weights import MAGIC, anchor_in
 from hpcpic.plasma.physics.boris import boris
 
 DIM = 2  # axes of the grid

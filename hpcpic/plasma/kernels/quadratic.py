@@ -19,7 +19,6 @@ from hpcpic.core.simd.vector import (
 from hpcpic.plasma.kernels.cell_lines import add_sums, add_whole, gather_field, gather_values, load_sums
 from hpcpic.plasma.kernels.lanes import address, bits_of, inlined, kernel
 from hpcpic.plasma.kernels.nodal import CELLS, PITCH
-from hpcpic.plasma.kernels.plain import MAGIC, anchor_in, parabola, tsc_outer_weights
 from hpcpic.plasma.kernels.simd_base import (
     EIGHT,
     MAGIC_BITS,
@@ -35,6 +34,7 @@ from hpcpic.plasma.kernels.simd_base import (
     widened,
     zero_bytes,
 )
+from hpcpic.plasma.kernels.weights import MAGIC, anchor_in, parabola, tsc_outer_weights
 
 DIM = 2  # axes of the grid
 
@@ -86,8 +86,8 @@ def spread_nine(at, width, scale, to):
 
 @inlined
 def field_at(lines, cells, place):
-    """E of a pack, as many components as there are axes, at (f, g) from the nodes whose lines are at `lines` + (integers
-    at address `cells`).
+    """E of a pack, as many components as there are axes, at (f, g) from the nodes whose lines are at `lines` +
+    (integers at address `cells`).
     """
     f, g, _ = place
     rest = lines + MAGIC_BITS + REST - (MAGIC_BITS >> REST_SHIFT)

@@ -3,7 +3,8 @@
 A shape (kernels.nearest, linear, quadratic) tells how the field of a tile part becomes a line of coefficients per
 cell, and how the charge is added up in a line of sums per cell: `spread_field`, `field_at`, `add_charge` and
 `gather_sums`, with `cell_of` and where a cell's lines are: cell x + PITCH cell y + LAYER cell z, CELLS in all, and
-behind them those of lanes that hold no particle or one that left, at rest on EDGE. The nearest node is the cell of odd orders.
+behind them those of lanes that hold no particle or one that left, at rest on EDGE. The nearest node is the cell of odd
+orders.
 """
 
 import numpy as np
@@ -11,8 +12,8 @@ import numpy as np
 from hpcpic.core.simd.vector import Vec, convert, load_at, splat, store_at
 from hpcpic.plasma.kernels.cell_lines import add_first, add_last, shifted_down, shifted_up
 from hpcpic.plasma.kernels.lanes import address, inlined, kernel
-from hpcpic.plasma.kernels.plain import MAGIC
 from hpcpic.plasma.kernels.storage import LANES
+from hpcpic.plasma.kernels.weights import MAGIC
 
 DIM = 2  # axes of the grid
 REAL = np.float64  # precision of a particle

@@ -14,6 +14,7 @@ from hpcpic.plasma.physics.moments import Moment, integrands_source, values_of
 from hpcpic.plasma.physics.shapes import SHAPES, Shape
 from hpcpic.plasma.setup.scene import Scene
 
+PLAIN = ("storage", "weights", "plain", "moments")  # files of kernels that all scenes have
 WHOLE_BITS = {8: 44, 4: 20}  # a particle's charge is 2^44 parts, in single precision 2^20 (that of its position)
 
 
@@ -48,12 +49,15 @@ class PushSpec:
     def kernels(self, plain: bool = False) -> ModuleType:
         """The compiled module of this specification; `plain` for the reference, one particle after the other."""
         dtype = np.dtype(self.dtype)
-        vectors = () if plain or not self.shape.by_vectors(self.dimensions) else ("simd_base", *self.shape.vector_kernels, "push", "moments_simd", "histogram")
-        return self._module(("storage", "plain", "moments", *vectors), dtype, self.moments, ROTATION=self.rotation)
+        vectors: tuple[str, ...] = ()
+        if self.shape.by_vectors(self.dimensions) and not plain:
+            vectors = ("simd_base", *self.shape.vector_kernels, "push", "moments_simd", "histogram")
+        stems = (*PLAIN, *vectors)
+        return self._module(stems, dtype, self.moments, ROTATION=self.rotation)
 
     def node_moments(self, moments: tuple[Moment, ...]) -> Any:
         """The kernel that sums moments of a species on the nodes, in double precision."""
-        return self._module(("storage", "plain", "moments"), np.dtype(np.float64), moments).node_moments
+        return self._module(PLAIN, np.dtype(np.float64), moments).node_moments
 
     def _module(
         self, stems: tuple[str, ...], real: np.dtype, moments: tuple[Moment, ...], **constants: int

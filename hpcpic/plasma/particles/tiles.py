@@ -1,8 +1,8 @@
 """Where the particles of one rank are: tiles of cells, their parts in task blocks, and the charge of the blocks.
 
-Tiles are anchored cubes of 8 x 8 x 8 cells of the whole grid (16 x 16 in 2D, 256 in 1D), whatever the cuts are; the cuts of
-slabs and blocks split a tile into parts with the same anchor. Positions are relative to the anchor, so the bits of a
-particle's motion depend on neither ranks nor blocks.
+Tiles are anchored cubes of 8 x 8 x 8 cells of the whole grid (16 x 16 in 2D, 256 in 1D), whatever the cuts are; the
+cuts of slabs and blocks split a tile into parts with the same anchor. Positions are relative to the anchor, so the bits
+of a particle's motion depend on neither ranks nor blocks.
 """
 
 import itertools

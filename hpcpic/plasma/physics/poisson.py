@@ -1,9 +1,9 @@
 """Solvers of the field equation: MFT by Fourier transforms (thesis 5.2.3), LU by factorisation (5.2.2).
 
 Both solve (5.7), a phi_xx + b phi_x + c phi + d phi_yy + e phi_y + f phi = g, in a periodic box, with g = -rho / eps0
-and centred differences; the Poisson equation has a = d = 1, and the rest 0. In 3D phi_zz stands beside. Two things differ from the thesis: each
-axis has its own spacing (the printed (5.3) and (5.11) hold for dx = dy = 1), and where a constant phi gives g = 0
-(c + f = 0), the mean of g is left out and phi has no mean.
+and centred differences; the Poisson equation has a = d = 1, and the rest 0. In 3D phi_zz is added. Two things differ
+from the thesis: each axis has its own spacing (the printed (5.3) and (5.11) hold for dx = dy = 1), and where a constant
+phi gives g = 0 (c + f = 0), the mean of g is left out and phi has no mean.
 
 Charges may be clouds (the shape altered in Fourier space, end of 5.1): the charge of a particle is spread once more
 by a Gaussian of standard deviation R along each axis, exp(-k^2 R^2/2), and so is the field that it feels.

@@ -2,7 +2,7 @@
 
 A shape of order m is the m-fold convolution of a box one cell wide with a point: NGP, CIC and TSC reach 1, 2 and 3
 nodes along an axis, and the transform of the shape of n nodes is sinc(k dx/2)^n (Birdsall & Langdon, chapters 4 and 8).
-The weights themselves stand in kernels.plain, for single particles, and in the kernels named here, for vectors.
+The weights themselves stand in kernels.weights, for single particles, and in the kernels named here, for vectors.
 """
 
 from dataclasses import dataclass

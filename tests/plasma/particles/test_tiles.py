@@ -11,7 +11,9 @@ from hpcpic.plasma.particles.tiles import Tiles
 from hpcpic.plasma.sizes import EDGE
 
 
-@pytest.mark.parametrize("points", [(1, 7), (8, 1), (9, 9), (97, 101), (16, 32), (5,), (256,), (700,), (1, 2, 3), (9, 17, 5)])
+@pytest.mark.parametrize(
+    "points", [(1, 7), (8, 1), (9, 9), (97, 101), (16, 32), (5,), (256,), (700,), (1, 2, 3), (9, 17, 5)]
+)
 @pytest.mark.parametrize("ranks", [1, 2, 3])
 @pytest.mark.parametrize("blocks", [1, 4, 9])
 def test_parts_of_all_ranks_cover_every_cell_once(points, ranks, blocks):
@@ -36,8 +38,8 @@ def test_parts_of_all_ranks_cover_every_cell_once(points, ranks, blocks):
 
 def test_every_block_gets_the_pages_it_needs():
     sizes = {"pages": 8, "packs": 16, "components": 4, "lanes": 8, "slots": 4, "blocks": 3, "boxes": 4, "box_size": 9,
-             "list_length": 16, "field_scratch": 8, "charge_scratch": 8, "species": 1, "moments": 1, "axes": 2, "records": 0,
-             "record_bytes": 40}  # fmt: skip
+             "list_length": 16, "field_scratch": 8, "charge_scratch": 8, "species": 1, "moments": 1, "axes": 2,
+             "records": 0, "record_bytes": 40}  # fmt: skip
     arena = Arena(declared("float64"), **sizes)
     pages = Pages(arena)
     for wanted in ([3, 0, 2], [0, 9, 0], [40, 1, 1]):
