@@ -69,6 +69,8 @@ PROGRAMS = (
             "landau-damping-si": "modes",
             "magnetised-thermal-2d": "fields",
             "plasma-oscillation": "modes",
+            "landau-damping-3d": "modes",
+            "oscillation-3d": "fields",
             "thesis-1024-on-512": "timers",
             "thesis-10240-on-64": "timers",
             "two-particles": "orbits",

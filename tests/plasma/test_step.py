@@ -25,6 +25,7 @@ THERMAL = {
     "2D clouds, every constant": {
         "points": [20, 17], "equation": "a = 2.0; b = 0.1; c = -0.3; d = 0.5; e = -0.2; f = 0.1;", "cloud_radius": 1.0
     },
+    "3D, oblique field": {"points": [12, 9, 17], "v": 2.0, "magnetic": [0.1, 0.2, 0.3]},
 }
 
 
@@ -104,7 +105,7 @@ def whole(shard):
     return np.array(local() if callable(local) else local)
 
 
-@pytest.mark.parametrize("case", ["2D", "1D", "2D, oblique field", "2D single"])
+@pytest.mark.parametrize("case", ["2D", "1D", "2D, oblique field", "2D single", "3D, oblique field"])
 def test_a_restart_goes_on_with_the_same_bits(case):
     through = plasma(**THERMAL[case], chunks=2)
     reader = None
@@ -173,6 +174,7 @@ class Pushed:
         {"magnetic": [0.0, 0.0, 0.3]},
         {"magnetic": [0.1, 0.2, 0.3]},
         {"precision": "single"},
+        {"points": [12, 9, 8], "magnetic": [0.1, 0.2, 0.3]},
     ],
     ids=str,
 )
