@@ -44,7 +44,7 @@ def kernels(config: PlasmaConfig) -> list[str]:
     if not any(species.particles for species in config.species):
         return ["none: nothing changes without particles"]
     return [
-        f"push       {law} ({'vectors' if SHAPES[shape].by_vectors(d) else 'one particle after the other'})",
+        f"push       {law} (vectors)",
         f"deliver    {law}",
         "collect    integer charge of the blocks",
         f"solve      {field}",

@@ -49,9 +49,7 @@ class PushSpec:
     def kernels(self, plain: bool = False) -> ModuleType:
         """The compiled module of this specification; `plain` for the reference, one particle after the other."""
         dtype = np.dtype(self.dtype)
-        vectors: tuple[str, ...] = ()
-        if self.shape.by_vectors(self.dimensions) and not plain:
-            vectors = ("simd_base", *self.shape.vector_kernels, "push", "moments_simd", "histogram")
+        vectors = () if plain else ("simd_base", *self.shape.vector_kernels, "push", "moments_simd", "histogram")
         stems = (*PLAIN, *vectors)
         return self._module(stems, dtype, self.moments, ROTATION=self.rotation)
 

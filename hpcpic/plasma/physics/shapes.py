@@ -40,10 +40,6 @@ class Shape:
     vector_kernels: tuple[str, ...]
     heating: tuple[Heating, ...] = ()
 
-    def by_vectors(self, dimensions: int) -> bool:
-        """Whether there are vector kernels; TSC has plain ones alone in 3D."""
-        return dimensions < 3 or self.nodes < 3
-
     def charge_scratch(self, dimensions: int) -> int:
         """Sums of charge that a block keeps for a tile: one per node that a particle reaches, in 1D as in 2D."""
         return (NODAL_CELLS if self.nodes % 2 else LINEAR_CELLS)[dimensions] * self.nodes ** max(dimensions, 2)

@@ -11,7 +11,6 @@ from hpcpic.plasma.case.config import (
     name_of,
     velocity_components,
 )
-from hpcpic.plasma.physics.shapes import SHAPES
 from hpcpic.plasma.setup.loaders import loader_of
 
 MOST_BINS = 2**20  # of a histogram: every block has its own counts
@@ -53,9 +52,6 @@ def histogram_faults(config: PlasmaConfig) -> Iterator[Fault]:
         for low, high, axis in zip(histogram.low, histogram.high, axes):
             if not low < high:
                 yield (*here, "high"), f"must be above low on the axis {axis} (got {high:g}, low is {low:g})"
-        if not SHAPES[config.numerics.shape].by_vectors(config.dimensions):
-            cure = 'take "CIC", or count the particles of snapshots'
-            yield here, f'is not there in 3D with numerics.shape = "TSC": {cure}'
         if math.prod(histogram.bins) > MOST_BINS:
             yield (*here, "bins"), f"at most {MOST_BINS} bins in all (got {math.prod(histogram.bins)})"
 
