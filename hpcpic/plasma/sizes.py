@@ -4,3 +4,8 @@ PAGE = 128  # particles
 MAX_SPEED = 2.0**40  # cells per step that a particle may have
 PLACE_BITS = 40  # a cell is 2^40 parts in sums of positions
 EDGE = {1: 256, 2: 16, 3: 8}  # cells of a tile along each axis
+
+
+def record_numbers(components: int, itemsize: int) -> int:
+    """Numbers of a particle under way: its components, and in the same memory three integers of 32 bits behind them."""
+    return 8 if components * itemsize + 12 <= 8 * itemsize else 16

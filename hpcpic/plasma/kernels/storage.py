@@ -5,7 +5,7 @@ as far as the scene has them; positions in cells from the anchor of the tile, ve
 numbers `ids[page, particle]`. `head[slot]` is the youngest page, the only one not full; `chain[page]` the next older
 one. A block takes pages from and gives them to its own stack `free[: counters[0]]`.
 
-A box holds particles under way, records of RECORD numbers: the components `moving[k, :COMPONENTS]`, and in the same
+A box holds particles under way, of sizes.record_numbers: the components `moving[k, :COMPONENTS]`, and in the same
 memory the last three of `words[k]`: SLOT, where to, NUMBER, and LINK. Its lists, one per block of this rank and a last
 one for other ranks, start at `lists[0, block]` and go on by LINK; -1 ends; `lists[1, block]` is their length.
 `counters[1]` counts a box's particles. To other ranks, SLOT is global: tile number x species + species.
@@ -16,6 +16,7 @@ import numpy as np
 from hpcpic.core.simd.vector import prefetch_to_write
 from hpcpic.plasma.kernels.groups import BoxArrays, PageArrays
 from hpcpic.plasma.kernels.lanes import address, called_from_python, inlined, kernel, last_bit
+from hpcpic.plasma.sizes import record_numbers
 
 DIM = 2  # axes of the grid
 COMPONENTS = 4  # of a particle: positions and velocities
@@ -27,7 +28,7 @@ TILE = (256, 16, 8)[DIM - 1]  # cells of a tile along an axis; in 1D one row
 GOOD, NO_PAGE, DIVERGED = 0, 2, 4
 LANE_BITS = 16
 LEAVERS_AHEAD = 16  # packs whose lines are asked for before they are needed
-RECORD_BYTES = 8 * np.dtype(REAL).itemsize
+RECORD_BYTES = record_numbers(COMPONENTS, np.dtype(REAL).itemsize) * np.dtype(REAL).itemsize
 SLOT, NUMBER, LINK = -3, -2, -1
 FARTHEST = 2.0**31  # cells in one step; beyond it, or not a number, is no motion
 

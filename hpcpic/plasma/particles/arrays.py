@@ -2,13 +2,13 @@
 
 Sizes: pages; packs, components and lanes of a page; slots (tile part x species + species); blocks; boxes, one more than
 blocks; box_size particles that a box holds; list_length; field_scratch and charge_scratch of a tile (physics.shapes);
-species and moments of a sample; axes of the grid; records under way between ranks, of record_bytes.
+species and moments of a sample; axes of the grid; record_numbers of a particle under way; records under way between
+ranks, of record_bytes.
 """
 
 from hpcpic.core.space.declared import Array
 from hpcpic.plasma.sizes import PAGE
 
-RECORD = 8  # numbers of a particle under way, see kernels.storage
 LINE = 16  # int32 in a cache line
 
 
@@ -26,7 +26,7 @@ def declared(real: str) -> tuple[Array, ...]:
         Array("counters", ("boxes", 8), "int64", text="free pages, particles in the box; a cache line each"),
         Array("lists", ("boxes", 2, "list_length"), "int32", text="first particle, number of particles"),
         Array("crossings", ("boxes", "species", "axes"), "int64", text="ends of the box that particles have crossed"),
-        Array("moving", ("boxes", "box_size", RECORD), real, text="particles under way"),
+        Array("moving", ("boxes", "box_size", "record_numbers"), real, text="particles under way"),
         Array("leavers", ("boxes", "box_size"), "int64", text="packs with particles that leave"),
         Array("lines", ("blocks", "field_scratch"), real, "", "field coefficients of a tile's cells"),
         Array("sums", ("blocks", "charge_scratch"), whole, text="charge of a tile's cells"),

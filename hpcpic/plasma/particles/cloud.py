@@ -19,7 +19,7 @@ from hpcpic.plasma.particles.arrays import LINE, declared
 from hpcpic.plasma.particles.pages import Pages
 from hpcpic.plasma.particles.push_spec import PushSpec
 from hpcpic.plasma.particles.tiles import Patches, Tiles, first_node
-from hpcpic.plasma.sizes import PAGE
+from hpcpic.plasma.sizes import PAGE, record_numbers
 
 CHUNK = 1 << 16  # particles placed or read at a time
 FIRST_BOX_SIZE = 1024  # particles
@@ -115,6 +115,7 @@ class Cloud:
             species=max(self.n_species, 1),
             moments=spec.n_moments,
             axes=spec.dimensions,
+            record_numbers=record_numbers(spec.components, dtype.itemsize),
             records=0,
             record_bytes=self.record_bytes,
         )

@@ -39,7 +39,7 @@ def test_parts_of_all_ranks_cover_every_cell_once(points, ranks, blocks):
 def test_every_block_gets_the_pages_it_needs():
     sizes = {"pages": 8, "packs": 16, "components": 4, "lanes": 8, "slots": 4, "blocks": 3, "boxes": 4, "box_size": 9,
              "list_length": 16, "field_scratch": 8, "charge_scratch": 8, "species": 1, "moments": 1, "axes": 2,
-             "records": 0, "record_bytes": 40}  # fmt: skip
+             "record_numbers": 8, "records": 0, "record_bytes": 40}  # fmt: skip
     arena = Arena(declared("float64"), **sizes)
     pages = Pages(arena)
     for wanted in ([3, 0, 2], [0, 9, 0], [40, 1, 1]):
