@@ -148,6 +148,16 @@ def test_landau_damping(simulate, k):
     compare(f"Landau damping, k = {k}", fit.rate, omega.imag, 1e-2)
 
 
+def test_landau_damping_in_three_dimensions(simulate):
+    """Velocities along y and z have no part in it. What is left is the noise of 4096 beams in three dimensions."""
+    done = simulate("landau-damping-3d", look=Plasma.scalars)
+    window, law = (done.t > 3) & (done.t < 16), predict(done.config, 1)
+    wave, expected = signed(done.scalar("mode_1")), law.omega_mesh
+    fit = fit_oscillation(done.t[window], wave[window], frequency=expected.real, rate=expected.imag)
+    compare("Landau in 3D, frequency in this mesh and step", fit.frequency, expected.real, 1e-3)
+    compare("Landau in 3D, decay in this mesh and step", fit.rate, expected.imag, 0.02)
+
+
 @pytest.mark.parametrize("x", [0.2, 0.4, 0.5, math.sqrt(0.75), 1.0, 1.2, 1.4])
 def test_cold_two_stream_roots(simulate, x):
     """k v0 = x wb: growth and the real root together, from the recurrence that four roots +-z obey.

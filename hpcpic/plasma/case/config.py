@@ -68,7 +68,8 @@ class Grid(Section):
 
 
 class Equation(Section):
-    """The field equation a phi_xx + b phi_x + c phi + d phi_yy + e phi_y + f phi = -rho/eps0 (thesis (5.7)).
+    """The field equation a phi_xx + b phi_x + c phi + d phi_yy + e phi_y + f phi = -rho/eps0 (thesis (5.7)); in 3D with
+    phi_zz on the left.
 
     As it stands it is Poisson's. c = -1/lambda^2 screens charges over lambda: electrons of a Debye length lambda that
     follow the potential at once, beside which only ions need to be particles.

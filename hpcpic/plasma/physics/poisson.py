@@ -128,8 +128,8 @@ def strongest_response(operator: Operator, points: tuple[int, ...], lengths: tup
         waves = np.array([1, n // 2]) if n > 1 else np.zeros(1)
         ends.append(np.append(0.0, (2 * n / length * np.sin(np.pi * waves / n)) ** 2))
     squares = np.meshgrid(*ends)
-    square = sum(squares)
-    form = sum(operator.along(axis)[0] * k for axis, k in zip("xyz", squares)) - operator.c - operator.f
+    square = np.sum(squares, axis=0)
+    form = np.sum([operator.along(axis)[0] * k for axis, k in zip("xyz", squares)], axis=0) - operator.c - operator.f
     there = square > 0
     if (form[there] <= 0).any():
         return math.inf

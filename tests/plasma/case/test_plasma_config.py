@@ -205,7 +205,7 @@ BAD = """
 simulation = {
   cycles = -1;
   time_step = 0.1; solver = "MTF";
-  space_length = [8.0, -4.0]; cycles = 5 dimensions = 3;
+  space_length = [8.0, -4.0]; cycles = 5 dimensions = 4;
 };
 grid = { points = [16, 0]; };
 species = ( { particles = -1; charge = "x"; mass = -1.0; drift_velocty = [1.0, 0.0]; particles = 2; } );
@@ -223,7 +223,7 @@ def test_all_bad_settings_are_told_at_once_with_their_places():
         "case:3:3: simulation.cycles: must be greater than or equal to 0 (got -1)",
         "case:4:20: simulation.solver: must be 'MFT' or 'LU' (got 'MTF'); did you mean 'MFT'?",
         "case:5:24: simulation.space_length[1]: must be greater than 0 (got -4.0)",
-        "case:5:42: simulation.dimensions: must be 1 or 2 (got 3)",
+        "case:5:42: simulation.dimensions: must be 1, 2 or 3 (got 4)",
         "case:7:24: grid.points[1]: must be greater than or equal to 1 (got 0)",
         "case:8:15: species[0].particles: must be greater than or equal to 0 (got -1)",
         "case:8:31: species[0].charge: must be a number (got 'x')",
