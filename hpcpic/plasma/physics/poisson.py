@@ -16,6 +16,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import DTypeLike, NDArray
 
+from hpcpic.core.errors import ConfigError
 from hpcpic.core.space.domain import Domain
 from hpcpic.core.space.elementary import cos, expm1, sin
 from hpcpic.plasma.case.config import PlasmaConfig
@@ -84,7 +85,7 @@ def green(
     1D; real if b = e = 0.
 
     It is 0 for mode 0 of a singular equation. spectral: -k^2 and i k in place of the differences. cloud_radius: that of
-    the Gaussian that spreads charge and field. Raises ValueError where another mode satisfies the equation without a
+    the Gaussian that spreads charge and field. Raises ConfigError where another mode satisfies the equation without a
     charge.
     """
     symbol = np.zeros((1,) * len(points))
@@ -101,7 +102,7 @@ def green(
     zero = symbol == 0
     allowed = int(operator.singular and (columns.start or 0) == 0 and symbol.size > 0)
     if np.count_nonzero(zero) > allowed:
-        raise ValueError(f"{operator} is resonant: modes of a periodic box satisfy it without a charge")
+        raise ConfigError(f"field.equation: {operator} is resonant: waves of this box satisfy it without a charge")
     response = np.where(zero, 0.0, 1.0 / np.where(zero, 1.0, symbol))
     return response * (1.0 + expm1(-(cloud_radius**2) * spread)) if cloud_radius else response
 

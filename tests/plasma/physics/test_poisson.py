@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from hpcpic.core.comm.world import World
+from hpcpic.core.errors import ConfigError
 from hpcpic.core.space.domain import Domain, even_cuts
 from hpcpic.core.tasks.graph import Pool
 from hpcpic.plasma.physics.poisson import LU, MFT, Operator, strongest_response
@@ -181,7 +182,7 @@ def test_lu_refuses_large_grids(alone):
 
 def test_resonance_and_walls_are_refused(alone):
     k = 2 * (1 - np.cos(2 * np.pi / 8))
-    with pytest.raises(ValueError, match="resonant"):
+    with pytest.raises(ConfigError, match="resonant"):
         MFT(*alone, domain((4, 8), (4.0, 8.0)), operator=Operator(c=float(k)))
     with pytest.raises(ValueError, match="periodic"):
         MFT(*alone, Domain((1.0, 1.0), (8, 8), (False, True), (0, 8)))
