@@ -78,23 +78,24 @@ class Mesh:
         )
 
     def _arena(self, weight: NDArray[np.float64]) -> Arena:
-        """Arrays of the slab as the kernels see them: rows of columns, of one column in 1D; of all planes in 3D."""
-        flat, arena, phi, charge = self.domain.ndim == 1, Arena(()), self.phi.values, self.charge.field
+        """Arrays of the slab as the kernels see them: rows of columns, one row in 1D; of all planes in 3D."""
+        arena, phi, charge, columns = Arena(()), self.phi.values, self.charge.field, self.rho.shape[-1]
         arena.set(
             weight=weight,
             below=first_row(charge),
+            left=charge.ghosts[0][0] if self.domain.ndim == 1 else 0,
             plane_rows=plane_rows(self.domain),
             gap=gap(charge),
             phi_gap=gap(self.phi),
-            parts=charge.values.reshape(len(weight), -1, 1 if flat else self.domain.points[-1]),
-            rho_rows=self.rho.reshape(-1, 1 if flat else self.domain.points[-1]),
+            parts=charge.values.reshape(len(weight), -1, charge.values.shape[-1]),
+            rho_rows=self.rho.reshape(-1, columns),
             source=_with_pitch(self.solver.rho),
             solved=_with_pitch(self.solver.phi),
             row=first_row(self.phi),
-            column=0 if flat else self.phi.ghosts[-1][0],
-            n_columns=1 if flat else self.domain.points[-1],
+            column=self.phi.ghosts[-1][0],
+            n_columns=columns,
             phi=phi,
-            phi_rows=phi.reshape(-1, 1 if flat else phi.shape[-1]),
+            phi_rows=phi.reshape(-1, phi.shape[-1]),
             e=self.e,
         )
         return arena
@@ -187,9 +188,11 @@ def plane_rows(domain: Domain) -> int:
 
 
 def first_row(field: Field) -> int:
-    """The first row of the slab's own nodes in an array with ghosts."""
+    """The first row of the slab's own nodes in an array with ghosts; in 1D the ghosts are of the only row."""
     below = field.ghosts[0][0]
-    return below if field.domain.ndim < 3 else below * field.values.shape[-2] + field.ghosts[1][0]
+    if field.domain.ndim < 3:
+        return below if field.domain.ndim == 2 else 0
+    return below * field.values.shape[-2] + field.ghosts[1][0]
 
 
 def gap(field: Field) -> int:
@@ -198,6 +201,9 @@ def gap(field: Field) -> int:
 
 
 def _with_pitch(array: NDArray) -> NDArray:
-    """The array as rows (3D: planes) of its full pitch, C-contiguous: its own nodes are the first of each."""
+    """The array as rows (3D: planes) of its full pitch, C-contiguous: its own nodes are the first of each; 1D: one row.
+    """
+    if array.ndim == 1:
+        return array[None]
     shape = len(array), array.strides[0] // array.itemsize
     return as_strided(array, shape, (array.strides[0], array.itemsize))

@@ -66,9 +66,9 @@ def add_weighted(row, weight, parts):
 
 
 @njit
-def density(first, last, below, plane_rows, gap, weight, parts, rho_rows, source):
-    """rho_rows[first:last, columns] = sum over groups of weight[group] x parts, `below` ghost rows apart, and in 3D
-    `gap` more from plane to plane (5.1), C/m^d.
+def density(first, last, below, left, plane_rows, gap, weight, parts, rho_rows, source):
+    """rho_rows[first:last, columns] = sum over groups of weight[group] x parts, `below` ghost rows and `left` ghost
+    columns apart, and in 3D `gap` more rows from plane to plane (5.1), C/m^d.
 
     source[plane] gets it too, its rows one after the other, of one row in 1D and 2D: the solver changes its own.
     Returns OVERFLOW when a node holds so many parts that the next step could exceed an integer.
@@ -78,7 +78,8 @@ def density(first, last, below, plane_rows, gap, weight, parts, rho_rows, source
         row = rho_rows[r]
         row[:] = 0
         for group in range(parts.shape[0]):
-            over |= add_weighted(row, weight[group], parts[group, below + padded_row(r, plane_rows, gap)])
+            here = parts[group, below + padded_row(r, plane_rows, gap), left : left + row.size]
+            over |= add_weighted(row, weight[group], here)
         at = r % plane_rows * row.size
         copy_row(source[r // plane_rows, at : at + row.size], row)
     return OVERFLOW if over else GOOD
