@@ -27,7 +27,7 @@ SYNONYMS = {  # what others call a key -> what it may be called here
     **dict.fromkeys(("mu", "eta"), ("dynamic_viscosity",)),
     **dict.fromkeys(("rho", "rho0", "rho_0"), ("density",)),
     **dict.fromkeys(("nx", "n", "cells"), ("points", "particles", "spacing")),
-    **dict.fromkeys(("r", "d", "diam"), ("diameter",)),
+    **dict.fromkeys(("r", "diam"), ("diameter",)),
     **dict.fromkeys(("v", "u"), ("drift_velocity", "velocity")),
     **dict.fromkeys(("b0", "b_0"), ("magnetic",)),
     **dict.fromkeys(("te", "t_e"), ("temperature",)),
