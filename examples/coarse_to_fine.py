@@ -7,6 +7,7 @@ python examples/coarse_to_fine.py, or mpirun -n 2 python -m mpi4py examples/coar
 """
 
 import numpy as np
+from mpi4py import MPI
 from scipy.interpolate import PchipInterpolator
 
 import lbmdem
@@ -58,6 +59,7 @@ fine, energy, fields, digest = steady(cavity(FINE, start))
 from_rest, other_energy, others, _ = steady(cavity(FINE))
 work = fine + steps * (COARSE / FINE) ** 2  # in steps of the fine lattice
 apart = np.linalg.norm(fields["velocity"] - others["velocity"]) / np.linalg.norm(others["velocity"])
-print(f"{from_rest} steps from rest; or {steps} coarse ones and {fine}: {from_rest / work:.1f} times less work")
-print(f"velocities {100 * apart:.2f} % apart, energies {100 * abs(energy / other_energy - 1):.2f} %")
-print(digest)
+if MPI.COMM_WORLD.rank == 0:
+    print(f"{from_rest} steps from rest; or {steps} coarse ones and {fine}: {from_rest / work:.1f} times less work")
+    print(f"velocities {100 * apart:.2f} % apart, energies {100 * abs(energy / other_energy - 1):.2f} %")
+    print(digest)

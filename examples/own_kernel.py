@@ -7,6 +7,8 @@ python examples/own_kernel.py [FOLDER], or mpirun -n 2 python -m mpi4py examples
 import math
 import sys
 
+from mpi4py import MPI
+
 import sph
 from hpcpic.core.simd.formulas import fma, maximum
 from sph.physics.smoothing import Smoothing, register
@@ -36,4 +38,6 @@ if __name__ == "__main__":
     case = sph.Case("water-column").changed(
         {"numerics.kernel": "wendland6", "numerics.spacing": 0.02, "simulation.cfl": 0.3, "simulation.end_time": 0.02}
     )
-    print(case.run(folder, threads=1, quiet=True).digest)
+    run = case.run(folder, threads=1, quiet=True)
+    if MPI.COMM_WORLD.rank == 0:
+        print(run.digest)
