@@ -52,10 +52,14 @@ def make_plot_command(app_loader: AppLoader) -> click.Command:
         names = list(plots) if what == "all" else [_known(what, plots)]
         target = Path(output) if output else Path(folder) / "plots"
         for run in states_of(folder, app.name, follow):
-            outcomes = {name: _outcome(run, plots[name], target / f"{name}.{kind}", step) for name in names}
+            outcomes = {}
+            for name in names:
+                outcomes[name] = _outcome(run, plots[name], target / f"{name}.{kind}", step)
+                if not follow and isinstance(outcomes[name], Path):
+                    click.echo(outcomes[name])
             if follow:
                 click.echo(f"{so_far(run)}: {count_of(outcomes)} of {len(names)} figures in {target}")
-        _tell(folder, what, outcomes, quiet=follow)
+        _tell(folder, what, outcomes)
 
     return plot
 
@@ -81,16 +85,15 @@ def _outcome(run: Run, plot: Plot, path: Path, step: int | None) -> Path | Excep
         return error
 
 
-def _tell(folder: str, what: str, outcomes: Mapping[str, Path | Exception], quiet: bool) -> None:
-    """Files, and figures that could not be made. Raises what ended one, or FileError where nothing was drawn."""
+def _tell(folder: str, what: str, outcomes: Mapping[str, Path | Exception]) -> None:
+    """The figures that could not be made. Raises what ended one, or FileError where nothing was drawn."""
     from hpcpic.core.app.figures import NoData, NotInScene
 
     failed: list[Exception] = []
     for name, outcome in outcomes.items():
         if isinstance(outcome, Path):
-            if not quiet:
-                click.echo(outcome)
-        elif not isinstance(outcome, NoData):
+            continue
+        if not isinstance(outcome, NoData):
             click.echo(f"failed {name}: {explained(outcome)}", err=True)
             failed.append(outcome)
         elif what != "all":
