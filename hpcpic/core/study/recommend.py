@@ -24,6 +24,7 @@ NEIGHBOUR = 1.25
 APART = 1.1  # at least, of sizes that tell more than one
 DEAREST = 2.0  # times the cost of the case's pilot: a neighbour that is not run
 TRIES = 4
+FINER = 3.0  # pilots of the case's cost: about what a finer level of one knob costs
 UNKNOWN = 3.0  # times the tolerance: where the reference is not known better, nothing is said of any setting
 FAR = 5.0  # times what a recommendation may cost
 MOST_STEPS = 24  # of a tenth, back from what `check` warns of
@@ -193,6 +194,8 @@ class Recommendation:
             if run is not None and self.completed(search.assumed):  # they do not foretell it
                 uncertainty, proposal = search.uncertainty, self.first(self.certain(tolerance))
                 continue
+            if run is not None and self.price(proposal) > FINER:
+                break  # a finer pilot tells more of the reference, and costs less than another such run
             misses += 1
             proposal = self.after_miss(misses, proposal, tolerance, run.error if run else tolerance)
         return known
@@ -229,8 +232,9 @@ class Recommendation:
 
     def price(self, proposal: Proposal) -> float:
         """What running a proposal costs, in pilots of the case's own cost."""
-        if self.nominal(proposal.sizes) > FAR * self.most:
-            return proposal.cost
+        nominal = self.nominal(proposal.sizes)
+        if nominal > FAR * self.most:  # by theory: clocks of coarse pilots count what does not grow too
+            return proposal.scheme.cost * nominal
         config = self.pilots.config(proposal.sizes, self.search.quantity.time, proposal.scheme.others)
         return self.pilots.knobs.work(config) / self.search.base.work
 
@@ -263,7 +267,7 @@ class Recommendation:
             proposal = self.propose(tolerance)
         except CheckFailed:
             return self.itself()
-        return self.itself() if good and proposal.cost >= 1.0 else proposal
+        return self.itself() if good and self.price(proposal) >= 1.0 else proposal
 
     def after_miss(self, misses: int, proposal: Proposal, tolerance: float, error: float) -> Proposal:
         """What knobs do together is not in the laws: ask them for less, go half-way back to the case, take the case."""

@@ -6,6 +6,7 @@ import math
 import subprocess
 import sys
 from dataclasses import dataclass, replace
+from types import SimpleNamespace
 
 import error_app
 import numpy as np
@@ -30,6 +31,7 @@ from hpcpic.core.study.error_models import (
     weights,
 )
 from hpcpic.core.study.front import commented
+from hpcpic.core.study.recommend import Proposal, Recommendation
 from hpcpic.core.study.tradeoff import parse_tolerance
 
 A, B, C = 0.4, 0.3, 0.02  # of error_app
@@ -282,6 +284,15 @@ def test_what_check_warns_of_is_not_recommended(program, tmp_path, monkeypatch):
     done = program(*words, dx=0.2, warned=0.15)  # where the case itself is warned of, no nearer to the limit
     assert done.returncode == 0, done.stderr
     assert found(tmp_path)["recommended"]["sizes"]["dx"] <= 0.2 * 1.001  # its own size, to rounding
+
+
+def test_what_is_far_finer_than_the_case_has_the_price_of_theory():
+    """Start-up hides what coarse pilots take: their clocks alone would call a far finer run nearly as cheap."""
+    base, knob = SimpleNamespace(price=1.0), SimpleNamespace(name="dx", cost=3.0)
+    known = SimpleNamespace(pilots=None, schemes=[], knobs=[knob], own={"dx": 1.0}, base=base, allowance=search.PILOTS)
+    scheme = search.Scheme({}, 1.0, 0.0, ())
+    far = Proposal(scheme, {"dx": 0.1}, {}, cost=2.0)  # by exponents of clocks
+    assert Recommendation(known).price(far) == pytest.approx(1000.0)
 
 
 def test_a_recommendation_below_what_is_known_is_marked_and_its_way_out_leads_to_a_certified_one(program, tmp_path):
