@@ -98,7 +98,8 @@ class Shape(Section):
 
 class Flow(Section):
     type: Literal["linear", "taylor-green", "standing-wave"] = setting(
-        REQUIRED, "v = G (x - centre); vortices in a periodic box; the velocity of a deep or shallow standing wave"
+        REQUIRED, "v = G (x - centre); vortices in a periodic box; the velocity of a standing wave on the surface of a fluid, or on "
+        "the interface of two that both have it"
     )
     gradient: Vector = setting((), "linear: G row by row", "1/s")
     centre: Vector = setting((), "linear: where the velocity is zero", "m")
@@ -109,7 +110,7 @@ class Flow(Section):
 class Fluid(Section):
     name: str = setting("", "by default fluid_1, fluid_2, ...")
     shape: Shape
-    density: float = setting(1000.0, "reference density", "kg/m3", gt=0)
+    density: float = setting(1000.0, "density of rest", "kg/m3", gt=0)
     dynamic_viscosity: float = setting(
         0.0, "dynamic viscosity; kinematic_viscosity in m2/s is understood too, times density", "Pa s", ge=0
     )

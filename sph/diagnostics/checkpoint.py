@@ -10,7 +10,7 @@ from hpcpic.core.files.arrays import Column, Shard
 from hpcpic.core.files.sealed import Reader
 from hpcpic.core.space.domain import block_ranges
 from sph.diagnostics.gauges import Gauges
-from sph.kernels.marks import FLOWS, FLUID, NORMAL, REAL, WALL_BITS
+from sph.kernels.marks import FLOWS, FLUID, LIQUID, NORMAL, REAL, WALL_BITS
 from sph.particles.bodies import Bodies
 from sph.particles.openings import Exchange, Openings
 from sph.particles.skin import Skin
@@ -106,8 +106,9 @@ class Checkpoint:
         if not fluid:
             slots = np.setdiff1d(storage.own_slots, slots, assume_unique=True)
         own = {name: storage.arena[name][..., slots].T for name in ("x", "v", "drho")} | {"id": storage.numbers(slots)}
-        normals = scene.normals[storage.flags[slots] >> NORMAL][:, list(scene.axes)]
-        return own | dict.fromkeys(self._normal, normals)
+        if self._normal:
+            own["normal"] = scene.normals[storage.flags[slots] >> NORMAL][:, list(scene.axes)]
+        return own
 
     def _count(self, own: Arrays) -> int:
         """How many particles of a kind there are; their ids, which have gaps, become `number`, ranks among them `id`.
@@ -201,7 +202,8 @@ class Checkpoint:
         low, high = self._share(reader.total("number") if varies else scene.n_fluid)
         ids = reader.read("number", low, high) if varies else np.arange(low, high)
         x, v, drho = (reader.read(name, low, high) for name in ("x", "v", "drho"))
-        storage.append(x.T, v.T, drho, scene.masses[scene.kinds(ids)], ids, FLUID | REAL | FLOWS)
+        kinds = FLUID | REAL | FLOWS | scene.liquid(ids) << LIQUID
+        storage.append(x.T, v.T, drho, scene.masses[scene.kinds(ids)], ids, kinds)
         if scene.walls:
             self.forces.walls.restore(reader.read("walls/made"), reader.time)
             if self.bodies:

@@ -87,9 +87,9 @@ class Gauges:
         own = particles_at(self.storage, np.concatenate(slots))
         r = self.separation(own["x"], np.array([gauge.at for gauge in gauges])[of])
         weight = SMOOTHING[scene.kernel].value(np.sqrt(np.sum(r * r, axis=1)) / scene.h, d)
-        weight *= own["m"] / (scene.rho0 * scene.h**d)
+        weight *= own["rest"] / (scene.rho0 * scene.h**d)
         weight[np.sum(r * r, axis=1) >= scene.support**2] = 0.0
-        head = scene.eos.pressure(own["drho"]) - scene.rho0 * product(r, scene.gravity)
+        head = scene.eos.pressure(own["drho"]) - scene.rho0 * own["relative"] * product(r, scene.gravity)
         unit = np.array([1.0, scene.rho0 * scene.c0**2, *[scene.c0] * d])
         terms = weight[:, None] * np.column_stack([np.ones(len(r)), head, own["v"]]) / unit
         sums = np.zeros((len(gauges), 2 + d), np.int64)
@@ -128,7 +128,7 @@ class Gauges:
         inside = (at >= 0) & (at < len(levels))
         gap = height[:, None] - (ends[0] + step * at)
         q = np.sqrt(gap * gap + np.sum(r[near] ** 2, axis=1)[:, None]) / scene.h
-        weight = SMOOTHING[scene.kernel].value(q, d) * (own["m"][near] / (scene.rho0 * scene.h**d))[:, None]
+        weight = SMOOTHING[scene.kernel].value(q, d) * (own["rest"][near] / (scene.rho0 * scene.h**d))[:, None]
         np.add.at(sums, at[inside], np.rint(weight[inside] * FIXED_POINT).astype(np.int64))
         share = self.world.sum_int(sums) / FIXED_POINT
         full = np.median(share[share > 0.5 * share.max()]) if share.max() > MIN_WEIGHT else 0.0
@@ -160,7 +160,7 @@ class Gauges:
             if axis != k and size:
                 inside &= np.abs(r[:, axis]) <= size / 2
         weight = (1 - np.abs(r[inside, k]) / width) / width
-        volume = own["m"][inside] / (scene.rho0 + own["drho"][inside])
+        volume = own["rest"][inside] / (scene.rho0 + own["drho"][inside])
         scale = scene.c0 * scene.spacing ** (d - 1)
         total = self.summed((weight * volume * own["v"][inside, k] / scale)[:, None])
         return float(total[0]) * scale * sign

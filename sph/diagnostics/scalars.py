@@ -27,7 +27,7 @@ class Totals:
     def __init__(self, scene: Scene, world: World, tasks: Tasks) -> None:
         d, axes = scene.dimensions, list(scene.axes)
         self.scene, self.world, self.tasks, self.axes = scene, world, tasks, axes
-        self.kernels = specialise("sph.kernels", ["totals"], DIM=d)
+        self.kernels = specialise("sph.kernels", ["totals"], DIM=d, DENSITIES=scene.liquids.densities)
         self.n = self.kernels.TERMS
         eos = scene.eos
         numbers = [scene.rho0, eos.stiffness, eos.background, eos.gamma - 1, *scene.gravity[axes], *scene.low[axes]]
@@ -66,7 +66,7 @@ class Totals:
         height = np.abs(scene.gravity[self.axes]) @ farthest
         ends = np.array([excess, -min(excess, 0.9 * scene.rho0)])
         background = scene.eos.background * np.abs(ends / (scene.rho0 + ends)) / scene.rho0
-        inner = (np.abs(scene.eos.energy(ends)) + 2 * background).max()
+        inner = (np.abs(scene.eos.energy(ends)) + 2 * background).max() * scene.liquids.swiftest**2
         speed = math.sqrt(square)
         return ROUNDING_FACTOR * mass * np.array([square, height, inner, 1.0, *[speed] * d])
 

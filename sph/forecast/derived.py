@@ -66,7 +66,7 @@ def courant(config: SphConfig, dt: float) -> Derived:
     verdict: Verdict
     simulation, numerics = config.simulation, config.numerics
     key = STEP if simulation.time_step else CFL
-    unit = config.h / config.sound_speed
+    unit = config.h / stability.fastest_sound(config)
     limit = stability.courant_limit(config)
     what = f"{simulation.integrator}, {numerics.density_flux} flux"
     source = f"von Neumann: {what}, {numerics.kernel}, h/dp {numerics.smoothing:g}"

@@ -12,7 +12,7 @@ from sph.case.config import AXES, SphConfig
 from sph.physics import stability
 from sph.physics.fluxes import FLUXES
 from sph.physics.stray_limits import MAX_DENSITY_ERROR, most_strays
-from sph.setup.flows import at_rest
+from sph.setup.flows import at_rest, load
 from sph.setup.openings import Source
 from sph.setup.rigid import gap, share
 from sph.setup.scene import NEAR, Scene, Wall
@@ -99,14 +99,15 @@ def depths(config: SphConfig, scene: Scene) -> Iterator[Derived]:
         if g and at_rest(fluid):
             heights = [-sum(a * b for a, b in zip(x, config.gravity)) / g for x in geometry.corners(fluid.shape)]
             surface = max(heights) if fluid.surface is None else fluid.surface
-            depth = max(0.0, surface - min(heights))
+            depth = max(0.0, surface - min(heights)) / scene.liquids.lightness(fluid)
+            depth += load(scene, fluid) / g if scene.liquids.several else 0.0  # of the reference liquid
             with np.errstate(over="ignore"):
                 dense = float(scene.eos.excess_at_rest(np.array([depth]), g)[0]) / scene.rho0
             verdict = "ok" if dense <= DENSE else "warn" if dense <= DENSER else "fail"
             needed = math.sqrt(g * depth / DENSE) if depth < math.inf else math.inf
             cure = f"sound_speed = {needed:.3g}" if verdict != "ok" else ""
             key: Path = ("eos", "sound_speed")
-            if cure and depth > 2 * (max(heights) - min(heights)):
+            if cure and fluid.surface is not None and depth > 2 * (max(heights) - min(heights)):
                 cure, key = f"surface = {max(heights):g} is its top", ("fluid", i, "surface")
             yield Derived(f"density of {fluid.name} at rest at its bottom", "rho/rho0 - 1", dense, "",
                           f"< {DENSE:g}; {DENSER:g} at most", verdict, f"{depth:.3g} m of water: g H/c0^2", cure, key,

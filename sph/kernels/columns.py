@@ -20,7 +20,7 @@ from hpcpic.core.simd.vector import (
     splat,
     store,
 )  # fmt: skip
-from sph.kernels.marks import EXTRAPOLATED, FLUID, NORMAL, OWN, REPULSIVE, WALL_SHIFT
+from sph.kernels.marks import EXTRAPOLATED, FLUID, LIQUID, NORMAL, OWN, REPULSIVE, WALL_SHIFT
 from sph.kernels.powers import power
 from sph.physics.equation_of_state import MOST_GAMMA
 from sph.physics.pair_spec import UNIT
@@ -35,6 +35,8 @@ VOLUME = -1
 EXCESS = -1
 MASS = -1
 V = -1
+SWIFT = -1
+FLUIDITY = -1
 NORMALS = -1
 G = -1
 SLOPE = -1
@@ -42,6 +44,7 @@ C = -1
 TENSION = -1
 L = -1
 T = -1
+DENSITIES = False  # there are liquids of several densities
 ACCELERATED = False  # there are walls that follow the fluid and are accelerated
 TURNING = False  # and some of these turn
 IN_TURN = False  # LIGHT holds 1 / rho for forces, then volumes for rates
@@ -53,13 +56,24 @@ LEAST_DETERMINANT = 0.1  # of the sum that L inverts, 1 inside the fluid, about 
 
 
 @njit
-def pack(block, blocks, base, scales, powers, flags, y, m, face_normals, position, values):
+def of_liquid(liquids, k, kinds):
+    """Line k of the table of the liquids (see physics.liquids) for the bodies of a vector."""
+    return gather_lines(F, 1, address_of(liquids[k], 0), (kinds >> LIQUID) * 8)[0]
+
+
+@njit
+def pack(block, blocks, base, scales, powers, liquids, flags, y, m, face_normals, position, values):
     """Fill in all columns but those that come from other pair sums. y: see State; powers: coefficients of (MP 14)."""
     for l in range(blocks[block], blocks[block + 1]):
         for s in range(base[l], base[l + 1], N):
             e, kinds = load(F, y.drho, s) * scales.per_rho, load(I, flags, s)
             rho = e + 1.0
             light, p, mass = 1.0 / rho, power(e, GAMMA, powers), load(F, m, s)
+            if DENSITIES:
+                mass = mass * of_liquid(liquids, 0, kinds)
+                store(values[SWIFT], s, convert(R, of_liquid(liquids, 1, kinds)))
+            if FLUIDITY >= 0:
+                store(values[FLUIDITY], s, convert(R, of_liquid(liquids, 2, kinds)))
             if SINGLE:
                 mass = mass * scales.per_m
                 for k in range(DIM):  # in fixed point, modulo 256 h
@@ -67,6 +81,7 @@ def pack(block, blocks, base, scales, powers, flags, y, m, face_normals, positio
                     store(position[k], s, convert(I, convert(WIDE, place)))
                     store(values[V + k], s, convert(R, load(F, y.v[k], s) * scales.per_c))
                 store(values[EXCESS], s, convert(R, e))
+            if MASS >= 0:
                 store(values[MASS], s, convert(R, mass))
             store(values[PUSH], s, convert(R, (p + scales.background) * (light * light)))
             store(values[LIGHT], s, convert(R, light))
@@ -75,6 +90,8 @@ def pack(block, blocks, base, scales, powers, flags, y, m, face_normals, positio
                 store(values[VOLUME], s, convert(R, volume))
             if SLOPE >= 0:
                 half = 0.5 * raised(rho, light, 2.0 - GAMMA)  # rho / (2 c^2) in units of rho0 / c0^2
+                if DENSITIES:
+                    half = half / of_liquid(liquids, 0, kinds)
                 store(values[SLOPE], s, convert(R, half))
             if C >= 0:
                 store(values[C], s, convert(R, raised(rho, light, 0.5 * (GAMMA - 1.0))))  # (MP 15) in c0
@@ -103,7 +120,7 @@ def raised(rho, light, n):
 
 
 @njit
-def pack_again(block, blocks, base, scales, flags, v, drho, m, gradient, values):
+def pack_again(block, blocks, base, scales, liquids, flags, v, drho, m, gradient, values):
     """Bring up to date what changes between forces and rates: velocities, gradients, volumes."""
     for l in range(blocks[block], blocks[block + 1]):
         for b in range(np.uint64(base[l]), np.uint64(base[l + 1])):
@@ -115,6 +132,8 @@ def pack_again(block, blocks, base, scales, flags, v, drho, m, gradient, values)
                     values[G + k, b] = gradient[k, b]
             if IN_TURN:
                 mass = m[b] * scales.per_m if SINGLE else m[b]
+                if DENSITIES:
+                    mass *= liquids[0, flags[b] >> LIQUID]
                 values[LIGHT, b] = (mass if flags[b] & REPULSIVE == 0 else 0.0) / (1.0 + drho[b] * scales.per_rho)
 
 

@@ -15,6 +15,8 @@ NO_DENSITY = REPULSIVE | EXTRAPOLATED  # that evolves
 SLIPS = 256  # of a wall without friction
 NORMAL = 9  # flags >> this: number of the normal of a repulsive particle
 
+LIQUID = NORMAL  # flags >> this: number of the liquid of fluid (physics.liquids)
+
 CODES = 64
 WALL_BITS = 50  # number >> this: number of the wall + 1, 0 for fluid
 WALL_SHIFT = WALL_BITS + 6  # key >> this: the same

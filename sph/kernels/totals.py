@@ -5,7 +5,9 @@ import numpy as np
 from hpcpic.core.simd.compile import njit
 from hpcpic.core.simd.vector import (
     Vec,
+    address_of,
     fma,
+    gather_lines,
     lane_numbers,
     lanes,
     load,
@@ -17,10 +19,11 @@ from hpcpic.core.simd.vector import (
     to_fixed,
     total,
 )
-from sph.kernels.marks import MINE
+from sph.kernels.marks import LIQUID, MINE
 from sph.kernels.powers import power
 
 DIM = 3
+DENSITIES = False  # there are liquids of several densities
 
 TERMS = 4 + DIM  # kinetic, potential, internal energy, mass, momentum
 _FIRST, _NEXT = 2.0**31, 2.0**32  # as core.space.exact
@@ -30,7 +33,7 @@ F, I, L = Vec(N, np.float64), Vec(N, np.int32), Vec(N, np.int64)
 
 
 @njit
-def fill(b, last, flags, constants, powers, x, v, m, drho, terms):
+def fill(b, last, flags, constants, powers, liquids, x, v, m, drho, terms):
     """Find terms[k, N] of the sums for the N bodies from b on; 0 for those that are no fluid and from `last` on.
 
     powers: coefficients of ((1 + e)^(gamma - 1) - 1) / (gamma - 1) in e.
@@ -50,7 +53,10 @@ def fill(b, last, flags, constants, powers, x, v, m, drho, terms):
     bent = power(change, constants[3], powers)
     store(terms[0], 0, 0.5 * mass * square)
     store(terms[1], 0, -mass * height)
-    store(terms[2], 0, mass * (((bent - volume) * constants[1] + volume * constants[2]) / constants[0]))
+    rest = mass
+    if DENSITIES:  # the mass that the reference liquid would have
+        rest = mass * gather_lines(F, 1, address_of(liquids[0], 0), (load(I, flags, b) >> LIQUID) * 8)[0]
+    store(terms[2], 0, rest * (((bent - volume) * constants[1] + volume * constants[2]) / constants[0]))
     store(terms[3], 0, mass)
 
 
@@ -83,12 +89,12 @@ def extremes(chunk, chunks, flags, x, v, m, drho, part_maxima):
 
 
 @njit
-def add(chunk, chunks, flags, constants, powers, x, v, m, drho, inverse, limbs):
+def add(chunk, chunks, flags, constants, powers, liquids, x, v, m, drho, inverse, limbs):
     """limbs[chunk, k, 3] = exact limbs of the sum of terms k, |term inverse[k]| <= 1."""
     terms, parts = np.zeros((TERMS, N)), np.zeros((3 * TERMS, N), np.int64)
     last = chunks[chunk + 1]
     for b in range(chunks[chunk], last, N):
-        fill(b, last, flags, constants, powers, x, v, m, drho, terms)
+        fill(b, last, flags, constants, powers, liquids, x, v, m, drho, terms)
         for k in range(TERMS):
             t = load(F, terms[k], 0) * (inverse[k] * _FIRST)
             for limb in range(3):

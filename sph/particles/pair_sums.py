@@ -25,17 +25,21 @@ FIRST_SUMS = {
 }
 
 
+LINES = "push", "light", "volume", "excess", "mass", "slope", "c", "tension", "swift", "fluidity"
+
+
 def columns_kernels(spec: PairSpec, gamma: float) -> ModuleType:
     """The module kernels.columns as a case needs it."""
     columns = columns_of(spec)
     first = {"NORMALS": "nx", "V": "vx", "G": "gx", "L": "lxx", "T": "txx"}
-    first |= {name.upper(): name for name in ("push", "light", "volume", "excess", "mass", "slope", "c", "tension")}
+    first |= {name.upper(): name for name in LINES}
     constants: dict[str, Any] = {key: columns.index(name) if name in columns else -1 for key, name in first.items()}
     constants |= {
         "DIM": spec.dimensions,
         "KIND": repr(spec.real),
         "SINGLE": spec.single,
         "GAMMA": gamma,
+        "DENSITIES": spec.densities,
         "ACCELERATED": spec.accelerated,
         "TURNING": spec.turning,
     }
@@ -60,7 +64,7 @@ class PairSums:
         self._axes, self._of_moments = scene.axes, known.of_moments
         tasks.arena.group(walls=WallMotion)
         tasks.arena.set(
-            scales=known.scales, powers_of_pressure=coefficients(scene.eos.gamma), pair_numbers=known.numbers,
+            scales=known.scales, liquids=scene.liquids.table, powers_of_pressure=coefficients(scene.eos.gamma), pair_numbers=known.numbers,
             factors=known.factors, face_normals=np.ascontiguousarray(scene.normals[:, scene.axes].T),
         )  # fmt: skip
 

@@ -14,7 +14,7 @@ from hpcpic.core.space.domain import block_ranges
 from hpcpic.core.tasks.arena import Arena
 from sph.kernels import readings
 from sph.kernels.groups import OldState, Shown, State
-from sph.kernels.marks import BODY, CODES, FLOWS, FLUID, OWN, REAL, WALL_BITS
+from sph.kernels.marks import BODY, CODES, FLOWS, FLUID, LIQUID, OWN, REAL, WALL_BITS
 from sph.setup.scene import Scene
 
 ROUNDING = 1e-6  # of a spacing
@@ -98,6 +98,12 @@ class Storage:
             return self.numbers(self.own_slots) >> (WALL_BITS if name == "wall" else 0)
         return self.arena[name][..., self.own_slots]
 
+    def relative_density(self, slots: Slots) -> NDArray[np.float64]:
+        """rho0 of the liquids of particles over that of the reference liquid [n], 1 for walls."""
+        if not self.scene.liquids.densities:
+            return np.ones(len(slots))
+        return 1.0 / self.scene.liquids.table[0, self.flags[slots] >> LIQUID]
+
     def set_own_values(self, name: str, values: NDArray | float) -> None:
         """Replace what an array has of the own particles."""
         self.arena[name][..., self.own_slots] = values
@@ -162,7 +168,7 @@ class Storage:
         ids, axes = np.arange(low, high), list(scene.axes)
         fluid = scene.fluid(ids)
         x, v = (fluid["x"] - scene.low)[:, axes].T, fluid["v"][:, axes].T
-        self.append(x, v, fluid["drho"], fluid["m"], ids, FLUID | REAL | FLOWS)
+        self.append(x, v, fluid["drho"], fluid["m"], ids, FLUID | REAL | FLOWS | scene.liquid(ids) << LIQUID)
 
     def remove(self, slots: Slots) -> None:
         """Take out own particles."""

@@ -45,6 +45,10 @@ class PairSpec:
     """Whether rates of density follow from masses (SC 3), not from volumes (MP 16)."""
     moments: bool = False
     """Whether snapshots hold the moments of the kernel."""
+    densities: bool = False
+    """Whether liquids differ in density."""
+    viscosities: bool = False
+    """Whether they differ in viscosity."""
     split: bool = False
     """Whether forces and rates are summed one after the other."""
 
@@ -137,10 +141,11 @@ def momentum(spec: PairSpec) -> Pass:
     viscosity = spec.viscosity
     lines = [Line("push", terms.pressure), Line("push", terms.kept_out, AT_FOLLOWING_WALLS)]
     if spec.artificial:
-        lines += [Line("damping", terms.damping, WITHOUT_SLIP), Line("push", terms.artificial_viscosity)]
+        damping = terms.damping_between if spec.densities else terms.damping
+        lines += [Line("damping", damping, WITHOUT_SLIP), Line("push", terms.artificial_viscosity)]
     if "friction" in terms.needs(viscosity.push or viscosity.pull):
-        lines.append(Line("friction", terms.friction, WITHOUT_SLIP))
-        lines.append(Line("friction", terms.wall_friction, AT_STICKING_WALLS))
+        lines.append(Line("friction", terms.friction_between if spec.viscosities else terms.friction, WITHOUT_SLIP))
+        lines += [Line("friction", terms.wall_friction, AT_STICKING_WALLS)] * (not spec.viscosities)
     if viscosity.push:
         lines.append(Line("push", viscosity.push))
     lines += [Line("push", terms.tensile_correction)] * spec.tensile
@@ -168,6 +173,7 @@ def continuity(spec: PairSpec) -> Pass:
         lines.append(Line("d_rho", flux.correction))
     if flux.formula:
         lines.append(Line("flux", flux.formula, OF_FLUID))
+        lines += [Line("flux", terms.flux_within)] * spec.densities
     if spec.by_mass:
         rates = terms.continuity_by_mass_with_flux if flux.formula else terms.continuity_by_mass
     else:
@@ -175,9 +181,9 @@ def continuity(spec: PairSpec) -> Pass:
     return Pass([*lines, Line("rate_i, rate_j", rates)], [Sum("rate", ("to_i", "to_j"), ("rate_i", "rate_j"))])
 
 
-def gradient(_: PairSpec) -> Pass:
-    """Sums for the renormalised density gradient of the fluid."""
-    lines = [Line("fluid_F", terms.fluid_F, OF_FLUID)]
+def gradient(spec: PairSpec) -> Pass:
+    """Sums for the renormalised density gradient of the fluid, of each liquid by itself."""
+    lines = [Line("fluid_F", terms.fluid_F, OF_FLUID)] + [Line("fluid_F", terms.within)] * spec.densities
     lines += [Line("less_i, less_j", terms.minus_fluid_volumes), Line("by_i, by_j", terms.fluid_volumes)]
     lines += [Line("moments", terms.moments), Line("steps", terms.steps)]
     sums = [Sum("moments", ("less_i", "less_j"), ("moments",) * 2), Sum("steps", ("by_i", "by_j"), ("steps",) * 2)]
@@ -186,10 +192,14 @@ def gradient(_: PairSpec) -> Pass:
 
 def extrapolation(spec: PairSpec) -> Pass:
     """Sums at particles of walls over the fluid before them: weights, density, and the way from the fluid."""
-    lines = [Line("heavy_i, heavy_j", terms.wall_weights), Line("from_i, from_j", terms.at_the_other)]
+    there = terms.at_the_other_of if spec.densities else terms.at_the_other
+    lines = [Line("heavy_i, heavy_j", terms.wall_weights), Line("from_i, from_j", there)]
     by = ("heavy_i", "heavy_j")
     sums = [Sum("weight", by, ("one", "one")), Sum("there", by, ("from_i", "from_j"))]
-    if spec.accelerated:
+    if spec.accelerated and spec.densities:
+        lines.append(Line("arm_i, arm_j", terms.arms_of))
+        sums.append(Sum("arm", ("arm_i", "arm_j"), ("d", "d")))
+    elif spec.accelerated:
         lines.append(Line("minus_heavy", terms.opposite))
         sums.append(Sum("arm", ("heavy_i", "minus_heavy"), ("d", "d")))
     return Pass(lines, sums, inside=False)
@@ -267,6 +277,9 @@ def columns_of(spec: PairSpec) -> list[str]:
     names = ["push", "light"] + ["volume"] * (not spec.in_turn)
     if spec.single:
         names += ["excess", "mass", "v"]
+    elif spec.densities:
+        names.append("mass")  # of the reference liquid
+    names += ["swift"] * spec.densities + ["fluidity"] * spec.viscosities
     names += ["n"] * spec.repulsive + [name for name in ("g", "slope", "c") if name in spec.flux.columns]
     names += ["tension"] * spec.tensile + ["l"] * spec.corrected + ["t"] * spec.needs_stress
     return [column for name in names for column in spec.components(name)]
@@ -274,7 +287,8 @@ def columns_of(spec: PairSpec) -> list[str]:
 
 def state_of(spec: PairSpec) -> dict[str, str]:
     """Columns that are the state, and where it is held."""
-    return {"excess": "drho", "mass": "m"} | {f"v{a}": f"v[{k}]" for k, a in enumerate(spec.axes)}
+    mass = {} if spec.densities else {"mass": "m"}
+    return {"excess": "drho"} | mass | {f"v{a}": f"v[{k}]" for k, a in enumerate(spec.axes)}
 
 
 def unused(spec: PairSpec, staged: bool) -> set[str]:

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from sph.case.config import SphConfig
 from sph.physics.equation_of_state import EquationOfState
 from sph.physics.fluxes import FLUXES
+from sph.physics.liquids import liquids_of
 from sph.physics.smoothing import SMOOTHING
 from sph.physics.viscosities import VISCOSITIES
 from sph.physics.waves import cleary_constant
@@ -23,18 +24,25 @@ class Reference:
     """a [d, n] without gravity and body force, and d rho / dt [n], of n particles of fluid; SI units, storage axes.
 
     x[d, n] m, v[d, n] m/s, drho[n] = rho - rho0 kg/m3, m[n] kg; gravity[d] m/s2, with body force; period[d] m, 0: none.
+    of[n]: numbers of their liquids, if there are several (physics.liquids); drho and rate are then those of the
+    reference liquid, which has the same rho / rho0.
     """
 
     def __init__(
-        self, config: SphConfig, x: NDArray, v: NDArray, drho: NDArray, m: NDArray, gravity: NDArray, period: NDArray
-    ) -> None:
+        self, config: SphConfig, x: NDArray, v: NDArray, drho: NDArray, m: NDArray, gravity: NDArray, period: NDArray,
+        of: NDArray | int = 0,
+    ) -> None:  # fmt: skip
         self.numerics, self.m, self.gravity = config.numerics, m, gravity
         self.d, self.h, self.c, self.gamma = config.dimensions, config.h, config.sound_speed, config.eos.gamma
-        self.rho0, self.mu = config.fluid[0].density, config.fluid[0].dynamic_viscosity
+        liquids = liquids_of(config)
+        self.rho0, lightness, self.swift, fluidity = liquids.density, *liquids.table[:, np.broadcast_to(of, m.shape)]
+        self.rest = m * lightness  # the mass that the reference liquid would have
+        self.mu = liquids.viscosity * (2 / self._both(fluidity) if liquids.several else 1.0)  # of pairs (SC 6)
+        self.alike = np.equal.outer(self.swift, self.swift)
         eos = EquationOfState(self.rho0, self.c, self.gamma, config.eos.background_pressure)
         self.viscosity, self.sound = VISCOSITIES[config.numerics.viscosity_form or "none"], eos.sound_speed(drho)
         self.smoothing = SMOOTHING[config.numerics.kernel]
-        self.rho, self.volume = self.rho0 + drho, m / (self.rho0 + drho)
+        self.rho, self.volume = self.rho0 + drho, self.rest / (self.rho0 + drho)
         self.p = eos.pressure(drho) + eos.background  # (MP 14)
         self.dx, self.dv = x[:, :, None] - x[:, None, :], v[:, :, None] - v[:, None, :]
         for k in np.flatnonzero(period):
@@ -45,15 +53,19 @@ class Reference:
         self.vd = np.sum(self.dx * self.dv, axis=0)  # v_ij . r_ij
 
     def acceleration(self) -> NDArray[np.float64]:
-        """(MP 20), (SC 5): a_i = - sum m_j (p_i / rho_i^2 + p_j / rho_j^2 + Pi) F r_ij, and viscosity."""
+        """(MP 20), (SC 5): a_i = - sum m_j (p_i / rho_i^2 + p_j / rho_j^2 + Pi) F r_ij, and viscosity; of liquids of
+        several densities with the masses and densities of the reference liquid, for the inertia of i.
+        """
         pressure = self._both(self.p / self.rho**2)
         push = pressure + self._viscous_pressure() + self._tension()
+        inertia = self.rest / self.m
         if not self.numerics.gradient_correction:
-            return self._viscous_force() - np.einsum("j,ij,ij,kij->ki", self.m, push, self.f, self.dx)
+            pulls = push * self.dx
+            return inertia * (self._viscous_force() - np.einsum("j,ij,kij->ki", self.rest, self.f, pulls))
         at_i = np.einsum("iab,bij->aij", self.renormalisation, self.dx) * (self.p / self.rho**2)[:, None]
         at_j = np.einsum("jab,bij->aij", self.renormalisation, self.dx) * (self.p / self.rho**2)[None, :]
         pulls = at_i + at_j + (push - pressure) * self.dx
-        return self._viscous_force() - np.einsum("j,ij,kij->ki", self.m, self.f, pulls)
+        return inertia * (self._viscous_force() - np.einsum("j,ij,kij->ki", self.rest, self.f, pulls))
 
     def rate(self) -> NDArray[np.float64]:
         """(MP 16): d rho_i / dt = rho_i sum V_j F v_ij . r_ij, or (SC 3) with m_j for rho_i V_j; less the flux."""
@@ -61,7 +73,7 @@ class Reference:
         if self.numerics.gradient_correction:
             vd = np.einsum("aij,iab,bij->ij", self.dv, self.renormalisation, self.dx)
         if self.numerics.continuity == "masses":
-            return np.einsum("j,ij,ij->i", self.m, self.f, vd) - self._flux()
+            return np.einsum("j,ij,ij->i", self.rest, self.f, vd) - self._flux()
         return self.rho * np.einsum("j,ij,ij->i", self.volume, self.f, vd) - self._flux()
 
     # ---- terms of the force
@@ -74,7 +86,7 @@ class Reference:
     def _viscous_pressure(self) -> NDArray[np.float64]:
         """Monaghan's artificial viscosity, and (SC 6)."""
         near = self.vd / (self.r**2 + 0.01 * self.h**2)
-        mean = 0.5 * self._both(1 / self.rho)
+        mean = 0.5 * self._both(1 / self.rho) * 2 / self._both(self.swift)  # the latter: harmonic, of rho0 c
         found = -(self.numerics.artificial_viscosity or 0.0) * self.c * self.h * np.minimum(near, 0.0) * mean
         if self.viscosity.calibrated:
             xi = cleary_constant(self.smoothing.name, self.d, self.numerics.smoothing)
@@ -96,11 +108,11 @@ class Reference:
         if not self.viscosity.pull:
             return 0.0
         if not self.viscosity.stress:
-            return 2 * mu * np.einsum("j,ij,kij->ki", self.volume, self.f, self.dv) / self.rho
+            return 2 * np.einsum("j,ij,kij->ki", self.volume, self.f * mu, self.dv) / self.rho
         gradient = velocity_gradient(self.volume, self.f, self.dx, self.dv)
         trace = 2 / self.d * np.einsum("aai->i", gradient) * np.eye(self.d)[:, :, None]
         stress = mu * (gradient + gradient.transpose(1, 0, 2) - trace) / self.rho**2
-        return np.einsum("j,ij,abij,bij->ai", self.m, self.f, stress[..., :, None] + stress[..., None, :], self.dx)
+        return np.einsum("j,ij,abij,bij->ai", self.rest, self.f, stress[..., :, None] + stress[..., None, :], self.dx)
 
     # ---- renormalised gradients
 
@@ -125,23 +137,25 @@ class Reference:
 
     def _flux(self) -> NDArray[np.float64] | float:
         """What leaves i: 2 delta c0 h sum V_j F (rho_j - rho_i - what is left out); (MP 17) with r for 2 h
-        and the larger c of the pair (MP 15).
+        and the larger c of the pair (MP 15). Only to particles of the same density at rest.
         """
-        flux, strength = FLUXES[self.numerics.density_flux], (self.numerics.flux_coefficient or 0.0) * self.c
+        flux, f = FLUXES[self.numerics.density_flux], self.f * self.alike
+        strength = (self.numerics.flux_coefficient or 0.0) * self.c * self.swift
         step = self.rho[None, :] - self.rho[:, None]
         if not flux.formula:
             return 0.0
         if flux.upwind:
             faster = np.maximum.outer(self.sound, self.sound) / self.c
-            return strength * np.einsum("j,ij,ij,ij,ij->i", self.volume, self.f, self.r, faster, step)
+            return strength * np.einsum("j,ij,ij,ij,ij->i", self.volume, f, self.r, faster, step)
         if "slope" in flux.columns:  # less what rest under gravity would give
-            slope = self.rho / self.c**2 * (self.rho / self.rho0) ** (1 - self.gamma)
+            slope = self.rho / (self.c * self.swift) ** 2 * (self.rho / self.rho0) ** (1 - self.gamma)
             step = step + 0.5 * self._both(slope) * np.einsum("k,kij->ij", self.gravity, self.dx)
         if "g" in flux.columns:  # Antuono et al. 2010: less what a linear density would give
-            plain = np.einsum("j,ij,ij,aij->ia", self.volume, self.f, step, self.dx)
-            gradient = np.linalg.solve(self.moments, plain[:, :, None])[:, :, 0].T
+            plain = np.einsum("j,ij,ij,aij->ia", self.volume, f, step, self.dx)
+            moments = -np.einsum("j,ij,aij,bij->iab", self.volume, f, self.dx, self.dx)
+            gradient = np.linalg.solve(moments, plain[:, :, None])[:, :, 0].T
             step = step + 0.5 * np.einsum("aij,aij->ij", gradient[:, :, None] + gradient[:, None, :], self.dx)
-        return 2 * strength * self.h * np.einsum("j,ij,ij->i", self.volume, self.f, step)
+        return 2 * strength * self.h * np.einsum("j,ij,ij->i", self.volume, f, step)
 
 
 def velocity_gradient(volume: NDArray, f: NDArray, dx: NDArray, dv: NDArray) -> NDArray[np.float64]:

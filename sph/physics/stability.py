@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from sph.case.config import SphConfig
 from sph.physics.fluxes import FLUXES
 from sph.physics.integrators import INTEGRATORS
+from sph.physics.liquids import liquids_of
 from sph.physics.smoothing import SMOOTHING
 from sph.physics.viscosities import VISCOSITIES
 from sph.physics.waves import waves_of
@@ -28,8 +29,13 @@ def support_of(config: SphConfig) -> float:
     return SMOOTHING[config.numerics.kernel].support * config.h
 
 
+def fastest_sound(config: SphConfig) -> float:
+    """The largest sound speed of rest of its liquids, m/s."""
+    return config.sound_speed * liquids_of(config).swiftest
+
+
 def kinematic_viscosity(config: SphConfig) -> float:
-    """nu of the fluid, m2/s."""
+    """nu of the fluid, the largest of its liquids, m2/s."""
     return max((fluid.dynamic_viscosity / fluid.density for fluid in config.fluid), default=0.0)
 
 
@@ -107,7 +113,7 @@ def viscous_limit(config: SphConfig) -> float:
 def step_parts(config: SphConfig) -> dict[str, float]:
     """The criteria of the step in s at t = 0: acoustic, viscous, force; the least of them is taken."""
     h, nu = config.h, physical_viscosity(config)
-    parts = {"acoustic": (config.simulation.cfl or 0.0) * h / config.sound_speed}
+    parts = {"acoustic": (config.simulation.cfl or 0.0) * h / fastest_sound(config)}
     if nu:
         parts["viscous"] = viscous_limit(config) * h * h / nu
     acceleration = float(np.hypot(np.hypot(config.gravity[0], config.gravity[1]), sum(config.gravity[2:])))

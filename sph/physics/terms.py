@@ -165,6 +165,18 @@ def wall_friction(viscous):
     return 2.0 * viscous
 
 
+def damping_between(artificial, swift_i, swift_j):
+    """`damping` of two liquids: by the harmonic mean of their rho0 c, as sound passes; swift = c / c0."""
+    return artificial * (2.0 / (swift_i + swift_j))
+
+
+def friction_between(viscous, fluidity_i, fluidity_j):
+    """`friction` of two liquids by the harmonic mean 2 mu_i mu_j / (mu_i + mu_j), which (SC 6) has and stress across a
+    flat interface asks for; fluidity = mu0 / mu. With a wall that follows the fluid, of none, it is `wall_friction`.
+    """
+    return viscous * (2.0 / (fluidity_i + fluidity_j))
+
+
 def artificial_viscosity(push, near, light_i, light_j, damping):
     """Monaghan 1992: - alpha c0 h min(near, 0) / rho, with the mean of 1 / rho."""
     return fma(minimum(near, 0.0), fma(light_j, damping, light_i * damping), push)
@@ -270,6 +282,17 @@ def at_the_other(excess_i, excess_j, fall, d):
     return excess_j + rise, excess_i - rise
 
 
+def at_the_other_of(excess_i, excess_j, swift_i, swift_j, fall, d):
+    """`at_the_other` of several liquids, whose rho0 over that of the reference is 1 / swift^2."""
+    rise = dot(fall, d)
+    return excess_j + rise / (swift_j * swift_j), excess_i - rise / (swift_i * swift_i)
+
+
+def arms_of(heavy_i, heavy_j, swift_i, swift_j):
+    """m W with the mass of the other liquid itself: of j for the sum of i, and minus that of i for the sum of j."""
+    return heavy_i / (swift_j * swift_j), -heavy_j / (swift_i * swift_i)
+
+
 def one():
     """1, of which the sum with weights is theirs."""
     return 1.0
@@ -345,12 +368,22 @@ def rusanov_flux(d_rho, flux_strength, r, c_i, c_j):
     return d_rho * (flux_strength * r * maximum(c_i, c_j))
 
 
+def flux_within(flux, swift_i, swift_j):
+    """Of several liquids: a flux goes by the sound speed of the liquid, and not from one liquid into another."""
+    return select(swift_i == swift_j, flux * swift_i, 0.0)
+
+
 # ---- sums that later passes need
 
 
 def fluid_F(F):
     """F between particles of fluid."""
     return F
+
+
+def within(fluid_F, swift_i, swift_j):
+    """F between particles of one liquid."""
+    return select(swift_i == swift_j, fluid_F, 0.0)
 
 
 def fluid_volumes(fluid_F, volume_i, volume_j):

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from hpcpic.core.errors import Diverged
 from sph.case.config import SphConfig
 from sph.physics.equation_of_state import EquationOfState
+from sph.physics.liquids import liquids_of
 from sph.physics.stability import MAX_FORCE_STEP, physical_viscosity, viscous_limit
 
 
@@ -33,7 +34,7 @@ class TimeStep:
     def __init__(self, config: SphConfig, eos: EquationOfState, reach: float) -> None:
         self.fixed = config.simulation.time_step
         self.h, self.cfl, self.reach = config.h, config.simulation.cfl or 0.0, reach
-        self.eos = eos
+        self.eos, self.swiftest = eos, liquids_of(config).swiftest
         nu = physical_viscosity(config)
         self.viscous = viscous_limit(config) * config.h**2 / nu if nu else math.inf
 
@@ -43,4 +44,4 @@ class TimeStep:
             return self.fixed
         force = MAX_FORCE_STEP * math.sqrt(self.h / acceleration) if acceleration > 0 else math.inf
         travel = self.reach / speed if speed > 0 else math.inf
-        return min(self.cfl * self.h / self.eos.sound_speed(drho), self.viscous, force, travel)
+        return min(self.cfl * self.h / (self.eos.sound_speed(drho) * self.swiftest), self.viscous, force, travel)

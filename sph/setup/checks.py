@@ -13,6 +13,7 @@ from sph.case import geometry
 from sph.case.columns import columns_of, scalar_units
 from sph.case.config import AXES, FRONT, WALL_PRESSURE, Body, Fluid, Gauge, Shape, SphConfig, Wall, name_of
 from sph.physics import stability
+from sph.physics.liquids import liquids_of
 from sph.physics.smoothing import SMOOTHING
 from sph.physics.viscosities import VISCOSITIES
 from sph.physics.wall_rules import WALL_RULES
@@ -172,20 +173,42 @@ def relations(config: SphConfig) -> Iterator[Fault]:
                 yield (group, i, "shape"), text
     for i, fluid in enumerate(config.fluid):
         yield from ((("fluid", i, *path), text) for path, text in fluid_faults(config, fluid, d))
-        first = config.fluid[0]
-        for name in ("density", "dynamic_viscosity"):
-            if getattr(fluid, name) != getattr(first, name):
-                yield ("fluid", i, name), f"all fluids are one liquid: {getattr(first, name):g} as the first one"
     for i, wall in enumerate(config.wall):
         found = itertools.chain(wall_faults(wall, d), periodic_walls.faults(config, wall))
         yield from ((("wall", i, *path), text) for path, text in found)
     yield from opening_checks.faults(config)
+    yield from liquid_faults(config)
     moving = config.eos.sound_speed or config.eos.max_velocity or not config.fluid
     if not moving and not speed_scale(config):
         yield ("eos",), "max_velocity or sound_speed is missing: neither gravity nor the initial state tells a speed"
     viscous = any(fluid.dynamic_viscosity for fluid in config.fluid)
     if VISCOSITIES[config.numerics.viscosity_form or "none"].physical and not viscous:
         yield ("numerics", "viscosity_form"), 'needs a fluid with viscosity > 0, or "none"'
+
+
+def liquid_faults(config: SphConfig) -> Iterator[Fault]:
+    """What does not know of several liquids."""
+    liquids = liquids_of(config)
+    if not liquids.several:
+        return
+    these = "liquids of several " + ("densities" if liquids.densities else "viscosities")
+    for i, wall in enumerate(config.wall):
+        rule = WALL_RULES[wall.type] if wall.type else None
+        if rule and not (rule.images or rule.extrapolated):
+            yield ("wall", i, "type"), f'"{wall.type}" does not know {these}: "extrapolated-free-slip", or leave it out'
+        if wall.body:
+            yield ("wall", i, "body"), f"a body in {these} has not been tried: a wall at rest, or one liquid"
+    for group in ("inlet", "outlet"):
+        for i, _ in enumerate(getattr(config, group)):
+            yield (group, i), f"an {group} does not know {these}"
+    form = config.numerics.viscosity_form
+    if form and VISCOSITIES[form].stress:
+        yield ("numerics", "viscosity_form"), f'"{form}" does not know {these}: "morris" or "cleary"'
+    if config.numerics.shifting and liquids.densities:
+        yield ("numerics", "shifting"), f"would mix {these} at their interface: false"
+    for i, fluid in enumerate(config.fluid):
+        if INITIAL_DENSITIES[fluid.initial_pressure] is density_of_flow and liquids.densities:
+            yield ("fluid", i, "initial_pressure"), f'"flow" does not know {these}: "hydrostatic" or "zero"'
 
 
 def fluid_faults(config: SphConfig, fluid: Fluid, d: int) -> Iterator[Fault]:

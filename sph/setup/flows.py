@@ -13,13 +13,17 @@ from hpcpic.core.space.products import product
 from sph.case import geometry
 from sph.case.config import Flow, Fluid, SphConfig
 from sph.physics.equation_of_state import EquationOfState
+from sph.physics.liquids import Liquids
 
 TERMS = 60  # of the double sine series in each direction
 
 
 class Liquid(Protocol):
-    """What is read of a scene: gravity[d] m/s2 and the equation of state."""
+    """What is read of a scene: its case and liquids, spacing m, gravity[d] m/s2 and the equation of state."""
 
+    config: SphConfig
+    liquids: Liquids
+    spacing: float
     dimensions: int
     gravity: NDArray[np.float64]
     eos: EquationOfState
@@ -36,13 +40,45 @@ def depth(scene: Liquid, fluid: Fluid, x: NDArray) -> NDArray[np.float64]:
         return np.zeros(len(x))
     top = fluid.surface
     if top is None:
-        top = max(float(product(np.array(corner), up(scene))) for corner in geometry.corners(fluid.shape))
+        top = heights(scene, fluid)[1]
     return top - product(x, up(scene))
 
 
 def hydrostatic(scene: Liquid, fluid: Fluid, x: NDArray) -> NDArray[np.float64]:
-    """rho - rho0 at rest[n], kg/m3."""
-    return scene.eos.excess_at_rest(depth(scene, fluid, x), math.hypot(*scene.gravity))
+    """rho - rho0 of the reference liquid, kg/m3, at the pressure of rest[n]."""
+    g = math.hypot(*scene.gravity)
+    if not scene.liquids.several:
+        return scene.eos.excess_at_rest(depth(scene, fluid, x), g)
+    own = g * np.maximum(depth(scene, fluid, x), 0.0) / scene.liquids.lightness(fluid)
+    return scene.eos.excess_at_head(load(scene, fluid) + own)
+
+
+def load(scene: Liquid, fluid: Fluid) -> float:
+    """The head in the reference liquid, m2/s2, of the fluids at rest that lie on a fluid, and on each other; none where
+    the case gives the height of its surface.
+    """
+    if fluid.surface is not None or not scene.gravity.any():
+        return 0.0
+    g, found, z = math.hypot(*scene.gravity), 0.0, heights(scene, fluid)[1]
+    others = [other for other in scene.config.fluid if at_rest(other) and beside(scene, fluid, other)]
+    while over := [one for one in others if heights(scene, one)[0] <= z + scene.spacing / 2 < heights(scene, one)[1]]:
+        top = heights(scene, over[0])[1]
+        found += g * (top - z) / scene.liquids.lightness(over[0])
+        z = top
+    return found
+
+
+def heights(scene: Liquid, fluid: Fluid) -> tuple[float, float]:
+    """Heights against gravity of the bottom and the top of a fluid, m."""
+    found = [float(product(np.array(corner), up(scene))) for corner in geometry.corners(fluid.shape)]
+    return min(found), max(found)
+
+
+def beside(scene: Liquid, fluid: Fluid, other: Fluid) -> bool:
+    """Whether two fluids have places at the same point across gravity, if it goes along an axis."""
+    (low, high), (a, b) = geometry.bounds(fluid.shape), geometry.bounds(other.shape)
+    level = np.flatnonzero(scene.gravity == 0.0)
+    return fluid is not other and all(low[k] < b[k] and a[k] < high[k] for k in level)
 
 
 class Linear:
@@ -92,8 +128,19 @@ class Vortices:
         return -scene.eos.rho0 * a * a / 4 * (cos(2 * k * x[:, 0]) + cos(2 * k * x[:, 1]))
 
 
+def wave_square(k: float, g: float, below: tuple[float, float], above: tuple[float, float]) -> float:
+    """omega^2 in 1/s2 of a wave of number k on the interface of two liquids between walls, each of a density and depth;
+    below 0 where the heavier one lies above: it grows by exp(abs(omega) t) (Rayleigh and Taylor).
+    """
+    (rho, depth), (light, height) = below, above
+    heavy, other = rho / math.tanh(k * depth), light / math.tanh(k * height)
+    return g * k * (rho - light) / (heavy + other)
+
+
 class StandingWave:
-    """The velocity of a standing wave of small amplitude, and the pressure of rest: the surface is flat at t = 0."""
+    """The velocity of a standing wave of small amplitude, and the pressure of rest: the surface is flat at t = 0. Where
+    another fluid of this flow lies on this one, or under it, the wave is that of their interface.
+    """
 
     needs_gradient, needs_gravity = False, True
 
@@ -106,16 +153,34 @@ class StandingWave:
         v, k, a = np.zeros_like(x), 2 * math.pi / flow.wavelength, flow.amplitude
         vertical = int(np.argmax(np.abs(scene.gravity)))
         low, high = geometry.bounds(fluid.shape)
-        water = high[vertical] - low[vertical]
-        w = math.sqrt(math.hypot(*scene.gravity) * k * math.tanh(k * water))
-        along, above = k * (x[:, 0] - low[0]), k * (x[:, vertical] - low[vertical])
-        v[:, 0] = -a * w * cosh(above) / math.sinh(k * water) * sin(along)
+        water, g = high[vertical] - low[vertical], math.hypot(*scene.gravity)
+        other = interface(scene.config, fluid, vertical)
+        if other is None:
+            w, sign, far = math.sqrt(g * k * math.tanh(k * water)), 1.0, low[vertical]
+        else:
+            a_low, a_high = geometry.bounds(other.shape)
+            sides = (fluid.density, water), (other.density, a_high[vertical] - a_low[vertical])
+            under = low[vertical] < a_low[vertical]
+            w = math.sqrt(abs(wave_square(k, g, *(sides if under else sides[::-1]))))
+            sign, far = (1.0, low[vertical]) if under else (-1.0, high[vertical])
+        along, above = k * (x[:, 0] - low[0]), k * sign * (x[:, vertical] - far)
+        v[:, 0] = -a * w * sign * cosh(above) / math.sinh(k * water) * sin(along)
         v[:, vertical] = a * w * sinh(above) / math.sinh(k * water) * cos(along)
         return v
 
     @staticmethod
     def pressure(scene: Liquid, fluid: Fluid, flow: Flow, x: NDArray) -> NDArray[np.float64]:
         return scene.eos.pressure(hydrostatic(scene, fluid, x))
+
+
+def interface(config: SphConfig, fluid: Fluid, vertical: int) -> Fluid | None:
+    """The fluid with the same flow that touches a fluid along an axis."""
+    low, high = (corner[vertical] for corner in geometry.bounds(fluid.shape))
+    for other in config.fluid:
+        a, b = (corner[vertical] for corner in geometry.bounds(other.shape))
+        if other.flow == fluid.flow and other is not fluid and (math.isclose(a, high) or math.isclose(b, low)):
+            return other
+    return None
 
 
 FLOWS: dict[str, Any] = {"linear": Linear, "taylor-green": Vortices, "standing-wave": StandingWave}

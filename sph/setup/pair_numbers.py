@@ -7,6 +7,7 @@ from sph.case.config import SphConfig
 from sph.kernels.groups import Scales
 from sph.physics.fluxes import FLUXES
 from sph.physics.integrators import INTEGRATORS
+from sph.physics.liquids import liquids_of
 from sph.physics.pair_spec import NUMBERS, UNIT, PairSpec
 from sph.physics.smoothing import SMOOTHING
 from sph.physics.viscosities import VISCOSITIES
@@ -19,12 +20,13 @@ def pair_spec_of(config: SphConfig, others: bool) -> PairSpec:
     """What the kernels of a case are made for; `others`: there are walls, or images of the fluid."""
     numerics, form = config.numerics, config.numerics.viscosity_form or "none"
     rules = [rule_of(wall.type) for wall in config.wall]
-    viscous = bool(config.fluid) and config.fluid[0].dynamic_viscosity > 0
+    liquids = liquids_of(config)
+    viscous = liquids.viscosity > 0 and VISCOSITIES[form].physical
     return PairSpec(
         config.dimensions,
         numerics.kernel,
         flux=FLUXES[numerics.density_flux if numerics.flux_coefficient else "none"],
-        viscosity=VISCOSITIES[form if viscous and VISCOSITIES[form].physical else "none"],
+        viscosity=VISCOSITIES[form if viscous else "none"],
         artificial=bool(numerics.artificial_viscosity),
         single=numerics.precision == "single",
         walls=others,
@@ -33,6 +35,8 @@ def pair_spec_of(config: SphConfig, others: bool) -> PairSpec:
         corrected=numerics.gradient_correction,
         by_mass=numerics.continuity == "masses",
         moments=config.output.moments,
+        densities=liquids.densities,
+        viscosities=liquids.viscosities and viscous,
         split=INTEGRATORS[config.simulation.integrator].split,
         repulsive=any(rule.repulsive for rule in rules),
         extrapolated=any(rule.extrapolated for rule in rules),

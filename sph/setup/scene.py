@@ -20,6 +20,7 @@ from sph.case import config as case
 from sph.case import geometry
 from sph.kernels.marks import WALL_BITS
 from sph.physics.equation_of_state import EquationOfState
+from sph.physics.liquids import liquids_of
 from sph.physics.stability import support_of
 from sph.physics.wall_rules import rule_of
 from sph.setup import flows, periodic_walls, rest_distance, rigid, signed_distance
@@ -237,19 +238,18 @@ class FluidSet:
 class Scene:
     """A case made concrete. Vectors are in physical order, arrays [n, d].
 
-    spacing dp, h, support in m; rho0 kg/m3; c0 m/s; viscosity Pa s; low[d], high[d] of the domain, periodic[d];
-    gravity[d], body_force[d] and their sum `acceleration`; normals[n, d] of repulsive faces, behind a zero one; axes:
-    storage axis k is physical axis axes[k].
+    spacing dp, h, support in m; rho0 kg/m3, c0 m/s, viscosity Pa s of the reference liquid; low[d], high[d] of the
+    domain, periodic[d]; gravity[d], body_force[d] and their sum `acceleration`; normals[n, d] of repulsive faces, behind
+    a zero one; axes: storage axis k is physical axis axes[k].
     """
 
     def __init__(self, config: case.SphConfig) -> None:
-        numerics, first = config.numerics, config.fluid[0] if config.fluid else None
-        self.config = config
+        numerics = config.numerics
+        self.config, self.liquids = config, liquids_of(config)
         self.dimensions = d = config.dimensions
         self.spacing, self.h, self.support = numerics.spacing, config.h, support_of(config)
         self.kernel = numerics.kernel
-        self.rho0 = first.density if first else 1000.0
-        self.viscosity = first.dynamic_viscosity if first else 0.0
+        self.rho0, self.viscosity = self.liquids.density, self.liquids.viscosity
         self.eos = EquationOfState(self.rho0, config.sound_speed, config.eos.gamma, config.eos.background_pressure)
         self.c0 = config.sound_speed
         self.low, self.high = np.array(config.domain.low, float), np.array(config.domain.high, float)
@@ -280,6 +280,11 @@ class Scene:
         firsts = [fluid.first for fluid in self.fluids]
         started = np.searchsorted(firsts, ids, side="right") - 1
         return np.where(ids < self.n_fluid, started, len(firsts) + (ids - self.n_fluid) % max(1, len(self.inlets)))
+
+    def liquid(self, ids: NDArray[np.int64]) -> NDArray[np.int64]:
+        """Number of the liquid of particles of the fluid."""
+        numbers = [self.liquids.number(fluid.section) for fluid in self.fluids] + [0] * len(self.inlets)
+        return np.array(numbers, np.int64)[self.kinds(ids)]
 
     def most_particles(self, t: float) -> float:
         """More than there are of the fluid at the time t in s."""

@@ -1,5 +1,7 @@
 """Small scenes for the tests of the engine."""
 
+import re
+
 import numpy as np
 
 from hpcpic.core.case.config import loads
@@ -54,6 +56,22 @@ def torn():
     return whole.replace("fluid = ( { name =", drop)
 
 
+def layers(densities=(1000.0, 400.0), viscosities=(0.0, 0.0), swapped=False, **settings):
+    """A case: the fluid of `text`, its lower and upper half of two liquids; swapped: named the other way round."""
+    whole = text(**settings)
+    head, rest = whole.split("fluid = (", 1)
+    box, tail = rest.split(");", 1)
+    low, high = (re.findall(side + r" = \[(.*?)\]", box)[-1].split(", ") for side in ("low", "high"))
+    middle = repr((float(low[-1]) + float(high[-1])) / 2)
+    names, found = ["oil", "water"][:: -1 if swapped else 1], []
+    for k, (name, density, viscosity) in enumerate(zip(names, densities, viscosities)):
+        side, end = ("high", high) if k == 0 else ("low", low)
+        one = re.sub(rf"{side} = \[.*?\]", f"{side} = [{', '.join([*end[:-1], middle])}]", box)
+        one = one.replace('name = "water"', f'name = "{name}"; density = {density}')
+        found.append(re.sub(r"(dynamic_viscosity) = [^;]*", rf"\1 = {viscosity}", one))
+    return head + "fluid = (" + ",".join(found[:: -1 if swapped else 1]) + ");" + tail
+
+
 def config(case=None, **settings):
     return configure(loads(case or text(**settings)))
 
@@ -105,4 +123,5 @@ def reference(sph):
     columns, scene = by_id(sph, "x", "v", "drho", "m"), sph.scene
     axes = list(scene.axes)
     period = np.where(scene.periodic, scene.high - scene.low, 0.0)[axes]
-    return Reference(scene.config, *columns, scene.acceleration[axes], period)
+    of = np.sort(sph.storage.own_values("id"))
+    return Reference(scene.config, *columns, scene.acceleration[axes], period, of=scene.liquid(of))
