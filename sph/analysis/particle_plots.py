@@ -227,7 +227,7 @@ def rows(z: np.ndarray, values: np.ndarray, width: float, spacing: float) -> tup
 
 def shear_stress(config: SphConfig, channel: Channel, particles: dict[str, np.ndarray]) -> np.ndarray:
     """Stress[n] of each particle along a channel, mu epsilon of (MP 22) with the images in its planes, Pa."""
-    along, across, floor, width, _, nu = channel
+    along, across, floor, width, _, nu, _ = channel
     d, h, mass = config.dimensions, config.h, particles["mass"]
     plane = np.eye(d)[across]
     x, v, volume = particles["position"][:, :d], particles["velocity"][:, :d], mass / particles["density"]
@@ -253,7 +253,9 @@ def profiles(run: Run, step: int | None = None) -> Figure:
     channel = channel_of(config)
     if channel is None:
         raise NotInScene("only for a viscous flow that a body force drives between two planes")
-    along, across, floor, width, force, nu = channel
+    if len(channel.layers) > 1:
+        return layered_profiles(run, channel, step)
+    along, across, floor, width, force, nu, _ = channel
     snapshots, density, spacing = snapshots_of(run), config.fluid[0].density, config.numerics.spacing
     settled = width * width / nu
     if step is None:
@@ -281,6 +283,26 @@ def profiles(run: Run, step: int | None = None) -> Figure:
         right.set(xlabel=r"shear stress / $\rho FL/2$", title="Shear stress")
         left.text(0.98, 0.03, f"largest error {worst:.2%}\nlines: series", transform=left.transAxes, ha="right")
         right.legend(*left.get_legend_handles_labels(), loc="upper right")
+        return figure
+
+
+def layered_profiles(run: Run, channel: Channel, step: int | None) -> Figure:
+    """Velocity across a channel of several layers at several times, beside the steady profile."""
+    snapshots, spacing = snapshots_of(run), config_of(run).numerics.spacing
+    numbers = chosen(run, snapshots)[1:] if step is None else [snapshots.index(step)]
+    fine = np.linspace(0.0, channel.width, 201)
+    with style():
+        figure, axes = new_figure(size=(5.2, 3.9))
+        for number, colour in zip(numbers, COLOURS):
+            particles = fluid_at(run, snapshots, number)
+            z, v = particles["position"][:, channel.across] - channel.floor, particles["velocity"][:, channel.along]
+            middle, mean = rows(z, v, channel.width, spacing)
+            label = f"t = {snapshots.times[number]:.3g} s"
+            axes.plot(mean, middle / channel.width, "o", markersize=3.2, color=colour, label=label)
+            worst = float(np.abs(v - channel.steady(z)).max()) / channel.fastest
+        axes.plot(channel.steady(fine), fine / channel.width, label="steady, theory", **THEORY)
+        axes.set(xlabel="velocity, m/s", ylabel="z / L", title=f"Last: largest error {worst:.2%}")
+        axes.legend()
         return figure
 
 

@@ -98,8 +98,9 @@ class Shape(Section):
 
 class Flow(Section):
     type: Literal["linear", "taylor-green", "standing-wave"] = setting(
-        REQUIRED, "v = G (x - centre); vortices in a periodic box; the velocity of a standing wave on the surface of a fluid, or on "
-        "the interface of two that both have it"
+        REQUIRED,
+        "v = G (x - centre); vortices in a periodic box; the velocity of a standing wave on the surface of a fluid, or "
+        "on the interface of two that both have this flow",
     )
     gradient: Vector = setting((), "linear: G row by row", "1/s")
     centre: Vector = setting((), "linear: where the velocity is zero", "m")
@@ -261,6 +262,7 @@ class Gauge(Section):
         "m",
     )
     radius: float | None = setting(None, "wall-pressure: of a disc (in 2D a strip twice as long)", "m", gt=0)
+    fluid: str = setting("", "elevation: of this fluid alone; by default of all")
     wall: str = setting("", "wall-pressure: the wall that it sits in and moves with; by default any, at one place")
     period: float | None = setting(None, "of the samples; by default that of the series", "s", gt=0)
 

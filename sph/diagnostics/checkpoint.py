@@ -202,7 +202,7 @@ class Checkpoint:
         low, high = self._share(reader.total("number") if varies else scene.n_fluid)
         ids = reader.read("number", low, high) if varies else np.arange(low, high)
         x, v, drho = (reader.read(name, low, high) for name in ("x", "v", "drho"))
-        kinds = FLUID | REAL | FLOWS | scene.liquid(ids) << LIQUID
+        kinds = FLUID | REAL | FLOWS | storage.liquid(ids) << LIQUID
         storage.append(x.T, v.T, drho, scene.masses[scene.kinds(ids)], ids, kinds)
         if scene.walls:
             self.forces.walls.restore(reader.read("walls/made"), reader.time)

@@ -110,10 +110,14 @@ class Gauges:
         return sign * (farthest + sign * self.scene.low[k] + self.scene.spacing / 2)
 
     def elevation(self, gauge: Gauge, own: Own) -> float:
-        """Highest place over the point where half of the space is fluid, m; the lowest looked at when none is.
-        Collective.
+        """Highest place over the point where half of the space is fluid, or that fluid which the gauge names, m; the
+        lowest looked at when none is. Collective.
         """
         scene, d = self.scene, self.scene.dimensions
+        if gauge.fluid:
+            names = [fluid.section.name for fluid in scene.fluids]
+            chosen = scene.kinds(own["id"]) == names.index(gauge.fluid)
+            own = {key: values[chosen] for key, values in own.items()}
         axis, sign = self.vertical(gauge)
         others = [k for k in range(d) if k != axis]
         r = self.separation(own["x"], gauge.at)[:, others]

@@ -21,12 +21,12 @@ from hpcpic.core.simd.compile import formula, formulas
 from hpcpic.core.simd.generate import module_from_source
 from hpcpic.core.simd.vector import lanes
 from sph.kernels.marks import EXTRAPOLATED, FLOWS, SLIPS
-from sph.physics import terms
+from sph.physics import terms, vectors
 from sph.physics.pair_spec import NUMBERS, Line, PairSpec, Pass, columns_of, passes_of, state_of, sums_of
 from sph.physics.smoothing import SMOOTHING
 from sph.physics.terms import needs
 
-formulas(terms)
+formulas(terms, vectors)
 
 ROWS = {2: 2, 3: 5}  # as kernels.runs has them
 FRESH = {2: (1,), 3: (1, 4)}  # of these, which the row before has not met

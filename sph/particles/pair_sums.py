@@ -64,8 +64,9 @@ class PairSums:
         self._axes, self._of_moments = scene.axes, known.of_moments
         tasks.arena.group(walls=WallMotion)
         tasks.arena.set(
-            scales=known.scales, liquids=scene.liquids.table, powers_of_pressure=coefficients(scene.eos.gamma), pair_numbers=known.numbers,
-            factors=known.factors, face_normals=np.ascontiguousarray(scene.normals[:, scene.axes].T),
+            scales=known.scales, liquids=scene.liquids.table, powers_of_pressure=coefficients(scene.eos.gamma),
+            pair_numbers=known.numbers, factors=known.factors,
+            face_normals=np.ascontiguousarray(scene.normals[:, scene.axes].T),
         )  # fmt: skip
 
     def forces_on(self, rows: NDArray[np.int64]) -> NDArray[np.float64]:

@@ -98,6 +98,12 @@ class Storage:
             return self.numbers(self.own_slots) >> (WALL_BITS if name == "wall" else 0)
         return self.arena[name][..., self.own_slots]
 
+    def liquid(self, ids: NDArray[np.int64]) -> NDArray[np.int64]:
+        """Number of the liquid of particles of the fluid, by their numbers."""
+        scene = self.scene
+        numbers = [scene.liquids.number(fluid.section) for fluid in scene.fluids] + [0] * len(scene.inlets)
+        return np.array(numbers, np.int64)[scene.kinds(ids)]
+
     def relative_density(self, slots: Slots) -> NDArray[np.float64]:
         """rho0 of the liquids of particles over that of the reference liquid [n], 1 for walls."""
         if not self.scene.liquids.densities:
@@ -168,7 +174,7 @@ class Storage:
         ids, axes = np.arange(low, high), list(scene.axes)
         fluid = scene.fluid(ids)
         x, v = (fluid["x"] - scene.low)[:, axes].T, fluid["v"][:, axes].T
-        self.append(x, v, fluid["drho"], fluid["m"], ids, FLUID | REAL | FLOWS | scene.liquid(ids) << LIQUID)
+        self.append(x, v, fluid["drho"], fluid["m"], ids, FLUID | REAL | FLOWS | self.liquid(ids) << LIQUID)
 
     def remove(self, slots: Slots) -> None:
         """Take out own particles."""

@@ -1,9 +1,9 @@
 """Several liquids in one scene: how each differs from the reference liquid, in which pair sums compute.
 
 The reference liquid has the largest rho0 and the largest mu of the scene. All liquids have its rho0 c0^2, so that the
-pressure (MP 14) is the same function of e = rho / rho0 - 1 for all: where pressure goes on through an interface, e does.
-The state holds e times the rho0 of the reference; sums take volumes at rest, m / rho0, times it for masses. What is left
-of a liquid is its inertia and viscosity.
+pressure (MP 14) is the same function of e = rho / rho0 - 1 for all, and e goes on through an interface as pressure
+does. The state holds e times the rho0 of the reference; sums take volumes at rest, m / rho0, times it for masses. What
+is left of a liquid is its inertia and viscosity.
 """
 
 import math
@@ -75,5 +75,5 @@ def kind_of(fluid: Fluid) -> tuple[float, float]:
 def liquids_of(config: SphConfig) -> Liquids:
     """The liquids of a case, in an order that does not depend on that of its fluids."""
     kinds = tuple(sorted({kind_of(fluid) for fluid in config.fluid}))
-    largest = (max(column) for column in zip(*kinds)) if kinds else (1000.0, 0.0)
-    return Liquids(*largest, kinds)
+    density, viscosity = (max(column) for column in zip(*kinds)) if kinds else (1000.0, 0.0)
+    return Liquids(density, viscosity, kinds)

@@ -12,6 +12,7 @@ import inspect
 from collections.abc import Callable
 
 from hpcpic.core.simd.formulas import fma, maximum, minimum, select, sqrt
+from sph.physics.vectors import add_scaled, difference, dot, products, scaled, squares, sum_of, turned
 
 PER_CORE = 1 / 0.7  # spacings: of half that off the surface, even between two particles of a wall
 
@@ -24,70 +25,6 @@ def needs(formula: Callable | None) -> list[str]:
 def columns_read(*formulas: Callable | None) -> frozenset[str]:
     """The columns of both bodies that formulas read."""
     return frozenset(name[:-2] for formula in formulas for name in needs(formula) if name.endswith("_i"))
-
-
-# ---- vectors of two or three components
-
-
-def dot(a, b):
-    """a . b."""
-    if len(a) == 2:
-        return fma(a[0], b[0], a[1] * b[1])
-    return fma(a[0], b[0], fma(a[1], b[1], a[2] * b[2]))
-
-
-def scaled(k, a):
-    """k a."""
-    if len(a) == 2:
-        return k * a[0], k * a[1]
-    return k * a[0], k * a[1], k * a[2]
-
-
-def add_scaled(k, a, b):
-    """k a + b."""
-    if len(a) == 2:
-        return fma(k, a[0], b[0]), fma(k, a[1], b[1])
-    return fma(k, a[0], b[0]), fma(k, a[1], b[1]), fma(k, a[2], b[2])
-
-
-def difference(a, b):
-    """a - b."""
-    if len(a) == 2:
-        return a[0] - b[0], a[1] - b[1]
-    return a[0] - b[0], a[1] - b[1], a[2] - b[2]
-
-
-def sum_of(a, b):
-    """a + b of two vectors or two symmetric matrices."""
-    if len(a) == 2:
-        return a[0] + b[0], a[1] + b[1]
-    if len(a) == 3:
-        return a[0] + b[0], a[1] + b[1], a[2] + b[2]
-    return a[0] + b[0], a[1] + b[1], a[2] + b[2], a[3] + b[3], a[4] + b[4], a[5] + b[5]
-
-
-def turned(m, a):
-    """The symmetric matrix m times a."""
-    if len(a) == 2:
-        return dot((m[0], m[1]), a), dot((m[1], m[2]), a)
-    return dot((m[0], m[1], m[2]), a), dot((m[1], m[3], m[4]), a), dot((m[2], m[4], m[5]), a)
-
-
-def squares(a):
-    """The symmetric matrix a a^T."""
-    if len(a) == 2:
-        return a[0] * a[0], a[0] * a[1], a[1] * a[1]
-    return a[0] * a[0], a[0] * a[1], a[0] * a[2], a[1] * a[1], a[1] * a[2], a[2] * a[2]
-
-
-def products(a, b):
-    """The matrix a b^T, row by row."""
-    if len(a) == 2:
-        return a[0] * b[0], a[0] * b[1], a[1] * b[0], a[1] * b[1]
-    return (
-        a[0] * b[0], a[0] * b[1], a[0] * b[2], a[1] * b[0], a[1] * b[1], a[1] * b[2], a[2] * b[0], a[2] * b[1],
-        a[2] * b[2],
-    )  # fmt: skip
 
 
 # ---- what several terms need
@@ -369,7 +306,7 @@ def rusanov_flux(d_rho, flux_strength, r, c_i, c_j):
 
 
 def flux_within(flux, swift_i, swift_j):
-    """Of several liquids: a flux goes by the sound speed of the liquid, and not from one liquid into another."""
+    """The flux in one of several liquids, by its own sound speed; 0 from one liquid into another."""
     return select(swift_i == swift_j, flux * swift_i, 0.0)
 
 

@@ -11,7 +11,7 @@ from hpcpic.core.errors import ConfigError
 from hpcpic.core.files.start import start_faults
 from sph.case import geometry
 from sph.case.columns import columns_of, scalar_units
-from sph.case.config import AXES, FRONT, WALL_PRESSURE, Body, Fluid, Gauge, Shape, SphConfig, Wall, name_of
+from sph.case.config import AXES, ELEVATION, FRONT, WALL_PRESSURE, Body, Fluid, Gauge, Shape, SphConfig, Wall, name_of
 from sph.physics import stability
 from sph.physics.liquids import liquids_of
 from sph.physics.smoothing import SMOOTHING
@@ -117,6 +117,8 @@ def gauge_faults(gauge: Gauge, d: int) -> Iterator[Fault]:
         yield (), f"axis is missing, which a gauge of {gauge.what} needs"
     if gauge.size and not kind.area:
         yield ("size",), f"a gauge of {gauge.what} has no size; one of wall-pressure is the mean over an area of wall"
+    if gauge.fluid and gauge.kind is not ELEVATION:
+        yield ("fluid",), f"a gauge of {gauge.what} has no fluid, only one of elevation"
     for name in ("radius", "wall"):
         if getattr(gauge, name) and kind is not WALL_PRESSURE:
             yield (name,), f"a gauge of {gauge.what} has no {name}, only one of wall-pressure"
@@ -145,6 +147,9 @@ def names(config: SphConfig) -> Iterator[Fault]:
     for i, gauge in enumerate(config.gauge):
         own = columns_of(gauge, name_of("gauge", i, gauge), config.dimensions)
         walls = [name_of("wall", k, wall) for k, wall in enumerate(config.wall)]
+        fluids = [name_of("fluid", k, fluid) for k, fluid in enumerate(config.fluid)]
+        if gauge.fluid and gauge.fluid not in fluids:
+            yield ("gauge", i, "fluid"), unknown(gauge.fluid, fluids)
         if gauge.wall and gauge.wall not in walls:
             yield ("gauge", i, "wall"), unknown(gauge.wall, walls)
         elif gauge.wall and config.wall[walls.index(gauge.wall)].body:

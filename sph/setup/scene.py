@@ -239,8 +239,8 @@ class Scene:
     """A case made concrete. Vectors are in physical order, arrays [n, d].
 
     spacing dp, h, support in m; rho0 kg/m3, c0 m/s, viscosity Pa s of the reference liquid; low[d], high[d] of the
-    domain, periodic[d]; gravity[d], body_force[d] and their sum `acceleration`; normals[n, d] of repulsive faces, behind
-    a zero one; axes: storage axis k is physical axis axes[k].
+    domain, periodic[d]; gravity[d], body_force[d] and their sum `acceleration`; normals[n, d] of repulsive faces,
+    behind a zero one; axes: storage axis k is physical axis axes[k].
     """
 
     def __init__(self, config: case.SphConfig) -> None:
@@ -280,11 +280,6 @@ class Scene:
         firsts = [fluid.first for fluid in self.fluids]
         started = np.searchsorted(firsts, ids, side="right") - 1
         return np.where(ids < self.n_fluid, started, len(firsts) + (ids - self.n_fluid) % max(1, len(self.inlets)))
-
-    def liquid(self, ids: NDArray[np.int64]) -> NDArray[np.int64]:
-        """Number of the liquid of particles of the fluid."""
-        numbers = [self.liquids.number(fluid.section) for fluid in self.fluids] + [0] * len(self.inlets)
-        return np.array(numbers, np.int64)[self.kinds(ids)]
 
     def most_particles(self, t: float) -> float:
         """More than there are of the fluid at the time t in s."""

@@ -124,4 +124,4 @@ def reference(sph):
     axes = list(scene.axes)
     period = np.where(scene.periodic, scene.high - scene.low, 0.0)[axes]
     of = np.sort(sph.storage.own_values("id"))
-    return Reference(scene.config, *columns, scene.acceleration[axes], period, of=scene.liquid(of))
+    return Reference(scene.config, *columns, scene.acceleration[axes], period, of=sph.storage.liquid(of))
