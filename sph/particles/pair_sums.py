@@ -89,7 +89,7 @@ class PairSums:
         """Densities of walls that follow from the fluid."""
         if not self.spec.extrapolated:
             return
-        if self.spec.single:
+        if self.spec.single or self.spec.densities:
             self.pack()  # of places and fluid
         self._sweep("walls")
         self._unpack("walls", "walls")

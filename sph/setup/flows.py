@@ -54,17 +54,17 @@ def hydrostatic(scene: Liquid, fluid: Fluid, x: NDArray) -> NDArray[np.float64]:
 
 
 def load(scene: Liquid, fluid: Fluid) -> float:
-    """The head in the reference liquid, m2/s2, of the fluids at rest that lie on a fluid, and on each other; none where
-    the case gives the height of its surface.
+    """The head in the reference liquid, m2/s2, of the fluids at rest that lie on a fluid, and on each other, up to the
+    first whose height of the surface the case gives; none where it gives its own.
     """
     if fluid.surface is not None or not scene.gravity.any():
         return 0.0
     g, found, z = math.hypot(*scene.gravity), 0.0, heights(scene, fluid)[1]
     others = [other for other in scene.config.fluid if at_rest(other) and beside(scene, fluid, other)]
     while over := [one for one in others if heights(scene, one)[0] <= z + scene.spacing / 2 < heights(scene, one)[1]]:
-        top = heights(scene, over[0])[1]
+        top = heights(scene, over[0])[1] if over[0].surface is None else max(over[0].surface, z)
         found += g * (top - z) / scene.liquids.lightness(over[0])
-        z = top
+        z = top if over[0].surface is None else math.inf
     return found
 
 

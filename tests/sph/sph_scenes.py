@@ -63,7 +63,7 @@ def layers(densities=(1000.0, 400.0), viscosities=(0.0, 0.0), swapped=False, **s
     box, tail = rest.split(");", 1)
     low, high = (re.findall(side + r" = \[(.*?)\]", box)[-1].split(", ") for side in ("low", "high"))
     middle = repr((float(low[-1]) + float(high[-1])) / 2)
-    names, found = ["oil", "water"][:: -1 if swapped else 1], []
+    names, found = ["water", "oil"][:: -1 if swapped else 1], []
     for k, (name, density, viscosity) in enumerate(zip(names, densities, viscosities)):
         side, end = ("high", high) if k == 0 else ("low", low)
         one = re.sub(rf"{side} = \[.*?\]", f"{side} = [{', '.join([*end[:-1], middle])}]", box)

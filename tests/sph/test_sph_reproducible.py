@@ -2,7 +2,7 @@
 
 import pytest
 from app_runner import check_other_arrays_are_refused, check_same, running
-from sph_scenes import tank, text, torn
+from sph_scenes import layers, tank, text, torn
 
 from hpcpic.core.comm.world import World
 
@@ -42,6 +42,8 @@ JOBS = {
                        integrator="predictor-corrector", more=BODIES),
         "open": text(d=2, size=(1.0, 0.6), spacing=0.04, fill=(1.0, 0.4), flux="delta", balance=3, velocity=(6.0, 0.0),
                      shifting="true", integrator="rk3-tvd", more=OPEN),
+        "liquids": layers(viscosities=(2.0, 0.5), size=(1.0, 0.6), spacing=0.04, fill=(1.0, 0.4), periodic=("x",),
+                          form="morris", flux="delta", balance=3, velocity=(2.0, 0.0), more=EXTRAPOLATED),
         "torn": torn(),
     }.items()
 }  # fmt: skip
