@@ -25,6 +25,7 @@ APART = 1.1  # at least, of sizes that tell more than one
 DEAREST = 2.0  # times the cost of the case's pilot: a neighbour that is not run
 TRIES = 4
 FINER = 3.0  # pilots of the case's cost: about what a finer level of one knob costs
+UNSURE = 0.25  # times the tolerance: where the reference is known better, a miss is one of the laws
 UNKNOWN = 3.0  # times the tolerance: where the reference is not known better, nothing is said of any setting
 FAR = 5.0  # times what a recommendation may cost
 MOST_STEPS = 24  # of a tenth, back from what `check` warns of
@@ -194,7 +195,7 @@ class Recommendation:
             if run is not None and self.completed(search.assumed):  # they do not foretell it
                 uncertainty, proposal = search.uncertainty, self.first(self.certain(tolerance))
                 continue
-            if run is not None and self.price(proposal) > FINER:
+            if run is not None and self.price(proposal) > FINER and uncertainty > UNSURE * tolerance:
                 break  # a finer pilot tells more of the reference, and costs less than another such run
             misses += 1
             proposal = self.after_miss(misses, proposal, tolerance, run.error if run else tolerance)
@@ -270,13 +271,16 @@ class Recommendation:
         return self.itself() if good and self.price(proposal) >= 1.0 else proposal
 
     def after_miss(self, misses: int, proposal: Proposal, tolerance: float, error: float) -> Proposal:
-        """What knobs do together is not in the laws: ask them for less, go half-way back to the case, take the case."""
-        if misses == 1:
+        """What knobs do together is not in the laws: ask them for less, also again where that is finer than the case;
+        go half-way back to the case, take the case.
+        """
+        finer = self.price(proposal) > 1.0
+        if misses == 1 or finer:
             try:
                 asked = self.propose(0.8 * tolerance**2 / (error + self.search.uncertainty))
             except CheckFailed:
                 asked = proposal
-            if asked.cost < 1.0:
+            if asked.cost < 1.0 or finer:
                 return asked
         return self.nearer(proposal, 0.5) if misses < TRIES - 1 else self.itself()
 
@@ -350,12 +354,13 @@ class Recommendation:
         doubts = {law.name: law.doubt for law in search.laws.values()}
         halved = dict.fromkeys(doubts, 0)
         cost = {knob.name: knob.cost for knob in search.knobs}
+        finest = {law.name: min(float(law.sizes[0]) / law.here, 1.0) for law in search.laws.values()}
         extra = 0.0
         while sum(doubts.values()) > 0.5 * tolerance and sum(halved.values()) < HALVINGS:
             name = max(doubts, key=doubts.__getitem__)
             doubts[name] *= 0.5 ** search.laws[name].used
             halved[name] += 1
-            extra += 2.0 ** (cost[name] * halved[name])
+            extra += (2.0 ** halved[name] / finest[name]) ** cost[name]
         if sum(doubts.values()) > 0.5 * tolerance or not extra:
             return []
         drawn = any(halved[law.name] and law.random for law in search.laws.values())
