@@ -40,6 +40,8 @@ SYNONYMS = {  # what others call a key -> what it may be called here
     "g": ("gravity",),
     "tau": ("relaxation_time",),
     "seed": ("random_seed",),
+    **dict.fromkeys(("type", "kind", "quantity"), ("what",)),
+    **dict.fromkeys(("position", "location", "where"), ("at",)),
 }
 
 
@@ -252,24 +254,24 @@ def abridged(value: Any) -> str:
 
 
 def nearest_key(model: type[Section], path: Path) -> str:
-    """The known key meant by the last one of `path`: what the field calls so, else the most like it in its own group,
-    else one of that name anywhere.
+    """The known key meant by the last one of `path`: what the field calls so, in its own group or, if no key has that
+    name, elsewhere; else the most like it in its own group, else one of that name anywhere.
     """
     *groups, name = path
     own = model
     for part in groups:
         own = (section_of(own.model_fields[part]) or own) if isinstance(part, str) else own
     place = re.sub(r"\[\d+\]", "[]", dotted(tuple(groups)))
+    elsewhere = [key for key in keys_of(model) if key.rpartition(".")[2] == name]
     for word in SYNONYMS.get(str(name).lower(), ()):
         found = [key for key in keys_of(model) if key.rpartition(".")[2] == word]
         beside = f"{place}.{word}" in found
-        if found and (beside or len(str(name)) > 1):
+        if found and (beside or (len(str(name)) > 1 and not elsewhere)):
             meant = dotted((*groups, word)) if beside else found[0]
             return f"; did you mean {meant!r}?"
     near = difflib.get_close_matches(str(name), own.model_fields, 1, 0.6)
     if near:
         return f"; did you mean {near[0]!r}?"
-    elsewhere = [key for key in keys_of(model) if key.rpartition(".")[2] == name]
     outside = " outside of all groups" if elsewhere and "." not in elsewhere[0] else ""
     return f"; did you mean {elsewhere[0]!r}{outside}?" if elsewhere else ""
 

@@ -81,9 +81,12 @@ def test_common_words_lead_to_the_key(program, key, meant):
     assert re.sub(r"\[\d\]", "[]", meant) in rows
 
 
-def test_no_synonym_stands_for_a_key_that_there_is():
-    names = {row.key.rpartition(".")[2] for p in MODULES for row in describe(app(p).schema())}
-    assert not names & set(schema.SYNONYMS)
+def test_a_synonym_that_is_a_key_elsewhere_is_meant_within_its_group_only():
+    asked = 'gauge=({what = "pressure"; at = [0.1, 0.1]; type = 1; position = 1;})'
+    told = "\n".join(faults_of("sph", asked, "fluid[0].type=1"))
+    assert "gauge[0].type: unknown key; did you mean 'gauge[0].what'?" in told
+    assert "gauge[0].position: unknown key; did you mean 'gauge[0].at'?" in told
+    assert "fluid[0].type: unknown key; did you mean 'fluid[].flow.type'?" in told
 
 
 def test_many_unknown_keys_are_compared_a_bounded_number_of_times(monkeypatch):
