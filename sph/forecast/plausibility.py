@@ -100,7 +100,9 @@ def depths(config: SphConfig, scene: Scene) -> Iterator[Derived]:
             heights = [-sum(a * b for a, b in zip(x, config.gravity)) / g for x in geometry.corners(fluid.shape)]
             surface = max(heights) if fluid.surface is None else fluid.surface
             depth = max(0.0, surface - min(heights)) / scene.liquids.lightness(fluid)
-            depth += load(scene, fluid) / g if scene.liquids.several else 0.0  # of the reference liquid
+            places = np.array([*geometry.corners(fluid.shape), middle := geometry.middle(fluid.shape)])
+            inside = places + 0.01 * (np.array(middle) - places)  # beyond the edge another fluid may stand higher
+            depth += float(load(scene, fluid, inside).max()) / g  # of the reference liquid
             with np.errstate(over="ignore"):
                 dense = float(scene.eos.excess_at_rest(np.array([depth]), g)[0]) / scene.rho0
             verdict = "ok" if dense <= DENSE else "warn" if dense <= DENSER else "fail"

@@ -47,24 +47,25 @@ def depth(scene: Liquid, fluid: Fluid, x: NDArray) -> NDArray[np.float64]:
 def hydrostatic(scene: Liquid, fluid: Fluid, x: NDArray) -> NDArray[np.float64]:
     """rho - rho0 of the reference liquid, kg/m3, at the pressure of rest[n]."""
     g = math.hypot(*scene.gravity)
-    if not scene.liquids.several:
-        return scene.eos.excess_at_rest(depth(scene, fluid, x), g)
     own = g * np.maximum(depth(scene, fluid, x), 0.0) / scene.liquids.lightness(fluid)
-    return scene.eos.excess_at_head(load(scene, fluid) + own)
+    return scene.eos.excess_at_head(load(scene, fluid, x) + own)
 
 
-def load(scene: Liquid, fluid: Fluid) -> float:
-    """The head in the reference liquid, m2/s2, of the fluids at rest that lie on a fluid, and on each other, up to the
-    first whose height of the surface the case gives; none where it gives its own.
+def load(scene: Liquid, fluid: Fluid, x: NDArray) -> NDArray[np.float64]:
+    """The head[n] in the reference liquid, m2/s2, of the fluids at rest that lie over points of a fluid, and on each
+    other, up to the first whose height of the surface the case gives; none where it gives its own.
     """
+    found = np.zeros(len(x))
     if fluid.surface is not None or not scene.gravity.any():
-        return 0.0
-    g, found, z = math.hypot(*scene.gravity), 0.0, heights(scene, fluid)[1]
-    others = [other for other in scene.config.fluid if at_rest(other) and beside(scene, fluid, other)]
-    while over := [one for one in others if heights(scene, one)[0] <= z + scene.spacing / 2 < heights(scene, one)[1]]:
-        top = heights(scene, over[0])[1] if over[0].surface is None else max(over[0].surface, z)
-        found += g * (top - z) / scene.liquids.lightness(over[0])
-        z = top if over[0].surface is None else math.inf
+        return found
+    g, z = math.hypot(*scene.gravity), np.full(len(x), heights(scene, fluid)[1])
+    others = [other for other in scene.config.fluid if other is not fluid and at_rest(other)]
+    for other in sorted(others, key=lambda one: heights(scene, one)[0]):
+        bottom, top = heights(scene, other)
+        top = top if other.surface is None else other.surface
+        over = (bottom <= z + scene.spacing / 2) & (z < top) & below(scene, other, x)
+        found[over] += g * (top - z[over]) / scene.liquids.lightness(other)
+        z[over] = top if other.surface is None else math.inf
     return found
 
 
@@ -74,11 +75,10 @@ def heights(scene: Liquid, fluid: Fluid) -> tuple[float, float]:
     return min(found), max(found)
 
 
-def beside(scene: Liquid, fluid: Fluid, other: Fluid) -> bool:
-    """Whether two fluids have places at the same point across gravity, if it goes along an axis."""
-    (low, high), (a, b) = geometry.bounds(fluid.shape), geometry.bounds(other.shape)
-    level = np.flatnonzero(scene.gravity == 0.0)
-    return fluid is not other and all(low[k] < b[k] and a[k] < high[k] for k in level)
+def below(scene: Liquid, fluid: Fluid, x: NDArray) -> NDArray[np.bool_]:
+    """Which points[n] have a fluid's box over or under them, if gravity goes along an axis."""
+    low, high = geometry.bounds(fluid.shape)
+    return np.all([(low[k] <= x[:, k]) & (x[:, k] <= high[k]) for k in np.flatnonzero(scene.gravity == 0.0)], axis=0)
 
 
 class Linear:

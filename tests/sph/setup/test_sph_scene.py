@@ -175,6 +175,19 @@ def test_hydrostatic_density_balances_gravity(gamma):
     assert np.allclose(scene.eos.excess(p), drho, rtol=1e-11)
 
 
+def test_water_in_two_boxes_on_each_other_rests_as_in_one():
+    box = "{{ shape = {{ box = {{ low = [0.0, {}]; high = [1.0, {}]; }}; }}; }}"
+    rest = (
+        "simulation = {{ dimensions = 2; end_time = 1.0; }}; gravity = [0.0, -9.81]; numerics = {{ spacing = 0.05; }};"
+        "eos = {{ sound_speed = 30.0; }}; fluid = ( {} );"
+    )
+    x = np.array([[0.5, 0.025], [0.5, 0.275]])
+    one = scene_of(rest.format(box.format(0.0, 0.5)))
+    two = scene_of(rest.format(f"{box.format(0.0, 0.3)}, {box.format(0.3, 0.5)}"))
+    told = flows.hydrostatic(two, two.config.fluid[0], x)
+    assert told == pytest.approx(flows.hydrostatic(one, one.config.fluid[0], x), rel=1e-12)
+
+
 def test_particles_of_walls_start_with_the_pressure_of_the_fluid_beside_them():
     scene = scene_of()
     x = np.array([[0.2, 0.25, -0.025], [0.9, 0.25, -0.025], [0.9, 0.25, 0.55]])
