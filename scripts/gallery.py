@@ -95,6 +95,8 @@ PROGRAMS = (
             "dam-break-pressure": "gauges",
             "standing-wave": "gauges",
             "taylor-green": "energies",
+            "two-layer-poiseuille": "profiles",
+            "interfacial-wave": "gauges",
             "column-impact-a": "forces",
             "column-impact-b": "forces",
             "column-impact-c": "forces",

@@ -15,7 +15,7 @@ from sph.physics.reference import velocity_gradient
 from sph.physics.smoothing import SMOOTHING
 from sph.physics.stability import support_of
 from sph.setup.channel import Channel, channel_of
-from sph.setup.flows import Linear, at_rest, flow_of
+from sph.setup.flows import Linear, at_rest, flow_of, heights, hydrostatic, up
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -321,6 +321,12 @@ def depth(run: Run, step: int | None = None) -> Figure:
     bottom = float(height.min())
     line = np.linspace(bottom, top, 50)
     exact = scene.eos.pressure(scene.eos.excess_at_rest(top - line, g))
+    if scene.liquids.several:
+        below = sorted((heights(scene, fluid.section), fluid.section.name, fluid.section) for fluid in still)
+        parts = [(np.linspace(*ends, 20), section) for ends, _, section in below]
+        line = np.concatenate([places for places, _ in parts])
+        found = [hydrostatic(scene, section, places[:, None] * up(scene)) for places, section in parts]
+        exact = scene.eos.pressure(np.concatenate(found))
     with style():
         figure, axes = new_figure(size=(6.4, 4.0))
         axes.scatter(particles["pressure"], height, s=4, color=COLOURS[0], linewidths=0, rasterized=True)

@@ -26,7 +26,7 @@ from sph.analysis.particle_plots import THEORY, depth, profiles, sequence, snaps
 from sph.analysis.run_config import config_of, scene_of
 from sph.case import columns, geometry
 from sph.case.config import ELEVATION, FRONT, PRESSURE, WALL_PRESSURE, Gauge, SphConfig
-from sph.setup.flows import StandingWave, Vortices, flow_of
+from sph.setup.flows import StandingWave, Vortices, flow_of, interface, interfacial
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -239,8 +239,14 @@ def _expectation(run: Run, config: SphConfig, gauge: Gauge, t: np.ndarray) -> tu
     flow, water = config.fluid[0].flow, high[vertical] - low[vertical]
     if flow and flow_of(config.fluid[0], StandingWave) and gauge.kind is ELEVATION:
         k = 2 * math.pi / flow.wavelength
-        phase = np.sin(theory.wave_frequency(k, water, g) * t) * math.cos(k * (gauge.at[0] - low[0]))
-        return "linear theory", t, high[vertical] + flow.amplitude * phase, THEORY
+        square, level = theory.wave_frequency(k, water, g) ** 2, high[vertical]
+        if other := interface(config, config.fluid[0], vertical):
+            square, level = interfacial(config.fluid[0], other, vertical, k, g)
+        swing = np.sin(math.sqrt(square) * t) if square > 0 else np.sinh(math.sqrt(-square) * t)
+        phase = swing * math.cos(k * (gauge.at[0] - low[0]))
+        return "linear theory", t, level + flow.amplitude * phase, THEORY
+    if scene.liquids.several:
+        return None
     fills = all(a <= b for a, b in zip(scene.high - scene.low, [1.001 * (q - p) for p, q in zip(low, high)][:-1]))
     moving = any(wall.motion for wall in config.wall)
     if fills and not moving and not flow and gauge.kind in (*PRESSURES, ELEVATION):

@@ -155,14 +155,11 @@ class StandingWave:
         low, high = geometry.bounds(fluid.shape)
         water, g = high[vertical] - low[vertical], math.hypot(*scene.gravity)
         other = interface(scene.config, fluid, vertical)
-        if other is None:
-            w, sign, far = math.sqrt(g * k * math.tanh(k * water)), 1.0, low[vertical]
-        else:
-            a_low, a_high = geometry.bounds(other.shape)
-            sides = (fluid.density, water), (other.density, a_high[vertical] - a_low[vertical])
-            under = low[vertical] < a_low[vertical]
-            w = math.sqrt(abs(wave_square(k, g, *(sides if under else sides[::-1]))))
-            sign, far = (1.0, low[vertical]) if under else (-1.0, high[vertical])
+        w, sign, far = math.sqrt(g * k * math.tanh(k * water)), 1.0, low[vertical]
+        if other:
+            square, at = interfacial(fluid, other, vertical, k, g)
+            w = math.sqrt(abs(square))
+            sign, far = (1.0, low[vertical]) if math.isclose(at, high[vertical]) else (-1.0, high[vertical])
         along, above = k * (x[:, 0] - low[0]), k * sign * (x[:, vertical] - far)
         v[:, 0] = -a * w * sign * cosh(above) / math.sinh(k * water) * sin(along)
         v[:, vertical] = a * w * sinh(above) / math.sinh(k * water) * cos(along)
@@ -181,6 +178,13 @@ def interface(config: SphConfig, fluid: Fluid, vertical: int) -> Fluid | None:
         if other.flow == fluid.flow and other is not fluid and (math.isclose(a, high) or math.isclose(b, low)):
             return other
     return None
+
+
+def interfacial(fluid: Fluid, other: Fluid, vertical: int, k: float, g: float) -> tuple[float, float]:
+    """omega^2 in 1/s2 of a wave of number k on the interface of two fluids, and its height in m."""
+    below, above = sorted((fluid, other), key=lambda one: geometry.bounds(one.shape)[0][vertical])
+    (bottom, at), (_, top) = ([corner[vertical] for corner in geometry.bounds(one.shape)] for one in (below, above))
+    return wave_square(k, g, (below.density, at - bottom), (above.density, top - at)), at
 
 
 FLOWS: dict[str, Any] = {"linear": Linear, "taylor-green": Vortices, "standing-wave": StandingWave}

@@ -25,6 +25,7 @@ COARSE = {  # settings that leave the kind of scene as it is and make it small
     "oscillating-piston": ("numerics.spacing=0.04",),
     "still-tank": ("numerics.spacing=0.1",),
     "standing-wave": ("numerics.spacing=0.1",),
+    "interfacial-wave": ("numerics.spacing=0.1",),
     "dam-break-pressure": ("numerics.spacing=0.05",),
 }
 TAKEN_AS_ANOTHER = ("column-impact-c", "column-impact-f", "column-impact-i", "column-impact-j", "column-impact-k")
