@@ -11,6 +11,7 @@ from hpcpic.core.comm.world import World
 from hpcpic.core.errors import ConfigError, Diverged
 from hpcpic.core.files.arrays import Column, Shard
 from hpcpic.core.files.sealed import Reader
+from hpcpic.core.simd.team import team
 from hpcpic.core.space import exact
 from hpcpic.core.space.domain import Domain, block_ranges
 from hpcpic.core.tasks.arena import Arena
@@ -221,6 +222,7 @@ class Dem:
             if len(motions) == 1:
                 walls[:] = motions[0]
         bounds: list[Bound] = [self._start, *self._touch, *self._finish]
+        team.want(bound.job for bound in bounds)
         tasks = np.array([(bound.address, bound.context.ctypes.data) for bound in bounds])
         done, begun, steps = 0, False, last - first
         while done < steps:

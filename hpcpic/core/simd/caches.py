@@ -6,6 +6,8 @@ the keys of users; files are opened relative to the last one. Nothing can be exc
 """
 
 import errno
+import fcntl
+import functools
 import hashlib
 import logging
 import os
@@ -156,6 +158,13 @@ class Folder:
                     os.unlink(draft, dir_fd=self._descriptor)
                 raise
 
+    def has(self, name: str) -> bool:
+        try:
+            os.stat(name, dir_fd=self._descriptor, follow_symlinks=False)
+        except OSError:
+            return False
+        return True
+
     def remove(self, name: str) -> None:
         with _naming(self.path / name):
             os.unlink(name, dir_fd=self._descriptor)
@@ -179,6 +188,7 @@ class Store:
     def __init__(self, what: str, *names: str) -> None:
         self.what = what
         self.folder: Folder | None = None
+        self._keeps = True  # until the disk is full
         try:
             self.folder = private_folder(*names)
         except OSError as error:
@@ -200,13 +210,41 @@ class Store:
             return None
         return content[_DIGEST:]
 
+    def has(self, name: str) -> bool:
+        """Whether there is a file of this name, sound or not."""
+        return self.folder is not None and self.folder.has(name)
+
     def write(self, name: str, content: bytes) -> None:
         if self.folder is None:
             return
         try:
             self.folder.write(name, hashlib.sha256(content).digest() + content)
         except OSError as error:
+            self._keeps = False
             self._not_kept(error)
+
+    def claim(self, name: str) -> bool:
+        """Whether this process may make the file now: no other one is at it. True where processes cannot tell.
+
+        A claim ends with `release` or with the process, however that ends.
+        """
+        return self._lock(name, fcntl.LOCK_EX | fcntl.LOCK_NB)
+
+    def release(self, name: str) -> None:
+        self._lock(name, fcntl.LOCK_UN)
+
+    def _lock(self, name: str, what: int) -> bool:
+        locks = _locks(self.folder.path.parent) if self.folder and self._keeps else None
+        if self.folder is None or locks is None:
+            return True
+        place = int.from_bytes(hashlib.sha256(f"{self.folder.path} {name}".encode()).digest()[:6], "little")
+        try:
+            fcntl.lockf(locks, what, 1, place)  # a byte of the file for each name
+        except (BlockingIOError, PermissionError):
+            return False
+        except OSError:  # a file system without locks
+            pass
+        return True
 
     def damaged(self, how: str) -> None:
         """A file here is of no use; whoever asked makes it anew."""
@@ -217,6 +255,15 @@ class Store:
         where = f"{error.filename}: {error.strerror}"
         text = f"{self.what} not kept, and made anew in every run: {where} (HPCPIC_CACHE_DIR names another folder)"
         _warn_once(self.what, str(error.strerror), text)
+
+
+@functools.cache
+def _locks(folder: Path) -> int | None:
+    """A file whose bytes processes lock, open for good: whoever closes it loses all that it has locked."""
+    try:
+        return os.open(folder / "claims", os.O_RDWR | os.O_CREAT | os.O_NOFOLLOW | os.O_CLOEXEC, 0o600)
+    except OSError:
+        return None
 
 
 _warned: set[tuple[str, str]] = set()  # of which files, and why

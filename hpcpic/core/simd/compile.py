@@ -12,7 +12,9 @@ import linecache
 import os
 import pickle
 import sys
-from collections.abc import Callable, Mapping, Sequence
+import time
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from importlib.metadata import version
 from inspect import isfunction
 from pathlib import Path
@@ -23,6 +25,7 @@ from numba import types
 from numba.core import event
 from numba.core.caching import FunctionCache
 from numba.core.compiler import CompileResult
+from numba.core.registry import cpu_target
 from numba.core.serialize import dumps
 from numba.extending import register_jitable
 
@@ -32,6 +35,8 @@ _ROOT = Path(__file__).resolve().parents[3]  # of the packages
 _KERNEL_FOLDERS = {"simd", "space", "comm", "tasks", "physics", "kernels"}
 _FLAGS: dict[str, Any] = {"nogil": True, "error_model": "numpy", "no_cfunc_wrapper": True}
 _BARE = "no_cpython_wrapper"  # the option of numba
+PATIENCE_SECONDS = 60.0  # with another process that compiles what is needed here
+NAP_SECONDS = 0.01
 EVERY = "*"  # in place of a program: all there are
 _own: dict[str, bytes] = {}  # program -> hash of a file of the user that its kernels call
 generated: dict[str, str] = {}  # names of generated modules -> the program they belong to
@@ -103,8 +108,18 @@ def kernel_store(program: str = "") -> Store:
     return Store("compiled code", _fingerprint(program))
 
 
+class Elsewhere(Exception):
+    """A function is not kept, and it is not for this process to compile it now."""
+
+
 class KernelCache(FunctionCache):
-    """The cache of one function: numba's interface and key, and a file of our own for each signature."""
+    """The cache of one function: numba's interface and key, and a file of our own for each signature.
+
+    Of several processes one compiles a function, the others wait and load it. Who waits for a function is in the middle
+    of its callers, never of what it calls, so that no two wait for each other.
+    """
+
+    patience = PATIENCE_SECONDS  # of the next look, see `compiled`
 
     def __init__(self, function: Callable, store: Store, text: bytes, options: Mapping[str, Any]) -> None:
         self._py_func = function
@@ -113,6 +128,7 @@ class KernelCache(FunctionCache):
         code = function.__code__
         self._place = repr((function.__module__, function.__qualname__, code.co_filename, code.co_firstlineno)).encode()
         self._text = text
+        self._claims: list[str] = []  # names of what is being compiled here
 
     @property
     def cache_path(self) -> str | None:
@@ -128,8 +144,29 @@ class KernelCache(FunctionCache):
 
     def load_overload(self, sig: Any, target_context: Any) -> CompileResult | None:
         target_context.refresh()
+        patience, self.patience = self.patience, PATIENCE_SECONDS
         key = self._index_key(sig, target_context.codegen())
-        content = self._store.read(self._name(key))
+        name, until = self._name(key), time.monotonic() + patience
+        found = self._load(name, key, target_context)
+        while found is None and patience >= 0:
+            if self._store.claim(name):
+                self._claims.append(name)
+                return self._load(name, key, target_context)  # another process may just have ended
+            if time.monotonic() >= until:
+                break
+            time.sleep(NAP_SECONDS)
+            found = self._load(name, key, target_context)
+        if found is None and patience <= 0:
+            raise Elsewhere
+        return found
+
+    def kept(self, sig: Any) -> bool:
+        """Whether there is a file of this signature, sound or not."""
+        key = self._index_key(sig, cpu_target.target_context.codegen())
+        return self._store.has(self._name(key))
+
+    def _load(self, name: str, key: tuple, target_context: Any) -> CompileResult | None:
+        content = self._store.read(name)
         if content is None:
             return None
         try:
@@ -144,6 +181,16 @@ class KernelCache(FunctionCache):
             return  # holds addresses of this process
         key = self._index_key(sig, data.codegen)
         self._store.write(self._name(key), dumps((key, data._reduce())))
+
+    @contextmanager
+    def releasing(self) -> Iterator[None]:
+        """Gives back what is claimed in the body."""
+        before = len(self._claims)
+        try:
+            yield
+        finally:
+            while len(self._claims) > before:
+                self._store.release(self._claims.pop())
 
 
 def _import_without_blas() -> None:
@@ -164,11 +211,32 @@ def _import_without_blas() -> None:
 _import_without_blas()
 
 
-def njit(*signature_or_function: Any, **flags: Any) -> Callable:
+def njit(function: Callable | None = None, **flags: Any) -> Callable:
     """`numba.njit` without the GIL, cached, IEEE division by zero, no fastmath; flags may be added."""
-    if signature_or_function and isfunction(signature_or_function[0]):
-        return _cached(signature_or_function[0], (), flags)
-    return lambda function: _cached(function, signature_or_function, flags)
+    return _cached(function, flags) if function else lambda function: _cached(function, flags)
+
+
+def compiled(kernel: Any, types: tuple, patience: float = PATIENCE_SECONDS, called: bool = False) -> bool:
+    """Whether a kernel is ready for arguments of these types: it was, is kept, or is compiled here now.
+
+    Where another process compiles it, the patience (s) is to wait for that; with a negative one nothing is compiled.
+    called: from Python, which needs a wrapper.
+    """
+    if types in kernel.overloads:
+        return True
+    kept = isinstance(kernel._cache, KernelCache)
+    if kept:
+        kernel._cache.patience = patience
+    elif patience < 0:
+        return False
+    bare, kernel.targetoptions[_BARE] = kernel.targetoptions[_BARE], not called
+    try:
+        kernel.compile(types)
+    except Elsewhere:
+        return False
+    finally:
+        kernel.targetoptions[_BARE] = bare
+    return True
 
 
 def formulas(*modules: Any) -> None:
@@ -191,24 +259,27 @@ def formula(function: Callable) -> None:
     register_jitable(**_FLAGS, _nrt=False, forceinline=True, no_cpython_wrapper=True)(function)
 
 
-def _cached(function: Callable, signatures: tuple, flags: dict[str, Any]) -> Callable:
+def _cached(function: Callable, flags: dict[str, Any]) -> Callable:
     flags = _FLAGS | flags
     keep = flags.pop("cache", True)
     kernel = numba.njit(**flags)(function)
     if kernel is function:  # NUMBA_DISABLE_JIT
         return kernel
-    kernel.targetoptions[_BARE] = not signatures
+    kernel.targetoptions[_BARE] = True
     kernel.get_call_template = functools.partial(_call_template, kernel)
     kernel._compile_for_args = functools.partial(_compile_for_args, kernel)
     kernel.add_overload = functools.partial(_add_overload, kernel)
     text = _text_of(function.__code__.co_filename)
     if keep and text:
         kernel._cache = KernelCache(function, _store_of(function), text, kernel.targetoptions)
-    for signature in signatures:
-        kernel.compile(signature)
-    if signatures:
-        kernel.disable_compile()
+        kernel.compile = functools.partial(_compile, kernel)
     return kernel
+
+
+def _compile(kernel: Any, signature: Any) -> Any:
+    """numba's, of what no other process compiles at the same time."""
+    with kernel._cache.releasing():
+        return type(kernel).compile(kernel, signature)
 
 
 def _compile_for_args(kernel: Any, *arguments: Any) -> Any:

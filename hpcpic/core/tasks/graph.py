@@ -23,6 +23,7 @@ from numba.np.numpy_support import as_dtype
 from numpy.typing import NDArray
 
 from hpcpic.core.errors import HpcpicError
+from hpcpic.core.simd.team import Job, team
 from hpcpic.core.tasks import scheduler
 from hpcpic.core.tasks.adapter import RAISED, adapter
 
@@ -92,23 +93,32 @@ class Bound:
     def __init__(self, kernel: Any, arguments: Sequence[Any], parts: int | None = None) -> None:
         self.name: str = kernel.py_func.__name__
         self._types = tuple(_type_of(argument) for argument in arguments)
-        kernel.compile(self._types)
-        compiled = kernel.overloads[self._types]
-        result = compiled.signature.return_type
-        if not isinstance(result, types.Integer | types.NoneType):
-            raise TypeError(f"kernel {self.name} returns {result}: an integer code or nothing on every path wanted")
-        call_conv = cpu_target.target_context.call_conv
-        self.address, self._library = adapter(
-            call_conv.get_function_type(result, self._types), getattr(result, "bitwidth", 0)
-        )
+        self.job = Job(kernel, self._types)
+        team.ask(self.job)
+        self._address = 0
         self._kept = [kernel, *arguments]  # the context holds their bare addresses
         words = [_words(argument, numba_type) for argument, numba_type in zip(arguments, self._types)]
-        entry = compiled.library.get_pointer_to_function(compiled.fndesc.llvm_func_name)
         self._starts = np.cumsum([1, *map(len, words)])
         self.graphs: dict[tuple[int, ...], Graph] = {}  # that Pool.each has made, by the ids of their tasks
-        self.contexts = np.tile(np.array([entry, *chain.from_iterable(words)], np.int64), (parts or 1, 1))
+        self.contexts = np.tile(np.array([0, *chain.from_iterable(words)], np.int64), (parts or 1, 1))
         if parts is not None:
             self.contexts[:, 1] = np.arange(parts)
+
+    @property
+    def address(self) -> int:
+        """Of the adapter that calls the kernel, which is compiled now if it is not yet."""
+        if not self._address:
+            team.want([self.job])
+            compiled = self.job.kernel.overloads[self._types]
+            result = compiled.signature.return_type
+            if not isinstance(result, types.Integer | types.NoneType):
+                raise TypeError(f"kernel {self.name} returns {result}: an integer code or nothing on every path wanted")
+            self.contexts[:, 0] = compiled.library.get_pointer_to_function(compiled.fndesc.llvm_func_name)
+            call_conv = cpu_target.target_context.call_conv
+            self._address, self._library = adapter(
+                call_conv.get_function_type(result, self._types), getattr(result, "bitwidth", 0)
+            )
+        return self._address
 
     def update(self, index: int, value: Any) -> None:
         """Replace argument `index` for the launches to come: a number, or an array or a tuple of the same type."""
@@ -137,7 +147,7 @@ def bind(kernel: Any, /, **arguments: Any) -> Bound:
     numbers, bools, tuples of them.
 
     The kernel returns an integer error code (0 is good) or nothing; an exception gives the code RAISED.
-    Compiles the kernel for these types if need be.
+    The kernel is compiled for these types before a task first runs it, if need be.
     """
     names = parameters(kernel.py_func)
     if sorted(names) != sorted(arguments):
@@ -155,7 +165,7 @@ class Graph:
 
     def __init__(self) -> None:
         self.names: list[str] = []
-        self._functions: list[int] = []
+        self._bounds: list[Bound | None] = []  # None of messages
         self._contexts: list[NDArray[np.int64]] = []
         self._urgent: list[bool] = []
         self._kept: list[Any] = []
@@ -164,6 +174,7 @@ class Graph:
         self._writer: dict[Hashable, int] = {}
         self._readers: dict[Hashable, list[int]] = {}
         self._arrays: list[NDArray[np.int64]] = []
+        self._address = 0  # of the words, once all tasks are compiled
 
     def task(
         self,
@@ -181,7 +192,7 @@ class Graph:
         """
         self._kept.append(bound)
         accesses = (ins, outs, inouts)
-        return self._add(bound.address, bound.contexts[part], priority > 0, name or bound.name, accesses)
+        return self._add(bound, bound.contexts[part], priority > 0, name or bound.name, accesses)
 
     def message(
         self,
@@ -194,15 +205,15 @@ class Graph:
     ) -> int:
         """Add a set of messages; its number. Started when ready, done when all of them are; ins are sent."""
         self._kept.append(requests)
-        return self._add(0, requests.record, True, name or "message", (ins, outs, inouts))
+        return self._add(None, requests.record, True, name or "message", (ins, outs, inouts))
 
-    def _add(self, function: int, context: NDArray, urgent: bool, name: str, accesses: tuple) -> int:
+    def _add(self, bound: Bound | None, context: NDArray, urgent: bool, name: str, accesses: tuple) -> int:
         if self._arrays:
             raise ValueError("the graph is frozen")
         ins, outs, inouts = map(set, accesses)
         node = len(self.names)
         self.names.append(name)
-        self._functions.append(function)
+        self._bounds.append(bound)
         self._contexts.append(context)
         self._urgent.append(urgent)
         before = self._before(ins | inouts, outs | inouts, node)
@@ -231,19 +242,22 @@ class Graph:
         successors = [node for nodes in self._successors for node in nodes]
         starts = np.cumsum([0, *map(len, self._successors)])
         contexts = [context.ctypes.data for context in self._contexts]
-        filled = [self._functions, contexts, self._n_before, self._urgent, starts, successors]
+        filled = [np.zeros(n), contexts, self._n_before, self._urgent, starts, successors]
         scratch = [n, 2 * (n + 1), n, scheduler.N_COUNTERS]  # waiting, queue, pending, counters
         self._arrays = [np.array(part, np.int64) for part in filled]
         self._arrays += [_aligned(size) for size in scratch]
         self._words = np.array([n, *(array.ctypes.data for array in self._arrays)], np.int64)
-        self._address: int = self._words.ctypes.data
         return self
 
     @property
     def address(self) -> int:
-        """Address of the frozen graph's words."""
-        if not self._arrays:
-            raise ValueError("freeze the graph before running it")
+        """Address of the frozen graph's words. Its kernels are compiled now, if they are not yet."""
+        if not self._address:
+            if not self._arrays:
+                raise ValueError("freeze the graph before running it")
+            team.want(bound.job for bound in self._bounds if bound)
+            self._arrays[0][:] = [bound.address if bound else 0 for bound in self._bounds]
+            self._address = self._words.ctypes.data
         return self._address
 
     def failure(self) -> TaskError:
@@ -265,7 +279,7 @@ def _aligned(n: int) -> NDArray[np.int64]:
 
 
 class Pool:
-    """Threads that run graphs; the caller is worker 0.
+    """Threads that run graphs, from the first one on; the caller is worker 0.
 
     With `cpus`, one core per worker that nobody else uses: workers are pinned (with more cores than workers they
     are not: the system knows better which are free) and wait busily for a while, which makes launches cheap.
@@ -288,20 +302,37 @@ class Pool:
         self._words = words
         self._address: int = words.ctypes.data
         self._affinity = os.sched_getaffinity(0)
-        pins = list(cpus) if alone and cpus is not None and len(cpus) == threads else [None] * threads
-        others = [
-            threading.Thread(target=_live, args=(words, worker, pins[worker]), daemon=True, name=f"worker {worker}")
-            for worker in range(1, threads)
+        self._pins = list(cpus) if alone and cpus is not None and len(cpus) == threads else [None] * threads
+        self._others = [
+            threading.Thread(target=_live, args=(words, worker, pin), daemon=True, name=f"worker {worker}")
+            for worker, pin in enumerate(self._pins[1:], start=1)
         ]
-        for other in others:
+        self._begun = False
+        self._end = weakref.finalize(self, _dismiss, words, self._others)
+        team.grow(threads)
+        for job in self._jobs():
+            team.ask(job)
+
+    def _jobs(self) -> list[Job]:
+        """The kernels of the threads."""
+        word = types.int64
+        launch = Job(scheduler.launch, (word, word), called=True)
+        return [launch, Job(scheduler.serve, (word, word), called=True)] if self.threads > 1 else [launch]
+
+    def _begin(self) -> None:
+        team.want(self._jobs())
+        for other in self._others:
             other.start()
-        if pins[0] is not None:
-            _pin({pins[0]})
-        self._end = weakref.finalize(self, _dismiss, words, others)
+        if self._pins[0] is not None:
+            _pin({self._pins[0]})
+        self._begun = True
 
     def run(self, graph: Graph) -> None:
         """Run a frozen graph to its end. TaskError when a task failed, Stuck at the spin limit."""
-        outcome = scheduler.launch(self._address, graph.address)
+        address = graph.address  # all compiling is done before threads spin
+        if not self._begun:
+            self._begin()
+        outcome = scheduler.launch(self._address, address)
         if outcome == scheduler.FAILED:
             raise graph.failure()
         if outcome == scheduler.STUCK:
@@ -340,6 +371,8 @@ def _live(words: NDArray[np.int64], worker: int, cpu: int | None) -> None:
 
 
 def _dismiss(words: NDArray[np.int64], others: list[threading.Thread]) -> None:
-    scheduler.dismiss(words.ctypes.data)
-    for other in others:
+    begun = [other for other in others if other.ident is not None]
+    if begun:
+        scheduler.dismiss(words.ctypes.data)
+    for other in begun:
         other.join()

@@ -299,7 +299,7 @@ def _next_generation(pool, worker, seen):
     return atomic_load(pool, GENERATION)
 
 
-@njit("int64(int64, int64)")
+@njit
 def launch(pool, graph):
     """Run the graph with worker 0 (the caller) and the others that come in time; 0, FAILED or STUCK. Addresses."""
     g = _words(graph)
@@ -318,7 +318,7 @@ def launch(pool, graph):
     return load_word(g.counters, STOP)
 
 
-@njit("void(int64, int64)")
+@njit
 def serve(pool, worker):
     """Life of a worker but the caller: enter each launch that is open, linger, sleep; ends at a negative generation."""
     seen = 0
@@ -332,7 +332,7 @@ def serve(pool, worker):
         atomic_add(pool, INSIDE, -1)
 
 
-@njit("void(int64)")
+@njit
 def dismiss(pool):
     """Tell all workers to leave `serve`."""
     _wake(pool, -1, load_word(pool, THREADS) - 1)
