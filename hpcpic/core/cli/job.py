@@ -70,6 +70,7 @@ class Plan:
 
 SECOND = 2.0  # times the patience: who only waits for others leaves it to the watchdog, which knows more
 PATIENCE_SECONDS = 2.0  # of setting up, before a line says why it takes so long
+TELL_SECONDS = 4.0  # between two lines on compiling
 LEFT = (".failed", "post-mortem.txt", "STOP")  # by an earlier part of the run
 
 _jobs = itertools.count()  # of this process, one but for pilots
@@ -156,11 +157,14 @@ class _Job:
         patience = parse_wall(self.flags.patience)
         pool = Pool(threads, self.world.cpus(threads), SECOND * patience)
         try:
-            with compiling.watched(timers) as self.compiling:
-                with _asking_for_patience(self.world.rank, self.compiling):
-                    make = self.app.load()
-                    memory.require_room(lambda: sum(self._estimated(config, threads).memory.values()))
-                    made = make(config, self.world, pool, timers)
+            with (
+                compiling.watched(timers) as self.compiling,
+                _asking_for_patience(self.world, self.compiling) as set_up,
+            ):
+                make = self.app.load()
+                memory.require_room(lambda: sum(self._estimated(config, threads).memory.values()))
+                made = make(config, self.world, pool, timers)
+                set_up.set()
                 with _closing(made) as model:
                     if reader:
                         self._take_up(model, reader, plan)
@@ -287,24 +291,31 @@ class _Job:
 
 
 @contextmanager
-def _asking_for_patience(rank: int, compiling: Any) -> Iterator[None]:
-    """When the body takes long, a line on rank 0 says so, and one that kernels are compiled when they are."""
-    over = threading.Event()
+def _asking_for_patience(world: World, compiling: Any) -> Iterator[threading.Event]:
+    """While kernels are compiled, a line on rank 0 says now and then how far that is; one says that setting up takes
+    long, until the event that is given is set.
+    """
+    from hpcpic.core.simd.team import team
+
+    over, set_up = threading.Event(), threading.Event()
 
     def tell() -> None:
-        text = "setting up"
+        again = time.monotonic()
         while not over.wait(PATIENCE_SECONDS):
-            if compiling.any:
-                log.ROOT.info("compiling the kernels of this kind of scene; the next run of its kind finds them made")
-                return
-            if text:
-                log.ROOT.info(text)
-                text = ""
+            if compiling.depth and time.monotonic() >= again:
+                again = time.monotonic() + TELL_SECONDS
+                log.ROOT.info(
+                    "compiling the kernels of this kind of scene, %d of %d so far, on %s; the next run finds them made",
+                    team.n_done, team.n_asked, summary.several(world.node_size * team.size, "core"),
+                )  # fmt: skip
+            elif not compiling.any and not set_up.is_set():
+                log.ROOT.info("setting up")
+                set_up.set()
 
-    if rank == 0:
+    if world.rank == 0:
         threading.Thread(target=tell, name="patience", daemon=True).start()
     try:
-        yield
+        yield set_up
     finally:
         over.set()
 

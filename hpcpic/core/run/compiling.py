@@ -7,13 +7,17 @@ from time import perf_counter
 
 from numba.core import event
 
+from hpcpic.core.simd import team
 from hpcpic.core.timers import Timers
 
 SECTION = "compiling"
+KINDS = ("numba:compile", team.EVENT)
 
 
 class Compiling(event.Listener):
-    """Seconds that the main thread of this process compiles, as a section of its own in the timers."""
+    """Seconds that the main thread of this process compiles, or waits for who does, as a section of its own in the
+    timers.
+    """
 
     def __init__(self, timers: Timers) -> None:
         self.timers = timers
@@ -47,8 +51,10 @@ class Compiling(event.Listener):
 @contextmanager
 def watched(timers: Timers) -> Iterator[Compiling]:
     compiling = Compiling(timers)
-    event.register("numba:compile", compiling)
+    for kind in KINDS:
+        event.register(kind, compiling)
     try:
         yield compiling
     finally:
-        event.unregister("numba:compile", compiling)
+        for kind in KINDS:
+            event.unregister(kind, compiling)

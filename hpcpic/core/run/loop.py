@@ -145,6 +145,8 @@ class _Run:
         model.advance(self.unseen_steps())
         self.watchdog.step()
         steps = model.iteration - first
+        if first == self.first:
+            log.info("the first step was done after %.1f s", time.monotonic() - self.options.started)
         self.step_times.add((time.perf_counter() - begin) / steps, steps)
 
     def unseen_steps(self) -> int:

@@ -27,7 +27,7 @@ from hpcpic.core.simd.caches import private_path
 from hpcpic.core.simd.compile import NAP_SECONDS, PATIENCE_SECONDS, KernelCache, compiled, generated
 from hpcpic.core.simd.generate import module_from_source
 
-EVENT = "hpcpic:wait"  # for kernels that are compiled, here or elsewhere
+EVENT = "hpcpic:wait"  # for kernels that are compiled here or elsewhere
 MOST = 4  # processes of a rank: the longest kernel takes a fourth of all compiling
 MEMORY = 1 << 30  # bytes that are free where there is a helper
 IDLE_SECONDS = 10.0  # after which a helper leaves
@@ -110,7 +110,7 @@ class Team:
             helper.tell(job)
 
     def close(self) -> None:
-        """End the helpers. They end with this process, too, however that ends."""
+        """The helpers end, as they do with this process, however that ends."""
         for helper in self._helpers:
             helper.close()
         self._helpers = []
@@ -161,7 +161,6 @@ class _Helper:
     def close(self) -> None:
         with suppress(OSError):
             self._pipe.close()
-        self.process.wait()
 
 
 def serve(cores: Iterable[int]) -> None:

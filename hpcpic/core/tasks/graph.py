@@ -353,6 +353,7 @@ class Pool:
 
     def close(self) -> None:
         """End the threads and unpin the caller."""
+        team.close()
         if self._end.alive:
             self._end()
             _pin(self._affinity)

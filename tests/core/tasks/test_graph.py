@@ -329,6 +329,7 @@ def test_workers_are_pinned_and_the_caller_is_released():
     before = os.sched_getaffinity(0)
     cores = sorted(before)[:2]
     pool = Pool(len(cores), cpus=cores)
+    pool.run(Graph().freeze())
     assert os.sched_getaffinity(0) == {cores[0]}
     pool.close()
     assert os.sched_getaffinity(0) == before
@@ -339,6 +340,7 @@ def test_shared_cores_are_not_pinned_nor_more_than_are_needed():
     before = os.sched_getaffinity(0)
     for cpus in (None, [], [0, 0], [0, 1, 2]):
         pool = Pool(2, cpus=cpus)
+        pool.run(Graph().freeze())
         assert os.sched_getaffinity(0) == before
         pool.close()
 
