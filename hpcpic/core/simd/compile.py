@@ -213,7 +213,7 @@ _import_without_blas()
 resolved.install()
 
 
-def njit(function: Callable | None = None, **flags: Any) -> Callable:
+def njit(function: Any = None, **flags: Any) -> Callable:
     """`numba.njit` without the GIL, cached, IEEE division by zero, no fastmath; flags may be added."""
     return _cached(function, flags) if function else lambda function: _cached(function, flags)
 

@@ -118,9 +118,11 @@ def test_a_message_that_never_comes_is_reported(threads):
     graph.message(FakeRequests(polls=10**9), outs=["b"], name="from rank 3")
     graph.message(FakeRequests(polls=2), name="from rank 2")
     graph.task(bind(put, value=1.0, out=out), ins=["b"])
+    pool.run(Graph().freeze())
+    assert graph.freeze().address  # all is compiled
     begin = time.monotonic()
     with pytest.raises(Stuck, match="from rank 3") as stuck:
-        pool.run(graph.freeze())
+        pool.run(graph)
     assert stuck.value.pending == ["from rank 3"]
     assert 0.1 <= time.monotonic() - begin < 5.0
     assert out[0] == 0.0
