@@ -143,7 +143,7 @@ class _Helper:
         self._modules: set[str] = set()  # that it has
 
     def tell(self, job: Job) -> None:
-        """Of a kernel, with the generated modules that it may call."""
+        """The helper hears of a kernel, with the generated modules that it may call."""
         modules = [name for name in generated if name not in self._modules]
         texts = [("".join(linecache.getlines(f"<{name}>")), name.rpartition("_")[0]) for name in modules]
         function = job.kernel.py_func

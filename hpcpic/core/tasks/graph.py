@@ -106,7 +106,7 @@ class Bound:
 
     @property
     def address(self) -> int:
-        """Of the adapter that calls the kernel, which is compiled now if it is not yet."""
+        """Address of the adapter that calls the kernel, which is compiled now if it is not yet."""
         if not self._address:
             team.want([self.job])
             compiled = self.job.kernel.overloads[self._types]
