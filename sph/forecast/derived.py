@@ -177,7 +177,7 @@ def unlike(config: SphConfig) -> Iterator[Derived]:
         ratio, key = liquids.swiftest**2, ("fluid", 0, "density")
         verdict: Verdict = "ok" if ratio <= RATIO else "warn" if ratio <= MOST_RATIO * (1 + 1e-9) else "fail"
         cure = "" if verdict == "ok" else f"a ratio of {RATIO}: the step is shorter by its root too"
-        source = "layers at rest move at up to 0.06 m/s (100) and 0.16 m/s (1000), 10000 starts at c0/4: measured"
+        source = "fastest particles of layers at rest, mean: 0.06 m/s (100), 0.16 m/s (1000), measured"
         words = f"<= {RATIO}; {MOST_RATIO} at most"
         yield Derived("density ratio of liquids", "rho1/rho2", ratio, "", words, verdict, source, cure, key, True)
     if liquids.viscosities:
