@@ -146,8 +146,8 @@ def sph_row(what: str, number: str, settings: tuple, scale: float = 1.0) -> Row:
 
 def dem_stable(contacts: int, damping: float, dt: float) -> bool:
     """A grain between fixed ones that all touch it along x; dt in sqrt(m/k)."""
+    from hpcpic.core.physics.contact_law import ContactLaw
     from lbmdem.grains.dem import Dem
-    from lbmdem.physics.contact_law import ContactLaw
 
     radius, stiffness, mass, small = 0.05, 1e4, 1.0, 1e-9
     overlap, left = 0.01 * radius, contacts - contacts // 2
@@ -172,7 +172,7 @@ def dem_stable(contacts: int, damping: float, dt: float) -> bool:
 
 
 def dem_rows() -> Iterator[Row]:
-    from lbmdem.physics.contact_law import step_limit
+    from hpcpic.core.physics.contact_law import step_limit
 
     for damping in (0.0, 0.5, 0.9):
         for contacts in (1, 2, 4, 6):

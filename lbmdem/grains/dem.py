@@ -11,6 +11,7 @@ from hpcpic.core.comm.world import World
 from hpcpic.core.errors import ConfigError, Diverged
 from hpcpic.core.files.arrays import Column, Shard
 from hpcpic.core.files.sealed import Reader
+from hpcpic.core.physics.contact_law import ContactLaw
 from hpcpic.core.simd.team import team
 from hpcpic.core.space import exact
 from hpcpic.core.space.domain import Domain, block_ranges
@@ -22,7 +23,7 @@ from lbmdem.grains.grains import STATE, Grains, replicated
 from lbmdem.kernels.grains import contact_forces, films, motion
 from lbmdem.kernels.grains.arrays import Box, Contacts, GrainArrays, GrainLists
 from lbmdem.kernels.grains.substeps import distance_moved, substeps, wall_distance
-from lbmdem.physics.contact_law import LANES, ContactLaw, PlaneWall, wall_rows
+from lbmdem.physics.contact_law import LANES, PlaneWall, wall_rows
 from lbmdem.physics.lubrication import Film
 from lbmdem.sizes import GRAINS_OF_ONE_THREAD
 

@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 
 from hpcpic.core.comm.world import World
 from hpcpic.core.errors import ConfigError
+from hpcpic.core.physics.contact_law import ContactLaw
 from hpcpic.core.simd.caches import Store
 from hpcpic.core.space.domain import Domain
 from hpcpic.core.space.rng import uniforms
@@ -24,7 +25,7 @@ from hpcpic.core.tasks.graph import Pool
 from lbmdem.case.config import GrainSet, LbmDemConfig, contact_law
 from lbmdem.grains.contact_network import energies, greatest_overlap, wall_force
 from lbmdem.grains.dem import Dem
-from lbmdem.physics.contact_law import ContactLaw, PlaneWall, stable_step
+from lbmdem.physics.contact_law import PlaneWall, stable_step
 from lbmdem.setup.overlap_survey import law_diameters, packed_space, solid_volume
 
 log = logging.getLogger("hpcpic.lbmdem")

@@ -1,119 +1,18 @@
-"""The contact law [1] of Mansouri et al. 2011: forces of one contact, walls, and the largest stable step.
-
-The functions on forces are formulas: for numbers, and compiled for vectors of contacts. Vectors of three are tuples: n
-the unit normal from the first body to the second, t the velocity of the second surface less that of the first, along
-the contact. dt: the time step (s).
+"""The contacts [1] of Mansouri et al. 2011: walls, and the largest stable step of grains; the law of one contact is in
+`hpcpic.core.physics.contact_law`.
 """
 
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from hpcpic.core.simd.formulas import fma, maximum, minimum, select, sqrt
+from hpcpic.core.physics.contact_law import ContactLaw
 
 ROW = 16  # values of a grain (x y z radius, v and inverse mass, omega and inverse inertia, orientation) or a plane
 LANES = 8  # contacts whose forces are found at a time
-Vector = tuple[Any, Any, Any]
-
-
-class ContactLaw(NamedTuple):
-    """Parameters of the contact law, SI units.
-
-    stiffness k_n (N/m), damping alpha in [0, 1), friction mu, viscosity beta (N s/m) of the regularised Coulomb law;
-    shear (N/m): 0 for the law of the paper, else stiffness of a tangential spring with history, beside which
-    `viscosity` is its dashpot. pulls: the dashpot may pull at the end of a contact, as in the paper.
-    """
-
-    stiffness: float
-    damping: float = 0.0
-    friction: float = 0.0
-    viscosity: float = 0.0
-    shear: float = 0.0
-    pulls: bool = True
-
-
-def dot(a: Vector, b: Vector) -> Any:
-    """Scalar product."""
-    return fma(a[2], b[2], fma(a[1], b[1], a[0] * b[0]))
-
-
-def slip_velocity(u: Vector, spin: Vector, n: Vector, opening: Any) -> Vector:
-    """Velocity of the surfaces along the contact: u - n (u n) - spin x n; spin: sum of arm x angular velocity."""
-    return (
-        fma(-opening, n[0], u[0]) - fma(spin[1], n[2], -(spin[2] * n[1])),
-        fma(-opening, n[1], u[1]) - fma(spin[2], n[0], -(spin[0] * n[2])),
-        fma(-opening, n[2], u[2]) - fma(spin[0], n[1], -(spin[1] * n[0])),
-    )
-
-
-def normal_force(overlap: Any, opening: Any, damping: Any, law: ContactLaw, dt: float) -> tuple[Any, Any, Any, Any]:
-    """Spring and dashpot: the force, what the overlap changes by in a step, steps of contact, loss of power.
-
-    The force jumps when a contact begins or ends inside a step, s steps ago or ahead, as found from the overlap and its
-    rate. The dashpots of the two instants next to it are multiplied by 3 s / 2 (s < 1) and 2 - s / 2 (s < 2): together
-    the time in contact, 1/2 + s steps for s < 1, and continuous in s. That makes the impulse of a collision second
-    order in the step.
-    """
-    travel = abs(opening) * dt
-    depth = overlap / travel  # s
-    share = minimum(1.5 * depth, maximum(fma(depth, -0.5, 2.0), 1.0))
-    share = select(travel > 0.0, share, 1.0)
-    if not law.pulls:
-        share = select(opening < 0.0, share, 1.0)  # such a contact ends without a jump
-    dashpot = share * damping * opening
-    normal = fma(overlap, law.stiffness, -dashpot)
-    if not law.pulls:
-        dashpot = select(normal < 0.0, law.stiffness * overlap, dashpot)
-        normal = maximum(normal, 0.0)
-    return normal, travel, depth, dashpot * opening
-
-
-def deepest_overlap(speed: float, mass: float, law: ContactLaw) -> float:
-    """The overlap (m) at which a body (kg) that meets a wall at this speed (m/s) turns round; of spring and dashpot."""
-    damped = math.sqrt(1.0 - law.damping**2)
-    return speed * math.sqrt(mass / law.stiffness) * math.exp(-law.damping / damped * math.acos(law.damping))
-
-
-def regularised_friction(t: Vector, limit: Any, viscosity: float) -> tuple[Vector, Any]:
-    """Friction min(beta v, mu N) against the slip, as in the paper; heat per time. limit: mu N."""
-    slip = sqrt(dot(t, t))
-    factor = minimum(limit / slip, viscosity)
-    factor = select(slip > 0.0, factor, 0.0)  # 0 / 0 at rest
-    return (factor * t[0], factor * t[1], factor * t[2]), factor * slip * slip
-
-
-def spring_friction(
-    spring: Vector, n: Vector, t: Vector, limit: Any, law: ContactLaw, lead: Any, dt: float
-) -> tuple[Vector, Any, Vector]:
-    """Friction of a tangential spring and dashpot in parallel, each at most mu N; heat per time; the new spring.
-
-    The spring is kept half a step ahead of the step's end, so that its length there, after `lead` (s), half a step or
-    since the contact began, is a trapezoidal sum; its energy is counted as it is kept.
-    """
-    shear, viscosity, half = law.shear, law.viscosity, 0.5 * dt
-    sx, sy, sz = spring
-    before = dot(spring, spring)
-    along = dot(spring, n)  # the contact plane turns, and the spring with it
-    sx, sy, sz = fma(-along, n[0], sx), fma(-along, n[1], sy), fma(-along, n[2], sz)
-    after = dot((sx, sy, sz), (sx, sy, sz))
-    stretch = select(after > 0.0, sqrt(before / after), 1.0)
-    sx, sy, sz = fma(t[0], lead, stretch * sx), fma(t[1], lead, stretch * sy), fma(t[2], lead, stretch * sz)
-    held = shear * sqrt(dot((sx, sy, sz), (sx, sy, sz)))
-    slips = select(held > limit, limit / held, 1.0)
-    ex, ey, ez = slips * sx, slips * sy, slips * sz
-    fx, fy, fz = fma(ex, shear, viscosity * t[0]), fma(ey, shear, viscosity * t[1]), fma(ez, shear, viscosity * t[2])
-    whole = sqrt(dot((fx, fy, fz), (fx, fy, fz)))
-    cut = select(whole > limit, limit / whole, 1.0)
-    force = fx * cut, fy * cut, fz * cut
-    kept = fma(t[0], half, ex), fma(t[1], half, ey), fma(t[2], half, ez)
-    work = dot(force, t) * dt
-    stored = dot(kept, kept) - before
-    heat = select(dt > 0.0, (work - 0.5 * shear * stored) / dt, 0.0)
-    return force, heat, kept
 
 
 @dataclass(frozen=True, slots=True)
@@ -150,15 +49,6 @@ def wall_rows(walls: Sequence[PlaneWall], times: NDArray) -> NDArray[np.float64]
     for k, wall in enumerate(walls):
         rows[:, k] = wall.rows(times)
     return rows
-
-
-def step_limit(damping: float, contacts: float) -> float:
-    """Largest stable step of the scheme for `contacts` parallel contacts with fixed neighbours, times sqrt(k/m).
-
-    The scheme's matrix has the eigenvalue -1 where z dt^2 + 8 alpha z dt = 4 (stiffness z k, dashpots
-    2 alpha z sqrt(k m), velocities predicted by the old acceleration).
-    """
-    return 4.0 * (math.sqrt(damping**2 + 0.25 / contacts) - damping)
 
 
 def stable_step(law: ContactLaw, radius: NDArray, mass: NDArray, inertia: NDArray, contacts: float = 0.0) -> float:

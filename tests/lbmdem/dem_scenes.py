@@ -4,12 +4,13 @@ import hashlib
 
 import numpy as np
 
+from hpcpic.core.physics.contact_law import ContactLaw
 from hpcpic.core.simd.compile import njit  # noqa: F401  (the folder of compiled code, before numba is imported)
 from hpcpic.core.space.domain import Domain, even_cuts
 from hpcpic.core.space.rng import uniforms
 from hpcpic.core.tasks.graph import Pool
 from lbmdem.grains.dem import Dem
-from lbmdem.physics.contact_law import ContactLaw, PlaneWall
+from lbmdem.physics.contact_law import PlaneWall
 
 STIFFNESS, RADIUS, DENSITY = 1.0e4, 0.05, 2000.0
 

@@ -1,4 +1,4 @@
-"""Contact forces, eight pairs at a time; the law is in `lbmdem.physics.contact_law`.
+"""Contact forces, eight pairs at a time; the law is in `hpcpic.core.physics.contact_law`.
 
 Every pair has a slot; slot s holds its force in line s of `lines` (float64[slots, 8]): force on the first of the two
 (3 values), power turned into heat, torque per arm n x T (3 values), half the overlap. The first is the one with the
@@ -6,6 +6,7 @@ smaller id, so a pair has the same bits on every rank that sees it. Lines of pai
 over a grain's lines do not depend on which pairs beyond touch happen to be listed.
 """
 
+from hpcpic.core.physics.contact_law import dot, normal_force, regularised_friction, slip_velocity, spring_friction
 from hpcpic.core.simd.compile import njit
 from hpcpic.core.simd.vector import (
     Vec,
@@ -25,15 +26,7 @@ from hpcpic.core.simd.vector import (
     store_lines,
 )
 from lbmdem.kernels.grains.films import resistance, shear_resistance
-from lbmdem.physics.contact_law import (
-    LANES,
-    ROW,
-    dot,
-    normal_force,
-    regularised_friction,
-    slip_velocity,
-    spring_friction,
-)
+from lbmdem.physics.contact_law import LANES, ROW
 
 ROW_BYTES, LINE_BYTES = 8 * ROW, 64
 F, I, H = Vec(LANES, "float64"), Vec(LANES, "int64"), Vec(LANES, "int32")

@@ -11,6 +11,7 @@ from dem_scenes import FLOOR, HISTORY, LAW, RADIUS, STIFFNESS, Saved, by_id, clo
 
 from hpcpic.core.comm.world import World
 from hpcpic.core.errors import ConfigError, Diverged
+from hpcpic.core.physics.contact_law import ContactLaw
 from lbmdem.grains.contact_network import (
     contact_count,
     contacts,
@@ -20,7 +21,7 @@ from lbmdem.grains.contact_network import (
     stress,
     wall_force,
 )
-from lbmdem.physics.contact_law import ContactLaw, PlaneWall
+from lbmdem.physics.contact_law import PlaneWall
 
 DATA = Path(__file__).parents[2] / "data"
 G = 9.81

@@ -9,11 +9,11 @@ from app_runner import running
 from scipy.special import betainc
 
 from hpcpic.core.errors import ConfigError
+from hpcpic.core.physics.contact_law import ContactLaw
 from hpcpic.core.simd.caches import Store
 from hpcpic.core.space.domain import Domain, even_cuts
 from hpcpic.core.tasks.graph import Pool
 from lbmdem.grains.packing import Sample, beta_diameters, cached, grow, pack, porosity_of, settle, solid_volume
-from lbmdem.physics.contact_law import ContactLaw
 
 
 def sample_of(world, n, porosity, d=3, periodic=True, seed=4):

@@ -8,16 +8,10 @@ import numpy as np
 import pytest
 from dem_scenes import RADIUS, STIFFNESS, box, by_id, dem, grains
 
+from hpcpic.core.physics.contact_law import ContactLaw, deepest_overlap, regularised_friction, step_limit
 from lbmdem.grains.contact_network import contact_count, energies
 from lbmdem.grains.dem import Dem
-from lbmdem.physics.contact_law import (
-    ContactLaw,
-    PlaneWall,
-    deepest_overlap,
-    regularised_friction,
-    stable_step,
-    step_limit,
-)
+from lbmdem.physics.contact_law import PlaneWall, stable_step
 from lbmdem.physics.lubrication import Film
 
 TABLE = Path(__file__).parents[2] / "data" / "dem_restitution.csv"

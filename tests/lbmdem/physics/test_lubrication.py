@@ -8,9 +8,10 @@ from app_runner import running
 from dem_scenes import box, grains
 from scipy.integrate import quad
 
+from hpcpic.core.physics.contact_law import ContactLaw
 from lbmdem.forecast.derived import derived
 from lbmdem.grains.dem import Dem
-from lbmdem.physics.contact_law import ContactLaw, PlaneWall
+from lbmdem.physics.contact_law import PlaneWall
 from lbmdem.physics.lubrication import ROUGHNESS, STABLE, Film
 
 

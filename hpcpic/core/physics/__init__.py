@@ -1,0 +1,1 @@
+"""Formulas that several simulators share, with their sources: no arrays, no machinery."""

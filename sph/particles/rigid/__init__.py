@@ -1,0 +1,1 @@
+"""Rigid bodies of a run: their motion, what they touch, and what holds them."""

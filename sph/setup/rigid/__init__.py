@@ -1,0 +1,1 @@
+"""Rigid bodies at rest: mass and inertia, rotations, and points of their surfaces."""
