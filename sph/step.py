@@ -23,7 +23,6 @@ from sph.diagnostics.guards import Runaway
 from sph.diagnostics.sensors import Sensors
 from sph.kernels.driven import driven_kernel
 from sph.particles.arrays import arrays_of
-from sph.particles.bodies import Bodies
 from sph.particles.evolution import Evolution
 from sph.particles.extremes import extremes, fluid_box
 from sph.particles.ghosts import Ghosts
@@ -31,6 +30,7 @@ from sph.particles.images import images_of
 from sph.particles.neighbours import Cells
 from sph.particles.openings import Exchange, Openings
 from sph.particles.pair_sums import PairSums
+from sph.particles.rigid.bodies import Bodies
 from sph.particles.skin import Skin
 from sph.particles.slabs import CellGrid, Slabs
 from sph.particles.storage import Storage
@@ -69,7 +69,8 @@ class Sph:
             self._prepare(scene, pool)
         self.forces = WallForces(self.walls, self.ghosts, self.sums, self.slabs)
         if any(wall.rigid for wall in scene.walls):
-            self.evolution.bodies = Bodies(self.clock, self.forces, self.tasks, self.motion)
+            with world.first_on_node():  # it compiles
+                self.evolution.bodies = Bodies(self.clock, self.forces, self.tasks, self.motion)
         self.bodies = self.evolution.bodies
         self.sensors = Sensors(self.walls, self.ghosts, self.sums, self.slabs)
         self.gauges = Gauges(self.storage, self.sensors)
@@ -78,7 +79,7 @@ class Sph:
             self.evolution.openings = Openings(scene, self.clock, self.storage, self.slabs, self.exchange)
         self.openings = self.evolution.openings
         summed = [self.forces.impulses, self.exchange.made, self.exchange.gone]
-        summed += [self.bodies.state] if self.bodies else []
+        summed += [self.bodies.state, self.bodies.ledger] if self.bodies else []
         summed += [self.openings.mean, self.openings.way, self.openings.columns] if self.openings else []
         self.checksums = Checksums(scene.dimensions, self.tasks.arena, summed)
         self.runaway = Runaway(self.clock, self.storage, self.forces, self.totals, self.checksums, self.exchange)
@@ -125,6 +126,8 @@ class Sph:
         self.integrator.step(self.evolution, self.choose_step)
         box = self.extremes.box
         with self.timers.section("update"):
+            if self.bodies:
+                self.bodies.settle()
             if self.spec.shifting:
                 self.evolution.shift(self.extremes.speed)
             self.evolution.wrap()
@@ -135,8 +138,6 @@ class Sph:
         if self.openings:
             with self.timers.section("update"):
                 self.openings.follow()
-        if self.bodies:
-            self.bodies.look()
         with self.timers.section("migrate"):
             self.walls.grow(box, self.storage, self.slabs)
             self.migrate()
@@ -194,6 +195,9 @@ class Sph:
             self.sort()  # which has lost the sums
             self.evolution.forget_rates()
             self.evolution.evaluate(start=True)
+        if self.bodies:
+            with self.timers.section("update"):
+                self.bodies.meet()
 
     # ---- what others see
 

@@ -1,5 +1,6 @@
 """Names and units of the columns of an SPH run's series."""
 
+from sph.case.bodies import Body
 from sph.case.config import AXES, Gauge, SphConfig, name_of
 
 
@@ -16,7 +17,7 @@ def scalar_units(config: SphConfig) -> dict[str, str]:
     for i, wall in enumerate(config.wall):
         name = name_of("wall", i, wall)
         if wall.body:
-            units |= body_columns(name, d)
+            units |= body_columns(name, wall.body, d)
         if wall.measure_force or wall.body:
             units |= {f"force_{name}_{axis}": force for axis in AXES[:d]}
             units |= {f"torque_{name}_{axis}": turn for axis in (AXES if d == 3 else "z")}
@@ -25,12 +26,18 @@ def scalar_units(config: SphConfig) -> dict[str, str]:
     return units
 
 
-def body_columns(name: str, d: int) -> dict[str, str]:
-    """Columns of a rigid body, with their units: angle is the rotation from the initial one, about its axis."""
-    turns = AXES if d == 3 else AXES[2:]
+def body_columns(name: str, body: Body, d: int) -> dict[str, str]:
+    """Columns of a rigid body, with their units: angle is the rotation from the initial one, about its axis; contact
+    the impulse of what it has touched; hinge the force of its hinge on it over the last step; mooring the tension of a
+    line.
+    """
+    turns, per = (AXES, "") if d == 3 else (AXES[2:], "/m")
     units = {f"position_{name}_{axis}": "m" for axis in AXES[:d]} | {f"angle_{name}_{axis}": "rad" for axis in turns}
     units |= {f"velocity_{name}_{axis}": "m/s" for axis in AXES[:d]}
-    return units | {f"spin_{name}_{axis}": "rad/s" for axis in turns}
+    units |= {f"spin_{name}_{axis}": "rad/s" for axis in turns}
+    units |= {f"contact_{name}_{axis}": f"N s{per}" for axis in AXES[:d]}
+    units |= {f"hinge_{name}_{axis}": f"N{per}" for axis in AXES[:d] if body.hinge}
+    return units | {f"mooring_{name}_{i + 1}": f"N{per}" for i in range(len(body.mooring))}
 
 
 def gauge_units(config: SphConfig) -> dict[str, str]:

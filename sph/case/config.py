@@ -5,18 +5,16 @@ What other settings determine (sound speed, Courant number, domain, kind of visc
 
 import math
 from dataclasses import dataclass
-from typing import Annotated, ClassVar, Literal
-
-from pydantic import BeforeValidator
+from typing import ClassVar, Literal
 
 from hpcpic.core.case.accelerations import MEANING
 from hpcpic.core.case.config import Tree
-from hpcpic.core.case.schema import REQUIRED, Section, Vector, as_tuple, setting
+from hpcpic.core.case.schema import REQUIRED, Section, Vector, setting
 from hpcpic.core.case.words import one_period, one_viscosity
 from hpcpic.core.files.start import Start, attach, attached_arrays
+from sph.case.bodies import Body, Names
 from sph.case.openings import Direction, Inlet, Opening, Outlet
 
-Names = Annotated[tuple[str, ...], BeforeValidator(as_tuple)]
 Integrator = Literal["euler", "predictor-corrector", "rk3-tvd", "symplectic"]
 Flux = Literal["none", "rusanov", "molteni", "fourtakas", "delta"]
 WallType = Literal[
@@ -190,13 +188,6 @@ class Motion(Section):
     start: float = setting(0.0, "rests before", "s", ge=0)
     stop: float | None = setting(None, "rests after", "s", ge=0)
     path: tuple[Place, ...] = setting((), "places in time, with straight lines between them")
-
-
-class Body(Section):
-    density: float = setting(REQUIRED, "mean density, from which mass and inertia follow", "kg/m3", gt=0)
-    velocity: Vector = setting((), "of the centre of mass at t = 0", "m/s")
-    angular_velocity: Vector = setting((), "at t = 0: three components, in 2D one", "rad/s")
-    held: Names = setting((), 'motions that it cannot make: "x" along an axis, "rx" about it')
 
 
 class Wall(Section):

@@ -11,8 +11,8 @@ from hpcpic.core.files.sealed import Reader
 from hpcpic.core.space.domain import block_ranges
 from sph.diagnostics.gauges import Gauges
 from sph.kernels.marks import FLOWS, FLUID, LIQUID, NORMAL, REAL, WALL_BITS
-from sph.particles.bodies import Bodies
 from sph.particles.openings import Exchange, Openings
+from sph.particles.rigid.bodies import Bodies
 from sph.particles.skin import Skin
 from sph.particles.storage import Storage
 from sph.particles.strays import Strays
@@ -75,7 +75,7 @@ class Checkpoint:
             assert self.openings
             whole |= {"openings/made": self.exchange.made, "openings/ways": self.openings.way}
         if self.bodies:
-            whole["bodies"] = self.bodies.state
+            whole |= {"bodies": self.bodies.state} | self.bodies.kept()
         if self.storage.scene.walls:
             whole |= {"walls/made": self.forces.walls.boxes(), "walls/impulse": self.forces.impulses}
         return whole
@@ -163,6 +163,12 @@ class Checkpoint:
         if self.bodies:
             limits = np.repeat([far, 1.0 + 1e-9, fastest, fastest / scene.spacing, np.inf], [3, 4, 3, 3, 6])
             found["bodies"] = Column(real, self.bodies.state.shape, -limits, limits)
+            if "bodies/ledger" in reader.names:
+                found["bodies/ledger"] = Column(real, self.bodies.ledger.shape)
+            if "bodies/springs" in reader.names:
+                n = reader.total("bodies/springs")
+                found["bodies/springs"] = Column(real, (n, 3), -scene.diagonal, scene.diagonal)
+                found["bodies/touching"] = Column(np.int64, (n,), 0, increasing=True)
         if scene.walls:
             walls, number = len(scene.walls), reader.total("walls/number")
             impulse, densest = self.forces.largest_impulse(reader.time), DENSEST * scene.rho0
@@ -207,7 +213,8 @@ class Checkpoint:
         if scene.walls:
             self.forces.walls.restore(reader.read("walls/made"), reader.time)
             if self.bodies:
-                self.bodies.state[:] = reader.read("bodies")
+                arrays = {name: reader.read(name) for name in reader.names if name.startswith("bodies")}
+                self.bodies.restore(arrays)
             self.forces.impulses[:] = reader.read("walls/impulse")
             low, high = self._share(reader.total("walls/number"))
             ids, x, drho = (reader.read(f"walls/{name}", low, high) for name in ("number", "x", "drho"))

@@ -14,7 +14,8 @@ from sph.physics.fluxes import FLUXES
 from sph.physics.stray_limits import MAX_DENSITY_ERROR, most_strays
 from sph.setup.flows import at_rest, load
 from sph.setup.openings import Source
-from sph.setup.rigid import gap, share
+from sph.setup.rigid.mass import share
+from sph.setup.rigid.surfaces import gap
 from sph.setup.scene import NEAR, Scene, Wall
 from sph.setup.signed_distance import signed_distance
 from sph.setup.speeds import fastest, motion_speed
@@ -23,6 +24,7 @@ from sph.setup.tanks import depth_in
 DENSE, DENSER = 0.02, 0.1  # rho / rho0 - 1 at rest, which are noticed and refused
 MOST_STEPS = 1e9  # 11 days at a millisecond a step
 LEAST_ACROSS = 5  # particles, of which the kernel reaches over most
+TOUCHING = 1e-3  # spacings of overlap that rounding of places in a case may make
 LIGHTEST = 0.03  # mass of a body over that of it and a layer of fluid
 LONGEST_WAY = 1.0  # spacings of a wall in a step, beyond which it jumps over fluid
 
@@ -146,17 +148,17 @@ def bodies_outside(config: SphConfig) -> Iterator[Derived]:
 
 
 def rigid_bodies(scene: Scene) -> Iterator[Derived]:
-    """Gaps between rigid bodies and walls, for nothing keeps them apart; and how light a body is."""
+    """Gaps between rigid bodies and walls, and how light a body is."""
     for wall in scene.walls:
         if not wall.rigid:
             continue
         x, key = wall.near(*wall.bounds)[1], ("wall", wall.index)
-        gaps = [(gap(other, x), other.name) for other in scene.walls if other is not wall]
+        gaps = [(gap(wall, other), other.name) for other in scene.walls if other is not wall]
         for least, name in sorted(gaps)[:1]:
-            verdict: Verdict = "ok" if least >= scene.spacing else "fail"
-            cure = "" if verdict == "ok" else f"a spacing of {scene.spacing:g} m or more between it and {name}"
-            yield Derived(f"gap between {wall.name} and {name}", "", least, "m", f">= {scene.spacing:g}", verdict,
-                          "bodies have no contact", cure, (*key, "shape"))  # fmt: skip
+            verdict: Verdict = "ok" if least >= -TOUCHING * scene.spacing else "fail"
+            cure = "" if verdict == "ok" else f"a place where it touches {name} or is away from it"
+            yield Derived(f"gap between {wall.name} and {name}", "", least, "m", ">= 0", verdict,
+                          "contacts push apart what overlaps", cure, (*key, "shape"))  # fmt: skip
         part = share(wall, x)
         verdict = "ok" if part >= LIGHTEST else "fail"
         cure = "" if verdict == "ok" else "a larger density, or a smaller spacing"

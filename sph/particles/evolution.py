@@ -4,9 +4,9 @@ from collections.abc import Callable
 from types import ModuleType
 
 from hpcpic.core.timers import Timers
-from sph.particles.bodies import Bodies
 from sph.particles.openings import Openings
 from sph.particles.pair_sums import PairSums
+from sph.particles.rigid.bodies import Bodies
 from sph.particles.tasks import Tasks
 from sph.particles.walls import Walls
 from sph.physics.timestep import Clock

@@ -66,6 +66,18 @@ class Walls:
         centre, turn = self.turns[wall.index]
         return centre + product(x - centre, turn)
 
+    def now(self, wall: Wall, x: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Where points x[n, d] m of a wall at t = 0 are now: the inverse of `at_rest`."""
+        if wall.index in self.turns:
+            centre, turn = self.turns[wall.index]
+            x = centre + product(x - centre, turn.T)
+        return x + self.displacement[wall.index]
+
+    def middle(self, wall: Wall) -> NDArray[np.float64]:
+        """The middle [d] of the box around a wall now; of a body, its centre of mass, m."""
+        at = wall.rigid.centre[: self.scene.dimensions] if wall.rigid else (wall.corners[0] + wall.corners[1]) / 2
+        return at + self.displacement[wall.index]
+
     def _boxes_to_make(self, low: NDArray, high: NDArray) -> list[tuple[Wall, Corners]]:
         """Boxes where walls are to be made, for fluid in the box (low, high); in the frame of the wall at rest."""
         found, scene, support = [], self.scene, self.scene.support

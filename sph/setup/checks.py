@@ -10,8 +10,9 @@ from hpcpic.core.case.words import unknown
 from hpcpic.core.errors import ConfigError
 from hpcpic.core.files.start import start_faults
 from sph.case import geometry
+from sph.case.bodies import Body, Hinge
 from sph.case.columns import columns_of, scalar_units
-from sph.case.config import AXES, ELEVATION, FRONT, WALL_PRESSURE, Body, Fluid, Gauge, Shape, SphConfig, Wall, name_of
+from sph.case.config import AXES, ELEVATION, FRONT, WALL_PRESSURE, Fluid, Gauge, Shape, SphConfig, Wall, name_of
 from sph.physics import stability
 from sph.physics.liquids import liquids_of
 from sph.physics.smoothing import SMOOTHING
@@ -270,3 +271,23 @@ def body_faults(wall: Wall, body: Body, d: int) -> Iterator[Fault]:
     for i, motion in enumerate(body.held):
         if motion not in known:
             yield ("held", i), f"must be one of {', '.join(known)} (got {motion!r})"
+    for i, line in enumerate(body.mooring):
+        if line.length is None and line.at == line.anchor:
+            yield ("mooring", i, "length"), "is missing: the anchor is where the line is fastened to the body"
+    if body.hinge:
+        yield from hinge_faults(body, body.hinge, d)
+
+
+def hinge_faults(body: Body, hinge: Hinge, d: int) -> Iterator[Fault]:
+    if d == 2 and hinge.axis:
+        yield ("hinge", "axis"), "in 2D a hinge turns in the plane: leave the axis out"
+    elif d == 3 and not any(hinge.axis):
+        yield ("hinge", "axis"), "must not be zero" if hinge.axis else "is missing, which a hinge in 3D needs"
+    elif len(hinge.axis) == len(body.angular_velocity) == 3:
+        planes = zip(itertools.combinations(hinge.axis, 2), itertools.combinations(body.angular_velocity, 2))
+        if any(a * w != b * v for (a, b), (v, w) in planes):
+            yield ("angular_velocity",), f"must be along the axis of the hinge, {list(hinge.axis)}"
+    if body.held:
+        yield ("held",), "a body on a hinge makes no other motion than to turn on it: leave held out"
+    if any(body.velocity):
+        yield ("velocity",), "a body on a hinge only turns: give its angular_velocity"

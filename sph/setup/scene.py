@@ -23,9 +23,10 @@ from sph.physics.equation_of_state import EquationOfState
 from sph.physics.liquids import liquids_of
 from sph.physics.stability import support_of
 from sph.physics.wall_rules import rule_of
-from sph.setup import flows, periodic_walls, rest_distance, rigid, signed_distance
+from sph.setup import flows, periodic_walls, rest_distance, signed_distance
 from sph.setup.openings import Sink, Source
 from sph.setup.particle_lattices import PART, Face, Filled, Grid, Parts, Sheet, Shell, box_sheets, even, grid_of
+from sph.setup.rigid.mass import rigid_of
 from sph.setup.tanks import behind, depth_in
 
 NEAR = 0.25  # of a spacing: fluid nearer to a solid is taken away
@@ -49,7 +50,7 @@ class Wall:
         self.shape = periodic_walls.endless(section.shape, scene.config.domain)
         self.name, self.rule, self.measure_force = section.name, rule_of(section.type), section.measure_force
         self.torque_about = np.array(section.torque_about)
-        self.rigid = rigid.rigid_of(section.shape, section.body.density, scene.spacing) if section.body else None
+        self.rigid = rigid_of(section.shape, section.body.density, scene.spacing) if section.body else None
         self.closed = self._closed()
         self.layers = max(1, math.ceil(scene.support / scene.spacing - 0.5))
         self.faces: list[Face] = self.flat_faces() if self.rule.face_images else []

@@ -34,7 +34,7 @@ def behind(wall: Tank, x: NDArray) -> NDArray[np.float64]:
     shape = wall.shape
     if not shape.box:
         return signed_distance.signed_distance(shape, x)
-    faces = _beyond(wall, x, wall.closed)
+    faces = beyond(wall, x, wall.closed)
     return np.max(faces, axis=1, initial=-np.inf)
 
 
@@ -45,12 +45,12 @@ def depth_in(wall: Tank, x: NDArray) -> NDArray[np.float64]:
     depth = behind(wall, x)
     if not rims(wall):
         return depth
-    over = np.max(_beyond(wall, x, rims(wall)), axis=1)
+    over = np.max(beyond(wall, x, rims(wall)), axis=1)
     thick = wall.layers * wall.scene.spacing
     return np.where(depth <= thick, np.minimum(depth, -over), -np.inf)
 
 
-def _beyond(wall: Tank, x: NDArray, faces: set[str]) -> NDArray[np.float64]:
+def beyond(wall: Tank, x: NDArray, faces: set[str]) -> NDArray[np.float64]:
     """[n, face]: how far points lie beyond the planes of these faces of a box, m."""
     box = wall.shape.box
     assert box is not None

@@ -20,6 +20,17 @@ wall = ( { name = "raft"; solid = true; shape = { box = { low = [0.1, 0.3, 0.35]
            body = { density = 2000.0; held = ["rx"]; }; } );
 """
 
+CONTACTS = """
+wall = ( { name = "tank"; shape = { box = { low = [0.0, 0.0]; high = [1.0, 0.6]; open = ["y+"]; }; }; },
+         { name = "a"; solid = true; shape = { box = { low = [0.3, 0.42]; high = [0.5, 0.54]; }; };
+           body = { density = 600.0; velocity = [2.0, 0.0]; angular_velocity = [2.0];
+                    mooring = ( { at = [0.3, 0.5]; anchor = [0.1, 0.6]; stiffness = 900.0; damping = 2.0; } ); }; },
+         { name = "b"; solid = true; shape = { sphere = { centre = [0.62, 0.5]; radius = 0.1; }; };
+           body = { density = 900.0; velocity = [-2.0, 0.0]; }; },
+         { name = "flap"; solid = true; shape = { box = { low = [0.84, 0.2]; high = [0.92, 0.56]; }; };
+           body = { density = 700.0; hinge = { point = [0.88, 0.56]; }; }; } );
+"""
+
 OPEN = """
 wall = ( { name = "bed"; shape = { box = { low = [0.0, 0.0]; high = [1.0, 0.6]; open = ["x-", "x+", "y+"]; }; }; } );
 inlet = ( { low = [0.0, 0.0]; high = [0.12, 0.5]; axis = "x+"; discharge = 2.4; },
@@ -40,6 +51,7 @@ JOBS = {
                              balance=3, velocity=(2.0, 0.0), more=EXTRAPOLATED),
         "bodies": text(d=3, size=(1.4, 1.0, 1.0), spacing=0.1, fill=(1.4, 1.0, 0.6), periodic=("x", "y"), balance=3,
                        integrator="predictor-corrector", more=BODIES),
+        "contacts": text(d=2, size=(1.0, 0.6), spacing=0.04, fill=(1.0, 0.4), flux="delta", balance=3, more=CONTACTS),
         "open": text(d=2, size=(1.0, 0.6), spacing=0.04, fill=(1.0, 0.4), flux="delta", balance=3, velocity=(6.0, 0.0),
                      shifting="true", integrator="rk3-tvd", more=OPEN),
         "liquids": layers(viscosities=(2.0, 0.5), size=(1.0, 0.6), spacing=0.04, fill=(1.0, 0.4), periodic=("x",),

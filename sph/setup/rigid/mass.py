@@ -1,4 +1,4 @@
-"""Rigid bodies: mass and inertia of shapes, rotations, and how far bodies are from walls and from each other."""
+"""Rigid bodies: mass and inertia of shapes, and rotations."""
 
 import math
 from dataclasses import dataclass
@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from hpcpic.core.space.products import product
 from sph.case import geometry
 from sph.case.config import Shape
-from sph.setup import signed_distance, tanks
+from sph.setup import signed_distance
 from sph.setup.particle_lattices import grid_of
 
 Reals = NDArray[np.float64]
@@ -74,10 +74,11 @@ def skew(w: Reals) -> Reals:
     return np.array([[0.0, -w[2], w[1]], [w[2], 0.0, -w[0]], [-w[1], w[0], 0.0]])
 
 
-def solution(m: Reals, b: Reals) -> Reals:
-    """x[3] of m x = b, m[3, 3] symmetric, by Cramer's rule."""
+def inverse(m: Reals, free: Reals) -> Reals:
+    """m[3, 3] inverted, symmetric, among the axes that are free (1, else 0); 0 for all others."""
+    m = m * np.outer(free, free) + np.diag(1.0 - free)
     across = np.cross(m[[1, 2, 0]], m[[2, 0, 1]])
-    return product(across, b) / product(m[0], across[0])
+    return across.T / product(m[0], across[0]) * np.outer(free, free)
 
 
 def share(wall: Any, x: Reals) -> float:
@@ -85,10 +86,3 @@ def share(wall: Any, x: Reals) -> float:
     dp = wall.scene.spacing
     layer = np.count_nonzero(signed_distance.signed_distance(wall.shape, x) > -dp) * dp ** x.shape[1]
     return wall.rigid.mass / (wall.rigid.mass + wall.scene.rho0 * layer)
-
-
-def gap(wall: Any, x: Reals) -> float:
-    """Distance in m between a wall at rest and a body whose outer particles are at x[n, d]; below 0: they overlap."""
-    flat = wall.section.solid or wall.shape.plane
-    apart = signed_distance.signed_distance(wall.shape, x) if flat else -tanks.behind(wall, x)
-    return float(apart.min()) - 0.5 * wall.scene.spacing

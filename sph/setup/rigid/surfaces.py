@@ -1,0 +1,70 @@
+"""Where solids touch: spheres that lie in a body and touch its surface from within, and how far points are from others.
+
+The spheres are about a spacing apart and half of one in radius, those of the outer particles of the body: its corners
+are as round as they, which is below what the run resolves. A ball is one sphere. They are held against the surface
+itself, whose distance has no kinks outside, so the force of a contact has a potential.
+"""
+
+import itertools
+from collections.abc import Iterator
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sph.case.config import AXES, Shape
+from sph.setup import tanks
+from sph.setup.particle_lattices import grid_of
+from sph.setup.signed_distance import normals, signed_distance
+
+Reals = NDArray[np.float64]
+SLOPE = 1e-3  # of a spacing: over which normals are differences
+LAYER = 0.25, 1.25  # depths in spacings of outer particles
+
+
+def spheres(shape: Shape, spacing: float) -> tuple[Reals, Reals]:
+    """Centres[n, d] and radii[n] of the spheres of a body, m."""
+    if shape.sphere:
+        return np.array([shape.sphere.centre]), np.array([shape.sphere.radius])
+    grid = grid_of(shape, spacing)
+    x = grid.points(grid.unflat(np.arange(grid.n)))
+    depth = -signed_distance(shape, x)
+    outer = (depth >= LAYER[0] * spacing) & (depth < LAYER[1] * spacing)
+    return x[outer], depth[outer]
+
+
+def surfaces(wall: Any, x: Reals) -> Iterator[tuple[Reals, Any]]:
+    """The surfaces of a wall at rest that spheres at x[n, d] may touch: distances[n] from each, m, infinite where they
+    are past its edges, and a function that gives the normals[m, d] there of points x[m, d].
+    """
+    box, outside = wall.shape.box, wall.section.solid or wall.shape.plane
+    if outside or not box:
+        step, sign = SLOPE * wall.scene.spacing, 1.0 if outside else -1.0
+        yield sign * signed_distance(wall.shape, x), lambda at: sign * normals(wall.shape, at, step)
+        return
+    thick, over = wall.layers * wall.scene.spacing, np.zeros(len(x), bool)
+    if tanks.rims(wall):
+        over = tanks.beyond(wall, x, tanks.rims(wall)).max(axis=1) > 0.0
+    for face in sorted(wall.closed):
+        apart, normal = -tanks.beyond(wall, x, {face})[:, 0], np.zeros(x.shape[1])
+        normal[AXES.index(face[0])] = -1.0 if face[1] == "+" else 1.0
+        yield np.where(over | (apart < -thick), np.inf, apart), lambda at, n=normal: np.broadcast_to(n, at.shape)
+
+
+def sides(a: Any, b: Any) -> list[tuple[Any, Any]]:
+    """Of two solids that may touch, those that have spheres, each with the other one."""
+    return [(one, other) for one, other in ((a, b), (b, a)) if one.rigid]
+
+
+def gap(a: Any, b: Any) -> float:
+    """Distance of two solids at t = 0, m; below 0: they are in each other."""
+    least = np.inf
+    for one, other in sides(a, b):
+        x, radius = spheres(one.shape, one.scene.spacing)
+        least = min([least, *(float((apart - radius).min()) for apart, _ in surfaces(other, x))])
+    return least
+
+
+def pairs(walls: list[Any]) -> list[tuple[Any, Any]]:
+    """Solids that may touch: every body and every wall, every two bodies once."""
+    return [(a, b) if a.rigid else (b, a) for a, b in itertools.combinations(walls, 2) if a.rigid or b.rigid]
