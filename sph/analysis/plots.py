@@ -177,14 +177,15 @@ def impulses(run: Run, step: int | None = None) -> Figure:
 def bodies(run: Run, step: int | None = None) -> Figure:
     """Ways of the rigid bodies along each axis, and the angles by which they have turned."""
     config = config_of(run)
-    names = [wall.name for wall in config.wall if wall.body]
-    if not names:
+    bodies = {wall.name: wall.body for wall in config.wall if wall.body}
+    if not bodies:
         raise NotInScene("no wall is a body")
     with style():
-        figure, axes = new_figure(len(names), 2, (8.0, 2.6 * len(names) + 0.4), squeeze=False, sharex=True)
-        for row, name in zip(axes, names):
+        figure, axes = new_figure(len(bodies), 2, (8.0, 2.6 * len(bodies) + 0.4), squeeze=False, sharex=True)
+        for row, (name, body) in zip(axes, bodies.items()):
+            every = columns.body_columns(name, body, config.dimensions)
             for axis, kind in zip(row, ("position", "angle")):
-                shown = [column for column in columns.body_columns(name, config.dimensions) if column.startswith(kind)]
+                shown = [column for column in every if column.startswith(kind)]
                 for column, colour in zip(shown, COLOURS):
                     t, values = columns_of(run, column)
                     axis.plot(*thinned(t, values - values[0]), color=colour, label=column[-1])

@@ -126,7 +126,7 @@ def rotate(q, way, target):
 
 @njit
 def place_of(solids, touches, c):
-    """Of a contact: its normal from the second to the first, the overlap, and the middle of the overlap."""
+    """The normal of a contact from the second to the first, the overlap, and the middle of the overlap."""
     a, b = touches.first[c], touches.second[c]
     at, foot = turned(solids.turn[a], touches.arm[c]), turned(solids.turn[b], touches.foot[c])
     n = turned(solids.turn[b], touches.normal[c])

@@ -62,8 +62,7 @@ class Wall:
 
     def motion(self, t: float) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
         """Displacement[d] in m, velocity[d] in m/s and acceleration[d] in m/s2 at time t; no jumps of the velocity."""
-        d = self.scene.dimensions
-        motion = self.section.motion
+        d, motion = self.scene.dimensions, self.section.motion
         if motion is None:
             return np.zeros(d), np.zeros(d), np.zeros(d)
         stop = math.inf if motion.stop is None else motion.stop

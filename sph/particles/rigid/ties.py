@@ -77,19 +77,21 @@ class Ties:
         for wall, hinge in zip(of, self.hinges):
             origin[wall.index] = hinge.point if hinge else wall.rigid.centre
         self.contacts = Contacts(clock, walls, origin)
-        vectors = np.zeros((8, n, 3))
-        self.solids = Solids(vectors[0], np.zeros((n, 4)), *vectors[1:5], np.zeros((n, 3, 3)), np.zeros(n, bool),
-                             *vectors[5:7])  # fmt: skip
+        place, velocity, spin, momentum, light, pull, twist = np.zeros((7, n, 3))
+        self.solids = Solids(place, np.zeros((n, 4)), velocity, spin, momentum, light, np.zeros((n, 3, 3)),
+                             np.zeros(n, bool), pull, twist)  # fmt: skip
         self.solids.turn[:, 0] = 1.0
         self.moments = [self._answers(wall, hinge, d) for wall, hinge in zip(of, self.hinges)]
         self.lines = self._lines(origin)
-        self._loads, self._before = (Loads(*np.zeros((3, n, 3)), np.zeros((n, 6))) for _ in range(2))
+        self._loads, self._before = (
+            Loads(np.zeros((n, 3)), np.zeros((n, 3)), np.zeros((n, 3)), np.zeros((n, 6))) for _ in range(2)
+        )
         kernel.advance(0, 0.0, self.solids, nothing(), self.lines, self._loads, self._before)  # it compiles
 
-    def _answers(self, wall: Any, hinge: Hinge | None, d: int) -> NDArray[np.bool_]:
-        """Say what forces and torques give to a body; which of its rotations are free [3]."""
+    def _answers(self, wall: Any, hinge: Hinge | None, d: int) -> Reals:
+        """Say what forces and torques give to a body; 1 for its free rotations [3], else 0."""
         k, held, solids = wall.index, wall.section.body.held, self.solids
-        free = np.array([f"r{axis}" not in held and (d == 3 or axis == "z") for axis in "xyz"])
+        free = np.array([f"r{axis}" not in held and (d == 3 or axis == "z") for axis in "xyz"], float)
         if hinge:
             solids.inverse[k] = np.outer(hinge.axis, hinge.axis) / hinge.inertia
             return free
@@ -193,5 +195,5 @@ def parts(state: Reals) -> tuple[Reals, Reals, Reals, Reals]:
 
 def nothing() -> Touches:
     """No contacts."""
-    none, vectors = np.zeros(0, np.int64), np.zeros((5, 0, 3))
-    return Touches(none, none, *vectors[:4], np.zeros(0), vectors[4], np.zeros(1, np.int64), np.zeros((0, 3)))
+    none, rows = np.zeros(0, np.int64), np.zeros((0, 3))
+    return Touches(none, none, rows, rows, rows, rows, np.zeros(0), rows, np.zeros(1, np.int64), rows)

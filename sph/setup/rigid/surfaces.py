@@ -52,7 +52,7 @@ def surfaces(wall: Any, x: Reals) -> Iterator[tuple[Reals, Any]]:
 
 
 def sides(a: Any, b: Any) -> list[tuple[Any, Any]]:
-    """Of two solids that may touch, those that have spheres, each with the other one."""
+    """Those of two solids that have spheres, each with the other one."""
     return [(one, other) for one, other in ((a, b), (b, a)) if one.rigid]
 
 
