@@ -163,12 +163,12 @@ class Checkpoint:
         if self.bodies:
             limits = np.repeat([far, 1.0 + 1e-9, fastest, fastest / scene.spacing, np.inf], [3, 4, 3, 3, 6])
             found["bodies"] = Column(real, self.bodies.state.shape, -limits, limits)
-            if "bodies/ledger" in reader.names:
-                found["bodies/ledger"] = Column(real, self.bodies.ledger.shape)
-            if "bodies/springs" in reader.names:
-                n = reader.total("bodies/springs")
-                found["bodies/springs"] = Column(real, (n, 3), -scene.diagonal, scene.diagonal)
-                found["bodies/touching"] = Column(np.int64, (n,), 0, increasing=True)
+            if "ties/ledger" in reader.names:
+                found["ties/ledger"] = Column(real, self.bodies.ledger.shape)
+            if "ties/springs" in reader.names:
+                n = reader.total("ties/springs")
+                found["ties/springs"] = Column(real, (n, 3), -scene.diagonal, scene.diagonal)
+                found["ties/touching"] = Column(np.int64, (n,), 0, increasing=True)
         if scene.walls:
             walls, number = len(scene.walls), reader.total("walls/number")
             impulse, densest = self.forces.largest_impulse(reader.time), DENSEST * scene.rho0
@@ -213,7 +213,7 @@ class Checkpoint:
         if scene.walls:
             self.forces.walls.restore(reader.read("walls/made"), reader.time)
             if self.bodies:
-                arrays = {name: reader.read(name) for name in reader.names if name.startswith("bodies")}
+                arrays = {name: reader.read(name) for name in reader.names if name.startswith(("bodies", "ties/"))}
                 self.bodies.restore(arrays)
             self.forces.impulses[:] = reader.read("walls/impulse")
             low, high = self._share(reader.total("walls/number"))

@@ -151,16 +151,16 @@ class Bodies:
     def kept(self) -> dict[str, NDArray]:
         """What a checkpoint needs besides `state`, where there is any: sums and friction springs of contacts."""
         contacts = self.ties.contacts
-        found: dict[str, NDArray] = {"bodies/ledger": self.ledger} if self.ledger.any() else {}
-        springs = {"bodies/springs": contacts.springs, "bodies/touching": contacts.keys} if len(contacts.keys) else {}
+        found: dict[str, NDArray] = {"ties/ledger": self.ledger} if self.ledger.any() else {}
+        springs = {"ties/springs": contacts.springs, "ties/touching": contacts.keys} if len(contacts.keys) else {}
         return found | springs
 
     def restore(self, arrays: dict[str, NDArray]) -> None:
         """Take the arrays of a checkpoint."""
         contacts, none = self.ties.contacts, np.zeros((0, 3))
-        self.state[:], self.ledger[:] = arrays["bodies"], arrays.get("bodies/ledger", 0.0)
-        contacts.springs = arrays.get("bodies/springs", none)
-        contacts.keys = arrays.get("bodies/touching", none[:, 0].astype(np.int64))
+        self.state[:], self.ledger[:] = arrays["bodies"], arrays.get("ties/ledger", 0.0)
+        contacts.springs = arrays.get("ties/springs", none)
+        contacts.keys = arrays.get("ties/touching", none[:, 0].astype(np.int64))
         contacts.forget()
 
     def keep(self) -> None:
