@@ -34,8 +34,8 @@ class Simulation:
     """
 
     def __init__(self, app: App, config: Any, threads: int | None = None) -> None:
+        from hpcpic.core import memory
         from hpcpic.core.comm.world import World
-        from hpcpic.core.run import memory
         from hpcpic.core.run.guard import Guard
         from hpcpic.core.tasks.graph import Pool
         from hpcpic.core.timers import Timers

@@ -142,7 +142,7 @@ def _cache() -> Iterator[Finding]:
 def _memory() -> Iterator[Finding]:
     """What ranks of a node share, and what those that were killed have left there."""
     from hpcpic.core.comm import shared_memory
-    from hpcpic.core.run.memory import MIB
+    from hpcpic.core.memory import MIB
 
     left = shared_memory.free()
     few = left < LEAST_SHARED * MIB

@@ -15,6 +15,7 @@ from contextlib import contextmanager, suppress
 from dataclasses import asdict, dataclass, field
 from typing import TYPE_CHECKING, Any
 
+from hpcpic.core import memory
 from hpcpic.core.app import use
 from hpcpic.core.app.app import App, AppLoader
 from hpcpic.core.app.forecast import Estimate
@@ -25,7 +26,7 @@ from hpcpic.core.case.schema import value_text
 from hpcpic.core.comm.world import World
 from hpcpic.core.errors import ConfigError, FileError, HpcpicError
 from hpcpic.core.files.rundir import RunDir, write_atomic
-from hpcpic.core.run import checkpoint, log, memory, summary
+from hpcpic.core.run import checkpoint, log, summary
 from hpcpic.core.run.failure import Agreed, Failure, everywhere, guarded, share
 from hpcpic.core.run.outputs import trigger_of
 from hpcpic.core.run.signals import Stop, WallLimit, process_start

@@ -20,8 +20,8 @@ def kernel_texts(app: App, config: Any) -> dict[str, str]:
 
     Makes the model on one rank, as a run does before its first step, and takes the modules that this has made.
     """
+    from hpcpic.core import memory
     from hpcpic.core.comm.world import World
-    from hpcpic.core.run import memory
     from hpcpic.core.simd.compile import generated
     from hpcpic.core.tasks.graph import Pool
     from hpcpic.core.timers import Timers

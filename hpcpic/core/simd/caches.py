@@ -188,7 +188,7 @@ class Store:
     def __init__(self, what: str, *names: str) -> None:
         self.what = what
         self.folder: Folder | None = None
-        self._keeps = True  # until the disk is full
+        self._written = True  # until the disk is full
         try:
             self.folder = private_folder(*names)
         except OSError as error:
@@ -210,6 +210,11 @@ class Store:
             return None
         return content[_DIGEST:]
 
+    @property
+    def keeps(self) -> bool:
+        """Whether files can be kept, as far as is known."""
+        return self.folder is not None and self._written
+
     def has(self, name: str) -> bool:
         """Whether there is a file of this name, sound or not."""
         return self.folder is not None and self.folder.has(name)
@@ -220,7 +225,7 @@ class Store:
         try:
             self.folder.write(name, hashlib.sha256(content).digest() + content)
         except OSError as error:
-            self._keeps = False
+            self._written = False
             self._not_kept(error)
 
     def claim(self, name: str) -> bool:
@@ -234,7 +239,7 @@ class Store:
         self._lock(name, fcntl.LOCK_UN)
 
     def _lock(self, name: str, what: int) -> bool:
-        locks = _locks(self.folder.path.parent) if self.folder and self._keeps else None
+        locks = _locks(self.folder.path.parent) if self.folder and self.keeps else None
         if self.folder is None or locks is None:
             return True
         place = int.from_bytes(hashlib.sha256(f"{self.folder.path} {name}".encode()).digest()[:6], "little")

@@ -135,6 +135,11 @@ class KernelCache(FunctionCache):
     def cache_path(self) -> str | None:
         return str(self._store.folder.path) if self._store.folder else None
 
+    @property
+    def keeps(self) -> bool:
+        """Whether what is compiled can be kept, as far as is known."""
+        return self._store.keeps
+
     def flush(self) -> None:
         """Nothing to do: files are named by all that the code depends on."""
 

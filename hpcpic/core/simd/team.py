@@ -22,6 +22,7 @@ from typing import IO, Any, NamedTuple
 
 from numba.core import event
 
+from hpcpic.core import memory
 from hpcpic.core.simd import compile
 from hpcpic.core.simd.caches import private_path
 from hpcpic.core.simd.compile import NAP_SECONDS, PATIENCE_SECONDS, KernelCache, compiled, generated
@@ -71,7 +72,7 @@ class Team:
             return
         self._left[job] = None
         self.n_asked += 1
-        if isinstance(job.kernel._cache, KernelCache) and job.kernel._cache.cache_path and not compile._own:
+        if isinstance(job.kernel._cache, KernelCache) and job.kernel._cache.keeps and not compile._own:
             self._tell(job)
 
     def want(self, jobs: Iterable[Job]) -> None:
@@ -99,7 +100,7 @@ class Team:
 
     def _tell(self, job: Job) -> None:
         self._helpers = [helper for helper in self._helpers if helper.process.poll() is None]
-        while len(self._helpers) < self.size - 1 and _free_memory() > MEMORY:
+        while len(self._helpers) < self.size - 1 and memory.free() > MEMORY:
             try:
                 self._helpers.append(_Helper(self._cores))
             except OSError:  # no more processes
@@ -121,10 +122,6 @@ team = Team()
 
 def _kept(job: Job) -> bool:
     return isinstance(job.kernel._cache, KernelCache) and job.kernel._cache.kept(job.types)
-
-
-def _free_memory() -> int:
-    return os.sysconf("SC_AVPHYS_PAGES") * os.sysconf("SC_PAGE_SIZE")
 
 
 class _Helper:

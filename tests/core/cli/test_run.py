@@ -8,9 +8,9 @@ from types import SimpleNamespace
 import pytest
 from toy_runner import Toy
 
+from hpcpic.core import memory
 from hpcpic.core.cli.job import require_memory
 from hpcpic.core.errors import ConfigError
-from hpcpic.core.run import memory
 
 KEYS = {
     *("status", "exit_code", "steps", "time", "wall_seconds", "ranks", "threads", "nodes", "mlups"),

@@ -5,8 +5,8 @@ import resource
 
 import pytest
 
+from hpcpic.core import memory
 from hpcpic.core.errors import HpcpicError
-from hpcpic.core.run import memory
 
 MIB = 1 << 20
 
