@@ -29,7 +29,6 @@ from numba.core.registry import cpu_target
 from numba.core.serialize import dumps
 from numba.extending import register_jitable
 
-from hpcpic.core.simd import resolved
 from hpcpic.core.simd.caches import Store
 
 _ROOT = Path(__file__).resolve().parents[3]  # of the packages
@@ -215,7 +214,6 @@ def _import_without_blas() -> None:
 
 
 _import_without_blas()
-resolved.install()
 
 
 def njit(function: Any = None, **flags: Any) -> Callable:
