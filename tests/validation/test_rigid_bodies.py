@@ -90,3 +90,21 @@ def test_a_box_floats_at_its_draught(tmp_path):
     print(f"draught {draught:.4f} m, angle {angle.mean():.4f} rad, up to {np.abs(angle).max():.4f}")
     assert draught == pytest.approx(0.1, rel=0.02)  # measured +1.5 %, an eighth of a spacing
     assert abs(angle.mean()) < 0.03 and np.abs(angle).max() < 0.3  # it rolls about the upright place
+
+
+def test_a_carried_box_strikes_the_wall_and_momentum_is_what_walls_and_gravity_give(tmp_path):
+    """At every sample, by exact sums of forces: rounding of a few thousand steps."""
+    run = sph.Case("carried-box").run(tmp_path / "carried", threads=1)
+    series = {name: run.series[name].values for name in run.series.variables}
+    t, mass, weight = series["time"], 0.2 * 0.1 * 600.0, 9.81
+    worst, scale = 0.0, weight * (series["mass"][0] + mass) * t[-1]
+    for axis, g in (("x", 0.0), ("y", -weight)):
+        momentum = series[f"momentum_{axis}"] + mass * series[f"velocity_box_{axis}"]
+        given = g * (series["mass"] + mass) * t - series[f"impulse_tank_{axis}"] + series[f"contact_box_{axis}"]
+        worst = max(worst, np.abs(momentum - given).max())
+    touching = int(np.argmax(series["contact_box_x"] != 0.0))
+    x, y = series["position_box_x"], series["position_box_y"]
+    print(f"momentum off by {worst:.1e} of {scale:.0f} N s; strikes at {t[touching]:.3f} s, x up to {x.max():.4f} m")
+    assert worst < 1e-12 * scale  # measured 1e-14
+    assert 0.8 < t[touching] < 1.0 and series["contact_box_x"][-1] < -5.0  # it is thrown back
+    assert 1.88 < x.max() < 2.0 - 0.05 and (x > 0.05).all() and (y > 0.05).all()  # half its height from every wall
