@@ -5,6 +5,8 @@ from app_runner import check_other_arrays_are_refused, check_same, running
 from sph_scenes import layers, tank, text, torn
 
 from hpcpic.core.comm.world import World
+from hpcpic.core.files.rundir import RunDir
+from hpcpic.core.run import checkpoint
 
 EXTRAPOLATED = """
 wall = ( { name = "floor"; shape = { plane = { point = [0.0, 0.0]; normal = [0.0, 1.0]; }; }; },
@@ -70,6 +72,31 @@ def test_same_bits_for_any_ranks_and_threads_and_after_restarts(tmp_path):
 def test_a_checkpoint_with_other_arrays_is_refused(tmp_path, name):
     with running(World.alone(), "sph", JOBS[name]["case"]) as app:
         check_other_arrays_are_refused(app, tmp_path)
+
+
+def test_a_run_that_is_stopped_in_a_contact_goes_on_from_its_files(tmp_path):
+    """Friction springs and impulses are in the files, which are held to their shapes, and count: without the springs
+    the run ends otherwise.
+    """
+    rundir, found = RunDir(tmp_path / "run"), []
+    (tmp_path / "run").mkdir()
+    for part in ("whole", "taken up", "without springs"):
+        with running(World.alone(), "sph", JOBS["contacts"]["case"]) as app:
+            if part != "whole":
+                reader = checkpoint.newest(rundir)
+                checkpoint.hold(reader, app.columns(reader))
+                app.restore(reader)
+            else:
+                for _ in range(8):
+                    app.step()
+                assert len(app.state()["ties/springs"].local) and app.scalars()["mooring_a_1"] > 0.0
+                checkpoint.write(checkpoint.ALONE, rundir, app.iteration, app.time, app.state())
+            if part == "without springs":
+                app.bodies.ties.contacts.springs[:] = 0.0
+            for _ in range(6):
+                app.step()
+            found.append((checkpoint.digest(World.alone(), app.state()), app.scalars()))
+    assert found[1] == found[0] and found[2][0] != found[0][0]
 
 
 @pytest.mark.validation

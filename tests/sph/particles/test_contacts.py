@@ -1,10 +1,13 @@
 """Rigid bodies that strike each other and walls, hang on lines and turn on hinges: laws of mechanics, without fluid."""
 
 import math
+import subprocess
+import sys
 
 import numpy as np
 import pytest
-from sph_scenes import config, engine
+from app_runner import environment
+from sph_scenes import by_id, config, engine, text
 
 from hpcpic.core.errors import ConfigError, Diverged
 from sph.setup.rigid.mass import rotation
@@ -263,3 +266,48 @@ def test_a_hinge_in_three_dimensions_needs_an_axis():
         more = f"hinge = {{ point = [0.0, 0.1, 0.0]; {axis}"
         with pytest.raises(ConfigError, match=told):
             config(scene(body(box, more + ("];" if "angular" in axis else "};")), d=3, gravity=(0.0, 0.0, 0.0)))
+
+
+def test_faults_of_ties_are_told_with_line_and_key_and_nothing_is_made(tmp_path):
+    ties = """contact = { friction = -1.0; };
+        mooring = ( { at = [0.0, 0.1]; anchor = [1.0, 1.0]; stiffness = -1.0; } );
+        hinge = { point = [0.0, 0.1]; angle = 2.0; };"""
+    (tmp_path / "bad.conf").write_text(scene(FLOOR, body(more=ties)))
+    words = [sys.executable, "-m", "sph", "run", "bad.conf", "-o", "run"]
+    done = subprocess.run(words, cwd=tmp_path, env=environment(), capture_output=True, text=True, timeout=100)
+    assert done.returncode == 2 and [path.name for path in tmp_path.iterdir()] == ["bad.conf"], done.stderr
+    for line, key in ((3, "contact.friction"), (4, "mooring[0].stiffness"), (5, "hinge.angle")):
+        assert any(f"bad.conf:{line}:" in told and key in told for told in done.stderr.splitlines()), done.stderr
+
+
+def scaled(s):
+    """Two bodies that meet over water, one on a line, and a flap; lengths and times s times as large."""
+
+    def box(*low_high):
+        low, high = ([s * value for value in side] for side in low_high)
+        return f"box = {{ low = {low}; high = {high}; }};"
+
+    line = f"""mooring = ( {{ at = [{s * 0.3}, {s * 0.5}]; anchor = [{s * 0.1}, {s * 0.6}]; stiffness = 900.0;
+                             damping = {s * 2.0}; }} );"""
+    walls = (
+        f'{{ name = "tank"; shape = {{ {box([0.0, 0.0], [1.0, 0.6])[:-3]} open = ["y+"]; }}; }}; }}',
+        body(box([0.3, 0.42], [0.5, 0.54]), f"velocity = [2.0, 0.0]; angular_velocity = [{2.0 / s}]; {line}", "a"),
+        body(f"sphere = {{ centre = [{s * 0.62}, {s * 0.5}]; radius = {s * 0.1}; }};", "velocity = [-2.0, 0.0];", "b"),
+        body(box([0.84, 0.2], [0.92, 0.56]), f"hinge = {{ point = [{s * 0.88}, {s * 0.56}]; }};", "flap"),
+    )
+    return text(size=(s * 1.0, s * 0.6), fill=(s * 1.0, s * 0.4), spacing=s * 0.04, gravity=(0.0, -9.81 / s),
+                flux="delta", more=f"wall = ( {', '.join(walls)} );")  # fmt: skip
+
+
+def test_units_that_differ_by_a_power_of_two_give_the_same_bits():
+    """Lengths and times 8 times as large: the same velocities, 8 times the forces and 64 times the impulses."""
+    small, large = engine(case=scaled(1.0)), engine(case=scaled(8.0))
+    for sph in (small, large):
+        for _ in range(10):
+            sph.step()
+    assert large.time == 8 * small.time and len(small.bodies.ties.contacts.keys)  # in the middle of a contact
+    units = np.repeat([8.0, 1.0, 1.0, 1 / 8, 1 / 8, 1 / 64], [3, 4, 3, 3, 3, 3])
+    assert np.array_equal(large.bodies.state, units * small.bodies.state)
+    assert np.array_equal(large.bodies.ledger, np.repeat([64.0, 8.0], 3) * small.bodies.ledger)
+    for name, factor in (("x", 8.0), ("v", 1.0), ("drho", 1.0)):
+        assert np.array_equal(by_id(large, name)[0], factor * by_id(small, name)[0]), name
