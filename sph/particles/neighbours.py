@@ -24,6 +24,9 @@ class Cells:
         self.kernels, self.runs = (specialise("sph.kernels", [stem], DIM=d) for stem in ("cells", "runs"))
         tasks.arena.group(table=Table)
         tasks.arena.set(scale=grid.scale, edge=grid.edges)
+        tasks.foresee(self.runs.find, blocks="sweeps")
+        tasks.foresee(self.kernels.tally, self.kernels.scatter)
+        tasks.foresee(self.kernels.extents, self.kernels.arrange, self.kernels.find_places, blocks="layers")
 
     def _place(self, storage: Storage, wanted: int) -> None:
         a = self.tasks.arena

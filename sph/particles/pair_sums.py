@@ -56,7 +56,7 @@ class PairSums:
     def __init__(self, scene: Scene, spec: PairSpec, tasks: Tasks, ghosts: Ghosts) -> None:
         self.spec, self.tasks, self.ghosts = spec, tasks, ghosts
         self._sums = {title: sums_of(spec, one) for title, one in passes_of(spec).items()}
-        self._held = {} if spec.single else {"position": "x"}
+        self._held: dict[str, Any] = {} if spec.single else {"position": "x"}
         self.rate = -1
         self.kernels = passes.make(spec)
         self.columns = columns_kernels(spec, scene.eos.gamma)
@@ -68,6 +68,9 @@ class PairSums:
             pair_numbers=known.numbers, factors=known.factors,
             face_normals=np.ascontiguousarray(scene.normals[:, scene.axes].T),
         )  # fmt: skip
+        sweeps = [getattr(self.kernels, title) for title in self._sums if title != "moments"]
+        tasks.foresee(*sweeps, odd=True, blocks="sweeps", numbers="pair_numbers", **self._held)
+        tasks.foresee(self.columns.pack, blocks="layers", powers="powers_of_pressure", **self._held)
 
     def forces_on(self, rows: NDArray[np.int64]) -> NDArray[np.float64]:
         """[d, k] N (2D: N/m) on bodies, of the last sums."""

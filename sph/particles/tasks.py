@@ -29,19 +29,24 @@ class Tasks:
 
     def each(self, kernel: Callable, **more: Any) -> None:
         """Run the kernel for every part. `more`: arguments that are numbers, or names of others of the arena."""
-        self._run(self._each, kernel, more)
+        self.pool.run(self._graph(self._each, kernel, more))
 
     def alternate(self, kernel: Callable, **more: Any) -> None:
         """Run the kernel for every part with odd = 0, and with odd = 1 once that part and the next one are through: at
         once, while what both read is in the cache.
         """
-        self._run(self._alternate, kernel, more)
+        self.pool.run(self._graph(self._alternate, kernel, more))
 
-    def _run(self, make: Callable[..., Graph], kernel: Callable, more: dict[str, Any]) -> None:
+    def foresee(self, *kernels: Callable, odd: bool = False, **more: Any) -> None:
+        """Make the graphs of `each`, or of `alternate`, so that other processes compile these kernels meanwhile."""
+        for kernel in kernels:
+            self._graph(self._alternate if odd else self._each, kernel, more)
+
+    def _graph(self, make: Callable[..., Graph], kernel: Callable, more: dict[str, Any]) -> Graph:
         key = (kernel, *more.items())
         if key not in self._graphs:
             self._graphs[key] = make(kernel, more).freeze()
-        self.pool.run(self._graphs[key])
+        return self._graphs[key]
 
     def _each(self, kernel: Callable, more: dict[str, Any]) -> Graph:
         graph, bound = Graph(), self.arena.bind(kernel, self.parts, **more)
