@@ -169,6 +169,8 @@ class Checkpoint:
                 n = reader.total("ties/springs")
                 found["ties/springs"] = Column(real, (n, 3), -scene.diagonal, scene.diagonal)
                 found["ties/touching"] = Column(np.int64, (n,), 0, increasing=True)
+            if "ties/film" in reader.names:
+                found["ties/film"] = Column(real, (n,), 0.0, scene.spacing)
         if scene.walls:
             walls, number = len(scene.walls), reader.total("walls/number")
             impulse, densest = self.forces.largest_impulse(reader.time), DENSEST * scene.rho0

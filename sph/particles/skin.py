@@ -9,6 +9,7 @@ MAX_WAY = 0.15  # of c0 times a step of Courant number cfl: particles of integra
 SPARE = 1.15  # neighbours are known for this much more than the way of the last step
 MIN_REACH = 2e-3  # and for so many h
 ROUNDING = 1e-9  # of the support
+BODY_WAY = 0.25  # spacings: jets from under a body that lands meet its particles in some steps, and walls on the way
 
 
 class Skin:
@@ -19,6 +20,7 @@ class Skin:
     def __init__(self, scene: Scene, staged: bool) -> None:
         self.h, self.support = scene.h, scene.support * (1 + ROUNDING)
         self.farthest = MAX_WAY * (scene.config.simulation.cfl or 0.0) * scene.h if staged else 0.0
+        self.most = BODY_WAY * scene.spacing if any(wall.rigid for wall in scene.walls) else np.inf
         self.reach = self.next_reach = min(MIN_REACH * scene.h, self.farthest)
 
     @property
@@ -34,7 +36,7 @@ class Skin:
     @property
     def step_limit(self) -> float:
         """The farthest a particle may move in a step, m."""
-        return self.farthest or np.inf
+        return min(self.farthest or np.inf, self.most)
 
     def check(self) -> None:
         """Raise Diverged for a reach that cannot be, as a damaged checkpoint may have it."""

@@ -3,6 +3,7 @@
 The density of a particle is the history of its neighbours. One that is left with few of them has no such history: where
 its density is beyond what a weakly compressible fluid can have it gets that of rest, and goes on as a drop does, under
 gravity and before walls, until it falls back. Its mass stays. Among enough neighbours such a density is a divergence.
+Between a rigid body and another solid only fluid is counted: a film of a layer or two is no fluid around a particle.
 """
 
 import logging
@@ -11,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hpcpic.core.comm.world import World
-from sph.kernels.marks import BODY
+from sph.kernels.marks import BODY, WALL_SHIFT
 from sph.particles.storage import Slots, Storage
 from sph.physics.stray_limits import FREE_NEIGHBOUR_SHARE, LIMIT, MAX_DENSITY_ERROR, full_neighbourhood, most_strays
 from sph.physics.timestep import Clock
@@ -26,6 +27,7 @@ class Strays:
     def __init__(self, scene: Scene, world: World, clock: Clock, storage: Storage) -> None:
         self.scene, self.world, self.clock, self.storage = scene, world, clock, storage
         self.count, self.most = 0, most_strays(scene.n_fluid)
+        self.rigid = [wall.index + 1 for wall in scene.walls if wall.rigid]
         self.few = FREE_NEIGHBOUR_SHARE * full_neighbourhood(scene.config)
         self._numbers = np.zeros(0, np.int64)
 
@@ -63,13 +65,17 @@ class Strays:
         raise self.clock.diverged(text)
 
     def _neighbours(self, slots: Slots) -> list[int]:
-        """How many bodies are within the support of each of these."""
+        """How many bodies are within the support of each of these; beside a rigid body and another solid, of fluid."""
         storage, support = self.storage, self.scene.support
-        x = storage.x[:, np.flatnonzero(storage.flags[: storage.end] & BODY)]
+        every = np.flatnonzero(storage.flags[: storage.end] & BODY)
+        x, of = storage.x[:, every], storage.key[every] >> WALL_SHIFT
         found = []
         for slot in slots:
-            near = x[:, np.abs(x[0] - storage.x[0, slot]) < support] - storage.x[:, slot, None]
-            found.append(int(np.count_nonzero(np.sum(near * near, axis=0) < support**2)) - 1)
+            close = np.flatnonzero(np.abs(x[0] - storage.x[0, slot]) < support)
+            apart = x[:, close] - storage.x[:, slot, None]
+            near = of[close[np.sum(apart * apart, axis=0) < support**2]]
+            between = len(np.unique(near)) > 2 and np.isin(near, self.rigid).any()
+            found.append(int(np.count_nonzero(near == 0) if between else len(near)) - 1)
         return found
 
     def settle(self) -> None:

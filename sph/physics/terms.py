@@ -14,7 +14,9 @@ from collections.abc import Callable
 from hpcpic.core.simd.formulas import fma, maximum, minimum, select, sqrt
 from sph.physics.vectors import add_scaled, difference, dot, products, scaled, squares, sum_of, turned
 
-PER_CORE = 1 / 0.7  # spacings: of half that off the surface, even between two particles of a wall
+CORE = 0.7  # spacings: of half that off the surface, even between two particles of a wall
+BODY_CORE = 0.9, 2.0  # with rigid bodies, which press on fluid: between four of a wall too, and for jets of c0 / 3
+PER_CORE = 1 / CORE
 
 
 def needs(formula: Callable | None) -> list[str]:
@@ -80,11 +82,12 @@ def pressure(push_i, push_j):
     return push_i + push_j
 
 
-def kept_out(push, r, per_h, reach):
+def kept_out(push, r, per_h, reach, core):
     """At least the pressure of a stiff core, rho0 c0^2 (1 - r / (0.7 dp)), between fluid and a wall that follows it: a
     sheet of a few particles has no pressure by which such a wall would hold it. Fluid at rest is farther off, dp.
+    With rigid bodies core = 2, and 0.9 dp.
     """
-    return maximum(push, 1.0 - r * per_h * reach * PER_CORE)
+    return maximum(push, core - r * per_h * reach * PER_CORE)
 
 
 def damping(artificial):

@@ -10,6 +10,7 @@ from sph.physics.integrators import INTEGRATORS
 from sph.physics.liquids import liquids_of
 from sph.physics.pair_spec import NUMBERS, UNIT, PairSpec
 from sph.physics.smoothing import SMOOTHING
+from sph.physics.terms import BODY_CORE, CORE
 from sph.physics.viscosities import VISCOSITIES
 from sph.physics.wall_rules import rule_of
 from sph.physics.waves import cleary_constant
@@ -99,11 +100,13 @@ class PairNumbers:
         gravity[:d] = scene.gravity[list(scene.axes)] * (h / (c * c)) * (length / self.density)
         fall = np.zeros(3)
         fall[:d] = scene.acceleration[list(scene.axes)] * (h / (c * c)) * (length / self.density)
+        size, core = BODY_CORE if any(wall.rigid for wall in scene.walls) else (CORE, 1.0)
         numbers = {
             "artificial": -0.5 * (numerics.artificial_viscosity or 0.0) * (speed / length),
             "viscous": -2.0 * xi * scene.viscosity / (scene.rho0 * c * h) * (speed / length),
             "flux_strength": strength / (length * speed),
-            "reach": h / scene.spacing,
+            "reach": h / scene.spacing * (core * CORE / size),
+            "core": core,
             "per_w": 1.0 / float(smoothing.w(np.float64(scene.spacing / h), 1.0)),
             "per_h": length,
             "eta2": 0.01 / (length * length),

@@ -4,7 +4,7 @@ import itertools
 import math
 
 from sph.case import geometry
-from sph.case.config import AXES, Fluid, Motion, SphConfig
+from sph.case.config import AXES, Fluid, Motion, SphConfig, Wall
 from sph.case.openings import Inlet
 from sph.setup import flows
 
@@ -12,8 +12,8 @@ PEAKS = {"uniform": 1.0, "parabolic": 1.5}  # largest velocity of a profile over
 
 
 def speed_scale(config: SphConfig) -> float:
-    """sqrt(2 g H) of the fluid's height H along gravity, what moves at t = 0, what flows in, and walls that swing, m/s:
-    these push fluid, as others, such as a gate, need not.
+    """sqrt(2 g H) of the height H along gravity of fluid and of bodies above it, what moves at t = 0, what flows in,
+    and walls that swing, m/s: these push fluid, as others, such as a gate, need not.
     """
     g = math.hypot(*config.gravity)
     speeds = [geometry.length(fluid.velocity) + flows.speed(config, fluid) for fluid in config.fluid]
@@ -22,13 +22,14 @@ def speed_scale(config: SphConfig) -> float:
     speeds += [fastest(config, inlet) for inlet in config.inlet]
     if g:
         heights = [height for fluid in config.fluid for height in heights_of(config, fluid)]
+        heights += [min(heights_of(config, wall)) for wall in config.wall if wall.body and not wall.body.hinge]
         heights += [height for inlet in config.inlet for height in surfaces(config, inlet)]
         speeds.append(math.sqrt(2 * g * max(0.0, max(heights, default=0.0) - min(heights, default=0.0))))
     return max(speeds, default=0.0)
 
 
-def heights_of(config: SphConfig, fluid: Fluid) -> list[float]:
-    """Heights against gravity of the corners of a fluid, m."""
+def heights_of(config: SphConfig, fluid: Fluid | Wall) -> list[float]:
+    """Heights against gravity of the corners of a fluid or a solid, m."""
     g = math.hypot(*config.gravity)
     return [-sum(a * b for a, b in zip(corner, config.gravity)) / g for corner in geometry.corners(fluid.shape)]
 

@@ -27,7 +27,7 @@ wall = ( { name = "tank"; shape = { box = { low = [0.0, 0.0]; high = [1.0, 0.6];
          { name = "a"; solid = true; shape = { box = { low = [0.3, 0.42]; high = [0.5, 0.54]; }; };
            body = { density = 600.0; velocity = [2.0, 0.0]; angular_velocity = [2.0];
                     mooring = ( { at = [0.3, 0.5]; anchor = [0.1, 0.6]; stiffness = 900.0; damping = 2.0; } ); }; },
-         { name = "b"; solid = true; shape = { sphere = { centre = [0.62, 0.5]; radius = 0.1; }; };
+         { name = "b"; solid = true; shape = { sphere = { centre = [0.66, 0.5]; radius = 0.1; }; };
            body = { density = 900.0; velocity = [-2.0, 0.0]; }; },
          { name = "flap"; solid = true; shape = { box = { low = [0.84, 0.2]; high = [0.92, 0.56]; }; };
            body = { density = 700.0; hinge = { point = [0.88, 0.56]; }; }; } );

@@ -149,18 +149,19 @@ class Bodies:
                 state[:13] = hinge.tied(state[TURN], state[SPIN])
 
     def kept(self) -> dict[str, NDArray]:
-        """What a checkpoint needs besides `state`, where there is any: sums and friction springs of contacts."""
+        """What a checkpoint needs besides `state`, where there is any: sums of contacts and what is near others."""
         contacts = self.ties.contacts
         found: dict[str, NDArray] = {"ties/ledger": self.ledger} if self.ledger.any() else {}
-        springs = {"ties/springs": contacts.springs, "ties/touching": contacts.keys} if len(contacts.keys) else {}
-        return found | springs
+        if len(contacts.keys):
+            found |= {"ties/springs": contacts.springs, "ties/touching": contacts.keys, "ties/film": contacts.film}
+        return found
 
     def restore(self, arrays: dict[str, NDArray]) -> None:
         """Take the arrays of a checkpoint."""
         contacts, none = self.ties.contacts, np.zeros((0, 3))
         self.state[:], self.ledger[:] = arrays["bodies"], arrays.get("ties/ledger", 0.0)
-        contacts.springs = arrays.get("ties/springs", none)
-        contacts.keys = arrays.get("ties/touching", none[:, 0].astype(np.int64))
+        keys = arrays.get("ties/touching", none[:, 0].astype(np.int64))
+        contacts.take(keys, arrays.get("ties/springs", none), arrays.get("ties/film", np.zeros(len(keys))))
         contacts.forget()
 
     def keep(self) -> None:

@@ -1,4 +1,8 @@
-"""What rigid bodies touch in a step: their spheres near the surfaces of others, with the law of each contact."""
+"""What rigid bodies touch in a step: their spheres near the surfaces of others, with the law of each contact.
+
+Solids that were apart touch a spacing apart: no narrower gap holds a layer of particles, and one that is caught in it
+is pressed into the solids. A sphere that began nearer touches where it began, or as far as it has come since.
+"""
 
 from dataclasses import dataclass, field
 from typing import Any
@@ -16,6 +20,7 @@ DEEPEST = 0.5  # spacings: a body that is deeper in another is on its way throug
 FARTHEST = 1.0  # spacings that a point of a body may go in a step
 SAFE = 2.0  # times the way of a step, within which spheres are looked at
 REST = 1e-3  # spacings, and so much more
+FILM = 1.0  # spacings between solids that touch: one layer of fluid
 SIDES, FACES, SPHERES = 2, 8, 1 << 40  # in the number of a contact: of a pair, of a tank, of a body
 Reals = NDArray[np.float64]
 
@@ -44,6 +49,7 @@ class Places:
     normal: list[Reals] = field(default_factory=list)
     shift: list[Reals] = field(default_factory=list)
     radius: list[Reals] = field(default_factory=list)
+    film: list[Reals] = field(default_factory=list)
 
 
 def padded(x: NDArray) -> Reals:
@@ -52,8 +58,8 @@ def padded(x: NDArray) -> Reals:
 
 
 class Contacts:
-    """origin[wall, 3]: the point O of each solid at t = 0, about which it turns; keys[n], springs[n, 3] m: friction
-    springs of the spheres that touch.
+    """origin[wall, 3]: the point O of each solid at t = 0, about which it turns; of the spheres near others, keys[n],
+    friction springs[n, 3] m and the distance film[n] at which each touches, m.
     """
 
     def __init__(self, clock: Clock, walls: Walls, origin: Reals) -> None:
@@ -63,9 +69,12 @@ class Contacts:
         self.radius = np.zeros(len(self.scene.walls))
         for k, (x, radius) in self.spheres.items():
             self.radius[k] = np.max(np.sqrt(np.sum((padded(x) - origin[k]) ** 2, axis=1)) + radius)
-        self.looked = self.keys = np.zeros(0, np.int64)
-        self.springs = np.zeros((0, 3))
         self._last: tuple[Reals, Reals] | None = None
+        self.take(np.zeros(0, np.int64), np.zeros((0, 3)), np.zeros(0))
+
+    def take(self, keys: NDArray[np.int64], springs: Reals, film: Reals) -> None:
+        """Let these be the spheres near others."""
+        self.keys, self.springs, self.film = keys, springs, film
 
     def _law(self, a: Any, b: Any) -> tuple[float, float, float]:
         """The lower numbers of two bodies; stiff enough for eos.max_velocity."""
@@ -90,7 +99,7 @@ class Contacts:
         for number, pair in enumerate(self.pairs):
             a, b = pair.first.index, pair.second.index
             pair.least -= ways[a] + ways[b]
-            reach = SAFE * dt * (speeds[a] + speeds[b]) + REST * dp
+            reach = SAFE * dt * (speeds[a] + speeds[b]) + (FILM + REST) * dp
             if pair.least <= reach:
                 self._look(number, pair, reach, found)
                 total = sum(map(len, found.key))
@@ -98,21 +107,18 @@ class Contacts:
                     cuts.append(total)
                     laws.append(pair.law)
         if not laws:
-            self.looked = self.keys = np.zeros(0, np.int64)
-            self.springs = np.zeros((0, 3))
+            self.take(self.keys[:0], self.springs[:0], self.film[:0])
             return None
         arrays = {name: np.ascontiguousarray(np.concatenate(rows)) for name, rows in vars(found).items()}
-        self.looked = keys = arrays.pop("key")
+        keys, film = arrays.pop("key"), arrays.pop("film")
         springs, at = np.zeros((len(keys), 3)), np.searchsorted(self.keys, keys)
         known = at < len(self.keys)
         known[known] = self.keys[at[known]] == keys[known]
         springs[known] = self.springs[at[known]]
+        film[known] = np.maximum(film[known], self.film[at[known]])
+        self.take(keys, springs, film)
+        arrays["radius"] += film
         return Touches(**arrays, springs=springs, cuts=np.array(cuts), laws=np.array(laws))
-
-    def remember(self, touches: Touches) -> None:
-        """Keep the springs of the points that touch."""
-        kept = np.any(touches.springs != 0.0, axis=1)
-        self.keys, self.springs = self.looked[kept], touches.springs[kept]
 
     def _ways(self, solids: Solids) -> Reals:
         """How far a point of each solid may have gone since the last call, m."""
@@ -153,6 +159,7 @@ class Contacts:
                 found.normal.append(padded(n))
                 found.shift.append(padded(np.broadcast_to(shift, (len(near), len(shift)))))
                 found.radius.append(radius[near])
+                found.film.append(np.clip(gap[near], 0.0, FILM * self.scene.spacing))
         pair.least = least
 
     def _shift(self, a: Any, b: Any) -> Reals:

@@ -148,7 +148,6 @@ class Ties:
         steps = self._steps(touches)
         self._loads.impulse[:] = 0.0
         kernel.advance(steps, dt / steps, self.solids, touches, self.lines, self._loads, self._before)
-        self.contacts.remember(touches)
         solids, found = self.solids, state[:, :13].copy()
         for i, (k, hinge) in enumerate(zip(self.rows, self.hinges)):
             ends = solids.turn[k], solids.spin[k]
