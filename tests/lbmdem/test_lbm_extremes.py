@@ -225,7 +225,6 @@ def scaled(storage, m, s, kg):
 @pytest.mark.parametrize("storage", ["double", "single"])
 def test_units_by_powers_of_two_give_the_same_bits(world, storage):
     """Metres, seconds and kilograms 2^20, 2^-13 and 2^7 times as large: the state differs by powers of two alone."""
-
     def state(*units):
         with running(world, "lbmdem", scaled(storage, *units)) as app:
             for _ in range(30):

@@ -143,7 +143,9 @@ def test_two_processes_cannot_hold_one_folder(tmp_path: Path) -> None:
     RunDir(tmp_path).lock()
 
 
-def test_a_lock_that_its_holder_removes_is_taken_again(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_lock_that_its_holder_removes_is_taken_again(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     """The file that was opened has no name any more when it is locked: two could hold the folder."""
     flock, lock = fcntl.flock, tmp_path / ".lock"
 
