@@ -18,7 +18,7 @@ from sph.setup.rigid.mass import share
 from sph.setup.rigid.surfaces import gap
 from sph.setup.scene import NEAR, Scene, Wall
 from sph.setup.signed_distance import signed_distance
-from sph.setup.speeds import fastest, motion_speed
+from sph.setup.speeds import fastest, motion_speed, speed_scale
 from sph.setup.tanks import depth_in
 
 DENSE, DENSER = 0.02, 0.1  # rho / rho0 - 1 at rest, which are noticed and refused
@@ -26,6 +26,7 @@ MOST_STEPS = 1e9  # 11 days at a millisecond a step
 LEAST_ACROSS = 5  # particles, of which the kernel reaches over most
 TOUCHING = 1e-3  # spacings of overlap that rounding of places in a case may make
 LIGHTEST = 0.03  # mass of a body over that of it and a layer of fluid
+LEAST_PRESSURE = 2.0  # rho v^2 of an outlet behind a solid: of 0 and 1 a stream around a square fell apart
 LONGEST_WAY = 1.0  # spacings of a wall in a step, beyond which it jumps over fluid
 
 
@@ -179,9 +180,18 @@ def openings(config: SphConfig, scene: Scene) -> Iterator[Derived]:
             rows = int(np.count_nonzero(_in_wall(scene, wall, inlet)))
             if rows:
                 yield Derived(f"rows of {inlet.name} in {wall.name}", "n", rows, "", "0", "fail", "fluid in walls",
-                              f"a box beside the wall; {wall.name} open where it flows in", (*key, "low"))  # fmt: skip
+                              f"a box on the fluid's side of {wall.name}; or {wall.name} open there, and solids around "
+                              "the box", (*key, "low"))  # fmt: skip
         n = inlet.volume(config.simulation.end_time) * scene.rho0 / inlet.mass
         yield Derived(f"particles through {inlet.name}", "n", round(n))
+    for i, outlet in enumerate(config.outlet):
+        dynamic = scene.rho0 * speed_scale(config) ** 2
+        if outlet.level is None and dynamic and any(wall.solid for wall in config.wall):
+            part = outlet.pressure / dynamic
+            verdict = "ok" if part >= LEAST_PRESSURE else "warn"
+            cure = "" if verdict == "ok" else f"pressure = {LEAST_PRESSURE * dynamic:.3g}"
+            yield Derived(f"pressure of {outlet.name}", "p/(rho v^2)", part, "", f">= {LEAST_PRESSURE:g}", verdict,
+                          "cavities behind solids, which push fluid out", cure, ("outlet", i, "pressure"))  # fmt: skip
 
 
 def _in_wall(scene: Scene, wall: Wall, inlet: Source) -> np.ndarray:

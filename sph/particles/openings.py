@@ -83,7 +83,7 @@ class Openings:
 
     def __init__(self, scene: Scene, clock: Clock, storage: Storage, slabs: Slabs, exchange: Exchange) -> None:
         self.scene, self.clock, self.storage, self.slabs, self.exchange = scene, clock, storage, slabs, exchange
-        self.places: list[Place] = [*scene.inlets, *scene.outlets]
+        self.places: list[Source | Sink] = [*scene.inlets, *scene.outlets]
         self.way = np.concatenate([np.zeros(0), *(np.full(len(inlet.rows), inlet.step) for inlet in scene.inlets)])
         self.ways = np.split(self.way, np.cumsum([len(inlet.rows) for inlet in scene.inlets])[:-1])
         self.mean = np.zeros((len(self.places), 3))
@@ -209,6 +209,21 @@ class Openings:
         low[place.axis], high[place.axis] = min(first, last), max(first, last)
         return self.storage.beside((low + high) / 2 - self.scene.low, (high - low) / 2)
 
+    @staticmethod
+    def _outwards(place: Sink, sums: NDArray, x: NDArray, speed: float, way: float) -> NDArray[np.float64]:
+        """Velocity[n] at x[n, d] in an outlet: by rows what flows out, and no row comes in while others leave; what has
+        gone back, by the spare length of the box at most, moves as one: what left by some rows while it came back by
+        others would be lost.
+        """
+        total = float(sums[:, 2].sum())
+        if way < 0.0 or total <= 0.0:
+            return np.full(len(x), max(speed, 0.0) if way <= -place.spare else speed)
+        out = np.maximum(sums[:, 2], 0.0)
+        out *= total / float(out.sum())
+        nodes, shares = place.shares(x)
+        weight, flow = np.sum(shares * sums[nodes, 0], axis=1), np.sum(shares * out[nodes], axis=1)
+        return np.where(weight > 0.0, flow / np.where(weight > 0.0, weight, 1.0), speed)
+
     def _prescribe(self) -> None:
         """Give what is in the boxes the velocities and densities of now."""
         storage, scene = self.storage, self.scene
@@ -218,11 +233,7 @@ class Openings:
             if isinstance(place, Source):
                 forward = speed * place.profile_at(x)
             else:
-                nodes, shares = place.shares(x)
-                weight, total = (np.sum(shares * sums[nodes, column], axis=1) for column in (0, 2))
-                forward = np.where(weight > 0.0, total / np.where(weight > 0.0, weight, 1.0), speed)
-                if isinstance(place, Sink) and way <= -place.spare:
-                    forward = np.maximum(forward, 0.0)
+                forward = self._outwards(place, sums, x, speed, way)
             storage.v[:, slots] = 0.0
             if isinstance(place, Sink) and place.wave:
                 rate = place.growth(head, self.columns[scene.outlets.index(place)])
