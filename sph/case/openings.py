@@ -1,17 +1,29 @@
 """What a case says of the places where fluid flows in and out."""
 
-from typing import Literal
+from typing import Annotated, Any, Literal, get_args
+
+from pydantic import BeforeValidator
 
 from hpcpic.core.case.schema import REQUIRED, Section, Vector, setting
 
 Direction = Literal["x+", "x-", "y+", "y-", "z+", "z-"]
 
 
+def along_an_axis(value: Any) -> Any:
+    """Refuse flow at an angle, and say how it can be had."""
+    if value not in get_args(Direction):
+        known = ", ".join(get_args(Direction))
+        raise ValueError(f"must be one of {known}: for an opening at an angle turn the scene, and gravity with it")
+    return value
+
+
 class Opening(Section):
     name: str = setting("", "by default inlet_1, outlet_1, ...")
     low: Vector = setting(REQUIRED, "lower corner of the box in which the flow is prescribed", "m")
     high: Vector = setting(REQUIRED, "upper corner; along `axis` at least as far as the kernel reaches", "m")
-    axis: Direction = setting(REQUIRED, "the way in which fluid flows through the box")
+    axis: Annotated[Direction, BeforeValidator(along_an_axis)] = setting(
+        REQUIRED, "the way in which fluid flows through the box"
+    )
 
 
 class Moment(Section):

@@ -54,6 +54,13 @@ def _box_faults(config: SphConfig, opening: Opening) -> Iterator[Fault]:
         if a < first or b > last:
             yield (), f"reaches from {a:g} to {b:g} m, beyond the domain, which goes from {first:g} to {last:g} m"
     k = AXES.index(opening.axis[0])
+    forward = opening.axis[1] == "+"
+    into = isinstance(opening, Inlet)
+    free, end = (high[k], domain.corners[1][k]) if forward == into else (low[k], domain.corners[0][k])
+    if abs(free - end) < 1e-9 * config.numerics.spacing:
+        way = "fluid would flow in beyond" if into else "no fluid comes to the box from beyond"
+        turned = f'"{AXES[k]}{"-" if forward else "+"}"'
+        yield ("axis",), f"{way} the end of the domain at {AXES[k]} = {free:g} m: {turned}"
     support = stability.support_of(config)
     if high[k] - low[k] < support * (1 - 1e-9):
         text = f"the box is {high[k] - low[k]:g} m long along {AXES[k]}, shorter than the kernel reaches, {support:g} m"
@@ -72,13 +79,14 @@ def _level_faults(config: SphConfig, opening: Opening, levels: list[float]) -> I
     """Levels need gravity across the axis, and lie in the box."""
     k, g = AXES.index(opening.axis[0]), config.gravity or (0.0,)
     if not any(g) or g[k]:
-        yield ("level",), f"needs gravity at right angles to the axis {opening.axis} (got {list(g)})"
+        without = "a velocity or discharge without it" if isinstance(opening, Inlet) else "domain.outflow"
+        yield ("level",), f"needs gravity at right angles to the axis {opening.axis} (got {list(g)}), or {without}"
         return
     ends = [-sum(x * y for x, y in zip(corner, g)) / sum(x * x for x in g) ** 0.5
             for corner in itertools.product(*zip(opening.low, opening.high))]  # fmt: skip
     for level in levels:
         if not min(ends) < level <= max(ends) * (1 + 1e-9):
-            yield ("level",), f"{level:g} m is not in the box, from {min(ends):g} to {max(ends):g} m"
+            yield ("level",), f"{level:g} m is not in the box, from {min(ends) + 0.0:g} to {max(ends):g} m"
 
 
 def _inlet_faults(config: SphConfig, inlet: Inlet) -> Iterator[Fault]:

@@ -31,6 +31,24 @@ def test_a_weir_has_the_head_of_rehbock(tmp_path):
     assert head == pytest.approx(0.0999, rel=0.02) and flow == pytest.approx(0.06, rel=0.01)
 
 
+def test_a_reservoir_fills_at_the_rate_of_its_inflow_and_overflows_its_dam_as_much(tmp_path):
+    """Over a broad crest the depth is critical: q = (2/3)^(3/2) sqrt(g) H^(3/2), H the total head over it."""
+    q, length, crest = 0.06, 0.6, 0.25
+    series = sph.Case("dam-with-inflow").run(tmp_path / "run", threads=1).series
+    names = "time", "level", "over", "inflow", "outflow", "mass", "strays"
+    time, level, over, came, left, mass, strays = (np.asarray(series[name]) for name in names)
+    below = time < (crest - 0.12) * length / q
+    rise = np.polyfit(time[below], level[below], 1)[0]
+    late = time > 7.0
+    head, flow = np.mean(level[late]) - crest + (q / np.mean(level[late])) ** 2 / (2 * 9.81), np.mean(over[late])
+    critical = 1.5 * (flow**2 / 9.81) ** (1 / 3)
+    print(rise, head, flow, critical, time[over > 0.0][0])
+    assert np.abs(came - 1000.0 * q * time).max() < 1000.0 * 0.4 * 0.01  # a particle in every row
+    assert np.abs(mass + left - came - mass[0]).max() < 1e-9 and strays[-1] == 0
+    assert rise == pytest.approx(q / length, rel=0.03) and np.all(over[below] == 0.0)
+    assert flow == pytest.approx(q, rel=0.03) and head == pytest.approx(critical, rel=0.03)
+
+
 FLUME = """
 simulation = { dimensions = 2; end_time = 6.0; };
 gravity = [0.0, -9.81];
