@@ -53,16 +53,20 @@ class LbmDem:
         cuts = even_cuts(points[0], world.size)
         self.domain = domain = Domain(tuple(config.domain.size[::-1]), points, periodic, cuts, offset=0.5)
         self.iteration = 0
+        self.fluid = self._fluid(config.fluid) if config.fluid else None
         self.table = table = place_grains(config, world, pool, domain)
         self.work_items = math.prod(scene.points) if config.fluid else len(table)
         self.work_unit = "node" if config.fluid else "particle"
         grains_move, frozen = bool((~table.fixed).any()), config.coupling.frozen
-        self.fluid = self._fluid(config.fluid, stays=not grains_move or frozen) if config.fluid else None
+        if self.fluid:
+            self._fill(self.fluid, stays=not grains_move or frozen)
         self.drive = Drive(scene, self.fluid) if self.fluid else None
         solid = len(table) or config.obstacle
         self.immersed = self._immersed(self.fluid) if self.fluid and solid else None
         self.solids_move = grains_move and self.immersed is not None and not frozen
         at_rest = grains_move and self.immersed is not None and frozen
+        if self.immersed and self.solids_move:
+            self.immersed.link_anew()
         pressure = ContactPressure(self.fluid, world, table.radius) if self.fluid and at_rest else None
         solids = self.immersed, pressure
         self.grains = DrivenGrains(scene, world, pool, domain, table, *solids) if grains_move else None
@@ -78,11 +82,11 @@ class LbmDem:
         self.diagnostics = Diagnostics(scene, world, domain, table, heights, *parts)
         self.scalar_units = self.diagnostics.units
 
-    def _fluid(self, fluid: FluidSection, stays: bool) -> Fluid:
-        """The fluid at the start. stays: no solid in it ever moves."""
+    def _fluid(self, fluid: FluidSection) -> Fluid:
+        """The fluid, at rest."""
         scene, config = self.scene, self.scene.config
         forced = any(fluid.body_force) or config.shaking is not None
-        made = Fluid(
+        return Fluid(
             self.world, self.pool, self.domain, LATTICES[scene.lattice],
             tau=scene.tau,
             collision=fluid.collision,
@@ -92,11 +96,14 @@ class LbmDem:
             blocks=config.simulation.blocks,
             faces={name: Face(face.kind, face.density, face.velocity) for name, face in scene.faces.items()},
         )  # fmt: skip
+
+    def _fill(self, fluid: Fluid, stays: bool) -> None:
+        """The flow at the start. stays: no solid in it ever moves."""
+        config, table = self.scene.config, self.table
         near = RULES[config.coupling.bounce_back].reach < 2
-        made.stays = stays and near and config.coupling.refill != "conserving"
-        axes, sample = self.coordinates(), sample_ends(self.table.x, self.table.radius, config.domain.size[-1])
-        made.set_equilibrium(scene.initial_density(axes, sample), scene.initial_velocity(axes))
-        return made
+        fluid.stays = stays and near and config.coupling.refill != "conserving"
+        axes, sample = self.coordinates(), sample_ends(table.x, table.radius, config.domain.size[-1])
+        fluid.set_equilibrium(self.scene.initial_density(axes, sample), self.scene.initial_velocity(axes))
 
     def coordinates(self) -> tuple[NDArray, ...]:
         """x, y(, z) of this rank's nodes in m, which broadcast to the slab in storage order."""

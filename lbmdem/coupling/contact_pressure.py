@@ -35,8 +35,6 @@ class ContactPressure:
         self._first, self._second, self._area = self._touching()
         self._low, self._high = np.minimum(self._first, self._second), np.maximum(self._first, self._second)
         self._share = radius[self._low] / (radius[self._low] + radius[self._high])
-        with world.first_on_node():
-            self._at_samples()
 
     def _neighbours(self) -> Iterator[tuple[NDArray, NDArray, int]]:
         """Yield for each direction i the ids of own nodes, those of the nodes next to them along e[i], and i."""

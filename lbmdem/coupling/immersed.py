@@ -130,13 +130,19 @@ class Immersed:
         From then on all grains are linked at every step, those that stay too: others may come near them.
         """
         self._table = _merged(self._fixed, sorted_table(ids, centres, radii, velocity, omega))
-        links = self.links or self._link_anew()
+        links = self.links or self.link_anew()
+        self.refill.bind(self._solid.arena)  # after all that the first step needs
+        self._set_scale(self._table.radii, self._wall_links)
+        self._solid.arena["scale"][:] = self._scale
         self._solid.rebuild(self._table)
         self.fluid.solid_changed(fill=False)
         links.place()
 
-    def _link_anew(self) -> MovingLinks:
-        """Begin to look for all links at every step. Collective."""
+    def link_anew(self) -> MovingLinks:
+        """From now on look for all links at every step; `start` must follow. Collective.
+
+        All that a step does is bound here, so that it is compiled while grains are set up.
+        """
         del self._fixed_links
         self.fluid.carry(None)
         window, layout, ids = self.window, self.fluid.layout, self.fluid.ids
@@ -146,11 +152,10 @@ class Immersed:
         set_up_links(arena, window, layout, self.fluid.f, ids, self._rule, open_mass)
         walls = Bodies(*sorted_table(*_no_grains(self._dimensions)), self._walls)
         surfaces = Surfaces(window, self._solid.nodes, walls, Directions(layout.lattice).e, self._dimensions)
-        self._wall_links = WallLinks(arena, surfaces, self._blocks)
-        self._set_scale(self._table.radii, self._wall_links)
-        arena["scale"][:] = self._scale
         self.links = links = MovingLinks(arena, self._pool, int(window.inner[2, 0]))
         self.fluid.leave_to_links(links.of_planes)
+        self._solid.expect_updates()
+        self._wall_links = WallLinks(arena, surfaces, self._blocks)
         return links
 
     def move(self, ids: NDArray, centres: NDArray, radii: NDArray, velocity: NDArray, omega: NDArray) -> None:
@@ -161,7 +166,7 @@ class Immersed:
         self._table = table = _merged(self._fixed, sorted_table(ids, centres, radii, velocity, omega))
         self.refill.exchange()
         change = self._solid.update(table)
-        covered, filled = self.refill.change(self._solid, change)
+        covered, filled = self.refill.change(change)
         self.fluid.nodes_changed(self._solid.settle())
         self.links.place()
         if self.refill.conserving:

@@ -1,10 +1,10 @@
 """The populations of nodes that grains cover and uncover.
 
 The paper fills an uncovered node with the equilibrium of the mean density and of the velocity of the grain there
-("average"; the mean density is the reference one). Others take the density of the fluid neighbours ("local"), and their
-non-equilibrium too ("non-equilibrium"). "conserving" is "local" with closed balances: a grain gets the momentum of what
-it covers and gives that of what it uncovers, and the mass that links and nodes have gained or lost is put back evenly
-into all nodes at every step.
+("average"; the mean over the fluid nodes of this step). Others take the density of the fluid neighbours ("local"), and
+their non-equilibrium too ("non-equilibrium"). "conserving" is "local" with closed balances: a grain gets the momentum
+of what it covers and gives that of what it uncovers, and the mass that links and nodes have gained or lost is put back
+evenly into all nodes at every step.
 
 "local" is the default. The sphere of ten Cate et al. (2002), 7.5 nodes across, at the Reynolds numbers 1.5, 4.1, 11.6
 and 31.9: largest speeds are off by -2.5, +1.1, -0.1, -1.1 % with "local" and by +0.5, +3.6, +1.2, -2.0 % with
@@ -24,13 +24,13 @@ from hpcpic.core.tasks.arena import Arena
 from hpcpic.core.tasks.graph import Bound
 from lbmdem.fluid.fixed_links import Directions
 from lbmdem.fluid.fluid import Fluid
-from lbmdem.fluid.solid_nodes import Change, Solid, Window, several_slabs
+from lbmdem.fluid.solid_nodes import Change, Window, several_slabs
 from lbmdem.kernels import refill as kernels
 from lbmdem.kernels.link_arrays import Nodes, Populations
 
 PARTS = 4  # per thread
 MODES = {
-    "average": kernels.AVERAGE,
+    "average": kernels.LOCAL,
     "local": kernels.LOCAL,
     "non-equilibrium": kernels.NON_EQUILIBRIUM,
     "conserving": kernels.LOCAL,
@@ -38,30 +38,31 @@ MODES = {
 
 
 class Refill:
-    """Fills uncovered nodes of a fluid. `exchange` is collective and comes before `change`."""
+    """Fills uncovered nodes of a fluid. `bind` comes first, then at every move `exchange` and `change`; both are
+    collective."""
 
     def __init__(self, window: Window, fluid: Fluid, world: World, mode: str) -> None:
-        self.conserving = mode == "conserving"
+        self.conserving, self._average = mode == "conserving", mode == "average"
         self._window, self._fluid, self._world = window, fluid, world
         layout, directions = fluid.layout, Directions(fluid.lattice)
         self._edges = np.zeros((2, 0, 0, 0))
         self._fill: Fill | None = None
-        if several_slabs(fluid.domain) and MODES[mode] != kernels.AVERAGE:
+        if several_slabs(fluid.domain) and not self._average:
             self._share_edges()
         self._populations = Populations(fluid.f, layout.strides, layout.slots, layout.shifts)
         self._nodes = Nodes(fluid.ids.reshape(-1), window.shape, window.inner, window.box)
         sizes = np.array([layout.nx, layout.rows, layout.planes], np.int64)
         self._source = kernels.Source(sizes, self._edges, directions.e, fluid.lattice.w, MODES[mode])
-        self._tasks: list[list[Bound]] = []  # by parity
 
-    def _bind(self, arena: Arena) -> None:
-        """The tasks that fill the nodes which `Solid`, whose arena this is, has uncovered."""
+    def bind(self, arena: Arena) -> None:
+        """Make the tasks that fill the nodes which `Solid`, whose arena this is, will uncover."""
         threads = self._fluid.pool.threads
         shares = PARTS * threads if threads > 1 else 1
         given = {"shares": shares, "populations": self._populations, "nodes": self._nodes, "source": self._source}
-        self._tasks = [
-            [arena.bind(kernels.fill, share=share, parity=parity, **given) for share in range(shares)]
-            for parity in range(2)
+        arena.set(density=0.0)
+        kernel, self._arena = kernels.fill_average if self._average else kernels.fill, arena
+        self._tasks: list[list[Bound]] = [  # by parity
+            [arena.bind(kernel, share=share, parity=parity, **given) for share in range(shares)] for parity in range(2)
         ]
 
     def _share_edges(self) -> None:
@@ -90,15 +91,15 @@ class Refill:
         self._fill.finish()
         self._edges[0], self._edges[1] = values[:, 0], values[:, -1]
 
-    def change(self, solid: Solid, change: Change) -> tuple[NDArray, NDArray]:
+    def change(self, change: Change) -> tuple[NDArray, NDArray]:
         """Fill the uncovered nodes. Populations [n, q] of the covered nodes before, which are read only if they are
-        counted ("conserving"), and of the uncovered ones now."""
+        counted ("conserving"), and of the uncovered ones now. Collective."""
         parity, q = self._fluid.parity, self._fluid.lattice.q
         covered, filled = np.empty((len(change.covered), q)), np.empty((len(change.uncovered), q))
-        if not self._tasks:
-            self._bind(solid.arena)
         if self.conserving and len(change.covered):
             kernels.read(self._populations, parity, self._nodes, change.covered, covered)
+        if self._average and self._world.any(len(change.uncovered) > 0):
+            self._arena.set(density=self._fluid.mean_excess())
         if len(change.uncovered):
             self._fluid.pool.each(self._tasks[parity])
             if self.conserving:

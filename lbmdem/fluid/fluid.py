@@ -80,9 +80,8 @@ class Fluid:
         self._numbers = np.zeros(len(self.collision.source.names), self.layout_dtype)
         self._arena.set(numbers=self._numbers)
         self.set_force(force)
-        with world.first_on_node():
-            self.nodes = NodeKinds(self._arena, layout, pool)
-            self._make_tasks()
+        self.nodes = NodeKinds(self._arena, layout, pool)
+        self._make_tasks()
         self.solid_changed()
 
     def _allocate(self) -> Layout:
@@ -131,7 +130,7 @@ class Fluid:
         self._waves: dict[temporal_blocking.Steps, Graph] = {}
         self._depths: dict[int, int] = {}
         shape, ids = self.domain.shape(self.world.rank), self.ids
-        self._observers = Observers(self.world, self.pool, layout, shape, f=self.f, ids=ids, shift=self._shift)
+        self._observers = Observers(self.pool, layout, shape, f=self.f, ids=ids, shift=self._shift)
         values = {name: layer.values for name, layer in self.layers.items()}
         self._arena.set(shift=self._shift_in_storage, others=wall_ends(self.faces, layout, self._touches))
         slab = Slab(layout, self._touches, self._arena)
@@ -158,10 +157,9 @@ class Fluid:
         """Hold the populations of the fluid nodes alone. Collective."""
         assert isinstance(self.layout, Layout)
         layout = SparseLayout(self.layout, self.ids, self.world, self.domain)
-        with self.world.first_on_node():
-            arena = sparse_arena(layout, STORAGE[self.storage])
-            before = {"old": self.f, "old_places": addresses(self.layout), "parity": self.parity, "nx": layout.nx}
-            arena.call(take_over, places=addresses(layout), low=0, high=layout.planes, **before)
+        arena = sparse_arena(layout, STORAGE[self.storage])
+        before = {"old": self.f, "old_places": addresses(self.layout), "parity": self.parity, "nx": layout.nx}
+        arena.call(take_over, places=addresses(layout), low=0, high=layout.planes, **before)
         arena.set(solid=self.ids, numbers=self._numbers)
         self.layout, self._arena, self.f = layout, arena, arena["f"]
         self._again()
@@ -170,8 +168,7 @@ class Fluid:
     def _again(self) -> None:
         """Collective."""
         self._exchange.free()
-        with self.world.first_on_node():
-            self._make_tasks()
+        self._make_tasks()
 
     def leave_to_links(self, links: Links) -> None:
         """From now on these do all links to grains, and find what went out where the grain would have read it.
@@ -179,8 +176,7 @@ class Fluid:
         So the sweep need not bounce it back, and does vectors beside grains, with what is in these, like any others.
         Populations of solid nodes mean nothing then, and may be no numbers. Collective; `solid_changed` must follow.
         """
-        with self.world.first_on_node():
-            self.nodes.free_grains()
+        self.nodes.free_grains()
         self._moving = links
         self._again()
 
@@ -307,8 +303,7 @@ class Fluid:
     def _pass(self, depth: int, keep: bool) -> None:
         steps = self._steps_of_pass(depth, keep)
         if steps not in self._waves:
-            with self.world.first_on_node():
-                self._waves[steps] = self._passes.wave(steps, self._after)
+            self._waves[steps] = self._passes.wave(steps, self._after)
         self._exchange.at(self.iteration)
         self.pool.run(self._waves[steps])
         self._open = bool(steps.flags[-1] & LEAVE)
@@ -362,6 +357,11 @@ class Fluid:
         """Sums and the largest u^2 of each row of nodes: see `Observers.row_sums`."""
         self._finish()
         return self._observers.row_sums(self.parity)
+
+    def mean_excess(self) -> float:
+        """Mean of rho - 1 over the fluid nodes of all ranks. Collective."""
+        nodes, excess = self.world.sum_exact(self.row_sums()[0][:, :2])
+        return float(excess / nodes) if nodes else 0.0
 
     def set_equilibrium(self, rho: Any = 1.0, u: Any = None) -> None:
         """Equilibrium of densities [rows, ...] and velocities [rows, ..., d] (or numbers)."""

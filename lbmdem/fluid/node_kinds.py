@@ -61,6 +61,11 @@ class NodeKinds:
         self._arena.set(free=np.zeros_like(self._arena["wet"]))
         self.grains_are_free = True
         self._bind()
+        self._bind_renew()
+
+    def _bind_renew(self) -> None:
+        self._arena.set(changed=np.zeros(0, np.int64))
+        self._renew = [self._arena.bind(renew, same=not self.grains_are_free)]
 
     def fill(self) -> None:
         """After edits of the ids."""
@@ -71,7 +76,6 @@ class NodeKinds:
     def renew(self, changed: NDArray[np.int64]) -> None:
         """After edits of the ids at these flat places alone, ghosts among them."""
         if not self._renew:
-            self._arena.set(changed=changed)
-            self._renew = [self._arena.bind(renew, same=not self.grains_are_free)]
+            self._bind_renew()
         self._arena.set(changed=changed)
         self._pool.each(self._renew)

@@ -5,7 +5,6 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from hpcpic.core.comm.world import World
 from hpcpic.core.space.domain import block_ranges
 from hpcpic.core.tasks.arena import Arena
 from hpcpic.core.tasks.graph import Bound, Pool
@@ -18,29 +17,29 @@ from lbmdem.physics.velocity_sets import equilibrium
 class Observers:
     """Reads and writes populations f of a layout; solid: ids of nodes with ghosts, shift[d]: see Collision.shift.
 
-    Results have the slab's `shape` in storage order. All ranks of a node make it together.
+    Results have the slab's `shape` in storage order.
     """
 
-    def __init__(
-        self, world: World, pool: Pool, layout: Layout | SparseLayout, shape: tuple[int, ...], **arrays: NDArray
-    ) -> None:
-        self._world, self._pool, self._layout, self._shape = world, pool, layout, shape
+    def __init__(self, pool: Pool, layout: Layout | SparseLayout, shape: tuple[int, ...], **arrays: NDArray) -> None:
+        self._pool, self._layout, self._shape = pool, layout, shape
         self._nodes = (layout.planes, layout.rows, layout.nx)
-        self._arena = Arena(())
-        self._arena.set(**arrays, ghosts=int(len(shape) == 3), places=addresses(layout), e=layout.lattice.e, first=0)
-        self._tasks: dict[str, list[Bound]] = {}
+        self._arena = arena = Arena(())
+        arena.set(**arrays, ghosts=int(len(shape) == 3), places=addresses(layout), e=layout.lattice.e, first=0)
+        self._none = {name: np.empty((0,) * ndim) for name, ndim in (("rho", 3), ("u", 4), ("sums", 3), ("fastest", 2))}
+        self._none["h"] = np.empty((0,) * 4, arena["f"].dtype)
+        arena.set(parity=0, row=0, after=0, **self._none)
+        shares = [share for share in block_ranges(layout.planes, pool.threads) if share[1] > share[0]]
+        self._tasks: dict[str, list[Bound]] = {
+            name: [arena.bind(getattr(kernels, name), low=a, high=b) for a, b in shares]
+            for name in ("write", "row_sums", "moments", "read")
+        }
+        self._write_row = [arena.bind(kernels.write, first="row", low="row", high="after")]
 
     def _each(self, name: str, parity: int, **arrays: NDArray) -> None:
         """Run a kernel on all planes; the arrays are those that it fills or reads."""
         self._arena.set(parity=parity, **arrays)
-        if name not in self._tasks:
-            shares = [share for share in block_ranges(self._layout.planes, self._pool.threads) if share[1] > share[0]]
-            kernel = getattr(kernels, name)
-            with self._world.first_on_node():
-                self._tasks[name] = [self._arena.bind(kernel, low=a, high=b) for a, b in shares]
         self._pool.each(self._tasks[name])
-        # a task holds its arrays, which may be as many bytes as the populations
-        self._arena.set(**{key: np.empty((0,) * value.ndim, value.dtype) for key, value in arrays.items()})
+        self._arena.set(**self._none)  # a task holds its arrays, which may be as many bytes as the populations
 
     def populations(self, parity: int) -> NDArray:
         """h[q, rows, ...] = f - w, zero in solid nodes; a view of [rows, ..., q]."""
@@ -71,13 +70,14 @@ class Observers:
 
     def set_equilibrium(self, rho: Any, u: Any, parity: int) -> None:
         """Equilibrium of densities [rows, ...] and velocities [rows, ..., d] (or numbers)."""
-        lattice, f, places = self._layout.lattice, self._arena["f"], self._arena["places"]
+        lattice = self._layout.lattice
         rho = np.broadcast_to(np.asarray(rho, float), self._shape)
         u = np.zeros(lattice.dimensions) if u is None else np.asarray(u, float)
         u = np.broadcast_to(u, (*self._shape, lattice.dimensions))
-        h = np.empty((1, *self._nodes[1:], lattice.q), f.dtype)
-        with self._world.first_on_node():
-            kernels.write(f, places, 0, parity, 0, 0, h)  # compiled
+        h = np.empty((1, *self._nodes[1:], lattice.q), self._arena["f"].dtype)
+        self._arena.set(parity=parity, h=h)
         for row in range(self._shape[0]):  # one at a time: on the way are several arrays of its size
             h[...] = np.moveaxis(equilibrium(lattice, rho[row], u[row]), 0, -1).reshape(h.shape)
-            kernels.write(f, places, row, parity, row, row + 1, h)
+            self._arena.set(row=row, after=row + 1)
+            self._pool.each(self._write_row)
+        self._arena.set(**self._none)

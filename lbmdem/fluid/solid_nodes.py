@@ -5,7 +5,6 @@ steps only the ends of the runs of nodes along x change (a small part of the nod
 """
 
 from dataclasses import dataclass
-from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
@@ -14,7 +13,7 @@ from numpy.typing import ArrayLike, NDArray
 from hpcpic.core.space.declared import Array
 from hpcpic.core.space.domain import Domain
 from hpcpic.core.tasks.arena import Arena
-from hpcpic.core.tasks.graph import Graph, Pool
+from hpcpic.core.tasks.graph import Bound, Graph, Pool
 from lbmdem.fluid.arrays import MOVED_NODES
 from lbmdem.kernels import grain_rasters as kernels
 from lbmdem.kernels.grain_rasters import Before, Images, Lists, Table
@@ -110,24 +109,28 @@ class Solid:
         self.arena = arena = Arena((*MOVED_NODES, *more), **sizes)
         arena.set(solid=self.nodes, window=window)
         arena.group(table=Table, images=Images, before=Before, lists=Lists)
+        self._mark, self._update = [arena.bind(kernels.mark)], Graph()
+        self._free: list[Bound] = []
 
-    @cached_property
-    def _update(self) -> Graph:
-        """The tasks of an update, which compares the images, block by block, with those before."""
-        bind, graph = self.arena.bind, Graph()
+    def expect_updates(self) -> None:
+        """Make the tasks of updates, each of which compares the images, block by block, with those before."""
+        if self._free:
+            return
+        bind, graph = self.arena.bind, self._update
         graph.task(bind(kernels.find_moved), outs=["moved"])
         for share in range(self._blocks):
             graph.task(bind(kernels.list_changes, share=share), ins=["moved"], outs=[share])
         graph.task(bind(kernels.claim), ins=range(self._blocks))
-        return graph.freeze()
+        graph.freeze()
+        self._free = [bind(kernels.free_left_nodes)]
 
     def rebuild(self, table: Table) -> None:
         """Forget all grains and mark these."""
         self.nodes[self.nodes >= 0] = FLUID
         self._put(table)
-        self.arena.call(kernels.mark)
+        self._pool.each(self._mark)
         if self.arena.reserve(images=int(self.arena["lengths"][kernels.IMAGES])):
-            self.arena.call(kernels.mark)
+            self._pool.each(self._mark)
 
     def _put(self, table: Table) -> None:
         arena = self.arena
@@ -139,6 +142,7 @@ class Solid:
     def update(self, table: Table) -> Change:
         """Move the grains that were there to their new places; others come and go. The same nodes as `rebuild`, but
         nodes that become fluid are marked LEFT until `settle`, so that one can tell them from their neighbours."""
+        self.expect_updates()
         arena, lengths, full = self.arena, self.arena["lengths"], True
         for name in ("ids", "centres", "radii", "grain", "offset"):
             arena[f"{name}_before"][...] = arena[name]
@@ -156,6 +160,5 @@ class Solid:
     def settle(self) -> NDArray[np.int64]:
         """The nodes that the last update freed are fluid from now on. Flat places of all that have changed, of ghosts
         too."""
-        changed = self.arena["changed"][: self.arena["lengths"][kernels.CHANGED]]
-        kernels.free_left_nodes(self.nodes, changed)
-        return changed
+        self._pool.each(self._free)
+        return self.arena["changed"][: self.arena["lengths"][kernels.CHANGED]]

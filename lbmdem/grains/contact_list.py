@@ -27,7 +27,13 @@ class ContactList:
     def __init__(self, arena: Arena, number: int, n_walls: int, law: ContactLaw) -> None:
         self.arena, self.number, self.n_walls, self.law = arena, number, n_walls, law
         self.remembers = law.shear > 0.0
-        self._others = np.empty(0, np.int64)
+        none, pairs = np.empty(0, np.int64), np.empty((0, 2), np.int64)
+        cells = Cells(np.zeros(3, np.int64), np.empty((0, 3), np.int64), none, none)
+        arena.set(ids=none, firsts=none, others=none, slots=none, found=pairs, cells=cells, size=0.0, margin=0.0)
+        arena.set(near=0.0, far=0, n_own=0, first_slot=0, n_walls=n_walls)
+        for kernel in (search.locate, search.neighbours, search.near_walls, search.count_slots, search.number_slots):
+            arena.ask(kernel, rows="row")
+        arena.ask(search.join_walls)
         self.n_grain_slots = self.n_slots = 0
         self.keys = np.zeros((0, 2), np.int64)
 
@@ -54,46 +60,41 @@ class ContactList:
         margin: greatest gap, m; inverse_mass: 0 for fixed grains; springs: of contacts that were there before.
         """
         n, arena = ids.size, self.arena
-        begins = self._find(ids, n_own, margin)
-        others = self._others[: begins[-1]]
-        pairs = {"rows": "row", "ids": ids, "n_own": n_own, "near": 0.1 * margin, "begins": begins, "others": others}
-        walls = {"rows": "row", "n_own": n_own, "margin": margin, "n_walls": self.n_walls}
+        arena.set(ids=ids, n_own=n_own, margin=margin, near=0.1 * margin, firsts=np.zeros(n_own + 1, np.int64))
+        others = self._find(n)
         found = np.empty((0, 2), np.int64)
         for _ in range(2):
-            m = arena.call(search.near_walls, **walls, found=found)
+            m = arena.call(search.near_walls, rows="row", found=found)
             found = np.empty((m, 2), np.int64) if m > len(found) else found
-        close, far = arena.call(search.count_slots, **pairs)
+        close, far = arena.call(search.count_slots, rows="row", others=others)
         n_near = _padded(close)
         self.n_grain_slots = n_near + _padded(far)
         self.n_slots = self.n_grain_slots + _padded(len(found))
         arena.reserve(slots=self.n_slots, entries=len(others) + len(found))
         self.low[:], self.high[:] = n, n
-        slots = np.empty(len(others), np.int64)
-        arena.call(search.number_slots, **pairs, far=n_near, low=self.low, high=self.high, slots=slots)
+        slots, columns = np.empty(len(others), np.int64), {"low": self.low, "high": self.high}
+        arena.call(search.number_slots, rows="row", others=others, far=n_near, slots=slots, **columns)
         of_walls = slice(self.n_grain_slots, self.n_grain_slots + len(found))
         self.high[self.n_grain_slots :] = self.n_walls
         self.low[of_walls], self.high[of_walls] = found.T
-        first = self.n_grain_slots
-        arena.call(search.join_walls, n_own=n_own, begins=begins, slots=slots, found=found, first_slot=first)
+        arena.call(search.join_walls, slots=slots, found=found, first_slot=self.n_grain_slots)
         self._prepare(ids, inverse_mass, springs)
 
-    def _find(self, ids: NDArray[np.int64], n_own: int, margin: float) -> NDArray[np.int64]:
-        """Neighbours of own grains in `_others`; where those of each begin."""
-        n, rows, box = ids.size, self.arena["row"], self.arena.value("box")
-        size = (2.0 * float(rows[:n, 3].max()) + margin) if n else 1.0
+    def _find(self, n: int) -> NDArray[np.int64]:
+        """Neighbours of own grains among n, one after the other; `firsts` says where those of each begin."""
+        arena, box = self.arena, self.arena.value("box")
+        size = (2.0 * float(arena["row"][:n, 3].max()) + arena["margin"]) if n else 1.0
         shape = np.where(box.inverses > 0.0, np.maximum(1, np.floor(box.lengths / size)), 0).astype(np.int64)
         shape[(box.inverses == 0.0) & (box.lengths == 0.0)] = 1  # the third axis of a plane
         head = np.empty(1 << max(4, (2 * n).bit_length()), np.int64)
-        cells = Cells(shape, np.empty((n, 3), np.int64), head, np.empty(n, np.int64))
-        search.locate(rows, size, box, cells)
-        begins = np.zeros(n_own + 1, np.int64)
-        near = {"rows": "row", "ids": ids, "n_own": n_own, "margin": margin, "cells": cells, "begins": begins}
+        arena.set(cells=Cells(shape, np.empty((n, 3), np.int64), head, np.empty(n, np.int64)))
+        arena.call(search.locate, rows="row", size=size)
         for _ in range(2):
-            wanted = self.arena.call(search.neighbours, **near, others=self._others)
-            if wanted <= self._others.size:
+            wanted = arena.call(search.neighbours, rows="row")
+            if wanted <= arena["others"].size:
                 break
-            self._others = np.empty(wanted + wanted // 8 + 64, np.int64)
-        return begins
+            arena.set(others=np.empty(wanted + wanted // 8 + 64, np.int64))
+        return arena["others"][: arena["firsts"][-1]]
 
     def _prepare(self, ids: NDArray[np.int64], inverse_mass: NDArray, springs: Springs) -> None:
         """Clear the lines, and set dashpots and the springs of contacts that were there before."""

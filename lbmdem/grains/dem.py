@@ -2,7 +2,6 @@
 
 import math
 from collections.abc import Mapping, Sequence
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -112,19 +111,19 @@ class Dem:
     def _bind(self) -> None:
         """Bind the kernels of a substep to the arrays: first half, contact forces, second half."""
         arena, parts = self.arena, self.arena.sizes["parts"]
-        with self.world.first_on_node():
-            self._start = arena.bind(motion.start, parts)
-            self._touch = [
-                arena.bind(contact_forces.grain_pairs, parts, rows="row"),
-                arena.bind(contact_forces.wall_pairs, parts, rows="row"),
-            ]
-            self._finish = [arena.bind(motion.finish, parts)]
-            if self._works:
-                self._finish.append(arena.bind(motion.count_work, parts))
-            none, motion_of_none = np.zeros((0, 2), np.int64), arena["walls"][None]
-            self._run_substeps(done=0, steps=0, begun=False, skin=0.0, kernels=none, motion=motion_of_none)  # compiled
-            if self._film.cut_off:
-                self._fastest_film(0.0)  # compiled
+        self._touch = [
+            arena.bind(contact_forces.grain_pairs, parts, rows="row"),
+            arena.bind(contact_forces.wall_pairs, parts, rows="row"),
+        ]
+        self._start = arena.bind(motion.start, parts)
+        self._finish = [arena.bind(motion.finish, parts)]
+        if self._works:
+            self._finish.append(arena.bind(motion.count_work, parts))
+        if self._film.cut_off:
+            arena.ask(films.fastest, **self._slots, rows="row", time=0.0)
+        if self._serial:
+            none = {"done": 0, "steps": 0, "begun": False, "skin": 0.0, "kernels": np.zeros((0, 2), np.int64)}
+            arena.ask(substeps, **none, motion=arena["walls"][None], listed=self._walls_listed)
         self._first_half = self._graph([self._start], [])
         self._contacts = self._graph(self._touch, [])
         self._second_half = self._graph(self._touch, self._finish)
@@ -203,16 +202,12 @@ class Dem:
 
     def fastest_film(self, time: float) -> float:
         """Collective: the greatest resistance x mobility (1/s) of the films within `time` (s) from now."""
-        mine = self._fastest_film(time)
+        mine = self.arena.call(films.fastest, **self._slots, rows="row", time=time)
         return mine if self.grains.replicated else self.world.max(mine)
 
-    def _fastest_film(self, time: float) -> float:
-        slots = {"n_slots": self.list.n_slots, "n_grain_slots": self.list.n_grain_slots}
-        return self.arena.call(films.fastest, **slots, rows="row", time=time)
-
-    def _run_substeps(self, **given: Any) -> int:
-        arena = self.arena
-        return substeps(farthest=arena["farthest"], walls=arena["walls"], listed=self._walls_listed, **given)
+    @property
+    def _slots(self) -> dict[str, int]:
+        return {"n_slots": self.list.n_slots, "n_grain_slots": self.list.n_grain_slots}
 
     def _advance_alone(self, dt: float, begin: float, first: int, last: int) -> None:
         """Substeps first..last in compiled code, without messages."""
@@ -226,10 +221,9 @@ class Dem:
         team.want(bound.job for bound in bounds)
         tasks = np.array([(bound.address, bound.context.ctypes.data) for bound in bounds])
         done, begun, steps = 0, False, last - first
+        given = {"steps": steps, "kernels": tasks, "motion": motions, "listed": self._walls_listed}
         while done < steps:
-            outcome = self._run_substeps(
-                done=done, steps=steps, begun=begun, skin=self.skin, kernels=tasks, motion=motions
-            )
+            outcome = self.arena.call(substeps, **given, done=done, begun=begun, skin=float(self.skin))
             begun = outcome < 0
             self._age += (-1 - outcome if begun else outcome) - done
             done = -1 - outcome if begun else outcome

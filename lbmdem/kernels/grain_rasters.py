@@ -108,7 +108,7 @@ def find_images(table, lengths, window, images):
     lengths[IMAGES] = count
 
 
-@njit(inline="always")
+@njit(forceinline=True)
 def chord(x, h_sq):
     """First and last node within sqrt(h_sq) of x; the first is above the last when there is none."""
     if h_sq < 0.0:
@@ -117,7 +117,7 @@ def chord(x, h_sq):
     return np.int64(math.ceil(x - h)), np.int64(math.floor(x + h))
 
 
-@njit(inline="always")
+@njit(forceinline=True)
 def span(x, reach, offset, low, high):
     """Local nodes [first, last + 1) within reach of x, cut to [low, high)."""
     first = np.int64(math.ceil(x - reach)) + offset
@@ -180,7 +180,7 @@ def row_of(ids, count, number):
     return low if low < count and ids[low] == number else -1
 
 
-@njit(inline="always")
+@njit(forceinline=True)
 def _take(flat, node, number, ids, lost):
     """A grain wants a node: a lower id keeps or takes it, and the other one is noted in `lost`."""
     now = flat[node]
@@ -238,7 +238,7 @@ def find_moved(table, images, before, lengths, window, places, shifts, numbers, 
         counts[k, 0] = min(k * count // blocks, count)
 
 
-@njit(inline="always")
+@njit(forceinline=True)
 def _put(places, shifts, k, centre, radius, offset):
     for a in range(3):
         places[k, a] = centre[a]
@@ -246,7 +246,7 @@ def _put(places, shifts, k, centre, radius, offset):
     places[k, 3] = radius * radius
 
 
-@njit(inline="always")
+@njit(forceinline=True)
 def _same(places, shifts):
     for a in range(4):
         if places[0, a] != places[1, a]:
@@ -257,7 +257,7 @@ def _same(places, shifts):
     return True
 
 
-@njit(inline="always")
+@njit(forceinline=True)
 def joint_span(place, shift, axis, low, high):
     """Local nodes [first, last + 1) along an axis that an image reaches at its two places, cut to [low, high)."""
     reach = math.sqrt(max(place[0, 3], place[1, 3]))
@@ -266,7 +266,7 @@ def joint_span(place, shift, axis, low, high):
     return min(first, other), max(after, end)
 
 
-@njit(inline="always")
+@njit(forceinline=True)
 def chords(c, shift, p, r):
     """First and last local node of rows r, r + 1, ... that a grain c = (centre, squared radius) covers; as `chord`."""
     dy = (convert(F, lane_numbers(H)) + float(r - shift[1])) - c[1]
@@ -306,7 +306,7 @@ def list_changes(solid, places, shifts, numbers, lists, share):
     counts[share, 1], counts[share, 2] = n_left, n_taken
 
 
-@njit(inline="always")
+@njit(forceinline=True)
 def _list(start, chord, other, columns, number, nodes, owners, count):
     """Add the nodes of a chord, within a row of so many columns, that are not in the other one."""
     a, b = max(chord[0], 0), min(chord[1] + 1, columns)
@@ -393,12 +393,12 @@ def _join(solid, lengths, inner, lists, changed, own, own_by):
 
 
 @njit
-def free_left_nodes(solid, changed):
-    """Make those of the nodes that are LEFT fluid."""
+def free_left_nodes(solid, lengths, changed):
+    """Make those of the nodes that have changed and are LEFT fluid."""
     flat = solid.reshape(-1)
-    for node in changed:
-        if flat[node] == LEFT:
-            flat[node] = FLUID
+    for k in range(lengths[CHANGED]):
+        if flat[changed[k]] == LEFT:
+            flat[changed[k]] = FLUID
 
 
 @njit

@@ -42,7 +42,7 @@ __all__ = ["FLUID", "WALL", "Layout", "arrival", "element", "place", "storage_or
 FLUID, WALL = -1, -2  # solid ids; a grain's number is its id
 
 
-@njit(inline="always")
+@njit(forceinline=True)
 def place(strides, plane, row):
     """Element of x = 0 in a slot; rows wrap, planes too when this rank has all. strides: `Layout.strides`."""
     if plane == strides[4]:

@@ -89,13 +89,13 @@ class Scratch(NamedTuple):
     sums: NDArray
 
 
-@njit(inline="always")
+@njit(forceinline=True)
 def arrival(populations, parity, z, y, x, i):
     """Index in f of the population i that arrives at the own node (z, y, x)."""
     return layout.arrival(populations.strides, populations.slots, populations.shifts, parity, z, y, x, i)
 
 
-@njit(inline="always")
+@njit(forceinline=True)
 def is_fluid(nodes, p, r, x):
     """True for a node, ghosts among them, that is of the fluid and in the box."""
     box, shape = nodes.box, nodes.shape

@@ -94,7 +94,7 @@ def fill_tables(nodes, strides, view, grain, scratch):
     return bitmask(any_lost != np.int32(0)) != 0
 
 
-@njit(inline="always")
+@njit(forceinline=True)
 def places(strides, plane, row, rows, x, work, at):
     """Elements of the column x of rows from a row on; see `layout.place`."""
     first, step = place(strides, plane, 0) + x, strides[2]
@@ -106,7 +106,7 @@ def places(strides, plane, row, rows, x, work, at):
         work[at + rows - 1] = place(strides, plane, row + rows - 1) + x
 
 
-@njit(inline="always")
+@njit(forceinline=True)
 def nodes_of(solid, shape, plane, row, rows, x, columns, number, work, table, at):
     """FLUIDS and MINE of rows from x on: all nodes that are; bits beyond the columns mean nothing.
 
@@ -129,7 +129,7 @@ def nodes_of(solid, shape, plane, row, rows, x, columns, number, work, table, at
         work[np.uint64(FLUIDS * table + at + r)], work[np.uint64(MINE * table + at + r)] = wet, own
 
 
-@njit(inline="always")
+@njit(forceinline=True)
 def chords(of_plane, centre, offset, x0, last, r0, rows, work, at):
     """Words of rows from r0 on with the bits 0 .. last of the columns from x0 on that are within the grain.
 
@@ -175,7 +175,7 @@ def list_links(work, table, listed, planes, width, ex, to, upwards, lists):
     return empty_queue(work, begin, end, listed, lists)
 
 
-@njit(inline="always")
+@njit(forceinline=True)
 def empty_queue(work, k, end, listed, lists):
     """List a link of each row in the queue from k to the end, until there are none.
 
@@ -209,7 +209,7 @@ def empty_queue(work, k, end, listed, lists):
     return n - lists, n_free
 
 
-@njit(inline="always")
+@njit(forceinline=True)
 def prefetch_links(f, ahead, k, after, work, listed):
     """Prefetch the populations of the links k to `after` of a list. ahead: the list, how many, slots of i and of j."""
     lists, n, slot_i, slot_j = ahead

@@ -26,7 +26,7 @@ def weigh(rule, q, behind, table):
             table[n, k] = found[k]
 
 
-@njit(inline="always")
+@njit(forceinline=True)
 def second_behind(populations, parity, nodes, node, e, i, j):
     """True where z behind y = node - e is fluid too, and g_i(z), g_j(y); node: (x, row, plane) in `solid`.
 
@@ -187,7 +187,7 @@ def links_beside_grains(
         add_gains(sums[links.body[n]], fx, fy, fz, links.arm[n], keep, scale)
 
 
-@njit(inline="always")
+@njit(forceinline=True)
 def add_gains(total, fx, fy, fz, arm, keep, scale):
     """Add a force, its torque and the mass that the fluid gains, -keep."""
     px, py, pz = arm[0], arm[1], arm[2]

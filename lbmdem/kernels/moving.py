@@ -210,13 +210,13 @@ def bounce(f, now, ahead, e, weight, bounce_back, corner, grain, scratch, scale)
     prefetch_links(f, ahead, (n + N - 1) // N * N, ahead[1], work, listed)
 
 
-@njit(inline="always")
+@njit(forceinline=True)
 def dot(a, way):
     """Scalar product of three components."""
     return fma(a[0], way[0], fma(a[1], way[1], a[2] * way[2]))
 
 
-@njit(inline="always")
+@njit(forceinline=True)
 def crossing(code, first, middle, way, radius_sq):
     """q of links by their codes, and the crossings from the middle of the grain. first: node of the code 0."""
     dx = (convert(F, code & np.int32(63)) + first[0]) - middle[0]
@@ -229,7 +229,7 @@ def crossing(code, first, middle, way, radius_sq):
     return q, (fma(q, way[0], dx), fma(q, way[1], dy), fma(q, way[2], dz))
 
 
-@njit(inline="always")
+@njit(forceinline=True)
 def wall_velocity(arm, speed, turn):
     """Velocity of the wall at the arm from the middle of the grain; turn: angular velocity."""
     (x, y, z), (wx, wy, wz) = arm, turn
@@ -240,7 +240,7 @@ def wall_velocity(arm, speed, turn):
     )
 
 
-@njit(inline="always")
+@njit(forceinline=True)
 def gains_of(give, keep, open_mass, way, wall, arm):
     """Force, torque and mass that a grain gains, the mass with the sign of the fluid's."""
     (x, y, z), swept = arm, keep * open_mass

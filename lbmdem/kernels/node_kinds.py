@@ -51,7 +51,7 @@ def classify(wet, free, inside, flat, kinds, low, high):
                 kinds[z, y, v] = kind_of(wet, free, inside, flat, z, y, v)
 
 
-@njit(inline="always")
+@njit(forceinline=True)
 def kind_of(wet, free, inside, flat, z, y, v):
     around, reach = with_neighbours(inside[v]), 0 if flat else 1
     if ((wet[z + 1, y + 1, v] >> 1) & inside[v]) == 0:
@@ -63,7 +63,7 @@ def kind_of(wet, free, inside, flat, z, y, v):
     return PLAIN
 
 
-@njit(inline="always")
+@njit(forceinline=True)
 def with_neighbours(inside):
     """Bits, as in wet, of the nodes of a vector and of those beside them in the row."""
     return inside | (inside << 1) | (inside << 2)
@@ -82,7 +82,7 @@ def look_ahead(kinds, strides, bytes_per_element, n, ahead, hops, low, high):
     _fetch(kinds, strides, bytes_per_element, n, ahead, hops, low, first, high, most)
 
 
-@njit(inline="always")
+@njit(forceinline=True)
 def _skip(kinds, hops, z, y):
     """Vectors without fluid from each vector of a row on."""
     run = 0

@@ -10,7 +10,7 @@ from lbmdem.kernels.grain_rasters import GRAINS, UNCOVERED, row_of
 from lbmdem.kernels.layout import place
 from lbmdem.kernels.link_arrays import FLUID, arrival
 
-AVERAGE, LOCAL, NON_EQUILIBRIUM = 0, 1, 2
+LOCAL, NON_EQUILIBRIUM = 0, 1
 CHUNK = 128  # nodes
 
 
@@ -131,13 +131,13 @@ def beside_others(p, sizes, edge):
     return edge.size > 0 and (p == 0 or p == sizes[2] - 1)
 
 
-@njit(inline="always")
+@njit(forceinline=True)
 def around(at, size):
     """A place on a periodic axis of so many."""
     return at + size if at < 0 else at - size if at >= size else at
 
 
-@njit(inline="always")
+@njit(forceinline=True)
 def kind_of(p, r, sizes):
     """Which of six kinds of rows it is: those that `offsets` tells apart."""
     return 3 * (p == sizes[2] - 1) + (0 if r == 0 else 2 if r == sizes[1] - 1 else 1)
@@ -198,10 +198,10 @@ def densities(f, steps, where, kinds, count, sums):
 
 @njit
 def fill(share, shares, own, own_by, lengths, table, window, populations, parity, nodes, source):
-    """Give a share of the uncovered nodes own[0] the equilibrium with the velocity of the grain own_by[0] and, by mode,
-    the density of their fluid neighbours, and the non-equilibrium of these.
+    """Give a share of the uncovered nodes own[0] the equilibrium with the velocity of the grain own_by[0] and the
+    density of their fluid neighbours and, by mode, the non-equilibrium of these.
 
-    The mean density is the reference one, 1. Neighbours that are being uncovered too are not asked.
+    Neighbours that are being uncovered too are not asked.
     """
     sizes, edge, e, w, mode = source
     h, steps = np.zeros(w.size), offsets_of_kinds(populations, parity, sizes)
@@ -215,20 +215,39 @@ def fill(share, shares, own, own_by, lengths, table, window, populations, parity
             densities(populations.f, steps, where, kinds, count, sums)
         begin = 0
         for n in range(chunk.size):
-            x, r, p = local_node(chunk[n], nodes)
+            _, _, p = local_node(chunk[n], nodes)
             density = 0.0
             if mode == LOCAL and not beside_others(p, sizes, edge):
                 for m in range(begin, after[n]):
                     density += sums[m]
                 density /= max(after[n] - begin, 1)
                 begin = after[n]
-            elif mode != AVERAGE:
+            else:
                 density = mean(populations, parity, nodes, sizes, edge, e, w, mode, chunk[n], h)
             v = grain_velocity(chunk[n], own_by[0, first + n], table, lengths[GRAINS], window)
             add_equilibrium(h, e, w, 1.0, density, v[0], v[1], v[2])
-            for i in range(h.size):
-                populations.f[arrival(populations, parity, p, r, x, i)] = h[i]
-            h[:] = 0.0
+            put(populations, parity, nodes, chunk[n], h)
+
+
+@njit
+def fill_average(share, shares, own, own_by, lengths, table, window, populations, parity, nodes, source, density):
+    """Give a share of the uncovered nodes own[0] the equilibrium with the velocity of the grain own_by[0] and the mean
+    density of the fluid, 1 + density.
+    """
+    h = np.zeros(source.w.size)
+    for n in range(share * lengths[UNCOVERED] // shares, (share + 1) * lengths[UNCOVERED] // shares):
+        v = grain_velocity(own[0, n], own_by[0, n], table, lengths[GRAINS], window)
+        add_equilibrium(h, source.e, source.w, 1.0, density, v[0], v[1], v[2])
+        put(populations, parity, nodes, own[0, n], h)
+
+
+@njit(forceinline=True)
+def put(populations, parity, nodes, k, h):
+    """Make h[q] the populations of the node at the flat place k; h is zero then."""
+    x, r, p = local_node(k, nodes)
+    for i in range(h.size):
+        populations.f[arrival(populations, parity, p, r, x, i)] = h[i]
+    h[:] = 0.0
 
 
 @njit
@@ -248,7 +267,7 @@ def grain_velocity(k, number, table, n_grains, window):
     )
 
 
-@njit(inline="always")
+@njit(forceinline=True)
 def _arm(local, centre, window, a):
     """Along the axis a, from the nearest image of a centre to a local place."""
     at, points = local + window.origin[a], window.points[a]

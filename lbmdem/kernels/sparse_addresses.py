@@ -62,7 +62,7 @@ def tables(positions, row_ghosts, ways, n, stride, first, blocks, found):
     return total
 
 
-@njit(inline="always")
+@njit(forceinline=True)
 def _find(distance, lane, count, others, others_at):
     """Note a lane whose neighbour is so far from it; how many pieces there are now."""
     k = 0

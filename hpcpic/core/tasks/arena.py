@@ -12,9 +12,10 @@ from typing import Any
 
 from numpy.typing import NDArray
 
+from hpcpic.core.simd.team import Job, team
 from hpcpic.core.space.declared import Array
 from hpcpic.core.space.fields import ALIGNMENT, aligned_zeros
-from hpcpic.core.tasks.graph import Bound, parameters
+from hpcpic.core.tasks.graph import Bound, parameters, type_of
 
 SPARE = 8  # an array that must grow gets one row more for so many
 
@@ -34,6 +35,7 @@ class Arena:
         } | self._shared()
         self._groups: dict[str, type] = {}
         self._uses: dict[str, list[tuple[weakref.ref[Bound], int]]] = {}  # tasks by argument, with its place
+        self._asked: dict[Any, Job] = {}  # of what will be called
 
     def __getitem__(self, name: str) -> Any:
         return self._values[name]
@@ -113,10 +115,21 @@ class Arena:
                 self._uses.setdefault(one, []).append((weakref.ref(bound), index))
         return bound
 
+    def ask(self, kernel: Any, /, **more: Any) -> None:
+        """Have the kernel compiled for a `call` to come, with arguments of the same types."""
+        types = tuple(map(type_of, self._arguments(kernel, more)))
+        self._asked[kernel] = Job(kernel, types, called=True)
+        team.ask(self._asked[kernel])
+
     def call(self, kernel: Any, /, **more: Any) -> Any:
         """Call the kernel now, with arguments as `bind` finds them; what it returns."""
+        if kernel in self._asked:
+            team.want([self._asked.pop(kernel)])
+        return kernel(*self._arguments(kernel, more))
+
+    def _arguments(self, kernel: Any, more: dict[str, Any]) -> list[Any]:
         wanted = (more.get(name, name) for name in parameters(kernel.py_func))
-        return kernel(*(self.value(one) if isinstance(one, str) else one for one in wanted))
+        return [self.value(one) if isinstance(one, str) else one for one in wanted]
 
     def _update_tasks(self, name: str) -> None:
         uses = [use for use in self._uses.get(name, ()) if use[0]() is not None]

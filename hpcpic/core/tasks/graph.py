@@ -66,19 +66,20 @@ def _words(argument: Any, numba_type: types.Type) -> list[int]:
         head = [0, 0, argument.size, argument.itemsize, argument.ctypes.data]
         return [*head, *argument.shape, *argument.strides]
     if isinstance(numba_type, types.BaseTuple):
-        return [word for part in argument for word in _words(part, _type_of(part))]
+        return [word for part in argument for word in _words(part, type_of(part))]
     raw = np.asarray(argument).tobytes()
     return [int.from_bytes(raw.ljust(8, b"\0"), "little", signed=True)]
 
 
-def _type_of(argument: Any) -> types.Type:
+def type_of(argument: Any) -> types.Type:
+    """The type for which a kernel with this argument is compiled."""
     numba_type = typeof(argument)
     if isinstance(numba_type, types.Array):
         if not argument.flags.c_contiguous:
             raise TypeError("arrays of a task must be C-contiguous")
     elif isinstance(numba_type, types.BaseTuple):
         for part in argument:
-            _type_of(part)
+            type_of(part)
     elif not isinstance(numba_type, types.Integer | types.Float | types.Boolean):
         raise TypeError(f"a task takes arrays, numbers, bools and tuples of them, not {type(argument).__name__}")
     return numba_type
@@ -92,7 +93,7 @@ class Bound:
 
     def __init__(self, kernel: Any, arguments: Sequence[Any], parts: int | None = None) -> None:
         self.name: str = kernel.py_func.__name__
-        self._types = tuple(_type_of(argument) for argument in arguments)
+        self._types = tuple(type_of(argument) for argument in arguments)
         self.job = Job(kernel, self._types)
         team.ask(self.job)
         self._address = 0
@@ -125,7 +126,7 @@ class Bound:
         numba_type = self._types[index]
         if not isinstance(numba_type, types.Array | types.BaseTuple):
             value = as_dtype(numba_type).type(value)
-        elif _type_of(value) != numba_type:
+        elif type_of(value) != numba_type:
             raise TypeError(f"argument {index} of {self.name} is {numba_type}, not {typeof(value)}")
         self.contexts[:, self._starts[index] : self._starts[index + 1]] = _words(value, numba_type)
         self._kept[1 + index] = value

@@ -52,14 +52,14 @@ def clear(contacts, p, law):
         store_springs(contacts.springs, p, (zero, zero, zero))
 
 
-@njit(inline="always")
+@njit(forceinline=True)
 def load_springs(springs, p):
     """Tangential springs of eight slots from p on."""
     at, row = address_of(springs, 0) + 8 * p, 8 * springs.shape[1]
     return load_at(F, at, 8), load_at(F, at + row, 8), load_at(F, at + 2 * row, 8)
 
 
-@njit(inline="always")
+@njit(forceinline=True)
 def store_springs(springs, p, values):
     at, row = address_of(springs, 0) + 8 * p, 8 * springs.shape[1]
     store_at(at, values[0], 8)

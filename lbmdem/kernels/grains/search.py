@@ -52,8 +52,8 @@ def distance_sq(row, other, box):
 
 
 @njit
-def neighbours(rows, ids, n_own, margin, box, cells, begins, others):
-    """others[begins[k] .. begins[k + 1]]: grains whose surface is within the margin of own grain k's, by id.
+def neighbours(rows, ids, n_own, margin, box, cells, firsts, others):
+    """others[firsts[k] .. firsts[k + 1]]: grains whose surface is within the margin of own grain k's, by id.
 
     Two grains of inverse mass 0 are no pair. Returns how many entries are wanted; beyond others.size none is stored.
     """
@@ -64,7 +64,7 @@ def neighbours(rows, ids, n_own, margin, box, cells, begins, others):
         low[c] = -1 if shape[c] == 0 or shape[c] > 2 else 0
         high[c] = 1 if shape[c] == 0 or shape[c] > 1 else 0
     for k in range(n_own):
-        begins[k] = count
+        firsts[k] = count
         row = rows[k]
         for ox in range(low[0], high[0] + 1):
             x = around(place[k, 0] + ox, shape[0])
@@ -80,10 +80,10 @@ def neighbours(rows, ids, n_own, margin, box, cells, begins, others):
                             near = distance_sq(row, other, box) < reach * reach
                             if near and (row[7] > 0.0 or other[7] > 0.0):
                                 if count < others.size:
-                                    insert(others, begins[k], count, j, ids)
+                                    insert(others, firsts[k], count, j, ids)
                                 count += 1
                         j = chain[j]
-    begins[n_own] = count
+    firsts[n_own] = count
     return count
 
 
@@ -122,11 +122,11 @@ def gap_between(row, other, box):
 
 
 @njit
-def count_slots(rows, ids, n_own, near, box, begins, others):
+def count_slots(rows, ids, n_own, near, box, firsts, others):
     """How many pairs have a gap below `near`, and how many a larger one."""
     close, far = 0, 0
     for k in range(n_own):
-        for at in range(begins[k], begins[k + 1]):
+        for at in range(firsts[k], firsts[k + 1]):
             j = others[at]
             if j >= n_own or ids[k] < ids[j]:
                 if gap_between(rows[k], rows[j], box) < near:
@@ -137,14 +137,14 @@ def count_slots(rows, ids, n_own, near, box, begins, others):
 
 
 @njit
-def number_slots(rows, ids, n_own, near, box, begins, others, far, low, high, slots):
+def number_slots(rows, ids, n_own, near, box, firsts, others, far, low, high, slots):
     """Give pairs slots: those with a gap below `near` from slot 0 on, the others from `far` on.
 
     low[slot] is the grain with the smaller id; slots[entry] are as in `GrainLists.entries`.
     """
     close = 0
     for k in range(n_own):
-        for at in range(begins[k], begins[k + 1]):
+        for at in range(firsts[k], firsts[k + 1]):
             j = others[at]
             if j >= n_own or ids[k] < ids[j]:
                 if gap_between(rows[k], rows[j], box) < near:
@@ -157,21 +157,21 @@ def number_slots(rows, ids, n_own, near, box, begins, others, far, low, high, sl
                 low[slot], high[slot] = (j, k) if second else (k, j)
                 slots[at] = 2 * slot + second
     for k in range(n_own):
-        for at in range(begins[k], begins[k + 1]):
+        for at in range(firsts[k], firsts[k + 1]):
             j = others[at]
             if j < n_own and ids[j] < ids[k]:
-                for entry in range(begins[j], begins[j + 1]):
+                for entry in range(firsts[j], firsts[j + 1]):
                     if others[entry] == k:
                         slots[at] = slots[entry] + 1
 
 
 @njit
-def join_walls(n_own, begins, slots, found, first_slot, lists):
+def join_walls(n_own, firsts, slots, found, first_slot, lists):
     """Fill the lists: entries of grains, then those of walls; found[m, 2] by grain has the slot first_slot + m."""
     m, count = 0, 0
     for k in range(n_own):
         lists.begins[k] = count
-        for at in range(begins[k], begins[k + 1]):
+        for at in range(firsts[k], firsts[k + 1]):
             lists.entries[count] = slots[at]
             count += 1
         while m < found.shape[0] and found[m, 0] == k:

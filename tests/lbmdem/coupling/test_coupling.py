@@ -130,6 +130,27 @@ def test_other_refills_keep_the_momentum_on_the_mean(alone, pool, lattice, refil
         assert np.abs(immersed.all_forces(4)[0]).max() < 0.02  # less than 2 % of the momentum that a grain sweeps over
 
 
+@LATTICES
+def test_the_average_makes_no_jump_of_pressure_in_a_fluid_of_another_mean_density(alone, pool, lattice):
+    """As before. Links push by the density of rest ([6]), which shifts densities by a tenth of the excess of 0.02."""
+    fluid = fluid_in_a_box(alone, pool, lattice, BOX[lattice.name])
+    grains = Grains(lattice)
+    grains.v[:], grains.omega[:] = 0.04, 0.0
+    immersed = Immersed(fluid, alone, pool, refill="average")
+    immersed.start(*grains.columns)
+    fluid.set_equilibrium(1.02, (0.04,) * lattice.dimensions)
+    changed = 0
+    for _ in range(30):
+        grains.go()
+        before = fluid.ids.copy()
+        immersed.move(*grains.columns)
+        changed += np.count_nonzero((before != fluid.ids) & (fluid.ids == -1))
+        density = fluid.moments()[0][fluid.solid.inner == -1]
+        assert np.abs(density - 1.02).max() < 0.25 * 0.02
+        fluid.step()
+    assert changed > 20
+
+
 def test_no_force_between_touching_grains_in_still_fluid(world, pool):
     fluid = fluid_in_a_box(world, pool, D3Q19, (16, 12, 12))
     x = np.array([[5.3, 5.1, 4.2], [5.3, 5.1, 10.2]])
