@@ -165,10 +165,9 @@ def serve(cores: Iterable[int]) -> None:
     os.sched_setaffinity(0, cores)
     told: queue.SimpleQueue = queue.SimpleQueue()
     threading.Thread(target=_listen, args=(told,), daemon=True).start()
-    with suppress(KeyboardInterrupt, queue.Empty):
+    with suppress(BaseException):  # who wants the kernel will see it; what is compiled here may be kept in part alone
         while (one := told.get(timeout=IDLE_SECONDS)) is not None:
-            with suppress(Exception):  # who wants the kernel will see it
-                _compile(*one)
+            _compile(*one)
     os._exit(0)
 
 
@@ -177,7 +176,9 @@ def _listen(told: queue.SimpleQueue) -> None:
         while True:
             told.put(pickle.load(sys.stdin.buffer))
     told.put(None)
-    _thread.interrupt_main()  # in the middle of a kernel: whoever asked is gone
+    while True:  # in the middle of a kernel: whoever asked is gone. LLVM swallows an interrupt of what it calls back
+        _thread.interrupt_main()
+        time.sleep(1.0)
 
 
 def _compile(texts: Iterable[tuple[str, str]], named: bytes) -> None:
