@@ -103,6 +103,7 @@ def filled(shape):
     return LAYER + f"obstacle = ({{ shape = {{ {shape}; }}; }});", ()
 
 
+HALF = "one half"  # of the nodes, which are not held then: 12 s to compile, see test_sparse
 SEAM = {"domain__periodic": '["x", "y"]'}
 TABLE = {
     "tau": [
@@ -160,7 +161,8 @@ TABLE = {
     "solid": [
         ("0 grains", "A", (DISC.split("grains")[0], ())),
         ("everything", "CC", filled("box = { low = [-1.0, -1.0]; high = [1.0, 1.0] }")),
-        ("one half", "A", filled(f"box = {{ low = [-1.0, 0.0]; high = [1.0, {16.2 * DX!r}] }}")),
+        *((name, "A", filled(f"box = {{ low = [-1.0, 0.0]; high = [1.0, {rows * DX!r}] }}"))
+          for name, rows in (("a tenth", 3.2), (HALF, 16.2))),
     ],
     "pressure": [
         ("rho = 0.99", "A", dense(990.0)),
@@ -178,7 +180,7 @@ TABLE = {
     ],
 }  # fmt: skip
 ROWS = [
-    pytest.param(expected, *scene, id=f"{what} {value}")
+    pytest.param(expected, *scene, id=f"{what} {value}", marks=[pytest.mark.validation] if value == HALF else [])
     for what, rows in TABLE.items()
     for value, expected, scene in rows
 ]
@@ -206,16 +208,19 @@ fluid = {{ density = {rho!r}; viscosity = {nu!r}; relaxation_time = 0.8; storage
 boundary = ({{ face = "y+"; type = "pressure"; pressure = {p!r}; }});
 grains = ({{ diameter = {d!r}; density = {heavy!r}; position = ([{x1!r}, {y1!r}], [{x2!r}, {y2!r}]); }});
 contact = {{ normal_stiffness = {k!r}; damping = 0.5; tangential = "history"; friction = 0.3; }};
-coupling = {{ substeps = 20; }};
+coupling = {{ substeps = 20; frozen = {frozen}; }};
 gravity = [0.0, {g!r}];
 """
 
 
 def scaled(storage, m, s, kg):
-    """Two discs that touch each other and the floor, in units of m metres, s seconds and kg kilograms."""
+    """Two discs that touch each other and the floor, in units of m metres, s seconds and kg kilograms. In single
+    precision the fluid sees them at rest: links that move are compiled for double alone.
+    """
     node = GRAIN * m
     return SCALED.format(
-        storage=storage, end=1.0 * s, width=24 * node, height=20 * node, dx=node, rho=997.0 * kg / m**3,
+        storage=storage, frozen=str(storage == "single").lower(), end=1.0 * s, width=24 * node,
+        height=20 * node, dx=node, rho=997.0 * kg / m**3,
         nu=1.1e-6 * m * m / s, d=6.0 * node, heavy=2650.0 * kg / m**3, x1=5.3 * node, y1=2.9999 * node,
         x2=10.1 * node, y2=6.5995 * node, k=50.0 * kg / m / s**2, g=-0.013 * m / s**2,
         f=1.3e-3 * m / s**2, u=1.7e-4 * m / s, p=0.3e-3 * kg / m / s**2,
