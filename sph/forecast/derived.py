@@ -230,11 +230,13 @@ def filling(config: SphConfig, scene: Scene) -> Iterator[Derived]:
     for i, fluid in enumerate(scene.fluids):
         section, key = fluid.section, ("fluid", i, "shape")
         places = fluid.n + sum(fluid.clipped.values()) if section.shape.box else fluid.grid.n
+        inlets = {inlet.name for inlet in scene.inlets}  # they begin with fluid
+        nothing = fluid.n == 0 and not inlets & {*fluid.clipped}
         for name, gone in fluid.clipped.items():
             outside = name == DOMAIN or any(w.name == name and not w.section.solid for w in scene.walls)
             share = gone / places
-            verdict = "fail" if fluid.n == 0 else "warn" if outside else "ok"
-            cure = "nothing is left of it" if fluid.n == 0 else "part of the shape holds no fluid" if outside else ""
+            verdict = "fail" if nothing else "warn" if outside else "ok"
+            cure = "nothing is left of it" if nothing else "part of the shape holds no fluid" if outside else ""
             if cure and name != DOMAIN and outside:
                 cure += f"; {name} holds fluid inside, as a tank does: solid = true is a body in the fluid"
             words = f"of {places} ({share:.1%})"

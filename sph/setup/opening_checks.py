@@ -26,7 +26,7 @@ def faults(config: SphConfig) -> Iterator[Fault]:
         found = itertools.chain(_box_faults(config, opening), _kind_faults(config, opening))
         yield from (((group, i, *path), text) for path, text in found)
     if config.inlet and not config.fluid:
-        yield ("fluid",), "is missing: an inlet lets in the liquid of the first fluid"
+        yield ("fluid",), "is missing: an inlet lets in the liquid of the first fluid, whose shape may be its box"
     if config.inlet and any(fluid.acceleration for fluid in config.fluid):
         yield ("inlet",), "its particles belong to no fluid with an acceleration of its own: give none, or a body_force"
 

@@ -116,6 +116,19 @@ def test_a_table_says_how_much_flows_in_and_a_level_from_where():
     assert new[new[:, 0] < 0.06, 1].max() == pytest.approx(0.46)
 
 
+def test_an_inlet_alone_floods_a_dry_bed():
+    """The fluid whose shape is the box of the inlet says what flows in; all of it begins there."""
+    settings = WATER | {"fill": (0.12, 0.4), "more": BED + inlet("discharge = 0.4;", high=(0.12, 0.4))}
+    assert not [line for line in derived(config(text(**settings, outflow=("x+",)))) if line.verdict == "fail"]
+    sph = engine(**settings, outflow=("x+",))
+    assert sph.scene.n_fluid == 0
+    start = sph.scalars()
+    found = run(sph, 0.6).scalars()
+    source = sph.scene.inlets[0]
+    assert abs(found["inflow"] - 400.0 * sph.time) <= source.mass * len(source.rows)
+    assert found["outflow"] > 0.0 and found["mass_total"] == pytest.approx(start["mass"], rel=1e-14)
+
+
 def test_the_surface_in_an_inlet_follows_the_water_before_it():
     sph = engine(more=BED + inlet("discharge = 0.2;", high=(0.12, 0.6)) + outlet(LEVEL, high=(1.0, 0.6)),
                  velocity=(0.5, 0.0), **WATER)  # fmt: skip
