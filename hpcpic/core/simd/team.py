@@ -165,7 +165,7 @@ def serve(cores: Iterable[int]) -> None:
     os.sched_setaffinity(0, cores)
     told: queue.SimpleQueue = queue.SimpleQueue()
     threading.Thread(target=_listen, args=(told,), daemon=True).start()
-    with suppress(BaseException):  # who wants the kernel will see it; what is compiled here may be kept in part alone
+    with suppress(BaseException):  # who wants the kernel will see an error; not all that it has compiled here is kept
         while (one := told.get(timeout=IDLE_SECONDS)) is not None:
             _compile(*one)
     os._exit(0)
@@ -175,6 +175,9 @@ def _listen(told: queue.SimpleQueue) -> None:
     with suppress(Exception):
         while True:
             told.put(pickle.load(sys.stdin.buffer))
+    with suppress(queue.Empty):
+        while True:
+            told.get_nowait()
     told.put(None)
     while True:  # in the middle of a kernel: whoever asked is gone. LLVM swallows an interrupt of what it calls back
         _thread.interrupt_main()
