@@ -26,7 +26,7 @@ from sph.physics.wall_rules import rule_of
 from sph.setup import flows, periodic_walls, rest_distance, signed_distance
 from sph.setup.openings import Sink, Source
 from sph.setup.particle_lattices import PART, Face, Filled, Grid, Parts, Sheet, Shell, box_sheets, even, grid_of
-from sph.setup.rigid.mass import rigid_of
+from sph.setup.rigid.mass import rigid_of, taken
 from sph.setup.tanks import behind, depth_in
 
 NEAR = 0.25  # of a spacing: fluid nearer to a solid is taken away
@@ -383,8 +383,8 @@ class Scene:
             shape = wall.shape
             low, high = map(np.array, geometry.bounds(shape))
             if wall.section.solid and not shape.plane:
-                box = (low - margin, high + margin)
-                yield wall.name, box, lambda x, s=shape: signed_distance.signed_distance(s, x) < margin
+                box = (low - self.spacing, high + self.spacing)
+                yield wall.name, box, lambda x, w=wall: taken(w, x, margin)
             elif shape.plane:
                 yield wall.name, None, lambda x, s=shape: signed_distance.signed_distance(s, x) < margin
             elif not shape.box or np.any(ends[:, 0] < low) or np.any(ends[:, 1] > high):

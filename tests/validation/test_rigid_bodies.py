@@ -75,6 +75,49 @@ def linear(half, depth, box, mass, spring, start, t, roll=False, cell=0.02, rho=
     return (np.exp(np.outer(t, values)) @ (weights * vectors[-2])).real
 
 
+ENTRY = """
+simulation = { dimensions = 2; end_time = 0.081; };
+fluid = ( { shape = { box = { low = [0.0, 0.0]; high = [1.0, 0.4]; }; }; } );
+eos = { max_velocity = 10.0; };
+wall = ( { name = "tank"; shape = { box = { low = [0.0, 0.0]; high = [1.0, 0.8]; open = ["y+"]; }; }; },
+         { name = "cylinder"; solid = true; shape = { sphere = { centre = [0.5, 0.5]; radius = 0.1; }; };
+           body = { density = 1e6; velocity = [0.0, -1.0]; held = ["x", "rz"]; }; } );
+numerics = { spacing = 0.00333333333; smoothing = 1.6; artificial_viscosity = 0.005; };
+output = { period = { series = 0.0005; }; };
+"""
+
+
+def slamming(depth):
+    """F / (rho R U^2) measured on a cylinder that enters water at a steady speed, depth = U t / R: Campbell & Weynberg
+    1980 as cited, 5.15 / (1 + 8.5 depth) + 0.275 depth.
+    """
+    return 5.15 / (1 + 8.5 * depth) + 0.275 * depth
+
+
+def test_a_cylinder_that_enters_water_takes_the_measured_impulse(tmp_path):
+    """Until U t / R = 0.8, by what the cylinder loses in momentum; without gravity, in a tank five diameters wide. The
+    force itself swings by sound in the tank, so that a mean over a part of the time depends on the spacing. 10 % is
+    missed: +26, +22 and +25 % at R/dp 20, 30 and 40.
+    """
+    (tmp_path / "entry.conf").write_text(ENTRY)
+    series = sph.Case(tmp_path / "entry.conf").run(tmp_path / "entry", threads=1).series
+    depth, momentum = series["time"].values / 0.1, 1e6 * np.pi * 0.1**2 * series["velocity_cylinder_y"].values
+    ours = np.diff(np.interp(np.linspace(0.0, 0.8, 9), depth, momentum)) / (0.01 * 1000.0 * 0.1)
+    mean, known = ours.mean(), slamming(np.linspace(0.0, 0.8, 801)).mean()
+    print("Cs by tenths of U t / R:", ours.round(2), f"mean {mean:.3f}, measured {known:.3f}")
+    assert 1.0 < mean / known < 1.3  # of von Karman's added mass, pi / 2 rho c^2 without pile-up, it is 1.08
+
+
+def test_a_buoy_pulls_at_its_line_with_buoyancy_less_weight(tmp_path):
+    series = sph.Case("moored-buoy").run(tmp_path / "buoy", threads=1).series
+    t, pull, x = (series[name].values for name in ("time", "mooring_buoy_1", "position_buoy_x"))
+    known = np.pi * 0.1**2 * 700.0 * 9.81
+    print(f"mean pull from 1 s on {pull[t > 1].mean():.1f} N, {known:.1f}; first turn at {t[x.argmin()]:.3f} s")
+    assert pull[t > 1].mean() == pytest.approx(known, rel=0.08)  # measured +6.8 %, a fifth of a spacing of the radius
+    half = np.pi * np.sqrt(1300.0 * np.pi * 0.1**2 * np.hypot(0.15, 0.25) / known)  # with the added mass of a cylinder
+    assert 1.0 < t[x.argmin()] / half < 1.2  # a tank holds it up, and so does the width of its swing
+
+
 def turns(t, y):
     """Times of the first minimum and of the maximum after it, by parabolas through three samples."""
     found = []

@@ -137,6 +137,19 @@ def test_a_dropped_body_comes_to_rest_on_the_floor(d):
     assert gained == pytest.approx(weight * sph.time, rel=1e-9)  # all its weight, as it rests
 
 
+def test_fluid_starts_outside_the_cores_of_a_body():
+    """A disc between the places of the lattice throws no particle off: none has a fiftieth of the speed of sound."""
+    tank = '{ name = "tank"; shape = { box = { low = [0.0, 0.0]; high = [1.2, 0.8]; open = ["y+"]; }; }; }'
+    disc = body("sphere = { centre = [0.55, 0.35]; radius = 0.1; };", density=300.0)
+    sph = engine(case=text(d=2, size=(1.2, 0.6), spacing=DP, fill=(1.2, 0.6), gravity=(0.0, -9.81), flux="delta",
+                           more=f"wall = ( {tank}, {disc} );"))  # fmt: skip
+    fastest = []
+    for _ in range(20):
+        sph.step()
+        fastest.append(np.abs(sph.storage.v[:, sph.storage.fluid_slots]).max())
+    assert max(fastest) < 0.02 * sph.scene.c0
+
+
 def test_bodies_touch_a_spacing_apart_once_they_were():
     """One that stands on the floor stays there until it is lifted; lifted and let go it stands a spacing over it."""
     standing = engine(case=scene(FLOOR, body("box = { low = [0.0, 0.0]; high = [0.2, 0.2]; };")))
