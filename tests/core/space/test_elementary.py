@@ -22,4 +22,5 @@ def test_beyond_their_domain_there_are_no_numbers():
 
 
 def test_functions_of_intel_are_left_alone():
+    numba.config.reload_config()  # as every compilation does
     assert numba.config.DISABLE_INTEL_SVML and not numba.config.USING_SVML
