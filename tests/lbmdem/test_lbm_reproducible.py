@@ -97,8 +97,7 @@ LAWS = {
 }
 
 
-# see test_coupling and, for storages, test_fluid; collisions know no ranks
-REST = {"discs non-equilibrium", "2D BGK single", "2D central", "3D central single"}
+REST = {"discs non-equilibrium", "2D BGK single", "2D central"}  # see test_coupling; collisions know no ranks
 
 
 def cut(threads, blocks):

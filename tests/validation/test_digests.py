@@ -28,7 +28,12 @@ STEPS = 4
 LONG = ("column-impact-f", "column-impact-h", "column-impact-i", "column-impact-j", "column-impact-k")  # 5 mm
 PROGRAMS = {"hpcpic": hpcpic, "sph": sph, "lbmdem": lbmdem}
 CASES = [(name, case) for name, package in PROGRAMS.items() for case in package.cases() if case not in LONG]
-SMALL = {"hpcpic": "bump-on-tail", "sph": "still-tank", "lbmdem": "couette"}
+SMALL = [
+    {"hpcpic": "bump-on-tail", "sph": "still-tank", "lbmdem": "couette"},
+    pytest.param(
+        {"hpcpic": "landau-damping", "sph": "standing-wave", "lbmdem": "taylor-green"}, marks=pytest.mark.validation
+    ),
+]
 CHILD = """
 import sys
 from numpy._core._multiarray_umath import __cpu_dispatch__, __cpu_features__
@@ -62,7 +67,8 @@ def test_the_bits_of_shipped_cases_are_those_that_are_stored(name, case):
 
 
 @pytest.mark.timeout(900)  # on a busy machine; else within a minute
-def test_a_processor_without_avx512_gives_the_same_bits(tmp_path):
+@pytest.mark.parametrize("small", SMALL)
+def test_a_processor_without_avx512_gives_the_same_bits(small, tmp_path):
     """Numba, numpy and OpenBLAS are told that they run on one. Where they do, the stored bits are expected."""
     host = binding.get_host_cpu_features()
     told = {
@@ -73,9 +79,9 @@ def test_a_processor_without_avx512_gives_the_same_bits(tmp_path):
     children = [
         subprocess.Popen([sys.executable, "-c", CHILD, *one], cwd=Path(__file__).parent, env=os.environ | told,
                          stdout=subprocess.PIPE, text=True)
-        for one in SMALL.items()
+        for one in small.items()
     ]  # fmt: skip
-    for (name, case), child in zip(SMALL.items(), children):
+    for (name, case), child in zip(small.items(), children):
         assert child.communicate()[0].strip() == (digest(name, case) if host["avx512f"] else stored()[f"{name} {case}"])
 
 
