@@ -23,7 +23,6 @@ from hpcpic.core.tasks.graph import Pool
 from hpcpic.core.timers import Timers
 from hpcpic.plasma.configure import configure
 from hpcpic.plasma.forecast.estimate import (
-    DEFAULT,
     LEVELS,
     NODE_BYTES,
     STANDARD_BYTES,
@@ -32,6 +31,7 @@ from hpcpic.plasma.forecast.estimate import (
     filled_tiles,
 )
 from hpcpic.plasma.forecast.plan import factor_nonzeros
+from hpcpic.plasma.forecast.rates import DEFAULT
 from hpcpic.plasma.physics.poisson import LU
 from hpcpic.plasma.sizes import EDGE
 from hpcpic.plasma.step import Plasma

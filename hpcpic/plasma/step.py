@@ -1,17 +1,19 @@
 """The simulation flow of the thesis (9.2): allocation, rewind, loop."""
 
 import math
-from collections.abc import Collection, Mapping
+from collections.abc import Callable, Collection, Mapping, Sequence
 
 import numpy as np
+from numpy.typing import NDArray
 
 from hpcpic.core.case.accelerations import ACCELERATIONS
 from hpcpic.core.comm.world import World
-from hpcpic.core.files.arrays import Column, Counts, FieldArray, ParticleArray, Shard
+from hpcpic.core.files.arrays import Column, Counts, FieldArray, ParticleArray, Rows, Shard
 from hpcpic.core.files.sealed import Reader
+from hpcpic.core.run.balance import Balance
 from hpcpic.core.run.gauges import Gauges
 from hpcpic.core.run.worst import worst_particles
-from hpcpic.core.space.domain import Domain, block_ranges, even_cuts
+from hpcpic.core.space.domain import MAX_IMBALANCE, Domain, block_ranges
 from hpcpic.core.tasks.graph import Pool
 from hpcpic.core.timers import Timers
 from hpcpic.plasma.case.config import PlasmaConfig
@@ -23,6 +25,7 @@ from hpcpic.plasma.diagnostics.kept_motion import KeptMotion, Motion
 from hpcpic.plasma.diagnostics.node_moments import NodeMoments
 from hpcpic.plasma.diagnostics.series_sums import SeriesSums
 from hpcpic.plasma.field.mesh import SHIFT, Mesh
+from hpcpic.plasma.forecast.cuts import first_cuts, laying_out, row_costs
 from hpcpic.plasma.forecast.derived import total_plasma_frequency
 from hpcpic.plasma.particles.cloud import CHUNK, Cloud
 from hpcpic.plasma.particles.driven import driven_kernel
@@ -43,23 +46,45 @@ class Plasma:
 
     def __init__(self, config: PlasmaConfig, world: World, pool: Pool, timers: Timers) -> None:
         self.scene = scene = Scene(config)
-        self.world, self.timers = world, timers
+        self.world, self.pool, self.timers = world, pool, timers
         self.n_steps, self.work_items = config.simulation.cycles, scene.n_particles
         self.end_time = self.n_steps * scene.time_step
         self.periods: Mapping[str, int] = config.periods
         self.time_periods: Mapping[str, float] = {}
+        self.spec = PushSpec.of(scene, scalars.moments())
+        self.field_scale = self._field_scale()
+        self._drivers = self._compiled_drivers()
+        self.balance = Balance(world, self, self._take)
+        self.lay_out(first_cuts(config, world.size))
+        self.scalar_units = scalars.units(scene.dimensions)
+        self.scalar_units |= self._modes.units() if self._modes else {}
+        self.scalar_units |= self._gauges.units(field_units(config), self.scalar_units)
+        self._distribute()
+        self._rewind()
+        self.iteration = 0
+        self._energy = self._watch()
+        real = np.dtype(self.spec.dtype)
+        self.kept_motion = KeptMotion(scene, 2.0 ** WHOLE_BITS[real.itemsize], real)
+
+    def _compiled_drivers(self) -> list[Callable]:
+        """Kernels of accelerations of the user's own, of each species that has one."""
+        scene = self.scene
+        named = [(k, species.section.acceleration) for k, species in enumerate(scene.species)]
+        sides = tuple(float(side) for side in scene.velocity_spacing)
+        return [driven_kernel(ACCELERATIONS[name], k, scene.dimensions, sides) for k, name in named if name]
+
+    def lay_out(self, cuts: Sequence[int]) -> None:
+        """Make what holds particles and fields, and what looks at them, for slabs with these cuts. Collective."""
+        scene, world, pool, config = self.scene, self.world, self.pool, self.scene.config
         points, lengths = scene.points[::-1], tuple(scene.lengths[::-1])
-        cuts = even_cuts(points[0], world.size)
-        self.domain = Domain(lengths, tuple(points), (True,) * scene.dimensions, cuts)
-        spec = PushSpec.of(scene, scalars.moments())
-        charge, weight = groups_of_charge(scene, spec)
-        self.mesh = Mesh(world, pool, self.domain, scene, spec.shape.ghosts, weight)
+        self.domain = domain = Domain(lengths, tuple(points), (True,) * scene.dimensions, tuple(cuts))
+        charge, weight = groups_of_charge(scene, self.spec)
+        self.mesh = Mesh(world, pool, domain, scene, self.spec.shape.ghosts, weight)
         self._parts = np.zeros(len(weight), np.int64)  # of each group in all, as Mesh.check wants them
         for species, (group, parts) in zip(scene.species, charge):
             self._parts[group] += species.n * (parts >> SHIFT)
-        self.field_scale = self._field_scale()
         self.cloud = Cloud(
-            world, pool, self.domain, spec,
+            world, pool, domain, self.spec,
             blocks=config.simulation.plasma_chunks or pool.threads,
             mover=scene.mover(self.field_scale),
             charge=charge,
@@ -69,24 +94,12 @@ class Plasma:
         )  # fmt: skip
         self.mesh.collect_from(self.cloud.patches, self.cloud.delivery)
         self.sums = SeriesSums(scene, world, self.mesh, self.cloud, self.field_scale)
-        self.scalar_units = scalars.units(scene.dimensions)
-        self._modes = FieldModes(scene, self.domain, world) if config.output.modes else None
-        self.scalar_units |= self._modes.units() if self._modes else {}
-        self._gauges = Gauges(config.gauge, self.domain, world)
-        self.scalar_units |= self._gauges.units(field_units(config), self.scalar_units)
+        self._modes = FieldModes(scene, domain, world) if config.output.modes else None
+        self._gauges = Gauges(config.gauge, domain, world)
         asked = asked_for(config)
-        self._node_moments = NodeMoments(scene, world, self.domain, self.cloud, asked) if asked else None
+        self._node_moments = NodeMoments(scene, world, domain, self.cloud, asked) if asked else None
         self._histograms = Histograms(scene, world, self.cloud) if self.periods["histogram"] else None
-        named = [(k, species.section.acceleration) for k, species in enumerate(scene.species)]
-        sides = tuple(float(side) for side in scene.velocity_spacing)
-        kernels = (driven_kernel(ACCELERATIONS[name], k, scene.dimensions, sides) for k, name in named if name)
-        self._drives = [task for kernel in kernels for task in self.cloud.bind_driven(kernel)]
-        self._distribute()
-        self._rewind()
-        self.iteration = 0
-        self._energy = self._watch()
-        real = np.dtype(spec.dtype)
-        self.kept_motion = KeptMotion(scene, 2.0 ** WHOLE_BITS[real.itemsize], real)
+        self._drives = [task for driver in self._drivers for task in self.cloud.bind_driven(driver)]
 
     def _field_scale(self) -> float:
         """A power of two that turns E into about a cell per step^2 for the lightest species."""
@@ -153,6 +166,7 @@ class Plasma:
             self.mesh.deliver_and_deposit(self.iteration)  # who left for another tile; rho^(n+1) (5.1)
         self._solved = False
         self.iteration += 1
+        self.balance.follow()
 
     def advance(self, most: int) -> None:
         """One step, of `most` that may be done at once."""
@@ -215,9 +229,28 @@ class Plasma:
 
     def restore(self, reader: Reader) -> None:
         """Take the state of a checkpoint, written by any number of ranks, for the present one. Collective."""
-        self.iteration, self.kept_motion.kept = reader.step, None
-        snapshot.restore(self.scene, self.world, self.cloud, reader)
+        self._take(reader)
+        self.balance.look()
+
+    def _take(self, state: Rows) -> None:
+        """Take a state on the present cuts. Collective."""
+        self.iteration, self.kept_motion.kept = state.step, None
+        snapshot.restore(self.scene, self.world, self.cloud, state)
         self._deposit_checked()
+
+    def row_costs(self) -> NDArray[np.float64] | None:
+        """Time of a step by row, ns; None if no rank has much more to do than the mean. Collective."""
+        config, low_high, n = self.scene.config, self.domain.row_range(self.world.rank), self.cloud.n
+        rows, all_rows = int(np.diff(low_high)[0]), self.domain.points[0]
+        mine = row_costs(config, np.full(rows, n / max(rows, 1))).sum()
+        mean = row_costs(config, np.full(all_rows, self.work_items / all_rows)).sum() / self.world.size
+        if self.world.max(float(mine)) <= MAX_IMBALANCE * mean:
+            return None
+        return row_costs(config, self.world.sum_int(snapshot.particles_by_row(self.scene, self.cloud)))
+
+    def laying_out(self) -> float:
+        """Time that new cuts take, ns."""
+        return laying_out(self.scene.config, self.world.size)
 
     def guard(self) -> str | None:
         """Why this rank's state is no solution, or None. Collective where the energy was not seen for long."""

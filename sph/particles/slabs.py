@@ -6,13 +6,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hpcpic.core.comm.world import World
-from hpcpic.core.space.domain import Domain, balanced_cuts
+from hpcpic.core.space.domain import Domain, better_cuts, even_cuts
 from sph.kernels.cells import FINE
 from sph.setup.scene import Scene
 
 PADS = 2  # layers and rows outside the domain, for walls and images
 IMAGES_REACH = 4  # layers from a body to where its image, but for a period, is looked for; with one to spare
-MAX_IMBALANCE = 1.03  # load of the fullest rank over what it can be, beyond which cuts are made again
 
 
 class CellGrid:
@@ -47,7 +46,7 @@ class Slabs:
         lengths, periodic = (scene.high - scene.low)[list(scene.axes)], scene.periodic[list(scene.axes)]
         points = (grid.layers, *np.ceil(lengths[1:] / grid.edge).astype(int).tolist())
         self.around = bool(periodic[0])  # one end of the domain lies beside the other
-        cuts = balanced_cuts(np.ones(grid.layers), world.size)
+        cuts = even_cuts(grid.layers, world.size)
         self.cut(Domain(tuple(lengths), points, tuple(map(bool, periodic)), cuts))
 
     def cut(self, domain: Domain) -> None:
@@ -80,10 +79,7 @@ class Slabs:
         True if they are new. Collective.
         """
         load = self.world.sum_int(np.bincount(layer + 1, minlength=self.grid.layers + 1)[1:])  # 0: nobody
-        cuts = balanced_cuts(load, self.world.size)
-        prefix = np.concatenate(([0], np.cumsum(load)))
-        worst, best = (np.diff(prefix[list(c)]).max() for c in (self.domain.cuts, cuts))
-        if worst > MAX_IMBALANCE * best:
+        cuts = better_cuts(load, self.domain.cuts)
+        if cuts:
             self.cut(self.domain.with_cuts(cuts))
-            return True
-        return False
+        return bool(cuts)

@@ -1,14 +1,23 @@
 """What a program forecasts of a run before it starts, in the form that check, estimate and the report read."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
+from itertools import pairwise
 
 OF_EVERY_RUN = ("click", "lark", "pydantic", "numpy", "numba", "mpi4py", "h5py")
+LISTED = 16  # ranks, at most, whose rows are told one by one
 
 
 def imports(*of_the_scene: str) -> list[str]:
     """Lines for `check --plan`: the libraries that a run imports, those of every run and those of this scene."""
     return ["imports of a run", f"  {', '.join((*OF_EVERY_RUN, *of_the_scene))}"]
+
+
+def slabs(cuts: Sequence[int]) -> list[str]:
+    """Lines for `check --plan`: the rows of each rank, or of many the fewest and the most."""
+    rows = [high - low for low, high in pairwise(cuts)]
+    told = " ".join(map(str, rows)) if len(rows) <= LISTED else f"{min(rows)} to {max(rows)}"
+    return ["slabs of the ranks, by their cost at the start", f"  rows       {told}"] if len(rows) > 1 else []
 
 
 @dataclass(frozen=True, slots=True)

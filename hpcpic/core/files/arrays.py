@@ -3,6 +3,7 @@
 import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
+from typing import Protocol
 
 import numpy as np
 from numpy.typing import DTypeLike, NDArray
@@ -17,6 +18,16 @@ class Shard:
     local: NDArray
     offset: int
     total: int
+
+
+class Rows(Protocol):
+    """A state at a step, in a checkpoint or elsewhere, as `restore` of a model reads it, all ranks together."""
+
+    @property
+    def step(self) -> int: ...
+    @property
+    def time(self) -> float: ...  # s
+    def read(self, name: str, lo: int = 0, hi: int | None = None) -> NDArray: ...  # rows [lo, hi) of an array
 
 
 @dataclass(frozen=True, slots=True)

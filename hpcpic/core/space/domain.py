@@ -8,7 +8,9 @@ from numpy.typing import ArrayLike, NDArray
 
 from hpcpic.core.space.cuts import block_ranges, even_cuts
 
-__all__ = ["Domain", "balanced_cuts", "block_ranges", "even_cuts", "wrap"]
+__all__ = ["Domain", "balanced_cuts", "better_cuts", "block_ranges", "even_cuts", "fullest", "wrap"]
+
+MAX_IMBALANCE = 1.03  # cost of the fullest rank over what it can be, beyond which cuts are made again
 
 
 def balanced_cuts(cost_per_row: ArrayLike, ranks: int, minimum: int = 0) -> tuple[int, ...]:
@@ -30,6 +32,18 @@ def balanced_cuts(cost_per_row: ArrayLike, ranks: int, minimum: int = 0) -> tupl
         nearest = above - 1 if above > 0 and target - prefix[above - 1] <= prefix[above] - target else above
         cuts.append(min(max(nearest, cuts[-1] + minimum), rows - (ranks - k) * minimum))
     return (*cuts, rows)
+
+
+def fullest(cost_per_row: ArrayLike, cuts: Sequence[int]) -> float:
+    """Cost of the rank that has most to do."""
+    prefix = np.concatenate(([0], np.cumsum(cost_per_row)))
+    return float(np.diff(prefix[list(cuts)]).max())
+
+
+def better_cuts(cost_per_row: ArrayLike, cuts: Sequence[int], minimum: int = 0) -> tuple[int, ...] | None:
+    """Cuts by `balanced_cuts`, if the fullest rank has more than MAX_IMBALANCE of what it would have with them."""
+    made = balanced_cuts(cost_per_row, len(cuts) - 1, minimum)
+    return made if fullest(cost_per_row, cuts) > MAX_IMBALANCE * fullest(cost_per_row, made) else None
 
 
 def wrap(x: ArrayLike, length: float) -> NDArray:

@@ -9,8 +9,7 @@ from numpy.typing import NDArray
 from hpcpic.core.comm.sharding import by_id
 from hpcpic.core.comm.world import World
 from hpcpic.core.errors import Diverged
-from hpcpic.core.files.arrays import Column, FieldArray, ParticleArray, Shard
-from hpcpic.core.files.sealed import Reader
+from hpcpic.core.files.arrays import Column, FieldArray, ParticleArray, Rows, Shard
 from hpcpic.core.space.domain import block_ranges
 from hpcpic.plasma.field.mesh import Mesh
 from hpcpic.plasma.particles.cloud import CHUNK, Cloud
@@ -64,6 +63,17 @@ def anchors(scene: Scene, tiles: NDArray[np.int32]) -> NDArray[np.integer]:
     return np.stack([*found, rest], axis=1) * edge
 
 
+def particles_by_row(scene: Scene, cloud: Cloud) -> NDArray[np.int64]:
+    """Particles of this rank in each row of cells across the slab axis."""
+    d, counts = scene.dimensions, np.zeros(scene.points[-1], np.int64)
+    layer = math.prod(-(-points // EDGE[d]) for points in scene.points[:-1])  # tiles
+    for k in range(len(scene.species)):
+        for _, tiles, components in cloud.export(k):
+            rows = tiles // layer * EDGE[d] + components[:, d - 1].astype(np.int64)
+            counts += np.bincount(rows, minlength=len(counts))
+    return counts
+
+
 def state(scene: Scene, world: World, cloud: Cloud) -> dict[str, Shard]:
     """Tile, position in it [cells] and velocity [cells per step] by species, in order of the numbers."""
     d = scene.dimensions
@@ -96,8 +106,8 @@ def columns(scene: Scene, spec: PushSpec) -> dict[str, Column]:
     return found
 
 
-def restore(scene: Scene, world: World, cloud: Cloud, reader: Reader) -> None:
-    """Replace all particles by those of a checkpoint. Raises Diverged when one is not in its tile."""
+def restore(scene: Scene, world: World, cloud: Cloud, reader: Rows) -> None:
+    """Replace all particles by those of a state. Raises Diverged when one is not in its tile."""
     cloud.clear()
     for k, species in enumerate(scene.species):
         low, high = block_ranges(species.n, world.size)[world.rank]

@@ -10,8 +10,9 @@ from hpcpic.core.case.config import Path
 from hpcpic.core.case.derived import Derived, Verdict, rounded_down
 from hpcpic.plasma.case.config import MOST_POINTS, Equation, PlasmaConfig, Species, velocity_components, volume
 from hpcpic.plasma.case.units import SYSTEMS, known_by_ratio
-from hpcpic.plasma.forecast.estimate import DEFAULT, SERIES_SHARE, affordable_period, count_seconds, phases
+from hpcpic.plasma.forecast.estimate import SERIES_SHARE, affordable_period, count_seconds, phases
 from hpcpic.plasma.forecast.field_equation import field_equation, field_strength, slowed_by_clouds
+from hpcpic.plasma.forecast.rates import DEFAULT
 from hpcpic.plasma.physics.heating import MIN_PER_CELL, energy_ratio
 from hpcpic.plasma.physics.poisson import operator_of, response
 from hpcpic.plasma.physics.quiet_start import recurrence_time

@@ -4,15 +4,16 @@ A step is the work on particles, on cells and on the field, divided by the gain 
 Python with the launches, and the exchanges between ranks. Particles and nodes beyond those that the caches hold are
 waited for, and all cores share one memory. A sample of the series goes through all particles and nodes. The rates
 come from `hpcpic bench` on this machine; what it did not measure keeps its ratio to what it did on the authors'
-machine (DEFAULT).
+machine (rates.DEFAULT).
 """
 
 import math
 from collections.abc import Callable, Mapping
 
-from hpcpic.core.app.forecast import FILES, Estimate, gain, writing_seconds
+from hpcpic.core.app.forecast import Estimate, gain, writing_seconds
 from hpcpic.plasma.case.config import PlasmaConfig, velocity_components
 from hpcpic.plasma.forecast.plan import arrays, factor_nonzeros
+from hpcpic.plasma.forecast.rates import DEFAULT, kernel_ns
 from hpcpic.plasma.physics.species_fields import SPECIES_FIELDS
 from hpcpic.plasma.sizes import EDGE
 
@@ -26,59 +27,6 @@ HELD = 0.75  # of the last-level cache, by particles: fields and what else runs 
 STANDARD_BYTES = 36  # of a particle in two dimensions and double precision
 NODE_BYTES = 32  # of a node, by the rows and columns of its transform, which are read again within a field
 LEVELS = {3: 18, 2: 18, 1: 16}  # log2 of the nodes for which `field_ns` holds: a transform's work grows with it
-
-# Measured on the authors' machine, one core of a 2-core AMD Zen 5 at 4.1 GHz.
-DEFAULT = FILES | {
-    "particle_ns 2D CIC double": 2.3,  # pushed and delivered, in caches
-    "particle_ns 2D CIC single": 1.9,
-    "particle_ns 2D NGP double": 2.0,
-    "particle_ns 2D NGP single": 1.6,
-    "particle_ns 2D TSC double": 3.6,
-    "particle_ns 2D TSC single": 2.6,
-    "particle_ns 1D CIC double": 1.35,
-    "particle_ns 1D CIC single": 1.1,
-    "particle_ns 1D NGP double": 1.2,
-    "particle_ns 1D NGP single": 0.9,
-    "particle_ns 1D TSC double": 1.6,
-    "particle_ns 1D TSC single": 1.4,
-    "particle_ns 3D CIC double": 4.4,  # those of 3D by their ratio to 2D on a busy machine
-    "particle_ns 3D CIC single": 4.1,
-    "particle_ns 3D NGP double": 3.4,
-    "particle_ns 3D NGP single": 2.8,
-    "particle_ns 3D TSC double": 12.5,
-    "particle_ns 3D TSC single": 10.0,
-    "memory_ns": 2.85,  # pushed and delivered, of STANDARD_BYTES, from memory
-    "cache_mb": 32.0,  # last-level cache of a node
-    "cell_ns 2D": 2.8,  # of the push and of the charge
-    "cell_ns 1D": 2.0,
-    "cell_ns 3D": 6.0,
-    "tile_ns 2D": 430.0,  # more, of a tile of cells that is not empty
-    "tile_ns 1D": 220.0,
-    "tile_ns 3D": 900.0,
-    "field_ns 2D": 6.7,  # transforms, potential and its gradient
-    "field_ns 1D": 8.0,
-    "field_ns 3D": 9.0,
-    "field_memory_ns": 3.0,  # more, of a node that no cache holds, as transforms of 2048^2 and 4096^2 took
-    "cell_memory_ns": 0.6,  # likewise; from a Zen 4, by the ratio of the fields
-    "factor_ns 2D": 0.88,  # per number in the factors of LU
-    "factor_ns 1D": 3.5,
-    "factor_ns 3D": 3.0,
-    "sample_ns": 3.4,  # of the series, per particle
-    "sample_cell_ns": 8.0,
-    "count_in_push": 0.7,  # a histogram's time in that of the push of its particles
-    "plasma_sample_us": 75.0,
-    "plasma_launch_us": 43.0,  # Python and the launches of a step
-    "plasma_exchange_us": 15.0,  # of ranks with each other: messages, or a word that all agree on
-    "message_gb_s": 8.0,
-    "cores": 2.0,
-    "plasma_core_gain 2D": 1.65,  # of all cores of a node over one
-    "plasma_core_gain 1D": 1.5,
-    "plasma_core_gain 3D": 1.65,
-    "memory_core_gain": 1.3,  # and at particles that no cache holds
-    "mesh_core_gain": 1.65,  # and at what cells and the field need
-    "rank_mib": 220.0,  # Python and the libraries, kernels from the cache
-}
-
 
 def estimate(config: PlasmaConfig, ranks: int, threads: int, measured: Mapping[str, float]) -> Estimate:
     """Memory, disk and time of a completed case on ranks x threads; `measured` rates of this machine take the place of
@@ -123,15 +71,13 @@ def phases(config: PlasmaConfig, ranks: int, threads: int, rates: Mapping[str, f
     if not particle_count(config):
         return {"launches": 1e-6}
     d, cells = config.dimensions, math.prod(config.points)
-    kernel = f"particle_ns {d}D {config.numerics.shape} {config.numerics.precision}"
-    components = (d + velocity_components(config)) / (2 * d)  # of a particle, beside those of the standard kernel
     gains = rates[f"plasma_core_gain {d}D"], rates["mesh_core_gain"]
     cores, mesh = (1e9 * gain(ranks, threads, rates, of_node) for of_node in gains)
     tiles = math.prod(-(-n // EDGE[d]) for n in config.points)
     filled = sum(filled_tiles(species.particles, tiles) for species in config.species)
     away = beyond_caches(cells, NODE_BYTES, max(1.0, ranks * threads / rates["cores"]), rates) / NODE_BYTES
     return {
-        "particles": particle_count(config) * rates[kernel] * components / cores,
+        "particles": particle_count(config) * kernel_ns(config, rates) / cores,
         "memory": memory_seconds(config, ranks, threads, rates),
         "tiles": filled * rates[f"tile_ns {d}D"] / cores,
         "cells": (cells * rates[f"cell_ns {d}D"] + away * rates["cell_memory_ns"]) / mesh,

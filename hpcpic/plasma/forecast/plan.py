@@ -6,12 +6,13 @@
 import math
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
+from itertools import pairwise
 
-from hpcpic.core.app.forecast import imports
+from hpcpic.core.app.forecast import imports, slabs
 from hpcpic.core.comm.shared_memory import FOLDER as SHARED_MEMORY
-from hpcpic.core.space.cuts import even_cuts
 from hpcpic.core.space.declared import Array
 from hpcpic.plasma.case.config import PlasmaConfig, rotation, velocity_components
+from hpcpic.plasma.forecast.cuts import first_cuts
 from hpcpic.plasma.particles.arrays import declared
 from hpcpic.plasma.physics.moments import values_of
 from hpcpic.plasma.physics.shapes import SHAPES
@@ -53,11 +54,12 @@ def kernels(config: PlasmaConfig) -> list[str]:
 
 
 def arrays(config: PlasmaConfig, ranks: int, threads: int) -> Iterator[Array]:
-    """The arrays of the rank with the most rows."""
+    """The arrays of a rank with the most rows, and with as many particles as any if all cost is in them."""
     d, points = config.dimensions, config.points[::-1]
     below, above = SHAPES[config.numerics.shape].ghosts
     ghosts = below + above
-    rows, inner = even_cuts(points[0], ranks)[1], points[1:]
+    cuts, inner = first_cuts(config, ranks), points[1:]
+    rows = max(high - low for low, high in pairwise(cuts))
     real = "float64" if config.numerics.precision == "double" else "float32"
     blocks = config.simulation.plasma_chunks or threads
     n_groups = groups(config)
@@ -148,7 +150,8 @@ def messages(config: PlasmaConfig, ranks: int) -> list[str]:
 
 def plan(config: PlasmaConfig, ranks: int, threads: int) -> list[str]:
     """Lines for `check --plan`."""
-    lines = ["kernels of a step", *(f"  {line}" for line in kernels(config)), "arrays per rank"]
+    lines = ["kernels of a step", *(f"  {line}" for line in kernels(config))]
+    lines += [*slabs(first_cuts(config, ranks)), "arrays per rank"]
     for array in arrays(config, ranks, threads):
         shape = " x ".join(map(str, array.shape))
         lines.append(f"  {array.name:<26}{shape:<24}{array.dtype:<12}{array.bytes / 2**20:10.2f} MiB")

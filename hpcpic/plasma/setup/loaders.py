@@ -279,6 +279,9 @@ LOADERS: dict[str, Loader] = {}  # by name
 OLDER = ("default", "random position")  # the thesis author's words
 
 
+EVEN = (Loader.positions, Quiet.positions, Strata.positions)  # as many particles everywhere
+
+
 def register(loader: Loader) -> None:
     """Make a loader known under its name."""
     note(loader)

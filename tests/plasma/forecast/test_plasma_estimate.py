@@ -10,7 +10,6 @@ from hpcpic.plasma.case.config import PlasmaConfig
 from hpcpic.plasma.configure import configure
 from hpcpic.plasma.forecast.derived import counts
 from hpcpic.plasma.forecast.estimate import (
-    DEFAULT,
     SERIES_SECONDS,
     SERIES_SHARE,
     STANDARD_BYTES,
@@ -20,6 +19,7 @@ from hpcpic.plasma.forecast.estimate import (
     sample_seconds,
 )
 from hpcpic.plasma.forecast.plan import factor_nonzeros
+from hpcpic.plasma.forecast.rates import DEFAULT
 from hpcpic.plasma.physics.poisson import LU
 
 CASE = """
