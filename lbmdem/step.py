@@ -1,16 +1,17 @@
 """One step of fluid and grains (Mansouri et al. 2011, section 4)."""
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
 
 from hpcpic.core.comm.world import World
 from hpcpic.core.errors import ConfigError
-from hpcpic.core.files.arrays import Column, FieldArray, ParticleArray, Shard
+from hpcpic.core.files.arrays import Column, FieldArray, ParticleArray, Rows, Shard
 from hpcpic.core.files.sealed import Reader
-from hpcpic.core.space.domain import Domain, even_cuts
+from hpcpic.core.run.balance import PERIOD, Balance
+from hpcpic.core.space.domain import Domain
 from hpcpic.core.tasks.graph import Pool
 from hpcpic.core.timers import Timers
 from lbmdem.case.config import FluidSection, LbmDemConfig
@@ -24,6 +25,7 @@ from lbmdem.fluid.drive import Drive
 from lbmdem.fluid.faces import Face
 from lbmdem.fluid.fluid import Fluid
 from lbmdem.fluid.obstacles import obstacle_walls
+from lbmdem.forecast.cuts import Grains, first_cuts, laying_out, row_costs, sums_by_row
 from lbmdem.forecast.estimate import output_periods
 from lbmdem.grains.dem import Dem
 from lbmdem.grains.placement import place_grains
@@ -34,6 +36,7 @@ from lbmdem.setup.overlap_survey import starts
 from lbmdem.setup.scene import Scene
 from lbmdem.sizes import STEPS_PER_CALL
 
+SUM_UNIT = 1024.0  # sums of rows are integers, so that all ranks have the same
 MAX_OVERLAP = 0.1  # over diameter, at which grains are no grains any more, unless they start so
 
 
@@ -41,7 +44,7 @@ class LbmDem:
     """Populations and grains at `iteration`; `time` in s. A case without fluid has no populations."""
 
     particle_name = "grain"
-    local_items = None  # slabs are of equal height
+    local_items = None  # slabs are of equal cost, not of equal height
 
     def __init__(self, config: LbmDemConfig, world: World, pool: Pool, timers: Timers) -> None:
         self.scene = scene = Scene(config)
@@ -49,14 +52,33 @@ class LbmDem:
         self.n_steps, self.periods = config.n_steps, output_periods(config)
         self.end_time = self.n_steps * scene.time_step
         self.time_periods: Mapping[str, float] = {}
-        points, periodic = scene.points[::-1], scene.periodic[::-1]
-        cuts = even_cuts(points[0], world.size)
-        self.domain = domain = Domain(tuple(config.domain.size[::-1]), points, periodic, cuts, offset=0.5)
         self.iteration = 0
-        self.fluid = self._fluid(config.fluid) if config.fluid else None
-        self.table = table = place_grains(config, world, pool, domain)
+        self.max_overlap = max(MAX_OVERLAP, 1.1 * starts(config)[1])
+        self.balance = Balance(world, self, self._take)
+        before = self._slabs(first_cuts(config, world.size))
+        self.table = table = place_grains(config, world, pool, before)
         self.work_items = math.prod(scene.points) if config.fluid else len(table)
         self.work_unit = "node" if config.fluid else "particle"
+        placed = Grains(table.x[:, -1], table.radius / config.spacing)
+        self._make(first_cuts(config, world.size, placed))
+
+    def _slabs(self, cuts: Sequence[int]) -> Domain:
+        points, periodic = self.scene.points[::-1], self.scene.periodic[::-1]
+        return Domain(tuple(self.scene.config.domain.size[::-1]), points, periodic, tuple(cuts), offset=0.5)
+
+    def lay_out(self, cuts: Sequence[int]) -> None:
+        """Make all anew for slabs with these cuts, without a state; what was seen so far stays known. Collective."""
+        diagnostics, bits = self.diagnostics, self.grain_bits
+        self._make(cuts)
+        self.diagnostics.go_on(diagnostics)
+        if self.grain_bits and bits:
+            self.grain_bits.trouble = bits.trouble
+
+    def _make(self, cuts: Sequence[int]) -> None:
+        """The fluid, its solids and the grains as at the start, for slabs with these cuts. Collective."""
+        scene, world, pool, table, config = self.scene, self.world, self.pool, self.table, self.scene.config
+        self.domain = domain = self._slabs(cuts)
+        self.fluid = self._fluid(config.fluid) if config.fluid else None
         grains_move, frozen = bool((~table.fixed).any()), config.coupling.frozen
         if self.fluid:
             self._fill(self.fluid, stays=not grains_move or frozen)
@@ -74,13 +96,12 @@ class LbmDem:
         self.grain_bits = guard.GrainBits(self.dem) if self.dem and self.fluid else None
         self.start_solid()
         self._check_fluid()
-        self.max_overlap = max(MAX_OVERLAP, 1.1 * starts(config)[1])
-        own = any(grains.acceleration for grains in config.grains)
-        self.driven = own or config.shaking is not None or (self.drive is not None and self.drive.changes)
         heights = self.coordinates()[-1].ravel()
         parts = self.fluid, self.drive, self.immersed, self.grains
         self.diagnostics = Diagnostics(scene, world, domain, table, heights, *parts)
         self.scalar_units = self.diagnostics.units
+        own = any(grains.acceleration for grains in config.grains)
+        self.driven = own or config.shaking is not None or (self.drive is not None and self.drive.changes)
 
     def _fluid(self, fluid: FluidSection) -> Fluid:
         """The fluid, at rest."""
@@ -131,7 +152,10 @@ class LbmDem:
         return x / self.scene.units.dx - 0.5
 
     def step(self) -> None:
-        """Advance by one time step, from n to n + 1."""
+        """Advance by one time step, from n to n + 1. Cuts follow before it: of the last step more is asked than a
+        checkpoint holds.
+        """
+        self._follow()
         if self.fluid and self.drive:
             with self.timers.section("fluid"):
                 self.drive.apply(self.iteration)  # body force and pressures that change
@@ -158,8 +182,9 @@ class LbmDem:
                 n = self.fluid.leap(most)
             self.iteration += n
         elif self.grains:
+            self._follow()
             with self.timers.section("grains"):
-                n = min(most, STEPS_PER_CALL)
+                n = min(most, STEPS_PER_CALL, PERIOD - self.iteration % PERIOD)
                 self.grains.move(self.time, n)
             self.iteration += n
 
@@ -221,6 +246,11 @@ class LbmDem:
 
     def restore(self, reader: Reader) -> None:
         """Take the state of a checkpoint, written by any number of ranks. Collective."""
+        self._take(reader)
+        self.balance.look()
+
+    def _take(self, reader: Rows) -> None:
+        """Take a state on the present cuts. Collective."""
         self.iteration = reader.step
         if self.dem:
             self.dem.restore(reader)
@@ -232,6 +262,24 @@ class LbmDem:
             self.drive.restore(self.iteration)
         if self.immersed:
             self.immersed.restore(reader.read("pending"))
+
+    def _follow(self) -> None:
+        if self.iteration:
+            self.balance.follow()
+
+    def row_costs(self) -> NDArray[np.float64] | None:
+        """Time of a step by row, ns; None where nothing moves that the fluid sees. Collective."""
+        config, dem = self.scene.config, self.dem
+        if not dem or (self.fluid and not self.solids_move) or self.world.size > self.domain.points[0]:
+            return None
+        own = slice(dem.grains.n)
+        placed = Grains(dem.grains.x[own, -1], dem.grains.radius[own] / config.spacing)
+        sums = self.world.sum_int(np.rint(SUM_UNIT * sums_by_row(config, placed)).astype(np.int64))
+        return row_costs(config, sums / SUM_UNIT)
+
+    def laying_out(self) -> float:
+        """Time that new cuts take, ns."""
+        return laying_out(self.scene.config, self.world.size)
 
     def guard(self) -> str | None:
         """Why this rank's state is no solution, or None."""

@@ -54,6 +54,10 @@ class FluidScalars:
         self.units |= {f"flow_rate_{self._axes[-1]}": "m3/s" if along else "m2/s"}
         self.units |= {"permeability": "m2", "hydraulic_gradient": "", "porosity": ""} if self._driving_force else {}
 
+    def go_on(self, before: "FluidScalars") -> None:
+        """Know the last look of these."""
+        self.fastest, self.drift, self.jump, self._kept = before.fastest, before.drift, before.jump, before._kept
+
     def _seepage_force(self, drive: Drive) -> Callable[[int], float]:
         """Driving force per mass along the last axis at a step, m/s2, of fixed grains: of the case's body force, or of
         the pressures at both ends over the height of the sample.

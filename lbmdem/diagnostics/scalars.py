@@ -59,6 +59,14 @@ class Diagnostics:
         self.units = self._units()
         self.units |= self.gauges.units(scene.config.fields, self.units)
 
+    def go_on(self, before: "Diagnostics") -> None:
+        """Know what these have seen of the same run."""
+        self._warned, self.overlap = before._warned, before.overlap
+        if self.fluid and before.fluid:
+            self.fluid.go_on(before.fluid)
+        if self._grains and before._grains:
+            self._grains.least_film, self._grains.worst_film = before._grains.least_film, before._grains.worst_film
+
     def _units(self) -> dict[str, str]:
         per = "" if self._scene.dimensions == 3 else "/m"  # two-dimensional quantities are per metre of depth
         units = dict(self.fluid.units) if self.fluid else {}

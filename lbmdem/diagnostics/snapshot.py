@@ -4,7 +4,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hpcpic.core.comm.world import World
-from hpcpic.core.files.arrays import Column, FieldArray, ParticleArray, Shard
+from hpcpic.core.files.arrays import Column, FieldArray, ParticleArray, Rows, Shard
 from hpcpic.core.files.sealed import Reader
 from hpcpic.core.run.worst import worst_nodes, worst_particles
 from lbmdem.coupling.immersed import Immersed
@@ -125,8 +125,8 @@ def columns(
     return found
 
 
-def restore_fluid(reader: Reader, world: World, fluid: Fluid) -> None:
-    """Replace the populations by those of a checkpoint."""
+def restore_fluid(reader: Rows, world: World, fluid: Fluid) -> None:
+    """Replace the populations by those of a state."""
     fluid.iteration = reader.step
     low, high = fluid.domain.row_range(world.rank)
     fluid.set_populations(np.moveaxis(reader.read("populations", low, high), -1, 0))

@@ -7,8 +7,9 @@ from hpcpic.core.case.config import Path
 from hpcpic.core.case.derived import Derived, Verdict, judged
 from hpcpic.core.physics.contact_law import deepest_overlap
 from lbmdem.case.config import ACCURATE, LbmDemConfig, contact_law, contact_step, grain_mass
-from lbmdem.forecast.estimate import DEFAULT, phases
+from lbmdem.forecast.estimate import phases
 from lbmdem.forecast.free_fall import impact_speed
+from lbmdem.forecast.rates import DEFAULT
 from lbmdem.physics.lubrication import MOST_SUBSTEPS, ROUGHNESS, STABLE, Film
 from lbmdem.physics.velocity_sets import LATTICES
 from lbmdem.physics.wall_rules import impedance

@@ -8,15 +8,23 @@ and do not wait for memory. Work divides among the cores, launches and exchanges
 import math
 from collections.abc import Mapping
 
-from hpcpic.core.app.forecast import FILES, Estimate, gain, writing_seconds
+from hpcpic.core.app.forecast import Estimate, gain, writing_seconds
 from hpcpic.core.case.words import in_steps
 from lbmdem.case.config import LbmDemConfig
-from lbmdem.forecast.node_shares import fluid_share, lanes_of_all, shares
-from lbmdem.forecast.plan import arrays, face_bytes, grain_count, link_count, moving, node_bytes, sparse
-from lbmdem.physics.collision import COLLISIONS
+from lbmdem.forecast.node_shares import (
+    cached,
+    fluid_share,
+    lanes_of_all,
+    moving,
+    node_bytes,
+    population_bytes,
+    shares,
+    sparse,
+)
+from lbmdem.forecast.plan import arrays, face_bytes, grain_count, link_count
+from lbmdem.forecast.rates import DEFAULT, node_ns
 from lbmdem.physics.velocity_sets import LATTICES
 from lbmdem.sizes import (
-    CACHE,
     CACHE_OF_WHOLE_PLANES,
     GRAINS_OF_ONE_THREAD,
     STEPS_PER_CALL,
@@ -29,49 +37,6 @@ SERIES_SHARE = 0.05  # of a run, its start included, that samples of a series ma
 SAMPLES = 20, 100  # of such a series, at least and at most
 START = 1.0  # s: interpreter, libraries, kernels from the cache
 BLOCK = 16 * MIB  # of all ranks' state, which the first one reads for the digest
-
-# Measured on the authors' machine, one core of a 2-core AMD Zen 5 at 4.1 GHz.
-DEFAULT = FILES | {
-    "mlups D3Q19 double": 190.0,  # one step per pass over memory
-    "mlups D3Q19 single": 400.0,
-    "mlups D2Q9 double": 480.0,
-    "mlups D2Q9 single": 1000.0,
-    "wave_gain D3Q19": 1.45,  # in caches, or with several steps per pass
-    "wave_gain D2Q9": 1.55,
-    "forced": 0.4,  # more, in caches, for a sweep with a body force
-    "central": 0.36,  # and for central moments
-    "mixed": 0.83,  # and for nodes beside solids
-    "sparse": 1.6,  # a fluid node held without the solid ones, over one of a fluid alone
-    "link_ns fixed": 5.7,  # several steps per pass
-    "link_ns sparse": 3.6,  # the same where the sweep does them (lbmdem.sparse)
-    "link_ns fixed single": 7.0,
-    "link_ns moving 2D": 17.3,
-    "link_ns moving 3D": 8.4,
-    "moving_link_us 2D": 0.1,  # of a grain, besides its links
-    "moving_link_us 3D": 0.1,
-    "moving_grain_us 2D": 1.1,  # of a grain: which nodes it covers now
-    "moving_grain_us 3D": 5.3,
-    "moving_us": 76.0,  # and a step
-    "cold_us": 275.0,  # more for it, grains and links, where a sweep has emptied the caches
-    "conserving_ns": 2.4,  # per node, where the mass of covered nodes is put back
-    "grains_us": 57.0,  # a step
-    "substep_us": 0.13,
-    "grain_ns": 40.0,  # per grain and substep
-    "lattice_sample_us": 300.0,
-    "lattice_sample_ns": 10.0,  # per node
-    "lattice_launch_us": 2.5,
-    "lattice_drive_us": 50.0,  # a body force that changes from step to step
-    "message_us": 3.0,
-    "message_gb_s": 8.0,
-    "grain_exchange_us": 180.0,  # forces, ghosts and owners of grains, a step of several ranks
-    "refill_plane_ns": 4.0,  # of a population of the planes beside a slab, for nodes that grains uncover
-    "cores": 2.0,
-    "sweep_core_gain": 1.3,  # of all cores over one on a sweep that waits for memory
-    "wave_core_gain": 1.7,  # and on other work
-    "sparse_core_gain": 1.6,  # and on nodes held without the solid ones
-    "rank_mib": 200.0,
-    "scipy_mib": 25.0,  # where sizes of grains follow a law
-}
 
 
 def estimate(config: LbmDemConfig, ranks: int, threads: int, measured: Mapping[str, float]) -> Estimate:
@@ -167,35 +132,23 @@ def share_together(depth: int, period: int) -> float:
     return 1.0 - alone / period
 
 
-def population_bytes(config: LbmDemConfig) -> int:
-    return math.prod(config.points) * node_bytes(config)
-
-
-def cached(config: LbmDemConfig) -> bool:
-    return population_bytes(config) < CACHE
-
-
 def sweep_seconds(
     config: LbmDemConfig, ranks: int, threads: int, rates: Mapping[str, float], together: int
 ) -> dict[str, float]:
     """Arithmetic of all nodes with fluid, and the wait for memory where one step is done per pass."""
-    lattice, found, fluid = config.lattice, shares(config), config.liquid
-    places = math.prod(config.points) if sparse(config) else lanes_of_all(config)
-    one = 1e-6 * places / rates[f"mlups {lattice} {fluid.storage}"]
-    bare = one / rates[f"wave_gain {lattice}"]
+    found, (one, bare, more) = shares(config), node_ns(config, rates)
+    places = 1e-9 * (math.prod(config.points) if sparse(config) else lanes_of_all(config))
     wet = 1 - found.skipped
-    more = rates["forced"] if any(fluid.body_force) or config.shaking else 0.0
-    more += rates["central"] if COLLISIONS[fluid.collision].dearer else 0.0
     if sparse(config):
         wet = fluid_share(config)
-        work = bare * wet * (rates["sparse"] + more)
+        work = places * bare * wet * (rates["sparse"] + more)
     else:
-        work = bare * (wet * (1 + more) + found.mixed * rates["mixed"])
+        work = places * bare * (wet * (1 + more) + found.mixed * rates["mixed"])
     seconds = {"nodes": work / gain(ranks, threads, rates, rates[core_gain(config)])}
     if together == 1 and not cached(config):
-        both = 1e9 * (one / gain(ranks, threads, rates, rates["sweep_core_gain"])
-                      - bare / gain(ranks, threads, rates, rates["wave_core_gain"]))  # fmt: skip
-        seconds["memory"] = 1e-9 * wet * max(0.0, both)
+        both = (one / gain(ranks, threads, rates, rates["sweep_core_gain"])
+                - bare / gain(ranks, threads, rates, rates["wave_core_gain"]))  # fmt: skip
+        seconds["memory"] = places * wet * max(0.0, both)
     return seconds
 
 

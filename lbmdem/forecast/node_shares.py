@@ -10,14 +10,22 @@ theory, to first order).
 
 import math
 from collections.abc import Iterator
-from typing import NamedTuple
+from typing import NamedTuple, TypeVar
+
+import numpy as np
+from numpy.typing import NDArray
 
 from hpcpic.core.simd.registers import lanes
+from hpcpic.core.space.declared import Array
 from lbmdem.case.config import Diameters, GrainSet, LbmDemConfig
-from lbmdem.sizes import STORAGE
+from lbmdem.physics.velocity_sets import LATTICES
+from lbmdem.physics.wall_rules import RULES
+from lbmdem.sizes import CACHE, SPARSE_BELOW, STORAGE
 
+Radii = TypeVar("Radii", float, NDArray[np.float64])  # in nodes
 SIZES = 32  # of the law of diameters
 LOOSE = {2: 0.2, 3: 0.4}  # void fraction of a packing that settles
+LINKS = {2: 3.07, 3: 5.74}  # per node of a grain's perimeter or surface: half the sum of |e . n|, any direction n
 
 
 class Shares(NamedTuple):
@@ -46,7 +54,7 @@ def grains(config: LbmDemConfig, group: GrainSet) -> list[tuple[float, float]]:
     return [(0.5 * size / config.spacing, share * group.count) for size, share in law]
 
 
-def touched(r: float, width: int, d: int) -> float:
+def touched(r: Radii, width: int, d: int) -> Radii:
     """Nodes swept by the centre of a vector's box, its neighbours included, that touches a grain of this radius."""
     a, b = width + 1.0, 2.0
     if d == 2:
@@ -54,18 +62,22 @@ def touched(r: float, width: int, d: int) -> float:
     return 4 / 3 * math.pi * r**3 + math.pi * r * r * (a + 2 * b) + 2 * r * (2 * a * b + b * b) + a * b * b
 
 
-def covered(r: float, width: int, d: int) -> float:
+def covered(r: Radii, width: int, d: int) -> Radii:
     """Nodes swept by the centre of a vector's box all of whose nodes are inside the grain."""
     s = width - 1.0
-    if 2 * r <= s:
-        return 0.0
+    r = np.maximum(r, 0.5 * s)  # no grain that is smaller has such a box
     if d == 2:
-        return 2 * r * r * math.acos(s / (2 * r)) - 0.5 * s * math.sqrt(4 * r * r - s * s)
+        return 2 * r * r * np.arccos(s / (2 * r)) - 0.5 * s * np.sqrt(4 * r * r - s * s)
     return 4 / 3 * math.pi * r**3 - math.pi * r * r * s + math.pi * s**3 / 12
 
 
-def volume(r: float, d: int) -> float:
+def volume(r: Radii, d: int) -> Radii:
     return math.pi * r * r if d == 2 else 4 / 3 * math.pi * r**3
+
+
+def links_of(r: Radii, d: int) -> Radii:
+    """Links to a grain of this radius, on the mean."""
+    return LINKS[d] * math.pi * (2 * r) ** (d - 1)
 
 
 def shares(config: LbmDemConfig) -> Shares:
@@ -89,7 +101,32 @@ def shares(config: LbmDemConfig) -> Shares:
 
 def links_follow_grains(config: LbmDemConfig) -> bool:
     """True when all links to grains are done after the sweep (Fluid.leave_to_links)."""
-    return any(group.moving for group in config.grains) and not config.coupling.frozen
+    return moving(config) and not config.coupling.frozen
+
+
+def moving(config: LbmDemConfig) -> bool:
+    return any(group.moving for group in config.grains)
+
+
+def sparse(config: LbmDemConfig) -> bool:
+    """True when the fluid nodes alone are held (fluid.sparse)."""
+    stays, rules = not moving(config) or config.coupling.frozen, config.coupling
+    general = RULES[rules.bounce_back].reach < 2 and rules.refill != "conserving"
+    return stays and general and fluid_share(config) < SPARSE_BELOW
+
+
+def node_bytes(config: LbmDemConfig) -> int:
+    """Bytes of the populations of a node."""
+    q = LATTICES[config.lattice].q
+    return Array("node", (q,), STORAGE[config.liquid.storage]).bytes
+
+
+def population_bytes(config: LbmDemConfig) -> int:
+    return math.prod(config.points) * node_bytes(config)
+
+
+def cached(config: LbmDemConfig) -> bool:
+    return population_bytes(config) < CACHE
 
 
 def lanes_of_all(config: LbmDemConfig) -> int:

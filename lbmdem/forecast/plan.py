@@ -5,21 +5,20 @@
 
 import math
 from collections.abc import Iterator, Sequence
+from itertools import pairwise
 
-from hpcpic.core.app.forecast import imports
-from hpcpic.core.space.cuts import even_cuts
+from hpcpic.core.app.forecast import imports, slabs
 from hpcpic.core.space.declared import Array
 from lbmdem.case.config import AXES, LbmDemConfig, Obstacle
 from lbmdem.coupling.arrays import MOVING_LINKS
 from lbmdem.fluid.arrays import MOVED_NODES, fixed_links
-from lbmdem.forecast.node_shares import fluid_share, grains
+from lbmdem.forecast.cuts import first_cuts
+from lbmdem.forecast.node_shares import fluid_share, grains, links_of, moving, node_bytes, sparse
 from lbmdem.grains.arrays import expected
 from lbmdem.layout import Layout, place_type, sparse_arrays
 from lbmdem.physics.velocity_sets import LATTICES
 from lbmdem.physics.wall_rules import RULES
-from lbmdem.sizes import SPARSE_BELOW, SPARSE_BLOCK, STORAGE
-
-LINKS = {2: 3.07, 3: 5.74}  # per node of a grain's perimeter or surface: half the sum of |e . n|, any direction n
+from lbmdem.sizes import SPARSE_BLOCK, STORAGE
 
 
 def grain_count(config: LbmDemConfig) -> int:
@@ -30,9 +29,8 @@ def link_count(config: LbmDemConfig) -> int:
     """Links between fluid and solids, of all ranks: as many as surfaces of this size have on the mean. Grains in
     contact share links, and the contacts of a packing are not known before a run has made it.
     """
-    d = config.dimensions
-    surface = sum(n * math.pi * (2 * r) ** (d - 1) for group in config.grains for r, n in grains(config, group))
-    return round(surface * LINKS[d] + sum(obstacle_links(config, obstacle) for obstacle in config.obstacle))
+    to_grains = sum(n * links_of(r, config.dimensions) for group in config.grains for r, n in grains(config, group))
+    return round(to_grains + sum(obstacle_links(config, obstacle) for obstacle in config.obstacle))
 
 
 def obstacle_links(config: LbmDemConfig, obstacle: Obstacle) -> float:
@@ -50,17 +48,6 @@ def obstacle_links(config: LbmDemConfig, obstacle: Obstacle) -> float:
     assert box is not None
     sides = [(b - a) / config.spacing for a, b in zip(box.low, box.high)]
     return 2.0 * per_node([1.0] + [0.0] * (d - 1)) * sum(math.prod(sides) / side for side in sides)
-
-
-def sparse(config: LbmDemConfig) -> bool:
-    """True when the fluid nodes alone are held (fluid.sparse)."""
-    stays, rules = not moving(config) or config.coupling.frozen, config.coupling
-    general = RULES[rules.bounce_back].reach < 2 and rules.refill != "conserving"
-    return stays and general and fluid_share(config) < SPARSE_BELOW
-
-
-def moving(config: LbmDemConfig) -> bool:
-    return any(group.moving for group in config.grains)
 
 
 def kernels(config: LbmDemConfig) -> list[str]:
@@ -93,7 +80,8 @@ def arrays(config: LbmDemConfig, ranks: int) -> Iterator[Array]:
 
 def fluid_arrays(config: LbmDemConfig, ranks: int) -> Iterator[Array]:
     points, real = config.points[::-1], STORAGE[config.liquid.storage]
-    own = (even_cuts(points[0], ranks)[1], *points[1:])
+    rows = max(high - low for low, high in pairwise(first_cuts(config, ranks)))
+    own = (rows, *points[1:])
     around = tuple(axis in config.domain.periodic for axis in AXES[: config.dimensions][::-1])
     layout = Layout.of(LATTICES[config.lattice], own, around, min(ranks, points[0]) == 1, real)
     yield from fluid_nodes(config, layout, real) if sparse(config) else layout.arrays(real)
@@ -130,12 +118,6 @@ def fluid_nodes(config: LbmDemConfig, layout: Layout, real: str) -> Iterator[Arr
     return (array.sized(sizes) for array in declared)
 
 
-def node_bytes(config: LbmDemConfig) -> int:
-    """Bytes of the populations of a node."""
-    q = LATTICES[config.lattice].q
-    return Array("node", (q,), STORAGE[config.liquid.storage]).bytes
-
-
 def face_bytes(config: LbmDemConfig) -> int:
     """Bytes of the populations that cross one face of a slab."""
     lattice = LATTICES[config.lattice]
@@ -155,7 +137,8 @@ def messages(config: LbmDemConfig, ranks: int) -> list[str]:
 
 def plan(config: LbmDemConfig, ranks: int, threads: int) -> list[str]:
     """Lines for `check --plan`."""
-    lines = ["kernels of a step", *(f"  {line}" for line in kernels(config)), "arrays per rank"]
+    lines = ["kernels of a step", *(f"  {line}" for line in kernels(config))]
+    lines += [*slabs(first_cuts(config, ranks)), "arrays per rank"]
     for array in arrays(config, ranks):
         shape = " x ".join(map(str, array.shape))
         lines.append(f"  {array.name:<26}{shape:<24}{array.dtype:<12}{array.bytes / 2**20:10.2f} MiB")

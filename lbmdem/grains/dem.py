@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from hpcpic.core.comm.world import World
 from hpcpic.core.errors import ConfigError, Diverged
-from hpcpic.core.files.arrays import Column, Shard
+from hpcpic.core.files.arrays import Column, Rows, Shard
 from hpcpic.core.files.sealed import Reader
 from hpcpic.core.physics.contact_law import ContactLaw
 from hpcpic.core.simd.team import team
@@ -307,8 +307,8 @@ class Dem:
             found["grains/spring"] = Column(np.float64, (n, *most, 3))
         return found
 
-    def restore(self, reader: Reader) -> None:
-        """Collective: go on from a checkpoint of any number of ranks."""
+    def restore(self, reader: Rows) -> None:
+        """Collective: go on from a state of any number of ranks."""
         grains = self.grains
         low, high = grains.part()
         ids = np.arange(low, high)

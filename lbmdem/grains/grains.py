@@ -177,6 +177,10 @@ class Grains:
         parts = [{name: column[kept] for name, column in self.columns.items()}]
         parts += [unpack_rows(records, self._layout) for records in arrived]
         self.columns = {name: np.concatenate([part[name] for part in parts]) for name in COLUMNS}
+        return self._with_others(springs, loose)
+
+    def _with_others(self, springs: Springs, loose: Mapping[int, NDArray]) -> Springs:
+        """Springs with those that other ranks have for this one; loose: records for them. Collective."""
         found = [springs]
         for records in send_anywhere(self.world, loose, SPRING.itemsize, tag(self._round, Channel.RECUT)):
             part = unpack_rows(records, SPRING)
@@ -292,9 +296,19 @@ class Grains:
             self.columns[name][:] = arrays[name]
 
     def all_springs(self, springs: Springs) -> Springs:
-        """Collective: the springs of all ranks where these hold all grains."""
+        """Collective: the springs of either grain of this rank's `part`, of those that a state has at the smaller
+        number; those of all where ranks hold all grains.
+        """
         keys, values = springs
-        return (self._gathered(keys), self._gathered(values)) if self.replicated else springs
+        if self.replicated:
+            return self._gathered(keys), self._gathered(values)
+        self._round += 1
+        ends = [high for _, high in block_ranges(self.number, self.world.size)]
+        others = np.searchsorted(ends, keys[:, 1], side="right")  # beyond the last rank: walls
+        loose = {}
+        for peer in set(others.tolist()) & (set(range(self.world.size)) - {self.world.rank}):
+            loose[peer] = pack_rows({"key": keys, "value": values}, others == peer)
+        return self._with_others(springs, loose)
 
     def _gathered(self, part: NDArray) -> NDArray:
         """Rows of all ranks, in rank order, on all ranks."""

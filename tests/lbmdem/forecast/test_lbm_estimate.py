@@ -6,7 +6,6 @@ from hpcpic.core.case.config import loads
 from lbmdem.case.config import LbmDemConfig
 from lbmdem.configure import configure
 from lbmdem.forecast.estimate import (
-    DEFAULT,
     SAMPLES,
     SERIES_SHARE,
     START,
@@ -15,6 +14,7 @@ from lbmdem.forecast.estimate import (
     phases,
     sample_seconds,
 )
+from lbmdem.forecast.rates import DEFAULT
 
 CASE = """
 simulation = {{ dimensions = 3; end_time = {steps}.0; }};

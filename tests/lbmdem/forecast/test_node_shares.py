@@ -9,9 +9,10 @@ from hpcpic.core.simd.registers import lanes
 from lbmdem.app import shipped_cases
 from lbmdem.configure import configure
 from lbmdem.fluid.temporal_blocking import even_depth
-from lbmdem.forecast.estimate import DEFAULT, estimate, phases, share_together
+from lbmdem.forecast.estimate import estimate, phases, share_together
 from lbmdem.forecast.node_shares import lanes_of_all, shares
 from lbmdem.forecast.plan import arrays, link_count
+from lbmdem.forecast.rates import DEFAULT
 from lbmdem.kernels.sweep import MIXED, SKIP
 from lbmdem.sizes import STORAGE
 

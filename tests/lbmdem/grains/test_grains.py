@@ -114,6 +114,22 @@ def test_state_comes_back_on_another_division(world, together, monkeypatch):
     assert Saved(scene).digest == Saved(again).digest
 
 
+@pytest.mark.mpi(min_size=2)
+def test_a_spring_between_two_ranks_comes_back_at_both(world, monkeypatch):
+    """Either rank computes the contact, and a state has the spring at one of the grains."""
+    monkeypatch.setattr("lbmdem.grains.grains.MAX_REPLICATED", 0)
+    lengths, middle = (1.0, 1.0, 1.0), round(12 / world.size) / 12
+    x = [[0.5, 0.5, middle - 0.99 * RADIUS], [0.5, 0.5, middle + 0.99 * RADIUS]]
+    columns = grains(x, v=[[0.3, 0.0, 0.0], [-0.3, 0.0, 0.0]])
+    scene, again = (dem(world, columns, HISTORY, lengths) for _ in range(2))
+    scene.advance(2e-4, 5)
+    again.restore(Saved(scene))
+    for run in (scene, again):
+        run.advance(2e-4, 5)
+    assert np.any(Saved(scene)["spring"])
+    assert Saved(scene).digest == Saved(again).digest
+
+
 def test_no_grain_and_one_grain(world):
     for n in (0, 1):
         columns = grains(np.full((n, 3), 0.5)) if n else {k: v[:0] for k, v in grains(np.full((1, 3), 0.5)).items()}

@@ -1,0 +1,61 @@
+"""What the parts of a step take on the authors' machine: by these, work is weighed alike on all machines."""
+
+from collections.abc import Mapping
+
+from hpcpic.core.app.forecast import FILES
+from lbmdem.case.config import LbmDemConfig
+from lbmdem.physics.collision import COLLISIONS
+
+# Measured on the authors' machine, one core of a 2-core AMD Zen 5 at 4.1 GHz.
+DEFAULT = FILES | {
+    "mlups D3Q19 double": 190.0,  # one step per pass over memory
+    "mlups D3Q19 single": 400.0,
+    "mlups D2Q9 double": 480.0,
+    "mlups D2Q9 single": 1000.0,
+    "wave_gain D3Q19": 1.45,  # in caches, or with several steps per pass
+    "wave_gain D2Q9": 1.55,
+    "forced": 0.4,  # more, in caches, for a sweep with a body force
+    "central": 0.36,  # and for central moments
+    "mixed": 0.83,  # and for nodes beside solids
+    "sparse": 1.6,  # a fluid node held without the solid ones, over one of a fluid alone
+    "link_ns fixed": 5.7,  # several steps per pass
+    "link_ns sparse": 3.6,  # the same where the sweep does them (lbmdem.sparse)
+    "link_ns fixed single": 7.0,
+    "link_ns moving 2D": 17.3,
+    "link_ns moving 3D": 8.4,
+    "moving_link_us 2D": 0.1,  # of a grain, besides its links
+    "moving_link_us 3D": 0.1,
+    "moving_grain_us 2D": 1.1,  # of a grain: which nodes it covers now
+    "moving_grain_us 3D": 5.3,
+    "moving_us": 76.0,  # and a step
+    "cold_us": 275.0,  # more for it, grains and links, where a sweep has emptied the caches
+    "conserving_ns": 2.4,  # per node, where the mass of covered nodes is put back
+    "grains_us": 57.0,  # a step
+    "substep_us": 0.13,
+    "grain_ns": 40.0,  # per grain and substep
+    "lattice_sample_us": 300.0,
+    "lattice_sample_ns": 10.0,  # per node
+    "lattice_launch_us": 2.5,
+    "lattice_drive_us": 50.0,  # a body force that changes from step to step
+    "message_us": 3.0,
+    "message_gb_s": 8.0,
+    "grain_exchange_us": 180.0,  # forces, ghosts and owners of grains, a step of several ranks
+    "refill_plane_ns": 4.0,  # of a population of the planes beside a slab, for nodes that grains uncover
+    "cores": 2.0,
+    "sweep_core_gain": 1.3,  # of all cores over one on a sweep that waits for memory
+    "wave_core_gain": 1.7,  # and on other work
+    "sparse_core_gain": 1.6,  # and on nodes held without the solid ones
+    "rank_mib": 200.0,
+    "scipy_mib": 25.0,  # where sizes of grains follow a law
+}
+
+
+def node_ns(config: LbmDemConfig, rates: Mapping[str, float]) -> tuple[float, float, float]:
+    """Time of a node with a step per pass over memory and in caches, ns, and the share that its forces and its
+    collision add to the latter.
+    """
+    lattice, fluid = config.lattice, config.liquid
+    one = 1e3 / rates[f"mlups {lattice} {fluid.storage}"]
+    more = rates["forced"] if any(fluid.body_force) or config.shaking else 0.0
+    more += rates["central"] if COLLISIONS[fluid.collision].dearer else 0.0
+    return one, one / rates[f"wave_gain {lattice}"], more
