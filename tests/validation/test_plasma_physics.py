@@ -108,7 +108,7 @@ def test_cold_wave_of_particles_that_jump_from_cell_to_cell(simulate):
 
 def test_upper_hybrid(simulate):
     done = simulate("upper-hybrid", "species[0].perturbation.velocity_amplitude=1e-5", look=mode_along(0, 1))
-    expected = predict(done.config, 1).omega_mesh.real
+    expected = predict(done.config, (1,)).omega_mesh.real
     fit = fit_oscillation(done.t, _largest_part(done.seen), frequency=expected, damped=False)
     compare("upper hybrid, in this mesh and step", fit.frequency, expected, 1e-6)
     compare("upper hybrid, continuum", fit.frequency, math.sqrt(2.0), 1e-3)
@@ -151,7 +151,7 @@ def test_landau_damping(simulate, k):
 def test_landau_damping_in_three_dimensions(simulate):
     """Velocities along y and z have no part in it. What is left is the noise of 4096 beams in three dimensions."""
     done = simulate("landau-damping-3d", look=Plasma.scalars)
-    window, law = (done.t > 3) & (done.t < 16), predict(done.config, 1)
+    window, law = (done.t > 3) & (done.t < 16), predict(done.config, (1,))
     wave, expected = signed(done.scalar("mode_1")), law.omega_mesh
     fit = fit_oscillation(done.t[window], wave[window], frequency=expected.real, rate=expected.imag)
     compare("Landau in 3D, frequency in this mesh and step", fit.frequency, expected.real, 1e-3)

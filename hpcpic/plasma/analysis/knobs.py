@@ -13,7 +13,7 @@ from hpcpic.core.app.knobs import Choice, Knob, Knobs, Quantity, Seen
 from hpcpic.core.case.schema import value_text
 from hpcpic.plasma.analysis.predictions import Prediction, predict
 from hpcpic.plasma.analysis.series_analysis import Oscillation, fit_oscillation, signed
-from hpcpic.plasma.case.config import PlasmaConfig, Species
+from hpcpic.plasma.case.config import PlasmaConfig, Species, mode_columns
 from hpcpic.plasma.forecast.derived import fastest_turn, spacing, total_plasma_frequency
 from hpcpic.plasma.physics.shapes import SHAPES
 from hpcpic.plasma.setup.loaders import LOADERS, loader_of
@@ -188,7 +188,7 @@ def quantities_of(config: PlasmaConfig, time: float) -> list[Quantity]:
         why, measure = "particles gyrate far faster than the plasma swings", partial(gyration, wc)
         found.append(Quantity("gyration", text, min(time, PERIODS * period), measure, why=why))
     mode = started_mode(config)
-    law = predict(config, mode) if mode else None
+    law = predict(config, mode)
     if law is not None:
         found += waves(law, mode, time)
     drift = partial(energy, time=time)
@@ -197,36 +197,42 @@ def quantities_of(config: PlasmaConfig, time: float) -> list[Quantity]:
     return found
 
 
-def started_mode(config: PlasmaConfig) -> int:
-    """The mode along x that the case starts, 0 if it starts none."""
+def started_mode(config: PlasmaConfig) -> tuple[int, ...]:
+    """The mode that the case starts, if the series has it: along x, or asked for; zeros if there is none."""
+    none = (0,) * config.dimensions
     for species in config.species:
-        if species.perturbation and not any(species.perturbation.mode[1:]):
-            return abs(species.perturbation.mode[0])
-    return int(all(loader_of(s).placed for s in config.species) and config.dimensions == 1)
+        if species.perturbation:
+            mode = species.perturbation.mode
+            if mode in config.output.modes:
+                return mode
+            if not any(mode[1:]):
+                return (abs(mode[0]), *mode[1:])
+    return (1,) if all(loader_of(s).placed for s in config.species) and config.dimensions == 1 else none
 
 
-def waves(law: Prediction, mode: int, time: float) -> list[Quantity]:
+def waves(law: Prediction, mode: tuple[int, ...], time: float) -> list[Quantity]:
     """Quantities that follow from a law of waves: growth, or damping and frequency. Windows follow from the law: the
     same for every pilot.
     """
     rate, frequency = law.omega.imag, abs(law.omega.real)
+    name = f"mode_{'_'.join(map(str, mode if any(mode[1:]) else mode[:1]))}"
     if rate > 1e-6 * abs(law.omega):
         first, last = (min(efolds / rate, time * efolds / GROWTH_WINDOW[1]) for efolds in GROWTH_WINDOW)
-        text = f"growth rate of mode_{mode} between t = {first:.3g} and {last:.3g} s, 1/s"
-        measure = partial(growth_rate, f"mode_{mode}", first, last)
-        return [Quantity("growth", text, last, measure, why=f"mode {mode} grows by the law of waves")]
+        text = f"growth rate of {name} between t = {first:.3g} and {last:.3g} s, 1/s"
+        measure = partial(growth_rate, mode, first, last)
+        return [Quantity("growth", text, last, measure, why=f"{name} grows by the law of waves")]
     period = 2.0 * math.pi / frequency
     end = min(time, PERIODS * period)
     text = "angular frequency of the wave, from energy_kinetic, rad/s"
-    why = f"the case starts mode {mode}, which swings by the law of waves"
+    why = f"the case starts {name}, which swings by the law of waves"
     wave = Quantity("frequency", text, end, partial(half_frequency, frequency), why=why)
     if -rate < LEAST_DAMPING * frequency:
         return [wave]
     first, last = (min(n * period, time * n / DAMPING_WINDOW[1]) for n in DAMPING_WINDOW)
-    text = f"damping rate of mode_{mode} between t = {first:.3g} and {last:.3g} s, 1/s"
-    fit = partial(damped, f"mode_{mode}", first, last, law.omega)
+    text = f"damping rate of {name} between t = {first:.3g} and {last:.3g} s, 1/s"
+    fit = partial(damped, mode, first, last, law.omega)
     return [
-        Quantity("damping", text, last, lambda series: -fit(series).rate, why=f"mode {mode} dies by the law of waves"),
+        Quantity("damping", text, last, lambda series: -fit(series).rate, why=f"{name} dies by the law of waves"),
         Quantity("frequency", text.replace("damping rate", "frequency"), last, lambda series: fit(series).frequency),
     ]
 
@@ -236,20 +242,27 @@ def at(t: np.ndarray, first: float, last: float) -> np.ndarray:
     return np.clip(np.linspace(first, last, SAMPLES), t[0], t[-1])
 
 
-def growth_rate(name: str, first: float, last: float, series: Series) -> float:
+def amplitude(mode: tuple[int, ...], series: Series) -> np.ndarray:
+    """|E_k| of a mode, which is along x or in output.modes, at the times of the series, V/m."""
+    if any(mode[1:]):
+        return np.hypot(*(series[column] for column in mode_columns(mode)))
+    return series[f"mode_{abs(mode[0])}"]
+
+
+def growth_rate(mode: tuple[int, ...], first: float, last: float, series: Series) -> float:
     """Slope of the log of an amplitude over the window."""
     from scipy.interpolate import CubicSpline
 
     times = at(series.time, first, last)
-    line = CubicSpline(series.time, np.log(np.maximum(series[name], 1e-300)))(times)
+    line = CubicSpline(series.time, np.log(np.maximum(amplitude(mode, series), 1e-300)))(times)
     return float(np.polyfit(times - first, line, 1)[0])
 
 
-def damped(name: str, first: float, last: float, omega: complex, series: Series) -> Oscillation:
+def damped(mode: tuple[int, ...], first: float, last: float, omega: complex, series: Series) -> Oscillation:
     from scipy.interpolate import CubicSpline
 
     times = at(series.time, first, last)
-    wave = CubicSpline(series.time, signed(series[name]))(times)
+    wave = CubicSpline(series.time, signed(amplitude(mode, series)))(times)
     return fit_oscillation(times, wave, frequency=omega.real, rate=omega.imag)
 
 

@@ -39,7 +39,7 @@ from hpcpic.plasma.analysis.particle_plots import (
     velocities,
 )
 from hpcpic.plasma.analysis.predictions import beams, compare_mode, config_of, predict
-from hpcpic.plasma.case.config import PlasmaConfig
+from hpcpic.plasma.case.config import PlasmaConfig, mode_columns
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -128,44 +128,63 @@ def species_masses(config: PlasmaConfig) -> list[float]:
     return [species.m * species.n for species in Scene(config).species]
 
 
-def chosen_mode(run: Run) -> int:
-    """The mode that theory and measurement are compared for: the one the case seeds, or the largest."""
-    names = [name for name in series_of(run) if name.startswith("mode_")]
-    if not names:
+def amplitudes(run: Run) -> tuple[np.ndarray, dict[tuple[int, ...], np.ndarray]]:
+    """Times, and |E_k| in V/m by mode: of the modes along x in every series, and of those that the case asks for."""
+    series, config = series_of(run), config_of(run)
+    along_x = [name for name in series if name.startswith("mode_") and name[5:].isdigit()]
+    found = {(int(name[5:]), *(0,) * (config.dimensions - 1)): series[name] for name in along_x}
+    for mode in config.output.modes:
+        real, imaginary = mode_columns(mode)
+        if real in series:
+            found[mode] = np.hypot(series[real], series[imaginary])
+    found = {mode: values for mode, values in found.items() if np.isfinite(values).any()}
+    if not found:
         raise NoData("the series has no mode_1 ...")
-    for species in config_of(run).species:
-        if species.perturbation and f"mode_{species.perturbation.mode[0]}" in names:
-            return species.perturbation.mode[0]
-    _, *amplitudes = columns_of(run, *names)
-    return max((float(amplitude.max()), int(name[5:])) for name, amplitude in zip(names, amplitudes))[1]
+    known = np.all([np.isfinite(values) for values in found.values()], axis=0)
+    if known.sum() < 2:
+        raise NoData("the series lacks a second sample")
+    return series.time[known], {mode: values[known] for mode, values in found.items()}
+
+
+def chosen_mode(config: PlasmaConfig, found: dict[tuple[int, ...], np.ndarray]) -> tuple[int, ...]:
+    """The mode that theory and measurement are compared for: the one the case starts, or the largest."""
+    for species in config.species:
+        if species.perturbation:
+            mode = species.perturbation.mode
+            kept = next((m for m in (mode, tuple(-n for n in mode)) if m in found), None)
+            if kept is None:
+                raise NoData(f"the series lacks the mode that the case starts; add output.modes = ({list(mode)})")
+            return kept
+    return max(found, key=lambda mode: (found[mode].max(), mode))
 
 
 def modes(run: Run, step: int | None = None) -> Figure:
-    """Amplitudes |E_k| of the first modes along x, the one chosen beside the law that the case allows."""
-    chosen = chosen_mode(run)
-    t, amplitude = columns_of(run, f"mode_{chosen}")
+    """Amplitudes |E_k| of the modes in the series, the one that the case starts beside the law that it allows."""
+    config, (t, found) = config_of(run), amplitudes(run)
+    chosen = chosen_mode(config, found)
+    amplitude = found[chosen]
     if not amplitude.any():
         raise NoData("there is no field")
-    found = compare_mode(t, amplitude, predict(config_of(run), chosen))
+    compared = compare_mode(t, amplitude, predict(config, chosen))
     with style():
         figure, axes = new_figure(size=(6.4, 4.0))
-        for name in run.series:
-            if name.startswith("mode_") and name != f"mode_{chosen}":
-                axes.plot(*thinned(t, run.series[name]), linewidth=0.8, alpha=0.45, color=COLOURS[6])
-        axes.plot(t, amplitude, color=COLOURS[0], linewidth=2.2, label=f"mode {chosen}")
-        if found.line is not None:
-            axes.plot(t, found.line, label="theory, in this mesh and step", **THEORY)
+        for mode, values in found.items():
+            if mode != chosen:
+                axes.plot(*thinned(t, values), linewidth=0.8, alpha=0.45, color=COLOURS[6])
+        number = chosen[0] if not any(chosen[1:]) else chosen
+        axes.plot(t, amplitude, color=COLOURS[0], linewidth=2.2, label=f"mode {number}")
+        if compared.line is not None:
+            axes.plot(t, compared.line, label="theory, in this mesh and step", **THEORY)
         top = amplitude.max()
-        if found.shown:
-            axes.set(xlim=found.shown, ylim=(0, 1.45 * top))
+        if compared.shown:
+            axes.set(xlim=compared.shown, ylim=(0, 1.45 * top))
         else:
             axes.set_yscale("log")
             floor = max(np.min(amplitude[amplitude > 0], initial=top), 1e-9 * top)
             axes.set_ylim(0.5 * floor, 12.0 * top)
-        unit = run.series.units[f"mode_{chosen}"]
-        axes.set(xlabel="time, s", ylabel=axis_label("|$E_k$|", unit), title="Modes of the field")
+        axes.set(xlabel="time, s", ylabel=axis_label("|$E_k$|", "V/m"), title="Modes of the field")
         axes.legend(loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=2, borderaxespad=0.1)
-        axes.text(0.015, 0.975, found.words, transform=axes.transAxes, va="top", linespacing=1.5)
+        axes.text(0.015, 0.975, compared.words, transform=axes.transAxes, va="top", linespacing=1.5)
         return figure
 
 

@@ -3,17 +3,20 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
+from numpy.typing import NDArray
 
 from hpcpic.plasma.analysis import series_analysis, theory
 from hpcpic.plasma.analysis.theory import Beam, Mesh
 from hpcpic.plasma.case.config import PlasmaConfig
 from hpcpic.plasma.configure import configure
-from hpcpic.plasma.forecast.derived import plasma_frequency
+from hpcpic.plasma.forecast.derived import plasma_frequency, spacing
 from hpcpic.plasma.physics.poisson import operator_of, response
+from hpcpic.plasma.physics.quiet_start import lattice
 from hpcpic.plasma.setup.loaders import loader_of
 
 if TYPE_CHECKING:
@@ -22,10 +25,9 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, slots=True)
 class Prediction:
-    """A wave exp(i k x - i omega t): continuum root, root of the scheme, and the name of the law."""
+    """A wave exp(i k.x - i omega t): continuum root, root of the scheme, and the name of the law."""
 
     law: str
-    k: float
     omega: complex
     omega_mesh: complex
 
@@ -37,61 +39,67 @@ def config_of(run: Run) -> PlasmaConfig:
     return configure(loads(run.config))
 
 
-def beams(config: PlasmaConfig) -> tuple[Beam, ...]:
-    """The species as Maxwellian beams along x; two for a species that starts as two."""
+def beams(config: PlasmaConfig, axis: int = 0) -> tuple[Beam, ...]:
+    """The species as Maxwellian beams along an axis; two for a species that starts as two."""
     found: list[Beam] = []
     for species in config.species:
         wp = plasma_frequency(config, species)
         if not wp:
             continue
-        populations = loader_of(species).populations(species, 0)
+        populations = loader_of(species).populations(species, axis)
         found += [Beam(wp * math.sqrt(part.share), part.mean, part.spread) for part in populations]
     return tuple(found)
 
 
+def beams_along(config: PlasmaConfig, k: NDArray[np.float64]) -> tuple[Beam, ...]:
+    """The species as beams along a wave vector[d]; none where they drift and k is along no axis, or differ by axis."""
+    first, *others = (beams(config, axis) for axis in np.flatnonzero(k).tolist())
+    oblique = bool(others) and (any(b.drift for b in first) or any(other != first for other in others))
+    return () if oblique else first
+
+
 def mesh_of(config: PlasmaConfig) -> Mesh:
-    """What the dispersion of the scheme needs, for waves along x."""
-    dx = config.simulation.space_length[0] / config.points[0]
+    """What the dispersion of the scheme needs."""
     dt = abs(config.simulation.time_step)  # backwards a wave does the same
-    return Mesh(dx, dt, config.numerics.shape, config.numerics.gradient == "spectral")
+    return Mesh(spacing(config), dt, config.numerics.shape, config.numerics.gradient == "spectral")
 
 
-def predict(config: PlasmaConfig, mode: int) -> Prediction | None:
-    """What mode `mode` along x should do, or None where no law here applies.
+def predict(config: PlasmaConfig, mode: Sequence[int]) -> Prediction | None:
+    """What a mode should do, or None where no law here applies. mode: whole wavelengths along x, or x, y, or x, y, z.
 
-    In order: upper hybrid (cold, B across x), an unstable root, Landau's root, the cold wave.
+    In order: upper hybrid (cold, k along an axis across B), an unstable root, Landau's root, the cold wave.
     """
-    found = beams(config)
-    if not found or not mode or config.field.equation.b:
+    if not any(mode):
         return None
-    k, mesh = 2.0 * math.pi * mode / config.simulation.space_length[0], mesh_of(config)
-    continuum, on_mesh = field_factors(config, k)
+    sign = next(n for n in mode if n) // abs(next(n for n in mode if n))  # k and -k are one wave
+    waves = np.pad(mode, (0, config.dimensions - len(mode)))
+    k = 2.0 * math.pi * sign * waves / np.array(config.simulation.space_length)
+    size, operator = float(np.linalg.norm(k)), operator_of(config)
+    found, mesh = beams_along(config, k), mesh_of(config)
+    if not found or any(operator.along("xyz"[axis])[1] for axis in np.flatnonzero(k)):
+        return None
+    dx, radius = spacing(config), config.numerics.cloud_radius
+    continuum, on_mesh = response(operator, k.tolist(), dx, spectral=mesh.spectral, cloud_radius=radius)
     if min(continuum, on_mesh) <= 0:  # charges of one sign attract
         return None
     found, meshed = scaled(found, continuum), scaled(found, on_mesh)
     wp = math.sqrt(sum(b.plasma_frequency**2 for b in found))
     cold = all(b.thermal_velocity == 0.0 for b in found)
     still = all(b.drift == 0.0 for b in found)
-    if any(config.field.magnetic[1:]):  # B along k leaves the wave alone
-        return _upper_hybrid(config, mode) if cold and still else None
+    if np.cross(np.pad(k, (0, 3 - len(k))), config.field.magnetic).any():  # B along k leaves the wave alone
+        return _upper_hybrid(config, k, found, meshed) if cold and still else None
     try:
-        omega = theory.unstable_root(k, found)
+        omega = theory.unstable_root(size, found)
         law = "two-stream" if len(found) == 2 and found[0].drift == -found[1].drift else "beam instability"
-        return Prediction(law, k, omega, _on_mesh(omega, k, meshed, mesh))
+        return Prediction(law, omega, _on_mesh(omega, k, meshed, mesh))
     except theory.NoRoot:
         pass
     if cold and still:
-        return Prediction("cold wave", k, complex(wp), _on_mesh(complex(wp), k, meshed, mesh))
-    if len(found) == 1 and still and k * found[0].thermal_velocity / wp < 2.0:
-        omega = wp * theory.landau(k * found[0].thermal_velocity / wp)
-        return Prediction("Landau damping", k, omega, _on_mesh(omega, k, meshed, mesh))
+        return Prediction("cold wave", complex(wp), _cold_on_mesh(config, k, meshed))
+    if len(found) == 1 and still and size * found[0].thermal_velocity / wp < 2.0:
+        omega = wp * theory.landau(size * found[0].thermal_velocity / wp)
+        return Prediction("Landau damping", omega, _on_mesh(omega, k, meshed, mesh))
     return None
-
-
-def field_factors(config: PlasmaConfig, k: float) -> tuple[float, float]:
-    """Factors of the squared plasma frequency by the field equation: without a mesh, and on that of the case."""
-    mesh, radius = mesh_of(config), config.numerics.cloud_radius
-    return response(operator_of(config), k, mesh.dx, spectral=mesh.spectral, cloud_radius=radius)
 
 
 def scaled(found: tuple[Beam, ...], factor: float) -> tuple[Beam, ...]:
@@ -99,25 +107,38 @@ def scaled(found: tuple[Beam, ...], factor: float) -> tuple[Beam, ...]:
     return tuple(replace(beam, plasma_frequency=beam.plasma_frequency * math.sqrt(factor)) for beam in found)
 
 
-def _on_mesh(omega: complex, k: float, found: tuple[Beam, ...], mesh: Mesh) -> complex:
+def _on_mesh(omega: complex, k: NDArray[np.float64], found: tuple[Beam, ...], mesh: Mesh) -> complex:
     try:
         return theory.mesh_root(omega, k, found, mesh)
     except theory.NoRoot:
         return omega
 
 
-def _upper_hybrid(config: PlasmaConfig, mode: int) -> Prediction | None:
-    """Prediction for one cold species with B across x."""
-    bx, by, bz = config.field.magnetic
+def _cold_on_mesh(config: PlasmaConfig, k: NDArray[np.float64], found: tuple[Beam, ...]) -> complex:
+    """The cold wave of the scheme; of a lattice of particles by the closed form that knows their places in a cell."""
+    mesh, wp = mesh_of(config), math.sqrt(sum(b.plasma_frequency**2 for b in found))
+    lattices = [lattice(s.particles, config.points) for s in config.species if s.init_method == "quiet" and s.particles]
+    per_cell = {n / cells for sides in lattices for n, cells in zip(sides or (), config.points)}
+    if len(per_cell) == 1 and mesh.shape == "CIC" and not mesh.spectral and len(config.points) > 1:
+        return complex(theory.cold_wave_frequency(wp, mesh.dt, k, mesh.dx, per_cell.pop()))
+    return _on_mesh(complex(wp), k, found, mesh)
+
+
+def _upper_hybrid(
+    config: PlasmaConfig, k: NDArray[np.float64], found: tuple[Beam, ...], meshed: tuple[Beam, ...]
+) -> Prediction | None:
+    """Prediction for one cold species with B across k, and k along an axis."""
+    magnetic, mesh = np.array(config.field.magnetic), mesh_of(config)
     moving = [s for s in config.species if s.particles]
-    if bx or len(moving) != 1:
+    axes = np.flatnonzero(k)
+    if magnetic[axes].any() or len(axes) > 1 or len(moving) != 1:
         return None
-    (beam,), mesh = beams(config), mesh_of(config)
-    wc = abs(moving[0].charge / moving[0].mass) * math.hypot(by, bz)
-    k = 2.0 * math.pi * mode / config.simulation.space_length[0]
-    wp, on_mesh = (beam.plasma_frequency * math.sqrt(factor) for factor in field_factors(config, k))
-    discrete = theory.upper_hybrid_frequency(on_mesh, wc, mesh.dt, k, mesh.dx, config.numerics.exact_phase)
-    return Prediction("upper hybrid", k, complex(math.hypot(wp, wc)), complex(discrete))
+    (axis,), (beam,), (scheme,) = axes, found, meshed
+    wc = abs(moving[0].charge / moving[0].mass) * float(np.linalg.norm(magnetic))
+    wave = scheme.plasma_frequency, wc, mesh.dt, k[axis], spacing(config)[axis], config.numerics.exact_phase
+    return Prediction(
+        "upper hybrid", complex(math.hypot(beam.plasma_frequency, wc)), complex(theory.upper_hybrid_frequency(*wave))
+    )
 
 
 @dataclass(frozen=True, slots=True)

@@ -13,17 +13,16 @@ from hpcpic.plasma.case.units import SYSTEMS, known_by_ratio
 from hpcpic.plasma.forecast.estimate import SERIES_SHARE, affordable_period, count_seconds, phases
 from hpcpic.plasma.forecast.field_equation import field_equation, field_strength, slowed_by_clouds
 from hpcpic.plasma.forecast.rates import DEFAULT
-from hpcpic.plasma.physics.heating import MIN_PER_CELL, energy_ratio
+from hpcpic.plasma.physics.heating import HEATING, MIN_PER_CELL, energy_ratio
 from hpcpic.plasma.physics.poisson import operator_of, response
 from hpcpic.plasma.physics.quiet_start import recurrence_time
-from hpcpic.plasma.physics.shapes import SHAPES, Shape
 from hpcpic.plasma.setup.loaders import loader_of, velocity_moments
 
 HEATED = 0.1  # growth of the energy by the grid that is warned of
 RECURRENCE = 10.0  # runs until beams are in phase: with 4 the damping of a wave is 3 % off
 MAX_DOUBLINGS = 5  # doublings of particles or points that are tried against it
 CLOUDS = "about a fiftieth of the heating, and waves of 16 points 7 % slower"  # measured, docs/measured/plasma.md
-SMOOTHEST_SHAPE = SHAPES["TSC"]
+SMOOTHEST_SHAPE = "TSC"
 LARGEST = 1e75  # of a number in a case: products of four still are floating-point numbers
 NODE_CAPACITY = 2**19  # particles on one node that 64-bit fixed point with 44 fractional bits holds
 MOST_CELLS = 1e9  # that a particle may cross in a step
@@ -206,9 +205,9 @@ def resolution(config: PlasmaConfig) -> Iterator[Derived]:
     if not ratios:
         return
     ratio = min(ratios)
-    shape = SHAPES[config.numerics.shape]
     plain = config.field.equation == Equation() and not config.numerics.cloud_radius
-    known = plain and config.dimensions == 2 and bool(shape.heating) and config.numerics.gradient == "difference"
+    measured = (config.numerics.shape, field_axes(config)) in HEATING
+    known = plain and measured and config.numerics.gradient == "difference"
     yield shielding(config, ratio, known)
     longest = max(1 / math.sqrt(k) / length for k, length in zip(inverse_sq, config.simulation.space_length) if k > 0)
     cure, key = f"no shielding in this box: the particles fly freely; {UNITS}", ("simulation", "space_length")
@@ -222,36 +221,46 @@ def shielding(config: PlasmaConfig, ratio: float, known: bool) -> Derived:
     """Debye length against the grid. known: whether the rates of heating were measured for this scheme."""
     points = 0.5 / ratio * max(config.points)
     fine = f"about {math.ceil(points)} points on an axis" if points <= MOST_POINTS else "a hotter or thinner plasma"
-    smooth = heated(config, SMOOTHEST_SHAPE, ratio) if known and config.numerics.shape == "CIC" else math.inf
-    cheap = f', or numerics.shape = "TSC", with which the energy grows by {smooth:.2g}' if smooth < HEATED else ""
+    coarser = config.numerics.shape != SMOOTHEST_SHAPE
+    smooth = heated(config, SMOOTHEST_SHAPE, ratio) if known and coarser else math.inf
+    cheap = ""
+    if smooth < HEATED:
+        cheap = f', or numerics.shape = "{SMOOTHEST_SHAPE}", with which the energy grows by {smooth:.2g}'
     if ratio >= 0.1 and config.simulation.solver == "MFT" and not config.numerics.cloud_radius:  # as measured
         cheap += f", or numerics.cloud_radius = {min(spacing(config)):.3g}: {CLOUDS}"
     verdict, source = verdict_of(ratio >= 0.5, ratio >= 0.03), f"{BOOK} ch. 8"
     return judged("Debye length", "lambda_D/dx", ratio, "> 0.5", verdict, source, fine + cheap, POINTS, forceable=True)
 
 
-def heated(config: PlasmaConfig, shape: Shape, ratio: float, more: float = 1.0, finer: float = 1.0) -> float:
+def field_axes(config: PlasmaConfig) -> int:
+    """Axes of more than one point: along the others there is no field."""
+    return sum(n > 1 for n in config.points)
+
+
+def heated(config: PlasmaConfig, shape: str, ratio: float, more: float = 1.0, finer: float = 1.0) -> float:
     """W(end)/W(0) - 1 by the measured rates, with `more` times the particles and a `finer` grid; nan where too few."""
-    particles = sum(species.particles for species in config.species)
-    per_cell = more * particles / (math.prod(config.points) * finer**2)
+    axes, particles = field_axes(config), sum(species.particles for species in config.species)
+    per_cell = more * particles / (math.prod(config.points) * finer**axes)
     time = total_plasma_frequency(config) * abs(config.simulation.time_step) * config.simulation.cycles
-    return energy_ratio(shape, ratio * finer, per_cell, time) - 1 if per_cell >= MIN_PER_CELL else math.nan
+    if per_cell < MIN_PER_CELL:
+        return math.nan
+    return energy_ratio(HEATING[shape, axes], ratio * finer, per_cell, time) - 1
 
 
 def heating(config: PlasmaConfig, ratio: float) -> Derived:
     """Growth of the total energy over the run that the grid causes, from the measured rates, with cures by the same."""
-    shape = SHAPES[config.numerics.shape]
+    shape, axes = config.numerics.shape, field_axes(config)
     growth = heated(config, shape, ratio)
     if math.isnan(growth):
         source = f"cannot be foretold with fewer than {MIN_PER_CELL:g} particles per cell"
         return Derived("predicted heating", "dW/W", growth, source=source)
     factors = [2.0**n for n in range(1, MAX_DOUBLINGS + 1)]
     more = next((f for f in factors if heated(config, shape, ratio, more=f) < HEATED), None)
-    finer = next((f for f in factors if heated(config, shape, ratio, more=f**2, finer=f) < HEATED), None)
+    finer = next((f for f in factors if heated(config, shape, ratio, more=f**axes, finer=f) < HEATED), None)
     ways = [f"{more:g} times the particles"] if more else []
     ways += [f"{finer:g} times the points on each axis with as many particles per cell"] if finer else []
     if shape != SMOOTHEST_SHAPE and heated(config, SMOOTHEST_SHAPE, ratio) < HEATED:
-        ways.insert(0, 'numerics.shape = "TSC"')
+        ways.insert(0, f'numerics.shape = "{SMOOTHEST_SHAPE}"')
     cure = ", or ".join(ways) or f"no grid up to {factors[-1]:g} times as fine cures it"
     verdict, source = verdict_of(growth < HEATED), "rates measured at wp dt = 0.2"
     return judged("predicted heating", "dW/W", growth, f"< {HEATED}", verdict, source, cure, POINTS)
@@ -336,7 +345,7 @@ def waves(config: PlasmaConfig) -> Iterator[Derived]:
             yield recurrence(config, i)
         if len(turns) == 1 and 0 < wp * dt < 2 and config.numerics.gradient == "difference":
             (dx,), radius = spacing(config), config.numerics.cloud_radius
-            _, factor = response(operator_of(config), step / dx, dx, spectral=False, cloud_radius=radius)
+            _, factor = response(operator_of(config), (step / dx,), (dx,), spectral=False, cloud_radius=radius)
             swing = wp * dt / 2 * math.cos(step / 2) * math.sqrt(max(factor, 0.0))
             frequency = 2 / (wp * dt) * math.asin(min(swing, 1.0))
             yield Derived("cold frequency on this grid", "w/wp", frequency, source=f"{BOOK} ch. 4, 8")

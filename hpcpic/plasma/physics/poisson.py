@@ -10,6 +10,7 @@ by a Gaussian of standard deviation R along each axis, exp(-k^2 R^2/2), and so i
 """
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
@@ -107,15 +108,20 @@ def green(
     return response * (1.0 + expm1(-(cloud_radius**2) * spread)) if cloud_radius else response
 
 
-def response(operator: Operator, k: float, dx: float, *, spectral: bool, cloud_radius: float) -> tuple[float, float]:
-    """How many times the squared plasma frequency a wave along x has of that by Poisson's equation, for b = 0: without
-    a mesh, and on one. Negative where charges of one sign attract each other.
+def response(
+    operator: Operator, k: Sequence[float], dx: Sequence[float], *, spectral: bool, cloud_radius: float
+) -> tuple[float, float]:
+    """How many times the squared plasma frequency a wave has of that by Poisson's equation, where no first derivative
+    is along it: without a mesh, and on one. Negative where charges of one sign attract each other.
 
-    k rad/m, dx m. Clouds count as part of the scheme.
+    k rad/m, dx m of x, y, z, as many as there are. Clouds count as part of the scheme.
     """
-    on_mesh = k if spectral else 2.0 / dx * math.sin(0.5 * k * dx)
-    continuum, mesh = (square / (operator.a * square - operator.c - operator.f) for square in (k * k, on_mesh**2))
-    return continuum, mesh * math.exp(-((k * cloud_radius) ** 2))
+    waves = np.array(k)
+    on_mesh = waves if spectral else 2.0 / np.array(dx) * np.sin(0.5 * waves * np.array(dx))
+    second = np.array([operator.along(axis)[0] for axis in "xyz"[: len(waves)]])
+    squares = (waves**2, on_mesh**2)
+    continuum, mesh = (float(square.sum() / (second @ square - operator.c - operator.f)) for square in squares)
+    return continuum, mesh * math.exp(-float(waves @ waves) * cloud_radius**2)
 
 
 def strongest_response(operator: Operator, points: tuple[int, ...], lengths: tuple[float, ...]) -> float:

@@ -25,7 +25,7 @@ ABOUT = {
     "landau-damping-3d": "damping",
     "landau-damping-si": "damping",
     "magnetised-thermal-2d": "energy",
-    "oscillation-3d": "energy",
+    "oscillation-3d": "frequency",
     "plasma-oscillation": "frequency",
     "thesis-1024-on-512": "energy",
     "thesis-10240-on-64": "energy",

@@ -22,7 +22,7 @@ from hpcpic.core.files.reader import open_run
 from hpcpic.core.files.snapshot import FieldsWriter
 from hpcpic.core.files.together import Alone
 from hpcpic.core.space.domain import Domain
-from hpcpic.plasma.analysis import particle_plots, predictions
+from hpcpic.plasma.analysis import particle_plots, predictions, theory
 from hpcpic.plasma.analysis.plots import PLOTS
 from hpcpic.plasma.app import shipped_cases
 from hpcpic.plasma.case.config import PlasmaConfig
@@ -236,31 +236,68 @@ def test_overlay_leaves_out_runs_without_the_scalar(run):
     ("bump-on-tail", 1, "beam instability", 1.001218 + 0.198098j),
 ])  # fmt: skip
 def test_the_law_of_each_shipped_case(name, mode, law, omega):
-    found = predictions.predict(case(name), mode)
+    found = predictions.predict(case(name), (mode,))
     assert found.law == law
     assert found.omega == pytest.approx(omega, abs=2e-6)
     assert abs(found.omega_mesh - found.omega) < 0.01  # the scheme departs by (k dx)^2/8 or (w dt)^2/24
 
 
 def test_law_of_the_scheme_is_the_closed_form_for_cold_waves():
-    assert predictions.predict(case("plasma-oscillation"), 1).omega_mesh == pytest.approx(1.000463607, abs=1e-8)
+    assert predictions.predict(case("plasma-oscillation"), (1,)).omega_mesh == pytest.approx(1.000463607, abs=1e-8)
+
+
+def test_a_wave_along_any_axis_obeys_the_law_of_one_along_x():
+    """The axes of a box exchanged, with B and the cells."""
+    sizes = (4.0, 7.0, 5.0)
+    for name in ("landau-damping", "upper-hybrid"):
+        along_x = predictions.predict(case(name), (1,))
+        box, points = case(name).simulation.space_length[0], case(name).points[0]
+        for d, axis in ((2, 1), (3, 1), (3, 2)):
+            lengths, grid = [*sizes[:d]], [8] * d
+            lengths[axis], grid[axis] = box, points
+            turned = [f"simulation.space_length={lengths}", f"grid.points={grid}"]
+            if name == "upper-hybrid":
+                field = [0.0] * 3
+                field[(axis + 1) % 3] = float(np.linalg.norm(case(name).field.magnetic))
+                turned.append(f"field.magnetic={field}")
+            mode = [0] * d
+            mode[axis] = 1
+            turned.append(f"species[0].perturbation.mode={mode}")
+            law = predictions.predict(case(name, *turned), mode)
+            assert law.law == along_x.law and law.omega == pytest.approx(along_x.omega, rel=1e-12)
+            assert law.omega_mesh == pytest.approx(along_x.omega_mesh, rel=1e-9)
+
+
+def test_an_oblique_wave_dies_by_its_wave_number_and_the_closed_form_of_a_cold_one_is_the_sum_over_aliases():
+    side = 4 * math.pi * math.sqrt(2.0)  # k lambda_D = 0.5 along the diagonal
+    sets = (f"simulation.space_length=[{side}, {side}]", "grid.points=[64, 64]",
+            "species[0].perturbation.mode=[1, -1]")  # fmt: skip
+    law = predictions.predict(case("landau-damping", *sets), (1, -1))
+    assert law.law == "Landau damping" and law.omega == pytest.approx(1.4156618886 - 0.15335946691j, abs=1e-9)
+    assert 1e-4 < abs(law.omega_mesh - law.omega) < 0.01
+    lattice = predictions.predict(case("oscillation-3d"), (1, 2, 1)).omega_mesh
+    assert lattice.real == pytest.approx(0.954236093, abs=1e-9)
+    random = predictions.predict(case("oscillation-3d", 'species[0].init_method="random position"'), (1, 2, 1))
+    k = 2 * math.pi * np.array([1, 2, 1]) / (6.0, 8.0, 5.0)
+    exact = theory.cold_wave_frequency(1.0, 0.2, k, (6 / 16, 8 / 32, 5 / 16))
+    assert random.omega_mesh.real == pytest.approx(exact, rel=1e-6) != lattice.real
 
 
 def test_no_law_where_none_applies():
-    assert predictions.predict(case("magnetised-thermal-2d"), 1) is None
-    assert predictions.predict(case("two-stream-cold"), 0) is None
+    assert predictions.predict(case("magnetised-thermal-2d"), (1,)) is None
+    assert predictions.predict(case("two-stream-cold"), (0,)) is None
 
 
 def test_backwards_a_wave_does_the_same():
     forwards = case("landau-damping")
     backwards = case("landau-damping", f"simulation.time_step={-forwards.simulation.time_step}")
-    assert predictions.predict(backwards, 1) == predictions.predict(forwards, 1)
+    assert predictions.predict(backwards, (1,)) == predictions.predict(forwards, (1,))
 
 
 @pytest.mark.parametrize("name, mode", [("two-stream-cold", 1), ("landau-damping", 1), ("upper-hybrid", 1)])
 def test_a_mode_that_obeys_its_law_is_measured_as_such(name, mode):
     """Signals made from the law itself: the words must give its numbers back."""
-    law = predictions.predict(case(name), mode)
+    law = predictions.predict(case(name), (mode,))
     t = np.arange(0.0, 25.0, 0.02)
     wave = np.abs(np.cos(law.omega.real * t)) if law.omega.real > 1e-9 else 1.0
     words = predictions.compare_mode(t, 1e-3 * wave * np.exp(law.omega.imag * t), law).words
@@ -269,7 +306,7 @@ def test_a_mode_that_obeys_its_law_is_measured_as_such(name, mode):
 
 
 def test_a_mode_that_does_not_swing_gets_no_frequency():
-    law = predictions.predict(case("plasma-oscillation"), 1)
+    law = predictions.predict(case("plasma-oscillation"), (1,))
     t = np.linspace(0.0, 40.0, 800)
     assert predictions.compare_mode(t, 1.0 + 0.02 * np.sin(1.1 * t), law).words.startswith("not fitted")
     assert "frequency 1.0999" in predictions.compare_mode(t, np.abs(np.sin(1.1 * t)), law).words

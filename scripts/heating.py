@@ -1,0 +1,91 @@
+#!/usr/bin/env python3
+"""How fast the grid heats a thermal plasma: runs, and the rates of hpcpic/plasma/physics/shapes.py from them.
+
+python scripts/heating.py DIMENSIONS SHAPE [DIMENSIONS SHAPE ...]       as in 3 CIC
+
+Each run starts at random places, goes on until wp t = 875 with wp dt = 0.2 and centred differences, and tells the
+energy in the end over that at the start; the rates are those with which `energy_ratio` gives these best.
+"""
+
+from __future__ import annotations
+
+import itertools
+import math
+import sys
+from typing import Any
+
+import numpy as np
+from scipy.optimize import least_squares
+
+import hpcpic
+from hpcpic.plasma.physics.heating import Heating, energy_ratio
+
+DEBYE = (0.03, 0.1, 0.3, 0.5, 0.7, 1.0)  # lambda_D/dx
+PER_CELL = (16, 64)
+POINTS = {2: [64, 64], 3: [16, 16, 16]}
+STEP, STEPS = 0.2, 4375
+SMOOTH = 0.02  # weight of a bend against a miss
+
+
+def main() -> int:
+    words = sys.argv[1:]
+    if not words or len(words) % 2:
+        print(__doc__, file=sys.stderr)
+        return 2
+    for dimensions, shape in zip(map(int, words[::2]), words[1::2]):
+        found = {}
+        for debye in DEBYE:
+            for per_cell in PER_CELL:
+                found[debye, per_cell] = growth(dimensions, shape, debye, per_cell)
+                print(f'("{shape}", {dimensions}, {debye}, {per_cell}, {STEP * STEPS:g}, '
+                      f"{1 + found[debye, per_cell]:.4g}),", flush=True)  # fmt: skip
+        print(*fitted(found), sep="\n", flush=True)
+    return 0
+
+
+def growth(dimensions: int, shape: str, debye: float, per_cell: int) -> float:
+    """W(end)/W(0) - 1 of a plasma of this Debye length in spacings."""
+    points = POINTS[dimensions]
+    electrons = {
+        "name": "electrons", "charge": -1.0, "mass": 1.0, "plasma_frequency": 1.0, "thermal_velocity": debye,
+        "particles": per_cell * math.prod(points), "init_method": "random position",
+    }  # fmt: skip
+    case = hpcpic.Case(
+        description="a thermal plasma that its grid heats",
+        simulation={"cycles": STEPS, "time_step": STEP, "space_length": [float(n) for n in points]},
+        grid={"points": points},
+        numerics={"shape": shape},
+        species=[electrons],
+    )
+    with case.simulation(threads=1) as sim:
+        start = sim.scalars()["energy_total"]
+        sim.advance()
+        return sim.scalars()["energy_total"] / start - 1
+
+
+def fitted(found: dict[tuple[float, int], float]) -> list[str]:
+    """The rates by rising Debye length whose growth is nearest to that found, relative to it, and how near they are."""
+
+    def rates(logs: Any) -> list[Heating]:
+        noise, aliases = np.exp(logs).reshape(2, -1)
+        return [Heating(debye, float(f"{n:.2g}"), float(f"{a:.2g}")) for debye, n, a in zip(DEBYE, noise, aliases)]
+
+    def misses(logs: Any) -> list[float]:
+        points = rates(logs)
+        return [math.log((energy_ratio(points, *at, STEP * STEPS) - 1) / seen) for at, seen in found.items()]
+
+    def bent(logs: Any) -> Any:
+        """The misses, and what the logs of the rates bend: of rates that nothing shows, the plainest."""
+        return np.concatenate([misses(logs), SMOOTH * np.diff(np.reshape(logs, (2, -1)), 2).ravel()])
+
+    tried = []
+    for noise, aliases in itertools.product((1e-3, 3e-2), (1e-2, 1e-4)):
+        first = np.concatenate([np.full(len(DEBYE), noise), np.geomspace(aliases, 1e-7, len(DEBYE))])
+        tried.append(least_squares(bent, np.log(first), bounds=(math.log(1e-9), 0.0), diff_step=1e-2))
+    best = min(tried, key=lambda one: one.cost).x
+    worst = max(abs(math.expm1(miss)) for miss in misses(best))
+    return [*map(str, rates(best)), f"give the growth within {worst:.1%}"]
+
+
+if __name__ == "__main__":
+    sys.exit(main())
