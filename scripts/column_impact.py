@@ -1,10 +1,10 @@
 #!/usr/bin/env python3
 """Force of the wave on the column in the cases of Silvester & Cleary 2006 beside the experiment: table and picture.
 
-python scripts/column_impact.py FOLDER ...     run folders, as of `sph run column-impact-a -o FOLDER`
+python scripts/column_impact.py SPACINGS FOLDER ...     run folders, as of `sph run column-impact-a -o FOLDER`
 
-The names of the folders are the names in the table. Writes docs/gallery/sph-column-impact.png and .md, which
-scripts/gallery.py puts on the page of the cases.
+The names of the folders are the names in the table; "5 mm" as SPACINGS writes docs/gallery/sph-column-impact-5-mm.png
+and .md, which scripts/gallery.py puts on the page of the cases.
 """
 
 from __future__ import annotations
@@ -19,11 +19,11 @@ from hpcpic.core.files.reader import open_run
 from sph.analysis import experiments, theory
 from sph.analysis.plots import DATA
 
-TABLE = """The force on the column in the cases of Silvester & Cleary 2006, by `python scripts/column_impact.py`; all by
-the clock of the experiment, {shift} s late. Peak and plateau are of the force filtered over 13 ms, the impulse until
-1.3 s.
+TABLE = """The force on the column in the cases of Silvester & Cleary 2006 with particles of {spacings}, by
+`python scripts/column_impact.py`; all by the clock of the experiment, {shift} s late. Peak and plateau are of the
+force filtered over 13 ms, the impulse until 1.3 s.
 
-![force on the column in all cases](gallery/sph-column-impact.png)
+![force on the column with particles of {spacings}](gallery/{picture})
 
 | case | peak, N | arrival, s | plateau, N | impulse, N s |
 | --- | --- | --- | --- | --- |
@@ -31,16 +31,19 @@ the clock of the experiment, {shift} s late. Peak and plateau are of the force f
 
 
 def main() -> int:
-    runs = {Path(folder).name: columns_of(open_run(folder), "impulse_column_x") for folder in sys.argv[1:]}
-    if not runs:
+    if len(sys.argv) < 3:
         print(__doc__, file=sys.stderr)
         return 2
+    spacings, *folders = sys.argv[1:]
+    runs = {Path(folder).name: columns_of(open_run(folder), "impulse_column_x") for folder in folders}
+    picture = PICTURES / f"sph-column-impact-{spacings.replace(' ', '-')}.png"
     lines = [line("experiment", experiments.COLUMN_FIGURES)]
     lines += [line(name, experiments.column_figures(*samples)) for name, samples in runs.items()]
-    text = TABLE.format(shift=experiments.COLUMN_SHIFT) + "\n".join(lines) + "\n"
+    text = TABLE.format(spacings=spacings, shift=experiments.COLUMN_SHIFT, picture=picture.name)
+    text += "\n".join(lines) + "\n"
     print(text)
-    (PICTURES / "sph-column-impact.md").write_text(text, encoding="utf-8")
-    draw(runs)
+    picture.with_suffix(".md").write_text(text, encoding="utf-8")
+    draw(runs, picture)
     return 0
 
 
@@ -50,7 +53,7 @@ def line(name: str, found: dict[str, float]) -> str:
     )
 
 
-def draw(runs: dict) -> None:
+def draw(runs: dict, picture: Path) -> None:
     """Force and impulse over the experiment's clock."""
     with style():
         figure, (top, low) = new_figure(2, 1, (6.4, 6.0), sharex=True)
@@ -63,10 +66,11 @@ def draw(runs: dict) -> None:
         look = DATA | {"markersize": 2.8, "label": "experiment: Yeh & Petroff"}
         top.plot(*experiment.T, **look)
         low.plot(experiment[:, 0], theory.cumulative(*experiment.T), **look)
-        top.set(ylabel="force along x, N", title="Force on the column, 13 ms filter", xlim=(0.25, 1.5), ylim=(-25, 80))
+        top.set(ylabel="force along x, N", title="Force on the column, 13 ms filter", xlim=(0.25, None))
+        top.set_ylim(bottom=-25)
         low.set(ylabel="impulse along x, N s", xlabel="time of the experiment, s", title="Impulse")
         top.legend(fontsize="small")
-        save_small(figure, PICTURES / "sph-column-impact.png")
+        save_small(figure, picture)
 
 
 if __name__ == "__main__":

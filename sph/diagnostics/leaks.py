@@ -6,8 +6,7 @@ from numpy.typing import NDArray
 from sph.particles.storage import Slots, Storage
 from sph.particles.walls import Walls
 from sph.setup.scene import Wall
-from sph.setup.signed_distance import signed_distance
-from sph.setup.tanks import depth_in, sides
+from sph.setup.tanks import depth_in, depth_in_solid, sides
 
 
 class LeakFinder:
@@ -34,13 +33,13 @@ class LeakFinder:
         """What to say of the fluid that is more than a spacing behind a wall now, on this rank; None: there is none."""
         scene, storage = self.scene, self.storage
         for wall in scene.walls:
-            shape, shift = wall.shape, self.walls.displacement[wall.index]
+            shift = self.walls.displacement[wall.index]
             near = self._suspects(wall, shift)
             if not len(near):
                 continue
             x = storage.physical("x", near)
             at = self.walls.at_rest(wall, x)
-            depth = -signed_distance(shape, at) if wall.section.solid or shape.plane else depth_in(wall, at)
+            depth = depth_in_solid(wall, at) if wall.section.solid or wall.shape.plane else depth_in(wall, at)
             lost = np.flatnonzero(depth > scene.spacing)
             if len(lost):
                 place = ", ".join(f"{value:.4g}" for value in x[lost[0]])

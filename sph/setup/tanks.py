@@ -1,5 +1,5 @@
-"""Where the sides of a tank are, which end at its edges: what has gone over an edge is outside, what has gone through a
-side is lost.
+"""Where the sides of tanks and hollow solids are, which end at edges: what has gone over an edge is elsewhere, what has
+gone through a side is lost.
 """
 
 from typing import Any, Protocol
@@ -48,6 +48,17 @@ def depth_in(wall: Tank, x: NDArray) -> NDArray[np.float64]:
     over = np.max(beyond(wall, x, rims(wall)), axis=1)
     thick = wall.layers * wall.scene.spacing
     return np.where(depth <= thick, np.minimum(depth, -over), -np.inf)
+
+
+def depth_in_solid(wall: Tank, x: NDArray) -> NDArray[np.float64]:
+    """How deep points lie in a solid, m; negative outside. A box of which faces are left out is as thick as its
+    particles: fluid can come into its hollow over the edges.
+    """
+    depth, box = -signed_distance.signed_distance(wall.shape, x), wall.shape.box
+    if not box or not box.open:
+        return depth
+    thick = wall.layers * wall.scene.spacing
+    return np.where(np.max(beyond(wall, x, wall.closed), axis=1, initial=-np.inf) >= -thick, depth, -np.inf)
 
 
 def beyond(wall: Tank, x: NDArray, faces: set[str]) -> NDArray[np.float64]:

@@ -115,6 +115,21 @@ def test_a_leak_is_seen_though_fluid_may_be_outside(look):
     assert "went through wall_1" in sph.guard()
 
 
+@pytest.mark.parametrize("place, told", [
+    ((0.8, 0.7), None), ((0.8, 0.3), None),  # far from its sides: it has come in from above
+    ((0.6, 0.3), "went through wall_1"), ((0.52, 0.3), None),  # in what its side is made of; hardly in it
+])  # fmt: skip
+def test_a_drop_that_falls_into_a_hollow_column_has_not_gone_through_it(place, told):
+    column = """{ solid = true; shape = { box = { low = [0.5, 0.0]; high = [1.1, 0.8]; open = ["y-", "y+"]; }; }; }"""
+    sph = engine(size=(1.5, 1.0), fill=(0.3, 0.4), spacing=0.05, sound=14.0, more=f"wall = ( {column} );")
+    one = sph.storage.fluid_slots[5]
+    for axis, physical in enumerate(sph.scene.axes):
+        sph.storage.x[axis, one] = place[physical]
+    sph.sort()
+    found = sph.guard()
+    assert found is None if told is None else told in found
+
+
 def test_when_all_has_left_the_run_goes_on():
     sph = leaving("open end")
     x = sph.scene.axes.index(0)
