@@ -33,7 +33,15 @@ CASES = {  # case -> steps
         "thesis-10240-on-64": 300,
         "benchmarks/thermal-256.conf": 20,
     },
-    "sph": {"water-column": 300, "still-tank": 100, "poiseuille": 300, "column-impact-a": 40},
+    "sph": {
+        "water-column": 300,
+        "still-tank": 100,
+        "poiseuille": 300,
+        "column-impact-a": 40,
+        "moored-buoy": 200,
+        "carried-box": 200,
+        "floating-box": 200,
+    },
     "lbmdem": {
         "taylor-green": 3000,
         "sphere-array": 300,

@@ -3,7 +3,7 @@
 Steps of the split scheme with a cube of disordered particles, large and small, in empty space; a step is worth 1.46
 evaluations of all pair sums. What a step takes beside them grows with the particles from what its launches take, which
 every integrator tells for itself with next to no particles; others tell what images in mirrors and periodic sides add,
-and walls of particles, and the force on them.
+walls of particles, the force on them, and a rigid body and its mooring.
 All of them take turns. Several ranks do the same small scenes together, and each has them for itself.
 """
 
@@ -37,11 +37,16 @@ numerics = {{ spacing = {spacing!r}; density_flux = "molteni"; artificial_viscos
 {wall}
 """
 WALL = """wall = ( {{ type = "{}"; {} shape = {{ box = {{ low = [0.0, 0.0]; high = [1.0, 1.0]; }}; }}; }} );"""
+BODY = """wall = ( {{ shape = {{ box = {{ low = [0.0, 0.0]; high = [1.0, 1.0]; }}; }}; }},
+         {{ solid = true; shape = {{ box = {{ low = [1.5, 1.5]; high = [1.9, 1.9]; }}; }};
+            body = {{ density = 1000.0; {} }}; }} );"""
 WALLS = {  # of small scenes
     "images": WALL.format("mirror-no-slip", ""),
     "symmetric": WALL.format("point-symmetric-free-slip", ""),
     "walls": WALL.format("pressure-continuity", ""),
     "forces": WALL.format("pressure-continuity", "measure_force = true;"),
+    "rigid": BODY.format(""),
+    "moored": BODY.format("mooring = ( { at = [1.7, 1.7]; anchor = [1.7, 1.2]; stiffness = 1.0; } );"),
 }
 
 
@@ -147,7 +152,7 @@ def standard_rates(world: World, cores: int, quick: bool) -> dict[str, float]:
 
 def small_rates(world: World, quick: bool, pair_ns: float, body_ns: float) -> dict[str, float]:
     """What the launches of a step of each integrator take, in its sums and beside them, images of particles, walls and
-    forces on them, and a sample.
+    forces on them, a rigid body and a sample.
     """
     kinds = tuple(INTEGRATORS) if not quick else ("symplectic",)
     trials = {kind: Trial(world, 2, "double", FEW[2], integrator=kind) for kind in kinds}
@@ -171,6 +176,9 @@ def small_rates(world: World, quick: bool, pair_ns: float, body_ns: float) -> di
         rates["image_refresh_us"] = 1e6 * max(0.0, refresh)
         rates["walls_us"] = 1e6 * max(0.0, beside["walls"])
         rates["force_us"] = 1e6 * max(0.0, beside["forces"] - beside["walls"])
+        walls, rigid, moored = (beside[name] + trials[name].sums for name in ("walls", "rigid", "moored"))
+        rates["rigid_us"] = max(0.0, 1e6 * (rigid - walls) - rates["force_us"])
+        rates["mooring_us"] = 1e6 * max(0.0, moored - rigid)
         rates["sph_sample_us"] = 1e6 * trials["sample"].rest
     return rates
 

@@ -189,7 +189,7 @@ class Sph:
             self.clock.time_step = dt = self.choose(now.speed, now.acceleration, now.density_error)
             self.strays.find(now.density_error)
             self.runaway.look(now)
-            self.forces.add_impulses(dt)
+            self.forces.add_impulses(dt, self.bodies.found if self.bodies else None)
             self.sensors.add(dt)
         if self.skin.farthest and not self.skin.suffices(dt, now.speed, now.acceleration):
             self.sort()  # which has lost the sums

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -22,11 +22,13 @@ if TYPE_CHECKING:
 
     from hpcpic.core.files.reader import Particles, Run
     from sph.case.config import SphConfig
+    from sph.case.config import Wall as WallSection
 
 PANELS = 6
 PIXELS = 720  # width of a rendered picture
 SMALL = 0.02  # m: boxes below are told in mm
 THEORY: dict[str, Any] = {"color": INK, "linewidth": 1.0}
+WALL, BODY = "#b8bcc2", COLOURS[1]
 
 
 def snapshots_of(run: Run) -> Particles:
@@ -44,12 +46,47 @@ def fluid_at(run: Run, snapshots: Particles, number: int) -> dict[str, np.ndarra
     return {key: np.concatenate([part[key] for part in parts]) for key in parts[0]}
 
 
-def walls_at(run: Run, snapshots: Particles, number: int, bodies: bool = False) -> np.ndarray:
-    """Positions[n, 3] of the particles of walls in a snapshot, or of those that are rigid bodies."""
-    walls = [wall for wall in config_of(run).wall if bool(wall.body) == bodies]
-    names = [wall.name for wall in walls if wall.name in snapshots.species]
+def walls_at(run: Run, snapshots: Particles, number: int, kind: Callable[[WallSection], bool]) -> np.ndarray:
+    """Positions[n, 3] of the particles of the walls of a kind in a snapshot."""
+    names = [wall.name for wall in config_of(run).wall if kind(wall) and wall.name in snapshots.species]
     parts = [snapshots.read(name, number)["position"] for name in names]
     return np.concatenate([*parts, np.zeros((0, 3))])
+
+
+def is_body(wall: WallSection) -> bool:
+    return wall.body is not None
+
+
+def is_no_body(wall: WallSection) -> bool:
+    return wall.body is None
+
+
+def is_rounded(wall: WallSection) -> bool:
+    """A solid that stays or goes a given way, and is no box."""
+    return wall.body is None and wall.solid and wall.shape.box is None
+
+
+def moorings_at(run: Run, snapshots: Particles, number: int) -> list[np.ndarray]:
+    """The lines of moored bodies in a snapshot: ends[2, 3], on the body and at the anchor."""
+    found = []
+    for wall in scene_of(run).walls:
+        body = wall.section.body
+        if body and body.mooring and wall.name in snapshots.species:
+            particles = snapshots.read(wall.name, number)
+            space = (0, 0), (0, 3 - scene_of(run).dimensions)
+            start = np.pad(wall.at(particles["id"])[0], space)
+            for line in body.mooring:
+                at, anchor = np.pad([line.at, line.anchor], space)
+                found.append(np.stack([moved(at, start, particles["position"]), anchor]))
+    return found
+
+
+def moved(point: np.ndarray, before: np.ndarray, after: np.ndarray) -> np.ndarray:
+    """Where a rigid motion takes a point[3] that takes places before[n, 3] to after[n, 3] (Kabsch 1976)."""
+    middle, now = before.mean(axis=0), after.mean(axis=0)
+    u, _, v = np.linalg.svd((before - middle).T @ (after - now))
+    u[:, 2] *= np.sign(np.linalg.det(u @ v))  # no reflection; in a plane, z stays as it is
+    return now + (point - middle) @ (u @ v)
 
 
 def chosen(run: Run, snapshots: Particles) -> list[int]:
@@ -78,7 +115,7 @@ def view_limits(run: Run, snapshots: Particles) -> tuple[np.ndarray, np.ndarray]
         x = fluid_at(run, snapshots, number)["position"][:, : scene.dimensions]
         reached_low = np.minimum(reached_low, np.quantile(x, 0.001, axis=0))
         reached_high = np.maximum(reached_high, np.quantile(x, 0.999, axis=0))
-        solid = walls_at(run, snapshots, number, bodies=True)[:, : scene.dimensions]
+        solid = walls_at(run, snapshots, number, is_body)[:, : scene.dimensions]
         reached_low = np.minimum(reached_low, solid.min(axis=0, initial=np.inf))
         reached_high = np.maximum(reached_high, solid.max(axis=0, initial=-np.inf))
     margin = 0.03 * (high - low).max()
@@ -101,15 +138,17 @@ def _panels_2d(run: Run, snapshots: Particles, numbers: Sequence[int]) -> Figure
     inches = min((width - 0.7) / (high - low)[0], tall / (high - low)[1])
     size = max(0.3, (config_of(run).numerics.spacing * inches * 72 * 0.95) ** 2)
     for axis, number, particles in zip(axes.flat, numbers, found):
-        x, walls = particles["position"], walls_at(run, snapshots, number)
-        axis.scatter(walls[:, 0], walls[:, 1], s=0.35 * size, color="#b8bcc2", linewidths=0, rasterized=True)
-        solid = walls_at(run, snapshots, number, bodies=True)
-        axis.scatter(solid[:, 0], solid[:, 1], s=size, color=COLOURS[1], linewidths=0, rasterized=True)
+        x, walls = particles["position"], walls_at(run, snapshots, number, is_no_body)
+        axis.scatter(walls[:, 0], walls[:, 1], s=0.35 * size, color=WALL, linewidths=0, rasterized=True)
+        solid = walls_at(run, snapshots, number, is_body)
+        axis.scatter(solid[:, 0], solid[:, 1], s=size, color=BODY, linewidths=0, rasterized=True)
         dots = axis.scatter(x[:, 0], x[:, 1], c=particles["pressure"], s=size, linewidths=0, vmin=least, vmax=most,
                             rasterized=True)  # fmt: skip
         if not len(walls):
             for line in wall_outlines(run, float(snapshots.times[number])):
-                axis.plot(*line, color="#b8bcc2", linewidth=1.5)
+                axis.plot(*line, color=WALL, linewidth=1.5)
+        for ends in moorings_at(run, snapshots, number):
+            axis.plot(ends[:, 0], ends[:, 1], color=BODY, linewidth=1.0)
         for outline in predicted_outline(config_of(run), float(snapshots.times[number])):
             axis.plot(*outline, **THEORY)
         axis.set(xlim=(low[0], high[0]), ylim=(low[1], high[1]), aspect="equal")
@@ -159,7 +198,7 @@ def predicted_outline(config: SphConfig, t: float) -> list[tuple[np.ndarray, np.
 def _panels_3d(run: Run, snapshots: Particles, numbers: Sequence[int]) -> Figure:
     from matplotlib import colormaps
     from matplotlib.cm import ScalarMappable
-    from matplotlib.colors import Normalize
+    from matplotlib.colors import Normalize, to_rgb
 
     low, high = view_limits(run, snapshots)
     view = render.View(np.stack([low, high]), PIXELS)
@@ -179,7 +218,15 @@ def _panels_3d(run: Run, snapshots: Particles, numbers: Sequence[int]) -> Figure
         for wall in solid_boxes(run, float(snapshots.times[number])):
             surface = render.box_surface(np.clip(wall[0], low, high), np.clip(wall[1], low, high), spacing / 2)
             x = np.concatenate([x, surface])
-            paint = np.concatenate([paint, np.full((len(surface), 3), 0.72)])
+            paint = np.concatenate([paint, np.full((len(surface), 3), to_rgb(WALL))])
+        for kind, colour in ((is_rounded, WALL), (is_body, BODY)):
+            solid = walls_at(run, snapshots, number, kind)
+            x = np.concatenate([x, solid])
+            paint = np.concatenate([paint, np.full((len(solid), 3), to_rgb(colour))])
+        for ends in moorings_at(run, snapshots, number):
+            beads = np.linspace(ends[0], ends[1], max(2, int(np.linalg.norm(ends[1] - ends[0]) / (0.3 * spacing))))
+            x = np.concatenate([x, beads])
+            paint = np.concatenate([paint, np.full((len(beads), 3), to_rgb(BODY))])
         axis.imshow(render.paint(view, x, paint, 0.6 * spacing), interpolation="bilinear", zorder=2)
         for edge in render.box_edges(*tank_box(run, low, high)):
             line = view.project(edge)
@@ -195,10 +242,10 @@ def _panels_3d(run: Run, snapshots: Particles, numbers: Sequence[int]) -> Figure
 
 
 def solid_boxes(run: Run, t: float) -> list[tuple[np.ndarray, np.ndarray]]:
-    """Corners of the solid boxes among the walls at time t."""
+    """Corners at time t of the solid boxes among the walls that are no rigid bodies."""
     found = []
     for wall in scene_of(run).walls:
-        if wall.section.solid and wall.section.shape.box:
+        if wall.section.solid and wall.section.shape.box and not is_body(wall.section):
             moved = wall.motion(t)[0]
             low, high = (np.array(corner) + moved for corner in geometry.bounds(wall.section.shape))
             found.append((low, high))

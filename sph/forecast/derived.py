@@ -17,7 +17,8 @@ from sph.physics.liquids import liquids_of
 from sph.physics.viscosities import VISCOSITIES
 from sph.physics.wall_rules import rule_of
 from sph.setup.mirror_groups import most_images
-from sph.setup.scene import DOMAIN, Scene
+from sph.setup.obstacles import DOMAIN
+from sph.setup.scene import Scene
 from sph.setup.speeds import heights_of, motion_speed
 
 SMALL = 6  # spacings across a repulsive body, below which the force on it is off by more than a tenth

@@ -45,6 +45,8 @@ DEFAULT = FILES | {
     "image_refresh_us": 40.0,  # and an evaluation
     "walls_us": 10.0,  # a step: whether the fluid comes to where walls are not made yet
     "force_us": 120.0,  # and the force on a wall, which its impulse needs
+    "rigid_us": 220.0,  # a step and rigid body, beside the force on it
+    "mooring_us": 170.0,  # and where bodies hang on lines
     "opening_us": 500.0,  # a step of an inlet or outlet: who is in its box and before it
     "sph_sample_us": 70.0,
     "gauge_ns": 60.0,  # of a sample, a particle and level of a gauge of elevation
@@ -91,6 +93,7 @@ def phases(config: SphConfig, ranks: int, threads: int, rates: Mapping[str, floa
         "launches": 1e-6 * (rates[f"step_us {kind}"] + rates[f"sums_us {kind}"]),
         "images": 1e-6 * finding if imaged(config) else 0.0,
         "walls": wall_seconds(config, rates),
+        "bodies": body_seconds(config, rates),
         "openings": 1e-6 * (len(config.inlet) + len(config.outlet)) * rates["opening_us"],
         "exchanges": exchange_seconds(config, ranks, rates),
     }
@@ -127,6 +130,12 @@ def wall_seconds(config: SphConfig, rates: Mapping[str, float]) -> float:
     made = any(not rule_of(wall.type).images for wall in config.wall)
     measured = sum(wall.measure_force for wall in config.wall)
     return 1e-6 * (made * rates["walls_us"] + measured * rates["force_us"])
+
+
+def body_seconds(config: SphConfig, rates: Mapping[str, float]) -> float:
+    """Seconds of rigid bodies in one step, without those of the force on them; contacts take them while they touch."""
+    bodies = [wall.body for wall in config.wall if wall.body]
+    return 1e-6 * (len(bodies) * rates["rigid_us"] + any(body.mooring for body in bodies) * rates["mooring_us"])
 
 
 def sample_seconds(config: SphConfig, rates: Mapping[str, float]) -> float:

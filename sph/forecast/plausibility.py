@@ -13,10 +13,11 @@ from sph.physics import stability
 from sph.physics.fluxes import FLUXES
 from sph.physics.stray_limits import MAX_DENSITY_ERROR, most_strays
 from sph.setup.flows import at_rest, load
+from sph.setup.obstacles import NEAR
 from sph.setup.openings import Source
 from sph.setup.rigid.mass import share
 from sph.setup.rigid.surfaces import gap
-from sph.setup.scene import NEAR, Scene, Wall
+from sph.setup.scene import Scene, Wall
 from sph.setup.signed_distance import signed_distance
 from sph.setup.speeds import fastest, motion_speed, speed_scale
 from sph.setup.tanks import depth_in

@@ -9,7 +9,19 @@ do, only their density evolves here. flags see sph.kernels.marks.
 import numpy as np
 
 from hpcpic.core.simd.compile import njit
-from hpcpic.core.simd.vector import Vec, convert, lanes, load, maximum, select, splat, store, total
+from hpcpic.core.simd.vector import (
+    Vec,
+    bitmask,
+    convert,
+    first_bit,
+    lanes,
+    load,
+    maximum,
+    select,
+    splat,
+    store,
+    total,
+)  # fmt: skip
 from sph.kernels.marks import FLUID, MINE, NO_DENSITY, OWN, WALL_SHIFT
 
 DIM = 3
@@ -91,10 +103,9 @@ def carry(chunk, chunks, flags, key, wall_shift, wall_speed, x, v):
 
 
 @njit
-def to_centre(b, key, flags, period, moves, x, r):
-    """Number of the body of the own particle in slot b, -1 for none, and r[d] = its place from the centre, m."""
-    w = (key[b] >> WALL_SHIFT) - 1
-    n = moves.body_of[w] if w >= 0 and flags[b] & OWN != 0 else -1
+def to_centre(b, key, period, moves, x, r):
+    """Number of the body of the wall particle in slot b, -1 for none, and r[d] = its place from the centre, m."""
+    n = moves.body_of[(key[b] >> WALL_SHIFT) - 1]
     if n >= 0:
         for k in range(DIM):
             r[k] = x[k, b] - moves.body_centre[n, k]
@@ -107,26 +118,34 @@ def to_centre(b, key, flags, period, moves, x, r):
 def move_bodies(chunk, chunks, flags, key, period, moves, x):
     """Move the particles of rigid bodies by the way of the centre and the rotation about it."""
     r = np.zeros(DIM)
-    for b in range(chunks[chunk], chunks[chunk + 1]):
-        n = to_centre(b, key, flags, period, moves, x, r)
-        if n >= 0:
-            for k in range(DIM):
-                for j in range(DIM):
-                    x[k, b] += moves.body_turn[n, k, j] * r[j]
-                x[k, b] += moves.body_way[n, k]
+    for first in range(chunks[chunk], chunks[chunk + 1], N):
+        solids = bitmask(load(I, flags, first) & MINE == OWN)
+        while solids != 0:
+            b = first + first_bit(solids)
+            solids &= solids - 1
+            n = to_centre(b, key, period, moves, x, r)
+            if n >= 0:
+                for k in range(DIM):
+                    for j in range(DIM):
+                        x[k, b] += moves.body_turn[n, k, j] * r[j]
+                    x[k, b] += moves.body_way[n, k]
 
 
 @njit
 def spin_bodies(chunk, chunks, flags, key, period, moves, x, v):
     """Give the particles of rigid bodies the velocity v + w x r that they have where they are."""
     r = np.zeros(DIM)
-    for b in range(chunks[chunk], chunks[chunk + 1]):
-        n = to_centre(b, key, flags, period, moves, x, r)
-        if n >= 0:
-            for k in range(DIM):
-                v[k, b] = moves.body_velocity[n, k]
-                for j in range(DIM):
-                    v[k, b] += moves.body_spin[n, k, j] * r[j]
+    for first in range(chunks[chunk], chunks[chunk + 1], N):
+        solids = bitmask(load(I, flags, first) & MINE == OWN)
+        while solids != 0:
+            b = first + first_bit(solids)
+            solids &= solids - 1
+            n = to_centre(b, key, period, moves, x, r)
+            if n >= 0:
+                for k in range(DIM):
+                    v[k, b] = moves.body_velocity[n, k]
+                    for j in range(DIM):
+                        v[k, b] += moves.body_spin[n, k, j] * r[j]
 
 
 @njit

@@ -53,10 +53,10 @@ class WallForces:
         totals = exact_sums(self.slabs.world, terms) if terms else []
         return {wall.name: (total[:d], total[3:]) for wall, total in zip(self.measured, totals)}
 
-    def add_impulses(self, dt: float) -> None:
-        """The forces of now for a step of dt s. Collective."""
+    def add_impulses(self, dt: float, found: Forces | None = None) -> None:
+        """The forces of now, which may have been found, for a step of dt s. Collective."""
         if self.measured:
-            forces = self.now()
+            forces = found or self.now()
             for wall in self.measured:
                 force = forces[wall.name][0]
                 parts = [float(np.sqrt(np.sum(force * force))), *force]

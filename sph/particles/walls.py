@@ -82,16 +82,15 @@ class Walls:
         """Boxes where walls are to be made, for fluid in the box (low, high); in the frame of the wall at rest."""
         found, scene, support = [], self.scene, self.scene.support
         for wall in self.walls:
-            shift, limits = self.displacement[wall.index], wall.bounds
-            beyond = (low - shift - support < scene.low) | (high - shift + support > scene.high)
-            around = np.where(beyond & scene.periodic, np.inf, 0.0)  # through a side the fluid is near any part
-            first, last = low - shift - around, high - shift + around
-            needed = np.maximum(first - support, limits[0]), np.minimum(last + support, limits[1])
-            made = self.made.get(wall.index)
+            shift, limits, made = self.displacement[wall.index], wall.bounds, self.made.get(wall.index)
             if wall.rigid:  # whole, before it moves
                 found += [] if made else [(wall, limits)]
                 self.made[wall.index] = limits
                 continue
+            beyond = (low - shift - support < scene.low) | (high - shift + support > scene.high)
+            around = np.where(beyond & scene.periodic, np.inf, 0.0)  # through a side the fluid is near any part
+            first, last = low - shift - around, high - shift + around
+            needed = np.maximum(first - support, limits[0]), np.minimum(last + support, limits[1])
             if np.any(needed[0] >= needed[1]):
                 continue
             if made and np.all(made[0] <= needed[0]) and np.all(made[1] >= needed[1]):

@@ -10,6 +10,7 @@ Symmetric matrices are their upper triangles, row by row. Forces are on i; j get
 
 import inspect
 from collections.abc import Callable
+from functools import cache
 
 from hpcpic.core.simd.formulas import fma, maximum, minimum, select, sqrt
 from sph.physics.vectors import add_scaled, difference, dot, products, scaled, squares, sum_of, turned
@@ -19,9 +20,10 @@ BODY_CORE = 0.9, 2.0  # with rigid bodies, which press on fluid: between four of
 PER_CORE = 1 / CORE
 
 
-def needs(formula: Callable | None) -> list[str]:
-    """The parameters of a formula."""
-    return list(inspect.signature(formula).parameters) if formula else []
+@cache
+def needs(formula: Callable | None) -> tuple[str, ...]:
+    """The parameters of a formula; kept, as every step asks for them and looking takes 30 us."""
+    return tuple(inspect.signature(formula).parameters) if formula else ()
 
 
 def columns_read(*formulas: Callable | None) -> frozenset[str]:

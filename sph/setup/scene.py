@@ -24,15 +24,13 @@ from sph.physics.liquids import liquids_of
 from sph.physics.stability import support_of
 from sph.physics.wall_rules import rule_of
 from sph.setup import flows, periodic_walls, rest_distance, signed_distance
+from sph.setup.obstacles import DOMAIN, flagged, obstacles
 from sph.setup.openings import Sink, Source
 from sph.setup.particle_lattices import PART, Face, Filled, Grid, Parts, Sheet, Shell, box_sheets, even, grid_of
-from sph.setup.rigid.mass import rigid_of, taken
-from sph.setup.tanks import behind, depth_in
+from sph.setup.rigid.fit import Fitted, beside
+from sph.setup.rigid.mass import rigid_of
 
-NEAR = 0.25  # of a spacing: fluid nearer to a solid is taken away
 REST = 0.9  # of h: distance at which a repulsive layer holds the fluid (S(y) of (SC 9) is 0.25 there)
-CHUNK = 1 << 18
-DOMAIN = "the domain"  # as what takes particles away
 FAR = 1e300
 AHEAD = 4.0  # supports around the fluid in which walls are made, once it is nearer than one to what is not made yet
 ENDLESS = 4.0  # diagonals of the domain that a plane goes on beyond it
@@ -157,6 +155,8 @@ class Wall:
             ends = np.full(scene.dimensions, self.rule.repulsive) & ~scene.periodic
             ends &= not section.solid  # at outer edges a face must not push what is before another
             return Parts(box_sheets(low + recess * below, high - recess * above, self.closed, dp, section.solid, ends))
+        if self.rigid and not shape.box:
+            return Fitted(shape, dp, self.layers, self._grid())
         return Filled(shape, dp, self.layers, section.solid, self._grid())
 
     @property
@@ -307,6 +307,8 @@ class Scene:
         for fluid in self.fluids:
             own = (ids >= fluid.first) & (ids < fluid.first + fluid.n)
             x = self.disordered(fluid, fluid.points(ids[own]), ids[own])
+            if fluid.given is None:
+                x = beside(self.walls, x, self.spacing)
             found["x"][own], found["v"][own] = x, self.initial_velocity(fluid, x, ids[own])
             found["drho"][own] = self.initial_density(fluid.section, x)
             if fluid.given is None:
@@ -361,40 +363,14 @@ class Scene:
             fluid.clipped[DOMAIN] = beyond
         if not section.shape.box:
             gone.append(flagged(grid, None, lambda x: signed_distance.signed_distance(section.shape, x) > 0.0))
-        for name, box, bad in self._obstacles(grid):
+        for name, box, bad in obstacles(self, grid):
             before = np.concatenate([*gone, np.zeros(0, np.int64)])
             found = np.setdiff1d(flagged(grid, box, bad), before, assume_unique=True)
             if len(found):
-                fluid.clipped[name] = len(found)
+                fluid.clipped[name] = fluid.clipped.get(name, 0) + len(found)
                 gone.append(found)
         fluid.removed = np.sort(np.concatenate([*gone, np.zeros(0, np.int64)]))  # none twice
         return fluid
-
-    def _obstacles(self, grid: Grid):
-        """What takes particles away: name, box in which it can (None: everywhere), test of points x[n, d]."""
-        if not grid.n:
-            return
-        ends = np.array([(c[0], c[-1]) for c in grid.coordinates])
-        if np.any(ends[:, 0] < self.low) or np.any(ends[:, 1] > self.high):
-            yield DOMAIN, None, lambda x: np.any((x < self.low) | (x > self.high), axis=1)
-        yield from ((one.name, (one.low, one.high), lambda x: np.ones(len(x), bool)) for one in self.inlets)
-        margin = NEAR * self.spacing
-        for wall in self.walls:
-            shape = wall.shape
-            low, high = map(np.array, geometry.bounds(shape))
-            if wall.section.solid and not shape.plane:
-                box = (low - self.spacing, high + self.spacing)
-                yield wall.name, box, lambda x, w=wall: taken(w, x, margin)
-            elif shape.plane:
-                yield wall.name, None, lambda x, s=shape: signed_distance.signed_distance(s, x) < margin
-            elif not shape.box or np.any(ends[:, 0] < low) or np.any(ends[:, 1] > high):
-                apart = shape.box and (np.any(ends[:, 1] < low) or np.any(ends[:, 0] > high))
-                depth = depth_in if apart else behind  # what lies beside a tank is not its own
-                yield wall.name, None, lambda x, w=wall, depth=depth: depth(w, x) > -margin
-        for fluid in self.fluids:
-            shape = fluid.section.shape
-            low, high = map(np.array, geometry.bounds(shape))
-            yield fluid.section.name, (low, high), lambda x, s=shape: signed_distance.signed_distance(s, x) <= 0.0
 
 
 def require_fit(scene: Scene, fluid: FluidSet) -> None:
@@ -406,15 +382,3 @@ def require_fit(scene: Scene, fluid: FluidSet) -> None:
     if n != fluid.n:
         told = f"velocity has {n} rows, and its shape holds {fluid.n} particles"
         raise ConfigError(f"{fluid.section.name}: start: {told}")
-
-
-def flagged(grid: Grid, box: tuple[NDArray, NDArray] | None, bad) -> NDArray[np.int64]:
-    """Flat indices, ascending, of the points (in the box) for which bad(x[n, d]) holds."""
-    if box is not None:
-        at = grid.inside(*box)
-        return grid.flat(at[bad(grid.points(at))])
-    found = [np.zeros(0, np.int64)]
-    for start in range(0, grid.n, CHUNK):
-        flat = np.arange(start, min(start + CHUNK, grid.n))
-        found.append(flat[bad(grid.points(grid.unflat(flat)))])
-    return np.concatenate(found)

@@ -48,11 +48,12 @@ class Bodies:
             self.share[k] = share(wall, self.outer[k])
             names = [*AXES, *(f"r{axis}" for axis in AXES)]
             self.free[k] = [name not in body.held for name in names]
+        self._square = np.ix_(list(scene.axes), list(scene.axes))
         self.ties = Ties(clock, forces.walls, self.of)
         self.pushes, self.ledger = np.zeros((2, n, 6))
         self.loads = np.zeros((n, 6))  # force N and torque N m of the fluid at the last rates
         self._ahead: Reals | None = None  # at the end of a step with contacts or lines; no numbers where nothing pushes
-        self._begin = self.state
+        self._begin, self.found = self.state, dict[str, Any]()
         number = np.full(len(scene.walls), -1)
         number[[wall.index for wall in self.of]] = np.arange(n)
         tasks.arena.group(moves=Moves)
@@ -65,8 +66,7 @@ class Bodies:
 
     def _matrix(self, m: NDArray[np.float64]) -> NDArray[np.float64]:
         """A matrix [3, 3] in storage axes, [d, d]."""
-        axes = list(self.scene.axes)
-        return m[np.ix_(axes, axes)]
+        return m[self._square]
 
     def _tell(self) -> None:
         """Let walls and kernels know where the bodies are and how fast."""
@@ -85,13 +85,13 @@ class Bodies:
 
     def follow(self) -> None:
         """Give the particles the velocities of their bodies."""
-        self._tell()
         self.tasks.arena["chunks"][:] = equal_parts(self.forces.storage.end, self.tasks.parts)  # some may be new
         self.tasks.each(self.motion.spin_bodies)
 
     def find_rates(self) -> None:
         """Find the accelerations by the last pair sums and gravity. Collective."""
         d, found = self.scene.dimensions, self.forces.now()
+        self.found = found
         for k, (wall, state, rate) in enumerate(zip(self.of, self.state, self.rates)):
             force, torque = found[wall.name]
             self.loads[k, :d], self.loads[k, 3:] = force, torque
@@ -163,6 +163,7 @@ class Bodies:
         keys = arrays.get("ties/touching", none[:, 0].astype(np.int64))
         contacts.take(keys, arrays.get("ties/springs", none), arrays.get("ties/film", np.zeros(len(keys))))
         contacts.forget()
+        self._tell()
 
     def keep(self) -> None:
         """Remember y^n."""
@@ -187,6 +188,7 @@ class Bodies:
         self.state[:, BOTH] += self.clock.time_step * (self.rates + self.pushes)
         self._tie()
         self._feel()
+        self._tell()
         self.follow()
 
     def _feel(self) -> None:
@@ -210,6 +212,7 @@ class Bodies:
             arena["body_way"][k] = (state[PLACE] - last[PLACE])[axes]
             arena["body_turn"][k] = self._matrix(turn - np.eye(3))
         self.tasks.each(self.motion.move_bodies)
+        self._tell()
         self.follow()
 
     def scalars(self) -> dict[str, float]:

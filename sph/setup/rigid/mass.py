@@ -14,7 +14,6 @@ from sph.setup import signed_distance
 from sph.setup.particle_lattices import grid_of
 
 Reals = NDArray[np.float64]
-CLEAR = 0.8  # spacings: fluid that starts nearer to a particle of a rigid body is thrown off by its core
 
 
 @dataclass(frozen=True)
@@ -54,8 +53,11 @@ def rotation(q: Reals) -> Reals:
 
 def times(a: Reals, b: Reals) -> Reals:
     """Product of two quaternions: first the rotation b, then a."""
-    real = a[0] * b[0] - float(np.sum(a[1:] * b[1:]))
-    return np.concatenate([[real], a[0] * b[1:] + b[0] * a[1:] + np.cross(a[1:], b[1:])])
+    (p, x, y, z), (q, u, v, w) = a.tolist(), b.tolist()
+    real = p * q - float(np.sum(a[1:] * b[1:]))
+    return np.array([
+        real, p * u + q * x + (y * w - z * v), p * v + q * y + (z * u - x * w), p * w + q * z + (x * v - y * u),
+    ])  # fmt: skip
 
 
 def turning(angle: Reals) -> Reals:
@@ -80,17 +82,6 @@ def inverse(m: Reals, free: Reals) -> Reals:
     m = m * np.outer(free, free) + np.diag(1.0 - free)
     across = np.cross(m[[1, 2, 0]], m[[2, 0, 1]])
     return across.T / product(m[0], across[0]) * np.outer(free, free)
-
-
-def taken(wall: Any, x: Reals, margin: float) -> NDArray[np.bool_]:
-    """Which points x[n, d] are within a margin, m, of a solid at t = 0, or in a core of a particle of a rigid body."""
-    found = signed_distance.signed_distance(wall.shape, x) < margin
-    if wall.rigid:
-        from scipy.spatial import cKDTree
-
-        room = CLEAR * wall.scene.spacing
-        found |= cKDTree(wall.near(*wall.bounds)[1]).query(x, distance_upper_bound=room)[0] < room
-    return found
 
 
 def share(wall: Any, x: Reals) -> float:

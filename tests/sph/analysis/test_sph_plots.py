@@ -130,3 +130,55 @@ def test_measurements_are_in_order_of_time():
         assert np.all(np.diff(table[:, 0]) > 0)
     t, force = experiments.COLUMN_FORCE.T
     assert force.max() == 33.3 and np.trapezoid(force[t < 1.3], t[t < 1.3]) == pytest.approx(13.1, rel=0.01)
+
+
+def test_a_point_goes_with_the_rigid_body_that_holds_it():
+    rng = np.random.default_rng(3)
+    for plane in (False, True):
+        x, point, shift = rng.normal(size=(40, 3)), rng.normal(size=3), rng.normal(size=3)
+        turn = np.linalg.qr(rng.normal(size=(3, 3)))[0]
+        turn *= np.sign(np.linalg.det(turn))
+        if plane:
+            c, s = np.cos(2.0), np.sin(2.0)
+            turn = np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])
+            x[:, 2] = 0.0
+        found = particle_plots.moved(point, x, x @ turn.T + shift)
+        np.testing.assert_allclose(found, turn @ point + shift, atol=1e-12)
+
+
+BODY_IN_SPACE = """
+simulation = { dimensions = 3; end_time = 0.2; };
+gravity = [0.0, 0.0, -9.81];
+fluid = ( { name = "water"; shape = { box = { low = [0.0, 0.0, 0.0]; high = [0.4, 0.4, 0.1]; }; }; } );
+numerics = { spacing = 0.02; };
+wall = (
+  { name = "tank"; shape = { box = { low = [0.0, 0.0, 0.0]; high = [0.4, 0.4, 0.6]; open = ["z+"]; }; }; },
+  { name = "ball"; shape = { sphere = { centre = [0.2, 0.2, 0.45]; radius = 0.06; }; }; solid = true;
+    body = { density = 500.0;
+      mooring = ( { at = [0.2, 0.2, 0.51]; anchor = [0.2, 0.2, 0.59]; stiffness = 1.0; length = 1.0; } ); }; }
+);
+output = { period = { particles = 0.1; }; };
+"""
+
+
+def test_bodies_in_space_are_painted_where_they_are(tmp_path):
+    case, folder = tmp_path / "ball.conf", tmp_path / "run"
+    case.write_text(BODY_IN_SPACE)
+    words = [sys.executable, "-m", "sph", "run", str(case), "-o", str(folder), "--threads", "1", "--quiet"]
+    done = subprocess.run(words, capture_output=True, text=True)
+    assert done.returncode == 0, done.stdout + done.stderr
+    run = open_run(folder)
+    snapshots = run.particle_snapshots
+    t = snapshots.times[-1]
+    (ends,) = particle_plots.moorings_at(run, snapshots, len(snapshots.times) - 1)
+    fallen = 9.81 * t * t / 2  # freely: a long line does not pull
+    np.testing.assert_allclose(ends[0], (0.2, 0.2, 0.51 - fallen), atol=0.002)  # a hundredth of the way
+    np.testing.assert_allclose(ends[1], (0.2, 0.2, 0.59))
+    orange = []
+    for number in (0, len(snapshots.times) - 1):
+        figure = particle_plots.sequence(run, int(snapshots.steps[number]))
+        image = figure.axes[0].images[0].get_array()
+        hue = (image[..., 3] > 0) & (image[..., 0] > 1.5 * image[..., 2]) & (image[..., 0] > image[..., 1])
+        orange.append(np.argwhere(hue)[:, 0].mean())
+        assert hue.sum() > 100
+    assert orange[1] > orange[0] + 20  # rows downwards

@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pytest
 
-from hpcpic.core.case.config import load
+from hpcpic.core.case.config import load, loads
 from hpcpic.core.comm.world import World
 from hpcpic.core.tasks.graph import Pool
 from hpcpic.core.timers import Timers
@@ -16,6 +16,13 @@ from sph.forecast.derived import derived
 from sph.forecast.estimate import estimate
 from sph.forecast.plan import images, plan
 
+BUOYS = """
+simulation = {{ dimensions = 2; end_time = 1.0; }};
+gravity = [0.0, -9.81];
+fluid = ( {{ shape = {{ box = {{ low = [0.0, 0.0]; high = [1.0, 0.5]; }}; }}; }} );
+numerics = {{ spacing = 0.02; }};
+wall = ( {{ shape = {{ box = {{ low = [0.0, 0.0]; high = [1.0, 0.6]; open = ["y+"]; }}; }}; }}{} );
+"""
 COARSE = {  # settings that leave the kind of scene as it is and make it small
     "column-impact-a": ("numerics.spacing=0.04",),
     "column-impact-b": ("numerics.spacing=0.04", "wall[2].shape.box.high=[0.44, 0.61, 0.45]"),
@@ -81,6 +88,21 @@ def test_the_estimate_scales_with_the_case():
     assert one[1].seconds > 5 * one[0].seconds  # steps are half as long, but for what each costs in any case
     assert estimate(fine, 1, 2, {}).step_seconds < 0.65 * one[1].step_seconds
     assert sum(estimate(fine, 2, 1, {}).memory.values()) < sum(one[1].memory.values())
+
+
+def test_what_bodies_take_is_counted_by_body_and_by_their_rates():
+    """A buoy, the line that it hangs on, and a second buoy; a scene without any counts nothing."""
+    buoy = """, {{ solid = true; shape = {{ sphere = {{ centre = [{x}, 0.3]; radius = 0.05; }}; }};
+        body = {{ density = 300.0; {line} }}; }}"""
+    line = "mooring = ( { at = [0.3, 0.3]; anchor = [0.3, 0.0]; stiffness = 1.0; } );"
+
+    def bodies(*walls: str) -> float:
+        text = BUOYS.format("".join(walls))
+        return estimate(configure(loads(text)), 1, 1, {"rigid_us": 3e6, "mooring_us": 5e6}).phases["bodies"]
+
+    one, two = (buoy.format(x=x, line="") for x in (0.3, 0.7))
+    found = [bodies(), bodies(one), bodies(one, two), bodies(buoy.format(x=0.3, line=line), two)]
+    assert found == pytest.approx([0.0, 3.0, 6.0, 11.0])
 
 
 def still_tank(*sets: str) -> SphConfig:
