@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Iterator
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 import click
@@ -30,14 +31,14 @@ def states_of(folder: str, program: str, follow: bool) -> Iterator[Run]:
 
     while True:
         began = time.monotonic()
+        seen = _stamps(folder)  # before reading: what is written meanwhile is a change
         run = open_run(folder, program)
-        seen = _stamps(run)
         yield run
         if not follow or not _goes_on(run):
             return
         now = time.monotonic()
         rested = now + max(LEAST_PAUSE_S, PAUSES * (now - began))
-        while _stamps(run) == seen or (time.monotonic() < rested and _goes_on(open_run(folder, program))):
+        while _stamps(folder) == seen or (time.monotonic() < rested and _goes_on(open_run(folder, program))):
             time.sleep(POLL_S)
 
 
@@ -45,7 +46,7 @@ def _goes_on(run: Run) -> bool:
     return run.summary.get("status") == "running"
 
 
-def _stamps(run: Run) -> list[tuple[str, int, int]]:
+def _stamps(folder: str) -> list[tuple[str, int, int]]:
     """Name, size and time of change of each file."""
-    found = (path for pattern in FILES for path in sorted(run.path.glob(pattern)))
+    found = (path for pattern in FILES for path in sorted(Path(folder).glob(pattern)))
     return [(path.name, status.st_size, status.st_mtime_ns) for path in found for status in [path.stat()]]

@@ -52,7 +52,12 @@ def test_who_follows_a_run_sees_each_change_until_it_ends(folder, tmp_path, monk
         monkeypatch.setattr(follow, constant, 0.01)
     shutil.copytree(folder, copy := tmp_path / "run")
     facts = json.loads((copy / "run.json").read_text())
-    (copy / "run.json").write_text(json.dumps(facts | {"status": "running"}))
+
+    def write(status: str, **more: int) -> None:  # at once, as a run does: who follows must never read half a file
+        (copy / "new.json").write_text(json.dumps(facts | {"status": status, **more}))
+        (copy / "new.json").replace(copy / "run.json")
+
+    write("running")
     states = follow.states_of(copy, "hpcpic", follow=True)
     assert next(states).summary["status"] == "running"
     waiting = threading.Thread(target=lambda: seen.append(next(states).summary["status"]))
@@ -60,7 +65,7 @@ def test_who_follows_a_run_sees_each_change_until_it_ends(folder, tmp_path, monk
     waiting.start()
     waiting.join(0.2)
     assert waiting.is_alive() and not seen, "nothing has changed"
-    (copy / "run.json").write_text(json.dumps(facts | {"status": "finished", "steps": 200}))
+    write("finished", steps=200)
     waiting.join(10)
     assert seen == ["finished"] and next(states, None) is None
     assert len(list(follow.states_of(copy, "hpcpic", follow=False))) == 1
