@@ -22,6 +22,7 @@ from sph.setup.scene import Scene
 from sph.setup.speeds import heights_of, motion_speed
 
 SMALL = 6  # spacings across a repulsive body, below which the force on it is off by more than a tenth
+CONTACT = 16  # spacings that a front goes into a wall until its pressure is right: until 4 half as large again or more
 STIFF = 50  # c0 / vmax, below which a stress of the strain rate lets a wave of two spacings grow
 SHIFTED = 1.4  # h / dp, below which shifted particles are packed under gravity
 RATIO, MOST_RATIO = 100, 1000  # of densities or viscosities of liquids, which are noticed and refused
@@ -333,7 +334,9 @@ def dry_gauges(config: SphConfig, scene: Scene) -> Iterator[Derived]:
 
 
 def _sensor(config: SphConfig, scene: Scene, i: int) -> Iterator[Derived]:
-    """The i-th gauge, an area of wall: behind it there is wall, and it is a spacing wide."""
+    """The i-th gauge, an area of wall: behind it there is wall, it is a spacing wide, and how long it takes until the
+    pressure of a front that strikes it is right.
+    """
     gauge, dp = config.gauge[i], scene.spacing
     half = np.array(gauge.extents(dp)) / 2 if not gauge.radius else np.full(config.dimensions, gauge.radius)
     k, sign = gauge.direction
@@ -351,3 +354,6 @@ def _sensor(config: SphConfig, scene: Scene, i: int) -> Iterator[Derived]:
     cure = "" if verdict == "ok" else "a smaller spacing: it reads what the wall bears over a spacing"
     yield Derived(f"width of {gauge.name}", "L/dp", narrow / dp, "", ">= 1", verdict, "forces on particles", cure,
                   ("gauge", i, "radius" if gauge.radius else "size"))  # fmt: skip
+    assert config.eos.max_velocity is not None  # completed
+    yield Derived(f"first contact on {gauge.name}", f"{CONTACT} dp/v", CONTACT * dp / config.eos.max_velocity, "s",
+                  "until then particles strike one by one", source="a wedge that meets a wall, measured")  # fmt: skip

@@ -74,6 +74,11 @@ def test_a_limit_holds_on_both_sides(name, verdict, parts):
     assert bool(number.cure) == (verdict != "ok")
 
 
+def test_pressures_of_first_contact_last_sixteen_spacings_of_way():
+    found = told(gauge=sensor("at = [1.0, 0.3]; size = [0.0, 0.2];"), eos="{ max_velocity = 4.0; }")
+    assert found["first contact on sensor"].value == pytest.approx(16 * 0.05 / 4.0)
+
+
 @pytest.mark.parametrize("speed", [3.0, 50.0])
 def test_a_gate_does_not_raise_the_sound_speed_but_a_piston_does(speed):
     plain = told()["sound speed"].value
