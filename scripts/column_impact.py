@@ -48,9 +48,8 @@ def main() -> int:
 
 
 def line(name: str, found: dict[str, float]) -> str:
-    return (
-        f"| {name} | {found['peak']:.1f} | {found['arrival']:.3f} | {found['plateau']:.1f} | {found['impulse']:.2f} |"
-    )
+    cells = (f"{found[key]:.{n}f}" for key, n in (("peak", 1), ("arrival", 3), ("plateau", 1), ("impulse", 2)))
+    return f"| {name} | {' | '.join('-' if cell == 'nan' else cell for cell in cells)} |"
 
 
 def draw(runs: dict, picture: Path) -> None:
@@ -62,7 +61,8 @@ def draw(runs: dict, picture: Path) -> None:
             middle, force = theory.mean_rate(t, impulse)
             top.plot(middle, theory.triangular(middle, force), label=name, linewidth=1.0)
             low.plot(t, impulse, label=name, linewidth=1.2)
-        experiment = experiments.COLUMN_FORCE
+        last = max(t[-1] for t, _ in runs.values()) + experiments.COLUMN_SHIFT
+        experiment = experiments.COLUMN_FORCE[experiments.COLUMN_FORCE[:, 0] < last]
         look = DATA | {"markersize": 2.8, "label": "experiment: Yeh & Petroff"}
         top.plot(*experiment.T, **look)
         low.plot(experiment[:, 0], theory.cumulative(*experiment.T), **look)
