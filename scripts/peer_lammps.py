@@ -3,12 +3,14 @@ of its own (scripts/peers.py), on one rank or several.
 
     python peer_lammps.py bed BED.npz
     python peer_lammps.py tank TANK.npz
+    python peer_lammps.py water WATER.npz DONE.npz
 
 BED.npz: x[n, 3] and v[n, 3] of spheres of mass and diameter 1, side, height (of the box), stiffness, normal and shear
 (dashpots over the reduced mass), friction, gravity, step. TANK.npz: x[n, 3] m, kind[n] (1 fluid, 2 wall), box[2, 3],
 support (the radius in which neighbours are), rho0, c0, alpha (artificial viscosity), gravity, mass of a particle, step.
-Prints "ready", then for every line of standard input, a number of steps, the seconds and the seconds of its own
-processor time that they took.
+For these two it prints "ready", then for every line of standard input, a number of steps, the seconds and the seconds
+of its own processor time that they took. WATER.npz: as TANK.npz in two dimensions, with v[n, 2] m/s, rho[n],
+periodic[2], viscosity, steps and every; DONE.npz gets x and v[samples, n, 2] after each so many steps.
 """
 
 import math
@@ -74,6 +76,35 @@ thermo 1000000
 run 0
 """
 
+WATER = """
+units si
+dimension 2
+atom_style sph
+boundary {sides} p
+newton on
+comm_modify vel yes
+region box block {x0} {x1} {y0} {y1} {z0} {z1}
+create_box 2 box
+"""
+WATER_LAW = """
+mass * {mass}
+group water type 1
+group wall type 2
+set group all sph/e 1.0
+set group all sph/cv 1.0
+pair_style {pair}
+pair_coeff * * {rho0} {c0} {friction} {support}
+neighbor {skin} bin
+neigh_modify every 1 delay 0 check yes
+timestep {step}
+fix flat all enforce2d
+fix weight water gravity {gravity} vector 0 -1 0
+fix motion water sph
+fix rest wall sph/stationary
+thermo 1000000
+run 0
+"""
+
 
 def start_bed(peer: lammps, given: Mapping[str, NDArray]) -> None:
     facts = {name: float(value) for name, value in given.items() if value.ndim == 0}
@@ -94,15 +125,42 @@ def start_tank(peer: lammps, given: Mapping[str, NDArray]) -> None:
     peer.commands_string(TANK_LAW.format(**facts))
 
 
+def follow_water(peer: lammps, given: Mapping[str, NDArray]) -> dict[str, NDArray]:
+    """What DONE.npz gets."""
+    facts: dict = {name: float(value) for name, value in given.items() if value.ndim == 0}
+    pad = np.where(given["periodic"], 0.0, facts["support"])
+    (x0, y0), (x1, y1) = given["box"] + [[-1], [1]] * pad
+    facts |= {"x0": x0, "x1": x1, "y0": y0, "y1": y1, "z0": -facts["support"], "z1": facts["support"]}
+    viscous = facts["viscosity"] > 0.0
+    facts |= {"skin": 0.3 * facts["support"], "friction": facts["viscosity"] if viscous else facts["alpha"]}
+    facts |= {"sides": " ".join("fp"[int(flag)] for flag in given["periodic"])}
+    facts |= {"pair": "sph/taitwater/morris" if viscous else "sph/taitwater"}
+    peer.commands_string(WATER.format(**facts))
+    flat = np.zeros((len(given["x"]), 1))
+    create(peer, given["kind"], np.hstack([given["x"], flat]), np.hstack([given["v"], flat]))
+    peer.numpy.extract_atom("rho")[:] = given["rho"][peer.numpy.extract_atom("id") - 1]
+    peer.commands_string(WATER_LAW.format(**facts))
+    found, every = [], int(facts["every"])
+    for _ in range(int(facts["steps"]) // every):
+        peer.command(f"run {every} pre no post no")
+        order = np.argsort(peer.numpy.extract_atom("id")[: len(given["x"])])  # copies in periodic sides follow
+        found.append([peer.numpy.extract_atom(name)[order, :2] for name in "xv"])
+    x, v = np.array(found).swapaxes(0, 1)
+    return {"x": x, "v": v}
+
+
 def create(peer: lammps, kinds: NDArray, x: NDArray, v: NDArray) -> None:
     numbers = list(range(1, len(x) + 1))
     peer.create_atoms(len(x), numbers, kinds.tolist(), x.ravel().tolist(), v.ravel().tolist())
 
 
 def main() -> None:
-    scene, path = sys.argv[1:]
+    scene, path, *done = sys.argv[1:]
     world = MPI.COMM_WORLD
     peer = lammps(cmdargs=["-log", "none", "-screen", "none"])
+    if scene == "water":
+        np.savez(done[0], **follow_water(peer, dict(np.load(path))))
+        return
     {"bed": start_bed, "tank": start_tank}[scene](peer, dict(np.load(path)))
     if world.rank == 0:
         print("ready", flush=True)
