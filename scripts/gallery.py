@@ -91,6 +91,7 @@ PROGRAMS = (
             "poiseuille-strain-rate": "profiles",
             "dam-break-sensor": "gauges",
             "hydrostatic": "depth",
+            "hydrostatic-corrected": "depth",
             "still-tank": "depth",
             "dam-break-pressure": "gauges",
             "standing-wave": "gauges",

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from hpcpic.core.app.figures import COLOURS, INK, THEORY, NoData, NotInScene, new_figure, present, style
+from hpcpic.core.app.figures import COLOURS, INK, THEORY, NoData, NotInScene, new_figure, pictured, present, style
 from hpcpic.core.case.config import loads
 from lbmdem.case.config import AXES, LbmDemConfig
 from lbmdem.configure import configure
@@ -43,7 +43,7 @@ def grains(run: Run, step: int | None = None) -> Figure:
     snapshots = snapshots_of(run)
     config = config_of(run)
     steps = [int(s) for s in snapshots.steps]
-    spread = [steps[round(k)] for k in np.linspace(0, len(steps) - 1, min(6, len(steps)))]
+    spread = [steps[k] for k in pictured(snapshots, config.output.pictures)]
     chosen = spread if step is None else [int(snapshots.steps[snapshots.index(step)])]
     size = config.domain.size
     across, along = size[0], size[-1]

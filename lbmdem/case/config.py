@@ -247,6 +247,9 @@ class Output(Section):
     path: str | None = setting(None, "run folder, when the command line names none")
     period: Period = Period()
     every: Every = Every()
+    pictures: Vector = setting(
+        (), "times of the pictures of `plot grains` besides the first; by default six, evenly", "s"
+    )
     stress_slices: int = setting(0, "control slices along the last axis, for the stress between grains", ge=0)
 
 

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from hpcpic.core.app.figures import COLOURS, INK, NoData, NotInScene, new_figure, present, style
+from hpcpic.core.app.figures import COLOURS, INK, NoData, NotInScene, new_figure, pictured, present, style
 from sph.analysis import render, theory
 from sph.analysis.run_config import config_of, scene_of
 from sph.case import geometry
@@ -24,7 +24,6 @@ if TYPE_CHECKING:
     from sph.case.config import SphConfig
     from sph.case.config import Wall as WallSection
 
-PANELS = 6
 PIXELS = 720  # width of a rendered picture
 SMALL = 0.02  # m: boxes below are told in mm
 THEORY: dict[str, Any] = {"color": INK, "linewidth": 1.0}
@@ -90,11 +89,8 @@ def moved(point: np.ndarray, before: np.ndarray, after: np.ndarray) -> np.ndarra
 
 
 def chosen(run: Run, snapshots: Particles) -> list[int]:
-    """The snapshots shown: the first and those nearest to output.pictures, or six from the first to the last."""
-    asked = config_of(run).output.pictures
-    if asked:
-        return sorted({0, *(snapshots.index(time=t) for t in asked if t <= snapshots.times[-1] * (1 + 1e-6))})
-    return sorted(set(np.linspace(0, len(snapshots.steps) - 1, PANELS).round().astype(int).tolist()))
+    """Numbers of the snapshots that are shown."""
+    return pictured(snapshots, config_of(run).output.pictures)
 
 
 def sequence(run: Run, step: int | None = None) -> Figure:

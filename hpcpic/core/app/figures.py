@@ -233,6 +233,16 @@ def present(find: Callable[[], S], what: str) -> S:
     return snapshots
 
 
+def pictured(snapshots: Snapshots, asked: Sequence[float] = ()) -> list[int]:
+    """Numbers of the snapshots that a row of pictures shows: the first and those nearest to the times `asked` for (s)
+    that the run has come to, or six from the first to the last.
+    """
+    if asked:
+        reached = [t for t in asked if t <= snapshots.times[-1] * (1 + 1e-6)]
+        return sorted({0, *(snapshots.index(time=t) for t in reached)})
+    return sorted(set(np.linspace(0, len(snapshots.steps) - 1, 6).round().astype(int).tolist()))
+
+
 def steps_of(snapshots: Callable[[Run], Snapshots]) -> Callable[[Run], Sequence[int]]:
     """What `Plot.steps` asks for."""
     return lambda run: [int(step) for step in snapshots(run).steps]

@@ -1,0 +1,24 @@
+"""What a scene computes of a case."""
+
+import numpy as np
+
+from hpcpic.core.case.config import loads
+from lbmdem.configure import configure
+from lbmdem.setup.scene import Scene
+
+DISC = """
+simulation = { end_time = 1.0; };
+domain = { size = [0.01, 0.01]; spacing = 2.0e-4; };
+fluid = { density = 1000.0; kinematic_viscosity = 1.0e-6; relaxation_time = 0.8; body_force = [3.0, 0.0]; };
+grains = ({ diameter = 2.0e-3; density = 2650.0; position = [0.005, 0.005]; });
+contact = { normal_stiffness = 1.0e4; damping = 0.5; };
+gravity = [0.0, -9.81];
+"""
+
+
+def test_a_grain_weighs_less_by_what_it_displaces_and_is_driven_as_that():
+    """[1] less the pressure of rest, rho g, which the lattice fluid does not have; a grain that floats weighs nothing."""
+    scene = Scene(configure(loads(DISC)))
+    volume = np.array([1.0, 2.0])
+    force = scene.constant_force(np.array([2650.0, 2000.0]), volume)
+    assert np.array_equal(force, [[3000.0, -9.81 * 1650.0], [6000.0, 0.0]])
