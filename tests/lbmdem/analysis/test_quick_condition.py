@@ -29,3 +29,8 @@ def test_gradient_of_a_hydrostatic_column():
     z = np.array([0.1, 0.3, 0.35, 0.7])
     pressures = [np.array([9810.0, 4905.0]) * (1.0 - height) for height in z]
     assert quick_condition.gradient_inside(pressures, z, 9810.0) == pytest.approx([1.0, 0.5])
+
+
+def test_the_critical_gradient_is_that_which_the_paper_prints():
+    """1.042 for grains of 2.60 at a porosity of 0.349."""
+    assert quick_condition.critical_gradient(2.60, 0.349) == pytest.approx(1.042, abs=5e-4)

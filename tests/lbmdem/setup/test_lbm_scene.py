@@ -17,7 +17,7 @@ gravity = [0.0, -9.81];
 
 
 def test_a_grain_weighs_less_by_what_it_displaces_and_is_driven_as_that():
-    """[1] less the pressure of rest, rho g, which the lattice fluid does not have; a grain that floats weighs nothing."""
+    """[1] with the pressure of rest, rho g, which the lattice fluid does not have; what floats weighs nothing."""
     scene = Scene(configure(loads(DISC)))
     volume = np.array([1.0, 2.0])
     force = scene.constant_force(np.array([2650.0, 2000.0]), volume)
