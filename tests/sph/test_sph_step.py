@@ -63,9 +63,11 @@ ORDERS = {"euler": 1, "symplectic": 1, "predictor-corrector": 1, "rk3-tvd": 3}
 
 @pytest.mark.parametrize("integrator, order", ORDERS.items())
 def test_order_of_the_integrators(integrator, order):
+    """And all go to one solution: what first order leaves is as much as half the step changes."""
     coarse, middle, fine = (smooth(integrator, dt) for dt in (5e-4, 2.5e-4, 1.25e-4))
     measured = np.log2(np.abs(coarse - middle).max() / np.abs(middle - fine).max())
     assert order - 0.2 < measured < order + 0.6  # the steps are not infinitely small
+    assert np.abs(fine - smooth("rk3-tvd", 1.25e-4)).max() < 1.3 * np.abs(middle - fine).max()
 
 
 def test_a_step_of_the_predictor_corrector_is_that_of_the_paper():
