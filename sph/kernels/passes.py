@@ -33,7 +33,7 @@ FRESH = {2: (1,), 3: (1, 4)}  # of these, which the row before has not met
 ARGUMENTS = (
     "block, blocks, odd, begin, base, shape, numbers, run_first, run_length, flags, position, v, drho, m, values, sums"
 )
-GIVEN = ("d", "n", "solid_i", "solid_j")  # that the loops compute
+GIVEN = ("d", "n", "beyond", "solid_i", "solid_j")  # that the loops compute
 MASKS = {"both_flow": f"kinds & class_i & {FLOWS} == {FLOWS}"}  # of pairs, by their flags (see `Pairs`)
 WALL_MASKS = {  # the same, in cases with walls that follow the fluid
     "one_follows": f"(kinds | class_i) & {EXTRAPOLATED} != 0",
@@ -56,7 +56,13 @@ I_ = Vec({lanes}, np.int32)
 LANES_ = np.int64({lanes})
 smoothing = SMOOTHING[{kernel!r}]
 smoothing_w, smoothing_f = smoothing.w, smoothing.f
+FAR2 = REAL((2.0 * smoothing.support) ** 2)  # in h^2: where F is 0
 """
+
+BEYOND = (  # r^2 of lanes behind the end of a run: from `LANES_ - those before it` on
+    "beyonds = np.zeros(2 * LANES_, REAL)",
+    "beyonds[LANES_:] = FAR2 / (per_h * per_h)",
+)
 
 CLEAR = """
 
@@ -74,7 +80,7 @@ class PassText:
         self.spec, self.title, self.one = spec, title, one
         self.sums = sums_of(spec, one)
         self.columns = set[str]()  # that the text reads
-        self._pair(plain=False)  # finds them
+        self._pair(mixed=True)  # finds them
 
     @property
     def source(self) -> str:
@@ -94,7 +100,7 @@ class PassText:
             lines += [f"{name}_ = {places[name]}" for name in spec.components("n")]
         return (
             f"\n\n@njit\ndef {self.title}({ARGUMENTS}):\n"
-            + _indent([*numbers, *lines, "lane, zero = lane_numbers(I_), splat(F_, 0.0)"], 4)
+            + _indent([*numbers, *lines, *BEYOND, "zero = splat(F_, 0.0)"], 4)
             + _indent(["for l in range(blocks[block], blocks[block + 1]):"], 4)
             + _indent(["if (shape[2] + l) & 1 != odd:", "    continue"], 8)
             + _indent(["first, last = base[l], base[l] + begin[l + 1] - begin[l]"], 8)
@@ -126,37 +132,36 @@ class PassText:
     def _neighbours(self) -> str:
         """The loops over the runs of a body; those that meet only fluid need no classes."""
 
-        def loop(plain: bool, depth: int) -> str:
+        def loop(pair: Sequence[str], depth: int) -> str:
             head = [
                 f"for row in range({ROWS[self.spec.dimensions]}):",
                 "    j = np.int64(run_first[np.uint64(row), u])",
                 "    end = j + np.int64(run_length[np.uint64(row), u])",
                 "    while j < end:",
             ]
-            return _indent(head, depth) + _indent([*self._pair(plain), "j += LANES_"], depth + 8)
+            return _indent(head, depth) + _indent([*pair, "j += LANES_"], depth + 8)
 
+        plain, mixed = self._pair(mixed=False), self._pair(mixed=True)
         if not self.spec.walls:
-            return loop(True, 12)
+            return loop(plain, 12)
         body = _indent(["class_i = flags[u]"], 12)
+        if self.one.by_volume and self.spec.without_volume:
+            return body + _indent(["if class_i & 4 == 0:"], 12) + loop(plain, 16)
         if not self.one.inside:
-            return body + _indent(["if class_i & 16 == 0:"], 12) + loop(False, 16)
-        body += _indent(["if class_i & 16 == 16:"], 12) + loop(True, 16) + _indent(["else:"], 12)
+            return body + _indent(["if class_i & 16 == 0:"], 12) + loop(mixed, 16)
+        body += _indent(["if class_i & 16 == 16:"], 12) + loop(plain, 16)
         if self.one.wall:
-            body += _indent(["solid_i = mass_i if class_i & 4 == 4 else REAL(0.0)", "mass_i -= solid_i"], 16)
-        return body + loop(False, 16)
+            body += _indent(["elif class_i & 4 == 4:", "    solid_i, mass_i = mass_i, REAL(0.0)"], 12)
+            body += loop(self._wall_pair(), 16)
+        body += _indent(["else:"], 12)
+        if self.one.wall:
+            body += _indent(["solid_i = REAL(0.0)"], 16)
+        return body + loop(mixed, 16)
 
-    def _pair(self, plain: bool) -> list[str]:
-        """One vector of neighbours; plain: all are fluid and near none that is not."""
-        mixed = not plain
+    def _pair(self, mixed: bool) -> list[str]:
+        """One vector of neighbours; not mixed: all are fluid and near none that is not."""
         known = {*GIVEN, *NUMBERS, "gravity", "fall"}
-        before = self._distance() + self._prepared("F", known, mixed)
-        before.append("F = select(lane < np.int32(end - j), F, 0.0)")
-        if mixed:
-            before += [
-                "kinds = load(I_, flags, j)",
-                "partners = (kinds | class_i) & 3 == 3",
-                "F = select(partners, F, 0.0)",
-            ]
+        first = self._first(known, mixed)
         lines = [line for one in self.one.lines for line in self._line(one, known, mixed)]
         for _, _, by in self.one.sums:
             lines += [line for name in by for line in self._prepared(name, known, mixed)]
@@ -164,16 +169,34 @@ class PassText:
             lines.append(f"sum{k} = fma({to[0]}, {factors[0]}, sum{k})  # {name}")
             lines.append(f"store(sums{k}, j, fma({to[1]}, {factors[1]}, load(F_, sums{k}, j)))")
         if self.one.wall and mixed:
-            lines += self._wall_force(known)
-        loads = [f"{name}_j = load(F_, {name}_, j)" for name in sorted(self.columns)]
-        if self.one.wall and mixed:  # these have neither mass nor volume
-            loads += ["stands = kinds & 4 == 4", "solid_j = select(stands, mass_j, 0.0)"]
-            loads += ["mass_j = select(stands, 0.0, mass_j)"]
-        return before + loads + self._tuples("j") + lines
+            lines += ["repels = stands & (F != 0.0)", "if bitmask(repels) != 0:"]
+            lines += [f"    {line}" for line in self._wall_force(known)]
+        return first + self._loads(mixed) + lines
+
+    def _wall_pair(self) -> list[str]:
+        """One vector of neighbours of a particle of a repulsive wall, to which all else gives nothing."""
+        known = {*GIVEN, *NUMBERS, "gravity", "fall"}
+        return self._first(known, True) + self._loads(True) + self._wall_force(known)
+
+    def _first(self, known: set[str], mixed: bool) -> list[str]:
+        """What is found first: d and F, 0 between two that have nothing to do with each other."""
+        lines = self._distance() + self._prepared("F", known, mixed)
+        if mixed:
+            lines += ["kinds = load(I_, flags, j)", "partners = (kinds | class_i) & 3 == 3"]
+            lines += ["F = select(partners, F, 0.0)"]
+        return lines
+
+    def _loads(self, mixed: bool) -> list[str]:
+        lines = [f"{name}_j = load(F_, {name}_, j)" for name in sorted(self.columns)]
+        if self.one.wall and mixed:  # repulsive walls have neither mass nor volume
+            lines += ["stands = kinds & 4 == 4", "solid_j = select(stands, mass_j, 0.0)"]
+            lines += ["mass_j = select(stands, 0.0, mass_j)"]
+        return lines + self._tuples("j")
 
     def _distance(self) -> list[str]:
         read = "convert(F_, {a}_i - load(I_, {a}_, j))" if self.spec.single else "{a}_i - load(F_, {a}_, j)"
-        return [f"d = {_tuple(read.format(a=a) for a in self.spec.axes)}"]
+        beyond = "beyond = load(F_, beyonds, LANES_ - min(end - j, LANES_))"
+        return [f"d = {_tuple(read.format(a=a) for a in self.spec.axes)}", beyond]
 
     def _parts(self) -> list[tuple[str, tuple[str, str], list[str]]]:
         """Every scalar sum: name, weights, and what they multiply."""
@@ -214,11 +237,11 @@ class PassText:
         spec = self.spec
         lines = [f"n = {_tuple(f'load(F_, {n}_, j) - {n}_[i]' for n in spec.components('n'))}"]
         lines += [text for line in self.one.wall for text in self._line(line, known, True)]
+        lines += ["partners = partners & (lane_numbers(I_) < np.int32(end - j))"]
         for k, a in enumerate(self.sums[: spec.dimensions]):
-            lines += [f"here = select(partners & (lane < np.int32(end - j)), wall[{k}], 0.0)  # {a}"]
+            lines += [f"here = select(partners, wall[{k}], 0.0)  # {a}"]
             lines += [f"sum{k} = sum{k} + here", f"store(sums{k}, j, load(F_, sums{k}, j) - here)"]
-        head = ["repels = ((kinds | class_i) & 4 == 4) & (F != 0.0)", "if bitmask(repels) != 0:"]
-        return head + [f"    {line}" for line in lines]
+        return lines
 
 
 def _tuple(parts) -> str:

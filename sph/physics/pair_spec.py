@@ -31,6 +31,8 @@ class PairSpec:
     single: bool = False
     walls: bool = False
     """Whether bodies of other classes than fluid are there."""
+    without_volume: bool = False
+    """Whether none of these has a volume or is seen in a mirror: density flows among fluid only."""
     repulsive: bool = False
     extrapolated: bool = False
     """Whether there are walls whose density follows from the fluid before them."""
@@ -127,13 +129,14 @@ class Sum(NamedTuple):
 class Pass:
     """Lines of a pair, sums of them, and lines that give `wall`, the further force on i next to a repulsive wall.
 
-    inside: fluid that meets nothing else takes part.
+    inside: fluid that meets nothing else takes part. by_volume: a body gives in proportion to its volume.
     """
 
     lines: list[Line] = field(default_factory=list)
     sums: list[Sum] = field(default_factory=list)
     wall: list[Line] = field(default_factory=list)
     inside: bool = True
+    by_volume: bool = False
 
 
 def momentum(spec: PairSpec) -> Pass:
@@ -178,7 +181,8 @@ def continuity(spec: PairSpec) -> Pass:
         rates = terms.continuity_by_mass_with_flux if flux.formula else terms.continuity_by_mass
     else:
         rates = terms.continuity_with_flux if flux.formula else terms.continuity
-    return Pass([*lines, Line("rate_i, rate_j", rates)], [Sum("rate", ("to_i", "to_j"), ("rate_i", "rate_j"))])
+    sums = [Sum("rate", ("to_i", "to_j"), ("rate_i", "rate_j"))]
+    return Pass([*lines, Line("rate_i, rate_j", rates)], sums, by_volume=True)
 
 
 def gradient(spec: PairSpec) -> Pass:
@@ -259,7 +263,8 @@ def joined(parts: list[Pass]) -> Pass:
     """One pass of several."""
     every = [(part.lines, part.sums, part.wall) for part in parts]
     lines, sums, wall = ([item for group in groups for item in group] for groups in zip(*every))
-    return Pass(lines, sums, wall, inside=any(part.inside for part in parts))
+    inside, by_volume = any(part.inside for part in parts), all(part.by_volume for part in parts)
+    return Pass(lines, sums, wall, inside, by_volume)
 
 
 def sums_of(spec: PairSpec, one: Pass) -> list[str]:

@@ -5,6 +5,7 @@ What a formula needs are its parameters, and passes compute each need once (kern
     d                 x_i - x_j; r2, r its square and length; W, F of the kernel (without the factors of `Smoothing`)
     vd, near, ...     what the formula of that name gives
     eta2, viscous     numbers of the case (see `pair_spec.NUMBERS`)
+    beyond            see `r2`
 Symmetric matrices are their upper triangles, row by row. Forces are on i; j gets the opposite.
 """
 
@@ -34,9 +35,11 @@ def columns_read(*formulas: Callable | None) -> frozenset[str]:
 # ---- what several terms need
 
 
-def r2(d):
-    """r^2."""
-    return dot(d, d)
+def r2(d, beyond):
+    """r^2; beyond is 0, and in lanes where nobody is more than the square of the support."""
+    if len(d) == 2:
+        return fma(d[0], d[0], fma(d[1], d[1], beyond))
+    return fma(d[0], d[0], fma(d[1], d[1], fma(d[2], d[2], beyond)))
 
 
 def r(r2):

@@ -31,6 +31,7 @@ def pair_spec_of(config: SphConfig, others: bool) -> PairSpec:
         artificial=bool(numerics.artificial_viscosity),
         single=numerics.precision == "single",
         walls=others,
+        without_volume=all(rule.repulsive for rule in rules),
         tensile=numerics.tensile_correction > 0,
         shifting=numerics.shifting,
         corrected=numerics.gradient_correction,
