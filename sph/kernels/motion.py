@@ -197,9 +197,30 @@ def rewrap(chunk, chunks, period, x):
 
 
 @njit
-def add_bits(bits, counts, line, b):
-    """bits[N] += those of the bodies from b on that count."""
-    store(bits, 0, load(L, bits, 0) + select(counts, load(L, line.view(np.int64), b), 0))
+def bits_of(first, last, flags, among, wanted, line):
+    """Sum of the bits of a line over bodies whose flags, of these among, are those wanted; modulo 2^64."""
+    found, numbers = splat(L, 0), line.view(np.int64)
+    for b in range(first, last, N):
+        found = found + select(load(I, flags, b) & among == wanted, load(L, numbers, b), 0)
+    return total(found)
+
+
+@njit
+def ends_of(first, last, flags, line):
+    """Largest -x and x of the own fluid along one axis."""
+    below, above = splat(F, -np.inf), splat(F, -np.inf)
+    for b in range(first, last, N):
+        mine, at = load(I, flags, b) & MINE == MINE, load(F, line, b)
+        below, above = maximum(below, select(mine, -at, -np.inf)), maximum(above, select(mine, at, -np.inf))
+    return largest_lane(below), largest_lane(above)
+
+
+@njit
+def largest_lane(vector):
+    """The largest of the lanes."""
+    line = np.empty(N)
+    store(line, 0, vector)
+    return line.max()
 
 
 @njit
@@ -207,32 +228,30 @@ def largest(chunk, chunks, factors, flags, external, x, v, m, sums, drho, part_e
     """part_extremes[chunk] = largest v^2 of all, a^2 of the fluid, |drho| of all, -x and x of the fluid; not a number
     where one is not. bits_found[chunk, k] = sum of the bits of line k of the state, as kernels.cells.put_back has it.
     """
-    best, zero = np.full((3 + 2 * DIM, N), -np.inf), splat(F, 0.0)
-    bits = np.zeros((2 * DIM + 2, N), np.int64)
-    finite = zero
-    for b in range(chunks[chunk], chunks[chunk + 1], N):
+    first, last, zero = chunks[chunk], chunks[chunk + 1], splat(F, 0.0)
+    finite, fastest, hardest, densest = zero, splat(F, -np.inf), splat(F, -np.inf), splat(F, -np.inf)
+    for b in range(first, last, N):
         kinds = load(I, flags, b)
         mine, own = kinds & MINE == MINE, kinds & OWN == OWN
         factor = factors[0] / load(F, m, b)
         v2, a2 = zero, zero
         for k in range(DIM):
-            speed, at = load(F, v[k], b), load(F, x[k], b)
+            speed = load(F, v[k], b)
             a = convert(F, load(S, sums[k], b)) * factor + external[k]
             v2, a2 = v2 + speed * speed, a2 + a * a
-            for n, side in ((3 + k, -at), (3 + DIM + k, at)):
-                store(best[n], 0, maximum(load(F, best[n], 0), select(mine, side, -np.inf)))
-            add_bits(bits[k], own, x[k], b)
-            add_bits(bits[DIM + k], own, v[k], b)
-        add_bits(bits[2 * DIM], kinds & (OWN | NO_DENSITY) == OWN, drho, b)
-        add_bits(bits[2 * DIM + 1], own, m, b)
         v2, a2, excess = select(own, v2, 0.0), select(mine, a2, 0.0), select(own, abs(load(F, drho, b)), 0.0)
         finite = finite + v2 + a2 + excess
-        for n, one in ((0, v2), (1, a2), (2, excess)):
-            store(best[n], 0, maximum(load(F, best[n], 0), one))
-    for n in range(3 + 2 * DIM):
-        part_extremes[chunk, n] = best[n].max() if np.isfinite(total(finite)) else np.nan
-    for k in range(2 * DIM + 2):
-        bits_found[chunk, k] = bits[k].sum()
+        fastest, hardest, densest = maximum(fastest, v2), maximum(hardest, a2), maximum(densest, excess)
+    found = part_extremes[chunk]
+    found[0], found[1], found[2] = largest_lane(fastest), largest_lane(hardest), largest_lane(densest)
+    for k in range(DIM):
+        found[3 + k], found[3 + DIM + k] = ends_of(first, last, flags, x[k])
+        bits_found[chunk, k] = bits_of(first, last, flags, OWN, OWN, x[k])
+        bits_found[chunk, DIM + k] = bits_of(first, last, flags, OWN, OWN, v[k])
+    bits_found[chunk, 2 * DIM] = bits_of(first, last, flags, OWN | NO_DENSITY, OWN, drho)
+    bits_found[chunk, 2 * DIM + 1] = bits_of(first, last, flags, OWN, OWN, m)
+    if not np.isfinite(total(finite)):
+        found[:] = np.nan
 
 
 @njit
