@@ -14,7 +14,7 @@ from numba import types
 from numba.core import cgutils
 from numba.extending import intrinsic
 
-from hpcpic.core.simd.kinds import I32, I64, KIND, load_from, offset, pointer, shuffle, store_to
+from hpcpic.core.simd.kinds import I32, I64, KIND, llvm, load_from, offset, pointer, shuffle, splatted, store_to
 
 FIELD, SUMS = 8, 4  # values of a line
 WORDS = 4  # of a register
@@ -86,6 +86,44 @@ def gather_field(typing_context, kind, base, cells):
         return context.make_tuple(builder, sig.return_type, found)
 
     return types.UniTuple(vec, FIELD)(kind, types.int64, types.int64), codegen
+
+
+@intrinsic
+def gather_sides(typing_context, kind, base, cells, places):
+    """Four vectors: lane k of vector j is a[j] + f b[j] of the line (a[4], b[4]) at base + (integer k at address
+    `cells`), f the number k at address `places`.
+
+    The sum is that of a line, before lines become lanes, which halves what is shuffled.
+    """
+    vec = kind.instance_type
+
+    def codegen(context, builder, sig, args):
+        _, base, cells, places = args
+        value, half, n_bytes = KIND[vec.dtype], ir.VectorType(KIND[vec.dtype], FIELD // 2), FIELD // 2 * vec.size
+        starts = [_start(builder, base, cells, vec, k) for k in range(vec.n)]
+
+        def halves(lanes: list) -> list:
+            parts = [[offset(builder, starts[k], first) for k in lanes] for first in (0, n_bytes)]
+            return [_joined(builder, [load_from(builder, at, half, n_bytes) for at in part]) for part in parts]
+
+        if vec.size == 8:
+            rows = []
+            for k in range(vec.n):
+                (a, b), place = halves([k]), pointer(builder, offset(builder, places, vec.size * k), value)
+                rows.append(llvm(builder, "fma", splatted(builder, builder.load(place), FIELD // 2), b, a))
+            rows = [_joined(builder, [rows[k], rows[k + 2]]) for k in (0, 1, 4, 5)]
+            low, high = _within_words(builder, rows[:2]), _within_words(builder, rows[2:])
+            found = [_words(builder, *pair, words) for words in ((0, 2, 4, 6), (1, 3, 5, 7)) for pair in zip(low, high)]
+        else:
+            f, rows = load_from(builder, places, context.get_value_type(vec), vec.size), []
+            for k in range(WORDS):
+                a, b = halves(list(range(k, vec.n, WORDS)))
+                same = shuffle(builder, f, f, [word + k for word in range(0, vec.n, WORDS) for _ in range(WORDS)])
+                rows.append(llvm(builder, "fma", same, b, a))
+            found = _within_words(builder, rows)
+        return context.make_tuple(builder, sig.return_type, found)
+
+    return types.UniTuple(vec, FIELD // 2)(kind, types.int64, types.int64, types.int64), codegen
 
 
 @intrinsic(prefer_literal=True)

@@ -71,7 +71,7 @@ class PatchArrays(NamedTuple):
 
 
 class ScratchArrays(NamedTuple):
-    """Room of each block: lines of field coefficients, sums of charge, cells of a page's particles."""
+    """Room of each block: lines of field coefficients, sums of charge, cells of a page's particles and E there."""
 
     lines: NDArray
     sums: NDArray

@@ -11,8 +11,8 @@ from hpcpic.plasma.kernels.cell_lines import add_whole, opaque
 from hpcpic.plasma.kernels.lanes import address, inlined, kernel
 from hpcpic.plasma.kernels.linear import spread_field
 from hpcpic.plasma.kernels.moments_simd import HALVES, centred, half
-from hpcpic.plasma.kernels.push import PACK_BYTES, PAGE_BYTES, lines_at, park
-from hpcpic.plasma.kernels.simd_base import E8, position_at
+from hpcpic.plasma.kernels.push import PACK_BYTES, PAGE_BYTES, find_lines, park
+from hpcpic.plasma.kernels.simd_base import E8, F, position_at
 from hpcpic.plasma.kernels.storage import LANES, PAGE
 
 DIM = 2  # axes of the grid
@@ -70,13 +70,12 @@ def count_particles(block, first, last, grid, field, pages, scratch, moment_sums
             page = np.int64(pages.chain[page])
             ahead = base + page * PAGE_BYTES if page >= 0 else at
             for pack in range(packs):
-                here = opaque(at + pack * PACK_BYTES)
-                store_at(opaque(to_cells + pack * 64), lines_at(position_at(here)), 64)
+                find_lines(opaque(at + pack * PACK_BYTES), opaque(to_cells + pack * 64))
             for pack in range(packs):
                 for c in range(0, PACK_BYTES, 64):
                     prefetch(ahead + pack * PACK_BYTES + c)
                 here, cells, n = opaque(at + pack * PACK_BYTES), opaque(to_cells + pack * 64), used - pack * LANES
-                x, y, z = position_at(here)
+                x, y, z = position_at(F, here)
                 vx, vy, vz = centred(here, n, to_lines, cells, kick)
                 for k in range(HALVES):
                     u = half(x, k) + column, half(y, k) + row, half(z, k) + plane, half(vx, k), half(vy, k), half(vz, k)

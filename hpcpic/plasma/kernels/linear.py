@@ -1,8 +1,8 @@
 """Linear shapes (CIC) by vectors, cell by cell.
 
-The field is a line of coefficients per cell (2D: a, b, c, d of E_x, then of E_y; 3D: one line for each component, of
-a, b, c, d and of what times h adds to them), the charge a line of sums: of parts, times f, times g, times f g, and in
-3D of these times h (f, g, h: place in the cell), from which the corners' charge follows.
+The field is a line of coefficients per cell (2D: a and c of E_x and E_y, then their b and d; 3D: one line for each
+component, of those of E and, in place of E_y, of what times h adds to them), the charge a line of sums: of parts, times
+f, times g, times f g, and in 3D of these times h (f, g, h: place in the cell), from which the corners' charge follows.
 """
 
 from hpcpic.core.simd.vector import (
@@ -17,12 +17,13 @@ from hpcpic.core.simd.vector import (
     store_at,
     store_lines,
 )
-from hpcpic.plasma.kernels.cell_lines import add_sums, gather_field, load_sums
+from hpcpic.plasma.kernels.cell_lines import add_sums, gather_sides, load_sums
 from hpcpic.plasma.kernels.lanes import address, bits_of, inlined, kernel
 from hpcpic.plasma.kernels.simd_base import (
     MAGIC_BITS,
     P8,
     R8,
+    ROW,
     SIZE,
     WIDE,
     F,
@@ -69,8 +70,8 @@ def spread_field(part, grid, field, lines):
                     left, right = field_on(from_left, scale), field_on(from_left + 8, scale)
                     store_lines(to, (convert(R8, left), convert(R8, right - left)))
                 elif DIM == 2:
-                    store_lines(to, (*converted(coefficients(component(field, 0) + at, width, scale)),
-                                     *converted(coefficients(component(field, 1) + at, width, scale))))  # fmt: skip
+                    store_sides(to, coefficients(component(field, 0) + at, width, scale),
+                                coefficients(component(field, 1) + at, width, scale))  # fmt: skip
                 else:
                     for axis in range(3):
                         spread_cube(component(field, axis) + at, width, pitch * width, scale, to + axis * ALONG)
@@ -88,42 +89,41 @@ def coefficients(at, width, scale):
 
 
 @inlined
-def converted(k):
-    """Four coefficients in the precision of particles."""
-    return convert(R8, k[0]), convert(R8, k[1]), convert(R8, k[2]), convert(R8, k[3])
+def store_sides(to, u, v):
+    """Lines of eight cells from two times a, b, c, d, in the precision of particles: a and c of both, then b and d."""
+    store_lines(to, (convert(R8, u[0]), convert(R8, v[0]), convert(R8, u[2]), convert(R8, v[2]),
+                     convert(R8, u[1]), convert(R8, v[1]), convert(R8, u[3]), convert(R8, v[3])))  # fmt: skip
 
 
 @kernel
 def spread_cube(at, width, plane, scale, to):
     """Store a, b, c, d of eight cells of a plane, and what a, b, c, d of the plane above them have more."""
     low, high = coefficients(at, width, scale), coefficients(at + plane, width, scale)
-    store_lines(to, (*converted(low), *converted(less(high, low))))
+    store_sides(to, low, less(high, low))
 
 
 @inlined
-def bilinear_of(u, first, f, g):
-    """a + b f + (c + d f) g of four coefficients from u[first] on."""
-    return fma(g, fma(f, u[first + 3], u[first + 2]), fma(f, u[first + 1], u[first]))
+def two_at(lines, cells, g):
+    """a + b f + (c + d f) g of both that are in the lines; f stands ROW behind `cells`."""
+    u = gather_sides(F, lines, cells, cells + ROW)
+    return fma(g, u[2], u[0]), fma(g, u[3], u[1])
 
 
 @inlined
 def field_at(lines, cells, place):
     """E of a pack, as many components as there are axes, at (f, g, h) in the cells whose lines are at `lines` +
-    (integers at address `cells`).
+    (integers at address `cells`); see push.find_lines.
     """
     f, g, h = place
     if DIM == 1:
         u = gather_lines(F, 2, lines, load_at(I, cells, 64))
         e = fma(f, u[1], u[0])
         return e, e, e
-    u = gather_field(F, lines, cells)
+    u = two_at(lines, cells, g)
     if DIM == 2:
-        ex = bilinear_of(u, 0, f, g)
-        return ex, bilinear_of(u, 4, f, g), ex
-    v, w = gather_field(F, lines + ALONG, cells), gather_field(F, lines + 2 * ALONG, cells)
-    return (fma(h, bilinear_of(u, 4, f, g), bilinear_of(u, 0, f, g)),
-            fma(h, bilinear_of(v, 4, f, g), bilinear_of(v, 0, f, g)),
-            fma(h, bilinear_of(w, 4, f, g), bilinear_of(w, 0, f, g)))  # fmt: skip
+        return u[0], u[1], u[0]
+    v, w = two_at(lines + ALONG, cells, g), two_at(lines + 2 * ALONG, cells, g)
+    return fma(h, u[1], u[0]), fma(h, v[1], v[0]), fma(h, w[1], w[0])
 
 
 @inlined

@@ -26,7 +26,7 @@ from hpcpic.plasma.kernels.cell_lines import opaque
 from hpcpic.plasma.kernels.lanes import address, bits_of, inlined, kernel
 from hpcpic.plasma.kernels.linear import EDGE, field_at, spread_field
 from hpcpic.plasma.kernels.moments import MOMENTS, SAMPLE_LIMBS, add_place, integrands
-from hpcpic.plasma.kernels.push import PACK_BYTES, PAGE_BYTES, lines_at, park, place_in_cell
+from hpcpic.plasma.kernels.push import PACK_BYTES, PAGE_BYTES, find_lines, park, place_in_cell
 from hpcpic.plasma.kernels.simd_base import E8, MAGIC_BITS, F, I, position_at
 from hpcpic.plasma.kernels.storage import LANES, PAGE
 
@@ -64,10 +64,10 @@ def half(v, k):
 
 @inlined
 def centred(at, n, lines, cells, m):
-    """v- of one pack, whose lanes from n on are parked: zero there. `cells` is the address of lines_at of the pack."""
+    """v- of one pack, whose lanes from n on are parked: zero there. `cells`: see find_lines."""
     vx = load_at(F, at + 64 * DIM, 64)
     vy = vz = splat(F, 0.0)
-    ex, ey, ez = field_at(lines - MAGIC_BITS, cells, place_in_cell(position_at(at)))
+    ex, ey, ez = field_at(lines - MAGIC_BITS, cells, place_in_cell(position_at(F, at)))
     vx = fma(m[0], ex, vx)
     if DIM > 1:
         vy = fma(m[1], ey, load_at(F, at + 64 * (DIM + 1), 64))
@@ -111,8 +111,7 @@ def moments(block, first, last, grid, field, pages, scratch, moment_sums):
                 page = np.int64(pages.chain[page])
                 ahead = base + page * PAGE_BYTES if page >= 0 else at
                 for pack in range(packs):
-                    here = opaque(at + pack * PACK_BYTES)
-                    store_at(opaque(to_cells + pack * 64), lines_at(position_at(here)), 64)
+                    find_lines(opaque(at + pack * PACK_BYTES), opaque(to_cells + pack * 64))
                 for pack in range(packs):
                     for c in range(0, PACK_BYTES, 64):
                         prefetch(ahead + pack * PACK_BYTES + c)

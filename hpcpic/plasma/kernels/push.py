@@ -1,11 +1,12 @@
 """The push by vectors: same results, bit for bit, as kernels.plain.
 
 Per tile part, the field becomes a line of coefficients per cell, and the charge is added up in a line of sums per cell
-(see kernels.cell_lines and the shapes: linear here, in whose place another may stand). A page is gone through in three
-short loops: where the lines of the cells are; gather, Boris and drift; then deposit, where lanes that left the part
-count in a cell that has no node. So no load waits for a store just made. Scalar code takes those who left out after
-the last page, from a list without branches: a branch on who leaves is a mispredicted one. Sums of single precision are
-32 bits without sign, emptied before they can overflow.
+(see kernels.cell_lines and the shapes: linear here, in whose place another may stand). A page is gone through in five
+short loops: where the lines of the cells are; gather; Boris and drift; where the sums of the cells are; then deposit,
+where lanes that left the part count in a cell that has no node. So no load waits for a store just made, and the
+processor sees several packs ahead, as it does not in a loop of as many instructions as it holds at a time. Scalar code
+takes those who left out after the last page, from a list without branches: a branch on who leaves is a mispredicted
+one. Sums of single precision are 32 bits without sign, emptied before they can overflow.
 """
 
 import numpy as np
@@ -39,7 +40,19 @@ from hpcpic.plasma.kernels.linear import (
     spread_field,
 )
 from hpcpic.plasma.kernels.plain import deposit_from, push_slot, take_in
-from hpcpic.plasma.kernels.simd_base import MAGIC_BITS, PART, SIZE, F, I, planes_of, position_at, zero_bytes
+from hpcpic.plasma.kernels.simd_base import (
+    HALF_F,
+    HALF_I,
+    MAGIC_BITS,
+    PART,
+    ROW,
+    SIZE,
+    F,
+    I,
+    planes_of,
+    position_at,
+    zero_bytes,
+)
 from hpcpic.plasma.kernels.storage import COMPONENTS, DIVERGED, GOOD, LANES, PAGE, box_of, depart, leaver_mask, pages_of
 from hpcpic.plasma.kernels.weights import MAGIC, anchor_in
 from hpcpic.plasma.physics.boris import boris
@@ -53,6 +66,7 @@ ALL = (1 << LANES) - 1
 PACK_BYTES, PAGE_BYTES = 64 * COMPONENTS, PAGE * SIZE * COMPONENTS
 PARKED = MAGIC_BITS + CELLS * SUM
 PAGES_AHEAD = 2
+EARLY = COMPONENTS // 2  # components that are prefetched with the gather, the others with the deposit
 MIN_FOR_VECTORS = 40  # particles: fewer are done one by one, which costs less than to spread or gather all cells
 BATCH = 31 if SIZE == 4 else 1 << 60  # pages whose charge the sums of one cell can hold
 
@@ -106,44 +120,73 @@ def place_in_cell(x):
 
 
 @inlined
-def push_pack(at, cells, lines, m, bounds):
-    """Gather, Boris, drift of one pack; bits of the lanes that stay in their part, x, y and z within `bounds`.
+def find_lines(at, cells):
+    """Store lines_at of a pack to `cells`, and ROW behind that the place in the cell along x."""
+    x = position_at(F, at)
+    store_at(cells, lines_at(x), 64)
+    store_at(cells + ROW, x[0] - cell_of(x[0]), 64)
 
-    `cells` holds lines_at of the pack; the cells for the deposit take its place, of lanes that leave one without a
-    node.
-    """
-    before, vx = position_at(at), load_at(F, at + 64 * DIM, 64)
+
+@inlined
+def gather_pack(at, cells, lines):
+    """Store E of a pack ROW behind `cells`, component after component; see find_lines."""
+    e = field_at(lines, cells, place_in_cell(position_at(F, at)))
+    store_at(cells + ROW, e[0], 64)
+    if DIM > 1:
+        store_at(cells + 2 * ROW, e[1], 64)
+    if DIM == 3:
+        store_at(cells + 3 * ROW, e[2], 64)
+
+
+@inlined
+def move_pack(at, e, m):
+    """Boris and drift of a pack, with what gather_pack stored at `e`."""
+    ex = load_at(F, e, 64)
+    ey, ez = ex, ex
+    vx = load_at(F, at + 64 * DIM, 64)
     vy = vz = splat(F, 0.0)
+    if DIM > 1:
+        ey = load_at(F, e + ROW, 64)
+    if DIM == 3:
+        ez = load_at(F, e + 2 * ROW, 64)
     if VELOCITIES > 1:
         vy = load_at(F, at + 64 * (DIM + 1), 64)
     if VELOCITIES > 2:
         vz = load_at(F, at + 64 * (DIM + 2), 64)
-    ex, ey, ez = field_at(lines, cells, place_in_cell(before))
     vx, vy, vz = boris(vx, vy, vz, ex, ey, ez, m, DIM, ROTATION)
-    x, y, z = before[0] + vx, before[1], before[2]
-    store_at(at, x, 64)
+    store_at(at, load_at(F, at, 64) + vx, 64)
     store_at(at + 64 * DIM, vx, 64)
-    inside = (x >= bounds[0]) & (x < bounds[1])
     if DIM > 1:
-        y = y + vy
-        store_at(at + 64, y, 64)
-        inside = inside & (y >= bounds[2]) & (y < bounds[3])
+        store_at(at + 64, load_at(F, at + 64, 64) + vy, 64)
     if DIM == 3:
-        z = z + vz
-        store_at(at + 128, z, 64)
-        inside = inside & (z >= bounds[4]) & (z < bounds[5])
+        store_at(at + 128, load_at(F, at + 128, 64) + vz, 64)
     if VELOCITIES > 1:
         store_at(at + 64 * (DIM + 1), vy, 64)
     if VELOCITIES > 2:
         store_at(at + 64 * (DIM + 2), vz, 64)
-    store_at(cells, select(inside, sums_at((x, y, z)), splat(I, PARKED)), 64)
-    return bitmask(inside)
+
+
+@inlined
+def find_sums(at, cells, bounds):
+    """Store sums_at of half a pack to `cells`, of lanes that left their part those of a cell without a node.
+
+    Returns the bits of those that stay, x, y and z within `bounds`. Halves, as masks of more lanes than a register of
+    AVX2 has are packed and unpacked there.
+    """
+    x, y, z = position_at(HALF_F, at)
+    inside = (x >= bounds[0]) & (x < bounds[1])
+    if DIM > 1:
+        inside = inside & (y >= bounds[2]) & (y < bounds[3])
+    if DIM == 3:
+        inside = inside & (z >= bounds[4]) & (z < bounds[5])
+    store_at(cells, select(inside, sums_at((x, y, z)), splat(HALF_I, PARKED)), 32)
+    return opaque(bitmask(inside))
 
 
 @inlined
 def deposit_pack(at, cells, sums, unit):
-    """Charge of one pack to the sums of the cells that push_pack found; unit: see unit_of."""
-    add_charge(sums, cells, place_in_cell(position_at(at)), unit[0], unit[1])
+    """Charge of one pack to the sums of the cells that find_sums found; unit: see unit_of."""
+    add_charge(sums, cells, place_in_cell(position_at(F, at)), unit[0], unit[1])
 
 
 @kernel
@@ -185,25 +228,33 @@ def unit_of(charge):
 
 @inlined
 def push_page(at, ahead, page, packs, lanes, m, bounds, unit, room, leavers, n):
-    """Push `packs` packs of the page at an address, and prefetch those of the page `ahead`.
+    """Push `packs` packs of the page at an address, and prefetch those of the page `ahead`, in two loops: a processor
+    waits where it has asked for too many lines at a time.
 
     lanes: bits of the last pack's particles; unit: see unit_of; room: addresses of lines, sums and cells. Those who
     leave follow the n that are in `leavers`; returns how many there are then.
     """
     to_lines, to_sums, to_cells = room
     for pack in range(packs):
-        here = opaque(at + pack * PACK_BYTES)
-        store_at(opaque(to_cells + pack * 64), lines_at(position_at(here)), 64)
-    for pack in range(packs - 1, -1, -1):
+        find_lines(opaque(at + pack * PACK_BYTES), opaque(to_cells + pack * 64))
+    for pack in range(packs):
         asked = opaque(ahead + pack * PACK_BYTES)
-        for c in range(COMPONENTS):
+        for c in range(EARLY):
             prefetch_to_write(asked + 64 * c)
-        stay = push_pack(opaque(at + pack * PACK_BYTES), opaque(to_cells + pack * 64), to_lines - MAGIC_BITS, m, bounds)
+        gather_pack(opaque(at + pack * PACK_BYTES), opaque(to_cells + pack * 64), to_lines - MAGIC_BITS)
+    for pack in range(packs):
+        move_pack(opaque(at + pack * PACK_BYTES), opaque(to_cells + pack * 64) + ROW, m)
+    for pack in range(packs - 1, -1, -1):
+        here, cells = opaque(at + pack * PACK_BYTES), opaque(to_cells + pack * 64)
+        stay = find_sums(here, cells, bounds) | find_sums(here + 32, cells + 32, bounds) << LANES // 2
         stay &= lanes
         gone, lanes = lanes ^ stay, ALL
         leavers[np.uint64(n)] = leaver_mask(page, pack, gone)
         n += gone != 0
     for pack in range(packs):
+        asked = opaque(ahead + pack * PACK_BYTES + 64 * EARLY)
+        for c in range(COMPONENTS - EARLY):
+            prefetch_to_write(asked + 64 * c)
         deposit_pack(opaque(at + pack * PACK_BYTES), opaque(to_cells + pack * 64), to_sums - MAGIC_BITS, unit)
     return n
 
@@ -219,8 +270,8 @@ def push_pages(slot, end, grid, species, pages, leavers, patch, room, scout, bat
     heads, chains = address(pages.head), address(pages.chain)
     part, kind = slot // grid.n_species, slot % grid.n_species
     ends, planes = grid.parts[part], planes_of(part, grid.parts)
-    bounds = (splat(F, REAL(ends[5])), splat(F, REAL(ends[6])), splat(F, REAL(ends[3])), splat(F, REAL(ends[4])),
-              splat(F, REAL(planes[0])), splat(F, REAL(planes[1])))  # fmt: skip
+    bounds = (splat(HALF_F, REAL(ends[5])), splat(HALF_F, REAL(ends[6])), splat(HALF_F, REAL(ends[3])),
+              splat(HALF_F, REAL(ends[4])), splat(HALF_F, REAL(planes[0])), splat(HALF_F, REAL(planes[1])))  # fmt: skip
     row = species.mover[kind]
     m = (row[0], row[1], row[2], row[3], row[4], row[5], row[6], row[7], row[8], row[9])
     unit, sign = unit_of(charge[kind])
@@ -288,7 +339,7 @@ def deposit_new(low, slot, grid, species, pages, patch, to_sums, to_cells):
             at = base + page * PAGE_BYTES + pack * PACK_BYTES
             number = lane_numbers(I) + PART(pack * LANES)
             new = (number >= PART(first)) & (number <= PART(last))
-            store_at(to_cells, select(new, sums_at(position_at(at)), splat(I, PARKED)), 64)
+            store_at(to_cells, select(new, sums_at(position_at(F, at)), splat(I, PARKED)), 64)
             deposit_pack(at, to_cells, to_sums - MAGIC_BITS, unit)
         batch += 1
         if batch == BATCH:

@@ -12,7 +12,7 @@ import numpy as np
 from hpcpic.core.simd.vector import Vec, convert, load_at, splat, store_at
 from hpcpic.plasma.kernels.cell_lines import add_first, add_last, shifted_down, shifted_up
 from hpcpic.plasma.kernels.lanes import address, inlined, kernel
-from hpcpic.plasma.kernels.storage import LANES
+from hpcpic.plasma.kernels.storage import LANES, PAGE
 from hpcpic.plasma.kernels.weights import MAGIC
 
 DIM = 2  # axes of the grid
@@ -21,21 +21,24 @@ REAL = np.float64  # precision of a particle
 SIZE = np.dtype(REAL).itemsize
 PART = np.int64 if SIZE == 8 else np.int32  # of the sums of a cell
 F, I, WIDE = Vec(LANES, REAL), Vec(LANES, PART), Vec(8, np.int64)
+HALF_F, HALF_I = Vec(LANES // 2, REAL), Vec(LANES // 2, PART)
 E8, R8, P8 = Vec(8, np.float64), Vec(8, REAL), Vec(8, PART)
 MAGIC_BITS = int(np.array(MAGIC).view(PART))
-EIGHT = 8 * SIZE  # bytes
+EIGHT, ROW = 8 * SIZE, PAGE * SIZE  # bytes: eight numbers, one for each particle of a page
 UNSIGNED = 2**32 - 1 if SIZE == 4 else -1  # bits of a sum
 
 
 @inlined
-def position_at(at):
-    """x, y, z of one pack; zero along axes that the scene does not have."""
-    y = z = splat(F, 0.0)
+def position_at(kind, at):
+    """x, y, z of one pack, or as many of its lanes as the vectors `kind` have; zero along axes that the scene does not
+    have.
+    """
+    y = z = splat(kind, 0.0)
     if DIM > 1:
-        y = load_at(F, at + 64, 64)
+        y = load_at(kind, at + 64, 32)
     if DIM == 3:
-        z = load_at(F, at + 128, 64)
-    return load_at(F, at, 64), y, z
+        z = load_at(kind, at + 128, 32)
+    return load_at(kind, at, 32), y, z
 
 
 @inlined

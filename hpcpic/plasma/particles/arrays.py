@@ -30,7 +30,7 @@ def declared(real: str) -> tuple[Array, ...]:
         Array("leavers", ("boxes", "box_size"), "int64", text="packs with particles that leave"),
         Array("lines", ("blocks", "field_scratch"), real, "", "field coefficients of a tile's cells"),
         Array("sums", ("blocks", "charge_scratch"), whole, text="charge of a tile's cells"),
-        Array("cells", ("blocks", PAGE), whole, text="where the cells of a page's particles are"),
+        Array("cells", ("blocks", 4, PAGE), whole, text="where the cells of a page's particles are, and E there"),
         Array("limbs", ("blocks", "species", "moments", 3), "int64", text="sums of a sample, see core.space.exact"),
         Array("values", ("blocks", "moments", PAGE), "float64", text="integrands of a page's particles"),
         Array("bits", ("blocks", "moments", 2, 8), "int64", text="sums of bits of a species"),
