@@ -31,7 +31,7 @@ def states_of(folder: str, program: str, follow: bool) -> Iterator[Run]:
 
     while True:
         began = time.monotonic()
-        seen = _stamps(folder)  # before reading: what is written meanwhile is a change
+        seen = _stamps(folder) if follow else []  # before reading: what is written meanwhile is a change
         run = open_run(folder, program)
         yield run
         if not follow or not _goes_on(run):

@@ -6,7 +6,7 @@ import pytest
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
-from hpcpic.core.case.config import leaves, loads
+from hpcpic.core.case.config import leaves, load, loads
 from hpcpic.core.case.derived import enforce
 from hpcpic.core.case.schema import dump
 from hpcpic.core.errors import ConfigError
@@ -65,7 +65,7 @@ def test_a_substep_of_the_contacts_is_a_fifth_of_the_largest_stable_one(stiffnes
 
 @pytest.mark.parametrize("name", sorted(shipped_cases()))
 def test_a_shipped_case_is_legal_and_survives_being_written(name):
-    config = config_of(shipped_cases()[name].read_text())
+    config = configure(load(shipped_cases()[name]))
     enforce(derived(config), loads(dump(config)))
     assert config_of(dump(config)) == config
 
