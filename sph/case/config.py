@@ -273,9 +273,12 @@ class Gauge(Section):
         return [0.0 if k == self.direction[0] else extent or spacing for k, extent in enumerate(size)]
 
     def area(self, spacing: float) -> float:
-        """Area of a piece of wall, m2 (2D: length of a strip, m)."""
+        """Area of a piece of wall, m2 (2D: length of a strip, m). The edge of a disc is soft, a spacing wide."""
         if self.radius:
-            return math.pi * self.radius**2 if len(self.at) == 3 else 2 * self.radius
+            outer, solid = self.radius + spacing / 2, len(self.at) == 3
+            if self.radius < spacing / 2:
+                return math.pi * outer**3 / (3 * spacing) if solid else outer**2 / spacing
+            return math.pi * (self.radius**2 + spacing**2 / 12) if solid else 2 * self.radius
         return math.prod(extent for extent in self.extents(spacing) if extent)
 
 

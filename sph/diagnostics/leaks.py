@@ -6,7 +6,7 @@ from numpy.typing import NDArray
 from sph.particles.storage import Slots, Storage
 from sph.particles.walls import Walls
 from sph.setup.scene import Wall
-from sph.setup.tanks import depth_in, depth_in_solid, sides
+from sph.setup.tanks import depth_in_wall, sides
 
 
 class LeakFinder:
@@ -38,9 +38,7 @@ class LeakFinder:
             if not len(near):
                 continue
             x = storage.physical("x", near)
-            at = self.walls.at_rest(wall, x)
-            depth = depth_in_solid(wall, at) if wall.section.solid or wall.shape.plane else depth_in(wall, at)
-            lost = np.flatnonzero(depth > scene.spacing)
+            lost = np.flatnonzero(depth_in_wall(wall, self.walls.at_rest(wall, x)) > scene.spacing)
             if len(lost):
                 place = ", ".join(f"{value:.4g}" for value in x[lost[0]])
                 one = f"particle {storage.number(near[lost[0]])} at ({place}) m"

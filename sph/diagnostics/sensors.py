@@ -15,6 +15,7 @@ from sph.particles.ghosts import Ghosts
 from sph.particles.pair_sums import PairSums
 from sph.particles.slabs import Slabs
 from sph.particles.walls import Walls
+from sph.setup.wall_areas import ends
 
 FIXED_POINT = 2.0**40
 
@@ -43,6 +44,7 @@ class Sensors:
         self.arena.set(
             area_middle=np.zeros((n, scene.dimensions)),
             area_half=np.ascontiguousarray(half),
+            area_ends=np.ascontiguousarray([ends(scene, gauge)[axes] for gauge in self.gauges]),
             area_radius=np.array([gauge.radius or 0.0 for gauge in self.gauges]),
             area_along=np.array([axes.index(k) for k in along]),
             area_wall=self.of,

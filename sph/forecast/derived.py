@@ -20,6 +20,7 @@ from sph.setup.mirror_groups import most_images
 from sph.setup.obstacles import DOMAIN
 from sph.setup.scene import Scene
 from sph.setup.speeds import heights_of, motion_speed
+from sph.setup.wall_areas import ends
 
 SMALL = 6  # spacings across a repulsive body, below which the force on it is off by more than a tenth
 CONTACT = 16  # spacings that a front goes into a wall until its pressure is right: until 4 half as large again or more
@@ -349,6 +350,10 @@ def _sensor(config: SphConfig, scene: Scene, i: int) -> Iterator[Derived]:
         cure = 'a place in the surface of a wall, and the axis along which fluid pushes it there, as "x+"'
         yield Derived(f"wall behind {gauge.name}", "particles", 0, "", "> 0", "fail", "an area of wall", cure,
                       ("gauge", i, "at"), True)  # fmt: skip
+    beyond = float(np.max(half[:, None] - np.abs(ends(scene, gauge))))
+    if beyond > 1e-9 * dp:
+        title, cure = f"{gauge.name} behind another wall", "a smaller area, or another place: nothing presses there"
+        yield Derived(title, "", beyond, "m", "0", "warn", "an area of wall", cure, ("gauge", i, "at"))
     narrow = 2 * gauge.radius if gauge.radius else min(extent for extent in gauge.extents(dp) if extent)
     verdict: Verdict = "ok" if narrow >= dp * (1 - 1e-9) else "warn"
     cure = "" if verdict == "ok" else "a smaller spacing: it reads what the wall bears over a spacing"

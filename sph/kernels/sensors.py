@@ -16,9 +16,11 @@ I = Vec(N, np.int32)
 @njit
 def share(k, s, x, areas):
     """How much of the wall body in slot s belongs to area k: of its own square of one spacing, what lies in the area;
-    nothing farther behind the area than the support, or more than half a spacing before it.
+    nothing farther behind the area than the support, or more than half a spacing before it. A body in the corner, which
+    is behind another wall too, counts where its mirror image in that wall is: it bears what the corner has of the load.
     """
     period, spacing, across, part = areas.period, areas.lengths[0], 0.0, 1.0
+    behind, in_corner = 0.0, False
     for a in range(DIM):
         d = x[a, s] - areas.area_middle[k, a]
         if period[a] > 0.0:
@@ -27,12 +29,18 @@ def share(k, s, x, areas):
             behind = d if areas.area_unit[k] > 0.0 else -d
             if not -0.5 * spacing < behind <= areas.lengths[1]:
                 return 0.0
-        elif areas.area_radius[k] > 0.0:
+            continue
+        for end in areas.area_ends[k, a]:
+            if abs(d) > abs(end) and d * end > 0.0:
+                in_corner, d = True, 2.0 * end - d
+        if areas.area_radius[k] > 0.0:
             across += d * d
         else:
             half = areas.area_half[k, a]
             over = min(d + 0.5 * spacing, half) - max(d - 0.5 * spacing, -half)
             part *= max(over, 0.0) / spacing
+    if in_corner and behind <= 0.0:
+        return 0.0
     if areas.area_radius[k] > 0.0:
         return min(max((areas.area_radius[k] - np.sqrt(across)) / spacing + 0.5, 0.0), 1.0)
     return part

@@ -61,6 +61,11 @@ def depth_in_solid(wall: Tank, x: NDArray) -> NDArray[np.float64]:
     return np.where(np.max(beyond(wall, x, wall.closed), axis=1, initial=-np.inf) >= -thick, depth, -np.inf)
 
 
+def depth_in_wall(wall: Tank, x: NDArray) -> NDArray[np.float64]:
+    """How deep points lie in a wall of any kind, m; negative outside."""
+    return (depth_in_solid if wall.section.solid or wall.shape.plane else depth_in)(wall, x)
+
+
 def beyond(wall: Tank, x: NDArray, faces: set[str]) -> NDArray[np.float64]:
     """[n, face]: how far points lie beyond the planes of these faces of a box, m."""
     box = wall.shape.box

@@ -6,6 +6,7 @@ from sph_scenes import engine, jitter, tank
 
 from hpcpic.core.case.config import loads
 from hpcpic.core.errors import ConfigError
+from sph.case.config import Gauge
 from sph.configure import configure
 
 FLOOR = 'at = [0.5, 0.0]; axis = "y-"; '
@@ -47,6 +48,33 @@ def test_readings_are_means_over_the_time_since_the_last_one():
         assert sph.scalars()["g"] == pytest.approx(pushed / (sph.time - since), rel=1e-8)
 
 
+@pytest.mark.parametrize(
+    "kind, error", [("extrapolated-free-slip", 0.01), ("mirror-no-slip", 0.01), ("repulsive", 0.09)]
+)
+def test_corners_take_nothing_from_a_sensor_in_them(kind, error):
+    """Bodies behind two walls bear a quarter of the load at the foot of one, which was missing. Once it has settled."""
+    side = [gauge(f'at = [1.0, {y}]; axis = "x+"; size = [0.0, 0.05];', f"g{k}") for k, y in enumerate((0.025, 0.075))]
+    sph = pool(*side, gauge('at = [0.05, 0.0]; axis = "y-"; size = [0.1, 0.0];', "floor"), kind=kind)
+    for _ in range(200):
+        sph.step()
+    found, weight = sph.scalars(), 1000 * 9.81
+    for name, depth in (("g0", 0.475), ("g1", 0.425), ("floor", 0.5)):
+        assert found[name] == pytest.approx(weight * depth, rel=error), name
+
+
+def test_corners_take_nothing_from_a_sensor_in_space():
+    """A disc at one edge and one in a corner, a square on three walls: to 1.5 %."""
+    side, foot = 'at = [0.8, %s, 0.04]; axis = "x+"; radius = 0.04;', 'at = [0.05, 0.05, 0.0]; axis = "z-";'
+    foot += "size = [0.1, 0.1, 0.0];"
+    sensors = gauge(side % 0.4, "edge"), gauge(side % 0.04, "corner"), gauge(foot, "foot")
+    sph = pool(*sensors, d=3, size=(0.8, 0.8, 0.6), fill=(0.8, 0.8, 0.5), spacing=0.05)
+    for _ in range(200):
+        sph.step()
+    found, weight = sph.scalars(), 1000 * 9.81
+    for name, depth in (("edge", 0.46), ("corner", 0.46), ("foot", 0.5)):
+        assert found[name] == pytest.approx(weight * depth, rel=0.015), name
+
+
 def test_a_sensor_under_still_water_reads_its_weight():
     """To 5 %, which sums over neighbours lack at h / dp = 1.3, at rest on the lattice: a rectangle and a disc in the
     floor of a 3D tank and one in its side.
@@ -77,7 +105,18 @@ def test_areas():
         return engine(d=d, spacing=0.1, more=more).scene.config.gauge[0].area(0.1)
 
     assert area(FLOOR) == 0.1 and area(FLOOR + "size = [0.3, 0.0];") == 0.3 and area(FLOOR + "radius = 0.2;") == 0.4
-    assert area('at = [0.5, 0.5, 0.0]; axis = "z-"; radius = 0.2;', 3) == pytest.approx(np.pi * 0.04)
+    assert area(FLOOR + "radius = 0.04;") == pytest.approx(0.081)
+
+
+@pytest.mark.parametrize("radius", [0.04, 0.06, 0.13, 0.3])
+def test_a_disc_has_the_area_of_its_soft_edge(radius):
+    """Mean over places on a lattice of what bodies have of it: 1 in the middle, 0 a spacing farther out, linearly."""
+    places = np.random.default_rng(3).uniform(0.0, 0.1, (2, 4000))
+    lattice = 0.1 * np.mgrid[-6:7, -6:7]
+    r = np.hypot(*(lattice[..., None] - places[:, None, None]))
+    mean = 0.1**2 * np.clip((radius - r) / 0.1 + 0.5, 0.0, 1.0).sum(axis=(0, 1)).mean()
+    disc = Gauge(name="g", what="wall-pressure", at=(0.0, 0.0, 0.0), radius=radius)
+    assert disc.area(0.1) == pytest.approx(mean, rel=0.01)
 
 
 @pytest.mark.parametrize(

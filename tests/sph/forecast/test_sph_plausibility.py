@@ -66,12 +66,17 @@ def surface(z):
         ("wall behind sensor", "fail", {"gauge": sensor("at = [0.5, 0.3]; size = [0.0, 0.2];")}),
         ("width of sensor", "ok", {"gauge": sensor("at = [1.0, 0.3]; size = [0.0, 0.2];")}),
         ("width of sensor", "warn", {"gauge": sensor("at = [1.0, 0.3]; radius = 0.001;")}),
+        ("sensor behind another wall", "warn", {"gauge": sensor("at = [1.0, 0.05]; radius = 0.06;")}),
     ],
 )  # fmt: skip
 def test_a_limit_holds_on_both_sides(name, verdict, parts):
     number = told(**parts)[name]
     assert number.verdict == verdict
     assert bool(number.cure) == (verdict != "ok")
+
+
+def test_a_sensor_down_to_the_floor_is_not_behind_it():
+    assert "sensor behind another wall" not in told(gauge=sensor("at = [1.0, 0.05]; radius = 0.05;"))
 
 
 def test_pressures_of_first_contact_last_sixteen_spacings_of_way():

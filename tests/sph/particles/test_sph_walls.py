@@ -23,6 +23,31 @@ def test_what_walls_give_to_the_fluid_the_fluid_gives_to_walls(kind):
     assert np.abs(pushed.sum(axis=1) + force).max() < 1e-11 * np.abs(pushed).sum()
 
 
+def momenta_of_fluid(sph):
+    """[2, particles], in physical axes."""
+    own = sph.storage.fluid_slots
+    return (sph.storage.v[:2, own] * sph.storage.m[own])[np.argsort(sph.scene.axes)]
+
+
+@pytest.mark.parametrize("integrator", ["symplectic", "euler"])
+@pytest.mark.parametrize("kind", KINDS)
+def test_the_impulse_on_a_wall_is_the_momentum_that_the_fluid_has_lost_to_it(kind, integrator):
+    """To rounding, where a step has one evaluation of forces: gravity gives m g t. The first number is that of |F|."""
+    gravity = np.array([2.0, -9.81])
+    sph = wave(kind, integrator=integrator, gravity=gravity)
+    before, length = momenta_of_fluid(sph), 0.0
+    for _ in range(20):
+        force, since = sph.wall_forces()["tank"][0], sph.time
+        sph.step()
+        length += np.linalg.norm(force) * (sph.time - since)
+    weight = sph.storage.m[sph.storage.fluid_slots].sum() * gravity
+    lost = before.sum(axis=1) + weight * sph.time - momenta_of_fluid(sph).sum(axis=1)
+    scale = np.abs(before).sum()
+    assert np.abs(lost).min() > 1e-3 * scale
+    assert np.abs(sph.forces.impulses[0, 1:3] - lost).max() < 1e-11 * scale
+    assert sph.forces.impulses[0, 0] == pytest.approx(length, rel=1e-11)
+
+
 @pytest.mark.parametrize("kind", KINDS)
 def test_nothing_goes_through_a_wall(kind):
     sph = wave(kind, spacing=0.1)
