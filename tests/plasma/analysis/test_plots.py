@@ -205,6 +205,10 @@ def test_timers_show_the_share_of_the_wall_time():
     }
     axes = timers_figure(timers).axes[0]
     assert [text.get_text() for text in axes.texts] == ["0.0 %", "50.0 %"]
+    assert [bar.get_width() for bar in axes.patches] == [0.0, 50.0]  # the longest on top
+    assert [label.get_text() for label in axes.get_yticklabels()] == ["other", "push"]
+    (spread,) = (lines.get_segments() for lines in axes.collections)
+    assert [list(ends[:, 0]) for ends in spread] == [[0.0, 0.0], [25.0, 75.0]]  # of the ranks: half and one and a half
     with pytest.raises(NoData):
         timers_figure({})
 

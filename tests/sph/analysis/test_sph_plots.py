@@ -7,12 +7,15 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 from figure_texts import unreadable
+from matplotlib import colormaps
 
 from hpcpic.core.app.figures import NoData, save
 from hpcpic.core.files.reader import open_run
-from sph.analysis import experiments, particle_plots, render, theory
+from hpcpic.core.files.series import Series
+from sph.analysis import experiments, particle_plots, plots, render, theory
 from sph.analysis.plots import PLOTS
 from sph.app import shipped_cases
+from sph.setup.channel import channel_of
 
 SHORT = {
     "water-column": ("numerics.spacing=0.0146", "simulation.end_time=0.06", "output.pictures=[0.06]"),
@@ -87,6 +90,117 @@ def test_the_filter_makes_a_triangle_13_ms_wide_of_a_spike():
     np.testing.assert_allclose(found, np.maximum(0.0, 1 - np.abs(t) / 6.5e-3) * 1e-4 / 6.5e-3, atol=1e-12)
 
 
+def one_snapshot(monkeypatch, particles, t):
+    """Figures of particles find these of the fluid, at one time, and none of walls."""
+    monkeypatch.setattr(particle_plots, "fluid_at", lambda *_: particles)
+    only = SimpleNamespace(times=np.array([t]), steps=np.array([7]), species=(), index=lambda step: 0)
+    monkeypatch.setattr(particle_plots, "snapshots_of", lambda _: only)
+
+
+def case_of(name):
+    return SimpleNamespace(config=shipped_cases()[name].read_text())
+
+
+THREE = {  # of three pressures in a plane, of three speeds in space
+    "position": np.array([[0.05, 0.02, 0.1], [0.3, 0.25, 0.2], [0.5, 0.1, 0.3]]),
+    "pressure": np.array([200.0, 1000.0, 500.0]),
+    "density": np.array([1001.0, 1002.0, 1003.0]),
+    "velocity": np.array([[3.0, 0.0, 0.0], [0.0, 4.0, 3.0], [0.5, -1.0, 1.0]]),
+}
+
+
+def test_particles_are_drawn_where_they_are_in_the_colour_of_their_pressure(monkeypatch):
+    """MP figures 2 to 5."""
+    one_snapshot(monkeypatch, THREE, 0.3)
+    axes, bar = particle_plots.sequence(case_of("water-column"), 7).axes
+    dots = axes.collections[-1]
+    np.testing.assert_array_equal(dots.get_offsets(), THREE["position"][:, :2])
+    np.testing.assert_array_equal(dots.get_array(), THREE["pressure"])
+    assert dots.get_clim() == bar.get_ylim() == pytest.approx((0.0, 990.0))  # but for one in a hundred
+    assert axes.get_title(loc="left") == "t = 0.3 s" and bar.get_ylabel() == "pressure, Pa"
+    assert (axes.get_xlabel(), axes.get_ylabel()) == ("x, m", "y, m")
+    assert axes.get_xlim()[0] < 0.0 < 0.5 < axes.get_xlim()[1] and axes.get_ylim()[0] < 0.0 < 0.25 < axes.get_ylim()[1]
+
+
+def test_particles_in_space_are_painted_in_the_colour_of_their_speed(monkeypatch):
+    """SC figure 2."""
+    one_snapshot(monkeypatch, THREE, 0.3)
+    given, paint = [], render.paint
+    monkeypatch.setattr(render, "paint", lambda view, *rest: given.append(rest) or paint(view, *rest))
+    bar = particle_plots.sequence(case_of("column-impact-a"), 7).axes[-1]
+    ((x, colours, _),) = given
+    speed = np.array([3.0, 5.0, 1.5])
+    np.testing.assert_array_equal(x[:3], THREE["position"])
+    np.testing.assert_allclose(colours[:3], colormaps["viridis"](speed / bar.get_ylim()[1])[:, :3])
+    assert bar.get_ylim() == pytest.approx((0.0, np.quantile(speed, 0.995))) and bar.get_ylabel() == "speed, m/s"
+
+
+def test_a_picture_in_space_has_x_to_the_right_and_z_upwards():
+    view = render.View(np.array([[0.0, 0.0, 0.0], [1.0, 1.0, 1.0]]), 100)
+    right, up, depth = np.diff(view.project(np.array([[0.0, 0.0, 0.0], [1.0, 0.0, 0.0]])), axis=0)[0]
+    assert right > 60 and up < 0 < depth  # x+ is nearer to the eye, which looks down
+    right, up, _ = np.diff(view.project(np.array([[0.5, 0.5, 0.0], [0.5, 0.5, 1.0]])), axis=0)[0]
+    assert right == pytest.approx(0.0, abs=1e-9) and up > 60
+    assert np.linalg.det(view.axes) == pytest.approx(1.0)  # no picture in a mirror
+
+
+BLOW, BLOW_AT = 0.65, 0.20005  # N s, s
+
+
+def run_with_a_blow():
+    """Column impact: 4 N along x with a blow in one of the steps of 0.1 ms; of abs(F) 10 N all the time."""
+    t = 1e-4 * np.arange(3000)
+    along = 4.0 * t + BLOW * (t > BLOW_AT)
+    columns = {"impulse_column": 10.0 * t, "impulse_column_x": along}
+    units = {"impulse_column": "N s", "force_column_x": "N"}
+    run = case_of("column-impact-a")
+    run.series = Series(columns, units, np.arange(len(t)), t)
+    return run
+
+
+def test_forces_are_rates_of_the_impulse_and_their_mean_over_13_ms_beside_the_experiment():
+    """SC figures 3 and 4."""
+    raw, smooth, measured = plots.forces(run_with_a_blow()).axes[0].lines
+    t = 1e-4 * (np.arange(2999) + 0.5)
+    np.testing.assert_allclose(raw.get_data(), [t, 4.0 + BLOW / 1e-4 * np.isclose(t, BLOW_AT)], rtol=1e-6)
+    triangle = np.maximum(0.0, 1.0 - np.abs(t - BLOW_AT) / 6.5e-3) / 6.5e-3
+    np.testing.assert_allclose(smooth.get_data(), [t, 4.0 + BLOW * triangle], rtol=1e-3)
+    at, force = measured.get_data()
+    np.testing.assert_allclose([at + experiments.COLUMN_SHIFT, force], experiments.COLUMN_FORCE.T, atol=1e-12)
+
+
+def test_impulses_are_those_along_x_and_of_the_size_of_the_force_beside_the_experiment():
+    """The measured one grows by the measured force."""
+    run = run_with_a_blow()
+    along, size, measured = plots.impulses(run).axes[0].lines
+    for line, name in ((along, "impulse_column_x"), (size, "impulse_column")):
+        np.testing.assert_array_equal(line.get_data(), [run.series.time, run.series[name]])
+    t, impulse = measured.get_data()
+    at, force = experiments.COLUMN_FORCE.T
+    np.testing.assert_allclose(t + experiments.COLUMN_SHIFT, at, atol=1e-12)
+    np.testing.assert_allclose(np.diff(impulse) / np.diff(t), (force[1:] + force[:-1]) / 2, atol=1e-9)
+    assert impulse[0] == 0.0
+
+
+def test_the_figures_of_the_column_are_those_of_a_known_force():
+    """By the clock of the experiment: a triangle of 40 N and 0.1 s from 0.35 s, 17 N from 0.5 to 0.8 s, 5 N from 1.2 s.
+    The filter takes a third of its half width off the tip; the run has its own clock, and may end early.
+    """
+    clock = np.arange(0.0, 1.5, 1e-5)
+    force = np.maximum(0.0, 40.0 - 800.0 * np.abs(clock - 0.4))
+    force += 17.0 * ((clock > 0.5) & (clock < 0.8)) + 5.0 * (clock > 1.2)
+    t, impulse = (clock - experiments.COLUMN_SHIFT)[::50], theory.cumulative(clock, force)[::50]
+    found = experiments.column_figures(t, impulse)
+    assert found["peak"] == pytest.approx(40.0 - 800.0 * 6.5e-3 / 3, rel=3e-3)  # samples at every half ms
+    assert found["arrival"] == pytest.approx(0.36, abs=1e-5)
+    assert found["plateau"] == pytest.approx(17.0, rel=1e-6)
+    assert found["impulse"] == pytest.approx(2.0 + 17.0 * 0.3 + 0.5, rel=1e-4)
+    early = experiments.column_figures(t[clock[::50] < 0.7], impulse[clock[::50] < 0.7])
+    assert np.isnan(early["plateau"]) and np.isnan(early["impulse"]) and early["peak"] == found["peak"]
+    measured = {"peak": 33.3, "arrival": 0.355, "plateau": 17.6, "impulse": 13.1}  # as the case tells
+    assert measured == pytest.approx(experiments.COLUMN_FIGURES, rel=5e-3)
+
+
 def test_the_drawn_profiles_are_the_parabola_and_its_stress(monkeypatch):
     """Of steady Poiseuille flow: v / v_max = 4 z/L (1 - z/L); mu epsilon (MP 22) / (rho F L / 2) = 1 - 2 z/L."""
     width, force, nu = 1e-3, 2e-4, 1e-6
@@ -97,15 +211,25 @@ def test_the_drawn_profiles_are_the_parabola_and_its_stress(monkeypatch):
     along, full = force / (2 * nu) * z * (width - z), np.full(400, 1000.0)
     particles = {"position": np.stack([x, z], axis=1), "velocity": np.stack([along, 0 * z], axis=1)}
     particles |= {"mass": full * (width / 40) ** 2, "density": full}
-    monkeypatch.setattr(particle_plots, "fluid_at", lambda *_: particles)
-    steady = SimpleNamespace(times=np.array([5.0]), index=lambda step: 0)  # s: after five times L2 / nu
-    monkeypatch.setattr(particle_plots, "snapshots_of", lambda _: steady)
-    figure = particle_plots.profiles(SimpleNamespace(config=shipped_cases()["poiseuille"].read_text()), 0)
+    one_snapshot(monkeypatch, particles, 5.0)  # s: after five times L2 / nu
+    figure = particle_plots.profiles(case_of("poiseuille"), 0)
     near = 0.05  # the lattice, and images in the planes, where the stress has a kink
     for axes, exact, error in zip(figure.axes, (lambda y: 4 * y * (1 - y), lambda y: 1 - 2 * y), (1e-9, near)):
         assert len(axes.lines) == 2  # of particles, of the series
         for line, tolerance in zip(axes.lines, (error, 1e-9)):
             np.testing.assert_allclose(line.get_xdata(), exact(np.array(line.get_ydata())), atol=tolerance)
+
+
+def test_the_stress_of_a_shear_across_a_channel_counts_too():
+    """Of v = (0, sin k x) with k of one period: rho nu dv_z/dx, but for what the kernel smooths and images undo."""
+    x, z = (np.array(one).ravel() * 2.5e-5 for one in np.meshgrid(np.arange(10) + 0.5, np.arange(40) + 0.5))
+    k, full = 2 * np.pi / 2.5e-4, np.full(400, 1000.0)
+    particles = {"position": np.stack([x, z], axis=1), "velocity": np.stack([0 * x, np.sin(k * x)], axis=1)}
+    particles |= {"mass": full * 2.5e-5**2, "density": full}
+    config = particle_plots.config_of(case_of("poiseuille"))
+    found = particle_plots.shear_stress(config, channel_of(config), particles) / (1e-3 * k)
+    inner = np.abs(z - 5e-4) < 4e-4
+    np.testing.assert_allclose(found[inner], np.cos(k * x)[inner], atol=0.1)
 
 
 def test_the_series_of_poiseuille_flow_starts_at_rest_and_ends_steady():
