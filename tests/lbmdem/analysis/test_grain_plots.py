@@ -3,17 +3,21 @@
 import json
 import subprocess
 import sys
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 from figure_texts import unreadable
 from matplotlib import colormaps
 from matplotlib.collections import LineCollection, PatchCollection
+from matplotlib.colors import to_rgba
 
+from hpcpic.core.app.figures import COLOURS
 from hpcpic.core.files.reader import open_run
 from lbmdem.analysis import grain_plots
 from lbmdem.analysis.grain_plots import all_grains, config_of, touching, with_images
 from lbmdem.analysis.plots import PLOTS
+from lbmdem.app import shipped_cases
 
 BED = """
 simulation = { end_time = 0.002; random_seed = 2; };
@@ -66,6 +70,37 @@ def test_the_lines_of_discs_are_diameters_that_turn_with_them(run, monkeypatch):
     drawn = next(some for some in axes.collections if isinstance(some, LineCollection)).get_segments()
     half = 1e-3 * np.array([[1.0, 0.0], [0.0, 1.0], [np.sqrt(0.5), np.sqrt(0.5)]])
     np.testing.assert_allclose(drawn, np.stack([x - half, x + half], axis=1), atol=1e-15)
+
+
+@pytest.mark.parametrize(("case", "up"), [("settling-disc", 1), ("quick-condition", 2)])
+def test_grains_are_drawn_where_they_are_with_their_radii(monkeypatch, case, up):
+    """Of one snapshot and of all; spheres as seen from y, the nearest last; lines of discs turn (figure 5)."""
+    run = SimpleNamespace(config=shipped_cases()[case].read_text())
+    size = np.array(config_of(run).domain.size)
+    x = np.pad(np.array([[0.3, 0.4, 0.2], [0.6, 0.5, 0.8]])[:, : len(size)] * size, ((0, 0), (0, 3 - len(size))))
+    seen = []
+    for number in range(3):
+        some = {"id": np.arange(2), "position": x + 0.02 * number * size[0] * np.eye(3)[up], "velocity": 0 * x}
+        seen.append(some | {"radius": np.array([0.05, 0.1]) * size[0], "angle": np.array([0.3, -0.4]) * number})
+    snapshots = SimpleNamespace(steps=np.array([0, 10, 20]), times=np.array([0.0, 0.1, 0.2]), index=lambda step: 1)
+    monkeypatch.setattr(grain_plots, "snapshots_of", lambda _: snapshots)
+    monkeypatch.setattr(grain_plots, "all_grains", lambda _, step: seen[step // 10])
+    for step, numbers in ((10, [1]), (None, [0, 1, 2])):
+        for axes, number in zip(grain_plots.grains(run, step).axes, numbers, strict=True):
+            order = [0, 1] if up == 1 else [1, 0]
+            circles = next(some for some in axes.collections if isinstance(some, PatchCollection))
+            boxes = [circle.get_extents() for circle in circles.get_paths()]
+            place, r = seen[number]["position"][order][:, [0, up]], seen[number]["radius"][order]
+            np.testing.assert_allclose([(box.x0 + box.x1, box.y0 + box.y1) for box in boxes], 2 * place, rtol=1e-9)
+            np.testing.assert_allclose([(box.width, box.height) for box in boxes], 2 * np.stack([r, r], axis=1))
+            np.testing.assert_allclose(circles.get_facecolor(), [to_rgba(COLOURS[k]) for k in order])
+            lines = [some.get_segments() for some in axes.collections if isinstance(some, LineCollection)]
+            assert len(lines) == (up == 1)
+            if lines:
+                ways = np.diff(lines[0], axis=1)[:, 0]
+                np.testing.assert_allclose(np.arctan2(ways[:, 1], ways[:, 0]), seen[number]["angle"], atol=1e-9)
+            assert axes.get_title(loc="left") == f"{snapshots.times[number]:.3g} s"
+            assert axes.get_xlim() == (0.0, size[0]) and axes.get_ylim() == (0.0, size[-1])
 
 
 def test_the_contacts_that_are_drawn_are_those_of_the_run(run):
