@@ -10,6 +10,7 @@ from hpcpic.core.comm.world import World
 from hpcpic.core.tasks.graph import Pool
 from hpcpic.core.timers import Timers
 from sph.app import shipped_cases
+from sph.case import geometry
 from sph.case.config import SphConfig
 from sph.configure import configure
 from sph.forecast.derived import derived
@@ -42,6 +43,21 @@ TAKEN_AS_ANOTHER = ("column-impact-c", "column-impact-f", "column-impact-i", "co
 def test_a_shipped_case_is_within_its_limits(name):
     config = configure(load(shipped_cases()[name]))
     assert [str(number) for number in derived(config, 2) if number.verdict == "fail"] == []
+
+
+@pytest.mark.parametrize("name", [name for name in shipped_cases() if name.startswith("column-impact")])
+def test_the_tank_of_the_column_impact_is_that_of_the_paper(name):
+    """SC figure 1: 1.6 x 0.61 x 0.75 m, 0.4 m of it with 0.3 m of water, 10 mm on the floor; a column of 0.12 m stands
+    0.5 m behind the gate and 0.24 m from a side.
+    """
+    config = configure(load(shipped_cases()[name]))
+    boxes = {part.name: geometry.bounds(part.shape) for part in (*config.fluid, *config.wall)}
+    assert boxes["tank"] == ((0.0, 0.0, 0.0), (1.6, 0.61, 0.75)) == config.domain.corners
+    assert boxes["reservoir"] == ((0.0, 0.0, 0.0), (0.4, 0.61, 0.3))
+    assert boxes["bed"] == ((0.4, 0.0, 0.0), (1.6, 0.61, 0.01))
+    size, place = np.subtract(*boxes["column"][::-1]), np.subtract(boxes["column"][0], (0.4, 0.0, 0.0))
+    np.testing.assert_allclose([size, place], [(0.12, 0.12, 0.75), (0.5, 0.24, 0.0)], atol=1e-12)
+    assert config.gravity == (0.0, 0.0, -9.81)
 
 
 @pytest.mark.parametrize("name", ["poiseuille", "standing-wave", "taylor-green"])
