@@ -15,7 +15,7 @@ from sph.particles.ghosts import Ghosts
 from sph.particles.pair_sums import PairSums
 from sph.particles.slabs import Slabs
 from sph.particles.walls import Walls
-from sph.setup.wall_areas import ends
+from sph.setup.tanks import ends
 
 FIXED_POINT = 2.0**40
 

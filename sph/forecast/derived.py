@@ -20,7 +20,7 @@ from sph.setup.mirror_groups import most_images
 from sph.setup.obstacles import DOMAIN
 from sph.setup.scene import Scene
 from sph.setup.speeds import heights_of, motion_speed
-from sph.setup.wall_areas import ends
+from sph.setup.tanks import ends
 
 SMALL = 6  # spacings across a repulsive body, below which the force on it is off by more than a tenth
 CONTACT = 16  # spacings that a front goes into a wall until its pressure is right: until 4 half as large again or more
