@@ -3,7 +3,8 @@
 The density of a particle is the history of its neighbours. One that is left with few of them has no such history: where
 its density is beyond what a weakly compressible fluid can have it gets that of rest, and goes on as a drop does, under
 gravity and before walls, until it falls back. Its mass stays. Among enough neighbours such a density is a divergence.
-Between a rigid body and another solid only fluid is counted: a film of a layer or two is no fluid around a particle.
+Only fluid counts, against what there is room for before walls: a drop that strikes a wall is alone. Between a rigid
+body and another solid there is as much room as anywhere: a film of a layer or two is no fluid around a particle.
 """
 
 import logging
@@ -18,6 +19,8 @@ from sph.physics.stray_limits import FREE_NEIGHBOUR_SHARE, LIMIT, MAX_DENSITY_ER
 from sph.physics.timestep import Clock
 from sph.setup.scene import Scene
 
+LEAST_ROOM = 0.1  # of a neighbourhood: in the corner of a box it is an eighth
+
 log = logging.getLogger("hpcpic.sph")
 
 
@@ -28,7 +31,7 @@ class Strays:
         self.scene, self.world, self.clock, self.storage = scene, world, clock, storage
         self.count, self.most = 0, most_strays(scene.n_fluid)
         self.rigid = [wall.index + 1 for wall in scene.walls if wall.rigid]
-        self.few = FREE_NEIGHBOUR_SHARE * full_neighbourhood(scene.config)
+        self.full = full_neighbourhood(scene.config)
         self._numbers = np.zeros(0, np.int64)
 
     def find(self, density_error: float) -> None:
@@ -47,25 +50,25 @@ class Strays:
         if n > self.most:
             most = f"(one step's strays: {self.most}), most of {storage.culprit(excess)}"
             raise self.clock.diverged(f"the density of {n} particles is {limits} {most}")
-        neighbours = np.zeros(len(slots))
-        neighbours[beyond] = self._neighbours(slots[beyond])
-        if self.world.max(float(neighbours.max(initial=0.0))) >= self.few:
-            self._end(neighbours, limits)
+        share = np.zeros(len(slots))
+        share[beyond] = self._shares(slots[beyond])
+        if self.world.max(float(share.max(initial=0.0))) >= FREE_NEIGHBOUR_SHARE:
+            self._end(share, limits)
         self._numbers = storage.numbers(slots[beyond])
         self._tell(n)
 
-    def _end(self, neighbours: NDArray, limits: str) -> None:
+    def _end(self, share: NDArray, limits: str) -> None:
         storage, rho0 = self.storage, self.scene.rho0
-        who = storage.culprit(neighbours)
-        excess = storage.drho[storage.fluid_slots][neighbours >= self.few] / rho0
+        who = storage.culprit(share)
+        excess = storage.drho[storage.fluid_slots][share >= FREE_NEIGHBOUR_SHARE] / rho0
         worst = self.world.max_array(np.array([excess.max(initial=-np.inf), -excess.min(initial=np.inf)]))
         value = 1 + (worst[0] if worst[0] > worst[1] else -worst[1])
         cause = "a numerical instability, or a fluid faster than eos.max_velocity"
         text = f"the density of {who} is {value:.3g} rho0, {limits}, inside the fluid: {cause}"
         raise self.clock.diverged(text)
 
-    def _neighbours(self, slots: Slots) -> list[int]:
-        """How many bodies are within the support of each of these; beside a rigid body and another solid, of fluid."""
+    def _shares(self, slots: Slots) -> list[float]:
+        """How much fluid there is within the support of each of these, of what there is room for."""
         storage, support = self.storage, self.scene.support
         every = np.flatnonzero(storage.flags[: storage.end] & BODY)
         x, of = storage.x[:, every], storage.key[every] >> WALL_SHIFT
@@ -74,8 +77,10 @@ class Strays:
             close = np.flatnonzero(np.abs(x[0] - storage.x[0, slot]) < support)
             apart = x[:, close] - storage.x[:, slot, None]
             near = of[close[np.sum(apart * apart, axis=0) < support**2]]
+            fluid = np.count_nonzero(near == 0)
             between = len(np.unique(near)) > 2 and np.isin(near, self.rigid).any()
-            found.append(int(np.count_nonzero(near == 0) if between else len(near)) - 1)
+            room = self.full if between else max(self.full - (len(near) - fluid), LEAST_ROOM * self.full)
+            found.append((fluid - 1) / room)
         return found
 
     def settle(self) -> None:

@@ -39,15 +39,34 @@ def test_a_stray_gets_the_density_of_rest_keeps_its_mass_and_falls_on(caplog):
 
 
 @pytest.mark.parametrize("excess", [MAX_DENSITY_ERROR, -MAX_DENSITY_ERROR])
-def test_such_a_density_inside_the_fluid_ends_the_run_and_names_the_particle(excess):
+@pytest.mark.parametrize("place", [(0.45, 0.25), (0.45, 0.05), (0.05, 0.05)])
+def test_such_a_density_inside_the_fluid_ends_the_run_and_names_the_particle(place, excess):
+    """Also at the floor and in a corner, where it can have fewer neighbours."""
     sph = water()
     inside = sph.storage.fluid_slots[
-        np.argmin(np.abs(sph.storage.physical("x", sph.storage.fluid_slots) - (0.45, 0.25)).sum(axis=1))
+        np.argmin(np.abs(sph.storage.physical("x", sph.storage.fluid_slots) - place).sum(axis=1))
     ]
     sph.storage.drho[inside] = excess * sph.scene.rho0
-    number = sph.storage.number(inside)
-    with pytest.raises(Diverged, match=rf"step 0, t = 0 s: the density of particle {number} at \(0.45, 0.25\) m is"):
+    x, y = place
+    named = rf"the density of particle {sph.storage.number(inside)} at \({x}, {y}\) m is"
+    with pytest.raises(Diverged, match=f"step 0, t = 0 s: {named}"):
         sph.step()
+
+
+@pytest.mark.parametrize("kind", ["extrapolated-free-slip", "pressure-continuity"])
+@pytest.mark.parametrize("place", [(0.45, 0.04), (0.04, 0.04)])
+def test_a_drop_that_strikes_a_wall_is_alone_there(place, kind):
+    """On the floor and in a corner, whose bodies are no fluid around it: such a drop, at half the sound speed, ended
+    runs.
+    """
+    sph = engine(more=tank(2, kind, (1.0, 1.2)), size=(1.0, 1.2), low=(0.8, 0.0), fill=(1.0, 0.3), spacing=0.1)
+    drop = sph.storage.fluid_slots[5]
+    for axis, physical in enumerate(sph.scene.axes):
+        sph.storage.x[axis, drop], sph.storage.v[axis, drop] = place[physical], (0.0, -sph.scene.c0 / 2)[physical]
+    sph.storage.drho[drop] = 1.01 * MAX_DENSITY_ERROR * sph.scene.rho0
+    sph.sort()
+    run(sph, 20)
+    assert sph.strays.count >= 1 and sph.scalars()["max_density_error"] < MAX_DENSITY_ERROR
 
 
 def test_a_fluid_that_bursts_ends_the_run():
