@@ -17,6 +17,14 @@ def _padded(n: int) -> int:
     return -(-n // LANES) * LANES
 
 
+def _cells(shape: NDArray[np.int64], n: int) -> Cells:
+    """Room for n grains, one to two buckets for each (no fewer than cells along a periodic axis), and whole vectors from
+    any grain on.
+    """
+    place, begins = np.empty((n, 3), np.int64), np.empty((1 << n.bit_length()) + 1, np.int64)
+    return Cells(shape, place, begins, np.empty(n, np.int64), np.empty(n + LANES, np.int64), np.empty((4, n + LANES)))
+
+
 class ContactList:
     """Slots of all pairs within a margin: near grains, then farther ones, then walls; each part in whole vectors.
 
@@ -28,8 +36,8 @@ class ContactList:
         self.arena, self.number, self.n_walls, self.law = arena, number, n_walls, law
         self.remembers = law.shear > 0.0
         none, pairs = np.empty(0, np.int64), np.empty((0, 2), np.int64)
-        cells = Cells(np.zeros(3, np.int64), np.empty((0, 3), np.int64), none, none)
-        arena.set(ids=none, firsts=none, others=none, slots=none, found=pairs, cells=cells, size=0.0, margin=0.0)
+        arena.set(ids=none, firsts=none, others=none, slots=none, found=pairs, size=0.0, margin=0.0)
+        arena.set(cells=_cells(np.zeros(3, np.int64), 0))
         arena.set(near=0.0, far=0, n_own=0, first_slot=0, n_walls=n_walls)
         for kernel in (search.locate, search.neighbours, search.near_walls, search.count_slots, search.number_slots):
             arena.ask(kernel, rows="row")
@@ -84,10 +92,9 @@ class ContactList:
         """Neighbours of own grains among n, one after the other; `firsts` says where those of each begin."""
         arena, box = self.arena, self.arena.value("box")
         size = (2.0 * float(arena["row"][:n, 3].max()) + arena["margin"]) if n else 1.0
-        shape = np.where(box.inverses > 0.0, np.maximum(1, np.floor(box.lengths / size)), 0).astype(np.int64)
+        shape = np.where(box.inverses > 0.0, np.clip(np.floor(box.lengths / size), 1, max(n, 1)), 0).astype(np.int64)
         shape[(box.inverses == 0.0) & (box.lengths == 0.0)] = 1  # the third axis of a plane
-        head = np.empty(1 << max(4, (2 * n).bit_length()), np.int64)
-        arena.set(cells=Cells(shape, np.empty((n, 3), np.int64), head, np.empty(n, np.int64)))
+        arena.set(cells=_cells(shape, n))
         arena.call(search.locate, rows="row", size=size)
         for _ in range(2):
             wanted = arena.call(search.neighbours, rows="row")

@@ -45,11 +45,14 @@ class Box(NamedTuple):
 
 
 class Cells(NamedTuple):
-    """Grains by cells of about a diameter. shape[3]: cells along a periodic axis, else 0; place[n, 3]: the cell of a
-    grain; head, chain: the first grain of a hash, and the next one after a grain (-1: none).
+    """Grains by cells of a diameter or more. shape[3]: cells along a periodic axis, else 0; place[n, 3]: the cell of a
+    grain. Cells share buckets; bucket b holds begins[b] .. begins[b + 1] of grain, line (of cells along x) and ball[4,
+    n] (centre, radius), in the order of the rows.
     """
 
     shape: NDArray
     place: NDArray
-    head: NDArray
-    chain: NDArray
+    begins: NDArray
+    grain: NDArray
+    line: NDArray
+    ball: NDArray

@@ -3,30 +3,51 @@
 import numpy as np
 
 from hpcpic.core.simd.compile import njit
+from hpcpic.core.simd.vector import Vec, address_of, bitmask, first_bit, load, load_at, rint
+from lbmdem.physics.contact_law import LANES
 
+F, I = Vec(LANES, "float64"), Vec(LANES, "int64")
 FAR = 1 << 40  # cell numbers of a grain thrown away stay integers
+SCATTER = -7046029254386353131  # 2^64 over the golden ratio
 
 
 @njit
-def hash_of(x, y, z, mask):
-    """Index in `head` of the cell (x, y, z)."""
-    return (x * 73856093 ^ y * 19349663 ^ z * 83492791) & mask
+def bucket_of(x, line, buckets):
+    """Bucket of a cell: cells of a line follow each other, lines begin anywhere. buckets: a power of two."""
+    return (x + (line * SCATTER >> 32)) & (buckets - 1)
+
+
+@njit
+def line_of(y, z):
+    """Number of a line of cells along x, not shared by lines that are near each other."""
+    return y + (z << 32)
 
 
 @njit
 def locate(rows, size, box, cells):
-    """Put all grains into cells of the size, or a little larger along periodic axes."""
-    shape, place, head, chain = cells
-    head[:] = -1
-    for k in range(chain.size - 1, -1, -1):
+    """Put all grains into cells of the size, or a little larger along periodic axes, and sort them by buckets."""
+    shape, place, begins, grain, line, ball = cells
+    begins[:] = 0
+    buckets, n = begins.size - 1, grain.size
+    for k in range(n):
         for c in range(3):
             if shape[c] > 0:
                 place[k, c] = max(0, min(np.int64(rows[k, c] * box.inverses[c] * shape[c]), shape[c] - 1))
             else:
                 place[k, c] = np.int64(np.floor(min(max(rows[k, c] / size, -FAR), FAR)))
-        h = hash_of(place[k, 0], place[k, 1], place[k, 2], head.size - 1)
-        chain[k] = head[h]
-        head[h] = k
+        begins[bucket_of(place[k, 0], line_of(place[k, 1], place[k, 2]), buckets)] += 1
+    count = 0
+    for bucket in range(buckets + 1):
+        count += begins[bucket]
+        begins[bucket] = count
+    for k in range(n - 1, -1, -1):
+        of_k = line_of(place[k, 1], place[k, 2])
+        bucket = bucket_of(place[k, 0], of_k, buckets)
+        begins[bucket] -= 1
+        at = begins[bucket]
+        grain[at], line[at] = k, of_k
+        for c in range(4):
+            ball[c, at] = rows[k, c]
 
 
 @njit
@@ -52,37 +73,57 @@ def distance_sq(row, other, box):
 
 
 @njit
+def ahead(n):
+    """Bits of the lanes below n."""
+    return (1 << min(n, LANES)) - 1
+
+
+@njit(forceinline=True)
+def near_lanes(row, wanted, margin, box, line, ball, at):
+    """Bits of the grains from `at` on, by buckets, that are of the line and near the row."""
+    base, step = address_of(ball, 0) + 8 * at, 8 * ball.shape[1]
+    dx, dy = load_at(F, base, 8) - row[0], load_at(F, base + step, 8) - row[1]
+    dz, reach = load_at(F, base + 2 * step, 8) - row[2], load_at(F, base + 3 * step, 8) + row[3] + margin
+    dx = dx - rint(dx * box.inverses[0]) * box.lengths[0]
+    dy = dy - rint(dy * box.inverses[1]) * box.lengths[1]
+    dz = dz - rint(dz * box.inverses[2]) * box.lengths[2]
+    return bitmask((dx * dx + dy * dy + dz * dz < reach * reach) & (load(I, line, at) == wanted))
+
+
+@njit
 def neighbours(rows, ids, n_own, margin, box, cells, firsts, others):
     """others[firsts[k] .. firsts[k + 1]]: grains whose surface is within the margin of own grain k's, by id.
 
     Two grains of inverse mass 0 are no pair. Returns how many entries are wanted; beyond others.size none is stored.
     """
     count = np.int64(0)
-    shape, place, head, chain = cells
+    shape, place, begins, grain, line, ball = cells
+    buckets = begins.size - 1
     low, high = np.empty(3, np.int64), np.empty(3, np.int64)
     for c in range(3):
         low[c] = -1 if shape[c] == 0 or shape[c] > 2 else 0
         high[c] = 1 if shape[c] == 0 or shape[c] > 1 else 0
     for k in range(n_own):
         firsts[k] = count
-        row = rows[k]
-        for ox in range(low[0], high[0] + 1):
-            x = around(place[k, 0] + ox, shape[0])
+        row, x = rows[k], place[k, 0]
+        for oz in range(low[2], high[2] + 1):
+            z = around(place[k, 2] + oz, shape[2])
             for oy in range(low[1], high[1] + 1):
-                y = around(place[k, 1] + oy, shape[1])
-                for oz in range(low[2], high[2] + 1):
-                    z = around(place[k, 2] + oz, shape[2])
-                    j = head[hash_of(x, y, z, head.size - 1)]
-                    while j >= 0:
-                        other = rows[j]
-                        if place[j, 0] == x and place[j, 1] == y and place[j, 2] == z and j != k:
-                            reach = row[3] + other[3] + margin
-                            near = distance_sq(row, other, box) < reach * reach
-                            if near and (row[7] > 0.0 or other[7] > 0.0):
+                wanted, ox = line_of(around(place[k, 1] + oy, shape[1]), z), low[0]
+                while ox <= high[0]:
+                    first = bucket_of(around(x + ox, shape[0]), wanted, buckets)
+                    last, ox = first + 1, ox + 1
+                    while ox <= high[0] and bucket_of(around(x + ox, shape[0]), wanted, buckets) == last:
+                        last, ox = last + 1, ox + 1
+                    for at in range(begins[first], begins[last], LANES):
+                        hits = near_lanes(row, wanted, margin, box, line, ball, at) & ahead(begins[last] - at)
+                        while hits:
+                            j = grain[at + first_bit(hits)]
+                            hits &= hits - 1
+                            if j != k and (row[7] > 0.0 or rows[j, 7] > 0.0):
                                 if count < others.size:
                                     insert(others, firsts[k], count, j, ids)
                                 count += 1
-                        j = chain[j]
     firsts[n_own] = count
     return count
 

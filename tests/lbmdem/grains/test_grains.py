@@ -83,6 +83,17 @@ def test_pairs_are_those_of_the_definition(world):
         assert close.sum() > 30
 
 
+@pytest.mark.parametrize("n", [2, 3, 4, 5])
+def test_few_grains_in_a_long_box_are_listed_once(world, n):
+    """A row across a periodic side, whatever the number of cells: the search has few buckets for them."""
+    for side in range(n, 40):  # diameters
+        x = np.full((n, 3), 0.2)
+        x[:, 0] = (1.9 * RADIUS * (np.arange(n) - n // 2)) % (2.2 * RADIUS * side)
+        scene = dem(world, grains(x), HISTORY, (2.2 * RADIUS * side, 0.4, 0.4))
+        assert contact_count(scene) == n - 1
+        assert scene.arena["begins"][scene.grains.held] == 2 * contact_count(scene)
+
+
 def test_springs_find_their_pair_again(world):
     """A new list keeps every spring, whatever the order of grains."""
     scene = dem(world, cloud(64, 3, (0.4,) * 3), HISTORY, (0.4,) * 3)
