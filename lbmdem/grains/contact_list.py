@@ -18,8 +18,8 @@ def _padded(n: int) -> int:
 
 
 def _cells(shape: NDArray[np.int64], n: int) -> Cells:
-    """Room for n grains, one to two buckets for each (no fewer than cells along a periodic axis), and whole vectors from
-    any grain on.
+    """Room for n grains, one to two buckets for each (not fewer than cells along a periodic axis), and whole vectors
+    from any grain on.
     """
     place, begins = np.empty((n, 3), np.int64), np.empty((1 << n.bit_length()) + 1, np.int64)
     return Cells(shape, place, begins, np.empty(n, np.int64), np.empty(n + LANES, np.int64), np.empty((4, n + LANES)))

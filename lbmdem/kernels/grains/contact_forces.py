@@ -15,9 +15,11 @@ from hpcpic.core.simd.vector import (
     convert,
     fma,
     gather_lines,
+    lane_values,
     load,
     load_at,
     maximum,
+    prefetch,
     rint,
     select,
     splat,
@@ -29,6 +31,7 @@ from lbmdem.kernels.grains.films import resistance, shear_resistance
 from lbmdem.physics.contact_law import LANES, ROW
 
 ROW_BYTES, LINE_BYTES = 8 * ROW, 64
+SLOTS_AHEAD = 2 * LANES  # rows of second grains are prefetched: first ones follow each other, these lie anywhere
 F, I, H = Vec(LANES, "float64"), Vec(LANES, "int64"), Vec(LANES, "int32")
 
 
@@ -70,8 +73,11 @@ def store_springs(springs, p, values):
 @njit
 def grain_pairs(part, pair_cuts, contacts, rows, box, law, film, dt):
     """Lines and springs of the slots of this part between grains low[slot] and high[slot]."""
-    base = address_of(rows, 0)
-    for p in range(pair_cuts[part], pair_cuts[part + 1], LANES):
+    base, end = address_of(rows, 0), pair_cuts[part + 1]
+    for p in range(pair_cuts[part], end, LANES):
+        for at in lane_values(convert(I, load(H, contacts.high, min(p + SLOTS_AHEAD, end - LANES))) * ROW_BYTES):
+            prefetch(base + at)
+            prefetch(base + at + 64)
         at_i, at_j = convert(I, load(H, contacts.low, p)) * ROW_BYTES, convert(I, load(H, contacts.high, p)) * ROW_BYTES
         a, b = gather_lines(F, 4, base, at_i), gather_lines(F, 4, base, at_j)
         dx = nearest(b[0] - a[0], box.lengths[0], box.inverses[0])
@@ -129,7 +135,7 @@ def wall_pairs(part, wall_cuts, contacts, rows, walls, law, film, dt):
         contact(p, (touch, near), (inwards, overlap, u, spin), (squeezing, shearing), contacts, law, film, dt, 2.0)
 
 
-@njit
+@njit(forceinline=True)
 def contact(p, masks, motion, resistances, contacts, law, film, dt, heat):
     """Write the lines of the slots from p on: spring, dashpot and friction where they touch, else a film's forces.
 

@@ -23,6 +23,7 @@ from hpcpic.core.simd.vector import (
     lane_numbers,
     load_at,
     maximum,
+    prefetch,
     rint,
     select,
     splat,
@@ -31,6 +32,7 @@ from hpcpic.core.simd.vector import (
 
 F, I = Vec(8, np.float64), Vec(8, np.int64)
 INFINITE = np.inf
+ENTRIES_AHEAD = 16  # lines of forces are prefetched: those of a grain lie where its partners' pairs are
 
 
 @njit
@@ -112,9 +114,12 @@ def finish(part, grain_cuts, grains, lines, lists, dt):
     of_force, of_power = select(k < 3.0, one, zero), select(k == 3.0, one, zero)
     of_torque = select((k > 3.0) & (k < 7.0), one, zero)
     grain, push, line = address_of(rows, 0), address_of(forces, 0), address_of(lines, 0)
-    for i in range(grain_cuts[part], grain_cuts[part + 1]):
+    first, end = grain_cuts[part], grain_cuts[part + 1]
+    last = lists.begins[end] - 1
+    for i in range(first, end):
         total, radius = splat(F, 0.0), rows[i, 3]
         for at in range(lists.begins[i], lists.begins[i + 1]):
+            prefetch(line + 64 * (lists.entries[min(at + ENTRIES_AHEAD, last)] >> 1))
             slot = lists.entries[at]
             sign, arm = 1.0 - 2.0 * (slot & 1), radius - lines[slot >> 1, 7]
             shares = fma(of_force, splat(F, sign), fma(of_torque, splat(F, arm), of_power))
