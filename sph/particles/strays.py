@@ -80,7 +80,7 @@ class Strays:
             fluid = np.count_nonzero(near == 0)
             between = len(np.unique(near)) > 2 and np.isin(near, self.rigid).any()
             room = self.full if between else max(self.full - (len(near) - fluid), LEAST_ROOM * self.full)
-            found.append((fluid - 1) / room)
+            found.append(float(fluid - 1) / room)
         return found
 
     def settle(self) -> None:
