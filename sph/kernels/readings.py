@@ -1,10 +1,10 @@
-"""Searches among the bodies of a rank, in slots up to `end`: the edge of the fluid, and walls."""
+"""Searches among the bodies of a rank, in slots up to `end`: the edge of the fluid, spray, and walls."""
 
 import numpy as np
 
 from hpcpic.core.simd.compile import njit
-from hpcpic.core.simd.vector import Vec, bitmask, first_bit, lanes, load, maximum, rint, select, splat, store
-from sph.kernels.marks import BODY, CODES, MINE, WALL_SHIFT
+from hpcpic.core.simd.vector import Vec, bitmask, first_bit, fma, lanes, load, maximum, rint, select, splat, store
+from sph.kernels.marks import BODY, CODES, FLUID, MINE, WALL_SHIFT
 
 N = lanes(np.float64)
 F, I = Vec(N, np.float64), Vec(N, np.int32)
@@ -41,6 +41,34 @@ def beside(end, flags, x, at, reach, period, slots):
             n += 1
             found &= found - 1
     return n
+
+
+@njit
+def with_few(end, flags, key, x, slots, support, most, found):
+    """Set found[n] where the fluid in slots[n] has at most so many neighbours of other fluid; an image of its own is none.
+    Neighbours mostly are in slots nearby, which come first.
+    """
+    every = (end + N - 1) // N
+    for n in range(slots.size):
+        s = np.uint64(slots[n])
+        count, here = 0, slots[n] // N
+        for step in range(2 * every):
+            block = here + ((step + 1) >> 1) * (1 - 2 * (step & 1))
+            if block < 0 or block >= every:
+                continue
+            b = block * N
+            square = splat(F, 0.0)
+            for k in range(len(x)):
+                d = load(F, x[k], b) - x[k, s]
+                square = fma(d, d, square)
+            near = bitmask((load(I, flags, b) & FLUID == FLUID) & (square < support * support))
+            while near != 0:
+                other = np.uint64(b + first_bit(near))
+                count += key[other] // CODES != key[s] // CODES
+                near &= near - 1
+            if count > most:
+                break
+        found[n] = count <= most
 
 
 @njit

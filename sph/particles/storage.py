@@ -82,6 +82,12 @@ class Storage:
                 return slots[:n]
             self._room = 2 * n
 
+    def with_few(self, slots: Slots, most: int) -> NDArray[np.bool_]:
+        """Which of the fluid in these slots has at most so many neighbours of fluid, ghosts counted."""
+        found = np.zeros(len(slots), np.bool_)
+        readings.with_few(self.end, self.flags, self.key, self.x, slots, self.scene.support, most, found)
+        return found
+
     def number(self, slot: int) -> int:
         """The number of the particle in a slot."""
         return int(self.key[slot] // CODES)

@@ -5,6 +5,9 @@ its density is beyond what a weakly compressible fluid can have it gets that of 
 gravity and before walls, until it falls back. Its mass stays. Among enough neighbours such a density is a divergence.
 Only fluid counts, against what there is room for before walls: a drop that strikes a wall is alone. Between a rigid
 body and another solid there is as much room as anywhere: a film of a layer or two is no fluid around a particle.
+
+Spray, a drop or a few, cannot pull at a wall: where its density is below that of rest it gets that of rest. By its
+tension it stuck to walls, swung through their surface, ever faster, and flew off with half the sound speed.
 """
 
 import logging
@@ -15,7 +18,15 @@ from numpy.typing import NDArray
 from hpcpic.core.comm.world import World
 from sph.kernels.marks import BODY, WALL_SHIFT
 from sph.particles.storage import Slots, Storage
-from sph.physics.stray_limits import FREE_NEIGHBOUR_SHARE, LIMIT, MAX_DENSITY_ERROR, full_neighbourhood, most_strays
+from sph.physics.stray_limits import (
+    FREE_NEIGHBOUR_SHARE,
+    LIMIT,
+    MAX_DENSITY_ERROR,
+    SPRAY_NEIGHBOUR_SHARE,
+    SPRAY_TENSION,
+    full_neighbourhood,
+    most_strays,
+)
 from sph.physics.timestep import Clock
 from sph.setup.scene import Scene
 
@@ -25,24 +36,35 @@ log = logging.getLogger("hpcpic.sph")
 
 
 class Strays:
-    """Particles torn off so far (`count`, of all ranks), and the numbers of those of the present step on this rank."""
+    """Particles torn off so far (`count`, of all ranks), and the numbers of those that get the density of rest in the
+    present step on this rank: what is torn off, and spray.
+    """
 
     def __init__(self, scene: Scene, world: World, clock: Clock, storage: Storage) -> None:
         self.scene, self.world, self.clock, self.storage = scene, world, clock, storage
         self.count, self.most = 0, most_strays(scene.n_fluid)
         self.rigid = [wall.index + 1 for wall in scene.walls if wall.rigid]
         self.full = full_neighbourhood(scene.config)
+        self.few = int(SPRAY_NEIGHBOUR_SHARE * self.full)
         self._numbers = np.zeros(0, np.int64)
 
     def find(self, density_error: float) -> None:
-        """Look for strays if the largest |rho - rho0| of fluid and walls is beyond the limit. Collective; raises
-        Diverged for one inside the fluid, or for too many.
+        """Look for spray and strays if the largest |rho - rho0| of fluid and walls is beyond the limits. Collective;
+        raises Diverged for a stray inside the fluid, or for too many.
         """
         storage, rho0 = self.storage, self.scene.rho0
         self._numbers = self._numbers[:0]
-        if density_error < LIMIT * rho0:
+        if density_error < SPRAY_TENSION * rho0:
             return
         slots = storage.fluid_slots
+        low = slots[storage.drho[slots] <= -SPRAY_TENSION * rho0]
+        self._numbers = storage.numbers(low[storage.with_few(low, self.few)])
+        if density_error >= LIMIT * rho0:
+            self._numbers = np.append(self._numbers, self._torn_off(slots))
+
+    def _torn_off(self, slots: Slots) -> NDArray[np.int64]:
+        """Numbers of the strays in some slots, those of the fluid. Collective."""
+        storage, rho0 = self.storage, self.scene.rho0
         excess = np.abs(storage.drho[slots]) / rho0
         beyond = excess >= LIMIT
         n = int(self.world.sum_int(np.array([np.count_nonzero(beyond)]))[0])
@@ -54,8 +76,8 @@ class Strays:
         share[beyond] = self._shares(slots[beyond])
         if self.world.max(float(share.max(initial=0.0))) >= FREE_NEIGHBOUR_SHARE:
             self._end(share, limits)
-        self._numbers = storage.numbers(slots[beyond])
         self._tell(n)
+        return storage.numbers(slots[beyond])
 
     def _end(self, share: NDArray, limits: str) -> None:
         storage, rho0 = self.storage, self.scene.rho0

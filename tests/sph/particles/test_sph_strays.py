@@ -69,6 +69,49 @@ def test_a_drop_that_strikes_a_wall_is_alone_there(place, kind):
     assert sph.strays.count >= 1 and sph.scalars()["max_density_error"] < MAX_DENSITY_ERROR
 
 
+KINDS = ["extrapolated-free-slip", "extrapolated-no-slip", "pressure-continuity", "mirror-no-slip"]
+
+
+def drop_at_floor(kind, height, speed, excess, n=1):
+    """A drop of n particles in a row, alone and without gravity, so many spacings over a floor; its steps, as (speed over
+    c0, height in spacings) of the particle that is worst off.
+    """
+    dp = 0.05
+    size = (1.0, 1.2)
+    sph = engine(more=tank(2, kind, size), size=size, low=(0.8, 0.0), fill=(1.0, 0.3), spacing=dp, gravity=(0.0, 0.0))
+    storage, (x, y) = sph.storage, (sph.scene.axes.index(k) for k in range(2))
+    drop = storage.fluid_slots[5 : 5 + n]
+    numbers = storage.numbers(drop)
+    storage.x[x, drop], storage.x[y, drop] = 0.3 + dp * np.arange(n), height * dp
+    storage.v[x, drop], storage.v[y, drop] = 0.0, speed * sph.scene.c0
+    storage.drho[drop] = excess * sph.scene.rho0
+    sph.sort()
+    while True:
+        sph.step()
+        slots = storage.fluid_slots
+        slots = slots[np.isin(storage.numbers(slots), numbers)]
+        yield np.sqrt(np.sum(storage.v[:, slots] ** 2, axis=0)).max() / sph.scene.c0, storage.x[y, slots].min() / dp
+
+
+@pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.parametrize("n", [1, 2])
+def test_spray_in_tension_does_not_stick_to_a_wall(kind, n):
+    """At half a spacing off the wall, where fluid is: it stays, and does not swing through the surface."""
+    course = drop_at_floor(kind, 0.5, 0.0, -0.2, n)
+    speeds, heights = zip(*(next(course) for _ in range(300)))
+    assert max(speeds) < 0.05 and min(heights) > 0.4  # the first step still pulls two together
+
+
+@pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.parametrize("speed", [0.05, 0.2])
+def test_a_drop_leaves_a_wall_as_it_came(kind, speed):
+    """No faster but by the error of steps that change, and most of its speed is left: nothing holds it."""
+    course = drop_at_floor(kind, 3.0, -speed, 0.0)
+    found = [next(course) for _ in range(400)]
+    assert speed * 0.8 < found[-1][0] < speed * 1.03
+    assert found[-1][1] > 3.0
+
+
 def test_a_fluid_that_bursts_ends_the_run():
     """More strays in a step than there may be, each without neighbours."""
     sph = engine(size=(20.0, 20.0), fill=(1.0, 1.3), spacing=0.1, gravity=(0.0, 0.0), more=tank(2, size=(20.0, 20.0)))
