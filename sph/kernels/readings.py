@@ -45,7 +45,7 @@ def beside(end, flags, x, at, reach, period, slots):
 
 @njit
 def with_few(end, flags, key, x, slots, support, most, found):
-    """Set found[n] where the fluid in slots[n] has at most so many neighbours of other fluid; an image of its own is none.
+    """Set found[n] where the fluid in slots[n] has at most so many neighbours of other fluid; its own images are none.
     Neighbours mostly are in slots nearby, which come first.
     """
     every = (end + N - 1) // N

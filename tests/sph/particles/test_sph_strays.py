@@ -73,8 +73,8 @@ KINDS = ["extrapolated-free-slip", "extrapolated-no-slip", "pressure-continuity"
 
 
 def drop_at_floor(kind, height, speed, excess, n=1):
-    """A drop of n particles in a row, alone and without gravity, so many spacings over a floor; its steps, as (speed over
-    c0, height in spacings) of the particle that is worst off.
+    """A drop of n particles in a row, alone and without gravity, so many spacings over a floor. Yields after each step
+    the largest speed, over c0, and the lowest height, in spacings.
     """
     dp = 0.05
     size = (1.0, 1.2)
