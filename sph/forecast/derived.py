@@ -342,8 +342,7 @@ def _sensor(config: SphConfig, scene: Scene, i: int) -> Iterator[Derived]:
     half = np.array(gauge.extents(dp)) / 2 if not gauge.radius else np.full(config.dimensions, gauge.radius)
     k, sign = gauge.direction
     low, high = (np.array(gauge.at) + side * np.maximum(half, dp) for side in (-1.0, 1.0))
-    low[k], high[k] = (gauge.at[k] - dp / 2, gauge.at[k] + scene.support)[:: int(sign)]
-    low[k], high[k] = min(low[k], high[k]), max(low[k], high[k])
+    low[k], high[k] = sorted((gauge.at[k] - sign * dp / 4, gauge.at[k] + sign * scene.support))
     walls = [wall for wall in scene.walls if gauge.wall in ("", wall.name)]
     made = sum(len(wall.near(low, high)[0]) for wall in walls if not wall.rule.images)
     if not made and not any(wall.rule.images for wall in walls):

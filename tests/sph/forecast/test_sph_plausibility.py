@@ -79,6 +79,16 @@ def test_a_sensor_down_to_the_floor_is_not_behind_it():
     assert "sensor behind another wall" not in told(gauge=sensor("at = [1.0, 0.05]; radius = 0.05;"))
 
 
+@pytest.mark.parametrize("sign", ["-", "+"])
+@pytest.mark.parametrize("low, high", [(0.15, 0.2), (0.6, 0.7)])
+def test_a_sensor_finds_the_wall_that_it_is_pushed_to(sign, low, high):
+    """On both sides of slabs one and two spacings thick: their particles begin half a spacing behind the face."""
+    box = f"shape = {{ box = {{ low = [0.3, {low}]; high = [0.7, {high}]; }}; }};"
+    wall = PARTS["wall"][:-1] + f', {{ name = "slab"; solid = true; {box} }} )'
+    place = f"at = [0.5, {high if sign == '-' else low}]; size = [0.2, 0.0];"
+    assert "wall behind sensor" not in told(wall=wall, gauge=sensor(place).replace("x+", f"y{sign}"))
+
+
 def test_pressures_of_first_contact_last_sixteen_spacings_of_way():
     found = told(gauge=sensor("at = [1.0, 0.3]; size = [0.0, 0.2];"), eos="{ max_velocity = 4.0; }")
     assert found["first contact on sensor"].value == pytest.approx(16 * 0.05 / 4.0)
