@@ -344,11 +344,17 @@ def _sensor(config: SphConfig, scene: Scene, i: int) -> Iterator[Derived]:
     low, high = (np.array(gauge.at) + side * np.maximum(half, dp) for side in (-1.0, 1.0))
     low[k], high[k] = sorted((gauge.at[k] - sign * dp / 4, gauge.at[k] + sign * scene.support))
     walls = [wall for wall in scene.walls if gauge.wall in ("", wall.name)]
-    made = sum(len(wall.near(low, high)[0]) for wall in walls if not wall.rule.images)
+    behind = {wall.name: len(wall.near(low, high)[0]) for wall in walls if not wall.rule.images}
+    made = sum(behind.values())
     if not made and not any(wall.rule.images for wall in walls):
         cure = 'a place in the surface of a wall, and the axis along which fluid pushes it there, as "x+"'
         yield Derived(f"wall behind {gauge.name}", "particles", 0, "", "> 0", "fail", "an area of wall", cure,
                       ("gauge", i, "at"), True)  # fmt: skip
+    for wall in walls:
+        if (wall.moving or wall.rigid) and not gauge.wall and behind.get(wall.name):
+            title, cure = f"{gauge.name} stays, {wall.name} moves", f'wall = "{wall.name}", with which it moves'
+            yield Derived(title, "particles", behind[wall.name], "", "0", "warn", "an area of wall", cure,
+                          ("gauge", i, "wall"))  # fmt: skip
     beyond = float(np.max(half[:, None] - np.abs(ends(scene, gauge))))
     if beyond > 1e-9 * dp:
         title, cure = f"{gauge.name} behind another wall", "a smaller area, or another place: nothing presses there"

@@ -14,10 +14,11 @@ I = Vec(N, np.int32)
 
 
 @njit
-def share(k, s, x, areas):
+def share(k, s, wall, x, areas):
     """How much of the wall body in slot s belongs to area k: of its own square of one spacing, what lies in the area;
     nothing farther behind the area than the support, or more than half a spacing before it. A body in the corner, which
-    is behind another wall too, counts where its mirror image in that wall is: it bears what the corner has of the load.
+    is behind another wall too, whose it may be, counts where its mirror image in that wall is: it bears what the corner
+    has of the load.
     """
     period, spacing, across, part = areas.period, areas.lengths[0], 0.0, 1.0
     behind, in_corner = 0.0, False
@@ -39,7 +40,7 @@ def share(k, s, x, areas):
             half = areas.area_half[k, a]
             over = min(d + 0.5 * spacing, half) - max(d - 0.5 * spacing, -half)
             part *= max(over, 0.0) / spacing
-    if in_corner and behind <= 0.0:
+    if behind <= 0.0 if in_corner else 0 <= areas.area_wall[k] != wall:
         return 0.0
     if areas.area_radius[k] > 0.0:
         return min(max((areas.area_radius[k] - np.sqrt(across)) / spacing + 0.5, 0.0), 1.0)
@@ -64,8 +65,7 @@ def push(chunk, chunks, flags, key, x, sums, factors, shape, scale, areas, pushe
             if wall < 0 or not here:
                 continue
             for k in range(areas.area_unit.size):
-                if areas.area_wall[k] < 0 or areas.area_wall[k] == wall:
-                    part = share(k, s, x, areas)
-                    if part > 0.0:
-                        force = np.float64(sums[np.uint64(areas.area_along[k]), s]) * factors[0]
-                        pushed[chunk, k] += np.int64(np.rint(force * part * areas.area_unit[k]))
+                part = share(k, s, wall, x, areas)
+                if part > 0.0:
+                    force = np.float64(sums[np.uint64(areas.area_along[k]), s]) * factors[0]
+                    pushed[chunk, k] += np.int64(np.rint(force * part * areas.area_unit[k]))

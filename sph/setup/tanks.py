@@ -90,13 +90,13 @@ def sides(wall: Tank) -> list[tuple[int, float, float]]:
 
 def ends(scene: Any, gauge: case.Gauge) -> NDArray[np.float64]:
     """[d, 2]: how far it is from the middle of an area, down and up along each axis, to the walls that stay and meet
-    its own at right angles, m; infinite where there is none within reach. An area that moves has none.
+    its own at right angles, m; infinite where there is none within reach, or the distance changes as the area moves.
     """
     along, sign = gauge.direction
     axes, dp = np.eye(scene.dimensions), scene.spacing
     found = np.full((scene.dimensions, 2), (-np.inf, np.inf))
     walls = [wall for wall in scene.walls if not wall.moving and not wall.rigid]
-    if gauge.wall and gauge.wall not in [wall.name for wall in walls]:
+    if any(wall.name == gauge.wall and (wall.rigid or moves_across(wall, along)) for wall in scene.walls):
         return found
     reach = (gauge.radius or max(gauge.extents(dp)) / 2) + scene.support
     starts = [np.array(gauge.at) - sign * depth * axes[along] for depth in (0.5 * dp, scene.support)]
@@ -106,6 +106,15 @@ def ends(scene: Any, gauge: case.Gauge) -> NDArray[np.float64]:
             if abs(near - far) < 0.5 * dp:  # else it is oblique, or the wall of the area itself, which is round
                 found[k, side] = way * near
     return found
+
+
+def moves_across(wall: Tank, along: int) -> bool:
+    """Whether a wall ever moves along another axis than this one."""
+    motion = wall.section.motion
+    if not motion:
+        return False
+    ways = motion.velocity, motion.amplitude, *(place.displacement for place in motion.path)
+    return any(step for way in ways for k, step in enumerate(way) if k != along)
 
 
 def free_way(walls: list[Tank], start: NDArray, way: NDArray, reach: float, spacing: float) -> float:

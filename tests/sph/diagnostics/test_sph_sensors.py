@@ -62,6 +62,20 @@ def test_corners_take_nothing_from_a_sensor_in_them(kind, error):
         assert found[name] == pytest.approx(weight * depth, rel=error), name
 
 
+@pytest.mark.parametrize("way", ["amplitude = [1e-6, 0.0];", "velocity = [0.0, 1e-6];"])
+def test_corners_take_nothing_from_a_sensor_at_the_foot_of_a_piston(way):
+    """Its distance from the floor stays. That of a gate that goes up does not: what the corner bears is not counted."""
+    shape = "shape = { box = { low = [1.0, 0.0]; high = [1.2, 0.9]; }; };"
+    piston = f'{{ name = "piston"; solid = true; {shape} motion = {{ {way} }}; }} );'
+    foot = gauge('at = [1.0, 0.025]; axis = "x+"; size = [0.0, 0.05]; wall = "piston";')
+    more = tank(2, "extrapolated-free-slip", (1.2, 1.0)).replace(" );", f", {piston}") + f"gauge = ( {foot} );"
+    sph = engine(size=(1.2, 1.0), fill=(1.0, 0.5), spacing=0.05, more=more)
+    for _ in range(200):
+        sph.step()
+    expected = 1.0 if "amplitude" in way else 0.77
+    assert sph.scalars()["g"] == pytest.approx(1000 * 9.81 * 0.475 * expected, rel=0.01 if expected == 1.0 else 0.06)
+
+
 def test_corners_take_nothing_from_a_sensor_in_space():
     """A disc at one edge and one in a corner, a square on three walls: to 1.5 %."""
     side, foot = 'at = [0.8, %s, 0.04]; axis = "x+"; radius = 0.04;', 'at = [0.05, 0.05, 0.0]; axis = "z-";'

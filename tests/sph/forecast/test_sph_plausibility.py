@@ -75,6 +75,16 @@ def test_a_limit_holds_on_both_sides(name, verdict, parts):
     assert bool(number.cure) == (verdict != "ok")
 
 
+def test_a_sensor_in_a_wall_that_moves_names_it():
+    piston = '{ name = "piston"; solid = true; shape = { box = { low = [0.7, 0.0]; high = [1.0, 1.0]; }; };'
+    wall = PARTS["wall"][:-1] + f", {piston} motion = {{ amplitude = [0.1, 0.0]; }}; }} )"
+    place = "at = [0.7, 0.1]; size = [0.0, 0.1];"
+    number = told(wall=wall, gauge=sensor(place))["sensor stays, piston moves"]
+    assert number.verdict == "warn" and 'wall = "piston"' in number.cure
+    assert "sensor stays, piston moves" not in told(wall=wall, gauge=sensor(place + ' wall = "piston";'))
+    assert "sensor stays, piston moves" not in told(wall=wall, gauge=sensor(place.replace("0.7", "1.0")))
+
+
 def test_a_sensor_down_to_the_floor_is_not_behind_it():
     assert "sensor behind another wall" not in told(gauge=sensor("at = [1.0, 0.05]; radius = 0.05;"))
 
