@@ -105,7 +105,7 @@ class Sph:
         self.tasks = Tasks(pool, arena_of(scene, declared, parts, mirrors=mirrors))
         self.motion = specialise("sph.kernels", ["motion"], DIM=scene.dimensions, REAL=repr(self.spec.real))
         self.storage = Storage(scene, self.world, self.tasks.arena)
-        self.ghosts = Ghosts(self.storage, self.motion, maps)
+        self.ghosts = Ghosts(self.storage, maps)
         self.cells = Cells(self.tasks, self.grid, scene.dimensions)
         self.sums = PairSums(scene, self.spec, self.tasks, self.ghosts)
         self.evolution = Evolution(self.clock, self.tasks, self.motion, self.sums, self.walls, self.timers)
@@ -154,9 +154,10 @@ class Sph:
     def migrate(self) -> None:
         """Send particles that left the slab to their new ranks. Collective."""
         if self.world.size > 1:
-            owners = self.slabs.owner[self.cells.layer_of(self.storage)]
+            layer, slabs = self.cells.layer_of(self.storage), self.slabs
+            leaving = np.flatnonzero((layer >= 0) & ((layer < slabs.low) | (layer >= slabs.high)))
             self.ghosts.forget()
-            self.storage.migrate(self.clock.step, owners)
+            self.storage.migrate(self.clock.step, leaving, slabs.owner[layer[leaving]])
 
     def balance(self) -> None:
         """Cut slabs of equal load, if the present ones are far from it. Collective."""
@@ -169,12 +170,11 @@ class Sph:
         if self.bodies:
             self.bodies.follow()
         with self.timers.section("ghosts"):
-            if self.walls.moving and any(ghosts.maps.mirrored):
+            if self.walls.moving and any(ghosts.maps.wall):
                 ghosts.maps, mirrors = images_of(self.walls, self.skin.largest_radius)
                 self.tasks.arena.set(mirrors=mirrors)
             if not ghosts.none_anywhere:
-                ghosts.choose(self.cells.layer_of(self.storage), self.slabs)
-                ghosts.refresh(self.clock.step)
+                ghosts.choose(self.clock.step, self.cells.layer_of(self.storage), self.slabs)
         with self.timers.section("sort"):
             ghosts.sorted(self.cells.sort(self.storage, self.slabs))
             self.cells.find(self.skin.radius)

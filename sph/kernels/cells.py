@@ -22,6 +22,7 @@ DIM = 3
 
 AXIS = DIM - 1  # of the fine cells
 FINE = 8
+GAP = 16  # slots between layers: a vector may overrun
 FAR = 2**24  # fine cells from the corner: what is farther counts to the last one
 N = lanes(np.float64)
 F, I = Vec(N, np.float64), Vec(N, np.int32)
@@ -81,6 +82,35 @@ def tally(chunk, chunks, shape, layer, row, count, low, high):
         low[chunk, at] = min(low[chunk, at], row[b])
         high[chunk, at] = max(high[chunk, at], row[b])
     return code
+
+
+@njit
+def divide(first, here, count, low, high, start, begin, base, rows, layers, sweeps, inner):
+    """From what parts have counted in the layers here find where these begin, their rows, and blocks of layers of about
+    equal load: `layers` of a launch, `sweeps` of pairs of an even layer and the next, `inner` without the ends.
+    """
+    parts, n_rows, last = count.shape[0], 0, here - 1
+    begin[0], base[0] = 0, 0
+    for l in range(here):
+        begin[l + 1] = begin[l]
+        for part in range(parts):
+            start[part, l] = begin[l + 1]
+            begin[l + 1] += count[part, l]
+        base[l + 1] = base[l] + (begin[l + 1] - begin[l] + 2 * GAP - 1) // GAP * GAP
+        lowest, highest = low[:, l].min(), high[:, l].max()
+        rows[l, 0], rows[l, 1], rows[l, 2] = lowest, max(highest - lowest + 1, 0), n_rows
+        n_rows += rows[l, 1]
+    layers[0], layers[parts], sweeps[:], sweeps[0], pairs, l = 0, here, last, 0, 0, 0
+    for part in range(1, parts):
+        while begin[l] < begin[here] * part / parts:
+            l += 1
+        layers[part], pair = l, min(l + (l + first) % 2, last)
+        if pairs == 0 or pair > sweeps[pairs]:
+            pairs += 1
+            sweeps[pairs] = pair
+    for part in range(parts + 1):
+        inner[part] = min(max(layers[part], 1), last)
+    return n_rows
 
 
 @njit

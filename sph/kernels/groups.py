@@ -34,7 +34,7 @@ class OldState(NamedTuple):
 
 
 class Shown(NamedTuple):
-    """What ghosts and images show of a particle: [d, slots], [slots] for drho, [d d, slots] for the last two."""
+    """What ghosts and images show of a particle: [d, slots], [d d, slots] for shear and matrix, [slots] for others."""
 
     x: Reals
     v: Reals
@@ -42,14 +42,31 @@ class Shown(NamedTuple):
     gradient: Reals
     shear: Reals
     matrix: Reals
+    key: NDArray[np.int64]
+    flags: NDArray[np.int32]
+    m: Reals
 
 
-class Turns(NamedTuple):
-    """What maps do to positions and velocities: matrices [k, d, d], and velocities [k, d] that they add."""
+class Images(NamedTuple):
+    """Images k, of which 0 is the body itself. A body has one if x . normals[k, p] < offsets[k, p] for all p. What maps
+    do to positions and velocities: matrices turn and spin [k, d, d], shift and push [k, d] that they add, and whether
+    it is a wall that does [k]. Centres of point symmetry: origin [k, d] and tangents [k, t, d] of their layer, squares
+    of these [k, t], between which of them it ends [k, t, 2], and the matrix that leaves what is across it [k, d, d], 0
+    where there are none.
+    """
 
+    normals: Reals
+    offsets: Reals
     turn: Reals
+    shift: Reals
     spin: Reals
     push: Reals
+    mirrored: NDArray[np.bool_]
+    origin: Reals
+    tangents: Reals
+    squares: Reals
+    ends: Reals
+    across: Reals
 
 
 class Areas(NamedTuple):

@@ -37,6 +37,8 @@ class Evolution:
         if not start or self._evaluated_at != self.clock.step:
             with self.timers.section("pairs"):
                 self.evaluations += 1
+                if not start:  # those of y^n are as they were found
+                    self.sums.ghosts.refresh(self.clock.step)
                 if self.sums.spec.accelerated:  # which densities of walls follow
                     axes = list(self.walls.scene.axes)
                     self.tasks.arena["wall_acceleration"][:] = self.walls.acceleration[:, axes]

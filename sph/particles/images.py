@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from hpcpic.core.errors import ConfigError
 from hpcpic.core.space.products import product
-from sph.kernels.groups import Mirrors
+from sph.kernels.groups import Images, Mirrors
 from sph.kernels.marks import CODES
 from sph.particles.walls import Walls
 from sph.setup.mirror_groups import direction
@@ -30,13 +30,8 @@ class Layer:
 
     def __init__(self, origin: NDArray, tangents: NDArray, counts: tuple[int, ...], endless: NDArray[np.bool_]) -> None:
         self.origin, self.tangents = origin, tangents
-        self.first = np.where(endless, -np.inf, 0.0)
-        self.last = np.where(endless, np.inf, np.array(counts) - 1.0)
-
-    def nearest(self, x: NDArray[np.float64]) -> NDArray[np.float64]:
-        """The particle [n, d] of the layer nearest to each of x[d, n]."""
-        places = product(x.T - self.origin, self.tangents.T) / np.sum(self.tangents**2, axis=1)
-        return self.origin + product(np.clip(np.rint(places), self.first, self.last), self.tangents)
+        last = np.array(counts) - 1.0
+        self.ends = np.stack([np.where(endless, -np.inf, 0.0), np.where(endless, np.inf, last)], axis=1)
 
 
 class Maps:
@@ -53,11 +48,6 @@ class Maps:
         self.planes: list[list[Plane]] = [[]]
         self.layers: list[list[tuple[NDArray[np.float64], Layer]]] = [[]]
         self.wall, self.depth = [0], [0.0]
-
-    @property
-    def mirrored(self) -> list[bool]:
-        """By map: it is that of a wall, so that velocities turn and density does not flow."""
-        return [wall > 0 for wall in self.wall]
 
     def add(
         self, turn: NDArray, shift: NDArray, spin: NDArray, push: NDArray, planes: list[Plane], wall: int = 0,
@@ -86,38 +76,24 @@ class Maps:
                 self.add(turn, shift, spin, push, planes, self.wall[j] or other.wall[k], layers)
 
     @cached_property
-    def turns(self) -> NDArray[np.float64]:
-        """The matrices [k, d, d] of positions: a point symmetry also turns what lies in the layer."""
-        return np.array([-np.eye(len(turn)) if layers else turn for turn, layers in zip(self.turn, self.layers)])
-
-    @cached_property
-    def bounds(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """The planes as arrays: normals[k, p, d], offsets[k, p]; an image with fewer planes has some that hold all."""
-        most = max(map(len, self.planes))
-        n, d = self.shift.shape
+    def images(self) -> Images:
+        """All maps as arrays; an image with fewer planes has some that hold all."""
+        (n, d), most = self.shift.shape, max(map(len, self.planes))
         normals, offsets = np.zeros((n, most, d)), np.full((n, most), np.inf)
-        for k, planes in enumerate(self.planes):
+        tangents, ends, squares = np.zeros((n, d - 1, d)), np.zeros((n, d - 1, 2)), np.ones((n, d - 1))
+        turn, origin, across = self.turn.copy(), np.zeros((n, d)), np.zeros((n, d, d))
+        for k, (planes, layers) in enumerate(zip(self.planes, self.layers)):
             for p, (normal, offset) in enumerate(planes):
                 normals[k, p], offsets[k, p] = normal, offset
-        return normals, offsets
-
-    @cached_property
-    def _symmetric(self) -> dict[int, tuple[Layer, NDArray[np.float64]]]:
-        """For each image by point symmetry, the layer with its centres and the matrix that leaves what is across."""
-        one = np.eye(self.shift.shape[1])
-        return {
-            k: (layers[0][1], one - sum(np.outer(normal, normal) for normal, _ in layers))
-            for k, layers in enumerate(self.layers)
-            if layers
-        }
-
-    def shifts(self, codes: NDArray[np.int64], x: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Shifts [n, d] in m of the images codes[n], which ascend, of bodies at x[d, n]."""
-        shift, first = self.shift[codes], np.searchsorted(codes, np.arange(len(self.planes) + 1))
-        for k, (layer, across) in self._symmetric.items():
-            mine = slice(first[k], first[k + 1])
-            shift[mine] += 2 * product(layer.nearest(x[:, mine]), across)
-        return shift
+            if layers:
+                layer = layers[0][1]
+                origin[k], tangents[k], ends[k] = layer.origin, layer.tangents, layer.ends
+                squares[k] = np.sum(layer.tangents**2, axis=1)
+                turn[k] = -np.eye(d)  # what lies in the layer is turned too
+                across[k] = np.eye(d) - sum(np.outer(normal, normal) for normal, _ in layers)
+        mirrored = np.array(self.wall) > 0  # velocities turn and density does not flow
+        maps = turn, self.shift, self.spin, self.push, mirrored
+        return Images(normals, offsets, *maps, origin, tangents, squares, ends, across)
 
 
 def periodic_maps(lengths: NDArray, periodic: NDArray, reach: float) -> Maps:

@@ -13,7 +13,6 @@ from sph.particles.storage import Storage
 from sph.particles.tasks import Tasks, equal_parts
 
 MAX_FINE_CELLS = 2**28  # fine cells of a rank: a table of 1 GB
-GAP = 16  # slots between layers: a vector may overrun
 
 
 class Cells:
@@ -26,6 +25,7 @@ class Cells:
         tasks.arena.set(scale=grid.scale, edge=grid.edges)
         tasks.foresee(self.runs.find, blocks="sweeps")
         tasks.foresee(self.kernels.tally, self.kernels.scatter)
+        tasks.arena.ask(self.kernels.divide, first=0, here=0)
         tasks.foresee(self.kernels.extents, self.kernels.arrange, self.kernels.find_places, blocks="layers")
 
     def _place(self, storage: Storage, wanted: int) -> None:
@@ -50,24 +50,20 @@ class Cells:
         a.reserve(layers=here + 1)
         a["shape"][2:4] = first, here
         self._tally()
-        self._buckets(a["count"][:, :here], first, here)
+        a.reserve(rows=a.call(kernels.divide, first=first, here=here))
         if storage.reserve(int(a["base"][here])):  # in other memory now
             return self.sort(storage, slabs)
         tasks.each(kernels.scatter)
         tasks.each(kernels.extents, blocks="layers")
         fine = a["fine_total"]
-        totals = fine[:here].copy()
-        fine[0] = 0
-        np.cumsum(totals, out=fine[1 : here + 1])
+        fine[1 : here + 1], fine[0] = np.cumsum(fine[:here]), 0
         if fine[here] > MAX_FINE_CELLS:
             raise Diverged("particles are too far from each other: there is no room for the cells between them")
         a.reserve(cells=int(fine[here]))
         tasks.each(kernels.arrange, blocks="layers")
         tasks.each(kernels.find_places, blocks="layers")
         storage.sorted(int(a["base"][here]))
-        for k in range(len(storage.state)):
-            tasks.each(kernels.gather, blocks="layers", k=k)
-            tasks.each(kernels.put_back, blocks="layers", k=k)
+        tasks.permute(kernels.gather, kernels.put_back, len(storage.state), blocks="layers")
         a["chunks"][:] = equal_parts(storage.end, self.parts)
         return a["bucket"]
 
@@ -93,32 +89,9 @@ class Cells:
         """First and number of the layers with bodies and of one more on each side: an empty tank costs nothing. low,
         high: own layers.
         """
-        lowest, highest = self.tasks.arena["span"].min(axis=0)[0], self.tasks.arena["span"].max(axis=0)[1]
+        span = self.tasks.arena["span"]
+        lowest, highest = int(span[:, 0].min()), int(span[:, 1].max())
         if highest < 0:
             return low - 1, 2
-        first, last = max(lowest - 1, low - 1), min(highest + 1, high)
-        return int(first), int(last - first) + 1
-
-    def _buckets(self, count: NDArray[np.int64], first: int, here: int) -> None:
-        """Find from count[part, layer] where layers begin, their rows, and blocks of layers of about equal load."""
-        a = self.tasks.arena
-        per_layer = count.sum(axis=0)
-        begin, base = a["begin"], a["base"]
-        begin[0] = base[0] = 0
-        np.cumsum(per_layer, out=begin[1 : here + 1])
-        np.cumsum((per_layer + (2 * GAP - 1)) // GAP * GAP, out=base[1 : here + 1])
-        a["start"][:, :here] = begin[:here] + np.cumsum(count, axis=0) - count
-        low, high = a["low"][:, :here].min(axis=0), a["high"][:, :here].max(axis=0)
-        rows = a["rows"]
-        rows[:here, 0] = low
-        rows[:here, 1] = np.maximum(high - low + 1, 0)
-        rows[:here, 2] = np.cumsum(rows[:here, 1]) - rows[:here, 1]
-        a.reserve(rows=int(rows[:here, 1].sum()))
-        share = begin[here] * np.arange(self.parts + 1) / self.parts
-        cuts = np.searchsorted(begin[: here + 1], share)
-        cuts[0], cuts[-1] = 0, here
-        a["layers"][:] = cuts
-        pairs = np.unique(np.minimum(cuts[1:-1] + (cuts[1:-1] + first) % 2, here - 1))  # an even layer and the next
-        a["sweeps"][0], a["sweeps"][1:] = 0, here - 1
-        a["sweeps"][1 : 1 + len(pairs)] = pairs
-        a["inner"][:] = np.clip(cuts, 1, here - 1)
+        first, last = max(lowest, low) - 1, min(highest + 1, high)
+        return first, last - first + 1

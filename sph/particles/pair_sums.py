@@ -162,8 +162,7 @@ class PairSums:
         self.tasks.each(self.columns.pack_stress, blocks="layers")
 
     def everything(self, iteration: int) -> None:
-        """a and d rho / dt from one state."""
-        self.ghosts.refresh(iteration)
+        """a and d rho / dt from one state, of which ghosts are too."""
         self.walls(iteration)
         self.pack()
         self.matrices(iteration)

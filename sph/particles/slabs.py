@@ -37,8 +37,8 @@ class CellGrid:
 
 
 class Slabs:
-    """owner[layer]: rank; beside[layer]: own layers next to those of other ranks; peers: the other ranks that a body
-    of this one, or an image of it, may be a ghost of, and the other way round.
+    """owner[layer]: rank; peers: the other ranks that a body of this one, or an image of it, may be a ghost of, and the
+    other way round; spans[k] = (first layer, the one behind the last) of this rank and then of its peers.
     """
 
     def __init__(self, scene: Scene, grid: CellGrid, world: World) -> None:
@@ -54,16 +54,12 @@ class Slabs:
         layers, me = domain.points[0], self.world.rank
         self.domain, self.peers = domain, list[int]()
         self.low, self.high = domain.row_range(me)  # first own layer, and the one behind the last
-        self.beside: NDArray[np.bool_] = np.broadcast_to(False, layers)
         self.owner: NDArray[np.int64] = np.broadcast_to(0, layers)  # many in a large tank: without a list for one rank
-        if self.world.size == 1:
-            return
-        self.owner = np.asarray(domain.owner(np.arange(layers)))
-        ends = np.concatenate([self.owner[:1], self.owner, self.owner[-1:]])
-        self.beside = (ends[:-2] != me) | (ends[2:] != me)
-        mine = np.flatnonzero(self.owner == me)
-        if len(mine):
-            self.peers = self._near(mine[0], mine[-1], me)
+        if self.world.size > 1:
+            self.owner = np.asarray(domain.owner(np.arange(layers)))
+            if self.low < self.high:
+                self.peers = self._near(self.low, self.high - 1, me)
+        self.spans = np.array([domain.row_range(rank) for rank in (me, *self.peers)])
 
     def _near(self, first: int, last: int, me: int) -> list[int]:
         near = self.owner[max(first - IMAGES_REACH, 0) : last + IMAGES_REACH + 1]

@@ -188,7 +188,7 @@ class Storage:
         self.n -= len(slots)
         self._since_sort.clear()
 
-    def remove_ghosts(self, slots: Slots) -> None:
+    def remove_ghosts(self, slots: NDArray[np.int32]) -> None:
         """Take out ghosts."""
         self.flags[slots] = 0
         self._since_sort.clear()
@@ -205,12 +205,9 @@ class Storage:
         self.flags[end : max(end, self.end)] = 0
         self.end = end
 
-    def migrate(self, iteration: int, owners: NDArray[np.int64]) -> None:
-        """Send the own particle in each slot to rank owners[slot]; there are no ghosts now. Collective."""
-        own = self.own_slots
-        leaving = own[owners[own] != self.world.rank]
-        peers = owners[leaving]
-        outgoing = {int(peer): self._pack(leaving[peers == peer]) for peer in np.unique(peers)}
+    def migrate(self, iteration: int, leaving: Slots, owners: NDArray[np.int64]) -> None:
+        """Send the own particles in the slots `leaving` to other ranks, their owners. Collective."""
+        outgoing = {peer: self._pack(leaving[owners == peer]) for peer in set(owners.tolist())}
         self.remove(leaving)
         for message in self._migrate.send(iteration, outgoing):
             records = np.ascontiguousarray(message).reshape(-1).view(self._record)

@@ -37,12 +37,27 @@ class Tasks:
         """
         self.pool.run(self._graph(self._alternate, kernel, more))
 
+    def permute(self, gather: Callable, put_back: Callable, n: int, **more: Any) -> None:
+        """For lines k = 0 .. n - 1 run `gather` for every part, and `put_back` for a part once all have gathered."""
+
+        def make(kernels: tuple[Callable, Callable], more: dict[str, Any]) -> Graph:
+            graph, parts = Graph(), range(self.parts)
+            for k in range(n):
+                there, back = (self.arena.bind(kernel, self.parts, k=k, **more) for kernel in kernels)
+                for part in parts:
+                    graph.task(there, part=part, ins=[(k, other) for other in parts], outs=[part])
+                for part in parts:
+                    graph.task(back, part=part, ins=[part], outs=[(k, part)])
+            return graph
+
+        self.pool.run(self._graph(make, (gather, put_back), more))
+
     def foresee(self, *kernels: Callable, odd: bool = False, **more: Any) -> None:
         """Make the graphs of `each`, or of `alternate`, so that other processes compile these kernels meanwhile."""
         for kernel in kernels:
             self._graph(self._alternate if odd else self._each, kernel, more)
 
-    def _graph(self, make: Callable[..., Graph], kernel: Callable, more: dict[str, Any]) -> Graph:
+    def _graph(self, make: Callable[..., Graph], kernel: Any, more: dict[str, Any]) -> Graph:
         key = (kernel, *more.items())
         if key not in self._graphs:
             self._graphs[key] = make(kernel, more).freeze()

@@ -1,6 +1,7 @@
 """Ghost particles: copies of other ranks' particles. Who is copied is chosen once, values are sent often."""
 
-from collections.abc import Collection, Mapping
+import math
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 from mpi4py import MPI
@@ -23,43 +24,51 @@ class Refresh:
         self._members: dict[int, NDArray[np.int64]] = {}
         self._places: dict[int, slice] = {}
         self._requests: list[MPI.Request] = []
-        self._choices = 0
         self.n = 0
 
     @property
     def messages(self) -> int:
         return len(self._members.keys() - {self._world.rank})
 
-    def choose(self, members: Mapping[int, NDArray[np.int64]], peers: Collection[int] | None = None) -> int:
-        """Collective: members[rank] are the rows of this rank that `rank` keeps as ghosts. Returns `n`.
-
-        peers: the other ranks that may keep any, or whose rows this one may; then nobody else is asked. A rank is a
-        peer of its peers.
-        """
-        self._choices += 1  # the tag of its messages
+    def choose(self, members: Mapping[int, NDArray[np.int64]]) -> int:
+        """Collective: members[rank] are the rows of this rank that `rank` keeps as ghosts. Returns `n`."""
         counts = np.zeros(self._world.size, np.int64)
         for peer, rows in members.items():
             counts[peer] = len(rows)
-        expected = counts.copy()
-        if peers is not None:
-            self._tell(counts, expected, peers)
-        elif self._world.size > 1:
-            self._world.comm.Alltoall(counts, expected)
-        ends = np.cumsum(expected)
-        self._members = {peer: np.asarray(rows) for peer, rows in members.items() if len(rows)}
-        self._places = {int(p): slice(ends[p] - expected[p], ends[p]) for p in np.flatnonzero(expected)}
-        self.n = int(ends[-1])
+        if self._world.size > 1:
+            self._world.comm.Alltoall(counts.copy(), counts)
+        self._keep(members, dict(enumerate(counts.tolist())))
         return self.n
 
-    def _tell(self, counts: NDArray[np.int64], expected: NDArray[np.int64], peers: Collection[int]) -> None:
-        """Numbers of members by messages between peers, instead of one collective of all ranks."""
-        strangers = set(np.flatnonzero(counts).tolist()) - set(peers) - {self._world.rank}
-        if strangers:
-            raise ValueError(f"ghosts for ranks {sorted(strangers)}, which are no peers of rank {self._world.rank}")
-        comm, label = self._world.comm, tag(self._choices, self._channel)
-        requests = [comm.Irecv(expected[peer : peer + 1], peer, label) for peer in peers]
-        requests += [comm.Isend(counts[peer : peer + 1], peer, label) for peer in peers]
-        MPI.Request.Waitall(requests)
+    def choose_and_send(
+        self, iteration: int, members: Mapping[int, NDArray[np.int64]], peers: Sequence[int], values: NDArray
+    ) -> NDArray:
+        """`choose`, `start` and `finish` by one message to each peer, from whose length it learns how many there are.
+
+        peers: the other ranks that may keep any, or whose rows this one may. A rank is a peer of its peers.
+        """
+        rank, comm, label = self._world.rank, self._world.comm, tag(iteration, self._channel)
+        if strangers := members.keys() - {rank, *peers}:
+            raise ValueError(f"ghosts for ranks {sorted(strangers)}, which are no peers of rank {rank}")
+        sent = [comm.Isend(_bytes(values[members.get(peer, [])]), peer, label) for peer in peers]
+        parts, status, row = {rank: values[members.get(rank, [])]}, MPI.Status(), values.shape[1:]
+        for peer in peers:
+            comm.Probe(peer, label, status)
+            n = status.Get_count(MPI.BYTE) // (values.itemsize * math.prod(row))
+            parts[peer] = np.empty((n, *row), values.dtype)
+            comm.Recv(_bytes(parts[peer]), peer, label)
+        MPI.Request.Waitall(sent)
+        self._keep(members, {peer: len(part) for peer, part in parts.items()})
+        return np.concatenate([parts[peer] for peer in sorted(parts)])
+
+    def _keep(self, members: Mapping[int, NDArray[np.int64]], expected: Mapping[int, int]) -> None:
+        """Remember who has which rows, and where those of others go."""
+        self._members = {peer: np.asarray(rows) for peer, rows in members.items() if len(rows)}
+        self._places, self.n = {}, 0
+        for peer, n in sorted(expected.items()):
+            if n:
+                self._places[peer] = slice(self.n, self.n + n)
+                self.n += n
 
     def start(self, iteration: int, values: NDArray) -> None:
         """Send the members' rows of values[n, ...]; the same type and shape of a row on all ranks."""

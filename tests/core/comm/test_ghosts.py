@@ -41,16 +41,19 @@ def test_ghosts_are_what_their_owners_have(world):
 
 @pytest.mark.mpi(min_size=2)
 def test_only_peers_are_asked(world):
-    """Neighbours on a line of ranks: the same ghosts as when all are asked; who is no peer gets none."""
+    """Neighbours on a line of ranks: the same ghosts as when all are asked, at once and later, of those too who show
+    none; who is no peer gets none.
+    """
     peers = [peer for peer in (world.rank - 1, world.rank + 1) if 0 <= peer < world.size]
-    members = {peer: np.arange(world.rank + 1) for peer in peers}
+    members = {peer: np.arange(peer % 2 * (world.rank + 1)) for peer in (*peers, world.rank)}
     values = 10.0 * world.rank + np.arange(world.size)
-    found = []
-    for asked in (peers, None):
-        refresh = Refresh(world, Channel.GHOSTS)
-        refresh.choose(members, asked)
-        refresh.start(0, values)
+    asked, all_ranks = Refresh(world, Channel.GHOSTS), Refresh(world, Channel.GHOSTS)
+    all_ranks.choose(members)
+    found = [asked.choose_and_send(0, members, peers, values)]
+    for refresh in (asked, all_ranks):
+        refresh.start(1, values)
         found.append(refresh.finish())
-    assert np.array_equal(*found) and len(found[0]) == sum(peer + 1 for peer in peers)
+    expected = sum(owner + 1 for owner in (*peers, world.rank)) if world.rank % 2 else 0
+    assert len(found[0]) == asked.n == expected and all(np.array_equal(found[0], other) for other in found)
     with pytest.raises(ValueError):
-        refresh.choose({(world.rank + 1) % world.size: np.arange(1)}, [])
+        asked.choose_and_send(2, {(world.rank + 1) % world.size: np.arange(1)}, [], values)
