@@ -27,6 +27,8 @@ MOST_STEPS = 1e9  # 11 days at a millisecond a step
 LEAST_ACROSS = 5  # particles, of which the kernel reaches over most
 TOUCHING = 1e-3  # spacings of overlap that rounding of places in a case may make
 LIGHTEST = 0.03  # mass of a body over that of it and a layer of fluid
+PUSH = (1.3, 1.6, 2.0), (0.11, 0.035, 0.006)  # by h/dp: C_d that a pressure of rho v^2 adds to a cylinder's, which is 2
+MOST_PUSH = 0.2
 LEAST_PRESSURE = 2.0  # rho v^2 of an outlet behind a solid: of 0 and 1 a stream around a square fell apart
 LONGEST_WAY = 1.0  # spacings of a wall in a step, beyond which it jumps over fluid
 
@@ -189,10 +191,15 @@ def openings(config: SphConfig, scene: Scene) -> Iterator[Derived]:
         dynamic = scene.rho0 * speed_scale(config) ** 2
         if outlet.level is None and dynamic and any(wall.solid for wall in config.wall):
             part = outlet.pressure / dynamic
-            verdict = "ok" if part >= LEAST_PRESSURE else "warn"
+            verdict = "ok" if part >= LEAST_PRESSURE * (1 - 1e-9) else "warn"
             cure = "" if verdict == "ok" else f"pressure = {LEAST_PRESSURE * dynamic:.3g}"
             yield Derived(f"pressure of {outlet.name}", "p/(rho v^2)", part, "", f">= {LEAST_PRESSURE:g}", verdict,
                           "cavities behind solids, which push fluid out", cure, ("outlet", i, "pressure"))  # fmt: skip
+            push = part * float(np.interp(config.numerics.smoothing, *PUSH))
+            verdict = "ok" if push <= MOST_PUSH else "warn"
+            cure = "" if verdict == "ok" else "smoothing = 2.0"
+            yield Derived(f"drag by pressure of {outlet.name}", "C_d", push, "", f"<= {MOST_PUSH:g}", verdict,
+                          "fluid lies closer before solids than behind", cure, ("numerics", "smoothing"))  # fmt: skip
 
 
 def _in_wall(scene: Scene, wall: Wall, inlet: Source) -> np.ndarray:

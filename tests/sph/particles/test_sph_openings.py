@@ -214,6 +214,16 @@ def test_a_stream_around_a_solid_needs_the_pressure_that_check_asks_for(pressure
     assert (abs(found["mass"] / found["mass_total"] - 1.0) < 0.03) == kept
 
 
+@pytest.mark.parametrize("smoothing, pressure, verdict", [(1.3, 2.0, "warn"), (1.3, 1.5, "ok"), (2.0, 20.0, "ok")])
+def test_check_tells_the_drag_that_the_pressure_of_an_outlet_makes(smoothing, pressure, verdict):
+    """Measured on a cylinder: with few neighbours it is pushed along by the pressure all around it."""
+    block = WALLS.replace("} );", "}, { solid = true; shape = { box = { low = [0.4, 0.1]; high = [0.5, 0.2]; }; }; });")
+    sides = inlet(high=(0.2, 0.4)) + outlet(f"pressure = {1000.0 * pressure};", low=(0.8, 0.0))
+    found = derived(config(text(**(FLOW | {"more": block + sides, "smoothing": smoothing}))))
+    (line,) = (one for one in found if one.name == "drag by pressure of outlet_1")
+    assert line.verdict == verdict and bool(line.cure) == (verdict == "warn")
+
+
 def test_a_stream_in_space_against_an_axis_stays_uniform():
     box, high = [0.3, 0.3, 0.8], [0.3, 0.3, 0.15]
     walls = f"""wall = ( {{ shape = {{ box = {{ low = [0.0, 0.0, 0.0]; high = {box}; open = ["z-", "z+", "x-", "x+"];
