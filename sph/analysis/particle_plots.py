@@ -103,7 +103,7 @@ def sequence(run: Run, step: int | None = None) -> Figure:
 
 
 def view_limits(run: Run, snapshots: Particles) -> tuple[np.ndarray, np.ndarray]:
-    """The box that is shown: the domain up to what fluid and bodies reach along each axis; without walls also from it."""
+    """The box that is shown: the domain up to what fluid and bodies reach on each side; without walls from it, too."""
     scene = scene_of(run)
     low, high = scene.low.copy(), scene.high.copy()
     reached_low, reached_high = np.full(scene.dimensions, np.inf), np.full(scene.dimensions, -np.inf)
