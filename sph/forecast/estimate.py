@@ -40,9 +40,9 @@ DEFAULT = FILES | {
     "sums_us predictor-corrector": 70.0,
     "sums_us rk3-tvd": 105.0,
     "sums_us symplectic": 50.0,
-    "images_us": 170.0,  # a step: who has images in mirrors and periodic sides
-    "symmetric_us": 390.0,  # the same with point symmetry
-    "image_refresh_us": 40.0,  # and an evaluation
+    "images_us": 60.0,  # a step: who has images in mirrors and periodic sides
+    "symmetric_us": 95.0,  # the same with point symmetry
+    "image_refresh_us": 30.0,  # and an evaluation
     "walls_us": 10.0,  # a step: whether the fluid comes to where walls are not made yet
     "force_us": 120.0,  # and the force on a wall, which its impulse needs
     "rigid_us": 220.0,  # a step and rigid body, beside the force on it
@@ -50,8 +50,8 @@ DEFAULT = FILES | {
     "opening_us": 500.0,  # a step of an inlet or outlet: who is in its box and before it
     "sph_sample_us": 70.0,
     "gauge_ns": 60.0,  # of a sample, a particle and level of a gauge of elevation
-    "ghost_exchange_us": 300.0,  # a step of several ranks: who is a ghost where, leavers, the time step
-    "image_exchange_us": 300.0,  # and who has images there
+    "ghost_exchange_us": 150.0,  # a step of several ranks: who is a ghost where, leavers, the time step
+    "image_exchange_us": 150.0,  # and who has images there
     "refresh_us": 30.0,  # of ghosts, an evaluation
     "ghost_ns": 200.0,  # of one ghost, a step
     "cores": 2.0,
