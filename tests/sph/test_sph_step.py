@@ -54,6 +54,7 @@ def smooth(integrator, dt, periods=8):
                  step=f"time_step = {dt!r};", **STILL)  # fmt: skip
     storage = sph.storage
     storage.set_own_values("v", 0.2 * np.sin(2 * np.pi * storage.own_values("x")))
+    sph.sort()  # images see it
     run(sph, round(periods * 1e-3 / dt))
     return np.concatenate([values.ravel() for values in by_id(sph, "x", "v", "drho")])
 
