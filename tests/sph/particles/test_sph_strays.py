@@ -112,6 +112,23 @@ def test_a_drop_leaves_a_wall_as_it_came(kind, speed):
     assert found[-1][1] > 3.0
 
 
+def test_water_and_a_sheet_of_it_keep_their_tension():
+    """Also in the corner of a tank; but the ends of the sheet, a particle thick, which have four neighbours each."""
+    sph = engine(more=tank(2, size=(2.0, 1.0)), size=(2.0, 1.0), fill=(1.0, 0.5), spacing=0.05, smoothing=2.0)
+    storage, tension = sph.storage, -0.05 * sph.scene.rho0
+    fluid = storage.fluid_slots
+    ends = storage.numbers(fluid[[0, 11]])
+    for axis, values in ((0, 1.5), (1, 0.2 + 0.045 * np.arange(12))):
+        storage.x[sph.scene.axes.index(axis), fluid[:12]] = values
+    storage.drho[fluid] = tension
+    sph.sort()
+    sph.strays.find(-tension)
+    sph.strays.settle()
+    slots = storage.fluid_slots
+    kept = storage.drho[slots] == tension
+    assert np.array_equal(kept, ~np.isin(storage.numbers(slots), ends))
+
+
 def test_a_fluid_that_bursts_ends_the_run():
     """More strays in a step than there may be, each without neighbours."""
     sph = engine(size=(20.0, 20.0), fill=(1.0, 1.3), spacing=0.1, gravity=(0.0, 0.0), more=tank(2, size=(20.0, 20.0)))
