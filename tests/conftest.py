@@ -15,6 +15,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from hypothesis import HealthCheck, settings
+from numba.core import event
 
 # A busy machine fails no test.
 settings.register_profile("busy", deadline=None, suppress_health_check=[HealthCheck.too_slow])
@@ -23,12 +24,42 @@ settings.load_profile("busy")
 PATIENCE_S = 3.0
 TIMEOUT_S = 60
 NAMESPACE = "HPCPIC_TEST_NAMESPACE"  # set in a test run within one
+TEXT = "numba.cpython.unicode"
 _REFEREES = pytest.StashKey()
 _counts = {"passed": 0, "failed": 0}
 
 
 def _parallel(config: pytest.Config) -> bool:
     return bool(config.getoption("--with-mpi", default=False))
+
+
+class _Texts(event.Listener):
+    """Functions of texts that numba has compiled since it was last asked."""
+
+    def __init__(self) -> None:
+        self.compiled: list[str] = []
+
+    def on_start(self, one: event.Event) -> None:
+        function = one.data["dispatcher"].py_func
+        if function.__module__ == TEXT:
+            self.compiled.append(function.__name__)
+
+    def on_end(self, one: event.Event) -> None:
+        """Nothing to do."""
+
+
+_texts = _Texts()
+event.register("numba:compile", _texts)
+
+
+@pytest.fixture(autouse=True)
+def no_texts_in_kernels() -> Iterator[None]:
+    """What an array copied into a slice brings (a[:n] = b[:n]) to say that shapes differ takes four seconds to compile;
+    a loop takes none. Seen where no cache has the kernel.
+    """
+    yield
+    found, _texts.compiled = _texts.compiled, []
+    assert not found, "a kernel formats text: " + ", ".join(found)
 
 
 @pytest.fixture(scope="session")

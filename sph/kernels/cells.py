@@ -15,7 +15,21 @@ Slots of a layer begin at base[l], with room for two vectors after the last: loa
 import numpy as np
 
 from hpcpic.core.simd.compile import njit
-from hpcpic.core.simd.vector import Vec, convert, floor, lanes, load, maximum, minimum, select, splat, store
+from hpcpic.core.simd.vector import (
+    Vec,
+    bits,
+    convert,
+    floor,
+    lanes,
+    largest_lane,
+    load,
+    maximum,
+    minimum,
+    select,
+    smallest_lane,
+    splat,
+    store,
+)  # fmt: skip
 from sph.kernels.marks import FLOWS, FLUID, NO_DENSITY, OWN, PLAIN
 
 DIM = 3
@@ -52,10 +66,7 @@ def place(chunk, chunks, wanted, flags, x, scale, shape, layer, row, fine, span)
         f = floor(load(F, x[AXIS], b) * scale[AXIS])
         store(fine, b, convert(I, minimum(maximum(f, -1.0 * FAR), 1.0 * FAR)))
         store(row, b, cell_numbers(x[1], b, scale[1], pads, n_rows) if DIM == 3 else splat(I, 0))
-    ends = np.empty((2, N), np.int32)
-    store(ends[0], 0, lowest)
-    store(ends[1], 0, highest)
-    span[chunk, 0], span[chunk, 1] = ends[0].min(), ends[1].max()
+    span[chunk, 0], span[chunk, 1] = smallest_lane(lowest), largest_lane(highest)
 
 
 @njit
@@ -92,12 +103,12 @@ def divide(first, here, count, low, high, start, begin, base, rows, layers, swee
     parts, n_rows, last = count.shape[0], 0, here - 1
     begin[0], base[0] = 0, 0
     for l in range(here):
-        begin[l + 1] = begin[l]
+        begin[l + 1], lowest, highest = begin[l], low[0, l], high[0, l]
         for part in range(parts):
             start[part, l] = begin[l + 1]
+            lowest, highest = min(lowest, low[part, l]), max(highest, high[part, l])
             begin[l + 1] += count[part, l]
         base[l + 1] = base[l] + (begin[l + 1] - begin[l] + 2 * GAP - 1) // GAP * GAP
-        lowest, highest = low[:, l].min(), high[:, l].max()
         rows[l, 0], rows[l, 1], rows[l, 2] = lowest, max(highest - lowest + 1, 0), n_rows
         n_rows += rows[l, 1]
     layers[0], layers[parts], sweeps[:], sweeps[0], pairs, l = 0, here, last, 0, 0, 0
@@ -195,7 +206,7 @@ def find_places(block, blocks, begin, base, body, kind, bucket, flags):
         end = base[l] + begin[l + 1] - begin[l]
         for s in range(np.uint64(base[l]), np.uint64(end)):
             bucket[np.uint32(body[s])] = s
-        flags[base[l] : end] = kind[base[l] : end]
+            flags[s] = kind[s]
         flags[end : base[l + 1]] = 0
 
 
@@ -213,12 +224,12 @@ def put_back(block, blocks, begin, base, k, state, moved, flags, bits_sorted):
     """Copy the moved line back into the state, while it is in the cache. bits_sorted[block, k] = sum of the bits of own
     bodies, modulo 2^64; of densities, those that evolve.
     """
-    line, source, found = state[k].view(np.int64), moved.view(np.int64), np.int64(0)
+    line, found = state[k], np.int64(0)
     kinds = OWN | NO_DENSITY if k == 2 * DIM else OWN
     for l in range(blocks[block], blocks[block + 1]):
         for s in range(np.uint64(base[l]), np.uint64(base[l] + begin[l + 1] - begin[l])):
-            line[s] = source[s]
-            found += source[s] if flags[s] & kinds == OWN else 0
+            line[s] = moved[s]
+            found += bits(moved[s]) if flags[s] & kinds == OWN else 0
     bits_sorted[block, k] = found
 
 

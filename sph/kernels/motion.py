@@ -12,9 +12,11 @@ from hpcpic.core.simd.compile import njit
 from hpcpic.core.simd.vector import (
     Vec,
     bitmask,
+    bits,
     convert,
     first_bit,
     lanes,
+    largest_lane,
     load,
     maximum,
     select,
@@ -199,9 +201,9 @@ def rewrap(chunk, chunks, period, x):
 @njit
 def bits_of(first, last, flags, among, wanted, line):
     """Sum of the bits of a line over bodies whose flags, of these among, are those wanted; modulo 2^64."""
-    found, numbers = splat(L, 0), line.view(np.int64)
+    found = splat(L, 0)
     for b in range(first, last, N):
-        found = found + select(load(I, flags, b) & among == wanted, load(L, numbers, b), 0)
+        found = found + select(load(I, flags, b) & among == wanted, bits(load(F, line, b)), 0)
     return total(found)
 
 
@@ -213,14 +215,6 @@ def ends_of(first, last, flags, line):
         mine, at = load(I, flags, b) & MINE == MINE, load(F, line, b)
         below, above = maximum(below, select(mine, -at, -np.inf)), maximum(above, select(mine, at, -np.inf))
     return largest_lane(below), largest_lane(above)
-
-
-@njit
-def largest_lane(vector):
-    """The largest of the lanes."""
-    line = np.empty(N)
-    store(line, 0, vector)
-    return line.max()
 
 
 @njit

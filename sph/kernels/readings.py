@@ -3,7 +3,19 @@
 import numpy as np
 
 from hpcpic.core.simd.compile import njit
-from hpcpic.core.simd.vector import Vec, bitmask, first_bit, fma, lanes, load, maximum, rint, select, splat, store
+from hpcpic.core.simd.vector import (
+    Vec,
+    bitmask,
+    first_bit,
+    fma,
+    lanes,
+    largest_lane,
+    load,
+    maximum,
+    rint,
+    select,
+    splat,
+)
 from sph.kernels.marks import BODY, CODES, FLUID, MINE, WALL_SHIFT
 
 N = lanes(np.float64)
@@ -13,12 +25,11 @@ F, I = Vec(N, np.float64), Vec(N, np.int32)
 @njit
 def farthest(end, sign, flags, x):
     """Largest sign x[n] of the own fluid; -inf where none is."""
-    best, line = splat(F, -np.inf), np.empty(N)
+    best = splat(F, -np.inf)
     for b in range(0, end, N):
         mine = load(I, flags, b) & MINE == MINE
         best = maximum(best, select(mine, load(F, x, b) * sign, -np.inf))
-    store(line, 0, best)
-    return line.max()
+    return largest_lane(best)
 
 
 @njit

@@ -18,6 +18,7 @@ from hpcpic.core.simd.vector import (
     floor,
     fma,
     lanes,
+    largest_lane,
     last_bit,
     load,
     maximum,
@@ -144,9 +145,7 @@ def to_cell_units(l, base, edge, x, flags, places):
             place = load(F, line, s) * per_cell
             farthest = maximum(farthest, select(load(I, flags, s) != 0, abs(place), 0.0))
             store(to, s - base[l], convert(S, place))
-    line = np.empty(N)
-    store(line, 0, farthest)
-    return line.max()
+    return largest_lane(farthest)
 
 
 @njit

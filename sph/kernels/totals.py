@@ -10,6 +10,7 @@ from hpcpic.core.simd.vector import (
     gather_lines,
     lane_numbers,
     lanes,
+    largest_lane,
     load,
     maximum,
     rint,
@@ -63,7 +64,9 @@ def fill(b, last, flags, constants, powers, liquids, x, v, m, drho, terms):
 @njit
 def extremes(chunk, chunks, flags, x, v, m, drho, part_maxima):
     """part_maxima[chunk] = largest mass, |v|^2, |drho|, x and -x of the fluid; not a number where one is not."""
-    best = np.full((3 + 2 * DIM, N), -np.inf)
+    best = np.empty((3 + 2 * DIM, N))
+    for k in range(3 + 2 * DIM):
+        store(best[k], 0, splat(F, -np.inf))
     finite = splat(F, 0.0)
     last = chunks[chunk + 1]
     for b in range(chunks[chunk], last, N):
@@ -85,7 +88,7 @@ def extremes(chunk, chunks, flags, x, v, m, drho, part_maxima):
         for n, one in ((0, mass), (1, square), (2, excess)):
             store(best[n], 0, maximum(load(F, best[n], 0), one))
     for k in range(3 + 2 * DIM):
-        part_maxima[chunk, k] = best[k].max() if np.isfinite(total(finite)) else np.nan
+        part_maxima[chunk, k] = largest_lane(load(F, best[k], 0)) if np.isfinite(total(finite)) else np.nan
 
 
 @njit
@@ -104,4 +107,4 @@ def add(chunk, chunks, flags, constants, powers, liquids, x, v, m, drho, inverse
                 t = (t - whole) * _NEXT
     for k in range(TERMS):
         for limb in range(3):
-            limbs[chunk, k, limb] = parts[3 * k + limb].sum()
+            limbs[chunk, k, limb] = total(load(L, parts[3 * k + limb], 0))

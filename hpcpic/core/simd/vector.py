@@ -45,6 +45,7 @@ __all__ = [
     "add_lines",
     "address_of",
     "bitmask",
+    "bits",
     "convert",
     "count_bits",
     "first_bit",
@@ -56,6 +57,7 @@ __all__ = [
     "lane_numbers",
     "lane_values",
     "lanes",
+    "largest_lane",
     "last_bit",
     "load",
     "load_at",
@@ -65,6 +67,7 @@ __all__ = [
     "prefetch_to_write",
     "rint",
     "select",
+    "smallest_lane",
     "splat",
     "sqrt",
     "store",
@@ -224,6 +227,34 @@ def total(typing_context, a):
         return builder.extract_element(vector, ir.Constant(I32, 0))
 
     return a.dtype(a), codegen
+
+
+def _fold(symbol: str) -> Callable:
+    """Of two halves the lanes that compare so, until one is left."""
+
+    def typed(typing_context: Any, a: Any) -> Any:
+        def codegen(context: Any, builder: Any, sig: Any, args: Any) -> Any:
+            vector, n = args[0], a.n // 2
+            compare = builder.fcmp_ordered if a.real else builder.icmp_signed
+            while n:
+                parts = [shuffle(builder, vector, vector, list(range(k, k + n))) for k in (0, n)]
+                vector, n = builder.select(compare(symbol, *parts), *parts), n // 2
+            return builder.extract_element(vector, ir.Constant(I32, 0))
+
+        return a.dtype(a), codegen
+
+    return typed
+
+
+smallest_lane = intrinsic(_fold("<"))
+largest_lane = intrinsic(_fold(">"))
+
+
+@intrinsic
+def bits(typing_context, a):
+    """The bits of a float64, or of each such lane, as int64."""
+    to = Vec(a.n, types.int64) if isinstance(a, Vec) else types.int64
+    return to(a), lambda context, builder, sig, args: builder.bitcast(args[0], context.get_value_type(to))
 
 
 @intrinsic

@@ -408,3 +408,30 @@ def test_total_adds_the_lanes_by_halves(n):
     while len(expected) > 1:
         expected = expected[: len(expected) // 2] + expected[len(expected) // 2 :]
     assert module.f(x) == expected[0]
+
+
+EXTREMES = """
+@njit
+def f(x):
+    return smallest_lane(load(F, x, 0)), largest_lane(load(F, x, 0))
+"""
+
+
+@pytest.mark.parametrize("n", WIDTHS)
+@pytest.mark.parametrize("dtype", ["float64", "float32", "int32", "int64"])
+def test_the_least_and_the_largest_lane(dtype, n):
+    module, rng = kernels(EXTREMES, n, dtype), np.random.default_rng(2)
+    for k in range(n):  # in any lane
+        x = aligned(n, dtype, rng.integers(-9, 9, n))
+        x[k] = -11
+        x[(k + 1) % n] = 13
+        assert module.f(x) == (-11, 13)
+
+
+@pytest.mark.parametrize("n", WIDTHS)
+def test_bits_are_those_of_memory(n):
+    text = "@njit\ndef f(x, out):\n    store(out, 0, bits(load(F, x, 0)))\n    return bits(x[0])\n"
+    x = aligned(n, np.float64, specials("float64")[0][:n])
+    x[0], out = np.nan, aligned(n, np.int64)
+    assert kernels(text, n).f(x, out) == x.view(np.int64)[0]
+    assert np.array_equal(out, x.view(np.int64))
