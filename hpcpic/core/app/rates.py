@@ -14,6 +14,7 @@ from hpcpic.core.errors import FileError
 from hpcpic.core.simd.caches import private_folder, private_path
 
 FILE = "rates.json"  # beside the compiled kernels
+MEASURED = "bench {}"  # is kept by the bench of a program that has measured its kernels
 
 
 def rates_file() -> Path:

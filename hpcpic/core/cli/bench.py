@@ -39,7 +39,7 @@ def make_bench_command(app_loader: AppLoader) -> click.Command:
 
 
 def _measure(app_loader: AppLoader, world: Any, quick: bool, threads: int | None) -> int:
-    from hpcpic.core.app.rates import keep_rates
+    from hpcpic.core.app.rates import MEASURED, keep_rates
 
     most = threads or world.default_threads()
     rates: dict[str, float] = {}
@@ -64,7 +64,7 @@ def _measure(app_loader: AppLoader, world: Any, quick: bool, threads: int | None
         if found := _kernel_rows(kernels, rates["update"]):
             table(("kernel", "rate", "of the memory bound"), found, right=("rate", "of the memory bound"))
         known = {name: rate for name, rate in kernels.items() if "_bytes" not in name}
-        kept = rates | known if world.size == 1 else known
+        kept = rates | known | {MEASURED.format(app.name): 1.0} if world.size == 1 else known
         click.echo(f"kept for `estimate`: {keep_rates(kept)}")
     return 0
 

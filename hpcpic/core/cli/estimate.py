@@ -8,7 +8,7 @@ import click
 
 from hpcpic.core.app.app import App, AppLoader
 from hpcpic.core.app.forecast import Estimate
-from hpcpic.core.app.rates import rates_file, read_rates
+from hpcpic.core.app.rates import MEASURED, rates_file, read_rates
 from hpcpic.core.app.read import read_case, set_option, shape_options
 from hpcpic.core.app.text import amount, duration, shown, table
 from hpcpic.core.app.use import use_option
@@ -52,7 +52,7 @@ def print_estimate(app: App, config: Any, ranks: int, threads: int) -> None:
     table((head, "value"), [*whole, ("efficiency of 1 x 1", shown(efficiency, ".0%"))], right=("value",))
     click.echo(
         f"rates       measured on this machine ({rates_file()})"
-        if rates
+        if MEASURED.format(app.name) in rates
         else f"rates       of the machine of the authors; `{app.name} bench --quick` measures this one"
     )
 

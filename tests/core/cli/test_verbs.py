@@ -2,6 +2,7 @@
 
 import csv
 import json
+import os
 import resource
 import subprocess
 import sys
@@ -263,9 +264,16 @@ def test_the_name_of_a_species_leads_to_no_other_folder(tmp_path, monkeypatch):
     assert names == {"..%2Fa%2Fb-00000000.csv", "a-00000000.csv", "electron +x-00000000.csv"}
 
 
+def keep_rates_of_another_program(cache: Path) -> None:
+    words = [sys.executable, "-c", "from hpcpic.core.app.rates import keep_rates; keep_rates({'bench another': 1.0})"]
+    subprocess.run(words, env=os.environ | {"HPCPIC_CACHE_DIR": str(cache)}, check=True)
+
+
 @pytest.mark.timeout(TIMEOUT_S)  # in a cache of its own, so it compiles
 def test_bench_keeps_rates_that_estimate_uses(toy):
     cache = {"HPCPIC_CACHE_DIR": str(toy.folder / "cache")}
+    keep_rates_of_another_program(toy.folder / "cache")
+    assert "machine of the authors" in toy("estimate", "ring.conf", env=cache).stdout
     done = toy("bench", "--quick", "--threads", "1", env=cache)
     assert done.returncode == 0, done.stderr
     assert "triad" in done.stdout and "GB/s" in done.stdout
