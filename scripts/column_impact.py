@@ -3,7 +3,8 @@
 
 python scripts/column_impact.py SPACINGS FOLDER ...     run folders, as of `sph run column-impact-a -o FOLDER`
 
-The names of the folders are the names in the table; "5 mm" as SPACINGS writes docs/gallery/sph-column-impact-5-mm.png
+The names of the folders are the names in the table; those that differ by what follows a comma ("5 mm, seed 1") have
+one colour. "5 mm" as SPACINGS writes docs/gallery/sph-column-impact-5-mm.png
 and .md, which scripts/gallery.py puts on the page of the cases.
 """
 
@@ -14,7 +15,7 @@ from pathlib import Path
 
 from gallery import PICTURES, save_small
 
-from hpcpic.core.app.figures import columns_of, new_figure, style
+from hpcpic.core.app.figures import COLOURS, columns_of, new_figure, style
 from hpcpic.core.files.reader import open_run
 from sph.analysis import experiments, theory
 from sph.analysis.plots import DATA
@@ -56,11 +57,14 @@ def draw(runs: dict, picture: Path) -> None:
     """Force and impulse over the experiment's clock."""
     with style():
         figure, (top, low) = new_figure(2, 1, (6.4, 6.0), sharex=True)
-        for name, (t, impulse) in runs.items():
+        kinds = [name.partition(",")[0] for name in runs]
+        colours = dict(zip(dict.fromkeys(kinds), COLOURS))
+        for n, (kind, (t, impulse)) in enumerate(zip(kinds, runs.values())):
             t = t + experiments.COLUMN_SHIFT
             middle, force = theory.mean_rate(t, impulse)
-            top.plot(middle, theory.triangular(middle, force), label=name, linewidth=1.0)
-            low.plot(t, impulse, label=name, linewidth=1.2)
+            look = {"label": kind if kind not in kinds[:n] else None, "color": colours[kind], "linewidth": 1.0}
+            top.plot(middle, theory.triangular(middle, force), **look)
+            low.plot(t, impulse, **look)
         last = max(t[-1] for t, _ in runs.values()) + experiments.COLUMN_SHIFT
         experiment = experiments.COLUMN_FORCE[experiments.COLUMN_FORCE[:, 0] < last]
         look = DATA | {"markersize": 2.8, "label": "experiment: Yeh & Petroff"}

@@ -165,10 +165,12 @@ def serve(cores: Iterable[int]) -> None:
     os.sched_setaffinity(0, cores)
     told: queue.SimpleQueue = queue.SimpleQueue()
     threading.Thread(target=_listen, args=(told,), daemon=True).start()
-    with suppress(BaseException):  # who wants the kernel will see an error; not all that it has compiled here is kept
-        while (one := told.get(timeout=IDLE_SECONDS)) is not None:
-            _compile(*one)
-    os._exit(0)
+    try:
+        with suppress(BaseException):  # who wants the kernel will see an error; not all that it has compiled is kept
+            while (one := told.get(timeout=IDLE_SECONDS)) is not None:
+                _compile(*one)
+    finally:  # also where one more interrupt comes while this one is suppressed
+        os._exit(0)
 
 
 def _listen(told: queue.SimpleQueue) -> None:

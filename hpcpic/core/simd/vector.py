@@ -230,7 +230,7 @@ def total(typing_context, a):
 
 
 def _fold(symbol: str) -> Callable:
-    """Of two halves the lanes that compare so, until one is left."""
+    """Halve a vector, from each pair of lanes keeping the one that compares so, until one lane is left."""
 
     def typed(typing_context: Any, a: Any) -> Any:
         def codegen(context: Any, builder: Any, sig: Any, args: Any) -> Any:
