@@ -20,7 +20,7 @@ import numpy as np
 from hpcpic.core.simd.compile import formula, formulas
 from hpcpic.core.simd.generate import module_from_source
 from hpcpic.core.simd.vector import lanes
-from sph.kernels.marks import EXTRAPOLATED, FLOWS, SLIPS
+from sph.kernels.marks import EXTRAPOLATED, FLOWS, PARTNERS, PLAIN, REPULSIVE, SLIPS
 from sph.physics import terms, vectors
 from sph.physics.pair_spec import NUMBERS, Line, PairSpec, Pass, columns_of, passes_of, state_of, sums_of
 from sph.physics.smoothing import SMOOTHING
@@ -146,12 +146,12 @@ class PassText:
             return loop(plain, 12)
         body = _indent(["class_i = flags[u]"], 12)
         if self.one.by_volume and self.spec.without_volume:
-            return body + _indent(["if class_i & 4 == 0:"], 12) + loop(plain, 16)
+            return body + _indent([f"if class_i & {REPULSIVE} == 0:"], 12) + loop(plain, 16)
         if not self.one.inside:
-            return body + _indent(["if class_i & 16 == 0:"], 12) + loop(mixed, 16)
-        body += _indent(["if class_i & 16 == 16:"], 12) + loop(plain, 16)
+            return body + _indent([f"if class_i & {PLAIN} == 0:"], 12) + loop(mixed, 16)
+        body += _indent([f"if class_i & {PLAIN} == {PLAIN}:"], 12) + loop(plain, 16)
         if self.one.wall:
-            body += _indent(["elif class_i & 4 == 4:", "    solid_i, mass_i = mass_i, REAL(0.0)"], 12)
+            body += _indent([f"elif class_i & {REPULSIVE} != 0:", "    solid_i, mass_i = mass_i, REAL(0.0)"], 12)
             body += loop(self._wall_pair(), 16)
         body += _indent(["else:"], 12)
         if self.one.wall:
@@ -182,14 +182,14 @@ class PassText:
         """What is found first: d and F, 0 between two that have nothing to do with each other."""
         lines = self._distance() + self._prepared("F", known, mixed)
         if mixed:
-            lines += ["kinds = load(I_, flags, j)", "partners = (kinds | class_i) & 3 == 3"]
+            lines += ["kinds = load(I_, flags, j)", f"partners = (kinds | class_i) & {PARTNERS} == {PARTNERS}"]
             lines += ["F = select(partners, F, 0.0)"]
         return lines
 
     def _loads(self, mixed: bool) -> list[str]:
         lines = [f"{name}_j = load(F_, {name}_, j)" for name in sorted(self.columns)]
         if self.one.wall and mixed:  # repulsive walls have neither mass nor volume
-            lines += ["stands = kinds & 4 == 4", "solid_j = select(stands, mass_j, 0.0)"]
+            lines += [f"stands = kinds & {REPULSIVE} != 0", "solid_j = select(stands, mass_j, 0.0)"]
             lines += ["mass_j = select(stands, 0.0, mass_j)"]
         return lines + self._tuples("j")
 

@@ -39,6 +39,16 @@ def test_force_and_impulse_of_each_run_are_drawn_by_the_clock_of_the_experiment(
     np.testing.assert_array_equal(low[2].get_data(), [measured[0], theory.cumulative(*measured)])
 
 
+def test_runs_that_differ_by_their_seed_have_one_colour_and_one_entry_of_the_legend(script, monkeypatch, tmp_path):
+    made, t = [], 1e-3 * np.arange(500)
+    monkeypatch.setattr(script, "save_small", lambda figure, _: made.append(figure))
+    script.draw({name: (t, t) for name in ("5 mm, seed 1", "8 mm", "5 mm, seed 2")}, tmp_path / "none.png")
+    top = made[0].axes[0]
+    first, other, second = (line.get_color() for line in top.lines[:3])
+    assert first == second != other
+    assert [text.get_text() for text in top.get_legend().get_texts()][:-1] == ["5 mm", "8 mm"]
+
+
 def test_a_line_of_the_table_has_no_number_that_a_short_run_lacks(script):
     found = {"peak": 33.26, "arrival": 0.3554, "plateau": np.nan, "impulse": np.nan}
     assert script.line("a", found) == "| a | 33.3 | 0.355 | - | - |"
