@@ -46,6 +46,7 @@ def first_step(program: str, case: str, folder: Path, ranks: int, threads: int |
     words += [str(BIN / program), "run", case, "--output", str(folder / "run"), "--replace"]
     words += ["--threads", str(threads)] if threads else []
     environment = os.environ | {"HPCPIC_CACHE_DIR": str(folder / "cache")}
+    environment.pop("PYTHONDONTWRITEBYTECODE", None)  # users keep the bytecode of our modules
     running = subprocess.Popen(words, cwd=folder, env=environment, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE,
                                text=True)  # fmt: skip
     assert running.stderr is not None

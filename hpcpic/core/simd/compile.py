@@ -26,6 +26,7 @@ from numba import types
 from numba.core import event
 from numba.core.caching import FunctionCache
 from numba.core.compiler import CompileResult
+from numba.core.compiler_lock import global_compiler_lock
 from numba.core.registry import cpu_target
 from numba.core.serialize import dumps
 from numba.extending import register_jitable
@@ -284,14 +285,20 @@ def _cached(function: Callable, flags: dict[str, Any]) -> Callable:
 
 
 def _compile(kernel: Any, signature: Any) -> Any:
-    """numba's, of what no other process compiles at the same time. Collections of garbage, of which there is little
-    among all that numba keeps, would take a sixth of the time.
+    """numba's, of what no other process compiles at the same time."""
+    with global_compiler_lock, _few_collections(), kernel._cache.releasing():
+        return type(kernel).compile(kernel, signature)
+
+
+@contextmanager
+def _few_collections() -> Iterator[None]:
+    """Collections of garbage, of which there is little among all that numba keeps, would take a sixth of the time. Of
+    one thread at a time.
     """
     usual = gc.get_threshold()
     gc.set_threshold(*RARE)
     try:
-        with kernel._cache.releasing():
-            return type(kernel).compile(kernel, signature)
+        yield
     finally:
         gc.set_threshold(*usual)
 

@@ -42,7 +42,7 @@ def test_force_and_impulse_of_each_run_are_drawn_by_the_clock_of_the_experiment(
 def test_runs_that_differ_by_their_seed_have_one_colour_and_one_entry_of_the_legend(script, monkeypatch, tmp_path):
     made, t = [], 1e-3 * np.arange(500)
     monkeypatch.setattr(script, "save_small", lambda figure, _: made.append(figure))
-    script.draw({name: (t, t) for name in ("5 mm, seed 1", "8 mm", "5 mm, seed 2")}, tmp_path / "none.png")
+    script.draw(dict.fromkeys(("5 mm, seed 1", "8 mm", "5 mm, seed 2"), (t, t)), tmp_path / "none.png")
     top = made[0].axes[0]
     first, other, second = (line.get_color() for line in top.lines[:3])
     assert first == second != other
