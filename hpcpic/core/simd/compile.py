@@ -6,7 +6,6 @@ the processor, and a file is unpickled when it is the one that was written, by t
 """
 
 import functools
-import gc
 import hashlib
 import importlib
 import linecache
@@ -26,7 +25,6 @@ from numba import types
 from numba.core import event
 from numba.core.caching import FunctionCache
 from numba.core.compiler import CompileResult
-from numba.core.compiler_lock import global_compiler_lock
 from numba.core.registry import cpu_target
 from numba.core.serialize import dumps
 from numba.extending import register_jitable
@@ -39,7 +37,6 @@ _FLAGS: dict[str, Any] = {"nogil": True, "error_model": "numpy", "no_cfunc_wrapp
 _BARE = "no_cpython_wrapper"  # the option of numba
 PATIENCE_SECONDS = 60.0  # with another process that compiles what is needed here
 NAP_SECONDS = 0.01
-RARE = 100_000, 50, 1000  # thresholds of Python's garbage collection while numba compiles
 EVERY = "*"  # in place of a program: all there are
 _own: dict[str, bytes] = {}  # program -> hash of a file of the user that its kernels call
 generated: dict[str, str] = {}  # names of generated modules -> the program they belong to
@@ -286,21 +283,8 @@ def _cached(function: Callable, flags: dict[str, Any]) -> Callable:
 
 def _compile(kernel: Any, signature: Any) -> Any:
     """numba's, of what no other process compiles at the same time."""
-    with global_compiler_lock, _few_collections(), kernel._cache.releasing():
+    with kernel._cache.releasing():
         return type(kernel).compile(kernel, signature)
-
-
-@contextmanager
-def _few_collections() -> Iterator[None]:
-    """Collections of garbage, of which there is little among all that numba keeps, would take a sixth of the time. Of
-    one thread at a time.
-    """
-    usual = gc.get_threshold()
-    gc.set_threshold(*RARE)
-    try:
-        yield
-    finally:
-        gc.set_threshold(*usual)
 
 
 def _compile_for_args(kernel: Any, *arguments: Any) -> Any:

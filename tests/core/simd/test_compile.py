@@ -1,5 +1,4 @@
 import functools
-import gc
 import os
 import subprocess
 import sys
@@ -10,7 +9,6 @@ import numba
 import numpy as np
 import pytest
 from llvmlite import binding, ir
-from numba.core import event
 
 from hpcpic.core.app.rates import keep_rates, read_rates
 from hpcpic.core.simd import caches, compile
@@ -232,23 +230,6 @@ def test_what_is_compiled_is_counted_and_what_is_there_is_not():
     double = numba.njit(lambda x: 2 * x)
     assert (double(1), double(2)) == (2, 4)
     assert compile.compilations.n == before + 1
-
-
-def test_collections_of_garbage_are_rare_while_numba_compiles(fresh):
-    class Seen(event.Listener):
-        def __init__(self):
-            self.thresholds = []
-
-        def on_start(self, one):
-            self.thresholds.append(gc.get_threshold())
-
-        def on_end(self, one):
-            """Nothing to do."""
-
-    usual, seen = gc.get_threshold(), Seen()
-    with event.install_listener("numba:compile", seen):
-        fresh()
-    assert seen.thresholds == [compile.RARE] and gc.get_threshold() == usual != compile.RARE
 
 
 def test_a_rate_that_cannot_be_was_not_measured(cache):
