@@ -192,11 +192,12 @@ def test_the_peak_on_the_column_falls_with_the_spacing(world, dp, lowest, highes
 
 
 def test_peaks_of_first_contact_fall_with_the_spacing_to_those_of_others(world):
-    """dam-break-pressure: at 5 mm the tip of the tongue is one particle; at 2.5 mm a drop or none strikes the highest
-    sensor (0.34 to 0.54 with three seeds, 0.7 to 1.1 at 5 mm).
+    """dam-break-pressure: at 5 mm the tip of the tongue is one particle; at 2.5 mm none should strike the highest sensor.
+    Missed by a single drop: 0.54 with seed 0, 0.37 and 0.34 with seeds 1 and 2.
     """
     (_, coarse), (_, fine) = (sensors_of(world, f"numerics.spacing={dp}") for dp in (0.005, 0.0025))
     for k, peaks in enumerate(zip(coarse[:, 1], fine[:, 1], DE_COURCY[:, 1], TRIXI[:, 1]), 1):
         told(f"sensor {k}: peak with 5 mm, rho g H", peaks[0], "")
         told("... with 2.5 mm", peaks[1], f"{peaks[2]:g}, {peaks[3]:g} by others")
-    assert DE_COURCY[:, 1].sum() < fine[:, 1].sum() and (fine[:, 1] < coarse[:, 1]).all()
+    assert DE_COURCY[:, 1].sum() < fine[:, 1].sum() < coarse[:, 1].sum() and (fine[:, 1] < coarse[:, 1]).all()
+    assert fine[3, 1] < 0.4
