@@ -192,8 +192,8 @@ def test_the_peak_on_the_column_falls_with_the_spacing(world, dp, lowest, highes
 
 
 def test_peaks_of_first_contact_fall_with_the_spacing_to_those_of_others(world):
-    """dam-break-pressure: at 5 mm the tip of the tongue is one particle; at 2.5 mm none should strike the highest sensor.
-    Missed by a single drop: 0.54 with seed 0, 0.37 and 0.34 with seeds 1 and 2.
+    """dam-break-pressure: at 5 mm the tip of the tongue is one particle; at 2.5 mm none should strike the highest
+    sensor. Missed by a single drop: 0.54 with seed 0, 0.37 and 0.34 with seeds 1 and 2.
     """
     (_, coarse), (_, fine) = (sensors_of(world, f"numerics.spacing={dp}") for dp in (0.005, 0.0025))
     for k, peaks in enumerate(zip(coarse[:, 1], fine[:, 1], DE_COURCY[:, 1], TRIXI[:, 1]), 1):
