@@ -55,8 +55,15 @@ COLUMN_FORCE = np.array([
     (2.764, -1.4), (2.823, -1.8), (2.872, -1.6), (2.923, -0.7), (2.968, -0.8),
 ])  # fmt: skip
 
+PRESSURE_RISE = 0.2  # rho g H, where the clock of a dam break behind a gate is laid beside that of an experiment
 COLUMN_SHIFT = 0.068  # s: the clock of the experiment is arbitrary; this makes it arrive with our case F (5 mm)
 COLUMN_RISE, COLUMN_PLATEAU, COLUMN_END = 8.0, (0.55, 0.75), 1.3  # N that is an arrival; s of the experiment's clock
+
+
+def passing(t: NDArray, values: NDArray, level: float) -> float:
+    """When a reading first rises beyond a level: where the clocks of a run and of an experiment are laid together."""
+    k = max(1, int(np.argmax(values > level)))
+    return float(np.interp(level, values[k - 1 : k + 1], t[k - 1 : k + 1]))
 
 
 def column_figures(t: NDArray, impulse: NDArray) -> dict[str, float]:
@@ -70,11 +77,9 @@ def column_figures(t: NDArray, impulse: NDArray) -> dict[str, float]:
 
 
 def _figures(t: NDArray, force: NDArray) -> dict[str, float]:
-    k = max(1, int(np.argmax(force > COLUMN_RISE)))
-    arrival = np.interp(COLUMN_RISE, force[k - 1 : k + 1], t[k - 1 : k + 1])
     level = (t > COLUMN_PLATEAU[0]) & (t < COLUMN_PLATEAU[1])
     plateau = np.trapezoid(force[level], t[level]) / np.ptp(t[level]) if t[-1] > COLUMN_PLATEAU[1] else np.nan
-    return {"peak": float(force.max()), "arrival": float(arrival), "plateau": float(plateau)}
+    return {"peak": float(force.max()), "arrival": passing(t, force, COLUMN_RISE), "plateau": float(plateau)}
 
 
 COLUMN_FIGURES = _figures(*COLUMN_FORCE.T) | {

@@ -216,7 +216,7 @@ def _gauge_panel(axis: Any, run: Run, gauge: Gauge) -> None:
     for name in names:
         t, values = columns_of(run, name)
         axis.plot(*thinned(t, values), label=plain(name) if len(names) > 1 else None, linewidth=1.3)
-    expected = _expectation(run, config, gauge, t)
+    expected = _expectation(run, config, gauge, t, values)
     if expected is not None:
         text, times, values, style_of = expected
         axis.plot(times, values, label=text, **style_of)
@@ -230,8 +230,12 @@ def _gauge_panel(axis: Any, run: Run, gauge: Gauge) -> None:
         axis.legend(ncols=3, **ABOVE)
 
 
-def _expectation(run: Run, config: SphConfig, gauge: Gauge, t: np.ndarray) -> tuple[str, Any, Any, dict] | None:
-    """What a gauge should read: words, times, values, look of the line."""
+def _expectation(
+    run: Run, config: SphConfig, gauge: Gauge, t: np.ndarray, read: np.ndarray
+) -> tuple[str, Any, Any, dict] | None:
+    """What a gauge that has read `read` should read: words, times, values, look of the line. The clock of an experiment
+    behind a gate is laid beside that of the run.
+    """
     scene = scene_of(run)
     if not scene.gravity.any() or not config.fluid:
         return None
@@ -258,9 +262,13 @@ def _expectation(run: Run, config: SphConfig, gauge: Gauge, t: np.ndarray) -> tu
     for name, deep_water, x, highest, measured in DAM_BREAKS:
         there = len(gauge.at) == 2 and abs(gauge.at[0] - x) < 0.02 and gauge.at[1] < highest
         if gauge.kind in PRESSURES and there and abs(water - deep_water) < NEAR * deep_water:
-            times, pressure = measured.T
-            known = times * math.sqrt(water / g), pressure * scene.rho0 * g * water
-            return f"experiment: {name}", *known, DATA | {"markersize": 3}
+            clock, unit = math.sqrt(water / g), scene.rho0 * g * water
+            times, pressure = clock * measured[:, 0], unit * measured[:, 1]
+            words, rise = f"experiment: {name}", unit * experiments.PRESSURE_RISE
+            if moving and read.max() > rise:
+                late = experiments.passing(t, read, rise) - experiments.passing(times, pressure, rise)
+                times, words = times + late, f"{words}, {1e3 * late:.0f} ms later"
+            return words, times, pressure, DATA | {"markersize": 3}
     return None
 
 

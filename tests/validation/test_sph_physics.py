@@ -242,24 +242,61 @@ def test_a_dam_break_presses_the_wall_as_two_other_programs_have_it(world):
         assert abs(told("dam break: mean pressure over that of others - 1", mean / known - 1, "6 %")) < 0.06
 
 
-def test_a_dam_break_on_a_sensor_of_90_mm(world):
-    """Beside Buchner 2002: arrival 2.43, as measured; mean pressure from 3.4 to 4.8 +3 %. The measured rise to 0.69 at
-    2.8 is 0.50 at 3.1 here: a root mean square of 0.131. Particles run 0.14 spacings lower than they started.
-    """
-    done = Done(world, "dam-break-sensor", "simulation.end_time=1.3", period=0.02, at=(0.5,))
-    clock, scale = math.sqrt(9.81 / 0.6), 1000 * 9.81 * 0.6
-    arrival = done.t[np.argmax(done.series("front") > 3.21)] * clock
-    assert abs(told("sensor: arrival at the wall over 2.43 - 1", arrival / 2.43 - 1, "3 %")) < 0.03
-    read = np.array([row.get("sensor_1", np.nan) for row in done.rows]) / scale
-    t, read = (done.t[~np.isnan(read)] - 0.01) * clock, read[~np.isnan(read)]
+def read_by_buchners_sensor(world, *sets: str) -> tuple[Done, np.ndarray, np.ndarray]:
+    """The run of dam-break-sensor, and times over sqrt(H/g) and readings over rho g H of its sensor."""
+    done = Done(world, "dam-break-sensor", "simulation.end_time=1.3", *sets, period=0.02, at=(0.5,))
+    read = np.array([row.get("sensor_1", np.nan) for row in done.rows]) / (1000 * 9.81 * 0.6)
+    there = ~np.isnan(read)
+    return done, (done.t[there] - 0.01) * math.sqrt(9.81 / 0.6), read[there]
+
+
+def beside_buchner(t: np.ndarray, read: np.ndarray) -> tuple[float, float]:
+    """Mean from 3.4 to 4.8 over that measured less one, and rms of the difference from 2.4 to 5.2."""
     measured = np.interp(t, *experiments.BUCHNER_PRESSURE.T)
     level, whole = (t > 3.4) & (t < 4.8), (t > 2.4) & (t < 5.2)
     plateau = told("sensor: plateau over measured - 1", read[level].mean() / measured[level].mean() - 1, "5 %")
-    rms = told("sensor: rms of 2.4 to 5.2, rho g H", np.sqrt(np.mean((read - measured)[whole] ** 2)), "0.12 wanted")
-    assert abs(plateau) < 0.05 and rms < 0.18 and read.min() > -0.05
+    return plateau, told("sensor: rms of 2.4 to 5.2, rho g H", np.sqrt(np.mean((read - measured)[whole] ** 2)), "0.12")
+
+
+def highest_gap(done: Done) -> float:
+    """Between the floor and the stream over it, less half a spacing, in spacings."""
     x = next(iter(done.states.values()))["x"]
     lowest = [x[np.abs(x[:, 0] - a) < 0.03, 1].min() / 0.01 - 0.5 for a in np.arange(1.3, 2.6, 0.06)]
-    assert told("sensor: highest gap under the stream, spacings", np.abs(lowest).max(), "0.5") < 0.5
+    return told("sensor: highest gap under the stream, spacings", np.abs(lowest).max(), "0.5")
+
+
+def test_a_dam_break_on_a_sensor_of_90_mm(world):
+    """Without a gate (it hangs above the water): arrival 2.43, as measured; mean pressure from 3.4 to 4.8 +3 %. The
+    measured rise to 0.69 at 2.8 is 0.50 at 3.1 then: a root mean square of 0.131. Particles run 0.14 spacings lower
+    than they started.
+    """
+    up = "wall[1].shape.box={ low = [1.2, 0.8]; high = [1.22, 0.9]; }"
+    done, t, read = read_by_buchners_sensor(world, up)
+    arrival = done.t[np.argmax(done.series("front") > 3.21)] * math.sqrt(9.81 / 0.6)
+    assert abs(told("sensor: arrival at the wall over 2.43 - 1", arrival / 2.43 - 1, "3 %")) < 0.03
+    plateau, rms = beside_buchner(t, read)
+    assert abs(plateau) < 0.05 and rms < 0.18 and read.min() > -0.05
+    assert highest_gap(done) < 0.5
+
+
+def test_a_dam_break_behind_a_gate_on_a_sensor_of_90_mm(world):
+    """Beside Buchner 2002, whose clock is not that of our gate: rms by the rise to 0.2 rho g H. The lattice of the case
+    and three seeds, whose plateaus are +4.2 to +5.4 % where 5 % are wanted. Gates of 4 and 6 m/s have peaks of 0.58 to
+    0.62 and 0.57, of 1.5 m/s 0.79: slower ones make steeper fronts.
+    """
+    known, rise = experiments.BUCHNER_PRESSURE.T, experiments.PRESSURE_RISE
+    highest = known[1][known[0] < 3.3].max()
+    seeds = [("fluid[0].disorder=0.1", f"simulation.random_seed={seed}") for seed in (1, 2, 3)]
+    for sets in [(), *seeds]:
+        done, t, read = read_by_buchners_sensor(world, *sets)
+        peak = told("sensor behind a gate: peak over measured - 1", read[t < 3.3].max() / highest - 1, "10 %")
+        assert abs(peak) < 0.1
+        plateau, _ = beside_buchner(t, read)
+        assert abs(plateau) < (0.07 if sets else 0.05) and read.min() > -0.3
+        late = told("sensor: later than measured, sqrt(H/g)", experiments.passing(t, read, rise)
+                    - experiments.passing(*known, rise), "unknown")  # fmt: skip
+        _, rms = beside_buchner(t - late, read)
+        assert rms < 0.12 and highest_gap(done) < 0.5
 
 
 @pytest.mark.parametrize(

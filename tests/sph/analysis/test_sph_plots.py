@@ -1,5 +1,6 @@
 """Figures are made from real runs, and what a run does not hold is said."""
 
+import math
 import subprocess
 import sys
 from types import SimpleNamespace
@@ -247,6 +248,22 @@ def test_the_ellipse_keeps_its_area_and_waves_their_relation():
     k = theory.wave_number(5.0, 0.7, 9.81)
     assert theory.wave_frequency(k, 0.7, 9.81) == pytest.approx(5.0, rel=1e-12)
     assert 2 * np.pi / theory.wave_frequency(np.pi, 1.0, 9.81) == pytest.approx(1.13392, rel=1e-5)
+
+
+def test_the_clock_of_an_experiment_behind_a_gate_is_laid_beside_that_of_the_run():
+    """A run that reads the experiment 50 ms later lies on it; where nothing rises the experiment stays as it is."""
+    known = experiments.BUCHNER_PRESSURE.T * [[math.sqrt(0.6 / 9.81)], [1000 * 9.81 * 0.6]]
+    t = np.arange(0.0, 1.4, 1e-3)
+    for read, words in ((np.interp(t - 0.05, *known), "Buchner 2002, 50 ms later"), (0 * t, "Buchner 2002")):
+        run = case_of("dam-break-sensor")
+        run.series = Series({"sensor_1": read}, {"sensor_1": "Pa"}, np.arange(len(t)), t)
+        line, measured = plots.gauges(run).axes[0].lines
+        np.testing.assert_array_equal(line.get_ydata(), read)
+        assert measured.get_label() == "experiment: " + words
+        late = 0.05 * read.any()
+        times, pressure = measured.get_data()
+        np.testing.assert_allclose(times - known[0], late, atol=1e-5)
+        np.testing.assert_allclose(pressure, known[1])
 
 
 def test_measurements_are_in_order_of_time():
