@@ -30,6 +30,7 @@ from numba.core.serialize import dumps
 from numba.extending import register_jitable
 
 from hpcpic.core.simd.caches import Store
+from hpcpic.core.simd.resolution import remember
 
 _ROOT = Path(__file__).resolve().parents[3]  # of the packages
 _KERNEL_FOLDERS = {"simd", "space", "comm", "tasks", "physics", "kernels"}
@@ -214,6 +215,7 @@ def _import_without_blas() -> None:
 
 
 _import_without_blas()
+remember()
 
 
 def njit(function: Any = None, **flags: Any) -> Callable:
