@@ -1,5 +1,8 @@
 """What numba found for a call is what it would find again, and it is asked once."""
 
+from types import SimpleNamespace
+from typing import ClassVar
+
 from numba import float64, int64, types
 from numba.extending import overload
 
@@ -41,3 +44,29 @@ def test_a_number_in_the_text_has_its_own_implementation():
         kernel = njit(lambda n: 100 * kind_of(3) + 10 * kind_of(n) + kind_of(3), cache=False)
         kernel.compile((int64,))
         assert kernel(3) == 121
+
+
+def test_a_call_that_is_known_has_the_implementation_that_was_found_for_it(monkeypatch):
+    """Though another call of the same signature has put its own in the place since; no signature is asked for again."""
+
+    class Function:
+        _impl_keys: ClassVar = {}
+
+        def get_impl_key(self, signature):
+            return self._impl_keys[signature.args]
+
+    function, asked = Function(), []
+
+    def find(_function, _context, arguments, _keywords):
+        asked.append(arguments)
+        if arguments == ("unknown",):
+            return None
+        function._impl_keys["same",] = arguments
+        return SimpleNamespace(args=("same",))
+
+    monkeypatch.setattr(resolution, "_find", find)
+    monkeypatch.setattr(resolution, "_found", {})
+    for arguments in ((1,), (2,), (1,), ("unknown",), ("unknown",)):
+        signature = resolution._remembered(function, None, arguments, {})
+        assert signature is None or function._impl_keys[signature.args] == arguments
+    assert asked == [(1,), (2,), ("unknown",), ("unknown",)]
