@@ -280,23 +280,24 @@ def test_a_dam_break_on_a_sensor_of_90_mm(world):
 
 
 def test_a_dam_break_behind_a_gate_on_a_sensor_of_90_mm(world):
-    """Beside Buchner 2002, whose clock is not that of our gate: rms by the rise to 0.2 rho g H. The lattice of the case
-    and three seeds, whose plateaus are +4.2 to +5.4 % where 5 % are wanted. Gates of 4 and 6 m/s have peaks of 0.58 to
-    0.62 and 0.57, of 1.5 m/s 0.79: slower ones make steeper fronts.
+    """Beside Buchner 2002, whose clock is not that of our gate: the rms is 0.049 to 0.054 where both pass 0.2 rho g H at
+    once, 0.144 to 0.153 by the clock of the gate. The case, whose plateau is +4.4 %, and three seeds, with +5.4, +5.0
+    and +4.2 %: of these the mean is held. Gates of 4 and 6 m/s have peaks of 0.58 to 0.62 and 0.57, of 1.5 m/s 0.79.
     """
-    known, rise = experiments.BUCHNER_PRESSURE.T, experiments.PRESSURE_RISE
+    known, rise, plateaus = experiments.BUCHNER_PRESSURE.T, experiments.PRESSURE_RISE, []
     highest = known[1][known[0] < 3.3].max()
     seeds = [("fluid[0].disorder=0.1", f"simulation.random_seed={seed}") for seed in (1, 2, 3)]
     for sets in [(), *seeds]:
         done, t, read = read_by_buchners_sensor(world, *sets)
         peak = told("sensor behind a gate: peak over measured - 1", read[t < 3.3].max() / highest - 1, "10 %")
-        assert abs(peak) < 0.1
-        plateau, _ = beside_buchner(t, read)
-        assert abs(plateau) < (0.07 if sets else 0.05) and read.min() > -0.3
+        plateau, rms = beside_buchner(t, read)
+        assert abs(peak) < 0.1 and rms < 0.18 and read.min() > (-0.3 if sets else -0.05)
+        plateaus.append(plateau)
         late = told("sensor: later than measured, sqrt(H/g)", experiments.passing(t, read, rise)
                     - experiments.passing(*known, rise), "unknown")  # fmt: skip
         _, rms = beside_buchner(t - late, read)
         assert rms < 0.12 and highest_gap(done) < 0.5
+    assert abs(plateaus[0]) < 0.05 and abs(np.mean(plateaus[1:])) < 0.05
 
 
 @pytest.mark.parametrize(
