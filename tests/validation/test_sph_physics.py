@@ -280,7 +280,7 @@ def test_a_dam_break_on_a_sensor_of_90_mm(world):
 
 
 def test_a_dam_break_behind_a_gate_on_a_sensor_of_90_mm(world):
-    """Beside Buchner 2002, whose clock is not that of our gate: the rms is 0.049 to 0.054 where both pass 0.2 rho g H at
+    """Beside Buchner 2002, whose clock is not that of our gate: rms is 0.049 to 0.054 where both pass 0.2 rho g H at
     once, 0.144 to 0.153 by the clock of the gate. The case, whose plateau is +4.4 %, and three seeds, with +5.4, +5.0
     and +4.2 %: of these the mean is held. Gates of 4 and 6 m/s have peaks of 0.58 to 0.62 and 0.57, of 1.5 m/s 0.79.
     """
