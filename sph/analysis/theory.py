@@ -69,6 +69,29 @@ def wavemaker_height(stroke: float, k: float, depth: float) -> float:
     return stroke * 2 * (math.cosh(x) - 1) / (math.sinh(x) + x)
 
 
+def jet_on_plate(width: float) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """What a plane jet without gravity, `width` times as wide as the plate that it strikes at right angles, does to it:
+    places from the middle (0) to the edge (1), and the pressure there over rho U^2 / 2, 1 at the middle and 0 at the
+    edge, where the free streamlines leave with the speed U (Lamb 1932, chapter 4; in the hodograph, w is a source at U
+    and two sinks at U exp(+-i a), where the jet goes to).
+    """
+    speed = np.linspace(0.0, 1.0, 4001)  # along the plate, over U
+    square = speed * speed
+
+    def places(a: float) -> NDArray:
+        """Over the width of the jet."""
+        twice = math.cos(2 * a)
+        slope = 2 / (1 + square) - 2 * (square + twice) / (square * square + 2 * square * twice + 1)
+        return cumulative(speed, slope) / math.pi
+
+    low, high = 0.0, math.pi / 2
+    for _ in range(60):
+        a = (low + high) / 2
+        low, high = (low, a) if 2 * places(a)[-1] > 1 / width else (a, high)
+    y = places((low + high) / 2)
+    return y / y[-1], 1 - square
+
+
 def triangular(t: NDArray, values: NDArray, width: float = 0.013) -> NDArray[np.float64]:
     """Two-sided moving average with triangular weights over `width` s (SC: 13 ms), for any sample times.
 

@@ -20,9 +20,10 @@ from sph.setup.mirror_groups import most_images
 from sph.setup.obstacles import DOMAIN
 from sph.setup.scene import Scene
 from sph.setup.speeds import heights_of, motion_speed
-from sph.setup.tanks import ends
+from sph.setup.tanks import edge, ends
 
 SMALL = 6  # spacings across a repulsive body, below which the force on it is off by more than a tenth
+EDGE = 2  # spacings beside an edge that read low where a jet leaves it: the outer one nothing, the next two thirds
 CONTACT = 16  # spacings that a front goes into a wall until its pressure is right: until 4 half as large again or more
 STIFF = 50  # c0 / vmax, below which a stress of the strain rate lets a wave of two spacings grow
 SHIFTED = 1.4  # h / dp, below which shifted particles are packed under gravity
@@ -359,6 +360,11 @@ def _sensor(config: SphConfig, scene: Scene, i: int) -> Iterator[Derived]:
     if beyond > 1e-9 * dp:
         title, cure = f"{gauge.name} behind another wall", "a smaller area, or another place: nothing presses there"
         yield Derived(title, "", beyond, "m", "0", "warn", "an area of wall", cure, ("gauge", i, "at"))
+    near = min((edge(wall, gauge) for wall in walls if behind.get(wall.name)), default=np.inf)
+    if near < EDGE * dp:
+        title, cure = f"edge beside {gauge.name}", "a place farther from it: water that leaves as a jet pulls at the edge"
+        yield Derived(title, "L/dp", round(near / dp, 6), "", f">= {EDGE}", "warn", "a jet on a plate, measured", cure,
+                      ("gauge", i, "at"))  # fmt: skip
     narrow = 2 * gauge.radius if gauge.radius else min(extent for extent in gauge.extents(dp) if extent)
     verdict: Verdict = "ok" if narrow >= dp * (1 - 1e-9) else "warn"
     cure = "" if verdict == "ok" else "a smaller spacing: it reads what the wall bears over a spacing"

@@ -108,6 +108,27 @@ def ends(scene: Any, gauge: case.Gauge) -> NDArray[np.float64]:
     return found
 
 
+def edge(wall: Tank, gauge: case.Gauge) -> float:
+    """How far an area of a solid box ends before an edge of its face, m; infinite where other walls go on beyond all of
+    them, or where it is no box.
+    """
+    box, (along, sign), dp, nearest = wall.shape.box, gauge.direction, wall.scene.spacing, np.inf
+    if not box or not wall.section.solid:
+        return nearest
+    for face in sorted(wall.closed):
+        k, up = AXES.index(face[0]), face[1] == "+"
+        if k == along:
+            continue
+        end, way = (box.high[k], 1.0) if up else (box.low[k], -1.0)
+        beyond = np.array([gauge.at], float)
+        beyond[0, along] += sign * dp / 2
+        beyond[0, k] = end + way * dp / 2
+        if not any(depth_in_wall(other, beyond)[0] > 0.0 for other in wall.scene.walls if other is not wall):
+            half = gauge.radius or gauge.extents(dp)[k] / 2
+            nearest = min(nearest, way * (end - gauge.at[k]) - half)
+    return float(nearest)
+
+
 def moves_across(wall: Tank, along: int) -> bool:
     """Whether a wall ever moves along another axis than this one."""
     motion = wall.section.motion

@@ -89,6 +89,24 @@ def test_a_sensor_down_to_the_floor_is_not_behind_it():
     assert "sensor behind another wall" not in told(gauge=sensor("at = [1.0, 0.05]; radius = 0.05;"))
 
 
+@pytest.mark.parametrize(
+    ("low", "left_out", "middle", "apart"),
+    [(0.0, "", 0.5, 0.0), (0.0, "", 0.45, 1.0), (0.0, "", 0.39, None), (0.0, "", 0.1, None),
+     (0.2, "", 0.3, 0.0), (0.2, 'open = ["y-"];', 0.3, None)],
+)  # fmt: skip
+def test_a_sensor_beside_an_edge_of_a_block_is_told(low, left_out, middle, apart):
+    """Where the block stands on the floor there is none; in the air there is one below too, unless it is left out."""
+    box = f"shape = {{ box = {{ low = [0.7, {low}]; high = [0.9, 0.6]; {left_out} }}; }};"
+    wall = PARTS["wall"][:-1] + f', {{ name = "block"; solid = true; {box} }} )'
+    found = told(wall=wall, gauge=sensor(f"at = [0.7, {middle}]; size = [0.0, 0.2];")).get("edge beside sensor")
+    assert (found is None) == (apart is None)
+    assert found is None or (found.verdict == "warn" and found.value == pytest.approx(apart, abs=1e-9))
+    above = 'shape = { box = { low = [0.7, 0.6]; high = [0.8, 0.8]; }; };'
+    wall = wall[:-1] + f', {{ name = "above"; solid = true; {above} }} )'
+    gauge = sensor("at = [0.7, 0.5]; size = [0.0, 0.2];")
+    assert "edge beside sensor" not in told(wall=wall, gauge=gauge)  # the face goes on
+
+
 @pytest.mark.parametrize("sign", ["-", "+"])
 @pytest.mark.parametrize("low, high", [(0.15, 0.2), (0.6, 0.7)])
 def test_a_sensor_finds_the_wall_that_it_is_pushed_to(sign, low, high):
