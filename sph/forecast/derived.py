@@ -362,7 +362,7 @@ def _sensor(config: SphConfig, scene: Scene, i: int) -> Iterator[Derived]:
         yield Derived(title, "", beyond, "m", "0", "warn", "an area of wall", cure, ("gauge", i, "at"))
     near = min((edge(wall, gauge) for wall in walls if behind.get(wall.name)), default=np.inf)
     if near < EDGE * dp:
-        title, cure = f"edge beside {gauge.name}", "a place farther from it: water that leaves as a jet pulls at the edge"
+        title, cure = f"edge beside {gauge.name}", "a place farther from it: a jet that leaves there pulls at the edge"
         yield Derived(title, "L/dp", round(near / dp, 6), "", f">= {EDGE}", "warn", "a jet on a plate, measured", cure,
                       ("gauge", i, "at"))  # fmt: skip
     narrow = 2 * gauge.radius if gauge.radius else min(extent for extent in gauge.extents(dp) if extent)
