@@ -6,6 +6,7 @@ leaves its counts, "passed failed", in the folder $HPCPIC_MPI_REPORT.
 """
 
 import os
+import signal
 import subprocess
 import sys
 import time
@@ -73,6 +74,14 @@ def _mount(folder: Path) -> bool:
     """A file system of 3 MB, if this process may."""
     words = ["mount", "-t", "tmpfs", "-o", "size=3m", "tmpfs", str(folder)]
     return not subprocess.run(words, capture_output=True).returncode
+
+
+@pytest.fixture
+def hangups() -> Iterator[None]:
+    """SIGHUP is heard, here and in programs that are started, also where `nohup` has it ignored."""
+    before = signal.signal(signal.SIGHUP, signal.SIG_DFL)
+    yield
+    signal.signal(signal.SIGHUP, before)
 
 
 @pytest.fixture

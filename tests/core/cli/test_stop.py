@@ -48,14 +48,14 @@ def test_signal_to_mpirun(toy, name, restart_ranks):
 
 
 @pytest.mark.parametrize("name, restart_ranks", [("SIGINT", 2), ("SIGHUP", 1), ("SIGXCPU", 1)])
-def test_signal_to_a_single_process(toy, name, restart_ranks):
+def test_signal_to_a_single_process(hangups, toy, name, restart_ranks):
     process = toy.start("run", "ring.conf", "-o", "a", "--threads", "1", **SLOW)
     process.send_signal(signal.Signals[name])
     check_stopped_and_goes_on(toy, process, name, restart_ranks)
 
 
 @pytest.mark.parametrize("name", ["SIGTERM", "SIGUSR2", "SIGHUP"])
-def test_signal_to_one_rank_stops_all_at_one_step(toy, name):
+def test_signal_to_one_rank_stops_all_at_one_step(hangups, toy, name):
     """SIGUSR2 and SIGHUP end MPICH's launcher itself: who sends them sends them to the ranks."""
     process = toy.start("run", "ring.conf", "-o", "a", "--threads", "1", ranks=2, **SLOW)
     os.kill(ranks_of(process)[-1], signal.Signals[name])

@@ -36,7 +36,7 @@ def wait_for(condition, seconds=2.0):
 
 
 @pytest.mark.parametrize("name", ["SIGTERM", "SIGUSR1", "SIGUSR2", "SIGXCPU", "SIGHUP", "SIGINT"])
-def test_a_signal_is_a_reason(stop, name):
+def test_a_signal_is_a_reason(hangups, stop, name):
     send(signal.Signals[name])
     assert wait_for(lambda: stop.reason is Reason[name])
     stop.acknowledge()

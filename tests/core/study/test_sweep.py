@@ -144,7 +144,7 @@ def test_a_stopped_run_goes_on(toy):
 
 
 @pytest.mark.parametrize("name", ["SIGINT", "SIGTERM", "SIGHUP", "SIGUSR2"])
-def test_a_signal_lets_the_run_write_its_checkpoint_and_is_exit_5(toy, name):
+def test_a_signal_lets_the_run_write_its_checkpoint_and_is_exit_5(hangups, toy, name):
     words = toy.words("sweep", "ring.conf", "-o", "s", steps=5000, pause=0.002)
     sweep = subprocess.Popen(words, cwd=toy.folder, env=environment(), start_new_session=True)
     toy.started.append(sweep)
