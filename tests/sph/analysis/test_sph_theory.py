@@ -23,3 +23,5 @@ def test_a_narrow_jet_gives_a_plate_all_its_momentum():
     """It leaves along the plate."""
     assert force_on_plate(0.25) == pytest.approx(2 * 0.25, rel=0.02)
     assert force_on_plate(0.25) < 2 * 0.25
+    with pytest.raises(ValueError, match="along it"):
+        force_on_plate(0.1)
