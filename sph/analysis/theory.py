@@ -73,7 +73,7 @@ def jet_on_plate(width: float) -> tuple[NDArray[np.float64], NDArray[np.float64]
     """What a plane jet without gravity, `width` times as wide as the plate that it strikes at right angles, does to it:
     places from the middle (0) to the edge (1), and the pressure there over rho U^2 / 2, 1 at the middle and 0 at the
     edge, where the free streamlines leave with the speed U (Lamb 1932, chapter 4; in the hodograph, w is a source at U
-    and two sinks at U exp(+-i a), where the jet goes to). ValueError below a width of 0.2: the jet leaves along the plate.
+    and two sinks at U exp(+-i a), where the jet goes to). ValueError below a width of 0.2: it leaves along the plate.
     """
     if width < 0.2:
         raise ValueError(f"a jet {width:g} times as wide as the plate leaves along it: 0.2 at least")
