@@ -123,7 +123,7 @@ def stream(threads: int) -> float:
 
 
 def load_of_ranks(particles: float, end: float) -> None:
-    """Mean over a run of the particles of the fuller of two ranks over the mean: what two ranks wait for."""
+    """Mean over a run of the cost of the fuller of two ranks over the mean: what two ranks wait for."""
     world = World.start()
     for name, period in (("dynamic cuts", 100), ("cuts made once", 0), ("even cuts", 0)):
         sph = engine(world, Pool(1), "symplectic", "double", particles, f"numerics.balance_period={period}")
@@ -134,11 +134,12 @@ def load_of_ranks(particles: float, end: float) -> None:
         loads, begin = [], perf_counter()
         while sph.time < end:
             sph.step()
-            loads.append(sph.storage.n)
-        mean = np.mean([world.sum_int(np.array([n]))[0] / world.size for n in loads[::10]])
-        worst = np.mean([world.max(n) for n in loads[::10]])
+            if sph.iteration % 10 == 0:
+                loads.append(sph.cells.costs().sum())
+        mean = np.mean(world.sum_int(np.array(loads)) / world.size)
+        worst = np.mean([world.max(float(load)) for load in loads])
         if world.rank == 0:
-            say(f"{name:16} fuller rank {worst / mean:.3f} of the mean over {len(loads)} steps: "
+            say(f"{name:16} fuller rank {worst / mean:.3f} of the mean over {sph.iteration} steps: "
                 f"efficiency at most {100 * mean / worst:.0f} %; {perf_counter() - begin:.1f} s\n")  # fmt: skip
         sph.close()
 

@@ -92,9 +92,7 @@ class Sph:
         self.walls.grow(fluid_box(scene, world, self.storage), self.storage, self.slabs)
         for inlet in scene.inlets:  # where fluid will be
             self.walls.grow((inlet.low, inlet.high), self.storage, self.slabs)
-        self.migrate()
-        self.balance()
-        self.sort()
+        self._settle()
 
     def _prepare(self, scene: Scene, pool: Pool) -> None:
         """Declare the arrays, without particles yet, and compile the kernels of the scene."""
@@ -141,11 +139,11 @@ class Sph:
         with self.timers.section("migrate"):
             self.walls.grow(box, self.storage, self.slabs)
             self.migrate()
-            period = self.scene.config.numerics.balance_period
-            if period and self.clock.step % period == 0:
-                self.balance()
         self.skin.reach = self.skin.next_reach
         self.sort()
+        period = self.scene.config.numerics.balance_period
+        if period and self.clock.step % period == 0:
+            self.balance()
 
     def advance(self, most: int) -> None:
         """Do one step, of `most` that may be done at once."""
@@ -160,9 +158,18 @@ class Sph:
             self.storage.migrate(self.clock.step, leaving, slabs.owner[layer[leaving]])
 
     def balance(self) -> None:
-        """Cut slabs of equal load, if the present ones are far from it. Collective."""
-        if self.world.size > 1 and self.slabs.balance(self.cells.layer_of(self.storage)):
+        """Cut slabs of equal cost, if the present ones are far from it. Collective."""
+        if self.world.size > 1 and self.slabs.balance(self.cells.costs()):
             self.migrate()
+            self.sort()
+
+    def _settle(self) -> None:
+        """Slabs of equal cost for particles on any rank, and who is near whom. Collective."""
+        if self.world.size > 1:
+            self.slabs.balance(self.cells.counts(self.storage))  # who is near whom is known afterwards
+        self.migrate()
+        self.sort()
+        self.balance()
 
     def sort(self) -> None:
         """Find ghosts, cells and neighbours for the positions as they are. Collective."""
@@ -282,9 +289,7 @@ class Sph:
         self.evolution.forget_rates()
         if self.evolution.driven:
             self.tasks.arena["moment"][0] = self.clock.time
-        self.migrate()
-        self.balance()
-        self.sort()
+        self._settle()
 
     def guard(self) -> str | None:
         """Why this rank's state is no solution, or None. Collective where no series has looked at the energy lately."""

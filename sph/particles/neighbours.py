@@ -13,10 +13,12 @@ from sph.particles.storage import Storage
 from sph.particles.tasks import Tasks, equal_parts
 
 MAX_FINE_CELLS = 2**28  # fine cells of a rank: a table of 1 GB
+VECTOR = 8  # neighbours at a time
+BODY_COST = 4  # vectors of neighbours that take as long as all else that is done with a body
 
 
 class Cells:
-    """Puts the bodies of a rank into slots and finds their neighbours; `here`: layers of cells that it looks at."""
+    """Puts the bodies of a rank into slots and finds their neighbours, in `here` layers of cells from `first` on."""
 
     def __init__(self, tasks: Tasks, grid: CellGrid, d: int) -> None:
         self.tasks, self.grid, self.parts = tasks, grid, tasks.parts
@@ -39,6 +41,23 @@ class Cells:
         self._place(storage, OWN)
         return self.tasks.arena["layer"][: storage.end]
 
+    def counts(self, storage: Storage) -> NDArray[np.int64]:
+        """Own particles by layers [layers] of the whole domain. In memory that `sort` uses."""
+        return np.bincount(self.layer_of(storage) + 1, minlength=self.grid.layers + 1)[1:]  # 0: nobody
+
+    def costs(self) -> NDArray[np.int64]:
+        """What a step does with the own bodies, in vectors of neighbours, by layers [layers] of the whole domain: after
+        `find`. A dry wall has no neighbours.
+        """
+        a, costs = self.tasks.arena, np.zeros(self.grid.layers, np.int64)
+        base = a["base"][: self.here + 1]
+        vectors = (-(-a["run_length"][:, : base[-1]].astype(np.int64) // VECTOR)).sum(axis=0)
+        own = a["flags"][: base[-1]] & OWN != 0
+        layers = self.first + np.arange(self.here)
+        inside = (layers >= 0) & (layers < self.grid.layers)  # beside them are ghosts at most
+        costs[layers[inside]] = np.add.reduceat(np.where(own, BODY_COST + vectors, 0), base[:-1])[inside]
+        return costs
+
     def sort(self, storage: Storage, slabs: Slabs) -> NDArray[np.int32]:
         """Put bodies into slots by cells: own ones are in layers of the slab, ghosts also beside it. By old slot, the
         new one, until the next search.
@@ -46,7 +65,7 @@ class Cells:
         tasks, kernels, a = self.tasks, self.kernels, self.tasks.arena
         self._place(storage, BODY)
         first, here = self._span(slabs.low, slabs.high)
-        self.here = here
+        self.first, self.here = first, here
         a.reserve(layers=here + 1)
         a["shape"][2:4] = first, here
         self._tally()

@@ -70,12 +70,11 @@ class Slabs:
                     near = np.concatenate([near, there])
         return [int(peer) for peer in np.unique(near) if peer != me]
 
-    def balance(self, layer: NDArray[np.int32]) -> bool:
-        """Make cuts of equal load if the present ones are far from it: layer[slot] of own particles, others -1.
-        True if they are new. Collective.
+    def balance(self, costs: NDArray[np.int64]) -> bool:
+        """Make cuts of equal cost if the present ones are far from it: costs[layer] of the own particles. True if they
+        are new. Collective.
         """
-        load = self.world.sum_int(np.bincount(layer + 1, minlength=self.grid.layers + 1)[1:])  # 0: nobody
-        cuts = better_cuts(load, self.domain.cuts)
+        cuts = better_cuts(self.world.sum_int(costs), self.domain.cuts)
         if cuts:
             self.cut(self.domain.with_cuts(cuts))
         return bool(cuts)

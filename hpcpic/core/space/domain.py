@@ -10,13 +10,14 @@ from hpcpic.core.space.cuts import block_ranges, even_cuts
 
 __all__ = ["Domain", "balanced_cuts", "better_cuts", "block_ranges", "even_cuts", "fullest", "wrap"]
 
+ROUNDING = 1e-9  # of a cost
 MAX_IMBALANCE = 1.03  # cost of the fullest rank over what it can be, beyond which cuts are made again
 
 
 def balanced_cuts(cost_per_row: ArrayLike, ranks: int, minimum: int = 0) -> tuple[int, ...]:
-    """Cuts where the prefix sum of the cost is nearest to k/ranks of the total.
+    """Cuts by which the fullest rank has the least that it can have, each as near to k/ranks of the cost as that lets.
 
-    Every slab has at least `minimum` rows; with minimum = 0 none costs more than the mean plus one row.
+    Every slab has at least `minimum` rows; where that is more than one, the fullest may have a little more.
     """
     cost = np.asarray(cost_per_row)
     rows = len(cost)
@@ -25,13 +26,41 @@ def balanced_cuts(cost_per_row: ArrayLike, ranks: int, minimum: int = 0) -> tupl
     prefix = np.concatenate(([0], np.cumsum(cost)))
     if prefix[-1] <= 0:
         return even_cuts(rows, ranks)
+    most = _least_maximum(prefix, ranks, minimum)
+    from_end = _farthest(prefix[-1] - prefix[::-1], ranks, minimum, most)
     cuts = [0]
     for k in range(1, ranks):
         target = prefix[-1] * (k / ranks)
         above = int(np.searchsorted(prefix, target))
         nearest = above - 1 if above > 0 and target - prefix[above - 1] <= prefix[above] - target else above
-        cuts.append(min(max(nearest, cuts[-1] + minimum), rows - (ranks - k) * minimum))
+        first = max(rows - from_end[ranks - k], cuts[-1] + minimum)
+        last = min(_reached(prefix, cuts[-1], most), rows - (ranks - k) * minimum)
+        cuts.append(max(min(nearest, last), first))
     return (*cuts, rows)
+
+
+def _least_maximum(prefix: NDArray, ranks: int, minimum: int) -> float:
+    """The cost of the fullest of so many slabs, as low as it can be; prefix: sums of the costs of rows from 0 on."""
+    low, high = float(max(prefix[-1] / ranks, np.diff(prefix).max())), float(prefix[-1])
+    while high - low > ROUNDING * high:
+        middle = 0.5 * (low + high)
+        enough = _farthest(prefix, ranks, minimum, middle)[-1] == len(prefix) - 1
+        low, high = (low, middle) if enough else (middle, high)
+    return high
+
+
+def _farthest(prefix: NDArray, ranks: int, minimum: int, most: float) -> list[int]:
+    """The rows that each number of slabs, from none on, reaches where none costs more than `most`."""
+    cuts, rows = [0], len(prefix) - 1
+    for k in range(1, ranks + 1):
+        reached = max(_reached(prefix, cuts[-1], most), cuts[-1] + minimum)
+        cuts.append(min(reached, rows - (ranks - k) * minimum))
+    return cuts
+
+
+def _reached(prefix: NDArray, cut: int, most: float) -> int:
+    """How far a slab that begins at a cut goes without costing more."""
+    return int(np.searchsorted(prefix, prefix[cut] + most, side="right")) - 1
 
 
 def fullest(cost_per_row: ArrayLike, cuts: Sequence[int]) -> float:

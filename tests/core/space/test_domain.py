@@ -1,11 +1,11 @@
-from itertools import pairwise
+from itertools import combinations_with_replacement, pairwise
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import assume, given
 from hypothesis import strategies as st
 
-from hpcpic.core.space.domain import Domain, balanced_cuts, block_ranges, even_cuts, ring_neighbours, wrap
+from hpcpic.core.space.domain import Domain, balanced_cuts, block_ranges, even_cuts, fullest, ring_neighbours, wrap
 
 
 @pytest.mark.parametrize("n", [0, 1, 7, 8, 9])
@@ -27,6 +27,15 @@ def test_balanced_cuts_exceed_the_mean_by_no_more_than_one_row(cost, ranks):
     loads = [sum(cost[low:high]) for low, high in pairwise(cuts)]
     assert sum(loads) == sum(cost) and len(cuts) == ranks + 1
     assert max(loads) <= sum(cost) / ranks + max(cost) + 1e-9 or not any(cost)
+
+
+@given(st.lists(st.integers(0, 50), min_size=1, max_size=9), st.integers(1, 5), st.integers(0, 1))
+def test_no_cuts_give_the_fullest_rank_less(cost, ranks, minimum):
+    rows = len(cost)
+    assume(any(cost) and rows >= ranks * minimum)
+    inner = combinations_with_replacement(range(rows + 1), ranks - 1)
+    all_cuts = [cuts for cuts in ((0, *some, rows) for some in inner) if np.diff(cuts).min() >= minimum]
+    assert fullest(cost, balanced_cuts(cost, ranks, minimum)) == min(fullest(cost, cuts) for cuts in all_cuts)
 
 
 @given(costs, st.integers(1, 8), st.integers(0, 4))
