@@ -176,16 +176,18 @@ def standard_rates(world: World, d: int, quick: bool) -> dict[str, float]:
             "sample_cell_ns": 1e9 * max(0.0, empty.sample - tiny.sample) / cells,
         }
         found = cache_mb() or DEFAULT["cache_mb"]
-        rates |= {"cache_mb": found, "memory_ns": 1e9 * (particle + memory_wait(trials, particle, found))}
+        rates |= {"cache_mb": found} | memory_rate(trials, particle, found)
         if "wide" in trials:
             rates |= wide_rates(trials, found)
     return rates | {what: trials[name].step / trials[together[what]].step for what, name in gains.items()}
 
 
 def wide_rates(trials: Mapping[str, Trial], cache: float) -> dict[str, float]:
-    """What nodes that no cache holds take more than those of the empty plasma."""
+    """What nodes that no cache holds take more than those of the empty plasma; nothing where caches hold all."""
     wide, empty, tiny, cells = trials["wide"], trials["empty"], trials["tiny"], math.prod(WIDE)
     away, times = beyond_caches(cells, NODE_BYTES, 1.0, {"cache_mb": cache}) / NODE_BYTES, cells / math.prod(EMPTY[2])
+    if not away:
+        return {}
     work = times * math.log2(cells) / LEVELS[2] * (empty.field - tiny.field)
     return {
         "field_memory_ns": 1e9 * max(0.0, wide.field - work) / away,
@@ -207,11 +209,13 @@ def more_of_large(trials: Mapping[str, Trial], what: str) -> float:
     return large - tiny - SCALE**2 * (few - tiny)
 
 
-def memory_wait(trials: Mapping[str, Trial], particle: float, cache: float) -> float:
-    """Seconds that a standard particle which no cache holds takes more than one in caches."""
+def memory_rate(trials: Mapping[str, Trial], particle: float, cache: float) -> dict[str, float]:
+    """What a standard particle that no cache holds takes; nothing where caches hold the large plasma."""
     n, more = FULL[2][0] ** 2 * SCALE**2, more_of_large(trials, "rest")
     away = beyond_caches(n * DENSE_AND_LARGE, STANDARD_BYTES, 1.0, {"cache_mb": cache}) / STANDARD_BYTES
-    return max(0.0, more - n * (DENSE_AND_LARGE - SPARSE) * particle) / away
+    if not away:
+        return {}
+    return {"memory_ns": 1e9 * (particle + max(0.0, more - n * (DENSE_AND_LARGE - SPARSE) * particle) / away)}
 
 
 def cache_mb() -> float:

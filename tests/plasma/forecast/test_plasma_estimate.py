@@ -1,11 +1,14 @@
 """Laws of the estimate: what divides among cores, what ranks cost, the period of a series that nobody asked for."""
 
+from types import SimpleNamespace
+
 import pytest
 
 from hpcpic.core.case.config import loads
 from hpcpic.core.comm.world import World
 from hpcpic.core.space.domain import Domain
 from hpcpic.core.tasks.graph import Pool
+from hpcpic.plasma import bench
 from hpcpic.plasma.case.config import PlasmaConfig
 from hpcpic.plasma.configure import configure
 from hpcpic.plasma.forecast.derived import counts
@@ -86,6 +89,15 @@ def test_memory_is_waited_for_by_particles_beyond_the_caches():
     assert within == 0.0 and twice == pytest.approx(2 * once)
     wait = DEFAULT["memory_ns"] - DEFAULT["particle_ns 2D CIC double"]
     assert once == pytest.approx(1e-9 * held * wait, rel=1e-4)  # held is a whole number
+
+
+@pytest.mark.parametrize("cache, measured", [(1.0, True), (1e4, False)])
+def test_what_memory_takes_is_measured_where_caches_do_not_hold_it_all(cache, measured):
+    seconds = {"tiny": 1e-6, "few": 1e-4, "empty": 1e-4, "large": 1.0, "wide": 1.0}
+    trials = {name: SimpleNamespace(rest=t, field=t, sample=t) for name, t in seconds.items()}
+    found = bench.memory_rate(trials, 1e-9, cache) | bench.wide_rates(trials, cache)
+    assert set(found) == ({"memory_ns", "field_memory_ns", "cell_memory_ns"} if measured else set())
+    assert all(rate > 1.0 for rate in found.values())
 
 
 def test_together_cores_wait_for_one_memory():

@@ -16,6 +16,7 @@ from sph.configure import configure
 from sph.forecast.derived import derived
 from sph.forecast.estimate import estimate
 from sph.forecast.plan import images, plan
+from sph.physics.stability import time_step
 
 BUOYS = """
 simulation = {{ dimensions = 2; end_time = 1.0; }};
@@ -131,6 +132,9 @@ def test_a_step_after_a_sample_is_cheaper_by_what_the_sample_has_done():
     assert often.phases == never.phases and never.step_seconds == sum(never.phases.values())
     assert 0.2 * never.step_seconds < often.step_seconds < 0.8 * never.step_seconds
     assert often.seconds >= never.seconds and never.sampling == 0.0
+    dt = time_step(still_tank())
+    most, least = (estimate(still_tank(f"output.period.series={k * dt}"), 1, 1, {}) for k in (1.8, 2.2))
+    assert most.step_seconds == often.step_seconds and least.step_seconds == never.step_seconds  # the median, as of runs
 
 
 def test_the_plan_has_no_line_for_what_a_case_has_not():
