@@ -23,6 +23,7 @@ from hpcpic.core.tasks.graph import Pool
 from hpcpic.core.timers import Timers
 from hpcpic.plasma.configure import configure
 from hpcpic.plasma.forecast.estimate import (
+    HELD,
     LEVELS,
     NODE_BYTES,
     STANDARD_BYTES,
@@ -50,6 +51,8 @@ GAINS = {  # whose steps tell what all cores gain
     1: {"plasma_core_gain 1D": "many"},
     3: {"plasma_core_gain 3D": "many"},
 }
+CACHES = Path("/sys/devices/system/cpu/cpu0/cache")
+MOST_CACHE = 0.5e-6 * (FULL[2][0] * SCALE) ** 2 * DENSE_AND_LARGE * STANDARD_BYTES / HELD  # MB
 STEPS, TINY_STEPS, SAMPLES = 4, 40, 3  # of a turn
 CASE = """
 simulation = {{ dimensions = {d}; solver = "MFT"; cycles = 1; time_step = 0.2; space_length = {lengths}; }};
@@ -176,18 +179,16 @@ def standard_rates(world: World, d: int, quick: bool) -> dict[str, float]:
             "sample_cell_ns": 1e9 * max(0.0, empty.sample - tiny.sample) / cells,
         }
         found = cache_mb() or DEFAULT["cache_mb"]
-        rates |= {"cache_mb": found} | memory_rate(trials, particle, found)
+        rates |= {"cache_mb": found, "memory_ns": 1e9 * (particle + memory_wait(trials, particle, found))}
         if "wide" in trials:
             rates |= wide_rates(trials, found)
     return rates | {what: trials[name].step / trials[together[what]].step for what, name in gains.items()}
 
 
 def wide_rates(trials: Mapping[str, Trial], cache: float) -> dict[str, float]:
-    """What nodes that no cache holds take more than those of the empty plasma; nothing where caches hold all."""
+    """What nodes that no cache holds take more than those of the empty plasma."""
     wide, empty, tiny, cells = trials["wide"], trials["empty"], trials["tiny"], math.prod(WIDE)
     away, times = beyond_caches(cells, NODE_BYTES, 1.0, {"cache_mb": cache}) / NODE_BYTES, cells / math.prod(EMPTY[2])
-    if not away:
-        return {}
     work = times * math.log2(cells) / LEVELS[2] * (empty.field - tiny.field)
     return {
         "field_memory_ns": 1e9 * max(0.0, wide.field - work) / away,
@@ -209,20 +210,20 @@ def more_of_large(trials: Mapping[str, Trial], what: str) -> float:
     return large - tiny - SCALE**2 * (few - tiny)
 
 
-def memory_rate(trials: Mapping[str, Trial], particle: float, cache: float) -> dict[str, float]:
-    """What a standard particle that no cache holds takes; nothing where caches hold the large plasma."""
+def memory_wait(trials: Mapping[str, Trial], particle: float, cache: float) -> float:
+    """Seconds that a standard particle which no cache holds takes more than one in caches."""
     n, more = FULL[2][0] ** 2 * SCALE**2, more_of_large(trials, "rest")
     away = beyond_caches(n * DENSE_AND_LARGE, STANDARD_BYTES, 1.0, {"cache_mb": cache}) / STANDARD_BYTES
-    if not away:
-        return {}
-    return {"memory_ns": 1e9 * (particle + max(0.0, more - n * (DENSE_AND_LARGE - SPARSE) * particle) / away)}
+    return max(0.0, more - n * (DENSE_AND_LARGE - SPARSE) * particle) / away
 
 
-def cache_mb() -> float:
-    """Size of the last-level cache, as the system tells it; 0 where it does not."""
+def cache_mb(caches: Path = CACHES) -> float:
+    """Size of the last-level cache, as the system tells it, but no more than leaves half of the large plasma outside:
+    how fast the rest is must be seen. 0 where the system does not tell.
+    """
     try:
-        sizes = [path.read_text().strip() for path in Path("/sys/devices/system/cpu/cpu0/cache").glob("index*/size")]
-        return max(int(size.removesuffix("K")) * 1024e-6 for size in sizes)
+        sizes = [path.read_text().strip() for path in caches.glob("index*/size")]
+        return min(MOST_CACHE, max(int(size.removesuffix("K")) * 1024e-6 for size in sizes))
     except (OSError, ValueError):
         return 0.0
 

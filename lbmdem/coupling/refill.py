@@ -26,6 +26,7 @@ from lbmdem.fluid.fixed_links import Directions
 from lbmdem.fluid.fluid import Fluid
 from lbmdem.fluid.solid_nodes import Change, Window, several_slabs
 from lbmdem.kernels import refill as kernels
+from lbmdem.kernels.layout import Layout
 from lbmdem.kernels.link_arrays import Nodes, Populations
 
 PARTS = 4  # per thread
@@ -42,23 +43,25 @@ class Refill:
     collective."""
 
     def __init__(self, window: Window, fluid: Fluid, world: World, mode: str) -> None:
-        self.conserving, self._average = mode == "conserving", mode == "average"
+        self.conserving, self._average, self._mode = mode == "conserving", mode == "average", mode
         self._window, self._fluid, self._world = window, fluid, world
-        layout, directions = fluid.layout, Directions(fluid.lattice)
-        self._edges = np.zeros((2, 0, 0, 0))
         self._fill: Fill | None = None
+
+    def bind(self, arena: Arena) -> None:
+        """Make the tasks that fill the nodes which `Solid`, whose arena this is, will uncover. Collective. Not before
+        grains move: where all stay, the fluid gives up the populations that are read here.
+        """
+        fluid, layout, directions = self._fluid, self._fluid.layout, Directions(self._fluid.lattice)
+        assert isinstance(layout, Layout)
+        self._edges = np.zeros((2, 0, 0, 0))
         if several_slabs(fluid.domain) and not self._average:
             self._share_edges()
         self._populations = Populations(fluid.f, layout.strides, layout.slots, layout.shifts)
-        self._nodes = Nodes(fluid.ids.reshape(-1), window.shape, window.inner, window.box)
+        self._nodes = Nodes(fluid.ids.reshape(-1), self._window.shape, self._window.inner, self._window.box)
         sizes = np.array([layout.nx, layout.rows, layout.planes], np.int64)
-        self._source = kernels.Source(sizes, self._edges, directions.e, fluid.lattice.w, MODES[mode])
-
-    def bind(self, arena: Arena) -> None:
-        """Make the tasks that fill the nodes which `Solid`, whose arena this is, will uncover."""
-        threads = self._fluid.pool.threads
-        shares = PARTS * threads if threads > 1 else 1
-        given = {"shares": shares, "populations": self._populations, "nodes": self._nodes, "source": self._source}
+        source = kernels.Source(sizes, self._edges, directions.e, fluid.lattice.w, MODES[self._mode])
+        shares = PARTS * fluid.pool.threads if fluid.pool.threads > 1 else 1
+        given = {"shares": shares, "populations": self._populations, "nodes": self._nodes, "source": source}
         arena.set(density=0.0)
         kernel, self._arena = kernels.fill_average if self._average else kernels.fill, arena
         self._tasks: list[list[Bound]] = [  # by parity
@@ -75,6 +78,7 @@ class Refill:
         ghosts = ((1, 1), (0, 0), (0, 0))
         self._planes = Field(planes, self._world.rank, leading=(fluid.lattice.q,), ghosts=ghosts)
         self._edges = np.zeros((2, *self._planes.values[:, 0].shape))
+        self.free()
         self._fill = Fill(self._world, planes, self._planes, Channel.EDGES)
 
     def exchange(self) -> None:

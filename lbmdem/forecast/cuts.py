@@ -25,6 +25,7 @@ from lbmdem.forecast.node_shares import (
 from lbmdem.forecast.rates import DEFAULT, node_ns
 from lbmdem.sizes import MAX_REPLICATED, STEPS_PER_PASS, STORAGE
 
+MOST_ROWS = 1 << 14  # that are looked at before a run, for each row of a grain
 SAMPLE = 1 << 12  # heights by which a packing is known before it is made
 DEEP = 4 * STEPS_PER_PASS  # rows that a slab has for as many steps with links per pass over memory
 CENTRES, BODIES, SOLID, TOUCHED, COVERED, LINKS = range(6)
@@ -57,7 +58,8 @@ def sums_by_row(config: LbmDemConfig, placed: Grains) -> NDArray[np.float64]:
     """What rows have of these grains [6, rows]: their centres; and, as if each were the same at all its heights, the
     grains themselves, nodes in them, vectors' boxes that touch them and that they cover, links.
     """
-    d, rows, r = config.dimensions, config.points[-1], placed.radii
+    d, rows = config.dimensions, config.points[-1]
+    r = np.minimum(placed.radii, 0.5 * rows)  # of which a case that is refused may have larger ones
     at, numbers = placed.heights / config.spacing, np.broadcast_to(placed.numbers, r.shape)
     around = "xyz"[d - 1] in config.domain.periodic
 
@@ -113,12 +115,12 @@ def laying_out(config: LbmDemConfig, ranks: int) -> float:
 
 
 def first_cuts(config: LbmDemConfig, ranks: int, placed: Grains | None = None) -> tuple[int, ...]:
-    """Cuts at the start: of equal cost where those of equal height are far from it. placed: where grains are, if that
-    is known.
+    """Cuts at the start: of equal cost where those of equal height are far from it, and rows are not too many to look
+    at. placed: where grains are, if that is known.
     """
     rows = config.points[-1]
     even = even_cuts(rows, ranks)
-    if not config.grains or not 1 < ranks <= rows:
+    if not config.grains or not 1 < ranks <= rows <= MOST_ROWS:
         return even
     sets = [placed] if placed else [expected(config, group) for group in config.grains]
     costs = row_costs(config, np.sum([sums_by_row(config, one) for one in sets], axis=0))

@@ -11,6 +11,7 @@ from hpcpic.plasma.forecast.rates import DEFAULT, kernel_ns
 from hpcpic.plasma.setup.loaders import EVEN, loader_of
 from hpcpic.plasma.setup.scene import Scene
 
+MOST_ROWS = 1 << 22  # that are looked at before a run
 SAMPLE = 1 << 20  # particles of a species, at most, by which its density is known at the start
 LAYING_OUT = 5e7, 150.0  # ns: of a layout, and of a particle of a rank; twice or half as much costs little
 
@@ -32,9 +33,11 @@ def laying_out(config: PlasmaConfig, ranks: int) -> float:
 
 
 def first_cuts(config: PlasmaConfig, ranks: int) -> tuple[int, ...]:
-    """Cuts at the start: of equal cost where those of equal height are far from it."""
+    """Cuts at the start: of equal cost where those of equal height are far from it, and rows are not too many to look
+    at.
+    """
     even = even_cuts(config.points[-1], ranks)
-    if ranks == 1 or all(map(spread_evenly, config.species)):
+    if ranks == 1 or config.points[-1] > MOST_ROWS or all(map(spread_evenly, config.species)):
         return even
     scene, rows = Scene(config), np.zeros(config.points[-1])
     for species in scene.species:

@@ -292,6 +292,8 @@ EXTREMES = (5e-324, 1e-30, 1e-20, 1e-12, 0.0, -1.0, 1e12, 1e20, 1e30, 1.7e308)
     st.dictionaries(st.sampled_from(COUNTS), st.sampled_from((0, 1, 2**31 - 1, 10**11, 2**63 - 1)), max_size=1),
 )
 @example({"fluid.viscosity": 1e-30}, {})
+@example({"domain.spacing": 1e-20}, {})
+@example({"grains[0].diameters.max": 1e12}, {"grains[0].diameters.count": 1})
 @example({"grains[0].diameters.a": 1e12}, {})
 @example({}, {"grains[0].diameters.count": 10**11})
 def test_no_numbers_break_check_estimate_or_plan(floats, counts):

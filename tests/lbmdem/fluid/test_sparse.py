@@ -1,5 +1,7 @@
 """A porous medium held without its solid nodes: the bits of the fluid that holds them, and what it costs."""
 
+import gc
+
 import numpy as np
 import pytest
 from lattice_scenes import fluid_in_a_box
@@ -12,6 +14,7 @@ from lbmdem.fluid.faces import Face
 from lbmdem.fluid.fluid import Fluid
 from lbmdem.fluid.sparse import SparseLayout
 from lbmdem.kernels import sparse
+from lbmdem.kernels.link_arrays import Populations
 from lbmdem.physics.reference import random_populations
 from lbmdem.physics.velocity_sets import D2Q9, D3Q19
 
@@ -72,6 +75,13 @@ def test_a_fluid_without_its_solid_nodes_has_the_same_bits(lattice, faces, stora
     assert thin.depth > 1
     assert same(seen(plain), seen(thin))
     assert np.array_equal(plain.row_sums()[0], thin.row_sums()[0])
+
+
+def test_solids_that_stay_keep_no_populations_of_a_fluid_that_holds_them():
+    fluid = porous(D3Q19, True, rule="cli")
+    gc.collect()
+    held = [one for one in gc.get_objects() if isinstance(one, Populations)]
+    assert not any(one.f.size > fluid.f.size for one in held)
 
 
 AROUND = {"periodic": None, "through": THROUGH, "across": ACROSS}

@@ -91,13 +91,17 @@ def test_memory_is_waited_for_by_particles_beyond_the_caches():
     assert once == pytest.approx(1e-9 * held * wait, rel=1e-4)  # held is a whole number
 
 
-@pytest.mark.parametrize("cache, measured", [(1.0, True), (1e4, False)])
-def test_what_memory_takes_is_measured_where_caches_do_not_hold_it_all(cache, measured):
+@pytest.mark.parametrize("size", ["1024K", "32768K", "491520K"])
+def test_what_memory_takes_is_seen_whatever_the_cache_is_said_to_hold(tmp_path, size):
+    for index, told in enumerate(("32K", size)):
+        (tmp_path / f"index{index}").mkdir()
+        (tmp_path / f"index{index}" / "size").write_text(told + "\n")
+    cache = bench.cache_mb(tmp_path)
+    assert cache == min(int(size[:-1]) * 1024e-6, bench.MOST_CACHE)
     seconds = {"tiny": 1e-6, "few": 1e-4, "empty": 1e-4, "large": 1.0, "wide": 1.0}
-    trials = {name: SimpleNamespace(rest=t, field=t, sample=t) for name, t in seconds.items()}
-    found = bench.memory_rate(trials, 1e-9, cache) | bench.wide_rates(trials, cache)
-    assert set(found) == ({"memory_ns", "field_memory_ns", "cell_memory_ns"} if measured else set())
-    assert all(rate > 1.0 for rate in found.values())
+    trials = {name: SimpleNamespace(rest=t, field=t) for name, t in seconds.items()}
+    assert 1e-9 < bench.memory_wait(trials, 1e-9, cache) < 1e-3
+    assert all(1.0 < rate < 1e6 for rate in bench.wide_rates(trials, cache).values())
 
 
 def test_together_cores_wait_for_one_memory():
