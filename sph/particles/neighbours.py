@@ -5,6 +5,7 @@ from numpy.typing import NDArray
 
 from hpcpic.core.errors import Diverged
 from hpcpic.core.simd.generate import specialise
+from hpcpic.core.simd.registers import lanes
 from hpcpic.core.tasks.graph import TaskError
 from sph.kernels.groups import Table
 from sph.kernels.marks import BODY, OWN
@@ -13,7 +14,7 @@ from sph.particles.storage import Storage
 from sph.particles.tasks import Tasks, equal_parts
 
 MAX_FINE_CELLS = 2**28  # fine cells of a rank: a table of 1 GB
-VECTOR = 8  # neighbours at a time
+VECTOR = lanes(np.float64)  # neighbours at a time
 BODY_COST = 4  # vectors of neighbours that take as long as all else that is done with a body
 
 

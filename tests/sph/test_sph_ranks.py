@@ -30,12 +30,10 @@ def test_ranks_compute_what_one_does(name):
 def test_the_cost_of_a_layer_counts_its_neighbours_and_dry_walls_have_none():
     sph = engine(spacing=0.1, **SCENES["most ranks are empty"])
     costs, counts = sph.cells.costs(), sph.cells.counts(sph.storage)
-    x = sph.storage.own_values("x")
-    layer = sph.grid.layer(x[0])
-    wet = layer[sph.storage.own_values("flags") & FLUID != 0].max() + 1  # the next layer may still reach it
-    assert np.array_equal(costs[wet + 2 :], BODY_COST * counts[wet + 2 :]) and counts[wet + 2 :].any()
+    x, fluid = sph.storage.own_values("x"), sph.storage.own_values("flags") & FLUID != 0
+    dry = sph.grid.layer(x[0])[fluid].max() + 2  # the layer beside fluid reaches it
+    assert np.array_equal(costs[dry:], BODY_COST * counts[dry:]) and counts[dry:].any()
     distance = np.linalg.norm(x[:, :, None] - x[:, None], axis=0)
-    fluid = sph.storage.own_values("flags") & FLUID != 0
     pairs = np.triu((distance < sph.scene.support) & (fluid[:, None] | fluid), 1)
     vectors = costs.sum() - BODY_COST * counts.sum()
     assert pairs.sum() / VECTOR <= vectors <= pairs.sum()

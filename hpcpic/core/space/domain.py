@@ -10,7 +10,7 @@ from hpcpic.core.space.cuts import block_ranges, even_cuts
 
 __all__ = ["Domain", "balanced_cuts", "better_cuts", "block_ranges", "even_cuts", "fullest", "wrap"]
 
-ROUNDING = 1e-9  # of a cost
+HALVINGS = 40  # by which the least cost of the fullest rank is found, to 1e-12 of all
 MAX_IMBALANCE = 1.03  # cost of the fullest rank over what it can be, beyond which cuts are made again
 
 
@@ -42,7 +42,7 @@ def balanced_cuts(cost_per_row: ArrayLike, ranks: int, minimum: int = 0) -> tupl
 def _least_maximum(prefix: NDArray, ranks: int, minimum: int) -> float:
     """The cost of the fullest of so many slabs, as low as it can be; prefix: sums of the costs of rows from 0 on."""
     low, high = float(max(prefix[-1] / ranks, np.diff(prefix).max())), float(prefix[-1])
-    while high - low > ROUNDING * high:
+    for _ in range(HALVINGS):
         middle = 0.5 * (low + high)
         enough = _farthest(prefix, ranks, minimum, middle)[-1] == len(prefix) - 1
         low, high = (low, middle) if enough else (middle, high)
