@@ -86,13 +86,13 @@ def measure(state: Mapping[str, NDArray], tiles: int, kind: str, threads: int) -
     dem = bed(world, pool, LAWS[kind], state["x"], state["v"], tiles)
     n = dem.grains.number
     dem.advance(STEP, 200)
-    lists, steps = dem.version, max(50, 2_000_000 // n)
+    lists, steps = dem.list.builds, max(50, 2_000_000 // n)
     found, contacts = rate(dem, steps), 2 * contact_count(dem) / n
     if world.rank == 0:
         print(
             f"{n:7d} spheres, {kind:11s} {world.size} rank(s) x {threads} thread(s): {found / 1e6:6.2f} M/s, "
             f"{1e9 / found:5.1f} ns per particle-step; {contacts:.2f} contacts, a list every "
-            f"{5 * steps / max(dem.version - lists, 1):.0f} steps",
+            f"{5 * steps / max(dem.list.builds - lists, 1):.0f} steps",
             flush=True,
         )
     pool.close()

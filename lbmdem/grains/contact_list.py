@@ -39,11 +39,14 @@ class ContactList:
         arena.set(ids=none, firsts=none, others=none, slots=none, found=pairs, size=0.0, margin=0.0)
         arena.set(cells=_cells(np.zeros(3, np.int64), 0))
         arena.set(near=0.0, far=0, n_own=0, first_slot=0, n_walls=n_walls)
-        for kernel in (search.locate, search.neighbours, search.near_walls, search.count_slots, search.number_slots):
+        arena.set(inverse=np.empty(0), named=none, keys=pairs, values=np.empty((0, 3)), n_grain_slots=0)
+        for kernel in (search.locate, search.neighbours, search.near_walls):
             arena.ask(kernel, rows="row")
-        arena.ask(search.join_walls)
-        self.n_grain_slots = self.n_slots = 0
-        self.keys = np.zeros((0, 2), np.int64)
+        for kernel in (search.number_slots, search.join_walls, search.set_dashpots):
+            arena.ask(kernel)
+        if self.remembers:
+            arena.ask(search.recall_springs, first_wall=number)
+        self.n_grain_slots = self.n_slots = self.builds = 0
 
     @property
     def low(self) -> NDArray[np.int32]:
@@ -68,28 +71,30 @@ class ContactList:
         margin: greatest gap, m; inverse_mass: 0 for fixed grains; springs: of contacts that were there before.
         """
         n, arena = ids.size, self.arena
+        self.builds += 1
         arena.set(ids=ids, n_own=n_own, margin=margin, near=0.1 * margin, firsts=np.zeros(n_own + 1, np.int64))
-        others = self._find(n)
+        close, far = self._find(n)
         found = np.empty((0, 2), np.int64)
         for _ in range(2):
             m = arena.call(search.near_walls, rows="row", found=found)
             found = np.empty((m, 2), np.int64) if m > len(found) else found
-        close, far = arena.call(search.count_slots, rows="row", others=others)
         n_near = _padded(close)
         self.n_grain_slots = n_near + _padded(far)
         self.n_slots = self.n_grain_slots + _padded(len(found))
-        arena.reserve(slots=self.n_slots, entries=len(others) + len(found))
+        entries = int(arena["firsts"][-1])
+        arena.reserve(slots=self.n_slots, entries=entries + len(found))
         self.low[:], self.high[:] = n, n
-        slots, columns = np.empty(len(others), np.int64), {"low": self.low, "high": self.high}
-        arena.call(search.number_slots, rows="row", others=others, far=n_near, slots=slots, **columns)
+        slots = np.empty(entries, np.int64)
+        arena.call(search.number_slots, far=n_near, slots=slots)
         of_walls = slice(self.n_grain_slots, self.n_grain_slots + len(found))
         self.high[self.n_grain_slots :] = self.n_walls
         self.low[of_walls], self.high[of_walls] = found.T
         arena.call(search.join_walls, slots=slots, found=found, first_slot=self.n_grain_slots)
         self._prepare(ids, inverse_mass, springs)
 
-    def _find(self, n: int) -> NDArray[np.int64]:
-        """Neighbours of own grains among n, one after the other; `firsts` says where those of each begin."""
+    def _find(self, n: int) -> tuple[int, int]:
+        """Find the neighbours of own grains among n: "others", one after the other, where "firsts" says; how many pairs
+        are close, and how many are not."""
         arena, box = self.arena, self.arena.value("box")
         size = (2.0 * float(arena["row"][:n, 3].max()) + arena["margin"]) if n else 1.0
         shape = np.where(box.inverses > 0.0, np.clip(np.floor(box.lengths / size), 1, max(n, 1)), 0).astype(np.int64)
@@ -97,34 +102,24 @@ class ContactList:
         arena.set(cells=_cells(shape, n))
         arena.call(search.locate, rows="row", size=size)
         for _ in range(2):
-            wanted = arena.call(search.neighbours, rows="row")
+            wanted, close, far = arena.call(search.neighbours, rows="row")
             if wanted <= arena["others"].size:
                 break
             arena.set(others=np.empty(wanted + wanted // 8 + 64, np.int64))
-        return arena["others"][: arena["firsts"][-1]]
+        return close, far
 
     def _prepare(self, ids: NDArray[np.int64], inverse_mass: NDArray, springs: Springs) -> None:
-        """Clear the lines, and set dashpots and the springs of contacts that were there before."""
-        self.lines[:] = 0.0
-        self.arena["busy"][: self.n_slots // LANES] = 0
-        inverse = np.append(inverse_mass, np.nan)
-        total = inverse[self.low]
-        total[: self.n_grain_slots] += inverse[self.high[: self.n_grain_slots]]
-        self.arena["damping"][: self.n_slots] = 2.0 * self.law.damping * np.sqrt(self.law.stiffness / total)
-        if not self.remembers:
-            return
-        named = np.append(ids, self.number + self.n_walls)  # whom padding names
-        self.keys = np.stack([named[self.low], self.number + self.high.astype(np.int64)], 1)
-        self.keys[: self.n_grain_slots, 1] = named[self.high[: self.n_grain_slots]]
-        self.springs[:] = 0.0
-        old, values = springs
-        if len(old) and self.n_slots:
-            base = self.number + self.n_walls + 1
-            wanted, known = self.keys @ [base, 1], old @ [base, 1]
-            order = np.argsort(known, kind="stable")
-            at = np.minimum(np.searchsorted(known[order], wanted), len(order) - 1)
-            same = known[order][at] == wanted
-            self.springs[:, same] = values[order[at[same]]].T
+        """Set dashpots and the springs of contacts that were there before; lines of those that do not touch are zero
+        when forces have been found.
+        """
+        self.arena["busy"][: self.n_slots // LANES] = 1
+        nobody = self.number + self.n_walls  # whom padding names
+        self.arena.set(n_grain_slots=self.n_grain_slots, named=np.append(ids, nobody))
+        slots = {"low": self.low, "high": self.high}
+        self.arena.call(search.set_dashpots, inverse=np.append(inverse_mass, np.nan), **slots)
+        if self.remembers:
+            keys, values = springs
+            self.arena.call(search.recall_springs, first_wall=self.number, keys=keys, values=values, **slots)
 
     def by_grain(self, own: NDArray[np.int64], world: World) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
         """Collective: partner[len(own), k] ids in order (-1: none) and spring[len(own), k, 3], at the smaller id."""
@@ -146,6 +141,9 @@ class ContactList:
         """Ids and springs of all pairs whose spring is not zero."""
         if not self.remembers:
             return np.zeros((0, 2), np.int64), np.zeros((0, 3))
-        values = self.springs.T
-        kept = np.flatnonzero(values.any(axis=1))
-        return self.keys[kept], values[kept]
+        x, y, z = self.springs != 0.0
+        kept = np.flatnonzero(x | y | z)
+        low, high, named = self.low[kept], self.high[kept], self.arena["named"]
+        of_grains = kept < self.n_grain_slots
+        second = np.where(of_grains, named[np.where(of_grains, high, 0)], self.number + high)
+        return np.stack([named[low], second], 1), np.ascontiguousarray(self.springs[:, kept].T)

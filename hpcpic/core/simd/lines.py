@@ -35,12 +35,12 @@ def _stages(m: int) -> list[int]:
     return [1 << k for k in reversed(range(m.bit_length() - 1))]
 
 
-def _lane_words(builder: Any, vector: Any) -> list:
-    """The lanes of an integer vector as int64, through memory: one store and n loads beat n extractions.
+def _lanes(builder: Any, vector: Any, vec: Any) -> list:
+    """The lanes of a vector, integers as int64, through memory: one store and n loads beat n extractions.
 
     In pieces of 32 bytes at most: Intel's processors let loads of single lanes wait for a store of 64.
     """
-    kind, size = vector.type, vector.type.element.width // 8
+    kind, size = vector.type, vec.size
     part = min(kind.count, PIECE // size)
     found = []
     for first in range(0, kind.count, part):
@@ -51,7 +51,7 @@ def _lane_words(builder: Any, vector: Any) -> list:
         address = builder.ptrtoint(slot, I64)  # keeps LLVM from undoing it
         places = [offset(builder, address, size * k) for k in range(part)]
         found += [builder.load(pointer(builder, place, kind.element)) for place in places]
-    return found if kind.element == I64 else [builder.sext(lane, I64) for lane in found]
+    return found if vec.real or size == 8 else [builder.sext(lane, I64) for lane in found]
 
 
 def _pieces(m: int, n: int) -> list[tuple[int, int]]:
@@ -78,7 +78,7 @@ def gather_lines(typing_context, kind, m, base, offsets):
     vec, n_values = kind.instance_type, m.literal_value
 
     def codegen(context, builder, sig, args):
-        starts = [builder.add(args[2], word) for word in _lane_words(builder, args[3])]
+        starts = [builder.add(args[2], word) for word in _lanes(builder, args[3], offsets)]
         found = []
         for first, width in _pieces(n_values, vec.n):
             line = ir.VectorType(KIND[vec.dtype], width)
@@ -100,7 +100,7 @@ def add_lines(typing_context, base, offsets, vectors):
     vec, n_values = vectors.dtype, vectors.count
 
     def codegen(context, builder, sig, args):
-        starts = [builder.add(args[0], word) for word in _lane_words(builder, args[1])]
+        starts = [builder.add(args[0], word) for word in _lanes(builder, args[1], offsets)]
         values = cgutils.unpack_tuple(builder, args[2])
         add = builder.fadd if vec.real else builder.add
         blocks = [
@@ -145,9 +145,9 @@ def _zipped(builder: Any, a: Any, b: Any) -> list:
 
 @intrinsic
 def lane_values(typing_context, a):
-    """The lanes of an integer vector as a tuple of int64."""
+    """The lanes of a vector as a tuple; those of integers as int64."""
 
     def codegen(context, builder, sig, args):
-        return context.make_tuple(builder, sig.return_type, _lane_words(builder, args[0]))
+        return context.make_tuple(builder, sig.return_type, _lanes(builder, args[0], a))
 
-    return types.UniTuple(types.int64, a.n)(a), codegen
+    return types.UniTuple(a.dtype if a.real else types.int64, a.n)(a), codegen

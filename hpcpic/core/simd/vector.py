@@ -48,12 +48,12 @@ __all__ = [
     "bits",
     "convert",
     "count_bits",
+    "exchange",
     "first_bit",
     "floor",
     "fma",
     "gather_lines",
     "halves",
-    "join",
     "lane_numbers",
     "lane_values",
     "lanes",
@@ -257,14 +257,15 @@ def bits(typing_context, a):
     return to(a), lambda context, builder, sig, args: builder.bitcast(args[0], context.get_value_type(to))
 
 
-@intrinsic
-def join(typing_context, low, high):
-    """One vector of the lanes of two."""
+@intrinsic(prefer_literal=True)
+def exchange(typing_context, a, distance):
+    """Lane k gets lane k ^ distance: a literal power of two exchanges neighbours, pairs, halves of halves and so on."""
+    other = distance.literal_value
 
     def codegen(context, builder, sig, args):
-        return shuffle(builder, *args, list(range(2 * low.n)))
+        return shuffle(builder, args[0], args[0], [k ^ other for k in range(a.n)])
 
-    return Vec(2 * low.n, low.dtype)(low, low), codegen
+    return a(a, distance), codegen
 
 
 @intrinsic

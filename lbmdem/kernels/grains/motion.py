@@ -16,11 +16,11 @@ from hpcpic.core.simd.vector import (
     address_of,
     bitmask,
     convert,
+    exchange,
     floor,
     fma,
-    halves,
-    join,
     lane_numbers,
+    lane_values,
     load_at,
     maximum,
     prefetch,
@@ -33,13 +33,6 @@ from hpcpic.core.simd.vector import (
 F, I = Vec(8, np.float64), Vec(8, np.int64)
 INFINITE = np.inf
 ENTRIES_AHEAD = 16  # lines of forces are prefetched: those of a grain lie where its partners' pairs are
-
-
-@njit
-def swap(line):
-    """The upper four lanes before the lower four."""
-    low, high = halves(line)
-    return join(high, low)
 
 
 @njit
@@ -68,9 +61,9 @@ def start(part, grain_cuts, grains, box, gravity, planar, farthest, dt):
     grain, push, more, home = address_of(rows, 0), address_of(forces, 0), address_of(given, 0), address_of(origin, 0)
     for i in range(grain_cuts[part], grain_cuts[part + 1]):
         a, b = load_at(F, grain + 128 * i, 64), load_at(F, grain + 128 * i + 64, 64)
-        force = swap(load_at(F, push + 64 * i, 64) + load_at(F, more + 64 * i, 8))
+        force = exchange(load_at(F, push + 64 * i, 64) + load_at(F, more + 64 * i, 8), 4)
         rate = select(at_v, fma(force, splat(F, rows[i, 7]), weight * pull[i]), zero)
-        x = fma(select(at_x, swap(fma(rate, half, a)), zero), splat(F, dt), a)
+        x = fma(select(at_x, exchange(fma(rate, half, a), 4), zero), splat(F, dt), a)
         out = periodic & ((x < 0.0) | (x >= length))
         if bitmask(out) != 0:
             x = select(out, fma(floor(x * inverse), -length, x), x)
@@ -80,29 +73,41 @@ def start(part, grain_cuts, grains, box, gravity, planar, farthest, dt):
         most = maximum(select(d == d, d * d, splat(F, INFINITE)), most)
         store_at(grain + 128 * i, fma(rate, dt, x), 64)
         spin = select(at_x, force, zero) * rows[i, 11]
-        store_at(grain + 128 * i + 64, fma(spin, dt, b), 64)
-        turn(rows, i, half, dt, rows[i, 11] * (forces[i, 4] + given[i, 4]), rows[i, 11] * (forces[i, 5] + given[i, 5]),
-             rows[i, 11] * (forces[i, 6] + given[i, 6]), planar)  # fmt: skip
+        line = turned(fma(spin, dt, b), spin, half, dt, planar)
+        store_at(grain + 128 * i + 64, line, 64)
     store_at(address_of(farthest, 8 * part), most, 8)
 
 
 @njit
-def turn(rows, i, half, dt, ax, ay, az, planar):
-    """Orientation by the mean angular velocity of the step; that at its end is in the row."""
+def signs(minuses):
+    """1 in lanes, -1 where there is a bit."""
+    line = splat(F, 1.0)
+    for lane in range(8):
+        if minuses >> lane & 1:
+            line = select(lane_numbers(I) == lane, splat(F, -1.0), line)
+    return line
+
+
+@njit
+def turned(line, spin, half, dt, planar):
+    """The second line of a row, with the velocity at the end of the step, when its orientation has turned by the mean
+    velocity of the step. spin: rate of the velocity.
+
+    Of values in lanes, and nothing is loaded from a line that was just stored: such loads wait.
+    """
+    k, mean = convert(F, lane_numbers(I)), line - half * spin
     if planar:
-        rows[i, 12] += dt * (rows[i, 10] - half * az)
-        return
-    x, y, z = rows[i, 8] - half * ax, rows[i, 9] - half * ay, rows[i, 10] - half * az
-    half *= 0.5
-    x, y, z = half * x, half * y, half * z
+        return select(k == 4.0, line + dt * exchange(exchange(mean, 4), 2), line)
+    x, y, z, _, _, _, _, _ = lane_values(0.5 * half * mean)
     s = x * x + y * y + z * z
     w = 1.0 - s  # (1 - s, 2 x, 2 y, 2 z) / (1 + s) is the rotation by 4 atan(|s|), to third order that by |omega| dt
     x, y, z = 2.0 * x, 2.0 * y, 2.0 * z
-    a, b, c, d = rows[i, 12], rows[i, 13], rows[i, 14], rows[i, 15]
-    q0, q1 = w * a - x * b - y * c - z * d, w * b + x * a + y * d - z * c
-    q2, q3 = w * c - x * d + y * a + z * b, w * d + x * c - y * b + z * a
-    scale = 1.0 / np.sqrt(q0 * q0 + q1 * q1 + q2 * q2 + q3 * q3)
-    rows[i, 12], rows[i, 13], rows[i, 14], rows[i, 15] = q0 * scale, q1 * scale, q2 * scale, q3 * scale
+    q = w * line  # product of quaternions, in the order of its terms
+    q = q + x * (signs(0b01010000) * exchange(line, 1))
+    q = q + y * (signs(0b10010000) * exchange(line, 2))
+    q = q + z * (signs(0b00110000) * exchange(exchange(line, 1), 2))
+    _, _, _, _, a, b, c, d = lane_values(q * q)
+    return select(k < 4.0, line, q * (1.0 / np.sqrt(a + b + c + d)))
 
 
 @njit
@@ -111,8 +116,9 @@ def finish(part, grain_cuts, grains, lines, lists, dt):
     rows, forces, half = grains.row, grains.force, 0.5 * dt
     k = convert(F, lane_numbers(I))
     zero, one = splat(F, 0.0), splat(F, 1.0)
-    of_force, of_power = select(k < 3.0, one, zero), select(k == 3.0, one, zero)
-    of_torque = select((k > 3.0) & (k < 7.0), one, zero)
+    of_force, of_torque, of_power = k < 3.0, (k > 3.0) & (k < 7.0), select(k == 3.0, one, zero)
+    at_v = select((k > 3.0) & (k < 7.0), one, zero)
+    at_omega = select(of_force, one, zero)
     grain, push, line = address_of(rows, 0), address_of(forces, 0), address_of(lines, 0)
     first, end = grain_cuts[part], grain_cuts[part + 1]
     last = lists.begins[end] - 1
@@ -122,14 +128,14 @@ def finish(part, grain_cuts, grains, lines, lists, dt):
             prefetch(line + 64 * (lists.entries[min(at + ENTRIES_AHEAD, last)] >> 1))
             slot = lists.entries[at]
             sign, arm = 1.0 - 2.0 * (slot & 1), radius - lines[slot >> 1, 7]
-            shares = fma(of_force, splat(F, sign), fma(of_torque, splat(F, arm), of_power))
+            shares = select(of_force, splat(F, sign), select(of_torque, splat(F, arm), of_power))
             total = fma(load_at(F, line + 64 * (slot >> 1), 64), shares, total)
-        change = swap(total - load_at(F, push + 64 * i, 64)) * half
+        change = exchange(total - load_at(F, push + 64 * i, 64), 4) * half
         a, b = load_at(F, grain + 128 * i, 64), load_at(F, grain + 128 * i + 64, 64)
-        store_at(grain + 128 * i, fma(change, swap(of_force) * rows[i, 7], a), 64)
-        store_at(grain + 128 * i + 64, fma(change, of_force * rows[i, 11], b), 64)
+        store_at(grain + 128 * i, fma(change, at_v * rows[i, 7], a), 64)
+        store_at(grain + 128 * i + 64, fma(change, at_omega * rows[i, 11], b), 64)
         store_at(push + 64 * i, total, 64)
-        grains.heat[i] += half * forces[i, 3]
+        grains.heat[i] += half * lane_values(total)[3]
 
 
 @njit

@@ -233,7 +233,7 @@ def copy(a, b, c, d, swapped):
         store_at(address_of(b, p), x, 8)
         stream_at(address_of(c, p), x + load_at(F, here, {n} * 8))
         low, high = halves(x)
-        store(swapped, p, join(high, low))
+        store(swapped, p, exchange(x, {n} // 2))
         store(d, p // 2, high)
 
 @njit
@@ -241,6 +241,14 @@ def words(a, out):
     whole = lane_values(load(I, a, 0))
     for k in range({n}):
         out[k] = whole[k]
+
+@njit
+def values(a, out, neighbours):
+    x = load(F, a, 0)
+    whole = lane_values(x)
+    for k in range({n}):
+        out[k] = whole[k]
+    store(neighbours, 0, exchange(x, 1))
 """
 
 
@@ -258,6 +266,10 @@ def test_memory_by_address(n):
     out = np.zeros(n, np.int64)
     module.words(np.arange(n) ** 5 - 7, out)
     np.testing.assert_array_equal(out, np.arange(n) ** 5 - 7)
+    of_floats, neighbours, x = np.zeros(n), np.zeros(n), np.linspace(-0.3, 1.0, n)
+    module.values(x, of_floats, neighbours)
+    assert same_bits(of_floats, x)
+    assert same_bits(neighbours, x.reshape(-1, 2)[:, ::-1].ravel())
 
 
 LINES = """
