@@ -128,7 +128,7 @@ def neighbours(rows, ids, n_own, margin, near, box, cells, firsts, others):
     for c in range(3):
         low[c] = -1 if shape[c] == 0 or shape[c] > 2 else 0
         high[c] = 1 if shape[c] == 0 or shape[c] > 1 else 0
-    spans, m = np.empty((27, 3), np.int64), 0  # of a cell: where its grains and those around it begin and end, their line
+    spans, m = np.empty((27, 3), np.int64), 0  # where the grains around a cell begin and end, and their line
     for k in range(n_own):
         firsts[k] = count
         if k == 0 or not same_cell(place, k):
