@@ -16,7 +16,7 @@ from typing import Any
 
 import numpy as np
 
-from hpcpic.core.app.rates import in_turn, undisturbed
+from hpcpic.core.app.rates import in_turn, last_cache_mb, undisturbed
 from hpcpic.core.case.config import loads
 from hpcpic.core.comm.world import World
 from hpcpic.core.space.domain import Domain
@@ -27,12 +27,12 @@ from lbmdem.coupling.immersed import Immersed
 from lbmdem.fluid.fluid import Fluid
 from lbmdem.forecast.node_shares import Shares
 from lbmdem.forecast.plan import link_count
+from lbmdem.forecast.rates import SHAPES
 from lbmdem.kernels.layout import FLUID
 from lbmdem.kernels.sweep import MIXED, SKIP
 from lbmdem.physics.velocity_sets import D2Q9, D3Q19, Lattice
 from lbmdem.step import LbmDem
 
-SHAPES = {"D2Q9": (1024, 1024), "D3Q19": (96, 96, 96)}
 CACHED = (40, 40, 40)
 TINY = (16, 16)
 BEDS = {"fine": 12, "coarse": 24}  # nodes from sphere to sphere
@@ -63,11 +63,13 @@ def bench(quick: bool) -> Mapping[str, float]:
     with pools(world, cores) as (pool, *others):
         rates = sweep_rates(world, pool, others, quick)
         if not quick:
-            rates |= cached_rates(world, pool)
+            rates |= cached_rates(world, pool, rates)
             rates |= bed_rates(world, pool, rates)
             rates |= sparse_rates(world, pool, others, rates)
             for d in (2, 3):
                 rates |= moving_rates(world, pool, d)
+    if cache := last_cache_mb():
+        rates["lattice_cache_mb"] = cache
     moved = {"mlups_bytes D3Q19 double": 2 * 8 * D3Q19.q}  # read and written in place
     return rates | {"cores": cores} | moved
 
@@ -118,8 +120,8 @@ def sweep_rates(world: World, pool: Pool, others: list[Pool], quick: bool) -> di
     return rates
 
 
-def cached_rates(world: World, pool: Pool) -> dict[str, float]:
-    """What a launch takes, and what a body force and central moments add to a sweep."""
+def cached_rates(world: World, pool: Pool, rates: Mapping[str, float]) -> dict[str, float]:
+    """What a launch takes, what a small box gains, and what a body force and central moments add to a sweep."""
     kinds: dict[str, dict[str, Any]] = {"plain": {}, "force": {"force": (1e-6, 0.0, 0.0)}}
     kinds["central"] = {"collision": "central"}
     fluids = {name: box(world, pool, D3Q19, CACHED, **kind) for name, kind in kinds.items()}
@@ -127,9 +129,11 @@ def cached_rates(world: World, pool: Pool) -> dict[str, float]:
     tiny = box(world, pool, D2Q9, TINY)
     drive = partial(fluids["force"].set_force, (1e-6, 0.0, 0.0))
     launches = in_turn({"launch": tiny.step, "drive": drive}, ROUNDS[False], 100)
-    rates = {f"lattice_{name}_us": 1e6 * seconds for name, seconds in launches.items()}
+    found = {f"lattice_{name}_us": 1e6 * seconds for name, seconds in launches.items()}
+    wave = math.prod(CACHED) * 1e-6 / (rates["mlups D3Q19 double"] * rates["wave_gain D3Q19"])
+    found["cached_gain D3Q19"] = wave / per_step(spent["plain"], fluids["plain"])
     forced, central = (max(0.0, spent[name] / spent["plain"] - 1) for name in ("force", "central"))
-    return rates | {"forced": forced, "central": central}
+    return found | {"forced": forced, "central": central}
 
 
 def bed(apart: int) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray, np.ndarray]:

@@ -15,7 +15,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from time import perf_counter
 
-from hpcpic.core.app.rates import in_turn, undisturbed
+from hpcpic.core.app.rates import CACHES, in_turn, last_cache_mb, undisturbed
 from hpcpic.core.case.config import loads
 from hpcpic.core.comm.world import World
 from hpcpic.core.space.domain import Domain, even_cuts
@@ -51,7 +51,6 @@ GAINS = {  # whose steps tell what all cores gain
     1: {"plasma_core_gain 1D": "many"},
     3: {"plasma_core_gain 3D": "many"},
 }
-CACHES = Path("/sys/devices/system/cpu/cpu0/cache")
 MOST_CACHE = 0.5e-6 * (FULL[2][0] * SCALE) ** 2 * DENSE_AND_LARGE * STANDARD_BYTES / HELD  # MB
 STEPS, TINY_STEPS, SAMPLES = 4, 40, 3  # of a turn
 CASE = """
@@ -218,14 +217,10 @@ def memory_wait(trials: Mapping[str, Trial], particle: float, cache: float) -> f
 
 
 def cache_mb(caches: Path = CACHES) -> float:
-    """Size of the last-level cache, as the system tells it, but no more than leaves half of the large plasma outside:
-    how fast the rest is must be seen. 0 where the system does not tell.
+    """Size of the last-level cache, but no more than leaves half of the large plasma outside: how fast the rest is must
+    be seen. 0 where the system does not tell.
     """
-    try:
-        sizes = [path.read_text().strip() for path in caches.glob("index*/size")]
-        return min(MOST_CACHE, max(int(size.removesuffix("K")) * 1024e-6 for size in sizes))
-    except (OSError, ValueError):
-        return 0.0
+    return min(MOST_CACHE, last_cache_mb(caches))
 
 
 def bench_ranks(quick: bool, world: World) -> Mapping[str, float]:

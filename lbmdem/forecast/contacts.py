@@ -1,4 +1,4 @@
-"""The numbers that decide whether contacts of grains are stable and stiff enough: their step, films, overlaps."""
+"""The numbers that decide whether contacts of grains are stable and stiff enough: their step and overlaps."""
 
 import math
 from collections.abc import Iterator
@@ -8,11 +8,9 @@ from hpcpic.core.case.derived import Derived, Verdict, judged
 from hpcpic.core.physics.contact_law import deepest_overlap
 from lbmdem.case.config import ACCURATE, LbmDemConfig, contact_law, contact_step, grain_mass
 from lbmdem.forecast.estimate import phases
+from lbmdem.forecast.films import films
 from lbmdem.forecast.free_fall import impact_speed
 from lbmdem.forecast.rates import DEFAULT
-from lbmdem.physics.lubrication import MOST_SUBSTEPS, ROUGHNESS, STABLE, Film
-from lbmdem.physics.velocity_sets import LATTICES
-from lbmdem.physics.wall_rules import impedance
 from lbmdem.setup.overlap_survey import survey
 
 DEAR_SUBSTEPS = 1000  # of the contacts in a step of the fluid, which take longer than all else
@@ -36,27 +34,6 @@ def contacts(config: LbmDemConfig) -> Iterator[Derived]:
     if config.fluid and config.coupling.lubrication and not config.coupling.frozen:
         yield films(config)
     yield from overlaps(config)
-
-
-def films(config: LbmDemConfig) -> Derived:
-    """The gap at a plane wall, over the radius, below which the film of the smallest grain is limited: steps of the
-    contacts take care of stiffer ones up to MOST_SUBSTEPS, or not where their number is given."""
-    d, dx, fluid = config.dimensions, config.spacing, config.liquid
-    film = Film.of_lattice(fluid.kinematic_viscosity * fluid.density, dx, d)
-    group = min((group for group in config.grains if group.moving), key=lambda group: group.smallest_diameter)
-    radius, mass = 0.5 * group.smallest_diameter, grain_mass(group, group.smallest_diameter, d)
-    if config.coupling.inertia == "implicit":
-        lattice, rule = LATTICES[config.lattice], config.coupling.bounce_back
-        mass = max(mass, float(impedance(lattice, rule, radius / dx)[0]) * fluid.density * dx**d)
-    n = config.coupling.substeps or max(config.substeps, MOST_SUBSTEPS)
-    gap = film.gap_of(STABLE * n * mass / config.time_step, radius) / radius
-    least, limit = gap if gap > ROUGHNESS else 0.0, 0.01
-    wanted = math.ceil(film.resistance(limit * radius, radius) * config.time_step / (STABLE * mass))
-    return judged(
-        "gap of limited films", "h/R", least, ok=least <= limit, legal=True, limit=f"<= {limit:g}",
-        source="stability of lubrication forces", key=("coupling", "substeps"),
-        cure=f"coupling.substeps = {wanted} holds to {limit:g}; a smaller relaxation_time needs fewer",
-    )  # fmt: skip
 
 
 def substeps(config: LbmDemConfig) -> Derived:

@@ -11,7 +11,6 @@ from hpcpic.core.space.domain import better_cuts, even_cuts
 from lbmdem.case.config import GrainSet, LbmDemConfig
 from lbmdem.forecast.node_shares import (
     LOOSE,
-    cached,
     covered,
     grains,
     lanes_of_all,
@@ -97,7 +96,7 @@ def fluid_costs(config: LbmDemConfig, sums: NDArray[np.float64]) -> NDArray[np.f
     solid, touching, skipped = np.minimum(sums[SOLID : COVERED + 1] / nodes, [[0.9], [np.inf], [0.9]])
     if sparse(config):
         return nodes * bare * (1 - solid) * (rates["sparse"] + more) + sums[LINKS] * rates["link_ns sparse"]
-    wait = one - bare if moving(config) and not cached(config) else 0.0
+    wait = one - bare if moving(config) else 0.0
     costs = lanes_of_all(config) / config.points[-1] * (bare * (1 + more) + wait) * (1 - skipped)
     if links_follow_grains(config):
         each = 1e3 * (rates[f"moving_grain_us {d}D"] + rates[f"moving_link_us {d}D"])

@@ -11,6 +11,7 @@ from collections.abc import Mapping
 from hpcpic.core.app.forecast import Estimate, gain, writing_seconds
 from hpcpic.core.case.words import in_steps
 from lbmdem.case.config import LbmDemConfig
+from lbmdem.forecast.films import expected_substeps
 from lbmdem.forecast.node_shares import (
     cached,
     fluid_share,
@@ -83,10 +84,10 @@ def phases(
         seconds["links"] = link_seconds(config, ranks, threads, rates, together)
         seconds["messages"] = message_seconds(config, ranks, rates)
     if moving(config):
-        seconds["grains"] = 1e-6 * (rates["grains_us"] * calls + config.substeps * rates["substep_us"])
-        n = grain_count(config)
+        n, substeps = grain_count(config), expected_substeps(config)
+        seconds["grains"] = 1e-6 * (rates["grains_us"] * calls + substeps * rates["substep_us"])
         rate = 1e9 if n <= GRAINS_OF_ONE_THREAD * threads else cores
-        seconds["grains"] += n * config.substeps * rates["grain_ns"] / rate
+        seconds["grains"] += n * substeps * rates["grain_ns"] / rate
         if config.fluid and moved:
             each = grain_count(config) * rates[f"moving_grain_us {config.dimensions}D"]
             cold = 0.0 if cached(config) else rates["cold_us"]
@@ -145,7 +146,7 @@ def sweep_seconds(
     else:
         work = places * bare * (wet * (1 + more) + found.mixed * rates["mixed"])
     seconds = {"nodes": work / gain(ranks, threads, rates, rates[core_gain(config)])}
-    if together == 1 and not cached(config):
+    if together == 1:
         both = (one / gain(ranks, threads, rates, rates["sweep_core_gain"])
                 - bare / gain(ranks, threads, rates, rates["wave_core_gain"]))  # fmt: skip
         seconds["memory"] = places * wet * max(0.0, both)

@@ -1,9 +1,11 @@
 """What the parts of a step take on the authors' machine: by these, work is weighed alike on all machines."""
 
+import math
 from collections.abc import Mapping
 
 from hpcpic.core.app.forecast import FILES
 from lbmdem.case.config import LbmDemConfig
+from lbmdem.forecast.node_shares import cached, node_bytes, population_bytes
 from lbmdem.physics.collision import COLLISIONS
 
 # Measured on the authors' machine, one core of a 2-core AMD Zen 5 at 4.1 GHz.
@@ -12,8 +14,10 @@ DEFAULT = FILES | {
     "mlups D3Q19 single": 400.0,
     "mlups D2Q9 double": 480.0,
     "mlups D2Q9 single": 1000.0,
-    "wave_gain D3Q19": 1.45,  # in caches, or with several steps per pass
+    "wave_gain D3Q19": 1.45,  # with several steps per pass, or in a cache that holds some tens of MB
     "wave_gain D2Q9": 1.55,
+    "cached_gain D3Q19": 1.0,  # beside that, with several steps per pass of a box of some MB
+    "lattice_cache_mb": 24.0,  # last-level cache
     "forced": 0.4,  # more, in caches, for a sweep with a body force
     "central": 0.36,  # and for central moments
     "mixed": 0.83,  # and for nodes beside solids
@@ -50,12 +54,28 @@ DEFAULT = FILES | {
 }
 
 
+SHAPES = {"D2Q9": (1024, 1024), "D3Q19": (96, 96, 96)}  # of the boxes in which nodes beyond the caches are timed
+
+
 def node_ns(config: LbmDemConfig, rates: Mapping[str, float]) -> tuple[float, float, float]:
     """Time of a node with a step per pass over memory and in caches, ns, and the share that its forces and its
     collision add to the latter.
     """
     lattice, fluid = config.lattice, config.liquid
-    one = 1e3 / rates[f"mlups {lattice} {fluid.storage}"]
+    timed = 1e3 / rates[f"mlups {lattice} {fluid.storage}"]
+    bare = timed / rates[f"wave_gain {lattice}"]
+    one = bare + (timed - bare) * share_beyond(config, rates)
+    if cached(config):
+        one = bare = bare / rates.get(f"cached_gain {lattice}", 1.0)
     more = rates["forced"] if any(fluid.body_force) or config.shaking else 0.0
     more += rates["central"] if COLLISIONS[fluid.collision].dearer else 0.0
-    return one, one / rates[f"wave_gain {lattice}"], more
+    return one, bare, more
+
+
+def share_beyond(config: LbmDemConfig, rates: Mapping[str, float]) -> float:
+    """What of the wait for memory, as it was timed, nodes have: none in half of the last-level cache, all in as many
+    nodes as were timed.
+    """
+    timed = 1e-6 * math.prod(SHAPES[config.lattice]) * node_bytes(config)
+    none = 0.5 * min(rates["lattice_cache_mb"], timed)
+    return min(1.0, max(0.0, (1e-6 * population_bytes(config) - none) / (timed - none)))

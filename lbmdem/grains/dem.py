@@ -218,7 +218,7 @@ class Dem:
             if len(motions) == 1:
                 walls[:] = motions[0]
         bounds: list[Bound] = [self._start, *self._touch, *self._finish]
-        team.want(bound.job for bound in bounds)
+        team.want(bound.job for bound in bounds if not bound.ready)
         tasks = np.array([(bound.address, bound.context.ctypes.data) for bound in bounds])
         done, begun, steps = 0, False, last - first
         given = {"steps": steps, "kernels": tasks, "motion": motions, "listed": self._walls_listed}

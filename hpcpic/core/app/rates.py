@@ -14,6 +14,7 @@ from hpcpic.core.errors import FileError
 from hpcpic.core.simd.caches import private_folder, private_path
 
 FILE = "rates.json"  # beside the compiled kernels
+CACHES = Path("/sys/devices/system/cpu/cpu0/cache")
 MEASURED = "bench {}"  # is kept by the bench of a program that has measured its kernels
 
 
@@ -51,6 +52,15 @@ def keep_rates(rates: Mapping[str, float]) -> Path:
     except OSError as error:
         raise FileError(f"cannot keep the rates: {error.filename}: {error.strerror}") from error
     return folder.path / FILE
+
+
+def last_cache_mb(caches: Path = CACHES) -> float:
+    """Size of the last-level cache, as the system tells it; 0 where it does not."""
+    try:
+        sizes = [path.read_text().strip() for path in caches.glob("index*/size")]
+        return max((int(size.removesuffix("K")) * 1024e-6 for size in sizes), default=0.0)
+    except (OSError, ValueError):
+        return 0.0
 
 
 def undisturbed(seconds: Sequence[float]) -> float:

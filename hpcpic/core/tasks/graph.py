@@ -94,6 +94,8 @@ class Bound:
     def __init__(self, kernel: Any, arguments: Sequence[Any], parts: int | None = None) -> None:
         self.name: str = kernel.py_func.__name__
         self._types = tuple(type_of(argument) for argument in arguments)
+        wide = types.Array, types.BaseTuple
+        self._numbers = [None if isinstance(kind, wide) else as_dtype(kind).type for kind in self._types]
         self.job = Job(kernel, self._types)
         team.ask(self.job)
         self._address = 0
@@ -104,6 +106,11 @@ class Bound:
         self.contexts = np.tile(np.array([0, *chain.from_iterable(words)], np.int64), (parts or 1, 1))
         if parts is not None:
             self.contexts[:, 1] = np.arange(parts)
+
+    @property
+    def ready(self) -> bool:
+        """Whether the kernel has been compiled, and called for."""
+        return self._address != 0
 
     @property
     def address(self) -> int:
@@ -123,9 +130,9 @@ class Bound:
 
     def update(self, index: int, value: Any) -> None:
         """Replace argument `index` for the launches to come: a number, or an array or a tuple of the same type."""
-        numba_type = self._types[index]
-        if not isinstance(numba_type, types.Array | types.BaseTuple):
-            value = as_dtype(numba_type).type(value)
+        numba_type, number = self._types[index], self._numbers[index]
+        if number is not None:
+            value = number(value)
         elif type_of(value) != numba_type:
             raise TypeError(f"argument {index} of {self.name} is {numba_type}, not {typeof(value)}")
         self.contexts[:, self._starts[index] : self._starts[index + 1]] = _words(value, numba_type)
