@@ -5,7 +5,7 @@ the price of a particle in caches, from a plasma larger than these that of one f
 the price of the launches, from one of empty cells that of a cell, from one with a particle in most tiles that of a tile
 that is not empty, and from a wide empty one that of cells in memory; the field has a timer of its own, and LU is tried
 alone. On all cores the steps with many particles, of the large plasma and with no particles tell what these gain.
-Several ranks have the smallest plasma together, and each has one for itself.
+Several ranks have the smallest plasma together, and each has one for itself, and one with many particles.
 """
 
 import itertools
@@ -38,7 +38,7 @@ from hpcpic.plasma.sizes import EDGE
 from hpcpic.plasma.step import Plasma
 
 SPARSE, DENSE, DENSE_AND_LARGE = 4, 24, 48  # particles per cell of the plasmas "few", "many" and "large"
-ROUNDS = {True: 4, False: 10}  # by `quick`
+ROUNDS = {True: 3, False: 6}  # by `quick`
 FULL = {2: (128, 128), 1: (8192,), 3: (32, 32, 32)}  # points of the plasma with particles
 SCALE = 2  # points along an edge of a large plasma, to those of FULL
 EMPTY = {2: (512, 512), 1: (65536,), 3: (64, 64, 64)}  # and of the one with next to none: 2 to LEVELS
@@ -52,7 +52,8 @@ GAINS = {  # whose steps tell what all cores gain
     3: {"plasma_core_gain 3D": "many"},
 }
 MOST_CACHE = 0.5e-6 * (FULL[2][0] * SCALE) ** 2 * DENSE_AND_LARGE * STANDARD_BYTES / HELD  # MB
-STEPS, TINY_STEPS, SAMPLES = 4, 40, 3  # of a turn
+STEPS, TINY_STEPS, SAMPLES = 7, 40, 3  # of a turn
+COLD_STEPS = 3  # first ones of a turn, which find in the caches what others have left there
 CASE = """
 simulation = {{ dimensions = {d}; solver = "MFT"; cycles = 1; time_step = 0.2; space_length = {lengths}; }};
 grid = {{ points = {points}; }};
@@ -77,12 +78,12 @@ class Trial:
         self.steps, self.fields, self.samples = list[float](), list[float](), list[float]()
 
     def turn(self) -> None:
-        """Some steps, and samples. The first step has no field, the first sample finds cold caches: neither counts."""
+        """Some steps, and samples. What finds cold caches does not count; a run does not, either."""
         for k in range(self.turn_steps):
             self.timers.reset()
             begin = perf_counter()
             self.plasma.step()
-            if k:
+            if k >= COLD_STEPS:
                 self.steps.append(perf_counter() - begin)
                 self.fields.append(self.timers.totals().get("field", (0.0, 0))[0])
         self.plasma.solve()
@@ -230,4 +231,22 @@ def bench_ranks(quick: bool, world: World) -> Mapping[str, float]:
     trials["all"].turn_steps = TINY_STEPS
     taken(trials, quick)
     more = world.max(trials["all"].step - trials["alone"].step)
-    return {"plasma_exchange_us": 1e6 * max(0.0, more) / exchanges(2, world.size)}
+    rates = {"plasma_exchange_us": 1e6 * max(0.0, more) / exchanges(2, world.size)}
+    if len(world.cpus(1)) == 1:  # the ranks fill the node
+        rates["plasma_rank_gain"] = rank_gain(quick, world)
+    return rates
+
+
+def rank_gain(quick: bool, world: World) -> float:
+    """How much more all ranks do than one alone, each with its own particles. Collective."""
+    alone, beside = (Trial(World.alone(), FULL[2], DENSE * math.prod(FULL[2])) for _ in range(2))
+    for _ in range(ROUNDS[quick]):
+        world.barrier()
+        beside.turn()
+        world.barrier()
+        if world.rank == 0:
+            alone.turn()
+    gain = world.size * world.max(alone.step if world.rank == 0 else 0.0) / world.max(beside.step)
+    for trial in (beside, alone):
+        trial.close()
+    return gain

@@ -92,7 +92,7 @@ def row_costs(config: LbmDemConfig, sums: NDArray[np.float64]) -> NDArray[np.flo
 def fluid_costs(config: LbmDemConfig, sums: NDArray[np.float64]) -> NDArray[np.float64]:
     """Time of the nodes and of the links to grains. Obstacles are left out, as in `node_shares.shares`."""
     rates, d, nodes = DEFAULT, config.dimensions, math.prod(config.points[:-1])
-    one, bare, more = node_ns(config, rates)
+    one, bare, more, beside = node_ns(config, rates)
     solid, touching, skipped = np.minimum(sums[SOLID : COVERED + 1] / nodes, [[0.9], [np.inf], [0.9]])
     if sparse(config):
         return nodes * bare * (1 - solid) * (rates["sparse"] + more) + sums[LINKS] * rates["link_ns sparse"]
@@ -102,7 +102,7 @@ def fluid_costs(config: LbmDemConfig, sums: NDArray[np.float64]) -> NDArray[np.f
         each = 1e3 * (rates[f"moving_grain_us {d}D"] + rates[f"moving_link_us {d}D"])
         return costs + sums[LINKS] * rates[f"link_ns moving {d}D"] + sums[BODIES] * each
     mixed = 1 - skipped - (1 - solid) * np.exp(-(touching - solid) / (1 - solid))
-    costs += lanes_of_all(config) / config.points[-1] * bare * rates["mixed"] * np.maximum(0.0, mixed)
+    costs += lanes_of_all(config) / config.points[-1] * beside * np.maximum(0.0, mixed)
     return costs + sums[LINKS] * rates["link_ns fixed"]
 
 

@@ -137,14 +137,14 @@ def sweep_seconds(
     config: LbmDemConfig, ranks: int, threads: int, rates: Mapping[str, float], together: int
 ) -> dict[str, float]:
     """Arithmetic of all nodes with fluid, and the wait for memory where one step is done per pass."""
-    found, (one, bare, more) = shares(config), node_ns(config, rates)
+    found, (one, bare, more, beside) = shares(config), node_ns(config, rates)
     places = 1e-9 * (math.prod(config.points) if sparse(config) else lanes_of_all(config))
     wet = 1 - found.skipped
     if sparse(config):
         wet = fluid_share(config)
         work = places * bare * wet * (rates["sparse"] + more)
     else:
-        work = places * bare * (wet * (1 + more) + found.mixed * rates["mixed"])
+        work = places * (bare * wet * (1 + more) + beside * found.mixed)
     seconds = {"nodes": work / gain(ranks, threads, rates, rates[core_gain(config)])}
     if together == 1:
         both = (one / gain(ranks, threads, rates, rates["sweep_core_gain"])

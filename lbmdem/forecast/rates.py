@@ -2,6 +2,7 @@
 
 import math
 from collections.abc import Mapping
+from typing import NamedTuple
 
 from hpcpic.core.app.forecast import FILES
 from lbmdem.case.config import LbmDemConfig
@@ -57,19 +58,27 @@ DEFAULT = FILES | {
 SHAPES = {"D2Q9": (1024, 1024), "D3Q19": (96, 96, 96)}  # of the boxes in which nodes beyond the caches are timed
 
 
-def node_ns(config: LbmDemConfig, rates: Mapping[str, float]) -> tuple[float, float, float]:
-    """Time of a node with a step per pass over memory and in caches, ns, and the share that its forces and its
-    collision add to the latter.
+class NodeTimes(NamedTuple):
+    """Time of a node with a step per pass over memory and in caches, the share that its forces and its collision add to
+    the latter, and what a node beside solids takes more; ns.
     """
+
+    one: float
+    bare: float
+    more: float
+    beside: float
+
+
+def node_ns(config: LbmDemConfig, rates: Mapping[str, float]) -> NodeTimes:
     lattice, fluid = config.lattice, config.liquid
     timed = 1e3 / rates[f"mlups {lattice} {fluid.storage}"]
     bare = timed / rates[f"wave_gain {lattice}"]
-    one = bare + (timed - bare) * share_beyond(config, rates)
+    one, beside = bare + (timed - bare) * share_beyond(config, rates), rates["mixed"] * bare
     if cached(config):
         one = bare = bare / rates.get(f"cached_gain {lattice}", 1.0)
     more = rates["forced"] if any(fluid.body_force) or config.shaking else 0.0
     more += rates["central"] if COLLISIONS[fluid.collision].dearer else 0.0
-    return one, bare, more
+    return NodeTimes(one, bare, more, beside)
 
 
 def share_beyond(config: LbmDemConfig, rates: Mapping[str, float]) -> float:

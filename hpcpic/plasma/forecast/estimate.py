@@ -71,8 +71,7 @@ def phases(config: PlasmaConfig, ranks: int, threads: int, rates: Mapping[str, f
     if not particle_count(config):
         return {"launches": 1e-6}
     d, cells = config.dimensions, math.prod(config.points)
-    gains = rates[f"plasma_core_gain {d}D"], rates["mesh_core_gain"]
-    cores, mesh = (1e9 * gain(ranks, threads, rates, of_node) for of_node in gains)
+    cores, mesh = (1e9 * gain_of(what, ranks, threads, rates) for what in (f"plasma_core_gain {d}D", "mesh_core_gain"))
     tiles = math.prod(-(-n // EDGE[d]) for n in config.points)
     filled = sum(filled_tiles(species.particles, tiles) for species in config.species)
     away = beyond_caches(cells, NODE_BYTES, max(1.0, ranks * threads / rates["cores"]), rates) / NODE_BYTES
@@ -85,6 +84,14 @@ def phases(config: PlasmaConfig, ranks: int, threads: int, rates: Mapping[str, f
         "launches": 1e-6 * rates["plasma_launch_us"],
         "exchanges": exchange_seconds(config, ranks, rates),
     }
+
+
+def gain_of(what: str, ranks: int, threads: int, rates: Mapping[str, float]) -> float:
+    """The speed-up over one core in work for which all cores of a node have the rate `what`, by threads; ranks, each
+    with memory of its own, gain more by as much as was measured of particles in two dimensions.
+    """
+    by_ranks = rates.get("plasma_rank_gain", 0.0) / rates["plasma_core_gain 2D"]
+    return gain(ranks, threads, rates, rates[what] * (max(1.0, by_ranks) if threads == 1 else 1.0))
 
 
 def field_seconds(config: PlasmaConfig, cores: float, away: float, rates: Mapping[str, float]) -> float:
@@ -111,8 +118,8 @@ def memory_seconds(config: PlasmaConfig, ranks: int, threads: int, rates: Mappin
     """
     nodes = max(1.0, ranks * threads / rates["cores"])
     n = beyond_caches(particle_count(config), particle_bytes(config), nodes, rates) / STANDARD_BYTES
-    gains = rates["memory_core_gain"], rates["plasma_core_gain 2D"]
-    memory, cores = (gain(ranks, threads, rates, of_node) for of_node in gains)
+    kinds = "memory_core_gain", "plasma_core_gain 2D"
+    memory, cores = (gain_of(what, ranks, threads, rates) for what in kinds)
     return 1e-9 * n * max(0.0, rates["memory_ns"] / memory - rates["particle_ns 2D CIC double"] / cores)
 
 
@@ -142,7 +149,7 @@ def exchange_seconds(config: PlasmaConfig, ranks: int, rates: Mapping[str, float
 def sample_seconds(config: PlasmaConfig, ranks: int, threads: int, rates: Mapping[str, float]) -> float:
     """Seconds of one sample of the series beside the field, which the next step would have solved."""
     work = particle_count(config) * rates["sample_ns"] + math.prod(config.points) * rates["sample_cell_ns"]
-    cores = gain(ranks, threads, rates, rates[f"plasma_core_gain {config.dimensions}D"])
+    cores = gain_of(f"plasma_core_gain {config.dimensions}D", ranks, threads, rates)
     return 1e-9 * work / cores + 1e-6 * rates["plasma_sample_us"]
 
 
