@@ -75,7 +75,8 @@ def phases(
 ) -> dict[str, float]:
     """Seconds of one step by what it does, with so many steps per pass over memory."""
     cores = 1e9 * gain(ranks, threads, rates, rates["wave_core_gain"])
-    launch = rates["lattice_launch_us"] + (rates["lattice_drive_us"] if config.shaking else 0.0)
+    launch = rates["lattice_launch_us" if threads == 1 else "lattice_launch_together_us"]
+    launch += rates["lattice_drive_us"] if config.shaking else 0.0
     calls = 1 / together if config.fluid else 1 / STEPS_PER_CALL
     seconds = {"launches": 1e-6 * launch * calls}
     moved = moving(config) and not config.coupling.frozen

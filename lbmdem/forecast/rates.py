@@ -41,6 +41,7 @@ DEFAULT = FILES | {
     "lattice_sample_us": 300.0,
     "lattice_sample_ns": 10.0,  # per node
     "lattice_launch_us": 2.5,
+    "lattice_launch_together_us": 10.0,  # of several threads
     "lattice_drive_us": 50.0,  # a body force that changes from step to step
     "message_us": 3.0,
     "message_gb_s": 8.0,
