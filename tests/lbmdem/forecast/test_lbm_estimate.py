@@ -1,8 +1,10 @@
 """Laws of the estimate: what a series that nobody asked for costs, what divides among cores, what ranks cost."""
 
 import pytest
+from app_runner import running
 
-from hpcpic.core.case.config import loads
+from hpcpic.core.case.config import load, loads
+from lbmdem.app import shipped_cases
 from lbmdem.case.config import LbmDemConfig
 from lbmdem.configure import configure
 from lbmdem.forecast.estimate import (
@@ -14,7 +16,10 @@ from lbmdem.forecast.estimate import (
     phases,
     sample_seconds,
 )
-from lbmdem.forecast.rates import DEFAULT
+from lbmdem.forecast.films import expected_substeps
+from lbmdem.forecast.node_shares import cached
+from lbmdem.forecast.rates import DEFAULT, SHAPES, node_ns
+from lbmdem.physics.lubrication import MOST_SUBSTEPS
 
 CASE = """
 simulation = {{ dimensions = 3; end_time = {steps}.0; }};
@@ -68,3 +73,45 @@ def test_what_moves_finds_cold_caches_where_a_sweep_fills_them(n, cold):
     without = phases(case, 1, 1, DEFAULT | {"cold_us": 0.0}, 1)["moving solids"]
     more = phases(case, 1, 1, DEFAULT, 1)["moving solids"] - without
     assert more == pytest.approx(1e-6 * DEFAULT["cold_us"] if cold else 0.0)
+
+
+@pytest.mark.parametrize("cache", [0.0, 1.0, 24.0, 480.0])
+def test_a_node_waits_for_memory_the_more_the_larger_its_box(cache):
+    """Not at all in a small box, and as was timed in one as large or larger, whatever the cache is said to hold."""
+    rates = DEFAULT | {"lattice_cache_mb": cache}
+    boxes = [node_ns(config(n=n), rates) for n in (16, 32, 48, 64, 80, SHAPES["D3Q19"][0], 200)]
+    waits = [times.one - times.bare for times in boxes]
+    assert waits == sorted(waits) and waits[0] == 0.0 < waits[-3] < waits[-2] == pytest.approx(waits[-1])
+    assert boxes[-1].one == pytest.approx(1e3 / DEFAULT["mlups D3Q19 double"])
+
+
+def test_a_small_box_has_the_rate_of_one_and_solids_cost_there_what_they_cost():
+    small, large = config(n=32), config(n=48)
+    assert cached(small) and not cached(large)
+    (one, quicker), (same, unmoved) = (
+        [node_ns(case, DEFAULT | {"cached_gain D3Q19": gain}) for gain in (1.0, 2.0)] for case in (small, large)
+    )
+    assert quicker.bare == pytest.approx(0.5 * one.bare) and quicker.one == quicker.bare
+    assert quicker.beside == one.beside and same == unmoved
+
+
+def shipped(name: str, *sets: str) -> LbmDemConfig:
+    return configure(load(shipped_cases()[name], sets))
+
+
+def test_dense_grains_want_the_substeps_of_their_films_and_few_do_not(world):
+    """About as many as a run of the bed takes, in which two of the smallest are as near as grains get."""
+    bed = shipped("liquefaction")
+    with running(world, "lbmdem", bed) as app:
+        taken = []
+        for _ in range(3):
+            app.step()
+            taken.append(app.grains._substeps_of_films())
+    expected = expected_substeps(bed)
+    assert bed.substeps < min(taken) <= max(taken) <= 1.1 * expected and expected < 1.5 * min(taken)
+    assert phases(bed, 1, 1, DEFAULT, 1)["grains"] > 2e-9 * DEFAULT["grain_ns"] * 120 * bed.substeps
+    assert expected_substeps(shipped("drafting-kissing-tumbling")) == shipped("drafting-kissing-tumbling").substeps
+    given = shipped("liquefaction", "coupling.substeps=30")
+    assert expected_substeps(given) == 30
+    thick = shipped("liquefaction", "fluid.kinematic_viscosity=1e-4", "fluid.relaxation_time=2.0")
+    assert expected_substeps(thick) <= max(thick.substeps, MOST_SUBSTEPS)

@@ -83,6 +83,17 @@ def test_work_divides_and_launches_do_not():
     assert one["exchanges"] == two["exchanges"] == 0.0 < ranks["exchanges"]
 
 
+@pytest.mark.parametrize("measured", [1.2, 1.65, 1.9, 5.0])
+def test_ranks_gain_beside_threads_what_was_measured_and_not_less(measured):
+    """Of particles and of the field; not more than there are cores."""
+    rates = {"plasma_rank_gain": measured}
+    threads, ranks = (phases(config(), *shape, DEFAULT | rates) for shape in ((1, 2), (2, 1)))
+    more = max(1.0, measured / DEFAULT["plasma_core_gain 2D"])
+    for name, kind in {"particles": "plasma_core_gain 2D", "field": "mesh_core_gain"}.items():
+        of_ranks = min(DEFAULT[kind] * more, DEFAULT["cores"])
+        assert threads[name] / ranks[name] == pytest.approx(of_ranks / DEFAULT[kind])
+
+
 def test_memory_is_waited_for_by_particles_beyond_the_caches():
     held = int(0.75e6 * DEFAULT["cache_mb"] / STANDARD_BYTES)
     within, once, twice = (phases(config(n=n), 1, 1, DEFAULT)["memory"] for n in (held, 2 * held, 3 * held))
