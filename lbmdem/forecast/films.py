@@ -22,7 +22,7 @@ class Grain(NamedTuple):
 
 
 def smallest(config: LbmDemConfig) -> Grain:
-    """Of a case with fluid."""
+    """The smallest grain that moves, of a case with fluid."""
     d, dx, fluid = config.dimensions, config.spacing, config.liquid
     film = Film.of_lattice(fluid.kinematic_viscosity * fluid.density, dx, d)
     group = min((group for group in config.grains if group.moving), key=lambda group: group.smallest_diameter)
