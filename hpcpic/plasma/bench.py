@@ -78,7 +78,7 @@ class Trial:
         self.steps, self.fields, self.samples = list[float](), list[float](), list[float]()
 
     def turn(self) -> None:
-        """Some steps, and samples. What finds cold caches does not count; a run does not, either."""
+        """Some steps, and samples. What finds cold caches does not count, as steps of a run find settled ones."""
         for k in range(self.turn_steps):
             self.timers.reset()
             begin = perf_counter()

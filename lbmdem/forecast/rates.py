@@ -6,7 +6,7 @@ from typing import NamedTuple
 
 from hpcpic.core.app.forecast import FILES
 from lbmdem.case.config import LbmDemConfig
-from lbmdem.forecast.node_shares import cached, node_bytes, population_bytes
+from lbmdem.forecast.node_shares import cached, node_bytes, population_bytes, sparse
 from lbmdem.physics.collision import COLLISIONS
 
 # Measured on the authors' machine, one core of a 2-core AMD Zen 5 at 4.1 GHz.
@@ -75,7 +75,7 @@ def node_ns(config: LbmDemConfig, rates: Mapping[str, float]) -> NodeTimes:
     timed = 1e3 / rates[f"mlups {lattice} {fluid.storage}"]
     bare = timed / rates[f"wave_gain {lattice}"]
     one, beside = bare + (timed - bare) * share_beyond(config, rates), rates["mixed"] * bare
-    if cached(config):
+    if cached(config) and not sparse(config):  # fluid nodes held alone take as long in a small box as in a large one
         one = bare = bare / rates.get(f"cached_gain {lattice}", 1.0)
     more = rates["forced"] if any(fluid.body_force) or config.shaking else 0.0
     more += rates["central"] if COLLISIONS[fluid.collision].dearer else 0.0
