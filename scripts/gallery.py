@@ -98,6 +98,7 @@ PROGRAMS = (
             "taylor-green": "energies",
             "two-layer-poiseuille": "profiles",
             "interfacial-wave": "gauges",
+            "air-cushion": "gauges",
             "column-impact-a": "forces",
             "column-impact-b": "forces",
             "column-impact-c": "forces",

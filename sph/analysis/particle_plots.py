@@ -34,10 +34,10 @@ def snapshots_of(run: Run) -> Particles:
     return present(lambda: run.particle_snapshots, "the particles (output.period.particles)")
 
 
-def fluid_at(run: Run, snapshots: Particles, number: int) -> dict[str, np.ndarray]:
-    """All fluid particles of a snapshot, whichever set they are from."""
+def fluid_at(run: Run, snapshots: Particles, number: int, gases: bool = True) -> dict[str, np.ndarray]:
+    """All fluid particles of a snapshot, whichever set they are from; without those of gases on demand."""
     config = config_of(run)
-    every = [fluid.name for fluid in config.fluid] + [inlet.name for inlet in config.inlet]
+    every = [fluid.name for fluid in config.fluid if gases or not fluid.gas] + [inlet.name for inlet in config.inlet]
     names = [name for name in every if name in snapshots.species]
     parts = [snapshots.read(name, number) for name in names]
     if not parts or not sum(len(part["id"]) for part in parts):
@@ -50,6 +50,12 @@ def walls_at(run: Run, snapshots: Particles, number: int, kind: Callable[[WallSe
     names = [wall.name for wall in config_of(run).wall if kind(wall) and wall.name in snapshots.species]
     parts = [snapshots.read(name, number)["position"] for name in names]
     return np.concatenate([*parts, np.zeros((0, 3))])
+
+
+def gases_at(run: Run, snapshots: Particles, number: int) -> np.ndarray:
+    """Positions[n, 3] of the particles of gases in a snapshot."""
+    names = [fluid.name for fluid in config_of(run).fluid if fluid.gas and fluid.name in snapshots.species]
+    return np.concatenate([*(snapshots.read(name, number)["position"] for name in names), np.zeros((0, 3))])
 
 
 def is_body(wall: WallSection) -> bool:
@@ -94,7 +100,7 @@ def chosen(run: Run, snapshots: Particles) -> list[int]:
 
 
 def sequence(run: Run, step: int | None = None) -> Figure:
-    """The particles at several times, or at one step: pressure in 2D, speed in 3D."""
+    """The particles at several times, or at one step: pressure in 2D, speed in 3D; gases as dots, in 3D not at all."""
     snapshots = snapshots_of(run)
     numbers = chosen(run, snapshots) if step is None else [snapshots.index(step)]
     make = _panels_2d if config_of(run).dimensions == 2 else _panels_3d
@@ -126,7 +132,7 @@ def _panels_2d(run: Run, snapshots: Particles, numbers: Sequence[int]) -> Figure
     lines = -(-len(numbers) // columns)
     width = 9.0 / columns if len(numbers) > 1 else 6.4
     tall = max(0.2 * width, min(1.25 * width, (width - 0.5) * (high - low)[1] / (high - low)[0]))
-    found = [fluid_at(run, snapshots, number) for number in numbers]
+    found = [fluid_at(run, snapshots, number, gases=False) for number in numbers]
     ends = np.array([np.quantile(particles["pressure"], (0.01, 0.99)) for particles in found])
     least, most = (0.0, ends[:, 1].max()) if ends[:, 0].min() > -0.1 * ends[:, 1].max() else (ends.min(), ends.max())
     figure, axes = new_figure(lines, columns, (width * columns + 0.6, lines * (tall + 0.5) + 0.4), squeeze=False,
@@ -138,6 +144,8 @@ def _panels_2d(run: Run, snapshots: Particles, numbers: Sequence[int]) -> Figure
         axis.scatter(walls[:, 0], walls[:, 1], s=0.35 * size, color=WALL, linewidths=0, rasterized=True)
         solid = walls_at(run, snapshots, number, is_body)
         axis.scatter(solid[:, 0], solid[:, 1], s=size, color=BODY, linewidths=0, rasterized=True)
+        air = gases_at(run, snapshots, number)
+        axis.scatter(air[:, 0], air[:, 1], s=0.25 * size, color=WALL, linewidths=0, rasterized=True)
         dots = axis.scatter(x[:, 0], x[:, 1], c=particles["pressure"], s=size, linewidths=0, vmin=least, vmax=most,
                             rasterized=True)  # fmt: skip
         if not len(walls):
@@ -198,7 +206,7 @@ def _panels_3d(run: Run, snapshots: Particles, numbers: Sequence[int]) -> Figure
 
     low, high = view_limits(run, snapshots)
     view = render.View(np.stack([low, high]), PIXELS)
-    found = [fluid_at(run, snapshots, number) for number in numbers]
+    found = [fluid_at(run, snapshots, number, gases=False) for number in numbers]
     speeds = [np.linalg.norm(particles["velocity"], axis=1) for particles in found]
     norm = Normalize(0.0, max(float(np.quantile(speed, 0.995)) for speed in speeds) or 1.0)
     colours = colormaps["viridis"]

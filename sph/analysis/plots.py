@@ -250,6 +250,9 @@ def _expectation(
         swing = np.sin(math.sqrt(square) * t) if square > 0 else np.sinh(math.sqrt(-square) * t)
         phase = swing * math.cos(k * (gauge.at[0] - low[0]))
         return "linear theory", t, level + flow.amplitude * phase, THEORY
+    if (shaft := cushions(config, vertical)) and gauge.kind in (*PRESSURES, ELEVATION):
+        fallen, pressure = theory.cushioned_fall(t, *shaft, config.eos.ambient_pressure, g)
+        return "Bagnold", t, high[vertical] - fallen if gauge.kind is ELEVATION else pressure, THEORY
     if scene.liquids.several:
         return None
     fills = all(a <= b for a, b in zip(scene.high - scene.low, [1.001 * (q - p) for p, q in zip(low, high)][:-1]))
@@ -270,6 +273,21 @@ def _expectation(
                 times, words = times + late, f"{words}, {1e3 * late:.0f} ms later"
             return words, times, pressure, DATA | {"markersize": 3}
     return None
+
+
+def cushions(config: SphConfig, vertical: int) -> tuple[float, float, float] | None:
+    """Mass per area of a layer of liquid across a closed shaft, kg/m2, and thickness of the gas below and above it, m,
+    at pressures of rest at t = 0; None where that is not the scene.
+    """
+    if len(config.fluid) != 2 or [fluid.gas for fluid in config.fluid] != [False, True]:
+        return None
+    (low, high), (bottom, top) = (geometry.bounds(fluid.shape) for fluid in config.fluid)
+    across = all(low[k] <= bottom[k] and high[k] >= top[k] for k in range(len(low)) if k != vertical)
+    if not across or any(fluid.initial_pressure != "zero" or any(fluid.velocity) for fluid in config.fluid):
+        return None
+    below, above = low[vertical] - bottom[vertical], top[vertical] - high[vertical]
+    mass = config.fluid[0].density * (high[vertical] - low[vertical])
+    return (mass, below, above) if below > 0 and above > 0 else None
 
 
 def step_sizes(run: Run, step: int | None = None) -> Figure:

@@ -94,6 +94,34 @@ def jet_on_plate(width: float) -> tuple[NDArray[np.float64], NDArray[np.float64]
     return y / y[-1], 1 - square
 
 
+def cushioned_fall(
+    t: NDArray, mass: float, below: float, above: float, ambient: float, g: float
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """How far water of a mass per area, kg/m2, that is let go between two layers of air `below` and `above`, m, in a
+    closed shaft has fallen, m, and the pressure in the air below it over the ambient one, Pa (Bagnold 1939): m s'' =
+    m g - p_below + p_above with p + ambient = ambient (thickness at rest / thickness)^1.4. By velocity Verlet.
+    """
+
+    def pressures(s: float) -> tuple[float, float]:
+        return ambient * ((below / (below - s)) ** 1.4 - 1), ambient * ((above / (above + s)) ** 1.4 - 1)
+
+    def acceleration(s: float) -> float:
+        under, over = pressures(s)
+        return g - (under - over) / mass
+
+    times = np.linspace(0.0, float(np.max(t, initial=0.0)), 20001)
+    dt, s, v = times[1], 0.0, 0.0
+    a, way, pressure = acceleration(s), [s], [0.0]
+    for _ in times[1:]:
+        v += a * dt / 2
+        s += v * dt
+        a = acceleration(s)
+        v += a * dt / 2
+        way.append(s)
+        pressure.append(pressures(s)[0])
+    return np.interp(t, times, way), np.interp(t, times, pressure)
+
+
 def triangular(t: NDArray, values: NDArray, width: float = 0.013) -> NDArray[np.float64]:
     """Two-sided moving average with triangular weights over `width` s (SC: 13 ms), for any sample times.
 

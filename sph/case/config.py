@@ -113,6 +113,7 @@ class Fluid(Section):
     dynamic_viscosity: float = setting(
         0.0, "dynamic viscosity; kinematic_viscosity in m2/s is understood too, times density", "Pa s", ge=0
     )
+    gas: bool = setting(False, "air beside liquids: p + p_a = p_a (rho/density)^1.4, p_a = eos.ambient_pressure")
     initial_pressure: Literal["zero", "hydrostatic", "flow"] = setting(
         "hydrostatic", "at t = 0: none, that of rest under gravity, or the one that goes with `flow`"
     )
@@ -138,8 +139,12 @@ class Eos(Section):
         None, "largest velocity to expect; by default sqrt(2 g H) and what moves at t = 0", "m/s", gt=0
     )
     gamma: float = setting(7.0, "exponent of the equation of state (MP 14)", ge=1)
-    background_pressure: float = setting(
-        0.0, "added to every pressure: keeps particles apart where there is no free surface", "Pa", ge=0
+    background_pressure: float | None = setting(
+        None, "added to every pressure: keeps particles apart where there is no free surface; by default 0, or beside "
+        "gases 0.05 rho max_velocity^2", "Pa", ge=0,
+    )  # fmt: skip
+    ambient_pressure: float = setting(
+        101325.0, "absolute pressure of gases at rest, where the pressure of the series is 0", "Pa", gt=0
     )
 
 
@@ -253,7 +258,7 @@ class Gauge(Section):
         "m",
     )
     radius: float | None = setting(None, "wall-pressure: of a disc (in 2D a strip twice as long)", "m", gt=0)
-    fluid: str = setting("", "elevation: of this fluid alone; by default of all")
+    fluid: str = setting("", "elevation: of this fluid alone; by default of all but gases")
     wall: str = setting("", "wall-pressure: the wall that it sits in and moves with; by default any, at one place")
     period: float | None = setting(None, "of the samples; by default that of the series", "s", gt=0)
 

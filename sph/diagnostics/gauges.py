@@ -12,7 +12,6 @@ from hpcpic.core.space.products import product
 from sph.case.config import AXES, ELEVATION, FLOW, FRONT, PRESSURE, WALL_PRESSURE, Gauge
 from sph.diagnostics.sensors import Sensors
 from sph.diagnostics.snapshot import particles_at
-from sph.kernels import readings
 from sph.particles.storage import Slots, Storage
 from sph.physics.smoothing import SMOOTHING
 
@@ -103,20 +102,17 @@ class Gauges:
         return found
 
     def front(self, gauge: Gauge) -> float:
-        """The farthest edge of the fluid along an axis, m. Collective."""
-        k, sign = gauge.direction
-        storage, along = self.storage, self.scene.axes.index(k)
-        farthest = self.world.max(readings.farthest(storage.end, sign, storage.flags, storage.x[along]))
-        return sign * (farthest + sign * self.scene.low[k] + self.scene.spacing / 2)
+        """The farthest edge of the liquids along an axis, m. Collective."""
+        return self.storage.farthest(*gauge.direction)
 
     def elevation(self, gauge: Gauge, own: Own) -> float:
-        """Highest place over the point where half of the space is fluid, or that fluid which the gauge names, m; the
+        """Highest place over the point where half of the space is liquid, or that fluid which the gauge names, m; the
         lowest looked at when none is. Collective.
         """
         scene, d = self.scene, self.scene.dimensions
-        if gauge.fluid:
+        if gauge.fluid or scene.liquids.gases:
             names = [fluid.section.name for fluid in scene.fluids]
-            chosen = scene.kinds(own["id"]) == names.index(gauge.fluid)
+            chosen = scene.kinds(own["id"]) == names.index(gauge.fluid) if gauge.fluid else ~own["gas"]
             own = {key: values[chosen] for key, values in own.items()}
         axis, sign = self.vertical(gauge)
         others = [k for k in range(d) if k != axis]
@@ -164,7 +160,7 @@ class Gauges:
             if axis != k and size:
                 inside &= np.abs(r[:, axis]) <= size / 2
         weight = (1 - np.abs(r[inside, k]) / width) / width
-        volume = own["rest"][inside] / (scene.rho0 + own["drho"][inside])
+        volume = own["rest"][inside] / own["dense"][inside]
         scale = scene.c0 * scene.spacing ** (d - 1)
         total = self.summed((weight * volume * own["v"][inside, k] / scale)[:, None])
         return float(total[0]) * scale * sign

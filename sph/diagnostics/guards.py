@@ -12,6 +12,7 @@ from hpcpic.core.run.guard import ConservedSums
 from sph.diagnostics.checksums import Checksums
 from sph.diagnostics.leaks import LeakFinder
 from sph.diagnostics.scalars import Totals, fluid_scalars
+from sph.kernels.marks import LIQUID
 from sph.particles.extremes import Extremes
 from sph.particles.openings import Exchange
 from sph.particles.storage import Storage
@@ -26,6 +27,8 @@ MAX_RMS_MACH = 1 / 3  # root mean square of the speeds over c0: the largest spee
 MAX_DRIVEN_SPEED = 1.5  # of the largest velocity that its force gives the fluid of a channel
 MAX_ENERGY_GROWTH = 1.0  # of the total energy, in kinetic energies of all fluid at eos.max_velocity
 ROUNDING = 8.0  # of all forces in a step, which add at most about c0 to a velocity; 1e-3 of it is seen
+MUCH_GAS = 0.01  # of all, that may pull at its neighbours: fewer do where water starts or strikes
+LOOK_PERIOD = 20  # steps between looks at whose of several fluids the fastest particles are
 ENERGY_PERIOD = 100  # steps after which the energy is summed, written or not; it costs a tenth of a step
 
 log = logging.getLogger("hpcpic.sph")
@@ -58,7 +61,7 @@ class Runaway:
         ]
         self.exchanged = ConservedSums(("mass_total",), 4 * float(np.finfo(np.float64).eps))
         self.usual_speed = scene.config.eos.max_velocity or 0.0
-        self._warned = False
+        self._warned = self._told_suction = False
         self._energy_step = clock.step
         self._first_energy: float | None = None
         self._energy_trouble: str | None = None
@@ -68,12 +71,10 @@ class Runaway:
         walls, storage, scene = self.walls, self.storage, self.scene
         self.checksums.compare(self.clock.step)
         wall = float(np.sqrt(np.sum(walls.velocity**2, axis=1)).max()) if walls.moving or walls.turns else 0.0
-        limit = max(scene.c0, wall)
-        if now.speed > limit:
-            who = storage.culprit(_lengths(storage.v[:, storage.fluid_slots]))
-            cause = "a numerical instability, or a fall that eos.max_velocity does not know of"
-            text = f"{who} moves at {now.speed:.4g} m/s, faster than sound ({scene.c0:.4g} m/s): {cause}"
-            raise self.clock.diverged(text)
+        limit = max(scene.c0 * scene.liquids.swiftest, wall)
+        self._look_at_speed(now.speed, wall)
+        if scene.liquids.gases and self.clock.step % LOOK_PERIOD == 0 and not self._told_suction:
+            self._look_at_suction()
         if now.speed > MAX_DRIVEN_SPEED * self.driven:
             who = storage.culprit(_lengths(storage.v[:, storage.fluid_slots]))
             most = f"{now.speed / self.driven:.3g} times F L^2 / (8 nu), the most that its force can give the channel"
@@ -86,8 +87,6 @@ class Runaway:
             raise self.clock.diverged(f"{text}: a damaged position")
         if self.clock.time_step < self.shortest:
             self._end_short_step(now)
-        if now.speed * MIN_SOUND_RATIO > scene.c0 and now.speed > wall:
-            self._warn(now.speed)
         self.leaks.look(box)
 
     def end_without_number(self) -> None:
@@ -101,6 +100,49 @@ class Runaway:
             values = _lengths(self._accelerations()) + np.abs(storage.drho[slots])
         text = "a velocity, acceleration or density is not a finite number, the largest are those of"
         raise self.clock.diverged(f"{text} {storage.culprit(values)}")
+
+    def _look_at_suction(self) -> None:
+        """Warn once if much of a gas is so far below its pressure of rest that its particles leave gaps. Collective."""
+        eos, slots = self.scene.eos, self.storage.fluid_slots
+        excess = self.storage.drho[slots][self.storage.is_gas(slots)]
+        sucked = eos.pressure(excess) < -eos.background
+        torn, all_gas = self.world.sum_int(np.array([np.count_nonzero(sucked), len(sucked)])).tolist()
+        if torn > MUCH_GAS * all_gas:
+            self._told_suction = True
+            if self.world.rank == 0:
+                part, words = 100 * torn / all_gas, "%.2g %% of the gas is farther below ambient at t = %.3g s than"
+                more = " eos.background_pressure = %.3g holds together: gaps open in it"
+                log.warning(words + more, part, self.clock.time, eos.background)
+
+    def _mach_numbers(self, wall: float) -> tuple[NDArray[np.float64], NDArray[np.bool_]]:
+        """Speeds [n] of the fluid over the sound speed of rest of its liquid, 0 of what is no faster than walls, m/s;
+        what is gas [n].
+        """
+        storage, slots = self.storage, self.storage.fluid_slots
+        speeds, swift = _lengths(storage.v[:, slots]), self.scene.liquids.table[1, storage.flags[slots] >> LIQUID]
+        return np.where(speeds > wall, speeds, 0.0) / (self.scene.c0 * swift), storage.is_gas(slots)
+
+    def _look_at_speed(self, fastest: float, wall: float) -> None:
+        """Warn once if fluid comes near the sound speed, and end the run if it is faster than that and than walls, m/s.
+        Where several fluids have sound speeds of their own, whose the fastest is is only looked at now and then.
+        Collective.
+        """
+        c0, liquids = self.scene.c0, self.scene.liquids
+        if fastest <= wall or fastest * MIN_SOUND_RATIO <= c0:
+            return
+        mach = of_liquids = fastest / c0
+        if liquids.densities:
+            if self.clock.step % LOOK_PERIOD and fastest <= c0 * liquids.swiftest:
+                return
+            found, gas = self._mach_numbers(wall)
+            most = np.array([found.max(initial=0.0), found[~gas].max(initial=0.0)])
+            mach, of_liquids = self.world.max_array(most).tolist()
+        if mach > 1.0:
+            text = f"{self.storage.culprit(self._mach_numbers(wall)[0])} is faster than sound, {mach:.4g} times as fast"
+            cause = "a numerical instability, or a fall that eos.max_velocity does not know of"
+            raise self.clock.diverged(f"{text}: {cause}")
+        if of_liquids * MIN_SOUND_RATIO > 1.0:
+            self._warn(of_liquids * c0)
 
     def _accelerations(self) -> NDArray[np.float64]:
         """Accelerations of the fluid [d, n], m/s2."""
@@ -137,6 +179,8 @@ class Runaway:
     def fluid_scalars(self) -> dict[str, float]:
         """Energies, mass, momentum and extremes of the fluid, after a look at the energy. Collective."""
         found = fluid_scalars(self.scene, self.totals)
+        if self.scene.liquids.gases:
+            found["front_x"] = self.storage.farthest(0, 1.0)
         found |= self.exchange.scalars(found["mass"])
         self._look_at_energy(found["energy_kinetic"], found["energy_total"], found["mass"])
         for sums in self.kept:

@@ -15,7 +15,7 @@ from hpcpic.core.space import exact
 from sph.case.config import AXES
 from sph.particles.tasks import Tasks
 from sph.particles.wall_forces import WallForces
-from sph.physics.equation_of_state import coefficients
+from sph.physics.equation_of_state import LEAST, coefficients, compression
 from sph.setup.scene import Scene
 
 ROUNDING_FACTOR = 2.0
@@ -27,7 +27,8 @@ class Totals:
     def __init__(self, scene: Scene, world: World, tasks: Tasks) -> None:
         d, axes = scene.dimensions, list(scene.axes)
         self.scene, self.world, self.tasks, self.axes = scene, world, tasks, axes
-        self.kernels = specialise("sph.kernels", ["totals"], DIM=d, DENSITIES=scene.liquids.densities)
+        several, gas = scene.liquids.densities, scene.liquids.gases
+        self.kernels = specialise("sph.kernels", ["totals"], DIM=d, DENSITIES=several, GASES=gas)
         self.n = self.kernels.TERMS
         eos = scene.eos
         numbers = [scene.rho0, eos.stiffness, eos.background, eos.gamma - 1, *scene.gravity[axes], *scene.low[axes]]
@@ -66,9 +67,20 @@ class Totals:
         height = np.abs(scene.gravity[self.axes]) @ farthest
         ends = np.array([excess, -min(excess, 0.9 * scene.rho0)])
         background = scene.eos.background * np.abs(ends / (scene.rho0 + ends)) / scene.rho0
-        inner = (np.abs(scene.eos.energy(ends)) + 2 * background).max() * scene.liquids.swiftest**2
+        inner = (np.abs(scene.eos.energy(ends)) + 2 * background).max() * scene.liquids.lightest
+        inner = max(inner, self._most_work(ends) * scene.liquids.lightest)
         speed = math.sqrt(square)
         return ROUNDING_FACTOR * mass * np.array([square, height, inner, 1.0, *[speed] * d])
+
+    def _most_work(self, ends: NDArray) -> float:
+        """A bound of the work of compression of a gas, J per kg of the reference liquid, between two rho - rho0 of it:
+        at most the largest pressure all along.
+        """
+        scene = self.scene
+        if not scene.liquids.gases:
+            return 0.0
+        most = float(np.abs(scene.eos.pressure(ends)).max()) + scene.eos.background
+        return most / scene.rho0 / compression(LEAST)
 
 
 def fluid_scalars(scene: Scene, totals: Totals) -> dict[str, float]:

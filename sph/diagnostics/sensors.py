@@ -1,5 +1,6 @@
 """Pressure on areas of walls, as a sensor of that size reads it: the force of the fluid on the piece of wall behind the
-area, by the pair sums of every step, over the area; the mean since the last reading.
+area, by the pair sums of every step, over the area; the mean since the last reading. Beside gases, which leave no wall
+dry, the background is taken off.
 
 Each rank adds the forces as integers (2^-40 of rho0 c0^2 times the area), so that readings have the same bits for any
 ranks.
@@ -35,6 +36,7 @@ class Sensors:
         names = [wall.name for wall in scene.walls]
         self.of = np.array([names.index(gauge.wall) if gauge.wall else -1 for gauge in self.gauges])
         self.unit = scene.rho0 * scene.c0**2
+        self.background = scene.eos.background if scene.liquids.gases else 0.0
         areas = np.array([gauge.area(scene.spacing) for gauge in self.gauges])
         half = np.array([gauge.extents(scene.spacing) for gauge in self.gauges])[:, axes] / 2
         along, sign = zip(*(gauge.direction for gauge in self.gauges))
@@ -62,7 +64,8 @@ class Sensors:
         arena["area_middle"][:] = (self.at + moved)[:, list(self.walls.scene.axes)]
         arena["slab"][:] = self.slabs.low, self.slabs.high
         self.sums.tasks.each(self.kernels.push)
-        return np.asarray(self.slabs.world.sum_int(arena["pushed"].sum(axis=0)) * (self.unit / FIXED_POINT))
+        found = self.slabs.world.sum_int(arena["pushed"].sum(axis=0)) * (self.unit / FIXED_POINT)
+        return np.asarray(found) - self.background
 
     def add(self, dt: float) -> None:
         """The pressures of now for a step of dt s. Collective."""

@@ -33,7 +33,7 @@ def particles(storage: Storage, sums: PairSums | None = None) -> dict[str, Parti
         columns = {
             "velocity": three(own["v"]).astype(np.float32),
             "pressure": (scene.eos.pressure(own["drho"]) + scene.eos.background).astype(np.float32),
-            "density": (own["relative"] * (scene.rho0 + own["drho"])).astype(np.float32),
+            "density": (own["relative"] * own["dense"]).astype(np.float32),
             "mass": own["m"].astype(np.float32),
         }
         if sums:
@@ -51,7 +51,7 @@ def moments(storage: Storage, sums: PairSums, slots: Slots, is_fluid: bool) -> d
     scene, found = storage.scene, sums.moments_at(slots)
     if is_fluid:
         rest = storage.m[slots] / storage.relative_density(slots)
-        own = rest / (scene.rho0 + storage.drho[slots]) / scene.h**scene.dimensions
+        own = rest / storage.compressed_density(slots) / scene.h**scene.dimensions
         found["m0"] += own * SMOOTHING[scene.kernel].value(0.0, scene.dimensions)
     rows = {f"slope_1{axis}": three(found["slope1"][:, k]) for k, axis in enumerate("xyz"[: scene.dimensions])}
     return {"moment_0": found["m0"], "moment_1": three(found["m1"]), "slope_0": three(found["slope0"])} | rows
@@ -64,11 +64,13 @@ def worst(storage: Storage) -> list[str]:
 
 def particles_at(storage: Storage, slots: Slots) -> dict[str, NDArray]:
     """The particles in some slots: id[n], x[n, d] m, v[n, d] m/s, m[n] kg; relative[n], rho0 of their liquids over that
-    of the reference liquid; in terms of this one drho[n] = rho - rho0 kg/m3, and mass rest[n] kg.
+    of the reference liquid; in terms of this one density dense[n] kg/m3 and mass rest[n] kg, and drho[n] = rho - rho0
+    kg/m3 that it has at the same pressure; which are gas[n].
     """
-    found = {"x": storage.physical("x", slots), "v": storage.physical("v", slots), "id": storage.numbers(slots)}
-    relative = storage.relative_density(slots)
+    found: dict[str, NDArray] = {name: storage.physical(name, slots) for name in ("x", "v")}
+    found["id"], relative = storage.numbers(slots), storage.relative_density(slots)
     found |= {"drho": storage.drho[slots], "m": storage.m[slots], "relative": relative}
+    found |= {"dense": storage.compressed_density(slots), "gas": storage.is_gas(slots)}
     return found | {"rest": found["m"] / relative}
 
 

@@ -183,14 +183,15 @@ def unlike(config: SphConfig) -> Iterator[Derived]:
     """How much liquids differ: a light one is thrown about by what a heavy one hardly feels."""
     liquids = liquids_of(config)
     if liquids.densities:
-        ratio, key = liquids.swiftest**2, ("fluid", 0, "density")
-        verdict: Verdict = "ok" if ratio <= RATIO else "warn" if ratio <= MOST_RATIO * (1 + 1e-9) else "fail"
+        ratio, key = liquids.lightest, ("fluid", 0, "density")
+        small = RATIO if not liquids.gases else MOST_RATIO
+        verdict: Verdict = "ok" if ratio <= small else "warn" if ratio <= MOST_RATIO * (1 + 1e-9) else "fail"
         cure = "" if verdict == "ok" else f"a ratio of {RATIO}: the step is shorter by its root too"
         source = "fastest particles of layers at rest, mean: 0.06 m/s (100), 0.16 m/s (1000), measured"
         words = f"<= {RATIO}; {MOST_RATIO} at most"
         yield Derived("density ratio of liquids", "rho1/rho2", ratio, "", words, verdict, source, cure, key, True)
     if liquids.viscosities:
-        lowest = min(viscosity for _, viscosity in liquids.kinds)
+        lowest = min(kind.viscosity for kind in liquids.kinds)
         ratio = liquids.viscosity / lowest if lowest else math.inf
         verdict = "ok" if ratio <= RATIO or not lowest else "warn"
         cure = "" if verdict == "ok" else f"a ratio of {RATIO}, or the thick liquid as a wall"

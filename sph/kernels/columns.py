@@ -7,23 +7,27 @@ are in SI units, columns in those of the pair sums (see `passes`). All slots are
 
 import numpy as np
 
-from hpcpic.core.simd.compile import njit
+from hpcpic.core.simd.compile import formula, njit
 from hpcpic.core.simd.vector import (
     Vec,
     address_of,
+    bitmask,
     convert,
     floor,
     gather_lines,
     lanes,
     load,
+    maximum,
     select,
     splat,
     store,
 )  # fmt: skip
 from sph.kernels.marks import EXTRAPOLATED, FLUID, LIQUID, NORMAL, OWN, REPULSIVE, WALL_SHIFT
 from sph.kernels.powers import power
-from sph.physics.equation_of_state import MOST_GAMMA
+from sph.physics.equation_of_state import ADIABATIC, LEAST, MOST_GAMMA, compression
 from sph.physics.pair_spec import UNIT
+
+formula(compression)
 
 DIM = 3
 KIND = "float64"  # of columns and sums
@@ -37,6 +41,7 @@ MASS = -1
 V = -1
 SWIFT = -1
 FLUIDITY = -1
+BULK = -1
 NORMALS = -1
 G = -1
 SLOPE = -1
@@ -45,6 +50,7 @@ TENSION = -1
 L = -1
 T = -1
 DENSITIES = False  # there are liquids of several densities
+GASES = False  # and gases
 ACCELERATED = False  # there are walls that follow the fluid and are accelerated
 TURNING = False  # and some of these turn
 IN_TURN = False  # LIGHT holds 1 / rho for forces, then volumes for rates
@@ -69,11 +75,21 @@ def pack(block, blocks, base, scales, powers, liquids, flags, y, m, face_normals
             e, kinds = load(F, y.drho, s) * scales.per_rho, load(I, flags, s)
             rho = e + 1.0
             light, p, mass = 1.0 / rho, power(e, GAMMA, powers), load(F, m, s)
+            pressed = light
             if DENSITIES:
                 mass = mass * of_liquid(liquids, 0, kinds)
                 store(values[SWIFT], s, convert(R, of_liquid(liquids, 1, kinds)))
             if FLUIDITY >= 0:
                 store(values[FLUIDITY], s, convert(R, of_liquid(liquids, 2, kinds)))
+            if GASES:
+                bulk, ambient = rho, of_liquid(liquids, 3, kinds)
+                gas = ambient > 0.0
+                if bitmask(gas) != 0:
+                    u = p / select(gas, ambient, 1.0) + 1.0
+                    pressed = select(gas, 1.0 / compression(u), light)
+                    softness = raised(rho, light, 1.0 - GAMMA)  # d e / d p in units of rho0 c0^2
+                    bulk = select(gas, (ADIABATIC * ambient) * maximum(u, LEAST) * softness, rho)
+                store(values[BULK], s, convert(R, bulk if SINGLE else bulk / scales.per_rho))
             if SINGLE:
                 mass = mass * scales.per_m
                 for k in range(DIM):  # in fixed point, modulo 256 h
@@ -83,10 +99,10 @@ def pack(block, blocks, base, scales, powers, liquids, flags, y, m, face_normals
                 store(values[EXCESS], s, convert(R, e))
             if MASS >= 0:
                 store(values[MASS], s, convert(R, mass))
-            store(values[PUSH], s, convert(R, (p + scales.background) * (light * light)))
-            store(values[LIGHT], s, convert(R, light))
+            store(values[PUSH], s, convert(R, (p + scales.background) * (pressed * pressed)))
+            store(values[LIGHT], s, convert(R, pressed))
             if VOLUME >= 0:
-                volume = select(kinds & REPULSIVE == REPULSIVE, 0.0, mass) * light  # repulsive particles have none
+                volume = select(kinds & REPULSIVE == REPULSIVE, 0.0, mass) * pressed  # repulsive particles have none
                 store(values[VOLUME], s, convert(R, volume))
             if SLOPE >= 0:
                 half = 0.5 * raised(rho, light, 2.0 - GAMMA)  # rho / (2 c^2) in units of rho0 / c0^2
@@ -97,7 +113,7 @@ def pack(block, blocks, base, scales, powers, liquids, flags, y, m, face_normals
                 store(values[C], s, convert(R, raised(rho, light, 0.5 * (GAMMA - 1.0))))  # (MP 15) in c0
             if TENSION >= 0:
                 tension = select(p < 0.0, -scales.tensile * p, 0.05 * scales.tensile * p)
-                store(values[TENSION], s, convert(R, tension * (light * light)))
+                store(values[TENSION], s, convert(R, tension * (pressed * pressed)))
             if NORMALS >= 0:
                 for k in range(DIM):
                     normal = gather_lines(F, 1, address_of(face_normals[k], 0), (kinds >> NORMAL) * 8)[0]
@@ -176,7 +192,9 @@ def unpack_walls(block, blocks, base, scales, at, flags, key, walls, x, sums, dr
                                 off -= walls.period[j] * np.rint(off / walls.period[j])
                             a += walls.wall_twist[wall, k, j] * off
                     total -= scales.of_arm * a * np.float64(sums[at + 2 + k, b])
-            excess = max(total / weight, 0.0) if weight > 0.0 else 0.0
+            excess = total / weight if weight > 0.0 else 0.0
+            if not GASES:
+                excess = max(excess, 0.0)  # walls do not suck
             drho[b] = excess / scales.per_rho if SINGLE else excess
 
 

@@ -2,10 +2,11 @@
 
 import numpy as np
 
-from hpcpic.core.simd.compile import njit
+from hpcpic.core.simd.compile import formula, njit
 from hpcpic.core.simd.vector import (
     Vec,
     address_of,
+    bitmask,
     fma,
     gather_lines,
     lane_numbers,
@@ -22,15 +23,19 @@ from hpcpic.core.simd.vector import (
 )
 from sph.kernels.marks import LIQUID, MINE
 from sph.kernels.powers import power
+from sph.physics.equation_of_state import compression, compression_work
+
+formula(compression), formula(compression_work)
 
 DIM = 3
 DENSITIES = False  # there are liquids of several densities
+GASES = False  # and gases
 
 TERMS = 4 + DIM  # kinetic, potential, internal energy, mass, momentum
 _FIRST, _NEXT = 2.0**31, 2.0**32  # as core.space.exact
 N = lanes(np.float64)
 F, I, L = Vec(N, np.float64), Vec(N, np.int32), Vec(N, np.int64)
-# constants = (rho0, stiffness, background pressure, gamma - 1, gravity, lower corner of the domain)
+# constants = (rho0, stiffness, background pressure, gamma - 1, gravity, lower corner of the domain), SI
 
 
 @njit
@@ -54,10 +59,21 @@ def fill(b, last, flags, constants, powers, liquids, x, v, m, drho, terms):
     bent = power(change, constants[3], powers)
     store(terms[0], 0, 0.5 * mass * square)
     store(terms[1], 0, -mass * height)
-    rest = mass
+    rest, inner = mass, (bent - volume) * constants[1] + volume * constants[2]
     if DENSITIES:  # the mass that the reference liquid would have
-        rest = mass * gather_lines(F, 1, address_of(liquids[0], 0), (load(I, flags, b) >> LIQUID) * 8)[0]
-    store(terms[2], 0, rest * (((bent - volume) * constants[1] + volume * constants[2]) / constants[0]))
+        kinds = (load(I, flags, b) >> LIQUID) * 8
+        rest = mass * gather_lines(F, 1, address_of(liquids[0], 0), kinds)[0]
+        if GASES:
+            ambient = gather_lines(F, 1, address_of(liquids[3], 0), kinds)[0]
+            gas = counts & (ambient > 0.0)
+            if bitmask(gas) != 0:
+                gamma = constants[3] + 1.0
+                p = (change + (gamma - 1.0) * bent * (change + 1.0)) / gamma  # in rho0 c0^2
+                u = p / select(gas, ambient, 1.0) + 1.0
+                y = compression(u)
+                worked = compression_work(u, y) * (ambient * (constants[1] * gamma)) + (1.0 - 1.0 / y) * constants[2]
+                inner = select(gas, worked, inner)
+    store(terms[2], 0, rest * (inner / constants[0]))
     store(terms[3], 0, mass)
 
 

@@ -25,7 +25,7 @@ FIRST_SUMS = {
 }
 
 
-LINES = "push", "light", "volume", "excess", "mass", "slope", "c", "tension", "swift", "fluidity"
+LINES = "push", "light", "volume", "excess", "mass", "slope", "c", "tension", "swift", "fluidity", "bulk"
 
 
 def columns_kernels(spec: PairSpec, gamma: float) -> ModuleType:
@@ -40,6 +40,7 @@ def columns_kernels(spec: PairSpec, gamma: float) -> ModuleType:
         "SINGLE": spec.single,
         "GAMMA": gamma,
         "DENSITIES": spec.densities,
+        "GASES": spec.gases,
         "ACCELERATED": spec.accelerated,
         "TURNING": spec.turning,
     }

@@ -15,6 +15,7 @@ from hpcpic.core.tasks.arena import Arena
 from sph.kernels import readings
 from sph.kernels.groups import OldState, Shown, State
 from sph.kernels.marks import BODY, CODES, FLOWS, FLUID, LIQUID, OWN, REAL, WALL_BITS
+from sph.physics.equation_of_state import compression
 from sph.setup.scene import Scene
 
 ROUNDING = 1e-6  # of a spacing
@@ -115,6 +116,31 @@ class Storage:
         if not self.scene.liquids.densities:
             return np.ones(len(slots))
         return 1.0 / self.scene.liquids.table[0, self.flags[slots] >> LIQUID]
+
+    def is_gas(self, slots: Slots) -> NDArray[np.bool_]:
+        """Which particles [n] are gas."""
+        liquids = self.scene.liquids
+        return liquids.table[3, self.flags[slots] >> LIQUID] > 0.0 if liquids.gases else np.zeros(len(slots), bool)
+
+    def farthest(self, axis: int, sign: float) -> float:
+        """Where liquids end along a physical axis, up it or down it, m. Collective."""
+        x = self.x[self.scene.axes.index(axis)]
+        if self.scene.liquids.gases:
+            slots = self.fluid_slots
+            own = float((sign * x[slots[~self.is_gas(slots)]]).max(initial=-np.inf))
+        else:
+            own = readings.farthest(self.end, sign, self.flags, x)
+        return sign * (self.world.max(own) + sign * self.scene.low[axis] + self.scene.spacing / 2)
+
+    def compressed_density(self, slots: Slots) -> NDArray[np.float64]:
+        """rho of particles [n] over that `relative_density`, kg/m3."""
+        scene, drho = self.scene, self.drho[slots]
+        found = scene.rho0 + drho
+        if scene.liquids.gases:
+            gas = self.is_gas(slots)
+            u = 1.0 + scene.eos.pressure(drho[gas]) / (scene.liquids.ambient * scene.rho0 * scene.c0**2)
+            found[gas] = scene.rho0 * compression(u)
+        return found
 
     def set_own_values(self, name: str, values: NDArray | float) -> None:
         """Replace what an array has of the own particles."""

@@ -1,4 +1,7 @@
-"""The equation of state (MP 14) and what follows from it: sound speed, density at rest, work of compression."""
+"""The equation of state (MP 14) and what follows from it: sound speed, density at rest, work of compression. Gases
+beside liquids are adiabatic, of molecules of two atoms, as air: p + p_a = p_a (rho / rho0)^1.4, where p is what liquids
+have, 0 at rest. u = 1 + p / p_a is their absolute pressure over that of rest.
+"""
 
 import math
 from dataclasses import dataclass
@@ -7,9 +10,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from hpcpic.core.simd.formulas import maximum, minimum
 from hpcpic.core.space.elementary import expm1, log1p
 
 MOST_GAMMA = 16  # that a polynomial is made for
+ADIABATIC = 1.4  # ratio of the heat capacities of a gas
+LEAST, MOST = 1 / 32, 32.0  # u beyond which its density stays
+ITERATIONS = 5
 
 
 def power(e: Any, n: float) -> Any:
@@ -22,6 +29,26 @@ def coefficients(n: float) -> NDArray[np.float64]:
     """Coefficients of `power` as a polynomial in e, for whole n from 1 to MOST_GAMMA; else none."""
     whole = range(1, round(n) + 1) if n == round(n) and n <= MOST_GAMMA else ()
     return np.array([math.comb(round(n), k) / n for k in whole], np.float64)
+
+
+def compression(u: Any) -> Any:
+    """rho / rho0 = u^(5/7) of a gas, by Halley's iteration for y^7 = u^5 from Pade's fraction at 1: to rounding for u
+    from 1/16 to 16, to 1e-8 at LEAST and MOST.
+    """
+    u = minimum(maximum(u, LEAST), MOST)
+    square = u * u
+    fifth = square * square * u
+    y = (6.0 * u + 1.0) / (u + 6.0)
+    for _ in range(ITERATIONS):
+        cube = y * y * y
+        seventh = cube * cube * y
+        y = y * ((6.0 * seventh + 8.0 * fifth) / (8.0 * seventh + 6.0 * fifth))
+    return y
+
+
+def compression_work(u: Any, y: Any) -> Any:
+    """Work on the volume of rest of a gas from there to y = rho / rho0, over p_a: the integral of (u - 1) / y^2 dy."""
+    return (u / y - 1.0) / (ADIABATIC - 1.0) - (y - 1.0) / y
 
 
 @dataclass(frozen=True)

@@ -51,13 +51,16 @@ class PairSpec:
     """Whether liquids differ in density."""
     viscosities: bool = False
     """Whether they differ in viscosity."""
+    gases: bool = False
+    """Whether there are gases beside liquids."""
     split: bool = False
     """Whether forces and rates are summed one after the other."""
 
     @property
     def in_turn(self) -> bool:
         """Whether a column can hold 1 / rho for forces, then volumes for rates."""
-        return self.split and not (self.needs_gradient or self.shifting or self.corrected or self.needs_stress)
+        later = self.needs_gradient or self.shifting or self.corrected or self.needs_stress or self.gases
+        return self.split and not later
 
     @property
     def changes(self) -> bool:
@@ -177,7 +180,10 @@ def continuity(spec: PairSpec) -> Pass:
     if flux.formula:
         lines.append(Line("flux", flux.formula, OF_FLUID))
         lines += [Line("flux", terms.flux_within)] * spec.densities
-    if spec.by_mass:
+    rates: Callable
+    if spec.gases:
+        rates = terms.bulk_continuity_with_flux if flux.formula else terms.bulk_continuity
+    elif spec.by_mass:
         rates = terms.continuity_by_mass_with_flux if flux.formula else terms.continuity_by_mass
     else:
         rates = terms.continuity_with_flux if flux.formula else terms.continuity
@@ -284,7 +290,7 @@ def columns_of(spec: PairSpec) -> list[str]:
         names += ["excess", "mass", "v"]
     elif spec.densities:
         names.append("mass")  # of the reference liquid
-    names += ["swift"] * spec.densities + ["fluidity"] * spec.viscosities
+    names += ["swift"] * spec.densities + ["fluidity"] * spec.viscosities + ["bulk"] * spec.gases
     names += ["n"] * spec.repulsive + [name for name in ("g", "slope", "c") if name in spec.flux.columns]
     names += ["tension"] * spec.tensile + ["l"] * spec.corrected + ["t"] * spec.needs_stress
     return [column for name in names for column in spec.components(name)]

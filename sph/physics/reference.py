@@ -35,15 +35,24 @@ class Reference:
         self.numerics, self.m, self.gravity = config.numerics, m, gravity
         self.d, self.h, self.c, self.gamma = config.dimensions, config.h, config.sound_speed, config.eos.gamma
         liquids = liquids_of(config)
-        self.rho0, lightness, self.swift, fluidity = liquids.density, *liquids.table[:, np.broadcast_to(of, m.shape)]
+        self.rho0, table = liquids.density, liquids.table[:, np.broadcast_to(of, m.shape)]
+        lightness, self.swift, fluidity, ambient = table
         self.rest = m * lightness  # the mass that the reference liquid would have
         self.mu = liquids.viscosity * (2 / self._both(fluidity) if liquids.several else 1.0)  # of pairs (SC 6)
         self.alike = np.equal.outer(self.swift, self.swift)
-        eos = EquationOfState(self.rho0, self.c, self.gamma, config.eos.background_pressure)
+        eos = EquationOfState(self.rho0, self.c, self.gamma, config.eos.background_pressure or 0.0)
         self.viscosity, self.sound = VISCOSITIES[config.numerics.viscosity_form or "none"], eos.sound_speed(drho)
         self.smoothing = SMOOTHING[config.numerics.kernel]
         self.rho, self.volume = self.rho0 + drho, self.rest / (self.rho0 + drho)
         self.p = eos.pressure(drho) + eos.background  # (MP 14)
+        self.drho, self.bulk = drho, self.rho.copy()  # bulk: what the divergence changes drho by
+        if liquids.gases:  # p + p_a = p_a (rho / rho0)^1.4, of which the bulk modulus is 1.4 (p + p_a)
+            gas, unit = ambient > 0, self.rho0 * self.c**2
+            absolute = eos.pressure(drho[gas]) + ambient[gas] * unit
+            self.rho[gas] = self.rho0 * (absolute / (ambient[gas] * unit)) ** (1 / 1.4)
+            per_drho = self.c**2 * (1 + drho[gas] / self.rho0) ** (self.gamma - 1)  # dp of (MP 14)
+            self.bulk[gas] = 1.4 * absolute / per_drho
+            self.volume = self.rest / self.rho
         self.dx, self.dv = x[:, :, None] - x[:, None, :], v[:, :, None] - v[:, None, :]
         for k in np.flatnonzero(period):
             self.dx[k] -= period[k] * np.rint(self.dx[k] / period[k])
@@ -74,7 +83,7 @@ class Reference:
             vd = np.einsum("aij,iab,bij->ij", self.dv, self.renormalisation, self.dx)
         if self.numerics.continuity == "masses":
             return np.einsum("j,ij,ij->i", self.rest, self.f, vd) - self._flux()
-        return self.rho * np.einsum("j,ij,ij->i", self.volume, self.f, vd) - self._flux()
+        return self.bulk * np.einsum("j,ij,ij->i", self.volume, self.f, vd) - self._flux()
 
     # ---- terms of the force
 
@@ -141,14 +150,15 @@ class Reference:
         """
         flux, f = FLUXES[self.numerics.density_flux], self.f * self.alike
         strength = (self.numerics.flux_coefficient or 0.0) * self.c * self.swift
-        step = self.rho[None, :] - self.rho[:, None]
+        step = self.drho[None, :] - self.drho[:, None]
         if not flux.formula:
             return 0.0
         if flux.upwind:
             faster = np.maximum.outer(self.sound, self.sound) / self.c
             return strength * np.einsum("j,ij,ij,ij,ij->i", self.volume, f, self.r, faster, step)
         if "slope" in flux.columns:  # less what rest under gravity would give
-            slope = self.rho / (self.c * self.swift) ** 2 * (self.rho / self.rho0) ** (1 - self.gamma)
+            rho = self.rho0 + self.drho
+            slope = rho / (self.c * self.swift) ** 2 * (rho / self.rho0) ** (1 - self.gamma)
             step = step + 0.5 * self._both(slope) * np.einsum("k,kij->ij", self.gravity, self.dx)
         if "g" in flux.columns:  # Antuono et al. 2010: less what a linear density would give
             plain = np.einsum("j,ij,ij,aij->ia", self.volume, f, step, self.dx)

@@ -274,6 +274,18 @@ def continuity_with_flux(excess_i, excess_j, density, vd_i, vd_j, flux):
     return fma(excess_i + density, vd_i, -flux), fma(excess_j + density, vd_j, flux)
 
 
+def bulk_continuity(bulk_i, bulk_j, vd_i, vd_j):
+    """`continuity` where there are gases: bulk is rho of liquids; of a gas what its bulk modulus, over that of a liquid
+    of the same pressure, makes of it.
+    """
+    return bulk_i * vd_i, bulk_j * vd_j
+
+
+def bulk_continuity_with_flux(bulk_i, bulk_j, vd_i, vd_j, flux):
+    """`bulk_continuity` less a flux of density from i to j."""
+    return fma(bulk_i, vd_i, -flux), fma(bulk_j, vd_j, flux)
+
+
 def continuity_by_mass(excess_i, excess_j, density, vd_i, vd_j):
     """(SC 3), which has m_j for rho_i V_j."""
     return (excess_j + density) * vd_i, (excess_i + density) * vd_j

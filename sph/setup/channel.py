@@ -80,9 +80,9 @@ def layers_of(config: SphConfig, k: int, low: float, high: float) -> tuple[Layer
     """The layers along axis k, of which several viscous ones fill all between two planes; none, if they do not."""
     liquids = liquids_of(config)
     if not liquids.several:
-        return (Layer(high - low, *liquids.kinds[0]),)
+        return (Layer(high - low, *liquids.kinds[0][:2]),)
     boxes = sorted(config.fluid, key=lambda fluid: geometry.bounds(fluid.shape)[0][k])
     below, above = ([geometry.bounds(fluid.shape)[side][k] for fluid in boxes] for side in (0, 1))
     meet = np.allclose([low, *above], [*below, high], rtol=0.0, atol=config.numerics.spacing / 10)
-    layers = tuple(Layer(b - a, *kind_of(fluid)) for a, b, fluid in zip(below, above, boxes))
+    layers = tuple(Layer(b - a, *kind_of(fluid)[:2]) for a, b, fluid in zip(below, above, boxes))
     return layers if meet and all(layer.viscosity for layer in layers) else ()

@@ -195,15 +195,21 @@ def relations(config: SphConfig) -> Iterator[Fault]:
 def liquid_faults(config: SphConfig) -> Iterator[Fault]:
     """What does not know of several liquids."""
     liquids = liquids_of(config)
+    for i, fluid in enumerate(config.fluid):
+        if fluid.gas and all(other.gas for other in config.fluid):
+            text = "a gas alone is a fluid: false, with eos.gamma = 1.4 and its own eos.sound_speed"
+            yield ("fluid", i, "gas"), text
+        elif fluid.gas and fluid.density >= min(other.density for other in config.fluid if not other.gas):
+            yield ("fluid", i, "gas"), f"a gas is lighter than liquids (got density = {fluid.density:g}): false"
     if not liquids.several:
         return
+    if liquids.gases and config.numerics.continuity == "masses":
+        yield ("numerics", "continuity"), '"masses" does not know gases: "volumes"'
     these = "liquids of several " + ("densities" if liquids.densities else "viscosities")
     for i, wall in enumerate(config.wall):
         rule = WALL_RULES[wall.type] if wall.type else None
         if rule and not (rule.images or rule.extrapolated):
             yield ("wall", i, "type"), f'"{wall.type}" does not know {these}: "extrapolated-free-slip", or leave it out'
-        if wall.body:
-            yield ("wall", i, "body"), f"a body in {these} has not been tried: a wall at rest, or one liquid"
     for group in ("inlet", "outlet"):
         for i, _ in enumerate(getattr(config, group)):
             yield (group, i), f"an {group} does not know {these}"

@@ -10,6 +10,7 @@ from sph.physics.stability import courant_limit
 from sph.physics.viscosities import VISCOSITIES
 from sph.setup.speeds import speed_scale
 
+HELD = 0.05  # of rho v^2, by which gas may lie below its pressure of rest before particles leave gaps
 SAFETY = 0.6  # of the stability limit, where no Courant number is given
 
 
@@ -109,6 +110,9 @@ def _eos(config: SphConfig):
     fastest = eos.max_velocity or speed_scale(config)
     if not fastest:  # nothing moves, or faults() has said that max_velocity is missing
         fastest = (eos.sound_speed or 1.0) / eos.sound_speed_factor
-    return eos.model_copy(
-        update={"max_velocity": fastest, "sound_speed": eos.sound_speed or eos.sound_speed_factor * fastest}
-    )
+    background = eos.background_pressure
+    if background is None:
+        density = max((fluid.density for fluid in config.fluid), default=0.0)
+        background = HELD * density * fastest**2 if any(fluid.gas for fluid in config.fluid) else 0.0
+    speeds = {"max_velocity": fastest, "sound_speed": eos.sound_speed or eos.sound_speed_factor * fastest}
+    return eos.model_copy(update=speeds | {"background_pressure": background})

@@ -39,6 +39,7 @@ def pair_spec_of(config: SphConfig, others: bool) -> PairSpec:
         moments=config.output.moments,
         densities=liquids.densities,
         viscosities=liquids.viscosities and viscous,
+        gases=liquids.gases,
         split=INTEGRATORS[config.simulation.integrator].split,
         repulsive=any(rule.repulsive for rule in rules),
         extrapolated=any(rule.extrapolated for rule in rules),

@@ -250,7 +250,9 @@ class Scene:
         self.spacing, self.h, self.support = numerics.spacing, config.h, support_of(config)
         self.kernel = numerics.kernel
         self.rho0, self.viscosity = self.liquids.density, self.liquids.viscosity
-        self.eos = EquationOfState(self.rho0, config.sound_speed, config.eos.gamma, config.eos.background_pressure)
+        self.eos = EquationOfState(
+            self.rho0, config.sound_speed, config.eos.gamma, config.eos.background_pressure or 0.0
+        )
         self.c0 = config.sound_speed
         self.low, self.high = np.array(config.domain.low, float), np.array(config.domain.high, float)
         self.periodic = np.array([axis in config.domain.periodic for axis in case.AXES[:d]])

@@ -12,8 +12,8 @@ PEAKS = {"uniform": 1.0, "parabolic": 1.5}  # largest velocity of a profile over
 
 
 def speed_scale(config: SphConfig) -> float:
-    """sqrt(2 g H) of the height H along gravity of fluid and of bodies above it, what moves at t = 0, what flows in,
-    and walls that swing, m/s: these push fluid, as others, such as a gate, need not.
+    """sqrt(2 g H) of the height H along gravity of liquids and of bodies above them, what moves at t = 0, what flows
+    in, and walls that swing, m/s: these push fluid, as others, such as a gate, need not.
     """
     g = math.hypot(*config.gravity)
     speeds = [geometry.length(fluid.velocity) + flows.speed(config, fluid) for fluid in config.fluid]
@@ -21,7 +21,7 @@ def speed_scale(config: SphConfig) -> float:
     speeds += [geometry.length(wall.body.velocity) for wall in config.wall if wall.body]
     speeds += [fastest(config, inlet) for inlet in config.inlet]
     if g:
-        heights = [height for fluid in config.fluid for height in heights_of(config, fluid)]
+        heights = [height for fluid in config.fluid if not fluid.gas for height in heights_of(config, fluid)]
         heights += [min(heights_of(config, wall)) for wall in config.wall if wall.body and not wall.body.hinge]
         heights += [height for inlet in config.inlet for height in surfaces(config, inlet)]
         speeds.append(math.sqrt(2 * g * max(0.0, max(heights, default=0.0) - min(heights, default=0.0))))

@@ -19,7 +19,7 @@ domain = {{ low = {domain_low}; high = {high}; periodic = {periodic}; outflow = 
 gravity = {gravity};
 fluid = ( {{ name = "water"; dynamic_viscosity = {viscosity}; velocity = {velocity}; initial_pressure = "{pressure}";
             shape = {{ box = {{ low = {low}; high = {fill}; }}; }}; }} );
-eos = {{ sound_speed = {sound}; }};
+eos = {{ sound_speed = {sound}; gamma = {gamma}; }};
 numerics = {{ spacing = {spacing}; smoothing = {smoothing}; kernel = "{kernel}"; density_flux = "{flux}";
              viscosity_form = "{form}"; artificial_viscosity = {alpha}; precision = "{precision}";
              balance_period = {balance}; tensile_correction = {tensile}; gradient_correction = {corrected};
@@ -37,7 +37,7 @@ def text(d=2, size=1.0, fill=0.5, spacing=0.05, gravity=None, periodic=(), more=
         "integrator": "symplectic", "cfl": 0.3, "viscosity": 0.0, "velocity": (0.0,) * d, "pressure": "hydrostatic",
         "smoothing": 1.3, "kernel": "wendland2", "flux": "molteni", "form": "artificial", "alpha": 0.1,
         "precision": "double", "balance": 100, "tensile": 0.0, "corrected": "false", "shifting": "false",
-        "continuity": "volumes", "step": "", "sound": 20.0, "low": (0.0,) * d, "outflow": (),
+        "continuity": "volumes", "step": "", "sound": 20.0, "gamma": 7.0, "low": (0.0,) * d, "outflow": (),
     } | settings  # fmt: skip
     chosen |= {name: listed(chosen[name]) for name in ("velocity", "low", "outflow")}
     sizes, fills = np.broadcast_to(size, d), np.broadcast_to(fill, d)
@@ -56,8 +56,10 @@ def torn():
     return whole.replace("fluid = ( { name =", drop)
 
 
-def layers(densities=(1000.0, 400.0), viscosities=(0.0, 0.0), swapped=False, **settings):
-    """A case: the fluid of `text`, its lower and upper half of two liquids; swapped: named the other way round."""
+def layers(densities=(1000.0, 400.0), viscosities=(0.0, 0.0), swapped=False, ambient=None, **settings):
+    """A case: the fluid of `text`, its lower and upper half of two liquids; swapped: named the other way round. The
+    upper one is a gas where an ambient pressure in Pa is given.
+    """
     whole = text(**settings)
     head, rest = whole.split("fluid = (", 1)
     box, tail = rest.split(");", 1)
@@ -67,8 +69,10 @@ def layers(densities=(1000.0, 400.0), viscosities=(0.0, 0.0), swapped=False, **s
     for k, (name, density, viscosity) in enumerate(zip(names, densities, viscosities)):
         side, end = ("high", high) if k == 0 else ("low", low)
         one = re.sub(rf"{side} = \[.*?\]", f"{side} = [{', '.join([*end[:-1], middle])}]", box)
-        one = one.replace('name = "water"', f'name = "{name}"; density = {density}')
+        gas = "true" if ambient and k == 1 else "false"
+        one = one.replace('name = "water"', f'name = "{name}"; density = {density}; gas = {gas}')
         found.append(re.sub(r"(dynamic_viscosity) = [^;]*", rf"\1 = {viscosity}", one))
+    tail = tail.replace("eos = {", f"eos = {{ ambient_pressure = {ambient};") if ambient else tail
     return head + "fluid = (" + ",".join(found[:: -1 if swapped else 1]) + ");" + tail
 
 

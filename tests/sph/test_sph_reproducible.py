@@ -58,6 +58,8 @@ JOBS = {
                      shifting="true", integrator="rk3-tvd", more=OPEN),
         "liquids": layers(viscosities=(2.0, 0.5), size=(1.0, 0.6), spacing=0.04, fill=(1.0, 0.4), periodic=("x",),
                           form="morris", flux="delta", balance=3, velocity=(2.0, 0.0), more=EXTRAPOLATED),
+        "gas": layers(densities=(1000.0, 2.0), ambient=1e4, size=(1.0, 0.6), spacing=0.04, fill=(1.0, 0.6),
+                      flux="delta", periodic=("x",), balance=3, velocity=(2.0, 0.0), more=EXTRAPOLATED),
         "torn": torn(),
     }.items()
 }  # fmt: skip

@@ -10,7 +10,7 @@ import math
 import numpy as np
 import pytest
 
-from hpcpic.core.case.config import load
+from hpcpic.core.case.config import load, loads
 from hpcpic.core.tasks.graph import Pool
 from hpcpic.core.timers import Timers
 from sph.analysis import experiments, theory
@@ -24,10 +24,12 @@ pytestmark = [pytest.mark.validation, pytest.mark.timeout(3600)]
 
 
 class Done:
-    """A shipped case run to its end: `app`, and the scalars `seen` at `t`, at least `period` s apart."""
+    """A shipped case, or the text of one, run to its end: `app`, and the scalars `rows` at `t`, at least `period` s
+    apart.
+    """
 
     def __init__(self, world, case: str, *sets: str, period: float = math.inf, at: tuple[float, ...] = ()) -> None:
-        self.config = configure(load(shipped_cases()[case], sets))
+        self.config = configure(loads(case, sets=sets) if "=" in case else load(shipped_cases()[case], sets))
         self.rows, self.states, times = [], {}, []
         pool = Pool(1)
         try:

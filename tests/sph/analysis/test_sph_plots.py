@@ -93,7 +93,7 @@ def test_the_filter_makes_a_triangle_13_ms_wide_of_a_spike():
 
 def one_snapshot(monkeypatch, particles, t):
     """Figures of particles find these of the fluid, at one time, and none of walls."""
-    monkeypatch.setattr(particle_plots, "fluid_at", lambda *_: particles)
+    monkeypatch.setattr(particle_plots, "fluid_at", lambda *_, **__: particles)
     only = SimpleNamespace(times=np.array([t]), steps=np.array([7]), species=(), index=lambda step: 0)
     monkeypatch.setattr(particle_plots, "snapshots_of", lambda _: only)
 

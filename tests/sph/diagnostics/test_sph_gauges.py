@@ -127,7 +127,7 @@ def test_energies_of_a_stream_at_rest_pressure():
 @pytest.mark.parametrize("gamma", [7.0, 1.0, 6.5])
 def test_internal_energy_is_the_work_of_pressure(gamma):
     """u' = p / rho^2."""
-    still = engine(sound=f"20.0; gamma = {gamma}")
+    still = engine(gamma=gamma)
     scene, mass = still.scene, still.storage.own_values("m").sum()
 
     def energy(drho):

@@ -4,6 +4,7 @@ from sph_scenes import by_id, engine, jitter, layers, reference
 from test_terms import ROUNDING, SINGLE
 
 OIL = {"densities": (1000.0, 400.0), "viscosities": (5.0, 0.5)}
+AIR = {"densities": (1000.0, 1.25), "viscosities": (5.0, 0.002), "ambient": 2e4}  # pushed together by a tenth
 
 
 @pytest.mark.parametrize(
@@ -14,6 +15,10 @@ OIL = {"densities": (1000.0, 400.0), "viscosities": (5.0, 0.5)}
         (ROUNDING, "symplectic", "morris", "rusanov", {"densities": (1000.0, 1000.0)}),
         (ROUNDING, "euler", "artificial", "molteni", {"continuity": "masses", "densities": (300.0, 900.0)}),
         (SINGLE, "symplectic", "morris", "delta", {"d": 3, "spacing": 0.1, "precision": "single"}),
+        (ROUNDING, "symplectic", "morris", "delta", AIR),
+        (ROUNDING, "euler", "artificial", "rusanov", AIR),
+        (ROUNDING, "symplectic", "cleary", "fourtakas", AIR | {"corrected": "true", "gamma": 6.5}),
+        (SINGLE, "symplectic", "artificial", "none", AIR | {"d": 3, "spacing": 0.1, "precision": "single"}),
     ],
 )
 def test_sums_of_two_liquids_are_those_over_all_pairs_and_keep_momentum(tolerance, integrator, form, flux, more):
