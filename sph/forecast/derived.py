@@ -184,11 +184,11 @@ def unlike(config: SphConfig) -> Iterator[Derived]:
     liquids = liquids_of(config)
     if liquids.densities:
         ratio, key = liquids.lightest, ("fluid", 0, "density")
-        small = RATIO if not liquids.gases else MOST_RATIO
+        small = MOST_RATIO if liquids.gases else RATIO
+        words = f"<= {small}" if liquids.gases else f"<= {RATIO}; {MOST_RATIO} at most"
         verdict: Verdict = "ok" if ratio <= small else "warn" if ratio <= MOST_RATIO * (1 + 1e-9) else "fail"
         cure = "" if verdict == "ok" else f"a ratio of {RATIO}: the step is shorter by its root too"
         source = "fastest particles of layers at rest, mean: 0.06 m/s (100), 0.16 m/s (1000), measured"
-        words = f"<= {RATIO}; {MOST_RATIO} at most"
         yield Derived("density ratio of liquids", "rho1/rho2", ratio, "", words, verdict, source, cure, key, True)
     if liquids.viscosities:
         lowest = min(kind.viscosity for kind in liquids.kinds)

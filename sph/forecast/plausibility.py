@@ -8,7 +8,8 @@ import numpy as np
 from hpcpic.core.case.config import Path
 from hpcpic.core.case.derived import Derived, Verdict
 from sph.case import geometry
-from sph.case.config import AXES, SphConfig
+from sph.case.config import AXES, Fluid, SphConfig
+from sph.case.config import Wall as WallSection
 from sph.physics import stability
 from sph.physics.fluxes import FLUXES
 from sph.physics.stray_limits import MAX_DENSITY_ERROR, most_strays
@@ -29,6 +30,8 @@ TOUCHING = 1e-3  # spacings of overlap that rounding of places in a case may mak
 LIGHTEST = 0.03  # mass of a body over that of it and a layer of fluid
 PUSH = (1.3, 1.6, 2.0), (0.11, 0.035, 0.006)  # by h/dp: C_d that a pressure of rho v^2 adds to a cylinder's, which is 2
 MOST_PUSH = 0.2
+LEAST_AMBIENT = 0.5  # rho v^2: three times the absolute pressure, 0.46 of the volume
+SMOOTH = 2.0  # h/dp, below which particles that find an order take less room, and a closed gas has that much more
 LEAST_PRESSURE = 2.0  # rho v^2 of an outlet behind a solid: of 0 and 1 a stream around a square fell apart
 LONGEST_WAY = 1.0  # spacings of a wall in a step, beyond which it jumps over fluid
 
@@ -40,6 +43,7 @@ def sensible(config: SphConfig, scene: Scene) -> Iterator[Derived]:
     yield from directions(config)
     yield from jumps(config)
     yield from depths(config, scene)
+    yield from gases(config, scene)
     yield from bodies_outside(config)
     yield from rigid_bodies(scene)
     yield from openings(config, scene)
@@ -133,6 +137,56 @@ def depths(config: SphConfig, scene: Scene) -> Iterator[Derived]:
                 name, source = f"particles across {fluid.name} along {axis}", "the kernel reaches beyond both sides"
                 key = ("numerics", "spacing")
                 yield Derived(name, "n", across[axis], "", f">= {LEAST_ACROSS}", verdict, source, cure, key)
+
+
+def gases(config: SphConfig, scene: Scene) -> Iterator[Derived]:
+    """What holds gases together, how far they are compressed, and what they cost."""
+    verdict: Verdict
+    for i, fluid in enumerate(config.fluid):
+        if not fluid.gas:
+            continue
+        open_sides, key = sides_left_open(config, fluid), ("fluid", i)
+        verdict = "warn" if open_sides else "ok"
+        cure = "walls or a period there" if open_sides else ""
+        yield Derived(f"open sides of {fluid.name}", " ".join(open_sides), len(open_sides), "", "0", verdict,
+                      "gas has no surface: it flies away", cure, (*key, "shape"))  # fmt: skip
+    if scene.liquids.gases:
+        part = config.eos.ambient_pressure / (scene.rho0 * (config.eos.max_velocity or 0.0) ** 2)
+        verdict = "ok" if part >= LEAST_AMBIENT else "warn"
+        cure = "" if verdict == "ok" else "check its unit, Pa"
+        yield Derived("ambient pressure", "p_a/(rho v^2)", part, "", f">= {LEAST_AMBIENT:g}", verdict,
+                      "right within 3 % where air is pushed to half its volume, measured; beyond not tried", cure, ("eos", "ambient_pressure"))  # fmt: skip
+        reach = config.numerics.smoothing
+        verdict = "ok" if reach >= SMOOTH else "warn"
+        cure = "" if verdict == "ok" else f"smoothing = {SMOOTH:g}"
+        source = "disordered water under closed air, bottom pressure: -9 % (1.3), -6 % (1.6), -1 % (2), measured"
+        yield Derived("smoothing length beside a gas", "h/dp", reach, "", f">= {SMOOTH:g}", verdict, source, cure,
+                      ("numerics", "smoothing"))  # fmt: skip
+        source = "its particles lie among stiff neighbours: a larger density of the gas makes steps longer"
+        yield Derived("step over that without gases", "", 1 / scene.liquids.swiftest, "", "", "ok", source)
+
+
+def sides_left_open(config: SphConfig, fluid: Fluid) -> list[str]:
+    """Sides of a gas, as "y+", before which there is neither a wall nor a liquid nor a period."""
+    dp, (low, high) = config.numerics.spacing, geometry.bounds(fluid.shape)
+    liquids = [geometry.bounds(other.shape) for other in config.fluid if not other.gas]
+    found = []
+    for k, axis in enumerate(AXES[: config.dimensions]):
+        for sign, at in (("-", low[k] - dp / 2), ("+", high[k] + dp / 2)):
+            if axis in config.domain.periodic:
+                continue
+            place = tuple(at if n == k else (a + b) / 2 for n, (a, b) in enumerate(zip(low, high)))
+            walled = any(holds(wall, place, axis + sign) for wall in config.wall)
+            wet = any(all(a <= x <= b for a, x, b in zip(a, place, b)) for a, b in liquids)
+            found += [] if walled or wet else [axis + sign]
+    return found
+
+
+def holds(wall: WallSection, place: tuple[float, ...], side: str) -> bool:
+    """Whether a wall is there at a place beyond a side, to which nothing is open."""
+    off = float(signed_distance(wall.shape, np.array([place]))[0])
+    left_out = wall.shape.box is not None and side in wall.shape.box.open
+    return (off < 0.0 if wall.solid or wall.shape.plane else off > 0.0) and not left_out
 
 
 def bodies_outside(config: SphConfig) -> Iterator[Derived]:

@@ -93,7 +93,7 @@ def test_layers_at_rest_stay_layers(world):
 
 
 def test_water_that_falls_on_a_cushion_of_air_is_thrown_back_as_bagnold_says(world):
-    """Measured: pressure -0.9 % of the absolute one at most, way +1.3 %, back after -0.2 % of the time."""
+    """Measured: within 3.1 % of the absolute pressure at all times, peak +1.7 %, way -0.4 %, turn -1.5 %."""
     done = Done(world, "air-cushion", period=0.01)
     way, pressure = cushioned_fall(done.t, 8000.0, 2.0, 5.0, 101325.0, 9.81)
     found, level = done.series("floor"), 10.0 - done.series("level")

@@ -158,6 +158,38 @@ def test_a_key_of_another_gauge_is_refused(key, text):
     assert key in str(error.value)
 
 
+def air(top=1.0):
+    box = f"shape = {{ box = {{ low = [0.0, 0.0]; high = [1.0, {top}]; }}; }};"
+    return PARTS["fluid"][:-1] + f', {{ name = "air"; gas = true; density = 1.2; {box} }} )'
+
+
+@pytest.mark.parametrize(
+    "sides, parts",
+    [
+        ("y+", {}),
+        ("", {"wall": PARTS["wall"].replace('open = ["y+"];', "")}),
+        ("y+", {"wall": PARTS["wall"].replace('open = ["y+"];', ""), "fluid": air(0.8)}),
+        ("", {"wall": PARTS["wall"][:-1] + """, { name = "lid"; shape = { plane = { point = [0.0, 1.0];
+            normal = [0.0, -1.0]; }; }; } )"""}),
+        ("", {"wall": PARTS["wall"][:-1] + """, { name = "lid"; solid = true; shape = { box = { low = [0.0, 0.8];
+            high = [1.0, 1.0]; }; }; } )""", "fluid": air(0.8)}),
+        ("x- x+", {"wall": PARTS["wall"].replace("y+", 'x-", "x+')}),
+        ("", {"wall": PARTS["wall"].replace("y+", 'x-", "x+'),
+              "domain": '{ low = [0.0, 0.0]; high = [1.0, 1.0]; periodic = ["x"]; }'}),
+    ],
+)  # fmt: skip
+def test_sides_through_which_a_gas_flies_away_are_told(sides, parts):
+    number = told(**({"fluid": air()} | parts))["open sides of air"]
+    assert number.symbol == sides and number.verdict == ("warn" if sides else "ok")
+
+
+def test_a_gas_tells_what_it_costs_and_whether_its_pressure_holds():
+    found = told(fluid=air())
+    assert found["step over that without gases"].value == pytest.approx(math.sqrt(1.2 / 1000))
+    assert [found[name].verdict for name in ("ambient pressure", "density ratio of liquids")] == ["ok", "ok"]
+    assert told(fluid=air(), eos="{ ambient_pressure = 1e3; }")["ambient pressure"].verdict == "warn"
+
+
 @pytest.mark.parametrize("side", ["x", "z-", "x+"])
 def test_a_side_of_outflow_is_one_of_the_domain_that_is_not_periodic(side):
     domain = f'{{ low = [0.0, 0.0]; high = [1.0, 1.0]; periodic = ["x"]; outflow = ["{side}"]; }}'
