@@ -154,8 +154,9 @@ def gases(config: SphConfig, scene: Scene) -> Iterator[Derived]:
         part = config.eos.ambient_pressure / (scene.rho0 * (config.eos.max_velocity or 0.0) ** 2)
         verdict = "ok" if part >= LEAST_AMBIENT else "warn"
         cure = "" if verdict == "ok" else "check its unit, Pa"
-        yield Derived("ambient pressure", "p_a/(rho v^2)", part, "", f">= {LEAST_AMBIENT:g}", verdict,
-                      "right within 3 % where air is pushed to half its volume, measured; beyond not tried", cure, ("eos", "ambient_pressure"))  # fmt: skip
+        source = "right within 3 % where air is pushed to half its volume, measured; beyond not tried"
+        yield Derived("ambient pressure", "p_a/(rho v^2)", part, "", f">= {LEAST_AMBIENT:g}", verdict, source, cure,
+                      ("eos", "ambient_pressure"))  # fmt: skip
         reach = config.numerics.smoothing
         verdict = "ok" if reach >= SMOOTH else "warn"
         cure = "" if verdict == "ok" else f"smoothing = {SMOOTH:g}"
