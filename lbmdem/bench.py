@@ -34,6 +34,7 @@ from lbmdem.physics.velocity_sets import D2Q9, D3Q19, Lattice
 from lbmdem.step import LbmDem
 
 CACHED = (40, 40, 40)
+CACHED_BED = 48  # nodes along an edge
 TINY = (16, 16)
 BEDS = {"fine": 12, "coarse": 24}  # nodes from sphere to sphere
 RADIUS = 5.0 / 12.0  # of that
@@ -125,6 +126,8 @@ def cached_rates(world: World, pool: Pool, others: list[Pool], rates: Mapping[st
     kinds: dict[str, dict[str, Any]] = {"plain": {}, "force": {"force": (1e-6, 0.0, 0.0)}}
     kinds["central"] = {"collision": "central"}
     fluids = {name: box(world, pool, D3Q19, CACHED, **kind) for name, kind in kinds.items()}
+    if others:
+        fluids["threads"] = box(world, others[0], D3Q19, CACHED)
     spent = in_turn({name: together(fluid) for name, fluid in fluids.items()}, 2 * ROUNDS[False])
     actions = {"launch": box(world, pool, D2Q9, TINY).step}
     actions["drive"] = partial(fluids["force"].set_force, (1e-6, 0.0, 0.0))
@@ -134,27 +137,37 @@ def cached_rates(world: World, pool: Pool, others: list[Pool], rates: Mapping[st
     found = {f"lattice_{name}_us": 1e6 * seconds for name, seconds in launches.items()}
     wave = math.prod(CACHED) * 1e-6 / (rates["mlups D3Q19 double"] * rates["wave_gain D3Q19"])
     found["cached_gain D3Q19"] = wave / per_step(spent["plain"], fluids["plain"])
+    if others:
+        found["cached_core_gain"] = spent["plain"] / spent["threads"]
     forced, central = (max(0.0, spent[name] / spent["plain"] - 1) for name in ("force", "central"))
     return found | {"forced": forced, "central": central}
 
 
-def bed(apart: int) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+def bed(apart: int, side: int = SIDE) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
     """Spheres at rest, as Immersed takes them."""
-    centres = np.stack(np.meshgrid(*[np.arange(0, SIDE, apart) + 0.3] * 3), axis=-1).reshape(-1, 3)
+    centres = np.stack(np.meshgrid(*[np.arange(0, side, apart) + 0.3] * 3), axis=-1).reshape(-1, 3)
     still = np.zeros((len(centres), 3))
     return np.arange(len(centres)), centres, np.full(len(centres), RADIUS * apart), still, still
 
 
-def bed_rates(world: World, pool: Pool, rates: Mapping[str, float]) -> dict[str, float]:
-    """Rates of a bed of fixed spheres: what nodes beside solids cost more, and ns per link."""
-    linked, alone = (box(world, pool, D3Q19, (SIDE,) * 3) for _ in range(2))
-    links = Immersed(linked, world, pool, fixed=bed(BEDS["fine"])).counts()["links"]
+def linked_and_alone(world: World, pool: Pool, side: int) -> tuple[Fluid, Fluid, int]:
+    """A bed of fixed spheres in a box, with links and without, and how many these are."""
+    linked, alone = (box(world, pool, D3Q19, (side,) * 3) for _ in range(2))
+    links = Immersed(linked, world, pool, fixed=bed(BEDS["fine"], side)).counts()["links"]
     alone.solid.inner[...] = linked.solid.inner
     alone.solid_changed()
+    return linked, alone, links
+
+
+def bed_rates(world: World, pool: Pool, rates: Mapping[str, float]) -> dict[str, float]:
+    """Rates of a bed of fixed spheres: what nodes beside solids cost more, and ns per link."""
+    (linked, alone, links), small = (linked_and_alone(world, pool, side) for side in (SIDE, CACHED_BED))
     plain = box(world, pool, D3Q19, (SIDE,) * 3)
     actions: dict[str, Callable[[], Any]] = {"one": linked.step, "one alone": alone.step}
     actions |= {"wave": together(linked), "wave alone": together(alone), "plain": together(plain)}
+    actions |= {"small": together(small[0]), "small alone": together(small[1])}
     spent = in_turn(actions, ROUNDS[False])
+    in_caches = per_step(spent["small"] - spent["small alone"], small[0])
     several, without, free = (
         per_step(spent[name], fluid) for name, fluid in (("wave", linked), ("wave alone", alone), ("plain", plain))
     )
@@ -163,6 +176,7 @@ def bed_rates(world: World, pool: Pool, rates: Mapping[str, float]) -> dict[str,
     return {
         "mixed": max(0.0, more),
         "link_ns fixed": 1e9 * max(0.0, several - without) / links,
+        "link_ns cached": 1e9 * max(0.0, in_caches) / small[2],
         "link_ns fixed single": 1e9 * max(0.0, spent["one"] - spent["one alone"]) / links,
     }
 

@@ -45,7 +45,7 @@ CASES = {  # case -> steps
     "lbmdem": {
         "taylor-green": 3000,
         "sphere-array": 300,
-        "permeability": 240,
+        "permeability": 600,
         "settling-sphere": 60,
         "liquefaction": 100,
     },

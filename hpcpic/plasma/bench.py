@@ -161,6 +161,8 @@ def standard_rates(world: World, d: int, quick: bool) -> dict[str, float]:
     gains = GAINS[d] if (cores := len(world.cpus(1))) > 1 else {}
     together = {what: f"{name} together" for what, name in gains.items()}
     trials |= {together[what]: Trial(world, *kinds[name], threads=cores) for what, name in gains.items()}
+    if d == 2 and cores > 1:
+        trials["tiny together"] = Trial(world, *kinds["tiny"], threads=cores)
     taken(trials, quick)
     tiny, empty, spread = (trials[name] for name in ("tiny", "empty", "spread"))
     particle, more = of_particle(trials, d), filled_tiles(tiles, tiles) - filled_tiles(NEXT_TO_NONE, tiles)
@@ -174,6 +176,7 @@ def standard_rates(world: World, d: int, quick: bool) -> dict[str, float]:
     if d == 2:
         rates |= {
             "plasma_launch_us": 1e6 * tiny.step,
+            "plasma_launch_together_us": 1e6 * trials["tiny together" if cores > 1 else "tiny"].step,
             "plasma_sample_us": 1e6 * tiny.sample,
             "sample_ns": 1e9 * max(0.0, more_of_large(trials, "sample")) / (n * SCALE**2 * (DENSE_AND_LARGE - SPARSE)),
             "sample_cell_ns": 1e9 * max(0.0, empty.sample - tiny.sample) / cells,

@@ -105,14 +105,14 @@ def link_seconds(config: LbmDemConfig, ranks: int, threads: int, rates: Mapping[
     if moving(config) and not config.coupling.frozen:
         work = links * rates[f"link_ns moving {d}D"] + 1e3 * grain_count(config) * rates[f"moving_link_us {d}D"]
         return 1e-9 * work / gain(ranks, threads, rates, rates["wave_core_gain"])
-    near, far = ("sparse", "fixed") if sparse(config) else ("fixed", "fixed single")
+    near, far = ("sparse", "fixed") if sparse(config) else ("cached" if cached(config) else "fixed", "fixed single")
     kind = near if together > 1 or cached(config) else far
     return 1e-9 * links * rates[f"link_ns {kind}"] / gain(ranks, threads, rates, rates[core_gain(config)])
 
 
 def core_gain(config: LbmDemConfig) -> str:
     """The rate of what all cores gain on sweeps and links that do not wait for memory."""
-    return "sparse_core_gain" if sparse(config) else "wave_core_gain"
+    return "sparse_core_gain" if sparse(config) else "cached_core_gain" if cached(config) else "wave_core_gain"
 
 
 def steps_per_pass(config: LbmDemConfig, ranks: int, threads: int) -> int:
@@ -149,7 +149,7 @@ def sweep_seconds(
     seconds = {"nodes": work / gain(ranks, threads, rates, rates[core_gain(config)])}
     if together == 1:
         both = (one / gain(ranks, threads, rates, rates["sweep_core_gain"])
-                - bare / gain(ranks, threads, rates, rates["wave_core_gain"]))  # fmt: skip
+                - bare / gain(ranks, threads, rates, rates[core_gain(config)]))  # fmt: skip
         seconds["memory"] = places * wet * max(0.0, both)
     return seconds
 

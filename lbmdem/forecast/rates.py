@@ -24,6 +24,7 @@ DEFAULT = FILES | {
     "mixed": 0.83,  # and for nodes beside solids
     "sparse": 1.6,  # a fluid node held without the solid ones, over one of a fluid alone
     "link_ns fixed": 5.7,  # several steps per pass
+    "link_ns cached": 5.7,  # the same in a box of some MB
     "link_ns sparse": 3.6,  # the same where the sweep does them (lbmdem.sparse)
     "link_ns fixed single": 7.0,
     "link_ns moving 2D": 17.3,
@@ -50,6 +51,7 @@ DEFAULT = FILES | {
     "cores": 2.0,
     "sweep_core_gain": 1.3,  # of all cores over one on a sweep that waits for memory
     "wave_core_gain": 1.7,  # and on other work
+    "cached_core_gain": 1.7,  # the same in a box of some MB, where threads wait for each other more often
     "sparse_core_gain": 1.6,  # and on nodes held without the solid ones
     "rank_mib": 200.0,
     "scipy_mib": 25.0,  # where sizes of grains follow a law

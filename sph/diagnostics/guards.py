@@ -27,8 +27,8 @@ MAX_RMS_MACH = 1 / 3  # root mean square of the speeds over c0: the largest spee
 MAX_DRIVEN_SPEED = 1.5  # of the largest velocity that its force gives the fluid of a channel
 MAX_ENERGY_GROWTH = 1.0  # of the total energy, in kinetic energies of all fluid at eos.max_velocity
 ROUNDING = 8.0  # of all forces in a step, which add at most about c0 to a velocity; 1e-3 of it is seen
-MUCH_GAS = 0.01  # of all, that may pull at its neighbours: fewer do where water starts or strikes
-LOOK_PERIOD = 20  # steps between looks at whose of several fluids the fastest particles are
+MUCH_GAS = 0.05  # of all, that may pull at its neighbours: less does where water starts or strikes
+LOOK_PERIOD = 20  # steps between looks at which of several fluids the fast particles are, and at suction in gases
 ENERGY_PERIOD = 100  # steps after which the energy is summed, written or not; it costs a tenth of a step
 
 log = logging.getLogger("hpcpic.sph")
@@ -124,8 +124,7 @@ class Runaway:
 
     def _look_at_speed(self, fastest: float, wall: float) -> None:
         """Warn once if fluid comes near the sound speed, and end the run if it is faster than that and than walls, m/s.
-        Where several fluids have sound speeds of their own, whose the fastest is is only looked at now and then.
-        Collective.
+        Each of several fluids has a sound speed of its own; they are told apart every LOOK_PERIOD steps. Collective.
         """
         c0, liquids = self.scene.c0, self.scene.liquids
         if fastest <= wall or fastest * MIN_SOUND_RATIO <= c0:

@@ -81,7 +81,7 @@ def phases(config: PlasmaConfig, ranks: int, threads: int, rates: Mapping[str, f
         "tiles": filled * rates[f"tile_ns {d}D"] / cores,
         "cells": (cells * rates[f"cell_ns {d}D"] + away * rates["cell_memory_ns"]) / mesh,
         "field": field_seconds(config, 1e-9 * mesh, away, rates),
-        "launches": 1e-6 * rates["plasma_launch_us"],
+        "launches": 1e-6 * rates["plasma_launch_us" if threads == 1 else "plasma_launch_together_us"],
         "exchanges": exchange_seconds(config, ranks, rates),
     }
 

@@ -46,6 +46,7 @@ DEFAULT = FILES | {
     "count_in_push": 0.7,  # a histogram's time in that of the push of its particles
     "plasma_sample_us": 75.0,
     "plasma_launch_us": 43.0,  # Python and the launches of a step
+    "plasma_launch_together_us": 58.0,  # of several threads
     "plasma_exchange_us": 15.0,  # of ranks with each other: messages, or a word that all agree on
     "message_gb_s": 8.0,
     "cores": 2.0,
