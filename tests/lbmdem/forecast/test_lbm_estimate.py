@@ -67,6 +67,15 @@ def test_what_was_measured_takes_the_place_of_the_default():
     assert dearer["moving solids"] - phases(case, 1, 1, DEFAULT, 1)["moving solids"] == pytest.approx(1e-4)
 
 
+@pytest.mark.parametrize(("n", "kind"), [(32, "cached"), (64, "fixed")])
+def test_links_and_threads_in_a_box_that_caches_hold_have_rates_of_their_own(n, kind):
+    case, rates = config(n=n, more=GRAIN.format(moving="false")), {"link_ns cached": 7.0, "cached_core_gain": 1.2}
+    one, two = (phases(case, 1, threads, DEFAULT | rates, 6) for threads in (1, 2))
+    plain = phases(case, 1, 1, DEFAULT, 6)
+    assert one["links"] / plain["links"] == pytest.approx(7.0 / 5.7 if kind == "cached" else 1.0)
+    assert one["nodes"] / two["nodes"] == pytest.approx(1.2 if kind == "cached" else DEFAULT["wave_core_gain"])
+
+
 @pytest.mark.parametrize(("n", "cold"), [(32, False), (64, True)])
 def test_what_moves_finds_cold_caches_where_a_sweep_fills_them(n, cold):
     case = config(n=n, more=GRAIN.format(moving="true"))

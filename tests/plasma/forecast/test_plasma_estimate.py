@@ -79,7 +79,8 @@ def test_work_divides_and_launches_do_not():
     for name, what in {"particles": "plasma", "tiles": "plasma", "cells": "mesh", "field": "mesh"}.items():
         cores = DEFAULT["plasma_core_gain 2D" if what == "plasma" else "mesh_core_gain"]
         assert two[name] == ranks[name] == pytest.approx(one[name] / cores)
-    assert one["launches"] == two["launches"] == ranks["launches"]
+    assert one["launches"] == ranks["launches"] == 1e-6 * DEFAULT["plasma_launch_us"]
+    assert two["launches"] == 1e-6 * DEFAULT["plasma_launch_together_us"]
     assert one["exchanges"] == two["exchanges"] == 0.0 < ranks["exchanges"]
 
 
