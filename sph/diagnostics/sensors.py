@@ -36,7 +36,7 @@ class Sensors:
         names = [wall.name for wall in scene.walls]
         self.of = np.array([names.index(gauge.wall) if gauge.wall else -1 for gauge in self.gauges])
         self.unit = scene.rho0 * scene.c0**2
-        self.background = scene.eos.background if scene.liquids.gases else 0.0
+        self.untold = scene.untold
         areas = np.array([gauge.area(scene.spacing) for gauge in self.gauges])
         half = np.array([gauge.extents(scene.spacing) for gauge in self.gauges])[:, axes] / 2
         along, sign = zip(*(gauge.direction for gauge in self.gauges))
@@ -65,7 +65,7 @@ class Sensors:
         arena["slab"][:] = self.slabs.low, self.slabs.high
         self.sums.tasks.each(self.kernels.push)
         found = self.slabs.world.sum_int(arena["pushed"].sum(axis=0)) * (self.unit / FIXED_POINT)
-        return np.asarray(found) - self.background
+        return np.asarray(found) - self.untold
 
     def add(self, dt: float) -> None:
         """The pressures of now for a step of dt s. Collective."""

@@ -32,7 +32,7 @@ def particles(storage: Storage, sums: PairSums | None = None) -> dict[str, Parti
         own = particles_at(storage, slots)
         columns = {
             "velocity": three(own["v"]).astype(np.float32),
-            "pressure": (scene.eos.pressure(own["drho"]) + scene.eos.background).astype(np.float32),
+            "pressure": (scene.eos.pressure(own["drho"]) + scene.eos.background - scene.untold).astype(np.float32),
             "density": (own["relative"] * own["dense"]).astype(np.float32),
             "mass": own["m"].astype(np.float32),
         }

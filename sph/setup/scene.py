@@ -240,7 +240,8 @@ class Scene:
 
     spacing dp, h, support in m; rho0 kg/m3, c0 m/s, viscosity Pa s of the reference liquid; low[d], high[d] of the
     domain, periodic[d]; gravity[d], body_force[d] and their sum `acceleration`; normals[n, d] of repulsive faces,
-    behind a zero one; axes: storage axis k is physical axis axes[k].
+    behind a zero one; axes: storage axis k is physical axis axes[k]; untold: what readings and snapshots leave out of
+    pressures, Pa: the background, beside gases.
     """
 
     def __init__(self, config: case.SphConfig) -> None:
@@ -254,6 +255,7 @@ class Scene:
             self.rho0, config.sound_speed, config.eos.gamma, config.eos.background_pressure or 0.0
         )
         self.c0 = config.sound_speed
+        self.untold = self.eos.background if self.liquids.gases else 0.0
         self.low, self.high = np.array(config.domain.low, float), np.array(config.domain.high, float)
         self.periodic = np.array([axis in config.domain.periodic for axis in case.AXES[:d]])
         self.gravity, self.body_force = np.array(config.gravity), np.array(config.body_force)

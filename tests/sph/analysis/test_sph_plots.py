@@ -123,6 +123,20 @@ def test_particles_are_drawn_where_they_are_in_the_colour_of_their_pressure(monk
     assert axes.get_xlim()[0] < 0.0 < 0.5 < axes.get_xlim()[1] and axes.get_ylim()[0] < 0.0 < 0.25 < axes.get_ylim()[1]
 
 
+def test_gases_are_dots_beside_liquids(monkeypatch):
+    places = {"water": np.array([[0.1, 0.2, 0.0]]), "air": np.array([[0.4, 0.5, 0.0], [0.8, 0.3, 0.0]])}
+    rows = {name: {"id": np.arange(len(x)), "position": x, "pressure": np.full(len(x), 900.0)}
+            for name, x in places.items()}  # fmt: skip
+    snapshots = SimpleNamespace(times=np.array([0.3]), steps=np.array([7]), species=("water", "air"),
+                                index=lambda step: 0, read=lambda name, number: rows[name])  # fmt: skip
+    monkeypatch.setattr(particle_plots, "snapshots_of", lambda _: snapshots)
+    run = case_of("dam-break-air")
+    assert len(particle_plots.fluid_at(run, snapshots, 0)["id"]) == 3
+    *_, dots, painted = particle_plots.sequence(run, 7).axes[0].collections
+    np.testing.assert_array_equal(dots.get_offsets(), places["air"][:, :2])
+    np.testing.assert_array_equal(painted.get_offsets(), places["water"][:, :2])
+
+
 def test_particles_in_space_are_painted_in_the_colour_of_their_speed(monkeypatch):
     """SC figure 2."""
     one_snapshot(monkeypatch, THREE, 0.3)
