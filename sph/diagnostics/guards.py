@@ -124,14 +124,15 @@ class Runaway:
 
     def _look_at_speed(self, fastest: float, wall: float) -> None:
         """Warn once if fluid comes near the sound speed, and end the run if it is faster than that and than walls, m/s.
-        Each of several fluids has a sound speed of its own; they are told apart every LOOK_PERIOD steps. Collective.
+        Each of several fluids has a sound speed of its own; to warn they are told apart every LOOK_PERIOD steps, to end
+        the run in each. Collective.
         """
         c0, liquids = self.scene.c0, self.scene.liquids
         if fastest <= wall or fastest * MIN_SOUND_RATIO <= c0:
             return
         mach = of_liquids = fastest / c0
         if liquids.densities:
-            if self.clock.step % LOOK_PERIOD and fastest <= c0 * liquids.swiftest:
+            if self.clock.step % LOOK_PERIOD and fastest <= c0:
                 return
             found, gas = self._mach_numbers(wall)
             most = np.array([found.max(initial=0.0), found[~gas].max(initial=0.0)])
