@@ -1,6 +1,6 @@
 """What takes particles away from the lattice of a fluid: sides of the domain, inlets, walls, bodies, earlier fluids."""
 
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from functools import partial
 from typing import Any
 
@@ -9,18 +9,14 @@ from numpy.typing import NDArray
 
 from sph.case import geometry
 from sph.case.config import Shape
-from sph.setup.particle_lattices import Grid
+from sph.setup.particle_lattices import Box, Grid, Test
 from sph.setup.rigid import fit
 from sph.setup.signed_distance import signed_distance
 from sph.setup.tanks import behind, depth_in
 
 NEAR = 0.25  # of a spacing: fluid nearer to a solid is taken away
 HELD = 0.4  # of a spacing: fluid that a body moves nearer to another solid is in a core of it, and would be thrown off
-CHUNK = 1 << 18
 DOMAIN = "the domain"  # as what takes particles away
-
-Box = tuple[NDArray, NDArray] | None
-Test = Callable[[NDArray], NDArray[np.bool_]]
 
 
 def obstacles(scene: Any, grid: Grid) -> Iterator[tuple[str, Box, Test]]:
@@ -33,13 +29,11 @@ def obstacles(scene: Any, grid: Grid) -> Iterator[tuple[str, Box, Test]]:
     yield from ((one.name, (one.low, one.high), lambda x: np.ones(len(x), bool)) for one in scene.inlets)
     margin = NEAR * scene.spacing
     for wall in scene.walls:
-        if wall.rigid:
-            yield wall.name, around(wall), partial(fit.taken, wall.shape, scene.spacing)
-            yield wall.name, around(wall), partial(squeezed, scene, ends)
-        elif wall.section.solid and not wall.shape.plane:
-            yield wall.name, around(wall), partial(too_near, wall, ends, margin)
+        if fit.fits(wall):
+            yield wall.name, fit.around(wall), partial(fit.taken_by, wall)
+            yield wall.name, fit.around(wall), partial(squeezed, scene, ends)
         elif wall.section.solid or wall.shape.plane or cuts(wall, ends):
-            yield wall.name, None, partial(too_near, wall, ends, margin)
+            yield wall.name, fit.around(wall), partial(too_near, wall, ends, margin)
     for fluid in scene.fluids:
         shape = fluid.section.shape
         low, high = map(np.array, geometry.bounds(shape))
@@ -48,12 +42,6 @@ def obstacles(scene: Any, grid: Grid) -> Iterator[tuple[str, Box, Test]]:
 
 def _within(shape: Shape, x: NDArray) -> NDArray[np.bool_]:
     return signed_distance(shape, x) <= 0.0
-
-
-def around(wall: Any) -> Box:
-    """The box in which a solid takes fluid away."""
-    low, high = map(np.array, geometry.bounds(wall.shape))
-    return low - wall.scene.spacing, high + wall.scene.spacing
 
 
 def cuts(wall: Any, ends: NDArray) -> bool:
@@ -73,21 +61,9 @@ def too_near(wall: Any, ends: NDArray, margin: float, x: NDArray) -> NDArray[np.
 
 
 def squeezed(scene: Any, ends: NDArray, x: NDArray) -> NDArray[np.bool_]:
-    """Which points x[n, d] bodies move out of the domain or to another solid."""
+    """Which points x[n, d] solids move out of the domain or to another solid."""
     moved = fit.beside(scene.walls, x, scene.spacing)
     found = np.any((moved < scene.low) | (moved > scene.high), axis=1)
     for wall in scene.walls:
         found |= too_near(wall, ends, HELD * scene.spacing, moved)
     return found & np.any(moved != x, axis=1)
-
-
-def flagged(grid: Grid, box: Box, bad: Test) -> NDArray[np.int64]:
-    """Flat indices, ascending, of the points (in the box) for which bad(x[n, d]) holds."""
-    if box is not None:
-        at = grid.inside(*box)
-        return grid.flat(at[bad(grid.points(at))])
-    found = [np.zeros(0, np.int64)]
-    for start in range(0, grid.n, CHUNK):
-        flat = np.arange(start, min(start + CHUNK, grid.n))
-        found.append(flat[bad(grid.points(grid.unflat(flat)))])
-    return np.concatenate(found)

@@ -6,6 +6,7 @@ normal again.
 """
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -17,6 +18,9 @@ from sph.case.config import AXES, Shape
 from sph.setup import signed_distance
 
 Found = tuple[NDArray[np.int64], NDArray[np.float64], NDArray[np.float64]]
+Box = tuple[NDArray, NDArray] | None
+Test = Callable[[NDArray], NDArray[np.bool_]]
+CHUNK = 1 << 18
 
 
 def cross(ranges: list[NDArray]) -> NDArray[np.int64]:
@@ -64,6 +68,18 @@ class Grid:
     def inside(self, low: NDArray, high: NDArray) -> NDArray[np.int64]:
         """Indices[n, d] of the points in [low, high)."""
         return cross([between(c, low[k], high[k]) for k, c in enumerate(self.coordinates)])
+
+
+def flagged(grid: Grid, box: Box, bad: Test) -> NDArray[np.int64]:
+    """Flat indices, ascending, of the points (in the box) for which bad(x[n, d]) holds."""
+    if box is not None:
+        at = grid.inside(*box)
+        return grid.flat(at[bad(grid.points(at))])
+    found = [np.zeros(0, np.int64)]
+    for start in range(0, grid.n, CHUNK):
+        flat = np.arange(start, min(start + CHUNK, grid.n))
+        found.append(flat[bad(grid.points(grid.unflat(flat)))])
+    return np.concatenate(found)
 
 
 def even(low: float, high: float, spacing: float) -> NDArray[np.float64]:

@@ -24,10 +24,22 @@ from sph.physics.liquids import liquids_of
 from sph.physics.stability import support_of
 from sph.physics.wall_rules import rule_of
 from sph.setup import flows, periodic_walls, rest_distance, signed_distance
-from sph.setup.obstacles import DOMAIN, flagged, obstacles
+from sph.setup.obstacles import DOMAIN, obstacles
 from sph.setup.openings import Sink, Source
-from sph.setup.particle_lattices import PART, Face, Filled, Grid, Parts, Sheet, Shell, box_sheets, even, grid_of
-from sph.setup.rigid.fit import Fitted, beside
+from sph.setup.particle_lattices import (
+    PART,
+    Face,
+    Filled,
+    Grid,
+    Parts,
+    Sheet,
+    Shell,
+    box_sheets,
+    even,
+    flagged,
+    grid_of,
+)
+from sph.setup.rigid.fit import Fitted, beside, fits
 from sph.setup.rigid.mass import rigid_of
 
 REST = 0.9  # of h: distance at which a repulsive layer holds the fluid (S(y) of (SC 9) is 0.25 there)
@@ -155,8 +167,8 @@ class Wall:
             ends = np.full(scene.dimensions, self.rule.repulsive) & ~scene.periodic
             ends &= not section.solid  # at outer edges a face must not push what is before another
             return Parts(box_sheets(low + recess * below, high - recess * above, self.closed, dp, section.solid, ends))
-        if self.rigid and not shape.box:
-            return Fitted(shape, dp, self.layers, self._grid())
+        if fits(self) and not shape.box:
+            return Fitted(shape, dp, self.layers, section.solid, self._grid(ends=1))
         return Filled(shape, dp, self.layers, section.solid, self._grid())
 
     @property
@@ -171,13 +183,14 @@ class Wall:
             return np.minimum(depth, (high - low) / 2)
         return depth
 
-    def _grid(self) -> Grid:
-        """The lattice that holds the particles of what is round, or of a solid."""
-        dp = self.scene.spacing
+    def _grid(self, ends: int = 0) -> Grid:
+        """The lattice that holds the particles of what is round, or of a solid; `ends`: so many spacings farther."""
+        dp, more = self.scene.spacing, np.arange(1, ends + 1) * self.scene.spacing
         if self.section.solid:
             lines = list(grid_of(self.shape, dp).coordinates)
         else:
             lines = [even(a, a + dp * math.ceil((b - a) / dp), dp) for a, b in zip(*self.bounds)]
+        lines = [np.concatenate([line[0] - more[::-1], line, line[-1] + more]) for line in lines]
         for k in np.flatnonzero(self.through):
             lines[k] = even(self.scene.low[k], self.scene.high[k], dp)
         return Grid(tuple(lines))

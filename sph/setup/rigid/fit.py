@@ -1,6 +1,6 @@
-"""How a rigid body and the fluid around it share space at t = 0: points x[n, d] of a lattice that the surface cuts.
+"""How a solid and the fluid around it share space at t = 0: points x[n, d] of a lattice that the surface cuts.
 
-The density of fluid has a history, so what is missing around a body at the start is missing for ever: it displaces as
+The density of fluid has a history, so what is missing around a solid at the start is missing for ever: it displaces as
 many particles as it has volume, and the nearest ones lie half a spacing off its surface on both sides of it.
 """
 
@@ -9,8 +9,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from sph.case import geometry
 from sph.case.config import Shape
-from sph.setup.particle_lattices import Filled, Found, Grid
+from sph.setup.particle_lattices import Filled, Found, Grid, flagged
 from sph.setup.signed_distance import normals, signed_distance
 
 Reals = NDArray[np.float64]
@@ -20,21 +21,48 @@ NEAREST = 0.499  # spacings off the surface; of lattices along a box the nearest
 STEP = 1e-3  # of a spacing: over which normals are differences
 
 
-def taken(shape: Shape, spacing: float, x: Reals) -> NDArray[np.bool_]:
-    """Which points[n] of a lattice a body takes: the deepest ones, as many as it has cells. A cell that the surface
-    cuts counts by the depth of its middle, as if cut along a side. On average that is exact for flat faces, and of a
-    disc too much by a share of (dp / R)^2 / 12, of a ball by (dp / R)^2 / 4.
+def fits(wall: Any) -> bool:
+    """Whether fluid is fitted to a wall: a body, or what has layers of particles and is a plane, round, or a full box.
+    Tanks and hollows that are boxes have lattices that start from their faces; STL surfaces are not looked at whole.
     """
-    off = signed_distance(shape, x) / spacing
-    n = (int(np.rint(UNIT * np.clip(0.5 - off, 0.0, 1.0)).astype(np.int64).sum()) + UNIT // 2) // UNIT
-    turn = np.arange(len(x)) * GOLDEN % 1.0  # which of those as deep as each other: from all sides
-    found = np.zeros(len(x), bool)
-    found[np.lexsort((turn, np.round(off, 6)))[:n]] = True
+    shape, solid = wall.shape, wall.section.solid
+    flat_or_round = bool(shape.plane or shape.sphere or shape.cylinder or (shape.box and solid and not shape.box.open))
+    return bool(wall.rigid) or (wall.rule.layered and flat_or_round)
+
+
+def around(wall: Any) -> tuple[Reals, Reals] | None:
+    """The box in which a solid takes fluid away; None: everywhere."""
+    if wall.shape.plane or not wall.section.solid:
+        return None
+    low, high = map(np.array, geometry.bounds(wall.shape))
+    return low - wall.scene.spacing, high + wall.scene.spacing
+
+
+def outward(wall: Any) -> float:
+    """1 where fluid is outside the shape of a wall, -1 in a tank."""
+    return 1.0 if wall.section.solid or wall.shape.plane else -1.0
+
+
+def taken(off: Reals) -> NDArray[np.bool_]:
+    """Which points[n] of a lattice, off[n] spacings off its surface, a solid takes: the deepest ones, as many as it has
+    cells. A cell that the surface cuts counts by the depth of its middle, as if cut along a side. On average that is
+    exact for flat faces, and of a disc too much by a share of (dp / R)^2 / 12, of a ball by (dp / R)^2 / 4.
+    """
+    found = off <= -0.5
+    cut = np.flatnonzero(~found & (off < 0.5))
+    n = (int(np.rint(UNIT * (0.5 - off[cut])).astype(np.int64).sum()) + UNIT // 2) // UNIT
+    turn = cut * GOLDEN % 1.0  # which of those as deep as each other: from all sides
+    found[cut[np.lexsort((turn, np.round(off[cut], 6)))[:n]]] = True
     return found
 
 
+def taken_by(wall: Any, x: Reals) -> NDArray[np.bool_]:
+    """Which points x[n, d] of a lattice a wall takes."""
+    return taken(outward(wall) * signed_distance(wall.shape, x) / wall.scene.spacing)
+
+
 def cleared(shape: Shape, x: Reals, spacing: float, side: float) -> Reals:
-    """x[n, d] of fluid (side = 1) or of the body (-1), those nearer than half a spacing to its surface moved there."""
+    """x[n, d] outside of a surface (side = 1) or in it (-1); what was nearer than half a spacing to it has moved."""
     for _ in range(x.shape[1]):  # inside an edge from one face after the other
         apart = side * signed_distance(shape, x)
         near = apart < NEAREST * spacing
@@ -46,22 +74,29 @@ def cleared(shape: Shape, x: Reals, spacing: float, side: float) -> Reals:
 
 
 def beside(walls: list[Any], x: Reals, spacing: float) -> Reals:
-    """x[n, d] of fluid where it is clear of all rigid bodies among the walls."""
-    for wall in walls:
-        if wall.rigid:
-            x = cleared(wall.shape, x, spacing, 1.0)
+    """x[n, d] of fluid where it is clear of all walls that it is fitted to."""
+    for wall in filter(fits, walls):
+        box = around(wall)
+        near = np.all((x > box[0]) & (x < box[1]), axis=1) if box else np.ones(len(x), bool)
+        if near.any():
+            x = x.copy()
+            x[near] = cleared(wall.shape, x[near], spacing, outward(wall))
     return x
 
 
 class Fitted(Filled):
-    """The outer layers of a body that is no box along the axes: as many particles as it has cells."""
+    """The outer layers of a solid, or those around a hollow, that is no box along the axes: as many particles as it has
+    cells, of a grid that goes on by a spacing where it ends.
+    """
 
-    def __init__(self, shape: Shape, spacing: float, layers: int, grid: Grid) -> None:
-        ends = [np.concatenate([[c[0] - spacing], c, [c[-1] + spacing]]) for c in grid.coordinates]
-        super().__init__(shape, spacing, layers, True, Grid(tuple(ends)))
-        x = self.grid.points(self.grid.unflat(np.arange(self.grid.n)))
-        outer = signed_distance(shape, x) > -self.depth
-        self.kept = np.flatnonzero(taken(shape, spacing, x) & outer)
+    def __init__(self, shape: Shape, spacing: float, layers: int, solid: bool, grid: Grid) -> None:
+        super().__init__(shape, spacing, layers, solid, grid)
+        self.side = 1.0 if solid else -1.0  # on which fluid is
+        self.kept = flagged(grid, None, self._own)
+
+    def _own(self, x: Reals) -> NDArray[np.bool_]:
+        off = self.side * signed_distance(self.shape, x)
+        return taken(off / self.spacing) & (off > -self.depth)
 
     def near(self, low: NDArray, high: NDArray) -> Found:
         x = self.grid.points(self.grid.unflat(self.kept))
@@ -69,5 +104,5 @@ class Fitted(Filled):
         return index, *self.at(index)
 
     def at(self, index: NDArray[np.int64]) -> tuple[NDArray, NDArray]:
-        x = cleared(self.shape, self.grid.points(self.grid.unflat(index)), self.spacing, -1.0)
+        x = cleared(self.shape, self.grid.points(self.grid.unflat(index)), self.spacing, -self.side)
         return x, self._normal(x)
