@@ -16,7 +16,7 @@ from sph.particles.ghosts import Ghosts
 from sph.particles.pair_sums import PairSums
 from sph.particles.slabs import Slabs
 from sph.particles.walls import Walls
-from sph.setup.tanks import ends
+from sph.setup.tanks import ends, frame
 
 FIXED_POINT = 2.0**40
 
@@ -45,6 +45,7 @@ class Sensors:
         self.arena.group(areas=Areas)
         self.arena.set(
             area_middle=np.zeros((n, scene.dimensions)),
+            area_frame=np.ascontiguousarray([frame(scene, gauge)[np.ix_(axes, axes)] for gauge in self.gauges]),
             area_half=np.ascontiguousarray(half),
             area_ends=np.ascontiguousarray([ends(scene, gauge)[axes] for gauge in self.gauges]),
             area_radius=np.array([gauge.radius or 0.0 for gauge in self.gauges]),

@@ -8,8 +8,7 @@ import numpy as np
 from hpcpic.core.case.config import Path
 from hpcpic.core.case.derived import Derived, Verdict
 from sph.case import geometry
-from sph.case.config import AXES, Fluid, SphConfig
-from sph.case.config import Wall as WallSection
+from sph.case.config import AXES, SphConfig
 from sph.physics import stability
 from sph.physics.fluxes import FLUXES
 from sph.physics.stray_limits import MAX_DENSITY_ERROR, most_strays
@@ -21,7 +20,7 @@ from sph.setup.rigid.surfaces import gap
 from sph.setup.scene import Scene, Wall
 from sph.setup.signed_distance import signed_distance
 from sph.setup.speeds import fastest, motion_speed, speed_scale
-from sph.setup.tanks import depth_in
+from sph.setup.tanks import depth_in, open_sides
 
 DENSE, DENSER = 0.02, 0.1  # rho / rho0 - 1 at rest, which are noticed and refused
 MOST_STEPS = 1e9  # 11 days at a millisecond a step
@@ -142,14 +141,17 @@ def depths(config: SphConfig, scene: Scene) -> Iterator[Derived]:
 def gases(config: SphConfig, scene: Scene) -> Iterator[Derived]:
     """What holds gases together, how far they are compressed, and what they cost."""
     verdict: Verdict
+    key: Path
     for i, fluid in enumerate(config.fluid):
+        sides = open_sides(config, fluid) if fluid.gas or scene.untold else []
+        verdict, cure = "warn" if sides else "ok", "walls or a period there"
+        source, key = "gas has no surface: it flies away", ("fluid", i, "shape")
         if not fluid.gas:
-            continue
-        open_sides, key = sides_left_open(config, fluid), ("fluid", i)
-        verdict = "warn" if open_sides else "ok"
-        cure = "walls or a period there" if open_sides else ""
-        yield Derived(f"open sides of {fluid.name}", " ".join(open_sides), len(open_sides), "", "0", verdict,
-                      "gas has no surface: it flies away", cure, (*key, "shape"))  # fmt: skip
+            source = f"pressures in it are read {scene.untold:.3g} Pa too low: nothing presses on its surface"
+            cure, key = "background_pressure = 0", ("eos", "background_pressure")
+        if fluid.gas or sides:
+            yield Derived(f"open sides of {fluid.name}", " ".join(sides), len(sides), "", "0", verdict, source,
+                          cure if sides else "", key)  # fmt: skip
     if scene.liquids.gases:
         part = config.eos.ambient_pressure / (scene.rho0 * (config.eos.max_velocity or 0.0) ** 2)
         verdict = "ok" if part >= LEAST_AMBIENT else "warn"
@@ -165,29 +167,6 @@ def gases(config: SphConfig, scene: Scene) -> Iterator[Derived]:
                       ("numerics", "smoothing"))  # fmt: skip
         source = "its particles lie among stiff neighbours: a larger density of the gas makes steps longer"
         yield Derived("step over that without gases", "", 1 / scene.liquids.swiftest, "", "", "ok", source)
-
-
-def sides_left_open(config: SphConfig, fluid: Fluid) -> list[str]:
-    """Sides of a gas, as "y+", before which there is neither a wall nor a liquid nor a period."""
-    dp, (low, high) = config.numerics.spacing, geometry.bounds(fluid.shape)
-    liquids = [geometry.bounds(other.shape) for other in config.fluid if not other.gas]
-    found = []
-    for k, axis in enumerate(AXES[: config.dimensions]):
-        for sign, at in (("-", low[k] - dp / 2), ("+", high[k] + dp / 2)):
-            if axis in config.domain.periodic:
-                continue
-            place = tuple(at if n == k else (a + b) / 2 for n, (a, b) in enumerate(zip(low, high)))
-            walled = any(holds(wall, place, axis + sign) for wall in config.wall)
-            wet = any(all(a <= x <= b for a, x, b in zip(a, place, b)) for a, b in liquids)
-            found += [] if walled or wet else [axis + sign]
-    return found
-
-
-def holds(wall: WallSection, place: tuple[float, ...], side: str) -> bool:
-    """Whether a wall is there at a place beyond a side, to which nothing is open."""
-    off = float(signed_distance(wall.shape, np.array([place]))[0])
-    left_out = wall.shape.box is not None and side in wall.shape.box.open
-    return (off < 0.0 if wall.solid or wall.shape.plane else off > 0.0) and not left_out
 
 
 def bodies_outside(config: SphConfig) -> Iterator[Derived]:

@@ -14,23 +14,34 @@ I = Vec(N, np.int32)
 
 
 @njit
+def off_middle(k, a, s, x, areas):
+    """How far the body in slot s is from the middle of area k along the a-th axis of its frame, m."""
+    found = 0.0
+    for b in range(DIM):
+        d, period = x[b, s] - areas.area_middle[k, b], areas.period[b]
+        if period > 0.0:
+            d -= period * np.rint(d / period)
+        found += areas.area_frame[k, a, b] * d
+    return found
+
+
+@njit
 def share(k, s, wall, x, areas):
     """How much of the wall body in slot s belongs to area k: of its own square of one spacing, what lies in the area;
     nothing farther behind the area than the support, or more than half a spacing before it. A body in the corner, which
     is behind another wall too, whose it may be, counts where its mirror image in that wall is: it bears what the corner
     has of the load.
     """
-    period, spacing, across, part = areas.period, areas.lengths[0], 0.0, 1.0
-    behind, in_corner = 0.0, False
+    spacing, along, across, part, in_corner = areas.lengths[0], areas.area_along[k], 0.0, 1.0, False
+    behind = off_middle(k, along, s, x, areas)
+    if areas.area_unit[k] < 0.0:
+        behind = -behind
+    if not -0.5 * spacing < behind <= areas.lengths[1]:
+        return 0.0
     for a in range(DIM):
-        d = x[a, s] - areas.area_middle[k, a]
-        if period[a] > 0.0:
-            d -= period[a] * np.rint(d / period[a])
-        if a == areas.area_along[k]:
-            behind = d if areas.area_unit[k] > 0.0 else -d
-            if not -0.5 * spacing < behind <= areas.lengths[1]:
-                return 0.0
+        if a == along:
             continue
+        d = off_middle(k, a, s, x, areas)
         for end in areas.area_ends[k, a]:
             if abs(d) > abs(end) and d * end > 0.0:
                 in_corner, d = True, 2.0 * end - d
@@ -67,5 +78,7 @@ def push(chunk, chunks, flags, key, x, sums, factors, shape, scale, areas, pushe
             for k in range(areas.area_unit.size):
                 part = share(k, s, wall, x, areas)
                 if part > 0.0:
-                    force = np.float64(sums[np.uint64(areas.area_along[k]), s]) * factors[0]
-                    pushed[chunk, k] += np.int64(np.rint(force * part * areas.area_unit[k]))
+                    force, normal = 0.0, areas.area_frame[k, areas.area_along[k]]
+                    for a in range(DIM):
+                        force += normal[a] * np.float64(sums[a, s])
+                    pushed[chunk, k] += np.int64(np.rint(force * factors[0] * part * areas.area_unit[k]))

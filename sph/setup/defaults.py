@@ -9,6 +9,7 @@ from sph.physics.fluxes import FLUXES
 from sph.physics.stability import courant_limit
 from sph.physics.viscosities import VISCOSITIES
 from sph.setup.speeds import speed_scale
+from sph.setup.tanks import open_sides
 
 HELD = 0.05  # of rho v^2, by which gas may lie below its pressure of rest before particles leave gaps
 SAFETY = 0.6  # of the stability limit, where no Courant number is given
@@ -112,7 +113,8 @@ def _eos(config: SphConfig):
         fastest = (eos.sound_speed or 1.0) / eos.sound_speed_factor
     background = eos.background_pressure
     if background is None:
-        density = max((fluid.density for fluid in config.fluid), default=0.0)
-        background = HELD * density * fastest**2 if any(fluid.gas for fluid in config.fluid) else 0.0
+        densest = max((fluid.density for fluid in config.fluid), default=0.0)
+        covered = not any(open_sides(config, fluid) for fluid in config.fluid if not fluid.gas)
+        background = HELD * densest * fastest**2 if covered and any(fluid.gas for fluid in config.fluid) else 0.0
     speeds = {"max_velocity": fastest, "sound_speed": eos.sound_speed or eos.sound_speed_factor * fastest}
     return eos.model_copy(update=speeds | {"background_pressure": background})

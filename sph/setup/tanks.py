@@ -1,5 +1,6 @@
 """Where the sides of tanks and hollow solids are, which end at edges: what has gone over an edge is elsewhere, what has
-gone through a side is lost; and how far areas of walls are from the other walls that meet theirs.
+gone through a side is lost; which sides of a fluid are open; and areas of walls: their axes, and how far they are from
+the other walls that meet theirs.
 """
 
 from typing import Any, Protocol
@@ -8,9 +9,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sph.case import config as case
+from sph.case import geometry
 from sph.case.config import AXES
 from sph.setup import signed_distance
 
+LEAST_ALONG = 0.1  # cosine between the axis of an area and the normal of its wall
 HALVINGS = 50  # of an eighth of a spacing: to rounding
 
 
@@ -88,13 +91,62 @@ def sides(wall: Tank) -> list[tuple[int, float, float]]:
     return [(axis, sign, sign * corner[axis] + wall.scene.spacing) for axis, sign, corner in found]
 
 
+def open_sides(config: case.SphConfig, fluid: case.Fluid) -> list[str]:
+    """Sides of a fluid, as "y+", before whose middle there is neither a wall nor another fluid nor a period."""
+    dp, (low, high) = config.numerics.spacing, geometry.bounds(fluid.shape)
+    others = [geometry.bounds(other.shape) for other in config.fluid if other is not fluid]
+    found = []
+    for k, axis in enumerate(AXES[: config.dimensions]):
+        for sign, at in (("-", low[k] - dp / 2), ("+", high[k] + dp / 2)):
+            if axis in config.domain.periodic:
+                continue
+            place = tuple(at if n == k else (a + b) / 2 for n, (a, b) in enumerate(zip(low, high)))
+            walled = any(holds(wall, place, axis + sign) for wall in config.wall)
+            wet = any(all(a <= x <= b for a, x, b in zip(a, place, b)) for a, b in others)
+            found += [] if walled or wet else [axis + sign]
+    return found
+
+
+def holds(wall: case.Wall, place: tuple[float, ...], side: str) -> bool:
+    """Whether a wall is there at a place beyond a side, to which nothing is open."""
+    off = float(signed_distance.signed_distance(wall.shape, np.array([place]))[0])
+    left_out = wall.shape.box is not None and side in wall.shape.box.open
+    return (off < 0.0 if wall.solid or wall.shape.plane else off > 0.0) and not left_out
+
+
+def frame(scene: Any, gauge: case.Gauge) -> NDArray[np.float64]:
+    """The axes [d, d] of an area of wall, lines of length 1: those of space; where its wall is inclined or round, the
+    normal at its middle, on the side to which `gauge.axis` is nearest, and the tangents.
+    """
+    d, (along, _) = scene.dimensions, gauge.direction
+    found, at = np.eye(d), np.array([gauge.at], float)
+    walls = [wall for wall in scene.walls if not wall.shape.box and not wall.rigid and gauge.wall in ("", wall.name)]
+    near = [wall for wall in walls if abs(signed_distance.signed_distance(wall.shape, at)[0]) < 0.5 * scene.spacing]
+    if not near:
+        return found
+    normal = signed_distance.normals(near[0].shape, at, 1e-3 * scene.spacing)[0]
+    if not LEAST_ALONG < abs(normal[along]) < 1.0 - 1e-9:
+        return found
+    found[along] = normal * np.sign(normal[along])
+    done = [along]
+    for k in set(range(d)) - {along}:
+        for other in done:
+            found[k] -= np.dot(found[k], found[other]) * found[other]
+        found[k] /= np.linalg.norm(found[k])
+        done.append(k)
+    return found
+
+
 def ends(scene: Any, gauge: case.Gauge) -> NDArray[np.float64]:
     """[d, 2]: how far it is from the middle of an area, down and up along each axis, to the walls that stay and meet
-    its own at right angles, m; infinite where there is none within reach, or the distance changes as the area moves.
+    its own at right angles, m; infinite where there is none within reach, the wall of the area is inclined, or the
+    distance changes as the area moves.
     """
     along, sign = gauge.direction
     axes, dp = np.eye(scene.dimensions), scene.spacing
     found = np.full((scene.dimensions, 2), (-np.inf, np.inf))
+    if np.any(frame(scene, gauge) != axes):
+        return found
     walls = [wall for wall in scene.walls if not wall.moving and not wall.rigid]
     if any(wall.name == gauge.wall and (wall.rigid or moves_across(wall, along)) for wall in scene.walls):
         return found

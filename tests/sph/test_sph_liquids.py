@@ -120,7 +120,7 @@ def test_walls_pull_at_a_gas_and_sensors_tell_its_pressure_without_the_backgroun
 
 
 def test_a_gas_below_what_the_background_holds_is_told_once(caplog):
-    sph = engine(case=layers(**AIR))
+    sph = engine(case=layers(**AIR).replace("ambient_pressure", "background_pressure = 50.0; ambient_pressure"))
     sph.storage.set_own_values("drho", sph.scene.eos.excess(-1.5 * sph.scene.eos.background))
     for _ in range(30):
         sph.step()

@@ -144,3 +144,30 @@ def test_what_an_area_lacks_is_told(text, words):
     more = tank(2).replace('"tank"', '"floor"') + f"gauge = ( {gauge(text)} );"
     with pytest.raises(ConfigError, match=words):
         configure(loads(case(more=more)))
+
+
+@pytest.mark.parametrize("axis", ["x+", "y-"])
+def test_a_sensor_in_an_inclined_wall_reads_the_pressure_along_its_normal(axis):
+    """All of the force on a plane at 40 degrees, over the width of an area that holds all of it, whichever axis is
+    named.
+    """
+    slope = np.radians(40.0)
+    normal = [float(-np.sin(slope)), float(np.cos(slope))]  # fluid pushes along x+ and y-
+    wall = f"""wall = ( {{ name = "slope"; measure_force = true; type = "extrapolated-free-slip";
+        shape = {{ plane = {{ point = [0.5, 0.3]; normal = {normal}; }}; }}; }} );"""
+    whole = gauge(f'at = [0.5, 0.3]; axis = "{axis}"; radius = 5.0;')
+    sph = engine(size=1.0, fill=1.0, gravity=(0.0, 0.0), pressure="zero", more=f"{wall} gauge = ( {whole} );")
+    jitter(sph)
+    sph.evolution.evaluate_forces()
+    force = -np.dot(sph.wall_forces()["slope"][0], normal)
+    assert sph.sensors.now()[0] * 10.0 == pytest.approx(force, rel=1e-6) and abs(force) > 100.0
+
+
+def test_a_sensor_in_a_round_wall_lies_in_its_tangent():
+    disc = """wall = ( { name = "disc"; solid = true; type = "extrapolated-free-slip";
+        shape = { sphere = { centre = [0.5, 0.5]; radius = 0.2; }; }; } );"""
+    at = 0.5 - 0.2 * np.sqrt(0.5)
+    sensor = gauge(f'at = [{at}, {at}]; axis = "x+"; radius = 0.04;')
+    sph = engine(size=1.0, fill=1.0, more=f"{disc} gauge = ( {sensor} );")
+    along = sph.tasks.arena["area_along"][0]
+    assert np.abs(sph.tasks.arena["area_frame"][0, along]) == pytest.approx([np.sqrt(0.5)] * 2, abs=1e-3)

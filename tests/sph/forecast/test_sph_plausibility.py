@@ -183,6 +183,23 @@ def test_sides_through_which_a_gas_flies_away_are_told(sides, parts):
     assert number.symbol == sides and number.verdict == ("warn" if sides else "ok")
 
 
+def test_the_background_beside_gases_is_nothing_where_a_liquid_has_an_open_surface():
+    """There the pressure is its negative, and all that is read below is too low by as much."""
+    beside = """( { name = "water"; shape = { box = { low = [0.0, 0.0]; high = [0.4, 0.5]; }; }; },
+        { name = "air"; gas = true; density = 1.2; shape = { box = { low = [0.4, 0.0]; high = [1.0, 0.5]; }; }; } )"""
+    assert "open sides of water" not in told(fluid=beside) and "open sides of water" not in told(fluid=air())
+    given = told(fluid=beside, eos="{ background_pressure = 100.0; }")["open sides of water"]
+    assert (given.symbol, given.verdict, given.cure) == ("y+", "warn", "background_pressure = 0")
+    assert "100 Pa too low" in given.source
+
+
+def test_the_error_of_the_period_of_waves_is_told_by_the_smoothing_length():
+    title = "error of the period of waves"
+    assert told(numerics="{ spacing = 0.05; }")[title].value == -0.6  # h/dp 1.5
+    assert told(numerics="{ spacing = 0.05; smoothing = 1.3; }")[title].value == -4.3
+    assert title not in told(gravity="[0.0, 0.0]", eos="{ max_velocity = 1.0; }")
+
+
 def test_a_gas_tells_what_it_costs_and_whether_its_pressure_holds():
     found = told(fluid=air())
     assert found["step over that without gases"].value == pytest.approx(math.sqrt(1.2 / 1000))
