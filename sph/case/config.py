@@ -140,8 +140,8 @@ class Eos(Section):
     )
     gamma: float = setting(7.0, "exponent of the equation of state (MP 14)", ge=1)
     background_pressure: float | None = setting(
-        None, "added to every pressure: keeps particles apart where there is no free surface; by default 0, or beside "
-        "gases 0.05 rho max_velocity^2", "Pa", ge=0,
+        None, "added to every pressure: keeps particles apart where there is no free surface; by default 0, or where "
+        "gases lie on all liquids 0.05 rho max_velocity^2", "Pa", ge=0,
     )  # fmt: skip
     ambient_pressure: float = setting(
         101325.0, "absolute pressure of gases at rest, where the pressure of the series is 0", "Pa", gt=0
@@ -150,7 +150,7 @@ class Eos(Section):
 
 class Numerics(Section):
     spacing: float = setting(REQUIRED, "particle spacing dp", "m", gt=0)
-    smoothing: float = setting(1.3, "smoothing length over spacing, h / dp", gt=0, le=10)
+    smoothing: float = setting(1.5, "smoothing length over spacing, h / dp", gt=0, le=10)
     kernel: str = setting(
         "wendland2",
         "cubic (spline, MP 9), wendland2 (C2), wendland4 (C4), quintic (spline, reaches 3 h), or one of your own",
@@ -249,7 +249,8 @@ class Gauge(Section):
     axis: Direction | None = setting(
         None,
         "front: the direction, by default x+; flow: normal of the section; elevation: up; wall-pressure: the way in "
-        "which fluid pushes the wall",
+        "which fluid pushes the wall, or the axis nearest to it: the area lies in the wall, and its pressure acts "
+        "along the normal",
     )
     size: Vector = setting(
         (),

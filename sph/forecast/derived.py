@@ -26,6 +26,7 @@ SMALL = 6  # spacings across a repulsive body, below which the force on it is of
 EDGE = 2  # spacings beside an edge that read low where a jet leaves it: the outer one nothing, the next two thirds
 CONTACT = 16  # spacings that a front goes into a wall until its pressure is right: until 4 half as large again or more
 STIFF = 50  # c0 / vmax, below which a stress of the strain rate lets a wave of two spacings grow
+WAVES = (1.3, 1.4, 1.5, 1.6, 2.0), (-4.3, -4.0, -0.6, 0.0, -0.2)  # h / dp, error in %
 SHIFTED = 1.4  # h / dp, below which shifted particles are packed under gravity
 RATIO, MOST_RATIO = 100, 1000  # of densities or viscosities of liquids, which are noticed and refused
 STRETCH = 0.1  # of the spacing along an edge, which is noticed
@@ -157,6 +158,9 @@ def resolution(config: SphConfig) -> Iterator[Derived]:
     source = "Dehnen & Aly 2012 (pairing)"
     yield Derived("smoothing length", "h/dp", ratio, "", words, verdict, source, cure, key, ratio >= 0.5)
     yield Derived("neighbours", "", neighbours)
+    if any(config.gravity) and kernel == "wendland2" and WAVES[0][0] <= ratio <= WAVES[0][-1]:
+        error, source = round(float(np.interp(ratio, *WAVES)), 1), "a standing wave in a tank, at any spacing, measured"
+        yield Derived("error of the period of waves", "", error, "%", source=source)
     if config.numerics.shifting and any(config.gravity):
         verdict, cure = ("ok", "") if ratio >= SHIFTED else ("warn", "smoothing = 1.6, or shifting = false")
         source = "still tank, 20 layers, 1.3: its level fell by 28 % in 40 sqrt(H/g); 1.4 to 2: rose by 0.2 to 2 %"
