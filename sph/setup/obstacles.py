@@ -19,8 +19,10 @@ HELD = 0.4  # of a spacing: fluid that a body moves nearer to another solid is i
 DOMAIN = "the domain"  # as what takes particles away
 
 
-def obstacles(scene: Any, grid: Grid) -> Iterator[tuple[str, Box, Test]]:
-    """Name, box in which it takes particles away (None: everywhere), test of points x[n, d] of the grid."""
+def obstacles(scene: Any, grid: Grid, step: float) -> Iterator[tuple[str, Box, Test]]:
+    """Name, box in which it takes particles away (None: everywhere), test of points x[n, d] of the grid, which are
+    `step` m from each other where they are nearest.
+    """
     if not grid.n:
         return
     ends = np.array([(c[0], c[-1]) for c in grid.coordinates])
@@ -30,8 +32,8 @@ def obstacles(scene: Any, grid: Grid) -> Iterator[tuple[str, Box, Test]]:
     margin = NEAR * scene.spacing
     for wall in scene.walls:
         if fit.fits(wall):
-            yield wall.name, fit.around(wall), partial(fit.taken_by, wall)
-            yield wall.name, fit.around(wall), partial(squeezed, scene, ends)
+            yield wall.name, fit.around(wall), partial(fit.taken_by, wall, step)
+            yield wall.name, fit.around(wall), partial(squeezed, scene, ends, step)
         elif wall.section.solid or wall.shape.plane or cuts(wall, ends):
             yield wall.name, fit.around(wall), partial(too_near, wall, ends, margin)
     for fluid in scene.fluids:
@@ -60,9 +62,9 @@ def too_near(wall: Any, ends: NDArray, margin: float, x: NDArray) -> NDArray[np.
     return depth(wall, x) > -margin
 
 
-def squeezed(scene: Any, ends: NDArray, x: NDArray) -> NDArray[np.bool_]:
+def squeezed(scene: Any, ends: NDArray, step: float, x: NDArray) -> NDArray[np.bool_]:
     """Which points x[n, d] solids move out of the domain or to another solid."""
-    moved = fit.beside(scene.walls, x, scene.spacing)
+    moved = fit.beside(scene.walls, x, step)
     found = np.any((moved < scene.low) | (moved > scene.high), axis=1)
     for wall in scene.walls:
         found |= too_near(wall, ends, HELD * scene.spacing, moved)

@@ -230,6 +230,7 @@ class FluidSet:
     first: int
     mass: float
     removed: NDArray[np.int64]
+    step: float  # m between points where they are nearest: the spacing, but for a box that it does not divide
     clipped: dict[str, int] = field(default_factory=dict)  # by what -> how many
     given: NDArray[np.float64] | None = None  # x[n, d] of the array that the case names
 
@@ -325,7 +326,7 @@ class Scene:
             own = (ids >= fluid.first) & (ids < fluid.first + fluid.n)
             x = self.disordered(fluid, fluid.points(ids[own]), ids[own])
             if fluid.given is None:
-                x = beside(self.walls, x, self.spacing)
+                x = beside(self.walls, x, fluid.step)
             found["x"][own], found["v"][own] = x, self.initial_velocity(fluid, x, ids[own])
             found["drho"][own] = self.initial_density(fluid.section, x)
             if fluid.given is None:
@@ -366,21 +367,24 @@ class Scene:
         given = arrays(section.start).get("position") if section.start else None
         if given is not None:
             nowhere, mass = Grid((np.zeros(0),) * self.dimensions), section.density * self.spacing**self.dimensions
-            return FluidSet(section, nowhere, first, mass, np.zeros(0, np.int64), given=np.asarray(given, float))
-        grid, beyond = grid_of(section.shape, self.spacing), 0
+            given = np.asarray(given, float)
+            return FluidSet(section, nowhere, first, mass, np.zeros(0, np.int64), self.spacing, given=given)
+        grid, beyond, step = grid_of(section.shape, self.spacing), 0, self.spacing
         if section.shape.box:
             mass = section.density * geometry.volume(section.shape) / grid.n
+            low, high = map(np.array, geometry.bounds(section.shape))
+            step = float(min(np.min((high - low) / grid.shape), step))
             whole, grid = grid, grid.within(self.low, self.high)
             beyond = whole.n - grid.n
         else:
             mass = section.density * self.spacing**self.dimensions
         gone: list[NDArray[np.int64]] = []
-        fluid = FluidSet(section, grid, first, mass, np.zeros(0, np.int64))
+        fluid = FluidSet(section, grid, first, mass, np.zeros(0, np.int64), step)
         if beyond:
             fluid.clipped[DOMAIN] = beyond
         if not section.shape.box:
             gone.append(flagged(grid, None, lambda x: signed_distance.signed_distance(section.shape, x) > 0.0))
-        for name, box, bad in obstacles(self, grid):
+        for name, box, bad in obstacles(self, grid, step):
             before = np.concatenate([*gone, np.zeros(0, np.int64)])
             found = np.setdiff1d(flagged(grid, box, bad), before, assume_unique=True)
             if len(found):

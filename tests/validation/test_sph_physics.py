@@ -9,6 +9,7 @@ import math
 
 import numpy as np
 import pytest
+from scipy.optimize import curve_fit
 
 from hpcpic.core.case.config import load, loads
 from hpcpic.core.tasks.graph import Pool
@@ -323,3 +324,32 @@ def test_the_force_of_the_wave_on_the_column(world, case, most):
     assert abs(found["arrival"] - experiments.COLUMN_FIGURES["arrival"]) < 0.02
     lost = done.series("energy_total")
     assert np.all(np.diff(lost) < 1e-3 * lost[0])  # no scheme gives energy to the water, in 0.5 ms nor at all
+
+
+SECOND_MODE = """
+simulation = {{ dimensions = 2; end_time = 4.0; }};
+gravity = [0.0, -9.81];
+fluid = ( {{ shape = {{ box = {{ low = [0.0, 0.0]; high = [1.0, 0.5]; }}; }};
+    flow = {{ type = "standing-wave"; amplitude = 0.02; wavelength = 1.0; }}; }} );
+numerics = {{ spacing = 0.0125; {smoothing} }};
+wall = ( {{ shape = {{ box = {{ low = [0.0, 0.0]; high = [1.0, 0.7]; open = ["y+"]; }}; }}; }} );
+gauge = ( {{ name = "side"; what = "elevation"; at = [0.02, 0.0]; }} );
+output = {{ period = {{ series = 0.01; }}; }};
+"""
+
+
+@pytest.mark.parametrize(("smoothing", "error"), [("", -0.006), ("smoothing = 1.3;", -0.043)])
+def test_waves_in_a_tank_have_their_period_unless_neighbours_are_few(world, smoothing, error):
+    """Two half waves in a tank: omega^2 = g k tanh k H. By default within 1 %; h/dp 1.3 is 4 % off at any spacing."""
+    done = Done(world, SECOND_MODE.format(smoothing=smoothing), period=0.01)
+    k = 2 * np.pi
+    omega = np.sqrt(9.81 * k * np.tanh(k * 0.5))
+    first = 0.02, 0.1, omega, 0.0, 0.5
+
+    def swing(t, height, damping, frequency, phase, level):
+        return height * np.exp(-damping * t) * np.cos(frequency * t + phase) + level
+
+    (_, damping, found, *_), _ = curve_fit(swing, done.t, done.series("side"), first)
+    told(f"second mode of a tank, {smoothing or 'default h/dp'} period over theory - 1", omega / found - 1, "1 %")
+    told("... damping, 1/s", damping, "")
+    assert omega / found - 1 == pytest.approx(error, abs=0.006)

@@ -56,9 +56,9 @@ def taken(off: Reals) -> NDArray[np.bool_]:
     return found
 
 
-def taken_by(wall: Any, x: Reals) -> NDArray[np.bool_]:
-    """Which points x[n, d] of a lattice a wall takes."""
-    return taken(outward(wall) * signed_distance(wall.shape, x) / wall.scene.spacing)
+def taken_by(wall: Any, step: float, x: Reals) -> NDArray[np.bool_]:
+    """Which points x[n, d] of a lattice a wall takes, `step` m from each other where they are nearest."""
+    return taken(outward(wall) * signed_distance(wall.shape, x) / step)
 
 
 def cleared(shape: Shape, x: Reals, spacing: float, side: float) -> Reals:
@@ -73,14 +73,14 @@ def cleared(shape: Shape, x: Reals, spacing: float, side: float) -> Reals:
     return x
 
 
-def beside(walls: list[Any], x: Reals, spacing: float) -> Reals:
-    """x[n, d] of fluid where it is clear of all walls that it is fitted to."""
+def beside(walls: list[Any], x: Reals, step: float) -> Reals:
+    """x[n, d] of fluid where it is clear of all walls that it is fitted to, by half of the step of its lattice, m."""
     for wall in filter(fits, walls):
         box = around(wall)
         near = np.all((x > box[0]) & (x < box[1]), axis=1) if box else np.ones(len(x), bool)
         if near.any():
             x = x.copy()
-            x[near] = cleared(wall.shape, x[near], spacing, outward(wall))
+            x[near] = cleared(wall.shape, x[near], step, outward(wall))
     return x
 
 

@@ -59,8 +59,8 @@ def test_water_at_rest_stays_at_rest():
 
 
 def test_water_over_an_inclined_floor_has_its_volume_and_stays_nearly_at_rest():
-    """While it took all fluid within a fourth of a spacing, a current ran up it: 0.21 to 0.27 m/s here, and growing. Now
-    0.13 m/s, and 0.035 with half the spacing.
+    """While it took all fluid within a fourth of a spacing, a current ran up it: 0.21 to 0.27 m/s here, and growing.
+    Now 0.13 m/s, and 0.035 with half the spacing.
     """
     ramp = """, { name = "ramp"; type = "extrapolated-free-slip";
         shape = { plane = { point = [0.5, 0.0]; normal = [-0.5, 0.8660254]; }; }; } );"""

@@ -117,3 +117,10 @@ def test_a_round_tank_holds_its_area_wherever_it_lies():
         assert signed_distance(wall.shape, x).max() < -0.498
         assert signed_distance(wall.shape, wall.near(*wall.bounds)[1]).min() > 0.498
     assert np.abs(counts).max() < 1.5
+
+
+@pytest.mark.parametrize("height", [9.6, 10.4])
+def test_a_floor_takes_nothing_from_a_box_that_the_spacing_does_not_divide(height):
+    """Its rows are nearer to each other than a spacing, or farther, and the lowest to the floor by half of that."""
+    one, x = filled("{ shape = { plane = { point = [0.0, 0.0]; normal = [0.0, 1.0]; }; }; }", high=(30.0, height))
+    assert one.n_fluid == 300 and x[:, 1].min() == pytest.approx(height / 20, rel=1e-9)
