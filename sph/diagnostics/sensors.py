@@ -39,16 +39,18 @@ class Sensors:
         self.untold = scene.untold
         areas = np.array([gauge.area(scene.spacing) for gauge in self.gauges])
         half = np.array([gauge.extents(scene.spacing) for gauge in self.gauges])[:, axes] / 2
+        radius = np.array([gauge.radius or 0.0 for gauge in self.gauges])
         along, sign = zip(*(gauge.direction for gauge in self.gauges))
         self.at = np.array([gauge.at for gauge in self.gauges]) - scene.low
         self.arena = sums.tasks.arena
         self.arena.group(areas=Areas)
         self.arena.set(
             area_middle=np.zeros((n, scene.dimensions)),
+            area_reach=np.sum((np.maximum(half, radius[:, None]) + 2 * scene.support + scene.spacing) ** 2, axis=1),
             area_frame=np.ascontiguousarray([frame(scene, gauge)[np.ix_(axes, axes)] for gauge in self.gauges]),
             area_half=np.ascontiguousarray(half),
             area_ends=np.ascontiguousarray([ends(scene, gauge)[axes] for gauge in self.gauges]),
-            area_radius=np.array([gauge.radius or 0.0 for gauge in self.gauges]),
+            area_radius=radius,
             area_along=np.array([axes.index(k) for k in along]),
             area_wall=self.of,
             area_unit=np.array(sign) * FIXED_POINT / (self.unit * areas),

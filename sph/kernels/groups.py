@@ -70,14 +70,16 @@ class Images(NamedTuple):
 
 
 class Areas(NamedTuple):
-    """Areas k of walls: middle [k, d] m, their axes [k, d, d] of length 1, along these half their extent [k, d] m or
-    radius [k] m (0 for none) and the places of the walls that meet theirs, from the middle [k, d, 2] m, the number of
-    the axis that is their normal [k], that of their wall [k] (-1: any), and what makes integers of forces [k] along
-    their normal; the wall + 1 of each image (0: none), the first layer here and the one behind the last, spacing and
-    support in m, and the period [d] m, 0 where there is none.
+    """Areas k of walls: middle [k, d] m, the square of the distance from there that nothing of them is beyond [k] m2,
+    their axes [k, d, d] of length 1, along these half their extent [k, d] m or radius [k] m (0 for none) and the places
+    of the walls that meet theirs, from the middle [k, d, 2] m, the number of the axis that is their normal [k], that of
+    their wall [k] (-1: any), and what makes integers of forces [k] along their normal; the wall + 1 of each image (0:
+    none), the first layer here and the one behind the last, spacing and support in m, and the period [d] m, 0 where
+    there is none.
     """
 
     area_middle: Reals
+    area_reach: Reals
     area_frame: Reals
     area_half: Reals
     area_radius: Reals

@@ -3,14 +3,14 @@
 import numpy as np
 
 from hpcpic.core.simd.compile import njit
-from hpcpic.core.simd.vector import Vec, bitmask, first_bit, lanes, load
+from hpcpic.core.simd.vector import Vec, bitmask, first_bit, floor, lanes, load, splat
 from sph.kernels.marks import BODY, CODES, MINE, OWN
 from sph.kernels.readings import wall_of
 
 DIM = 3
 
 N = lanes(np.float64)
-I = Vec(N, np.int32)
+F, I = Vec(N, np.float64), Vec(N, np.int32)
 
 
 @njit
@@ -59,6 +59,18 @@ def share(k, s, wall, x, areas):
 
 
 @njit
+def squares(k, b, x, areas):
+    """Squares of the distances of the bodies in a vector of slots from the middle of area k, m2."""
+    found = splat(F, 0.0)
+    for a in range(DIM):
+        d, period = load(F, x[a], b) - areas.area_middle[k, a], areas.period[a]
+        if period > 0.0:
+            d = d - floor(d * (1.0 / period) + 0.5) * period
+        found = found + d * d
+    return found
+
+
+@njit
 def push(chunk, chunks, flags, key, x, sums, factors, shape, scale, areas, pushed):
     """pushed[chunk, k] = force on area k along its normal, in units of 1 / area_unit[k], on the particles of walls in
     the slots of a chunk, and on images of the fluid in walls where these are in own layers.
@@ -66,19 +78,21 @@ def push(chunk, chunks, flags, key, x, sums, factors, shape, scale, areas, pushe
     pushed[chunk], slab = 0, areas.slab
     for b in range(chunks[chunk], chunks[chunk + 1], N):
         kinds = load(I, flags, b)
-        others = bitmask((kinds & BODY == BODY) & (kinds & MINE != MINE))
-        while others != 0:
-            s = np.uint64(b + first_bit(others))
-            others &= others - 1
-            wall = wall_of(key[s], areas.wall_images)
-            layer = np.int64(np.floor(x[0, s] * scale[0])) + shape[0]
-            here = slab[0] <= layer < slab[1] if key[s] % CODES > 0 else flags[s] & OWN == OWN
-            if wall < 0 or not here:
-                continue
-            for k in range(areas.area_unit.size):
-                part = share(k, s, wall, x, areas)
+        others = (kinds & BODY == BODY) & (kinds & MINE != MINE)
+        if bitmask(others) == 0:
+            continue
+        for k in range(areas.area_unit.size):
+            near = bitmask(others & (squares(k, b, x, areas) < areas.area_reach[k]))
+            normal = areas.area_frame[k, areas.area_along[k]]
+            while near != 0:
+                s = np.uint64(b + first_bit(near))
+                near &= near - 1
+                wall = wall_of(key[s], areas.wall_images)
+                layer = np.int64(np.floor(x[0, s] * scale[0])) + shape[0]
+                here = slab[0] <= layer < slab[1] if key[s] % CODES > 0 else flags[s] & OWN == OWN
+                part = share(k, s, wall, x, areas) if wall >= 0 and here else 0.0
                 if part > 0.0:
-                    force, normal = 0.0, areas.area_frame[k, areas.area_along[k]]
+                    force = 0.0
                     for a in range(DIM):
                         force += normal[a] * np.float64(sums[a, s])
                     pushed[chunk, k] += np.int64(np.rint(force * factors[0] * part * areas.area_unit[k]))
