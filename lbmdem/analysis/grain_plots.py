@@ -20,7 +20,7 @@ SOLID = "#b9bec5"
 
 
 def config_of(run: Run) -> LbmDemConfig:
-    return configure(loads(run.config))
+    return configure(loads(run.config, run.config_file))
 
 
 def snapshots_of(run: Run) -> Particles:

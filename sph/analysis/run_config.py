@@ -13,19 +13,19 @@ if TYPE_CHECKING:
 
 
 @lru_cache(maxsize=8)
-def _config(text: str) -> SphConfig:
-    return configure(loads(text))
+def _config(text: str, name: str) -> SphConfig:
+    return configure(loads(text, name))
 
 
 @lru_cache(maxsize=8)
-def _scene(text: str) -> Scene:
-    return Scene(_config(text))
+def _scene(text: str, name: str) -> Scene:
+    return Scene(_config(text, name))
 
 
 def config_of(run: "Run") -> SphConfig:
     """The configuration of a run. Raises ConfigError when the case of the folder is not one of this program."""
-    return _config(run.config)
+    return _config(run.config, run.config_file)
 
 
 def scene_of(run: "Run") -> Scene:
-    return _scene(run.config)
+    return _scene(run.config, run.config_file)

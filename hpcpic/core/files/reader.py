@@ -165,6 +165,11 @@ class Run:
         except (OSError, UnicodeDecodeError) as error:
             raise FileError(f"{self.rundir.config}: cannot be read ({error})") from error
 
+    @property
+    def config_file(self) -> str:
+        """The path of config.conf: the files that it names are relative to its folder."""
+        return str(self.rundir.config)
+
     @cached_property
     def series(self) -> Series:
         return read_series(self.path)

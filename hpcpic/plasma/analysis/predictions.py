@@ -36,7 +36,7 @@ def config_of(run: Run) -> PlasmaConfig:
     """The case of a run, with every default filled in."""
     from hpcpic.core.case.config import loads
 
-    return configure(loads(run.config))
+    return configure(loads(run.config, run.config_file))
 
 
 def beams(config: PlasmaConfig, axis: int = 0) -> tuple[Beam, ...]:

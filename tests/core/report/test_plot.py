@@ -7,7 +7,9 @@ import shutil
 import subprocess
 import sys
 import threading
+from importlib import import_module
 
+import numpy as np
 import pytest
 from click.testing import CliRunner
 from plasma_reference import make_run
@@ -15,7 +17,8 @@ from plasma_reference import make_run
 from hpcpic.__main__ import load_app
 from hpcpic.core.app.figures import NoData, movie
 from hpcpic.core.cli.main import build
-from hpcpic.core.files.reader import open_run
+from hpcpic.core.files.reader import Run, open_run
+from hpcpic.core.files.rundir import RunDir
 from hpcpic.core.report import follow
 from hpcpic.plasma.analysis.plots import PLOTS
 from hpcpic.plasma.app import shipped_cases
@@ -121,3 +124,32 @@ def test_help_loads_nothing_heavy():
     )
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, timeout=30)
     assert done.stdout.rstrip().endswith("[]"), done.stdout + done.stderr
+
+
+STARTED = {  # program, where its figures read the case, a case that starts from arrays, those arrays
+    "hpcpic": ("hpcpic.plasma.analysis.predictions", """
+        simulation = { cycles = 4; time_step = 0.1; space_length = [8.0]; }; grid = { points = [8]; };
+        species = ({ name = "e"; charge = -1.0; mass = 1.0; start = { file = "given/start.npz"; }; });
+        """, {"position": np.linspace(0.5, 7.5, 8)[:, None]}),
+    "sph": ("sph.analysis.run_config", """
+        simulation = { dimensions = 2; end_time = 1.0; }; numerics = { spacing = 0.1; };
+        domain = { low = [0.0, 0.0]; high = [1.0, 1.0]; }; eos = { sound_speed = 10.0; };
+        fluid = ({ name = "w"; start = { file = "given/start.npz"; }; });
+        """, {"position": np.full((1, 2), 0.5)}),
+    "lbmdem": ("lbmdem.analysis.grain_plots", """
+        simulation = { end_time = 1.0; }; domain = { size = [4.0e-4, 4.0e-4]; spacing = 1.0e-4; periodic = ["x"]; };
+        fluid = { kinematic_viscosity = 1.0e-6; relaxation_time = 1.0; start = { file = "given/start.npz"; }; };
+        """, {"velocity": np.zeros((4, 4, 2))}),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("program", STARTED)
+def test_figures_read_the_arrays_that_the_run_folder_keeps(program, tmp_path):
+    module, text, arrays = STARTED[program]
+    run = Run(RunDir(tmp_path))
+    run.rundir.given.mkdir()
+    np.savez(run.rundir.given / "start.npz", **arrays)
+    run.rundir.config.write_text(text)
+    config = import_module(module).config_of(run)
+    started = config.fluid if program == "lbmdem" else (config.fluid if program == "sph" else config.species)[0]
+    assert started.start.file == str(run.rundir.given / "start.npz")

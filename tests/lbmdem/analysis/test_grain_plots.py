@@ -75,7 +75,7 @@ def test_the_lines_of_discs_are_diameters_that_turn_with_them(run, monkeypatch):
 @pytest.mark.parametrize(("case", "up"), [("settling-disc", 1), ("quick-condition", 2)])
 def test_grains_are_drawn_where_they_are_with_their_radii(monkeypatch, case, up):
     """Of one snapshot and of all; spheres as seen from y, the nearest last; lines of discs turn (figure 5)."""
-    run = SimpleNamespace(config=shipped_cases()[case].read_text())
+    run = SimpleNamespace(config=shipped_cases()[case].read_text(), config_file="case")
     size = np.array(config_of(run).domain.size)
     x = np.pad(np.array([[0.3, 0.4, 0.2], [0.6, 0.5, 0.8]])[:, : len(size)] * size, ((0, 0), (0, 3 - len(size))))
     seen = []

@@ -55,7 +55,7 @@ def test_the_figure_has_the_stress_of_each_slice_and_lines_that_meet_at_the_crit
     series = {f"stress_zz_{k + 1}": stress for k, stress in enumerate(stresses)}
     series |= {f"pressure_{k + 1}": 9810.0 * inside * (1.3e-3 - z) for k, z in enumerate(middle)}
     series |= {"hydraulic_gradient": 1.1 * inside, "force_sample_z": 9810.0 * 1.1 * inside * 6e-4**2 * 1.325e-3 / 0.98}
-    run = SimpleNamespace(config=shipped_cases()["quick-condition"].read_text())
+    run = SimpleNamespace(config=shipped_cases()["quick-condition"].read_text(), config_file="case")
     run.series = Series(series, {}, np.arange(40), np.linspace(0.0, 0.01, 40))
     axes = plots.stress(run, None).axes[0]
     *pairs, theory = axes.lines

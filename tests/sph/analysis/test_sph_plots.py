@@ -99,7 +99,7 @@ def one_snapshot(monkeypatch, particles, t):
 
 
 def case_of(name):
-    return SimpleNamespace(config=shipped_cases()[name].read_text())
+    return SimpleNamespace(config=shipped_cases()[name].read_text(), config_file="case")
 
 
 THREE = {  # of three pressures in a plane, of three speeds in space
