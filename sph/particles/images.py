@@ -16,6 +16,7 @@ from sph.kernels.groups import Images, Mirrors
 from sph.kernels.marks import CODES
 from sph.particles.walls import Walls
 from sph.setup.mirror_groups import direction
+from sph.setup.particle_lattices import whole_steps
 from sph.setup.scene import Scene, Wall
 
 FAR = 1e299  # a face as far as this has no edge
@@ -145,7 +146,8 @@ def mirrors(scene: Scene, walls: Walls, axes: list[int], reach: float) -> list[M
     """
     d, groups = scene.dimensions, dict[tuple[float, ...], Maps]()
     for wall in scene.walls:
-        moved = walls.displacement[wall.index] - scene.low
+        way = walls.displacement[wall.index]
+        moved = way - whole_steps(wall, way) - scene.low
         push = 2 * walls.velocity[wall.index][axes]
         beyond = 0.0 if wall.section.solid else reach  # the corners of a tank belong to both of its faces
         for point, normal, near, edges, layer in _faces(wall, reach, moved, axes):

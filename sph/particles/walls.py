@@ -11,6 +11,7 @@ from sph.kernels.marks import EXTRAPOLATED, NORMAL, REAL, REPULSIVE, SLIPS, WALL
 from sph.particles.slabs import Slabs
 from sph.particles.storage import Storage
 from sph.particles.tasks import Tasks
+from sph.setup.particle_lattices import whole_steps
 from sph.setup.scene import AHEAD, Scene, Wall
 
 Corners = tuple[NDArray[np.float64], NDArray[np.float64]]
@@ -34,7 +35,8 @@ def shell(inner: Corners | None, outer: Corners) -> Iterator[Corners]:
 class Walls:
     """The walls of a scene at the present time: displacement[wall, d] m, velocity[wall, d] m/s and
     acceleration[wall, d] m/s2, in physical axes; `made`: the box in which the particles of a wall exist, at
-    displacement 0; measured[wall]: its force is.
+    displacement 0; measured[wall]: its force is. taken_back[wall, d] m: how far the particles of a plane stay behind
+    it, so that it never ends.
     """
 
     def __init__(self, scene: Scene) -> None:
@@ -44,7 +46,7 @@ class Walls:
         self.moving = any(wall.moving for wall in scene.walls)
         self.measured = np.array([wall.measure_force for wall in scene.walls], bool)
         self.displacement = np.zeros((len(scene.walls), scene.dimensions))
-        self.velocity, self.acceleration = np.zeros((2, len(scene.walls), scene.dimensions))
+        self.velocity, self.acceleration, self.taken_back = np.zeros((3, len(scene.walls), scene.dimensions))
         self.turns: dict[int, Corners] = {}  # of rigid bodies: centre at t = 0 and matrix
         self.move(0.0)
 
@@ -78,11 +80,23 @@ class Walls:
         at = wall.rigid.centre[: self.scene.dimensions] if wall.rigid else (wall.corners[0] + wall.corners[1]) / 2
         return at + self.displacement[wall.index]
 
+    def take_back(self, storage: Storage) -> None:
+        """Put the particles of planes that slide along themselves back by whole spacings, where others have been."""
+        for wall in self.walls:
+            if wall.moving and wall.shape.plane:
+                now = whole_steps(wall, self.displacement[wall.index])
+                back = now - self.taken_back[wall.index]
+                if back.any():
+                    own = storage.own_slots[storage.own_values("wall") == wall.index + 1]
+                    storage.x[:, own] -= back[list(self.scene.axes), None]
+                    self.taken_back[wall.index] = now
+
     def _boxes_to_make(self, low: NDArray, high: NDArray) -> list[tuple[Wall, Corners]]:
         """Boxes where walls are to be made, for fluid in the box (low, high); in the frame of the wall at rest."""
         found, scene, support = [], self.scene, self.scene.support
         for wall in self.walls:
-            shift, limits, made = self.displacement[wall.index], wall.bounds, self.made.get(wall.index)
+            limits, made = wall.bounds, self.made.get(wall.index)
+            shift = self.displacement[wall.index] - self.taken_back[wall.index]
             if wall.rigid:  # whole, before it moves
                 found += [] if made else [(wall, limits)]
                 self.made[wall.index] = limits
@@ -117,15 +131,18 @@ class Walls:
             raise Diverged("the box where a wall is made is not of finite numbers")
         self.made = {k: (box[0], box[1]) for k, box in enumerate(boxes) if not nothing[k]}
         self.move(t)
+        for wall in self.walls:
+            self.taken_back[wall.index] = whole_steps(wall, self.displacement[wall.index])
 
     def grow(self, box: Corners, storage: Storage, slabs: Slabs) -> None:
         """Make wall particles where the fluid, which is in the box now, will be soon."""
         scene, axes = self.scene, list(self.scene.axes)
+        self.take_back(storage)
         ahead = 0.5 * scene.support  # more than it moves in a step
         for wall, part in self._boxes_to_make(box[0] - ahead, box[1] + ahead):
             ids, x, _ = wall.near(*part)
             drho = scene.rest_density(x) if wall.rule.layered else np.zeros(len(x))
-            x = (x + self.displacement[wall.index])[:, axes] - scene.low[axes]
+            x = (x + self.displacement[wall.index] - self.taken_back[wall.index])[:, axes] - scene.low[axes]
             mine = np.flatnonzero(slabs.owner[slabs.grid.layer(x[:, 0])] == slabs.world.rank)
             self.add(storage, ids[mine], x[mine].T, drho[mine])
 

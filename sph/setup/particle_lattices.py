@@ -8,19 +8,22 @@ normal again.
 import math
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from hpcpic.core.space.products import product
+from hpcpic.core.space.shapes import unit
 from sph.case import geometry
-from sph.case.config import AXES, Shape
+from sph.case.config import AXES, Plane, Shape
 from sph.setup import signed_distance
 
 Found = tuple[NDArray[np.int64], NDArray[np.float64], NDArray[np.float64]]
 Box = tuple[NDArray, NDArray] | None
 Test = Callable[[NDArray], NDArray[np.bool_]]
 CHUNK = 1 << 18
+ENDLESS = 4.0  # diagonals of the domain that a plane goes on beyond it
 
 
 def cross(ranges: list[NDArray]) -> NDArray[np.int64]:
@@ -178,6 +181,43 @@ class Sheet:
         at = np.stack(np.unravel_index(index, self.counts), axis=1)
         x = self.origin + product(at, self.tangents)
         return x, np.broadcast_to(self.normal, x.shape).copy()
+
+
+def along(normal: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Unit vectors [d - 1, d] in a plane, at right angles; first the axes that lie in it."""
+    flat, padded = np.eye(len(normal))[normal == 0.0], np.array([*normal, 0.0][:3])
+    first = unit(np.cross(padded, np.eye(3)[np.argmin(np.abs(padded))]))
+    oblique = np.stack([first, np.cross(padded, first)])
+    return np.concatenate([flat, oblique[: len(normal) - 1 - len(flat), : len(normal)]])
+
+
+def plane_sheet(scene: Any, plane: Plane, recess: float) -> Sheet:
+    """A sheet of spacing dp, far beyond the domain; along periodic axes, which lie in it, over a period."""
+    normal, dp = unit(plane.normal), scene.spacing
+    flat = np.flatnonzero(normal == 0.0)
+    basis = along(normal)
+    middle, reach = (scene.low + scene.high) / 2, (ENDLESS + 0.5) * scene.diagonal
+    origin = middle - (product(middle - plane.point, normal) + recess) * normal
+    steps, counts = np.full(len(basis), dp), np.full(len(basis), 2 * math.ceil(reach / dp) + 1)
+    for row, k in enumerate(flat):
+        if scene.periodic[k]:
+            length = scene.high[k] - scene.low[k]
+            counts[row] = geometry.count(length, dp)
+            steps[row] = length / counts[row]
+    tangents = basis * steps[:, None]
+    return Sheet(origin - product((counts - 1) / 2, tangents), tangents, tuple(counts.tolist()), normal)
+
+
+def whole_steps(wall: Any, way: NDArray[np.float64]) -> NDArray[np.float64]:
+    """The part of a way [d] of a wall, m, after which its particles lie as before: of a plane, whole spacings along
+    itself. Nothing along periods, through which they go on.
+    """
+    found = np.zeros_like(way)
+    for layer in wall.lattice.parts[:1] if wall.shape.plane and wall.lattice else []:
+        for step in layer.tangents:
+            if not step[wall.scene.periodic].any():
+                found += np.rint(product(way, step) / product(step, step)) * step
+    return found
 
 
 @dataclass(frozen=True, slots=True)

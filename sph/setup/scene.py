@@ -13,7 +13,6 @@ from numpy.typing import NDArray
 
 from hpcpic.core.errors import ConfigError
 from hpcpic.core.files.start import arrays
-from hpcpic.core.space.products import product
 from hpcpic.core.space.rng import uniforms
 from hpcpic.core.space.shapes import unit
 from sph.case import config as case
@@ -27,17 +26,18 @@ from sph.setup import flows, periodic_walls, rest_distance, signed_distance
 from sph.setup.obstacles import DOMAIN, obstacles
 from sph.setup.openings import Sink, Source
 from sph.setup.particle_lattices import (
+    ENDLESS,
     PART,
     Face,
     Filled,
     Grid,
     Parts,
-    Sheet,
     Shell,
     box_sheets,
     even,
     flagged,
     grid_of,
+    plane_sheet,
 )
 from sph.setup.rigid.fit import Fitted, beside, fits
 from sph.setup.rigid.mass import rigid_of
@@ -45,7 +45,6 @@ from sph.setup.rigid.mass import rigid_of
 REST = 0.9  # of h: distance at which a repulsive layer holds the fluid (S(y) of (SC 9) is 0.25 there)
 FAR = 1e300
 AHEAD = 4.0  # supports around the fluid in which walls are made, once it is nearer than one to what is not made yet
-ENDLESS = 4.0  # diagonals of the domain that a plane goes on beyond it
 DISORDER = 1  # stream of the random numbers
 
 
@@ -194,31 +193,6 @@ class Wall:
         for k in np.flatnonzero(self.through):
             lines[k] = even(self.scene.low[k], self.scene.high[k], dp)
         return Grid(tuple(lines))
-
-
-def along(normal: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Unit vectors [d - 1, d] in a plane, at right angles; first the axes that lie in it."""
-    flat, padded = np.eye(len(normal))[normal == 0.0], np.array([*normal, 0.0][:3])
-    first = unit(np.cross(padded, np.eye(3)[np.argmin(np.abs(padded))]))
-    oblique = np.stack([first, np.cross(padded, first)])
-    return np.concatenate([flat, oblique[: len(normal) - 1 - len(flat), : len(normal)]])
-
-
-def plane_sheet(scene: "Scene", plane: case.Plane, recess: float) -> Sheet:
-    """A sheet of spacing dp, far beyond the domain; along periodic axes, which lie in it, over a period."""
-    normal, dp = unit(plane.normal), scene.spacing
-    flat = np.flatnonzero(normal == 0.0)
-    basis = along(normal)
-    middle, reach = (scene.low + scene.high) / 2, (ENDLESS + 0.5) * scene.diagonal
-    origin = middle - (product(middle - plane.point, normal) + recess) * normal
-    steps, counts = np.full(len(basis), dp), np.full(len(basis), 2 * math.ceil(reach / dp) + 1)
-    for row, k in enumerate(flat):
-        if scene.periodic[k]:
-            length = scene.high[k] - scene.low[k]
-            counts[row] = geometry.count(length, dp)
-            steps[row] = length / counts[row]
-    tangents = basis * steps[:, None]
-    return Sheet(origin - product((counts - 1) / 2, tangents), tangents, tuple(counts.tolist()), normal)
 
 
 @dataclass(slots=True)

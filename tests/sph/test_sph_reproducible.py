@@ -40,6 +40,12 @@ inlet = ( { low = [0.0, 0.0]; high = [0.12, 0.5]; axis = "x+"; discharge = 2.4; 
 outlet = ( { low = [0.88, 0.0]; high = [1.0, 0.5]; axis = "x+"; level = 0.4; waves = true; velocity = 6.0; } );
 """
 
+SLIDING = """
+wall = ( { name = "tank"; shape = { box = { low = [0.0, 0.0]; high = [1.0, 0.6]; open = ["y+", "y-"]; }; }; },
+         { name = "belt"; type = "pressure-continuity"; measure_force = true; motion = { velocity = [5.0, 0.0]; };
+           shape = { plane = { point = [0.0, 0.0]; normal = [0.0, 1.0]; }; }; } );
+"""
+
 JOBS = {
     name: {"program": "sph", "case": case, "steps": 12}
     for name, case in {
@@ -60,6 +66,7 @@ JOBS = {
                           form="morris", flux="delta", balance=3, velocity=(2.0, 0.0), more=EXTRAPOLATED),
         "gas": layers(densities=(1000.0, 2.0), ambient=1e4, size=(1.0, 0.6), spacing=0.04, fill=(1.0, 0.6),
                       flux="delta", periodic=("x",), balance=3, velocity=(2.0, 0.0), more=EXTRAPOLATED),
+        "sliding": text(d=2, size=(1.0, 0.6), spacing=0.04, fill=(1.0, 0.4), flux="delta", balance=3, more=SLIDING),
         "torn": torn(),
     }.items()
 }  # fmt: skip

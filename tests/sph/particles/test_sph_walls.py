@@ -2,6 +2,8 @@ import numpy as np
 import pytest
 from sph_scenes import by_id, engine, jitter, tank
 
+from sph.particles.images import images_of
+
 NEW = ["extrapolated-free-slip", "extrapolated-no-slip"]
 KINDS = ["pressure-continuity", "repulsive", "mirror-no-slip", "point-symmetric-free-slip", *NEW]
 
@@ -186,6 +188,41 @@ def test_moving_walls_are_where_their_motion_says():
     moved = [now[number] - start[number] for number in now.keys() & start.keys()]
     assert np.abs(np.array(moved) - [0.5 * sph.time, 0.0]).max() < 1e-14
     assert np.all(by_id(sph, "v")[0][sph.scene.axes.index(0)][-1] == 0.5)
+
+
+@pytest.mark.parametrize("kind", ["pressure-continuity", "repulsive"])
+def test_a_plane_that_slides_along_itself_never_ends(kind):
+    """Forty times as far as the domain is long: as many particles as at the start, less than a spacing from there."""
+    belt = f"""wall = ( {{ name = "belt"; type = "{kind}"; motion = {{ velocity = [3.0, -4.0]; }};
+        shape = {{ plane = {{ point = [0.0, 0.0]; normal = [4.0, 3.0]; }}; }}; }} );"""
+    sph = engine(size=0.2, fill=0.2, gravity=(0.0, 0.0), pressure="zero", more=belt)
+    belt, dp = sph.scene.walls[0], sph.scene.spacing
+    along, n, farthest = np.array([0.6, -0.8]), np.count_nonzero(sph.storage.own_values("wall") == 1), 0.0
+    for _ in range(1000):
+        sph.clock.time += 2e-3
+        sph.walls.carry(sph.clock.time, sph.tasks, sph.motion.carry)
+        sph.walls.grow((sph.scene.low, sph.scene.high), sph.storage, sph.slabs)
+        here = sph.storage.own_values("wall") == 1
+        ids, x = sph.storage.own_values("id")[here], sph.storage.physical("x")[here]
+        farthest = max(farthest, np.abs((x - belt.at(ids)[0]) @ along).max())
+        assert len(ids) <= n + 12
+    assert sph.clock.time * 5.0 > 40 * 0.2
+    assert farthest <= 0.5 * dp + 1e-9 and np.abs(x @ [0.8, 0.6]).max() < dp * belt.layers + 1e-9
+
+
+def test_centres_of_symmetry_in_a_plane_that_slides_never_end():
+    belt = """wall = ( { type = "point-symmetric-free-slip"; motion = { velocity = [5.0, 0.0]; };
+        shape = { plane = { point = [0.0, 0.0]; normal = [0.0, 1.0]; }; }; } );"""
+    sph = engine(size=0.2, fill=0.2, gravity=(0.0, 0.0), pressure="zero", more=belt)
+    (start,), (now,) = (centres(sph, t) for t in (0.0, 1.613))
+    assert np.abs(now - start).max() <= 0.5 * sph.scene.spacing + 1e-9 and np.abs(now - start).max() > 1e-3
+
+
+def centres(sph, t):
+    """The first centre of each layer of point symmetry at time t."""
+    sph.walls.move(t)
+    maps, _ = images_of(sph.walls, sph.scene.support)
+    return [layer.origin for layers in maps.layers for _, layer in layers]
 
 
 def test_a_thin_bed_between_repulsive_walls_stays_where_it_is():
