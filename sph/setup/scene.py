@@ -59,7 +59,7 @@ class Wall:
         self.shape = periodic_walls.endless(section.shape, scene.config.domain)
         self.name, self.rule, self.measure_force = section.name, rule_of(section.type), section.measure_force
         self.torque_about = np.array(section.torque_about)
-        self.rigid = rigid_of(section.shape, section.body.density, scene.spacing) if section.body else None
+        self.rigid = rigid_of(section.shape, section.body.density) if section.body else None
         self.closed = self._closed()
         self.layers = max(1, math.ceil(scene.support / scene.spacing - 0.5))
         self.faces: list[Face] = self.flat_faces() if self.rule.face_images else []

@@ -11,7 +11,6 @@ from hpcpic.core.space.products import product
 from sph.case import geometry
 from sph.case.config import Shape
 from sph.setup import signed_distance
-from sph.setup.particle_lattices import grid_of
 
 Reals = NDArray[np.float64]
 
@@ -25,20 +24,31 @@ class Rigid:
     inertia: Reals
 
 
-def rigid_of(shape: Shape, density: float, spacing: float) -> Rigid:
-    """Mass and inertia of a shape of even density: its volume, shared among the points of a lattice that lie in it.
-    Each has the inertia of its cell besides, so that those of a box are exact.
-    """
-    grid = grid_of(shape, spacing)
-    x = grid.points(grid.unflat(np.arange(grid.n)))
-    x = x[signed_distance.signed_distance(shape, x) <= 0.0]
-    d, mass = x.shape[1], density * geometry.volume(shape)
-    cells = [(c[-1] - c[0]) / (len(c) - 1) if len(c) > 1 else spacing for c in grid.coordinates]
-    centre, second = np.zeros(3), np.zeros((3, 3))
-    centre[:d] = x.mean(axis=0)
-    r = x - centre[:d]
-    second[:d, :d] = mass * (np.einsum("na,nb->ab", r, r) / len(x) + np.diag(np.square(cells)) / 12)
+def rigid_of(shape: Shape, density: float) -> Rigid:
+    """Mass and inertia of a shape of even density, exact: those of a surface of triangles are of the triangles."""
+    mass = density * geometry.volume(shape)
+    if shape.stl:
+        from sph.case.stl import mesh
+
+        found = mesh(shape.stl)
+        return Rigid(mass, np.array(found.center_mass), density * np.array(found.moment_inertia))
+    middle = geometry.middle(shape)
+    d, centre, second = len(middle), np.zeros(3), np.zeros((3, 3))
+    centre[:d], second[:d, :d] = middle, mass * mean_square(shape, d)
     return Rigid(mass, centre, np.trace(second) * np.eye(3) - second)
+
+
+def mean_square(shape: Shape, d: int) -> Reals:
+    """Mean over a shape of r_a r_b [d, d], m2; r from its middle."""
+    if shape.sphere:
+        return shape.sphere.radius**2 / (d + 2) * np.eye(d)
+    if shape.cylinder:
+        axis = np.subtract(shape.cylinder.top, shape.cylinder.base)
+        along = np.outer(axis, axis)
+        across = np.eye(d) - along / np.trace(along)
+        return along / 12 + shape.cylinder.radius**2 / (3 if d == 2 else 4) * across
+    low, high = geometry.bounds(shape)
+    return np.diag(np.square(np.subtract(high, low))) / 12
 
 
 def rotation(q: Reals) -> Reals:

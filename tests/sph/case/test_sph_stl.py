@@ -12,6 +12,7 @@ from hpcpic.core.files.rundir import RunDir
 from sph.case import geometry
 from sph.configure import configure
 from sph.forecast.derived import derived
+from sph.setup.rigid.mass import rigid_of
 from sph.setup.scene import Scene
 
 trimesh = pytest.importorskip("trimesh")
@@ -61,6 +62,14 @@ def test_a_solid_has_layers_inside_its_surface_with_normals_outwards(case):
     assert np.allclose(np.abs(normal).max(axis=1), 1.0)
     side = np.abs(x[:, 2] - 0.2) < 0.05
     assert np.all(np.sum((x - [1.2, 0.4, 0.2])[side] * normal[side], axis=1) > 0)
+
+
+def test_a_body_has_the_inertia_of_its_triangles(case):
+    mass = 700.0 * 0.24 * 0.24 * 0.4
+    found = rigid_of(case().wall[0].shape, 700.0)
+    assert found.mass == pytest.approx(mass, rel=1e-6) and found.centre == pytest.approx([1.2, 0.4, 0.2])
+    across = mass / 12 * (0.24**2 + 0.4**2)
+    np.testing.assert_allclose(found.inertia, np.diag([across, across, mass / 6 * 0.24**2]), rtol=1e-5, atol=1e-6)
 
 
 def test_scale_and_shift(case):

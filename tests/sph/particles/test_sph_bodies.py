@@ -50,14 +50,41 @@ def test_fluid_and_bodies_keep_their_momentum(integrator):
     assert np.abs(off).max(axis=2).min(axis=1).max() < 1e-13  # which kept their places in the body
 
 
-def test_mass_and_inertia_of_shapes():
-    flat = config(more=bodies(body())).wall[0].shape
-    found = rigid_of(flat, 500.0, 0.05)
-    assert found.mass == pytest.approx(40.0) and found.centre == pytest.approx([0.5, 0.5, 0.0])
-    assert found.inertia[2, 2] == pytest.approx(40.0 / 12 * (0.4**2 + 0.2**2), rel=1e-12)
-    ball = config(d=3, more=bodies(body("sphere = { centre = [0.5, 0.5, 0.5]; radius = 0.3; };"))).wall[0].shape
-    found = rigid_of(ball, 1.0, 0.02)
-    assert np.allclose(found.inertia, 0.4 * found.mass * 0.09 * np.eye(3), rtol=0.02, atol=1e-12)  # cells cut by it
+SOLIDS = {  # volume, centre, second moments along x, y, z over the mass, in m: exact
+    "box = { low = [0.1, 0.2]; high = [0.5, 0.4]; }": (0.08, (0.3, 0.3, 0.0), (0.4**2 / 12, 0.2**2 / 12, 0.0)),
+    "sphere = { centre = [0.5, 0.4]; radius = 0.12; }": (
+        np.pi * 0.12**2, (0.5, 0.4, 0.0), (0.12**2 / 4, 0.12**2 / 4, 0.0)),
+    "cylinder = { base = [0.1, 0.4]; top = [0.7, 0.4]; radius = 0.1; }": (
+        0.12, (0.4, 0.4, 0.0), (0.6**2 / 12, 0.2**2 / 12, 0.0)),
+    "box = { low = [0.1, 0.2, 0.3]; high = [0.5, 0.4, 0.6]; }": (
+        0.024, (0.3, 0.3, 0.45), (0.4**2 / 12, 0.2**2 / 12, 0.3**2 / 12)),
+    "sphere = { centre = [0.5, 0.4, 0.3]; radius = 0.2; }": (
+        4 / 3 * np.pi * 0.2**3, (0.5, 0.4, 0.3), (0.2**2 / 5,) * 3),
+    "cylinder = { base = [0.5, 0.4, 0.1]; top = [0.5, 0.4, 0.7]; radius = 0.1; }": (
+        np.pi * 0.1**2 * 0.6, (0.5, 0.4, 0.4), (0.1**2 / 4, 0.1**2 / 4, 0.6**2 / 12)),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("text", SOLIDS)
+def test_mass_and_inertia_of_shapes(text):
+    volume, centre, moments = SOLIDS[text]
+    wall = config(d=text.count(",") // text.count("[") + 1, more=bodies(body(f"{text};"))).wall[0]
+    found = rigid_of(wall.shape, 500.0)
+    assert found.mass == pytest.approx(500.0 * volume) and found.centre == pytest.approx(centre)
+    expected = 500.0 * volume * (sum(moments) * np.eye(3) - np.diag(moments))
+    np.testing.assert_allclose(found.inertia, expected, rtol=1e-12, atol=1e-12)
+
+
+@pytest.mark.parametrize("angle", [0.0, 0.4, 2.5])
+def test_the_inertia_of_a_cylinder_turns_with_it(angle):
+    ends = [(np.array([0.5, 0.5, 0.5]) + side * 0.3 * np.array([np.cos(angle), 0.0, np.sin(angle)])).tolist()
+            for side in (-1, 1)]  # fmt: skip
+    solid = f"cylinder = {{ base = {ends[0]}; top = {ends[1]}; radius = 0.1; }};"
+    inertia = rigid_of(config(d=3, more=bodies(body(solid))).wall[0].shape, 1.0).inertia
+    upright = SOLIDS[[*SOLIDS][-1]][2]
+    turn = rotation(turning(np.array([0.0, np.pi / 2 - angle, 0.0])))
+    expected = turn @ (sum(upright) * np.eye(3) - np.diag(upright)) @ turn.T
+    np.testing.assert_allclose(inertia, np.pi * 0.1**2 * 0.6 * expected, atol=1e-12)
 
 
 def test_rotations_follow_each_other():
