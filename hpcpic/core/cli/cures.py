@@ -19,9 +19,14 @@ if TYPE_CHECKING:
     from hpcpic.core.app.knobs import Knob, Knobs
 
 Change = Callable[[float], tuple[str, ...]]  # factor on a size -> settings
+Judge = Callable[[tuple[str, ...]], str]  # settings -> verdict
 
 DOUBLINGS = 13  # finer or coarser than the case
 FINEST = 1e-3  # relative width at which the search for a legal size ends
+WAYS = (  # verdicts, what is said where all numbers have such ones, and where only the one that is to be cured has
+    (("ok", "warn"), "the nearest legal one", "the nearest legal one for this number; others still refuse the case"),
+    (("ok",), "without a warning", "without a warning of this number; others warn"),
+)
 
 
 def cures(app: App, read: Case, sets: Sequence[str], refused: Derived, ranks: int) -> list[str]:
@@ -31,10 +36,12 @@ def cures(app: App, read: Case, sets: Sequence[str], refused: Derived, ranks: in
     finder = Finder(app, read, tuple(sets), refused, ranks)
     found: dict[tuple[str, ...], str] = {}
     for change in finder.changes(refused):
-        for verdicts, words in ((("ok", "warn"), "the nearest legal one"), (("ok",), "without a warning")):
-            assignments = finder.nearest(change, verdicts)
-            if assignments:
-                found.setdefault(assignments, words)
+        for verdicts, all_are, this_is in WAYS:
+            for judge, words in ((finder.worst, all_are), (finder.verdict, this_is)):
+                assignments = finder.nearest(change, verdicts, judge)
+                if assignments:
+                    found.setdefault(assignments, words)
+                    break
         if found:
             break
     for choice in finder.knobs.choices:
@@ -56,6 +63,7 @@ class Finder:
         self.app, self.path, self.sets, self.ranks, self.name = app, read.path, sets, ranks, refused.name
         self.config = read.config
         self.knobs: Knobs = app.knobs(read.config)
+        self._numbers: dict[tuple[str, ...], list[Derived] | None] = {}
         self.seconds = self.estimated(())
 
     def estimated(self, assignments: tuple[str, ...]) -> float:
@@ -66,15 +74,29 @@ class Finder:
         seconds = self.estimated(assignments)
         return f"{seconds / self.seconds:.3g} times the cost ({duration(seconds)})"
 
+    def numbers(self, assignments: tuple[str, ...]) -> list[Derived] | None:
+        """All numbers under these settings, None where they are not valid."""
+        if assignments not in self._numbers:
+            try:
+                config = read_case(self.app, self.path, (*self.sets, *assignments)).config
+                self._numbers[assignments] = self.app.derived(config, self.ranks)
+            except ConfigError:
+                self._numbers[assignments] = None
+        return self._numbers[assignments]
+
+    def worst(self, assignments: tuple[str, ...]) -> str:
+        """The worst verdict of all numbers under these settings."""
+        numbers = self.numbers(assignments)
+        verdicts = {"fail"} if numbers is None else {number.verdict for number in numbers}
+        return next(verdict for verdict in ("fail", "warn", "ok") if verdict in {*verdicts, "ok"})
+
     def verdict(self, assignments: tuple[str, ...]) -> str:
         """The number's verdict under these settings; "fail" also where they are not valid, or another number fails."""
-        try:
-            config = read_case(self.app, self.path, (*self.sets, *assignments)).config
-        except ConfigError:
+        numbers = self.numbers(assignments)
+        if numbers is None:
             return "fail"
-        numbers = self.app.derived(config, self.ranks)
         own = [number.verdict for number in numbers if number.name == self.name]
-        others = [number.verdict for number in self.app.derived(self.config, self.ranks)]
+        others = [number.verdict for number in self.numbers(()) or ()]
         worse = sum(n.verdict == "fail" for n in numbers) > sum(verdict == "fail" for verdict in others) - 1
         return "fail" if worse and "fail" in (n.verdict for n in numbers) else own[0] if own else "ok"
 
@@ -98,16 +120,16 @@ class Finder:
             found.append(lambda factor: (f"{dotted(refused.key)}={float(f'{value * factor:.4g}')!r}",))
         return found
 
-    def nearest(self, change: Change, verdicts: tuple[str, ...]) -> tuple[str, ...]:
-        """Settings of the size next to the case's own that gets one of the verdicts; () where there is none."""
+    def nearest(self, change: Change, verdicts: tuple[str, ...], judge: Judge) -> tuple[str, ...]:
+        """Settings of the size next to the case's own of which `judge` gives one of the verdicts; () for none."""
         for step in (0.5, 2.0):
             tried = (step**n for n in range(1, DOUBLINGS + 1))
-            good = next((factor for factor in tried if self.verdict(change(factor)) in verdicts), None)
+            good = next((factor for factor in tried if judge(change(factor)) in verdicts), None)
             if good is None:
                 continue
             near = good / step
             while abs(math.log(good / near)) > FINEST:
                 middle = math.sqrt(near * good)
-                near, good = (near, middle) if self.verdict(change(middle)) in verdicts else (middle, good)
+                near, good = (near, middle) if judge(change(middle)) in verdicts else (middle, good)
             return change(good)
         return ()

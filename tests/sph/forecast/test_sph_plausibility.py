@@ -4,8 +4,11 @@ import math
 
 import pytest
 
+from hpcpic.core.app.read import read_case
 from hpcpic.core.case.config import loads
+from hpcpic.core.cli.cures import cures
 from hpcpic.core.errors import ConfigError
+from sph.__main__ import load_app
 from sph.configure import configure
 from sph.forecast.derived import derived
 
@@ -19,6 +22,7 @@ PARTS = {
     "wall": '( { name = "tank"; shape = { box = { low = [0.0, 0.0]; high = [1.0, 1.0]; open = ["y+"]; }; }; } )',
     "gauge": "( )",
 }
+SLOW = "{ sound_speed = 1.0; }"
 
 
 def told(**parts):
@@ -235,3 +239,18 @@ def test_numbers_at_the_edge_of_floating_point_are_judged(key, value):
     except ConfigError:
         return
     assert not any(math.isnan(number.value) for number in numbers)
+
+
+def test_settings_that_are_told_to_cure_a_number_leave_no_other_one_beyond_its_limit(tmp_path):
+    """A sound speed that suits the density at rest may be too low for the waves."""
+    case = tmp_path / "slow.conf"
+    case.write_text("\n".join(f"{name} = {value};" for name, value in (PARTS | {"eos": SLOW}).items()))
+    read = read_case(load_app(), str(case))
+    refused = [number for number in derived(read.config) if number.verdict == "fail"]
+    assert len(refused) == 2
+    for number in refused:
+        ways = dict(line.removeprefix("--set ").split(": ", 1) for line in cures(load_app(), read, (), number, 1))
+        legal, good = (setting for setting, words in ways.items() if "legal" in words or "without" in words)
+        after = [derived(read_case(load_app(), str(case), (way,)).config) for way in (legal, good)]
+        verdicts = [{number.verdict for number in numbers} for numbers in after]
+        assert "fail" not in verdicts[0] and verdicts[1] == {"ok"}
