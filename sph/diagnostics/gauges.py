@@ -54,7 +54,7 @@ class Gauges:
         """How far from its place a gauge looks at fluid along each axis, m."""
         reach = np.full(self.scene.dimensions, self.scene.support)
         if gauge.kind is ELEVATION:
-            reach[self.vertical(gauge)[0]] = np.inf
+            reach[self.scene.vertical(gauge)[0]] = np.inf
         if gauge.kind is FLOW:
             reach[:] = [size / 2 or np.inf for size in gauge.size or (0.0,) * len(reach)]
             reach[gauge.direction[0]] = HALF_SLICE * self.scene.spacing
@@ -114,7 +114,7 @@ class Gauges:
             names = [fluid.section.name for fluid in scene.fluids]
             chosen = scene.kinds(own["id"]) == names.index(gauge.fluid) if gauge.fluid else ~own["gas"]
             own = {key: values[chosen] for key, values in own.items()}
-        axis, sign = self.vertical(gauge)
+        axis, sign = scene.vertical(gauge)
         others = [k for k in range(d) if k != axis]
         r = self.separation(own["x"], gauge.at)[:, others]
         near = np.sum(r * r, axis=1) < scene.support**2
@@ -140,14 +140,6 @@ class Gauges:
             return sign * float(levels[top])
         part = (share[top] - 0.5 * full) / (share[top] - share[top + 1])
         return sign * float(levels[top] + step * part)
-
-    def vertical(self, gauge: Gauge) -> tuple[int, float]:
-        """Axis and sign of up: as given, else against gravity, else the last axis."""
-        if gauge.axis:
-            return gauge.direction
-        g = self.scene.gravity
-        k = int(np.argmax(np.abs(g))) if g.any() else self.scene.dimensions - 1
-        return k, 1.0 if g[k] <= 0 else -1.0
 
     def flow(self, gauge: Gauge, own: Own) -> float:
         """Volume per time through the section, m3/s (2D: m2/s), counted in a slice of two spacings on each side."""

@@ -331,9 +331,10 @@ def images(scene: Scene) -> Iterator[Derived]:
 def dry_gauges(config: SphConfig, scene: Scene) -> Iterator[Derived]:
     """Gauges where no fluid comes."""
     for i, gauge in enumerate(config.gauge):
-        ends = zip(gauge.at, scene.low, scene.high, scene.periodic)  # through a period any place is one in the domain
-        beyond = [0.0 if periodic else max(a - x, x - b, 0.0) for x, a, b, periodic in ends]
-        if gauge.kind is not ELEVATION and max(beyond, default=0.0) > 0.0:
+        over = scene.vertical(gauge)[0] if gauge.kind is ELEVATION else None  # all along this axis it reads
+        ends = enumerate(zip(gauge.at, scene.low, scene.high))
+        beyond = [max(a - x, x - b, 0.0) for k, (x, a, b) in ends if k != over and not scene.periodic[k]]
+        if max(beyond, default=0.0) > 0.0:
             title, cure = f"{gauge.name} beyond the domain", "a place in the domain: here is nothing to show"
             yield Derived(title, "", max(beyond), "m", "0", "warn", "domain", cure, ("gauge", i, "at"))
         if gauge.kind is WALL_PRESSURE:

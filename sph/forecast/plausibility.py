@@ -20,7 +20,7 @@ from sph.setup.rigid.surfaces import gap
 from sph.setup.scene import Scene, Wall
 from sph.setup.signed_distance import signed_distance
 from sph.setup.speeds import fastest, motion_speed, speed_scale
-from sph.setup.tanks import depth_in, open_sides
+from sph.setup.tanks import depth_in, depth_in_wall, open_sides
 
 DENSE, DENSER = 0.02, 0.1  # rho / rho0 - 1 at rest, which are noticed and refused
 MOST_STEPS = 1e9  # 11 days at a millisecond a step
@@ -32,6 +32,7 @@ MOST_PUSH = 0.2
 LEAST_AMBIENT = 0.5  # rho v^2: three times the absolute pressure, 0.46 of the volume
 SMOOTH = 2.0  # h/dp, below which particles that find an order take less room, and a closed gas has that much more
 LEAST_PRESSURE = 2.0  # rho v^2 of an outlet behind a solid: of 0 and 1 a stream around a square fell apart
+RAYS, LONGEST_RAY = 9, 1e6  # particles of a fluid under which a wall is looked for, so many half spacings deep
 LONGEST_WAY = 1.0  # spacings of a wall in a step, beyond which it jumps over fluid
 
 
@@ -44,6 +45,7 @@ def sensible(config: SphConfig, scene: Scene) -> Iterator[Derived]:
     yield from depths(config, scene)
     yield from gases(config, scene)
     yield from bodies_outside(config)
+    yield from falling(scene)
     yield from rigid_bodies(scene)
     yield from openings(config, scene)
     if config.fluid:
@@ -183,6 +185,23 @@ def bodies_outside(config: SphConfig) -> Iterator[Derived]:
             path: Path = ("stl", "scale") if wall.shape.stl else ()
             yield Derived(f"distance of {wall.name} from all fluid and tanks", "", away, "m", "0", "warn",
                           "nothing comes to it", cure, ("wall", i, "shape", *path))  # fmt: skip
+
+
+def falling(scene: Scene) -> Iterator[Derived]:
+    """Fluids under which there is no wall: most often in another place than their tank."""
+    g = math.hypot(*scene.config.gravity)
+    sides = {AXES[k] + ("-" if value < 0 else "+") for k, value in enumerate(scene.config.gravity) if value}
+    n = 2 * scene.diagonal / scene.spacing
+    if not 0.0 < g < math.inf or not n < LONGEST_RAY or sides & {*scene.config.domain.outflow}:
+        return
+    way = 0.5 * scene.spacing * np.arange(n)[:, None] * scene.gravity / g
+    for i, fluid in enumerate(scene.fluids):
+        if fluid.n and not fluid.section.gas:
+            ids = fluid.first + np.unique(np.linspace(0, fluid.n - 1, RAYS).astype(np.int64))
+            held = any(np.any(depth_in_wall(wall, x + way) > 0.0) for x in fluid.points(ids) for wall in scene.walls)
+            if not held:
+                yield Derived(f"walls under {fluid.section.name}", "", 0, "", ">= 1", "warn", "it falls without end",
+                              "a place in a tank, a wall under it, or domain.outflow", ("fluid", i))  # fmt: skip
 
 
 def rigid_bodies(scene: Scene) -> Iterator[Derived]:

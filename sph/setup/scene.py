@@ -267,6 +267,14 @@ class Scene:
         masses = [fluid.mass for fluid in self.fluids] + [inlet.mass for inlet in self.inlets]
         self.masses = np.array(masses)  # kg, by kind
 
+    def vertical(self, gauge: case.Gauge) -> tuple[int, float]:
+        """Axis and sign of up for a gauge of level: as given, else against gravity, else the last axis."""
+        if gauge.axis:
+            return gauge.direction
+        g = self.gravity
+        k = int(np.argmax(np.abs(g))) if g.any() else self.dimensions - 1
+        return k, 1.0 if g[k] <= 0 else -1.0
+
     def kinds(self, ids: NDArray[np.int64]) -> NDArray[np.int64]:
         """By number, the fluid of a particle, or behind all fluids its inlet: inlets take turns with numbers."""
         firsts = [fluid.first for fluid in self.fluids]

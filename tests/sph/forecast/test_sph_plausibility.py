@@ -22,6 +22,7 @@ PARTS = {
     "wall": '( { name = "tank"; shape = { box = { low = [0.0, 0.0]; high = [1.0, 1.0]; open = ["y+"]; }; }; } )',
     "gauge": "( )",
 }
+LEVEL = '( {{ name = "level"; what = "elevation"; at = {}; }} )'
 SLOW = "{ sound_speed = 1.0; }"
 
 
@@ -58,6 +59,11 @@ def surface(z):
          {"gravity": "[1.0, -9.81]", "domain": '{ low = [0.0, 0.0]; high = [1.0, 1.0]; periodic = ["x"]; }'}),
         ("steps to the end", "ok", {}),
         ("steps to the end", "fail", {"simulation": "{ dimensions = 2; end_time = 1e30; }"}),
+        ("walls under water", "warn",
+         {"fluid": PARTS["fluid"].replace("[0.0, 0.0]; high = [1", "[2.0, 0.0]; high = [3"), "domain": "{ }"}),
+        ("walls under water", "warn", {"wall": '( { name = "lid"; solid = true; shape = { box = { low = [0.0, 0.4];'
+                                               ' high = [1.0, 0.6]; }; }; } )'}),
+        ("level beyond the domain", "warn", {"gauge": LEVEL.format("[1.5, 0.0]")}),
         ("way of gate in a step", "ok", {"wall": gate("velocity = [0.0, 3.0];")}),
         ("way of gate in a step", "fail",
          {"wall": gate("path = ( { time = 0.5; displacement = [0.0, 0.0]; }, "
@@ -77,6 +83,15 @@ def test_a_limit_holds_on_both_sides(name, verdict, parts):
     number = told(**parts)[name]
     assert number.verdict == verdict
     assert bool(number.cure) == (verdict != "ok")
+
+
+def test_fluid_that_something_holds_and_levels_in_the_domain_are_fine():
+    drop = PARTS["fluid"].replace("low = [0.0, 0.0]; high = [1.0, 0.3]", "low = [0.4, 0.5]; high = [0.6, 0.8]")
+    bed = '( { name = "bed"; shape = { plane = { point = [0.0, -0.2]; normal = [0.1, 1.0]; }; }; } )'
+    leaves = '{ low = [0.0, 0.0]; high = [1.0, 1.0]; outflow = ["y-"]; }'
+    for parts in ({}, {"fluid": drop}, {"wall": bed, "domain": "{ low = [0.0, -0.5]; high = [1.0, 1.0]; }"},
+                  {"wall": "( )", "domain": leaves}, {"gauge": LEVEL.format("[0.5, -7.0]")}):  # fmt: skip
+        assert not {"walls under water", "level beyond the domain"} & told(**parts).keys()
 
 
 def test_a_sensor_in_a_wall_that_moves_names_it():
