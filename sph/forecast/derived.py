@@ -17,8 +17,9 @@ from sph.physics.liquids import liquids_of
 from sph.physics.viscosities import VISCOSITIES
 from sph.physics.wall_rules import rule_of
 from sph.setup.mirror_groups import most_images
-from sph.setup.obstacles import DOMAIN
-from sph.setup.scene import Scene
+from sph.setup.obstacles import DOMAIN, too_near
+from sph.setup.scene import FluidSet, Scene, Wall
+from sph.setup.signed_distance import signed_distance
 from sph.setup.speeds import heights_of, motion_speed
 from sph.setup.tanks import edge, ends
 
@@ -243,15 +244,18 @@ def filling(config: SphConfig, scene: Scene) -> Iterator[Derived]:
     yield Derived("fluid particles", "n", scene.n_fluid)
     for i, fluid in enumerate(scene.fluids):
         section, key = fluid.section, ("fluid", i, "shape")
-        places = fluid.n + sum(fluid.clipped.values()) if section.shape.box else fluid.grid.n
+        places = fluid.n + sum(fluid.clipped.values())
         inlets = {inlet.name for inlet in scene.inlets}  # they begin with fluid
         nothing = fluid.n == 0 and not inlets & {*fluid.clipped}
         for name, gone in fluid.clipped.items():
-            outside = name == DOMAIN or any(w.name == name and not w.section.solid for w in scene.walls)
+            tanks = [wall for wall in scene.walls if wall.name == name and not wall.section.solid]
+            outside = name == DOMAIN or any(reaches_into(wall, fluid) for wall in tanks)
             share = gone / places
             verdict = "fail" if nothing else "warn" if outside else "ok"
             cure = "nothing is left of it" if nothing else "part of the shape holds no fluid" if outside else ""
-            if cure and name != DOMAIN and outside:
+            if cure and any(wall.shape.plane for wall in tanks):
+                cure += f"; the normal of {name} points into the fluid"
+            elif cure and tanks:
                 cure += f"; {name} holds fluid inside, as a tank does: solid = true is a body in the fluid"
             words = f"of {places} ({share:.1%})"
             title = f"{section.name} clipped by {name}"
@@ -266,6 +270,14 @@ def filling(config: SphConfig, scene: Scene) -> Iterator[Derived]:
             verdict = "ok" if abs(error) < 0.05 else "warn"
             cure = "" if verdict == "ok" else "a smaller spacing follows the shape better"
             yield Derived(f"mass of {section.name}", "m/m_exact - 1", error, "", "< 5 %", verdict, "filling", cure, key)
+
+
+def reaches_into(wall: Wall, fluid: FluidSet) -> bool:
+    """Whether places of a fluid lie in a wall, not only too near to it."""
+    x = fluid.grid.points(fluid.grid.unflat(fluid.removed))
+    x = x[signed_distance(fluid.section.shape, x) <= 0.0]
+    ends = np.array([(c[0], c[-1]) for c in fluid.grid.coordinates])
+    return bool(too_near(wall, ends, 0.0, x).any())
 
 
 def dividing(edges: list[float], dp: float) -> float:

@@ -83,9 +83,11 @@ def directions(config: SphConfig) -> Iterator[Derived]:
         down = [*(f"{value:g}" for value in g[:up]), f"{-g[up]:g}"]
         yield Derived(f"gravity along {AXES[up]}", "", g[up], "m/s2", "<= 0", "fail", f"{AXES[up]} is up",
                       f"gravity = [{', '.join(down)}]", key, True)  # fmt: skip
-    for axis, value in zip(AXES, g):
+    for k, (axis, value) in enumerate(zip(AXES, g)):
         if value and axis in config.domain.periodic:
-            cure = "body_force drives a flow through a period; nothing rests on a floor there"
+            rest = ", ".join("0" if n == k else f"{v:g}" for n, v in enumerate(g))
+            force = ", ".join(f"{v + value * (n == k):g}" for n, v in enumerate(config.body_force))
+            cure = f"gravity = [{rest}] and body_force = [{force}], which pulls along {axis} as a slope does"
             yield Derived(f"gravity along the periodic {axis}", "", value, "m/s2", "0", "fail", "an endless fall", cure,
                           key, True)  # fmt: skip
 
@@ -173,8 +175,8 @@ def gases(config: SphConfig, scene: Scene) -> Iterator[Derived]:
 
 def bodies_outside(config: SphConfig) -> Iterator[Derived]:
     """Solid bodies at rest that no fluid can come to: most often in other units, or in another place."""
-    around = [wall.shape for wall in config.wall if not wall.solid] + [fluid.shape for fluid in config.fluid]
-    boxes = [geometry.bounds(shape) for shape in around if not shape.plane]
+    tanks = [geometry.bounds(wall.shape) for wall in config.wall if not (wall.solid or wall.shape.plane)]
+    boxes = [*tanks, *ways_of_fluid(config)]
     for i, wall in enumerate(config.wall):
         if not (boxes and wall.solid) or wall.motion or wall.shape.plane:
             continue
@@ -202,6 +204,19 @@ def falling(scene: Scene) -> Iterator[Derived]:
             if not held:
                 yield Derived(f"walls under {fluid.section.name}", "", 0, "", ">= 1", "warn", "it falls without end",
                               "a place in a tank, a wall under it, or domain.outflow", ("fluid", i))  # fmt: skip
+
+
+def ways_of_fluid(config: SphConfig) -> Iterator[tuple[geometry.Point, geometry.Point]]:
+    """Boxes that fluids and inlets come through in the run, as if nothing stopped them."""
+    t, fastest = config.simulation.end_time, config.eos.max_velocity or 0.0
+    starts = [(*geometry.bounds(fluid.shape), fluid.velocity) for fluid in config.fluid]
+    for inlet in config.inlet:
+        speed = fastest if inlet.axis[1] == "+" else -fastest
+        along = tuple(speed * (axis == inlet.axis[0]) for axis in AXES[: config.dimensions])
+        starts.append((inlet.low, inlet.high, along))
+    for low, high, velocity in starts:
+        way = [v * t + g * t * t / 2 for v, g in zip(velocity or (0.0,) * len(low), config.gravity)]
+        yield tuple(a + min(0.0, s) for a, s in zip(low, way)), tuple(b + max(0.0, s) for b, s in zip(high, way))
 
 
 def rigid_bodies(scene: Scene) -> Iterator[Derived]:

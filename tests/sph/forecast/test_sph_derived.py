@@ -1,5 +1,6 @@
 """Each extreme of a case ends as it should: accurate (ok), degraded with a warning (warn), refused (fail)."""
 
+import numpy as np
 import pytest
 
 from hpcpic.core.case.config import loads
@@ -114,6 +115,26 @@ def test_the_sound_speed_follows_gravity(g):
 def test_no_fluid_is_a_legal_case():
     text = TANK.replace(TANK.splitlines()[4], "").replace("numerics", "eos = { max_velocity = 1.0; };\nnumerics", 1)
     assert all(n.verdict == "ok" for n in derived(configure(loads(text))))
+
+
+DISC = "sphere = { centre = [0.5, 0.5]; radius = 0.4; };"
+
+
+@pytest.mark.parametrize(
+    ("wall", "verdict", "words"),
+    [
+        ('name = "w"; shape = { sphere = { centre = [0.5, 0.5]; radius = 0.4; }; };', "ok", ""),
+        ('name = "w"; shape = { sphere = { centre = [0.5, 0.5]; radius = 0.3; }; };', "warn", "as a tank does"),
+        ('name = "w"; shape = { plane = { point = [0.5, 0.4]; normal = [0.2, 1.0]; }; };', "warn", "normal of w"),
+    ],
+)
+def test_a_round_fluid_that_fills_its_tank_loses_nothing_and_planes_tell_their_side(wall, verdict, words):
+    text = TANK.replace("box = { low = [0.0, 0.0]; high = [1.0, 0.5]; };", DISC)
+    walls = f"wall = ( {{ {wall} }} );"
+    config = configure(loads(text[: text.index("wall = (")] + walls))
+    number = next(n for n in derived(config) if n.name == "fluid_1 clipped by w")
+    assert number.verdict == verdict and words in number.cure and ("solid" in number.cure) == ("tank" in words)
+    assert int(number.limit.split()[1]) == pytest.approx(np.pi * 0.4**2 / 0.05**2, rel=0.05)  # the square has 256
 
 
 def test_what_was_clipped_is_told():

@@ -159,6 +159,26 @@ def test_a_body_in_other_units_is_far_from_all_fluid():
     assert number.verdict == "warn" and number.value == pytest.approx(399 * math.sqrt(2))
 
 
+@pytest.mark.parametrize(
+    ("parts", "told_of"),
+    [
+        ({}, True),
+        ({"inlet": '( { low = [0.0, 0.0]; high = [0.2, 0.3]; axis = "x+"; velocity = 2.0; } )'}, False),
+        ({"inlet": '( { low = [0.8, 0.0]; high = [1.0, 0.3]; axis = "x-"; velocity = 2.0; } )'}, True),
+        ({"fluid": PARTS["fluid"].replace("shape", "velocity = [4.0, 0.0]; shape", 1)}, False),
+    ],
+)
+def test_a_plate_that_a_jet_reaches_is_not_told_to_be_beside_all_fluid(parts, told_of):
+    plate = '( { name = "plate"; solid = true; shape = { box = { low = [2.0, 0.0]; high = [2.2, 0.3]; }; }; } )'
+    assert ("distance of plate from all fluid and tanks" in told(wall=plate, domain="{ }", **parts)) == told_of
+
+
+def test_gravity_along_a_period_says_how_a_slope_is_told():
+    slope = {"domain": '{ low = [0.0, 0.0]; high = [1.0, 1.0]; periodic = ["x"]; }', "body_force": "[0.5, 0.25]"}
+    cure = told(gravity="[1.5, -9.5]", **slope)["gravity along the periodic x"].cure
+    assert "gravity = [0, -9.5] and body_force = [2, 0.25]" in cure and "floor" not in cure
+
+
 def test_the_defaults_of_a_new_case_are_told():
     found = told()
     assert found["density flux, delta"].value == 0.1 and found["artificial viscosity"].value == 0.02
