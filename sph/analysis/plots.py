@@ -184,12 +184,12 @@ def bodies(run: Run, step: int | None = None) -> Figure:
         figure, axes = new_figure(len(bodies), 2, (8.0, 2.6 * len(bodies) + 0.4), squeeze=False, sharex=True)
         for row, (name, body) in zip(axes, bodies.items()):
             every = columns.body_columns(name, body, config.dimensions)
-            for axis, kind in zip(row, ("position", "angle")):
+            for axis, (kind, label) in zip(row, {"position": "way from the start", "angle": "angle"}.items()):
                 shown = [column for column in every if column.startswith(kind)]
                 for column, colour in zip(shown, COLOURS):
                     t, values = columns_of(run, column)
                     axis.plot(*thinned(t, values - values[0]), color=colour, label=column[-1])
-                axis.set(ylabel=axis_label(kind, run.series.units[shown[0]]), title=plain(name))
+                axis.set(ylabel=axis_label(label, run.series.units[shown[0]]), title=plain(name))
                 axis.legend()
         for axis in axes[-1]:
             axis.set_xlabel("time, s")

@@ -14,6 +14,7 @@ from sph.diagnostics.sensors import Sensors
 from sph.diagnostics.snapshot import particles_at
 from sph.particles.storage import Slots, Storage
 from sph.physics.smoothing import SMOOTHING
+from sph.setup.tanks import free_way
 
 FIXED_POINT = 2.0**40
 LEVELS = 4  # heights looked at per spacing
@@ -29,6 +30,7 @@ class Gauges:
     def __init__(self, storage: Storage, sensors: Sensors, since: float = -math.inf) -> None:
         self.storage, self.scene, self.world, self.sensors = storage, storage.scene, storage.world, sensors
         self.since = since
+        self._beds: dict[str, float] = {}  # by gauge
 
     def values(self, time: float) -> dict[str, float]:
         """Readings of the gauges whose period is over: one number each, or one per axis. Collective."""
@@ -107,7 +109,7 @@ class Gauges:
 
     def elevation(self, gauge: Gauge, own: Own) -> float:
         """Highest place over the point where half of the space is liquid, or that fluid which the gauge names, m; the
-        lowest looked at when none is. Collective.
+        bed when none is. Collective.
         """
         scene, d = self.scene, self.scene.dimensions
         if gauge.fluid or scene.liquids.gases:
@@ -134,12 +136,25 @@ class Gauges:
         full = np.median(share[share > 0.5 * share.max()]) if share.max() > MIN_WEIGHT else 0.0
         wet = np.flatnonzero(share > 0.5 * full) if full else np.zeros(0, int)
         if not len(wet):
-            return sign * ends[0]
+            if gauge.name not in self._beds:
+                self._beds[gauge.name] = self.bed(gauge)
+            return self._beds[gauge.name]
         top = int(wet[-1])
         if top + 1 == len(levels):
             return sign * float(levels[top])
         part = (share[top] - 0.5 * full) / (share[top] - share[top + 1])
         return sign * float(levels[top] + step * part)
+
+    def bed(self, gauge: Gauge) -> float:
+        """Where the walls that stay are first met from above, over the point of a gauge of level, m; where there are
+        none, the side of the domain.
+        """
+        scene, (axis, sign) = self.scene, self.scene.vertical(gauge)
+        top, low = (scene.high, scene.low)[:: int(sign)]
+        start, up = np.array(gauge.at, float), sign * np.eye(scene.dimensions)[axis]
+        start[axis], depth = top[axis], abs(top[axis] - low[axis])
+        walls = [wall for wall in scene.walls if not wall.moving and not wall.rigid]
+        return float(top[axis] - sign * min(depth, free_way(walls, start, -up, depth, scene.spacing)))
 
     def flow(self, gauge: Gauge, own: Own) -> float:
         """Volume per time through the section, m3/s (2D: m2/s), counted in a slice of two spacings on each side."""

@@ -3,6 +3,7 @@ gone through a side is lost; which sides of a fluid are open; and areas of walls
 the other walls that meet theirs.
 """
 
+from collections.abc import Sequence
 from typing import Any, Protocol
 
 import numpy as np
@@ -190,7 +191,7 @@ def moves_across(wall: Tank, along: int) -> bool:
     return any(step for way in ways for k, step in enumerate(way) if k != along)
 
 
-def free_way(walls: list[Tank], start: NDArray, way: NDArray, reach: float, spacing: float) -> float:
+def free_way(walls: Sequence[Tank], start: NDArray, way: NDArray, reach: float, spacing: float) -> float:
     """How far it is from a point along a direction to the first of these walls, m; not much farther than the reach."""
 
     def blocked(places: NDArray) -> NDArray[np.bool_]:

@@ -329,6 +329,7 @@ def test_bodies_in_space_are_painted_where_they_are(tmp_path):
     fallen = 9.81 * t * t / 2  # freely: a long line does not pull
     np.testing.assert_allclose(ends[0], (0.2, 0.2, 0.51 - fallen), atol=0.002)  # a hundredth of the way
     np.testing.assert_allclose(ends[1], (0.2, 0.2, 0.59))
+    assert [axes.get_ylabel() for axes in plots.bodies(run).axes] == ["way from the start, m", "angle, rad"]
     orange = []
     for number in (0, len(snapshots.times) - 1):
         figure = particle_plots.sequence(run, int(snapshots.steps[number]))

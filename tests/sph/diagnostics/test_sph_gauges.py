@@ -43,6 +43,20 @@ def test_the_level_of_water_at_rest(x):
     assert found["g"] == pytest.approx(1.0, abs=0.1 * 0.04)  # a tenth of a spacing
 
 
+STEP = "solid = true; shape = { box = { low = [1.4, 0.0]; high = [1.6, 0.2]; }; };"
+
+
+@pytest.mark.parametrize("at, wall, height", [
+    (1.5, "shape = { plane = { point = [0.0, 0.0]; normal = [0.0, 1.0]; }; };", 0.0),
+    (1.5, "shape = { plane = { point = [1.0, 0.0]; normal = [-0.6, 0.8]; }; };", 0.375),
+    (1.5, 'shape = { box = { low = [0.0, -0.05]; high = [2.0, 1.5]; open = ["y+"]; }; };', -0.05),
+    (1.5, STEP, 0.2), (1.2, STEP, -0.1), (1.5, STEP + "motion = { velocity = [0.0, 0.1]; };", -0.1),
+])  # fmt: skip
+def test_a_dry_level_is_that_of_the_bed(at, wall, height):
+    gauge = f'what = "elevation"; at = [{at}, 0.0]; }} ); wall = ( {{ {wall}'
+    assert reading(gauge, high=1.0, periodic="")["g"] == pytest.approx(height, abs=1e-9)
+
+
 def test_no_water_is_the_lowest_level_and_no_pressure():
     assert reading('what = "elevation"; at = [1.5, 0.0];', high=1.0, periodic="")["g"] == pytest.approx(-0.1)
     assert reading('what = "pressure"; at = [1.5, 0.1];', high=1.0, periodic="")["g"] == 0.0
