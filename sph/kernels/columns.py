@@ -199,6 +199,15 @@ def unpack_walls(block, blocks, base, scales, at, flags, key, walls, x, sums, dr
 
 
 @njit
+def unpack_wetted(block, blocks, base, scales, at, first, sums, wetted):
+    """mu / mu0 of the fluid before particles of walls, 0 where there is little; first: the sum of weights."""
+    for l in range(blocks[block], blocks[block + 1]):
+        for b in range(np.uint64(base[l]), np.uint64(base[l + 1])):
+            weight = np.float64(sums[first, b])
+            wetted[b] = np.float64(sums[at, b]) / weight if weight > scales.least_wet else 0.0
+
+
+@njit
 def unpack_strain(block, blocks, base, scales, at, sums, shear):
     """The velocity gradient, shear[DIM a + b, slot] = d v_b / d x_a."""
     for l in range(blocks[block], blocks[block + 1]):

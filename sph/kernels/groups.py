@@ -133,7 +133,7 @@ class Mirrors(NamedTuple):
 class Scales(NamedTuple):
     """1 / h, 1 / c0, 1 / rho0, 1 / (rho0 h^d), p / (rho0 c0^2) of the background, mu / (rho0 c0 h), Monaghan's
     coefficient against tension; and what the other sums of these kinds are multiplied by, `of_arm` with an acceleration
-    in m/s2.
+    in m/s2. least_wet: the sum of weights of fluid below which a particle of a wall is dry.
     """
 
     per_h: float
@@ -148,3 +148,4 @@ class Scales(NamedTuple):
     of_shifting: float
     of_around: float
     of_arm: float
+    least_wet: float

@@ -93,10 +93,14 @@ class PairSums:
         """Densities of walls that follow from the fluid."""
         if not self.spec.extrapolated:
             return
-        if self.spec.single or self.spec.densities:
+        if self.spec.single or self.spec.densities or (self.spec.wetted and self.spec.viscosities):
             self.pack()  # of places and fluid
         self._sweep("walls")
         self._unpack("walls", "walls")
+        if self.spec.wetted:
+            names = self._sums["walls"]
+            at = names.index("thick" if self.spec.viscosities else "weight")
+            self.tasks.each(self.columns.unpack_wetted, blocks="inner", at=at, first=names.index("weight"))
         self.ghosts.refresh(iteration)
 
     def pack(self) -> None:

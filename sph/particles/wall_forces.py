@@ -1,10 +1,15 @@
-"""The force of the fluid on walls, and its integral over time."""
+"""The force of the fluid on walls, and its integral over time.
+
+Pair forces along v_ij give the traction mu dv/dn, without mu (grad v)^T n. On the surface of a body that turns at w and
+to which fluid sticks that part is - mu w x n: all around it no force, and a torque of - 2 mu w V.
+"""
 
 import numpy as np
 from numpy.typing import NDArray
 
 from hpcpic.core.comm.world import World
 from hpcpic.core.space.exact import LIMBS, add_limbs, power_of_two_above, value
+from sph.case import geometry
 from sph.kernels import readings
 from sph.kernels.marks import CODES, OWN
 from sph.particles.ghosts import Ghosts
@@ -12,6 +17,10 @@ from sph.particles.pair_sums import PairSums
 from sph.particles.slabs import Slabs
 from sph.particles.storage import Slots
 from sph.particles.walls import Walls
+from sph.setup.scene import Wall
+from sph.setup.signed_distance import signed_distance
+
+OUTER = 0.75  # spacings: that deep goes the outer layer of a body
 
 Forces = dict[str, tuple[NDArray[np.float64], NDArray[np.float64]]]
 
@@ -23,6 +32,7 @@ class WallForces:
         self.walls, self.ghosts, self.storage, self.sums, self.slabs = walls, ghosts, ghosts.storage, sums, slabs
         self.measured = [wall for wall in walls.scene.walls if wall.measure_force]
         self.impulses = np.zeros((len(walls.scene.walls), 4))
+        self._surfaces = {wall.index: surface(wall) for wall in self.measured if wall.rigid and not wall.rule.slips}
 
     def largest_impulse(self, time: float) -> float:
         """Impulse of pressures rho0 c0^2 on the sides of all particles from the start to a time in s, N s."""
@@ -49,9 +59,26 @@ class WallForces:
                 length = (scene.high - scene.low)[:, None]
                 arm[:d] -= np.where(scene.periodic[:, None], length * np.rint(arm[:d] / length), 0.0)
             (x, y, z), (fx, fy, fz) = arm, force
-            terms.append(np.concatenate([force, [y * fz - z * fy, z * fx - x * fz, x * fy - y * fx]]))
+            torque = [y * fz - z * fy, z * fx - x * fz, x * fy - y * fx]
+            terms.append(np.concatenate([force, torque, [self._wetted(wall, own)]]))
         totals = exact_sums(self.slabs.world, terms) if terms else []
-        return {wall.name: (total[:d], total[3:]) for wall, total in zip(self.measured, totals)}
+        lacking = [self._torque_of_rotation(wall, total[6]) for wall, total in zip(self.measured, totals)]
+        every = zip(self.measured, totals, lacking)
+        return {wall.name: (total[:d], total[3:6] + torque) for wall, total, torque in every}
+
+    def _wetted(self, wall: Wall, slots: Slots) -> NDArray[np.float64]:
+        """mu / mu0 of the fluid before particles of the surface of a body in these slots, 0 for all else."""
+        if not self.sums.spec.wetted or wall.index not in self._surfaces:
+            return np.zeros(len(slots))
+        storage = self.storage
+        return storage.arena["wetted"][slots] * np.isin(storage.numbers(slots), self._surfaces[wall.index])
+
+    def _torque_of_rotation(self, wall: Wall, wetted: float) -> NDArray[np.float64]:
+        """- 2 mu w V [3] N m of a body whose surface is wet as the sum of `_wetted` says."""
+        if not wetted:
+            return np.zeros(3)
+        share = wetted / len(self._surfaces[wall.index])
+        return -2 * self.walls.scene.viscosity * share * geometry.volume(wall.shape) * self.walls.spin[wall.index]
 
     def add_impulses(self, dt: float, found: Forces | None = None) -> None:
         """The forces of now, which may have been found, for a step of dt s. Collective."""
@@ -61,6 +88,12 @@ class WallForces:
                 force = forces[wall.name][0]
                 parts = [float(np.sqrt(np.sum(force * force))), *force]
                 self.impulses[wall.index, : len(parts)] += np.array(parts) * dt
+
+
+def surface(wall: Wall) -> NDArray[np.int64]:
+    """Numbers of the particles of a body in its outer layer."""
+    ids, x, _ = wall.near(*wall.bounds)
+    return ids[signed_distance(wall.shape, x) > -OUTER * wall.scene.spacing]
 
 
 def bodies_of_walls(walls: Walls, ghosts: Ghosts, slabs: Slabs) -> tuple[Slots, NDArray[np.int64]]:

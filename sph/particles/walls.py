@@ -48,6 +48,7 @@ class Walls:
         self.displacement = np.zeros((len(scene.walls), scene.dimensions))
         self.velocity, self.acceleration, self.taken_back = np.zeros((3, len(scene.walls), scene.dimensions))
         self.turns: dict[int, Corners] = {}  # of rigid bodies: centre at t = 0 and matrix
+        self.spin = np.zeros((len(scene.walls), 3))  # of rigid bodies, 1/s
         self.move(0.0)
 
     def move(self, t: float) -> tuple[NDArray, NDArray]:

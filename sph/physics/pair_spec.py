@@ -40,6 +40,8 @@ class PairSpec:
     """Whether some of these are accelerated."""
     turning: bool = False
     """Whether some of these turn."""
+    wetted: bool = False
+    """Whether friction lacks a torque on those that turn, where they are wet (see particles.wall_forces)."""
     tensile: bool = False
     shifting: bool = False
     corrected: bool = False
@@ -212,6 +214,9 @@ def extrapolation(spec: PairSpec) -> Pass:
     elif spec.accelerated:
         lines.append(Line("minus_heavy", terms.opposite))
         sums.append(Sum("arm", ("heavy_i", "minus_heavy"), ("d", "d")))
+    if spec.wetted and spec.viscosities:
+        lines.append(Line("thick_i, thick_j", terms.thick))
+        sums.append(Sum("thick", ("thick_i", "thick_j"), ("one", "one")))
     return Pass(lines, sums, inside=False)
 
 
@@ -306,6 +311,6 @@ def unused(spec: PairSpec, staged: bool) -> set[str]:
     """Columns of the bodies that a case has no need of."""
     needed = {
         "gradient": spec.needs_gradient, "shear": spec.needs_stress,
-        "matrix": spec.corrected, "offset": spec.shifting,
+        "matrix": spec.corrected, "offset": spec.shifting, "wetted": spec.wetted,
     } | dict.fromkeys(("x_old", "v_old", "drho_old"), staged)  # fmt: skip
     return {name for name, used in needed.items() if not used}

@@ -238,6 +238,12 @@ def arms_of(heavy_i, heavy_j, swift_i, swift_j):
     return heavy_i / (swift_j * swift_j), -heavy_j / (swift_i * swift_i)
 
 
+def thick(heavy_i, heavy_j, fluidity_i, fluidity_j):
+    """m W as in `wall_weights`, times the viscosity of the liquid over that of reference; of walls fluidity is 0."""
+    viscosity = 1.0 / (fluidity_i + fluidity_j)
+    return heavy_i * viscosity, heavy_j * viscosity
+
+
 def one():
     """1, of which the sum with weights is theirs."""
     return 1.0

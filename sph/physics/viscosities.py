@@ -30,6 +30,11 @@ class Viscosity:
         return "t" in terms.columns_read(self.pull)
 
     @property
+    def along_velocity(self) -> bool:
+        """True if pair forces are along v_ij: their traction on a wall is mu dv/dn, without mu (grad v)^T n."""
+        return "dv" in terms.needs(self.pull)
+
+    @property
     def physical(self) -> bool:
         """Whether this form stands for the viscosity of the fluid."""
         return self.decay is not None

@@ -46,6 +46,12 @@ wall = ( { name = "tank"; shape = { box = { low = [0.0, 0.0]; high = [1.0, 0.6];
            shape = { plane = { point = [0.0, 0.0]; normal = [0.0, 1.0]; }; }; } );
 """
 
+TURNING = """
+wall = ( { name = "disc"; solid = true; shape = { sphere = { centre = [0.13, 0.3]; radius = 0.12; }; };
+           type = "extrapolated-no-slip";
+           body = { density = 900.0; velocity = [-3.0, 0.0]; angular_velocity = [20.0]; }; } );
+"""
+
 JOBS = {
     name: {"program": "sph", "case": case, "steps": 12}
     for name, case in {
@@ -67,6 +73,8 @@ JOBS = {
         "gas": layers(densities=(1000.0, 2.0), ambient=1e4, size=(1.0, 0.6), spacing=0.04, fill=(1.0, 0.6),
                       flux="delta", periodic=("x",), balance=3, velocity=(2.0, 0.0), more=EXTRAPOLATED),
         "sliding": text(d=2, size=(1.0, 0.6), spacing=0.04, fill=(1.0, 0.4), flux="delta", balance=3, more=SLIDING),
+        "turning": layers(viscosities=(2.0, 0.5), size=(1.0, 0.6), spacing=0.04, fill=(1.0, 0.4), periodic=("x",),
+                          form="morris", flux="delta", balance=3, more=TURNING),
         "torn": torn(),
     }.items()
 }  # fmt: skip

@@ -231,3 +231,29 @@ def test_a_carried_box_strikes_the_wall_and_momentum_is_what_walls_and_gravity_g
     assert worst < 1e-12 * scale  # measured 1e-14
     assert 0.8 < t[touching] < 1.0 and series["contact_box_x"][-1] < -5.0  # it is thrown back
     assert 1.88 < x.max() < 2.0 - 0.05 and (x > 0.05).all() and (y > 0.05).all()  # half its height from every wall
+
+
+TAYLOR_COUETTE = """
+simulation = { dimensions = 2; end_time = 1.5; };
+domain = { low = [-0.12, -0.12]; high = [0.12, 0.12]; };
+eos = { max_velocity = 0.1; };
+fluid = ( { shape = { sphere = { centre = [0.0, 0.0]; radius = 0.1; }; }; kinematic_viscosity = 1.0e-3;
+            initial_pressure = "zero"; } );
+numerics = { spacing = 0.0025; smoothing = 1.6; };
+wall = ( { name = "outer"; shape = { sphere = { centre = [0.0, 0.0]; radius = 0.1; }; }; measure_force = true; },
+         { name = "inner"; solid = true; shape = { sphere = { centre = [0.0, 0.0]; radius = 0.05; }; };
+           body = { density = 1.0e6; angular_velocity = [2.0]; hinge = { point = [0.0, 0.0]; }; }; } );
+output = { period = { series = 0.01; }; };
+"""
+
+
+def test_the_torques_of_taylor_couette_flow_are_those_of_theory(tmp_path):
+    """4 pi mu w a^2 b^2 / (b^2 - a^2) on the heavy cylinder that turns, and on the one around it, which stays."""
+    (tmp_path / "case.conf").write_text(TAYLOR_COUETTE)
+    series = sph.Case(tmp_path / "case.conf").run(tmp_path / "run", threads=1, quiet=True).series
+    late = series.time > 1.2
+    names = "torque_inner_z", "torque_outer_z", "spin_inner_z"
+    inner, outer, spin = (float(series[name][late].mean()) for name in names)
+    theory = 4 * np.pi * 1.0 * spin / (1 / 0.05**2 - 1 / 0.1**2)
+    print(f"torques {inner:.4g} and {outer:.4g} N, theory {theory:.4g} N")
+    assert -inner == pytest.approx(theory, rel=0.03) and outer == pytest.approx(theory, rel=0.03)

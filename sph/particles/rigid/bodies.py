@@ -78,6 +78,7 @@ class Bodies:
             self.walls.turns[wall.index] = wall.rigid.centre[:d], turn[:d, :d]
             arena["body_centre"][k] = (state[PLACE][:d] - scene.low)[axes]
             spin = skew(state[SPIN])
+            self.walls.spin[wall.index] = state[SPIN]
             self.walls.acceleration[wall.index] = state[13 : 13 + d]
             arena["wall_centre"][wall.index] = arena["body_centre"][k]
             arena["wall_twist"][wall.index] = self._matrix(skew(state[16:19]) + product(spin, spin))

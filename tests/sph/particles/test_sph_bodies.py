@@ -2,11 +2,11 @@
 
 import numpy as np
 import pytest
-from sph_scenes import config, engine, tank, text
+from sph_scenes import config, engine, layers, tank, text
 
 from hpcpic.core.errors import ConfigError
 from sph.forecast.derived import derived
-from sph.kernels.marks import MINE
+from sph.kernels.marks import MINE, OWN, WALL_SHIFT
 from sph.setup.rigid.mass import angle_of, rigid_of, rotation, times, turning
 
 BOX = "box = { low = [0.3, 0.4]; high = [0.7, 0.6]; };"
@@ -160,3 +160,45 @@ def test_how_light_a_body_may_be(density, verdict):
         for _ in range(100):
             sph.step()
         assert 0.0 < sph.bodies.state[0][8] < 4.0 < np.sqrt(2 * 9.81 * 0.9)
+
+
+def turning_disc(density=1000.0, kind="extrapolated-no-slip", form="morris", fill=1.0, make=text, **settings):
+    """The torque of the fluid on a disc that turns at 3 rad/s, that of its pair forces, and 2 mu w V."""
+    disc = body("sphere = { centre = [0.5, 0.5]; radius = 0.25; };", more="angular_velocity = [3.0];",
+                kind=f'type = "{kind}";')  # fmt: skip
+    case = make(spacing=0.05, fill=fill, gravity=(0.0, 0.0), pressure="zero", more=bodies(disc), form=form,
+                alpha=0.0, **{"viscosity": 4.0} | settings)  # fmt: skip
+    sph = engine(case=case)
+    force, torque = sph.wall_forces()["raft"]
+    flags, key = sph.storage.flags[: sph.storage.end], sph.storage.key[: sph.storage.end]
+    own = np.flatnonzero((flags & OWN > 0) & (key >> WALL_SHIFT == 1))
+    axes = list(sph.scene.axes)
+    pairs, x = np.zeros((2, len(own))), sph.storage.physical("x", own).T - 0.5
+    pairs[axes] = sph.sums.forces_on(own)
+    np.testing.assert_allclose(force, pairs.sum(axis=1), atol=1e-9)
+    return torque[2], float(np.sum(x[0] * pairs[1] - x[1] * pairs[0])), 2 * 4.0 * 3.0 * np.pi * 0.25**2
+
+
+@pytest.mark.parametrize("precision", ["double", "single"])
+def test_a_body_that_turns_in_fluid_has_the_torque_of_the_whole_traction(precision):
+    """Pair forces along v_ij give mu dv/dn: all around a body -2 mu w V is missing, beside half of it half as much."""
+    torque, pairs, whole = turning_disc(precision=precision)
+    assert torque - pairs == pytest.approx(-whole, rel=1e-6)
+    torque, pairs, whole = turning_disc(precision=precision, fill=(1.0, 0.5))
+    assert torque - pairs == pytest.approx(-whole / 2, rel=0.1)
+
+
+@pytest.mark.parametrize(
+    "settings", [{"kind": "extrapolated-free-slip"}, {"form": "cleary"}, {"viscosity": 0.0, "form": "artificial"}]
+)
+def test_a_body_that_slips_or_pairs_that_push_along_their_line_miss_no_torque(settings):
+    torque, pairs, whole = turning_disc(**settings)
+    assert torque == pytest.approx(pairs, abs=1e-9 * whole)
+
+
+def test_the_torque_on_a_body_between_two_liquids_is_of_the_viscosity_of_both():
+    def make(**more):
+        return layers(viscosities=(4.0, 2.0), densities=(1000.0, 900.0), **more)
+
+    torque, pairs, whole = turning_disc(make=make)
+    assert torque - pairs == pytest.approx(-0.75 * whole, rel=0.05)
