@@ -85,7 +85,8 @@ def falling(config: LbmDemConfig, i: int) -> Iterator[Derived]:
 
 def unheld(config: LbmDemConfig) -> Iterator[Derived]:
     """The speed that a whole box has at the end, when forces pull along an axis along which it repeats and it has no
-    wall, obstacle or fixed grain to pull against. Without fluid walls hold by friction alone.
+    wall, obstacle or fixed grain to pull against. Without fluid walls hold by friction alone. A body force pulls at
+    the whole box: at the fluid, and at grains by what they displace (Scene.constant_force).
     """
     fluid, walls = config.fluid, len(config.domain.periodic) < config.dimensions
     held = walls if fluid else walls and config.contact.friction > 0.0
@@ -99,16 +100,17 @@ def unheld(config: LbmDemConfig) -> Iterator[Derived]:
         weights = [weight + lighter * solid * g for weight, g in zip(weights, config.gravity)]
         mass, room = mass + group.density * solid, room - solid
     wet = fluid.density * max(room, 0.0) if fluid else 0.0
+    full = fluid.density * math.prod(config.domain.size) if fluid else 0.0  # kg, of a box that holds fluid alone
     for k, (axis, weight) in enumerate(zip(AXES, weights)):
-        driven = wet * fluid.body_force[k] if fluid else 0.0
+        driven = full * fluid.body_force[k] if fluid else 0.0
         pulls, left = abs(weight) + abs(driven), abs(weight + driven)
         if axis not in config.domain.periodic or not pulls:
             continue
         end = left / (mass + wet) * config.simulation.end_time
         far = 0.5 * end * config.simulation.end_time > config.domain.size[k]
         cure = "its speed grows without a bound: a wall or a fixed grain holds it"
-        if weight and wet:
-            cure += f", or a fluid.body_force of {-weight / wet:.6g} m/s2 along {axis} balances the weight"
+        if weight and full:
+            cure += f", or a fluid.body_force of {-weight / full:.6g} m/s2 along {axis} balances the weight"
         yield judged(
             f"speed at the end along {axis}", "a t", end, unit="m/s", ok=not far or left <= BALANCE * pulls, legal=True,
             limit=f"balanced to {BALANCE:.1%}, or within a box's length", source="momentum of the whole box", cure=cure,

@@ -4,6 +4,7 @@ import math
 
 import numpy as np
 import pytest
+from app_runner import running
 
 from hpcpic.core.case.config import loads
 from lbmdem.configure import configure
@@ -52,8 +53,21 @@ def test_the_speed_of_a_box_that_nothing_holds_is_that_of_its_momentum():
     mass = 1000.0 * (0.016**2 - disc) + 1200.0 * disc
     assert told.value == pytest.approx(200.0 * disc * 1.0 * 2.0 / mass, rel=1e-12)
     balance = float(told.cure.split("fluid.body_force of ")[1].split()[0])
+    assert balance == pytest.approx(0.2 * disc / 0.016**2, rel=1e-5)  # it pulls at the grain too
     assert fall(DROP, f"fluid.body_force=[0.0, {balance!r}]").verdict == "ok"
     assert fall(DROP, "simulation.end_time=0.02").verdict == "ok"  # it does not get far
+
+
+def test_the_balance_that_is_told_keeps_the_momentum_of_a_run(world):
+    """The box as a whole stays at rest, to a hundredth of what it would have without the balancing force."""
+    balance = float(fall(DROP).cure.split("fluid.body_force of ")[1].split()[0])
+    sets = f"fluid.body_force=[0.0, {balance!r}]", 'coupling.refill="conserving"'
+    with running(world, "lbmdem", DROP, sets) as app:
+        for _ in range(100):
+            app.step()
+        momentum = app.scalars()["momentum_y"] + app.table.mass[0] * app.dem.grains.v[0, 1]
+        unbalanced = 200.0 * math.pi / 4.0 * 5.0e-3**2 * 1.0 * app.time
+        assert abs(momentum) < 0.01 * unbalanced
 
 
 @pytest.mark.parametrize(
