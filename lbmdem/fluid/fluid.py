@@ -134,7 +134,9 @@ class Fluid:
         values = {name: layer.values for name, layer in self.layers.items()}
         self._arena.set(shift=self._shift_in_storage, others=wall_ends(self.faces, layout, self._touches))
         slab = Slab(layout, self._touches, self._arena)
-        self.layers = {name: Layer(slab, name, face) for name, face in self.faces.items() if _acts(face)}
+        acting = {name: face for name, face in self.faces.items() if _acts(face)}
+        walls_first = sorted(acting, key=lambda name: acting[name].kind != "wall")  # an open face reads what walls gave
+        self.layers = {name: Layer(slab, name, acting[name]) for name in walls_first}
         for name, given in values.items():
             self.layers[name].values[...] = given
 
