@@ -3,13 +3,16 @@
 import math
 from collections.abc import Iterator
 
+import numpy as np
+
 from hpcpic.core.case.config import Path
 from hpcpic.core.case.derived import Derived, Verdict, judged
 from hpcpic.core.physics.contact_law import deepest_overlap
-from lbmdem.case.config import ACCURATE, LbmDemConfig, contact_law, contact_step, grain_mass
+from lbmdem.case.config import ACCURATE, GrainSet, LbmDemConfig, contact_law, contact_step, grain_mass
 from lbmdem.forecast.estimate import phases
 from lbmdem.forecast.films import films
 from lbmdem.forecast.free_fall import impact_speed
+from lbmdem.forecast.node_shares import LOOSE, grains, volume
 from lbmdem.forecast.rates import DEFAULT
 from lbmdem.setup.overlap_survey import survey
 
@@ -51,8 +54,8 @@ def substeps(config: LbmDemConfig) -> Derived:
 
 
 def overlaps(config: LbmDemConfig) -> Iterator[Derived]:
-    """The overlap at rest below a column of grains as high as the box, or as all of them, and that of the fall onto the
-    wall below from positions that the case gives."""
+    """The overlap at rest below all layers of grains, and that of the fall onto the wall below from positions that the
+    case gives."""
     gravity, d = math.hypot(*config.gravity), config.dimensions
     density, law = config.liquid.density if config.fluid else 0.0, contact_law(config)
     key = ("contact", "normal_stiffness")
@@ -62,15 +65,25 @@ def overlaps(config: LbmDemConfig) -> Iterator[Derived]:
         size, stiffness = group.largest_diameter, config.contact.normal_stiffness
         mass = grain_mass(group, size, d)
         if gravity:
-            layers = min(group.count, config.domain.size[-1] / size)
+            layers = layers_at_rest(config, group)
             weight = mass * gravity * abs(1.0 - density / group.density)
             share = layers * weight / stiffness / size
             cure = f"normal_stiffness = {layers * weight / (0.01 * size):.2g} gives 1 % for {group.name}"
-            yield overlap("overlap at rest", share, "weight of the column above", cure, key)
+            source = f"weight of {layers:.3g} layers of grains" if layers > 1.0 else "weight of one layer of grains"
+            yield overlap("overlap at rest", share, source, cure, key)
         share = deepest_overlap(impact_speed(config, i), mass, law) / size
         if share > 0.01 and not (config.fluid and config.coupling.lubrication):  # films bring it to rest
             cure = f"normal_stiffness = {stiffness * (share / 0.01) ** 2:.2g} gives 1 % for {group.name}"
-            yield overlap("overlap at impact", share, "linear spring and dashpot, free fall", cure, key, forceable=True)
+            yield overlap("overlap at impact", share, "linear spring and dashpot, free fall", cure, key)
+
+
+def layers_at_rest(config: LbmDemConfig, group: GrainSet) -> float:
+    """How many diameters high the grains of a set lie on the floor of the box, loosely packed, but at least one."""
+    d, down = config.dimensions, int(np.argmax(np.abs(config.gravity)))
+    size, height = group.largest_diameter, config.domain.size[down]
+    solid = config.spacing**d * sum(n * volume(r, d) for r, n in grains(config, group))
+    floor = math.prod(config.domain.size) / height
+    return max(1.0, min(group.count, height / size, solid / (floor * (1.0 - LOOSE[d]) * size)))
 
 
 def overlap_at_start(config: LbmDemConfig) -> Iterator[Derived]:
@@ -83,12 +96,12 @@ def overlap_at_start(config: LbmDemConfig) -> Iterator[Derived]:
         yield Derived(name, "n" if outside else "r", float(outside), "", limit, "fail", "", cure, key)
     elif deepest > 0.0:
         cure = "they fly apart; move them, or let packing = {..} find places without overlap"
-        yield overlap("overlap at the start", deepest, "linear contacts", cure, deep, forceable=True)
+        yield overlap("overlap at the start", deepest, "linear contacts", cure, deep)
 
 
-def overlap(name: str, value: float, source: str, cure: str, key: Path, forceable: bool = False) -> Derived:
+def overlap(name: str, value: float, source: str, cure: str, key: Path) -> Derived:
     """An overlap over a diameter: 1 % is as linear contacts are meant, and 10 % no contact any more."""
     return judged(
         name, "delta/d", value, ok=value <= 0.01, legal=value < 0.1, limit="<= 1 %, < 10 %",
-        source=source, cure=cure, key=key, forceable=forceable,
+        source=source, cure=cure, key=key, forceable=True,
     )  # fmt: skip

@@ -156,3 +156,23 @@ def test_contacts_are_as_stiff_as_the_fall_of_a_grain_needs(text):
 
 def test_nothing_falls_far_along_a_periodic_side():
     assert number(DRY, "overlap at impact", "contact.normal_stiffness=0.05") is None
+
+
+ROW = """
+simulation = { end_time = 0.3; };
+domain = { size = [0.03, 0.06]; };
+grains = ({ density = 2650.0; diameter = 1.0e-3; position = (PLACES); });
+contact = { normal_stiffness = 4000.0; };
+gravity = [0.0, -9.81];
+"""
+
+
+@pytest.mark.parametrize(("rows", "layers"), [(1, 1.0), (10, 200 * math.pi / 4.0 * 1e-6 / (0.03 * 0.8 * 1e-3))])
+def test_grains_side_by_side_do_not_lie_on_each_other(rows, layers):
+    """The overlap at rest is that of the weight of the layers that they make on the floor, here of 20 discs a row."""
+    places = ", ".join(f"[{1e-3 + 1.4e-3 * i}, {5e-4 + 1.1e-3 * k}]" for i in range(20) for k in range(rows))
+    text = ROW.replace("PLACES", places)
+    weight = 2650.0 * math.pi / 4.0 * 1e-6 * 9.81
+    assert number(text, "overlap at rest").value == pytest.approx(layers * weight / 4000.0 / 1e-3, rel=1e-9)
+    soft = number(text, "overlap at rest", "contact.normal_stiffness=10.0")
+    assert soft.verdict == "fail" and soft.forceable
