@@ -16,6 +16,7 @@ from hpcpic.plasma.forecast.rates import DEFAULT
 from hpcpic.plasma.physics.heating import HEATING, MIN_PER_CELL, energy_ratio
 from hpcpic.plasma.physics.poisson import operator_of, response
 from hpcpic.plasma.physics.quiet_start import recurrence_time
+from hpcpic.plasma.physics.shapes import SHAPES
 from hpcpic.plasma.setup.loaders import loader_of, velocity_moments
 
 HEATED = 0.1  # growth of the energy by the grid that is warned of
@@ -346,7 +347,8 @@ def waves(config: PlasmaConfig) -> Iterator[Derived]:
         if len(turns) == 1 and 0 < wp * dt < 2 and config.numerics.gradient == "difference":
             (dx,), radius = spacing(config), config.numerics.cloud_radius
             _, factor = response(operator_of(config), (step / dx,), (dx,), spectral=False, cloud_radius=radius)
-            swing = wp * dt / 2 * math.cos(step / 2) * math.sqrt(max(factor, 0.0))
+            left = SHAPES[config.numerics.shape].cold_response(step)
+            swing = wp * dt / 2 * math.sqrt(left * max(factor, 0.0))
             frequency = 2 / (wp * dt) * math.asin(min(swing, 1.0))
             yield Derived("cold frequency on this grid", "w/wp", frequency, source=f"{BOOK} ch. 4, 8")
 

@@ -5,6 +5,7 @@ nodes along an axis, and the transform of the shape of n nodes is sinc(k dx/2)^n
 The weights themselves stand in kernels.weights, for single particles, and in the kernels named here, for vectors.
 """
 
+import math
 from dataclasses import dataclass
 
 # Cells (CIC) or nodes (NGP, TSC) of a tile with what vectors read beyond them, by axes of the grid
@@ -31,6 +32,14 @@ class Shape:
     def field_scratch(self, dimensions: int) -> int:
         """Coefficients of the field that a block keeps for a tile: as many for each component of E, in 1D as in 2D."""
         return max(dimensions, 2) * self.charge_scratch(dimensions)
+
+    def cold_response(self, angle: float) -> float:
+        """What a grid of centred differences leaves of the squared frequency of a cold wave that turns by `angle` from
+        node to node, beside Poisson's equation on it: the sum over the wave's aliases of S^2(k_p) k_p sin(angle)/dx
+        over K^2 (Birdsall & Langdon, chapter 8), in closed form. Particles are even and dense.
+        """
+        linear = math.cos(0.5 * angle) ** 2  # of NGP and CIC alike
+        return linear * (2.0 + linear) / 3.0 if self.nodes == 3 else linear
 
 
 SHAPES = {

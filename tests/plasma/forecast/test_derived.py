@@ -3,13 +3,18 @@
 import math
 import re
 
+import numpy as np
 import pytest
+from app_runner import running
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from hpcpic.core.case.config import Tree, loads
 from hpcpic.core.case.derived import enforce
+from hpcpic.core.comm.world import World
 from hpcpic.core.errors import ConfigError
+from hpcpic.plasma.analysis.series_analysis import fit_oscillation
+from hpcpic.plasma.analysis.theory import Beam, Mesh, mesh_root
 from hpcpic.plasma.configure import configure
 from hpcpic.plasma.forecast.derived import derived
 from hpcpic.plasma.physics.heating import HEATING, energy_ratio, rate
@@ -331,3 +336,38 @@ def test_magnitudes_that_products_would_overflow_are_refused(key, value):
     found, tree = numbers([f"{key}={value}"])
     with pytest.raises(ConfigError, match=f"--set {re.escape(key)}=.*choose other units"):
         enforce(found.values(), tree, force=True)
+
+
+COLD_WAVE = """
+simulation = { cycles = 400; time_step = 0.3; space_length = [6.283185307179586]; };
+grid = { points = [32]; };
+species = ({ particles = 4096; charge = -1.0; mass = 1.0; init_method = "quiet"; plasma_frequency = 1.0;
+             perturbation = { mode = [6]; amplitude = 0.0005; }; });
+output = { modes = ([6]); };
+"""
+
+
+def cold_frequency(*sets: str) -> float:
+    config = configure(loads(COLD_WAVE, sets=sets))
+    return next(number.value for number in derived(config) if number.name == "cold frequency on this grid")
+
+
+@pytest.mark.parametrize("mode", [1, 6, 10])
+@pytest.mark.parametrize("shape", ["NGP", "CIC", "TSC"])
+def test_the_cold_frequency_is_that_of_the_shape(shape, mode):
+    """The closed form is the sum over aliases, whose cut-off tail falls most slowly for NGP."""
+    told = cold_frequency(f'numerics.shape="{shape}"', f"species[0].perturbation.mode=[{mode}]")
+    exact = mesh_root(0.9 * told, mode, (Beam(1.0),), Mesh(2.0 * math.pi / 32, 0.3, shape)).real
+    assert told == pytest.approx(exact, rel=1e-2 if shape == "NGP" else 1e-5)
+
+
+def test_a_cold_wave_of_quadratic_clouds_has_the_frequency_that_is_told():
+    case = loads(COLD_WAVE, sets=('numerics.shape="TSC"',))
+    with running(World.alone(), "hpcpic", configure(case)) as app:
+        wave = []
+        for _ in range(400):
+            app.step()
+            wave.append(app.scalars()["mode_6_im"])
+    told = cold_frequency('numerics.shape="TSC"')
+    fit = fit_oscillation(0.3 * np.arange(1, 401), np.array(wave), frequency=told, damped=False)
+    assert fit.frequency == pytest.approx(told, rel=1e-4)
