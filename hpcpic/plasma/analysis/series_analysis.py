@@ -224,11 +224,12 @@ def peaks(t: np.ndarray, y: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 def spectrum(field: np.ndarray, dt: float, dx: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """(k[n_k], omega[n_w], power[n_w, n_k]) of field[t, x]: both directions of travel folded onto k >= 0.
 
-    Hann window in time, mean in time removed; a wave a cos(kx - wt) on a bin has power a^2/4. omega >= 0.
+    Hann window in time; the mean under that window is removed, so that a growing wave leaves nothing at omega = 0. A
+    wave a cos(kx - wt) on a bin has power a^2/4. omega >= 0.
     """
     n_t, n_x = field.shape
     window = np.hanning(n_t + 1)[:-1]
-    lines = np.fft.rfft(field - field.mean(axis=0), axis=1) / n_x
+    lines = np.fft.rfft(field - window @ field / window.sum(), axis=1) / n_x
     waves = np.fft.fft(lines * window[:, None], axis=0) / window.sum()
     power = np.abs(waves) ** 2
     half = n_t // 2 + 1

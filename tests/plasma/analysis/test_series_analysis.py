@@ -103,6 +103,14 @@ def test_spectrum_puts_a_wave_on_its_bin(n_t, direction):
     assert power.shape == (len(ws), len(ks))
 
 
+def test_spectrum_of_a_growing_wave_has_nothing_at_rest():
+    """Its mean over time is not the one that the window sees."""
+    t, x = np.arange(128)[:, None] * 0.1, np.arange(16)
+    wave = np.exp(0.2 * t) * np.cos(2 * np.pi * x / 16) * np.cos(4.1 * t)
+    _, _, power = series_analysis.spectrum(wave, 0.1, 1.0)
+    assert power[0, 1] < 1e-20 * power[:, 1].max() and power[0, 1] < power[1, 1]
+
+
 def test_distribution_integrates_to_the_share_inside():
     v = np.random.default_rng(2).normal(2.0, 3.0, 100_000)
     centres, f = series_analysis.velocity_distribution(v, 60)
