@@ -6,15 +6,17 @@ from collections.abc import Iterator
 import numpy as np
 
 from hpcpic.core.case.derived import Derived, judged
-from lbmdem.case.config import AXES, LbmDemConfig
+from lbmdem.case.config import AXES, GrainSet, LbmDemConfig
 from lbmdem.forecast.node_shares import grains, volume
 from lbmdem.forecast.relaxation import SPACING, key_of_tau, slower
 from lbmdem.physics.collision import COLLISIONS
 from lbmdem.physics.velocity_sets import CS2
+from lbmdem.setup.box_walls import floor_height
 
 BALANCE = 1e-3  # of the forces on a box that are left over: what is still called a balance
 FAR_BEYOND = 10.0  # times the limit of the grid Reynolds number: a bed falls slower than a grain alone, but not so much
 OTHER_COLLISION = 'collision = "central" has no such limit; a finer spacing lowers it'
+MOST_TRIED = 10_000  # points above which a fall is tried
 LAYER = 1.13  # sqrt(Re) delta/D of the boundary layer where the flow divides (Schlichting & Gersten, ch. 5)
 
 
@@ -39,17 +41,50 @@ def terminal_speed(config: LbmDemConfig, i: int) -> float:
 
 
 def impact_speed(config: LbmDemConfig, i: int) -> float:
-    """Speed (m/s) at which the highest grain of a set with given positions meets the wall below: that of its start
-    and of its fall, in a fluid at most its terminal one."""
+    """Speed (m/s) at which a grain of a set meets what is below: that of its start and of its fall, in a fluid at most
+    its terminal one. The highest of given positions falls to the wall, the lowest of a packing to what lies below."""
     group, pull = config.grains[i], math.hypot(*config.gravity)
     below = [k for k, g in enumerate(config.gravity) if abs(g) > 0.5 * pull and AXES[k] not in config.domain.periodic]
     start = math.hypot(*(group.velocity or (0.0,)))
-    if not len(group.centres) or not below:
+    if not below:
         return start
-    along = np.asarray(group.centres)[:, below[0]]
-    highest = along.max() if config.gravity[below[0]] < 0.0 else config.domain.size[below[0]] - along.min()
-    fall = math.sqrt(2.0 * pull * max(0.0, highest - 0.5 * group.smallest_diameter))
+    axis, last = below[0], config.dimensions - 1
+    down = config.gravity[axis] < 0.0
+    if group.packing is not None:
+        height = group.packing.low - landing(config, group) if down and axis == last else 0.0
+    else:
+        along = np.asarray(group.centres)[:, axis]
+        highest = along.max() if down else config.domain.size[axis] - along.min()
+        height = highest - 0.5 * group.smallest_diameter
+    fall = math.sqrt(2.0 * pull * max(0.0, height))
     return math.hypot(start, min(fall, terminal_speed(config, i)) if config.fluid else fall)
+
+
+def landing(config: LbmDemConfig, group: GrainSet) -> float:
+    """Lowest height (m) to which the smallest grain of a packing can fall: onto fixed grains that leave it no gap, or
+    through one onto the floor. It is tried above points a tenth of a radius apart, or MOST_TRIED points in all."""
+    assert group.packing is not None
+    r, sides = 0.5 * group.smallest_diameter, config.domain.size[:-1]
+    most = round(MOST_TRIED ** (1.0 / len(sides)))
+    counts = [min(most, math.ceil(10.0 * length / r)) for length in sides]
+    rigid = [0.0 if axis in config.domain.periodic else min(r, 0.5 * length) for axis, length in zip(AXES, sides)]
+    lines = [np.linspace(edge, length - edge, n) for n, length, edge in zip(counts, sides, rigid)]
+    points = np.stack(np.meshgrid(*lines), axis=-1)
+    height = np.full(points.shape[:-1], floor_height(config))
+    for other in config.grains:
+        sizes = None if other.moving else other.own_diameters
+        if sizes is None:
+            continue
+        for x, size in zip(np.asarray(other.centres), sizes):
+            away = points - x[:-1]
+            for k, length in enumerate(sides):
+                if AXES[k] in config.domain.periodic:
+                    away[..., k] -= length * np.rint(away[..., k] / length)
+            rise = (r + 0.5 * size) ** 2 - (away**2).sum(axis=-1)
+            lies = x[-1] - r + np.sqrt(np.maximum(rise, 0.0))
+            met = (rise > 0.0) & (x[-1] < group.packing.low + r)
+            height = np.where(met, np.maximum(height, lies), height)
+    return float(height.min())
 
 
 def falling(config: LbmDemConfig, i: int) -> Iterator[Derived]:

@@ -7,6 +7,8 @@ import pytest
 from app_runner import running
 
 from hpcpic.core.case.config import loads
+from hpcpic.core.physics.contact_law import deepest_overlap
+from lbmdem.case.config import contact_law
 from lbmdem.configure import configure
 from lbmdem.forecast.derived import derived
 from lbmdem.forecast.free_fall import drag_coefficient, terminal_speed
@@ -176,3 +178,29 @@ def test_grains_side_by_side_do_not_lie_on_each_other(rows, layers):
     assert number(text, "overlap at rest").value == pytest.approx(layers * weight / 4000.0 / 1e-3, rel=1e-9)
     soft = number(text, "overlap at rest", "contact.normal_stiffness=10.0")
     assert soft.verdict == "fail" and soft.forceable
+
+
+HOPPER = """
+simulation = { end_time = 0.5; };
+domain = { size = [0.01, 0.08]; };
+grains = ({ diameters = { min = 0.9e-3; max = 1.1e-3; count = 100; }; packing = { porosity = 0.25; low = 0.0406; }; },
+          { moving = false; diameter = 1.0e-3; position = (PLACES); });
+contact = { normal_stiffness = 2.0e4; };
+gravity = [0.0, -9.81];
+"""
+
+
+@pytest.mark.parametrize("missing", [(), (4,), (4, 5, 6)])
+def test_a_packing_falls_through_the_hole_of_a_hopper(missing):
+    """And not past fixed grains without a gap. Where one is missing the smallest grains have room."""
+    places = ", ".join(f"[{1e-3 * (k + 0.5)}, 0.04]" for k in range(10) if k not in missing)
+    text = HOPPER.replace("PLACES", places)
+    told = number(text, "overlap at impact")
+    if not missing:
+        assert told.value < 0.03  # a fall of 0.24e-3 onto two of them
+        return
+    config = config_of(text)
+    speed = math.sqrt(2.0 * 9.81 * 0.0406)
+    mass = 2650.0 * math.pi / 4.0 * 1.1e-3**2
+    assert told.verdict == "fail"
+    assert told.value == pytest.approx(deepest_overlap(speed, mass, contact_law(config)) / 1.1e-3, rel=1e-12)
