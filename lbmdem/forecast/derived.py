@@ -32,7 +32,7 @@ ENOUGH_NODES = {2: 10.0, 3: 7.0}  # across a grain (Mansouri et al., section 4)
 
 def derived(config: LbmDemConfig, ranks: int = 1) -> list[Derived]:
     """Every derived number of a completed case that runs on so many ranks."""
-    parts = (relaxation, lattice_units, speeds, pressures, inflow, sloshing)
+    parts = (relaxation, lattice_units, speeds, driven, pressures, inflow, sloshing)
     fluid = [number for part in parts for number in part(config)] if config.fluid else []
     solids = [*obstacles(config), *grains(config), *unheld(config), *contacts(config), *slices(config)]
     return [*fluid, *solids, *sizes(config, ranks), *whole_rules(config, ranks)]
@@ -89,6 +89,31 @@ def speeds(config: LbmDemConfig) -> Iterator[Derived]:
             source="doubly periodic shear layer, measured (tests/validation)",
             cure=OTHER_COLLISION, key=SPACING, forceable=True,
         )  # fmt: skip
+
+
+def driven(config: LbmDemConfig) -> Iterator[Derived]:
+    """Speed that the body force gives the fluid: that of its whole push, or if less that of the parabola between the
+    nearest walls along it. Not told where solids that stay hold the fluid back, or the weight of grains.
+    """
+    size, nu, end = config.domain.size, config.liquid.kinematic_viscosity, config.simulation.end_time
+    stay = config.coupling.frozen or any(not group.moving for group in config.grains)
+    unwalled = {face.face[0] for face in config.boundary if face.type != "wall"}.union(config.domain.periodic)
+    squares = 0.0
+    for along, a in zip(AXES, config.liquid.body_force):
+        walls = [length for axis, length in zip(AXES, size) if axis not in unwalled and axis != along]
+        if along in unwalled and (walls or not config.grains):
+            steady = min((abs(a) * height**2 / (8.0 * nu) for height in walls), default=math.inf)
+            squares += min(abs(a) * end, steady) ** 2
+    if config.obstacle or stay or not squares:
+        return
+    speed = math.sqrt(squares)
+    mach = speed * config.time_step / config.spacing / math.sqrt(CS2)
+    yield Derived("speed that the body force makes", "U", speed, "m/s", source="a t, or a H2/(8 nu) between walls")
+    yield judged(
+        "Mach number of the driven fluid", "Ma", mach, ok=mach <= 0.25, legal=mach < 0.5, forceable=True,
+        limit="<= 0.25, < 0.5 at all", source="Mansouri et al., section 3.2", key=("fluid", "body_force"),
+        cure=f"a weaker force, or relaxation_time = {slower(config, 0.24 / mach)}",
+    )  # fmt: skip
 
 
 def pressures(config: LbmDemConfig) -> Iterator[Derived]:

@@ -204,3 +204,35 @@ def test_a_packing_falls_through_the_hole_of_a_hopper(missing):
     mass = 2650.0 * math.pi / 4.0 * 1.1e-3**2
     assert told.verdict == "fail"
     assert told.value == pytest.approx(deepest_overlap(speed, mass, contact_law(config)) / 1.1e-3, rel=1e-12)
+
+
+CHANNEL = """
+simulation = { end_time = 100.0; };
+domain = { size = [4.0e-3, 2.0e-3]; spacing = 1.0e-4; periodic = ["x"]; };
+fluid = { density = 1000.0; kinematic_viscosity = 1.0e-6; relaxation_time = 0.8; body_force = [0.1, 0.0]; };
+"""
+
+
+@pytest.mark.parametrize(
+    ("sets", "speed"),
+    [
+        ((), 0.1 * 2.0e-3**2 / 8.0e-6),  # the parabola
+        (("simulation.end_time=0.2",), 0.1 * 0.2),  # which is not reached
+        (('domain.periodic=["x", "y"]', "simulation.end_time=2.0"), 0.1 * 2.0),
+        (('domain.periodic=["y"]',), None),  # walls across the force
+        (('obstacle=({shape={box={low=[1.0e-3,0.0];high=[2.0e-3,1.0e-3];};};})',), None),
+    ],
+)
+def test_the_speed_that_a_body_force_makes_is_told(sets, speed):
+    told = number(CHANNEL, "speed that the body force makes", *sets)
+    assert (told and told.value) == (speed and pytest.approx(speed, rel=1e-12))
+
+
+def test_a_body_force_that_makes_the_fluid_too_fast_is_refused():
+    """Its Mach number is that of the parabola, and the relaxation time that is told mends it."""
+    name = "Mach number of the driven fluid"
+    slow, fast = (number(CHANNEL, name, f"fluid.body_force=[{a}, 0.0]") for a in (0.04, 5.0))
+    assert (slow.verdict, fast.verdict, fast.forceable) == ("warn", "fail", True)
+    assert slow.value == pytest.approx(0.02 * 1e-3 / 1e-4 * math.sqrt(3.0), rel=1e-12)
+    tau = fast.cure.split("relaxation_time = ")[1]
+    assert number(CHANNEL, name, "fluid.body_force=[5.0, 0.0]", f"fluid.relaxation_time={tau}").verdict == "ok"
