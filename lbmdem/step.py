@@ -122,7 +122,7 @@ class LbmDem:
         """The flow at the start. stays: no solid in it ever moves."""
         config, table = self.scene.config, self.table
         near = RULES[config.coupling.bounce_back].reach < 2
-        fluid.stays = stays and near and config.coupling.refill != "conserving"
+        fluid.stays = stays and near and not config.coupling.keeps_mass
         axes, sample = self.coordinates(), sample_ends(table.x, table.radius, config.domain.size[-1])
         fluid.set_equilibrium(self.scene.initial_density(axes, sample), self.scene.initial_velocity(axes))
 

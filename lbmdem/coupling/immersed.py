@@ -103,14 +103,14 @@ class Immersed:
         self._gained = 0  # the step that ended with these: passes of several steps count none
         self._pending = Gains(self._fixed.ids[:0], NO_GAINS)
         fluid.hooks.append(self._bounce)
-        if not self._fixed_links.reads_further and not self.refill.conserving:
+        if not self._fixed_links.reads_further and not self.refill.keeps_mass:
             fluid.carry(self._fixed_links.of_planes, self._fixed_links, self._take)  # until grains move
 
     def _link(self, bodies: Bodies) -> FixedLinks:
         """Find the links to bodies that stay, and bind their tasks."""
         fluid = self.fluid
         links = FixedLinks(self.window, fluid.layout, fluid.f, fluid.ids, bodies, self._rule, self._blocks)
-        if self.refill.conserving:
+        if self.refill.counts_momentum:
             links.arena["speed"][...] = 0.0  # what they sweep over is not counted
         return links
 
@@ -147,7 +147,7 @@ class Immersed:
         self.fluid.carry(None)
         window, layout, ids = self.window, self.fluid.layout, self.fluid.ids
         assert isinstance(layout, Layout)  # nodes of a fluid in which grains move are all held
-        open_mass = 0.0 if self.refill.conserving else 1.0
+        open_mass = 0.0 if self.refill.counts_momentum else 1.0
         arena = self._solid.arena
         set_up_links(arena, window, layout, self.fluid.f, ids, self._rule, open_mass)
         walls = Bodies(*sorted_table(*_no_grains(self._dimensions)), self._walls)
@@ -169,11 +169,11 @@ class Immersed:
         covered, filled = self.refill.change(change)
         self.fluid.nodes_changed(self._solid.settle())
         self.links.place()
-        if self.refill.conserving:
+        if self.refill.keeps_mass:
             self._pending = self._account(change, covered, filled)
 
     def _account(self, change: Change, covered: NDArray, filled: NDArray) -> Gains:
-        """Gains of grains from nodes that they cover and uncover: part of the forces of the next step."""
+        """Gains of grains from nodes that they cover and uncover: part of the next step's forces, or of mass alone."""
         table, e = self._table, kernel_axes(self.fluid.lattice.e)
         sums = np.zeros((len(table.ids), GAINS), np.int64)
         parts = ((1.0, change.covered, change.taken_by, covered), (-1.0, change.uncovered, change.left_by, filled))
@@ -185,6 +185,8 @@ class Immersed:
             gains = np.column_stack((momentum, torque, -sign * populations.sum(axis=1)))
             with np.errstate(invalid="ignore"):  # no number: the guard tells it
                 np.add.at(sums, rows, np.rint(gains * self._scale).astype(np.int64))
+        if not self.refill.counts_momentum:
+            sums[:, :6] = 0  # links count it, as the momentum of what they sweep over
         return Gains(table.ids, sums)
 
     def _bounce(self, fluid: Fluid, parity: int) -> None:
@@ -196,7 +198,7 @@ class Immersed:
             walls = self._wall_links.run(self._pool, parity)
             self._remember([Gains(self._table.ids, self.links.gains(), walls), self._pending], fluid.iteration + 1)
             self._pending = Gains(self._table.ids[:0], NO_GAINS)
-        if self.refill.conserving:
+        if self.refill.keeps_mass:
             self._keep_mass()
 
     def _take(self, iteration: int) -> None:

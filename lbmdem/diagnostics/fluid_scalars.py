@@ -105,7 +105,7 @@ class FluidScalars:
         """True where the sum of the populations stays to rounding: links of grains are balanced, no wall moves."""
         config = self._scene.config
         still = not any(any(face.velocity) for face in config.boundary)
-        balanced = self._immersed is None or config.coupling.refill == "conserving"
+        balanced = self._immersed is None or config.coupling.keeps_mass
         return self._closed and still and balanced and self._section.storage == "double"
 
     def _watch_mass(self, excess: float, nodes: float) -> None:

@@ -98,7 +98,7 @@ class Diagnostics:
         values = fluid.scalars(step, self.slices)
         text = f"the fluid moves by {fluid.fastest:.2f} nodes in a step (limit 0.4)"
         self._warn_once("speed", fluid.fastest > WARN_SPEED, text, step)
-        cure = 'coupling.refill = "conserving" keeps the mass'
+        cure = 'coupling.refill = "mass-conserving" gives it back'
         text = f"the mean density of the fluid has changed by {fluid.drift:.1e}: {cure}"
         self._warn_once("mass", abs(fluid.drift) > WARN_DRIFT, text, step)
         return values

@@ -93,7 +93,7 @@ def phases(
             each = grain_count(config) * rates[f"moving_grain_us {config.dimensions}D"]
             cold = 0.0 if cached(config) else rates["cold_us"]
             seconds["moving solids"] = 1e-6 * (rates["moving_us"] + cold + each)
-            if config.coupling.refill == "conserving":
+            if config.coupling.keeps_mass:
                 seconds["moving solids"] += math.prod(config.points) * rates["conserving_ns"] / cores
         seconds["exchanges"] = exchange_seconds(config, rates) if ranks > 1 else 0.0
     return seconds

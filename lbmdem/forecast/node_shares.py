@@ -111,7 +111,7 @@ def moving(config: LbmDemConfig) -> bool:
 def sparse(config: LbmDemConfig) -> bool:
     """True when the fluid nodes alone are held (fluid.sparse)."""
     stays, rules = not moving(config) or config.coupling.frozen, config.coupling
-    general = RULES[rules.bounce_back].reach < 2 and rules.refill != "conserving"
+    general = RULES[rules.bounce_back].reach < 2 and not rules.keeps_mass
     return stays and general and fluid_share(config) < SPARSE_BELOW
 
 

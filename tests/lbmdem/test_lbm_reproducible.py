@@ -73,7 +73,7 @@ obstacle = ({ name = "bed"; shape = { plane = { point = [0.0, 0.0006]; normal = 
 """
 NARROW = "domain.size=[0.002, 0.002, 0.0022]"  # little fluid is left: its solid nodes are not held
 FIXED = (NARROW, "grains[0].moving=false", "boundary[0].pressure_rate=0.0")
-REFILLS = "average", "local", "non-equilibrium", "conserving"
+REFILLS = "average", "local", "non-equilibrium", "mass-conserving", "conserving"
 STEPS = 21
 
 

@@ -59,7 +59,7 @@ def test_the_paper_takes_the_mean_density_and_the_velocity_of_the_grain(world, p
 
 
 @LATTICES
-@pytest.mark.parametrize("refill", ["local", "non-equilibrium", "conserving"])
+@pytest.mark.parametrize("refill", ["local", "non-equilibrium", "mass-conserving", "conserving"])
 def test_the_density_is_that_of_the_neighbours(world, pool, lattice, refill):
     left = Uncovered(world, pool, lattice, refill, uniform(1.03, (0.01, 0.0, 0.0)))
     assert left.h == pytest.approx(np.broadcast_to(rest(lattice, 1.03, left.u), left.h.shape), abs=1e-15)
@@ -114,7 +114,7 @@ def test_nodes_of_a_grain_that_is_no_longer_there_are_filled_at_rest(world, pool
 
 
 @LATTICES
-@pytest.mark.parametrize("refill", ["local", "non-equilibrium", "conserving"])
+@pytest.mark.parametrize("refill", ["local", "non-equilibrium", "mass-conserving", "conserving"])
 def test_threads_move_grains_to_the_same_bits(world, lattice, refill):
     shape, d = SHAPES[lattice.name], lattice.dimensions
     rng = np.random.default_rng(3)
