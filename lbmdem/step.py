@@ -123,7 +123,8 @@ class LbmDem:
         config, table = self.scene.config, self.table
         near = RULES[config.coupling.bounce_back].reach < 2
         fluid.stays = stays and near and not config.coupling.keeps_mass
-        axes, sample = self.coordinates(), sample_ends(table.x, table.radius, config.domain.size[-1])
+        sample = sample_ends(table.x, table.radius, config.domain.size[-1]) if len(table) else None
+        axes = self.coordinates()
         fluid.set_equilibrium(self.scene.initial_density(axes, sample), self.scene.initial_velocity(axes))
 
     def coordinates(self) -> tuple[NDArray, ...]:

@@ -147,9 +147,10 @@ class Scene:
             return 0.0
         return given[0] + (given[-1] - given[0]) * share
 
-    def initial_density(self, axes: tuple[NDArray, ...], sample: tuple[float, float]) -> NDArray[np.float64]:
-        """Density at nodes in lattice units: of rest, or of the initial flow; between two pressure faces of the last
-        axis it falls linearly over the sample of fixed grains, low to high in m.
+    def initial_density(self, axes: tuple[NDArray, ...], sample: tuple[float, float] | None) -> NDArray[np.float64]:
+        """Density at nodes in lattice units: of rest, or of the initial flow; between two pressure faces it falls
+        linearly, along the last axis over the sample of grains where there is one, low to high in m: a jump would leave
+        an alternation of the velocity from node to node.
         """
         shape = np.broadcast_shapes(*(axis.shape for axis in axes))
         rho = np.ones(shape)
@@ -163,12 +164,18 @@ class Scene:
             ratio = kx * kx / (ky * ky)
             waves = ratio * cos(2.0 * ky * axes[1]) + cos(2.0 * kx * axes[0])
             rho -= 0.25 * speed * speed / CS2 * waves
-        name = AXES[self.dimensions - 1]
-        low, high = self.faces[name + "-"], self.faces[name + "+"]
-        if low.kind == high.kind == "pressure":
-            share = np.clip((axes[-1] - sample[0]) / (sample[1] - sample[0]), 0.0, 1.0)
-            rho += (low.density - 1.0) * (1.0 - share) + (high.density - 1.0) * share
+        for k, name in enumerate(AXES[: self.dimensions]):
+            low, high = self.faces[name + "-"], self.faces[name + "+"]
+            if low.kind == high.kind == "pressure":
+                along = sample if sample and k == self.dimensions - 1 else self._end_nodes(k)
+                share = np.clip((axes[k] - along[0]) / (along[1] - along[0]), 0.0, 1.0)
+                rho += (low.density - 1.0) * (1.0 - share) + (high.density - 1.0) * share
         return rho
+
+    def _end_nodes(self, k: int) -> tuple[float, float]:
+        """Where the first and the last node of axis k are, m: pressure faces hold there."""
+        half = 0.5 * self.units.dx
+        return half, self.config.domain.size[k] - half
 
 
 def grain_table(config: LbmDemConfig, positions: list[NDArray], radii: list[NDArray]) -> GrainTable:
