@@ -43,7 +43,7 @@ def packing(count: int, words: str) -> str:
     [
         (packing(300, "porosity = 0.5"), "grains[0].packing.porosity: top of bed z = 0.1473 m (limit <= 0.0128"),
         (packing(20, "porosity = 0.5; high = 0.012"), "limit 0.012, as packing.high says"),
-        (packing(20, "porosity = 0.02"), "void fraction of bed n = 0.02 (limit >= 0.093"),
+        (packing(20, "porosity = 0.02"), "void fraction of bed n = 0.02 (limit >= 0.204"),
         (packing(300, ""), "grains[0].packing: void fraction of bed n = -4"),
         (packing(20, "porosity = 0.5").replace("false", "true") + "output = { stress_slices = 65; };", "slices = 64"),
         (f"{BOX.replace('0.1;', '1.0;')}{INLET});", "boundary[0].velocity: mean density at the end rho/rho0 = 1.977"),

@@ -13,6 +13,7 @@ from hpcpic.core.physics.contact_law import ContactLaw
 from hpcpic.core.simd.caches import Store
 from hpcpic.core.space.domain import Domain, even_cuts
 from hpcpic.core.tasks.graph import Pool
+from lbmdem.forecast.derived import least_porosity_of_discs
 from lbmdem.grains.packing import Sample, beta_diameters, cached, grow, pack, porosity_of, settle, solid_volume
 
 
@@ -158,6 +159,29 @@ def test_a_pipe_or_a_folder_in_the_place_of_a_packing_ends_nothing(world, store)
         path.unlink()
         put(path)
         assert take().shape == (1, 3)
+
+
+@pytest.mark.parametrize("periodic", [True, False], ids=["periodic", "closed"])
+@pytest.mark.parametrize("largest", [1.0e-3, 1.22e-3, 3.0e-3])
+def test_check_knows_how_densely_discs_grow(world, pool, largest, periodic):
+    """A little below its limit there is no packing, and a little above there is one."""
+    n = 100
+    radius = 0.5 * beta_diameters(n, 1e-3, largest * (1.0 + 1e-9), 1.0, 1.0, 4, 2)
+    solid, d = solid_volume(radius, 2), 2.0 * radius
+    grown = {}
+    for off in (-0.015, 0.05):
+        porosity = 0.15  # the sides that its own limit belongs to
+        for _ in range(20):
+            side = (solid / (1.0 - porosity)) ** 0.5
+            walls = 0.0 if periodic else 2.0 * d.mean() / side
+            porosity = least_porosity_of_discs(d.var() / d.mean() ** 2, walls) + off
+        domain = Domain((side,) * 2, (8,) * 2, (periodic,) * 2, even_cuts(8, world.size))
+        try:
+            grow(world, pool, domain, Sample(radius, 0.0, side, 4))
+            grown[off] = True
+        except ConfigError:
+            grown[off] = False
+    assert grown == {-0.015: False, 0.05: True}
 
 
 @pytest.mark.mpi(min_size=2)
