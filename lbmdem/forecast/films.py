@@ -1,14 +1,16 @@
 """The films between grains that the lattice does not resolve: how stiff they get, and the substeps that they want."""
 
 import math
+from functools import lru_cache
 from typing import NamedTuple
 
 from hpcpic.core.case.derived import Derived, judged
-from lbmdem.case.config import LbmDemConfig, grain_mass
+from lbmdem.case.config import AXES, LbmDemConfig, grain_mass
 from lbmdem.forecast.node_shares import fluid_share
 from lbmdem.physics.lubrication import MOST_SUBSTEPS, ROUGHNESS, STABLE, Film
 from lbmdem.physics.velocity_sets import LATTICES
 from lbmdem.physics.wall_rules import impedance
+from lbmdem.setup.overlap_survey import starts
 
 DILUTE = 0.1  # share of grains in the box up to which few are so near to each other that their films want substeps
 
@@ -48,13 +50,28 @@ def films(config: LbmDemConfig) -> Derived:
     )  # fmt: skip
 
 
+@lru_cache(maxsize=8)  # places of many grains take a while to look at
 def expected_substeps(config: LbmDemConfig) -> int:
-    """The substeps of a step: where grains fill more than a little of the box two of the smallest nearly touch."""
+    """The substeps of a step: where grains fill more than a little of the box two of the smallest nearly touch, or are
+    as near as given positions bring them where nothing presses grains together."""
     given, coupling = config.substeps, config.coupling
     quiet = not config.fluid or coupling.frozen or not coupling.lubrication or coupling.substeps
     if quiet or 1.0 - fluid_share(config) <= DILUTE:
         return given
     radius, mass, film = smallest(config)
-    resistance = film.resistance(ROUGHNESS * 0.5 * radius, 0.5 * radius)
+    gap = ROUGHNESS * 0.5 * radius
+    if not pressed(config):
+        gap = max(gap, starts(config)[0] - 2.0 * radius)
+    resistance = film.resistance(gap, 0.5 * radius)
     wanted = config.time_step * resistance * 2.0 / mass / STABLE
     return max(given, math.ceil(min(wanted, MOST_SUBSTEPS)))
+
+
+def pressed(config: LbmDemConfig) -> bool:
+    """True where grains lie on each other: of a packing, or with a weight that a side of the box or a solid holds."""
+    moving = [group for group in config.grains if group.moving]
+    stays = bool(config.obstacle) or len(moving) < len(config.grains)
+    axes = [axis for axis, g in zip(AXES, config.gravity) if g]
+    held = bool(axes) and (stays or any(axis not in config.domain.periodic for axis in axes))
+    heavy = any(group.density != config.liquid.density for group in moving)
+    return any(group.packing is not None for group in moving) or (held and heavy)

@@ -129,3 +129,26 @@ def test_dense_grains_want_the_substeps_of_their_films_and_few_do_not(world):
     assert expected_substeps(given) == 30
     thick = shipped("liquefaction", "fluid.kinematic_viscosity=1e-4", "fluid.relaxation_time=2.0")
     assert expected_substeps(thick) <= max(thick.substeps, MOST_SUBSTEPS)
+SUSPENSION = """
+simulation = { end_time = 1.0; };
+domain = { size = [4.0e-3, 4.0e-3]; spacing = 1.0e-4; periodic = ["x"]; };
+fluid = { density = 1000.0; kinematic_viscosity = 1.0e-5; relaxation_time = 1.0; };
+boundary = ({ face = "y+"; type = "wall"; velocity = [1.0e-3, 0.0]; });
+grains = ({ diameter = 1.0e-3; density = 1000.0; position = ([1.0e-3, 1.0e-3], [2.05e-3, 1.0e-3], [3.1e-3, 1.2e-3],
+            [1.0e-3, 2.6e-3], [2.2e-3, 2.6e-3]); });
+contact = { normal_stiffness = 1.0; };
+gravity = [0.0, -9.81];
+"""
+
+
+def test_substeps_of_a_suspension_are_those_of_its_narrowest_gap(world):
+    """Nothing presses grains of the density of the fluid together; heavy ones will lie on each other."""
+    light = configure(loads(SUSPENSION))
+    with running(world, "lbmdem", light) as app:
+        app.step()
+        taken = app.grains._substeps_of_films()
+    assert light.substeps < taken and taken == pytest.approx(expected_substeps(light), abs=1)
+    heavy = configure(loads(SUSPENSION, sets=["grains[0].density=1200.0"]))
+    assert expected_substeps(heavy) > 20 * taken
+
+
