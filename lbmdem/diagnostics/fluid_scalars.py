@@ -51,7 +51,7 @@ class FluidScalars:
         self.units = {"mass": f"kg{per}"}
         self.units |= {f"momentum_{axis}": f"kg m/s{per}" for axis in self._axes}
         self.units |= {"max_mach": "", "energy_kinetic": f"J{per}"}
-        self.units |= {f"flow_rate_{self._axes[-1]}": "m3/s" if along else "m2/s"}
+        self.units |= {f"flow_rate_{axis}": "m3/s" if along else "m2/s" for axis in self._axes}
         self.units |= {"permeability": "m2", "hydraulic_gradient": "", "porosity": ""} if self._driving_force else {}
 
     def go_on(self, before: "FluidScalars") -> None:
@@ -75,7 +75,8 @@ class FluidScalars:
         """Collective. slices: ends of the control slices, m; none to leave out their pressures."""
         scene, units = self._scene, self._scene.units
         rows, squares = self._fluid.row_sums()
-        nodes, excess, *momentum, energy, flow = self._world.sum_exact(rows)
+        nodes, excess, *rest = self._world.sum_exact(rows)
+        momentum, energy, flow = rest[: len(self._axes)], rest[len(self._axes)], rest[len(self._axes) + 1 :]
         values = {"mass": (nodes + excess) * units.mass}
         values["energy_kinetic"] = 0.5 * energy * units.mass * units.velocity**2
         self._watch_mass(excess, nodes)
@@ -83,9 +84,10 @@ class FluidScalars:
             values[f"momentum_{axis}"] = p * units.mass * units.velocity
         self.fastest = math.sqrt(self._world.max(float(squares.max(initial=0.0))))
         values["max_mach"] = self.fastest / math.sqrt(CS2)
-        along = flow / scene.points[-1]  # mean over the rows of the sums over a cross-section
-        rate = along * units.velocity * units.dx ** (scene.dimensions - 1)
-        values[f"flow_rate_{self._axes[-1]}"] = rate
+        rate = 0.0
+        for axis, sum_of_u, n in zip(self._axes, flow, scene.points):  # mean over the sections across the axis
+            rate = sum_of_u / n * units.velocity * units.dx ** (scene.dimensions - 1)
+            values[f"flow_rate_{axis}"] = rate
         if self._driving_force:
             values |= self._permeability(rate, self._driving_force(step))
         return values | self._pressures(rows, slices)

@@ -62,8 +62,8 @@ class Observers:
 
     def row_sums(self, parity: int) -> tuple[NDArray, NDArray]:
         """Sums of each row of nodes [rows of x, ...]: number of fluid nodes, sum of rho - 1, momentum (physical order),
-        rho u^2 and u along the last axis; and the largest u^2. Bits of a row depend on the row alone."""
-        sums = np.empty((*self._nodes[:2], 4 + self._layout.lattice.dimensions))
+        rho u^2 and u; and the largest u^2. Bits of a row depend on the row alone."""
+        sums = np.empty((*self._nodes[:2], 3 + 2 * self._layout.lattice.dimensions))
         fastest = np.empty(sums.shape[:2])
         self._each("row_sums", parity, sums=sums, fastest=fastest)
         return sums.reshape(fastest.size, sums.shape[2]), fastest.reshape(fastest.size)

@@ -25,7 +25,7 @@ from lbmdem.kernels.refill import offsets
 N = lanes(np.float64)
 F, H = Vec(N, np.float64), Vec(N, np.int32)
 AHEAD = 8  # vectors by which populations are fetched before they are needed
-COLUMNS = 6  # of a row's sums, less the count of nodes: rho - 1, momentum, rho u^2, last component of u
+COLUMNS = 8  # of a row's sums, less the count of nodes: rho - 1, momentum, rho u^2, u
 
 
 @njit
@@ -90,7 +90,7 @@ def moments(f, ids, ghosts, places, e, shift, parity, low, high, rho, u):
 
 @njit
 def row_sums(f, ids, ghosts, places, e, shift, parity, low, high, sums, fastest):
-    """sums[plane, row] = fluid nodes, their sum of h, momentum (with shift[c]), rho u^2, last component of u; and
+    """sums[plane, row] = fluid nodes, their sum of h, momentum (with shift[c]), rho u^2, u; and
     fastest[plane, row] = largest u^2. A row is summed in the order of its nodes, so that no decomposition shows."""
     strides, slots, shifts, positions = places
     q, d = e.shape
@@ -116,19 +116,18 @@ def row_sums(f, ids, ghosts, places, e, shift, parity, low, high, sums, fastest)
                     starts[i] = arrival(strides, slots, shifts, parity, z, y, 0, i)
             node = ((z + 1) * ids.shape[1] + y + ghosts) * ids.shape[2] + 1
             row = sums[z, y]
-            row[0], row[1], px, py, pz, row[2 + d], row[3 + d], fastest[z, y] = of_row(
-                rows, starts, way, forced, d - 1, line, node, nx, terms
+            row[0], row[1], momentum, row[2 + d], flow, fastest[z, y] = of_row(
+                rows, starts, way, forced, line, node, nx, terms
             )
-            row[2], row[3] = px, py
-            if d == 3:
-                row[4] = pz
+            for c in range(d):
+                row[2 + c], row[3 + d + c] = momentum[c], flow[c]
 
 
 @njit
-def of_row(f, starts, way, half, last, line, node, nx, terms):
-    """Sums of a row's nodes: what `row_sums` tells, with momentum along three axes. terms[6 N]: room."""
+def of_row(f, starts, way, half, line, node, nx, terms):
+    """Sums of a row's nodes: what `row_sums` tells, with vectors along three axes. terms[COLUMNS N]: room."""
     count, fastest, zero = 0, splat(F, 0.0), splat(F, 0.0)
-    mass, px, py, pz, energy, flow = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
+    mass, px, py, pz, energy, ux, uy, uz = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
     for x in range(0, nx, N):
         fluid = (load(H, line, node + x) == FLUID) & (lane_numbers(H) < np.int32(nx - x))
         bits = bitmask(fluid)
@@ -145,20 +144,20 @@ def of_row(f, starts, way, half, last, line, node, nx, terms):
             jx, jy, jz = fma(h, way[c], jx), fma(h, way[c + np.uint64(1)], jy), fma(h, way[c + np.uint64(2)], jz)
         jx, jy, jz = jx + half[0], jy + half[1], jz + half[2]
         rho, square = 1.0 + h_sum, jx * jx + jy * jy + jz * jz
-        speed = (jz if last == 2 else jy) / rho
-        for c, term in enumerate((h_sum, jx, jy, jz, square / rho, speed)):
+        for c, term in enumerate((h_sum, jx, jy, jz, square / rho, jx / rho, jy / rho, jz / rho)):
             store(terms, c * N, select(fluid, term, zero))
         u_sq = select(square == square, square / (rho * rho), splat(F, np.inf))
         fastest = maximum(select(fluid, u_sq, zero), fastest)
         for b in range(np.uint64(N)):
             mass, px = mass + terms[b], px + terms[b + np.uint64(N)]
             py, pz = py + terms[b + np.uint64(2 * N)], pz + terms[b + np.uint64(3 * N)]
-            energy, flow = energy + terms[b + np.uint64(4 * N)], flow + terms[b + np.uint64(5 * N)]
+            energy, ux = energy + terms[b + np.uint64(4 * N)], ux + terms[b + np.uint64(5 * N)]
+            uy, uz = uy + terms[b + np.uint64(6 * N)], uz + terms[b + np.uint64(7 * N)]
     largest = 0.0
     store(terms, 0, fastest)
     for b in range(N):
         largest = max(largest, terms[b])
-    return count, mass, px, py, pz, energy, flow, largest
+    return count, mass, (px, py, pz), energy, (ux, uy, uz), largest
 
 
 @njit

@@ -4,6 +4,7 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from app_runner import running
 
 from hpcpic.core.case.config import loads
 from hpcpic.core.comm.world import World
@@ -29,8 +30,8 @@ def permeability_of_planes(text: str, sample: tuple[float, float], pull: float, 
     scene = Scene(configure(loads(text)))
     y = (np.arange(10) + 0.5) * 1e-4
     u = np.broadcast_to((pull / (2 * 2e-6) * y * (1e-3 - y) / scene.units.velocity)[:, None], SHAPE)
-    rows = np.zeros((160, 7))  # nodes, excess, momentum, energy, flow
-    rows[:, 0], rows[:, 6] = 12, u.sum(axis=2).ravel()
+    rows = np.zeros((160, 9))  # nodes, excess, momentum, energy, flow
+    rows[:, 0], rows[:, 8] = 12, u.sum(axis=2).ravel()
     solid = np.full(SHAPE, FLUID)
     solid[7:9, 4:6, 5:7] = FLUID + 1
     fluid = SimpleNamespace(row_sums=lambda: (rows, u**2), solid=SimpleNamespace(inner=solid))
@@ -58,3 +59,20 @@ def test_pressures_at_both_ends_drive_it_over_the_height_of_the_sample():
         assert found["permeability"] == pytest.approx(1e-6 / 12 * (1 + 0.5 / 10**2), rel=1e-9)
         assert found["hydraulic_gradient"] == pytest.approx(pull / 9.81)
         assert found["porosity"] == pytest.approx(1 - 8 / 480)  # of the four layers of the sample
+
+
+@pytest.mark.parametrize("along", [0, 1])
+def test_a_channel_tells_its_flow_along_any_axis(world, along):
+    """Poiseuille's flow rate in 2D is a H^3/(12 nu), of nodes by 1 / (2 n^2) more; there is none across."""
+    other, size, force = 1 - along, [4e-4, 4e-4], [0.0, 0.0]
+    size[other], force[along] = 1e-3, 0.01
+    text = f"""
+    simulation = {{ end_time = 2.0; }};
+    domain = {{ size = {size}; spacing = 1.0e-4; periodic = ["{'xy'[along]}"]; }};
+    fluid = {{ kinematic_viscosity = 1.0e-6; relaxation_time = 1.0; body_force = {force}; }};"""
+    with running(world, "lbmdem", text) as app:
+        while app.time < 2.0:
+            app.step()
+        found = app.scalars()
+    assert found[f"flow_rate_{'xy'[along]}"] == pytest.approx(0.01 * 1e-9 / 12e-6 * (1 + 0.5 / 10**2), rel=1e-6)
+    assert abs(found[f"flow_rate_{'xy'[other]}"]) < 1e-12

@@ -219,7 +219,8 @@ def test_row_sums_are_rounded_as_sums_node_by_node(lattice, storage):
     square = momentum[0] * momentum[0]
     for p in momentum[1:]:
         square += p * p
-    columns = [np.ones_like(mass), mass, *momentum, square / (1.0 + mass), momentum[-1] / (1.0 + mass)]
+    flow = [p / (1.0 + mass) for p in momentum]
+    columns = [np.ones_like(mass), mass, *momentum, square / (1.0 + mass), *flow]
     wet = fluid.solid.inner == -1
     expected = [np.add.accumulate(np.where(wet, column, 0.0), axis=-1)[..., -1].ravel() for column in columns]
     assert np.array_equal(fluid.row_sums()[0], np.stack(expected, axis=1))
