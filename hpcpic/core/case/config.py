@@ -5,6 +5,7 @@ Limits: 16 files, @include 4 deep, 1 MiB each, 32 nested brackets. An @include i
 root of the file system nor into anything hidden, as a case may be a stranger's; what is no case is not quoted.
 """
 
+import difflib
 import os
 import re
 import stat
@@ -282,18 +283,26 @@ def apply_set(tree: Tree, assignment: str) -> str | None:
         elif isinstance(parent, dict) and isinstance(part, str) and isinstance(path[depth + 1], str):
             parent = parent.setdefault(part, {})
         else:
-            return f"there is no {dotted(path[: depth + 1])}"
+            return absent(parent, path[: depth + 1])
     last = path[-1]
     if isinstance(parent, tuple) and holds(parent, last):
         return "a list element is a group: set one of its keys"
     is_key = isinstance(parent, dict) and isinstance(last, str)
     if not is_key and not (isinstance(parent, list) and holds(parent, last)):
-        return f"there is no {dotted(path)}"
+        return absent(parent, path)
     parent[last] = value
     for other in [other for other in tree.places if other[: len(path)] == path]:
         del tree.places[other]
     tree.places[path] = Place(f"--set {assignment}")
     return None
+
+
+def absent(group: Any, path: Path) -> str:
+    """What is said of a key or an index that a group does not have, with the key of it that was meant."""
+    keys = list(group) if isinstance(group, dict) else []
+    near = difflib.get_close_matches(str(path[-1]), keys, 1)
+    hint = f"; did you mean {dotted((*path[:-1], near[0]))}?" if near else ""
+    return f"there is no {dotted(path)}{hint}"
 
 
 def is_many(value: Any) -> bool:

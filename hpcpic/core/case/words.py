@@ -17,7 +17,7 @@ MOST_STEPS = 2.0**62  # that a case can say
 def unknown(name: str, known: Iterable[str]) -> str:
     """What is said of a name that is none of the known ones."""
     *others, last = map(repr, known)
-    near = difflib.get_close_matches(name, known, 1, 0.3)
+    near = difflib.get_close_matches(name, known, 1, 0.5)
     hint = f"; did you mean {near[0]!r}?" if near else ""
     return f"must be {', '.join(others)} or {last} (got {name!r}){hint}"
 

@@ -180,6 +180,8 @@ class Run:
 
     @cached_property
     def particle_snapshots(self) -> Particles:
+        if not self.rundir.particles.exists():
+            raise FileError(f"{self.path}: no particles.vtkhdf or grains.vtkhdf")
         return Particles(self.rundir.particles)
 
     def histogram(self, name: str) -> Histogram:

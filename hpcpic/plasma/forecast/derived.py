@@ -138,7 +138,7 @@ def stability(config: PlasmaConfig) -> Iterator[Derived]:
     legal, good = step_for(config, 1.19, step), step_for(config, 0.2, step)
     yield judged(
         "time step", "wp dt", step, limit, verdict_of(step <= 0.5, step < 1.2), f"{BOOK} ch. 4",
-        f"time_step = {legal:g} is the nearest legal one, {good:g} is accurate", TIME_STEP,
+        f"time_step = {legal:g} is legal, {good:g} is accurate", TIME_STEP,
         forceable=step < 2, stable_below=2.0,
     )  # fmt: skip
     turn = fastest_turn(config) * abs(dt)
@@ -229,7 +229,7 @@ def shielding(config: PlasmaConfig, ratio: float, known: bool) -> Derived:
         cheap = f', or numerics.shape = "{SMOOTHEST_SHAPE}", with which the energy grows by {smooth:.2g}'
     if ratio >= 0.1 and config.simulation.solver == "MFT" and not config.numerics.cloud_radius:  # as measured
         cheap += f", or numerics.cloud_radius = {min(spacing(config)):.3g}: {CLOUDS}"
-    verdict, source = verdict_of(ratio >= 0.5, ratio >= 0.03), f"{BOOK} ch. 8"
+    verdict, source = verdict_of(ratio > 0.5, ratio >= 0.03), f"{BOOK} ch. 8"
     return judged("Debye length", "lambda_D/dx", ratio, "> 0.5", verdict, source, fine + cheap, POINTS, forceable=True)
 
 

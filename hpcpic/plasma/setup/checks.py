@@ -113,7 +113,8 @@ def batch_faults(config: PlasmaConfig, species: Species) -> Iterator[Fault]:
         return
     size = loader.batch_size(species, config.points)
     if n % size:
-        fitting = f"{max(1, n // size) * size} or {(n // size + 1) * size}"
+        least = n // size * size
+        fitting = f"{least} or {least + size}" if least else f"at least {size}"
         yield ("particles",), f"must be a multiple of {size} for init_method {loader.name!r}: {fitting} (got {n})"
 
 

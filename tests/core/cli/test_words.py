@@ -9,7 +9,7 @@ from click.testing import CliRunner
 from hpcpic.core.case import cases, schema
 from hpcpic.core.case.config import load, loads
 from hpcpic.core.case.schema import describe, dump
-from hpcpic.core.case.words import VISCOSITIES
+from hpcpic.core.case.words import VISCOSITIES, unknown
 from hpcpic.core.cli.main import MEANT, VERBS, build
 from hpcpic.core.errors import ConfigError
 from lbmdem.forecast.estimate import output_periods
@@ -191,3 +191,21 @@ def test_a_misspelt_verb_is_answered_with_the_nearest(verb, meant):
 
 def test_the_words_of_others_lead_to_verbs_and_are_none():
     assert set(MEANT.values()) <= set(VERBS) and not set(MEANT) & set(VERBS)
+
+
+@pytest.mark.parametrize(
+    ("assignment", "said"),
+    [
+        ("specie[0].charge=1.0", "there is no specie; did you mean species?"),
+        ("elephants[0].charge=1.0", "there is no elephants"),
+        ("species[7].charge=1.0", "there is no species[7]"),
+    ],
+)
+def test_a_setting_of_a_list_that_is_not_there_has_the_one_that_was_meant(assignment, said):
+    (fault,) = loads("species = ({ charge = -1.0; });", sets=(assignment,)).faults
+    assert fault.endswith(said)
+
+
+def test_a_name_is_suggested_only_where_it_is_like_what_was_written():
+    assert "did you mean" not in unknown("speed", ["velocity", "pressure"])
+    assert unknown("velocty", ["velocity", "pressure"]).endswith("did you mean 'velocity'?")

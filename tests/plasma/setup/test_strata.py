@@ -89,6 +89,8 @@ def test_every_velocity_is_evenly_in_the_box(axes, places):
 def test_numbers_that_make_no_beams_are_refused_with_those_next_to_them():
     with pytest.raises(ConfigError, match=r"particles: must be a multiple of 8 for init_method 'strata': 96 or 104 "):
         config_of(0.5, species(n=100))
+    with pytest.raises(ConfigError, match=r"must be a multiple of 8 for init_method 'strata': at least 8 \(got 5\)"):
+        config_of(0.5, species(n=5))
 
 
 def test_an_unperturbed_plasma_stays_quiet_and_a_random_one_does_not():
