@@ -164,7 +164,7 @@ def contacts(run: Run, step: int | None = None) -> Figure:
         axes.set(xlim=(0, width), ylim=(0, height), aspect="equal", xlabel="x, m", ylabel=f"{AXES[up]}, m")
         axes.grid(visible=False)
         unit = "N/m" if config.dimensions == 2 else "N"
-        axes.set_title(
+        figure.suptitle(
             f"{share.sum():.0f} contacts at t = {snapshots.times[number]:.4g} s\n"
             f"{neighbours / count:.2f} neighbours of a grain, mean force {mean:.3g} {unit}"
         )

@@ -73,7 +73,7 @@ def phase_space(run: Run, step: int | None = None) -> Figure:
     length = config_of(run).simulation.space_length[0]
     limits = _velocity_limits(snapshots, _evenly_chosen(last, SNAPSHOTS_FOR_LIMITS) if step is not None else numbers)
     with style():
-        columns = min(2, len(numbers))
+        columns = 3 if len(numbers) == 3 else min(2, len(numbers))  # no panel is empty
         lines = -(-len(numbers) // columns)
         size = (6.4, 4.2) if len(numbers) == 1 else (3.5 * columns, 2.5 * lines + 0.5)
         figure, axes = new_figure(lines, columns, size, squeeze=False, sharex=True, sharey=True)

@@ -12,7 +12,8 @@ from matplotlib import colormaps
 from matplotlib.collections import LineCollection, PatchCollection
 from matplotlib.colors import to_rgba
 
-from hpcpic.core.app.figures import COLOURS
+import lbmdem
+from hpcpic.core.app.figures import COLOURS, NoData
 from hpcpic.core.files.reader import open_run
 from lbmdem.analysis import grain_plots
 from lbmdem.analysis.grain_plots import all_grains, config_of, touching, with_images
@@ -121,3 +122,35 @@ def test_what_a_run_warns_of_is_kept_with_it(run):
     assert any(
         "of the links have no room" in text for text in json.loads((run.path / "run.json").read_text())["warnings"]
     )
+
+
+SILO = """
+simulation = { end_time = 1.0e-4; };
+domain = { size = [0.006, 0.03]; };
+grains = ({ diameters = { min = 0.9e-3; max = 1.1e-3; count = 120; }; packing = { porosity = 0.2; }; });
+contact = { normal_stiffness = 1.0e5; };
+gravity = [0.0, -9.81];
+output = { period = { series = 1.0e-4; grains = 1.0e-4; }; };
+"""
+
+
+def test_the_title_of_contacts_in_a_tall_box_fits(tmp_path):
+    """The axes of a tall box are narrow, and their title was as wide as the figure to the right of their left edge."""
+    lbmdem.Case(config_file(tmp_path, SILO)).run(tmp_path / "run", quiet=True, force=True)
+    figure = PLOTS["contacts"].make(open_run(tmp_path / "run"), None)
+    assert not unreadable(figure)
+    figure.draw_without_rendering()
+    title, whole = figure._suptitle.get_window_extent(), figure.bbox
+    assert whole.x0 <= title.x0 and title.x1 <= whole.x1
+
+
+def config_file(folder, text):
+    (folder / "silo.conf").write_text(text)
+    return folder / "silo.conf"
+
+
+def test_a_run_without_snapshots_of_grains_names_their_file(tmp_path):
+    text = SILO.replace("grains = 1.0e-4;", "")
+    lbmdem.Case(config_file(tmp_path, text)).run(tmp_path / "run", quiet=True, force=True)
+    with pytest.raises(NoData, match=r"grains\.vtkhdf"):
+        PLOTS["contacts"].make(open_run(tmp_path / "run"), None)

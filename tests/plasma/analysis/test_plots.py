@@ -84,6 +84,14 @@ def test_phase_space_shows_every_particle(run):
     assert np.allclose(axes.collections[0].get_offsets(), np.stack((x["position"][:, 0], x["velocity"][:, 0]), axis=1))
 
 
+@pytest.mark.parametrize(("every", "pictures"), [(100, 2), (50, 3), (25, 4)])
+def test_phase_space_has_a_picture_for_each_of_few_snapshots(tmp_path, every, pictures):
+    sets = ("simulation.cycles=100", f"output.sampling_period.particle={every}")
+    alone = open_run(make_run(shipped_cases()["two-particles"], tmp_path / "a", sets))
+    axes = PLOTS["phase-space"].make(alone, None).axes
+    assert len(axes) == pictures and all(axis.collections for axis in axes)
+
+
 def test_orbits_follow_each_particle_and_stop_at_the_edge_of_the_box(tmp_path):
     """Two particles that fly once round a box of 2 m: x(t) with a gap where they re-enter."""
     sets = ("simulation.cycles=100", "output.sampling_period.particle=5", "species[0].drift_velocity=[0.5]")
