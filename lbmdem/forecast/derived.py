@@ -36,6 +36,7 @@ def derived(config: LbmDemConfig, ranks: int = 1) -> list[Derived]:
     parts = (relaxation, lattice_units, speeds, driven, pressures, inflow, sloshing)
     fluid = [number for part in parts for number in part(config)] if config.fluid else []
     solids = [*obstacles(config), *grains(config), *unheld(config), *contacts(config), *slices(config)]
+    solids += [*sliding(config), *gauges(config)]
     return [*fluid, *solids, *sizes(config, ranks), *whole_rules(config, ranks)]
 
 
@@ -220,6 +221,35 @@ def obstacles(config: LbmDemConfig) -> Iterator[Derived]:
             name = f"nodes in {obstacle.name or f'obstacle_{i + 1}'}"
             cure = "it is not there for the fluid: outside the box, or between the nodes"
             yield Derived(name, "n", 0.0, "", ">= 1", "warn", "", cure, ("obstacle", i, "shape"))
+
+
+def sliding(config: LbmDemConfig) -> Iterator[Derived]:
+    """Velocity of grains that stay: that of their surface alone."""
+    for i, group in enumerate(config.grains):
+        speed = math.hypot(*group.velocity)
+        if speed and (not group.moving or config.coupling.frozen):
+            cure = "its surface slides and it stays where it is: moving = true lets it go, velocity = [] holds it still"
+            name, key = f"velocity of {group.name}, which stays", ("grains", i, "velocity")
+            yield Derived(name, "v", speed, "m/s", "0", "warn", "", cure, key)
+
+
+def gauges(config: LbmDemConfig) -> Iterator[Derived]:
+    """Gauges at a point inside an obstacle, or inside a grain where it is at the start: there is no fluid to read."""
+    for i, gauge in enumerate(config.gauge):
+        at, inside = np.array(gauge.at), ""
+        for group in config.grains if not any(gauge.size) else ():
+            x, own = np.asarray(group.centres, float), group.own_diameters
+            sizes = np.array(group.smallest_diameter) if own is None else own
+            if len(x) and np.any(((x - at) ** 2).sum(axis=1) < 0.25 * sizes**2):
+                inside = group.name
+        for obstacle in config.obstacle if not any(gauge.size) else ():
+            box = obstacle.shape.box
+            if box is not None and np.all((at > box.low) & (at < box.high)):
+                inside = obstacle.name
+        if inside:
+            cure, key = "move it into the fluid, or give it a size that reaches there", ("gauge", i, "at")
+            name = f"{gauge.name or f'gauge_{i + 1}'} in {inside}"
+            yield Derived(name, "n", 0.0, "", ">= 1 node of fluid", "warn", "", cure, key)
 
 
 def nodes_between(a: float, b: float, n: int, dx: float) -> int:

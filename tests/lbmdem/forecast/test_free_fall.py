@@ -236,3 +236,24 @@ def test_a_body_force_that_makes_the_fluid_too_fast_is_refused():
     assert slow.value == pytest.approx(0.02 * 1e-3 / 1e-4 * math.sqrt(3.0), rel=1e-12)
     tau = fast.cure.split("relaxation_time = ")[1]
     assert number(CHANNEL, name, "fluid.body_force=[5.0, 0.0]", f"fluid.relaxation_time={tau}").verdict == "ok"
+
+
+GAUGED = CHANNEL + """
+gauge = ({ what = "pressure"; at = [2.0e-3, 1.0e-3]; });
+grains = ({ name = "pin"; diameter = 6.0e-4; moving = false; position = [2.0e-3, 1.2e-3]; });
+"""
+
+
+def test_a_gauge_in_a_grain_is_told():
+    name = "gauge_1 in pin"
+    assert number(GAUGED, name).verdict == "warn" and number(GAUGED, name).key == ("gauge", 0, "at")
+    for apart in ("gauge[0].at=[1.0e-3, 1.0e-3]", "gauge[0].size=[0.0, 2.0e-3]"):
+        assert number(GAUGED, name, apart) is None
+    box = "obstacle=({name=\"bar\";shape={box={low=[1.5e-3,0.0];high=[2.5e-3,1.1e-3];};};})"
+    assert number(GAUGED, "gauge_1 in bar", box).verdict == "warn"
+
+
+def test_a_velocity_of_a_grain_that_stays_is_told():
+    name, sets = "velocity of pin, which stays", "grains[0].velocity=[0.01, 0.0]"
+    assert number(GAUGED, name, sets).verdict == "warn" and number(GAUGED, name) is None
+    assert number(GAUGED, name, sets, "grains[0].moving=true") is None
