@@ -70,7 +70,7 @@ def overlaps(config: LbmDemConfig) -> Iterator[Derived]:
             share = layers * weight / stiffness / size
             cure = f"normal_stiffness = {layers * weight / (0.01 * size):.2g} gives 1 % for {group.name}"
             source = f"weight of {layers:.3g} layers of grains" if layers > 1.0 else "weight of one layer of grains"
-            yield overlap("overlap at rest", share, source, cure, key)
+            yield overlap("overlap at rest", share, source, cure, key, forceable=share < 1.0)  # else it falls through
         share = deepest_overlap(impact_speed(config, i), mass, law) / size
         if share > 0.01 and not (config.fluid and config.coupling.lubrication):  # films bring it to rest
             cure = f"normal_stiffness = {stiffness * (share / 0.01) ** 2:.2g} gives 1 % for {group.name}"
@@ -99,9 +99,9 @@ def overlap_at_start(config: LbmDemConfig) -> Iterator[Derived]:
         yield overlap("overlap at the start", deepest, "linear contacts", cure, deep)
 
 
-def overlap(name: str, value: float, source: str, cure: str, key: Path) -> Derived:
+def overlap(name: str, value: float, source: str, cure: str, key: Path, forceable: bool = True) -> Derived:
     """An overlap over a diameter: 1 % is as linear contacts are meant, and 10 % no contact any more."""
     return judged(
         name, "delta/d", value, ok=value <= 0.01, legal=value < 0.1, limit="<= 1 %, < 10 %",
-        source=source, cure=cure, key=key, forceable=True,
+        source=source, cure=cure, key=key, forceable=forceable,
     )  # fmt: skip
