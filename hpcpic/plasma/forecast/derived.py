@@ -229,8 +229,8 @@ def shielding(config: PlasmaConfig, ratio: float, known: bool) -> Derived:
         cheap = f', or numerics.shape = "{SMOOTHEST_SHAPE}", with which the energy grows by {smooth:.2g}'
     if ratio >= 0.1 and config.simulation.solver == "MFT" and not config.numerics.cloud_radius:  # as measured
         cheap += f", or numerics.cloud_radius = {min(spacing(config)):.3g}: {CLOUDS}"
-    verdict, source = verdict_of(ratio > 0.5, ratio >= 0.03), f"{BOOK} ch. 8"
-    return judged("Debye length", "lambda_D/dx", ratio, "> 0.5", verdict, source, fine + cheap, POINTS, forceable=True)
+    verdict, source = verdict_of(ratio >= 0.5, ratio >= 0.03), f"{BOOK} ch. 8"
+    return judged("Debye length", "lambda_D/dx", ratio, ">= 0.5", verdict, source, fine + cheap, POINTS, forceable=True)
 
 
 def field_axes(config: PlasmaConfig) -> int:
