@@ -24,23 +24,24 @@ class Ring(Loader):
 
 register(Ring())
 
-case = hpcpic.Case(
-    description="electrons on a ring of velocities across a magnetic field",
-    simulation={"cycles": 100, "time_step": 0.1, "space_length": [16.0, 16.0]},
-    grid={"points": [32, 32]},
-    field={"magnetic": [0.0, 0.0, 2.0]},
-    species=[
-        {"name": "electrons", "particles": 20000, "charge": -1.0, "mass": 1.0, "plasma_frequency": 1.0,
-         "init_method": "ring", "drift_velocity": [1.0, 0.0]},
-    ],
-)  # fmt: skip
+if __name__ == "__main__":
+    case = hpcpic.Case(
+        description="electrons on a ring of velocities across a magnetic field",
+        simulation={"cycles": 100, "time_step": 0.1, "space_length": [16.0, 16.0]},
+        grid={"points": [32, 32]},
+        field={"magnetic": [0.0, 0.0, 2.0]},
+        species=[
+            {"name": "electrons", "particles": 20000, "charge": -1.0, "mass": 1.0, "plasma_frequency": 1.0,
+             "init_method": "ring", "drift_velocity": [1.0, 0.0]},
+        ],
+    )  # fmt: skip
 
-with case.simulation(threads=1) as sim:
-    sim.advance()
-    v = np.asarray(sim.particles("electrons")["velocity"])
-    energy, digest, rank = sim.scalars()["energy_kinetic"], sim.digest(), sim.rank
+    with case.simulation(threads=1) as sim:
+        sim.advance()
+        v = np.asarray(sim.particles("electrons")["velocity"])
+        energy, digest, rank = sim.scalars()["energy_kinetic"], sim.digest(), sim.rank
 
-if rank == 0:
-    speed = np.hypot(v[:, 0], v[:, 1])
-    print(f"kinetic energy {energy:.4g} J, speeds from {speed.min():.3f} to {speed.max():.3f} m/s")
-    print(digest)
+    if rank == 0:
+        speed = np.hypot(v[:, 0], v[:, 1])
+        print(f"kinetic energy {energy:.4g} J, speeds from {speed.min():.3f} to {speed.max():.3f} m/s")
+        print(digest)

@@ -23,7 +23,7 @@ __all__ = [
     "cases",
     "open_run",
 ]
-__getattr__ = lazy(
+__getattr__, __dir__ = lazy(
     __name__,
     {
         "hpcpic.plasma.api": ("Case", "Run", "cases", "open_run"),

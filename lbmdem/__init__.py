@@ -19,4 +19,4 @@ if TYPE_CHECKING:
 
 __all__ = ["Case", "Run", "cases", "open_run"]
 
-__getattr__ = lazy(__name__, {"lbmdem.api": __all__})
+__getattr__, __dir__ = lazy(__name__, {"lbmdem.api": __all__})

@@ -5,8 +5,8 @@ from importlib import import_module
 from typing import Any
 
 
-def lazy(package: str, names: Mapping[str, Sequence[str]]) -> Callable[[str], Any]:
-    """The `__getattr__` of a package. names: module -> what is taken from it."""
+def lazy(package: str, names: Mapping[str, Sequence[str]]) -> tuple[Callable[[str], Any], Callable[[], list[str]]]:
+    """The `__getattr__` and `__dir__` of a package. names: module -> what is taken from it."""
 
     def find(name: str) -> Any:
         for module, offered in names.items():
@@ -14,4 +14,7 @@ def lazy(package: str, names: Mapping[str, Sequence[str]]) -> Callable[[str], An
                 return getattr(import_module(module), name)
         raise AttributeError(f"module {package!r} has no attribute {name!r}")
 
-    return find
+    def offered() -> list[str]:
+        return sorted({name for names_of in names.values() for name in names_of} | {"__version__"})
+
+    return find, offered

@@ -9,7 +9,7 @@ from sph.particles.pair_sums import PairSums
 from sph.particles.storage import Slots, Storage
 from sph.physics.smoothing import SMOOTHING
 
-UNITS = {"velocity": "m/s", "pressure": "Pa", "density": "kg/m3", "mass": "kg"}
+UNITS = {"velocity": "m/s", "pressure": "Pa", "density": "kg/m3"}
 
 
 def particles(storage: Storage, sums: PairSums | None = None) -> dict[str, ParticleArray]:
@@ -27,7 +27,7 @@ def particles(storage: Storage, sums: PairSums | None = None) -> dict[str, Parti
         }
     if sums:
         sums.add_moments()
-    found = {}
+    found, units = {}, UNITS | {"mass": "kg/m" if scene.dimensions == 2 else "kg"}
     for name, slots in chosen.items():
         own = particles_at(storage, slots)
         columns = {
@@ -39,7 +39,7 @@ def particles(storage: Storage, sums: PairSums | None = None) -> dict[str, Parti
         if sums:
             of_kernel = moments(storage, sums, slots, is_fluid=name in names)
             columns |= {key: values.astype(np.float32) for key, values in of_kernel.items()}
-        found[name] = ParticleArray(own["id"], three(own["x"]), columns, UNITS)
+        found[name] = ParticleArray(own["id"], three(own["x"]), columns, units)
     return found
 
 

@@ -62,9 +62,15 @@ class WallForces:
             torque = [y * fz - z * fy, z * fx - x * fz, x * fy - y * fx]
             terms.append(np.concatenate([force, torque, [self._wetted(wall, own)]]))
         totals = exact_sums(self.slabs.world, terms) if terms else []
-        lacking = [self._torque_of_rotation(wall, total[6]) for wall, total in zip(self.measured, totals)]
-        every = zip(self.measured, totals, lacking)
-        return {wall.name: (total[:d], total[3:6] + torque) for wall, total, torque in every}
+        return {wall.name: (total[:d], self._torque(wall, total)) for wall, total in zip(self.measured, totals)}
+
+    def _torque(self, wall: Wall, total: NDArray[np.float64]) -> NDArray[np.float64]:
+        """[3] N m about the middle of a wall. Pressure goes through the centre of a disc or ball along which fluid
+        slips; what its particles, which are not quite round, have of a torque would turn it.
+        """
+        if wall.rigid and wall.shape.sphere and wall.rule.slips:
+            return np.zeros(3)
+        return total[3:6] + self._torque_of_rotation(wall, total[6])
 
     def _wetted(self, wall: Wall, slots: Slots) -> NDArray[np.float64]:
         """mu / mu0 of the fluid before particles of the surface of a body in these slots, 0 for all else."""

@@ -21,9 +21,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hpcpic.core.simd.formulas import fma, maximum
-from hpcpic.core.simd.own import note
+from hpcpic.core.simd.own import note, same
 
 LEAST_Q = 1e-15  # that is divided by
+ROUGH = 1e-3  # of 1, of the largest slope: what is farther off in a kernel is a mistake
 
 
 @dataclass(frozen=True)
@@ -52,6 +53,20 @@ class Smoothing:
         """F(q) h^(d + 2) in d dimensions."""
         return self.f(np.asarray(q, np.float64), 1.0) * self.norm[d] * self.slope
 
+    def require_sound(self) -> None:
+        """Raise ValueError where the integral of W is not 1, or F r not its slope."""
+        q = np.linspace(0.0, self.support, 4001)
+        middle, step = (q[1:] + q[:-1]) / 2, q[1] - q[0]
+        for d, norm in self.norm.items():
+            shell = 2 * math.pi * middle if d == 2 else 4 * math.pi * middle**2
+            found = float(np.sum(shell * self.value(middle, d)) * step)
+            if not abs(found - 1.0) < ROUGH:
+                raise ValueError(f"kernel {self.name!r}: W has the integral {found:.6g} in {d} dimensions, not 1 "
+                                 f"(norm[{d}] = {norm:.6g})")  # fmt: skip
+            slope = np.diff(self.value(q, d)) / step
+            if not np.abs(slope - self.gradient(middle, d) * middle).max() < ROUGH * np.abs(slope).max():
+                raise ValueError(f"kernel {self.name!r}: slope f is not dW/dq / q (slope = {self.slope:.6g})")
+
     @property
     def digest(self) -> str:
         """A hash of the files that the formulas are in, by which compiled code of them is known."""
@@ -64,9 +79,13 @@ SMOOTHING: dict[str, Smoothing] = {}
 
 
 def register(smoothing: Smoothing) -> None:
-    """Make a kernel known by its name. ValueError where another one has it."""
-    if SMOOTHING.get(smoothing.name, smoothing) != smoothing:
+    """Make a kernel known by its name. ValueError where another one has it, unless its formulas are defined again, and
+    where W has another integral than 1, or f is not its slope.
+    """
+    known = SMOOTHING.get(smoothing.name, smoothing)
+    if known != smoothing and (known.w is smoothing.w or not same(known.w, smoothing.w)):
         raise ValueError(f"there is another kernel {smoothing.name!r}")
+    smoothing.require_sound()
     note(smoothing.w)
     SMOOTHING[smoothing.name] = smoothing
 

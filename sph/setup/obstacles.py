@@ -33,7 +33,7 @@ def obstacles(scene: Any, grid: Grid, step: float) -> Iterator[tuple[str, Box, T
     for wall in scene.walls:
         if fit.fits(wall):
             yield wall.name, fit.around(wall), partial(fit.taken_by, wall, step)
-            yield wall.name, fit.around(wall), partial(squeezed, scene, ends, step)
+            yield wall.name, fit.around(wall), partial(squeezed, wall, ends, step)
         elif wall.section.solid or wall.shape.plane or cuts(wall, ends):
             yield wall.name, fit.around(wall), partial(too_near, wall, ends, margin)
     for fluid in scene.fluids:
@@ -62,10 +62,11 @@ def too_near(wall: Any, ends: NDArray, margin: float, x: NDArray) -> NDArray[np.
     return depth(wall, x) > -margin
 
 
-def squeezed(scene: Any, ends: NDArray, step: float, x: NDArray) -> NDArray[np.bool_]:
-    """Which points x[n, d] solids move out of the domain or to another solid."""
+def squeezed(one: Any, ends: NDArray, step: float, x: NDArray) -> NDArray[np.bool_]:
+    """Which points x[n, d] that a wall moves come out of the domain or to another solid, when all have moved them."""
+    scene = one.scene
     moved = fit.beside(scene.walls, x, step)
     found = np.any((moved < scene.low) | (moved > scene.high), axis=1)
     for wall in scene.walls:
         found |= too_near(wall, ends, HELD * scene.spacing, moved)
-    return found & np.any(moved != x, axis=1)
+    return found & np.any(fit.beside([one], x, step) != x, axis=1)

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from hpcpic.core.api import arrays
 from hpcpic.core.app.app import App
 from hpcpic.core.errors import ConfigError, Diverged
-from hpcpic.core.run.signals import Reason
+from hpcpic.core.run.signals import Reason, whole_steps
 from hpcpic.core.run.triggers import Every, EveryTime, Observer
 
 if TYPE_CHECKING:
@@ -100,12 +100,19 @@ class Simulation:
 
         return observed
 
+    def _require_open(self) -> None:
+        if not self._open:
+            raise ConfigError("this simulation is closed: case.simulation() makes another one")
+
     def step(self) -> None:
         """One step."""
         self.advance(steps=1)
 
     def advance(self, *, steps: int | None = None, until: float | None = None) -> None:
-        """So many steps, or until a physical time [s]; by default to the end of the case. Raises Diverged."""
+        """So many steps, or until a physical time [s]; by default to the end of the case. Ctrl-C is heard after a whole
+        step. Raises Diverged.
+        """
+        self._require_open()
         if steps is not None and until is not None:
             raise ConfigError("advance: say steps=N or until=T, not both")
         last, end = self._goal(steps, until)
@@ -132,7 +139,8 @@ class Simulation:
         """One step, or as many as the model takes at once without an observer in between."""
         unseen = [observer.trigger.ahead(self.iteration) for observer in self._observers]
         most = min([last - self.iteration, self._guard.ahead(self.iteration), *unseen])
-        self.model.advance(1 if self.model.n_steps is None else int(most))
+        with whole_steps():
+            self.model.advance(1 if self.model.n_steps is None else int(most))
 
     def _look(self) -> None:
         for observer in self._observers:
@@ -145,6 +153,7 @@ class Simulation:
 
     def scalars(self) -> dict[str, float]:
         """The scalars of the series, in the units of `scalar_units`."""
+        self._require_open()
         return dict(self.model.scalars())
 
     @property
@@ -153,12 +162,14 @@ class Simulation:
 
     def digest(self) -> str:
         """SHA-256 of the state in global order: the same on any ranks and threads."""
+        self._require_open()
         from hpcpic.core.run import checkpoint
 
         return checkpoint.digest(self.world, self.model.state())
 
     def fields(self, name: str) -> xarray.DataArray:
         """A field on the whole grid, on every rank, with the places of its points."""
+        self._require_open()
         found = self.model.fields()
         if name not in found:
             raise ConfigError(f"no field {name!r}; there are {', '.join(found) or 'none'}")
@@ -171,6 +182,7 @@ class Simulation:
         """All particles of one species, fluid or set of grains, on every rank, in the order of their numbers; without a
         name those of the only one.
         """
+        self._require_open()
         found = self.model.particles()
         if name is None and len(found) == 1:
             (name,) = found

@@ -14,7 +14,7 @@ in a file that `--use` names, or in a script. Components that a scene does not h
 from collections.abc import Callable, Iterator
 
 from hpcpic.core.case.config import Path
-from hpcpic.core.simd.own import note
+from hpcpic.core.simd.own import note, same
 
 Components = tuple[float, float, float]
 Acceleration = Callable[[Components, Components, float], Components]
@@ -24,8 +24,10 @@ MEANING = "name of a further acceleration, a function of place, velocity and tim
 
 
 def register(name: str, acceleration: Acceleration) -> None:
-    """Make an acceleration known by its name. ValueError where another one has it."""
-    if ACCELERATIONS.get(name, acceleration) is not acceleration:
+    """Make an acceleration known by its name. ValueError where one of another name in its module has it: the same
+    function may be defined again, as in a notebook.
+    """
+    if not same(ACCELERATIONS.get(name, acceleration), acceleration):
         raise ValueError(f"there is another acceleration {name!r}")
     note(acceleration)
     ACCELERATIONS[name] = acceleration

@@ -13,7 +13,8 @@ import os
 import signal
 import threading
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from enum import IntEnum
 
 log = logging.getLogger("hpcpic.run")
@@ -50,8 +51,24 @@ _TEXTS = {
 _SIGNALS = {number: Reason[number.name] for number in signal.Signals if number.name in Reason.__members__}
 
 
+@contextmanager
+def whole_steps() -> Iterator[None]:
+    """Hear Ctrl-C only at the end, as a step that is broken off leaves a state that is of no time."""
+    if threading.current_thread() is not threading.main_thread():
+        yield
+        return
+    heard: list[int] = []
+    before = signal.signal(signal.SIGINT, lambda number, _: heard.append(number))
+    try:
+        yield
+    finally:
+        signal.signal(signal.SIGINT, before)
+    if heard:
+        raise KeyboardInterrupt
+
+
 class Stop:
-    """Listens from construction to `close`. Only the main thread may construct and close it.
+    """Listens from construction to `close`; outside of the main thread, to which signals come, to none.
 
     `abort(sentence)` is called, from the listening thread, when a second Ctrl-C arrives or when the run has
     not acknowledged a signal within the grace time: the larger of 60 s and 20 steps.
@@ -67,8 +84,9 @@ class Stop:
         self._read, self._write = os.pipe()
         os.set_blocking(self._write, False)
         heard = [n for n in _SIGNALS if n != signal.SIGHUP or signal.getsignal(n) != signal.SIG_IGN]  # as nohup asks
-        self._before = {n: signal.signal(n, lambda *_: None) for n in heard}
-        self._fd_before = signal.set_wakeup_fd(self._write, warn_on_full_buffer=False)
+        self._main = threading.current_thread() is threading.main_thread()
+        self._before = {n: signal.signal(n, lambda *_: None) for n in heard} if self._main else {}
+        self._fd_before = signal.set_wakeup_fd(self._write, warn_on_full_buffer=False) if self._main else -1
         self._thread = threading.Thread(target=self._listen, name="signals", daemon=True)
         self._thread.start()
 
@@ -78,7 +96,8 @@ class Stop:
 
     def close(self) -> None:
         self.acknowledge()
-        signal.set_wakeup_fd(self._fd_before)
+        if self._main:
+            signal.set_wakeup_fd(self._fd_before)
         for number, handler in self._before.items():
             signal.signal(number, handler)
         os.write(self._write, b"\0")

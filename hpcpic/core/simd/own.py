@@ -7,6 +7,12 @@ _PACKAGES = tuple(f"{Path(__file__).parents[3] / name}/" for name in ("hpcpic", 
 files: set[str] = set()
 
 
+def same(one: object, other: object) -> bool:
+    """Whether two functions, or objects of two classes, are one, or one that has been defined again."""
+    names = [(getattr(part, "__module__", None), getattr(part, "__qualname__", None)) for part in (one, other)]
+    return one is other or (names[0] == names[1] and None not in names[0])
+
+
 def note(thing: object) -> None:
     """Note where a function, or the class of an object, comes from, unless that is this program or no file."""
     thing = getattr(thing, "func", thing)  # of a functools.partial

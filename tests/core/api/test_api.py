@@ -1,8 +1,10 @@
 """The Python face: what is done in Python gives what the command line gives, and errors are exceptions."""
 
 import json
+import signal
 import subprocess
 import sys
+import threading
 from pathlib import Path
 
 import numpy as np
@@ -11,6 +13,7 @@ import pytest
 import hpcpic
 import lbmdem
 import sph
+from hpcpic.core.errors import ConfigError
 
 SHORT = {"simulation.cycles": 12}
 EXAMPLES = Path(__file__).parents[3] / "examples"
@@ -48,6 +51,41 @@ def test_a_simulation_in_memory_ends_as_the_run(oscillation):
         )
         (name,) = oscillation.species
         assert sim.particles(name).equals(oscillation.particles(name))
+
+
+def test_ctrl_c_is_heard_after_a_whole_step():
+    """The state is that of a simulation that was never interrupted."""
+    with hpcpic.Case("plasma-oscillation").changed(SHORT).simulation(threads=1) as sim:
+
+        @sim.every(steps=2)
+        def interrupt(sim):
+            if sim.iteration == 2:
+                before = sim.model.advance
+                sim.model.advance = lambda n: (signal.raise_signal(signal.SIGINT), before(n))
+
+        with pytest.raises(KeyboardInterrupt):
+            sim.advance()
+        stopped, digest = sim.iteration, sim.digest()
+    assert stopped > 2
+    with hpcpic.Case("plasma-oscillation").changed(SHORT).simulation(threads=1) as sim:
+        sim.advance(steps=stopped)
+        assert sim.digest() == digest
+    for use in (sim.step, sim.scalars, sim.digest, sim.particles):
+        with pytest.raises(ConfigError, match="closed"):
+            use()
+
+
+def test_a_run_in_another_thread_hears_no_signals_and_ends(tmp_path):
+    case, found = hpcpic.Case("plasma-oscillation").changed(SHORT), []
+    thread = threading.Thread(target=lambda: found.append(case.run(tmp_path / "run", threads=1)))
+    thread.start()
+    thread.join()
+    assert found[0].status == "finished"
+
+
+def test_names_of_the_packages_are_shown():
+    for package in (hpcpic, sph, lbmdem):
+        assert {"Case", "Run", "cases", "open_run", "__version__"} <= set(dir(package))
 
 
 def test_observers_see_each_multiple_once_and_change_nothing(oscillation):

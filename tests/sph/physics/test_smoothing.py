@@ -5,9 +5,10 @@ import numpy as np
 import pytest
 from sph_scenes import by_id, engine, reference
 
+from hpcpic.core.case import accelerations
 from hpcpic.core.errors import ConfigError
 from sph.kernels import cells, marks, motion, readings, runs, totals
-from sph.physics.smoothing import SMOOTHING, register
+from sph.physics.smoothing import SMOOTHING, Smoothing, register, wendland2_f, wendland2_w
 
 Q = np.linspace(0.0, 3.0, 300001)
 
@@ -140,3 +141,32 @@ def test_an_unknown_kernel_is_told_with_those_that_there_are():
 def test_a_name_belongs_to_one_kernel():
     with pytest.raises(ValueError, match="another kernel 'cubic'"):
         register(dataclasses.replace(SMOOTHING["cubic"], support=3.0))
+
+
+@pytest.mark.parametrize(
+    ("norm", "slope", "told"),
+    [(6 / (4 * np.pi), -5.0, r"integral 0\.857143 in 2 dimensions"), (7 / (4 * np.pi), 5.0, "slope f is not dW/dq")],
+)
+def test_a_kernel_that_is_none_is_refused(norm, slope, told):
+    wrong = Smoothing("wrong", 2.0, {2: norm}, wendland2_w, wendland2_f, slope)
+    with pytest.raises(ValueError, match=told):
+        register(wrong)
+    assert "wrong" not in SMOOTHING
+
+
+def test_a_function_may_be_defined_again_but_not_its_name_be_taken():
+    """As a cell of a notebook that is run twice."""
+
+    def made():
+        def spring(x, v, t):
+            return -x[0], 0.0, 0.0
+
+        return spring
+
+    try:
+        accelerations.register("spring of the test", made())
+        accelerations.register("spring of the test", made())
+        with pytest.raises(ValueError, match="another acceleration"):
+            accelerations.register("spring of the test", wendland2_w)
+    finally:
+        accelerations.ACCELERATIONS.pop("spring of the test")
