@@ -33,6 +33,7 @@ LEAST_AMBIENT = 0.5  # rho v^2: three times the absolute pressure, 0.46 of the v
 SMOOTH = 2.0  # h/dp, below which particles that find an order take less room, and a closed gas has that much more
 LEAST_PRESSURE = 2.0  # rho v^2 of an outlet behind a solid: of 0 and 1 a stream around a square fell apart
 RAYS, LONGEST_RAY = 9, 1e6  # particles of a fluid under which a wall is looked for, so many half spacings deep
+LONGEST_SWING = 0.5  # w L / c0 of walls that swing, where no surface gives way
 LONGEST_WAY = 1.0  # spacings of a wall in a step, beyond which it jumps over fluid
 
 
@@ -93,9 +94,18 @@ def directions(config: SphConfig) -> Iterator[Derived]:
 
 
 def jumps(config: SphConfig) -> Iterator[Derived]:
-    """Walls so fast that they are behind fluid before it has met them."""
+    """Walls so fast that they are behind fluid before it has met them, or that swing as fast as sound crosses it."""
     dt = stability.time_step(config)
+    boxes = [geometry.bounds(fluid.shape) for fluid in config.fluid]
+    extent = max((b - a for low, high in boxes for a, b in zip(low, high)), default=0.0)
     for i, wall in enumerate(config.wall):
+        if wall.motion and any(wall.motion.amplitude) and not any(config.gravity):
+            needed = 2 * math.pi / wall.motion.period * extent / LONGEST_SWING
+            slow = needed > config.sound_speed
+            source = "added mass of a cylinder in a closed box, 1.06 by theory: 1.07 (0.25), 1.16 (0.75), 0.2 (6)"
+            yield Derived(f"swing of {wall.name} beside sound", "w L/c0", LONGEST_SWING * needed / config.sound_speed,
+                          "", f"<= {LONGEST_SWING:g}", "warn" if slow else "ok", source,
+                          f"sound_speed = {1.01 * needed:.3g}" if slow else "", ("eos", "sound_speed"))  # fmt: skip
         if wall.motion:
             way = motion_speed(wall.motion) * dt / config.numerics.spacing
             verdict: Verdict = "ok" if way <= LONGEST_WAY else "fail"

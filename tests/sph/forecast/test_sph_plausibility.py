@@ -232,6 +232,17 @@ def test_the_background_beside_gases_is_nothing_where_a_liquid_has_an_open_surfa
     assert "100 Pa too low" in given.source
 
 
+def test_a_wall_that_swings_as_fast_as_sound_goes_through_the_fluid_is_told():
+    """Without gravity the sound speed follows from the speed of the wall alone."""
+    wall = PARTS["wall"][:-1] + """, { name = "rod"; solid = true; motion = { amplitude = [0.004, 0.0]; period = 0.5; };
+        shape = { sphere = { centre = [0.5, 0.25]; radius = 0.1; }; }; } )"""
+    number = told(wall=wall, gravity="[0.0, 0.0]")["swing of rod beside sound"]
+    assert number.verdict == "warn" and number.value > 10
+    quick = told(wall=wall, gravity="[0.0, 0.0]", eos="{ " + number.cure + "; }")["swing of rod beside sound"]
+    assert quick.verdict == "ok" and quick.value == pytest.approx(0.5, rel=0.02)
+    assert "swing of rod beside sound" not in told(wall=wall)
+
+
 def test_the_error_of_the_period_of_waves_is_told_by_the_smoothing_length():
     title = "error of the period of waves"
     assert told(numerics="{ spacing = 0.05; }")[title].value == -0.6  # h/dp 1.5
